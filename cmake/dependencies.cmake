@@ -1,0 +1,10 @@
+# Debian 12 packages only; nothing is downloaded. The README's table says what each is for.
+
+find_package(Threads REQUIRED)
+find_package(Eigen3 3.4 REQUIRED NO_MODULE)   # Eigen3::Eigen
+find_package(Protobuf 3.21 REQUIRED)          # protobuf::libprotobuf, protobuf_generate()
+find_package(cppzmq REQUIRED)                 # cppzmq
+find_package(spdlog REQUIRED)                 # spdlog::spdlog
+find_package(CLI11 REQUIRED)                  # CLI11::CLI11
+find_package(nlohmann_json REQUIRED)          # nlohmann_json::nlohmann_json
+find_package(Boost 1.74 REQUIRED COMPONENTS filesystem)  # Boost::headers (Asio, Process, Beast)

@@ -1,0 +1,24 @@
+find_package(GTest REQUIRED)
+include(GoogleTest)
+
+# palpate_add_test(NAME SOURCES a.cpp … LIBRARIES palpate::core … LABELS unit [TIMEOUT s] [SERIAL])
+#
+# One executable, every TEST of it a ctest row with the labels. SERIAL rows use the real clock,
+# sockets or processes and never run beside another row.
+function(palpate_add_test name)
+  cmake_parse_arguments(arg "SERIAL" "TIMEOUT" "SOURCES;LIBRARIES;LABELS" ${ARGN})
+  if(NOT arg_TIMEOUT)
+    set(arg_TIMEOUT 120)
+  endif()
+  set(properties LABELS "${arg_LABELS}" TIMEOUT ${arg_TIMEOUT})
+  if(arg_SERIAL)
+    list(APPEND properties RUN_SERIAL ON)
+  endif()
+  add_executable(${name} ${arg_SOURCES})
+  target_link_libraries(${name} PRIVATE ${arg_LIBRARIES} GTest::gtest GTest::gmock GTest::gtest_main
+                                        palpate_warnings)
+  target_include_directories(${name} PRIVATE ${CMAKE_SOURCE_DIR})
+  target_compile_definitions(${name} PRIVATE PALPATE_SOURCE_DIR="${CMAKE_SOURCE_DIR}"
+                                             PALPATE_BINARY_DIR="${CMAKE_RUNTIME_OUTPUT_DIRECTORY}")
+  gtest_discover_tests(${name} PROPERTIES ${properties} DISCOVERY_TIMEOUT 60)
+endfunction()

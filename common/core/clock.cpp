@@ -1,0 +1,21 @@
+#include "common/core/clock.h"
+
+#include <cerrno>
+#include <ctime>
+
+namespace palpate {
+
+TimePoint SteadyClock::now() const noexcept {
+  timespec t{};
+  clock_gettime(CLOCK_MONOTONIC, &t);
+  return TimePoint(std::chrono::seconds(t.tv_sec) + Duration(t.tv_nsec));
+}
+
+void SteadyClock::sleep_until(TimePoint deadline) {
+  const std::int64_t ns = deadline.time_since_epoch().count();
+  const timespec t{.tv_sec = ns / 1'000'000'000, .tv_nsec = ns % 1'000'000'000};
+  while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, nullptr) == EINTR) {
+  }
+}
+
+}  // namespace palpate

@@ -1,0 +1,159 @@
+// fault_line.h — a bad network, on purpose: delay, jitter, loss, bursts, duplication, reordering,
+// outages, stalls and frozen content. It sits in the receiver's Inbox, so one implementation serves
+// memory and ZeroMQ, experiments and tests.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <limits>
+#include <vector>
+
+#include "common/core/random.h"
+#include "common/core/time.h"
+
+namespace palpate {
+
+/// A stretch of time on the receiver's clock, counted from the start of the link.
+struct FaultWindow {
+  enum class Kind : std::uint8_t {
+    kOutage,  ///< everything that arrives is lost
+    kStall,   ///< everything that arrives is held and delivered together at the end (TCP does this)
+    kFreeze,  ///< messages go on arriving, but say what the first one of the window said
+  };
+  Kind kind = Kind::kOutage;
+  Duration from{};
+  Duration until{};
+  Duration every{};  ///< > 0: the window repeats with this period
+};
+
+struct LinkFaults {
+  Duration delay{};
+  Duration jitter{};               ///< each message's extra delay is uniform in [0, jitter]
+  double loss_ratio = 0.0;         ///< independent loss
+  double burst_ratio = 0.0;        ///< share of messages that begin a burst of losses
+  std::uint32_t burst_length = 1;  ///< messages lost in one burst
+  double duplicate_ratio = 0.0;
+  double reorder_ratio = 0.0;  ///< share of messages held back by `reorder_delay`
+  Duration reorder_delay{};
+  /// Jitter alone keeps messages in order unless this is set.
+  bool jitter_reorders = false;
+  std::vector<FaultWindow> windows;
+
+  [[nodiscard]] bool any() const {
+    return delay.count() != 0 || jitter.count() != 0 || loss_ratio > 0 || burst_ratio > 0 ||
+           duplicate_ratio > 0 || reorder_ratio > 0 || !windows.empty();
+  }
+};
+
+/// Messages in, messages out later, fewer, twice, or in another order. Deterministic for a seed.
+/// Not thread-safe: it belongs to one receiver.
+template <class T>
+class FaultLine {
+ public:
+  FaultLine(const LinkFaults& faults, std::uint64_t seed, TimePoint start)
+      : faults_(faults), random_(seed), start_(start) {
+    pending_.reserve(64);
+  }
+
+  void push(const T& message, TimePoint now) {
+    // lost: alone, in a burst, in an outage
+    const bool is_lost = faults_.loss_ratio > 0 && random_.chance(faults_.loss_ratio);
+    if (burst_left_ == 0 && faults_.burst_ratio > 0 && random_.chance(faults_.burst_ratio)) {
+      burst_left_ = faults_.burst_length;
+    }
+    const bool is_in_burst = burst_left_ > 0;
+    if (is_in_burst) --burst_left_;
+    if (is_lost || is_in_burst || window(FaultWindow::Kind::kOutage, now)) return;
+
+    // frozen content under a fresh header
+    T delivered = message;
+    if (window(FaultWindow::Kind::kFreeze, now)) {
+      if (!is_frozen_) frozen_ = message;
+      is_frozen_ = true;
+      delivered = frozen_;
+      delivered.header = message.header;
+    } else {
+      is_frozen_ = false;
+    }
+
+    // late: constant, random, held by a stall
+    TimePoint due = now + faults_.delay;
+    if (faults_.jitter.count() > 0) {
+      due += Duration(static_cast<std::int64_t>(random_.uniform() *
+                                                static_cast<double>(faults_.jitter.count() + 1)));
+    }
+    if (const FaultWindow* stall = window(FaultWindow::Kind::kStall, now)) {
+      due = std::max(due, end_of(*stall, now));
+    }
+    const bool is_held_back = faults_.reorder_ratio > 0 && random_.chance(faults_.reorder_ratio);
+    if (is_held_back) {
+      due += faults_.reorder_delay;
+    } else if (!faults_.jitter_reorders) {
+      due = std::max(due, newest_due_);
+      newest_due_ = due;
+    }
+    insert(delivered, due);
+    if (faults_.duplicate_ratio > 0 && random_.chance(faults_.duplicate_ratio)) {
+      insert(delivered, due);
+    }
+  }
+
+  /// The next message due by `now`, with the instant at which it was due.
+  [[nodiscard]] bool pop(TimePoint now, T& message, TimePoint& due) {
+    if (pending_.empty() || pending_.front().due > now) return false;
+    std::pop_heap(pending_.begin(), pending_.end(), Later{});
+    message = pending_.back().message;
+    due = pending_.back().due;
+    pending_.pop_back();
+    return true;
+  }
+
+  /// When the next message is due; TimePoint::max() if none is under way.
+  [[nodiscard]] TimePoint next_due() const {
+    return pending_.empty() ? TimePoint::max() : pending_.front().due;
+  }
+
+ private:
+  struct Pending {
+    T message;
+    TimePoint due;
+    std::uint64_t order;
+  };
+  struct Later {
+    bool operator()(const Pending& a, const Pending& b) const {
+      return a.due != b.due ? a.due > b.due : a.order > b.order;
+    }
+  };
+
+  void insert(const T& message, TimePoint due) {
+    pending_.push_back({message, due, order_++});
+    std::push_heap(pending_.begin(), pending_.end(), Later{});
+  }
+
+  [[nodiscard]] const FaultWindow* window(FaultWindow::Kind kind, TimePoint now) const {
+    for (const FaultWindow& w : faults_.windows) {
+      const Duration t = phase(w, now);
+      if (w.kind == kind && t >= w.from && t < w.until) return &w;
+    }
+    return nullptr;
+  }
+  [[nodiscard]] Duration phase(const FaultWindow& w, TimePoint now) const {
+    const Duration t = now - start_;
+    return w.every.count() > 0 ? t % w.every : t;
+  }
+  [[nodiscard]] TimePoint end_of(const FaultWindow& w, TimePoint now) const {
+    return now + (w.until - phase(w, now));
+  }
+
+  LinkFaults faults_;
+  Random random_;
+  TimePoint start_;
+  std::vector<Pending> pending_;  // heap, earliest due first
+  std::uint64_t order_ = 0;
+  TimePoint newest_due_{};
+  std::uint32_t burst_left_ = 0;
+  bool is_frozen_ = false;
+  T frozen_{};
+};
+
+}  // namespace palpate

@@ -1,0 +1,119 @@
+// inbox.h — what a node holds of an incoming link: messages behind the fault line, in order,
+// once each, counted.
+#pragma once
+
+#include <optional>
+
+#include "common/core/clock.h"
+#include "common/core/fault_line.h"
+#include "common/core/ports.h"
+
+namespace palpate {
+
+template <class T>
+struct Received {
+  T value{};
+  TimePoint received_at{};           ///< this node's clock
+  std::uint64_t skipped_before = 0;  ///< sequence numbers missing just before this one
+};
+
+/// Newest wins: a message older than one already taken is dropped and counted. A sender that was
+/// restarted (new session id) is accepted at once; messages of a session that was superseded are
+/// dropped as out of order.
+///
+///   before the first   newest() and next() give nullptr
+///   fresh or stale     the caller's business: it knows what stale means; received_at tells
+///   bad                never gets here: the codec refuses, counters().rejected tells
+///
+/// One thread. No lock, no throw; allocates only while a fault line is configured.
+template <class T>
+class Inbox {
+ public:
+  Inbox(Source<T>& source, const Clock& clock) : source_(source), clock_(clock) {}
+  Inbox(Source<T>& source, const Clock& clock, const LinkFaults& faults, std::uint64_t seed)
+      : source_(source), clock_(clock) {
+    if (faults.any()) faults_.emplace(faults, seed, clock.now());
+  }
+
+  /// The next accepted message, or nullptr. The pointer holds until the next call.
+  const Received<T>* next() noexcept {
+    T message;
+    TimePoint received_at;
+    while (arrived(message, received_at)) {
+      if (accept(message, received_at)) return &held_;
+    }
+    return nullptr;
+  }
+
+  /// Takes all that arrived and gives the newest message ever accepted; nullptr before the first.
+  /// `skipped_before` then speaks of the last message taken; a restart shows in the session id.
+  const Received<T>* newest() noexcept {
+    while (next() != nullptr) {
+    }
+    return counters_.accepted > 0 ? &held_ : nullptr;
+  }
+
+  /// Returns when something may have arrived, or at `deadline`. May return early.
+  void wait_until(TimePoint deadline) noexcept {
+    if (faults_) deadline = std::min(deadline, faults_->next_due());
+    if (deadline > clock_.now()) source_.wait_until(deadline);
+  }
+
+  /// When a message held by the fault line is due; TimePoint::max() if none.
+  [[nodiscard]] TimePoint next_due() const {
+    return faults_ ? faults_->next_due() : TimePoint::max();
+  }
+
+  [[nodiscard]] const LinkCounters& counters() const { return counters_; }
+
+ private:
+  bool arrived(T& message, TimePoint& received_at) noexcept {
+    if (!faults_) return source_.receive(message, received_at);
+    while (source_.receive(message, received_at)) faults_->push(message, received_at);
+    return faults_->pop(clock_.now(), message, received_at);
+  }
+
+  bool accept(const T& message, TimePoint received_at) noexcept {
+    const Header& header = message.header;
+    const bool is_first = counters_.accepted == 0;
+    const bool is_new_session = is_first || header.session_id != session_id_;
+    if (is_new_session && !is_first && header.session_id == superseded_session_id_) {
+      ++counters_.out_of_order;
+      return false;
+    }
+    std::uint64_t skipped = 0;
+    if (!is_new_session) {
+      if (header.sequence == sequence_) {
+        ++counters_.duplicates;
+        return false;
+      }
+      if (header.sequence < sequence_) {
+        ++counters_.out_of_order;
+        return false;
+      }
+      skipped = header.sequence - sequence_ - 1;
+      counters_.skipped += skipped;
+    } else {
+      ++counters_.sessions;
+      superseded_session_id_ = session_id_;
+      session_id_ = header.session_id;
+    }
+    sequence_ = header.sequence;
+    ++counters_.accepted;
+    held_.value = message;
+    held_.received_at = received_at;
+    held_.skipped_before = skipped;
+    return true;
+  }
+
+  Source<T>& source_;
+  const Clock& clock_;
+  std::optional<FaultLine<T>> faults_;
+  Received<T> held_;
+  LinkCounters counters_;
+  std::uint64_t session_id_ = 0;
+  std::uint64_t superseded_session_id_ = 0;
+  std::uint64_t sequence_ = 0;
+};
+
+}  // namespace palpate

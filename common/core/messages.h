@@ -1,0 +1,108 @@
+// messages.h — what the nodes say to each other, as plain structs. The wire form is
+// proto/palpate/v1; common/link/codec.h converts, whole or not at all.
+//
+// Frames. Axes of all frames are parallel; a driver converts its device's axes once.
+//
+//       z ▲            W  world: the scene. Tissue and tool live here.
+//         │  y         D  device base: where the hand and the motors are.
+//         │ ╱             W and D are related by WorkspaceMap (scale, offset, clutch).
+//         └────▶ x     T  tool: origin at the tool tip, orientation of the handle.
+//
+// A force is named by what it pushes. SI units. Times are on the clock of the node named.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "common/core/time.h"
+#include "common/core/vector.h"
+
+namespace palpate {
+
+/// Carried by every message.
+struct Header {
+  std::uint64_t session_id = 0;  ///< random per process start, never 0
+  std::uint64_t sequence = 0;    ///< from 0, one more for each message of this sender and kind
+  TimePoint sampled_at{};        ///< sender's clock
+};
+
+/// One stretch of time during which one force acted on the hand, as the device really applied it.
+struct AppliedForce {
+  Vector3 force_on_hand_newton = Vector3::Zero();  ///< D
+  TimePoint from{};                                ///< device's clock
+  TimePoint until{};
+  /// Measured at `until`, D. Meaningless unless `has_position_at_end`: when the motor-side
+  /// watchdog ended the force by itself nobody read the encoder.
+  Vector3 hand_position_at_end_m = Vector3::Zero();
+  bool has_position_at_end = true;
+};
+inline constexpr std::size_t kMaxAppliedForces = 4;
+
+/// Hop 1, device → mofc, every device tick.
+struct DeviceState {
+  Header header;  ///< session_id: the device's; sampled_at: t_k, the instant of the reading
+
+  Vector3 hand_position_m = Vector3::Zero();                   ///< D, measured at t_k
+  Vector3 tool_position_world_m = Vector3::Zero();             ///< W, tool tip
+  Quaternion tool_orientation_world = Quaternion::Identity();  ///< W from T, unit
+  std::uint32_t buttons = 0;                                   ///< bit i set while button i is held
+  bool is_clutched = false;  ///< hand moves, tool rests: nothing may be rendered
+
+  /// The forces that acted since the reading of the previous DeviceState, in time order, without a
+  /// gap, up to t_k. Empty in the first message of a session.
+  std::array<AppliedForce, kMaxAppliedForces> applied{};
+  std::uint32_t applied_count = 0;
+};
+
+/// Hop 4, mofc → device: the answer to one DeviceState.
+struct ForceCommand {
+  Header header;  ///< mofc's
+
+  std::uint64_t answers_session_id = 0;  ///< the DeviceState answered
+  std::uint64_t answers_sequence = 0;
+
+  Vector3 force_on_hand_newton = Vector3::Zero();  ///< D, after controller and fade
+  Duration valid_for{};  ///< the lease: the longest time this force may act
+};
+
+/// Hop 2, mofc → physics.
+struct ToolMotion {
+  Header header;  ///< mofc's
+
+  std::uint64_t device_session_id = 0;  ///< the DeviceState relayed
+  std::uint64_t device_sequence = 0;
+  TimePoint device_sampled_at{};  ///< device's clock; echoed back in Interaction
+
+  Vector3 tool_position_world_m = Vector3::Zero();
+  Quaternion tool_orientation_world = Quaternion::Identity();
+  Vector3 tool_velocity_world_m_per_s = Vector3::Zero();  ///< estimated by mofc
+  std::uint32_t buttons = 0;
+};
+
+/// One touch between tool and tissue.
+struct Contact {
+  std::uint32_t tissue = 0;                        ///< index in the scene
+  double penetration_m = 0.0;                      ///< > 0
+  Vector3 normal_world = Vector3::UnitZ();         ///< unit, out of the tissue
+  Vector3 force_on_tool_newton = Vector3::Zero();  ///< W
+};
+inline constexpr std::size_t kMaxContacts = 8;
+
+/// Hop 3, physics → mofc, every physics step.
+struct Interaction {
+  Header header;  ///< physics'
+
+  std::uint64_t device_session_id = 0;  ///< the DeviceState this answers
+  std::uint64_t device_sequence = 0;
+  TimePoint device_sampled_at{};  ///< device's clock, echoed
+
+  Vector3 tool_position_world_m = Vector3::Zero();  ///< the tool as physics has it
+  Quaternion tool_orientation_world = Quaternion::Identity();
+  Vector3 force_on_tool_newton = Vector3::Zero();  ///< W, sum over all tissues
+  double stored_energy_joule = 0.0;                ///< elastic, in all tissues
+  /// The deepest contacts; `contact_count` may be larger than the array.
+  std::array<Contact, kMaxContacts> contacts{};
+  std::uint32_t contact_count = 0;
+};
+
+}  // namespace palpate

@@ -1,0 +1,215 @@
+// session.h — one deployment as plain structs, validated and with every default filled in.
+// The file's schema, with units, ranges and defaults: proto/palpate/v1/session.proto.
+// Loading: common/runtime/session_file.h. A node is handed only its own part.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "common/core/fault_line.h"
+#include "common/core/time.h"
+#include "common/core/vector.h"
+
+namespace palpate {
+
+/// ZeroMQ endpoints: ipc://, tcp:// or inproc://. The node named first binds.
+struct LinksConfig {
+  std::string exchange;           ///< mofc ← device, hops 1 and 4
+  std::string tool_motion;        ///< physics ← mofc, hop 2
+  std::string interaction;        ///< physics → mofc, hop 3
+  std::string device_telemetry;   ///< device → viewers, hop 5
+  std::string mofc_telemetry;     ///< mofc → viewers, hop 5
+  std::string physics_telemetry;  ///< physics → viewers, hop 5
+};
+
+/// SCHED_FIFO for the tick threads; taken when permitted, reported, never required.
+struct RealtimeConfig {
+  int priority = 80;  ///< 1 … 99; 0: ordinary scheduling
+  int cpu = 0;        ///< the one processor that device_node and mofc_node share; −1: no pinning
+};
+
+struct WorkspaceConfig {
+  double scale_ratio = 1.0;            ///< tool displacement / hand displacement
+  double force_ratio = 1.0;            ///< force on hand / force on tool
+  Vector3 offset_m = Vector3::Zero();  ///< tool position in W when the hand is at D's origin
+  std::optional<std::uint32_t> clutch_button;
+};
+
+/// What the ledger may count on: lower bounds over the workspace (CONTROLLERS §1.3).
+struct DeviceProfile {
+  double viscous_newton_s_per_m = 0.1;   ///< f_d
+  double coulomb_newton = 0.1;           ///< f_co
+  double position_resolution_m = 55e-6;  ///< q, per axis
+};
+
+/// The true values of a simulated device; the controller sees only the profile.
+struct SimulatedDeviceConfig {
+  double mass_kg = 0.045;
+  double viscous_newton_s_per_m = 0.1;
+  double coulomb_newton = 0.1;
+  double position_resolution_m = 55e-6;  ///< 0: exact
+  double peak_force_newton = 3.3;
+  Duration inner_step = std::chrono::microseconds(50);  ///< upper bound
+};
+
+struct DeviceConfig {
+  double rate_hz = 1000.0;
+  Duration reply{};                ///< deadline for the answer, from the reading
+  Duration lease{};                ///< T_hold: valid_for of a command; ≤ 3 periods
+  Duration limp_after{};           ///< silence after which the fallback fades
+  Duration fade{};                 ///< length of that fade
+  Duration start_ramp{};           ///< limp start: the force grows from nothing over this time
+  double peak_force_newton = 3.3;  ///< of this session; the device's own limit holds too
+  double slew_newton_per_s = 0.0;  ///< limit on growing force; 0: none
+  WorkspaceConfig workspace;
+  DeviceProfile profile;
+  SimulatedDeviceConfig simulated;
+};
+
+// --- the simulated hand ---------------------------------------------------------------------
+
+/// The paper's V: free motion above the tissue, down one leg, up the other.
+struct VPath {
+  Vector3 apex_m = Vector3(0, 0, -0.02);  ///< D, the lowest point
+  Vector3 normal = Vector3::UnitZ();      ///< unit, out of the tissue: legs end `height_m` along it
+  Vector3 tangent = Vector3::UnitX();     ///< unit, ⟂ normal: from the first leg to the second
+  double height_m = 0.05;                 ///< of the ends above the apex
+  double half_width_m = 0.03;             ///< of the V at its ends
+  double speed_m_per_s = 0.08;            ///< along the legs
+  double free_motion_s = 0.0;             ///< t_free
+  double free_amplitude_m = 0.02;         ///< sinusoid along the tangent before the V
+  double free_frequency_hz = 0.5;
+};
+struct HoldPath {
+  Vector3 position_m = Vector3::Zero();
+};
+/// position = center + amplitude ∘ sin(2π frequency t + phase), per axis.
+struct SinusoidPath {
+  Vector3 center_m = Vector3::Zero();
+  Vector3 amplitude_m = Vector3::Zero();
+  Vector3 frequency_hz = Vector3::Zero();
+  Vector3 phase_rad = Vector3::Zero();
+};
+/// Columns t,x,y,z of a CSV file, SI units, t increasing; linear in between, first and last held.
+struct RecordedPath {
+  struct Sample {
+    double t_s = 0.0;
+    Vector3 position_m = Vector3::Zero();
+  };
+  std::vector<Sample> samples;  ///< loaded and checked
+  bool loops = false;
+};
+/// A hand that tries to draw energy out of the force it feels.
+struct HostilePath {
+  Vector3 center_m = Vector3::Zero();  ///< stays within `radius_m` of it
+  double radius_m = 0.02;
+  double v_max_m_per_s = 0.5;  ///< of the intended point
+};
+using PathConfig = std::variant<VPath, HoldPath, SinusoidPath, RecordedPath, HostilePath>;
+
+struct ButtonPress {
+  std::uint32_t button = 0;
+  double from_s = 0.0;
+  double until_s = 0.0;
+};
+
+/// Mass, spring and damper towards the intended path, CONTROLLERS §6.2 and 7.3.
+struct HandConfig {
+  double mass_kg = 0.255;
+  double stiffness_newton_per_m = 150.0;
+  double damping_newton_s_per_m = 6.0;
+  PathConfig path = HoldPath{};
+  std::vector<ButtonPress> presses;
+};
+
+// --- mofc -------------------------------------------------------------------------------------
+
+enum class ControllerKind : std::uint8_t { kNone, kMofc };
+enum class MofcMode : std::uint8_t { kPaper, kVector };
+
+struct MofcConfig {
+  ControllerKind controller = ControllerKind::kMofc;
+  MofcMode mode = MofcMode::kVector;
+  Duration wait_for_physics{};  ///< 0: never wait; else answer from the Interaction of this tick
+  Duration stale_after{};       ///< silence on hop 3 after which the force fades
+  Duration fade{};
+  Duration velocity_time_constant{};  ///< low-pass of the velocity estimate; 0: backward difference
+};
+
+// --- scene ------------------------------------------------------------------------------------
+
+/// Fills the side of the plane away from `normal`.
+struct HalfSpaceGeometry {
+  Vector3 point_m = Vector3::Zero();
+  Vector3 normal = Vector3::UnitZ();  ///< unit, out of the tissue
+};
+struct SphereGeometry {
+  Vector3 center_m = Vector3::Zero();
+  double radius_m = 0.01;
+};
+/// Axes along W.
+struct BoxGeometry {
+  Vector3 center_m = Vector3::Zero();
+  Vector3 size_m = Vector3::Constant(0.1);  ///< full edge lengths
+};
+using Geometry = std::variant<HalfSpaceGeometry, SphereGeometry, BoxGeometry>;
+
+/// The paper's tissue: force along the normal k·p + b·ṗ for penetration p > 0.
+struct KelvinVoigtMaterial {
+  double stiffness_newton_per_m = 500.0;  ///< k
+  double damping_newton_s_per_m = 0.0;    ///< b
+  bool is_damping_isotropic = false;      ///< b acts on the tangential motion too
+  bool is_adhesive = false;               ///< may pull while p > 0
+};
+using Material = std::variant<KelvinVoigtMaterial>;
+
+struct TissueConfig {
+  std::string name;
+  Geometry geometry;
+  Material material;
+};
+
+struct SceneConfig {
+  double tip_radius_m = 0.0;  ///< spherical tool tip; 0: a point
+  std::vector<TissueConfig> tissues;
+};
+
+struct PhysicsConfig {
+  double rate_hz = 1000.0;
+};
+
+struct ViewerConfig {
+  Duration status_interval = std::chrono::milliseconds(500);
+};
+
+struct FaultsConfig {
+  LinkFaults device_state;
+  LinkFaults force_command;
+  LinkFaults tool_motion;
+  LinkFaults interaction;
+};
+
+/// The whole deployment.
+struct Session {
+  std::string name;
+  std::string file;  ///< as given on the command line, for messages
+  double duration_s = 10.0;
+  std::uint64_t seed = 1;
+  LinksConfig links;
+  RealtimeConfig realtime;
+  DeviceConfig device;
+  HandConfig hand;
+  MofcConfig mofc;
+  PhysicsConfig physics;
+  SceneConfig scene;
+  ViewerConfig viewer;
+  FaultsConfig faults;
+};
+
+/// Seed of one random stream of a session: different for every `stream` name, same on every run.
+[[nodiscard]] std::uint64_t stream_seed(std::uint64_t session_seed, const char* stream);
+
+}  // namespace palpate

@@ -1,0 +1,37 @@
+#include "common/core/telemetry.h"
+
+namespace palpate {
+
+const char* name(GuardState state) {
+  switch (state) {
+    case GuardState::kLimp:
+      return "limp";
+    case GuardState::kAnswered:
+      return "answered";
+    case GuardState::kLeased:
+      return "leased";
+    case GuardState::kFallback:
+      return "fallback";
+    case GuardState::kFading:
+      return "fading";
+  }
+  return "?";
+}
+
+const char* name(MofcState state) {
+  switch (state) {
+    case MofcState::kNoPhysics:
+      return "no physics";
+    case MofcState::kFree:
+      return "free";
+    case MofcState::kContact:
+      return "contact";
+    case MofcState::kFading:
+      return "fading";
+    case MofcState::kClutched:
+      return "clutched";
+  }
+  return "?";
+}
+
+}  // namespace palpate

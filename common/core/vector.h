@@ -1,0 +1,23 @@
+// vector.h — the vector types of the whole project.
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <cmath>
+#include <limits>
+
+namespace palpate {
+
+using Vector3 = Eigen::Vector3d;
+using Matrix3 = Eigen::Matrix3d;
+using Quaternion = Eigen::Quaterniond;
+
+inline constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+/// The vector scaled so that its norm is at most `limit` (≥ 0); direction kept.
+[[nodiscard]] inline Vector3 limited_to_norm(const Vector3& v, double limit) noexcept {
+  const double norm = v.norm();
+  return norm > limit ? Vector3(v * (limit / norm)) : v;
+}
+
+}  // namespace palpate

@@ -1,0 +1,45 @@
+// workspace_map.h — from the hand (D) to the tool (W): scale, offset, clutch.
+#pragma once
+
+#include "common/core/session.h"
+#include "common/core/vector.h"
+
+namespace palpate {
+
+/// tool_W = offset + scale · (hand_D + clutch_shift_D). While the clutch button is held the tool
+/// rests and the hand moves; on release the shift makes up for what the hand moved.
+///
+/// Forces: force on hand = force_ratio · force on tool. With force_ratio ≠ scale the map is not
+/// power-preserving; the clamp guards the hand's own port, so it does not have to be.
+class WorkspaceMap {
+ public:
+  explicit WorkspaceMap(const WorkspaceConfig& config) : config_(config) {}
+
+  /// Takes one reading; call once per tick.
+  /// @param hand_position_m  D        @param is_clutch_held  the clutch button
+  void update(const Vector3& hand_position_m, bool is_clutch_held) noexcept {
+    if (is_clutch_held && !is_clutched_) held_hand_position_m_ = hand_position_m;
+    if (is_clutched_ || is_clutch_held) {
+      // whatever the hand moved since the clutch closed does not reach the tool
+      clutch_shift_m_ += held_hand_position_m_ - hand_position_m;
+      held_hand_position_m_ = hand_position_m;
+    }
+    is_clutched_ = is_clutch_held;
+  }
+
+  [[nodiscard]] Vector3 tool_position_world_m(const Vector3& hand_position_m) const noexcept {
+    return config_.offset_m + config_.scale_ratio * (hand_position_m + clutch_shift_m_);
+  }
+  [[nodiscard]] Vector3 tool_velocity_world_m_per_s(const Vector3& hand_velocity) const noexcept {
+    return is_clutched_ ? Vector3(Vector3::Zero()) : Vector3(config_.scale_ratio * hand_velocity);
+  }
+  [[nodiscard]] bool is_clutched() const noexcept { return is_clutched_; }
+
+ private:
+  WorkspaceConfig config_;
+  Vector3 clutch_shift_m_ = Vector3::Zero();
+  Vector3 held_hand_position_m_ = Vector3::Zero();
+  bool is_clutched_ = false;
+};
+
+}  // namespace palpate
