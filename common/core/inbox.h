@@ -2,10 +2,12 @@
 // once each, counted.
 #pragma once
 
+#include <algorithm>
 #include <optional>
 
 #include "common/core/clock.h"
 #include "common/core/fault_line.h"
+#include "common/core/messages.h"
 #include "common/core/ports.h"
 
 namespace palpate {
