@@ -1,0 +1,231 @@
+#include "mofc_node/mofc_node.h"
+
+#include <algorithm>
+#include <array>
+
+#include "mofc_node/controllers/paper_mofc.h"
+#include "mofc_node/controllers/vector_mofc.h"
+
+namespace palpate::mofc {
+
+using controllers::AppliedStretch;
+using controllers::ControlInput;
+using controllers::ControlOutput;
+using controllers::MofcParameters;
+
+std::unique_ptr<controllers::ForceController> make_controller(const MofcConfig& mofc,
+                                                              const DeviceConfig& device) {
+  const DeviceProfile& profile = device.profile;
+  if (mofc.controller == ControllerKind::kNone) return std::make_unique<controllers::PassThrough>();
+  if (mofc.mode == MofcMode::kPaper) {
+    return std::make_unique<controllers::PaperMofc>(
+        MofcParameters{.f_d = profile.viscous_newton_s_per_m,
+                       .f_co = profile.coulomb_newton,
+                       .T = 1.0 / device.rate_hz});
+  }
+  return std::make_unique<controllers::VectorMofc>(
+      MofcParameters{.f_d = profile.viscous_newton_s_per_m,
+                     .f_co = profile.coulomb_newton,
+                     .T = to_seconds(device.lease)},
+      profile.position_resolution_m, to_seconds(mofc.delta_max));
+}
+
+MofcNode::MofcNode(const MofcConfig& mofc, const DeviceConfig& device, const Clock& clock,
+                   Sender<ToolMotion>& motion_out, Inbox<Interaction>& interaction_in,
+                   TickSink<MofcTick>& ticks, std::uint64_t session_id)
+    : config_(mofc),
+      device_(device),
+      clock_(clock),
+      motion_out_(motion_out),
+      interaction_in_(interaction_in),
+      ticks_(ticks),
+      session_id_(session_id),
+      controller_(make_controller(mofc, device)),
+      velocity_(mofc.velocity_time_constant) {}
+
+ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
+  const DeviceState& state = received.value;
+  ++counters_.ticks;
+
+  // who speaks: a new device session starts from nothing
+  const bool is_new_session = state.header.session_id != command_.answers_session_id;
+  if (is_new_session) begin_device_session(state);
+  const bool has_gap = !is_new_session && received.skipped_before > 0;
+  if (has_gap) ++counters_.ledger_resets;
+  note_echo(state);
+
+  // what the physics says, perhaps of this very tick
+  relay(state);
+  const TimePoint now = clock_.now();
+  const Interaction* interaction = physics_answer(state, now);
+  const Vector3 asked = asked_force(state, interaction);
+
+  // the clamp, then the fade: both only reduce
+  const ControlOutput output = control(state, has_gap, asked);
+  const Vector3 force = faded(output.force_on_hand_newton, now);
+
+  ++command_.header.sequence;
+  command_.header.session_id = session_id_;
+  command_.header.sampled_at = now;
+  command_.answers_session_id = state.header.session_id;
+  command_.answers_sequence = state.header.sequence;
+  command_.force_on_hand_newton = force;
+  command_.valid_for = device_.lease;
+
+  // the record of this turn
+  commanded_newton_ = force.norm();
+  asked_before_newton_ = asked;
+  has_asked_before_ = true;
+  tick_.device_session_id = state.header.session_id;
+  tick_.device_sequence = state.header.sequence;
+  tick_.device_sampled_at = state.header.sampled_at;
+  tick_.asked_force_on_hand_newton = asked;
+  tick_.commanded_force_on_hand_newton = force;
+  tick_.f_max_newton = output.f_max_newton;
+  tick_.ledger_energy_joule = output.ledger_energy_joule;
+  tick_.force_age = interaction != nullptr
+                        ? state.header.sampled_at - interaction->device_sampled_at
+                        : Duration{};
+  tick_.is_clamped = output.is_clamped;
+  tick_.is_in_contact = interaction != nullptr && interaction->contact_count > 0;
+  if (tick_.is_clamped) ++counters_.clamped_ticks;
+  if (tick_.is_in_contact) ++counters_.contact_ticks;
+  has_turn_ = true;
+  return command_;
+}
+
+void MofcNode::finish_turn() noexcept {
+  if (!has_turn_) return;
+  if (!is_motion_sent_ && motion_out_.send(motion_) == SendResult::kDropped) {
+    ++counters_.motions_dropped;
+  }
+  ticks_.keep(tick_);
+  has_turn_ = false;
+}
+
+MofcCounters MofcNode::counters() const noexcept {
+  MofcCounters counters = counters_;
+  counters.interaction = interaction_in_.counters();
+  counters.transparency_sum = transparency_.sum();
+  counters.transparency_samples = transparency_.samples();
+  return counters;
+}
+
+void MofcNode::begin_device_session(const DeviceState&) noexcept {
+  controller_->reset();
+  velocity_.reset();
+  has_asked_before_ = false;
+  ++counters_.ledger_resets;
+}
+
+void MofcNode::note_echo(const DeviceState& state) noexcept {
+  // the force that acts at t_k is the answer to the tick before, as the device let it through
+  if (!has_asked_before_ || state.applied_count == 0) return;
+  transparency_.add(asked_before_newton_,
+                    state.applied[state.applied_count - 1].force_on_hand_newton);
+}
+
+void MofcNode::relay(const DeviceState& state) noexcept {
+  const Vector3 velocity = velocity_.update(state.tool_position_world_m, state.header.sampled_at);
+  if (motion_.header.session_id != 0) ++motion_.header.sequence;
+  motion_.header.session_id = session_id_;
+  motion_.header.sampled_at = clock_.now();
+  motion_.device_session_id = state.header.session_id;
+  motion_.device_sequence = state.header.sequence;
+  motion_.device_sampled_at = state.header.sampled_at;
+  motion_.tool_position_world_m = state.tool_position_world_m;
+  motion_.tool_orientation_world = state.tool_orientation_world;
+  motion_.tool_velocity_world_m_per_s = velocity;
+  motion_.buttons = state.buttons;
+
+  // normally after the answer (finish_turn); before it only if the answer waits for the physics
+  is_motion_sent_ = config_.wait_for_physics.count() > 0;
+  if (is_motion_sent_ && motion_out_.send(motion_) == SendResult::kDropped) {
+    ++counters_.motions_dropped;
+  }
+}
+
+const Interaction* MofcNode::physics_answer(const DeviceState& state, TimePoint now) noexcept {
+  const Received<Interaction>* newest = interaction_in_.newest();
+  const auto answers_this_tick = [&](const Received<Interaction>* r) {
+    return r != nullptr && r->value.device_session_id == state.header.session_id &&
+           r->value.device_sequence == state.header.sequence;
+  };
+
+  // same tick: wait for it, but not longer than agreed
+  is_late_ = false;
+  if (config_.wait_for_physics.count() > 0) {
+    const TimePoint deadline = now + config_.wait_for_physics;
+    while (!answers_this_tick(newest) && clock_.now() < deadline) {
+      interaction_in_.wait_until(deadline);
+      newest = interaction_in_.newest();
+    }
+    is_late_ = !answers_this_tick(newest);
+    if (is_late_) ++counters_.late_physics_ticks;
+  }
+
+  // only what answers this device's present session counts
+  if (newest == nullptr || newest->value.device_session_id != state.header.session_id) {
+    has_interaction_ = false;
+    return nullptr;
+  }
+  has_interaction_ = true;
+  interaction_received_at_ = newest->received_at;
+  return &newest->value;
+}
+
+Vector3 MofcNode::asked_force(const DeviceState& state, const Interaction* interaction) noexcept {
+  if (interaction == nullptr) {
+    tick_.state = MofcState::kNoPhysics;
+    return Vector3::Zero();
+  }
+  if (state.is_clutched) {
+    tick_.state = MofcState::kClutched;
+    return Vector3::Zero();
+  }
+  tick_.state = interaction->contact_count > 0 ? MofcState::kContact : MofcState::kFree;
+  return device_.workspace.force_ratio * interaction->force_on_tool_newton;
+}
+
+ControlOutput MofcNode::control(const DeviceState& state, bool has_gap,
+                                const Vector3& asked_newton) noexcept {
+  std::array<AppliedStretch, kMaxAppliedForces> stretches;
+  for (std::uint32_t i = 0; i < state.applied_count; ++i) {
+    const AppliedForce& applied = state.applied[i];
+    stretches[i] = {.duration_s = to_seconds(applied.until - applied.from),
+                    .force_on_hand_newton = applied.force_on_hand_newton,
+                    .hand_position_at_end_m = applied.hand_position_at_end_m,
+                    .has_position_at_end = applied.has_position_at_end};
+  }
+  return controller_->step({.hand_position_m = state.hand_position_m,
+                            .applied = {stretches.data(), state.applied_count},
+                            .has_gap = has_gap,
+                            .asked_force_on_hand_newton = asked_newton});
+}
+
+Vector3 MofcNode::faded(const Vector3& force_newton, TimePoint now) noexcept {
+  // late in this tick: no more than the device's own friction absorbs
+  Vector3 force =
+      is_late_ ? limited_to_norm(force_newton, device_.profile.coulomb_newton) : force_newton;
+
+  // silent for too long: never more than at that instant, and fading
+  const Duration silence = now - interaction_received_at_;
+  if (!has_interaction_ || silence <= config_.stale_after) {
+    is_stale_ = false;
+    return force;
+  }
+  if (!is_stale_) {
+    is_stale_ = true;
+    newton_when_declared_stale_ = commanded_newton_;
+  }
+  ++counters_.stale_ticks;
+  const double left = 1.0 - to_seconds(silence - config_.stale_after) / to_seconds(config_.fade);
+  if (left <= 0.0) {
+    tick_.state = MofcState::kNoPhysics;
+    return Vector3::Zero();
+  }
+  tick_.state = MofcState::kFading;
+  return left * limited_to_norm(force, newton_when_declared_stale_);
+}
+
+}  // namespace palpate::mofc

@@ -134,6 +134,7 @@ struct MofcConfig {
   ControllerKind controller = ControllerKind::kMofc;
   MofcMode mode = MofcMode::kVector;
   Duration wait_for_physics{};  ///< 0: never wait; else answer from the Interaction of this tick
+  Duration delta_max{};         ///< longest time from the reading to the switch; mode vector
   Duration stale_after{};       ///< silence on hop 3 after which the force fades
   Duration fade{};
   Duration velocity_time_constant{};  ///< low-pass of the velocity estimate; 0: backward difference

@@ -1,0 +1,77 @@
+#include "mofc_node/controllers/energy_ledger.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace palpate::controllers {
+namespace {
+
+// Moved this many resolutions, a window loses at most 1 − (1 − √3/16)² = 20 % to the quantisation.
+constexpr double kWindowResolutions = 16.0;
+
+}  // namespace
+
+void EnergyLedger::Play::follow(double x, double half_width) noexcept {
+  const double before = position_m;
+  if (x > position_m + half_width) {
+    position_m = x - half_width;
+  } else if (x < position_m - half_width) {
+    position_m = x + half_width;
+  }
+  path_m += std::abs(position_m - before);
+}
+
+void EnergyLedger::restart(const Vector3& hand_position_m) noexcept {
+  position_m_ = hand_position_m;
+  work_joule_ = 0.0;
+  last_force_newton_.setZero();
+  force_variation_newton_ = 0.0;
+  has_force_ = false;
+  for (std::size_t i = 0; i < 3; ++i) play_[i] = {hand_position_m[static_cast<int>(i)], 0.0};
+  closed_windows_joule_ = 0.0;
+  window_start_m_ = hand_position_m;
+  window_s_ = 0.0;
+}
+
+void EnergyLedger::book(double duration_s, const Vector3& force_on_hand_newton,
+                        const Vector3& hand_position_at_end_m) noexcept {
+  const Vector3 f = -force_on_hand_newton;
+  work_joule_ += f.dot(hand_position_at_end_m - position_m_);
+  force_variation_newton_ += has_force_ ? (f - last_force_newton_).norm() : f.norm();
+  last_force_newton_ = f;
+  has_force_ = true;
+
+  for (std::size_t i = 0; i < 3; ++i) {
+    play_[i].follow(hand_position_at_end_m[static_cast<int>(i)], 0.5 * q_);
+  }
+
+  position_m_ = hand_position_at_end_m;
+  window_s_ += duration_s;
+  if ((position_m_ - window_start_m_).norm() >= kWindowResolutions * q_ && window_s_ > 0.0) {
+    closed_windows_joule_ += window_viscous_joule();
+    window_start_m_ = position_m_;
+    window_s_ = 0.0;
+  }
+}
+
+double EnergyLedger::window_viscous_joule() const noexcept {
+  if (!(window_s_ > 0.0)) return 0.0;
+  const double moved =
+      std::max(0.0, (position_m_ - window_start_m_).norm() - std::numbers::sqrt3 * q_);
+  return f_d_ * moved * moved / window_s_;
+}
+
+double EnergyLedger::energy_joule() const noexcept {
+  double path2 = 0.0;
+  for (const Play& play : play_) {
+    const double path = std::max(0.0, play.path_m - 0.5 * q_);
+    path2 += path * path;
+  }
+  const double quantisation =
+      0.5 * std::numbers::sqrt3 * q_ * (last_force_newton_.norm() + force_variation_newton_);
+  return work_joule_ - quantisation + f_co_ * std::sqrt(path2) + closed_windows_joule_ +
+         window_viscous_joule();
+}
+
+}  // namespace palpate::controllers

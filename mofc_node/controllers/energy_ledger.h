@@ -1,0 +1,62 @@
+// energy_ledger.h — how much energy the hand has surely put in, from positions that are quantised.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+
+namespace palpate::controllers {
+
+using Vector3 = Eigen::Vector3d;
+
+/// Lower bound E′ of E(t) = ∫ (friction + rendered force resisting the hand)·v dt for isotropic
+/// friction f_d v + f_co v/|v|, 3-D, with each measured coordinate within ±q/2 of the true one.
+///
+///   work      Σ f·dh, less (√3 q/2)(|f(k−1)| + |f(0)| + Σ|Δf|): the error of the sum telescopes
+///   Coulomb   f_co √(Σᵢ (Pᵢ − q/2)₊²), Pᵢ the path of the play operator of half-width q/2 on axis
+///   i viscous   f_d (|Δh| − √3 q)₊² / Δt over windows: a window closes when the hand has moved
+///             16 q, so that slow motion at a high rate is not lost in the quantisation
+///
+/// f is the force the user exerts on the environment, f = −F. With q = 0 this is [MOFC] eq. (8) in
+/// vector form. E′ may dip below zero where the true energy does not.
+/// No allocation, no throw.
+class EnergyLedger {
+ public:
+  /// @param f_d ≥ 0 [N·s/m]   @param f_co ≥ 0 [N]   @param q ≥ 0 [m]
+  EnergyLedger(double f_d, double f_co, double q) : f_d_(f_d), f_co_(f_co), q_(q) {}
+
+  /// Starts again with E′ = 0 at this measured position.
+  void restart(const Vector3& hand_position_m) noexcept;
+
+  /// Books a stretch during which one force acted.
+  /// @param duration_s  ≥ 0, measured       @param force_on_hand_newton  F, really applied
+  /// @param hand_position_at_end_m  measured
+  void book(double duration_s, const Vector3& force_on_hand_newton,
+            const Vector3& hand_position_at_end_m) noexcept;
+
+  [[nodiscard]] double energy_joule() const noexcept;
+
+ private:
+  struct Play {
+    double position_m = 0.0;  // output of the play operator
+    double path_m = 0.0;
+    void follow(double x, double half_width) noexcept;
+  };
+  [[nodiscard]] double window_viscous_joule() const noexcept;
+
+  double f_d_;
+  double f_co_;
+  double q_;
+
+  Vector3 position_m_ = Vector3::Zero();
+  double work_joule_ = 0.0;
+  Vector3 last_force_newton_ = Vector3::Zero();  // f(k−1)
+  double force_variation_newton_ = 0.0;          // |f(0)| + Σ|Δf|
+  bool has_force_ = false;
+
+  std::array<Play, 3> play_{};
+  double closed_windows_joule_ = 0.0;
+  Vector3 window_start_m_ = Vector3::Zero();
+  double window_s_ = 0.0;
+};
+
+}  // namespace palpate::controllers

@@ -1,0 +1,58 @@
+// force_controller.h — what every force controller is given and gives (hop 4, inside mofc_node).
+//
+// Standard library and Eigen only, so that a controller can be used in other programs. One frame
+// (the device's), SI units, forces are *on the hand*. The paper's f_s is the opposite, the force
+// the user exerts on the virtual environment: f_s = −F.
+#pragma once
+
+#include <Eigen/Core>
+#include <span>
+
+namespace palpate::controllers {
+
+using Vector3 = Eigen::Vector3d;
+
+/// A stretch of time during which one force acted, from the device's echo.
+struct AppliedStretch {
+  double duration_s = 0.0;  ///< ≥ 0, measured
+  Vector3 force_on_hand_newton = Vector3::Zero();
+  /// Measured position of the hand at the end. Meaningless unless `has_position_at_end`.
+  Vector3 hand_position_at_end_m = Vector3::Zero();
+  bool has_position_at_end = true;
+};
+
+/// One control step at t_k.
+struct ControlInput {
+  Vector3 hand_position_m = Vector3::Zero();  ///< x(k), measured
+  /// What acted since the previous step, in time order, ending at x(k). Empty in the first step.
+  std::span<const AppliedStretch> applied;
+  /// Nothing is known of what acted since the previous step.
+  bool has_gap = false;
+  Vector3 asked_force_on_hand_newton = Vector3::Zero();  ///< F_e(k)
+};
+
+struct ControlOutput {
+  Vector3 force_on_hand_newton = Vector3::Zero();  ///< F(k): never more than asked, per its bound
+  Vector3 f_max_newton = Vector3::Zero();  ///< bound per axis; all equal where one serves all axes
+  double ledger_energy_joule = 0.0;        ///< E', all pools together
+  bool is_clamped = false;                 ///< F differs from F_e
+};
+
+/// A controller limits the force so that the hand cannot draw energy (or, `PassThrough`, does not).
+/// step() once per DeviceState: no allocation, no lock, no throw. One thread.
+class ForceController {
+ public:
+  virtual ~ForceController() = default;
+  /// Forgets everything: a new device session.
+  virtual void reset() noexcept = 0;
+  [[nodiscard]] virtual ControlOutput step(const ControlInput& input) noexcept = 0;
+};
+
+/// Force as asked. The bound and the energy are NaN: there are none.
+class PassThrough final : public ForceController {
+ public:
+  void reset() noexcept override {}
+  [[nodiscard]] ControlOutput step(const ControlInput& input) noexcept override;
+};
+
+}  // namespace palpate::controllers

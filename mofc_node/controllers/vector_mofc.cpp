@@ -1,0 +1,42 @@
+#include "mofc_node/controllers/vector_mofc.h"
+
+namespace palpate::controllers {
+
+void VectorMofc::reset() noexcept { has_started_ = false; }
+
+ControlOutput VectorMofc::step(const ControlInput& input) noexcept {
+  // book what acted since the last step, or start again where that is not known
+  bool is_known = has_started_ && !input.has_gap;
+  for (const AppliedStretch& stretch : input.applied) {
+    is_known = is_known && stretch.has_position_at_end;
+  }
+  if (is_known) {
+    for (const AppliedStretch& stretch : input.applied) {
+      ledger_.book(stretch.duration_s, stretch.force_on_hand_newton,
+                   stretch.hand_position_at_end_m);
+    }
+  } else {
+    ledger_.restart(input.hand_position_m);
+    has_started_ = true;
+  }
+
+  // what the force that acts now can still drain before this answer replaces it
+  const double acting_newton =
+      input.applied.empty() ? 0.0 : input.applied.back().force_on_hand_newton.norm();
+  const double energy = ledger_.energy_joule();
+  const double spent = delta_max_s_ > 0.0 ? delta_max_s_ * drain_watt(p_, acting_newton) : 0.0;
+
+  // the bound (13) and the output (14), on the norm
+  const double f_max = maximum_force_newton(p_, energy - spent);
+  const double asked = input.asked_force_on_hand_newton.norm();
+  ControlOutput output;
+  output.f_max_newton = Vector3::Constant(f_max);
+  output.is_clamped = asked > f_max;
+  output.force_on_hand_newton = output.is_clamped
+                                    ? Vector3(input.asked_force_on_hand_newton * (f_max / asked))
+                                    : input.asked_force_on_hand_newton;
+  output.ledger_energy_joule = energy;
+  return output;
+}
+
+}  // namespace palpate::controllers

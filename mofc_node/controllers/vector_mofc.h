@@ -1,0 +1,39 @@
+// vector_mofc.h — the controller with one isotropic pool.
+#pragma once
+
+#include "mofc_node/controllers/energy_ledger.h"
+#include "mofc_node/controllers/force_controller.h"
+#include "mofc_node/controllers/mofc_equations.h"
+
+namespace palpate::controllers {
+
+/// Mode `vector`. One pool for all directions; the force is scaled, its direction kept:
+///
+///   f_max = f_co + 2 √( f_d / T · max(0, E′ − δ (|F_acting| − f_co)₊² / (4 f_d)) )
+///   F     = F_e min(1, f_max / |F_e|)
+///
+/// [MOFC] eqs. (8)–(14) with Euclidean norms. Differs: E′ accounts for the encoder's resolution
+/// (EnergyLedger); T is the longest time one command may act, its lease; δ is the longest time from
+/// the reading to the switch, during which the force that acts now goes on.
+///
+/// Promise: E(t) ≥ 0 for all t, any hand, any environment, if the true friction is at least
+/// (f_d, f_co), the encoder error at most q/2 per axis, and no command acts longer than T or begins
+/// later than δ. After a gap in the echo E′ starts again at 0: every lease was paid in advance.
+class VectorMofc final : public ForceController {
+ public:
+  /// @param resolution_m  q ≥ 0    @param delta_max_s  δ ≥ 0
+  VectorMofc(const MofcParameters& parameters, double resolution_m, double delta_max_s)
+      : p_(parameters),
+        delta_max_s_(delta_max_s),
+        ledger_(parameters.f_d, parameters.f_co, resolution_m) {}
+  void reset() noexcept override;
+  [[nodiscard]] ControlOutput step(const ControlInput& input) noexcept override;
+
+ private:
+  MofcParameters p_;
+  double delta_max_s_;
+  EnergyLedger ledger_;
+  bool has_started_ = false;
+};
+
+}  // namespace palpate::controllers

@@ -1,0 +1,96 @@
+// mofc_node.h — stands between the device and the simulation, on the device's side.
+//
+//   in   hop 1  DeviceState   device  → mofc     every device tick
+//   out  hop 4  ForceCommand  mofc    → device   the answer to it, in the same tick
+//   out  hop 2  ToolMotion    mofc    → physics  once per DeviceState, after the answer
+//   in   hop 3  Interaction   physics → mofc     every physics step; the newest counts
+//   out  hop 5  MofcTick      mofc    → viewers  once per DeviceState
+//
+// Before the first Interaction that answers this device's session: asks for no force.
+// No Interaction for `stale_after`: from that instant |F| never rises above its value then and
+// fades
+//   to zero over `fade`; then MofcState::kNoPhysics.
+// New device session: ledger 0, velocity forgotten. New physics session: the held force is replaced
+//   by its first Interaction; the ledger stays. A gap in the DeviceStates: ledger 0.
+// `wait_for_physics` > 0: answers from the Interaction that answers this very DeviceState; if that
+//   does not come in time the force is at most f_co, which friction absorbs.
+// Thread: everything runs on the caller's thread; no allocation, lock, log or throw.
+#pragma once
+
+#include <memory>
+
+#include "common/core/clock.h"
+#include "common/core/inbox.h"
+#include "common/core/messages.h"
+#include "common/core/metrics.h"
+#include "common/core/session.h"
+#include "common/core/telemetry.h"
+#include "mofc_node/controllers/force_controller.h"
+#include "mofc_node/velocity_estimator.h"
+
+namespace palpate::mofc {
+
+/// The controller that the session asks for, with the device's profile.
+[[nodiscard]] std::unique_ptr<controllers::ForceController> make_controller(
+    const MofcConfig& mofc, const DeviceConfig& device);
+
+class MofcNode {
+ public:
+  /// @param session_id  random per process start, ≠ 0
+  MofcNode(const MofcConfig& mofc, const DeviceConfig& device, const Clock& clock,
+           Sender<ToolMotion>& motion_out, Inbox<Interaction>& interaction_in,
+           TickSink<MofcTick>& ticks, std::uint64_t session_id);
+
+  /// The answer to one DeviceState; send it at once, then call finish_turn().
+  [[nodiscard]] ForceCommand answer(const Received<DeviceState>& state) noexcept;
+
+  /// What may wait until the device has its answer: relays the motion, leaves the record.
+  void finish_turn() noexcept;
+
+  /// Link counters of `interaction` are filled in; those of `device_state` are the caller's.
+  [[nodiscard]] MofcCounters counters() const noexcept;
+
+ private:
+  void begin_device_session(const DeviceState& state) noexcept;
+  void note_echo(const DeviceState& state) noexcept;
+  void relay(const DeviceState& state) noexcept;
+  [[nodiscard]] const Interaction* physics_answer(const DeviceState& state, TimePoint now) noexcept;
+  [[nodiscard]] Vector3 asked_force(const DeviceState& state,
+                                    const Interaction* interaction) noexcept;
+  [[nodiscard]] controllers::ControlOutput control(const DeviceState& state, bool has_gap,
+                                                   const Vector3& asked_newton) noexcept;
+  [[nodiscard]] Vector3 faded(const Vector3& force_newton, TimePoint now) noexcept;
+
+  MofcConfig config_;
+  DeviceConfig device_;
+  const Clock& clock_;
+  Sender<ToolMotion>& motion_out_;
+  Inbox<Interaction>& interaction_in_;
+  TickSink<MofcTick>& ticks_;
+  std::uint64_t session_id_;
+  std::unique_ptr<controllers::ForceController> controller_;
+  VelocityEstimator velocity_;
+
+  ForceCommand command_;
+  ToolMotion motion_;
+  bool is_motion_sent_ = false;
+  MofcTick tick_;
+  bool has_turn_ = false;
+
+  // staleness of hop 3
+  TimePoint interaction_received_at_{};
+  bool has_interaction_ = false;
+  bool is_stale_ = false;
+  bool is_late_ = false;  // the physics of this very tick did not come in time
+  double newton_when_declared_stale_ = 0.0;
+  double commanded_newton_ = 0.0;  // |F| of the last answer
+
+  // the running transparency: what the device says it applied against what was asked
+  Vector3 asked_before_newton_ = Vector3::Zero();
+  bool has_asked_before_ = false;
+  ProjectedTransparency transparency_;
+
+  MofcCounters counters_;
+};
+
+}  // namespace palpate::mofc
