@@ -1,0 +1,185 @@
+// The equations of the controllers against numbers worked out by hand.
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <vector>
+
+#include "mofc_node/controllers/energy_ledger.h"
+#include "mofc_node/controllers/mofc_equations.h"
+#include "mofc_node/controllers/paper_mofc.h"
+#include "mofc_node/controllers/vector_mofc.h"
+
+namespace palpate::controllers {
+namespace {
+
+constexpr MofcParameters kOmni{.f_d = 0.1, .f_co = 0.1, .T = 0.02};
+
+ControlInput input_at(const Vector3& x, const std::vector<AppliedStretch>& applied,
+                      const Vector3& asked) {
+  return {.hand_position_m = x,
+          .applied = applied,
+          .has_gap = false,
+          .asked_force_on_hand_newton = asked};
+}
+
+// (10): f_d d²/T + f_co|d| + f d with d = 2 mm, T = 20 ms, f = −0.5 N:
+// 0.1·4e−6/0.02 + 0.1·2e−3 − 0.5·2e−3 = 2e−5 + 2e−4 − 1e−3 = −7.8e−4 J
+TEST(MofcEquations, IntervalEnergyIsEquation10) {
+  EXPECT_NEAR(interval_energy_joule(0.1, 0.1, 0.02, 2e-3, -0.5), -7.8e-4, 1e-15);
+}
+
+// (12): |f| = 0.5, f_co = 0.1, f_d = 0.1: v* = −(0.5 − 0.1)/0.2 = −2 m/s; below f_co it is 0
+TEST(MofcEquations, MostDrainingVelocityIsEquation12) {
+  EXPECT_NEAR(most_draining_velocity_m_per_s(kOmni, 0.5), -2.0, 1e-12);
+  EXPECT_NEAR(most_draining_velocity_m_per_s(kOmni, -0.5), 2.0, 1e-12);
+  EXPECT_EQ(most_draining_velocity_m_per_s(kOmni, 0.09), 0.0);
+}
+
+// at v* the interval's energy is −T (|f| − f_co)²/(4 f_d) = −0.02·0.16/0.4 = −8 mJ, its minimum
+TEST(MofcEquations, NoVelocityDrainsMoreThanTheMostDrainingOne) {
+  const double f = 0.5;
+  const double d_star = kOmni.T * most_draining_velocity_m_per_s(kOmni, f);
+  const double worst = interval_energy_joule(kOmni.f_d, kOmni.f_co, kOmni.T, d_star, f);
+
+  EXPECT_NEAR(worst, -8e-3, 1e-12);
+  EXPECT_NEAR(worst, -kOmni.T * drain_watt(kOmni, f), 1e-12);
+  for (double d = -0.1; d <= 0.1; d += 1e-4) {
+    EXPECT_GE(interval_energy_joule(kOmni.f_d, kOmni.f_co, kOmni.T, d, f), worst - 1e-15);
+  }
+}
+
+// (13): E′ = 8 mJ gives back f_co + 2 √(0.1·8e−3/0.02) = 0.1 + 0.4 = 0.5 N
+TEST(MofcEquations, MaximumForceIsEquation13) {
+  EXPECT_NEAR(maximum_force_newton(kOmni, 8e-3), 0.5, 1e-12);
+  EXPECT_NEAR(maximum_force_newton(kOmni, 0.0), 0.1, 1e-15);
+  EXPECT_NEAR(maximum_force_newton(kOmni, -1.0), 0.1, 1e-15);
+}
+
+TEST(MofcEquations, OutputForceIsEquation14) {
+  EXPECT_EQ(output_force_newton(0.3, 0.5), 0.3);
+  EXPECT_EQ(output_force_newton(0.7, 0.5), 0.5);
+  EXPECT_EQ(output_force_newton(-0.7, 0.5), -0.5);
+}
+
+// At the clamp the worst next interval brings the energy to exactly 0, inside it stays above.
+TEST(MofcEquations, TheBoundIsTight) {
+  for (const double energy : {0.0, 1e-4, 3e-3, 0.2}) {
+    const double f = maximum_force_newton(kOmni, energy);
+    const double d = kOmni.T * most_draining_velocity_m_per_s(kOmni, f);
+    EXPECT_NEAR(energy + interval_energy_joule(kOmni.f_d, kOmni.f_co, kOmni.T, d, f), 0.0, 1e-15);
+    EXPECT_GT(energy + interval_energy_joule(kOmni.f_d, kOmni.f_co, kOmni.T, d, 0.9 * f), -1e-15);
+  }
+}
+
+// Free motion of 1 mm per 20 ms along x: E′ₓ = 0.1·1e−6/0.02 + 0.1·1e−3 = 1.05e−4 J, y and z none.
+// f_max,x = 0.1 + 2 √(0.1·1.05e−4/0.02) = 0.1 + 2·0.0229129 = 0.1458258 N; y, z: 0.1 N
+TEST(PaperMofc, EachAxisClampsAloneOnItsOwnPool) {
+  PaperMofc controller(kOmni);
+  (void)controller.step(input_at(Vector3::Zero(), {}, Vector3::Zero()));
+  const std::vector<AppliedStretch> free{{0.02, Vector3::Zero(), Vector3(1e-3, 0, 0), true}};
+
+  const ControlOutput out = controller.step(input_at(Vector3(1e-3, 0, 0), free, {-0.2, 0.2, 0.05}));
+
+  EXPECT_NEAR(out.f_max_newton.x(), 0.1458258, 1e-6);
+  EXPECT_NEAR(out.force_on_hand_newton.x(), -0.1458258, 1e-6);
+  EXPECT_NEAR(out.force_on_hand_newton.y(), 0.1, 1e-12);
+  EXPECT_EQ(out.force_on_hand_newton.z(), 0.05);
+  EXPECT_NEAR(out.ledger_energy_joule, 1.05e-4, 1e-12);
+  EXPECT_TRUE(out.is_clamped);
+}
+
+// The same motion in `vector`: one bound for all axes, direction kept. |F_e| = 0.3 along (2,1,2)/3.
+TEST(VectorMofc, ScalesTheForceAndKeepsItsDirection) {
+  VectorMofc controller(kOmni, 0.0, 0.0);
+  (void)controller.step(input_at(Vector3::Zero(), {}, Vector3::Zero()));
+  const std::vector<AppliedStretch> free{{0.02, Vector3::Zero(), Vector3(1e-3, 0, 0), true}};
+
+  const ControlOutput out = controller.step(input_at(Vector3(1e-3, 0, 0), free, {0.2, 0.1, 0.2}));
+
+  EXPECT_NEAR(out.force_on_hand_newton.norm(), 0.1458258, 1e-6);
+  EXPECT_NEAR(out.force_on_hand_newton.cross(Vector3(2, 1, 2)).norm(), 0.0, 1e-12);
+}
+
+// δ = 5 ms while 0.5 N acts: 5e−3·(0.4²/0.4) = 2 mJ are spent in advance; 10 mJ in the ledger leave
+// 8 mJ and so 0.5 N. The ledger: 0.12 m free in 1 s: 0.1·0.0144 + 0.1·0.12 = 13.44 mJ, and then the
+// 0.5 N for 0.02 s moving 10.4 mm along it (the device helps the hand): 0.1·1.0816e−4/0.02
+// + 0.1·0.0104 − 0.5·0.0104 = 0.5408e−3 − 4.16e−3 = −3.6192 mJ → 9.8208 mJ
+TEST(VectorMofc, PaysInAdvanceForTheForceThatStillActs) {
+  VectorMofc controller(kOmni, 0.0, 5e-3);
+  (void)controller.step(input_at(Vector3::Zero(), {}, Vector3::Zero()));
+  const std::vector<AppliedStretch> applied{{1.0, Vector3::Zero(), Vector3(0.12, 0, 0), true},
+                                            {0.02, {0.5, 0, 0}, Vector3(0.1304, 0, 0), true}};
+
+  const ControlOutput out = controller.step(input_at(Vector3(0.1304, 0, 0), applied, {9, 0, 0}));
+
+  EXPECT_NEAR(out.ledger_energy_joule, 9.8208e-3, 1e-12);
+  EXPECT_NEAR(out.force_on_hand_newton.x(), 0.1 + 2 * std::sqrt(0.1 * 7.8208e-3 / 0.02), 1e-12);
+}
+
+TEST(VectorMofc, StartsAgainWithoutCreditAfterAGap) {
+  VectorMofc controller(kOmni, 0.0, 0.0);
+  (void)controller.step(input_at(Vector3::Zero(), {}, Vector3::Zero()));
+  const std::vector<AppliedStretch> free{{1.0, Vector3::Zero(), Vector3(0.1, 0, 0), true}};
+  ASSERT_GT(
+      controller.step(input_at(Vector3(0.1, 0, 0), free, Vector3::Zero())).ledger_energy_joule,
+      1e-3);
+
+  ControlInput after_gap = input_at(Vector3(0.2, 0, 0), free, {1, 0, 0});
+  after_gap.has_gap = true;
+  const ControlOutput out = controller.step(after_gap);
+
+  EXPECT_EQ(out.ledger_energy_joule, 0.0);
+  EXPECT_NEAR(out.force_on_hand_newton.x(), 0.1, 1e-15);
+}
+
+TEST(VectorMofc, AStretchWithoutAPositionCountsAsAGap) {
+  VectorMofc controller(kOmni, 0.0, 0.0);
+  (void)controller.step(input_at(Vector3::Zero(), {}, Vector3::Zero()));
+  const std::vector<AppliedStretch> applied{{0.02, {1, 0, 0}, Vector3::Zero(), false},
+                                            {0.02, Vector3::Zero(), Vector3(0.1, 0, 0), true}};
+
+  const ControlOutput out = controller.step(input_at(Vector3(0.1, 0, 0), applied, {1, 0, 0}));
+
+  EXPECT_EQ(out.ledger_energy_joule, 0.0);
+}
+
+TEST(PassThrough, GivesWhatIsAskedAndClaimsNoBound) {
+  PassThrough none;
+
+  const ControlOutput out = none.step(input_at(Vector3::Zero(), {}, {5, -6, 7}));
+
+  EXPECT_EQ(out.force_on_hand_newton, Vector3(5, -6, 7));
+  EXPECT_FALSE(out.is_clamped);
+  EXPECT_TRUE(std::isnan(out.ledger_energy_joule));
+}
+
+// A press of 2 N through quantised positions, held and released on the spot: work 0, path 0; the
+// quantisation costs (√3 q/2)(|f| + TV) = 47.63 µm·(0 + 4 N) = 190.5 µJ once the force is gone.
+TEST(EnergyLedger, AStaticPressCostsTheForceTimesTheResolutionOnce) {
+  const double q = 55e-6;
+  EnergyLedger ledger(0.1, 0.1, q);
+  ledger.restart(Vector3::Zero());
+  for (int i = 0; i < 1000; ++i) ledger.book(1e-3, {0, 0, 2}, Vector3::Zero());
+  ledger.book(1e-3, Vector3::Zero(), Vector3::Zero());
+
+  EXPECT_NEAR(ledger.energy_joule(), -0.5 * std::sqrt(3.0) * q * 4.0, 1e-12);
+}
+
+// 0.1 m at 0.1 m/s read every millisecond with q = 55 µm, no force: truth 0.1·0.01·1 + 0.1·0.1
+// = 11 mJ. The ledger may lose to quantisation, but not most of it.
+TEST(EnergyLedger, SlowMotionAtAHighRateStillCounts) {
+  const double q = 55e-6;
+  EnergyLedger ledger(0.1, 0.1, q);
+  ledger.restart(Vector3::Zero());
+  for (int i = 1; i <= 1000; ++i) {
+    const double x = std::round(1e-4 * i / q) * q;
+    ledger.book(1e-3, Vector3::Zero(), {x, 0, 0});
+  }
+
+  EXPECT_LE(ledger.energy_joule(), 11e-3);
+  EXPECT_GE(ledger.energy_joule(), 0.97 * 10e-3 + 0.75 * 1e-3);
+}
+
+}  // namespace
+}  // namespace palpate::controllers

@@ -1,0 +1,274 @@
+// mofc_node's own rules: relay, staleness, sessions, the same-tick wait. Manual clock, memory
+// links.
+#include "mofc_node/mofc_node.h"
+
+#include <gtest/gtest.h>
+
+#include <vector>
+
+#include "common/core/memory_link.h"
+
+namespace palpate::mofc {
+namespace {
+
+using namespace std::chrono_literals;
+
+class KeepAll final : public TickSink<MofcTick> {
+ public:
+  void keep(const MofcTick& tick) noexcept override { ticks.push_back(tick); }
+  std::vector<MofcTick> ticks;
+};
+
+/// A mofc_node between a device and a physics that the test plays.
+class MofcNodeTest : public testing::Test {
+ protected:
+  static MofcConfig mofc_config() {
+    MofcConfig config;
+    config.controller = ControllerKind::kNone;
+    config.stale_after = 6ms;
+    config.fade = 50ms;
+    return config;
+  }
+  static DeviceConfig device_config() {
+    DeviceConfig config;
+    config.lease = 2ms;
+    config.reply = 500us;
+    return config;
+  }
+
+  explicit MofcNodeTest(MofcConfig mofc = mofc_config(), DeviceConfig device = device_config())
+      : node_(mofc, device, clock_, motion_link_, interaction_in_, records_, 77) {
+    interaction_link_.on_wait = [this](TimePoint deadline) { clock_.sleep_until(deadline); };
+  }
+
+  ForceCommand tick(std::uint64_t device_session = 1) {
+    Received<DeviceState> state;
+    state.value.header = {device_session, sequence_, clock_.now()};
+    state.value.hand_position_m = position_m_;
+    state.value.tool_position_world_m = position_m_;
+    state.value.is_clutched = is_clutched_;
+    if (sequence_ > 0) {
+      state.value.applied[0] = {echoed_newton_, clock_.now() - 1ms, clock_.now(), position_m_,
+                                true};
+      state.value.applied_count = 1;
+    }
+    state.received_at = clock_.now();
+    const ForceCommand command = node_.answer(state);
+    node_.finish_turn();
+    ++sequence_;
+    return command;
+  }
+
+  void physics_says(const Vector3& force_newton, std::uint64_t device_session = 1) {
+    Interaction interaction;
+    interaction.header = {9, physics_sequence_++, clock_.now()};
+    interaction.device_session_id = device_session;
+    interaction.device_sequence = sequence_;
+    interaction.device_sampled_at = clock_.now() - 3ms;
+    interaction.force_on_tool_newton = force_newton;
+    interaction.contact_count = 1;
+    ASSERT_EQ(interaction_link_.send(interaction), SendResult::kSent);
+  }
+
+  ToolMotion last_motion() {
+    ToolMotion motion;
+    TimePoint at;
+    while (motion_link_.receive(motion, at)) {
+    }
+    return motion;
+  }
+
+  ManualClock clock_;
+  MemoryLink<ToolMotion> motion_link_{clock_};
+  MemoryLink<Interaction> interaction_link_{clock_};
+  Inbox<Interaction> interaction_in_{interaction_link_, clock_};
+  KeepAll records_;
+  MofcNode node_;
+  std::uint64_t sequence_ = 0;
+  std::uint64_t physics_sequence_ = 0;
+  Vector3 position_m_ = Vector3::Zero();
+  Vector3 echoed_newton_ = Vector3::Zero();
+  bool is_clutched_ = false;
+};
+
+TEST_F(MofcNodeTest, AsksForNothingBeforeThePhysicsSpeaks) {
+  const ForceCommand command = tick();
+
+  EXPECT_EQ(command.force_on_hand_newton, Vector3::Zero());
+  EXPECT_EQ(records_.ticks.back().state, MofcState::kNoPhysics);
+}
+
+TEST_F(MofcNodeTest, AnswersTheVeryStateItWasGivenWithTheLeaseOfTheSession) {
+  tick();
+  const ForceCommand command = tick();
+
+  EXPECT_EQ(command.answers_session_id, 1u);
+  EXPECT_EQ(command.answers_sequence, 1u);
+  EXPECT_EQ(command.valid_for, Duration(2ms));
+}
+
+TEST_F(MofcNodeTest, RelaysTheMotionWithTheDevicesStampAndAVelocity) {
+  tick();
+  clock_.advance(1ms);
+  position_m_ = {1e-4, 0, 0};
+  tick();
+
+  const ToolMotion motion = last_motion();
+  EXPECT_EQ(motion.header.session_id, 77u);
+  EXPECT_EQ(motion.header.sequence, 1u);
+  EXPECT_EQ(motion.device_sequence, 1u);
+  EXPECT_EQ(motion.device_sampled_at, TimePoint(1ms));
+  // 0.1 mm in 1 ms
+  EXPECT_NEAR(motion.tool_velocity_world_m_per_s.x(), 0.1, 1e-12);
+}
+
+TEST_F(MofcNodeTest, HoldsTheNewestForceAndTellsItsAgeOnTheDevicesClock) {
+  tick();
+  clock_.advance(10ms);
+  physics_says({0, 0, 1.5});
+  clock_.advance(1ms);
+
+  const ForceCommand command = tick();
+
+  EXPECT_EQ(command.force_on_hand_newton, Vector3(0, 0, 1.5));
+  EXPECT_EQ(records_.ticks.back().force_age, Duration(4ms));
+  EXPECT_EQ(records_.ticks.back().state, MofcState::kContact);
+}
+
+// stale at 6 ms of silence, fade over 50 ms: at 6 + 25 ms half is left, at 56 ms nothing
+TEST_F(MofcNodeTest, FadesToNothingAfterSilence) {
+  tick();
+  physics_says({0, 0, 2});
+  EXPECT_EQ(tick().force_on_hand_newton.z(), 2.0);
+  clock_.advance(6ms);
+  EXPECT_EQ(tick().force_on_hand_newton.z(), 2.0);
+  clock_.advance(25ms);
+  EXPECT_NEAR(tick().force_on_hand_newton.z(), 1.0, 1e-12);
+  EXPECT_EQ(records_.ticks.back().state, MofcState::kFading);
+  clock_.advance(25ms);
+  EXPECT_EQ(tick().force_on_hand_newton, Vector3::Zero());
+  EXPECT_EQ(records_.ticks.back().state, MofcState::kNoPhysics);
+
+  physics_says({0, 0, 2});
+  EXPECT_EQ(tick().force_on_hand_newton.z(), 2.0) << "speaks again";
+}
+
+TEST_F(MofcNodeTest, ForgetsTheForceOfAnotherDeviceSession) {
+  tick(1);
+  physics_says({0, 0, 2}, 1);
+  ASSERT_EQ(tick(1).force_on_hand_newton.z(), 2.0);
+
+  EXPECT_EQ(tick(2).force_on_hand_newton, Vector3::Zero()) << "answers session 1, not 2";
+  physics_says({0, 0, 1}, 2);
+  EXPECT_EQ(tick(2).force_on_hand_newton.z(), 1.0);
+}
+
+TEST_F(MofcNodeTest, RendersNothingWhileClutched) {
+  tick();
+  physics_says({0, 0, 2});
+  is_clutched_ = true;
+
+  EXPECT_EQ(tick().force_on_hand_newton, Vector3::Zero());
+  EXPECT_EQ(records_.ticks.back().state, MofcState::kClutched);
+}
+
+// asked 2 N, the echo says 1 N acted along it: 0.5
+TEST_F(MofcNodeTest, TransparencyComparesTheEchoWithWhatWasAsked) {
+  tick();
+  physics_says({0, 0, 2});
+  tick();
+  echoed_newton_ = {0, 0, 1};
+  tick();
+
+  const MofcCounters counters = node_.counters();
+  ASSERT_EQ(counters.transparency_samples, 1u);
+  EXPECT_NEAR(counters.transparency_sum, 0.5, 1e-12);
+}
+
+class MofcNodeScaled : public MofcNodeTest {
+ protected:
+  static DeviceConfig scaled() {
+    DeviceConfig config = device_config();
+    config.workspace.force_ratio = 0.25;
+    return config;
+  }
+  MofcNodeScaled() : MofcNodeTest(mofc_config(), scaled()) {}
+};
+
+TEST_F(MofcNodeScaled, ScalesTheForceOnTheToolToTheHand) {
+  tick();
+  physics_says({0, 0, 2});
+
+  EXPECT_EQ(tick().force_on_hand_newton.z(), 0.5);
+}
+
+class MofcNodeWaits : public MofcNodeTest {
+ protected:
+  static MofcConfig waiting() {
+    MofcConfig config = mofc_config();
+    config.wait_for_physics = 15ms;
+    config.stale_after = 120ms;
+    return config;
+  }
+  MofcNodeWaits() : MofcNodeTest(waiting()) {}
+};
+
+TEST_F(MofcNodeWaits, AnswersFromThePhysicsOfThisVeryTick) {
+  tick();
+  physics_says({0, 0, 2});  // answers sequence 1, the next tick
+
+  EXPECT_EQ(tick().force_on_hand_newton.z(), 2.0);
+  // the first tick, before the physics spoke, was late
+  EXPECT_EQ(node_.counters().late_physics_ticks, 1u);
+}
+
+TEST_F(MofcNodeWaits, GivesNoMoreThanFrictionAbsorbsWhenThePhysicsIsLate) {
+  tick();
+  physics_says({0, 0, 2});
+  tick();
+
+  const ForceCommand late = tick();  // nobody answered this one
+
+  EXPECT_NEAR(late.force_on_hand_newton.norm(), 0.1, 1e-12);
+  EXPECT_EQ(node_.counters().late_physics_ticks, 2u);
+}
+
+class MofcNodeGuards : public MofcNodeTest {
+ protected:
+  static MofcConfig clamping() {
+    MofcConfig config = mofc_config();
+    config.controller = ControllerKind::kMofc;
+    config.mode = MofcMode::kVector;
+    return config;
+  }
+  MofcNodeGuards() : MofcNodeTest(clamping()) {}
+};
+
+// from rest there is no energy to draw on: f_max = f_co = 0.1 N
+TEST_F(MofcNodeGuards, ClampsToFrictionWhileTheLedgerIsEmpty) {
+  tick();
+  physics_says({0, 0, 2});
+
+  EXPECT_NEAR(tick().force_on_hand_newton.z(), 0.1, 1e-12);
+  EXPECT_TRUE(records_.ticks.back().is_clamped);
+  EXPECT_EQ(node_.counters().clamped_ticks, 1u);
+}
+
+TEST_F(MofcNodeGuards, AGapInTheDeviceStatesEmptiesTheLedger) {
+  tick();
+  clock_.advance(1ms);
+  position_m_ = {0.05, 0, 0};
+  tick();
+  ASSERT_GT(records_.ticks.back().ledger_energy_joule, 1e-3);
+
+  Received<DeviceState> state;
+  state.value.header = {1, sequence_ + 5, clock_.now()};
+  state.skipped_before = 5;
+  (void)node_.answer(state);
+  node_.finish_turn();
+
+  EXPECT_EQ(records_.ticks.back().ledger_energy_joule, 0.0);
+}
+
+}  // namespace
+}  // namespace palpate::mofc
