@@ -1,0 +1,173 @@
+#include "device_node/device_node.h"
+
+#include <algorithm>
+#include <optional>
+
+namespace palpate::device {
+
+namespace {
+
+bool is_usable(const DeviceSample& sample) {
+  return sample.hand_position_m.allFinite() && sample.orientation.coeffs().allFinite();
+}
+
+}  // namespace
+
+DeviceNode::DeviceNode(const DeviceConfig& config, HapticDevice& device, const Clock& clock,
+                       Sender<DeviceState>& state_out, Inbox<ForceCommand>& force_in,
+                       TickSink<DeviceTick>& ticks_out, std::uint64_t session_id)
+    : config_(config),
+      device_(device),
+      clock_(clock),
+      state_out_(state_out),
+      force_in_(force_in),
+      ticks_out_(ticks_out),
+      session_id_(session_id),
+      workspace_(config.workspace),
+      guard_(config, device.specification().peak_force_newton) {}
+
+void DeviceNode::step(const Tick& tick) noexcept {
+  note_appointment(tick);
+  if (has_fault_) return;
+
+  // read: t_k
+  DeviceSample sample;
+  if (!device_.read(sample) || !is_usable(sample)) return latch_fault();
+  DeviceTick record{.sequence = sequence_,
+                    .sampled_at = sample.sampled_at,
+                    .lateness = tick.now - tick.scheduled_at};
+  const DeviceState state = make_state(sample);
+  record.measured_hand_position_m = state.hand_position_m;
+  record.measured_tool_position_world_m = state.tool_position_world_m;
+  record.is_clutched = state.is_clutched;
+  note_true_state(record);
+
+  // send: hop 1
+  const TimePoint sent_at = clock_.now();
+  state_out_.send(state);
+
+  // wait: hop 4
+  const TimePoint deadline = sample.sampled_at + config_.reply;
+  const Received<ForceCommand>* answer = wait_for_answer(state, deadline);
+  const TimePoint now = clock_.now();
+  record.is_answered = answer != nullptr && now <= deadline;
+  if (record.is_answered) record.reply_time = answer->received_at - sent_at;
+
+  // switch: to the command, or to less
+  const GuardedForce guarded =
+      record.is_answered ? guard_.answered(answer->value, now) : guard_.missed(now);
+  record.switched_at = now;
+  if (guarded.is_switch) {
+    DeviceSample at_switch;
+    if (!device_.apply(guarded.force_on_hand_newton, guarded.lease, at_switch) ||
+        !is_usable(at_switch)) {
+      return latch_fault();
+    }
+    applied_.switched(at_switch.sampled_at, at_switch.hand_position_m, guarded.force_on_hand_newton,
+                      guarded.lease);
+    record.switched_at = at_switch.sampled_at;
+  }
+
+  // record: hop 5
+  record.force_on_hand_newton = guarded.force_on_hand_newton;
+  record.guard = guarded.state;
+  record.is_peak_limited = guarded.is_limited;
+  count(record);
+  ticks_out_.keep(record);
+}
+
+void DeviceNode::note_appointment(const Tick& tick) noexcept {
+  LoopCounters& loop = counters_.loop;
+  if (loop.ticks > 0) loop.skipped_ticks += tick.index - next_index_;
+  next_index_ = tick.index + 1;
+  ++loop.ticks;
+  loop.worst_lateness = std::max(loop.worst_lateness, tick.now - tick.scheduled_at);
+}
+
+DeviceState DeviceNode::make_state(const DeviceSample& sample) noexcept {
+  const auto& clutch = config_.workspace.clutch_button;
+  workspace_.update(sample.hand_position_m,
+                    clutch.has_value() && ((sample.buttons >> *clutch) & 1U) != 0);
+
+  DeviceState state{
+      .header = {.session_id = session_id_,
+                 .sequence = sequence_++,
+                 .sampled_at = sample.sampled_at},
+      .hand_position_m = sample.hand_position_m,
+      .tool_position_world_m = workspace_.tool_position_world_m(sample.hand_position_m),
+      .tool_orientation_world = sample.orientation,
+      .buttons = sample.buttons,
+      .is_clutched = workspace_.is_clutched()};
+  if (applied_.has_begun()) {
+    applied_.read(sample.sampled_at, sample.hand_position_m);
+  } else {
+    applied_.begin(sample.sampled_at);
+  }
+  applied_.move_to(state);
+  return state;
+}
+
+const Received<ForceCommand>* DeviceNode::wait_for_answer(const DeviceState& state,
+                                                          TimePoint deadline) noexcept {
+  for (;;) {
+    const Received<ForceCommand>* newest = force_in_.newest();
+    if (newest != nullptr && newest->value.answers_session_id == state.header.session_id &&
+        newest->value.answers_sequence == state.header.sequence) {
+      return newest;
+    }
+    if (clock_.now() >= deadline) return nullptr;
+    force_in_.wait_until(deadline);
+  }
+}
+
+void DeviceNode::note_true_state(DeviceTick& record) noexcept {
+  const std::optional<TrueState> truth = device_.true_state();
+  if (!truth) return;
+  record.true_tool_position_world_m = workspace_.tool_position_world_m(truth->hand_position_m);
+  record.true_tool_velocity_world_m_per_s =
+      workspace_.tool_velocity_world_m_per_s(truth->hand_velocity_m_per_s);
+  record.true_energy_joule = truth->energy_joule;
+  record.minimum_true_energy_joule = truth->minimum_energy_joule;
+}
+
+void DeviceNode::count(const DeviceTick& record) noexcept {
+  switch (record.guard) {
+    case GuardState::kAnswered:
+      ++counters_.answered_ticks;
+      break;
+    case GuardState::kLeased:
+      ++counters_.leased_ticks;
+      break;
+    case GuardState::kFallback:
+    case GuardState::kFading:
+      ++counters_.fallback_ticks;
+      break;
+    case GuardState::kLimp:
+      ++counters_.limp_ticks;
+      break;
+  }
+  if (record.is_peak_limited) ++counters_.peak_limited_ticks;
+  counters_.max_force_newton =
+      std::max(counters_.max_force_newton, record.force_on_hand_newton.norm());
+  counters_.minimum_true_energy_joule = record.minimum_true_energy_joule;
+}
+
+void DeviceNode::latch_fault() noexcept {
+  has_fault_ = true;
+  ++counters_.device_faults;
+  release_motors();
+}
+
+void DeviceNode::release_motors() noexcept {
+  device_.release();
+  guard_.reset();
+  if (applied_.has_begun()) applied_.released(clock_.now());
+}
+
+DeviceCounters DeviceNode::counters() const noexcept {
+  DeviceCounters counters = counters_;
+  counters.force_command = force_in_.counters();
+  return counters;
+}
+
+}  // namespace palpate::device

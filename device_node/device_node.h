@@ -1,0 +1,80 @@
+// device_node.h — the tick that owns the motors.
+//
+//   out  hop 1  DeviceState   device → mofc     every tick
+//   in   hop 4  ForceCommand  mofc → device     answers that DeviceState, within the tick
+//   out  hop 5  DeviceTick    device → viewers  every tick, through a sink
+//
+// No answer by the deadline: the earlier command while its lease runs, then the fallback and the
+// fade of force_guard.h. Answers to another tick are dropped, so is an answer read after the
+// deadline: no force begins to act later than `reply` after the reading it answers.
+// Device failure: latched, motors released, nothing sent until reset_fault().
+// Thread: everything runs on the caller's thread. step() does not allocate, lock, log or throw; it
+// waits for the answer, up to `reply`.
+#pragma once
+
+#include <cstdint>
+
+#include "common/core/clock.h"
+#include "common/core/inbox.h"
+#include "common/core/messages.h"
+#include "common/core/ports.h"
+#include "common/core/session.h"
+#include "common/core/telemetry.h"
+#include "common/core/tick_schedule.h"
+#include "common/core/workspace_map.h"
+#include "device_node/applied_forces.h"
+#include "device_node/device.h"
+#include "device_node/force_guard.h"
+
+namespace palpate::device {
+
+class DeviceNode {
+ public:
+  /// All references must outlive the node. @param session_id  random per process start, not 0
+  DeviceNode(const DeviceConfig& config, HapticDevice& device, const Clock& clock,
+             Sender<DeviceState>& state_out, Inbox<ForceCommand>& force_in,
+             TickSink<DeviceTick>& ticks_out, std::uint64_t session_id);
+  ~DeviceNode() { stop(); }
+  DeviceNode(const DeviceNode&) = delete;
+  DeviceNode& operator=(const DeviceNode&) = delete;
+
+  /// One tick: read, send, wait, switch, record.
+  void step(const Tick& tick) noexcept;
+
+  /// Motors limp, at once. A later step() begins with a limp start.
+  void stop() noexcept { release_motors(); }
+
+  [[nodiscard]] bool has_fault() const noexcept { return has_fault_; }
+  /// Lets a device that failed be tried again, with a limp start.
+  void reset_fault() noexcept { has_fault_ = false; }
+
+  [[nodiscard]] DeviceCounters counters() const noexcept;
+
+ private:
+  void note_appointment(const Tick& tick) noexcept;
+  [[nodiscard]] DeviceState make_state(const DeviceSample& sample) noexcept;
+  [[nodiscard]] const Received<ForceCommand>* wait_for_answer(const DeviceState& state,
+                                                              TimePoint deadline) noexcept;
+  void note_true_state(DeviceTick& record) noexcept;
+  void count(const DeviceTick& record) noexcept;
+  void latch_fault() noexcept;
+  void release_motors() noexcept;
+
+  DeviceConfig config_;
+  HapticDevice& device_;
+  const Clock& clock_;
+  Sender<DeviceState>& state_out_;
+  Inbox<ForceCommand>& force_in_;
+  TickSink<DeviceTick>& ticks_out_;
+  std::uint64_t session_id_;
+
+  WorkspaceMap workspace_;
+  ForceGuard guard_;
+  AppliedForces applied_;
+  std::uint64_t sequence_ = 0;
+  std::uint64_t next_index_ = 0;
+  bool has_fault_ = false;
+  DeviceCounters counters_;
+};
+
+}  // namespace palpate::device

@@ -1,0 +1,145 @@
+// force_guard.h — what the device lets the motors do with a command, or with its absence. Pure: it
+// is handed the time and touches nothing. It only ever takes force away.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+
+#include "common/core/messages.h"
+#include "common/core/session.h"
+#include "common/core/telemetry.h"
+#include "common/core/vector.h"
+
+namespace palpate::device {
+
+/// What the motors are to do.
+struct GuardedForce {
+  Vector3 force_on_hand_newton = Vector3::Zero();  ///< D
+  Duration lease{};                                ///< longest time it may act
+  GuardState state = GuardState::kLimp;
+  bool is_limited = false;  ///< reduced by peak or slew limit
+  /// False: leave the motors alone, the earlier command and its lease run on.
+  bool is_switch = true;
+};
+
+/// DESIGN §2, in this order:
+///
+///   before the first answer          nothing                                      kLimp
+///   answered                         the command, for its lease                   kAnswered
+///   no answer, lease runs            the earlier command                          kLeased
+///   lease over                       at most f_co, direction kept: the device's
+///                                    own friction absorbs that, always passive    kFallback
+///   silent for limp_after            that, linearly down to nothing over `fade`   kFading
+///   silent for limp_after + fade     nothing                                      kLimp
+///
+/// An answer is cut by the limp start (leaving kLimp, it grows from nothing over start_ramp), then
+/// by the peak, then by the slew limit: the part of it beyond what already acts along its direction
+/// grows by at most slew · one period per switch. A non-finite command is no force and is counted.
+class ForceGuard {
+ public:
+  /// @param device_peak_newton  the hardware's own limit; the smaller one holds
+  ForceGuard(const DeviceConfig& config, double device_peak_newton)
+      : lease_(config.lease),
+        limp_after_(config.limp_after),
+        fade_(config.fade),
+        start_ramp_(config.start_ramp),
+        period_(from_seconds(1.0 / config.rate_hz)),
+        peak_newton_(std::min(config.peak_force_newton, device_peak_newton)),
+        slew_newton_per_s_(config.slew_newton_per_s),
+        coulomb_newton_(config.profile.coulomb_newton) {}
+
+  /// The answer to this tick is here, at `now`, and takes over at once.
+  [[nodiscard]] GuardedForce answered(const ForceCommand& command, TimePoint now) noexcept {
+    GuardedForce out{.lease = std::clamp(command.valid_for, Duration::zero(), lease_),
+                     .state = GuardState::kAnswered};
+    Vector3 force = command.force_on_hand_newton;
+    if (!force.allFinite() || out.lease == Duration::zero()) {
+      if (!force.allFinite()) ++non_finite_commands_;
+      force.setZero();
+    }
+
+    // limp start
+    if (!has_answer_ || now - answered_at_ >= limp_after_ + fade_) ramp_from_ = now;
+    if (now - ramp_from_ < start_ramp_) {
+      force *= to_seconds(now - ramp_from_) / to_seconds(start_ramp_);
+    }
+
+    // device limits
+    const double limit_newton = std::min(peak_newton_, slew_limit_newton(force, now));
+    out.is_limited = force.norm() > limit_newton;
+    out.force_on_hand_newton = limited_to_norm(force, limit_newton);
+
+    has_answer_ = true;
+    answered_at_ = now;
+    answer_newton_ = out.force_on_hand_newton;
+    answer_lease_end_ = now + out.lease;
+    acts_from(now, out);
+    return out;
+  }
+
+  /// No answer to this tick by its deadline.
+  [[nodiscard]] GuardedForce missed(TimePoint now) noexcept {
+    GuardedForce out{.lease = 2 * period_};
+    const Duration silence = now - answered_at_;
+    if (has_answer_ && now < answer_lease_end_) {
+      out.state = GuardState::kLeased;
+      out.force_on_hand_newton = answer_newton_;
+      out.is_switch = false;
+      return out;
+    }
+    if (has_answer_ && silence < limp_after_ + fade_) {
+      out.state = GuardState::kFallback;
+      out.force_on_hand_newton = limited_to_norm(answer_newton_, coulomb_newton_);
+      if (silence >= limp_after_) {
+        out.state = GuardState::kFading;
+        out.force_on_hand_newton *= 1.0 - to_seconds(silence - limp_after_) / to_seconds(fade_);
+      }
+    }
+    acts_from(now, out);
+    return out;
+  }
+
+  /// Motors were released: nothing until the next answer, and that with a limp start.
+  void reset() noexcept {
+    has_answer_ = false;
+    acting_newton_.setZero();
+  }
+
+  [[nodiscard]] std::uint64_t non_finite_commands() const noexcept { return non_finite_commands_; }
+
+ private:
+  void acts_from(TimePoint now, const GuardedForce& force) noexcept {
+    acting_newton_ = force.force_on_hand_newton;
+    acting_from_ = now;
+    acting_until_ = now + force.lease;
+  }
+
+  [[nodiscard]] double slew_limit_newton(const Vector3& force, TimePoint now) const noexcept {
+    const double norm = force.norm();
+    if (slew_newton_per_s_ <= 0.0 || norm == 0.0) return peak_newton_;
+    const double along_newton = now < acting_until_ ? acting_newton_.dot(force) / norm : 0.0;
+    const double growth_s = to_seconds(std::min(now - acting_from_, period_));
+    return std::max(0.0, along_newton) + slew_newton_per_s_ * growth_s;
+  }
+
+  Duration lease_;
+  Duration limp_after_;
+  Duration fade_;
+  Duration start_ramp_;
+  Duration period_;
+  double peak_newton_;
+  double slew_newton_per_s_;
+  double coulomb_newton_;
+
+  bool has_answer_ = false;
+  TimePoint answered_at_{};
+  TimePoint answer_lease_end_{};
+  TimePoint ramp_from_{};
+  Vector3 answer_newton_ = Vector3::Zero();  ///< the last answer, as it was let through
+  Vector3 acting_newton_ = Vector3::Zero();  ///< in [acting_from_, acting_until_)
+  TimePoint acting_from_{};
+  TimePoint acting_until_{};
+  std::uint64_t non_finite_commands_ = 0;
+};
+
+}  // namespace palpate::device

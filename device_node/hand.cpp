@@ -1,0 +1,198 @@
+#include "device_node/hand.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <type_traits>
+#include <variant>
+
+namespace palpate::device {
+
+namespace {
+
+constexpr double kTwoPi = 2.0 * std::numbers::pi;
+
+/// Path if it is a hostile one; its defaults otherwise (never used then).
+HostilePath hostile_part(const PathConfig& path) {
+  const HostilePath* hostile = std::get_if<HostilePath>(&path);
+  return hostile != nullptr ? *hostile : HostilePath{};
+}
+
+}  // namespace
+
+Target target_on(const VPath& path, double t_s) noexcept {
+  const Vector3 down = path.half_width_m * path.tangent - path.height_m * path.normal;
+  const Vector3 start = path.apex_m - down;
+
+  // free motion about the start
+  if (t_s < path.free_motion_s) {
+    const double omega = kTwoPi * path.free_frequency_hz;
+    double offset_m = path.free_amplitude_m * std::sin(omega * t_s);
+    double speed_m_per_s = path.free_amplitude_m * omega * std::cos(omega * t_s);
+
+    // what would be left at its end is taken back over the last quarter period
+    const double back_s = std::min(path.free_motion_s, 0.25 / path.free_frequency_hz);
+    const double u = (t_s - (path.free_motion_s - back_s)) / back_s;
+    if (u > 0.0) {
+      const double left_m = path.free_amplitude_m * std::sin(omega * path.free_motion_s);
+      offset_m -= left_m * u * u * (3.0 - 2.0 * u);
+      speed_m_per_s -= left_m * 6.0 * u * (1.0 - u) / back_s;
+    }
+    return {start + offset_m * path.tangent, speed_m_per_s * path.tangent};
+  }
+
+  // one leg down, one leg up, then hold
+  const double length_m = std::hypot(path.half_width_m, path.height_m);
+  const double run_m = path.speed_m_per_s * (t_s - path.free_motion_s);
+  const Vector3 first_leg = down / length_m;
+  const Vector3 up = path.half_width_m * path.tangent + path.height_m * path.normal;
+  const Vector3 second_leg = up / length_m;
+  if (run_m < length_m) return {start + run_m * first_leg, path.speed_m_per_s * first_leg};
+  if (run_m < 2.0 * length_m) {
+    return {path.apex_m + (run_m - length_m) * second_leg, path.speed_m_per_s * second_leg};
+  }
+  return {path.apex_m + up, Vector3::Zero()};
+}
+
+Target target_on(const HoldPath& path, double /*t_s*/) noexcept {
+  return {path.position_m, Vector3::Zero()};
+}
+
+Target target_on(const SinusoidPath& path, double t_s) noexcept {
+  Target target{path.center_m, Vector3::Zero()};
+  for (int axis = 0; axis < 3; ++axis) {
+    if (path.amplitude_m[axis] == 0.0) continue;
+    const double omega = kTwoPi * path.frequency_hz[axis];
+    const double phase = omega * t_s + path.phase_rad[axis];
+    target.position_m[axis] += path.amplitude_m[axis] * std::sin(phase);
+    target.velocity_m_per_s[axis] = path.amplitude_m[axis] * omega * std::cos(phase);
+  }
+  return target;
+}
+
+Target target_on(const RecordedPath& path, double t_s) noexcept {
+  const auto& samples = path.samples;
+  if (samples.empty()) return {};
+  const double first_s = samples.front().t_s;
+  const double span_s = samples.back().t_s - first_s;
+  if (path.loops && span_s > 0.0 && t_s > first_s) {
+    t_s = first_s + std::fmod(t_s - first_s, span_s);
+  }
+  const auto after =
+      std::upper_bound(samples.begin(), samples.end(), t_s,
+                       [](double t, const RecordedPath::Sample& sample) { return t < sample.t_s; });
+  if (after == samples.begin()) return {samples.front().position_m, Vector3::Zero()};
+  if (after == samples.end()) return {samples.back().position_m, Vector3::Zero()};
+  const auto before = after - 1;
+  const Vector3 velocity = (after->position_m - before->position_m) / (after->t_s - before->t_s);
+  return {before->position_m + (t_s - before->t_s) * velocity, velocity};
+}
+
+// --- hostile --------------------------------------------------------------------------------
+
+HostileHand::HostileHand(const HostilePath& path, double viscous_newton_s_per_m,
+                         double coulomb_newton, std::uint64_t seed)
+    : path_(path),
+      viscous_newton_s_per_m_(viscous_newton_s_per_m),
+      coulomb_newton_(coulomb_newton),
+      random_(seed),
+      position_m_(path.center_m) {}
+
+Target HostileHand::target(double t_s, const Felt& felt) noexcept {
+  const double dt_s = t_s - t_s_;
+  if (!(dt_s > 0.0)) return {position_m_, Vector3::Zero()};
+  t_s_ = t_s;
+
+  const double felt_newton = felt.force_on_hand_newton.norm();
+  if (felt_newton > 0.0) last_force_direction_ = felt.force_on_hand_newton / felt_newton;
+  if (t_s >= until_s_) choose(t_s);
+
+  // move, but stay inside the ball: at its skin the outward part of the motion is lost
+  const Vector3 moved = position_m_ + dt_s * wanted_velocity(t_s, felt);
+  const Vector3 next = path_.center_m + limited_to_norm(moved - path_.center_m, path_.radius_m);
+  const Vector3 velocity = (next - position_m_) / dt_s;
+  position_m_ = next;
+  return {next, velocity};
+}
+
+void HostileHand::choose(double t_s) noexcept {
+  since_s_ = t_s;
+  const bool has_felt = last_force_direction_.squaredNorm() > 0.0;
+  const double dice = random_.uniform();
+  if (has_felt && dice < 0.5) {
+    way_ = Way::kDrain;
+    until_s_ = t_s + random_.uniform(0.002, 0.08);
+  } else if (dice < 0.85) {
+    // mostly against the last force, with some scatter
+    way_ = Way::kPress;
+    until_s_ = t_s + random_.uniform(0.005, 0.15);
+    speed_m_per_s_ = path_.v_max_m_per_s * random_.uniform(0.05, 1.0);
+    direction_ = (random_.uniform(0.2, 1.0) * random_.direction() -
+                  (random_.chance(0.8) ? 1.5 : 0.0) * last_force_direction_)
+                     .normalized();
+  } else {
+    way_ = Way::kShake;
+    until_s_ = t_s + random_.uniform(0.02, 0.2);
+    half_period_s_ = random_.uniform(0.0005, 0.025);
+    speed_m_per_s_ = path_.v_max_m_per_s * random_.uniform(0.2, 1.0);
+    direction_ = has_felt ? last_force_direction_ : random_.direction();
+  }
+}
+
+Vector3 HostileHand::wanted_velocity(double t_s, const Felt& felt) const noexcept {
+  switch (way_) {
+    case Way::kDrain: {
+      const double surplus_newton = felt.force_on_hand_newton.norm() - coulomb_newton_;
+      if (surplus_newton <= 0.0) return Vector3::Zero();
+      const double v_max = path_.v_max_m_per_s;
+      const bool is_capped = surplus_newton >= 2.0 * viscous_newton_s_per_m_ * v_max;
+      const double v = is_capped ? v_max : surplus_newton / (2.0 * viscous_newton_s_per_m_);
+      return v * last_force_direction_;
+    }
+    case Way::kPress:
+      return speed_m_per_s_ * direction_;
+    case Way::kShake: {
+      const bool is_back = std::fmod(t_s - since_s_, 2.0 * half_period_s_) >= half_period_s_;
+      return (is_back ? -speed_m_per_s_ : speed_m_per_s_) * direction_;
+    }
+  }
+  return Vector3::Zero();
+}
+
+// --- hand -----------------------------------------------------------------------------------
+
+Hand::Hand(const HandConfig& config, const SimulatedDeviceConfig& device, std::uint64_t seed)
+    : config_(config),
+      hostile_(hostile_part(config.path), device.viscous_newton_s_per_m, device.coulomb_newton,
+               seed),
+      start_position_m_(target(0.0, Felt{}).position_m) {}
+
+Target Hand::target(double t_s, const Felt& felt) noexcept {
+  return std::visit(
+      [&](const auto& path) -> Target {
+        if constexpr (std::is_same_v<std::decay_t<decltype(path)>, HostilePath>) {
+          return hostile_.target(t_s, felt);
+        } else {
+          return target_on(path, t_s);
+        }
+      },
+      config_.path);
+}
+
+std::uint32_t Hand::buttons(double t_s) const noexcept {
+  std::uint32_t held = 0;
+  for (const ButtonPress& press : config_.presses) {
+    if (t_s >= press.from_s && t_s < press.until_s) held |= 1U << press.button;
+  }
+  return held;
+}
+
+PlantParameters plant_of(const SimulatedDeviceConfig& device, const HandConfig& hand) {
+  return {.mass_kg = device.mass_kg + hand.mass_kg,
+          .hand_stiffness_newton_per_m = hand.stiffness_newton_per_m,
+          .hand_damping_newton_s_per_m = hand.damping_newton_s_per_m,
+          .viscous_newton_s_per_m = device.viscous_newton_s_per_m,
+          .coulomb_newton = device.coulomb_newton};
+}
+
+}  // namespace palpate::device

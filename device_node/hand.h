@@ -1,0 +1,92 @@
+// hand.h — hands that hold a simulated device: where they mean to be, and which buttons they press.
+#pragma once
+
+#include <cstdint>
+
+#include "common/core/random.h"
+#include "common/core/session.h"
+#include "device_node/plant.h"
+
+namespace palpate::device {
+
+/// What a hand notices. D.
+struct Felt {
+  Vector3 force_on_hand_newton = Vector3::Zero();  ///< rendered
+  Vector3 hand_position_m = Vector3::Zero();
+  Vector3 hand_velocity_m_per_s = Vector3::Zero();
+};
+
+/// Intended point at `t_s` ≥ 0 seconds after the start.
+///
+/// V: the V starts at s = apex − half_width·tangent + height·normal. For the first t_free seconds
+/// the point swings about s along the tangent, amplitude·sin(2π f t); then it runs s → apex → end
+/// at constant speed and holds at the end. Where the swing would not end at s by itself, what is
+/// left, amplitude·sin(2π f t_free), is taken back smoothly (3u² − 2u³) over the last quarter
+/// period of the swing, or over all of it if it is shorter. So position is continuous; velocity
+/// jumps at s, at the apex and at the end, as the paper's V does.
+[[nodiscard]] Target target_on(const VPath& path, double t_s) noexcept;
+[[nodiscard]] Target target_on(const HoldPath& path, double t_s) noexcept;
+[[nodiscard]] Target target_on(const SinusoidPath& path, double t_s) noexcept;
+/// Between samples the velocity is constant; held ends have none. A loop jumps from last to first.
+[[nodiscard]] Target target_on(const RecordedPath& path, double t_s) noexcept;
+
+/// Seeks to draw energy from the force it feels. At random times it picks one of three ways:
+///
+///   drain   follow the force at the speed that draws most from a held force against the device's
+///           friction, v* = (|F| − f_co)/(2 f_d) (CONTROLLERS §2.1 eq. 12)
+///   press   back into the scene, roughly against the last force felt, or anywhere
+///   shake   to and fro along the force, turning every 0.5 … 25 ms, near sampling periods
+///
+/// The intended point is never faster than v_max and never farther than radius from the centre.
+class HostileHand {
+ public:
+  HostileHand(const HostilePath& path, double viscous_newton_s_per_m, double coulomb_newton,
+              std::uint64_t seed);
+
+  /// Call with growing `t_s`.
+  [[nodiscard]] Target target(double t_s, const Felt& felt) noexcept;
+
+ private:
+  enum class Way : std::uint8_t { kDrain, kPress, kShake };
+  void choose(double t_s) noexcept;
+  [[nodiscard]] Vector3 wanted_velocity(double t_s, const Felt& felt) const noexcept;
+
+  HostilePath path_;
+  double viscous_newton_s_per_m_;
+  double coulomb_newton_;
+  Random random_;
+  Way way_ = Way::kPress;
+  double t_s_ = 0.0;
+  double since_s_ = 0.0;
+  double until_s_ = 0.0;
+  double half_period_s_ = 0.0;
+  double speed_m_per_s_ = 0.0;
+  Vector3 direction_ = Vector3::UnitZ();
+  Vector3 last_force_direction_ = Vector3::Zero();  ///< zero: no force felt yet
+  Vector3 position_m_;
+};
+
+/// A hand of the session on its path. Same configuration and seed: same hand, to the bit.
+class Hand {
+ public:
+  /// @param device  its true friction is known to a hostile hand
+  Hand(const HandConfig& config, const SimulatedDeviceConfig& device, std::uint64_t seed);
+
+  /// Where the hand rests before it starts.
+  [[nodiscard]] const Vector3& start_position_m() const noexcept { return start_position_m_; }
+  /// Call once per inner step, in order, with the time of its middle since the device's start.
+  /// No allocation, no throw.
+  [[nodiscard]] Target target(double t_s, const Felt& felt) noexcept;
+  /// Bit i set while button i is pressed: from ≤ t < until.
+  [[nodiscard]] std::uint32_t buttons(double t_s) const noexcept;
+
+ private:
+  HandConfig config_;
+  HostileHand hostile_;  ///< at rest unless the path is a hostile one
+  Vector3 start_position_m_;
+};
+
+/// Device and hand as one mass.
+[[nodiscard]] PlantParameters plant_of(const SimulatedDeviceConfig& device, const HandConfig& hand);
+
+}  // namespace palpate::device
