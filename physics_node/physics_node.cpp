@@ -1,0 +1,73 @@
+#include "physics_node/physics_node.h"
+
+#include <algorithm>
+
+namespace palpate::physics {
+
+PhysicsNode::PhysicsNode(const SceneConfig& scene, const Clock& clock, Inbox<ToolMotion>& motion_in,
+                         Sender<Interaction>& interaction_out, TickSink<PhysicsTick>& ticks_out,
+                         std::uint64_t session_id)
+    : scene_(scene),
+      clock_(clock),
+      motion_in_(motion_in),
+      interaction_out_(interaction_out),
+      ticks_out_(ticks_out),
+      session_id_(session_id) {}
+
+bool PhysicsNode::has_new_motion() noexcept {
+  motion_in_.newest();
+  return motion_in_.counters().accepted > motions_answered_;
+}
+
+void PhysicsNode::step(const Tick& tick) noexcept {
+  count_turn(tick);
+
+  // read: hop 2
+  const Received<ToolMotion>* received = motion_in_.newest();
+  counters_.tool_motion = motion_in_.counters();
+  if (received == nullptr) return;
+  motions_answered_ = counters_.tool_motion.accepted;
+  const ToolMotion& motion = received->value;
+
+  const SceneForce force =
+      scene_.evaluate(motion.tool_position_world_m, motion.tool_velocity_world_m_per_s);
+
+  // send: hop 3. What the link does not take shows as skipped at the receiver.
+  Interaction interaction;
+  interaction.header = {.session_id = session_id_, .sequence = sequence_, .sampled_at = tick.now};
+  interaction.device_session_id = motion.device_session_id;
+  interaction.device_sequence = motion.device_sequence;
+  interaction.device_sampled_at = motion.device_sampled_at;
+  interaction.tool_position_world_m = motion.tool_position_world_m;
+  interaction.tool_orientation_world = motion.tool_orientation_world;
+  interaction.force_on_tool_newton = force.force_on_tool_newton;
+  interaction.stored_energy_joule = force.stored_energy_joule;
+  interaction.contacts = force.contacts;
+  interaction.contact_count = force.contact_count;
+  interaction_out_.send(interaction);
+
+  // keep: hop 5
+  const Duration compute_time = clock_.now() - tick.now;
+  counters_.worst_compute_time = std::max(counters_.worst_compute_time, compute_time);
+  counters_.tissues_skipped += force.tissues_skipped;
+  if (force.contact_count > 0) ++counters_.contact_steps;
+  ticks_out_.keep({.sequence = sequence_,
+                   .stepped_at = tick.now,
+                   .device_sequence = motion.device_sequence,
+                   .tool_position_world_m = motion.tool_position_world_m,
+                   .force_on_tool_newton = force.force_on_tool_newton,
+                   .stored_energy_joule = force.stored_energy_joule,
+                   .contact_count = force.contact_count,
+                   .compute_time = compute_time});
+  ++sequence_;
+}
+
+void PhysicsNode::count_turn(const Tick& tick) noexcept {
+  ++counters_.loop.ticks;
+  if (tick.index > next_index_) counters_.loop.skipped_ticks += tick.index - next_index_;
+  next_index_ = tick.index + 1;
+  counters_.loop.worst_lateness =
+      std::max(counters_.loop.worst_lateness, tick.now - tick.scheduled_at);
+}
+
+}  // namespace palpate::physics

@@ -1,0 +1,67 @@
+#include "physics_node/geometry.h"
+
+namespace palpate::physics {
+namespace {
+
+// Below this length a direction is rounding, not geometry [m].
+constexpr double kShortestDirection = 1e-12;
+
+}  // namespace
+
+SurfaceView view(const HalfSpaceGeometry& half_space, const Vector3& point_m) noexcept {
+  SurfaceView surface;
+  surface.distance_m = half_space.normal.dot(point_m - half_space.point_m);
+  surface.normal = half_space.normal;
+  return surface;
+}
+
+SurfaceView view(const SphereGeometry& sphere, const Vector3& point_m) noexcept {
+  SurfaceView surface;
+  const Vector3 from_center = point_m - sphere.center_m;
+  const double distance_to_center = from_center.norm();
+  surface.distance_m = distance_to_center - sphere.radius_m;
+  if (distance_to_center > kShortestDirection) {
+    surface.normal = from_center / distance_to_center;
+    surface.curvature_per_m =
+        (Matrix3::Identity() - surface.normal * surface.normal.transpose()) / distance_to_center;
+  }
+  return surface;
+}
+
+SurfaceView view(const BoxGeometry& box, const Vector3& point_m) noexcept {
+  SurfaceView surface;
+  const Vector3 from_center = point_m - box.center_m;
+  const Vector3 sign = from_center.unaryExpr([](double x) { return x < 0.0 ? -1.0 : 1.0; });
+  const Vector3 beyond_face = from_center.cwiseAbs() - 0.5 * box.size_m;  // > 0: outside that slab
+  int nearest_face = 0;
+  const double nearest = beyond_face.maxCoeff(&nearest_face);
+
+  if (nearest <= kShortestDirection) {
+    surface.distance_m = nearest;
+    surface.normal = sign[nearest_face] * Vector3::Unit(nearest_face);
+    return surface;
+  }
+
+  // outside: the nearest point of the box differs in the axes whose slab the point is outside of
+  const Vector3 from_box = beyond_face.cwiseMax(0.0).cwiseProduct(sign);
+  surface.distance_m = from_box.norm();
+  surface.normal = from_box / surface.distance_m;
+  const Vector3 is_beyond = beyond_face.unaryExpr([](double x) { return x > 0.0 ? 1.0 : 0.0; });
+  if (is_beyond.sum() > 1.0) {
+    surface.curvature_per_m =
+        (Matrix3(is_beyond.asDiagonal()) - surface.normal * surface.normal.transpose()) /
+        surface.distance_m;
+  }
+  return surface;
+}
+
+Bounds bounds_of(const SphereGeometry& sphere) noexcept {
+  const Vector3 radius_m = Vector3::Constant(sphere.radius_m);
+  return {sphere.center_m - radius_m, sphere.center_m + radius_m};
+}
+
+Bounds bounds_of(const BoxGeometry& box) noexcept {
+  return {box.center_m - 0.5 * box.size_m, box.center_m + 0.5 * box.size_m};
+}
+
+}  // namespace palpate::physics

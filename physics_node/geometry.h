@@ -1,0 +1,40 @@
+// geometry.h — the surfaces a tissue can have, seen from one point: how far, which way, how curved.
+#pragma once
+
+#include "common/core/session.h"
+#include "common/core/vector.h"
+
+namespace palpate::physics {
+
+/// The surface as one point of W sees it.
+struct SurfaceView {
+  double distance_m = 0.0;            ///< signed: > 0 outside the tissue, < 0 inside
+  Vector3 normal = Vector3::UnitZ();  ///< unit, out of the tissue; the gradient of the distance
+  Matrix3 curvature_per_m = Matrix3::Zero();  ///< Hessian of the distance; curvature · normal = 0
+};
+
+/// Axis-aligned box in W.
+struct Bounds {
+  Vector3 lowest_m = Vector3::Zero();
+  Vector3 highest_m = Vector3::Zero();
+};
+
+/// Exact everywhere; the plane has no curvature. Needs |normal| = 1.
+[[nodiscard]] SurfaceView view(const HalfSpaceGeometry& half_space,
+                               const Vector3& point_m) noexcept;
+
+/// Exact. At the centre (closer than 1 pm) no direction leads out more than another: the normal is
+/// +z there and the curvature, which grows as 1/distance from the centre, is given as zero.
+[[nodiscard]] SurfaceView view(const SphereGeometry& sphere, const Vector3& point_m) noexcept;
+
+/// Outside: the distance to the nearest point of the box, be it on a face, an edge (curved like a
+/// cylinder) or a corner (curved like a sphere). Inside: the nearest face; where several are
+/// equally near the first in the order x, y, z, and of two opposite ones the one in positive
+/// direction, so the normal jumps there while the distance does not.
+[[nodiscard]] SurfaceView view(const BoxGeometry& box, const Vector3& point_m) noexcept;
+
+/// The smallest box round the tissue.
+[[nodiscard]] Bounds bounds_of(const SphereGeometry& sphere) noexcept;
+[[nodiscard]] Bounds bounds_of(const BoxGeometry& box) noexcept;
+
+}  // namespace palpate::physics

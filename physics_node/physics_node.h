@@ -1,0 +1,60 @@
+// physics_node.h — where the tissue is: answers the tool's motion with the force on the tool.
+//
+//   in   hop 2  ToolMotion   mofc → physics   newest wins
+//   out  hop 3  Interaction  physics → mofc   every step, once there was a motion
+//   out  hop 5  PhysicsTick  to the sink      every step, once there was a motion
+//
+// Before the first motion: sends nothing.
+// No new motion since the last step: the force for the newest one is sent again under a fresh
+// header, so mofc_node can tell a slow hand from dead physics.
+// Motion from a restarted mofc_node: accepted at once; nothing is kept from one step to the next.
+// Thread: everything runs on the caller's thread. step() is real-time safe.
+#pragma once
+
+#include <cstdint>
+
+#include "common/core/clock.h"
+#include "common/core/inbox.h"
+#include "common/core/messages.h"
+#include "common/core/ports.h"
+#include "common/core/session.h"
+#include "common/core/telemetry.h"
+#include "common/core/tick_schedule.h"
+#include "physics_node/scene.h"
+
+namespace palpate::physics {
+
+class PhysicsNode {
+ public:
+  /// Everything handed in by reference must outlive the node.
+  /// @param session_id  random, not 0
+  PhysicsNode(const SceneConfig& scene, const Clock& clock, Inbox<ToolMotion>& motion_in,
+              Sender<Interaction>& interaction_out, TickSink<PhysicsTick>& ticks_out,
+              std::uint64_t session_id);
+
+  /// Newest motion → force → hop 3. Called at the physics rate, or on arrival (has_new_motion).
+  /// No allocation, no lock, no throw.
+  void step(const Tick& tick) noexcept;
+
+  /// Has a motion arrived that no step has answered yet? For stepping on arrival.
+  [[nodiscard]] bool has_new_motion() noexcept;
+
+  [[nodiscard]] const PhysicsCounters& counters() const noexcept { return counters_; }
+  [[nodiscard]] const Scene& scene() const noexcept { return scene_; }
+
+ private:
+  void count_turn(const Tick& tick) noexcept;
+
+  Scene scene_;
+  const Clock& clock_;
+  Inbox<ToolMotion>& motion_in_;
+  Sender<Interaction>& interaction_out_;
+  TickSink<PhysicsTick>& ticks_out_;
+  std::uint64_t session_id_;
+  std::uint64_t sequence_ = 0;          // of the next Interaction
+  std::uint64_t motions_answered_ = 0;  // accepted by the inbox up to the last step
+  std::uint64_t next_index_ = 0;        // appointment expected next
+  PhysicsCounters counters_;
+};
+
+}  // namespace palpate::physics

@@ -1,0 +1,264 @@
+#include "physics_node/physics_node.h"
+
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "common/core/memory_link.h"
+#include "tests/support/alloc_guard.h"
+
+namespace palpate::physics {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr std::uint64_t kPhysicsSession = 77;
+
+class TickList final : public TickSink<PhysicsTick> {
+ public:
+  TickList() { ticks.reserve(100000); }
+  void keep(const PhysicsTick& tick) noexcept override { ticks.push_back(tick); }
+  std::vector<PhysicsTick> ticks;
+};
+
+// Moves on by 7 µs whenever it is read, as if something had been computed meanwhile.
+class BusyClock final : public Clock {
+ public:
+  [[nodiscard]] TimePoint now() const noexcept override { return now_ += 7us; }
+  void sleep_until(TimePoint deadline) override { now_ = deadline; }
+
+ private:
+  mutable TimePoint now_ = time_at(1.0);
+};
+
+// A floor of 500 N/m below z = 0, and a sphere too far to matter.
+SceneConfig floor_and_far_sphere() {
+  return {.tip_radius_m = 0.0,
+          .tissues = {{.name = "floor",
+                       .geometry = HalfSpaceGeometry{},
+                       .material = KelvinVoigtMaterial{.stiffness_newton_per_m = 500.0}},
+                      {.name = "far",
+                       .geometry = SphereGeometry{.center_m = {5, 5, 5}, .radius_m = 0.01},
+                       .material = KelvinVoigtMaterial{}}}};
+}
+
+struct Bench {
+  explicit Bench(const SceneConfig& scene = floor_and_far_sphere())
+      : node(scene, clock, inbox, interactions, ticks, kPhysicsSession) {}
+
+  void send_motion(double z_m, std::uint64_t mofc_session = 5) {
+    ToolMotion motion;
+    motion.header = {.session_id = mofc_session, .sequence = next_sequence++};
+    motion.device_session_id = 9;
+    motion.device_sequence = 1000 + motion.header.sequence;
+    motion.device_sampled_at = time_at(0.001 * static_cast<double>(motion.header.sequence));
+    motion.tool_position_world_m = {0.1, 0.2, z_m};
+    motion.tool_orientation_world = Quaternion(0.6, 0.8, 0.0, 0.0);
+    motions.send(motion);
+  }
+  void step() {
+    const TimePoint now = clock.now();
+    node.step({.index = next_index++, .scheduled_at = now, .now = now});
+  }
+  std::vector<Interaction> received() {
+    std::vector<Interaction> all;
+    Interaction interaction;
+    TimePoint at;
+    while (interactions.receive(interaction, at)) all.push_back(interaction);
+    return all;
+  }
+
+  ManualClock clock;
+  MemoryLink<ToolMotion> motions{clock};
+  MemoryLink<Interaction> interactions{clock};
+  Inbox<ToolMotion> inbox{motions, clock};
+  TickList ticks;
+  PhysicsNode node;
+  std::uint64_t next_sequence = 0;
+  std::uint64_t next_index = 0;
+};
+
+TEST(PhysicsNode, SaysNothingBeforeTheFirstMotion) {
+  Bench bench;
+
+  bench.step();
+
+  EXPECT_TRUE(bench.received().empty());
+  EXPECT_TRUE(bench.ticks.ticks.empty());
+  EXPECT_FALSE(bench.node.has_new_motion());
+  EXPECT_EQ(bench.node.counters().loop.ticks, 1U);
+}
+
+// 10 mm deep at 500 N/m: 5 N, 0.025 J.
+TEST(PhysicsNode, AnswersAMotionWithTheForceAndItsStamps) {
+  Bench bench;
+  bench.clock.advance(3s);
+  bench.send_motion(-0.01);
+
+  bench.step();
+
+  const std::vector<Interaction> received = bench.received();
+  ASSERT_EQ(received.size(), 1U);
+  const Interaction& interaction = received[0];
+  EXPECT_EQ(interaction.header.session_id, kPhysicsSession);
+  EXPECT_EQ(interaction.header.sequence, 0U);
+  EXPECT_EQ(interaction.header.sampled_at, time_at(3.0));
+  EXPECT_EQ(interaction.device_session_id, 9U);
+  EXPECT_EQ(interaction.device_sequence, 1000U);
+  EXPECT_EQ(interaction.device_sampled_at, time_at(0.0));
+  EXPECT_EQ(interaction.tool_position_world_m, Vector3(0.1, 0.2, -0.01));
+  EXPECT_EQ(interaction.tool_orientation_world.coeffs(), Quaternion(0.6, 0.8, 0.0, 0.0).coeffs());
+  EXPECT_LT((interaction.force_on_tool_newton - Vector3(0, 0, 5)).norm(), 1e-12);
+  EXPECT_NEAR(interaction.stored_energy_joule, 0.025, 1e-15);
+  ASSERT_EQ(interaction.contact_count, 1U);
+  EXPECT_NEAR(interaction.contacts[0].penetration_m, 0.01, 1e-15);
+}
+
+TEST(PhysicsNode, AnswersTheNewestMotionOnly) {
+  Bench bench;
+  bench.send_motion(-0.01);
+  bench.send_motion(-0.02);
+
+  bench.step();
+
+  const std::vector<Interaction> received = bench.received();
+  ASSERT_EQ(received.size(), 1U);
+  EXPECT_EQ(received[0].device_sequence, 1001U);
+  EXPECT_NEAR(received[0].force_on_tool_newton.z(), 10.0, 1e-12);
+}
+
+TEST(PhysicsNode, RepeatsTheForceUnderAFreshHeaderWithoutANewMotion) {
+  Bench bench;
+  bench.send_motion(-0.01);
+  bench.step();
+  bench.clock.advance(1ms);
+
+  bench.step();
+
+  const std::vector<Interaction> received = bench.received();
+  ASSERT_EQ(received.size(), 2U);
+  EXPECT_EQ(received[1].header.sequence, 1U);
+  EXPECT_EQ(received[1].header.sampled_at, time_at(0.001));
+  EXPECT_EQ(received[1].device_sequence, received[0].device_sequence);
+  EXPECT_EQ(received[1].force_on_tool_newton, received[0].force_on_tool_newton);
+}
+
+TEST(PhysicsNode, KnowsWhetherAMotionIsUnanswered) {
+  Bench bench;
+  bench.send_motion(-0.01);
+
+  EXPECT_TRUE(bench.node.has_new_motion());
+  EXPECT_TRUE(bench.node.has_new_motion()) << "asking does not answer";
+  bench.step();
+  EXPECT_FALSE(bench.node.has_new_motion());
+  bench.send_motion(-0.01);
+  EXPECT_TRUE(bench.node.has_new_motion());
+}
+
+TEST(PhysicsNode, FollowsARestartedMofcAtOnce) {
+  Bench bench;
+  for (int i = 0; i < 5; ++i) bench.send_motion(-0.01, 5);
+  bench.step();
+  bench.next_sequence = 0;
+  bench.send_motion(-0.02, 6);
+
+  EXPECT_TRUE(bench.node.has_new_motion());
+  bench.step();
+
+  const std::vector<Interaction> received = bench.received();
+  EXPECT_EQ(received.back().device_sequence, 1000U);
+  EXPECT_NEAR(received.back().force_on_tool_newton.z(), 10.0, 1e-12);
+  EXPECT_EQ(bench.node.counters().tool_motion.sessions, 2U);
+}
+
+TEST(PhysicsNode, GoesOnWhenTheLinkTakesNothing) {
+  Bench bench;
+  bench.send_motion(-0.01);
+
+  for (int i = 0; i < 1000; ++i) bench.step();  // the link holds 256
+
+  EXPECT_EQ(bench.received().size(), 256U);
+  EXPECT_EQ(bench.ticks.ticks.size(), 1000U);
+  EXPECT_EQ(bench.ticks.ticks.back().sequence, 999U);
+}
+
+TEST(PhysicsNode, CountsStepsContactsSkippedTissuesAndAppointments) {
+  Bench bench;
+  bench.send_motion(0.01);
+  bench.step();  // above the floor
+  bench.send_motion(-0.01);
+  bench.step();
+  bench.next_index += 3;  // three appointments missed
+  const TimePoint now = bench.clock.now();
+  bench.node.step({.index = bench.next_index, .scheduled_at = now, .now = now + 250us});
+
+  const PhysicsCounters& counters = bench.node.counters();
+  EXPECT_EQ(counters.loop.ticks, 3U);
+  EXPECT_EQ(counters.loop.skipped_ticks, 3U);
+  EXPECT_EQ(counters.loop.worst_lateness, Duration(250us));
+  EXPECT_EQ(counters.contact_steps, 2U);
+  EXPECT_EQ(counters.tissues_skipped, 3U);  // the far sphere, at every step
+  EXPECT_EQ(counters.tool_motion.accepted, 2U);
+}
+
+TEST(PhysicsNode, LeavesARecordOfEveryStep) {
+  Bench bench;
+  bench.clock.advance(2s);
+  bench.send_motion(-0.01);
+
+  bench.step();
+
+  ASSERT_EQ(bench.ticks.ticks.size(), 1U);
+  const PhysicsTick& tick = bench.ticks.ticks[0];
+  EXPECT_EQ(tick.sequence, 0U);
+  EXPECT_EQ(tick.stepped_at, time_at(2.0));
+  EXPECT_EQ(tick.device_sequence, 1000U);
+  EXPECT_EQ(tick.tool_position_world_m, Vector3(0.1, 0.2, -0.01));
+  EXPECT_NEAR(tick.force_on_tool_newton.z(), 5.0, 1e-12);
+  EXPECT_NEAR(tick.stored_energy_joule, 0.025, 1e-15);
+  EXPECT_EQ(tick.contact_count, 1U);
+}
+
+// The clock moves by 7 µs per reading: the inbox does not read it, the step does once, at its end.
+TEST(PhysicsNode, TakesItsComputeTimeFromTheClockHandedIn) {
+  Bench bench;
+  BusyClock busy;
+  PhysicsNode node(floor_and_far_sphere(), busy, bench.inbox, bench.interactions, bench.ticks, 1);
+  bench.send_motion(-0.01);
+
+  const TimePoint now = busy.now();
+  node.step({.index = 0, .scheduled_at = now, .now = now});
+
+  EXPECT_EQ(bench.ticks.ticks.at(0).compute_time, Duration(7us));
+  EXPECT_EQ(node.counters().worst_compute_time, Duration(7us));
+}
+
+TEST(PhysicsNode, StepDoesNotAllocate) {
+  Bench bench;
+  bench.send_motion(-0.01);
+  bench.step();
+  bench.send_motion(-0.02);
+
+  AllocGuard guard;
+  for (int i = 0; i < 100; ++i) {
+    bench.step();
+    static_cast<void>(bench.node.has_new_motion());
+  }
+
+  EXPECT_EQ(guard.count(), 0U);
+}
+
+TEST(AllocGuard, SeesAnAllocation) {
+  AllocGuard guard;
+
+  const auto owner = std::make_unique<std::vector<int>>(100);
+
+  EXPECT_EQ(guard.count(), 2U);
+}
+
+static_assert(noexcept(std::declval<PhysicsNode&>().step(std::declval<const Tick&>())));
+
+}  // namespace
+}  // namespace palpate::physics

@@ -1,0 +1,45 @@
+// random_scene.h — seeded scenes for property tests: tissues of every kind, a few cm in size,
+// within 10 cm of the origin.
+#pragma once
+
+#include <string>
+
+#include "common/core/random.h"
+#include "common/core/session.h"
+
+namespace palpate::physics {
+
+inline Vector3 random_in_cube(Random& random, double half_edge) {
+  return half_edge * Vector3(random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1));
+}
+
+inline SceneConfig random_scene(Random& random, int tissues) {
+  SceneConfig scene;
+  scene.tip_radius_m = random.chance(0.5) ? 0.0 : random.uniform(0.001, 0.01);
+  for (int i = 0; i < tissues; ++i) {
+    TissueConfig tissue;
+    tissue.name = std::to_string(i);
+    const Vector3 center_m = random_in_cube(random, 0.05);
+    switch (random.below(3)) {
+      case 0:
+        tissue.geometry = HalfSpaceGeometry{.point_m = center_m, .normal = random.direction()};
+        break;
+      case 1:
+        tissue.geometry =
+            SphereGeometry{.center_m = center_m, .radius_m = random.uniform(0.005, 0.05)};
+        break;
+      default:
+        tissue.geometry = BoxGeometry{
+            .center_m = center_m, .size_m = Vector3::Constant(0.06) + random_in_cube(random, 0.05)};
+    }
+    tissue.material = KelvinVoigtMaterial{
+        .stiffness_newton_per_m = random.uniform(5, 2000),
+        .damping_newton_s_per_m = random.chance(0.3) ? 0.0 : random.uniform(0.1, 20),
+        .is_damping_isotropic = random.chance(0.5),
+        .is_adhesive = random.chance(0.5)};
+    scene.tissues.push_back(tissue);
+  }
+  return scene;
+}
+
+}  // namespace palpate::physics
