@@ -44,6 +44,7 @@ class Inbox {
     while (arrived(message, received_at)) {
       if (accept(message, received_at)) return &held_;
     }
+    counters_.rejected = source_.rejected();
     return nullptr;
   }
 

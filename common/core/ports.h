@@ -34,6 +34,8 @@ class Source {
   [[nodiscard]] virtual bool receive(T& message, TimePoint& received_at) noexcept = 0;
   /// Returns when a message may have arrived, or at `deadline`. May return early.
   virtual void wait_until(TimePoint deadline) noexcept = 0;
+  /// Frames refused so far by the codec below; 0 where there is none.
+  [[nodiscard]] virtual std::uint64_t rejected() const noexcept { return 0; }
 };
 
 /// What happened on one incoming link since the start. Telemetry, not log lines.

@@ -1,0 +1,453 @@
+#include "common/link/zmq_links.h"
+
+#include <poll.h>
+#include <pthread.h>
+#include <sched.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <thread>
+
+#include "common/core/check.h"
+
+namespace palpate {
+namespace {
+
+constexpr int kReconnectMs = 10;
+/// A connection attempt or handshake that takes longer is given up and begun again.
+constexpr int kConnectMs = 500;
+constexpr int kHandshakeMs = 2000;
+/// A peer silent for three heartbeats is cut off; so is one that acknowledges nothing for as long.
+constexpr int kHeartbeatMs = 100;
+constexpr int kHeartbeatTimeoutMs = 300;
+constexpr int kTcpMaxRetransmitMs = 500;
+
+/// Over inproc nothing may be lost: lockstep runs many messages between two looks at the queue.
+constexpr int kInprocQueue = 1000;
+/// libzmq cuts off a peer that announces a longer frame before any memory is taken for it. Above
+/// every kMaxFrameBytes, so that ordinary excess is refused, counted and explained by the codec.
+constexpr std::int64_t kMaxAnnouncedBytes = std::int64_t{2} << 20;
+/// Bad frames looked at in one receive(): a flood must not hold the tick.
+constexpr int kMaxRejectedPerCall = 16;
+
+constexpr LinkSocket::Settings kExchange{
+    .type = zmq::socket_type::router, .send_queue = 8, .receive_queue = 8};
+
+/// Short queues and kernel buffers: what waits in them is old when it arrives.
+constexpr LinkSocket::Settings kOneWay{.type = zmq::socket_type::xpub,
+                                       .send_queue = 4,
+                                       .receive_queue = 4,
+                                       .buffer_bytes = 8 << 10,
+                                       .heartbeats = true};
+constexpr int kEveryQueue = 64;
+
+/// Lingers, so that the last batch of a node leaves.
+constexpr LinkSocket::Settings kTelemetry{.type = zmq::socket_type::xpub,
+                                          .send_queue = 8,
+                                          .receive_queue = 8,
+                                          .buffer_bytes = 64 << 10,
+                                          .linger_ms = 200,
+                                          .heartbeats = true};
+
+LinkSocket::Settings with_type(LinkSocket::Settings settings, zmq::socket_type type) {
+  settings.type = type;
+  return settings;
+}
+
+LinkSocket::Settings incoming(Delivery delivery) {
+  LinkSocket::Settings settings = with_type(kOneWay, zmq::socket_type::sub);
+  settings.conflates = delivery == Delivery::kNewest;
+  if (delivery == Delivery::kEvery) settings.receive_queue = kEveryQueue;
+  return settings;
+}
+
+std::span<const std::byte> bytes(const zmq::message_t& frame) {
+  return {static_cast<const std::byte*>(frame.data()), frame.size()};
+}
+
+template <class T>
+SendResult send_frame(LinkSocket& socket, Codec<T>& codec, const T& message) noexcept {
+  const std::size_t size = codec.encode(message);
+  if (size > kMaxFrameBytes<T>) return SendResult::kDropped;
+  zmq::message_t frame(size);
+  codec.write(static_cast<std::byte*>(frame.data()));
+  return socket.send(frame, 0);
+}
+
+/// The next good message of a socket whose messages have one part.
+template <class T>
+bool receive_frame(LinkSocket& socket, Codec<T>& codec, zmq::message_t& frame,
+                   Rejections& rejections, T& message) noexcept {
+  for (int i = 0; i < kMaxRejectedPerCall && socket.receive(frame); ++i) {
+    const DecodeError error = socket.drop_more_parts(frame) ? DecodeError::kMalformed
+                                                            : codec.decode(bytes(frame), message);
+    if (error == DecodeError::kNone) return true;
+    rejections.count(error, codec.peer_major());
+  }
+  return false;
+}
+
+}  // namespace
+
+// --- context ----------------------------------------------------------------------------------
+
+ZmqContext::ZmqContext(const RealtimeConfig& realtime) {
+  // ask the kernel itself, on a thread that ends at once
+  std::thread([&] {
+    const sched_param parameters{.sched_priority = realtime.priority};
+    is_realtime_ = realtime.priority > 0 &&
+                   pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameters) == 0;
+    if (realtime.cpu >= 0 && realtime.cpu < CPU_SETSIZE) {
+      cpu_set_t cpus;
+      CPU_ZERO(&cpus);
+      CPU_SET(static_cast<std::size_t>(realtime.cpu), &cpus);
+      is_pinned_ = pthread_setaffinity_np(pthread_self(), sizeof(cpus), &cpus) == 0;
+    }
+  }).join();
+
+  if (is_realtime_) {
+    context_.set(zmq::ctxopt::thread_sched_policy, SCHED_FIFO);
+    context_.set(zmq::ctxopt::thread_priority, realtime.priority);
+  }
+  if (is_pinned_) context_.set(zmq::ctxopt::thread_affinity_cpu_add, realtime.cpu);
+}
+
+// --- rejections -------------------------------------------------------------------------------
+
+std::uint64_t Rejections::total() const noexcept {
+  std::uint64_t total = second_writer();
+  for (const auto& n : by_reason_) total += n.load(std::memory_order_relaxed);
+  return total;
+}
+std::uint64_t Rejections::of(DecodeError error) const noexcept {
+  return by_reason_[static_cast<std::size_t>(error)].load(std::memory_order_relaxed);
+}
+std::uint64_t Rejections::second_writer() const noexcept {
+  return second_writer_.load(std::memory_order_relaxed);
+}
+DecodeError Rejections::latest() const noexcept { return latest_.load(std::memory_order_relaxed); }
+std::uint32_t Rejections::peer_major() const noexcept {
+  return peer_major_.load(std::memory_order_relaxed);
+}
+void Rejections::count(DecodeError error, std::uint32_t peer_major) noexcept {
+  by_reason_[static_cast<std::size_t>(error)].fetch_add(1, std::memory_order_relaxed);
+  latest_.store(error, std::memory_order_relaxed);
+  if (error == DecodeError::kWrongVersion) {
+    peer_major_.store(peer_major, std::memory_order_relaxed);
+  }
+}
+void Rejections::count_second_writer() noexcept {
+  second_writer_.fetch_add(1, std::memory_order_relaxed);
+  latest_.store(DecodeError::kNone, std::memory_order_relaxed);
+}
+
+// --- socket -----------------------------------------------------------------------------------
+
+LinkSocket::LinkSocket(ZmqContext& context, const Settings& settings,
+                       const std::vector<Attachment>& attachments)
+    : socket_(context.get(), settings.type) {
+  PALPATE_REQUIRE(!attachments.empty());
+  const Scheme scheme = scheme_of(attachments.front());
+  const bool is_inproc = scheme == Scheme::kInproc;
+
+  socket_.set(zmq::sockopt::ipv6, true);
+  socket_.set(zmq::sockopt::linger, settings.linger_ms);
+  socket_.set(zmq::sockopt::sndhwm, is_inproc ? kInprocQueue : settings.send_queue);
+  socket_.set(zmq::sockopt::rcvhwm, is_inproc ? kInprocQueue : settings.receive_queue);
+  socket_.set(zmq::sockopt::maxmsgsize, kMaxAnnouncedBytes);
+  socket_.set(zmq::sockopt::immediate, true);  // nothing queues for a peer that is not there
+  socket_.set(zmq::sockopt::reconnect_ivl, kReconnectMs);
+  socket_.set(zmq::sockopt::connect_timeout, kConnectMs);
+  socket_.set(zmq::sockopt::handshake_ivl, kHandshakeMs);
+  if (scheme == Scheme::kTcp) {
+    socket_.set(zmq::sockopt::tcp_maxrt, kTcpMaxRetransmitMs);
+    if (settings.buffer_bytes > 0) {
+      socket_.set(zmq::sockopt::sndbuf, settings.buffer_bytes);
+      socket_.set(zmq::sockopt::rcvbuf, settings.buffer_bytes);
+    }
+  }
+  if (settings.heartbeats) {
+    socket_.set(zmq::sockopt::heartbeat_ivl, kHeartbeatMs);
+    socket_.set(zmq::sockopt::heartbeat_timeout, kHeartbeatTimeoutMs);
+    socket_.set(zmq::sockopt::heartbeat_ttl, kHeartbeatTimeoutMs);
+  }
+  if (settings.conflates && !is_inproc) socket_.set(zmq::sockopt::conflate, true);
+  if (settings.type == zmq::socket_type::router) socket_.set(zmq::sockopt::router_mandatory, true);
+  if (settings.type == zmq::socket_type::sub) socket_.set(zmq::sockopt::subscribe, "");
+
+  for (const Attachment& attachment : attachments) attach(attachment);
+  endpoint_ = socket_.get(zmq::sockopt::last_endpoint);
+  descriptor_ = socket_.get(zmq::sockopt::fd);
+}
+
+void LinkSocket::attach(const Attachment& a) {
+  const Scheme scheme = scheme_of(a);
+  const bool binds = a.role == Attachment::Role::kBind;
+  if (binds && scheme == Scheme::kIpc) claim_.emplace(a);
+  try {
+    if (binds) {
+      socket_.bind(a.endpoint);
+    } else {
+      socket_.connect(a.endpoint);
+    }
+  } catch (const zmq::error_t& error) {
+    std::string why = std::string(binds ? "cannot bind" : "cannot connect") + " (" + error.what() +
+                      "); give ipc://PATH, tcp://HOST:PORT or inproc://NAME";
+    if (error.num() == EADDRINUSE) {
+      why = "in use by another process; stop it or give " + a.setting + " another endpoint";
+    } else if (error.num() == EADDRNOTAVAIL || error.num() == ENODEV) {
+      why = "this machine does not have that address; give one of its own, or * for all";
+    } else if (error.num() == EACCES) {
+      why = "no right to bind there; give a port above 1023, or a path that you may write";
+    }
+    throw SetupError(a.setting + " = " + a.endpoint + ": " + why);
+  }
+}
+
+bool LinkSocket::receive(zmq::message_t& part) noexcept {
+  while (zmq_msg_recv(part.handle(), handle(), ZMQ_DONTWAIT) < 0) {
+    if (zmq_errno() != EINTR) return false;
+  }
+  return true;
+}
+
+bool LinkSocket::drop_more_parts(const zmq::message_t& part) noexcept {
+  if (!part.more()) return false;
+  zmq::message_t rest;
+  while (receive(rest) && rest.more()) {
+  }
+  return true;
+}
+
+SendResult LinkSocket::send(zmq::message_t& part, int flags) noexcept {
+  while (zmq_msg_send(part.handle(), handle(), ZMQ_DONTWAIT | flags) < 0) {
+    if (zmq_errno() == EHOSTUNREACH) return SendResult::kNoPeer;
+    if (zmq_errno() != EINTR) return SendResult::kDropped;
+  }
+  return SendResult::kSent;
+}
+
+bool LinkSocket::is_ready(int events) noexcept {
+  int present = 0;
+  std::size_t size = sizeof(present);
+  return zmq_getsockopt(handle(), ZMQ_EVENTS, &present, &size) == 0 && (present & events) != 0;
+}
+
+void LinkSocket::wait_until(int events, const Clock& clock, TimePoint deadline) noexcept {
+  // The descriptor signals changes, not states, and is_ready() takes the signal: so look before
+  // and after each wait. ppoll, because zmq_poll counts whole milliseconds.
+  while (!is_ready(events)) {
+    const Duration left = deadline - clock.now();
+    if (left <= Duration::zero()) return;
+    pollfd descriptor{.fd = descriptor_, .events = POLLIN, .revents = 0};
+    const timespec timeout{.tv_sec = left.count() / 1'000'000'000,
+                           .tv_nsec = left.count() % 1'000'000'000};
+    if (ppoll(&descriptor, 1, &timeout, nullptr) <= 0) return;
+  }
+}
+
+void LinkSocket::wait_for_message(const WaitHook& on_wait, const Clock& clock,
+                                  TimePoint deadline) noexcept {
+  if (!on_wait) {
+    wait_until(ZMQ_POLLIN, clock, deadline);
+  } else if (!is_ready(ZMQ_POLLIN)) {
+    on_wait(deadline);
+  }
+}
+
+// --- one-way links ----------------------------------------------------------------------------
+
+template <class T>
+ZmqSender<T>::ZmqSender(ZmqContext& context, const Attachment& attachment)
+    : socket_(context, kIsTelemetry<T> ? kTelemetry : kOneWay, {attachment}) {}
+
+template <class T>
+bool ZmqSender<T>::has_subscriber() noexcept {
+  // first byte 1: somebody subscribed to a topic that nobody had; 0: nobody has it any more
+  while (socket_.receive(subscription_)) {
+    if (subscription_.size() == 0) continue;
+    const std::byte action = bytes(subscription_)[0];
+    if (action == std::byte{1}) ++topics_;
+    if (action == std::byte{0}) --topics_;
+  }
+  return topics_ > 0;
+}
+
+template <class T>
+SendResult ZmqSender<T>::send(const T& message) noexcept {
+  if (!has_subscriber()) return SendResult::kNoPeer;
+  const SendResult result = send_frame(socket_, codec_, message);
+  if (result == SendResult::kSent && on_send) on_send();
+  return result;
+}
+
+template <class T>
+bool ZmqSender<T>::wait_for_peer(Duration timeout) noexcept {
+  const SteadyClock clock;
+  const TimePoint deadline = clock.now() + timeout;
+  while (!has_subscriber()) {
+    if (clock.now() >= deadline) return false;
+    socket_.wait_until(ZMQ_POLLIN, clock, deadline);
+  }
+  return true;
+}
+
+template <class T>
+ZmqSource<T>::ZmqSource(ZmqContext& context, const Clock& clock, const Attachment& attachment,
+                        Delivery delivery)
+    : clock_(clock), socket_(context, incoming(delivery), {attachment}) {}
+
+template <class T>
+bool ZmqSource<T>::receive(T& message, TimePoint& received_at) noexcept {
+  if (!receive_frame(socket_, codec_, frame_, rejections_, message)) return false;
+  received_at = clock_.now();
+  return true;
+}
+
+template <class T>
+void ZmqSource<T>::wait_until(TimePoint deadline) noexcept {
+  socket_.wait_for_message(on_wait, clock_, deadline);
+}
+
+template class ZmqSender<ToolMotion>;
+template class ZmqSender<Interaction>;
+template class ZmqSender<DeviceBatch>;
+template class ZmqSender<MofcBatch>;
+template class ZmqSender<PhysicsBatch>;
+template class ZmqSource<ToolMotion>;
+template class ZmqSource<Interaction>;
+
+// --- exchange ---------------------------------------------------------------------------------
+
+ExchangeServer::ExchangeServer(ZmqContext& context, const Clock& clock,
+                               const Attachment& attachment)
+    : clock_(clock), socket_(context, kExchange, {attachment}) {}
+
+bool ExchangeServer::admit(const DeviceState& message, TimePoint now) noexcept {
+  const bool is_served =
+      is_serving_ && (message.header.session_id == served_session_id_ || peer_ == served_peer_);
+  if (!is_served && is_serving_ && now - heard_at_ < kSilence) return false;
+  is_serving_ = true;
+  served_session_id_ = message.header.session_id;
+  served_peer_.copy(peer_);
+  heard_at_ = now;
+  return true;
+}
+
+bool ExchangeServer::receive(DeviceState& message, TimePoint& received_at) noexcept {
+  for (int i = 0; i < kMaxRejectedPerCall && socket_.receive(peer_); ++i) {
+    // part 1: which connection, by libzmq; part 2: the frame
+    const bool is_whole =
+        peer_.more() && socket_.receive(frame_) && !socket_.drop_more_parts(frame_);
+    const DecodeError error =
+        is_whole ? states_.decode(bytes(frame_), decoded_) : DecodeError::kMalformed;
+    if (error != DecodeError::kNone) {
+      rejections_.count(error, states_.peer_major());
+      continue;
+    }
+    const TimePoint now = clock_.now();
+    if (!admit(decoded_, now)) {
+      rejections_.count_second_writer();
+      continue;
+    }
+    message = decoded_;
+    received_at = now;
+    return true;
+  }
+  return false;
+}
+
+void ExchangeServer::wait_until(TimePoint deadline) noexcept {
+  socket_.wait_for_message(on_wait, clock_, deadline);
+}
+
+SendResult ExchangeServer::send(const ForceCommand& message) noexcept {
+  if (!is_serving_) return SendResult::kNoPeer;
+  zmq::message_t peer;
+  peer.copy(served_peer_);
+  SendResult result = socket_.send(peer, ZMQ_SNDMORE);
+  if (result == SendResult::kSent) result = send_frame(socket_, commands_, message);
+  if (result == SendResult::kNoPeer) is_serving_ = false;
+  if (result == SendResult::kSent && on_send) on_send();
+  return result;
+}
+
+ExchangeClient::ExchangeClient(ZmqContext& context, const Clock& clock,
+                               const Attachment& attachment)
+    : clock_(clock),
+      socket_(context, with_type(kExchange, zmq::socket_type::dealer), {attachment}) {}
+
+SendResult ExchangeClient::send(const DeviceState& message) noexcept {
+  const SendResult result = send_frame(socket_, states_, message);
+  if (result == SendResult::kSent && on_send) on_send();
+  return result;
+}
+
+bool ExchangeClient::receive(ForceCommand& message, TimePoint& received_at) noexcept {
+  if (!receive_frame(socket_, commands_, frame_, rejections_, message)) return false;
+  received_at = clock_.now();
+  return true;
+}
+
+void ExchangeClient::wait_until(TimePoint deadline) noexcept {
+  socket_.wait_for_message(on_wait, clock_, deadline);
+}
+
+bool ExchangeClient::wait_for_peer(Duration timeout) noexcept {
+  const SteadyClock clock;
+  socket_.wait_until(ZMQ_POLLOUT, clock, clock.now() + timeout);
+  return socket_.is_ready(ZMQ_POLLOUT);
+}
+
+// --- telemetry --------------------------------------------------------------------------------
+
+TelemetrySubscriber::TelemetrySubscriber(ZmqContext& context, const Clock& clock,
+                                         const std::vector<Attachment>& attachments)
+    : clock_(clock), socket_(context, with_type(kTelemetry, zmq::socket_type::sub), attachments) {}
+
+template <class Batch>
+bool TelemetrySubscriber::take(Codec<Batch>& codec, TelemetryMessage& message) noexcept {
+  // in place if it is of this kind already: its vectors keep their memory
+  auto* batch = std::get_if<Batch>(&message);
+  Batch fresh;
+  const DecodeError error = codec.decode(bytes(frame_), batch != nullptr ? *batch : fresh);
+  if (error != DecodeError::kNone) {
+    rejections_.count(error, codec.peer_major());
+    return false;
+  }
+  if (batch == nullptr) message = std::move(fresh);
+  return true;
+}
+
+bool TelemetrySubscriber::receive(TelemetryMessage& message, TimePoint& received_at) noexcept {
+  for (int i = 0; i < kMaxRejectedPerCall && socket_.receive(frame_); ++i) {
+    if (socket_.drop_more_parts(frame_) || frame_.size() == 0) {
+      rejections_.count(DecodeError::kMalformed);
+      continue;
+    }
+    bool is_good = false;
+    switch (static_cast<MessageKind>(bytes(frame_)[0])) {
+      case MessageKind::kDeviceBatch:
+        is_good = take(device_, message);
+        break;
+      case MessageKind::kMofcBatch:
+        is_good = take(mofc_, message);
+        break;
+      case MessageKind::kPhysicsBatch:
+        is_good = take(physics_, message);
+        break;
+      default:
+        rejections_.count(DecodeError::kWrongKind);
+    }
+    if (!is_good) continue;
+    received_at = clock_.now();
+    return true;
+  }
+  return false;
+}
+
+void TelemetrySubscriber::wait_until(TimePoint deadline) noexcept {
+  socket_.wait_for_message(on_wait, clock_, deadline);
+}
+
+}  // namespace palpate

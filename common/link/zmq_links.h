@@ -1,0 +1,284 @@
+// zmq_links.h — the ZeroMQ ends of the ports, one class per kind of end:
+//
+//   hops 1 + 4   ExchangeServer (mofc, binds)      ExchangeClient (device)
+//   hops 2, 3    ZmqSender<T>                      ZmqSource<T>
+//   hop 5        ZmqSender<…Batch> (node, binds)   TelemetrySubscriber (viewer)
+//
+// Socket types, queue lengths and loss policy of each hop: proto/README.md.
+//
+// Real time. send() and receive() never block and never throw; a constructor throws SetupError.
+// Each end belongs to one thread at a time. Only rejections() may be read from other threads.
+//
+// Lockstep. All ends of one ZmqContext over inproc:// work in one thread: what send() took, the
+// next receive() of the other end gives. Nothing is conflated or dropped there. Publishers drop
+// what is sent before their subscriber is known, so wiring makes all ends, then for each one-way
+// link lets the receiver answer and asks the sender:
+//
+//   source.wait_until(clock.now());           // processes what the sender's socket told it
+//   if (!sender.wait_for_peer(1s)) …
+//
+// `on_wait` and `on_send` are the same hooks as MemoryLink's: a scheduler's stand-ins for blocking
+// and waking where the clock is virtual.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+#include <zmq.hpp>
+
+#include "common/core/clock.h"
+#include "common/core/ports.h"
+#include "common/core/session.h"
+#include "common/link/codec.h"
+#include "common/link/endpoint.h"
+
+namespace palpate {
+
+/// libzmq's I/O thread, shared by the sockets made from it. Outlives them.
+///
+/// Use one context for the exchange (hops 1 and 4) and another one for everything else: then
+/// viewers cannot delay the loop.
+class ZmqContext {
+ public:
+  /// Ordinary scheduling.
+  ZmqContext() : ZmqContext(RealtimeConfig{.priority = 0, .cpu = -1}) {}
+  /// The I/O thread runs at SCHED_FIFO and on the processor given, each only if this process may:
+  /// libzmq aborts the process otherwise.
+  explicit ZmqContext(const RealtimeConfig& realtime);
+
+  [[nodiscard]] bool is_realtime() const { return is_realtime_; }
+  [[nodiscard]] bool is_pinned() const { return is_pinned_; }
+  [[nodiscard]] zmq::context_t& get() { return context_; }
+
+ private:
+  zmq::context_t context_;
+  bool is_realtime_ = false;
+  bool is_pinned_ = false;
+};
+
+/// Frames refused by one end, by reason. Written by its thread, read by any.
+class Rejections {
+ public:
+  [[nodiscard]] std::uint64_t total() const noexcept;
+  [[nodiscard]] std::uint64_t of(DecodeError error) const noexcept;
+  /// Good frames of a second device while the first one is being served.
+  [[nodiscard]] std::uint64_t second_writer() const noexcept;
+  /// Reason of the latest; kNone if none, or if it was a second writer.
+  [[nodiscard]] DecodeError latest() const noexcept;
+  /// protocol_major of the latest frame of another version, for explain(); 0 if none.
+  [[nodiscard]] std::uint32_t peer_major() const noexcept;
+
+  void count(DecodeError error, std::uint32_t peer_major = 0) noexcept;
+  void count_second_writer() noexcept;
+
+ private:
+  std::array<std::atomic<std::uint64_t>, kDecodeErrors> by_reason_{};
+  std::atomic<std::uint64_t> second_writer_{0};
+  std::atomic<DecodeError> latest_{DecodeError::kNone};
+  std::atomic<std::uint32_t> peer_major_{0};
+};
+
+using SendHook = std::function<void()>;
+using WaitHook = std::function<void(TimePoint deadline)>;
+
+/// A socket with its settings, attached: what the ends below have in common.
+class LinkSocket {
+ public:
+  struct Settings {
+    zmq::socket_type type;
+    int send_queue = 0;      ///< messages per peer
+    int receive_queue = 0;   ///< messages per peer
+    int buffer_bytes = 0;    ///< kernel buffers each way; 0: the system's choice
+    int linger_ms = 0;       ///< how long the last messages may take after closing
+    bool conflates = false;  ///< keep the newest message only
+    bool heartbeats = false;
+  };
+  /// All attachments have one scheme.
+  LinkSocket(ZmqContext& context, const Settings& settings,
+             const std::vector<Attachment>& attachments);
+
+  /// libzmq's own name of the endpoint last attached: the real port where "*" was asked for.
+  [[nodiscard]] const std::string& endpoint() const { return endpoint_; }
+
+  [[nodiscard]] void* handle() noexcept { return socket_.handle(); }
+  /// Next part; false when there is none.
+  [[nodiscard]] bool receive(zmq::message_t& part) noexcept;
+  /// Takes the rest of a message of several parts; false if there was none.
+  bool drop_more_parts(const zmq::message_t& part) noexcept;
+  [[nodiscard]] SendResult send(zmq::message_t& part, int flags) noexcept;
+  /// `events`: ZMQ_POLLIN or ZMQ_POLLOUT.
+  [[nodiscard]] bool is_ready(int events) noexcept;
+  /// Returns when ready, on a signal, or at `deadline` to within the kernel's timer slack.
+  void wait_until(int events, const Clock& clock, TimePoint deadline) noexcept;
+  /// The ends' wait_until(): by the hook where there is one.
+  void wait_for_message(const WaitHook& on_wait, const Clock& clock, TimePoint deadline) noexcept;
+
+ private:
+  void attach(const Attachment& attachment);
+
+  std::optional<IpcClaim> claim_;  // outlives the socket
+  zmq::socket_t socket_;
+  std::string endpoint_;
+  int descriptor_ = -1;
+};
+
+/// How an incoming one-way link treats messages that arrive faster than they are taken.
+enum class Delivery : std::uint8_t {
+  kNewest,  ///< the socket keeps the newest only
+  kEvery,   ///< they queue, so that a fault line behind the socket sees each
+};
+
+/// Outgoing end of a one-way link: hops 2, 3 and 5. Publishes to whoever is connected.
+template <class T>
+class ZmqSender final : public Sender<T> {
+ public:
+  ZmqSender(ZmqContext& context, const Attachment& attachment);
+
+  SendHook on_send;
+
+  /// kNoPeer: nobody subscribes, nothing was encoded. kDropped: longer than kMaxFrameBytes.
+  /// A subscriber whose queue is full misses the message; that is not seen here.
+  SendResult send(const T& message) noexcept override;
+
+  [[nodiscard]] bool has_subscriber() noexcept;
+  /// Waits, in real time, until somebody subscribes.
+  [[nodiscard]] bool wait_for_peer(Duration timeout) noexcept;
+  [[nodiscard]] const std::string& endpoint() const { return socket_.endpoint(); }
+
+ private:
+  LinkSocket socket_;
+  Codec<T> codec_;
+  zmq::message_t subscription_;
+  int topics_ = 0;  // subscribed to by anybody
+};
+
+/// Incoming end of a one-way link: hops 2 and 3.
+template <class T>
+class ZmqSource final : public Source<T> {
+ public:
+  ZmqSource(ZmqContext& context, const Clock& clock, const Attachment& attachment,
+            Delivery delivery = Delivery::kNewest);
+
+  WaitHook on_wait;
+
+  [[nodiscard]] bool receive(T& message, TimePoint& received_at) noexcept override;
+  void wait_until(TimePoint deadline) noexcept override;
+  [[nodiscard]] std::uint64_t rejected() const noexcept override { return rejections_.total(); }
+
+  [[nodiscard]] const Rejections& rejections() const { return rejections_; }
+  [[nodiscard]] const std::string& endpoint() const { return socket_.endpoint(); }
+
+ private:
+  const Clock& clock_;
+  LinkSocket socket_;
+  Codec<T> codec_;
+  zmq::message_t frame_;
+  Rejections rejections_;
+};
+
+/// mofc_node's end of hops 1 and 4. Answers go to the device whose state was accepted last.
+///
+/// One writer: while one device is being served, states of any other are refused and counted, until
+/// the first has been silent for kSilence. A device that reconnects keeps its place: its session id
+/// says who it is.
+class ExchangeServer final : public Source<DeviceState>, public Sender<ForceCommand> {
+ public:
+  static constexpr Duration kSilence = std::chrono::seconds(1);
+
+  ExchangeServer(ZmqContext& context, const Clock& clock, const Attachment& attachment);
+
+  SendHook on_send;
+  WaitHook on_wait;
+
+  [[nodiscard]] bool receive(DeviceState& message, TimePoint& received_at) noexcept override;
+  void wait_until(TimePoint deadline) noexcept override;
+  [[nodiscard]] std::uint64_t rejected() const noexcept override { return rejections_.total(); }
+  /// kNoPeer: no device yet, or it is gone; its place is then free at once.
+  SendResult send(const ForceCommand& message) noexcept override;
+
+  [[nodiscard]] const Rejections& rejections() const { return rejections_; }
+  [[nodiscard]] const std::string& endpoint() const { return socket_.endpoint(); }
+
+ private:
+  [[nodiscard]] bool admit(const DeviceState& message, TimePoint now) noexcept;
+
+  const Clock& clock_;
+  LinkSocket socket_;
+  Codec<DeviceState> states_;
+  Codec<ForceCommand> commands_;
+  zmq::message_t peer_;  // of the frame at hand
+  zmq::message_t frame_;
+  DeviceState decoded_;
+  Rejections rejections_;
+
+  // the device being served
+  bool is_serving_ = false;
+  zmq::message_t served_peer_;
+  std::uint64_t served_session_id_ = 0;
+  TimePoint heard_at_{};
+};
+
+/// device_node's end of hops 1 and 4.
+class ExchangeClient final : public Sender<DeviceState>, public Source<ForceCommand> {
+ public:
+  ExchangeClient(ZmqContext& context, const Clock& clock, const Attachment& attachment);
+
+  SendHook on_send;
+  WaitHook on_wait;
+
+  /// kDropped: mofc_node is not connected, or 8 states behind; the socket cannot tell which.
+  SendResult send(const DeviceState& message) noexcept override;
+  [[nodiscard]] bool receive(ForceCommand& message, TimePoint& received_at) noexcept override;
+  void wait_until(TimePoint deadline) noexcept override;
+  [[nodiscard]] std::uint64_t rejected() const noexcept override { return rejections_.total(); }
+
+  /// Waits, in real time, until mofc_node is connected.
+  [[nodiscard]] bool wait_for_peer(Duration timeout) noexcept;
+  [[nodiscard]] const Rejections& rejections() const { return rejections_; }
+  [[nodiscard]] const std::string& endpoint() const { return socket_.endpoint(); }
+
+ private:
+  const Clock& clock_;
+  LinkSocket socket_;
+  Codec<DeviceState> states_;
+  Codec<ForceCommand> commands_;
+  zmq::message_t frame_;
+  Rejections rejections_;
+};
+
+using TelemetryMessage = std::variant<DeviceBatch, MofcBatch, PhysicsBatch>;
+
+/// A viewer's end of hop 5: all nodes into one socket.
+class TelemetrySubscriber final : public Source<TelemetryMessage> {
+ public:
+  TelemetrySubscriber(ZmqContext& context, const Clock& clock,
+                      const std::vector<Attachment>& attachments);
+
+  WaitHook on_wait;
+
+  [[nodiscard]] bool receive(TelemetryMessage& message, TimePoint& received_at) noexcept override;
+  void wait_until(TimePoint deadline) noexcept override;
+  [[nodiscard]] std::uint64_t rejected() const noexcept override { return rejections_.total(); }
+
+  [[nodiscard]] const Rejections& rejections() const { return rejections_; }
+
+ private:
+  template <class Batch>
+  [[nodiscard]] bool take(Codec<Batch>& codec, TelemetryMessage& message) noexcept;
+
+  const Clock& clock_;
+  LinkSocket socket_;
+  Codec<DeviceBatch> device_;
+  Codec<MofcBatch> mofc_;
+  Codec<PhysicsBatch> physics_;
+  zmq::message_t frame_;
+  Rejections rejections_;
+};
+
+}  // namespace palpate
