@@ -1,0 +1,119 @@
+#include "common/runtime/run_node.h"
+
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/signal_set.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <exception>
+#include <filesystem>
+#include <optional>
+#include <random>
+#include <thread>
+#include <vector>
+
+#include "common/core/check.h"
+#include "common/runtime/session_file.h"
+
+namespace palpate {
+namespace {
+
+namespace asio = boost::asio;
+
+/// Turns signals and the end of the time into a stop request, on a thread of its own.
+class StopSignals {
+ public:
+  explicit StopSignals(std::optional<double> seconds)
+      : signals_(io_, SIGINT, SIGTERM, SIGHUP), timer_(io_) {
+    signals_.async_wait([this](const boost::system::error_code& error, int) {
+      if (error) return;
+      signals_.clear();  // the next one has its default effect: it kills
+      source_.request_stop();
+    });
+    if (seconds) {
+      timer_.expires_after(std::chrono::duration_cast<std::chrono::nanoseconds>(
+          std::chrono::duration<double>(*seconds)));
+      timer_.async_wait([this](const boost::system::error_code& error) {
+        if (!error) source_.request_stop();
+      });
+    }
+    thread_ = std::thread([this] { io_.run(); });
+  }
+  ~StopSignals() {
+    io_.stop();
+    thread_.join();
+  }
+  StopSignals(const StopSignals&) = delete;
+  StopSignals& operator=(const StopSignals&) = delete;
+
+  [[nodiscard]] std::stop_token token() const { return source_.get_token(); }
+
+ private:
+  asio::io_context io_;
+  asio::signal_set signals_;
+  asio::steady_timer timer_;
+  std::stop_source source_;
+  std::thread thread_;
+};
+
+}  // namespace
+
+const char* version() { return PALPATE_VERSION; }
+
+std::uint64_t random_session_id() {
+  std::random_device device;
+  std::uniform_int_distribution<std::uint64_t> any(1);
+  return any(device);
+}
+
+int run_node(int argc, char** argv, const NodeInfo& info,
+             const std::function<void(NodeContext&)>& body) {
+  const std::string program = info.name + "_node";
+  CLI::App app(info.description, program);
+  std::filesystem::path session_file;
+  std::vector<std::string> overrides;
+  std::optional<double> seconds;
+  bool no_realtime = false;
+  app.add_option("--session", session_file, "The deployment to take part in (*.txtpb)")->required();
+  app.add_option("--set", overrides, "path=value: overrides a field of the session; repeatable")
+      ->allow_extra_args(false);
+  app.add_option("--seconds", seconds, "Stop after this time")->check(CLI::PositiveNumber);
+  app.add_flag("--no-realtime", no_realtime, "Ordinary scheduling, whatever the session says");
+  app.set_version_flag("--version", program + " " + version());
+  if (info.add_options) info.add_options(app);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    return app.exit(e) == 0 ? 0 : kExitSetupError;
+  }
+
+  try {
+    Session session = load_session(session_file, overrides);
+    if (no_realtime) session.realtime = {.priority = 0, .cpu = -1};
+
+    const Log log(info.name);
+    const StopSignals signals(seconds);
+    SteadyClock clock;
+    NodeContext context{.session = session,
+                        .session_id = random_session_id(),
+                        .clock = clock,
+                        .log = log.logger(),
+                        .stop = signals.token()};
+    context.log.info("event=start session={} session_id={:x} version={}", session.name,
+                     context.session_id, version());
+    body(context);
+    context.log.info("event=stop");
+    return 0;
+  } catch (const SetupError& e) {
+    std::fprintf(stderr, "%s: %s\n", program.c_str(), e.what());
+    return kExitSetupError;
+  } catch (const std::exception& e) {
+    std::fprintf(stderr, "%s: failed: %s\n", program.c_str(), e.what());
+  } catch (...) {
+    std::fprintf(stderr, "%s: failed: unknown exception\n", program.c_str());
+  }
+  return kExitFailure;
+}
+
+}  // namespace palpate

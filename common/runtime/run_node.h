@@ -1,0 +1,49 @@
+// run_node.h — start and stop of a node: command line, session, log, signals, exit status.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <cstdint>
+#include <functional>
+#include <stop_token>
+#include <string>
+
+#include "common/core/clock.h"
+#include "common/core/session.h"
+#include "common/runtime/log.h"
+
+namespace palpate {
+
+/// Exit statuses of every program of the project.
+inline constexpr int kExitFailure = 1;
+inline constexpr int kExitSetupError = 2;  ///< the user's to mend; starting again would not help
+
+struct NodeInfo {
+  std::string name;         ///< "device"; the program is device_node
+  std::string description;  ///< one sentence for --help
+  /// Options of this node beside the common ones; optional.
+  std::function<void(CLI::App&)> add_options = {};
+};
+
+/// What a node's main is handed.
+struct NodeContext {
+  const Session& session;    ///< --set applied; with --no-realtime it asks for nothing real-time
+  std::uint64_t session_id;  ///< random, never 0: the header's of every message of this process
+  SteadyClock& clock;
+  spdlog::logger& log;   ///< never on the tick thread
+  std::stop_token stop;  ///< SIGINT, SIGTERM, SIGHUP or the end of --seconds
+};
+
+/// Version of the project, "MAJOR.MINOR.PATCH".
+[[nodiscard]] const char* version();
+
+/// Random, never 0.
+[[nodiscard]] std::uint64_t random_session_id();
+
+/// Parses the command line, loads the session and runs `body`, which returns soon after a stop was
+/// requested. A second signal kills.
+/// @return exit status: 0, kExitSetupError with the text of the problem printed once, or
+///         kExitFailure for any other exception.
+int run_node(int argc, char** argv, const NodeInfo& info,
+             const std::function<void(NodeContext&)>& body);
+
+}  // namespace palpate
