@@ -1,0 +1,315 @@
+#include "deploy/palpate/lockstep.h"
+
+#include <algorithm>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "common/core/check.h"
+#include "common/core/inbox.h"
+#include "common/core/memory_link.h"
+#include "common/core/virtual_time.h"
+#include "common/core/workspace_map.h"
+#include "common/link/zmq_links.h"
+#include "device_node/device_node.h"
+#include "device_node/ideal_run.h"
+#include "device_node/open_device.h"
+#include "mofc_node/mofc_node.h"
+#include "physics_node/physics_node.h"
+#include "physics_node/scene.h"
+
+namespace palpate {
+namespace {
+
+// Fixed, so that a run repeats to the bit; real processes draw random ones.
+constexpr std::uint64_t kDeviceSession = 1;
+constexpr std::uint64_t kMofcSession = 2;
+constexpr std::uint64_t kPhysicsSession = 3;
+
+// Order of the events of one instant.
+enum Rank : int { kDeviceRank = 0, kMofcRank = 1, kPhysicsRank = 2 };
+
+/// Keeps the last record of a node.
+template <class Record>
+class LastTick final : public TickSink<Record> {
+ public:
+  void keep(const Record& record) noexcept override { last = record; }
+  std::optional<Record> last;
+};
+
+/// Both ends of the four links, whatever carries them.
+struct Links {
+  virtual ~Links() = default;
+  Sender<DeviceState>* state_out = nullptr;
+  Source<DeviceState>* state_in = nullptr;
+  Sender<ForceCommand>* command_out = nullptr;
+  Source<ForceCommand>* command_in = nullptr;
+  Sender<ToolMotion>* motion_out = nullptr;
+  Source<ToolMotion>* motion_in = nullptr;
+  Sender<Interaction>* interaction_out = nullptr;
+  Source<Interaction>* interaction_in = nullptr;
+};
+
+struct LinkHooks {
+  SendHook on_state_sent;
+  SendHook on_motion_sent;
+  WaitHook on_wait;
+};
+
+struct MemoryLinks final : Links {
+  MemoryLinks(const Clock& clock, const LinkHooks& hooks)
+      : state(clock), command(clock), motion(clock), interaction(clock) {
+    state.on_send = hooks.on_state_sent;
+    motion.on_send = hooks.on_motion_sent;
+    command.on_wait = hooks.on_wait;
+    interaction.on_wait = hooks.on_wait;
+    state_out = &state;
+    state_in = &state;
+    command_out = &command;
+    command_in = &command;
+    motion_out = &motion;
+    motion_in = &motion;
+    interaction_out = &interaction;
+    interaction_in = &interaction;
+  }
+  MemoryLink<DeviceState> state;
+  MemoryLink<ForceCommand> command;
+  MemoryLink<ToolMotion> motion;
+  MemoryLink<Interaction> interaction;
+};
+
+struct InprocLinks final : Links {
+  InprocLinks(const Clock& clock, const LinkHooks& hooks)
+      : server(context, clock, bind_to("inproc://exchange", "lockstep")),
+        client(context, clock, connect_to("inproc://exchange", "lockstep")),
+        motion_source(context, clock, bind_to("inproc://tool_motion", "lockstep"),
+                      Delivery::kEvery),
+        motion_sender(context, connect_to("inproc://tool_motion", "lockstep")),
+        interaction_sender(context, bind_to("inproc://interaction", "lockstep")),
+        interaction_source(context, clock, connect_to("inproc://interaction", "lockstep"),
+                           Delivery::kEvery) {
+    // publishers drop what is sent before they know their subscriber
+    motion_source.wait_until(clock.now());
+    interaction_source.wait_until(clock.now());
+    const bool is_wired = motion_sender.wait_for_peer(std::chrono::seconds(5)) &&
+                          interaction_sender.wait_for_peer(std::chrono::seconds(5)) &&
+                          client.wait_for_peer(std::chrono::seconds(5));
+    PALPATE_REQUIRE(is_wired);
+
+    client.on_send = hooks.on_state_sent;
+    motion_sender.on_send = hooks.on_motion_sent;
+    client.on_wait = hooks.on_wait;
+    interaction_source.on_wait = hooks.on_wait;
+    state_out = &client;
+    state_in = &server;
+    command_out = &server;
+    command_in = &client;
+    motion_out = &motion_sender;
+    motion_in = &motion_source;
+    interaction_out = &interaction_sender;
+    interaction_in = &interaction_source;
+  }
+  ZmqContext context;
+  ExchangeServer server;
+  ExchangeClient client;
+  ZmqSource<ToolMotion> motion_source;
+  ZmqSender<ToolMotion> motion_sender;
+  ZmqSender<Interaction> interaction_sender;
+  ZmqSource<Interaction> interaction_source;
+};
+
+/// The continuous tissue as a force on the hand, and the run it would have given (DESIGN §3).
+class Ideal {
+ public:
+  explicit Ideal(const Session& session)
+      : scene_(session.scene),
+        device_(session.device),
+        run_map_(session.device.workspace),
+        run_(session.device, session.hand, stream_seed(session.seed, "hand"), TimePoint{},
+             [this](const Vector3& hand_m, const Vector3& hand_m_per_s) {
+               return force_on_hand(run_map_.is_clutched(), run_map_.tool_position_world_m(hand_m),
+                                    run_map_.tool_velocity_world_m_per_s(hand_m_per_s))
+                   .first;
+             }) {}
+
+  /// This run's ideal force and true contact.
+  void judge(viewer::TickRow& row) const {
+    const DeviceTick& tick = row.device;
+    const auto [force, has_contact] = force_on_hand(
+        tick.is_clutched, tick.true_tool_position_world_m, tick.true_tool_velocity_world_m_per_s);
+    const double peak = std::min(device_.peak_force_newton, device_.simulated.peak_force_newton);
+    row.ideal_force_on_hand_newton = limited_to_norm(force, peak);
+    row.is_truly_in_contact = has_contact;
+  }
+
+  /// The ideal run at the time of this tick.
+  IdealState advance(const DeviceTick& tick) {
+    run_.advance_to(tick.sampled_at);
+    run_map_.update(run_.state().hand_position_m, tick.is_clutched);
+    return {run_map_.tool_position_world_m(run_.state().hand_position_m),
+            run_.force_on_hand_newton()};
+  }
+
+ private:
+  [[nodiscard]] std::pair<Vector3, bool> force_on_hand(bool is_clutched, const Vector3& tool_m,
+                                                       const Vector3& tool_m_per_s) const {
+    const physics::SceneForce touch = scene_.evaluate(tool_m, tool_m_per_s);
+    if (is_clutched) return {Vector3::Zero(), touch.contact_count > 0};
+    return {device_.workspace.force_ratio * touch.force_on_tool_newton, touch.contact_count > 0};
+  }
+
+  physics::Scene scene_;
+  DeviceConfig device_;
+  WorkspaceMap run_map_;
+  device::IdealRun run_;
+};
+
+}  // namespace
+
+class Lockstep::Impl {
+ public:
+  Impl(const Session& session, const LockstepOptions& options, RowConsumer on_row)
+      : session_(session),
+        on_row_(std::move(on_row)),
+        links_(make_links(options.links)),
+        device_(device::open_device(session.device, session.hand, time_,
+                                    stream_seed(session.seed, "hand"))),
+        command_in_(*links_->command_in, time_, session.faults.force_command,
+                    stream_seed(session.seed, "force_command")),
+        state_in_(*links_->state_in, time_, session.faults.device_state,
+                  stream_seed(session.seed, "device_state")),
+        interaction_in_(*links_->interaction_in, time_, session.faults.interaction,
+                        stream_seed(session.seed, "interaction")),
+        motion_in_(*links_->motion_in, time_, session.faults.tool_motion,
+                   stream_seed(session.seed, "tool_motion")),
+        device_node_(session.device, *device_, time_, *links_->state_out, command_in_, device_tick_,
+                     kDeviceSession),
+        mofc_node_(session.mofc, session.device, time_, *links_->motion_out, interaction_in_,
+                   mofc_tick_, kMofcSession),
+        physics_node_(session.scene, time_, motion_in_, *links_->interaction_out, physics_tick_,
+                      kPhysicsSession),
+        device_schedule_(TimePoint{}, session.device.rate_hz),
+        physics_schedule_(TimePoint{}, session.physics.rate_hz),
+        steps_on_arrival_(session.mofc.wait_for_physics.count() > 0) {
+    if (options.has_ideal) ideal_.emplace(session_);
+    time_.schedule(device_schedule_.next(), kDeviceRank, [this] { device_turn(); });
+    if (!steps_on_arrival_) {
+      time_.schedule(physics_schedule_.next(), kPhysicsRank, [this] { physics_turn(); });
+    }
+  }
+
+  void run_until(Duration end) {
+    // up to, not including, the events of `end` itself
+    time_.sleep_until(TimePoint(end - Duration(1)));
+  }
+
+  [[nodiscard]] DeviceCounters device_counters() const {
+    DeviceCounters counters = device_node_.counters();
+    counters.force_command = command_in_.counters();
+    return counters;
+  }
+  [[nodiscard]] MofcCounters mofc_counters() const {
+    MofcCounters counters = mofc_node_.counters();
+    counters.device_state = state_in_.counters();
+    return counters;
+  }
+  [[nodiscard]] PhysicsCounters physics_counters() const { return physics_node_.counters(); }
+
+ private:
+  std::unique_ptr<Links> make_links(LockstepLinks kind) {
+    LinkHooks hooks{.on_state_sent =
+                        [this] { time_.schedule(time_.now(), kMofcRank, [this] { mofc_turn(); }); },
+                    .on_motion_sent =
+                        [this] {
+                          if (steps_on_arrival_) {
+                            time_.schedule(time_.now(), kPhysicsRank, [this] { arrival_turn(); });
+                          }
+                        },
+                    .on_wait = [this](TimePoint deadline) { time_.run_one_until(deadline); }};
+    if (kind == LockstepLinks::kMemory) return std::make_unique<MemoryLinks>(time_, hooks);
+    return std::make_unique<InprocLinks>(time_, hooks);
+  }
+
+  void device_turn() {
+    device_node_.step(device_schedule_.begin(time_.now()));
+    device_schedule_.finish(time_.now());
+    time_.schedule(device_schedule_.next(), kDeviceRank, [this] { device_turn(); });
+    if (device_tick_.last && on_row_) give_row();
+  }
+
+  /// Answers every DeviceState that is due; looks again when a delayed one will be.
+  void mofc_turn() {
+    if (is_mofc_busy_) return;  // it waits for the physics and will look itself
+    is_mofc_busy_ = true;
+    while (const Received<DeviceState>* state = state_in_.next()) {
+      links_->command_out->send(mofc_node_.answer(*state));
+      mofc_node_.finish_turn();
+    }
+    is_mofc_busy_ = false;
+    if (state_in_.next_due() != TimePoint::max()) {
+      time_.schedule(state_in_.next_due(), kMofcRank, [this] { mofc_turn(); });
+    }
+  }
+
+  void physics_turn() {
+    physics_node_.step(physics_schedule_.begin(time_.now()));
+    physics_schedule_.finish(time_.now());
+    time_.schedule(physics_schedule_.next(), kPhysicsRank, [this] { physics_turn(); });
+  }
+
+  /// Same-tick mode: the physics steps when a motion arrives.
+  void arrival_turn() {
+    if (physics_node_.has_new_motion()) {
+      physics_node_.step(physics_schedule_.begin(time_.now()));
+      physics_schedule_.finish(time_.now());
+    }
+    if (motion_in_.next_due() != TimePoint::max()) {
+      time_.schedule(motion_in_.next_due(), kPhysicsRank, [this] { arrival_turn(); });
+    }
+  }
+
+  void give_row() {
+    viewer::TickRow row{.device_session_id = kDeviceSession, .device = *device_tick_.last};
+    if (mofc_tick_.last && mofc_tick_.last->device_sequence == row.device.sequence) {
+      row.mofc = mofc_tick_.last;
+    }
+    IdealState ideal;
+    if (ideal_) {
+      ideal_->judge(row);
+      ideal = ideal_->advance(row.device);
+    }
+    device_tick_.last.reset();
+    on_row_(row, ideal);
+  }
+
+  Session session_;
+  RowConsumer on_row_;
+  VirtualTime time_;
+  std::unique_ptr<Links> links_;
+  std::unique_ptr<device::HapticDevice> device_;
+  Inbox<ForceCommand> command_in_;
+  Inbox<DeviceState> state_in_;
+  Inbox<Interaction> interaction_in_;
+  Inbox<ToolMotion> motion_in_;
+  LastTick<DeviceTick> device_tick_;
+  LastTick<MofcTick> mofc_tick_;
+  LastTick<PhysicsTick> physics_tick_;
+  device::DeviceNode device_node_;
+  mofc::MofcNode mofc_node_;
+  physics::PhysicsNode physics_node_;
+  TickSchedule device_schedule_;
+  TickSchedule physics_schedule_;
+  bool steps_on_arrival_;
+  bool is_mofc_busy_ = false;
+  std::optional<Ideal> ideal_;
+};
+
+Lockstep::Lockstep(const Session& session, const LockstepOptions& options, RowConsumer on_row)
+    : impl_(std::make_unique<Impl>(session, options, std::move(on_row))) {}
+Lockstep::~Lockstep() = default;
+void Lockstep::run_until(Duration end) { impl_->run_until(end); }
+DeviceCounters Lockstep::device_counters() const { return impl_->device_counters(); }
+MofcCounters Lockstep::mofc_counters() const { return impl_->mofc_counters(); }
+PhysicsCounters Lockstep::physics_counters() const { return impl_->physics_counters(); }
+
+}  // namespace palpate

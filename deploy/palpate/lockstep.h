@@ -1,0 +1,56 @@
+// lockstep.h — the whole system in one thread on virtual time: the same node classes as in the
+// processes, deterministic to the bit for a seed, as fast as the machine can.
+#pragma once
+
+#include <functional>
+#include <memory>
+
+#include "common/core/session.h"
+#include "common/core/telemetry.h"
+#include "viewer_node/csv_writer.h"
+
+namespace palpate {
+
+/// What carries the messages between the nodes.
+enum class LockstepLinks : std::uint8_t {
+  kMemory,  ///< structs in a queue
+  kInproc,  ///< encoded, through ZeroMQ sockets, decoded: the same bits come out
+};
+
+struct LockstepOptions {
+  LockstepLinks links = LockstepLinks::kMemory;
+  /// Compute the ideal force and the ideal run (DESIGN §3). Costs about as much as the run itself.
+  bool has_ideal = false;
+};
+
+/// What the ideal run did at t_k of a row.
+struct IdealState {
+  Vector3 tool_position_world_m = Vector3::Constant(kNaN);
+  Vector3 force_on_hand_newton = Vector3::Constant(kNaN);
+};
+
+/// Device, mofc and physics of a session, and their links. Order of events at one instant: device
+/// tick, mofc's answer, physics step.
+class Lockstep {
+ public:
+  using RowConsumer = std::function<void(const viewer::TickRow&, const IdealState&)>;
+
+  /// @param on_row  called after every device tick; may be empty
+  Lockstep(const Session& session, const LockstepOptions& options, RowConsumer on_row);
+  ~Lockstep();
+  Lockstep(const Lockstep&) = delete;
+  Lockstep& operator=(const Lockstep&) = delete;
+
+  /// Runs every event due before `end`, counted from the start; may be called again to go on.
+  void run_until(Duration end);
+
+  [[nodiscard]] DeviceCounters device_counters() const;
+  [[nodiscard]] MofcCounters mofc_counters() const;
+  [[nodiscard]] PhysicsCounters physics_counters() const;
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace palpate
