@@ -82,7 +82,12 @@ SceneForce Scene::evaluate(const Vector3& tip_position_world_m,
   const bool is_finite = sum.force_on_tool_newton.allFinite() &&
                          sum.d_force_d_position.allFinite() &&
                          std::isfinite(sum.stored_energy_joule);
-  return is_finite ? sum : SceneForce{.tissues_skipped = sum.tissues_skipped};
+  if (!is_finite) {
+    const std::uint32_t skipped = sum.tissues_skipped;
+    sum = SceneForce{};
+    sum.tissues_skipped = skipped;
+  }
+  return sum;
 }
 
 }  // namespace palpate::physics
