@@ -1,0 +1,38 @@
+#include "common/runtime/regular_file.h"
+
+#include <array>
+#include <fstream>
+
+namespace palpate {
+
+FileContent read_regular_file(const std::filesystem::path& file, std::uintmax_t max_bytes) {
+  std::error_code error;
+  const auto status = std::filesystem::status(file, error);
+  if (status.type() == std::filesystem::file_type::not_found) {
+    return {.complaint = "no such file; check the path"};
+  }
+  if (status.type() == std::filesystem::file_type::directory) {
+    return {.complaint = "is a folder; give a file in it"};
+  }
+  if (status.type() != std::filesystem::file_type::regular) {
+    return {.complaint = "is not a regular file; copy its content into one"};
+  }
+  const std::uintmax_t size = std::filesystem::file_size(file, error);
+  const std::string too_large =
+      "has more than " + std::to_string(max_bytes) + " bytes; is it the right file?";
+  if (!error && size > max_bytes) return {.complaint = too_large};
+  std::ifstream stream(file, std::ios::binary);
+  if (error || !stream) return {.complaint = "cannot be read; check its permissions"};
+
+  // not the size that was told: the file may grow meanwhile, and files of /proc tell 0
+  FileContent content;
+  std::array<char, 65536> chunk{};
+  while (stream.read(chunk.data(), chunk.size()) || stream.gcount() > 0) {
+    content.bytes.append(chunk.data(), static_cast<std::size_t>(stream.gcount()));
+    if (content.bytes.size() > max_bytes) return {.complaint = too_large};
+  }
+  if (stream.bad()) return {.complaint = "cannot be read; is the disk well?"};
+  return content;
+}
+
+}  // namespace palpate

@@ -1,0 +1,551 @@
+#include "common/runtime/session_convert.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <map>
+#include <set>
+
+#include "common/runtime/recorded_path.h"
+#include "common/runtime/session_fields.h"
+#include "common/runtime/session_file.h"
+
+namespace palpate {
+
+namespace {
+
+constexpr std::uint32_t kSchemaVersion = 1;
+constexpr std::size_t kMaxNameBytes = 64;
+constexpr std::size_t kMaxIpcPathBytes = 107;     // sockaddr_un::sun_path without its zero
+constexpr std::size_t kMaxInprocNameBytes = 246;  // libzmq: 255 with "inproc://"
+constexpr double kWaitMaxRateHz = 200.0;          // above it physics is too far away to wait for
+constexpr double kPeriodTolerance = 1e-6;         // 333.3333 µs is a period of 3 kHz
+constexpr double kPerpendicularTolerance_rad = 1e-3;
+
+// --- links ------------------------------------------------------------------------------------
+
+/// What is wrong with an endpoint, or nothing.
+std::string endpoint_complaint(const std::string& endpoint) {
+  const auto after = [&](const char* scheme) {
+    return endpoint.substr(std::char_traits<char>::length(scheme));
+  };
+  if (std::any_of(endpoint.begin(), endpoint.end(),
+                  [](unsigned char c) { return c <= 0x20 || c == 0x7f; })) {
+    return "must not contain spaces or control characters";
+  }
+  if (endpoint.starts_with("ipc://")) {
+    const std::string path = after("ipc://");
+    if (path.empty() || path == "*") return "must name a file: ipc:///run/user/1000/palpate/x.ipc";
+    if (path.size() > kMaxIpcPathBytes) {
+      return "its path has " + std::to_string(path.size()) + " bytes, the system takes " +
+             std::to_string(kMaxIpcPathBytes) + "; give a shorter one, or set PALPATE_RUN_DIR";
+    }
+    return {};
+  }
+  if (endpoint.starts_with("inproc://")) {
+    const std::string name = after("inproc://");
+    if (name.empty() || name.size() > kMaxInprocNameBytes) {
+      return "must have a name of 1 … " + std::to_string(kMaxInprocNameBytes) + " bytes";
+    }
+    return {};
+  }
+  if (endpoint.starts_with("tcp://")) {
+    const std::string address = after("tcp://");
+    const std::size_t colon = address.rfind(':');
+    const std::string host = address.substr(0, colon);
+    if (colon == std::string::npos || host.empty() || host == "*") {
+      return "must name host and port for both ends: tcp://192.168.1.5:5551";
+    }
+    int port = 0;
+    const char* const last = address.data() + address.size();
+    const auto [stop, error] = std::from_chars(address.data() + colon + 1, last, port);
+    if (error != std::errc() || stop != last || port < 1 || port > 65535) {
+      return "must end with a port of 1 … 65535: tcp://192.168.1.5:5551";
+    }
+    return {};
+  }
+  return "must be ipc://PATH, tcp://HOST:PORT or inproc://NAME";
+}
+
+LinksConfig to_links(const Fields& fields, const std::string& session_name) {
+  const std::filesystem::path folder = run_folder(session_name);
+  std::map<std::string, std::string> owner_of;
+  const auto endpoint = [&](const char* name) {
+    std::string text = fields.text(name);
+    std::string shown_default;
+    if (text.empty()) {
+      text = "ipc://" + (folder / (std::string(name) + ".ipc")).string();
+      shown_default = one_line(text) + ": ";
+    }
+    std::string complaint = endpoint_complaint(text);
+    const auto [other, is_new] = owner_of.emplace(text, name);
+    if (complaint.empty() && !is_new) {
+      complaint = "is that of links." + other->second + " too; give each link its own";
+    }
+    if (!complaint.empty()) fields.problem(name, shown_default + complaint);
+    return text;
+  };
+  return {.exchange = endpoint("exchange"),
+          .tool_motion = endpoint("tool_motion"),
+          .interaction = endpoint("interaction"),
+          .device_telemetry = endpoint("device_telemetry"),
+          .mofc_telemetry = endpoint("mofc_telemetry"),
+          .physics_telemetry = endpoint("physics_telemetry")};
+}
+
+// --- device -----------------------------------------------------------------------------------
+
+RealtimeConfig to_realtime(const Fields& fields) {
+  constexpr int kMaxCpu = 1023;  // CPU_SETSIZE − 1
+  RealtimeConfig config;
+  config.priority = static_cast<int>(
+      fields.integer("priority", config.priority, 0, 99, "give 0 for ordinary scheduling"));
+  config.cpu = static_cast<int>(
+      fields.integer("cpu", config.cpu, -1, kMaxCpu, "give -1 for no processor of its own"));
+  return config;
+}
+
+WorkspaceConfig to_workspace(const Fields& fields) {
+  WorkspaceConfig config;
+  config.scale_ratio = fields.number("scale_ratio", config.scale_ratio, above(0),
+                                     "give the tool's displacement per displacement of the hand");
+  config.force_ratio = fields.number("force_ratio", config.force_ratio, at_least(0),
+                                     "give the force on the hand per force on the tool");
+  config.offset_m = fields.vector("offset_m", config.offset_m);
+  if (fields.has("clutch_button")) {
+    config.clutch_button = static_cast<std::uint32_t>(
+        fields.integer("clutch_button", 0, 0, 31, "leave it out for no clutch"));
+  }
+  return config;
+}
+
+DeviceProfile to_profile(const Fields& fields) {
+  DeviceProfile profile;
+  profile.viscous_newton_s_per_m =
+      fields.number("viscous_newton_s_per_m", profile.viscous_newton_s_per_m, at_least(0),
+                    "give a lower bound of the viscous friction, 0 if unknown");
+  profile.coulomb_newton = fields.number("coulomb_newton", profile.coulomb_newton, at_least(0),
+                                         "give a lower bound of the dry friction, 0 if unknown");
+  profile.position_resolution_m =
+      fields.number("position_resolution_m", profile.position_resolution_m, at_least(0),
+                    "give the step of the position sensor");
+  return profile;
+}
+
+SimulatedDeviceConfig to_simulated_device(const Fields& fields) {
+  SimulatedDeviceConfig config;
+  config.mass_kg =
+      fields.number("mass_kg", config.mass_kg, above(0), "give the mass of the moving parts in kg");
+  config.viscous_newton_s_per_m =
+      fields.number("viscous_newton_s_per_m", config.viscous_newton_s_per_m, at_least(0),
+                    "give the true viscous friction, 0 for none");
+  config.coulomb_newton = fields.number("coulomb_newton", config.coulomb_newton, at_least(0),
+                                        "give the true dry friction, 0 for none");
+  config.position_resolution_m =
+      fields.number("position_resolution_m", config.position_resolution_m, at_least(0),
+                    "give the step of the encoder, 0 for an exact one");
+  config.peak_force_newton = fields.number("peak_force_newton", config.peak_force_newton, above(0),
+                                           "give the largest force of the motors");
+  config.inner_step = microseconds(fields.number("inner_step_us", 50.0, between(1, 50),
+                                                 "leave it out for 50, the coarsest that is exact"
+                                                 " enough"));
+  return config;
+}
+
+/// `rate_hz` and the wait are NaN if they have a problem of their own.
+DeviceConfig to_device(const Fields& fields, double rate_hz, double wait_for_physics_ms) {
+  DeviceConfig config;
+  config.rate_hz = rate_hz;
+  config.simulated = to_simulated_device(fields.message("simulated"));
+  config.workspace = to_workspace(fields.message("workspace"));
+  config.profile = to_profile(fields.message("profile"));
+  const double period_us = 1e6 / rate_hz;
+  const double period_ms = 1e3 / rate_hz;
+
+  // in time for the answer, also if mofc waits for physics
+  const double wait_us = 1e3 * wait_for_physics_ms;
+  double default_reply_us = 0.5 * period_us;
+  if (wait_us > 0.0) {
+    default_reply_us = std::min(std::max(default_reply_us, wait_us + 0.1 * period_us),
+                                0.5 * (wait_us + period_us));
+  }
+  const double reply_us =
+      fields.number("reply_us", default_reply_us, above(0), "leave it out for half a period");
+  if (fields.has("reply_us") && reply_us >= period_us) {
+    fields.problem("reply_us", "must be < 1 period of device.rate_hz, " + shown(period_us) +
+                                   " us; leave it out for half a period");
+  }
+  if (fields.has("reply_us") && wait_us >= reply_us) {
+    fields.problem("reply_us", "must be > mofc.wait_for_physics_ms, " + shown(wait_us) +
+                                   " us, or no answer is ever in time; leave it out");
+  }
+  config.reply = microseconds(reply_us);
+
+  const double lease_us =
+      fields.number("lease_us", 2.0 * period_us, above(0), "leave it out for 2 periods");
+  if (lease_us < (1.0 - kPeriodTolerance) * period_us ||
+      lease_us > (3.0 + kPeriodTolerance) * period_us) {
+    fields.problem("lease_us", "must be 1 … 3 periods of device.rate_hz, " + shown(period_us) +
+                                   " … " + shown(3.0 * period_us) +
+                                   " us; leave it out for 2 periods");
+  }
+  config.lease = microseconds(lease_us);
+
+  const double limp_after_ms =
+      fields.number("limp_after_ms", 20.0 * period_ms, above(0), "leave it out for 20 periods");
+  if (1e3 * limp_after_ms < (1.0 - kPeriodTolerance) * lease_us) {
+    fields.problem("limp_after_ms", "must be ≥ device.lease_us, " + shown(lease_us / 1e3) +
+                                        " ms; leave it out for 20 periods");
+  }
+  config.limp_after = milliseconds(limp_after_ms);
+
+  const double fade_ms =
+      fields.number("fade_ms", std::max(50.0, period_ms), above(0), "leave it out for 50 ms");
+  if (fade_ms < (1.0 - kPeriodTolerance) * period_ms) {
+    fields.problem("fade_ms", "must be ≥ 1 period of device.rate_hz, " + shown(period_ms) +
+                                  " ms, or the force drops in one step; leave it out for 50 ms");
+  }
+  config.fade = milliseconds(fade_ms);
+  config.start_ramp = milliseconds(
+      fields.number("start_ramp_ms", 100.0, at_least(0), "give 0 for full force at once"));
+  config.peak_force_newton = fields.number("peak_force_newton", config.simulated.peak_force_newton,
+                                           above(0), "leave it out for the device's own limit");
+  config.slew_newton_per_s =
+      fields.number("slew_newton_per_s", 0.0, at_least(0), "give 0 for no limit");
+  return config;
+}
+
+// --- hand -------------------------------------------------------------------------------------
+
+VPath to_v(const Fields& fields) {
+  VPath path;
+  path.apex_m = fields.vector("apex_m", path.apex_m);
+  path.normal = fields.direction("normal", path.normal);
+  path.tangent = fields.direction("tangent", path.tangent);
+  const double along = path.normal.dot(path.tangent);
+  if (std::abs(along) > std::sin(kPerpendicularTolerance_rad)) {
+    fields.problem(fields.has("tangent") ? "tangent" : "normal",
+                   "tangent must be perpendicular to normal within 0.001 rad; give both, e.g. "
+                   "normal { z: 1 } tangent { x: 1 }");
+  }
+  path.tangent = (path.tangent - along * path.normal).normalized();
+  path.height_m = fields.number("height_m", path.height_m, above(0), "give the height of the legs");
+  path.half_width_m = fields.number("half_width_m", path.half_width_m, at_least(0),
+                                    "give half the distance of the ends");
+  path.speed_m_per_s =
+      fields.number("speed_m_per_s", path.speed_m_per_s, above(0), "give the speed along the legs");
+  path.free_motion_s =
+      fields.number("free_motion_s", path.free_motion_s, at_least(0), "give 0 for none");
+  path.free_amplitude_m =
+      fields.number("free_amplitude_m", path.free_amplitude_m, at_least(0), "give 0 for rest");
+  path.free_frequency_hz = fields.number("free_frequency_hz", path.free_frequency_hz, above(0),
+                                         "give free_amplitude_m: 0 for rest");
+  return path;
+}
+
+SinusoidPath to_sinusoid(const Fields& fields) {
+  SinusoidPath path;
+  path.center_m = fields.vector("center_m", path.center_m);
+  path.amplitude_m = fields.vector("amplitude_m", path.amplitude_m);
+  path.frequency_hz =
+      fields.vector("frequency_hz", path.frequency_hz, at_least(0), "give 0 for an axis at rest");
+  path.phase_rad = fields.vector("phase_rad", path.phase_rad);
+  return path;
+}
+
+RecordedPath to_recorded(const Fields& fields, const std::filesystem::path& base_dir,
+                         Problems& problems) {
+  RecordedPath path;
+  path.loops = fields.flag("loop");
+  const std::string file = fields.text("file");
+  if (file.empty()) {
+    fields.problem("file", "required; give a CSV file with the columns t,x,y,z");
+  } else if (base_dir.empty()) {
+    fields.problem("file", "this session has no folder; give it as a file of its own");
+  } else if (one_line(file) != file) {
+    fields.problem("file", "must be a path of at most 200 bytes without control characters");
+  } else {
+    path.samples = load_recorded_path(base_dir / file, fields.place("file"), problems);
+  }
+  return path;
+}
+
+HostilePath to_hostile(const Fields& fields) {
+  HostilePath path;
+  path.center_m = fields.vector("center_m", path.center_m);
+  path.radius_m = fields.number("radius_m", path.radius_m, above(0), "give how far it may stray");
+  path.v_max_m_per_s =
+      fields.number("v_max_m_per_s", path.v_max_m_per_s, above(0), "give its largest speed");
+  return path;
+}
+
+PathConfig to_path(const Fields& hand, const std::filesystem::path& base_dir, Problems& problems) {
+  const std::string kind = hand.given_member("path");
+  if (kind == "v") return to_v(hand.message("v"));
+  if (kind == "sinusoid") return to_sinusoid(hand.message("sinusoid"));
+  if (kind == "recorded") return to_recorded(hand.message("recorded"), base_dir, problems);
+  if (kind == "hostile") return to_hostile(hand.message("hostile"));
+  return HoldPath{hand.message("hold").vector("position_m", Vector3::Zero())};
+}
+
+/// `until_s` of a stretch of time that begins at `from_s`.
+double to_until_s(const Fields& fields, double from_s) {
+  const double until_s =
+      fields.required_number("until_s", at_least(0), "give the second at which it ends");
+  if (until_s <= from_s) {
+    fields.problem("until_s", "must be > from_s, " + shown(from_s));
+  }
+  return until_s;
+}
+
+HandConfig to_hand(const Fields& fields, const std::filesystem::path& base_dir,
+                   Problems& problems) {
+  HandConfig config;
+  config.mass_kg = fields.number("mass_kg", config.mass_kg, at_least(0),
+                                 "give the mass that moves with the device, 0 for none");
+  config.stiffness_newton_per_m =
+      fields.number("stiffness_newton_per_m", config.stiffness_newton_per_m, at_least(0),
+                    "give the stiffness towards the intended path, 0 for none");
+  config.damping_newton_s_per_m =
+      fields.number("damping_newton_s_per_m", config.damping_newton_s_per_m, at_least(0),
+                    "give the damping towards the intended path, 0 for none");
+  config.path = to_path(fields, base_dir, problems);
+  for (const Fields& press : fields.messages("press")) {
+    ButtonPress config_press;
+    config_press.button = static_cast<std::uint32_t>(
+        press.integer("button", 0, 0, 31, "a device has at most 32 buttons"));
+    config_press.from_s =
+        press.number("from_s", 0.0, at_least(0), "give the second at which it begins");
+    config_press.until_s = to_until_s(press, config_press.from_s);
+    config.presses.push_back(config_press);
+  }
+  return config;
+}
+
+// --- mofc, physics, viewer --------------------------------------------------------------------
+
+/// The rates are NaN if they have a problem of their own.
+double to_wait_for_physics_ms(const Fields& mofc, double device_rate_hz, double physics_rate_hz) {
+  const char* const name = "wait_for_physics_ms";
+  const double wait_ms = mofc.number(name, 0.0, at_least(0), "give 0 never to wait");
+  if (!(wait_ms > 0.0)) return wait_ms;
+  std::string rule;
+  if (device_rate_hz > kWaitMaxRateHz) {
+    rule = "needs device.rate_hz ≤ 200, here " + shown(device_rate_hz) + "; give 0 never to wait";
+  } else if (wait_ms >= 1e3 / device_rate_hz) {
+    rule = "must be < 1 period of device.rate_hz, " + shown(1e3 / device_rate_hz) + " ms";
+  } else if (physics_rate_hz < device_rate_hz) {
+    rule = "needs physics.rate_hz ≥ device.rate_hz, here " + shown(physics_rate_hz) + " < " +
+           shown(device_rate_hz) + ", or some readings are never answered";
+  }
+  if (rule.empty()) return wait_ms;
+  mofc.problem(name, rule);
+  return kNaN;
+}
+
+MofcConfig to_mofc(const Fields& fields, const v1::Mofc& written, double wait_for_physics_ms,
+                   double physics_rate_hz, Duration interaction_jitter, Duration reply) {
+  MofcConfig config;
+  if (!v1::Mofc::Controller_IsValid(written.controller())) {
+    fields.problem("controller", "must be none or mofc");
+  }
+  if (!v1::Mofc::Mode_IsValid(written.mode())) fields.problem("mode", "must be paper or vector");
+  config.controller =
+      written.controller() == v1::Mofc::none ? ControllerKind::kNone : ControllerKind::kMofc;
+  config.mode = written.mode() == v1::Mofc::paper ? MofcMode::kPaper : MofcMode::kVector;
+  config.wait_for_physics = milliseconds(wait_for_physics_ms);
+
+  const double physics_period_ms = 1e3 / physics_rate_hz;
+  const double stale_after_ms = fields.number(
+      "stale_after_ms", 6.0 * physics_period_ms + 1e3 * to_seconds(interaction_jitter), above(0),
+      "leave it out for 6 physics periods");
+  if (stale_after_ms < (1.0 - kPeriodTolerance) * physics_period_ms) {
+    fields.problem("stale_after_ms", "must be ≥ 1 period of physics.rate_hz, " +
+                                         shown(physics_period_ms) +
+                                         " ms; leave it out for 6 physics periods");
+  }
+  config.stale_after = milliseconds(stale_after_ms);
+  config.fade = milliseconds(fields.number("fade_ms", 50.0, above(0), "leave it out for 50 ms"));
+  config.velocity_time_constant = milliseconds(fields.number(
+      "velocity_time_constant_ms", 0.0, at_least(0), "give 0 for the backward difference"));
+  config.delta_max = milliseconds(fields.number("delta_max_ms", 1e3 * to_seconds(reply), at_least(0),
+                                                "leave it out for device.reply_us"));
+  return config;
+}
+
+// --- scene ------------------------------------------------------------------------------------
+
+Geometry to_geometry(const Fields& tissue) {
+  const std::string kind = tissue.given_member("geometry");
+  if (kind == "half_space") {
+    const Fields fields = tissue.message("half_space");
+    return HalfSpaceGeometry{.point_m = fields.vector("point_m", Vector3::Zero()),
+                             .normal = fields.direction("normal", Vector3::UnitZ())};
+  }
+  if (kind == "sphere") {
+    const Fields fields = tissue.message("sphere");
+    return SphereGeometry{
+        .center_m = fields.vector("center_m", Vector3::Zero()),
+        .radius_m = fields.required_number("radius_m", above(0), "give the radius in m")};
+  }
+  if (kind == "box") {
+    const Fields fields = tissue.message("box");
+    BoxGeometry box;
+    box.center_m = fields.vector("center_m", Vector3::Zero());
+    const char* const remedy = "give the three edge lengths in m";
+    const Fields size = fields.message("size_m");
+    if (!fields.has("size_m")) {
+      fields.problem("size_m", std::string("required; ") + remedy);
+    } else {
+      box.size_m = {size.required_number("x", above(0), remedy),
+                    size.required_number("y", above(0), remedy),
+                    size.required_number("z", above(0), remedy)};
+    }
+    return box;
+  }
+  tissue.problem("a geometry is required; give half_space { … }, sphere { … } or box { … }");
+  return {};
+}
+
+Material to_material(const Fields& tissue) {
+  if (tissue.given_member("material").empty()) {
+    tissue.problem("a material is required; give kelvin_voigt { stiffness_newton_per_m: … }");
+    return {};
+  }
+  const Fields fields = tissue.message("kelvin_voigt");
+  return KelvinVoigtMaterial{
+      .stiffness_newton_per_m = fields.required_number("stiffness_newton_per_m", at_least(0),
+                                                       "give k, e.g. 500 for firm tissue"),
+      .damping_newton_s_per_m =
+          fields.number("damping_newton_s_per_m", 0.0, at_least(0), "give b, 0 for none"),
+      .is_damping_isotropic = fields.flag("isotropic_damping"),
+      .is_adhesive = fields.flag("adhesive")};
+}
+
+SceneConfig to_scene(const Fields& fields) {
+  SceneConfig config;
+  config.tip_radius_m = fields.message("tool").number("tip_radius_m", config.tip_radius_m,
+                                                      at_least(0), "give 0 for a point");
+  std::set<std::string> names;
+  for (const Fields& tissue : fields.messages("tissue")) {
+    std::string name = tissue.text("name");
+    if (name.empty()) name = "tissue" + std::to_string(config.tissues.size());
+    if (!names.insert(name).second) {
+      tissue.problem("name",
+                     "another tissue is called " + one_line(name) + " too; give each its own name");
+    }
+    config.tissues.push_back({.name = std::move(name),
+                              .geometry = to_geometry(tissue),
+                              .material = to_material(tissue)});
+  }
+  return config;
+}
+
+// --- faults -----------------------------------------------------------------------------------
+
+void add_windows(const Fields& link, const char* name, FaultWindow::Kind kind,
+                 std::vector<FaultWindow>& windows) {
+  for (const Fields& fields : link.messages(name)) {
+    const double from_s =
+        fields.number("from_s", 0.0, at_least(0), "give the second at which it begins");
+    const double until_s = to_until_s(fields, from_s);
+    const double every_s = fields.number("every_s", 0.0, at_least(0), "give 0 for once");
+    if (every_s > 0.0 && every_s < until_s) {
+      fields.problem("every_s", "must be ≥ until_s, " + shown(until_s) + ", or 0 for once");
+    }
+    windows.push_back({.kind = kind,
+                       .from = seconds(from_s),
+                       .until = seconds(until_s),
+                       .every = seconds(every_s)});
+  }
+}
+
+LinkFaults to_link_faults(const Fields& fields) {
+  const auto ratio = [&](const char* name) {
+    return fields.number(name, 0.0, between(0, 1), "a share of messages; 0 for none");
+  };
+  const auto delay = [&](const char* name) {
+    return milliseconds(fields.number(name, 0.0, at_least(0), "give 0 for none"));
+  };
+  LinkFaults faults;
+  faults.delay = delay("delay_ms");
+  faults.jitter = delay("jitter_ms");
+  faults.loss_ratio = ratio("loss_ratio");
+  faults.burst_ratio = ratio("burst_ratio");
+  faults.burst_length = static_cast<std::uint32_t>(
+      fields.integer("burst_length", 1, 1, 1'000'000, "give the messages lost in one burst"));
+  faults.duplicate_ratio = ratio("duplicate_ratio");
+  faults.reorder_ratio = ratio("reorder_ratio");
+  faults.reorder_delay = delay("reorder_delay_ms");
+  if (faults.reorder_ratio > 0.0 && faults.reorder_delay <= Duration::zero()) {
+    fields.problem("reorder_ratio", "needs reorder_delay_ms > 0; give the time held back");
+  }
+  faults.jitter_reorders = fields.flag("jitter_reorders");
+  add_windows(fields, "outage", FaultWindow::Kind::kOutage, faults.windows);
+  add_windows(fields, "stall", FaultWindow::Kind::kStall, faults.windows);
+  add_windows(fields, "freeze", FaultWindow::Kind::kFreeze, faults.windows);
+  return faults;
+}
+
+FaultsConfig to_faults(const Fields& fields) {
+  return {.device_state = to_link_faults(fields.message("device_state")),
+          .force_command = to_link_faults(fields.message("force_command")),
+          .tool_motion = to_link_faults(fields.message("tool_motion")),
+          .interaction = to_link_faults(fields.message("interaction"))};
+}
+
+std::string to_name(const Fields& fields) {
+  std::string name = fields.text("name");
+  const bool is_plain = std::all_of(name.begin(), name.end(), [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' ||
+           c == '-';
+  });
+  if (name.empty()) {
+    fields.problem("name", "required; give letters, digits, '_' and '-'");
+  } else if (!is_plain || name.size() > kMaxNameBytes) {
+    fields.problem("name", "must be 1 … 64 letters, digits, '_' and '-'; it names files");
+    name = "session";  // its files' names would only repeat the problem
+  }
+  return name;
+}
+
+}  // namespace
+
+Session to_session(const SessionText& text, const std::filesystem::path& base_dir,
+                   Problems& problems) {
+  const Fields fields(text, problems);
+  const v1::Session& written = text.message();
+
+  Session session;
+  session.name = to_name(fields);
+  if (written.has_schema_version() && written.schema_version() != kSchemaVersion) {
+    fields.problem("schema_version",
+                   "this program reads version 1 only; use the program the session was written for,"
+                   " or write the session anew");
+  }
+  session.duration_s =
+      fields.number("duration_s", session.duration_s, above(0), "give the seconds of a run");
+  if (written.has_seed()) session.seed = written.seed();
+  session.links = to_links(fields.message("links"), session.name);
+  session.realtime = to_realtime(fields.message("realtime"));
+  session.faults = to_faults(fields.message("faults"));
+  session.physics.rate_hz = fields.message("physics").number(
+      "rate_hz", session.physics.rate_hz, between(1, 10000), "give the physics steps per second");
+  session.viewer.status_interval = milliseconds(fields.message("viewer").number(
+      "status_interval_ms", 500.0, at_least(50), "leave it out for 500"));
+  session.hand = to_hand(fields.message("hand"), base_dir, problems);
+  session.scene = to_scene(fields.message("scene"));
+
+  // whether mofc may wait depends on both rates, the device's deadline depends on the wait
+  const Fields device = fields.message("device");
+  const Fields mofc = fields.message("mofc");
+  const double rate_hz = device.number("rate_hz", session.device.rate_hz, between(10, 10000),
+                                       "give the ticks per second of the haptic loop");
+  const double wait_ms = to_wait_for_physics_ms(mofc, rate_hz, session.physics.rate_hz);
+  session.device = to_device(device, rate_hz, wait_ms);
+  session.mofc = to_mofc(mofc, written.mofc(), wait_ms, session.physics.rate_hz,
+                         session.faults.interaction.jitter, session.device.reply);
+  return session;
+}
+
+}  // namespace palpate

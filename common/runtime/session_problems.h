@@ -1,0 +1,47 @@
+// session_problems.h — what is wrong with a session: collected, sorted by place, told all at once.
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace palpate {
+
+/// Where something was written: in the session file or in an override of the command line.
+struct Place {
+  int override_number = 0;  ///< 0: the file; else which override, from 1
+  int line = 1;             ///< of the file, from 1
+  int column = 1;           ///< in bytes, from 1
+};
+
+/// Text as it may stand in one line: control characters replaced, the middle of long text left out.
+[[nodiscard]] std::string one_line(std::string_view text);
+
+class Problems {
+ public:
+  Problems(std::string file_name, std::vector<std::string> overrides)
+      : file_name_(std::move(file_name)), overrides_(std::move(overrides)) {}
+
+  /// `text`: "field = value: rule; remedy". Only the first 100 problems are kept.
+  void add(const Place& place, const std::string& text);
+
+  /// A problem of another file ("hand.csv:12") that the session names at `place`.
+  void add_elsewhere(const Place& place, const std::string& where, const std::string& text);
+
+  [[nodiscard]] bool empty() const { return list_.empty(); }
+
+  /// Throws SetupError with all problems, sorted by place, one line each below a count.
+  void throw_if_any() const;
+
+ private:
+  struct Problem {
+    Place place;
+    std::string line;
+  };
+  std::string file_name_;
+  std::vector<std::string> overrides_;
+  std::vector<Problem> list_;
+  bool is_cut_ = false;
+};
+
+}  // namespace palpate

@@ -1,0 +1,37 @@
+#include "deploy/palpate/loopback.h"
+
+#include <memory>
+#include <stdexcept>
+
+#include "common/core/clock.h"
+
+namespace palpate {
+
+RunReport run_loopback(const Session& session, const LoopbackOptions& options) {
+  std::unique_ptr<viewer::CsvWriter> csv;
+  if (!options.csv_file.empty()) csv = std::make_unique<viewer::CsvWriter>(options.csv_file);
+
+  RunReport report;
+  report.simulated_s = options.seconds.value_or(session.duration_s);
+  Lockstep lockstep(session, options.lockstep,
+                    [&](const viewer::TickRow& row, const IdealState& ideal) {
+                      report.statistics.add(row, ideal);
+                      if (csv) csv->write(row);
+                    });
+
+  const SteadyClock wall;
+  const TimePoint begin = wall.now();
+  lockstep.run_until(from_seconds(report.simulated_s));
+  report.wall_s = to_seconds(wall.now() - begin);
+
+  if (csv) {
+    csv->close();
+    if (const auto error = csv->take_error()) throw std::runtime_error(*error);
+  }
+  report.device = lockstep.device_counters();
+  report.mofc = lockstep.mofc_counters();
+  report.physics = lockstep.physics_counters();
+  return report;
+}
+
+}  // namespace palpate

@@ -1,0 +1,23 @@
+// loopback.h — `palpate loopback`: a session in lockstep, with its figures.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "common/core/session.h"
+#include "deploy/palpate/lockstep.h"
+#include "deploy/palpate/summary.h"
+
+namespace palpate {
+
+struct LoopbackOptions {
+  std::optional<double> seconds;  ///< else the session's duration_s
+  std::string csv_file;           ///< empty: none
+  LockstepOptions lockstep{.has_ideal = true};
+};
+
+/// Runs the session. Throws SetupError if the CSV file cannot be written, std::runtime_error if
+/// writing it failed on the way.
+[[nodiscard]] RunReport run_loopback(const Session& session, const LoopbackOptions& options);
+
+}  // namespace palpate

@@ -1,0 +1,118 @@
+// palpate: runs and checks deployments.
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <exception>
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include "common/core/check.h"
+#include "common/runtime/run_node.h"
+#include "common/runtime/session_file.h"
+#include "deploy/palpate/loopback.h"
+#include "deploy/palpate/summary.h"
+
+namespace {
+
+using namespace palpate;
+
+/// What every subcommand that reads a session takes.
+struct SessionArguments {
+  std::string file;
+  std::vector<std::string> overrides;
+
+  void add_to(CLI::App& app) {
+    app.add_option("SESSION", file, "session file (*.txtpb)")->required();
+    app.add_option("--set", overrides, "override a field: path=value, e.g. mofc.controller=none")
+        ->type_name("PATH=VALUE")
+        ->allow_extra_args(false);
+  }
+  [[nodiscard]] Session load() const { return load_session(file, overrides); }
+};
+
+void write_json(const std::string& file, const nlohmann::ordered_json& json) {
+  const std::string text = json.dump(2) + "\n";
+  if (file == "-") {
+    std::fputs(text.c_str(), stdout);
+    return;
+  }
+  std::ofstream out(file);
+  out << text;
+  out.close();
+  if (!out) throw SetupError(file + ": cannot be written; choose another place for --json");
+}
+
+void check_scene(const SessionArguments& arguments) {
+  const Session session = arguments.load();
+  std::printf("%s: ok (%zu tissues, device %g Hz, physics %g Hz, controller %s)\n",
+              arguments.file.c_str(), session.scene.tissues.size(), session.device.rate_hz,
+              session.physics.rate_hz, controller_text(session.mofc).c_str());
+}
+
+struct LoopbackArguments {
+  SessionArguments session;
+  std::optional<double> seconds;
+  std::string csv;
+  std::string json;
+  bool has_no_ideal = false;
+  bool is_inproc = false;
+
+  void add_to(CLI::App& app) {
+    session.add_to(app);
+    app.add_option("--seconds", seconds, "simulated time (default: the session's duration_s)")
+        ->check(CLI::Range(1e-3, 1e6));
+    app.add_option("--csv", csv, "write one row per device tick to this file");
+    app.add_option("--json", json, "write the summary to this file; - for standard output");
+    app.add_flag("--no-ideal", has_no_ideal,
+                 "skip the ideal force and the ideal run, and the figures that need them");
+    app.add_flag("--inproc", is_inproc, "carry the messages over ZeroMQ inproc instead of memory");
+  }
+
+  void run() const {
+    const Session loaded = session.load();
+    const RunReport report = run_loopback(
+        loaded, {.seconds = seconds,
+                 .csv_file = csv,
+                 .lockstep = {.links = is_inproc ? LockstepLinks::kInproc : LockstepLinks::kMemory,
+                              .has_ideal = !has_no_ideal}});
+    if (json != "-") std::fputs(summary_text(loaded, report).c_str(), stdout);
+    if (!json.empty()) write_json(json, summary_json(loaded, report));
+  }
+};
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app("Runs and checks Palpate deployments.", "palpate");
+  app.set_version_flag("--version", std::string("palpate ") + version());
+  app.require_subcommand(1);
+
+  LoopbackArguments loopback;
+  CLI::App& loopback_command =
+      *app.add_subcommand("loopback", "run a session in lockstep, in one process on virtual time");
+  loopback.add_to(loopback_command);
+
+  SessionArguments scene;
+  CLI::App& scene_command = *app.add_subcommand("scene", "look at a session's scene");
+  scene_command.require_subcommand(1);
+  CLI::App& check_command =
+      *scene_command.add_subcommand("check", "parse and validate; exit status 0 or 2");
+  scene.add_to(check_command);
+
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& error) {
+    return app.exit(error) == 0 ? 0 : kExitSetupError;
+  }
+  try {
+    if (loopback_command.parsed()) loopback.run();
+    if (check_command.parsed()) check_scene(scene);
+    return 0;
+  } catch (const SetupError& error) {
+    std::fprintf(stderr, "%s\n", error.what());
+    return kExitSetupError;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "palpate: %s\n", error.what());
+    return kExitFailure;
+  }
+}
