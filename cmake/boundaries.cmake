@@ -2,7 +2,8 @@
 # no node library sees a socket: both are checked, at configure time (links) and on every build
 # (includes), and a violation stops the build.
 
-# Folder → folders its sources may include from. A main.cpp is exempt: it wires a node to the world.
+# Folder → folders its sources may include from. main.cpp and
+# process.* are exempt: they connect a node to the world.
 set(PALPATE_BOUNDARIES
   "common/core:common/core"
   "common/link:common/core,common/link"

@@ -1,0 +1,12 @@
+// mofc_node: answers every DeviceState with a force that the hand can be trusted with.
+// All logic is in the library; this file only connects it to the world.
+#include "mofc_node/process.h"
+
+int main(int argc, char** argv) {
+  return palpate::run_node(
+      argc, argv, {.name = "mofc", .description = "The clamp between the device and the physics."},
+      [](palpate::NodeContext& context) {
+        palpate::ProcessLinks links(context.session.realtime);
+        palpate::mofc::run_process(context, links);
+      });
+}

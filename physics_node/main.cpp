@@ -1,0 +1,11 @@
+// physics_node: simulates the tissue and answers the tool's motion with the force on it.
+// All logic is in the library; this file only connects it to the world.
+#include "physics_node/process.h"
+
+int main(int argc, char** argv) {
+  return palpate::run_node(argc, argv, {.name = "physics", .description = "Simulates the tissue."},
+                           [](palpate::NodeContext& context) {
+                             palpate::ProcessLinks links(context.session.realtime);
+                             palpate::physics::run_process(context, links);
+                           });
+}

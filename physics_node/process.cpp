@@ -1,0 +1,58 @@
+#include "physics_node/process.h"
+
+#include <chrono>
+
+#include "common/core/inbox.h"
+#include "common/runtime/rate_loop.h"
+#include "common/runtime/telemetry_publisher.h"
+#include "physics_node/physics_node.h"
+
+namespace palpate::physics {
+namespace {
+
+// How soon a stop is noticed while no motion arrives.
+constexpr auto kIdleWait = std::chrono::milliseconds(50);
+
+}  // namespace
+
+void run_process(NodeContext& context, ProcessLinks& links) {
+  const Session& session = context.session;
+
+  // hops 2 and 3; a fault line must see every message, else the newest is enough
+  ZmqSource<ToolMotion> motions(
+      links.side, context.clock, bind_to(session.links.tool_motion, "links.tool_motion"),
+      session.faults.tool_motion.any() ? Delivery::kEvery : Delivery::kNewest);
+  Inbox<ToolMotion> motion_in(motions, context.clock, session.faults.tool_motion,
+                              stream_seed(session.seed, "tool_motion"));
+  ZmqSender<Interaction> interaction_out(links.side,
+                                         bind_to(session.links.interaction, "links.interaction"));
+
+  // hop 5
+  ZmqSender<PhysicsBatch> telemetry(
+      links.side, bind_to(session.links.physics_telemetry, "links.physics_telemetry"));
+  RingSink<PhysicsTick> ticks;
+  Snapshot<PhysicsCounters> counters;
+  TelemetryPublisher publisher(context.session_id, context.clock, ticks, counters, telemetry,
+                               context.log);
+  publisher.start();
+
+  PhysicsNode node(session.scene, context.clock, motion_in, interaction_out, ticks,
+                   context.session_id);
+  const auto step = [&](const Tick& tick) {
+    node.step(tick);
+    counters.store(node.counters());
+  };
+  if (session.mofc.wait_for_physics.count() == 0) {
+    RateLoop(context.clock, session.physics.rate_hz).run(context.stop, step);
+    return;
+  }
+  std::uint64_t index = 0;
+  while (!context.stop.stop_requested()) {
+    motion_in.wait_until(context.clock.now() + kIdleWait);
+    if (!node.has_new_motion()) continue;
+    const TimePoint now = context.clock.now();
+    step({.index = index++, .scheduled_at = now, .now = now});
+  }
+}
+
+}  // namespace palpate::physics

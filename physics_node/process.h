@@ -1,0 +1,13 @@
+// process.h — physics_node connected to the world: sockets, the step loop, telemetry.
+#pragma once
+
+#include "common/runtime/process_links.h"
+#include "common/runtime/run_node.h"
+
+namespace palpate::physics {
+
+/// Runs until context.stop: at physics.rate_hz, or, where mofc waits for this tick's physics, when
+/// a motion arrives. Throws SetupError.
+void run_process(NodeContext& context, ProcessLinks& links);
+
+}  // namespace palpate::physics

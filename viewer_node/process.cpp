@@ -1,0 +1,72 @@
+#include "viewer_node/process.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <optional>
+#include <stdexcept>
+
+#include "viewer_node/csv_writer.h"
+#include "viewer_node/status_line.h"
+
+namespace palpate::viewer {
+namespace {
+
+// How soon a stop is noticed, and how often a CSV reader sees new rows.
+constexpr auto kPumpInterval = std::chrono::milliseconds(50);
+
+void print_status(const TelemetryMirror& mirror, TimePoint now) {
+  const bool is_terminal = isatty(STDOUT_FILENO) == 1;
+  std::printf(is_terminal ? "\r\033[K%s" : "%s\n", status_line(mirror, now).c_str());
+  std::fflush(stdout);
+}
+
+}  // namespace
+
+TelemetryFeed::TelemetryFeed(const LinksConfig& config, const Clock& clock, ProcessLinks& links)
+    : clock_(clock),
+      subscriber_(links.side, clock,
+                  {connect_to(config.device_telemetry, "links.device_telemetry"),
+                   connect_to(config.mofc_telemetry, "links.mofc_telemetry"),
+                   connect_to(config.physics_telemetry, "links.physics_telemetry")}) {}
+
+void TelemetryFeed::pump(TelemetryMirror& mirror, TimePoint deadline) {
+  subscriber_.wait_until(deadline);
+  TimePoint received_at;
+  while (subscriber_.receive(message_, received_at)) {
+    std::visit([&](const auto& batch) { mirror.take(batch, received_at); }, message_);
+  }
+}
+
+void run_process(NodeContext& context, ProcessLinks& links, const ViewerOptions& options) {
+  TelemetryMirror mirror;
+  std::optional<CsvWriter> csv;
+  if (!options.csv_file.empty()) {
+    csv.emplace(options.csv_file);
+    mirror.on_row = [&](const TickRow& row) { csv->write(row); };
+  }
+  const auto check_csv = [&] {
+    if (!csv) return;
+    if (const auto error = csv->take_error()) throw std::runtime_error(*error);
+  };
+
+  TelemetryFeed feed(context.session.links, context.clock, links);
+  TimePoint next_status = context.clock.now() + context.session.viewer.status_interval;
+  while (!context.stop.stop_requested()) {
+    feed.pump(mirror, std::min(context.clock.now() + kPumpInterval, next_status));
+    const TimePoint now = context.clock.now();
+    if (now < next_status) continue;
+    next_status = now + context.session.viewer.status_interval;
+    if (!options.is_quiet) print_status(mirror, now);
+    if (csv) csv->flush();
+    check_csv();
+  }
+  mirror.flush_rows();
+  if (csv) csv->close();
+  check_csv();
+  if (!options.is_quiet) std::printf("\n");
+}
+
+}  // namespace palpate::viewer
