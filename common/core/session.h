@@ -122,7 +122,7 @@ struct HandConfig {
   double stiffness_newton_per_m = 150.0;
   double damping_newton_s_per_m = 6.0;
   PathConfig path = HoldPath{};
-  std::vector<ButtonPress> presses;
+  std::vector<ButtonPress> presses{};
 };
 
 // --- mofc -------------------------------------------------------------------------------------
