@@ -29,7 +29,7 @@ class ScriptedDevice final : public device::HapticDevice {
                       .button_count = 2,
                       .is_simulated = true,
                       .has_motor_watchdog = true};
-    writes.reserve(1'000'000);
+    writes.reserve(20'000);
   }
 
   std::vector<Write> writes;
