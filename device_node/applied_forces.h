@@ -37,17 +37,19 @@ class AppliedForces {
   /// A position was read at `at`: what acted so far is a finished segment.
   void read(TimePoint at, const Vector3& position_m) noexcept {
     run_out(at);
-    add({.force_on_hand_newton = force_,
-         .from = since_,
-         .until = at,
-         .hand_position_at_end_m = position_m});
+    end_segment(at);
+    if (count_ == 0) return;
+    AppliedForce& last = segments_[count_ - 1];
+    if (last.until == at) {
+      last.hand_position_at_end_m = position_m;
+      last.has_position_at_end = true;
+    }
   }
 
   /// Motors released at `at`, no position read.
   void released(TimePoint at) noexcept {
     run_out(at);
-    if (force_.isZero(0.0)) return;
-    end_force(at);
+    if (!force_.isZero(0.0)) end_force(at);
   }
 
   /// Hands the finished segments over and starts anew.
@@ -63,17 +65,15 @@ class AppliedForces {
     if (lease_end_ < at && !force_.isZero(0.0)) end_force(lease_end_);
   }
   void end_force(TimePoint at) noexcept {
-    add({.force_on_hand_newton = force_,
-         .from = since_,
-         .until = at,
-         .has_position_at_end = false});
+    end_segment(at);
     force_.setZero();
   }
-  void add(const AppliedForce& segment) noexcept {
-    if (segment.until <= segment.from) return;
+  void end_segment(TimePoint at) noexcept {
+    if (at <= since_) return;
     PALPATE_ASSERT(count_ < kMaxAppliedForces);
-    segments_[count_++] = segment;
-    since_ = segment.until;
+    segments_[count_++] = {
+        .force_on_hand_newton = force_, .from = since_, .until = at, .has_position_at_end = false};
+    since_ = at;
   }
 
   std::array<AppliedForce, kMaxAppliedForces> segments_{};

@@ -24,21 +24,26 @@ Target target_on(const VPath& path, double t_s) noexcept {
   const Vector3 down = path.half_width_m * path.tangent - path.height_m * path.normal;
   const Vector3 start = path.apex_m - down;
 
-  // free motion about the start
+  // free motion: a circle through the start, above it
   if (t_s < path.free_motion_s) {
     const double omega = kTwoPi * path.free_frequency_hz;
-    double offset_m = path.free_amplitude_m * std::sin(omega * t_s);
-    double speed_m_per_s = path.free_amplitude_m * omega * std::cos(omega * t_s);
+    const auto circle_m = [&](double t) -> Vector3 {
+      return path.free_amplitude_m * (std::sin(omega * t) * path.tangent +
+                                      (1.0 - std::cos(omega * t)) * path.normal);
+    };
+    Target target{start + circle_m(t_s),
+                  path.free_amplitude_m * omega *
+                      (std::cos(omega * t_s) * path.tangent + std::sin(omega * t_s) * path.normal)};
 
-    // what would be left at its end is taken back over the last quarter period
+    // what would be left of it at its end is taken back over the last quarter turn
     const double back_s = std::min(path.free_motion_s, 0.25 / path.free_frequency_hz);
     const double u = (t_s - (path.free_motion_s - back_s)) / back_s;
     if (u > 0.0) {
-      const double left_m = path.free_amplitude_m * std::sin(omega * path.free_motion_s);
-      offset_m -= left_m * u * u * (3.0 - 2.0 * u);
-      speed_m_per_s -= left_m * 6.0 * u * (1.0 - u) / back_s;
+      const Vector3 left_m = circle_m(path.free_motion_s);
+      target.position_m -= u * u * (3.0 - 2.0 * u) * left_m;
+      target.velocity_m_per_s -= 6.0 * u * (1.0 - u) / back_s * left_m;
     }
-    return {start + offset_m * path.tangent, speed_m_per_s * path.tangent};
+    return target;
   }
 
   // one leg down, one leg up, then hold

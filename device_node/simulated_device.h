@@ -14,8 +14,8 @@ namespace palpate::device {
 
 /// Integrates up to clock.now() whenever it is read, written or released, in equal inner steps of
 /// at most `inner_step`; so it runs on virtual time and in real time, also after the process was
-/// stopped: the force then ended at the exact instant its lease did. Catching up costs about half
-/// a microsecond of computing per inner step.
+/// stopped: the force then ended at the exact instant its lease did. Catching up costs less
+/// than 0.1 µs of computing per inner step.
 ///
 /// The encoder rounds each axis to the nearest multiple of the resolution. The workspace is told,
 /// not walled in. Motors have no thermal model: the continuous force is the peak force.

@@ -80,7 +80,7 @@ struct VPath {
   double half_width_m = 0.03;             ///< of the V at its ends
   double speed_m_per_s = 0.08;            ///< along the legs
   double free_motion_s = 0.0;             ///< t_free
-  double free_amplitude_m = 0.02;         ///< sinusoid along the tangent before the V
+  double free_amplitude_m = 0.02;         ///< radius of the circle before the V, in its plane
   double free_frequency_hz = 0.5;
 };
 struct HoldPath {
@@ -122,7 +122,7 @@ struct HandConfig {
   double stiffness_newton_per_m = 150.0;
   double damping_newton_s_per_m = 6.0;
   PathConfig path = HoldPath{};
-  std::vector<ButtonPress> presses;
+  std::vector<ButtonPress> presses{};
 };
 
 // --- mofc -------------------------------------------------------------------------------------

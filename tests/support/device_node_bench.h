@@ -1,0 +1,133 @@
+// device_node_bench.h — a DeviceNode between memory links, with a scripted answerer in mofc's
+// place.
+#pragma once
+
+#include <chrono>
+#include <functional>
+#include <utility>
+#include <vector>
+
+#include "common/core/clock.h"
+#include "common/core/inbox.h"
+#include "common/core/memory_link.h"
+#include "device_node/device_node.h"
+
+namespace palpate::test {
+
+using namespace std::chrono_literals;
+
+/// 1 kHz; answers within 0.5 ms, leases of 2 ms, fallback for 20 ms, fade of 50 ms, f_co 0.1 N.
+inline DeviceConfig device_config() {
+  DeviceConfig config;
+  config.reply = 500us;
+  config.lease = 2ms;
+  config.limp_after = 20ms;
+  config.fade = 50ms;
+  return config;
+}
+
+struct TickVector final : TickSink<DeviceTick> {
+  std::vector<DeviceTick> ticks;
+  void keep(const DeviceTick& record) noexcept override { ticks.push_back(record); }
+};
+
+/// Time passes only between ticks and inside waits. Device is constructed as
+/// Device(arguments…, clock, seed) or Device(clock).
+template <class Device>
+class DeviceNodeBench {
+ public:
+  static constexpr std::uint64_t kSession = 42;
+
+  explicit DeviceNodeBench(const DeviceConfig& config) : device(clock), node(make(config)) {
+    wire();
+  }
+  DeviceNodeBench(const DeviceConfig& config, const SimulatedDeviceConfig& simulated,
+                  const HandConfig& hand, std::uint64_t seed)
+      : device(simulated, hand, clock, seed), node(make(config)) {
+    wire();
+  }
+
+  /// Answers every DeviceState with this force, `reply_delay` later.
+  void answer_with(const Vector3& force_newton, Duration valid_for = 1h) {
+    on_state = [this, force_newton, valid_for](const DeviceState& state) {
+      send_answer(state.header.session_id, state.header.sequence, force_newton, valid_for);
+    };
+  }
+  void send_answer(std::uint64_t session_id, std::uint64_t sequence, const Vector3& force_newton,
+                   Duration valid_for = 1h) {
+    answer_ = {.header = {.session_id = 7, .sequence = next_answer_++, .sampled_at = clock.now()},
+               .answers_session_id = session_id,
+               .answers_sequence = sequence,
+               .force_on_hand_newton = force_newton,
+               .valid_for = valid_for};
+    due_ = clock.now() + reply_delay;
+    is_pending_ = true;
+    deliver();
+  }
+
+  /// One tick at the next whole millisecond, or now if that is later.
+  void tick() {
+    const TimePoint appointment = TimePoint(1ms * index_);
+    clock.sleep_until(appointment);
+    step({.index = index_, .scheduled_at = appointment, .now = clock.now()});
+    ++index_;
+  }
+  void step(const Tick& tick) {
+    is_pending_ = false;
+    node.step(tick);
+  }
+
+  ManualClock clock;
+  Device device;
+  std::function<void(const DeviceState&)> on_state;  ///< mofc
+  Duration reply_delay{};
+  Duration stall_in_wait{};  ///< > 0: the process is stopped for so long in its next wait
+
+ private:
+  struct StateVector final : Sender<DeviceState> {
+    explicit StateVector(DeviceNodeBench& b) : bench(b) {}
+    SendResult send(const DeviceState& state) noexcept override {
+      bench.states.push_back(state);
+      if (bench.on_state) bench.on_state(state);
+      return SendResult::kSent;
+    }
+    DeviceNodeBench& bench;
+  };
+
+  device::DeviceNode make(const DeviceConfig& config) {
+    return device::DeviceNode(config, device, clock, state_out_, inbox_, sink_, kSession);
+  }
+  void wire() {
+    commands_.on_wait = [this](TimePoint deadline) {
+      // the answer's arrival, the deadline, or much later
+      TimePoint wake = is_pending_ ? std::min(due_, deadline) : deadline;
+      if (stall_in_wait > Duration::zero()) {
+        wake = clock.now() + std::exchange(stall_in_wait, Duration::zero());
+      }
+      clock.sleep_until(wake);
+      deliver();
+    };
+  }
+  void deliver() {
+    if (!is_pending_ || due_ > clock.now()) return;
+    is_pending_ = false;
+    commands_.send(answer_);
+  }
+
+  StateVector state_out_{*this};
+  TickVector sink_;
+  MemoryLink<ForceCommand> commands_{clock};
+  Inbox<ForceCommand> inbox_{commands_, clock};
+  ForceCommand answer_;
+  TimePoint due_{};
+  bool is_pending_ = false;
+  std::uint64_t next_answer_ = 0;
+  std::uint64_t index_ = 0;
+
+ public:
+  std::vector<DeviceState> states;
+  std::vector<DeviceTick>& ticks = sink_.ticks;
+  device::DeviceNode node;
+};
+
+}  // namespace palpate::test

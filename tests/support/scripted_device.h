@@ -1,0 +1,78 @@
+// scripted_device.h — a device for tests of the tick: it does as it is told and remembers what its
+// motors did.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "common/core/clock.h"
+#include "device_node/device.h"
+
+namespace palpate::test {
+
+/// The hand moves along x at 1 m/s from 0 at the clock's origin, so each position tells its time.
+class ScriptedDevice final : public device::HapticDevice {
+ public:
+  /// A force that began to act; it acts until the next one, its own end, or a release.
+  struct Write {
+    TimePoint at{};
+    Vector3 force_on_hand_newton = Vector3::Zero();
+    TimePoint until{};
+  };
+
+  explicit ScriptedDevice(const Clock& clock) : clock_(clock) {
+    specification_ = {.model_name = "scripted",
+                      .workspace_half_extent_m = Vector3::Ones(),
+                      .peak_force_newton = 3.3,
+                      .continuous_force_newton = 0.88,
+                      .position_resolution_m = 0.0,
+                      .button_count = 2,
+                      .is_simulated = true,
+                      .has_motor_watchdog = true};
+    writes.reserve(20'000);
+  }
+
+  std::vector<Write> writes;
+  std::optional<Vector3> position_m;  ///< instead of the moving hand
+  std::uint32_t buttons = 0;
+  bool fails_to_read = false;
+  bool fails_to_apply = false;
+  int releases = 0;
+
+  [[nodiscard]] const device::DeviceSpecification& specification() const noexcept override {
+    return specification_;
+  }
+  [[nodiscard]] bool read(device::DeviceSample& sample) noexcept override {
+    const TimePoint now = clock_.now();
+    sample = {.hand_position_m = position_m.value_or(Vector3(seconds_of(now), 0, 0)),
+              .buttons = buttons,
+              .sampled_at = now};
+    return !fails_to_read;
+  }
+  [[nodiscard]] bool apply(const Vector3& force_on_hand_newton, Duration lease,
+                           device::DeviceSample& at_switch) noexcept override {
+    if (fails_to_apply || !read(at_switch)) return false;
+    writes.push_back({clock_.now(), force_on_hand_newton, clock_.now() + lease});
+    return true;
+  }
+  void release() noexcept override {
+    ++releases;
+    writes.push_back({clock_.now(), Vector3::Zero(), clock_.now()});
+  }
+
+  /// What the motors did at `t`, from the writes alone.
+  [[nodiscard]] Vector3 motor_force_newton(TimePoint t) const {
+    const Write* acting = nullptr;
+    for (const Write& write : writes) {
+      if (write.at <= t) acting = &write;
+    }
+    return acting != nullptr && t < acting->until ? acting->force_on_hand_newton
+                                                  : Vector3(Vector3::Zero());
+  }
+
+ private:
+  device::DeviceSpecification specification_;
+  const Clock& clock_;
+};
+
+}  // namespace palpate::test

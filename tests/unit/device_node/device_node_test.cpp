@@ -1,0 +1,411 @@
+// The tick on a clock that stands still unless the test, or a wait, moves it.
+#include "device_node/device_node.h"
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <functional>
+#include <optional>
+#include <vector>
+
+#include "common/core/clock.h"
+#include "common/core/memory_link.h"
+#include "device_node/simulated_device.h"
+#include "tests/support/alloc_guard.h"
+#include "tests/support/device_node_bench.h"
+#include "tests/support/scripted_device.h"
+
+namespace palpate::device {
+namespace {
+
+using namespace std::chrono_literals;
+using test::device_config;
+using test::DeviceNodeBench;
+using test::ScriptedDevice;
+
+using Bench = DeviceNodeBench<ScriptedDevice>;
+
+void expect_segment(const AppliedForce& segment, const Vector3& force_newton, Duration from,
+                    Duration until) {
+  EXPECT_EQ(segment.force_on_hand_newton, force_newton);
+  EXPECT_EQ(segment.from, TimePoint(from));
+  EXPECT_EQ(segment.until, TimePoint(until));
+}
+
+TEST(DeviceNode, SendsWhatItReads) {
+  DeviceConfig config = device_config();
+  config.workspace.scale_ratio = 2.0;
+  config.workspace.offset_m = Vector3(0, 0, 0.1);
+  Bench bench(config);
+  bench.device.position_m = Vector3(0.01, 0.02, 0.03);
+  bench.device.buttons = 2;
+  bench.clock.advance(7ms);
+
+  bench.tick();
+
+  ASSERT_EQ(bench.states.size(), 1u);
+  const DeviceState& state = bench.states[0];
+  EXPECT_EQ(state.header.session_id, Bench::kSession);
+  EXPECT_EQ(state.header.sequence, 0u);
+  EXPECT_EQ(state.header.sampled_at, TimePoint(7ms));
+  EXPECT_EQ(state.hand_position_m, Vector3(0.01, 0.02, 0.03));
+  EXPECT_LT((state.tool_position_world_m - Vector3(0.02, 0.04, 0.16)).norm(), 1e-15);
+  EXPECT_EQ(state.buttons, 2u);
+  EXPECT_FALSE(state.is_clutched);
+  EXPECT_EQ(state.applied_count, 0u);
+}
+
+TEST(DeviceNode, TheToolRestsWhileTheClutchIsHeld) {
+  DeviceConfig config = device_config();
+  config.workspace.clutch_button = 1;
+  Bench bench(config);
+  bench.device.position_m = Vector3(0.01, 0, 0);
+  bench.tick();
+  bench.device.buttons = 2;
+  bench.tick();
+  bench.device.position_m = Vector3(0.05, 0, 0);
+  bench.tick();
+
+  EXPECT_TRUE(bench.states[2].is_clutched);
+  EXPECT_TRUE(bench.ticks[2].is_clutched);
+  EXPECT_EQ(bench.states[2].hand_position_m.x(), 0.05);
+  EXPECT_NEAR(bench.states[2].tool_position_world_m.x(), 0.01, 1e-15);
+}
+
+TEST(DeviceNode, AppliesTheAnswerToThisTick) {
+  Bench bench(device_config());
+  bench.answer_with(Vector3(1, 0, 0));
+  bench.reply_delay = 200us;
+
+  bench.tick();
+
+  ASSERT_EQ(bench.device.writes.size(), 1u);
+  EXPECT_EQ(bench.device.writes[0].at, TimePoint(200us));
+  EXPECT_EQ(bench.device.writes[0].force_on_hand_newton, Vector3(1, 0, 0));
+  EXPECT_EQ(bench.device.writes[0].until, TimePoint(2200us));
+  const DeviceTick& tick = bench.ticks[0];
+  EXPECT_TRUE(tick.is_answered);
+  EXPECT_EQ(tick.guard, GuardState::kAnswered);
+  EXPECT_EQ(tick.switched_at, TimePoint(200us));
+  EXPECT_EQ(tick.reply_time, Duration(200us));
+  EXPECT_EQ(tick.force_on_hand_newton, Vector3(1, 0, 0));
+}
+
+TEST(DeviceNode, AnAnswerAtTheDeadlineCountsAndOneAfterItDoesNot) {
+  Bench bench(device_config());
+  bench.answer_with(Vector3(1, 0, 0));
+  bench.reply_delay = 500us;  // the deadline itself
+  bench.tick();
+  bench.reply_delay = 501us;
+  bench.tick();
+
+  EXPECT_TRUE(bench.ticks[0].is_answered);
+  EXPECT_FALSE(bench.ticks[1].is_answered);
+}
+
+// Stopped inside the wait, the node finds the answer but may not use it any more.
+TEST(DeviceNode, AnAnswerThatIsReadTooLateIsDropped) {
+  Bench bench(device_config());
+  bench.answer_with(Vector3(1, 0, 0));
+  bench.reply_delay = 100us;
+  bench.stall_in_wait = 5ms;
+
+  bench.tick();
+
+  EXPECT_FALSE(bench.ticks[0].is_answered);
+  EXPECT_EQ(bench.ticks[0].force_on_hand_newton.norm(), 0.0);
+}
+
+TEST(DeviceNode, AnswersToAnotherTickOrSessionAreDropped) {
+  Bench bench(device_config());
+  bench.on_state = [&](const DeviceState& state) {
+    bench.send_answer(state.header.session_id, state.header.sequence + 1, Vector3(1, 0, 0));
+  };
+  bench.tick();
+  bench.on_state = [&](const DeviceState& state) {
+    bench.send_answer(state.header.session_id + 1, state.header.sequence, Vector3(1, 0, 0));
+  };
+  bench.tick();
+
+  EXPECT_FALSE(bench.ticks[0].is_answered);
+  EXPECT_FALSE(bench.ticks[1].is_answered);
+  EXPECT_EQ(bench.node.counters().limp_ticks, 2u);
+}
+
+TEST(DeviceNode, WithoutAnAnswerTheLeaseRunsOnUntouchedThenFallbackIsRenewed) {
+  Bench bench(device_config());
+  bench.answer_with(Vector3(1, 0, 0));
+  bench.tick();  // switch at 0, lease until 2 ms
+  bench.on_state = nullptr;
+  bench.tick();  // decided at 1.5 ms: leased
+  EXPECT_EQ(bench.device.writes.size(), 1u);
+  bench.tick();  // at 2.5 ms: fallback
+  bench.tick();  // at 3.5 ms: again
+
+  EXPECT_EQ(bench.ticks[1].guard, GuardState::kLeased);
+  EXPECT_EQ(bench.ticks[1].force_on_hand_newton, Vector3(1, 0, 0));
+  EXPECT_EQ(bench.ticks[2].guard, GuardState::kFallback);
+  ASSERT_EQ(bench.device.writes.size(), 3u);
+  EXPECT_EQ(bench.device.writes[1].force_on_hand_newton, Vector3(0.1, 0, 0));
+  EXPECT_EQ(bench.device.writes[1].at, TimePoint(2500us));
+  EXPECT_EQ(bench.device.writes[1].until, TimePoint(4500us));
+  EXPECT_EQ(bench.device.writes[2].at, TimePoint(3500us));
+}
+
+// --- the echo ---------------------------------------------------------------------------------
+
+TEST(DeviceNode, EchoesBothForcesOfAnIntervalWithThePositionAtTheSwitch) {
+  Bench bench(device_config());
+  bench.reply_delay = 300us;
+  bench.answer_with(Vector3(1, 0, 0));
+  bench.tick();
+  bench.answer_with(Vector3(2, 0, 0));
+  bench.tick();
+  bench.tick();
+
+  // the hand moves at 1 m/s: positions tell times
+  const DeviceState& state = bench.states[2];
+  ASSERT_EQ(state.applied_count, 2u);
+  expect_segment(state.applied[0], Vector3(1, 0, 0), 1000us, 1300us);
+  EXPECT_NEAR(state.applied[0].hand_position_at_end_m.x(), 1300e-6, 1e-12);
+  expect_segment(state.applied[1], Vector3(2, 0, 0), 1300us, 2000us);
+  EXPECT_EQ(state.applied[1].hand_position_at_end_m, state.hand_position_m);
+}
+
+// Lockstep without delay: the switch is the reading, so there is one segment per interval.
+TEST(DeviceNode, AReplyAtTheSameInstantLeavesOneSegment) {
+  Bench bench(device_config());
+  bench.answer_with(Vector3(1, 0, 0));
+  bench.tick();
+  bench.tick();
+
+  EXPECT_EQ(bench.ticks[0].switched_at, bench.ticks[0].sampled_at);
+  ASSERT_EQ(bench.states[1].applied_count, 1u);
+  expect_segment(bench.states[1].applied[0], Vector3(1, 0, 0), 0us, 1000us);
+  EXPECT_TRUE(bench.states[1].applied[0].has_position_at_end);
+}
+
+// Stalled for 7 ms: the force ended by itself at 2 ms, where nobody read the encoder.
+TEST(DeviceNode, AForceThatRanOutIsEchoedWithItsEndAndTheRestAsNothing) {
+  Bench bench(device_config());
+  bench.answer_with(Vector3(1, 0, 0));
+  bench.tick();
+  bench.clock.advance(7ms);
+  bench.tick();
+
+  const DeviceState& state = bench.states[1];
+  ASSERT_EQ(state.applied_count, 2u);
+  expect_segment(state.applied[0], Vector3(1, 0, 0), 0ms, 2ms);
+  EXPECT_FALSE(state.applied[0].has_position_at_end);
+  expect_segment(state.applied[1], Vector3::Zero(), 2ms, 7ms);
+  EXPECT_TRUE(state.applied[1].has_position_at_end);
+}
+
+// One force runs out before the switch, its successor before the reading: all four segments.
+TEST(DeviceNode, TwoForcesThatRanOutFillTheEcho) {
+  Bench bench(device_config());
+  bench.answer_with(Vector3(1, 0, 0));
+  bench.tick();  // lease until 2 ms
+  bench.clock.advance(1500us);
+  bench.on_state = nullptr;
+  bench.stall_in_wait = 5ms;  // from 1.5 ms: fallback at 6.5 ms, lease until 8.5 ms
+  bench.tick();
+  bench.clock.advance(10ms);
+  bench.tick();
+
+  const DeviceState& state = bench.states[2];
+  ASSERT_EQ(state.applied_count, 4u);
+  expect_segment(state.applied[0], Vector3(1, 0, 0), 1500us, 2000us);
+  expect_segment(state.applied[1], Vector3::Zero(), 2000us, 6500us);
+  expect_segment(state.applied[2], Vector3(0.1, 0, 0), 6500us, 8500us);
+  expect_segment(state.applied[3], Vector3::Zero(), 8500us, 16'500us);
+  EXPECT_TRUE(state.applied[1].has_position_at_end);
+  EXPECT_FALSE(state.applied[2].has_position_at_end);
+}
+
+// --- faults -----------------------------------------------------------------------------------
+
+TEST(DeviceNode, AReadFailureIsLatchedAndLimpUntilReset) {
+  Bench bench(device_config());
+  bench.answer_with(Vector3(1, 0, 0));
+  bench.tick();
+  bench.device.fails_to_read = true;
+  bench.tick();
+  bench.device.fails_to_read = false;
+  bench.tick();
+
+  EXPECT_TRUE(bench.node.has_fault());
+  EXPECT_EQ(bench.device.releases, 1);
+  EXPECT_EQ(bench.states.size(), 1u);
+  EXPECT_EQ(bench.node.counters().device_faults, 1u);
+
+  bench.node.reset_fault();
+  bench.tick();  // at 3 ms
+
+  EXPECT_FALSE(bench.node.has_fault());
+  ASSERT_EQ(bench.states.size(), 2u);
+  EXPECT_EQ(bench.states[1].header.sequence, 1u);
+  // the echo tells of the release, at 1 ms, and of nothing since
+  ASSERT_EQ(bench.states[1].applied_count, 2u);
+  expect_segment(bench.states[1].applied[0], Vector3(1, 0, 0), 0ms, 1ms);
+  EXPECT_FALSE(bench.states[1].applied[0].has_position_at_end);
+  expect_segment(bench.states[1].applied[1], Vector3::Zero(), 1ms, 3ms);
+}
+
+TEST(DeviceNode, ANonFiniteReadingIsAFault) {
+  Bench bench(device_config());
+  bench.device.position_m = Vector3(0, kNaN, 0);
+
+  bench.tick();
+
+  EXPECT_TRUE(bench.node.has_fault());
+  EXPECT_TRUE(bench.states.empty());
+}
+
+TEST(DeviceNode, AWriteFailureIsAFault) {
+  Bench bench(device_config());
+  bench.answer_with(Vector3(1, 0, 0));
+  bench.device.fails_to_apply = true;
+
+  bench.tick();
+
+  EXPECT_TRUE(bench.node.has_fault());
+  EXPECT_EQ(bench.device.releases, 1);
+}
+
+TEST(DeviceNode, AfterAFaultTheForceGrowsFromNothing) {
+  DeviceConfig config = device_config();
+  config.start_ramp = 10ms;
+  Bench bench(config);
+  bench.answer_with(Vector3(1, 0, 0));
+  for (int i = 0; i < 20; ++i) bench.tick();
+  EXPECT_EQ(bench.ticks.back().force_on_hand_newton.x(), 1.0);
+  bench.device.fails_to_read = true;
+  bench.tick();
+  bench.device.fails_to_read = false;
+  bench.node.reset_fault();
+  bench.tick();
+
+  EXPECT_EQ(bench.ticks.back().force_on_hand_newton.x(), 0.0);
+}
+
+TEST(DeviceNode, StopAndDestructionReleaseTheMotors) {
+  ManualClock clock;
+  ScriptedDevice device(clock);
+  MemoryLink<DeviceState> states(clock);
+  MemoryLink<ForceCommand> commands(clock);
+  Inbox<ForceCommand> inbox(commands, clock);
+  test::TickVector sink;
+  {
+    DeviceNode node(device_config(), device, clock, states, inbox, sink, 1);
+    node.stop();
+    EXPECT_EQ(device.releases, 1);
+  }
+  EXPECT_EQ(device.releases, 2);
+}
+
+// --- limits, counters, promises ----------------------------------------------------------------
+
+TEST(DeviceNode, TheDevicesPeakHoldsBesideTheSessions) {
+  DeviceConfig config = device_config();
+  config.peak_force_newton = 100.0;  // the scripted device: 3.3 N
+  Bench bench(config);
+  bench.answer_with(Vector3(50, 0, 0));
+
+  bench.tick();
+  bench.tick();
+
+  EXPECT_NEAR(bench.ticks[0].force_on_hand_newton.x(), 3.3, 1e-12);
+  EXPECT_TRUE(bench.ticks[0].is_peak_limited);
+  EXPECT_NEAR(bench.states[1].applied[0].force_on_hand_newton.x(), 3.3, 1e-12);
+  EXPECT_EQ(bench.node.counters().peak_limited_ticks, 2u);
+  EXPECT_NEAR(bench.node.counters().max_force_newton, 3.3, 1e-12);
+}
+
+TEST(DeviceNode, CountsItsTicksByWhatTheMotorsDid) {
+  Bench bench(device_config());
+  bench.tick();  // limp
+  bench.answer_with(Vector3(1, 0, 0));
+  bench.tick();
+  bench.tick();  // answered twice, lease until 4 ms
+  bench.on_state = nullptr;
+  bench.tick();  // leased
+  bench.tick();  // fallback at 4.5 ms
+  for (int i = 0; i < 100; ++i) bench.tick();
+
+  const DeviceCounters c = bench.node.counters();
+  EXPECT_EQ(c.loop.ticks, 105u);
+  EXPECT_EQ(c.answered_ticks, 2u);
+  EXPECT_EQ(c.leased_ticks, 1u);
+  // decided at n + 0.5 ms; limp from 2 + 70 ms of silence on: fallback or fading for n = 4 … 71
+  EXPECT_EQ(c.fallback_ticks, 68u);
+  EXPECT_EQ(c.limp_ticks, 1u + 33u);
+  EXPECT_EQ(c.force_command.accepted, 2u);
+}
+
+TEST(DeviceNode, CountsLatenessAndSkippedAppointments) {
+  Bench bench(device_config());
+  bench.step({.index = 10, .scheduled_at = TimePoint{}, .now = TimePoint{}});
+  bench.clock.advance(5ms);
+  bench.step({.index = 14, .scheduled_at = TimePoint(4ms), .now = TimePoint(5ms)});
+
+  EXPECT_EQ(bench.node.counters().loop.skipped_ticks, 3u);
+  EXPECT_EQ(bench.node.counters().loop.worst_lateness, Duration(1ms));
+  EXPECT_EQ(bench.ticks[1].lateness, Duration(1ms));
+}
+
+TEST(DeviceNode, ASimulatedDeviceTellsItsTrueStateInTheToolsFrame) {
+  DeviceConfig config = device_config();
+  config.workspace.scale_ratio = 3.0;
+  DeviceNodeBench<SimulatedDevice> bench(
+      config, config.simulated,
+      HandConfig{.path = SinusoidPath{.amplitude_m = Vector3(0.01, 0, 0),
+                                      .frequency_hz = Vector3(1, 0, 0)}},
+      1);
+  for (int i = 0; i < 200; ++i) bench.tick();
+
+  const DeviceTick& tick = bench.ticks.back();
+  EXPECT_GT(tick.true_energy_joule, 0.0);
+  EXPECT_EQ(tick.minimum_true_energy_joule, 0.0);
+  // the encoder rounds by 27.5 µm at most
+  EXPECT_LE(
+      (tick.true_tool_position_world_m - tick.measured_tool_position_world_m).cwiseAbs().maxCoeff(),
+      3 * 27.6e-6);
+  EXPECT_GT(tick.true_tool_velocity_world_m_per_s.x(), 0.01);
+  EXPECT_EQ(bench.node.counters().minimum_true_energy_joule, 0.0);
+}
+
+TEST(DeviceNode, AHardwareDeviceTellsNoTrueState) {
+  Bench bench(device_config());
+  bench.tick();
+
+  EXPECT_TRUE(std::isnan(bench.ticks[0].true_energy_joule));
+  EXPECT_TRUE(std::isnan(bench.node.counters().minimum_true_energy_joule));
+}
+
+TEST(DeviceNode, StepDoesNotAllocate) {
+  DeviceConfig config = device_config();
+  DeviceNodeBench<SimulatedDevice> bench(config, config.simulated,
+                                         HandConfig{.path = HostilePath{}}, 1);
+  bench.reply_delay = 100us;
+  bench.answer_with(Vector3(1, 0, 0));
+  bench.states.reserve(2'000);
+  bench.ticks.reserve(2'000);
+  std::uint64_t allocations = 0;
+
+  // answered, leased, fallback and fading in turn
+  for (int i = 0; i < 1'000; ++i) {
+    if (i == 500) bench.on_state = nullptr;
+    const test::AllocGuard guard;
+    bench.tick();
+    allocations += guard.count();
+  }
+
+  EXPECT_EQ(allocations, 0u);
+  EXPECT_GT(bench.node.counters().fallback_ticks, 0u);
+}
+
+static_assert(noexcept(std::declval<DeviceNode&>().step(std::declval<const Tick&>())));
+
+}  // namespace
+}  // namespace palpate::device

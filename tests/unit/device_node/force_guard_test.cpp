@@ -1,0 +1,220 @@
+#include "device_node/force_guard.h"
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <limits>
+
+namespace palpate::device {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr double kDevicePeak_newton = 3.3;
+const TimePoint kStart = time_at(100.0);
+
+/// 1 kHz, leases of 2 ms, fallback for 20 ms, fade of 50 ms, f_co = 0.1 N.
+DeviceConfig config() {
+  DeviceConfig c;
+  c.lease = 2ms;
+  c.limp_after = 20ms;
+  c.fade = 50ms;
+  return c;
+}
+
+ForceCommand command(const Vector3& force_newton, Duration valid_for = 2ms) {
+  ForceCommand command;
+  command.force_on_hand_newton = force_newton;
+  command.valid_for = valid_for;
+  return command;
+}
+
+TEST(ForceGuard, GivesNothingBeforeTheFirstAnswer) {
+  ForceGuard guard(config(), kDevicePeak_newton);
+
+  const GuardedForce out = guard.missed(kStart);
+
+  EXPECT_EQ(out.state, GuardState::kLimp);
+  EXPECT_EQ(out.force_on_hand_newton.norm(), 0.0);
+}
+
+TEST(ForceGuard, PassesAnAnswerOnWithItsLease) {
+  ForceGuard guard(config(), kDevicePeak_newton);
+
+  const GuardedForce out = guard.answered(command(Vector3(1, -2, 0.5), 1500us), kStart);
+
+  EXPECT_EQ(out.state, GuardState::kAnswered);
+  EXPECT_EQ(out.force_on_hand_newton, Vector3(1, -2, 0.5));
+  EXPECT_EQ(out.lease, Duration(1500us));
+  EXPECT_FALSE(out.is_limited);
+  EXPECT_TRUE(out.is_switch);
+}
+
+TEST(ForceGuard, CutsALeaseToTheSessionsLongest) {
+  ForceGuard guard(config(), kDevicePeak_newton);
+
+  EXPECT_EQ(guard.answered(command(Vector3(1, 0, 0), 1h), kStart).lease, Duration(2ms));
+}
+
+TEST(ForceGuard, ACommandWithoutALeaseIsNoForce) {
+  ForceGuard guard(config(), kDevicePeak_newton);
+
+  const GuardedForce out = guard.answered(command(Vector3(1, 0, 0), Duration(-5)), kStart);
+
+  EXPECT_EQ(out.force_on_hand_newton.norm(), 0.0);
+  EXPECT_EQ(out.lease, Duration(0));
+}
+
+TEST(ForceGuard, LeavesTheMotorsAloneWhileTheLeaseRuns) {
+  ForceGuard guard(config(), kDevicePeak_newton);
+  (void)guard.answered(command(Vector3(1, 0, 0)), kStart);
+
+  const GuardedForce out = guard.missed(kStart + 2ms - 1ns);
+
+  EXPECT_EQ(out.state, GuardState::kLeased);
+  EXPECT_EQ(out.force_on_hand_newton, Vector3(1, 0, 0));
+  EXPECT_FALSE(out.is_switch);
+}
+
+// f_co = 0.1 N of the profile, along (3, 4, 0)/5.
+TEST(ForceGuard, FallsBackToCoulombFrictionInTheCommandsDirection) {
+  ForceGuard guard(config(), kDevicePeak_newton);
+  (void)guard.answered(command(Vector3(1.5, 2, 0)), kStart);
+
+  for (const Duration t : {Duration(2ms), Duration(3ms), Duration(20ms - 1ns)}) {
+    const GuardedForce out = guard.missed(kStart + t);
+    EXPECT_EQ(out.state, GuardState::kFallback);
+    EXPECT_LT((out.force_on_hand_newton - Vector3(0.06, 0.08, 0)).norm(), 1e-15);
+    EXPECT_EQ(out.lease, Duration(2ms));  // two periods
+    EXPECT_TRUE(out.is_switch);
+  }
+}
+
+TEST(ForceGuard, AFallbackIsNotMoreThanTheCommandWas) {
+  ForceGuard guard(config(), kDevicePeak_newton);
+  (void)guard.answered(command(Vector3(0.02, 0, 0)), kStart);
+
+  EXPECT_EQ(guard.missed(kStart + 5ms).force_on_hand_newton, Vector3(0.02, 0, 0));
+}
+
+// Silent for 20 + 30 ms of the 50 ms fade: 0.1·(1 − 3/5) = 0.04 N.
+TEST(ForceGuard, FadesToZeroAfterSilence) {
+  ForceGuard guard(config(), kDevicePeak_newton);
+  (void)guard.answered(command(Vector3(1, 0, 0)), kStart);
+
+  EXPECT_EQ(guard.missed(kStart + 20ms).state, GuardState::kFading);
+  EXPECT_NEAR(guard.missed(kStart + 20ms).force_on_hand_newton.x(), 0.1, 1e-15);
+  EXPECT_NEAR(guard.missed(kStart + 50ms).force_on_hand_newton.x(), 0.04, 1e-15);
+  EXPECT_EQ(guard.missed(kStart + 70ms).state, GuardState::kLimp);
+  EXPECT_EQ(guard.missed(kStart + 70ms).force_on_hand_newton.norm(), 0.0);
+}
+
+TEST(ForceGuard, AnAnswerEndsTheFallback) {
+  ForceGuard guard(config(), kDevicePeak_newton);
+  (void)guard.answered(command(Vector3(1, 0, 0)), kStart);
+  (void)guard.missed(kStart + 10ms);
+
+  const GuardedForce out = guard.answered(command(Vector3(2, 0, 0)), kStart + 11ms);
+
+  EXPECT_EQ(out.force_on_hand_newton, Vector3(2, 0, 0));
+}
+
+// Ramp of 100 ms: nothing at first, 30 % after 30 ms, all after 100 ms.
+TEST(ForceGuard, ALimpStartGrowsFromNothing) {
+  DeviceConfig c = config();
+  c.start_ramp = 100ms;
+  ForceGuard guard(c, kDevicePeak_newton);
+
+  const auto x_after = [&](Duration t) {
+    return guard.answered(command(Vector3(2, 0, 0)), kStart + t).force_on_hand_newton.x();
+  };
+  EXPECT_EQ(x_after(0ms), 0.0);
+  EXPECT_NEAR(x_after(30ms), 0.6, 1e-15);
+  EXPECT_NEAR(x_after(80ms), 1.6, 1e-15);
+  EXPECT_EQ(x_after(100ms), 2.0);
+}
+
+TEST(ForceGuard, ComingBackFromLimpIsALimpStartAgain) {
+  DeviceConfig c = config();
+  c.start_ramp = 10ms;
+  ForceGuard guard(c, kDevicePeak_newton);
+  const auto x_after = [&](Duration t) {
+    return guard.answered(command(Vector3(2, 0, 0)), kStart + t).force_on_hand_newton.x();
+  };
+  (void)x_after(0ms);
+  EXPECT_EQ(x_after(10ms), 2.0);
+
+  EXPECT_EQ(x_after(79ms), 2.0);         // 69 ms of silence: not limp yet
+  EXPECT_EQ(x_after(79ms + 70ms), 0.0);  // limp_after + fade: limp, even if nobody looked
+  guard.reset();
+  EXPECT_EQ(x_after(170ms), 0.0);
+}
+
+TEST(ForceGuard, TheSmallerPeakHoldsAndTheDirectionIsKept) {
+  DeviceConfig c = config();
+  ForceGuard by_device(c, kDevicePeak_newton);
+  c.peak_force_newton = 2.0;
+  ForceGuard by_session(c, kDevicePeak_newton);
+
+  const GuardedForce a = by_device.answered(command(Vector3(30, 0, -40)), kStart);
+  const GuardedForce b = by_session.answered(command(Vector3(30, 0, -40)), kStart);
+
+  EXPECT_LT((a.force_on_hand_newton - Vector3(1.98, 0, -2.64)).norm(), 1e-12);
+  EXPECT_LT((b.force_on_hand_newton - Vector3(1.2, 0, -1.6)).norm(), 1e-12);
+  EXPECT_TRUE(a.is_limited);
+}
+
+/// 100 N/s: 0.1 N more per period of 1 ms.
+DeviceConfig slewing() {
+  DeviceConfig c = config();
+  c.slew_newton_per_s = 100.0;
+  return c;
+}
+
+TEST(ForceGuard, GrowthIsLimitedAndDecreaseIsNot) {
+  ForceGuard guard(slewing(), kDevicePeak_newton);
+  const auto x_after = [&](Duration t, double newton) {
+    return guard.answered(command(Vector3(newton, 0, 0)), kStart + t).force_on_hand_newton.x();
+  };
+
+  EXPECT_NEAR(x_after(0ms, 1.0), 0.1, 1e-15);
+  EXPECT_NEAR(x_after(1ms, 1.0), 0.2, 1e-15);
+  EXPECT_NEAR(x_after(1500us, 1.0), 0.25, 1e-15);
+  EXPECT_EQ(x_after(2500us, 0.03), 0.03);
+}
+
+// +1 N acting gives nothing along −x: the turned force starts from zero. Sideways likewise.
+TEST(ForceGuard, ATurnedForceGrowsFromWhatAlreadyActsAlongIt) {
+  ForceGuard guard(slewing(), kDevicePeak_newton);
+  for (int i = 0; i < 10; ++i) {
+    (void)guard.answered(command(Vector3(1, 0, 0)), kStart + i * 1ms);
+  }
+
+  const GuardedForce turned = guard.answered(command(Vector3(-1, 0, 0)), kStart + 10ms);
+
+  EXPECT_NEAR(turned.force_on_hand_newton.x(), -0.1, 1e-15);
+  EXPECT_TRUE(turned.is_limited);
+}
+
+TEST(ForceGuard, AfterItsLeaseAForceGrowsFromNothing) {
+  ForceGuard guard(slewing(), kDevicePeak_newton);
+  for (int i = 0; i < 10; ++i) {
+    (void)guard.answered(command(Vector3(1, 0, 0)), kStart + i * 1ms);
+  }
+
+  const GuardedForce after_gap = guard.answered(command(Vector3(1, 0, 0)), kStart + 12ms);
+
+  EXPECT_NEAR(after_gap.force_on_hand_newton.x(), 0.1, 1e-15);
+}
+
+TEST(ForceGuard, ANonFiniteCommandIsNoForceAndCounted) {
+  ForceGuard guard(config(), kDevicePeak_newton);
+  const double inf = std::numeric_limits<double>::infinity();
+
+  EXPECT_EQ(guard.answered(command(Vector3(0, kNaN, 0)), kStart).force_on_hand_newton.norm(), 0.0);
+  EXPECT_EQ(guard.answered(command(Vector3(inf, 0, 0)), kStart).force_on_hand_newton.norm(), 0.0);
+  EXPECT_EQ(guard.non_finite_commands(), 2u);
+}
+
+}  // namespace
+}  // namespace palpate::device
