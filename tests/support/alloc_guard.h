@@ -22,6 +22,12 @@ class AllocGuard {
 
 }  // namespace palpate
 
+// GCC sees free() meet new once it inlines these, not that they belong together.
+#pragma GCC diagnostic push
+#if !defined(__clang__)
+#pragma GCC diagnostic ignored "-Wmismatched-new-delete"
+#endif
+
 void* operator new(std::size_t size) {
   ++palpate::allocations_of_this_thread;
   if (void* memory = std::malloc(size > 0 ? size : 1)) return memory;
@@ -37,3 +43,5 @@ void operator delete(void* memory) noexcept { std::free(memory); }
 void operator delete(void* memory, std::size_t) noexcept { std::free(memory); }
 void operator delete(void* memory, std::align_val_t) noexcept { std::free(memory); }
 void operator delete(void* memory, std::size_t, std::align_val_t) noexcept { std::free(memory); }
+
+#pragma GCC diagnostic pop

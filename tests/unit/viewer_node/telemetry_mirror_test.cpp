@@ -168,12 +168,24 @@ TEST(TelemetryMirror, HoldsOneSecondOfTicks) {
 TEST(TelemetryMirror, IsBoundedWhateverTheStampsSay) {
   TelemetryMirror mirror;
   for (std::uint64_t batch = 0; batch < 100; ++batch) {
-    DeviceBatch made = device_batch(batch, 1000 * batch, 1000 * batch + 999);
-    for (DeviceTick& tick : made.records) tick.sampled_at = kStart;
-    mirror.take(made, kStart);
+    DeviceBatch device = device_batch(batch, 1000 * batch, 1000 * batch + 999);
+    for (DeviceTick& tick : device.records) tick.sampled_at = kStart;
+    mirror.take(device, kStart);
+    PhysicsBatch physics = physics_batch(batch, 1000 * batch, 1000 * batch + 999);
+    for (PhysicsTick& tick : physics.records) tick.stepped_at = kStart;
+    mirror.take(physics, kStart);
   }
 
   EXPECT_EQ(mirror.ticks().size(), kMaxTicksHeld);
+  EXPECT_EQ(mirror.physics_ticks().size(), kMaxTicksHeld);
+}
+
+TEST(TelemetryMirror, HoldsThePhysicsTicksOfOneSessionOnly) {
+  TelemetryMirror mirror;
+  mirror.take(physics_batch(5, 100, 109), kStart);
+  mirror.take(physics_batch(0, 0, 2, 34), kStart);
+
+  EXPECT_EQ(mirror.physics_ticks().size(), 3U);
 }
 
 // --- rows -------------------------------------------------------------------------------------
@@ -341,6 +353,20 @@ TEST(TelemetryFigures, GiveTheShareOfScheduledTicksAnswered) {
   take(1900, 100, 1530, kStart + 1400ms);
   // the first batch has left the window: 990 / 1000
   EXPECT_DOUBLE_EQ(mirror.figures().answered_ratio, 0.99);
+}
+
+TEST(TelemetryFigures, CountAnsweredTicksOfOneDeviceSessionOnly) {
+  TelemetryMirror mirror;
+  mirror.take(device_batch(0, 0, 999), kStart);
+  DeviceBatch restarted = device_batch(0, 0, 9, 12);
+  mirror.take(restarted, kStart);
+  restarted.header.sequence = 1;
+  restarted.counters.loop.ticks = 20;
+  restarted.counters.answered_ticks = 15;
+  mirror.take(restarted, kStart);
+
+  // of ten ticks since the first batch of the new session five were answered
+  EXPECT_DOUBLE_EQ(mirror.figures().answered_ratio, 0.5);
 }
 
 // Two ticks: 2 N asked along z and 1 N applied; then 4 N asked and 4 N applied, clamped.
