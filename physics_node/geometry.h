@@ -28,9 +28,9 @@ struct Bounds {
 [[nodiscard]] SurfaceView view(const SphereGeometry& sphere, const Vector3& point_m) noexcept;
 
 /// Outside: the distance to the nearest point of the box, be it on a face, an edge (curved like a
-/// cylinder) or a corner (curved like a sphere). Inside: the nearest face; where several are
-/// equally near the first in the order x, y, z, and of two opposite ones the one in positive
-/// direction, so the normal jumps there while the distance does not.
+/// cylinder) or a corner (curved like a sphere). Inside, and closer than 1 pm: the nearest face;
+/// where several are equally near the first in the order x, y, z, and of two opposite ones the one
+/// in positive direction, so the normal jumps there while the distance does not.
 [[nodiscard]] SurfaceView view(const BoxGeometry& box, const Vector3& point_m) noexcept;
 
 /// The smallest box round the tissue.

@@ -1,7 +1,9 @@
 #include "viewer_node/status_line.h"
 
+#include <algorithm>
 #include <array>
 #include <charconv>
+#include <cmath>
 #include <optional>
 
 namespace palpate::viewer {
@@ -32,17 +34,11 @@ std::string absence(const char* node, const NodeLink& link, TimePoint now) {
   return std::string(node) + ": not heard for " + duration(now - link.heard_at);
 }
 
-// Cut after kStatusColumns characters, never inside one.
-std::string cut(std::string line) {
-  std::size_t columns = 0;
-  for (std::size_t i = 0; i < line.size(); ++i) {
-    const bool begins_character = (static_cast<unsigned char>(line[i]) & 0xC0U) != 0x80U;
-    if (begins_character && columns++ == kStatusColumns) {
-      line.resize(i);
-      break;
-    }
-  }
-  return line;
+// Characters, not bytes.
+std::size_t columns(const std::string& text) {
+  return static_cast<std::size_t>(std::count_if(text.begin(), text.end(), [](char c) {
+    return (static_cast<unsigned char>(c) & 0xC0U) != 0x80U;
+  }));
 }
 
 }  // namespace
@@ -50,15 +46,17 @@ std::string cut(std::string line) {
 std::string status_line(const TelemetryMirror& mirror, TimePoint now) {
   std::string line;
   const auto add = [&line](const std::string& part) {
-    if (!part.empty()) line += (line.empty() ? "" : "  ") + part;
+    const std::string extended = line + (line.empty() || part.empty() ? "" : "  ") + part;
+    if (columns(extended) <= kStatusColumns) line = extended;
   };
   add(absence("device", mirror.device_link(), now));
   add(absence("mofc", mirror.mofc_link(), now));
   add(absence("physics", mirror.physics_link(), now));
 
   // without the device there are no new ticks to speak of
-  if (!mirror.device_link().is_alive(now)) return cut(line);
+  if (!mirror.device_link().is_alive(now)) return line;
   const bool has_mofc = mirror.mofc_link().is_alive(now);
+  const bool has_physics = mirror.physics_link().is_alive(now);
   const TelemetryFigures figures = mirror.figures();
   const bool is_answered =
       figures.guard == GuardState::kAnswered || figures.guard == GuardState::kLeased;
@@ -71,22 +69,25 @@ std::string status_line(const TelemetryMirror& mirror, TimePoint now) {
   add("|F| " + fixed(figures.applied_newton, 2) + "/" + fixed(figures.asked_newton, 2) + " N");
   if (has_mofc) {
     add("clamp " + percent(figures.clamped_ratio, 0));
-    add("E " + fixed(1e3 * figures.ledger_energy_joule, 1) + " mJ (true " +
-        fixed(1e3 * figures.true_energy_joule, 1) + ")");
+    const bool knows_truth = std::isfinite(figures.true_energy_joule);
+    add("E " + fixed(1e3 * figures.ledger_energy_joule, 1) + " mJ" +
+        (knows_truth ? " (true " + fixed(1e3 * figures.true_energy_joule, 1) + ")" : ""));
+  }
+  if (has_mofc && has_physics) {
     add("transp " + fixed(figures.transparency, 2));
     add("age " + duration(figures.force_age_p50));
   }
 
-  const std::uint64_t lost =
-      mirror.mofc_counters().device_state.skipped + mirror.device_counters().force_command.skipped;
-  add("lost " + std::to_string(lost));
   std::uint64_t telemetry_lost = 0;
   for (const NodeLink* link :
        {&mirror.device_link(), &mirror.mofc_link(), &mirror.physics_link()}) {
     telemetry_lost += link->batches_lost + link->records_lost;
   }
-  if (telemetry_lost > 0) add("telemetry lost " + std::to_string(telemetry_lost));
-  return cut(line);
+  const std::uint64_t lost =
+      mirror.mofc_counters().device_state.skipped + mirror.device_counters().force_command.skipped;
+  add("lost " + std::to_string(lost) +
+      (telemetry_lost > 0 ? " (telemetry " + std::to_string(telemetry_lost) + ")" : ""));
+  return line;
 }
 
 }  // namespace palpate::viewer

@@ -1,7 +1,7 @@
 #include "viewer_node/telemetry_mirror.h"
 
 #include <algorithm>
-#include <utility>
+#include <cmath>
 #include <vector>
 
 #include "common/core/metrics.h"
@@ -37,9 +37,6 @@ double rate_hz(std::uint64_t ticks, Duration span) {
 double ratio(std::uint64_t part, std::uint64_t whole) {
   return whole > 0 ? static_cast<double>(part) / static_cast<double>(whole) : kNaN;
 }
-
-// std::max that takes any number over NaN.
-double larger(double a, double b) { return a >= b ? a : b; }
 
 }  // namespace
 
@@ -188,7 +185,7 @@ TelemetryFigures TelemetryMirror::figures() const {
       lateness.push_back(device.lateness);
       if (device.is_answered) reply_time.push_back(device.reply_time);
       figures.max_applied_newton =
-          larger(device.force_on_hand_newton.norm(), figures.max_applied_newton);
+          std::fmax(device.force_on_hand_newton.norm(), figures.max_applied_newton);
       if (std::isnan(figures.asked_newton)) {
         figures.applied_newton = device.force_on_hand_newton.norm();
       }
@@ -203,7 +200,7 @@ TelemetryFigures TelemetryMirror::figures() const {
         force_age.push_back(mofc.force_age);
       }
       figures.max_asked_newton =
-          larger(mofc.asked_force_on_hand_newton.norm(), figures.max_asked_newton);
+          std::fmax(mofc.asked_force_on_hand_newton.norm(), figures.max_asked_newton);
       figures.ledger_energy_joule = mofc.ledger_energy_joule;
       figures.mofc_state = mofc.state;
       figures.is_in_contact = mofc.is_in_contact;

@@ -53,10 +53,10 @@ TEST(SphereView, IsCurvedByOneOverTheDistanceFromTheCentre) {
 }
 
 TEST(SphereView, PointsUpwardsAtTheCentre) {
-  const SphereGeometry sphere{.center_m = {1, 2, 3}, .radius_m = 2.0};
+  const SphereGeometry sphere{.radius_m = 2.0};
 
-  for (const Vector3& offset : {Vector3(0, 0, 0), Vector3(1e-200, 0, 0), Vector3(0, 1e-16, 0)}) {
-    const SurfaceView surface = view(sphere, sphere.center_m + offset);
+  for (const Vector3& point : {Vector3(0, 0, 0), Vector3(1e-200, 0, 0), Vector3(0, 1e-16, 0)}) {
+    const SurfaceView surface = view(sphere, point);
     EXPECT_EQ(surface.distance_m, -2.0);
     EXPECT_EQ(surface.normal, Vector3(0, 0, 1));
     EXPECT_EQ(surface.curvature_per_m, Matrix3(Matrix3::Zero()));
@@ -123,7 +123,7 @@ TEST(BoxView, HasANormalOnItsSurfaceEdgesAndCorners) {
     const SurfaceView surface = view(cube, point);
     EXPECT_NEAR(surface.distance_m, 0.0, 1e-15);
     EXPECT_NEAR(surface.normal.norm(), 1.0, 1e-15);
-    EXPECT_TRUE(surface.curvature_per_m.allFinite());
+    EXPECT_EQ(surface.curvature_per_m, Matrix3(Matrix3::Zero()));
   }
 }
 
