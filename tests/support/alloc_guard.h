@@ -1,0 +1,24 @@
+// alloc_guard.h — "does not allocate" as a test. Link palpate::alloc_guard: it replaces operator new
+// of the whole executable by a counting one.
+#pragma once
+
+#include <cstdint>
+
+namespace palpate::test {
+
+/// operator new calls of this thread so far.
+[[nodiscard]] std::uint64_t allocations_of_this_thread() noexcept;
+
+/// Counts the operator new calls of this thread from its construction on.
+class AllocGuard {
+ public:
+  AllocGuard() noexcept : before_(allocations_of_this_thread()) {}
+  [[nodiscard]] std::uint64_t count() const noexcept {
+    return allocations_of_this_thread() - before_;
+  }
+
+ private:
+  std::uint64_t before_;
+};
+
+}  // namespace palpate::test
