@@ -37,7 +37,7 @@ class Snapshot {
       if ((before & 1U) == 0 && before == version_.load(std::memory_order_relaxed)) break;
     }
     T value;
-    std::memcpy(&value, words.data(), sizeof(T));
+    std::memcpy(static_cast<void*>(&value), words.data(), sizeof(T));
     return value;
   }
 
