@@ -37,7 +37,7 @@ struct LinkFaults {
   Duration reorder_delay{};
   /// Jitter alone keeps messages in order unless this is set.
   bool jitter_reorders = false;
-  std::vector<FaultWindow> windows;
+  std::vector<FaultWindow> windows{};
 
   [[nodiscard]] bool any() const {
     return delay.count() != 0 || jitter.count() != 0 || loss_ratio > 0 || burst_ratio > 0 ||

@@ -61,6 +61,14 @@ LinkSocket::Settings incoming(Delivery delivery) {
   return settings;
 }
 
+/// An IPv4 address as people write it; libzmq says [::ffff:127.0.0.1].
+std::string readable(std::string endpoint) {
+  constexpr std::string_view kMapped = "tcp://[::ffff:";
+  if (!endpoint.starts_with(kMapped)) return endpoint;
+  endpoint.erase(endpoint.find(']'), 1);
+  return "tcp://" + endpoint.substr(kMapped.size());
+}
+
 std::span<const std::byte> bytes(const zmq::message_t& frame) {
   return {static_cast<const std::byte*>(frame.data()), frame.size()};
 }
@@ -155,7 +163,6 @@ LinkSocket::LinkSocket(ZmqContext& context, const Settings& settings,
   socket_.set(zmq::sockopt::sndhwm, is_inproc ? kInprocQueue : settings.send_queue);
   socket_.set(zmq::sockopt::rcvhwm, is_inproc ? kInprocQueue : settings.receive_queue);
   socket_.set(zmq::sockopt::maxmsgsize, kMaxAnnouncedBytes);
-  socket_.set(zmq::sockopt::immediate, true);  // nothing queues for a peer that is not there
   socket_.set(zmq::sockopt::reconnect_ivl, kReconnectMs);
   socket_.set(zmq::sockopt::connect_timeout, kConnectMs);
   socket_.set(zmq::sockopt::handshake_ivl, kHandshakeMs);
@@ -173,10 +180,14 @@ LinkSocket::LinkSocket(ZmqContext& context, const Settings& settings,
   }
   if (settings.conflates && !is_inproc) socket_.set(zmq::sockopt::conflate, true);
   if (settings.type == zmq::socket_type::router) socket_.set(zmq::sockopt::router_mandatory, true);
-  if (settings.type == zmq::socket_type::sub) socket_.set(zmq::sockopt::subscribe, "");
+  if (settings.type == zmq::socket_type::sub) {
+    socket_.set(zmq::sockopt::subscribe, "");
+  } else {
+    socket_.set(zmq::sockopt::immediate, true);  // nothing queues for a peer that is not there
+  }
 
   for (const Attachment& attachment : attachments) attach(attachment);
-  endpoint_ = socket_.get(zmq::sockopt::last_endpoint);
+  endpoint_ = readable(socket_.get(zmq::sockopt::last_endpoint));
   descriptor_ = socket_.get(zmq::sockopt::fd);
 }
 

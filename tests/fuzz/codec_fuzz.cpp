@@ -1,0 +1,47 @@
+// Any bytes into every decoder. Accepted means usable: what was decoded can be sent on, and the
+// second journey changes nothing.
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "common/core/check.h"
+#include "common/link/codec.h"
+#include "tests/support/random_messages.h"
+
+namespace {
+
+template <class T>
+void decode(std::span<const std::byte> frame) {
+  static palpate::Codec<T> codec;
+  T message;
+  const auto error = codec.decode(frame, message);
+  PALPATE_REQUIRE(!palpate::explain(error, codec.peer_major()).empty());
+  if (error != palpate::DecodeError::kNone) return;
+
+  std::vector<std::byte> again(codec.encode(message));
+  codec.write(again.data());
+  T second;
+  // packed columns can come in fewer bytes than they leave, so a huge batch may outgrow the limit
+  const auto second_error = codec.decode(again, second);
+  PALPATE_REQUIRE(second_error == (again.size() > palpate::kMaxFrameBytes<T>
+                                       ? palpate::DecodeError::kTooLarge
+                                       : palpate::DecodeError::kNone));
+  PALPATE_REQUIRE(second_error != palpate::DecodeError::kNone ||
+                  palpate::test::same(message, second));
+}
+
+}  // namespace
+
+/// The first byte of a frame says which decoder accepts it; all of them see it.
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  const auto frame = std::as_bytes(std::span(data, size));
+  decode<palpate::DeviceState>(frame);
+  decode<palpate::ForceCommand>(frame);
+  decode<palpate::ToolMotion>(frame);
+  decode<palpate::Interaction>(frame);
+  decode<palpate::DeviceBatch>(frame);
+  decode<palpate::MofcBatch>(frame);
+  decode<palpate::PhysicsBatch>(frame);
+  return 0;
+}

@@ -1,0 +1,331 @@
+// random_messages.h — messages that keep every rule of proto/palpate/v1, otherwise arbitrary, and
+// what it means for two of them to be equal: to the bit, NaN included.
+#pragma once
+
+#include <algorithm>
+#include <cstring>
+
+#include "common/core/messages.h"
+#include "common/core/random.h"
+#include "common/core/telemetry.h"
+
+namespace palpate::test {
+
+inline TimePoint random_time(Random& random) {
+  return TimePoint(Duration(static_cast<std::int64_t>(random.below(1ULL << 60))));
+}
+inline Duration random_duration(Random& random) {
+  return Duration(static_cast<std::int64_t>(random.below(1'000'000'001)));
+}
+inline Vector3 random_vector(Random& random, double limit) {
+  return {random.uniform(-limit, limit), random.uniform(-limit, limit),
+          random.uniform(-limit, limit)};
+}
+inline Quaternion random_orientation(Random& random) {
+  Quaternion q(random.normal(), random.normal(), random.normal(), random.normal());
+  q.normalize();
+  return q;
+}
+inline Header random_header(Random& random) {
+  return {.session_id = random.bits() | 1,
+          .sequence = random.bits(),
+          .sampled_at = random_time(random)};
+}
+inline LinkCounters random_link_counters(Random& random) {
+  return {.accepted = random.bits(),
+          .skipped = random.bits(),
+          .duplicates = random.bits(),
+          .out_of_order = random.bits(),
+          .rejected = random.bits(),
+          .sessions = random.bits()};
+}
+inline LoopCounters random_loop_counters(Random& random) {
+  return {.ticks = random.bits(),
+          .skipped_ticks = random.bits(),
+          .worst_lateness = random_duration(random)};
+}
+
+inline void randomise(DeviceState& m, Random& random) {
+  m = DeviceState{};
+  m.header = random_header(random);
+  m.hand_position_m = random_vector(random, 1.0);
+  m.tool_position_world_m = random_vector(random, 1000.0);
+  m.tool_orientation_world = random_orientation(random);
+  m.buttons = static_cast<std::uint32_t>(random.bits());
+  m.is_clutched = random.chance(0.5);
+  m.applied_count = static_cast<std::uint32_t>(random.below(kMaxAppliedForces + 1));
+  TimePoint from = random_time(random);
+  for (std::uint32_t i = 0; i < m.applied_count; ++i) {
+    const TimePoint until = from + random_duration(random);
+    m.applied[i] = {.force_on_hand_newton = random_vector(random, 1000.0),
+                    .from = from,
+                    .until = until,
+                    .hand_position_at_end_m = random_vector(random, 1.0),
+                    .has_position_at_end = random.chance(0.5)};
+    // without a reading the position says nothing and does not travel
+    if (!m.applied[i].has_position_at_end) m.applied[i].hand_position_at_end_m.setZero();
+    from = until;
+  }
+}
+
+inline void randomise(ForceCommand& m, Random& random) {
+  m.header = random_header(random);
+  m.answers_session_id = random.bits() | 1;
+  m.answers_sequence = random.bits();
+  m.force_on_hand_newton = random_vector(random, 1000.0);
+  m.valid_for = random_duration(random);
+}
+
+inline void randomise(ToolMotion& m, Random& random) {
+  m.header = random_header(random);
+  m.device_session_id = random.bits() | 1;
+  m.device_sequence = random.bits();
+  m.device_sampled_at = random_time(random);
+  m.tool_position_world_m = random_vector(random, 1000.0);
+  m.tool_orientation_world = random_orientation(random);
+  m.tool_velocity_world_m_per_s = random_vector(random, 1000.0);
+  m.buttons = static_cast<std::uint32_t>(random.bits());
+}
+
+inline void randomise(Interaction& m, Random& random) {
+  m = Interaction{};
+  m.header = random_header(random);
+  m.device_session_id = random.bits() | 1;
+  m.device_sequence = random.bits();
+  m.device_sampled_at = random_time(random);
+  m.tool_position_world_m = random_vector(random, 1000.0);
+  m.tool_orientation_world = random_orientation(random);
+  m.force_on_tool_newton = random_vector(random, 1e6);
+  m.stored_energy_joule = random.uniform(0.0, 1e6);
+  m.contact_count = static_cast<std::uint32_t>(random.below(2 * kMaxContacts));  // may exceed
+  for (std::size_t i = 0; i < std::min<std::size_t>(m.contact_count, kMaxContacts); ++i) {
+    m.contacts[i] = {.tissue = static_cast<std::uint32_t>(random.bits()),
+                     .penetration_m = random.uniform(1e-9, 1.0),
+                     .normal_world = random_vector(random, 1.0).normalized(),
+                     .force_on_tool_newton = random_vector(random, 1e6)};
+  }
+}
+
+inline void randomise(DeviceTick& r, Random& random) {
+  r.sequence = random.bits();
+  r.sampled_at = random_time(random);
+  r.switched_at = random_time(random);
+  r.lateness = random_duration(random);
+  r.reply_time = random_duration(random);
+  r.measured_hand_position_m = random_vector(random, 1.0);
+  r.measured_tool_position_world_m = random_vector(random, 1.0);
+  r.force_on_hand_newton = random_vector(random, 10.0);
+  r.guard = static_cast<GuardState>(random.below(5));
+  r.is_answered = random.chance(0.5);
+  r.is_peak_limited = random.chance(0.5);
+  r.is_clutched = random.chance(0.5);
+  if (random.chance(0.5)) {  // a simulated device: otherwise NaN
+    r.true_tool_position_world_m = random_vector(random, 1.0);
+    r.true_tool_velocity_world_m_per_s = random_vector(random, 1.0);
+    r.true_energy_joule = random.uniform(-1.0, 1.0);
+    r.minimum_true_energy_joule = random.uniform(-1.0, 1.0);
+  }
+}
+
+inline void randomise(MofcTick& r, Random& random) {
+  r.device_session_id = random.bits();
+  r.device_sequence = random.bits();
+  r.device_sampled_at = random_time(random);
+  r.asked_force_on_hand_newton = random_vector(random, 10.0);
+  r.commanded_force_on_hand_newton = random_vector(random, 10.0);
+  if (random.chance(0.5)) {  // a controller: otherwise NaN
+    r.f_max_newton = random_vector(random, 10.0);
+    r.ledger_energy_joule = random.uniform(-1.0, 1.0);
+  }
+  r.force_age = random_duration(random);
+  r.state = static_cast<MofcState>(random.below(5));
+  r.is_clamped = random.chance(0.5);
+  r.is_in_contact = random.chance(0.5);
+}
+
+inline void randomise(PhysicsTick& r, Random& random) {
+  r.sequence = random.bits();
+  r.stepped_at = random_time(random);
+  r.device_sequence = random.bits();
+  r.tool_position_world_m = random_vector(random, 1.0);
+  r.force_on_tool_newton = random_vector(random, 10.0);
+  r.stored_energy_joule = random.uniform(0.0, 1.0);
+  r.contact_count = static_cast<std::uint32_t>(random.bits());
+  r.compute_time = random_duration(random);
+}
+
+inline void randomise(DeviceCounters& c, Random& random) {
+  c.loop = random_loop_counters(random);
+  c.force_command = random_link_counters(random);
+  c.answered_ticks = random.bits();
+  c.leased_ticks = random.bits();
+  c.fallback_ticks = random.bits();
+  c.limp_ticks = random.bits();
+  c.peak_limited_ticks = random.bits();
+  c.device_faults = random.bits();
+  c.max_force_newton = random.uniform(0.0, 10.0);
+  c.minimum_true_energy_joule = random.chance(0.5) ? random.uniform(-1.0, 1.0) : kNaN;
+}
+
+inline void randomise(MofcCounters& c, Random& random) {
+  c.device_state = random_link_counters(random);
+  c.interaction = random_link_counters(random);
+  c.ticks = random.bits();
+  c.contact_ticks = random.bits();
+  c.clamped_ticks = random.bits();
+  c.stale_ticks = random.bits();
+  c.late_physics_ticks = random.bits();
+  c.ledger_resets = random.bits();
+  c.motions_dropped = random.bits();
+  c.transparency_sum = random.uniform(0.0, 1e6);
+  c.transparency_samples = random.bits();
+}
+
+inline void randomise(PhysicsCounters& c, Random& random) {
+  c.loop = random_loop_counters(random);
+  c.tool_motion = random_link_counters(random);
+  c.contact_steps = random.bits();
+  c.tissues_skipped = random.bits();
+  c.worst_compute_time = random_duration(random);
+}
+
+template <class Record, class Counters>
+void randomise(TelemetryBatch<Record, Counters>& m, Random& random) {
+  m.header = random_header(random);
+  randomise(m.counters, random);
+  m.records_lost = random.bits();
+  m.records.assign(random.below(50), Record{});
+  for (Record& record : m.records) randomise(record, random);
+}
+
+template <class T>
+T random_message(Random& random) {
+  T message;
+  randomise(message, random);
+  return message;
+}
+
+// --- equality ---------------------------------------------------------------------------------
+
+inline bool same(double a, double b) { return std::memcmp(&a, &b, sizeof(a)) == 0; }
+inline bool same(const Vector3& a, const Vector3& b) {
+  return same(a.x(), b.x()) && same(a.y(), b.y()) && same(a.z(), b.z());
+}
+inline bool same(const Quaternion& a, const Quaternion& b) {
+  return same(a.w(), b.w()) && same(a.x(), b.x()) && same(a.y(), b.y()) && same(a.z(), b.z());
+}
+inline bool same(const Header& a, const Header& b) {
+  return a.session_id == b.session_id && a.sequence == b.sequence && a.sampled_at == b.sampled_at;
+}
+inline bool same(const LinkCounters& a, const LinkCounters& b) {
+  return a.accepted == b.accepted && a.skipped == b.skipped && a.duplicates == b.duplicates &&
+         a.out_of_order == b.out_of_order && a.rejected == b.rejected && a.sessions == b.sessions;
+}
+inline bool same(const LoopCounters& a, const LoopCounters& b) {
+  return a.ticks == b.ticks && a.skipped_ticks == b.skipped_ticks &&
+         a.worst_lateness == b.worst_lateness;
+}
+inline bool same(const AppliedForce& a, const AppliedForce& b) {
+  return same(a.force_on_hand_newton, b.force_on_hand_newton) && a.from == b.from &&
+         a.until == b.until && same(a.hand_position_at_end_m, b.hand_position_at_end_m) &&
+         a.has_position_at_end == b.has_position_at_end;
+}
+inline bool same(const DeviceState& a, const DeviceState& b) {
+  return same(a.header, b.header) && same(a.hand_position_m, b.hand_position_m) &&
+         same(a.tool_position_world_m, b.tool_position_world_m) &&
+         same(a.tool_orientation_world, b.tool_orientation_world) && a.buttons == b.buttons &&
+         a.is_clutched == b.is_clutched && a.applied_count == b.applied_count &&
+         std::equal(a.applied.begin(), a.applied.begin() + a.applied_count, b.applied.begin(),
+                    [](const auto& x, const auto& y) { return same(x, y); });
+}
+inline bool same(const ForceCommand& a, const ForceCommand& b) {
+  return same(a.header, b.header) && a.answers_session_id == b.answers_session_id &&
+         a.answers_sequence == b.answers_sequence &&
+         same(a.force_on_hand_newton, b.force_on_hand_newton) && a.valid_for == b.valid_for;
+}
+inline bool same(const ToolMotion& a, const ToolMotion& b) {
+  return same(a.header, b.header) && a.device_session_id == b.device_session_id &&
+         a.device_sequence == b.device_sequence && a.device_sampled_at == b.device_sampled_at &&
+         same(a.tool_position_world_m, b.tool_position_world_m) &&
+         same(a.tool_orientation_world, b.tool_orientation_world) &&
+         same(a.tool_velocity_world_m_per_s, b.tool_velocity_world_m_per_s) &&
+         a.buttons == b.buttons;
+}
+inline bool same(const Contact& a, const Contact& b) {
+  return a.tissue == b.tissue && same(a.penetration_m, b.penetration_m) &&
+         same(a.normal_world, b.normal_world) &&
+         same(a.force_on_tool_newton, b.force_on_tool_newton);
+}
+inline bool same(const Interaction& a, const Interaction& b) {
+  const auto listed =
+      static_cast<std::ptrdiff_t>(std::min<std::size_t>(a.contact_count, kMaxContacts));
+  return same(a.header, b.header) && a.device_session_id == b.device_session_id &&
+         a.device_sequence == b.device_sequence && a.device_sampled_at == b.device_sampled_at &&
+         same(a.tool_position_world_m, b.tool_position_world_m) &&
+         same(a.tool_orientation_world, b.tool_orientation_world) &&
+         same(a.force_on_tool_newton, b.force_on_tool_newton) &&
+         same(a.stored_energy_joule, b.stored_energy_joule) && a.contact_count == b.contact_count &&
+         std::equal(a.contacts.begin(), a.contacts.begin() + listed, b.contacts.begin(),
+                    [](const auto& x, const auto& y) { return same(x, y); });
+}
+inline bool same(const DeviceTick& a, const DeviceTick& b) {
+  return a.sequence == b.sequence && a.sampled_at == b.sampled_at &&
+         a.switched_at == b.switched_at && a.lateness == b.lateness &&
+         a.reply_time == b.reply_time &&
+         same(a.measured_hand_position_m, b.measured_hand_position_m) &&
+         same(a.measured_tool_position_world_m, b.measured_tool_position_world_m) &&
+         same(a.force_on_hand_newton, b.force_on_hand_newton) && a.guard == b.guard &&
+         a.is_answered == b.is_answered && a.is_peak_limited == b.is_peak_limited &&
+         a.is_clutched == b.is_clutched &&
+         same(a.true_tool_position_world_m, b.true_tool_position_world_m) &&
+         same(a.true_tool_velocity_world_m_per_s, b.true_tool_velocity_world_m_per_s) &&
+         same(a.true_energy_joule, b.true_energy_joule) &&
+         same(a.minimum_true_energy_joule, b.minimum_true_energy_joule);
+}
+inline bool same(const MofcTick& a, const MofcTick& b) {
+  return a.device_session_id == b.device_session_id && a.device_sequence == b.device_sequence &&
+         a.device_sampled_at == b.device_sampled_at &&
+         same(a.asked_force_on_hand_newton, b.asked_force_on_hand_newton) &&
+         same(a.commanded_force_on_hand_newton, b.commanded_force_on_hand_newton) &&
+         same(a.f_max_newton, b.f_max_newton) &&
+         same(a.ledger_energy_joule, b.ledger_energy_joule) && a.force_age == b.force_age &&
+         a.state == b.state && a.is_clamped == b.is_clamped && a.is_in_contact == b.is_in_contact;
+}
+inline bool same(const PhysicsTick& a, const PhysicsTick& b) {
+  return a.sequence == b.sequence && a.stepped_at == b.stepped_at &&
+         a.device_sequence == b.device_sequence &&
+         same(a.tool_position_world_m, b.tool_position_world_m) &&
+         same(a.force_on_tool_newton, b.force_on_tool_newton) &&
+         same(a.stored_energy_joule, b.stored_energy_joule) && a.contact_count == b.contact_count &&
+         a.compute_time == b.compute_time;
+}
+inline bool same(const DeviceCounters& a, const DeviceCounters& b) {
+  return same(a.loop, b.loop) && same(a.force_command, b.force_command) &&
+         a.answered_ticks == b.answered_ticks && a.leased_ticks == b.leased_ticks &&
+         a.fallback_ticks == b.fallback_ticks && a.limp_ticks == b.limp_ticks &&
+         a.peak_limited_ticks == b.peak_limited_ticks && a.device_faults == b.device_faults &&
+         same(a.max_force_newton, b.max_force_newton) &&
+         same(a.minimum_true_energy_joule, b.minimum_true_energy_joule);
+}
+inline bool same(const MofcCounters& a, const MofcCounters& b) {
+  return same(a.device_state, b.device_state) && same(a.interaction, b.interaction) &&
+         a.ticks == b.ticks && a.contact_ticks == b.contact_ticks &&
+         a.clamped_ticks == b.clamped_ticks && a.stale_ticks == b.stale_ticks &&
+         a.late_physics_ticks == b.late_physics_ticks && a.ledger_resets == b.ledger_resets &&
+         a.motions_dropped == b.motions_dropped && same(a.transparency_sum, b.transparency_sum) &&
+         a.transparency_samples == b.transparency_samples;
+}
+inline bool same(const PhysicsCounters& a, const PhysicsCounters& b) {
+  return same(a.loop, b.loop) && same(a.tool_motion, b.tool_motion) &&
+         a.contact_steps == b.contact_steps && a.tissues_skipped == b.tissues_skipped &&
+         a.worst_compute_time == b.worst_compute_time;
+}
+template <class Record, class Counters>
+bool same(const TelemetryBatch<Record, Counters>& a, const TelemetryBatch<Record, Counters>& b) {
+  return same(a.header, b.header) && same(a.counters, b.counters) &&
+         a.records_lost == b.records_lost &&
+         std::equal(a.records.begin(), a.records.end(), b.records.begin(), b.records.end(),
+                    [](const auto& x, const auto& y) { return same(x, y); });
+}
+
+}  // namespace palpate::test
