@@ -1,0 +1,39 @@
+// session_fuzz.cpp — any bytes as a session, as its overrides and as a recorded path: a session, or
+// a SetupError; never a crash, a hang or another exception. No file is read.
+#include <cstddef>
+#include <cstdint>
+#include <string_view>
+#include <vector>
+
+#include "common/core/check.h"
+#include "common/runtime/recorded_path.h"
+#include "common/runtime/session_file.h"
+
+/// The input is the text of the session. Lines that begin with "#set " are overrides as well.
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  const std::string_view text(reinterpret_cast<const char*>(data), size);
+
+  constexpr std::string_view kMark = "#set ";
+  std::vector<std::string> overrides;
+  for (std::size_t at = text.find(kMark); at != std::string_view::npos;
+       at = text.find(kMark, at + 1)) {
+    const std::size_t begin = at + kMark.size();
+    overrides.emplace_back(text.substr(begin, text.find('\n', begin) - begin));
+  }
+  try {
+    const palpate::Session session = palpate::parse_session(text, "fuzz.txtpb", overrides);
+    // a few promises of a session that loads
+    PALPATE_REQUIRE(!session.name.empty());
+    PALPATE_REQUIRE(session.device.rate_hz >= 10.0 && session.device.rate_hz <= 10000.0);
+    PALPATE_REQUIRE(session.device.reply > palpate::Duration::zero());
+    PALPATE_REQUIRE(session.device.reply < session.device.lease);
+    PALPATE_REQUIRE(session.mofc.stale_after > palpate::Duration::zero());
+  } catch (const palpate::SetupError&) {
+    // what most inputs deserve
+  }
+
+  palpate::Problems problems("fuzz.txtpb", {});
+  const auto samples = palpate::parse_recorded_path(text, "fuzz.csv", {}, problems);
+  PALPATE_REQUIRE(!samples.empty() || !problems.empty());
+  return 0;
+}

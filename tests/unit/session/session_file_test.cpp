@@ -1,0 +1,522 @@
+// The session file: defaults, places of problems, files that cannot be read, the shipped sessions.
+#include "common/runtime/session_file.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <fstream>
+#include <numbers>
+#include <optional>
+
+#include "tests/unit/session/session_support.h"
+
+namespace palpate {
+namespace {
+
+using namespace std::chrono_literals;
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::EndsWith;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::SizeIs;
+using ::testing::StartsWith;
+
+/// Sets an environment variable for one test; nullptr removes it.
+class Variable {
+ public:
+  Variable(const char* name, const char* value) : name_(name) {
+    if (const char* old = std::getenv(name)) old_ = old;
+    set(value);
+  }
+  Variable(const Variable&) = delete;
+  Variable& operator=(const Variable&) = delete;
+  ~Variable() { set(old_ ? old_->c_str() : nullptr); }
+
+ private:
+  void set(const char* value) {
+    if (value == nullptr) {
+      ::unsetenv(name_);
+    } else {
+      ::setenv(name_, value, 1);
+    }
+  }
+  const char* name_;
+  std::optional<std::string> old_;
+};
+
+std::string complaint_of_file(const std::filesystem::path& file) {
+  try {
+    static_cast<void>(load_session(file));
+  } catch (const SetupError& error) {
+    return error.what();
+  }
+  return {};
+}
+
+/// A folder that is gone after the test.
+class SessionFolder : public ::testing::Test {
+ protected:
+  SessionFolder() {
+    std::string pattern = (std::filesystem::temp_directory_path() / "palpate-XXXXXX").string();
+    folder_ = ::mkdtemp(pattern.data());
+  }
+  ~SessionFolder() override { std::filesystem::remove_all(folder_); }
+
+  std::filesystem::path write(const char* name, const std::string& text) const {
+    std::ofstream(folder_ / name, std::ios::binary) << text;
+    return folder_ / name;
+  }
+
+  std::filesystem::path folder_;
+};
+
+// --- defaults ---------------------------------------------------------------------------------
+
+TEST(SessionFile, AlmostEmptySessionHasEveryDefault) {
+  const Variable run_dir("PALPATE_RUN_DIR", "/run/p");
+
+  const Session session = parse_session("name: \"x\"", "x.txtpb");
+
+  EXPECT_EQ(session.name, "x");
+  EXPECT_EQ(session.file, "x.txtpb");
+  EXPECT_EQ(session.duration_s, 10.0);
+  EXPECT_EQ(session.seed, 1u);
+  EXPECT_EQ(session.links.exchange, "ipc:///run/p/x/exchange.ipc");
+  EXPECT_EQ(session.links.tool_motion, "ipc:///run/p/x/tool_motion.ipc");
+  EXPECT_EQ(session.links.interaction, "ipc:///run/p/x/interaction.ipc");
+  EXPECT_EQ(session.links.device_telemetry, "ipc:///run/p/x/device_telemetry.ipc");
+  EXPECT_EQ(session.links.mofc_telemetry, "ipc:///run/p/x/mofc_telemetry.ipc");
+  EXPECT_EQ(session.links.physics_telemetry, "ipc:///run/p/x/physics_telemetry.ipc");
+  EXPECT_EQ(session.realtime.priority, 80);
+  EXPECT_EQ(session.realtime.cpu, 0);
+
+  // 1 kHz: half a period, 2 periods, 20 periods
+  const DeviceConfig& device = session.device;
+  EXPECT_EQ(device.rate_hz, 1000.0);
+  EXPECT_EQ(device.reply, 500us);
+  EXPECT_EQ(device.lease, 2ms);
+  EXPECT_EQ(device.limp_after, 20ms);
+  EXPECT_EQ(device.fade, 50ms);
+  EXPECT_EQ(device.start_ramp, 100ms);
+  EXPECT_EQ(device.peak_force_newton, 3.3);
+  EXPECT_EQ(device.slew_newton_per_s, 0.0);
+  EXPECT_EQ(device.workspace.scale_ratio, 1.0);
+  EXPECT_EQ(device.workspace.force_ratio, 1.0);
+  EXPECT_EQ(device.workspace.offset_m, Vector3(0, 0, 0));
+  EXPECT_EQ(device.workspace.clutch_button, std::nullopt);
+  EXPECT_EQ(device.profile.viscous_newton_s_per_m, 0.1);
+  EXPECT_EQ(device.profile.coulomb_newton, 0.1);
+  EXPECT_EQ(device.profile.position_resolution_m, 55e-6);
+  EXPECT_EQ(device.simulated.mass_kg, 0.045);
+  EXPECT_EQ(device.simulated.viscous_newton_s_per_m, 0.1);
+  EXPECT_EQ(device.simulated.coulomb_newton, 0.1);
+  EXPECT_EQ(device.simulated.position_resolution_m, 55e-6);
+  EXPECT_EQ(device.simulated.peak_force_newton, 3.3);
+  EXPECT_EQ(device.simulated.inner_step, 50us);
+
+  EXPECT_EQ(session.hand.mass_kg, 0.255);
+  EXPECT_EQ(session.hand.stiffness_newton_per_m, 150.0);
+  EXPECT_EQ(session.hand.damping_newton_s_per_m, 6.0);
+  EXPECT_EQ(std::get<HoldPath>(session.hand.path).position_m, Vector3(0, 0, 0));
+  EXPECT_THAT(session.hand.presses, IsEmpty());
+
+  // 6 physics periods of 1 ms, no jitter
+  EXPECT_EQ(session.mofc.controller, ControllerKind::kMofc);
+  EXPECT_EQ(session.mofc.mode, MofcMode::kVector);
+  EXPECT_EQ(session.mofc.wait_for_physics, 0ms);
+  EXPECT_EQ(session.mofc.stale_after, 6ms);
+  EXPECT_EQ(session.mofc.fade, 50ms);
+  EXPECT_EQ(session.mofc.velocity_time_constant, 0ms);
+
+  EXPECT_EQ(session.physics.rate_hz, 1000.0);
+  EXPECT_EQ(session.scene.tip_radius_m, 0.0);
+  EXPECT_THAT(session.scene.tissues, IsEmpty());
+  EXPECT_EQ(session.viewer.status_interval, 500ms);
+  EXPECT_FALSE(session.faults.device_state.any());
+  EXPECT_FALSE(session.faults.force_command.any());
+  EXPECT_FALSE(session.faults.tool_motion.any());
+  EXPECT_FALSE(session.faults.interaction.any());
+}
+
+TEST(SessionFile, DefaultsFollowTheRates) {
+  const Session session = parse_session(
+      "name: \"x\" device { rate_hz: 50 } physics { rate_hz: 100 }"
+      "faults { interaction { jitter_ms: 7 } }",
+      "x.txtpb");
+
+  // device period 20 ms; 6 physics periods of 10 ms and 7 ms of jitter
+  EXPECT_EQ(session.device.reply, 10ms);
+  EXPECT_EQ(session.device.lease, 40ms);
+  EXPECT_EQ(session.device.limp_after, 400ms);
+  EXPECT_EQ(session.device.fade, 50ms);
+  EXPECT_EQ(session.mofc.stale_after, 67ms);
+}
+
+TEST(SessionFile, DefaultFadeIsAtLeastOnePeriod) {
+  EXPECT_EQ(parse_session("name: \"x\" device { rate_hz: 10 }", "x").device.fade, 100ms);
+}
+
+TEST(SessionFile, DefaultPeakForceIsThatOfTheSimulatedDevice) {
+  const Session session =
+      parse_session("name: \"x\" device { simulated { peak_force_newton: 12 } }", "x.txtpb");
+
+  EXPECT_EQ(session.device.peak_force_newton, 12.0);
+}
+
+TEST(SessionFile, DefaultReplyLeavesRoomForTheWait) {
+  const auto reply = [](const char* wait_ms) {
+    return parse_session("name: \"x\" device { rate_hz: 50 } physics { rate_hz: 50 }", "x",
+                         {std::string("mofc.wait_for_physics_ms=") + wait_ms})
+        .device.reply;
+  };
+
+  // period 20 ms: half of it; wait + 2 ms; the middle between wait and period
+  EXPECT_EQ(reply("5"), 10ms);
+  EXPECT_EQ(reply("15"), 17ms);
+  EXPECT_EQ(reply("19"), 19500us);
+}
+
+// --- conversion -------------------------------------------------------------------------------
+
+TEST(SessionFile, ReadsEveryKindOfTissue) {
+  const Session session = parse_session(
+      R"(name: "x" scene {
+           tool { tip_radius_m: 0.003 }
+           tissue { half_space { point_m { z: 1 } normal { x: 3 z: 4 } }
+                    kelvin_voigt { stiffness_newton_per_m: 6 damping_newton_s_per_m: 15
+                                   isotropic_damping: true adhesive: true } }
+           tissue { name: "ball" sphere { center_m { y: 2 } radius_m: 0.5 }
+                    kelvin_voigt { stiffness_newton_per_m: 7 } }
+           tissue { box { size_m { x: 1 y: 2 z: 3 } }
+                    kelvin_voigt { stiffness_newton_per_m: 8 } } })",
+      "x.txtpb");
+
+  EXPECT_EQ(session.scene.tip_radius_m, 0.003);
+  ASSERT_THAT(session.scene.tissues, SizeIs(3));
+  const auto& [plane, ball, box] =
+      std::tie(session.scene.tissues[0], session.scene.tissues[1], session.scene.tissues[2]);
+  EXPECT_EQ(plane.name, "tissue0");
+  EXPECT_EQ(std::get<HalfSpaceGeometry>(plane.geometry).point_m, Vector3(0, 0, 1));
+  // 3-4-5
+  EXPECT_TRUE(std::get<HalfSpaceGeometry>(plane.geometry).normal.isApprox(Vector3(0.6, 0, 0.8)));
+  const auto& material = std::get<KelvinVoigtMaterial>(plane.material);
+  EXPECT_EQ(material.stiffness_newton_per_m, 6.0);
+  EXPECT_EQ(material.damping_newton_s_per_m, 15.0);
+  EXPECT_TRUE(material.is_damping_isotropic);
+  EXPECT_TRUE(material.is_adhesive);
+  EXPECT_EQ(ball.name, "ball");
+  EXPECT_EQ(std::get<SphereGeometry>(ball.geometry).center_m, Vector3(0, 2, 0));
+  EXPECT_EQ(std::get<SphereGeometry>(ball.geometry).radius_m, 0.5);
+  EXPECT_FALSE(std::get<KelvinVoigtMaterial>(ball.material).is_damping_isotropic);
+  EXPECT_FALSE(std::get<KelvinVoigtMaterial>(ball.material).is_adhesive);
+  EXPECT_EQ(std::get<KelvinVoigtMaterial>(ball.material).damping_newton_s_per_m, 0.0);
+  EXPECT_EQ(box.name, "tissue2");
+  EXPECT_EQ(std::get<BoxGeometry>(box.geometry).size_m, Vector3(1, 2, 3));
+}
+
+TEST(SessionFile, ReadsEveryKindOfHandPath) {
+  const auto path = [](const std::string& text) {
+    return parse_session("name: \"x\" hand { " + text + "}", "x.txtpb").hand.path;
+  };
+
+  const auto v = std::get<VPath>(path("v { free_motion_s: 14 }"));
+  EXPECT_EQ(v.apex_m, Vector3(0, 0, -0.02));
+  EXPECT_EQ(v.height_m, 0.05);
+  EXPECT_EQ(v.half_width_m, 0.03);
+  EXPECT_EQ(v.speed_m_per_s, 0.08);
+  EXPECT_EQ(v.free_motion_s, 14.0);
+  EXPECT_EQ(v.free_amplitude_m, 0.02);
+  EXPECT_EQ(v.free_frequency_hz, 0.5);
+  EXPECT_EQ(std::get<HoldPath>(path("hold { position_m { z: 1 } }")).position_m, Vector3(0, 0, 1));
+  const auto sinusoid = std::get<SinusoidPath>(
+      path("sinusoid { center_m {x: 1} amplitude_m {y: 2} frequency_hz {z: 3} phase_rad {x: 4} }"));
+  EXPECT_EQ(sinusoid.center_m, Vector3(1, 0, 0));
+  EXPECT_EQ(sinusoid.amplitude_m, Vector3(0, 2, 0));
+  EXPECT_EQ(sinusoid.frequency_hz, Vector3(0, 0, 3));
+  EXPECT_EQ(sinusoid.phase_rad, Vector3(4, 0, 0));
+  const auto hostile = std::get<HostilePath>(path("hostile { center_m { z: 1 } }"));
+  EXPECT_EQ(hostile.center_m, Vector3(0, 0, 1));
+  EXPECT_EQ(hostile.radius_m, 0.02);
+  EXPECT_EQ(hostile.v_max_m_per_s, 0.5);
+}
+
+TEST(SessionFile, AlmostPerpendicularTangentIsMadePerpendicular) {
+  // 0.0009 rad off, the rule allows 0.001
+  const Session session = parse_session(
+      "name: \"x\" hand { v { normal { z: 5 } tangent { y: 2 z: 0.0018 } } }", "x.txtpb");
+
+  const auto& v = std::get<VPath>(session.hand.path);
+  EXPECT_TRUE(v.normal.isApprox(Vector3::UnitZ()));
+  EXPECT_NEAR(v.tangent.dot(v.normal), 0.0, 1e-15);
+  EXPECT_NEAR(v.tangent.norm(), 1.0, 1e-15);
+}
+
+TEST(SessionFile, ReadsFaultsOfALink) {
+  const Session session = parse_session(
+      R"(name: "x" faults { tool_motion {
+           delay_ms: 50 jitter_ms: 0.5 loss_ratio: 0.1 burst_ratio: 0.2 burst_length: 3
+           duplicate_ratio: 0.3 reorder_ratio: 0.4 reorder_delay_ms: 2 jitter_reorders: true
+           freeze { from_s: 5 until_s: 6 }
+           stall { from_s: 3 until_s: 4 every_s: 9 }
+           outage { until_s: 2 } } })",
+      "x.txtpb");
+
+  const LinkFaults& faults = session.faults.tool_motion;
+  EXPECT_EQ(faults.delay, 50ms);
+  EXPECT_EQ(faults.jitter, 500us);
+  EXPECT_EQ(faults.loss_ratio, 0.1);
+  EXPECT_EQ(faults.burst_ratio, 0.2);
+  EXPECT_EQ(faults.burst_length, 3u);
+  EXPECT_EQ(faults.duplicate_ratio, 0.3);
+  EXPECT_EQ(faults.reorder_ratio, 0.4);
+  EXPECT_EQ(faults.reorder_delay, 2ms);
+  EXPECT_TRUE(faults.jitter_reorders);
+  ASSERT_THAT(faults.windows, SizeIs(3));
+  EXPECT_EQ(faults.windows[0].kind, FaultWindow::Kind::kOutage);
+  EXPECT_EQ(faults.windows[0].from, 0s);
+  EXPECT_EQ(faults.windows[0].until, 2s);
+  EXPECT_EQ(faults.windows[0].every, 0s);
+  EXPECT_EQ(faults.windows[1].kind, FaultWindow::Kind::kStall);
+  EXPECT_EQ(faults.windows[1].from, 3s);
+  EXPECT_EQ(faults.windows[1].every, 9s);
+  EXPECT_EQ(faults.windows[2].kind, FaultWindow::Kind::kFreeze);
+  EXPECT_EQ(faults.windows[2].until, 6s);
+}
+
+TEST(SessionFile, ReadsWhatHasNoDefault) {
+  const Session session = parse_session(
+      R"(name: "x" seed: 18446744073709551615 duration_s: 2.5
+         links { exchange: "tcp://127.0.0.1:5551" tool_motion: "inproc://motion" }
+         realtime { priority: 0 cpu: -1 }
+         device { workspace { scale_ratio: 2 force_ratio: 0 offset_m { x: 1 } clutch_button: 3 } }
+         hand { press { button: 3 from_s: 1 until_s: 2 } }
+         mofc { controller: none mode: paper velocity_time_constant_ms: 4 fade_ms: 9 })",
+      "x.txtpb");
+
+  EXPECT_EQ(session.seed, 18446744073709551615u);
+  EXPECT_EQ(session.duration_s, 2.5);
+  EXPECT_EQ(session.links.exchange, "tcp://127.0.0.1:5551");
+  EXPECT_EQ(session.links.tool_motion, "inproc://motion");
+  EXPECT_EQ(session.realtime.priority, 0);
+  EXPECT_EQ(session.realtime.cpu, -1);
+  EXPECT_EQ(session.device.workspace.scale_ratio, 2.0);
+  EXPECT_EQ(session.device.workspace.force_ratio, 0.0);
+  EXPECT_EQ(session.device.workspace.offset_m, Vector3(1, 0, 0));
+  EXPECT_EQ(session.device.workspace.clutch_button, 3u);
+  ASSERT_THAT(session.hand.presses, SizeIs(1));
+  EXPECT_EQ(session.hand.presses[0].button, 3u);
+  EXPECT_EQ(session.hand.presses[0].from_s, 1.0);
+  EXPECT_EQ(session.hand.presses[0].until_s, 2.0);
+  EXPECT_EQ(session.mofc.controller, ControllerKind::kNone);
+  EXPECT_EQ(session.mofc.mode, MofcMode::kPaper);
+  EXPECT_EQ(session.mofc.velocity_time_constant, 4ms);
+  EXPECT_EQ(session.mofc.fade, 9ms);
+}
+
+// --- places -----------------------------------------------------------------------------------
+
+TEST(SessionFile, TellsAllProblemsAtOnceWithTheirPlaces) {
+  const std::vector<std::string> lines = complaints(
+      "# a comment\n"
+      "name: \"x y\"\n"
+      "device {\n"
+      "  simulated {\n"
+      "\tmass_kg: -1   coulomb: 2\n"  // a tab is one column
+      "  }\n"
+      "}\n"
+      "scene { tissue {\n"
+      "    sphere { radius_m: nan }\n"
+      "} }\n");
+
+  EXPECT_THAT(
+      lines,
+      ElementsAre(
+          "x.txtpb: 5 problems",
+          "x.txtpb:2:1: name = \"x y\": must be 1 … 64 letters, digits, '_' and '-'; it names "
+          "files",
+          "x.txtpb:5:2: device.simulated.mass_kg = -1: must be > 0; give the mass of the moving "
+          "parts in kg",
+          "x.txtpb:5:16: device.simulated.coulomb: no such field; did you mean 'coulomb_newton'?",
+          "x.txtpb:8:9: scene.tissue[0]: a material is required; give kelvin_voigt { "
+          "stiffness_newton_per_m: … }",
+          "x.txtpb:9:14: scene.tissue[0].sphere.radius_m = nan: must be a finite number"));
+}
+
+TEST(SessionFile, SyntaxErrorIsToldWithItsPlace) {
+  const std::vector<std::string> lines = complaints("name: \"x\"\ndevice {\n  rate_hz 50\n}\n");
+
+  ASSERT_THAT(lines, SizeIs(2));
+  EXPECT_THAT(lines[1], AllOf(StartsWith("x.txtpb:3:11: cannot be read: Expected"),
+                              EndsWith("write 'name: value' or 'name { … }'")));
+}
+
+TEST(SessionFile, WrongEnumeratorIsToldWithTheRightOnes) {
+  const std::vector<std::string> lines = complaints("name: \"x\"\nmofc { mode: fast }\n");
+
+  ASSERT_THAT(lines, SizeIs(2));
+  EXPECT_THAT(lines[1], AllOf(StartsWith("x.txtpb:2:"),
+                              EndsWith("mode = fast: must be one of mode_default, paper, vector")));
+}
+
+TEST(SessionFile, UnknownFieldsAreAllToldBeforeASyntaxError) {
+  const std::vector<std::string> lines = complaints("nam: \"x\"\nseeed: 1\nmofc {");
+
+  ASSERT_THAT(lines, SizeIs(4));
+  EXPECT_THAT(lines[1], StartsWith("x.txtpb:1:1: nam: no such field; did you mean 'name'?"));
+  EXPECT_THAT(lines[2], StartsWith("x.txtpb:2:1: seeed: no such field; did you mean 'seed'?"));
+  EXPECT_THAT(lines[3], StartsWith("x.txtpb:3:7: cannot be read"));
+}
+
+TEST(SessionFile, FieldLikeNoOtherGetsTheListOfFields) {
+  EXPECT_THAT(complaints("name: \"x\" physics { quality: 3 }").at(1),
+              EndsWith("physics.quality: no such field; it has rate_hz"));
+}
+
+TEST(SessionFile, FieldGivenTwiceIsRefused) {
+  EXPECT_THAT(complaints("name: \"x\"\nname: \"y\"").at(1),
+              AllOf(StartsWith("x.txtpb:2:"), HasSubstr("specified multiple times")));
+}
+
+TEST(SessionFile, OtherSchemaVersionIsRefused) {
+  EXPECT_THAT(complaints("name: \"x\"\nschema_version: 2").at(1),
+              StartsWith("x.txtpb:2:1: schema_version = 2: this program reads version 1 only"));
+}
+
+TEST(SessionFile, OneMistakeIsOneProblem) {
+  // the lease is right for 50 Hz and could be called wrong for any other rate
+  EXPECT_THAT(complaints("name: \"x\" device { rate_hz: nan lease_us: 20000 limp_after_ms: 30"
+                         " reply_us: 9000 fade_ms: 30 } mofc { wait_for_physics_ms: 5 }"),
+              SizeIs(2));
+  EXPECT_THAT(complaints("name: \"x\" hand { v { normal { z: inf } } }"), SizeIs(2));
+}
+
+TEST(SessionFile, OnlyTheFirstHundredProblemsAreTold) {
+  std::string text = "name: \"x\"\n";
+  for (int i = 0; i < 300; ++i) text += "nonsense: 1\n";
+
+  const std::vector<std::string> lines = complaints(text);
+
+  ASSERT_THAT(lines, SizeIs(101));
+  EXPECT_EQ(lines[0], "x.txtpb: more than 100 problems");
+}
+
+TEST(SessionFile, EachProblemIsOneLine) {
+  EXPECT_THAT(complaints("name: \"a\\nb\\x07\""), SizeIs(2));
+  EXPECT_THAT(complaints("name: \"x\"", {"scene.tissue={\nbox{} }"}), SizeIs(3));
+}
+
+TEST(SessionFile, EndlessBracesAreRefused) {
+  std::string text = "name: \"x\" ";
+  for (int i = 0; i < 200'000; ++i) text += "a {";
+
+  EXPECT_THAT(complaints(text).at(1), HasSubstr("braces nested more than 32 deep"));
+}
+
+TEST(SessionFile, SaysNothingOnItsOwn) {
+  ::testing::internal::CaptureStderr();
+
+  static_cast<void>(complaints("name: 3 { \x01 \"", {"name='", "device.rate_hz={}"}));
+  static_cast<void>(complaints("nme: 3", {"name='", "device.rate_hz={}", "hand.press[9]={}"}));
+
+  EXPECT_EQ(::testing::internal::GetCapturedStderr(), "");
+}
+
+// --- files ------------------------------------------------------------------------------------
+
+TEST_F(SessionFolder, SessionIsReadFromAFile) {
+  const Session session = load_session(write("s.txtpb", "name: \"x\""), {"seed=7"});
+
+  EXPECT_EQ(session.file, (folder_ / "s.txtpb").string());
+  EXPECT_EQ(session.seed, 7u);
+}
+
+TEST_F(SessionFolder, FilesThatCannotBeReadSayWhy) {
+  ASSERT_EQ(::mkfifo((folder_ / "pipe").c_str(), 0600), 0);
+
+  EXPECT_THAT(complaint_of_file(folder_ / "none.txtpb"), HasSubstr("none.txtpb: no such file"));
+  EXPECT_THAT(complaint_of_file(folder_), HasSubstr("is a folder"));
+  EXPECT_THAT(complaint_of_file(folder_ / "pipe"), HasSubstr("is not a regular file"));
+  EXPECT_THAT(complaint_of_file(write("big", std::string(1'000'001, ' '))),
+              HasSubstr("has more than 1000000 bytes"));
+}
+
+TEST_F(SessionFolder, UnreadableFileSaysSo) {
+  if (::geteuid() == 0) GTEST_SKIP() << "root may read everything";
+  const std::filesystem::path file = write("closed.txtpb", "name: \"x\"");
+  std::filesystem::permissions(file, std::filesystem::perms::none);
+
+  EXPECT_THAT(complaint_of_file(file), HasSubstr("cannot be read; check its permissions"));
+}
+
+TEST(SessionFile, EveryShippedSessionLoads) {
+  std::vector<std::string> names;
+  for (const auto& entry :
+       std::filesystem::directory_iterator(PALPATE_SOURCE_DIR "/deploy/sessions")) {
+    if (entry.path().extension() != ".txtpb") continue;
+    EXPECT_EQ(complaint_of_file(entry.path()), "");
+    EXPECT_EQ(load_session(entry.path()).name, entry.path().stem());
+    names.push_back(entry.path().stem());
+  }
+
+  EXPECT_THAT(names,
+              ::testing::IsSupersetOf({"default", "paper_soft", "paper_rigid", "paper_mixed"}));
+}
+
+TEST(SessionFile, PaperSessionsAreThoseOfThePaper) {
+  for (const char* name : {"paper_soft", "paper_rigid", "paper_mixed"}) {
+    SCOPED_TRACE(name);
+    const Session session =
+        load_session(std::string(PALPATE_SOURCE_DIR "/deploy/sessions/") + name + ".txtpb");
+
+    EXPECT_EQ(session.device.rate_hz, 50.0);
+    EXPECT_EQ(session.physics.rate_hz, 50.0);
+    EXPECT_EQ(session.device.lease, 20ms);
+    EXPECT_EQ(session.device.reply, 17ms);
+    EXPECT_EQ(session.mofc.wait_for_physics, 15ms);
+    EXPECT_EQ(session.mofc.mode, MofcMode::kPaper);
+    EXPECT_EQ(session.device.simulated.mass_kg + session.hand.mass_kg, 0.3);
+    EXPECT_EQ(std::get<VPath>(session.hand.path).free_motion_s, 14.0);
+    for (const TissueConfig& tissue : session.scene.tissues) {
+      const auto& material = std::get<KelvinVoigtMaterial>(tissue.material);
+      const bool is_soft = tissue.name == "soft";
+      EXPECT_EQ(material.stiffness_newton_per_m, is_soft ? 6.0 : 45.0);
+      EXPECT_EQ(material.damping_newton_s_per_m, is_soft ? 15.0 : 150.0);
+      EXPECT_TRUE(material.is_adhesive);
+      EXPECT_TRUE(material.is_damping_isotropic);
+    }
+  }
+}
+
+// --- run folder -------------------------------------------------------------------------------
+
+TEST(RunFolder, IsTheOneAskedForElseTheUsersElseInTmp) {
+  const Variable xdg("XDG_RUNTIME_DIR", "/run/user/7");
+  {
+    const Variable run_dir("PALPATE_RUN_DIR", "/run/p");
+    EXPECT_EQ(run_folder("s"), "/run/p/s");
+  }
+  const Variable run_dir("PALPATE_RUN_DIR", nullptr);
+  EXPECT_EQ(run_folder("s"), "/run/user/7/palpate/s");
+  const Variable no_xdg("XDG_RUNTIME_DIR", "");
+  EXPECT_EQ(run_folder("s"), "/tmp/palpate-" + std::to_string(::getuid()) + "/s");
+}
+
+TEST(RunFolder, TooLongForASocketIsAProblem) {
+  // 87 bytes of folder and "/x/exchange.ipc" (15) fit; "/x/physics_telemetry.ipc" (24) does not
+  const std::string folder = "/" + std::string(86, 'f');
+  const Variable run_dir("PALPATE_RUN_DIR", folder.c_str());
+
+  const std::vector<std::string> lines = complaints("name: \"x\"");
+
+  ASSERT_THAT(lines, ::testing::Not(IsEmpty()));
+  EXPECT_THAT(lines.back(), AllOf(HasSubstr("links.physics_telemetry"), HasSubstr("111 bytes"),
+                                  HasSubstr("PALPATE_RUN_DIR")));
+  EXPECT_THAT(lines, ::testing::Not(::testing::Contains(HasSubstr("links.exchange"))));
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,154 @@
+// Overrides of the command line: --set path=value.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/unit/session/session_support.h"
+
+namespace palpate {
+namespace {
+
+using namespace std::chrono_literals;
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::EndsWith;
+using ::testing::HasSubstr;
+using ::testing::SizeIs;
+using ::testing::StartsWith;
+
+constexpr const char* kSession =
+    "name: \"x\"\n"
+    "hand { v { height_m: 0.1 } }\n"
+    "scene { tissue { sphere { radius_m: 1 } kelvin_voigt { stiffness_newton_per_m: 5 } } }\n"
+    "faults { interaction { outage { until_s: 1 } } }\n";
+
+Session overridden(const std::vector<std::string>& overrides) {
+  return parse_session(kSession, "x.txtpb", overrides);
+}
+
+TEST(SessionOverride, SetsAFieldByItsPath) {
+  EXPECT_EQ(overridden({"mofc.controller=none"}).mofc.controller, ControllerKind::kNone);
+  EXPECT_EQ(overridden({"faults.interaction.delay_ms=50"}).faults.interaction.delay, 50ms);
+  const Session session = overridden({"scene.tissue[0].kelvin_voigt.stiffness_newton_per_m=600",
+                                      "scene.tissue[0].kelvin_voigt.adhesive=true"});
+  const auto& material = std::get<KelvinVoigtMaterial>(session.scene.tissues[0].material);
+  EXPECT_EQ(material.stiffness_newton_per_m, 600.0);
+  EXPECT_TRUE(material.is_adhesive);
+}
+
+TEST(SessionOverride, TextNeedsNoQuotes) {
+  EXPECT_EQ(overridden({"name=foo"}).name, "foo");
+  EXPECT_EQ(overridden({"name=\"foo\""}).name, "foo");
+  EXPECT_EQ(overridden({"name='foo'"}).name, "foo");
+  EXPECT_EQ(overridden({"scene.tissue[0].name=a=b"}).scene.tissues[0].name, "a=b");
+}
+
+TEST(SessionOverride, KeepsTheRestOfTheMessage) {
+  const auto v = std::get<VPath>(overridden({"hand.v.free_motion_s=14"}).hand.path);
+
+  EXPECT_EQ(v.free_motion_s, 14.0);
+  EXPECT_EQ(v.height_m, 0.1);
+}
+
+TEST(SessionOverride, LastOneWins) { EXPECT_EQ(overridden({"seed=2", "seed=3"}).seed, 3u); }
+
+TEST(SessionOverride, OtherMemberOfAOneofReplacesTheFirst) {
+  EXPECT_EQ(std::get<HoldPath>(overridden({"hand.hold.position_m.z=-0.01"}).hand.path).position_m,
+            Vector3(0, 0, -0.01));
+  EXPECT_EQ(std::get<HoldPath>(overridden({"hand.hold={}"}).hand.path).position_m,
+            Vector3(0, 0, 0));
+}
+
+TEST(SessionOverride, WholeMessageIsReplaced) {
+  const auto v = std::get<VPath>(overridden({"hand.v={ half_width_m: 0.5 }"}).hand.path);
+
+  EXPECT_EQ(v.half_width_m, 0.5);
+  EXPECT_EQ(v.height_m, 0.05);  // the default again
+}
+
+TEST(SessionOverride, ListGrowsAndItsElementsAreReplaced) {
+  const Session longer = overridden({"faults.interaction.outage={from_s: 1 until_s: 2}"});
+  ASSERT_THAT(longer.faults.interaction.windows, SizeIs(2));
+  EXPECT_EQ(longer.faults.interaction.windows[1].from, 1s);
+
+  const Session changed = overridden({"faults.interaction.outage[0]={from_s: 3 until_s: 4}"});
+  ASSERT_THAT(changed.faults.interaction.windows, SizeIs(1));
+  EXPECT_EQ(changed.faults.interaction.windows[0].from, 3s);
+}
+
+TEST(SessionOverride, ProblemIsLocatedAtTheOverride) {
+  EXPECT_THAT(
+      complaints(kSession, {"seed=4", "device.rate_hz=-1"}),
+      ElementsAre("x.txtpb: 1 problem",
+                  "--set device.rate_hz=-1: device.rate_hz = -1: must be 10 … 10000; give the "
+                  "ticks per second of the haptic loop"));
+  EXPECT_THAT(complaints(kSession, {"hand.press={ from_s: 2 until_s: 1 }"}).at(1),
+              StartsWith("--set hand.press={ from_s: 2 until_s: 1 }: hand.press[0].until_s = 1"));
+  EXPECT_THAT(complaints(kSession, {"hand.recorded.loop=true"}).at(1),
+              StartsWith("--set hand.recorded.loop=true: hand.recorded.file: required"));
+}
+
+TEST(SessionOverride, MendsAProblemOfTheFile) {
+  EXPECT_THAT(complaints("name: \"x\" device { rate_hz: -1 }", {"device.rate_hz=50"}), SizeIs(0));
+  EXPECT_THAT(complaints("name: \"x\" hand { v { height_m: nan } }", {"hand.hold={}"}), SizeIs(0));
+}
+
+TEST(SessionOverride, ProblemsFollowThoseOfTheFileInOrder) {
+  const std::vector<std::string> lines =
+      complaints("name: \"x\"\nduration_s: 0", {"seeed=1", "hand.mass_kg=-1", "seed=1"});
+
+  ASSERT_THAT(lines, SizeIs(4));
+  EXPECT_THAT(lines[1], StartsWith("x.txtpb:2:1: duration_s"));
+  EXPECT_THAT(lines[2], StartsWith("--set seeed=1: seeed: no such field; did you mean 'seed'?"));
+  EXPECT_THAT(lines[3], StartsWith("--set hand.mass_kg=-1: hand.mass_kg = -1: must be ≥ 0"));
+}
+
+struct BadOverride {
+  const char* assignment;
+  const char* words;
+};
+
+TEST(SessionOverride, OneThatCannotBeAppliedSaysWhy) {
+  const BadOverride rows[] = {
+      {"", "must be path=value"},
+      {"device.rate_hz", "must be path=value"},
+      {"=1", "no such field"},
+      {"device.=1", "device.: no such field"},
+      {"device..rate_hz=1", "no such field"},
+      {".device.rate_hz=1", "no such field"},
+      {"device.rate=1", "device.rate: no such field; did you mean 'rate_hz'?"},
+      {"device.rate_hz=fast", "device.rate_hz: cannot be read: Expected double, got: fast"},
+      {"device.rate_hz=", "device.rate_hz: cannot be read"},
+      {"device.rate_hz=1 2", "something follows the value"},
+      {"device.rate_hz.x=1", "device.rate_hz: is a single value"},
+      {"device[0].rate_hz=1", "device[0]: there is only one"},
+      {"device=3", "device: cannot be read"},
+      {"mofc.mode=fast", "mode = fast: must be one of mode_default, paper, vector"},
+      {"mofc.mode=7", "mofc.mode = 7: must be paper or vector"},
+      {"mofc.controller=7", "mofc.controller = 7: must be none or mofc"},
+      {"seed=-1", "seed: cannot be read"},
+      {"scene.tissue[1].name=a",
+       "scene.tissue[1]: there are only 1, counted from [0]; "
+       "scene.tissue={ … } adds one"},
+      {"scene.tissue[-1].name=a", "an index is written [0]"},
+      {"scene.tissue[x].name=a", "an index is written [0]"},
+      {"scene.tissue[0.name=a", "an index is written [0]"},
+      {"scene.tissue[0]x.name=a", "an index is written [0]"},
+      {"scene.tissue[99999999999].name=a", "an index is written [0]"},
+      {"scene.tissue.name=a", "scene.tissue: say which one: scene.tissue[0]"},
+      {"hand.hold={ positin_m {} }",
+       "hand.hold: no field 'positin_m' in Hold; did you mean "
+       "'position_m'?"},
+      {"hand.hold={", "hand.hold: cannot be read"},
+  };
+  for (const BadOverride& row : rows) {
+    SCOPED_TRACE(row.assignment);
+    const std::vector<std::string> lines = complaints(kSession, {row.assignment});
+
+    ASSERT_THAT(lines, SizeIs(2));
+    EXPECT_THAT(lines[1], AllOf(StartsWith(std::string("--set ") + row.assignment + ": "),
+                                HasSubstr(row.words)));
+  }
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,304 @@
+// The rules of proto/palpate/v1/session.proto, each broken and each kept at its edge.
+#include <gmock/gmock.h>
+#include <google/protobuf/descriptor.h>
+#include <gtest/gtest.h>
+
+#include "palpate/v1/session.pb.h"
+#include "tests/unit/session/session_support.h"
+
+namespace palpate {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::SizeIs;
+using ::testing::StartsWith;
+
+// One element of each list, so that every field has a path.
+constexpr const char* kSession = R"(
+  name: "x"
+  hand { press { until_s: 1 } }
+  scene { tissue { sphere { radius_m: 1 } kelvin_voigt { stiffness_newton_per_m: 5 } } }
+  faults {
+    device_state  { outage { until_s: 1 } stall { until_s: 1 } freeze { until_s: 1 } }
+    force_command { outage { until_s: 1 } stall { until_s: 1 } freeze { until_s: 1 } }
+    tool_motion   { outage { until_s: 1 } stall { until_s: 1 } freeze { until_s: 1 } }
+    interaction   { outage { until_s: 1 } stall { until_s: 1 } freeze { until_s: 1 } }
+  })";
+
+// --- every number -----------------------------------------------------------------------------
+
+/// Paths of all double fields below `type`.
+void collect_numbers(const google::protobuf::Descriptor& type, const std::string& path,
+                     std::vector<std::string>& numbers) {
+  for (int i = 0; i < type.field_count(); ++i) {
+    const google::protobuf::FieldDescriptor& field = *type.field(i);
+    const std::string child =
+        path + (path.empty() ? "" : ".") + field.name() + (field.is_repeated() ? "[0]" : "");
+    if (field.message_type() != nullptr) {
+      collect_numbers(*field.message_type(), child, numbers);
+    } else if (field.cpp_type() == google::protobuf::FieldDescriptor::CPPTYPE_DOUBLE) {
+      numbers.push_back(child);
+    }
+  }
+}
+
+std::vector<std::string> all_numbers() {
+  std::vector<std::string> numbers;
+  collect_numbers(*v1::Session::descriptor(), "", numbers);
+  return numbers;
+}
+
+TEST(SessionRules, EveryNumberOfTheSchemaMustBeFinite) {
+  const std::vector<std::string> numbers = all_numbers();
+  ASSERT_GT(numbers.size(), 150u);  // 4 links of 17 alone are 68
+
+  for (const std::string& path : numbers) {
+    for (const std::string value : {"nan", "-nan", "inf", "-inf", "1e999"}) {
+      const std::string assignment = path + "=" + value;
+      EXPECT_THAT(complaints(kSession, {assignment}),
+                  ::testing::Contains(AllOf(StartsWith("--set " + assignment + ": " + path + " = "),
+                                            HasSubstr("must be a finite number"))));
+    }
+  }
+}
+
+TEST(SessionRules, EveryNumberOfTheSchemaIsBounded) {
+  for (const std::string& path : all_numbers()) {
+    EXPECT_THAT(complaints(kSession, {path + "=1e300"}),
+                ::testing::Contains(HasSubstr(path + " = 1e+300: must be within")));
+  }
+}
+
+TEST(SessionRules, TimesAreBoundedInTheirUnit) {
+  EXPECT_THAT(complaints(kSession, {"duration_s=1.1e6"}).at(1), HasSubstr("within ±1e6 s"));
+  EXPECT_THAT(complaints(kSession, {"duration_s=1e6"}), SizeIs(0));
+  EXPECT_THAT(complaints(kSession, {"faults.tool_motion.delay_ms=1.1e9"}).at(1),
+              HasSubstr("must be within"));
+  EXPECT_THAT(complaints(kSession, {"faults.tool_motion.delay_ms=1e9"}), SizeIs(0));
+  // a speed and a slew are no times
+  EXPECT_THAT(complaints(kSession, {"device.slew_newton_per_s=1e7"}), SizeIs(0));
+  EXPECT_THAT(complaints(kSession, {"hand.v.speed_m_per_s=1e7"}), SizeIs(0));
+}
+
+// --- ranges -----------------------------------------------------------------------------------
+
+struct Rule {
+  const char* path;
+  std::vector<const char*> bad;
+  std::vector<const char*> good;
+  const char* words;                   ///< expected of each bad value
+  std::vector<std::string> context{};  ///< overrides before it
+};
+
+void PrintTo(const Rule& rule, std::ostream* stream) { *stream << rule.path; }
+
+class SessionRule : public ::testing::TestWithParam<Rule> {};
+
+TEST_P(SessionRule, HoldsAtItsEdgeAndNotBeyond) {
+  const Rule& rule = GetParam();
+  for (const char* value : rule.bad) {
+    std::vector<std::string> overrides = rule.context;
+    overrides.push_back(std::string(rule.path) + "=" + value);
+    SCOPED_TRACE(overrides.back());
+
+    const std::vector<std::string> lines = complaints(kSession, overrides);
+
+    ASSERT_THAT(lines, SizeIs(2));
+    EXPECT_THAT(lines[1], AllOf(StartsWith("--set " + overrides.back() + ": " + rule.path),
+                                HasSubstr(rule.words)));
+  }
+  for (const char* value : rule.good) {
+    std::vector<std::string> overrides = rule.context;
+    overrides.push_back(std::string(rule.path) + "=" + value);
+    SCOPED_TRACE(overrides.back());
+
+    EXPECT_THAT(complaints(kSession, overrides), SizeIs(0));
+  }
+}
+
+const std::vector<std::string> k50Hz = {"device.rate_hz=50", "physics.rate_hz=50"};
+const char* const kBox = "scene.tissue[0].box={ size_m { x: 1 y: 1 z: 1 } }";
+
+const Rule kRules[] = {
+    {"name",
+     {"", "a b", "a/b", "..", "ä",
+      "aaaaaaaaaabbbbbbbbbbccccccccccddddddddddeeeeeeeeeeffffffffffggggg"},
+     {"a", "A-b_9"},
+     "letters, digits"},
+    {"schema_version", {"0", "2"}, {"1"}, "version 1 only"},
+    {"duration_s", {"0", "-1"}, {"1e-3"}, "must be > 0"},
+
+    {"links.exchange",
+     {"x", "udp://a:1", "ipc:/x", "IPC:///x"},
+     {"ipc:///x", "ipc://@x"},
+     "must be ipc://PATH, tcp://HOST:PORT or inproc://NAME"},
+    {"links.exchange", {"ipc://", "ipc://*"}, {}, "must name a file"},
+    // 107 bytes of path is the most
+    {"links.exchange",
+     {"ipc:///"
+      "aaaaaaaaabbbbbbbbbbccccccccccddddddddddeeeeeeeeeeffffffffffgggggggggghhhhhhhhhhiiiiiiii"
+      "iijjjjjjjjjj12345678"},
+     {"ipc:///"
+      "aaaaaaaaabbbbbbbbbbccccccccccddddddddddeeeeeeeeeeffffffffffgggggggggghhhhhhhhhhiiiiiiii"
+      "iijjjjjjjjjj1234567"},
+     "108 bytes"},
+    {"links.tool_motion",
+     {"tcp://", "tcp://a", "tcp://:1", "tcp://*:1"},
+     {"tcp://a:1"},
+     "host and port"},
+    {"links.tool_motion",
+     {"tcp://a:", "tcp://a:*", "tcp://a:0", "tcp://a:65536", "tcp://a:1x"},
+     {"tcp://a:65535", "tcp://[::1]:5551"},
+     "port of 1 … 65535"},
+    {"links.interaction", {"inproc://"}, {"inproc://a"}, "must have a name"},
+    {"links.interaction", {"inproc://a b", "ipc:///a\tb"}, {}, "spaces or control characters"},
+    {"links.interaction",
+     {"inproc://same"},
+     {"inproc://other"},
+     "is that of links.exchange too; give each link its own",
+     {"links.exchange=inproc://same"}},
+
+    {"realtime.priority", {"-1", "100"}, {"0", "99"}, "must be 0 … 99"},
+    {"realtime.cpu", {"-2", "1024"}, {"-1", "1023"}, "must be -1 … 1023"},
+
+    {"device.rate_hz", {"9.9", "10001", "0", "-1"}, {"10", "10000"}, "must be 10 … 10000"},
+    // 1 kHz: the period is 1000 µs
+    {"device.reply_us", {"0", "-1"}, {"1"}, "must be > 0"},
+    {"device.reply_us", {"1000"}, {"999"}, "must be < 1 period of device.rate_hz, 1000 us"},
+    {"device.reply_us",
+     {"15000"},
+     {"15001"},
+     "must be > mofc.wait_for_physics_ms, 15000 us",
+     {"device.rate_hz=50", "mofc.wait_for_physics_ms=15"}},
+    {"device.lease_us",
+     {"999", "3001"},
+     {"1000", "3000"},
+     "must be 1 … 3 periods of device.rate_hz, 1000 … 3000 us"},
+    {"device.lease_us", {"333"}, {"333.3333"}, "333.333333 … 1000 us", {"device.rate_hz=3000"}},
+    {"device.lease_us", {"0"}, {}, "must be > 0"},
+    {"device.limp_after_ms", {"1.9"}, {"2"}, "must be ≥ device.lease_us, 2 ms"},
+    {"device.limp_after_ms", {"0"}, {}, "must be > 0"},
+    {"device.fade_ms", {"0.9"}, {"1"}, "must be ≥ 1 period of device.rate_hz, 1 ms"},
+    {"device.fade_ms", {"0"}, {}, "must be > 0"},
+    {"device.start_ramp_ms", {"-1"}, {"0"}, "must be ≥ 0"},
+    {"device.peak_force_newton", {"0", "-1"}, {"0.1"}, "must be > 0"},
+    {"device.slew_newton_per_s", {"-1"}, {"0"}, "must be ≥ 0"},
+    {"device.workspace.scale_ratio", {"0", "-1"}, {"0.1"}, "must be > 0"},
+    {"device.workspace.force_ratio", {"-0.1"}, {"0"}, "must be ≥ 0"},
+    {"device.workspace.clutch_button", {"32"}, {"0", "31"}, "must be 0 … 31"},
+    {"device.profile.viscous_newton_s_per_m", {"-1"}, {"0"}, "must be ≥ 0"},
+    {"device.profile.coulomb_newton", {"-1"}, {"0"}, "must be ≥ 0"},
+    {"device.profile.position_resolution_m", {"-1"}, {"0"}, "must be ≥ 0"},
+    {"device.simulated.mass_kg", {"0", "-1"}, {"0.01"}, "must be > 0"},
+    {"device.simulated.viscous_newton_s_per_m", {"-1"}, {"0"}, "must be ≥ 0"},
+    {"device.simulated.coulomb_newton", {"-1"}, {"0"}, "must be ≥ 0"},
+    {"device.simulated.position_resolution_m", {"-1"}, {"0"}, "must be ≥ 0"},
+    {"device.simulated.peak_force_newton", {"0"}, {"0.1"}, "must be > 0"},
+    {"device.simulated.inner_step_us", {"0.9", "51"}, {"1", "50"}, "must be 1 … 50"},
+
+    {"hand.mass_kg", {"-1"}, {"0"}, "must be ≥ 0"},
+    {"hand.stiffness_newton_per_m", {"-1"}, {"0"}, "must be ≥ 0"},
+    {"hand.damping_newton_s_per_m", {"-1"}, {"0"}, "must be ≥ 0"},
+    {"hand.press[0].button", {"32"}, {"31"}, "must be 0 … 31"},
+    {"hand.press[0].from_s", {"-1"}, {"0"}, "must be ≥ 0"},
+    {"hand.press[0].until_s",
+     {"2", "1"},
+     {"2.1"},
+     "must be > from_s, 2",
+     {"hand.press[0].from_s=2"}},
+    {"hand.v.normal", {"{}", "{ x: 0 }", "{ z: 1e-200 }"}, {"{ z: 0.01 }"}, "has no direction"},
+    {"hand.v.tangent", {"{}"}, {"{ y: -3 }"}, "has no direction"},
+    {"hand.v.tangent",
+     {"{ x: 1 z: 0.0011 }", "{ z: 1 }"},
+     {"{ x: 1 z: 0.0009 }"},
+     "must be perpendicular to normal"},
+    {"hand.v.normal", {"{ x: 1 }"}, {"{ y: 1 }"}, "must be perpendicular to normal"},
+    {"hand.v.height_m", {"0"}, {"0.1"}, "must be > 0"},
+    {"hand.v.half_width_m", {"-1"}, {"0"}, "must be ≥ 0"},
+    {"hand.v.speed_m_per_s", {"0"}, {"0.1"}, "must be > 0"},
+    {"hand.v.free_motion_s", {"-1"}, {"0"}, "must be ≥ 0"},
+    {"hand.v.free_amplitude_m", {"-1"}, {"0"}, "must be ≥ 0"},
+    {"hand.v.free_frequency_hz", {"0"}, {"0.1"}, "must be > 0"},
+    {"hand.sinusoid.frequency_hz.y", {"-1"}, {"0"}, "must be ≥ 0"},
+    {"hand.recorded.file", {"", "a\tb", "a.csv"}, {}, ""},
+    {"hand.hostile.radius_m", {"0"}, {"0.1"}, "must be > 0"},
+    {"hand.hostile.v_max_m_per_s", {"0"}, {"0.1"}, "must be > 0"},
+
+    {"mofc.wait_for_physics_ms", {"-1"}, {"0"}, "must be ≥ 0"},
+    {"mofc.wait_for_physics_ms", {"20", "30"}, {"19.9"}, "must be < 1 period", k50Hz},
+    {"mofc.wait_for_physics_ms",
+     {"1"},
+     {"0"},
+     "needs device.rate_hz ≤ 200, here 201",
+     {"device.rate_hz=201"}},
+    {"mofc.wait_for_physics_ms",
+     {"1"},
+     {},
+     "needs physics.rate_hz ≥ device.rate_hz, here 49 < 50",
+     {"device.rate_hz=50", "physics.rate_hz=49"}},
+    {"mofc.stale_after_ms", {"0"}, {}, "must be > 0"},
+    {"mofc.stale_after_ms", {"0.9"}, {"1"}, "must be ≥ 1 period of physics.rate_hz, 1 ms"},
+    {"mofc.fade_ms", {"0"}, {"0.1"}, "must be > 0"},
+    {"mofc.velocity_time_constant_ms", {"-1"}, {"0"}, "must be ≥ 0"},
+    {"physics.rate_hz", {"0.9", "10001"}, {"1", "10000"}, "must be 1 … 10000"},
+
+    {"scene.tool.tip_radius_m", {"-1"}, {"0"}, "must be ≥ 0"},
+    {"scene.tissue",
+     {"{ name: 'tissue0' sphere { radius_m: 1 } kelvin_voigt { stiffness_newton_per_m: 5 } }"},
+     {"{ name: 'other' sphere { radius_m: 1 } kelvin_voigt { stiffness_newton_per_m: 5 } }"},
+     "scene.tissue[1].name = \"tissue0\": another tissue is called tissue0 too"},
+    {"scene.tissue",
+     {"{ name: 'a' kelvin_voigt { stiffness_newton_per_m: 5 } }"},
+     {},
+     "a geometry is required"},
+    {"scene.tissue", {"{ name: 'a' half_space {} }"}, {}, "a material is required"},
+    {"scene.tissue[0].half_space.normal", {"{}"}, {"{ x: 2 }"}, "has no direction"},
+    {"scene.tissue[0].sphere", {"{}"}, {"{ radius_m: 2 }"}, "radius_m: required"},
+    {"scene.tissue[0].sphere.radius_m", {"0", "-1"}, {"0.1"}, "must be > 0"},
+    {"scene.tissue[0].box", {"{}"}, {"{ size_m { x: 1 y: 1 z: 1 } }"}, "size_m: required"},
+    {"scene.tissue[0].box.size_m", {"{ x: 1 y: 1 }"}, {}, "size_m.z: required"},
+    {"scene.tissue[0].box.size_m.y", {"0", "-1"}, {"0.1"}, "must be > 0", {kBox}},
+    {"scene.tissue[0].kelvin_voigt", {"{}"}, {}, "stiffness_newton_per_m: required"},
+    {"scene.tissue[0].kelvin_voigt.stiffness_newton_per_m", {"-1"}, {"0"}, "must be ≥ 0"},
+    {"scene.tissue[0].kelvin_voigt.damping_newton_s_per_m", {"-1"}, {"0"}, "must be ≥ 0"},
+
+    {"viewer.status_interval_ms", {"49"}, {"50"}, "must be ≥ 50"},
+
+    {"faults.device_state.delay_ms", {"-1"}, {"0"}, "must be ≥ 0"},
+    {"faults.device_state.jitter_ms", {"-1"}, {"0"}, "must be ≥ 0"},
+    {"faults.force_command.loss_ratio", {"-0.1", "1.1"}, {"0", "1"}, "must be 0 … 1"},
+    {"faults.force_command.burst_ratio", {"-0.1", "1.1"}, {"0", "1"}, "must be 0 … 1"},
+    {"faults.tool_motion.burst_length", {"0", "1000001"}, {"1", "1000000"}, "must be 1 … 1000000"},
+    {"faults.tool_motion.duplicate_ratio", {"-0.1", "1.1"}, {"0", "1"}, "must be 0 … 1"},
+    {"faults.interaction.reorder_ratio",
+     {"-0.1", "1.1"},
+     {"0", "1"},
+     "must be 0 … 1",
+     {"faults.interaction.reorder_delay_ms=1"}},
+    {"faults.interaction.reorder_ratio", {"0.1"}, {"0"}, "needs reorder_delay_ms > 0"},
+    {"faults.interaction.reorder_delay_ms", {"-1"}, {"0"}, "must be ≥ 0"},
+    {"faults.interaction.outage[0].from_s", {"-1"}, {"0"}, "must be ≥ 0"},
+    {"faults.interaction.stall[0].until_s", {"-1"}, {}, "must be ≥ 0"},
+    {"faults.interaction.stall[0].until_s",
+     {"3", "2"},
+     {"3.1"},
+     "must be > from_s, 3",
+     {"faults.interaction.stall[0].from_s=3"}},
+    {"faults.interaction.freeze[0]", {"{ from_s: 1 }"}, {}, "until_s: required"},
+    {"faults.interaction.freeze[0].every_s", {"-1"}, {"0"}, "must be ≥ 0"},
+    {"faults.interaction.freeze[0].every_s", {"0.9"}, {"1"}, "must be ≥ until_s, 1"},
+};
+
+INSTANTIATE_TEST_SUITE_P(Schema, SessionRule, ::testing::ValuesIn(kRules));
+
+TEST(SessionRules, SceneWithoutTissueIsAllowed) {
+  EXPECT_THAT(complaints("name: \"x\" scene {}"), SizeIs(0));
+}
+
+TEST(SessionRules, NameIsRequired) {
+  EXPECT_THAT(complaints("").at(1), StartsWith("x.txtpb:1:1: name: required"));
+}
+
+}  // namespace
+}  // namespace palpate
