@@ -1,0 +1,131 @@
+#include "tests/bench/bench_output.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <fstream>
+
+#include "common/core/check.h"
+
+namespace palpate::bench {
+namespace {
+
+/// Characters a terminal shows: bytes that do not continue a UTF-8 character.
+std::size_t width(const std::string& text) {
+  return static_cast<std::size_t>(std::count_if(text.begin(), text.end(), [](char c) {
+    return (static_cast<unsigned char>(c) & 0xc0U) != 0x80U;
+  }));
+}
+
+std::string shown(const Table::Cell& cell, const std::string& format) {
+  if (const auto* text = std::get_if<std::string>(&cell)) return *text;
+  const double value = std::get<double>(cell);
+  return std::isfinite(value) ? fmt::format(fmt::runtime(format), value) : "–";
+}
+
+}  // namespace
+
+void BenchOptions::add_to(CLI::App& app) {
+  app.add_option("--json", json_file, "write the table as JSON");
+  app.add_option("--csv", csv_file, "write the table as CSV");
+  app.add_option("--plot", plot_folder, "draw the figures into this folder (needs gnuplot)");
+  app.add_flag("--quick", is_quick, "the same rows with fewer repeats, a minute at most");
+}
+
+void Table::add(std::vector<Cell> row) {
+  PALPATE_REQUIRE(row.size() == columns_.size());
+  rows_.push_back(std::move(row));
+}
+
+void Table::add_gap() { rows_.emplace_back(); }
+
+std::string Table::text() const {
+  std::vector<std::vector<std::string>> lines{{}};
+  for (const Column& column : columns_) lines[0].push_back(column.title);
+  for (const auto& row : rows_) {
+    auto& line = lines.emplace_back();
+    for (std::size_t i = 0; i < row.size(); ++i) line.push_back(shown(row[i], columns_[i].format));
+  }
+  std::vector<std::size_t> widths(columns_.size(), 0);
+  for (const auto& line : lines) {
+    for (std::size_t i = 0; i < line.size(); ++i) widths[i] = std::max(widths[i], width(line[i]));
+  }
+
+  // text to the left, numbers to the right
+  std::string out;
+  for (const auto& line : lines) {
+    std::string built;
+    for (std::size_t i = 0; i < line.size(); ++i) {
+      const std::string padding(widths[i] - width(line[i]), ' ');
+      const bool is_text = columns_[i].format.empty();
+      built += (i > 0 ? "  " : "") + (is_text ? line[i] + padding : padding + line[i]);
+    }
+    built.erase(built.find_last_not_of(' ') + 1);
+    out += built + "\n";
+  }
+  return out;
+}
+
+std::string Table::csv() const {
+  std::string out;
+  for (std::size_t i = 0; i < columns_.size(); ++i) out += (i > 0 ? "," : "") + columns_[i].name;
+  out += "\n";
+  for (const auto& row : rows_) {
+    if (row.empty()) continue;
+    for (std::size_t i = 0; i < row.size(); ++i) {
+      if (i > 0) out += ",";
+      if (const auto* text = std::get_if<std::string>(&row[i])) {
+        out += "\"" + *text + "\"";
+      } else if (std::isfinite(std::get<double>(row[i]))) {
+        out += fmt::format("{}", std::get<double>(row[i]));
+      }
+    }
+    out += "\n";
+  }
+  return out;
+}
+
+nlohmann::ordered_json Table::json() const {
+  nlohmann::ordered_json json = nlohmann::ordered_json::array();
+  for (const auto& row : rows_) {
+    if (row.empty()) continue;
+    nlohmann::ordered_json entry;
+    for (std::size_t i = 0; i < row.size(); ++i) {
+      if (const auto* text = std::get_if<std::string>(&row[i])) {
+        entry[columns_[i].name] = *text;
+      } else {
+        const double value = std::get<double>(row[i]);
+        entry[columns_[i].name] =
+            std::isfinite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json(nullptr);
+      }
+    }
+    json.push_back(entry);
+  }
+  return {{"schema_version", 1}, {"rows", json}};
+}
+
+void Table::publish(const BenchOptions& options) const {
+  std::fputs(text().c_str(), stdout);
+  if (!options.csv_file.empty()) write_file(options.csv_file, csv());
+  if (!options.json_file.empty()) write_file(options.json_file, json().dump(2) + "\n");
+}
+
+void write_file(const std::filesystem::path& file, const std::string& text) {
+  std::ofstream out(file, std::ios::binary);
+  out << text;
+  out.close();
+  if (!out) throw SetupError(file.string() + ": cannot be written; choose another place");
+}
+
+bool run_gnuplot(const std::filesystem::path& folder, const std::string& script) {
+  const std::string command = "cd '" + folder.string() + "' && gnuplot '" + script + "'";
+  if (std::system(command.c_str()) == 0) return true;
+  std::fprintf(stderr, "no plot: gnuplot %s failed in %s; install gnuplot-nox\n", script.c_str(),
+               folder.c_str());
+  return false;
+}
+
+}  // namespace palpate::bench
