@@ -241,7 +241,7 @@ TEST(PhysicsNode, StepDoesNotAllocate) {
   bench.step();
   bench.send_motion(-0.02);
 
-  AllocGuard guard;
+  const test::AllocGuard guard;
   for (int i = 0; i < 100; ++i) {
     bench.step();
     static_cast<void>(bench.node.has_new_motion());
@@ -251,7 +251,7 @@ TEST(PhysicsNode, StepDoesNotAllocate) {
 }
 
 TEST(AllocGuard, SeesAnAllocation) {
-  AllocGuard guard;
+  const test::AllocGuard guard;
 
   const auto owner = std::make_unique<std::vector<int>>(100);
 
