@@ -1,0 +1,307 @@
+// The whole system on virtual time: device, clamp and physics, hop by hop.
+#include "deploy/palpate/lockstep.h"
+
+#include <gtest/gtest.h>
+
+#include <bit>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "common/runtime/session_file.h"
+#include "deploy/palpate/loopback.h"
+
+namespace palpate {
+namespace {
+
+using namespace std::chrono_literals;
+
+/// A hand that rests 5 mm inside a 400 N/m block, device and physics at 1 kHz, everything exact.
+constexpr const char* kPressing = R"(
+name: "pressing"
+device { simulated { position_resolution_m: 0 } profile { position_resolution_m: 0 } start_ramp_ms: 0 }
+hand { stiffness_newton_per_m: 400 hold { position_m { z: -0.005 } } }
+mofc { controller: none }
+scene { tissue { half_space {} kelvin_voigt { stiffness_newton_per_m: 400 } } }
+)";
+
+Session parsed(const std::string& text, const std::vector<std::string>& overrides = {}) {
+  return parse_session(text, "test.txtpb", overrides, PALPATE_SOURCE_DIR);
+}
+
+Session shipped(const std::string& name, const std::vector<std::string>& overrides = {}) {
+  return load_session(std::string(PALPATE_SOURCE_DIR) + "/deploy/sessions/" + name + ".txtpb",
+                      overrides);
+}
+
+struct Run {
+  std::vector<viewer::TickRow> rows;
+  std::vector<IdealState> ideal;
+  DeviceCounters device;
+  MofcCounters mofc;
+
+  [[nodiscard]] const viewer::TickRow& last() const { return rows.back(); }
+};
+
+Run run(const Session& session, Duration length, const LockstepOptions& options = {}) {
+  Run result;
+  Lockstep lockstep(session, options, [&](const viewer::TickRow& row, const IdealState& ideal) {
+    result.rows.push_back(row);
+    result.ideal.push_back(ideal);
+  });
+  lockstep.run_until(length);
+  result.device = lockstep.device_counters();
+  result.mofc = lockstep.mofc_counters();
+  return result;
+}
+
+/// Every double of a run, bit by bit.
+std::vector<std::uint64_t> bits_of(const Run& run) {
+  std::vector<std::uint64_t> bits;
+  const auto add = [&](double value) { bits.push_back(std::bit_cast<std::uint64_t>(value)); };
+  for (const viewer::TickRow& row : run.rows) {
+    for (int i = 0; i < 3; ++i) {
+      add(row.device.true_tool_position_world_m[i]);
+      add(row.device.measured_hand_position_m[i]);
+      add(row.device.force_on_hand_newton[i]);
+      add(row.mofc ? row.mofc->asked_force_on_hand_newton[i] : -1.0);
+      add(row.mofc ? row.mofc->f_max_newton[i] : -1.0);
+    }
+    add(row.device.true_energy_joule);
+    add(row.mofc ? row.mofc->ledger_energy_joule : -1.0);
+    bits.push_back(static_cast<std::uint64_t>(row.device.switched_at.time_since_epoch().count()));
+  }
+  return bits;
+}
+
+TEST(Lockstep, ATouchTravelsFromTheHandToTheTissueAndBack) {
+  const Run touch = run(parsed(kPressing), 1s);
+
+  ASSERT_EQ(touch.rows.size(), 1000u);
+  ASSERT_TRUE(touch.last().mofc.has_value());
+  EXPECT_EQ(touch.last().mofc->state, MofcState::kContact);
+  // tissue and hand have the same stiffness and share the 5 mm: 2.5 mm · 400 N/m = 1 N, up to the
+  // 0.1 N of stiction
+  EXPECT_NEAR(touch.last().device.force_on_hand_newton.z(), 1.0, 0.06);
+  EXPECT_EQ(touch.device.answered_ticks, 1000u);
+}
+
+// The motion read at tick k is stepped by physics at the same instant and felt at tick k + 1.
+TEST(Lockstep, TheForceIsOneTickOld) {
+  const Run touch = run(parsed(kPressing), 100ms);
+
+  EXPECT_EQ(touch.rows.front().mofc->state, MofcState::kNoPhysics);
+  for (std::size_t k = 1; k < touch.rows.size(); ++k) {
+    EXPECT_EQ(touch.rows[k].mofc->force_age, Duration(1ms));
+    EXPECT_EQ(touch.rows[k].mofc->device_sequence, touch.rows[k].device.sequence);
+  }
+}
+
+// Kelvin–Voigt at exact positions: fe(k) is the law at the position measured at k − 1.
+TEST(Lockstep, TheForceAskedIsTheTissuesLawAtThePositionItAnswers) {
+  const Run touch = run(parsed(kPressing), 200ms);
+
+  for (std::size_t k = 1; k < touch.rows.size(); ++k) {
+    const double depth = -touch.rows[k - 1].device.measured_tool_position_world_m.z();
+    EXPECT_NEAR(touch.rows[k].mofc->asked_force_on_hand_newton.z(), 400.0 * std::max(0.0, depth),
+                1e-12);
+  }
+}
+
+TEST(Lockstep, TheSameSeedGivesTheSameBits) {
+  const Session session =
+      shipped("default", {"faults.interaction.loss_ratio=0.2", "faults.interaction.jitter_ms=3"});
+
+  EXPECT_EQ(bits_of(run(session, 2s)), bits_of(run(session, 2s)));
+}
+
+TEST(Lockstep, AnotherSeedGivesAnotherRun) {
+  const std::vector<std::string> faults{"faults.interaction.loss_ratio=0.2", "seed=1"};
+  const std::vector<std::string> other{"faults.interaction.loss_ratio=0.2", "seed=2"};
+
+  EXPECT_NE(bits_of(run(shipped("default", faults), 2s)),
+            bits_of(run(shipped("default", other), 2s)));
+}
+
+class LockstepSessions : public testing::TestWithParam<const char*> {};
+INSTANTIATE_TEST_SUITE_P(Shipped, LockstepSessions,
+                         testing::Values("default", "paper_soft", "paper_rigid", "paper_mixed"),
+                         [](const auto& info) { return std::string(info.param); });
+
+TEST_P(LockstepSessions, MemoryAndInprocLinksGiveTheSameBits) {
+  const Session session = shipped(GetParam(), {"faults.interaction.loss_ratio=0.05"});
+  const Duration length = session.device.rate_hz > 100.0 ? Duration(1500ms) : Duration(16s);
+
+  const Run memory = run(session, length, {.links = LockstepLinks::kMemory});
+  const Run inproc = run(session, length, {.links = LockstepLinks::kInproc});
+
+  EXPECT_EQ(bits_of(memory), bits_of(inproc));
+  EXPECT_GT(memory.mofc.contact_ticks, 0u);
+}
+
+TEST(Lockstep, TheIdealIsComputedOnlyWhenAskedFor) {
+  const Run plain = run(parsed(kPressing), 20ms);
+  const Run with = run(parsed(kPressing), 20ms, {.has_ideal = true});
+
+  EXPECT_FALSE(plain.last().ideal_force_on_hand_newton.allFinite());
+  EXPECT_FALSE(plain.ideal.back().tool_position_world_m.allFinite());
+  EXPECT_TRUE(with.last().ideal_force_on_hand_newton.allFinite());
+  EXPECT_TRUE(with.ideal.back().tool_position_world_m.allFinite());
+  EXPECT_EQ(bits_of(plain), bits_of(with)) << "looking changes nothing";
+}
+
+// At rest the ideal force is the law at the true position: 400 N/m times the true depth.
+TEST(Lockstep, TheIdealForceIsTheContinuousTissueAtTheTruePosition) {
+  const Run touch = run(parsed(kPressing), 1s, {.has_ideal = true});
+
+  const double depth = -touch.last().device.true_tool_position_world_m.z();
+  EXPECT_NEAR(touch.last().ideal_force_on_hand_newton.z(), 400.0 * depth, 1e-12);
+  EXPECT_TRUE(touch.last().is_truly_in_contact.value());
+}
+
+TEST(Lockstep, ATissueTwiceAsStiffPushesAccordingly) {
+  const Run soft = run(parsed(kPressing), 1s);
+  const Run stiff =
+      run(parsed(kPressing, {"scene.tissue[0].kelvin_voigt.stiffness_newton_per_m=800"}), 1s);
+
+  // series of springs: 5 mm · 400·800/1200 = 1.333 N instead of 1 N, ± stiction
+  EXPECT_NEAR(stiff.last().device.force_on_hand_newton.z(), 4.0 / 3.0, 0.1);
+  EXPECT_GT(stiff.last().device.force_on_hand_newton.z(),
+            soft.last().device.force_on_hand_newton.z() + 0.2);
+}
+
+TEST(Lockstep, SilenceFromPhysicsLeavesTheDeviceLimp) {
+  const Session session =
+      parsed(kPressing, {"faults.interaction.outage={from_s: 0.3 until_s: 10}", "mofc.fade_ms=50"});
+  const Run touch = run(session, 500ms);
+
+  // silent from 300 ms, stale 6 periods after the last arrival, faded 50 ms later
+  const auto force_at = [&](std::size_t k) {
+    return touch.rows[k].device.force_on_hand_newton.norm();
+  };
+  EXPECT_GT(force_at(290), 0.5);
+  for (std::size_t k = 307; k < 370; ++k) EXPECT_LE(force_at(k), force_at(306) + 1e-12) << k;
+  EXPECT_EQ(force_at(370), 0.0);
+  EXPECT_EQ(touch.last().mofc->state, MofcState::kNoPhysics);
+}
+
+TEST(Lockstep, ADelayedPhysicsMakesTheForceAsOldAsTheDelay) {
+  const Run touch = run(parsed(kPressing, {"faults.interaction.delay_ms=20"}), 200ms);
+
+  EXPECT_EQ(touch.last().mofc->force_age, Duration(20ms));
+}
+
+// An answer that takes 300 µs acts from 300 µs after the reading on.
+TEST(Lockstep, ADelayedAnswerSwitchesTheForceWhenItArrives) {
+  const Run touch = run(parsed(kPressing, {"faults.force_command.delay_ms=0.3"}), 200ms);
+
+  EXPECT_EQ(touch.last().device.switched_at - touch.last().device.sampled_at, Duration(300us));
+  EXPECT_EQ(touch.device.answered_ticks, 200u);
+}
+
+TEST(Lockstep, AnAnswerAfterTheDeadlineIsNoAnswer) {
+  const Run touch = run(parsed(kPressing, {"faults.force_command.delay_ms=0.7"}), 200ms);
+
+  EXPECT_EQ(touch.device.answered_ticks, 0u);
+  EXPECT_EQ(touch.device.max_force_newton, 0.0);
+}
+
+// Answers lost from 300 ms on: the lease (2 ms) lets the force act on, then at most f_co, then
+// limp.
+TEST(Lockstep, WithoutAnswersTheDeviceGoesFromLeaseToFallbackToLimp) {
+  const Session session =
+      parsed(kPressing, {"faults.force_command.outage={from_s: 0.3 until_s: 10}",
+                         "device.limp_after_ms=20", "device.fade_ms=50"});
+  const Run touch = run(session, 400ms);
+
+  const double f_co = session.device.profile.coulomb_newton;
+  EXPECT_GT(touch.rows[299].device.force_on_hand_newton.norm(), 0.5);
+  EXPECT_EQ(touch.rows[300].device.guard, GuardState::kLeased);
+  EXPECT_EQ(touch.rows[305].device.guard, GuardState::kFallback);
+  for (std::size_t k = 302; k < 400; ++k) {
+    EXPECT_LE(touch.rows[k].device.force_on_hand_newton.norm(), f_co + 1e-12) << k;
+  }
+  EXPECT_EQ(touch.last().device.guard, GuardState::kLimp);
+  EXPECT_EQ(touch.last().device.force_on_hand_newton.norm(), 0.0);
+}
+
+// The clutch is held from 0.2 to 0.4 s while the hand moves 1 cm/s·…: the tool rests, nothing acts.
+TEST(Lockstep, WhileClutchedTheToolRestsAndNothingIsRendered) {
+  const Session session = parsed(
+      kPressing,
+      {"device.workspace.clutch_button=0", "hand.press={button: 0 from_s: 0.2 until_s: 0.4}",
+       "hand.sinusoid={center_m { z: -0.005 } amplitude_m { x: 0.02 } frequency_hz { x: 1 }}"});
+  const Run touch = run(session, 600ms);
+
+  const Vector3 held = touch.rows[210].device.measured_tool_position_world_m;
+  for (std::size_t k = 210; k < 399; ++k) {
+    EXPECT_EQ(touch.rows[k].device.force_on_hand_newton.norm(), 0.0) << k;
+    EXPECT_NEAR((touch.rows[k].device.measured_tool_position_world_m - held).norm(), 0.0, 1e-12);
+  }
+  EXPECT_GT((touch.rows[399].device.measured_hand_position_m -
+             touch.rows[210].device.measured_hand_position_m)
+                .norm(),
+            1e-3);
+  EXPECT_GT(touch.last().device.force_on_hand_newton.norm(), 0.1) << "felt again after release";
+}
+
+// scale 2, force ratio 0.5: 2.5 mm of hand would be 5 mm of tool
+TEST(Lockstep, TheWorkspaceScalesMotionAndForce) {
+  const Run touch =
+      run(parsed(kPressing, {"device.workspace.scale_ratio=2", "device.workspace.force_ratio=0.5"}),
+          1s);
+  const DeviceTick& tick = touch.last().device;
+
+  EXPECT_NEAR(tick.measured_tool_position_world_m.z(), 2.0 * tick.measured_hand_position_m.z(),
+              1e-12);
+  EXPECT_NEAR(touch.last().mofc->asked_force_on_hand_newton.z(),
+              0.5 * 400.0 * -tick.measured_tool_position_world_m.z(), 1e-4);
+}
+
+// --- the paper's experiments: the figures the README claims -----------------------------------
+
+RunReport paper(const std::string& name, const std::vector<std::string>& overrides = {}) {
+  return run_loopback(shipped(name, overrides), {.seconds = 17.0});
+}
+
+TEST(PaperExperiments, RigidTissueIsUnstableWithoutTheControllerAndAtMostHalfSoWithIt) {
+  const RunReport without = paper("paper_rigid", {"mofc.controller=none"});
+  const RunReport one_way =
+      paper("paper_rigid", {"mofc.controller=none", "scene.tissue[0].kelvin_voigt.adhesive=false"});
+  const RunReport with = paper("paper_rigid");
+  const RunReport vector = paper("paper_rigid", {"mofc.mode=vector"});
+
+  EXPECT_GE(without.statistics.excess_reversals(), 10u);
+  EXPECT_LT(one_way.statistics.excess_reversals(), without.statistics.excess_reversals());
+  EXPECT_LE(2 * with.statistics.excess_reversals(), without.statistics.excess_reversals());
+  EXPECT_LE(2 * vector.statistics.excess_reversals(), without.statistics.excess_reversals());
+}
+
+TEST(PaperExperiments, SoftTissuePassesTheControllerUntouched) {
+  for (const char* mode : {"mofc.mode=paper", "mofc.mode=vector"}) {
+    const RunReport with = paper("paper_soft", {mode});
+
+    const Vector3 transparency = with.statistics.transparency();
+    for (int axis = 0; axis < 3; ++axis) EXPECT_GE(transparency[axis], 0.97) << mode << axis;
+    EXPECT_LE(with.statistics.excess_reversals(), 2u) << mode;
+  }
+}
+
+TEST(PaperExperiments, VectorModeNeverGivesTheHandEnergyAndNoControllerDoes) {
+  double least_without = 0.0;
+  for (const char* name : {"paper_soft", "paper_rigid", "paper_mixed"}) {
+    for (const char* free_s : {"0", "2", "14"}) {
+      const std::string free = std::string("hand.v.free_motion_s=") + free_s;
+
+      const RunReport with = paper(name, {"mofc.mode=vector", free});
+      EXPECT_GE(with.statistics.minimum_true_energy_joule(), -1e-6) << name << " " << free_s;
+
+      const RunReport without = paper(name, {"mofc.controller=none", free});
+      least_without = std::min(least_without, without.statistics.minimum_true_energy_joule());
+    }
+  }
+  EXPECT_LT(least_without, -1e-4) << "the test must be able to fail";
+}
+
+}  // namespace
+}  // namespace palpate
