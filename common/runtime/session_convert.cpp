@@ -22,6 +22,14 @@ constexpr double kWaitMaxRateHz = 200.0;          // above it physics is too far
 constexpr double kPeriodTolerance = 1e-6;         // 333.3333 µs is a period of 3 kHz
 constexpr double kPerpendicularTolerance_rad = 1e-3;
 
+/// A byte of at most `last`, or DEL.
+bool has_byte_up_to(unsigned char last, const std::string& text) {
+  return std::any_of(text.begin(), text.end(), [&](char c) {
+    const auto byte = static_cast<unsigned char>(c);
+    return byte <= last || byte == 0x7f;
+  });
+}
+
 // --- links ------------------------------------------------------------------------------------
 
 /// What is wrong with an endpoint, or nothing.
@@ -29,8 +37,7 @@ std::string endpoint_complaint(const std::string& endpoint) {
   const auto after = [&](const char* scheme) {
     return endpoint.substr(std::char_traits<char>::length(scheme));
   };
-  if (std::any_of(endpoint.begin(), endpoint.end(),
-                  [](unsigned char c) { return c <= 0x20 || c == 0x7f; })) {
+  if (has_byte_up_to(0x20, endpoint)) {
     return "must not contain spaces or control characters";
   }
   if (endpoint.starts_with("ipc://")) {
@@ -262,8 +269,8 @@ RecordedPath to_recorded(const Fields& fields, const std::filesystem::path& base
     fields.problem("file", "required; give a CSV file with the columns t,x,y,z");
   } else if (base_dir.empty()) {
     fields.problem("file", "this session has no folder; give it as a file of its own");
-  } else if (one_line(file) != file) {
-    fields.problem("file", "must be a path of at most 200 bytes without control characters");
+  } else if (has_byte_up_to(0x1f, file)) {
+    fields.problem("file", "must not contain control characters; rename the file");
   } else {
     path.samples = load_recorded_path(base_dir / file, fields.place("file"), problems);
   }

@@ -3,6 +3,7 @@
 #include <google/protobuf/descriptor.h>
 #include <google/protobuf/text_format.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdio>
@@ -141,7 +142,10 @@ void Fields::problem(const std::string& rule) const {
   problems_->add(text_->place(path_), path_ + ": " + rule);
 }
 
-Duration seconds(double s) { return std::isnan(s) ? Duration::zero() : from_seconds(s); }
+Duration seconds(double s) {
+  if (!(s > 0.0)) return Duration::zero();
+  return std::max(from_seconds(s), Duration(1));  // what is above 0 stays so
+}
 Duration milliseconds(double ms) { return seconds(ms * 1e-3); }
 Duration microseconds(double us) { return seconds(us * 1e-6); }
 

@@ -82,7 +82,8 @@ class Fields {
   std::string path_;
 };
 
-/// From the unit of the field; a NaN, whose problem is known, gives 0.
+/// From the unit of the field, at least 1 ns if it is above 0; a NaN, whose problem is known, gives
+/// 0.
 [[nodiscard]] Duration milliseconds(double ms);
 [[nodiscard]] Duration microseconds(double us);
 [[nodiscard]] Duration seconds(double s);

@@ -158,10 +158,7 @@ std::string number_complaint(const std::string& field_name, double value) {
 bool SessionText::read(std::string_view text) {
   const pb::LogSilencer silence;
   text_ = text;
-  line_begins_.assign(1, 0);
-  for (std::size_t i = 0; i < text.size(); ++i) {
-    if (text[i] == '\n') line_begins_.push_back(i + 1);
-  }
+  note_lines();
   if (is_too_deep(text)) return false;
 
   Complaints complaints;
@@ -205,14 +202,36 @@ bool SessionText::is_too_deep(std::string_view text) {
   return false;
 }
 
+/// Notes where lines begin and where tabs end, so that places are found without reading lines
+/// again.
+void SessionText::note_lines() {
+  line_begins_.assign(1, 0);
+  anchors_.assign(1, {});
+  Anchor at;
+  for (std::size_t i = 0; i < text_.size(); ++i) {
+    if (text_[i] == '\n') {
+      at = {.line = at.line + 1, .column = 0, .offset = i + 1};
+      line_begins_.push_back(i + 1);
+      anchors_.push_back(at);
+    } else if (text_[i] == '\t') {
+      const int column = at.column + static_cast<int>(i - at.offset);
+      at.column = column + kTokenizerTabWidth - column % kTokenizerTabWidth;
+      at.offset = i + 1;
+      anchors_.push_back(at);
+    }
+  }
+}
+
 /// Byte of the text at the tokenizer's line and column.
 std::size_t SessionText::offset_of(int line, int column) const {
-  if (line < 0 || static_cast<std::size_t>(line) >= line_begins_.size()) return text_.size();
-  std::size_t offset = line_begins_[static_cast<std::size_t>(line)];
-  for (int at = 0; at < column && offset < text_.size() && text_[offset] != '\n'; ++offset) {
-    at += text_[offset] == '\t' ? kTokenizerTabWidth - at % kTokenizerTabWidth : 1;
-  }
-  return offset;
+  const auto after = std::upper_bound(anchors_.begin(), anchors_.end(), std::pair(line, column),
+                                      [](const std::pair<int, int>& place, const Anchor& anchor) {
+                                        return place < std::pair(anchor.line, anchor.column);
+                                      });
+  if (after == anchors_.begin()) return 0;
+  const Anchor& anchor = *(after - 1);
+  const std::size_t offset = anchor.offset + static_cast<std::size_t>(column - anchor.column);
+  return std::min(offset, text_.size());
 }
 
 Place SessionText::place_of(std::size_t offset) const {

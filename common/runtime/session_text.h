@@ -48,6 +48,14 @@ class SessionText {
     std::size_t end = 0;
   };
 
+  /// A byte whose place as the tokenizer counts, lines from 0 and tabs as up to 8, is known.
+  struct Anchor {
+    int line = 0;
+    int column = 0;
+    std::size_t offset = 0;
+  };
+
+  void note_lines();
   [[nodiscard]] bool is_too_deep(std::string_view text);
   [[nodiscard]] std::size_t offset_of(int line, int column) const;
   [[nodiscard]] Place place_of(std::size_t offset) const;
@@ -62,6 +70,7 @@ class SessionText {
   Problems& problems_;
   std::string_view text_;  // valid during read()
   std::vector<std::size_t> line_begins_;
+  std::vector<Anchor> anchors_;  // each line's begin and the end of each tab
   std::vector<Span> spans_;
   v1::Session message_;
   std::map<std::string, Place, std::less<>> places_;

@@ -103,6 +103,8 @@ TEST_F(RecordedPathFile, MissingFileAndFolderAreRefused) {
               HasSubstr("is a folder"));
   EXPECT_THAT(complaints(kSession, {"hand.recorded.file=/dev/zero"}, folder_).at(1),
               HasSubstr("is not a regular file"));
+  EXPECT_THAT(complaints(kSession, {"hand.recorded.file='path.csv\\0'"}, folder_).at(1),
+              HasSubstr("must not contain control characters"));
 }
 
 TEST_F(RecordedPathFile, HugeFileIsRefusedUnread) {

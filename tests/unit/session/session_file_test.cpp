@@ -287,6 +287,12 @@ TEST(SessionFile, ReadsFaultsOfALink) {
   EXPECT_EQ(faults.windows[2].until, 6s);
 }
 
+TEST(SessionFile, TimeAboveZeroStaysAboveZero) {
+  // far less than a nanosecond: a fade of 0 would be divided by
+  EXPECT_EQ(parse_session("name: \"x\"", "x", {"mofc.fade_ms=1e-12"}).mofc.fade, 1ns);
+  EXPECT_EQ(parse_session("name: \"x\"", "x", {"device.start_ramp_ms=0"}).device.start_ramp, 0ns);
+}
+
 TEST(SessionFile, ReadsWhatHasNoDefault) {
   const Session session = parse_session(
       R"(name: "x" seed: 18446744073709551615 duration_s: 2.5

@@ -152,7 +152,7 @@ const Rule kRules[] = {
      {"tcp://a:65535", "tcp://[::1]:5551"},
      "port of 1 … 65535"},
     {"links.interaction", {"inproc://"}, {"inproc://a"}, "must have a name"},
-    {"links.interaction", {"inproc://a b", "ipc:///a\tb"}, {}, "spaces or control characters"},
+    {"links.interaction", {"inproc://a b", "inproc:// "}, {}, "spaces or control characters"},
     {"links.interaction",
      {"inproc://same"},
      {"inproc://other"},
@@ -221,7 +221,7 @@ const Rule kRules[] = {
     {"hand.v.free_amplitude_m", {"-1"}, {"0"}, "must be ≥ 0"},
     {"hand.v.free_frequency_hz", {"0"}, {"0.1"}, "must be > 0"},
     {"hand.sinusoid.frequency_hz.y", {"-1"}, {"0"}, "must be ≥ 0"},
-    {"hand.recorded.file", {"", "a\tb", "a.csv"}, {}, ""},
+    {"hand.recorded.file", {""}, {}, "required; give a CSV file"},
     {"hand.hostile.radius_m", {"0"}, {"0.1"}, "must be > 0"},
     {"hand.hostile.v_max_m_per_s", {"0"}, {"0.1"}, "must be > 0"},
 
