@@ -2,13 +2,14 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <exception>
-#include <fstream>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "common/core/check.h"
 #include "common/runtime/run_node.h"
 #include "common/runtime/session_file.h"
+#include "deploy/palpate/launch_command.h"
 #include "deploy/palpate/loopback.h"
 #include "deploy/palpate/summary.h"
 
@@ -16,31 +17,21 @@ namespace {
 
 using namespace palpate;
 
-/// What every subcommand that reads a session takes.
+/// What every subcommand takes.
+void add_session_options(CLI::App& app, std::string& file, std::vector<std::string>& overrides) {
+  app.add_option("SESSION", file, "session file (*.txtpb)")->required();
+  app.add_option("--set", overrides, "override a field: path=value, e.g. mofc.controller=none")
+      ->type_name("PATH=VALUE")
+      ->allow_extra_args(false);
+}
+
 struct SessionArguments {
   std::string file;
   std::vector<std::string> overrides;
 
-  void add_to(CLI::App& app) {
-    app.add_option("SESSION", file, "session file (*.txtpb)")->required();
-    app.add_option("--set", overrides, "override a field: path=value, e.g. mofc.controller=none")
-        ->type_name("PATH=VALUE")
-        ->allow_extra_args(false);
-  }
+  void add_to(CLI::App& app) { add_session_options(app, file, overrides); }
   [[nodiscard]] Session load() const { return load_session(file, overrides); }
 };
-
-void write_json(const std::string& file, const nlohmann::ordered_json& json) {
-  const std::string text = json.dump(2) + "\n";
-  if (file == "-") {
-    std::fputs(text.c_str(), stdout);
-    return;
-  }
-  std::ofstream out(file);
-  out << text;
-  out.close();
-  if (!out) throw SetupError(file + ": cannot be written; choose another place for --json");
-}
 
 void check_scene(const SessionArguments& arguments) {
   const Session session = arguments.load();
@@ -76,9 +67,20 @@ struct LoopbackArguments {
                  .lockstep = {.links = is_inproc ? LockstepLinks::kInproc : LockstepLinks::kMemory,
                               .has_ideal = !has_no_ideal}});
     if (json != "-") std::fputs(summary_text(loaded, report).c_str(), stdout);
-    if (!json.empty()) write_json(json, summary_json(loaded, report));
+    if (!json.empty()) write_json(json, summary_json(loaded, report).dump(2) + "\n");
   }
 };
+
+void add_launch_options(CLI::App& app, LaunchCommand& launch) {
+  add_session_options(app, launch.session_file, launch.overrides);
+  app.add_option("--seconds", launch.seconds, "stop after this time (default: run on)")
+      ->check(CLI::PositiveNumber);
+  app.add_option("--csv", launch.csv_file, "write one row per device tick to this file");
+  app.add_option("--json", launch.json_file,
+                 "write the summary to this file; - for standard output");
+  app.add_flag("!--no-realtime", launch.is_realtime, "ordinary scheduling for every node");
+  app.add_flag("!--no-viewer", launch.has_viewer, "do not start viewer_node");
+}
 
 }  // namespace
 
@@ -86,6 +88,11 @@ int main(int argc, char** argv) {
   CLI::App app("Runs and checks Palpate deployments.", "palpate");
   app.set_version_flag("--version", std::string("palpate ") + version());
   app.require_subcommand(1);
+
+  LaunchCommand launch;
+  CLI::App& launch_command = *app.add_subcommand(
+      "launch", "run a session in real time: start its nodes, watch them, sum up");
+  add_launch_options(launch_command, launch);
 
   LoopbackArguments loopback;
   CLI::App& loopback_command =
@@ -105,6 +112,7 @@ int main(int argc, char** argv) {
     return app.exit(error) == 0 ? 0 : kExitSetupError;
   }
   try {
+    if (launch_command.parsed()) return launch.run();
     if (loopback_command.parsed()) loopback.run();
     if (check_command.parsed()) check_scene(scene);
     return 0;

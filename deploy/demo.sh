@@ -1,0 +1,21 @@
+#!/usr/bin/env bash
+# From a bare Debian 12 to a running session: installs what is missing, builds, launches.
+# Arguments go to `palpate launch`:
+#
+#   deploy/demo.sh                 until Ctrl-C
+#   deploy/demo.sh --seconds 10    ends by itself
+set -euo pipefail
+root="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
+
+"$root/deploy/packages.sh"
+
+# tests/run.sh uses the same build folder: one that is there stays configured as it is
+if [[ ! -f "$root/build/release/build.ninja" ]]; then
+  (cd "$root" && cmake --preset release -DPALPATE_BUILD_TESTS=OFF)
+fi
+targets=(palpate device_node mofc_node physics_node viewer_node)
+if [[ "$(ninja -C "$root/build/release" -n "${targets[@]}")" != *"no work to do"* ]]; then
+  cmake --build "$root/build/release" --parallel "$(nproc)" --target "${targets[@]}"
+fi
+
+exec "$root/build/release/bin/palpate" launch "$root/deploy/sessions/default.txtpb" "$@"

@@ -1,0 +1,56 @@
+// launch.h — `palpate launch`: a deployment in real time, as processes, from start to a clean end.
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <optional>
+#include <stop_token>
+#include <string>
+#include <vector>
+
+#include "deploy/palpate/supervisor.h"
+
+namespace palpate {
+
+struct LaunchOptions {
+  std::filesystem::path session_file;
+  std::vector<std::string> overrides = {};    ///< path=value, handed to every node
+  std::optional<double> seconds = {};         ///< ends by itself after this time; none: runs on
+  bool is_realtime = true;                    ///< false: nodes are started with --no-realtime
+  bool has_viewer = false;                    ///< viewer_node too
+  std::filesystem::path program_folder = {};  ///< of the nodes; empty: beside this executable
+  SupervisorTiming timing = {};
+  /// Called on launch()'s thread every `poll_interval` while the nodes run, and once more when all
+  /// have ended: the place to read telemetry.
+  std::function<void()> on_poll = {};
+  std::chrono::milliseconds poll_interval{20};
+};
+
+enum class LaunchEnd : std::uint8_t {
+  kTimeUp,   ///< `seconds` are over
+  kSignal,   ///< SIGINT, SIGTERM or SIGHUP
+  kAsked,    ///< the stop token
+  kRefused,  ///< a node said by exit status 2 that its set-up is wrong
+};
+
+struct LaunchResult {
+  LaunchEnd end = LaunchEnd::kTimeUp;
+  std::vector<Supervisor::Restarts> restarts;  ///< of each node
+  std::chrono::duration<double> wall{};        ///< from the first start to the last end
+
+  /// Of the process: 0, or 2 when a node was refused (its message stands on stderr).
+  [[nodiscard]] int exit_status() const;
+};
+
+/// Starts physics, mofc, device (and viewer) with one session, restarts what dies, and ends all in
+/// the order device, mofc, physics, viewer. A device that is restarted ramps its force up from
+/// nothing, also where the session has no start ramp. When it returns, no process of it is left and
+/// no ipc file; when its own process is killed, the kernel kills the nodes.
+///
+/// A first signal stops in order, a second one kills. Throws SetupError if the session is wrong,
+/// already launched, or a program is missing. One at a time per process; blocks.
+LaunchResult launch(const LaunchOptions& options, const std::stop_token& stop = {});
+
+}  // namespace palpate

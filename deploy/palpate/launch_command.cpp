@@ -1,0 +1,162 @@
+#include "deploy/palpate/launch_command.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <cmath>
+#include <cstdio>
+#include <fstream>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "common/core/check.h"
+#include "common/core/metrics.h"
+#include "common/runtime/session_file.h"
+#include "deploy/palpate/launch.h"
+#include "deploy/palpate/summary.h"
+#include "viewer_node/csv_writer.h"
+#include "viewer_node/process.h"
+#include "viewer_node/telemetry_mirror.h"
+
+namespace palpate {
+namespace {
+
+/// What the launcher saw of the run: it is a viewer like any other.
+struct Observed {
+  viewer::TelemetryMirror mirror;
+  DurationHistogram reply_time;
+  DurationHistogram lateness;
+};
+
+double mean_transparency(const MofcCounters& mofc) {
+  return mofc.transparency_samples > 0
+             ? mofc.transparency_sum / static_cast<double>(mofc.transparency_samples)
+             : kNaN;
+}
+
+double ratio(std::uint64_t part, std::uint64_t whole) {
+  return whole > 0 ? static_cast<double>(part) / static_cast<double>(whole) : kNaN;
+}
+
+nlohmann::ordered_json percentiles(const DurationHistogram& histogram) {
+  const auto at = [&](double q) {
+    return number_or_null(histogram.count() > 0 ? to_seconds(histogram.quantile(q)) : kNaN);
+  };
+  return {{"p50_s", at(0.5)}, {"p99_s", at(0.99)}, {"p999_s", at(0.999)}, {"max_s", at(1.0)}};
+}
+
+nlohmann::ordered_json launch_json(const Session& session, const Observed& observed,
+                                   const LaunchResult& result) {
+  const DeviceCounters& device = observed.mirror.device_counters();
+  const MofcCounters& mofc = observed.mirror.mofc_counters();
+  nlohmann::ordered_json restarts = nlohmann::ordered_json::object();
+  for (const auto& node : result.restarts) restarts[node.name] = node.restarts;
+  nlohmann::ordered_json json;
+  json["schema_version"] = 1;
+  json["session"] = session.name;
+  json["controller"] = controller_text(session.mofc);
+  json["ticks"] = device.loop.ticks;
+  json["skipped_ticks"] = device.loop.skipped_ticks;
+  json["in_contact_ticks"] = mofc.contact_ticks;
+  json["transparency"] = {{"vector", number_or_null(mean_transparency(mofc))}};
+  json["min_true_energy_j"] = number_or_null(device.minimum_true_energy_joule);
+  json["max_force_n"] = device.max_force_newton;
+  json["clamped_ticks"] = mofc.clamped_ticks;
+  json["clamp_ratio"] = number_or_null(ratio(mofc.clamped_ticks, mofc.contact_ticks));
+  json["answered_ratio"] = number_or_null(answered_ratio(device));
+  json["fallbacks"] = device.fallback_ticks + device.limp_ticks;
+  json["reply_time"] = percentiles(observed.reply_time);
+  json["lateness"] = percentiles(observed.lateness);
+  json["restarts"] = restarts;
+  json["wall_s"] = result.wall.count();
+  json["ticks_per_wall_s"] =
+      number_or_null(static_cast<double>(device.loop.ticks) / result.wall.count());
+  return json;
+}
+
+std::string launch_text(const Session& session, const Observed& observed,
+                        const LaunchResult& result) {
+  const DeviceCounters& device = observed.mirror.device_counters();
+  const MofcCounters& mofc = observed.mirror.mofc_counters();
+  const auto micro = [](Duration d) { return static_cast<double>(d.count()) * 1e-3; };
+  std::string text;
+  const auto line = [&](const char* label, const std::string& value) {
+    text += fmt::format("  {:<20}{}\n", label, value);
+  };
+  text += fmt::format("{}: {}, {:.1f} s in real time\n", session.name,
+                      controller_text(session.mofc), result.wall.count());
+  line("answered in time",
+       fmt::format("{:.3f} % of {} scheduled ticks ({} skipped)", 100.0 * answered_ratio(device),
+                   device.loop.ticks + device.loop.skipped_ticks, device.loop.skipped_ticks));
+  line("reply", fmt::format("p50 {:.0f} µs, p99 {:.0f} µs, p99.9 {:.0f} µs",
+                            micro(observed.reply_time.quantile(0.5)),
+                            micro(observed.reply_time.quantile(0.99)),
+                            micro(observed.reply_time.quantile(0.999))));
+  line("lateness",
+       fmt::format("p50 {:.0f} µs, p99 {:.0f} µs, p99.9 {:.0f} µs",
+                   micro(observed.lateness.quantile(0.5)), micro(observed.lateness.quantile(0.99)),
+                   micro(observed.lateness.quantile(0.999))));
+  line("contact", fmt::format("{} of {} ticks", mofc.contact_ticks, mofc.ticks));
+  line("MOFC acted", fmt::format("{} ticks clamped, transparency {:.3f}", mofc.clamped_ticks,
+                                 mean_transparency(mofc)));
+  line("largest force", fmt::format("{:.3f} N", device.max_force_newton));
+  if (!std::isnan(device.minimum_true_energy_joule)) {
+    line("least true energy", fmt::format("{:.3f} µJ", 1e6 * device.minimum_true_energy_joule));
+  }
+  line("without an answer",
+       fmt::format("{} ticks on the lease, {} in fallback, {} limp", device.leased_ticks,
+                   device.fallback_ticks, device.limp_ticks));
+  for (const auto& node : result.restarts) {
+    if (node.restarts > 0) line("restarted", fmt::format("{} {} times", node.name, node.restarts));
+  }
+  return text;
+}
+
+}  // namespace
+
+void write_json(const std::string& file, const std::string& text) {
+  if (file == "-") {
+    std::fputs(text.c_str(), stdout);
+    return;
+  }
+  std::ofstream out(file);
+  out << text;
+  out.close();
+  if (!out) throw SetupError(file + ": cannot be written; choose another place for --json");
+}
+
+int LaunchCommand::run() const {
+  const Session session = load_session(session_file, overrides);
+  std::unique_ptr<viewer::CsvWriter> csv;
+  if (!csv_file.empty()) csv = std::make_unique<viewer::CsvWriter>(csv_file);
+
+  const SteadyClock clock;
+  ProcessLinks links({.priority = 0, .cpu = -1});
+  viewer::TelemetryFeed feed(session.links, clock, links);
+  Observed observed;
+  observed.mirror.on_row = [&](const viewer::TickRow& row) {
+    observed.lateness.add(row.device.lateness);
+    if (row.device.is_answered) observed.reply_time.add(row.device.reply_time);
+    if (csv) csv->write(row);
+  };
+
+  const LaunchResult result = launch({.session_file = session_file,
+                                      .overrides = overrides,
+                                      .seconds = seconds,
+                                      .is_realtime = is_realtime,
+                                      .has_viewer = has_viewer && json_file != "-",
+                                      .on_poll = [&] { feed.pump(observed.mirror, clock.now()); }});
+  observed.mirror.flush_rows();
+  if (result.exit_status() != 0) return result.exit_status();
+
+  if (json_file != "-") std::fputs(launch_text(session, observed, result).c_str(), stdout);
+  if (!json_file.empty()) {
+    write_json(json_file, launch_json(session, observed, result).dump(2) + "\n");
+  }
+  if (csv) {
+    csv->close();
+    if (const auto error = csv->take_error()) throw std::runtime_error(*error);
+  }
+  return 0;
+}
+
+}  // namespace palpate

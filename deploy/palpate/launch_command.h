@@ -1,0 +1,27 @@
+// launch_command.h — `palpate launch`: the nodes as processes, and the figures of the run.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace palpate {
+
+struct LaunchCommand {
+  std::string session_file;
+  std::vector<std::string> overrides;
+  std::optional<double> seconds;
+  std::string csv_file;   ///< empty: none
+  std::string json_file;  ///< empty: none; "-": standard output, which the viewer then leaves alone
+  bool is_realtime = true;
+  bool has_viewer = true;
+
+  /// Runs until the time is up or a signal comes. Throws SetupError.
+  /// @return exit status
+  [[nodiscard]] int run() const;
+};
+
+/// Writes JSON to a file, "-" for standard output. Throws SetupError if it cannot.
+void write_json(const std::string& file, const std::string& text);
+
+}  // namespace palpate

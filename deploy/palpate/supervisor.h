@@ -1,0 +1,112 @@
+// supervisor.h — keeps the nodes of a deployment running and ends them together.
+#pragma once
+
+#include <sys/types.h>
+
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/signal_set.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <chrono>
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <list>
+#include <string>
+#include <vector>
+
+namespace palpate {
+
+/// One program to keep running.
+struct ChildSpec {
+  std::string name;               ///< for reports: "device"
+  std::filesystem::path program;  ///< absolute, or relative to the working directory
+  std::vector<std::string> arguments;
+  std::vector<std::string> restart_arguments = {};  ///< added from the second start on
+};
+
+struct SupervisorTiming {
+  std::chrono::milliseconds stop_grace{2000};     ///< from SIGTERM to SIGKILL, for each child
+  std::chrono::milliseconds first_back_off{100};  ///< before a restart; doubles with each …
+  std::chrono::milliseconds longest_back_off{2000};
+  std::chrono::milliseconds healthy_after{5000};  ///< … until a child has run for so long
+};
+
+struct ChildEvent {
+  enum class Kind : std::uint8_t {
+    kStarted,
+    kDied,     ///< by itself; a restart follows after `restart_in`
+    kRefused,  ///< exit status 2: its set-up is wrong, everything is stopped
+    kStopped,  ///< as asked
+    kKilled,   ///< did not stop within the grace, or kill() was called
+  };
+  Kind kind = Kind::kStarted;
+  std::string name = {};
+  pid_t pid = 0;
+  std::string how = {};  ///< it ended, in words: "exit status 1", "killed by signal 11 (…)"
+  std::chrono::milliseconds restart_in{};
+};
+
+/// Starts children in the order given, restarts those that die, and on stop() ends them one after
+/// the other in the order of `stop_order`: SIGTERM, the grace, SIGKILL.
+///
+/// Every child has a process group of its own, so a Ctrl-C in the terminal reaches the supervisor
+/// only, and is killed by the kernel when the thread that runs the io_context ends, whatever ended
+/// it: no child outlives its supervisor. Runs on that one thread.
+class Supervisor {
+ public:
+  /// @param stop_order  names; children not named are stopped last
+  /// @param on_event    called for every event
+  /// @param on_end      called once, when no child is left after stop()
+  Supervisor(boost::asio::io_context& io, std::vector<ChildSpec> children,
+             const std::vector<std::string>& stop_order, const SupervisorTiming& timing,
+             std::function<void(const ChildEvent&)> on_event, std::function<void()> on_end);
+
+  /// Starts all. Throws SetupError if a program cannot be started.
+  void start();
+  /// Begins to end all; more calls change nothing.
+  void stop();
+  /// Ends all at once, with SIGKILL.
+  void kill();
+
+  struct Restarts {
+    std::string name;
+    std::uint64_t count = 0;
+  };
+  /// In the order of the constructor's `children`.
+  [[nodiscard]] std::vector<Restarts> restarts() const;
+  /// A child said by exit status 2 that its set-up is wrong.
+  [[nodiscard]] bool was_refused() const { return was_refused_; }
+
+ private:
+  struct Child {
+    Child(boost::asio::io_context& io, ChildSpec spec_) : spec(std::move(spec_)), timer(io) {}
+    ChildSpec spec;
+    boost::asio::steady_timer timer;  // back-off while it is dead, grace while it is stopping
+    pid_t pid = 0;                    // 0: not running
+    std::uint64_t restarts = 0;
+    std::chrono::milliseconds back_off{};
+    std::chrono::steady_clock::time_point started_at;
+    bool was_told_to_stop = false;
+    bool was_killed = false;
+  };
+
+  void spawn(Child& child);
+  void await_deaths();
+  void reap();
+  void on_death(Child& child, int status);
+  void stop_next();
+  static void kill(Child& child);
+
+  boost::asio::io_context& io_;
+  std::list<Child> children_;
+  std::vector<Child*> stop_order_;
+  SupervisorTiming timing_;
+  std::function<void(const ChildEvent&)> on_event_;
+  std::function<void()> on_end_;
+  boost::asio::signal_set deaths_;
+  bool is_stopping_ = false;
+  bool has_ended_ = false;
+  bool was_refused_ = false;
+};
+
+}  // namespace palpate

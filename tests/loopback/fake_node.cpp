@@ -1,0 +1,40 @@
+// fake_node: stands in for a node in the tests of the supervisor. Its folder holds the named pipe
+// `events`, into which it writes one line when it has started and one for each SIGTERM or SIGINT,
+// and, if it is to misbehave, a file NAME.does with one of the words below.
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+int main(int argc, char** argv) {
+  const std::filesystem::path self = argv[0];
+  std::string does;
+  std::ifstream(self.string() + ".does") >> does;
+  if (does == "refuses") return 2;
+
+  sigset_t stop;
+  sigemptyset(&stop);
+  sigaddset(&stop, SIGTERM);
+  sigaddset(&stop, SIGINT);
+  sigprocmask(SIG_BLOCK, &stop, nullptr);
+
+  const int events = open((self.parent_path() / "events").c_str(), O_WRONLY);
+  const auto tell = [&](const std::string& what) {
+    const std::string line = self.filename().string() + " " + what + "\n";
+    return write(events, line.data(), line.size()) == static_cast<ssize_t>(line.size());
+  };
+
+  std::string started = "started " + std::to_string(getpid());
+  for (int i = 1; i < argc; ++i) started += std::string(" ") + argv[i];
+  if (!tell(started)) return 1;
+
+  int signal = 0;
+  do {
+    sigwait(&stop, &signal);
+    if (!tell("told " + std::to_string(signal))) return 1;
+  } while (does == "does_not_stop");
+  return 0;
+}

@@ -1,0 +1,441 @@
+// The supervisor over real processes: fake_node under the nodes' names, each telling what happens
+// to it through a named pipe. That all of them are gone is seen by the pipe's end: its last writer
+// left.
+#include "deploy/palpate/supervisor.h"
+
+#include <fcntl.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <poll.h>
+#include <sys/file.h>
+#include <sys/prctl.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <boost/asio/post.hpp>
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <sstream>
+
+#include "common/core/check.h"
+#include "common/runtime/session_file.h"
+#include "deploy/palpate/launch.h"
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+using std::chrono::steady_clock;
+using testing::HasSubstr;
+using testing::Not;
+using testing::StartsWith;
+
+constexpr auto kDeadline = seconds(20);
+
+class Launch : public testing::Test {
+ protected:
+  Launch() {
+    fs::create_directories(folder_);
+    for (const char* name : {"physics_node", "mofc_node", "device_node", "viewer_node"}) {
+      fs::create_symlink(fs::path(PALPATE_BINARY_DIR) / "fake_node", folder_ / name);
+    }
+    std::ofstream(folder_ / "session.txtpb") << "name: \"" << session_name_ << "\"\n";
+    EXPECT_EQ(mkfifo((folder_ / "events").c_str(), 0600), 0);
+    events_ = open((folder_ / "events").c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
+  }
+  ~Launch() override {
+    if (launcher_ > 0) {
+      kill(launcher_, SIGKILL);
+      waitpid(launcher_, nullptr, 0);
+      fs::remove_all(run_folder(session_name_));
+    }
+    close(events_);
+    fs::remove_all(folder_);
+  }
+
+  LaunchOptions options() const {
+    return {.session_file = folder_ / "session.txtpb",
+            .program_folder = folder_,
+            .timing = {.first_back_off = milliseconds(1)}};
+  }
+
+  /// A launcher process in a process group of its own; tells its result through the pipe.
+  void start_launcher(const LaunchOptions& options) {
+    launcher_ = fork();
+    ASSERT_GE(launcher_, 0);
+    if (launcher_ > 0) return;
+    setpgid(0, 0);
+    prctl(PR_SET_PDEATHSIG, SIGKILL);  // a test that is killed leaves nothing behind either
+    std::ostringstream line;
+    int status = 9;
+    try {
+      const LaunchResult result = launch(options);
+      line << "launcher end=" << static_cast<int>(result.end);
+      for (const auto& node : result.restarts) line << " " << node.name << "=" << node.count;
+      line << "\n";
+      status = result.exit_status();
+    } catch (const SetupError& e) {
+      line << "launcher " << e.what() << "\n";
+    }
+    std::ofstream(folder_ / "events") << line.str() << std::flush;
+    _exit(status);
+  }
+
+  int launcher_status() {
+    int status = 0;
+    waitpid(launcher_, &status, 0);
+    launcher_ = 0;
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  }
+
+  /// The next line of the pipe; empty when the deadline has passed.
+  std::string next_event() {
+    for (;;) {
+      if (const auto end = unread_.find('\n'); end != std::string::npos) {
+        const std::string line = unread_.substr(0, end);
+        unread_.erase(0, end + 1);
+        return line;
+      }
+      pollfd pipe{.fd = events_, .events = POLLIN, .revents = 0};
+      if (poll(&pipe, 1, left()) <= 0) return "";
+      char text[4096];
+      const ssize_t n = read(events_, text, sizeof(text));
+      if (n > 0) {
+        unread_.append(text, static_cast<std::size_t>(n));
+      } else if (left() == 0) {
+        return "";
+      }
+    }
+  }
+
+  /// Process ids by program, once `count` nodes have started.
+  std::map<std::string, pid_t> started_nodes(int count) {
+    std::map<std::string, pid_t> nodes;
+    for (int i = 0; i < count; ++i) {
+      const std::string event = next_event();
+      std::istringstream words(event);
+      std::string name;
+      std::string verb;
+      pid_t pid = 0;
+      words >> name >> verb >> pid;
+      EXPECT_EQ(verb, "started") << event;
+      nodes[name] = pid;
+    }
+    return nodes;
+  }
+
+  /// Whether no node is left (each holds the pipe open as long as it lives).
+  bool all_nodes_end() {
+    for (;;) {
+      pollfd pipe{.fd = events_, .events = 0, .revents = 0};
+      if (poll(&pipe, 1, left()) <= 0) return false;
+      if ((pipe.revents & POLLHUP) != 0) return true;
+    }
+  }
+
+  /// Milliseconds until this test has waited long enough, for poll().
+  int left() const {
+    const auto left = std::chrono::ceil<milliseconds>(deadline_ - steady_clock::now());
+    return static_cast<int>(std::max(left, milliseconds(0)).count());
+  }
+
+  void let(const std::string& node, const std::string& what) const {
+    std::ofstream(folder_ / (node + ".does")) << what;
+  }
+
+  std::string session_name_ = "supervisor_test_" + std::to_string(getpid());
+  fs::path folder_ = fs::path(testing::TempDir()) / session_name_;
+  steady_clock::time_point deadline_ = steady_clock::now() + kDeadline;
+  int events_ = -1;
+  std::string unread_;
+  pid_t launcher_ = 0;
+};
+
+TEST_F(Launch, CtrlCReachesTheLauncherOnlyWhichStopsAllInOrder) {
+  LaunchOptions options = this->options();
+  options.has_viewer = true;
+  start_launcher(options);
+  started_nodes(4);
+
+  kill(-launcher_, SIGINT);  // as a terminal does: to the whole process group
+
+  EXPECT_EQ(next_event(), "device_node told 15");
+  EXPECT_EQ(next_event(), "mofc_node told 15");
+  EXPECT_EQ(next_event(), "physics_node told 15");
+  EXPECT_EQ(next_event(), "viewer_node told 15");
+  EXPECT_EQ(next_event(), "launcher end=1 physics=0 mofc=0 device=0 viewer=0");
+  EXPECT_EQ(launcher_status(), 0);
+  EXPECT_TRUE(all_nodes_end());
+}
+
+TEST_F(Launch, EveryNodeIsHandedTheSessionAndItsOverrides) {
+  LaunchOptions options = this->options();
+  options.overrides = {"physics.rate_hz=500", "seed=3"};
+  options.is_realtime = false;
+  start_launcher(options);
+
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_THAT(next_event(), HasSubstr(" --session " + options.session_file.string() +
+                                        " --set physics.rate_hz=500 --set seed=3 --no-realtime"));
+  }
+}
+
+TEST_F(Launch, ANodeThatDiesIsStartedAgain) {
+  start_launcher(options());
+  auto nodes = started_nodes(3);
+
+  kill(nodes["physics_node"], SIGKILL);
+
+  EXPECT_THAT(next_event(), StartsWith("physics_node started "));
+  kill(launcher_, SIGTERM);
+  EXPECT_EQ(next_event(), "device_node told 15");
+  EXPECT_EQ(next_event(), "mofc_node told 15");
+  EXPECT_EQ(next_event(), "physics_node told 15");
+  EXPECT_EQ(next_event(), "launcher end=1 physics=1 mofc=0 device=0");
+}
+
+TEST_F(Launch, ADeviceStartedAgainRampsItsForceUp) {
+  start_launcher(options());
+  auto nodes = started_nodes(3);
+
+  kill(nodes["device_node"], SIGKILL);
+
+  EXPECT_THAT(next_event(), testing::AllOf(StartsWith("device_node started "),
+                                           HasSubstr("--set device.start_ramp_ms=500")));
+}
+
+TEST_F(Launch, ADeviceStartedAgainKeepsTheRampOfItsSession) {
+  LaunchOptions options = this->options();
+  options.overrides = {"device.start_ramp_ms=800"};
+  start_launcher(options);
+  auto nodes = started_nodes(3);
+
+  kill(nodes["device_node"], SIGKILL);
+
+  EXPECT_THAT(next_event(), testing::AllOf(StartsWith("device_node started "),
+                                           Not(HasSubstr("device.start_ramp_ms=500"))));
+}
+
+TEST_F(Launch, ANodeThatIsRefusedStopsAllWithStatusTwo) {
+  start_launcher(options());
+  auto nodes = started_nodes(3);
+
+  let("device_node", "refuses");  // when it is started again
+  kill(nodes["device_node"], SIGKILL);
+
+  EXPECT_EQ(next_event(), "mofc_node told 15");
+  EXPECT_EQ(next_event(), "physics_node told 15");
+  EXPECT_EQ(next_event(), "launcher end=3 physics=0 mofc=0 device=1");
+  EXPECT_EQ(launcher_status(), 2);
+  EXPECT_TRUE(all_nodes_end());
+}
+
+TEST_F(Launch, ANodeThatDoesNotStopIsKilledAfterTheGrace) {
+  let("mofc_node", "does_not_stop");
+  LaunchOptions options = this->options();
+  options.timing.stop_grace = milliseconds(50);
+  start_launcher(options);
+  started_nodes(3);
+
+  kill(launcher_, SIGTERM);
+
+  EXPECT_EQ(next_event(), "device_node told 15");
+  EXPECT_EQ(next_event(), "mofc_node told 15");
+  EXPECT_EQ(next_event(), "physics_node told 15");
+  EXPECT_THAT(next_event(), StartsWith("launcher end=1"));
+  EXPECT_TRUE(all_nodes_end());
+}
+
+TEST_F(Launch, ASecondSignalDoesNotWaitForTheGrace) {
+  let("device_node", "does_not_stop");
+  LaunchOptions options = this->options();
+  options.timing.stop_grace = std::chrono::hours(1);
+  start_launcher(options);
+  started_nodes(3);
+
+  kill(launcher_, SIGINT);
+  ASSERT_EQ(next_event(), "device_node told 15");
+  kill(launcher_, SIGINT);
+
+  EXPECT_THAT(next_event(), StartsWith("launcher end=1"));
+  EXPECT_TRUE(all_nodes_end());
+}
+
+TEST_F(Launch, AKilledLauncherLeavesNoNodeBehind) {
+  let("mofc_node", "does_not_stop");
+  start_launcher(options());
+  started_nodes(3);
+
+  kill(launcher_, SIGKILL);
+
+  EXPECT_TRUE(all_nodes_end());
+}
+
+TEST_F(Launch, EndsByItselfWhenItsTimeIsUp) {
+  LaunchOptions options = this->options();
+  options.seconds = 0.05;
+  start_launcher(options);
+
+  std::string event = next_event();
+  while (!event.empty() && event.rfind("launcher", 0) != 0) event = next_event();
+
+  EXPECT_EQ(event, "launcher end=0 physics=0 mofc=0 device=0");
+  EXPECT_EQ(launcher_status(), 0);
+  EXPECT_TRUE(all_nodes_end());
+}
+
+TEST_F(Launch, EndsWhenAskedAndPollsUntilAllHaveEnded) {
+  std::stop_source stop;
+  int polls = 0;
+  LaunchOptions options = this->options();
+  options.poll_interval = milliseconds(1);
+  options.on_poll = [&] {
+    if (++polls == 3) stop.request_stop();
+  };
+
+  const LaunchResult result = launch(options, stop.get_token());
+
+  EXPECT_EQ(result.end, LaunchEnd::kAsked);
+  EXPECT_EQ(result.exit_status(), 0);
+  EXPECT_GE(polls, 4);  // at least once after the end
+}
+
+TEST_F(Launch, AnExceptionOfTheConsumerLeavesNoNodeBehind) {
+  LaunchOptions options = this->options();
+  int polls = 0;
+  options.on_poll = [&] {
+    if (++polls == 2) throw std::runtime_error("no space left");
+  };
+
+  EXPECT_THROW(static_cast<void>(launch(options)), std::runtime_error);
+
+  EXPECT_EQ(waitpid(-1, nullptr, WNOHANG), -1);  // this process has no child
+  EXPECT_EQ(errno, ECHILD);
+}
+
+TEST_F(Launch, RemovesWhatDeadNodesLeftInTheRunFolder) {
+  start_launcher(options());
+  auto nodes = started_nodes(3);
+  const fs::path folder = run_folder(session_name_);
+  const fs::path path = folder / "exchange";
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  ASSERT_LT(path.string().size(), sizeof(address.sun_path));
+  path.string().copy(address.sun_path, sizeof(address.sun_path));
+  const int socket = ::socket(AF_UNIX, SOCK_STREAM, 0);
+  ASSERT_EQ(bind(socket, reinterpret_cast<sockaddr*>(&address), sizeof(address)), 0);
+  close(socket);
+  std::ofstream(folder / "exchange.lock") << nodes["mofc_node"];
+
+  kill(launcher_, SIGTERM);
+  EXPECT_EQ(launcher_status(), 0);
+
+  EXPECT_FALSE(fs::exists(folder));
+}
+
+TEST_F(Launch, LeavesTheFilesOfANodeStartedByHand) {
+  start_launcher(options());
+  started_nodes(3);
+  const fs::path lock = run_folder(session_name_) / "physics_telemetry.lock";
+  const int by_hand = open(lock.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
+  ASSERT_EQ(flock(by_hand, LOCK_EX), 0);
+
+  kill(launcher_, SIGTERM);
+  EXPECT_EQ(launcher_status(), 0);
+
+  EXPECT_TRUE(fs::exists(lock));
+  close(by_hand);
+  fs::remove_all(run_folder(session_name_));
+}
+
+TEST_F(Launch, ASessionIsLaunchedOnceAtATime) {
+  start_launcher(options());
+  started_nodes(3);
+
+  try {
+    static_cast<void>(launch(options()));
+    FAIL() << "was launched twice";
+  } catch (const SetupError& e) {
+    EXPECT_THAT(e.what(), HasSubstr("already launched"));
+  }
+}
+
+TEST_F(Launch, AMissingProgramIsASetupErrorThatNamesIt) {
+  fs::remove(folder_ / "mofc_node");
+
+  try {
+    static_cast<void>(launch(options()));
+    FAIL() << "was launched without mofc_node";
+  } catch (const SetupError& e) {
+    EXPECT_THAT(e.what(), HasSubstr((folder_ / "mofc_node").string()));
+  }
+  EXPECT_FALSE(fs::exists(folder_ / "mofc_node"));
+}
+
+/// Runs one program until it has died `deaths` times.
+std::vector<ChildEvent> deaths_of(const fs::path& program, const SupervisorTiming& timing,
+                                  std::size_t deaths) {
+  boost::asio::io_context io;
+  std::vector<ChildEvent> events;
+  bool has_ended = false;
+  Supervisor* running = nullptr;
+  Supervisor supervisor(
+      io, {{.name = "child", .program = program, .arguments = {}}}, {}, timing,
+      [&](const ChildEvent& event) {
+        if (event.kind != ChildEvent::Kind::kDied) return;
+        events.push_back(event);
+        if (events.size() == deaths) boost::asio::post(io, [&] { running->stop(); });
+      },
+      [&] { has_ended = true; });
+  running = &supervisor;
+  supervisor.start();
+  io.run_for(kDeadline);
+  EXPECT_TRUE(has_ended);
+  return events;
+}
+
+// 1 ms doubles to the longest, 4 ms.
+TEST(Supervisor, BacksOffLongerWithEachDeath) {
+  const auto deaths = deaths_of("/bin/false",
+                                {.first_back_off = milliseconds(1),
+                                 .longest_back_off = milliseconds(4),
+                                 .healthy_after = std::chrono::hours(1)},
+                                5);
+
+  std::vector<milliseconds> back_offs;
+  for (const ChildEvent& death : deaths) back_offs.push_back(death.restart_in);
+  EXPECT_EQ(back_offs, (std::vector{milliseconds(1), milliseconds(2), milliseconds(4),
+                                    milliseconds(4), milliseconds(4)}));
+}
+
+TEST(Supervisor, ForgetsEarlierDeathsOfAChildThatRanWell) {
+  const auto deaths = deaths_of(
+      "/bin/false", {.first_back_off = milliseconds(1), .healthy_after = milliseconds(0)}, 3);
+
+  for (const ChildEvent& death : deaths) EXPECT_EQ(death.restart_in, milliseconds(1));
+}
+
+TEST(Supervisor, TellsInWordsHowAChildEnded) {
+  const SupervisorTiming timing{.first_back_off = milliseconds(1)};
+  EXPECT_EQ(deaths_of("/bin/false", timing, 1).at(0).how, "exit status 1");
+
+  const fs::path killed = fs::path(testing::TempDir()) / ("killed_" + std::to_string(getpid()));
+  std::ofstream(killed) << "#!/bin/sh\nkill -KILL $$\n";
+  fs::permissions(killed, fs::perms::owner_all);
+  EXPECT_EQ(deaths_of(killed, timing, 1).at(0).how, "killed by signal 9 (Killed)");
+  fs::remove(killed);
+}
+
+TEST(Supervisor, AProgramThatCannotBeStartedIsASetupError) {
+  EXPECT_THROW(deaths_of("/no/such/program", {}, 1), SetupError);
+}
+
+}  // namespace
+}  // namespace palpate

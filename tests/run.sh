@@ -1,0 +1,28 @@
+#!/usr/bin/env bash
+# From a bare Debian 12 to every test: installs what is missing, builds, runs. The release build
+# first, then the tests without real time under the address and undefined behaviour sanitizers.
+# Ends with ctest's summary, of the first build that fails or of the last.
+#
+#   tests/run.sh                   release and sanitizers
+#   tests/run.sh --all             the thread sanitizer too
+#   tests/run.sh -R 'Codec'        further arguments go to each ctest
+set -euo pipefail
+root="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
+
+presets=(release asan)
+if [[ "${1:-}" == "--all" ]]; then
+  presets+=(tsan)
+  shift
+fi
+
+"$root/deploy/packages.sh" --tests
+cd "$root"
+for preset in "${presets[@]}"; do
+  # demo.sh configures build/release without tests
+  if [[ ! -f "build/$preset/build.ninja" ]] ||
+     ! grep -q '^PALPATE_BUILD_TESTS:BOOL=ON$' "build/$preset/CMakeCache.txt"; then
+    cmake --preset "$preset" -DPALPATE_BUILD_TESTS=ON
+  fi
+  cmake --build --preset "$preset" --parallel "$(nproc)"
+  ctest --preset "$preset" --parallel "$(nproc)" "$@"
+done
