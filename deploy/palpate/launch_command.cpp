@@ -49,7 +49,7 @@ nlohmann::ordered_json launch_json(const Session& session, const Observed& obser
   const DeviceCounters& device = observed.mirror.device_counters();
   const MofcCounters& mofc = observed.mirror.mofc_counters();
   nlohmann::ordered_json restarts = nlohmann::ordered_json::object();
-  for (const auto& node : result.restarts) restarts[node.name] = node.restarts;
+  for (const auto& node : result.restarts) restarts[node.name] = node.count;
   nlohmann::ordered_json json;
   json["schema_version"] = 1;
   json["session"] = session.name;
@@ -106,7 +106,7 @@ std::string launch_text(const Session& session, const Observed& observed,
        fmt::format("{} ticks on the lease, {} in fallback, {} limp", device.leased_ticks,
                    device.fallback_ticks, device.limp_ticks));
   for (const auto& node : result.restarts) {
-    if (node.restarts > 0) line("restarted", fmt::format("{} {} times", node.name, node.restarts));
+    if (node.count > 0) line("restarted", fmt::format("{} {} times", node.name, node.count));
   }
   return text;
 }
