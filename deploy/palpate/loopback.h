@@ -11,8 +11,8 @@
 namespace palpate {
 
 struct LoopbackOptions {
-  std::optional<double> seconds;  ///< else the session's duration_s
-  std::string csv_file;           ///< empty: none
+  std::optional<double> seconds = {};  ///< else the session's duration_s
+  std::string csv_file = {};           ///< empty: none
   LockstepOptions lockstep{.has_ideal = true};
 };
 

@@ -34,7 +34,7 @@ Session shipped(const std::string& name, const std::vector<std::string>& overrid
                       overrides);
 }
 
-struct Run {
+struct Recording {
   std::vector<viewer::TickRow> rows;
   std::vector<IdealState> ideal;
   DeviceCounters device;
@@ -43,8 +43,8 @@ struct Run {
   [[nodiscard]] const viewer::TickRow& last() const { return rows.back(); }
 };
 
-Run run(const Session& session, Duration length, const LockstepOptions& options = {}) {
-  Run result;
+Recording run(const Session& session, Duration length, const LockstepOptions& options = {}) {
+  Recording result;
   Lockstep lockstep(session, options, [&](const viewer::TickRow& row, const IdealState& ideal) {
     result.rows.push_back(row);
     result.ideal.push_back(ideal);
@@ -56,7 +56,7 @@ Run run(const Session& session, Duration length, const LockstepOptions& options 
 }
 
 /// Every double of a run, bit by bit.
-std::vector<std::uint64_t> bits_of(const Run& run) {
+std::vector<std::uint64_t> bits_of(const Recording& run) {
   std::vector<std::uint64_t> bits;
   const auto add = [&](double value) { bits.push_back(std::bit_cast<std::uint64_t>(value)); };
   for (const viewer::TickRow& row : run.rows) {
@@ -75,7 +75,7 @@ std::vector<std::uint64_t> bits_of(const Run& run) {
 }
 
 TEST(Lockstep, ATouchTravelsFromTheHandToTheTissueAndBack) {
-  const Run touch = run(parsed(kPressing), 1s);
+  const Recording touch = run(parsed(kPressing), 1s);
 
   ASSERT_EQ(touch.rows.size(), 1000u);
   ASSERT_TRUE(touch.last().mofc.has_value());
@@ -88,7 +88,7 @@ TEST(Lockstep, ATouchTravelsFromTheHandToTheTissueAndBack) {
 
 // The motion read at tick k is stepped by physics at the same instant and felt at tick k + 1.
 TEST(Lockstep, TheForceIsOneTickOld) {
-  const Run touch = run(parsed(kPressing), 100ms);
+  const Recording touch = run(parsed(kPressing), 100ms);
 
   EXPECT_EQ(touch.rows.front().mofc->state, MofcState::kNoPhysics);
   for (std::size_t k = 1; k < touch.rows.size(); ++k) {
@@ -99,7 +99,7 @@ TEST(Lockstep, TheForceIsOneTickOld) {
 
 // Kelvin–Voigt at exact positions: fe(k) is the law at the position measured at k − 1.
 TEST(Lockstep, TheForceAskedIsTheTissuesLawAtThePositionItAnswers) {
-  const Run touch = run(parsed(kPressing), 200ms);
+  const Recording touch = run(parsed(kPressing), 200ms);
 
   for (std::size_t k = 1; k < touch.rows.size(); ++k) {
     const double depth = -touch.rows[k - 1].device.measured_tool_position_world_m.z();
@@ -126,22 +126,22 @@ TEST(Lockstep, AnotherSeedGivesAnotherRun) {
 class LockstepSessions : public testing::TestWithParam<const char*> {};
 INSTANTIATE_TEST_SUITE_P(Shipped, LockstepSessions,
                          testing::Values("default", "paper_soft", "paper_rigid", "paper_mixed"),
-                         [](const auto& info) { return std::string(info.param); });
+                         [](const auto& tested) { return std::string(tested.param); });
 
 TEST_P(LockstepSessions, MemoryAndInprocLinksGiveTheSameBits) {
   const Session session = shipped(GetParam(), {"faults.interaction.loss_ratio=0.05"});
   const Duration length = session.device.rate_hz > 100.0 ? Duration(1500ms) : Duration(16s);
 
-  const Run memory = run(session, length, {.links = LockstepLinks::kMemory});
-  const Run inproc = run(session, length, {.links = LockstepLinks::kInproc});
+  const Recording memory = run(session, length, {.links = LockstepLinks::kMemory});
+  const Recording inproc = run(session, length, {.links = LockstepLinks::kInproc});
 
   EXPECT_EQ(bits_of(memory), bits_of(inproc));
   EXPECT_GT(memory.mofc.contact_ticks, 0u);
 }
 
 TEST(Lockstep, TheIdealIsComputedOnlyWhenAskedFor) {
-  const Run plain = run(parsed(kPressing), 20ms);
-  const Run with = run(parsed(kPressing), 20ms, {.has_ideal = true});
+  const Recording plain = run(parsed(kPressing), 20ms);
+  const Recording with = run(parsed(kPressing), 20ms, {.has_ideal = true});
 
   EXPECT_FALSE(plain.last().ideal_force_on_hand_newton.allFinite());
   EXPECT_FALSE(plain.ideal.back().tool_position_world_m.allFinite());
@@ -152,7 +152,7 @@ TEST(Lockstep, TheIdealIsComputedOnlyWhenAskedFor) {
 
 // At rest the ideal force is the law at the true position: 400 N/m times the true depth.
 TEST(Lockstep, TheIdealForceIsTheContinuousTissueAtTheTruePosition) {
-  const Run touch = run(parsed(kPressing), 1s, {.has_ideal = true});
+  const Recording touch = run(parsed(kPressing), 1s, {.has_ideal = true});
 
   const double depth = -touch.last().device.true_tool_position_world_m.z();
   EXPECT_NEAR(touch.last().ideal_force_on_hand_newton.z(), 400.0 * depth, 1e-12);
@@ -160,8 +160,8 @@ TEST(Lockstep, TheIdealForceIsTheContinuousTissueAtTheTruePosition) {
 }
 
 TEST(Lockstep, ATissueTwiceAsStiffPushesAccordingly) {
-  const Run soft = run(parsed(kPressing), 1s);
-  const Run stiff =
+  const Recording soft = run(parsed(kPressing), 1s);
+  const Recording stiff =
       run(parsed(kPressing, {"scene.tissue[0].kelvin_voigt.stiffness_newton_per_m=800"}), 1s);
 
   // series of springs: 5 mm · 400·800/1200 = 1.333 N instead of 1 N, ± stiction
@@ -173,7 +173,7 @@ TEST(Lockstep, ATissueTwiceAsStiffPushesAccordingly) {
 TEST(Lockstep, SilenceFromPhysicsLeavesTheDeviceLimp) {
   const Session session =
       parsed(kPressing, {"faults.interaction.outage={from_s: 0.3 until_s: 10}", "mofc.fade_ms=50"});
-  const Run touch = run(session, 500ms);
+  const Recording touch = run(session, 500ms);
 
   // silent from 300 ms, stale 6 periods after the last arrival, faded 50 ms later
   const auto force_at = [&](std::size_t k) {
@@ -186,21 +186,21 @@ TEST(Lockstep, SilenceFromPhysicsLeavesTheDeviceLimp) {
 }
 
 TEST(Lockstep, ADelayedPhysicsMakesTheForceAsOldAsTheDelay) {
-  const Run touch = run(parsed(kPressing, {"faults.interaction.delay_ms=20"}), 200ms);
+  const Recording touch = run(parsed(kPressing, {"faults.interaction.delay_ms=20"}), 200ms);
 
   EXPECT_EQ(touch.last().mofc->force_age, Duration(20ms));
 }
 
 // An answer that takes 300 µs acts from 300 µs after the reading on.
 TEST(Lockstep, ADelayedAnswerSwitchesTheForceWhenItArrives) {
-  const Run touch = run(parsed(kPressing, {"faults.force_command.delay_ms=0.3"}), 200ms);
+  const Recording touch = run(parsed(kPressing, {"faults.force_command.delay_ms=0.3"}), 200ms);
 
   EXPECT_EQ(touch.last().device.switched_at - touch.last().device.sampled_at, Duration(300us));
   EXPECT_EQ(touch.device.answered_ticks, 200u);
 }
 
 TEST(Lockstep, AnAnswerAfterTheDeadlineIsNoAnswer) {
-  const Run touch = run(parsed(kPressing, {"faults.force_command.delay_ms=0.7"}), 200ms);
+  const Recording touch = run(parsed(kPressing, {"faults.force_command.delay_ms=0.7"}), 200ms);
 
   EXPECT_EQ(touch.device.answered_ticks, 0u);
   EXPECT_EQ(touch.device.max_force_newton, 0.0);
@@ -212,7 +212,7 @@ TEST(Lockstep, WithoutAnswersTheDeviceGoesFromLeaseToFallbackToLimp) {
   const Session session =
       parsed(kPressing, {"faults.force_command.outage={from_s: 0.3 until_s: 10}",
                          "device.limp_after_ms=20", "device.fade_ms=50"});
-  const Run touch = run(session, 400ms);
+  const Recording touch = run(session, 400ms);
 
   const double f_co = session.device.profile.coulomb_newton;
   EXPECT_GT(touch.rows[299].device.force_on_hand_newton.norm(), 0.5);
@@ -231,7 +231,7 @@ TEST(Lockstep, WhileClutchedTheToolRestsAndNothingIsRendered) {
       kPressing,
       {"device.workspace.clutch_button=0", "hand.press={button: 0 from_s: 0.2 until_s: 0.4}",
        "hand.sinusoid={center_m { z: -0.005 } amplitude_m { x: 0.02 } frequency_hz { x: 1 }}"});
-  const Run touch = run(session, 600ms);
+  const Recording touch = run(session, 600ms);
 
   const Vector3 held = touch.rows[210].device.measured_tool_position_world_m;
   for (std::size_t k = 210; k < 399; ++k) {
@@ -247,7 +247,7 @@ TEST(Lockstep, WhileClutchedTheToolRestsAndNothingIsRendered) {
 
 // scale 2, force ratio 0.5: 2.5 mm of hand would be 5 mm of tool
 TEST(Lockstep, TheWorkspaceScalesMotionAndForce) {
-  const Run touch =
+  const Recording touch =
       run(parsed(kPressing, {"device.workspace.scale_ratio=2", "device.workspace.force_ratio=0.5"}),
           1s);
   const DeviceTick& tick = touch.last().device;
