@@ -9,7 +9,7 @@ if(PALPATE_WARNINGS_AS_ERRORS)
 endif()
 if(PALPATE_SANITIZE)
   # GCC warns of uninitialised Eigen temporaries once the sanitizers change its inlining.
-  target_compile_options(palpate_warnings INTERFACE -Wno-maybe-uninitialized)
+  target_compile_options(palpate_warnings INTERFACE $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized>)
   add_compile_options(-fsanitize=${PALPATE_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
   add_link_options(-fsanitize=${PALPATE_SANITIZE})
 endif()
