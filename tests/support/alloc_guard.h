@@ -1,5 +1,5 @@
-// alloc_guard.h — "does not allocate" as a test. Link palpate::alloc_guard: it replaces operator new
-// of the whole executable by a counting one.
+// alloc_guard.h — "does not allocate" as a test. Link palpate::alloc_guard: it replaces operator
+// new of the whole executable by a counting one.
 #pragma once
 
 #include <cstdint>
