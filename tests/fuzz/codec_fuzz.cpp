@@ -24,9 +24,9 @@ void decode(std::span<const std::byte> frame) {
   T second;
   // packed columns can come in fewer bytes than they leave, so a huge batch may outgrow the limit
   const auto second_error = codec.decode(again, second);
-  PALPATE_REQUIRE(second_error == (again.size() > palpate::kMaxFrameBytes<T>
-                                       ? palpate::DecodeError::kTooLarge
-                                       : palpate::DecodeError::kNone));
+  PALPATE_REQUIRE(second_error ==
+                  (again.size() > palpate::kMaxFrameBytes<T> ? palpate::DecodeError::kTooLarge
+                                                             : palpate::DecodeError::kNone));
   PALPATE_REQUIRE(second_error != palpate::DecodeError::kNone ||
                   palpate::test::same(message, second));
 }
