@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <sys/file.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <boost/asio/io_context.hpp>
@@ -29,18 +30,21 @@ constexpr int kRestartRampMilliseconds = 500;
 /// The folder of the session's ipc files, held by one launch at a time and empty afterwards.
 class RunFolder {
  public:
-  explicit RunFolder(const std::string& session_name)
-      : path_(run_folder(session_name)),
-        folder_(open(path_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC)) {
-    if (folder_ < 0) {
-      throw SetupError(path_.string() +
-                       ": cannot be opened: " + std::generic_category().message(errno));
+  explicit RunFolder(const std::string& session_name) : path_(run_folder(session_name)) {
+    make_private(path_);
+    folder_ = open(path_.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+    struct stat status {};
+    if (folder_ < 0 || fstat(folder_, &status) != 0) {
+      refuse("cannot be made: " + std::generic_category().message(errno) +
+             "; choose another folder with PALPATE_RUN_DIR");
+    }
+    if (status.st_uid != geteuid()) {
+      refuse("belongs to another user; choose another folder with PALPATE_RUN_DIR");
     }
     if (flock(folder_, LOCK_EX | LOCK_NB) != 0) {
-      close(folder_);
-      throw SetupError("session \"" + session_name + "\" is already launched (" + path_.string() +
-                       " is locked): stop that launch, or give this one another name with --set "
-                       "name=OTHER");
+      refuse("is in use: session \"" + session_name +
+             "\" is already launched; stop that launch, or give this one another name with "
+             "--set name=OTHER");
     }
   }
   ~RunFolder() {
@@ -53,6 +57,19 @@ class RunFolder {
   RunFolder& operator=(const RunFolder&) = delete;
 
  private:
+  /// For this user alone, parents included; what exists stays as it is.
+  static void make_private(const fs::path& folder) {
+    if (folder.has_parent_path() && folder != folder.parent_path()) {
+      make_private(folder.parent_path());
+    }
+    mkdir(folder.c_str(), S_IRWXU);  // a failure shows when the folder is opened
+  }
+
+  [[noreturn]] void refuse(const std::string& why) {
+    if (folder_ >= 0) close(folder_);
+    throw SetupError(path_.string() + ": " + why);
+  }
+
   /// Sockets and their lock files, but not those of a node that somebody started by hand.
   void remove_left_files() const {
     std::error_code error;
@@ -75,7 +92,7 @@ class RunFolder {
   }
 
   fs::path path_;
-  int folder_;
+  int folder_ = -1;
 };
 
 std::vector<ChildSpec> nodes_of(const LaunchOptions& options, const Session& session) {

@@ -201,8 +201,10 @@ TEST_F(Launch, ANodeThatDiesIsStartedAgain) {
   EXPECT_EQ(next_event(), "launcher end=1 physics=1 mofc=0 device=0");
 }
 
-TEST_F(Launch, ADeviceStartedAgainRampsItsForceUp) {
-  start_launcher(options());
+TEST_F(Launch, ADeviceStartedAgainRampsItsForceUpAlsoIfItsSessionHasNoRamp) {
+  LaunchOptions options = this->options();
+  options.overrides = {"device.start_ramp_ms=0"};
+  start_launcher(options);
   auto nodes = started_nodes(3);
 
   kill(nodes["device_node"], SIGKILL);
@@ -365,6 +367,18 @@ TEST_F(Launch, ASessionIsLaunchedOnceAtATime) {
   } catch (const SetupError& e) {
     EXPECT_THAT(e.what(), HasSubstr("already launched"));
   }
+}
+
+TEST_F(Launch, ARunFolderThatCannotBeMadeIsASetupErrorThatNamesIt) {
+  const fs::path not_a_folder = folder_ / "session.txtpb";
+  setenv("PALPATE_RUN_DIR", not_a_folder.c_str(), 1);
+  try {
+    static_cast<void>(launch(options()));
+    ADD_FAILURE() << "was launched without a run folder";
+  } catch (const SetupError& e) {
+    EXPECT_THAT(e.what(), HasSubstr(run_folder(session_name_).string()));
+  }
+  unsetenv("PALPATE_RUN_DIR");
 }
 
 TEST_F(Launch, AMissingProgramIsASetupErrorThatNamesIt) {
