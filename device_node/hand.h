@@ -19,11 +19,11 @@ struct Felt {
 /// Intended point at `t_s` ≥ 0 seconds after the start.
 ///
 /// V: the V starts at s = apex − half_width·tangent + height·normal. For the first t_free seconds
-/// the point swings about s along the tangent, amplitude·sin(2π f t); then it runs s → apex → end
-/// at constant speed and holds at the end. Where the swing would not end at s by itself, what is
-/// left, amplitude·sin(2π f t_free), is taken back smoothly (3u² − 2u³) over the last quarter
-/// period of the swing, or over all of it if it is shorter. So position is continuous; velocity
-/// jumps at s, at the apex and at the end, as the paper's V does.
+/// the point goes round a circle of radius `amplitude` in the V's plane, through s and above it;
+/// then it runs s → apex → end at constant speed and holds at the end. Where the circle would not
+/// end at s by itself, what is left is taken back smoothly (3u² − 2u³) over its last quarter turn,
+/// or over all of it if it is shorter. So position is continuous; velocity jumps at s, at the apex
+/// and at the end, as the paper's V does.
 [[nodiscard]] Target target_on(const VPath& path, double t_s) noexcept;
 [[nodiscard]] Target target_on(const HoldPath& path, double t_s) noexcept;
 [[nodiscard]] Target target_on(const SinusoidPath& path, double t_s) noexcept;

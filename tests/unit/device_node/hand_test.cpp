@@ -51,24 +51,26 @@ TEST(VPath, LiesInAnyPlane) {
   expect_at(target_on(path, 0.25), {0, 0.02, -0.035}, {0, -0.08, 0.06});
 }
 
-// Free motion of the defaults: 20 mm at 0.5 Hz, peak 2π·0.5·0.02 = 62.8 mm/s (CONTROLLERS §7.1).
-TEST(VPath, SwingsAboutItsStartBeforeTheV) {
+// Free motion of the defaults: a circle of 20 mm at 0.5 Hz in the V's plane, through the start and
+// above it, at 2π·0.5·0.02 = 62.8 mm/s.
+TEST(VPath, CirclesAboveItsStartBeforeTheV) {
   VPath path = v_path();
   path.free_motion_s = 14.0;
   const Vector3 start(-0.03, 0, 0.02);
+  const double speed = 0.02 * std::numbers::pi;
 
-  expect_at(target_on(path, 0.0), start, {0.02 * std::numbers::pi, 0, 0});
-  expect_at(target_on(path, 0.5), start + Vector3(0.02, 0, 0), {0, 0, 0});
-  expect_at(target_on(path, 1.5), start - Vector3(0.02, 0, 0), {0, 0, 0});
-  // 7 whole swings end at the start by themselves: the V follows 14 s later, else unchanged
-  expect_at(target_on(path, 13.999),
-            start - Vector3(0.02 * std::sin(std::numbers::pi * 1e-3), 0, 0),
-            {0.02 * std::numbers::pi, 0, 0}, 1e-6);
+  expect_at(target_on(path, 0.0), start, {speed, 0, 0});
+  expect_at(target_on(path, 0.5), start + Vector3(0.02, 0, 0.02), {0, 0, speed});
+  expect_at(target_on(path, 1.0), start + Vector3(0, 0, 0.04), {-speed, 0, 0});
+  expect_at(target_on(path, 1.5), start + Vector3(-0.02, 0, 0.02), {0, 0, -speed});
+  // 7 whole turns end at the start by themselves: the V follows 14 s later, else unchanged
+  expect_at(target_on(path, 14.0 - 1e-6), start, {speed, 0, 0}, 1e-6);
   expect_at(target_on(path, 14.25), {-0.015, 0, 0}, {0.06, 0, -0.08});
 }
 
-// 2.4 s leave the swing at 20·sin(0.4π) = 19 mm; taken back over 0.5 s it adds at most
-// 1.5·19/0.5 = 57 mm/s to the swing's 63. A jump would read as 1900 m/s.
+// 2.4 s leave the circle at 0.4π, 2·20·sin(0.2π) = 23.5 mm from the start; taken back over 0.5 s
+// that adds at most 1.5·23.5/0.5 = 71 mm/s, mostly against the circle's 63. A jump would read as
+// 1900 m/s.
 TEST(VPath, ThePositionIsContinuousWhateverTheFreeTime) {
   for (const double free_s : {0.0, 0.1, 0.5, 2.0, 2.4, 3.7}) {
     VPath path = v_path();
