@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 
+#include "mofc_node/controllers/guard_mofc.h"
 #include "mofc_node/controllers/paper_mofc.h"
 #include "mofc_node/controllers/vector_mofc.h"
 
@@ -23,11 +24,21 @@ std::unique_ptr<controllers::ForceController> make_controller(const MofcConfig& 
                        .f_co = profile.coulomb_newton,
                        .T = 1.0 / device.rate_hz});
   }
-  return std::make_unique<controllers::VectorMofc>(
-      MofcParameters{.f_d = profile.viscous_newton_s_per_m,
-                     .f_co = profile.coulomb_newton,
-                     .T = to_seconds(device.lease)},
-      profile.position_resolution_m, to_seconds(mofc.delta_max));
+  const MofcParameters parameters{.f_d = profile.viscous_newton_s_per_m,
+                                  .f_co = profile.coulomb_newton,
+                                  .T = to_seconds(device.lease)};
+  if (mofc.mode == MofcMode::kVector) {
+    return std::make_unique<controllers::VectorMofc>(parameters, profile.position_resolution_m,
+                                                     to_seconds(mofc.delta_max));
+  }
+  return std::make_unique<controllers::GuardMofc>(
+      controllers::GuardParameters{.mofc = parameters,
+                                   .resolution_m = profile.position_resolution_m,
+                                   .delta_max_s = to_seconds(mofc.delta_max),
+                                   .v_max_m_per_s = mofc.guard.v_max_m_per_s,
+                                   .credit_cap_joule = mofc.guard.credit_cap_joule,
+                                   .gate_joule = mofc.guard.gate_joule,
+                                   .gate_recovery_s = to_seconds(mofc.guard.gate_recovery)});
 }
 
 MofcNode::MofcNode(const MofcConfig& mofc, const DeviceConfig& device, const Clock& clock,
@@ -61,7 +72,7 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
   const Vector3 asked = asked_force(state, interaction);
 
   // the clamp, then the fade: both only reduce
-  const ControlOutput output = control(state, has_gap, asked);
+  const ControlOutput output = control(state, has_gap, interaction, asked);
   const Vector3 force = faded(output.force_on_hand_newton, now);
 
   ++command_.header.sequence;
@@ -89,6 +100,7 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
   tick_.is_clamped = output.is_clamped;
   tick_.is_in_contact = interaction != nullptr && interaction->contact_count > 0;
   if (tick_.is_clamped) ++counters_.clamped_ticks;
+  if (output.is_too_fast) ++counters_.too_fast_ticks;
   if (tick_.is_in_contact) ++counters_.contact_ticks;
   has_turn_ = true;
   return command_;
@@ -188,6 +200,7 @@ Vector3 MofcNode::asked_force(const DeviceState& state, const Interaction* inter
 }
 
 ControlOutput MofcNode::control(const DeviceState& state, bool has_gap,
+                                const Interaction* interaction,
                                 const Vector3& asked_newton) noexcept {
   std::array<AppliedStretch, kMaxAppliedForces> stretches;
   for (std::uint32_t i = 0; i < state.applied_count; ++i) {
@@ -197,10 +210,22 @@ ControlOutput MofcNode::control(const DeviceState& state, bool has_gap,
                     .hand_position_at_end_m = applied.hand_position_at_end_m,
                     .has_position_at_end = applied.has_position_at_end};
   }
+  // a force that is asked for the first time; the held one repeats the stamp of its Interaction
+  const bool is_fresh = interaction == nullptr || interaction->header.sequence != used_interaction_;
+  if (interaction != nullptr) used_interaction_ = interaction->header.sequence;
+
+  // the tissue's energy as the hand would get it: force × force_ratio, motion ÷ scale_ratio
+  const WorkspaceConfig& workspace = device_.workspace;
+  const double stored_joule = interaction == nullptr ? 0.0
+                                                     : interaction->stored_energy_joule *
+                                                           workspace.force_ratio /
+                                                           workspace.scale_ratio;
   return controller_->step({.hand_position_m = state.hand_position_m,
                             .applied = {stretches.data(), state.applied_count},
                             .has_gap = has_gap,
-                            .asked_force_on_hand_newton = asked_newton});
+                            .asked_force_on_hand_newton = asked_newton,
+                            .is_asked_fresh = is_fresh,
+                            .stored_energy_joule = stored_joule});
 }
 
 Vector3 MofcNode::faded(const Vector3& force_newton, TimePoint now) noexcept {

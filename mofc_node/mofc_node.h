@@ -58,6 +58,7 @@ class MofcNode {
   [[nodiscard]] Vector3 asked_force(const DeviceState& state,
                                     const Interaction* interaction) noexcept;
   [[nodiscard]] controllers::ControlOutput control(const DeviceState& state, bool has_gap,
+                                                   const Interaction* interaction,
                                                    const Vector3& asked_newton) noexcept;
   [[nodiscard]] Vector3 faded(const Vector3& force_newton, TimePoint now) noexcept;
 
@@ -79,6 +80,7 @@ class MofcNode {
 
   // staleness of hop 3
   TimePoint interaction_received_at_{};
+  std::uint64_t used_interaction_ = ~std::uint64_t{0};  // sequence of the one last asked for
   bool has_interaction_ = false;
   bool is_stale_ = false;
   bool is_late_ = false;  // the physics of this very tick did not come in time

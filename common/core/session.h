@@ -128,13 +128,22 @@ struct HandConfig {
 // --- mofc -------------------------------------------------------------------------------------
 
 enum class ControllerKind : std::uint8_t { kNone, kMofc };
-enum class MofcMode : std::uint8_t { kPaper, kVector };
+enum class MofcMode : std::uint8_t { kPaper, kVector, kGuard };
+
+/// Mode guard: what is assumed of the hand, and how far credit may grow.
+struct GuardConfig {
+  double v_max_m_per_s = 0.5;        ///< fastest the hand can be
+  double credit_cap_joule = 5e-3;    ///< S_cap: E′ above the energy stored in the tissue
+  double gate_joule = 5e-3;          ///< S_g: leak that closes the gate
+  Duration gate_recovery = std::chrono::milliseconds(500);  ///< t_rec
+};
 
 struct MofcConfig {
   ControllerKind controller = ControllerKind::kMofc;
-  MofcMode mode = MofcMode::kVector;
+  MofcMode mode = MofcMode::kGuard;
+  GuardConfig guard;
   Duration wait_for_physics{};  ///< 0: never wait; else answer from the Interaction of this tick
-  Duration delta_max{};         ///< longest time from the reading to the switch; mode vector
+  Duration delta_max{};         ///< longest time from the reading to the switch; not in mode paper
   Duration stale_after{};       ///< silence on hop 3 after which the force fades
   Duration fade{};
   Duration velocity_time_constant{};  ///< low-pass of the velocity estimate; 0: backward difference

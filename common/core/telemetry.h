@@ -107,6 +107,7 @@ struct MofcCounters {
   std::uint64_t ticks = 0;
   std::uint64_t contact_ticks = 0;
   std::uint64_t clamped_ticks = 0;
+  std::uint64_t too_fast_ticks = 0;  ///< the hand was faster than mode guard assumes
   std::uint64_t stale_ticks = 0;
   std::uint64_t late_physics_ticks = 0;  ///< wait_for_physics ran out
   std::uint64_t ledger_resets = 0;       ///< new device session, or a gap in the echo

@@ -371,6 +371,7 @@ void put(const MofcCounters& c, v1::MofcCounters& to) {
   to.set_motions_dropped(c.motions_dropped);
   to.set_transparency_sum(c.transparency_sum);
   to.set_transparency_samples(c.transparency_samples);
+  to.set_too_fast_ticks(c.too_fast_ticks);
 }
 void check(const v1::MofcCounters& c, Verdict& verdict) {
   verdict.require(c.has_device_state());
@@ -383,6 +384,7 @@ MofcCounters counters(const v1::MofcCounters& c) {
           .ticks = c.ticks(),
           .contact_ticks = c.contact_ticks(),
           .clamped_ticks = c.clamped_ticks(),
+          .too_fast_ticks = c.too_fast_ticks(),
           .stale_ticks = c.stale_ticks(),
           .late_physics_ticks = c.late_physics_ticks(),
           .ledger_resets = c.ledger_resets(),

@@ -350,16 +350,31 @@ double to_wait_for_physics_ms(const Fields& mofc, double device_rate_hz, double 
   return kNaN;
 }
 
+GuardConfig to_guard(const Fields& fields) {
+  GuardConfig config;
+  config.v_max_m_per_s = fields.number("v_max_m_per_s", config.v_max_m_per_s, above(0),
+                                       "give the fastest the hand can be, 0.5 for a stylus");
+  config.credit_cap_joule = fields.number("credit_cap_joule", config.credit_cap_joule, above(0),
+                                          "leave it out for 0.005");
+  config.gate_joule =
+      fields.number("gate_joule", config.gate_joule, above(0), "leave it out for 0.005");
+  config.gate_recovery = milliseconds(
+      fields.number("gate_recovery_ms", 500.0, above(0), "leave it out for 500"));
+  return config;
+}
+
 MofcConfig to_mofc(const Fields& fields, const v1::Mofc& written, double wait_for_physics_ms,
                    double physics_rate_hz, Duration interaction_jitter, Duration reply) {
   MofcConfig config;
   if (!v1::Mofc::Controller_IsValid(written.controller())) {
     fields.problem("controller", "must be none or mofc");
   }
-  if (!v1::Mofc::Mode_IsValid(written.mode())) fields.problem("mode", "must be paper or vector");
+  if (!v1::Mofc::Mode_IsValid(written.mode())) fields.problem("mode", "must be paper, vector or guard");
   config.controller =
       written.controller() == v1::Mofc::none ? ControllerKind::kNone : ControllerKind::kMofc;
-  config.mode = written.mode() == v1::Mofc::paper ? MofcMode::kPaper : MofcMode::kVector;
+  if (written.mode() == v1::Mofc::paper) config.mode = MofcMode::kPaper;
+  if (written.mode() == v1::Mofc::vector) config.mode = MofcMode::kVector;
+  config.guard = to_guard(fields.message("guard"));
   config.wait_for_physics = milliseconds(wait_for_physics_ms);
 
   const double physics_period_ms = 1e3 / physics_rate_hz;

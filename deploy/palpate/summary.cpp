@@ -78,7 +78,15 @@ double answered_ratio(const DeviceCounters& counters) {
 
 std::string controller_text(const MofcConfig& config) {
   if (config.controller == ControllerKind::kNone) return "none";
-  return config.mode == MofcMode::kPaper ? "mofc paper" : "mofc vector";
+  switch (config.mode) {
+    case MofcMode::kPaper:
+      return "mofc paper";
+    case MofcMode::kVector:
+      return "mofc vector";
+    case MofcMode::kGuard:
+      return "mofc guard";
+  }
+  return "?";
 }
 
 nlohmann::ordered_json number_or_null(double value) {

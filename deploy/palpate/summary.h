@@ -74,7 +74,7 @@ struct RunReport {
 /// A dozen lines for a terminal.
 [[nodiscard]] std::string summary_text(const Session& session, const RunReport& report);
 
-/// "mofc vector", "mofc paper", "none".
+/// "none", "mofc paper", "mofc vector", "mofc guard".
 [[nodiscard]] std::string controller_text(const MofcConfig& config);
 /// null for NaN and infinity, which JSON does not have.
 [[nodiscard]] nlohmann::ordered_json number_or_null(double value);

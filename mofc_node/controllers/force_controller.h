@@ -29,6 +29,10 @@ struct ControlInput {
   /// Nothing is known of what acted since the previous step.
   bool has_gap = false;
   Vector3 asked_force_on_hand_newton = Vector3::Zero();  ///< F_e(k)
+  /// F_e(k) is news: the environment was evaluated since the previous step, not held.
+  bool is_asked_fresh = true;
+  /// Elastic energy in the environment that it may give back to the hand; 0 where unknown.
+  double stored_energy_joule = 0.0;
 };
 
 struct ControlOutput {
@@ -36,6 +40,7 @@ struct ControlOutput {
   Vector3 f_max_newton = Vector3::Zero();  ///< bound per axis; all equal where one serves all axes
   double ledger_energy_joule = 0.0;        ///< E', all pools together
   bool is_clamped = false;                 ///< F differs from F_e
+  bool is_too_fast = false;                ///< the hand moved faster than the controller assumes
 };
 
 /// A controller limits the force so that the hand cannot draw energy (or, `PassThrough`, does not).

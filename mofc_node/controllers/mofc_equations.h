@@ -52,10 +52,29 @@ struct MofcParameters {
   return excess > 0.0 ? excess * excess / (4.0 * p.f_d) : 0.0;
 }
 
+/// The same for a hand no faster than v_max: the maximum of (f − f_co) v − f_d v² over v ≤ v_max.
+/// Finite for f_d = 0. v_max > 0.
+[[nodiscard]] inline double drain_watt(const MofcParameters& p, double f, double v_max) noexcept {
+  const double excess = std::max(0.0, f - p.f_co);
+  const double v = p.f_d > 0.0 ? std::min(v_max, excess / (2.0 * p.f_d)) : v_max;
+  return (excess - p.f_d * v) * v;
+}
+
 /// f_max = f_co + 2 √(f_d E′ / T). Source: [MOFC] eq. (13).
 /// Differs: E′ below zero (friction overestimated, or quantisation unaccounted for) counts as zero.
 [[nodiscard]] inline double maximum_force_newton(const MofcParameters& p, double energy) noexcept {
   return p.f_co + 2.0 * std::sqrt(p.f_d * std::max(0.0, energy) / p.T);
+}
+
+/// The largest f with T · drain_watt(p, f, v_max) ≤ E′:
+///   f_co + 2 √(f_d E′ / T)               while E′ ≤ f_d T v_max²
+///   f_co + f_d v_max + E′ / (T v_max)    beyond
+/// Differs from [MOFC] eq. (13): a hand has a highest speed, so v* of (12) is cut there. Never
+/// below (13), equal to it at the seam. v_max > 0.
+[[nodiscard]] inline double maximum_force_newton(const MofcParameters& p, double energy,
+                                                 double v_max) noexcept {
+  if (energy <= p.f_d * p.T * v_max * v_max) return maximum_force_newton(p, energy);
+  return p.f_co + p.f_d * v_max + energy / (p.T * v_max);
 }
 
 /// f_e if |f_e| < f_max, else sgn(f_e) f_max. Source: [MOFC] eq. (14).

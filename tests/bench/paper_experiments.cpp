@@ -168,7 +168,7 @@ with = 'figure_09_rigid_with.csv'
 set multiplot layout 2,1 title 'Poking rigid tissue (45 N/m, 150 N·s/m) at 50 Hz along a V'
 set xrange [14.3:15.4]
 set lmargin 9
-set rmargin 18
+set rmargin 24
 set grid
 set key outside right
 set ylabel 'depth z, mm'
@@ -204,7 +204,7 @@ set output '{0}.svg'
 set multiplot layout 2,1 title '{1}'
 set xrange [14.2:15.8]
 set lmargin 9
-set rmargin 16
+set rmargin 22
 set grid
 set key outside right
 set ylabel 'position, mm'
