@@ -14,6 +14,10 @@ endif()
 if(PALPATE_SANITIZE)
   # GCC warns of uninitialised Eigen temporaries once the sanitizers change its inlining.
   target_compile_options(palpate_warnings INTERFACE $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized>)
+  if(PALPATE_SANITIZE STREQUAL "thread" AND CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
+    # ThreadSanitizer does not see the fences of Boost.Asio, and GCC warns of each.
+    target_compile_options(palpate_warnings INTERFACE -Wno-tsan)
+  endif()
   add_compile_options(-fsanitize=${PALPATE_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
   add_link_options(-fsanitize=${PALPATE_SANITIZE})
 endif()

@@ -29,7 +29,8 @@ void EnergyLedger::restart(const Vector3& hand_position_m) noexcept {
   force_variation_newton_ = 0.0;
   has_force_ = false;
   for (std::size_t i = 0; i < 3; ++i) play_[i] = {hand_position_m[static_cast<int>(i)], 0.0};
-  closed_windows_joule_ = 0.0;
+  closed_windows_path_m_ = 0.0;
+  closed_windows_viscous_joule_ = 0.0;
   window_start_m_ = hand_position_m;
   window_s_ = 0.0;
 }
@@ -49,28 +50,33 @@ void EnergyLedger::book(double duration_s, const Vector3& force_on_hand_newton,
   position_m_ = hand_position_at_end_m;
   window_s_ += duration_s;
   if ((position_m_ - window_start_m_).norm() >= kWindowResolutions * q_ && window_s_ > 0.0) {
-    closed_windows_joule_ += window_viscous_joule();
+    closed_windows_path_m_ += window_path_m();
+    closed_windows_viscous_joule_ += window_viscous_joule();
     window_start_m_ = position_m_;
     window_s_ = 0.0;
   }
 }
 
+double EnergyLedger::window_path_m() const noexcept {
+  return std::max(0.0, (position_m_ - window_start_m_).norm() - std::numbers::sqrt3 * q_);
+}
+
 double EnergyLedger::window_viscous_joule() const noexcept {
   if (!(window_s_ > 0.0)) return 0.0;
-  const double moved =
-      std::max(0.0, (position_m_ - window_start_m_).norm() - std::numbers::sqrt3 * q_);
+  const double moved = window_path_m();
   return f_d_ * moved * moved / window_s_;
 }
 
 double EnergyLedger::energy_joule() const noexcept {
-  double path2 = 0.0;
+  double play_path2 = 0.0;
   for (const Play& play : play_) {
     const double path = std::max(0.0, play.path_m - 0.5 * q_);
-    path2 += path * path;
+    play_path2 += path * path;
   }
+  const double path = std::max(closed_windows_path_m_ + window_path_m(), std::sqrt(play_path2));
   const double quantisation =
       0.5 * std::numbers::sqrt3 * q_ * (last_force_newton_.norm() + force_variation_newton_);
-  return work_joule_ - quantisation + f_co_ * std::sqrt(path2) + closed_windows_joule_ +
+  return work_joule_ - quantisation + f_co_ * path + closed_windows_viscous_joule_ +
          window_viscous_joule();
 }
 

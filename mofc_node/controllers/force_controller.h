@@ -24,7 +24,8 @@ struct AppliedStretch {
 /// One control step at t_k.
 struct ControlInput {
   Vector3 hand_position_m = Vector3::Zero();  ///< x(k), measured
-  /// What acted since the previous step, in time order, ending at x(k). Empty in the first step.
+  /// What acted since the previous step, in time order, ending at x(k). Empty in the first step;
+  /// later that counts as a gap.
   std::span<const AppliedStretch> applied;
   /// Nothing is known of what acted since the previous step.
   bool has_gap = false;

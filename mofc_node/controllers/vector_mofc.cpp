@@ -6,7 +6,7 @@ void VectorMofc::reset() noexcept { has_started_ = false; }
 
 ControlOutput VectorMofc::step(const ControlInput& input) noexcept {
   // book what acted since the last step, or start again where that is not known
-  bool is_known = has_started_ && !input.has_gap;
+  bool is_known = has_started_ && !input.has_gap && !input.applied.empty();
   for (const AppliedStretch& stretch : input.applied) {
     is_known = is_known && stretch.has_position_at_end;
   }
