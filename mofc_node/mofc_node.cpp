@@ -216,10 +216,10 @@ ControlOutput MofcNode::control(const DeviceState& state, bool has_gap,
 
   // the tissue's energy as the hand would get it: force × force_ratio, motion ÷ scale_ratio
   const WorkspaceConfig& workspace = device_.workspace;
-  const double stored_joule = interaction == nullptr ? 0.0
-                                                     : interaction->stored_energy_joule *
-                                                           workspace.force_ratio /
-                                                           workspace.scale_ratio;
+  const double stored_joule =
+      interaction == nullptr
+          ? 0.0
+          : interaction->stored_energy_joule * workspace.force_ratio / workspace.scale_ratio;
   return controller_->step({.hand_position_m = state.hand_position_m,
                             .applied = {stretches.data(), state.applied_count},
                             .has_gap = has_gap,

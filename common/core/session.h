@@ -132,9 +132,9 @@ enum class MofcMode : std::uint8_t { kPaper, kVector, kGuard };
 
 /// Mode guard: what is assumed of the hand, and how far credit may grow.
 struct GuardConfig {
-  double v_max_m_per_s = 0.5;        ///< fastest the hand can be
-  double credit_cap_joule = 5e-3;    ///< S_cap: E′ above the energy stored in the tissue
-  double gate_joule = 5e-3;          ///< S_g: leak that closes the gate
+  double v_max_m_per_s = 0.5;      ///< fastest the hand can be
+  double credit_cap_joule = 5e-3;  ///< S_cap: E′ above the energy stored in the tissue
+  double gate_joule = 5e-3;        ///< S_g: leak that closes the gate
   Duration gate_recovery = std::chrono::milliseconds(500);  ///< t_rec
 };
 

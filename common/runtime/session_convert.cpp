@@ -358,8 +358,8 @@ GuardConfig to_guard(const Fields& fields) {
                                           "leave it out for 0.005");
   config.gate_joule =
       fields.number("gate_joule", config.gate_joule, above(0), "leave it out for 0.005");
-  config.gate_recovery = milliseconds(
-      fields.number("gate_recovery_ms", 500.0, above(0), "leave it out for 500"));
+  config.gate_recovery =
+      milliseconds(fields.number("gate_recovery_ms", 500.0, above(0), "leave it out for 500"));
   return config;
 }
 
@@ -369,12 +369,13 @@ MofcConfig to_mofc(const Fields& fields, const v1::Mofc& written, double wait_fo
   if (!v1::Mofc::Controller_IsValid(written.controller())) {
     fields.problem("controller", "must be none or mofc");
   }
-  if (!v1::Mofc::Mode_IsValid(written.mode())) fields.problem("mode", "must be paper, vector or guard");
+  if (!v1::Mofc::Mode_IsValid(written.mode()))
+    fields.problem("mode", "must be paper, vector or guard");
   config.controller =
       written.controller() == v1::Mofc::none ? ControllerKind::kNone : ControllerKind::kMofc;
   if (written.mode() == v1::Mofc::paper) config.mode = MofcMode::kPaper;
   if (written.mode() == v1::Mofc::vector) config.mode = MofcMode::kVector;
-  config.guard = to_guard(fields.message("guard"));
+  config.guard = to_guard(fields.message("guard_settings"));
   config.wait_for_physics = milliseconds(wait_for_physics_ms);
 
   const double physics_period_ms = 1e3 / physics_rate_hz;
@@ -390,8 +391,8 @@ MofcConfig to_mofc(const Fields& fields, const v1::Mofc& written, double wait_fo
   config.fade = milliseconds(fields.number("fade_ms", 50.0, above(0), "leave it out for 50 ms"));
   config.velocity_time_constant = milliseconds(fields.number(
       "velocity_time_constant_ms", 0.0, at_least(0), "give 0 for the backward difference"));
-  config.delta_max = milliseconds(fields.number("delta_max_ms", 1e3 * to_seconds(reply), at_least(0),
-                                                "leave it out for device.reply_us"));
+  config.delta_max = milliseconds(fields.number("delta_max_ms", 1e3 * to_seconds(reply),
+                                                at_least(0), "leave it out for device.reply_us"));
   return config;
 }
 

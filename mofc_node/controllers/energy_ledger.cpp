@@ -24,6 +24,7 @@ void EnergyLedger::Play::follow(double x, double half_width) noexcept {
 
 void EnergyLedger::restart(const Vector3& hand_position_m) noexcept {
   position_m_ = hand_position_m;
+  carried_joule_ = 0.0;
   work_joule_ = 0.0;
   last_force_newton_.setZero();
   force_variation_newton_ = 0.0;
@@ -67,17 +68,31 @@ double EnergyLedger::window_viscous_joule() const noexcept {
   return f_d_ * moved * moved / window_s_;
 }
 
-double EnergyLedger::energy_joule() const noexcept {
+void EnergyLedger::book_unread(double most_drawn_joule,
+                               const Vector3& hand_position_at_end_m) noexcept {
+  const double before = energy_joule();
+  restart(hand_position_at_end_m);
+  carried_joule_ = std::max(before - most_drawn_joule, std::min(before, 0.0));
+}
+
+void EnergyLedger::limit(double joule) noexcept {
+  carried_joule_ -= std::max(0.0, energy_joule() - joule);
+}
+
+double EnergyLedger::dissipated_joule() const noexcept {
   double play_path2 = 0.0;
   for (const Play& play : play_) {
     const double path = std::max(0.0, play.path_m - 0.5 * q_);
     play_path2 += path * path;
   }
   const double path = std::max(closed_windows_path_m_ + window_path_m(), std::sqrt(play_path2));
+  return f_co_ * path + closed_windows_viscous_joule_ + window_viscous_joule();
+}
+
+double EnergyLedger::energy_joule() const noexcept {
   const double quantisation =
       0.5 * std::numbers::sqrt3 * q_ * (last_force_newton_.norm() + force_variation_newton_);
-  return work_joule_ - quantisation + f_co_ * path + closed_windows_viscous_joule_ +
-         window_viscous_joule();
+  return carried_joule_ + work_joule_ - quantisation + dissipated_joule();
 }
 
 }  // namespace palpate::controllers

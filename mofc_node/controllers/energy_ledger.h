@@ -35,7 +35,17 @@ class EnergyLedger {
   void book(double duration_s, const Vector3& force_on_hand_newton,
             const Vector3& hand_position_at_end_m) noexcept;
 
+  /// Books a time at whose inner force changes nobody read the position.
+  /// @param most_drawn_joule  ≥ 0, most that the hand may have drawn in it; it was paid for in
+  /// advance, so a credit ends at 0 at the worst    @param hand_position_at_end_m  measured
+  void book_unread(double most_drawn_joule, const Vector3& hand_position_at_end_m) noexcept;
+
+  /// Forgets what is above `joule`.
+  void limit(double joule) noexcept;
+
   [[nodiscard]] double energy_joule() const noexcept;
+  /// By friction, since the last restart() or book_unread(); part of energy_joule().
+  [[nodiscard]] double dissipated_joule() const noexcept;
 
  private:
   struct Play {
@@ -51,6 +61,7 @@ class EnergyLedger {
   double q_;
 
   Vector3 position_m_ = Vector3::Zero();
+  double carried_joule_ = 0.0;  // from before the last book_unread(), less what limit() took
   double work_joule_ = 0.0;
   Vector3 last_force_newton_ = Vector3::Zero();  // f(k−1)
   double force_variation_newton_ = 0.0;          // |f(0)| + Σ|Δf|

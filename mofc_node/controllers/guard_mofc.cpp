@@ -36,9 +36,9 @@ ControlOutput GuardMofc::step(const ControlInput& input) noexcept {
   ControlOutput output;
   output.f_max_newton = Vector3::Constant(f_max);
   output.is_clamped = asked > f_max;
-  output.force_on_hand_newton =
-      output.is_clamped ? Vector3(input.asked_force_on_hand_newton * (f_max / asked))
-                        : input.asked_force_on_hand_newton;
+  output.force_on_hand_newton = output.is_clamped
+                                    ? Vector3(input.asked_force_on_hand_newton * (f_max / asked))
+                                    : input.asked_force_on_hand_newton;
   output.ledger_energy_joule = energy;
   output.is_too_fast = is_too_fast_;
   return output;
@@ -66,8 +66,8 @@ double GuardMofc::book(const ControlInput& input) noexcept {
     elapsed_s += stretch.duration_s;
     if (!stretch.has_position_at_end || unread_s > 0.0) {
       unread_s += stretch.duration_s;
-      unread_joule += stretch.duration_s * drain_watt(p_.mofc, stretch.force_on_hand_newton.norm(),
-                                                      p_.v_max_m_per_s);
+      unread_joule += stretch.duration_s *
+                      drain_watt(p_.mofc, stretch.force_on_hand_newton.norm(), p_.v_max_m_per_s);
     }
     if (!stretch.has_position_at_end) continue;
     if (unread_s > 0.0) {
@@ -75,7 +75,8 @@ double GuardMofc::book(const ControlInput& input) noexcept {
       unread_s = 0.0;
       unread_joule = 0.0;
     } else {
-      ledger_.book(stretch.duration_s, stretch.force_on_hand_newton, stretch.hand_position_at_end_m);
+      ledger_.book(stretch.duration_s, stretch.force_on_hand_newton,
+                   stretch.hand_position_at_end_m);
     }
   }
 
@@ -98,14 +99,14 @@ void GuardMofc::update_gate(const ControlInput& input, double elapsed_s) noexcep
     const double acting =
         input.applied.empty() ? 0.0 : input.applied.back().force_on_hand_newton.norm();
     const double share = before > 0.0 ? std::min(1.0, acting / before) : 1.0;
-    gate_store_joule_ += 0.5 * share *
-                         (input.asked_force_on_hand_newton - asked_newton_).dot(moved_since_fresh_m_);
+    gate_store_joule_ +=
+        0.5 * share * (input.asked_force_on_hand_newton - asked_newton_).dot(moved_since_fresh_m_);
     asked_newton_ = input.asked_force_on_hand_newton;
     moved_since_fresh_m_.setZero();
   }
 
-  gate_store_joule_ += (p_.gate_joule - gate_store_joule_) *
-                       (1.0 - std::exp(-elapsed_s / p_.gate_recovery_s));
+  gate_store_joule_ +=
+      (p_.gate_joule - gate_store_joule_) * (1.0 - std::exp(-elapsed_s / p_.gate_recovery_s));
   gate_store_joule_ = std::clamp(gate_store_joule_, -p_.gate_joule, p_.gate_joule);
 }
 

@@ -9,10 +9,10 @@
 namespace palpate::controllers {
 
 struct GuardParameters {
-  MofcParameters mofc;         ///< T: the longest time one command may act, its lease
-  double resolution_m = 0.0;   ///< q ≥ 0
-  double delta_max_s = 0.0;    ///< δ ≥ 0: longest time from the reading to the switch
-  double v_max_m_per_s = 0.5;  ///< > 0: fastest the hand can be
+  MofcParameters mofc;             ///< T: the longest time one command may act, its lease
+  double resolution_m = 0.0;       ///< q ≥ 0
+  double delta_max_s = 0.0;        ///< δ ≥ 0: longest time from the reading to the switch
+  double v_max_m_per_s = 0.5;      ///< > 0: fastest the hand can be
   double credit_cap_joule = 5e-3;  ///< S_cap > 0
   double gate_joule = 5e-3;        ///< S_g > 0
   double gate_recovery_s = 0.5;    ///< t_rec > 0
@@ -32,9 +32,10 @@ struct GuardParameters {
 ///         S_g within t_rec; gate = S / S_g in 0 … 1. A force that makes energy by being late or
 ///         held closes it.
 ///
-/// Both only lower the force, so the promise is that of `vector` under one more assumption: E(t) ≥ 0
-/// for all t, any hand no faster than v_max at any instant, any environment. A measured speed above
-/// it is reported; its loss is in E′, which may then be negative (f_max = f_co). f_d = 0 is allowed.
+/// Both only lower the force, so the promise is that of `vector` under one more assumption: E(t) ≥
+/// 0 for all t, any hand no faster than v_max at any instant, any environment. A measured speed
+/// above it is reported; its loss is in E′, which may then be negative (f_max = f_co). f_d = 0 is
+/// allowed.
 class GuardMofc final : public ForceController {
  public:
   explicit GuardMofc(const GuardParameters& parameters);
@@ -51,11 +52,11 @@ class GuardMofc final : public ForceController {
   bool has_started_ = false;
   bool is_too_fast_ = false;
 
-  double gate_store_joule_;                              // S
-  Vector3 position_m_ = Vector3::Zero();                 // x of the step before
-  Vector3 moved_since_fresh_m_ = Vector3::Zero();        // Δx since F_e was last evaluated
-  Vector3 asked_newton_ = Vector3::Zero();               // that F_e
-  double dissipated_joule_ = 0.0;                        // by the ledger's count, at the last step
+  double gate_store_joule_;                        // S
+  Vector3 position_m_ = Vector3::Zero();           // x of the step before
+  Vector3 moved_since_fresh_m_ = Vector3::Zero();  // Δx since F_e was last evaluated
+  Vector3 asked_newton_ = Vector3::Zero();         // that F_e
+  double dissipated_joule_ = 0.0;                  // by the ledger's count, at the last step
 };
 
 }  // namespace palpate::controllers

@@ -26,6 +26,7 @@ struct Controller {
 const Controller kNone{"none", {"mofc.controller=none"}};
 const Controller kPaper{"paper", {"mofc.mode=paper"}};
 const Controller kVector{"vector", {"mofc.mode=vector"}};
+const Controller kGuard{"guard", {"mofc.mode=guard"}};
 
 struct Tissue {
   const char* label;
@@ -84,7 +85,7 @@ Table make_table() {
 void add_experiments(Table& table) {
   for (const Tissue& tissue : kTissues) {
     for (const bool is_two_way : {true, false}) {
-      for (const Controller* controller : {&kNone, &kPaper, &kVector}) {
+      for (const Controller* controller : {&kNone, &kPaper, &kVector, &kGuard}) {
         for (const double free_s : {0.0, 2.0, 14.0, 40.0}) {
           const Session session = session_of(tissue, *controller, free_s, is_two_way);
           const RunReport report = run_loopback(session, {.seconds = free_s + kVSeconds});
@@ -103,7 +104,7 @@ void add_one_axis(Table& table) {
   const std::vector<std::string> exact{"hand.v.half_width_m=0",
                                        "device.simulated.position_resolution_m=0",
                                        "device.profile.position_resolution_m=0"};
-  for (const Controller* controller : {&kNone, &kPaper, &kVector}) {
+  for (const Controller* controller : {&kNone, &kPaper, &kVector, &kGuard}) {
     const Session session = session_of(kTissues[1], *controller, 0.0, true, exact);
     add_row(table, "rigid, one axis, exact positions", "two-way", *controller, 0.0,
             run_loopback(session, {.seconds = kVSeconds}), "");
@@ -126,7 +127,7 @@ void add_hostile(Table& table, int seeds) {
        {"device.simulated.position_resolution_m=0", "device.profile.position_resolution_m=0"}},
       {"rigid, hostile hand, 0.055 mm", {}}};
   for (const Row& row : rows) {
-    for (const Controller* controller : {&kNone, &kPaper, &kVector}) {
+    for (const Controller* controller : {&kNone, &kPaper, &kVector, &kGuard}) {
       RunReport worst;
       for (int seed = 1; seed <= seeds; ++seed) {
         std::vector<std::string> overrides = controller->overrides;

@@ -311,9 +311,10 @@ inline bool same(const DeviceCounters& a, const DeviceCounters& b) {
 inline bool same(const MofcCounters& a, const MofcCounters& b) {
   return same(a.device_state, b.device_state) && same(a.interaction, b.interaction) &&
          a.ticks == b.ticks && a.contact_ticks == b.contact_ticks &&
-         a.clamped_ticks == b.clamped_ticks && a.too_fast_ticks == b.too_fast_ticks && a.stale_ticks == b.stale_ticks &&
-         a.late_physics_ticks == b.late_physics_ticks && a.ledger_resets == b.ledger_resets &&
-         a.motions_dropped == b.motions_dropped && same(a.transparency_sum, b.transparency_sum) &&
+         a.clamped_ticks == b.clamped_ticks && a.too_fast_ticks == b.too_fast_ticks &&
+         a.stale_ticks == b.stale_ticks && a.late_physics_ticks == b.late_physics_ticks &&
+         a.ledger_resets == b.ledger_resets && a.motions_dropped == b.motions_dropped &&
+         same(a.transparency_sum, b.transparency_sum) &&
          a.transparency_samples == b.transparency_samples;
 }
 inline bool same(const PhysicsCounters& a, const PhysicsCounters& b) {

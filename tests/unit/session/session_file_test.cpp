@@ -126,7 +126,7 @@ TEST(SessionFile, AlmostEmptySessionHasEveryDefault) {
 
   // 6 physics periods of 1 ms, no jitter
   EXPECT_EQ(session.mofc.controller, ControllerKind::kMofc);
-  EXPECT_EQ(session.mofc.mode, MofcMode::kVector);
+  EXPECT_EQ(session.mofc.mode, MofcMode::kGuard);
   EXPECT_EQ(session.mofc.wait_for_physics, 0ms);
   EXPECT_EQ(session.mofc.stale_after, 6ms);
   EXPECT_EQ(session.mofc.fade, 50ms);
@@ -365,7 +365,7 @@ TEST(SessionFile, WrongEnumeratorIsToldWithTheRightOnes) {
 
   ASSERT_THAT(lines, SizeIs(2));
   EXPECT_THAT(lines[1], AllOf(StartsWith("x.txtpb:2:"),
-                              EndsWith("mode = fast: must be one of mode_default, paper, vector")));
+                              EndsWith("mode = fast: must be one of mode_default, paper, vector, guard")));
 }
 
 TEST(SessionFile, UnknownFieldsAreAllToldBeforeASyntaxError) {
