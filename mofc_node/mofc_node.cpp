@@ -9,7 +9,6 @@
 namespace palpate::mofc {
 
 using controllers::AppliedStretch;
-using controllers::ControlInput;
 using controllers::ControlOutput;
 using controllers::MofcParameters;
 
