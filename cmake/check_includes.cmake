@@ -1,6 +1,9 @@
 # cmake -DROOT=<source tree> -DRULES="folder:allowed,allowed;…" -P check_includes.cmake
-# Fails if a source below `folder` includes a project header from a folder that is not allowed.
+# Fails if a source below `folder` includes a project header from a folder that is not allowed, or
+# one of protobuf, ZeroMQ or spdlog where these are not allowed.
 
+set(wire "^(palpate/v1/|google/protobuf/|zmq|spdlog/)")
+set(guarded "^(common|deploy|device_node|mofc_node|physics_node|tests|viewer_node)/|${wire}")
 set(violations "")
 foreach(rule IN LISTS RULES)
   string(REGEX MATCH "^([^:]+):(.*)$" _ "${rule}")
@@ -11,17 +14,21 @@ foreach(rule IN LISTS RULES)
     if(source MATCHES "/(main|process)\\.(cpp|h)$")
       continue()
     endif()
-    file(STRINGS ${ROOT}/${source} includes REGEX "^[ \t]*#[ \t]*include[ \t]*\"")
+    file(STRINGS ${ROOT}/${source} includes REGEX "^[ \t]*#[ \t]*include[ \t]*[\"<]")
     foreach(line IN LISTS includes)
-      string(REGEX REPLACE ".*\"([^\"]+)\".*" "\\1" header "${line}")
+      string(REGEX REPLACE "^[^\"<]*[\"<]([^\">]+)[\">].*" "\\1" header "${line}")
+      # system headers pass, but for those of the project and of the wire
+      if(line MATCHES "include[ \t]*<" AND NOT header MATCHES "${guarded}")
+        continue()
+      endif()
       set(is_allowed FALSE)
       foreach(prefix IN LISTS allowed)
-        if(header MATCHES "^${prefix}/")
+        if(header MATCHES "^${prefix}/" AND NOT header MATCHES "\\.\\.")
           set(is_allowed TRUE)
         endif()
       endforeach()
-      # generated protobuf headers belong to common/link and common/runtime
-      if(header MATCHES "^palpate/v1/" AND folder MATCHES "^common/(link|runtime)$")
+      # the wire belongs to common/link and common/runtime
+      if(header MATCHES "${wire}" AND folder MATCHES "^common/(link|runtime)$")
         set(is_allowed TRUE)
       endif()
       if(NOT is_allowed)

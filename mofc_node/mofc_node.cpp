@@ -10,7 +10,6 @@
 namespace palpate::mofc {
 
 using controllers::AppliedStretch;
-using controllers::ControlInput;
 using controllers::ControlOutput;
 using controllers::MofcParameters;
 

@@ -132,7 +132,7 @@ class DurationHistogram {
   static constexpr int kLowestExponent = 6;
   static constexpr int kOctaves = 28;
   static constexpr int kPerOctave = 8;
-  std::array<std::uint64_t, kOctaves * kPerOctave> buckets_{};
+  std::array<std::uint64_t, std::size_t{kOctaves} * kPerOctave> buckets_{};
   std::uint64_t count_ = 0;
   Duration maximum_{};
 };

@@ -40,7 +40,7 @@ void RunStatistics::add(const viewer::TickRow& row, const IdealState& ideal) {
   if (device.true_tool_position_world_m.allFinite()) {
     reversals_.add(device.true_tool_position_world_m);
     if (ideal.tool_position_world_m.allFinite()) {
-      has_ideal_ = true;
+      ++deviation_samples_;
       ideal_reversals_.add(ideal.tool_position_world_m);
       const double deviation2 =
           (device.true_tool_position_world_m - ideal.tool_position_world_m).squaredNorm();
@@ -57,11 +57,13 @@ std::uint64_t RunStatistics::excess_reversals() const {
 }
 
 double RunStatistics::path_deviation_rms_m() const {
-  return has_ideal_ ? std::sqrt(deviation2_m2_ / static_cast<double>(ticks_)) : kNaN;
+  return deviation_samples_ > 0
+             ? std::sqrt(deviation2_m2_ / static_cast<double>(deviation_samples_))
+             : kNaN;
 }
 
 double RunStatistics::path_deviation_peak_m() const {
-  return has_ideal_ ? deviation_peak_m_ : kNaN;
+  return deviation_samples_ > 0 ? deviation_peak_m_ : kNaN;
 }
 
 double RunStatistics::clamp_ratio() const {

@@ -48,7 +48,6 @@ class RunStatistics {
   std::uint64_t contact_ticks_ = 0;
   std::uint64_t asked_ticks_ = 0;
   std::uint64_t clamped_ticks_ = 0;
-  bool has_ideal_ = false;
   PaperTransparency transparency_;
   ProjectedTransparency rendered_;
   ProjectedTransparency true_to_ideal_;
@@ -56,6 +55,7 @@ class RunStatistics {
   double maximum_force_newton_ = 0.0;
   ReversalCounter reversals_;
   ReversalCounter ideal_reversals_;
+  std::uint64_t deviation_samples_ = 0;
   double deviation2_m2_ = 0.0;
   double deviation_peak_m_ = 0.0;
 };

@@ -144,6 +144,19 @@ TEST(VectorMofc, AStretchWithoutAPositionCountsAsAGap) {
   EXPECT_EQ(out.ledger_energy_joule, 0.0);
 }
 
+// Nobody says what acted: neither the energy of before nor a reserve for what acts now is known.
+TEST(VectorMofc, AnEmptyEchoAfterTheFirstStepCountsAsAGap) {
+  VectorMofc controller(kOmni, 0.0, 0.0);
+  (void)controller.step(input_at(Vector3::Zero(), {}, Vector3::Zero()));
+  const std::vector<AppliedStretch> free{{1.0, Vector3::Zero(), Vector3(0.1, 0, 0), true}};
+  (void)controller.step(input_at(Vector3(0.1, 0, 0), free, Vector3::Zero()));
+
+  const ControlOutput out = controller.step(input_at(Vector3(0.2, 0, 0), {}, {1, 0, 0}));
+
+  EXPECT_EQ(out.ledger_energy_joule, 0.0);
+  EXPECT_NEAR(out.force_on_hand_newton.x(), 0.1, 1e-15);
+}
+
 TEST(PassThrough, GivesWhatIsAskedAndClaimsNoBound) {
   PassThrough none;
 
@@ -179,6 +192,32 @@ TEST(EnergyLedger, SlowMotionAtAHighRateStillCounts) {
 
   EXPECT_LE(ledger.energy_joule(), 11e-3);
   EXPECT_GE(ledger.energy_joule(), 0.97 * 10e-3 + 0.75 * 1e-3);
+}
+
+// Ten steps of 2 mm, by turns along x and y, q = 0.1 mm, in 1 s. Each closes a window (2 mm > 16 q)
+// and counts 2 mm − √3·0.1 mm = 1.8268 mm: Coulomb 0.1·18.268 mm = 1.8268 mJ, viscous 10 times
+// 0.1·(1.8268e−3)²/0.1 s = 33.37 µJ in all. By the play of each axis it would be
+// √2·(10 − 0.05 − 0.05) mm = 14.0 mm only.
+TEST(EnergyLedger, AStaircaseCountsItsWholePath) {
+  EnergyLedger ledger(0.1, 0.1, 1e-4);
+  ledger.restart(Vector3::Zero());
+  Vector3 x = Vector3::Zero();
+  for (int i = 0; i < 10; ++i) {
+    x[i % 2] += 2e-3;
+    ledger.book(0.1, Vector3::Zero(), x);
+  }
+
+  EXPECT_NEAR(ledger.energy_joule(), 1.8268e-3 + 33.37e-6, 1e-8);
+}
+
+// To and fro by 1 mm, never 16 q away from the start: no window closes, the play sees the path.
+// 10 · 1 mm less 0.05 mm at the first turn and 0.1 mm at each of the nine others, less 0.05 mm.
+TEST(EnergyLedger, MotionToAndFroCountsThoughItEndsWhereItBegan) {
+  EnergyLedger ledger(0.0, 0.1, 1e-4);
+  ledger.restart(Vector3::Zero());
+  for (int i = 1; i <= 10; ++i) ledger.book(0.1, Vector3::Zero(), {i % 2 * 1e-3, 0, 0});
+
+  EXPECT_NEAR(ledger.energy_joule(), 0.1 * (10e-3 - 0.05e-3 - 9 * 0.1e-3 - 0.05e-3), 1e-12);
 }
 
 }  // namespace

@@ -1,0 +1,176 @@
+// Who may know whom: the checks of cmake/boundaries.cmake hold on this tree and find what they are
+// for in trees that break the rules.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "tests/unit/build/run_cmake.h"
+
+namespace palpate {
+namespace {
+
+using test::CmakeResult;
+using test::run_cmake;
+using test::TemporaryTree;
+using testing::AllOf;
+using testing::HasSubstr;
+
+/// check_includes.cmake with the project's own rules on another tree.
+CmakeResult check_includes(const std::string& root) {
+  const TemporaryTree script;
+  script.write("check.cmake", "include(" PALPATE_SOURCE_DIR
+                              "/cmake/boundaries.cmake)\n"
+                              "set(RULES ${PALPATE_BOUNDARIES})\n"
+                              "set(ROOT " +
+                                  root +
+                                  ")\n"
+                                  "include(" PALPATE_SOURCE_DIR "/cmake/check_includes.cmake)\n");
+  return run_cmake("-P '" + (script.root() / "check.cmake").string() + "'");
+}
+
+/// A tree with one source.
+CmakeResult check_source(const std::string& file, const std::string& text) {
+  const TemporaryTree tree;
+  tree.write(file, text);
+  return check_includes(tree.root().string());
+}
+
+TEST(IncludeBoundaries, HoldOnThisTree) {
+  const CmakeResult result = check_includes(PALPATE_SOURCE_DIR);
+  EXPECT_EQ(result.status, 0) << result.output;
+}
+
+TEST(IncludeBoundaries, LetAllowedIncludesPass) {
+  const CmakeResult result = check_source("mofc_node/mofc_node.h",
+                                          "#include <vector>\n"
+                                          "#include <Eigen/Core>\n"
+                                          "#include \"common/core/messages.h\"\n"
+                                          "#include \"mofc_node/controllers/vector_mofc.h\"\n"
+                                          "// physics_node/scene.h in a comment is no include\n");
+  EXPECT_EQ(result.status, 0) << result.output;
+}
+
+struct Forbidden {
+  const char* file;
+  const char* header;
+  const char* rule;
+};
+
+class ForbiddenInclude : public testing::TestWithParam<Forbidden> {};
+
+TEST_P(ForbiddenInclude, IsRefusedNamingFileHeaderAndRule) {
+  const CmakeResult result =
+      check_source(GetParam().file, std::string("#include \"") + GetParam().header + "\"\n");
+
+  EXPECT_EQ(result.status, 1);
+  EXPECT_THAT(result.output, AllOf(HasSubstr("cmake/boundaries.cmake"), HasSubstr(GetParam().file),
+                                   HasSubstr(GetParam().header), HasSubstr(GetParam().rule)));
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    OfEachKind, ForbiddenInclude,
+    testing::Values(Forbidden{"mofc_node/mofc_node.cpp", "physics_node/scene.h",
+                              "mofc_node may include common/core;mofc_node only"},
+                    Forbidden{"mofc_node/mofc_node.cpp", "device_node/simulated_device.h",
+                              "mofc_node may include common/core;mofc_node only"},
+                    Forbidden{"mofc_node/mofc_node.cpp", "palpate/v1/messages.pb.h",
+                              "mofc_node may include common/core;mofc_node only"},
+                    Forbidden{"mofc_node/mofc_node.cpp", "common/link/codec.h",
+                              "mofc_node may include common/core;mofc_node only"},
+                    Forbidden{"mofc_node/mofc_node.cpp", "mofc_node/../physics_node/scene.h",
+                              "mofc_node may include common/core;mofc_node only"},
+                    Forbidden{"mofc_node/controllers/vector_mofc.h", "common/core/messages.h",
+                              "mofc_node/controllers may include mofc_node/controllers only"},
+                    Forbidden{"physics_node/step.cpp", "mofc_node/mofc_node.h",
+                              "physics_node may include common/core;physics_node only"},
+                    Forbidden{"device_node/device_node.h", "physics_node/physics_node.h",
+                              "device_node may include common/core;device_node only"},
+                    Forbidden{"viewer_node/mirror.cpp", "device_node/device_node.h",
+                              "viewer_node may include common/core;viewer_node only"},
+                    Forbidden{"common/core/clock.cpp", "common/runtime/log.h",
+                              "common/core may include common/core only"},
+                    Forbidden{"common/core/clock.cpp", "palpate/v1/messages.pb.h",
+                              "common/core may include common/core only"},
+                    Forbidden{"common/link/codec.cpp", "common/runtime/log.h",
+                              "common/link may include common/core;common/link only"}));
+
+TEST(IncludeBoundaries, AreNotEvadedByAngleBrackets) {
+  for (const char* header : {"physics_node/scene.h", "palpate/v1/messages.pb.h", "zmq.hpp",
+                             "spdlog/spdlog.h", "google/protobuf/message.h"}) {
+    const CmakeResult result =
+        check_source("mofc_node/mofc_node.cpp", std::string("  #  include <") + header + ">\n");
+    EXPECT_EQ(result.status, 1) << header;
+    EXPECT_THAT(result.output, HasSubstr(header));
+  }
+}
+
+TEST(IncludeBoundaries, LetTheLinkAndTheRuntimeSeeTheWire) {
+  for (const char* file : {"common/link/codec.cpp", "common/runtime/session_file.cpp"}) {
+    const CmakeResult result = check_source(file,
+                                            "#include \"palpate/v1/messages.pb.h\"\n"
+                                            "#include <zmq.hpp>\n");
+    EXPECT_EQ(result.status, 0) << result.output;
+  }
+}
+
+TEST(IncludeBoundaries, LetTheProgramsConnectNodesToTheWorld) {
+  for (const char* file : {"mofc_node/main.cpp", "mofc_node/process.h", "mofc_node/process.cpp"}) {
+    const CmakeResult result = check_source(file, "#include \"common/link/device_links.h\"\n");
+    EXPECT_EQ(result.status, 0) << result.output;
+  }
+  // by their whole name only
+  EXPECT_EQ(check_source("mofc_node/preprocess.cpp", "#include \"common/link/codec.h\"\n").status,
+            1);
+}
+
+/// Configures a project that includes cmake/boundaries.cmake and then does `text`.
+CmakeResult configure(const std::string& text) {
+  const TemporaryTree tree;
+  tree.write("CMakeLists.txt",
+             "cmake_minimum_required(VERSION 3.25)\n"
+             "project(x LANGUAGES NONE)\n"
+             "include(" PALPATE_SOURCE_DIR
+             "/cmake/boundaries.cmake)\n"
+             "add_library(node INTERFACE)\n"
+             "add_library(middle INTERFACE)\n"
+             "add_library(sockets INTERFACE)\n"
+             "add_library(alias::middle ALIAS middle)\n"
+             "add_library(alias::sockets ALIAS sockets)\n" +
+                 text);
+  return run_cmake("-G '" PALPATE_GENERATOR "' -S '" + tree.root().string() + "' -B '" +
+                   (tree.root() / "build").string() + "'");
+}
+
+TEST(LinkBoundaries, LetOtherLinksPass) {
+  const CmakeResult result = configure(
+      "target_link_libraries(node INTERFACE alias::middle)\n"
+      "target_link_libraries(sockets INTERFACE node)\n"  // the other way round is no matter
+      "palpate_forbid_links(node sockets)\n");
+  EXPECT_EQ(result.status, 0) << result.output;
+}
+
+TEST(LinkBoundaries, RefuseAForbiddenLinkDirectOrNotByWhateverName) {
+  for (const char* links : {
+           "target_link_libraries(node INTERFACE sockets)\n",
+           "target_link_libraries(node INTERFACE alias::sockets)\n",
+           "target_link_libraries(node INTERFACE alias::middle)\n"
+           "target_link_libraries(middle INTERFACE sockets)\n",
+           // how a PRIVATE link of a static library is handed on
+           "target_link_libraries(node INTERFACE middle)\n"
+           "target_link_libraries(middle INTERFACE $<LINK_ONLY:alias::sockets>)\n",
+           // in a circle
+           "target_link_libraries(node INTERFACE middle)\n"
+           "target_link_libraries(middle INTERFACE node sockets)\n",
+       }) {
+    const CmakeResult result =
+        configure(std::string(links) + "palpate_forbid_links(node sockets)\n");
+    EXPECT_EQ(result.status, 1) << links;
+    EXPECT_THAT(result.output,
+                AllOf(HasSubstr("node links sockets"), HasSubstr("cmake/boundaries.cmake"),
+                      HasSubstr("common/core/messages.h")));
+  }
+}
+
+}  // namespace
+}  // namespace palpate

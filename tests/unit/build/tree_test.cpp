@@ -1,0 +1,123 @@
+// What holds for the text of the tree as a whole.
+#include <gtest/gtest.h>
+
+#include <cctype>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <regex>
+#include <set>
+#include <sstream>
+#include <string>
+#include <vector>
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string text_of(const fs::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+struct Field {
+  std::string type;
+  std::string name;
+};
+
+/// The fields of a .proto file, `type name = number;`. Enumerators have no type.
+std::vector<Field> fields_of(const std::string& proto) {
+  static const std::regex field(
+      R"(^\s*(?:optional\s+|repeated\s+)?([A-Za-z0-9_.]+)\s+(\w+)\s*=\s*\d+)");
+  std::vector<Field> fields;
+  std::istringstream lines(proto);
+  for (std::string line; std::getline(lines, line);) {
+    std::smatch match;
+    if (std::regex_search(line, match, field)) fields.push_back({match[1], match[2]});
+  }
+  return fields;
+}
+
+bool is_number(const std::string& type) {
+  static const std::set<std::string> numbers{"double", "float",  "int32",  "int64",
+                                             "uint32", "uint64", "sint32", "sint64"};
+  return numbers.contains(type);
+}
+
+bool ends_with_unit(const std::string& name) {
+  for (const char* unit :
+       {"_m", "_m_per_s", "_newton", "_newton_per_m", "_newton_s_per_m", "_newton_per_s", "_joule",
+        "_kg", "_rad", "_hz", "_s", "_ms", "_us", "_ns", "_ratio"}) {
+    if (name.ends_with(unit)) return true;
+  }
+  return false;
+}
+
+// Counts, numbers that name something, and directions have no unit.
+TEST(SessionFormat, EveryNumberSaysItsUnitInItsName) {
+  const std::set<std::string> without_unit{
+      "schema_version", "seed",   "priority", "cpu", "button", "clutch_button",
+      "burst_length",   "normal", "tangent",  "x",   "y",      "z",  // of a vector, which says it
+  };
+  const std::vector<Field> fields =
+      fields_of(text_of(PALPATE_SOURCE_DIR "/proto/palpate/v1/session.proto"));
+  std::size_t numbers = 0;
+  for (const Field& field : fields) {
+    if (!is_number(field.type) && field.type != "Vector3d") continue;
+    ++numbers;
+    EXPECT_TRUE(ends_with_unit(field.name) || without_unit.contains(field.name))
+        << field.type << " " << field.name;
+  }
+  EXPECT_GT(numbers, 70u);
+}
+
+TEST(SessionFormat, TheScanForUnitsFindsANumberWithout) {
+  const auto fields = fields_of("  optional double stiffness = 1;  // k\n  Hold hold = 2;\n");
+  ASSERT_EQ(fields.size(), 2u);
+  EXPECT_TRUE(is_number(fields[0].type) && !ends_with_unit(fields[0].name));
+  EXPECT_FALSE(is_number(fields[1].type));
+}
+
+/// The first absolute path of some machine's user or mount; empty if there is none.
+std::string machine_path_in(const std::string& text) {
+  for (const char* folder : {"home", "work", "root", "Users", "mnt", "media"}) {
+    const std::string path = std::string("/") + folder + "/";
+    for (std::size_t at = text.find(path); at != std::string::npos; at = text.find(path, at + 1)) {
+      // "net/work/", "~/work/" and "$X/work/" are relative to something
+      const char before = at > 0 ? text[at - 1] : ' ';
+      const bool is_relative = std::isalnum(static_cast<unsigned char>(before)) != 0 ||
+                               std::string("_.-~}/)*").find(before) != std::string::npos;
+      if (!is_relative) return text.substr(at, 60);
+    }
+  }
+  return {};
+}
+
+TEST(Tree, NamesNoPathOfAnyMachine) {
+  const std::set<std::string> own_of_tools{".git", ".cache", ".idea", ".vscode", "Testing"};
+  std::size_t files = 0;
+  auto entry = fs::recursive_directory_iterator(PALPATE_SOURCE_DIR);
+  for (; entry != fs::recursive_directory_iterator(); ++entry) {
+    const std::string name = entry->path().filename().string();
+    // what tools and builds leave beside the sources
+    if (entry.depth() == 0 && (name.starts_with("build") || own_of_tools.contains(name))) {
+      if (entry->is_directory()) entry.disable_recursion_pending();
+      continue;
+    }
+    if (!entry->is_regular_file() || entry->is_symlink()) continue;
+    ++files;
+    EXPECT_EQ(machine_path_in(text_of(entry->path())), "") << entry->path();
+  }
+  EXPECT_GT(files, 100u);
+}
+
+TEST(Tree, TheScanForPathsFindsOne) {
+  const std::string folder = "home";
+  EXPECT_NE(machine_path_in("see /" + folder + "/me/x.cpp"), "");
+  EXPECT_NE(machine_path_in("\"/" + folder + "/me\""), "");
+  EXPECT_EQ(machine_path_in("net/" + folder + "/me"), "");
+}
+
+}  // namespace
+}  // namespace palpate
