@@ -157,7 +157,7 @@ TEST_F(Processes, TheDefaultSessionIsFeltClampedAndSummedUp) {
   const json run = json::parse(content(file("run.json")));
   EXPECT_GT(run["in_contact_ticks"], 0);
   EXPECT_GT(run["clamped_ticks"], 0);
-  EXPECT_GT(run["answered_ratio"], 0.9);  // other work of the machine included
+  EXPECT_GT(run["answered_ratio"], 0.5);  // whatever else this machine is doing; figures: README
   EXPECT_GE(run["min_true_energy_j"], -1e-6);
   EXPECT_GT(run["max_force_n"], 0.1);
   for (const char* node : {"physics", "mofc", "device"}) EXPECT_EQ(run["restarts"][node], 0);
