@@ -10,8 +10,8 @@ int main(int argc, char** argv) {
        .description = "Shows a running session: a status line, and one CSV row per device tick.",
        .add_options =
            [&](CLI::App& app) {
-             app.add_option("--csv", options.csv_file,
-                            "write one row per device tick to this file");
+             app.add_option("--csv", options.csv_file, "write one row per device tick to this file")
+                 ->type_name("FILE");
              app.add_flag("--quiet", options.is_quiet, "no status line");
            }},
       [&](palpate::NodeContext& context) {

@@ -21,6 +21,9 @@ constexpr int kHandshakeMs = 2000;
 constexpr int kHeartbeatMs = 100;
 constexpr int kHeartbeatTimeoutMs = 300;
 constexpr int kTcpMaxRetransmitMs = 500;
+/// The kernel's own way to notice a host that is gone: after a second of silence, three probes.
+constexpr int kTcpKeepaliveSeconds = 1;
+constexpr int kTcpKeepaliveProbes = 3;
 
 /// Over inproc nothing may be lost: lockstep runs many messages between two looks at the queue.
 constexpr int kInprocQueue = 1000;
@@ -41,13 +44,12 @@ constexpr LinkSocket::Settings kOneWay{.type = zmq::socket_type::xpub,
                                        .heartbeats = true};
 constexpr int kEveryQueue = 64;
 
-/// Lingers, so that the last batch of a node leaves.
+/// Lingers, so that the last batch of a node leaves. No heartbeats: see incoming().
 constexpr LinkSocket::Settings kTelemetry{.type = zmq::socket_type::xpub,
                                           .send_queue = 8,
                                           .receive_queue = 8,
                                           .buffer_bytes = 64 << 10,
-                                          .linger_ms = 200,
-                                          .heartbeats = true};
+                                          .linger_ms = 200};
 
 LinkSocket::Settings with_type(LinkSocket::Settings settings, zmq::socket_type type) {
   settings.type = type;
@@ -57,7 +59,13 @@ LinkSocket::Settings with_type(LinkSocket::Settings settings, zmq::socket_type t
 LinkSocket::Settings incoming(Delivery delivery) {
   LinkSocket::Settings settings = with_type(kOneWay, zmq::socket_type::sub);
   settings.conflates = delivery == Delivery::kNewest;
-  if (delivery == Delivery::kEvery) settings.receive_queue = kEveryQueue;
+  if (delivery == Delivery::kEvery) {
+    settings.receive_queue = kEveryQueue;
+    // libzmq up to 4.3.5 aborts the process when heartbeats replace a connection whose receive
+    // queue was full, and the queue is then read (libzmq issue 3937): a receiver that may lag has
+    // none of its own
+    settings.heartbeats = false;
+  }
   return settings;
 }
 
@@ -168,6 +176,10 @@ LinkSocket::LinkSocket(ZmqContext& context, const Settings& settings,
   socket_.set(zmq::sockopt::handshake_ivl, kHandshakeMs);
   if (scheme == Scheme::kTcp) {
     socket_.set(zmq::sockopt::tcp_maxrt, kTcpMaxRetransmitMs);
+    socket_.set(zmq::sockopt::tcp_keepalive, 1);
+    socket_.set(zmq::sockopt::tcp_keepalive_idle, kTcpKeepaliveSeconds);
+    socket_.set(zmq::sockopt::tcp_keepalive_intvl, kTcpKeepaliveSeconds);
+    socket_.set(zmq::sockopt::tcp_keepalive_cnt, kTcpKeepaliveProbes);
     if (settings.buffer_bytes > 0) {
       socket_.set(zmq::sockopt::sndbuf, settings.buffer_bytes);
       socket_.set(zmq::sockopt::rcvbuf, settings.buffer_bytes);
@@ -176,7 +188,6 @@ LinkSocket::LinkSocket(ZmqContext& context, const Settings& settings,
   if (settings.heartbeats) {
     socket_.set(zmq::sockopt::heartbeat_ivl, kHeartbeatMs);
     socket_.set(zmq::sockopt::heartbeat_timeout, kHeartbeatTimeoutMs);
-    socket_.set(zmq::sockopt::heartbeat_ttl, kHeartbeatTimeoutMs);
   }
   if (settings.conflates && !is_inproc) socket_.set(zmq::sockopt::conflate, true);
   if (settings.type == zmq::socket_type::router) socket_.set(zmq::sockopt::router_mandatory, true);

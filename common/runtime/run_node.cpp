@@ -61,6 +61,18 @@ class StopSignals {
 
 const char* version() { return PALPATE_VERSION; }
 
+CLI::Validator is_time() {
+  constexpr double kLongestSeconds = 1e9;  // far below what nanoseconds in 64 bits can hold
+  return CLI::Validator(
+      [](const std::string& text) {
+        double seconds = 0.0;
+        const bool is_number = CLI::detail::lexical_cast(text, seconds);
+        if (is_number && seconds > 0.0 && seconds <= kLongestSeconds) return std::string();
+        return "\"" + text + "\": give a time in s, more than 0 and at most 1e9";
+      },
+      "", "time");
+}
+
 std::uint64_t random_session_id() {
   std::random_device device;
   std::uniform_int_distribution<std::uint64_t> any(1);
@@ -75,12 +87,19 @@ int run_node(int argc, char** argv, const NodeInfo& info,
   std::vector<std::string> overrides;
   std::optional<double> seconds;
   bool no_realtime = false;
-  app.add_option("--session", session_file, "The deployment to take part in (*.txtpb)")->required();
-  app.add_option("--set", overrides, "path=value: overrides a field of the session; repeatable")
+  app.add_option("--session", session_file, "session file (*.txtpb), the same for every node")
+      ->required()
+      ->type_name("FILE");
+  app.add_option("--set", overrides,
+                 "override a field of the session, e.g. mofc.controller=none; repeatable")
+      ->type_name("PATH=VALUE")
       ->allow_extra_args(false);
-  app.add_option("--seconds", seconds, "Stop after this time")->check(CLI::PositiveNumber);
-  app.add_flag("--no-realtime", no_realtime, "Ordinary scheduling, whatever the session says");
+  app.add_option("--seconds", seconds, "stop after this time in s (default: run on)")
+      ->type_name("S")
+      ->check(is_time());
+  app.add_flag("--no-realtime", no_realtime, "ordinary scheduling, whatever the session says");
   app.set_version_flag("--version", program + " " + version());
+  app.footer("`palpate launch SESSION` starts all nodes of a session and keeps them running.");
   if (info.add_options) info.add_options(app);
   try {
     app.parse(argc, argv);

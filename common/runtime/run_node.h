@@ -36,6 +36,9 @@ struct NodeContext {
 /// Version of the project, "MAJOR.MINOR.PATCH".
 [[nodiscard]] const char* version();
 
+/// For --seconds: a finite number above 0.
+[[nodiscard]] CLI::Validator is_time();
+
 /// Random, never 0.
 [[nodiscard]] std::uint64_t random_session_id();
 

@@ -4,13 +4,13 @@
 
 #include <cmath>
 #include <cstdio>
-#include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
 
 #include "common/core/check.h"
 #include "common/core/metrics.h"
 #include "common/runtime/session_file.h"
+#include "deploy/palpate/json_output.h"
 #include "deploy/palpate/launch.h"
 #include "deploy/palpate/summary.h"
 #include "viewer_node/csv_writer.h"
@@ -25,6 +25,16 @@ struct Observed {
   viewer::TelemetryMirror mirror;
   DurationHistogram reply_time;
   DurationHistogram lateness;
+  // a node's counters begin anew when it is started again, these do not
+  double minimum_true_energy_joule = kNaN;
+  double max_force_newton = 0.0;
+
+  void note_extremes() {
+    const DeviceCounters& device = mirror.device_counters();
+    minimum_true_energy_joule =
+        std::fmin(minimum_true_energy_joule, device.minimum_true_energy_joule);
+    max_force_newton = std::fmax(max_force_newton, device.max_force_newton);
+  }
 };
 
 double mean_transparency(const MofcCounters& mofc) {
@@ -58,8 +68,8 @@ nlohmann::ordered_json launch_json(const Session& session, const Observed& obser
   json["skipped_ticks"] = device.loop.skipped_ticks;
   json["in_contact_ticks"] = mofc.contact_ticks;
   json["transparency"] = {{"vector", number_or_null(mean_transparency(mofc))}};
-  json["min_true_energy_j"] = number_or_null(device.minimum_true_energy_joule);
-  json["max_force_n"] = device.max_force_newton;
+  json["min_true_energy_j"] = number_or_null(observed.minimum_true_energy_joule);
+  json["max_force_n"] = observed.max_force_newton;
   json["clamped_ticks"] = mofc.clamped_ticks;
   json["clamp_ratio"] = number_or_null(ratio(mofc.clamped_ticks, mofc.contact_ticks));
   json["answered_ratio"] = number_or_null(answered_ratio(device));
@@ -84,9 +94,20 @@ std::string launch_text(const Session& session, const Observed& observed,
   };
   text += fmt::format("{}: {}, {:.1f} s in real time\n", session.name,
                       controller_text(session.mofc), result.wall.count());
+  line("in contact", fmt::format("{} of {} ticks", mofc.contact_ticks, mofc.ticks));
+  if (session.mofc.controller != ControllerKind::kNone) {
+    line("clamped by MOFC", fmt::format("{} ticks", mofc.clamped_ticks));
+  }
+  line("transparency", figure(mean_transparency(mofc), "{:.3f}") + " (force acting / asked)");
+  line("largest force", fmt::format("{:.3f} N", observed.max_force_newton));
+  if (!std::isnan(observed.minimum_true_energy_joule)) {
+    line("least true energy", fmt::format("{:.3f} µJ (the hand gave it; 0 or more is passive)",
+                                          1e6 * observed.minimum_true_energy_joule));
+  }
   line("answered in time",
-       fmt::format("{:.3f} % of {} scheduled ticks ({} skipped)", 100.0 * answered_ratio(device),
-                   device.loop.ticks + device.loop.skipped_ticks, device.loop.skipped_ticks));
+       figure(100.0 * answered_ratio(device), "{:.3f} %") +
+           fmt::format(" of {} scheduled ticks ({} skipped)",
+                       device.loop.ticks + device.loop.skipped_ticks, device.loop.skipped_ticks));
   line("reply", fmt::format("p50 {:.0f} µs, p99 {:.0f} µs, p99.9 {:.0f} µs",
                             micro(observed.reply_time.quantile(0.5)),
                             micro(observed.reply_time.quantile(0.99)),
@@ -95,37 +116,22 @@ std::string launch_text(const Session& session, const Observed& observed,
        fmt::format("p50 {:.0f} µs, p99 {:.0f} µs, p99.9 {:.0f} µs",
                    micro(observed.lateness.quantile(0.5)), micro(observed.lateness.quantile(0.99)),
                    micro(observed.lateness.quantile(0.999))));
-  line("contact", fmt::format("{} of {} ticks", mofc.contact_ticks, mofc.ticks));
-  line("MOFC acted", fmt::format("{} ticks clamped, transparency {:.3f}", mofc.clamped_ticks,
-                                 mean_transparency(mofc)));
-  line("largest force", fmt::format("{:.3f} N", device.max_force_newton));
-  if (!std::isnan(device.minimum_true_energy_joule)) {
-    line("least true energy", fmt::format("{:.3f} µJ", 1e6 * device.minimum_true_energy_joule));
-  }
   line("without an answer",
        fmt::format("{} ticks on the lease, {} in fallback, {} limp", device.leased_ticks,
                    device.fallback_ticks, device.limp_ticks));
   for (const auto& node : result.restarts) {
-    if (node.count > 0) line("restarted", fmt::format("{} {} times", node.name, node.count));
+    if (node.count == 0) continue;
+    line("restarted", fmt::format("{}, {} times; its counts are those since the last start",
+                                  node.name, node.count));
   }
   return text;
 }
 
 }  // namespace
 
-void write_json(const std::string& file, const std::string& text) {
-  if (file == "-") {
-    std::fputs(text.c_str(), stdout);
-    return;
-  }
-  std::ofstream out(file);
-  out << text;
-  out.close();
-  if (!out) throw SetupError(file + ": cannot be written; choose another place for --json");
-}
-
 int LaunchCommand::run() const {
   const Session session = load_session(session_file, overrides);
+  const JsonOutput json(json_file);
   std::unique_ptr<viewer::CsvWriter> csv;
   if (!csv_file.empty()) csv = std::make_unique<viewer::CsvWriter>(csv_file);
 
@@ -143,15 +149,18 @@ int LaunchCommand::run() const {
                                       .overrides = overrides,
                                       .seconds = seconds,
                                       .is_realtime = is_realtime,
-                                      .has_viewer = has_viewer && json_file != "-",
-                                      .on_poll = [&] { feed.pump(observed.mirror, clock.now()); }});
+                                      .has_viewer = has_viewer && !json.is_standard_output(),
+                                      .on_poll = [&] {
+                                        feed.pump(observed.mirror, clock.now());
+                                        observed.note_extremes();
+                                      }});
   observed.mirror.flush_rows();
   if (result.exit_status() != 0) return result.exit_status();
 
-  if (json_file != "-") std::fputs(launch_text(session, observed, result).c_str(), stdout);
-  if (!json_file.empty()) {
-    write_json(json_file, launch_json(session, observed, result).dump(2) + "\n");
+  if (!json.is_standard_output()) {
+    std::fputs(launch_text(session, observed, result).c_str(), stdout);
   }
+  json.write(launch_json(session, observed, result));
   if (csv) {
     csv->close();
     if (const auto error = csv->take_error()) throw std::runtime_error(*error);

@@ -21,7 +21,4 @@ struct LaunchCommand {
   [[nodiscard]] int run() const;
 };
 
-/// Writes JSON to a file, "-" for standard output. Throws SetupError if it cannot.
-void write_json(const std::string& file, const std::string& text);
-
 }  // namespace palpate

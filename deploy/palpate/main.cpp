@@ -9,6 +9,7 @@
 #include "common/core/check.h"
 #include "common/runtime/run_node.h"
 #include "common/runtime/session_file.h"
+#include "deploy/palpate/json_output.h"
 #include "deploy/palpate/launch_command.h"
 #include "deploy/palpate/loopback.h"
 #include "deploy/palpate/summary.h"
@@ -17,10 +18,22 @@ namespace {
 
 using namespace palpate;
 
+void add_time_option(CLI::App& app, std::optional<double>& seconds, const std::string& help) {
+  app.add_option("--seconds", seconds, help)->type_name("S")->check(is_time());
+}
+
+void add_output_options(CLI::App& app, std::string& csv_file, std::string& json_file) {
+  app.add_option("--csv", csv_file, "write one row per device tick to this file")
+      ->type_name("FILE");
+  app.add_option("--json", json_file, "write the summary to this file; - for standard output")
+      ->type_name("FILE");
+}
+
 /// What every subcommand takes.
 void add_session_options(CLI::App& app, std::string& file, std::vector<std::string>& overrides) {
-  app.add_option("SESSION", file, "session file (*.txtpb)")->required();
-  app.add_option("--set", overrides, "override a field: path=value, e.g. mofc.controller=none")
+  app.add_option("SESSION", file, "session file (*.txtpb)")->required()->type_name("");
+  app.add_option("--set", overrides,
+                 "override a field of the session, e.g. mofc.controller=none; repeatable")
       ->type_name("PATH=VALUE")
       ->allow_extra_args(false);
 }
@@ -50,10 +63,8 @@ struct LoopbackArguments {
 
   void add_to(CLI::App& app) {
     session.add_to(app);
-    app.add_option("--seconds", seconds, "simulated time (default: the session's duration_s)")
-        ->check(CLI::Range(1e-3, 1e6));
-    app.add_option("--csv", csv, "write one row per device tick to this file");
-    app.add_option("--json", json, "write the summary to this file; - for standard output");
+    add_time_option(app, seconds, "simulated time in s (default: the session's duration_s)");
+    add_output_options(app, csv, json);
     app.add_flag("--no-ideal", has_no_ideal,
                  "skip the ideal force and the ideal run, and the figures that need them");
     app.add_flag("--inproc", is_inproc, "carry the messages over ZeroMQ inproc instead of memory");
@@ -61,25 +72,29 @@ struct LoopbackArguments {
 
   void run() const {
     const Session loaded = session.load();
+    const JsonOutput json_output(json);
     const RunReport report = run_loopback(
         loaded, {.seconds = seconds,
                  .csv_file = csv,
                  .lockstep = {.links = is_inproc ? LockstepLinks::kInproc : LockstepLinks::kMemory,
                               .has_ideal = !has_no_ideal}});
-    if (json != "-") std::fputs(summary_text(loaded, report).c_str(), stdout);
-    if (!json.empty()) write_json(json, summary_json(loaded, report).dump(2) + "\n");
+    if (!json_output.is_standard_output()) {
+      std::fputs(summary_text(loaded, report).c_str(), stdout);
+    }
+    json_output.write(summary_json(loaded, report));
   }
 };
 
 void add_launch_options(CLI::App& app, LaunchCommand& launch) {
   add_session_options(app, launch.session_file, launch.overrides);
-  app.add_option("--seconds", launch.seconds, "stop after this time (default: run on)")
-      ->check(CLI::PositiveNumber);
-  app.add_option("--csv", launch.csv_file, "write one row per device tick to this file");
-  app.add_option("--json", launch.json_file,
-                 "write the summary to this file; - for standard output");
-  app.add_flag("!--no-realtime", launch.is_realtime, "ordinary scheduling for every node");
-  app.add_flag("!--no-viewer", launch.has_viewer, "do not start viewer_node");
+  add_time_option(app, launch.seconds, "stop after this time in s (default: run until Ctrl-C)");
+  add_output_options(app, launch.csv_file, launch.json_file);
+  app.add_flag_callback(
+      "--no-realtime", [&] { launch.is_realtime = false; },
+      "ordinary scheduling, whatever the session says");
+  app.add_flag_callback(
+      "--no-viewer", [&] { launch.has_viewer = false; },
+      "no status line: do not start viewer_node");
 }
 
 }  // namespace
@@ -88,22 +103,26 @@ int main(int argc, char** argv) {
   CLI::App app("Runs and checks Palpate deployments.", "palpate");
   app.set_version_flag("--version", std::string("palpate ") + version());
   app.require_subcommand(1);
+  app.footer(
+      "Try:  palpate launch deploy/sessions/default.txtpb --seconds 10\n"
+      "Each command has its own --help.");
 
   LaunchCommand launch;
   CLI::App& launch_command = *app.add_subcommand(
-      "launch", "run a session in real time: start its nodes, watch them, sum up");
+      "launch", "run a session in real time: start its nodes, keep them running, sum up");
   add_launch_options(launch_command, launch);
 
   LoopbackArguments loopback;
-  CLI::App& loopback_command =
-      *app.add_subcommand("loopback", "run a session in lockstep, in one process on virtual time");
+  CLI::App& loopback_command = *app.add_subcommand(
+      "loopback",
+      "run a session in one process on virtual time: repeatable, faster than real time");
   loopback.add_to(loopback_command);
 
   SessionArguments scene;
-  CLI::App& scene_command = *app.add_subcommand("scene", "look at a session's scene");
+  CLI::App& scene_command = *app.add_subcommand("scene", "check a session without running it");
   scene_command.require_subcommand(1);
-  CLI::App& check_command =
-      *scene_command.add_subcommand("check", "parse and validate; exit status 0 or 2");
+  CLI::App& check_command = *scene_command.add_subcommand(
+      "check", "tell what is wrong with a session, or that nothing is (exit status 2, 0)");
   scene.add_to(check_command);
 
   try {

@@ -137,13 +137,9 @@ nlohmann::ordered_json summary_json(const Session& session, const RunReport& rep
   return json;
 }
 
-namespace {
-
 std::string figure(double value, const char* format) {
   return std::isfinite(value) ? fmt::format(fmt::runtime(format), value) : std::string("–");
 }
-
-}  // namespace
 
 std::string summary_text(const Session& session, const RunReport& report) {
   const RunStatistics& s = report.statistics;

@@ -76,6 +76,8 @@ struct RunReport {
 
 /// "none", "mofc paper", "mofc vector", "mofc guard".
 [[nodiscard]] std::string controller_text(const MofcConfig& config);
+/// A number in an fmt format, such as "{:.3f} N"; – where it is not finite.
+[[nodiscard]] std::string figure(double value, const char* format);
 /// null for NaN and infinity, which JSON does not have.
 [[nodiscard]] nlohmann::ordered_json number_or_null(double value);
 

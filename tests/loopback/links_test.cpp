@@ -712,6 +712,73 @@ TEST_P(EverySocket, ASenderThatConnectsNoticesThatItsReceiverIsGone) {
   EXPECT_TRUE(eventually([&] { return !sender.has_subscriber(); }));
 }
 
+// A receiver that stalls with full queues for longer than any time-out of a connection: a suspended
+// terminal, a slow disk. The sender is silent at the end of the stall, so that a connection made
+// anew would find the queue full and itself not yet held up by that.
+constexpr int kMoreThanFits = 200;
+constexpr Duration kStall = 700ms;
+
+TEST_P(EverySocket, AViewerThatStallsGoesOnAfterwards) {
+  ZmqSender<DeviceBatch> node(context_, bind_to(fresh_endpoint(GetParam()), "device"));
+  TelemetrySubscriber viewer(context_, clock_, {connect_to(node.endpoint(), "device")});
+  DeviceBatch batch;
+  const auto publish = [&] {
+    ++batch.header.sequence;
+    static_cast<void>(node.send(batch));
+  };
+  batch.header.session_id = 1;
+  TelemetryMessage message;
+  TimePoint received_at;
+  ASSERT_TRUE(eventually([&] {
+    publish();
+    return viewer.receive(message, received_at);
+  }));
+
+  for (int i = 0; i < kMoreThanFits; ++i) {
+    publish();
+    clock_.sleep_until(clock_.now() + 200us);
+  }
+  clock_.sleep_until(clock_.now() + kStall);
+  const std::uint64_t sent = batch.header.sequence;
+  while (viewer.receive(message, received_at)) {
+  }
+
+  EXPECT_TRUE(eventually([&] {
+    publish();
+    return viewer.receive(message, received_at) &&
+           std::get<DeviceBatch>(message).header.sequence > sent;
+  }));
+}
+
+TEST_P(EverySocket, AReceiverOfEveryMessageThatStallsGoesOnAfterwards) {
+  ZmqSender<Interaction> sender(context_, bind_to(fresh_endpoint(GetParam()), "interaction"));
+  ZmqSource<Interaction> source(context_, clock_, connect_to(sender.endpoint(), "interaction"),
+                                Delivery::kEvery);
+  ASSERT_TRUE(meet(sender, source));
+  auto interaction = random_message<Interaction>(random_);
+  interaction.header.sequence = 0;
+  const auto send = [&] {
+    ++interaction.header.sequence;
+    static_cast<void>(sender.send(interaction));
+  };
+
+  for (int i = 0; i < kMoreThanFits; ++i) {
+    send();
+    clock_.sleep_until(clock_.now() + 200us);
+  }
+  clock_.sleep_until(clock_.now() + kStall);
+  const std::uint64_t sent = interaction.header.sequence;
+  Interaction message;
+  TimePoint received_at;
+  while (source.receive(message, received_at)) {
+  }
+
+  EXPECT_TRUE(eventually([&] {
+    send();
+    return source.receive(message, received_at) && message.header.sequence > sent;
+  }));
+}
+
 TEST_P(EverySocket, TheLastTelemetryBatchLeavesBeforeTheNodeEnds) {
   auto device = std::make_unique<ZmqSender<DeviceBatch>>(
       context_, bind_to(fresh_endpoint(GetParam()), "device"));

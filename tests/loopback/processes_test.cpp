@@ -1,0 +1,650 @@
+// The real programs, as a user starts them: a touch over four processes, nodes that are killed,
+// viewers that come and go, sessions and flags that are wrong.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <csignal>
+#include <cstdlib>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "common/runtime/session_file.h"
+#include "tests/support/port.h"
+#include "tests/support/program.h"
+#include "tests/support/temp_folder.h"
+#include "tests/support/watcher.h"
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+using namespace std::chrono_literals;
+using nlohmann::json;
+using test::HeldPort;
+using test::Outcome;
+using test::Program;
+using test::run_program;
+using test::TempFolder;
+using test::Watcher;
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::Not;
+
+using Arguments = std::vector<std::string>;
+
+/// A hand whose spring pulls it 5 mm into tissue as stiff as the spring; nothing bounds the force.
+constexpr const char* kPressing = R"(
+name: "press"
+realtime { priority: 0 cpu: -1 }
+device { simulated { position_resolution_m: 0 } profile { position_resolution_m: 0 } }
+hand { stiffness_newton_per_m: 400 hold { position_m { z: -0.005 } } }
+mofc { controller: none }
+scene { tissue { half_space {} kelvin_voigt { stiffness_newton_per_m: 400 } } }
+viewer { status_interval_ms: 50 }
+)";
+// Both give way by half: 2.5 mm · 400 N/m. Stiction of 0.1 N may hold the hand before or beyond
+// that; the tissue takes half of it.
+constexpr double kForceNewton = 1.0;
+constexpr double kStictionNewton = 0.05;
+
+constexpr const char* kDefault = PALPATE_SOURCE_DIR "/deploy/sessions/default.txtpb";
+
+std::string content(const fs::path& file) {
+  std::ostringstream text;
+  text << std::ifstream(file).rdbuf();
+  return text.str();
+}
+
+std::vector<std::string> lines_of(const std::string& text) {
+  std::vector<std::string> lines;
+  std::istringstream in(text);
+  for (std::string line; std::getline(in, line);) lines.push_back(line);
+  return lines;
+}
+
+/// Numbers of one column of a table that --csv wrote; the row under the writer's hand is left out.
+std::vector<double> column(const std::string& csv, const std::string& name) {
+  const auto cells = [](const std::string& line) {
+    std::vector<std::string> texts;
+    std::istringstream in(line);
+    for (std::string text; std::getline(in, text, ',');) texts.push_back(text);
+    return texts;
+  };
+  const std::vector<std::string> lines = lines_of(csv.substr(0, csv.rfind('\n') + 1));
+  if (lines.empty()) return {};
+  const std::vector<std::string> names = cells(lines.front());
+  const auto at =
+      static_cast<std::size_t>(std::find(names.begin(), names.end(), name) - names.begin());
+  std::vector<double> values;
+  for (std::size_t i = 1; i < lines.size(); ++i)
+    values.push_back(std::stod(cells(lines[i]).at(at)));
+  return values;
+}
+
+double median(std::vector<double> values) {
+  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2),
+                   values.end());
+  return values.at(values.size() / 2);
+}
+
+class Processes : public testing::Test {
+ protected:
+  Processes() {
+    test::adopt_orphans();
+    setenv("PALPATE_RUN_DIR", run_folder_.path().c_str(), 1);
+    press_ = files_.write("press.txtpb", kPressing);
+  }
+
+  std::string file(const std::string& name) const { return (files_.path() / name).string(); }
+
+  /// To be called when the programs of the test have ended.
+  void expect_nothing_left() const {
+    EXPECT_TRUE(test::all_children_end(5s)) << "a process is left";
+    std::vector<fs::path> left;
+    for (const fs::directory_entry& entry : fs::recursive_directory_iterator(run_folder_.path())) {
+      if (!entry.is_directory()) left.push_back(entry.path());  // by hand, its folder stays
+    }
+    EXPECT_THAT(left, testing::IsEmpty());
+  }
+  void expect_nothing_left_of_a_launch() const {
+    expect_nothing_left();
+    EXPECT_TRUE(fs::is_empty(run_folder_.path())) << "the session's folder is left";
+  }
+
+  /// The process of a node that palpate launch started, the `count`-th time.
+  static pid_t node_of(Program& launch, const std::string& node, int count = 1) {
+    const std::string pid = launch.await_err("event=node_started node=" + node + " pid=", count);
+    return pid.empty() ? 0 : std::stoi(pid);
+  }
+  static void kill_node(Program& launch, const std::string& node) {
+    const pid_t pid = node_of(launch, node);
+    ASSERT_GT(pid, 1);
+    kill(pid, SIGKILL);
+  }
+
+  static bool presses(const Watcher& watcher) {
+    if (watcher.rows().empty() || !watcher.rows().back().mofc) return false;
+    const viewer::TickRow& row = watcher.rows().back();
+    return row.mofc->state == MofcState::kContact &&
+           std::abs(row.device.force_on_hand_newton.z() - kForceNewton) < kStictionNewton;
+  }
+
+  TempFolder run_folder_;
+  TempFolder files_;
+  std::string press_;
+};
+
+// --- one touch ------------------------------------------------------------------------------
+
+TEST_F(Processes, TheDefaultSessionIsFeltClampedAndSummedUp) {
+  const Outcome launch = run_program(
+      "palpate", {"launch", kDefault, "--seconds", "3", "--json", file("run.json"), "--no-viewer"});
+
+  EXPECT_EQ(launch.status, 0) << launch.err;
+  const json run = json::parse(content(file("run.json")));
+  EXPECT_GT(run["in_contact_ticks"], 0);
+  EXPECT_GT(run["clamped_ticks"], 0);
+  EXPECT_GT(run["answered_ratio"], 0.9);  // other work of the machine included
+  EXPECT_GE(run["min_true_energy_j"], -1e-6);
+  EXPECT_GT(run["max_force_n"], 0.1);
+  for (const char* node : {"physics", "mofc", "device"}) EXPECT_EQ(run["restarts"][node], 0);
+  EXPECT_THAT(launch.out, AllOf(HasSubstr("answered in time"), HasSubstr("clamped")));
+  EXPECT_THAT(launch.err, Not(HasSubstr("rejected")));
+  expect_nothing_left_of_a_launch();
+}
+
+TEST_F(Processes, LaunchWritesOneRowPerDeviceTick) {
+  const Outcome launch =
+      run_program("palpate", {"launch", press_, "--seconds", "1.5", "--json", file("run.json"),
+                              "--csv", file("run.csv"), "--no-viewer"});
+  ASSERT_EQ(launch.status, 0) << launch.err;
+
+  const std::vector<double> t_s = column(content(file("run.csv")), "t_s");
+
+  EXPECT_TRUE(std::is_sorted(t_s.begin(), t_s.end()));
+  const json run = json::parse(content(file("run.json")));
+  EXPECT_LE(t_s.size(), run["ticks"].get<std::size_t>());
+  EXPECT_GE(t_s.size(), run["ticks"].get<std::size_t>() / 2);  // a subscriber misses the begin
+}
+
+// Two springs in series, hand 400 N/m and tissue k: 5 mm · 400·k / (400 + k). 800 N/m gives
+// 1.333 N, and the stiction's 0.1 N moves that by 0.1 N · 800 / 1200 at most.
+TEST_F(Processes, TheStiffnessInPhysicsNodesSessionAloneChangesTheForceTheHandFeels) {
+  const auto felt_newton = [&](const Arguments& physics_settings) {
+    const std::string csv = file("felt.csv");
+    Arguments physics_arguments{"--session", press_};
+    physics_arguments.insert(physics_arguments.end(), physics_settings.begin(),
+                             physics_settings.end());
+    Program physics("physics_node", physics_arguments);
+    Program mofc("mofc_node", {"--session", press_});
+    Program device("device_node", {"--session", press_});
+    Program viewer("viewer_node", {"--session", press_, "--csv", csv, "--quiet"});
+
+    // at rest: the hand has swung in after 1 s (2 m / b = 0.1 s)
+    const Session session = load_session(press_);
+    ProcessLinks links({.priority = 0, .cpu = -1});
+    Watcher watcher(session, links);
+    EXPECT_TRUE(watcher.until([&] {
+      return !watcher.rows().empty() && watcher.rows().back().mofc &&
+             watcher.rows().back().mofc->is_in_contact;
+    }));
+    EXPECT_TRUE(watcher.until_rows(1500));
+
+    for (Program* node : {&viewer, &device, &mofc, &physics}) {
+      node->send_signal(SIGTERM);
+      EXPECT_EQ(node->wait(), 0) << node->err();
+    }
+    const std::vector<double> fs_z = column(content(csv), "fs_z");
+    EXPECT_GE(fs_z.size(), 1000u);
+    return median({fs_z.end() - std::min<std::ptrdiff_t>(500, std::ssize(fs_z)), fs_z.end()});
+  };
+
+  EXPECT_NEAR(felt_newton({}), kForceNewton, kStictionNewton + 0.01);
+  EXPECT_NEAR(felt_newton({"--set", "scene.tissue[0].kelvin_voigt.stiffness_newton_per_m=800"}),
+              4.0 / 3.0, 0.1 * 800.0 / 1200.0 + 0.01);
+  expect_nothing_left();
+}
+
+// --- nodes that die -------------------------------------------------------------------------
+
+class KilledNode : public Processes {
+ protected:
+  KilledNode()
+      : links_({.priority = 0, .cpu = -1}),
+        watcher_(load_session(press_), links_),
+        launch_("palpate", {"launch", press_, "--no-viewer", "--json", file("run.json")}) {}
+
+  void SetUp() override {
+    ASSERT_TRUE(watcher_.until([&] { return presses(watcher_); }));
+  }
+
+  /// Ends the launch.
+  json summary() {
+    launch_.send_signal(SIGTERM);
+    EXPECT_EQ(launch_.wait(), 0) << launch_.err();
+    expect_nothing_left_of_a_launch();
+    return json::parse(content(file("run.json")));
+  }
+
+  ProcessLinks links_;
+  Watcher watcher_;
+  Program launch_;
+};
+
+TEST_F(KilledNode, PhysicsIsReportedAndStartedAgainAndTheTissueIsFeltAgain) {
+  kill_node(launch_, "physics");
+
+  launch_.await_err("event=node_died node=physics how=\"killed by signal 9 (Killed)\"");
+  EXPECT_GT(node_of(launch_, "physics", 2), 1);
+  EXPECT_TRUE(watcher_.until([&] { return watcher_.mirror().physics_link().sessions == 2; }));
+  const std::uint64_t steps = watcher_.mirror().physics_counters().contact_steps;
+  EXPECT_TRUE(watcher_.until([&] {
+    return watcher_.mirror().physics_counters().contact_steps > steps + 200 && presses(watcher_);
+  }));
+  const json run = summary();
+  EXPECT_EQ(run["restarts"], json({{"physics", 1}, {"mofc", 0}, {"device", 0}}));
+}
+
+TEST_F(KilledNode, TheDeviceComesBackLimp) {
+  const std::uint64_t first_session = watcher_.rows().back().device_session_id;
+  kill_node(launch_, "device");
+
+  launch_.await_err("event=node_died node=device");
+  ASSERT_TRUE(watcher_.until([&] {
+    return watcher_.rows().back().device_session_id != first_session && presses(watcher_);
+  }));
+
+  const auto begin =
+      std::find_if(watcher_.rows().begin(), watcher_.rows().end(),
+                   [&](const auto& row) { return row.device_session_id != first_session; });
+  EXPECT_LT(begin->device.sequence, 300u) << "the begin, where it is limp, was not seen";
+  // the press session's own ramp: nothing at first, at most the share of the ramp that is over
+  const double ramp_s = to_seconds(load_session(press_).device.start_ramp);
+  ASSERT_GT(ramp_s, 0.0);
+  const double peak_newton = 3.3;
+  int in_ramp = 0;
+  std::optional<TimePoint> answered_at;
+  for (auto row = begin; row != watcher_.rows().end(); ++row) {
+    if (!row->device.is_answered && !answered_at) {
+      EXPECT_EQ(row->device.force_on_hand_newton, Vector3::Zero().eval());
+      continue;
+    }
+    if (!answered_at) answered_at = row->device.sampled_at;
+    const double share = to_seconds(row->device.switched_at - *answered_at) / ramp_s;
+    if (share >= 1.0) break;
+    EXPECT_LE(row->device.force_on_hand_newton.norm(), peak_newton * share + 1e-9);
+    ++in_ramp;
+  }
+  EXPECT_GT(in_ramp, 0);
+  EXPECT_EQ(summary()["restarts"], json({{"physics", 0}, {"mofc", 0}, {"device", 1}}));
+}
+
+TEST_F(KilledNode, WithoutMofcTheDeviceFallsBackAndThenRecovers) {
+  const DeviceCounters before = watcher_.mirror().device_counters();
+  kill_node(launch_, "mofc");
+
+  launch_.await_err("event=node_died node=mofc");
+  EXPECT_TRUE(watcher_.until(
+      [&] { return watcher_.mirror().mofc_link().sessions == 2 && presses(watcher_); }));
+  const DeviceCounters& after = watcher_.mirror().device_counters();
+  EXPECT_GT(after.fallback_ticks, before.fallback_ticks);
+  EXPECT_GT(after.limp_ticks, before.limp_ticks);
+  const double coulomb_newton = load_session(press_).device.profile.coulomb_newton;
+  for (const viewer::TickRow& row : watcher_.rows()) {
+    const double force_newton = row.device.force_on_hand_newton.norm();
+    if (row.device.guard == GuardState::kLimp) {
+      EXPECT_EQ(force_newton, 0.0);
+    } else if (row.device.guard == GuardState::kFallback) {
+      EXPECT_LE(force_newton, coulomb_newton + 1e-9);
+    }
+  }
+  launch_.await_err("event=fallback_began");
+  EXPECT_EQ(summary()["restarts"], json({{"physics", 0}, {"mofc", 1}, {"device", 0}}));
+}
+
+// --- the end --------------------------------------------------------------------------------
+
+TEST_F(Processes, CtrlCStopsAllInOrderAndTheSummaryIsPrinted) {
+  Program launch("palpate", {"launch", kDefault});
+  for (const char* peer : {"force_command", "device_state", "interaction", "tool_motion"}) {
+    launch.await_err(std::string("event=peer_up link=") + peer);
+  }
+
+  launch.send_signal(SIGINT);
+
+  EXPECT_EQ(launch.wait(), 0) << launch.err();
+  const std::string log = launch.err();
+  std::vector<std::size_t> ends;
+  for (const char* node : {"device", "mofc", "physics", "viewer"}) {
+    ends.push_back(
+        log.find(std::string("event=node_stopped node=") + node + " how=\"exit status 0\""));
+    EXPECT_NE(ends.back(), std::string::npos) << log;
+  }
+  EXPECT_TRUE(std::is_sorted(ends.begin(), ends.end())) << log;
+  EXPECT_THAT(launch.out(), HasSubstr("answered in time"));
+  expect_nothing_left_of_a_launch();
+}
+
+TEST_F(Processes, AKilledLaunchLeavesNoOrphan) {
+  Program launch("palpate", {"launch", kDefault});
+  launch.await_err("event=peer_up link=interaction");
+
+  launch.send_signal(SIGKILL);
+
+  EXPECT_EQ(launch.wait(), 128 + SIGKILL);
+  EXPECT_TRUE(test::all_children_end(5s)) << "a node is left";
+}
+
+TEST_F(Processes, ALaunchAfterAKilledOneStartsAsUsual) {
+  {
+    Program launch("palpate", {"launch", kDefault, "--no-viewer"});
+    launch.await_err("event=peer_up link=interaction");
+    launch.send_signal(SIGKILL);
+    launch.wait();
+    ASSERT_TRUE(test::all_children_end(5s));
+  }
+
+  const Outcome again =
+      run_program("palpate", {"launch", kDefault, "--no-viewer", "--seconds", "0.5"});
+
+  EXPECT_EQ(again.status, 0) << again.err;
+  expect_nothing_left_of_a_launch();
+}
+
+TEST_F(Processes, ANormalRunHasNothingToWarnOf) {
+  const Outcome launch =
+      run_program("palpate", {"launch", press_, "--seconds", "1", "--no-viewer"});
+
+  ASSERT_EQ(launch.status, 0) << launch.err;
+  for (const std::string& line : lines_of(launch.err)) {
+    // ticks that a busy machine really took away, and what follows from it, are true
+    const bool is_load = line.find("event=ticks_skipped") != std::string::npos ||
+                         line.find("event=fallback_") != std::string::npos ||
+                         line.find("event=interaction_stale_") != std::string::npos ||
+                         line.find("event=motions_dropped") != std::string::npos;
+    EXPECT_TRUE(is_load || line.find(" info ") != std::string::npos) << line;
+  }
+}
+
+// --- viewers --------------------------------------------------------------------------------
+
+TEST_F(Processes, ViewersComeLateLeaveEarlyAndDisturbNobody) {
+  Program launch("palpate", {"launch", press_, "--no-viewer", "--json", file("run.json")});
+  ProcessLinks links({.priority = 0, .cpu = -1});
+  Watcher watcher(load_session(press_), links);
+  ASSERT_TRUE(watcher.until([&] { return presses(watcher); }));
+
+  // two at once; one is told to leave, one is killed, then a third comes
+  Program leaves("viewer_node", {"--session", press_, "--csv", file("leaves.csv")});
+  Program dies("viewer_node", {"--session", press_, "--csv", file("dies.csv"), "--quiet"});
+  const auto sees = [&](const std::string& csv) {
+    return watcher.until([&] { return lines_of(content(file(csv))).size() > 100; });
+  };
+  EXPECT_TRUE(sees("leaves.csv"));
+  EXPECT_TRUE(sees("dies.csv"));
+  leaves.send_signal(SIGINT);
+  EXPECT_EQ(leaves.wait(), 0) << leaves.err();
+  EXPECT_THAT(leaves.out(), HasSubstr(" Hz  "));
+  dies.send_signal(SIGKILL);
+  dies.wait();
+  const Outcome last = run_program(
+      "viewer_node", {"--session", press_, "--csv", file("last.csv"), "--seconds", "1"});
+
+  EXPECT_EQ(last.status, 0) << last.err;
+  EXPECT_NEAR(median(column(content(file("last.csv")), "fs_z")), kForceNewton,
+              kStictionNewton + 0.01);
+  EXPECT_THAT(last.out, HasSubstr("contact"));
+  ASSERT_TRUE(watcher.until_rows(100));
+  EXPECT_TRUE(presses(watcher));
+  launch.send_signal(SIGTERM);
+  EXPECT_EQ(launch.wait(), 0);
+  EXPECT_EQ(json::parse(content(file("run.json")))["restarts"],
+            json({{"physics", 0}, {"mofc", 0}, {"device", 0}}));
+}
+
+TEST_F(Processes, AViewerWithoutNodesSaysSoAndLeavesWhenAsked) {
+  const Outcome viewer = run_program("viewer_node", {"--session", press_, "--seconds", "0.3"});
+
+  EXPECT_EQ(viewer.status, 0) << viewer.err;
+  EXPECT_THAT(viewer.out, HasSubstr("device: not heard yet"));
+  expect_nothing_left();
+}
+
+// --- set-ups that are wrong -----------------------------------------------------------------
+
+/// Every command that reads a session.
+std::vector<Arguments> commands(const std::string& session) {
+  return {{"palpate", "launch", session},         {"palpate", "loopback", session},
+          {"palpate", "scene", "check", session}, {"device_node", "--session", session},
+          {"mofc_node", "--session", session},    {"physics_node", "--session", session},
+          {"viewer_node", "--session", session}};
+}
+
+Outcome run(const Arguments& command) {
+  return run_program(command.front(), Arguments(command.begin() + 1, command.end()));
+}
+
+class WrongSetUp : public Processes {
+ protected:
+  /// The command ends with status 2 and the message, before it has started anything.
+  void expect_refused(const Arguments& command, const std::string& message) const {
+    const Outcome refused = run(command);
+    SCOPED_TRACE(testing::PrintToString(command));
+    EXPECT_EQ(refused.status, 2);
+    EXPECT_THAT(refused.err, HasSubstr(message));
+    EXPECT_THAT(refused.err, Not(HasSubstr("event=node_started")));
+    EXPECT_EQ(refused.out, "");
+  }
+  void expect_refused_by_all(const std::string& session, const std::string& message) const {
+    for (const Arguments& command : commands(session)) expect_refused(command, message);
+    expect_nothing_left();
+  }
+};
+
+TEST_F(WrongSetUp, ATypoInAFieldNameIsShownWithItsPlaceAndARemedy) {
+  const std::string session =
+      files_.write("typo.txtpb", "name: \"typo\"\nhand { stifness_newton_per_m: 400 }\n");
+
+  expect_refused_by_all(session, session +
+                                     ":2:8: hand.stifness_newton_per_m: no such field; did "
+                                     "you mean 'stiffness_newton_per_m'?");
+}
+
+TEST_F(WrongSetUp, ANumberThatIsNoneIsRefused) {
+  const std::string session =
+      files_.write("nan.txtpb", "name: \"nan\"\ndevice { simulated { mass_kg: nan } }\n");
+
+  expect_refused_by_all(session,
+                        session + ":2:22: device.simulated.mass_kg = nan: must be a finite number");
+}
+
+TEST_F(WrongSetUp, ANegativeMassIsRefused) {
+  const std::string session =
+      files_.write("mass.txtpb", "name: \"mass\"\ndevice { simulated { mass_kg: -1 } }\n");
+
+  expect_refused_by_all(session, session +
+                                     ":2:22: device.simulated.mass_kg = -1: must be > 0; give the "
+                                     "mass of the moving parts in kg");
+}
+
+TEST_F(WrongSetUp, AMissingFileIsRefused) {
+  expect_refused_by_all(file("none.txtpb"), file("none.txtpb") + ": no such file; check the path");
+}
+
+TEST_F(WrongSetUp, AllProblemsOfASessionAreShownAtOnce) {
+  const std::string session = files_.write(
+      "two.txtpb", "name: \"two\"\ndevice { simulated { mass_kg: -1 } }\nphysics { rate_hz: 0 }\n");
+
+  const Outcome refused = run({"palpate", "scene", "check", session});
+
+  EXPECT_EQ(refused.status, 2);
+  EXPECT_THAT(refused.err, AllOf(HasSubstr("2 problems"), HasSubstr(":2:22: "), HasSubstr(":3:")));
+}
+
+TEST_F(WrongSetUp, ASessionThatRunsIsNotLaunchedAgain) {
+  Program first("palpate", {"launch", press_, "--no-viewer", "--json", file("run.json")});
+  ProcessLinks links({.priority = 0, .cpu = -1});
+  Watcher watcher(load_session(press_), links);
+  ASSERT_TRUE(watcher.until([&] { return presses(watcher); }));
+
+  expect_refused({"palpate", "launch", press_}, "session \"press\" is already launched; stop that");
+  for (const char* node : {"device", "mofc", "physics"}) {
+    expect_refused({std::string(node) + "_node", "--session", press_}, ": in use by process ");
+  }
+
+  const std::uint64_t answered = watcher.mirror().device_counters().answered_ticks;
+  EXPECT_TRUE(watcher.until(
+      [&] { return watcher.mirror().device_counters().answered_ticks > answered + 200; }));
+  first.send_signal(SIGTERM);
+  EXPECT_EQ(first.wait(), 0);
+  EXPECT_EQ(json::parse(content(file("run.json")))["restarts"],
+            json({{"physics", 0}, {"mofc", 0}, {"device", 0}}));
+  expect_nothing_left();
+}
+
+TEST_F(WrongSetUp, APortInUseEndsTheLaunchWithAMessageThatNamesIt) {
+  const HeldPort taken;
+  const std::string setting = "links.mofc_telemetry=" + taken.endpoint();
+  const std::string message = "links.mofc_telemetry = " + taken.endpoint() +
+                              ": in use by another process; stop it or give "
+                              "links.mofc_telemetry another endpoint";
+
+  expect_refused({"mofc_node", "--session", press_, "--set", setting}, message);
+  const Outcome launch = run({"palpate", "launch", press_, "--no-viewer", "--set", setting});
+
+  EXPECT_EQ(launch.status, 2);
+  EXPECT_THAT(launch.err, AllOf(HasSubstr(message), HasSubstr("event=node_refused node=mofc")));
+  expect_nothing_left();
+}
+
+TEST_F(WrongSetUp, AnOverrideThatIsWrongIsRefused) {
+  for (Arguments command : commands(press_)) {
+    command.insert(command.end(), {"--set", "mofc.controler=none"});
+    expect_refused(command,
+                   "--set mofc.controler=none: mofc.controler: no such field; did you "
+                   "mean 'controller'?");
+  }
+  expect_nothing_left();
+}
+
+TEST_F(WrongSetUp, AnUnknownFlagIsRefused) {
+  for (Arguments command : commands(press_)) {
+    command.emplace_back("--no-such-flag");
+    expect_refused(command, "--no-such-flag");
+  }
+}
+
+TEST_F(WrongSetUp, ATimeThatIsNotPositiveIsRefused) {
+  for (const char* seconds : {"-1", "0", "nan", "soon"}) {
+    for (const Arguments& command : {Arguments{"palpate", "launch", press_, "--no-viewer"},
+                                     Arguments{"palpate", "loopback", press_},
+                                     Arguments{"viewer_node", "--session", press_}}) {
+      Arguments timed = command;
+      timed.insert(timed.end(), {"--seconds", seconds});
+      expect_refused(timed, std::string("--seconds: \"") + seconds + "\": give a time in s");
+    }
+  }
+}
+
+TEST_F(WrongSetUp, NoCommandIsRefused) {
+  expect_refused({"palpate"}, "--help");
+  expect_refused({"palpate", "lunch", press_}, "--help");
+  expect_refused({"palpate", "launch"}, "SESSION is required");
+  expect_refused({"device_node"}, "--session is required");
+}
+
+// Told before the run: its figures would be lost.
+TEST_F(WrongSetUp, ATableOrSummaryThatCannotBeWrittenIsToldBeforeTheRun) {
+  for (const char* option : {"--csv", "--json"}) {
+    for (const char* command : {"launch", "loopback"}) {
+      expect_refused({"palpate", command, press_, "--seconds", "3600", option, "/nonexistent/x"},
+                     "/nonexistent/x: No such file or directory: give a path in a folder that "
+                     "exists and is writable");
+    }
+  }
+  expect_refused({"viewer_node", "--session", press_, "--csv", "/nonexistent/x"},
+                 "/nonexistent/x: No such file or directory");
+  expect_nothing_left();
+}
+
+// --- lockstep from the command line ---------------------------------------------------------
+
+TEST_F(Processes, LoopbackWritesTheTableThatWasPromised) {
+  const Outcome loopback =
+      run_program("palpate", {"loopback", kDefault, "--seconds", "0.5", "--csv", file("run.csv")});
+
+  ASSERT_EQ(loopback.status, 0) << loopback.err;
+  EXPECT_EQ(loopback.err, "");
+  const std::vector<std::string> lines = lines_of(content(file("run.csv")));
+  ASSERT_EQ(lines.size(), 501u);
+  EXPECT_EQ(lines.front(),
+            "t_s,x_m,y_m,z_m,xm_m,ym_m,zm_m,fe_x,fe_y,fe_z,fs_x,fs_y,fs_z,fi_x,fi_y,fi_z,"
+            "f_max_x,f_max_y,f_max_z,energy_j,true_energy_j,force_age_s,"
+            "in_contact,clamped,fallback,peak_limited");
+  for (const std::string& line : lines) {
+    EXPECT_EQ(std::count(line.begin(), line.end(), ','), 25);
+  }
+}
+
+TEST_F(Processes, LoopbackWritesTheFiguresThatWerePromised) {
+  const Outcome loopback =
+      run_program("palpate", {"loopback", kDefault, "--seconds", "1", "--json", file("run.json")});
+
+  ASSERT_EQ(loopback.status, 0) << loopback.err;
+  const json run = json::parse(content(file("run.json")));
+  for (const char* key :
+       {"schema_version", "ticks", "in_contact_ticks", "transparency", "force_error_rms_ratio",
+        "min_true_energy_j", "max_force_n", "velocity_reversals", "clamp_ratio", "fallbacks",
+        "wall_s", "ticks_per_wall_s"}) {
+    EXPECT_TRUE(run.contains(key)) << key;
+  }
+  for (const char* key : {"x", "y", "z", "vector"}) {
+    EXPECT_TRUE(run["transparency"].contains(key)) << key;
+  }
+  for (const char* key : {"x", "y", "z", "ideal", "excess"}) {
+    EXPECT_TRUE(run["velocity_reversals"].contains(key)) << key;
+  }
+  EXPECT_EQ(run["ticks"], 1000);
+  EXPECT_GT(run["in_contact_ticks"], 0);
+  EXPECT_GE(run["min_true_energy_j"], -1e-6);
+}
+
+TEST_F(Processes, ASummaryOnStandardOutputStandsThereAlone) {
+  const Outcome loopback =
+      run_program("palpate", {"loopback", kDefault, "--seconds", "0.1", "--json", "-"});
+  EXPECT_EQ(json::parse(loopback.out)["ticks"], 100);
+
+  const Outcome launch =
+      run_program("palpate", {"launch", press_, "--seconds", "0.5", "--json", "-"});
+  EXPECT_GT(json::parse(launch.out)["ticks"], 100);
+}
+
+TEST_F(Processes, LoopbackGivesTheSameBytesForTheSameSeed) {
+  const auto csv_of = [&](const Arguments& more) {
+    Arguments arguments{
+        "loopback", kDefault,        "--seconds", "2",
+        "--csv",    file("run.csv"), "--set",     "faults.interaction.loss_ratio=0.2"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const Outcome loopback = run_program("palpate", arguments);
+    EXPECT_EQ(loopback.status, 0) << loopback.err;
+    return content(file("run.csv"));
+  };
+  const std::string first = csv_of({});
+
+  EXPECT_GT(first.size(), 100'000u);
+  EXPECT_TRUE(csv_of({}) == first) << "a second run differs";
+  EXPECT_TRUE(csv_of({"--inproc"}) == first) << "over inproc it differs";
+  EXPECT_FALSE(csv_of({"--set", "seed=2"}) == first) << "another seed gave the same run";
+}
+
+TEST_F(Processes, SceneCheckSaysWhatASessionHolds) {
+  const Outcome check = run_program("palpate", {"scene", "check", kDefault});
+
+  EXPECT_EQ(check.status, 0) << check.err;
+  EXPECT_THAT(check.out, AllOf(HasSubstr("ok"), HasSubstr("2 tissues"), HasSubstr("1000 Hz")));
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,223 @@
+// The whole system on the real clock, in one process: each node's run_process on a thread of its
+// own, seen by viewers, over every transport.
+#include <gtest/gtest.h>
+#include <spdlog/sinks/ostream_sink.h>
+
+#include <exception>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <sstream>
+#include <thread>
+
+#include "common/runtime/session_file.h"
+#include "device_node/process.h"
+#include "mofc_node/process.h"
+#include "physics_node/process.h"
+#include "tests/support/port.h"
+#include "tests/support/temp_folder.h"
+#include "tests/support/watcher.h"
+
+namespace palpate {
+namespace {
+
+using namespace std::chrono_literals;
+using test::HeldPort;
+using test::TempFolder;
+using test::Watcher;
+
+/// A hand whose spring pulls it 5 mm into tissue as stiff as the spring.
+constexpr const char* kPressing = R"(
+name: "realtime_test"
+realtime { priority: 0 cpu: -1 }
+device { simulated { position_resolution_m: 0 } profile { position_resolution_m: 0 } }
+hand { stiffness_newton_per_m: 400 hold { position_m { z: -0.005 } } }
+mofc { controller: none }
+scene { tissue { half_space {} kelvin_voigt { stiffness_newton_per_m: 400 } } }
+)";
+// Both give way by half: 2.5 mm · 400 N/m. Stiction of 0.1 N may hold the hand before or beyond
+// that; the tissue takes half of it.
+constexpr double kForceNewton = 1.0;
+constexpr double kStictionNewton = 0.05;
+
+/// Settings that give every link an endpoint of the transport, free on this machine.
+std::vector<std::string> endpoints(const std::string& transport, const TempFolder& folder) {
+  std::vector<std::string> settings;
+  std::vector<std::unique_ptr<HeldPort>> held;  // all at once: each another one
+  for (const std::string link : {"exchange", "tool_motion", "interaction", "device_telemetry",
+                                 "mofc_telemetry", "physics_telemetry"}) {
+    std::string endpoint = "inproc://" + link;
+    if (transport == "ipc") endpoint = "ipc://" + (folder.path() / link).string();
+    if (transport == "tcp") {
+      endpoint = held.emplace_back(std::make_unique<HeldPort>())->endpoint();
+    }
+    settings.push_back("links." + link + "=" + endpoint);
+  }
+  return settings;
+}
+
+/// device, mofc and physics until the end of its life.
+class RealTime : public testing::TestWithParam<const char*> {
+ protected:
+  ~RealTime() override { stop(); }
+
+  void start() {
+    start("physics", physics::run_process);
+    start("mofc", mofc::run_process);
+    start("device", device::run_process);
+  }
+
+  /// Ends the nodes; a node that threw fails the test.
+  void stop() {
+    for (auto& [name, node] : nodes_) {
+      node->stop.request_stop();
+      node->thread.join();
+      try {
+        if (node->error) std::rethrow_exception(node->error);
+      } catch (const std::exception& e) {
+        ADD_FAILURE() << name << ": " << e.what();
+      }
+    }
+    nodes_.clear();
+  }
+
+  const Session& session() const { return session_; }
+  ProcessLinks& links() { return links_; }
+  std::string log_lines() const { return log_text_.str(); }
+
+  static bool presses(const Watcher& watcher) {
+    if (watcher.rows().empty() || !watcher.rows().back().mofc) return false;
+    const viewer::TickRow& row = watcher.rows().back();
+    return row.mofc->state == MofcState::kContact &&
+           std::abs(row.device.force_on_hand_newton.z() - kForceNewton) < kStictionNewton;
+  }
+
+ private:
+  struct Node {
+    std::stop_source stop;
+    std::unique_ptr<Log> log;
+    std::exception_ptr error;
+    std::thread thread;
+  };
+
+  void start(const std::string& name,
+             const std::function<void(NodeContext&, ProcessLinks&)>& run_process) {
+    auto& node = nodes_.emplace_back(name, std::make_unique<Node>()).second;
+    node->log = std::make_unique<Log>(name, log_sink_);
+    node->thread = std::thread([this, run_process, node = node.get()] {
+      try {
+        SteadyClock clock;
+        NodeContext context{.session = session_,
+                            .session_id = random_session_id(),
+                            .clock = clock,
+                            .log = node->log->logger(),
+                            .stop = node->stop.get_token()};
+        run_process(context, links_);
+      } catch (...) {
+        node->error = std::current_exception();
+      }
+    });
+  }
+
+  TempFolder folder_;
+  Session session_ =
+      parse_session(kPressing, "realtime_test.txtpb", endpoints(GetParam(), folder_));
+  ProcessLinks links_{session_.realtime};
+  std::ostringstream log_text_;
+  spdlog::sink_ptr log_sink_ = std::make_shared<spdlog::sinks::ostream_sink_mt>(log_text_);
+  std::vector<std::pair<std::string, std::unique_ptr<Node>>> nodes_;
+};
+
+INSTANTIATE_TEST_SUITE_P(Over, RealTime, testing::Values("inproc", "ipc", "tcp"),
+                         [](const auto& tested) { return std::string(tested.param); });
+
+TEST_P(RealTime, ATouchIsFeltAndShown) {
+  Watcher watcher(session(), links());
+
+  start();
+
+  ASSERT_TRUE(watcher.until([&] { return presses(watcher); }));
+  EXPECT_TRUE(watcher.sees_all_nodes());
+  const viewer::TickRow& row = watcher.rows().back();
+  EXPECT_TRUE(row.mofc->is_in_contact);
+  EXPECT_NEAR(row.device.true_tool_position_world_m.z(), -0.0025, 0.0002);
+  EXPECT_GT(watcher.mirror().physics_counters().contact_steps, 0u);
+}
+
+TEST_P(RealTime, NoNodeRefusesAFrameOfAnother) {
+  Watcher watcher(session(), links());
+
+  start();
+  ASSERT_TRUE(watcher.until([&] { return presses(watcher); }));
+
+  const viewer::TelemetryMirror& seen = watcher.mirror();
+  EXPECT_EQ(seen.device_counters().force_command.rejected, 0u);
+  EXPECT_EQ(seen.mofc_counters().device_state.rejected, 0u);
+  EXPECT_EQ(seen.mofc_counters().interaction.rejected, 0u);
+  EXPECT_EQ(seen.physics_counters().tool_motion.rejected, 0u);
+  EXPECT_EQ(seen.device_counters().device_faults, 0u);
+  stop();
+  EXPECT_EQ(log_lines().find("rejected"), std::string::npos) << log_lines();
+}
+
+TEST_P(RealTime, AViewerThatComesLateSeesTheFiguresWithinASecond) {
+  start();
+  {
+    Watcher early(session(), links());
+    ASSERT_TRUE(early.until([&] { return presses(early); }));
+  }
+
+  Watcher late(session(), links());
+
+  EXPECT_TRUE(late.until(
+      [&] { return late.sees_all_nodes() && late.mirror().figures().is_in_contact; }, 1s));
+  EXPECT_GT(late.mirror().ticks().begin()->first, 0u) << "was not late";
+  const viewer::TelemetryFigures figures = late.mirror().figures();
+  EXPECT_NEAR(figures.applied_newton, kForceNewton, kStictionNewton);
+  EXPECT_TRUE(figures.is_in_contact);
+  EXPECT_GT(figures.tick_rate_hz, 0.0);
+  EXPECT_GT(figures.physics_rate_hz, 0.0);
+}
+
+TEST_P(RealTime, TwoViewersSeeTheSame) {
+  Watcher one(session(), links());
+  Watcher other(session(), links());
+  start();
+  ASSERT_TRUE(one.until_rows(300));
+  ASSERT_TRUE(other.until([&] {
+    return !other.rows().empty() &&
+           other.rows().back().device.sequence >= one.rows().back().device.sequence;
+  }));
+
+  std::map<std::uint64_t, Vector3> force_newton;
+  for (const viewer::TickRow& row : other.rows()) {
+    force_newton[row.device.sequence] = row.device.force_on_hand_newton;
+  }
+  int compared = 0;
+  for (const viewer::TickRow& row : one.rows()) {
+    const auto same = force_newton.find(row.device.sequence);
+    if (same == force_newton.end()) continue;
+    EXPECT_EQ(row.device.force_on_hand_newton, same->second);
+    ++compared;
+  }
+  EXPECT_GE(compared, 200);
+}
+
+TEST_P(RealTime, TheLoopGoesOnWhenAViewerLeaves) {
+  Watcher stays(session(), links());
+  auto leaves = std::make_optional<Watcher>(session(), links());
+  start();
+  ASSERT_TRUE(leaves->until([&] { return presses(*leaves); }));
+  ASSERT_TRUE(stays.until([&] { return presses(stays); }));
+
+  leaves.reset();
+
+  const std::uint64_t answered = stays.mirror().device_counters().answered_ticks;
+  EXPECT_TRUE(stays.until(
+      [&] { return stays.mirror().device_counters().answered_ticks > answered + 200; }));
+  EXPECT_TRUE(presses(stays));
+}
+
+}  // namespace
+}  // namespace palpate

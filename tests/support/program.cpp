@@ -1,0 +1,132 @@
+#include "tests/support/program.h"
+
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <fstream>
+#include <sstream>
+#include <thread>
+
+namespace palpate::test {
+namespace {
+
+namespace fs = std::filesystem;
+using std::chrono::steady_clock;
+
+constexpr auto kLookAgain = std::chrono::milliseconds(2);
+
+std::string content(const fs::path& file) {
+  std::ostringstream text;
+  text << std::ifstream(file).rdbuf();
+  return text.str();
+}
+
+}  // namespace
+
+Program::Program(const std::string& name, const std::vector<std::string>& arguments) : name_(name) {
+  const std::string path = (fs::path(PALPATE_BINARY_DIR) / name).string();
+  const std::string out = (folder_.path() / "out").string();
+  const std::string err = (folder_.path() / "err").string();
+  std::vector<char*> argv{const_cast<char*>(path.c_str())};
+  for (const std::string& argument : arguments) argv.push_back(const_cast<char*>(argument.c_str()));
+  argv.push_back(nullptr);
+
+  const pid_t test = getpid();
+  pid_ = fork();
+  if (pid_ != 0) return;
+
+  // between fork and exec, so nothing but system calls
+  prctl(PR_SET_PDEATHSIG, SIGKILL);
+  if (getppid() != test) _exit(127);
+  const int nothing = open("/dev/null", O_RDONLY);
+  const int out_file = open(out.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_APPEND, 0600);
+  const int err_file = open(err.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_APPEND, 0600);
+  dup2(nothing, STDIN_FILENO);
+  dup2(out_file, STDOUT_FILENO);
+  dup2(err_file, STDERR_FILENO);
+  execv(argv[0], argv.data());
+  _exit(127);
+}
+
+Program::~Program() {
+  if (has_ended_ || pid_ <= 0) return;
+  kill(pid_, SIGKILL);
+  has_ended(0);
+}
+
+void Program::send_signal(int signal) const {
+  if (!has_ended_) kill(pid_, signal);
+}
+
+bool Program::has_ended(int wait_options) {
+  if (has_ended_) return true;
+  int status = 0;
+  if (waitpid(pid_, &status, wait_options) != pid_) return false;
+  has_ended_ = true;
+  status_ = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+  return true;
+}
+
+int Program::wait(std::chrono::milliseconds deadline) {
+  const auto end = steady_clock::now() + deadline;
+  while (!has_ended(WNOHANG)) {
+    if (steady_clock::now() > end) {
+      ADD_FAILURE() << name_ << " still runs after " << deadline.count() << " ms\n" << err();
+      kill(pid_, SIGKILL);
+      has_ended(0);
+      break;
+    }
+    std::this_thread::sleep_for(kLookAgain);
+  }
+  return status_;
+}
+
+std::string Program::out() const { return content(folder_.path() / "out"); }
+std::string Program::err() const { return content(folder_.path() / "err"); }
+
+std::string Program::await_err(const std::string& text, int count) {
+  const auto end = steady_clock::now() + kDeadline;
+  for (;;) {
+    const bool is_last_look = has_ended(WNOHANG) || steady_clock::now() > end;
+    const std::string said = err();
+    std::size_t at = 0;
+    for (int seen = 0; (at = said.find(text, at)) != std::string::npos;) {
+      at += text.size();
+      const std::size_t line_end = said.find('\n', at);
+      if (++seen == count && line_end != std::string::npos) return said.substr(at, line_end - at);
+    }
+    if (is_last_look) {
+      ADD_FAILURE() << name_ << " did not say \"" << text << "\" (" << count << ")\n" << said;
+      return "";
+    }
+    std::this_thread::sleep_for(kLookAgain);
+  }
+}
+
+Outcome run_program(const std::string& name, const std::vector<std::string>& arguments) {
+  Program program(name, arguments);
+  Outcome outcome;
+  outcome.status = program.wait();
+  outcome.out = program.out();
+  outcome.err = program.err();
+  return outcome;
+}
+
+void adopt_orphans() { prctl(PR_SET_CHILD_SUBREAPER, 1); }
+
+bool all_children_end(std::chrono::milliseconds deadline) {
+  const auto end = steady_clock::now() + deadline;
+  for (;;) {
+    const pid_t ended = waitpid(-1, nullptr, WNOHANG);
+    if (ended == -1) return errno == ECHILD;
+    if (ended > 0) continue;
+    if (steady_clock::now() > end) return false;
+    std::this_thread::sleep_for(kLookAgain);
+  }
+}
+
+}  // namespace palpate::test
