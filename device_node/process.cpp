@@ -38,7 +38,11 @@ void run_process(NodeContext& context, ProcessLinks& links) {
                   context.session_id);
   context.log.info("event=realtime {}", enter_realtime(session.realtime).text);
   RateLoop loop(context.clock, session.device.rate_hz);
+  std::uint32_t resets = 0;
   loop.run(context.stop, [&](const Tick& tick) {
+    const std::uint32_t resets_asked = context.requests.fault_resets;
+    if (resets_asked != resets) node.reset_fault();
+    resets = resets_asked;
     node.step(tick);
     counters.store(node.counters());
   });
