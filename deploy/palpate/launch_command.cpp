@@ -101,18 +101,18 @@ std::string launch_text(const Session& session, const Observed& observed,
   line("transparency", figure(mean_transparency(mofc), "{:.3f}") + " (force acting / asked)");
   line("largest force", fmt::format("{:.3f} N", observed.max_force_newton));
   if (!std::isnan(observed.minimum_true_energy_joule)) {
-    line("least true energy", fmt::format("{:.3f} µJ (the hand gave it; 0 or more is passive)",
-                                          1e6 * observed.minimum_true_energy_joule));
+    line("least true energy",
+         fmt::format("{:.3f} µJ (0 or more: passive)", 1e6 * observed.minimum_true_energy_joule));
   }
   line("answered in time",
        figure(100.0 * answered_ratio(device), "{:.3f} %") +
            fmt::format(" of {} scheduled ticks ({} skipped)",
                        device.loop.ticks + device.loop.skipped_ticks, device.loop.skipped_ticks));
-  line("reply", fmt::format("p50 {:.0f} µs, p99 {:.0f} µs, p99.9 {:.0f} µs",
-                            micro(observed.reply_time.quantile(0.5)),
-                            micro(observed.reply_time.quantile(0.99)),
-                            micro(observed.reply_time.quantile(0.999))));
-  line("lateness",
+  line("reply time", fmt::format("p50 {:.0f} µs, p99 {:.0f} µs, p99.9 {:.0f} µs",
+                                 micro(observed.reply_time.quantile(0.5)),
+                                 micro(observed.reply_time.quantile(0.99)),
+                                 micro(observed.reply_time.quantile(0.999))));
+  line("tick lateness",
        fmt::format("p50 {:.0f} µs, p99 {:.0f} µs, p99.9 {:.0f} µs",
                    micro(observed.lateness.quantile(0.5)), micro(observed.lateness.quantile(0.99)),
                    micro(observed.lateness.quantile(0.999))));

@@ -103,10 +103,6 @@ int main(int argc, char** argv) {
   CLI::App app("Runs and checks Palpate deployments.", "palpate");
   app.set_version_flag("--version", std::string("palpate ") + version());
   app.require_subcommand(1);
-  app.footer(
-      "Try:  palpate launch deploy/sessions/default.txtpb --seconds 10\n"
-      "Each command has its own --help.");
-
   LaunchCommand launch;
   CLI::App& launch_command = *app.add_subcommand(
       "launch", "run a session in real time: start its nodes, keep them running, sum up");
@@ -124,6 +120,11 @@ int main(int argc, char** argv) {
   CLI::App& check_command = *scene_command.add_subcommand(
       "check", "tell what is wrong with a session, or that nothing is (exit status 2, 0)");
   scene.add_to(check_command);
+
+  // of palpate itself: set once the commands, which would inherit it, are there
+  app.footer(
+      "Try:  palpate launch deploy/sessions/default.txtpb --seconds 10\n"
+      "Each command has its own --help.");
 
   try {
     app.parse(argc, argv);

@@ -158,7 +158,7 @@ void Supervisor::stop_next() {
   child.was_told_to_stop = true;
   ::kill(child.pid, SIGTERM);
   child.timer.expires_after(timing_.stop_grace);
-  child.timer.async_wait([this, &child](const boost::system::error_code& error) {
+  child.timer.async_wait([&child](const boost::system::error_code& error) {
     if (!error) kill(child);
   });
 }

@@ -35,12 +35,23 @@ using testing::Not;
 using Arguments = std::vector<std::string>;
 
 /// A hand whose spring pulls it 5 mm into tissue as stiff as the spring; nothing bounds the force.
+/// Its long period and lease outlast the pauses of a busy machine without real-time scheduling, so
+/// that the hand comes to rest there too.
 constexpr const char* kPressing = R"(
 name: "press"
 realtime { priority: 0 cpu: -1 }
-device { simulated { position_resolution_m: 0 } profile { position_resolution_m: 0 } }
-hand { stiffness_newton_per_m: 400 hold { position_m { z: -0.005 } } }
-mofc { controller: none }
+device {
+  rate_hz: 200
+  lease_us: 15000
+  simulated { position_resolution_m: 0 }
+  profile { position_resolution_m: 0 }
+}
+hand {
+  stiffness_newton_per_m: 400
+  damping_newton_s_per_m: 10
+  hold { position_m { z: -0.005 } }
+}
+mofc { controller: none stale_after_ms: 200 }
 scene { tissue { half_space {} kelvin_voigt { stiffness_newton_per_m: 400 } } }
 viewer { status_interval_ms: 50 }
 )";
@@ -182,7 +193,7 @@ TEST_F(Processes, TheStiffnessInPhysicsNodesSessionAloneChangesTheForceTheHandFe
     Program device("device_node", {"--session", press_});
     Program viewer("viewer_node", {"--session", press_, "--csv", csv, "--quiet"});
 
-    // at rest: the hand has swung in after 1 s (2 m / b = 0.1 s)
+    // at rest: the hand has swung in after 1 s (2 m / b = 0.06 s)
     const Session session = load_session(press_);
     ProcessLinks links({.priority = 0, .cpu = -1});
     Watcher watcher(session, links);
@@ -190,15 +201,15 @@ TEST_F(Processes, TheStiffnessInPhysicsNodesSessionAloneChangesTheForceTheHandFe
       return !watcher.rows().empty() && watcher.rows().back().mofc &&
              watcher.rows().back().mofc->is_in_contact;
     }));
-    EXPECT_TRUE(watcher.until_rows(1500));
+    EXPECT_TRUE(watcher.until_rows(400));
 
     for (Program* node : {&viewer, &device, &mofc, &physics}) {
       node->send_signal(SIGTERM);
       EXPECT_EQ(node->wait(), 0) << node->err();
     }
     const std::vector<double> fs_z = column(content(csv), "fs_z");
-    EXPECT_GE(fs_z.size(), 1000u);
-    return median({fs_z.end() - std::min<std::ptrdiff_t>(500, std::ssize(fs_z)), fs_z.end()});
+    EXPECT_GE(fs_z.size(), 300u);
+    return median({fs_z.end() - std::min<std::ptrdiff_t>(200, std::ssize(fs_z)), fs_z.end()});
   };
 
   EXPECT_NEAR(felt_newton({}), kForceNewton, kStictionNewton + 0.01);
@@ -209,9 +220,9 @@ TEST_F(Processes, TheStiffnessInPhysicsNodesSessionAloneChangesTheForceTheHandFe
 
 // --- nodes that die -------------------------------------------------------------------------
 
-class KilledNode : public Processes {
+class NodeUnderLaunch : public Processes {
  protected:
-  KilledNode()
+  NodeUnderLaunch()
       : links_({.priority = 0, .cpu = -1}),
         watcher_(load_session(press_), links_),
         launch_("palpate", {"launch", press_, "--no-viewer", "--json", file("run.json")}) {}
@@ -233,7 +244,7 @@ class KilledNode : public Processes {
   Program launch_;
 };
 
-TEST_F(KilledNode, PhysicsIsReportedAndStartedAgainAndTheTissueIsFeltAgain) {
+TEST_F(NodeUnderLaunch, KilledPhysicsIsReportedAndStartedAgainAndTheTissueIsFeltAgain) {
   kill_node(launch_, "physics");
 
   launch_.await_err("event=node_died node=physics how=\"killed by signal 9 (Killed)\"");
@@ -247,7 +258,7 @@ TEST_F(KilledNode, PhysicsIsReportedAndStartedAgainAndTheTissueIsFeltAgain) {
   EXPECT_EQ(run["restarts"], json({{"physics", 1}, {"mofc", 0}, {"device", 0}}));
 }
 
-TEST_F(KilledNode, TheDeviceComesBackLimp) {
+TEST_F(NodeUnderLaunch, AKilledDeviceComesBackLimp) {
   const std::uint64_t first_session = watcher_.rows().back().device_session_id;
   kill_node(launch_, "device");
 
@@ -259,7 +270,7 @@ TEST_F(KilledNode, TheDeviceComesBackLimp) {
   const auto begin =
       std::find_if(watcher_.rows().begin(), watcher_.rows().end(),
                    [&](const auto& row) { return row.device_session_id != first_session; });
-  EXPECT_LT(begin->device.sequence, 300u) << "the begin, where it is limp, was not seen";
+  EXPECT_LT(begin->device.sequence, 60u) << "the begin, where it is limp, was not seen";
   // the press session's own ramp: nothing at first, at most the share of the ramp that is over
   const double ramp_s = to_seconds(load_session(press_).device.start_ramp);
   ASSERT_GT(ramp_s, 0.0);
@@ -281,7 +292,7 @@ TEST_F(KilledNode, TheDeviceComesBackLimp) {
   EXPECT_EQ(summary()["restarts"], json({{"physics", 0}, {"mofc", 0}, {"device", 1}}));
 }
 
-TEST_F(KilledNode, WithoutMofcTheDeviceFallsBackAndThenRecovers) {
+TEST_F(NodeUnderLaunch, WhenMofcIsKilledTheDeviceFallsBackAndThenRecovers) {
   const DeviceCounters before = watcher_.mirror().device_counters();
   kill_node(launch_, "mofc");
 
@@ -290,7 +301,6 @@ TEST_F(KilledNode, WithoutMofcTheDeviceFallsBackAndThenRecovers) {
       [&] { return watcher_.mirror().mofc_link().sessions == 2 && presses(watcher_); }));
   const DeviceCounters& after = watcher_.mirror().device_counters();
   EXPECT_GT(after.fallback_ticks, before.fallback_ticks);
-  EXPECT_GT(after.limp_ticks, before.limp_ticks);
   const double coulomb_newton = load_session(press_).device.profile.coulomb_newton;
   for (const viewer::TickRow& row : watcher_.rows()) {
     const double force_newton = row.device.force_on_hand_newton.norm();
@@ -302,6 +312,20 @@ TEST_F(KilledNode, WithoutMofcTheDeviceFallsBackAndThenRecovers) {
   }
   launch_.await_err("event=fallback_began");
   EXPECT_EQ(summary()["restarts"], json({{"physics", 0}, {"mofc", 1}, {"device", 0}}));
+}
+
+TEST_F(NodeUnderLaunch, ANodeThatOnlyStoppedForAWhileGoesOnWithoutARestart) {
+  const pid_t mofc = node_of(launch_, "mofc");
+  ASSERT_GT(mofc, 1);
+  const std::uint64_t limp_ticks = watcher_.mirror().device_counters().limp_ticks;
+
+  kill(mofc, SIGSTOP);
+  EXPECT_TRUE(watcher_.until(
+      [&] { return watcher_.mirror().device_counters().limp_ticks > limp_ticks + 60; }));
+  kill(mofc, SIGCONT);
+
+  EXPECT_TRUE(watcher_.until([&] { return presses(watcher_); }));
+  EXPECT_EQ(summary()["restarts"], json({{"physics", 0}, {"mofc", 0}, {"device", 0}}));
 }
 
 // --- the end --------------------------------------------------------------------------------
@@ -380,7 +404,7 @@ TEST_F(Processes, ViewersComeLateLeaveEarlyAndDisturbNobody) {
   Program leaves("viewer_node", {"--session", press_, "--csv", file("leaves.csv")});
   Program dies("viewer_node", {"--session", press_, "--csv", file("dies.csv"), "--quiet"});
   const auto sees = [&](const std::string& csv) {
-    return watcher.until([&] { return lines_of(content(file(csv))).size() > 100; });
+    return watcher.until([&] { return lines_of(content(file(csv))).size() > 50; });
   };
   EXPECT_TRUE(sees("leaves.csv"));
   EXPECT_TRUE(sees("dies.csv"));
@@ -397,7 +421,7 @@ TEST_F(Processes, ViewersComeLateLeaveEarlyAndDisturbNobody) {
               kStictionNewton + 0.01);
   EXPECT_THAT(last.out, HasSubstr("contact"));
   ASSERT_TRUE(watcher.until_rows(100));
-  EXPECT_TRUE(presses(watcher));
+  EXPECT_TRUE(watcher.until([&] { return presses(watcher); }));
   launch.send_signal(SIGTERM);
   EXPECT_EQ(launch.wait(), 0);
   EXPECT_EQ(json::parse(content(file("run.json")))["restarts"],
@@ -496,7 +520,7 @@ TEST_F(WrongSetUp, ASessionThatRunsIsNotLaunchedAgain) {
 
   const std::uint64_t answered = watcher.mirror().device_counters().answered_ticks;
   EXPECT_TRUE(watcher.until(
-      [&] { return watcher.mirror().device_counters().answered_ticks > answered + 200; }));
+      [&] { return watcher.mirror().device_counters().answered_ticks > answered + 40; }));
   first.send_signal(SIGTERM);
   EXPECT_EQ(first.wait(), 0);
   EXPECT_EQ(json::parse(content(file("run.json")))["restarts"],
@@ -618,7 +642,7 @@ TEST_F(Processes, ASummaryOnStandardOutputStandsThereAlone) {
 
   const Outcome launch =
       run_program("palpate", {"launch", press_, "--seconds", "0.5", "--json", "-"});
-  EXPECT_GT(json::parse(launch.out)["ticks"], 100);
+  EXPECT_GT(json::parse(launch.out)["ticks"], 20);
 }
 
 TEST_F(Processes, LoopbackGivesTheSameBytesForTheSameSeed) {

@@ -21,6 +21,7 @@
 #include <fstream>
 #include <map>
 #include <sstream>
+#include <stdexcept>
 
 #include "common/core/check.h"
 #include "common/runtime/session_file.h"
@@ -115,7 +116,7 @@ class Launch : public testing::Test {
     }
   }
 
-  /// Process ids by program, once `count` nodes have started.
+  /// Process ids by program, once `count` nodes have started; throws if they do not.
   std::map<std::string, pid_t> started_nodes(int count) {
     std::map<std::string, pid_t> nodes;
     for (int i = 0; i < count; ++i) {
@@ -125,7 +126,8 @@ class Launch : public testing::Test {
       std::string verb;
       pid_t pid = 0;
       words >> name >> verb >> pid;
-      EXPECT_EQ(verb, "started") << event;
+      // kill(0) would end this test's whole process group
+      if (verb != "started" || pid <= 0) throw std::runtime_error("not started: " + event);
       nodes[name] = pid;
     }
     return nodes;
@@ -191,7 +193,7 @@ TEST_F(Launch, ANodeThatDiesIsStartedAgain) {
   start_launcher(options());
   auto nodes = started_nodes(3);
 
-  kill(nodes["physics_node"], SIGKILL);
+  kill(nodes.at("physics_node"), SIGKILL);
 
   EXPECT_THAT(next_event(), StartsWith("physics_node started "));
   kill(launcher_, SIGTERM);
@@ -207,7 +209,7 @@ TEST_F(Launch, ADeviceStartedAgainRampsItsForceUpAlsoIfItsSessionHasNoRamp) {
   start_launcher(options);
   auto nodes = started_nodes(3);
 
-  kill(nodes["device_node"], SIGKILL);
+  kill(nodes.at("device_node"), SIGKILL);
 
   EXPECT_THAT(next_event(), testing::AllOf(StartsWith("device_node started "),
                                            HasSubstr("--set device.start_ramp_ms=500")));
@@ -219,7 +221,7 @@ TEST_F(Launch, ADeviceStartedAgainKeepsTheRampOfItsSession) {
   start_launcher(options);
   auto nodes = started_nodes(3);
 
-  kill(nodes["device_node"], SIGKILL);
+  kill(nodes.at("device_node"), SIGKILL);
 
   EXPECT_THAT(next_event(), testing::AllOf(StartsWith("device_node started "),
                                            Not(HasSubstr("device.start_ramp_ms=500"))));
@@ -230,7 +232,7 @@ TEST_F(Launch, ANodeThatIsRefusedStopsAllWithStatusTwo) {
   auto nodes = started_nodes(3);
 
   let("device_node", "refuses");  // when it is started again
-  kill(nodes["device_node"], SIGKILL);
+  kill(nodes.at("device_node"), SIGKILL);
 
   EXPECT_EQ(next_event(), "mofc_node told 15");
   EXPECT_EQ(next_event(), "physics_node told 15");

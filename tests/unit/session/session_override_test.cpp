@@ -123,7 +123,7 @@ TEST(SessionOverride, OneThatCannotBeAppliedSaysWhy) {
       {"device[0].rate_hz=1", "device[0]: there is only one"},
       {"device=3", "device: cannot be read"},
       {"mofc.mode=fast", "mode = fast: must be one of mode_default, paper, vector"},
-      {"mofc.mode=7", "mofc.mode = 7: must be paper or vector"},
+      {"mofc.mode=7", "mofc.mode = 7: must be paper, vector or guard"},
       {"mofc.controller=7", "mofc.controller = 7: must be none or mofc"},
       {"seed=-1", "seed: cannot be read"},
       {"scene.tissue[1].name=a",
