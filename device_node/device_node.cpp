@@ -1,13 +1,14 @@
 #include "device_node/device_node.h"
 
 #include <algorithm>
+#include <cmath>
 #include <optional>
 
 namespace palpate::device {
 
 namespace {
 
-bool is_usable(const DeviceSample& sample) {
+bool is_finite(const DeviceSample& sample) {
   return sample.hand_position_m.allFinite() && sample.orientation.coeffs().allFinite();
 }
 
@@ -24,19 +25,37 @@ DeviceNode::DeviceNode(const DeviceConfig& config, HapticDevice& device, const C
       ticks_out_(ticks_out),
       session_id_(session_id),
       workspace_(config.workspace),
-      guard_(config, device.specification().peak_force_newton) {}
+      guard_(config, device.specification().peak_force_newton),
+      rounding_m_(std::sqrt(3.0) * std::max(config.profile.position_resolution_m,
+                                            device.specification().position_resolution_m)) {}
 
 void DeviceNode::step(const Tick& tick) noexcept {
   note_appointment(tick);
-  if (has_fault_) return;
+  DeviceTick record{.sequence = sequence_++,
+                    .sampled_at = tick.now,
+                    .switched_at = tick.now,
+                    .lateness = tick.now - tick.scheduled_at};
 
+  if (has_fault()) {
+    look_on(record);
+  } else if (const FaultReason reason = exchange(record); reason != FaultReason::kNone) {
+    latch(reason, record);
+  }
+
+  // record: hop 5
+  count(record);
+  ticks_out_.keep(record);
+}
+
+/// What a tick is for; the reason if it cannot be done.
+FaultReason DeviceNode::exchange(DeviceTick& record) noexcept {
   // read: t_k
   DeviceSample sample;
-  if (!device_.read(sample) || !is_usable(sample)) return latch_fault();
-  DeviceTick record{.sequence = sequence_,
-                    .sampled_at = sample.sampled_at,
-                    .lateness = tick.now - tick.scheduled_at};
-  const DeviceState state = make_state(sample);
+  if (!device_.read(sample)) return FaultReason::kReadFailed;
+  const FaultReason reading = judge(sample);
+  record.sampled_at = sample.sampled_at;
+  if (reading != FaultReason::kNone) return reading;
+  const DeviceState state = make_state(sample, record.sequence);
   record.measured_hand_position_m = state.hand_position_m;
   record.measured_tool_position_world_m = state.tool_position_world_m;
   record.is_clutched = state.is_clutched;
@@ -59,21 +78,44 @@ void DeviceNode::step(const Tick& tick) noexcept {
   record.switched_at = now;
   if (guarded.is_switch) {
     DeviceSample at_switch;
-    if (!device_.apply(guarded.force_on_hand_newton, guarded.lease, at_switch) ||
-        !is_usable(at_switch)) {
-      return latch_fault();
+    if (!device_.apply(guarded.force_on_hand_newton, guarded.lease, at_switch)) {
+      return FaultReason::kWriteFailed;
     }
+    const FaultReason reading_at_switch = judge(at_switch);
+    if (reading_at_switch != FaultReason::kNone) return reading_at_switch;
     applied_.switched(at_switch.sampled_at, at_switch.hand_position_m, guarded.force_on_hand_newton,
                       guarded.lease);
     record.switched_at = at_switch.sampled_at;
   }
-
-  // record: hop 5
   record.force_on_hand_newton = guarded.force_on_hand_newton;
   record.guard = guarded.state;
   record.is_peak_limited = guarded.is_limited;
-  count(record);
-  ticks_out_.keep(record);
+  return FaultReason::kNone;
+}
+
+/// A tick of a latched fault: nothing but a reading, for the record, if there is one.
+void DeviceNode::look_on(DeviceTick& record) noexcept {
+  DeviceSample sample;
+  if (device_.read(sample)) static_cast<void>(judge(sample));
+  record.guard = GuardState::kFault;
+  record.measured_hand_position_m = last_position_m_;
+  record.measured_tool_position_world_m = workspace_.tool_position_world_m(last_position_m_);
+  record.is_clutched = workspace_.is_clutched();
+  note_true_state(record);
+}
+
+/// Whether a hand can have made this reading after the last one. The time between them is that
+/// which passed, also while the process was stopped; rounding may add a step of the encoder.
+FaultReason DeviceNode::judge(const DeviceSample& sample) noexcept {
+  if (!is_finite(sample)) return FaultReason::kReadingNotFinite;
+  const double moved_m = (sample.hand_position_m - last_position_m_).norm();
+  const double possible_m =
+      config_.v_fault_m_per_s * to_seconds(sample.sampled_at - last_reading_at_) + rounding_m_;
+  const bool is_jump = has_reading_ && moved_m > possible_m;
+  last_position_m_ = sample.hand_position_m;
+  last_reading_at_ = sample.sampled_at;
+  has_reading_ = true;
+  return is_jump ? FaultReason::kPositionJumped : FaultReason::kNone;
 }
 
 void DeviceNode::note_appointment(const Tick& tick) noexcept {
@@ -84,15 +126,13 @@ void DeviceNode::note_appointment(const Tick& tick) noexcept {
   loop.worst_lateness = std::max(loop.worst_lateness, tick.now - tick.scheduled_at);
 }
 
-DeviceState DeviceNode::make_state(const DeviceSample& sample) noexcept {
+DeviceState DeviceNode::make_state(const DeviceSample& sample, std::uint64_t sequence) noexcept {
   const auto& clutch = config_.workspace.clutch_button;
   workspace_.update(sample.hand_position_m,
                     clutch.has_value() && ((sample.buttons >> *clutch) & 1U) != 0);
 
   DeviceState state{
-      .header = {.session_id = session_id_,
-                 .sequence = sequence_++,
-                 .sampled_at = sample.sampled_at},
+      .header = {.session_id = session_id_, .sequence = sequence, .sampled_at = sample.sampled_at},
       .hand_position_m = sample.hand_position_m,
       .tool_position_world_m = workspace_.tool_position_world_m(sample.hand_position_m),
       .tool_orientation_world = sample.orientation,
@@ -145,6 +185,9 @@ void DeviceNode::count(const DeviceTick& record) noexcept {
     case GuardState::kLimp:
       ++counters_.limp_ticks;
       break;
+    case GuardState::kFault:
+      ++counters_.fault_ticks;
+      break;
   }
   if (record.is_peak_limited) ++counters_.peak_limited_ticks;
   counters_.max_force_newton =
@@ -152,10 +195,24 @@ void DeviceNode::count(const DeviceTick& record) noexcept {
   counters_.minimum_true_energy_joule = record.minimum_true_energy_joule;
 }
 
-void DeviceNode::latch_fault() noexcept {
-  has_fault_ = true;
+/// The record tells what was read last, even if it is what cannot be.
+void DeviceNode::latch(FaultReason reason, DeviceTick& record) noexcept {
+  fault_ = reason;
+  counters_.last_fault = reason;
   ++counters_.device_faults;
   release_motors();
+  record.switched_at = clock_.now();
+  record.guard = GuardState::kFault;
+  record.measured_hand_position_m = last_position_m_;
+  record.measured_tool_position_world_m = workspace_.tool_position_world_m(last_position_m_);
+  note_true_state(record);
+}
+
+void DeviceNode::reset_fault() noexcept {
+  if (!has_fault()) return;
+  fault_ = FaultReason::kNone;
+  has_reading_ = false;
+  ++counters_.fault_resets;
 }
 
 void DeviceNode::release_motors() noexcept {
@@ -167,6 +224,7 @@ void DeviceNode::release_motors() noexcept {
 DeviceCounters DeviceNode::counters() const noexcept {
   DeviceCounters counters = counters_;
   counters.force_command = force_in_.counters();
+  counters.non_finite_commands = guard_.non_finite_commands();
   return counters;
 }
 

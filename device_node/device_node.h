@@ -7,7 +7,9 @@
 // No answer by the deadline: the earlier command while its lease runs, then the fallback and the
 // fade of force_guard.h. Answers to another tick are dropped, so is an answer read after the
 // deadline: no force begins to act later than `reply` after the reading it answers.
-// Device failure: latched, motors released, nothing sent until reset_fault().
+// Fault — no reading, one that is not finite or that only a hand faster than v_fault could have
+// made, motors that refuse: latched. Motors released, nothing sent; the tick goes on reading and
+// leaves its records until reset_fault().
 // Thread: everything runs on the caller's thread. step() does not allocate, lock, log or throw; it
 // waits for the answer, up to `reply`.
 #pragma once
@@ -44,20 +46,24 @@ class DeviceNode {
   /// Motors limp, at once. A later step() begins with a limp start.
   void stop() noexcept { release_motors(); }
 
-  [[nodiscard]] bool has_fault() const noexcept { return has_fault_; }
-  /// Lets a device that failed be tried again, with a limp start.
-  void reset_fault() noexcept { has_fault_ = false; }
+  [[nodiscard]] bool has_fault() const noexcept { return fault_ != FaultReason::kNone; }
+  /// Lets a device that failed be tried again, from wherever it now is, with a limp start. Without
+  /// a fault nothing happens.
+  void reset_fault() noexcept;
 
   [[nodiscard]] DeviceCounters counters() const noexcept;
 
  private:
   void note_appointment(const Tick& tick) noexcept;
-  [[nodiscard]] DeviceState make_state(const DeviceSample& sample) noexcept;
+  [[nodiscard]] FaultReason exchange(DeviceTick& record) noexcept;
+  void look_on(DeviceTick& record) noexcept;
+  [[nodiscard]] FaultReason judge(const DeviceSample& sample) noexcept;
+  [[nodiscard]] DeviceState make_state(const DeviceSample& sample, std::uint64_t sequence) noexcept;
   [[nodiscard]] const Received<ForceCommand>* wait_for_answer(const DeviceState& state,
                                                               TimePoint deadline) noexcept;
   void note_true_state(DeviceTick& record) noexcept;
   void count(const DeviceTick& record) noexcept;
-  void latch_fault() noexcept;
+  void latch(FaultReason reason, DeviceTick& record) noexcept;
   void release_motors() noexcept;
 
   DeviceConfig config_;
@@ -71,9 +77,13 @@ class DeviceNode {
   WorkspaceMap workspace_;
   ForceGuard guard_;
   AppliedForces applied_;
+  double rounding_m_;  // by which the distance of two readings may be too large
   std::uint64_t sequence_ = 0;
   std::uint64_t next_index_ = 0;
-  bool has_fault_ = false;
+  FaultReason fault_ = FaultReason::kNone;
+  Vector3 last_position_m_ = Vector3::Zero();  // of the last finite reading
+  TimePoint last_reading_at_{};
+  bool has_reading_ = false;  // since the start or the last reset
   DeviceCounters counters_;
 };
 

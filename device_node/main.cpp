@@ -4,7 +4,11 @@
 
 int main(int argc, char** argv) {
   return palpate::run_node(
-      argc, argv, {.name = "device", .description = "Owns the haptic device and its motors."},
+      argc, argv,
+      {.name = "device",
+       .description = "Owns the haptic device and its motors.",
+       .signals = "SIGUSR1 writes the last ticks to a file (the log names it).\n"
+                  "SIGUSR2 resets a latched fault; the force then grows from nothing."},
       [](palpate::NodeContext& context) {
         palpate::ProcessLinks links(context.session.realtime);
         palpate::device::run_process(context, links);

@@ -1,6 +1,7 @@
 #include "device_node/process.h"
 
 #include "common/core/inbox.h"
+#include "common/runtime/flight_recorder.h"
 #include "common/runtime/rate_loop.h"
 #include "common/runtime/realtime.h"
 #include "common/runtime/telemetry_publisher.h"
@@ -31,6 +32,8 @@ void run_process(NodeContext& context, ProcessLinks& links) {
   Snapshot<DeviceCounters> counters;
   TelemetryPublisher publisher(context.session_id, context.clock, ticks, counters, telemetry,
                                context.log);
+  FlightRecorder<DeviceTick> recorder(flight_files(context, "device"));
+  publisher.record_to(recorder);
   publisher.start();
 
   // the tick
@@ -38,7 +41,11 @@ void run_process(NodeContext& context, ProcessLinks& links) {
                   context.session_id);
   context.log.info("event=realtime {}", enter_realtime(session.realtime).text);
   RateLoop loop(context.clock, session.device.rate_hz);
+  std::uint32_t resets = 0;
   loop.run(context.stop, [&](const Tick& tick) {
+    const std::uint32_t resets_asked = context.requests.fault_resets;
+    if (resets_asked != resets) node.reset_fault();
+    resets = resets_asked;
     node.step(tick);
     counters.store(node.counters());
   });

@@ -4,7 +4,10 @@
 
 int main(int argc, char** argv) {
   return palpate::run_node(
-      argc, argv, {.name = "mofc", .description = "The clamp between the device and the physics."},
+      argc, argv,
+      {.name = "mofc",
+       .description = "The clamp between the device and the physics.",
+       .signals = "SIGUSR1 writes the last ticks to a file (the log names it)."},
       [](palpate::NodeContext& context) {
         palpate::ProcessLinks links(context.session.realtime);
         palpate::mofc::run_process(context, links);

@@ -4,6 +4,7 @@
 #include <chrono>
 
 #include "common/core/inbox.h"
+#include "common/runtime/flight_recorder.h"
 #include "common/runtime/realtime.h"
 #include "common/runtime/telemetry_publisher.h"
 #include "mofc_node/mofc_node.h"
@@ -42,6 +43,8 @@ void run_process(NodeContext& context, ProcessLinks& links) {
   Snapshot<MofcCounters> counters;
   TelemetryPublisher publisher(context.session_id, context.clock, ticks, counters, telemetry,
                                context.log);
+  FlightRecorder<MofcTick> recorder(flight_files(context, "mofc"));
+  publisher.record_to(recorder);
   publisher.start();
 
   // every DeviceState is answered in order; what can wait comes after the answer

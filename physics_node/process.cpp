@@ -3,6 +3,7 @@
 #include <chrono>
 
 #include "common/core/inbox.h"
+#include "common/runtime/flight_recorder.h"
 #include "common/runtime/rate_loop.h"
 #include "common/runtime/telemetry_publisher.h"
 #include "physics_node/physics_node.h"
@@ -34,6 +35,8 @@ void run_process(NodeContext& context, ProcessLinks& links) {
   Snapshot<PhysicsCounters> counters;
   TelemetryPublisher publisher(context.session_id, context.clock, ticks, counters, telemetry,
                                context.log);
+  FlightRecorder<PhysicsTick> recorder(flight_files(context, "physics"));
+  publisher.record_to(recorder);
   publisher.start();
 
   PhysicsNode node(session.scene, context.clock, motion_in, interaction_out, ticks,

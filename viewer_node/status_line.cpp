@@ -65,7 +65,11 @@ std::string status_line(const TelemetryMirror& mirror, TimePoint now) {
   add("jitter p99 " + duration(figures.lateness_p99));
   add("reply p99 " + duration(figures.reply_time_p99));
   add("answered " + percent(figures.answered_ratio_since_start, 2));
-  add(is_answered && has_mofc ? name(figures.mofc_state) : name(figures.guard));
+  if (figures.guard == GuardState::kFault) {
+    add(std::string("FAULT: ") + name(mirror.device_counters().last_fault));
+  } else {
+    add(is_answered && has_mofc ? name(figures.mofc_state) : name(figures.guard));
+  }
   add("|F| " + fixed(figures.applied_newton, 2) + "/" + fixed(figures.asked_newton, 2) + " N");
   if (has_mofc) {
     add("clamp " + percent(figures.clamped_ratio, 0));

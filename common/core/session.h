@@ -64,6 +64,7 @@ struct DeviceConfig {
   Duration start_ramp{};           ///< limp start: the force grows from nothing over this time
   double peak_force_newton = 3.3;  ///< of this session; the device's own limit holds too
   double slew_newton_per_s = 0.0;  ///< limit on growing force; 0: none
+  double v_fault_m_per_s = 10.0;   ///< a hand that is faster is a fault of the encoder
   WorkspaceConfig workspace;
   DeviceProfile profile;
   SimulatedDeviceConfig simulated;

@@ -14,6 +14,24 @@ const char* name(GuardState state) {
       return "fallback";
     case GuardState::kFading:
       return "fading";
+    case GuardState::kFault:
+      return "fault";
+  }
+  return "?";
+}
+
+const char* name(FaultReason reason) {
+  switch (reason) {
+    case FaultReason::kNone:
+      return "none";
+    case FaultReason::kReadFailed:
+      return "read failed";
+    case FaultReason::kReadingNotFinite:
+      return "reading not finite";
+    case FaultReason::kPositionJumped:
+      return "position jumped";
+    case FaultReason::kWriteFailed:
+      return "write failed";
   }
   return "?";
 }

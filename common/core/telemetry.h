@@ -20,8 +20,19 @@ enum class GuardState : std::uint8_t {
   kLeased = 2,    ///< the previous command, its lease still runs
   kFallback = 3,  ///< at most the device's own Coulomb friction
   kFading = 4,    ///< fallback on its way to zero
+  kFault = 5,     ///< nothing: a latched fault, until it is reset
 };
 [[nodiscard]] const char* name(GuardState state);
+
+/// Why device_node let go of the motors until somebody resets it.
+enum class FaultReason : std::uint8_t {
+  kNone = 0,
+  kReadFailed = 1,        ///< the device gave no reading
+  kReadingNotFinite = 2,  ///< it gave one with NaN or infinity in it
+  kPositionJumped = 3,    ///< two readings that only a hand faster than v_fault could have made
+  kWriteFailed = 4,       ///< the motors did not take their force
+};
+[[nodiscard]] const char* name(FaultReason reason);
 
 /// What mofc_node makes of the physics.
 enum class MofcState : std::uint8_t {
@@ -35,12 +46,12 @@ enum class MofcState : std::uint8_t {
 
 /// One device tick, row k of DESIGN's CSV on the device's side.
 struct DeviceTick {
-  std::uint64_t sequence = 0;  ///< of the DeviceState
+  std::uint64_t sequence = 0;  ///< of the DeviceState; none was sent in a tick of kFault
   TimePoint sampled_at{};      ///< t_k, device's clock
   TimePoint switched_at{};     ///< when this tick's force began to act
   Duration lateness{};         ///< begin of the tick after its appointment
   Duration reply_time{};       ///< from sending to the answer; meaningless unless answered
-  Vector3 measured_hand_position_m = Vector3::Zero();  ///< D
+  Vector3 measured_hand_position_m = Vector3::Zero();  ///< D; the last one that was finite
   Vector3 measured_tool_position_world_m = Vector3::Zero();
   Vector3 force_on_hand_newton = Vector3::Zero();  ///< D, acting from switched_at on
   GuardState guard = GuardState::kLimp;
@@ -96,7 +107,11 @@ struct DeviceCounters {
   std::uint64_t fallback_ticks = 0;  ///< fallback or fading
   std::uint64_t limp_ticks = 0;
   std::uint64_t peak_limited_ticks = 0;
-  std::uint64_t device_faults = 0;
+  std::uint64_t fault_ticks = 0;    ///< with a latched fault
+  std::uint64_t device_faults = 0;  ///< latched so far
+  std::uint64_t fault_resets = 0;
+  FaultReason last_fault = FaultReason::kNone;  ///< stays after its reset
+  std::uint64_t non_finite_commands = 0;        ///< answers with NaN or infinity: no force
   double max_force_newton = 0.0;
   double minimum_true_energy_joule = kNaN;
 };

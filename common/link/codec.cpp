@@ -335,7 +335,11 @@ void put(const DeviceCounters& c, v1::DeviceCounters& to) {
   to.set_fallback_ticks(c.fallback_ticks);
   to.set_limp_ticks(c.limp_ticks);
   to.set_peak_limited_ticks(c.peak_limited_ticks);
+  to.set_fault_ticks(c.fault_ticks);
   to.set_device_faults(c.device_faults);
+  to.set_fault_resets(c.fault_resets);
+  to.set_last_fault(static_cast<std::uint32_t>(c.last_fault));
+  to.set_non_finite_commands(c.non_finite_commands);
   to.set_max_force_newton(c.max_force_newton);
   to.set_minimum_true_energy_joule(c.minimum_true_energy_joule);
 }
@@ -343,6 +347,7 @@ void check(const v1::DeviceCounters& c, Verdict& verdict) {
   verdict.require(c.has_loop());
   verdict.require(c.has_force_command());
   verdict.time(c.loop().worst_lateness_ns());
+  verdict.expect(c.last_fault() <= static_cast<std::uint32_t>(FaultReason::kWriteFailed));
   verdict.finite(c.max_force_newton());
   verdict.finite_or_nan(c.minimum_true_energy_joule());
 }
@@ -354,7 +359,11 @@ DeviceCounters counters(const v1::DeviceCounters& c) {
           .fallback_ticks = c.fallback_ticks(),
           .limp_ticks = c.limp_ticks(),
           .peak_limited_ticks = c.peak_limited_ticks(),
+          .fault_ticks = c.fault_ticks(),
           .device_faults = c.device_faults(),
+          .fault_resets = c.fault_resets(),
+          .last_fault = static_cast<FaultReason>(c.last_fault()),
+          .non_finite_commands = c.non_finite_commands(),
           .max_force_newton = c.max_force_newton(),
           .minimum_true_energy_joule = c.minimum_true_energy_joule()};
 }
@@ -478,7 +487,7 @@ void check_records(const v1::DeviceTelemetry& wire, Verdict& verdict) {
   check_finite(wire.force_on_hand_newton(), rows, 3, verdict);
   check_length(wire.guard(), rows, 1, verdict);
   for (const std::uint32_t guard : wire.guard()) {
-    verdict.expect(guard <= static_cast<std::uint32_t>(GuardState::kFading));
+    verdict.expect(guard <= static_cast<std::uint32_t>(GuardState::kFault));
   }
   check_length(wire.flags(), rows, 1, verdict);
   check_finite_or_nan(wire.true_tool_position_world_m(), rows, 3, verdict);

@@ -1,5 +1,7 @@
 #include "common/runtime/event_log.h"
 
+#include <unistd.h>
+
 namespace palpate {
 namespace {
 
@@ -45,13 +47,23 @@ void LinkEvents::note(const LinkCounters& counters, TimePoint now) {
 
 EventLog<DeviceCounters>::EventLog(spdlog::logger& log)
     : force_command_(log, "force_command"),
-      faults_(log, spdlog::level::err, "device_fault"),
+      log_(log),
+      non_finite_commands_(log, spdlog::level::err, "command_not_finite"),
       overruns_(log, spdlog::level::warn, "ticks_skipped"),
       fallback_(log, "fallback") {}
 
 void EventLog<DeviceCounters>::note(const DeviceCounters& counters, TimePoint now) {
   force_command_.note(counters.force_command, now);
-  faults_.note(counters.device_faults, now);
+  if (counters.device_faults != faults_) {
+    log_.error("event=device_fault reason=\"{}\" count={} remedy=\"mend it, then kill -USR2 {}\"",
+               name(counters.last_fault), counters.device_faults - faults_, ::getpid());
+    faults_ = counters.device_faults;
+  }
+  if (counters.fault_resets != fault_resets_) {
+    log_.info("event=device_fault_reset");
+    fault_resets_ = counters.fault_resets;
+  }
+  non_finite_commands_.note(counters.non_finite_commands, now);
   overruns_.note(counters.loop.skipped_ticks, now);
 
   // limp before the first answer is how a device starts; after it, it is where a fallback ends

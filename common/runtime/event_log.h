@@ -65,7 +65,10 @@ class EventLog<DeviceCounters> {
 
  private:
   LinkEvents force_command_;
-  GrowthEvent faults_;
+  spdlog::logger& log_;
+  std::uint64_t faults_ = 0;
+  std::uint64_t fault_resets_ = 0;
+  GrowthEvent non_finite_commands_;
   GrowthEvent overruns_;
   EpisodeEvent fallback_;
   bool was_answered_ = false;

@@ -21,11 +21,12 @@ namespace {
 
 namespace asio = boost::asio;
 
-/// Turns signals and the end of the time into a stop request, on a thread of its own.
-class StopSignals {
+/// Turns signals and the end of the time into requests, on a thread of its own.
+class Signals {
  public:
-  explicit StopSignals(std::optional<double> seconds)
-      : signals_(io_, SIGINT, SIGTERM, SIGHUP), timer_(io_) {
+  explicit Signals(std::optional<double> seconds)
+      : signals_(io_, SIGINT, SIGTERM, SIGHUP), user_signals_(io_, SIGUSR1, SIGUSR2), timer_(io_) {
+    await_user_signal();
     signals_.async_wait([this](const boost::system::error_code& error, int) {
       if (error) return;
       signals_.clear();  // the next one has its default effect: it kills
@@ -40,18 +41,29 @@ class StopSignals {
     }
     thread_ = std::thread([this] { io_.run(); });
   }
-  ~StopSignals() {
+  ~Signals() {
     io_.stop();
     thread_.join();
   }
-  StopSignals(const StopSignals&) = delete;
-  StopSignals& operator=(const StopSignals&) = delete;
+  Signals(const Signals&) = delete;
+  Signals& operator=(const Signals&) = delete;
 
   [[nodiscard]] std::stop_token token() const { return source_.get_token(); }
+  [[nodiscard]] const SignalRequests& requests() const { return requests_; }
 
  private:
+  void await_user_signal() {
+    user_signals_.async_wait([this](const boost::system::error_code& error, int signal) {
+      if (error) return;
+      ++(signal == SIGUSR1 ? requests_.recordings : requests_.fault_resets);
+      await_user_signal();
+    });
+  }
+
   asio::io_context io_;
   asio::signal_set signals_;
+  asio::signal_set user_signals_;
+  SignalRequests requests_;
   asio::steady_timer timer_;
   std::stop_source source_;
   std::thread thread_;
@@ -99,7 +111,10 @@ int run_node(int argc, char** argv, const NodeInfo& info,
       ->check(is_time());
   app.add_flag("--no-realtime", no_realtime, "ordinary scheduling, whatever the session says");
   app.set_version_flag("--version", program + " " + version());
-  app.footer("`palpate launch SESSION` starts all nodes of a session and keeps them running.");
+  std::string footer =
+      "`palpate launch SESSION` starts all nodes of a session and keeps them running.";
+  if (!info.signals.empty()) footer += "\n\n" + info.signals;
+  app.footer(footer);
   if (info.add_options) info.add_options(app);
   try {
     app.parse(argc, argv);
@@ -112,13 +127,14 @@ int run_node(int argc, char** argv, const NodeInfo& info,
     if (no_realtime) session.realtime = {.priority = 0, .cpu = -1};
 
     const Log log(info.name);
-    const StopSignals signals(seconds);
+    const Signals signals(seconds);
     SteadyClock clock;
     NodeContext context{.session = session,
                         .session_id = random_session_id(),
                         .clock = clock,
                         .log = log.logger(),
-                        .stop = signals.token()};
+                        .stop = signals.token(),
+                        .requests = signals.requests()};
     context.log.info("event=start session={} session_id={:x} version={}", session.name,
                      context.session_id, version());
     body(context);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <atomic>
 #include <cstdint>
 #include <functional>
 #include <stop_token>
@@ -18,11 +19,19 @@ inline constexpr int kExitFailure = 1;
 inline constexpr int kExitSetupError = 2;  ///< the user's to mend; starting again would not help
 
 struct NodeInfo {
-  std::string name;         ///< "device"; the program is device_node
-  std::string description;  ///< one sentence for --help
+  std::string name;          ///< "device"; the program is device_node
+  std::string description;   ///< one sentence for --help
+  std::string signals = {};  ///< for --help: what SIGUSR1 and SIGUSR2 do, if anything
   /// Options of this node beside the common ones; optional.
   std::function<void(CLI::App&)> add_options = {};
 };
+
+/// What signals asked for since the start; counted, so a request cannot get lost.
+struct SignalRequests {
+  std::atomic<std::uint32_t> recordings{0};    ///< SIGUSR1: write the flight recorder's file
+  std::atomic<std::uint32_t> fault_resets{0};  ///< SIGUSR2: reset a latched fault
+};
+inline const SignalRequests kNoRequests;
 
 /// What a node's main is handed.
 struct NodeContext {
@@ -31,6 +40,7 @@ struct NodeContext {
   SteadyClock& clock;
   spdlog::logger& log;   ///< never on the tick thread
   std::stop_token stop;  ///< SIGINT, SIGTERM, SIGHUP or the end of --seconds
+  const SignalRequests& requests = kNoRequests;
 };
 
 /// Version of the project, "MAJOR.MINOR.PATCH".

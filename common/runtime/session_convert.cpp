@@ -219,6 +219,8 @@ DeviceConfig to_device(const Fields& fields, double rate_hz, double wait_for_phy
                                            above(0), "leave it out for the device's own limit");
   config.slew_newton_per_s =
       fields.number("slew_newton_per_s", 0.0, at_least(0), "give 0 for no limit");
+  config.v_fault_m_per_s = fields.number("v_fault_m_per_s", config.v_fault_m_per_s, at_least(5),
+                                         "leave it out for 10; no hand is faster");
   return config;
 }
 

@@ -2,7 +2,7 @@
 // published and, where it matters, logged by a thread of ordinary priority.
 //
 //   tick thread ──▶ RingSink (every tick) ─────┐
-//   tick thread ──▶ Snapshot (counters) ───────┴──▶ TelemetryPublisher ──▶ Sender, log
+//   tick thread ──▶ Snapshot (counters) ───────┴──▶ TelemetryPublisher ──▶ Sender, log, recorder
 #pragma once
 
 #include <chrono>
@@ -18,6 +18,7 @@
 #include "common/core/spsc_ring.h"
 #include "common/core/telemetry.h"
 #include "common/runtime/event_log.h"
+#include "common/runtime/flight_recorder.h"
 
 namespace palpate {
 
@@ -58,6 +59,9 @@ class TelemetryPublisher {
     batch_.records.reserve(kMaxRecordsPerBatch);
   }
 
+  /// The records go to this one too; before start().
+  void record_to(FlightRecorder<Record>& recorder) { recorder_ = &recorder; }
+
   /// Begins to publish; the destructor ends it with one last batch.
   void start() {
     thread_ = std::jthread([this](const std::stop_token& stop) {
@@ -78,6 +82,7 @@ class TelemetryPublisher {
       Record record;
       while (batch_.records.size() < kMaxRecordsPerBatch && ticks_.take(record)) {
         batch_.records.push_back(record);
+        if (recorder_ != nullptr) recorder_->keep(record);
       }
       batch_.counters = counters;
       batch_.records_lost = ticks_.lost();
@@ -86,6 +91,7 @@ class TelemetryPublisher {
       ++batch_.header.sequence;
     } while (batch_.records.size() == kMaxRecordsPerBatch);
     events_.note(counters, batch_.header.sampled_at);
+    if (recorder_ != nullptr) recorder_->write_if_due(counters);
   }
 
  private:
@@ -95,6 +101,7 @@ class TelemetryPublisher {
   Sender<Batch>& out_;
   EventLog<Counters> events_;
   Batch batch_;
+  FlightRecorder<Record>* recorder_ = nullptr;
 
   std::mutex mutex_;
   std::condition_variable_any stopped_;

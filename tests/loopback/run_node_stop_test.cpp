@@ -2,11 +2,14 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <array>
+#include <chrono>
 #include <condition_variable>
 #include <csignal>
 #include <filesystem>
 #include <fstream>
 #include <mutex>
+#include <thread>
 
 #include "common/runtime/run_node.h"
 
@@ -36,6 +39,12 @@ class RunNodeStop : public testing::Test {
         });
   }
 
+  void wait_for(const std::atomic<std::uint32_t>& requests, std::uint32_t count) {
+    const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+    while (requests < count && std::chrono::steady_clock::now() < end) std::this_thread::yield();
+    EXPECT_EQ(requests, count);
+  }
+
   std::string session_ =
       testing::TempDir() + "run_node_stop_test_" + std::to_string(getpid()) + ".txtpb";
   bool was_stopped_ = false;
@@ -49,6 +58,26 @@ TEST_F(RunNodeStop, SigtermEndsTheNodeWithStatusZero) {
 TEST_F(RunNodeStop, CtrlCEndsTheNodeWithStatusZero) {
   EXPECT_EQ(run({}, [] { kill(getpid(), SIGINT); }), 0);
   EXPECT_TRUE(was_stopped_);
+}
+
+TEST_F(RunNodeStop, UserSignalsAreRequestsEachTimeAndDoNotEndTheNode) {
+  std::string program = "fake_node";
+  std::string option = "--session";
+  std::array<char*, 3> argv{program.data(), option.data(), session_.data()};
+  const int status =
+      run_node(3, argv.data(), {.name = "fake", .description = "A node of this test"},
+               [&](NodeContext& context) {
+                 kill(getpid(), SIGUSR1);
+                 wait_for(context.requests.recordings, 1);
+                 kill(getpid(), SIGUSR1);
+                 wait_for(context.requests.recordings, 2);
+                 kill(getpid(), SIGUSR2);
+                 wait_for(context.requests.fault_resets, 1);
+                 EXPECT_EQ(context.requests.recordings, 2u);
+                 EXPECT_FALSE(context.stop.stop_requested());
+               });
+
+  EXPECT_EQ(status, 0);
 }
 
 TEST_F(RunNodeStop, TheNodeEndsWhenItsTimeIsUp) {

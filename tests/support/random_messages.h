@@ -115,7 +115,7 @@ inline void randomise(DeviceTick& r, Random& random) {
   r.measured_hand_position_m = random_vector(random, 1.0);
   r.measured_tool_position_world_m = random_vector(random, 1.0);
   r.force_on_hand_newton = random_vector(random, 10.0);
-  r.guard = static_cast<GuardState>(random.below(5));
+  r.guard = static_cast<GuardState>(random.below(6));
   r.is_answered = random.chance(0.5);
   r.is_peak_limited = random.chance(0.5);
   r.is_clutched = random.chance(0.5);
@@ -162,7 +162,11 @@ inline void randomise(DeviceCounters& c, Random& random) {
   c.fallback_ticks = random.bits();
   c.limp_ticks = random.bits();
   c.peak_limited_ticks = random.bits();
+  c.fault_ticks = random.bits();
   c.device_faults = random.bits();
+  c.fault_resets = random.bits();
+  c.last_fault = static_cast<FaultReason>(random.below(5));
+  c.non_finite_commands = random.bits();
   c.max_force_newton = random.uniform(0.0, 10.0);
   c.minimum_true_energy_joule = random.chance(0.5) ? random.uniform(-1.0, 1.0) : kNaN;
 }
@@ -305,6 +309,8 @@ inline bool same(const DeviceCounters& a, const DeviceCounters& b) {
          a.answered_ticks == b.answered_ticks && a.leased_ticks == b.leased_ticks &&
          a.fallback_ticks == b.fallback_ticks && a.limp_ticks == b.limp_ticks &&
          a.peak_limited_ticks == b.peak_limited_ticks && a.device_faults == b.device_faults &&
+         a.fault_ticks == b.fault_ticks && a.fault_resets == b.fault_resets &&
+         a.last_fault == b.last_fault && a.non_finite_commands == b.non_finite_commands &&
          same(a.max_force_newton, b.max_force_newton) &&
          same(a.minimum_true_energy_joule, b.minimum_true_energy_joule);
 }

@@ -105,6 +105,8 @@ TEST(DurationHistogram, TakesWhatIsTooShortOrTooLong) {
 
 TEST(States, HaveNames) {
   EXPECT_STREQ(name(GuardState::kFallback), "fallback");
+  EXPECT_STREQ(name(GuardState::kFault), "fault");
+  EXPECT_STREQ(name(FaultReason::kPositionJumped), "position jumped");
   EXPECT_STREQ(name(MofcState::kNoPhysics), "no physics");
 }
 

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <spdlog/sinks/ostream_sink.h>
+#include <unistd.h>
 
 #include <sstream>
 
@@ -68,12 +69,31 @@ TEST_F(EventLogTest, RejectionsAreThrottled) {
             "warning event=messages_rejected link=interaction count=1000\n");
 }
 
-TEST_F(EventLogTest, ADeviceFaultIsAnError) {
+TEST_F(EventLogTest, ADeviceFaultIsAnErrorWithItsReasonAndItsRemedyAndIsToldOnce) {
   EventLog<DeviceCounters> events(logger_);
   DeviceCounters counters;
   counters.device_faults = 1;
+  counters.last_fault = FaultReason::kPositionJumped;
   events.note(counters, at(milliseconds(0)));
-  EXPECT_EQ(lines(), "error event=device_fault count=1\n");
+  EXPECT_EQ(lines(),
+            "error event=device_fault reason=\"position jumped\" count=1 "
+            "remedy=\"mend it, then kill -USR2 " +
+                std::to_string(getpid()) + "\"\n");
+  counters.fault_ticks = 500;
+  events.note(counters, at(milliseconds(500)));
+  EXPECT_EQ(lines(), "");
+
+  counters.fault_resets = 1;
+  events.note(counters, at(milliseconds(520)));
+  EXPECT_EQ(lines(), "info event=device_fault_reset\n");
+}
+
+TEST_F(EventLogTest, ACommandThatIsNotFiniteIsAnError) {
+  EventLog<DeviceCounters> events(logger_);
+  DeviceCounters counters;
+  counters.non_finite_commands = 2;
+  events.note(counters, at(milliseconds(0)));
+  EXPECT_EQ(lines(), "error event=command_not_finite count=2\n");
 }
 
 // 100 limp ticks at the start, then answers; 5 + 3 fallback ticks that flutter; quiet from 60 ms

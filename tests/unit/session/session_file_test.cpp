@@ -104,6 +104,7 @@ TEST(SessionFile, AlmostEmptySessionHasEveryDefault) {
   EXPECT_EQ(device.start_ramp, 100ms);
   EXPECT_EQ(device.peak_force_newton, 3.3);
   EXPECT_EQ(device.slew_newton_per_s, 0.0);
+  EXPECT_EQ(device.v_fault_m_per_s, 10.0);
   EXPECT_EQ(device.workspace.scale_ratio, 1.0);
   EXPECT_EQ(device.workspace.force_ratio, 1.0);
   EXPECT_EQ(device.workspace.offset_m, Vector3(0, 0, 0));
@@ -364,8 +365,9 @@ TEST(SessionFile, WrongEnumeratorIsToldWithTheRightOnes) {
   const std::vector<std::string> lines = complaints("name: \"x\"\nmofc { mode: fast }\n");
 
   ASSERT_THAT(lines, SizeIs(2));
-  EXPECT_THAT(lines[1], AllOf(StartsWith("x.txtpb:2:"),
-                              EndsWith("mode = fast: must be one of mode_default, paper, vector, guard")));
+  EXPECT_THAT(lines[1],
+              AllOf(StartsWith("x.txtpb:2:"),
+                    EndsWith("mode = fast: must be one of mode_default, paper, vector, guard")));
 }
 
 TEST(SessionFile, UnknownFieldsAreAllToldBeforeASyntaxError) {

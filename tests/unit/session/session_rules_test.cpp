@@ -184,6 +184,7 @@ const Rule kRules[] = {
     {"device.start_ramp_ms", {"-1"}, {"0"}, "must be ≥ 0"},
     {"device.peak_force_newton", {"0", "-1"}, {"0.1"}, "must be > 0"},
     {"device.slew_newton_per_s", {"-1"}, {"0"}, "must be ≥ 0"},
+    {"device.v_fault_m_per_s", {"4.9", "0"}, {"5"}, "must be ≥ 5"},
     {"device.workspace.scale_ratio", {"0", "-1"}, {"0.1"}, "must be > 0"},
     {"device.workspace.force_ratio", {"-0.1"}, {"0"}, "must be ≥ 0"},
     {"device.workspace.clutch_button", {"32"}, {"0", "31"}, "must be 0 … 31"},

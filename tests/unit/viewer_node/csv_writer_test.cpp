@@ -151,13 +151,14 @@ TEST(CsvWriter, CallsItFallbackOnlyAfterTheFirstAnswerOfASession) {
       row(1, GuardState::kFallback),  //
       row(1, GuardState::kFading),    //
       row(1, GuardState::kLimp),      // now it is limp for want of an answer
+      row(1, GuardState::kFault),     //
       row(1, GuardState::kAnswered),  //
       row(2, GuardState::kLimp),      // restarted
   });
 
   std::string fallback;
   for (const std::string& line : lines) fallback += cells_of(line).at(24);
-  EXPECT_EQ(fallback, "00011100");
+  EXPECT_EQ(fallback, "000111100");
 }
 
 TEST(CsvWriter, WritesDoublesThatReadBackToTheBit) {

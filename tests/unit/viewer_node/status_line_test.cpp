@@ -75,6 +75,22 @@ TEST(StatusLine, SaysInWordsWhichNodeIsGone) {
   EXPECT_THAT(line, Not(HasSubstr("physics")));
 }
 
+TEST(StatusLine, SaysInCapitalsThatTheDeviceHasAFaultAndWhich) {
+  TelemetryMirror mirror = healthy();
+  DeviceBatch device = device_batch(1, 1000, 1000);
+  device.records[0].guard = GuardState::kFault;
+  device.counters.last_fault = FaultReason::kPositionJumped;
+  mirror.take(device, kStart);
+
+  EXPECT_THAT(status_line(mirror, kStart), HasSubstr("  FAULT: position jumped  |F| "));
+
+  // reset: the counters remember the reason, the line does not
+  device = device_batch(2, 1001, 1001);
+  device.counters.last_fault = FaultReason::kPositionJumped;
+  mirror.take(device, kStart);
+  EXPECT_THAT(status_line(mirror, kStart), Not(HasSubstr("FAULT")));
+}
+
 TEST(StatusLine, SaysNothingOfTicksOnceTheDeviceIsGone) {
   EXPECT_EQ(status_line(healthy(), kStart + 61s),
             "device: not heard for 61.0 s  mofc: not heard for 61.0 s  physics: not heard for "

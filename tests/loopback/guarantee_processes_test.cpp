@@ -1,0 +1,323 @@
+// The promise to the hand in real processes: nodes that are killed or stopped while it presses, a
+// device that fails, and what they leave in the flight recorder. Mode guard throughout.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <algorithm>
+#include <csignal>
+#include <cstdlib>
+#include <fstream>
+#include <optional>
+
+#include "common/runtime/session_file.h"
+#include "tests/support/program.h"
+#include "tests/support/temp_folder.h"
+#include "tests/support/watcher.h"
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+using namespace std::chrono_literals;
+using test::Program;
+using test::TempFolder;
+using test::Watcher;
+using viewer::TickRow;
+
+/// A hand that comes from above and then presses for good: its spring, 400 N/m, pulls it 7.5 mm
+/// into tissue of 200 N/m, so that 5 mm and 1 N are left.
+constexpr const char* kPressing = R"(
+name: "guarantee"
+realtime { priority: 0 cpu: -1 }
+hand { stiffness_newton_per_m: 400 recorded { file: "hand.csv" } }
+mofc { mode: guard velocity_time_constant_ms: 5 }
+scene { tissue { half_space {} kelvin_voigt { stiffness_newton_per_m: 200 } } }
+)";
+constexpr const char* kHand = "t,x,y,z\n0,0,0,0.004\n0.5,0,0,0.004\n1,0,0,-0.0075\n";
+constexpr double kPressNewton = 1.0;
+
+/// Energy of rounding in the inner steps of the simulated device.
+constexpr double kRoundingJoule = 1e-6;
+
+double newton(const TickRow& row) { return row.device.force_on_hand_newton.norm(); }
+
+class PressingHand : public testing::Test {
+ protected:
+  PressingHand() {
+    setenv("PALPATE_RUN_DIR", run_folder_.path().c_str(), 1);
+    files_.write("hand.csv", kHand);
+    file_ = files_.write("guarantee.txtpb", kPressing);
+    session_ = load_session(file_);
+    watcher_.emplace(session_, links_);
+    physics_.emplace("physics_node", std::vector<std::string>{"--session", file_});
+    mofc_.emplace("mofc_node", std::vector<std::string>{"--session", file_});
+  }
+
+  void SetUp() override {
+    // the hand's time begins with the device: the others are there before
+    ASSERT_TRUE(watcher_->until([&] {
+      return watcher_->mirror().mofc_link().is_heard() &&
+             watcher_->mirror().physics_link().is_heard();
+    }));
+    device_.emplace("device_node", std::vector<std::string>{"--session", file_});
+    ASSERT_TRUE(watcher_->until([&] { return presses(); })) << device_->err();
+  }
+
+  /// At rest in the tissue, or nearly: 80 % of the last force.
+  bool presses() const {
+    const auto& rows = watcher_->rows();
+    return !rows.empty() && rows.back().mofc && rows.back().mofc->state == MofcState::kContact &&
+           rows.back().device.is_answered && newton(rows.back()) > 0.8 * kPressNewton;
+  }
+
+  /// Sends the signal; the time at which it is known to have worked.
+  TimePoint stop_with(Program& program, int signal) {
+    program.send_signal(signal);
+    siginfo_t info{};
+    waitid(P_PID, static_cast<id_t>(program.pid()), &info, WEXITED | WSTOPPED | WNOWAIT);
+    EXPECT_EQ(info.si_code, signal == SIGKILL ? CLD_KILLED : CLD_STOPPED);
+    return clock_.now();
+  }
+
+  /// Looks on until the hand has been left alone for 100 ticks in a row.
+  bool until_limp() {
+    return watcher_->until([&] {
+      const auto& rows = watcher_->rows();
+      return rows.size() > 100 && std::all_of(rows.end() - 100, rows.end(),
+                                              [](const auto& r) { return newton(r) == 0; });
+    });
+  }
+  void expect_passive() const {
+    ASSERT_FALSE(watcher_->rows().empty());
+    EXPECT_GE(watcher_->rows().back().device.minimum_true_energy_joule, -kRoundingJoule);
+  }
+
+  TempFolder run_folder_;
+  TempFolder files_;
+  std::string file_;
+  Session session_;
+  SteadyClock clock_;  // one host: the same as the nodes'
+  ProcessLinks links_{{.priority = 0, .cpu = -1}};
+  std::optional<Watcher> watcher_;
+  std::optional<Program> physics_;
+  std::optional<Program> mofc_;
+  std::optional<Program> device_;
+};
+
+// --- physics --------------------------------------------------------------------------------
+
+TEST_F(PressingHand, WhenPhysicsIsKilledTheForceNeverRisesAndIsGoneAfterTheFade) {
+  const TimePoint killed_at = stop_with(*physics_, SIGKILL);
+  ASSERT_TRUE(until_limp());
+
+  // silence is declared in the row after the last fresh one
+  const auto& rows = watcher_->rows();
+  const auto is_fresh = [](const TickRow& row) {
+    return row.mofc &&
+           (row.mofc->state == MofcState::kContact || row.mofc->state == MofcState::kFree);
+  };
+  const auto declared = std::find_if(rows.rbegin(), rows.rend(), is_fresh).base();
+  ASSERT_TRUE(declared != rows.begin() && declared != rows.end());
+  const TickRow& last_fresh = *(declared - 1);
+  const double limit_newton =
+      std::max(newton(last_fresh), last_fresh.mofc->commanded_force_on_hand_newton.norm());
+  EXPECT_GT(limit_newton, 0.5 * kPressNewton);
+
+  // mofc may have taken the last Interaction in its first turn after the kill
+  const auto turn = std::find_if(rows.begin(), rows.end(), [&](const TickRow& row) {
+    return row.device.is_answered && row.device.sampled_at >= killed_at;
+  });
+  ASSERT_NE(turn, rows.end());
+  const TimePoint gone_at =
+      turn->device.switched_at + session_.mofc.stale_after + session_.mofc.fade;
+  int faded = 0;
+  for (auto row = declared; row != rows.end(); ++row) {
+    EXPECT_LE(newton(*row), limit_newton + 1e-9) << "sequence " << row->device.sequence;
+    if (row->mofc && row->mofc->state == MofcState::kFading) ++faded;
+    if (row->device.is_answered && row->device.sampled_at > gone_at) {
+      EXPECT_EQ(newton(*row), 0.0) << "sequence " << row->device.sequence;
+    }
+  }
+  EXPECT_GT(faded, 10);
+  expect_passive();
+}
+
+// --- mofc -----------------------------------------------------------------------------------
+
+class WithoutMofc : public PressingHand, public testing::WithParamInterface<int> {};
+
+TEST_P(WithoutMofc, TheDeviceIsHarmlessWhenTheLeaseEndsAndThenLimp) {
+  const TimePoint stopped_at = stop_with(*mofc_, GetParam());
+  ASSERT_TRUE(until_limp());
+
+  const auto& rows = watcher_->rows();
+  const auto after = std::find_if(rows.rbegin(), rows.rend(), [](const TickRow& row) {
+                       return row.device.is_answered;
+                     }).base();
+  ASSERT_TRUE(after != rows.begin() && after != rows.end());
+  const DeviceTick& last = (after - 1)->device;
+  EXPECT_GT(last.force_on_hand_newton.norm(), 0.5 * kPressNewton);
+  EXPECT_LE(last.sampled_at, stopped_at);
+
+  const DeviceConfig& config = session_.device;
+  EXPECT_LE(config.lease, 3ms);
+  int leased = 0;
+  int fallback = 0;
+  for (auto row = after; row != rows.end(); ++row) {
+    const Duration silence = row->device.switched_at - last.switched_at;
+    if (silence < config.lease) {
+      ++leased;
+      continue;
+    }
+    EXPECT_LE(newton(*row), config.profile.coulomb_newton + 1e-9)
+        << to_seconds(silence) << " s after the last answer";
+    if (newton(*row) > 0.0) ++fallback;
+    if (silence >= config.limp_after + config.fade) {
+      EXPECT_EQ(newton(*row), 0.0);
+      EXPECT_EQ(row->device.guard, GuardState::kLimp);
+    }
+  }
+  EXPECT_LE(leased, 3);
+  EXPECT_GT(fallback, 10);
+  expect_passive();
+
+  if (GetParam() == SIGSTOP) {
+    mofc_->send_signal(SIGCONT);
+    EXPECT_TRUE(watcher_->until([&] { return rows.back().device.is_answered; }));
+    EXPECT_TRUE(watcher_->until_rows(500));
+    expect_passive();
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Signals, WithoutMofc, testing::Values(SIGKILL, SIGSTOP),
+                         [](const auto& signal) {
+                           return std::string(signal.param == SIGKILL ? "Killed" : "Stopped");
+                         });
+
+// --- device ---------------------------------------------------------------------------------
+
+// The amplifier's own watchdog lets go while the process cannot: in 300 ms the hand's spring pulls
+// it to 7.5 mm, but for 0.1 N of stiction, 0.25 mm, and 0.12 mm of its swing: with 0.3 kg and
+// 6.1 N·s/m that decays by exp(−10.2 · 0.3) = 0.05 of the 2.5 mm. Had the force gone on the hand
+// would be at 5 mm.
+// On its way it can have met friction alone. Each half swing is shorter by at least
+// exp(−π · 0.28 / √(1 − 0.28²)) = 0.40, so the path is at most 2.5 mm (1 + 2 · 0.4 / (1 − 0.4)) =
+// 5.8 mm: 0.58 mJ, and as much as 1 N could do in the 0.5 mm of one lease at v_max.
+TEST_F(PressingHand, WhenTheDeviceIsStoppedItsMotorsLetGoByThemselves) {
+  ASSERT_TRUE(watcher_->until_rows(500));  // at rest
+  const TimePoint stopped_at = stop_with(*device_, SIGSTOP);
+  const std::uint64_t limp_ticks = watcher_->mirror().device_counters().limp_ticks;
+  watcher_->until([&] { return clock_.now() >= stopped_at + 300ms; });
+  const TimePoint continued_at = clock_.now();
+  device_->send_signal(SIGCONT);
+  const auto& rows = watcher_->rows();
+  ASSERT_TRUE(watcher_->until([&] { return rows.back().device.sampled_at > continued_at; }));
+
+  const auto awake = std::find_if(rows.begin(), rows.end(), [&](const TickRow& row) {
+    return row.device.switched_at >= continued_at;
+  });
+  ASSERT_TRUE(awake != rows.begin() && awake != rows.end());
+  const auto read_awake = std::find_if(
+      awake, rows.end(), [&](const TickRow& row) { return row.device.sampled_at >= continued_at; });
+  ASSERT_NE(read_awake, rows.end());
+  const DeviceTick& asleep = (awake - 1)->device;
+  EXPECT_GT(asleep.force_on_hand_newton.norm(), 0.5 * kPressNewton);
+  EXPECT_EQ(newton(*awake), 0.0);
+  EXPECT_LT(asleep.true_tool_position_world_m.z(), -4e-3);
+  EXPECT_GT(asleep.true_tool_position_world_m.z(), -6e-3);
+  EXPECT_NEAR(read_awake->device.true_tool_position_world_m.z(), -7.5e-3, 0.4e-3);
+  EXPECT_LT(read_awake->device.true_energy_joule - asleep.true_energy_joule, 1.1e-3);
+
+  EXPECT_TRUE(watcher_->until(
+      [&] { return rows.back().device.is_answered && newton(rows.back()) > 0.3 * kPressNewton; }));
+  EXPECT_LE(watcher_->mirror().device_counters().limp_ticks, limp_ticks + 1);
+  expect_passive();
+}
+
+// --- a fault --------------------------------------------------------------------------------
+
+// Thrown 1 m aside by its spring, 400 N/m on 0.3 kg, the hand would reach some 20 m/s: no hand
+// does, so to the device it is an encoder that fails. It goes on pressing over there.
+class ThrownHand : public PressingHand {
+ protected:
+  ThrownHand() {
+    files_.write("hand.csv", std::string(kHand) + "3,0,0,-0.0075\n3.001,1,0,-0.0075\n");
+  }
+};
+
+TEST_F(ThrownHand, AFaultLetsGoIsRecordedAndStaysUntilItIsReset) {
+  const auto& rows = watcher_->rows();
+  const auto is_fault = [](const TickRow& row) { return row.device.guard == GuardState::kFault; };
+  ASSERT_TRUE(watcher_->until([&] { return is_fault(rows.back()); }));
+  const std::string said = device_->await_err("event=flight_recording reason=fault ticks=");
+  device_->await_err("event=device_fault reason=\"position jumped\"");
+
+  // nothing acts, and nothing but a reset changes that
+  ASSERT_TRUE(watcher_->until_rows(1500));
+  const auto fault = std::find_if(rows.begin(), rows.end(), is_fault);
+  const auto fault_index = fault - rows.begin();
+  EXPECT_TRUE(std::all_of(fault, rows.end(), is_fault));
+  EXPECT_TRUE(std::all_of(fault, rows.end(), [](const TickRow& row) { return newton(row) == 0; }));
+  EXPECT_EQ(watcher_->mirror().device_counters().device_faults, 1u);
+
+  // the file ends with the fault, or a few ticks later
+  std::ifstream in(said.substr(said.find("file=") + 5));
+  std::string last;
+  std::size_t faults = 0;
+  for (std::string line; std::getline(in, line);) {
+    last = line;
+    if (line.find(",fault,") != std::string::npos) ++faults;
+  }
+  EXPECT_GT(faults, 0u);
+  EXPECT_THAT(last, testing::HasSubstr(",fault,"));
+
+  // the reset: a limp start
+  device_->send_signal(SIGUSR2);
+  ASSERT_TRUE(watcher_->until([&] { return rows.back().device.is_answered; }));
+  ASSERT_TRUE(watcher_->until_rows(300));
+  const auto again = std::find_if(rows.begin() + fault_index, rows.end(),
+                                  [](const TickRow& row) { return row.device.is_answered; });
+  ASSERT_NE(again, rows.end());
+  const double peak_newton = session_.device.peak_force_newton;
+  for (auto row = again; row != rows.end(); ++row) {
+    const double share = to_seconds(row->device.switched_at - again->device.switched_at) /
+                         to_seconds(session_.device.start_ramp);
+    EXPECT_LE(newton(*row), std::min(share, 1.0) * peak_newton + 1e-9);
+    EXPECT_NE(row->device.guard, GuardState::kFault);
+  }
+  EXPECT_EQ(watcher_->mirror().device_counters().fault_resets, 1u);
+  expect_passive();
+}
+
+// --- flight recorder ------------------------------------------------------------------------
+
+TEST_F(PressingHand, ASignalWritesTheLastTicksOfEachNodeBesideTheRunFolder) {
+  for (Program* node : {&*physics_, &*mofc_, &*device_}) {
+    node->send_signal(SIGUSR1);
+    const std::string said = node->await_err("event=flight_recording reason=signal ticks=");
+    const std::string path = said.substr(said.find("file=") + 5);
+
+    EXPECT_EQ(fs::path(path).parent_path(), run_folder_.path());
+    std::ifstream in(path);
+    std::size_t lines = 0;
+    for (std::string line; std::getline(in, line);) ++lines;
+    EXPECT_EQ(lines, std::stoul(said) + 1);
+    EXPECT_GT(lines, 500u);
+  }
+
+  // and they go on
+  EXPECT_TRUE(watcher_->until_rows(100));
+  EXPECT_TRUE(watcher_->until([&] { return presses(); }));
+}
+
+TEST_F(PressingHand, AResetWithoutAFaultChangesNothing) {
+  device_->send_signal(SIGUSR2);
+
+  EXPECT_TRUE(watcher_->until_rows(300));
+  EXPECT_TRUE(watcher_->until([&] { return presses(); }));
+  EXPECT_EQ(watcher_->mirror().device_counters().fault_resets, 0u);
+}
+
+}  // namespace
+}  // namespace palpate
