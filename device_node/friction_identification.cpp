@@ -102,8 +102,7 @@ class Rig {
     std::optional<Switch> exit;
     const auto follow = [&](double acceleration) {
       const double dt_s = 1.0 / plan_.rate_hz;
-      reference_speed =
-          std::clamp(reference_speed + acceleration * dt_s, 0.0, speed_m_per_s);
+      reference_speed = std::clamp(reference_speed + acceleration * dt_s, 0.0, speed_m_per_s);
       reference_m += reference_speed * dt_s * along;
       step(moving_newton * along + kIntegral_newton_per_m * (reference_m - position_m()) +
            kProportional_newton_s_per_m * (reference_speed * along - velocity_));
@@ -283,7 +282,8 @@ SweepPlan default_sweep_plan(const DeviceSpecification& specification) {
   plan.repeats = 3;
   for (const Vector3& corner :
        {Vector3(1, 1, 1), Vector3(-1, -1, 1), Vector3(-1, 1, -1), Vector3(1, -1, -1)}) {
-    for (const Vector3& direction : {Vector3(1, 0, 0), Vector3(0, 1, 0), Vector3(0, 0, 1), corner}) {
+    for (const Vector3& direction :
+         {Vector3(1, 0, 0), Vector3(0, 1, 0), Vector3(0, 0, 1), corner}) {
       plan.lines.push_back(
           {.middle_m = 0.3 * half_m.cwiseProduct(corner), .direction = direction.normalized()});
     }

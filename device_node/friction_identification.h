@@ -2,8 +2,8 @@
 // at constant speed, there and back, on lines at several poses and in several directions. It sees
 // the device's interface only, so simulated and real devices are measured alike.
 //
-// The hand must be off. No clamp is known yet, so the sweeps keep bounds of their own: |F| ≤ 1 N and
-// ≤ 2× the force that last set the device moving, ≤ 0.1 m/s measured, inside a box.
+// The hand must be off. No clamp is known yet, so the sweeps keep bounds of their own: |F| ≤ 1 N
+// and ≤ 2× the force that last set the device moving, ≤ 0.1 m/s measured, inside a box.
 #pragma once
 
 #include <functional>
@@ -33,17 +33,17 @@ struct FrictionPoint {
 
 /// F = f_co + f_d v, with lower bounds.
 struct FrictionFit {
-  double viscous_newton_s_per_m = 0.0;  ///< f_d, most likely value
-  double coulomb_newton = 0.0;          ///< f_co, most likely value
+  double viscous_newton_s_per_m = 0.0;        ///< f_d, most likely value
+  double coulomb_newton = 0.0;                ///< f_co, most likely value
   double viscous_bound_newton_s_per_m = 0.0;  ///< ≥ 0
   double coulomb_bound_newton = 0.0;          ///< ≥ 0
 };
 
 /// Least squares over the points; needs two different speeds and three points.
 ///
-///   D = Σ (v − v̄)² ,   f_d = Σ (v − v̄) F / D ,   f_co = F̄ − f_d v̄ ,   s² = Σ (F − f_co − f_d v)²/(n − 2)
-///   σ_d = s/√D ,   σ_co = s √(1/n + v̄²/D)
-///   bounds: 0.98 (f − 3σ), not below 0; that of f_co not above 0.98 (F − f_d,bound v) of any point
+///   D = Σ (v − v̄)² ,   f_d = Σ (v − v̄) F / D ,   f_co = F̄ − f_d v̄ ,   s² = Σ (F − f_co − f_d
+///   v)²/(n − 2) σ_d = s/√D ,   σ_co = s √(1/n + v̄²/D) bounds: 0.98 (f − 3σ), not below 0; that of
+///   f_co not above 0.98 (F − f_d,bound v) of any point
 ///
 /// 0.98: the motors' force is known to 2 %. The last rule is for devices whose friction falls with
 /// speed: their f_co + f_d v must stay below what was measured at every speed.
