@@ -15,7 +15,7 @@ namespace palpate::device {
 namespace {
 
 constexpr double kSigmas = 3.0;
-constexpr double kForceAccuracyRatio = 0.02;
+constexpr double kForceAccuracyRatio = 0.02;  // of the motors; the loop's transients fit in as well
 
 // what the motors may do before any clamp is known
 constexpr double kPeakForceNewton = 1.0;
@@ -29,7 +29,7 @@ constexpr double kForceRate_newton_per_s = 0.5;
 constexpr double kMoved_m = 0.2e-3;  // beyond what the encoder may show by itself
 
 // PI velocity loop, its integral written as a spring to a moving reference. With masses of
-// 0.03 … 0.3 kg its slowest mode decays faster than 10/s.
+// 0.02 … 0.1 kg its slowest mode decays faster than 10/s; heavier ones get looser bounds.
 constexpr double kIntegral_newton_per_m = 40.0;
 constexpr double kProportional_newton_s_per_m = 3.0;
 constexpr double kVelocityFilter_s = 0.015;
