@@ -1,7 +1,8 @@
 #include "deploy/palpate/identify.h"
 
-#include <algorithm>
+#include <cmath>
 #include <cstdio>
+#include <filesystem>
 #include <fstream>
 
 #include "common/core/check.h"
@@ -25,6 +26,9 @@ HandConfig no_hand() {
   return hand;
 }
 
+/// A bound is rounded down where it is shown.
+double rounded_down(double bound) { return std::floor(1e4 * bound) / 1e4; }
+
 void print_heading(const DeviceSpecification& specification, const SweepPlan& plan) {
   std::printf("%s: %zu lines, box ±(%.0f, %.0f, %.0f) mm; lower bounds in brackets\n",
               specification.model_name.c_str(), plan.lines.size(), 1e3 * plan.box_half_extent_m.x(),
@@ -38,8 +42,8 @@ void print_line(const LineFriction& friction) {
   const FrictionFit& fit = friction.fit;
   std::printf("%6.1f %6.1f %6.1f   %5.2f %5.2f %5.2f    %7.4f [%.4f]     %7.4f [%.4f]\n",
               middle_mm.x(), middle_mm.y(), middle_mm.z(), along.x(), along.y(), along.z(),
-              fit.viscous_newton_s_per_m, fit.viscous_bound_newton_s_per_m, fit.coulomb_newton,
-              fit.coulomb_bound_newton);
+              fit.viscous_newton_s_per_m, rounded_down(fit.viscous_bound_newton_s_per_m),
+              fit.coulomb_newton, rounded_down(fit.coulomb_bound_newton));
   std::fflush(stdout);
 }
 
@@ -57,6 +61,11 @@ void write_profile(const std::string& file, const DeviceProfile& profile,
 }  // namespace
 
 void run_identify(const Session& session, const IdentifyOptions& options) {
+  std::error_code ignored;  // of a file that does not exist
+  if (std::filesystem::equivalent(session.file, options.profile_file, ignored)) {
+    throw SetupError(options.profile_file + ": is the session; choose another place for --output");
+  }
+
   ManualClock clock;  // the one driver is the simulated one
   const auto device = open_device(session.device, no_hand(), clock, session.seed);
   const DeviceSpecification& specification = device->specification();
@@ -66,8 +75,8 @@ void run_identify(const Session& session, const IdentifyOptions& options) {
   const FrictionReport report =
       identify_friction(*device, clock, plan, options.may_move_hardware, print_line);
   std::printf("overall: f_d ≥ %.4f N·s/m, f_co ≥ %.4f N (%.0f s of the device's time)\n",
-              report.viscous_bound_newton_s_per_m, report.coulomb_bound_newton,
-              seconds_of(clock.now()));
+              rounded_down(report.viscous_bound_newton_s_per_m),
+              rounded_down(report.coulomb_bound_newton), seconds_of(clock.now()));
 
   if (options.profile_file.empty()) return;
   write_profile(options.profile_file,

@@ -1,16 +1,17 @@
-// `palpate identify` as a user runs it: exit status, figures, and a profile that a session includes.
+// `palpate identify` as a user runs it: exit status, figures, and a profile that a session
+// includes.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 
+#include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <sstream>
 #include <string>
 
-#include "common/core/check.h"
 #include "common/runtime/session_file.h"
 #include "deploy/palpate/lockstep.h"
 
@@ -30,7 +31,7 @@ class IdentifyCommand : public ::testing::Test {
   IdentifyCommand() {
     std::string pattern = (std::filesystem::temp_directory_path() / "palpate-XXXXXX").string();
     folder_ = ::mkdtemp(pattern.data());
-    std::ofstream(session_) << R"(
+    std::ofstream(session()) << R"(
       name: "identified"
       device {
         profile_file: "omni.txtpb"
@@ -57,10 +58,55 @@ class IdentifyCommand : public ::testing::Test {
     return outcome;
   }
 
+  [[nodiscard]] std::string session() const { return (folder_ / "session.txtpb").string(); }
+  [[nodiscard]] std::string profile() const { return (folder_ / "omni.txtpb").string(); }
+
   std::filesystem::path folder_;
-  std::filesystem::path session_ = "";
-  std::filesystem::path profile_ = "";
 };
+
+TEST_F(IdentifyCommand, ProfileItWritesIsWhatTheClampCountsOn) {
+  const Outcome outcome = identify(session() + " --output " + profile());
+
+  // the session names the profile that is only now written
+  ASSERT_EQ(outcome.status, 0) << outcome.out;
+  EXPECT_THAT(outcome.out, HasSubstr("overall: f_d ≥ 0.1"));
+  EXPECT_THAT(outcome.out, HasSubstr("wrote " + profile()));
+  const Session identified = load_session(session());
+  const DeviceProfile& found = identified.device.profile;
+  EXPECT_LE(found.viscous_newton_s_per_m, 0.2);
+  EXPECT_GE(found.viscous_newton_s_per_m, 0.8 * 0.2);
+  EXPECT_LE(found.coulomb_newton, 0.15);
+  EXPECT_GE(found.coulomb_newton, 0.9 * 0.15);
+  EXPECT_EQ(found.position_resolution_m, 55e-6);
+
+  // mode vector begins with an empty ledger: then f_max = f_co
+  double least_f_max_newton = 1.0;
+  Lockstep lockstep(identified, {}, [&](const viewer::TickRow& row, const IdealState&) {
+    if (!row.mofc) return;
+    least_f_max_newton = std::fmin(least_f_max_newton, row.mofc->f_max_newton.x());
+  });
+  lockstep.run_until(std::chrono::milliseconds(100));
+  EXPECT_EQ(least_f_max_newton, found.coulomb_newton);
+}
+
+TEST_F(IdentifyCommand, DeviceThatCannotBeMeasuredIsAFailure) {
+  const Outcome outcome =
+      identify(session() + " --set device.simulated.coulomb_newton=2 --output " + profile());
+
+  EXPECT_EQ(outcome.status, 1);
+  EXPECT_THAT(outcome.out, HasSubstr("does not move at 1.00 N"));
+  EXPECT_FALSE(std::filesystem::exists(profile()));
+}
+
+TEST_F(IdentifyCommand, MistakesOfTheUserAreSetupErrors) {
+  for (const std::string& arguments :
+       {session() + "x", session() + " --set device.rate_hz=1", std::string(),
+        session() + " --output " + session(), session() + " --output " + profile() + "/x"}) {
+    SCOPED_TRACE(arguments);
+    EXPECT_EQ(identify(arguments).status, 2);
+  }
+  EXPECT_NO_THROW(static_cast<void>(load_session(session(), {"device.profile_file="})));
+}
 
 }  // namespace
 }  // namespace palpate

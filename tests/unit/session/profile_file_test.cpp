@@ -15,6 +15,7 @@ namespace {
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::SizeIs;
+using ::testing::StartsWith;
 
 constexpr const char* kSession = "name: \"x\"\ndevice { profile_file: \"omni.txtpb\" }";
 constexpr const char* kProfile =
@@ -106,25 +107,26 @@ TEST_F(ProfileFile, ProblemsAreToldWithTheirPlaces) {
                           "omni.txtpb:3:5: device.profile.coulomb_newton = -1: must be ≥ 0; give a "
                           "lower bound of the dry friction",
                           "omni.txtpb:4:5: device.profile.position_resolution_m = nan: must be a "
-                          "finite number; correct it"));
+                          "finite number"));
 }
 
 TEST_F(ProfileFile, NothingIsLeftToDefaults) { EXPECT_THAT(problems(""), SizeIs(1 + 3)); }
 
 TEST_F(ProfileFile, AnythingElseInItIsRefused) {
-  EXPECT_THAT(problems(std::string("name: \"y\"\ndevice { rate_hz: 50 }\n"
-                                   "scene { tissue {} }\n") +
-                       kProfile),
-              ElementsAre("x.txtpb: 3 problems",
+  EXPECT_THAT(problems("name: \"y\"\n"
+                       "device {\n"
+                       "  rate_hz: 50\n"
+                       "  profile_file: \"omni.txtpb\"\n"
+                       "  profile { viscous_newton_s_per_m: 0 coulomb_newton: 0 "
+                       "position_resolution_m: 0 }\n"
+                       "}\n"
+                       "scene { tissue {} }\n"),
+              ElementsAre("x.txtpb: 4 problems",
                           "omni.txtpb:1:1: name: a profile gives device.profile only; move it into "
                           "the session",
-                          HasSubstr("device.rate_hz: a profile gives device.profile only"),
-                          HasSubstr("scene: a profile gives device.profile only")));
-}
-
-TEST_F(ProfileFile, ItNamesNoOtherProfile) {
-  EXPECT_THAT(problems("device { profile_file: \"omni.txtpb\" }").at(1),
-              HasSubstr("device.profile_file: a profile gives device.profile only"));
+                          StartsWith("omni.txtpb:3:3: device.rate_hz: a profile gives"),
+                          StartsWith("omni.txtpb:4:3: device.profile_file: a profile gives"),
+                          StartsWith("omni.txtpb:7:1: scene: a profile gives")));
 }
 
 TEST_F(ProfileFile, TextThatCannotBeReadSaysWhereItEnds) {
