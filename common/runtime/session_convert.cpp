@@ -6,6 +6,7 @@
 #include <map>
 #include <set>
 
+#include "common/runtime/profile_file.h"
 #include "common/runtime/recorded_path.h"
 #include "common/runtime/session_fields.h"
 #include "common/runtime/session_file.h"
@@ -28,6 +29,20 @@ bool has_byte_up_to(unsigned char last, const std::string& text) {
     const auto byte = static_cast<unsigned char>(c);
     return byte <= last || byte == 0x7f;
   });
+}
+
+/// The file that the field names; empty, with a problem, if it cannot be one.
+std::filesystem::path to_file(const Fields& fields, const char* name,
+                              const std::filesystem::path& base_dir) {
+  const std::string file = fields.text(name);
+  if (base_dir.empty()) {
+    fields.problem(name, "this session has no folder; give it as a file of its own");
+  } else if (has_byte_up_to(0x1f, file)) {
+    fields.problem(name, "must not contain control characters; rename the file");
+  } else {
+    return base_dir / file;
+  }
+  return {};
 }
 
 // --- links ------------------------------------------------------------------------------------
@@ -126,8 +141,8 @@ WorkspaceConfig to_workspace(const Fields& fields) {
   return config;
 }
 
-DeviceProfile to_profile(const Fields& fields) {
-  DeviceProfile profile;
+/// `profile` is what a field has that is left out.
+DeviceProfile to_profile(const Fields& fields, DeviceProfile profile) {
   profile.viscous_newton_s_per_m =
       fields.number("viscous_newton_s_per_m", profile.viscous_newton_s_per_m, at_least(0),
                     "give a lower bound of the viscous friction, 0 if unknown");
@@ -160,12 +175,18 @@ SimulatedDeviceConfig to_simulated_device(const Fields& fields) {
 }
 
 /// `rate_hz` and the wait are NaN if they have a problem of their own.
-DeviceConfig to_device(const Fields& fields, double rate_hz, double wait_for_physics_ms) {
+DeviceConfig to_device(const Fields& fields, double rate_hz, double wait_for_physics_ms,
+                       const std::filesystem::path& base_dir, Problems& problems) {
   DeviceConfig config;
   config.rate_hz = rate_hz;
   config.simulated = to_simulated_device(fields.message("simulated"));
   config.workspace = to_workspace(fields.message("workspace"));
-  config.profile = to_profile(fields.message("profile"));
+  if (fields.has("profile_file")) {
+    if (const auto file = to_file(fields, "profile_file", base_dir); !file.empty()) {
+      config.profile = load_profile(file, fields.place("profile_file"), problems);
+    }
+  }
+  config.profile = to_profile(fields.message("profile"), config.profile);
   const double period_us = 1e6 / rate_hz;
   const double period_ms = 1e3 / rate_hz;
 
@@ -266,15 +287,10 @@ RecordedPath to_recorded(const Fields& fields, const std::filesystem::path& base
                          Problems& problems) {
   RecordedPath path;
   path.loops = fields.flag("loop");
-  const std::string file = fields.text("file");
-  if (file.empty()) {
+  if (!fields.has("file")) {
     fields.problem("file", "required; give a CSV file with the columns t,x,y,z");
-  } else if (base_dir.empty()) {
-    fields.problem("file", "this session has no folder; give it as a file of its own");
-  } else if (has_byte_up_to(0x1f, file)) {
-    fields.problem("file", "must not contain control characters; rename the file");
-  } else {
-    path.samples = load_recorded_path(base_dir / file, fields.place("file"), problems);
+  } else if (const auto file = to_file(fields, "file", base_dir); !file.empty()) {
+    path.samples = load_recorded_path(file, fields.place("file"), problems);
   }
   return path;
 }
@@ -567,7 +583,7 @@ Session to_session(const SessionText& text, const std::filesystem::path& base_di
   const double rate_hz = device.number("rate_hz", session.device.rate_hz, between(10, 10000),
                                        "give the ticks per second of the haptic loop");
   const double wait_ms = to_wait_for_physics_ms(mofc, rate_hz, session.physics.rate_hz);
-  session.device = to_device(device, rate_hz, wait_ms);
+  session.device = to_device(device, rate_hz, wait_ms, base_dir, problems);
   session.mofc = to_mofc(mofc, written.mofc(), wait_ms, session.physics.rate_hz,
                          session.faults.interaction.jitter, session.device.reply);
   return session;

@@ -42,17 +42,30 @@ void Problems::add_elsewhere(const Place& place, const std::string& where,
   list_.push_back({place, one_line(where) + ": " + text});
 }
 
-void Problems::throw_if_any() const {
-  if (list_.empty()) return;
+void Problems::add_file(const Place& place, const Problems& file) {
+  for (const Problem& problem : file.sorted()) {
+    if (list_.size() == kMaxProblems) {
+      is_cut_ = true;
+      return;
+    }
+    list_.push_back({place, problem.line});
+  }
+}
+
+std::vector<Problems::Problem> Problems::sorted() const {
   std::vector<Problem> sorted = list_;
   std::stable_sort(sorted.begin(), sorted.end(), [](const Problem& a, const Problem& b) {
     return std::tie(a.place.override_number, a.place.line, a.place.column) <
            std::tie(b.place.override_number, b.place.line, b.place.column);
   });
+  return sorted;
+}
+
+void Problems::throw_if_any() const {
+  if (list_.empty()) return;
   std::string text = one_line(file_name_) + ": " + (is_cut_ ? "more than " : "") +
-                     std::to_string(sorted.size()) +
-                     (sorted.size() == 1 ? " problem" : " problems");
-  for (const Problem& problem : sorted) text += "\n" + problem.line;
+                     std::to_string(list_.size()) + (list_.size() == 1 ? " problem" : " problems");
+  for (const Problem& problem : sorted()) text += "\n" + problem.line;
   throw SetupError(text);
 }
 

@@ -28,6 +28,9 @@ class Problems {
   /// A problem of another file ("hand.csv:12") that the session names at `place`.
   void add_elsewhere(const Place& place, const std::string& where, const std::string& text);
 
+  /// All problems of another file that the session names at `place`.
+  void add_file(const Place& place, const Problems& file);
+
   [[nodiscard]] bool empty() const { return list_.empty(); }
 
   /// Throws SetupError with all problems, sorted by place, one line each below a count.
@@ -38,6 +41,8 @@ class Problems {
     Place place;
     std::string line;
   };
+  [[nodiscard]] std::vector<Problem> sorted() const;
+
   std::string file_name_;
   std::vector<std::string> overrides_;
   std::vector<Problem> list_;

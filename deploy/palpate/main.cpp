@@ -9,6 +9,7 @@
 #include "common/core/check.h"
 #include "common/runtime/run_node.h"
 #include "common/runtime/session_file.h"
+#include "deploy/palpate/identify.h"
 #include "deploy/palpate/json_output.h"
 #include "deploy/palpate/launch_command.h"
 #include "deploy/palpate/loopback.h"
@@ -52,6 +53,26 @@ void check_scene(const SessionArguments& arguments) {
               arguments.file.c_str(), session.scene.tissues.size(), session.device.rate_hz,
               session.physics.rate_hz, controller_text(session.mofc).c_str());
 }
+
+struct IdentifyArguments {
+  SessionArguments session;
+  IdentifyOptions options;
+
+  void add_to(CLI::App& app) {
+    session.add_to(app);
+    app.add_option("--output", options.profile_file,
+                   "write the bounds to this file, for device.profile_file of a session");
+    app.add_flag("--i-understand-this-moves-the-device", options.may_move_hardware,
+                 "needed for a real device: it moves by itself, with up to 1 N");
+  }
+
+  void run() const {
+    // the profile that is to be written need not exist
+    std::vector<std::string> overrides = session.overrides;
+    overrides.emplace_back("device.profile_file=");
+    run_identify(load_session(session.file, overrides), options);
+  }
+};
 
 struct LoopbackArguments {
   SessionArguments session;
@@ -114,6 +135,11 @@ int main(int argc, char** argv) {
       "run a session in one process on virtual time: repeatable, faster than real time");
   loopback.add_to(loopback_command);
 
+  IdentifyArguments identify;
+  CLI::App& identify_command = *app.add_subcommand(
+      "identify", "measure the friction of a session's device with its own motors, hand off");
+  identify.add_to(identify_command);
+
   SessionArguments scene;
   CLI::App& scene_command = *app.add_subcommand("scene", "check a session without running it");
   scene_command.require_subcommand(1);
@@ -134,6 +160,7 @@ int main(int argc, char** argv) {
   try {
     if (launch_command.parsed()) return launch.run();
     if (loopback_command.parsed()) loopback.run();
+    if (identify_command.parsed()) identify.run();
     if (check_command.parsed()) check_scene(scene);
     return 0;
   } catch (const SetupError& error) {

@@ -1,11 +1,12 @@
-// session_fuzz.cpp — any bytes as a session, as its overrides and as a recorded path: a session, or
-// a SetupError; never a crash, a hang or another exception. No file is read.
+// session_fuzz.cpp — any bytes as a session, as its overrides, as a recorded path and as a device
+// profile: a session, or a SetupError; never a crash, a hang or another exception. No file is read.
 #include <cstddef>
 #include <cstdint>
 #include <string_view>
 #include <vector>
 
 #include "common/core/check.h"
+#include "common/runtime/profile_file.h"
 #include "common/runtime/recorded_path.h"
 #include "common/runtime/session_file.h"
 
@@ -35,5 +36,11 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   palpate::Problems problems("fuzz.txtpb", {});
   const auto samples = palpate::parse_recorded_path(text, "fuzz.csv", {}, problems);
   PALPATE_REQUIRE(!samples.empty() || !problems.empty());
+
+  palpate::Problems profile_problems("fuzz.txtpb", {});
+  const auto profile = palpate::parse_profile(text, "fuzz.txtpb", {}, profile_problems);
+  PALPATE_REQUIRE(!profile_problems.empty() ||
+                  (profile.viscous_newton_s_per_m >= 0.0 && profile.coulomb_newton >= 0.0 &&
+                   profile.position_resolution_m >= 0.0));
   return 0;
 }

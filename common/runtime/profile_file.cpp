@@ -1,0 +1,78 @@
+#include "common/runtime/profile_file.h"
+
+#include <google/protobuf/descriptor.h>
+
+#include <cmath>
+
+#include "common/runtime/regular_file.h"
+#include "common/runtime/session_fields.h"
+#include "common/runtime/session_text.h"
+
+namespace palpate {
+
+namespace {
+
+namespace pb = google::protobuf;
+
+constexpr std::uintmax_t kMaxFileBytes = 100'000;
+
+/// Makes a problem of each field of the message but the one that is allowed.
+void refuse_others(const pb::Message& message, const std::string& path, const char* allowed,
+                   const SessionText& text, Problems& problems) {
+  std::vector<const pb::FieldDescriptor*> given;
+  message.GetReflection()->ListFields(message, &given);
+  for (const pb::FieldDescriptor* field : given) {
+    if (field->name() == allowed) continue;
+    const std::string child = child_path(path, field->name(), field->is_repeated() ? 0 : -1);
+    problems.add(text.place(child),
+                 child + ": a profile gives device.profile only; move it into the session");
+  }
+}
+
+}  // namespace
+
+DeviceProfile parse_profile(std::string_view text, const std::string& file_name, const Place& place,
+                            Problems& problems) {
+  Problems own(file_name, {});
+  DeviceProfile profile;
+  SessionText written(own);
+  if (written.read(text)) {
+    written.check_numbers();
+    refuse_others(written.message(), "", "device", written, own);
+    refuse_others(written.message().device(), "device", "profile", written, own);
+
+    // nothing has a default: a bound that was forgotten must not become one
+    const Fields fields = Fields(written, own).message("device").message("profile");
+    profile = {
+        .viscous_newton_s_per_m = fields.required_number(
+            "viscous_newton_s_per_m", at_least(0), "give a lower bound of the viscous friction"),
+        .coulomb_newton = fields.required_number("coulomb_newton", at_least(0),
+                                                 "give a lower bound of the dry friction"),
+        .position_resolution_m = fields.required_number("position_resolution_m", at_least(0),
+                                                        "give the step of the position sensor")};
+  }
+  problems.add_file(place, own);
+  return profile;
+}
+
+DeviceProfile load_profile(const std::filesystem::path& file, const Place& place,
+                           Problems& problems) {
+  const FileContent content = read_regular_file(file, kMaxFileBytes);
+  if (!content.complaint.empty()) {
+    problems.add_elsewhere(place, file.string(), content.complaint);
+    return {};
+  }
+  return parse_profile(content.bytes, file.string(), place, problems);
+}
+
+std::string profile_text(const DeviceProfile& profile, const std::vector<std::string>& comment) {
+  const auto bound = [](double value) { return shown(std::floor(value * 1e6) / 1e6); };
+  std::string text;
+  for (const std::string& line : comment) text += "# " + one_line(line) + "\n";
+  return text + "device {\n  profile {\n    viscous_newton_s_per_m: " +
+         bound(profile.viscous_newton_s_per_m) +
+         "\n    coulomb_newton: " + bound(profile.coulomb_newton) +
+         "\n    position_resolution_m: " + shown(profile.position_resolution_m) + "\n  }\n}\n";
+}
+
+}  // namespace palpate

@@ -1,0 +1,338 @@
+#include "device_node/friction_identification.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <optional>
+#include <string>
+
+#include "common/core/check.h"
+#include "common/core/tick_schedule.h"
+
+namespace palpate::device {
+
+namespace {
+
+constexpr double kSigmas = 3.0;
+constexpr double kForceAccuracyRatio = 0.02;  // of the motors; the loop's transients fit in as well
+
+// what the motors may do before any clamp is known
+constexpr double kPeakForceNewton = 1.0;
+constexpr double kPeakForceRatio = 2.0;  // of the force that last set the device moving
+constexpr double kTopSpeed_m_per_s = 0.1;
+constexpr std::size_t kSpeedTicks = 10;  // over which the speed is measured
+constexpr double kLeasePeriods = 3.0;
+
+// from rest: the force grows until the device has moved
+constexpr double kForceRate_newton_per_s = 0.5;
+constexpr double kMoved_m = 0.2e-3;  // beyond what the encoder may show by itself
+
+// PI velocity loop, its integral written as a spring to a moving reference. With masses of
+// 0.02 … 0.1 kg its slowest mode decays faster than 10/s; heavier ones get looser bounds.
+constexpr double kIntegral_newton_per_m = 40.0;
+constexpr double kProportional_newton_s_per_m = 3.0;
+constexpr double kVelocityFilter_s = 0.015;
+constexpr double kAcceleration_m_per_s2 = 0.3;
+constexpr double kLargestLag_m = 0.02;
+constexpr double kWindowRatio = 0.4;  // of the line, in its middle: where the force is averaged
+
+// back to rest
+constexpr double kAtRest_m_per_s = 2e-3;
+constexpr double kBrakeLimit_s = 2.0;
+constexpr double kRest_s = 0.05;
+constexpr double kDrift_m = 0.5e-3;  // let go, in kRest_s
+constexpr double kTravelSpeed_m_per_s = 0.03;
+
+std::string in_mm(const Vector3& position_m) {
+  std::array<char, 64> text{};
+  std::snprintf(text.data(), text.size(), "(%.1f, %.1f, %.1f) mm", 1e3 * position_m.x(),
+                1e3 * position_m.y(), 1e3 * position_m.z());
+  return text.data();
+}
+
+std::string in_newton(double force_newton) {
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), "%.2f N", force_newton);
+  return text.data();
+}
+
+/// The device under the sweeps' own bounds.
+class Rig {
+ public:
+  Rig(HapticDevice& device, Clock& clock, const SweepPlan& plan)
+      : device_(device),
+        clock_(clock),
+        plan_(plan),
+        q_m_(device.specification().position_resolution_m),
+        peak_newton_(std::min({kPeakForceNewton, device.specification().peak_force_newton,
+                               device.specification().continuous_force_newton})),
+        schedule_(clock.now(), plan.rate_hz),
+        lease_(from_seconds(kLeasePeriods / plan.rate_hz)) {
+    DeviceSample sample;
+    if (!device_.read(sample)) throw IdentificationError("the device cannot be read");
+    if (!is_in_box(sample.hand_position_m)) {
+      throw SetupError("the device is at " + in_mm(sample.hand_position_m) +
+                       ", outside the box of ±" + in_mm(plan_.box_half_extent_m) +
+                       " in which friction is measured; move it inside and let go");
+    }
+    readings_.fill(sample);
+  }
+  Rig(const Rig&) = delete;
+  Rig& operator=(const Rig&) = delete;
+  ~Rig() { device_.release(); }
+
+  /// From rest to rest at `target`. Mean speed and force over the window around `window_middle_m`,
+  /// along the motion; no meaning if the motion does not cross the window.
+  FrictionPoint sweep_to(const Vector3& target_m, double speed_m_per_s,
+                         const Vector3& window_middle_m) {
+    const Vector3 start_m = position_m();
+    const double length_m = (target_m - start_m).norm();
+    const Vector3 along = (target_m - start_m) / length_m;
+
+    const double moving_newton = set_moving(along);
+    limit_newton_ = std::min(peak_newton_, kPeakForceRatio * moving_newton);
+
+    // to speed, and on; the brake takes up the rest of the way
+    Vector3 reference_m = position_m();
+    double reference_speed = std::clamp(velocity_.dot(along), 0.0, speed_m_per_s);
+    const double brake_m = 0.5 * speed_m_per_s * speed_m_per_s / kAcceleration_m_per_s2;
+    const double half_window_m = kWindowRatio * plan_.half_length_m;
+    std::optional<Switch> entry;
+    std::optional<Switch> exit;
+    const auto follow = [&](double acceleration) {
+      const double dt_s = 1.0 / plan_.rate_hz;
+      reference_speed = std::clamp(reference_speed + acceleration * dt_s, 0.0, speed_m_per_s);
+      reference_m += reference_speed * dt_s * along;
+      step(moving_newton * along + kIntegral_newton_per_m * (reference_m - position_m()) +
+           kProportional_newton_s_per_m * (reference_speed * along - velocity_));
+      const double in_window_m = along.dot(switch_.position_m - window_middle_m);
+      if (!entry && in_window_m >= -half_window_m) entry = switch_;
+      if (!exit && in_window_m >= half_window_m) exit = switch_;
+    };
+    while (along.dot(position_m() - start_m) < length_m - brake_m) {
+      follow(kAcceleration_m_per_s2);
+      if ((reference_m - position_m()).norm() > kLargestLag_m) {
+        fail("stuck: " + in_newton(limit_newton_) + " no longer move it; clear its way");
+      }
+    }
+
+    // to rest, and let go
+    double braked_s = 0.0;
+    while (reference_speed > 0.0 || velocity_.norm() > kAtRest_m_per_s) {
+      follow(-kAcceleration_m_per_s2);
+      braked_s += 1.0 / plan_.rate_hz;
+      if (braked_s > kBrakeLimit_s) fail("does not come to rest; take the hand off the device");
+    }
+    rest();
+
+    if (!entry || !exit || exit->at <= entry->at) return {};
+    const double window_s = to_seconds(exit->at - entry->at);
+    return {.speed_m_per_s = along.dot(exit->position_m - entry->position_m) / window_s,
+            .force_newton = along.dot(exit->impulse - entry->impulse) / window_s};
+  }
+
+ private:
+  /// An instant at which the force changed.
+  struct Switch {
+    TimePoint at{};
+    Vector3 position_m = Vector3::Zero();
+    Vector3 impulse = Vector3::Zero();  ///< ∫ F dt up to then [N·s]
+  };
+
+  [[nodiscard]] const Vector3& position_m() const { return readings_[newest_].hand_position_m; }
+  [[nodiscard]] bool is_in_box(const Vector3& p) const {
+    return (p.array().abs() <= plan_.box_half_extent_m.array()).all();
+  }
+
+  [[noreturn]] void fail(const std::string& what) {
+    device_.release();
+    throw IdentificationError("at " + in_mm(position_m()) + " the device " + what +
+                              "; its motors were released");
+  }
+
+  /// One period under the force.
+  void step(const Vector3& force_newton) {
+    const Vector3 force = limited_to_norm(force_newton, limit_newton_);
+    DeviceSample at_switch;
+    if (!device_.apply(force, lease_, at_switch)) fail("failed to take a force");
+
+    // what the force before this one did; a lease that ran out ended it early
+    if (force_) {
+      const Duration acted = std::min(at_switch.sampled_at - switch_.at, lease_);
+      switch_.impulse += to_seconds(acted) * *force_;
+    }
+    switch_.at = at_switch.sampled_at;
+    switch_.position_m = at_switch.hand_position_m;
+    force_ = force;
+
+    // wait and read
+    schedule_.finish(clock_.now());
+    clock_.sleep_until(schedule_.next());
+    const DeviceSample before = readings_[newest_];
+    const std::size_t oldest = (newest_ + 1) % readings_.size();
+    DeviceSample now;
+    if (!device_.read(now)) fail("can no longer be read");
+    if (!now.hand_position_m.allFinite()) fail("reads no finite position");
+    readings_[newest_ = oldest] = now;
+
+    const double dt_s = to_seconds(now.sampled_at - before.sampled_at);
+    if (dt_s > 0.0) {
+      const Vector3 difference = (now.hand_position_m - before.hand_position_m) / dt_s;
+      velocity_ += dt_s / (kVelocityFilter_s + dt_s) * (difference - velocity_);
+    }
+    if (!is_in_box(position_m())) fail("left the box in which it may move; start in its middle");
+
+    // what the encoder cannot explain of the way since the oldest reading
+    const DeviceSample& old = readings_[(newest_ + 1) % readings_.size()];
+    const double span_s = to_seconds(now.sampled_at - old.sampled_at);
+    const double way_m = (position_m() - old.hand_position_m).norm() - std::sqrt(3.0) * q_m_;
+    if (way_m > kTopSpeed_m_per_s * span_s) fail("ran faster than 0.1 m/s");
+  }
+
+  /// Raises the force until the device moves; that force [N].
+  double set_moving(const Vector3& along) {
+    const Vector3 start_m = position_m();
+    const double moved_m = kMoved_m + 2.0 * q_m_;
+    limit_newton_ = peak_newton_;
+    for (double force = 0.0; force < peak_newton_;
+         force += kForceRate_newton_per_s / plan_.rate_hz) {
+      step(force * along);
+      const Vector3 way_m = position_m() - start_m;
+      if (along.dot(way_m) > moved_m) return force;
+      if (way_m.norm() > 2.0 * moved_m) {
+        fail("moves, but not where its motors push: take the hand off, check axes and signs");
+      }
+    }
+    fail("does not move at " + in_newton(peak_newton_) +
+         ": its friction is too high to be measured so, or it is held or switched off");
+  }
+
+  /// Limp; the device must stay where it is.
+  void rest() {
+    const Vector3 start_m = position_m();
+    const int ticks = static_cast<int>(std::ceil(kRest_s * plan_.rate_hz));
+    for (int i = 0; i < ticks; ++i) step(Vector3::Zero());
+    velocity_.setZero();
+    if ((position_m() - start_m).norm() > kDrift_m + 2.0 * q_m_) {
+      fail("moves by itself with its motors off: take the hand off, balance its weight");
+    }
+  }
+
+  HapticDevice& device_;
+  Clock& clock_;
+  const SweepPlan& plan_;
+  double q_m_;
+  double peak_newton_;
+  TickSchedule schedule_;
+  Duration lease_;
+
+  double limit_newton_ = 0.0;
+  std::optional<Vector3> force_;  ///< acting since switch_
+  Switch switch_;
+  std::array<DeviceSample, kSpeedTicks + 1> readings_{};  ///< ring
+  std::size_t newest_ = 0;
+  Vector3 velocity_ = Vector3::Zero();  ///< filtered [m/s]
+};
+
+}  // namespace
+
+FrictionFit fit_friction(std::span<const FrictionPoint> points) {
+  PALPATE_REQUIRE(points.size() >= 3);
+  const auto n = static_cast<double>(points.size());
+
+  double mean_v = 0.0;
+  double mean_F = 0.0;
+  for (const auto& [v, F] : points) {
+    mean_v += v / n;
+    mean_F += F / n;
+  }
+  double D = 0.0;
+  double vF = 0.0;
+  for (const auto& [v, F] : points) {
+    D += (v - mean_v) * (v - mean_v);
+    vF += (v - mean_v) * F;
+  }
+  PALPATE_REQUIRE(D > 0.0);
+  const double f_d = vF / D;
+  const double f_co = mean_F - f_d * mean_v;
+
+  double residual2 = 0.0;
+  for (const auto& [v, F] : points) residual2 += std::pow(F - f_co - f_d * v, 2);
+  const double s = std::sqrt(residual2 / (n - 2.0));
+  const double sigma_d = s / std::sqrt(D);
+  const double sigma_co = s * std::sqrt(1.0 / n + mean_v * mean_v / D);
+
+  constexpr double kKnown = 1.0 - kForceAccuracyRatio;
+  const double f_d_bound = std::max(0.0, kKnown * (f_d - kSigmas * sigma_d));
+  double f_co_bound = kKnown * (f_co - kSigmas * sigma_co);
+  for (const auto& [v, F] : points) f_co_bound = std::min(f_co_bound, kKnown * (F - f_d_bound * v));
+  return {.viscous_newton_s_per_m = f_d,
+          .coulomb_newton = f_co,
+          .viscous_bound_newton_s_per_m = f_d_bound,
+          .coulomb_bound_newton = std::max(0.0, f_co_bound)};
+}
+
+SweepPlan default_sweep_plan(const DeviceSpecification& specification) {
+  const Vector3 half_m = specification.workspace_half_extent_m;
+  SweepPlan plan;
+  plan.box_half_extent_m = 0.9 * half_m;
+  plan.half_length_m = 0.5 * half_m.minCoeff();
+  plan.speeds_m_per_s = {0.01, 0.025, 0.05};
+  plan.repeats = 3;
+  for (const Vector3& corner :
+       {Vector3(1, 1, 1), Vector3(-1, -1, 1), Vector3(-1, 1, -1), Vector3(1, -1, -1)}) {
+    for (const Vector3& direction :
+         {Vector3(1, 0, 0), Vector3(0, 1, 0), Vector3(0, 0, 1), corner}) {
+      plan.lines.push_back(
+          {.middle_m = 0.3 * half_m.cwiseProduct(corner), .direction = direction.normalized()});
+    }
+  }
+  return plan;
+}
+
+FrictionReport identify_friction(HapticDevice& device, Clock& clock, const SweepPlan& plan,
+                                 bool may_move_hardware,
+                                 const std::function<void(const LineFriction&)>& on_line) {
+  PALPATE_REQUIRE(!plan.lines.empty());
+  const DeviceSpecification& specification = device.specification();
+  if (!specification.is_simulated && !may_move_hardware) {
+    throw SetupError("device \"" + specification.model_name +
+                     "\" is real and would move by itself, with up to 1 N; clear its workspace, "
+                     "take the hand off and give --i-understand-this-moves-the-device");
+  }
+  if (!specification.has_motor_watchdog) {
+    throw SetupError("device \"" + specification.model_name +
+                     "\" has no motor-side watchdog: it would go on pushing if this program "
+                     "stopped; measure its friction by hand");
+  }
+
+  FrictionReport report;
+  Rig rig(device, clock, plan);
+  for (const SweepLine& line : plan.lines) {
+    const Vector3 reach_m = plan.half_length_m * line.direction;
+    rig.sweep_to(line.middle_m - reach_m, kTravelSpeed_m_per_s, line.middle_m);
+    std::vector<FrictionPoint> points;
+    for (int i = 0; i < plan.repeats; ++i) {
+      for (const double speed : plan.speeds_m_per_s) {
+        const FrictionPoint there = rig.sweep_to(line.middle_m + reach_m, speed, line.middle_m);
+        const FrictionPoint back = rig.sweep_to(line.middle_m - reach_m, speed, line.middle_m);
+        points.push_back({.speed_m_per_s = 0.5 * (there.speed_m_per_s + back.speed_m_per_s),
+                          .force_newton = 0.5 * (there.force_newton + back.force_newton)});
+      }
+    }
+    report.lines.push_back({.line = line, .fit = fit_friction(points)});
+    if (on_line) on_line(report.lines.back());
+  }
+
+  const auto smallest = [&](double FrictionFit::*bound) {
+    double least = report.lines.front().fit.*bound;
+    for (const LineFriction& line : report.lines) least = std::min(least, line.fit.*bound);
+    return least;
+  };
+  report.viscous_bound_newton_s_per_m = smallest(&FrictionFit::viscous_bound_newton_s_per_m);
+  report.coulomb_bound_newton = smallest(&FrictionFit::coulomb_bound_newton);
+  return report;
+}
+
+}  // namespace palpate::device

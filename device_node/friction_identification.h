@@ -1,0 +1,95 @@
+// friction_identification.h — f_d and f_co of a device, measured with its own motors: slow sweeps
+// at constant speed, there and back, on lines at several poses and in several directions. It sees
+// the device's interface only, so simulated and real devices are measured alike.
+//
+// The hand must be off. No clamp is known yet, so the sweeps keep bounds of their own: |F| ≤ 1 N
+// and ≤ 2× the force that last set the device moving, ≤ 0.1 m/s measured, inside a box.
+#pragma once
+
+#include <functional>
+#include <span>
+#include <stdexcept>
+#include <vector>
+
+#include "common/core/clock.h"
+#include "common/core/vector.h"
+#include "device_node/device.h"
+
+namespace palpate::device {
+
+/// The sweeps ended before they were done: a bound was reached or the device failed. The motors are
+/// limp. The text says what happened, where, and what to do.
+class IdentificationError : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+/// One pair of sweeps, there and back: mean speed, and mean motor force along it. What does not
+/// turn round with the motion (gravity) is no part of the force.
+struct FrictionPoint {
+  double speed_m_per_s = 0.0;
+  double force_newton = 0.0;
+};
+
+/// F = f_co + f_d v, with lower bounds.
+struct FrictionFit {
+  double viscous_newton_s_per_m = 0.0;        ///< f_d, most likely value
+  double coulomb_newton = 0.0;                ///< f_co, most likely value
+  double viscous_bound_newton_s_per_m = 0.0;  ///< ≥ 0
+  double coulomb_bound_newton = 0.0;          ///< ≥ 0
+};
+
+/// Least squares over the points; needs two different speeds and three points.
+///
+///   D = Σ (v − v̄)² ,   f_d = Σ (v − v̄) F / D ,   f_co = F̄ − f_d v̄ ,   s² = Σ (F − f_co − f_d
+///   v)²/(n − 2) σ_d = s/√D ,   σ_co = s √(1/n + v̄²/D) bounds: 0.98 (f − 3σ), not below 0; that of
+///   f_co not above 0.98 (F − f_d,bound v) of any point
+///
+/// 0.98: the motors' force is known to 2 %. The last rule is for devices whose friction falls with
+/// speed: their f_co + f_d v must stay below what was measured at every speed.
+/// [Differs from CONTROLLERS §2.7, mean − 3σ: by those two rules.]
+[[nodiscard]] FrictionFit fit_friction(std::span<const FrictionPoint> points);
+
+/// A line that is swept, `SweepPlan::half_length_m` to both sides of its middle. D.
+struct SweepLine {
+  Vector3 middle_m = Vector3::Zero();
+  Vector3 direction = Vector3::UnitX();  ///< unit
+};
+
+struct SweepPlan {
+  double rate_hz = 1000.0;
+  Vector3 box_half_extent_m = Vector3::Zero();  ///< D, around the origin; left: the sweeps end
+  std::vector<SweepLine> lines;                 ///< ≥ 1, inside the box
+  double half_length_m = 0.0;                   ///< ≥ 10 mm
+  std::vector<double> speeds_m_per_s;           ///< ≥ 2 different ones, ≤ 0.08
+  int repeats = 1;                              ///< pairs of sweeps per line and speed; ≥ 1
+};
+
+/// Four poses (the corners of a tetrahedron) with four directions each: the axes of D and a
+/// diagonal. All within 0.9 of the device's workspace.
+[[nodiscard]] SweepPlan default_sweep_plan(const DeviceSpecification& specification);
+
+struct LineFriction {
+  SweepLine line;
+  FrictionFit fit;
+};
+
+struct FrictionReport {
+  std::vector<LineFriction> lines;
+  /// Smallest of all lines.
+  double viscous_bound_newton_s_per_m = 0.0;
+  double coulomb_bound_newton = 0.0;
+};
+
+/// Sweeps every line of the plan; returns with the motors limp. Takes minutes of `clock`'s time,
+/// which must be the device's.
+/// @param may_move_hardware  the user agreed; a simulation moves without
+/// @param on_line            called after each line, motors limp
+/// @throws SetupError           before anything moved: not agreed, no motor-side watchdog (if this
+///                              program stops, the device must not go on pushing), outside the box
+/// @throws IdentificationError  motors limp
+[[nodiscard]] FrictionReport identify_friction(
+    HapticDevice& device, Clock& clock, const SweepPlan& plan, bool may_move_hardware,
+    const std::function<void(const LineFriction&)>& on_line = {});
+
+}  // namespace palpate::device

@@ -1,0 +1,112 @@
+// `palpate identify` as a user runs it: exit status, figures, and a profile that a session
+// includes.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+#include "common/runtime/session_file.h"
+#include "deploy/palpate/lockstep.h"
+
+namespace palpate {
+namespace {
+
+using ::testing::HasSubstr;
+
+struct Outcome {
+  int status = -1;
+  std::string out;  ///< standard output and error
+};
+
+/// A folder with a session of a device of 0.2 N·s/m and 0.15 N, gone after the test.
+class IdentifyCommand : public ::testing::Test {
+ protected:
+  IdentifyCommand() {
+    std::string pattern = (std::filesystem::temp_directory_path() / "palpate-XXXXXX").string();
+    folder_ = ::mkdtemp(pattern.data());
+    std::ofstream(session()) << R"(
+      name: "identified"
+      device {
+        profile_file: "omni.txtpb"
+        start_ramp_ms: 0
+        simulated { viscous_newton_s_per_m: 0.2 coulomb_newton: 0.15 }
+      }
+      mofc { mode: vector }
+      hand { hold { position_m { z: -0.01 } } }
+      scene { tissue { half_space {} kelvin_voigt { stiffness_newton_per_m: 200 } } })";
+  }
+  ~IdentifyCommand() override { std::filesystem::remove_all(folder_); }
+
+  [[nodiscard]] Outcome identify(const std::string& arguments) const {
+    const std::string command =
+        std::string(PALPATE_BINARY_DIR) + "/palpate identify " + arguments + " 2>&1";
+    Outcome outcome;
+    FILE* pipe = ::popen(command.c_str(), "r");  // NOLINT(cert-env33-c): the program under test
+    if (pipe == nullptr) return outcome;
+    for (int c = std::fgetc(pipe); c != EOF; c = std::fgetc(pipe)) {
+      outcome.out += static_cast<char>(c);
+    }
+    const int ended = ::pclose(pipe);
+    if (WIFEXITED(ended)) outcome.status = WEXITSTATUS(ended);
+    return outcome;
+  }
+
+  [[nodiscard]] std::string session() const { return (folder_ / "session.txtpb").string(); }
+  [[nodiscard]] std::string profile() const { return (folder_ / "omni.txtpb").string(); }
+
+  std::filesystem::path folder_;
+};
+
+TEST_F(IdentifyCommand, ProfileItWritesIsWhatTheClampCountsOn) {
+  const Outcome outcome = identify(session() + " --output " + profile());
+
+  // the session names the profile that is only now written
+  ASSERT_EQ(outcome.status, 0) << outcome.out;
+  EXPECT_THAT(outcome.out, HasSubstr("overall: f_d ≥ 0.1"));
+  EXPECT_THAT(outcome.out, HasSubstr("wrote " + profile()));
+  const Session identified = load_session(session());
+  const DeviceProfile& found = identified.device.profile;
+  EXPECT_LE(found.viscous_newton_s_per_m, 0.2);
+  EXPECT_GE(found.viscous_newton_s_per_m, 0.8 * 0.2);
+  EXPECT_LE(found.coulomb_newton, 0.15);
+  EXPECT_GE(found.coulomb_newton, 0.9 * 0.15);
+  EXPECT_EQ(found.position_resolution_m, 55e-6);
+
+  // mode vector begins with an empty ledger: then f_max = f_co
+  double least_f_max_newton = 1.0;
+  Lockstep lockstep(identified, {}, [&](const viewer::TickRow& row, const IdealState&) {
+    if (!row.mofc) return;
+    least_f_max_newton = std::fmin(least_f_max_newton, row.mofc->f_max_newton.x());
+  });
+  lockstep.run_until(std::chrono::milliseconds(100));
+  EXPECT_EQ(least_f_max_newton, found.coulomb_newton);
+}
+
+TEST_F(IdentifyCommand, DeviceThatCannotBeMeasuredIsAFailure) {
+  const Outcome outcome =
+      identify(session() + " --set device.simulated.coulomb_newton=2 --output " + profile());
+
+  EXPECT_EQ(outcome.status, 1);
+  EXPECT_THAT(outcome.out, HasSubstr("does not move at 1.00 N"));
+  EXPECT_FALSE(std::filesystem::exists(profile()));
+}
+
+TEST_F(IdentifyCommand, MistakesOfTheUserAreSetupErrors) {
+  for (const std::string& arguments :
+       {session() + "x", session() + " --set device.rate_hz=1", std::string(),
+        session() + " --output " + session(), session() + " --output " + profile() + "/x"}) {
+    SCOPED_TRACE(arguments);
+    EXPECT_EQ(identify(arguments).status, 2);
+  }
+  EXPECT_NO_THROW(static_cast<void>(load_session(session(), {"device.profile_file="})));
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,322 @@
+// Friction identification: the arithmetic of the fit, and what ends the sweeps. What they find out:
+// tests/property/friction_properties_test.cpp.
+#include "device_node/friction_identification.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <functional>
+#include <string>
+
+#include "common/core/check.h"
+#include "device_node/simulated_device.h"
+
+namespace palpate::device {
+namespace {
+
+using ::testing::HasSubstr;
+
+// --- fit --------------------------------------------------------------------------------------
+
+FrictionFit fit_of(const std::vector<FrictionPoint>& points) { return fit_friction(points); }
+
+TEST(FrictionFit, PointsOnALineGiveItLessTheMotorsAccuracy) {
+  // F = 0.1 N + 0.2 N·s/m v; no scatter, so the bounds are 0.98 of both
+  const FrictionFit fit = fit_of({{0.01, 0.102}, {0.02, 0.104}, {0.04, 0.108}});
+
+  EXPECT_NEAR(fit.viscous_newton_s_per_m, 0.2, 1e-12);
+  EXPECT_NEAR(fit.coulomb_newton, 0.1, 1e-12);
+  EXPECT_NEAR(fit.viscous_bound_newton_s_per_m, 0.196, 1e-6);
+  EXPECT_NEAR(fit.coulomb_bound_newton, 0.098, 1e-6);
+}
+
+TEST(FrictionFit, ScatterLowersTheBoundsByThreeSigma) {
+  // v̄ = 2, F̄ = 36.1/3, D = 2, Σ(v − v̄)F = 13.1 − 11.1 = 2, so f_d = 1, f_co = 36.1/3 − 2 = 10.0333
+  // residuals 1/15, −2/15, 1/15: s² = 6/225, s = 0.163299
+  // σ_d = s/√2 = 0.115470,  σ_co = s √(1/3 + 4/2) = 0.249444
+  // bounds 0.98 (1 − 0.346410) = 0.640518 and 0.98 (10.033333 − 0.748331) = 9.099302
+  const FrictionFit fit = fit_of({{1, 11.1}, {2, 11.9}, {3, 13.1}});
+
+  EXPECT_NEAR(fit.viscous_newton_s_per_m, 1.0, 1e-12);
+  EXPECT_NEAR(fit.coulomb_newton, 10.033333, 1e-6);
+  EXPECT_NEAR(fit.viscous_bound_newton_s_per_m, 0.640518, 1e-6);
+  EXPECT_NEAR(fit.coulomb_bound_newton, 9.099302, 1e-6);
+}
+
+TEST(FrictionFit, BoundsAreNeverNegative) {
+  // f_d = 0 ± much; f_co = −1/30
+  const FrictionFit fit = fit_of({{1, 0.1}, {2, -0.3}, {3, 0.1}});
+
+  EXPECT_EQ(fit.viscous_bound_newton_s_per_m, 0.0);
+  EXPECT_EQ(fit.coulomb_bound_newton, 0.0);
+}
+
+TEST(FrictionFit, BoundStaysBelowEveryPointWhereFrictionFallsWithSpeed) {
+  // f_co of the line is 0.11 N, but at 0.03 m/s there are only 0.08 N: 0.98 · 0.08 = 0.0784
+  const FrictionFit fit = fit_of({{0.01, 0.10}, {0.02, 0.09}, {0.03, 0.08}});
+
+  EXPECT_NEAR(fit.viscous_newton_s_per_m, -1.0, 1e-9);
+  EXPECT_EQ(fit.viscous_bound_newton_s_per_m, 0.0);
+  EXPECT_NEAR(fit.coulomb_bound_newton, 0.0784, 1e-9);
+}
+
+// --- sweeps -----------------------------------------------------------------------------------
+
+HandConfig no_hand(const Vector3& position_m = Vector3::Zero()) {
+  HandConfig hand;
+  hand.mass_kg = 0.0;
+  hand.stiffness_newton_per_m = 0.0;
+  hand.damping_newton_s_per_m = 0.0;
+  hand.path = HoldPath{.position_m = position_m};
+  return hand;
+}
+
+/// A simulated device (0.045 kg, 0.1 N·s/m, 0.1 N) with something wrong, under observation.
+class OddDevice final : public HapticDevice {
+ public:
+  explicit OddDevice(const Clock& clock, const SimulatedDeviceConfig& config = {},
+                     const Vector3& start_m = Vector3::Zero())
+      : inner_(config, no_hand(start_m), clock, 1), specification_(inner_.specification()) {}
+
+  std::function<Vector3(const Vector3&)> motors = [](const Vector3& force) { return force; };
+  int reads_left = -1;   ///< then they fail; −1: never
+  int writes_left = -1;  ///< likewise
+
+  double largest_force_newton = 0.0;  ///< asked for
+  double top_speed_m_per_s = 0.0;     ///< true
+  Duration longest_lease{};
+  int writes = 0;
+  bool is_limp = true;
+
+  [[nodiscard]] DeviceSpecification& editable_specification() { return specification_; }
+  [[nodiscard]] const DeviceSpecification& specification() const noexcept override {
+    return specification_;
+  }
+  [[nodiscard]] bool read(DeviceSample& sample) noexcept override {
+    if (reads_left == 0) return false;
+    if (reads_left > 0) --reads_left;
+    const bool is_read = inner_.read(sample);
+    top_speed_m_per_s =
+        std::max(top_speed_m_per_s, inner_.true_state()->hand_velocity_m_per_s.norm());
+    return is_read;
+  }
+  [[nodiscard]] bool apply(const Vector3& force, Duration lease,
+                           DeviceSample& at_switch) noexcept override {
+    if (writes_left == 0) return false;
+    if (writes_left > 0) --writes_left;
+    ++writes;
+    is_limp = false;
+    largest_force_newton = std::max(largest_force_newton, force.norm());
+    longest_lease = std::max(longest_lease, lease);
+    return inner_.apply(motors(force), lease, at_switch);
+  }
+  void release() noexcept override {
+    is_limp = true;
+    inner_.release();
+  }
+
+ private:
+  SimulatedDevice inner_;
+  DeviceSpecification specification_;
+};
+
+class FrictionSweeps : public ::testing::Test {
+ protected:
+  /// One line along x through the origin, ±15 mm.
+  static SweepPlan short_plan() {
+    SweepPlan plan;
+    plan.box_half_extent_m = Vector3(0.03, 0.02, 0.02);
+    plan.lines = {SweepLine{}};
+    plan.half_length_m = 0.015;
+    plan.speeds_m_per_s = {0.02, 0.03, 0.05};
+    return plan;
+  }
+
+  FrictionReport identify(OddDevice& device) {
+    return identify_friction(device, clock_, plan_, agreed_);
+  }
+
+  /// The text of the IdentificationError.
+  std::string failure(OddDevice& device) {
+    try {
+      static_cast<void>(identify(device));
+    } catch (const IdentificationError& error) {
+      EXPECT_TRUE(device.is_limp);
+      return error.what();
+    }
+    return "no failure";
+  }
+
+  /// The text of the SetupError.
+  std::string refusal(OddDevice& device) {
+    try {
+      static_cast<void>(identify(device));
+    } catch (const SetupError& error) {
+      EXPECT_EQ(device.writes, 0);
+      return error.what();
+    }
+    return "no refusal";
+  }
+
+  ManualClock clock_;
+  SweepPlan plan_ = short_plan();
+  bool agreed_ = false;
+};
+
+TEST_F(FrictionSweeps, StayWithinTheirBoundsAndEndLimp) {
+  OddDevice device(clock_);
+
+  const FrictionReport report = identify(device);
+
+  // 0.1 N hold it. At 0.5 N/s it has gone 0.2 + 2 · 0.055 mm by t = ∛(6 m · 0.31 mm/0.5) = 55 ms
+  // later: it is moving at ≤ 0.13 N, so the sweeps may use 0.26 N.
+  EXPECT_LE(device.largest_force_newton, 0.26);
+  EXPECT_LE(device.top_speed_m_per_s, 0.1);
+  EXPECT_EQ(device.longest_lease, std::chrono::milliseconds(3));
+  EXPECT_TRUE(device.is_limp);
+  EXPECT_GT(report.coulomb_bound_newton, 0.08);
+}
+
+TEST_F(FrictionSweeps, WeightIsNoPartOfTheFriction) {
+  OddDevice device(clock_);
+  device.motors = [](const Vector3& force) -> Vector3 { return force + Vector3(0.05, 0, 0); };
+
+  const FrictionReport report = identify(device);
+
+  EXPECT_NEAR(report.lines[0].fit.coulomb_newton, 0.1, 1e-3);
+  EXPECT_NEAR(report.lines[0].fit.viscous_newton_s_per_m, 0.1, 0.03);
+}
+
+TEST_F(FrictionSweeps, SmallestLineCounts) {
+  // motors half as strong along y: it takes twice the force, so x has the smaller bounds
+  plan_.lines.push_back({.middle_m = Vector3::Zero(), .direction = Vector3::UnitY()});
+  OddDevice device(clock_);
+  device.motors = [](const Vector3& force) -> Vector3 {
+    return force.cwiseProduct(Vector3(1.0, 0.5, 1.0));
+  };
+
+  const FrictionReport report = identify(device);
+
+  ASSERT_EQ(report.lines.size(), 2U);
+  EXPECT_NEAR(report.lines[1].fit.coulomb_newton, 0.2, 2e-3);
+  EXPECT_EQ(report.coulomb_bound_newton, report.lines[0].fit.coulomb_bound_newton);
+}
+
+TEST_F(FrictionSweeps, RealDeviceNeedsTheUsersAgreement) {
+  OddDevice device(clock_);
+  device.editable_specification().is_simulated = false;
+
+  EXPECT_THAT(refusal(device), HasSubstr("give --i-understand-this-moves-the-device"));
+  agreed_ = true;
+  EXPECT_GT(identify(device).coulomb_bound_newton, 0.08);
+}
+
+TEST_F(FrictionSweeps, DeviceWithoutMotorWatchdogIsRefused) {
+  OddDevice device(clock_);
+  device.editable_specification().has_motor_watchdog = false;
+  agreed_ = true;
+
+  EXPECT_THAT(refusal(device), HasSubstr("has no motor-side watchdog"));
+}
+
+TEST_F(FrictionSweeps, DeviceOutsideTheBoxIsRefused) {
+  OddDevice device(clock_, {}, Vector3(0, 0, 0.025));
+
+  EXPECT_THAT(refusal(device), HasSubstr("(0.0, 0.0, 25.0) mm, outside the box"));
+}
+
+TEST_F(FrictionSweeps, DeviceThatDoesNotMoveAtOneNewtonEndsThem) {
+  OddDevice device(clock_, {.coulomb_newton = 1.1});
+
+  EXPECT_THAT(failure(device), HasSubstr("does not move at 1.00 N"));
+  EXPECT_LE(device.largest_force_newton, 1.0);
+}
+
+TEST_F(FrictionSweeps, WeakMotorsAreNotAskedForMoreThanTheyHave) {
+  OddDevice device(clock_, {.coulomb_newton = 0.5, .peak_force_newton = 0.3});
+
+  EXPECT_THAT(failure(device), HasSubstr("does not move at 0.30 N"));
+  EXPECT_LE(device.largest_force_newton, 0.3);
+}
+
+TEST_F(FrictionSweeps, ReversedMotorsEndThem) {
+  OddDevice device(clock_);
+  device.motors = [](const Vector3& force) -> Vector3 { return -force; };
+
+  EXPECT_THAT(failure(device), HasSubstr("not where its motors push"));
+}
+
+TEST_F(FrictionSweeps, RunawayEndsThem) {
+  // once it slides, the motors pull it away with 0.4 N, whatever they are told
+  OddDevice device(clock_);
+  device.motors = [&](const Vector3& force) -> Vector3 {
+    return device.top_speed_m_per_s > 0.025 ? Vector3(-0.4, 0, 0) : force;
+  };
+
+  EXPECT_THAT(failure(device), HasSubstr("ran faster than 0.1 m/s"));
+  // (0.4 − 0.1) N on 0.045 kg: 6.7 m/s². 0.1 m/s on the mean of 10 ms and √3 q of the encoder is
+  // seen by 0.1 + 0.0095 + 6.7 · 0.005, and a tick later it is limp
+  EXPECT_LE(device.top_speed_m_per_s, 0.15);
+}
+
+TEST_F(FrictionSweeps, ObstacleEndsThem) {
+  // something holds it once it slides
+  OddDevice device(clock_);
+  device.motors = [&](const Vector3& force) -> Vector3 {
+    return device.top_speed_m_per_s > 0.025 ? Vector3(0.1 * force) : force;
+  };
+
+  EXPECT_THAT(failure(device), HasSubstr("stuck"));
+}
+
+TEST_F(FrictionSweeps, DeviceThatFallsEndsThem) {
+  OddDevice device(clock_);
+  device.motors = [](const Vector3& force) -> Vector3 { return force - Vector3(0, 0, 0.15); };
+
+  EXPECT_THAT(failure(device), HasSubstr("not where its motors push"));
+}
+
+TEST_F(FrictionSweeps, LeavingTheBoxEndsThem) {
+  plan_.box_half_extent_m.x() = 0.01;
+  OddDevice device(clock_);
+
+  EXPECT_THAT(failure(device), HasSubstr("left the box"));
+}
+
+TEST_F(FrictionSweeps, FailureToReadEndsThem) {
+  for (const int reads : {0, 1, 700, 1500}) {
+    SCOPED_TRACE(reads);
+    OddDevice device(clock_);
+    device.reads_left = reads;
+
+    EXPECT_THAT(failure(device), HasSubstr("read"));
+  }
+}
+
+TEST_F(FrictionSweeps, FailureToWriteEndsThem) {
+  OddDevice device(clock_);
+  device.writes_left = 700;
+
+  EXPECT_THAT(failure(device), HasSubstr("failed to take a force"));
+}
+
+TEST(DefaultSweepPlan, KeepsEveryLineInsideItsBox) {
+  DeviceSpecification specification;
+  specification.workspace_half_extent_m = Vector3(0.08, 0.06, 0.035);
+
+  const SweepPlan plan = default_sweep_plan(specification);
+
+  EXPECT_EQ(plan.lines.size(), 16U);
+  for (const SweepLine& line : plan.lines) {
+    for (const double side : {-1.0, 1.0}) {
+      const Vector3 end_m = line.middle_m + side * plan.half_length_m * line.direction;
+      EXPECT_TRUE((end_m.array().abs() < plan.box_half_extent_m.array()).all());
+    }
+  }
+  EXPECT_TRUE(
+      (plan.box_half_extent_m.array() < specification.workspace_half_extent_m.array()).all());
+}
+
+}  // namespace
+}  // namespace palpate::device

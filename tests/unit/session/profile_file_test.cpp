@@ -1,0 +1,159 @@
+// The profile of a device: a file named by the session.
+#include "common/runtime/profile_file.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <fstream>
+
+#include "tests/unit/session/session_support.h"
+
+namespace palpate {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::SizeIs;
+using ::testing::StartsWith;
+
+constexpr const char* kSession = "name: \"x\"\ndevice { profile_file: \"omni.txtpb\" }";
+constexpr const char* kProfile =
+    "device { profile { viscous_newton_s_per_m: 0.04 coulomb_newton: 0.2 "
+    "position_resolution_m: 2e-5 } }";
+
+/// A folder for omni.txtpb, gone after the test.
+class ProfileFile : public ::testing::Test {
+ protected:
+  ProfileFile() {
+    std::string pattern = (std::filesystem::temp_directory_path() / "palpate-XXXXXX").string();
+    folder_ = ::mkdtemp(pattern.data());
+  }
+  ~ProfileFile() override { std::filesystem::remove_all(folder_); }
+
+  void write(const std::string& text) const { std::ofstream(folder_ / "omni.txtpb") << text; }
+
+  [[nodiscard]] DeviceProfile load(const std::vector<std::string>& overrides = {}) const {
+    return parse_session(kSession, "x.txtpb", overrides, folder_).device.profile;
+  }
+
+  /// Of the session with this profile, the folder's name left out.
+  [[nodiscard]] std::vector<std::string> problems(const std::string& profile) const {
+    write(profile);
+    std::vector<std::string> lines = complaints(kSession, {}, folder_);
+    const std::string prefix = folder_.string() + "/";
+    for (std::string& line : lines) {
+      if (line.starts_with(prefix)) line.erase(0, prefix.size());
+    }
+    return lines;
+  }
+
+  std::filesystem::path folder_;
+};
+
+TEST_F(ProfileFile, IsWhatTheControllerMayCountOn) {
+  write(kProfile);
+
+  const DeviceProfile profile = load();
+
+  EXPECT_EQ(profile.viscous_newton_s_per_m, 0.04);
+  EXPECT_EQ(profile.coulomb_newton, 0.2);
+  EXPECT_EQ(profile.position_resolution_m, 2e-5);
+}
+
+TEST_F(ProfileFile, FieldsOfTheSessionItselfWin) {
+  write(kProfile);
+
+  const DeviceProfile profile = load({"device.profile.coulomb_newton=0.15"});
+
+  EXPECT_EQ(profile.viscous_newton_s_per_m, 0.04);
+  EXPECT_EQ(profile.coulomb_newton, 0.15);
+}
+
+TEST_F(ProfileFile, OverrideNamesAnotherOrNone) {
+  write(kProfile);
+  std::ofstream(folder_ / "other.txtpb")
+      << "device { profile { viscous_newton_s_per_m: 0 coulomb_newton: 0.3 "
+         "position_resolution_m: 0 } }";
+
+  EXPECT_EQ(load({"device.profile_file=other.txtpb"}).coulomb_newton, 0.3);
+  EXPECT_EQ(load({"device.profile_file="}).coulomb_newton, 0.1);  // the default
+}
+
+TEST_F(ProfileFile, WhatIsWrittenIsReadWithBoundsRoundedDown) {
+  write(profile_text({.viscous_newton_s_per_m = 0.0123456789,
+                      .coulomb_newton = 0.2,
+                      .position_resolution_m = 55e-6},
+                     {"a comment", "with a\nline break"}));
+
+  const DeviceProfile profile = load();
+
+  EXPECT_EQ(profile.viscous_newton_s_per_m, 0.012345);
+  EXPECT_NEAR(profile.coulomb_newton, 0.2, 1.1e-6);
+  EXPECT_LE(profile.coulomb_newton, 0.2);
+  EXPECT_EQ(profile.position_resolution_m, 55e-6);
+}
+
+TEST_F(ProfileFile, ProblemsAreToldWithTheirPlaces) {
+  EXPECT_THAT(problems("device {\n"
+                       "  profile {\n"
+                       "    coulomb_newton: -1\n"
+                       "    position_resolution_m: nan\n"
+                       "  }\n"
+                       "}\n"),
+              ElementsAre("x.txtpb: 3 problems",
+                          "omni.txtpb:2:3: device.profile.viscous_newton_s_per_m: required; give a "
+                          "lower bound of the viscous friction",
+                          "omni.txtpb:3:5: device.profile.coulomb_newton = -1: must be ≥ 0; give a "
+                          "lower bound of the dry friction",
+                          "omni.txtpb:4:5: device.profile.position_resolution_m = nan: must be a "
+                          "finite number"));
+}
+
+TEST_F(ProfileFile, NothingIsLeftToDefaults) { EXPECT_THAT(problems(""), SizeIs(1 + 3)); }
+
+TEST_F(ProfileFile, AnythingElseInItIsRefused) {
+  EXPECT_THAT(problems("name: \"y\"\n"
+                       "device {\n"
+                       "  rate_hz: 50\n"
+                       "  profile_file: \"omni.txtpb\"\n"
+                       "  profile { viscous_newton_s_per_m: 0 coulomb_newton: 0 "
+                       "position_resolution_m: 0 }\n"
+                       "}\n"
+                       "scene { tissue {} }\n"),
+              ElementsAre("x.txtpb: 4 problems",
+                          "omni.txtpb:1:1: name: a profile gives device.profile only; move it into "
+                          "the session",
+                          StartsWith("omni.txtpb:3:3: device.rate_hz: a profile gives"),
+                          StartsWith("omni.txtpb:4:3: device.profile_file: a profile gives"),
+                          StartsWith("omni.txtpb:7:1: scene: a profile gives")));
+}
+
+TEST_F(ProfileFile, TextThatCannotBeReadSaysWhereItEnds) {
+  EXPECT_THAT(problems("device {\n  profile {"),
+              ElementsAre("x.txtpb: 1 problem", HasSubstr("omni.txtpb:2:")));
+}
+
+TEST_F(ProfileFile, MissingFileAndFolderAreRefused) {
+  EXPECT_THAT(complaints(kSession, {}, folder_).at(1), HasSubstr("omni.txtpb: no such file"));
+  EXPECT_THAT(complaints(kSession, {"device.profile_file=."}, folder_).at(1),
+              HasSubstr("is a folder"));
+  EXPECT_THAT(complaints(kSession, {"device.profile_file=/dev/zero"}, folder_).at(1),
+              HasSubstr("is not a regular file"));
+  EXPECT_THAT(complaints(kSession, {"device.profile_file='a\\0'"}, folder_).at(1),
+              HasSubstr("must not contain control characters"));
+}
+
+TEST_F(ProfileFile, HugeFileIsRefusedUnread) {
+  write("");
+  std::filesystem::resize_file(folder_ / "omni.txtpb", 100'001);  // sparse
+
+  EXPECT_THAT(complaints(kSession, {}, folder_).at(1), HasSubstr("more than 100000 bytes"));
+}
+
+TEST(Profile, NoFileIsReadWithoutAFolder) {
+  EXPECT_THAT(complaints(kSession).at(1), HasSubstr("this session has no folder"));
+}
+
+}  // namespace
+}  // namespace palpate
