@@ -3,8 +3,10 @@
 // controller sees. PALPATE_SEEDS=10 in the environment makes ten times as many runs.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstdint>
 #include <cstdlib>
+#include <string>
 
 #include "tests/support/adversity.h"
 
@@ -36,6 +38,37 @@ TEST_P(Guarantee, NoHandWithinVMaxIsGivenEnergyByAnyPhysicsNetworkOrScheduler) {
     EXPECT_GE(result.statistics.minimum_true_energy_joule(), -kRoundingJoule) << "seed=" << seed;
   }
   EXPECT_LE(too_fast, runs_per_shard() / 20);
+}
+
+/// Least true energy over runs as above with more overrides: a protection taken away.
+double least_energy_joule(std::uint64_t runs, const std::string& change) {
+  double least = 0.0;
+  for (std::uint64_t seed = 1; seed <= runs; ++seed) {
+    AdverseRun run = random_adverse_run(seed);
+    run.overrides.push_back(change);
+    least = std::min(least, run_adverse(run, seed).statistics.minimum_true_energy_joule());
+  }
+  return least;
+}
+
+// The law above can fail, and in the same runs does.
+TEST(GuaranteeTwin, WithoutTheControllerEnergyIsDrawnInMostRuns) {
+  int drawn = 0;
+  for (std::uint64_t seed = 1; seed <= 100; ++seed) {
+    AdverseRun run = random_adverse_run(seed);
+    run.overrides.emplace_back("mofc.controller=none");
+    if (run_adverse(run, seed).statistics.minimum_true_energy_joule() < -1e-3) ++drawn;
+  }
+  EXPECT_GT(drawn, 50);
+}
+
+TEST(GuaranteeTwin, WithTheEncoderTakenForExactEnergyIsDrawn) {
+  EXPECT_LT(least_energy_joule(100, "device.profile.position_resolution_m=0"), -1e-3);
+}
+
+TEST(GuaranteeTwin, WithFrictionOverestimatedEnergyIsDrawn) {
+  EXPECT_LT(least_energy_joule(100, "device.profile.viscous_newton_s_per_m=0.6"), -1e-3);
+  EXPECT_LT(least_energy_joule(100, "device.profile.coulomb_newton=0.6"), -1e-3);
 }
 
 INSTANTIATE_TEST_SUITE_P(Shard, Guarantee, testing::Range(std::uint64_t{0}, kShards));
