@@ -6,8 +6,11 @@
 #include <algorithm>
 #include <cstdint>
 #include <cstdlib>
+#include <filesystem>
+#include <fstream>
 #include <string>
 
+#include "common/runtime/session_file.h"
 #include "tests/support/adversity.h"
 
 namespace palpate::test {
@@ -69,6 +72,40 @@ TEST(GuaranteeTwin, WithTheEncoderTakenForExactEnergyIsDrawn) {
 TEST(GuaranteeTwin, WithFrictionOverestimatedEnergyIsDrawn) {
   EXPECT_LT(least_energy_joule(100, "device.profile.viscous_newton_s_per_m=0.6"), -1e-3);
   EXPECT_LT(least_energy_joule(100, "device.profile.coulomb_newton=0.6"), -1e-3);
+}
+
+// A hand goes 8 mm below the surface of a 500 N/m wall in 2 s and stays there: 6 mm deep its spring
+// of 1500 N/m takes the wall's 3 N. Friction of 0.1 N and 0.1 N·s/m, an ordinary encoder, 1 kHz.
+TEST(LegitimateForce, AStaticPressOf3NewtonKeepsItsForce) {
+  const std::filesystem::path folder = testing::TempDir();
+  std::ofstream(folder / "static_press.csv") << "t,x,y,z\n0,0,0,0.01\n2,0,0,-0.008\n";
+  const Session session = parse_session(R"(
+name: "static_press"
+device { simulated {} }
+hand {
+  stiffness_newton_per_m: 1500
+  damping_newton_s_per_m: 20
+  recorded { file: "static_press.csv" }
+}
+scene { tissue { half_space {} kelvin_voigt { stiffness_newton_per_m: 500 } } }
+)",
+                                        "static_press", {}, folder);
+  double least_ratio = 1.0;
+  double least_asked_newton = 10.0;
+  int ticks = 0;
+  Lockstep lockstep(session, {}, [&](const viewer::TickRow& row, const IdealState&) {
+    if (row.device.sampled_at < TimePoint(std::chrono::seconds(3))) return;
+    ASSERT_TRUE(row.mofc.has_value());
+    const double asked = row.mofc->asked_force_on_hand_newton.norm();
+    least_asked_newton = std::min(least_asked_newton, asked);
+    least_ratio = std::min(least_ratio, row.device.force_on_hand_newton.norm() / asked);
+    ++ticks;
+  });
+  lockstep.run_until(std::chrono::seconds(13));
+
+  EXPECT_EQ(ticks, 10000);
+  EXPECT_NEAR(least_asked_newton, 3.0, 0.1);  // the 0.1 N of stiction
+  EXPECT_GE(least_ratio, 0.99);
 }
 
 INSTANTIATE_TEST_SUITE_P(Shard, Guarantee, testing::Range(std::uint64_t{0}, kShards));
