@@ -4,14 +4,16 @@
 # Ends with ctest's summary, of the first build that fails or of the last.
 #
 #   tests/run.sh                   release and sanitizers
-#   tests/run.sh --all             the thread sanitizer too
+#   tests/run.sh --all             the thread sanitizer too, and ten times as many seeds in release
 #   tests/run.sh -R 'Codec'        further arguments go to each ctest
 set -euo pipefail
 root="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
 
 presets=(release asan)
+release_seeds="${PALPATE_SEEDS:-1}"
 if [[ "${1:-}" == "--all" ]]; then
   presets+=(tsan)
+  release_seeds=10  # 10 000 runs of the guarantee
   shift
 fi
 
@@ -24,5 +26,7 @@ for preset in "${presets[@]}"; do
     cmake --preset "$preset" -DPALPATE_BUILD_TESTS=ON
   fi
   cmake --build --preset "$preset" --parallel "$(nproc)"
-  ctest --preset "$preset" --parallel "$(nproc)" "$@"
+  seeds="${PALPATE_SEEDS:-1}"
+  if [[ "$preset" == release ]]; then seeds="$release_seeds"; fi
+  PALPATE_SEEDS="$seeds" ctest --preset "$preset" --parallel "$(nproc)" "$@"
 done

@@ -118,6 +118,22 @@ struct InprocLinks final : Links {
   ZmqSource<Interaction> interaction_source;
 };
 
+/// Hop 3 under LockstepOptions::tamper_with_interaction.
+class TamperedSender final : public Sender<Interaction> {
+ public:
+  TamperedSender(Sender<Interaction>& out, std::function<void(Interaction&)> tamper)
+      : out_(out), tamper_(std::move(tamper)) {}
+  SendResult send(const Interaction& interaction) noexcept override {
+    Interaction changed = interaction;
+    if (tamper_) tamper_(changed);
+    return out_.send(changed);
+  }
+
+ private:
+  Sender<Interaction>& out_;
+  std::function<void(Interaction&)> tamper_;
+};
+
 /// The continuous tissue as a force on the hand, and the run it would have given (DESIGN §3).
 class Ideal {
  public:
@@ -171,7 +187,9 @@ class Lockstep::Impl {
   Impl(const Session& session, const LockstepOptions& options, RowConsumer on_row)
       : session_(session),
         on_row_(std::move(on_row)),
+        device_lateness_(options.device_lateness),
         links_(make_links(options.links)),
+        tampered_interaction_out_(*links_->interaction_out, options.tamper_with_interaction),
         device_(device::open_device(session.device, session.hand, time_,
                                     stream_seed(session.seed, "hand"))),
         command_in_(*links_->command_in, time_, session.faults.force_command,
@@ -186,13 +204,13 @@ class Lockstep::Impl {
                      kDeviceSession),
         mofc_node_(session.mofc, session.device, time_, *links_->motion_out, interaction_in_,
                    mofc_tick_, kMofcSession),
-        physics_node_(session.scene, time_, motion_in_, *links_->interaction_out, physics_tick_,
+        physics_node_(session.scene, time_, motion_in_, tampered_interaction_out_, physics_tick_,
                       kPhysicsSession),
         device_schedule_(TimePoint{}, session.device.rate_hz),
         physics_schedule_(TimePoint{}, session.physics.rate_hz),
         steps_on_arrival_(session.mofc.wait_for_physics.count() > 0) {
     if (options.has_ideal) ideal_.emplace(session_);
-    time_.schedule(device_schedule_.next(), kDeviceRank, [this] { device_turn(); });
+    schedule_device();
     if (!steps_on_arrival_) {
       time_.schedule(physics_schedule_.next(), kPhysicsRank, [this] { physics_turn(); });
     }
@@ -230,10 +248,15 @@ class Lockstep::Impl {
     return std::make_unique<InprocLinks>(time_, hooks);
   }
 
+  void schedule_device() {
+    const Duration lateness = device_lateness_ ? device_lateness_() : Duration::zero();
+    time_.schedule(device_schedule_.next() + lateness, kDeviceRank, [this] { device_turn(); });
+  }
+
   void device_turn() {
     device_node_.step(device_schedule_.begin(time_.now()));
     device_schedule_.finish(time_.now());
-    time_.schedule(device_schedule_.next(), kDeviceRank, [this] { device_turn(); });
+    schedule_device();
     if (device_tick_.last && on_row_) give_row();
   }
 
@@ -284,8 +307,10 @@ class Lockstep::Impl {
 
   Session session_;
   RowConsumer on_row_;
+  std::function<Duration()> device_lateness_;
   VirtualTime time_;
   std::unique_ptr<Links> links_;
+  TamperedSender tampered_interaction_out_;
   std::unique_ptr<device::HapticDevice> device_;
   Inbox<ForceCommand> command_in_;
   Inbox<DeviceState> state_in_;

@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 
+#include "common/core/messages.h"
 #include "common/core/session.h"
 #include "common/core/telemetry.h"
 #include "viewer_node/csv_writer.h"
@@ -21,6 +22,10 @@ struct LockstepOptions {
   LockstepLinks links = LockstepLinks::kMemory;
   /// Compute the ideal force and the ideal run (DESIGN §3). Costs about as much as the run itself.
   bool has_ideal = false;
+  /// A hostile physics: changes each Interaction as it leaves physics_node. Empty: honest.
+  std::function<void(Interaction&)> tamper_with_interaction{};
+  /// How long after its appointment the next device tick begins. Empty: on time.
+  std::function<Duration()> device_lateness{};
 };
 
 /// What the ideal run did at t_k of a row.

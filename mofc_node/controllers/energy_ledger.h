@@ -12,9 +12,10 @@ using Vector3 = Eigen::Vector3d;
 /// friction f_d v + f_co v/|v|, 3-D, with each measured coordinate within ±q/2 of the true one.
 ///
 ///   work      Σ f·dh, less (√3 q/2)(|f(k−1)| + |f(0)| + Σ|Δf|): the error of the sum telescopes
-///   Coulomb   f_co max(L, √(Σᵢ (Pᵢ − q/2)₊²)), both at most the true path: L = Σ (|Δh| − √3 q)₊
-///             over windows; Pᵢ the path of the play operator of half-width q/2 on axis i, which
-///             sees the motion to and fro inside a window
+///   Coulomb   f_co Σ max(L, √(Σᵢ (Pᵢ − q/2)₊²)) over spans of path, both at most the true path of
+///             the span: L = Σ (|Δh| − √3 q)₊ over windows; Pᵢ the path of the play operator of
+///             half-width q/2 on axis i, which sees the motion to and fro inside a window. One span
+///             only would let the lead of one of the two from long ago hide what the other sees now
 ///   viscous   f_d (|Δh| − √3 q)₊² / Δt over the same windows: one closes when the hand has moved
 ///             16 q, so that slow motion at a high rate is not lost in the quantisation
 ///
@@ -53,6 +54,9 @@ class EnergyLedger {
     double path_m = 0.0;
     void follow(double x, double half_width) noexcept;
   };
+  void begin_span() noexcept;    // at position_m_
+  void begin_window() noexcept;  // at position_m_
+  [[nodiscard]] double span_path_m() const noexcept;
   [[nodiscard]] double window_path_m() const noexcept;
   [[nodiscard]] double window_viscous_joule() const noexcept;
 
@@ -67,8 +71,9 @@ class EnergyLedger {
   double force_variation_newton_ = 0.0;          // |f(0)| + Σ|Δf|
   bool has_force_ = false;
 
-  std::array<Play, 3> play_{};
-  double closed_windows_path_m_ = 0.0;
+  double closed_spans_path_m_ = 0.0;
+  std::array<Play, 3> play_{};          // of the open span
+  double closed_windows_path_m_ = 0.0;  // of the open span
   double closed_windows_viscous_joule_ = 0.0;
   Vector3 window_start_m_ = Vector3::Zero();
   double window_s_ = 0.0;

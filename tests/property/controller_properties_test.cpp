@@ -15,6 +15,7 @@
 
 #include "common/core/random.h"
 #include "mofc_node/controllers/energy_ledger.h"
+#include "mofc_node/controllers/guard_mofc.h"
 #include "mofc_node/controllers/mofc_equations.h"
 #include "mofc_node/controllers/paper_mofc.h"
 #include "mofc_node/controllers/vector_mofc.h"
@@ -53,9 +54,11 @@ struct Hand {
   double energy_joule = 0.0;  // put in by the hand, no inertia
   double least_energy_joule = 0.0;
   bool is_on_rail = false;  // moves along x only
+  double v_max_m_per_s = std::numeric_limits<double>::infinity();
 
   void move(double duration_s, Vector3 velocity, const Vector3& force_on_hand) {
     if (is_on_rail) velocity = Vector3(velocity.x(), 0.0, 0.0);
+    velocity = limited(velocity, v_max_m_per_s);
     const double speed = velocity.norm();
     energy_joule += duration_s * (f_d * speed * speed + f_co * speed - force_on_hand.dot(velocity));
     least_energy_joule = std::min(least_energy_joule, energy_joule);
@@ -67,7 +70,7 @@ struct Hand {
     if (is_on_rail) force_on_hand = Vector3(force_on_hand.x(), 0.0, 0.0);
     const double norm = force_on_hand.norm();
     if (norm <= f_co) return Vector3::Zero();
-    return (norm - f_co) / (2.0 * f_d) * force_on_hand / norm;
+    return std::min(v_max_m_per_s, (norm - f_co) / (2.0 * f_d)) * force_on_hand / norm;
   }
 };
 
@@ -483,6 +486,37 @@ TEST(LedgerLaws, WithAnExactEncoderTheLedgerIsTheSumOfThePaper) {
   }
 }
 
+/// What 0.3 s straight down at 0.1 m/s earn, measured at 0.055 mm, after `before_s` round a circle.
+double earned_after_circling_joule(double before_s) {
+  const double T = 1e-3;
+  const double q = 55e-6;
+  EnergyLedger ledger(0.1, 0.1, q);
+  ledger.restart(Vector3::Zero());
+  Vector3 x = Vector3::Zero();
+  for (int k = 1; k <= std::lround(before_s / T); ++k) {
+    const double angle = std::numbers::pi * k * T;  // 0.5 Hz
+    x = 0.02 * Vector3(0.9 * std::sin(angle), 0.4 * std::sin(angle), 1.0 - std::cos(angle));
+    ledger.book(T, Vector3::Zero(), quantised(x, q));
+  }
+  const double before_joule = ledger.energy_joule();
+  for (int k = 1; k <= 300; ++k) {
+    ledger.book(T, Vector3::Zero(), quantised(x - Vector3(0.0, 0.0, 0.1 * k * T), q));
+  }
+  return ledger.energy_joule() - before_joule;
+}
+
+// 30 mm at 0.1 m/s: 0.1·0.03 + 0.1·0.01·0.3 = 3.3 mJ truly. One bound of the path of the circles
+// comes out larger than the other, by more the longer they last: a lead kept for ever would let
+// only that bound count in the stroke.
+TEST(LedgerLaws, WhatAMotionEarnsDoesNotDependOnHowLongTheHandMovedBefore) {
+  const double least_joule = 0.9 * 3.3e-3;
+  for (const double before_s : {0.0, 2.0, 14.0, 40.0, 600.0}) {
+    SCOPED_TRACE(testing::Message() << before_s << " s");
+    EXPECT_GE(earned_after_circling_joule(before_s), least_joule);
+    EXPECT_LE(earned_after_circling_joule(before_s), 3.3e-3);
+  }
+}
+
 // ---------------------------------------------------------------------------------- mode vector
 
 TEST(VectorMofcLaws, NoHandAndNoEnvironmentDrawEnergyAtAnyInstant) {
@@ -548,6 +582,270 @@ TEST(VectorMofcLaws, WithGapsUnnoticedEnergyIsDrawn) {
     least_joule = std::min(least_joule, loop.least_energy_joule());
   }
   EXPECT_LT(least_joule, -1e-3);
+}
+
+// ----------------------------------------------------------------------------------- mode guard
+
+// As above, the hand no faster than v_max: d within ±T v_max.
+TEST(BoundedSpeedLaws, TheWorstNextIntervalEndsAtZeroAtTheBoundAndAboveItInside) {
+  int capped = 0;
+  int uncapped = 0;
+  for (const std::uint64_t seed : seeds(300)) {
+    SCOPED_TRACE(testing::Message() << "seed=" << seed);
+    Random random(seed);
+    MofcParameters p = random_parameters(random);
+    if (seed % 5 == 0) p.f_d = 0.0;
+    const double v_max = random.uniform(0.1, 1.0);
+    const double energy = 1e-6 * std::pow(1e6, random.uniform());
+    const double bound = maximum_force_newton(p, energy, v_max);
+    const auto after = [&](double d, double f) {
+      return energy + interval_energy_joule(p.f_d, p.f_co, p.T, d, f);
+    };
+
+    const bool is_capped = bound - p.f_co > 2.0 * p.f_d * v_max;
+    ++(is_capped ? capped : uncapped);
+    const double d_star = is_capped ? p.T * v_max : p.T * (bound - p.f_co) / (2.0 * p.f_d);
+    EXPECT_NEAR(after(-d_star, bound), 0.0, 1e-12 * energy);
+    EXPECT_NEAR(p.T * drain_watt(p, bound, v_max), energy, 1e-12 * energy);
+    for (int i = 0; i < 200; ++i) {
+      const double d = random.uniform(-1.0, 1.0) * p.T * v_max;
+      EXPECT_GE(after(d, bound), -1e-12 * energy);
+      EXPECT_GT(after(d, random.uniform(0.0, 0.99) * bound), 0.0);
+    }
+    EXPECT_LT(after(-d_star, 1.01 * bound), 0.0);
+  }
+  // both branches were seen
+  EXPECT_GT(capped, 100);
+  EXPECT_GT(uncapped, 20);
+}
+
+TEST(BoundedSpeedLaws, TheBoundIsNeverBelowThePapersAndMeetsItAtTheSeam) {
+  for (const std::uint64_t seed : seeds(300)) {
+    SCOPED_TRACE(testing::Message() << "seed=" << seed);
+    Random random(seed);
+    const MofcParameters p = random_parameters(random);
+    const double v_max = random.uniform(0.1, 1.0);
+    const double seam = p.f_d * p.T * v_max * v_max;
+    const double at_seam = p.f_co + 2.0 * p.f_d * v_max;
+    EXPECT_NEAR(maximum_force_newton(p, seam, v_max), at_seam, 1e-12 * at_seam);
+    EXPECT_NEAR(maximum_force_newton(p, seam * (1.0 + 1e-9), v_max), at_seam, 1e-8 * at_seam);
+    for (int i = 0; i < 100; ++i) {
+      const double energy = seam * std::pow(1e3, random.uniform(-1.0, 1.0));
+      const double bound = maximum_force_newton(p, energy, v_max);
+      EXPECT_GE(bound, maximum_force_newton(p, energy) * (1.0 - 1e-15));
+      EXPECT_GE(bound, maximum_force_newton(p, 0.99 * energy, v_max));
+    }
+  }
+}
+
+/// A controller whose environment says at random whether its force is news and how much energy it
+/// has in store, mostly more than any.
+class Boasting final : public ForceController {
+ public:
+  Boasting(ForceController& inner, std::uint64_t seed) : inner_(inner), random_(seed) {}
+  void reset() noexcept override { inner_.reset(); }
+  ControlOutput step(const ControlInput& honest) noexcept override {
+    ControlInput input = honest;
+    input.is_asked_fresh = random_.chance(0.5);
+    input.stored_energy_joule = random_.chance(0.8) ? 1e3 : random_.uniform(-1.0, 1.0);
+    stored_joule = input.stored_energy_joule;
+    return inner_.step(input);
+  }
+  double stored_joule = 0.0;
+
+ private:
+  ForceController& inner_;
+  Random random_;
+};
+
+/// A Case for mode guard: a hand of bounded speed, sometimes no viscous friction, any bounds of
+/// credit.
+struct GuardCase : Case {
+  explicit GuardCase(std::uint64_t seed) : Case(seed) {
+    Random draw(~seed);
+    hand.v_max_m_per_s = told_v_max = draw.uniform(0.1, 1.0);
+    if (draw.chance(0.2)) hand.f_d = told.f_d = 0.0;
+    credit_cap_joule = 1e-4 * std::pow(1e5, draw.uniform());
+    gate_joule = 1e-4 * std::pow(1e7, draw.uniform());
+  }
+
+  [[nodiscard]] GuardParameters parameters() const {
+    return {.mofc = told,
+            .resolution_m = told_q,
+            .delta_max_s = told_delay_s,
+            .v_max_m_per_s = told_v_max,
+            .credit_cap_joule = credit_cap_joule,
+            .gate_joule = gate_joule};
+  }
+
+  [[nodiscard]] double least_energy_joule() {
+    GuardMofc guard(parameters());
+    Boasting controller(guard, 1);
+    ClosedLoop loop(random, hand, timing, q, std::min(told.f_co, hand.f_co));
+    loop.run(controller, 1500, [](const ControlInput&, const ControlOutput&) {});
+    return loop.least_energy_joule();
+  }
+
+  double told_v_max = 0.5;
+  double credit_cap_joule = 0.0;
+  double gate_joule = 0.0;
+};
+
+template <class Change>
+double least_energy_of_guard_joule(std::uint64_t count, Change&& change) {
+  double least = 0.0;
+  for (std::uint64_t seed = 1; seed <= count; ++seed) {
+    GuardCase a_case(seed);
+    change(a_case);
+    least = std::min(least, a_case.least_energy_joule());
+  }
+  return least;
+}
+
+TEST(GuardMofcLaws, NoHandWithinVMaxAndNoEnvironmentDrawEnergyAtAnyInstant) {
+  for (const std::uint64_t seed : seeds(300)) {
+    SCOPED_TRACE(testing::Message() << "seed=" << seed);
+    GuardCase a_case(seed);
+    EXPECT_GE(a_case.least_energy_joule(), -kRoundingJoule);
+  }
+}
+
+// Eq. (13) alone would allow f_co and no more.
+TEST(GuardMofcLaws, WithoutViscousFrictionItRendersMoreThanFrictionAndKeepsTheLaw) {
+  std::uint64_t rendered = 0;
+  for (const std::uint64_t seed : seeds(100)) {
+    SCOPED_TRACE(testing::Message() << "seed=" << seed);
+    GuardCase c(seed);
+    c.hand.f_d = c.told.f_d = 0.0;
+    GuardMofc guard(c.parameters());
+    ClosedLoop loop(c.random, c.hand, c.timing, c.q, std::min(c.told.f_co, c.hand.f_co));
+    loop.run(guard, 1500, [&](const ControlInput&, const ControlOutput& out) {
+      ASSERT_TRUE(std::isfinite(out.f_max_newton.x()));
+      if (out.force_on_hand_newton.norm() > c.told.f_co + 0.1) ++rendered;
+    });
+    EXPECT_GE(loop.least_energy_joule(), -kRoundingJoule);
+  }
+  EXPECT_GT(rendered, 1000u);
+}
+
+// The same cases, each with one assumption broken: the law above can fail.
+TEST(GuardMofcLaws, WithAHandFasterThanVMaxEnergyIsDrawn) {
+  EXPECT_LT(least_energy_of_guard_joule(50, [](GuardCase& c) { c.hand.v_max_m_per_s *= 3.0; }),
+            -1e-3);
+}
+
+TEST(GuardMofcLaws, WithoutTheQuantisationTermsEnergyIsDrawn) {
+  EXPECT_LT(least_energy_of_guard_joule(50, [](GuardCase& c) { c.told_q = 0.0; }), -1e-3);
+}
+
+/// Nothing in reserve: the encoder exact, the friction as told, the credit unbounded.
+void make_tight(GuardCase& c) {
+  c.q = c.told_q = 0.0;
+  c.hand.f_d = c.told.f_d;
+  c.hand.f_co = c.told.f_co;
+  c.credit_cap_joule = c.gate_joule = 1e3;
+}
+
+TEST(GuardMofcLaws, WithNothingInReserveNoEnergyIsDrawn) {
+  EXPECT_GE(least_energy_of_guard_joule(200, make_tight), -kRoundingJoule);
+}
+
+TEST(GuardMofcLaws, WithoutTheReserveForTheDelayEnergyIsDrawn) {
+  EXPECT_LT(least_energy_of_guard_joule(200,
+                                        [](GuardCase& c) {
+                                          make_tight(c);
+                                          c.told_delay_s = 0.0;
+                                        }),
+            -1e-4);
+}
+
+TEST(GuardMofcLaws, WithTheNominalPeriodInsteadOfTheLeaseEnergyIsDrawn) {
+  EXPECT_LT(least_energy_of_guard_joule(200,
+                                        [](GuardCase& c) {
+                                          make_tight(c);
+                                          c.told.T = 0.5 * c.timing.lease_s;
+                                        }),
+            -1e-3);
+}
+
+TEST(GuardMofcLaws, WithFrictionOverestimatedEnergyIsDrawn) {
+  EXPECT_LT(least_energy_of_guard_joule(50, [](GuardCase& c) { c.told.f_d *= 5.0; }), -1e-3);
+  EXPECT_LT(least_energy_of_guard_joule(50, [](GuardCase& c) { c.told.f_co *= 5.0; }), -1e-3);
+}
+
+// Two controllers see the same run, one with next to no bounds of credit; the echo is that of the
+// bounded one.
+TEST(GuardMofcLaws, CapAndGateOnlyLowerTheCreditAndTheForce) {
+  int lowered = 0;
+  for (const std::uint64_t seed : seeds(100)) {
+    SCOPED_TRACE(testing::Message() << "seed=" << seed);
+    GuardCase c(seed);
+    GuardMofc bounded(c.parameters());
+    Boasting controller(bounded, seed);
+    GuardParameters open = c.parameters();
+    open.credit_cap_joule = open.gate_joule = 1e12;
+    GuardMofc unbounded(open);
+    ClosedLoop loop(c.random, c.hand, c.timing, c.q, std::min(c.told.f_co, c.hand.f_co));
+    loop.run(controller, 1500, [&](const ControlInput& in, const ControlOutput& out) {
+      const ControlOutput more = unbounded.step(in);
+      const double rounding = 1e-9 * (1.0 + std::abs(more.ledger_energy_joule));
+      ASSERT_LE(out.ledger_energy_joule, more.ledger_energy_joule + rounding);
+      ASSERT_LE(out.ledger_energy_joule,
+                std::max(0.0, controller.stored_joule) + c.credit_cap_joule + 1e-12);
+      ASSERT_LE(out.f_max_newton.x(), more.f_max_newton.x() * (1.0 + 1e-9) + 1e-3);
+      if (out.f_max_newton.x() < 0.9 * more.f_max_newton.x()) ++lowered;
+    });
+  }
+  EXPECT_GT(lowered, 1000);
+}
+
+// A straight path of n intervals T at `speed`, measured with resolution q: (|Δh| − √3 q) / T is a
+// lower bound of the speed.
+TEST(GuardMofcLaws, AHandFasterThanVMaxIsReportedAndASlowerOneNever) {
+  for (const std::uint64_t seed : seeds(100)) {
+    SCOPED_TRACE(testing::Message() << "seed=" << seed);
+    Random random(seed);
+    const double T = 1e-3;
+    const double q = random.chance(0.3) ? 0.0 : random.uniform(0.0, 1e-4);
+    const double v_max = random.uniform(0.2, 1.0);
+    for (const bool is_fast : {false, true}) {
+      // measured: at least d − √3 q of the way, so 2√3 q more than allowed shows for sure
+      const double d = is_fast ? v_max * T + 2.0 * std::numbers::sqrt3 * q + 1e-9
+                               : random.uniform(0.0, 1.0) * v_max * T;
+      GuardMofc guard(
+          {.mofc = {.f_d = 0.1, .f_co = 0.1, .T = T}, .resolution_m = q, .v_max_m_per_s = v_max});
+      const Vector3 direction = random.direction();
+      Vector3 x = 0.05 * random.direction();
+      (void)guard.step({.hand_position_m = quantised(x, q), .applied = {}});
+      for (int k = 0; k < 50; ++k) {
+        x += d * direction;
+        const Vector3 measured = quantised(x, q);
+        const std::vector<AppliedStretch> echo{{T, Vector3::Zero(), measured, true}};
+        ASSERT_EQ(guard.step({.hand_position_m = measured, .applied = echo}).is_too_fast, is_fast);
+      }
+    }
+  }
+}
+
+TEST(GuardMofcLaws, ItShortensTheAskedForceOrLeavesIt) {
+  std::uint64_t clamped = 0;
+  for (const std::uint64_t seed : seeds(50)) {
+    SCOPED_TRACE(testing::Message() << "seed=" << seed);
+    GuardCase c(seed);
+    GuardMofc guard(c.parameters());
+    ClosedLoop loop(c.random, c.hand, c.timing, c.q, std::min(c.told.f_co, c.hand.f_co));
+    loop.run(guard, 1500, [&](const ControlInput& in, const ControlOutput& out) {
+      const Vector3& asked = in.asked_force_on_hand_newton;
+      const Vector3& given = out.force_on_hand_newton;
+      ASSERT_LE(given.norm(), asked.norm());
+      ASSERT_LE(given.norm(), out.f_max_newton.x() * (1.0 + 1e-15));
+      ASSERT_LE(given.cross(asked).norm(), 1e-15 * given.norm() * asked.norm());
+      ASSERT_GE(given.dot(asked), 0.0);
+      ASSERT_EQ(out.is_clamped, given != asked);
+      if (out.is_clamped) ++clamped;
+    });
+  }
+  EXPECT_GT(clamped, 0u);
 }
 
 // ----------------------------------------------------------------------------------- mode paper
@@ -728,6 +1026,8 @@ std::vector<std::unique_ptr<ForceController>> all_controllers(const Case& c) {
   all.push_back(std::make_unique<PassThrough>());
   all.push_back(std::make_unique<PaperMofc>(c.told));
   all.push_back(std::make_unique<VectorMofc>(c.told, c.told_q, c.told_delay_s));
+  all.push_back(std::make_unique<GuardMofc>(
+      GuardParameters{.mofc = c.told, .resolution_m = c.told_q, .delta_max_s = c.told_delay_s}));
   return all;
 }
 
@@ -770,6 +1070,8 @@ static_assert(noexcept(std::declval<PassThrough&>().step(std::declval<const Cont
 static_assert(noexcept(std::declval<PaperMofc&>().step(std::declval<const ControlInput&>())));
 static_assert(noexcept(std::declval<VectorMofc&>().step(std::declval<const ControlInput&>())));
 static_assert(noexcept(std::declval<VectorMofc&>().reset()));
+static_assert(noexcept(std::declval<GuardMofc&>().step(std::declval<const ControlInput&>())));
+static_assert(noexcept(std::declval<GuardMofc&>().reset()));
 
 TEST(OutputLaws, StepDoesNotAllocate) {
   Case c(1);

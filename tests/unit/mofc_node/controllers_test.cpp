@@ -2,10 +2,13 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
+#include <limits>
 #include <vector>
 
 #include "mofc_node/controllers/energy_ledger.h"
+#include "mofc_node/controllers/guard_mofc.h"
 #include "mofc_node/controllers/mofc_equations.h"
 #include "mofc_node/controllers/paper_mofc.h"
 #include "mofc_node/controllers/vector_mofc.h"
@@ -70,6 +73,118 @@ TEST(MofcEquations, TheBoundIsTight) {
     EXPECT_NEAR(energy + interval_energy_joule(kOmni.f_d, kOmni.f_co, kOmni.T, d, f), 0.0, 1e-15);
     EXPECT_GT(energy + interval_energy_joule(kOmni.f_d, kOmni.f_co, kOmni.T, d, 0.9 * f), -1e-15);
   }
+}
+
+// A hand of 0.5 m/s at most. 1 N: v* = 0.9/0.2 = 4.5 m/s is cut to 0.5: (0.9 − 0.1·0.5)·0.5
+// = 0.425 W. 0.15 N: v* = 0.25 m/s, as without: 0.05²/0.4 = 6.25 mW. f_d = 0: 0.9·0.5 = 0.45 W
+TEST(MofcEquations, DrainOfAHandOfBoundedSpeed) {
+  EXPECT_NEAR(drain_watt(kOmni, 1.0, 0.5), 0.425, 1e-15);
+  EXPECT_NEAR(drain_watt(kOmni, 0.15, 0.5), 6.25e-3, 1e-15);
+  EXPECT_EQ(drain_watt(kOmni, 0.1, 0.5), 0.0);
+  EXPECT_NEAR(drain_watt({.f_d = 0.0, .f_co = 0.1, .T = 0.02}, 1.0, 0.5), 0.45, 1e-15);
+}
+
+// The seam is f_d T v_max² = 0.1·0.02·0.25 = 0.5 mJ: 0.1 + 2·√(0.1·5e−4/0.02) = 0.2 N.
+// 0.125 mJ is below it: 0.1 + 2·√(0.1·1.25e−4/0.02) = 0.15 N. 8 mJ is above: 0.1 + 0.1·0.5
+// + 8e−3/(0.02·0.5) = 0.95 N, where (13) gives 0.5 N. f_d = 0: 0.1 + 8e−3/0.01 = 0.9 N
+TEST(MofcEquations, MaximumForceOnAHandOfBoundedSpeed) {
+  EXPECT_NEAR(maximum_force_newton(kOmni, 5e-4, 0.5), 0.2, 1e-15);
+  EXPECT_NEAR(maximum_force_newton(kOmni, 1.25e-4, 0.5), 0.15, 1e-15);
+  EXPECT_NEAR(maximum_force_newton(kOmni, 8e-3, 0.5), 0.95, 1e-15);
+  EXPECT_NEAR(maximum_force_newton(kOmni, -1.0, 0.5), 0.1, 1e-15);
+  EXPECT_NEAR(maximum_force_newton({.f_d = 0.0, .f_co = 0.1, .T = 0.02}, 8e-3, 0.5), 0.9, 1e-15);
+}
+
+constexpr GuardParameters kGuard{.mofc = kOmni, .v_max_m_per_s = 0.5};
+
+// 10 mm free along −z in 20 ms, then 1 N asked against it:
+//   E′ = 0.1·1e−4/0.02 + 0.1·0.01 = 1.5 mJ, so f* = 0.1 + 0.05 + 1.5e−3/0.01 = 0.3 N
+//   S  = 5 + 1.5 − ½·1·0.01·1e3 = 1.5 mJ, recovering to 1.5 + 3.5 (1 − e^−0.04) = 1.637237 mJ
+//   f_max = 0.1 + 1.637237/5 · 0.2 = 0.1654895 N
+TEST(GuardMofc, TheGateClosesByWhatTheHeldForceLeaked) {
+  GuardMofc controller(kGuard);
+  (void)controller.step(input_at(Vector3::Zero(), {}, Vector3::Zero()));
+  const std::vector<AppliedStretch> free{{0.02, Vector3::Zero(), Vector3(0, 0, -0.01), true}};
+
+  const ControlOutput out = controller.step(input_at(Vector3(0, 0, -0.01), free, {0, 0, 1}));
+
+  EXPECT_NEAR(out.ledger_energy_joule, 1.5e-3, 1e-15);
+  EXPECT_NEAR(out.f_max_newton.x(), 0.1654895, 1e-7);
+  EXPECT_NEAR(out.force_on_hand_newton.z(), 0.1654895, 1e-7);
+  EXPECT_TRUE(out.is_clamped);
+}
+
+// The same force, said to be held: nothing has leaked yet, S = 5 mJ, the gate is open.
+TEST(GuardMofc, AHeldForceLeaksOnlyWhenTheNextIsKnown) {
+  GuardMofc controller(kGuard);
+  (void)controller.step(input_at(Vector3::Zero(), {}, Vector3::Zero()));
+  const std::vector<AppliedStretch> free{{0.02, Vector3::Zero(), Vector3(0, 0, -0.01), true}};
+  ControlInput input = input_at(Vector3(0, 0, -0.01), free, {0, 0, 1});
+  input.is_asked_fresh = false;
+
+  EXPECT_NEAR(controller.step(input).f_max_newton.x(), 0.3, 1e-15);
+}
+
+// 0.12 m free in 1 s earn 13.44 mJ; the cap leaves 5 mJ above what the environment has in store.
+TEST(GuardMofc, CreditIsCappedAboveTheStoredEnergy) {
+  const std::vector<AppliedStretch> free{{1.0, Vector3::Zero(), Vector3(0.12, 0, 0), true}};
+  for (const double stored_joule : {0.0, 2e-3, -1.0}) {
+    GuardMofc controller(kGuard);
+    (void)controller.step(input_at(Vector3::Zero(), {}, Vector3::Zero()));
+    ControlInput input = input_at(Vector3(0.12, 0, 0), free, Vector3::Zero());
+    input.stored_energy_joule = stored_joule;
+    EXPECT_NEAR(controller.step(input).ledger_energy_joule, 5e-3 + std::max(0.0, stored_joule),
+                1e-12);
+  }
+}
+
+// 1.5 mJ as above, then 10 ms of 0.15 N whose end nobody read, 10 ms of nothing: 0.01·6.25e−3
+// = 62.5 µJ are booked as drawn, the motion earns nothing.
+TEST(GuardMofc, AnUnreadEndIsBookedAsTheWorstHandMovedThere) {
+  GuardMofc controller(kGuard);
+  (void)controller.step(input_at(Vector3::Zero(), {}, Vector3::Zero()));
+  const std::vector<AppliedStretch> free{{0.02, Vector3::Zero(), Vector3(0, 0, -0.01), true}};
+  (void)controller.step(input_at(Vector3(0, 0, -0.01), free, Vector3::Zero()));
+  const std::vector<AppliedStretch> unread{{0.01, {0.15, 0, 0}, Vector3::Zero(), false},
+                                           {0.01, Vector3::Zero(), Vector3(1e-3, 0, -0.01), true}};
+
+  const ControlOutput out =
+      controller.step(input_at(Vector3(1e-3, 0, -0.01), unread, Vector3::Zero()));
+
+  EXPECT_NEAR(out.ledger_energy_joule, 1.5e-3 - 62.5e-6, 1e-15);
+}
+
+// 11 mm in 20 ms are 0.55 m/s; 9 mm are 0.45. With q = 1 mm, 11 mm may have been 9.3.
+TEST(GuardMofc, AHandSurelyFasterThanVMaxIsReported) {
+  const auto is_too_fast = [](double moved_m, double q) {
+    GuardParameters p = kGuard;
+    p.resolution_m = q;
+    GuardMofc controller(p);
+    (void)controller.step(input_at(Vector3::Zero(), {}, Vector3::Zero()));
+    const Vector3 x(moved_m, 0, 0);
+    return controller.step(input_at(x, {{0.02, Vector3::Zero(), x, true}}, Vector3::Zero()))
+        .is_too_fast;
+  };
+  EXPECT_TRUE(is_too_fast(11e-3, 0.0));
+  EXPECT_FALSE(is_too_fast(9e-3, 0.0));
+  EXPECT_FALSE(is_too_fast(11e-3, 1e-3));
+}
+
+// 13.44 mJ limited to 10, of which 4 may be gone unread; then all of it may be. A debt stays.
+TEST(EnergyLedger, AnUnreadTimeCostsCreditButMakesNoDebt) {
+  EnergyLedger ledger(0.1, 0.1, 0.0);
+  ledger.restart(Vector3::Zero());
+  ledger.book(1.0, Vector3::Zero(), Vector3(0.12, 0, 0));
+  ledger.limit(10e-3);
+  ledger.book_unread(4e-3, Vector3::Zero());
+  EXPECT_NEAR(ledger.energy_joule(), 6e-3, 1e-15);
+  ledger.book_unread(std::numeric_limits<double>::infinity(), Vector3::Zero());
+  EXPECT_EQ(ledger.energy_joule(), 0.0);
+
+  // 10 mm along 1 N within 1 s: 0.1·1e−4 + 0.1·0.01 − 0.01 = −8.99 mJ
+  ledger.book(1.0, Vector3(1, 0, 0), Vector3(0.01, 0, 0));
+  ledger.book_unread(1.0, Vector3::Zero());
+  EXPECT_NEAR(ledger.energy_joule(), -8.99e-3, 1e-15);
 }
 
 // Free motion of 1 mm per 20 ms along x: E′ₓ = 0.1·1e−6/0.02 + 0.1·1e−3 = 1.05e−4 J, y and z none.

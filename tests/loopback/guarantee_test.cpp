@@ -1,0 +1,114 @@
+// The guarantee of mode guard over whole runs in lockstep: whatever physics, network and scheduler
+// do, the hand is never given net energy. Judged by the simulated device's true energy, which no
+// controller sees. PALPATE_SEEDS=10 in the environment makes ten times as many runs.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+#include "common/runtime/session_file.h"
+#include "tests/support/adversity.h"
+
+namespace palpate::test {
+namespace {
+
+// Rounding of the inner steps.
+constexpr double kRoundingJoule = 1e-6;
+
+constexpr std::uint64_t kShards = 10;
+constexpr std::uint64_t kRunsPerShard = 100;
+
+std::uint64_t runs_per_shard() {
+  const char* factor = std::getenv("PALPATE_SEEDS");
+  return kRunsPerShard * (factor != nullptr ? std::strtoull(factor, nullptr, 10) : 1);
+}
+
+class Guarantee : public testing::TestWithParam<std::uint64_t> {};
+
+TEST_P(Guarantee, NoHandWithinVMaxIsGivenEnergyByAnyPhysicsNetworkOrScheduler) {
+  std::uint64_t too_fast = 0;
+  for (std::uint64_t i = 0; i < runs_per_shard(); ++i) {
+    const std::uint64_t seed = 1 + GetParam() + kShards * i;
+    const AdverseResult result = run_adverse(random_adverse_run(seed), seed);
+    if (result.top_speed_m_per_s > result.v_max_m_per_s) {
+      ++too_fast;  // beyond what is promised
+      continue;
+    }
+    EXPECT_GE(result.statistics.minimum_true_energy_joule(), -kRoundingJoule) << "seed=" << seed;
+  }
+  EXPECT_LE(too_fast, runs_per_shard() / 20);
+}
+
+/// Least true energy over runs as above with more overrides: a protection taken away.
+double least_energy_joule(std::uint64_t runs, const std::string& change) {
+  double least = 0.0;
+  for (std::uint64_t seed = 1; seed <= runs; ++seed) {
+    AdverseRun run = random_adverse_run(seed);
+    run.overrides.push_back(change);
+    least = std::min(least, run_adverse(run, seed).statistics.minimum_true_energy_joule());
+  }
+  return least;
+}
+
+// The law above can fail, and in the same runs does.
+TEST(GuaranteeTwin, WithoutTheControllerEnergyIsDrawnInMostRuns) {
+  int drawn = 0;
+  for (std::uint64_t seed = 1; seed <= 100; ++seed) {
+    AdverseRun run = random_adverse_run(seed);
+    run.overrides.emplace_back("mofc.controller=none");
+    if (run_adverse(run, seed).statistics.minimum_true_energy_joule() < -1e-3) ++drawn;
+  }
+  EXPECT_GT(drawn, 50);
+}
+
+TEST(GuaranteeTwin, WithTheEncoderTakenForExactEnergyIsDrawn) {
+  EXPECT_LT(least_energy_joule(100, "device.profile.position_resolution_m=0"), -1e-3);
+}
+
+TEST(GuaranteeTwin, WithFrictionOverestimatedEnergyIsDrawn) {
+  EXPECT_LT(least_energy_joule(100, "device.profile.viscous_newton_s_per_m=0.6"), -1e-3);
+  EXPECT_LT(least_energy_joule(100, "device.profile.coulomb_newton=0.6"), -1e-3);
+}
+
+// A hand goes 8 mm below the surface of a 500 N/m wall in 2 s and stays there: 6 mm deep its spring
+// of 1500 N/m takes the wall's 3 N. Friction of 0.1 N and 0.1 N·s/m, an ordinary encoder, 1 kHz.
+TEST(LegitimateForce, AStaticPressOf3NewtonKeepsItsForce) {
+  const std::filesystem::path folder = testing::TempDir();
+  std::ofstream(folder / "static_press.csv") << "t,x,y,z\n0,0,0,0.01\n2,0,0,-0.008\n";
+  const Session session = parse_session(R"(
+name: "static_press"
+device { simulated {} }
+hand {
+  stiffness_newton_per_m: 1500
+  damping_newton_s_per_m: 20
+  recorded { file: "static_press.csv" }
+}
+scene { tissue { half_space {} kelvin_voigt { stiffness_newton_per_m: 500 } } }
+)",
+                                        "static_press", {}, folder);
+  double least_ratio = 1.0;
+  double least_asked_newton = 10.0;
+  int ticks = 0;
+  Lockstep lockstep(session, {}, [&](const viewer::TickRow& row, const IdealState&) {
+    if (row.device.sampled_at < TimePoint(std::chrono::seconds(3))) return;
+    ASSERT_TRUE(row.mofc.has_value());
+    const double asked = row.mofc->asked_force_on_hand_newton.norm();
+    least_asked_newton = std::min(least_asked_newton, asked);
+    least_ratio = std::min(least_ratio, row.device.force_on_hand_newton.norm() / asked);
+    ++ticks;
+  });
+  lockstep.run_until(std::chrono::seconds(13));
+
+  EXPECT_EQ(ticks, 10000);
+  EXPECT_NEAR(least_asked_newton, 3.0, 0.1);  // the 0.1 N of stiction
+  EXPECT_GE(least_ratio, 0.99);
+}
+
+INSTANTIATE_TEST_SUITE_P(Shard, Guarantee, testing::Range(std::uint64_t{0}, kShards));
+
+}  // namespace
+}  // namespace palpate::test

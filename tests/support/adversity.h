@@ -1,0 +1,54 @@
+// adversity.h — runs of the whole system in lockstep against a hand, a physics, a network and a
+// scheduler that seek to give the hand energy.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "deploy/palpate/lockstep.h"
+#include "deploy/palpate/summary.h"
+
+namespace palpate::test {
+
+/// What physics says of the force, and of the energy in store.
+enum class Physics : std::uint8_t {
+  kHonest,
+  kSquareWave,     ///< ± more than the peak, in random directions, turning every 1 … 50 ms
+  kPushAlong,      ///< more than the peak along the motion last measured: worst sign of velocity
+  kNotANumber,     ///< every third answer is NaN, the others push along
+  kNewSessions,    ///< honest, but killed and restarted: a new session every 0.9 s
+  kEverything,     ///< any of the above force laws, changing at random times
+};
+
+/// One run. The session's own `faults` are the network.
+struct AdverseRun {
+  std::vector<std::string> overrides;  ///< on hostile_session()
+  Physics physics = Physics::kHonest;
+  double tick_jitter = 0.0;  ///< each tick begins up to this share of a period late, 0 … 0.5
+  LockstepLinks links = LockstepLinks::kMemory;
+  double seconds = 2.0;
+};
+
+struct AdverseResult {
+  RunStatistics statistics;
+  DeviceCounters device;
+  MofcCounters mofc;
+  double top_speed_m_per_s = 0.0;     ///< true, at the ticks
+  double longest_fallback_s = 0.0;    ///< without the force of an answer, once there was one
+  double v_max_m_per_s = 0.0;         ///< what the controller assumes of the hand
+};
+
+/// The text of a session: a hostile hand with a firm grip, 0.3 m/s at most, at the surface of a
+/// stiff and viscous wall; device and physics at 1 kHz.
+[[nodiscard]] const char* hostile_session();
+
+/// Same run and seed: same result, to the bit. Throws SetupError on overrides that are refused.
+[[nodiscard]] AdverseResult run_adverse(const AdverseRun& run, std::uint64_t seed);
+
+/// A run drawn at random within the assumptions of mode guard: any device, lease, deadline,
+/// encoder, workspace, scene, network, scheduler and physics, true friction at or above the
+/// profile.
+[[nodiscard]] AdverseRun random_adverse_run(std::uint64_t seed);
+
+}  // namespace palpate::test
