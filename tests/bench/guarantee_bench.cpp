@@ -330,21 +330,30 @@ Table history_table(int phases) {
 
 void run(const BenchOptions& options) {
   const Table adversity = adversity_table(options.is_quick ? 5 : 100);
-  adversity.publish(options);
   std::printf(
-      "\nEach run: 2 s, device at 1 kHz, a hand that seeks energy, 0.3 m/s at most unless said."
+      "%s\nEach run: 2 s, device at 1 kHz, a hand that seeks energy, 0.3 m/s at most unless said."
       "\nMin energy: least true energy of the device's port over all inner steps and seeds, never "
       "seen by the controller."
       "\nPeak, fallback (without the force of an answer), hand speed: the largest of all seeds; "
       "transparency (acting against asked) and clamped: their mean."
       "\nToo fast: ticks in which the hand was surely faster than mode guard assumes."
-      "\nBites: the twin without a controller draws more than 1 mJ.\n");
+      "\nBites: the twin without a controller draws more than 1 mJ.\n",
+      adversity.text().c_str());
+  std::fflush(stdout);
+
   const Table history = history_table(options.is_quick ? 2 : 20);
-  std::printf("\n%s", history.text().c_str());
   std::printf(
-      "\nThe paper's tissues, device and clamp at 1 kHz, physics at 50 Hz, after t_free of free "
+      "\n%s\nThe paper's tissues, device and clamp at 1 kHz, physics at 50 Hz, after t_free of "
+      "free "
       "motion; mean and standard deviation over the phases of the physics at which the V begins. "
-      "Change: against t_free = 0.\n");
+      "Change: against t_free = 0.\n",
+      history.text().c_str());
+
+  if (!options.csv_file.empty()) write_file(options.csv_file, adversity.csv());
+  if (!options.json_file.empty()) {
+    const nlohmann::ordered_json both{{"adversity", adversity.json()}, {"history", history.json()}};
+    write_file(options.json_file, both.dump(2) + "\n");
+  }
 }
 
 }  // namespace

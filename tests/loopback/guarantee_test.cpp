@@ -74,6 +74,15 @@ TEST(GuaranteeTwin, WithFrictionOverestimatedEnergyIsDrawn) {
   EXPECT_LT(least_energy_joule(100, "device.profile.coulomb_newton=0.6"), -1e-3);
 }
 
+// A third of 2000 answers is NaN: through the codec none of them gets to the clamp.
+TEST(GuaranteeOnTheWire, AForceThatIsNotANumberIsRefusedByTheCodecAndNoEnergyIsDrawn) {
+  const AdverseRun run{
+      .overrides = {}, .physics = Physics::kNotANumber, .links = LockstepLinks::kInproc};
+  const AdverseResult result = run_adverse(run, 1);
+  EXPECT_NEAR(static_cast<double>(result.mofc.interaction.rejected), 2000.0 / 3.0, 5.0);
+  EXPECT_GE(result.statistics.minimum_true_energy_joule(), -kRoundingJoule);
+}
+
 // A hand goes 8 mm below the surface of a 500 N/m wall in 2 s and stays there: 6 mm deep its spring
 // of 1500 N/m takes the wall's 3 N. Friction of 0.1 N and 0.1 N·s/m, an ordinary encoder, 1 kHz.
 TEST(LegitimateForce, AStaticPressOf3NewtonKeepsItsForce) {

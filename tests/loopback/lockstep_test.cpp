@@ -97,6 +97,25 @@ TEST(Lockstep, TheForceIsOneTickOld) {
   }
 }
 
+TEST(Lockstep, TicksBeginAsLateAsAsked) {
+  const LockstepOptions options{.device_lateness = [] { return Duration(300us); }};
+  const Recording touch = run(parsed(kPressing), 100ms, options);
+
+  ASSERT_EQ(touch.rows.size(), 100u);
+  for (std::size_t k = 0; k < touch.rows.size(); ++k) {
+    EXPECT_EQ(touch.rows[k].device.sampled_at, TimePoint(k * 1ms + 300us));
+  }
+}
+
+TEST(Lockstep, AHostilePhysicsHasTheLastWord) {
+  const LockstepOptions options{.tamper_with_interaction = [](Interaction& said) {
+    said.force_on_tool_newton = {2, 0, 0};
+  }};
+  const Recording touch = run(parsed(kPressing), 100ms, options);
+
+  EXPECT_EQ(touch.last().device.force_on_hand_newton, Vector3(2, 0, 0));
+}
+
 // Kelvin–Voigt at exact positions: fe(k) is the law at the position measured at k − 1.
 TEST(Lockstep, TheForceAskedIsTheTissuesLawAtThePositionItAnswers) {
   const Recording touch = run(parsed(kPressing), 200ms);
