@@ -4,9 +4,13 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
+#include <utility>
 #include <vector>
 
 #include "common/core/memory_link.h"
+#include "tests/support/alloc_guard.h"
 
 namespace palpate::mofc {
 namespace {
@@ -269,6 +273,85 @@ TEST_F(MofcNodeGuards, AGapInTheDeviceStatesEmptiesTheLedger) {
 
   EXPECT_EQ(records_.ticks.back().ledger_energy_joule, 0.0);
 }
+
+// --- real time ------------------------------------------------------------------------------
+
+class MofcNodeInMode : public testing::TestWithParam<MofcMode> {};
+
+// Free motion, contact, clamp, fade after silence, a gap, a force that ran out, a restarted physics
+// and a restarted device.
+TEST_P(MofcNodeInMode, AnswerAndFinishTurnDoNotAllocate) {
+  ManualClock clock;
+  MemoryLink<ToolMotion> motions(clock, 8);  // soon full: drops are part of it
+  MemoryLink<Interaction> interactions(clock);
+  Inbox<Interaction> interaction_in(interactions, clock);
+  KeepAll records;
+  records.ticks.reserve(2'000);
+  MofcConfig config{.controller = ControllerKind::kMofc,
+                    .mode = GetParam(),
+                    .guard = {},
+                    .delta_max = 500us,
+                    .stale_after = 6ms,
+                    .fade = 50ms,
+                    .velocity_time_constant = 5ms};
+  DeviceConfig device;
+  device.lease = 2ms;
+  device.reply = 500us;
+  MofcNode node(config, device, clock, motions, interaction_in, records, 77);
+  std::uint64_t allocations = 0;
+
+  Received<DeviceState> state;
+  Vector3 acting_newton = Vector3::Zero();
+  for (std::uint64_t k = 0; k < 2'000; ++k) {
+    clock.advance(1ms);
+    DeviceState& s = state.value;
+    s.header = {k < 1'500 ? 1U : 2U, k, clock.now()};
+    s.hand_position_m = Vector3(0, 0, 0.005 * std::sin(0.02 * static_cast<double>(k)));
+    s.tool_position_world_m = s.hand_position_m;
+    s.is_clutched = k % 400 > 390;
+    s.applied_count = k == 0 || k == 1'500 ? 0 : 2;
+    s.applied[0] = {acting_newton, clock.now() - 1ms, clock.now() - 600us, s.hand_position_m,
+                    k % 50 != 0};
+    s.applied[1] = {0.5 * acting_newton, clock.now() - 600us, clock.now(), s.hand_position_m, true};
+    state.skipped_before = k % 300 == 299 ? 3 : 0;
+    state.received_at = clock.now();
+    const bool is_silent = k % 500 > 400;
+    if (!is_silent) {
+      Interaction interaction;
+      interaction.header = {k < 1'000 ? 9U : 10U, k, clock.now()};
+      interaction.device_session_id = s.header.session_id;
+      interaction.device_sequence = k;
+      interaction.device_sampled_at = clock.now();
+      const double depth_m = std::max(0.0, -s.hand_position_m.z());
+      interaction.force_on_tool_newton = Vector3(0, 0, 2'000.0 * depth_m);
+      interaction.stored_energy_joule = 1'000.0 * depth_m * depth_m;
+      interaction.contact_count = depth_m > 0.0 ? 1 : 0;
+      interactions.send(interaction);
+    }
+
+    const test::AllocGuard guard;
+    const ForceCommand command = node.answer(state);
+    node.finish_turn();
+    allocations += guard.count();
+    acting_newton = command.force_on_hand_newton;
+  }
+
+  EXPECT_EQ(allocations, 0u);
+  const MofcCounters counters = node.counters();
+  EXPECT_EQ(records.ticks.size(), 2'000u);
+  EXPECT_GT(counters.contact_ticks, 0u);
+  EXPECT_GT(counters.clamped_ticks, 0u);
+  EXPECT_GT(counters.stale_ticks, 0u);
+  EXPECT_GT(counters.ledger_resets, 2u);
+  EXPECT_GT(counters.motions_dropped, 0u);
+}
+
+INSTANTIATE_TEST_SUITE_P(Modes, MofcNodeInMode,
+                         testing::Values(MofcMode::kPaper, MofcMode::kVector, MofcMode::kGuard));
+
+static_assert(
+    noexcept(std::declval<MofcNode&>().answer(std::declval<const Received<DeviceState>&>())));
+static_assert(noexcept(std::declval<MofcNode&>().finish_turn()));
 
 }  // namespace
 }  // namespace palpate::mofc
