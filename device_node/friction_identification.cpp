@@ -15,6 +15,7 @@ namespace palpate::device {
 namespace {
 
 constexpr double kSigmas = 3.0;
+constexpr double kWobbleRatio = 0.0015;       // of the friction; see fit_friction
 constexpr double kForceAccuracyRatio = 0.02;  // of the motors; the loop's transients fit in as well
 
 // what the motors may do before any clamp is known
@@ -33,6 +34,8 @@ constexpr double kMoved_m = 0.2e-3;  // beyond what the encoder may show by itse
 constexpr double kIntegral_newton_per_m = 40.0;
 constexpr double kProportional_newton_s_per_m = 3.0;
 constexpr double kVelocityFilter_s = 0.015;
+constexpr double kVelocityFilter_m_per_s =
+    0.01;  // or as long as a count of the encoder lasts at it
 constexpr double kAcceleration_m_per_s2 = 0.3;
 constexpr double kLargestLag_m = 0.02;
 constexpr double kWindowRatio = 0.4;  // of the line, in its middle: where the force is averaged
@@ -68,6 +71,7 @@ class Rig {
         peak_newton_(std::min({kPeakForceNewton, device.specification().peak_force_newton,
                                device.specification().continuous_force_newton})),
         schedule_(clock.now(), plan.rate_hz),
+        filter_s_(std::max(kVelocityFilter_s, q_m_ / kVelocityFilter_m_per_s)),
         lease_(from_seconds(kLeasePeriods / plan.rate_hz)) {
     DeviceSample sample;
     if (!device_.read(sample)) throw IdentificationError("the device cannot be read");
@@ -179,7 +183,7 @@ class Rig {
     const double dt_s = to_seconds(now.sampled_at - before.sampled_at);
     if (dt_s > 0.0) {
       const Vector3 difference = (now.hand_position_m - before.hand_position_m) / dt_s;
-      velocity_ += dt_s / (kVelocityFilter_s + dt_s) * (difference - velocity_);
+      velocity_ += dt_s / (filter_s_ + dt_s) * (difference - velocity_);
     }
     if (!is_in_box(position_m())) fail("left the box in which it may move; start in its middle");
 
@@ -225,6 +229,7 @@ class Rig {
   double q_m_;
   double peak_newton_;
   TickSchedule schedule_;
+  double filter_s_;
   Duration lease_;
 
   double limit_newton_ = 0.0;
@@ -235,9 +240,15 @@ class Rig {
   Vector3 velocity_ = Vector3::Zero();  ///< filtered [m/s]
 };
 
-}  // namespace
+struct Line {
+  double f_d = 0.0;
+  double f_co = 0.0;
+  double sigma_d = 0.0;
+  double sigma_co = 0.0;
+  double mean_F = 0.0;
+};
 
-FrictionFit fit_friction(std::span<const FrictionPoint> points) {
+Line line_through(std::span<const FrictionPoint> points) {
   PALPATE_REQUIRE(points.size() >= 3);
   const auto n = static_cast<double>(points.size());
 
@@ -260,15 +271,30 @@ FrictionFit fit_friction(std::span<const FrictionPoint> points) {
   double residual2 = 0.0;
   for (const auto& [v, F] : points) residual2 += std::pow(F - f_co - f_d * v, 2);
   const double s = std::sqrt(residual2 / (n - 2.0));
-  const double sigma_d = s / std::sqrt(D);
-  const double sigma_co = s * std::sqrt(1.0 / n + mean_v * mean_v / D);
+  return {.f_d = f_d,
+          .f_co = f_co,
+          .sigma_d = s / std::sqrt(D),
+          .sigma_co = s * std::sqrt(1.0 / n + mean_v * mean_v / D),
+          .mean_F = mean_F};
+}
+
+}  // namespace
+
+FrictionFit fit_friction(std::span<const FrictionPoint> points) {
+  const Line all = line_through(points);
+  std::vector<FrictionPoint> by_speed(points.begin(), points.end());
+  std::stable_sort(by_speed.begin(), by_speed.end(),
+                   [](const auto& a, const auto& b) { return a.speed_m_per_s < b.speed_m_per_s; });
+  const Line fast = line_through(std::span(by_speed).subspan(points.size() / 3));
 
   constexpr double kKnown = 1.0 - kForceAccuracyRatio;
-  const double f_d_bound = std::max(0.0, kKnown * (f_d - kSigmas * sigma_d));
-  double f_co_bound = kKnown * (f_co - kSigmas * sigma_co);
+  const double range = by_speed.back().speed_m_per_s - by_speed.front().speed_m_per_s;
+  const double slope = std::min(all.f_d - kSigmas * all.sigma_d, fast.f_d - kSigmas * fast.sigma_d);
+  const double f_d_bound = std::max(0.0, kKnown * (slope - kWobbleRatio * all.mean_F / range));
+  double f_co_bound = kKnown * (all.f_co - kSigmas * all.sigma_co);
   for (const auto& [v, F] : points) f_co_bound = std::min(f_co_bound, kKnown * (F - f_d_bound * v));
-  return {.viscous_newton_s_per_m = f_d,
-          .coulomb_newton = f_co,
+  return {.viscous_newton_s_per_m = all.f_d,
+          .coulomb_newton = all.f_co,
           .viscous_bound_newton_s_per_m = f_d_bound,
           .coulomb_bound_newton = std::max(0.0, f_co_bound)};
 }
@@ -278,7 +304,7 @@ SweepPlan default_sweep_plan(const DeviceSpecification& specification) {
   SweepPlan plan;
   plan.box_half_extent_m = 0.9 * half_m;
   plan.half_length_m = 0.5 * half_m.minCoeff();
-  plan.speeds_m_per_s = {0.01, 0.025, 0.05};
+  plan.speeds_m_per_s = {0.02, 0.035, 0.05};
   plan.repeats = 3;
   for (const Vector3& corner :
        {Vector3(1, 1, 1), Vector3(-1, -1, 1), Vector3(-1, 1, -1), Vector3(1, -1, -1)}) {

@@ -21,44 +21,52 @@ using ::testing::HasSubstr;
 
 FrictionFit fit_of(const std::vector<FrictionPoint>& points) { return fit_friction(points); }
 
-TEST(FrictionFit, PointsOnALineGiveItLessTheMotorsAccuracy) {
-  // F = 0.1 N + 0.2 N·s/m v; no scatter, so the bounds are 0.98 of both
-  const FrictionFit fit = fit_of({{0.01, 0.102}, {0.02, 0.104}, {0.04, 0.108}});
+TEST(FrictionFit, PointsOnALineGiveItLessTheSystematicErrors) {
+  // F = 0.1 N + 0.2 N·s/m v; no scatter. F̄ = 0.105 over 0.03 m/s: the wobble takes 0.00525 off f_d.
+  // bounds 0.98 · 0.19475 = 0.190855 and 0.98 · 0.1
+  const FrictionFit fit = fit_of({{0.01, 0.102}, {0.02, 0.104}, {0.03, 0.106}, {0.04, 0.108}});
 
   EXPECT_NEAR(fit.viscous_newton_s_per_m, 0.2, 1e-12);
   EXPECT_NEAR(fit.coulomb_newton, 0.1, 1e-12);
-  EXPECT_NEAR(fit.viscous_bound_newton_s_per_m, 0.196, 1e-6);
-  EXPECT_NEAR(fit.coulomb_bound_newton, 0.098, 1e-6);
+  EXPECT_NEAR(fit.viscous_bound_newton_s_per_m, 0.190855, 1e-9);
+  EXPECT_NEAR(fit.coulomb_bound_newton, 0.098, 1e-9);
 }
 
 TEST(FrictionFit, ScatterLowersTheBoundsByThreeSigma) {
-  // v̄ = 2, F̄ = 36.1/3, D = 2, Σ(v − v̄)F = 13.1 − 11.1 = 2, so f_d = 1, f_co = 36.1/3 − 2 = 10.0333
-  // residuals 1/15, −2/15, 1/15: s² = 6/225, s = 0.163299
-  // σ_d = s/√2 = 0.115470,  σ_co = s √(1/3 + 4/2) = 0.249444
-  // bounds 0.98 (1 − 0.346410) = 0.640518 and 0.98 (10.033333 − 0.748331) = 9.099302
-  const FrictionFit fit = fit_of({{1, 11.1}, {2, 11.9}, {3, 13.1}});
+  // F = 10 + v ± 0.1. All: D = 4, s = √(0.06/4) = 0.122474, σ_co = s √(1/6 + 4/4) = 0.132288
+  // faster two thirds: D = 1, s = √(0.04/2) = 0.141421 = σ_d; F̄ = 12 over 2
+  // bounds 0.98 (1 − 0.424264 − 0.009) = 0.555401 and 0.98 (10 − 0.396863) = 9.411074
+  const FrictionFit fit =
+      fit_of({{1, 11.1}, {1, 10.9}, {2, 12.1}, {2, 11.9}, {3, 13.1}, {3, 12.9}});
 
   EXPECT_NEAR(fit.viscous_newton_s_per_m, 1.0, 1e-12);
-  EXPECT_NEAR(fit.coulomb_newton, 10.033333, 1e-6);
-  EXPECT_NEAR(fit.viscous_bound_newton_s_per_m, 0.640518, 1e-6);
-  EXPECT_NEAR(fit.coulomb_bound_newton, 9.099302, 1e-6);
+  EXPECT_NEAR(fit.coulomb_newton, 10.0, 1e-12);
+  EXPECT_NEAR(fit.viscous_bound_newton_s_per_m, 0.555401, 1e-6);
+  EXPECT_NEAR(fit.coulomb_bound_newton, 9.411074, 1e-6);
+}
+
+TEST(FrictionFit, SlopeAtTheSlowEndAloneIsNoViscousFriction) {
+  // all: f_d = 1, σ_d = √(4/3 / 4)/2 = 0.288675, so 1 − 3σ_d = 0.134; but nothing beyond v = 2
+  const FrictionFit fit = fit_of({{1, 10}, {1, 10}, {2, 12}, {2, 12}, {3, 12}, {3, 12}});
+
+  EXPECT_NEAR(fit.viscous_newton_s_per_m, 1.0, 1e-12);
+  EXPECT_EQ(fit.viscous_bound_newton_s_per_m, 0.0);
 }
 
 TEST(FrictionFit, BoundsAreNeverNegative) {
-  // f_d = 0 ± much; f_co = −1/30
-  const FrictionFit fit = fit_of({{1, 0.1}, {2, -0.3}, {3, 0.1}});
+  const FrictionFit fit = fit_of({{1, 0.1}, {2, -0.3}, {3, 0.1}, {4, -0.1}});
 
   EXPECT_EQ(fit.viscous_bound_newton_s_per_m, 0.0);
   EXPECT_EQ(fit.coulomb_bound_newton, 0.0);
 }
 
 TEST(FrictionFit, BoundStaysBelowEveryPointWhereFrictionFallsWithSpeed) {
-  // f_co of the line is 0.11 N, but at 0.03 m/s there are only 0.08 N: 0.98 · 0.08 = 0.0784
-  const FrictionFit fit = fit_of({{0.01, 0.10}, {0.02, 0.09}, {0.03, 0.08}});
+  // f_co of the line is 0.11 N, but at 0.04 m/s there are only 0.07 N: 0.98 · 0.07 = 0.0686
+  const FrictionFit fit = fit_of({{0.01, 0.10}, {0.02, 0.09}, {0.03, 0.08}, {0.04, 0.07}});
 
   EXPECT_NEAR(fit.viscous_newton_s_per_m, -1.0, 1e-9);
   EXPECT_EQ(fit.viscous_bound_newton_s_per_m, 0.0);
-  EXPECT_NEAR(fit.coulomb_bound_newton, 0.0784, 1e-9);
+  EXPECT_NEAR(fit.coulomb_bound_newton, 0.0686, 1e-9);
 }
 
 // --- sweeps -----------------------------------------------------------------------------------
@@ -268,6 +276,8 @@ TEST_F(FrictionSweeps, ObstacleEndsThem) {
   };
 
   EXPECT_THAT(failure(device), HasSubstr("stuck"));
+  EXPECT_LE(device.largest_force_newton, 0.26);  // as above
+  EXPECT_LT(clock_.now(), time_at(2.0));
 }
 
 TEST_F(FrictionSweeps, DeviceThatFallsEndsThem) {
