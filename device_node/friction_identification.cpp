@@ -24,6 +24,7 @@ constexpr double kPeakForceRatio = 2.0;  // of the force that last set the devic
 constexpr double kTopSpeed_m_per_s = 0.1;
 constexpr std::size_t kSpeedTicks = 10;  // over which the speed is measured
 constexpr double kLeasePeriods = 3.0;
+constexpr int kTries = 5;  // of a pair of sweeps that a late tick disturbs
 
 // from rest: the force grows until the device has moved
 constexpr double kForceRate_newton_per_s = 0.5;
@@ -136,6 +137,23 @@ class Rig {
             .force_newton = along.dot(exit->impulse - entry->impulse) / window_s};
   }
 
+  /// There and back between the line's ends, from its near one; again if ticks came so late that
+  /// the motors let go.
+  FrictionPoint pair_of_sweeps(const SweepLine& line, double speed_m_per_s) {
+    const Vector3 reach_m = plan_.half_length_m * line.direction;
+    for (int i = 0; i < kTries; ++i) {
+      is_disturbed_ = false;
+      const FrictionPoint there = sweep_to(line.middle_m + reach_m, speed_m_per_s, line.middle_m);
+      const FrictionPoint back = sweep_to(line.middle_m - reach_m, speed_m_per_s, line.middle_m);
+      if (is_disturbed_) continue;
+      return {.speed_m_per_s = 0.5 * (there.speed_m_per_s + back.speed_m_per_s),
+              .force_newton = 0.5 * (there.force_newton + back.force_newton)};
+    }
+    fail(
+        "cannot be held at a speed: this computer's ticks come too late too often; end what else "
+        "runs on it");
+  }
+
  private:
   /// An instant at which the force changed.
   struct Switch {
@@ -164,6 +182,7 @@ class Rig {
     // what the force before this one did; a lease that ran out ended it early
     if (force_) {
       const Duration acted = std::min(at_switch.sampled_at - switch_.at, lease_);
+      if (at_switch.sampled_at - switch_.at > lease_) is_disturbed_ = true;
       switch_.impulse += to_seconds(acted) * *force_;
     }
     switch_.at = at_switch.sampled_at;
@@ -238,6 +257,7 @@ class Rig {
   std::array<DeviceSample, kSpeedTicks + 1> readings_{};  ///< ring
   std::size_t newest_ = 0;
   Vector3 velocity_ = Vector3::Zero();  ///< filtered [m/s]
+  bool is_disturbed_ = false;           ///< a lease ran out
 };
 
 struct Line {
@@ -341,10 +361,7 @@ FrictionReport identify_friction(HapticDevice& device, Clock& clock, const Sweep
     std::vector<FrictionPoint> points;
     for (int i = 0; i < plan.repeats; ++i) {
       for (const double speed : plan.speeds_m_per_s) {
-        const FrictionPoint there = rig.sweep_to(line.middle_m + reach_m, speed, line.middle_m);
-        const FrictionPoint back = rig.sweep_to(line.middle_m - reach_m, speed, line.middle_m);
-        points.push_back({.speed_m_per_s = 0.5 * (there.speed_m_per_s + back.speed_m_per_s),
-                          .force_newton = 0.5 * (there.force_newton + back.force_newton)});
+        points.push_back(rig.pair_of_sweeps(line, speed));
       }
     }
     report.lines.push_back({.line = line, .fit = fit_friction(points)});

@@ -87,7 +87,8 @@ struct FrictionReport {
 };
 
 /// Sweeps every line of the plan; returns with the motors limp. Takes minutes of `clock`'s time,
-/// which must be the device's.
+/// which must be the device's; in real time, on a thread with real-time scheduling: sweeps in which
+/// a lease ran out are done again, five times at most.
 /// @param may_move_hardware  the user agreed; a simulation moves without
 /// @param on_line            called after each line, motors limp
 /// @throws SetupError           before anything moved: not agreed, no motor-side watchdog (if this

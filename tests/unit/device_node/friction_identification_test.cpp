@@ -311,6 +311,50 @@ TEST_F(FrictionSweeps, FailureToWriteEndsThem) {
   EXPECT_THAT(failure(device), HasSubstr("failed to take a force"));
 }
 
+/// Wakes 20 ms late every `every`-th time; 0: never.
+class LateClock final : public Clock {
+ public:
+  explicit LateClock(int every) : every_(every) {}
+  [[nodiscard]] TimePoint now() const noexcept override { return clock_.now(); }
+  void sleep_until(TimePoint deadline) override {
+    clock_.sleep_until(deadline);
+    if (every_ > 0 && ++sleeps_ % every_ == 0) clock_.advance(std::chrono::milliseconds(20));
+  }
+
+ private:
+  ManualClock clock_;
+  int every_;
+  int sleeps_ = 0;
+};
+
+TEST_F(FrictionSweeps, PairDisturbedByALateTickIsSweptAgain) {
+  // a pair takes 2 to 4 s: the late tick disturbs every second or third
+  LateClock late(7'000);
+  LateClock never(0);
+  OddDevice disturbed(late);
+  OddDevice undisturbed(never);
+
+  const FrictionReport report = identify_friction(disturbed, late, plan_, false);
+  static_cast<void>(identify_friction(undisturbed, never, plan_, false));
+
+  EXPECT_GT(late.now(), never.now() + std::chrono::seconds(1));
+  EXPECT_NEAR(report.lines[0].fit.coulomb_newton, 0.1, 1e-3);
+  EXPECT_LE(report.viscous_bound_newton_s_per_m, 0.1);
+}
+
+TEST_F(FrictionSweeps, ComputerThatIsAlwaysLateEndsThem) {
+  LateClock late(500);
+  OddDevice device(late);
+
+  try {
+    static_cast<void>(identify_friction(device, late, plan_, false));
+    FAIL() << "no failure";
+  } catch (const IdentificationError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("ticks come too late"));
+  }
+  EXPECT_TRUE(device.is_limp);
+}
+
 TEST(DefaultSweepPlan, KeepsEveryLineInsideItsBox) {
   DeviceSpecification specification;
   specification.workspace_half_extent_m = Vector3(0.08, 0.06, 0.035);
