@@ -32,7 +32,8 @@ struct GuardedForce {
 ///   silent for limp_after            that, linearly down to nothing over `fade`   kFading
 ///   silent for limp_after + fade     nothing                                      kLimp
 ///
-/// An answer is cut by the limp start (leaving kLimp, it grows from nothing over start_ramp), then
+/// An answer is cut by the limp start (leaving kLimp, it grows from nothing over start_ramp; after a
+/// silence that outlasted the lease by a period, from what acts over as long as it was silent), then
 /// by the peak, then by the slew limit: the part of it beyond what already acts along its direction
 /// grows by at most slew · one period per switch. A non-finite command is no force and is counted.
 class ForceGuard {
@@ -59,9 +60,18 @@ class ForceGuard {
     }
 
     // limp start
-    if (!has_answer_ || now - answered_at_ >= limp_after_ + fade_) ramp_from_ = now;
-    if (now - ramp_from_ < start_ramp_) {
-      force *= to_seconds(now - ramp_from_) / to_seconds(start_ramp_);
+    const Duration silence = now - answered_at_;
+    if (!has_answer_ || silence >= limp_after_ + fade_) {
+      ramp_from_ = now;
+      ramp_ = start_ramp_;
+    } else if (silence > lease_ + period_) {
+      ramp_from_ = now;
+      ramp_ = std::min(start_ramp_, silence);
+    }
+    if (now - ramp_from_ < ramp_) {
+      const double share = to_seconds(now - ramp_from_) / to_seconds(ramp_);
+      const double acting_newton = now < acting_until_ ? acting_newton_.norm() : 0.0;
+      force = limited_to_norm(force, std::max(acting_newton, share * force.norm()));
     }
 
     // device limits
@@ -135,6 +145,7 @@ class ForceGuard {
   TimePoint answered_at_{};
   TimePoint answer_lease_end_{};
   TimePoint ramp_from_{};
+  Duration ramp_{};
   Vector3 answer_newton_ = Vector3::Zero();  ///< the last answer, as it was let through
   Vector3 acting_newton_ = Vector3::Zero();  ///< in [acting_from_, acting_until_)
   TimePoint acting_from_{};

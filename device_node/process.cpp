@@ -4,6 +4,7 @@
 #include "common/runtime/flight_recorder.h"
 #include "common/runtime/rate_loop.h"
 #include "common/runtime/realtime.h"
+#include "common/runtime/rejection_log.h"
 #include "common/runtime/telemetry_publisher.h"
 #include "device_node/device_node.h"
 #include "device_node/open_device.h"
@@ -34,6 +35,8 @@ void run_process(NodeContext& context, ProcessLinks& links) {
                                context.log);
   FlightRecorder<DeviceTick> recorder(flight_files(context, "device"));
   publisher.record_to(recorder);
+  RejectionLog refused(context.log, "force_command", exchange.rejections());
+  publisher.on_pump = [&](TimePoint now) { refused.note(now); };
   publisher.start();
 
   // the tick

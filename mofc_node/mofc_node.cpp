@@ -60,7 +60,7 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
   // who speaks: a new device session starts from nothing
   const bool is_new_session = state.header.session_id != command_.answers_session_id;
   if (is_new_session) begin_device_session(state);
-  const bool has_gap = !is_new_session && received.skipped_before > 0;
+  const bool has_gap = !is_new_session && (received.skipped_before > 0 || !continues_echo(state));
   if (has_gap) ++counters_.ledger_resets;
   note_echo(state);
 
@@ -129,7 +129,18 @@ void MofcNode::begin_device_session(const DeviceState&) noexcept {
   ++counters_.ledger_resets;
 }
 
+bool MofcNode::continues_echo(const DeviceState& state) const noexcept {
+  // a stretch told twice must not be booked twice
+  TimePoint reached = echo_until_;
+  for (std::uint32_t i = 0; i < state.applied_count; ++i) {
+    if (state.applied[i].from != reached) return false;
+    reached = state.applied[i].until;
+  }
+  return reached == state.header.sampled_at;
+}
+
 void MofcNode::note_echo(const DeviceState& state) noexcept {
+  echo_until_ = state.header.sampled_at;
   // the force that acts at t_k is the answer to the tick before, as the device let it through
   if (!has_asked_before_ || state.applied_count == 0) return;
   transparency_.add(asked_before_newton_,
@@ -180,8 +191,12 @@ const Interaction* MofcNode::physics_answer(const DeviceState& state, TimePoint 
     has_interaction_ = false;
     return nullptr;
   }
+  // physics that goes on answering an old motion has nothing new to say
+  if (!has_interaction_ || newest->value.device_sequence != answered_sequence_) {
+    interaction_received_at_ = newest->received_at;
+    answered_sequence_ = newest->value.device_sequence;
+  }
   has_interaction_ = true;
-  interaction_received_at_ = newest->received_at;
   return &newest->value;
 }
 
@@ -227,6 +242,15 @@ ControlOutput MofcNode::control(const DeviceState& state, bool has_gap,
                             .stored_energy_joule = stored_joule});
 }
 
+Vector3 MofcNode::recovering(const Vector3& force_newton, TimePoint now) noexcept {
+  if (!is_recovering_) return force_newton;
+  const double share = to_seconds(now - recovering_since_) / to_seconds(config_.fade);
+  const double rise = force_newton.norm() - newton_when_recovering_;
+  is_recovering_ = share < 1.0;
+  if (!is_recovering_ || rise <= 0.0) return force_newton;
+  return limited_to_norm(force_newton, newton_when_recovering_ + share * rise);
+}
+
 Vector3 MofcNode::faded(const Vector3& force_newton, TimePoint now) noexcept {
   // late in this tick: no more than the device's own friction absorbs
   Vector3 force =
@@ -235,8 +259,13 @@ Vector3 MofcNode::faded(const Vector3& force_newton, TimePoint now) noexcept {
   // silent for too long: never more than at that instant, and fading
   const Duration silence = now - interaction_received_at_;
   if (!has_interaction_ || silence <= config_.stale_after) {
-    is_stale_ = false;
-    return force;
+    if (is_stale_) {
+      is_stale_ = false;
+      recovering_since_ = now;
+      newton_when_recovering_ = commanded_newton_;
+      is_recovering_ = true;
+    }
+    return recovering(force, now);
   }
   if (!is_stale_) {
     is_stale_ = true;

@@ -7,11 +7,11 @@
 //   out  hop 5  MofcTick      mofc    → viewers  once per DeviceState
 //
 // Before the first Interaction that answers this device's session: asks for no force.
-// No Interaction for `stale_after`: from that instant |F| never rises above its value then and
-// fades
-//   to zero over `fade`; then MofcState::kNoPhysics.
-// New device session: ledger 0, velocity forgotten. New physics session: the held force is replaced
-//   by its first Interaction; the ledger stays. A gap in the DeviceStates: ledger 0.
+// Nothing that answers a newer motion for `stale_after`: from then on |F| never rises above its value
+//   then and fades to zero over `fade`; then MofcState::kNoPhysics. When the physics speaks again,
+//   |F| rises from where it is over `fade`.
+// New device session, a gap in the DeviceStates, or an echo that does not continue the one before:
+//   ledger 0. New physics session: its first Interaction replaces the held force; the ledger stays.
 // `wait_for_physics` > 0: answers from the Interaction that answers this very DeviceState; if that
 //   does not come in time the force is at most f_co, which friction absorbs.
 // Thread: everything runs on the caller's thread; no allocation, lock, log or throw.
@@ -52,6 +52,7 @@ class MofcNode {
 
  private:
   void begin_device_session(const DeviceState& state) noexcept;
+  [[nodiscard]] bool continues_echo(const DeviceState& state) const noexcept;
   void note_echo(const DeviceState& state) noexcept;
   void relay(const DeviceState& state) noexcept;
   [[nodiscard]] const Interaction* physics_answer(const DeviceState& state, TimePoint now) noexcept;
@@ -60,6 +61,7 @@ class MofcNode {
   [[nodiscard]] controllers::ControlOutput control(const DeviceState& state, bool has_gap,
                                                    const Interaction* interaction,
                                                    const Vector3& asked_newton) noexcept;
+  [[nodiscard]] Vector3 recovering(const Vector3& force_newton, TimePoint now) noexcept;
   [[nodiscard]] Vector3 faded(const Vector3& force_newton, TimePoint now) noexcept;
 
   MofcConfig config_;
@@ -78,13 +80,19 @@ class MofcNode {
   MofcTick tick_;
   bool has_turn_ = false;
 
+  TimePoint echo_until_{};  // the reading up to which the device has told what acted
+
   // staleness of hop 3
   TimePoint interaction_received_at_{};
   std::uint64_t used_interaction_ = ~std::uint64_t{0};  // sequence of the one last asked for
+  std::uint64_t answered_sequence_ = 0;  // DeviceState that the newest Interaction answers
   bool has_interaction_ = false;
   bool is_stale_ = false;
   bool is_late_ = false;  // the physics of this very tick did not come in time
   double newton_when_declared_stale_ = 0.0;
+  bool is_recovering_ = false;
+  TimePoint recovering_since_{};
+  double newton_when_recovering_ = 0.0;
   double commanded_newton_ = 0.0;  // |F| of the last answer
 
   // the running transparency: what the device says it applied against what was asked

@@ -6,6 +6,7 @@
 #include "common/core/inbox.h"
 #include "common/runtime/flight_recorder.h"
 #include "common/runtime/realtime.h"
+#include "common/runtime/rejection_log.h"
 #include "common/runtime/telemetry_publisher.h"
 #include "mofc_node/mofc_node.h"
 
@@ -45,6 +46,12 @@ void run_process(NodeContext& context, ProcessLinks& links) {
                                context.log);
   FlightRecorder<MofcTick> recorder(flight_files(context, "mofc"));
   publisher.record_to(recorder);
+  RejectionLog refused_states(context.log, "device_state", exchange.rejections());
+  RejectionLog refused_interactions(context.log, "interaction", interactions.rejections());
+  publisher.on_pump = [&](TimePoint now) {
+    refused_states.note(now);
+    refused_interactions.note(now);
+  };
   publisher.start();
 
   // every DeviceState is answered in order; what can wait comes after the answer

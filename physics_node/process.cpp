@@ -5,6 +5,7 @@
 #include "common/core/inbox.h"
 #include "common/runtime/flight_recorder.h"
 #include "common/runtime/rate_loop.h"
+#include "common/runtime/rejection_log.h"
 #include "common/runtime/telemetry_publisher.h"
 #include "physics_node/physics_node.h"
 
@@ -37,6 +38,8 @@ void run_process(NodeContext& context, ProcessLinks& links) {
                                context.log);
   FlightRecorder<PhysicsTick> recorder(flight_files(context, "physics"));
   publisher.record_to(recorder);
+  RejectionLog refused(context.log, "tool_motion", motions.rejections());
+  publisher.on_pump = [&](TimePoint now) { refused.note(now); };
   publisher.start();
 
   PhysicsNode node(session.scene, context.clock, motion_in, interaction_out, ticks,

@@ -21,7 +21,7 @@ struct Received {
 
 /// Newest wins: a message older than one already taken is dropped and counted. A sender that was
 /// restarted (new session id) is accepted at once; messages of a session that was superseded are
-/// dropped as out of order.
+/// dropped as out of order until the present one has been silent for kSessionSilence.
 ///
 ///   before the first   newest() and next() give nullptr
 ///   fresh or stale     the caller's business: it knows what stale means; received_at tells
@@ -30,6 +30,8 @@ struct Received {
 /// One thread. No lock, no throw; allocates only while a fault line is configured.
 template <class T>
 class Inbox {
+  static constexpr Duration kSessionSilence = std::chrono::seconds(1);
+
  public:
   Inbox(Source<T>& source, const Clock& clock) : source_(source), clock_(clock) {}
   Inbox(Source<T>& source, const Clock& clock, const LinkFaults& faults, std::uint64_t seed)
@@ -80,7 +82,8 @@ class Inbox {
     const Header& header = message.header;
     const bool is_first = counters_.accepted == 0;
     const bool is_new_session = is_first || header.session_id != session_id_;
-    if (is_new_session && !is_first && header.session_id == superseded_session_id_) {
+    if (is_new_session && !is_first && header.session_id == superseded_session_id_ &&
+        received_at - held_.received_at < kSessionSilence) {
       ++counters_.out_of_order;
       return false;
     }

@@ -40,8 +40,7 @@ constexpr LinkSocket::Settings kExchange{
 constexpr LinkSocket::Settings kOneWay{.type = zmq::socket_type::xpub,
                                        .send_queue = 4,
                                        .receive_queue = 4,
-                                       .buffer_bytes = 8 << 10,
-                                       .heartbeats = true};
+                                       .buffer_bytes = 8 << 10};
 constexpr int kEveryQueue = 64;
 
 /// Lingers, so that the last batch of a node leaves. No heartbeats: see incoming().
@@ -59,12 +58,12 @@ LinkSocket::Settings with_type(LinkSocket::Settings settings, zmq::socket_type t
 LinkSocket::Settings incoming(Delivery delivery) {
   LinkSocket::Settings settings = with_type(kOneWay, zmq::socket_type::sub);
   settings.conflates = delivery == Delivery::kNewest;
+  settings.heartbeats = delivery == Delivery::kNewest;
   if (delivery == Delivery::kEvery) {
     settings.receive_queue = kEveryQueue;
     // libzmq up to 4.3.5 aborts the process when heartbeats replace a connection whose receive
     // queue was full, and the queue is then read (libzmq issue 3937): a receiver that may lag has
-    // none of its own
-    settings.heartbeats = false;
+    // none of its own; nor has a publisher, whose peers may send it anything
   }
   return settings;
 }
@@ -218,7 +217,7 @@ void LinkSocket::attach(const Attachment& a) {
     if (error.num() == EADDRINUSE) {
       why = "in use by another process; stop it or give " + a.setting + " another endpoint";
     } else if (error.num() == EADDRNOTAVAIL || error.num() == ENODEV) {
-      why = "this machine does not have that address; give one of its own, or * for all";
+      why = "this machine does not have that address; give one of its own";
     } else if (error.num() == EACCES) {
       why = "no right to bind there; give a port above 1023, or a path that you may write";
     }

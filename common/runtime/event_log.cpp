@@ -76,6 +76,7 @@ EventLog<MofcCounters>::EventLog(spdlog::logger& log)
     : device_state_(log, "device_state"),
       interaction_(log, "interaction"),
       late_physics_(log, spdlog::level::warn, "physics_late"),
+      too_fast_(log, spdlog::level::warn, "hand_faster_than_assumed"),
       motions_dropped_(log, spdlog::level::warn, "motions_dropped"),
       ledger_resets_(log, spdlog::level::info, "ledger_reset"),
       stale_(log, "interaction_stale") {}
@@ -84,6 +85,7 @@ void EventLog<MofcCounters>::note(const MofcCounters& counters, TimePoint now) {
   device_state_.note(counters.device_state, now);
   interaction_.note(counters.interaction, now);
   late_physics_.note(counters.late_physics_ticks, now);
+  too_fast_.note(counters.too_fast_ticks, now);
   motions_dropped_.note(counters.motions_dropped, now);
   ledger_resets_.note(counters.ledger_resets, now);
   stale_.note(counters.stale_ticks, now);

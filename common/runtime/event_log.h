@@ -85,6 +85,7 @@ class EventLog<MofcCounters> {
   LinkEvents device_state_;
   LinkEvents interaction_;
   GrowthEvent late_physics_;
+  GrowthEvent too_fast_;
   GrowthEvent motions_dropped_;
   GrowthEvent ledger_resets_;
   EpisodeEvent stale_;

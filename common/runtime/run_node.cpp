@@ -11,6 +11,7 @@
 #include <optional>
 #include <random>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "common/core/check.h"
@@ -69,6 +70,24 @@ class Signals {
   std::thread thread_;
 };
 
+/// Processes cannot meet at an endpoint inside one of them.
+void refuse_inproc(const LinksConfig& links) {
+  const std::pair<const char*, const std::string&> all[] = {
+      {"links.exchange", links.exchange},
+      {"links.tool_motion", links.tool_motion},
+      {"links.interaction", links.interaction},
+      {"links.device_telemetry", links.device_telemetry},
+      {"links.mofc_telemetry", links.mofc_telemetry},
+      {"links.physics_telemetry", links.physics_telemetry}};
+  for (const auto& [setting, endpoint] : all) {
+    if (endpoint.starts_with("inproc://")) {
+      throw SetupError(std::string(setting) + " = " + endpoint +
+                       ": inproc joins nodes of one process only; give ipc://PATH or "
+                       "tcp://HOST:PORT, or leave it out");
+    }
+  }
+}
+
 }  // namespace
 
 const char* version() { return PALPATE_VERSION; }
@@ -124,6 +143,7 @@ int run_node(int argc, char** argv, const NodeInfo& info,
 
   try {
     Session session = load_session(session_file, overrides);
+    refuse_inproc(session.links);
     if (no_realtime) session.realtime = {.priority = 0, .cpu = -1};
 
     const Log log(info.name);

@@ -8,6 +8,7 @@
 #include <chrono>
 #include <condition_variable>
 #include <cstdint>
+#include <functional>
 #include <mutex>
 #include <stop_token>
 #include <thread>
@@ -62,6 +63,9 @@ class TelemetryPublisher {
   /// The records go to this one too; before start().
   void record_to(FlightRecorder<Record>& recorder) { recorder_ = &recorder; }
 
+  /// Called at every publication on its thread; set it before start(). Optional.
+  std::function<void(TimePoint now)> on_pump;
+
   /// Begins to publish; the destructor ends it with one last batch.
   void start() {
     thread_ = std::jthread([this](const std::stop_token& stop) {
@@ -91,6 +95,7 @@ class TelemetryPublisher {
       ++batch_.header.sequence;
     } while (batch_.records.size() == kMaxRecordsPerBatch);
     events_.note(counters, batch_.header.sampled_at);
+    if (on_pump) on_pump(batch_.header.sampled_at);
     if (recorder_ != nullptr) recorder_->write_if_due(counters);
   }
 

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -63,11 +64,12 @@ class MofcNodeTest : public testing::Test {
     return command;
   }
 
-  void physics_says(const Vector3& force_newton, std::uint64_t device_session = 1) {
+  void physics_says(const Vector3& force_newton, std::uint64_t device_session = 1,
+                    std::optional<std::uint64_t> device_sequence = std::nullopt) {
     Interaction interaction;
     interaction.header = {9, physics_sequence_++, clock_.now()};
     interaction.device_session_id = device_session;
-    interaction.device_sequence = sequence_;
+    interaction.device_sequence = device_sequence.value_or(sequence_);
     interaction.device_sampled_at = clock_.now() - 3ms;
     interaction.force_on_tool_newton = force_newton;
     interaction.contact_count = 1;
@@ -153,8 +155,34 @@ TEST_F(MofcNodeTest, FadesToNothingAfterSilence) {
   EXPECT_EQ(tick().force_on_hand_newton, Vector3::Zero());
   EXPECT_EQ(records_.ticks.back().state, MofcState::kNoPhysics);
 
+  // speaks again: the force comes back from nothing over the fade, without a kick
   physics_says({0, 0, 2});
-  EXPECT_EQ(tick().force_on_hand_newton.z(), 2.0) << "speaks again";
+  EXPECT_EQ(tick().force_on_hand_newton.z(), 0.0);
+  clock_.advance(5ms);
+  physics_says({0, 0, 2});
+  EXPECT_NEAR(tick().force_on_hand_newton.z(), 0.2, 1e-12);
+  for (int i = 0; i < 10; ++i) {
+    clock_.advance(5ms);
+    physics_says({0, 0, 2});
+    tick();
+  }
+  EXPECT_EQ(records_.ticks.back().commanded_force_on_hand_newton.z(), 2.0);
+}
+
+// physics that repeats its answer to an old motion is as good as silent
+TEST_F(MofcNodeTest, PhysicsThatAnswersNoNewMotionGoesStale) {
+  tick();
+  physics_says({0, 0, 2});
+  ASSERT_EQ(tick().force_on_hand_newton.z(), 2.0);
+  const std::uint64_t answered = sequence_ - 1;
+  for (int i = 0; i < 80; ++i) {
+    clock_.advance(1ms);
+    physics_says({0, 0, 2}, 1, answered);
+    tick();
+  }
+
+  EXPECT_EQ(records_.ticks.back().commanded_force_on_hand_newton, Vector3::Zero());
+  EXPECT_EQ(records_.ticks.back().state, MofcState::kNoPhysics);
 }
 
 TEST_F(MofcNodeTest, ForgetsTheForceOfAnotherDeviceSession) {
@@ -247,6 +275,25 @@ class MofcNodeGuards : public MofcNodeTest {
   }
   MofcNodeGuards() : MofcNodeTest(clamping()) {}
 };
+
+// the same echo under a new header must not be booked again
+TEST_F(MofcNodeGuards, AnEchoToldTwiceIsAGap) {
+  tick();
+  clock_.advance(1ms);
+  position_m_ = {0.05, 0, 0};
+  tick();
+  ASSERT_GT(records_.ticks.back().ledger_energy_joule, 1e-3);
+
+  Received<DeviceState> state;
+  state.value.header = {1, sequence_, clock_.now() + 1ms};
+  state.value.hand_position_m = position_m_;
+  state.value.applied[0] = {Vector3::Zero(), clock_.now() - 1ms, clock_.now(), position_m_, true};
+  state.value.applied_count = 1;
+  (void)node_.answer(state);
+  node_.finish_turn();
+
+  EXPECT_EQ(records_.ticks.back().ledger_energy_joule, 0.0);
+}
 
 // from rest there is no energy to draw on: f_max = f_co = 0.1 N
 TEST_F(MofcNodeGuards, ClampsToFrictionWhileTheLedgerIsEmpty) {
