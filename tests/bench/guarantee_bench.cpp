@@ -12,6 +12,7 @@
 #include <mutex>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "common/core/check.h"
@@ -246,9 +247,13 @@ Table adversity_table(int seeds) {
 constexpr double kVSeconds = 3.0;
 
 /// Soft, rigid and mixed tissue of the paper after more and more free motion: device and clamp at
-/// 1 kHz, physics at 50 Hz. The V begins at `phases` instants of a physics period, because one
-/// tick earlier or later already gives another chatter: what is left between lengths is memory.
-Table history_table(int phases) {
+/// 1 kHz, physics at 50 Hz. The V begins at many phases of the physics, because one tick earlier or
+/// later already gives another chatter: what is left between the means is memory.
+Table history_table(bool is_quick) {
+  const auto phases_after = [&](double free_s) -> std::size_t {
+    if (free_s < 100.0) return is_quick ? 5 : 100;
+    return is_quick ? 1 : 20;
+  };
   constexpr double kPhysicsPeriodSeconds = 0.02;
   struct Tissue {
     const char* label;
@@ -266,16 +271,19 @@ Table history_table(int phases) {
   for (const Tissue& tissue : kTissues) {
     for (const Mode* mode : {&kModes[1], &kModes[3]}) {
       for (const double free_s : {0.0, 14.0, 40.0, 600.0}) {
-        rows.push_back(
-            {&tissue, mode, free_s, std::vector<RunStatistics>(static_cast<std::size_t>(phases))});
+        rows.push_back({&tissue, mode, free_s, std::vector<RunStatistics>(phases_after(free_s))});
       }
     }
   }
-  const auto runs_per_row = static_cast<std::size_t>(phases);
-  in_parallel(rows.size() * runs_per_row, [&](std::size_t i) {
-    Row& row = rows[i / runs_per_row];
-    const std::size_t phase = i % runs_per_row;
-    const double free_s = row.free_s + kPhysicsPeriodSeconds * static_cast<double>(phase) / phases;
+  std::vector<std::pair<Row*, std::size_t>> jobs;
+  for (Row& row : rows) {
+    for (std::size_t phase = 0; phase < row.runs.size(); ++phase) jobs.emplace_back(&row, phase);
+  }
+  in_parallel(jobs.size(), [&](std::size_t i) {
+    const std::size_t phase = jobs[i].second;
+    Row& row = *jobs[i].first;
+    const double free_s = row.free_s + kPhysicsPeriodSeconds * static_cast<double>(phase) /
+                                           static_cast<double>(row.runs.size());
     const std::filesystem::path sessions =
         std::filesystem::path(PALPATE_SOURCE_DIR) / "deploy/sessions";
     const Session session =
@@ -289,6 +297,7 @@ Table history_table(int phases) {
   Table table({{"tissue", "tissue", ""},
                {"mode", "mode", ""},
                {"t_free_s", "t_free s", "{:g}"},
+               {"phases", "phases", "{:.0f}"},
                {"transparency_percent", "transp. %", "{:.2f}"},
                {"transparency_sd_percent", "± %", "{:.2f}"},
                {"change_percent", "change %", "{:+.2f}"},
@@ -299,6 +308,7 @@ Table history_table(int phases) {
                {"min_true_energy_uj", "min energy µJ", "{:.1f}"}});
   double first = kNaN;
   for (const Row& row : rows) {
+    const auto phases = static_cast<double>(row.runs.size());
     double sum = 0.0;
     double sum2 = 0.0;
     double clamped = 0.0;
@@ -321,15 +331,15 @@ Table history_table(int phases) {
       if (&row != &rows.front()) table.add_gap();
       first = sum;
     }
-    table.add({std::string(row.tissue->label), std::string(row.mode->label), row.free_s, sum,
-               std::sqrt(std::max(0.0, sum2 - sum * sum)), 100.0 * (sum / first - 1.0), clamped,
-               reversals, most_reversals, peak_newton, 1e6 * least_joule});
+    table.add({std::string(row.tissue->label), std::string(row.mode->label), row.free_s, phases,
+               sum, std::sqrt(std::max(0.0, sum2 - sum * sum)), 100.0 * (sum / first - 1.0),
+               clamped, reversals, most_reversals, peak_newton, 1e6 * least_joule});
   }
   return table;
 }
 
 void run(const BenchOptions& options) {
-  const Table adversity = adversity_table(options.is_quick ? 5 : 100);
+  const Table adversity = adversity_table(options.is_quick ? 4 : 100);
   std::printf(
       "%s\nEach run: 2 s, device at 1 kHz, a hand that seeks energy, 0.3 m/s at most unless said."
       "\nMin energy: least true energy of the device's port over all inner steps and seeds, never "
@@ -341,7 +351,7 @@ void run(const BenchOptions& options) {
       adversity.text().c_str());
   std::fflush(stdout);
 
-  const Table history = history_table(options.is_quick ? 2 : 20);
+  const Table history = history_table(options.is_quick);
   std::printf(
       "\n%s\nThe paper's tissues, device and clamp at 1 kHz, physics at 50 Hz, after t_free of "
       "free "

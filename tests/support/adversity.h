@@ -14,11 +14,11 @@ namespace palpate::test {
 /// What physics says of the force, and of the energy in store.
 enum class Physics : std::uint8_t {
   kHonest,
-  kSquareWave,     ///< ± more than the peak, in random directions, turning every 1 … 50 ms
-  kPushAlong,      ///< more than the peak along the motion last measured: worst sign of velocity
-  kNotANumber,     ///< every third answer is NaN, the others push along
-  kNewSessions,    ///< honest, but killed and restarted: a new session every 0.9 s
-  kEverything,     ///< any of the above force laws, changing at random times
+  kSquareWave,   ///< ± more than the peak, in random directions, turning every 1 … 50 ms
+  kPushAlong,    ///< more than the peak along the motion last measured: worst sign of velocity
+  kNotANumber,   ///< every third answer is NaN, the others push along
+  kNewSessions,  ///< honest, but killed and restarted: a new session every 0.9 s
+  kEverything,   ///< any of the above force laws, changing at random times
 };
 
 /// One run. The session's own `faults` are the network.
@@ -34,9 +34,9 @@ struct AdverseResult {
   RunStatistics statistics;
   DeviceCounters device;
   MofcCounters mofc;
-  double top_speed_m_per_s = 0.0;     ///< true, at the ticks
-  double longest_fallback_s = 0.0;    ///< without the force of an answer, once there was one
-  double v_max_m_per_s = 0.0;         ///< what the controller assumes of the hand
+  double top_speed_m_per_s = 0.0;   ///< true, at the ticks
+  double longest_fallback_s = 0.0;  ///< without the force of an answer, once there was one
+  double v_max_m_per_s = 0.0;       ///< what the controller assumes of the hand
 };
 
 /// The text of a session: a hostile hand with a firm grip, 0.3 m/s at most, at the surface of a
