@@ -41,9 +41,9 @@ void run_process(NodeContext& context, ProcessLinks& links) {
                                  bind_to(session.links.mofc_telemetry, "links.mofc_telemetry"));
   RingSink<MofcTick> ticks;
   Snapshot<MofcCounters> counters;
+  FlightRecorder<MofcTick> recorder(flight_files(context, "mofc"));
   TelemetryPublisher publisher(context.session_id, context.clock, ticks, counters, telemetry,
                                context.log);
-  FlightRecorder<MofcTick> recorder(flight_files(context, "mofc"));
   publisher.record_to(recorder);
   publisher.start();
 

@@ -59,7 +59,8 @@ class TelemetryPublisher {
     batch_.records.reserve(kMaxRecordsPerBatch);
   }
 
-  /// The records go to this one too; before start().
+  /// The records go to this one too, which must outlive the publisher: its last batch comes in the
+  /// destructor. Before start().
   void record_to(FlightRecorder<Record>& recorder) { recorder_ = &recorder; }
 
   /// Begins to publish; the destructor ends it with one last batch.
