@@ -31,9 +31,9 @@ void run_process(NodeContext& context, ProcessLinks& links) {
       links.side, bind_to(session.links.device_telemetry, "links.device_telemetry"));
   RingSink<DeviceTick> ticks;
   Snapshot<DeviceCounters> counters;
+  FlightRecorder<DeviceTick> recorder(flight_files(context, "device"));
   TelemetryPublisher publisher(context.session_id, context.clock, ticks, counters, telemetry,
                                context.log);
-  FlightRecorder<DeviceTick> recorder(flight_files(context, "device"));
   publisher.record_to(recorder);
   RejectionLog refused(context.log, "force_command", exchange.rejections());
   publisher.on_pump = [&](TimePoint now) { refused.note(now); };

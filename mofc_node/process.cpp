@@ -42,9 +42,9 @@ void run_process(NodeContext& context, ProcessLinks& links) {
                                  bind_to(session.links.mofc_telemetry, "links.mofc_telemetry"));
   RingSink<MofcTick> ticks;
   Snapshot<MofcCounters> counters;
+  FlightRecorder<MofcTick> recorder(flight_files(context, "mofc"));
   TelemetryPublisher publisher(context.session_id, context.clock, ticks, counters, telemetry,
                                context.log);
-  FlightRecorder<MofcTick> recorder(flight_files(context, "mofc"));
   publisher.record_to(recorder);
   RejectionLog refused_states(context.log, "device_state", exchange.rejections());
   RejectionLog refused_interactions(context.log, "interaction", interactions.rejections());

@@ -3,9 +3,13 @@
 #include "physics_node/process.h"
 
 int main(int argc, char** argv) {
-  return palpate::run_node(argc, argv, {.name = "physics", .description = "Simulates the tissue."},
-                           [](palpate::NodeContext& context) {
-                             palpate::ProcessLinks links(context.session.realtime);
-                             palpate::physics::run_process(context, links);
-                           });
+  return palpate::run_node(
+      argc, argv,
+      {.name = "physics",
+       .description = "Simulates the tissue.",
+       .signals = "SIGUSR1 writes the last ticks to a file (the log names it)."},
+      [](palpate::NodeContext& context) {
+        palpate::ProcessLinks links(context.session.realtime);
+        palpate::physics::run_process(context, links);
+      });
 }

@@ -34,9 +34,9 @@ void run_process(NodeContext& context, ProcessLinks& links) {
       links.side, bind_to(session.links.physics_telemetry, "links.physics_telemetry"));
   RingSink<PhysicsTick> ticks;
   Snapshot<PhysicsCounters> counters;
+  FlightRecorder<PhysicsTick> recorder(flight_files(context, "physics"));
   TelemetryPublisher publisher(context.session_id, context.clock, ticks, counters, telemetry,
                                context.log);
-  FlightRecorder<PhysicsTick> recorder(flight_files(context, "physics"));
   publisher.record_to(recorder);
   RejectionLog refused(context.log, "tool_motion", motions.rejections());
   publisher.on_pump = [&](TimePoint now) { refused.note(now); };

@@ -37,7 +37,8 @@ struct TickRow {
 ///   in_contact clamped fallback peak_limited    1 or 0
 ///
 /// `clamped`: by mofc only. `fallback`: the device let less act than was asked for want of an
-/// answer (fallback, fading or limp), after it had been answered before in this device session.
+/// answer or for a fault (fallback, fading, limp or fault), after it had been answered before in
+/// this device session.
 ///
 /// Numbers are the shortest text that reads back to the same double, whatever the locale.
 class CsvWriter {

@@ -60,7 +60,8 @@ class TelemetryPublisher {
     batch_.records.reserve(kMaxRecordsPerBatch);
   }
 
-  /// The records go to this one too; before start().
+  /// The records go to this one too, which must outlive the publisher: its last batch comes in the
+  /// destructor. Before start().
   void record_to(FlightRecorder<Record>& recorder) { recorder_ = &recorder; }
 
   /// Called at every publication on its thread; set it before start(). Optional.

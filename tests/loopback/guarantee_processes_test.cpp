@@ -326,6 +326,10 @@ TEST_F(PressingHand, ASignalWritesTheLastTicksOfEachNodeBesideTheRunFolder) {
   // and they go on
   EXPECT_TRUE(watcher_->until_rows(100));
   EXPECT_TRUE(watcher_->until([&] { return presses(); }));
+  for (Program* node : {&*device_, &*mofc_, &*physics_}) {
+    node->send_signal(SIGTERM);
+    EXPECT_EQ(node->wait(), 0) << node->err();
+  }
 }
 
 TEST_F(PressingHand, AResetWithoutAFaultChangesNothing) {

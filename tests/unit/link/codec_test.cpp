@@ -618,8 +618,10 @@ TEST(InteractionCodec, ListsTheDeepestEightOfAnyNumberOfContacts) {
 }
 
 TEST(TelemetryCodec, RefusesStatesItDoesNotKnow) {
-  expect_range<DeviceBatch>([](auto& m) { m.set_guard(0, 4); }, true);
-  expect_range<DeviceBatch>([](auto& m) { m.set_guard(0, 5); }, false);
+  expect_range<DeviceBatch>([](auto& m) { m.set_guard(0, 5); }, true);
+  expect_range<DeviceBatch>([](auto& m) { m.set_guard(0, 6); }, false);
+  expect_range<DeviceBatch>([](auto& m) { m.mutable_counters()->set_last_fault(4); }, true);
+  expect_range<DeviceBatch>([](auto& m) { m.mutable_counters()->set_last_fault(5); }, false);
   expect_range<MofcBatch>([](auto& m) { m.set_state(1, 4); }, true);
   expect_range<MofcBatch>([](auto& m) { m.set_state(1, 5); }, false);
 }
