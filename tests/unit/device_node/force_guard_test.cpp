@@ -120,34 +120,50 @@ TEST(ForceGuard, AnAnswerEndsTheFallback) {
 }
 
 // Ramp of 100 ms: nothing at first, 30 % after 30 ms, all after 100 ms.
+/// 2 N along x, answered every millisecond from `at` up to `until`: the force let through then.
+double x_answered_until(ForceGuard& guard, Duration& at, Duration until) {
+  for (; at < until; at += 1ms) (void)guard.answered(command(Vector3(2, 0, 0)), kStart + at);
+  return guard.answered(command(Vector3(2, 0, 0)), kStart + until).force_on_hand_newton.x();
+}
+
 TEST(ForceGuard, ALimpStartGrowsFromNothing) {
   DeviceConfig c = config();
   c.start_ramp = 100ms;
   ForceGuard guard(c, kDevicePeak_newton);
+  Duration at = 0ms;
 
-  const auto x_after = [&](Duration t) {
-    return guard.answered(command(Vector3(2, 0, 0)), kStart + t).force_on_hand_newton.x();
-  };
-  EXPECT_EQ(x_after(0ms), 0.0);
-  EXPECT_NEAR(x_after(30ms), 0.6, 1e-15);
-  EXPECT_NEAR(x_after(80ms), 1.6, 1e-15);
-  EXPECT_EQ(x_after(100ms), 2.0);
+  EXPECT_EQ(x_answered_until(guard, at, 0ms), 0.0);
+  EXPECT_NEAR(x_answered_until(guard, at, 30ms), 0.6, 1e-12);
+  EXPECT_NEAR(x_answered_until(guard, at, 80ms), 1.6, 1e-12);
+  EXPECT_EQ(x_answered_until(guard, at, 100ms), 2.0);
 }
 
 TEST(ForceGuard, ComingBackFromLimpIsALimpStartAgain) {
   DeviceConfig c = config();
   c.start_ramp = 10ms;
   ForceGuard guard(c, kDevicePeak_newton);
-  const auto x_after = [&](Duration t) {
-    return guard.answered(command(Vector3(2, 0, 0)), kStart + t).force_on_hand_newton.x();
-  };
-  (void)x_after(0ms);
-  EXPECT_EQ(x_after(10ms), 2.0);
+  Duration at = 0ms;
+  EXPECT_EQ(x_answered_until(guard, at, 10ms), 2.0);
 
-  EXPECT_EQ(x_after(79ms), 2.0);         // 69 ms of silence: not limp yet
-  EXPECT_EQ(x_after(79ms + 70ms), 0.0);  // limp_after + fade: limp, even if nobody looked
+  at = 10ms + 70ms;  // limp_after + fade of silence: limp, even if nobody looked
+  EXPECT_EQ(x_answered_until(guard, at, at), 0.0);
+  EXPECT_EQ(x_answered_until(guard, at, at + 10ms), 2.0);
   guard.reset();
-  EXPECT_EQ(x_after(170ms), 0.0);
+  EXPECT_EQ(x_answered_until(guard, at, at), 0.0);
+}
+
+// 20 ms without an answer, lease 2 ms: nothing acts any more, and the force comes back over 20 ms.
+TEST(ForceGuard, AfterAShortSilenceTheForceComesBackOverAsLong) {
+  DeviceConfig c = config();
+  c.start_ramp = 100ms;
+  ForceGuard guard(c, kDevicePeak_newton);
+  Duration at = 0ms;
+  EXPECT_EQ(x_answered_until(guard, at, 120ms), 2.0);
+
+  at = 140ms;
+  EXPECT_EQ(x_answered_until(guard, at, 140ms), 0.0);
+  EXPECT_NEAR(x_answered_until(guard, at, 150ms), 1.0, 1e-12);
+  EXPECT_EQ(x_answered_until(guard, at, 160ms), 2.0);
 }
 
 TEST(ForceGuard, TheSmallerPeakHoldsAndTheDirectionIsKept) {
