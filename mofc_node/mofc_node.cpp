@@ -140,7 +140,12 @@ bool MofcNode::continues_echo(const DeviceState& state) const noexcept {
 }
 
 void MofcNode::note_echo(const DeviceState& state) noexcept {
-  echo_until_ = state.header.sampled_at;
+  // an echo that does not end at its own reading is old: nothing may continue it
+  const bool is_first = !has_asked_before_ && state.applied_count == 0;
+  const bool is_current =
+      is_first || (state.applied_count > 0 &&
+                   state.applied[state.applied_count - 1].until == state.header.sampled_at);
+  echo_until_ = is_current ? state.header.sampled_at : TimePoint::min();
   // the force that acts at t_k is the answer to the tick before, as the device let it through
   if (!has_asked_before_ || state.applied_count == 0) return;
   transparency_.add(asked_before_newton_,

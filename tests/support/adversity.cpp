@@ -252,8 +252,6 @@ AdverseRun random_adverse_run(std::uint64_t seed) {
       set(at + "reorder_delay_ms", random.uniform(0.1, 2.0) * longest_ms);
     }
     for (const char* window : {"outage", "stall", "freeze"}) {
-      // frozen DeviceStates or ForceCommands would be lies of the device's own process
-      if (longest_ms < 10.0 && window == std::string("freeze")) continue;
       if (!random.chance(0.15)) continue;
       const double from_s = random.uniform(0.1, 1.0);
       const double until_s = from_s + log_uniform(0.002, 0.4);
