@@ -22,6 +22,10 @@ std::uint64_t allocations_of_this_thread() noexcept { return allocations; }
 
 // The library's array and nothrow forms call these.
 void* operator new(std::size_t size) { return counted(std::malloc(size > 0 ? size : 1)); }
+void* operator new(std::size_t size, const std::nothrow_t&) noexcept {
+  ++allocations;
+  return std::malloc(size > 0 ? size : 1);
+}
 void* operator new(std::size_t size, std::align_val_t align) {
   const auto a = static_cast<std::size_t>(align);
   return counted(std::aligned_alloc(a, (size + a - 1) / a * a));
