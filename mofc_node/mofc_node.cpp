@@ -59,7 +59,7 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
 
   // who speaks: a new device session starts from nothing
   const bool is_new_session = state.header.session_id != command_.answers_session_id;
-  if (is_new_session) begin_device_session(state);
+  if (is_new_session) begin_device_session();
   const bool has_gap = !is_new_session && (received.skipped_before > 0 || !continues_echo(state));
   if (has_gap) ++counters_.ledger_resets;
   note_echo(state);
@@ -122,7 +122,7 @@ MofcCounters MofcNode::counters() const noexcept {
   return counters;
 }
 
-void MofcNode::begin_device_session(const DeviceState&) noexcept {
+void MofcNode::begin_device_session() noexcept {
   controller_->reset();
   velocity_.reset();
   has_asked_before_ = false;

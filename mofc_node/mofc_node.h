@@ -7,9 +7,9 @@
 //   out  hop 5  MofcTick      mofc    → viewers  once per DeviceState
 //
 // Before the first Interaction that answers this device's session: asks for no force.
-// Nothing that answers a newer motion for `stale_after`: from then on |F| never rises above its value
-//   then and fades to zero over `fade`; then MofcState::kNoPhysics. When the physics speaks again,
-//   |F| rises from where it is over `fade`.
+// Nothing that answers a newer motion for `stale_after`: from then on |F| never rises above what
+//   it was and fades to zero over `fade`; then MofcState::kNoPhysics. When the physics speaks
+//   again, |F| rises from where it is over `fade`.
 // New device session, a gap in the DeviceStates, or an echo that does not continue the one before:
 //   ledger 0. New physics session: its first Interaction replaces the held force; the ledger stays.
 // `wait_for_physics` > 0: answers from the Interaction that answers this very DeviceState; if that
@@ -51,7 +51,7 @@ class MofcNode {
   [[nodiscard]] MofcCounters counters() const noexcept;
 
  private:
-  void begin_device_session(const DeviceState& state) noexcept;
+  void begin_device_session() noexcept;
   [[nodiscard]] bool continues_echo(const DeviceState& state) const noexcept;
   void note_echo(const DeviceState& state) noexcept;
   void relay(const DeviceState& state) noexcept;

@@ -12,4 +12,16 @@ ControlOutput PassThrough::step(const ControlInput& input) noexcept {
           .is_clamped = false};
 }
 
+ControlOutput output_within(const Vector3& asked_force_on_hand_newton,
+                            double f_max_newton) noexcept {
+  const double asked = asked_force_on_hand_newton.norm();
+  ControlOutput output;
+  output.f_max_newton = Vector3::Constant(f_max_newton);
+  output.is_clamped = asked > f_max_newton;
+  output.force_on_hand_newton = output.is_clamped
+                                    ? Vector3(asked_force_on_hand_newton * (f_max_newton / asked))
+                                    : asked_force_on_hand_newton;
+  return output;
+}
+
 }  // namespace palpate::controllers

@@ -44,6 +44,16 @@ struct ControlOutput {
   bool is_too_fast = false;                ///< the hand moved faster than the controller assumes
 };
 
+/// Norm of the force that acts at t_k, as the echo has it; 0 where it says nothing.
+[[nodiscard]] inline double acting_newton(const ControlInput& input) noexcept {
+  return input.applied.empty() ? 0.0 : input.applied.back().force_on_hand_newton.norm();
+}
+
+/// One bound for all directions: F = F_e min(1, f_max / |F_e|), the direction kept. The ledger's
+/// energy is the caller's to fill in.
+[[nodiscard]] ControlOutput output_within(const Vector3& asked_force_on_hand_newton,
+                                          double f_max_newton) noexcept;
+
 /// A controller limits the force so that the hand cannot draw energy (or, `PassThrough`, does not).
 /// step() once per DeviceState: no allocation, no lock, no throw. One thread.
 class ForceController {

@@ -23,22 +23,14 @@ ControlOutput GuardMofc::step(const ControlInput& input) noexcept {
   update_gate(input, elapsed_s);
 
   // what the force that acts now can still drain before this answer replaces it
-  const double acting_newton =
-      input.applied.empty() ? 0.0 : input.applied.back().force_on_hand_newton.norm();
   const double energy = ledger_.energy_joule();
-  const double spent = p_.delta_max_s * drain_watt(p_.mofc, acting_newton, p_.v_max_m_per_s);
+  const double spent = p_.delta_max_s * drain_watt(p_.mofc, acting_newton(input), p_.v_max_m_per_s);
 
   // the bound, closed by the gate, on the norm
   const double open_newton = maximum_force_newton(p_.mofc, energy - spent, p_.v_max_m_per_s);
   const double gate = std::clamp(gate_store_joule_ / p_.gate_joule, 0.0, 1.0);
   const double f_max = p_.mofc.f_co + gate * (open_newton - p_.mofc.f_co);
-  const double asked = input.asked_force_on_hand_newton.norm();
-  ControlOutput output;
-  output.f_max_newton = Vector3::Constant(f_max);
-  output.is_clamped = asked > f_max;
-  output.force_on_hand_newton = output.is_clamped
-                                    ? Vector3(input.asked_force_on_hand_newton * (f_max / asked))
-                                    : input.asked_force_on_hand_newton;
+  ControlOutput output = output_within(input.asked_force_on_hand_newton, f_max);
   output.ledger_energy_joule = energy;
   output.is_too_fast = is_too_fast_;
   return output;
@@ -96,9 +88,7 @@ void GuardMofc::update_gate(const ControlInput& input, double elapsed_s) noexcep
   // what holding the force while the hand moved has leaked, booked when the next force is known
   if (input.is_asked_fresh) {
     const double before = asked_newton_.norm();
-    const double acting =
-        input.applied.empty() ? 0.0 : input.applied.back().force_on_hand_newton.norm();
-    const double share = before > 0.0 ? std::min(1.0, acting / before) : 1.0;
+    const double share = before > 0.0 ? std::min(1.0, acting_newton(input) / before) : 1.0;
     gate_store_joule_ +=
         0.5 * share * (input.asked_force_on_hand_newton - asked_newton_).dot(moved_since_fresh_m_);
     asked_newton_ = input.asked_force_on_hand_newton;

@@ -21,20 +21,13 @@ ControlOutput VectorMofc::step(const ControlInput& input) noexcept {
   }
 
   // what the force that acts now can still drain before this answer replaces it
-  const double acting_newton =
-      input.applied.empty() ? 0.0 : input.applied.back().force_on_hand_newton.norm();
   const double energy = ledger_.energy_joule();
-  const double spent = delta_max_s_ > 0.0 ? delta_max_s_ * drain_watt(p_, acting_newton) : 0.0;
+  const double spent =
+      delta_max_s_ > 0.0 ? delta_max_s_ * drain_watt(p_, acting_newton(input)) : 0.0;
 
   // the bound (13) and the output (14), on the norm
   const double f_max = maximum_force_newton(p_, energy - spent);
-  const double asked = input.asked_force_on_hand_newton.norm();
-  ControlOutput output;
-  output.f_max_newton = Vector3::Constant(f_max);
-  output.is_clamped = asked > f_max;
-  output.force_on_hand_newton = output.is_clamped
-                                    ? Vector3(input.asked_force_on_hand_newton * (f_max / asked))
-                                    : input.asked_force_on_hand_newton;
+  ControlOutput output = output_within(input.asked_force_on_hand_newton, f_max);
   output.ledger_energy_joule = energy;
   return output;
 }
