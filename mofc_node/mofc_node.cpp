@@ -51,7 +51,8 @@ MofcNode::MofcNode(const MofcConfig& mofc, const DeviceConfig& device, const Clo
       ticks_(ticks),
       session_id_(session_id),
       controller_(make_controller(mofc, device)),
-      velocity_(mofc.velocity_time_constant) {}
+      velocity_(mofc.velocity_time_constant),
+      handover_(mofc.handover_newton_per_s) {}
 
 ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
   const DeviceState& state = received.value;
@@ -68,10 +69,12 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
   relay(state);
   const TimePoint now = clock_.now();
   const Interaction* interaction = physics_answer(state, now);
-  const Vector3 asked = asked_force(state, interaction);
+  const ModelForce tissue = tissue_force(state, interaction);
+  const Vector3 asked = device_.workspace.force_ratio * tissue.force_on_tool_newton;
 
   // the clamp, then the fade: both only reduce
-  const ControlOutput output = control(state, has_gap, interaction, asked);
+  const ControlOutput output =
+      control(state, has_gap, interaction, asked, tissue.stored_energy_joule);
   const Vector3 force = faded(output.force_on_hand_newton, now);
 
   ++command_.header.sequence;
@@ -97,7 +100,7 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
                         ? state.header.sampled_at - interaction->device_sampled_at
                         : Duration{};
   tick_.is_clamped = output.is_clamped;
-  tick_.is_in_contact = interaction != nullptr && interaction->contact_count > 0;
+  tick_.is_in_contact = tissue.is_touching;
   if (tick_.is_clamped) ++counters_.clamped_ticks;
   if (output.is_too_fast) ++counters_.too_fast_ticks;
   if (tick_.is_in_contact) ++counters_.contact_ticks;
@@ -125,6 +128,7 @@ MofcCounters MofcNode::counters() const noexcept {
 void MofcNode::begin_device_session() noexcept {
   controller_->reset();
   velocity_.reset();
+  handover_.reset();
   has_asked_before_ = false;
   ++counters_.ledger_resets;
 }
@@ -205,22 +209,26 @@ const Interaction* MofcNode::physics_answer(const DeviceState& state, TimePoint 
   return &newest->value;
 }
 
-Vector3 MofcNode::asked_force(const DeviceState& state, const Interaction* interaction) noexcept {
-  if (interaction == nullptr) {
-    tick_.state = MofcState::kNoPhysics;
-    return Vector3::Zero();
+ModelForce MofcNode::tissue_force(const DeviceState& state,
+                                  const Interaction* interaction) noexcept {
+  const TimePoint now = state.header.sampled_at;
+  const double dt_s = has_asked_before_ ? to_seconds(now - tick_.device_sampled_at) : 0.0;
+  if (interaction == nullptr || state.is_clutched) {
+    tick_.state = interaction == nullptr ? MofcState::kNoPhysics : MofcState::kClutched;
+    handover_.reset();
+    return {};
   }
-  if (state.is_clutched) {
-    tick_.state = MofcState::kClutched;
-    return Vector3::Zero();
-  }
-  tick_.state = interaction->contact_count > 0 ? MofcState::kContact : MofcState::kFree;
-  return device_.workspace.force_ratio * interaction->force_on_tool_newton;
+  const ModelForce force = config_.interaction == InteractionUse::kHeld
+                               ? held(*interaction)
+                               : handover_.step(*interaction, state.tool_position_world_m,
+                                                motion_.tool_velocity_world_m_per_s, dt_s, now);
+  tick_.state = force.is_touching ? MofcState::kContact : MofcState::kFree;
+  return force;
 }
 
 ControlOutput MofcNode::control(const DeviceState& state, bool has_gap,
-                                const Interaction* interaction,
-                                const Vector3& asked_newton) noexcept {
+                                const Interaction* interaction, const Vector3& asked_newton,
+                                double stored_joule) noexcept {
   std::array<AppliedStretch, kMaxAppliedForces> stretches;
   for (std::uint32_t i = 0; i < state.applied_count; ++i) {
     const AppliedForce& applied = state.applied[i];
@@ -229,22 +237,20 @@ ControlOutput MofcNode::control(const DeviceState& state, bool has_gap,
                     .hand_position_at_end_m = applied.hand_position_at_end_m,
                     .has_position_at_end = applied.has_position_at_end};
   }
-  // a force that is asked for the first time; the held one repeats the stamp of its Interaction
-  const bool is_fresh = interaction == nullptr || interaction->header.sequence != used_interaction_;
+  // a force that is asked for the first time; a held one repeats the stamp of its Interaction
+  const bool is_fresh = config_.interaction == InteractionUse::kLocal || interaction == nullptr ||
+                        interaction->header.sequence != used_interaction_;
   if (interaction != nullptr) used_interaction_ = interaction->header.sequence;
 
   // the tissue's energy as the hand would get it: force × force_ratio, motion ÷ scale_ratio
   const WorkspaceConfig& workspace = device_.workspace;
-  const double stored_joule =
-      interaction == nullptr
-          ? 0.0
-          : interaction->stored_energy_joule * workspace.force_ratio / workspace.scale_ratio;
-  return controller_->step({.hand_position_m = state.hand_position_m,
-                            .applied = {stretches.data(), state.applied_count},
-                            .has_gap = has_gap,
-                            .asked_force_on_hand_newton = asked_newton,
-                            .is_asked_fresh = is_fresh,
-                            .stored_energy_joule = stored_joule});
+  return controller_->step(
+      {.hand_position_m = state.hand_position_m,
+       .applied = {stretches.data(), state.applied_count},
+       .has_gap = has_gap,
+       .asked_force_on_hand_newton = asked_newton,
+       .is_asked_fresh = is_fresh,
+       .stored_energy_joule = stored_joule * workspace.force_ratio / workspace.scale_ratio});
 }
 
 Vector3 MofcNode::recovering(const Vector3& force_newton, TimePoint now) noexcept {

@@ -6,12 +6,15 @@
 //   in   hop 3  Interaction   physics → mofc     every physics step; the newest counts
 //   out  hop 5  MofcTick      mofc    → viewers  once per DeviceState
 //
+// Between two Interactions: their local contact model is evaluated at the device's rate with the
+//   newest position and velocity (`interaction: local`), or their force is held (`held`).
 // Before the first Interaction that answers this device's session: asks for no force.
 // Nothing that answers a newer motion for `stale_after`: from then on |F| never rises above what
 //   it was and fades to zero over `fade`; then MofcState::kNoPhysics. When the physics speaks
 //   again, |F| rises from where it is over `fade`.
 // New device session, a gap in the DeviceStates, or an echo that does not continue the one before:
-//   ledger 0. New physics session: its first Interaction replaces the held force; the ledger stays.
+//   ledger 0. New physics session: its first Interaction replaces the model as any next one does,
+//   without a jump; the ledger stays.
 // `wait_for_physics` > 0: answers from the Interaction that answers this very DeviceState; if that
 //   does not come in time the force is at most f_co, which friction absorbs.
 // Thread: everything runs on the caller's thread; no allocation, lock, log or throw.
@@ -26,6 +29,7 @@
 #include "common/core/session.h"
 #include "common/core/telemetry.h"
 #include "mofc_node/controllers/force_controller.h"
+#include "mofc_node/model_handover.h"
 #include "mofc_node/velocity_estimator.h"
 
 namespace palpate::mofc {
@@ -56,11 +60,12 @@ class MofcNode {
   void note_echo(const DeviceState& state) noexcept;
   void relay(const DeviceState& state) noexcept;
   [[nodiscard]] const Interaction* physics_answer(const DeviceState& state, TimePoint now) noexcept;
-  [[nodiscard]] Vector3 asked_force(const DeviceState& state,
-                                    const Interaction* interaction) noexcept;
+  [[nodiscard]] ModelForce tissue_force(const DeviceState& state,
+                                        const Interaction* interaction) noexcept;
   [[nodiscard]] controllers::ControlOutput control(const DeviceState& state, bool has_gap,
                                                    const Interaction* interaction,
-                                                   const Vector3& asked_newton) noexcept;
+                                                   const Vector3& asked_newton,
+                                                   double stored_joule) noexcept;
   [[nodiscard]] Vector3 recovering(const Vector3& force_newton, TimePoint now) noexcept;
   [[nodiscard]] Vector3 faded(const Vector3& force_newton, TimePoint now) noexcept;
 
@@ -73,6 +78,7 @@ class MofcNode {
   std::uint64_t session_id_;
   std::unique_ptr<controllers::ForceController> controller_;
   VelocityEstimator velocity_;
+  ModelHandover handover_;
 
   ForceCommand command_;
   ToolMotion motion_;

@@ -4,10 +4,11 @@
 
 namespace palpate::physics {
 
-PhysicsNode::PhysicsNode(const SceneConfig& scene, const Clock& clock, Inbox<ToolMotion>& motion_in,
-                         Sender<Interaction>& interaction_out, TickSink<PhysicsTick>& ticks_out,
-                         std::uint64_t session_id)
-    : scene_(scene),
+PhysicsNode::PhysicsNode(const SceneConfig& scene, double reach_m, const Clock& clock,
+                         Inbox<ToolMotion>& motion_in, Sender<Interaction>& interaction_out,
+                         TickSink<PhysicsTick>& ticks_out, std::uint64_t session_id)
+    : scene_(scene, reach_m),
+      memory_(scene_.new_memory()),
       clock_(clock),
       motion_in_(motion_in),
       interaction_out_(interaction_out),
@@ -29,8 +30,10 @@ void PhysicsNode::step(const Tick& tick) noexcept {
   motions_answered_ = counters_.tool_motion.accepted;
   const ToolMotion& motion = received->value;
 
-  const SceneForce force =
-      scene_.evaluate(motion.tool_position_world_m, motion.tool_velocity_world_m_per_s);
+  const double time_s = to_seconds(tick.now.time_since_epoch());
+  scene_.remember(memory_, motion.tool_position_world_m, time_s);
+  const SceneForce force = scene_.evaluate(motion.tool_position_world_m,
+                                           motion.tool_velocity_world_m_per_s, time_s, memory_);
 
   // send: hop 3. What the link does not take shows as skipped at the receiver.
   Interaction interaction;
@@ -43,6 +46,7 @@ void PhysicsNode::step(const Tick& tick) noexcept {
   interaction.force_on_tool_newton = force.force_on_tool_newton;
   interaction.stored_energy_joule = force.stored_energy_joule;
   interaction.contacts = force.contacts;
+  interaction.listed_count = force.listed_count;
   interaction.contact_count = force.contact_count;
   interaction_out_.send(interaction);
 

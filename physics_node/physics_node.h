@@ -7,7 +7,8 @@
 // Before the first motion: sends nothing.
 // No new motion since the last step: the force for the newest one is sent again under a fresh
 // header, so mofc_node can tell a slow hand from dead physics.
-// Motion from a restarted mofc_node: accepted at once; nothing is kept from one step to the next.
+// Motion from a restarted mofc_node: accepted at once. What is kept from one step to the next is
+// how far tissue has relaxed. Where moving tissue is comes from this node's clock.
 // Thread: everything runs on the caller's thread. step() is real-time safe.
 #pragma once
 
@@ -27,10 +28,10 @@ namespace palpate::physics {
 class PhysicsNode {
  public:
   /// Everything handed in by reference must outlive the node.
-  /// @param session_id  random, not 0
-  PhysicsNode(const SceneConfig& scene, const Clock& clock, Inbox<ToolMotion>& motion_in,
-              Sender<Interaction>& interaction_out, TickSink<PhysicsTick>& ticks_out,
-              std::uint64_t session_id);
+  /// @param reach_m  how near a tissue is described before it is touched   @param session_id ≠ 0
+  PhysicsNode(const SceneConfig& scene, double reach_m, const Clock& clock,
+              Inbox<ToolMotion>& motion_in, Sender<Interaction>& interaction_out,
+              TickSink<PhysicsTick>& ticks_out, std::uint64_t session_id);
 
   /// Newest motion → force → hop 3. Called at the physics rate, or on arrival (has_new_motion).
   /// No allocation, no lock, no throw.
@@ -46,6 +47,7 @@ class PhysicsNode {
   void count_turn(const Tick& tick) noexcept;
 
   Scene scene_;
+  TissueMemory memory_;
   const Clock& clock_;
   Inbox<ToolMotion>& motion_in_;
   Sender<Interaction>& interaction_out_;

@@ -42,7 +42,7 @@ void run_process(NodeContext& context, ProcessLinks& links) {
   publisher.on_pump = [&](TimePoint now) { refused.note(now); };
   publisher.start();
 
-  PhysicsNode node(session.scene, context.clock, motion_in, interaction_out, ticks,
+  PhysicsNode node(session.scene, model_reach_m(session), context.clock, motion_in, interaction_out, ticks,
                    context.session_id);
   const auto step = [&](const Tick& tick) {
     node.step(tick);

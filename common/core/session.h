@@ -130,6 +130,11 @@ struct HandConfig {
 
 enum class ControllerKind : std::uint8_t { kNone, kMofc };
 enum class MofcMode : std::uint8_t { kPaper, kVector, kGuard };
+/// What is made of an Interaction until the next one comes.
+enum class InteractionUse : std::uint8_t {
+  kLocal,  ///< its local contact model, evaluated at the device's rate
+  kHeld,   ///< its force, held
+};
 
 /// Mode guard: what is assumed of the hand, and how far credit may grow.
 struct GuardConfig {
@@ -145,7 +150,9 @@ struct MofcConfig {
   GuardConfig guard;
   Duration wait_for_physics{};  ///< 0: never wait; else answer from the Interaction of this tick
   Duration delta_max{};         ///< longest time from the reading to the switch; not in mode paper
-  Duration stale_after{};       ///< silence on hop 3 after which the force fades
+  InteractionUse interaction = InteractionUse::kLocal;
+  double handover_newton_per_s = 100.0;  ///< fastest change that a new contact model alone may make
+  Duration stale_after{};                ///< silence on hop 3 after which the force fades
   Duration fade{};
   Duration velocity_time_constant{};  ///< low-pass of the velocity estimate; 0: backward difference
 };
@@ -168,19 +175,41 @@ struct BoxGeometry {
 };
 using Geometry = std::variant<HalfSpaceGeometry, SphereGeometry, BoxGeometry>;
 
-/// The paper's tissue: force along the normal k·p + b·ṗ for penetration p > 0.
+/// A ball of other stiffness and damping inside a tissue, such as a tumour; the change is smooth.
+struct InclusionConfig {
+  Vector3 center_m = Vector3::Zero();
+  double radius_m = 0.005;      ///< where the change is half done
+  double transition_m = 0.002;  ///< thickness of the shell in which it happens
+  double stiffness_newton_per_m = 0.0;
+  double damping_newton_s_per_m = 0.0;
+};
+
+/// The paper's tissue: force along the normal k·p + b·ṗ for penetration p > 0; and what soft tissue
+/// does besides.
 struct KelvinVoigtMaterial {
-  double stiffness_newton_per_m = 500.0;  ///< k
-  double damping_newton_s_per_m = 0.0;    ///< b
-  bool is_damping_isotropic = false;      ///< b acts on the tangential motion too
-  bool is_adhesive = false;               ///< may pull while p > 0
+  double stiffness_newton_per_m = 500.0;         ///< k
+  double damping_newton_s_per_m = 0.0;           ///< b
+  bool is_damping_isotropic = false;             ///< b acts on the tangential motion too
+  bool is_adhesive = false;                      ///< may pull while p > 0
+  double stiffening_newton_per_m3 = 0.0;         ///< k₃: adds k₃ p³
+  double relaxing_stiffness_newton_per_m = 0.0;  ///< k₁: adds k₁ (p − z), τ ż = p − z
+  double relaxation_time_s = 0.0;                ///< τ
+  std::vector<InclusionConfig> inclusions{};
 };
 using Material = std::variant<KelvinVoigtMaterial>;
+
+/// The tissue goes to and fro as a whole, as with breath or pulse: a sin(2πft + φ).
+struct TissueMotionConfig {
+  Vector3 amplitude_m = Vector3::Zero();
+  double frequency_hz = 0.0;
+  double phase_rad = 0.0;
+};
 
 struct TissueConfig {
   std::string name;
   Geometry geometry;
   Material material;
+  TissueMotionConfig motion{};
 };
 
 struct SceneConfig {
@@ -190,6 +219,7 @@ struct SceneConfig {
 
 struct PhysicsConfig {
   double rate_hz = 1000.0;
+  double reach_m = 0.05;  ///< tissues this near to the tip are described before they are touched
 };
 
 struct ViewerConfig {
@@ -219,6 +249,12 @@ struct Session {
   ViewerConfig viewer;
   FaultsConfig faults;
 };
+
+/// How near a tissue is described before it is touched [m]: nobody asks for it where forces are
+/// held.
+[[nodiscard]] inline double model_reach_m(const Session& session) {
+  return session.mofc.interaction == InteractionUse::kLocal ? session.physics.reach_m : 0.0;
+}
 
 /// Seed of one random stream of a session: different for every `stream` name, same on every run.
 [[nodiscard]] std::uint64_t stream_seed(std::uint64_t session_seed, const char* stream);

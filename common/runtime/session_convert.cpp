@@ -409,6 +409,12 @@ MofcConfig to_mofc(const Fields& fields, const v1::Mofc& written, double wait_fo
   config.fade = milliseconds(fields.number("fade_ms", 50.0, above(0), "leave it out for 50 ms"));
   config.velocity_time_constant = milliseconds(fields.number(
       "velocity_time_constant_ms", 0.0, at_least(0), "give 0 for the backward difference"));
+  if (!v1::Mofc::Interaction_IsValid(written.interaction())) {
+    fields.problem("interaction", "must be local or held");
+  }
+  if (written.interaction() == v1::Mofc::held) config.interaction = InteractionUse::kHeld;
+  config.handover_newton_per_s =
+      fields.number("handover_newton_per_s", 100.0, above(0), "leave it out for 100 N/s");
   config.delta_max = milliseconds(fields.number("delta_max_ms", 1e3 * to_seconds(reply),
                                                 at_least(0), "leave it out for device.reply_us"));
   return config;
@@ -454,13 +460,39 @@ Material to_material(const Fields& tissue) {
     return {};
   }
   const Fields fields = tissue.message("kelvin_voigt");
-  return KelvinVoigtMaterial{
+  KelvinVoigtMaterial material{
       .stiffness_newton_per_m = fields.required_number("stiffness_newton_per_m", at_least(0),
                                                        "give k, e.g. 500 for firm tissue"),
       .damping_newton_s_per_m =
           fields.number("damping_newton_s_per_m", 0.0, at_least(0), "give b, 0 for none"),
       .is_damping_isotropic = fields.flag("isotropic_damping"),
-      .is_adhesive = fields.flag("adhesive")};
+      .is_adhesive = fields.flag("adhesive"),
+      .stiffening_newton_per_m3 =
+          fields.number("stiffening_newton_per_m3", 0.0, at_least(0), "give 0 for a linear law"),
+      .relaxing_stiffness_newton_per_m =
+          fields.number("relaxing_stiffness_newton_per_m", 0.0, at_least(0), "give 0 for none"),
+      .relaxation_time_s =
+          1e-3 * fields.number("relaxation_time_ms", 200.0, above(0), "leave it out for 200 ms")};
+  for (const Fields& ball : fields.messages("inclusion")) {
+    material.inclusions.push_back(
+        {.center_m = ball.vector("center_m", Vector3::Zero()),
+         .radius_m = ball.required_number("radius_m", above(0), "give the radius in m"),
+         .transition_m = ball.number("transition_m", 0.002, above(0), "leave it out for 2 mm"),
+         .stiffness_newton_per_m = ball.required_number("stiffness_newton_per_m", at_least(0),
+                                                        "give k, e.g. 1500 for a hard lump"),
+         .damping_newton_s_per_m =
+             ball.number("damping_newton_s_per_m", material.damping_newton_s_per_m, at_least(0),
+                         "leave it out for the tissue's own")});
+  }
+  return material;
+}
+
+TissueMotionConfig to_motion(const Fields& tissue) {
+  if (!tissue.has("motion")) return {};
+  const Fields fields = tissue.message("motion");
+  return {.amplitude_m = fields.vector("amplitude_m", Vector3::Zero()),
+          .frequency_hz = fields.required_number("frequency_hz", above(0), "e.g. 0.25 for breath"),
+          .phase_rad = fields.number("phase_rad", 0.0, anything(), "give 0")};
 }
 
 SceneConfig to_scene(const Fields& fields) {
@@ -477,7 +509,8 @@ SceneConfig to_scene(const Fields& fields) {
     }
     config.tissues.push_back({.name = std::move(name),
                               .geometry = to_geometry(tissue),
-                              .material = to_material(tissue)});
+                              .material = to_material(tissue),
+                              .motion = to_motion(tissue)});
   }
   return config;
 }
@@ -572,6 +605,8 @@ Session to_session(const SessionText& text, const std::filesystem::path& base_di
   session.faults = to_faults(fields.message("faults"));
   session.physics.rate_hz = fields.message("physics").number(
       "rate_hz", session.physics.rate_hz, between(1, 10000), "give the physics steps per second");
+  session.physics.reach_m = fields.message("physics").number(
+      "reach_m", session.physics.reach_m, between(0, 1), "leave it out for 0.05 m");
   session.viewer.status_interval = milliseconds(fields.message("viewer").number(
       "status_interval_ms", 500.0, at_least(50), "leave it out for 500"));
   session.hand = to_hand(fields.message("hand"), base_dir, problems);

@@ -40,6 +40,9 @@ class Tamperer {
     }
     interaction.force_on_tool_newton = force;
     interaction.stored_energy_joule = kHostileStoreJoule;
+    interaction.contact_count = interaction.listed_count = 1;
+    interaction.contacts[0] =
+        law_ == Physics::kActiveTissue ? active_tissue() : force_everywhere(force);
   }
 
  private:
@@ -48,8 +51,27 @@ class Tamperer {
     interaction.header.session_id += static_cast<std::uint64_t>(t_s / 0.9);
   }
 
+  static Contact force_everywhere(const Vector3& force_newton) {
+    return {.penetration_m = 1.0,
+            .elastic_force_on_tool_newton = force_newton,
+            .stored_energy_joule = kHostileStoreJoule,
+            .is_adhesive = true,
+            .trust_radius_m = 1.0,
+            .force_on_tool_newton = force_newton};
+  }
+
+  static Contact active_tissue() {
+    return {.penetration_m = 1.0,
+            .d_force_d_position = 2000.0 * Matrix3::Identity(),
+            .d_force_d_velocity = 100.0 * Matrix3::Identity(),
+            .stored_energy_joule = kHostileStoreJoule,
+            .is_adhesive = true,
+            .trust_radius_m = 1.0};
+  }
+
   void change_law(double t_s) {
-    constexpr Physics kLaws[] = {Physics::kHonest, Physics::kSquareWave, Physics::kPushAlong};
+    constexpr Physics kLaws[] = {Physics::kHonest, Physics::kSquareWave, Physics::kPushAlong,
+                                 Physics::kActiveTissue};
     law_ = kLaws[random_.below(std::size(kLaws))];
     until_s_ = t_s + random_.uniform(0.005, 0.5);
   }
@@ -219,6 +241,11 @@ AdverseRun random_adverse_run(std::uint64_t seed) {
   if (random.chance(0.5)) set("mofc.guard_settings.gate_joule", log_uniform(1e-4, 1e3));
   if (random.chance(0.3)) set("mofc.guard_settings.gate_recovery_ms", log_uniform(1.0, 5000.0));
 
+  // what is made of an Interaction: a hand-over so quick that it softens nothing, or the default
+  run.overrides.push_back(
+      fmt::format("mofc.interaction={}", random.chance(0.4) ? "held" : "local"));
+  if (random.chance(0.7)) set("mofc.handover_newton_per_s", log_uniform(100.0, 1e6));
+
   // scene and physics
   const double physics_hz[] = {1000, 50, 50, 200, 3000};
   set("physics.rate_hz", physics_hz[random.below(std::size(physics_hz))]);
@@ -227,9 +254,9 @@ AdverseRun random_adverse_run(std::uint64_t seed) {
       random.chance(0.3) ? 0.0 : log_uniform(1.0, 300.0));
   run.overrides.push_back(
       fmt::format("scene.tissue[0].kelvin_voigt.adhesive={}", random.chance(0.5)));
-  const Physics laws[] = {Physics::kHonest,    Physics::kHonest,      Physics::kSquareWave,
-                          Physics::kPushAlong, Physics::kNewSessions, Physics::kEverything,
-                          Physics::kEverything};
+  const Physics laws[] = {Physics::kHonest,     Physics::kHonest,      Physics::kSquareWave,
+                          Physics::kPushAlong,  Physics::kNewSessions, Physics::kActiveTissue,
+                          Physics::kEverything, Physics::kEverything};
   run.physics = laws[random.below(std::size(laws))];
 
   // network: each hop by itself

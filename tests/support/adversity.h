@@ -14,11 +14,12 @@ namespace palpate::test {
 /// What physics says of the force, and of the energy in store.
 enum class Physics : std::uint8_t {
   kHonest,
-  kSquareWave,   ///< ± more than the peak, in random directions, turning every 1 … 50 ms
-  kPushAlong,    ///< more than the peak along the motion last measured: worst sign of velocity
-  kNotANumber,   ///< every third answer is NaN, the others push along
-  kNewSessions,  ///< honest, but killed and restarted: a new session every 0.9 s
-  kEverything,   ///< any of the above force laws, changing at random times
+  kSquareWave,    ///< ± more than the peak, in random directions, turning every 1 … 50 ms
+  kPushAlong,     ///< more than the peak along the motion last measured: worst sign of velocity
+  kNotANumber,    ///< every third answer is NaN, the others push along
+  kActiveTissue,  ///< a contact model that pushes along any motion, and the more the further
+  kNewSessions,   ///< honest, but killed and restarted: a new session every 0.9 s
+  kEverything,    ///< any of the above force laws, changing at random times
 };
 
 /// One run. The session's own `faults` are the network.

@@ -30,6 +30,7 @@ class MofcNodeTest : public testing::Test {
   static MofcConfig mofc_config() {
     MofcConfig config;
     config.controller = ControllerKind::kNone;
+    config.interaction = InteractionUse::kHeld;
     config.stale_after = 6ms;
     config.fade = 50ms;
     return config;
@@ -323,6 +324,124 @@ TEST_F(MofcNodeGuards, AGapInTheDeviceStatesEmptiesTheLedger) {
 
 // --- real time ------------------------------------------------------------------------------
 
+// --- interaction: local -------------------------------------------------------------------------
+
+class MofcNodeLocal : public MofcNodeTest {
+ protected:
+  static MofcConfig local_config() {
+    MofcConfig config = mofc_config();
+    config.interaction = InteractionUse::kLocal;
+    config.handover_newton_per_s = 1e6;  // at once: 1000 N in a tick of 1 ms
+    return config;
+  }
+  explicit MofcNodeLocal(const MofcConfig& config = local_config()) : MofcNodeTest(config) {}
+
+  // A floor at z = 0 of 400 N/m and 20 N·s/m, seen from `tool_m` at the present instant.
+  void physics_describes(const Vector3& tool_m, double stiffness = 400.0) {
+    Interaction interaction;
+    interaction.header = {9, physics_sequence_++, clock_.now()};
+    interaction.device_session_id = 1;
+    interaction.device_sequence = sequence_;
+    interaction.device_sampled_at = clock_.now();
+    interaction.tool_position_world_m = tool_m;
+    interaction.listed_count = 1;
+    interaction.contacts[0] = {
+        .penetration_m = -tool_m.z(),
+        .elastic_force_on_tool_newton = Vector3(0, 0, -stiffness * tool_m.z()),
+        .d_force_d_position = Vector3(0, 0, -stiffness).asDiagonal(),
+        .d_force_d_velocity = Vector3(0, 0, -20.0).asDiagonal(),
+        .trust_radius_m = 1.0};
+    ASSERT_EQ(interaction_link_.send(interaction), SendResult::kSent);
+  }
+
+  // Two ticks under an honest physics: the first has no time in which the force could rise.
+  ForceCommand touched_at(double z_m) {
+    position_m_ = {0, 0, z_m};
+    physics_describes(position_m_);
+    tick();
+    clock_.advance(1ms);
+    physics_describes(position_m_);
+    return tick();
+  }
+};
+
+// Described 3 mm above the floor, then 2 mm deep, 5 mm in 5 ms: 400·2 mm + 20·1 m/s.
+TEST_F(MofcNodeLocal, FeelsAContactThatBeginsBetweenTwoMessages) {
+  EXPECT_EQ(touched_at(0.003).force_on_hand_newton, Vector3::Zero());
+  EXPECT_EQ(records_.ticks.back().state, MofcState::kFree);
+
+  clock_.advance(5ms);  // shorter than the silence that is too long
+  position_m_ = {0, 0, -0.002};
+  const ForceCommand command = tick();
+
+  EXPECT_NEAR(command.force_on_hand_newton.z(), 0.8 + 20.0 * 1.0, 1e-9);
+  EXPECT_EQ(records_.ticks.back().state, MofcState::kContact);
+  EXPECT_TRUE(records_.ticks.back().is_in_contact);
+}
+
+TEST_F(MofcNodeLocal, LetsGoBetweenTwoMessages) {
+  EXPECT_NEAR(touched_at(-0.002).force_on_hand_newton.z(), 0.8, 1e-12);
+
+  clock_.advance(1ms);
+  position_m_ = {0, 0, 0.001};
+  EXPECT_EQ(tick().force_on_hand_newton, Vector3::Zero());
+  EXPECT_FALSE(records_.ticks.back().is_in_contact);
+}
+
+TEST_F(MofcNodeLocal, FadesAModelThatIsTooOldHoweverTheHandMoves) {
+  touched_at(-0.002);
+  clock_.advance(7ms);  // stale after 6
+  const double declared = tick().force_on_hand_newton.norm();
+  clock_.advance(10ms);
+  position_m_ = {0, 0, -0.02};  // ten times the force, says the model
+
+  const double newton = tick().force_on_hand_newton.norm();
+
+  EXPECT_GT(newton, 0.0);
+  EXPECT_LT(newton, declared);
+}
+
+TEST_F(MofcNodeLocal, AsksForNothingWhileClutchedAndStartsAgainFromTheNewModel) {
+  position_m_ = {0, 0, -0.002};
+  physics_describes(position_m_);
+  is_clutched_ = true;
+  EXPECT_EQ(tick().force_on_hand_newton, Vector3::Zero());
+  EXPECT_EQ(records_.ticks.back().state, MofcState::kClutched);
+
+  is_clutched_ = false;
+  clock_.advance(1ms);
+  EXPECT_NEAR(tick().force_on_hand_newton.z(), 0.8, 1e-12);
+}
+
+class MofcNodeSlowHandover : public MofcNodeLocal {
+ protected:
+  static MofcConfig slow_config() {
+    MofcConfig config = local_config();
+    config.handover_newton_per_s = 100.0;
+    return config;
+  }
+  MofcNodeSlowHandover() : MofcNodeLocal(slow_config()) {}
+};
+
+// The tissue turns out to be 400 N/m stiffer, 2 mm deep: +0.8 N at 100 N/s takes 8 ticks of 1 ms.
+TEST_F(MofcNodeSlowHandover, CrossesOverToAnotherModelAtTheAgreedRate) {
+  position_m_ = {0, 0, -0.002};
+  for (int i = 0; i < 20; ++i) {  // 0.8 N from nothing takes 8 ticks too
+    physics_describes(position_m_);
+    tick();
+    clock_.advance(1ms);
+  }
+  double before = 0.8;
+  for (int i = 1; i <= 10; ++i) {
+    physics_describes(position_m_, 800.0);
+    const double newton = tick().force_on_hand_newton.z();
+    EXPECT_NEAR(newton, std::min(1.6, 0.8 + 0.1 * i), 1e-9) << i;
+    EXPECT_LE(newton - before, 0.1 + 1e-12);
+    before = newton;
+    clock_.advance(1ms);
+  }
+}
+
 class MofcNodeInMode : public testing::TestWithParam<MofcMode> {};
 
 // Free motion, contact, clamp, fade after silence, a gap, a force that ran out, a restarted physics
@@ -373,6 +492,14 @@ TEST_P(MofcNodeInMode, AnswerAndFinishTurnDoNotAllocate) {
       interaction.force_on_tool_newton = Vector3(0, 0, 2'000.0 * depth_m);
       interaction.stored_energy_joule = 1'000.0 * depth_m * depth_m;
       interaction.contact_count = depth_m > 0.0 ? 1 : 0;
+      interaction.tool_position_world_m = s.tool_position_world_m;
+      interaction.listed_count = 1;
+      interaction.contacts[0] = {
+          .penetration_m = -s.hand_position_m.z(),
+          .curvature_per_m = Vector3(20, 20, 0).asDiagonal(),
+          .elastic_force_on_tool_newton = Vector3(0, 0, -2'000.0 * s.hand_position_m.z()),
+          .d_force_d_position = Vector3(0, 0, -2'000.0).asDiagonal(),
+          .trust_radius_m = 0.001};
       interactions.send(interaction);
     }
 

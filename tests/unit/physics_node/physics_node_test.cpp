@@ -46,7 +46,7 @@ SceneConfig floor_and_far_sphere() {
 
 struct Bench {
   explicit Bench(const SceneConfig& scene = floor_and_far_sphere())
-      : node(scene, clock, inbox, interactions, ticks, kPhysicsSession) {}
+      : node(scene, 0.05, clock, inbox, interactions, ticks, kPhysicsSession) {}
 
   void send_motion(double z_m, std::uint64_t mofc_session = 5) {
     ToolMotion motion;
@@ -225,7 +225,8 @@ TEST(PhysicsNode, LeavesARecordOfEveryStep) {
 TEST(PhysicsNode, TakesItsComputeTimeFromTheClockHandedIn) {
   Bench bench;
   BusyClock busy;
-  PhysicsNode node(floor_and_far_sphere(), busy, bench.inbox, bench.interactions, bench.ticks, 1);
+  PhysicsNode node(floor_and_far_sphere(), 0.05, busy, bench.inbox, bench.interactions, bench.ticks,
+                   1);
   bench.send_motion(-0.01);
 
   const TimePoint now = busy.now();

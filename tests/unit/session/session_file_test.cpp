@@ -381,7 +381,7 @@ TEST(SessionFile, UnknownFieldsAreAllToldBeforeASyntaxError) {
 
 TEST(SessionFile, FieldLikeNoOtherGetsTheListOfFields) {
   EXPECT_THAT(complaints("name: \"x\" physics { quality: 3 }").at(1),
-              EndsWith("physics.quality: no such field; it has rate_hz"));
+              EndsWith("physics.quality: no such field; it has rate_hz, reach_m"));
 }
 
 TEST(SessionFile, FieldGivenTwiceIsRefused) {

@@ -18,7 +18,13 @@ using ::testing::StartsWith;
 constexpr const char* kSession = R"(
   name: "x"
   hand { press { until_s: 1 } }
-  scene { tissue { sphere { radius_m: 1 } kelvin_voigt { stiffness_newton_per_m: 5 } } }
+  scene {
+    tissue {
+      sphere { radius_m: 1 }
+      kelvin_voigt { stiffness_newton_per_m: 5 inclusion { radius_m: 1 stiffness_newton_per_m: 5 } }
+      motion { frequency_hz: 1 }
+    }
+  }
   faults {
     device_state  { outage { until_s: 1 } stall { until_s: 1 } freeze { until_s: 1 } }
     force_command { outage { until_s: 1 } stall { until_s: 1 } freeze { until_s: 1 } }
