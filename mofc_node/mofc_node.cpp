@@ -13,6 +13,22 @@ using controllers::AppliedStretch;
 using controllers::ControlOutput;
 using controllers::MofcParameters;
 
+namespace {
+
+/// Time average of the force on the hand since the reading before; 0 without an echo.
+Vector3 mean_applied_newton(const DeviceState& state) noexcept {
+  Vector3 impulse = Vector3::Zero();
+  double duration_s = 0.0;
+  for (std::uint32_t i = 0; i < state.applied_count; ++i) {
+    const double stretch_s = to_seconds(state.applied[i].until - state.applied[i].from);
+    impulse += stretch_s * state.applied[i].force_on_hand_newton;
+    duration_s += stretch_s;
+  }
+  return duration_s > 0.0 ? Vector3(impulse / duration_s) : Vector3(Vector3::Zero());
+}
+
+}  // namespace
+
 std::unique_ptr<controllers::ForceController> make_controller(const MofcConfig& mofc,
                                                               const DeviceConfig& device) {
   const DeviceProfile& profile = device.profile;
@@ -51,7 +67,10 @@ MofcNode::MofcNode(const MofcConfig& mofc, const DeviceConfig& device, const Clo
       ticks_(ticks),
       session_id_(session_id),
       controller_(make_controller(mofc, device)),
-      velocity_(mofc.velocity_time_constant) {}
+      velocity_(make_velocity_estimator(
+          mofc.velocity_estimator,
+          device.profile.position_resolution_m * device.workspace.scale_ratio,
+          device.workspace.scale_ratio)) {}
 
 ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
   const DeviceState& state = received.value;
@@ -124,7 +143,7 @@ MofcCounters MofcNode::counters() const noexcept {
 
 void MofcNode::begin_device_session() noexcept {
   controller_->reset();
-  velocity_.reset();
+  velocity_->reset();
   has_asked_before_ = false;
   ++counters_.ledger_resets;
 }
@@ -153,7 +172,8 @@ void MofcNode::note_echo(const DeviceState& state) noexcept {
 }
 
 void MofcNode::relay(const DeviceState& state) noexcept {
-  const Vector3 velocity = velocity_.update(state.tool_position_world_m, state.header.sampled_at);
+  const Vector3 velocity = velocity_->update(state.tool_position_world_m, state.header.sampled_at,
+                                             mean_applied_newton(state));
   if (motion_.header.session_id != 0) ++motion_.header.sequence;
   motion_.header.session_id = session_id_;
   motion_.header.sampled_at = clock_.now();

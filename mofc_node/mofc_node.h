@@ -72,7 +72,7 @@ class MofcNode {
   TickSink<MofcTick>& ticks_;
   std::uint64_t session_id_;
   std::unique_ptr<controllers::ForceController> controller_;
-  VelocityEstimator velocity_;
+  std::unique_ptr<VelocityEstimator> velocity_;
 
   ForceCommand command_;
   ToolMotion motion_;

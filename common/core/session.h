@@ -139,6 +139,26 @@ struct GuardConfig {
   Duration gate_recovery = std::chrono::milliseconds(500);  ///< t_rec
 };
 
+/// Backward difference, then a low-pass.
+struct DifferenceVelocity {
+  Duration time_constant{};  ///< 0: none
+};
+/// First-order adaptive windowing, then a low-pass.
+struct AdaptiveWindowVelocity {
+  Duration max_window = std::chrono::milliseconds(20);
+  bool is_best_fit = true;   ///< else the line through the window's ends
+  Duration time_constant{};  ///< 0: none
+};
+struct KalmanVelocity {
+  enum class Model : std::uint8_t { kConstantVelocity, kConstantAcceleration };
+  Model model = Model::kConstantVelocity;
+  double noise_density = 1.0;   ///< of the acceleration, m²/s³, or of the jerk, m²/s⁵
+  double moving_mass_kg = 0.0;  ///< that the motors' force moves; 0: their force is not used
+};
+/// How the tool's velocity is estimated: mofc_node/velocity_estimator.h.
+using VelocityEstimatorConfig =
+    std::variant<DifferenceVelocity, AdaptiveWindowVelocity, KalmanVelocity>;
+
 struct MofcConfig {
   ControllerKind controller = ControllerKind::kMofc;
   MofcMode mode = MofcMode::kGuard;
@@ -147,7 +167,7 @@ struct MofcConfig {
   Duration delta_max{};         ///< longest time from the reading to the switch; not in mode paper
   Duration stale_after{};       ///< silence on hop 3 after which the force fades
   Duration fade{};
-  Duration velocity_time_constant{};  ///< low-pass of the velocity estimate; 0: backward difference
+  VelocityEstimatorConfig velocity_estimator;
 };
 
 // --- scene ------------------------------------------------------------------------------------

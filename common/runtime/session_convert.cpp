@@ -381,6 +381,42 @@ GuardConfig to_guard(const Fields& fields) {
   return config;
 }
 
+VelocityEstimatorConfig to_velocity_estimator(const Fields& fields) {
+  const auto time_constant = [](const Fields& estimator) {
+    return milliseconds(
+        estimator.number("time_constant_ms", 0.0, at_least(0), "give 0 for no low-pass"));
+  };
+  const auto kalman = [](const Fields& estimator, KalmanVelocity config, const char* density) {
+    config.noise_density = estimator.number(density, config.noise_density, above(0),
+                                            "more answers faster, less is smoother");
+    config.moving_mass_kg =
+        estimator.number("moving_mass_kg", config.moving_mass_kg, at_least(0),
+                         "give the mass of device and hand, 0 not to use the motors' force");
+    return config;
+  };
+  const std::string kind = fields.given_member("estimator");
+  if (kind == "adaptive_window") {
+    const Fields window = fields.message("adaptive_window");
+    AdaptiveWindowVelocity config;
+    config.max_window = milliseconds(window.number(
+        "max_window_ms", 1e3 * to_seconds(config.max_window), above(0), "leave it out for 20"));
+    config.is_best_fit = !window.flag("end_fit");
+    config.time_constant = time_constant(window);
+    return config;
+  }
+  if (kind == "kalman_velocity") {
+    return kalman(fields.message("kalman_velocity"), KalmanVelocity{},
+                  "acceleration_density_m2_per_s3");
+  }
+  if (kind == "kalman_acceleration") {
+    return kalman(fields.message("kalman_acceleration"),
+                  KalmanVelocity{.model = KalmanVelocity::Model::kConstantAcceleration,
+                                 .noise_density = 100.0},
+                  "jerk_density_m2_per_s5");
+  }
+  return DifferenceVelocity{.time_constant = time_constant(fields.message("difference"))};
+}
+
 MofcConfig to_mofc(const Fields& fields, const v1::Mofc& written, double wait_for_physics_ms,
                    double physics_rate_hz, Duration interaction_jitter, Duration reply) {
   MofcConfig config;
@@ -407,8 +443,7 @@ MofcConfig to_mofc(const Fields& fields, const v1::Mofc& written, double wait_fo
   }
   config.stale_after = milliseconds(stale_after_ms);
   config.fade = milliseconds(fields.number("fade_ms", 50.0, above(0), "leave it out for 50 ms"));
-  config.velocity_time_constant = milliseconds(fields.number(
-      "velocity_time_constant_ms", 0.0, at_least(0), "give 0 for the backward difference"));
+  config.velocity_estimator = to_velocity_estimator(fields.message("velocity_estimator"));
   config.delta_max = milliseconds(fields.number("delta_max_ms", 1e3 * to_seconds(reply),
                                                 at_least(0), "leave it out for device.reply_us"));
   return config;

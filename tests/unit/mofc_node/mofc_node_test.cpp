@@ -340,7 +340,7 @@ TEST_P(MofcNodeInMode, AnswerAndFinishTurnDoNotAllocate) {
                     .delta_max = 500us,
                     .stale_after = 6ms,
                     .fade = 50ms,
-                    .velocity_time_constant = 5ms};
+                    .velocity_estimator = DifferenceVelocity{.time_constant = 5ms}};
   DeviceConfig device;
   device.lease = 2ms;
   device.reply = 500us;

@@ -241,7 +241,7 @@ const Rule kRules[] = {
     {"mofc.stale_after_ms", {"0"}, {}, "must be > 0"},
     {"mofc.stale_after_ms", {"0.9"}, {"1"}, "must be ≥ 1 period of physics.rate_hz, 1 ms"},
     {"mofc.fade_ms", {"0"}, {"0.1"}, "must be > 0"},
-    {"mofc.velocity_time_constant_ms", {"-1"}, {"0"}, "must be ≥ 0"},
+    {"mofc.velocity_estimator.difference.time_constant_ms", {"-1"}, {"0"}, "must be ≥ 0"},
     {"physics.rate_hz", {"0.9", "10001"}, {"1", "10000"}, "must be 1 … 10000"},
 
     {"scene.tool.tip_radius_m", {"-1"}, {"0"}, "must be ≥ 0"},
