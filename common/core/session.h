@@ -151,9 +151,10 @@ struct AdaptiveWindowVelocity {
 };
 struct KalmanVelocity {
   enum class Model : std::uint8_t { kConstantVelocity, kConstantAcceleration };
-  Model model = Model::kConstantVelocity;
-  double noise_density = 1.0;   ///< of the acceleration, m²/s³, or of the jerk, m²/s⁵
-  double moving_mass_kg = 0.0;  ///< that the motors' force moves; 0: their force is not used
+  Model model = Model::kConstantAcceleration;
+  double noise_density =
+      10.0;  ///< of the jerk, m²/s⁵; of the acceleration, m²/s³, if constant velocity
+  double moving_mass_kg = 0.3;  ///< that the motors' force moves; 0: their force is not used
 };
 /// How the tool's velocity is estimated: mofc_node/velocity_estimator.h.
 using VelocityEstimatorConfig =
@@ -167,7 +168,7 @@ struct MofcConfig {
   Duration delta_max{};         ///< longest time from the reading to the switch; not in mode paper
   Duration stale_after{};       ///< silence on hop 3 after which the force fades
   Duration fade{};
-  VelocityEstimatorConfig velocity_estimator;
+  VelocityEstimatorConfig velocity_estimator = KalmanVelocity{};
 };
 
 // --- scene ------------------------------------------------------------------------------------

@@ -405,16 +405,14 @@ VelocityEstimatorConfig to_velocity_estimator(const Fields& fields) {
     return config;
   }
   if (kind == "kalman_velocity") {
-    return kalman(fields.message("kalman_velocity"), KalmanVelocity{},
+    return kalman(fields.message("kalman_velocity"),
+                  {.model = KalmanVelocity::Model::kConstantVelocity, .noise_density = 0.01},
                   "acceleration_density_m2_per_s3");
   }
-  if (kind == "kalman_acceleration") {
-    return kalman(fields.message("kalman_acceleration"),
-                  KalmanVelocity{.model = KalmanVelocity::Model::kConstantAcceleration,
-                                 .noise_density = 100.0},
-                  "jerk_density_m2_per_s5");
+  if (kind == "difference") {
+    return DifferenceVelocity{.time_constant = time_constant(fields.message("difference"))};
   }
-  return DifferenceVelocity{.time_constant = time_constant(fields.message("difference"))};
+  return kalman(fields.message("kalman_acceleration"), {}, "jerk_density_m2_per_s5");
 }
 
 MofcConfig to_mofc(const Fields& fields, const v1::Mofc& written, double wait_for_physics_ms,

@@ -83,7 +83,8 @@ const Motion kMotions[] = {
     {"V 80 mm/s", "v { tangent { x: 1 y: 0.5 } }", 1.6},
     {"press 20 mm/s", "v { half_width_m: 0 height_m: 0.01 speed_m_per_s: 0.02 }", 1.1},
     {"press 5 mm/s", "v { half_width_m: 0 height_m: 0.005 speed_m_per_s: 0.005 }", 2.1},
-    {"near stop", "sinusoid { amplitude_m { x: 0.0005 z: 0.0015 } frequency_hz { x: 1 z: 1 } }", 3.0},
+    {"near stop", "sinusoid { amplitude_m { x: 0.0005 z: 0.0015 } frequency_hz { x: 1 z: 1 } }",
+     3.0},
     {"sine 0.5 Hz", "sinusoid { amplitude_m { x: 0.003 z: 0.01 } frequency_hz { x: 0.5 z: 0.5 } }",
      4.0},
     {"sine 1 Hz", "sinusoid { amplitude_m { x: 0.003 z: 0.01 } frequency_hz { x: 1 z: 1 } }", 3.0},
@@ -100,8 +101,9 @@ struct Sample {
 
 std::vector<Sample> record(const Motion& motion, double rate_hz) {
   const Session session = parse_session(
-      fmt::format("name: 'motion' device {{ rate_hz: {} }} hand {{ {} }} mofc {{ controller: none }}",
-                  rate_hz, motion.hand),
+      fmt::format(
+          "name: 'motion' device {{ rate_hz: {} }} hand {{ {} }} mofc {{ controller: none }}",
+          rate_hz, motion.hand),
       "velocity_bench");
   std::vector<Sample> samples;
   Lockstep lockstep(session, {}, [&](const viewer::TickRow& row, const IdealState&) {
@@ -163,9 +165,8 @@ Figures judge(const Session& session, const std::vector<Sample>& samples, double
   double travel_m_per_s = 0.0;
   const auto first = static_cast<std::size_t>(kSettle_s * rate_hz);
   for (std::size_t k = first; k < samples.size(); ++k) {
-    travel_m_per_s +=
-        (estimates[k] - estimates[k - 1]).norm() -
-        (samples[k].velocity_m_per_s - samples[k - 1].velocity_m_per_s).norm();
+    travel_m_per_s += (estimates[k] - estimates[k - 1]).norm() -
+                      (samples[k].velocity_m_per_s - samples[k - 1].velocity_m_per_s).norm();
   }
   figures.ripple_watt = 0.5 * kResolution_m * kRigidDamping_newton_s_per_m * travel_m_per_s /
                         to_seconds(samples.back().time - samples[first].time);
@@ -185,12 +186,12 @@ LoopFigures run_loop(const Estimator& estimator, const std::string& tissue, int 
   LoopFigures mean;
   for (int phase = 0; phase < phases; ++phase) {
     const double free_s = 2.0 + 0.0137 * phase;
-    const Session session = load_session(
-        kSessions / (tissue + ".txtpb"),
-        {"device.rate_hz=1000", "device.lease_us=2000", "physics.rate_hz=1000",
-         "mofc.wait_for_physics_ms=0", "mofc.mode=guard",
-         fmt::format("mofc.velocity_estimator={{ {} }}", estimator.session),
-         fmt::format("hand.v.free_motion_s={}", free_s)});
+    const Session session =
+        load_session(kSessions / (tissue + ".txtpb"),
+                     {"device.rate_hz=1000", "device.lease_us=2000", "physics.rate_hz=1000",
+                      "mofc.wait_for_physics_ms=0", "mofc.mode=guard",
+                      fmt::format("mofc.velocity_estimator={{ {} }}", estimator.session),
+                      fmt::format("hand.v.free_motion_s={}", free_s)});
     const RunStatistics s = run_loopback(session, {.seconds = free_s + 2.0}).statistics;
     const double share = 1.0 / phases;
     mean.clamped += share * s.clamp_ratio();
@@ -210,7 +211,8 @@ Session session_with(const Estimator& estimator) {
 void draw(const std::filesystem::path& folder, const std::string& data) {
   std::filesystem::create_directories(folder);
   write_file(folder / "velocity_error_lag.txt", data);
-  write_file(folder / "velocity_error_lag.gp", R"(set terminal svg size 1000,480 dynamic background rgb 'white' font 'sans,13'
+  write_file(folder / "velocity_error_lag.gp",
+             R"(set terminal svg size 1000,480 dynamic background rgb 'white' font 'sans,13'
 set output 'velocity_error_lag.svg'
 set multiplot layout 1,2 title 'Velocity estimators behind a 0.055 mm encoder at 1 kHz'
 set grid
@@ -285,10 +287,12 @@ void run(const BenchOptions& options) {
   }
   table.publish(options);
   std::printf(
-      "\nrms: estimate against the true velocity; × 150 N·s/m in N. Lag: the shift of the truth that"
+      "\nrms: estimate against the true velocity; × 150 N·s/m in N. Lag: the shift of the truth "
+      "that"
       " fits best; noise: rms after it."
       "\nRipple: q/2 · Σ|dF| per second beyond the truth's, at 150 N·s/m: what it costs the ledger."
-      "\nIn the loop: the paper's V, device and physics 1 kHz, mode guard; figures against the ideal"
+      "\nIn the loop: the paper's V, device and physics 1 kHz, mode guard; figures against the "
+      "ideal"
       " force and run.\n");
   if (options.plot_folder.empty()) return;
   std::string data;

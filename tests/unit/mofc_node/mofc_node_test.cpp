@@ -32,6 +32,7 @@ class MofcNodeTest : public testing::Test {
     config.controller = ControllerKind::kNone;
     config.stale_after = 6ms;
     config.fade = 50ms;
+    config.velocity_estimator = DifferenceVelocity{};
     return config;
   }
   static DeviceConfig device_config() {
@@ -340,7 +341,7 @@ TEST_P(MofcNodeInMode, AnswerAndFinishTurnDoNotAllocate) {
                     .delta_max = 500us,
                     .stale_after = 6ms,
                     .fade = 50ms,
-                    .velocity_estimator = DifferenceVelocity{.time_constant = 5ms}};
+                    .velocity_estimator = KalmanVelocity{}};
   DeviceConfig device;
   device.lease = 2ms;
   device.reply = 500us;

@@ -131,7 +131,10 @@ TEST(SessionFile, AlmostEmptySessionHasEveryDefault) {
   EXPECT_EQ(session.mofc.wait_for_physics, 0ms);
   EXPECT_EQ(session.mofc.stale_after, 6ms);
   EXPECT_EQ(session.mofc.fade, 50ms);
-  EXPECT_EQ(session.mofc.velocity_time_constant, 0ms);
+  const auto& velocity = std::get<KalmanVelocity>(session.mofc.velocity_estimator);
+  EXPECT_EQ(velocity.model, KalmanVelocity::Model::kConstantAcceleration);
+  EXPECT_EQ(velocity.noise_density, 10.0);
+  EXPECT_EQ(velocity.moving_mass_kg, 0.3);
 
   EXPECT_EQ(session.physics.rate_hz, 1000.0);
   EXPECT_EQ(session.scene.tip_radius_m, 0.0);
@@ -301,7 +304,7 @@ TEST(SessionFile, ReadsWhatHasNoDefault) {
          realtime { priority: 0 cpu: -1 }
          device { workspace { scale_ratio: 2 force_ratio: 0 offset_m { x: 1 } clutch_button: 3 } }
          hand { press { button: 3 from_s: 1 until_s: 2 } }
-         mofc { controller: none mode: paper velocity_time_constant_ms: 4 fade_ms: 9 })",
+         mofc { controller: none mode: paper fade_ms: 9 })",
       "x.txtpb");
 
   EXPECT_EQ(session.seed, 18446744073709551615u);
@@ -320,8 +323,39 @@ TEST(SessionFile, ReadsWhatHasNoDefault) {
   EXPECT_EQ(session.hand.presses[0].until_s, 2.0);
   EXPECT_EQ(session.mofc.controller, ControllerKind::kNone);
   EXPECT_EQ(session.mofc.mode, MofcMode::kPaper);
-  EXPECT_EQ(session.mofc.velocity_time_constant, 4ms);
   EXPECT_EQ(session.mofc.fade, 9ms);
+}
+
+TEST(SessionFile, ReadsEveryVelocityEstimator) {
+  const auto estimator = [](const std::string& text) {
+    return parse_session("name: 'x' mofc { velocity_estimator { " + text + " } }", "x.txtpb")
+        .mofc.velocity_estimator;
+  };
+  const auto difference =
+      std::get<DifferenceVelocity>(estimator("difference { time_constant_ms: 4 }"));
+  EXPECT_EQ(difference.time_constant, 4ms);
+
+  const auto window = std::get<AdaptiveWindowVelocity>(
+      estimator("adaptive_window { max_window_ms: 9 end_fit: true time_constant_ms: 2 }"));
+  EXPECT_EQ(window.max_window, 9ms);
+  EXPECT_FALSE(window.is_best_fit);
+  EXPECT_EQ(window.time_constant, 2ms);
+  const auto default_window = std::get<AdaptiveWindowVelocity>(estimator("adaptive_window {}"));
+  EXPECT_EQ(default_window.max_window, 20ms);
+  EXPECT_TRUE(default_window.is_best_fit);
+
+  const auto second = std::get<KalmanVelocity>(
+      estimator("kalman_velocity { acceleration_density_m2_per_s3: 0.5 moving_mass_kg: 0 }"));
+  EXPECT_EQ(second.model, KalmanVelocity::Model::kConstantVelocity);
+  EXPECT_EQ(second.noise_density, 0.5);
+  EXPECT_EQ(second.moving_mass_kg, 0.0);
+  EXPECT_EQ(std::get<KalmanVelocity>(estimator("kalman_velocity {}")).noise_density, 0.01);
+
+  const auto third = std::get<KalmanVelocity>(
+      estimator("kalman_acceleration { jerk_density_m2_per_s5: 70 moving_mass_kg: 0.1 }"));
+  EXPECT_EQ(third.model, KalmanVelocity::Model::kConstantAcceleration);
+  EXPECT_EQ(third.noise_density, 70.0);
+  EXPECT_EQ(third.moving_mass_kg, 0.1);
 }
 
 // --- places -----------------------------------------------------------------------------------
