@@ -6,6 +6,7 @@
 #include "mofc_node/controllers/guard_mofc.h"
 #include "mofc_node/controllers/paper_mofc.h"
 #include "mofc_node/controllers/vector_mofc.h"
+#include "mofc_node/motion_deadband.h"
 
 namespace palpate::mofc {
 
@@ -126,9 +127,7 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
 
 void MofcNode::finish_turn() noexcept {
   if (!has_turn_) return;
-  if (!is_motion_sent_ && motion_out_.send(motion_) == SendResult::kDropped) {
-    ++counters_.motions_dropped;
-  }
+  if (!is_motion_sent_) send_motion();
   ticks_.keep(tick_);
   has_turn_ = false;
 }
@@ -174,7 +173,6 @@ void MofcNode::note_echo(const DeviceState& state) noexcept {
 void MofcNode::relay(const DeviceState& state) noexcept {
   const Vector3 velocity = velocity_->update(state.tool_position_world_m, state.header.sampled_at,
                                              mean_applied_newton(state));
-  if (motion_.header.session_id != 0) ++motion_.header.sequence;
   motion_.header.session_id = session_id_;
   motion_.header.sampled_at = clock_.now();
   motion_.device_session_id = state.header.session_id;
@@ -187,9 +185,21 @@ void MofcNode::relay(const DeviceState& state) noexcept {
 
   // normally after the answer (finish_turn); before it only if the answer waits for the physics
   is_motion_sent_ = config_.wait_for_physics.count() > 0;
-  if (is_motion_sent_ && motion_out_.send(motion_) == SendResult::kDropped) {
-    ++counters_.motions_dropped;
+  if (is_motion_sent_) send_motion();
+}
+
+void MofcNode::send_motion() noexcept {
+  if (config_.motion_deadband && has_sent_motion_ &&
+      !is_worth_sending(sent_motion_, motion_, *config_.motion_deadband)) {
+    ++counters_.motions_suppressed;
+    return;
   }
+  motion_.header.sequence = next_motion_sequence_++;
+  const SendResult result = motion_out_.send(motion_);
+  if (result == SendResult::kDropped) ++counters_.motions_dropped;
+  if (result != SendResult::kSent) return;
+  sent_motion_ = motion_;
+  has_sent_motion_ = true;
 }
 
 const Interaction* MofcNode::physics_answer(const DeviceState& state, TimePoint now) noexcept {

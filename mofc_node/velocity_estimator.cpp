@@ -199,12 +199,15 @@ Vector3 KalmanEstimator<Order>::update(const Vector3& position_m, TimePoint t,
   covariance_ = (transition * covariance_ * transition.transpose() + noise_density_ * noise).eval();
 
   // correct: only the position is measured
-  const Eigen::Matrix<double, Order, 1> gain =
-      covariance_.col(0) / (covariance_(0, 0) + measurement_variance_m2_);
+  const double surprise_variance_m2 = covariance_(0, 0) + measurement_variance_m2_;
+  const Eigen::Matrix<double, Order, 1> gain = covariance_.col(0) / surprise_variance_m2;
   const Eigen::Matrix<double, 1, Order> seen = covariance_.row(0);
   const Eigen::Matrix<double, 1, 3> surprise_m = position_m.transpose() - state_.row(0);
   state_ += gain * surprise_m;
   covariance_ -= gain * seen;
+  // as a product, not as a difference: after a long gap that would be all rounding
+  covariance_.row(0) = (measurement_variance_m2_ / surprise_variance_m2) * seen;
+  covariance_.col(0) = covariance_.row(0).transpose().eval();
   covariance_ = (0.5 * (covariance_ + covariance_.transpose())).eval();
   return velocity();
 }

@@ -43,7 +43,7 @@ void run_process(NodeContext& context, ProcessLinks& links) {
   publisher.start();
 
   PhysicsNode node(session.scene, context.clock, motion_in, interaction_out, ticks,
-                   context.session_id);
+                   context.session_id, session.physics.interaction_deadband);
   const auto step = [&](const Tick& tick) {
     node.step(tick);
     counters.store(node.counters());

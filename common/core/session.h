@@ -160,6 +160,21 @@ struct KalmanVelocity {
 using VelocityEstimatorConfig =
     std::variant<DifferenceVelocity, AdaptiveWindowVelocity, KalmanVelocity>;
 
+/// Hop 2 thinned: a motion is sent when the tool has moved on, or after `keep_alive`.
+struct MotionDeadband {
+  double ratio = 0.05;          ///< k of the velocity
+  double floor_m_per_s = 2e-3;  ///< least change of velocity that counts
+  double floor_m = 1e-4;        ///< change of position that counts
+  double floor_rad = 0.02;      ///< change of orientation that counts
+  Duration keep_alive = std::chrono::milliseconds(20);
+};
+/// Hop 3 thinned: an Interaction is sent when the receiver's force is wrong, or after `keep_alive`.
+struct InteractionDeadband {
+  double ratio = 0.05;         ///< k of the force
+  double floor_newton = 0.05;  ///< least error that counts
+  Duration keep_alive = std::chrono::milliseconds(20);
+};
+
 struct MofcConfig {
   ControllerKind controller = ControllerKind::kMofc;
   MofcMode mode = MofcMode::kGuard;
@@ -169,6 +184,7 @@ struct MofcConfig {
   Duration stale_after{};       ///< silence on hop 3 after which the force fades
   Duration fade{};
   VelocityEstimatorConfig velocity_estimator = KalmanVelocity{};
+  std::optional<MotionDeadband> motion_deadband;  ///< none: every motion is sent
 };
 
 // --- scene ------------------------------------------------------------------------------------
@@ -211,6 +227,7 @@ struct SceneConfig {
 
 struct PhysicsConfig {
   double rate_hz = 1000.0;
+  std::optional<InteractionDeadband> interaction_deadband;  ///< none: every step is sent
 };
 
 struct ViewerConfig {

@@ -205,7 +205,7 @@ class Lockstep::Impl {
         mofc_node_(session.mofc, session.device, time_, *links_->motion_out, interaction_in_,
                    mofc_tick_, kMofcSession),
         physics_node_(session.scene, time_, motion_in_, tampered_interaction_out_, physics_tick_,
-                      kPhysicsSession),
+                      kPhysicsSession, session.physics.interaction_deadband),
         device_schedule_(TimePoint{}, session.device.rate_hz),
         physics_schedule_(TimePoint{}, session.physics.rate_hz),
         steps_on_arrival_(session.mofc.wait_for_physics.count() > 0) {

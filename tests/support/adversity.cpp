@@ -221,6 +221,8 @@ AdverseRun random_adverse_run(std::uint64_t seed) {
       "kalman_velocity {}", "kalman_acceleration {}"};
   run.overrides.push_back(
       fmt::format("mofc.velocity_estimator={{ {} }}", estimators[seed % std::size(estimators)]));
+  if (seed % 3 == 1) run.overrides.emplace_back("mofc.motion_deadband={}");
+  if (seed % 5 == 1) run.overrides.emplace_back("physics.interaction_deadband={}");
   if (random.chance(0.5)) set("mofc.guard_settings.credit_cap_joule", log_uniform(1e-4, 10.0));
   if (random.chance(0.5)) set("mofc.guard_settings.gate_joule", log_uniform(1e-4, 1e3));
   if (random.chance(0.3)) set("mofc.guard_settings.gate_recovery_ms", log_uniform(1.0, 5000.0));

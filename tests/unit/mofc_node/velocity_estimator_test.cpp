@@ -95,6 +95,16 @@ TEST_P(EveryEstimator, GoesOnAfterAGap) {
   EXPECT_NEAR(estimate.x(), 0.01, 1e-5);
 }
 
+// A night's sleep: the variance of the model is enormous, that of the reading decides.
+TEST_P(EveryEstimator, GoesOnAfterHours) {
+  for (int k = 0; k < 100; ++k) made_->update(Vector3::Zero(), tick(k), kNoForce);
+  Vector3 estimate;
+  for (int k = 0; k < 2000; ++k) {
+    estimate = made_->update({0.003 + 1e-5 * k, 0, 0}, tick(k) + 10h, kNoForce);
+  }
+  EXPECT_NEAR(estimate.x(), 0.01, 1e-5);
+}
+
 // Everything has decayed or left the window after a second.
 TEST_P(EveryEstimator, FallsToZeroForARestingHand) {
   for (int k = 0; k < 100; ++k) made_->update({quantised(8e-5 * k), 0, 0}, tick(k), kNoForce);

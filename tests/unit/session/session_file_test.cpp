@@ -326,6 +326,32 @@ TEST(SessionFile, ReadsWhatHasNoDefault) {
   EXPECT_EQ(session.mofc.fade, 9ms);
 }
 
+// silence that was agreed upon: 6 periods of 1 ms and 3 keep-alives of each deadband
+TEST(SessionFile, DeadbandsAreOffUnlessGivenAndCountInStaleAfter) {
+  const Session plain = parse_session("name: 'x'", "x.txtpb");
+  EXPECT_FALSE(plain.mofc.motion_deadband.has_value());
+  EXPECT_FALSE(plain.physics.interaction_deadband.has_value());
+
+  const Session thinned = parse_session("name: 'x'", "x.txtpb", {"mofc.motion_deadband={}"});
+  ASSERT_TRUE(thinned.mofc.motion_deadband.has_value());
+  EXPECT_EQ(thinned.mofc.motion_deadband->ratio, 0.05);
+  EXPECT_EQ(thinned.mofc.motion_deadband->floor_m_per_s, 2e-3);
+  EXPECT_EQ(thinned.mofc.motion_deadband->floor_m, 1e-4);
+  EXPECT_EQ(thinned.mofc.motion_deadband->floor_rad, 0.02);
+  EXPECT_EQ(thinned.mofc.motion_deadband->keep_alive, 20ms);
+  EXPECT_EQ(thinned.mofc.stale_after, 66ms);
+
+  const Session both = parse_session(
+      "name: 'x' mofc { motion_deadband {} } physics { interaction_deadband { ratio: 0.1 "
+      "floor_newton: 0.2 keep_alive_ms: 5 } }",
+      "x.txtpb");
+  ASSERT_TRUE(both.physics.interaction_deadband.has_value());
+  EXPECT_EQ(both.physics.interaction_deadband->ratio, 0.1);
+  EXPECT_EQ(both.physics.interaction_deadband->floor_newton, 0.2);
+  EXPECT_EQ(both.physics.interaction_deadband->keep_alive, 5ms);
+  EXPECT_EQ(both.mofc.stale_after, 81ms);
+}
+
 TEST(SessionFile, ReadsEveryVelocityEstimator) {
   const auto estimator = [](const std::string& text) {
     return parse_session("name: 'x' mofc { velocity_estimator { " + text + " } }", "x.txtpb")
@@ -415,7 +441,7 @@ TEST(SessionFile, UnknownFieldsAreAllToldBeforeASyntaxError) {
 
 TEST(SessionFile, FieldLikeNoOtherGetsTheListOfFields) {
   EXPECT_THAT(complaints("name: \"x\" physics { quality: 3 }").at(1),
-              EndsWith("physics.quality: no such field; it has rate_hz"));
+              EndsWith("physics.quality: no such field; it has rate_hz, interaction_deadband"));
 }
 
 TEST(SessionFile, FieldGivenTwiceIsRefused) {
