@@ -9,7 +9,8 @@
 namespace palpate::mofc {
 
 /// Has the tool moved on from what was last sent, or has that been silent for too long? Weber: a
-/// change of velocity counts against the velocity itself. No allocation, no lock, no throw.
+/// change of velocity counts against the velocity itself. A motion that is then lost on the way is
+/// made good by the next one, after keep_alive at the latest. No allocation, no lock, no throw.
 [[nodiscard]] inline bool is_worth_sending(const ToolMotion& sent, const ToolMotion& present,
                                            const MotionDeadband& deadband) noexcept {
   if (present.device_session_id != sent.device_session_id) return true;

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <map>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -30,6 +30,7 @@ struct Estimator {
   const char* family;
   const char* label;
   const char* session;  ///< content of mofc.velocity_estimator
+  bool is_told_a_wrong_mass = false;
 };
 const Estimator kEstimators[] = {
     {"difference", "difference", "difference {}"},
@@ -49,28 +50,33 @@ const Estimator kEstimators[] = {
      "adaptive_window { max_window_ms: 20 time_constant_ms: 2 }"},
     {"FOAW + low-pass", "FOAW best 20 ms + 5 ms",
      "adaptive_window { max_window_ms: 20 time_constant_ms: 5 }"},
-    {"Kalman, velocity", "Kalman v 0.01",
-     "kalman_velocity { acceleration_density_m2_per_s3: 0.01 }"},
-    {"Kalman, velocity", "Kalman v 0.1", "kalman_velocity { acceleration_density_m2_per_s3: 0.1 }"},
-    {"Kalman, velocity", "Kalman v 1", "kalman_velocity { acceleration_density_m2_per_s3: 1 }"},
-    {"Kalman, acceleration", "Kalman a 10", "kalman_acceleration { jerk_density_m2_per_s5: 10 }"},
-    {"Kalman, acceleration", "Kalman a 100", "kalman_acceleration { jerk_density_m2_per_s5: 100 }"},
-    {"Kalman, acceleration", "Kalman a 1000",
-     "kalman_acceleration { jerk_density_m2_per_s5: 1000 }"},
-    {"Kalman, force known", "Kalman v 0.001, 0.3 kg",
-     "kalman_velocity { acceleration_density_m2_per_s3: 0.001 moving_mass_kg: 0.3 }"},
-    {"Kalman, force known", "Kalman v 0.01, 0.3 kg",
-     "kalman_velocity { acceleration_density_m2_per_s3: 0.01 moving_mass_kg: 0.3 }"},
-    {"Kalman, force known", "Kalman v 0.1, 0.3 kg",
-     "kalman_velocity { acceleration_density_m2_per_s3: 0.1 moving_mass_kg: 0.3 }"},
-    {"Kalman, force known", "Kalman a 10, 0.3 kg",
-     "kalman_acceleration { jerk_density_m2_per_s5: 10 moving_mass_kg: 0.3 }"},
-    {"Kalman, force known", "Kalman a 100, 0.3 kg",
-     "kalman_acceleration { jerk_density_m2_per_s5: 100 moving_mass_kg: 0.3 }"},
-    {"Kalman, force known", "Kalman v 0.01, 0.1 kg",
-     "kalman_velocity { acceleration_density_m2_per_s3: 0.01 moving_mass_kg: 0.1 }"},
-    {"Kalman, force known", "Kalman v 0.01, 0.6 kg",
-     "kalman_velocity { acceleration_density_m2_per_s3: 0.01 moving_mass_kg: 0.6 }"},
+    {"Kalman v", "Kalman v 0.01, no force", "kalman_velocity { moving_mass_kg: 0 }"},
+    {"Kalman v", "Kalman v 0.1, no force",
+     "kalman_velocity { acceleration_density_m2_per_s3: 0.1 moving_mass_kg: 0 }"},
+    {"Kalman v", "Kalman v 1, no force",
+     "kalman_velocity { acceleration_density_m2_per_s3: 1 moving_mass_kg: 0 }"},
+    {"Kalman v, force known", "Kalman v 0.001",
+     "kalman_velocity { acceleration_density_m2_per_s3: 0.001 }"},
+    {"Kalman v, force known", "Kalman v 0.01", "kalman_velocity {}"},
+    {"Kalman v, force known", "Kalman v 0.1",
+     "kalman_velocity { acceleration_density_m2_per_s3: 0.1 }"},
+    {"Kalman a", "Kalman a 10, no force", "kalman_acceleration { moving_mass_kg: 0 }"},
+    {"Kalman a", "Kalman a 100, no force",
+     "kalman_acceleration { jerk_density_m2_per_s5: 100 moving_mass_kg: 0 }"},
+    {"Kalman a", "Kalman a 1000, no force",
+     "kalman_acceleration { jerk_density_m2_per_s5: 1000 moving_mass_kg: 0 }"},
+    {"Kalman a, force known", "Kalman a 1", "kalman_acceleration { jerk_density_m2_per_s5: 1 }"},
+    {"Kalman a, force known", "Kalman a 10 (default)", "kalman_acceleration {}"},
+    {"Kalman a, force known", "Kalman a 100",
+     "kalman_acceleration { jerk_density_m2_per_s5: 100 }"},
+    {"Kalman a 10, wrong mass", "Kalman a 10, 0.1 kg told",
+     "kalman_acceleration { moving_mass_kg: 0.1 }", true},
+    {"Kalman a 10, wrong mass", "Kalman a 10, 0.2 kg told",
+     "kalman_acceleration { moving_mass_kg: 0.2 }", true},
+    {"Kalman a 10, wrong mass", "Kalman a 10, 0.6 kg told",
+     "kalman_acceleration { moving_mass_kg: 0.6 }", true},
+    {"Kalman a 10, wrong mass", "Kalman a 10, 1 kg told",
+     "kalman_acceleration { moving_mass_kg: 1 }", true},
 };
 
 /// What the simulated hand does in free space: with its mass, spring, damper and stiction.
@@ -140,15 +146,19 @@ double rms_at_lag(const std::vector<Sample>& samples, const std::vector<Vector3>
 Figures judge(const Session& session, const std::vector<Sample>& samples, double rate_hz) {
   const auto estimator =
       mofc::make_velocity_estimator(session.mofc.velocity_estimator, kResolution_m, 1.0);
-  std::vector<Vector3> estimates;
-  estimates.reserve(samples.size());
-  const SteadyClock wall;
-  const TimePoint begin = wall.now();
-  for (const Sample& s : samples) {
-    estimates.push_back(estimator->update(s.measured_m, s.time, Vector3::Zero()));
-  }
+  std::vector<Vector3> estimates(samples.size());
   Figures figures;
-  figures.update_ns = 1e9 * to_seconds(wall.now() - begin) / static_cast<double>(samples.size());
+  figures.update_ns = std::numeric_limits<double>::infinity();
+  for (int pass = 0; pass < 3; ++pass) {  // the least time is the one nobody interrupted
+    estimator->reset();
+    const SteadyClock wall;
+    const TimePoint begin = wall.now();
+    for (std::size_t k = 0; k < samples.size(); ++k) {
+      estimates[k] = estimator->update(samples[k].measured_m, samples[k].time, Vector3::Zero());
+    }
+    const double ns = 1e9 * to_seconds(wall.now() - begin) / static_cast<double>(samples.size());
+    figures.update_ns = std::min(figures.update_ns, ns);
+  }
 
   // lag: the shift of the truth that fits best
   figures.rms_m_per_s = rms_at_lag(samples, estimates, rate_hz, 0.0);
@@ -208,26 +218,58 @@ Session session_with(const Estimator& estimator) {
                        {fmt::format("mofc.velocity_estimator={{ {} }}", estimator.session)});
 }
 
-void draw(const std::filesystem::path& folder, const std::string& data) {
+/// What one estimator's points of the figure are: open loop at 1 kHz, and in the loop.
+struct Point {
+  double lag_ms = kNaN;               ///< sine 2 Hz
+  double noise_mm_per_s = kNaN;       ///< press 20 mm/s
+  double rms_mm_per_s = kNaN;         ///< mean over the motions
+  double force_error_percent = kNaN;  ///< rigid V in the loop
+};
+
+/// One line per family.
+void draw(const std::filesystem::path& folder, const std::vector<Point>& points) {
   std::filesystem::create_directories(folder);
+  std::string data;
+  std::vector<std::string> families;
+  for (std::size_t i = 0; i < std::size(kEstimators); ++i) {
+    if (kEstimators[i].is_told_a_wrong_mass) continue;
+    if (families.empty() || families.back() != kEstimators[i].family) {
+      families.emplace_back(kEstimators[i].family);
+      data += fmt::format("{}# {}\n", data.empty() ? "" : "\n\n", families.back());
+    }
+    const Point& p = points[i];
+    data += fmt::format("{} {} {} {}\n", p.lag_ms, p.noise_mm_per_s, p.rms_mm_per_s,
+                        p.force_error_percent);
+  }
+  const auto plotted = [&](const char* columns) {
+    std::string plot = "plot ";
+    for (std::size_t i = 0; i < families.size(); ++i) {
+      plot += fmt::format(
+          "{}'velocity_error_lag.txt' index {} using {} with linespoints lw 2 pt 7 "
+          "title '{}'",
+          i > 0 ? ", \\\n     " : "", i, columns, families[i]);
+    }
+    return plot + "\n";
+  };
   write_file(folder / "velocity_error_lag.txt", data);
   write_file(folder / "velocity_error_lag.gp",
-             R"(set terminal svg size 1000,480 dynamic background rgb 'white' font 'sans,13'
+             R"(set terminal svg size 1100,460 dynamic background rgb 'white' font 'sans,13'
 set output 'velocity_error_lag.svg'
+set datafile missing 'nan'
 set multiplot layout 1,2 title 'Velocity estimators behind a 0.055 mm encoder at 1 kHz'
 set grid
 set logscale y
 set xlabel 'lag, ms (sine 2 Hz)'
 set ylabel 'noise, mm/s (press 20 mm/s)'
 set key top right font ',10'
-stats 'velocity_error_lag.txt' nooutput
-plot for [i=0:STATS_blocks-1] 'velocity_error_lag.txt' index i using 1:2 with linespoints lw 2 pt 7 title columnheader(1)
+)" + plotted("1:2") +
+                 R"(set nologscale y
+set yrange [0:*]
 set xlabel 'rms error, mm/s (mean of all motions)'
 set ylabel 'rigid V in the loop: force error, % of the ideal'
-unset logscale y
-plot for [i=0:STATS_blocks-1] 'velocity_error_lag.txt' index i using 3:4 with linespoints lw 2 pt 7 title columnheader(1)
-unset multiplot
-)");
+set key bottom right font ',10'
+)" + plotted("3:4") +
+                 "unset multiplot\n");
   if (run_gnuplot(folder, "velocity_error_lag.gp")) {
     std::printf("drawn: %s\n", (folder / "velocity_error_lag.svg").c_str());
   }
@@ -250,14 +292,12 @@ void run(const BenchOptions& options) {
                {"path_deviation_mm", "path mm", "{:.2f}"}});
 
   // open loop
-  struct Point {
-    double lag_ms = 0.0, noise_mm_per_s = 0.0, rms_mm_per_s = 0.0, force_error_percent = 0.0;
-  };
   std::vector<Point> points(std::size(kEstimators));
   for (const double rate_hz : {1000.0, 4000.0}) {
     for (const Motion& motion : kMotions) {
       const std::vector<Sample> samples = record(motion, rate_hz);
       for (std::size_t i = 0; i < std::size(kEstimators); ++i) {
+        if (kEstimators[i].is_told_a_wrong_mass) continue;  // without force the mass is not used
         const Figures f = judge(session_with(kEstimators[i]), samples, rate_hz);
         table.add({std::string(motion.label), rate_hz, std::string(kEstimators[i].label),
                    1e3 * f.rms_m_per_s, 1e3 * f.lag_s, 1e3 * f.noise_m_per_s,
@@ -268,7 +308,8 @@ void run(const BenchOptions& options) {
         if (std::string(motion.label) == "press 20 mm/s") {
           points[i].noise_mm_per_s = 1e3 * f.noise_m_per_s;
         }
-        points[i].rms_mm_per_s += 1e3 * f.rms_m_per_s / std::size(kMotions);
+        if (&motion == &kMotions[0]) points[i].rms_mm_per_s = 0.0;
+        points[i].rms_mm_per_s += 1e3 * f.rms_m_per_s / static_cast<double>(std::size(kMotions));
       }
       table.add_gap();
     }
@@ -294,19 +335,7 @@ void run(const BenchOptions& options) {
       "\nIn the loop: the paper's V, device and physics 1 kHz, mode guard; figures against the "
       "ideal"
       " force and run.\n");
-  if (options.plot_folder.empty()) return;
-  std::string data;
-  std::string family;
-  for (std::size_t i = 0; i < std::size(kEstimators); ++i) {
-    if (family != kEstimators[i].family) {
-      data += fmt::format("{}\"{}\"\n", data.empty() ? "" : "\n\n", kEstimators[i].family);
-      family = kEstimators[i].family;
-    }
-    const Point& p = points[i];
-    data += fmt::format("{} {} {} {}\n", p.lag_ms, p.noise_mm_per_s, p.rms_mm_per_s,
-                        p.force_error_percent);
-  }
-  draw(options.plot_folder, data);
+  if (!options.plot_folder.empty()) draw(options.plot_folder, points);
 }
 
 }  // namespace
