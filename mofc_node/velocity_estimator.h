@@ -23,7 +23,7 @@
 //   the same, mass told 0.2 or 0.6 kg        29, 39 %     88, 86 %   9, 11 %
 //   the same, mass told 0.1 or 1 kg          51, 97 %     68, 53 %   91, 75 %
 //
-// Without the known force every filter smooth enough for the ledger is later than those 2 ms.
+// Without the known force no filter smooth enough for the ledger follows within those 2 ms.
 // Thread: the caller's. No allocation after construction, no lock, no throw.
 #pragma once
 

@@ -245,9 +245,9 @@ void draw(const std::filesystem::path& folder, const std::vector<Point>& points)
     std::string plot = "plot ";
     for (std::size_t i = 0; i < families.size(); ++i) {
       plot += fmt::format(
-          "{}'velocity_error_lag.txt' index {} using {} with linespoints lw 2 pt 7 "
+          "{}'velocity_error_lag.txt' index {} using {} with linespoints lw 2 pt {} "
           "title '{}'",
-          i > 0 ? ", \\\n     " : "", i, columns, families[i]);
+          i > 0 ? ", \\\n     " : "", i, columns, i + 4, families[i]);
     }
     return plot + "\n";
   };
