@@ -6,12 +6,29 @@
 #include "mofc_node/controllers/guard_mofc.h"
 #include "mofc_node/controllers/paper_mofc.h"
 #include "mofc_node/controllers/vector_mofc.h"
+#include "mofc_node/motion_deadband.h"
 
 namespace palpate::mofc {
 
 using controllers::AppliedStretch;
 using controllers::ControlOutput;
 using controllers::MofcParameters;
+
+namespace {
+
+/// Time average of the force on the hand since the reading before; 0 without an echo.
+Vector3 mean_applied_newton(const DeviceState& state) noexcept {
+  Vector3 impulse = Vector3::Zero();
+  double duration_s = 0.0;
+  for (std::uint32_t i = 0; i < state.applied_count; ++i) {
+    const double stretch_s = to_seconds(state.applied[i].until - state.applied[i].from);
+    impulse += stretch_s * state.applied[i].force_on_hand_newton;
+    duration_s += stretch_s;
+  }
+  return duration_s > 0.0 ? Vector3(impulse / duration_s) : Vector3(Vector3::Zero());
+}
+
+}  // namespace
 
 std::unique_ptr<controllers::ForceController> make_controller(const MofcConfig& mofc,
                                                               const DeviceConfig& device) {
@@ -51,7 +68,10 @@ MofcNode::MofcNode(const MofcConfig& mofc, const DeviceConfig& device, const Clo
       ticks_(ticks),
       session_id_(session_id),
       controller_(make_controller(mofc, device)),
-      velocity_(mofc.velocity_time_constant),
+      velocity_(make_velocity_estimator(
+          mofc.velocity_estimator,
+          device.profile.position_resolution_m * device.workspace.scale_ratio,
+          device.workspace.scale_ratio)),
       handover_(mofc.handover_newton_per_s) {}
 
 ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
@@ -110,9 +130,7 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
 
 void MofcNode::finish_turn() noexcept {
   if (!has_turn_) return;
-  if (!is_motion_sent_ && motion_out_.send(motion_) == SendResult::kDropped) {
-    ++counters_.motions_dropped;
-  }
+  if (!is_motion_sent_) send_motion();
   ticks_.keep(tick_);
   has_turn_ = false;
 }
@@ -127,7 +145,7 @@ MofcCounters MofcNode::counters() const noexcept {
 
 void MofcNode::begin_device_session() noexcept {
   controller_->reset();
-  velocity_.reset();
+  velocity_->reset();
   handover_.reset();
   has_asked_before_ = false;
   ++counters_.ledger_resets;
@@ -157,8 +175,8 @@ void MofcNode::note_echo(const DeviceState& state) noexcept {
 }
 
 void MofcNode::relay(const DeviceState& state) noexcept {
-  const Vector3 velocity = velocity_.update(state.tool_position_world_m, state.header.sampled_at);
-  if (motion_.header.session_id != 0) ++motion_.header.sequence;
+  const Vector3 velocity = velocity_->update(state.tool_position_world_m, state.header.sampled_at,
+                                             mean_applied_newton(state));
   motion_.header.session_id = session_id_;
   motion_.header.sampled_at = clock_.now();
   motion_.device_session_id = state.header.session_id;
@@ -171,9 +189,21 @@ void MofcNode::relay(const DeviceState& state) noexcept {
 
   // normally after the answer (finish_turn); before it only if the answer waits for the physics
   is_motion_sent_ = config_.wait_for_physics.count() > 0;
-  if (is_motion_sent_ && motion_out_.send(motion_) == SendResult::kDropped) {
-    ++counters_.motions_dropped;
+  if (is_motion_sent_) send_motion();
+}
+
+void MofcNode::send_motion() noexcept {
+  if (config_.motion_deadband && has_sent_motion_ &&
+      !is_worth_sending(sent_motion_, motion_, *config_.motion_deadband)) {
+    ++counters_.motions_suppressed;
+    return;
   }
+  motion_.header.sequence = next_motion_sequence_++;
+  const SendResult result = motion_out_.send(motion_);
+  if (result == SendResult::kDropped) ++counters_.motions_dropped;
+  if (result != SendResult::kSent) return;
+  sent_motion_ = motion_;
+  has_sent_motion_ = true;
 }
 
 const Interaction* MofcNode::physics_answer(const DeviceState& state, TimePoint now) noexcept {

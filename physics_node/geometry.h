@@ -31,7 +31,8 @@ struct Bounds {
                                const Vector3& point_m) noexcept;
 
 /// Exact. At the centre (closer than 1 pm) no direction leads out more than another: the normal is
-/// +z there and the curvature, which grows as 1/distance from the centre, is given as zero. The trust radius ends at the centre.
+/// +z there and the curvature, which grows as 1/distance from the centre, is given as zero. The
+/// trust radius ends at the centre.
 [[nodiscard]] SurfaceView view(const SphereGeometry& sphere, const Vector3& point_m) noexcept;
 
 /// Outside: the distance to the nearest point of the box, be it on a face, an edge (curved like a

@@ -1,7 +1,8 @@
 // physics_node.h — where the tissue is: answers the tool's motion with the force on the tool.
 //
 //   in   hop 2  ToolMotion   mofc → physics   newest wins
-//   out  hop 3  Interaction  physics → mofc   every step, once there was a motion
+//   out  hop 3  Interaction  physics → mofc   every step, once there was a motion; with a deadband
+//                                            only when mofc_node's force is off, and to keep alive
 //   out  hop 5  PhysicsTick  to the sink      every step, once there was a motion
 //
 // Before the first motion: sends nothing.
@@ -13,6 +14,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 
 #include "common/core/clock.h"
 #include "common/core/inbox.h"
@@ -28,10 +30,13 @@ namespace palpate::physics {
 class PhysicsNode {
  public:
   /// Everything handed in by reference must outlive the node.
-  /// @param reach_m  how near a tissue is described before it is touched   @param session_id ≠ 0
-  PhysicsNode(const SceneConfig& scene, double reach_m, const Clock& clock,
-              Inbox<ToolMotion>& motion_in, Sender<Interaction>& interaction_out,
-              TickSink<PhysicsTick>& ticks_out, std::uint64_t session_id);
+  /// @param use         what mofc_node makes of an Interaction: only a model is told of tissue that
+  ///                    is near and not yet touched
+  /// @param session_id  random, not 0
+  PhysicsNode(const SceneConfig& scene, const PhysicsConfig& physics, InteractionUse use,
+              const Clock& clock, Inbox<ToolMotion>& motion_in,
+              Sender<Interaction>& interaction_out, TickSink<PhysicsTick>& ticks_out,
+              std::uint64_t session_id);
 
   /// Newest motion → force → hop 3. Called at the physics rate, or on arrival (has_new_motion).
   /// No allocation, no lock, no throw.
@@ -45,15 +50,21 @@ class PhysicsNode {
 
  private:
   void count_turn(const Tick& tick) noexcept;
+  void send(Interaction& interaction, const ToolMotion& motion) noexcept;
 
   Scene scene_;
   TissueMemory memory_;
+  InteractionUse use_;
   const Clock& clock_;
   Inbox<ToolMotion>& motion_in_;
   Sender<Interaction>& interaction_out_;
   TickSink<PhysicsTick>& ticks_out_;
   std::uint64_t session_id_;
-  std::uint64_t sequence_ = 0;          // of the next Interaction
+  std::optional<InteractionDeadband> deadband_;
+  Interaction sent_;                      // the last that the link took
+  std::uint64_t sent_to_session_id_ = 0;  // mofc_node that it answered; 0 before the first
+  std::uint64_t next_interaction_sequence_ = 0;
+  std::uint64_t next_step_ = 0;         // sequence of the next record
   std::uint64_t motions_answered_ = 0;  // accepted by the inbox up to the last step
   std::uint64_t next_index_ = 0;        // appointment expected next
   PhysicsCounters counters_;

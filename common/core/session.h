@@ -144,6 +144,42 @@ struct GuardConfig {
   Duration gate_recovery = std::chrono::milliseconds(500);  ///< t_rec
 };
 
+/// Backward difference, then a low-pass.
+struct DifferenceVelocity {
+  Duration time_constant{};  ///< 0: none
+};
+/// First-order adaptive windowing, then a low-pass.
+struct AdaptiveWindowVelocity {
+  Duration max_window = std::chrono::milliseconds(20);
+  bool is_best_fit = true;   ///< else the line through the window's ends
+  Duration time_constant{};  ///< 0: none
+};
+struct KalmanVelocity {
+  enum class Model : std::uint8_t { kConstantVelocity, kConstantAcceleration };
+  Model model = Model::kConstantAcceleration;
+  double noise_density =
+      10.0;  ///< of the jerk, m²/s⁵; of the acceleration, m²/s³, if constant velocity
+  double moving_mass_kg = 0.3;  ///< that the motors' force moves; 0: their force is not used
+};
+/// How the tool's velocity is estimated: mofc_node/velocity_estimator.h.
+using VelocityEstimatorConfig =
+    std::variant<DifferenceVelocity, AdaptiveWindowVelocity, KalmanVelocity>;
+
+/// Hop 2 thinned: a motion is sent when the tool has moved on, or after `keep_alive`.
+struct MotionDeadband {
+  double ratio = 0.05;          ///< k of the velocity
+  double floor_m_per_s = 2e-3;  ///< least change of velocity that counts
+  double floor_m = 1e-4;        ///< change of position that counts
+  double floor_rad = 0.02;      ///< change of orientation that counts
+  Duration keep_alive = std::chrono::milliseconds(20);
+};
+/// Hop 3 thinned: an Interaction is sent when the receiver's force is wrong, or after `keep_alive`.
+struct InteractionDeadband {
+  double ratio = 0.05;         ///< k of the force
+  double floor_newton = 0.05;  ///< least error that counts
+  Duration keep_alive = std::chrono::milliseconds(20);
+};
+
 struct MofcConfig {
   ControllerKind controller = ControllerKind::kMofc;
   MofcMode mode = MofcMode::kGuard;
@@ -154,7 +190,8 @@ struct MofcConfig {
   double handover_newton_per_s = 100.0;  ///< fastest change that a new contact model alone may make
   Duration stale_after{};                ///< silence on hop 3 after which the force fades
   Duration fade{};
-  Duration velocity_time_constant{};  ///< low-pass of the velocity estimate; 0: backward difference
+  VelocityEstimatorConfig velocity_estimator = KalmanVelocity{};
+  std::optional<MotionDeadband> motion_deadband;  ///< none: every motion is sent
 };
 
 // --- scene ------------------------------------------------------------------------------------
@@ -220,6 +257,7 @@ struct SceneConfig {
 struct PhysicsConfig {
   double rate_hz = 1000.0;
   double reach_m = 0.05;  ///< tissues this near to the tip are described before they are touched
+  std::optional<InteractionDeadband> interaction_deadband;  ///< none: every step is sent
 };
 
 struct ViewerConfig {
@@ -249,12 +287,6 @@ struct Session {
   ViewerConfig viewer;
   FaultsConfig faults;
 };
-
-/// How near a tissue is described before it is touched [m]: nobody asks for it where forces are
-/// held.
-[[nodiscard]] inline double model_reach_m(const Session& session) {
-  return session.mofc.interaction == InteractionUse::kLocal ? session.physics.reach_m : 0.0;
-}
 
 /// Seed of one random stream of a session: different for every `stream` name, same on every run.
 [[nodiscard]] std::uint64_t stream_seed(std::uint64_t session_seed, const char* stream);

@@ -439,6 +439,7 @@ void put(const MofcCounters& c, v1::MofcCounters& to) {
   to.set_late_physics_ticks(c.late_physics_ticks);
   to.set_ledger_resets(c.ledger_resets);
   to.set_motions_dropped(c.motions_dropped);
+  to.set_motions_suppressed(c.motions_suppressed);
   to.set_transparency_sum(c.transparency_sum);
   to.set_transparency_samples(c.transparency_samples);
   to.set_too_fast_ticks(c.too_fast_ticks);
@@ -459,6 +460,7 @@ MofcCounters counters(const v1::MofcCounters& c) {
           .late_physics_ticks = c.late_physics_ticks(),
           .ledger_resets = c.ledger_resets(),
           .motions_dropped = c.motions_dropped(),
+          .motions_suppressed = c.motions_suppressed(),
           .transparency_sum = c.transparency_sum(),
           .transparency_samples = c.transparency_samples()};
 }
@@ -468,6 +470,7 @@ void put(const PhysicsCounters& c, v1::PhysicsCounters& to) {
   put(c.tool_motion, *to.mutable_tool_motion());
   to.set_contact_steps(c.contact_steps);
   to.set_tissues_skipped(c.tissues_skipped);
+  to.set_interactions_suppressed(c.interactions_suppressed);
   to.set_worst_compute_time_ns(c.worst_compute_time.count());
 }
 void check(const v1::PhysicsCounters& c, Verdict& verdict) {
@@ -481,6 +484,7 @@ PhysicsCounters counters(const v1::PhysicsCounters& c) {
           .tool_motion = link(c.tool_motion()),
           .contact_steps = c.contact_steps(),
           .tissues_skipped = c.tissues_skipped(),
+          .interactions_suppressed = c.interactions_suppressed(),
           .worst_compute_time = Duration(c.worst_compute_time_ns())};
 }
 

@@ -20,6 +20,7 @@ constexpr std::size_t kMaxNameBytes = 64;
 constexpr std::size_t kMaxIpcPathBytes = 107;     // sockaddr_un::sun_path without its zero
 constexpr std::size_t kMaxInprocNameBytes = 246;  // libzmq: 255 with "inproc://"
 constexpr double kWaitMaxRateHz = 200.0;          // above it physics is too far away to wait for
+constexpr double kKeepAlivesUntilStale = 3.0;     // two in a row may be lost
 constexpr double kPeriodTolerance = 1e-6;         // 333.3333 µs is a period of 3 kHz
 constexpr double kPerpendicularTolerance_rad = 1e-3;
 
@@ -381,8 +382,84 @@ GuardConfig to_guard(const Fields& fields) {
   return config;
 }
 
+VelocityEstimatorConfig to_velocity_estimator(const Fields& fields) {
+  const auto time_constant = [](const Fields& estimator) {
+    return milliseconds(
+        estimator.number("time_constant_ms", 0.0, at_least(0), "give 0 for no low-pass"));
+  };
+  const auto kalman = [](const Fields& estimator, KalmanVelocity config, const char* density) {
+    config.noise_density = estimator.number(density, config.noise_density, above(0),
+                                            "more answers faster, less is smoother");
+    config.moving_mass_kg =
+        estimator.number("moving_mass_kg", config.moving_mass_kg, at_least(0),
+                         "give the mass of device and hand, 0 not to use the motors' force");
+    return config;
+  };
+  const std::string kind = fields.given_member("estimator");
+  if (kind == "adaptive_window") {
+    const Fields window = fields.message("adaptive_window");
+    AdaptiveWindowVelocity config;
+    config.max_window = milliseconds(window.number(
+        "max_window_ms", 1e3 * to_seconds(config.max_window), above(0), "leave it out for 20"));
+    config.is_best_fit = !window.flag("end_fit");
+    config.time_constant = time_constant(window);
+    return config;
+  }
+  if (kind == "kalman_velocity") {
+    return kalman(fields.message("kalman_velocity"),
+                  {.model = KalmanVelocity::Model::kConstantVelocity, .noise_density = 0.01},
+                  "acceleration_density_m2_per_s3");
+  }
+  if (kind == "difference") {
+    return DifferenceVelocity{.time_constant = time_constant(fields.message("difference"))};
+  }
+  return kalman(fields.message("kalman_acceleration"), {}, "jerk_density_m2_per_s5");
+}
+
+Duration to_keep_alive(const Fields& deadband, Duration fallback) {
+  return milliseconds(deadband.number("keep_alive_ms", 1e3 * to_seconds(fallback), above(0),
+                                      "leave it out for 20"));
+}
+
+/// A deadband may be silent in the very tick that waits.
+void refuse_if_waiting(const Fields& fields, const char* deadband, double wait_for_physics_ms) {
+  if (wait_for_physics_ms > 0.0) {
+    fields.problem(deadband, "needs mofc.wait_for_physics_ms = 0, here " +
+                                 shown(wait_for_physics_ms) + "; leave one of them out");
+  }
+}
+
+std::optional<MotionDeadband> to_motion_deadband(const Fields& mofc, double wait_for_physics_ms) {
+  if (!mofc.has("motion_deadband")) return std::nullopt;
+  refuse_if_waiting(mofc, "motion_deadband", wait_for_physics_ms);
+  const Fields fields = mofc.message("motion_deadband");
+  MotionDeadband config;
+  config.ratio = fields.number("ratio", config.ratio, between(0, 1), "a share of the velocity");
+  const auto floor = [&](const char* name, double fallback) {
+    return fields.number(name, fallback, at_least(0), "give the least change that counts");
+  };
+  config.floor_m_per_s = floor("floor_m_per_s", config.floor_m_per_s);
+  config.floor_m = floor("floor_m", config.floor_m);
+  config.floor_rad = floor("floor_rad", config.floor_rad);
+  config.keep_alive = to_keep_alive(fields, config.keep_alive);
+  return config;
+}
+
+std::optional<InteractionDeadband> to_interaction_deadband(const Fields& physics,
+                                                           double wait_for_physics_ms) {
+  if (!physics.has("interaction_deadband")) return std::nullopt;
+  refuse_if_waiting(physics, "interaction_deadband", wait_for_physics_ms);
+  const Fields fields = physics.message("interaction_deadband");
+  InteractionDeadband config;
+  config.ratio = fields.number("ratio", config.ratio, between(0, 1), "a share of the force");
+  config.floor_newton = fields.number("floor_newton", config.floor_newton, at_least(0),
+                                      "give the least error that counts");
+  config.keep_alive = to_keep_alive(fields, config.keep_alive);
+  return config;
+}
+
 MofcConfig to_mofc(const Fields& fields, const v1::Mofc& written, double wait_for_physics_ms,
-                   double physics_rate_hz, Duration interaction_jitter, Duration reply) {
+                   const PhysicsConfig& physics, Duration interaction_jitter, Duration reply) {
   MofcConfig config;
   if (!v1::Mofc::Controller_IsValid(written.controller())) {
     fields.problem("controller", "must be none or mofc");
@@ -396,25 +473,40 @@ MofcConfig to_mofc(const Fields& fields, const v1::Mofc& written, double wait_fo
   config.guard = to_guard(fields.message("guard_settings"));
   config.wait_for_physics = milliseconds(wait_for_physics_ms);
 
-  const double physics_period_ms = 1e3 / physics_rate_hz;
-  const double stale_after_ms = fields.number(
-      "stale_after_ms", 6.0 * physics_period_ms + 1e3 * to_seconds(interaction_jitter), above(0),
-      "leave it out for 6 physics periods");
+  // silence that is agreed upon is not staleness
+  config.motion_deadband = to_motion_deadband(fields, wait_for_physics_ms);
+  double agreed_silence_ms = 0.0;
+  if (config.motion_deadband) {
+    agreed_silence_ms += 1e3 * to_seconds(config.motion_deadband->keep_alive);
+  }
+  if (physics.interaction_deadband) {
+    agreed_silence_ms += 1e3 * to_seconds(physics.interaction_deadband->keep_alive);
+  }
+  const double physics_period_ms = 1e3 / physics.rate_hz;
+  const double stale_after_ms =
+      fields.number("stale_after_ms",
+                    6.0 * physics_period_ms + 1e3 * to_seconds(interaction_jitter) +
+                        kKeepAlivesUntilStale * agreed_silence_ms,
+                    above(0), "leave it out for 6 physics periods");
   if (stale_after_ms < (1.0 - kPeriodTolerance) * physics_period_ms) {
     fields.problem("stale_after_ms", "must be ≥ 1 period of physics.rate_hz, " +
                                          shown(physics_period_ms) +
                                          " ms; leave it out for 6 physics periods");
   }
+  if (stale_after_ms <= agreed_silence_ms) {
+    fields.problem("stale_after_ms", "must be > the keep_alive_ms of the deadbands together, " +
+                                         shown(agreed_silence_ms) +
+                                         " ms, or agreed silence fades the force; leave it out");
+  }
   config.stale_after = milliseconds(stale_after_ms);
   config.fade = milliseconds(fields.number("fade_ms", 50.0, above(0), "leave it out for 50 ms"));
-  config.velocity_time_constant = milliseconds(fields.number(
-      "velocity_time_constant_ms", 0.0, at_least(0), "give 0 for the backward difference"));
   if (!v1::Mofc::Interaction_IsValid(written.interaction())) {
     fields.problem("interaction", "must be local or held");
   }
   if (written.interaction() == v1::Mofc::held) config.interaction = InteractionUse::kHeld;
   config.handover_newton_per_s =
       fields.number("handover_newton_per_s", 100.0, above(0), "leave it out for 100 N/s");
+  config.velocity_estimator = to_velocity_estimator(fields.message("velocity_estimator"));
   config.delta_max = milliseconds(fields.number("delta_max_ms", 1e3 * to_seconds(reply),
                                                 at_least(0), "leave it out for device.reply_us"));
   return config;
@@ -619,7 +711,9 @@ Session to_session(const SessionText& text, const std::filesystem::path& base_di
                                        "give the ticks per second of the haptic loop");
   const double wait_ms = to_wait_for_physics_ms(mofc, rate_hz, session.physics.rate_hz);
   session.device = to_device(device, rate_hz, wait_ms, base_dir, problems);
-  session.mofc = to_mofc(mofc, written.mofc(), wait_ms, session.physics.rate_hz,
+  session.physics.interaction_deadband =
+      to_interaction_deadband(fields.message("physics"), wait_ms);
+  session.mofc = to_mofc(mofc, written.mofc(), wait_ms, session.physics,
                          session.faults.interaction.jitter, session.device.reply);
   return session;
 }

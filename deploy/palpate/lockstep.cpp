@@ -217,7 +217,7 @@ class Lockstep::Impl {
                      kDeviceSession),
         mofc_node_(session.mofc, session.device, time_, *links_->motion_out, interaction_in_,
                    mofc_tick_, kMofcSession),
-        physics_node_(session.scene, model_reach_m(session), time_, motion_in_,
+        physics_node_(session.scene, session.physics, session.mofc.interaction, time_, motion_in_,
                       tampered_interaction_out_, physics_tick_, kPhysicsSession),
         device_schedule_(TimePoint{}, session.device.rate_hz),
         physics_schedule_(TimePoint{}, session.physics.rate_hz),

@@ -141,6 +141,8 @@ nlohmann::ordered_json summary_json(const Session& session, const RunReport& rep
   json["path_deviation_peak_m"] = number_or_null(s.path_deviation_peak_m());
   json["clamp_ratio"] = number_or_null(s.clamp_ratio());
   json["answered_ratio"] = number_or_null(answered_ratio(report.device));
+  json["motions_suppressed"] = report.mofc.motions_suppressed;
+  json["interactions_suppressed"] = report.physics.interactions_suppressed;
   json["fallbacks"] = report.device.fallback_ticks + report.device.limp_ticks;
   json["wall_s"] = number_or_null(report.wall_s);
   json["ticks_per_wall_s"] =

@@ -289,7 +289,7 @@ Table history_table(bool is_quick) {
     const Session session =
         load_session(sessions / (std::string(row.tissue->session) + ".txtpb"),
                      {"device.rate_hz=1000", "device.lease_us=2000", "mofc.wait_for_physics_ms=0",
-                      "mofc.velocity_time_constant_ms=5", row.mode->override,
+                      "mofc.velocity_estimator.difference.time_constant_ms=5", row.mode->override,
                       fmt::format("hand.v.free_motion_s={}", free_s)});
     row.runs[phase] = run_loopback(session, {.seconds = free_s + kVSeconds}).statistics;
   });

@@ -131,7 +131,7 @@ hand {
   damping_newton_s_per_m: 40
   hostile { radius_m: 0.02 v_max_m_per_s: 0.3 }
 }
-mofc { velocity_time_constant_ms: 5 }
+mofc { velocity_estimator { difference { time_constant_ms: 5 } } }
 scene {
   tissue {
     name: "wall"
@@ -236,7 +236,15 @@ AdverseRun random_adverse_run(std::uint64_t seed) {
   set("hand.hostile.v_max_m_per_s", random.chance(0.6) ? 0.3 : random.uniform(0.05, 0.3));
 
   // controller: how tight the bound is driven
-  set("mofc.velocity_time_constant_ms", random.chance(0.5) ? 0.0 : random.uniform(0.0, 20.0));
+  const double smoothing_ms = random.chance(0.5) ? 0.0 : random.uniform(0.0, 20.0);
+  const std::string estimators[] = {
+      fmt::format("difference {{ time_constant_ms: {} }}", smoothing_ms),
+      fmt::format("adaptive_window {{ max_window_ms: 20 time_constant_ms: {} }}", smoothing_ms),
+      "kalman_velocity {}", "kalman_acceleration {}"};
+  run.overrides.push_back(
+      fmt::format("mofc.velocity_estimator={{ {} }}", estimators[seed % std::size(estimators)]));
+  if (seed % 3 == 1) run.overrides.emplace_back("mofc.motion_deadband={}");
+  if (seed % 5 == 1) run.overrides.emplace_back("physics.interaction_deadband={}");
   if (random.chance(0.5)) set("mofc.guard_settings.credit_cap_joule", log_uniform(1e-4, 10.0));
   if (random.chance(0.5)) set("mofc.guard_settings.gate_joule", log_uniform(1e-4, 1e3));
   if (random.chance(0.3)) set("mofc.guard_settings.gate_recovery_ms", log_uniform(1.0, 5000.0));

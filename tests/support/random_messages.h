@@ -207,6 +207,7 @@ inline void randomise(MofcCounters& c, Random& random) {
   c.late_physics_ticks = random.bits();
   c.ledger_resets = random.bits();
   c.motions_dropped = random.bits();
+  c.motions_suppressed = random.bits();
   c.transparency_sum = random.uniform(0.0, 1e6);
   c.transparency_samples = random.bits();
 }
@@ -216,6 +217,7 @@ inline void randomise(PhysicsCounters& c, Random& random) {
   c.tool_motion = random_link_counters(random);
   c.contact_steps = random.bits();
   c.tissues_skipped = random.bits();
+  c.interactions_suppressed = random.bits();
   c.worst_compute_time = random_duration(random);
 }
 
@@ -354,12 +356,14 @@ inline bool same(const MofcCounters& a, const MofcCounters& b) {
          a.clamped_ticks == b.clamped_ticks && a.too_fast_ticks == b.too_fast_ticks &&
          a.stale_ticks == b.stale_ticks && a.late_physics_ticks == b.late_physics_ticks &&
          a.ledger_resets == b.ledger_resets && a.motions_dropped == b.motions_dropped &&
+         a.motions_suppressed == b.motions_suppressed &&
          same(a.transparency_sum, b.transparency_sum) &&
          a.transparency_samples == b.transparency_samples;
 }
 inline bool same(const PhysicsCounters& a, const PhysicsCounters& b) {
   return same(a.loop, b.loop) && same(a.tool_motion, b.tool_motion) &&
          a.contact_steps == b.contact_steps && a.tissues_skipped == b.tissues_skipped &&
+         a.interactions_suppressed == b.interactions_suppressed &&
          a.worst_compute_time == b.worst_compute_time;
 }
 template <class Record, class Counters>

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "common/core/memory_link.h"
+#include "mofc_node/motion_deadband.h"
 #include "tests/support/alloc_guard.h"
 
 namespace palpate::mofc {
@@ -33,6 +34,7 @@ class MofcNodeTest : public testing::Test {
     config.interaction = InteractionUse::kHeld;
     config.stale_after = 6ms;
     config.fade = 50ms;
+    config.velocity_estimator = DifferenceVelocity{};
     return config;
   }
   static DeviceConfig device_config() {
@@ -216,6 +218,100 @@ TEST_F(MofcNodeTest, TransparencyComparesTheEchoWithWhatWasAsked) {
   const MofcCounters counters = node_.counters();
   ASSERT_EQ(counters.transparency_samples, 1u);
   EXPECT_NEAR(counters.transparency_sum, 0.5, 1e-12);
+}
+
+class MofcNodeThins : public MofcNodeTest {
+ protected:
+  static MofcConfig thinning() {
+    MofcConfig config = mofc_config();
+    config.motion_deadband = MotionDeadband{.ratio = 0.1,
+                                            .floor_m_per_s = 0.01,
+                                            .floor_m = 1e-4,
+                                            .floor_rad = 0.02,
+                                            .keep_alive = 20ms};
+    return config;
+  }
+  MofcNodeThins() : MofcNodeTest(thinning()) {}
+
+  std::vector<ToolMotion> motions() {
+    std::vector<ToolMotion> all;
+    ToolMotion motion;
+    TimePoint at;
+    while (motion_link_.receive(motion, at)) all.push_back(motion);
+    return all;
+  }
+  void ticks_at(const Vector3& position_m, int count) {
+    position_m_ = position_m;
+    for (int i = 0; i < count; ++i) {
+      tick();
+      clock_.advance(1ms);
+    }
+  }
+};
+
+// ticks 0, 20 and 40 of 41, the rest is suppressed; nothing looks lost
+TEST_F(MofcNodeThins, ARestingToolIsToldOncePerKeepAlive) {
+  ticks_at(Vector3::Zero(), 41);
+
+  const std::vector<ToolMotion> sent = motions();
+  ASSERT_EQ(sent.size(), 3u);
+  EXPECT_EQ(sent[1].device_sequence, 20u);
+  EXPECT_EQ(sent[2].device_sequence, 40u);
+  EXPECT_EQ(sent[2].header.sequence, 2u);
+  EXPECT_EQ(node_.counters().motions_suppressed, 38u);
+}
+
+// floors: 0.1 mm and 10 mm/s
+TEST_F(MofcNodeThins, AMotionIsToldWhenPositionOrVelocityHasChangedByMoreThanTheFloor) {
+  ticks_at(Vector3::Zero(), 2);
+  ASSERT_EQ(motions().size(), 1u);
+  ticks_at({9e-6, 0, 0}, 1);
+  EXPECT_TRUE(motions().empty()) << "9 mm/s and 0.009 mm";
+  ticks_at({9e-5, 0, 0}, 1);
+  EXPECT_EQ(motions().size(), 1u) << "81 mm/s";
+  ticks_at({9e-5, 0, 0}, 1);
+  EXPECT_EQ(motions().size(), 1u) << "it stands again";
+}
+
+TEST_F(MofcNodeThins, AChangeOfVelocityCountsAgainstTheVelocity) {
+  const MotionDeadband deadband = *thinning().motion_deadband;
+  ToolMotion sent;
+  sent.tool_velocity_world_m_per_s = {0.2, 0, 0};
+  ToolMotion present = sent;
+  present.tool_velocity_world_m_per_s.x() = 0.22;
+  EXPECT_FALSE(is_worth_sending(sent, present, deadband)) << "0.020 ≤ 10 % of 0.22";
+  present.tool_velocity_world_m_per_s.x() = 0.23;
+  EXPECT_TRUE(is_worth_sending(sent, present, deadband)) << "0.030 > 0.023";
+}
+
+TEST_F(MofcNodeThins, ButtonsAndOrientationAreNewsToo) {
+  const MotionDeadband deadband = *thinning().motion_deadband;
+  const ToolMotion sent;
+  ToolMotion pressed;
+  pressed.buttons = 1;
+  EXPECT_TRUE(is_worth_sending(sent, pressed, deadband));
+  ToolMotion turned;
+  turned.tool_orientation_world = Eigen::AngleAxisd(0.019, Vector3::UnitX());
+  EXPECT_FALSE(is_worth_sending(sent, turned, deadband));
+  turned.tool_orientation_world = Eigen::AngleAxisd(0.021, Vector3::UnitX());
+  EXPECT_TRUE(is_worth_sending(sent, turned, deadband));
+}
+
+TEST_F(MofcNodeThins, ANewDeviceSessionIsToldAtOnce) {
+  ticks_at(Vector3::Zero(), 2);
+  motions();
+  tick(2);
+  EXPECT_EQ(motions().size(), 1u);
+}
+
+// the link holds 256: a motion that it does not take is tried again in the next tick
+TEST_F(MofcNodeThins, AMotionTheLinkDidNotTakeIsNotTakenForTold) {
+  for (int i = 0; i < 256; ++i) motion_link_.send(ToolMotion{});
+  ticks_at(Vector3::Zero(), 3);
+  EXPECT_EQ(node_.counters().motions_dropped, 3u);
+  motions();
+  ticks_at(Vector3::Zero(), 2);
+  EXPECT_EQ(motions().size(), 1u);
 }
 
 class MofcNodeScaled : public MofcNodeTest {
@@ -459,7 +555,8 @@ TEST_P(MofcNodeInMode, AnswerAndFinishTurnDoNotAllocate) {
                     .delta_max = 500us,
                     .stale_after = 6ms,
                     .fade = 50ms,
-                    .velocity_time_constant = 5ms};
+                    .velocity_estimator = KalmanVelocity{},
+                    .motion_deadband = MotionDeadband{}};
   DeviceConfig device;
   device.lease = 2ms;
   device.reply = 500us;

@@ -182,12 +182,29 @@ std::set<std::string> keys_of(const nlohmann::ordered_json& json) {
 TEST(SummaryJson, HasTheKeysThatAreDocumented) {
   const nlohmann::ordered_json json = summary_json(Session{}, RunReport{});
 
-  for (const char* key :
-       {"ticks", "in_contact_ticks", "transparency", "force_error_rms_ratio", "min_true_energy_j",
-        "max_force_n", "velocity_reversals", "clamp_ratio", "fallbacks", "wall_s",
-        "ticks_per_wall_s", "schema_version", "session", "controller", "seed", "simulated_s",
-        "answered_ratio", "path_deviation_rms_m", "path_deviation_peak_m",
-        "ideal_run_force_error_rms_ratio", "beyond_jnd_ratio"}) {
+  for (const char* key : {"ticks",
+                          "in_contact_ticks",
+                          "transparency",
+                          "force_error_rms_ratio",
+                          "min_true_energy_j",
+                          "max_force_n",
+                          "velocity_reversals",
+                          "clamp_ratio",
+                          "fallbacks",
+                          "wall_s",
+                          "ticks_per_wall_s",
+                          "schema_version",
+                          "session",
+                          "controller",
+                          "seed",
+                          "simulated_s",
+                          "answered_ratio",
+                          "path_deviation_rms_m",
+                          "path_deviation_peak_m",
+                          "motions_suppressed",
+                          "interactions_suppressed",
+                          "ideal_run_force_error_rms_ratio",
+                          "beyond_jnd_ratio"}) {
     EXPECT_TRUE(json.contains(key)) << key;
   }
   EXPECT_EQ(keys_of(json["transparency"]),
@@ -229,6 +246,8 @@ TEST(SummaryJson, CarriesTheFiguresOfTheRun) {
   report.statistics.add(pushed, {});
   report.device.fallback_ticks = 3;
   report.device.limp_ticks = 2;
+  report.mofc.motions_suppressed = 11;
+  report.physics.interactions_suppressed = 12;
   report.simulated_s = 4.0;
   report.wall_s = 0.5;
   const nlohmann::ordered_json json = summary_json(session, report);
@@ -246,6 +265,8 @@ TEST(SummaryJson, CarriesTheFiguresOfTheRun) {
   EXPECT_EQ(json["velocity_reversals"]["excess"], 1);
   EXPECT_DOUBLE_EQ(json["path_deviation_peak_m"], 2e-3);
   EXPECT_EQ(json["fallbacks"], 5);
+  EXPECT_EQ(json["motions_suppressed"], 11);
+  EXPECT_EQ(json["interactions_suppressed"], 12);
   EXPECT_DOUBLE_EQ(json["simulated_s"], 4.0);
   EXPECT_DOUBLE_EQ(json["ticks_per_wall_s"], 8.0);  // 4 ticks in 0.5 s
 }
