@@ -3,11 +3,13 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "common/core/session.h"
+#include "common/runtime/session_fields.h"
 #include "common/runtime/session_problems.h"
 
 namespace palpate {
@@ -20,6 +22,14 @@ namespace palpate {
 /// The same from a regular file of at most 100 kB.
 [[nodiscard]] DeviceProfile load_profile(const std::filesystem::path& file, const Place& place,
                                          Problems& problems);
+
+/// The two vectors of `device.profile` or `device.simulated`; `fallback` if both are left out. One
+/// without the other is a problem.
+[[nodiscard]] std::optional<FrictionPerAxis> read_friction_per_axis(
+    const Fields& fields, const std::optional<FrictionPerAxis>& fallback);
+
+/// Makes a problem of an isotropic Coulomb friction that is more than an axis has.
+void check_isotropic_bound(const Fields& profile_fields, const DeviceProfile& profile);
 
 /// What parse_profile reads: `comment`, a line each, and the profile. Bounds are rounded towards 0,
 /// to whole 1e-6.
