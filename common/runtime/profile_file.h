@@ -9,10 +9,11 @@
 #include <vector>
 
 #include "common/core/session.h"
-#include "common/runtime/session_fields.h"
 #include "common/runtime/session_problems.h"
 
 namespace palpate {
+
+class Fields;
 
 /// Reads protobuf text format. Problems stand at `place` (of the field that names the file) as
 /// "file:line:column: …"; a number that has one is NaN.
