@@ -143,6 +143,8 @@ std::vector<Adversity> adversities() {
   // scheduler
   add("interval 0.5…1.5 T", {}, Physics::kPushAlong);
   all.back().run.tick_jitter = 0.5;
+  add("2 % of ticks 1…5 T late", {}, Physics::kPushAlong);
+  all.back().run.late_tick_ratio = 0.02;
 
   // encoder
   for (const char* q_m : {"0", "55e-6", "5e-4"}) {
@@ -450,7 +452,7 @@ void run(const GuaranteeOptions& options) {
   const BenchOptions& bench = options.bench;
   nlohmann::ordered_json json;
   if (options.only != "history") {
-    const Table adversity = adversity_table(bench.is_quick ? 3 : 100, options.overrides);
+    const Table adversity = adversity_table(bench.is_quick ? 3 : 50, options.overrides);
     std::printf(
         "%s\nEach run: 2 s, device at 1 kHz, a hand that seeks energy, 0.3 m/s at most unless said."
         "\nFriction of the device: 0.1 N·s/m and 0.1 N, isotropic; or per axis, x 0.05, y 0.1, z "

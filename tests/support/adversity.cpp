@@ -131,15 +131,18 @@ AdverseResult run_adverse(const AdverseRun& run, std::uint64_t seed) {
   const auto tamperer =
       std::make_shared<Tamperer>(run.physics, stream_seed(seed, "hostile physics"));
   const auto random = std::make_shared<Random>(stream_seed(seed, "tick jitter"));
-  const double latest_s = run.tick_jitter / session.device.rate_hz;
+  const double period_s = 1.0 / session.device.rate_hz;
 
   LockstepOptions options{.links = run.links};
   if (run.physics != Physics::kHonest) {
     options.tamper_with_interaction = [tamperer](Interaction& i) { tamperer->tamper(i); };
   }
-  if (run.tick_jitter > 0.0) {
-    options.device_lateness = [random, latest_s] {
-      return from_seconds(random->uniform(0.0, latest_s));
+  if (run.tick_jitter > 0.0 || run.late_tick_ratio > 0.0) {
+    options.device_lateness = [&run, random, period_s] {
+      if (random->chance(run.late_tick_ratio)) {
+        return from_seconds(random->uniform(1.0, 5.0) * period_s);
+      }
+      return from_seconds(random->uniform(0.0, run.tick_jitter) * period_s);
     };
   }
 
@@ -266,6 +269,7 @@ AdverseRun random_adverse_run(std::uint64_t seed) {
 
   // scheduler
   if (random.chance(0.3)) run.tick_jitter = random.uniform(0.0, 0.5);
+  if (random.chance(0.3)) run.late_tick_ratio = log_uniform(0.001, 0.05);
   run.seconds = 2.0;
 
   // friction per axis, told at most as it is
