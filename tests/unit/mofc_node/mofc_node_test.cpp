@@ -411,15 +411,16 @@ TEST(MakeController, EveryModeCountsOnTheFrictionOfTheProfile) {
   device.lease = 2ms;
   device.profile.coulomb_newton = 0.3;
   for (const MofcMode mode : {MofcMode::kPaper, MofcMode::kVector, MofcMode::kGuard}) {
-    EXPECT_EQ(f_max_at_first_newton({.mode = mode}, device), Vector3::Constant(0.3));
+    EXPECT_EQ(f_max_at_first_newton({.mode = mode, .guard = {}}, device), Vector3::Constant(0.3));
   }
-  const MofcConfig isotropic{.mode = MofcMode::kPaper, .paper_friction = PaperFriction::kIsotropic};
+  MofcConfig isotropic{.mode = MofcMode::kPaper, .guard = {}};
+  isotropic.paper_friction = PaperFriction::kIsotropic;
   EXPECT_NEAR(f_max_at_first_newton(isotropic, device).y(), 0.3 / std::sqrt(3.0), 1e-15);
 
   const Vector3 per_axis(0.1, 0.2, 0.4);
   device.profile.per_axis = FrictionPerAxis{Vector3::Constant(0.1), per_axis};
   for (const MofcMode mode : {MofcMode::kPaper, MofcMode::kVector, MofcMode::kGuard}) {
-    EXPECT_EQ(f_max_at_first_newton({.mode = mode}, device), per_axis);
+    EXPECT_EQ(f_max_at_first_newton({.mode = mode, .guard = {}}, device), per_axis);
   }
 }
 
