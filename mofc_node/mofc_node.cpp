@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <optional>
 
 #include "mofc_node/controllers/guard_mofc.h"
 #include "mofc_node/controllers/paper_mofc.h"
@@ -11,8 +12,10 @@
 namespace palpate::mofc {
 
 using controllers::AppliedStretch;
+using controllers::AxisFriction;
 using controllers::ControlOutput;
 using controllers::MofcParameters;
+using controllers::PaperMofc;
 
 namespace {
 
@@ -33,22 +36,31 @@ Vector3 mean_applied_newton(const DeviceState& state) noexcept {
 std::unique_ptr<controllers::ForceController> make_controller(const MofcConfig& mofc,
                                                               const DeviceConfig& device) {
   const DeviceProfile& profile = device.profile;
+  std::optional<AxisFriction> per_axis;
+  if (profile.per_axis) {
+    per_axis = {.f_d = profile.per_axis->viscous_newton_s_per_m,
+                .f_co = profile.per_axis->coulomb_newton};
+  }
   if (mofc.controller == ControllerKind::kNone) return std::make_unique<controllers::PassThrough>();
   if (mofc.mode == MofcMode::kPaper) {
-    return std::make_unique<controllers::PaperMofc>(
-        MofcParameters{.f_d = profile.viscous_newton_s_per_m,
-                       .f_co = profile.coulomb_newton,
-                       .T = 1.0 / device.rate_hz});
+    const MofcParameters parameters{.f_d = profile.viscous_newton_s_per_m,
+                                    .f_co = profile.coulomb_newton,
+                                    .T = 1.0 / device.rate_hz};
+    if (per_axis) return std::make_unique<PaperMofc>(*per_axis, parameters.T);
+    return std::make_unique<PaperMofc>(mofc.paper_friction == PaperFriction::kIsotropic
+                                           ? PaperMofc::isotropic(parameters)
+                                           : PaperMofc(parameters));
   }
   const MofcParameters parameters{.f_d = profile.viscous_newton_s_per_m,
                                   .f_co = profile.coulomb_newton,
                                   .T = to_seconds(device.lease)};
   if (mofc.mode == MofcMode::kVector) {
     return std::make_unique<controllers::VectorMofc>(parameters, profile.position_resolution_m,
-                                                     to_seconds(mofc.delta_max));
+                                                     to_seconds(mofc.delta_max), per_axis);
   }
   return std::make_unique<controllers::GuardMofc>(
       controllers::GuardParameters{.mofc = parameters,
+                                   .per_axis = per_axis,
                                    .resolution_m = profile.position_resolution_m,
                                    .delta_max_s = to_seconds(mofc.delta_max),
                                    .v_max_m_per_s = mofc.guard.v_max_m_per_s,

@@ -38,11 +38,18 @@ struct WorkspaceConfig {
   std::optional<std::uint32_t> clutch_button;
 };
 
+/// Friction that acts on each axis of D by itself: f_d,i v_i + f_co,i sgn(v_i).
+struct FrictionPerAxis {
+  Vector3 viscous_newton_s_per_m = Vector3::Zero();  ///< f_d,i
+  Vector3 coulomb_newton = Vector3::Zero();          ///< f_co,i
+};
+
 /// What the ledger may count on: lower bounds over the workspace (CONTROLLERS §1.3).
 struct DeviceProfile {
-  double viscous_newton_s_per_m = 0.1;   ///< f_d
-  double coulomb_newton = 0.1;           ///< f_co
+  double viscous_newton_s_per_m = 0.1;   ///< f_d of the isotropic friction f_d v + f_co v/|v|
+  double coulomb_newton = 0.1;           ///< f_co; at most the smallest f_co,i
   double position_resolution_m = 55e-6;  ///< q, per axis
+  std::optional<FrictionPerAxis> per_axis = {};
 };
 
 /// The true values of a simulated device; the controller sees only the profile.
@@ -50,7 +57,8 @@ struct SimulatedDeviceConfig {
   double mass_kg = 0.045;
   double viscous_newton_s_per_m = 0.1;
   double coulomb_newton = 0.1;
-  double position_resolution_m = 55e-6;  ///< 0: exact
+  std::optional<FrictionPerAxis> per_axis = {};  ///< instead of the two above, which are isotropic
+  double position_resolution_m = 55e-6;          ///< 0: exact
   double peak_force_newton = 3.3;
   Duration inner_step = std::chrono::microseconds(50);  ///< upper bound
 };
@@ -135,6 +143,11 @@ enum class InteractionUse : std::uint8_t {
   kLocal,  ///< its local contact model, evaluated at the device's rate
   kHeld,   ///< its force, held
 };
+/// Mode paper: the Coulomb friction that each axis counts.
+enum class PaperFriction : std::uint8_t {
+  kAsPublished,  ///< f_co
+  kIsotropic,    ///< f_co/√3
+};
 
 /// Mode guard: what is assumed of the hand, and how far credit may grow.
 struct GuardConfig {
@@ -184,6 +197,7 @@ struct MofcConfig {
   ControllerKind controller = ControllerKind::kMofc;
   MofcMode mode = MofcMode::kGuard;
   GuardConfig guard;
+  PaperFriction paper_friction = PaperFriction::kAsPublished;
   Duration wait_for_physics{};  ///< 0: never wait; else answer from the Interaction of this tick
   Duration delta_max{};         ///< longest time from the reading to the switch; not in mode paper
   InteractionUse interaction = InteractionUse::kLocal;
@@ -191,7 +205,7 @@ struct MofcConfig {
   Duration stale_after{};                ///< silence on hop 3 after which the force fades
   Duration fade{};
   VelocityEstimatorConfig velocity_estimator = KalmanVelocity{};
-  std::optional<MotionDeadband> motion_deadband;  ///< none: every motion is sent
+  std::optional<MotionDeadband> motion_deadband{};  ///< none: every motion is sent
 };
 
 // --- scene ------------------------------------------------------------------------------------
@@ -257,7 +271,7 @@ struct SceneConfig {
 struct PhysicsConfig {
   double rate_hz = 1000.0;
   double reach_m = 0.05;  ///< tissues this near to the tip are described before they are touched
-  std::optional<InteractionDeadband> interaction_deadband;  ///< none: every step is sent
+  std::optional<InteractionDeadband> interaction_deadband{};  ///< none: every step is sent
 };
 
 struct ViewerConfig {

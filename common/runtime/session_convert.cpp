@@ -147,8 +147,14 @@ DeviceProfile to_profile(const Fields& fields, DeviceProfile profile) {
   profile.viscous_newton_s_per_m =
       fields.number("viscous_newton_s_per_m", profile.viscous_newton_s_per_m, at_least(0),
                     "give a lower bound of the viscous friction, 0 if unknown");
+  profile.per_axis = read_friction_per_axis(fields, profile.per_axis);
+  if (profile.per_axis) {
+    profile.coulomb_newton =
+        std::min(profile.coulomb_newton, profile.per_axis->coulomb_newton.minCoeff());
+  }
   profile.coulomb_newton = fields.number("coulomb_newton", profile.coulomb_newton, at_least(0),
                                          "give a lower bound of the dry friction, 0 if unknown");
+  check_isotropic_bound(fields, profile);
   profile.position_resolution_m =
       fields.number("position_resolution_m", profile.position_resolution_m, at_least(0),
                     "give the step of the position sensor");
@@ -164,6 +170,7 @@ SimulatedDeviceConfig to_simulated_device(const Fields& fields) {
                     "give the true viscous friction, 0 for none");
   config.coulomb_newton = fields.number("coulomb_newton", config.coulomb_newton, at_least(0),
                                         "give the true dry friction, 0 for none");
+  config.per_axis = read_friction_per_axis(fields, {});
   config.position_resolution_m =
       fields.number("position_resolution_m", config.position_resolution_m, at_least(0),
                     "give the step of the encoder, 0 for an exact one");
@@ -212,10 +219,11 @@ DeviceConfig to_device(const Fields& fields, double rate_hz, double wait_for_phy
 
   const double lease_us =
       fields.number("lease_us", 2.0 * period_us, above(0), "leave it out for 2 periods");
+  const double longest_lease_us = 3.0 * period_us - std::min(reply_us, period_us);
   if (lease_us < (1.0 - kPeriodTolerance) * period_us ||
-      lease_us > (3.0 + kPeriodTolerance) * period_us) {
-    fields.problem("lease_us", "must be 1 … 3 periods of device.rate_hz, " + shown(period_us) +
-                                   " … " + shown(3.0 * period_us) +
+      lease_us > longest_lease_us + kPeriodTolerance * period_us) {
+    fields.problem("lease_us", "must be 1 … 3 periods of device.rate_hz less device.reply_us, " +
+                                   shown(period_us) + " … " + shown(longest_lease_us) +
                                    " us; leave it out for 2 periods");
   }
   config.lease = microseconds(lease_us);
@@ -458,8 +466,42 @@ std::optional<InteractionDeadband> to_interaction_deadband(const Fields& physics
   return config;
 }
 
+/// From the reading to the switch: an answer may act as late as its deadline. Then the force may
+/// last for its lease; it is never older than 3 periods.
+Duration to_delta_max(const Fields& fields, const DeviceConfig& device) {
+  const double reply_ms = 1e3 * to_seconds(device.reply);
+  const double lease_ms = 1e3 * to_seconds(device.lease);
+  const double period_ms = 1e3 / device.rate_hz;
+  const double delta_max_ms =
+      fields.number("delta_max_ms", reply_ms, above(0), "leave it out for device.reply_us");
+  if (delta_max_ms < reply_ms - kPeriodTolerance * period_ms) {
+    fields.problem("delta_max_ms", "must be ≥ device.reply_us, " + shown(reply_ms) +
+                                       " ms, for answers may act as late as that; leave it out, or "
+                                       "give a smaller device.reply_us");
+  } else if (fields.has("delta_max_ms") &&
+             delta_max_ms + lease_ms > (3.0 + kPeriodTolerance) * period_ms) {
+    fields.problem("delta_max_ms", "must be ≤ 3 periods of device.rate_hz less device.lease_us, " +
+                                       shown(3.0 * period_ms - lease_ms) +
+                                       " ms; leave it out, or give a shorter lease");
+  }
+  return milliseconds(delta_max_ms);
+}
+
+PaperFriction to_paper_friction(const Fields& fields, const v1::Mofc::PaperSettings& written,
+                                const DeviceProfile& profile) {
+  if (!v1::Mofc::PaperSettings::Friction_IsValid(written.friction())) {
+    fields.problem("friction", "must be as_published or isotropic");
+  }
+  if (written.friction() != v1::Mofc::PaperSettings::isotropic) return PaperFriction::kAsPublished;
+  if (profile.per_axis) {
+    fields.problem("friction", "the profile gives friction per axis; leave one of the two out");
+  }
+  return PaperFriction::kIsotropic;
+}
+
 MofcConfig to_mofc(const Fields& fields, const v1::Mofc& written, double wait_for_physics_ms,
-                   const PhysicsConfig& physics, Duration interaction_jitter, Duration reply) {
+                   const PhysicsConfig& physics, Duration interaction_jitter,
+                   const DeviceConfig& device) {
   MofcConfig config;
   if (!v1::Mofc::Controller_IsValid(written.controller())) {
     fields.problem("controller", "must be none or mofc");
@@ -471,6 +513,8 @@ MofcConfig to_mofc(const Fields& fields, const v1::Mofc& written, double wait_fo
   if (written.mode() == v1::Mofc::paper) config.mode = MofcMode::kPaper;
   if (written.mode() == v1::Mofc::vector) config.mode = MofcMode::kVector;
   config.guard = to_guard(fields.message("guard_settings"));
+  config.paper_friction =
+      to_paper_friction(fields.message("paper_settings"), written.paper_settings(), device.profile);
   config.wait_for_physics = milliseconds(wait_for_physics_ms);
 
   // silence that is agreed upon is not staleness
@@ -507,8 +551,7 @@ MofcConfig to_mofc(const Fields& fields, const v1::Mofc& written, double wait_fo
   config.handover_newton_per_s =
       fields.number("handover_newton_per_s", 100.0, above(0), "leave it out for 100 N/s");
   config.velocity_estimator = to_velocity_estimator(fields.message("velocity_estimator"));
-  config.delta_max = milliseconds(fields.number("delta_max_ms", 1e3 * to_seconds(reply),
-                                                at_least(0), "leave it out for device.reply_us"));
+  config.delta_max = to_delta_max(fields, device);
   return config;
 }
 
@@ -714,7 +757,7 @@ Session to_session(const SessionText& text, const std::filesystem::path& base_di
   session.physics.interaction_deadband =
       to_interaction_deadband(fields.message("physics"), wait_ms);
   session.mofc = to_mofc(mofc, written.mofc(), wait_ms, session.physics,
-                         session.faults.interaction.jitter, session.device.reply);
+                         session.faults.interaction.jitter, session.device);
   return session;
 }
 

@@ -153,15 +153,18 @@ AdverseResult run_adverse(const AdverseRun& run, std::uint64_t seed) {
   const auto tamperer =
       std::make_shared<Tamperer>(run.physics, stream_seed(seed, "hostile physics"));
   const auto random = std::make_shared<Random>(stream_seed(seed, "tick jitter"));
-  const double latest_s = run.tick_jitter / session.device.rate_hz;
+  const double period_s = 1.0 / session.device.rate_hz;
 
   LockstepOptions options{.links = run.links};
   if (run.physics != Physics::kHonest) {
     options.tamper_with_interaction = [tamperer](Interaction& i) { tamperer->tamper(i); };
   }
-  if (run.tick_jitter > 0.0) {
-    options.device_lateness = [random, latest_s] {
-      return from_seconds(random->uniform(0.0, latest_s));
+  if (run.tick_jitter > 0.0 || run.late_tick_ratio > 0.0) {
+    options.device_lateness = [&run, random, period_s] {
+      if (random->chance(run.late_tick_ratio)) {
+        return from_seconds(random->uniform(1.0, 5.0) * period_s);
+      }
+      return from_seconds(random->uniform(0.0, run.tick_jitter) * period_s);
     };
   }
 
@@ -301,7 +304,27 @@ AdverseRun random_adverse_run(std::uint64_t seed) {
 
   // scheduler
   if (random.chance(0.3)) run.tick_jitter = random.uniform(0.0, 0.5);
+  if (random.chance(0.3)) run.late_tick_ratio = log_uniform(0.001, 0.05);
   run.seconds = 2.0;
+
+  // friction per axis, told at most as it is
+  if (random.chance(0.3)) {
+    Vector3 told_f_d;
+    Vector3 told_f_co;
+    Vector3 more;
+    for (int i = 0; i < 3; ++i) {
+      told_f_d[i] = f_d * random.uniform(0.2, 3.0);
+      told_f_co[i] = f_co * random.uniform(1.0, 4.0);
+      more[i] = random.chance(0.6) ? 1.0 : random.uniform(1.0, 2.0);
+    }
+    const auto set_axes = [&](const char* path, const Vector3& v) {
+      run.overrides.push_back(fmt::format("{}={{ x: {} y: {} z: {} }}", path, v.x(), v.y(), v.z()));
+    };
+    set_axes("device.profile.viscous_per_axis_newton_s_per_m", told_f_d);
+    set_axes("device.profile.coulomb_per_axis_newton", told_f_co);
+    set_axes("device.simulated.viscous_per_axis_newton_s_per_m", told_f_d.cwiseProduct(more));
+    set_axes("device.simulated.coulomb_per_axis_newton", told_f_co.cwiseProduct(more));
+  }
   return run;
 }
 

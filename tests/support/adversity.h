@@ -26,7 +26,8 @@ enum class Physics : std::uint8_t {
 struct AdverseRun {
   std::vector<std::string> overrides;  ///< on hostile_session()
   Physics physics = Physics::kHonest;
-  double tick_jitter = 0.0;  ///< each tick begins up to this share of a period late, 0 … 0.5
+  double tick_jitter = 0.0;      ///< each tick begins up to this share of a period late, 0 … 0.5
+  double late_tick_ratio = 0.0;  ///< share of ticks that begin 1 … 5 periods late
   LockstepLinks links = LockstepLinks::kMemory;
   double seconds = 2.0;
 };

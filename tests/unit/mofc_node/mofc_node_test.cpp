@@ -620,6 +620,34 @@ TEST_P(MofcNodeInMode, AnswerAndFinishTurnDoNotAllocate) {
 INSTANTIATE_TEST_SUITE_P(Modes, MofcNodeInMode,
                          testing::Values(MofcMode::kPaper, MofcMode::kVector, MofcMode::kGuard));
 
+/// What a controller without any energy lets through on each axis.
+Vector3 f_max_at_first_newton(const MofcConfig& mofc, const DeviceConfig& device) {
+  return make_controller(mofc, device)
+      ->step({.hand_position_m = Vector3::Zero(),
+              .applied = {},
+              .asked_force_on_hand_newton = Vector3(9, 9, 9)})
+      .f_max_newton;
+}
+
+// With an empty pool what is left is the Coulomb friction that the mode counts.
+TEST(MakeController, EveryModeCountsOnTheFrictionOfTheProfile) {
+  DeviceConfig device;
+  device.lease = 2ms;
+  device.profile.coulomb_newton = 0.3;
+  for (const MofcMode mode : {MofcMode::kPaper, MofcMode::kVector, MofcMode::kGuard}) {
+    EXPECT_EQ(f_max_at_first_newton({.mode = mode, .guard = {}}, device), Vector3::Constant(0.3));
+  }
+  MofcConfig isotropic{.mode = MofcMode::kPaper, .guard = {}};
+  isotropic.paper_friction = PaperFriction::kIsotropic;
+  EXPECT_NEAR(f_max_at_first_newton(isotropic, device).y(), 0.3 / std::sqrt(3.0), 1e-15);
+
+  const Vector3 per_axis(0.1, 0.2, 0.4);
+  device.profile.per_axis = FrictionPerAxis{Vector3::Constant(0.1), per_axis};
+  for (const MofcMode mode : {MofcMode::kPaper, MofcMode::kVector, MofcMode::kGuard}) {
+    EXPECT_EQ(f_max_at_first_newton({.mode = mode, .guard = {}}, device), per_axis);
+  }
+}
+
 static_assert(
     noexcept(std::declval<MofcNode&>().answer(std::declval<const Received<DeviceState>&>())));
 static_assert(noexcept(std::declval<MofcNode&>().finish_turn()));
