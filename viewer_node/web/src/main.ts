@@ -33,6 +33,7 @@ const measure = new Measure(by_id<SVGSVGElement>("triad"));
 
 let scene: SceneState | null = null;
 let surfaces: Surface[] = [];
+let signature = "";
 let mode: ColourMode = "material";
 let window_s = 10;
 let is_paused = false;
@@ -84,6 +85,7 @@ function take_scene(message: SceneState): void {
   const taken = message.tissues.map((tissue) => new Surface(tissue)); // all or nothing
   scene = message;
   surfaces = taken;
+  signature = scene_signature(surfaces);
   view.set_surfaces(surfaces, scene.tipRadiusM, scene.peakForceNewton);
   hand.set_scene(scene);
   write_session(scene);
@@ -124,6 +126,7 @@ function pause(does: boolean): void {
   paused_s = telemetry.now_s;
   by_id("pause").setAttribute("aria-pressed", String(does));
   by_id("pause").querySelector("span")!.textContent = does ? "Resume" : "Pause";
+  by_id("scene").classList.toggle("is-paused", does);
   if (!does) surfaces.forEach((_, index) => view.update(index));
   plots_due_s = 0;
 }
@@ -223,7 +226,7 @@ function picture(): void {
 function say(now_s: number): void {
   // the first connection is not lost yet
   const is_waiting = !has_been_connected && now_s < 2;
-  if (!is_waiting) write_state(state_words(telemetry, is_connected, now_s), telemetry);
+  if (!is_waiting && !is_paused) write_state(state_words(telemetry, is_connected, now_s), telemetry);
   chips.write(telemetry, is_connected, now_s);
   const status_text = now_s < status.until_s ? status.text : "";
   write_banners(by_id("banners"), is_waiting ? [] : banner_lines(telemetry, is_connected, now_s - disconnected_s, status_text, now_s));
@@ -250,7 +253,7 @@ Object.defineProperty(window, "__test", {
         }];
       })),
       scene: scene && {
-        revision: Number(scene.revision), name: scene.sessionName, signature: scene_signature(surfaces),
+        revision: Number(scene.revision), name: scene.sessionName, signature,
         tissues: surfaces.map((s) => ({
           name: s.name, vertices: s.vertex_count, max_displacement_m: s.max_displacement_m,
           displacement_m: s.displacement_m.reduce((most, d) => Math.max(most, d), 0),

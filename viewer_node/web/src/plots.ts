@@ -121,9 +121,9 @@ export class TimePlot {
       axes: [
         axis(palette, { size: 22, space: 60, values: (_, ticks) => ticks.map((t) => (t === 0 ? "now" : `${fixed(t)} s`)) }),
         axis(palette, {
-          size: 42, space: 24,
+          size: 36, space: 24,
           values: (_, ticks) => ticks.map((t) => (t === null ? "" : (spec.axis ?? fixed)(t))),
-          ...(spec.is_logarithmic ? { filter: decades_only } : {}),
+          ...(spec.is_logarithmic ? { filter: decades_only, grid: { filter: decades_only, stroke: palette.line, width: 1 } } : {}),
         }),
       ],
       series: [{}, ...spec.series.map(({ label, colour, dash }) => ({
@@ -198,7 +198,7 @@ export class Histogram {
 
   constructor(parent: HTMLElement, private readonly telemetry: Telemetry) {
     this.card = new Card(parent, "lateness", "Tick lateness", "", "How late the device’s ticks begin, in the time window; logarithmic in both directions.", [
-      { label: "median", colour: "--applied" }, { label: "99 %", colour: "--applied" }, { label: "latest", colour: "--applied" },
+      { label: "median", colour: "--applied" }, { label: "99 %", colour: "--applied" }, { label: "worst", colour: "--applied" },
     ]);
     this.card.element.classList.add("plain-keys");
     for (let i = 0; i < kLatenessBins.count; ++i) this.data[0].push(i);
@@ -223,11 +223,11 @@ export class Histogram {
         axis(palette, {
           size: 22, grid: { show: false },
           splits: () => [0, 5, 10, 15, 20, 25],
-          values: (_, ticks) => ticks.map((bin) => time_words(upper_border_s(kLatenessBins, bin))),
+          values: () => ["1 µs", "10 µs", "100 µs", "1 ms", "10 ms", "100 ms"],
         }),
-        axis(palette, { size: 42, space: 24, values: (_, ticks) => ticks.map((t) => (t === null ? "" : thousands(t))), filter: decades_only }),
+        axis(palette, { size: 36, space: 24, values: (_, ticks) => ticks.map((t) => (t === null ? "" : thousands(t))), filter: decades_only, grid: { filter: decades_only, stroke: palette.line, width: 1 } }),
       ],
-      series: [{}, { stroke: palette.of("--applied"), fill: palette.of("--applied-soft"), width: 1, paths: bars, points: { show: false } }],
+      series: [{}, { stroke: palette.of("--applied"), fill: palette.of("--applied"), width: 0, paths: bars, points: { show: false } }],
     }, this.data as uPlot.AlignedData, body);
   }
 
@@ -308,7 +308,7 @@ export class Plots {
       id: "timing", title: "Age and reply", unit: "ms",
       help: "Age of the device state that the force answers, and time to the answer within a tick.",
       series: [
-        { label: "force age", colour: "--asked", ring: mofc, column: kForceAge, scale: 1e3 },
+        { label: "age", colour: "--asked", ring: mofc, column: kForceAge, scale: 1e3 },
         { label: "reply", colour: "--applied", ring: device, column: kReplyTime, scale: 1e3 },
       ],
       is_logarithmic: true,

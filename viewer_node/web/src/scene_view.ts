@@ -1,9 +1,9 @@
 // scene_view.ts: the 3-D view: tissue, tool, forces. Draws only when something has changed.
 import {
-  AmbientLight, BufferAttribute, BufferGeometry, Box3, Color, ConeGeometry, CylinderGeometry, DirectionalLight,
+  BufferAttribute, BufferGeometry, Box3, Color, ConeGeometry, CylinderGeometry, DirectionalLight,
   DynamicDrawUsage, Fog, FrontSide, GridHelper, Group, HemisphereLight, Line, LineBasicMaterial, LineDashedMaterial, Mesh,
-  MeshBasicMaterial, MeshStandardMaterial, PCFShadowMap, PerspectiveCamera, PlaneGeometry, Points,
-  PointsMaterial, Scene, ShadowMaterial, SphereGeometry, Vector3 as V3, WebGLRenderer,
+  MeshBasicMaterial, MeshStandardMaterial, PCFShadowMap, PerspectiveCamera, Points,
+  PointsMaterial, Scene, SphereGeometry, Vector3 as V3, WebGLRenderer,
   type Material, type WebGLProgramParametersWithUniforms,
 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
@@ -12,6 +12,7 @@ import type { ColourMode, Surface } from "./surface";
 import type { Vector3 } from "./wire";
 
 const kGridPitch_m = 0.01;
+const kClear = 0.66; // opacity of outer tissue that shows what it holds
 const kUp = new V3(0, 1, 0); // of three's cylinders and cones
 const kLeastForce_newton = 0.01; // below it an arrow is a speck
 const kDrawnTip_m = 0.0015; // of a tool that is a point
@@ -61,8 +62,7 @@ export class SceneView {
   private readonly target: Mesh<SphereGeometry, MeshBasicMaterial>;
   private readonly tether: Line<BufferGeometry, LineDashedMaterial>;
   private readonly plumb: Line<BufferGeometry, LineBasicMaterial>;
-  private readonly lamp = new DirectionalLight(0xffffff, 2.2);
-  private readonly ground: Mesh<PlaneGeometry, ShadowMaterial>;
+  private readonly lamp = new DirectionalLight(0xfff6ec, 2.7);
   private grid: GridHelper | null = null;
   private grid_colour = "#888";
 
@@ -88,7 +88,7 @@ export class SceneView {
     this.controls.maxPolarAngle = 0.97 * Math.PI;
     this.controls.addEventListener("change", () => this.camera_changed());
 
-    this.scene.add(new HemisphereLight(0xffffff, 0xb8a89c, 1.5), new AmbientLight(0xffffff, 0.25), this.lamp, this.lamp.target);
+    this.scene.add(new HemisphereLight(0xffffff, 0xa89a92, 1.25), this.lamp, this.lamp.target);
     this.lamp.castShadow = true;
     this.lamp.shadow.mapSize.set(1024, 1024);
     this.lamp.shadow.radius = 3;
@@ -101,10 +101,8 @@ export class SceneView {
     this.target = new Mesh(new SphereGeometry(1, 24, 16), new MeshBasicMaterial({ transparent: true, opacity: 0.55, fog: false }));
     this.tether = line(new LineDashedMaterial({ dashSize: 0.002, gapSize: 0.0015, transparent: true, opacity: 0.8, fog: false }));
     this.plumb = line(new LineBasicMaterial({ transparent: true, opacity: 0.35, fog: false }));
-    this.ground = new Mesh(new PlaneGeometry(1, 1), new ShadowMaterial({ opacity: 0.16 }));
-    this.ground.receiveShadow = true;
     this.target.visible = this.tether.visible = this.tool.visible = this.plumb.visible = false;
-    this.scene.add(this.tissue, this.tool, this.asked.group, this.applied.group, this.target, this.tether, this.plumb, this.ground);
+    this.scene.add(this.tissue, this.tool, this.asked.group, this.applied.group, this.target, this.tether, this.plumb);
   }
 
   /** Another scene: nothing of the last one stays, but the camera if it was moved by hand. */
@@ -181,7 +179,7 @@ export class SceneView {
     for (const { material, contains_others } of this.drawn) {
       const is_clear = does && contains_others;
       material.transparent = is_clear;
-      material.opacity = is_clear ? 0.5 : 1;
+      material.opacity = is_clear ? kClear : 1;
       material.depthWrite = !is_clear;
       material.needsUpdate = true;
     }
@@ -235,10 +233,11 @@ export class SceneView {
 
   /** The whole scene, seen from the front and a little from above. */
   frame(): void {
-    const distance_m = (1.12 * this.radius_m) / Math.sin((0.5 * this.camera.fov * Math.PI) / 180) / Math.min(1, 0.35 + 0.65 * this.camera.aspect);
+    const half_angle = Math.atan(Math.tan((0.5 * this.camera.fov * Math.PI) / 180) * Math.min(1, this.camera.aspect));
+    const distance_m = (0.97 * this.radius_m) / Math.sin(half_angle);
     this.controls.target.copy(this.centre);
-    this.controls.target.z = this.bounds.max.z + 0.08 * this.radius_m; // the tool is above
-    this.camera.position.set(0.36, -0.86, 0.42).normalize().multiplyScalar(distance_m).add(this.controls.target);
+    this.controls.target.z = this.bounds.max.z - 0.1 * this.radius_m; // the tool is above
+    this.camera.position.set(0.3, -0.86, 0.44).normalize().multiplyScalar(distance_m).add(this.controls.target);
     this.controls.minDistance = 0.2 * this.radius_m;
     this.controls.maxDistance = 12 * this.radius_m;
     this.controls.update();
@@ -378,10 +377,8 @@ export class SceneView {
     this.grid.rotateX(Math.PI / 2);
     this.grid.position.set(kGridPitch_m * Math.round(this.centre.x / kGridPitch_m), kGridPitch_m * Math.round(this.centre.y / kGridPitch_m), floor_m);
     this.scene.add(this.grid);
-    this.ground.position.set(this.centre.x, this.centre.y, floor_m - 1e-4);
-    this.ground.scale.setScalar(8 * this.radius_m);
 
-    this.lamp.position.set(-0.35, -0.45, 1).multiplyScalar(3 * this.radius_m).add(this.centre);
+    this.lamp.position.set(-0.75, -0.4, 0.8).multiplyScalar(3 * this.radius_m).add(this.centre);
     this.lamp.target.position.copy(this.centre);
     const shadow = this.lamp.shadow.camera;
     shadow.left = shadow.bottom = -1.3 * this.radius_m;

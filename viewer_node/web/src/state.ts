@@ -64,12 +64,12 @@ export function duration_words(seconds: number): string {
   return `${Math.round(seconds / 3600)} h`;
 }
 
-/** Three significant digits with a unit that a person reads easily: "62 µs", "1.25 ms". */
+/** Two digits or more, with a unit that a person reads easily: "62 µs", "1.2 ms". */
 export function time_words(seconds: number): string {
   if (!Number.isFinite(seconds)) return "–";
   const [scale, unit] = seconds < 1e-3 ? [1e6, "µs"] : seconds < 1 ? [1e3, "ms"] : [1, "s"];
   const value = scale * seconds;
-  return `${value >= 100 || value === 0 ? value.toFixed(0) : value.toPrecision(value < 1 ? 1 : value < 10 ? 2 : 3)} ${unit}`;
+  return `${value >= 9.95 || value === 0 ? value.toFixed(0) : value.toPrecision(2)} ${unit}`;
 }
 
 export function count_words(count: number | bigint): string {
