@@ -340,22 +340,26 @@ test("every control has a name, and Tab reaches it", kLimit, async () => {
   }
 });
 
-test("20 000 deforming vertices at 30 Hz are taken in time", kLimit, async () => {
+test("20 000 deforming vertices at 30 Hz are taken as fast as they come", kLimit, async () => {
   const page = await start({ vertices: 20000 });
   const begin = await until(page, (t) => t.mesh_frames > 5, "mesh frames");
+  const sent = server.world.mesh_frames;
   const costs_s = [];
   await until(page, (t) => {
     costs_s.push(t.mesh_cost_s);
     return t.now_s > begin.now_s + 3;
   }, "three seconds");
+  const sent_since = server.world.mesh_frames - sent;
   const end = await status(page);
+  const taken = end.mesh_frames - begin.mesh_frames;
   costs_s.sort((a, b) => a - b);
-  const rate_hz = (end.mesh_frames - begin.mesh_frames) / (end.now_s - begin.now_s);
-  console.log(`20 000 vertices: ${rate_hz.toFixed(1)} frames/s, ${(1e3 * costs_s[costs_s.length >> 1]).toFixed(2)} ms a frame (median; take, normals, colours)`);
+  const median_s = costs_s[costs_s.length >> 1];
+  console.log(`20 000 vertices: ${taken} of ${sent_since} frames in ${(end.now_s - begin.now_s).toFixed(1)} s, ` +
+    `${(1e3 * median_s).toFixed(2)} ms each (median; take, normals, colours), picture ${(1e3 * end.frame_cost_s).toFixed(1)} ms`);
 
   assert.ok(end.scene.tissues[0].vertices >= 20000);
-  assert.ok(rate_hz > 20, `${rate_hz} frames a second`);
-  assert.ok(costs_s[costs_s.length >> 1] < 0.010); // a third of the period
+  assert.ok(taken >= 0.9 * sent_since - 2);
+  assert.ok(median_s < 0.010); // a third of the period
 });
 
 test("screenshots", { ...kLimit, skip: process.env.PALPATE_SCREENSHOTS ? false : "PALPATE_SCREENSHOTS names no folder" }, async () => {

@@ -102,6 +102,7 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
     holder: 0,
     tool: { x: -0.012, y: 0, z: 0.015 },
     refused: 0,
+    mesh_frames: 0,
   };
   let target = null; // D = W here
   let held_ms = -Infinity;
@@ -306,7 +307,11 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
       // as many batches as are due, whatever the timer does
       while (Number(tick) < performance.now() - begin_ms) step();
     }, 20),
-    setInterval(() => { if (world.alive.physics) send_all("/mesh", mesh_frame()); }, 33),
+    setInterval(() => {
+      if (!world.alive.physics) return;
+      world.mesh_frames += 1;
+      send_all("/mesh", mesh_frame());
+    }, 33),
     setInterval(() => send_all("/health", health()), 200),
   ];
   return {

@@ -122,6 +122,10 @@ segments<ColourMode>(by_id("colours"), [["material", "Material"], ["stiffness", 
 });
 
 function pause(does: boolean): void {
+  if (does) { // hold one instant, not three
+    view.set_tool(telemetry.tool_m, telemetry.asked_newton, telemetry.applied_newton);
+    write_state(state_words(telemetry, is_connected, seconds()), telemetry);
+  }
   is_paused = does;
   paused_s = telemetry.now_s;
   by_id("pause").setAttribute("aria-pressed", String(does));
