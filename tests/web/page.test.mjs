@@ -185,10 +185,10 @@ test("one page holds the hand; another says so and moves nothing", kLimit, async
   await second.mouse.move(there.x, there.y);
   await second.mouse.down();
   await second.mouse.move(there.x, there.y + 50);
-  for (let i = 0; i < 100 && server.world.refused === 0; ++i) await second.waitForTimeout(20);
-  assert.ok(server.world.refused > 0);
-  assert.ok(server.world.targets.every(({ client }) => client === 1));
   await second.mouse.up();
+  const { hand } = await status(second);
+  assert.equal(hand.sent, 0);
+  assert.ok(server.world.targets.every(({ client }) => client === 1));
   await first.mouse.up();
   await until(second, (t) => !t.hand.is_others, "a free hand");
 });
@@ -199,6 +199,41 @@ async function until_text(page, id, pattern) {
   }
   assert.fail(`#${id} says “${await words(page, id)}”, not ${pattern}`);
 }
+
+test("two pages that grab at once: the later one lets go", kLimit, async () => {
+  const first = await start();
+  await rest_tool_at(first, 0.02);
+  const second = await open(browser, server.url);
+  const from = await tool_on_screen(first);
+  for (const page of [first, second]) {
+    await page.mouse.move(from.x, from.y);
+    await page.mouse.down();
+  }
+  await until(second, (t) => t.hand.is_others && !t.hand.is_held, "the second page to let go");
+  const before = (await status(second)).hand.sent;
+  await second.mouse.move(from.x + 40, from.y);
+  await second.waitForTimeout(200);
+  assert.equal((await status(second)).hand.sent, before);
+  assert.equal((await status(first)).hand.is_mine, true);
+});
+
+test("without WebGL the figures still run, and the page says so", kLimit, async () => {
+  server = await start_mock_server();
+  const context = await browser.newContext();
+  const page = await context.newPage();
+  page.problems = [];
+  page.on("pageerror", (error) => page.problems.push(error.message));
+  await page.addInitScript(() => {
+    const get = HTMLCanvasElement.prototype.getContext;
+    HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
+      return String(kind).startsWith("webgl") ? null : get.call(this, kind, ...rest);
+    };
+  });
+  await page.goto(server.url);
+  await until(page, (t) => t.plots.force[0].points > 20, "curves");
+  assert.match(await words(page, "no-webgl"), /no WebGL/);
+  assert.deepEqual(page.problems, []);
+});
 
 test("the keyboard touches too: T, arrows, Escape", kLimit, async () => {
   const page = await start();

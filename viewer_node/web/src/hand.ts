@@ -82,11 +82,8 @@ export class HandControl {
 
   /** Connection lost: nobody hears that the hand is let go. */
   forget(): void {
-    this.pointer = this.depth_pointer = null;
-    this.is_held_by_keys = false;
     this.can_publish = false;
-    this.view.orbits = true;
-    this.view.set_target(null);
+    this.let_go();
   }
 
   /** Before each picture: sends what is due. */
@@ -94,6 +91,10 @@ export class HandControl {
     this.now_s = now_s;
     if (this.is_held_by_keys && now_s - this.key_s > kKeyHold_s) this.release();
     if (!this.is_held) return;
+    if (this.status.is_others) { // it was quicker: nothing of ours is taken
+      this.let_go();
+      return;
+    }
     const silence_s = now_s - this.sent_s;
     if (silence_s >= kKeepAlive_s || (this.is_moved && silence_s >= kLeastPeriod_s)) this.send(false);
   }
@@ -111,6 +112,7 @@ export class HandControl {
       return true;
     }
     if (!this.is_touching || !(key in steps)) return false;
+    if (this.status.is_others) return true;
     if (!this.is_held) {
       this.is_held_by_keys = true;
       this.begin();
@@ -125,6 +127,10 @@ export class HandControl {
   release(): void {
     if (!this.is_held) return;
     this.send(true);
+    this.let_go();
+  }
+
+  private let_go(): void {
     this.pointer = this.depth_pointer = null;
     this.is_held_by_keys = false;
     this.view.orbits = true;
@@ -144,7 +150,7 @@ export class HandControl {
       event.stopPropagation();
       return;
     }
-    if (!this.is_touching && !this.is_over_tool(event)) return;
+    if (this.status.is_others || (!this.is_touching && !this.is_over_tool(event))) return;
     this.view.orbits = false;
     this.is_held_by_keys = false;
     this.pointer = event.pointerId;

@@ -4,17 +4,18 @@ import "./style.css";
 import { FoxgloveClient } from "./foxglove";
 import { HandControl } from "./hand";
 import {
-  banner_lines, by_id, Counters, Measure, NodeChips, segments, telemetry_lost, write_banners, write_hand, write_scale,
+  announcement, banner_lines, by_id, Counters, Measure, NodeChips, segments, telemetry_lost, write_banners, write_hand, write_scale,
   write_session, write_state, write_tissues,
 } from "./panels";
-import { make, Plots, type ForceAxis, type Palette } from "./plots";
+import { make, Plots, write, type ForceAxis, type Palette } from "./plots";
 import { SceneView } from "./scene_view";
 import { state_words } from "./state";
 import { scene_signature, Surface, type ColourMode } from "./surface";
 import { kNodes, norm, Telemetry } from "./telemetry";
 import type { DeviceTelemetry, Health, MeshFrame, MofcTelemetry, PhysicsTelemetry, SceneState } from "./wire";
 
-const kPlotPeriod_s = 1 / 15;
+// As often as a curve can move by a pixel or so.
+const kPlotPeriod_s = (window_s: number) => Math.min(Math.max(window_s / 300, 1 / 15), 1 / 5);
 const kWordsPeriod_s = 1 / 8;
 const kStatusShown_s = 6;
 
@@ -23,6 +24,7 @@ const seconds = () => 1e-3 * performance.now();
 const telemetry = new Telemetry();
 const canvas = by_id<HTMLCanvasElement>("canvas");
 const view = new SceneView(canvas);
+by_id("no-webgl").hidden = view.can_draw;
 const force_axis = make("div", "segments");
 force_axis.setAttribute("role", "radiogroup");
 force_axis.setAttribute("aria-label", "Component of the force");
@@ -216,7 +218,7 @@ function picture(): void {
   if (!is_paused) view.set_tool(telemetry.tool_m, telemetry.asked_newton, telemetry.applied_newton);
   view.draw();
   if (now_s >= plots_due_s) {
-    plots_due_s = now_s + (is_paused ? Infinity : kPlotPeriod_s);
+    plots_due_s = now_s + (is_paused ? Infinity : kPlotPeriod_s(window_s));
     const end_s = is_paused ? paused_s : telemetry.now_s;
     for (const plot of plots.all) plot.draw({ end_s, window_s });
     plot_draws += 1;
@@ -234,6 +236,7 @@ function say(now_s: number): void {
   chips.write(telemetry, is_connected, now_s);
   const status_text = now_s < status.until_s ? status.text : "";
   write_banners(by_id("banners"), is_waiting ? [] : banner_lines(telemetry, is_connected, now_s - disconnected_s, status_text, now_s));
+  write(by_id("announcement"), is_waiting ? "" : announcement(telemetry, is_connected, hand.status, now_s));
   write_hand(hand.status, hand.is_touching);
   counters.write(telemetry);
   if (mode === "displacement") write_scale(view, mode);

@@ -84,6 +84,14 @@ export function banner_lines(
   return lines;
 }
 
+/** For those who hear the page: what changes seldom and matters. */
+export function announcement(telemetry: Telemetry, is_connected: boolean, hand: HandStatus, now_s: number): string {
+  if (!is_connected) return "Connection lost.";
+  const gone = kNodes.filter((name) => !Number.isNaN(telemetry.nodes[name].heard_s) && !telemetry.nodes[name].is_alive(now_s));
+  if (gone.length > 0) return `${gone.map((name) => `${name}_node`).join(" and ")} gone.`;
+  return hand.is_mine ? "You hold the hand." : hand.is_others ? "Another page holds the hand." : "";
+}
+
 export function write_banners(element: HTMLElement, lines: string[]): void {
   while (element.childElementCount > lines.length) element.lastElementChild!.remove();
   while (element.childElementCount < lines.length) element.append(make("p"));

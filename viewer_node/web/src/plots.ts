@@ -60,6 +60,7 @@ class Card {
     const head = make("header", "card-head");
     const heading = make("h2", "", title);
     heading.id = `title-${id}`;
+    heading.title = help;
     if (unit) heading.append(make("span", "unit", unit));
     this.element.setAttribute("aria-labelledby", heading.id);
     head.append(heading);
@@ -79,7 +80,6 @@ class Card {
     this.body = make("div", "plot");
     this.body.setAttribute("role", "img");
     this.body.setAttribute("aria-label", `${title}. ${help}`);
-    this.element.title = "";
     this.element.append(head, legend, this.body);
     parent.append(this.element);
   }
@@ -151,6 +151,10 @@ export class TimePlot {
         for (let i = 0; i < out.length; ++i) {
           const value = out[i];
           if (value === null) continue;
+          if (spec.is_logarithmic && value <= 0) {
+            out[i] = null;
+            continue;
+          }
           const shown = scale * value;
           out[i] = shown;
           if (dash) continue; // a bound may be far away: it does not stretch the axis

@@ -47,7 +47,7 @@ export class SceneView {
   scale_high = 0;
   on_camera: () => void = () => {};
 
-  private readonly renderer: WebGLRenderer;
+  private readonly renderer: WebGLRenderer | null; // null: this browser has no WebGL
   private readonly scene = new Scene();
   private readonly camera = new PerspectiveCamera(32, 1, 0.001, 20);
   private readonly controls: OrbitControls;
@@ -79,9 +79,8 @@ export class SceneView {
   private readonly b = new V3();
 
   constructor(readonly canvas: HTMLCanvasElement) {
-    this.renderer = new WebGLRenderer({ canvas, antialias: true, powerPreference: "high-performance" });
-    this.renderer.shadowMap.enabled = true;
-    this.renderer.shadowMap.type = PCFShadowMap;
+    this.renderer = renderer_of(canvas);
+    canvas.addEventListener("webglcontextrestored", () => { this.is_changed = true; });
     this.camera.up.set(0, 0, 1);
     this.controls = new OrbitControls(this.camera, canvas);
     this.controls.enableDamping = false;
@@ -135,8 +134,8 @@ export class SceneView {
     this.is_changed = true;
   }
 
-  get surface_count(): number {
-    return this.drawn.length;
+  get can_draw(): boolean {
+    return this.renderer !== null;
   }
   get has_inside(): boolean {
     return this.drawn.some((one) => one.contains_others);
@@ -259,8 +258,8 @@ export class SceneView {
 
   resize(width: number, height: number): void {
     if (width < 1 || height < 1) return;
-    this.renderer.setPixelRatio(Math.min(devicePixelRatio, 2));
-    this.renderer.setSize(width, height, false);
+    this.renderer?.setPixelRatio(Math.min(devicePixelRatio, 2));
+    this.renderer?.setSize(width, height, false);
     this.camera.aspect = width / height;
     this.camera.updateProjectionMatrix();
     this.camera_changed();
@@ -268,7 +267,7 @@ export class SceneView {
 
   /** Draws if anything has changed since the last call. */
   draw(): boolean {
-    if (!this.is_changed) return false;
+    if (!this.is_changed || !this.renderer) return false;
     this.is_changed = false;
     const begin = performance.now();
     this.renderer.render(this.scene, this.camera);
@@ -386,6 +385,18 @@ export class SceneView {
     shadow.near = 0.2 * this.radius_m;
     shadow.far = 6 * this.radius_m;
     shadow.updateProjectionMatrix();
+  }
+}
+
+function renderer_of(canvas: HTMLCanvasElement): WebGLRenderer | null {
+  try {
+    const renderer = new WebGLRenderer({ canvas, antialias: true, powerPreference: "high-performance" });
+    renderer.shadowMap.enabled = true;
+    renderer.shadowMap.type = PCFShadowMap;
+    return renderer;
+  } catch (error) {
+    console.info("no WebGL:", error);
+    return null;
   }
 }
 
