@@ -34,6 +34,7 @@ enum class MessageKind : std::uint8_t {
   kMeshFrame = 9,
   kHandTarget = 10,
 };
+inline constexpr std::size_t kMessageKinds = 11;  ///< above the largest
 
 template <class T>
 inline constexpr MessageKind kKindOf = MessageKind{};
