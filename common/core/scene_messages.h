@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "common/core/messages.h"
+#include "common/core/session.h"
 
 namespace palpate {
 
@@ -38,14 +39,6 @@ struct TissueSurface {
   std::vector<float> vertex_stiffness_newton_per_m;  ///< one each; empty: the same everywhere
   double stiffness_newton_per_m = 0.0;               ///< k; 0 for materials without
   double damping_newton_s_per_m = 0.0;               ///< b; 0 for materials without
-};
-
-/// How a pointer may lead the simulated hand.
-struct PointerConfig {
-  Vector3 center_m = Vector3::Zero();  ///< D; targets stay within `reach_m` of it
-  double reach_m = 0.1;
-  double speed_m_per_s = 0.25;                        ///< the target moves at most so fast
-  Duration holder_timeout = std::chrono::seconds(2);  ///< silence that frees the hand for another
 };
 
 /// Hop 5: everything a viewer needs to draw. Sent on every subscription and on every change.
