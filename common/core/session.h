@@ -238,6 +238,9 @@ struct Session {
   FaultsConfig faults;
 };
 
+/// "none", "mofc paper", "mofc vector", "mofc guard".
+[[nodiscard]] std::string controller_text(const MofcConfig& config);
+
 /// Seed of one random stream of a session: different for every `stream` name, same on every run.
 [[nodiscard]] std::uint64_t stream_seed(std::uint64_t session_seed, const char* stream);
 
