@@ -36,7 +36,13 @@ void TelemetryFeed::pump(TelemetryMirror& mirror, TimePoint deadline) {
   subscriber_.wait_until(deadline);
   TimePoint received_at;
   while (subscriber_.receive(message_, received_at)) {
-    std::visit([&](const auto& batch) { mirror.take(batch, received_at); }, message_);
+    std::visit(
+        [&](const auto& message) {
+          if constexpr (requires { mirror.take(message, received_at); }) {
+            mirror.take(message, received_at);
+          }
+        },
+        message_);
   }
 }
 
