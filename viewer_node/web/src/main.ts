@@ -18,6 +18,7 @@ import type { DeviceTelemetry, Health, MeshFrame, MofcTelemetry, PhysicsTelemetr
 const kPlotPeriod_s = (window_s: number) => Math.min(Math.max(window_s / 300, 1 / 15), 1 / 5);
 const kWordsPeriod_s = 1 / 8;
 const kStatusShown_s = 6;
+const kMostEarly = 256; // tissues
 
 const seconds = () => 1e-3 * performance.now();
 
@@ -36,6 +37,7 @@ const measure = new Measure(by_id<SVGSVGElement>("triad"));
 let scene: SceneState | null = null;
 let surfaces: Surface[] = [];
 let signature = "";
+let early: MeshFrame[] = []; // by tissue: the newest whose scene has not come yet
 let mode: ColourMode = "material";
 let window_s = 10;
 let is_paused = false;
@@ -95,10 +97,16 @@ function take_scene(message: SceneState): void {
   write_scale(view, mode);
   measure.write(view);
   by_id("inside").hidden = !view.has_inside;
+  const waiting = early;
+  early = [];
+  for (const frame of waiting) if (frame) take_mesh(frame);
 }
 
 function take_mesh(frame: MeshFrame): void {
-  if (!scene || frame.sceneRevision !== scene.revision || frame.header.sessionId !== scene.header.sessionId) return;
+  if (!scene || frame.sceneRevision !== scene.revision || frame.header.sessionId !== scene.header.sessionId) {
+    if (frame.tissue < kMostEarly) early[frame.tissue] = frame;
+    return;
+  }
   const begin = performance.now();
   if (!surfaces[frame.tissue]?.take(frame)) throw new Error(`mesh frame does not fit tissue ${frame.tissue}`);
   if (!is_paused) view.update(frame.tissue);
