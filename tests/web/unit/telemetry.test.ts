@@ -132,6 +132,22 @@ test("transparency runs over the last second", () => {
   assert.ok(Math.abs(telemetry.transparency - 160 / 300) < 1e-12);
 });
 
+test("transparency of the last second is exact after months of contact", () => {
+  const telemetry = new Telemetry();
+  telemetry.take_device(device(0, 0, 1), 1);
+  const months = 5e9; // ticks at 1 kHz, far beyond 24 bits
+  const at = (sequence: number, tick: number, sum: number, samples: bigint) => {
+    const batch = mofc(sequence, tick, 1);
+    batch.counters.transparencySum = sum;
+    batch.counters.transparencySamples = samples;
+    telemetry.take_mofc(batch, 1);
+  };
+  at(0, 0, months, BigInt(months));
+  at(1, 500, months + 25, BigInt(months) + 100n);
+
+  assert.equal(telemetry.batches.value(kTransparency, 1), 0.25);
+});
+
 test("a node is gone after its silence, and said so in words", () => {
   const telemetry = running(1);
 

@@ -210,8 +210,8 @@ export class Counters {
       groups.append(section);
     };
     group("Ticks", [
-      ["answered", "answered in time", "of all scheduled ticks"],
-      ["leased", "on the last answer", "the previous command, its lease still running"],
+      ["answered", "in time", "answered within the tick, of all scheduled ticks"],
+      ["leased", "leased", "the previous command, its lease still running"],
       ["fallback", "fallback", "at most the device’s own friction"],
       ["limp", "limp", "no force"],
       ["skipped", "skipped", "appointments missed altogether"],
@@ -222,7 +222,7 @@ export class Counters {
       ["clamped", "clamped", "ticks in which the clamp held force back"],
       ["peak", "peak-limited", "ticks reduced by the device’s own limit"],
       ["max_force", "greatest", "force on the hand"],
-      ["min_energy", "least true energy", "known to simulated devices; never below −1 µJ"],
+      ["min_energy", "least energy", "true energy, known to simulated devices; never below −1 µJ"],
       ["stale", "physics silent", "ticks with physics too old"],
     ]);
     group("Messages lost", [

@@ -4,13 +4,14 @@
 /** The newest `capacity` rows; time strictly increases. */
 export class Ring {
   private readonly time: Float64Array;
-  private readonly columns: Float32Array[];
+  private readonly columns: (Float32Array | Float64Array)[];
   private head = 0; // where the next row goes
   private size = 0;
 
-  constructor(columnCount: number, readonly capacity: number) {
+  /** @param Column  Float64Array where 24 bits are too few: running sums */
+  constructor(column_count: number, readonly capacity: number, Column: typeof Float32Array | typeof Float64Array = Float32Array) {
     this.time = new Float64Array(capacity);
-    this.columns = Array.from({ length: columnCount }, () => new Float32Array(capacity));
+    this.columns = Array.from({ length: column_count }, () => new Column(capacity));
   }
 
   get length(): number {

@@ -95,8 +95,9 @@ export class SceneView {
 
     this.tool = new Mesh(new SphereGeometry(1, 40, 28), new MeshStandardMaterial({ roughness: 0.32, metalness: 0.1, fog: false }));
     this.tool.castShadow = true;
-    this.asked = new Arrow(1.0, 0.42);
-    this.applied = new Arrow(0.62, 1);
+    // the slim one is hidden in the wide one, as far as all of it is felt
+    this.asked = new Arrow(0.5);
+    this.applied = new Arrow(1);
     this.target = new Mesh(new SphereGeometry(1, 24, 16), new MeshBasicMaterial({ transparent: true, opacity: 0.55, fog: false }));
     this.tether = line(new LineDashedMaterial({ dashSize: 0.002, gapSize: 0.0015, transparent: true, opacity: 0.8, fog: false }));
     this.plumb = line(new LineBasicMaterial({ transparent: true, opacity: 0.35, fog: false }));
@@ -410,10 +411,8 @@ class Arrow {
   private readonly force = new V3();
   private readonly direction = new V3();
 
-  constructor(private readonly width: number, opacity: number) {
-    this.material = new MeshStandardMaterial({
-      roughness: 0.6, transparent: opacity < 1, opacity, depthWrite: opacity === 1, fog: false,
-    });
+  constructor(private readonly width: number) {
+    this.material = new MeshStandardMaterial({ roughness: 0.6, fog: false });
     this.shaft = new Mesh(new CylinderGeometry(1, 1, 1, 20).translate(0, 0.5, 0), this.material);
     this.head = new Mesh(new ConeGeometry(1, 1, 24).translate(0, 0.5, 0), this.material);
     this.group.add(this.shaft, this.head);
@@ -423,7 +422,7 @@ class Arrow {
   colour(colour: string): void {
     this.material.color.set(colour);
     this.material.emissive.set(colour);
-    this.material.emissiveIntensity = 0.25;
+    this.material.emissiveIntensity = 0.4;
   }
 
   equals(force: Vector3): boolean {
@@ -437,12 +436,12 @@ class Arrow {
     if (!this.group.visible) return;
     const radius = this.width * this.thickness_m;
     const length = newton * metres_per_newton;
-    const head = Math.min(4.2 * this.thickness_m, 0.6 * length);
+    const head = Math.min(4.2 * radius, 0.6 * length);
     this.group.position.copy(at);
     this.group.quaternion.setFromUnitVectors(kUp, this.direction.copy(this.force).divideScalar(newton));
     this.shaft.scale.set(radius, length - head, radius);
     this.head.position.y = length - head;
-    this.head.scale.set((1.1 + 0.9 * this.width) * this.thickness_m, head, (1.1 + 0.9 * this.width) * this.thickness_m);
+    this.head.scale.set(1.9 * radius, head, 1.9 * radius);
   }
 }
 

@@ -81,7 +81,7 @@ export class Telemetry {
   };
   readonly device = new Ring(kDeviceColumns, kRingCapacity);
   readonly mofc = new Ring(kMofcColumns, kRingCapacity);
-  readonly batches = new Ring(kBatchColumns, kBatchCapacity);
+  readonly batches = new Ring(kBatchColumns, kBatchCapacity, Float64Array);
 
   device_batch: DeviceTelemetry | null = null; // newest
   mofc_batch: MofcTelemetry | null = null;
