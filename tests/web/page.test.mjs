@@ -329,6 +329,15 @@ test("a lost connection is said plainly and found again", kLimit, async () => {
   await until_text(page, "banners", /^$/);
 });
 
+test("a server that is stuck is said to be gone, though its connection stays open", kLimit, async () => {
+  const page = await start();
+  server.world.is_silent = true;
+  await until(page, (t) => t.state.id === "disconnected", "the loss", 2500);
+
+  server.world.is_silent = false;
+  await until(page, (t) => t.state.id !== "disconnected" && t.nodes.device.is_alive, "the return");
+});
+
 test("dark and light, by preference and by choice", kLimit, async () => {
   const page = await start({}, { dark: true });
   const brightness = async () => {

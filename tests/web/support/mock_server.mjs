@@ -97,6 +97,7 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
   const begin_ms = performance.now();
   const world = {
     alive: { device: true, mofc: true, physics: true },
+    is_silent: false, // the server is stuck; its connections stay open
     is_still: false, // the tool rests where it is
     targets: [], // every HandTarget received
     holder: 0,
@@ -244,6 +245,7 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
   const sockets = new WebSocketServer({ server: http, handleProtocols: (offered) => ["foxglove.websocket.v1", "foxglove.sdk.v1"].find((name) => offered.has(name)) ?? false });
 
   function send(socket, topic, payload) {
+    if (world.is_silent) return;
     const subscription = socket.subscriptions.get(topic);
     if (subscription === undefined || socket.bufferedAmount > 4e6) return;
     const frame = Buffer.alloc(13 + payload.length);

@@ -10,8 +10,6 @@ import { base64Decode } from "@bufbuild/protobuf/wire";
 export const kSubprotocols = ["foxglove.websocket.v1", "foxglove.sdk.v1"];
 const kFirstRetry_ms = 250;
 const kLastRetry_ms = 2000;
-// A server that is silent for so long is gone, whatever TCP says: every session has telemetry at
-// least every 20 ms, and a waiting one sends its own heartbeat.
 const kDataOpcode = 1;
 const kDataHeaderBytes = 13; // opcode, uint32 subscription, uint64 time
 
@@ -46,6 +44,8 @@ export class FoxgloveClient {
   unreadable_count = 0;
   frame_count = 0;
   byte_count = 0;
+  /** When anything came last; page's clock, milliseconds. */
+  heard_ms = -Infinity;
 
   private socket: WebSocket | null = null;
   private readonly subscriptions = new Map<number, Subscription>(); // by our own id
@@ -91,9 +91,11 @@ export class FoxgloveClient {
     socket.binaryType = "arraybuffer";
     socket.onopen = () => {
       this.retry_ms = kFirstRetry_ms;
+      this.heard_ms = performance.now();
       this.events.opened();
     };
     socket.onmessage = ({ data }: MessageEvent<string | ArrayBuffer>) => {
+      this.heard_ms = performance.now();
       try {
         if (typeof data === "string") this.take_text(data);
         else this.take_binary(data);

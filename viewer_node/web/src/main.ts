@@ -19,6 +19,7 @@ const kPlotPeriod_s = (window_s: number) => Math.min(Math.max(window_s / 300, 1 
 const kWordsPeriod_s = 1 / 8;
 const kStatusShown_s = 6;
 const kMostEarly = 256; // tissues
+const kServerSilence_s = 1.5; // its health comes five times a second
 
 const seconds = () => 1e-3 * performance.now();
 
@@ -42,8 +43,8 @@ let mode: ColourMode = "material";
 let window_s = 10;
 let is_paused = false;
 let paused_s = NaN; // device's clock
-let is_connected = false;
-let disconnected_s = seconds();
+let is_open = false;
+const begun_s = seconds();
 let has_been_connected = false;
 let status = { text: "", until_s: -Infinity };
 let mesh_frames = 0;
@@ -64,11 +65,10 @@ const client = new FoxgloveClient(
   },
   {
     opened() {
-      is_connected = has_been_connected = true;
+      is_open = has_been_connected = true;
     },
     closed() {
-      if (is_connected) disconnected_s = seconds();
-      is_connected = false;
+      is_open = false;
       hand.forget();
     },
     server_info({ capabilities, metadata }) {
@@ -84,6 +84,10 @@ const client = new FoxgloveClient(
 
 const hand = new HandControl(canvas, view, telemetry,
   (fields) => client.publish("/hand_target", "palpate.v1.HandTarget", fields));
+
+// An open socket whose other end is stuck is no connection.
+const server_silence_s = () => seconds() - Math.max(begun_s, 1e-3 * client.heard_ms);
+const is_connected = () => is_open && server_silence_s() < kServerSilence_s;
 
 function take_scene(message: SceneState): void {
   const taken = message.tissues.map((tissue) => new Surface(tissue)); // all or nothing
@@ -134,7 +138,7 @@ segments<ColourMode>(by_id("colours"), [["material", "Material"], ["stiffness", 
 function pause(does: boolean): void {
   if (does) { // hold one instant, not three
     view.set_tool(telemetry.tool_m, telemetry.asked_newton, telemetry.applied_newton);
-    write_state(state_words(telemetry, is_connected, seconds()), telemetry);
+    write_state(state_words(telemetry, is_connected(), seconds()), telemetry);
   }
   is_paused = does;
   paused_s = telemetry.now_s;
@@ -240,11 +244,11 @@ function picture(): void {
 function say(now_s: number): void {
   // the first connection is not lost yet
   const is_waiting = !has_been_connected && now_s < 2;
-  if (!is_waiting && !is_paused) write_state(state_words(telemetry, is_connected, now_s), telemetry);
-  chips.write(telemetry, is_connected, now_s);
+  if (!is_waiting && !is_paused) write_state(state_words(telemetry, is_connected(), now_s), telemetry);
+  chips.write(telemetry, is_connected(), now_s);
   const status_text = now_s < status.until_s ? status.text : "";
-  write_banners(by_id("banners"), is_waiting ? [] : banner_lines(telemetry, is_connected, now_s - disconnected_s, status_text, now_s));
-  write(by_id("announcement"), is_waiting ? "" : announcement(telemetry, is_connected, hand.status, now_s));
+  write_banners(by_id("banners"), is_waiting ? [] : banner_lines(telemetry, is_connected(), server_silence_s(), status_text, now_s));
+  write(by_id("announcement"), is_waiting ? "" : announcement(telemetry, is_connected(), hand.status, now_s));
   write_hand(hand.status, hand.is_touching);
   counters.write(telemetry);
   if (mode === "displacement") write_scale(view, mode);
@@ -258,8 +262,8 @@ Object.defineProperty(window, "__test", {
   get: () => {
     const now_s = seconds();
     return {
-      is_connected,
-      state: state_words(telemetry, is_connected, now_s),
+      is_connected: is_connected(),
+      state: state_words(telemetry, is_connected(), now_s),
       nodes: Object.fromEntries(kNodes.map((name) => {
         const node = telemetry.nodes[name];
         return [name, {

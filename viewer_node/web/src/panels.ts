@@ -73,9 +73,9 @@ export class NodeChips {
 }
 
 export function banner_lines(
-  telemetry: Telemetry, is_connected: boolean, disconnected_s: number, status: string, now_s: number): string[] {
+  telemetry: Telemetry, is_connected: boolean, silence_s: number, status: string, now_s: number): string[] {
   if (!is_connected) {
-    return [`Connection to the viewer’s server lost ${duration_words(disconnected_s)} ago. Trying again.`];
+    return [`Connection to the viewer’s server lost ${duration_words(silence_s)} ago. Trying again.`];
   }
   const lines = kNodes
     .filter((name) => !Number.isNaN(telemetry.nodes[name].heard_s) && !telemetry.nodes[name].is_alive(now_s))
