@@ -99,6 +99,7 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
     alive: { device: true, mofc: true, physics: true },
     is_silent: false, // the server is stuck; its connections stay open
     is_still: false, // the tool rests where it is
+    dent: null, // where the tissue gives way, if not at the tool
     targets: [], // every HandTarget received
     holder: 0,
     tool: { x: -0.012, y: 0, z: 0.015 },
@@ -135,7 +136,7 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
   }
 
   function mesh_frame() {
-    const { x, y, z } = world.tool;
+    const { x, y, z } = world.dent ?? world.tool;
     const depth = Math.max(0, kTip_m - z);
     const width = 0.011;
     const v = moved;
