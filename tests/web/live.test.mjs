@@ -9,7 +9,7 @@ import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { fileURLToPath } from "node:url";
 import { after, afterEach, before, test } from "node:test";
-import { launch, open, picture, screenshot, status, until, until_pixels_change } from "./support/browser.mjs";
+import { hold_when, launch, open, picture, screenshot, status, until, until_pixels_change, until_text } from "./support/browser.mjs";
 
 const root = fileURLToPath(new URL("../..", import.meta.url));
 const bin = process.env.PALPATE_BIN ?? join(root, "build/release/bin");
@@ -35,7 +35,7 @@ class Nodes {
     nodes.folder = mkdtempSync(join(tmpdir(), "palpate-web-"));
     nodes.port = await free_port();
     nodes.url = `http://127.0.0.1:${nodes.port}/`;
-    nodes.settings = [`viewer.web.port=${nodes.port}`, ...settings];
+    nodes.settings = [`viewer.web.port=${nodes.port}`, "hand.pointer={}", ...settings];
     nodes.processes = {};
     nodes.output = "";
     for (const name of kNodes) nodes.run(name);
@@ -154,8 +154,11 @@ for (const [name, state] of [["physics", "no_physics"], ["mofc", "no_mofc"], ["d
     const page = await open(browser, nodes.url);
     await until(page, (t) => Object.values(t.nodes).every(({ is_alive }) => is_alive), "three nodes");
     await nodes.kill(name);
+    const killed_ms = performance.now();
     await until(page, (t) => t.state.id === state, "the state in words", 2000);
-    assert.match(await page.locator("#banners").innerText(), new RegExp(`${name}_node .* is gone: last heard`));
+    await until_text(page, "banners", new RegExp(`${name}_node .* is gone: last heard`), 2000);
+    const reported_ms = performance.now() - killed_ms;
+    assert.ok(reported_ms < 2000, `after ${reported_ms} ms`);
 
     nodes.run(name);
     await until(page, (t) => t.nodes[name].is_alive && t.nodes[name].restarts === 1 && t.state.id !== state && t.scene, "its return", 20000);
@@ -183,8 +186,7 @@ test("screenshots", { ...kLimit, skip: kLimit.skip || !process.env.PALPATE_SCREE
     const page = await open(browser, nodes.url, options);
     if (name === "viewer-dark") await page.getByRole("radio", { name: "Displacement" }).click();
     await until(page, (t) => t.now_s > 10.5, "a full window", 30000);
-    await until(page, (t) => t.scene.tissues[0].displacement_m > 0.004 && t.asked_newton > 0.8, "a press", 30000);
-    await page.locator("#pause").click();
+    await hold_when(page, 0.004, 0.8);
     await page.waitForTimeout(400);
     await screenshot(page, name);
     await page.context().close();

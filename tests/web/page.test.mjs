@@ -1,7 +1,7 @@
 // page.test.mjs: the page in a real Chromium, over the made-up world of support/mock_server.mjs.
 import assert from "node:assert/strict";
 import { after, afterEach, before, test } from "node:test";
-import { launch, open, picture, screenshot, status, until, until_pixels_change } from "./support/browser.mjs";
+import { hold_when, launch, open, picture, screenshot, status, until, until_pixels_change, until_text, words } from "./support/browser.mjs";
 import { start_mock_server } from "./support/mock_server.mjs";
 import { changed_pixels } from "./support/png.mjs";
 
@@ -32,7 +32,6 @@ async function rest_tool_at(page, z) {
   server.world.tool = { x: 0.01, y: -0.01, z };
   await until(page, (t) => Math.abs(t.tool_m.z - z) < 1e-6, "the resting tool");
 }
-const words = (page, id) => page.locator(`#${id}`).innerText();
 
 test("nothing is asked of anybody but the server, and the console is silent", kLimit, async () => {
   const page = await start();
@@ -197,14 +196,6 @@ test("one page holds the hand; another says so and moves nothing", kLimit, async
   await first.mouse.up();
   await until(second, (t) => !t.hand.is_others, "a free hand");
 });
-async function until_text(page, id, pattern) {
-  for (let i = 0; i < 200; ++i) {
-    if (pattern.test(await words(page, id))) return;
-    await page.waitForTimeout(20);
-  }
-  assert.fail(`#${id} says “${await words(page, id)}”, not ${pattern}`);
-}
-
 test("two pages that grab at once: the later one lets go", kLimit, async () => {
   const first = await start();
   await rest_tool_at(first, 0.02);
@@ -421,8 +412,7 @@ test("screenshots", { ...kLimit, skip: process.env.PALPATE_SCREENSHOTS ? false :
   for (const [name, options] of views) pages.push([name, await open(browser, server.url, options)]);
   await until(pages[0][1], (t) => t.now_s > 11, "a full window", 30000);
   for (const [name, page] of pages) {
-    await until(page, (t) => t.tool_m.z < -0.002, "a press");
-    await page.locator("#pause").click();
+    await hold_when(page, 0.004, 0.8);
     await page.waitForTimeout(300);
     await screenshot(page, name);
   }

@@ -1,8 +1,8 @@
 // browser.mjs: Debian's Chromium without a display or a GPU, and waiting for events with a deadline.
 import assert from "node:assert/strict";
-import { execFileSync } from "node:child_process";
 import { mkdirSync } from "node:fs";
 import { join } from "node:path";
+import { fileURLToPath } from "node:url";
 import { chromium } from "playwright-core";
 import { changed_pixels, decode_png } from "./png.mjs";
 
@@ -12,9 +12,9 @@ const kFlags = [
   "--disable-sync", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
 ];
 
+// Drawing on the processor takes all there is of it: the nodes come first.
 export function launch() {
-  const path = process.env.CHROMIUM ?? execFileSync("sh", ["-c", "command -v chromium"], { encoding: "utf8" }).trim();
-  return chromium.launch({ executablePath: path, args: kFlags });
+  return chromium.launch({ executablePath: fileURLToPath(new URL("patient_chromium", import.meta.url)), args: kFlags });
 }
 
 /** A page of that server which has the scene; `problems` collects what the console complains about. */
@@ -55,6 +55,17 @@ export async function until(page, predicate, what, deadline_ms = 10000) {
   }
 }
 
+/** What an element says. */
+export const words = (page, id) => page.locator(`#${id}`).innerText();
+
+export async function until_text(page, id, pattern, deadline_ms = 4000) {
+  const begin = performance.now();
+  while (!pattern.test(await words(page, id))) {
+    if (performance.now() - begin > deadline_ms) assert.fail(`#${id} says “${await words(page, id)}”, not ${pattern}`);
+    await page.waitForTimeout(20);
+  }
+}
+
 /** The canvas alone, as the compositor shows it. */
 export async function picture(page, selector = "#canvas") {
   return decode_png(await page.locator(selector).screenshot({ animations: "disabled" }));
@@ -69,6 +80,19 @@ export async function until_pixels_change(page, before, least, what, deadline_ms
     if (changed >= least) return changed;
   }
   return assert.fail(`${what}: only ${changed} pixels of at least ${least} changed within ${deadline_ms} ms`);
+}
+
+/** Holds the page in the instant in which the tool is so deep and so much is asked; polls within the page. */
+export function hold_when(page, depth_m, newton) {
+  return page.evaluate(([depth_m, newton]) => new Promise((resolve) => {
+    const look = () => {
+      const t = window.__test;
+      if (t.scene.tissues[0].displacement_m < depth_m || t.asked_newton < newton) return void setTimeout(look, 4);
+      document.getElementById("pause").click();
+      resolve();
+    };
+    look();
+  }), [depth_m, newton]);
 }
 
 /** Into the folder $PALPATE_SCREENSHOTS, if it is set. */

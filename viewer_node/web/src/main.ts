@@ -223,14 +223,18 @@ new ResizeObserver(() => {
 
 let plots_due_s = 0;
 let words_due_s = 0;
+let frame_s = 1 / 60; // between pictures, smoothed
+let picture_s = seconds();
 function picture(): void {
   requestAnimationFrame(picture);
   const now_s = seconds();
+  frame_s += 0.1 * (Math.min(now_s - picture_s, 1) - frame_s);
+  picture_s = now_s;
   hand.tick(now_s);
   if (!is_paused) view.set_tool(telemetry.tool_m, telemetry.asked_newton, telemetry.applied_newton);
   view.draw();
   if (now_s >= plots_due_s) {
-    plots_due_s = now_s + (is_paused ? Infinity : kPlotPeriod_s(window_s));
+    plots_due_s = now_s + (is_paused ? Infinity : Math.max(kPlotPeriod_s(window_s), 3 * frame_s)); // a slow machine draws the tissue first
     const end_s = is_paused ? paused_s : telemetry.now_s;
     for (const plot of plots.all) plot.draw({ end_s, window_s });
     plot_draws += 1;

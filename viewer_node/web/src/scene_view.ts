@@ -12,6 +12,7 @@ import type { ColourMode, Surface } from "./surface";
 import type { Vector3 } from "./wire";
 
 const kGridPitch_m = 0.01;
+const kDrawPeriod_ms = 30; // mesh frames come every 33 ms; leaves room for the clock of the screen
 const kClear = 0.66; // opacity of outer tissue that shows what it holds
 const kUp = new V3(0, 1, 0); // of three's cylinders and cones
 const kLeastForce_newton = 0.01; // below it an arrow is a speck
@@ -73,6 +74,8 @@ export class SceneView {
   private readonly centre = new V3();
   private radius_m = 0.1;
   private is_changed = true;
+  private is_urgent = true; // the eye follows its own hand
+  private drawn_ms = -Infinity;
   private is_framed = false;
   // scratch
   private readonly a = new V3();
@@ -210,7 +213,7 @@ export class SceneView {
       this.target.position.set(position.x, position.y, position.z);
       set_line(this.tether, this.tool.position, this.target.position);
     }
-    this.is_changed = true;
+    this.is_changed = this.is_urgent = true;
   }
 
   set_theme(theme: Theme): void {
@@ -266,11 +269,13 @@ export class SceneView {
     this.camera_changed();
   }
 
-  /** Draws if anything has changed since the last call. */
+  /** Draws if anything has changed: at once for the camera, thirty times a second for the tissue. */
   draw(): boolean {
-    if (!this.is_changed || !this.renderer) return false;
-    this.is_changed = false;
     const begin = performance.now();
+    if (!this.is_changed || !this.renderer) return false;
+    if (!this.is_urgent && begin - this.drawn_ms < kDrawPeriod_ms) return false;
+    this.is_changed = this.is_urgent = false;
+    this.drawn_ms = begin;
     this.renderer.render(this.scene, this.camera);
     this.frame_cost_s = 1e-3 * (performance.now() - begin);
     this.frame_count += 1;
@@ -323,7 +328,7 @@ export class SceneView {
       fog.near = distance_m;
       fog.far = distance_m + 2.6 * this.radius_m;
     }
-    this.is_changed = true;
+    this.is_changed = this.is_urgent = true;
     this.on_camera();
   }
 
