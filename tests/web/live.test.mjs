@@ -79,7 +79,7 @@ class Nodes {
 
 let browser;
 let nodes;
-before(async () => { browser = await launch(); });
+before(async () => { browser = await launch("patient_chromium"); });
 after(() => browser.close());
 afterEach(async () => {
   for (const context of browser.contexts()) await context.close();

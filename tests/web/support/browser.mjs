@@ -12,9 +12,9 @@ const kFlags = [
   "--disable-sync", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
 ];
 
-// Drawing on the processor takes all there is of it: the nodes come first.
-export function launch() {
-  return chromium.launch({ executablePath: fileURLToPath(new URL("patient_chromium", import.meta.url)), args: kFlags });
+/** @param script  that starts the browser; patient_chromium leaves the processor to the nodes */
+export function launch(script = "chromium") {
+  return chromium.launch({ executablePath: fileURLToPath(new URL(script, import.meta.url)), args: kFlags });
 }
 
 /** A page of that server which has the scene; `problems` collects what the console complains about. */
