@@ -82,12 +82,13 @@ export async function until_pixels_change(page, before, least, what, deadline_ms
   return assert.fail(`${what}: only ${changed} pixels of at least ${least} changed within ${deadline_ms} ms`);
 }
 
-/** Holds the page in the instant in which the tool is so deep and so much is asked; polls within the page. */
+/** Holds the page in an instant of contact in which tissue gave way so far and the hand feels so much; polls within the page. */
 export function hold_when(page, depth_m, newton) {
   return page.evaluate(([depth_m, newton]) => new Promise((resolve) => {
     const look = () => {
       const t = window.__test;
-      if (t.scene.tissues[0].displacement_m < depth_m || t.asked_newton < newton) return void setTimeout(look, 4);
+      const is_contact = ['contact', 'clamped'].includes(t.state.id);
+      if (!is_contact || t.scene.tissues[0].displacement_m < depth_m || t.applied_newton < newton) return void setTimeout(look, 4);
       document.getElementById("pause").click();
       resolve();
     };

@@ -278,8 +278,7 @@ Object.defineProperty(window, "__test", {
       scene: scene && {
         revision: Number(scene.revision), name: scene.sessionName, signature,
         tissues: surfaces.map((s) => ({
-          name: s.name, vertices: s.vertex_count, max_displacement_m: s.max_displacement_m,
-          displacement_m: s.displacement_m.reduce((most, d) => Math.max(most, d), 0),
+          name: s.name, vertices: s.vertex_count, displacement_m: s.max_displacement_m,
         })),
         has_pointer: scene.pointer !== undefined,
       },

@@ -12,6 +12,7 @@ import type { ColourMode, Surface } from "./surface";
 import type { Vector3 } from "./wire";
 
 const kGridPitch_m = 0.01;
+const kScaleMemory_ms = 8000;
 const kDrawPeriod_ms = 30; // mesh frames come every 33 ms; leaves room for the clock of the screen
 const kClear = 0.66; // opacity of outer tissue that shows what it holds
 const kUp = new V3(0, 1, 0); // of three's cylinders and cones
@@ -77,6 +78,8 @@ export class SceneView {
   private is_urgent = true; // the eye follows its own hand
   private drawn_ms = -Infinity;
   private is_framed = false;
+  private recent_displacement_m = 0;
+  private recent_ms = 0;
   // scratch
   private readonly a = new V3();
   private readonly b = new V3();
@@ -151,7 +154,7 @@ export class SceneView {
     one.geometry.attributes.position.needsUpdate = true;
     if (!one.surface.is_points) one.geometry.attributes.normal.needsUpdate = true;
     if (this.mode === "displacement") {
-      if (one.surface.max_displacement_m > this.scale_high) this.colour(this.mode);
+      if (this.displacement_scale() !== this.scale_high) this.colour(this.mode);
       else this.colour_one(one, index);
     }
     this.is_changed = true;
@@ -161,8 +164,7 @@ export class SceneView {
     this.mode = mode;
     this.scale_low = this.scale_high = 0;
     if (mode === "displacement") {
-      // never finer than 1 mm, so that rest looks like rest
-      this.scale_high = round_up(Math.max(1e-3, ...this.drawn.map(({ surface }) => surface.max_displacement_m)));
+      this.scale_high = this.displacement_scale();
     } else if (mode === "stiffness") {
       this.scale_low = Infinity;
       for (const { surface } of this.drawn) {
@@ -330,6 +332,15 @@ export class SceneView {
     }
     this.is_changed = this.is_urgent = true;
     this.on_camera();
+  }
+
+  // Grows at once and shrinks slowly; never finer than 1 mm, so that rest looks like rest.
+  private displacement_scale(): number {
+    const now_ms = performance.now();
+    this.recent_displacement_m *= Math.exp((this.recent_ms - now_ms) / kScaleMemory_ms);
+    this.recent_ms = now_ms;
+    for (const { surface } of this.drawn) this.recent_displacement_m = Math.max(this.recent_displacement_m, surface.max_displacement_m);
+    return round_up(Math.max(1e-3, this.recent_displacement_m));
   }
 
   private colour_one(one: Drawn, index: number): void {

@@ -15,7 +15,7 @@ export class Surface {
   /** Per vertex; all equal where the tissue has one stiffness. */
   readonly stiffness: Float32Array;
   readonly stiffness_newton_per_m: number;
-  /** Since the last reset; what a colour scale may count on. */
+  /** Of the present shape. */
   max_displacement_m = 0;
   readonly displacement_m: Float32Array;
 
@@ -58,16 +58,16 @@ export class Surface {
 
   private measure_displacement(first: number, end: number): void {
     const { rest, position, displacement_m } = this;
-    let greatest = 0;
     for (let i = first; i < end; ++i) {
       const x = position[3 * i] - rest[3 * i];
       const y = position[3 * i + 1] - rest[3 * i + 1];
       const z = position[3 * i + 2] - rest[3 * i + 2];
-      const moved_m = Math.sqrt(x * x + y * y + z * z);
-      displacement_m[i] = moved_m;
-      if (moved_m > greatest) greatest = moved_m;
+      displacement_m[i] = Math.sqrt(x * x + y * y + z * z);
     }
-    this.max_displacement_m = Math.max(this.max_displacement_m, greatest);
+    this.max_displacement_m = 0;
+    for (const moved_m of displacement_m) {
+      if (moved_m > this.max_displacement_m) this.max_displacement_m = moved_m;
+    }
   }
 
   // Mean of the triangles' normals, weighted by area.
