@@ -315,44 +315,41 @@ void WebFeed::tell_health(TimePoint now) {
 
 /// For tools that know nothing of Palpate.
 void WebFeed::tell_tools(TimePoint now) {
-  const bool has_row = !mirror_.ticks().empty() && mirror_.ticks().rbegin()->second.device;
-  if (server_.is_watched(kTelemetry) && has_row && now >= next_telemetry_) {
+  // the newest tick of the device, and if possible one of which mofc's half is here too
+  const auto& ticks = mirror_.ticks();
+  const auto newest = std::find_if(ticks.rbegin(), ticks.rend(),
+                                   [](const auto& tick) { return tick.second.device.has_value(); });
+  const auto whole = std::find_if(newest, ticks.rend(), [](const auto& tick) {
+    return tick.second.device.has_value() && tick.second.mofc.has_value();
+  });
+  const bool has_tick = newest != ticks.rend();
+  const std::uint64_t at_ns = wall_ns();
+
+  if (server_.is_watched(kTelemetry) && has_tick && now >= next_telemetry_) {
     next_telemetry_ = now + kTelemetryInterval;
-    // the newest tick of which both halves are here
-    const auto& ticks = mirror_.ticks();
-    const auto is_whole = [](const auto& entry) {
-      return entry.second.device.has_value() && entry.second.mofc.has_value();
-    };
-    const auto whole = std::find_if(ticks.rbegin(), ticks.rend(), is_whole);
-    const auto& tick = whole != ticks.rend() ? whole->second : ticks.rbegin()->second;
+    const auto& tick = (whole != ticks.rend() ? whole : newest)->second;
     const MofcCounters& mofc = mirror_.mofc_counters();
     const double transparency =
         mofc.transparency_samples > 0
             ? mofc.transparency_sum / static_cast<double>(mofc.transparency_samples)
             : kNaN;
-    const std::uint64_t at_ns = wall_ns();
     server_.publish(kTelemetry, at_ns,
                     shared(encode_telemetry(at_ns, *tick.device, tick.mofc, transparency)));
   }
 
   if (now < next_tools_) return;
   next_tools_ = now + kToolInterval;
-  const std::uint64_t at_ns = wall_ns();
-  if (has_row && (server_.is_watched(kTool) || server_.is_watched(kTransforms))) {
-    const auto& newest = mirror_.ticks().rbegin()->second;
-    const DeviceTick& device = *newest.device;
-    const Vector3 asked_newton =
-        newest.mofc ? newest.mofc->asked_force_on_hand_newton : Vector3(Vector3::Zero());
+  if (has_tick && (server_.is_watched(kTool) || server_.is_watched(kTransforms))) {
+    const DeviceTick& device = *newest->second.device;
+    const Vector3 asked_newton = whole != ticks.rend()
+                                     ? whole->second.mofc->asked_force_on_hand_newton
+                                     : Vector3(Vector3::Zero());
     const double tip_radius_m = scene_.scene() ? scene_.scene()->tip_radius_m : 0.0;
-    if (server_.is_watched(kTool)) {
-      server_.publish(kTool, at_ns,
-                      shared(encode_tool(at_ns, device.measured_tool_position_world_m, tip_radius_m,
-                                         asked_newton, device.force_on_hand_newton)));
-    }
-    if (server_.is_watched(kTransforms)) {
-      server_.publish(kTransforms, at_ns,
-                      shared(encode_transforms(at_ns, device.measured_tool_position_world_m)));
-    }
+    server_.publish(kTool, at_ns,
+                    shared(encode_tool(at_ns, device.measured_tool_position_world_m, tip_radius_m,
+                                       asked_newton, device.force_on_hand_newton)));
+    server_.publish(kTransforms, at_ns,
+                    shared(encode_transforms(at_ns, device.measured_tool_position_world_m)));
   }
   if (has_new_vertices_ && scene_.scene() && server_.is_watched(kPoints)) {
     has_new_vertices_ = false;

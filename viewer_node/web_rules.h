@@ -23,14 +23,14 @@ struct WebRules {
 
 /// As far as it matters. A field that is absent is empty, which no browser sends.
 struct WebRequest {
-  std::string method;
-  std::string target;
-  std::string host;
-  std::string origin;
-  std::string authorization;
-  std::string if_none_match;
-  std::string subprotocols;  ///< Sec-WebSocket-Protocol
-  bool is_upgrade = false;   ///< to a WebSocket
+  std::string method{};
+  std::string target{};
+  std::string host{};
+  std::string origin{};
+  std::string authorization{};
+  std::string if_none_match{};
+  std::string subprotocols{};  ///< Sec-WebSocket-Protocol
+  bool is_upgrade = false;     ///< to a WebSocket
   bool has_body = false;
 };
 

@@ -263,7 +263,7 @@ class WebServer::Impl::Connection : public std::enable_shared_from_this<Connecti
   void read() {
     parser_.emplace();
     parser_->header_limit(kMostHeaderBytes);
-    parser_->body_limit(0);
+    parser_->body_limit(boost::none);  // a body is refused by the header, and never read
     stream_.expires_after(kRequestTime);
     http::async_read_header(stream_, buffer_, *parser_,
                             [self = shared_from_this()](const error_code& error, std::size_t) {
