@@ -25,7 +25,7 @@ const kSessions = { device: 11n, mofc: 22n, physics: 33n };
 const kTip_m = 0.003;
 const kStiffness = [250, 1500];
 const kBound_newton = 1.1;
-const kHolderTimeout_ms = 500;
+const kHolderTimeout_ms = 2000;
 
 /** The descriptor set of the .proto files, as protoc makes it. */
 function descriptor_set() {

@@ -7,10 +7,13 @@ import type { SceneState, Vector3 } from "./wire";
 
 const kGrabRadius_px = { mouse: 26, pen: 30, touch: 44 };
 const kLeastPeriod_s = 1 / 60;
+const kTick_ms = 8; // apart from the pictures, which a slow machine draws seldom
 const kKeepAlive_s = 0.1; // while the target rests
 const kKeyStep_m = 0.001;
 const kKeyHold_s = 1.5; // after the last key the hand is let go
 const kWheelStep_m = 0.00002; // per pixel that the wheel reports
+
+const seconds = () => 1e-3 * performance.now();
 
 export interface HandStatus {
   is_allowed: boolean;
@@ -37,7 +40,7 @@ export class HandControl {
   private is_held_by_keys = false;
   private sent_s = -Infinity;
   private is_moved = false;
-  private now_s = 0;
+  private timer: ReturnType<typeof setInterval> | undefined;
 
   constructor(
     private readonly canvas: HTMLCanvasElement,
@@ -86,9 +89,9 @@ export class HandControl {
     this.let_go();
   }
 
-  /** Before each picture: sends what is due. */
-  tick(now_s: number): void {
-    this.now_s = now_s;
+  // While held: sends what is due.
+  private tick(): void {
+    const now_s = seconds();
     if (this.is_held_by_keys && now_s - this.key_s > kKeyHold_s) this.release();
     if (!this.is_held) return;
     if (this.status.is_others) { // it was quicker: nothing of ours is taken
@@ -117,7 +120,7 @@ export class HandControl {
       this.is_held_by_keys = true;
       this.begin();
     }
-    this.key_s = this.now_s;
+    this.key_s = seconds();
     const [right_m, down_m, away_m] = steps[key];
     const scale = this.view.metres_per_pixel(this.target);
     this.move(right_m / scale, down_m / scale, away_m);
@@ -131,6 +134,7 @@ export class HandControl {
   }
 
   private let_go(): void {
+    clearInterval(this.timer);
     this.pointer = this.depth_pointer = null;
     this.is_held_by_keys = false;
     this.view.orbits = true;
@@ -193,6 +197,8 @@ export class HandControl {
     this.is_moved = true;
     this.view.set_target(this.target);
     this.send(false);
+    clearInterval(this.timer);
+    this.timer = setInterval(() => this.tick(), kTick_ms);
   }
 
   private move(right_px: number, down_px: number, away_m: number): void {
@@ -228,7 +234,7 @@ export class HandControl {
   private send(is_released: boolean): void {
     if (!this.is_allowed) return;
     if (this.publish({ handPositionM: this.hand_of(this.target), isReleased: is_released })) this.sent_count += 1;
-    this.sent_s = this.now_s;
+    this.sent_s = seconds();
     this.is_moved = false;
   }
 }

@@ -230,7 +230,6 @@ function picture(): void {
   const now_s = seconds();
   frame_s += 0.1 * (Math.min(now_s - picture_s, 1) - frame_s);
   picture_s = now_s;
-  hand.tick(now_s);
   if (!is_paused) view.set_tool(telemetry.tool_m, telemetry.asked_newton, telemetry.applied_newton);
   view.draw();
   if (now_s >= plots_due_s) {
