@@ -69,9 +69,6 @@ class WebServer::Impl {
 
   const WebServerConfig config;
   const ServerDescription description;
-  asio::io_context io{1};
-  tcp::acceptor acceptor{io};
-  asio::steady_timer retry{io};
   std::string url;
   std::uint16_t port = 0;
 
@@ -86,7 +83,11 @@ class WebServer::Impl {
   std::mutex events_mutex;
   std::vector<Event> events;
 
-  std::thread thread;  // last
+  // handlers that are destroyed with it use what stands above
+  asio::io_context io{1};
+  tcp::acceptor acceptor{io};
+  asio::steady_timer retry{io};
+  std::thread thread;
 };
 
 // --- a client -----------------------------------------------------------------------------------
@@ -426,7 +427,6 @@ WebServer::Impl::Impl(const WebServerConfig& given, ServerDescription told)
 WebServer::Impl::~Impl() {
   io.stop();
   thread.join();
-  // what is under way holds connections, which count themselves out
   clients.clear();
 }
 

@@ -232,10 +232,11 @@ TEST_F(WebServerTest, CutsOffWhoBreaksTheWebSocketProtocol) {
         std::string("\xf1\x80"
                     "abcd"),                            // reserved bits
         WebClient::frame(9, std::string(200, 'p'))}) {  // a ping that is too long
-    const auto client = viewer();
+    auto client = viewer();
     client->send_raw(bytes);
     while (client->next()) {
-    }  // its end
+    }  // the server ends it
+    client.reset();
     EXPECT_TRUE(eventually([&] { return server_->counters().clients == 0; }));
   }
   expect_alive();

@@ -35,7 +35,7 @@ class WebClient {
   [[nodiscard]] bool is_connected() const { return is_connected_; }
   /// A small receive buffer, so that the server soon notices a client that does not read.
   void read_slowly() const {
-    const int bytes = 4096;
+    const int bytes = 64 << 10;
     setsockopt(socket_, SOL_SOCKET, SO_RCVBUF, &bytes, sizeof(bytes));
   }
 
