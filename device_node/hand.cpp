@@ -11,6 +11,8 @@ namespace palpate::device {
 namespace {
 
 constexpr double kTwoPi = 2.0 * std::numbers::pi;
+/// Of a led hand: between the 16 ms of a pointer's steps and what feels sluggish.
+constexpr double kLeadTimeConstant_s = 0.05;
 
 /// Path if it is a hostile one; its defaults otherwise (never used then).
 HostilePath hostile_part(const PathConfig& path) {
@@ -180,15 +182,35 @@ Vector3 HostileHand::most_draining_velocity(const Vector3& force_on_hand_newton)
   return v.cwiseProduct(force_on_hand_newton.cwiseSign());
 }
 
+// --- led ------------------------------------------------------------------------------------
+
+void LedHand::lead_to(const Vector3& goal_m) noexcept {
+  goal_m_ = config_.center_m + limited_to_norm(goal_m - config_.center_m, config_.reach_m);
+}
+
+Target LedHand::target(double t_s) noexcept {
+  const double dt_s = t_s - t_s_;
+  if (!(dt_s > 0.0)) return {position_m_, Vector3::Zero()};
+  t_s_ = t_s;
+  // exact for a goal that rests, so it never overshoots
+  const Vector3 step_m = (1.0 - std::exp(-dt_s / kLeadTimeConstant_s)) * (goal_m_ - position_m_);
+  const Vector3 velocity = limited_to_norm(step_m / dt_s, config_.speed_m_per_s);
+  position_m_ += dt_s * velocity;
+  return {position_m_, velocity};
+}
+
 // --- hand -----------------------------------------------------------------------------------
 
 Hand::Hand(const HandConfig& config, const SimulatedDeviceConfig& device, std::uint64_t seed)
     : config_(config),
       hostile_(hostile_part(config.path), device, seed),
-      start_position_m_(target(0.0, Felt{}).position_m) {}
+      intended_m_(Vector3::Zero()) {
+  start_position_m_ = target(0.0, Felt{}).position_m;
+}
 
 Target Hand::target(double t_s, const Felt& felt) noexcept {
-  return std::visit(
+  if (led_) return led_->target(t_s);
+  const Target target = std::visit(
       [&](const auto& path) -> Target {
         if constexpr (std::is_same_v<std::decay_t<decltype(path)>, HostilePath>) {
           return hostile_.target(t_s, felt);
@@ -197,6 +219,15 @@ Target Hand::target(double t_s, const Felt& felt) noexcept {
         }
       },
       config_.path);
+  intended_m_ = target.position_m;
+  t_s_ = t_s;
+  return target;
+}
+
+void Hand::lead_to(const Vector3& goal_m) noexcept {
+  if (!config_.pointer) return;
+  if (!led_) led_.emplace(*config_.pointer, intended_m_, t_s_);
+  led_->lead_to(goal_m);
 }
 
 std::uint32_t Hand::buttons(double t_s) const noexcept {

@@ -70,7 +70,29 @@ class HostileHand {
   Vector3 position_m_;
 };
 
-/// A hand of the session on its path. Same configuration and seed: same hand, to the bit.
+/// A hand that is led: the intended point follows the goal with a time constant of 50 ms, so that
+/// the steps of a pointer are not felt as knocks, never faster than `speed` and never farther than
+/// `reach` from the centre.
+class LedHand {
+ public:
+  /// @param from_m  where the intended point is now
+  LedHand(const PointerConfig& config, const Vector3& from_m, double t_s)
+      : config_(config), position_m_(from_m), goal_m_(from_m), t_s_(t_s) {}
+
+  /// Finite.
+  void lead_to(const Vector3& goal_m) noexcept;
+  /// Call with growing `t_s`.
+  [[nodiscard]] Target target(double t_s) noexcept;
+
+ private:
+  PointerConfig config_;
+  Vector3 position_m_;
+  Vector3 goal_m_;
+  double t_s_;
+};
+
+/// A hand of the session on its path, until somebody leads it. Same configuration and seed: same
+/// hand, to the bit.
 class Hand {
  public:
   /// @param device  its true friction is known to a hostile hand
@@ -81,6 +103,9 @@ class Hand {
   /// Call once per inner step, in order, with the time of its middle since the device's start.
   /// No allocation, no throw.
   [[nodiscard]] Target target(double t_s, const Felt& felt) noexcept;
+  /// From now on the hand goes there (D) and stays, and forgets its path. Nothing happens without
+  /// hand.pointer in the session.
+  void lead_to(const Vector3& goal_m) noexcept;
   /// Bit i set while button i is pressed: from ≤ t < until.
   [[nodiscard]] std::uint32_t buttons(double t_s) const noexcept;
 
@@ -88,6 +113,9 @@ class Hand {
   HandConfig config_;
   HostileHand hostile_;  ///< at rest unless the path is a hostile one
   Vector3 start_position_m_;
+  Vector3 intended_m_;  ///< by the path, at t_s_
+  double t_s_ = 0.0;
+  std::optional<LedHand> led_;
 };
 
 /// Device and hand as one mass.

@@ -23,6 +23,7 @@ struct LinksConfig {
   std::string device_telemetry;   ///< device → viewers, hop 5
   std::string mofc_telemetry;     ///< mofc → viewers, hop 5
   std::string physics_telemetry;  ///< physics → viewers, hop 5
+  std::string hand_target;        ///< device ← viewers, hop 6
 };
 
 /// SCHED_FIFO for the tick threads; taken when permitted, reported, never required.
@@ -125,6 +126,14 @@ struct ButtonPress {
   double until_s = 0.0;
 };
 
+/// How a viewer's page may lead the hand.
+struct PointerConfig {
+  Vector3 center_m = Vector3::Zero();  ///< D; targets stay within `reach_m` of it
+  double reach_m = 0.1;
+  double speed_m_per_s = 0.25;                        ///< the intended point moves at most so fast
+  Duration holder_timeout = std::chrono::seconds(2);  ///< silence that frees the hand for another
+};
+
 /// Mass, spring and damper towards the intended path, CONTROLLERS §6.2 and 7.3.
 struct HandConfig {
   double mass_kg = 0.255;
@@ -132,6 +141,7 @@ struct HandConfig {
   double damping_newton_s_per_m = 6.0;
   PathConfig path = HoldPath{};
   std::vector<ButtonPress> presses{};
+  std::optional<PointerConfig> pointer{};  ///< none: the hand keeps to its path
 };
 
 // --- mofc -------------------------------------------------------------------------------------
@@ -274,8 +284,15 @@ struct PhysicsConfig {
   std::optional<InteractionDeadband> interaction_deadband{};  ///< none: every step is sent
 };
 
+/// The page and the Foxglove WebSocket of viewer_node, on loopback.
+struct WebConfig {
+  bool is_on = true;
+  std::uint16_t port = 8765;  ///< 0: any free one
+};
+
 struct ViewerConfig {
   Duration status_interval = std::chrono::milliseconds(500);
+  WebConfig web;
 };
 
 struct FaultsConfig {
@@ -289,6 +306,7 @@ struct FaultsConfig {
 struct Session {
   std::string name;
   std::string file;  ///< as given on the command line, for messages
+  std::string text;  ///< as it counts, overrides applied; protobuf text format
   double duration_s = 10.0;
   std::uint64_t seed = 1;
   LinksConfig links;
@@ -301,6 +319,9 @@ struct Session {
   ViewerConfig viewer;
   FaultsConfig faults;
 };
+
+/// "none", "mofc paper", "mofc vector", "mofc guard".
+[[nodiscard]] std::string controller_text(const MofcConfig& config);
 
 /// Seed of one random stream of a session: different for every `stream` name, same on every run.
 [[nodiscard]] std::uint64_t stream_seed(std::uint64_t session_seed, const char* stream);

@@ -1,11 +1,16 @@
 #include "common/link/codec.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
+#include <cstring>
+#include <string>
+#include <vector>
 
 #include "palpate/v1/common.pb.h"
 #include "palpate/v1/exchange.pb.h"
 #include "palpate/v1/physics.pb.h"
+#include "palpate/v1/scene.pb.h"
 #include "palpate/v1/telemetry.pb.h"
 
 namespace palpate {
@@ -21,6 +26,7 @@ constexpr double kMaxLawCoefficient = 1e12;
 constexpr double kMaxStiffening = 1e18;
 constexpr std::int64_t kMaxLeaseNs = 1'000'000'000;
 constexpr double kUnitTolerance = 1e-6;
+constexpr std::size_t kMaxSessionNameBytes = 64;
 /// 73 years: two stamps within it can be subtracted without overflow.
 constexpr std::int64_t kMaxTimeNs = std::int64_t{1} << 61;
 /// |v|² of a vector that its sender has normalised differs from 1 by a few roundings (2e-16 each).
@@ -688,6 +694,181 @@ void read(const Wire& wire, TelemetryBatch<Record, Counters>& m) {
   }
 }
 
+// --- hop 5: scene -----------------------------------------------------------------------------
+
+static_assert(std::endian::native == std::endian::little, "packed arrays are little-endian");
+
+template <class Number>
+void put(const std::vector<Number>& numbers, std::string& to) {
+  to.assign(reinterpret_cast<const char*>(numbers.data()), numbers.size() * sizeof(Number));
+}
+template <class Number>
+void read(const std::string& bytes, std::vector<Number>& numbers) {
+  numbers.resize(bytes.size() / sizeof(Number));
+  if (!numbers.empty()) std::memcpy(numbers.data(), bytes.data(), bytes.size());
+}
+
+/// Calls `visit` for each number of a packed array; what is left over at its end is out of range.
+template <class Number, class Visit>
+void for_each_number(const std::string& bytes, std::size_t per_row, Verdict& verdict,
+                     const Visit& visit) {
+  verdict.expect(bytes.size() % (per_row * sizeof(Number)) == 0);
+  for (std::size_t at = 0; at + sizeof(Number) <= bytes.size(); at += sizeof(Number)) {
+    Number number;
+    std::memcpy(&number, bytes.data() + at, sizeof(Number));
+    visit(number);
+  }
+}
+void check_vertices(const std::string& bytes, Verdict& verdict) {
+  for_each_number<float>(bytes, 3, verdict, [&](float x) {
+    verdict.number(static_cast<double>(x), -kMaxPositionM, kMaxPositionM);
+  });
+}
+
+void put(const TissueSurface& surface, v1::TissueSurface& to) {
+  to.set_name(surface.name);
+  to.set_shape(static_cast<v1::TissueSurface::Shape>(surface.shape));
+  put(surface.mesh.vertices_m, *to.mutable_vertices_m());
+  put(surface.mesh.triangles, *to.mutable_triangles());
+  put(surface.vertex_stiffness_newton_per_m, *to.mutable_vertex_stiffness_newton_per_m());
+  to.set_stiffness_newton_per_m(surface.stiffness_newton_per_m);
+  to.set_damping_newton_s_per_m(surface.damping_newton_s_per_m);
+}
+void check(const v1::TissueSurface& surface, Verdict& verdict) {
+  check_vertices(surface.vertices_m(), verdict);
+  const std::size_t vertices = surface.vertices_m().size() / (3 * sizeof(float));
+  for_each_number<std::uint32_t>(surface.triangles(), 3, verdict,
+                                 [&](std::uint32_t index) { verdict.expect(index < vertices); });
+  const std::string& stiffness = surface.vertex_stiffness_newton_per_m();
+  verdict.expect(stiffness.empty() || stiffness.size() == vertices * sizeof(float));
+  for_each_number<float>(stiffness, 1, verdict, [&](float k) {
+    verdict.finite(static_cast<double>(k));
+    verdict.expect(k >= 0.0F);
+  });
+  for (const double x : {surface.stiffness_newton_per_m(), surface.damping_newton_s_per_m()}) {
+    verdict.finite(x);
+    verdict.expect(x >= 0.0);
+  }
+}
+void read(const v1::TissueSurface& wire, TissueSurface& surface) {
+  surface.name = wire.name();
+  // a newer physics_node may know more shapes: their vertices can be drawn all the same
+  surface.shape = v1::TissueSurface::Shape_IsValid(wire.shape())
+                      ? static_cast<TissueShape>(wire.shape())
+                      : TissueShape::kUnknown;
+  read(wire.vertices_m(), surface.mesh.vertices_m);
+  read(wire.triangles(), surface.mesh.triangles);
+  read(wire.vertex_stiffness_newton_per_m(), surface.vertex_stiffness_newton_per_m);
+  surface.stiffness_newton_per_m = wire.stiffness_newton_per_m();
+  surface.damping_newton_s_per_m = wire.damping_newton_s_per_m();
+}
+
+void fill(const SceneState& m, v1::SceneState& wire) {
+  wire.set_revision(m.revision);
+  wire.set_session_name(m.session_name);
+  wire.set_session_text(m.session_text);
+  wire.set_controller(m.controller);
+  wire.set_device_rate_hz(m.device_rate_hz);
+  wire.set_physics_rate_hz(m.physics_rate_hz);
+  wire.set_peak_force_newton(m.peak_force_newton);
+  wire.set_tip_radius_m(m.tip_radius_m);
+  wire.set_workspace_scale_ratio(m.workspace_scale_ratio);
+  for (const TissueSurface& surface : m.tissues) put(surface, *wire.add_tissues());
+  if (m.pointer) {
+    v1::SceneState::PointerHand& pointer = *wire.mutable_pointer();
+    put(m.pointer->center_m, *pointer.mutable_center_m());
+    pointer.set_reach_m(m.pointer->reach_m);
+    pointer.set_speed_m_per_s(m.pointer->speed_m_per_s);
+    pointer.set_holder_timeout_ns(m.pointer->holder_timeout.count());
+  }
+}
+
+void check(const v1::SceneState& wire, Verdict& verdict) {
+  const auto positive = [&](double x) {
+    verdict.finite(x);
+    verdict.expect(x > 0.0);
+  };
+  verdict.expect(wire.revision() > 0);
+  verdict.expect(wire.session_name().size() <= kMaxSessionNameBytes);
+  positive(wire.device_rate_hz());
+  positive(wire.physics_rate_hz());
+  positive(wire.peak_force_newton());
+  verdict.number(wire.tip_radius_m(), 0.0, kMaxPositionM);
+  positive(wire.workspace_scale_ratio());
+  for (const v1::TissueSurface& surface : wire.tissues()) check(surface, verdict);
+  if (wire.has_pointer()) {
+    const v1::SceneState::PointerHand& pointer = wire.pointer();
+    verdict.vector(pointer.has_center_m(), pointer.center_m(), kMaxPositionM);
+    positive(pointer.reach_m());
+    positive(pointer.speed_m_per_s());
+    verdict.time(pointer.holder_timeout_ns());
+    verdict.expect(pointer.holder_timeout_ns() > 0);
+  }
+}
+
+void read(const v1::SceneState& wire, SceneState& m) {
+  m.revision = wire.revision();
+  m.session_name = wire.session_name();
+  m.session_text = wire.session_text();
+  m.controller = wire.controller();
+  m.device_rate_hz = wire.device_rate_hz();
+  m.physics_rate_hz = wire.physics_rate_hz();
+  m.peak_force_newton = wire.peak_force_newton();
+  m.tip_radius_m = wire.tip_radius_m();
+  m.workspace_scale_ratio = wire.workspace_scale_ratio();
+  m.tissues.resize(static_cast<std::size_t>(wire.tissues_size()));
+  for (int i = 0; i < wire.tissues_size(); ++i) {
+    read(wire.tissues(i), m.tissues[static_cast<std::size_t>(i)]);
+  }
+  m.pointer.reset();
+  if (wire.has_pointer()) {
+    m.pointer = PointerConfig{.center_m = vector(wire.pointer().center_m()),
+                              .reach_m = wire.pointer().reach_m(),
+                              .speed_m_per_s = wire.pointer().speed_m_per_s(),
+                              .holder_timeout = Duration(wire.pointer().holder_timeout_ns())};
+  }
+}
+
+void fill(const MeshFrame& m, v1::MeshFrame& wire) {
+  wire.set_scene_revision(m.scene_revision);
+  wire.set_tissue(m.tissue);
+  wire.set_first_vertex(m.first_vertex);
+  put(m.vertices_m, *wire.mutable_vertices_m());
+  wire.set_device_sequence(m.device_sequence);
+}
+
+void check(const v1::MeshFrame& wire, Verdict& verdict) {
+  verdict.expect(wire.scene_revision() > 0);
+  check_vertices(wire.vertices_m(), verdict);
+}
+
+void read(const v1::MeshFrame& wire, MeshFrame& m) {
+  m.scene_revision = wire.scene_revision();
+  m.tissue = wire.tissue();
+  m.first_vertex = wire.first_vertex();
+  read(wire.vertices_m(), m.vertices_m);
+  m.device_sequence = wire.device_sequence();
+}
+
+// --- hop 6 ------------------------------------------------------------------------------------
+
+void fill(const HandTarget& m, v1::HandTarget& wire) {
+  wire.set_holder_id(m.holder_id);
+  put(m.hand_position_m, *wire.mutable_hand_position_m());
+  wire.set_is_released(m.is_released);
+}
+
+void check(const v1::HandTarget& wire, Verdict& verdict) {
+  verdict.expect(wire.holder_id() != 0);
+  verdict.vector(wire.has_hand_position_m(), wire.hand_position_m(), kMaxPositionM);
+}
+
+void read(const v1::HandTarget& wire, HandTarget& m) {
+  m.holder_id = wire.holder_id();
+  m.hand_position_m = vector(wire.hand_position_m());
+  m.is_released = wire.is_released();
+}
+
 // --- which protobuf message carries which struct ----------------------------------------------
 
 template <class T>
@@ -719,6 +900,18 @@ struct WireOf<MofcBatch> {
 template <>
 struct WireOf<PhysicsBatch> {
   using Message = v1::PhysicsTelemetry;
+};
+template <>
+struct WireOf<SceneState> {
+  using Message = v1::SceneState;
+};
+template <>
+struct WireOf<MeshFrame> {
+  using Message = v1::MeshFrame;
+};
+template <>
+struct WireOf<HandTarget> {
+  using Message = v1::HandTarget;
 };
 
 }  // namespace
@@ -835,5 +1028,8 @@ template class Codec<Interaction>;
 template class Codec<DeviceBatch>;
 template class Codec<MofcBatch>;
 template class Codec<PhysicsBatch>;
+template class Codec<SceneState>;
+template class Codec<MeshFrame>;
+template class Codec<HandTarget>;
 
 }  // namespace palpate

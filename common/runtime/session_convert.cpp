@@ -113,7 +113,8 @@ LinksConfig to_links(const Fields& fields, const std::string& session_name) {
           .interaction = endpoint("interaction"),
           .device_telemetry = endpoint("device_telemetry"),
           .mofc_telemetry = endpoint("mofc_telemetry"),
-          .physics_telemetry = endpoint("physics_telemetry")};
+          .physics_telemetry = endpoint("physics_telemetry"),
+          .hand_target = endpoint("hand_target")};
 }
 
 // --- device -----------------------------------------------------------------------------------
@@ -332,6 +333,18 @@ double to_until_s(const Fields& fields, double from_s) {
   return until_s;
 }
 
+PointerConfig to_pointer(const Fields& fields) {
+  PointerConfig config;
+  config.center_m = fields.vector("center_m", config.center_m);
+  config.reach_m =
+      fields.number("reach_m", config.reach_m, above(0), "give how far from center_m it may go");
+  config.speed_m_per_s = fields.number("speed_m_per_s", config.speed_m_per_s, above(0),
+                                       "give its largest speed, 0.25 for a calm hand");
+  config.holder_timeout = milliseconds(
+      fields.number("holder_timeout_ms", 2000.0, at_least(100), "leave it out for 2000"));
+  return config;
+}
+
 HandConfig to_hand(const Fields& fields, const std::filesystem::path& base_dir,
                    Problems& problems) {
   HandConfig config;
@@ -344,6 +357,7 @@ HandConfig to_hand(const Fields& fields, const std::filesystem::path& base_dir,
       fields.number("damping_newton_s_per_m", config.damping_newton_s_per_m, at_least(0),
                     "give the damping towards the intended path, 0 for none");
   config.path = to_path(fields, base_dir, problems);
+  if (fields.has("pointer")) config.pointer = to_pointer(fields.message("pointer"));
   for (const Fields& press : fields.messages("press")) {
     ButtonPress config_press;
     config_press.button = static_cast<std::uint32_t>(
@@ -555,6 +569,17 @@ MofcConfig to_mofc(const Fields& fields, const v1::Mofc& written, double wait_fo
   return config;
 }
 
+ViewerConfig to_viewer(const Fields& fields) {
+  ViewerConfig config;
+  config.status_interval = milliseconds(
+      fields.number("status_interval_ms", 500.0, at_least(50), "leave it out for 500"));
+  const Fields web = fields.message("web");
+  config.web.is_on = !web.flag("disabled");
+  config.web.port = static_cast<std::uint16_t>(
+      web.integer("port", config.web.port, 0, 65535, "give 0 for any free one"));
+  return config;
+}
+
 // --- scene ------------------------------------------------------------------------------------
 
 Geometry to_geometry(const Fields& tissue) {
@@ -742,8 +767,7 @@ Session to_session(const SessionText& text, const std::filesystem::path& base_di
       "rate_hz", session.physics.rate_hz, between(1, 10000), "give the physics steps per second");
   session.physics.reach_m = fields.message("physics").number(
       "reach_m", session.physics.reach_m, between(0, 1), "leave it out for 0.05 m");
-  session.viewer.status_interval = milliseconds(fields.message("viewer").number(
-      "status_interval_ms", 500.0, at_least(50), "leave it out for 500"));
+  session.viewer = to_viewer(fields.message("viewer"));
   session.hand = to_hand(fields.message("hand"), base_dir, problems);
   session.scene = to_scene(fields.message("scene"));
 

@@ -87,19 +87,6 @@ double answered_ratio(const DeviceCounters& counters) {
              : kNaN;
 }
 
-std::string controller_text(const MofcConfig& config) {
-  if (config.controller == ControllerKind::kNone) return "none";
-  switch (config.mode) {
-    case MofcMode::kPaper:
-      return "mofc paper";
-    case MofcMode::kVector:
-      return "mofc vector";
-    case MofcMode::kGuard:
-      return "mofc guard";
-  }
-  return "?";
-}
-
 nlohmann::ordered_json number_or_null(double value) {
   if (!std::isfinite(value)) return nullptr;
   return value;

@@ -83,8 +83,6 @@ struct RunReport {
 /// A dozen lines for a terminal.
 [[nodiscard]] std::string summary_text(const Session& session, const RunReport& report);
 
-/// "none", "mofc paper", "mofc vector", "mofc guard".
-[[nodiscard]] std::string controller_text(const MofcConfig& config);
 /// A number in an fmt format, such as "{:.3f} N"; – where it is not finite.
 [[nodiscard]] std::string figure(double value, const char* format);
 /// null for NaN and infinity, which JSON does not have.

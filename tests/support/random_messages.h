@@ -7,6 +7,7 @@
 
 #include "common/core/messages.h"
 #include "common/core/random.h"
+#include "common/core/scene_messages.h"
 #include "common/core/telemetry.h"
 
 namespace palpate::test {
@@ -230,6 +231,73 @@ void randomise(TelemetryBatch<Record, Counters>& m, Random& random) {
   for (Record& record : m.records) randomise(record, random);
 }
 
+inline std::vector<float> random_floats(Random& random, std::size_t count, double low,
+                                        double high) {
+  std::vector<float> numbers(count);
+  for (float& x : numbers) x = static_cast<float>(random.uniform(low, high));
+  return numbers;
+}
+inline std::string random_text(Random& random) {
+  std::string text(random.below(60), ' ');
+  for (char& c : text) c = static_cast<char>('!' + random.below(90));
+  return text;
+}
+
+inline void randomise(TissueSurface& t, Random& random) {
+  t.name = random_text(random);
+  t.shape = static_cast<TissueShape>(random.below(6));
+  const std::size_t vertices = random.below(20);
+  t.mesh.vertices_m = random_floats(random, 3 * vertices, -1000.0, 1000.0);
+  t.mesh.triangles.assign(vertices == 0 ? 0 : 3 * random.below(30), 0);
+  for (std::uint32_t& index : t.mesh.triangles) {
+    index = static_cast<std::uint32_t>(random.below(vertices));
+  }
+  t.vertex_stiffness_newton_per_m.clear();
+  if (random.chance(0.5)) {
+    t.vertex_stiffness_newton_per_m = random_floats(random, vertices, 0.0, 1e4);
+  }
+  t.stiffness_newton_per_m = random.uniform(0.0, 1e4);
+  t.damping_newton_s_per_m = random.uniform(0.0, 1e3);
+}
+
+inline void randomise(SceneState& m, Random& random) {
+  m = SceneState{};
+  m.header = random_header(random);
+  m.revision = random.bits() | 1;
+  m.session_name = random_text(random);
+  m.session_text = random_text(random);
+  m.controller = random_text(random);
+  m.device_rate_hz = random.uniform(1.0, 1e4);
+  m.physics_rate_hz = random.uniform(1.0, 1e4);
+  m.peak_force_newton = random.uniform(0.1, 100.0);
+  m.tip_radius_m = random.uniform(0.0, 0.1);
+  m.workspace_scale_ratio = random.uniform(0.1, 10.0);
+  m.tissues.resize(random.below(5));
+  for (TissueSurface& tissue : m.tissues) randomise(tissue, random);
+  if (random.chance(0.5)) {
+    m.pointer = PointerConfig{.center_m = random_vector(random, 1.0),
+                              .reach_m = random.uniform(0.01, 1.0),
+                              .speed_m_per_s = random.uniform(0.01, 1.0),
+                              .holder_timeout = random_duration(random) + Duration(1)};
+  }
+}
+
+inline void randomise(MeshFrame& m, Random& random) {
+  m.header = random_header(random);
+  m.scene_revision = random.bits() | 1;
+  m.tissue = static_cast<std::uint32_t>(random.bits());
+  m.first_vertex = static_cast<std::uint32_t>(random.bits());
+  m.vertices_m = random_floats(random, 3 * random.below(100), -1000.0, 1000.0);
+  m.device_sequence = random.bits();
+}
+
+inline void randomise(HandTarget& m, Random& random) {
+  m.header = random_header(random);
+  m.holder_id = random.bits() | 1;
+  m.hand_position_m = random_vector(random, 1000.0);
+  m.is_released = random.chance(0.5);
+}
+
 template <class T>
 T random_message(Random& random) {
   T message;
@@ -365,6 +433,41 @@ inline bool same(const PhysicsCounters& a, const PhysicsCounters& b) {
          a.contact_steps == b.contact_steps && a.tissues_skipped == b.tissues_skipped &&
          a.interactions_suppressed == b.interactions_suppressed &&
          a.worst_compute_time == b.worst_compute_time;
+}
+inline bool same(const std::vector<float>& a, const std::vector<float>& b) {
+  return a.size() == b.size() &&
+         (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(float)) == 0);
+}
+inline bool same(const TissueSurface& a, const TissueSurface& b) {
+  return a.name == b.name && a.shape == b.shape && same(a.mesh.vertices_m, b.mesh.vertices_m) &&
+         a.mesh.triangles == b.mesh.triangles &&
+         same(a.vertex_stiffness_newton_per_m, b.vertex_stiffness_newton_per_m) &&
+         same(a.stiffness_newton_per_m, b.stiffness_newton_per_m) &&
+         same(a.damping_newton_s_per_m, b.damping_newton_s_per_m);
+}
+inline bool same(const PointerConfig& a, const PointerConfig& b) {
+  return same(a.center_m, b.center_m) && same(a.reach_m, b.reach_m) &&
+         same(a.speed_m_per_s, b.speed_m_per_s) && a.holder_timeout == b.holder_timeout;
+}
+inline bool same(const SceneState& a, const SceneState& b) {
+  return same(a.header, b.header) && a.revision == b.revision && a.session_name == b.session_name &&
+         a.session_text == b.session_text && a.controller == b.controller &&
+         same(a.device_rate_hz, b.device_rate_hz) && same(a.physics_rate_hz, b.physics_rate_hz) &&
+         same(a.peak_force_newton, b.peak_force_newton) && same(a.tip_radius_m, b.tip_radius_m) &&
+         same(a.workspace_scale_ratio, b.workspace_scale_ratio) &&
+         std::equal(a.tissues.begin(), a.tissues.end(), b.tissues.begin(), b.tissues.end(),
+                    [](const auto& x, const auto& y) { return same(x, y); }) &&
+         a.pointer.has_value() == b.pointer.has_value() &&
+         (!a.pointer || same(*a.pointer, *b.pointer));
+}
+inline bool same(const MeshFrame& a, const MeshFrame& b) {
+  return same(a.header, b.header) && a.scene_revision == b.scene_revision && a.tissue == b.tissue &&
+         a.first_vertex == b.first_vertex && same(a.vertices_m, b.vertices_m) &&
+         a.device_sequence == b.device_sequence;
+}
+inline bool same(const HandTarget& a, const HandTarget& b) {
+  return same(a.header, b.header) && a.holder_id == b.holder_id &&
+         same(a.hand_position_m, b.hand_position_m) && a.is_released == b.is_released;
 }
 template <class Record, class Counters>
 bool same(const TelemetryBatch<Record, Counters>& a, const TelemetryBatch<Record, Counters>& b) {

@@ -57,8 +57,19 @@ bool ends_with_unit(const std::string& name) {
 // Counts, numbers that name something, and directions have no unit.
 TEST(SessionFormat, EveryNumberSaysItsUnitInItsName) {
   const std::set<std::string> without_unit{
-      "schema_version", "seed",   "priority", "cpu", "button", "clutch_button",
-      "burst_length",   "normal", "tangent",  "x",   "y",      "z",  // of a vector, which says it
+      "schema_version",
+      "seed",
+      "priority",
+      "cpu",
+      "button",
+      "clutch_button",
+      "burst_length",
+      "port",
+      "normal",
+      "tangent",
+      "x",
+      "y",
+      "z",  // of a vector, which says it
       "ratio",
   };
   const std::vector<Field> fields =

@@ -91,6 +91,7 @@ TEST(SessionFile, AlmostEmptySessionHasEveryDefault) {
   EXPECT_EQ(session.links.device_telemetry, "ipc:///run/p/x/device_telemetry.ipc");
   EXPECT_EQ(session.links.mofc_telemetry, "ipc:///run/p/x/mofc_telemetry.ipc");
   EXPECT_EQ(session.links.physics_telemetry, "ipc:///run/p/x/physics_telemetry.ipc");
+  EXPECT_EQ(session.links.hand_target, "ipc:///run/p/x/hand_target.ipc");
   EXPECT_EQ(session.realtime.priority, 80);
   EXPECT_EQ(session.realtime.cpu, 0);
 
@@ -124,6 +125,7 @@ TEST(SessionFile, AlmostEmptySessionHasEveryDefault) {
   EXPECT_EQ(session.hand.damping_newton_s_per_m, 6.0);
   EXPECT_EQ(std::get<HoldPath>(session.hand.path).position_m, Vector3(0, 0, 0));
   EXPECT_THAT(session.hand.presses, IsEmpty());
+  EXPECT_FALSE(session.hand.pointer.has_value());
 
   // 6 physics periods of 1 ms, no jitter
   EXPECT_EQ(session.mofc.controller, ControllerKind::kMofc);
@@ -140,6 +142,8 @@ TEST(SessionFile, AlmostEmptySessionHasEveryDefault) {
   EXPECT_EQ(session.scene.tip_radius_m, 0.0);
   EXPECT_THAT(session.scene.tissues, IsEmpty());
   EXPECT_EQ(session.viewer.status_interval, 500ms);
+  EXPECT_TRUE(session.viewer.web.is_on);
+  EXPECT_EQ(session.viewer.web.port, 8765);
   EXPECT_FALSE(session.faults.device_state.any());
   EXPECT_FALSE(session.faults.force_command.any());
   EXPECT_FALSE(session.faults.tool_motion.any());
@@ -384,6 +388,40 @@ TEST(SessionFile, ReadsEveryVelocityEstimator) {
   EXPECT_EQ(third.moving_mass_kg, 0.1);
 }
 
+TEST(SessionFile, APointerIsLetInByItsMessageAlone) {
+  const auto pointer = parse_session("name: \"x\" hand { pointer {} }", "x").hand.pointer;
+  ASSERT_TRUE(pointer.has_value());
+  EXPECT_EQ(pointer->center_m, Vector3(0, 0, 0));
+  EXPECT_EQ(pointer->reach_m, 0.1);
+  EXPECT_EQ(pointer->speed_m_per_s, 0.25);
+  EXPECT_EQ(pointer->holder_timeout, 2s);
+
+  const auto other = parse_session(
+      R"(name: "x" hand { v {} pointer { center_m { z: 1 } reach_m: 0.05 speed_m_per_s: 0.1
+                                         holder_timeout_ms: 500 } })",
+      "x");
+  EXPECT_TRUE(std::holds_alternative<VPath>(other.hand.path));
+  EXPECT_EQ(other.hand.pointer->center_m, Vector3(0, 0, 1));
+  EXPECT_EQ(other.hand.pointer->reach_m, 0.05);
+  EXPECT_EQ(other.hand.pointer->speed_m_per_s, 0.1);
+  EXPECT_EQ(other.hand.pointer->holder_timeout, 500ms);
+}
+
+TEST(SessionFile, TheWebServerCanBeMovedAndTurnedOff) {
+  const WebConfig web = parse_session("name: \"x\" viewer { web { port: 80 } }", "x").viewer.web;
+  EXPECT_TRUE(web.is_on);
+  EXPECT_EQ(web.port, 80);
+  EXPECT_FALSE(parse_session("name: \"x\"", "x", {"viewer.web.disabled=true"}).viewer.web.is_on);
+}
+
+TEST(SessionFile, ItsTextIsTheSessionAsItCounts) {
+  const std::vector<std::string> overrides = {"seed=5", "mofc.controller=none"};
+  const Session session = parse_session("name: \"x\"  # comment\nseed: 4", "x", overrides);
+
+  EXPECT_EQ(session.text, "name: \"x\"\nseed: 5\nmofc {\n  controller: none\n}\n");
+  EXPECT_EQ(parse_session(session.text, "x").text, session.text);
+}
+
 // --- places -----------------------------------------------------------------------------------
 
 TEST(SessionFile, TellsAllProblemsAtOnceWithTheirPlaces) {
@@ -440,8 +478,9 @@ TEST(SessionFile, UnknownFieldsAreAllToldBeforeASyntaxError) {
 }
 
 TEST(SessionFile, FieldLikeNoOtherGetsTheListOfFields) {
-  EXPECT_THAT(complaints("name: \"x\" physics { quality: 3 }").at(1),
-              EndsWith("physics.quality: no such field; it has rate_hz, interaction_deadband, reach_m"));
+  EXPECT_THAT(
+      complaints("name: \"x\" physics { quality: 3 }").at(1),
+      EndsWith("physics.quality: no such field; it has rate_hz, interaction_deadband, reach_m"));
 }
 
 TEST(SessionFile, FieldGivenTwiceIsRefused) {

@@ -230,6 +230,9 @@ const Rule kRules[] = {
      {"2.1"},
      "must be > from_s, 2",
      {"hand.press[0].from_s=2"}},
+    {"hand.pointer.reach_m", {"0"}, {"0.01"}, "must be > 0"},
+    {"hand.pointer.speed_m_per_s", {"0"}, {"0.01"}, "must be > 0"},
+    {"hand.pointer.holder_timeout_ms", {"99"}, {"100"}, "must be ≥ 100"},
     {"hand.v.normal", {"{}", "{ x: 0 }", "{ z: 1e-200 }"}, {"{ z: 0.01 }"}, "has no direction"},
     {"hand.v.tangent", {"{}"}, {"{ y: -3 }"}, "has no direction"},
     {"hand.v.tangent",
@@ -335,6 +338,7 @@ const Rule kRules[] = {
     {"scene.tissue[0].kelvin_voigt.damping_newton_s_per_m", {"-1"}, {"0"}, "must be ≥ 0"},
 
     {"viewer.status_interval_ms", {"49"}, {"50"}, "must be ≥ 50"},
+    {"viewer.web.port", {"65536"}, {"0", "65535"}, "must be 0 … 65535"},
 
     {"faults.device_state.delay_ms", {"-1"}, {"0"}, "must be ≥ 0"},
     {"faults.device_state.jitter_ms", {"-1"}, {"0"}, "must be ≥ 0"},
