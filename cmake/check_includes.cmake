@@ -2,7 +2,7 @@
 # Fails if a source below `folder` includes a project header from a folder that is not allowed, or
 # one of protobuf, ZeroMQ or spdlog where these are not allowed.
 
-set(wire "^(palpate/v1/|google/protobuf/|zmq|spdlog/)")
+set(wire "^(palpate/v1/|foxglove/|google/protobuf/|zmq|spdlog/)")
 set(guarded "^(common|deploy|device_node|mofc_node|physics_node|tests|viewer_node)/|${wire}")
 set(violations "")
 foreach(rule IN LISTS RULES)
