@@ -3,7 +3,7 @@
 # one of protobuf, ZeroMQ or spdlog where these are not allowed, or one of locks and threads in the
 # nodes that run in the tick.
 
-set(wire "^(palpate/v1/|google/protobuf/|zmq|spdlog/)")
+set(wire "^(palpate/v1/|foxglove/|google/protobuf/|zmq|spdlog/)")
 set(locks "^(mutex|shared_mutex|condition_variable|semaphore|future|thread|pthread.h)$")
 set(guarded "^(common|deploy|device_node|mofc_node|physics_node|tests|viewer_node)/|${wire}|${locks}")
 set(violations "")
