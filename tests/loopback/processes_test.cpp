@@ -42,7 +42,7 @@ name: "press"
 realtime { priority: 0 cpu: -1 }
 device {
   rate_hz: 200
-  lease_us: 15000
+  lease_us: 12500
   simulated { position_resolution_m: 0 }
   profile { position_resolution_m: 0 }
 }
