@@ -398,7 +398,7 @@ GuardConfig to_guard(const Fields& fields) {
   config.credit_cap_joule = fields.number("credit_cap_joule", config.credit_cap_joule, above(0),
                                           "leave it out for 0.005");
   config.gate_joule =
-      fields.number("gate_joule", config.gate_joule, above(0), "leave it out for 0.005");
+      fields.number("gate_joule", config.gate_joule, above(0), "leave it out for 0.01");
   config.gate_recovery =
       milliseconds(fields.number("gate_recovery_ms", 500.0, above(0), "leave it out for 500"));
   return config;

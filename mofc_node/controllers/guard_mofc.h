@@ -16,7 +16,7 @@ struct GuardParameters {
   double delta_max_s = 0.0;        ///< δ ≥ 0: longest time from the reading to the switch
   double v_max_m_per_s = 0.5;      ///< > 0: fastest the hand can be
   double credit_cap_joule = 5e-3;  ///< S_cap > 0
-  double gate_joule = 5e-3;        ///< S_g > 0
+  double gate_joule = 10e-3;       ///< S_g > 0
   double gate_recovery_s = 0.5;    ///< t_rec > 0
 };
 
