@@ -81,6 +81,7 @@ Table make_table() {
 
 void draw(const std::filesystem::path& folder, const std::vector<TissueScene>& scenes) {
   std::string script = R"(set datafile separator ','
+set datafile missing NaN
 set terminal svg size 1100,420 dynamic background rgb 'white' font 'sans,12'
 set output 'loop.svg'
 set multiplot layout 1,3 title 'Run time against error: physics 50 Hz, 20 ms away, guard, one thing changed at a time'
@@ -88,7 +89,7 @@ set logscale xy
 set grid
 set xlabel 'ms of run time per simulated second'
 set ylabel 'rms force error, %'
-set key bottom left
+set key top right
 )";
   for (const TissueScene& scene : scenes) {
     script += fmt::format("set title '{}'\nplot ", scene.name);

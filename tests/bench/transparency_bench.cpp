@@ -127,6 +127,7 @@ void add_row(Table& table, const TissueScene& scene, const Link& link, const Way
 void draw_against_delay(const std::filesystem::path& folder) {
   // curves of the 50 Hz, 20 % loss rows in mode guard
   write_file(folder / "transparency_delay.gp", R"(set datafile separator ','
+set datafile missing NaN
 set terminal svg size 960,520 dynamic background rgb 'white' font 'sans,13'
 set output 'transparency_delay.svg'
 set title 'Transparency against one-way delay: physics 50 Hz, 20 % loss, mode guard'
