@@ -30,7 +30,7 @@ std::vector<Points> clouds() {
   for (int i = 0; i < 3000; ++i) {
     all[0].push_back(at(in_cube(random)));
     all[1].push_back(at(random.direction()));
-    all[2].push_back(at({random.uniform(-1, 1), 0.5, 0.5}));
+    all[2].push_back(at({-1.0 + i / 1500.0, 0.5, 0.5}));
     all[3].push_back(at(std::pow(10.0, -random.uniform(0, 3)) * in_cube(random)));
   }
   all[4].push_back(at({0.1, 0.2, 0.3}));
