@@ -8,7 +8,7 @@ namespace palpate::physics {
 //   v  velocity of the tip  N  force along n
 TissueForce respond(const KelvinVoigtMaterial& material, const SurfaceView& surface,
                     double penetration_m, const Vector3& tip_velocity_world_m_per_s) noexcept {
-  const double k = material.stiffness_newton_per_m;
+  const double k = material.stiffness_newton_per_m * surface.stiffness_ratio;
   const double b = material.damping_newton_s_per_m;
   const double p = penetration_m;
   const Vector3& n = surface.normal;

@@ -142,14 +142,17 @@ std::size_t Octree::nearest(const Eigen::Vector3f& center, std::span<Neighbor> f
                             float within, float overshoot_ratio) const noexcept {
   if (nodes_.empty() || found.empty()) return 0;
   std::size_t count = 0;
-  float worst = within * within;  // squared distance a point must not exceed
+  // finite, so that nothing is as near as a place that is not
+  float worst =
+      std::min(within * within,
+               std::numeric_limits<float>::max());  // squared distance a point must not exceed
   std::uint32_t nearest_leaf = hint.leaf;
 
   const auto scan = [&](std::uint32_t leaf) {
     const Node& node = nodes_[leaf];
     for (std::uint32_t i = node.first; i < node.first + node.count; ++i) {
       const Neighbor candidate{squared_distance(center, points_[i]), i};
-      if (candidate.squared_distance > worst) continue;
+      if (!(candidate.squared_distance <= worst)) continue;
       if (count == found.size() && !is_before(candidate, found[count - 1])) continue;
       std::size_t place = count < found.size() ? count++ : count - 1;
       for (; place > 0 && is_before(candidate, found[place - 1]); --place) {

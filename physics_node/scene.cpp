@@ -1,6 +1,7 @@
 #include "physics_node/scene.h"
 
 #include <algorithm>
+#include <optional>
 #include <utility>
 #include <variant>
 
@@ -32,15 +33,12 @@ Scene::Scene(const SceneConfig& config) : tip_radius_m_(config.tip_radius_m) {
   const Vector3 margin_m = Vector3::Constant(tip_radius_m_);
   for (const TissueConfig& tissue : config.tissues) {
     const auto index = static_cast<std::uint32_t>(tissues_.size());
-    tissues_.push_back({tissue.geometry, tissue.material});
-    if (std::holds_alternative<HalfSpaceGeometry>(tissue.geometry)) {
+    tissues_.push_back({to_shape(tissue.geometry), tissue.material});
+    if (const std::optional<Bounds> bounds = bounds_of(tissues_.back().shape)) {
+      items.push_back({{bounds->lowest_m - margin_m, bounds->highest_m + margin_m}, index});
+    } else {
       unbounded_.push_back(index);
-      continue;
     }
-    const auto* sphere = std::get_if<SphereGeometry>(&tissue.geometry);
-    const Bounds bounds =
-        sphere != nullptr ? bounds_of(*sphere) : bounds_of(std::get<BoxGeometry>(tissue.geometry));
-    items.push_back({{bounds.lowest_m - margin_m, bounds.highest_m + margin_m}, index});
   }
   bounded_ = BroadPhase(std::move(items));
 }
@@ -49,7 +47,7 @@ void Scene::touch(std::uint32_t index, const Vector3& tip_position_world_m,
                   const Vector3& tip_velocity_world_m_per_s, SceneForce& sum) const noexcept {
   const Tissue& tissue = tissues_[index];
   const SurfaceView surface = std::visit(
-      [&](const auto& geometry) { return view(geometry, tip_position_world_m); }, tissue.geometry);
+      [&](const auto& shape) { return view(shape, tip_position_world_m); }, tissue.shape);
   const double penetration_m = tip_radius_m_ - surface.distance_m;
   if (!(penetration_m > 0.0)) return;
 

@@ -9,6 +9,7 @@
 #include "common/core/session.h"
 #include "common/core/vector.h"
 #include "physics_node/broad_phase.h"
+#include "physics_node/surface_files.h"
 
 namespace palpate::physics {
 
@@ -27,6 +28,7 @@ struct SceneForce {
 /// function: used by the physics step, by the ideal force and by the ideal run alike.
 class Scene {
  public:
+  /// @throws SetupError  if a file that a tissue's geometry names cannot be used
   explicit Scene(const SceneConfig& config);
 
   /// A tissue is touched where the tip reaches deeper than its surface: penetration = tip radius −
@@ -42,7 +44,7 @@ class Scene {
 
  private:
   struct Tissue {
-    Geometry geometry;
+    Shape shape;
     Material material;
   };
   void touch(std::uint32_t index, const Vector3& tip_position_world_m,

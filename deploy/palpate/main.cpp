@@ -14,6 +14,7 @@
 #include "deploy/palpate/launch_command.h"
 #include "deploy/palpate/loopback.h"
 #include "deploy/palpate/summary.h"
+#include "physics_node/scene.h"
 
 namespace {
 
@@ -49,6 +50,7 @@ struct SessionArguments {
 
 void check_scene(const SessionArguments& arguments) {
   const Session session = arguments.load();
+  static_cast<void>(physics::Scene(session.scene));  // reads the files of its geometries
   std::printf("%s: ok (%zu tissues, device %g Hz, physics %g Hz, controller %s)\n",
               arguments.file.c_str(), session.scene.tissues.size(), session.device.rate_hz,
               session.physics.rate_hz, controller_text(session.mofc).c_str());
