@@ -254,18 +254,20 @@ std::string ply_text(const PointCloud& cloud) {
   if (!cloud.normals.empty()) {
     text += "property float nx\nproperty float ny\nproperty float nz\n";
   }
+  if (!cloud.stiffness_ratios.empty()) text += "property float stiffness_ratio\n";
   text += "end_header\n";
   static_assert(std::endian::native == std::endian::little);
+  const auto append_number = [&](double number) {
+    const auto raw = std::bit_cast<std::array<char, sizeof(float)>>(static_cast<float>(number));
+    text.append(raw.data(), raw.size());
+  };
   const auto append = [&](const Vector3& vector) {
-    for (int axis = 0; axis < 3; ++axis) {
-      const auto raw =
-          std::bit_cast<std::array<char, sizeof(float)>>(static_cast<float>(vector[axis]));
-      text.append(raw.data(), raw.size());
-    }
+    for (int axis = 0; axis < 3; ++axis) append_number(vector[axis]);
   };
   for (std::size_t i = 0; i < cloud.points_m.size(); ++i) {
     append(cloud.points_m[i]);
     if (!cloud.normals.empty()) append(cloud.normals[i]);
+    if (!cloud.stiffness_ratios.empty()) append_number(cloud.stiffness_ratios[i]);
   }
   return text;
 }

@@ -16,7 +16,8 @@ namespace palpate::physics {
 [[nodiscard]] PointCloud parse_ply(std::string_view bytes, const std::string& file_name,
                                    const std::string& stiffness_property = "");
 
-/// The cloud as a binary little-endian PLY file of float: positions, normals if there are.
+/// The cloud as a binary little-endian PLY file of float: positions, and normals and
+/// `stiffness_ratio` if there are.
 [[nodiscard]] std::string ply_text(const PointCloud& cloud);
 
 }  // namespace palpate::physics

@@ -111,11 +111,13 @@ TEST(Ply, ReadsWhatItWrites) {
   for (int i = 0; i < 12; ++i) {
     cloud.points_m.push_back({0.5 * i, -0.25, 0.125});
     cloud.normals.push_back(Vector3::UnitY());
+    cloud.stiffness_ratios.push_back(0.5 * i);
   }
-  const PointCloud read = parse_ply(ply_text(cloud), "a.ply");
+  const PointCloud read = parse_ply(ply_text(cloud), "a.ply", "stiffness_ratio");
 
   EXPECT_EQ(read.points_m, cloud.points_m);
   EXPECT_EQ(read.normals, cloud.normals);
+  EXPECT_EQ(read.stiffness_ratios, cloud.stiffness_ratios);
 }
 
 TEST(Ply, TellsFileLineAndRule) {
