@@ -14,7 +14,7 @@ packages=(
   libcli11-dev libeigen3-dev libspdlog-dev nlohmann-json3-dev
 )
 if [[ "${1:-}" == "--tests" ]]; then
-  packages+=(gnuplot-nox libgmock-dev libgtest-dev)
+  packages+=(gnuplot-nox libgmock-dev libgtest-dev libnanoflann-dev)
 fi
 
 # Elsewhere than on Debian, CMake names what is missing.

@@ -10,8 +10,8 @@
 
 namespace palpate {
 
-/// About 120 × 80 × 50 mm round the origin, in metres; stiffness_ratios grow from 1 to 4 over the
-/// lump.
+/// About 120 × 80 × 50 mm round the origin, in metres; stiffness_ratios grow from 1 to 2.9
+/// over the lump.
 /// @param points  ≥ CloudSurface::kMinPoints; 3000 are 2.7 mm apart
 [[nodiscard]] physics::PointCloud organ_cloud(std::uint32_t points);
 
