@@ -13,6 +13,8 @@ packages=(
   libboost-dev libboost-filesystem-dev
   libcli11-dev libeigen3-dev libspdlog-dev nlohmann-json3-dev
 )
+# npm builds the viewer's page; another distribution's Node.js may bring its own
+command -v npm >/dev/null || packages+=(nodejs npm)
 if [[ "${1:-}" == "--tests" ]]; then
   packages+=(gnuplot-nox libgmock-dev libgtest-dev libnanoflann-dev)
 fi

@@ -32,10 +32,11 @@ struct GuardedForce {
 ///   silent for limp_after            that, linearly down to nothing over `fade`   kFading
 ///   silent for limp_after + fade     nothing                                      kLimp
 ///
-/// An answer is cut by the limp start (leaving kLimp, it grows from nothing over start_ramp; after a
-/// silence that outlasted the lease by a period, from what acts over as long as it was silent), then
-/// by the peak, then by the slew limit: the part of it beyond what already acts along its direction
-/// grows by at most slew · one period per switch. A non-finite command is no force and is counted.
+/// An answer is cut by the limp start (leaving kLimp, it grows from nothing over start_ramp; after
+/// a silence that outlasted the lease by a period, from what acts over as long as it was silent),
+/// then by the peak, then by the slew limit: the part of it beyond what already acts along its
+/// direction grows by at most slew · one period per switch. A non-finite command is no force and is
+/// counted.
 class ForceGuard {
  public:
   /// @param device_peak_newton  the hardware's own limit; the smaller one holds

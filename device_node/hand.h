@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 
 #include "common/core/random.h"
 #include "common/core/session.h"
@@ -33,15 +34,16 @@ struct Felt {
 /// Seeks to draw energy from the force it feels. At random times it picks one of three ways:
 ///
 ///   drain   follow the force at the speed that draws most from a held force against the device's
-///           friction, v* = (|F| − f_co)/(2 f_d) (CONTROLLERS §2.1 eq. 12)
+///           friction, v* = (|F| − f_co)/(2 f_d) (CONTROLLERS §2.1 eq. 12), per axis where the
+///           friction is
 ///   press   back into the scene, roughly against the last force felt, or anywhere
 ///   shake   to and fro along the force, turning every 0.5 … 25 ms, near sampling periods
 ///
 /// The intended point is never faster than v_max and never farther than radius from the centre.
 class HostileHand {
  public:
-  HostileHand(const HostilePath& path, double viscous_newton_s_per_m, double coulomb_newton,
-              std::uint64_t seed);
+  /// @param device  its true friction counts
+  HostileHand(const HostilePath& path, const SimulatedDeviceConfig& device, std::uint64_t seed);
 
   /// Call with growing `t_s`.
   [[nodiscard]] Target target(double t_s, const Felt& felt) noexcept;
@@ -50,10 +52,12 @@ class HostileHand {
   enum class Way : std::uint8_t { kDrain, kPress, kShake };
   void choose(double t_s) noexcept;
   [[nodiscard]] Vector3 wanted_velocity(double t_s, const Felt& felt) const noexcept;
+  [[nodiscard]] Vector3 most_draining_velocity(const Vector3& force_on_hand_newton) const noexcept;
 
   HostilePath path_;
   double viscous_newton_s_per_m_;
   double coulomb_newton_;
+  std::optional<FrictionPerAxis> per_axis_;
   Random random_;
   Way way_ = Way::kPress;
   double t_s_ = 0.0;
@@ -66,7 +70,29 @@ class HostileHand {
   Vector3 position_m_;
 };
 
-/// A hand of the session on its path. Same configuration and seed: same hand, to the bit.
+/// A hand that is led: the intended point follows the goal with a time constant of 50 ms, so that
+/// the steps of a pointer are not felt as knocks, never faster than `speed` and never farther than
+/// `reach` from the centre.
+class LedHand {
+ public:
+  /// @param from_m  where the intended point is now
+  LedHand(const PointerConfig& config, const Vector3& from_m, double t_s)
+      : config_(config), position_m_(from_m), goal_m_(from_m), t_s_(t_s) {}
+
+  /// Finite.
+  void lead_to(const Vector3& goal_m) noexcept;
+  /// Call with growing `t_s`.
+  [[nodiscard]] Target target(double t_s) noexcept;
+
+ private:
+  PointerConfig config_;
+  Vector3 position_m_;
+  Vector3 goal_m_;
+  double t_s_;
+};
+
+/// A hand of the session on its path, until somebody leads it. Same configuration and seed: same
+/// hand, to the bit.
 class Hand {
  public:
   /// @param device  its true friction is known to a hostile hand
@@ -77,6 +103,9 @@ class Hand {
   /// Call once per inner step, in order, with the time of its middle since the device's start.
   /// No allocation, no throw.
   [[nodiscard]] Target target(double t_s, const Felt& felt) noexcept;
+  /// From now on the hand goes there (D) and stays, and forgets its path. Nothing happens without
+  /// hand.pointer in the session.
+  void lead_to(const Vector3& goal_m) noexcept;
   /// Bit i set while button i is pressed: from ≤ t < until.
   [[nodiscard]] std::uint32_t buttons(double t_s) const noexcept;
 
@@ -84,6 +113,9 @@ class Hand {
   HandConfig config_;
   HostileHand hostile_;  ///< at rest unless the path is a hostile one
   Vector3 start_position_m_;
+  Vector3 intended_m_;  ///< by the path, at t_s_
+  double t_s_ = 0.0;
+  std::optional<LedHand> led_;
 };
 
 /// Device and hand as one mass.

@@ -1,5 +1,7 @@
 #include "device_node/process.h"
 
+#include <optional>
+
 #include "common/core/inbox.h"
 #include "common/runtime/flight_recorder.h"
 #include "common/runtime/rate_loop.h"
@@ -8,13 +10,54 @@
 #include "common/runtime/telemetry_publisher.h"
 #include "device_node/device_node.h"
 #include "device_node/open_device.h"
+#include "device_node/pointer_hold.h"
 
 namespace palpate::device {
+namespace {
+
+constexpr std::size_t kHandGoals = 64;  // far more than arrive in one turn of the tick
+
+/// Hop 6: what a pointer says, on the telemetry thread; the tick sees only goals.
+class PointerInput {
+ public:
+  PointerInput(const Session& session, ProcessLinks& links, NodeContext& context, HandGoals& goals)
+      : log_(context.log),
+        targets_(links.side, context.clock, bind_to(session.links.hand_target, "links.hand_target"),
+                 Delivery::kEvery),
+        refused_(context.log, "hand_target", targets_.rejections()),
+        hold_(session.hand.pointer->holder_timeout),
+        goals_(goals) {}
+
+  void pump(TimePoint now) {
+    HandTarget target;
+    TimePoint received_at;
+    while (targets_.receive(target, received_at)) {
+      if (!hold_.accept(target, received_at)) continue;
+      goals_.push(target.hand_position_m);
+    }
+    if (hold_.is_held(now) != was_held_) {
+      was_held_ = !was_held_;
+      log_.info(was_held_ ? "event=hand_taken" : "event=hand_left");
+    }
+    refused_.note(now);
+  }
+
+ private:
+  spdlog::logger& log_;
+  ZmqSource<HandTarget> targets_;
+  RejectionLog refused_;
+  PointerHold hold_;
+  HandGoals& goals_;
+  bool was_held_ = false;
+};
+
+}  // namespace
 
 void run_process(NodeContext& context, ProcessLinks& links) {
   const Session& session = context.session;
-  const auto device =
-      open_device(session.device, session.hand, context.clock, stream_seed(session.seed, "hand"));
+  HandGoals goals(kHandGoals);
+  const auto device = open_device(session.device, session.hand, context.clock,
+                                  stream_seed(session.seed, "hand"), &goals);
   if (!device->specification().has_motor_watchdog) {
     context.log.warn("event=no_motor_watchdog device=\"{}\": the guarantee is not available",
                      device->specification().model_name);
@@ -32,11 +75,18 @@ void run_process(NodeContext& context, ProcessLinks& links) {
   RingSink<DeviceTick> ticks;
   Snapshot<DeviceCounters> counters;
   FlightRecorder<DeviceTick> recorder(flight_files(context, "device"));
+  RejectionLog refused(context.log, "force_command", exchange.rejections());
+  std::optional<PointerInput> pointer;
+  if (session.hand.pointer && device->specification().is_simulated) {
+    pointer.emplace(session, links, context, goals);
+  }
   TelemetryPublisher publisher(context.session_id, context.clock, ticks, counters, telemetry,
                                context.log);
   publisher.record_to(recorder);
-  RejectionLog refused(context.log, "force_command", exchange.rejections());
-  publisher.on_pump = [&](TimePoint now) { refused.note(now); };
+  publisher.on_pump = [&](TimePoint now) {
+    refused.note(now);
+    if (pointer) pointer->pump(now);
+  };
   publisher.start();
 
   // the tick

@@ -6,7 +6,7 @@
 namespace palpate::device {
 
 SimulatedDevice::SimulatedDevice(const SimulatedDeviceConfig& device, const HandConfig& hand,
-                                 const Clock& clock, std::uint64_t seed)
+                                 const Clock& clock, std::uint64_t seed, HandGoals* goals)
     : config_(device),
       specification_{.model_name = "simulated",
                      .workspace_half_extent_m = Vector3(0.08, 0.06, 0.035),
@@ -18,6 +18,7 @@ SimulatedDevice::SimulatedDevice(const SimulatedDeviceConfig& device, const Hand
                      .has_motor_watchdog = true},
       clock_(clock),
       hand_(hand, device, seed),
+      goals_(goals),
       plant_(plant_of(device, hand), hand_.start_position_m()),
       start_(clock.now()),
       integrated_until_(start_),
@@ -49,6 +50,8 @@ void SimulatedDevice::release() noexcept {
 
 void SimulatedDevice::catch_up() noexcept {
   const TimePoint now = clock_.now();
+  Vector3 goal_m;
+  while (goals_ != nullptr && goals_->pop(goal_m)) hand_.lead_to(goal_m);
 
   // the motor-side watchdog: the force ends with its lease, whenever this code next runs
   if (lease_end_ <= now) {

@@ -6,11 +6,15 @@
 
 #include "common/core/clock.h"
 #include "common/core/session.h"
+#include "common/core/spsc_ring.h"
 #include "device_node/device.h"
 #include "device_node/hand.h"
 #include "device_node/plant.h"
 
 namespace palpate::device {
+
+/// From the thread that hears a pointer to the tick thread.
+using HandGoals = SpscRing<Vector3>;
 
 /// Integrates up to clock.now() whenever it is read, written or released, in equal inner steps of
 /// at most `inner_step`; so it runs on virtual time and in real time, also after the process was
@@ -22,8 +26,10 @@ namespace palpate::device {
 class SimulatedDevice final : public HapticDevice {
  public:
   /// The hand rests on its path's start; its time starts now.
+  /// @param goals  optional, must outlive the device: where the hand is led, D; read by the thread
+  ///               that reads the device
   SimulatedDevice(const SimulatedDeviceConfig& device, const HandConfig& hand, const Clock& clock,
-                  std::uint64_t seed);
+                  std::uint64_t seed, HandGoals* goals = nullptr);
 
   [[nodiscard]] const DeviceSpecification& specification() const noexcept override {
     return specification_;
@@ -50,6 +56,7 @@ class SimulatedDevice final : public HapticDevice {
   DeviceSpecification specification_;
   const Clock& clock_;
   Hand hand_;
+  HandGoals* goals_;
   Plant plant_;
   TimePoint start_;
   TimePoint integrated_until_;

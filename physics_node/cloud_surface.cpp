@@ -390,11 +390,18 @@ CloudSurface::Step CloudSurface::step_towards_foot(const Blend& blend,
     step.to_foot_m += u[i] * e[i] - 0.5 * kappa[i] * u[i] * u[i] * n;
   }
   step.normal.normalize();
+  step.trust_radius_m = blend.reach_m;
   for (std::size_t i = 0; i < 2; ++i) {
     const Vector3 tangent = e[i] - e[i].dot(step.normal) * step.normal;
     const double denominator = std::max(1.0 + step.distance_m * kappa[i], kLeastDenominator);
     step.curvature_per_m += kappa[i] / denominator * tangent * tangent.transpose();
+    // the foot goes 1 / denominator as far as the tool
+    step.trust_radius_m = std::min(step.trust_radius_m, blend.reach_m * denominator);
+    if (kappa[i] != 0.0) {
+      step.trust_radius_m = std::min(step.trust_radius_m, denominator / std::abs(kappa[i]));
+    }
   }
+  step.trust_radius_m = std::clamp(step.trust_radius_m, kMinTrustRadiusM, kMaxTrustRadiusM);
   return step;
 }
 

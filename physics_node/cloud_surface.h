@@ -24,6 +24,7 @@
 //  - edges are rounded to about the reach; curvature is limited to 1/reach.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <limits>
@@ -56,10 +57,16 @@ class CloudSurface final : public Surface {
   /// The distance is that to the foot of the perpendicular on the surface, normal and curvature are
   /// those of the distance; the curvature is the mean of the quadrics', which is smoother than the
   /// second derivative of f where the points are noisy.
+  ///
+  /// Trusted while the foot stays within the reach of the quadrics that were blended, and up to the
+  /// centre of curvature; a sheet's other side, nearer than that, is not foreseen.
   [[nodiscard]] SurfaceView view(const Vector3& point_m, SurfaceHint& hint) const noexcept override;
   using Surface::view;
 
   [[nodiscard]] Bounds bounds() const noexcept override { return bounds_; }
+  /// The surface in the cells of a grid about as fine as the points, coarser if these are more than
+  /// about 10 000; each vertex lies on it. What is thinner than a cell shows holes.
+  [[nodiscard]] SurfaceMesh display_mesh() const override;
   [[nodiscard]] std::size_t bytes() const noexcept override;
 
   /// The octree, in coordinates relative to origin_m().
@@ -116,6 +123,7 @@ class CloudSurface final : public Surface {
   };
   struct Step {
     double distance_m = 0.0;
+    double trust_radius_m = 0.0;
     Vector3 normal = Vector3::Zero();
     Matrix3 curvature_per_m = Matrix3::Zero();
     Vector3 to_foot_m = Vector3::Zero();  // from the place of the blend
@@ -144,6 +152,9 @@ SurfaceView CloudSurface::view_with(const Vector3& point_m, const Nearest& neare
   // enough but far away, where the nearest point is only roughly known.
   constexpr int kMaxSteps = 12;
   constexpr double kCloseEnough = 0.01;  // of the reach; the last step is of second order
+  // a tenth of the way to the border the distance differs from a plane's by at most half of a
+  // hundredth of it
+  constexpr double kBorderTrustRatio = 0.1;
 
   SurfaceView view;
   view.distance_m = std::numeric_limits<double>::infinity();
@@ -171,6 +182,7 @@ SurfaceView CloudSurface::view_with(const Vector3& point_m, const Nearest& neare
     view.normal = step.normal;
     view.curvature_per_m = step.curvature_per_m;
     view.stiffness_ratio = blend.stiffness_ratio;
+    view.trust_radius_m = step.trust_radius_m;
     if (step.tangent_m < kCloseEnough * blend.reach_m) return view;
     place_m += step.to_foot_m;
   }
@@ -180,6 +192,8 @@ SurfaceView CloudSurface::view_with(const Vector3& point_m, const Nearest& neare
     view.distance_m = from_border.norm();
     view.normal = view.distance_m > 0.0 ? Vector3(from_border / view.distance_m) : side;
     view.curvature_per_m.setZero();
+    view.trust_radius_m =
+        std::clamp(kBorderTrustRatio * view.distance_m, kMinTrustRadiusM, kMaxTrustRadiusM);
   }
   return view;
 }

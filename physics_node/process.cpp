@@ -8,6 +8,7 @@
 #include "common/runtime/rejection_log.h"
 #include "common/runtime/telemetry_publisher.h"
 #include "physics_node/physics_node.h"
+#include "physics_node/scene_display.h"
 
 namespace palpate::physics {
 namespace {
@@ -30,20 +31,27 @@ void run_process(NodeContext& context, ProcessLinks& links) {
                                          bind_to(session.links.interaction, "links.interaction"));
 
   // hop 5
-  ZmqSender<PhysicsBatch> telemetry(
-      links.side, bind_to(session.links.physics_telemetry, "links.physics_telemetry"));
+  SceneSender telemetry(links.side,
+                        bind_to(session.links.physics_telemetry, "links.physics_telemetry"));
   RingSink<PhysicsTick> ticks;
   Snapshot<PhysicsCounters> counters;
   FlightRecorder<PhysicsTick> recorder(flight_files(context, "physics"));
+  RejectionLog refused(context.log, "tool_motion", motions.rejections());
+  SceneDisplay display(session, context.session_id, telemetry, telemetry);
   TelemetryPublisher publisher(context.session_id, context.clock, ticks, counters, telemetry,
                                context.log);
   publisher.record_to(recorder);
-  RejectionLog refused(context.log, "tool_motion", motions.rejections());
-  publisher.on_pump = [&](TimePoint now) { refused.note(now); };
+  publisher.on_pump = [&](TimePoint now) {
+    refused.note(now);
+    display.publish({.scene_subscriptions = telemetry.subscriptions<SceneState>(),
+                     .mesh_subscriptions = telemetry.subscriptions<MeshFrame>(),
+                     .has_mesh_watcher = telemetry.has_subscriber<MeshFrame>()},
+                    publisher.newest(), now);
+  };
   publisher.start();
 
-  PhysicsNode node(session.scene, context.clock, motion_in, interaction_out, ticks,
-                   context.session_id);
+  PhysicsNode node(session.scene, session.physics, session.mofc.interaction, context.clock,
+                   motion_in, interaction_out, ticks, context.session_id);
   const auto step = [&](const Tick& tick) {
     node.step(tick);
     counters.store(node.counters());

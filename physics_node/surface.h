@@ -4,6 +4,7 @@
 
 #include <cstdint>
 
+#include "common/core/scene_messages.h"
 #include "common/core/vector.h"
 #include "physics_node/geometry.h"
 
@@ -34,6 +35,9 @@ class Surface {
 
   /// Holds every point at which view() gives a distance ≤ 0.
   [[nodiscard]] virtual Bounds bounds() const noexcept = 0;
+
+  /// As viewers draw it, in the surface's frame. Not for the step: it allocates and takes its time.
+  [[nodiscard]] virtual SurfaceMesh display_mesh() const = 0;
 
   /// Heap memory held.
   [[nodiscard]] virtual std::size_t bytes() const noexcept = 0;

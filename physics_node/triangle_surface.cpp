@@ -14,6 +14,9 @@ namespace {
 constexpr std::size_t kLeafTriangles = 4;
 // Below this length a direction is rounding, not geometry [m].
 constexpr double kShortestDirection = 1e-12;
+// How far what is described may be from the facets, and the least angle that counts.
+constexpr double kTrustedError = 1e-4;
+constexpr double kLeastSine = 1e-9;
 // A triangle flatter than this is none: height over longest edge.
 constexpr double kThinnestTriangle = 1e-7;
 
@@ -229,6 +232,50 @@ TriangleSurface::Foot TriangleSurface::foot_on(std::uint32_t triangle,
   return foot;
 }
 
+// Going t past an edge, the neighbour at the angle θ is t sin θ away from the facet's plane. What
+// is round with the radius d, an edge or a corner, is t²/2d away from the plane that may follow.
+double TriangleSurface::trust_radius_m(const Foot& foot, const Vector3& point_m) const noexcept {
+  const auto& triangle = mesh_.triangles[foot.triangle];
+  const Vector3& n = face_normals_[foot.triangle];
+  const auto corner = [&](std::size_t i) -> const Vector3& {
+    return mesh_.vertices_m[triangle[i % 3]];
+  };
+  double longest2 = 0.0;
+  for (std::size_t i = 0; i < 3; ++i) {
+    longest2 = std::max(longest2, (corner(i + 1) - corner(i)).squaredNorm());
+  }
+  const double twice_area = (corner(1) - corner(0)).cross(corner(2) - corner(0)).norm();
+  const double altitude_m = twice_area / std::sqrt(longest2);
+  if (foot.edge >= 0 || foot.corner >= 0) {
+    const double radius_m = std::sqrt(foot.squared_distance);
+    return std::clamp(std::min(altitude_m, std::sqrt(2.0 * radius_m * kTrustedError)),
+                      kMinTrustRadiusM, kMaxTrustRadiusM);
+  }
+
+  double trust_m = kMaxTrustRadiusM;
+  double to_nearest_edge_m = kMaxTrustRadiusM;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const Vector3 along = (corner(i + 1) - corner(i)).normalized();
+    const Vector3 inwards = n.cross(along);
+    const double to_edge_m = std::abs(inwards.dot(foot.point_m - corner(i)));
+    to_nearest_edge_m = std::min(to_nearest_edge_m, to_edge_m);
+
+    // the neighbour is the nearer one from the edge on, in the narrower angle from its half on
+    const Vector3& sum = edge_normals_[foot.triangle][i];
+    const Vector3 neighbor = sum - n;
+    const double sine = n.dot(neighbor) > 0.0 ? n.cross(neighbor).norm() : 1.0;
+    double to_neighbor_m = to_edge_m;
+    const double length = sum.norm();
+    if (inwards.dot(neighbor) * n.dot(point_m - foot.point_m) > 0.0 && length > 0.0) {
+      to_neighbor_m =
+          std::min(to_neighbor_m, std::abs(along.cross(sum).dot(point_m - corner(i))) / length);
+    }
+    trust_m = std::min(trust_m, to_neighbor_m + kTrustedError / std::max(sine, kLeastSine));
+  }
+  trust_m = std::min(trust_m, to_nearest_edge_m + altitude_m);
+  return std::clamp(trust_m, kMinTrustRadiusM, kMaxTrustRadiusM);
+}
+
 SurfaceView TriangleSurface::view(const Vector3& point_m, SurfaceHint& hint) const noexcept {
   SurfaceView view;
   view.distance_m = std::numeric_limits<double>::infinity();
@@ -284,6 +331,7 @@ SurfaceView TriangleSurface::view(const Vector3& point_m, SurfaceHint& hint) con
   const double distance_m = std::sqrt(best.squared_distance);
   const double sign = from_foot.dot(side) < 0.0 ? -1.0 : 1.0;
   view.distance_m = sign * distance_m;
+  view.trust_radius_m = trust_radius_m(best, point_m);
   if (distance_m <= kShortestDirection) {
     const double length = side.norm();
     view.normal = length > 0.0 ? Vector3(side / length) : face_normals_[best.triangle];

@@ -4,6 +4,11 @@
 // for closed meshes (Source: [Baerentzen05]). Inside a convex mesh the nearest face changes from
 // one to the next, and the normal jumps there by the angle between them, as it does in a box. An
 // open mesh is a sheet: what lies in front of the nearest face is outside, also beyond the border.
+//
+// The facets stand for a smooth surface, so a view is trusted beyond the nearest one: as far as its
+// neighbours, at the angle they have with it, stay within 0.1 mm of what is described, and no
+// farther than they are known. Over a fine mesh of a smooth organ that is about a facet, over a
+// sharp edge 0.1 mm past it. The other side of a thin sheet is not foreseen.
 #pragma once
 
 #include <array>
@@ -38,6 +43,8 @@ class TriangleSurface final : public Surface {
   [[nodiscard]] SurfaceView view(const Vector3& point_m, SurfaceHint& hint) const noexcept override;
   using Surface::view;
   [[nodiscard]] Bounds bounds() const noexcept override;
+  /// The mesh itself; of more than 50 000 vertices those that share a cell of a grid become one.
+  [[nodiscard]] SurfaceMesh display_mesh() const override;
   [[nodiscard]] std::size_t bytes() const noexcept override;
 
   [[nodiscard]] const TriangleMesh& mesh() const noexcept { return mesh_; }
@@ -59,6 +66,7 @@ class TriangleSurface final : public Surface {
     std::int8_t corner = -1;  // if the foot is there
   };
   void build(std::vector<std::uint32_t>& order, std::size_t first, std::size_t last);
+  [[nodiscard]] double trust_radius_m(const Foot& foot, const Vector3& point_m) const noexcept;
   [[nodiscard]] Foot foot_on(std::uint32_t triangle, const Vector3& point_m) const noexcept;
 
   TriangleMesh mesh_;

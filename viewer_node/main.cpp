@@ -1,4 +1,4 @@
-// viewer_node: shows what the nodes of a session publish; reads only.
+// viewer_node: shows what the nodes of a session publish.
 // All logic is in the library; this file only connects it to the world.
 #include "viewer_node/process.h"
 
@@ -7,12 +7,31 @@ int main(int argc, char** argv) {
   return palpate::run_node(
       argc, argv,
       {.name = "viewer",
-       .description = "Shows a running session: a status line, and one CSV row per device tick.",
+       .description =
+           "Shows a running session: a page, the Foxglove WebSocket, a status line, and one CSV "
+           "row per device tick.",
        .add_options =
            [&](CLI::App& app) {
              app.add_option("--csv", options.csv_file, "write one row per device tick to this file")
                  ->type_name("FILE");
              app.add_flag("--quiet", options.is_quiet, "no status line");
+             palpate::viewer::WebOptions& web = options.web;
+             app.add_option("--listen", web.listen,
+                            "serve the page there, e.g. 127.0.0.1:8765; elsewhere than on loopback "
+                            "it needs --token-file (default: 127.0.0.1, port of the session)")
+                 ->type_name("ADDRESS:PORT");
+             app.add_flag("--no-web", web.is_off, "serve no page");
+             app.add_option("--token-file", web.token_file,
+                            "clients must know the token in this file: http://…/?token=TOKEN")
+                 ->type_name("FILE");
+             app.add_option("--allow-origin", web.origins,
+                            "let pages of this origin connect too, e.g. https://app.example.org")
+                 ->type_name("URL")
+                 ->allow_extra_args(false);
+             app.add_option("--allow-host", web.hosts,
+                            "answer to this host name too; localhost and addresses always are")
+                 ->type_name("NAME")
+                 ->allow_extra_args(false);
            }},
       [&](palpate::NodeContext& context) {
         palpate::ProcessLinks links({.priority = 0, .cpu = -1});

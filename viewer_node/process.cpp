@@ -15,7 +15,8 @@ namespace palpate::viewer {
 namespace {
 
 // How soon a stop is noticed, and how often a CSV reader sees new rows.
-constexpr auto kPumpInterval = std::chrono::milliseconds(50);
+constexpr Duration kPumpInterval = std::chrono::milliseconds(50);
+constexpr Duration kWebPumpInterval = std::chrono::milliseconds(20);  // clients wait so long
 
 void print_status(const TelemetryMirror& mirror, TimePoint now) {
   const bool is_terminal = isatty(STDOUT_FILENO) == 1;
@@ -36,7 +37,14 @@ void TelemetryFeed::pump(TelemetryMirror& mirror, TimePoint deadline) {
   subscriber_.wait_until(deadline);
   TimePoint received_at;
   while (subscriber_.receive(message_, received_at)) {
-    std::visit([&](const auto& batch) { mirror.take(batch, received_at); }, message_);
+    if (on_message) on_message(message_, subscriber_.payload());
+    std::visit(
+        [&](const auto& message) {
+          if constexpr (requires { mirror.take(message, received_at); }) {
+            mirror.take(message, received_at);
+          }
+        },
+        message_);
   }
 }
 
@@ -53,10 +61,19 @@ void run_process(NodeContext& context, ProcessLinks& links, const ViewerOptions&
   };
 
   TelemetryFeed feed(context.session.links, context.clock, links);
+  std::optional<WebFeed> web;
+  if (options.web.is_asked_for(context.session.viewer.web)) {
+    web.emplace(context, links, options.web, feed.subscriber(), mirror);
+    feed.on_message = [&](const TelemetryMessage& message, std::span<const std::byte> payload) {
+      web->take(message, payload);
+    };
+  }
   TimePoint next_status = context.clock.now() + context.session.viewer.status_interval;
   while (!context.stop.stop_requested()) {
-    feed.pump(mirror, std::min(context.clock.now() + kPumpInterval, next_status));
+    const Duration interval = web ? kWebPumpInterval : kPumpInterval;
+    feed.pump(mirror, std::min(context.clock.now() + interval, next_status));
     const TimePoint now = context.clock.now();
+    if (web) web->pump(now);
     if (now < next_status) continue;
     next_status = now + context.session.viewer.status_interval;
     if (!options.is_quiet) print_status(mirror, now);

@@ -1,25 +1,37 @@
 // process.h — viewer_node connected to the world: telemetry in, text and CSV out.
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <span>
 #include <string>
 
 #include "common/runtime/process_links.h"
 #include "common/runtime/run_node.h"
 #include "viewer_node/telemetry_mirror.h"
+#include "viewer_node/web_process.h"
 
 namespace palpate::viewer {
 
 struct ViewerOptions {
   std::string csv_file;   ///< empty: none
   bool is_quiet = false;  ///< no status line
+  WebOptions web{};
 };
 
 /// Subscribes to the three nodes of the session.
 class TelemetryFeed {
  public:
   TelemetryFeed(const LinksConfig& config, const Clock& clock, ProcessLinks& links);
+  /// Called for every message taken, with the protobuf bytes as they came; optional.
+  std::function<void(const TelemetryMessage&, std::span<const std::byte> payload)> on_message;
+
   /// Takes what arrived, waiting for it until `deadline`.
   void pump(TelemetryMirror& mirror, TimePoint deadline);
+  /// SceneState and MeshFrame come on request only.
+  [[nodiscard]] TelemetrySubscriber& subscriber() { return subscriber_; }
+  [[nodiscard]] std::uint64_t rejected() const { return subscriber_.rejected(); }
 
  private:
   const Clock& clock_;
@@ -27,6 +39,7 @@ class TelemetryFeed {
   TelemetryMessage message_;
 };
 
+/// Serves the page too, unless the session or the options say otherwise.
 /// Runs until context.stop; attaches and detaches at any time, any number of them at once. The
 /// status line is rewritten in place on a terminal, printed line by line elsewhere. Throws
 /// SetupError.

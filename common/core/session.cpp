@@ -14,4 +14,17 @@ std::uint64_t stream_seed(std::uint64_t session_seed, const char* stream) {
   return z ^ (z >> 31);
 }
 
+std::string controller_text(const MofcConfig& config) {
+  if (config.controller == ControllerKind::kNone) return "none";
+  switch (config.mode) {
+    case MofcMode::kPaper:
+      return "mofc paper";
+    case MofcMode::kVector:
+      return "mofc vector";
+    case MofcMode::kGuard:
+      return "mofc guard";
+  }
+  return "?";
+}
+
 }  // namespace palpate

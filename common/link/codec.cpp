@@ -1,11 +1,16 @@
 #include "common/link/codec.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
+#include <cstring>
+#include <string>
+#include <vector>
 
 #include "palpate/v1/common.pb.h"
 #include "palpate/v1/exchange.pb.h"
 #include "palpate/v1/physics.pb.h"
+#include "palpate/v1/scene.pb.h"
 #include "palpate/v1/telemetry.pb.h"
 
 namespace palpate {
@@ -16,8 +21,12 @@ constexpr double kMaxPositionM = 1e3;
 constexpr double kMaxVelocityMPerS = 1e3;
 constexpr double kMaxForceOnHandNewton = 1e3;
 constexpr double kMaxForceOnToolNewton = 1e6;
+constexpr double kMaxCurvaturePerM = 1e9;
+constexpr double kMaxLawCoefficient = 1e12;
+constexpr double kMaxStiffening = 1e18;
 constexpr std::int64_t kMaxLeaseNs = 1'000'000'000;
 constexpr double kUnitTolerance = 1e-6;
+constexpr std::size_t kMaxSessionNameBytes = 64;
 /// 73 years: two stamps within it can be subtracted without overflow.
 constexpr std::int64_t kMaxTimeNs = std::int64_t{1} << 61;
 /// |v|² of a vector that its sender has normalised differs from 1 by a few roundings (2e-16 each).
@@ -238,6 +247,79 @@ void read(const v1::ToolMotion& wire, ToolMotion& m) {
 
 // --- hop 3 ------------------------------------------------------------------------------------
 
+using Matrix = google::protobuf::RepeatedField<double>;
+
+void put(const Matrix3& matrix, Matrix& to) {
+  if (matrix.isZero(0.0)) return;
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column) to.Add(matrix(row, column));
+  }
+}
+Matrix3 matrix(const Matrix& m) {
+  if (m.empty()) return Matrix3::Zero();
+  return Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(m.data());
+}
+void check(const Matrix& m, double limit, Verdict& verdict) {
+  verdict.expect(m.empty() || m.size() == 9);
+  for (const double x : m) verdict.number(x, -limit, limit);
+}
+
+void fill(const Contact& contact, v1::Contact& to) {
+  to.set_tissue(contact.tissue);
+  to.set_penetration_m(contact.penetration_m);
+  put(contact.normal_world, *to.mutable_normal_world());
+  put(contact.force_on_tool_newton, *to.mutable_force_on_tool_newton());
+  put(contact.curvature_per_m, *to.mutable_curvature_per_m());
+  put(contact.surface_velocity_world_m_per_s, *to.mutable_surface_velocity_world_m_per_s());
+  put(contact.elastic_force_on_tool_newton, *to.mutable_elastic_force_on_tool_newton());
+  put(contact.d_force_d_position, *to.mutable_d_force_d_position());
+  put(contact.d_force_d_velocity, *to.mutable_d_force_d_velocity());
+  to.set_stiffening_newton_per_m2(contact.stiffening_newton_per_m2);
+  to.set_stiffening_newton_per_m3(contact.stiffening_newton_per_m3);
+  to.set_stored_energy_joule(contact.stored_energy_joule);
+  to.set_is_adhesive(contact.is_adhesive);
+  to.set_trust_radius_m(contact.trust_radius_m);
+}
+
+void check(const v1::Contact& contact, Verdict& verdict) {
+  verdict.number(contact.penetration_m(), -kMaxPositionM, kMaxPositionM);
+  verdict.unit_vector(contact.has_normal_world(), contact.normal_world());
+  verdict.vector(contact.has_force_on_tool_newton(), contact.force_on_tool_newton(),
+                 kMaxForceOnToolNewton);
+  check(contact.curvature_per_m(), kMaxCurvaturePerM, verdict);
+  verdict.vector(contact.has_surface_velocity_world_m_per_s(),
+                 contact.surface_velocity_world_m_per_s(), kMaxVelocityMPerS);
+  verdict.vector(contact.has_elastic_force_on_tool_newton(), contact.elastic_force_on_tool_newton(),
+                 kMaxLawCoefficient);
+  check(contact.d_force_d_position(), kMaxLawCoefficient, verdict);
+  check(contact.d_force_d_velocity(), kMaxLawCoefficient, verdict);
+  verdict.number(contact.stiffening_newton_per_m2(), -kMaxStiffening, kMaxStiffening);
+  verdict.number(contact.stiffening_newton_per_m3(), -kMaxStiffening, kMaxStiffening);
+  verdict.finite(contact.stored_energy_joule());
+  verdict.expect(contact.stored_energy_joule() >= 0.0);
+  verdict.number(contact.trust_radius_m(), 0.0, kMaxPositionM);
+  verdict.expect(contact.trust_radius_m() > 0.0);
+}
+
+Contact contact(const v1::Contact& wire) {
+  Contact contact;
+  contact.tissue = wire.tissue();
+  contact.penetration_m = wire.penetration_m();
+  contact.normal_world = unit(vector(wire.normal_world()));
+  contact.force_on_tool_newton = vector(wire.force_on_tool_newton());
+  contact.curvature_per_m = matrix(wire.curvature_per_m());
+  contact.surface_velocity_world_m_per_s = vector(wire.surface_velocity_world_m_per_s());
+  contact.elastic_force_on_tool_newton = vector(wire.elastic_force_on_tool_newton());
+  contact.d_force_d_position = matrix(wire.d_force_d_position());
+  contact.d_force_d_velocity = matrix(wire.d_force_d_velocity());
+  contact.stiffening_newton_per_m2 = wire.stiffening_newton_per_m2();
+  contact.stiffening_newton_per_m3 = wire.stiffening_newton_per_m3();
+  contact.stored_energy_joule = wire.stored_energy_joule();
+  contact.is_adhesive = wire.is_adhesive();
+  contact.trust_radius_m = wire.trust_radius_m();
+  return contact;
+}
+
 void fill(const Interaction& m, v1::Interaction& wire) {
   put_stamp(m.device_session_id, m.device_sequence, m.device_sampled_at, *wire.mutable_answers());
   put(m.tool_position_world_m, *wire.mutable_tool_position_world_m());
@@ -245,15 +327,8 @@ void fill(const Interaction& m, v1::Interaction& wire) {
   put(m.force_on_tool_newton, *wire.mutable_force_on_tool_newton());
   wire.set_stored_energy_joule(m.stored_energy_joule);
   wire.set_contact_count(m.contact_count);
-  const std::size_t count = std::min<std::size_t>(m.contact_count, kMaxContacts);
-  for (std::size_t i = 0; i < count; ++i) {
-    const Contact& contact = m.contacts[i];
-    v1::Contact& to = *wire.add_contacts();
-    to.set_tissue(contact.tissue);
-    to.set_penetration_m(contact.penetration_m);
-    put(contact.normal_world, *to.mutable_normal_world());
-    put(contact.force_on_tool_newton, *to.mutable_force_on_tool_newton());
-  }
+  const std::size_t count = std::min<std::size_t>(m.listed_count, kMaxContacts);
+  for (std::size_t i = 0; i < count; ++i) fill(m.contacts[i], *wire.add_contacts());
 }
 
 void check(const v1::Interaction& wire, Verdict& verdict) {
@@ -264,15 +339,14 @@ void check(const v1::Interaction& wire, Verdict& verdict) {
                  kMaxForceOnToolNewton);
   verdict.finite(wire.stored_energy_joule());
   verdict.expect(wire.stored_energy_joule() >= 0.0);
-  verdict.expect(static_cast<std::size_t>(wire.contacts_size()) ==
-                 std::min<std::size_t>(wire.contact_count(), kMaxContacts));
-  for (const v1::Contact& contact : wire.contacts()) {
-    verdict.number(contact.penetration_m(), 0.0, kMaxPositionM);
-    verdict.expect(contact.penetration_m() > 0.0);
-    verdict.unit_vector(contact.has_normal_world(), contact.normal_world());
-    verdict.vector(contact.has_force_on_tool_newton(), contact.force_on_tool_newton(),
-                   kMaxForceOnToolNewton);
-  }
+  // the deepest are listed first: touches that there is room for, then what is only near
+  const auto listed = static_cast<std::uint32_t>(wire.contacts_size());
+  const auto touching = static_cast<std::uint32_t>(
+      std::count_if(wire.contacts().begin(), wire.contacts().end(),
+                    [](const v1::Contact& one) { return one.penetration_m() > 0.0; }));
+  verdict.expect(listed <= kMaxContacts);
+  verdict.expect(touching == std::min<std::uint32_t>(wire.contact_count(), kMaxContacts));
+  for (const v1::Contact& one : wire.contacts()) check(one, verdict);
 }
 
 void read(const v1::Interaction& wire, Interaction& m) {
@@ -284,16 +358,9 @@ void read(const v1::Interaction& wire, Interaction& m) {
   m.force_on_tool_newton = vector(wire.force_on_tool_newton());
   m.stored_energy_joule = wire.stored_energy_joule();
   m.contact_count = wire.contact_count();
-  for (std::size_t i = 0; i < kMaxContacts; ++i) {
-    if (i >= m.contact_count) {
-      m.contacts[i] = Contact{};
-      continue;
-    }
-    const v1::Contact& contact = wire.contacts(static_cast<int>(i));
-    m.contacts[i] = {.tissue = contact.tissue(),
-                     .penetration_m = contact.penetration_m(),
-                     .normal_world = unit(vector(contact.normal_world())),
-                     .force_on_tool_newton = vector(contact.force_on_tool_newton())};
+  m.listed_count = static_cast<std::uint32_t>(wire.contacts_size());
+  for (std::uint32_t i = 0; i < m.listed_count; ++i) {
+    m.contacts[i] = contact(wire.contacts(static_cast<int>(i)));
   }
 }
 
@@ -378,6 +445,7 @@ void put(const MofcCounters& c, v1::MofcCounters& to) {
   to.set_late_physics_ticks(c.late_physics_ticks);
   to.set_ledger_resets(c.ledger_resets);
   to.set_motions_dropped(c.motions_dropped);
+  to.set_motions_suppressed(c.motions_suppressed);
   to.set_transparency_sum(c.transparency_sum);
   to.set_transparency_samples(c.transparency_samples);
   to.set_too_fast_ticks(c.too_fast_ticks);
@@ -398,6 +466,7 @@ MofcCounters counters(const v1::MofcCounters& c) {
           .late_physics_ticks = c.late_physics_ticks(),
           .ledger_resets = c.ledger_resets(),
           .motions_dropped = c.motions_dropped(),
+          .motions_suppressed = c.motions_suppressed(),
           .transparency_sum = c.transparency_sum(),
           .transparency_samples = c.transparency_samples()};
 }
@@ -407,6 +476,7 @@ void put(const PhysicsCounters& c, v1::PhysicsCounters& to) {
   put(c.tool_motion, *to.mutable_tool_motion());
   to.set_contact_steps(c.contact_steps);
   to.set_tissues_skipped(c.tissues_skipped);
+  to.set_interactions_suppressed(c.interactions_suppressed);
   to.set_worst_compute_time_ns(c.worst_compute_time.count());
 }
 void check(const v1::PhysicsCounters& c, Verdict& verdict) {
@@ -420,6 +490,7 @@ PhysicsCounters counters(const v1::PhysicsCounters& c) {
           .tool_motion = link(c.tool_motion()),
           .contact_steps = c.contact_steps(),
           .tissues_skipped = c.tissues_skipped(),
+          .interactions_suppressed = c.interactions_suppressed(),
           .worst_compute_time = Duration(c.worst_compute_time_ns())};
 }
 
@@ -623,6 +694,181 @@ void read(const Wire& wire, TelemetryBatch<Record, Counters>& m) {
   }
 }
 
+// --- hop 5: scene -----------------------------------------------------------------------------
+
+static_assert(std::endian::native == std::endian::little, "packed arrays are little-endian");
+
+template <class Number>
+void put(const std::vector<Number>& numbers, std::string& to) {
+  to.assign(reinterpret_cast<const char*>(numbers.data()), numbers.size() * sizeof(Number));
+}
+template <class Number>
+void read(const std::string& bytes, std::vector<Number>& numbers) {
+  numbers.resize(bytes.size() / sizeof(Number));
+  if (!numbers.empty()) std::memcpy(numbers.data(), bytes.data(), bytes.size());
+}
+
+/// Calls `visit` for each number of a packed array; what is left over at its end is out of range.
+template <class Number, class Visit>
+void for_each_number(const std::string& bytes, std::size_t per_row, Verdict& verdict,
+                     const Visit& visit) {
+  verdict.expect(bytes.size() % (per_row * sizeof(Number)) == 0);
+  for (std::size_t at = 0; at + sizeof(Number) <= bytes.size(); at += sizeof(Number)) {
+    Number number;
+    std::memcpy(&number, bytes.data() + at, sizeof(Number));
+    visit(number);
+  }
+}
+void check_vertices(const std::string& bytes, Verdict& verdict) {
+  for_each_number<float>(bytes, 3, verdict, [&](float x) {
+    verdict.number(static_cast<double>(x), -kMaxPositionM, kMaxPositionM);
+  });
+}
+
+void put(const TissueSurface& surface, v1::TissueSurface& to) {
+  to.set_name(surface.name);
+  to.set_shape(static_cast<v1::TissueSurface::Shape>(surface.shape));
+  put(surface.mesh.vertices_m, *to.mutable_vertices_m());
+  put(surface.mesh.triangles, *to.mutable_triangles());
+  put(surface.vertex_stiffness_newton_per_m, *to.mutable_vertex_stiffness_newton_per_m());
+  to.set_stiffness_newton_per_m(surface.stiffness_newton_per_m);
+  to.set_damping_newton_s_per_m(surface.damping_newton_s_per_m);
+}
+void check(const v1::TissueSurface& surface, Verdict& verdict) {
+  check_vertices(surface.vertices_m(), verdict);
+  const std::size_t vertices = surface.vertices_m().size() / (3 * sizeof(float));
+  for_each_number<std::uint32_t>(surface.triangles(), 3, verdict,
+                                 [&](std::uint32_t index) { verdict.expect(index < vertices); });
+  const std::string& stiffness = surface.vertex_stiffness_newton_per_m();
+  verdict.expect(stiffness.empty() || stiffness.size() == vertices * sizeof(float));
+  for_each_number<float>(stiffness, 1, verdict, [&](float k) {
+    verdict.finite(static_cast<double>(k));
+    verdict.expect(k >= 0.0F);
+  });
+  for (const double x : {surface.stiffness_newton_per_m(), surface.damping_newton_s_per_m()}) {
+    verdict.finite(x);
+    verdict.expect(x >= 0.0);
+  }
+}
+void read(const v1::TissueSurface& wire, TissueSurface& surface) {
+  surface.name = wire.name();
+  // a newer physics_node may know more shapes: their vertices can be drawn all the same
+  surface.shape = v1::TissueSurface::Shape_IsValid(wire.shape())
+                      ? static_cast<TissueShape>(wire.shape())
+                      : TissueShape::kUnknown;
+  read(wire.vertices_m(), surface.mesh.vertices_m);
+  read(wire.triangles(), surface.mesh.triangles);
+  read(wire.vertex_stiffness_newton_per_m(), surface.vertex_stiffness_newton_per_m);
+  surface.stiffness_newton_per_m = wire.stiffness_newton_per_m();
+  surface.damping_newton_s_per_m = wire.damping_newton_s_per_m();
+}
+
+void fill(const SceneState& m, v1::SceneState& wire) {
+  wire.set_revision(m.revision);
+  wire.set_session_name(m.session_name);
+  wire.set_session_text(m.session_text);
+  wire.set_controller(m.controller);
+  wire.set_device_rate_hz(m.device_rate_hz);
+  wire.set_physics_rate_hz(m.physics_rate_hz);
+  wire.set_peak_force_newton(m.peak_force_newton);
+  wire.set_tip_radius_m(m.tip_radius_m);
+  wire.set_workspace_scale_ratio(m.workspace_scale_ratio);
+  for (const TissueSurface& surface : m.tissues) put(surface, *wire.add_tissues());
+  if (m.pointer) {
+    v1::SceneState::PointerHand& pointer = *wire.mutable_pointer();
+    put(m.pointer->center_m, *pointer.mutable_center_m());
+    pointer.set_reach_m(m.pointer->reach_m);
+    pointer.set_speed_m_per_s(m.pointer->speed_m_per_s);
+    pointer.set_holder_timeout_ns(m.pointer->holder_timeout.count());
+  }
+}
+
+void check(const v1::SceneState& wire, Verdict& verdict) {
+  const auto positive = [&](double x) {
+    verdict.finite(x);
+    verdict.expect(x > 0.0);
+  };
+  verdict.expect(wire.revision() > 0);
+  verdict.expect(wire.session_name().size() <= kMaxSessionNameBytes);
+  positive(wire.device_rate_hz());
+  positive(wire.physics_rate_hz());
+  positive(wire.peak_force_newton());
+  verdict.number(wire.tip_radius_m(), 0.0, kMaxPositionM);
+  positive(wire.workspace_scale_ratio());
+  for (const v1::TissueSurface& surface : wire.tissues()) check(surface, verdict);
+  if (wire.has_pointer()) {
+    const v1::SceneState::PointerHand& pointer = wire.pointer();
+    verdict.vector(pointer.has_center_m(), pointer.center_m(), kMaxPositionM);
+    positive(pointer.reach_m());
+    positive(pointer.speed_m_per_s());
+    verdict.time(pointer.holder_timeout_ns());
+    verdict.expect(pointer.holder_timeout_ns() > 0);
+  }
+}
+
+void read(const v1::SceneState& wire, SceneState& m) {
+  m.revision = wire.revision();
+  m.session_name = wire.session_name();
+  m.session_text = wire.session_text();
+  m.controller = wire.controller();
+  m.device_rate_hz = wire.device_rate_hz();
+  m.physics_rate_hz = wire.physics_rate_hz();
+  m.peak_force_newton = wire.peak_force_newton();
+  m.tip_radius_m = wire.tip_radius_m();
+  m.workspace_scale_ratio = wire.workspace_scale_ratio();
+  m.tissues.resize(static_cast<std::size_t>(wire.tissues_size()));
+  for (int i = 0; i < wire.tissues_size(); ++i) {
+    read(wire.tissues(i), m.tissues[static_cast<std::size_t>(i)]);
+  }
+  m.pointer.reset();
+  if (wire.has_pointer()) {
+    m.pointer = PointerConfig{.center_m = vector(wire.pointer().center_m()),
+                              .reach_m = wire.pointer().reach_m(),
+                              .speed_m_per_s = wire.pointer().speed_m_per_s(),
+                              .holder_timeout = Duration(wire.pointer().holder_timeout_ns())};
+  }
+}
+
+void fill(const MeshFrame& m, v1::MeshFrame& wire) {
+  wire.set_scene_revision(m.scene_revision);
+  wire.set_tissue(m.tissue);
+  wire.set_first_vertex(m.first_vertex);
+  put(m.vertices_m, *wire.mutable_vertices_m());
+  wire.set_device_sequence(m.device_sequence);
+}
+
+void check(const v1::MeshFrame& wire, Verdict& verdict) {
+  verdict.expect(wire.scene_revision() > 0);
+  check_vertices(wire.vertices_m(), verdict);
+}
+
+void read(const v1::MeshFrame& wire, MeshFrame& m) {
+  m.scene_revision = wire.scene_revision();
+  m.tissue = wire.tissue();
+  m.first_vertex = wire.first_vertex();
+  read(wire.vertices_m(), m.vertices_m);
+  m.device_sequence = wire.device_sequence();
+}
+
+// --- hop 6 ------------------------------------------------------------------------------------
+
+void fill(const HandTarget& m, v1::HandTarget& wire) {
+  wire.set_holder_id(m.holder_id);
+  put(m.hand_position_m, *wire.mutable_hand_position_m());
+  wire.set_is_released(m.is_released);
+}
+
+void check(const v1::HandTarget& wire, Verdict& verdict) {
+  verdict.expect(wire.holder_id() != 0);
+  verdict.vector(wire.has_hand_position_m(), wire.hand_position_m(), kMaxPositionM);
+}
+
+void read(const v1::HandTarget& wire, HandTarget& m) {
+  m.holder_id = wire.holder_id();
+  m.hand_position_m = vector(wire.hand_position_m());
+  m.is_released = wire.is_released();
+}
+
 // --- which protobuf message carries which struct ----------------------------------------------
 
 template <class T>
@@ -654,6 +900,18 @@ struct WireOf<MofcBatch> {
 template <>
 struct WireOf<PhysicsBatch> {
   using Message = v1::PhysicsTelemetry;
+};
+template <>
+struct WireOf<SceneState> {
+  using Message = v1::SceneState;
+};
+template <>
+struct WireOf<MeshFrame> {
+  using Message = v1::MeshFrame;
+};
+template <>
+struct WireOf<HandTarget> {
+  using Message = v1::HandTarget;
 };
 
 }  // namespace
@@ -770,5 +1028,8 @@ template class Codec<Interaction>;
 template class Codec<DeviceBatch>;
 template class Codec<MofcBatch>;
 template class Codec<PhysicsBatch>;
+template class Codec<SceneState>;
+template class Codec<MeshFrame>;
+template class Codec<HandTarget>;
 
 }  // namespace palpate

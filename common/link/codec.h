@@ -13,6 +13,7 @@
 #include <string>
 
 #include "common/core/messages.h"
+#include "common/core/scene_messages.h"
 #include "common/core/telemetry.h"
 
 namespace palpate {
@@ -29,7 +30,11 @@ enum class MessageKind : std::uint8_t {
   kDeviceBatch = 5,
   kMofcBatch = 6,
   kPhysicsBatch = 7,
+  kSceneState = 8,
+  kMeshFrame = 9,
+  kHandTarget = 10,
 };
+inline constexpr std::size_t kMessageKinds = 11;  ///< above the largest
 
 template <class T>
 inline constexpr MessageKind kKindOf = MessageKind{};
@@ -48,13 +53,27 @@ inline constexpr MessageKind kKindOf<MofcBatch> = MessageKind::kMofcBatch;
 template <>
 inline constexpr MessageKind kKindOf<PhysicsBatch> = MessageKind::kPhysicsBatch;
 
+template <>
+inline constexpr MessageKind kKindOf<SceneState> = MessageKind::kSceneState;
+template <>
+inline constexpr MessageKind kKindOf<MeshFrame> = MessageKind::kMeshFrame;
+template <>
+inline constexpr MessageKind kKindOf<HandTarget> = MessageKind::kHandTarget;
+
+/// Hop 5.
 template <class T>
-inline constexpr bool kIsTelemetry = kKindOf<T> >= MessageKind::kDeviceBatch;
+inline constexpr bool kIsTelemetry =
+    kKindOf<T> >= MessageKind::kDeviceBatch&& kKindOf<T> <= MessageKind::kMeshFrame;
 
 /// A larger frame is refused before it is parsed. Loop messages take at most 1 kB today, so newer
-/// fields have room; a telemetry record takes at most 250 bytes, so 4000 ticks fit one batch.
+/// fields have room; a telemetry record takes at most 250 bytes, so 4000 ticks fit one batch; a
+/// vertex takes 12 bytes, a triangle 12.
 template <class T>
 inline constexpr std::size_t kMaxFrameBytes = kIsTelemetry<T> ? std::size_t{1} << 20 : 4096;
+template <>
+inline constexpr std::size_t kMaxFrameBytes<SceneState> = std::size_t{16} << 20;
+template <>
+inline constexpr std::size_t kMaxFrameBytes<MeshFrame> = std::size_t{4} << 20;
 
 /// What is wrong with a frame. The first that applies, in this order.
 enum class DecodeError : std::uint8_t {
@@ -75,7 +94,7 @@ inline constexpr std::size_t kDecodeErrors = 8;
 [[nodiscard]] std::string explain(DecodeError error, std::uint32_t peer_major = 0);
 
 /// Converts one kind of message both ways. Owns the protobuf message and reuses it: in steady state
-/// neither way allocates. Not thread-safe. Instantiated for the seven messages of MessageKind.
+/// neither way allocates. Not thread-safe. Instantiated for the messages of MessageKind.
 template <class T>
 class Codec {
  public:

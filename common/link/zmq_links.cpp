@@ -28,8 +28,9 @@ constexpr int kTcpKeepaliveProbes = 3;
 /// Over inproc nothing may be lost: lockstep runs many messages between two looks at the queue.
 constexpr int kInprocQueue = 1000;
 /// libzmq cuts off a peer that announces a longer frame before any memory is taken for it. Above
-/// every kMaxFrameBytes, so that ordinary excess is refused, counted and explained by the codec.
-constexpr std::int64_t kMaxAnnouncedBytes = std::int64_t{2} << 20;
+/// every kMaxFrameBytes of hop 5, so that ordinary excess is refused, counted and explained by the
+/// codec; so is the 2 MiB of all other sockets.
+constexpr std::int64_t kLargestOfHop5Bytes = std::int64_t{17} << 20;
 /// Bad frames looked at in one receive(): a flood must not hold the tick.
 constexpr int kMaxRejectedPerCall = 16;
 
@@ -37,10 +38,8 @@ constexpr LinkSocket::Settings kExchange{
     .type = zmq::socket_type::router, .send_queue = 8, .receive_queue = 8};
 
 /// Short queues and kernel buffers: what waits in them is old when it arrives.
-constexpr LinkSocket::Settings kOneWay{.type = zmq::socket_type::xpub,
-                                       .send_queue = 4,
-                                       .receive_queue = 4,
-                                       .buffer_bytes = 8 << 10};
+constexpr LinkSocket::Settings kOneWay{
+    .type = zmq::socket_type::xpub, .send_queue = 4, .receive_queue = 4, .buffer_bytes = 8 << 10};
 constexpr int kEveryQueue = 64;
 
 /// Lingers, so that the last batch of a node leaves. No heartbeats: see incoming().
@@ -50,8 +49,27 @@ constexpr LinkSocket::Settings kTelemetry{.type = zmq::socket_type::xpub,
                                           .buffer_bytes = 64 << 10,
                                           .linger_ms = 200};
 
+constexpr int kSceneQueue = 32;  // a scene's tissues come in one go
+
 LinkSocket::Settings with_type(LinkSocket::Settings settings, zmq::socket_type type) {
   settings.type = type;
+  return settings;
+}
+
+/// physics_node's end.
+LinkSocket::Settings of_scene_sender() {
+  LinkSocket::Settings settings = kTelemetry;
+  settings.send_queue = kSceneQueue;
+  settings.tells_each = true;
+  return settings;
+}
+
+/// A viewer's end.
+LinkSocket::Settings of_viewer() {
+  LinkSocket::Settings settings = with_type(kTelemetry, zmq::socket_type::sub);
+  settings.receive_queue = kSceneQueue;
+  settings.takes_all = false;
+  settings.largest_bytes = kLargestOfHop5Bytes;
   return settings;
 }
 
@@ -169,7 +187,7 @@ LinkSocket::LinkSocket(ZmqContext& context, const Settings& settings,
   socket_.set(zmq::sockopt::linger, settings.linger_ms);
   socket_.set(zmq::sockopt::sndhwm, is_inproc ? kInprocQueue : settings.send_queue);
   socket_.set(zmq::sockopt::rcvhwm, is_inproc ? kInprocQueue : settings.receive_queue);
-  socket_.set(zmq::sockopt::maxmsgsize, kMaxAnnouncedBytes);
+  socket_.set(zmq::sockopt::maxmsgsize, settings.largest_bytes);
   socket_.set(zmq::sockopt::reconnect_ivl, kReconnectMs);
   socket_.set(zmq::sockopt::connect_timeout, kConnectMs);
   socket_.set(zmq::sockopt::handshake_ivl, kHandshakeMs);
@@ -190,8 +208,9 @@ LinkSocket::LinkSocket(ZmqContext& context, const Settings& settings,
   }
   if (settings.conflates && !is_inproc) socket_.set(zmq::sockopt::conflate, true);
   if (settings.type == zmq::socket_type::router) socket_.set(zmq::sockopt::router_mandatory, true);
+  if (settings.tells_each) socket_.set(zmq::sockopt::xpub_verbose, 1);
   if (settings.type == zmq::socket_type::sub) {
-    socket_.set(zmq::sockopt::subscribe, "");
+    if (settings.takes_all) socket_.set(zmq::sockopt::subscribe, "");
   } else {
     socket_.set(zmq::sockopt::immediate, true);  // nothing queues for a peer that is not there
   }
@@ -248,6 +267,16 @@ SendResult LinkSocket::send(zmq::message_t& part, int flags) noexcept {
   return SendResult::kSent;
 }
 
+void LinkSocket::subscribe(MessageKind kind) {
+  const auto topic = static_cast<char>(kind);
+  socket_.set(zmq::sockopt::subscribe, std::string_view(&topic, 1));
+}
+
+void LinkSocket::unsubscribe(MessageKind kind) {
+  const auto topic = static_cast<char>(kind);
+  socket_.set(zmq::sockopt::unsubscribe, std::string_view(&topic, 1));
+}
+
 bool LinkSocket::is_ready(int events) noexcept {
   int present = 0;
   std::size_t size = sizeof(present);
@@ -282,16 +311,30 @@ template <class T>
 ZmqSender<T>::ZmqSender(ZmqContext& context, const Attachment& attachment)
     : socket_(context, kIsTelemetry<T> ? kTelemetry : kOneWay, {attachment}) {}
 
+void Subscriptions::take(LinkSocket& socket) noexcept {
+  while (socket.receive(notice_)) {
+    // first byte 1: somebody subscribed to the topic behind it; 0: nobody has it any more. Longer
+    // topics than ours match nothing that is sent here.
+    const auto notice = bytes(notice_);
+    if (notice.empty() || notice.size() > 2) continue;
+    const auto kind = notice.size() == 2 ? static_cast<std::size_t>(notice[1]) : std::size_t{0};
+    if (kind >= kMessageKinds) continue;
+    Topic& topic = notice.size() == 2 ? of_kind_[kind] : all_;
+    topic.is_wanted = notice[0] == std::byte{1};
+    if (topic.is_wanted) ++topic.count;
+  }
+}
+bool Subscriptions::has(MessageKind kind) const noexcept {
+  return all_.is_wanted || of_kind_[static_cast<std::size_t>(kind)].is_wanted;
+}
+std::uint64_t Subscriptions::count(MessageKind kind) const noexcept {
+  return all_.count + of_kind_[static_cast<std::size_t>(kind)].count;
+}
+
 template <class T>
 bool ZmqSender<T>::has_subscriber() noexcept {
-  // first byte 1: somebody subscribed to a topic that nobody had; 0: nobody has it any more
-  while (socket_.receive(subscription_)) {
-    if (subscription_.size() == 0) continue;
-    const std::byte action = bytes(subscription_)[0];
-    if (action == std::byte{1}) ++topics_;
-    if (action == std::byte{0}) --topics_;
-  }
-  return topics_ > 0;
+  subscriptions_.take(socket_);
+  return subscriptions_.has(kKindOf<T>);
 }
 
 template <class T>
@@ -335,8 +378,10 @@ template class ZmqSender<Interaction>;
 template class ZmqSender<DeviceBatch>;
 template class ZmqSender<MofcBatch>;
 template class ZmqSender<PhysicsBatch>;
+template class ZmqSender<HandTarget>;
 template class ZmqSource<ToolMotion>;
 template class ZmqSource<Interaction>;
+template class ZmqSource<HandTarget>;
 
 // --- exchange ---------------------------------------------------------------------------------
 
@@ -422,22 +467,44 @@ bool ExchangeClient::wait_for_peer(Duration timeout) noexcept {
 
 // --- telemetry --------------------------------------------------------------------------------
 
+SceneSender::SceneSender(ZmqContext& context, const Attachment& attachment)
+    : socket_(context, of_scene_sender(), {attachment}) {}
+
+SendResult SceneSender::send(const PhysicsBatch& message) noexcept {
+  return has_subscriber<PhysicsBatch>() ? send_frame(socket_, batches_, message)
+                                        : SendResult::kNoPeer;
+}
+SendResult SceneSender::send(const SceneState& message) noexcept {
+  return has_subscriber<SceneState>() ? send_frame(socket_, scenes_, message) : SendResult::kNoPeer;
+}
+SendResult SceneSender::send(const MeshFrame& message) noexcept {
+  return has_subscriber<MeshFrame>() ? send_frame(socket_, meshes_, message) : SendResult::kNoPeer;
+}
+
 TelemetrySubscriber::TelemetrySubscriber(ZmqContext& context, const Clock& clock,
                                          const std::vector<Attachment>& attachments)
-    : clock_(clock), socket_(context, with_type(kTelemetry, zmq::socket_type::sub), attachments) {}
+    : clock_(clock), socket_(context, of_viewer(), attachments) {
+  subscribe<DeviceBatch>();
+  subscribe<MofcBatch>();
+  subscribe<PhysicsBatch>();
+}
 
-template <class Batch>
-bool TelemetrySubscriber::take(Codec<Batch>& codec, TelemetryMessage& message) noexcept {
+template <class T>
+bool TelemetrySubscriber::take(Codec<T>& codec, TelemetryMessage& message) noexcept {
   // in place if it is of this kind already: its vectors keep their memory
-  auto* batch = std::get_if<Batch>(&message);
-  Batch fresh;
-  const DecodeError error = codec.decode(bytes(frame_), batch != nullptr ? *batch : fresh);
+  auto* held = std::get_if<T>(&message);
+  T fresh;
+  const DecodeError error = codec.decode(bytes(frame_), held != nullptr ? *held : fresh);
   if (error != DecodeError::kNone) {
     rejections_.count(error, codec.peer_major());
     return false;
   }
-  if (batch == nullptr) message = std::move(fresh);
+  if (held == nullptr) message = std::move(fresh);
   return true;
+}
+
+std::span<const std::byte> TelemetrySubscriber::payload() const noexcept {
+  return bytes(frame_).subspan(frame_.size() > 0 ? 1 : 0);
 }
 
 bool TelemetrySubscriber::receive(TelemetryMessage& message, TimePoint& received_at) noexcept {
@@ -456,6 +523,12 @@ bool TelemetrySubscriber::receive(TelemetryMessage& message, TimePoint& received
         break;
       case MessageKind::kPhysicsBatch:
         is_good = take(physics_, message);
+        break;
+      case MessageKind::kSceneState:
+        is_good = take(scenes_, message);
+        break;
+      case MessageKind::kMeshFrame:
+        is_good = take(meshes_, message);
         break;
       default:
         rejections_.count(DecodeError::kWrongKind);

@@ -3,6 +3,8 @@
 //   hops 1 + 4   ExchangeServer (mofc, binds)      ExchangeClient (device)
 //   hops 2, 3    ZmqSender<T>                      ZmqSource<T>
 //   hop 5        ZmqSender<…Batch> (node, binds)   TelemetrySubscriber (viewer)
+//                SceneSender (physics, binds)
+//   hop 6        ZmqSender<HandTarget> (viewer)    ZmqSource<HandTarget> (device, binds)
 //
 // Socket types, queue lengths and loss policy of each hop: proto/README.md.
 //
@@ -27,6 +29,7 @@
 #include <cstdint>
 #include <functional>
 #include <optional>
+#include <span>
 #include <string>
 #include <variant>
 #include <vector>
@@ -98,6 +101,10 @@ class LinkSocket {
     int linger_ms = 0;       ///< how long the last messages may take after closing
     bool conflates = false;  ///< keep the newest message only
     bool heartbeats = false;
+    bool takes_all = true;  ///< a subscriber: every kind of message; else those it asks for
+    bool tells_each =
+        false;  ///< a publisher hears of every subscription, not of each topic's first
+    std::int64_t largest_bytes = std::int64_t{2} << 20;  ///< a peer that announces more is cut off
   };
   /// All attachments have one scheme.
   LinkSocket(ZmqContext& context, const Settings& settings,
@@ -112,6 +119,9 @@ class LinkSocket {
   /// Takes the rest of a message of several parts; false if there was none.
   bool drop_more_parts(const zmq::message_t& part) noexcept;
   [[nodiscard]] SendResult send(zmq::message_t& part, int flags) noexcept;
+  /// Subscribers only. Takes messages of this kind from now on, or no longer.
+  void subscribe(MessageKind kind);
+  void unsubscribe(MessageKind kind);
   /// `events`: ZMQ_POLLIN or ZMQ_POLLOUT.
   [[nodiscard]] bool is_ready(int events) noexcept;
   /// Returns when ready, on a signal, or at `deadline` to within the kernel's timer slack.
@@ -128,13 +138,32 @@ class LinkSocket {
   int descriptor_ = -1;
 };
 
+/// What the subscribers of one publisher want. A topic is a kind byte; the empty one means all.
+class Subscriptions {
+ public:
+  /// Takes the notices that libzmq left in the publisher's socket.
+  void take(LinkSocket& socket) noexcept;
+  [[nodiscard]] bool has(MessageKind kind) const noexcept;
+  /// Subscriptions to it so far; of every subscriber if the socket `tells_each`.
+  [[nodiscard]] std::uint64_t count(MessageKind kind) const noexcept;
+
+ private:
+  struct Topic {
+    bool is_wanted = false;
+    std::uint64_t count = 0;
+  };
+  zmq::message_t notice_;
+  Topic all_;
+  std::array<Topic, kMessageKinds> of_kind_{};
+};
+
 /// How an incoming one-way link treats messages that arrive faster than they are taken.
 enum class Delivery : std::uint8_t {
   kNewest,  ///< the socket keeps the newest only
   kEvery,   ///< they queue, so that a fault line behind the socket sees each
 };
 
-/// Outgoing end of a one-way link: hops 2, 3 and 5. Publishes to whoever is connected.
+/// Outgoing end of a one-way link: hops 2, 3, 5 and 6. Publishes to whoever is connected.
 template <class T>
 class ZmqSender final : public Sender<T> {
  public:
@@ -154,11 +183,43 @@ class ZmqSender final : public Sender<T> {
  private:
   LinkSocket socket_;
   Codec<T> codec_;
-  zmq::message_t subscription_;
-  int topics_ = 0;  // subscribed to by anybody
+  Subscriptions subscriptions_;
 };
 
-/// Incoming end of a one-way link: hops 2 and 3.
+/// physics_node's end of hop 5. Its three kinds of message are three topics of one socket: what
+/// nobody subscribes to is neither computed nor encoded.
+class SceneSender final : public Sender<PhysicsBatch>,
+                          public Sender<SceneState>,
+                          public Sender<MeshFrame> {
+ public:
+  SceneSender(ZmqContext& context, const Attachment& attachment);
+
+  SendResult send(const PhysicsBatch& message) noexcept override;
+  SendResult send(const SceneState& message) noexcept override;
+  SendResult send(const MeshFrame& message) noexcept override;
+
+  template <class T>
+  [[nodiscard]] bool has_subscriber() noexcept {
+    subscriptions_.take(socket_);
+    return subscriptions_.has(kKindOf<T>);
+  }
+  /// How often anybody subscribed to T: a greater number means that somebody needs all of it.
+  template <class T>
+  [[nodiscard]] std::uint64_t subscriptions() noexcept {
+    subscriptions_.take(socket_);
+    return subscriptions_.count(kKindOf<T>);
+  }
+  [[nodiscard]] const std::string& endpoint() const { return socket_.endpoint(); }
+
+ private:
+  LinkSocket socket_;
+  Subscriptions subscriptions_;
+  Codec<PhysicsBatch> batches_;
+  Codec<SceneState> scenes_;
+  Codec<MeshFrame> meshes_;
+};
+
+/// Incoming end of a one-way link: hops 2, 3 and 6.
 template <class T>
 class ZmqSource final : public Source<T> {
  public:
@@ -252,13 +313,24 @@ class ExchangeClient final : public Sender<DeviceState>, public Source<ForceComm
   Rejections rejections_;
 };
 
-using TelemetryMessage = std::variant<DeviceBatch, MofcBatch, PhysicsBatch>;
+using TelemetryMessage = std::variant<DeviceBatch, MofcBatch, PhysicsBatch, SceneState, MeshFrame>;
 
-/// A viewer's end of hop 5: all nodes into one socket.
+/// A viewer's end of hop 5: all nodes into one socket. Takes the batches of every node; SceneState
+/// and MeshFrame on request.
 class TelemetrySubscriber final : public Source<TelemetryMessage> {
  public:
   TelemetrySubscriber(ZmqContext& context, const Clock& clock,
                       const std::vector<Attachment>& attachments);
+
+  /// From now on, or no longer. What was subscribed to before a node started counts for it too.
+  template <class T>
+  void subscribe() {
+    socket_.subscribe(kKindOf<T>);
+  }
+  template <class T>
+  void unsubscribe() {
+    socket_.unsubscribe(kKindOf<T>);
+  }
 
   WaitHook on_wait;
 
@@ -266,17 +338,21 @@ class TelemetrySubscriber final : public Source<TelemetryMessage> {
   void wait_until(TimePoint deadline) noexcept override;
   [[nodiscard]] std::uint64_t rejected() const noexcept override { return rejections_.total(); }
 
+  /// The protobuf message that the last receive() took, as it came; valid until the next.
+  [[nodiscard]] std::span<const std::byte> payload() const noexcept;
   [[nodiscard]] const Rejections& rejections() const { return rejections_; }
 
  private:
-  template <class Batch>
-  [[nodiscard]] bool take(Codec<Batch>& codec, TelemetryMessage& message) noexcept;
+  template <class T>
+  [[nodiscard]] bool take(Codec<T>& codec, TelemetryMessage& message) noexcept;
 
   const Clock& clock_;
   LinkSocket socket_;
   Codec<DeviceBatch> device_;
   Codec<MofcBatch> mofc_;
   Codec<PhysicsBatch> physics_;
+  Codec<SceneState> scenes_;
+  Codec<MeshFrame> meshes_;
   zmq::message_t frame_;
   Rejections rejections_;
 };

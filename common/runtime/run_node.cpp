@@ -78,7 +78,8 @@ void refuse_inproc(const LinksConfig& links) {
       {"links.interaction", links.interaction},
       {"links.device_telemetry", links.device_telemetry},
       {"links.mofc_telemetry", links.mofc_telemetry},
-      {"links.physics_telemetry", links.physics_telemetry}};
+      {"links.physics_telemetry", links.physics_telemetry},
+      {"links.hand_target", links.hand_target}};
   for (const auto& [setting, endpoint] : all) {
     if (endpoint.starts_with("inproc://")) {
       throw SetupError(std::string(setting) + " = " + endpoint +

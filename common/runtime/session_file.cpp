@@ -1,5 +1,6 @@
 #include "common/runtime/session_file.h"
 
+#include <google/protobuf/text_format.h>
 #include <unistd.h>
 
 #include <cstdint>
@@ -42,6 +43,7 @@ Session parse_session(std::string_view text, const std::string& file_name,
   written.check_numbers();
   Session session = to_session(written, base_dir, problems);
   session.file = file_name;
+  google::protobuf::TextFormat::PrintToString(written.message(), &session.text);
   problems.throw_if_any();
   return session;
 }

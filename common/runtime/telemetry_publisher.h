@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <functional>
 #include <mutex>
+#include <optional>
 #include <stop_token>
 #include <thread>
 
@@ -79,6 +80,9 @@ class TelemetryPublisher {
     });
   }
 
+  /// The newest record published; none before the first. Only in `on_pump`.
+  [[nodiscard]] const std::optional<Record>& newest() const { return newest_; }
+
   /// One publication. Not while the thread runs.
   void pump() {
     const Counters counters = counters_.load();
@@ -89,6 +93,7 @@ class TelemetryPublisher {
         batch_.records.push_back(record);
         if (recorder_ != nullptr) recorder_->keep(record);
       }
+      if (!batch_.records.empty()) newest_ = batch_.records.back();
       batch_.counters = counters;
       batch_.records_lost = ticks_.lost();
       batch_.header.sampled_at = clock_.now();
@@ -107,6 +112,7 @@ class TelemetryPublisher {
   Sender<Batch>& out_;
   EventLog<Counters> events_;
   Batch batch_;
+  std::optional<Record> newest_;
   FlightRecorder<Record>* recorder_ = nullptr;
 
   std::mutex mutex_;

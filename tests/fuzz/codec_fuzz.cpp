@@ -43,5 +43,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   decode<palpate::DeviceBatch>(frame);
   decode<palpate::MofcBatch>(frame);
   decode<palpate::PhysicsBatch>(frame);
+  decode<palpate::SceneState>(frame);
+  decode<palpate::MeshFrame>(frame);
+  decode<palpate::HandTarget>(frame);
   return 0;
 }

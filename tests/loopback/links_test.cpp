@@ -248,6 +248,84 @@ TEST_P(EveryTransport, ASenderKnowsWhetherAnybodyListens) {
   EXPECT_TRUE(eventually([&] { return !device.has_subscriber(); }));
 }
 
+TEST_P(EveryTransport, AViewerGetsOnlyTheKindsItAsksFor) {
+  SceneSender physics(context_, bind_to(fresh_endpoint(GetParam()), "physics"));
+  TelemetrySubscriber viewer(context_, clock_, {connect_to(physics.endpoint(), "physics")});
+  ASSERT_TRUE(eventually([&] { return physics.has_subscriber<PhysicsBatch>(); }));
+  EXPECT_FALSE(physics.has_subscriber<SceneState>());
+  const auto scene = random_message<SceneState>(random_);
+  const auto mesh = random_message<MeshFrame>(random_);
+  EXPECT_EQ(physics.send(scene), SendResult::kNoPeer);
+  EXPECT_EQ(physics.send(mesh), SendResult::kNoPeer);
+
+  viewer.subscribe<SceneState>();
+  viewer.subscribe<MeshFrame>();
+  ASSERT_TRUE(eventually([&] { return physics.has_subscriber<MeshFrame>(); }));
+  EXPECT_EQ(physics.send(scene), SendResult::kSent);
+  EXPECT_EQ(physics.send(mesh), SendResult::kSent);
+
+  TelemetryMessage message;
+  ASSERT_TRUE(receive(viewer, message));
+  EXPECT_TRUE(is_same(message, scene));
+  ASSERT_TRUE(receive(viewer, message));
+  EXPECT_TRUE(is_same(message, mesh));
+
+  viewer.unsubscribe<MeshFrame>();
+  EXPECT_TRUE(eventually([&] { return !physics.has_subscriber<MeshFrame>(); }));
+  EXPECT_TRUE(physics.has_subscriber<SceneState>());
+}
+
+TEST_P(EveryTransport, EachNewViewerOfASceneIsNoticed) {
+  SceneSender physics(context_, bind_to(fresh_endpoint(GetParam()), "physics"));
+  const std::vector<Attachment> nodes = {connect_to(physics.endpoint(), "physics")};
+  TelemetrySubscriber first(context_, clock_, nodes);
+  first.subscribe<SceneState>();
+  ASSERT_TRUE(eventually([&] { return physics.subscriptions<SceneState>() == 1; }));
+
+  auto second = std::make_unique<TelemetrySubscriber>(context_, clock_, nodes);
+  second->subscribe<SceneState>();
+  EXPECT_TRUE(eventually([&] { return physics.subscriptions<SceneState>() == 2; }));
+
+  // one of two leaves: the other still wants the scene
+  second.reset();
+  EXPECT_EQ(physics.send(random_message<SceneState>(random_)), SendResult::kSent);
+  TelemetryMessage message;
+  EXPECT_TRUE(receive(first, message));
+}
+
+TEST_P(EveryTransport, AFrameCanBeForwardedAsItCame) {
+  SceneSender physics(context_, bind_to(fresh_endpoint(GetParam()), "physics"));
+  TelemetrySubscriber viewer(context_, clock_, {connect_to(physics.endpoint(), "physics")});
+  ASSERT_TRUE(eventually([&] { return physics.has_subscriber<PhysicsBatch>(); }));
+  const auto sent = random_message<PhysicsBatch>(random_);
+  EXPECT_EQ(physics.send(sent), SendResult::kSent);
+  TelemetryMessage message;
+  ASSERT_TRUE(receive(viewer, message));
+
+  std::vector<std::byte> frame{static_cast<std::byte>(kKindOf<PhysicsBatch>)};
+  frame.insert(frame.end(), viewer.payload().begin(), viewer.payload().end());
+  PhysicsBatch again;
+  ASSERT_EQ(Codec<PhysicsBatch>().decode(frame, again), DecodeError::kNone);
+  EXPECT_TRUE(same(again, sent));
+}
+
+TEST_P(EveryTransport, HandTargetsOfAllViewersReachTheDevice) {
+  ZmqSource<HandTarget> device(context_, clock_, bind_to(fresh_endpoint(GetParam()), "hand_target"),
+                               Delivery::kEvery);
+  ZmqSender<HandTarget> first(context_, connect_to(device.endpoint(), "hand_target"));
+  ZmqSender<HandTarget> second(context_, connect_to(device.endpoint(), "hand_target"));
+  ASSERT_TRUE(meet(first, device));
+  ASSERT_TRUE(meet(second, device));
+  const auto sent = random_message<HandTarget>(random_);
+  HandTarget received;
+
+  ASSERT_EQ(first.send(sent), SendResult::kSent);
+  ASSERT_TRUE(receive(device, received));
+  EXPECT_TRUE(same(received, sent));
+  ASSERT_EQ(second.send(sent), SendResult::kSent);
+  EXPECT_TRUE(receive(device, received));
+}
+
 TEST_F(LinksTest, WaitingForAPeerThatNeverComesEnds) {
   ZmqSender<Interaction> sender(context_, bind_to(fresh_endpoint(Transport::kIpc), "x"));
   ExchangeClient device(context_, clock_, connect_to(fresh_endpoint(Transport::kIpc), "y"));

@@ -7,6 +7,7 @@
 
 #include "common/core/messages.h"
 #include "common/core/random.h"
+#include "common/core/scene_messages.h"
 #include "common/core/telemetry.h"
 
 namespace palpate::test {
@@ -87,6 +88,30 @@ inline void randomise(ToolMotion& m, Random& random) {
   m.buttons = static_cast<std::uint32_t>(random.bits());
 }
 
+inline Matrix3 random_matrix(Random& random, double limit) {
+  Matrix3 m;
+  for (int i = 0; i < 9; ++i) m(i / 3, i % 3) = random.uniform(-limit, limit);
+  return m;
+}
+
+/// A touch, with every field in range.
+inline void randomise(Contact& c, Random& random) {
+  c = {.tissue = static_cast<std::uint32_t>(random.bits()),
+       .penetration_m = random.uniform(1e-9, 1.0),
+       .normal_world = random_vector(random, 1.0).normalized(),
+       .curvature_per_m = random_matrix(random, 100.0),
+       .surface_velocity_world_m_per_s = random_vector(random, 10.0),
+       .elastic_force_on_tool_newton = random_vector(random, 1e6),
+       .d_force_d_position = random_matrix(random, 1e6),
+       .d_force_d_velocity = random_matrix(random, 1e4),
+       .stiffening_newton_per_m2 = random.uniform(-1e9, 1e9),
+       .stiffening_newton_per_m3 = random.uniform(0.0, 1e12),
+       .stored_energy_joule = random.uniform(0.0, 1e3),
+       .is_adhesive = random.chance(0.5),
+       .trust_radius_m = random.uniform(1e-4, 1000.0),
+       .force_on_tool_newton = random_vector(random, 1e6)};
+}
+
 inline void randomise(Interaction& m, Random& random) {
   m = Interaction{};
   m.header = random_header(random);
@@ -98,11 +123,12 @@ inline void randomise(Interaction& m, Random& random) {
   m.force_on_tool_newton = random_vector(random, 1e6);
   m.stored_energy_joule = random.uniform(0.0, 1e6);
   m.contact_count = static_cast<std::uint32_t>(random.below(2 * kMaxContacts));  // may exceed
-  for (std::size_t i = 0; i < std::min<std::size_t>(m.contact_count, kMaxContacts); ++i) {
-    m.contacts[i] = {.tissue = static_cast<std::uint32_t>(random.bits()),
-                     .penetration_m = random.uniform(1e-9, 1.0),
-                     .normal_world = random_vector(random, 1.0).normalized(),
-                     .force_on_tool_newton = random_vector(random, 1e6)};
+  // all touches that there is room for are listed, then tissue that is only near
+  const auto touching = std::min<std::uint32_t>(m.contact_count, kMaxContacts);
+  m.listed_count = touching + static_cast<std::uint32_t>(random.below(kMaxContacts - touching + 1));
+  for (std::uint32_t i = 0; i < m.listed_count; ++i) {
+    randomise(m.contacts[i], random);
+    if (i >= touching) m.contacts[i].penetration_m *= -1.0;
   }
 }
 
@@ -182,6 +208,7 @@ inline void randomise(MofcCounters& c, Random& random) {
   c.late_physics_ticks = random.bits();
   c.ledger_resets = random.bits();
   c.motions_dropped = random.bits();
+  c.motions_suppressed = random.bits();
   c.transparency_sum = random.uniform(0.0, 1e6);
   c.transparency_samples = random.bits();
 }
@@ -191,6 +218,7 @@ inline void randomise(PhysicsCounters& c, Random& random) {
   c.tool_motion = random_link_counters(random);
   c.contact_steps = random.bits();
   c.tissues_skipped = random.bits();
+  c.interactions_suppressed = random.bits();
   c.worst_compute_time = random_duration(random);
 }
 
@@ -201,6 +229,73 @@ void randomise(TelemetryBatch<Record, Counters>& m, Random& random) {
   m.records_lost = random.bits();
   m.records.assign(random.below(50), Record{});
   for (Record& record : m.records) randomise(record, random);
+}
+
+inline std::vector<float> random_floats(Random& random, std::size_t count, double low,
+                                        double high) {
+  std::vector<float> numbers(count);
+  for (float& x : numbers) x = static_cast<float>(random.uniform(low, high));
+  return numbers;
+}
+inline std::string random_text(Random& random) {
+  std::string text(random.below(60), ' ');
+  for (char& c : text) c = static_cast<char>('!' + random.below(90));
+  return text;
+}
+
+inline void randomise(TissueSurface& t, Random& random) {
+  t.name = random_text(random);
+  t.shape = static_cast<TissueShape>(random.below(8));
+  const std::size_t vertices = random.below(20);
+  t.mesh.vertices_m = random_floats(random, 3 * vertices, -1000.0, 1000.0);
+  t.mesh.triangles.assign(vertices == 0 ? 0 : 3 * random.below(30), 0);
+  for (std::uint32_t& index : t.mesh.triangles) {
+    index = static_cast<std::uint32_t>(random.below(vertices));
+  }
+  t.vertex_stiffness_newton_per_m.clear();
+  if (random.chance(0.5)) {
+    t.vertex_stiffness_newton_per_m = random_floats(random, vertices, 0.0, 1e4);
+  }
+  t.stiffness_newton_per_m = random.uniform(0.0, 1e4);
+  t.damping_newton_s_per_m = random.uniform(0.0, 1e3);
+}
+
+inline void randomise(SceneState& m, Random& random) {
+  m = SceneState{};
+  m.header = random_header(random);
+  m.revision = random.bits() | 1;
+  m.session_name = random_text(random);
+  m.session_text = random_text(random);
+  m.controller = random_text(random);
+  m.device_rate_hz = random.uniform(1.0, 1e4);
+  m.physics_rate_hz = random.uniform(1.0, 1e4);
+  m.peak_force_newton = random.uniform(0.1, 100.0);
+  m.tip_radius_m = random.uniform(0.0, 0.1);
+  m.workspace_scale_ratio = random.uniform(0.1, 10.0);
+  m.tissues.resize(random.below(5));
+  for (TissueSurface& tissue : m.tissues) randomise(tissue, random);
+  if (random.chance(0.5)) {
+    m.pointer = PointerConfig{.center_m = random_vector(random, 1.0),
+                              .reach_m = random.uniform(0.01, 1.0),
+                              .speed_m_per_s = random.uniform(0.01, 1.0),
+                              .holder_timeout = random_duration(random) + Duration(1)};
+  }
+}
+
+inline void randomise(MeshFrame& m, Random& random) {
+  m.header = random_header(random);
+  m.scene_revision = random.bits() | 1;
+  m.tissue = static_cast<std::uint32_t>(random.bits());
+  m.first_vertex = static_cast<std::uint32_t>(random.bits());
+  m.vertices_m = random_floats(random, 3 * random.below(100), -1000.0, 1000.0);
+  m.device_sequence = random.bits();
+}
+
+inline void randomise(HandTarget& m, Random& random) {
+  m.header = random_header(random);
+  m.holder_id = random.bits() | 1;
+  m.hand_position_m = random_vector(random, 1000.0);
+  m.is_released = random.chance(0.5);
 }
 
 template <class T>
@@ -259,17 +354,26 @@ inline bool same(const ToolMotion& a, const ToolMotion& b) {
 inline bool same(const Contact& a, const Contact& b) {
   return a.tissue == b.tissue && same(a.penetration_m, b.penetration_m) &&
          same(a.normal_world, b.normal_world) &&
-         same(a.force_on_tool_newton, b.force_on_tool_newton);
+         same(a.force_on_tool_newton, b.force_on_tool_newton) &&
+         a.curvature_per_m == b.curvature_per_m &&
+         same(a.surface_velocity_world_m_per_s, b.surface_velocity_world_m_per_s) &&
+         same(a.elastic_force_on_tool_newton, b.elastic_force_on_tool_newton) &&
+         a.d_force_d_position == b.d_force_d_position &&
+         a.d_force_d_velocity == b.d_force_d_velocity &&
+         a.stiffening_newton_per_m2 == b.stiffening_newton_per_m2 &&
+         a.stiffening_newton_per_m3 == b.stiffening_newton_per_m3 &&
+         a.stored_energy_joule == b.stored_energy_joule && a.is_adhesive == b.is_adhesive &&
+         a.trust_radius_m == b.trust_radius_m;
 }
 inline bool same(const Interaction& a, const Interaction& b) {
-  const auto listed =
-      static_cast<std::ptrdiff_t>(std::min<std::size_t>(a.contact_count, kMaxContacts));
+  const auto listed = static_cast<std::ptrdiff_t>(a.listed_count);
   return same(a.header, b.header) && a.device_session_id == b.device_session_id &&
          a.device_sequence == b.device_sequence && a.device_sampled_at == b.device_sampled_at &&
          same(a.tool_position_world_m, b.tool_position_world_m) &&
          same(a.tool_orientation_world, b.tool_orientation_world) &&
          same(a.force_on_tool_newton, b.force_on_tool_newton) &&
          same(a.stored_energy_joule, b.stored_energy_joule) && a.contact_count == b.contact_count &&
+         a.listed_count == b.listed_count &&
          std::equal(a.contacts.begin(), a.contacts.begin() + listed, b.contacts.begin(),
                     [](const auto& x, const auto& y) { return same(x, y); });
 }
@@ -320,13 +424,50 @@ inline bool same(const MofcCounters& a, const MofcCounters& b) {
          a.clamped_ticks == b.clamped_ticks && a.too_fast_ticks == b.too_fast_ticks &&
          a.stale_ticks == b.stale_ticks && a.late_physics_ticks == b.late_physics_ticks &&
          a.ledger_resets == b.ledger_resets && a.motions_dropped == b.motions_dropped &&
+         a.motions_suppressed == b.motions_suppressed &&
          same(a.transparency_sum, b.transparency_sum) &&
          a.transparency_samples == b.transparency_samples;
 }
 inline bool same(const PhysicsCounters& a, const PhysicsCounters& b) {
   return same(a.loop, b.loop) && same(a.tool_motion, b.tool_motion) &&
          a.contact_steps == b.contact_steps && a.tissues_skipped == b.tissues_skipped &&
+         a.interactions_suppressed == b.interactions_suppressed &&
          a.worst_compute_time == b.worst_compute_time;
+}
+inline bool same(const std::vector<float>& a, const std::vector<float>& b) {
+  return a.size() == b.size() &&
+         (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(float)) == 0);
+}
+inline bool same(const TissueSurface& a, const TissueSurface& b) {
+  return a.name == b.name && a.shape == b.shape && same(a.mesh.vertices_m, b.mesh.vertices_m) &&
+         a.mesh.triangles == b.mesh.triangles &&
+         same(a.vertex_stiffness_newton_per_m, b.vertex_stiffness_newton_per_m) &&
+         same(a.stiffness_newton_per_m, b.stiffness_newton_per_m) &&
+         same(a.damping_newton_s_per_m, b.damping_newton_s_per_m);
+}
+inline bool same(const PointerConfig& a, const PointerConfig& b) {
+  return same(a.center_m, b.center_m) && same(a.reach_m, b.reach_m) &&
+         same(a.speed_m_per_s, b.speed_m_per_s) && a.holder_timeout == b.holder_timeout;
+}
+inline bool same(const SceneState& a, const SceneState& b) {
+  return same(a.header, b.header) && a.revision == b.revision && a.session_name == b.session_name &&
+         a.session_text == b.session_text && a.controller == b.controller &&
+         same(a.device_rate_hz, b.device_rate_hz) && same(a.physics_rate_hz, b.physics_rate_hz) &&
+         same(a.peak_force_newton, b.peak_force_newton) && same(a.tip_radius_m, b.tip_radius_m) &&
+         same(a.workspace_scale_ratio, b.workspace_scale_ratio) &&
+         std::equal(a.tissues.begin(), a.tissues.end(), b.tissues.begin(), b.tissues.end(),
+                    [](const auto& x, const auto& y) { return same(x, y); }) &&
+         a.pointer.has_value() == b.pointer.has_value() &&
+         (!a.pointer || same(*a.pointer, *b.pointer));
+}
+inline bool same(const MeshFrame& a, const MeshFrame& b) {
+  return same(a.header, b.header) && a.scene_revision == b.scene_revision && a.tissue == b.tissue &&
+         a.first_vertex == b.first_vertex && same(a.vertices_m, b.vertices_m) &&
+         a.device_sequence == b.device_sequence;
+}
+inline bool same(const HandTarget& a, const HandTarget& b) {
+  return same(a.header, b.header) && a.holder_id == b.holder_id &&
+         same(a.hand_position_m, b.hand_position_m) && a.is_released == b.is_released;
 }
 template <class Record, class Counters>
 bool same(const TelemetryBatch<Record, Counters>& a, const TelemetryBatch<Record, Counters>& b) {

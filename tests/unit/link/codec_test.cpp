@@ -11,6 +11,7 @@
 
 #include "palpate/v1/exchange.pb.h"
 #include "palpate/v1/physics.pb.h"
+#include "palpate/v1/scene.pb.h"
 #include "palpate/v1/telemetry.pb.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/support/random_messages.h"
@@ -65,6 +66,18 @@ struct Wire<MofcBatch> {
 template <>
 struct Wire<PhysicsBatch> {
   using Message = v1::PhysicsTelemetry;
+};
+template <>
+struct Wire<SceneState> {
+  using Message = v1::SceneState;
+};
+template <>
+struct Wire<MeshFrame> {
+  using Message = v1::MeshFrame;
+};
+template <>
+struct Wire<HandTarget> {
+  using Message = v1::HandTarget;
 };
 
 /// The protobuf message inside a frame, to be broken.
@@ -132,6 +145,25 @@ template <>
 PhysicsBatch full_message() {
   return full_batch<PhysicsBatch>();
 }
+template <>
+SceneState full_message() {
+  Random random(7);
+  SceneState m;
+  do m = random_message<SceneState>(random);
+  while (m.tissues.size() < 2 || m.tissues[0].mesh.triangles.empty() ||
+         m.tissues[0].vertex_stiffness_newton_per_m.empty() || !m.pointer);
+  return m;
+}
+template <>
+MeshFrame full_message() {
+  Random random(7);
+  return random_message<MeshFrame>(random);
+}
+template <>
+HandTarget full_message() {
+  Random random(7);
+  return random_message<HandTarget>(random);
+}
 
 /// The frame is refused for `error`, and the message it was to be read into is as before.
 template <class T>
@@ -146,7 +178,7 @@ void expect_refused(const Frame& frame, DecodeError error) {
 template <class T>
 class CodecOf : public testing::Test {};
 using Messages = testing::Types<DeviceState, ForceCommand, ToolMotion, Interaction, DeviceBatch,
-                                MofcBatch, PhysicsBatch>;
+                                MofcBatch, PhysicsBatch, SceneState, MeshFrame, HandTarget>;
 TYPED_TEST_SUITE(CodecOf, Messages);
 
 TYPED_TEST(CodecOf, GivesBackWhatWasSentToTheBit) {
@@ -351,14 +383,14 @@ TYPED_TEST(CodecOf, RefusesEachMissingMessageField) {
       [&](const Frame& frame, const std::string& path) {
         SCOPED_TRACE(path);
         ++tried;
-        if (path == "applied.hand_position_at_end_m") {  // the one optional message
+        if (path == "applied.hand_position_at_end_m" || path == "pointer") {  // optional
           TypeParam message;
           EXPECT_EQ(decoded(frame, message), DecodeError::kNone);
         } else {
           expect_refused<TypeParam>(frame, DecodeError::kMissingField);
         }
       });
-  EXPECT_GE(tried, 3);  // header and at least two more in every message
+  EXPECT_GE(tried, 1);  // the header at least
 }
 
 TYPED_TEST(CodecOf, RefusesNaNAndInfinityInEachNumberThatIsNotDocumentedAsUnknown) {
@@ -393,7 +425,8 @@ TYPED_TEST(CodecOf, RefusesNaNAndInfinityInEachNumberThatIsNotDocumentedAsUnknow
           }
         });
   }
-  EXPECT_GE(tried, 3);
+  const bool has_numbers = !std::is_same_v<TypeParam, MeshFrame>;  // its floats are packed
+  EXPECT_GE(tried, has_numbers ? 3 : 0);
 }
 
 TYPED_TEST(CodecOf, RefusesEachTimeThatCouldOverflowASubtraction) {
@@ -574,47 +607,74 @@ TEST(InteractionCodec, RefusesWhatIsOutOfRange) {
 }
 
 TEST(InteractionCodec, RefusesAContactThatIsNone) {
-  expect_range<Interaction>([](auto& m) { m.mutable_contacts(1)->set_penetration_m(0.0); }, false);
-  expect_range<Interaction>([](auto& m) { m.mutable_contacts(1)->set_penetration_m(-0.1); }, false);
-  expect_range<Interaction>([](auto& m) { m.mutable_contacts(1)->set_penetration_m(1000.1); },
-                            false);
-  expect_range<Interaction>(
-      [](auto& m) {
-        m.mutable_contacts(1)->mutable_normal_world()->set_x(0.0);
-        m.mutable_contacts(1)->mutable_normal_world()->set_y(0.0);
-        m.mutable_contacts(1)->mutable_normal_world()->set_z(1.0 + 1.1e-6);
+  const auto contact = [](auto&& change, bool is_allowed) {
+    expect_range<Interaction>([&](auto& m) { change(*m.mutable_contacts(1)); }, is_allowed);
+  };
+  contact([](v1::Contact& c) { c.set_penetration_m(1000.1); }, false);
+  contact(
+      [](v1::Contact& c) {
+        c.mutable_normal_world()->set_x(0.0);
+        c.mutable_normal_world()->set_y(0.0);
+        c.mutable_normal_world()->set_z(1.0 + 1.1e-6);
       },
       false);
-  expect_range<Interaction>(
-      [](auto& m) { m.mutable_contacts(0)->mutable_force_on_tool_newton()->set_x(-1.01e6); },
-      false);
+  contact([](v1::Contact& c) { c.mutable_force_on_tool_newton()->set_x(-1.01e6); }, false);
+  contact([](v1::Contact& c) { c.mutable_elastic_force_on_tool_newton()->set_x(-1.01e12); }, false);
+  contact([](v1::Contact& c) { c.set_curvature_per_m(4, 1.01e9); }, false);
+  contact([](v1::Contact& c) { c.clear_curvature_per_m(); }, true);
+  contact([](v1::Contact& c) { c.add_curvature_per_m(0.0); }, false);
+  contact([](v1::Contact& c) { c.set_d_force_d_position(8, -1.01e12); }, false);
+  contact([](v1::Contact& c) { c.mutable_d_force_d_position()->RemoveLast(); }, false);
+  contact([](v1::Contact& c) { c.set_d_force_d_velocity(0, 1.01e12); }, false);
+  contact([](v1::Contact& c) { c.mutable_surface_velocity_world_m_per_s()->set_y(1001); }, false);
+  contact([](v1::Contact& c) { c.set_stiffening_newton_per_m2(1.01e18); }, false);
+  contact([](v1::Contact& c) { c.set_stiffening_newton_per_m3(-1.01e18); }, false);
+  contact([](v1::Contact& c) { c.set_stored_energy_joule(-1e-12); }, false);
+  contact([](v1::Contact& c) { c.set_trust_radius_m(0.0); }, false);
+  contact([](v1::Contact& c) { c.set_trust_radius_m(1000.1); }, false);
 }
 
-TEST(InteractionCodec, ListsTheDeepestEightOfAnyNumberOfContacts) {
+TEST(InteractionCodec, ListsWhatIsTouchedThenWhatIsNear) {
   Interaction sent = full_message<Interaction>();
   for (Contact& contact : sent.contacts) contact = sent.contacts[0];
   sent.contact_count = 20;
+  sent.listed_count = kMaxContacts;
 
   Interaction received;
   ASSERT_EQ(decoded(encoded(sent), received), DecodeError::kNone);
   EXPECT_EQ(received.contact_count, 20u);
   EXPECT_TRUE(same(sent, received));
 
-  // the number must agree with the list
-  auto with = [](int listed, std::uint32_t count) {
+  // every touch that there is room for is listed
+  auto with = [](int touching, int near, std::uint32_t count) {
     return [=](v1::Interaction& m) {
-      const v1::Contact one = m.contacts(0);
+      v1::Contact one = m.contacts(0);
       m.clear_contacts();
-      for (int i = 0; i < listed; ++i) *m.add_contacts() = one;
+      for (int i = 0; i < touching; ++i) *m.add_contacts() = one;
+      one.set_penetration_m(-0.01);
+      for (int i = 0; i < near; ++i) *m.add_contacts() = one;
       m.set_contact_count(count);
     };
   };
-  expect_range<Interaction>(with(0, 0), true);
-  expect_range<Interaction>(with(8, 9), true);
-  expect_range<Interaction>(with(2, 1), false);
-  expect_range<Interaction>(with(2, 3), false);
-  expect_range<Interaction>(with(7, 8), false);
-  expect_range<Interaction>(with(9, 9), false);
+  expect_range<Interaction>(with(0, 0, 0), true);
+  expect_range<Interaction>(with(0, 8, 0), true);
+  expect_range<Interaction>(with(8, 0, 9), true);
+  expect_range<Interaction>(with(2, 3, 2), true);
+  expect_range<Interaction>(with(2, 0, 1), false);
+  expect_range<Interaction>(with(2, 1, 3), false);
+  expect_range<Interaction>(with(7, 1, 8), false);
+  expect_range<Interaction>(with(8, 1, 8), false);
+}
+
+TEST(InteractionCodec, FitsItsFrameWithEveryContactFull) {
+  Interaction sent = full_message<Interaction>();
+  sent.contact_count = sent.listed_count = kMaxContacts;
+  for (Contact& contact : sent.contacts) {
+    contact = sent.contacts[0];
+    contact.tissue = ~0U;
+    contact.is_adhesive = true;
+  }
+  EXPECT_LE(encoded(sent).size(), kMaxFrameBytes<Interaction>);
 }
 
 TEST(TelemetryCodec, RefusesStatesItDoesNotKnow) {
@@ -638,6 +698,103 @@ TEST(TelemetryCodec, FitsFourThousandTicksIntoOneBatch) {
   DeviceBatch sent = full_message<DeviceBatch>();
   sent.records.assign(4000, sent.records.front());
   EXPECT_LE(encoded(sent).size(), kMaxFrameBytes<DeviceBatch>);
+}
+
+// --- packed arrays ----------------------------------------------------------------------------
+
+std::string packed(float x) { return {reinterpret_cast<const char*>(&x), sizeof(x)}; }
+std::string packed(std::uint32_t n) { return {reinterpret_cast<const char*>(&n), sizeof(n)}; }
+
+TEST(SceneCodec, RefusesVerticesThatAreNotTriples) {
+  expect_range<SceneState>(
+      [](auto& scene) { scene.mutable_tissues(0)->mutable_vertices_m()->append(packed(0.0F)); },
+      false);
+  expect_range<MeshFrame>([](auto& mesh) { mesh.mutable_vertices_m()->append("abc"); }, false);
+}
+
+TEST(SceneCodec, RefusesVerticesThatAreNotFiniteOrTooFar) {
+  for (const float bad :
+       {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()}) {
+    auto wire = opened<MeshFrame>(encoded(full_message<MeshFrame>()));
+    wire.set_vertices_m(packed(0.0F) + packed(bad) + packed(0.0F));
+    expect_refused<MeshFrame>(closed<MeshFrame>(wire), DecodeError::kNotFinite);
+  }
+  const auto at = [](float x) {
+    return [x](auto& mesh) { mesh.set_vertices_m(packed(x) + packed(0.0F) + packed(0.0F)); };
+  };
+  expect_range<MeshFrame>(at(1000.0F), true);
+  expect_range<MeshFrame>(at(1001.0F), false);
+}
+
+TEST(SceneCodec, RefusesTrianglesOfVerticesThatAreNotThere) {
+  const auto with_triangle = [](std::uint32_t last) {
+    return [last](auto& scene) {
+      auto& tissue = *scene.mutable_tissues(0);
+      tissue.set_vertices_m(std::string(3 * 12, '\0'));  // three vertices
+      tissue.clear_vertex_stiffness_newton_per_m();
+      tissue.set_triangles(packed(0U) + packed(1U) + packed(last));
+    };
+  };
+  expect_range<SceneState>(with_triangle(2), true);
+  expect_range<SceneState>(with_triangle(3), false);
+  expect_range<SceneState>([](auto& s) { s.mutable_tissues(0)->set_triangles(packed(0U)); }, false);
+}
+
+TEST(SceneCodec, RefusesAStiffnessThatIsNegativeOrNotOnePerVertex) {
+  const auto with = [](const std::string& stiffness) {
+    return [stiffness](auto& scene) {
+      auto& tissue = *scene.mutable_tissues(0);
+      tissue.set_vertices_m(std::string(12, '\0'));  // one vertex
+      tissue.clear_triangles();
+      tissue.set_vertex_stiffness_newton_per_m(stiffness);
+    };
+  };
+  expect_range<SceneState>(with(packed(5.0F)), true);
+  expect_range<SceneState>(with(packed(-5.0F)), false);
+  expect_range<SceneState>(with(packed(5.0F) + packed(5.0F)), false);
+}
+
+TEST(SceneCodec, RefusesWhatIsOutOfRange) {
+  using Alter = std::function<void(v1::SceneState&)>;
+  for (const Alter& alter :
+       {Alter([](auto& s) { s.set_revision(0); }),
+        Alter([](auto& s) { s.set_session_name(std::string(65, 'a')); }),
+        Alter([](auto& s) { s.set_device_rate_hz(0); }),
+        Alter([](auto& s) { s.set_physics_rate_hz(-1); }),
+        Alter([](auto& s) { s.set_peak_force_newton(0); }),
+        Alter([](auto& s) { s.set_tip_radius_m(-1e-3); }),
+        Alter([](auto& s) { s.set_workspace_scale_ratio(0); }),
+        Alter([](auto& s) { s.mutable_pointer()->set_reach_m(0); }),
+        Alter([](auto& s) { s.mutable_pointer()->set_speed_m_per_s(0); }),
+        Alter([](auto& s) { s.mutable_pointer()->set_holder_timeout_ns(0); }),
+        Alter([](auto& s) { s.mutable_tissues(0)->set_stiffness_newton_per_m(-1); })}) {
+    expect_range<SceneState>(alter, false);
+  }
+}
+
+TEST(SceneCodec, TakesAShapeOfANewerVersionAsUnknown) {
+  auto wire = opened<SceneState>(encoded(full_message<SceneState>()));
+  wire.mutable_tissues(0)->set_shape(static_cast<v1::TissueSurface::Shape>(99));
+  SceneState scene;
+
+  ASSERT_STREQ(name(decoded(closed<SceneState>(wire), scene)), "none");
+
+  EXPECT_EQ(scene.tissues[0].shape, TissueShape::kUnknown);
+}
+
+TEST(SceneCodec, FitsThreeHundredThousandVerticesAndTwiceAsManyTrianglesIntoOneScene) {
+  SceneState scene = full_message<SceneState>();
+  scene.tissues.resize(1);
+  TissueSurface& tissue = scene.tissues[0];
+  tissue.vertex_stiffness_newton_per_m.clear();
+  tissue.mesh.vertices_m.assign(3 * 300'000, 1.0F);
+  tissue.mesh.triangles.assign(3 * 600'000, 7);
+  EXPECT_LE(Codec<SceneState>().encode(scene), kMaxFrameBytes<SceneState>);
+}
+
+TEST(HandTargetCodec, RefusesATargetOfNobodyOrTooFar) {
+  expect_range<HandTarget>([](auto& t) { t.set_holder_id(0); }, false);
+  expect_range<HandTarget>([](auto& t) { t.mutable_hand_position_m()->set_x(1001.0); }, false);
 }
 
 TEST(DecodeErrors, SayWhatToDoAboutAnOlderPeer) {

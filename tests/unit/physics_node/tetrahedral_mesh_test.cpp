@@ -144,7 +144,8 @@ TEST(Msh, TellsFileLineAndRule) {
   EXPECT_THAT(complaint(replaced(good, "$NOD\n5", "$NOD\n999999999")), HasSubstr("too short"));
   EXPECT_THAT(complaint(replaced(good, "2 4 1 1 4 1", "2 5 1 1 4 1")),
               HasSubstr("a.msh:12: element 2 of type 5: volumes must be tetrahedra"));
-  EXPECT_THAT(complaint(good.substr(0, good.find("$ELM"))), HasSubstr("must have nodes and elements"));
+  EXPECT_THAT(complaint(good.substr(0, good.find("$ELM"))),
+              HasSubstr("must have nodes and elements"));
   EXPECT_THAT(complaint("ply\n"), HasSubstr("a.msh:1: 'ply': must be the begin of a section"));
   EXPECT_THAT(complaint(replaced(version_2(), "2.2 0", "2.2 1")), HasSubstr("is binary"));
   EXPECT_THAT(complaint(replaced(version_2(), "2.2 0", "3.0 0")),

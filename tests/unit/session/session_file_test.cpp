@@ -91,6 +91,7 @@ TEST(SessionFile, AlmostEmptySessionHasEveryDefault) {
   EXPECT_EQ(session.links.device_telemetry, "ipc:///run/p/x/device_telemetry.ipc");
   EXPECT_EQ(session.links.mofc_telemetry, "ipc:///run/p/x/mofc_telemetry.ipc");
   EXPECT_EQ(session.links.physics_telemetry, "ipc:///run/p/x/physics_telemetry.ipc");
+  EXPECT_EQ(session.links.hand_target, "ipc:///run/p/x/hand_target.ipc");
   EXPECT_EQ(session.realtime.priority, 80);
   EXPECT_EQ(session.realtime.cpu, 0);
 
@@ -124,6 +125,7 @@ TEST(SessionFile, AlmostEmptySessionHasEveryDefault) {
   EXPECT_EQ(session.hand.damping_newton_s_per_m, 6.0);
   EXPECT_EQ(std::get<HoldPath>(session.hand.path).position_m, Vector3(0, 0, 0));
   EXPECT_THAT(session.hand.presses, IsEmpty());
+  EXPECT_FALSE(session.hand.pointer.has_value());
 
   // 6 physics periods of 1 ms, no jitter
   EXPECT_EQ(session.mofc.controller, ControllerKind::kMofc);
@@ -131,12 +133,17 @@ TEST(SessionFile, AlmostEmptySessionHasEveryDefault) {
   EXPECT_EQ(session.mofc.wait_for_physics, 0ms);
   EXPECT_EQ(session.mofc.stale_after, 6ms);
   EXPECT_EQ(session.mofc.fade, 50ms);
-  EXPECT_EQ(session.mofc.velocity_time_constant, 0ms);
+  const auto& velocity = std::get<KalmanVelocity>(session.mofc.velocity_estimator);
+  EXPECT_EQ(velocity.model, KalmanVelocity::Model::kConstantAcceleration);
+  EXPECT_EQ(velocity.noise_density, 10.0);
+  EXPECT_EQ(velocity.moving_mass_kg, 0.3);
 
   EXPECT_EQ(session.physics.rate_hz, 1000.0);
   EXPECT_EQ(session.scene.tip_radius_m, 0.0);
   EXPECT_THAT(session.scene.tissues, IsEmpty());
   EXPECT_EQ(session.viewer.status_interval, 500ms);
+  EXPECT_TRUE(session.viewer.web.is_on);
+  EXPECT_EQ(session.viewer.web.port, 8765);
   EXPECT_FALSE(session.faults.device_state.any());
   EXPECT_FALSE(session.faults.force_command.any());
   EXPECT_FALSE(session.faults.tool_motion.any());
@@ -336,7 +343,7 @@ TEST(SessionFile, ReadsWhatHasNoDefault) {
          realtime { priority: 0 cpu: -1 }
          device { workspace { scale_ratio: 2 force_ratio: 0 offset_m { x: 1 } clutch_button: 3 } }
          hand { press { button: 3 from_s: 1 until_s: 2 } }
-         mofc { controller: none mode: paper velocity_time_constant_ms: 4 fade_ms: 9 })",
+         mofc { controller: none mode: paper fade_ms: 9 })",
       "x.txtpb");
 
   EXPECT_EQ(session.seed, 18446744073709551615u);
@@ -355,8 +362,99 @@ TEST(SessionFile, ReadsWhatHasNoDefault) {
   EXPECT_EQ(session.hand.presses[0].until_s, 2.0);
   EXPECT_EQ(session.mofc.controller, ControllerKind::kNone);
   EXPECT_EQ(session.mofc.mode, MofcMode::kPaper);
-  EXPECT_EQ(session.mofc.velocity_time_constant, 4ms);
   EXPECT_EQ(session.mofc.fade, 9ms);
+}
+
+// silence that was agreed upon: 6 periods of 1 ms and 3 keep-alives of each deadband
+TEST(SessionFile, DeadbandsAreOffUnlessGivenAndCountInStaleAfter) {
+  const Session plain = parse_session("name: 'x'", "x.txtpb");
+  EXPECT_FALSE(plain.mofc.motion_deadband.has_value());
+  EXPECT_FALSE(plain.physics.interaction_deadband.has_value());
+
+  const Session thinned = parse_session("name: 'x'", "x.txtpb", {"mofc.motion_deadband={}"});
+  ASSERT_TRUE(thinned.mofc.motion_deadband.has_value());
+  EXPECT_EQ(thinned.mofc.motion_deadband->ratio, 0.05);
+  EXPECT_EQ(thinned.mofc.motion_deadband->floor_m_per_s, 2e-3);
+  EXPECT_EQ(thinned.mofc.motion_deadband->floor_m, 1e-4);
+  EXPECT_EQ(thinned.mofc.motion_deadband->floor_rad, 0.02);
+  EXPECT_EQ(thinned.mofc.motion_deadband->keep_alive, 20ms);
+  EXPECT_EQ(thinned.mofc.stale_after, 66ms);
+
+  const Session both = parse_session(
+      "name: 'x' mofc { motion_deadband {} } physics { interaction_deadband { ratio: 0.1 "
+      "floor_newton: 0.2 keep_alive_ms: 5 } }",
+      "x.txtpb");
+  ASSERT_TRUE(both.physics.interaction_deadband.has_value());
+  EXPECT_EQ(both.physics.interaction_deadband->ratio, 0.1);
+  EXPECT_EQ(both.physics.interaction_deadband->floor_newton, 0.2);
+  EXPECT_EQ(both.physics.interaction_deadband->keep_alive, 5ms);
+  EXPECT_EQ(both.mofc.stale_after, 81ms);
+}
+
+TEST(SessionFile, ReadsEveryVelocityEstimator) {
+  const auto estimator = [](const std::string& text) {
+    return parse_session("name: 'x' mofc { velocity_estimator { " + text + " } }", "x.txtpb")
+        .mofc.velocity_estimator;
+  };
+  const auto difference =
+      std::get<DifferenceVelocity>(estimator("difference { time_constant_ms: 4 }"));
+  EXPECT_EQ(difference.time_constant, 4ms);
+
+  const auto window = std::get<AdaptiveWindowVelocity>(
+      estimator("adaptive_window { max_window_ms: 9 end_fit: true time_constant_ms: 2 }"));
+  EXPECT_EQ(window.max_window, 9ms);
+  EXPECT_FALSE(window.is_best_fit);
+  EXPECT_EQ(window.time_constant, 2ms);
+  const auto default_window = std::get<AdaptiveWindowVelocity>(estimator("adaptive_window {}"));
+  EXPECT_EQ(default_window.max_window, 20ms);
+  EXPECT_TRUE(default_window.is_best_fit);
+
+  const auto second = std::get<KalmanVelocity>(
+      estimator("kalman_velocity { acceleration_density_m2_per_s3: 0.5 moving_mass_kg: 0 }"));
+  EXPECT_EQ(second.model, KalmanVelocity::Model::kConstantVelocity);
+  EXPECT_EQ(second.noise_density, 0.5);
+  EXPECT_EQ(second.moving_mass_kg, 0.0);
+  EXPECT_EQ(std::get<KalmanVelocity>(estimator("kalman_velocity {}")).noise_density, 0.01);
+
+  const auto third = std::get<KalmanVelocity>(
+      estimator("kalman_acceleration { jerk_density_m2_per_s5: 70 moving_mass_kg: 0.1 }"));
+  EXPECT_EQ(third.model, KalmanVelocity::Model::kConstantAcceleration);
+  EXPECT_EQ(third.noise_density, 70.0);
+  EXPECT_EQ(third.moving_mass_kg, 0.1);
+}
+
+TEST(SessionFile, APointerIsLetInByItsMessageAlone) {
+  const auto pointer = parse_session("name: \"x\" hand { pointer {} }", "x").hand.pointer;
+  ASSERT_TRUE(pointer.has_value());
+  EXPECT_EQ(pointer->center_m, Vector3(0, 0, 0));
+  EXPECT_EQ(pointer->reach_m, 0.1);
+  EXPECT_EQ(pointer->speed_m_per_s, 0.25);
+  EXPECT_EQ(pointer->holder_timeout, 2s);
+
+  const auto other = parse_session(
+      R"(name: "x" hand { v {} pointer { center_m { z: 1 } reach_m: 0.05 speed_m_per_s: 0.1
+                                         holder_timeout_ms: 500 } })",
+      "x");
+  EXPECT_TRUE(std::holds_alternative<VPath>(other.hand.path));
+  EXPECT_EQ(other.hand.pointer->center_m, Vector3(0, 0, 1));
+  EXPECT_EQ(other.hand.pointer->reach_m, 0.05);
+  EXPECT_EQ(other.hand.pointer->speed_m_per_s, 0.1);
+  EXPECT_EQ(other.hand.pointer->holder_timeout, 500ms);
+}
+
+TEST(SessionFile, TheWebServerCanBeMovedAndTurnedOff) {
+  const WebConfig web = parse_session("name: \"x\" viewer { web { port: 80 } }", "x").viewer.web;
+  EXPECT_TRUE(web.is_on);
+  EXPECT_EQ(web.port, 80);
+  EXPECT_FALSE(parse_session("name: \"x\"", "x", {"viewer.web.disabled=true"}).viewer.web.is_on);
+}
+
+TEST(SessionFile, ItsTextIsTheSessionAsItCounts) {
+  const std::vector<std::string> overrides = {"seed=5", "mofc.controller=none"};
+  const Session session = parse_session("name: \"x\"  # comment\nseed: 4", "x", overrides);
+
+  EXPECT_EQ(session.text, "name: \"x\"\nseed: 5\nmofc {\n  controller: none\n}\n");
+  EXPECT_EQ(parse_session(session.text, "x").text, session.text);
 }
 
 // --- places -----------------------------------------------------------------------------------
@@ -415,8 +513,9 @@ TEST(SessionFile, UnknownFieldsAreAllToldBeforeASyntaxError) {
 }
 
 TEST(SessionFile, FieldLikeNoOtherGetsTheListOfFields) {
-  EXPECT_THAT(complaints("name: \"x\" physics { quality: 3 }").at(1),
-              EndsWith("physics.quality: no such field; it has rate_hz"));
+  EXPECT_THAT(
+      complaints("name: \"x\" physics { quality: 3 }").at(1),
+      EndsWith("physics.quality: no such field; it has rate_hz, interaction_deadband, reach_m"));
 }
 
 TEST(SessionFile, FieldGivenTwiceIsRefused) {

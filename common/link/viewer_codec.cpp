@@ -1,0 +1,214 @@
+#include "common/link/viewer_codec.h"
+
+#include <google/protobuf/descriptor.h>
+#include <google/protobuf/descriptor.pb.h>
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "common/core/check.h"
+#include "foxglove/foxglove_subset.pb.h"
+#include "palpate/v1/plot.pb.h"
+#include "palpate/v1/scene.pb.h"
+#include "palpate/v1/viewer.pb.h"
+
+namespace palpate {
+namespace {
+
+namespace pb = google::protobuf;
+
+constexpr const char* kWorld = "world";
+constexpr double kArrowMPerNewton = 0.02;  // 3 N, a device's peak, is 6 cm
+constexpr double kArrowWidth_m = 0.002;
+constexpr double kSmallestTip_m = 0.001;  // a point would not be seen
+constexpr double kShortestArrow_m = 1e-5;
+constexpr std::size_t kMostTargetBytes = kMaxFrameBytes<HandTarget>;
+
+void add_file(const pb::FileDescriptor* file, std::set<std::string>& seen,
+              pb::FileDescriptorSet& set) {
+  if (!seen.insert(file->name()).second) return;
+  for (int i = 0; i < file->dependency_count(); ++i) add_file(file->dependency(i), seen, set);
+  file->CopyTo(set.add_file());
+}
+
+void put(std::uint64_t at_ns, pb::Timestamp& to) {
+  to.set_seconds(static_cast<std::int64_t>(at_ns / 1'000'000'000));
+  to.set_nanos(static_cast<std::int32_t>(at_ns % 1'000'000'000));
+}
+template <class Xyz>
+void put(const Vector3& v, Xyz& to) {
+  to.set_x(v.x());
+  to.set_y(v.y());
+  to.set_z(v.z());
+}
+void put(const Quaternion& q, foxglove::Quaternion& to) {
+  to.set_x(q.x());
+  to.set_y(q.y());
+  to.set_z(q.z());
+  to.set_w(q.w());
+}
+struct Rgba {
+  double r, g, b, a;
+};
+void put(const Rgba& colour, foxglove::Color& to) {
+  to.set_r(colour.r);
+  to.set_g(colour.g);
+  to.set_b(colour.b);
+  to.set_a(colour.a);
+}
+
+void add_arrow(const Vector3& from_m, const Vector3& force_newton, const Rgba& colour,
+               foxglove::SceneEntity& entity) {
+  const double length_m = kArrowMPerNewton * force_newton.norm();
+  if (!(length_m > kShortestArrow_m)) return;
+  foxglove::ArrowPrimitive& arrow = *entity.add_arrows();
+  put(from_m, *arrow.mutable_pose()->mutable_position());
+  // arrows point along +x
+  put(Quaternion(Quaternion::FromTwoVectors(Vector3::UnitX(), force_newton)),
+      *arrow.mutable_pose()->mutable_orientation());
+  const double head_m = std::min(3.0 * kArrowWidth_m, 0.5 * length_m);
+  arrow.set_shaft_length(length_m - head_m);
+  arrow.set_shaft_diameter(kArrowWidth_m);
+  arrow.set_head_length(head_m);
+  arrow.set_head_diameter(2.0 * kArrowWidth_m);
+  put(colour, *arrow.mutable_color());
+}
+
+}  // namespace
+
+std::string schema_of(std::string_view message) {
+  const pb::Descriptor* descriptor =
+      pb::DescriptorPool::generated_pool()->FindMessageTypeByName(std::string(message));
+  PALPATE_REQUIRE(descriptor != nullptr);
+  pb::FileDescriptorSet set;
+  std::set<std::string> seen;
+  add_file(descriptor->file(), seen, set);
+  return set.SerializeAsString();
+}
+
+std::string encode_health(const ViewerHealth& health) {
+  v1::Health wire;
+  for (const ViewerHealth::Node& node : health.nodes) {
+    v1::Health::Node& to = *wire.add_nodes();
+    to.set_name(node.name);
+    to.set_is_heard(node.is_heard);
+    to.set_silence_s(node.silence_s);
+    to.set_sessions(node.sessions);
+    to.set_batches_lost(node.batches_lost);
+    to.set_records_lost(node.records_lost);
+  }
+  wire.set_clients(health.clients);
+  wire.set_messages_dropped(health.messages_dropped);
+  wire.set_frames_rejected(health.frames_rejected);
+  wire.set_hand_holder(health.hand_holder);
+  wire.set_version(health.version);
+  return wire.SerializeAsString();
+}
+
+std::string encode_telemetry(std::uint64_t at_ns, const DeviceTick& device,
+                             const std::optional<MofcTick>& mofc, double transparency) {
+  v1::Telemetry wire;
+  wire.set_timestamp(static_cast<double>(at_ns) * 1e-9);
+  wire.set_device_sequence(device.sequence);
+  put(device.measured_tool_position_world_m, *wire.mutable_tool_position_world_m());
+  put(device.force_on_hand_newton, *wire.mutable_force_on_hand_newton());
+  wire.set_applied_newton(device.force_on_hand_newton.norm());
+  wire.set_true_energy_joule(device.true_energy_joule);
+  wire.set_transparency(transparency);
+  wire.set_reply_time_s(device.is_answered ? to_seconds(device.reply_time) : kNaN);
+  wire.set_lateness_s(to_seconds(device.lateness));
+  wire.set_guard(static_cast<v1::Telemetry::Guard>(device.guard));
+  const MofcTick unknown{};
+  const MofcTick& m = mofc ? *mofc : unknown;
+  put(mofc ? m.asked_force_on_hand_newton : Vector3(Vector3::Constant(kNaN)),
+      *wire.mutable_asked_force_on_hand_newton());
+  wire.set_asked_newton(mofc ? m.asked_force_on_hand_newton.norm() : kNaN);
+  wire.set_f_max_newton(m.f_max_newton.minCoeff());
+  wire.set_ledger_energy_joule(m.ledger_energy_joule);
+  wire.set_force_age_s(mofc ? to_seconds(m.force_age) : kNaN);
+  wire.set_state(static_cast<v1::Telemetry::State>(m.state));
+  wire.set_is_in_contact(m.is_in_contact);
+  wire.set_is_clamped(m.is_clamped);
+  return wire.SerializeAsString();
+}
+
+std::string encode_point_cloud(std::uint64_t at_ns,
+                               const std::vector<std::span<const float>>& parts) {
+  foxglove::PointCloud wire;
+  put(at_ns, *wire.mutable_timestamp());
+  wire.set_frame_id(kWorld);
+  wire.mutable_pose()->mutable_position();
+  put(Quaternion::Identity(), *wire.mutable_pose()->mutable_orientation());
+  wire.set_point_stride(3 * sizeof(float));
+  std::uint32_t offset = 0;
+  for (const char* name : {"x", "y", "z"}) {
+    foxglove::PackedElementField& field = *wire.add_fields();
+    field.set_name(name);
+    field.set_offset(offset);
+    field.set_type(foxglove::PackedElementField::FLOAT32);
+    offset += sizeof(float);
+  }
+  for (const std::span<const float> part : parts) {
+    wire.mutable_data()->append(reinterpret_cast<const char*>(part.data()), part.size_bytes());
+  }
+  return wire.SerializeAsString();
+}
+
+std::string encode_tool(std::uint64_t at_ns, const Vector3& tool_position_world_m,
+                        double tip_radius_m, const Vector3& asked_newton,
+                        const Vector3& applied_newton) {
+  foxglove::SceneUpdate wire;
+  foxglove::SceneEntity& entity = *wire.add_entities();
+  put(at_ns, *entity.mutable_timestamp());
+  entity.set_frame_id(kWorld);
+  entity.set_id("tool");
+  foxglove::SpherePrimitive& tip = *entity.add_spheres();
+  put(tool_position_world_m, *tip.mutable_pose()->mutable_position());
+  put(Quaternion::Identity(), *tip.mutable_pose()->mutable_orientation());
+  put(Vector3::Constant(2.0 * std::max(tip_radius_m, kSmallestTip_m)), *tip.mutable_size());
+  put(Rgba{0.75, 0.75, 0.8, 1.0}, *tip.mutable_color());
+  add_arrow(tool_position_world_m, asked_newton, {0.95, 0.6, 0.1, 0.6}, entity);
+  add_arrow(tool_position_world_m, applied_newton, {0.1, 0.55, 0.95, 1.0}, entity);
+  return wire.SerializeAsString();
+}
+
+std::string encode_transforms(std::uint64_t at_ns, const Vector3& tool_position_world_m) {
+  foxglove::FrameTransforms wire;
+  foxglove::FrameTransform& tool = *wire.add_transforms();
+  put(at_ns, *tool.mutable_timestamp());
+  tool.set_parent_frame_id(kWorld);
+  tool.set_child_frame_id("tool");
+  put(tool_position_world_m, *tool.mutable_translation());
+  put(Quaternion::Identity(), *tool.mutable_rotation());
+  return wire.SerializeAsString();
+}
+
+std::string encode_log(std::uint64_t at_ns, bool is_warning, const std::string& message) {
+  foxglove::Log wire;
+  put(at_ns, *wire.mutable_timestamp());
+  wire.set_level(is_warning ? foxglove::Log::WARNING : foxglove::Log::INFO);
+  wire.set_message(message);
+  wire.set_name("viewer");
+  return wire.SerializeAsString();
+}
+
+std::optional<HandTarget> decode_page_target(std::string_view payload) {
+  v1::HandTarget wire;
+  if (payload.size() > kMostTargetBytes ||
+      !wire.ParseFromArray(payload.data(), static_cast<int>(payload.size()))) {
+    return std::nullopt;
+  }
+  // what the page leaves out is filled in by viewer_node; the rules are those of the codec
+  wire.mutable_header()->set_protocol_major(kProtocolMajor);
+  wire.mutable_header()->set_session_id(1);
+  wire.mutable_header()->set_sampled_at_ns(0);
+  wire.set_holder_id(1);
+  std::string frame = static_cast<char>(kKindOf<HandTarget>) + wire.SerializeAsString();
+  HandTarget target;
+  const auto bytes = std::as_bytes(std::span(frame));
+  if (Codec<HandTarget>().decode(bytes, target) != DecodeError::kNone) return std::nullopt;
+  return target;
+}
+
+}  // namespace palpate

@@ -1,0 +1,77 @@
+// viewer_codec.h — what viewer_node says to its web clients, as protobuf messages, and the one
+// message it takes from them. The bytes are payloads of the Foxglove protocol: no kind byte.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/core/scene_messages.h"
+#include "common/core/telemetry.h"
+#include "common/link/codec.h"
+
+namespace palpate {
+
+/// The FileDescriptorSet of a message and all it needs, dependencies first; binary.
+/// @param message  full name of a message of proto/, e.g. "palpate.v1.SceneState"
+[[nodiscard]] std::string schema_of(std::string_view message);
+
+/// The protobuf message alone.
+template <class T>
+[[nodiscard]] std::string payload_of(Codec<T>& codec, const T& message) {
+  std::string frame(codec.encode(message), '\0');
+  codec.write(reinterpret_cast<std::byte*>(frame.data()));
+  frame.erase(0, 1);
+  return frame;
+}
+
+/// palpate.v1.Health.
+struct ViewerHealth {
+  struct Node {
+    std::string name;
+    bool is_heard = false;
+    double silence_s = -1.0;
+    std::uint64_t sessions = 0;
+    std::uint64_t batches_lost = 0;
+    std::uint64_t records_lost = 0;
+  };
+  std::vector<Node> nodes{};
+  std::uint32_t clients = 0;
+  std::uint64_t messages_dropped = 0;
+  std::uint64_t frames_rejected = 0;
+  std::uint64_t hand_holder = 0;
+  std::string version;
+};
+[[nodiscard]] std::string encode_health(const ViewerHealth& health);
+
+/// palpate.v1.Telemetry. @param at_ns  since 1970
+[[nodiscard]] std::string encode_telemetry(std::uint64_t at_ns, const DeviceTick& device,
+                                           const std::optional<MofcTick>& mofc,
+                                           double transparency);
+
+// Foxglove's own schemas, all in frame "world".
+
+/// foxglove.PointCloud of float32 x, y, z. @param parts  x,y,z,x,y,z,… one after the other
+[[nodiscard]] std::string encode_point_cloud(std::uint64_t at_ns,
+                                             const std::vector<std::span<const float>>& parts);
+
+/// foxglove.SceneUpdate: the tool's tip, and the forces on the hand asked and applied as arrows.
+[[nodiscard]] std::string encode_tool(std::uint64_t at_ns, const Vector3& tool_position_world_m,
+                                      double tip_radius_m, const Vector3& asked_newton,
+                                      const Vector3& applied_newton);
+
+/// foxglove.FrameTransforms: frame "tool" in "world".
+[[nodiscard]] std::string encode_transforms(std::uint64_t at_ns,
+                                            const Vector3& tool_position_world_m);
+
+/// foxglove.Log.
+[[nodiscard]] std::string encode_log(std::uint64_t at_ns, bool is_warning,
+                                     const std::string& message);
+
+/// What a page may send: position and release; nothing if it is no valid HandTarget.
+[[nodiscard]] std::optional<HandTarget> decode_page_target(std::string_view payload);
+
+}  // namespace palpate

@@ -1,0 +1,134 @@
+#include "physics_node/scene_display.h"
+
+#include <algorithm>
+#include <limits>
+#include <variant>
+
+#include "physics_node/display_mesh.h"
+
+namespace palpate::physics {
+namespace {
+
+constexpr Duration kFrameInterval = std::chrono::nanoseconds(1'000'000'000 / 30);
+constexpr std::size_t kVerticesPerFrame = 100'000;  // 1.2 MB: a larger range goes in several
+constexpr double kPatchHalfExtent_m = 0.1;          // of the hand's motion, about an Omni's
+
+double relaxation_s(const KelvinVoigtMaterial& material) {
+  const double k = material.stiffness_newton_per_m;
+  const double b = material.damping_newton_s_per_m;
+  if (b == 0.0) return 0.0;
+  return k > 0.0 ? b / k : std::numeric_limits<double>::infinity();
+}
+
+}  // namespace
+
+SceneDisplay::SceneDisplay(const Session& session, std::uint64_t session_id,
+                           Sender<SceneState>& scene_out, Sender<MeshFrame>& mesh_out)
+    : session_(session), scene_out_(scene_out), mesh_out_(mesh_out) {
+  scene_.header.session_id = session_id;
+  frame_.header.session_id = session_id;
+  for (const TissueConfig& tissue : session.scene.tissues) {
+    shapes_.push_back(to_shape(tissue.geometry));
+  }
+}
+
+void SceneDisplay::build() {
+  if (scene_.revision > 0) return;
+  const WorkspaceConfig& workspace = session_.device.workspace;
+  scene_.revision = 1;
+  scene_.session_name = session_.name;
+  scene_.session_text = session_.text;
+  scene_.controller = controller_text(session_.mofc);
+  scene_.device_rate_hz = session_.device.rate_hz;
+  scene_.physics_rate_hz = session_.physics.rate_hz;
+  scene_.peak_force_newton = session_.device.peak_force_newton;
+  scene_.tip_radius_m = session_.scene.tip_radius_m;
+  scene_.workspace_scale_ratio = workspace.scale_ratio;
+  scene_.pointer = session_.hand.pointer;
+
+  const DisplayArea area{.center_m = workspace.offset_m,
+                         .half_extent_m = kPatchHalfExtent_m * workspace.scale_ratio};
+  for (std::size_t i = 0; i < shapes_.size(); ++i) {
+    const TissueConfig& tissue = session_.scene.tissues[i];
+    const Shape& shape = shapes_[i];
+    const auto view_of = [&shape](const Vector3& point_m) {
+      return std::visit([&](const auto& given) { return view(given, point_m); }, shape);
+    };
+    TissueSurface& surface = scene_.tissues.emplace_back();
+    surface.name = tissue.name;
+    surface.shape = shape_of(tissue.geometry);
+    surface.mesh = std::visit([&](const auto& given) { return display_mesh(given, area); }, shape);
+    std::optional<DentedSurface>& dent = dents_.emplace_back();
+    const auto* material = std::get_if<KelvinVoigtMaterial>(&tissue.material);
+    if (material == nullptr) continue;
+    surface.stiffness_newton_per_m = material->stiffness_newton_per_m;
+    surface.damping_newton_s_per_m = material->damping_newton_s_per_m;
+    if (surface.stiffness_newton_per_m + surface.damping_newton_s_per_m == 0.0) continue;
+    const auto* file = std::get_if<FileGeometry>(&tissue.geometry);
+    if (file != nullptr && !file->stiffness_property.empty()) {
+      for (std::size_t v = 0; v < surface.mesh.vertices_m.size(); v += 3) {
+        const float* at = &surface.mesh.vertices_m[v];
+        surface.vertex_stiffness_newton_per_m.push_back(
+            static_cast<float>(material->stiffness_newton_per_m *
+                               view_of(Vector3(at[0], at[1], at[2])).stiffness_ratio));
+      }
+    }
+    dent.emplace(surface.mesh, view_of, session_.scene.tip_radius_m, relaxation_s(*material));
+  }
+  frame_.scene_revision = scene_.revision;
+}
+
+void SceneDisplay::publish(const Watchers& watchers, const std::optional<PhysicsTick>& newest,
+                           TimePoint now) {
+  if (watchers.scene_subscriptions > served_.scene_subscriptions) {
+    build();
+    scene_.header.sampled_at = now;
+    scene_out_.send(scene_);
+    ++scene_.header.sequence;
+  }
+  served_.scene_subscriptions = watchers.scene_subscriptions;
+
+  // nobody looks on: what they would have seen is forgotten
+  if (!watchers.has_mesh_watcher) {
+    if (advanced_at_) {
+      for (auto& dent : dents_) {
+        if (dent) dent->reset();
+      }
+    }
+    advanced_at_.reset();
+    served_.mesh_subscriptions = watchers.mesh_subscriptions;
+    return;
+  }
+  const bool is_new_watcher = watchers.mesh_subscriptions > served_.mesh_subscriptions;
+  if (!newest || (now < next_frames_at_ && !is_new_watcher)) return;
+  next_frames_at_ = std::max(next_frames_at_ + kFrameInterval, now);
+  served_.mesh_subscriptions = watchers.mesh_subscriptions;
+
+  build();
+  const double elapsed_s = advanced_at_ ? to_seconds(now - *advanced_at_) : 0.0;
+  advanced_at_ = now;
+  for (std::size_t i = 0; i < dents_.size(); ++i) {
+    if (!dents_[i]) continue;
+    DentedSurface& dent = *dents_[i];
+    dent.advance(newest->tool_position_world_m, elapsed_s);
+    const auto range = is_new_watcher ? dent.take_dented() : dent.take_moved();
+    if (range) send(i, *range, newest->device_sequence, now);
+  }
+}
+
+void SceneDisplay::send(std::size_t tissue, const VertexRange& range, std::uint64_t device_sequence,
+                        TimePoint now) {
+  frame_.tissue = static_cast<std::uint32_t>(tissue);
+  frame_.device_sequence = device_sequence;
+  frame_.header.sampled_at = now;
+  for (std::size_t first = range.first; first < range.first + range.count;
+       first += kVerticesPerFrame) {
+    const std::size_t count = std::min(kVerticesPerFrame, range.first + range.count - first);
+    frame_.first_vertex = static_cast<std::uint32_t>(first);
+    frame_.vertices_m = dents_[tissue]->vertices_m({first, count});
+    mesh_out_.send(frame_);
+    ++frame_.header.sequence;
+  }
+}
+
+}  // namespace palpate::physics

@@ -1,0 +1,59 @@
+// scene_display.h — what viewers are told of the scene: once whole, then what moves.
+//
+//   out  hop 5  SceneState  physics → viewers  on every subscription
+//   out  hop 5  MeshFrame   physics → viewers  ≤ 30 Hz and tissue, of tissue that moved
+//
+// Nobody subscribed: no surface is made, no vertex computed, nothing encoded.
+// Thread: the publisher's. The step never waits for it and never sees it.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <optional>
+#include <vector>
+
+#include "common/core/ports.h"
+#include "common/core/scene_messages.h"
+#include "common/core/session.h"
+#include "common/core/telemetry.h"
+#include "physics_node/dented_surface.h"
+#include "physics_node/surface_files.h"
+
+namespace palpate::physics {
+
+/// Who looks on.
+struct Watchers {
+  std::uint64_t scene_subscriptions = 0;  ///< so far
+  std::uint64_t mesh_subscriptions = 0;   ///< so far
+  bool has_mesh_watcher = false;          ///< now
+};
+
+class SceneDisplay {
+ public:
+  /// All references must outlive it. @param session_id  physics_node's
+  /// @throws SetupError  if a file that a tissue's geometry names cannot be used
+  SceneDisplay(const Session& session, std::uint64_t session_id, Sender<SceneState>& scene_out,
+               Sender<MeshFrame>& mesh_out);
+
+  /// Sends what those who look on lack.
+  /// @param newest  physics step; none before the first motion
+  void publish(const Watchers& watchers, const std::optional<PhysicsTick>& newest, TimePoint now);
+
+ private:
+  void build();
+  void send(std::size_t tissue, const VertexRange& range, std::uint64_t device_sequence,
+            TimePoint now);
+
+  const Session& session_;
+  std::vector<Shape> shapes_;  // of the tissues
+  Sender<SceneState>& scene_out_;
+  Sender<MeshFrame>& mesh_out_;
+  SceneState scene_;  // revision 0: not built yet
+  MeshFrame frame_;
+  std::vector<std::optional<DentedSurface>> dents_;  // none: the tissue never gives way
+  Watchers served_;
+  TimePoint next_frames_at_{};
+  std::optional<TimePoint> advanced_at_;  // none: nobody looked on
+};
+
+}  // namespace palpate::physics

@@ -1,0 +1,217 @@
+// viewer_node as a user starts it: its clients see the scene, the scene follows a drag, and nothing
+// else that a client says has any effect.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <bit>
+#include <cstdlib>
+
+#include "common/link/codec.h"
+#include "common/runtime/session_file.h"
+#include "tests/support/program.h"
+#include "tests/support/temp_folder.h"
+#include "tests/support/watcher.h"
+#include "tests/support/web_client.h"
+
+namespace palpate {
+namespace {
+
+using namespace std::chrono_literals;
+using test::Program;
+using test::TempFolder;
+using test::Watcher;
+using test::WebClient;
+using testing::HasSubstr;
+
+/// A hand that rests 20 mm above soft tissue, and may be led.
+constexpr const char* kSession = R"(
+name: "page"
+realtime { priority: 0 cpu: -1 }
+device { rate_hz: 200 lease_us: 12500 }
+hand { pointer { speed_m_per_s: 0.5 } hold { position_m { z: 0.02 } } }
+mofc { controller: none stale_after_ms: 200 }
+scene {
+  tool { tip_radius_m: 0.003 }
+  tissue { half_space {} kelvin_voigt { stiffness_newton_per_m: 200 damping_newton_s_per_m: 1 } }
+}
+viewer { web { port: 0 } }
+)";
+
+// Channel numbers: order of the channels of viewer_node.
+constexpr int kScene = 1;
+constexpr int kMesh = 2;
+constexpr int kHealth = 6;
+
+class ViewerProcesses : public testing::Test {
+ protected:
+  ViewerProcesses() {
+    setenv("PALPATE_RUN_DIR", run_folder_.path().c_str(), 1);
+    file_ = files_.write("page.txtpb", kSession);
+  }
+  /// Starts all nodes; the viewer's port.
+  void launch(const std::vector<std::string>& more = {}) {
+    std::vector<std::string> arguments = {"launch", file_, "--no-realtime"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    launch_.emplace("palpate", arguments);
+    const std::string rest = launch_->await_err("event=web url=http://127.0.0.1:");
+    ASSERT_FALSE(rest.empty());
+    port_ = static_cast<std::uint16_t>(std::stoi(rest));
+  }
+  void stop() {
+    launch_->send_signal(SIGTERM);
+    EXPECT_EQ(launch_->wait(), 0);
+  }
+  static void subscribe(WebClient& client, int channel) {
+    client.send_text(R"({"op":"subscribe","subscriptions":[{"id":)" + std::to_string(channel) +
+                     R"(,"channelId":)" + std::to_string(channel) + "}]}");
+  }
+  static void advertise(WebClient& client) {
+    client.send_text(R"({"op":"advertise","channels":[{"id":1,"topic":"/hand_target",)"
+                     R"("encoding":"protobuf","schemaName":"palpate.v1.HandTarget"}]})");
+  }
+  /// A HandTarget { hand_position_m { z } is_released }, written by hand: field 3 of 9 bytes, in it
+  /// field 3, a double; field 4, a bool.
+  static void lead(WebClient& client, double z_m, bool is_released = false) {
+    const auto bits = std::bit_cast<std::array<char, 8>>(z_m);
+    const std::string target =
+        std::string("\x1a\x09\x19") + std::string(bits.data(), 8) + (is_released ? "\x20\x01" : "");
+    client.send_raw(WebClient::frame(2, std::string("\x01\x01\0\0\0", 5) + target));
+  }
+  template <class T>
+  static T decoded(const std::string& payload) {
+    const std::string frame = static_cast<char>(kKindOf<T>) + payload;
+    T message;
+    EXPECT_EQ(Codec<T>().decode(std::as_bytes(std::span(frame)), message), DecodeError::kNone);
+    return message;
+  }
+
+  TempFolder run_folder_;
+  TempFolder files_;
+  std::string file_;
+  std::optional<Program> launch_;
+  std::uint16_t port_ = 0;
+};
+
+TEST_F(ViewerProcesses, ALateViewerHasTheWholeSceneWithinASecond) {
+  launch();
+  for (int i = 0; i < 3; ++i) {
+    WebClient client(port_);
+    ASSERT_TRUE(client.open_web_socket());
+    const auto begin = std::chrono::steady_clock::now();
+    subscribe(client, kScene);
+    const auto payload = client.await_data(kScene);
+    const auto took = std::chrono::steady_clock::now() - begin;
+
+    ASSERT_TRUE(payload.has_value());
+    EXPECT_LT(took, 1s);
+    const auto scene = decoded<SceneState>(*payload);
+    EXPECT_EQ(scene.session_name, "page");
+    ASSERT_EQ(scene.tissues.size(), 1u);
+    EXPECT_GT(scene.tissues[0].mesh.vertex_count(), 1000u);
+    EXPECT_TRUE(scene.pointer.has_value());
+  }
+  stop();
+}
+
+TEST_F(ViewerProcesses, ADragMovesTheHandDeformsTheTissueAndIsFelt) {
+  launch();
+  ProcessLinks links({.priority = 0, .cpu = -1});
+  Watcher watcher(load_session(file_), links);
+  WebClient page(port_);
+  ASSERT_TRUE(page.open_web_socket());
+  subscribe(page, kMesh);
+  advertise(page);
+  ASSERT_TRUE(watcher.until([&] { return watcher.sees_all_nodes(); }));
+
+  // 10 mm below the surface: the spring of 150 N/m against 200 N/m gives about 0.8 N
+  ASSERT_TRUE(watcher.until([&] {
+    lead(page, -0.01);
+    if (watcher.rows().empty()) return false;
+    const auto& device = watcher.rows().back().device;
+    return device.measured_tool_position_world_m.z() < 0.0 && device.force_on_hand_newton.z() > 0.3;
+  }));
+
+  const auto payload = page.await_data(kMesh);
+  ASSERT_TRUE(payload.has_value());
+  EXPECT_EQ(decoded<MeshFrame>(*payload).tissue, 0u);
+
+  // another page may not take the hand, and is told so; once it is let go of, it may
+  WebClient other(port_);
+  ASSERT_TRUE(other.open_web_socket());
+  advertise(other);
+  lead(page, -0.01);
+  lead(other, 0.05);
+  EXPECT_THAT(other.await_text("another page leads the hand"), HasSubstr("\"level\":1"));
+  lead(page, -0.01, true);
+  EXPECT_THAT(other.await_text("removeStatus"), HasSubstr("hand"));
+  EXPECT_TRUE(watcher.until([&] {
+    lead(other, 0.05);
+    return watcher.rows().back().device.measured_hand_position_m.z() > 0.04;
+  }));
+  stop();
+}
+
+TEST_F(ViewerProcesses, WithoutPermissionAPageOnlyLooks) {
+  file_ = files_.write(
+      "look.txtpb", std::string(kSession).replace(std::string(kSession).find("pointer"), 31, ""));
+  launch();
+  WebClient page(port_);
+  ASSERT_TRUE(page.open_web_socket());
+  EXPECT_THAT(page.await_text("serverInfo"), HasSubstr("\"capabilities\":[]"));
+  advertise(page);
+  EXPECT_THAT(page.await_text("status"), HasSubstr("not supported"));
+  lead(page, 0.05);
+  EXPECT_THAT(page.await_text("status"), HasSubstr("advertised channel"));
+  stop();
+}
+
+TEST_F(ViewerProcesses, AKilledNodeIsToldOfWithinTwoSeconds) {
+  launch();
+  const std::string pid = launch_->await_err("event=node_started node=physics pid=");
+  WebClient page(port_);
+  ASSERT_TRUE(page.open_web_socket());
+  subscribe(page, kHealth);
+  const std::string heard = std::string("\x0a\x07") + "physics\x10\x01";
+  std::optional<std::string> health;
+  do health = page.await_data(kHealth);
+  while (health && health->find(heard) == std::string::npos);
+  ASSERT_TRUE(health.has_value());
+
+  kill(std::stoi(pid), SIGSTOP);  // silent, and not restarted
+  // is_heard, field 2 of the node named physics, is absent when false
+  const std::string silent = std::string("\x0a\x07") + "physics\x19";
+  const auto begin = std::chrono::steady_clock::now();
+  bool is_told = false;
+  while (!is_told && std::chrono::steady_clock::now() - begin < 2s) {
+    const auto payload = page.await_data(kHealth);
+    ASSERT_TRUE(payload.has_value());
+    is_told = payload->find(silent) != std::string::npos;
+  }
+  EXPECT_TRUE(is_told);
+  kill(std::stoi(pid), SIGCONT);
+  stop();
+}
+
+TEST_F(ViewerProcesses, ListensElsewhereOnlyWithAToken) {
+  const auto open = test::run_program(
+      "viewer_node", {"--session", file_, "--listen", "0.0.0.0:0", "--seconds", "1"});
+  EXPECT_EQ(open.status, 2);
+  EXPECT_THAT(open.err, HasSubstr("--token-file"));
+
+  const std::string weak = files_.write("weak", "short\n");
+  const auto guessed = test::run_program(
+      "viewer_node",
+      {"--session", file_, "--listen", "0.0.0.0:0", "--token-file", weak, "--seconds", "1"});
+  EXPECT_EQ(guessed.status, 2);
+  EXPECT_THAT(guessed.err, HasSubstr("at least 16"));
+
+  for (const char* wrong : {"127.0.0.1", "8765", ":1", "127.0.0.1:65536", "127.0.0.1:x"}) {
+    const auto listen =
+        test::run_program("viewer_node", {"--session", file_, "--listen", wrong, "--seconds", "1"});
+    EXPECT_EQ(listen.status, 2) << wrong;
+    EXPECT_THAT(listen.err, HasSubstr("ADDRESS:PORT")) << wrong;
+  }
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,328 @@
+// The web server on real sockets: clients that behave, and clients that do not.
+#include "viewer_node/web_server.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <memory>
+#include <thread>
+#include <vector>
+
+#include "common/core/check.h"
+#include "common/core/random.h"
+#include "tests/support/web_client.h"
+
+namespace palpate::viewer {
+namespace {
+
+using namespace std::chrono_literals;
+using test::WebClient;
+using testing::HasSubstr;
+
+class WebServerTest : public testing::Test {
+ protected:
+  WebServerTest() {
+    ServerDescription description{
+        .name = "viewer_node 1", .session_id = "s", .session_name = "probe"};
+    description.channels = {{"/a", "p.A", ""}, {"/b", "p.B", ""}};
+    description.accepts_hand_targets = true;
+    server_ = std::make_unique<WebServer>(WebServerConfig{.port = 0}, description);
+  }
+
+  [[nodiscard]] std::unique_ptr<WebClient> connect() const {
+    return std::make_unique<WebClient>(server_->port());
+  }
+  /// A client that has read its greeting.
+  [[nodiscard]] std::unique_ptr<WebClient> viewer() const {
+    auto client = connect();
+    EXPECT_TRUE(client->open_web_socket());
+    EXPECT_THAT(client->await_text("serverInfo"), HasSubstr("viewer_node 1"));
+    EXPECT_THAT(client->await_text("advertise"), HasSubstr("/a"));
+    return client;
+  }
+  void subscribe(WebClient& client, int id, int channel) const {
+    client.send_text(R"({"op":"subscribe","subscriptions":[{"id":)" + std::to_string(id) +
+                     R"(,"channelId":)" + std::to_string(channel) + "}]}");
+  }
+  [[nodiscard]] bool eventually(const std::function<bool()>& event) const {
+    const auto deadline = std::chrono::steady_clock::now() + 10s;
+    while (!event()) {
+      if (std::chrono::steady_clock::now() > deadline) return false;
+      std::this_thread::sleep_for(1ms);
+    }
+    return true;
+  }
+  /// The answer to one request on a connection of its own.
+  [[nodiscard]] std::string answer(const std::string& request) const {
+    const auto client = connect();
+    client->send_raw(request);
+    return client->read_head();
+  }
+  void expect_alive() const {
+    EXPECT_THAT(answer("GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n"),
+                HasSubstr("HTTP/1.1 200 OK"));
+  }
+  static Payload payload(const std::string& text) {
+    return std::make_shared<const std::string>(text);
+  }
+
+  std::unique_ptr<WebServer> server_;
+};
+
+// --- clients that behave ------------------------------------------------------------------------
+
+TEST_F(WebServerTest, ServesThePageWithItsPolicy) {
+  const std::string head = answer("GET / HTTP/1.1\r\nHost: localhost\r\n\r\n");
+  EXPECT_THAT(head, HasSubstr("HTTP/1.1 200 OK"));
+  EXPECT_THAT(head, HasSubstr("Content-Type: text/html"));
+  EXPECT_THAT(head, HasSubstr("Content-Security-Policy: default-src 'self'"));
+  EXPECT_THAT(head, HasSubstr("frame-ancestors 'none'"));
+  EXPECT_THAT(head, HasSubstr("X-Content-Type-Options: nosniff"));
+}
+
+TEST_F(WebServerTest, AnswersSeveralRequestsOnOneConnection) {
+  const auto client = connect();
+  for (int i = 0; i < 3; ++i) {
+    ASSERT_TRUE(client->send_raw("HEAD /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n"));
+    EXPECT_THAT(client->read_head(), HasSubstr("HTTP/1.1 200 OK"));
+  }
+}
+
+TEST_F(WebServerTest, EchoesTheSubprotocol) {
+  const auto client = connect();
+  client->send_raw(WebClient::upgrade());
+  const std::string head = client->read_head();
+  EXPECT_THAT(head, HasSubstr("101"));
+  EXPECT_THAT(head, HasSubstr("Sec-WebSocket-Protocol: foxglove.sdk.v1"));
+  // RFC 6455 §1.3: the answer to this key
+  EXPECT_THAT(head, HasSubstr("s3pPLMBiTxaQ9kYGzzhZRbK+xOo="));
+}
+
+TEST_F(WebServerTest, NeverCompressesMessages) {
+  const auto client = connect();
+  client->send_raw(WebClient::upgrade("Sec-WebSocket-Extensions: permessage-deflate\r\n"));
+  EXPECT_THAT(client->read_head(), testing::Not(HasSubstr("deflate")));
+}
+
+TEST_F(WebServerTest, PublishesToThoseWhoSubscribed) {
+  const auto first = viewer();
+  const auto second = viewer();
+  EXPECT_FALSE(server_->is_watched(0));
+  subscribe(*first, 9, 1);
+  subscribe(*second, 8, 2);
+  ASSERT_TRUE(eventually([&] { return server_->is_watched(0) && server_->is_watched(1); }));
+
+  server_->publish(0, 258, payload("to a"));
+  server_->publish(1, 0, payload("to b"));
+
+  const auto message = first->next();
+  ASSERT_TRUE(message.has_value());
+  // opcode 1, subscription 9, time 258 = 02 01
+  EXPECT_EQ(message->payload, std::string("\x01\x09\0\0\0\x02\x01\0\0\0\0\0\0to a", 17));
+  EXPECT_EQ(second->await_data(8), "to b");
+}
+
+TEST_F(WebServerTest, TellsWhoSubscribedAndWhoLeft) {
+  auto client = viewer();
+  subscribe(*client, 1, 2);
+  std::vector<WebServer::Event> events;
+  ASSERT_TRUE(eventually([&] { return !(events = server_->take_events()).empty(); }));
+  EXPECT_EQ(events[0].kind, WebServer::Event::Kind::kSubscribed);
+  EXPECT_EQ(events[0].channel, 1u);
+  const std::uint64_t id = events[0].client;
+  server_->send_to(id, 1, 0, payload("only you"));
+  EXPECT_EQ(client->await_data(1), "only you");
+  EXPECT_EQ(server_->counters().clients, 1u);
+
+  client.reset();
+
+  ASSERT_TRUE(eventually([&] { return !(events = server_->take_events()).empty(); }));
+  EXPECT_EQ(events[0].kind, WebServer::Event::Kind::kLeft);
+  EXPECT_EQ(events[0].client, id);
+  EXPECT_FALSE(server_->is_watched(1));
+  EXPECT_EQ(server_->counters().clients, 0u);
+}
+
+TEST_F(WebServerTest, HandsOnOnlyTheNewestHandTargetOfAClient) {
+  const auto client = viewer();
+  client->send_text(R"({"op":"advertise","channels":[{"id":1,"topic":"/hand_target",)"
+                    R"("encoding":"protobuf","schemaName":"palpate.v1.HandTarget"}]})");
+  for (int i = 0; i < 1000; ++i) {
+    client->send_raw(WebClient::frame(2, std::string("\x01\x01\0\0\0", 5) + std::to_string(i)));
+  }
+  client->send_text("{\"op\":\"the end\"}");
+  ASSERT_THAT(client->await_text("the end"), HasSubstr("not supported"));
+
+  const auto events = server_->take_events();
+
+  ASSERT_EQ(events.size(), 1u);
+  EXPECT_EQ(events[0].kind, WebServer::Event::Kind::kHandTarget);
+  EXPECT_EQ(events[0].hand_target, "999");
+}
+
+TEST_F(WebServerTest, ASlowClientLosesItsOldestDataIsToldAndHoldsUpNobody) {
+  const auto slow = viewer();
+  const auto quick = viewer();
+  slow->read_slowly();
+  subscribe(*slow, 1, 1);
+  subscribe(*quick, 1, 1);
+  std::vector<WebServer::Event> events;
+  ASSERT_TRUE(eventually([&] {
+    for (auto& event : server_->take_events()) events.push_back(std::move(event));
+    return events.size() == 2;
+  }));
+
+  // 200 of 100 kB: 20 MB, of which 8 MB may wait
+  const std::string filling(100'000, 'x');
+  for (int i = 0; i < 200; ++i) {
+    server_->publish(0, 0, payload(std::to_string(i) + ' ' + filling));
+    const auto data = quick->await_data(1);
+    ASSERT_TRUE(data.has_value());
+    ASSERT_TRUE(data->starts_with(std::to_string(i) + ' '));
+  }
+
+  EXPECT_GT(server_->counters().dropped, 0u);
+  EXPECT_THAT(slow->await_text("status"), HasSubstr("\"Send buffer limit reached\""));
+  // what it gets in the end is the newest
+  server_->publish(0, 0, payload("last"));
+  std::optional<std::string> data;
+  do data = slow->await_data(1);
+  while (data && *data != "last");
+  EXPECT_EQ(data, "last");
+}
+
+// --- clients that do not ------------------------------------------------------------------------
+
+TEST_F(WebServerTest, RefusesRequestsThatAreNone) {
+  EXPECT_THAT(answer("\r\n\r\n\x01\x02 garbage\r\n\r\n"), HasSubstr("400"));
+  EXPECT_THAT(answer("GET / HTTP/1.1\r\n\r\n"), HasSubstr("403"));  // no Host
+  EXPECT_THAT(answer("GET / HTTP/1.1\r\nHost: localhost\r\nHost: evil.example\r\n\r\n"),
+              HasSubstr("403"));
+  EXPECT_THAT(answer("POST / HTTP/1.1\r\nHost: localhost\r\nContent-Length: 5\r\n\r\nhello"),
+              HasSubstr("400"));
+  EXPECT_THAT(
+      answer("GET / HTTP/1.1\r\nHost: localhost\r\nTransfer-Encoding: chunked\r\n\r\n0\r\n\r\n"),
+      HasSubstr("400"));
+  EXPECT_THAT(
+      answer("GET / HTTP/1.1\r\nHost: localhost\r\nX: " + std::string(9000, 'a') + "\r\n\r\n"),
+      HasSubstr("400"));
+  expect_alive();
+}
+
+TEST_F(WebServerTest, RefusesPagesOfAnotherOriginAndNamesOfOthers) {
+  EXPECT_THAT(answer(WebClient::upgrade("Origin: http://evil.example\r\n")), HasSubstr("403"));
+  EXPECT_THAT(answer(WebClient::upgrade("Origin: null\r\n")), HasSubstr("403"));
+  EXPECT_THAT(answer(WebClient::upgrade("Origin: http://localhost\r\n")), HasSubstr("101"));
+  EXPECT_THAT(answer("GET / HTTP/1.1\r\nHost: evil.example\r\n\r\n"), HasSubstr("403"));
+  EXPECT_THAT(answer(WebClient::upgrade({}, "/elsewhere")), HasSubstr("404"));
+}
+
+TEST_F(WebServerTest, CutsOffWhoBreaksTheWebSocketProtocol) {
+  const std::string masked_text = WebClient::frame(1, "{}");
+  for (const std::string& bytes :
+       {WebClient::frame(1, "{}", false),                     // not masked
+        WebClient::frame(3, "x"), WebClient::frame(15, "x"),  // opcodes that do not exist
+        WebClient::frame(1, "\xff\xfe"),                      // not UTF-8
+        WebClient::frame(1, std::string(70'000, 'a')),        // too large
+        std::string("\x81\xff\xff\xff\xff\xff\xff\xff\xff\xff"
+                    "abcd"),  // 2^64 − 1 bytes
+        std::string("\x82\xff\x7f\xff\xff\xff\xff\xff\xff\xff"
+                    "abcd"),
+        std::string("\xf1\x80"
+                    "abcd"),                            // reserved bits
+        WebClient::frame(9, std::string(200, 'p'))}) {  // a ping that is too long
+    auto client = viewer();
+    client->send_raw(bytes);
+    while (client->next()) {
+    }  // the server ends it
+    client.reset();
+    EXPECT_TRUE(eventually([&] { return server_->counters().clients == 0; }));
+  }
+  expect_alive();
+}
+
+TEST_F(WebServerTest, SurvivesAnyBytes) {
+  for (std::uint64_t seed = 1; seed <= 200; ++seed) {
+    Random random(seed);
+    std::string bytes(random.below(400), '\0');
+    for (char& c : bytes) c = static_cast<char>(random.below(256));
+    const auto client = connect();
+    if (random.chance(0.5)) {
+      client->send_raw(bytes);
+    } else {
+      // a request with some bytes wrong, then some noise as a WebSocket
+      std::string request = WebClient::upgrade();
+      for (std::uint64_t i = random.below(4); i > 0; --i) {
+        request[random.below(request.size())] = static_cast<char>(random.below(256));
+      }
+      client->send_raw(request + bytes);
+    }
+  }
+  expect_alive();
+}
+
+TEST_F(WebServerTest, TakesSixteenViewersAndNoMore) {
+  std::vector<std::unique_ptr<WebClient>> viewers;
+  for (int i = 0; i < 16; ++i) viewers.push_back(viewer());
+  EXPECT_THAT(answer(WebClient::upgrade()), HasSubstr("503"));
+
+  viewers.pop_back();
+  EXPECT_TRUE(eventually([&] { return answer(WebClient::upgrade()).find("101") < 20; }));
+}
+
+TEST_F(WebServerTest, HundredsOfIdleConnectionsDoNotKeepAViewerOut) {
+  const auto client = viewer();
+  subscribe(*client, 1, 1);
+  ASSERT_TRUE(eventually([&] { return server_->is_watched(0); }));
+  std::vector<std::unique_ptr<WebClient>> idle;
+  for (int i = 0; i < 300; ++i) idle.push_back(connect());
+  ASSERT_TRUE(eventually([&] { return server_->counters().refused > 200; }));
+
+  server_->publish(0, 0, payload("still here"));
+  EXPECT_EQ(client->await_data(1), "still here");
+
+  idle.clear();
+  EXPECT_TRUE(eventually([&] {
+    return answer("GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n").find("200 OK") < 20;
+  }));
+}
+
+// --- listening ----------------------------------------------------------------------------------
+
+TEST_F(WebServerTest, APortInUseIsTheUsersProblemOrReplaced) {
+  WebServerConfig config{.port = server_->port()};
+  try {
+    const WebServer second(config, {});
+    FAIL() << "two servers on one port";
+  } catch (const SetupError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("in use"));
+  }
+
+  config.may_move = true;
+  const WebServer second(config, {});
+  EXPECT_NE(second.port(), server_->port());
+  EXPECT_EQ(second.url(), "http://127.0.0.1:" + std::to_string(second.port()) + "/");
+}
+
+TEST_F(WebServerTest, AnAddressThatIsNoneIsTheUsersProblem) {
+  EXPECT_THROW(WebServer({.address = "nowhere", .port = 0}, {}), SetupError);
+  EXPECT_THROW(WebServer({.address = "192.0.2.1", .port = 0}, {}), SetupError);  // not ours
+}
+
+TEST_F(WebServerTest, EndsWithClientsConnectedAndDataOnItsWay) {
+  const auto client = viewer();
+  client->read_slowly();
+  subscribe(*client, 1, 1);
+  ASSERT_TRUE(eventually([&] { return server_->is_watched(0); }));
+  for (int i = 0; i < 50; ++i) server_->publish(0, 0, payload(std::string(100'000, 'x')));
+
+  server_.reset();
+
+  while (client->next()) {
+  }
+  SUCCEED();
+}
+
+}  // namespace
+}  // namespace palpate::viewer

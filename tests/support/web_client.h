@@ -1,0 +1,168 @@
+// web_client.h — a plain TCP client that speaks just enough HTTP and WebSocket to test a server,
+// and anything else that a test wants to say. Nothing of the server's own code is in it.
+#pragma once
+
+#include <arpa/inet.h>
+#include <netinet/in.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <utility>
+
+namespace palpate::test {
+
+class WebClient {
+ public:
+  static constexpr auto kDeadline = std::chrono::seconds(10);
+
+  explicit WebClient(std::uint16_t port)
+      : socket_(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    address.sin_port = htons(port);
+    is_connected_ = connect(socket_, reinterpret_cast<sockaddr*>(&address), sizeof(address)) == 0;
+  }
+  ~WebClient() { close(socket_); }
+  WebClient(const WebClient&) = delete;
+  WebClient& operator=(const WebClient&) = delete;
+
+  [[nodiscard]] bool is_connected() const { return is_connected_; }
+  /// A small receive buffer, so that the server soon notices a client that does not read.
+  void read_slowly() const {
+    const int bytes = 64 << 10;
+    setsockopt(socket_, SOL_SOCKET, SO_RCVBUF, &bytes, sizeof(bytes));
+  }
+
+  /// As it is. False if the server has closed the connection.
+  bool send_raw(const std::string& bytes) const {
+    std::size_t sent = 0;
+    while (sent < bytes.size()) {
+      const ssize_t n = ::send(socket_, bytes.data() + sent, bytes.size() - sent, MSG_NOSIGNAL);
+      if (n <= 0) return false;
+      sent += static_cast<std::size_t>(n);
+    }
+    return true;
+  }
+
+  /// What comes until the server closes or the deadline; for small answers.
+  std::string read_to_end() {
+    while (read_more()) {
+    }
+    return std::exchange(received_, {});
+  }
+  /// Head of an HTTP answer, with its blank line; "" if the connection ends first.
+  std::string read_head() {
+    for (;;) {
+      const std::size_t end = received_.find("\r\n\r\n");
+      if (end != std::string::npos) {
+        std::string head = received_.substr(0, end + 4);
+        received_.erase(0, end + 4);
+        return head;
+      }
+      if (!read_more()) return {};
+    }
+  }
+
+  static std::string upgrade(const std::string& extra = {}, const std::string& target = "/") {
+    return "GET " + target +
+           " HTTP/1.1\r\nHost: localhost\r\nConnection: Upgrade\r\nUpgrade: websocket\r\n"
+           "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
+           "Sec-WebSocket-Protocol: foxglove.sdk.v1\r\n" +
+           extra + "\r\n";
+  }
+  /// Whether the server became a WebSocket.
+  bool open_web_socket(const std::string& extra = {}) {
+    return send_raw(upgrade(extra)) && read_head().starts_with("HTTP/1.1 101");
+  }
+
+  /// One masked frame. @param opcode  1 text, 2 binary, 8 close, 9 ping
+  static std::string frame(int opcode, const std::string& payload, bool is_masked = true) {
+    std::string bytes(1, static_cast<char>(0x80 | opcode));
+    const int mask_bit = is_masked ? 0x80 : 0;
+    if (payload.size() < 126) {
+      bytes += static_cast<char>(mask_bit | static_cast<int>(payload.size()));
+    } else {
+      bytes += static_cast<char>(mask_bit | 127);
+      for (int shift = 56; shift >= 0; shift -= 8) {
+        bytes += static_cast<char>(payload.size() >> shift);
+      }
+    }
+    const std::string mask = is_masked ? "abcd" : "";
+    bytes += mask;
+    for (std::size_t i = 0; i < payload.size(); ++i) {
+      bytes += is_masked ? static_cast<char>(payload[i] ^ mask[i % 4]) : payload[i];
+    }
+    return bytes;
+  }
+  bool send_text(const std::string& text) const { return send_raw(frame(1, text)); }
+
+  struct Message {
+    int opcode = 0;
+    std::string payload;
+  };
+  /// The next frame of the server; none if the connection ends or at the deadline.
+  std::optional<Message> next() {
+    for (;;) {
+      std::size_t head = 2;
+      std::uint64_t size = 0;
+      if (received_.size() >= head) {
+        const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(received_[i]); };
+        const unsigned announced = byte(1) & 0x7fU;
+        head += announced == 126 ? 2 : announced == 127 ? 8 : 0;
+        if (received_.size() >= head) {
+          size = announced < 126 ? announced : 0;
+          for (std::size_t i = 2; announced >= 126 && i < head; ++i) size = size << 8 | byte(i);
+          if (received_.size() >= head + size) {
+            Message message{byte(0) & 0x0f, received_.substr(head, size)};
+            received_.erase(0, head + size);
+            return message;
+          }
+        }
+      }
+      if (!read_more()) return std::nullopt;
+    }
+  }
+  /// The next text that contains `part`; "" if none comes.
+  std::string await_text(const std::string& part) {
+    while (const auto message = next()) {
+      if (message->opcode == 1 && message->payload.find(part) != std::string::npos) {
+        return message->payload;
+      }
+    }
+    return {};
+  }
+  /// The payload of the next data frame of the subscription; none if none comes.
+  std::optional<std::string> await_data(std::uint8_t subscription) {
+    while (const auto message = next()) {
+      if (message->opcode == 2 && message->payload.size() >= 13 &&
+          static_cast<std::uint8_t>(message->payload[1]) == subscription) {
+        return message->payload.substr(13);
+      }
+    }
+    return std::nullopt;
+  }
+
+ private:
+  bool read_more() {
+    pollfd descriptor{.fd = socket_, .events = POLLIN, .revents = 0};
+    const auto ms = std::chrono::duration_cast<std::chrono::milliseconds>(kDeadline).count();
+    if (poll(&descriptor, 1, static_cast<int>(ms)) <= 0) return false;
+    char buffer[65536];
+    const ssize_t n = recv(socket_, buffer, sizeof(buffer), 0);
+    if (n <= 0) return false;
+    received_.append(buffer, static_cast<std::size_t>(n));
+    return true;
+  }
+
+  int socket_;
+  bool is_connected_ = false;
+  std::string received_;
+};
+
+}  // namespace palpate::test

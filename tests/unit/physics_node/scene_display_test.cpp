@@ -1,0 +1,218 @@
+// What viewers are told, and that nothing is told or computed for nobody.
+#include "physics_node/scene_display.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "physics_node/ply.h"
+#include "tests/support/sampled_clouds.h"
+#include "tests/support/temp_folder.h"
+
+namespace palpate::physics {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::IsEmpty;
+using testing::SizeIs;
+
+template <class T>
+class Kept final : public Sender<T> {
+ public:
+  SendResult send(const T& message) noexcept override {
+    messages.push_back(message);
+    return SendResult::kSent;
+  }
+  std::vector<T> messages;
+};
+
+class SceneDisplayTest : public testing::Test {
+ protected:
+  SceneDisplayTest() {
+    session_.name = "probe";
+    session_.text = "name: \"probe\"";
+    session_.device.rate_hz = 500;
+    session_.scene.tip_radius_m = 0.003;
+    session_.hand.pointer = PointerConfig{};
+    // two blocks side by side, tops at z = 0; the second is 1 m away. τ = 2/200 = 10 ms
+    const KelvinVoigtMaterial soft{.stiffness_newton_per_m = 200, .damping_newton_s_per_m = 2};
+    for (const double x : {0.0, 1.0}) {
+      session_.scene.tissues.push_back({.name = "block at " + std::to_string(static_cast<int>(x)),
+                                        .geometry = BoxGeometry{.center_m = Vector3(x, 0, -0.02),
+                                                                .size_m = Vector3(0.1, 0.1, 0.04)},
+                                        .material = soft});
+    }
+    display_.emplace(session_, 77, scenes_, meshes_);
+  }
+
+  /// The tip `depth_m` deep in the first block, `later` than before.
+  void publish(double depth_m, Duration later = 20ms) {
+    now_ += later;
+    PhysicsTick tick;
+    tick.device_sequence = 9;
+    tick.tool_position_world_m = Vector3(0, 0, 0.003 - depth_m);
+    display_->publish(watchers_, tick, now_);
+  }
+  void watch_mesh() {
+    ++watchers_.mesh_subscriptions;
+    watchers_.has_mesh_watcher = true;
+  }
+
+  Session session_;
+  Kept<SceneState> scenes_;
+  Kept<MeshFrame> meshes_;
+  std::optional<SceneDisplay> display_;
+  Watchers watchers_;
+  TimePoint now_{1s};
+};
+
+TEST_F(SceneDisplayTest, TellsNobodyNothing) {
+  for (int i = 0; i < 10; ++i) publish(2e-3);
+  EXPECT_THAT(scenes_.messages, IsEmpty());
+  EXPECT_THAT(meshes_.messages, IsEmpty());
+}
+
+TEST_F(SceneDisplayTest, TellsTheWholeSceneOncePerSubscription) {
+  watchers_.scene_subscriptions = 1;
+  for (int i = 0; i < 3; ++i) publish(0.0);
+  ASSERT_THAT(scenes_.messages, SizeIs(1));
+  const SceneState& scene = scenes_.messages[0];
+  EXPECT_EQ(scene.header.session_id, 77u);
+  EXPECT_EQ(scene.revision, 1u);
+  EXPECT_EQ(scene.session_name, "probe");
+  EXPECT_EQ(scene.session_text, "name: \"probe\"");
+  EXPECT_EQ(scene.controller, "mofc guard");
+  EXPECT_EQ(scene.device_rate_hz, 500.0);
+  EXPECT_EQ(scene.tip_radius_m, 0.003);
+  EXPECT_TRUE(scene.pointer.has_value());
+  ASSERT_THAT(scene.tissues, SizeIs(2));
+  EXPECT_EQ(scene.tissues[1].name, "block at 1");
+  EXPECT_EQ(scene.tissues[1].shape, TissueShape::kBox);
+  EXPECT_EQ(scene.tissues[1].stiffness_newton_per_m, 200.0);
+  EXPECT_EQ(scene.tissues[1].damping_newton_s_per_m, 2.0);
+  EXPECT_FALSE(scene.tissues[1].mesh.triangles.empty());
+
+  watchers_.scene_subscriptions = 2;
+  publish(0.0);
+  ASSERT_THAT(scenes_.messages, SizeIs(2));
+  EXPECT_EQ(scenes_.messages[1].header.sequence, 1u);
+  EXPECT_EQ(scenes_.messages[1].revision, 1u);
+}
+
+TEST_F(SceneDisplayTest, TellsOfTissueThatMovesAndOfNoOther) {
+  watch_mesh();
+  publish(-1e-3);
+  EXPECT_THAT(meshes_.messages, IsEmpty());
+
+  publish(2e-3, 40ms);
+  ASSERT_THAT(meshes_.messages, SizeIs(1));
+  const MeshFrame& frame = meshes_.messages[0];
+  EXPECT_EQ(frame.header.session_id, 77u);
+  EXPECT_EQ(frame.header.sampled_at, now_);
+  EXPECT_EQ(frame.scene_revision, 1u);
+  EXPECT_EQ(frame.tissue, 0u);
+  EXPECT_EQ(frame.device_sequence, 9u);
+
+  // held still: nothing moves
+  publish(2e-3, 40ms);
+  EXPECT_THAT(meshes_.messages, SizeIs(1));
+  // let go: 10 ms later a bit is left, 1 s later nothing
+  publish(-1e-3, 40ms);
+  publish(-1e-3, 1s);
+  const std::size_t frames = meshes_.messages.size();
+  EXPECT_EQ(frames, 3u);
+  publish(-1e-3, 1s);
+  EXPECT_THAT(meshes_.messages, SizeIs(frames));
+}
+
+TEST_F(SceneDisplayTest, TellsAtMostThirtyTimesASecond) {
+  watch_mesh();
+  // 2 s of 20 ms, the tip deeper each time
+  for (int i = 0; i < 100; ++i) publish(1e-3 + 5e-5 * i);
+  EXPECT_LE(meshes_.messages.size(), 61u);
+  EXPECT_GE(meshes_.messages.size(), 50u);
+}
+
+TEST_F(SceneDisplayTest, TellsALateViewerOfADentThatIsHeld) {
+  watch_mesh();
+  publish(2e-3);
+  publish(2e-3, 40ms);
+  ASSERT_THAT(meshes_.messages, SizeIs(1));
+
+  watch_mesh();
+  publish(2e-3, 1ms);
+
+  ASSERT_THAT(meshes_.messages, SizeIs(2));
+  EXPECT_EQ(meshes_.messages[1].vertices_m, meshes_.messages[0].vertices_m);
+}
+
+TEST_F(SceneDisplayTest, ForgetsWhatNobodyWatched) {
+  watch_mesh();
+  publish(2e-3);
+  watchers_.has_mesh_watcher = false;
+  publish(2e-3);
+  publish(-1e-3);
+
+  watch_mesh();
+  publish(-1e-3);
+
+  EXPECT_THAT(meshes_.messages, SizeIs(1));  // the one from before: there is no dent now
+}
+
+TEST_F(SceneDisplayTest, SaysNothingOfMotionBeforeThereIsAny) {
+  watch_mesh();
+  watchers_.scene_subscriptions = 1;
+  display_->publish(watchers_, std::nullopt, now_);
+  EXPECT_THAT(scenes_.messages, SizeIs(1));
+  EXPECT_THAT(meshes_.messages, IsEmpty());
+}
+
+// A ball of 40 mm whose top is at z = 0, three times as stiff as its material everywhere.
+TEST_F(SceneDisplayTest, ShowsTissueFromAFileAndItsDent) {
+  const test::TempFolder folder;
+  Random random(1);
+  PointCloud cloud =
+      test::sampled(test::sphere_shape(0.02), 1e-3, 0.0, true, test::Sampling::kEven, random);
+  cloud.stiffness_ratios.assign(cloud.points_m.size(), 3.0);
+  session_.scene.tissues[0].geometry =
+      FileGeometry{.kind = FileGeometry::Kind::kPointCloud,
+                   .file = folder.write("ball.ply", ply_text(cloud)),
+                   .stiffness_property = "stiffness_ratio",
+                   .position_m = Vector3(0, 0, -0.02)};
+  display_.emplace(session_, 77, scenes_, meshes_);
+  watchers_.scene_subscriptions = 1;
+  watch_mesh();
+  publish(2e-3);
+  publish(2e-3, 40ms);
+
+  ASSERT_THAT(scenes_.messages, SizeIs(1));
+  const TissueSurface& ball = scenes_.messages[0].tissues[0];
+  EXPECT_EQ(ball.shape, TissueShape::kPointCloud);
+  EXPECT_FALSE(ball.mesh.triangles.empty());
+  ASSERT_EQ(ball.vertex_stiffness_newton_per_m.size(), ball.mesh.vertex_count());
+  EXPECT_NEAR(ball.vertex_stiffness_newton_per_m[0], 3.0F * 200.0F, 0.01F);
+
+  // the deepest vertex under the tip: pressed 2 mm below the top of the ball, at z = 0
+  ASSERT_THAT(meshes_.messages, SizeIs(1));
+  EXPECT_EQ(meshes_.messages[0].tissue, 0u);
+  double nearest_m = 1.0;
+  double height_m = 1.0;
+  for (std::size_t i = 0; i < meshes_.messages[0].vertices_m.size(); i += 3) {
+    const float* v = &meshes_.messages[0].vertices_m[i];
+    if (v[2] < -0.02F || std::hypot(v[0], v[1]) > nearest_m) continue;
+    nearest_m = std::hypot(v[0], v[1]);
+    height_m = v[2];
+  }
+  EXPECT_NEAR(height_m, -2e-3, 3e-4);
+}
+
+TEST_F(SceneDisplayTest, LeavesTissueWithoutForceFlat) {
+  session_.scene.tissues[0].material = KelvinVoigtMaterial{.stiffness_newton_per_m = 0};
+  watch_mesh();
+  publish(2e-3);
+  EXPECT_THAT(meshes_.messages, IsEmpty());
+}
+
+}  // namespace
+}  // namespace palpate::physics

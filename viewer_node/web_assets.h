@@ -1,0 +1,20 @@
+// web_assets.h — the page, embedded in the program. CMake option PALPATE_WEB.
+#pragma once
+
+#include <span>
+#include <string_view>
+
+namespace palpate::viewer {
+
+struct WebAsset {
+  std::string_view path;  ///< in the URL: "/app.js"
+  std::string_view content_type;
+  std::string_view bytes;
+  bool is_gzip = false;
+  std::string_view etag;  ///< quoted; changes with the content
+};
+
+/// Every file that is served; "/" among them, the page or, in a build without npm, a notice.
+[[nodiscard]] std::span<const WebAsset> web_assets();
+
+}  // namespace palpate::viewer
