@@ -150,11 +150,87 @@ SurfaceMesh display_mesh(const BoxGeometry& box, const DisplayArea& /*area*/) {
   return mesh;
 }
 
+SurfaceMesh display_mesh(const CapsuleGeometry& capsule, const DisplayArea& /*area*/) {
+  const double r = capsule.radius_m;
+  const Vector3 axis = capsule.to_m - capsule.from_m;
+  const double length_m = axis.norm();
+  const Vector3 along = length_m > 0.0 ? Vector3(axis / length_m) : Vector3::UnitZ();
+  int least = 0;
+  along.cwiseAbs().minCoeff(&least);
+  const Vector3 u = Vector3::Unit(least).cross(along).normalized();
+  const Vector3 v = along.cross(u);
+  constexpr double kPi = std::numbers::pi;
+  const double spacing_m = spacing_for(2.0 * kPi * r * (length_m + 2.0 * r));
+  const int columns = std::max(8, cells_along(2.0 * kPi * r, spacing_m));
+  const int rows_of_end = std::max(2, cells_along(0.5 * kPi * r, spacing_m));
+  const int rows_of_side = length_m > 0.0 ? cells_along(length_m, spacing_m) : 0;
+
+  // rings from one end to the other
+  SurfaceMesh mesh;
+  const std::uint32_t first_pole = add_vertex(capsule.from_m - r * along, mesh);
+  const auto add_ring = [&](const Vector3& center_m, double ring_radius_m) {
+    for (int column = 0; column < columns; ++column) {
+      const double angle = 2.0 * kPi * column / columns;
+      add_vertex(center_m + ring_radius_m * (std::cos(angle) * u + std::sin(angle) * v), mesh);
+    }
+  };
+  const auto add_end_ring = [&](const Vector3& center_m, double outwards, int row) {
+    const double angle = 0.5 * kPi * row / rows_of_end;
+    add_ring(center_m + outwards * r * std::cos(angle) * along, r * std::sin(angle));
+  };
+  for (int row = 1; row <= rows_of_end; ++row) add_end_ring(capsule.from_m, -1.0, row);
+  for (int row = 1; row <= rows_of_side; ++row) {
+    add_ring(capsule.from_m + axis * (static_cast<double>(row) / rows_of_side), r);
+  }
+  for (int row = rows_of_end - 1; row >= 1; --row) add_end_ring(capsule.to_m, 1.0, row);
+  const std::uint32_t last_pole = add_vertex(capsule.to_m + r * along, mesh);
+
+  const auto width = static_cast<std::uint32_t>(columns);
+  const std::uint32_t rings = (last_pole - 1) / width;
+  for (std::uint32_t column = 0; column < width; ++column) {
+    const std::uint32_t next = (column + 1) % width;
+    mesh.triangles.insert(mesh.triangles.end(), {first_pole, 1 + next, 1 + column});
+    for (std::uint32_t ring = 0; ring + 1 < rings; ++ring) {
+      const std::uint32_t here = 1 + ring * width;
+      mesh.triangles.insert(mesh.triangles.end(),
+                            {here + column, here + next, here + width + next, here + column,
+                             here + width + next, here + width + column});
+    }
+    const std::uint32_t last_ring = 1 + (rings - 1) * width;
+    mesh.triangles.insert(mesh.triangles.end(), {last_ring + column, last_ring + next, last_pole});
+  }
+  return mesh;
+}
+
+SurfaceMesh display_mesh(const PlacedSurface& placed, const DisplayArea& /*area*/) {
+  const SurfaceMesh own = placed.surface->display_mesh();
+  SurfaceMesh mesh;
+  mesh.vertices_m.reserve(own.vertices_m.size());
+  for (std::size_t i = 0; i < own.vertices_m.size(); i += 3) {
+    const Vector3 at_m(own.vertices_m[i], own.vertices_m[i + 1], own.vertices_m[i + 2]);
+    add_vertex(placed.position_m + placed.rotation * at_m, mesh);
+  }
+  mesh.triangles = own.triangles;
+  return mesh;
+}
+
 TissueShape shape_of(const Geometry& geometry) {
   struct Shapes {
     TissueShape operator()(const HalfSpaceGeometry&) const { return TissueShape::kHalfSpace; }
     TissueShape operator()(const SphereGeometry&) const { return TissueShape::kSphere; }
     TissueShape operator()(const BoxGeometry&) const { return TissueShape::kBox; }
+    TissueShape operator()(const CapsuleGeometry&) const { return TissueShape::kCapsule; }
+    TissueShape operator()(const FileGeometry& file) const {
+      switch (file.kind) {
+        case FileGeometry::Kind::kPointCloud:
+          return TissueShape::kPointCloud;
+        case FileGeometry::Kind::kTriangleSurface:
+          return TissueShape::kTriangleSurface;
+        case FileGeometry::Kind::kTetrahedralMesh:
+          return TissueShape::kTetrahedra;
+      }
+      return TissueShape::kUnknown;
+    }
   };
   return std::visit(Shapes{}, geometry);
 }

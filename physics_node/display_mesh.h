@@ -4,6 +4,7 @@
 #include "common/core/scene_messages.h"
 #include "common/core/session.h"
 #include "common/core/vector.h"
+#include "physics_node/surface_files.h"
 
 namespace palpate::physics {
 
@@ -20,6 +21,11 @@ struct DisplayArea {
 [[nodiscard]] SurfaceMesh display_mesh(const SphereGeometry& sphere, const DisplayArea& area);
 /// Six grids; edges and corners belong to each of theirs, so that they are drawn sharp.
 [[nodiscard]] SurfaceMesh display_mesh(const BoxGeometry& box, const DisplayArea& area);
+
+/// Rings about the axis, and two ends.
+[[nodiscard]] SurfaceMesh display_mesh(const CapsuleGeometry& capsule, const DisplayArea& area);
+/// What Surface::display_mesh() gives, at its place.
+[[nodiscard]] SurfaceMesh display_mesh(const PlacedSurface& placed, const DisplayArea& area);
 
 [[nodiscard]] TissueShape shape_of(const Geometry& geometry);
 

@@ -80,6 +80,39 @@ SurfaceView view(const BoxGeometry& box, const Vector3& point_m) noexcept {
   return surface;
 }
 
+SurfaceView view(const CapsuleGeometry& capsule, const Vector3& point_m) noexcept {
+  // the nearest point of the axis
+  const Vector3 axis = capsule.to_m - capsule.from_m;
+  const Vector3 from_start = point_m - capsule.from_m;
+  const double length2 = axis.squaredNorm();
+  const double along = length2 > 0.0 ? from_start.dot(axis) / length2 : 0.0;
+  const bool is_beside = along > 0.0 && along < 1.0;
+  const Vector3 from_axis = from_start - std::clamp(along, 0.0, 1.0) * axis;
+
+  SurfaceView surface;
+  const double distance_to_axis = from_axis.norm();
+  surface.distance_m = distance_to_axis - capsule.radius_m;
+  if (distance_to_axis <= kShortestDirection) {
+    const Vector3 across =
+        axis.cross(std::abs(axis.x()) <= std::abs(axis.z()) ? Vector3::UnitX() : Vector3::UnitZ());
+    if (across.norm() > 0.0) surface.normal = across.normalized();
+    surface.trust_radius_m = kMinTrustRadiusM;
+    return surface;
+  }
+  // to the planes that part the ends from the middle, and to where no direction leads out
+  const double length = std::sqrt(length2);
+  double nearest = distance_to_axis;
+  if (length2 > 0.0) {
+    nearest = std::min({nearest, std::abs(along) * length, std::abs(1.0 - along) * length});
+  }
+  surface.trust_radius_m = std::clamp(nearest, kMinTrustRadiusM, kMaxTrustRadiusM);
+  surface.normal = from_axis / distance_to_axis;
+  surface.curvature_per_m = Matrix3::Identity() - surface.normal * surface.normal.transpose();
+  if (is_beside) surface.curvature_per_m -= axis * axis.transpose() / length2;
+  surface.curvature_per_m /= distance_to_axis;
+  return surface;
+}
+
 Bounds bounds_of(const SphereGeometry& sphere) noexcept {
   const Vector3 radius_m = Vector3::Constant(sphere.radius_m);
   return {sphere.center_m - radius_m, sphere.center_m + radius_m};
@@ -87,6 +120,12 @@ Bounds bounds_of(const SphereGeometry& sphere) noexcept {
 
 Bounds bounds_of(const BoxGeometry& box) noexcept {
   return {box.center_m - 0.5 * box.size_m, box.center_m + 0.5 * box.size_m};
+}
+
+Bounds bounds_of(const CapsuleGeometry& capsule) noexcept {
+  const Vector3 radius_m = Vector3::Constant(capsule.radius_m);
+  return {capsule.from_m.cwiseMin(capsule.to_m) - radius_m,
+          capsule.from_m.cwiseMax(capsule.to_m) + radius_m};
 }
 
 }  // namespace palpate::physics

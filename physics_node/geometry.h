@@ -16,6 +16,7 @@ struct SurfaceView {
   double distance_m = 0.0;            ///< signed: > 0 outside the tissue, < 0 inside
   Vector3 normal = Vector3::UnitZ();  ///< unit, out of the tissue; the gradient of the distance
   Matrix3 curvature_per_m = Matrix3::Zero();  ///< Hessian of the distance; curvature · normal = 0
+  double stiffness_ratio = 1.0;               ///< of this place: factor on the material's stiffness
   /// How far from the point this quadric is still the surface; > 0.
   double trust_radius_m = kMaxTrustRadiusM;
 };
@@ -42,8 +43,13 @@ struct Bounds {
 /// ends where another face, edge or corner becomes the nearest.
 [[nodiscard]] SurfaceView view(const BoxGeometry& box, const Vector3& point_m) noexcept;
 
+/// Exact. On the axis no direction leads out more than another: the normal is one across it, and
+/// the curvature zero. The trust radius ends where the rounded ends begin, and at the axis.
+[[nodiscard]] SurfaceView view(const CapsuleGeometry& capsule, const Vector3& point_m) noexcept;
+
 /// The smallest box round the tissue.
 [[nodiscard]] Bounds bounds_of(const SphereGeometry& sphere) noexcept;
 [[nodiscard]] Bounds bounds_of(const BoxGeometry& box) noexcept;
+[[nodiscard]] Bounds bounds_of(const CapsuleGeometry& capsule) noexcept;
 
 }  // namespace palpate::physics

@@ -56,18 +56,20 @@ Contact describe(const KelvinVoigtMaterial& material, const SurfaceView& surface
   contact.trust_radius_m = surface.trust_radius_m;
   contact.is_adhesive = material.is_adhesive;
 
-  double k = material.stiffness_newton_per_m;
+  // the share that a map in a cloud gives this place
+  const double ratio = surface.stiffness_ratio;
+  double k = ratio * material.stiffness_newton_per_m;
   double b = material.damping_newton_s_per_m;
   if (!material.inclusions.empty()) {
     const LocalStiffness here = stiffness_at(material, point_m);
-    k = here.k;
+    k = ratio * here.k;
     b = here.b;
     contact.trust_radius_m = std::min(contact.trust_radius_m, here.trust_radius_m);
     if (p > 0.0) {
-      contact.elastic_force_on_tool_newton = -0.5 * p * p * here.gradient_of_k;
+      contact.elastic_force_on_tool_newton = -0.5 * p * p * ratio * here.gradient_of_k;
       contact.d_force_d_position =
-          p * (n * here.gradient_of_k.transpose() + here.gradient_of_k * n.transpose()) -
-          0.5 * p * p * here.hessian_of_k;
+          ratio * (p * (n * here.gradient_of_k.transpose() + here.gradient_of_k * n.transpose()) -
+                   0.5 * p * p * here.hessian_of_k);
     }
   }
 

@@ -18,6 +18,8 @@ namespace palpate::physics {
 /// In the shell of an inclusion k and b change with place; there f_t has the term −½ p² ∇k too, so
 /// that the elastic part is the gradient of the stored energy ½ k p² + ¼ k₃ p⁴ + ½ k₁ (p − z)²
 /// everywhere and gives back what it took; the damping only takes.
+/// Where a map in a cloud changes k, its gradient is left out: there the force follows the map, and
+/// the energy is that of the place.
 /// The described law is exact but in such a shell, where it is linear and trusted over an eighth of
 /// it.
 /// @param surface        seen from the tip's centre

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <numbers>
+#include <optional>
 #include <utility>
 #include <variant>
 
@@ -12,8 +13,8 @@
 namespace palpate::physics {
 namespace {
 
-SurfaceView surface_of(const Geometry& geometry, const Vector3& point_m) noexcept {
-  return std::visit([&](const auto& shape) { return view(shape, point_m); }, geometry);
+SurfaceView surface_of(const Shape& shape, const Vector3& point_m) noexcept {
+  return std::visit([&](const auto& given) { return view(given, point_m); }, shape);
 }
 
 const KelvinVoigtMaterial& law_of(const Material& material) noexcept {
@@ -45,22 +46,20 @@ Scene::Scene(const SceneConfig& config, double reach_m)
     const bool is_moving =
         tissue.motion.frequency_hz > 0.0 && !tissue.motion.amplitude_m.isZero(0.0);
     const bool is_relaxing = law_of(tissue.material).relaxing_stiffness_newton_per_m > 0.0;
-    tissues_.push_back({.geometry = tissue.geometry,
+    tissues_.push_back({.shape = to_shape(tissue.geometry),
                         .material = tissue.material,
                         .motion = tissue.motion,
                         .is_moving = is_moving,
                         .relaxing = is_relaxing ? relaxing_.size() : kNone});
     if (is_relaxing) relaxing_.push_back(index);
-    if (std::holds_alternative<HalfSpaceGeometry>(tissue.geometry)) {
+    const std::optional<Bounds> bounds = bounds_of(tissues_.back().shape);
+    if (!bounds) {
       unbounded_.push_back(index);
       continue;
     }
-    const auto* sphere = std::get_if<SphereGeometry>(&tissue.geometry);
-    const Bounds bounds =
-        sphere != nullptr ? bounds_of(*sphere) : bounds_of(std::get<BoxGeometry>(tissue.geometry));
     Vector3 margin_m = Vector3::Constant(tip_radius_m_ + reach_m_);
     if (is_moving) margin_m += tissue.motion.amplitude_m.cwiseAbs();
-    items.push_back({{bounds.lowest_m - margin_m, bounds.highest_m + margin_m}, index});
+    items.push_back({{bounds->lowest_m - margin_m, bounds->highest_m + margin_m}, index});
   }
   bounded_ = BroadPhase(std::move(items));
 }
@@ -88,7 +87,7 @@ void Scene::remember(TissueMemory& memory, const Vector3& tip_position_world_m,
   for (std::size_t i = 0; i < relaxing_.size(); ++i) {
     const Tissue& tissue = tissues_[relaxing_[i]];
     const Vector3 point_m = tip_position_world_m - displacement(tissue, time_s).position_m;
-    const double depth_m = tip_radius_m_ - surface_of(tissue.geometry, point_m).distance_m;
+    const double depth_m = tip_radius_m_ - surface_of(tissue.shape, point_m).distance_m;
     const double now_m = depth_m > 0.0 && std::isfinite(depth_m) ? depth_m : 0.0;
 
     // τ ż = p − z for p that goes from one depth to the next at an even rate: exact
@@ -108,7 +107,7 @@ void Scene::touch(std::uint32_t index, const Vector3& tip_position_world_m,
   const Tissue& tissue = tissues_[index];
   const Displacement moved = displacement(tissue, time_s);
   const Vector3 point_m = tip_position_world_m - moved.position_m;
-  const SurfaceView surface = surface_of(tissue.geometry, point_m);
+  const SurfaceView surface = surface_of(tissue.shape, point_m);
   const double penetration_m = tip_radius_m_ - surface.distance_m;
   if (!(penetration_m > 0.0) && !(penetration_m > -reach_m_)) return;
 

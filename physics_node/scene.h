@@ -9,6 +9,7 @@
 #include "common/core/session.h"
 #include "common/core/vector.h"
 #include "physics_node/broad_phase.h"
+#include "physics_node/surface_files.h"
 
 namespace palpate::physics {
 
@@ -44,6 +45,7 @@ class TissueMemory {
 class Scene {
  public:
   /// @param reach_m  ≥ 0; tissues this near to the tip are described before they are touched
+  /// @throws SetupError  if a file that a tissue's geometry names cannot be used
   explicit Scene(const SceneConfig& config, double reach_m = 0.0);
 
   [[nodiscard]] TissueMemory new_memory() const;
@@ -74,7 +76,7 @@ class Scene {
  private:
   static constexpr std::size_t kNone = ~std::size_t{0};
   struct Tissue {
-    Geometry geometry;
+    Shape shape;
     Material material;
     TissueMotionConfig motion;
     bool is_moving = false;

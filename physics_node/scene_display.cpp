@@ -27,6 +27,9 @@ SceneDisplay::SceneDisplay(const Session& session, std::uint64_t session_id,
     : session_(session), scene_out_(scene_out), mesh_out_(mesh_out) {
   scene_.header.session_id = session_id;
   frame_.header.session_id = session_id;
+  for (const TissueConfig& tissue : session.scene.tissues) {
+    shapes_.push_back(to_shape(tissue.geometry));
+  }
 }
 
 void SceneDisplay::build() {
@@ -45,21 +48,31 @@ void SceneDisplay::build() {
 
   const DisplayArea area{.center_m = workspace.offset_m,
                          .half_extent_m = kPatchHalfExtent_m * workspace.scale_ratio};
-  for (const TissueConfig& tissue : session_.scene.tissues) {
+  for (std::size_t i = 0; i < shapes_.size(); ++i) {
+    const TissueConfig& tissue = session_.scene.tissues[i];
+    const Shape& shape = shapes_[i];
+    const auto view_of = [&shape](const Vector3& point_m) {
+      return std::visit([&](const auto& given) { return view(given, point_m); }, shape);
+    };
     TissueSurface& surface = scene_.tissues.emplace_back();
     surface.name = tissue.name;
     surface.shape = shape_of(tissue.geometry);
-    surface.mesh = std::visit([&](const auto& geometry) { return display_mesh(geometry, area); },
-                              tissue.geometry);
+    surface.mesh = std::visit([&](const auto& given) { return display_mesh(given, area); }, shape);
     std::optional<DentedSurface>& dent = dents_.emplace_back();
     const auto* material = std::get_if<KelvinVoigtMaterial>(&tissue.material);
     if (material == nullptr) continue;
     surface.stiffness_newton_per_m = material->stiffness_newton_per_m;
     surface.damping_newton_s_per_m = material->damping_newton_s_per_m;
     if (surface.stiffness_newton_per_m + surface.damping_newton_s_per_m == 0.0) continue;
-    const auto view_of = [&geometry = tissue.geometry](const Vector3& point_m) {
-      return std::visit([&](const auto& g) { return view(g, point_m); }, geometry);
-    };
+    const auto* file = std::get_if<FileGeometry>(&tissue.geometry);
+    if (file != nullptr && !file->stiffness_property.empty()) {
+      for (std::size_t v = 0; v < surface.mesh.vertices_m.size(); v += 3) {
+        const float* at = &surface.mesh.vertices_m[v];
+        surface.vertex_stiffness_newton_per_m.push_back(
+            static_cast<float>(material->stiffness_newton_per_m *
+                               view_of(Vector3(at[0], at[1], at[2])).stiffness_ratio));
+      }
+    }
     dent.emplace(surface.mesh, view_of, session_.scene.tip_radius_m, relaxation_s(*material));
   }
   frame_.scene_revision = scene_.revision;

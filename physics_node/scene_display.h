@@ -17,6 +17,7 @@
 #include "common/core/session.h"
 #include "common/core/telemetry.h"
 #include "physics_node/dented_surface.h"
+#include "physics_node/surface_files.h"
 
 namespace palpate::physics {
 
@@ -30,6 +31,7 @@ struct Watchers {
 class SceneDisplay {
  public:
   /// All references must outlive it. @param session_id  physics_node's
+  /// @throws SetupError  if a file that a tissue's geometry names cannot be used
   SceneDisplay(const Session& session, std::uint64_t session_id, Sender<SceneState>& scene_out,
                Sender<MeshFrame>& mesh_out);
 
@@ -43,6 +45,7 @@ class SceneDisplay {
             TimePoint now);
 
   const Session& session_;
+  std::vector<Shape> shapes_;  // of the tissues
   Sender<SceneState>& scene_out_;
   Sender<MeshFrame>& mesh_out_;
   SceneState scene_;  // revision 0: not built yet

@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "common/core/check.h"
-#include "common/runtime/regular_file.h"
+#include "common/core/regular_file.h"
 
 namespace palpate::viewer {
 namespace {

@@ -21,6 +21,8 @@ enum class TissueShape : std::uint8_t {
   kBox = 3,
   kPointCloud = 4,
   kTetrahedra = 5,
+  kCapsule = 6,
+  kTriangleSurface = 7,
 };
 
 /// A surface as triangles; points where there are none.

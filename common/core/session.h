@@ -234,7 +234,29 @@ struct BoxGeometry {
   Vector3 center_m = Vector3::Zero();
   Vector3 size_m = Vector3::Constant(0.1);  ///< full edge lengths
 };
-using Geometry = std::variant<HalfSpaceGeometry, SphereGeometry, BoxGeometry>;
+/// All points within `radius_m` of the line from one end to the other.
+struct CapsuleGeometry {
+  Vector3 from_m = Vector3::Zero();
+  Vector3 to_m = Vector3::Zero();  ///< the same place: a sphere
+  double radius_m = 0.01;
+};
+/// A surface from a file, in a frame of its own: lengths times `unit_m`, then turned, then moved.
+/// physics_node reads the file (physics_node/surface_files.h), nobody else needs it.
+struct FileGeometry {
+  enum class Kind : std::uint8_t {
+    kPointCloud,       ///< PLY
+    kTriangleSurface,  ///< OBJ, STL
+    kTetrahedralMesh,  ///< Gmsh .msh, legacy VTK
+  };
+  Kind kind = Kind::kPointCloud;
+  std::string file;                      ///< path, from the folder of the program
+  double unit_m = 1.0;                   ///< length of 1 in the file
+  std::string stiffness_property{};      ///< of a cloud's points: factor on the stiffness; "": none
+  Vector3 position_m = Vector3::Zero();  ///< of the file's origin, in W
+  Quaternion rotation = Quaternion::Identity();
+};
+using Geometry =
+    std::variant<HalfSpaceGeometry, SphereGeometry, BoxGeometry, CapsuleGeometry, FileGeometry>;
 
 /// A ball of other stiffness and damping inside a tissue, such as a tumour; the change is smooth.
 struct InclusionConfig {

@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "common/runtime/regular_file.h"
+#include "common/core/regular_file.h"
 #include "common/runtime/session_fields.h"
 #include "common/runtime/session_text.h"
 

@@ -1,3 +1,4 @@
+#include "common/core/regular_file.h"
 #include "common/runtime/recorded_path.h"
 
 #include <algorithm>
@@ -5,7 +6,6 @@
 #include <charconv>
 #include <cmath>
 
-#include "common/runtime/regular_file.h"
 
 namespace palpate {
 

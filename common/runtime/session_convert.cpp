@@ -582,8 +582,46 @@ ViewerConfig to_viewer(const Fields& fields) {
 
 // --- scene ------------------------------------------------------------------------------------
 
-Geometry to_geometry(const Fields& tissue) {
+/// The geometry that `message` of the tissue takes from a file, which is not opened here.
+FileGeometry to_file_geometry(const Fields& tissue, const char* message, FileGeometry::Kind kind,
+                              const std::filesystem::path& base_dir) {
+  FileGeometry geometry;
+  geometry.kind = kind;
+  const Fields fields = tissue.message(message);
+  if (!fields.has("file")) {
+    fields.problem("file", "required; give the path of the file, from the folder of the session");
+  } else {
+    geometry.file = to_file(fields, "file", base_dir).string();
+  }
+  geometry.stiffness_property = tissue.message("kelvin_voigt").text("stiffness_property");
+  geometry.unit_m = tissue.number("unit_m", geometry.unit_m, above(0),
+                                  "give the length of 1 in the file: 0.001 for mm");
+  geometry.position_m = tissue.vector("position_m", geometry.position_m);
+  const Vector3 turn = tissue.vector("rotation_rad", Vector3::Zero());
+  if (turn.norm() > 0.0) {
+    geometry.rotation = Quaternion(Eigen::AngleAxisd(turn.norm(), turn.normalized()));
+  }
+  return geometry;
+}
+
+Geometry to_geometry(const Fields& tissue, const std::filesystem::path& base_dir) {
   const std::string kind = tissue.given_member("geometry");
+  if (kind == "point_cloud") {
+    return to_file_geometry(tissue, "point_cloud", FileGeometry::Kind::kPointCloud, base_dir);
+  }
+  if (kind == "triangle_surface") {
+    return to_file_geometry(tissue, "triangle_surface", FileGeometry::Kind::kTriangleSurface,
+                            base_dir);
+  }
+  if (kind == "tetrahedral_mesh") {
+    return to_file_geometry(tissue, "tetrahedral_mesh", FileGeometry::Kind::kTetrahedralMesh,
+                            base_dir);
+  }
+  for (const char* name : {"position_m", "rotation_rad", "unit_m"}) {
+    if (tissue.has(name)) {
+      tissue.problem(name, "is for a geometry from a file only; place this one by its own fields");
+    }
+  }
   if (kind == "half_space") {
     const Fields fields = tissue.message("half_space");
     return HalfSpaceGeometry{.point_m = fields.vector("point_m", Vector3::Zero()),
@@ -610,7 +648,16 @@ Geometry to_geometry(const Fields& tissue) {
     }
     return box;
   }
-  tissue.problem("a geometry is required; give half_space { … }, sphere { … } or box { … }");
+  if (kind == "capsule") {
+    const Fields fields = tissue.message("capsule");
+    return CapsuleGeometry{
+        .from_m = fields.vector("from_m", Vector3::Zero()),
+        .to_m = fields.vector("to_m", Vector3::Zero()),
+        .radius_m = fields.required_number("radius_m", above(0), "give the radius in m")};
+  }
+  tissue.problem(
+      "a geometry is required; give half_space { … }, sphere { … }, box { … }, capsule { … }, "
+      "point_cloud { … }, triangle_surface { … } or tetrahedral_mesh { … }");
   return {};
 }
 
@@ -620,6 +667,9 @@ Material to_material(const Fields& tissue) {
     return {};
   }
   const Fields fields = tissue.message("kelvin_voigt");
+  if (fields.has("stiffness_property") && tissue.given_member("geometry") != "point_cloud") {
+    fields.problem("stiffness_property", "only a point_cloud has one; leave it out");
+  }
   KelvinVoigtMaterial material{
       .stiffness_newton_per_m = fields.required_number("stiffness_newton_per_m", at_least(0),
                                                        "give k, e.g. 500 for firm tissue"),
@@ -655,7 +705,7 @@ TissueMotionConfig to_motion(const Fields& tissue) {
           .phase_rad = fields.number("phase_rad", 0.0, anything(), "give 0")};
 }
 
-SceneConfig to_scene(const Fields& fields) {
+SceneConfig to_scene(const Fields& fields, const std::filesystem::path& base_dir) {
   SceneConfig config;
   config.tip_radius_m = fields.message("tool").number("tip_radius_m", config.tip_radius_m,
                                                       at_least(0), "give 0 for a point");
@@ -668,7 +718,7 @@ SceneConfig to_scene(const Fields& fields) {
                      "another tissue is called " + one_line(name) + " too; give each its own name");
     }
     config.tissues.push_back({.name = std::move(name),
-                              .geometry = to_geometry(tissue),
+                              .geometry = to_geometry(tissue, base_dir),
                               .material = to_material(tissue),
                               .motion = to_motion(tissue)});
   }
@@ -769,7 +819,7 @@ Session to_session(const SessionText& text, const std::filesystem::path& base_di
       "reach_m", session.physics.reach_m, between(0, 1), "leave it out for 0.05 m");
   session.viewer = to_viewer(fields.message("viewer"));
   session.hand = to_hand(fields.message("hand"), base_dir, problems);
-  session.scene = to_scene(fields.message("scene"));
+  session.scene = to_scene(fields.message("scene"), base_dir);
 
   // whether mofc may wait depends on both rates, the device's deadline depends on the wait
   const Fields device = fields.message("device");

@@ -7,7 +7,7 @@
 #include <cstdlib>
 
 #include "common/core/check.h"
-#include "common/runtime/regular_file.h"
+#include "common/core/regular_file.h"
 #include "common/runtime/session_convert.h"
 #include "common/runtime/session_problems.h"
 #include "common/runtime/session_text.h"

@@ -1,7 +1,9 @@
 // palpate: runs and checks deployments.
 #include <CLI/CLI.hpp>
+#include <cstdint>
 #include <cstdio>
 #include <exception>
+#include <fstream>
 #include <optional>
 #include <string>
 #include <vector>
@@ -13,7 +15,11 @@
 #include "deploy/palpate/json_output.h"
 #include "deploy/palpate/launch_command.h"
 #include "deploy/palpate/loopback.h"
+#include "deploy/palpate/organ.h"
 #include "deploy/palpate/summary.h"
+#include "physics_node/ply.h"
+#include "physics_node/scene.h"
+#include "physics_node/tetrahedral_mesh.h"
 
 namespace {
 
@@ -49,6 +55,7 @@ struct SessionArguments {
 
 void check_scene(const SessionArguments& arguments) {
   const Session session = arguments.load();
+  static_cast<void>(physics::Scene(session.scene));  // reads the files of its geometries
   std::printf("%s: ok (%zu tissues, device %g Hz, physics %g Hz, controller %s)\n",
               arguments.file.c_str(), session.scene.tissues.size(), session.device.rate_hz,
               session.physics.rate_hz, controller_text(session.mofc).c_str());
@@ -106,6 +113,39 @@ struct LoopbackArguments {
   }
 };
 
+struct OrganArguments {
+  std::string cloud_file;
+  std::string mesh_file;
+  std::uint32_t points = 3000;
+  std::uint32_t subdivisions = 2;
+
+  void add_to(CLI::App& app) {
+    app.add_option("--cloud", cloud_file, "write its points to this file (PLY)")->type_name("FILE");
+    app.add_option("--points", points, "how many (default 3000)")
+        ->type_name("N")
+        ->check(CLI::Range(10, 100'000'000));
+    app.add_option("--mesh", mesh_file, "write its tetrahedra to this file (Gmsh 2.2)")
+        ->type_name("FILE");
+    app.add_option("--subdivisions", subdivisions, "of the mesh (default 2: 2240 tetrahedra)")
+        ->type_name("N")
+        ->check(CLI::Range(0, 6));
+  }
+
+  void run() const {
+    const auto write = [](const std::string& file, const std::string& text) {
+      std::ofstream out(file, std::ios::binary);
+      out << text;
+      out.close();
+      if (!out) throw SetupError(file + ": cannot be written; choose another place");
+    };
+    if (cloud_file.empty() && mesh_file.empty()) {
+      throw SetupError("make-organ: nothing to write; give --cloud FILE or --mesh FILE");
+    }
+    if (!cloud_file.empty()) write(cloud_file, physics::ply_text(organ_cloud(points)));
+    if (!mesh_file.empty()) write(mesh_file, physics::msh_text(organ_mesh(subdivisions)));
+  }
+};
+
 void add_launch_options(CLI::App& app, LaunchCommand& launch) {
   add_session_options(app, launch.session_file, launch.overrides);
   add_time_option(app, launch.seconds, "stop after this time in s (default: run until Ctrl-C)");
@@ -147,6 +187,11 @@ int main(int argc, char** argv) {
       "check", "tell what is wrong with a session, or that nothing is (exit status 2, 0)");
   scene.add_to(check_command);
 
+  OrganArguments organ;
+  CLI::App& organ_command = *app.add_subcommand(
+      "make-organ", "write an organ-like body as a point cloud or a mesh, to try sessions on");
+  organ.add_to(organ_command);
+
   // of palpate itself: set once the commands, which would inherit it, are there
   app.footer(
       "Try:  palpate launch deploy/sessions/default.txtpb --seconds 10\n"
@@ -162,6 +207,7 @@ int main(int argc, char** argv) {
     if (loopback_command.parsed()) loopback.run();
     if (identify_command.parsed()) identify.run();
     if (check_command.parsed()) check_scene(scene);
+    if (organ_command.parsed()) organ.run();
     return 0;
   } catch (const SetupError& error) {
     std::fprintf(stderr, "%s\n", error.what());

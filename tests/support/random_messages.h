@@ -245,7 +245,7 @@ inline std::string random_text(Random& random) {
 
 inline void randomise(TissueSurface& t, Random& random) {
   t.name = random_text(random);
-  t.shape = static_cast<TissueShape>(random.below(6));
+  t.shape = static_cast<TissueShape>(random.below(8));
   const std::size_t vertices = random.below(20);
   t.mesh.vertices_m = random_floats(random, 3 * vertices, -1000.0, 1000.0);
   t.mesh.triangles.assign(vertices == 0 ? 0 : 3 * random.below(30), 0);

@@ -4,9 +4,15 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <map>
+#include <memory>
 #include <numbers>
+#include <utility>
 
 #include "physics_node/geometry.h"
+#include "tests/support/sampled_clouds.h"
+#include "tests/unit/physics_node/test_meshes.h"
 
 namespace palpate::physics {
 namespace {
@@ -28,6 +34,22 @@ double enclosed_volume_m3(const SurfaceMesh& mesh) {
         6.0;
   }
   return volume;
+}
+
+/// Each edge belongs to two triangles, which run through it in opposite directions.
+bool is_closed(const SurfaceMesh& mesh) {
+  std::map<std::pair<std::uint32_t, std::uint32_t>, int> uses;
+  for (std::size_t t = 0; t < mesh.triangles.size(); t += 3) {
+    for (std::size_t i = 0; i < 3; ++i) {
+      const std::uint32_t from = mesh.triangles[t + i];
+      const std::uint32_t to = mesh.triangles[t + (i + 1) % 3];
+      ++uses[{from, to}];
+    }
+  }
+  return std::all_of(uses.begin(), uses.end(), [&](const auto& use) {
+    const auto back = uses.find({use.first.second, use.first.first});
+    return back != uses.end() && back->second == use.second;
+  });
 }
 
 template <class G>
@@ -87,6 +109,86 @@ TEST(DisplayMesh, OfAHalfSpaceIsASquareWhereTheToolWorks) {
   EXPECT_NEAR(area_m2, 0.2 * 0.2, 1e-6);
   // the middle is the foot of the area's centre on the plane
   EXPECT_NEAR((kArea.center_m - middle_m).cross(half_space.normal).norm(), 0.0, 1e-6);
+}
+
+TEST(DisplayMesh, OfACapsuleIsAlmostTheCapsule) {
+  const CapsuleGeometry capsule{
+      .from_m = Vector3(0.01, 0, 0), .to_m = Vector3(0.04, 0.04, 0), .radius_m = 0.02};
+  const SurfaceMesh mesh = display_mesh(capsule, kArea);
+
+  expect_on_surface(mesh, capsule);
+  // a ball and a cylinder of 50 mm, short by half of a square of the angle of a row, ≈ (1/15)²
+  const double volume_m3 = std::numbers::pi * 0.02 * 0.02 * (4.0 / 3.0 * 0.02 + 0.05);
+  EXPECT_NEAR(enclosed_volume_m3(mesh), volume_m3, 3e-3 * volume_m3);
+  EXPECT_TRUE(is_closed(mesh));
+  EXPECT_LT(mesh.vertex_count(), 13'000u);
+
+  // both ends at one place: a sphere
+  const SurfaceMesh ball = display_mesh(CapsuleGeometry{.radius_m = 0.02}, kArea);
+  EXPECT_NEAR(enclosed_volume_m3(ball), 4.0 / 3.0 * std::numbers::pi * 8e-6, 1e-7);
+  EXPECT_TRUE(is_closed(ball));
+}
+
+// Moved and turned; the points lie on a sphere of 50 mm, 1 mm from each other.
+TEST(DisplayMesh, OfAClosedCloudIsAClosedSurface) {
+  Random random(1);
+  const PlacedSurface ball{
+      .surface = std::make_shared<CloudSurface>(
+          test::sampled(test::sphere_shape(0.05), 1e-3, 0.0, true, test::Sampling::kEven, random)),
+      .position_m = Vector3(0.1, 0, 0),
+      .rotation = Quaternion(Eigen::AngleAxisd(1.0, Vector3::UnitX()))};
+  const SurfaceMesh mesh = display_mesh(ball, kArea);
+
+  const SphereGeometry truth{.center_m = Vector3(0.1, 0, 0), .radius_m = 0.05};
+  for (std::uint32_t i = 0; i < mesh.vertex_count(); ++i) {
+    ASSERT_NEAR(view(truth, vertex(mesh, i)).distance_m, 0.0, 1e-5) << "vertex " << i;
+  }
+  EXPECT_TRUE(is_closed(mesh));
+  const double volume_m3 = 4.0 / 3.0 * std::numbers::pi * 0.05 * 0.05 * 0.05;
+  EXPECT_NEAR(enclosed_volume_m3(mesh), volume_m3, 2e-3 * volume_m3);
+  EXPECT_GT(mesh.vertex_count(), 3'000u);
+  EXPECT_LT(mesh.vertex_count(), 15'000u);
+}
+
+// No walls are drawn down from the border, where the distance jumps from inside to outside.
+TEST(DisplayMesh, OfAnOpenCloudIsThePatch) {
+  Random random(1);
+  const CloudSurface patch(
+      test::sampled(test::plane_shape(0.02), 1e-3, 0.0, true, test::Sampling::kEven, random));
+  const SurfaceMesh mesh = patch.display_mesh();
+
+  double area_m2 = 0.0;
+  for (std::size_t t = 0; t < mesh.triangles.size(); t += 3) {
+    const Vector3 a = vertex(mesh, mesh.triangles[t]);
+    area_m2 += 0.5 * (vertex(mesh, mesh.triangles[t + 1]) - a)
+                         .cross(vertex(mesh, mesh.triangles[t + 2]) - a)
+                         .z();
+  }
+  for (std::uint32_t i = 0; i < mesh.vertex_count(); ++i) {
+    ASSERT_NEAR(vertex(mesh, i).z(), 0.0, 1e-6);
+  }
+  // 40 mm wide, and up to a reach of 3 mm more on each side
+  EXPECT_GT(area_m2, 0.038 * 0.038);
+  EXPECT_LT(area_m2, 0.046 * 0.046);
+}
+
+TEST(DisplayMesh, OfAMeshIsItself) {
+  const TriangleMesh ball = ball_mesh(0.03, 20);
+  const SurfaceMesh mesh = TriangleSurface(ball).display_mesh();
+
+  EXPECT_EQ(mesh.vertex_count(), ball.vertices_m.size());
+  EXPECT_EQ(mesh.triangles.size(), 3 * ball.triangles.size());
+  EXPECT_NEAR(enclosed_volume_m3(mesh), enclosed_volume_m3(ball), 1e-10);
+}
+
+// 2·200² + 2 = 80 002 vertices.
+TEST(DisplayMesh, OfALargeMeshHasAtMostFiftyThousandVertices) {
+  const TriangleMesh ball = ball_mesh(0.03, 200);
+  const SurfaceMesh mesh = TriangleSurface(ball).display_mesh();
+
+  EXPECT_LE(mesh.vertex_count(), 50'000u);
+  EXPECT_GT(mesh.vertex_count(), 20'000u);
+  EXPECT_NEAR(enclosed_volume_m3(mesh), enclosed_volume_m3(ball), 1e-3 * enclosed_volume_m3(ball));
 }
 
 TEST(DisplayMesh, StaysSmallAndOnTheWireWhateverTheSize) {

@@ -127,10 +127,37 @@ TEST(BoxView, HasANormalOnItsSurfaceEdgesAndCorners) {
   }
 }
 
+TEST(CapsuleView, IsACylinderBesideItsAxisAndASphereBeyondItsEnds) {
+  const CapsuleGeometry capsule{.from_m = {0, 0, 1}, .to_m = {0, 0, 3}, .radius_m = 1};
+
+  // (3,4,2) is 5 from the axis: curved by 1/5 round z, not along it
+  const SurfaceView beside = view(capsule, {3, 4, 2});
+  EXPECT_NEAR(beside.distance_m, 4.0, 1e-15);
+  EXPECT_LT((beside.normal - Vector3(0.6, 0.8, 0)).norm(), 1e-15);
+  EXPECT_NEAR(beside.curvature_per_m.trace(), 0.2, 1e-15);
+  EXPECT_LT((beside.curvature_per_m * Vector3::UnitZ()).norm(), 1e-15);
+  // (0,3,7) is (0,3,4) from the upper end
+  const SurfaceView beyond = view(capsule, {0, 3, 7});
+  EXPECT_NEAR(beyond.distance_m, 4.0, 1e-15);
+  EXPECT_LT((beyond.normal - Vector3(0, 0.6, 0.8)).norm(), 1e-15);
+  EXPECT_NEAR(beyond.curvature_per_m.trace(), 0.4, 1e-15);
+}
+
+TEST(CapsuleView, HasANormalOnItsAxisAndIsASphereWithoutLength) {
+  const SurfaceView on_axis =
+      view(CapsuleGeometry{.to_m = {0, 0, 1}, .radius_m = 0.5}, {0, 0, 0.5});
+  EXPECT_EQ(on_axis.distance_m, -0.5);
+  EXPECT_NEAR(on_axis.normal.norm(), 1.0, 1e-15);
+  EXPECT_EQ(on_axis.normal.z(), 0.0);
+  EXPECT_NEAR(view(CapsuleGeometry{.radius_m = 2}, {3, 0, 4}).distance_m, 3.0, 1e-15);
+}
+
 TEST(GeometryProperty, NormalAndCurvatureAreTheDerivativesOfTheDistance) {
   const BoxGeometry box{.center_m = {0.01, 0.02, 0.03}, .size_m = {0.02, 0.03, 0.05}};
   const SphereGeometry sphere{.center_m = {0.01, 0.02, 0.03}, .radius_m = 0.02};
   const HalfSpaceGeometry half_space{.point_m = {0, 0, 0.01}, .normal = {0.48, 0.6, 0.64}};
+  const CapsuleGeometry capsule{
+      .from_m = {0.01, 0, 0.01}, .to_m = {-0.02, 0.03, 0.02}, .radius_m = 0.012};
   Random random(1);
 
   int outside_box = 0;
@@ -141,6 +168,13 @@ TEST(GeometryProperty, NormalAndCurvatureAreTheDerivativesOfTheDistance) {
     expect_derivatives_match_differences(half_space, point);
     if ((point - sphere.center_m).norm() > 0.005) {
       expect_derivatives_match_differences(sphere, point);
+    }
+    // its curvature jumps where the cylinder meets the half-spheres
+    const Vector3 axis = capsule.to_m - capsule.from_m;
+    const double along = (point - capsule.from_m).dot(axis) / axis.squaredNorm();
+    if (view(capsule, point).distance_m > -0.005 && std::abs(along) > 1e-4 &&
+        std::abs(along - 1.0) > 1e-4) {
+      expect_derivatives_match_differences(capsule, point);
     }
     // the box's second derivative jumps between the regions of faces, edges and corners, and grows
     // without bound close to edges and corners
@@ -157,6 +191,11 @@ TEST(Bounds, HoldTheWholeShape) {
   const Bounds sphere = bounds_of(SphereGeometry{.center_m = {1, 2, 3}, .radius_m = 0.5});
   const Bounds box = bounds_of(BoxGeometry{.center_m = {1, 2, 3}, .size_m = {2, 4, 6}});
 
+  const Bounds capsule =
+      bounds_of(CapsuleGeometry{.from_m = {1, 2, 3}, .to_m = {0, 4, 3}, .radius_m = 0.5});
+
+  EXPECT_EQ(capsule.lowest_m, Vector3(-0.5, 1.5, 2.5));
+  EXPECT_EQ(capsule.highest_m, Vector3(1.5, 4.5, 3.5));
   EXPECT_EQ(sphere.lowest_m, Vector3(0.5, 1.5, 2.5));
   EXPECT_EQ(sphere.highest_m, Vector3(1.5, 2.5, 3.5));
   EXPECT_EQ(box.lowest_m, Vector3(0, 0, 0));

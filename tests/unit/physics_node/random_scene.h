@@ -20,13 +20,18 @@ inline SceneConfig random_scene(Random& random, int tissues) {
     TissueConfig tissue;
     tissue.name = std::to_string(i);
     const Vector3 center_m = random_in_cube(random, 0.05);
-    switch (random.below(3)) {
+    switch (random.below(4)) {
       case 0:
         tissue.geometry = HalfSpaceGeometry{.point_m = center_m, .normal = random.direction()};
         break;
       case 1:
         tissue.geometry =
             SphereGeometry{.center_m = center_m, .radius_m = random.uniform(0.005, 0.05)};
+        break;
+      case 2:
+        tissue.geometry = CapsuleGeometry{.from_m = center_m,
+                                          .to_m = random_in_cube(random, 0.05),
+                                          .radius_m = random.uniform(0.005, 0.03)};
         break;
       default:
         tissue.geometry = BoxGeometry{

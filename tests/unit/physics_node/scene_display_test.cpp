@@ -4,6 +4,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
+
+#include "physics_node/ply.h"
+#include "tests/support/sampled_clouds.h"
+#include "tests/support/temp_folder.h"
+
 namespace palpate::physics {
 namespace {
 
@@ -160,6 +166,45 @@ TEST_F(SceneDisplayTest, SaysNothingOfMotionBeforeThereIsAny) {
   display_->publish(watchers_, std::nullopt, now_);
   EXPECT_THAT(scenes_.messages, SizeIs(1));
   EXPECT_THAT(meshes_.messages, IsEmpty());
+}
+
+// A ball of 40 mm whose top is at z = 0, three times as stiff as its material everywhere.
+TEST_F(SceneDisplayTest, ShowsTissueFromAFileAndItsDent) {
+  const test::TempFolder folder;
+  Random random(1);
+  PointCloud cloud =
+      test::sampled(test::sphere_shape(0.02), 1e-3, 0.0, true, test::Sampling::kEven, random);
+  cloud.stiffness_ratios.assign(cloud.points_m.size(), 3.0);
+  session_.scene.tissues[0].geometry =
+      FileGeometry{.kind = FileGeometry::Kind::kPointCloud,
+                   .file = folder.write("ball.ply", ply_text(cloud)),
+                   .stiffness_property = "stiffness_ratio",
+                   .position_m = Vector3(0, 0, -0.02)};
+  display_.emplace(session_, 77, scenes_, meshes_);
+  watchers_.scene_subscriptions = 1;
+  watch_mesh();
+  publish(2e-3);
+  publish(2e-3, 40ms);
+
+  ASSERT_THAT(scenes_.messages, SizeIs(1));
+  const TissueSurface& ball = scenes_.messages[0].tissues[0];
+  EXPECT_EQ(ball.shape, TissueShape::kPointCloud);
+  EXPECT_FALSE(ball.mesh.triangles.empty());
+  ASSERT_EQ(ball.vertex_stiffness_newton_per_m.size(), ball.mesh.vertex_count());
+  EXPECT_NEAR(ball.vertex_stiffness_newton_per_m[0], 3.0F * 200.0F, 0.01F);
+
+  // the deepest vertex under the tip: pressed 2 mm below the top of the ball, at z = 0
+  ASSERT_THAT(meshes_.messages, SizeIs(1));
+  EXPECT_EQ(meshes_.messages[0].tissue, 0u);
+  double nearest_m = 1.0;
+  double height_m = 1.0;
+  for (std::size_t i = 0; i < meshes_.messages[0].vertices_m.size(); i += 3) {
+    const float* v = &meshes_.messages[0].vertices_m[i];
+    if (v[2] < -0.02F || std::hypot(v[0], v[1]) > nearest_m) continue;
+    nearest_m = std::hypot(v[0], v[1]);
+    height_m = v[2];
+  }
+  EXPECT_NEAR(height_m, -2e-3, 3e-4);
 }
 
 TEST_F(SceneDisplayTest, LeavesTissueWithoutForceFlat) {

@@ -381,6 +381,9 @@ TEST(SceneProperty, TurnsWithTheFrame) {
       half_space->normal = turn * half_space->normal;
     } else if (auto* sphere = std::get_if<SphereGeometry>(&geometry)) {
       sphere->center_m = turn * sphere->center_m + shift;
+    } else if (auto* capsule = std::get_if<CapsuleGeometry>(&geometry)) {
+      capsule->from_m = turn * capsule->from_m + shift;
+      capsule->to_m = turn * capsule->to_m + shift;
     } else {
       auto& box = std::get<BoxGeometry>(geometry);
       box.center_m = turn * box.center_m + shift;

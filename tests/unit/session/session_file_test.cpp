@@ -226,6 +226,41 @@ TEST(SessionFile, ReadsEveryKindOfTissue) {
   EXPECT_EQ(std::get<BoxGeometry>(box.geometry).size_m, Vector3(1, 2, 3));
 }
 
+// The files themselves are physics_node's business: none of these is there.
+TEST(SessionFile, ReadsGeometriesFromFilesWithoutOpeningThem) {
+  const Session session = parse_session(
+      R"(name: "x" scene {
+           tissue { point_cloud { file: "scan.ply" } unit_m: 0.001
+                    position_m { x: 1 } rotation_rad { z: 1.5 }
+                    kelvin_voigt { stiffness_newton_per_m: 6 stiffness_property: "k" } }
+           tissue { triangle_surface { file: "../bone.stl" }
+                    kelvin_voigt { stiffness_newton_per_m: 6 } }
+           tissue { tetrahedral_mesh { file: "/data/liver.msh" }
+                    kelvin_voigt { stiffness_newton_per_m: 6 } }
+           tissue { capsule { to_m { y: 2 } radius_m: 0.5 }
+                    kelvin_voigt { stiffness_newton_per_m: 6 } } })",
+      "x.txtpb", {}, "folder");
+
+  ASSERT_THAT(session.scene.tissues, SizeIs(4));
+  const auto file = [&](std::size_t i) {
+    return std::get<FileGeometry>(session.scene.tissues[i].geometry);
+  };
+  EXPECT_EQ(file(0).kind, FileGeometry::Kind::kPointCloud);
+  EXPECT_EQ(file(0).file, "folder/scan.ply");
+  EXPECT_EQ(file(0).unit_m, 0.001);
+  EXPECT_EQ(file(0).stiffness_property, "k");
+  EXPECT_EQ(file(0).position_m, Vector3(1, 0, 0));
+  EXPECT_NEAR(file(0).rotation.angularDistance(Quaternion::Identity()), 1.5, 1e-12);
+  EXPECT_EQ(file(1).kind, FileGeometry::Kind::kTriangleSurface);
+  EXPECT_EQ(file(1).file, "folder/../bone.stl");
+  EXPECT_EQ(file(1).unit_m, 1.0);
+  EXPECT_EQ(file(2).kind, FileGeometry::Kind::kTetrahedralMesh);
+  EXPECT_EQ(file(2).file, "/data/liver.msh");
+  const auto& capsule = std::get<CapsuleGeometry>(session.scene.tissues[3].geometry);
+  EXPECT_EQ(capsule.to_m, Vector3(0, 2, 0));
+  EXPECT_EQ(capsule.radius_m, 0.5);
+}
+
 TEST(SessionFile, ReadsEveryKindOfHandPath) {
   const auto path = [](const std::string& text) {
     return parse_session("name: \"x\" hand { " + text + "}", "x.txtpb").hand.path;
@@ -569,8 +604,8 @@ TEST(SessionFile, EveryShippedSessionLoads) {
     names.push_back(entry.path().stem());
   }
 
-  EXPECT_THAT(names,
-              ::testing::IsSupersetOf({"default", "paper_soft", "paper_rigid", "paper_mixed"}));
+  EXPECT_THAT(names, ::testing::IsSupersetOf({"default", "cloud", "liver", "paper_soft",
+                                              "paper_rigid", "paper_mixed"}));
 }
 
 TEST(SessionFile, PaperSessionsAreThoseOfThePaper) {

@@ -1,4 +1,4 @@
-#include "common/runtime/regular_file.h"
+#include "common/core/regular_file.h"
 
 #include <array>
 #include <fstream>

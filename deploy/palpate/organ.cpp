@@ -1,0 +1,135 @@
+#include "deploy/palpate/organ.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <numbers>
+#include <utility>
+#include <vector>
+
+namespace palpate {
+namespace {
+
+/// The surface in a direction (unit) from the middle.
+Vector3 surface_at(const Vector3& n) {
+  const Vector3 dent = Vector3(0.2, -0.9, -0.3).normalized();
+  const double radius_m = 0.052 * (1.0 + 0.18 * n.x() + 0.12 * (n.x() * n.x() - n.y() * n.y()) +
+                                   0.06 * std::sin(3.0 * n.x() + 2.0 * n.y()) -
+                                   0.22 * std::exp(-(n - dent).squaredNorm() / 0.18));
+  return radius_m * n.cwiseProduct(Vector3(1.0, 0.8, 0.5));
+}
+
+Vector3 normal_at(const Vector3& n) {
+  constexpr double kStep = 1e-5;
+  const Vector3 first = n.unitOrthogonal();
+  const Vector3 second = n.cross(first);
+  const auto slope = [&](const Vector3& along) {
+    return Vector3(surface_at((n + kStep * along).normalized()) -
+                   surface_at((n - kStep * along).normalized()));
+  };
+  return slope(first).cross(slope(second)).normalized();
+}
+
+double stiffness_ratio_at(const Vector3& point_m) {
+  const Vector3 lump_m(0.02, 0.005, 0.022);
+  constexpr double kRadius_m = 0.008;
+  return 1.0 + 3.0 * std::exp(-(point_m - lump_m).squaredNorm() / (kRadius_m * kRadius_m));
+}
+
+struct DirectionMesh {
+  std::vector<Vector3> directions;
+  std::vector<std::array<std::uint32_t, 3>> triangles;
+};
+
+DirectionMesh icosahedron() {
+  const double g = std::numbers::phi;
+  DirectionMesh mesh;
+  for (const Vector3& corner :
+       {Vector3(-1, g, 0), Vector3(1, g, 0), Vector3(-1, -g, 0), Vector3(1, -g, 0),
+        Vector3(0, -1, g), Vector3(0, 1, g), Vector3(0, -1, -g), Vector3(0, 1, -g),
+        Vector3(g, 0, -1), Vector3(g, 0, 1), Vector3(-g, 0, -1), Vector3(-g, 0, 1)}) {
+    mesh.directions.push_back(corner.normalized());
+  }
+  mesh.triangles = {{0, 11, 5}, {0, 5, 1},  {0, 1, 7},   {0, 7, 10}, {0, 10, 11},
+                    {1, 5, 9},  {5, 11, 4}, {11, 10, 2}, {10, 7, 6}, {7, 1, 8},
+                    {3, 9, 4},  {3, 4, 2},  {3, 2, 6},   {3, 6, 8},  {3, 8, 9},
+                    {4, 9, 5},  {2, 4, 11}, {6, 2, 10},  {8, 6, 7},  {9, 8, 1}};
+  return mesh;
+}
+
+void subdivide(DirectionMesh& mesh) {
+  std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> middle_of;
+  const auto middle = [&](std::uint32_t a, std::uint32_t b) {
+    const auto [place, is_new] =
+        middle_of.emplace(std::minmax(a, b), static_cast<std::uint32_t>(mesh.directions.size()));
+    if (is_new) {
+      mesh.directions.push_back((mesh.directions[a] + mesh.directions[b]).normalized());
+    }
+    return place->second;
+  };
+  std::vector<std::array<std::uint32_t, 3>> finer;
+  for (const auto& [a, b, c] : mesh.triangles) {
+    const std::uint32_t ab = middle(a, b);
+    const std::uint32_t bc = middle(b, c);
+    const std::uint32_t ca = middle(c, a);
+    finer.insert(finer.end(), {{a, ab, ca}, {ab, b, bc}, {ca, bc, c}, {ab, bc, ca}});
+  }
+  mesh.triangles = std::move(finer);
+}
+
+}  // namespace
+
+physics::PointCloud organ_cloud(std::uint32_t points) {
+  physics::PointCloud cloud;
+  // a spiral from pole to pole, each turn by the golden angle
+  constexpr double kGoldenAngle = 2.0 * std::numbers::pi * (1.0 - 1.0 / std::numbers::phi);
+  for (std::uint32_t i = 0; i < points; ++i) {
+    const double z = 1.0 - (2.0 * i + 1.0) / points;
+    const double r = std::sqrt(1.0 - z * z);
+    const Vector3 n(r * std::cos(kGoldenAngle * i), r * std::sin(kGoldenAngle * i), z);
+    cloud.points_m.push_back(surface_at(n));
+    cloud.normals.push_back(normal_at(n));
+    cloud.stiffness_ratios.push_back(stiffness_ratio_at(cloud.points_m.back()));
+  }
+  return cloud;
+}
+
+physics::TetrahedralMesh organ_mesh(std::uint32_t subdivisions) {
+  DirectionMesh directions = icosahedron();
+  for (std::uint32_t i = 0; i < subdivisions; ++i) subdivide(directions);
+
+  constexpr std::array<double, 3> kShells{0.4, 0.75, 1.0};
+  physics::TetrahedralMesh mesh;
+  for (const double shell : kShells) {
+    for (const Vector3& n : directions.directions) mesh.nodes_m.push_back(shell * surface_at(n));
+  }
+  const auto center = static_cast<std::uint32_t>(mesh.nodes_m.size());
+  mesh.nodes_m.push_back(Vector3::Zero());
+
+  const auto add = [&](std::array<std::uint32_t, 4> corners) {
+    const Vector3& origin = mesh.nodes_m[corners[0]];
+    const double volume = (mesh.nodes_m[corners[1]] - origin)
+                              .cross(mesh.nodes_m[corners[2]] - origin)
+                              .dot(mesh.nodes_m[corners[3]] - origin);
+    if (volume < 0.0) std::swap(corners[0], corners[1]);
+    mesh.tetrahedra.push_back(corners);
+  };
+  const auto per_shell = static_cast<std::uint32_t>(directions.directions.size());
+  for (std::array<std::uint32_t, 3> triangle : directions.triangles) {
+    // neighbouring prisms cut their common side alike: from the lower corner up to the higher one
+    std::sort(triangle.begin(), triangle.end());
+    const auto& [a, b, c] = triangle;
+    add({center, a, b, c});
+    for (std::uint32_t shell = 0; shell + 1 < kShells.size(); ++shell) {
+      const std::uint32_t low = shell * per_shell;
+      const std::uint32_t high = low + per_shell;
+      add({low + a, low + b, low + c, high + c});
+      add({low + a, low + b, high + b, high + c});
+      add({low + a, high + a, high + b, high + c});
+    }
+  }
+  return mesh;
+}
+
+}  // namespace palpate

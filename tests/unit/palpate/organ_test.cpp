@@ -1,0 +1,71 @@
+// The organ that sessions are tried on.
+#include "deploy/palpate/organ.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <fstream>
+#include <iterator>
+
+#include "physics_node/ply.h"
+#include "physics_node/surface_files.h"
+
+namespace palpate {
+namespace {
+
+std::string bytes_of(const std::string& file) {
+  std::ifstream stream(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(stream), {}};
+}
+
+const std::string kFolder = PALPATE_SOURCE_DIR "/deploy/sessions/";
+
+// To a few ulp of float only: sin and exp may round differently elsewhere.
+TEST(Organ, ShippedCloudIsTheOneThatIsMade) {
+  const physics::PointCloud shipped =
+      physics::parse_ply(bytes_of(kFolder + "organ.ply"), "organ.ply", "stiffness_ratio");
+  const physics::PointCloud made = organ_cloud(3000);
+
+  ASSERT_EQ(shipped.points_m.size(), made.points_m.size());
+  for (std::size_t i = 0; i < made.points_m.size(); ++i) {
+    EXPECT_LT((shipped.points_m[i] - made.points_m[i]).norm(), 1e-7);
+    EXPECT_LT((shipped.normals[i] - made.normals[i]).norm(), 1e-5);
+    EXPECT_NEAR(shipped.stiffness_ratios[i], made.stiffness_ratios[i], 1e-5);
+  }
+}
+
+TEST(Organ, ShippedMeshIsTheOneThatIsMade) {
+  const physics::TetrahedralMesh shipped =
+      physics::parse_msh(bytes_of(kFolder + "organ.msh"), "organ.msh");
+  const physics::TetrahedralMesh made = organ_mesh(2);
+
+  ASSERT_EQ(shipped.nodes_m.size(), made.nodes_m.size());
+  ASSERT_EQ(shipped.tetrahedra.size(), 2240U);
+  EXPECT_EQ(shipped.tetrahedra, made.tetrahedra);
+}
+
+TEST(Organ, CloudAndMeshAreTheSameBody) {
+  const physics::CloudSurface cloud(organ_cloud(3000));
+  const physics::TriangleSurface mesh(physics::surface_of(organ_mesh(5)));
+
+  EXPECT_TRUE(mesh.is_closed());
+  double largest_m = 0.0;
+  for (const Vector3& vertex : mesh.mesh().vertices_m) {
+    largest_m = std::max(largest_m, std::abs(cloud.view(vertex).distance_m));
+  }
+  // points 2.7 mm apart follow a body that is curved by 1/10 mm at its tightest
+  EXPECT_LT(largest_m, 0.5e-3);
+}
+
+TEST(Organ, HasALumpAlmostThreeTimesAsStiff) {
+  const physics::PointCloud cloud = organ_cloud(30000);
+  const auto [softest, stiffest] =
+      std::minmax_element(cloud.stiffness_ratios.begin(), cloud.stiffness_ratios.end());
+
+  EXPECT_NEAR(*softest, 1.0, 1e-6);
+  // at its middle it would be 4, which is 8·√ln(3/1.9) = 5.4 mm below the surface
+  EXPECT_NEAR(*stiffest, 2.9, 0.1);
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,139 @@
+// Surfaces from files: sharing, units, placing, and two real livers where they are at hand.
+#include "physics_node/surface_files.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+
+#include "common/core/check.h"
+#include "physics_node/ply.h"
+#include "physics_node/scene.h"
+#include "tests/support/sampled_clouds.h"
+#include "tests/support/temp_folder.h"
+#include "tests/unit/physics_node/test_meshes.h"
+
+namespace palpate::physics {
+namespace {
+
+using ::testing::HasSubstr;
+using Kind = FileGeometry::Kind;
+
+std::string complaint(const FileGeometry& geometry) {
+  try {
+    static_cast<void>(load_surface(geometry));
+  } catch (const SetupError& error) {
+    return error.what();
+  }
+  return "none";
+}
+
+TEST(SurfaceFiles, AreSharedWhileInUse) {
+  const test::TempFolder folder;
+  const FileGeometry cube{.kind = Kind::kTetrahedralMesh,
+                          .file = folder.write("cube.msh", msh_text(cube_of_tetrahedra(0.1)))};
+  FileGeometry larger = cube;
+  larger.unit_m = 2.0;
+
+  const auto first = load_surface(cube);
+  EXPECT_EQ(load_surface(cube), first);
+  EXPECT_NE(load_surface(larger), first);
+
+  // two tissues in two scenes, one surface
+  FileGeometry moved = cube;
+  moved.position_m = {1, 0, 0};
+  EXPECT_EQ(std::get<PlacedSurface>(to_shape(cube)).surface,
+            std::get<PlacedSurface>(to_shape(moved)).surface);
+}
+
+TEST(SurfaceFiles, ScaleTurnAndMove) {
+  const test::TempFolder folder;
+  // a cube of 100 in mm, turned 45° about z, its middle at (1, 2, 3)
+  const Shape shape = to_shape(FileGeometry{
+      .kind = Kind::kTetrahedralMesh,
+      .file = folder.write("cube.msh", msh_text(cube_of_tetrahedra(100))),
+      .unit_m = 0.001,
+      .position_m = {1, 2, 3},
+      .rotation = Quaternion(Eigen::AngleAxisd(std::numbers::pi / 4, Vector3::UnitZ()))});
+  const auto& placed = std::get<PlacedSurface>(shape);
+  const double s = std::sqrt(0.5);
+
+  // 10 mm out of the face that looked along x and now looks along (1, 1, 0)/√2
+  const SurfaceView face = view(placed, Vector3(1, 2, 3) + 0.06 * Vector3(s, s, 0));
+  EXPECT_NEAR(face.distance_m, 0.01, 1e-12);
+  EXPECT_LT((face.normal - Vector3(s, s, 0)).norm(), 1e-12);
+
+  // 30 mm beyond the vertical edge that now looks along x: curved by 1/30 mm in y
+  const SurfaceView edge = view(placed, {1.03 + 0.1 * s, 2, 3});
+  EXPECT_NEAR(edge.distance_m, 0.03, 1e-12);
+  EXPECT_NEAR(edge.curvature_per_m(1, 1), 1 / 0.03, 1e-9);
+  EXPECT_NEAR(edge.curvature_per_m.norm(), 1 / 0.03, 1e-9);
+
+  const std::optional<Bounds> bounds = bounds_of(shape);
+  ASSERT_TRUE(bounds);
+  EXPECT_LT((bounds->highest_m - Vector3(1 + 0.1 * s, 2 + 0.1 * s, 3.05)).norm(), 1e-12);
+}
+
+TEST(SurfaceFiles, AreTissueLikeAnyOther) {
+  const test::TempFolder folder;
+  Random random(1);
+  const PointCloud cloud =
+      test::sampled(test::sphere_shape(0.05), 1e-3, 0.0, true, test::Sampling::kEven, random);
+  SceneConfig config;
+  config.tip_radius_m = 0.003;
+  config.tissues.push_back(
+      {.name = "ball",
+       .geometry = FileGeometry{.file = folder.write("ball.ply", ply_text(cloud))},
+       .material = KelvinVoigtMaterial{.stiffness_newton_per_m = 500}});
+  const Scene scene(config);
+
+  // the tip of 3 mm reaches 2 mm deep: 500 · 0.002 = 1 N
+  EXPECT_NEAR(scene.evaluate({0.051, 0, 0}, Vector3::Zero()).force_on_tool_newton.x(), 1.0, 1e-3);
+  EXPECT_EQ(scene.evaluate({0.2, 0, 0}, Vector3::Zero()).contact_count, 0U);
+  EXPECT_EQ(scene.evaluate({0.2, 0, 0}, Vector3::Zero()).tissues_skipped, 1U);
+}
+
+TEST(SurfaceFiles, TellWhatTheyCannotUse) {
+  const test::TempFolder folder;
+  const auto file = [&](const char* name, double edge) {
+    return folder.write(name, msh_text(cube_of_tetrahedra(edge)));
+  };
+  EXPECT_THAT(complaint({.kind = Kind::kPointCloud, .file = folder.path() / "none.ply"}),
+              HasSubstr("none.ply: no such file"));
+  EXPECT_THAT(complaint({.kind = Kind::kTetrahedralMesh, .file = file("far.msh", 10000)}),
+              HasSubstr("is 10000.000000 m large: must be 0.0001 … 5 m; give the tissue's unit_m"));
+  EXPECT_THAT(complaint({.kind = Kind::kTetrahedralMesh, .file = file("cube.ply", 0.1)}),
+              HasSubstr("must end with .msh"));
+  EXPECT_THAT(complaint({.kind = Kind::kPointCloud, .file = file("cube.msh", 0.1)}),
+              HasSubstr("must end with .ply"));
+  EXPECT_THAT(complaint({.kind = Kind::kTriangleSurface, .file = file("cube.msh", 0.1)}),
+              HasSubstr("must end with .obj or .stl"));
+}
+
+TEST(SurfaceFiles, ReadRealLivers) {
+  const char* const folder = std::getenv("PALPATE_LIVER_DATA");
+  if (folder == nullptr) {
+    GTEST_SKIP() << "set PALPATE_LIVER_DATA to the folder of the liver meshes to try them";
+  }
+  // their unit is not told; the first is 6.5 wide, a liver some 0.2 m
+  for (const auto& [name, unit_m, tetrahedra] :
+       {std::tuple{"liver_181n_596t.msh", 0.03, 596U}, {"liver2_507n_1493t.msh", 0.1, 1493U}}) {
+    SCOPED_TRACE(name);
+    const FileGeometry geometry{
+        .kind = Kind::kTetrahedralMesh, .file = std::string(folder) + "/" + name, .unit_m = unit_m};
+    const TetrahedralMesh mesh = load_tetrahedral_mesh(geometry);
+    const auto surface = load_surface(geometry);
+
+    EXPECT_EQ(mesh.tetrahedra.size(), tetrahedra);
+    // the middle of a tetrahedron is inside
+    for (const auto& corners : mesh.tetrahedra) {
+      Vector3 middle = Vector3::Zero();
+      for (const std::uint32_t corner : corners) middle += 0.25 * mesh.nodes_m[corner];
+      EXPECT_LT(surface->view(middle).distance_m, 0.0);
+    }
+    EXPECT_GT(surface->view({1, 1, 1}).distance_m, 0.0);
+  }
+}
+
+}  // namespace
+}  // namespace palpate::physics

@@ -1,0 +1,58 @@
+// test_meshes.h — small closed meshes.
+#pragma once
+
+#include <cmath>
+#include <numbers>
+
+#include "physics_node/tetrahedral_mesh.h"
+#include "physics_node/triangle_surface.h"
+
+namespace palpate::physics {
+
+/// Six tetrahedra round the diagonal of a cube about the origin.
+inline TetrahedralMesh cube_of_tetrahedra(double edge_m) {
+  TetrahedralMesh mesh;
+  for (int i = 0; i < 8; ++i) {
+    mesh.nodes_m.push_back(edge_m *
+                           (Vector3(i & 1, i >> 1 & 1, i >> 2 & 1) - Vector3::Constant(0.5)));
+  }
+  // each goes from corner 0 to corner 7 over one axis after the other
+  mesh.tetrahedra = {{0, 1, 3, 7}, {0, 3, 2, 7}, {0, 2, 6, 7},
+                     {0, 6, 4, 7}, {0, 4, 5, 7}, {0, 5, 1, 7}};
+  return mesh;
+}
+
+/// Twelve triangles.
+inline TriangleMesh cube_mesh(double edge_m) { return surface_of(cube_of_tetrahedra(edge_m)); }
+
+/// A ball about the origin with `rings` rings of 2·rings corners, and two poles.
+inline TriangleMesh ball_mesh(double radius_m, std::uint32_t rings) {
+  TriangleMesh mesh;
+  const std::uint32_t around = 2 * rings;
+  mesh.vertices_m.push_back({0, 0, radius_m});
+  for (std::uint32_t ring = 1; ring <= rings; ++ring) {
+    const double polar = std::numbers::pi * ring / (rings + 1);
+    for (std::uint32_t i = 0; i < around; ++i) {
+      const double azimuth = 2 * std::numbers::pi * i / around;
+      mesh.vertices_m.push_back(radius_m * Vector3(std::sin(polar) * std::cos(azimuth),
+                                                   std::sin(polar) * std::sin(azimuth),
+                                                   std::cos(polar)));
+    }
+  }
+  mesh.vertices_m.push_back({0, 0, -radius_m});
+  const auto corner = [&](std::uint32_t ring, std::uint32_t i) {
+    return 1 + (ring - 1) * around + i % around;
+  };
+  const auto last = static_cast<std::uint32_t>(mesh.vertices_m.size() - 1);
+  for (std::uint32_t i = 0; i < around; ++i) {
+    mesh.triangles.push_back({0, corner(1, i), corner(1, i + 1)});
+    for (std::uint32_t ring = 1; ring < rings; ++ring) {
+      mesh.triangles.push_back({corner(ring, i), corner(ring + 1, i), corner(ring + 1, i + 1)});
+      mesh.triangles.push_back({corner(ring, i), corner(ring + 1, i + 1), corner(ring, i + 1)});
+    }
+    mesh.triangles.push_back({corner(rings, i), last, corner(rings, i + 1)});
+  }
+  return mesh;
+}
+
+}  // namespace palpate::physics

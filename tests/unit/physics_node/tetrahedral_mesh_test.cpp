@@ -1,0 +1,177 @@
+#include "physics_node/tetrahedral_mesh.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <array>
+#include <bit>
+#include <filesystem>
+
+#include "common/core/check.h"
+#include "tests/unit/physics_node/test_meshes.h"
+
+namespace palpate::physics {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::SizeIs;
+
+// Two tetrahedra on both sides of a triangle: 1 at the origin, 2, 3, 4 along the axes, 5 beyond.
+constexpr const char* kNodes = "1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n9 1 1 1\n";
+
+std::string version_1() {
+  return std::string("$NOD\n5\n") + kNodes +
+         "$ENDNOD\n$ELM\n3\n1 15 0 0 1 1\n2 4 1 1 4 1 2 3 4\n3 4 1 1 4 9 2 4 3\n$ENDELM\n";
+}
+std::string version_2() {
+  return std::string(
+             "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n1\n3 1 \"a\"\n"
+             "$EndPhysicalNames\n$Nodes\n5\n") +
+         kNodes +
+         "$EndNodes\n$Elements\n3\n1 2 2 0 0 1 2 3\n2 4 2 0 0 1 2 3 4\n3 4 0 9 2 4 "
+         "3\n$EndElements\n";
+}
+std::string version_4() {
+  return "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n2 5 1 9\n2 1 1 2\n1\n2\n0 0 0 0.5 0.5\n"
+         "1 0 0 0.5 0.5\n3 1 0 3\n3\n4\n9\n0 1 0\n0 0 1\n1 1 1\n$EndNodes\n$Elements\n2 3 1 3\n"
+         "0 1 15 1\n1 1\n3 1 4 2\n2 1 2 3 4\n3 9 2 4 3\n$EndElements\n";
+}
+std::string vtk() {
+  return "# vtk DataFile Version 2.0\nby hand\nASCII\nDATASET UNSTRUCTURED_GRID\n"
+         "POINTS 5 double\n0 0 0 1 0 0 0 1 0\n0 0 1 1 1 1\nCELLS 3 13\n4 0 1 2 3\n4 4 1 3 2\n"
+         "2 0 1\nCELL_TYPES 3\n10\n10\n3\n";
+}
+std::string vtk_5() {
+  return "# vtk DataFile Version 5.1\nby hand\nASCII\nDATASET UNSTRUCTURED_GRID\n"
+         "POINTS 5 float\n0 0 0 1 0 0 0 1 0\n0 0 1 1 1 1\nMETADATA\nINFORMATION 0\n\nCELLS 3 8\n"
+         "OFFSETS vtktypeint64\n0 4 8\nCONNECTIVITY vtktypeint64\n0 1 2 3 4 1 3 2\n"
+         "CELL_TYPES 2\n10\n10\n";
+}
+std::string vtk_binary() {
+  std::string text =
+      "# vtk DataFile Version 3.0\nby hand\nBINARY\nDATASET UNSTRUCTURED_GRID\nPOINTS 5 float\n";
+  const auto append = [&](auto value) {
+    auto raw = std::bit_cast<std::array<char, sizeof(value)>>(value);
+    std::reverse(raw.begin(), raw.end());
+    text.append(raw.data(), raw.size());
+  };
+  for (const float x :
+       {0.F, 0.F, 0.F, 1.F, 0.F, 0.F, 0.F, 1.F, 0.F, 0.F, 0.F, 1.F, 1.F, 1.F, 1.F}) {
+    append(x);
+  }
+  text += "\nCELLS 2 10\n";
+  for (const std::int32_t i : {4, 0, 1, 2, 3, 4, 4, 1, 3, 2}) append(i);
+  text += "\nCELL_TYPES 2\n";
+  for (const std::int32_t i : {10, 10}) append(i);
+  return text + "\n";
+}
+
+std::string replaced(std::string text, const std::string& from, const std::string& to) {
+  const std::size_t at = text.find(from);
+  EXPECT_NE(at, std::string::npos) << from;
+  return text.replace(at, from.size(), to);
+}
+
+std::string complaint(const std::string& bytes, bool is_vtk = false) {
+  try {
+    static_cast<void>(is_vtk ? parse_vtk(bytes, "a.vtk") : parse_msh(bytes, "a.msh"));
+  } catch (const SetupError& error) {
+    return error.what();
+  }
+  return "none";
+}
+
+void expect_two_tetrahedra(const TetrahedralMesh& mesh) {
+  ASSERT_THAT(mesh.nodes_m, SizeIs(5));
+  ASSERT_THAT(mesh.tetrahedra, SizeIs(2));
+  EXPECT_EQ(mesh.nodes_m[mesh.tetrahedra[1][0]], Vector3(1, 1, 1));
+
+  // 1/6 below the triangle; above it (2,3,4) → (1,1,1): its area √3/2 · height 2/√3 / 3 = 1/3
+  const TriangleMesh surface = surface_of(mesh);
+  EXPECT_THAT(surface.triangles, SizeIs(6));
+  EXPECT_EQ(complaint_about(surface), "");
+  EXPECT_NEAR(enclosed_volume_m3(surface), 0.5, 1e-12);
+}
+
+TEST(Msh, ReadsVersions1And2And4) {
+  expect_two_tetrahedra(parse_msh(version_1(), "a.msh"));
+  expect_two_tetrahedra(parse_msh(version_2(), "a.msh"));
+  expect_two_tetrahedra(parse_msh(version_4(), "a.msh"));
+}
+
+TEST(Msh, ReadsWhatItWrites) {
+  const TetrahedralMesh mesh = cube_of_tetrahedra(0.5);
+  const TetrahedralMesh read = parse_msh(msh_text(mesh), "a.msh");
+
+  EXPECT_EQ(read.nodes_m, mesh.nodes_m);
+  EXPECT_EQ(read.tetrahedra, mesh.tetrahedra);
+}
+
+TEST(Vtk, ReadsAsciiBinaryAndVersion5) {
+  expect_two_tetrahedra(parse_vtk(vtk(), "a.vtk"));
+  expect_two_tetrahedra(parse_vtk(vtk_5(), "a.vtk"));
+  expect_two_tetrahedra(parse_vtk(vtk_binary(), "a.vtk"));
+}
+
+TEST(Msh, DropsNodesThatNoTetrahedronUses) {
+  const std::string text =
+      replaced(replaced(version_1(), "\n5\n", "\n6\n"), "9 1 1 1\n", "9 1 1 1\n5 7 7 7\n");
+
+  EXPECT_THAT(parse_msh(text, "a.msh").nodes_m, SizeIs(5));
+}
+
+TEST(Msh, TurnsOverAMeshThatIsInvertedAsAWhole) {
+  const std::string text =
+      replaced(replaced(version_1(), "1 2 3 4\n", "2 1 3 4\n"), "9 2 4 3\n", "2 9 4 3\n");
+
+  EXPECT_NEAR(enclosed_volume_m3(surface_of(parse_msh(text, "a.msh"))), 0.5, 1e-12);
+}
+
+TEST(Msh, TellsFileLineAndRule) {
+  const std::string good = version_1();
+  // element 2 is in line 12, element 3 in line 13
+  EXPECT_THAT(complaint(replaced(good, "9 2 4 3\n", "2 9 4 3\n")),
+              HasSubstr("a.msh:13: element 3: is inverted, as are 1 of 2"));
+  EXPECT_THAT(complaint(replaced(good, "1 2 3 4\n", "1 2 3 3\n")),
+              HasSubstr("a.msh:12: element 2: has no volume"));
+  EXPECT_THAT(complaint(replaced(good, "1 2 3 4\n", "1 2 3 8\n")),
+              HasSubstr("a.msh:12: element 2: node 8: there is no such node"));
+  EXPECT_THAT(complaint(replaced(good, "9 1 1 1", "4 1 1 1")),
+              HasSubstr("a.msh:7: node 4: is given twice"));
+  EXPECT_THAT(complaint(replaced(good, "9 1 1 1", "9 1 1e999 1")), HasSubstr("a.msh:7: y = 1e999"));
+  EXPECT_THAT(complaint(replaced(good, "$NOD\n5", "$NOD\n4")),
+              HasSubstr("must be $ENDNOD; does the count fit?"));
+  EXPECT_THAT(complaint(replaced(good, "$NOD\n5", "$NOD\n999999999")), HasSubstr("too short"));
+  EXPECT_THAT(complaint(replaced(good, "2 4 1 1 4 1", "2 5 1 1 4 1")),
+              HasSubstr("a.msh:12: element 2 of type 5: volumes must be tetrahedra"));
+  EXPECT_THAT(complaint(good.substr(0, good.find("$ELM"))),
+              HasSubstr("must have nodes and elements"));
+  EXPECT_THAT(complaint("ply\n"), HasSubstr("a.msh:1: 'ply': must be the begin of a section"));
+  EXPECT_THAT(complaint(replaced(version_2(), "2.2 0", "2.2 1")), HasSubstr("is binary"));
+  EXPECT_THAT(complaint(replaced(version_2(), "2.2 0", "3.0 0")),
+              HasSubstr("must be 1, 2.2 or 4.1"));
+  EXPECT_THAT(complaint(replaced(version_2(), "$EndPhysicalNames", "$EndNames")),
+              HasSubstr("$PhysicalNames: has no end"));
+  EXPECT_THAT(complaint("$NOD\n1\n1 0 0 0\n$ENDNOD\n$ELM\n0\n$ENDELM\n"),
+              HasSubstr("has no tetrahedra"));
+}
+
+TEST(Vtk, TellsFileLineAndRule) {
+  EXPECT_THAT(complaint("ply\n", true), HasSubstr("a.vtk:1: must begin with"));
+  EXPECT_THAT(complaint(replaced(vtk(), "UNSTRUCTURED_GRID", "POLYDATA"), true),
+              HasSubstr("a.vtk:4: DATASET POLYDATA"));
+  EXPECT_THAT(complaint(replaced(vtk(), "4 0 1 2 3", "99 0 1 2 3"), true),
+              HasSubstr("cell 0: has 99 nodes"));
+  EXPECT_THAT(complaint(replaced(vtk(), "4 0 1 2 3", "4 0 1 2 7"), true),
+              HasSubstr("no such node"));
+  EXPECT_THAT(complaint(replaced(vtk(), "CELL_TYPES 3", "CELL_TYPES 2"), true),
+              HasSubstr("as many as CELLS"));
+  EXPECT_THAT(complaint(replaced(vtk_5(), "0 4 8", "0 4 9"), true), HasSubstr("OFFSETS"));
+  const std::string binary = vtk_binary();
+  for (std::size_t bytes = 30; bytes + 2 < binary.size(); ++bytes) {
+    EXPECT_NE(complaint(binary.substr(0, bytes), true), "none") << bytes;
+  }
+}
+
+}  // namespace
+}  // namespace palpate::physics
