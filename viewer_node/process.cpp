@@ -18,10 +18,11 @@ namespace {
 constexpr Duration kPumpInterval = std::chrono::milliseconds(50);
 constexpr Duration kWebPumpInterval = std::chrono::milliseconds(20);  // clients wait so long
 
-void print_status(const TelemetryMirror& mirror, TimePoint now) {
+/// False if nobody can read it any more.
+bool print_status(const TelemetryMirror& mirror, TimePoint now) {
   const bool is_terminal = isatty(STDOUT_FILENO) == 1;
   std::printf(is_terminal ? "\r\033[K%s" : "%s\n", status_line(mirror, now).c_str());
-  std::fflush(stdout);
+  return std::fflush(stdout) == 0;
 }
 
 }  // namespace
@@ -61,13 +62,27 @@ void run_process(NodeContext& context, ProcessLinks& links, const ViewerOptions&
   };
 
   TelemetryFeed feed(context.session.links, context.clock, links);
+  bool has_lost_recording = false;
+  std::optional<Recording> recording;
+  if (!options.record.file.empty()) {
+    recording.emplace(options.record, context.session, "viewer_node", feed.subscriber());
+  }
+  const auto check_recording = [&] {  // goes on without it
+    if (!recording) return;
+    if (const auto error = recording->take_error()) {
+      context.log.error("event=recording_failed what=\"{}\"", *error);
+      has_lost_recording = true;
+    }
+  };
   std::optional<WebFeed> web;
   if (options.web.is_asked_for(context.session.viewer.web)) {
     web.emplace(context, links, options.web, feed.subscriber(), mirror);
-    feed.on_message = [&](const TelemetryMessage& message, std::span<const std::byte> payload) {
-      web->take(message, payload);
-    };
   }
+  feed.on_message = [&](const TelemetryMessage& message, std::span<const std::byte> payload) {
+    if (recording) recording->take(message, payload);
+    if (web) web->take(message, payload);
+  };
+  bool is_quiet = options.is_quiet;
   TimePoint next_status = context.clock.now() + context.session.viewer.status_interval;
   while (!context.stop.stop_requested()) {
     const Duration interval = web ? kWebPumpInterval : kPumpInterval;
@@ -76,14 +91,18 @@ void run_process(NodeContext& context, ProcessLinks& links, const ViewerOptions&
     if (web) web->pump(now);
     if (now < next_status) continue;
     next_status = now + context.session.viewer.status_interval;
-    if (!options.is_quiet) print_status(mirror, now);
+    if (!is_quiet) is_quiet = !print_status(mirror, now);
     if (csv) csv->flush();
     check_csv();
+    check_recording();
   }
   mirror.flush_rows();
   if (csv) csv->close();
   check_csv();
-  if (!options.is_quiet) std::printf("\n");
+  if (recording) recording->close();
+  check_recording();
+  if (!is_quiet) std::printf("\n");
+  if (has_lost_recording) throw std::runtime_error("the recording is not whole; see above");
 }
 
 }  // namespace palpate::viewer
