@@ -8,6 +8,7 @@
 #include <optional>
 #include <stdexcept>
 
+#include "common/runtime/regular_file.h"
 #include "viewer_node/csv_writer.h"
 #include "viewer_node/status_line.h"
 
@@ -50,6 +51,7 @@ void TelemetryFeed::pump(TelemetryMirror& mirror, TimePoint deadline) {
 }
 
 void run_process(NodeContext& context, ProcessLinks& links, const ViewerOptions& options) {
+  refuse_shared_file({{"--csv", options.csv_file}, {"--record", options.record.file}});
   TelemetryMirror mirror;
   std::optional<CsvWriter> csv;
   if (!options.csv_file.empty()) {

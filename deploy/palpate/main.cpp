@@ -1,18 +1,23 @@
 // palpate: runs and checks deployments.
 #include <CLI/CLI.hpp>
+#include <csignal>
 #include <cstdio>
 #include <exception>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/core/check.h"
+#include "common/runtime/regular_file.h"
 #include "common/runtime/run_node.h"
 #include "common/runtime/session_file.h"
 #include "deploy/palpate/identify.h"
 #include "deploy/palpate/json_output.h"
 #include "deploy/palpate/launch_command.h"
 #include "deploy/palpate/loopback.h"
+#include "deploy/palpate/recording_commands.h"
+#include "deploy/palpate/recording_file.h"
 #include "deploy/palpate/summary.h"
 
 namespace {
@@ -28,6 +33,13 @@ void add_output_options(CLI::App& app, std::string& csv_file, std::string& json_
       ->type_name("FILE");
   app.add_option("--json", json_file, "write the summary to this file; - for standard output")
       ->type_name("FILE");
+}
+
+void add_record_options(CLI::App& app, viewer::RecordOptions& record) {
+  app.add_option("--record", record.file,
+                 "record every tick, the scene and the session to this MCAP file")
+      ->type_name("FILE");
+  app.add_flag("--overwrite", record.may_overwrite, "--record may replace a file");
 }
 
 /// What every subcommand takes.
@@ -79,6 +91,8 @@ struct LoopbackArguments {
   std::optional<double> seconds;
   std::string csv;
   std::string json;
+  viewer::RecordOptions record;
+  std::string hand;
   bool has_no_ideal = false;
   bool is_inproc = false;
 
@@ -86,17 +100,34 @@ struct LoopbackArguments {
     session.add_to(app);
     add_time_option(app, seconds, "simulated time in s (default: the session's duration_s)");
     add_output_options(app, csv, json);
+    add_record_options(app, record);
+    app.add_option(
+           "--hand", hand,
+           "the hand means to go where the recorded one was measured; for as long as it was "
+           "recorded, without --seconds")
+        ->type_name("FILE.mcap");
     app.add_flag("--no-ideal", has_no_ideal,
                  "skip the ideal force and the ideal run, and the figures that need them");
     app.add_flag("--inproc", is_inproc, "carry the messages over ZeroMQ inproc instead of memory");
   }
 
   void run() const {
-    const Session loaded = session.load();
+    Session loaded = session.load();
+    refuse_shared_file(
+        {{"--csv", csv}, {"--json", json}, {"--record", record.file}, {"--hand", hand}});
+    std::optional<double> length_s = seconds;
+    if (!hand.empty()) {
+      RecordingFile recording(hand);
+      RecordedPath path = hand_path_of(recording);
+      if (!length_s) length_s = recording.length_s();
+      loaded.hand.path = std::move(path);
+    }
     const JsonOutput json_output(json);
     const RunReport report = run_loopback(
-        loaded, {.seconds = seconds,
+        loaded, {.seconds = length_s,
                  .csv_file = csv,
+                 .record = record,
+                 .recorded_by = "palpate loopback" + (hand.empty() ? "" : " --hand " + hand),
                  .lockstep = {.links = is_inproc ? LockstepLinks::kInproc : LockstepLinks::kMemory,
                               .has_ideal = !has_no_ideal}});
     if (!json_output.is_standard_output()) {
@@ -106,10 +137,43 @@ struct LoopbackArguments {
   }
 };
 
+struct InfoArguments {
+  std::string file;
+  bool is_json = false;
+
+  void add_to(CLI::App& app) {
+    app.add_option("FILE", file, "recording (*.mcap)")->required()->type_name("");
+    app.add_flag("--json", is_json, "as JSON");
+  }
+  void run() const {
+    RecordingFile recording(file);
+    const std::string text = is_json ? info_json(recording).dump(2) + "\n" : info_text(recording);
+    std::fputs(text.c_str(), stdout);
+  }
+};
+
+struct ExportArguments {
+  std::string file;
+  std::string csv;
+
+  void add_to(CLI::App& app) {
+    app.add_option("FILE", file, "recording (*.mcap)")->required()->type_name("");
+    app.add_option("--csv", csv, "one row per device tick, columns as of launch and loopback")
+        ->required()
+        ->type_name("FILE");
+  }
+  void run() const {
+    refuse_shared_file({{"FILE", file}, {"--csv", csv}});
+    RecordingFile recording(file);
+    export_csv(recording, csv);
+  }
+};
+
 void add_launch_options(CLI::App& app, LaunchCommand& launch) {
   add_session_options(app, launch.session_file, launch.overrides);
   add_time_option(app, launch.seconds, "stop after this time in s (default: run until Ctrl-C)");
   add_output_options(app, launch.csv_file, launch.json_file);
+  add_record_options(app, launch.record);
   app.add_flag_callback(
       "--no-realtime", [&] { launch.is_realtime = false; },
       "ordinary scheduling, whatever the session says");
@@ -121,6 +185,7 @@ void add_launch_options(CLI::App& app, LaunchCommand& launch) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  std::signal(SIGPIPE, SIG_IGN);  // who reads our output may go; the run is finished in order
   CLI::App app("Runs and checks Palpate deployments.", "palpate");
   app.set_version_flag("--version", std::string("palpate ") + version());
   app.require_subcommand(1);
@@ -134,6 +199,14 @@ int main(int argc, char** argv) {
       "loopback",
       "run a session in one process on virtual time: repeatable, faster than real time");
   loopback.add_to(loopback_command);
+
+  InfoArguments info;
+  CLI::App& info_command = *app.add_subcommand("info", "tell what a recording holds");
+  info.add_to(info_command);
+
+  ExportArguments exported;
+  CLI::App& export_command = *app.add_subcommand("export", "write a recording as a table");
+  exported.add_to(export_command);
 
   IdentifyArguments identify;
   CLI::App& identify_command = *app.add_subcommand(
@@ -160,6 +233,8 @@ int main(int argc, char** argv) {
   try {
     if (launch_command.parsed()) return launch.run();
     if (loopback_command.parsed()) loopback.run();
+    if (info_command.parsed()) info.run();
+    if (export_command.parsed()) exported.run();
     if (identify_command.parsed()) identify.run();
     if (check_command.parsed()) check_scene(scene);
     return 0;
