@@ -97,11 +97,12 @@ Target target_on(const RecordedPath& path, double t_s) noexcept {
 
 // --- hostile --------------------------------------------------------------------------------
 
-HostileHand::HostileHand(const HostilePath& path, double viscous_newton_s_per_m,
-                         double coulomb_newton, std::uint64_t seed)
+HostileHand::HostileHand(const HostilePath& path, const SimulatedDeviceConfig& device,
+                         std::uint64_t seed)
     : path_(path),
-      viscous_newton_s_per_m_(viscous_newton_s_per_m),
-      coulomb_newton_(coulomb_newton),
+      viscous_newton_s_per_m_(device.viscous_newton_s_per_m),
+      coulomb_newton_(device.coulomb_newton),
+      per_axis_(device.per_axis),
       random_(seed),
       position_m_(path.center_m) {}
 
@@ -148,14 +149,8 @@ void HostileHand::choose(double t_s) noexcept {
 
 Vector3 HostileHand::wanted_velocity(double t_s, const Felt& felt) const noexcept {
   switch (way_) {
-    case Way::kDrain: {
-      const double surplus_newton = felt.force_on_hand_newton.norm() - coulomb_newton_;
-      if (surplus_newton <= 0.0) return Vector3::Zero();
-      const double v_max = path_.v_max_m_per_s;
-      const bool is_capped = surplus_newton >= 2.0 * viscous_newton_s_per_m_ * v_max;
-      const double v = is_capped ? v_max : surplus_newton / (2.0 * viscous_newton_s_per_m_);
-      return v * last_force_direction_;
-    }
+    case Way::kDrain:
+      return most_draining_velocity(felt.force_on_hand_newton);
     case Way::kPress:
       return speed_m_per_s_ * direction_;
     case Way::kShake: {
@@ -164,6 +159,27 @@ Vector3 HostileHand::wanted_velocity(double t_s, const Felt& felt) const noexcep
     }
   }
   return Vector3::Zero();
+}
+
+Vector3 HostileHand::most_draining_velocity(const Vector3& force_on_hand_newton) const noexcept {
+  const double v_max = path_.v_max_m_per_s;
+  const auto speed = [&](double surplus_newton, double f_d) {
+    if (surplus_newton <= 0.0) return 0.0;
+    return surplus_newton >= 2.0 * f_d * v_max ? v_max : surplus_newton / (2.0 * f_d);
+  };
+  if (!per_axis_) {
+    return speed(force_on_hand_newton.norm() - coulomb_newton_, viscous_newton_s_per_m_) *
+           last_force_direction_;
+  }
+  const Vector3 surplus_newton =
+      (force_on_hand_newton.cwiseAbs() - per_axis_->coulomb_newton).cwiseMax(0.0);
+  Vector3 v;
+  for (int i = 0; i < 3; ++i) {
+    v[i] = speed(surplus_newton[i], per_axis_->viscous_newton_s_per_m[i]);
+  }
+  // too fast together: then friction matters little, and the best way is along the surplus
+  if (v.norm() > v_max) v = v_max * surplus_newton.normalized();
+  return v.cwiseProduct(force_on_hand_newton.cwiseSign());
 }
 
 // --- led ------------------------------------------------------------------------------------
@@ -187,8 +203,7 @@ Target LedHand::target(double t_s) noexcept {
 
 Hand::Hand(const HandConfig& config, const SimulatedDeviceConfig& device, std::uint64_t seed)
     : config_(config),
-      hostile_(hostile_part(config.path), device.viscous_newton_s_per_m, device.coulomb_newton,
-               seed),
+      hostile_(hostile_part(config.path), device, seed),
       intended_m_(Vector3::Zero()) {
   start_position_m_ = target(0.0, Felt{}).position_m;
 }
@@ -228,7 +243,8 @@ PlantParameters plant_of(const SimulatedDeviceConfig& device, const HandConfig& 
           .hand_stiffness_newton_per_m = hand.stiffness_newton_per_m,
           .hand_damping_newton_s_per_m = hand.damping_newton_s_per_m,
           .viscous_newton_s_per_m = device.viscous_newton_s_per_m,
-          .coulomb_newton = device.coulomb_newton};
+          .coulomb_newton = device.coulomb_newton,
+          .per_axis = device.per_axis};
 }
 
 }  // namespace palpate::device

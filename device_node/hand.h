@@ -34,15 +34,16 @@ struct Felt {
 /// Seeks to draw energy from the force it feels. At random times it picks one of three ways:
 ///
 ///   drain   follow the force at the speed that draws most from a held force against the device's
-///           friction, v* = (|F| − f_co)/(2 f_d) (CONTROLLERS §2.1 eq. 12)
+///           friction, v* = (|F| − f_co)/(2 f_d) (CONTROLLERS §2.1 eq. 12), per axis where the
+///           friction is
 ///   press   back into the scene, roughly against the last force felt, or anywhere
 ///   shake   to and fro along the force, turning every 0.5 … 25 ms, near sampling periods
 ///
 /// The intended point is never faster than v_max and never farther than radius from the centre.
 class HostileHand {
  public:
-  HostileHand(const HostilePath& path, double viscous_newton_s_per_m, double coulomb_newton,
-              std::uint64_t seed);
+  /// @param device  its true friction counts
+  HostileHand(const HostilePath& path, const SimulatedDeviceConfig& device, std::uint64_t seed);
 
   /// Call with growing `t_s`.
   [[nodiscard]] Target target(double t_s, const Felt& felt) noexcept;
@@ -51,10 +52,12 @@ class HostileHand {
   enum class Way : std::uint8_t { kDrain, kPress, kShake };
   void choose(double t_s) noexcept;
   [[nodiscard]] Vector3 wanted_velocity(double t_s, const Felt& felt) const noexcept;
+  [[nodiscard]] Vector3 most_draining_velocity(const Vector3& force_on_hand_newton) const noexcept;
 
   HostilePath path_;
   double viscous_newton_s_per_m_;
   double coulomb_newton_;
+  std::optional<FrictionPerAxis> per_axis_;
   Random random_;
   Way way_ = Way::kPress;
   double t_s_ = 0.0;

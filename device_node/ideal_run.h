@@ -15,20 +15,24 @@ namespace palpate::device {
 
 class IdealRun {
  public:
-  /// Force of the tissue on the hand [N] at a hand position [m] and velocity [m/s], all in D.
-  using ForceField =
-      std::function<Vector3(const Vector3& hand_position_m, const Vector3& hand_velocity_m_per_s)>;
+  /// Force of the tissue on the hand [N] at a time since the start [s], a hand position [m] and
+  /// velocity [m/s], all in D. Asked several times for one instant.
+  using ForceField = std::function<Vector3(double time_s, const Vector3& hand_position_m,
+                                           const Vector3& hand_velocity_m_per_s)>;
+  /// Told where the hand has come to; for tissue that remembers.
+  using StepDone = std::function<void(double time_s, const Vector3& hand_position_m)>;
 
   /// @param seed  of the hand's random stream, the same as the device's
   IdealRun(const DeviceConfig& device, const HandConfig& hand, std::uint64_t seed, TimePoint start,
-           ForceField force)
+           ForceField force, StepDone step_done = {})
       : inner_step_(device.simulated.inner_step),
         peak_newton_(std::min(device.peak_force_newton, device.simulated.peak_force_newton)),
         hand_(hand, device.simulated, seed),
         plant_(plant_of(device.simulated, hand), hand_.start_position_m()),
         start_(start),
         reached_(start),
-        force_(std::move(force)) {}
+        force_(std::move(force)),
+        step_done_(std::move(step_done)) {}
 
   /// Integrates up to `until`; nothing if that has passed.
   void advance_to(TimePoint until) {
@@ -54,10 +58,12 @@ class IdealRun {
     Vector3 mean_velocity = before.hand_velocity_m_per_s;
     for (int pass = 0; pass < 3; ++pass) {
       const Vector3 middle_m = before.hand_position_m + 0.5 * h_s * mean_velocity;
-      force_on_hand_newton_ = limited_to_norm(force_(middle_m, mean_velocity), peak_newton_);
+      force_on_hand_newton_ =
+          limited_to_norm(force_(middle_s, middle_m, mean_velocity), peak_newton_);
       mean_velocity = plant_.mean_velocity_m_per_s(h_s, target, force_on_hand_newton_);
     }
     plant_.advance(h_s, mean_velocity, force_on_hand_newton_);
+    if (step_done_) step_done_(middle_s + 0.5 * h_s, plant_.state().hand_position_m);
   }
 
   Duration inner_step_;
@@ -67,6 +73,7 @@ class IdealRun {
   TimePoint start_;
   TimePoint reached_;
   ForceField force_;
+  StepDone step_done_;
   Vector3 force_on_hand_newton_ = Vector3::Zero();
 };
 

@@ -1,7 +1,7 @@
 // plant.h — the mechanics that the simulated device and the ideal run share: one rigid mass,
 // device and hand together, with set-valued friction, pulled along by the hand's spring and damper.
 //
-// Symbols, CONTROLLERS §7.1 (three equal axes, friction isotropic):
+// Symbols, CONTROLLERS §7.1 (three equal axes, friction isotropic or per axis):
 //   m    device + hand                       [kg]
 //   K,B  the hand's spring and damper        [N/m], [N·s/m]
 //   f_d  viscous friction of the device      [N·s/m]
@@ -10,12 +10,15 @@
 //   h    inner step                          [s]
 //
 //   m x'' = K (x_d − x) + B (x_d' − x') − f_d x' − f_co ξ + F ,   ξ = x'/|x'|, or any |ξ| ≤ 1 at
-//   rest
+//   rest; per axis: with f_d,i, f_co,i and ξ_i = sgn(x_i'), or any |ξ_i| ≤ 1 where the axis rests
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <optional>
 
+#include "common/core/session.h"
 #include "common/core/time.h"
 #include "common/core/vector.h"
 #include "device_node/device.h"
@@ -34,6 +37,7 @@ struct PlantParameters {
   double hand_damping_newton_s_per_m = 0.0;
   double viscous_newton_s_per_m = 0.0;
   double coulomb_newton = 0.0;
+  std::optional<FrictionPerAxis> per_axis = {};  ///< instead of the two above
 };
 
 /// Implicit midpoint, second order, with exact stick–slip: the mean velocity v̄ of a step solves
@@ -44,6 +48,8 @@ struct PlantParameters {
 ///
 ///   r = 2m/h v + K (x_d − x) + B v_d + F ,   A = 2m/h + f_d + B + K h/2
 ///   v̄ = max(0, 1 − f_co/|r|) r/A ,   Δx = h v̄ ,   v' = 2 v̄ − v ,   at rest v' = 0
+///
+/// With friction per axis each axis is such a plant by itself.
 ///
 /// Energy E = Σ f_d |Δx|²/h + f_co |Δx| − F·Δx is exact for the step. Coming to rest inside a step
 /// drops ½ m v² of its kinetic energy unbooked, so E is never above the energy that the hand gave
@@ -71,6 +77,15 @@ class Plant {
     const Vector3 r = inertia * state_.hand_velocity_m_per_s +
                       K * (target.position_m - state_.hand_position_m) +
                       B * target.velocity_m_per_s + F;
+    if (p_.per_axis) {
+      Vector3 mean_velocity;
+      for (int i = 0; i < 3; ++i) {
+        const double A = inertia + p_.per_axis->viscous_newton_s_per_m[i] + B + 0.5 * K * h;
+        const double moving = std::max(0.0, std::abs(r[i]) - p_.per_axis->coulomb_newton[i]);
+        mean_velocity[i] = std::copysign(moving / A, r[i]);
+      }
+      return mean_velocity;
+    }
     const double A = inertia + p_.viscous_newton_s_per_m + B + 0.5 * K * h;
     const double f_co = p_.coulomb_newton;
     if (f_co <= 0.0) return r / A;
@@ -81,6 +96,7 @@ class Plant {
 
   /// Takes the step whose mean velocity is known, and books its work.
   void advance(double h, const Vector3& mean_velocity, const Vector3& F) noexcept {
+    if (p_.per_axis) return advance_per_axis(h, mean_velocity, F);
     const double speed2 = mean_velocity.squaredNorm();
     if (speed2 == 0.0) {
       state_.hand_velocity_m_per_s.setZero();
@@ -92,14 +108,30 @@ class Plant {
     if (p_.coulomb_newton > 0.0) {
       state_.energy_joule += h * p_.coulomb_newton * std::sqrt(speed2);
     }
-    if (state_.energy_joule < state_.minimum_energy_joule) {
-      state_.minimum_energy_joule = state_.energy_joule;
-    }
+    note_minimum();
   }
 
   [[nodiscard]] const TrueState& state() const noexcept { return state_; }
 
  private:
+  void advance_per_axis(double h, const Vector3& mean_velocity, const Vector3& F) noexcept {
+    for (int i = 0; i < 3; ++i) {
+      const double v = mean_velocity[i];
+      double& after = state_.hand_velocity_m_per_s[i];
+      after = v == 0.0 ? 0.0 : 2.0 * v - after;
+      state_.hand_position_m[i] += h * v;
+      state_.energy_joule += h * (p_.per_axis->viscous_newton_s_per_m[i] * v * v +
+                                  p_.per_axis->coulomb_newton[i] * std::abs(v) - F[i] * v);
+    }
+    note_minimum();
+  }
+
+  void note_minimum() noexcept {
+    if (state_.energy_joule < state_.minimum_energy_joule) {
+      state_.minimum_energy_joule = state_.energy_joule;
+    }
+  }
+
   PlantParameters p_;
   TrueState state_;
 };

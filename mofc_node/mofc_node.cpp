@@ -2,36 +2,65 @@
 
 #include <algorithm>
 #include <array>
+#include <optional>
 
 #include "mofc_node/controllers/guard_mofc.h"
 #include "mofc_node/controllers/paper_mofc.h"
 #include "mofc_node/controllers/vector_mofc.h"
+#include "mofc_node/motion_deadband.h"
 
 namespace palpate::mofc {
 
 using controllers::AppliedStretch;
+using controllers::AxisFriction;
 using controllers::ControlOutput;
 using controllers::MofcParameters;
+using controllers::PaperMofc;
+
+namespace {
+
+/// Time average of the force on the hand since the reading before; 0 without an echo.
+Vector3 mean_applied_newton(const DeviceState& state) noexcept {
+  Vector3 impulse = Vector3::Zero();
+  double duration_s = 0.0;
+  for (std::uint32_t i = 0; i < state.applied_count; ++i) {
+    const double stretch_s = to_seconds(state.applied[i].until - state.applied[i].from);
+    impulse += stretch_s * state.applied[i].force_on_hand_newton;
+    duration_s += stretch_s;
+  }
+  return duration_s > 0.0 ? Vector3(impulse / duration_s) : Vector3(Vector3::Zero());
+}
+
+}  // namespace
 
 std::unique_ptr<controllers::ForceController> make_controller(const MofcConfig& mofc,
                                                               const DeviceConfig& device) {
   const DeviceProfile& profile = device.profile;
+  std::optional<AxisFriction> per_axis;
+  if (profile.per_axis) {
+    per_axis = {.f_d = profile.per_axis->viscous_newton_s_per_m,
+                .f_co = profile.per_axis->coulomb_newton};
+  }
   if (mofc.controller == ControllerKind::kNone) return std::make_unique<controllers::PassThrough>();
   if (mofc.mode == MofcMode::kPaper) {
-    return std::make_unique<controllers::PaperMofc>(
-        MofcParameters{.f_d = profile.viscous_newton_s_per_m,
-                       .f_co = profile.coulomb_newton,
-                       .T = 1.0 / device.rate_hz});
+    const MofcParameters parameters{.f_d = profile.viscous_newton_s_per_m,
+                                    .f_co = profile.coulomb_newton,
+                                    .T = 1.0 / device.rate_hz};
+    if (per_axis) return std::make_unique<PaperMofc>(*per_axis, parameters.T);
+    return std::make_unique<PaperMofc>(mofc.paper_friction == PaperFriction::kIsotropic
+                                           ? PaperMofc::isotropic(parameters)
+                                           : PaperMofc(parameters));
   }
   const MofcParameters parameters{.f_d = profile.viscous_newton_s_per_m,
                                   .f_co = profile.coulomb_newton,
                                   .T = to_seconds(device.lease)};
   if (mofc.mode == MofcMode::kVector) {
     return std::make_unique<controllers::VectorMofc>(parameters, profile.position_resolution_m,
-                                                     to_seconds(mofc.delta_max));
+                                                     to_seconds(mofc.delta_max), per_axis);
   }
   return std::make_unique<controllers::GuardMofc>(
       controllers::GuardParameters{.mofc = parameters,
+                                   .per_axis = per_axis,
                                    .resolution_m = profile.position_resolution_m,
                                    .delta_max_s = to_seconds(mofc.delta_max),
                                    .v_max_m_per_s = mofc.guard.v_max_m_per_s,
@@ -51,7 +80,11 @@ MofcNode::MofcNode(const MofcConfig& mofc, const DeviceConfig& device, const Clo
       ticks_(ticks),
       session_id_(session_id),
       controller_(make_controller(mofc, device)),
-      velocity_(mofc.velocity_time_constant) {}
+      velocity_(make_velocity_estimator(
+          mofc.velocity_estimator,
+          device.profile.position_resolution_m * device.workspace.scale_ratio,
+          device.workspace.scale_ratio)),
+      handover_(mofc.handover_newton_per_s) {}
 
 ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
   const DeviceState& state = received.value;
@@ -68,10 +101,12 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
   relay(state);
   const TimePoint now = clock_.now();
   const Interaction* interaction = physics_answer(state, now);
-  const Vector3 asked = asked_force(state, interaction);
+  const ModelForce tissue = tissue_force(state, interaction);
+  const Vector3 asked = device_.workspace.force_ratio * tissue.force_on_tool_newton;
 
   // the clamp, then the fade: both only reduce
-  const ControlOutput output = control(state, has_gap, interaction, asked);
+  const ControlOutput output =
+      control(state, has_gap, interaction, asked, tissue.stored_energy_joule);
   const Vector3 force = faded(output.force_on_hand_newton, now);
 
   ++command_.header.sequence;
@@ -97,7 +132,7 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
                         ? state.header.sampled_at - interaction->device_sampled_at
                         : Duration{};
   tick_.is_clamped = output.is_clamped;
-  tick_.is_in_contact = interaction != nullptr && interaction->contact_count > 0;
+  tick_.is_in_contact = tissue.is_touching;
   if (tick_.is_clamped) ++counters_.clamped_ticks;
   if (output.is_too_fast) ++counters_.too_fast_ticks;
   if (tick_.is_in_contact) ++counters_.contact_ticks;
@@ -107,9 +142,7 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
 
 void MofcNode::finish_turn() noexcept {
   if (!has_turn_) return;
-  if (!is_motion_sent_ && motion_out_.send(motion_) == SendResult::kDropped) {
-    ++counters_.motions_dropped;
-  }
+  if (!is_motion_sent_) send_motion();
   ticks_.keep(tick_);
   has_turn_ = false;
 }
@@ -124,7 +157,8 @@ MofcCounters MofcNode::counters() const noexcept {
 
 void MofcNode::begin_device_session() noexcept {
   controller_->reset();
-  velocity_.reset();
+  velocity_->reset();
+  handover_.reset();
   has_asked_before_ = false;
   ++counters_.ledger_resets;
 }
@@ -153,8 +187,8 @@ void MofcNode::note_echo(const DeviceState& state) noexcept {
 }
 
 void MofcNode::relay(const DeviceState& state) noexcept {
-  const Vector3 velocity = velocity_.update(state.tool_position_world_m, state.header.sampled_at);
-  if (motion_.header.session_id != 0) ++motion_.header.sequence;
+  const Vector3 velocity = velocity_->update(state.tool_position_world_m, state.header.sampled_at,
+                                             mean_applied_newton(state));
   motion_.header.session_id = session_id_;
   motion_.header.sampled_at = clock_.now();
   motion_.device_session_id = state.header.session_id;
@@ -167,9 +201,21 @@ void MofcNode::relay(const DeviceState& state) noexcept {
 
   // normally after the answer (finish_turn); before it only if the answer waits for the physics
   is_motion_sent_ = config_.wait_for_physics.count() > 0;
-  if (is_motion_sent_ && motion_out_.send(motion_) == SendResult::kDropped) {
-    ++counters_.motions_dropped;
+  if (is_motion_sent_) send_motion();
+}
+
+void MofcNode::send_motion() noexcept {
+  if (config_.motion_deadband && has_sent_motion_ &&
+      !is_worth_sending(sent_motion_, motion_, *config_.motion_deadband)) {
+    ++counters_.motions_suppressed;
+    return;
   }
+  motion_.header.sequence = next_motion_sequence_++;
+  const SendResult result = motion_out_.send(motion_);
+  if (result == SendResult::kDropped) ++counters_.motions_dropped;
+  if (result != SendResult::kSent) return;
+  sent_motion_ = motion_;
+  has_sent_motion_ = true;
 }
 
 const Interaction* MofcNode::physics_answer(const DeviceState& state, TimePoint now) noexcept {
@@ -205,22 +251,26 @@ const Interaction* MofcNode::physics_answer(const DeviceState& state, TimePoint 
   return &newest->value;
 }
 
-Vector3 MofcNode::asked_force(const DeviceState& state, const Interaction* interaction) noexcept {
-  if (interaction == nullptr) {
-    tick_.state = MofcState::kNoPhysics;
-    return Vector3::Zero();
+ModelForce MofcNode::tissue_force(const DeviceState& state,
+                                  const Interaction* interaction) noexcept {
+  const TimePoint now = state.header.sampled_at;
+  const double dt_s = has_asked_before_ ? to_seconds(now - tick_.device_sampled_at) : 0.0;
+  if (interaction == nullptr || state.is_clutched) {
+    tick_.state = interaction == nullptr ? MofcState::kNoPhysics : MofcState::kClutched;
+    handover_.reset();
+    return {};
   }
-  if (state.is_clutched) {
-    tick_.state = MofcState::kClutched;
-    return Vector3::Zero();
-  }
-  tick_.state = interaction->contact_count > 0 ? MofcState::kContact : MofcState::kFree;
-  return device_.workspace.force_ratio * interaction->force_on_tool_newton;
+  const ModelForce force = config_.interaction == InteractionUse::kHeld
+                               ? held(*interaction)
+                               : handover_.step(*interaction, state.tool_position_world_m,
+                                                motion_.tool_velocity_world_m_per_s, dt_s, now);
+  tick_.state = force.is_touching ? MofcState::kContact : MofcState::kFree;
+  return force;
 }
 
 ControlOutput MofcNode::control(const DeviceState& state, bool has_gap,
-                                const Interaction* interaction,
-                                const Vector3& asked_newton) noexcept {
+                                const Interaction* interaction, const Vector3& asked_newton,
+                                double stored_joule) noexcept {
   std::array<AppliedStretch, kMaxAppliedForces> stretches;
   for (std::uint32_t i = 0; i < state.applied_count; ++i) {
     const AppliedForce& applied = state.applied[i];
@@ -229,22 +279,20 @@ ControlOutput MofcNode::control(const DeviceState& state, bool has_gap,
                     .hand_position_at_end_m = applied.hand_position_at_end_m,
                     .has_position_at_end = applied.has_position_at_end};
   }
-  // a force that is asked for the first time; the held one repeats the stamp of its Interaction
-  const bool is_fresh = interaction == nullptr || interaction->header.sequence != used_interaction_;
+  // a force that is asked for the first time; a held one repeats the stamp of its Interaction
+  const bool is_fresh = config_.interaction == InteractionUse::kLocal || interaction == nullptr ||
+                        interaction->header.sequence != used_interaction_;
   if (interaction != nullptr) used_interaction_ = interaction->header.sequence;
 
   // the tissue's energy as the hand would get it: force × force_ratio, motion ÷ scale_ratio
   const WorkspaceConfig& workspace = device_.workspace;
-  const double stored_joule =
-      interaction == nullptr
-          ? 0.0
-          : interaction->stored_energy_joule * workspace.force_ratio / workspace.scale_ratio;
-  return controller_->step({.hand_position_m = state.hand_position_m,
-                            .applied = {stretches.data(), state.applied_count},
-                            .has_gap = has_gap,
-                            .asked_force_on_hand_newton = asked_newton,
-                            .is_asked_fresh = is_fresh,
-                            .stored_energy_joule = stored_joule});
+  return controller_->step(
+      {.hand_position_m = state.hand_position_m,
+       .applied = {stretches.data(), state.applied_count},
+       .has_gap = has_gap,
+       .asked_force_on_hand_newton = asked_newton,
+       .is_asked_fresh = is_fresh,
+       .stored_energy_joule = stored_joule * workspace.force_ratio / workspace.scale_ratio});
 }
 
 Vector3 MofcNode::recovering(const Vector3& force_newton, TimePoint now) noexcept {

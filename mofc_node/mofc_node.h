@@ -2,16 +2,21 @@
 //
 //   in   hop 1  DeviceState   device  → mofc     every device tick
 //   out  hop 4  ForceCommand  mofc    → device   the answer to it, in the same tick
-//   out  hop 2  ToolMotion    mofc    → physics  once per DeviceState, after the answer
+//   out  hop 2  ToolMotion    mofc    → physics  once per DeviceState, after the answer; with
+//                                                `motion_deadband` only when the tool moves on
 //   in   hop 3  Interaction   physics → mofc     every physics step; the newest counts
 //   out  hop 5  MofcTick      mofc    → viewers  once per DeviceState
 //
+// Between two Interactions: their local contact model is evaluated at the device's rate with the
+//   newest position and velocity (`interaction: local`), or their force is held (`held`).
 // Before the first Interaction that answers this device's session: asks for no force.
-// Nothing that answers a newer motion for `stale_after`: from then on |F| never rises above what
-//   it was and fades to zero over `fade`; then MofcState::kNoPhysics. When the physics speaks
-//   again, |F| rises from where it is over `fade`.
+// Nothing that answers a newer motion for `stale_after` (which is longer than the silence that the
+//   deadbands of hops 2 and 3 keep, so physics that is frozen is told from a hand that rests): from
+//   then on |F| never rises above what it was and fades to zero over `fade`; then
+//   MofcState::kNoPhysics. When the physics speaks again, |F| rises from where it is over `fade`.
 // New device session, a gap in the DeviceStates, or an echo that does not continue the one before:
-//   ledger 0. New physics session: its first Interaction replaces the held force; the ledger stays.
+//   ledger 0. New physics session: its first Interaction replaces the model as any next one does,
+//   without a jump; the ledger stays.
 // `wait_for_physics` > 0: answers from the Interaction that answers this very DeviceState; if that
 //   does not come in time the force is at most f_co, which friction absorbs.
 // Thread: everything runs on the caller's thread; no allocation, lock, log or throw.
@@ -26,6 +31,7 @@
 #include "common/core/session.h"
 #include "common/core/telemetry.h"
 #include "mofc_node/controllers/force_controller.h"
+#include "mofc_node/model_handover.h"
 #include "mofc_node/velocity_estimator.h"
 
 namespace palpate::mofc {
@@ -55,12 +61,14 @@ class MofcNode {
   [[nodiscard]] bool continues_echo(const DeviceState& state) const noexcept;
   void note_echo(const DeviceState& state) noexcept;
   void relay(const DeviceState& state) noexcept;
+  void send_motion() noexcept;
   [[nodiscard]] const Interaction* physics_answer(const DeviceState& state, TimePoint now) noexcept;
-  [[nodiscard]] Vector3 asked_force(const DeviceState& state,
-                                    const Interaction* interaction) noexcept;
+  [[nodiscard]] ModelForce tissue_force(const DeviceState& state,
+                                        const Interaction* interaction) noexcept;
   [[nodiscard]] controllers::ControlOutput control(const DeviceState& state, bool has_gap,
                                                    const Interaction* interaction,
-                                                   const Vector3& asked_newton) noexcept;
+                                                   const Vector3& asked_newton,
+                                                   double stored_joule) noexcept;
   [[nodiscard]] Vector3 recovering(const Vector3& force_newton, TimePoint now) noexcept;
   [[nodiscard]] Vector3 faded(const Vector3& force_newton, TimePoint now) noexcept;
 
@@ -72,11 +80,15 @@ class MofcNode {
   TickSink<MofcTick>& ticks_;
   std::uint64_t session_id_;
   std::unique_ptr<controllers::ForceController> controller_;
-  VelocityEstimator velocity_;
+  std::unique_ptr<VelocityEstimator> velocity_;
+  ModelHandover handover_;
 
   ForceCommand command_;
   ToolMotion motion_;
   bool is_motion_sent_ = false;
+  ToolMotion sent_motion_;  // the last that the link took
+  bool has_sent_motion_ = false;
+  std::uint64_t next_motion_sequence_ = 0;
   MofcTick tick_;
   bool has_turn_ = false;
 

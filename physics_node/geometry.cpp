@@ -1,10 +1,32 @@
 #include "physics_node/geometry.h"
 
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
 namespace palpate::physics {
 namespace {
 
 // Below this length a direction is rounding, not geometry [m].
 constexpr double kShortestDirection = 1e-12;
+
+// How far a point may go before another face, edge or corner of a box is nearest; `beyond_face` as
+// in view(): > 0 outside that slab.
+double distance_to_next_feature(const Vector3& from_center, const Vector3& beyond_face,
+                                int nearest_face) noexcept {
+  const bool is_at_face = (beyond_face.array() > 0.0).count() <= 1;
+  double nearest = is_at_face ? std::abs(from_center[nearest_face]) : kMaxTrustRadiusM;
+  for (int axis = 0; axis < 3; ++axis) {
+    if (axis == nearest_face && is_at_face) continue;
+    // to the plane that bounds the slab; before it, inside, two faces may be equally near
+    nearest = std::min(nearest, std::abs(beyond_face[axis]));
+    if (is_at_face) {
+      nearest =
+          std::min(nearest, (beyond_face[nearest_face] - beyond_face[axis]) / std::numbers::sqrt2);
+    }
+  }
+  return std::max(nearest, kMinTrustRadiusM);
+}
 
 }  // namespace
 
@@ -24,6 +46,7 @@ SurfaceView view(const SphereGeometry& sphere, const Vector3& point_m) noexcept 
     surface.normal = from_center / distance_to_center;
     surface.curvature_per_m =
         (Matrix3::Identity() - surface.normal * surface.normal.transpose()) / distance_to_center;
+    surface.trust_radius_m = std::clamp(distance_to_center, kMinTrustRadiusM, kMaxTrustRadiusM);
   }
   return surface;
 }
@@ -35,6 +58,8 @@ SurfaceView view(const BoxGeometry& box, const Vector3& point_m) noexcept {
   const Vector3 beyond_face = from_center.cwiseAbs() - 0.5 * box.size_m;  // > 0: outside that slab
   int nearest_face = 0;
   const double nearest = beyond_face.maxCoeff(&nearest_face);
+
+  surface.trust_radius_m = distance_to_next_feature(from_center, beyond_face, nearest_face);
 
   if (nearest <= kShortestDirection) {
     surface.distance_m = nearest;

@@ -1,31 +1,31 @@
-// material.h — what force a tissue answers with, given the surface and the motion of the tool.
+// material.h — what a tissue answers with, given its surface: the law of a contact.
 #pragma once
 
+#include "common/core/messages.h"
 #include "common/core/session.h"
 #include "common/core/vector.h"
 #include "physics_node/geometry.h"
 
 namespace palpate::physics {
 
-/// The force of one tissue on the tool and how it changes with the tool's motion; W.
-struct TissueForce {
-  Vector3 force_on_tool_newton = Vector3::Zero();
-  Matrix3 d_force_d_position = Matrix3::Zero();  ///< ∂f/∂x at constant velocity [N/m]
-  Matrix3 d_force_d_velocity = Matrix3::Zero();  ///< ∂f/∂v [N·s/m]
-  double stored_energy_joule = 0.0;              ///< elastic
-};
-
-/// The paper's tissue. With p the penetration, n the normal out of the tissue, v the tool's
-/// velocity:
+/// Describes the contact of a tissue with the tip: surface and law, touching or not; its force is
+/// left at zero. With p the penetration, n the normal out of the tissue, v the velocity of the tool
+/// relative to the tissue and z the penetration that the tissue has relaxed to:
 ///
-///   f = N n + f_t      N   = k p + b ṗ, with ṗ = −n·v; at least 0 unless the tissue is adhesive
+///   f = N n + f_t      N   = k p + k₃ p³ + k₁ (p − z) − b n·v; at least 0 unless adhesive
 ///                      f_t = −b (v − n (n·v)) if the damping is isotropic, else 0
 ///
-/// The elastic part is the gradient of the stored energy ½ k p², so it gives back what it took; the
-/// damping only takes. Where N is cut off its derivatives are zero.
-/// @param penetration_m  > 0        @param surface  of the tissue, seen from the tip's centre
-[[nodiscard]] TissueForce respond(const KelvinVoigtMaterial& material, const SurfaceView& surface,
-                                  double penetration_m,
-                                  const Vector3& tip_velocity_world_m_per_s) noexcept;
+/// In the shell of an inclusion k and b change with place; there f_t has the term −½ p² ∇k too, so
+/// that the elastic part is the gradient of the stored energy ½ k p² + ¼ k₃ p⁴ + ½ k₁ (p − z)²
+/// everywhere and gives back what it took; the damping only takes.
+/// The described law is exact but in such a shell, where it is linear and trusted over an eighth of
+/// it.
+/// @param surface        seen from the tip's centre
+/// @param penetration_m  ≤ 0 where the tip does not touch
+/// @param relaxed_m      z
+/// @param point_m        the tip's centre, in the tissue's rest frame
+[[nodiscard]] Contact describe(const KelvinVoigtMaterial& material, const SurfaceView& surface,
+                               double penetration_m, double relaxed_m,
+                               const Vector3& point_m) noexcept;
 
 }  // namespace palpate::physics

@@ -2,17 +2,23 @@
 
 #include <algorithm>
 
+#include "physics_node/interaction_deadband.h"
+
 namespace palpate::physics {
 
-PhysicsNode::PhysicsNode(const SceneConfig& scene, const Clock& clock, Inbox<ToolMotion>& motion_in,
+PhysicsNode::PhysicsNode(const SceneConfig& scene, const PhysicsConfig& physics, InteractionUse use,
+                         const Clock& clock, Inbox<ToolMotion>& motion_in,
                          Sender<Interaction>& interaction_out, TickSink<PhysicsTick>& ticks_out,
                          std::uint64_t session_id)
-    : scene_(scene),
+    : scene_(scene, use == InteractionUse::kLocal ? physics.reach_m : 0.0),
+      memory_(scene_.new_memory()),
+      use_(use),
       clock_(clock),
       motion_in_(motion_in),
       interaction_out_(interaction_out),
       ticks_out_(ticks_out),
-      session_id_(session_id) {}
+      session_id_(session_id),
+      deadband_(physics.interaction_deadband) {}
 
 bool PhysicsNode::has_new_motion() noexcept {
   motion_in_.newest();
@@ -29,12 +35,14 @@ void PhysicsNode::step(const Tick& tick) noexcept {
   motions_answered_ = counters_.tool_motion.accepted;
   const ToolMotion& motion = received->value;
 
-  const SceneForce force =
-      scene_.evaluate(motion.tool_position_world_m, motion.tool_velocity_world_m_per_s);
+  const double time_s = to_seconds(tick.now.time_since_epoch());
+  scene_.remember(memory_, motion.tool_position_world_m, time_s);
+  const SceneForce force = scene_.evaluate(motion.tool_position_world_m,
+                                           motion.tool_velocity_world_m_per_s, time_s, memory_);
 
   // send: hop 3. What the link does not take shows as skipped at the receiver.
   Interaction interaction;
-  interaction.header = {.session_id = session_id_, .sequence = sequence_, .sampled_at = tick.now};
+  interaction.header = {.session_id = session_id_, .sampled_at = tick.now};
   interaction.device_session_id = motion.device_session_id;
   interaction.device_sequence = motion.device_sequence;
   interaction.device_sampled_at = motion.device_sampled_at;
@@ -43,15 +51,16 @@ void PhysicsNode::step(const Tick& tick) noexcept {
   interaction.force_on_tool_newton = force.force_on_tool_newton;
   interaction.stored_energy_joule = force.stored_energy_joule;
   interaction.contacts = force.contacts;
+  interaction.listed_count = force.listed_count;
   interaction.contact_count = force.contact_count;
-  interaction_out_.send(interaction);
+  send(interaction, motion);
 
   // keep: hop 5
   const Duration compute_time = clock_.now() - tick.now;
   counters_.worst_compute_time = std::max(counters_.worst_compute_time, compute_time);
   counters_.tissues_skipped += force.tissues_skipped;
   if (force.contact_count > 0) ++counters_.contact_steps;
-  ticks_out_.keep({.sequence = sequence_,
+  ticks_out_.keep({.sequence = next_step_++,
                    .stepped_at = tick.now,
                    .device_sequence = motion.device_sequence,
                    .tool_position_world_m = motion.tool_position_world_m,
@@ -59,7 +68,18 @@ void PhysicsNode::step(const Tick& tick) noexcept {
                    .stored_energy_joule = force.stored_energy_joule,
                    .contact_count = force.contact_count,
                    .compute_time = compute_time});
-  ++sequence_;
+}
+
+void PhysicsNode::send(Interaction& interaction, const ToolMotion& motion) noexcept {
+  if (deadband_ && motion.header.session_id == sent_to_session_id_ &&
+      !is_worth_sending(sent_, interaction, motion.tool_velocity_world_m_per_s, *deadband_, use_)) {
+    ++counters_.interactions_suppressed;
+    return;
+  }
+  interaction.header.sequence = next_interaction_sequence_++;
+  if (interaction_out_.send(interaction) != SendResult::kSent) return;
+  sent_ = interaction;
+  sent_to_session_id_ = motion.header.session_id;
 }
 
 void PhysicsNode::count_turn(const Tick& tick) noexcept {

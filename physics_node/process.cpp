@@ -50,8 +50,8 @@ void run_process(NodeContext& context, ProcessLinks& links) {
   };
   publisher.start();
 
-  PhysicsNode node(session.scene, context.clock, motion_in, interaction_out, ticks,
-                   context.session_id);
+  PhysicsNode node(session.scene, session.physics, session.mofc.interaction, context.clock,
+                   motion_in, interaction_out, ticks, context.session_id);
   const auto step = [&](const Tick& tick) {
     node.step(tick);
     counters.store(node.counters());

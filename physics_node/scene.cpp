@@ -1,14 +1,24 @@
 #include "physics_node/scene.h"
 
 #include <algorithm>
+#include <numbers>
 #include <utility>
 #include <variant>
 
+#include "common/core/contact_model.h"
 #include "physics_node/geometry.h"
 #include "physics_node/material.h"
 
 namespace palpate::physics {
 namespace {
+
+SurfaceView surface_of(const Geometry& geometry, const Vector3& point_m) noexcept {
+  return std::visit([&](const auto& shape) { return view(shape, point_m); }, geometry);
+}
+
+const KelvinVoigtMaterial& law_of(const Material& material) noexcept {
+  return std::get<KelvinVoigtMaterial>(material);
+}
 
 // Keeps `contact` if it is among the deepest; of equally deep ones the first tissue comes first, so
 // the order does not depend on the tree of the broad phase.
@@ -17,8 +27,8 @@ void keep_deepest(const Contact& contact, SceneForce& sum) noexcept {
     return a.penetration_m != b.penetration_m ? a.penetration_m > b.penetration_m
                                               : a.tissue < b.tissue;
   };
-  std::size_t place = std::min<std::size_t>(sum.contact_count, kMaxContacts);
-  ++sum.contact_count;
+  std::size_t place = sum.listed_count;
+  if (sum.listed_count < kMaxContacts) ++sum.listed_count;
   for (; place > 0 && is_before(contact, sum.contacts[place - 1]); --place) {
     if (place < kMaxContacts) sum.contacts[place] = sum.contacts[place - 1];
   }
@@ -27,12 +37,20 @@ void keep_deepest(const Contact& contact, SceneForce& sum) noexcept {
 
 }  // namespace
 
-Scene::Scene(const SceneConfig& config) : tip_radius_m_(config.tip_radius_m) {
+Scene::Scene(const SceneConfig& config, double reach_m)
+    : tip_radius_m_(config.tip_radius_m), reach_m_(reach_m) {
   std::vector<BroadPhase::Item> items;
-  const Vector3 margin_m = Vector3::Constant(tip_radius_m_);
   for (const TissueConfig& tissue : config.tissues) {
     const auto index = static_cast<std::uint32_t>(tissues_.size());
-    tissues_.push_back({tissue.geometry, tissue.material});
+    const bool is_moving =
+        tissue.motion.frequency_hz > 0.0 && !tissue.motion.amplitude_m.isZero(0.0);
+    const bool is_relaxing = law_of(tissue.material).relaxing_stiffness_newton_per_m > 0.0;
+    tissues_.push_back({.geometry = tissue.geometry,
+                        .material = tissue.material,
+                        .motion = tissue.motion,
+                        .is_moving = is_moving,
+                        .relaxing = is_relaxing ? relaxing_.size() : kNone});
+    if (is_relaxing) relaxing_.push_back(index);
     if (std::holds_alternative<HalfSpaceGeometry>(tissue.geometry)) {
       unbounded_.push_back(index);
       continue;
@@ -40,49 +58,94 @@ Scene::Scene(const SceneConfig& config) : tip_radius_m_(config.tip_radius_m) {
     const auto* sphere = std::get_if<SphereGeometry>(&tissue.geometry);
     const Bounds bounds =
         sphere != nullptr ? bounds_of(*sphere) : bounds_of(std::get<BoxGeometry>(tissue.geometry));
+    Vector3 margin_m = Vector3::Constant(tip_radius_m_ + reach_m_);
+    if (is_moving) margin_m += tissue.motion.amplitude_m.cwiseAbs();
     items.push_back({{bounds.lowest_m - margin_m, bounds.highest_m + margin_m}, index});
   }
   bounded_ = BroadPhase(std::move(items));
 }
 
-void Scene::touch(std::uint32_t index, const Vector3& tip_position_world_m,
-                  const Vector3& tip_velocity_world_m_per_s, SceneForce& sum) const noexcept {
-  const Tissue& tissue = tissues_[index];
-  const SurfaceView surface = std::visit(
-      [&](const auto& geometry) { return view(geometry, tip_position_world_m); }, tissue.geometry);
-  const double penetration_m = tip_radius_m_ - surface.distance_m;
-  if (!(penetration_m > 0.0)) return;
+TissueMemory Scene::new_memory() const {
+  TissueMemory memory;
+  memory.relaxing_.resize(relaxing_.size());
+  return memory;
+}
 
-  const TissueForce tissue_force = std::visit(
-      [&](const auto& material) {
-        return respond(material, surface, penetration_m, tip_velocity_world_m_per_s);
-      },
-      tissue.material);
-  sum.force_on_tool_newton += tissue_force.force_on_tool_newton;
-  sum.d_force_d_position += tissue_force.d_force_d_position;
-  sum.d_force_d_velocity += tissue_force.d_force_d_velocity;
-  sum.stored_energy_joule += tissue_force.stored_energy_joule;
-  keep_deepest({.tissue = index,
-                .penetration_m = penetration_m,
-                .normal_world = surface.normal,
-                .force_on_tool_newton = tissue_force.force_on_tool_newton},
-               sum);
+Scene::Displacement Scene::displacement(const Tissue& tissue, double time_s) noexcept {
+  if (!tissue.is_moving) return {};
+  const double omega = 2.0 * std::numbers::pi * tissue.motion.frequency_hz;
+  const double angle = omega * time_s + tissue.motion.phase_rad;
+  return {std::sin(angle) * tissue.motion.amplitude_m,
+          omega * std::cos(angle) * tissue.motion.amplitude_m};
+}
+
+void Scene::remember(TissueMemory& memory, const Vector3& tip_position_world_m,
+                     double time_s) const noexcept {
+  if (relaxing_.empty()) return;
+  const double dt_s = memory.has_time_ ? std::max(0.0, time_s - memory.time_s_) : 0.0;
+  memory.time_s_ = time_s;
+  memory.has_time_ = true;
+  for (std::size_t i = 0; i < relaxing_.size(); ++i) {
+    const Tissue& tissue = tissues_[relaxing_[i]];
+    const Vector3 point_m = tip_position_world_m - displacement(tissue, time_s).position_m;
+    const double depth_m = tip_radius_m_ - surface_of(tissue.geometry, point_m).distance_m;
+    const double now_m = depth_m > 0.0 && std::isfinite(depth_m) ? depth_m : 0.0;
+
+    // τ ż = p − z for p that goes from one depth to the next at an even rate: exact
+    TissueMemory::Relaxing& here = memory.relaxing_[i];
+    const double before_m = here.penetration_m;
+    here.penetration_m = now_m;
+    if (!(dt_s > 0.0)) continue;
+    const double tau_s = law_of(tissue.material).relaxation_time_s;
+    const double lag_m = (now_m - before_m) / dt_s * tau_s;
+    here.relaxed_m = now_m - lag_m + (here.relaxed_m - before_m + lag_m) * std::exp(-dt_s / tau_s);
+  }
+}
+
+void Scene::touch(std::uint32_t index, const Vector3& tip_position_world_m,
+                  const Vector3& tip_velocity_world_m_per_s, double time_s,
+                  const TissueMemory& memory, SceneForce& sum) const noexcept {
+  const Tissue& tissue = tissues_[index];
+  const Displacement moved = displacement(tissue, time_s);
+  const Vector3 point_m = tip_position_world_m - moved.position_m;
+  const SurfaceView surface = surface_of(tissue.geometry, point_m);
+  const double penetration_m = tip_radius_m_ - surface.distance_m;
+  if (!(penetration_m > 0.0) && !(penetration_m > -reach_m_)) return;
+
+  const double relaxed_m =
+      tissue.relaxing < memory.relaxing_.size() ? memory.relaxing_[tissue.relaxing].relaxed_m : 0.0;
+  Contact contact = describe(law_of(tissue.material), surface, penetration_m, relaxed_m, point_m);
+  contact.tissue = index;
+  contact.surface_velocity_world_m_per_s = moved.velocity_m_per_s;
+  if (penetration_m > 0.0) {
+    const ModelForce force =
+        palpate::evaluate(contact, Vector3::Zero(), tip_velocity_world_m_per_s, 0.0);
+    contact.force_on_tool_newton = force.force_on_tool_newton;
+    sum.force_on_tool_newton += contact.force_on_tool_newton;
+    sum.stored_energy_joule += contact.stored_energy_joule;
+    ++sum.contact_count;
+  }
+  keep_deepest(contact, sum);
 }
 
 SceneForce Scene::evaluate(const Vector3& tip_position_world_m,
-                           const Vector3& tip_velocity_world_m_per_s) const noexcept {
+                           const Vector3& tip_velocity_world_m_per_s, double time_s,
+                           const TissueMemory& memory) const noexcept {
   SceneForce sum;
   const auto visit = [&](std::uint32_t index) {
-    touch(index, tip_position_world_m, tip_velocity_world_m_per_s, sum);
+    touch(index, tip_position_world_m, tip_velocity_world_m_per_s, time_s, memory, sum);
   };
   for (const std::uint32_t index : unbounded_) visit(index);
   sum.tissues_skipped = bounded_.visit_near(tip_position_world_m, visit);
-  if (sum.contact_count == 0) return sum;
+  if (sum.listed_count == 0) return sum;
 
-  const bool is_finite = sum.force_on_tool_newton.allFinite() &&
-                         sum.d_force_d_position.allFinite() &&
-                         std::isfinite(sum.stored_energy_joule);
-  if (!is_finite) {
+  const auto is_finite = [](const Contact& contact) {
+    return contact.elastic_force_on_tool_newton.allFinite() &&
+           contact.d_force_d_position.allFinite() && contact.d_force_d_velocity.allFinite() &&
+           std::isfinite(contact.stored_energy_joule);
+  };
+  if (!sum.force_on_tool_newton.allFinite() || !std::isfinite(sum.stored_energy_joule) ||
+      !std::all_of(sum.contacts.begin(), sum.contacts.begin() + sum.listed_count, is_finite)) {
     const std::uint32_t skipped = sum.tissues_skipped;
     sum = SceneForce{};
     sum.tissues_skipped = skipped;

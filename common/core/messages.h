@@ -79,12 +79,30 @@ struct ToolMotion {
   std::uint32_t buttons = 0;
 };
 
-/// One touch between tool and tissue.
+/// One tissue at the tool, touched or about to be: what it does to the tool *there*, and how that
+/// changes nearby. contact_model.h evaluates it. The reference is the place and time of the
+/// Interaction that carries it; W throughout.
 struct Contact {
-  std::uint32_t tissue = 0;                        ///< index in the scene
-  double penetration_m = 0.0;                      ///< > 0
-  Vector3 normal_world = Vector3::UnitZ();         ///< unit, out of the tissue
-  Vector3 force_on_tool_newton = Vector3::Zero();  ///< W
+  std::uint32_t tissue = 0;  ///< index in the scene
+
+  // the surface: a quadric through curvature, seen from the reference
+  double penetration_m = 0.0;                 ///< > 0: touching; else how far away, negative
+  Vector3 normal_world = Vector3::UnitZ();    ///< unit, out of the tissue
+  Matrix3 curvature_per_m = Matrix3::Zero();  ///< Hessian of the distance; symmetric, · normal = 0
+  Vector3 surface_velocity_world_m_per_s = Vector3::Zero();
+
+  // the law, in the frame that turns with the surface: its turning is in the curvature
+  Vector3 elastic_force_on_tool_newton = Vector3::Zero();  ///< at rest; of the law, touching or not
+  Matrix3 d_force_d_position = Matrix3::Zero();            ///< ∂f/∂x of the elastic force [N/m]
+  Matrix3 d_force_d_velocity = Matrix3::Zero();            ///< ∂f/∂v [N·s/m]
+  double stiffening_newton_per_m2 = 0.0;  ///< c₂: the law's c₂ Δp² along the normal
+  double stiffening_newton_per_m3 = 0.0;  ///< c₃: and c₃ Δp³
+  double stored_energy_joule = 0.0;       ///< elastic; of the law, touching or not
+  bool is_adhesive = false;               ///< may pull while penetrated
+
+  double trust_radius_m = 0.0;  ///< > 0; how far from the reference this describes the tissue
+
+  Vector3 force_on_tool_newton = Vector3::Zero();  ///< at the reference; 0 where not touching
 };
 inline constexpr std::size_t kMaxContacts = 8;
 
@@ -99,10 +117,11 @@ struct Interaction {
   Vector3 tool_position_world_m = Vector3::Zero();  ///< the tool as physics has it
   Quaternion tool_orientation_world = Quaternion::Identity();
   Vector3 force_on_tool_newton = Vector3::Zero();  ///< W, sum over all tissues
-  double stored_energy_joule = 0.0;                ///< elastic, in all tissues
-  /// The deepest contacts; `contact_count` may be larger than the array.
+  double stored_energy_joule = 0.0;                ///< elastic, in all tissues touched
+  /// Deepest first; those about to be touched after those touched.
   std::array<Contact, kMaxContacts> contacts{};
-  std::uint32_t contact_count = 0;
+  std::uint32_t listed_count = 0;   ///< entries of `contacts`
+  std::uint32_t contact_count = 0;  ///< all touches; may be larger than the array
 };
 
 }  // namespace palpate

@@ -12,6 +12,15 @@ namespace palpate {
 /// Samples below this force say nothing about transparency [N] (DESIGN §3).
 inline constexpr double kForceFloorNewton = 0.05;
 
+/// Whether a hand would tell the force from the reference: they differ by more than 7 % of it and by
+/// more than 0.05 N (force JND, CONTROLLERS §8.4).
+[[nodiscard]] inline bool is_beyond_force_jnd(const Vector3& reference_newton,
+                                              const Vector3& applied_newton) noexcept {
+  constexpr double kJndRatio = 0.07;
+  return (applied_newton - reference_newton).norm() >
+         std::max(kJndRatio * reference_newton.norm(), kForceFloorNewton);
+}
+
 /// The paper's transparency, [MOFC] eqs. (15)–(18): with v_o = v_e the ratio of impedances is the
 /// ratio of forces, averaged per axis over samples in contact with |f_e| > 0.05 N.
 class PaperTransparency {

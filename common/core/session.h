@@ -39,11 +39,18 @@ struct WorkspaceConfig {
   std::optional<std::uint32_t> clutch_button;
 };
 
+/// Friction that acts on each axis of D by itself: f_d,i v_i + f_co,i sgn(v_i).
+struct FrictionPerAxis {
+  Vector3 viscous_newton_s_per_m = Vector3::Zero();  ///< f_d,i
+  Vector3 coulomb_newton = Vector3::Zero();          ///< f_co,i
+};
+
 /// What the ledger may count on: lower bounds over the workspace (CONTROLLERS §1.3).
 struct DeviceProfile {
-  double viscous_newton_s_per_m = 0.1;   ///< f_d
-  double coulomb_newton = 0.1;           ///< f_co
+  double viscous_newton_s_per_m = 0.1;   ///< f_d of the isotropic friction f_d v + f_co v/|v|
+  double coulomb_newton = 0.1;           ///< f_co; at most the smallest f_co,i
   double position_resolution_m = 55e-6;  ///< q, per axis
+  std::optional<FrictionPerAxis> per_axis = {};
 };
 
 /// The true values of a simulated device; the controller sees only the profile.
@@ -51,7 +58,8 @@ struct SimulatedDeviceConfig {
   double mass_kg = 0.045;
   double viscous_newton_s_per_m = 0.1;
   double coulomb_newton = 0.1;
-  double position_resolution_m = 55e-6;  ///< 0: exact
+  std::optional<FrictionPerAxis> per_axis = {};  ///< instead of the two above, which are isotropic
+  double position_resolution_m = 55e-6;          ///< 0: exact
   double peak_force_newton = 3.3;
   Duration inner_step = std::chrono::microseconds(50);  ///< upper bound
 };
@@ -140,6 +148,16 @@ struct HandConfig {
 
 enum class ControllerKind : std::uint8_t { kNone, kMofc };
 enum class MofcMode : std::uint8_t { kPaper, kVector, kGuard };
+/// What is made of an Interaction until the next one comes.
+enum class InteractionUse : std::uint8_t {
+  kLocal,  ///< its local contact model, evaluated at the device's rate
+  kHeld,   ///< its force, held
+};
+/// Mode paper: the Coulomb friction that each axis counts.
+enum class PaperFriction : std::uint8_t {
+  kAsPublished,  ///< f_co
+  kIsotropic,    ///< f_co/√3
+};
 
 /// Mode guard: what is assumed of the hand, and how far credit may grow.
 struct GuardConfig {
@@ -149,15 +167,55 @@ struct GuardConfig {
   Duration gate_recovery = std::chrono::milliseconds(500);  ///< t_rec
 };
 
+/// Backward difference, then a low-pass.
+struct DifferenceVelocity {
+  Duration time_constant{};  ///< 0: none
+};
+/// First-order adaptive windowing, then a low-pass.
+struct AdaptiveWindowVelocity {
+  Duration max_window = std::chrono::milliseconds(20);
+  bool is_best_fit = true;   ///< else the line through the window's ends
+  Duration time_constant{};  ///< 0: none
+};
+struct KalmanVelocity {
+  enum class Model : std::uint8_t { kConstantVelocity, kConstantAcceleration };
+  Model model = Model::kConstantAcceleration;
+  double noise_density =
+      10.0;  ///< of the jerk, m²/s⁵; of the acceleration, m²/s³, if constant velocity
+  double moving_mass_kg = 0.3;  ///< that the motors' force moves; 0: their force is not used
+};
+/// How the tool's velocity is estimated: mofc_node/velocity_estimator.h.
+using VelocityEstimatorConfig =
+    std::variant<DifferenceVelocity, AdaptiveWindowVelocity, KalmanVelocity>;
+
+/// Hop 2 thinned: a motion is sent when the tool has moved on, or after `keep_alive`.
+struct MotionDeadband {
+  double ratio = 0.05;          ///< k of the velocity
+  double floor_m_per_s = 2e-3;  ///< least change of velocity that counts
+  double floor_m = 1e-4;        ///< change of position that counts
+  double floor_rad = 0.02;      ///< change of orientation that counts
+  Duration keep_alive = std::chrono::milliseconds(20);
+};
+/// Hop 3 thinned: an Interaction is sent when the receiver's force is wrong, or after `keep_alive`.
+struct InteractionDeadband {
+  double ratio = 0.05;         ///< k of the force
+  double floor_newton = 0.05;  ///< least error that counts
+  Duration keep_alive = std::chrono::milliseconds(20);
+};
+
 struct MofcConfig {
   ControllerKind controller = ControllerKind::kMofc;
   MofcMode mode = MofcMode::kGuard;
   GuardConfig guard;
+  PaperFriction paper_friction = PaperFriction::kAsPublished;
   Duration wait_for_physics{};  ///< 0: never wait; else answer from the Interaction of this tick
   Duration delta_max{};         ///< longest time from the reading to the switch; not in mode paper
-  Duration stale_after{};       ///< silence on hop 3 after which the force fades
+  InteractionUse interaction = InteractionUse::kLocal;
+  double handover_newton_per_s = 100.0;  ///< fastest change that a new contact model alone may make
+  Duration stale_after{};                ///< silence on hop 3 after which the force fades
   Duration fade{};
-  Duration velocity_time_constant{};  ///< low-pass of the velocity estimate; 0: backward difference
+  VelocityEstimatorConfig velocity_estimator = KalmanVelocity{};
+  std::optional<MotionDeadband> motion_deadband{};  ///< none: every motion is sent
 };
 
 // --- scene ------------------------------------------------------------------------------------
@@ -178,19 +236,41 @@ struct BoxGeometry {
 };
 using Geometry = std::variant<HalfSpaceGeometry, SphereGeometry, BoxGeometry>;
 
-/// The paper's tissue: force along the normal k·p + b·ṗ for penetration p > 0.
+/// A ball of other stiffness and damping inside a tissue, such as a tumour; the change is smooth.
+struct InclusionConfig {
+  Vector3 center_m = Vector3::Zero();
+  double radius_m = 0.005;      ///< where the change is half done
+  double transition_m = 0.002;  ///< thickness of the shell in which it happens
+  double stiffness_newton_per_m = 0.0;
+  double damping_newton_s_per_m = 0.0;
+};
+
+/// The paper's tissue: force along the normal k·p + b·ṗ for penetration p > 0; and what soft tissue
+/// does besides.
 struct KelvinVoigtMaterial {
-  double stiffness_newton_per_m = 500.0;  ///< k
-  double damping_newton_s_per_m = 0.0;    ///< b
-  bool is_damping_isotropic = false;      ///< b acts on the tangential motion too
-  bool is_adhesive = false;               ///< may pull while p > 0
+  double stiffness_newton_per_m = 500.0;         ///< k
+  double damping_newton_s_per_m = 0.0;           ///< b
+  bool is_damping_isotropic = false;             ///< b acts on the tangential motion too
+  bool is_adhesive = false;                      ///< may pull while p > 0
+  double stiffening_newton_per_m3 = 0.0;         ///< k₃: adds k₃ p³
+  double relaxing_stiffness_newton_per_m = 0.0;  ///< k₁: adds k₁ (p − z), τ ż = p − z
+  double relaxation_time_s = 0.0;                ///< τ
+  std::vector<InclusionConfig> inclusions{};
 };
 using Material = std::variant<KelvinVoigtMaterial>;
+
+/// The tissue goes to and fro as a whole, as with breath or pulse: a sin(2πft + φ).
+struct TissueMotionConfig {
+  Vector3 amplitude_m = Vector3::Zero();
+  double frequency_hz = 0.0;
+  double phase_rad = 0.0;
+};
 
 struct TissueConfig {
   std::string name;
   Geometry geometry;
   Material material;
+  TissueMotionConfig motion{};
 };
 
 struct SceneConfig {
@@ -200,6 +280,8 @@ struct SceneConfig {
 
 struct PhysicsConfig {
   double rate_hz = 1000.0;
+  double reach_m = 0.05;  ///< tissues this near to the tip are described before they are touched
+  std::optional<InteractionDeadband> interaction_deadband{};  ///< none: every step is sent
 };
 
 /// The page and the Foxglove WebSocket of viewer_node, on loopback.

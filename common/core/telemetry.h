@@ -128,6 +128,7 @@ struct MofcCounters {
   std::uint64_t late_physics_ticks = 0;  ///< wait_for_physics ran out
   std::uint64_t ledger_resets = 0;       ///< new device session, or a gap in the echo
   std::uint64_t motions_dropped = 0;     ///< tool_motion not taken by the link
+  std::uint64_t motions_suppressed = 0;  ///< not sent: within mofc.motion_deadband
   /// Running sums for the transparency of the session so far, over samples asked > 0.05 N:
   /// projected and capped (DESIGN §3), from the force the device really applied.
   double transparency_sum = 0.0;
@@ -138,7 +139,8 @@ struct PhysicsCounters {
   LoopCounters loop;
   LinkCounters tool_motion;
   std::uint64_t contact_steps = 0;
-  std::uint64_t tissues_skipped = 0;  ///< by the broad phase, summed over steps
+  std::uint64_t tissues_skipped = 0;          ///< by the broad phase, summed over steps
+  std::uint64_t interactions_suppressed = 0;  ///< not sent: within physics.interaction_deadband
   Duration worst_compute_time{};
 };
 

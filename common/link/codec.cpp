@@ -21,6 +21,9 @@ constexpr double kMaxPositionM = 1e3;
 constexpr double kMaxVelocityMPerS = 1e3;
 constexpr double kMaxForceOnHandNewton = 1e3;
 constexpr double kMaxForceOnToolNewton = 1e6;
+constexpr double kMaxCurvaturePerM = 1e9;
+constexpr double kMaxLawCoefficient = 1e12;
+constexpr double kMaxStiffening = 1e18;
 constexpr std::int64_t kMaxLeaseNs = 1'000'000'000;
 constexpr double kUnitTolerance = 1e-6;
 constexpr std::size_t kMaxSessionNameBytes = 64;
@@ -244,6 +247,79 @@ void read(const v1::ToolMotion& wire, ToolMotion& m) {
 
 // --- hop 3 ------------------------------------------------------------------------------------
 
+using Matrix = google::protobuf::RepeatedField<double>;
+
+void put(const Matrix3& matrix, Matrix& to) {
+  if (matrix.isZero(0.0)) return;
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column) to.Add(matrix(row, column));
+  }
+}
+Matrix3 matrix(const Matrix& m) {
+  if (m.empty()) return Matrix3::Zero();
+  return Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(m.data());
+}
+void check(const Matrix& m, double limit, Verdict& verdict) {
+  verdict.expect(m.empty() || m.size() == 9);
+  for (const double x : m) verdict.number(x, -limit, limit);
+}
+
+void fill(const Contact& contact, v1::Contact& to) {
+  to.set_tissue(contact.tissue);
+  to.set_penetration_m(contact.penetration_m);
+  put(contact.normal_world, *to.mutable_normal_world());
+  put(contact.force_on_tool_newton, *to.mutable_force_on_tool_newton());
+  put(contact.curvature_per_m, *to.mutable_curvature_per_m());
+  put(contact.surface_velocity_world_m_per_s, *to.mutable_surface_velocity_world_m_per_s());
+  put(contact.elastic_force_on_tool_newton, *to.mutable_elastic_force_on_tool_newton());
+  put(contact.d_force_d_position, *to.mutable_d_force_d_position());
+  put(contact.d_force_d_velocity, *to.mutable_d_force_d_velocity());
+  to.set_stiffening_newton_per_m2(contact.stiffening_newton_per_m2);
+  to.set_stiffening_newton_per_m3(contact.stiffening_newton_per_m3);
+  to.set_stored_energy_joule(contact.stored_energy_joule);
+  to.set_is_adhesive(contact.is_adhesive);
+  to.set_trust_radius_m(contact.trust_radius_m);
+}
+
+void check(const v1::Contact& contact, Verdict& verdict) {
+  verdict.number(contact.penetration_m(), -kMaxPositionM, kMaxPositionM);
+  verdict.unit_vector(contact.has_normal_world(), contact.normal_world());
+  verdict.vector(contact.has_force_on_tool_newton(), contact.force_on_tool_newton(),
+                 kMaxForceOnToolNewton);
+  check(contact.curvature_per_m(), kMaxCurvaturePerM, verdict);
+  verdict.vector(contact.has_surface_velocity_world_m_per_s(),
+                 contact.surface_velocity_world_m_per_s(), kMaxVelocityMPerS);
+  verdict.vector(contact.has_elastic_force_on_tool_newton(), contact.elastic_force_on_tool_newton(),
+                 kMaxLawCoefficient);
+  check(contact.d_force_d_position(), kMaxLawCoefficient, verdict);
+  check(contact.d_force_d_velocity(), kMaxLawCoefficient, verdict);
+  verdict.number(contact.stiffening_newton_per_m2(), -kMaxStiffening, kMaxStiffening);
+  verdict.number(contact.stiffening_newton_per_m3(), -kMaxStiffening, kMaxStiffening);
+  verdict.finite(contact.stored_energy_joule());
+  verdict.expect(contact.stored_energy_joule() >= 0.0);
+  verdict.number(contact.trust_radius_m(), 0.0, kMaxPositionM);
+  verdict.expect(contact.trust_radius_m() > 0.0);
+}
+
+Contact contact(const v1::Contact& wire) {
+  Contact contact;
+  contact.tissue = wire.tissue();
+  contact.penetration_m = wire.penetration_m();
+  contact.normal_world = unit(vector(wire.normal_world()));
+  contact.force_on_tool_newton = vector(wire.force_on_tool_newton());
+  contact.curvature_per_m = matrix(wire.curvature_per_m());
+  contact.surface_velocity_world_m_per_s = vector(wire.surface_velocity_world_m_per_s());
+  contact.elastic_force_on_tool_newton = vector(wire.elastic_force_on_tool_newton());
+  contact.d_force_d_position = matrix(wire.d_force_d_position());
+  contact.d_force_d_velocity = matrix(wire.d_force_d_velocity());
+  contact.stiffening_newton_per_m2 = wire.stiffening_newton_per_m2();
+  contact.stiffening_newton_per_m3 = wire.stiffening_newton_per_m3();
+  contact.stored_energy_joule = wire.stored_energy_joule();
+  contact.is_adhesive = wire.is_adhesive();
+  contact.trust_radius_m = wire.trust_radius_m();
+  return contact;
+}
+
 void fill(const Interaction& m, v1::Interaction& wire) {
   put_stamp(m.device_session_id, m.device_sequence, m.device_sampled_at, *wire.mutable_answers());
   put(m.tool_position_world_m, *wire.mutable_tool_position_world_m());
@@ -251,15 +327,8 @@ void fill(const Interaction& m, v1::Interaction& wire) {
   put(m.force_on_tool_newton, *wire.mutable_force_on_tool_newton());
   wire.set_stored_energy_joule(m.stored_energy_joule);
   wire.set_contact_count(m.contact_count);
-  const std::size_t count = std::min<std::size_t>(m.contact_count, kMaxContacts);
-  for (std::size_t i = 0; i < count; ++i) {
-    const Contact& contact = m.contacts[i];
-    v1::Contact& to = *wire.add_contacts();
-    to.set_tissue(contact.tissue);
-    to.set_penetration_m(contact.penetration_m);
-    put(contact.normal_world, *to.mutable_normal_world());
-    put(contact.force_on_tool_newton, *to.mutable_force_on_tool_newton());
-  }
+  const std::size_t count = std::min<std::size_t>(m.listed_count, kMaxContacts);
+  for (std::size_t i = 0; i < count; ++i) fill(m.contacts[i], *wire.add_contacts());
 }
 
 void check(const v1::Interaction& wire, Verdict& verdict) {
@@ -270,15 +339,14 @@ void check(const v1::Interaction& wire, Verdict& verdict) {
                  kMaxForceOnToolNewton);
   verdict.finite(wire.stored_energy_joule());
   verdict.expect(wire.stored_energy_joule() >= 0.0);
-  verdict.expect(static_cast<std::size_t>(wire.contacts_size()) ==
-                 std::min<std::size_t>(wire.contact_count(), kMaxContacts));
-  for (const v1::Contact& contact : wire.contacts()) {
-    verdict.number(contact.penetration_m(), 0.0, kMaxPositionM);
-    verdict.expect(contact.penetration_m() > 0.0);
-    verdict.unit_vector(contact.has_normal_world(), contact.normal_world());
-    verdict.vector(contact.has_force_on_tool_newton(), contact.force_on_tool_newton(),
-                   kMaxForceOnToolNewton);
-  }
+  // the deepest are listed first: touches that there is room for, then what is only near
+  const auto listed = static_cast<std::uint32_t>(wire.contacts_size());
+  const auto touching = static_cast<std::uint32_t>(
+      std::count_if(wire.contacts().begin(), wire.contacts().end(),
+                    [](const v1::Contact& one) { return one.penetration_m() > 0.0; }));
+  verdict.expect(listed <= kMaxContacts);
+  verdict.expect(touching == std::min<std::uint32_t>(wire.contact_count(), kMaxContacts));
+  for (const v1::Contact& one : wire.contacts()) check(one, verdict);
 }
 
 void read(const v1::Interaction& wire, Interaction& m) {
@@ -290,16 +358,9 @@ void read(const v1::Interaction& wire, Interaction& m) {
   m.force_on_tool_newton = vector(wire.force_on_tool_newton());
   m.stored_energy_joule = wire.stored_energy_joule();
   m.contact_count = wire.contact_count();
-  for (std::size_t i = 0; i < kMaxContacts; ++i) {
-    if (i >= m.contact_count) {
-      m.contacts[i] = Contact{};
-      continue;
-    }
-    const v1::Contact& contact = wire.contacts(static_cast<int>(i));
-    m.contacts[i] = {.tissue = contact.tissue(),
-                     .penetration_m = contact.penetration_m(),
-                     .normal_world = unit(vector(contact.normal_world())),
-                     .force_on_tool_newton = vector(contact.force_on_tool_newton())};
+  m.listed_count = static_cast<std::uint32_t>(wire.contacts_size());
+  for (std::uint32_t i = 0; i < m.listed_count; ++i) {
+    m.contacts[i] = contact(wire.contacts(static_cast<int>(i)));
   }
 }
 
@@ -384,6 +445,7 @@ void put(const MofcCounters& c, v1::MofcCounters& to) {
   to.set_late_physics_ticks(c.late_physics_ticks);
   to.set_ledger_resets(c.ledger_resets);
   to.set_motions_dropped(c.motions_dropped);
+  to.set_motions_suppressed(c.motions_suppressed);
   to.set_transparency_sum(c.transparency_sum);
   to.set_transparency_samples(c.transparency_samples);
   to.set_too_fast_ticks(c.too_fast_ticks);
@@ -404,6 +466,7 @@ MofcCounters counters(const v1::MofcCounters& c) {
           .late_physics_ticks = c.late_physics_ticks(),
           .ledger_resets = c.ledger_resets(),
           .motions_dropped = c.motions_dropped(),
+          .motions_suppressed = c.motions_suppressed(),
           .transparency_sum = c.transparency_sum(),
           .transparency_samples = c.transparency_samples()};
 }
@@ -413,6 +476,7 @@ void put(const PhysicsCounters& c, v1::PhysicsCounters& to) {
   put(c.tool_motion, *to.mutable_tool_motion());
   to.set_contact_steps(c.contact_steps);
   to.set_tissues_skipped(c.tissues_skipped);
+  to.set_interactions_suppressed(c.interactions_suppressed);
   to.set_worst_compute_time_ns(c.worst_compute_time.count());
 }
 void check(const v1::PhysicsCounters& c, Verdict& verdict) {
@@ -426,6 +490,7 @@ PhysicsCounters counters(const v1::PhysicsCounters& c) {
           .tool_motion = link(c.tool_motion()),
           .contact_steps = c.contact_steps(),
           .tissues_skipped = c.tissues_skipped(),
+          .interactions_suppressed = c.interactions_suppressed(),
           .worst_compute_time = Duration(c.worst_compute_time_ns())};
 }
 

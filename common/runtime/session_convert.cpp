@@ -20,6 +20,7 @@ constexpr std::size_t kMaxNameBytes = 64;
 constexpr std::size_t kMaxIpcPathBytes = 107;     // sockaddr_un::sun_path without its zero
 constexpr std::size_t kMaxInprocNameBytes = 246;  // libzmq: 255 with "inproc://"
 constexpr double kWaitMaxRateHz = 200.0;          // above it physics is too far away to wait for
+constexpr double kKeepAlivesUntilStale = 3.0;     // two in a row may be lost
 constexpr double kPeriodTolerance = 1e-6;         // 333.3333 µs is a period of 3 kHz
 constexpr double kPerpendicularTolerance_rad = 1e-3;
 
@@ -147,8 +148,14 @@ DeviceProfile to_profile(const Fields& fields, DeviceProfile profile) {
   profile.viscous_newton_s_per_m =
       fields.number("viscous_newton_s_per_m", profile.viscous_newton_s_per_m, at_least(0),
                     "give a lower bound of the viscous friction, 0 if unknown");
+  profile.per_axis = read_friction_per_axis(fields, profile.per_axis);
+  if (profile.per_axis) {
+    profile.coulomb_newton =
+        std::min(profile.coulomb_newton, profile.per_axis->coulomb_newton.minCoeff());
+  }
   profile.coulomb_newton = fields.number("coulomb_newton", profile.coulomb_newton, at_least(0),
                                          "give a lower bound of the dry friction, 0 if unknown");
+  check_isotropic_bound(fields, profile);
   profile.position_resolution_m =
       fields.number("position_resolution_m", profile.position_resolution_m, at_least(0),
                     "give the step of the position sensor");
@@ -164,6 +171,7 @@ SimulatedDeviceConfig to_simulated_device(const Fields& fields) {
                     "give the true viscous friction, 0 for none");
   config.coulomb_newton = fields.number("coulomb_newton", config.coulomb_newton, at_least(0),
                                         "give the true dry friction, 0 for none");
+  config.per_axis = read_friction_per_axis(fields, {});
   config.position_resolution_m =
       fields.number("position_resolution_m", config.position_resolution_m, at_least(0),
                     "give the step of the encoder, 0 for an exact one");
@@ -212,10 +220,11 @@ DeviceConfig to_device(const Fields& fields, double rate_hz, double wait_for_phy
 
   const double lease_us =
       fields.number("lease_us", 2.0 * period_us, above(0), "leave it out for 2 periods");
+  const double longest_lease_us = 3.0 * period_us - std::min(reply_us, period_us);
   if (lease_us < (1.0 - kPeriodTolerance) * period_us ||
-      lease_us > (3.0 + kPeriodTolerance) * period_us) {
-    fields.problem("lease_us", "must be 1 … 3 periods of device.rate_hz, " + shown(period_us) +
-                                   " … " + shown(3.0 * period_us) +
+      lease_us > longest_lease_us + kPeriodTolerance * period_us) {
+    fields.problem("lease_us", "must be 1 … 3 periods of device.rate_hz less device.reply_us, " +
+                                   shown(period_us) + " … " + shown(longest_lease_us) +
                                    " us; leave it out for 2 periods");
   }
   config.lease = microseconds(lease_us);
@@ -395,8 +404,118 @@ GuardConfig to_guard(const Fields& fields) {
   return config;
 }
 
+VelocityEstimatorConfig to_velocity_estimator(const Fields& fields) {
+  const auto time_constant = [](const Fields& estimator) {
+    return milliseconds(
+        estimator.number("time_constant_ms", 0.0, at_least(0), "give 0 for no low-pass"));
+  };
+  const auto kalman = [](const Fields& estimator, KalmanVelocity config, const char* density) {
+    config.noise_density = estimator.number(density, config.noise_density, above(0),
+                                            "more answers faster, less is smoother");
+    config.moving_mass_kg =
+        estimator.number("moving_mass_kg", config.moving_mass_kg, at_least(0),
+                         "give the mass of device and hand, 0 not to use the motors' force");
+    return config;
+  };
+  const std::string kind = fields.given_member("estimator");
+  if (kind == "adaptive_window") {
+    const Fields window = fields.message("adaptive_window");
+    AdaptiveWindowVelocity config;
+    config.max_window = milliseconds(window.number(
+        "max_window_ms", 1e3 * to_seconds(config.max_window), above(0), "leave it out for 20"));
+    config.is_best_fit = !window.flag("end_fit");
+    config.time_constant = time_constant(window);
+    return config;
+  }
+  if (kind == "kalman_velocity") {
+    return kalman(fields.message("kalman_velocity"),
+                  {.model = KalmanVelocity::Model::kConstantVelocity, .noise_density = 0.01},
+                  "acceleration_density_m2_per_s3");
+  }
+  if (kind == "difference") {
+    return DifferenceVelocity{.time_constant = time_constant(fields.message("difference"))};
+  }
+  return kalman(fields.message("kalman_acceleration"), {}, "jerk_density_m2_per_s5");
+}
+
+Duration to_keep_alive(const Fields& deadband, Duration fallback) {
+  return milliseconds(deadband.number("keep_alive_ms", 1e3 * to_seconds(fallback), above(0),
+                                      "leave it out for 20"));
+}
+
+/// A deadband may be silent in the very tick that waits.
+void refuse_if_waiting(const Fields& fields, const char* deadband, double wait_for_physics_ms) {
+  if (wait_for_physics_ms > 0.0) {
+    fields.problem(deadband, "needs mofc.wait_for_physics_ms = 0, here " +
+                                 shown(wait_for_physics_ms) + "; leave one of them out");
+  }
+}
+
+std::optional<MotionDeadband> to_motion_deadband(const Fields& mofc, double wait_for_physics_ms) {
+  if (!mofc.has("motion_deadband")) return std::nullopt;
+  refuse_if_waiting(mofc, "motion_deadband", wait_for_physics_ms);
+  const Fields fields = mofc.message("motion_deadband");
+  MotionDeadband config;
+  config.ratio = fields.number("ratio", config.ratio, between(0, 1), "a share of the velocity");
+  const auto floor = [&](const char* name, double fallback) {
+    return fields.number(name, fallback, at_least(0), "give the least change that counts");
+  };
+  config.floor_m_per_s = floor("floor_m_per_s", config.floor_m_per_s);
+  config.floor_m = floor("floor_m", config.floor_m);
+  config.floor_rad = floor("floor_rad", config.floor_rad);
+  config.keep_alive = to_keep_alive(fields, config.keep_alive);
+  return config;
+}
+
+std::optional<InteractionDeadband> to_interaction_deadband(const Fields& physics,
+                                                           double wait_for_physics_ms) {
+  if (!physics.has("interaction_deadband")) return std::nullopt;
+  refuse_if_waiting(physics, "interaction_deadband", wait_for_physics_ms);
+  const Fields fields = physics.message("interaction_deadband");
+  InteractionDeadband config;
+  config.ratio = fields.number("ratio", config.ratio, between(0, 1), "a share of the force");
+  config.floor_newton = fields.number("floor_newton", config.floor_newton, at_least(0),
+                                      "give the least error that counts");
+  config.keep_alive = to_keep_alive(fields, config.keep_alive);
+  return config;
+}
+
+/// From the reading to the switch: an answer may act as late as its deadline. Then the force may
+/// last for its lease; it is never older than 3 periods.
+Duration to_delta_max(const Fields& fields, const DeviceConfig& device) {
+  const double reply_ms = 1e3 * to_seconds(device.reply);
+  const double lease_ms = 1e3 * to_seconds(device.lease);
+  const double period_ms = 1e3 / device.rate_hz;
+  const double delta_max_ms =
+      fields.number("delta_max_ms", reply_ms, above(0), "leave it out for device.reply_us");
+  if (delta_max_ms < reply_ms - kPeriodTolerance * period_ms) {
+    fields.problem("delta_max_ms", "must be ≥ device.reply_us, " + shown(reply_ms) +
+                                       " ms, for answers may act as late as that; leave it out, or "
+                                       "give a smaller device.reply_us");
+  } else if (fields.has("delta_max_ms") &&
+             delta_max_ms + lease_ms > (3.0 + kPeriodTolerance) * period_ms) {
+    fields.problem("delta_max_ms", "must be ≤ 3 periods of device.rate_hz less device.lease_us, " +
+                                       shown(3.0 * period_ms - lease_ms) +
+                                       " ms; leave it out, or give a shorter lease");
+  }
+  return milliseconds(delta_max_ms);
+}
+
+PaperFriction to_paper_friction(const Fields& fields, const v1::Mofc::PaperSettings& written,
+                                const DeviceProfile& profile) {
+  if (!v1::Mofc::PaperSettings::Friction_IsValid(written.friction())) {
+    fields.problem("friction", "must be as_published or isotropic");
+  }
+  if (written.friction() != v1::Mofc::PaperSettings::isotropic) return PaperFriction::kAsPublished;
+  if (profile.per_axis) {
+    fields.problem("friction", "the profile gives friction per axis; leave one of the two out");
+  }
+  return PaperFriction::kIsotropic;
+}
+
 MofcConfig to_mofc(const Fields& fields, const v1::Mofc& written, double wait_for_physics_ms,
-                   double physics_rate_hz, Duration interaction_jitter, Duration reply) {
+                   const PhysicsConfig& physics, Duration interaction_jitter,
+                   const DeviceConfig& device) {
   MofcConfig config;
   if (!v1::Mofc::Controller_IsValid(written.controller())) {
     fields.problem("controller", "must be none or mofc");
@@ -408,23 +527,45 @@ MofcConfig to_mofc(const Fields& fields, const v1::Mofc& written, double wait_fo
   if (written.mode() == v1::Mofc::paper) config.mode = MofcMode::kPaper;
   if (written.mode() == v1::Mofc::vector) config.mode = MofcMode::kVector;
   config.guard = to_guard(fields.message("guard_settings"));
+  config.paper_friction =
+      to_paper_friction(fields.message("paper_settings"), written.paper_settings(), device.profile);
   config.wait_for_physics = milliseconds(wait_for_physics_ms);
 
-  const double physics_period_ms = 1e3 / physics_rate_hz;
-  const double stale_after_ms = fields.number(
-      "stale_after_ms", 6.0 * physics_period_ms + 1e3 * to_seconds(interaction_jitter), above(0),
-      "leave it out for 6 physics periods");
+  // silence that is agreed upon is not staleness
+  config.motion_deadband = to_motion_deadband(fields, wait_for_physics_ms);
+  double agreed_silence_ms = 0.0;
+  if (config.motion_deadband) {
+    agreed_silence_ms += 1e3 * to_seconds(config.motion_deadband->keep_alive);
+  }
+  if (physics.interaction_deadband) {
+    agreed_silence_ms += 1e3 * to_seconds(physics.interaction_deadband->keep_alive);
+  }
+  const double physics_period_ms = 1e3 / physics.rate_hz;
+  const double stale_after_ms =
+      fields.number("stale_after_ms",
+                    6.0 * physics_period_ms + 1e3 * to_seconds(interaction_jitter) +
+                        kKeepAlivesUntilStale * agreed_silence_ms,
+                    above(0), "leave it out for 6 physics periods");
   if (stale_after_ms < (1.0 - kPeriodTolerance) * physics_period_ms) {
     fields.problem("stale_after_ms", "must be ≥ 1 period of physics.rate_hz, " +
                                          shown(physics_period_ms) +
                                          " ms; leave it out for 6 physics periods");
   }
+  if (stale_after_ms <= agreed_silence_ms) {
+    fields.problem("stale_after_ms", "must be > the keep_alive_ms of the deadbands together, " +
+                                         shown(agreed_silence_ms) +
+                                         " ms, or agreed silence fades the force; leave it out");
+  }
   config.stale_after = milliseconds(stale_after_ms);
   config.fade = milliseconds(fields.number("fade_ms", 50.0, above(0), "leave it out for 50 ms"));
-  config.velocity_time_constant = milliseconds(fields.number(
-      "velocity_time_constant_ms", 0.0, at_least(0), "give 0 for the backward difference"));
-  config.delta_max = milliseconds(fields.number("delta_max_ms", 1e3 * to_seconds(reply),
-                                                at_least(0), "leave it out for device.reply_us"));
+  if (!v1::Mofc::Interaction_IsValid(written.interaction())) {
+    fields.problem("interaction", "must be local or held");
+  }
+  if (written.interaction() == v1::Mofc::held) config.interaction = InteractionUse::kHeld;
+  config.handover_newton_per_s =
+      fields.number("handover_newton_per_s", 100.0, above(0), "leave it out for 100 N/s");
+  config.velocity_estimator = to_velocity_estimator(fields.message("velocity_estimator"));
+  config.delta_max = to_delta_max(fields, device);
   return config;
 }
 
@@ -479,13 +620,39 @@ Material to_material(const Fields& tissue) {
     return {};
   }
   const Fields fields = tissue.message("kelvin_voigt");
-  return KelvinVoigtMaterial{
+  KelvinVoigtMaterial material{
       .stiffness_newton_per_m = fields.required_number("stiffness_newton_per_m", at_least(0),
                                                        "give k, e.g. 500 for firm tissue"),
       .damping_newton_s_per_m =
           fields.number("damping_newton_s_per_m", 0.0, at_least(0), "give b, 0 for none"),
       .is_damping_isotropic = fields.flag("isotropic_damping"),
-      .is_adhesive = fields.flag("adhesive")};
+      .is_adhesive = fields.flag("adhesive"),
+      .stiffening_newton_per_m3 =
+          fields.number("stiffening_newton_per_m3", 0.0, at_least(0), "give 0 for a linear law"),
+      .relaxing_stiffness_newton_per_m =
+          fields.number("relaxing_stiffness_newton_per_m", 0.0, at_least(0), "give 0 for none"),
+      .relaxation_time_s =
+          1e-3 * fields.number("relaxation_time_ms", 200.0, above(0), "leave it out for 200 ms")};
+  for (const Fields& ball : fields.messages("inclusion")) {
+    material.inclusions.push_back(
+        {.center_m = ball.vector("center_m", Vector3::Zero()),
+         .radius_m = ball.required_number("radius_m", above(0), "give the radius in m"),
+         .transition_m = ball.number("transition_m", 0.002, above(0), "leave it out for 2 mm"),
+         .stiffness_newton_per_m = ball.required_number("stiffness_newton_per_m", at_least(0),
+                                                        "give k, e.g. 1500 for a hard lump"),
+         .damping_newton_s_per_m =
+             ball.number("damping_newton_s_per_m", material.damping_newton_s_per_m, at_least(0),
+                         "leave it out for the tissue's own")});
+  }
+  return material;
+}
+
+TissueMotionConfig to_motion(const Fields& tissue) {
+  if (!tissue.has("motion")) return {};
+  const Fields fields = tissue.message("motion");
+  return {.amplitude_m = fields.vector("amplitude_m", Vector3::Zero()),
+          .frequency_hz = fields.required_number("frequency_hz", above(0), "e.g. 0.25 for breath"),
+          .phase_rad = fields.number("phase_rad", 0.0, anything(), "give 0")};
 }
 
 SceneConfig to_scene(const Fields& fields) {
@@ -502,7 +669,8 @@ SceneConfig to_scene(const Fields& fields) {
     }
     config.tissues.push_back({.name = std::move(name),
                               .geometry = to_geometry(tissue),
-                              .material = to_material(tissue)});
+                              .material = to_material(tissue),
+                              .motion = to_motion(tissue)});
   }
   return config;
 }
@@ -597,6 +765,8 @@ Session to_session(const SessionText& text, const std::filesystem::path& base_di
   session.faults = to_faults(fields.message("faults"));
   session.physics.rate_hz = fields.message("physics").number(
       "rate_hz", session.physics.rate_hz, between(1, 10000), "give the physics steps per second");
+  session.physics.reach_m = fields.message("physics").number(
+      "reach_m", session.physics.reach_m, between(0, 1), "leave it out for 0.05 m");
   session.viewer = to_viewer(fields.message("viewer"));
   session.hand = to_hand(fields.message("hand"), base_dir, problems);
   session.scene = to_scene(fields.message("scene"));
@@ -608,8 +778,10 @@ Session to_session(const SessionText& text, const std::filesystem::path& base_di
                                        "give the ticks per second of the haptic loop");
   const double wait_ms = to_wait_for_physics_ms(mofc, rate_hz, session.physics.rate_hz);
   session.device = to_device(device, rate_hz, wait_ms, base_dir, problems);
-  session.mofc = to_mofc(mofc, written.mofc(), wait_ms, session.physics.rate_hz,
-                         session.faults.interaction.jitter, session.device.reply);
+  session.physics.interaction_deadband =
+      to_interaction_deadband(fields.message("physics"), wait_ms);
+  session.mofc = to_mofc(mofc, written.mofc(), wait_ms, session.physics,
+                         session.faults.interaction.jitter, session.device);
   return session;
 }
 

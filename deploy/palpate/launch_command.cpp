@@ -61,6 +61,7 @@ nlohmann::ordered_json launch_json(const Session& session, const Observed& obser
                                    const LaunchResult& result) {
   const DeviceCounters& device = observed.mirror.device_counters();
   const MofcCounters& mofc = observed.mirror.mofc_counters();
+  const PhysicsCounters& physics = observed.mirror.physics_counters();
   nlohmann::ordered_json restarts = nlohmann::ordered_json::object();
   for (const auto& node : result.restarts) restarts[node.name] = node.count;
   nlohmann::ordered_json json;
@@ -76,6 +77,8 @@ nlohmann::ordered_json launch_json(const Session& session, const Observed& obser
   json["clamped_ticks"] = mofc.clamped_ticks;
   json["clamp_ratio"] = number_or_null(ratio(mofc.clamped_ticks, mofc.contact_ticks));
   json["answered_ratio"] = number_or_null(answered_ratio(device));
+  json["motions_suppressed"] = mofc.motions_suppressed;
+  json["interactions_suppressed"] = physics.interactions_suppressed;
   json["fallbacks"] = device.fallback_ticks + device.limp_ticks;
   json["reply_time"] = percentiles(observed.reply_time);
   json["lateness"] = percentiles(observed.lateness);

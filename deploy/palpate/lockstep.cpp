@@ -142,19 +142,29 @@ class Ideal {
   explicit Ideal(const Session& session)
       : scene_(session.scene),
         device_(session.device),
+        memory_(scene_.new_memory()),
         run_map_(session.device.workspace),
-        run_(session.device, session.hand, stream_seed(session.seed, "hand"), TimePoint{},
-             [this](const Vector3& hand_m, const Vector3& hand_m_per_s) {
-               return force_on_hand(run_map_.is_clutched(), run_map_.tool_position_world_m(hand_m),
-                                    run_map_.tool_velocity_world_m_per_s(hand_m_per_s))
-                   .first;
-             }) {}
+        run_memory_(scene_.new_memory()),
+        run_(
+            session.device, session.hand, stream_seed(session.seed, "hand"), TimePoint{},
+            [this](double time_s, const Vector3& hand_m, const Vector3& hand_m_per_s) {
+              return force_on_hand(run_map_.is_clutched(), run_map_.tool_position_world_m(hand_m),
+                                   run_map_.tool_velocity_world_m_per_s(hand_m_per_s), time_s,
+                                   run_memory_)
+                  .first;
+            },
+            [this](double time_s, const Vector3& hand_m) {
+              scene_.remember(run_memory_, run_map_.tool_position_world_m(hand_m), time_s);
+            }) {}
 
   /// This run's ideal force and true contact.
-  void judge(viewer::TickRow& row) const {
+  void judge(viewer::TickRow& row) {
     const DeviceTick& tick = row.device;
-    const auto [force, has_contact] = force_on_hand(
-        tick.is_clutched, tick.true_tool_position_world_m, tick.true_tool_velocity_world_m_per_s);
+    const double time_s = to_seconds(tick.sampled_at.time_since_epoch());
+    scene_.remember(memory_, tick.true_tool_position_world_m, time_s);
+    const auto [force, has_contact] =
+        force_on_hand(tick.is_clutched, tick.true_tool_position_world_m,
+                      tick.true_tool_velocity_world_m_per_s, time_s, memory_);
     const double peak = std::min(device_.peak_force_newton, device_.simulated.peak_force_newton);
     row.ideal_force_on_hand_newton = limited_to_norm(force, peak);
     row.is_truly_in_contact = has_contact;
@@ -170,15 +180,18 @@ class Ideal {
 
  private:
   [[nodiscard]] std::pair<Vector3, bool> force_on_hand(bool is_clutched, const Vector3& tool_m,
-                                                       const Vector3& tool_m_per_s) const {
-    const physics::SceneForce touch = scene_.evaluate(tool_m, tool_m_per_s);
+                                                       const Vector3& tool_m_per_s, double time_s,
+                                                       const physics::TissueMemory& memory) const {
+    const physics::SceneForce touch = scene_.evaluate(tool_m, tool_m_per_s, time_s, memory);
     if (is_clutched) return {Vector3::Zero(), touch.contact_count > 0};
     return {device_.workspace.force_ratio * touch.force_on_tool_newton, touch.contact_count > 0};
   }
 
   physics::Scene scene_;
   DeviceConfig device_;
+  physics::TissueMemory memory_;  // of the run's own tool
   WorkspaceMap run_map_;
+  physics::TissueMemory run_memory_;
   device::IdealRun run_;
 };
 
@@ -209,8 +222,8 @@ class Lockstep::Impl {
                      kLockstepDevice),
         mofc_node_(session.mofc, session.device, time_, *links_->motion_out, interaction_in_,
                    mofc_tick_, kLockstepMofc),
-        physics_node_(session.scene, time_, motion_in_, tampered_interaction_out_, physics_tick_,
-                      kLockstepPhysics),
+        physics_node_(session.scene, session.physics, session.mofc.interaction, time_, motion_in_,
+                      tampered_interaction_out_, physics_tick_, kLockstepPhysics),
         device_schedule_(TimePoint{}, session.device.rate_hz),
         physics_schedule_(TimePoint{}, session.physics.rate_hz),
         steps_on_arrival_(session.mofc.wait_for_physics.count() > 0) {

@@ -27,8 +27,11 @@ void RunStatistics::add(const viewer::TickRow& row, const IdealState& ideal) {
 
   // what the tissue would have given
   if (row.ideal_force_on_hand_newton.allFinite()) {
-    true_to_ideal_.add(row.ideal_force_on_hand_newton, fs);
+    const Vector3& fi = row.ideal_force_on_hand_newton;
+    true_to_ideal_.add(fi, fs);
+    if (is_beyond_force_jnd(fi, fs)) ++beyond_jnd_;
   }
+  if (ideal.force_on_hand_newton.allFinite()) true_to_ideal_run_.add(ideal.force_on_hand_newton, fs);
 
   // safety
   maximum_force_newton_ = std::max(maximum_force_newton_, fs.norm());
@@ -54,6 +57,12 @@ std::uint64_t RunStatistics::excess_reversals() const {
   const std::uint64_t own = reversals_.total();
   const std::uint64_t ideal = ideal_reversals_.total();
   return own > ideal ? own - ideal : 0;
+}
+
+double RunStatistics::beyond_jnd_ratio() const {
+  return true_to_ideal_.samples() > 0
+             ? static_cast<double>(beyond_jnd_) / static_cast<double>(true_to_ideal_.samples())
+             : kNaN;
 }
 
 double RunStatistics::path_deviation_rms_m() const {
@@ -103,6 +112,8 @@ nlohmann::ordered_json summary_json(const Session& session, const RunReport& rep
                           {"vector", number_or_null(s.vector_transparency())},
                           {"ideal", number_or_null(s.ideal_transparency())}};
   json["force_error_rms_ratio"] = number_or_null(s.force_error_rms_ratio());
+  json["ideal_run_force_error_rms_ratio"] = number_or_null(s.ideal_run_force_error_rms_ratio());
+  json["beyond_jnd_ratio"] = number_or_null(s.beyond_jnd_ratio());
   json["min_true_energy_j"] = number_or_null(s.minimum_true_energy_joule());
   json["max_force_n"] = number_or_null(s.maximum_force_newton());
   json["velocity_reversals"] = {{"x", reversals[0]}, {"y", reversals[1]}, {"z", reversals[2]}};
@@ -117,6 +128,8 @@ nlohmann::ordered_json summary_json(const Session& session, const RunReport& rep
   json["path_deviation_peak_m"] = number_or_null(s.path_deviation_peak_m());
   json["clamp_ratio"] = number_or_null(s.clamp_ratio());
   json["answered_ratio"] = number_or_null(answered_ratio(report.device));
+  json["motions_suppressed"] = report.mofc.motions_suppressed;
+  json["interactions_suppressed"] = report.physics.interactions_suppressed;
   json["fallbacks"] = report.device.fallback_ticks + report.device.limp_ticks;
   json["wall_s"] = number_or_null(report.wall_s);
   json["ticks_per_wall_s"] =
@@ -146,7 +159,9 @@ std::string summary_text(const Session& session, const RunReport& report) {
                    figure(transparency.y(), "{:.3f}"), figure(transparency.z(), "{:.3f}")));
   line("transparency, vector", figure(s.vector_transparency(), "{:.3f}") + " (acting / asked), " +
                                    figure(s.ideal_transparency(), "{:.3f}") + " (acting / ideal)");
-  line("force error, rms", figure(s.force_error_rms_ratio(), "{:.3f}") + " of the ideal force");
+  line("force error, rms", figure(s.force_error_rms_ratio(), "{:.3f}") + " of the ideal force; " +
+                               figure(100.0 * s.beyond_jnd_ratio(), "{:.1f} %") +
+                               " of the samples beyond what a hand tells apart");
   line("clamped", figure(100.0 * s.clamp_ratio(), "{:.1f} %") + " of the ticks with a force");
   line("largest force", figure(s.maximum_force_newton(), "{:.3f} N"));
   line("least true energy", figure(1e6 * s.minimum_true_energy_joule(), "{:.3f} µJ"));

@@ -29,6 +29,13 @@ class RunStatistics {
   /// fs against fi, projected and capped; and the rms of fs − fi over the rms of fi.
   [[nodiscard]] double ideal_transparency() const { return true_to_ideal_.mean(); }
   [[nodiscard]] double force_error_rms_ratio() const { return true_to_ideal_.rms_error_ratio(); }
+  /// rms of the difference to the force of the ideal run at the same time, over its rms: counts also
+  /// that the hand is elsewhere.
+  [[nodiscard]] double ideal_run_force_error_rms_ratio() const {
+    return true_to_ideal_run_.rms_error_ratio();
+  }
+  /// Share of the samples in which a hand would feel the difference between fs and fi.
+  [[nodiscard]] double beyond_jnd_ratio() const;
   [[nodiscard]] double minimum_true_energy_joule() const { return minimum_true_energy_joule_; }
   [[nodiscard]] double maximum_force_newton() const { return maximum_force_newton_; }
   [[nodiscard]] std::array<std::uint64_t, 3> reversals() const { return reversals_.reversals(); }
@@ -51,6 +58,8 @@ class RunStatistics {
   PaperTransparency transparency_;
   ProjectedTransparency rendered_;
   ProjectedTransparency true_to_ideal_;
+  ProjectedTransparency true_to_ideal_run_;
+  std::uint64_t beyond_jnd_ = 0;
   double minimum_true_energy_joule_ = kNaN;
   double maximum_force_newton_ = 0.0;
   ReversalCounter reversals_;

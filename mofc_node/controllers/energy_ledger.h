@@ -3,29 +3,43 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <optional>
+#include <span>
+
+#include "mofc_node/controllers/axis_friction.h"
+#include "mofc_node/controllers/mofc_equations.h"
 
 namespace palpate::controllers {
 
 using Vector3 = Eigen::Vector3d;
 
-/// Lower bound E′ of E(t) = ∫ (friction + rendered force resisting the hand)·v dt for isotropic
-/// friction f_d v + f_co v/|v|, 3-D, with each measured coordinate within ±q/2 of the true one.
+/// Lower bound E′ of E(t) = ∫ (friction + rendered force resisting the hand)·v dt, with each
+/// measured coordinate within ±q/2 of the true one. For isotropic friction f_d v + f_co v/|v| one
+/// count in 3-D, with w = √3 q; for friction per axis one count on each axis, with w = q, and their
+/// sum. A count is:
 ///
-///   work      Σ f·dh, less (√3 q/2)(|f(k−1)| + |f(0)| + Σ|Δf|): the error of the sum telescopes
+///   work      Σ f·dh, less (w/2)(|f(k−1)| + |f(0)| + Σ|Δf|): the error of the sum telescopes
 ///   Coulomb   f_co Σ max(L, √(Σᵢ (Pᵢ − q/2)₊²)) over spans of path, both at most the true path of
-///             the span: L = Σ (|Δh| − √3 q)₊ over windows; Pᵢ the path of the play operator of
+///             the span: L = Σ (|Δh| − w)₊ over windows; Pᵢ the path of the play operator of
 ///             half-width q/2 on axis i, which sees the motion to and fro inside a window. One span
 ///             only would let the lead of one of the two from long ago hide what the other sees now
-///   viscous   f_d (|Δh| − √3 q)₊² / Δt over the same windows: one closes when the hand has moved
+///   viscous   f_d (|Δh| − w)₊² / Δt over the same windows: one closes when the hand has moved
 ///             16 q, so that slow motion at a high rate is not lost in the quantisation
 ///
 /// f is the force the user exerts on the environment, f = −F. With q = 0 this is [MOFC] eq. (8) in
-/// vector form. E′ may dip below zero where the true energy does not.
+/// vector form, or summed over the axes. E′ may dip below zero where the true energy does not.
 /// No allocation, no throw.
 class EnergyLedger {
  public:
-  /// @param f_d ≥ 0 [N·s/m]   @param f_co ≥ 0 [N]   @param q ≥ 0 [m]
-  EnergyLedger(double f_d, double f_co, double q) : f_d_(f_d), f_co_(f_co), q_(q) {}
+  /// Isotropic. @param f_d ≥ 0 [N·s/m]   @param f_co ≥ 0 [N]   @param q ≥ 0 [m]
+  EnergyLedger(double f_d, double f_co, double q);
+  /// Per axis.
+  EnergyLedger(const AxisFriction& friction, double q);
+  /// Per axis if given, else with the parameters' f_d and f_co.
+  EnergyLedger(const MofcParameters& parameters, const std::optional<AxisFriction>& per_axis,
+               double q)
+      : EnergyLedger(per_axis ? EnergyLedger(*per_axis, q)
+                              : EnergyLedger(parameters.f_d, parameters.f_co, q)) {}
 
   /// Starts again with E′ = 0 at this measured position.
   void restart(const Vector3& hand_position_m) noexcept;
@@ -54,29 +68,50 @@ class EnergyLedger {
     double path_m = 0.0;
     void follow(double x, double half_width) noexcept;
   };
-  void begin_span() noexcept;    // at position_m_
-  void begin_window() noexcept;  // at position_m_
-  [[nodiscard]] double span_path_m() const noexcept;
-  [[nodiscard]] double window_path_m() const noexcept;
-  [[nodiscard]] double window_viscous_joule() const noexcept;
 
-  double f_d_;
-  double f_co_;
-  double q_;
+  class Count {
+   public:
+    Count() = default;
+    Count(double f_d, double f_co, double q, double w) : f_d_(f_d), f_co_(f_co), q_(q), w_(w) {}
+    void restart(const Vector3& position_m) noexcept;
+    void book(double duration_s, const Vector3& f, const Vector3& position_at_end_m) noexcept;
+    [[nodiscard]] double energy_joule() const noexcept;
+    [[nodiscard]] double dissipated_joule() const noexcept;
 
-  Vector3 position_m_ = Vector3::Zero();
+   private:
+    void begin_span() noexcept;    // at position_m_
+    void begin_window() noexcept;  // at position_m_
+    [[nodiscard]] double span_path_m() const noexcept;
+    [[nodiscard]] double window_path_m() const noexcept;
+    [[nodiscard]] double window_viscous_joule() const noexcept;
+
+    double f_d_ = 0.0;
+    double f_co_ = 0.0;
+    double q_ = 0.0;
+    double w_ = 0.0;  // a displacement's norm is within ±w of the measured one
+
+    Vector3 position_m_ = Vector3::Zero();
+    double work_joule_ = 0.0;
+    Vector3 last_force_newton_ = Vector3::Zero();  // f(k−1)
+    double force_variation_newton_ = 0.0;          // |f(0)| + Σ|Δf|
+    bool has_force_ = false;
+
+    double closed_spans_path_m_ = 0.0;
+    std::array<Play, 3> play_{};          // of the open span
+    double closed_windows_path_m_ = 0.0;  // of the open span
+    double closed_windows_viscous_joule_ = 0.0;
+    Vector3 window_start_m_ = Vector3::Zero();
+    double window_s_ = 0.0;
+  };
+
+  /// One, or one per axis.
+  [[nodiscard]] std::span<const Count> counts() const noexcept { return {counts_.data(), used_}; }
+  /// What the i-th count sees of a vector.
+  [[nodiscard]] Vector3 part(std::size_t i, const Vector3& v) const noexcept;
+
+  std::array<Count, 3> counts_{};
+  std::size_t used_ = 1;
   double carried_joule_ = 0.0;  // from before the last book_unread(), less what limit() took
-  double work_joule_ = 0.0;
-  Vector3 last_force_newton_ = Vector3::Zero();  // f(k−1)
-  double force_variation_newton_ = 0.0;          // |f(0)| + Σ|Δf|
-  bool has_force_ = false;
-
-  double closed_spans_path_m_ = 0.0;
-  std::array<Play, 3> play_{};          // of the open span
-  double closed_windows_path_m_ = 0.0;  // of the open span
-  double closed_windows_viscous_joule_ = 0.0;
-  Vector3 window_start_m_ = Vector3::Zero();
-  double window_s_ = 0.0;
 };
 
 }  // namespace palpate::controllers

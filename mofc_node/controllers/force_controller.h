@@ -38,15 +38,18 @@ struct ControlInput {
 
 struct ControlOutput {
   Vector3 force_on_hand_newton = Vector3::Zero();  ///< F(k): never more than asked, per its bound
-  Vector3 f_max_newton = Vector3::Zero();  ///< bound per axis; all equal where one serves all axes
-  double ledger_energy_joule = 0.0;        ///< E', all pools together
-  bool is_clamped = false;                 ///< F differs from F_e
-  bool is_too_fast = false;                ///< the hand moved faster than the controller assumes
+  /// Bound per axis: |F_i| ≤ f_max,i. All equal where one serves all axes; with one pool and
+  /// friction per axis what a force along that axis alone might be.
+  Vector3 f_max_newton = Vector3::Zero();
+  double ledger_energy_joule = 0.0;  ///< E', all pools together
+  bool is_clamped = false;           ///< F differs from F_e
+  bool is_too_fast = false;          ///< the hand moved faster than the controller assumes
 };
 
-/// Norm of the force that acts at t_k, as the echo has it; 0 where it says nothing.
-[[nodiscard]] inline double acting_newton(const ControlInput& input) noexcept {
-  return input.applied.empty() ? 0.0 : input.applied.back().force_on_hand_newton.norm();
+/// The force that acts at t_k, as the echo has it; 0 where it says nothing.
+[[nodiscard]] inline Vector3 acting_force_newton(const ControlInput& input) noexcept {
+  return input.applied.empty() ? Vector3(Vector3::Zero())
+                               : input.applied.back().force_on_hand_newton;
 }
 
 /// One bound for all directions: F = F_e min(1, f_max / |F_e|), the direction kept. The ledger's

@@ -9,7 +9,8 @@ namespace palpate::controllers {
 
 GuardMofc::GuardMofc(const GuardParameters& parameters)
     : p_(parameters),
-      ledger_(parameters.mofc.f_d, parameters.mofc.f_co, parameters.resolution_m),
+      clamp_(parameters.mofc, parameters.per_axis, parameters.v_max_m_per_s),
+      ledger_(parameters.mofc, parameters.per_axis, parameters.resolution_m),
       gate_store_joule_(parameters.gate_joule) {}
 
 void GuardMofc::reset() noexcept {
@@ -24,13 +25,12 @@ ControlOutput GuardMofc::step(const ControlInput& input) noexcept {
 
   // what the force that acts now can still drain before this answer replaces it
   const double energy = ledger_.energy_joule();
-  const double spent = p_.delta_max_s * drain_watt(p_.mofc, acting_newton(input), p_.v_max_m_per_s);
+  const double spent = p_.delta_max_s * clamp_.drain_watt(acting_force_newton(input));
 
-  // the bound, closed by the gate, on the norm
-  const double open_newton = maximum_force_newton(p_.mofc, energy - spent, p_.v_max_m_per_s);
-  const double gate = std::clamp(gate_store_joule_ / p_.gate_joule, 0.0, 1.0);
-  const double f_max = p_.mofc.f_co + gate * (open_newton - p_.mofc.f_co);
-  ControlOutput output = output_within(input.asked_force_on_hand_newton, f_max);
+  // the bound, closed by the gate
+  const double gate =
+      gate_store_joule_ > 0.0 ? std::min(1.0, gate_store_joule_ / p_.gate_joule) : 0.0;
+  ControlOutput output = clamp_.clamp(input.asked_force_on_hand_newton, energy - spent, gate);
   output.ledger_energy_joule = energy;
   output.is_too_fast = is_too_fast_;
   return output;
@@ -58,8 +58,7 @@ double GuardMofc::book(const ControlInput& input) noexcept {
     elapsed_s += stretch.duration_s;
     if (!stretch.has_position_at_end || unread_s > 0.0) {
       unread_s += stretch.duration_s;
-      unread_joule += stretch.duration_s *
-                      drain_watt(p_.mofc, stretch.force_on_hand_newton.norm(), p_.v_max_m_per_s);
+      unread_joule += stretch.duration_s * clamp_.drain_watt(stretch.force_on_hand_newton);
     }
     if (!stretch.has_position_at_end) continue;
     if (unread_s > 0.0) {
@@ -88,7 +87,8 @@ void GuardMofc::update_gate(const ControlInput& input, double elapsed_s) noexcep
   // what holding the force while the hand moved has leaked, booked when the next force is known
   if (input.is_asked_fresh) {
     const double before = asked_newton_.norm();
-    const double share = before > 0.0 ? std::min(1.0, acting_newton(input) / before) : 1.0;
+    const double share =
+        before > 0.0 ? std::min(1.0, acting_force_newton(input).norm() / before) : 1.0;
     gate_store_joule_ +=
         0.5 * share * (input.asked_force_on_hand_newton - asked_newton_).dot(moved_since_fresh_m_);
     asked_newton_ = input.asked_force_on_hand_newton;

@@ -1,16 +1,18 @@
-// guard_mofc.h — the controller for real use: one isotropic pool, a hand of bounded speed, bounded
-// credit.
+// guard_mofc.h — the controller for real use: one pool, a hand of bounded speed, bounded credit.
 #pragma once
+
+#include <optional>
 
 #include "mofc_node/controllers/energy_ledger.h"
 #include "mofc_node/controllers/force_controller.h"
-#include "mofc_node/controllers/mofc_equations.h"
+#include "mofc_node/controllers/one_pool_clamp.h"
 
 namespace palpate::controllers {
 
 struct GuardParameters {
-  MofcParameters mofc;             ///< T: the longest time one command may act, its lease
-  double resolution_m = 0.0;       ///< q ≥ 0
+  MofcParameters mofc;  ///< T: the longest time one command may act, its lease
+  std::optional<AxisFriction> per_axis = {};  ///< the friction, instead of mofc.f_d and mofc.f_co
+  double resolution_m = 0.0;                  ///< q ≥ 0
   double delta_max_s = 0.0;        ///< δ ≥ 0: longest time from the reading to the switch
   double v_max_m_per_s = 0.5;      ///< > 0: fastest the hand can be
   double credit_cap_joule = 5e-3;  ///< S_cap > 0
@@ -22,6 +24,9 @@ struct GuardParameters {
 ///
 ///   F     = F_e min(1, f_max / |F_e|)
 ///   f_max = f_co + gate · (f* − f_co),   T drain(f*) + δ drain(|F_acting|) = E′
+///
+/// With friction per axis drain is a function of the vector, and the same is done with the scale of
+/// F_e instead of its norm (OnePoolClamp).
 ///
 /// Credit is bounded twice, so that hours of gentle contact cannot buy one violent burst:
 ///
@@ -48,6 +53,7 @@ class GuardMofc final : public ForceController {
   void update_gate(const ControlInput& input, double elapsed_s) noexcept;
 
   GuardParameters p_;
+  OnePoolClamp clamp_;
   EnergyLedger ledger_;
   bool has_started_ = false;
   bool is_too_fast_ = false;

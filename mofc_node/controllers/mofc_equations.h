@@ -53,11 +53,11 @@ struct MofcParameters {
 }
 
 /// The same for a hand no faster than v_max: the maximum of (f − f_co) v − f_d v² over v ≤ v_max.
-/// Finite for f_d = 0. v_max > 0.
+/// Finite for f_d = 0. v_max > 0; infinite: the same as above.
 [[nodiscard]] inline double drain_watt(const MofcParameters& p, double f, double v_max) noexcept {
   const double excess = std::max(0.0, f - p.f_co);
-  const double v = p.f_d > 0.0 ? std::min(v_max, excess / (2.0 * p.f_d)) : v_max;
-  return (excess - p.f_d * v) * v;
+  if (!(excess > 2.0 * p.f_d * v_max)) return drain_watt(p, f);
+  return (excess - p.f_d * v_max) * v_max;
 }
 
 /// f_max = f_co + 2 √(f_d E′ / T). Source: [MOFC] eq. (13).
@@ -70,10 +70,10 @@ struct MofcParameters {
 ///   f_co + 2 √(f_d E′ / T)               while E′ ≤ f_d T v_max²
 ///   f_co + f_d v_max + E′ / (T v_max)    beyond
 /// Differs from [MOFC] eq. (13): a hand has a highest speed, so v* of (12) is cut there. Never
-/// below (13), equal to it at the seam. v_max > 0.
+/// below (13), equal to it at the seam. v_max > 0; infinite: (13).
 [[nodiscard]] inline double maximum_force_newton(const MofcParameters& p, double energy,
                                                  double v_max) noexcept {
-  if (energy <= p.f_d * p.T * v_max * v_max) return maximum_force_newton(p, energy);
+  if (!(energy > p.f_d * p.T * v_max * v_max)) return maximum_force_newton(p, energy);
   return p.f_co + p.f_d * v_max + energy / (p.T * v_max);
 }
 

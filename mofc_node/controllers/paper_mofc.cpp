@@ -17,8 +17,8 @@ ControlOutput PaperMofc::step(const ControlInput& input) noexcept {
       const Vector3 d = stretch.hand_position_at_end_m - position_m_;
       const Vector3 f_s = -stretch.force_on_hand_newton;
       for (int axis = 0; axis < 3; ++axis) {
-        energy_joule_[axis] +=
-            interval_energy_joule(p_.f_d, p_.f_co, stretch.duration_s, d[axis], f_s[axis]);
+        energy_joule_[axis] += interval_energy_joule(friction_.f_d[axis], friction_.f_co[axis],
+                                                     stretch.duration_s, d[axis], f_s[axis]);
       }
       position_m_ = stretch.hand_position_at_end_m;
     }
@@ -31,7 +31,7 @@ ControlOutput PaperMofc::step(const ControlInput& input) noexcept {
   // the bound (13) and the output (14), axis by axis
   ControlOutput output;
   for (int axis = 0; axis < 3; ++axis) {
-    const double f_max = maximum_force_newton(p_, energy_joule_[axis]);
+    const double f_max = maximum_force_newton(friction_.on_axis(axis, T_), energy_joule_[axis]);
     const double asked = input.asked_force_on_hand_newton[axis];
     output.f_max_newton[axis] = f_max;
     output.force_on_hand_newton[axis] = output_force_newton(asked, f_max);

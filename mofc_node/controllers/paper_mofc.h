@@ -1,24 +1,37 @@
 // paper_mofc.h — the controller as published: one axis, one pool, three times.
 #pragma once
 
+#include <numbers>
+
+#include "mofc_node/controllers/axis_friction.h"
 #include "mofc_node/controllers/force_controller.h"
-#include "mofc_node/controllers/mofc_equations.h"
 
 namespace palpate::controllers {
 
 /// Mode `paper`. Each axis has its own E′ and clamps alone, [MOFC] eqs. (4)–(14).
 ///
-/// What it does not promise: on a device whose friction is isotropic, f_co|v|, three axes that each
-/// count f_co count too much; a quantised position, a late answer or a lost one is not accounted
-/// for. Direction of the force is not kept. Mode `vector` mends these.
+/// With exact positions and timing E(t) ≥ 0, if the friction is per axis, as the paper's equations
+/// take it to be. On a device whose friction is isotropic, f_co|v|, three axes that each count f_co
+/// count too much, as published; `isotropic` gives each f_co/√3.
+///
+/// What it does not promise: a quantised position, a late answer or a lost one is not accounted
+/// for, nor is the direction of the force kept. Mode `vector` mends these.
 class PaperMofc final : public ForceController {
  public:
-  explicit PaperMofc(const MofcParameters& parameters) : p_(parameters) {}
+  explicit PaperMofc(const AxisFriction& friction, double T) : friction_(friction), T_(T) {}
+  /// As published: f_d and f_co on every axis.
+  explicit PaperMofc(const MofcParameters& p)
+      : PaperMofc({.f_d = Vector3::Constant(p.f_d), .f_co = Vector3::Constant(p.f_co)}, p.T) {}
+  /// f_d and f_co/√3 on every axis, for an isotropic friction f_d v + f_co v/|v|.
+  [[nodiscard]] static PaperMofc isotropic(const MofcParameters& p) {
+    return PaperMofc({.f_d = p.f_d, .f_co = p.f_co / std::numbers::sqrt3, .T = p.T});
+  }
   void reset() noexcept override;
   [[nodiscard]] ControlOutput step(const ControlInput& input) noexcept override;
 
  private:
-  MofcParameters p_;
+  AxisFriction friction_;
+  double T_;
   Vector3 energy_joule_ = Vector3::Zero();  // E′ per axis
   Vector3 position_m_ = Vector3::Zero();    // where the last stretch ended
   bool has_position_ = false;

@@ -23,11 +23,10 @@ ControlOutput VectorMofc::step(const ControlInput& input) noexcept {
   // what the force that acts now can still drain before this answer replaces it
   const double energy = ledger_.energy_joule();
   const double spent =
-      delta_max_s_ > 0.0 ? delta_max_s_ * drain_watt(p_, acting_newton(input)) : 0.0;
+      delta_max_s_ > 0.0 ? delta_max_s_ * clamp_.drain_watt(acting_force_newton(input)) : 0.0;
 
-  // the bound (13) and the output (14), on the norm
-  const double f_max = maximum_force_newton(p_, energy - spent);
-  ControlOutput output = output_within(input.asked_force_on_hand_newton, f_max);
+  // the bound (13) and the output (14)
+  ControlOutput output = clamp_.clamp(input.asked_force_on_hand_newton, energy - spent);
   output.ledger_energy_joule = energy;
   return output;
 }

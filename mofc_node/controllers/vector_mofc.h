@@ -1,9 +1,12 @@
-// vector_mofc.h — the controller with one isotropic pool.
+// vector_mofc.h — the controller with one pool for all directions.
 #pragma once
+
+#include <limits>
+#include <optional>
 
 #include "mofc_node/controllers/energy_ledger.h"
 #include "mofc_node/controllers/force_controller.h"
-#include "mofc_node/controllers/mofc_equations.h"
+#include "mofc_node/controllers/one_pool_clamp.h"
 
 namespace palpate::controllers {
 
@@ -14,7 +17,8 @@ namespace palpate::controllers {
 ///
 /// [MOFC] eqs. (8)–(14) with Euclidean norms. Differs: E′ accounts for the encoder's resolution
 /// (EnergyLedger); T is the longest time one command may act, its lease; δ is the longest time from
-/// the reading to the switch, during which the force that acts now goes on.
+/// the reading to the switch, during which the force that acts now goes on. With friction per axis:
+/// T drain(F) + δ drain(F_acting) ≤ E′ (OnePoolClamp), which for one axis is the same.
 ///
 /// Promise: E(t) ≥ 0 for all t, any hand, any environment, if the true friction is at least
 /// (f_d, f_co), the encoder error at most q/2 per axis, and no command acts longer than T or begins
@@ -22,16 +26,18 @@ namespace palpate::controllers {
 class VectorMofc final : public ForceController {
  public:
   /// @param resolution_m  q ≥ 0    @param delta_max_s  δ ≥ 0
-  VectorMofc(const MofcParameters& parameters, double resolution_m, double delta_max_s)
-      : p_(parameters),
-        delta_max_s_(delta_max_s),
-        ledger_(parameters.f_d, parameters.f_co, resolution_m) {}
+  /// @param per_axis  the friction, instead of the parameters' f_d and f_co
+  VectorMofc(const MofcParameters& parameters, double resolution_m, double delta_max_s,
+             const std::optional<AxisFriction>& per_axis = {})
+      : delta_max_s_(delta_max_s),
+        clamp_(parameters, per_axis, std::numeric_limits<double>::infinity()),
+        ledger_(parameters, per_axis, resolution_m) {}
   void reset() noexcept override;
   [[nodiscard]] ControlOutput step(const ControlInput& input) noexcept override;
 
  private:
-  MofcParameters p_;
   double delta_max_s_;
+  OnePoolClamp clamp_;
   EnergyLedger ledger_;
   bool has_started_ = false;
 };

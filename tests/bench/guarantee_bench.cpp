@@ -35,17 +35,60 @@ constexpr double kBiteJoule = -1e-3;
 
 struct Mode {
   const char* label;
-  const char* override;
+  std::vector<std::string> overrides;
 };
-constexpr Mode kModes[] = {{"none", "mofc.controller=none"},
-                           {"paper", "mofc.mode=paper"},
-                           {"vector", "mofc.mode=vector"},
-                           {"guard", "mofc.mode=guard"}};
+const Mode kNone{"none", {"mofc.controller=none"}};
+const Mode kPaper{"paper", {"mofc.mode=paper"}};
+const Mode kPaperIsotropic{"paper/√3",
+                           {"mofc.mode=paper", "mofc.paper_settings.friction=isotropic"}};
+const Mode kVector{"vector", {"mofc.mode=vector"}};
+const Mode kGuard{"guard", {"mofc.mode=guard"}};
+
+/// Of the simulated device, and told so to the controller.
+struct Friction {
+  const char* label;
+  bool is_per_axis;
+  std::vector<const Mode*> modes;  // the first one is the twin
+};
+const Friction kFrictions[] = {
+    {"isotropic", false, {&kNone, &kPaper, &kPaperIsotropic, &kVector, &kGuard}},
+    {"per axis", true, {&kNone, &kPaper, &kVector, &kGuard}}};
 
 struct Adversity {
   std::string label;
   AdverseRun run;
+  double friction_told = 1.0;  // times the true
+  bool is_told_wrong = false;  // isotropic for per axis (the mean) and the other way round
 };
+
+/// 0.1 N·s/m and 0.1 N, or a half and twice that on two of the axes.
+std::vector<std::string> overrides_of(const Friction& friction, const Adversity& adversity) {
+  const double told = adversity.friction_told;
+  const auto isotropic = [](const std::string& path, double scale) {
+    return std::vector<std::string>{fmt::format("{}.viscous_newton_s_per_m={}", path, 0.1 * scale),
+                                    fmt::format("{}.coulomb_newton={}", path, 0.1 * scale)};
+  };
+  const auto per_axis = [](const std::string& path, double x, double y, double z) {
+    const std::string axes = fmt::format("{{ x: {} y: {} z: {} }}", x, y, z);
+    return std::vector<std::string>{
+        fmt::format("{}.viscous_per_axis_newton_s_per_m={}", path, axes),
+        fmt::format("{}.coulomb_per_axis_newton={}", path, axes)};
+  };
+  std::vector<std::string> overrides;
+  const auto add = [&](const std::vector<std::string>& more) {
+    overrides.insert(overrides.end(), more.begin(), more.end());
+  };
+  if (friction.is_per_axis) {
+    add(per_axis("device.simulated", 0.05, 0.1, 0.2));
+    add(adversity.is_told_wrong ? isotropic("device.profile", 0.35 / 3.0 / 0.1)
+                                : per_axis("device.profile", 0.05 * told, 0.1 * told, 0.2 * told));
+  } else {
+    add(isotropic("device.simulated", 1.0));
+    add(adversity.is_told_wrong ? per_axis("device.profile", 0.1, 0.1, 0.1)
+                                : isotropic("device.profile", told));
+  }
+  return overrides;
+}
 
 std::vector<std::string> on_physics_hops(const std::string& field) {
   return {"faults.tool_motion." + field, "faults.interaction." + field};
@@ -100,6 +143,8 @@ std::vector<Adversity> adversities() {
   // scheduler
   add("interval 0.5…1.5 T", {}, Physics::kPushAlong);
   all.back().run.tick_jitter = 0.5;
+  add("2 % of ticks 1…5 T late", {}, Physics::kPushAlong);
+  all.back().run.late_tick_ratio = 0.02;
 
   // encoder
   for (const char* q_m : {"0", "55e-6", "5e-4"}) {
@@ -111,11 +156,11 @@ std::vector<Adversity> adversities() {
 
   // outside the assumptions
   for (const int factor : {1, 2, 5}) {
-    add(fmt::format("friction told {}× the true", factor),
-        {fmt::format("device.profile.viscous_newton_s_per_m={}", 0.1 * factor),
-         fmt::format("device.profile.coulomb_newton={}", 0.1 * factor)},
-        Physics::kEverything);
+    add(fmt::format("friction told {}× the true", factor), {}, Physics::kEverything);
+    all.back().friction_told = factor;
   }
+  add("the other kind of friction told", {}, Physics::kEverything);
+  all.back().is_told_wrong = true;
   add("hand of 1 m/s, v_max 0.5",
       {"hand.hostile.v_max_m_per_s=1", "device.profile.position_resolution_m=0",
        "device.simulated.position_resolution_m=0", "mofc.guard_settings.credit_cap_joule=10"},
@@ -185,10 +230,11 @@ void in_parallel(std::size_t jobs, const std::function<void(std::size_t)>& job) 
   if (failure) std::rethrow_exception(failure);
 }
 
-Table adversity_table(int seeds) {
+Table adversity_table(int seeds, const std::vector<std::string>& more_overrides) {
   constexpr const char* kPhysicsRates[] = {"1000", "50"};
   struct Row {
     const Adversity* adversity;
+    const Friction* friction;
     const char* physics_hz;
     const Mode* mode;
     Summary summary;
@@ -196,21 +242,33 @@ Table adversity_table(int seeds) {
   const std::vector<Adversity> all = adversities();
   std::vector<Row> rows;
   for (const Adversity& adversity : all) {
-    for (const char* physics_hz : kPhysicsRates) {
-      for (const Mode& mode : kModes) rows.push_back({&adversity, physics_hz, &mode, {}});
+    for (const Friction& friction : kFrictions) {
+      for (const char* physics_hz : kPhysicsRates) {
+        for (const Mode* mode : friction.modes) {
+          // pools for isotropic friction are not to be had with a profile per axis
+          if (adversity.is_told_wrong && mode == &kPaperIsotropic) continue;
+          rows.push_back({&adversity, &friction, physics_hz, mode, {}});
+        }
+      }
     }
   }
   in_parallel(rows.size(), [&](std::size_t i) {
     Row& row = rows[i];
     AdverseRun run = row.adversity->run;
-    run.overrides.push_back(fmt::format("physics.rate_hz={}", row.physics_hz));
-    run.overrides.emplace_back(row.mode->override);
+    const auto add = [&](const std::vector<std::string>& more) {
+      run.overrides.insert(run.overrides.end(), more.begin(), more.end());
+    };
+    add(overrides_of(*row.friction, *row.adversity));
+    add({fmt::format("physics.rate_hz={}", row.physics_hz)});
+    add(row.mode->overrides);
+    add(more_overrides);
     for (int seed = 1; seed <= seeds; ++seed) {
       row.summary.add(test::run_adverse(run, static_cast<std::uint64_t>(seed)));
     }
   });
 
   Table table({{"adversity", "adversity", ""},
+               {"friction", "friction", ""},
                {"physics_hz", "physics Hz", ""},
                {"mode", "mode", ""},
                {"seeds", "seeds", "{:.0f}"},
@@ -226,11 +284,12 @@ Table adversity_table(int seeds) {
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const Row& row = rows[i];
     const Summary& s = row.summary;
-    const bool is_twin = row.mode == &kModes[0];
-    if (is_twin && row.physics_hz == kPhysicsRates[0] && i > 0) table.add_gap();
-    table.add({row.adversity->label, std::string(row.physics_hz), std::string(row.mode->label),
-               static_cast<double>(s.seeds), static_cast<double>(s.negative), 1e6 * s.least_joule,
-               s.peak_newton, 1e3 * s.longest_fallback_s,
+    const bool is_twin = row.mode == &kNone;
+    if (i > 0 && row.adversity != rows[i - 1].adversity) table.add_gap();
+    table.add({row.adversity->label, std::string(row.friction->label), std::string(row.physics_hz),
+               std::string(row.mode->label), static_cast<double>(s.seeds),
+               static_cast<double>(s.negative), 1e6 * s.least_joule, s.peak_newton,
+               1e3 * s.longest_fallback_s,
                Summary::mean_percent(s.transparency_sum, s.transparency_runs),
                Summary::mean_percent(s.clamped_sum, s.clamped_runs), s.top_speed_m_per_s,
                static_cast<double>(s.too_fast_ticks),
@@ -247,13 +306,12 @@ Table adversity_table(int seeds) {
 constexpr double kVSeconds = 3.0;
 
 /// Soft, rigid and mixed tissue of the paper after more and more free motion: device and clamp at
-/// 1 kHz, physics at 50 Hz. The V begins at many phases of the physics, because one tick earlier or
-/// later already gives another chatter: what is left between the means is memory.
-Table history_table(bool is_quick) {
-  const auto phases_after = [&](double free_s) -> std::size_t {
-    if (free_s < 100.0) return is_quick ? 5 : 100;
-    return is_quick ? 1 : 20;
-  };
+/// 1 kHz, physics at 50 Hz, its model or its force; and all at 50 Hz. The V begins at many phases
+/// of the physics, because one tick earlier or later already gives another chatter: what is left
+/// between the means is memory.
+Table history_table(bool is_quick, const std::vector<std::string>& more_overrides) {
+  constexpr std::size_t kLongPhases = 4;  // after 600 s
+  constexpr std::size_t kPhases = 20;
   constexpr double kPhysicsPeriodSeconds = 0.02;
   struct Tissue {
     const char* label;
@@ -261,17 +319,36 @@ Table history_table(bool is_quick) {
   };
   constexpr Tissue kTissues[] = {
       {"soft", "paper_soft"}, {"rigid", "paper_rigid"}, {"mixed", "paper_mixed"}};
+  struct Rates {
+    const char* label;
+    std::vector<std::string> overrides;
+    std::size_t fewer;  // phases
+  };
+  const std::vector<std::string> fast{"device.rate_hz=1000", "device.lease_us=2000",
+                                      "mofc.wait_for_physics_ms=0",
+                                      "mofc.velocity_estimator={ kalman_acceleration {} }"};
+  std::vector<std::string> fast_local = fast;
+  fast_local.emplace_back("mofc.interaction=local");
+  const Rates kRates[] = {
+      {"1000/50", fast_local, 1}, {"1000/50 held", fast, 1}, {"50/50 held", {}, 4}};
   struct Row {
     const Tissue* tissue;
+    const Rates* rates;
     const Mode* mode;
     double free_s;
     std::vector<RunStatistics> runs;
   };
   std::vector<Row> rows;
-  for (const Tissue& tissue : kTissues) {
-    for (const Mode* mode : {&kModes[1], &kModes[3]}) {
-      for (const double free_s : {0.0, 14.0, 40.0, 600.0}) {
-        rows.push_back({&tissue, mode, free_s, std::vector<RunStatistics>(phases_after(free_s))});
+  for (const Rates& rates : kRates) {
+    for (const Tissue& tissue : kTissues) {
+      for (const Mode* mode : {&kPaper, &kGuard}) {
+        for (const double free_s : {0.0, 14.0, 40.0, 600.0}) {
+          const bool is_long = free_s > 100.0;
+          const std::size_t phases = (is_long ? kLongPhases : kPhases) / rates.fewer;
+          const std::size_t quick_phases = is_long ? 1 : 5;
+          rows.push_back({&tissue, &rates, mode, free_s,
+                          std::vector<RunStatistics>(is_quick ? quick_phases : phases)});
+        }
       }
     }
   }
@@ -286,84 +363,129 @@ Table history_table(bool is_quick) {
                                            static_cast<double>(row.runs.size());
     const std::filesystem::path sessions =
         std::filesystem::path(PALPATE_SOURCE_DIR) / "deploy/sessions";
+    std::vector<std::string> overrides = row.rates->overrides;
+    const auto add = [&](const std::vector<std::string>& more) {
+      overrides.insert(overrides.end(), more.begin(), more.end());
+    };
+    add(row.mode->overrides);
+    add({fmt::format("hand.v.free_motion_s={}", free_s)});
+    add(more_overrides);
     const Session session =
-        load_session(sessions / (std::string(row.tissue->session) + ".txtpb"),
-                     {"device.rate_hz=1000", "device.lease_us=2000", "mofc.wait_for_physics_ms=0",
-                      "mofc.velocity_time_constant_ms=5", row.mode->override,
-                      fmt::format("hand.v.free_motion_s={}", free_s)});
+        load_session(sessions / (std::string(row.tissue->session) + ".txtpb"), overrides);
     row.runs[phase] = run_loopback(session, {.seconds = free_s + kVSeconds}).statistics;
   });
 
-  Table table({{"tissue", "tissue", ""},
+  Table table({{"rates_hz", "device/physics Hz", ""},
+               {"tissue", "tissue", ""},
                {"mode", "mode", ""},
                {"t_free_s", "t_free s", "{:g}"},
                {"phases", "phases", "{:.0f}"},
                {"transparency_percent", "transp. %", "{:.2f}"},
-               {"transparency_sd_percent", "± %", "{:.2f}"},
+               {"transparency_sd_percent", "± one run", "{:.2f}"},
                {"change_percent", "change %", "{:+.2f}"},
+               {"change_error_percent", "± mean", "{:.2f}"},
+               {"largest_change_percent", "one run %", "{:.1f}"},
                {"clamped_percent", "clamped %", "{:.1f}"},
                {"excess_reversals", "excess rev.", "{:.1f}"},
+               {"change_excess_reversals", "change", "{:+.1f}"},
                {"most_excess_reversals", "most", "{:.0f}"},
                {"peak_force_n", "peak N", "{:.2f}"},
                {"min_true_energy_uj", "min energy µJ", "{:.1f}"}});
-  double first = kNaN;
+  struct Means {
+    double transparency = 0.0;  // %
+    double sd = 0.0;            // over the phases
+    double phases = 0.0;
+    double reversals = 0.0;
+  };
+  Means first;
+  const Row* first_row = nullptr;
   for (const Row& row : rows) {
-    const auto phases = static_cast<double>(row.runs.size());
-    double sum = 0.0;
+    Means m{.phases = static_cast<double>(row.runs.size())};
     double sum2 = 0.0;
     double clamped = 0.0;
-    double reversals = 0.0;
     double most_reversals = 0.0;
     double peak_newton = 0.0;
     double least_joule = 0.0;
     for (const RunStatistics& s : row.runs) {
       const double transparency = 100.0 * s.vector_transparency();
       const auto excess = static_cast<double>(s.excess_reversals());
-      sum += transparency / phases;
-      sum2 += transparency * transparency / phases;
-      clamped += 100.0 * s.clamp_ratio() / phases;
-      reversals += excess / phases;
+      m.transparency += transparency / m.phases;
+      sum2 += transparency * transparency / m.phases;
+      clamped += 100.0 * s.clamp_ratio() / m.phases;
+      m.reversals += excess / m.phases;
       most_reversals = std::max(most_reversals, excess);
       peak_newton = std::max(peak_newton, s.maximum_force_newton());
       least_joule = std::min(least_joule, s.minimum_true_energy_joule());
     }
+    m.sd = std::sqrt(std::max(0.0, sum2 - m.transparency * m.transparency));
     if (row.free_s == 0.0) {
-      if (&row != &rows.front()) table.add_gap();
-      first = sum;
+      if (first_row != nullptr) table.add_gap();
+      first = m;
+      first_row = &row;
     }
-    table.add({std::string(row.tissue->label), std::string(row.mode->label), row.free_s, phases,
-               sum, std::sqrt(std::max(0.0, sum2 - sum * sum)), 100.0 * (sum / first - 1.0),
-               clamped, reversals, most_reversals, peak_newton, 1e6 * least_joule});
+    // each run against that at the same phase without history
+    double largest_change = 0.0;
+    const std::size_t stride = first_row->runs.size() / row.runs.size();
+    for (std::size_t phase = 0; phase < row.runs.size(); ++phase) {
+      const double before = first_row->runs[phase * stride].vector_transparency();
+      const double change = row.runs[phase].vector_transparency() / before - 1.0;
+      largest_change = std::max(largest_change, 100.0 * std::abs(change));
+    }
+    const double change_error =
+        100.0 / first.transparency *
+        std::hypot(first.sd / std::sqrt(first.phases), m.sd / std::sqrt(m.phases));
+    table.add({std::string(row.rates->label), std::string(row.tissue->label),
+               std::string(row.mode->label), row.free_s, m.phases, m.transparency, m.sd,
+               100.0 * (m.transparency / first.transparency - 1.0),
+               row.free_s == 0.0 ? kNaN : change_error, row.free_s == 0.0 ? kNaN : largest_change,
+               clamped, m.reversals, m.reversals - first.reversals, most_reversals, peak_newton,
+               1e6 * least_joule});
   }
   return table;
 }
 
-void run(const BenchOptions& options) {
-  const Table adversity = adversity_table(options.is_quick ? 4 : 100);
-  std::printf(
-      "%s\nEach run: 2 s, device at 1 kHz, a hand that seeks energy, 0.3 m/s at most unless said."
-      "\nMin energy: least true energy of the device's port over all inner steps and seeds, never "
-      "seen by the controller."
-      "\nPeak, fallback (without the force of an answer), hand speed: the largest of all seeds; "
-      "transparency (acting against asked) and clamped: their mean."
-      "\nToo fast: ticks in which the hand was surely faster than mode guard assumes."
-      "\nBites: the twin without a controller draws more than 1 mJ.\n",
-      adversity.text().c_str());
-  std::fflush(stdout);
+struct GuaranteeOptions {
+  BenchOptions bench;
+  std::vector<std::string> overrides;  // of every session
+  std::string only;                    // adversity, history or both ("")
+};
 
-  const Table history = history_table(options.is_quick);
-  std::printf(
-      "\n%s\nThe paper's tissues, device and clamp at 1 kHz, physics at 50 Hz, after t_free of "
-      "free "
-      "motion; mean and standard deviation over the phases of the physics at which the V begins. "
-      "Change: against t_free = 0.\n",
-      history.text().c_str());
-
-  if (!options.csv_file.empty()) write_file(options.csv_file, adversity.csv());
-  if (!options.json_file.empty()) {
-    const nlohmann::ordered_json both{{"adversity", adversity.json()}, {"history", history.json()}};
-    write_file(options.json_file, both.dump(2) + "\n");
+void run(const GuaranteeOptions& options) {
+  const BenchOptions& bench = options.bench;
+  nlohmann::ordered_json json;
+  if (options.only != "history") {
+    const Table adversity = adversity_table(bench.is_quick ? 3 : 50, options.overrides);
+    std::printf(
+        "%s\nEach run: 2 s, device at 1 kHz, a hand that seeks energy, 0.3 m/s at most unless said."
+        "\nFriction of the device: 0.1 N·s/m and 0.1 N, isotropic; or per axis, x 0.05, y 0.1, z "
+        "0.2 of both."
+        "\nMin energy: least true energy of the device's port over all inner steps and seeds, "
+        "never "
+        "seen by the controller."
+        "\nPeak, fallback (without the force of an answer), hand speed: the largest of all seeds; "
+        "transparency (acting against asked) and clamped: their mean."
+        "\nToo fast: ticks in which the hand was surely faster than mode guard assumes."
+        "\nBites: the twin without a controller draws more than 1 mJ.\n",
+        adversity.text().c_str());
+    std::fflush(stdout);
+    if (!bench.csv_file.empty()) write_file(bench.csv_file, adversity.csv());
+    json["adversity"] = adversity.json();
   }
+  if (options.only != "adversity") {
+    const Table history = history_table(bench.is_quick, options.overrides);
+    std::printf(
+        "\n%s\nThe paper's tissues after t_free of free motion; means over the phases of the "
+        "physics "
+        "at which the V begins."
+        "\n± one run: standard deviation over the phases, so what one run may show by chance. "
+        "Change "
+        "of the mean: against t_free = 0, ± its standard error."
+        "\nOne run: largest change of a single run against the one at the same phase with t_free = "
+        "0.\n",
+        history.text().c_str());
+    json["history"] = history.json();
+  }
+  if (!bench.json_file.empty()) write_file(bench.json_file, json.dump(2) + "\n");
 }
 
 }  // namespace
@@ -371,8 +493,11 @@ void run(const BenchOptions& options) {
 
 int main(int argc, char** argv) {
   CLI::App app("Energy given to the hand, for every controller mode and adversity, in lockstep.");
-  palpate::bench::BenchOptions options;
-  options.add_to(app);
+  palpate::bench::GuaranteeOptions options;
+  options.bench.add_to(app);
+  app.add_option("--only", options.only, "one of the two tables")
+      ->check(CLI::IsMember({"adversity", "history"}));
+  app.add_option("--set", options.overrides, "path=value: overrides a field of every session");
   CLI11_PARSE(app, argc, argv);
   try {
     palpate::bench::run(options);

@@ -33,7 +33,7 @@ constexpr const char* kPressing = R"(
 name: "guarantee"
 realtime { priority: 0 cpu: -1 }
 hand { stiffness_newton_per_m: 400 recorded { file: "hand.csv" loop: true } }
-mofc { mode: guard velocity_time_constant_ms: 5 }
+mofc { mode: guard velocity_estimator { difference { time_constant_ms: 5 } } }
 scene { tissue { half_space {} kelvin_voigt { stiffness_newton_per_m: 200 } } }
 )";
 constexpr const char* kHand =

@@ -110,6 +110,8 @@ TEST(Lockstep, TicksBeginAsLateAsAsked) {
 TEST(Lockstep, AHostilePhysicsHasTheLastWord) {
   const LockstepOptions options{.tamper_with_interaction = [](Interaction& said) {
     said.force_on_tool_newton = {2, 0, 0};
+    said.listed_count = 0;
+    said.contact_count = 1;
   }};
   const Recording touch = run(parsed(kPressing), 100ms, options);
 
@@ -117,14 +119,37 @@ TEST(Lockstep, AHostilePhysicsHasTheLastWord) {
 }
 
 // Kelvin–Voigt at exact positions: fe(k) is the law at the position measured at k − 1.
-TEST(Lockstep, TheForceAskedIsTheTissuesLawAtThePositionItAnswers) {
-  const Recording touch = run(parsed(kPressing), 200ms);
+TEST(Lockstep, AHeldForceIsTheTissuesLawAtThePositionItAnswers) {
+  const Recording touch = run(parsed(kPressing, {"mofc.interaction=held"}), 200ms);
 
   for (std::size_t k = 1; k < touch.rows.size(); ++k) {
     const double depth = -touch.rows[k - 1].device.measured_tool_position_world_m.z();
     EXPECT_NEAR(touch.rows[k].mofc->asked_force_on_hand_newton.z(), 400.0 * std::max(0.0, depth),
                 1e-12);
   }
+}
+
+// The model is evaluated at the position just measured, however old it is: physics at 50 Hz, 50 ms
+// away. Held, the force is up to 120 ms behind.
+TEST(Lockstep, AForceFromTheLocalModelIsTheTissuesLawAtThePresentPosition) {
+  const std::vector<std::string> far{"physics.rate_hz=50", "faults.tool_motion.delay_ms=50",
+                                     "faults.interaction.delay_ms=50"};
+  const auto largest_error_newton = [&](const char* use) {
+    std::vector<std::string> overrides = far;
+    overrides.push_back(std::string("mofc.interaction=") + use);
+    const Recording touch = run(parsed(kPressing, overrides), 400ms);
+    double largest = 0.0;
+    for (std::size_t k = 150; k < touch.rows.size(); ++k) {  // since the first answer
+      const double depth = -touch.rows[k].device.measured_tool_position_world_m.z();
+      const double error =
+          touch.rows[k].mofc->asked_force_on_hand_newton.z() - 400.0 * std::max(0.0, depth);
+      largest = std::max(largest, std::abs(error));
+    }
+    return largest;
+  };
+
+  EXPECT_LT(largest_error_newton("local"), 1e-9);
+  EXPECT_GT(largest_error_newton("held"), 0.1);
 }
 
 TEST(Lockstep, TheSameSeedGivesTheSameBits) {

@@ -42,7 +42,7 @@ name: "press"
 realtime { priority: 0 cpu: -1 }
 device {
   rate_hz: 200
-  lease_us: 15000
+  lease_us: 12500
   simulated { position_resolution_m: 0 }
   profile { position_resolution_m: 0 }
 }
@@ -149,9 +149,11 @@ class Processes : public testing::Test {
 
 // --- one touch ------------------------------------------------------------------------------
 
+// The default session with an inclusion so viscous that the clamp has to act.
 TEST_F(Processes, TheDefaultSessionIsFeltClampedAndSummedUp) {
   const Outcome launch = run_program(
-      "palpate", {"launch", kDefault, "--seconds", "3", "--json", file("run.json"), "--no-viewer"});
+      "palpate", {"launch", kDefault, "--seconds", "3", "--json", file("run.json"), "--no-viewer",
+                  "--set", "scene.tissue[1].kelvin_voigt.damping_newton_s_per_m=300"});
 
   EXPECT_EQ(launch.status, 0) << launch.err;
   const json run = json::parse(content(file("run.json")));

@@ -10,6 +10,7 @@
 #include <limits>
 #include <memory>
 #include <numbers>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -17,6 +18,7 @@
 #include "mofc_node/controllers/energy_ledger.h"
 #include "mofc_node/controllers/guard_mofc.h"
 #include "mofc_node/controllers/mofc_equations.h"
+#include "mofc_node/controllers/one_pool_clamp.h"
 #include "mofc_node/controllers/paper_mofc.h"
 #include "mofc_node/controllers/vector_mofc.h"
 #include "tests/support/alloc_guard.h"
@@ -45,11 +47,13 @@ Vector3 limited(const Vector3& force, double newton) {
   return norm > newton ? Vector3(force * (newton / norm)) : force;
 }
 
-/// A device with isotropic friction in a hand that moves it as it likes. While velocity and force
-/// stand, the energy is linear in time: its least value lies at an end of such a piece.
+/// A device with friction, isotropic or per axis, in a hand that moves it as it likes. While
+/// velocity and force stand, the energy is linear in time: its least value lies at an end of such a
+/// piece.
 struct Hand {
   double f_d = 0.1;
   double f_co = 0.1;
+  std::optional<AxisFriction> per_axis = {};  // instead of the two above
   Vector3 position_m = Vector3::Zero();
   double energy_joule = 0.0;  // put in by the hand, no inertia
   double least_energy_joule = 0.0;
@@ -59,15 +63,34 @@ struct Hand {
   void move(double duration_s, Vector3 velocity, const Vector3& force_on_hand) {
     if (is_on_rail) velocity = Vector3(velocity.x(), 0.0, 0.0);
     velocity = limited(velocity, v_max_m_per_s);
-    const double speed = velocity.norm();
-    energy_joule += duration_s * (f_d * speed * speed + f_co * speed - force_on_hand.dot(velocity));
+    energy_joule += duration_s * (friction_watt(velocity) - force_on_hand.dot(velocity));
     least_energy_joule = std::min(least_energy_joule, energy_joule);
     position_m += duration_s * velocity;
   }
 
-  /// [MOFC] eq. (12) as a vector: along the force, so that it does most work on the hand.
+  [[nodiscard]] double friction_watt(const Vector3& velocity) const {
+    if (per_axis) {
+      return velocity.dot(per_axis->f_d.cwiseProduct(velocity)) +
+             per_axis->f_co.dot(velocity.cwiseAbs());
+    }
+    const double speed = velocity.norm();
+    return f_d * speed * speed + f_co * speed;
+  }
+
+  /// [MOFC] eq. (12) as a vector: along the force, so that it does most work on the hand; or axis
+  /// by axis, and along what friction leaves of the force where that is too fast.
   [[nodiscard]] Vector3 most_draining_velocity(Vector3 force_on_hand) const {
     if (is_on_rail) force_on_hand = Vector3(force_on_hand.x(), 0.0, 0.0);
+    if (per_axis) {
+      const Vector3 excess = (force_on_hand.cwiseAbs() - per_axis->f_co).cwiseMax(0.0);
+      Vector3 speed = Vector3::Zero();
+      for (int i = 0; i < 3; ++i) {
+        if (excess[i] > 0.0)
+          speed[i] = std::min(v_max_m_per_s, excess[i] / (2.0 * per_axis->f_d[i]));
+      }
+      if (speed.norm() > v_max_m_per_s) speed = v_max_m_per_s * excess.normalized();
+      return speed.cwiseProduct(force_on_hand.cwiseSign());
+    }
     const double norm = force_on_hand.norm();
     if (norm <= f_co) return Vector3::Zero();
     return std::min(v_max_m_per_s, (norm - f_co) / (2.0 * f_d)) * force_on_hand / norm;
@@ -298,7 +321,7 @@ struct Case {
   }
 
   [[nodiscard]] double least_energy_joule() {
-    VectorMofc controller(told, told_q, told_delay_s);
+    VectorMofc controller(told, told_q, told_delay_s, told_per_axis);
     ClosedLoop loop(random, hand, timing, q, std::min(told.f_co, hand.f_co));
     loop.run(controller, 1500, [](const ControlInput&, const ControlOutput&) {});
     return loop.least_energy_joule();
@@ -310,6 +333,7 @@ struct Case {
   double q = 0.0;
 
   MofcParameters told;
+  std::optional<AxisFriction> told_per_axis;
   double told_q = 0.0;
   double told_delay_s = 0.0;
 };
@@ -396,12 +420,12 @@ TEST(ClampLaws, TheSameInThreeDimensions) {
 
 /// The ledger without the quantisation terms: (8) in vector form on what the encoder says.
 struct NaiveLedger {
-  double f_d, f_co;
+  Hand hand;  // its friction
   Vector3 position_m;
   double energy_joule = 0.0;
   void book(double duration_s, const Vector3& force_on_hand, const Vector3& measured) {
     const Vector3 d = measured - position_m;
-    energy_joule += f_d * d.squaredNorm() / duration_s + f_co * d.norm() - force_on_hand.dot(d);
+    energy_joule += duration_s * hand.friction_watt(d / duration_s) - force_on_hand.dot(d);
     position_m = measured;
   }
 };
@@ -411,15 +435,26 @@ struct LedgerRun {
   double worst_naive_excess_joule = worst_excess_joule;
 };
 
+AxisFriction random_axis_friction(Random& random) {
+  AxisFriction friction;
+  for (int i = 0; i < 3; ++i) {
+    const MofcParameters axis = random_parameters(random);
+    friction.f_d[i] = axis.f_d;
+    friction.f_co[i] = axis.f_co;
+  }
+  return friction;
+}
+
 /// One hand, any held forces, intervals of 0.5 … 1.5 T in one to three stretches.
-LedgerRun run_ledger(std::uint64_t seed, double q) {
+LedgerRun run_ledger(std::uint64_t seed, double q, bool is_per_axis) {
   Random random(seed);
   const MofcParameters p = random_parameters(random);
   Hand hand{.f_d = p.f_d, .f_co = p.f_co, .position_m = 0.1 * random.direction()};
+  if (is_per_axis) hand.per_axis = random_axis_friction(random);
   Mischief mischief(random, q);
-  EnergyLedger ledger(p.f_d, p.f_co, q);
+  EnergyLedger ledger(p, hand.per_axis, q);
   ledger.restart(quantised(hand.position_m, q));
-  NaiveLedger naive{p.f_d, p.f_co, quantised(hand.position_m, q)};
+  NaiveLedger naive{hand, quantised(hand.position_m, q)};
   LedgerRun run;
   Vector3 force = Vector3::Zero();
 
@@ -448,20 +483,24 @@ TEST(LedgerLaws, TheLedgerNeverExceedsTheTrueEnergy) {
   for (const std::uint64_t seed : seeds(300)) {
     SCOPED_TRACE(testing::Message() << "seed=" << seed);
     const double q = seed % 5 == 0 ? 0.0 : Random(~seed).uniform(0.0, 0.5e-3);
-    EXPECT_LE(run_ledger(seed, q).worst_excess_joule, kRoundingJoule);
+    EXPECT_LE(run_ledger(seed, q, false).worst_excess_joule, kRoundingJoule);
+    EXPECT_LE(run_ledger(seed, q, true).worst_excess_joule, kRoundingJoule);
   }
 }
 
 // The sum without the quantisation terms is right for an exact encoder only: a hand that goes to
 // and fro across the edge of a step of the encoder is booked q each time, and hardly moves.
 TEST(LedgerLaws, TheNaiveSumExceedsTheTrueEnergyUnlessTheEncoderIsExact) {
-  double worst_joule = 0.0;
-  for (std::uint64_t seed = 1; seed <= 50; ++seed) {
-    SCOPED_TRACE(testing::Message() << "seed=" << seed);
-    EXPECT_LE(run_ledger(seed, 0.0).worst_naive_excess_joule, kRoundingJoule);
-    worst_joule = std::max(worst_joule, run_ledger(seed, 0.5e-3).worst_naive_excess_joule);
+  for (const bool is_per_axis : {false, true}) {
+    double worst_joule = 0.0;
+    for (std::uint64_t seed = 1; seed <= 50; ++seed) {
+      SCOPED_TRACE(testing::Message() << "seed=" << seed << " per axis: " << is_per_axis);
+      EXPECT_LE(run_ledger(seed, 0.0, is_per_axis).worst_naive_excess_joule, kRoundingJoule);
+      worst_joule =
+          std::max(worst_joule, run_ledger(seed, 0.5e-3, is_per_axis).worst_naive_excess_joule);
+    }
+    EXPECT_GT(worst_joule, 10e-3);
   }
-  EXPECT_GT(worst_joule, 10e-3);
 }
 
 // Staircases too: the path of the play operators alone would see 1/√3 of one along (1, 1, 1).
@@ -470,9 +509,11 @@ TEST(LedgerLaws, WithAnExactEncoderTheLedgerIsTheSumOfThePaper) {
     SCOPED_TRACE(testing::Message() << "seed=" << seed);
     Random random(seed);
     const MofcParameters p = random_parameters(random);
-    EnergyLedger ledger(p.f_d, p.f_co, 0.0);
+    Hand hand{.f_d = p.f_d, .f_co = p.f_co};
+    if (seed % 2 == 0) hand.per_axis = random_axis_friction(random);
+    EnergyLedger ledger(p, hand.per_axis, 0.0);
     ledger.restart(Vector3::Zero());
-    NaiveLedger sum{p.f_d, p.f_co, Vector3::Zero()};
+    NaiveLedger sum{hand, Vector3::Zero()};
     Vector3 x = Vector3::Zero();
     for (int k = 0; k < 300; ++k) {
       const Vector3 step = 1e-3 * random.direction();
@@ -671,6 +712,7 @@ struct GuardCase : Case {
 
   [[nodiscard]] GuardParameters parameters() const {
     return {.mofc = told,
+            .per_axis = told_per_axis,
             .resolution_m = told_q,
             .delta_max_s = told_delay_s,
             .v_max_m_per_s = told_v_max,
@@ -848,6 +890,227 @@ TEST(GuardMofcLaws, ItShortensTheAskedForceOrLeavesIt) {
   EXPECT_GT(clamped, 0u);
 }
 
+// ---------------------------------------------------------------------------- friction per axis
+
+/// A random force per axis, often with axes that matter little.
+Vector3 random_force(Random& random) {
+  Vector3 force = random.direction();
+  for (double& f : force) f *= random.chance(0.3) ? 0.01 : 1.0;
+  return 10.0 * random.uniform() * force;
+}
+
+// Worst velocity against f_d,i, f_co,i without a limit: (12) on each axis. At the bound it brings
+// the pool to zero within T, any other leaves it above, and beyond the bound it does not hold.
+TEST(AxisClampLaws, TheWorstNextIntervalEndsAtZeroAtTheBoundAndAboveItInside) {
+  int clamped = 0;
+  for (const std::uint64_t seed : seeds(300)) {
+    SCOPED_TRACE(testing::Message() << "seed=" << seed);
+    Random random(seed);
+    const MofcParameters p = random_parameters(random);
+    const Hand hand{.per_axis = random_axis_friction(random)};
+    const OnePoolClamp clamp(p, hand.per_axis, hand.v_max_m_per_s);
+    const double energy = 1e-6 * std::pow(1e6, random.uniform());
+    const ControlOutput out = clamp.clamp(100.0 * random_force(random), energy);
+    const Vector3 F = out.force_on_hand_newton;
+    const auto after = [&](const Vector3& v, const Vector3& force) {
+      return energy + p.T * (hand.friction_watt(v) - force.dot(v));
+    };
+
+    if (!out.is_clamped) continue;
+    ++clamped;
+    const Vector3 v_star = hand.most_draining_velocity(F);
+    EXPECT_NEAR(after(v_star, F), 0.0, 1e-9 * energy);
+    for (int i = 0; i < 200; ++i) {
+      const Vector3 v = v_star + random.uniform(0.0, 2.0) * v_star.norm() * random.direction();
+      EXPECT_GE(after(v, F), -1e-9 * energy);
+    }
+    EXPECT_LT(after(hand.most_draining_velocity(1.01 * F), 1.01 * F), 0.0);
+  }
+  EXPECT_GT(clamped, 200);
+}
+
+TEST(AxisClampLaws, NoHandWithinVMaxDrainsMoreThanIsReckoned) {
+  for (const std::uint64_t seed : seeds(300)) {
+    SCOPED_TRACE(testing::Message() << "seed=" << seed);
+    Random random(seed);
+    const MofcParameters p = random_parameters(random);
+    Hand hand{.per_axis = random_axis_friction(random), .v_max_m_per_s = random.uniform(0.1, 1.0)};
+    if (seed % 4 == 0) hand.per_axis->f_d[static_cast<int>(seed) % 3] = 0.0;
+    const OnePoolClamp clamp(p, hand.per_axis, hand.v_max_m_per_s);
+    const Vector3 F = random_force(random);
+    const double reckoned = clamp.drain_watt(F) * (1.0 + 1e-12);
+    const auto drawn = [&](const Vector3& v) { return F.dot(v) - hand.friction_watt(v); };
+    EXPECT_LE(drawn(hand.most_draining_velocity(F)), reckoned);
+    for (int i = 0; i < 300; ++i) {
+      EXPECT_LE(drawn(hand.v_max_m_per_s * random.uniform() * random.direction()), reckoned);
+    }
+  }
+}
+
+TEST(AxisClampLaws, TheReckonedDrainOfEqualAxesWithoutCoulombFrictionIsThatOfTheNorm) {
+  for (const std::uint64_t seed : seeds(100)) {
+    SCOPED_TRACE(testing::Message() << "seed=" << seed);
+    Random random(seed);
+    MofcParameters p = random_parameters(random);
+    p.f_co = 0.0;
+    const AxisFriction same{.f_d = Vector3::Constant(p.f_d), .f_co = Vector3::Zero()};
+    for (const double v_max : {0.5, std::numeric_limits<double>::infinity()}) {
+      const Vector3 F = random_force(random);
+      const double whole = OnePoolClamp(p, {}, v_max).drain_watt(F);
+      EXPECT_NEAR(OnePoolClamp(p, same, v_max).drain_watt(F), whole, 1e-12 * whole);
+    }
+  }
+}
+
+TEST(AxisClampLaws, MoreEnergyNeverGivesLessAndTheForceKeepsItsDirectionAndItsBounds) {
+  for (const std::uint64_t seed : seeds(300)) {
+    SCOPED_TRACE(testing::Message() << "seed=" << seed);
+    Random random(seed);
+    const MofcParameters p = random_parameters(random);
+    const double v_max =
+        random.chance(0.5) ? random.uniform(0.1, 1.0) : std::numeric_limits<double>::infinity();
+    const OnePoolClamp clamp(p, random_axis_friction(random), v_max);
+    const Vector3 asked = random_force(random);
+    const double gate = random.chance(0.5) ? 1.0 : random.uniform();
+    double before = 0.0;
+    for (double energy = 1e-7; energy < 1.0; energy *= 1.5) {
+      const ControlOutput out = clamp.clamp(asked, energy, gate);
+      const Vector3& given = out.force_on_hand_newton;
+      ASSERT_GE(given.norm(), before);
+      ASSERT_LE(given.norm(), asked.norm());
+      ASSERT_LE(given.cross(asked).norm(), 1e-15 * given.norm() * asked.norm());
+      ASSERT_GE(given.dot(asked), 0.0);
+      for (int i = 0; i < 3; ++i) {
+        ASSERT_LE(std::abs(given[i]), out.f_max_newton[i] * (1.0 + 1e-12));
+      }
+      ASSERT_EQ(out.is_clamped, given != asked);
+      before = given.norm();
+    }
+  }
+}
+
+/// Makes the friction of a case act per axis; what is told is at or below it.
+void give_friction_per_axis(Case& c, std::uint64_t seed, bool is_tight) {
+  Random draw(~seed ^ 0x5eed);
+  AxisFriction told;
+  AxisFriction truth;
+  for (int i = 0; i < 3; ++i) {
+    told.f_d[i] = 0.01 * std::pow(50.0, draw.uniform());  // 0.01 … 0.5
+    told.f_co[i] = draw.chance(0.2) ? 0.0 : draw.uniform(0.02, 0.4);
+    truth.f_d[i] = told.f_d[i] * (is_tight || draw.chance(0.5) ? 1.0 : draw.uniform(1.0, 2.0));
+    truth.f_co[i] = told.f_co[i] * (is_tight || draw.chance(0.5) ? 1.0 : draw.uniform(1.0, 2.0));
+  }
+  c.told_per_axis = told;
+  c.hand.per_axis = truth;
+  c.told.f_co = c.hand.f_co = told.f_co.minCoeff();  // of the fallback
+}
+
+/// The least energy over many cases with friction per axis, in which `change` has been made.
+template <class SomeCase, class Change>
+double least_energy_per_axis_joule(std::uint64_t count, bool is_tight, Change&& change) {
+  double least = 0.0;
+  for (std::uint64_t seed = 1; seed <= count; ++seed) {
+    SomeCase c(seed);
+    give_friction_per_axis(c, seed, is_tight);
+    change(c);
+    least = std::min(least, c.least_energy_joule());
+  }
+  return least;
+}
+
+template <class SomeCase>
+class FrictionPerAxisLaws : public testing::Test {};
+using ModesWithOnePool = testing::Types<Case, GuardCase>;
+TYPED_TEST_SUITE(FrictionPerAxisLaws, ModesWithOnePool);
+
+TYPED_TEST(FrictionPerAxisLaws, NoHandAndNoEnvironmentDrawEnergyAtAnyInstant) {
+  for (const std::uint64_t seed : seeds(300)) {
+    SCOPED_TRACE(testing::Message() << "seed=" << seed);
+    TypeParam c(seed);
+    give_friction_per_axis(c, seed, seed % 2 == 0);
+    EXPECT_GE(c.least_energy_joule(), -kRoundingJoule);
+  }
+}
+
+// The same cases, each with one assumption broken: the law above can fail.
+TYPED_TEST(FrictionPerAxisLaws, WithoutTheQuantisationTermsEnergyIsDrawn) {
+  EXPECT_LT(least_energy_per_axis_joule<TypeParam>(50, false, [](TypeParam& c) { c.told_q = 0.0; }),
+            -1e-3);
+}
+
+TYPED_TEST(FrictionPerAxisLaws, WithFrictionOverestimatedOnOneAxisEnergyIsDrawn) {
+  EXPECT_LT(least_energy_per_axis_joule<TypeParam>(
+                50, true, [](TypeParam& c) { c.told_per_axis->f_d.y() *= 5.0; }),
+            -1e-3);
+  EXPECT_LT(least_energy_per_axis_joule<TypeParam>(
+                50, true, [](TypeParam& c) { c.told_per_axis->f_co.y() *= 5.0; }),
+            -1e-3);
+}
+
+TYPED_TEST(FrictionPerAxisLaws, TakenForIsotropicOnlyTheSmallestOfEachIsSafe) {
+  const auto tell = [](TypeParam& c, double f_d, double f_co) {
+    c.told_per_axis.reset();
+    c.told.f_d = f_d;
+    c.told.f_co = f_co;
+  };
+  EXPECT_GE(least_energy_per_axis_joule<TypeParam>(100, true,
+                                                   [&](TypeParam& c) {
+                                                     tell(c, c.hand.per_axis->f_d.minCoeff(),
+                                                          c.hand.per_axis->f_co.minCoeff());
+                                                   }),
+            -kRoundingJoule);
+  EXPECT_LT(least_energy_per_axis_joule<TypeParam>(100, true,
+                                                   [&](TypeParam& c) {
+                                                     tell(c, c.hand.per_axis->f_d.mean(),
+                                                          c.hand.per_axis->f_co.mean());
+                                                   }),
+            -1e-3);
+}
+
+/// The least energy on devices with isotropic friction when the Coulomb friction of each axis is
+/// told as this share of it.
+template <class SomeCase>
+double least_energy_taken_per_axis_joule(std::uint64_t count, double share) {
+  double least = 0.0;
+  for (std::uint64_t seed = 1; seed <= count; ++seed) {
+    SomeCase c(seed);
+    c.hand.f_d = c.told.f_d;
+    c.hand.f_co = c.told.f_co;
+    c.told_per_axis = {.f_d = Vector3::Constant(c.hand.f_d),
+                       .f_co = Vector3::Constant(share * c.hand.f_co)};
+    least = std::min(least, c.least_energy_joule());
+  }
+  return least;
+}
+
+// Across the axes Σ|v_i| = √3|v|: told f_co on each, friction is credited with √3 of what it takes.
+TYPED_TEST(FrictionPerAxisLaws, IsotropicFrictionTakenForPerAxisNeedsOneOverSqrt3) {
+  EXPECT_LT(least_energy_taken_per_axis_joule<TypeParam>(100, 1.0), -1e-3);
+  EXPECT_GE(least_energy_taken_per_axis_joule<TypeParam>(100, 1.0 / std::numbers::sqrt3),
+            -kRoundingJoule);
+}
+
+// Σ drain is infinite where an axis has no viscous friction; a hand of bounded speed is not.
+TEST(GuardMofcLaws, WithoutViscousFrictionOnAnAxisItRendersOnItAndKeepsTheLaw) {
+  std::uint64_t rendered = 0;
+  for (const std::uint64_t seed : seeds(100)) {
+    SCOPED_TRACE(testing::Message() << "seed=" << seed);
+    GuardCase c(seed);
+    give_friction_per_axis(c, seed, false);
+    const int axis = static_cast<int>(seed % 3);
+    c.told_per_axis->f_d[axis] = c.hand.per_axis->f_d[axis] = 0.0;
+    if (seed % 4 == 0) c.told_per_axis->f_d = c.hand.per_axis->f_d = Vector3::Zero();
+    GuardMofc guard(c.parameters());
+    ClosedLoop loop(c.random, c.hand, c.timing, c.q, c.told.f_co);
+    loop.run(guard, 1500, [&](const ControlInput&, const ControlOutput& out) {
+      ASSERT_TRUE(out.f_max_newton.allFinite());
+      if (std::abs(out.force_on_hand_newton[axis]) > c.told_per_axis->f_co[axis] + 0.1) ++rendered;
+    });
+    EXPECT_GE(loop.least_energy_joule(), -kRoundingJoule);
+  }
+  EXPECT_GT(rendered, 1000u);
+}
+
 // ----------------------------------------------------------------------------------- mode paper
 
 Timing exact_timing(double T) {
@@ -864,8 +1127,7 @@ Case paper_case(std::uint64_t seed, bool is_on_rail) {
   return a_case;
 }
 
-double least_energy_of_paper_joule(Case a_case) {
-  PaperMofc controller(a_case.told);
+double least_energy_of_paper_joule(Case a_case, PaperMofc controller) {
   ClosedLoop loop(a_case.random, a_case.hand, a_case.timing, a_case.q, a_case.told.f_co);
   loop.run(controller, 1500, [](const ControlInput&, const ControlOutput&) {});
   return loop.least_energy_joule();
@@ -874,17 +1136,31 @@ double least_energy_of_paper_joule(Case a_case) {
 TEST(PaperMofcLaws, OnOneAxisWithExactPositionsAndTimingNoEnergyIsDrawn) {
   for (const std::uint64_t seed : seeds(200)) {
     SCOPED_TRACE(testing::Message() << "seed=" << seed);
-    EXPECT_GE(least_energy_of_paper_joule(paper_case(seed, true)), -kRoundingJoule);
+    const Case c = paper_case(seed, true);
+    EXPECT_GE(least_energy_of_paper_joule(c, PaperMofc(c.told)), -kRoundingJoule);
+  }
+}
+
+TEST(PaperMofcLaws, OnThreeAxesWithFrictionPerAxisNoEnergyIsDrawn) {
+  for (const std::uint64_t seed : seeds(200)) {
+    SCOPED_TRACE(testing::Message() << "seed=" << seed);
+    Case c = paper_case(seed, false);
+    give_friction_per_axis(c, seed, true);
+    EXPECT_GE(least_energy_of_paper_joule(c, PaperMofc(*c.told_per_axis, c.told.T)),
+              -kRoundingJoule);
   }
 }
 
 // Three axes on a device whose friction is isotropic: motion along (1, 1, 1) is booked
 // f_co (|x| + |y| + |z|) = √3 f_co |d|, and with all pools empty a force of f_co on each axis, √3
-// f_co together, may still push. Both are √3 of what friction takes. Hence mode vector.
-TEST(PaperMofcLaws, OnThreeAxesWithIsotropicFrictionEnergyIsDrawn) {
+// f_co together, may still push. Both are √3 of what friction takes.
+TEST(PaperMofcLaws, OnThreeAxesWithIsotropicFrictionEnergyIsDrawnUnlessEachCountsOneOverSqrt3) {
   double least_joule = 0.0;
-  for (std::uint64_t seed = 1; seed <= 50; ++seed) {
-    least_joule = std::min(least_joule, least_energy_of_paper_joule(paper_case(seed, false)));
+  for (const std::uint64_t seed : seeds(200)) {
+    SCOPED_TRACE(testing::Message() << "seed=" << seed);
+    const Case c = paper_case(seed, false);
+    least_joule = std::min(least_joule, least_energy_of_paper_joule(c, PaperMofc(c.told)));
+    EXPECT_GE(least_energy_of_paper_joule(c, PaperMofc::isotropic(c.told)), -kRoundingJoule);
   }
   EXPECT_LT(least_joule, -1e-3);
 }
@@ -893,18 +1169,22 @@ TEST(PaperMofcLaws, OnThreeAxesWithIsotropicFrictionEnergyIsDrawn) {
 // v* = (√3 − 1)·0.1/0.2 = 0.366 m/s and draws ((√3 − 1)·0.1)²/0.4 = 13.4 mW, 13.4 mJ in a second.
 TEST(PaperMofcLaws, AlongTheDiagonalItPaysOutForEver) {
   const MofcParameters p{.f_d = 0.1, .f_co = 0.1, .T = 0.001};
-  Hand hand{.f_d = p.f_d, .f_co = p.f_co};
-  PaperMofc paper(p);
-  std::vector<AppliedStretch> echo;
-  for (int k = 0; k < 1000; ++k) {
-    const ControlOutput out = paper.step({.hand_position_m = hand.position_m,
-                                          .applied = echo,
-                                          .asked_force_on_hand_newton = {0.1, 0.1, 0.1}});
-    const Vector3 F = out.force_on_hand_newton;
-    hand.move(p.T, hand.most_draining_velocity(F), F);
-    echo = {{p.T, F, hand.position_m, true}};
-  }
-  EXPECT_NEAR(hand.energy_joule, -13.4e-3, 0.05e-3);
+  const auto energy_after_a_second = [&](PaperMofc paper) {
+    Hand hand{.f_d = p.f_d, .f_co = p.f_co};
+    std::vector<AppliedStretch> echo;
+    for (int k = 0; k < 1000; ++k) {
+      const ControlOutput out = paper.step({.hand_position_m = hand.position_m,
+                                            .applied = echo,
+                                            .asked_force_on_hand_newton = {0.1, 0.1, 0.1}});
+      const Vector3 F = out.force_on_hand_newton;
+      hand.move(p.T, hand.most_draining_velocity(F), F);
+      echo = {{p.T, F, hand.position_m, true}};
+    }
+    return hand.energy_joule;
+  };
+  EXPECT_NEAR(energy_after_a_second(PaperMofc(p)), -13.4e-3, 0.05e-3);
+  // with f_co/√3 each: f_co together, which friction takes
+  EXPECT_NEAR(energy_after_a_second(PaperMofc::isotropic(p)), 0.0, 1e-9);
 }
 
 // ---------------------------------------------------------------------------------------- frame
@@ -1028,6 +1308,11 @@ std::vector<std::unique_ptr<ForceController>> all_controllers(const Case& c) {
   all.push_back(std::make_unique<VectorMofc>(c.told, c.told_q, c.told_delay_s));
   all.push_back(std::make_unique<GuardMofc>(
       GuardParameters{.mofc = c.told, .resolution_m = c.told_q, .delta_max_s = c.told_delay_s}));
+  const AxisFriction axes{.f_d = {c.told.f_d, 0.0, 0.2}, .f_co = {c.told.f_co, 0.1, 0.0}};
+  all.push_back(std::make_unique<PaperMofc>(axes, c.told.T));
+  all.push_back(std::make_unique<VectorMofc>(c.told, c.told_q, c.told_delay_s, axes));
+  all.push_back(std::make_unique<GuardMofc>(GuardParameters{
+      .mofc = c.told, .per_axis = axes, .resolution_m = c.told_q, .delta_max_s = c.told_delay_s}));
   return all;
 }
 

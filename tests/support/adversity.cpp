@@ -40,6 +40,9 @@ class Tamperer {
     }
     interaction.force_on_tool_newton = force;
     interaction.stored_energy_joule = kHostileStoreJoule;
+    interaction.contact_count = interaction.listed_count = 1;
+    interaction.contacts[0] =
+        law_ == Physics::kActiveTissue ? active_tissue() : force_everywhere(force);
   }
 
  private:
@@ -48,8 +51,27 @@ class Tamperer {
     interaction.header.session_id += static_cast<std::uint64_t>(t_s / 0.9);
   }
 
+  static Contact force_everywhere(const Vector3& force_newton) {
+    return {.penetration_m = 1.0,
+            .elastic_force_on_tool_newton = force_newton,
+            .stored_energy_joule = kHostileStoreJoule,
+            .is_adhesive = true,
+            .trust_radius_m = 1.0,
+            .force_on_tool_newton = force_newton};
+  }
+
+  static Contact active_tissue() {
+    return {.penetration_m = 1.0,
+            .d_force_d_position = 2000.0 * Matrix3::Identity(),
+            .d_force_d_velocity = 100.0 * Matrix3::Identity(),
+            .stored_energy_joule = kHostileStoreJoule,
+            .is_adhesive = true,
+            .trust_radius_m = 1.0};
+  }
+
   void change_law(double t_s) {
-    constexpr Physics kLaws[] = {Physics::kHonest, Physics::kSquareWave, Physics::kPushAlong};
+    constexpr Physics kLaws[] = {Physics::kHonest, Physics::kSquareWave, Physics::kPushAlong,
+                                 Physics::kActiveTissue};
     law_ = kLaws[random_.below(std::size(kLaws))];
     until_s_ = t_s + random_.uniform(0.005, 0.5);
   }
@@ -109,7 +131,7 @@ hand {
   damping_newton_s_per_m: 40
   hostile { radius_m: 0.02 v_max_m_per_s: 0.3 }
 }
-mofc { velocity_time_constant_ms: 5 }
+mofc { velocity_estimator { difference { time_constant_ms: 5 } } }
 scene {
   tissue {
     name: "wall"
@@ -131,15 +153,18 @@ AdverseResult run_adverse(const AdverseRun& run, std::uint64_t seed) {
   const auto tamperer =
       std::make_shared<Tamperer>(run.physics, stream_seed(seed, "hostile physics"));
   const auto random = std::make_shared<Random>(stream_seed(seed, "tick jitter"));
-  const double latest_s = run.tick_jitter / session.device.rate_hz;
+  const double period_s = 1.0 / session.device.rate_hz;
 
   LockstepOptions options{.links = run.links};
   if (run.physics != Physics::kHonest) {
     options.tamper_with_interaction = [tamperer](Interaction& i) { tamperer->tamper(i); };
   }
-  if (run.tick_jitter > 0.0) {
-    options.device_lateness = [random, latest_s] {
-      return from_seconds(random->uniform(0.0, latest_s));
+  if (run.tick_jitter > 0.0 || run.late_tick_ratio > 0.0) {
+    options.device_lateness = [&run, random, period_s] {
+      if (random->chance(run.late_tick_ratio)) {
+        return from_seconds(random->uniform(1.0, 5.0) * period_s);
+      }
+      return from_seconds(random->uniform(0.0, run.tick_jitter) * period_s);
     };
   }
 
@@ -214,10 +239,23 @@ AdverseRun random_adverse_run(std::uint64_t seed) {
   set("hand.hostile.v_max_m_per_s", random.chance(0.6) ? 0.3 : random.uniform(0.05, 0.3));
 
   // controller: how tight the bound is driven
-  set("mofc.velocity_time_constant_ms", random.chance(0.5) ? 0.0 : random.uniform(0.0, 20.0));
+  const double smoothing_ms = random.chance(0.5) ? 0.0 : random.uniform(0.0, 20.0);
+  const std::string estimators[] = {
+      fmt::format("difference {{ time_constant_ms: {} }}", smoothing_ms),
+      fmt::format("adaptive_window {{ max_window_ms: 20 time_constant_ms: {} }}", smoothing_ms),
+      "kalman_velocity {}", "kalman_acceleration {}"};
+  run.overrides.push_back(
+      fmt::format("mofc.velocity_estimator={{ {} }}", estimators[seed % std::size(estimators)]));
+  if (seed % 3 == 1) run.overrides.emplace_back("mofc.motion_deadband={}");
+  if (seed % 5 == 1) run.overrides.emplace_back("physics.interaction_deadband={}");
   if (random.chance(0.5)) set("mofc.guard_settings.credit_cap_joule", log_uniform(1e-4, 10.0));
   if (random.chance(0.5)) set("mofc.guard_settings.gate_joule", log_uniform(1e-4, 1e3));
   if (random.chance(0.3)) set("mofc.guard_settings.gate_recovery_ms", log_uniform(1.0, 5000.0));
+
+  // what is made of an Interaction: a hand-over so quick that it softens nothing, or the default
+  run.overrides.push_back(
+      fmt::format("mofc.interaction={}", random.chance(0.4) ? "held" : "local"));
+  if (random.chance(0.7)) set("mofc.handover_newton_per_s", log_uniform(100.0, 1e6));
 
   // scene and physics
   const double physics_hz[] = {1000, 50, 50, 200, 3000};
@@ -227,9 +265,9 @@ AdverseRun random_adverse_run(std::uint64_t seed) {
       random.chance(0.3) ? 0.0 : log_uniform(1.0, 300.0));
   run.overrides.push_back(
       fmt::format("scene.tissue[0].kelvin_voigt.adhesive={}", random.chance(0.5)));
-  const Physics laws[] = {Physics::kHonest,    Physics::kHonest,      Physics::kSquareWave,
-                          Physics::kPushAlong, Physics::kNewSessions, Physics::kEverything,
-                          Physics::kEverything};
+  const Physics laws[] = {Physics::kHonest,     Physics::kHonest,      Physics::kSquareWave,
+                          Physics::kPushAlong,  Physics::kNewSessions, Physics::kActiveTissue,
+                          Physics::kEverything, Physics::kEverything};
   run.physics = laws[random.below(std::size(laws))];
 
   // network: each hop by itself
@@ -266,7 +304,27 @@ AdverseRun random_adverse_run(std::uint64_t seed) {
 
   // scheduler
   if (random.chance(0.3)) run.tick_jitter = random.uniform(0.0, 0.5);
+  if (random.chance(0.3)) run.late_tick_ratio = log_uniform(0.001, 0.05);
   run.seconds = 2.0;
+
+  // friction per axis, told at most as it is
+  if (random.chance(0.3)) {
+    Vector3 told_f_d;
+    Vector3 told_f_co;
+    Vector3 more;
+    for (int i = 0; i < 3; ++i) {
+      told_f_d[i] = f_d * random.uniform(0.2, 3.0);
+      told_f_co[i] = f_co * random.uniform(1.0, 4.0);
+      more[i] = random.chance(0.6) ? 1.0 : random.uniform(1.0, 2.0);
+    }
+    const auto set_axes = [&](const char* path, const Vector3& v) {
+      run.overrides.push_back(fmt::format("{}={{ x: {} y: {} z: {} }}", path, v.x(), v.y(), v.z()));
+    };
+    set_axes("device.profile.viscous_per_axis_newton_s_per_m", told_f_d);
+    set_axes("device.profile.coulomb_per_axis_newton", told_f_co);
+    set_axes("device.simulated.viscous_per_axis_newton_s_per_m", told_f_d.cwiseProduct(more));
+    set_axes("device.simulated.coulomb_per_axis_newton", told_f_co.cwiseProduct(more));
+  }
   return run;
 }
 

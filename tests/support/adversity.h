@@ -14,18 +14,20 @@ namespace palpate::test {
 /// What physics says of the force, and of the energy in store.
 enum class Physics : std::uint8_t {
   kHonest,
-  kSquareWave,   ///< ± more than the peak, in random directions, turning every 1 … 50 ms
-  kPushAlong,    ///< more than the peak along the motion last measured: worst sign of velocity
-  kNotANumber,   ///< every third answer is NaN, the others push along
-  kNewSessions,  ///< honest, but killed and restarted: a new session every 0.9 s
-  kEverything,   ///< any of the above force laws, changing at random times
+  kSquareWave,    ///< ± more than the peak, in random directions, turning every 1 … 50 ms
+  kPushAlong,     ///< more than the peak along the motion last measured: worst sign of velocity
+  kNotANumber,    ///< every third answer is NaN, the others push along
+  kActiveTissue,  ///< a contact model that pushes along any motion, and the more the further
+  kNewSessions,   ///< honest, but killed and restarted: a new session every 0.9 s
+  kEverything,    ///< any of the above force laws, changing at random times
 };
 
 /// One run. The session's own `faults` are the network.
 struct AdverseRun {
   std::vector<std::string> overrides;  ///< on hostile_session()
   Physics physics = Physics::kHonest;
-  double tick_jitter = 0.0;  ///< each tick begins up to this share of a period late, 0 … 0.5
+  double tick_jitter = 0.0;      ///< each tick begins up to this share of a period late, 0 … 0.5
+  double late_tick_ratio = 0.0;  ///< share of ticks that begin 1 … 5 periods late
   LockstepLinks links = LockstepLinks::kMemory;
   double seconds = 2.0;
 };

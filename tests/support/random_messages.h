@@ -88,6 +88,30 @@ inline void randomise(ToolMotion& m, Random& random) {
   m.buttons = static_cast<std::uint32_t>(random.bits());
 }
 
+inline Matrix3 random_matrix(Random& random, double limit) {
+  Matrix3 m;
+  for (int i = 0; i < 9; ++i) m(i / 3, i % 3) = random.uniform(-limit, limit);
+  return m;
+}
+
+/// A touch, with every field in range.
+inline void randomise(Contact& c, Random& random) {
+  c = {.tissue = static_cast<std::uint32_t>(random.bits()),
+       .penetration_m = random.uniform(1e-9, 1.0),
+       .normal_world = random_vector(random, 1.0).normalized(),
+       .curvature_per_m = random_matrix(random, 100.0),
+       .surface_velocity_world_m_per_s = random_vector(random, 10.0),
+       .elastic_force_on_tool_newton = random_vector(random, 1e6),
+       .d_force_d_position = random_matrix(random, 1e6),
+       .d_force_d_velocity = random_matrix(random, 1e4),
+       .stiffening_newton_per_m2 = random.uniform(-1e9, 1e9),
+       .stiffening_newton_per_m3 = random.uniform(0.0, 1e12),
+       .stored_energy_joule = random.uniform(0.0, 1e3),
+       .is_adhesive = random.chance(0.5),
+       .trust_radius_m = random.uniform(1e-4, 1000.0),
+       .force_on_tool_newton = random_vector(random, 1e6)};
+}
+
 inline void randomise(Interaction& m, Random& random) {
   m = Interaction{};
   m.header = random_header(random);
@@ -99,11 +123,12 @@ inline void randomise(Interaction& m, Random& random) {
   m.force_on_tool_newton = random_vector(random, 1e6);
   m.stored_energy_joule = random.uniform(0.0, 1e6);
   m.contact_count = static_cast<std::uint32_t>(random.below(2 * kMaxContacts));  // may exceed
-  for (std::size_t i = 0; i < std::min<std::size_t>(m.contact_count, kMaxContacts); ++i) {
-    m.contacts[i] = {.tissue = static_cast<std::uint32_t>(random.bits()),
-                     .penetration_m = random.uniform(1e-9, 1.0),
-                     .normal_world = random_vector(random, 1.0).normalized(),
-                     .force_on_tool_newton = random_vector(random, 1e6)};
+  // all touches that there is room for are listed, then tissue that is only near
+  const auto touching = std::min<std::uint32_t>(m.contact_count, kMaxContacts);
+  m.listed_count = touching + static_cast<std::uint32_t>(random.below(kMaxContacts - touching + 1));
+  for (std::uint32_t i = 0; i < m.listed_count; ++i) {
+    randomise(m.contacts[i], random);
+    if (i >= touching) m.contacts[i].penetration_m *= -1.0;
   }
 }
 
@@ -183,6 +208,7 @@ inline void randomise(MofcCounters& c, Random& random) {
   c.late_physics_ticks = random.bits();
   c.ledger_resets = random.bits();
   c.motions_dropped = random.bits();
+  c.motions_suppressed = random.bits();
   c.transparency_sum = random.uniform(0.0, 1e6);
   c.transparency_samples = random.bits();
 }
@@ -192,6 +218,7 @@ inline void randomise(PhysicsCounters& c, Random& random) {
   c.tool_motion = random_link_counters(random);
   c.contact_steps = random.bits();
   c.tissues_skipped = random.bits();
+  c.interactions_suppressed = random.bits();
   c.worst_compute_time = random_duration(random);
 }
 
@@ -328,17 +355,26 @@ inline bool same(const ToolMotion& a, const ToolMotion& b) {
 inline bool same(const Contact& a, const Contact& b) {
   return a.tissue == b.tissue && same(a.penetration_m, b.penetration_m) &&
          same(a.normal_world, b.normal_world) &&
-         same(a.force_on_tool_newton, b.force_on_tool_newton);
+         same(a.force_on_tool_newton, b.force_on_tool_newton) &&
+         a.curvature_per_m == b.curvature_per_m &&
+         same(a.surface_velocity_world_m_per_s, b.surface_velocity_world_m_per_s) &&
+         same(a.elastic_force_on_tool_newton, b.elastic_force_on_tool_newton) &&
+         a.d_force_d_position == b.d_force_d_position &&
+         a.d_force_d_velocity == b.d_force_d_velocity &&
+         a.stiffening_newton_per_m2 == b.stiffening_newton_per_m2 &&
+         a.stiffening_newton_per_m3 == b.stiffening_newton_per_m3 &&
+         a.stored_energy_joule == b.stored_energy_joule && a.is_adhesive == b.is_adhesive &&
+         a.trust_radius_m == b.trust_radius_m;
 }
 inline bool same(const Interaction& a, const Interaction& b) {
-  const auto listed =
-      static_cast<std::ptrdiff_t>(std::min<std::size_t>(a.contact_count, kMaxContacts));
+  const auto listed = static_cast<std::ptrdiff_t>(a.listed_count);
   return same(a.header, b.header) && a.device_session_id == b.device_session_id &&
          a.device_sequence == b.device_sequence && a.device_sampled_at == b.device_sampled_at &&
          same(a.tool_position_world_m, b.tool_position_world_m) &&
          same(a.tool_orientation_world, b.tool_orientation_world) &&
          same(a.force_on_tool_newton, b.force_on_tool_newton) &&
          same(a.stored_energy_joule, b.stored_energy_joule) && a.contact_count == b.contact_count &&
+         a.listed_count == b.listed_count &&
          std::equal(a.contacts.begin(), a.contacts.begin() + listed, b.contacts.begin(),
                     [](const auto& x, const auto& y) { return same(x, y); });
 }
@@ -389,12 +425,14 @@ inline bool same(const MofcCounters& a, const MofcCounters& b) {
          a.clamped_ticks == b.clamped_ticks && a.too_fast_ticks == b.too_fast_ticks &&
          a.stale_ticks == b.stale_ticks && a.late_physics_ticks == b.late_physics_ticks &&
          a.ledger_resets == b.ledger_resets && a.motions_dropped == b.motions_dropped &&
+         a.motions_suppressed == b.motions_suppressed &&
          same(a.transparency_sum, b.transparency_sum) &&
          a.transparency_samples == b.transparency_samples;
 }
 inline bool same(const PhysicsCounters& a, const PhysicsCounters& b) {
   return same(a.loop, b.loop) && same(a.tool_motion, b.tool_motion) &&
          a.contact_steps == b.contact_steps && a.tissues_skipped == b.tissues_skipped &&
+         a.interactions_suppressed == b.interactions_suppressed &&
          a.worst_compute_time == b.worst_compute_time;
 }
 inline bool same(const std::vector<float>& a, const std::vector<float>& b) {

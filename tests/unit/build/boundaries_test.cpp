@@ -105,6 +105,18 @@ TEST(IncludeBoundaries, AreNotEvadedByAngleBrackets) {
   }
 }
 
+TEST(IncludeBoundaries, KeepLocksOutOfTheTickAndTheClamp) {
+  for (const char* file : {"device_node/force_guard.h", "mofc_node/mofc_node.cpp",
+                           "mofc_node/controllers/energy_ledger.cpp", "common/core/inbox.h"}) {
+    for (const char* header : {"mutex", "condition_variable", "future", "pthread.h"}) {
+      EXPECT_EQ(check_source(file, std::string("#include <") + header + ">\n").status, 1)
+          << file << " " << header;
+    }
+  }
+  EXPECT_EQ(check_source("viewer_node/scene_mirror.cpp", "#include <mutex>\n").status, 0);
+  EXPECT_EQ(check_source("mofc_node/mofc_node.cpp", "#include <atomic>\n").status, 0);
+}
+
 TEST(IncludeBoundaries, LetTheLinkAndTheRuntimeSeeTheWire) {
   for (const char* file : {"common/link/codec.cpp", "common/runtime/session_file.cpp"}) {
     const CmakeResult result = check_source(file,

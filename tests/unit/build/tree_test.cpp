@@ -46,9 +46,9 @@ bool is_number(const std::string& type) {
 }
 
 bool ends_with_unit(const std::string& name) {
-  for (const char* unit :
-       {"_m", "_m_per_s", "_newton", "_newton_per_m", "_newton_s_per_m", "_newton_per_s", "_joule",
-        "_kg", "_rad", "_hz", "_s", "_ms", "_us", "_ns", "_ratio"}) {
+  for (const char* unit : {"_m", "_m_per_s", "_newton", "_newton_per_m", "_newton_per_m3",
+                           "_newton_s_per_m", "_newton_per_s", "_joule", "_m2_per_s3", "_m2_per_s5",
+                           "_kg", "_rad", "_hz", "_s", "_ms", "_us", "_ns", "_ratio"}) {
     if (name.ends_with(unit)) return true;
   }
   return false;
@@ -57,8 +57,20 @@ bool ends_with_unit(const std::string& name) {
 // Counts, numbers that name something, and directions have no unit.
 TEST(SessionFormat, EveryNumberSaysItsUnitInItsName) {
   const std::set<std::string> without_unit{
-      "schema_version", "seed",   "priority", "cpu", "button", "clutch_button",
-      "burst_length",   "port",   "normal", "tangent",  "x",   "y",      "z",  // of a vector, which says it
+      "schema_version",
+      "seed",
+      "priority",
+      "cpu",
+      "button",
+      "clutch_button",
+      "burst_length",
+      "port",
+      "normal",
+      "tangent",
+      "x",
+      "y",
+      "z",  // of a vector, which says it
+      "ratio",
   };
   const std::vector<Field> fields =
       fields_of(text_of(PALPATE_SOURCE_DIR "/proto/palpate/v1/session.proto"));

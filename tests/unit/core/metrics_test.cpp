@@ -110,5 +110,14 @@ TEST(States, HaveNames) {
   EXPECT_STREQ(name(MofcState::kNoPhysics), "no physics");
 }
 
+// 7 % of 2 N is 0.14 N; of 0.3 N 0.021 N, so 0.05 N counts.
+TEST(ForceJnd, IsSevenPercentButAtLeastTheForceFloor) {
+  EXPECT_FALSE(is_beyond_force_jnd({0, 0, 2}, {0, 0, 2.139}));
+  EXPECT_TRUE(is_beyond_force_jnd({0, 0, 2}, {0, 0, 2.141}));
+  EXPECT_TRUE(is_beyond_force_jnd({0, 0, 2}, {0.141, 0, 2}));
+  EXPECT_FALSE(is_beyond_force_jnd({0, 0, 0.3}, {0, 0, 0.349}));
+  EXPECT_TRUE(is_beyond_force_jnd({0, 0, 0.3}, {0, 0, 0.351}));
+}
+
 }  // namespace
 }  // namespace palpate

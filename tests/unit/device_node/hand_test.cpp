@@ -143,7 +143,7 @@ TEST(RecordedPath, OneSampleIsHeld) {
 
 TEST(HostileHand, StaysInItsBallBelowItsSpeedAndUsesBoth) {
   const HostilePath path{.center_m = Vector3(0.1, 0, 0), .radius_m = 0.02, .v_max_m_per_s = 0.5};
-  HostileHand hand(path, 0.1, 0.1, 3);
+  HostileHand hand(path, {}, 3);
   Vector3 previous = path.center_m;
   double farthest_m = 0.0;
   double fastest_m_per_s = 0.0;
@@ -163,6 +163,33 @@ TEST(HostileHand, StaysInItsBallBelowItsSpeedAndUsesBoth) {
   EXPECT_GT(farthest_m, 0.019);
   EXPECT_LE(fastest_m_per_s, 0.5 + 1e-9);
   EXPECT_GT(fastest_m_per_s, 0.4);
+}
+
+/// What a hostile hand that feels a steady force wants, for a second; it may stray.
+std::vector<Vector3> hostile_velocities(const SimulatedDeviceConfig& device, const Vector3& force) {
+  HostileHand hand({.radius_m = 100.0, .v_max_m_per_s = 0.5}, device, 3);
+  std::vector<Vector3> velocities;
+  for (int i = 1; i <= 20'000; ++i) {
+    velocities.push_back(hand.target(50e-6 * i, {force, {}, {}}).velocity_m_per_s);
+  }
+  return velocities;
+}
+
+bool contains(const std::vector<Vector3>& all, const Vector3& wanted) {
+  return std::any_of(all.begin(), all.end(),
+                     [&](const Vector3& v) { return (v - wanted).norm() < 1e-9; });
+}
+
+// Eq. (12) on each axis: x: (0.3 − 0.1)/(2·0.5) = 0.2 m/s, y: −(0.5 − 0.1)/(2·1) = −0.2 m/s, z:
+// 0.05 N are less than 0.2. 10 N on x and y: the cap, along the surplus (9.9, 9.9), 0.5/√2 m/s
+// each.
+TEST(HostileHand, DrainsEachAxisAgainstItsOwnFriction) {
+  const SimulatedDeviceConfig device{
+      .per_axis = FrictionPerAxis{Vector3(0.5, 1.0, 0.0), Vector3(0.1, 0.1, 0.2)}};
+
+  EXPECT_TRUE(contains(hostile_velocities(device, Vector3(0.3, -0.5, 0.05)), {0.2, -0.2, 0.0}));
+  const double v = 0.5 / std::sqrt(2.0);
+  EXPECT_TRUE(contains(hostile_velocities(device, Vector3(10, 10, 0)), {v, v, 0.0}));
 }
 
 Vector3 hostile_position_after_5_s(std::uint64_t seed) {

@@ -21,7 +21,7 @@ DeviceConfig frictionless() {
 }
 
 IdealRun::ForceField spring(double k) {
-  return [k](const Vector3& x, const Vector3&) { return Vector3(-k * x); };
+  return [k](double, const Vector3& x, const Vector3&) { return Vector3(-k * x); };
 }
 
 // A hand of 100 N/m pulled to 10 mm against a spring of 300 N/m rests where 100·(10 mm − x) =
@@ -50,7 +50,7 @@ TEST(IdealRun, FollowsAStiffDamperFasterThanAnySampling) {
       {.stiffness_newton_per_m = 0,
        .damping_newton_s_per_m = B,
        .path = RecordedPath{.samples = {{0.0, Vector3::Zero()}, {10.0, Vector3(0.1, 0, 0)}}}},
-      1, TimePoint{}, [b](const Vector3&, const Vector3& v) { return Vector3(-b * v); });
+      1, TimePoint{}, [b](double, const Vector3&, const Vector3& v) { return Vector3(-b * v); });
   const double settled = 0.01 * B / (B + b);
 
   for (const double t : {0.001, 0.002, 0.005, 0.05}) {
@@ -64,7 +64,7 @@ TEST(IdealRun, ForceIsCutAtTheSmallerPeak) {
   DeviceConfig config = frictionless();
   config.peak_force_newton = 2.0;
   IdealRun run(config, {}, 1, TimePoint{},
-               [](const Vector3&, const Vector3&) { return Vector3(0, 30, 40); });
+               [](double, const Vector3&, const Vector3&) { return Vector3(0, 30, 40); });
 
   run.advance_to(time_at(0.001));
 
@@ -77,7 +77,7 @@ TEST(IdealRun, WithoutTissueItMovesAsTheDeviceDoes) {
   ManualClock clock;
   SimulatedDevice device({}, hand, clock, 5);
   IdealRun run(DeviceConfig{}, hand, 5, clock.now(),
-               [](const Vector3&, const Vector3&) { return Vector3(Vector3::Zero()); });
+               [](double, const Vector3&, const Vector3&) { return Vector3(Vector3::Zero()); });
 
   for (int i = 0; i < 1'000; ++i) {
     clock.advance(1ms);
@@ -86,6 +86,32 @@ TEST(IdealRun, WithoutTissueItMovesAsTheDeviceDoes) {
     run.advance_to(clock.now());
     ASSERT_EQ(run.state().hand_position_m, device.true_state()->hand_position_m);
   }
+}
+
+// Time and place are those of the step: middle of the step for the force, end for the memory.
+TEST(IdealRun, TellsTissueTheTimeAndWhereTheHandHasCome) {
+  double asked_s = -1.0;
+  double told_s = -1.0;
+  Vector3 told_m = Vector3::Constant(kNaN);
+  IdealRun run(
+      frictionless(),
+      {.path = SinusoidPath{.amplitude_m = {0.01, 0, 0}, .frequency_hz = {1, 0, 0}}}, 1,
+      TimePoint{},
+      [&](double time_s, const Vector3&, const Vector3&) {
+        asked_s = time_s;
+        return Vector3(Vector3::Zero());
+      },
+      [&](double time_s, const Vector3& hand_position_m) {
+        told_s = time_s;
+        told_m = hand_position_m;
+      });
+
+  run.advance_to(time_at(0.2));
+
+  EXPECT_NEAR(asked_s, 0.2 - 25e-6, 1e-12);
+  EXPECT_NEAR(told_s, 0.2, 1e-12);
+  EXPECT_EQ(told_m, run.state().hand_position_m);
+  EXPECT_NE(told_m.x(), 0.0);
 }
 
 // A continuous passive tissue never gives the hand anything.

@@ -83,6 +83,37 @@ TEST(Plant, FrictionTakesUpTheKineticEnergy) {
   EXPECT_LE(plant.state().energy_joule, 1.5e-3 + 1e-17);
 }
 
+// Friction per axis, 0.3 kg: x slides with 0.1 m/s against 0.2 N and stops after m v/f = 0.15 s and
+// m v²/(2 f) = 7.5 mm, y slides on with 0.1 m/s against nothing, z sticks under 0.3 N.
+TEST(Plant, WithFrictionPerAxisEachAxisSlidesAndSticksByItself) {
+  Plant plant(
+      {.mass_kg = 0.3, .per_axis = FrictionPerAxis{Vector3::Zero(), Vector3(0.2, 0.0, 0.31)}},
+      Vector3::Zero(), Vector3(0.1, 0.1, 0));
+
+  run(plant, 20'000, Vector3(0, 0, 0.3));  // 1 s
+
+  EXPECT_NEAR(plant.state().hand_position_m.x(), 7.5e-3, 1e-8);
+  EXPECT_EQ(plant.state().hand_velocity_m_per_s.x(), 0.0);
+  EXPECT_NEAR(plant.state().hand_position_m.y(), 0.1, 1e-10);
+  EXPECT_EQ(plant.state().hand_position_m.z(), 0.0);
+  // x gave ½ m v² = 1.5 mJ to friction
+  EXPECT_NEAR(plant.state().energy_joule, 1.5e-3, 1e-11);
+}
+
+// A steady 1 N on each axis for 1 s: v = (1 − f_co)/f_d once it no longer accelerates (m/f_d ≤ 10
+// ms): x 0.9/40 = 22.5 mm/s, y 0.8/50 = 16 mm/s. The port's energy is all friction's less all of
+// F's, and so −½ m v² of all axes: −½·0.3·(0.0225² + 0.016² + 0.02²) = −174.3 µJ with z (1 −
+// 0.4)/30 = 20 mm/s.
+TEST(Plant, WithFrictionPerAxisEachAxisHasItsOwnSteadySpeed) {
+  Plant plant(
+      {.mass_kg = 0.3, .per_axis = FrictionPerAxis{Vector3(40, 50, 30), Vector3(0.1, 0.2, 0.4)}});
+
+  run(plant, 20'000, Vector3(1, 1, 1));
+
+  EXPECT_LT((plant.state().hand_velocity_m_per_s - Vector3(0.0225, 0.016, 0.02)).norm(), 1e-12);
+  EXPECT_NEAR(plant.state().energy_joule, -174.3375e-6, 1e-10);
+}
+
 // Without friction the rendered force's work is all: E = −F·x, and a force along the motion draws.
 TEST(Plant, EnergyOfAHelpingForceIsNegativeAndItsMinimumIsKept) {
   Plant plant({.mass_kg = 0.3});

@@ -607,47 +607,74 @@ TEST(InteractionCodec, RefusesWhatIsOutOfRange) {
 }
 
 TEST(InteractionCodec, RefusesAContactThatIsNone) {
-  expect_range<Interaction>([](auto& m) { m.mutable_contacts(1)->set_penetration_m(0.0); }, false);
-  expect_range<Interaction>([](auto& m) { m.mutable_contacts(1)->set_penetration_m(-0.1); }, false);
-  expect_range<Interaction>([](auto& m) { m.mutable_contacts(1)->set_penetration_m(1000.1); },
-                            false);
-  expect_range<Interaction>(
-      [](auto& m) {
-        m.mutable_contacts(1)->mutable_normal_world()->set_x(0.0);
-        m.mutable_contacts(1)->mutable_normal_world()->set_y(0.0);
-        m.mutable_contacts(1)->mutable_normal_world()->set_z(1.0 + 1.1e-6);
+  const auto contact = [](auto&& change, bool is_allowed) {
+    expect_range<Interaction>([&](auto& m) { change(*m.mutable_contacts(1)); }, is_allowed);
+  };
+  contact([](v1::Contact& c) { c.set_penetration_m(1000.1); }, false);
+  contact(
+      [](v1::Contact& c) {
+        c.mutable_normal_world()->set_x(0.0);
+        c.mutable_normal_world()->set_y(0.0);
+        c.mutable_normal_world()->set_z(1.0 + 1.1e-6);
       },
       false);
-  expect_range<Interaction>(
-      [](auto& m) { m.mutable_contacts(0)->mutable_force_on_tool_newton()->set_x(-1.01e6); },
-      false);
+  contact([](v1::Contact& c) { c.mutable_force_on_tool_newton()->set_x(-1.01e6); }, false);
+  contact([](v1::Contact& c) { c.mutable_elastic_force_on_tool_newton()->set_x(-1.01e12); }, false);
+  contact([](v1::Contact& c) { c.set_curvature_per_m(4, 1.01e9); }, false);
+  contact([](v1::Contact& c) { c.clear_curvature_per_m(); }, true);
+  contact([](v1::Contact& c) { c.add_curvature_per_m(0.0); }, false);
+  contact([](v1::Contact& c) { c.set_d_force_d_position(8, -1.01e12); }, false);
+  contact([](v1::Contact& c) { c.mutable_d_force_d_position()->RemoveLast(); }, false);
+  contact([](v1::Contact& c) { c.set_d_force_d_velocity(0, 1.01e12); }, false);
+  contact([](v1::Contact& c) { c.mutable_surface_velocity_world_m_per_s()->set_y(1001); }, false);
+  contact([](v1::Contact& c) { c.set_stiffening_newton_per_m2(1.01e18); }, false);
+  contact([](v1::Contact& c) { c.set_stiffening_newton_per_m3(-1.01e18); }, false);
+  contact([](v1::Contact& c) { c.set_stored_energy_joule(-1e-12); }, false);
+  contact([](v1::Contact& c) { c.set_trust_radius_m(0.0); }, false);
+  contact([](v1::Contact& c) { c.set_trust_radius_m(1000.1); }, false);
 }
 
-TEST(InteractionCodec, ListsTheDeepestEightOfAnyNumberOfContacts) {
+TEST(InteractionCodec, ListsWhatIsTouchedThenWhatIsNear) {
   Interaction sent = full_message<Interaction>();
   for (Contact& contact : sent.contacts) contact = sent.contacts[0];
   sent.contact_count = 20;
+  sent.listed_count = kMaxContacts;
 
   Interaction received;
   ASSERT_EQ(decoded(encoded(sent), received), DecodeError::kNone);
   EXPECT_EQ(received.contact_count, 20u);
   EXPECT_TRUE(same(sent, received));
 
-  // the number must agree with the list
-  auto with = [](int listed, std::uint32_t count) {
+  // every touch that there is room for is listed
+  auto with = [](int touching, int near, std::uint32_t count) {
     return [=](v1::Interaction& m) {
-      const v1::Contact one = m.contacts(0);
+      v1::Contact one = m.contacts(0);
       m.clear_contacts();
-      for (int i = 0; i < listed; ++i) *m.add_contacts() = one;
+      for (int i = 0; i < touching; ++i) *m.add_contacts() = one;
+      one.set_penetration_m(-0.01);
+      for (int i = 0; i < near; ++i) *m.add_contacts() = one;
       m.set_contact_count(count);
     };
   };
-  expect_range<Interaction>(with(0, 0), true);
-  expect_range<Interaction>(with(8, 9), true);
-  expect_range<Interaction>(with(2, 1), false);
-  expect_range<Interaction>(with(2, 3), false);
-  expect_range<Interaction>(with(7, 8), false);
-  expect_range<Interaction>(with(9, 9), false);
+  expect_range<Interaction>(with(0, 0, 0), true);
+  expect_range<Interaction>(with(0, 8, 0), true);
+  expect_range<Interaction>(with(8, 0, 9), true);
+  expect_range<Interaction>(with(2, 3, 2), true);
+  expect_range<Interaction>(with(2, 0, 1), false);
+  expect_range<Interaction>(with(2, 1, 3), false);
+  expect_range<Interaction>(with(7, 1, 8), false);
+  expect_range<Interaction>(with(8, 1, 8), false);
+}
+
+TEST(InteractionCodec, FitsItsFrameWithEveryContactFull) {
+  Interaction sent = full_message<Interaction>();
+  sent.contact_count = sent.listed_count = kMaxContacts;
+  for (Contact& contact : sent.contacts) {
+    contact = sent.contacts[0];
+    contact.tissue = ~0U;
+    contact.is_adhesive = true;
+  }
+  EXPECT_LE(encoded(sent).size(), kMaxFrameBytes<Interaction>);
 }
 
 TEST(TelemetryCodec, RefusesStatesItDoesNotKnow) {

@@ -10,6 +10,7 @@
 #include "mofc_node/controllers/energy_ledger.h"
 #include "mofc_node/controllers/guard_mofc.h"
 #include "mofc_node/controllers/mofc_equations.h"
+#include "mofc_node/controllers/one_pool_clamp.h"
 #include "mofc_node/controllers/paper_mofc.h"
 #include "mofc_node/controllers/vector_mofc.h"
 
@@ -204,6 +205,63 @@ TEST(PaperMofc, EachAxisClampsAloneOnItsOwnPool) {
   EXPECT_TRUE(out.is_clamped);
 }
 
+// Isotropic friction of 0.1 N: each axis counts 0.1/√3 = 0.0577350 N and may push with that alone.
+TEST(PaperMofc, ForIsotropicFrictionEachAxisCountsOneOverSqrt3) {
+  PaperMofc controller = PaperMofc::isotropic(kOmni);
+  (void)controller.step(input_at(Vector3::Zero(), {}, Vector3::Zero()));
+  const std::vector<AppliedStretch> free{{0.02, Vector3::Zero(), Vector3(1e-3, 0, 0), true}};
+
+  const ControlOutput out = controller.step(input_at(Vector3(1e-3, 0, 0), free, {9, 9, 9}));
+
+  // x: 0.1·1e−6/0.02 + 0.057735·1e−3 = 62.735 µJ
+  EXPECT_NEAR(out.ledger_energy_joule, 62.735e-6, 1e-10);
+  EXPECT_NEAR(out.f_max_newton.y(), 0.0577350, 1e-7);
+}
+
+constexpr double kNoLimit = std::numeric_limits<double>::infinity();
+const AxisFriction kAxial{.f_d = {0.1, 0.2, 0.4}, .f_co = {0.1, 0.2, 0.0}};
+
+// f_d = (0.1, 0.2, 0.4), f_co = (0.1, 0.2, 0), F = (0.5, 0.6, 0.8) N: excess (0.4, 0.4, 0.8):
+// 0.16/0.4 + 0.16/0.8 + 0.64/1.6 = 0.4 + 0.2 + 0.4 = 1 W. No faster than 0.5 m/s: v* = (2, 1, 1)
+// m/s are cut: (0.4 − 0.05)·0.5 + (0.4 − 0.1)·0.5 + (0.8 − 0.2)·0.5 = 0.625 W, but together no
+// faster either: |e| = √0.96 = 0.979796, (0.979796 − 0.1·0.5)·0.5 = 0.464898 W
+TEST(OnePoolClamp, DrainPerAxisIsTheSumOrThatOfTheWholeHand) {
+  const Vector3 F(0.5, -0.6, 0.8);
+  EXPECT_NEAR(OnePoolClamp(kOmni, kAxial, kNoLimit).drain_watt(F), 1.0, 1e-12);
+  EXPECT_NEAR(OnePoolClamp(kOmni, kAxial, 0.5).drain_watt(F), 0.464898, 1e-6);
+  EXPECT_EQ(OnePoolClamp(kOmni, kAxial, 0.5).drain_watt({0.1, -0.2, 0.0}), 0.0);
+}
+
+// Twice that F, T = 20 ms and E′ = 20 mJ: 1 W for 20 ms is paid, so s = ½. Nothing in the pool and
+// F = (0.5, 0.6, 0): the scale at which no axis drains, x: 0.1/0.5 = 0.2. Half open: 0.2 + ½ (s −
+// 0.2).
+TEST(OnePoolClamp, PerAxisTheForceIsScaledToWhatThePoolPays) {
+  const OnePoolClamp clamp(kOmni, kAxial, kNoLimit);
+  const Vector3 asked(1.0, -1.2, 1.6);
+
+  const ControlOutput paid = clamp.clamp(asked, 20e-3);
+  EXPECT_LT((paid.force_on_hand_newton - 0.5 * asked).norm(), 1e-12);
+  EXPECT_TRUE(paid.is_clamped);
+  // all 20 mJ for x alone: 0.1 + 2 √(0.1·0.02/0.02) = 0.732456 N
+  EXPECT_NEAR(paid.f_max_newton.x(), 0.732456, 1e-6);
+
+  const Vector3 flat(0.5, 0.6, 0.0);
+  EXPECT_LT((clamp.clamp(flat, 0.0).force_on_hand_newton - 0.2 * flat).norm(), 1e-12);
+  // open it would be s: (0.5 s − 0.1)²/0.4 + (0.6 s − 0.2)²/0.8 = 1: all of it
+  EXPECT_LT((clamp.clamp(flat, 20e-3, 0.5).force_on_hand_newton - 0.6 * flat).norm(), 1e-12);
+  EXPECT_FALSE(clamp.clamp(flat, 20e-3).is_clamped);
+}
+
+// No axis has viscous friction: E′/(T v_max) beyond f_co. |e| v_max T = E′: F along x: 0.1
+// + 8e−3/(0.02·0.5) = 0.9 N, as in 1-D.
+TEST(OnePoolClamp, PerAxisItWorksWithoutViscousFriction) {
+  const AxisFriction dry{.f_d = Vector3::Zero(), .f_co = {0.1, 0.2, 0.0}};
+  const OnePoolClamp clamp(kOmni, dry, 0.5);
+
+  EXPECT_NEAR(clamp.clamp({5, 0, 0}, 8e-3).force_on_hand_newton.x(), 0.9, 1e-12);
+  EXPECT_NEAR(clamp.clamp({0, 0, -5}, 8e-3).force_on_hand_newton.z(), -0.8, 1e-12);
+}
+
 // The same motion in `vector`: one bound for all axes, direction kept. |F_e| = 0.3 along (2,1,2)/3.
 TEST(VectorMofc, ScalesTheForceAndKeepsItsDirection) {
   VectorMofc controller(kOmni, 0.0, 0.0);
@@ -307,6 +365,21 @@ TEST(EnergyLedger, SlowMotionAtAHighRateStillCounts) {
 
   EXPECT_LE(ledger.energy_joule(), 11e-3);
   EXPECT_GE(ledger.energy_joule(), 0.97 * 10e-3 + 0.75 * 1e-3);
+}
+
+// Per axis, q = 0.1 mm; 2 mm along x and back against 1 N, 1 s each way. Work 4 mJ, less ½·0.1
+// mm·(1 N
+// + TV), TV = 1 + 2 N: 0.2 mJ. Play 1.95 mm there, 1.9 back, less 0.05: 0.1·3.8 mm = 0.38 mJ.
+// Viscous 0.1·(1.9 mm)²/1 s twice: 0.722 µJ. With √3 q for q, as for isotropic friction, it would
+// be less.
+TEST(EnergyLedger, PerAxisItCountsThePlayOfTheAxis) {
+  EnergyLedger ledger(AxisFriction{.f_d = {0.1, 0.1, 0.1}, .f_co = {0.1, 5.0, 5.0}}, 1e-4);
+  ledger.restart(Vector3::Zero());
+  ledger.book(1.0, {-1, 0, 0}, {2e-3, 0, 0});
+  ledger.book(1.0, {1, 0, 0}, Vector3::Zero());
+
+  EXPECT_NEAR(ledger.energy_joule(), 4.180722e-3, 1e-12);
+  EXPECT_NEAR(ledger.dissipated_joule(), 0.380722e-3, 1e-12);
 }
 
 // Ten steps of 2 mm, by turns along x and y, q = 0.1 mm, in 1 s. Each closes a window (2 mm > 16 q)

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "common/core/memory_link.h"
+#include "mofc_node/motion_deadband.h"
 #include "tests/support/alloc_guard.h"
 
 namespace palpate::mofc {
@@ -30,8 +31,10 @@ class MofcNodeTest : public testing::Test {
   static MofcConfig mofc_config() {
     MofcConfig config;
     config.controller = ControllerKind::kNone;
+    config.interaction = InteractionUse::kHeld;
     config.stale_after = 6ms;
     config.fade = 50ms;
+    config.velocity_estimator = DifferenceVelocity{};
     return config;
   }
   static DeviceConfig device_config() {
@@ -217,6 +220,100 @@ TEST_F(MofcNodeTest, TransparencyComparesTheEchoWithWhatWasAsked) {
   EXPECT_NEAR(counters.transparency_sum, 0.5, 1e-12);
 }
 
+class MofcNodeThins : public MofcNodeTest {
+ protected:
+  static MofcConfig thinning() {
+    MofcConfig config = mofc_config();
+    config.motion_deadband = MotionDeadband{.ratio = 0.1,
+                                            .floor_m_per_s = 0.01,
+                                            .floor_m = 1e-4,
+                                            .floor_rad = 0.02,
+                                            .keep_alive = 20ms};
+    return config;
+  }
+  MofcNodeThins() : MofcNodeTest(thinning()) {}
+
+  std::vector<ToolMotion> motions() {
+    std::vector<ToolMotion> all;
+    ToolMotion motion;
+    TimePoint at;
+    while (motion_link_.receive(motion, at)) all.push_back(motion);
+    return all;
+  }
+  void ticks_at(const Vector3& position_m, int count) {
+    position_m_ = position_m;
+    for (int i = 0; i < count; ++i) {
+      tick();
+      clock_.advance(1ms);
+    }
+  }
+};
+
+// ticks 0, 20 and 40 of 41, the rest is suppressed; nothing looks lost
+TEST_F(MofcNodeThins, ARestingToolIsToldOncePerKeepAlive) {
+  ticks_at(Vector3::Zero(), 41);
+
+  const std::vector<ToolMotion> sent = motions();
+  ASSERT_EQ(sent.size(), 3u);
+  EXPECT_EQ(sent[1].device_sequence, 20u);
+  EXPECT_EQ(sent[2].device_sequence, 40u);
+  EXPECT_EQ(sent[2].header.sequence, 2u);
+  EXPECT_EQ(node_.counters().motions_suppressed, 38u);
+}
+
+// floors: 0.1 mm and 10 mm/s
+TEST_F(MofcNodeThins, AMotionIsToldWhenPositionOrVelocityHasChangedByMoreThanTheFloor) {
+  ticks_at(Vector3::Zero(), 2);
+  ASSERT_EQ(motions().size(), 1u);
+  ticks_at({9e-6, 0, 0}, 1);
+  EXPECT_TRUE(motions().empty()) << "9 mm/s and 0.009 mm";
+  ticks_at({9e-5, 0, 0}, 1);
+  EXPECT_EQ(motions().size(), 1u) << "81 mm/s";
+  ticks_at({9e-5, 0, 0}, 1);
+  EXPECT_EQ(motions().size(), 1u) << "it stands again";
+}
+
+TEST_F(MofcNodeThins, AChangeOfVelocityCountsAgainstTheVelocity) {
+  const MotionDeadband deadband = *thinning().motion_deadband;
+  ToolMotion sent;
+  sent.tool_velocity_world_m_per_s = {0.2, 0, 0};
+  ToolMotion present = sent;
+  present.tool_velocity_world_m_per_s.x() = 0.22;
+  EXPECT_FALSE(is_worth_sending(sent, present, deadband)) << "0.020 ≤ 10 % of 0.22";
+  present.tool_velocity_world_m_per_s.x() = 0.23;
+  EXPECT_TRUE(is_worth_sending(sent, present, deadband)) << "0.030 > 0.023";
+}
+
+TEST_F(MofcNodeThins, ButtonsAndOrientationAreNewsToo) {
+  const MotionDeadband deadband = *thinning().motion_deadband;
+  const ToolMotion sent;
+  ToolMotion pressed;
+  pressed.buttons = 1;
+  EXPECT_TRUE(is_worth_sending(sent, pressed, deadband));
+  ToolMotion turned;
+  turned.tool_orientation_world = Eigen::AngleAxisd(0.019, Vector3::UnitX());
+  EXPECT_FALSE(is_worth_sending(sent, turned, deadband));
+  turned.tool_orientation_world = Eigen::AngleAxisd(0.021, Vector3::UnitX());
+  EXPECT_TRUE(is_worth_sending(sent, turned, deadband));
+}
+
+TEST_F(MofcNodeThins, ANewDeviceSessionIsToldAtOnce) {
+  ticks_at(Vector3::Zero(), 2);
+  motions();
+  tick(2);
+  EXPECT_EQ(motions().size(), 1u);
+}
+
+// the link holds 256: a motion that it does not take is tried again in the next tick
+TEST_F(MofcNodeThins, AMotionTheLinkDidNotTakeIsNotTakenForTold) {
+  for (int i = 0; i < 256; ++i) motion_link_.send(ToolMotion{});
+  ticks_at(Vector3::Zero(), 3);
+  EXPECT_EQ(node_.counters().motions_dropped, 3u);
+  motions();
+  ticks_at(Vector3::Zero(), 2);
+  EXPECT_EQ(motions().size(), 1u);
+}
+
 class MofcNodeScaled : public MofcNodeTest {
  protected:
   static DeviceConfig scaled() {
@@ -323,6 +420,124 @@ TEST_F(MofcNodeGuards, AGapInTheDeviceStatesEmptiesTheLedger) {
 
 // --- real time ------------------------------------------------------------------------------
 
+// --- interaction: local -------------------------------------------------------------------------
+
+class MofcNodeLocal : public MofcNodeTest {
+ protected:
+  static MofcConfig local_config() {
+    MofcConfig config = mofc_config();
+    config.interaction = InteractionUse::kLocal;
+    config.handover_newton_per_s = 1e6;  // at once: 1000 N in a tick of 1 ms
+    return config;
+  }
+  explicit MofcNodeLocal(const MofcConfig& config = local_config()) : MofcNodeTest(config) {}
+
+  // A floor at z = 0 of 400 N/m and 20 N·s/m, seen from `tool_m` at the present instant.
+  void physics_describes(const Vector3& tool_m, double stiffness = 400.0) {
+    Interaction interaction;
+    interaction.header = {9, physics_sequence_++, clock_.now()};
+    interaction.device_session_id = 1;
+    interaction.device_sequence = sequence_;
+    interaction.device_sampled_at = clock_.now();
+    interaction.tool_position_world_m = tool_m;
+    interaction.listed_count = 1;
+    interaction.contacts[0] = {
+        .penetration_m = -tool_m.z(),
+        .elastic_force_on_tool_newton = Vector3(0, 0, -stiffness * tool_m.z()),
+        .d_force_d_position = Vector3(0, 0, -stiffness).asDiagonal(),
+        .d_force_d_velocity = Vector3(0, 0, -20.0).asDiagonal(),
+        .trust_radius_m = 1.0};
+    ASSERT_EQ(interaction_link_.send(interaction), SendResult::kSent);
+  }
+
+  // Two ticks under an honest physics: the first has no time in which the force could rise.
+  ForceCommand touched_at(double z_m) {
+    position_m_ = {0, 0, z_m};
+    physics_describes(position_m_);
+    tick();
+    clock_.advance(1ms);
+    physics_describes(position_m_);
+    return tick();
+  }
+};
+
+// Described 3 mm above the floor, then 2 mm deep, 5 mm in 5 ms: 400·2 mm + 20·1 m/s.
+TEST_F(MofcNodeLocal, FeelsAContactThatBeginsBetweenTwoMessages) {
+  EXPECT_EQ(touched_at(0.003).force_on_hand_newton, Vector3::Zero());
+  EXPECT_EQ(records_.ticks.back().state, MofcState::kFree);
+
+  clock_.advance(5ms);  // shorter than the silence that is too long
+  position_m_ = {0, 0, -0.002};
+  const ForceCommand command = tick();
+
+  EXPECT_NEAR(command.force_on_hand_newton.z(), 0.8 + 20.0 * 1.0, 1e-9);
+  EXPECT_EQ(records_.ticks.back().state, MofcState::kContact);
+  EXPECT_TRUE(records_.ticks.back().is_in_contact);
+}
+
+TEST_F(MofcNodeLocal, LetsGoBetweenTwoMessages) {
+  EXPECT_NEAR(touched_at(-0.002).force_on_hand_newton.z(), 0.8, 1e-12);
+
+  clock_.advance(1ms);
+  position_m_ = {0, 0, 0.001};
+  EXPECT_EQ(tick().force_on_hand_newton, Vector3::Zero());
+  EXPECT_FALSE(records_.ticks.back().is_in_contact);
+}
+
+TEST_F(MofcNodeLocal, FadesAModelThatIsTooOldHoweverTheHandMoves) {
+  touched_at(-0.002);
+  clock_.advance(7ms);  // stale after 6
+  const double declared = tick().force_on_hand_newton.norm();
+  clock_.advance(10ms);
+  position_m_ = {0, 0, -0.02};  // ten times the force, says the model
+
+  const double newton = tick().force_on_hand_newton.norm();
+
+  EXPECT_GT(newton, 0.0);
+  EXPECT_LT(newton, declared);
+}
+
+TEST_F(MofcNodeLocal, AsksForNothingWhileClutchedAndStartsAgainFromTheNewModel) {
+  position_m_ = {0, 0, -0.002};
+  physics_describes(position_m_);
+  is_clutched_ = true;
+  EXPECT_EQ(tick().force_on_hand_newton, Vector3::Zero());
+  EXPECT_EQ(records_.ticks.back().state, MofcState::kClutched);
+
+  is_clutched_ = false;
+  clock_.advance(1ms);
+  EXPECT_NEAR(tick().force_on_hand_newton.z(), 0.8, 1e-12);
+}
+
+class MofcNodeSlowHandover : public MofcNodeLocal {
+ protected:
+  static MofcConfig slow_config() {
+    MofcConfig config = local_config();
+    config.handover_newton_per_s = 100.0;
+    return config;
+  }
+  MofcNodeSlowHandover() : MofcNodeLocal(slow_config()) {}
+};
+
+// The tissue turns out to be 400 N/m stiffer, 2 mm deep: +0.8 N at 100 N/s takes 8 ticks of 1 ms.
+TEST_F(MofcNodeSlowHandover, CrossesOverToAnotherModelAtTheAgreedRate) {
+  position_m_ = {0, 0, -0.002};
+  for (int i = 0; i < 20; ++i) {  // 0.8 N from nothing takes 8 ticks too
+    physics_describes(position_m_);
+    tick();
+    clock_.advance(1ms);
+  }
+  double before = 0.8;
+  for (int i = 1; i <= 10; ++i) {
+    physics_describes(position_m_, 800.0);
+    const double newton = tick().force_on_hand_newton.z();
+    EXPECT_NEAR(newton, std::min(1.6, 0.8 + 0.1 * i), 1e-9) << i;
+    EXPECT_LE(newton - before, 0.1 + 1e-12);
+    before = newton;
+    clock_.advance(1ms);
+  }
+}
+
 class MofcNodeInMode : public testing::TestWithParam<MofcMode> {};
 
 // Free motion, contact, clamp, fade after silence, a gap, a force that ran out, a restarted physics
@@ -340,7 +555,8 @@ TEST_P(MofcNodeInMode, AnswerAndFinishTurnDoNotAllocate) {
                     .delta_max = 500us,
                     .stale_after = 6ms,
                     .fade = 50ms,
-                    .velocity_time_constant = 5ms};
+                    .velocity_estimator = KalmanVelocity{},
+                    .motion_deadband = MotionDeadband{}};
   DeviceConfig device;
   device.lease = 2ms;
   device.reply = 500us;
@@ -373,6 +589,14 @@ TEST_P(MofcNodeInMode, AnswerAndFinishTurnDoNotAllocate) {
       interaction.force_on_tool_newton = Vector3(0, 0, 2'000.0 * depth_m);
       interaction.stored_energy_joule = 1'000.0 * depth_m * depth_m;
       interaction.contact_count = depth_m > 0.0 ? 1 : 0;
+      interaction.tool_position_world_m = s.tool_position_world_m;
+      interaction.listed_count = 1;
+      interaction.contacts[0] = {
+          .penetration_m = -s.hand_position_m.z(),
+          .curvature_per_m = Vector3(20, 20, 0).asDiagonal(),
+          .elastic_force_on_tool_newton = Vector3(0, 0, -2'000.0 * s.hand_position_m.z()),
+          .d_force_d_position = Vector3(0, 0, -2'000.0).asDiagonal(),
+          .trust_radius_m = 0.001};
       interactions.send(interaction);
     }
 
@@ -395,6 +619,34 @@ TEST_P(MofcNodeInMode, AnswerAndFinishTurnDoNotAllocate) {
 
 INSTANTIATE_TEST_SUITE_P(Modes, MofcNodeInMode,
                          testing::Values(MofcMode::kPaper, MofcMode::kVector, MofcMode::kGuard));
+
+/// What a controller without any energy lets through on each axis.
+Vector3 f_max_at_first_newton(const MofcConfig& mofc, const DeviceConfig& device) {
+  return make_controller(mofc, device)
+      ->step({.hand_position_m = Vector3::Zero(),
+              .applied = {},
+              .asked_force_on_hand_newton = Vector3(9, 9, 9)})
+      .f_max_newton;
+}
+
+// With an empty pool what is left is the Coulomb friction that the mode counts.
+TEST(MakeController, EveryModeCountsOnTheFrictionOfTheProfile) {
+  DeviceConfig device;
+  device.lease = 2ms;
+  device.profile.coulomb_newton = 0.3;
+  for (const MofcMode mode : {MofcMode::kPaper, MofcMode::kVector, MofcMode::kGuard}) {
+    EXPECT_EQ(f_max_at_first_newton({.mode = mode, .guard = {}}, device), Vector3::Constant(0.3));
+  }
+  MofcConfig isotropic{.mode = MofcMode::kPaper, .guard = {}};
+  isotropic.paper_friction = PaperFriction::kIsotropic;
+  EXPECT_NEAR(f_max_at_first_newton(isotropic, device).y(), 0.3 / std::sqrt(3.0), 1e-15);
+
+  const Vector3 per_axis(0.1, 0.2, 0.4);
+  device.profile.per_axis = FrictionPerAxis{Vector3::Constant(0.1), per_axis};
+  for (const MofcMode mode : {MofcMode::kPaper, MofcMode::kVector, MofcMode::kGuard}) {
+    EXPECT_EQ(f_max_at_first_newton({.mode = mode, .guard = {}}, device), per_axis);
+  }
+}
 
 static_assert(
     noexcept(std::declval<MofcNode&>().answer(std::declval<const Received<DeviceState>&>())));

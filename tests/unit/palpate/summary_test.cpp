@@ -60,6 +60,22 @@ TEST(RunStatistics, TheIdealForceIsJudgedOnlyWhereItIsKnown) {
   EXPECT_DOUBLE_EQ(s.force_error_rms_ratio(), std::sqrt(1.0 / 8.0));
 }
 
+// fi = 2 N at the true position, 3 N in the ideal run; 2.1, 2.3 and 2 N acted: √(0.01 + 0.09 + 0) of
+// √12 N, √(0.81 + 0.49 + 1) of √27 N; the second is more than 7 % off.
+TEST(RunStatistics, TheForceIsHeldAgainstTheTissueHereAndAgainstTheIdealRun) {
+  RunStatistics s;
+  EXPECT_TRUE(std::isnan(s.beyond_jnd_ratio()));
+  for (const double acted : {2.1, 2.3, 2.0}) {
+    TickRow tick = row({0, 0, acted}, {0, 0, acted});
+    tick.ideal_force_on_hand_newton = {0, 0, 2};
+    s.add(tick, {.tool_position_world_m = {}, .force_on_hand_newton = {0, 0, 3}});
+  }
+
+  EXPECT_NEAR(s.force_error_rms_ratio(), std::sqrt(0.10 / 12.0), 1e-12);
+  EXPECT_NEAR(s.ideal_run_force_error_rms_ratio(), std::sqrt(2.30 / 27.0), 1e-12);
+  EXPECT_NEAR(s.beyond_jnd_ratio(), 1.0 / 3.0, 1e-12);
+}
+
 // Asked in 4 ticks, clamped in 1 of them; a tick without an answer asks for nothing.
 TEST(RunStatistics, TheClampRatioIsOfTheTicksWithAForce) {
   RunStatistics s;
@@ -166,11 +182,29 @@ std::set<std::string> keys_of(const nlohmann::ordered_json& json) {
 TEST(SummaryJson, HasTheKeysThatAreDocumented) {
   const nlohmann::ordered_json json = summary_json(Session{}, RunReport{});
 
-  for (const char* key :
-       {"ticks", "in_contact_ticks", "transparency", "force_error_rms_ratio", "min_true_energy_j",
-        "max_force_n", "velocity_reversals", "clamp_ratio", "fallbacks", "wall_s",
-        "ticks_per_wall_s", "schema_version", "session", "controller", "seed", "simulated_s",
-        "answered_ratio", "path_deviation_rms_m", "path_deviation_peak_m"}) {
+  for (const char* key : {"ticks",
+                          "in_contact_ticks",
+                          "transparency",
+                          "force_error_rms_ratio",
+                          "min_true_energy_j",
+                          "max_force_n",
+                          "velocity_reversals",
+                          "clamp_ratio",
+                          "fallbacks",
+                          "wall_s",
+                          "ticks_per_wall_s",
+                          "schema_version",
+                          "session",
+                          "controller",
+                          "seed",
+                          "simulated_s",
+                          "answered_ratio",
+                          "path_deviation_rms_m",
+                          "path_deviation_peak_m",
+                          "motions_suppressed",
+                          "interactions_suppressed",
+                          "ideal_run_force_error_rms_ratio",
+                          "beyond_jnd_ratio"}) {
     EXPECT_TRUE(json.contains(key)) << key;
   }
   EXPECT_EQ(keys_of(json["transparency"]),
@@ -185,7 +219,8 @@ TEST(SummaryJson, SaysNullForWhatARunWithoutContactOrIdealDoesNotKnow) {
   const nlohmann::ordered_json json = summary_json(Session{}, report);
 
   for (const char* key : {"force_error_rms_ratio", "min_true_energy_j", "clamp_ratio",
-                          "answered_ratio", "path_deviation_rms_m", "path_deviation_peak_m"}) {
+                          "answered_ratio", "path_deviation_rms_m", "path_deviation_peak_m",
+        "ideal_run_force_error_rms_ratio", "beyond_jnd_ratio"}) {
     EXPECT_TRUE(json[key].is_null()) << key;
   }
   for (const char* key : {"x", "y", "z", "vector", "ideal"}) {
@@ -211,6 +246,8 @@ TEST(SummaryJson, CarriesTheFiguresOfTheRun) {
   report.statistics.add(pushed, {});
   report.device.fallback_ticks = 3;
   report.device.limp_ticks = 2;
+  report.mofc.motions_suppressed = 11;
+  report.physics.interactions_suppressed = 12;
   report.simulated_s = 4.0;
   report.wall_s = 0.5;
   const nlohmann::ordered_json json = summary_json(session, report);
@@ -228,6 +265,8 @@ TEST(SummaryJson, CarriesTheFiguresOfTheRun) {
   EXPECT_EQ(json["velocity_reversals"]["excess"], 1);
   EXPECT_DOUBLE_EQ(json["path_deviation_peak_m"], 2e-3);
   EXPECT_EQ(json["fallbacks"], 5);
+  EXPECT_EQ(json["motions_suppressed"], 11);
+  EXPECT_EQ(json["interactions_suppressed"], 12);
   EXPECT_DOUBLE_EQ(json["simulated_s"], 4.0);
   EXPECT_DOUBLE_EQ(json["ticks_per_wall_s"], 8.0);  // 4 ticks in 0.5 s
 }

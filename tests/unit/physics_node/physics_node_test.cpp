@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <memory>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -45,8 +46,11 @@ SceneConfig floor_and_far_sphere() {
 }
 
 struct Bench {
-  explicit Bench(const SceneConfig& scene = floor_and_far_sphere())
-      : node(scene, clock, inbox, interactions, ticks, kPhysicsSession) {}
+  explicit Bench(const SceneConfig& scene = floor_and_far_sphere(),
+                 const std::optional<InteractionDeadband>& deadband = {},
+                 InteractionUse use = InteractionUse::kHeld)
+      : node(scene, {.interaction_deadband = deadband}, use, clock, inbox, interactions, ticks,
+             kPhysicsSession) {}
 
   void send_motion(double z_m, std::uint64_t mofc_session = 5) {
     ToolMotion motion;
@@ -225,7 +229,8 @@ TEST(PhysicsNode, LeavesARecordOfEveryStep) {
 TEST(PhysicsNode, TakesItsComputeTimeFromTheClockHandedIn) {
   Bench bench;
   BusyClock busy;
-  PhysicsNode node(floor_and_far_sphere(), busy, bench.inbox, bench.interactions, bench.ticks, 1);
+  PhysicsNode node(floor_and_far_sphere(), {}, InteractionUse::kHeld, busy, bench.inbox,
+                   bench.interactions, bench.ticks, 1);
   bench.send_motion(-0.01);
 
   const TimePoint now = busy.now();
@@ -233,6 +238,90 @@ TEST(PhysicsNode, TakesItsComputeTimeFromTheClockHandedIn) {
 
   EXPECT_EQ(bench.ticks.ticks.at(0).compute_time, Duration(7us));
   EXPECT_EQ(node.counters().worst_compute_time, Duration(7us));
+}
+
+// --- deadband of hop 3: 10 % or 0.05 N, at least every 20 ms ---------------------------------
+
+const InteractionDeadband kTenPercent{.ratio = 0.1, .floor_newton = 0.05, .keep_alive = 20ms};
+
+TEST(PhysicsNodeDeadband, SendsWhatIsOffByMoreThanItsShare) {
+  Bench bench(floor_and_far_sphere(), kTenPercent);
+  for (const double depth_mm : {10.0, 10.9, 11.1, 11.2, 12.5}) {
+    bench.send_motion(-1e-3 * depth_mm);
+    bench.step();
+  }
+
+  // 5 N; 5.45 (off by 8 % of it) is kept; 5.55 (off by 9.9 %) is kept; 5.6 (10.7 %) is sent; 6.25
+  // (10.4 %) is sent
+  const std::vector<Interaction> received = bench.received();
+  ASSERT_EQ(received.size(), 3U);
+  EXPECT_NEAR(received[1].force_on_tool_newton.z(), 5.6, 1e-12);
+  EXPECT_NEAR(received[2].force_on_tool_newton.z(), 6.25, 1e-12);
+  EXPECT_EQ(received[2].header.sequence, 2U) << "nothing looks lost";
+  EXPECT_EQ(bench.node.counters().interactions_suppressed, 2U);
+  // the record is complete
+  ASSERT_EQ(bench.ticks.ticks.size(), 5U);
+  EXPECT_EQ(bench.ticks.ticks[4].sequence, 4U);
+}
+
+// 500 N/m: 0.1 mm is 0.05 N
+TEST(PhysicsNodeDeadband, NeverSendsWhatIsOffByLessThanTheFloor) {
+  Bench bench(floor_and_far_sphere(), kTenPercent);
+  for (const double depth_mm : {0.1, 0.19}) {
+    bench.send_motion(-1e-3 * depth_mm);
+    bench.step();
+  }
+  EXPECT_EQ(bench.received().size(), 1U) << "off by 0.045 N, 47 % of it";
+  bench.send_motion(-0.21e-3);
+  bench.step();
+  EXPECT_EQ(bench.received().size(), 1U) << "off by 0.055 N";
+}
+
+TEST(PhysicsNodeDeadband, SendsTheBeginAndTheEndOfAContact) {
+  Bench bench(floor_and_far_sphere(), kTenPercent);
+  for (const double z_m : {1e-3, 1e-6, -1e-6, -2e-6, 1e-6}) {
+    bench.send_motion(z_m);
+    bench.step();
+  }
+  const std::vector<Interaction> received = bench.received();
+  ASSERT_EQ(received.size(), 3U);
+  EXPECT_EQ(received[1].contact_count, 1U);
+  EXPECT_EQ(received[2].contact_count, 0U);
+}
+
+TEST(PhysicsNodeDeadband, BreaksItsSilenceAfterTheKeepAlive) {
+  Bench bench(floor_and_far_sphere(), kTenPercent);
+  bench.send_motion(-0.01);
+  for (int k = 0; k <= 40; ++k) {
+    bench.step();
+    bench.clock.advance(1ms);
+  }
+  const std::vector<Interaction> received = bench.received();
+  ASSERT_EQ(received.size(), 3U);
+  EXPECT_EQ(received[1].header.sampled_at, TimePoint(20ms));
+  EXPECT_EQ(received[2].header.sampled_at, TimePoint(40ms));
+}
+
+TEST(PhysicsNodeDeadband, ARestartedMofcIsAnsweredAtOnce) {
+  Bench bench(floor_and_far_sphere(), kTenPercent);
+  bench.send_motion(-0.01, 5);
+  bench.step();
+  bench.next_sequence = 0;
+  bench.send_motion(-0.01, 6);
+  bench.step();
+  EXPECT_EQ(bench.received().size(), 2U);
+}
+
+// the link holds 256: what it does not take is tried again in the next step
+TEST(PhysicsNodeDeadband, WhatTheLinkDidNotTakeIsNotTakenForTold) {
+  Bench bench(floor_and_far_sphere(), kTenPercent);
+  for (int i = 0; i < 256; ++i) bench.interactions.send(Interaction{});
+  bench.send_motion(-0.01);
+  bench.step();
+  static_cast<void>(bench.received());
+  bench.step();
+  EXPECT_EQ(bench.received().size(), 1U);
+  EXPECT_EQ(bench.node.counters().interactions_suppressed, 0U);
 }
 
 TEST(PhysicsNode, StepDoesNotAllocate) {

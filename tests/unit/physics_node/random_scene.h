@@ -36,7 +36,8 @@ inline SceneConfig random_scene(Random& random, int tissues) {
         .stiffness_newton_per_m = random.uniform(5, 2000),
         .damping_newton_s_per_m = random.chance(0.3) ? 0.0 : random.uniform(0.1, 20),
         .is_damping_isotropic = random.chance(0.5),
-        .is_adhesive = random.chance(0.5)};
+        .is_adhesive = random.chance(0.5),
+        .stiffening_newton_per_m3 = random.chance(0.5) ? 0.0 : random.uniform(1e4, 1e7)};
     scene.tissues.push_back(tissue);
   }
   return scene;

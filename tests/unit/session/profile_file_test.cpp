@@ -94,6 +94,48 @@ TEST_F(ProfileFile, WhatIsWrittenIsReadWithBoundsRoundedDown) {
   EXPECT_EQ(profile.position_resolution_m, 55e-6);
 }
 
+constexpr const char* kProfilePerAxis =
+    "device { profile { viscous_newton_s_per_m: 0.04 coulomb_newton: 0.1 position_resolution_m: "
+    "2e-5 "
+    "viscous_per_axis_newton_s_per_m { x: 0.04 z: 0.06 } "
+    "coulomb_per_axis_newton { x: 0.1 y: 0.2 z: 0.3 } } }";
+
+TEST_F(ProfileFile, FrictionPerAxisIsReadAndWrittenWithBoundsRoundedDown) {
+  write(kProfilePerAxis);
+  DeviceProfile profile = load();
+  ASSERT_TRUE(profile.per_axis.has_value());
+  EXPECT_EQ(profile.per_axis->viscous_newton_s_per_m, Vector3(0.04, 0, 0.06));
+  EXPECT_EQ(profile.per_axis->coulomb_newton, Vector3(0.1, 0.2, 0.3));
+
+  profile.per_axis->viscous_newton_s_per_m = Vector3(0.0123456789, 0.5, 0.0);
+  write(profile_text(profile, {}));
+
+  EXPECT_EQ(load().per_axis->viscous_newton_s_per_m, Vector3(0.012345, 0.5, 0.0));
+}
+
+TEST_F(ProfileFile, FrictionPerAxisOfTheSessionItselfWinsAndBringsTheIsotropicOneDown) {
+  write(kProfilePerAxis);
+
+  const DeviceProfile profile =
+      load({"device.profile.viscous_per_axis_newton_s_per_m={}",
+            "device.profile.coulomb_per_axis_newton={ x: 0.3 y: 0.02 z: 0.3 }"});
+
+  EXPECT_EQ(profile.per_axis->viscous_newton_s_per_m, Vector3::Zero());
+  EXPECT_EQ(profile.per_axis->coulomb_newton, Vector3(0.3, 0.02, 0.3));
+  EXPECT_EQ(profile.coulomb_newton, 0.02);
+}
+
+TEST_F(ProfileFile, FrictionPerAxisComesWholeAndNotBelowTheIsotropicOne) {
+  EXPECT_THAT(problems("device { profile { viscous_newton_s_per_m: 0 coulomb_newton: 0.2 "
+                       "position_resolution_m: 0\n"
+                       "coulomb_per_axis_newton { x: 0.3 y: 0.1 z: 0.3 } } }"),
+              ElementsAre("x.txtpb: 2 problems",
+                          HasSubstr("device.profile.viscous_per_axis_newton_s_per_m: required "
+                                    "beside coulomb_per_axis_newton"),
+                          HasSubstr("device.profile.coulomb_newton = 0.2: must be ≤ each of "
+                                    "coulomb_per_axis_newton, here 0.1")));
+}
+
 TEST_F(ProfileFile, ProblemsAreToldWithTheirPlaces) {
   EXPECT_THAT(problems("device {\n"
                        "  profile {\n"

@@ -133,7 +133,10 @@ TEST(SessionFile, AlmostEmptySessionHasEveryDefault) {
   EXPECT_EQ(session.mofc.wait_for_physics, 0ms);
   EXPECT_EQ(session.mofc.stale_after, 6ms);
   EXPECT_EQ(session.mofc.fade, 50ms);
-  EXPECT_EQ(session.mofc.velocity_time_constant, 0ms);
+  const auto& velocity = std::get<KalmanVelocity>(session.mofc.velocity_estimator);
+  EXPECT_EQ(velocity.model, KalmanVelocity::Model::kConstantAcceleration);
+  EXPECT_EQ(velocity.noise_density, 10.0);
+  EXPECT_EQ(velocity.moving_mass_kg, 0.3);
 
   EXPECT_EQ(session.physics.rate_hz, 1000.0);
   EXPECT_EQ(session.scene.tip_radius_m, 0.0);
@@ -305,7 +308,7 @@ TEST(SessionFile, ReadsWhatHasNoDefault) {
          realtime { priority: 0 cpu: -1 }
          device { workspace { scale_ratio: 2 force_ratio: 0 offset_m { x: 1 } clutch_button: 3 } }
          hand { press { button: 3 from_s: 1 until_s: 2 } }
-         mofc { controller: none mode: paper velocity_time_constant_ms: 4 fade_ms: 9 })",
+         mofc { controller: none mode: paper fade_ms: 9 })",
       "x.txtpb");
 
   EXPECT_EQ(session.seed, 18446744073709551615u);
@@ -324,8 +327,65 @@ TEST(SessionFile, ReadsWhatHasNoDefault) {
   EXPECT_EQ(session.hand.presses[0].until_s, 2.0);
   EXPECT_EQ(session.mofc.controller, ControllerKind::kNone);
   EXPECT_EQ(session.mofc.mode, MofcMode::kPaper);
-  EXPECT_EQ(session.mofc.velocity_time_constant, 4ms);
   EXPECT_EQ(session.mofc.fade, 9ms);
+}
+
+// silence that was agreed upon: 6 periods of 1 ms and 3 keep-alives of each deadband
+TEST(SessionFile, DeadbandsAreOffUnlessGivenAndCountInStaleAfter) {
+  const Session plain = parse_session("name: 'x'", "x.txtpb");
+  EXPECT_FALSE(plain.mofc.motion_deadband.has_value());
+  EXPECT_FALSE(plain.physics.interaction_deadband.has_value());
+
+  const Session thinned = parse_session("name: 'x'", "x.txtpb", {"mofc.motion_deadband={}"});
+  ASSERT_TRUE(thinned.mofc.motion_deadband.has_value());
+  EXPECT_EQ(thinned.mofc.motion_deadband->ratio, 0.05);
+  EXPECT_EQ(thinned.mofc.motion_deadband->floor_m_per_s, 2e-3);
+  EXPECT_EQ(thinned.mofc.motion_deadband->floor_m, 1e-4);
+  EXPECT_EQ(thinned.mofc.motion_deadband->floor_rad, 0.02);
+  EXPECT_EQ(thinned.mofc.motion_deadband->keep_alive, 20ms);
+  EXPECT_EQ(thinned.mofc.stale_after, 66ms);
+
+  const Session both = parse_session(
+      "name: 'x' mofc { motion_deadband {} } physics { interaction_deadband { ratio: 0.1 "
+      "floor_newton: 0.2 keep_alive_ms: 5 } }",
+      "x.txtpb");
+  ASSERT_TRUE(both.physics.interaction_deadband.has_value());
+  EXPECT_EQ(both.physics.interaction_deadband->ratio, 0.1);
+  EXPECT_EQ(both.physics.interaction_deadband->floor_newton, 0.2);
+  EXPECT_EQ(both.physics.interaction_deadband->keep_alive, 5ms);
+  EXPECT_EQ(both.mofc.stale_after, 81ms);
+}
+
+TEST(SessionFile, ReadsEveryVelocityEstimator) {
+  const auto estimator = [](const std::string& text) {
+    return parse_session("name: 'x' mofc { velocity_estimator { " + text + " } }", "x.txtpb")
+        .mofc.velocity_estimator;
+  };
+  const auto difference =
+      std::get<DifferenceVelocity>(estimator("difference { time_constant_ms: 4 }"));
+  EXPECT_EQ(difference.time_constant, 4ms);
+
+  const auto window = std::get<AdaptiveWindowVelocity>(
+      estimator("adaptive_window { max_window_ms: 9 end_fit: true time_constant_ms: 2 }"));
+  EXPECT_EQ(window.max_window, 9ms);
+  EXPECT_FALSE(window.is_best_fit);
+  EXPECT_EQ(window.time_constant, 2ms);
+  const auto default_window = std::get<AdaptiveWindowVelocity>(estimator("adaptive_window {}"));
+  EXPECT_EQ(default_window.max_window, 20ms);
+  EXPECT_TRUE(default_window.is_best_fit);
+
+  const auto second = std::get<KalmanVelocity>(
+      estimator("kalman_velocity { acceleration_density_m2_per_s3: 0.5 moving_mass_kg: 0 }"));
+  EXPECT_EQ(second.model, KalmanVelocity::Model::kConstantVelocity);
+  EXPECT_EQ(second.noise_density, 0.5);
+  EXPECT_EQ(second.moving_mass_kg, 0.0);
+  EXPECT_EQ(std::get<KalmanVelocity>(estimator("kalman_velocity {}")).noise_density, 0.01);
+
+  const auto third = std::get<KalmanVelocity>(
+      estimator("kalman_acceleration { jerk_density_m2_per_s5: 70 moving_mass_kg: 0.1 }"));
+  EXPECT_EQ(third.model, KalmanVelocity::Model::kConstantAcceleration);
+  EXPECT_EQ(third.noise_density, 70.0);
+  EXPECT_EQ(third.moving_mass_kg, 0.1);
 }
 
 TEST(SessionFile, APointerIsLetInByItsMessageAlone) {
@@ -418,8 +478,9 @@ TEST(SessionFile, UnknownFieldsAreAllToldBeforeASyntaxError) {
 }
 
 TEST(SessionFile, FieldLikeNoOtherGetsTheListOfFields) {
-  EXPECT_THAT(complaints("name: \"x\" physics { quality: 3 }").at(1),
-              EndsWith("physics.quality: no such field; it has rate_hz"));
+  EXPECT_THAT(
+      complaints("name: \"x\" physics { quality: 3 }").at(1),
+      EndsWith("physics.quality: no such field; it has rate_hz, interaction_deadband, reach_m"));
 }
 
 TEST(SessionFile, FieldGivenTwiceIsRefused) {

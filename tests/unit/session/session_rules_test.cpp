@@ -18,7 +18,13 @@ using ::testing::StartsWith;
 constexpr const char* kSession = R"(
   name: "x"
   hand { press { until_s: 1 } }
-  scene { tissue { sphere { radius_m: 1 } kelvin_voigt { stiffness_newton_per_m: 5 } } }
+  scene {
+    tissue {
+      sphere { radius_m: 1 }
+      kelvin_voigt { stiffness_newton_per_m: 5 inclusion { radius_m: 1 stiffness_newton_per_m: 5 } }
+      motion { frequency_hz: 1 }
+    }
+  }
   faults {
     device_state  { outage { until_s: 1 } stall { until_s: 1 } freeze { until_s: 1 } }
     force_command { outage { until_s: 1 } stall { until_s: 1 } freeze { until_s: 1 } }
@@ -118,6 +124,9 @@ TEST_P(SessionRule, HoldsAtItsEdgeAndNotBeyond) {
 }
 
 const std::vector<std::string> k50Hz = {"device.rate_hz=50", "physics.rate_hz=50"};
+const char* const kPerAxis =
+    "device.profile={ viscous_per_axis_newton_s_per_m { x: 1 y: 1 z: 1 } "
+    "coulomb_per_axis_newton { x: 1 y: 1 z: 1 } }";
 const char* const kBox = "scene.tissue[0].box={ size_m { x: 1 y: 1 z: 1 } }";
 
 const Rule kRules[] = {
@@ -172,10 +181,11 @@ const Rule kRules[] = {
      "must be > mofc.wait_for_physics_ms, 15000 us",
      {"device.rate_hz=50", "mofc.wait_for_physics_ms=15"}},
     {"device.lease_us",
-     {"999", "3001"},
-     {"1000", "3000"},
-     "must be 1 … 3 periods of device.rate_hz, 1000 … 3000 us"},
-    {"device.lease_us", {"333"}, {"333.3333"}, "333.333333 … 1000 us", {"device.rate_hz=3000"}},
+     {"999", "2501"},
+     {"1000", "2500"},
+     "must be 1 … 3 periods of device.rate_hz less device.reply_us, 1000 … 2500 us"},
+    {"device.lease_us", {"333"}, {"333.3333"}, "333.333333 … 833.333333", {"device.rate_hz=3000"}},
+    {"device.lease_us", {"2101"}, {"2100"}, "1000 … 2100 us", {"device.reply_us=900"}},
     {"device.lease_us", {"0"}, {}, "must be > 0"},
     {"device.limp_after_ms", {"1.9"}, {"2"}, "must be ≥ device.lease_us, 2 ms"},
     {"device.limp_after_ms", {"0"}, {}, "must be > 0"},
@@ -190,10 +200,22 @@ const Rule kRules[] = {
     {"device.workspace.clutch_button", {"32"}, {"0", "31"}, "must be 0 … 31"},
     {"device.profile.viscous_newton_s_per_m", {"-1"}, {"0"}, "must be ≥ 0"},
     {"device.profile.coulomb_newton", {"-1"}, {"0"}, "must be ≥ 0"},
+    {"device.profile.coulomb_newton",
+     {"0.051"},
+     {"0.05"},
+     "must be ≤ each of coulomb_per_axis_newton, here 0.05",
+     {kPerAxis, "device.profile.coulomb_per_axis_newton={ x: 0.2 y: 0.05 z: 0.1 }"}},
+    {"device.profile.viscous_per_axis_newton_s_per_m.y", {"-1"}, {"0"}, "must be ≥ 0", {kPerAxis}},
+    {"device.profile.coulomb_per_axis_newton.z", {"-1"}, {"0"}, "must be ≥ 0", {kPerAxis}},
     {"device.profile.position_resolution_m", {"-1"}, {"0"}, "must be ≥ 0"},
     {"device.simulated.mass_kg", {"0", "-1"}, {"0.01"}, "must be > 0"},
     {"device.simulated.viscous_newton_s_per_m", {"-1"}, {"0"}, "must be ≥ 0"},
     {"device.simulated.coulomb_newton", {"-1"}, {"0"}, "must be ≥ 0"},
+    {"device.simulated.coulomb_per_axis_newton.x",
+     {"-1"},
+     {"0"},
+     "must be ≥ 0",
+     {"device.simulated.viscous_per_axis_newton_s_per_m={}"}},
     {"device.simulated.position_resolution_m", {"-1"}, {"0"}, "must be ≥ 0"},
     {"device.simulated.peak_force_newton", {"0"}, {"0.1"}, "must be > 0"},
     {"device.simulated.inner_step_us", {"0.9", "51"}, {"1", "50"}, "must be 1 … 50"},
@@ -244,7 +266,55 @@ const Rule kRules[] = {
     {"mofc.stale_after_ms", {"0"}, {}, "must be > 0"},
     {"mofc.stale_after_ms", {"0.9"}, {"1"}, "must be ≥ 1 period of physics.rate_hz, 1 ms"},
     {"mofc.fade_ms", {"0"}, {"0.1"}, "must be > 0"},
-    {"mofc.velocity_time_constant_ms", {"-1"}, {"0"}, "must be ≥ 0"},
+    {"mofc.velocity_estimator.difference.time_constant_ms", {"-1"}, {"0"}, "must be ≥ 0"},
+    {"mofc.velocity_estimator.adaptive_window.max_window_ms", {"0"}, {"0.1"}, "must be > 0"},
+    {"mofc.velocity_estimator.adaptive_window.time_constant_ms", {"-1"}, {"0"}, "must be ≥ 0"},
+    {"mofc.velocity_estimator.kalman_velocity.acceleration_density_m2_per_s3",
+     {"0"},
+     {"0.1"},
+     "must be > 0"},
+    {"mofc.velocity_estimator.kalman_velocity.moving_mass_kg", {"-1"}, {"0"}, "must be ≥ 0"},
+    {"mofc.velocity_estimator.kalman_acceleration.jerk_density_m2_per_s5",
+     {"0"},
+     {"0.1"},
+     "must be > 0"},
+    {"mofc.velocity_estimator.kalman_acceleration.moving_mass_kg", {"-1"}, {"0"}, "must be ≥ 0"},
+    {"mofc.motion_deadband.ratio", {"-0.1", "1.1"}, {"0", "1"}, "must be 0 … 1"},
+    {"mofc.motion_deadband.floor_m", {"-1"}, {"0"}, "must be ≥ 0"},
+    {"mofc.motion_deadband.floor_m_per_s", {"-1"}, {"0"}, "must be ≥ 0"},
+    {"mofc.motion_deadband.floor_rad", {"-1"}, {"0"}, "must be ≥ 0"},
+    {"mofc.motion_deadband.keep_alive_ms", {"0"}, {"0.1"}, "must be > 0"},
+    {"mofc.motion_deadband",
+     {"{}"},
+     {},
+     "needs mofc.wait_for_physics_ms = 0, here 1",
+     {"device.rate_hz=50", "physics.rate_hz=50", "mofc.wait_for_physics_ms=1"}},
+    {"physics.interaction_deadband.ratio", {"-0.1", "1.1"}, {"0", "1"}, "must be 0 … 1"},
+    {"physics.interaction_deadband.floor_newton", {"-1"}, {"0"}, "must be ≥ 0"},
+    {"physics.interaction_deadband.keep_alive_ms", {"0"}, {"0.1"}, "must be > 0"},
+    {"physics.interaction_deadband",
+     {"{}"},
+     {},
+     "needs mofc.wait_for_physics_ms = 0, here 1",
+     {"device.rate_hz=50", "physics.rate_hz=50", "mofc.wait_for_physics_ms=1"}},
+    {"mofc.stale_after_ms",
+     {"25"},
+     {"25.1"},
+     "must be > the keep_alive_ms of the deadbands together, 25 ms",
+     {"mofc.motion_deadband={keep_alive_ms: 10}",
+      "physics.interaction_deadband={keep_alive_ms: 15}"}},
+    // 1 kHz, 0.5 ms for the answer, a lease of 2 ms
+    {"mofc.delta_max_ms", {"0.499", "0.1"}, {"0.5"}, "must be ≥ device.reply_us, 0.5 ms"},
+    {"mofc.delta_max_ms", {"0"}, {}, "must be > 0"},
+    {"mofc.delta_max_ms",
+     {"1.001"},
+     {"1"},
+     "must be ≤ 3 periods of device.rate_hz less device.lease_us, 1 ms"},
+    {"mofc.paper_settings.friction",
+     {"isotropic"},
+     {"as_published"},
+     "the profile gives friction per axis",
+     {kPerAxis}},
     {"physics.rate_hz", {"0.9", "10001"}, {"1", "10000"}, "must be 1 … 10000"},
 
     {"scene.tool.tip_radius_m", {"-1"}, {"0"}, "must be ≥ 0"},

@@ -1,0 +1,51 @@
+// contact_model.h — the tissue near the tool, small enough to send: physics_node describes it in an
+// Interaction, mofc_node evaluates it at the device's rate, between two messages.
+//
+//   d  displacement from the reference, relative to the tissue       a  its part along n₀
+//   t  its part along the surface                                    κ  curvature in the plane of
+//   n₀, t p  penetration      n  normal      Q  turns n₀ into n            Δ  = p − p₀
+//
+// Surface. In the plane of n₀ and t it is the circle of curvature κ:
+//
+//   p = p₀ − (2a + κ (a² + |t|²)) / (1 + √((1 + κa)² + κ²|t|²))       n ∝ (1 + κa) n₀ + H t
+//
+// exact for planes, spheres and (along and across) cylinders; otherwise to second order.
+//
+// Law. f = Q [ f₀ + K (t − Δ n₀) + (c₂ Δ² + c₃ Δ³) n₀ ] + Q B Qᵀ (v − v_surface) for p > 0, else 0.
+// The part of f along n is at least 0 unless the tissue is adhesive. Exact for Kelvin–Voigt tissue
+// with cubic stiffening on these surfaces.
+#pragma once
+
+#include "common/core/messages.h"
+#include "common/core/vector.h"
+
+namespace palpate {
+
+/// What one tissue, or all of them, do to the tool at one place and velocity; W.
+struct ModelForce {
+  Vector3 force_on_tool_newton = Vector3::Zero();
+  double stored_energy_joule = 0.0;  ///< ≥ 0
+  bool is_touching = false;
+};
+
+/// The contact at a tool displaced by `displacement_m` from the reference and moving at
+/// `velocity_m_per_s`, `age_s` ≥ 0 after the reference: the surface has gone on with its velocity.
+///
+/// Beyond the trust radius the tissue is as at its edge, but never presses harder than the surface,
+/// continued, would let it: min(1, p/p_edge) of the force there, 0 once that surface is left.
+/// Finite input gives a finite force unless numbers overflow. No allocation, no throw.
+[[nodiscard]] ModelForce evaluate(const Contact& contact, const Vector3& displacement_m,
+                                  const Vector3& velocity_m_per_s, double age_s) noexcept;
+
+/// All contacts of an Interaction at a tool that is at `tool_position_world_m`. Touches that are
+/// not listed keep the force they had. Zero where it would not be finite.
+[[nodiscard]] ModelForce evaluate(const Interaction& interaction,
+                                  const Vector3& tool_position_world_m,
+                                  const Vector3& tool_velocity_world_m_per_s,
+                                  double age_s) noexcept;
+
+/// The Interaction as it is when nothing but its sum is known: the force as it was, wherever the
+/// tool goes (zero-order hold).
+[[nodiscard]] ModelForce held(const Interaction& interaction) noexcept;
+
+}  // namespace palpate

@@ -1,0 +1,51 @@
+// one_pool_clamp.h — the largest force that one pool of energy pays for.
+#pragma once
+
+#include <optional>
+
+#include "mofc_node/controllers/axis_friction.h"
+#include "mofc_node/controllers/force_controller.h"
+#include "mofc_node/controllers/mofc_equations.h"
+
+namespace palpate::controllers {
+
+/// The force asked, scaled: F = s F_e with the largest s in 0 … 1 for which T · drain(F) ≤ E′,
+/// where drain(F) is at least the power that a hand with |v| ≤ v_max draws while F acts, F·v −
+/// friction(v)·v.
+///
+/// Isotropic friction: drain(F) = drain_watt(|F|), so |F| ≤ maximum_force_newton(E′).
+///
+/// Friction per axis, with e_i = (|F_i| − f_co,i)₊:
+///
+///   drain(F) = min( Σ max_{v ≤ v_max} (e_i v − f_d,i v²) , max_{v ≤ v_max} (|e| v − f_d,min v²) )
+///
+/// The power is Σ (F_i v_i − f_co,i|v_i| − f_d,i v_i²) ≤ Σ (e_i|v_i| − f_d,i v_i²). |v| ≤ v_max has
+/// |v_i| ≤ v_max on every axis, which gives the first bound: exact while no axis gets to v_max, but
+/// the hand may be √3 v_max fast in it. Σ e_i|v_i| ≤ |e||v| and Σ f_d,i v_i² ≥ f_d,min|v|² give the
+/// second: exact where all f_d,i are equal. Both grow with s; s is found by halving, from below.
+/// No allocation, no throw.
+class OnePoolClamp {
+ public:
+  /// @param parameters  f_d and f_co are unused where there is `per_axis`
+  /// @param v_max_m_per_s  > 0, may be infinite
+  OnePoolClamp(const MofcParameters& parameters, const std::optional<AxisFriction>& per_axis,
+               double v_max_m_per_s)
+      : p_(parameters), per_axis_(per_axis), v_max_m_per_s_(v_max_m_per_s) {}
+
+  [[nodiscard]] double drain_watt(const Vector3& force_newton) const noexcept;
+
+  /// @param energy_joule  E′; below 0 counts as 0
+  /// @param gate  0 … 1: share granted of what goes beyond the force that friction alone absorbs
+  [[nodiscard]] ControlOutput clamp(const Vector3& asked_force_on_hand_newton, double energy_joule,
+                                    double gate = 1.0) const noexcept;
+
+ private:
+  [[nodiscard]] double absorbed_scale(const Vector3& force_newton) const noexcept;
+  [[nodiscard]] double paid_scale(const Vector3& force_newton, double energy_joule) const noexcept;
+
+  MofcParameters p_;
+  std::optional<AxisFriction> per_axis_;
+  double v_max_m_per_s_;
+};
+
+}  // namespace palpate::controllers

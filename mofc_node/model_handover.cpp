@@ -1,0 +1,70 @@
+#include "mofc_node/model_handover.h"
+
+#include <algorithm>
+
+namespace palpate::mofc {
+
+void ModelHandover::reset() noexcept {
+  has_model_ = false;
+  is_crossing_ = false;
+  share_ = 0.0;
+  last_step_newton_ = 0.0;
+}
+
+void ModelHandover::take(const Interaction& newest, TimePoint now, Model& model) noexcept {
+  model.interaction = newest;
+  model.loop_age_at_arrival = std::max(Duration::zero(), now - newest.device_sampled_at);
+}
+
+double ModelHandover::surface_age_s(const Model& model, TimePoint now) noexcept {
+  // physics looked at the tissue half-way round the loop, as far as anybody knows
+  const Duration age = now - model.interaction.device_sampled_at - model.loop_age_at_arrival / 2;
+  return std::max(0.0, to_seconds(age));
+}
+
+bool ModelHandover::is_same(const Model& model, const Interaction& newest) noexcept {
+  return model.interaction.header.session_id == newest.header.session_id &&
+         model.interaction.header.sequence == newest.header.sequence;
+}
+
+TimePoint ModelHandover::answered_at() const noexcept {
+  const bool is_mostly_next = is_crossing_ && (share_ > 0.5 || !has_model_);
+  return models_[is_mostly_next ? 1 - current_ : current_].interaction.device_sampled_at;
+}
+
+ModelForce ModelHandover::step(const Interaction& newest, const Vector3& tool_position_world_m,
+                               const Vector3& tool_velocity_world_m_per_s, double dt_s,
+                               TimePoint now) noexcept {
+  const auto at_tool = [&](const Model& model) {
+    return evaluate(model.interaction, tool_position_world_m, tool_velocity_world_m_per_s,
+                    surface_age_s(model, now));
+  };
+  last_step_newton_ = 0.0;
+  const ModelForce from = has_model_ ? at_tool(models_[current_]) : ModelForce{};
+  if (!is_crossing_) {
+    if (has_model_ && is_same(models_[current_], newest)) return from;
+    take(newest, now, models_[1 - current_]);
+    is_crossing_ = true;
+    share_ = 0.0;
+  }
+
+  // a step of the crossing
+  const ModelForce to = at_tool(models_[1 - current_]);
+  const Vector3 difference = to.force_on_tool_newton - from.force_on_tool_newton;
+  const double newton = difference.norm();
+  const double bound_newton = newton_per_s_ * dt_s;
+  const double share_before = share_;
+  share_ = newton > bound_newton ? std::min(1.0, share_ + bound_newton / newton) : 1.0;
+  last_step_newton_ = (share_ - share_before) * newton;
+  if (share_ >= 1.0) {
+    current_ = 1 - current_;
+    has_model_ = true;
+    is_crossing_ = false;
+    return to;
+  }
+  return {from.force_on_tool_newton + share_ * difference,
+          std::min(from.stored_energy_joule, to.stored_energy_joule),
+          from.is_touching || to.is_touching};
+}
+
+}  // namespace palpate::mofc

@@ -1,0 +1,194 @@
+// live.test.mjs: the page over the four real programs, on loopback ports, in the default session.
+// $PALPATE_BIN names the folder of the programs.
+import assert from "node:assert/strict";
+import { spawn } from "node:child_process";
+import { once } from "node:events";
+import { existsSync, mkdtempSync, rmSync } from "node:fs";
+import { createServer } from "node:net";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import { fileURLToPath } from "node:url";
+import { after, afterEach, before, test } from "node:test";
+import { hold_when, launch, open, picture, screenshot, status, until, until_pixels_change, until_text } from "./support/browser.mjs";
+
+const root = fileURLToPath(new URL("../..", import.meta.url));
+const bin = process.env.PALPATE_BIN ?? join(root, "build/release/bin");
+const kNodes = ["device", "mofc", "physics", "viewer"];
+const kLimit = {
+  timeout: 120000,
+  skip: existsSync(join(bin, "viewer_node")) ? false : `no programs in ${bin}: set PALPATE_BIN`,
+};
+
+async function free_port() {
+  const server = createServer().listen(0, "127.0.0.1");
+  await once(server, "listening");
+  const { port } = server.address();
+  server.close();
+  await once(server, "close");
+  return port;
+}
+
+/** The four programs, each its own process; what they say is shown when a test fails. */
+class Nodes {
+  static async start(settings = []) {
+    const nodes = new Nodes();
+    nodes.folder = mkdtempSync(join(tmpdir(), "palpate-web-"));
+    nodes.port = await free_port();
+    nodes.url = `http://127.0.0.1:${nodes.port}/`;
+    nodes.settings = [`viewer.web.port=${nodes.port}`, "hand.pointer={}", ...settings];
+    nodes.processes = {};
+    nodes.output = "";
+    for (const name of kNodes) nodes.run(name);
+    await nodes.serves();
+    return nodes;
+  }
+
+  run(name) {
+    const child = spawn(join(bin, `${name}_node`),
+      ["--session", join(root, "deploy/sessions/default.txtpb"), ...this.settings.flatMap((one) => ["--set", one])],
+      { env: { ...process.env, PALPATE_RUN_DIR: this.folder }, stdio: ["ignore", "pipe", "pipe"] });
+    for (const stream of [child.stdout, child.stderr]) stream.on("data", (text) => { this.output = (this.output + text).slice(-20000); });
+    this.processes[name] = child;
+  }
+
+  async kill(name) {
+    const child = this.processes[name];
+    child.kill("SIGKILL");
+    if (child.exitCode === null && child.signalCode === null) await once(child, "exit");
+  }
+
+  async serves(deadline_ms = 15000) {
+    const begin = performance.now();
+    for (;;) {
+      try {
+        if ((await fetch(`${this.url}healthz`)).ok) return;
+      } catch { /* not yet */ }
+      assert.ok(performance.now() - begin < deadline_ms, `nobody serves ${this.url}:\n${this.output}`);
+      await new Promise((resolve) => setTimeout(resolve, 50));
+    }
+  }
+
+  async stop() {
+    for (const child of Object.values(this.processes)) child.kill("SIGTERM");
+    for (const child of Object.values(this.processes)) {
+      if (child.exitCode === null && child.signalCode === null) await once(child, "exit");
+    }
+    rmSync(this.folder, { recursive: true });
+  }
+}
+
+let browser;
+let nodes;
+before(async () => { browser = await launch("patient_chromium"); });
+after(() => browser.close());
+afterEach(async () => {
+  for (const context of browser.contexts()) await context.close();
+  await nodes?.stop();
+  nodes = undefined;
+});
+
+test("the scripted hand is seen: tissue, forces, energy, ticks; the console is silent", kLimit, async () => {
+  nodes = await Nodes.start();
+  const page = await open(browser, nodes.url);
+  assert.deepEqual((await status(page)).scene.tissues.map(({ name }) => name), ["block", "inclusion"]);
+  // the path presses about every 1.4 s
+  await until(page, (t) => t.scene.tissues[0].displacement_m > 0.001 && t.asked_newton > 0.1, "a press");
+  const pressed = await picture(page);
+  await until(page, (t) => t.state.id === "free", "free motion");
+  await until_pixels_change(page, pressed, 500, "from the press to free motion");
+
+  const now = await until(page, (t) => t.now_s > 3 && t.plots.transparency[0].points > 0, "three seconds");
+  assert.ok(now.device_ticks > 2000 && now.mofc_ticks > 2000, `${now.device_ticks}, ${now.mofc_ticks}`);
+  assert.ok(now.plots.energy[1].newest > -1e-3, "true energy in mJ, not below −1 µJ");
+  assert.ok(now.plots.lateness_total > 2000);
+  assert.equal(now.unreadable, 0);
+  assert.deepEqual(page.problems, []);
+  for (const url of page.requests) assert.equal(new URL(url).host, new URL(nodes.url).host);
+});
+
+test("a drag takes the hand from its script, presses, and lets go", kLimit, async () => {
+  nodes = await Nodes.start();
+  const page = await open(browser, nodes.url);
+  await until(page, (t) => t.hand.is_allowed && t.state.id === "free" && t.tool_m.z > 0.006, "the tool above the tissue");
+  const box = await page.locator("#canvas").boundingBox();
+  const from = (await status(page)).tool_px;
+  await page.mouse.move(box.x + from.x, box.y + from.y);
+  await page.mouse.down();
+  await until(page, (t) => t.hand.is_held, "a held hand");
+  await page.mouse.move(box.x + from.x, box.y + from.y + 40, { steps: 4 });
+  await page.mouse.move(box.x + from.x, box.y + from.y + 90, { steps: 4 });
+
+  // held down, the tool stays in the tissue: no script would leave it there for two seconds
+  await until(page, (t) => t.applied_newton > 0.3 && t.hand.is_mine, "a force on the hand");
+  const pressed = await status(page);
+  await until(page, (t) => t.now_s > pressed.now_s + 2, "two seconds");
+  const still = await status(page);
+  assert.ok(still.applied_newton > 0.3 && still.state.id !== "free");
+  assert.ok(Number(await page.locator("#force-applied").innerText()) > 0.3);
+
+  await page.mouse.move(box.x + from.x, box.y + from.y - 60, { steps: 6 });
+  await until(page, (t) => t.state.id === "free" && t.applied_newton < 0.2, "free motion");
+  await page.mouse.up();
+  await until(page, (t) => !t.hand.is_mine && !t.hand.is_others, "a free hand");
+});
+
+test("a second and a third page come late and see the same scene", kLimit, async () => {
+  nodes = await Nodes.start();
+  const first = await open(browser, nodes.url);
+  const reference = (await status(first)).scene;
+  for (let late = 0; late < 2; ++late) {
+    const page = await open(browser, nodes.url, { wait: false });
+    await until(page, (t) => t.is_connected, "a connection");
+    const begin = performance.now();
+    const { scene } = await until(page, (t) => t.scene && t.device_ticks > 0, "scene and ticks");
+    assert.ok(performance.now() - begin < 1000, `after ${performance.now() - begin} ms`);
+    assert.equal(scene.signature, reference.signature);
+    assert.equal(scene.revision, reference.revision);
+    await until(page, (t) => t.scene.tissues[0].displacement_m > 0.001, "the dent");
+  }
+});
+
+for (const [name, state] of [["physics", "no_physics"], ["mofc", "no_mofc"], ["device", "no_device"]]) {
+  test(`${name}_node, killed, is reported within 2 s and found again`, kLimit, async () => {
+    nodes = await Nodes.start();
+    const page = await open(browser, nodes.url);
+    await until(page, (t) => Object.values(t.nodes).every(({ is_alive }) => is_alive), "three nodes");
+    await nodes.kill(name);
+    const killed_ms = performance.now();
+    await until(page, (t) => t.state.id === state, "the state in words", 2000);
+    await until_text(page, "banners", new RegExp(`${name}_node .* is gone: last heard`), 2000);
+    const reported_ms = performance.now() - killed_ms;
+    assert.ok(reported_ms < 2000, `after ${reported_ms} ms`);
+
+    nodes.run(name);
+    await until(page, (t) => t.nodes[name].is_alive && t.nodes[name].restarts === 1 && t.state.id !== state && t.scene, "its return", 20000);
+  });
+}
+
+test("the viewer, killed, is said to be gone and found again", kLimit, async () => {
+  nodes = await Nodes.start();
+  const page = await open(browser, nodes.url);
+  await nodes.kill("viewer");
+  await until(page, (t) => t.state.id === "disconnected", "the loss", 2000);
+  nodes.run("viewer");
+  const mesh_frames = (await status(page)).mesh_frames;
+  await until(page, (t) => t.is_connected && t.mesh_frames > mesh_frames, "the tissue, moving again", 20000);
+  assert.equal((await status(page)).unreadable, 0);
+});
+
+test("screenshots", { ...kLimit, skip: kLimit.skip || !process.env.PALPATE_SCREENSHOTS && "PALPATE_SCREENSHOTS names no folder" }, async () => {
+  nodes = await Nodes.start();
+  const views = [
+    ["viewer-light", { width: 1440, height: 900 }], ["viewer-dark", { width: 1440, height: 900, dark: true }],
+    ["viewer-phone", { width: 390, height: 844, scale: 2, touch: true }],
+  ];
+  for (const [name, options] of views) {
+    const page = await open(browser, nodes.url, options);
+    if (name === "viewer-dark") await page.getByRole("radio", { name: "Displacement" }).click();
+    await until(page, (t) => t.now_s > 10.5, "a full window", 30000);
+    await hold_when(page, 0.004, 0.8);
+    await page.waitForTimeout(400);
+    await screenshot(page, name);
+    await page.context().close();
+  }
+});

@@ -1,0 +1,105 @@
+// browser.mjs: Debian's Chromium without a display or a GPU, and waiting for events with a deadline.
+import assert from "node:assert/strict";
+import { mkdirSync } from "node:fs";
+import { join } from "node:path";
+import { fileURLToPath } from "node:url";
+import { chromium } from "playwright-core";
+import { changed_pixels, decode_png } from "./png.mjs";
+
+// WebGL on the processor; the rest keeps the browser from talking to anybody
+const kFlags = [
+  "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update",
+  "--disable-sync", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+];
+
+/** @param script  that starts the browser; patient_chromium leaves the processor to the nodes */
+export function launch(script = "chromium") {
+  return chromium.launch({ executablePath: fileURLToPath(new URL(script, import.meta.url)), args: kFlags });
+}
+
+/** A page of that server which has the scene; `problems` collects what the console complains about. */
+export async function open(browser, url, { width = 1000, height = 700, dark = false, scale = 1, touch = false, wait = true } = {}) {
+  const context = await browser.newContext({
+    viewport: { width, height }, colorScheme: dark ? "dark" : "light", deviceScaleFactor: scale, hasTouch: touch,
+  });
+  const page = await context.newPage();
+  page.problems = [];
+  page.requests = [];
+  page.on("console", (message) => {
+    if (["error", "warning"].includes(message.type()) && !is_about_graphics(message.text())) page.problems.push(message.text());
+  });
+  page.on("pageerror", (error) => page.problems.push(error.message));
+  page.on("request", (request) => page.requests.push(request.url()));
+  await page.goto(url);
+  if (wait) await until(page, (t) => t.scene && t.device_ticks > 0 && t.frames > 0, "the scene and the first ticks");
+  return page;
+}
+
+// of the graphics driver on a machine without one
+function is_about_graphics(text) {
+  return /GPU stall|GL Driver Message|swiftshader|WebGL.*performance/i.test(text);
+}
+
+export const status = (page) => page.evaluate(() => window.__test);
+
+/** Waits until the page's status fulfils the predicate; says what it waited for when it does not. */
+export async function until(page, predicate, what, deadline_ms = 10000) {
+  const begin = performance.now();
+  for (;;) {
+    const now = await status(page);
+    if (predicate(now)) return now;
+    if (performance.now() - begin > deadline_ms) {
+      assert.fail(`waited ${deadline_ms} ms for ${what}; the page says ${JSON.stringify(now)}`);
+    }
+    await page.waitForTimeout(20);
+  }
+}
+
+/** What an element says. */
+export const words = (page, id) => page.locator(`#${id}`).innerText();
+
+export async function until_text(page, id, pattern, deadline_ms = 4000) {
+  const begin = performance.now();
+  while (!pattern.test(await words(page, id))) {
+    if (performance.now() - begin > deadline_ms) assert.fail(`#${id} says “${await words(page, id)}”, not ${pattern}`);
+    await page.waitForTimeout(20);
+  }
+}
+
+/** The canvas alone, as the compositor shows it. */
+export async function picture(page, selector = "#canvas") {
+  return decode_png(await page.locator(selector).screenshot({ animations: "disabled" }));
+}
+
+/** Takes pictures until one differs in at least so many pixels from the first. */
+export async function until_pixels_change(page, before, least, what, deadline_ms = 10000) {
+  const begin = performance.now();
+  let changed = 0;
+  while (performance.now() - begin < deadline_ms) {
+    changed = changed_pixels(before, await picture(page));
+    if (changed >= least) return changed;
+  }
+  return assert.fail(`${what}: only ${changed} pixels of at least ${least} changed within ${deadline_ms} ms`);
+}
+
+/** Holds the page in an instant of contact in which tissue gave way so far and the hand feels so much; polls within the page. */
+export function hold_when(page, depth_m, newton) {
+  return page.evaluate(([depth_m, newton]) => new Promise((resolve) => {
+    const look = () => {
+      const t = window.__test;
+      const is_contact = ['contact', 'clamped'].includes(t.state.id);
+      if (!is_contact || t.scene.tissues[0].displacement_m < depth_m || t.applied_newton < newton) return void setTimeout(look, 4);
+      document.getElementById("pause").click();
+      resolve();
+    };
+    look();
+  }), [depth_m, newton]);
+}
+
+/** Into the folder $PALPATE_SCREENSHOTS, if it is set. */
+export async function screenshot(page, name) {
+  const folder = process.env.PALPATE_SCREENSHOTS;
+  if (!folder) return;
+  mkdirSync(folder, { recursive: true });
+  await page.screenshot({ path: join(folder, `${name}.png`) });
+}

@@ -1,0 +1,336 @@
+// mock_server.mjs: viewer_node's web server as the page sees it, over a made-up world: a tool that
+// presses into a block with a ball in it, 1 kHz, one bound on the force. It lets a test kill nodes,
+// stop the tissue and read what the page sent, which the real programs do not.
+//
+//   node support/mock_server.mjs [PORT]    to look at the page without any node
+import { execFileSync } from "node:child_process";
+import { createServer } from "node:http";
+import { mkdtempSync, readFileSync, rmSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import { fileURLToPath, pathToFileURL } from "node:url";
+import { WebSocketServer } from "ws";
+import { create, createFileRegistry, fromBinary, toBinary } from "../../../viewer_node/web/node_modules/@bufbuild/protobuf/dist/esm/index.js";
+import { FileDescriptorSetSchema } from "../../../viewer_node/web/node_modules/@bufbuild/protobuf/dist/esm/wkt/index.js";
+
+const root = fileURLToPath(new URL("../../..", import.meta.url));
+export const kContentSecurityPolicy =
+  "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data:; frame-ancestors 'none'; base-uri 'none'; form-action 'none'";
+
+const kTopics = {
+  "/scene_state": "palpate.v1.SceneState", "/mesh": "palpate.v1.MeshFrame", "/device": "palpate.v1.DeviceTelemetry",
+  "/mofc": "palpate.v1.MofcTelemetry", "/physics": "palpate.v1.PhysicsTelemetry", "/health": "palpate.v1.Health",
+};
+const kSessions = { device: 11n, mofc: 22n, physics: 33n };
+const kTip_m = 0.003;
+const kStiffness = [250, 1500];
+const kBound_newton = 1.1;
+const kHolderTimeout_ms = 2000;
+
+/** The descriptor set of the .proto files, as protoc makes it. */
+function descriptor_set() {
+  const folder = mkdtempSync(join(tmpdir(), "palpate-"));
+  try {
+    const files = ["scene", "telemetry", "viewer"].map((name) => `palpate/v1/${name}.proto`);
+    execFileSync("protoc", ["-I", join(root, "proto"), "--include_imports", `--descriptor_set_out=${folder}/set`, ...files]);
+    return readFileSync(`${folder}/set`);
+  } finally {
+    rmSync(folder, { recursive: true });
+  }
+}
+
+/** A box whose top has `cells` × `cells` squares; faces do not share vertices, so its edges are sharp. */
+function box(cells, size, center) {
+  const vertices = [];
+  const triangles = [];
+  const face = (n, origin, u, v) => {
+    const first = vertices.length / 3;
+    for (let j = 0; j <= n; ++j) for (let i = 0; i <= n; ++i) for (let a = 0; a < 3; ++a) vertices.push(origin[a] + (u[a] * i + v[a] * j) / n);
+    for (let j = 0; j < n; ++j) for (let i = 0; i < n; ++i) {
+      const at = first + j * (n + 1) + i;
+      triangles.push(at, at + 1, at + n + 2, at, at + n + 2, at + n + 1);
+    }
+  };
+  const [x, y, z] = size;
+  const low = center.map((c, a) => c - size[a] / 2);
+  const high = center.map((c, a) => c + size[a] / 2);
+  face(cells, [low[0], low[1], high[2]], [x, 0, 0], [0, y, 0]);
+  face(8, [low[0], high[1], low[2]], [x, 0, 0], [0, -y, 0]);
+  face(8, low, [x, 0, 0], [0, 0, z]);
+  face(8, [high[0], high[1], low[2]], [-x, 0, 0], [0, 0, z]);
+  face(8, [low[0], high[1], low[2]], [0, -y, 0], [0, 0, z]);
+  face(8, [high[0], low[1], low[2]], [0, y, 0], [0, 0, z]);
+  return { vertices: Float32Array.from(vertices), triangles: Uint32Array.from(triangles), top: (cells + 1) ** 2 };
+}
+
+function sphere(rings, radius, center) {
+  const vertices = [];
+  const triangles = [];
+  const columns = 2 * rings;
+  for (let j = 0; j <= rings; ++j) for (let i = 0; i <= columns; ++i) {
+    const polar = (Math.PI * j) / rings, azimuth = (2 * Math.PI * i) / columns;
+    vertices.push(center[0] + radius * Math.sin(polar) * Math.cos(azimuth), center[1] + radius * Math.sin(polar) * Math.sin(azimuth), center[2] + radius * Math.cos(polar));
+  }
+  for (let j = 0; j < rings; ++j) for (let i = 0; i < columns; ++i) {
+    const at = j * (columns + 1) + i;
+    triangles.push(at, at + columns + 1, at + 1, at + 1, at + columns + 1, at + columns + 2);
+  }
+  return { vertices: Float32Array.from(vertices), triangles: Uint32Array.from(triangles) };
+}
+
+const bytes_of = (array) => new Uint8Array(array.buffer, array.byteOffset, array.byteLength);
+
+/**
+ * @param options.port      0: any
+ * @param options.vertices  of the block's top, about
+ * @param options.has_pointer  whether a page may move the hand
+ */
+export async function start_mock_server({ port = 0, vertices = 2600, has_pointer = true, page = join(root, "viewer_node/web/dist") } = {}) {
+  const set = descriptor_set();
+  const registry = createFileRegistry(fromBinary(FileDescriptorSetSchema, set));
+  const schema = (name) => registry.getMessage(name);
+  const encode = (name, fields) => toBinary(schema(name), create(schema(name), fields));
+
+  const block = box(Math.max(4, Math.round(Math.sqrt(vertices)) - 1), [0.12, 0.12, 0.04], [0, 0, -0.02]);
+  const ball = sphere(20, 0.008, [0, 0, -0.009]);
+  const moved = block.vertices.slice();
+  const begin_ms = performance.now();
+  const world = {
+    alive: { device: true, mofc: true, physics: true },
+    is_silent: false, // the server is stuck; its connections stay open
+    is_still: false, // the tool rests where it is
+    dent: null, // where the tissue gives way, if not at the tool
+    targets: [], // every HandTarget received
+    holder: 0,
+    tool: { x: -0.012, y: 0, z: 0.015 },
+    refused: 0,
+    mesh_frames: 0,
+  };
+  let target = null; // D = W here
+  let held_ms = -Infinity;
+  let next_client = 1;
+  const sequences = { device: 0n, mofc: 0n, physics: 0n };
+  let tick = 0n;
+  let energy = 0;
+  let transparency_sum = 0;
+  let transparency_samples = 0n;
+  let clamped_ticks = 0n;
+  let contact_ticks = 0n;
+
+  const header = (node) => ({
+    protocolMajor: 1, sessionId: kSessions[node], sequence: sequences[node]++,
+    sampledAtNs: BigInt(Math.round(1e6 * performance.now())),
+  });
+
+  function scene_state() {
+    return encode("palpate.v1.SceneState", {
+      header: { protocolMajor: 1, sessionId: kSessions.physics, sequence: 0n, sampledAtNs: 0n },
+      revision: 1n, sessionName: "mock", sessionText: 'name: "mock"', controller: "mofc guard",
+      deviceRateHz: 1000, physicsRateHz: 1000, peakForceNewton: 3.3, tipRadiusM: kTip_m, workspaceScaleRatio: 1,
+      tissues: [
+        { name: "block", shape: 3, verticesM: bytes_of(block.vertices), triangles: bytes_of(block.triangles), stiffnessNewtonPerM: kStiffness[0], dampingNewtonSPerM: 1 },
+        { name: "inclusion", shape: 2, verticesM: bytes_of(ball.vertices), triangles: bytes_of(ball.triangles), stiffnessNewtonPerM: kStiffness[1], dampingNewtonSPerM: 60 },
+      ],
+      ...(has_pointer ? { pointer: { centerM: { x: 0, y: 0, z: 0 }, reachM: 0.09, speedMPerS: 0.25, holderTimeoutNs: BigInt(kHolderTimeout_ms) * 1000000n } } : {}),
+    });
+  }
+
+  function mesh_frame() {
+    const { x, y, z } = world.dent ?? world.tool;
+    const depth = Math.max(0, kTip_m - z);
+    const width = 0.011;
+    const v = moved;
+    for (let i = 0; i < block.top; ++i) {
+      const dx = block.vertices[3 * i] - x, dy = block.vertices[3 * i + 1] - y;
+      v[3 * i + 2] = block.vertices[3 * i + 2] - depth * Math.exp(-(dx * dx + dy * dy) / (width * width));
+    }
+    return encode("palpate.v1.MeshFrame", {
+      header: { protocolMajor: 1, sessionId: kSessions.physics, sequence: 0n, sampledAtNs: 0n },
+      sceneRevision: 1n, tissue: 0, firstVertex: 0, verticesM: bytes_of(v.subarray(0, 3 * block.top)), deviceSequence: tick,
+    });
+  }
+
+  function force_at({ x, y, z }) {
+    const depth = Math.max(0, kTip_m - z);
+    const over_ball = Math.exp(-(x * x + y * y) / 0.008 ** 2);
+    return depth * kStiffness[0] + Math.max(0, depth - 0.001) * kStiffness[1] * over_ball;
+  }
+
+  const counters = (fields = {}) => ({ accepted: tick, skipped: 0n, duplicates: 0n, outOfOrder: 0n, rejected: 0n, sessions: 1n, ...fields });
+  const loop = () => ({ ticks: tick, skippedTicks: 0n, worstLatenessNs: 412000n });
+
+  // 20 ticks, as the nodes would send them
+  function step() {
+    const rows = 20;
+    const device = { seq: [], at: [], late: [], reply: [], hand: [], tool: [], force: [], guard: [], flags: [], energy: [] };
+    const mofc = { session: [], seq: [], at: [], asked: [], commanded: [], bound: [], ledger: [], age: [], state: [], flags: [] };
+    for (let i = 0; i < rows; ++i) {
+      const t = Number(tick) * 1e-3;
+      if (target) {
+        const limit = 0.25e-3; // m per tick
+        for (const a of ["x", "y", "z"]) {
+          const goal = a === "z" ? Math.max(target.z, target.z * 0.35) : target[a];
+          world.tool[a] += Math.max(-limit, Math.min(limit, goal - world.tool[a]));
+        }
+      } else if (!world.is_still) {
+        world.tool = { x: 0.014 * Math.sin(0.5 * t - 0.9), y: 0.004 * Math.sin(0.3 * t), z: 0.0045 + 0.0095 * Math.cos(4.2 * t) };
+      }
+      const asked = force_at(world.tool);
+      const bound = kBound_newton + 0.25 * Math.sin(0.9 * t);
+      const applied = world.alive.mofc && world.alive.physics ? Math.min(asked, bound) : 0;
+      const is_clamped = asked > bound;
+      energy = 0.9999 * energy + 1e-6 * applied;
+      if (asked > 0.05) {
+        transparency_sum += applied / asked;
+        transparency_samples += 1n;
+      }
+      if (is_clamped) clamped_ticks += 1n;
+      if (asked > 0) contact_ticks += 1n;
+      const at = BigInt(Math.round(1e6 * begin_ms)) + tick * 1000000n;
+      const vector = (z) => [0, 0, z];
+      const tool = [world.tool.x, world.tool.y, world.tool.z];
+      const wobble = Math.abs(Math.sin(12.9898 * Number(tick)) * 43758.5453) % 1;
+      device.seq.push(tick); device.at.push(at);
+      device.late.push(BigInt(Math.round(8000 / (1.003 - wobble)))); device.reply.push(BigInt(Math.round(55000 + 12000 / (1.01 - wobble))));
+      device.hand.push(...tool); device.tool.push(...tool); device.force.push(...vector(applied));
+      device.guard.push(world.alive.mofc ? 1 : 0); device.flags.push(world.alive.mofc ? 1 : 0); device.energy.push(0.8 * energy);
+      mofc.session.push(kSessions.device); mofc.seq.push(tick); mofc.at.push(at);
+      mofc.asked.push(...vector(world.alive.physics ? asked : 0)); mofc.commanded.push(...vector(applied)); mofc.bound.push(bound, bound, bound);
+      mofc.ledger.push(energy + 2e-4); mofc.age.push(BigInt(Math.round(1.4e6 + 6e5 * wobble)));
+      mofc.state.push(world.alive.physics ? (asked > 0 ? 2 : 1) : 0); mofc.flags.push((is_clamped ? 1 : 0) | (asked > 0 ? 2 : 0));
+      tick += 1n;
+    }
+    if (performance.now() - held_ms > kHolderTimeout_ms) world.holder = 0;
+    if (world.alive.device) send_all("/device", encode("palpate.v1.DeviceTelemetry", {
+      header: header("device"),
+      counters: { loop: loop(), forceCommand: counters(), answeredTicks: tick, maxForceNewton: 1.35, minimumTrueEnergyJoule: 0 },
+      sequence: device.seq, sampledAtNs: device.at, switchedAtNs: device.at, latenessNs: device.late, replyTimeNs: device.reply,
+      measuredHandPositionM: device.hand, measuredToolPositionWorldM: device.tool, forceOnHandNewton: device.force, guard: device.guard, flags: device.flags,
+      trueToolPositionWorldM: device.tool, trueToolVelocityWorldMPerS: device.tool, trueEnergyJoule: device.energy, minimumTrueEnergyJoule: device.energy,
+    }));
+    if (world.alive.mofc && world.alive.device) send_all("/mofc", encode("palpate.v1.MofcTelemetry", {
+      header: header("mofc"),
+      counters: {
+        deviceState: counters(), interaction: counters(), ticks: tick, contactTicks: contact_ticks, clampedTicks: clamped_ticks,
+        transparencySum: transparency_sum, transparencySamples: transparency_samples,
+      },
+      deviceSessionId: mofc.session, deviceSequence: mofc.seq, deviceSampledAtNs: mofc.at, askedForceOnHandNewton: mofc.asked,
+      commandedForceOnHandNewton: mofc.commanded, fMaxNewton: mofc.bound, ledgerEnergyJoule: mofc.ledger, forceAgeNs: mofc.age, state: mofc.state, flags: mofc.flags,
+    }));
+    if (world.alive.physics) send_all("/physics", encode("palpate.v1.PhysicsTelemetry", {
+      header: header("physics"), counters: { loop: loop(), toolMotion: counters({ skipped: 12n }), worstComputeTimeNs: 90000n },
+    }));
+  }
+
+  const heard_ms = { device: performance.now(), mofc: performance.now(), physics: performance.now() };
+  function health() {
+    for (const name of Object.keys(heard_ms)) if (world.alive[name]) heard_ms[name] = performance.now();
+    const silence_s = (name) => 1e-3 * (performance.now() - heard_ms[name]);
+    return encode("palpate.v1.Health", {
+      nodes: Object.keys(heard_ms).map((name) => ({ name, isHeard: silence_s(name) < 1, silenceS: silence_s(name), sessions: 1n })),
+      clients: sockets.clients.size, handHolder: BigInt(world.holder), version: "mock",
+    });
+  }
+
+  // ---- HTTP and WebSocket
+  const types = { "/": ["index.html", "text/html; charset=utf-8"], "/app.js": ["app.js", "text/javascript"], "/app.css": ["app.css", "text/css"] };
+  const http = createServer((request, response) => {
+    const entry = types[new URL(request.url, "http://x").pathname];
+    if (!entry) {
+      response.writeHead(404).end();
+      return;
+    }
+    response.writeHead(200, { "Content-Type": entry[1], "Content-Security-Policy": kContentSecurityPolicy, "X-Content-Type-Options": "nosniff" });
+    response.end(readFileSync(join(page, entry[0])));
+  });
+  const sockets = new WebSocketServer({ server: http, handleProtocols: (offered) => ["foxglove.websocket.v1", "foxglove.sdk.v1"].find((name) => offered.has(name)) ?? false });
+
+  function send(socket, topic, payload) {
+    if (world.is_silent) return;
+    const subscription = socket.subscriptions.get(topic);
+    if (subscription === undefined || socket.bufferedAmount > 4e6) return;
+    const frame = Buffer.alloc(13 + payload.length);
+    frame[0] = 1;
+    frame.writeUInt32LE(subscription, 1);
+    frame.writeBigUInt64LE(BigInt(Date.now()) * 1000000n, 5);
+    frame.set(payload, 13);
+    socket.send(frame);
+  }
+  function send_all(topic, payload) {
+    for (const socket of sockets.clients) send(socket, topic, payload);
+  }
+
+  sockets.on("connection", (socket) => {
+    const topics = Object.keys(kTopics);
+    socket.subscriptions = new Map();
+    socket.client_id = next_client++;
+    socket.published = new Map();
+    socket.send(JSON.stringify({
+      op: "serverInfo", name: "mock", capabilities: has_pointer ? ["clientPublish"] : [], supportedEncodings: ["protobuf"],
+      sessionId: String(begin_ms), metadata: { client_id: String(socket.client_id), session: "mock" },
+    }));
+    socket.send(JSON.stringify({
+      op: "advertise",
+      channels: topics.map((topic, i) => ({ id: i + 1, topic, encoding: "protobuf", schemaName: kTopics[topic], schemaEncoding: "protobuf", schema: set.toString("base64") })),
+    }));
+    socket.on("message", (data, is_binary) => {
+      if (!is_binary) {
+        const message = JSON.parse(data.toString());
+        if (message.op === "subscribe") {
+          for (const { id, channelId } of message.subscriptions) {
+            const topic = topics[channelId - 1];
+            socket.subscriptions.set(topic, id);
+            if (topic === "/scene_state" && world.alive.physics) send(socket, topic, scene_state());
+            if (topic === "/mesh" && world.alive.physics) send(socket, topic, mesh_frame());
+          }
+        } else if (message.op === "advertise") {
+          for (const channel of message.channels) socket.published.set(channel.id, channel.schemaName);
+        }
+        return;
+      }
+      if (data[0] !== 1 || socket.published.get(data.readUInt32LE(1)) !== "palpate.v1.HandTarget") throw new Error("not a HandTarget");
+      const message = fromBinary(schema("palpate.v1.HandTarget"), data.subarray(5));
+      if (world.holder !== 0 && world.holder !== socket.client_id) {
+        world.refused += 1;
+        return;
+      }
+      world.holder = message.isReleased ? 0 : socket.client_id;
+      held_ms = performance.now();
+      target = message.handPositionM;
+      world.targets.push({ client: socket.client_id, ...target, is_released: message.isReleased, at_ms: held_ms });
+    });
+    socket.on("close", () => {
+      if (world.holder === socket.client_id) world.holder = 0;
+    });
+  });
+
+  await new Promise((resolve) => http.listen(port, "127.0.0.1", resolve));
+  const timers = [
+    setInterval(() => {
+      // as many batches as are due, whatever the timer does
+      while (Number(tick) < performance.now() - begin_ms) step();
+    }, 20),
+    setInterval(() => {
+      if (!world.alive.physics) return;
+      world.mesh_frames += 1;
+      send_all("/mesh", mesh_frame());
+    }, 33),
+    setInterval(() => send_all("/health", health()), 200),
+  ];
+  return {
+    world,
+    url: `http://127.0.0.1:${http.address().port}/`,
+    cut: () => { for (const socket of sockets.clients) socket.terminate(); },
+    close: () => new Promise((resolve) => {
+      timers.forEach(clearInterval);
+      for (const socket of sockets.clients) socket.terminate();
+      http.close(resolve);
+      http.closeAllConnections?.();
+    }),
+  };
+}
+
+if (process.argv[1] && import.meta.url === pathToFileURL(process.argv[1]).href) {
+  const server = await start_mock_server({ port: Number(process.argv[2] ?? 8765), vertices: Number(process.argv[3] ?? 2600) });
+  console.log(server.url);
+}

@@ -1,0 +1,84 @@
+import assert from "node:assert/strict";
+import test from "node:test";
+import { round_up, table_row } from "../../../viewer_node/web/src/colours";
+import { scene_signature, Surface } from "../../../viewer_node/web/src/surface";
+import type { MeshFrame, TissueSurface } from "../../../viewer_node/web/src/wire";
+
+const bytes_of = (array: Float32Array | Uint32Array) => new Uint8Array(array.buffer);
+
+// at an odd offset, as in a WebSocket frame
+function misaligned(array: Float32Array | Uint32Array): Uint8Array {
+  const whole = new Uint8Array(array.byteLength + 13);
+  whole.set(bytes_of(array), 13);
+  return whole.subarray(13);
+}
+
+// two triangles: the unit square in z = 0, counter-clockwise seen from above
+function square(more: Partial<TissueSurface> = {}): TissueSurface {
+  return {
+    name: "square", shape: 3,
+    verticesM: misaligned(Float32Array.of(0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0)),
+    triangles: misaligned(Uint32Array.of(0, 1, 2, 0, 2, 3)),
+    vertexStiffnessNewtonPerM: new Uint8Array(), stiffnessNewtonPerM: 250, dampingNewtonSPerM: 1, ...more,
+  };
+}
+function frame(firstVertex: number, vertices: number[]): MeshFrame {
+  return {
+    header: { sessionId: 1n, sequence: 0n, sampledAtNs: 0n }, sceneRevision: 1n, tissue: 0, firstVertex,
+    verticesM: misaligned(Float32Array.from(vertices)), deviceSequence: 0n,
+  };
+}
+
+test("a surface at rest: normals point outwards, nothing is displaced", () => {
+  const surface = new Surface(square());
+
+  assert.equal(surface.vertex_count, 4);
+  assert.deepEqual([...surface.normal.slice(0, 3)], [0, 0, 1]);
+  assert.deepEqual([...surface.displacement_m], [0, 0, 0, 0]);
+  assert.deepEqual([...surface.stiffness], [250, 250, 250, 250]);
+});
+
+test("a frame moves its range of vertices and no other", () => {
+  const surface = new Surface(square());
+
+  assert.ok(surface.take(frame(1, [1, 0, -0.3, 1, 1, -0.4])));
+
+  assert.deepEqual([...surface.position.slice(0, 3)], [0, 0, 0]);
+  assert.ok(Math.abs(surface.displacement_m[1] - 0.3) < 1e-7);
+  assert.ok(Math.abs(surface.max_displacement_m - 0.4) < 1e-7);
+  assert.ok(surface.normal[0] > 0); // it slopes down towards +x
+});
+
+test("a frame beyond the surface is refused and changes nothing", () => {
+  const surface = new Surface(square());
+
+  assert.equal(surface.take(frame(3, [0, 0, 9, 0, 0, 9])), false);
+  assert.deepEqual([...surface.position], [...surface.rest]);
+});
+
+test("broken arrays are refused with the tissue’s name", () => {
+  assert.throws(() => new Surface(square({ triangles: bytes_of(Uint32Array.of(0, 1, 4)) })), /square: a triangle names vertex 4 of 4/);
+  assert.throws(() => new Surface(square({ verticesM: bytes_of(Float32Array.of(0, 1)) })), /not triples/);
+  assert.throws(() => new Surface(square({ verticesM: new Uint8Array(7) })));
+});
+
+test("a surface without triangles is points", () => {
+  assert.ok(new Surface(square({ triangles: new Uint8Array() })).is_points);
+});
+
+test("the signature is that of the geometry", () => {
+  const signature = scene_signature([new Surface(square())]);
+
+  assert.equal(scene_signature([new Surface(square({ name: "other" }))]), signature);
+  const moved = square({ verticesM: bytes_of(Float32Array.of(0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 1e-6)) });
+  assert.notEqual(scene_signature([new Surface(moved)]), signature);
+});
+
+test("scales end on 1, 2 or 5 times a power of ten", () => {
+  assert.equal(round_up(0.0031), 0.005);
+  assert.equal(round_up(0.001), 0.001);
+  assert.equal(round_up(7), 10);
+  assert.equal(table_row(0.5, 0, 1), 128);
+  assert.equal(table_row(9, 0, 1), 255);
+  assert.equal(table_row(3, 3, 3), 128); // one stiffness everywhere
+});

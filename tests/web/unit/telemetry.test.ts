@@ -1,0 +1,212 @@
+import assert from "node:assert/strict";
+import test from "node:test";
+import { state_words, duration_words, time_words } from "../../../viewer_node/web/src/state";
+import {
+  bin_of, kAskedNorm, kBoundNorm, kForceAge, kForceNorm, kLatenessBins, kReplyTime, kTransparency, Telemetry,
+} from "../../../viewer_node/web/src/telemetry";
+import type { DeviceTelemetry, Health, MofcTelemetry, PhysicsTelemetry } from "../../../viewer_node/web/src/wire";
+
+const kDevice = 11n;
+const repeat = <T>(n: number, value: T): T[] => Array.from({ length: n }, () => value);
+const link = { accepted: 0n, skipped: 0n, duplicates: 0n, outOfOrder: 0n, rejected: 0n, sessions: 1n };
+
+// ticks first … first + rows − 1, one a millisecond
+function device(sequence: number, first: number, rows: number, more: Partial<DeviceTelemetry> = {}, session = kDevice): DeviceTelemetry {
+  return {
+    header: { sessionId: session, sequence: BigInt(sequence), sampledAtNs: 0n },
+    counters: {
+      loop: { ticks: BigInt(first + rows), skippedTicks: 0n, worstLatenessNs: 0n }, forceCommand: link,
+      answeredTicks: 0n, leasedTicks: 0n, fallbackTicks: 0n, limpTicks: 0n, peakLimitedTicks: 0n, faultTicks: 0n,
+      lastFault: 0, maxForceNewton: 0, minimumTrueEnergyJoule: NaN, nonFiniteCommands: 0n,
+    },
+    recordsLost: 0n,
+    sampledAtNs: Array.from({ length: rows }, (_, i) => BigInt(first + i) * 1000000n + 5000000000n),
+    latenessNs: repeat(rows, 20000n), replyTimeNs: repeat(rows, 60000n),
+    measuredHandPositionM: repeat(3 * rows, 0), measuredToolPositionWorldM: repeat(3 * rows, 0.01),
+    forceOnHandNewton: Array.from({ length: 3 * rows }, (_, i) => [3, 0, 4][i % 3]), // |F| = 5
+    guard: repeat(rows, 1), flags: repeat(rows, 1), trueEnergyJoule: repeat(rows, NaN),
+    ...more,
+  };
+}
+function mofc(sequence: number, first: number, rows: number, more: Partial<MofcTelemetry> = {}): MofcTelemetry {
+  return {
+    header: { sessionId: 22n, sequence: BigInt(sequence), sampledAtNs: 0n },
+    counters: {
+      deviceState: link, interaction: link, ticks: BigInt(first + rows), clampedTicks: 0n, staleTicks: 0n,
+      latePhysicsTicks: 0n, ledgerResets: 0n, motionsDropped: 0n, transparencySum: 0, transparencySamples: 0n, tooFastTicks: 0n,
+    },
+    recordsLost: 0n,
+    deviceSessionId: repeat(rows, kDevice),
+    deviceSampledAtNs: Array.from({ length: rows }, (_, i) => BigInt(first + i) * 1000000n + 5000000000n),
+    askedForceOnHandNewton: Array.from({ length: 3 * rows }, (_, i) => [0, 0, 10][i % 3]),
+    commandedForceOnHandNewton: repeat(3 * rows, 0), fMaxNewton: repeat(3 * rows, 6),
+    ledgerEnergyJoule: repeat(rows, 0.001), forceAgeNs: repeat(rows, 2000000n), state: repeat(rows, 2), flags: repeat(rows, 2),
+    ...more,
+  };
+}
+function physics(sequence: number): PhysicsTelemetry {
+  return {
+    header: { sessionId: 33n, sequence: BigInt(sequence), sampledAtNs: 0n },
+    counters: { loop: { ticks: 0n, skippedTicks: 0n, worstLatenessNs: 0n }, toolMotion: link, worstComputeTimeNs: 0n },
+    recordsLost: 0n, steppedAtNs: [], toolPositionWorldM: [], contactCount: [],
+  };
+}
+function running(now_s = 1): Telemetry {
+  const telemetry = new Telemetry();
+  telemetry.take_device(device(0, 0, 20), now_s);
+  telemetry.take_mofc(mofc(0, 0, 20), now_s);
+  telemetry.take_physics(physics(0), now_s);
+  return telemetry;
+}
+
+test("both nodes’ ticks share the device’s clock", () => {
+  const telemetry = new Telemetry();
+  telemetry.take_device(device(0, 100, 20), 1);
+  telemetry.take_mofc(mofc(0, 100, 20), 1);
+
+  assert.equal(telemetry.device.length, 20);
+  assert.equal(telemetry.device.time_s(0), 0);
+  assert.ok(Math.abs(telemetry.mofc.time_s(19) - 0.019) < 1e-12);
+  assert.equal(telemetry.device.value(kForceNorm, 19), 5);
+  assert.equal(telemetry.mofc.value(kAskedNorm, 19), 10);
+  assert.equal(telemetry.mofc.value(kBoundNorm, 19), 6); // one bound for all axes
+});
+
+test("bounds of the axes bound the force by their norm", () => {
+  const telemetry = running();
+  telemetry.take_mofc(mofc(1, 20, 1, { fMaxNewton: [2, 3, 6] }), 1);
+
+  assert.equal(telemetry.mofc.value(kBoundNorm, 20), 7);
+});
+
+test("batches that never came are counted, and a restart is no loss", () => {
+  const telemetry = running();
+  telemetry.take_device(device(4, 80, 20), 1.1); // 1, 2, 3 are missing
+  assert.equal(telemetry.nodes.device.batches_lost, 3);
+
+  telemetry.take_device(device(0, 0, 20, {}, 12n), 1.2);
+  assert.equal(telemetry.nodes.device.batches_lost, 3);
+  assert.equal(telemetry.nodes.device.restarts, 1);
+  assert.equal(telemetry.device.length, 20); // another clock: the old ticks are gone
+});
+
+test("ticks of another device session are left out", () => {
+  const telemetry = running();
+  telemetry.take_mofc(mofc(1, 20, 5, { deviceSessionId: repeat(5, 99n) }), 1);
+
+  assert.equal(telemetry.mofc.length, 20);
+});
+
+test("a batch with columns of different length is refused whole", () => {
+  const telemetry = running();
+
+  assert.throws(() => telemetry.take_device(device(1, 20, 20, { guard: [1] }), 1), /columns/);
+  assert.equal(telemetry.device.length, 20);
+});
+
+test("reply time and age are unknown where there was no answer", () => {
+  const telemetry = running();
+  telemetry.take_device(device(1, 20, 1, { flags: [0] }), 1);
+  telemetry.take_mofc(mofc(1, 20, 1, { forceAgeNs: [0n] }), 1);
+
+  assert.ok(Number.isNaN(telemetry.device.value(kReplyTime, 20)));
+  assert.ok(Number.isNaN(telemetry.mofc.value(kForceAge, 20)));
+});
+
+test("transparency runs over the last second", () => {
+  const telemetry = new Telemetry();
+  telemetry.take_device(device(0, 0, 1), 1);
+  const at = (sequence: number, tick: number, sum: number, samples: bigint) => {
+    const batch = mofc(sequence, tick, 1);
+    batch.counters.transparencySum = sum;
+    batch.counters.transparencySamples = samples;
+    telemetry.take_mofc(batch, 1);
+  };
+  at(0, 0, 100, 100n); // all of the force so far
+  at(1, 500, 150, 200n); // 50 of 100 since
+  at(2, 1400, 160, 300n); // of the last second only 10 of 100
+  at(3, 1420, 160, 300n); // nothing asked: still within the second
+
+  assert.equal(telemetry.batches.value(kTransparency, 1), 0.5);
+  assert.ok(Math.abs(telemetry.batches.value(kTransparency, 2) - 0.1) < 1e-6);
+  assert.ok(Math.abs(telemetry.transparency - 160 / 300) < 1e-12);
+});
+
+test("transparency of the last second is exact after months of contact", () => {
+  const telemetry = new Telemetry();
+  telemetry.take_device(device(0, 0, 1), 1);
+  const months = 5e9; // ticks at 1 kHz, far beyond 24 bits
+  const at = (sequence: number, tick: number, sum: number, samples: bigint) => {
+    const batch = mofc(sequence, tick, 1);
+    batch.counters.transparencySum = sum;
+    batch.counters.transparencySamples = samples;
+    telemetry.take_mofc(batch, 1);
+  };
+  at(0, 0, months, BigInt(months));
+  at(1, 500, months + 25, BigInt(months) + 100n);
+
+  assert.equal(telemetry.batches.value(kTransparency, 1), 0.25);
+});
+
+test("a node is gone after its silence, and said so in words", () => {
+  const telemetry = running(1);
+
+  assert.equal(state_words(telemetry, true, 1.5).id, "contact");
+  telemetry.take_device(device(1, 20, 20), 3);
+  telemetry.take_mofc(mofc(1, 20, 20), 3);
+  assert.equal(state_words(telemetry, true, 3).id, "no_physics"); // physics: silent for 2 s
+  assert.equal(state_words(telemetry, true, 6).id, "no_device");
+  assert.equal(state_words(telemetry, false, 3).id, "disconnected");
+});
+
+test("a node that died before the page came is known from the server", () => {
+  const telemetry = new Telemetry();
+  const node = { sessions: 1n, batchesLost: 0n, recordsLost: 0n };
+  telemetry.take_health({
+    nodes: [{ ...node, name: "physics", isHeard: false, silenceS: 30 }, { ...node, name: "mofc", isHeard: false, silenceS: -1 }],
+  } as unknown as Health, 100);
+
+  assert.equal(telemetry.nodes.physics.silence_s(100), 30);
+  assert.ok(Number.isNaN(telemetry.nodes.mofc.heard_s)); // never heard by anybody
+});
+
+test("each state has its words", () => {
+  const state = (device_more: Partial<DeviceTelemetry>, mofc_more: Partial<MofcTelemetry>) => {
+    const telemetry = running();
+    telemetry.take_device(device(1, 20, 1, device_more), 1);
+    telemetry.take_mofc(mofc(1, 20, 1, mofc_more), 1);
+    return state_words(telemetry, true, 1).id;
+  };
+
+  assert.equal(state({}, {}), "contact");
+  assert.equal(state({}, { flags: [3] }), "clamped");
+  assert.equal(state({}, { state: [1], flags: [0] }), "free");
+  assert.equal(state({}, { state: [0] }), "no_physics");
+  assert.equal(state({}, { state: [3] }), "stale");
+  assert.equal(state({}, { state: [4] }), "clutched");
+  assert.equal(state({ guard: [0] }, {}), "limp");
+  assert.equal(state({ guard: [3] }, {}), "fallback");
+  assert.equal(state({ guard: [5] }, {}), "fault");
+});
+
+test("lateness falls into bins of a fifth of a decade from 1 µs to 100 ms", () => {
+  assert.equal(bin_of(kLatenessBins, -1e-6), 0);
+  assert.equal(bin_of(kLatenessBins, 1e-6), 0);
+  assert.equal(bin_of(kLatenessBins, 1.1e-6), 1);
+  assert.equal(bin_of(kLatenessBins, 0.99e-3), 15);
+  assert.equal(bin_of(kLatenessBins, 5), 25);
+
+  const telemetry = running();
+  const counts: number[] = [];
+  telemetry.count_lateness(0.019, 10, kLatenessBins, counts);
+  assert.equal(counts[bin_of(kLatenessBins, 20e-6)], 20);
+});
+
+test("durations read easily", () => {
+  assert.equal(duration_words(0.44), "0.4 s");
+  assert.equal(duration_words(12.4), "12 s");
+  assert.equal(duration_words(200), "3 min");
+  assert.equal(time_words(62e-6), "62 µs");
+  assert.equal(time_words(1.25e-3), "1.3 ms");
+  assert.equal(time_words(NaN), "–");
+});

@@ -1,0 +1,40 @@
+// build.mjs: src/ → dist/index.html, dist/app.js, dist/app.css: all that the page consists of.
+import { build } from "esbuild";
+import { copyFile, mkdir, readFile, rm } from "node:fs/promises";
+import { gzipSync } from "node:zlib";
+import { fileURLToPath } from "node:url";
+
+process.chdir(fileURLToPath(new URL(".", import.meta.url)));
+const out = process.argv[2] ?? "dist";
+
+// what the licences of bundled code ask for
+const licence_of = async (name) => `${name}\n\n${(await readFile(`node_modules/${name}/LICENSE`, "utf8")).trim()}`;
+const varint = await readFile("node_modules/@bufbuild/protobuf/dist/esm/wire/varint.js", "utf8");
+const bsd = varint.match(/^(\/\/.*\n)+/)[0].replaceAll(/^\/\/ ?/gm, "").trim();
+const licences = "/*! Bundled code and its licences:\n\n" + [
+  await licence_of("three"),
+  await licence_of("uplot"),
+  "@bufbuild/protobuf\n\nCopyright 2021-2026 Buf Technologies, Inc. Apache License 2.0, https://www.apache.org/licenses/LICENSE-2.0; in it:",
+  bsd,
+].join("\n\n") + "\n*/";
+
+await rm(out, { recursive: true, force: true });
+await mkdir(out, { recursive: true });
+await build({
+  entryPoints: { app: "src/main.ts" },
+  bundle: true,
+  format: "esm",
+  target: "es2022",
+  minify: true,
+  legalComments: "none",
+  footer: { js: licences },
+  outdir: out,
+  logLevel: "warning",
+});
+await copyFile("src/index.html", `${out}/index.html`);
+
+for (const file of ["index.html", "app.css", "app.js"]) {
+  const bytes = await readFile(`${out}/${file}`);
+  const kilobytes = (n) => (n / 1000).toFixed(1).padStart(6);
+  console.log(`${file.padEnd(10)} ${kilobytes(bytes.length)} kB, ${kilobytes(gzipSync(bytes, { level: 9 }).length)} kB gzip`);
+}

@@ -1,0 +1,195 @@
+// foxglove.ts: a client of the Foxglove WebSocket protocol, version 1, for protobuf channels. The
+// schemas come with the channels, so nothing is generated. Connects again by itself.
+import {
+  createFileRegistry, fromBinary, toBinary, create,
+  type DescMessage, type FileRegistry, type Message,
+} from "@bufbuild/protobuf";
+import { FileDescriptorSetSchema } from "@bufbuild/protobuf/wkt";
+import { base64Decode } from "@bufbuild/protobuf/wire";
+
+export const kSubprotocols = ["foxglove.websocket.v1", "foxglove.sdk.v1"];
+const kFirstRetry_ms = 250;
+const kLastRetry_ms = 2000;
+const kDataOpcode = 1;
+const kDataHeaderBytes = 13; // opcode, uint32 subscription, uint64 time
+
+interface Channel {
+  id: number;
+  topic: string;
+  encoding: string;
+  schemaName: string;
+  schema: string;
+  schemaEncoding?: string;
+}
+interface Subscription {
+  topic: string;
+  schema: DescMessage;
+  handler: (message: never) => void;
+}
+export interface ServerStatus {
+  id?: string;
+  level: number; // 0 information, 1 warning, 2 error
+  message: string;
+}
+
+export interface Events {
+  opened(): void;
+  closed(): void;
+  server_info(info: { sessionId: string; capabilities: string[]; metadata: Record<string, string> }): void;
+  status(status: ServerStatus): void;
+}
+
+export class FoxgloveClient {
+  /** Frames that could not be read: not of this protocol, or of another schema. */
+  unreadable_count = 0;
+  frame_count = 0;
+  byte_count = 0;
+  /** When anything came last; page's clock, milliseconds. */
+  heard_ms = -Infinity;
+
+  private socket: WebSocket | null = null;
+  private readonly subscriptions = new Map<number, Subscription>(); // by our own id
+  private readonly subscription_of_channel = new Map<number, number>();
+  private readonly registries = new Map<string, FileRegistry>(); // by schema text
+  private readonly published = new Map<string, { id: number; schema: DescMessage }>(); // by topic
+  private next_id = 1;
+  private retry_ms = kFirstRetry_ms;
+
+  /** @param handlers  by topic; other topics are not subscribed to */
+  constructor(
+    private readonly url: string,
+    private readonly handlers: Record<string, (message: never) => void>,
+    private readonly events: Events) {
+    this.connect();
+  }
+
+  get is_open(): boolean {
+    return this.socket?.readyState === WebSocket.OPEN;
+  }
+
+  /** Bytes that the network has not taken yet. */
+  get unsent_bytes(): number {
+    return this.socket?.bufferedAmount ?? 0;
+  }
+
+  /** False if nothing was sent: not connected, or the server never named that schema. */
+  publish(topic: string, schema_name: string, fields: Record<string, unknown>): boolean {
+    if (!this.is_open) return false;
+    const channel = this.published.get(topic) ?? this.advertise(topic, schema_name);
+    if (!channel) return false;
+    const payload = toBinary(channel.schema, create(channel.schema, fields as never));
+    const frame = new Uint8Array(5 + payload.length);
+    frame[0] = kDataOpcode;
+    new DataView(frame.buffer).setUint32(1, channel.id, true);
+    frame.set(payload, 5);
+    this.socket!.send(frame);
+    return true;
+  }
+
+  private connect(): void {
+    const socket = new WebSocket(this.url, kSubprotocols);
+    socket.binaryType = "arraybuffer";
+    socket.onopen = () => {
+      this.retry_ms = kFirstRetry_ms;
+      this.heard_ms = performance.now();
+      this.events.opened();
+    };
+    socket.onmessage = ({ data }: MessageEvent<string | ArrayBuffer>) => {
+      this.heard_ms = performance.now();
+      try {
+        if (typeof data === "string") this.take_text(data);
+        else this.take_binary(data);
+      } catch (error) {
+        this.unreadable_count += 1;
+        if (this.unreadable_count === 1) console.warn("unreadable frame:", error);
+      }
+    };
+    socket.onclose = () => {
+      this.socket = null;
+      this.subscriptions.clear();
+      this.subscription_of_channel.clear();
+      this.published.clear();
+      this.events.closed();
+      setTimeout(() => this.connect(), this.retry_ms);
+      this.retry_ms = Math.min(2 * this.retry_ms, kLastRetry_ms);
+    };
+    this.socket = socket;
+  }
+
+  private take_text(text: string): void {
+    const message = JSON.parse(text);
+    this.byte_count += text.length;
+    switch (message.op) {
+      case "serverInfo":
+        this.events.server_info({ metadata: {}, capabilities: [], ...message });
+        break;
+      case "advertise":
+        this.subscribe(message.channels);
+        break;
+      case "unadvertise":
+        for (const channel of message.channelIds as number[]) {
+          const id = this.subscription_of_channel.get(channel);
+          if (id !== undefined) this.subscriptions.delete(id);
+          this.subscription_of_channel.delete(channel);
+        }
+        break;
+      case "status":
+        this.events.status(message);
+        break;
+    }
+  }
+
+  private take_binary(data: ArrayBuffer): void {
+    this.byte_count += data.byteLength;
+    const view = new DataView(data);
+    if (view.getUint8(0) !== kDataOpcode) return;
+    const subscription = this.subscriptions.get(view.getUint32(1, true));
+    if (!subscription) return;
+    this.frame_count += 1;
+    const message = fromBinary(subscription.schema, new Uint8Array(data, kDataHeaderBytes));
+    subscription.handler(message as Message as never);
+  }
+
+  private subscribe(channels: Channel[]): void {
+    const asked: { id: number; channelId: number }[] = [];
+    for (const channel of channels) {
+      const handler = this.handlers[channel.topic];
+      if (channel.encoding !== "protobuf" || this.subscription_of_channel.has(channel.id)) continue;
+      const schema = this.registry_of(channel).getMessage(channel.schemaName);
+      if (!handler || !schema) continue;
+      const id = this.next_id++;
+      this.subscriptions.set(id, { topic: channel.topic, schema, handler });
+      this.subscription_of_channel.set(channel.id, id);
+      asked.push({ id, channelId: channel.id });
+    }
+    if (asked.length > 0) this.send_text({ op: "subscribe", subscriptions: asked });
+  }
+
+  private registry_of(channel: Channel): FileRegistry {
+    let registry = this.registries.get(channel.schema);
+    if (!registry) {
+      registry = createFileRegistry(fromBinary(FileDescriptorSetSchema, base64Decode(channel.schema)));
+      this.registries.set(channel.schema, registry);
+    }
+    return registry;
+  }
+
+  private advertise(topic: string, schema_name: string) {
+    for (const registry of this.registries.values()) {
+      const schema = registry.getMessage(schema_name);
+      if (!schema) continue;
+      const channel = { id: this.next_id++, schema };
+      this.published.set(topic, channel);
+      this.send_text({
+        op: "advertise",
+        channels: [{ id: channel.id, topic, encoding: "protobuf", schemaName: schema_name }],
+      });
+      return channel;
+    }
+    return undefined;
+  }
+
+  private send_text(message: object): void {
+    this.socket!.send(JSON.stringify(message));
+  }
+}

@@ -1,0 +1,300 @@
+// main.ts: connects the stream to the picture, the curves and the words.
+import "uplot/dist/uPlot.min.css";
+import "./style.css";
+import { FoxgloveClient } from "./foxglove";
+import { HandControl } from "./hand";
+import {
+  announcement, banner_lines, by_id, Counters, Measure, NodeChips, segments, telemetry_lost, write_banners, write_hand, write_scale,
+  write_session, write_state, write_tissues,
+} from "./panels";
+import { make, Plots, write, type ForceAxis, type Palette } from "./plots";
+import { SceneView } from "./scene_view";
+import { state_words } from "./state";
+import { scene_signature, Surface, type ColourMode } from "./surface";
+import { kNodes, norm, Telemetry } from "./telemetry";
+import type { DeviceTelemetry, Health, MeshFrame, MofcTelemetry, PhysicsTelemetry, SceneState } from "./wire";
+
+// As often as a curve can move by a pixel or so.
+const kPlotPeriod_s = (window_s: number) => Math.min(Math.max(window_s / 300, 1 / 15), 1 / 5);
+const kWordsPeriod_s = 1 / 8;
+const kStatusShown_s = 6;
+const kMostEarly = 256; // tissues
+const kServerSilence_s = 1.5; // its health comes five times a second
+
+const seconds = () => 1e-3 * performance.now();
+
+const telemetry = new Telemetry();
+const canvas = by_id<HTMLCanvasElement>("canvas");
+const view = new SceneView(canvas);
+by_id("no-webgl").hidden = view.can_draw;
+const force_axis = make("div", "segments");
+force_axis.setAttribute("role", "radiogroup");
+force_axis.setAttribute("aria-label", "Component of the force");
+const plots = new Plots(by_id("plots"), telemetry, force_axis);
+const counters = new Counters(by_id("plots"));
+const chips = new NodeChips(by_id("nodes"));
+const measure = new Measure(by_id<SVGSVGElement>("triad"));
+
+let scene: SceneState | null = null;
+let surfaces: Surface[] = [];
+let signature = "";
+let early: MeshFrame[] = []; // by tissue: the newest whose scene has not come yet
+let mode: ColourMode = "material";
+let window_s = 10;
+let is_paused = false;
+let paused_s = NaN; // device's clock
+let is_open = false;
+const begun_s = seconds();
+let has_been_connected = false;
+let status = { text: "", until_s: -Infinity };
+let mesh_frames = 0;
+let mesh_cost_s = 0;
+let plot_draws = 0;
+
+// ---- the stream
+
+const client = new FoxgloveClient(
+  `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/${location.search}`,
+  {
+    "/scene_state": (message: SceneState) => take_scene(message),
+    "/mesh": (message: MeshFrame) => take_mesh(message),
+    "/device": (message: DeviceTelemetry) => telemetry.take_device(message, seconds()),
+    "/mofc": (message: MofcTelemetry) => telemetry.take_mofc(message, seconds()),
+    "/physics": (message: PhysicsTelemetry) => telemetry.take_physics(message, seconds()),
+    "/health": (message: Health) => telemetry.take_health(message, seconds()),
+  },
+  {
+    opened() {
+      is_open = has_been_connected = true;
+    },
+    closed() {
+      is_open = false;
+      hand.forget();
+    },
+    server_info({ capabilities, metadata }) {
+      hand.can_publish = capabilities.includes("clientPublish");
+      hand.client_id = BigInt(metadata.client_id ?? 0);
+    },
+    status({ level, id, message }) {
+      if (level < 1 || id === "hand") return; // the hand's panel says who holds it
+      const text = id === "send_buffer" ? "This page is too slow for the stream: messages are lost." : `Server: ${message}`;
+      status = { text, until_s: seconds() + kStatusShown_s };
+    },
+  });
+
+const hand = new HandControl(canvas, view, telemetry,
+  (fields) => client.publish("/hand_target", "palpate.v1.HandTarget", fields));
+
+// An open socket whose other end is stuck is no connection.
+const server_silence_s = () => seconds() - Math.max(begun_s, 1e-3 * client.heard_ms);
+const is_connected = () => is_open && server_silence_s() < kServerSilence_s;
+
+function take_scene(message: SceneState): void {
+  const taken = message.tissues.map((tissue) => new Surface(tissue)); // all or nothing
+  scene = message;
+  surfaces = taken;
+  signature = scene_signature(surfaces);
+  view.set_surfaces(surfaces, scene.tipRadiusM, scene.peakForceNewton);
+  hand.set_scene(scene);
+  write_session(scene);
+  write_tissues(surfaces, mode);
+  write_scale(view, mode);
+  measure.write(view);
+  by_id("inside").hidden = !view.has_inside;
+  const waiting = early;
+  early = [];
+  for (const frame of waiting) if (frame) take_mesh(frame);
+}
+
+function take_mesh(frame: MeshFrame): void {
+  if (!scene || frame.sceneRevision !== scene.revision || frame.header.sessionId !== scene.header.sessionId) {
+    if (frame.tissue < kMostEarly) early[frame.tissue] = frame;
+    return;
+  }
+  const begin = performance.now();
+  if (!surfaces[frame.tissue]?.take(frame)) throw new Error(`mesh frame does not fit tissue ${frame.tissue}`);
+  if (!is_paused) view.update(frame.tissue);
+  mesh_frames += 1;
+  mesh_cost_s = 1e-3 * (performance.now() - begin);
+}
+
+// ---- controls
+
+segments<number>(by_id("windows"), [[2, "2 s"], [10, "10 s"], [30, "30 s"], [60, "60 s"]], window_s, (value) => {
+  window_s = value;
+  plots_due_s = 0;
+});
+segments<ForceAxis>(force_axis, [["norm", "|F|"], ["x", "x"], ["y", "y"], ["z", "z"]], "norm", (axis) => {
+  plots.set_force_axis(axis);
+  plots_due_s = 0;
+});
+segments<ColourMode>(by_id("colours"), [["material", "Material"], ["stiffness", "Stiffness"], ["displacement", "Displacement"]], mode, (value) => {
+  mode = value;
+  view.colour(mode);
+  write_tissues(surfaces, mode);
+  write_scale(view, mode);
+});
+
+function pause(does: boolean): void {
+  if (does) { // hold one instant, not three
+    view.set_tool(telemetry.tool_m, telemetry.asked_newton, telemetry.applied_newton);
+    write_state(state_words(telemetry, is_connected(), seconds()), telemetry);
+  }
+  is_paused = does;
+  paused_s = telemetry.now_s;
+  by_id("pause").setAttribute("aria-pressed", String(does));
+  by_id("pause").querySelector("span")!.textContent = does ? "Resume" : "Pause";
+  by_id("scene").classList.toggle("is-paused", does);
+  if (!does) surfaces.forEach((_, index) => view.update(index));
+  plots_due_s = 0;
+}
+by_id("pause").addEventListener("click", () => pause(!is_paused));
+
+by_id("inside").addEventListener("click", (event) => {
+  const button = event.currentTarget as HTMLElement;
+  const does = button.getAttribute("aria-pressed") !== "true";
+  button.setAttribute("aria-pressed", String(does));
+  view.see_inside(does);
+});
+by_id("reset-view").addEventListener("click", () => view.frame());
+
+function touch(does: boolean): void {
+  hand.is_touching = does;
+  if (!does) hand.release();
+  write_hand(hand.status, hand.is_touching);
+}
+by_id("touch-toggle").addEventListener("click", () => {
+  touch(!hand.is_touching);
+  if (hand.is_touching) canvas.focus();
+});
+
+const prefers_dark = matchMedia("(prefers-color-scheme: dark)");
+function dress(): void {
+  const chosen = localStorage.getItem("theme");
+  const root = document.documentElement;
+  root.dataset.theme = chosen ?? (prefers_dark.matches ? "dark" : "light");
+  const styles = getComputedStyle(root);
+  const of = (name: string) => styles.getPropertyValue(name).trim();
+  const palette: Palette = { ink: of("--ink"), faint: of("--faint"), line: of("--line"), of };
+  view.set_theme({
+    background: of("--scene"), grid: of("--grid"), ink: of("--ink"), tool: of("--tool"),
+    asked: of("--asked"), applied: of("--applied"), target: of("--accent"),
+  });
+  for (const plot of plots.all) plot.build(palette);
+  plots_due_s = 0;
+}
+by_id("theme").addEventListener("click", () => {
+  const now = document.documentElement.dataset.theme;
+  localStorage.setItem("theme", now === "dark" ? "light" : "dark");
+  dress();
+});
+prefers_dark.addEventListener("change", dress);
+
+const kTurn_rad = 0.09;
+canvas.addEventListener("keydown", (event) => {
+  if (event.ctrlKey || event.altKey || event.metaKey) return;
+  const turns: Record<string, [number, number, number]> = {
+    ArrowLeft: [-kTurn_rad, 0, 1], ArrowRight: [kTurn_rad, 0, 1], ArrowUp: [0, -kTurn_rad, 1], ArrowDown: [0, kTurn_rad, 1],
+    "+": [0, 0, 0.9], "=": [0, 0, 0.9], "-": [0, 0, 1.1],
+  };
+  if (hand.key(event.key)) { /* the hand's */ }
+  else if (event.key in turns) view.orbit(...turns[event.key]);
+  else if (event.key === "Home") view.frame();
+  else return;
+  event.preventDefault();
+});
+document.addEventListener("keydown", (event) => {
+  if (event.ctrlKey || event.altKey || event.metaKey) return;
+  if (event.key === "p") pause(!is_paused);
+  else if (event.key === "t" && hand.status.is_allowed) touch(!hand.is_touching);
+});
+
+// ---- the picture
+
+view.on_camera = () => measure.write(view);
+new ResizeObserver(() => {
+  view.resize(canvas.clientWidth, canvas.clientHeight);
+  for (const plot of plots.all) plot.resize();
+}).observe(canvas);
+new ResizeObserver(() => {
+  for (const plot of plots.all) plot.resize();
+  plots_due_s = 0;
+}).observe(by_id("plots"));
+
+let plots_due_s = 0;
+let words_due_s = 0;
+let frame_s = 1 / 60; // between pictures, smoothed
+let picture_s = seconds();
+function picture(): void {
+  requestAnimationFrame(picture);
+  const now_s = seconds();
+  frame_s += 0.1 * (Math.min(now_s - picture_s, 1) - frame_s);
+  picture_s = now_s;
+  if (!is_paused) view.set_tool(telemetry.tool_m, telemetry.asked_newton, telemetry.applied_newton);
+  view.draw();
+  if (now_s >= plots_due_s) {
+    plots_due_s = now_s + (is_paused ? Infinity : Math.max(kPlotPeriod_s(window_s), 3 * frame_s)); // a slow machine draws the tissue first
+    const end_s = is_paused ? paused_s : telemetry.now_s;
+    for (const plot of plots.all) plot.draw({ end_s, window_s });
+    plot_draws += 1;
+  }
+  if (now_s >= words_due_s) {
+    words_due_s = now_s + kWordsPeriod_s;
+    say(now_s);
+  }
+}
+
+function say(now_s: number): void {
+  // the first connection is not lost yet
+  const is_waiting = !has_been_connected && now_s < 2;
+  if (!is_waiting && !is_paused) write_state(state_words(telemetry, is_connected(), now_s), telemetry);
+  chips.write(telemetry, is_connected(), now_s);
+  const status_text = now_s < status.until_s ? status.text : "";
+  write_banners(by_id("banners"), is_waiting ? [] : banner_lines(telemetry, is_connected(), server_silence_s(), status_text, now_s));
+  write(by_id("announcement"), is_waiting ? "" : announcement(telemetry, is_connected(), hand.status, now_s));
+  write_hand(hand.status, hand.is_touching);
+  counters.write(telemetry);
+  if (mode === "displacement") write_scale(view, mode);
+}
+
+dress();
+picture();
+
+// ---- for tests: everything that the page believes, as plain values
+Object.defineProperty(window, "__test", {
+  get: () => {
+    const now_s = seconds();
+    return {
+      is_connected: is_connected(),
+      state: state_words(telemetry, is_connected(), now_s),
+      nodes: Object.fromEntries(kNodes.map((name) => {
+        const node = telemetry.nodes[name];
+        return [name, {
+          is_alive: node.is_alive(now_s), silence_s: node.silence_s(now_s), restarts: node.restarts,
+          batches_lost: node.batches_lost, rate_hz: node.rate_hz,
+        }];
+      })),
+      scene: scene && {
+        revision: Number(scene.revision), name: scene.sessionName, signature,
+        tissues: surfaces.map((s) => ({
+          name: s.name, vertices: s.vertex_count, displacement_m: s.max_displacement_m,
+        })),
+        has_pointer: scene.pointer !== undefined,
+      },
+      mesh_frames, mesh_cost_s,
+      frames: view.frame_count, frame_cost_s: view.frame_cost_s, plot_draws,
+      received: client.frame_count, bytes: client.byte_count, unreadable: client.unreadable_count,
+      telemetry_lost: telemetry_lost(telemetry),
+      now_s: telemetry.now_s, device_ticks: telemetry.device.length, mofc_ticks: telemetry.mofc.length,
+      plots: {
+        force: plots.force.status, energy: plots.energy.status, transparency: plots.transparency.status,
+        timing: plots.timing.status, lateness_total: plots.lateness.total,
+      },
+      tool_m: { ...telemetry.tool_m }, tool_px: view.project(telemetry.tool_m), target_m: { ...hand.target },
+      applied_newton: norm(telemetry.applied_newton), asked_newton: norm(telemetry.asked_newton),
+      hand: { ...hand.status, sent: hand.sent_count, client_id: Number(hand.client_id) },
+      is_paused, window_s, mode,
+      scale: { low: view.scale_low, high: view.scale_high },
+    };
+  },
+});

@@ -1,0 +1,293 @@
+// panels.ts: what the page says in words and numbers beside the picture and the curves.
+import { css_gradient, tissue_colour } from "./colours";
+import type { HandStatus } from "./hand";
+import { make, write } from "./plots";
+import type { SceneView } from "./scene_view";
+import { count_words, duration_words, kNodeTasks, time_words, type StateWords } from "./state";
+import { kNodes, norm, type NodeName, type Telemetry } from "./telemetry";
+import type { ColourMode, Surface } from "./surface";
+import type { SceneState } from "./wire";
+
+export function by_id<E extends Element = HTMLElement>(id: string): E {
+  return document.getElementById(id) as unknown as E;
+}
+
+/** Buttons of which one is chosen: arrow keys move, as in a radio group. */
+export function segments<T extends string | number>(
+  element: HTMLElement, choices: [T, string][], chosen: T, choose: (value: T) => void): void {
+  const buttons = choices.map(([value, label]) => {
+    const button = make("button", "", label);
+    button.type = "button";
+    button.setAttribute("role", "radio");
+    button.dataset.value = String(value);
+    button.addEventListener("click", () => select(value));
+    element.append(button);
+    return button;
+  });
+  const select = (value: T, does_tell = true) => {
+    choices.forEach(([other], i) => {
+      buttons[i].setAttribute("aria-checked", String(other === value));
+      buttons[i].tabIndex = other === value ? 0 : -1;
+    });
+    if (does_tell) choose(value);
+  };
+  element.addEventListener("keydown", (event) => {
+    const step = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 }[event.key];
+    const at = buttons.indexOf(document.activeElement as HTMLButtonElement);
+    if (!step || at < 0) return;
+    event.preventDefault();
+    event.stopPropagation();
+    const next = buttons[(at + step + buttons.length) % buttons.length];
+    next.focus();
+    next.click();
+  });
+  select(chosen, false);
+}
+
+/** Which nodes live. */
+export class NodeChips {
+  private readonly chips: Record<NodeName, { item: HTMLElement; detail: HTMLElement }>;
+
+  constructor(list: HTMLElement) {
+    const chip = (name: NodeName) => {
+      const item = make("li", "", name);
+      const detail = make("small");
+      item.append(detail);
+      item.title = `${name}_node: ${kNodeTasks[name]}`;
+      list.append(item);
+      return { item, detail };
+    };
+    this.chips = { device: chip("device"), mofc: chip("mofc"), physics: chip("physics") };
+  }
+
+  write(telemetry: Telemetry, is_connected: boolean, now_s: number): void {
+    for (const name of kNodes) {
+      const node = telemetry.nodes[name];
+      const { item, detail } = this.chips[name];
+      const state = !is_connected || Number.isNaN(node.heard_s) ? "unknown" : node.is_alive(now_s) ? "alive" : "gone";
+      if (item.dataset.state !== state) item.dataset.state = state;
+      write(detail, state === "alive" ? (Number.isFinite(node.rate_hz) ? `${count_words(Math.round(node.rate_hz))} Hz` : "")
+        : state === "gone" ? `gone for ${duration_words(node.silence_s(now_s))}` : "not heard");
+    }
+  }
+}
+
+export function banner_lines(
+  telemetry: Telemetry, is_connected: boolean, silence_s: number, status: string, now_s: number): string[] {
+  if (!is_connected) {
+    return [`Connection to the viewer’s server lost ${duration_words(silence_s)} ago. Trying again.`];
+  }
+  const lines = kNodes
+    .filter((name) => !Number.isNaN(telemetry.nodes[name].heard_s) && !telemetry.nodes[name].is_alive(now_s))
+    .map((name) => `${name}_node (${kNodeTasks[name]}) is gone: last heard ${duration_words(telemetry.nodes[name].silence_s(now_s))} ago.`);
+  if (status) lines.push(status);
+  return lines;
+}
+
+/** For those who hear the page: what changes seldom and matters. */
+export function announcement(telemetry: Telemetry, is_connected: boolean, hand: HandStatus, now_s: number): string {
+  if (!is_connected) return "Connection lost.";
+  const gone = kNodes.filter((name) => !Number.isNaN(telemetry.nodes[name].heard_s) && !telemetry.nodes[name].is_alive(now_s));
+  if (gone.length > 0) return `${gone.map((name) => `${name}_node`).join(" and ")} gone.`;
+  return hand.is_mine ? "You hold the hand." : hand.is_others ? "Another page holds the hand." : "";
+}
+
+export function write_banners(element: HTMLElement, lines: string[]): void {
+  while (element.childElementCount > lines.length) element.lastElementChild!.remove();
+  while (element.childElementCount < lines.length) element.append(make("p"));
+  lines.forEach((text, i) => write(element.children[i], text));
+}
+
+export function write_state(words: StateWords, telemetry: Telemetry): void {
+  by_id("state").dataset.tone = words.tone;
+  write(by_id("state-title"), words.title);
+  write(by_id("state-detail"), words.detail);
+  const is_known = words.tone !== "absent";
+  write(by_id("force-applied"), is_known ? norm(telemetry.applied_newton).toFixed(2) : "–");
+  write(by_id("force-asked"), is_known ? norm(telemetry.asked_newton).toFixed(2) : "–");
+}
+
+export function write_hand({ is_allowed, is_mine, is_others, is_held }: HandStatus, is_touching: boolean): void {
+  const panel = by_id("touch");
+  panel.hidden = !is_allowed;
+  if (!is_allowed) return;
+  panel.classList.toggle("is-mine", is_mine);
+  write(by_id("touch-words"),
+    is_others ? "Another page holds the hand."
+      : is_held ? "You hold the hand. Wheel or Shift: deeper."
+        : is_mine ? "You hold the hand."
+          : is_touching ? "Drag anywhere to move the hand, or use the arrow keys."
+            : "Drag the tool to touch the tissue.");
+  by_id("touch-toggle").setAttribute("aria-pressed", String(is_touching));
+}
+
+export function write_tissues(surfaces: Surface[], mode: ColourMode): void {
+  const list = by_id("tissues");
+  list.replaceChildren(...surfaces.map((surface, index) => {
+    const item = make("li");
+    const swatch = make("i");
+    swatch.style.background = tissue_colour(index);
+    item.append(swatch, surface.name);
+    if (surface.stiffness_newton_per_m > 0) item.append(make("small", "", `${count_words(surface.stiffness_newton_per_m)} N/m`));
+    return item;
+  }));
+  list.hidden = mode !== "material";
+}
+
+export function write_scale(view: SceneView, mode: ColourMode): void {
+  const ramp = by_id("ramp");
+  ramp.hidden = mode === "material";
+  if (mode === "material") return;
+  write(by_id("ramp-title"), mode === "stiffness" ? "Local stiffness, N/m" : "Displacement, mm");
+  const gradient = css_gradient(mode);
+  const bar = ramp.querySelector("i")!;
+  if (bar.dataset.mode !== mode) {
+    bar.style.background = gradient;
+    bar.dataset.mode = mode;
+  }
+  const figure = (value: number) => Number(((mode === "stiffness" ? 1 : 1e3) * value).toPrecision(3)).toString();
+  write(by_id("ramp-low"), figure(view.scale_low));
+  write(by_id("ramp-high"), figure(view.scale_high));
+}
+
+/** Ruler and axes: how large is what is seen, and from where. */
+export class Measure {
+  private readonly axes: { line: SVGLineElement; text: SVGTextElement }[];
+
+  constructor(triad: SVGSVGElement) {
+    this.axes = (["#c9504f", "#4f9a55", "#4a78c4"] as const).map((colour, i) => {
+      const line = document.createElementNS("http://www.w3.org/2000/svg", "line");
+      const text = document.createElementNS("http://www.w3.org/2000/svg", "text");
+      line.setAttribute("stroke", colour);
+      text.setAttribute("fill", colour);
+      text.textContent = "xyz"[i];
+      triad.append(line, text);
+      return { line, text };
+    });
+  }
+
+  write(view: SceneView): void {
+    view.axes().forEach(([x, y], i) => {
+      const { line, text } = this.axes[i];
+      line.setAttribute("x2", (15 * x).toFixed(1));
+      line.setAttribute("y2", (15 * y).toFixed(1));
+      text.setAttribute("x", (21.5 * x).toFixed(1));
+      text.setAttribute("y", (21.5 * y).toFixed(1));
+    });
+    // the longest of 1, 2, 5 × 10ⁿ mm that fits into 110 px
+    let millimetre = 1e-3;
+    for (const step of [1e-2, 2e-2, 5e-2, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000]) {
+      if (1e-3 * step * view.pixels_per_metre <= 110) millimetre = step;
+    }
+    by_id("ruler").style.width = `${(1e-3 * millimetre * view.pixels_per_metre).toFixed(1)}px`;
+    write(by_id("ruler-words"), `${millimetre} mm`);
+    write(by_id("arrow-scale"), `1 N = ${Number((1e3 * view.arrow_m_per_newton).toPrecision(2))} mm`);
+  }
+}
+
+/** What was counted since the start. */
+export class Counters {
+  private readonly values = new Map<string, HTMLElement>();
+
+  constructor(parent: HTMLElement) {
+    const card = make("section", "card counters");
+    card.setAttribute("aria-label", "Counters since the start");
+    const head = make("header", "card-head");
+    head.append(make("h2", "", "Since the start"));
+    const groups = make("div", "groups");
+    const group = (title: string, rows: [string, string, string][]) => {
+      const section = make("div");
+      const list = make("dl");
+      for (const [id, label, help] of rows) {
+        const row = make("div");
+        row.title = help;
+        const value = make("dd", "", "–");
+        this.values.set(id, value);
+        row.append(make("dt", "", label), value);
+        list.append(row);
+      }
+      section.append(make("h3", "", title), list);
+      groups.append(section);
+    };
+    group("Ticks", [
+      ["answered", "in time", "answered within the tick, of all scheduled ticks"],
+      ["leased", "leased", "the previous command, its lease still running"],
+      ["fallback", "fallback", "at most the device’s own friction"],
+      ["limp", "limp", "no force"],
+      ["skipped", "skipped", "appointments missed altogether"],
+      ["lateness", "worst lateness", "of a tick’s beginning"],
+    ]);
+    group("Force", [
+      ["transparency", "transparency", "of the session so far"],
+      ["clamped", "clamped", "ticks in which the clamp held force back"],
+      ["peak", "peak-limited", "ticks reduced by the device’s own limit"],
+      ["max_force", "greatest", "force on the hand"],
+      ["min_energy", "least energy", "true energy, known to simulated devices; never below −1 µJ"],
+      ["stale", "physics silent", "ticks with physics too old"],
+    ]);
+    group("Messages lost", [
+      ["hop1", "device → clamp", "hop 1"],
+      ["hop4", "clamp → device", "hop 4"],
+      ["hop2", "clamp → physics", "hop 2: newest wins, so passing over is normal when physics is slower"],
+      ["hop3", "physics → clamp", "hop 3: newest wins"],
+      ["refused", "refused", "frames that broke the contract, all hops"],
+      ["telemetry", "telemetry", "batches and ticks that did not reach this page"],
+    ]);
+    card.append(head, groups);
+    parent.append(card);
+  }
+
+  write(telemetry: Telemetry): void {
+    const device = telemetry.device_batch?.counters;
+    const mofc = telemetry.mofc_batch?.counters;
+    const physics = telemetry.physics_batch?.counters;
+    const { health } = telemetry;
+    if (device) {
+      const scheduled = Number(device.loop.ticks + device.loop.skippedTicks);
+      this.set("answered", scheduled > 0 ? percent(Number(device.answeredTicks) / scheduled) : "–");
+      this.set("leased", count_words(device.leasedTicks));
+      this.set("fallback", count_words(device.fallbackTicks));
+      this.set("limp", count_words(device.limpTicks));
+      this.set("skipped", count_words(device.loop.skippedTicks));
+      this.set("lateness", time_words(1e-9 * Number(device.loop.worstLatenessNs)));
+      this.set("peak", count_words(device.peakLimitedTicks));
+      this.set("max_force", `${device.maxForceNewton.toFixed(2)} N`);
+      const least_uj = 1e6 * device.minimumTrueEnergyJoule;
+      this.set("min_energy", Number.isFinite(least_uj) ? `${least_uj.toFixed(1).replace(/^-?0\.0$/, "0")} µJ` : "unknown", least_uj < -1);
+      this.set("hop4", count_words(device.forceCommand.skipped), device.forceCommand.skipped > 0n);
+    }
+    if (mofc) {
+      this.set("transparency", Number.isFinite(telemetry.transparency) ? percent(telemetry.transparency) : "–");
+      this.set("clamped", count_words(mofc.clampedTicks));
+      this.set("stale", count_words(mofc.staleTicks));
+      this.set("hop1", count_words(mofc.deviceState.skipped), mofc.deviceState.skipped > 0n);
+      this.set("hop3", count_words(mofc.interaction.skipped));
+    }
+    if (physics) this.set("hop2", count_words(physics.toolMotion.skipped));
+    const refused = (device?.forceCommand.rejected ?? 0n) + (mofc?.deviceState.rejected ?? 0n) +
+      (mofc?.interaction.rejected ?? 0n) + (physics?.toolMotion.rejected ?? 0n) + (health?.framesRejected ?? 0n);
+    this.set("refused", count_words(refused), refused > 0n);
+    const lost = telemetry_lost(telemetry);
+    this.set("telemetry", count_words(lost), lost > 0);
+  }
+
+  private set(id: string, text: string, is_bad = false): void {
+    const element = this.values.get(id)!;
+    write(element, text);
+    element.classList.toggle("bad", is_bad);
+  }
+}
+
+export function telemetry_lost(telemetry: Telemetry): number {
+  return kNodes.reduce((sum, name) => sum + telemetry.nodes[name].batches_lost + telemetry.nodes[name].records_lost, 0);
+}
+
+export function write_session(scene: SceneState): void {
+  const name = make("b", "", scene.sessionName);
+  by_id("session").replaceChildren(name, scene.controller);
+  document.title = `${scene.sessionName} – Palpate`;
+}
+
+function percent(ratio: number): string {
+  return `${(100 * ratio).toFixed(ratio >= 0.99995 ? 0 : 2)} %`;
+}

@@ -1,0 +1,384 @@
+// plots.ts: the curves. Each plot reduces the rings to the pixels it has and draws them; its legend
+// says the newest value, or the one under the cursor.
+import uPlot from "uplot";
+import { cell_times, cells_of, reduce, type Ring } from "./ring";
+import { time_words } from "./state";
+import {
+  kAskedNorm, kAskedX, kBoundNorm, kBoundX, kForceAge, kForceNorm, kForceX, kLatenessBins, kLedger, kReplyTime,
+  kTransparency, kTrueEnergy, upper_border_s, type Telemetry,
+} from "./telemetry";
+
+/** Curves between samples further apart than this have a gap. */
+const kBridge_s = 0.15;
+const kPointsPerPixel = 0.5; // cells; each has two points
+const kMostCells = 500;
+
+type Column = (number | null)[];
+
+export interface SeriesSpec {
+  label: string;
+  colour: string; // of the style sheet: --name
+  dash?: boolean;
+  ring: Ring;
+  column: number;
+  scale: number; // shown value = scale · column
+}
+interface PlotSpec {
+  id: string;
+  title: string;
+  unit: string;
+  help: string;
+  series: SeriesSpec[];
+  /** Of the shown values: [least, greatest] → the axis. */
+  range: (low: number, high: number) => [number, number];
+  is_logarithmic?: boolean;
+  show: (value: number) => string;
+  axis?: (value: number) => string;
+}
+
+export interface Palette {
+  ink: string;
+  faint: string;
+  line: string;
+  of: (name: string) => string;
+}
+
+/** What of the present the plots show. */
+export interface View {
+  end_s: number;
+  window_s: number;
+}
+
+class Card {
+  readonly element: HTMLElement;
+  readonly body: HTMLElement;
+  readonly values: HTMLElement[] = [];
+
+  constructor(parent: HTMLElement, id: string, title: string, unit: string, help: string, series: { label: string; colour: string; dash?: boolean }[], extra?: HTMLElement) {
+    this.element = make("section", "card");
+    this.element.id = `plot-${id}`;
+    const head = make("header", "card-head");
+    const heading = make("h2", "", title);
+    heading.id = `title-${id}`;
+    heading.title = help;
+    if (unit) heading.append(make("span", "unit", unit));
+    this.element.setAttribute("aria-labelledby", heading.id);
+    head.append(heading);
+    if (extra) head.append(extra);
+    const legend = make("dl", "legend");
+    for (const { label, colour, dash } of series) {
+      const item = make("div", "key");
+      const term = make("dt", "", label);
+      const swatch = make("i", dash ? "swatch dashed" : "swatch");
+      swatch.style.color = `var(${colour})`;
+      term.prepend(swatch);
+      const value = make("dd", "", "–");
+      this.values.push(value);
+      item.append(term, value);
+      legend.append(item);
+    }
+    this.body = make("div", "plot");
+    this.body.setAttribute("role", "img");
+    this.body.setAttribute("aria-label", `${title}. ${help}`);
+    this.element.append(head, legend, this.body);
+    parent.append(this.element);
+  }
+}
+
+export class TimePlot {
+  private readonly card: Card;
+  private plot: uPlot | null = null;
+  private data: Column[] = [];
+  private spec: PlotSpec;
+  private limits: [number, number];
+
+  constructor(parent: HTMLElement, spec: PlotSpec, extra?: HTMLElement) {
+    this.spec = spec;
+    this.limits = spec.range(Infinity, -Infinity);
+    this.card = new Card(parent, spec.id, spec.title, spec.unit, spec.help, spec.series, extra);
+    this.data = [[], ...spec.series.map(() => [])];
+  }
+
+  /** Other columns under the same labels. */
+  set_columns(columns: number[], range: PlotSpec["range"]): void {
+    this.spec = { ...this.spec, range, series: this.spec.series.map((one, i) => ({ ...one, column: columns[i] })) };
+  }
+
+  build(palette: Palette): void {
+    const { body } = this.card;
+    this.plot?.destroy();
+    const { spec } = this;
+    this.plot = new uPlot({
+      width: Math.max(body.clientWidth, 100),
+      height: Math.max(body.clientHeight, 60),
+      padding: [6, 10, 0, 0],
+      legend: { show: false },
+      cursor: { y: false, points: { size: 5 }, drag: { x: false, y: false, setScale: false } },
+      scales: {
+        x: { time: false, range: () => [this.window_start, 0] },
+        y: { distr: spec.is_logarithmic ? 3 : 1, range: () => this.limits },
+      },
+      axes: [
+        axis(palette, { size: 22, space: 60, values: (_, ticks) => ticks.map((t) => (t === 0 ? "now" : `${fixed(t)} s`)) }),
+        axis(palette, {
+          size: 36, space: 24,
+          values: (_, ticks) => ticks.map((t) => (t === null ? "" : (spec.axis ?? fixed)(t))),
+          ...(spec.is_logarithmic ? { filter: decades_only, grid: { filter: decades_only, stroke: palette.line, width: 1 } } : {}),
+        }),
+      ],
+      series: [{}, ...spec.series.map(({ label, colour, dash }) => ({
+        label, stroke: palette.of(colour), width: dash ? 1.25 : 1.5, dash: dash ? [4, 4] : undefined,
+        points: { show: false }, spanGaps: false,
+      }))],
+      hooks: { setCursor: [() => this.tell()] },
+    }, this.data as uPlot.AlignedData, body);
+  }
+
+  private window_start = -10;
+
+  draw({ end_s, window_s }: View): void {
+    const { plot, spec, data } = this;
+    if (!plot) return;
+    const cells = cells_of(end_s, window_s, Math.min(kMostCells, Math.ceil(kPointsPerPixel * plot.width)));
+    this.window_start = -window_s;
+    let low = Infinity;
+    let high = -Infinity;
+    if (Number.isFinite(end_s)) {
+      cell_times(cells, end_s, data[0]);
+      spec.series.forEach(({ ring, column, scale, dash }, index) => {
+        const out = data[index + 1];
+        reduce(ring, column, cells, out, kBridge_s);
+        for (let i = 0; i < out.length; ++i) {
+          const value = out[i];
+          if (value === null) continue;
+          if (spec.is_logarithmic && value <= 0) {
+            out[i] = null;
+            continue;
+          }
+          const shown = scale * value;
+          out[i] = shown;
+          if (dash) continue; // a bound may be far away: it does not stretch the axis
+          if (shown < low) low = shown;
+          if (shown > high) high = shown;
+        }
+      });
+    }
+    this.limits = spec.range(low, high);
+    plot.setData(data as uPlot.AlignedData, true);
+    this.tell();
+  }
+
+  resize(): void {
+    const { clientWidth, clientHeight } = this.card.body;
+    if (clientWidth > 0 && this.plot && (this.plot.width !== clientWidth || this.plot.height !== clientHeight)) {
+      this.plot.setSize({ width: clientWidth, height: clientHeight });
+    }
+  }
+
+  /** Points drawn and their newest value, by series; for tests. */
+  get status(): { points: number; newest: number | null }[] {
+    return this.data.slice(1).map((column) => ({
+      points: column.reduce((n: number, v) => n + (v === null ? 0 : 1), 0), newest: last_of(column),
+    }));
+  }
+
+  private tell(): void {
+    const at = this.plot?.cursor.idx;
+    const is_under_cursor = at != null && (this.plot?.cursor.left ?? -1) >= 0;
+    this.card.values.forEach((element, index) => {
+      const column = this.data[index + 1];
+      const value = is_under_cursor ? column[at] ?? null : last_of(column);
+      write(element, value === null ? "–" : this.spec.show(value));
+    });
+  }
+}
+
+/** Lateness of the ticks in the window: how many, by how late. */
+export class Histogram {
+  private readonly card: Card;
+  private plot: uPlot | null = null;
+  private readonly counts: number[] = [];
+  private readonly data: [number[], (number | null)[]] = [[], []];
+
+  constructor(parent: HTMLElement, private readonly telemetry: Telemetry) {
+    this.card = new Card(parent, "lateness", "Tick lateness", "", "How late the device’s ticks begin, in the time window; logarithmic in both directions.", [
+      { label: "median", colour: "--applied" }, { label: "99 %", colour: "--applied" }, { label: "worst", colour: "--applied" },
+    ]);
+    this.card.element.classList.add("plain-keys");
+    for (let i = 0; i < kLatenessBins.count; ++i) this.data[0].push(i);
+    this.data[1] = this.data[0].map(() => null);
+  }
+
+  build(palette: Palette): void {
+    const { body } = this.card;
+    this.plot?.destroy();
+    const bars = uPlot.paths.bars!({ size: [0.82, 60], radius: 0.15 });
+    this.plot = new uPlot({
+      width: Math.max(body.clientWidth, 100),
+      height: Math.max(body.clientHeight, 60),
+      padding: [6, 10, 0, 0],
+      legend: { show: false },
+      cursor: { show: false },
+      scales: {
+        x: { time: false, range: () => [-0.7, kLatenessBins.count - 0.3] },
+        y: { distr: 3, range: (_, __, high) => [0.6, Math.max(100, 2 * high)] },
+      },
+      axes: [
+        axis(palette, {
+          size: 22, grid: { show: false },
+          splits: () => [0, 5, 10, 15, 20, 25],
+          values: () => ["1 µs", "10 µs", "100 µs", "1 ms", "10 ms", "100 ms"],
+        }),
+        axis(palette, { size: 36, space: 24, values: (_, ticks) => ticks.map((t) => (t === null ? "" : thousands(t))), filter: decades_only, grid: { filter: decades_only, stroke: palette.line, width: 1 } }),
+      ],
+      series: [{}, { stroke: palette.of("--applied"), fill: palette.of("--applied"), width: 0, paths: bars, points: { show: false } }],
+    }, this.data as uPlot.AlignedData, body);
+  }
+
+  draw({ end_s, window_s }: View): void {
+    if (!this.plot || !Number.isFinite(end_s)) return;
+    this.telemetry.count_lateness(end_s, window_s, kLatenessBins, this.counts);
+    let total = 0;
+    this.counts.forEach((count, bin) => {
+      this.data[1][bin] = count > 0 ? count : null;
+      total += count;
+    });
+    this.plot.setData(this.data as uPlot.AlignedData, true);
+    // upper border of the bin that holds the share: an upper bound, as honest as the bins are wide
+    const border = (share: number) => {
+      let sum = 0;
+      for (let bin = 0; bin < this.counts.length; ++bin) {
+        sum += this.counts[bin];
+        if (total > 0 && sum >= share * total) return `< ${time_words(upper_border_s(kLatenessBins, bin))}`;
+      }
+      return "–";
+    };
+    write(this.card.values[0], border(0.5));
+    write(this.card.values[1], border(0.99));
+    write(this.card.values[2], border(1));
+  }
+
+  resize(): void {
+    const { clientWidth, clientHeight } = this.card.body;
+    if (clientWidth > 0 && this.plot && (this.plot.width !== clientWidth || this.plot.height !== clientHeight)) {
+      this.plot.setSize({ width: clientWidth, height: clientHeight });
+    }
+  }
+
+  get total(): number {
+    return this.counts.reduce((sum, n) => sum + n, 0);
+  }
+}
+
+export type ForceAxis = "norm" | "x" | "y" | "z";
+
+export class Plots {
+  readonly force: TimePlot;
+  readonly energy: TimePlot;
+  readonly transparency: TimePlot;
+  readonly timing: TimePlot;
+  readonly lateness: Histogram;
+
+  constructor(parent: HTMLElement, telemetry: Telemetry, force_axis: HTMLElement) {
+    const { device, mofc, batches } = telemetry;
+    const newton = (value: number) => `${value.toFixed(2)} N`;
+    this.force = new TimePlot(parent, {
+      id: "force", title: "Force on the hand", unit: "N",
+      help: "Force asked before the clamp, force that acts on the hand, and the clamp’s bound.",
+      series: [
+        { label: "asked", colour: "--asked", ring: mofc, column: kAskedNorm, scale: 1 },
+        { label: "on the hand", colour: "--applied", ring: device, column: kForceNorm, scale: 1 },
+        { label: "bound", colour: "--bound", dash: true, ring: mofc, column: kBoundNorm, scale: 1 },
+      ],
+      range: from_zero(0.5), show: newton,
+    }, force_axis);
+    const millijoule = (value: number) => `${Math.abs(value) < 9.95 ? value.toFixed(2) : value.toFixed(1)} mJ`;
+    this.energy = new TimePlot(parent, {
+      id: "energy", title: "Energy from the hand", unit: "mJ",
+      help: "What the hand has given and not got back: the clamp’s ledger, and the truth where a simulated device knows it. Never below zero.",
+      series: [
+        { label: "ledger", colour: "--ledger", ring: mofc, column: kLedger, scale: 1e3 },
+        { label: "true", colour: "--truth", ring: device, column: kTrueEnergy, scale: 1e3 },
+      ],
+      range: around_zero(1), show: millijoule,
+    });
+    this.transparency = new TimePlot(parent, {
+      id: "transparency", title: "Transparency", unit: "%",
+      help: "Share of the asked force that the hand feels, over the last second; a gap where nothing was asked.",
+      series: [{ label: "last second", colour: "--applied", ring: batches, column: kTransparency, scale: 100 }],
+      range: () => [0, 105], show: (value) => `${value.toFixed(1)} %`,
+    });
+    this.timing = new TimePlot(parent, {
+      id: "timing", title: "Age and reply", unit: "ms",
+      help: "Age of the device state that the force answers, and time to the answer within a tick.",
+      series: [
+        { label: "age", colour: "--asked", ring: mofc, column: kForceAge, scale: 1e3 },
+        { label: "reply", colour: "--applied", ring: device, column: kReplyTime, scale: 1e3 },
+      ],
+      is_logarithmic: true,
+      range: (low, high) => low > high ? [0.01, 10] : [10 ** Math.floor(Math.log10(Math.max(low, 1e-4))), 10 ** Math.ceil(Math.log10(Math.max(high * 1.05, 1e-3)))],
+      show: (value) => time_words(1e-3 * value), axis: (value) => `${Number(value.toPrecision(1))}`,
+    });
+    this.lateness = new Histogram(parent, telemetry);
+  }
+
+  get all(): (TimePlot | Histogram)[] {
+    return [this.force, this.energy, this.transparency, this.timing, this.lateness];
+  }
+
+  set_force_axis(axis: ForceAxis): void {
+    if (axis === "norm") {
+      this.force.set_columns([kAskedNorm, kForceNorm, kBoundNorm], from_zero(0.5));
+    } else {
+      const offset = "xyz".indexOf(axis);
+      this.force.set_columns([kAskedX + offset, kForceX + offset, kBoundX + offset], around_zero(0.5));
+    }
+  }
+}
+
+function from_zero(least: number): PlotSpec["range"] {
+  return (_, high) => [0, Math.max(least, 1.15 * high)];
+}
+function around_zero(least: number): PlotSpec["range"] {
+  return (low, high) => [Math.min(0, 1.15 * low), Math.max(least, 1.15 * high)];
+}
+
+function axis(palette: Palette, more: uPlot.Axis): uPlot.Axis {
+  return {
+    stroke: palette.faint,
+    font: "11px Inter, system-ui, sans-serif",
+    gap: 4,
+    grid: { stroke: palette.line, width: 1 },
+    ticks: { show: false },
+    ...more,
+  };
+}
+
+function decades_only(_: uPlot, splits: number[]): (number | null)[] {
+  return splits.map((value) => (Math.abs(Math.log10(value) - Math.round(Math.log10(value))) < 1e-6 ? value : null));
+}
+
+function fixed(value: number): string {
+  return String(Number(value.toPrecision(4))).replace("-", "\u2212");
+}
+function thousands(value: number): string {
+  return value >= 1e6 ? `${value / 1e6}M` : value >= 1e3 ? `${value / 1e3}k` : String(value);
+}
+function last_of(column: Column): number | null {
+  for (let i = column.length - 1; i >= Math.max(0, column.length - 8); --i) {
+    if (column[i] !== null && column[i] !== undefined) return column[i];
+  }
+  return null;
+}
+
+/** An element with a class and text. */
+export function make<K extends keyof HTMLElementTagNameMap>(tag: K, class_name = "", text = ""): HTMLElementTagNameMap[K] {
+  const element = document.createElement(tag);
+  if (class_name) element.className = class_name;
+  if (text) element.textContent = text;
+  return element;
+}
+/** Sets text only when it differs: nothing is laid out again for nothing. */
+export function write(element: Element, text: string): void {
+  if (element.textContent !== text) element.textContent = text;
+}

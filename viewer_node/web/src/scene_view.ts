@@ -1,0 +1,524 @@
+// scene_view.ts: the 3-D view: tissue, tool, forces. Draws only when something has changed.
+import {
+  BufferAttribute, BufferGeometry, Box3, Color, ConeGeometry, CylinderGeometry, DirectionalLight,
+  DynamicDrawUsage, Fog, FrontSide, GridHelper, Group, HemisphereLight, Line, LineBasicMaterial, LineDashedMaterial, Mesh,
+  MeshBasicMaterial, MeshStandardMaterial, PCFShadowMap, PerspectiveCamera, Points,
+  PointsMaterial, Scene, SphereGeometry, Vector3 as V3, WebGLRenderer,
+  type Material, type WebGLProgramParametersWithUniforms,
+} from "three";
+import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import { linear_table, round_up, table_row, tissue_colour } from "./colours";
+import type { ColourMode, Surface } from "./surface";
+import type { Vector3 } from "./wire";
+
+const kGridPitch_m = 0.01;
+const kScaleMemory_ms = 8000;
+const kDrawPeriod_ms = 30; // mesh frames come every 33 ms; leaves room for the clock of the screen
+const kClear = 0.66; // opacity of outer tissue that shows what it holds
+const kUp = new V3(0, 1, 0); // of three's cylinders and cones
+const kLeastForce_newton = 0.01; // below it an arrow is a speck
+const kDrawnTip_m = 0.0015; // of a tool that is a point
+
+export interface Theme {
+  background: string;
+  grid: string;
+  ink: string;
+  tool: string;
+  asked: string;
+  applied: string;
+  target: string;
+}
+
+interface Drawn {
+  surface: Surface;
+  object: Mesh | Points;
+  geometry: BufferGeometry;
+  colour: Float32Array;
+  material: MeshStandardMaterial | PointsMaterial;
+  contains_others: boolean;
+}
+
+export class SceneView {
+  /** Frames drawn, and the cost of the newest one on this thread. */
+  frame_count = 0;
+  frame_cost_s = 0;
+  /** Length of an arrow of 1 N. */
+  arrow_m_per_newton = 0.01;
+  /** Greatest figure of the colour scale: metres or N/m; 0 without a scale. */
+  scale_low = 0;
+  scale_high = 0;
+  on_camera: () => void = () => {};
+
+  private readonly renderer: WebGLRenderer | null; // null: this browser has no WebGL
+  private readonly scene = new Scene();
+  private readonly camera = new PerspectiveCamera(32, 1, 0.001, 20);
+  private readonly controls: OrbitControls;
+  private readonly tissue = new Group();
+  private drawn: Drawn[] = [];
+  private mode: ColourMode = "material";
+  private sees_inside = true;
+
+  private readonly tool: Mesh<SphereGeometry, MeshStandardMaterial>;
+  private readonly asked: Arrow;
+  private readonly applied: Arrow;
+  private readonly target: Mesh<SphereGeometry, MeshBasicMaterial>;
+  private readonly tether: Line<BufferGeometry, LineDashedMaterial>;
+  private readonly plumb: Line<BufferGeometry, LineBasicMaterial>;
+  private readonly lamp = new DirectionalLight(0xfff6ec, 2.7);
+  private grid: GridHelper | null = null;
+  private grid_colour = "#888";
+
+  private readonly tables = {
+    stiffness: linear_table("stiffness"), displacement: linear_table("displacement"),
+  };
+  private readonly bounds = new Box3();
+  private readonly centre = new V3();
+  private radius_m = 0.1;
+  private is_changed = true;
+  private is_urgent = true; // the eye follows its own hand
+  private drawn_ms = -Infinity;
+  private is_framed = false;
+  private recent_displacement_m = 0;
+  private recent_ms = 0;
+  // scratch
+  private readonly a = new V3();
+  private readonly b = new V3();
+
+  constructor(readonly canvas: HTMLCanvasElement) {
+    this.renderer = renderer_of(canvas);
+    canvas.addEventListener("webglcontextrestored", () => { this.is_changed = true; });
+    this.camera.up.set(0, 0, 1);
+    this.controls = new OrbitControls(this.camera, canvas);
+    this.controls.enableDamping = false;
+    this.controls.maxPolarAngle = 0.97 * Math.PI;
+    this.controls.addEventListener("change", () => this.camera_changed());
+
+    this.scene.add(new HemisphereLight(0xffffff, 0xa89a92, 1.25), this.lamp, this.lamp.target);
+    this.lamp.castShadow = true;
+    this.lamp.shadow.mapSize.set(1024, 1024);
+    this.lamp.shadow.radius = 3;
+    this.lamp.shadow.bias = -0.0005;
+
+    this.tool = new Mesh(new SphereGeometry(1, 40, 28), new MeshStandardMaterial({ roughness: 0.32, metalness: 0.1, fog: false }));
+    this.tool.castShadow = true;
+    // the slim one is hidden in the wide one, as far as all of it is felt
+    this.asked = new Arrow(0.5);
+    this.applied = new Arrow(1);
+    this.target = new Mesh(new SphereGeometry(1, 24, 16), new MeshBasicMaterial({ transparent: true, opacity: 0.55, fog: false }));
+    this.tether = line(new LineDashedMaterial({ dashSize: 0.002, gapSize: 0.0015, transparent: true, opacity: 0.8, fog: false }));
+    this.plumb = line(new LineBasicMaterial({ transparent: true, opacity: 0.35, fog: false }));
+    this.target.visible = this.tether.visible = this.tool.visible = this.plumb.visible = false;
+    this.scene.add(this.tissue, this.tool, this.asked.group, this.applied.group, this.target, this.tether, this.plumb);
+  }
+
+  /** Another scene: nothing of the last one stays, but the camera if it was moved by hand. */
+  set_surfaces(surfaces: Surface[], tip_radius_m: number, peak_force_newton: number): void {
+    for (const { object, geometry, material } of this.drawn) {
+      this.tissue.remove(object);
+      geometry.dispose();
+      material.dispose();
+    }
+    this.drawn = surfaces.map((surface, index) => draw(surface, index));
+    this.bounds.makeEmpty();
+    const boxes = this.drawn.map(({ geometry }) => geometry.boundingBox!);
+    this.drawn.forEach((one, index) => {
+      one.contains_others = boxes.some((box, other) => other !== index && boxes[index].containsBox(box));
+      this.bounds.union(boxes[index]);
+      this.tissue.add(one.object);
+    });
+    if (this.bounds.isEmpty()) this.bounds.set(new V3(-0.05, -0.05, -0.05), new V3(0.05, 0.05, 0.05));
+    this.bounds.getCenter(this.centre);
+    this.radius_m = Math.max(0.5 * this.bounds.getSize(this.a).length(), 0.005);
+    this.arrow_m_per_newton = round_up((0.28 * this.radius_m) / Math.max(peak_force_newton, 0.1));
+    this.tool.scale.setScalar(Math.max(tip_radius_m, kDrawnTip_m));
+    this.target.scale.setScalar(0.45 * Math.max(tip_radius_m, kDrawnTip_m));
+    const thickness_m = Math.max(0.35 * tip_radius_m, 0.006 * this.radius_m);
+    this.asked.thickness_m = this.applied.thickness_m = thickness_m;
+    this.place_surroundings();
+    this.see_inside(this.sees_inside);
+    this.colour(this.mode);
+    if (!this.is_framed) this.frame();
+    this.is_changed = true;
+  }
+
+  get can_draw(): boolean {
+    return this.renderer !== null;
+  }
+  get has_inside(): boolean {
+    return this.drawn.some((one) => one.contains_others);
+  }
+
+  /** The surface's arrays have changed. */
+  update(index: number): void {
+    const one = this.drawn[index];
+    one.geometry.attributes.position.needsUpdate = true;
+    if (!one.surface.is_points) one.geometry.attributes.normal.needsUpdate = true;
+    if (this.mode === "displacement") {
+      if (this.displacement_scale() !== this.scale_high) this.colour(this.mode);
+      else this.colour_one(one, index);
+    }
+    this.is_changed = true;
+  }
+
+  colour(mode: ColourMode): void {
+    this.mode = mode;
+    this.scale_low = this.scale_high = 0;
+    if (mode === "displacement") {
+      this.scale_high = this.displacement_scale();
+    } else if (mode === "stiffness") {
+      this.scale_low = Infinity;
+      for (const { surface } of this.drawn) {
+        for (const k of surface.stiffness) {
+          if (k < this.scale_low) this.scale_low = k;
+          if (k > this.scale_high) this.scale_high = k;
+        }
+      }
+      if (!Number.isFinite(this.scale_low)) this.scale_low = 0;
+    }
+    this.drawn.forEach((one, index) => this.colour_one(one, index));
+    this.is_changed = true;
+  }
+
+  see_inside(does: boolean): void {
+    this.sees_inside = does;
+    for (const { material, contains_others } of this.drawn) {
+      const is_clear = does && contains_others;
+      material.transparent = is_clear;
+      material.opacity = is_clear ? kClear : 1;
+      material.depthWrite = !is_clear;
+      material.needsUpdate = true;
+    }
+    this.is_changed = true;
+  }
+
+  set_tool(position: Vector3, asked: Vector3, applied: Vector3): void {
+    if (!Number.isFinite(position.x)) return;
+    const p = this.a.set(position.x, position.y, position.z);
+    if (this.tool.visible && this.tool.position.equals(p) && this.applied.equals(applied) && this.asked.equals(asked)) return;
+    this.tool.visible = true;
+    this.tool.position.copy(p);
+    this.asked.point(p, asked, this.arrow_m_per_newton);
+    this.applied.point(p, applied, this.arrow_m_per_newton);
+    // how high is it? A line down to the highest surface below
+    const below_m = this.height_below(p);
+    this.plumb.visible = Number.isFinite(below_m);
+    if (this.plumb.visible) set_line(this.plumb, p, this.b.set(p.x, p.y, below_m));
+    if (this.target.visible) set_line(this.tether, p, this.target.position);
+    this.is_changed = true;
+  }
+
+  /** Where the hand means to be (W); null hides it. */
+  set_target(position: Vector3 | null): void {
+    if (!position && !this.target.visible) return;
+    this.target.visible = this.tether.visible = position !== null;
+    if (position) {
+      this.target.position.set(position.x, position.y, position.z);
+      set_line(this.tether, this.tool.position, this.target.position);
+    }
+    this.is_changed = this.is_urgent = true;
+  }
+
+  set_theme(theme: Theme): void {
+    this.scene.background = new Color(theme.background);
+    this.scene.fog = new Fog(theme.background, 1, 2);
+    this.grid_colour = theme.grid;
+    this.tool.material.color.set(theme.tool);
+    this.asked.colour(theme.asked);
+    this.applied.colour(theme.applied);
+    this.target.material.color.set(theme.target);
+    this.tether.material.color.set(theme.target);
+    this.plumb.material.color.set(theme.ink);
+    this.place_surroundings();
+    this.is_changed = true;
+  }
+
+  set orbits(does: boolean) {
+    this.controls.enabled = does;
+  }
+
+  /** The whole scene, seen from the front and a little from above. */
+  frame(): void {
+    const half_angle = Math.atan(Math.tan((0.5 * this.camera.fov * Math.PI) / 180) * Math.min(1, this.camera.aspect));
+    const distance_m = (0.97 * this.radius_m) / Math.sin(half_angle);
+    this.controls.target.copy(this.centre);
+    this.controls.target.z = this.bounds.max.z - 0.1 * this.radius_m; // the tool is above
+    this.camera.position.set(0.3, -0.86, 0.44).normalize().multiplyScalar(distance_m).add(this.controls.target);
+    this.controls.minDistance = 0.2 * this.radius_m;
+    this.controls.maxDistance = 12 * this.radius_m;
+    this.controls.update();
+    this.is_framed = this.drawn.length > 0;
+    this.camera_changed();
+  }
+
+  /** Turns the view about its centre. */
+  orbit(azimuth_rad: number, polar_rad: number, zoom: number): void {
+    const offset = this.a.copy(this.camera.position).sub(this.controls.target);
+    const distance = offset.length() * zoom;
+    const polar = Math.min(Math.max(Math.acos(offset.z / offset.length()) + polar_rad, 0.02), 0.97 * Math.PI);
+    const azimuth = Math.atan2(offset.y, offset.x) + azimuth_rad;
+    offset.set(Math.sin(polar) * Math.cos(azimuth), Math.sin(polar) * Math.sin(azimuth), Math.cos(polar));
+    this.camera.position.copy(offset.multiplyScalar(distance)).add(this.controls.target);
+    this.controls.update();
+    this.camera_changed();
+  }
+
+  resize(width: number, height: number): void {
+    if (width < 1 || height < 1) return;
+    this.renderer?.setPixelRatio(Math.min(devicePixelRatio, 2));
+    this.renderer?.setSize(width, height, false);
+    this.camera.aspect = width / height;
+    this.camera.updateProjectionMatrix();
+    this.camera_changed();
+  }
+
+  /** Draws if anything has changed: at once for the camera, thirty times a second for the tissue. */
+  draw(): boolean {
+    const begin = performance.now();
+    if (!this.is_changed || !this.renderer) return false;
+    if (!this.is_urgent && begin - this.drawn_ms < kDrawPeriod_ms) return false;
+    this.is_changed = this.is_urgent = false;
+    this.drawn_ms = begin;
+    this.renderer.render(this.scene, this.camera);
+    this.frame_cost_s = 1e-3 * (performance.now() - begin);
+    this.frame_count += 1;
+    return true;
+  }
+
+  /** Place on the canvas in CSS pixels, from its upper left. */
+  project(position: Vector3): { x: number; y: number } {
+    this.camera.updateMatrixWorld();
+    const p = this.a.set(position.x, position.y, position.z).project(this.camera);
+    return { x: (0.5 + 0.5 * p.x) * this.canvas.clientWidth, y: (0.5 - 0.5 * p.y) * this.canvas.clientHeight };
+  }
+
+  /** Metres per CSS pixel at that point. */
+  metres_per_pixel(position: Vector3): number {
+    const forward = this.b.set(0, 0, -1).transformDirection(this.camera.matrixWorld);
+    const depth_m = this.a.set(position.x, position.y, position.z).sub(this.camera.position).dot(forward);
+    return (2 * Math.max(depth_m, 0.001) * Math.tan((0.5 * this.camera.fov * Math.PI) / 180)) / this.canvas.clientHeight;
+  }
+
+  /** A point moved in the plane of the picture (pixels) and away from the viewer (metres). */
+  moved(from: Vector3, right_px: number, down_px: number, away_m: number, out: Vector3): void {
+    const scale = this.metres_per_pixel(from);
+    const e = this.camera.matrixWorld.elements; // columns: right, up, backwards
+    out.x = from.x + scale * (e[0] * right_px - e[4] * down_px) - e[8] * away_m;
+    out.y = from.y + scale * (e[1] * right_px - e[5] * down_px) - e[9] * away_m;
+    out.z = from.z + scale * (e[2] * right_px - e[6] * down_px) - e[10] * away_m;
+  }
+
+  /** Radius of the drawn tip in CSS pixels. */
+  get tool_radius_px(): number {
+    return this.tool.scale.x / this.metres_per_pixel(this.tool.position);
+  }
+
+  get pixels_per_metre(): number {
+    return 1 / this.metres_per_pixel(this.controls.target);
+  }
+
+  /** Directions of W's axes on the screen: x right, y down, and depth towards the viewer. */
+  axes(): [number, number, number][] {
+    const e = this.camera.matrixWorldInverse.elements;
+    return [0, 4, 8].map((at) => [e[at], -e[at + 1], e[at + 2]]);
+  }
+
+  private camera_changed(): void {
+    this.camera.updateMatrixWorld();
+    const distance_m = this.camera.position.distanceTo(this.controls.target);
+    const fog = this.scene.fog as Fog | null;
+    if (fog) {
+      fog.near = distance_m;
+      fog.far = distance_m + 2.6 * this.radius_m;
+    }
+    this.is_changed = this.is_urgent = true;
+    this.on_camera();
+  }
+
+  // Grows at once and shrinks slowly; never finer than 1 mm, so that rest looks like rest.
+  private displacement_scale(): number {
+    const now_ms = performance.now();
+    this.recent_displacement_m *= Math.exp((this.recent_ms - now_ms) / kScaleMemory_ms);
+    this.recent_ms = now_ms;
+    for (const { surface } of this.drawn) this.recent_displacement_m = Math.max(this.recent_displacement_m, surface.max_displacement_m);
+    return round_up(Math.max(1e-3, this.recent_displacement_m));
+  }
+
+  private colour_one(one: Drawn, index: number): void {
+    const { surface, colour, geometry } = one;
+    if (this.mode === "material") {
+      const { r, g, b } = new Color(tissue_colour(index));
+      for (let i = 0; i < colour.length; i += 3) {
+        colour[i] = r;
+        colour[i + 1] = g;
+        colour[i + 2] = b;
+      }
+    } else {
+      const is_stiffness = this.mode === "stiffness";
+      const table = this.tables[this.mode];
+      const values = is_stiffness ? surface.stiffness : surface.displacement_m;
+      // stiffness of tissues spans decades
+      const low = is_stiffness ? Math.log(Math.max(this.scale_low, 1e-3)) : 0;
+      const high = is_stiffness ? Math.log(Math.max(this.scale_high, 1e-3)) : this.scale_high;
+      for (let i = 0; i < values.length; ++i) {
+        const row = 3 * table_row(is_stiffness ? Math.log(Math.max(values[i], 1e-3)) : values[i], low, high);
+        colour[3 * i] = table[row];
+        colour[3 * i + 1] = table[row + 1];
+        colour[3 * i + 2] = table[row + 2];
+      }
+    }
+    geometry.attributes.color.needsUpdate = true;
+  }
+
+  // Highest vertex below a point, within a few millimetres of its plumb line; −∞ without one.
+  private height_below(p: V3): number {
+    let best = -Infinity;
+    const reach = 0.0025;
+    for (const { surface } of this.drawn) {
+      const v = surface.position;
+      for (let i = 0; i < v.length; i += 3) {
+        if (v[i + 2] > best && v[i + 2] < p.z && Math.abs(v[i] - p.x) < reach && Math.abs(v[i + 1] - p.y) < reach) best = v[i + 2];
+      }
+    }
+    return best;
+  }
+
+  private place_surroundings(): void {
+    const floor_m = this.bounds.isEmpty() ? 0 : this.bounds.min.z - 0.02 * this.radius_m;
+    if (this.grid) {
+      this.scene.remove(this.grid);
+      this.grid.dispose();
+    }
+    const half_cells = Math.min(Math.ceil((4 * this.radius_m) / kGridPitch_m), 200);
+    this.grid = new GridHelper(2 * half_cells * kGridPitch_m, 2 * half_cells, this.grid_colour, this.grid_colour);
+    this.grid.rotateX(Math.PI / 2);
+    this.grid.position.set(kGridPitch_m * Math.round(this.centre.x / kGridPitch_m), kGridPitch_m * Math.round(this.centre.y / kGridPitch_m), floor_m);
+    this.scene.add(this.grid);
+
+    this.lamp.position.set(-0.75, -0.4, 0.8).multiplyScalar(3 * this.radius_m).add(this.centre);
+    this.lamp.target.position.copy(this.centre);
+    const shadow = this.lamp.shadow.camera;
+    shadow.left = shadow.bottom = -1.3 * this.radius_m;
+    shadow.right = shadow.top = 1.3 * this.radius_m;
+    shadow.near = 0.2 * this.radius_m;
+    shadow.far = 6 * this.radius_m;
+    shadow.updateProjectionMatrix();
+  }
+}
+
+function renderer_of(canvas: HTMLCanvasElement): WebGLRenderer | null {
+  try {
+    const renderer = new WebGLRenderer({ canvas, antialias: true, powerPreference: "high-performance" });
+    renderer.shadowMap.enabled = true;
+    renderer.shadowMap.type = PCFShadowMap;
+    return renderer;
+  } catch (error) {
+    console.info("no WebGL:", error);
+    return null;
+  }
+}
+
+// A force at the tool: shaft and head, of one thickness whatever its length.
+class Arrow {
+  readonly group = new Group();
+  thickness_m = 0.001;
+  private readonly material: MeshStandardMaterial;
+  private readonly shaft: Mesh;
+  private readonly head: Mesh;
+  private readonly force = new V3();
+  private readonly direction = new V3();
+
+  constructor(private readonly width: number) {
+    this.material = new MeshStandardMaterial({ roughness: 0.6, fog: false });
+    this.shaft = new Mesh(new CylinderGeometry(1, 1, 1, 20).translate(0, 0.5, 0), this.material);
+    this.head = new Mesh(new ConeGeometry(1, 1, 24).translate(0, 0.5, 0), this.material);
+    this.group.add(this.shaft, this.head);
+    this.group.visible = false;
+  }
+
+  colour(colour: string): void {
+    this.material.color.set(colour);
+    this.material.emissive.set(colour);
+    this.material.emissiveIntensity = 0.4;
+  }
+
+  equals(force: Vector3): boolean {
+    return this.force.x === force.x && this.force.y === force.y && this.force.z === force.z;
+  }
+
+  point(at: V3, force: Vector3, metres_per_newton: number): void {
+    this.force.set(force.x, force.y, force.z);
+    const newton = this.force.length();
+    this.group.visible = newton > kLeastForce_newton;
+    if (!this.group.visible) return;
+    const radius = this.width * this.thickness_m;
+    const length = newton * metres_per_newton;
+    const head = Math.min(4.2 * radius, 0.6 * length);
+    this.group.position.copy(at);
+    this.group.quaternion.setFromUnitVectors(kUp, this.direction.copy(this.force).divideScalar(newton));
+    this.shaft.scale.set(radius, length - head, radius);
+    this.head.position.y = length - head;
+    this.head.scale.set(1.9 * radius, head, 1.9 * radius);
+  }
+}
+
+function draw(surface: Surface, index: number): Drawn {
+  const geometry = new BufferGeometry();
+  const colour = new Float32Array(surface.rest.length);
+  const moving = (array: Float32Array) => new BufferAttribute(array, 3).setUsage(DynamicDrawUsage);
+  geometry.setAttribute("position", moving(surface.position));
+  geometry.setAttribute("color", moving(colour));
+  geometry.computeBoundingBox();
+  let object: Mesh | Points;
+  let material: MeshStandardMaterial | PointsMaterial;
+  if (surface.is_points) {
+    material = new PointsMaterial({ size: 0.0016, vertexColors: true, fog: false });
+    object = new Points(geometry, material);
+  } else {
+    geometry.setAttribute("normal", moving(surface.normal));
+    geometry.setAttribute("rest", new BufferAttribute(surface.rest, 3));
+    geometry.setIndex(new BufferAttribute(surface.triangles, 1));
+    material = new MeshStandardMaterial({ vertexColors: true, roughness: 0.62, side: FrontSide, fog: false });
+    material.onBeforeCompile = draw_grid_on_tissue;
+    object = new Mesh(geometry, material);
+    object.receiveShadow = true;
+  }
+  object.frustumCulled = false; // its bounds are those at rest
+  object.name = surface.name || `tissue${index}`;
+  return { surface, object, geometry, colour, material: material as MeshStandardMaterial & Material, contains_others: false };
+}
+
+// Fine lines every 10 mm of the tissue at rest: they move with it, so the eye sees how it deforms.
+function draw_grid_on_tissue(shader: WebGLProgramParametersWithUniforms): void {
+  shader.vertexShader = shader.vertexShader
+    .replace("#include <common>", "#include <common>\nattribute vec3 rest;\nvarying vec3 vRest;")
+    .replace("#include <begin_vertex>", "#include <begin_vertex>\nvRest = rest;");
+  shader.fragmentShader = shader.fragmentShader
+    .replace("#include <common>", "#include <common>\nvarying vec3 vRest;")
+    .replace("#include <color_fragment>", `#include <color_fragment>
+      {
+        vec3 cell = vRest / ${kGridPitch_m.toFixed(4)};
+        vec3 slope = fwidth(cell);
+        // an axis along which the surface does not run draws no line
+        vec3 runs = smoothstep(0.1, 0.4, slope / max(max(slope.x, slope.y), max(slope.z, 1e-9)));
+        vec3 away = abs(fract(cell - 0.5) - 0.5) / max(slope, 1e-6);
+        vec3 near = (1.0 - smoothstep(0.4, 1.3, away)) * runs * (1.0 - smoothstep(0.15, 0.5, slope));
+        diffuseColor.rgb *= 1.0 - 0.2 * max(near.x, max(near.y, near.z));
+      }`);
+}
+
+function line<M extends LineBasicMaterial>(material: M): Line<BufferGeometry, M> {
+  const geometry = new BufferGeometry();
+  geometry.setAttribute("position", new BufferAttribute(new Float32Array(6), 3));
+  geometry.setAttribute("lineDistance", new BufferAttribute(new Float32Array(2), 1));
+  const made = new Line(geometry, material);
+  made.frustumCulled = false;
+  return made;
+}
+
+function set_line(line: Line, from: V3, to: V3): void {
+  const { position, lineDistance } = line.geometry.attributes;
+  position.setXYZ(0, from.x, from.y, from.z);
+  position.setXYZ(1, to.x, to.y, to.z);
+  lineDistance.setX(1, from.distanceTo(to));
+  position.needsUpdate = lineDistance.needsUpdate = true;
+}

@@ -1,0 +1,77 @@
+// state.ts: the state of the whole, in words.
+import { kNodes, norm, type Telemetry } from "./telemetry";
+import { Guard, kFaultReasons, Mofc } from "./wire";
+
+export type Tone = "calm" | "active" | "notice" | "alarm" | "absent";
+export interface StateWords {
+  id: string; // for tests and styles; does not change with the wording
+  title: string;
+  detail: string;
+  tone: Tone;
+}
+
+export const kNodeTasks = { device: "the motors", mofc: "the clamp", physics: "the tissue" };
+
+export function state_words(telemetry: Telemetry, is_connected: boolean, now_s: number): StateWords {
+  if (!is_connected) return words("disconnected", "No connection", "The viewer's server does not answer.", "absent");
+  const { device, mofc, physics } = telemetry.nodes;
+  if (kNodes.every((name) => Number.isNaN(telemetry.nodes[name].heard_s))) {
+    return words("waiting", "Waiting", "No node has been heard yet.", "absent");
+  }
+  if (!device.is_alive(now_s)) {
+    return words("no_device", "No device", "Without device_node there is no hand and no force.", "absent");
+  }
+  if (telemetry.guard === Guard.fault) {
+    const reason = kFaultReasons[telemetry.device_batch?.counters.lastFault ?? 0] ?? "unknown reason";
+    return words("fault", "Fault", `Motors are off until reset: ${reason}.`, "alarm");
+  }
+  if (!mofc.is_alive(now_s)) {
+    return words("no_mofc", "No clamp", "Without mofc_node the motors are limp.", "alarm");
+  }
+  if (telemetry.guard === Guard.limp) return words("limp", "Limp", "The motors give no force.", "notice");
+  if (!physics.is_alive(now_s) || telemetry.mofc_state === Mofc.no_physics) {
+    return words("no_physics", "No physics", "Nobody simulates the tissue: no force is asked.", "alarm");
+  }
+  if (telemetry.is_fallback) {
+    return words("fallback", "Fallback", "Answers come late: at most the device’s own friction.", "notice");
+  }
+  switch (telemetry.mofc_state) {
+    case Mofc.fading:
+      return words("stale", "Physics silent", "The force fades to zero.", "notice");
+    case Mofc.clutched:
+      return words("clutched", "Clutched", "Hand and tool are uncoupled.", "calm");
+    case Mofc.contact:
+      return telemetry.is_clamped
+        ? words("clamped", "Contact, clamped", "The clamp holds back part of the force.", "notice")
+        : words("contact", "Contact", "The hand feels the tissue.", "active");
+    default:
+      if (telemetry.is_clamped && norm(telemetry.asked_newton) > 0) {
+        return words("clamped", "Clamped", "The clamp holds back part of the force.", "notice");
+      }
+      return words("free", "Free", "The tool touches nothing.", "calm");
+  }
+}
+
+function words(id: string, title: string, detail: string, tone: Tone): StateWords {
+  return { id, title, detail, tone };
+}
+
+/** "0.4 s", "12 s", "3 min". */
+export function duration_words(seconds: number): string {
+  if (seconds < 9.95) return `${seconds.toFixed(1)} s`;
+  if (seconds < 119.5) return `${Math.round(seconds)} s`;
+  if (seconds < 119.5 * 60) return `${Math.round(seconds / 60)} min`;
+  return `${Math.round(seconds / 3600)} h`;
+}
+
+/** Two digits or more, with a unit that a person reads easily: "62 µs", "1.2 ms". */
+export function time_words(seconds: number): string {
+  if (!Number.isFinite(seconds)) return "–";
+  const [scale, unit] = seconds < 1e-3 ? [1e6, "µs"] : seconds < 1 ? [1e3, "ms"] : [1, "s"];
+  const value = scale * seconds;
+  return `${value >= 9.95 || value === 0 ? value.toFixed(0) : value.toPrecision(2)} ${unit}`;
+}
+
+export function count_words(count: number | bigint): string {
+  return Number(count).toLocaleString("en", { useGrouping: true }).replaceAll(",", "\u202f");
+}

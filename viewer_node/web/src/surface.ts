@@ -1,0 +1,113 @@
+// surface.ts: one tissue's surface: rest shape, present shape, normals, and what colours it. Plain
+// arrays, filled in place: a mesh frame of 20 000 vertices allocates nothing. No three.js in here.
+import type { MeshFrame, TissueSurface } from "./wire";
+
+export type ColourMode = "material" | "stiffness" | "displacement";
+
+export class Surface {
+  readonly name: string;
+  readonly shape: number;
+  readonly vertex_count: number;
+  readonly rest: Float32Array;
+  readonly position: Float32Array;
+  readonly normal: Float32Array;
+  readonly triangles: Uint32Array; // empty: points
+  /** Per vertex; all equal where the tissue has one stiffness. */
+  readonly stiffness: Float32Array;
+  readonly stiffness_newton_per_m: number;
+  /** Of the present shape. */
+  max_displacement_m = 0;
+  readonly displacement_m: Float32Array;
+
+  constructor(tissue: TissueSurface) {
+    this.name = tissue.name;
+    this.shape = tissue.shape;
+    this.rest = floats_of(tissue.verticesM);
+    this.vertex_count = this.rest.length / 3;
+    if (!Number.isInteger(this.vertex_count)) throw new Error(`${tissue.name}: vertices are not triples`);
+    this.triangles = new Uint32Array(aligned(tissue.triangles));
+    if (this.triangles.length % 3 !== 0) throw new Error(`${tissue.name}: triangles are not triples`);
+    for (const index of this.triangles) {
+      if (index >= this.vertex_count) throw new Error(`${tissue.name}: a triangle names vertex ${index} of ${this.vertex_count}`);
+    }
+    this.position = this.rest.slice();
+    this.normal = new Float32Array(this.rest.length);
+    this.displacement_m = new Float32Array(this.vertex_count);
+    this.stiffness_newton_per_m = tissue.stiffnessNewtonPerM;
+    const per_vertex = floats_of(tissue.vertexStiffnessNewtonPerM);
+    this.stiffness = per_vertex.length === this.vertex_count
+      ? per_vertex : new Float32Array(this.vertex_count).fill(tissue.stiffnessNewtonPerM);
+    this.compute_normals();
+  }
+
+  get is_points(): boolean {
+    return this.triangles.length === 0;
+  }
+
+  /** Takes a frame's vertices; false, and nothing changes, if its range does not fit. */
+  take(frame: MeshFrame): boolean {
+    const bytes = frame.verticesM;
+    const first = 12 * frame.firstVertex;
+    if (bytes.length % 12 !== 0 || first + bytes.length > this.position.byteLength) return false;
+    // the payload is not aligned: copy bytes, then look at them as floats
+    new Uint8Array(this.position.buffer).set(bytes, first);
+    this.measure_displacement(frame.firstVertex, frame.firstVertex + bytes.length / 12);
+    this.compute_normals();
+    return true;
+  }
+
+  private measure_displacement(first: number, end: number): void {
+    const { rest, position, displacement_m } = this;
+    for (let i = first; i < end; ++i) {
+      const x = position[3 * i] - rest[3 * i];
+      const y = position[3 * i + 1] - rest[3 * i + 1];
+      const z = position[3 * i + 2] - rest[3 * i + 2];
+      displacement_m[i] = Math.sqrt(x * x + y * y + z * z);
+    }
+    this.max_displacement_m = 0;
+    for (const moved_m of displacement_m) {
+      if (moved_m > this.max_displacement_m) this.max_displacement_m = moved_m;
+    }
+  }
+
+  // Mean of the triangles' normals, weighted by area.
+  private compute_normals(): void {
+    const { position: p, normal: n, triangles } = this;
+    n.fill(0);
+    for (let t = 0; t < triangles.length; t += 3) {
+      const a = 3 * triangles[t], b = 3 * triangles[t + 1], c = 3 * triangles[t + 2];
+      const ux = p[b] - p[a], uy = p[b + 1] - p[a + 1], uz = p[b + 2] - p[a + 2];
+      const vx = p[c] - p[a], vy = p[c + 1] - p[a + 1], vz = p[c + 2] - p[a + 2];
+      const x = uy * vz - uz * vy, y = uz * vx - ux * vz, z = ux * vy - uy * vx;
+      n[a] += x; n[a + 1] += y; n[a + 2] += z;
+      n[b] += x; n[b + 1] += y; n[b + 2] += z;
+      n[c] += x; n[c + 1] += y; n[c + 2] += z;
+    }
+    for (let i = 0; i < n.length; i += 3) {
+      const length = Math.sqrt(n[i] * n[i] + n[i + 1] * n[i + 1] + n[i + 2] * n[i + 2]) || 1;
+      n[i] /= length;
+      n[i + 1] /= length;
+      n[i + 2] /= length;
+    }
+  }
+}
+
+/** FNV-1a over every vertex at rest: two pages with equal values show the same scene. */
+export function scene_signature(surfaces: Surface[]): string {
+  let hash = 0x811c9dc5;
+  for (const { rest, triangles } of surfaces) {
+    for (const array of [rest, triangles]) {
+      for (const byte of new Uint8Array(array.buffer, array.byteOffset, array.byteLength)) {
+        hash = Math.imul(hash ^ byte, 0x01000193);
+      }
+    }
+  }
+  return (hash >>> 0).toString(16).padStart(8, "0");
+}
+
+function aligned(bytes: Uint8Array): ArrayBuffer {
+  return bytes.slice().buffer as ArrayBuffer;
+}
+function floats_of(bytes: Uint8Array): Float32Array {
+  return new Float32Array(aligned(bytes));
+}

@@ -1,0 +1,278 @@
+// telemetry.ts: what the page knows of the running nodes: the last minute of every tick, the newest
+// figures, who is alive. No DOM: times are handed in.
+import { Ring } from "./ring";
+import {
+  columns_agree, Guard, kDeviceAnswered, kMofcClamped, kMofcInContact, Mofc,
+  type DeviceTelemetry, type Header, type Health, type MofcTelemetry, type PhysicsTelemetry, type Vector3,
+} from "./wire";
+
+/** A minute at 4 kHz. */
+const kRingCapacity = 1 << 18;
+/** A minute of batches, 50 a second. */
+const kBatchCapacity = 4096;
+/** Nodes send a batch every 20 ms, with or without ticks. */
+export const kGoneAfter_s = 1.2;
+const kTransparencyWindow_s = 1;
+const kRateWindow_s = 2;
+/** A tick's clamp or fallback stays in words for so long: at 1 kHz nobody could read it. */
+const kWordsHold_s = 0.25;
+
+export const kNodes = ["device", "mofc", "physics"] as const;
+export type NodeName = (typeof kNodes)[number];
+
+// columns of the device's ring: force on the hand, as it acts
+export const kForceX = 0, kForceNorm = 3, kTrueEnergy = 4, kLateness = 5, kReplyTime = 6;
+const kDeviceColumns = 7;
+// of mofc's: force asked, before the clamp; its bound
+export const kAskedX = 0, kAskedNorm = 3, kBoundX = 4, kBoundNorm = 7, kLedger = 8, kForceAge = 9;
+const kMofcColumns = 10;
+// of the batches: running sums, and their ratio over the last second
+const kTransparencySum = 0, kTransparencySamples = 1;
+export const kTransparency = 2;
+const kBatchColumns = 3;
+
+/** One node, as heard through the server. */
+export class NodeLink {
+  /** Page's clock; NaN before the first. */
+  heard_s = NaN;
+  restarts = 0;
+  /** Between the node and this page: gaps in the sequence. */
+  batches_lost = 0;
+  /** Within the node. */
+  records_lost = 0;
+  rate_hz = NaN;
+  private session = 0n;
+  private sequence = 0n;
+  private rate_ticks = 0n;
+  private rate_s = NaN;
+
+  /** True if the node was restarted. */
+  note(header: Header, records_lost: bigint, ticks: bigint, now_s: number): boolean {
+    const is_restart = this.session !== 0n && header.sessionId !== this.session;
+    if (is_restart) this.restarts += 1;
+    if (this.session === header.sessionId && header.sequence > this.sequence + 1n) {
+      this.batches_lost += Number(header.sequence - this.sequence - 1n);
+    }
+    if (is_restart || !(now_s - this.rate_s < kRateWindow_s)) {
+      const elapsed_s = now_s - this.rate_s;
+      this.rate_hz = is_restart || !(elapsed_s < 2 * kRateWindow_s)
+        ? NaN : Number(ticks - this.rate_ticks) / elapsed_s;
+      this.rate_ticks = ticks;
+      this.rate_s = now_s;
+    }
+    this.session = header.sessionId;
+    this.sequence = header.sequence;
+    this.records_lost = Number(records_lost);
+    this.heard_s = now_s;
+    return is_restart;
+  }
+
+  silence_s(now_s: number): number {
+    return now_s - this.heard_s;
+  }
+  is_alive(now_s: number): boolean {
+    return now_s - this.heard_s < kGoneAfter_s;
+  }
+}
+
+export class Telemetry {
+  readonly nodes: Record<NodeName, NodeLink> = {
+    device: new NodeLink(), mofc: new NodeLink(), physics: new NodeLink(),
+  };
+  readonly device = new Ring(kDeviceColumns, kRingCapacity);
+  readonly mofc = new Ring(kMofcColumns, kRingCapacity);
+  readonly batches = new Ring(kBatchColumns, kBatchCapacity, Float64Array);
+
+  device_batch: DeviceTelemetry | null = null; // newest
+  mofc_batch: MofcTelemetry | null = null;
+  physics_batch: PhysicsTelemetry | null = null;
+  health: Health | null = null;
+
+  // newest tick of each
+  readonly hand_m: Vector3 = { x: NaN, y: NaN, z: NaN }; // D, measured
+  readonly tool_m: Vector3 = { x: NaN, y: NaN, z: NaN }; // W, measured, of the same tick
+  readonly applied_newton: Vector3 = { x: 0, y: 0, z: 0 }; // on the hand
+  readonly asked_newton: Vector3 = { x: 0, y: 0, z: 0 };
+  guard: Guard = Guard.limp;
+  mofc_state: Mofc = Mofc.no_physics;
+  is_in_contact = false;
+  // device's clock
+  private clamped_s = -Infinity;
+  private fallback_s = -Infinity;
+
+  private device_session = 0n;
+  private base_ns = 0n; // of the device's clock: where the page's seconds begin
+
+  /** Newest tick, in seconds since the first one seen; NaN before. */
+  get now_s(): number {
+    return Math.max(this.device.newest_s, this.mofc.length > 0 ? this.mofc.newest_s : -Infinity);
+  }
+  get is_clamped(): boolean {
+    return this.now_s - this.clamped_s < kWordsHold_s;
+  }
+  get is_fallback(): boolean {
+    return this.now_s - this.fallback_s < kWordsHold_s;
+  }
+  /** Of the session so far, 0 … 1; NaN while nothing was asked. */
+  get transparency(): number {
+    const counters = this.mofc_batch?.counters;
+    return counters ? counters.transparencySum / Number(counters.transparencySamples) : NaN;
+  }
+
+  take_device(batch: DeviceTelemetry, now_s: number): void {
+    const rows = batch.sampledAtNs.length;
+    require_columns(columns_agree(rows,
+      [batch.latenessNs, batch.replyTimeNs, batch.guard, batch.flags, batch.trueEnergyJoule],
+      [batch.measuredHandPositionM, batch.measuredToolPositionWorldM, batch.forceOnHandNewton]));
+    this.nodes.device.note(batch.header, batch.recordsLost, batch.counters.loop.ticks, now_s);
+    this.device_batch = batch;
+    if (batch.header.sessionId !== this.device_session) {
+      if (rows === 0) return;
+      this.begin_device_session(batch.header.sessionId, batch.sampledAtNs[0]);
+    }
+    const ring = this.device;
+    for (let i = 0; i < rows; ++i) {
+      const t_s = this.seconds(batch.sampledAtNs[i]);
+      if (!ring.append(t_s)) continue;
+      put_vector(ring, kForceX, batch.forceOnHandNewton, i);
+      ring.set(kTrueEnergy, batch.trueEnergyJoule[i]);
+      ring.set(kLateness, 1e-9 * Number(batch.latenessNs[i]));
+      if (batch.flags[i] & kDeviceAnswered) ring.set(kReplyTime, 1e-9 * Number(batch.replyTimeNs[i]));
+      this.guard = batch.guard[i];
+      if (this.guard === Guard.fallback || this.guard === Guard.fading) this.fallback_s = t_s;
+    }
+    if (rows === 0) return;
+    copy_vector(batch.measuredHandPositionM, rows - 1, this.hand_m);
+    copy_vector(batch.measuredToolPositionWorldM, rows - 1, this.tool_m);
+    copy_vector(batch.forceOnHandNewton, rows - 1, this.applied_newton);
+  }
+
+  take_mofc(batch: MofcTelemetry, now_s: number): void {
+    const rows = batch.deviceSampledAtNs.length;
+    require_columns(columns_agree(rows,
+      [batch.deviceSessionId, batch.ledgerEnergyJoule, batch.forceAgeNs, batch.state, batch.flags],
+      [batch.askedForceOnHandNewton, batch.commandedForceOnHandNewton, batch.fMaxNewton]));
+    if (this.nodes.mofc.note(batch.header, batch.recordsLost, batch.counters.ticks, now_s)) {
+      this.batches.clear();
+    }
+    this.mofc_batch = batch;
+    const ring = this.mofc;
+    let last = -1;
+    for (let i = 0; i < rows; ++i) {
+      if (batch.deviceSessionId[i] !== this.device_session) continue;
+      const t_s = this.seconds(batch.deviceSampledAtNs[i]);
+      if (!ring.append(t_s)) continue;
+      last = i;
+      put_vector(ring, kAskedX, batch.askedForceOnHandNewton, i);
+      put_bound(ring, batch.fMaxNewton, i);
+      ring.set(kLedger, batch.ledgerEnergyJoule[i]);
+      const age_s = 1e-9 * Number(batch.forceAgeNs[i]);
+      if (age_s > 0) ring.set(kForceAge, age_s);
+      if (batch.flags[i] & kMofcClamped) this.clamped_s = t_s;
+    }
+    if (last < 0) return;
+    this.mofc_state = batch.state[last];
+    this.is_in_contact = (batch.flags[last] & kMofcInContact) !== 0;
+    copy_vector(batch.askedForceOnHandNewton, last, this.asked_newton);
+    this.keep_transparency(batch);
+  }
+
+  take_physics(batch: PhysicsTelemetry, now_s: number): void {
+    require_columns(columns_agree(batch.steppedAtNs.length, [batch.contactCount], [batch.toolPositionWorldM]));
+    this.nodes.physics.note(batch.header, batch.recordsLost, batch.counters.loop.ticks, now_s);
+    this.physics_batch = batch;
+  }
+
+  /** What the server heard before this page came counts too. */
+  take_health(health: Health, now_s: number): void {
+    this.health = health;
+    for (const { name, silenceS } of health.nodes) {
+      const node = this.nodes[name as NodeName];
+      if (node && Number.isNaN(node.heard_s) && silenceS >= 0) node.heard_s = now_s - silenceS;
+    }
+  }
+
+  /** Lateness of ticks in the window before `end_s`, counted into bins of equal ratio. */
+  count_lateness(end_s: number, window_s: number, bins: LatenessBins, out: number[]): void {
+    out.length = bins.count;
+    out.fill(0);
+    const ring = this.device;
+    const until = ring.first_at(end_s + 1e-9);
+    for (let row = ring.first_at(end_s - window_s); row < until; ++row) {
+      out[bin_of(bins, ring.value(kLateness, row))] += 1;
+    }
+  }
+
+  private begin_device_session(session: bigint, first_ns: bigint): void {
+    this.device_session = session;
+    this.base_ns = first_ns;
+    this.device.clear();
+    this.mofc.clear();
+    this.batches.clear();
+    this.clamped_s = this.fallback_s = -Infinity;
+  }
+
+  private seconds(device_ns: bigint): number {
+    return 1e-9 * Number(device_ns - this.base_ns);
+  }
+
+  private keep_transparency(batch: MofcTelemetry): void {
+    const ring = this.batches;
+    if (!ring.append(this.mofc.newest_s)) return;
+    const sum = batch.counters.transparencySum;
+    const samples = Number(batch.counters.transparencySamples);
+    ring.set(kTransparencySum, sum);
+    ring.set(kTransparencySamples, samples);
+    const before = ring.first_at(ring.newest_s - kTransparencyWindow_s);
+    const new_samples = samples - ring.value(kTransparencySamples, before);
+    if (new_samples > 0) {
+      ring.set(kTransparency, (sum - ring.value(kTransparencySum, before)) / new_samples);
+    }
+  }
+}
+
+export interface LatenessBins {
+  first_s: number; // upper border of bin 0
+  per_decade: number;
+  count: number;
+}
+/** 1 µs … 100 ms, five bins a decade; what is beyond falls into the outermost. */
+export const kLatenessBins: LatenessBins = { first_s: 1e-6, per_decade: 5, count: 26 };
+
+export function bin_of(bins: LatenessBins, lateness_s: number): number {
+  if (!(lateness_s > bins.first_s)) return 0;
+  const bin = Math.ceil(bins.per_decade * Math.log10(lateness_s / bins.first_s));
+  return Math.min(bin, bins.count - 1);
+}
+export function upper_border_s(bins: LatenessBins, bin: number): number {
+  return bins.first_s * 10 ** (bin / bins.per_decade);
+}
+
+export function norm(v: Vector3): number {
+  return Math.hypot(v.x, v.y, v.z);
+}
+
+function require_columns(do_agree: boolean): void {
+  if (!do_agree) throw new Error("telemetry columns differ in length");
+}
+
+function copy_vector(column: number[], row: number, out: Vector3): void {
+  out.x = column[3 * row];
+  out.y = column[3 * row + 1];
+  out.z = column[3 * row + 2];
+}
+
+function put_vector(ring: Ring, first_column: number, column: number[], row: number): void {
+  const x = column[3 * row], y = column[3 * row + 1], z = column[3 * row + 2];
+  ring.set(first_column, x);
+  ring.set(first_column + 1, y);
+  ring.set(first_column + 2, z);
+  ring.set(first_column + 3, Math.sqrt(x * x + y * y + z * z));
+}
+
+// One bound for all axes bounds the norm; bounds of their own bound it by their norm.
+function put_bound(ring: Ring, column: number[], row: number): void {
+  put_vector(ring, kBoundX, column, row);
+  const x = column[3 * row];
+  if (x === column[3 * row + 1] && x === column[3 * row + 2]) ring.set(kBoundNorm, x);
+}

@@ -1,0 +1,166 @@
+// wire.ts: the messages of proto/palpate/v1 as the page reads them. The schemas travel with the
+// channels, so these are only views: units, frames and ranges stand in the .proto files. Names are
+// those of the .proto in camel case; 64-bit integers are bigint.
+
+export interface Vector3 {
+  x: number;
+  y: number;
+  z: number;
+}
+export interface Header {
+  sessionId: bigint;
+  sequence: bigint;
+  sampledAtNs: bigint;
+}
+export interface LinkCounters {
+  accepted: bigint;
+  skipped: bigint;
+  duplicates: bigint;
+  outOfOrder: bigint;
+  rejected: bigint;
+  sessions: bigint;
+}
+export interface LoopCounters {
+  ticks: bigint;
+  skippedTicks: bigint;
+  worstLatenessNs: bigint;
+}
+
+export interface DeviceTelemetry {
+  header: Header;
+  counters: {
+    loop: LoopCounters;
+    forceCommand: LinkCounters;
+    answeredTicks: bigint;
+    leasedTicks: bigint;
+    fallbackTicks: bigint;
+    limpTicks: bigint;
+    peakLimitedTicks: bigint;
+    faultTicks: bigint;
+    lastFault: number;
+    maxForceNewton: number;
+    minimumTrueEnergyJoule: number;
+    nonFiniteCommands: bigint;
+  };
+  recordsLost: bigint;
+  sampledAtNs: bigint[];
+  latenessNs: bigint[];
+  replyTimeNs: bigint[];
+  measuredHandPositionM: number[];
+  measuredToolPositionWorldM: number[];
+  forceOnHandNewton: number[];
+  guard: number[];
+  flags: number[];
+  trueEnergyJoule: number[];
+}
+
+export interface MofcTelemetry {
+  header: Header;
+  counters: {
+    deviceState: LinkCounters;
+    interaction: LinkCounters;
+    ticks: bigint;
+    clampedTicks: bigint;
+    staleTicks: bigint;
+    latePhysicsTicks: bigint;
+    ledgerResets: bigint;
+    motionsDropped: bigint;
+    transparencySum: number;
+    transparencySamples: bigint;
+    tooFastTicks: bigint;
+  };
+  recordsLost: bigint;
+  deviceSessionId: bigint[];
+  deviceSampledAtNs: bigint[];
+  askedForceOnHandNewton: number[];
+  commandedForceOnHandNewton: number[];
+  fMaxNewton: number[];
+  ledgerEnergyJoule: number[];
+  forceAgeNs: bigint[];
+  state: number[];
+  flags: number[];
+}
+
+export interface PhysicsTelemetry {
+  header: Header;
+  counters: {
+    loop: LoopCounters;
+    toolMotion: LinkCounters;
+    worstComputeTimeNs: bigint;
+  };
+  recordsLost: bigint;
+  steppedAtNs: bigint[];
+  toolPositionWorldM: number[];
+  contactCount: number[];
+}
+
+export interface TissueSurface {
+  name: string;
+  shape: number;
+  verticesM: Uint8Array;
+  triangles: Uint8Array;
+  vertexStiffnessNewtonPerM: Uint8Array;
+  stiffnessNewtonPerM: number;
+  dampingNewtonSPerM: number;
+}
+export interface SceneState {
+  header: Header;
+  revision: bigint;
+  sessionName: string;
+  sessionText: string;
+  controller: string;
+  deviceRateHz: number;
+  physicsRateHz: number;
+  peakForceNewton: number;
+  tipRadiusM: number;
+  workspaceScaleRatio: number;
+  tissues: TissueSurface[];
+  pointer?: {
+    centerM: Vector3;
+    reachM: number;
+    speedMPerS: number;
+    holderTimeoutNs: bigint;
+  };
+}
+export interface MeshFrame {
+  header: Header;
+  sceneRevision: bigint;
+  tissue: number;
+  firstVertex: number;
+  verticesM: Uint8Array;
+  deviceSequence: bigint;
+}
+
+export interface Health {
+  nodes: {
+    name: string;
+    isHeard: boolean;
+    silenceS: number;
+    sessions: bigint;
+    batchesLost: bigint;
+    recordsLost: bigint;
+  }[];
+  clients: number;
+  messagesDropped: bigint;
+  framesRejected: bigint;
+  handHolder: bigint;
+  version: string;
+}
+
+// common/core/telemetry.h
+export enum Guard { limp, answered, leased, fallback, fading, fault }
+export enum Mofc { no_physics, free, contact, fading, clutched }
+export const kFaultReasons =
+  ["none", "the device gave no reading", "a reading was not finite", "the position jumped",
+    "the motors did not take their force"];
+
+export const kDeviceAnswered = 1;
+export const kDevicePeakLimited = 2;
+export const kMofcClamped = 1;
+export const kMofcInContact = 2;
+
+/** True if every column holds `rows` entries (vectors three times as many). */
+export function columns_agree(rows: number, scalars: ArrayLike<unknown>[], vectors: ArrayLike<unknown>[]): boolean {
+  return scalars.every((column) => column.length === rows) &&
+    vectors.every((column) => column.length === 3 * rows);
+}
