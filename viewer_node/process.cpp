@@ -8,6 +8,7 @@
 #include <optional>
 #include <stdexcept>
 
+#include "common/link/plot_sender.h"
 #include "common/runtime/regular_file.h"
 #include "viewer_node/csv_writer.h"
 #include "viewer_node/status_line.h"
@@ -25,6 +26,37 @@ bool print_status(const TelemetryMirror& mirror, TimePoint now) {
   std::printf(is_terminal ? "\r\033[K%s" : "%s\n", status_line(mirror, now).c_str());
   return std::fflush(stdout) == 0;
 }
+
+/// Rows as PlotJuggler takes them.
+class Plot {
+ public:
+  Plot(ZmqContext& context, const std::string& endpoint, const TelemetryMirror& mirror)
+      : sender_(context, endpoint, "--plotjuggler"), mirror_(mirror) {}
+
+  void show(const TickRow& row) {
+    // device's clock on that of the wall, as its session began to be heard
+    const std::int64_t sampled_ns = row.device.sampled_at.time_since_epoch().count();
+    if (row.device_session_id != device_session_id_) {
+      device_session_id_ = row.device_session_id;
+      offset_ns_ = std::chrono::duration_cast<std::chrono::nanoseconds>(
+                       std::chrono::system_clock::now().time_since_epoch())
+                       .count() -
+                   sampled_ns;
+    }
+    const MofcCounters& mofc = mirror_.mofc_counters();
+    sender_.send(static_cast<std::uint64_t>(sampled_ns + offset_ns_), row.device, row.mofc,
+                 mofc.transparency_samples > 0
+                     ? mofc.transparency_sum / static_cast<double>(mofc.transparency_samples)
+                     : kNaN);
+  }
+  [[nodiscard]] const std::string& endpoint() const { return sender_.endpoint(); }
+
+ private:
+  PlotSender sender_;
+  const TelemetryMirror& mirror_;
+  std::uint64_t device_session_id_ = 0;
+  std::int64_t offset_ns_ = 0;
+};
 
 }  // namespace
 
@@ -54,9 +86,18 @@ void run_process(NodeContext& context, ProcessLinks& links, const ViewerOptions&
   refuse_shared_file({{"--csv", options.csv_file}, {"--record", options.record.file}});
   TelemetryMirror mirror;
   std::optional<CsvWriter> csv;
-  if (!options.csv_file.empty()) {
-    csv.emplace(options.csv_file);
-    mirror.on_row = [&](const TickRow& row) { csv->write(row); };
+  if (!options.csv_file.empty()) csv.emplace(options.csv_file);
+  std::optional<Plot> plot;
+  if (!options.plotjuggler.empty()) {
+    plot.emplace(links.side, options.plotjuggler, mirror);
+    context.log.info("event=plotjuggler endpoint={} schema=proto/palpate/v1/plot.proto",
+                     plot->endpoint());
+  }
+  if (csv || plot) {
+    mirror.on_row = [&](const TickRow& row) {
+      if (csv) csv->write(row);
+      if (plot) plot->show(row);
+    };
   }
   const auto check_csv = [&] {
     if (!csv) return;

@@ -18,6 +18,7 @@ namespace palpate::viewer {
 struct ViewerOptions {
   std::string csv_file;  ///< empty: none
   RecordOptions record{};
+  std::string plotjuggler{};  ///< endpoint; empty: none
   bool is_quiet = false;  ///< no status line
   WebOptions web{};
 };

@@ -18,6 +18,8 @@
 #include "deploy/palpate/loopback.h"
 #include "deploy/palpate/recording_commands.h"
 #include "deploy/palpate/recording_file.h"
+#include "deploy/palpate/replay.h"
+#include "deploy/palpate/report.h"
 #include "deploy/palpate/summary.h"
 
 namespace {
@@ -169,6 +171,49 @@ struct ExportArguments {
   }
 };
 
+struct ReportArguments {
+  std::string file;
+  std::string output;
+
+  void add_to(CLI::App& app) {
+    app.add_option("FILE", file, "recording (*.mcap)")->required()->type_name("");
+    app.add_option("-o,--output", output, "one HTML file that needs no other")
+        ->required()
+        ->type_name("FILE");
+  }
+  void run() const {
+    refuse_shared_file({{"FILE", file}, {"--output", output}});
+    RecordingFile recording(file);
+    write_report(recording, output);
+  }
+};
+
+void add_replay_options(CLI::App& app, ReplayOptions& replay) {
+  const CLI::Validator is_start(
+      [](const std::string& text) {
+        double seconds = 0.0;
+        const bool is_number = CLI::detail::lexical_cast(text, seconds);
+        return is_number && seconds >= 0.0 && seconds <= 1e9
+                   ? std::string()
+                   : "\"" + text + "\": give a time in s, at least 0";
+      },
+      "", "start");
+  app.add_option("FILE", replay.file, "recording (*.mcap)")->required()->type_name("");
+  app.add_option("--session", replay.session_file,
+                 "publish where this session's viewers look (default: the recorded session)")
+      ->type_name("FILE");
+  app.add_option("--set", replay.overrides, "override a field of the session; repeatable")
+      ->type_name("PATH=VALUE")
+      ->allow_extra_args(false);
+  app.add_option("--speed", replay.speed_ratio, "times real time (default: 1)")
+      ->type_name("RATIO")
+      ->check(CLI::Range(0.001, 1000.0));
+  app.add_option("--start", replay.start_s, "begin so far into the recording")
+      ->type_name("S")
+      ->check(is_start);
+  app.add_flag("--loop", replay.loops, "again and again, until Ctrl-C");
+}
+
 void add_launch_options(CLI::App& app, LaunchCommand& launch) {
   add_session_options(app, launch.session_file, launch.overrides);
   add_time_option(app, launch.seconds, "stop after this time in s (default: run until Ctrl-C)");
@@ -208,6 +253,16 @@ int main(int argc, char** argv) {
   CLI::App& export_command = *app.add_subcommand("export", "write a recording as a table");
   exported.add_to(export_command);
 
+  ReplayOptions replay;
+  CLI::App& replay_command = *app.add_subcommand(
+      "replay", "publish a recording as if it happened now: viewers look at it as at a live run");
+  add_replay_options(replay_command, replay);
+
+  ReportArguments report;
+  CLI::App& report_command =
+      *app.add_subcommand("report", "write the figures of a recording as one HTML file");
+  report.add_to(report_command);
+
   IdentifyArguments identify;
   CLI::App& identify_command = *app.add_subcommand(
       "identify", "measure the friction of a session's device with its own motors, hand off");
@@ -235,6 +290,8 @@ int main(int argc, char** argv) {
     if (loopback_command.parsed()) loopback.run();
     if (info_command.parsed()) info.run();
     if (export_command.parsed()) exported.run();
+    if (replay_command.parsed()) run_replay(replay);
+    if (report_command.parsed()) report.run();
     if (identify_command.parsed()) identify.run();
     if (check_command.parsed()) check_scene(scene);
     return 0;
