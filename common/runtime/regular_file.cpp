@@ -43,9 +43,9 @@ void refuse_shared_file(std::initializer_list<std::pair<const char*, std::string
     for (const auto* b = a + 1; b != outputs.end(); ++b) {
       std::error_code error;
       const auto whole = [&](const std::string& file) {
-        return std::filesystem::weakly_canonical(std::filesystem::absolute(file), error);
+        return std::filesystem::weakly_canonical(std::filesystem::absolute(file, error), error);
       };
-      if (whole(a->second) != whole(b->second)) {
+      if (b->second.empty() || whole(a->second) != whole(b->second)) {
         continue;
       }
       throw SetupError(std::string(a->first) + " and " + b->first + ": both name " + a->second +

@@ -105,7 +105,8 @@ struct LoopbackArguments {
     add_record_options(app, record);
     app.add_option(
            "--hand", hand,
-           "the hand means to go where the recorded one was measured; for as long as it was "
+           "the hand means to go where the recorded one meant to, as far as its motion and
+                   the force on it tell; for as long as it was "
            "recorded, without --seconds")
         ->type_name("FILE.mcap");
     app.add_flag("--no-ideal", has_no_ideal,
@@ -120,7 +121,7 @@ struct LoopbackArguments {
     std::optional<double> length_s = seconds;
     if (!hand.empty()) {
       RecordingFile recording(hand);
-      RecordedPath path = hand_path_of(recording);
+      RecordedPath path = hand_path_of(recording, loaded.hand);
       if (!length_s) length_s = recording.length_s();
       loaded.hand.path = std::move(path);
     }

@@ -1,8 +1,10 @@
 #include "deploy/palpate/recording_file.h"
 
+#include <cmath>
 #include <optional>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 #include "common/core/check.h"
 #include "viewer_node/recording.h"
@@ -11,7 +13,7 @@
 namespace palpate {
 namespace {
 
-constexpr double kPathStep_s = 0.01;
+constexpr Duration kPathStep = std::chrono::milliseconds(10);
 
 }  // namespace
 
@@ -94,37 +96,77 @@ void for_each_row(RecordingFile& recording,
   mirror.flush_rows();
 }
 
-RecordedPath hand_path_of(RecordingFile& recording) {
-  RecordedPath path;
-  std::optional<TimePoint> begin;
-  Vector3 sum_m = Vector3::Zero();
-  double sum_s = 0.0;
-  int count = 0;
-  const auto end_step = [&] {
-    if (count == 0) return;
-    path.samples.push_back({.t_s = sum_s / count, .position_m = sum_m / count});
-    sum_m.setZero();
-    sum_s = 0.0;
-    count = 0;
-  };
+namespace {
 
-  std::int64_t step = 0;
-  double last_s = -1.0;
+/// Means over one step of the path.
+struct HandStep {
+  double t_s = 0.0;
+  Vector3 position_m = Vector3::Zero();
+  Vector3 force_newton = Vector3::Zero();
+};
+
+std::vector<HandStep> hand_steps_of(RecordingFile& recording) {
+  std::vector<HandStep> steps;
+  std::optional<TimePoint> begin;
+  std::int64_t step = -1;
+  Duration last{-1};
+  double count = 0.0;
+  const auto end_step = [&] {
+    if (count == 0.0) return;
+    steps.back().t_s /= count;
+    steps.back().position_m /= count;
+    steps.back().force_newton /= count;
+    count = 0.0;
+  };
   for_each_row(recording, [&](const viewer::TickRow& row) {
     if (!begin) begin = row.device.sampled_at;
-    const double t_s = to_seconds(row.device.sampled_at - *begin);
-    if (t_s <= last_s) return;  // a device of another clock
-    last_s = t_s;
-    const auto its_step = static_cast<std::int64_t>(t_s / kPathStep_s);
-    if (its_step != step) end_step();
-    step = its_step;
-    sum_m += row.device.measured_hand_position_m;
-    sum_s += t_s;
+    const Duration t = row.device.sampled_at - *begin;
+    if (t <= last) return;  // a device with another clock
+    last = t;
+    if (t / kPathStep != step) {
+      end_step();
+      step = t / kPathStep;
+      steps.emplace_back();
+    }
+    steps.back().t_s += to_seconds(t);
+    steps.back().position_m += row.device.measured_hand_position_m;
+    steps.back().force_newton += row.device.force_on_hand_newton;
     ++count;
   });
   end_step();
-  if (path.samples.empty()) {
+  return steps;
+}
+
+}  // namespace
+
+RecordedPath hand_path_of(RecordingFile& recording, const HandConfig& hand) {
+  const std::vector<HandStep> steps = hand_steps_of(recording);
+  if (steps.empty()) {
     throw SetupError("recording " + recording.mcap().path() + ": holds no motion of a hand");
+  }
+  RecordedPath path;
+  Vector3 lead_m = Vector3::Zero();  // xᵢ − x
+  for (std::size_t i = 0; i < steps.size(); ++i) {
+    Vector3 acceleration = Vector3::Zero();
+    if (i > 0 && i + 1 < steps.size()) {
+      const HandStep& before = steps[i - 1];
+      const HandStep& after = steps[i + 1];
+      const Vector3 velocity_in =
+          (steps[i].position_m - before.position_m) / (steps[i].t_s - before.t_s);
+      const Vector3 velocity_out =
+          (after.position_m - steps[i].position_m) / (after.t_s - steps[i].t_s);
+      acceleration = 2.0 * (velocity_out - velocity_in) / (after.t_s - before.t_s);
+    }
+    // the equation above for the lead: a low pass of the lead at rest, time constant b/k
+    const Vector3 at_rest_m =
+        (hand.mass_kg * acceleration - steps[i].force_newton) / hand.stiffness_newton_per_m;
+    const double elapsed_s = i > 0 ? steps[i].t_s - steps[i - 1].t_s : 0.0;
+    const double share =
+        i > 0 && hand.damping_newton_s_per_m > 0.0
+            ? -std::expm1(-elapsed_s * hand.stiffness_newton_per_m / hand.damping_newton_s_per_m)
+            : 1.0;
+    lead_m += share * (at_rest_m - lead_m);
+    path.samples.push_back({.t_s = steps[i].t_s, .position_m = steps[i].position_m + lead_m});
   }
   return path;
 }

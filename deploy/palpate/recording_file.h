@@ -51,9 +51,15 @@ class RecordingFile {
 void for_each_row(RecordingFile& recording,
                   const std::function<void(const viewer::TickRow&)>& on_row);
 
-/// The motion of the recorded hand: where it was measured, D, the mean over each 10 ms, from its
-/// first tick on. So the steps of the encoder and of the device's clock leave no trace in the
-/// velocity. Throws SetupError if there is none.
-[[nodiscard]] RecordedPath hand_path_of(RecordingFile& recording);
+/// Where the recorded hand meant to go, D, each 10 ms from its first tick on: the path that `hand`,
+/// a mass m with a spring k and a damper b to the intended point xᵢ, must have been led along to
+/// move as x was measured while the device pushed with F:
+///
+///   m x″ = k (xᵢ − x) + b (x′ᵢ − x′) + F
+///
+/// x and F are means over 10 ms, so that the steps of the encoder leave no trace. The device's own
+/// mass and friction are not known for every device and left out. Throws SetupError if there is no
+/// motion.
+[[nodiscard]] RecordedPath hand_path_of(RecordingFile& recording, const HandConfig& hand);
 
 }  // namespace palpate

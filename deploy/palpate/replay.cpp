@@ -100,6 +100,12 @@ class Stage {
     if (scene_.take(frame)) physics_.send(frame);
   }
 
+  /// Does anybody look on, at all three?
+  [[nodiscard]] bool has_viewer() {
+    return device_.has_subscriber() && mofc_.has_subscriber() &&
+           physics_.has_subscriber<PhysicsBatch>();
+  }
+
   /// For those who came since the last call.
   void serve_newcomers() {
     const std::uint64_t scenes = physics_.subscriptions<SceneState>();
@@ -154,11 +160,14 @@ void run_replay(const ReplayOptions& options) {
   const SteadyClock clock;
   const std::uint64_t begin_ns =
       recording.mcap().begin_ns() + static_cast<std::uint64_t>(options.start_s * 1e9);
-  std::printf("%s: %s, %.3f s; look at it with: viewer_node --session %s\n", options.file.c_str(),
-              session.name.c_str(), recording.length_s() - options.start_s,
+  std::printf("%s: %s, %.3f s; begins with its first viewer: viewer_node --session %s\n",
+              options.file.c_str(), session.name.c_str(), recording.length_s() - options.start_s,
               options.session_file.empty() ? recording.about("session_file").c_str()
                                            : options.session_file.c_str());
   std::fflush(stdout);
+  while (!stage.has_viewer()) {
+    if (stop.came_within(kPollInterval)) return;
+  }
 
   do {
     stage.begin(scene ? &*scene : nullptr);

@@ -15,9 +15,9 @@ struct ReplayOptions {
   bool loops = false;
 };
 
-/// Publishes hop 5 at the nodes' own endpoints until the recording or SIGINT, SIGTERM or SIGHUP
-/// ends it. Each pass has new session ids, as if the nodes had been started again. Throws
-/// SetupError, for example while nodes of that session run.
+/// Publishes hop 5 at the nodes' own endpoints, from the first viewer on, until the recording or
+/// SIGINT, SIGTERM or SIGHUP ends it. Each pass has new session ids, as if the nodes had been
+/// started again. Throws SetupError, for example while nodes of that session run.
 void run_replay(const ReplayOptions& options);
 
 }  // namespace palpate
