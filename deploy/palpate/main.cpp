@@ -103,11 +103,9 @@ struct LoopbackArguments {
     add_time_option(app, seconds, "simulated time in s (default: the session's duration_s)");
     add_output_options(app, csv, json);
     add_record_options(app, record);
-    app.add_option(
-           "--hand", hand,
-           "the hand means to go where the recorded one meant to, as far as its motion and
-                   the force on it tell; for as long as it was "
-           "recorded, without --seconds")
+    app.add_option("--hand", hand,
+                   "the hand means to go where the recorded one meant to, as far as its motion and "
+                   "the force on it tell; for as long as it was recorded, without --seconds")
         ->type_name("FILE.mcap");
     app.add_flag("--no-ideal", has_no_ideal,
                  "skip the ideal force and the ideal run, and the figures that need them");

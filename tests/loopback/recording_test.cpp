@@ -117,7 +117,9 @@ TEST_F(Recordings, AHandThatIsPushedMeantToGoFurther) {
   // within what the device's Coulomb friction can hold back: 0.3 N / 150 N/m
   EXPECT_NEAR(path.samples.back().position_m.z(), -0.02, 2e-3);
   for_each_row(recording, [&](const viewer::TickRow& row) {
-    if (row.device.sequence == 2999) EXPECT_GT(row.device.measured_hand_position_m.z(), -0.015);
+    if (row.device.sequence == 2999) {
+      EXPECT_GT(row.device.measured_hand_position_m.z(), -0.015);
+    }
   });
 }
 
