@@ -107,20 +107,25 @@ TEST_F(Recordings, ACutOffRecordingIsReadUpToItsLastChunk) {
   EXPECT_FALSE(info_json(recording)["is_whole"]);
 }
 
-// A hand that rests in the tissue, pushed by F = 250 N/m · 5 mm or so, means to be deeper by F/k.
+// A hand of 150 N/m that means to be 10 mm deep in tissue of 250 N/m rests about 4 mm deep. What it
+// meant is found to within what the device's friction holds back: 0.3 N / 150 N/m = 2 mm.
 TEST_F(Recordings, AHandThatIsPushedMeantToGoFurther) {
-  const Session session = shipped({"hand.hold={ position_m { z: -0.02 } }"});
+  const Session session = parse_session(R"(
+      name: "pressing"
+      hand { hold { position_m { z: -0.01 } } }
+      mofc { controller: none }
+      scene { tissue { half_space {} kelvin_voigt { stiffness_newton_per_m: 250 } } })",
+                                        "test.txtpb");
   RecordingFile recording(record("run.mcap", session, 3.0));
+  double measured_z_m = 0.0;
+  for_each_row(recording, [&](const viewer::TickRow& row) {
+    measured_z_m = row.device.measured_hand_position_m.z();
+  });
   const RecordedPath path = hand_path_of(recording, session.hand);
   ASSERT_EQ(path.samples.size(), 300u);
   EXPECT_NEAR(path.samples[42].t_s, 0.4245, 1e-9);  // the mean of 420 … 429 ms
-  // within what the device's Coulomb friction can hold back: 0.3 N / 150 N/m
-  EXPECT_NEAR(path.samples.back().position_m.z(), -0.02, 2e-3);
-  for_each_row(recording, [&](const viewer::TickRow& row) {
-    if (row.device.sequence == 2999) {
-      EXPECT_GT(row.device.measured_hand_position_m.z(), -0.015);
-    }
-  });
+  EXPECT_GT(measured_z_m, -0.007);
+  EXPECT_NEAR(path.samples.back().position_m.z(), -0.01, 2e-3);
 }
 
 // What the recorded hand did is done again, but for the friction of the device.
@@ -154,7 +159,7 @@ TEST_F(Recordings, AnotherControllerIsTriedOnTheSameHand) {
   };
   const RunReport with = run("mofc");
   const RunReport without = run("none");
-  EXPECT_GT(with.statistics.contact_ticks(), 100u);
+  EXPECT_GT(with.statistics.contact_ticks(), 20u);
   EXPECT_GT(with.mofc.clamped_ticks, 0u);
   EXPECT_EQ(without.mofc.clamped_ticks, 0u);
   // the ideal run knows no controller: the hand is the same for both
