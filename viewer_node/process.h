@@ -19,7 +19,7 @@ struct ViewerOptions {
   std::string csv_file;  ///< empty: none
   RecordOptions record{};
   std::string plotjuggler{};  ///< endpoint; empty: none
-  bool is_quiet = false;  ///< no status line
+  bool is_quiet = false;      ///< no status line
   WebOptions web{};
 };
 
