@@ -31,8 +31,7 @@ void RunStatistics::add(const viewer::TickRow& row, const IdealState& ideal) {
     true_to_ideal_.add(fi, fs);
     if (is_beyond_force_jnd(fi, fs)) ++beyond_jnd_;
   }
-  if (ideal.force_on_hand_newton.allFinite())
-    true_to_ideal_run_.add(ideal.force_on_hand_newton, fs);
+  if (ideal.force_on_hand_newton.allFinite()) true_to_ideal_run_.add(ideal.force_on_hand_newton, fs);
 
   // safety
   maximum_force_newton_ = std::max(maximum_force_newton_, fs.norm());

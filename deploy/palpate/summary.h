@@ -29,8 +29,8 @@ class RunStatistics {
   /// fs against fi, projected and capped; and the rms of fs − fi over the rms of fi.
   [[nodiscard]] double ideal_transparency() const { return true_to_ideal_.mean(); }
   [[nodiscard]] double force_error_rms_ratio() const { return true_to_ideal_.rms_error_ratio(); }
-  /// rms of the difference to the force of the ideal run at the same time, over its rms: counts
-  /// also that the hand is elsewhere.
+  /// rms of the difference to the force of the ideal run at the same time, over its rms: counts also
+  /// that the hand is elsewhere.
   [[nodiscard]] double ideal_run_force_error_rms_ratio() const {
     return true_to_ideal_run_.rms_error_ratio();
   }
