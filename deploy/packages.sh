@@ -11,7 +11,7 @@ packages=(
   cppzmq-dev libzmq3-dev
   libprotobuf-dev protobuf-compiler
   libboost-dev libboost-filesystem-dev
-  libcli11-dev libeigen3-dev libspdlog-dev nlohmann-json3-dev
+  libcli11-dev libeigen3-dev libspdlog-dev nlohmann-json3-dev zlib1g-dev
 )
 # npm builds the viewer's page; another distribution's Node.js may bring its own
 command -v npm >/dev/null || packages+=(nodejs npm)

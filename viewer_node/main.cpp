@@ -1,5 +1,6 @@
 // viewer_node: shows what the nodes of a session publish.
 // All logic is in the library; this file only connects it to the world.
+#include "common/link/plot_sender.h"
 #include "viewer_node/process.h"
 
 int main(int argc, char** argv) {
@@ -7,13 +8,24 @@ int main(int argc, char** argv) {
   return palpate::run_node(
       argc, argv,
       {.name = "viewer",
-       .description =
-           "Shows a running session: a page, the Foxglove WebSocket, a status line, and one CSV "
-           "row per device tick.",
+       .description = "Shows and records a running session: a page, the Foxglove WebSocket, a "
+                      "status line, one "
+                      "CSV row per device tick, an MCAP file.",
        .add_options =
            [&](CLI::App& app) {
              app.add_option("--csv", options.csv_file, "write one row per device tick to this file")
                  ->type_name("FILE");
+             app.add_option("--record", options.record.file,
+                            "record every tick, the scene and the session to this MCAP file")
+                 ->type_name("FILE");
+             app.add_flag("--overwrite", options.record.may_overwrite,
+                          "--record may replace a file");
+             app.add_option("--plotjuggler", options.plotjuggler,
+                            "publish every tick for PlotJuggler's ZMQ Subscriber, with the schema "
+                            "proto/palpate/v1/plot.proto, on this machine only")
+                 ->type_name("[ENDPOINT]")
+                 ->expected(0, 1)
+                 ->default_str(palpate::kPlotEndpoint);
              app.add_flag("--quiet", options.is_quiet, "no status line");
              palpate::viewer::WebOptions& web = options.web;
              app.add_option("--listen", web.listen,

@@ -1,4 +1,4 @@
-// process.h — viewer_node connected to the world: telemetry in, text and CSV out.
+// process.h — viewer_node connected to the world: telemetry in, text and files out.
 #pragma once
 
 #include <cstddef>
@@ -9,14 +9,17 @@
 
 #include "common/runtime/process_links.h"
 #include "common/runtime/run_node.h"
+#include "viewer_node/recording.h"
 #include "viewer_node/telemetry_mirror.h"
 #include "viewer_node/web_process.h"
 
 namespace palpate::viewer {
 
 struct ViewerOptions {
-  std::string csv_file;   ///< empty: none
-  bool is_quiet = false;  ///< no status line
+  std::string csv_file;  ///< empty: none
+  RecordOptions record{};
+  std::string plotjuggler{};  ///< endpoint; empty: none
+  bool is_quiet = false;      ///< no status line
   WebOptions web{};
 };
 

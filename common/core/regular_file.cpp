@@ -3,6 +3,8 @@
 #include <array>
 #include <fstream>
 
+#include "common/core/check.h"
+
 namespace palpate {
 
 FileContent read_regular_file(const std::filesystem::path& file, std::uintmax_t max_bytes) {
@@ -33,6 +35,23 @@ FileContent read_regular_file(const std::filesystem::path& file, std::uintmax_t 
   }
   if (stream.bad()) return {.complaint = "cannot be read; is the disk well?"};
   return content;
+}
+
+void refuse_shared_file(std::initializer_list<std::pair<const char*, std::string>> outputs) {
+  for (const auto* a = outputs.begin(); a != outputs.end(); ++a) {
+    if (a->second.empty() || a->second == "-") continue;
+    for (const auto* b = a + 1; b != outputs.end(); ++b) {
+      std::error_code error;
+      const auto whole = [&](const std::string& file) {
+        return std::filesystem::weakly_canonical(std::filesystem::absolute(file, error), error);
+      };
+      if (b->second.empty() || whole(a->second) != whole(b->second)) {
+        continue;
+      }
+      throw SetupError(std::string(a->first) + " and " + b->first + ": both name " + a->second +
+                       "; give each a file of its own");
+    }
+  }
 }
 
 }  // namespace palpate

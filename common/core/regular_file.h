@@ -1,9 +1,11 @@
-// regular_file.h — reading a file that the user named.
+// regular_file.h — files that the user named.
 #pragma once
 
 #include <cstdint>
 #include <filesystem>
+#include <initializer_list>
 #include <string>
+#include <utility>
 
 namespace palpate {
 
@@ -15,5 +17,9 @@ struct FileContent {
 /// Never waits: pipes and devices are refused, as are folders and larger files.
 [[nodiscard]] FileContent read_regular_file(const std::filesystem::path& file,
                                             std::uintmax_t max_bytes);
+
+/// Throws SetupError if two options name the same file. Empty names and "-" name none.
+/// @param outputs  option and file
+void refuse_shared_file(std::initializer_list<std::pair<const char*, std::string>> outputs);
 
 }  // namespace palpate

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include "common/core/messages.h"
@@ -150,6 +151,7 @@ struct TelemetryBatch {
   Header header;
   Counters counters;
   std::uint64_t records_lost = 0;  ///< did not fit the ring between tick and telemetry thread
+  std::string node_version{};      ///< of the program
   std::vector<Record> records;
 };
 using DeviceBatch = TelemetryBatch<DeviceTick, DeviceCounters>;

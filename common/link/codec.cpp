@@ -669,10 +669,13 @@ int rows(const v1::PhysicsTelemetry& wire) { return wire.sequence_size(); }
 
 // --- hop 5: batches ---------------------------------------------------------------------------
 
+constexpr std::size_t kMaxVersionBytes = 64;
+
 template <class Record, class Counters, class Wire>
 void fill(const TelemetryBatch<Record, Counters>& m, Wire& wire) {
   put(m.counters, *wire.mutable_counters());
   wire.set_records_lost(m.records_lost);
+  wire.set_node_version(m.node_version);
   fill_records(m.records, wire);
 }
 
@@ -680,6 +683,7 @@ template <class Wire>
 requires requires(const Wire& wire) { wire.counters(); }
 void check(const Wire& wire, Verdict& verdict) {
   verdict.require(wire.has_counters());
+  verdict.expect(wire.node_version().size() <= kMaxVersionBytes);
   check(wire.counters(), verdict);
   check_records(wire, verdict);
 }
@@ -688,6 +692,7 @@ template <class Record, class Counters, class Wire>
 void read(const Wire& wire, TelemetryBatch<Record, Counters>& m) {
   m.counters = counters(wire.counters());
   m.records_lost = wire.records_lost();
+  m.node_version = wire.node_version();
   m.records.resize(static_cast<std::size_t>(rows(wire)));
   for (int i = 0; i < rows(wire); ++i) {
     read_record(wire, i, m.records[static_cast<std::size_t>(i)]);

@@ -114,6 +114,7 @@ std::uint64_t random_session_id() {
 int run_node(int argc, char** argv, const NodeInfo& info,
              const std::function<void(NodeContext&)>& body) {
   const std::string program = info.name + "_node";
+  std::signal(SIGPIPE, SIG_IGN);  // who reads our output may go, as in `viewer_node | head`
   CLI::App app(info.description, program);
   std::filesystem::path session_file;
   std::vector<std::string> overrides;

@@ -21,6 +21,7 @@
 #include "common/core/telemetry.h"
 #include "common/runtime/event_log.h"
 #include "common/runtime/flight_recorder.h"
+#include "common/runtime/run_node.h"
 
 namespace palpate {
 
@@ -58,6 +59,7 @@ class TelemetryPublisher {
                      const Snapshot<Counters>& counters, Sender<Batch>& out, spdlog::logger& log)
       : clock_(clock), ticks_(ticks), counters_(counters), out_(out), events_(log) {
     batch_.header.session_id = session_id;
+    batch_.node_version = version();
     batch_.records.reserve(kMaxRecordsPerBatch);
   }
 

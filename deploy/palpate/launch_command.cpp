@@ -6,9 +6,12 @@
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
+#include <span>
 
 #include "common/core/check.h"
 #include "common/core/metrics.h"
+#include "common/core/regular_file.h"
 #include "common/runtime/session_file.h"
 #include "deploy/palpate/json_output.h"
 #include "deploy/palpate/launch.h"
@@ -134,6 +137,7 @@ std::string launch_text(const Session& session, const Observed& observed,
 
 int LaunchCommand::run() const {
   const Session session = load_session(session_file, overrides);
+  refuse_shared_file({{"--csv", csv_file}, {"--json", json_file}, {"--record", record.file}});
   const JsonOutput json(json_file);
   std::unique_ptr<viewer::CsvWriter> csv;
   if (!csv_file.empty()) csv = std::make_unique<viewer::CsvWriter>(csv_file);
@@ -141,6 +145,20 @@ int LaunchCommand::run() const {
   const SteadyClock clock;
   ProcessLinks links({.priority = 0, .cpu = -1});
   viewer::TelemetryFeed feed(session.links, clock, links);
+  std::optional<viewer::Recording> recording;
+  if (!record.file.empty()) {
+    recording.emplace(record, session, "palpate launch", feed.subscriber());
+    feed.on_message = [&](const TelemetryMessage& message, std::span<const std::byte> payload) {
+      recording->take(message, payload);
+    };
+  }
+  std::optional<std::string> lost_recording;
+  const auto check_recording = [&] {  // told at once; the run goes on
+    const auto error = recording ? recording->take_error() : std::nullopt;
+    if (!error) return;
+    std::fprintf(stderr, "palpate: %s\n", error->c_str());
+    lost_recording = error;
+  };
   Observed observed;
   observed.mirror.on_row = [&](const viewer::TickRow& row) {
     observed.lateness.add(row.device.lateness);
@@ -156,8 +174,11 @@ int LaunchCommand::run() const {
                                       .on_poll = [&] {
                                         feed.pump(observed.mirror, clock.now());
                                         observed.note_extremes();
+                                        check_recording();
                                       }});
   observed.mirror.flush_rows();
+  if (recording) recording->close();
+  check_recording();
   if (result.exit_status() != 0) return result.exit_status();
 
   if (!json.is_standard_output()) {
@@ -168,6 +189,7 @@ int LaunchCommand::run() const {
     csv->close();
     if (const auto error = csv->take_error()) throw std::runtime_error(*error);
   }
+  if (lost_recording) throw std::runtime_error("the recording is not whole");
   return 0;
 }
 

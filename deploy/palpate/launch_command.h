@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "viewer_node/recording.h"
+
 namespace palpate {
 
 struct LaunchCommand {
@@ -13,6 +15,7 @@ struct LaunchCommand {
   std::optional<double> seconds;
   std::string csv_file;   ///< empty: none
   std::string json_file;  ///< empty: none; "-": standard output, which the viewer then leaves alone
+  viewer::RecordOptions record{};
   bool is_realtime = true;
   bool has_viewer = true;
 

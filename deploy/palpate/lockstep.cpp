@@ -21,11 +21,6 @@
 namespace palpate {
 namespace {
 
-// Fixed, so that a run repeats to the bit; real processes draw random ones.
-constexpr std::uint64_t kDeviceSession = 1;
-constexpr std::uint64_t kMofcSession = 2;
-constexpr std::uint64_t kPhysicsSession = 3;
-
 // Order of the events of one instant.
 enum Rank : int { kDeviceRank = 0, kMofcRank = 1, kPhysicsRank = 2 };
 
@@ -33,8 +28,15 @@ enum Rank : int { kDeviceRank = 0, kMofcRank = 1, kPhysicsRank = 2 };
 template <class Record>
 class LastTick final : public TickSink<Record> {
  public:
-  void keep(const Record& record) noexcept override { last = record; }
+  explicit LastTick(std::function<void(const Record&)> on_tick) : on_tick_(std::move(on_tick)) {}
+  void keep(const Record& record) noexcept override {
+    last = record;
+    if (on_tick_) on_tick_(record);
+  }
   std::optional<Record> last;
+
+ private:
+  std::function<void(const Record&)> on_tick_;
 };
 
 /// Both ends of the four links, whatever carries them.
@@ -213,12 +215,15 @@ class Lockstep::Impl {
                         stream_seed(session.seed, "interaction")),
         motion_in_(*links_->motion_in, time_, session.faults.tool_motion,
                    stream_seed(session.seed, "tool_motion")),
+        device_tick_(options.on_device_tick),
+        mofc_tick_(options.on_mofc_tick),
+        physics_tick_(options.on_physics_tick),
         device_node_(session.device, *device_, time_, *links_->state_out, command_in_, device_tick_,
-                     kDeviceSession),
+                     kLockstepDevice),
         mofc_node_(session.mofc, session.device, time_, *links_->motion_out, interaction_in_,
-                   mofc_tick_, kMofcSession),
+                   mofc_tick_, kLockstepMofc),
         physics_node_(session.scene, session.physics, session.mofc.interaction, time_, motion_in_,
-                      tampered_interaction_out_, physics_tick_, kPhysicsSession),
+                      tampered_interaction_out_, physics_tick_, kLockstepPhysics),
         device_schedule_(TimePoint{}, session.device.rate_hz),
         physics_schedule_(TimePoint{}, session.physics.rate_hz),
         steps_on_arrival_(session.mofc.wait_for_physics.count() > 0) {
@@ -305,7 +310,7 @@ class Lockstep::Impl {
   }
 
   void give_row() {
-    viewer::TickRow row{.device_session_id = kDeviceSession, .device = *device_tick_.last};
+    viewer::TickRow row{.device_session_id = kLockstepDevice, .device = *device_tick_.last};
     if (mofc_tick_.last && mofc_tick_.last->device_sequence == row.device.sequence) {
       row.mofc = mofc_tick_.last;
     }

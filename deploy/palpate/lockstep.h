@@ -12,6 +12,12 @@
 
 namespace palpate {
 
+/// Session ids of the nodes. Fixed, so that a run repeats to the bit; real processes draw random
+/// ones.
+inline constexpr std::uint64_t kLockstepDevice = 1;
+inline constexpr std::uint64_t kLockstepMofc = 2;
+inline constexpr std::uint64_t kLockstepPhysics = 3;
+
 /// What carries the messages between the nodes.
 enum class LockstepLinks : std::uint8_t {
   kMemory,  ///< structs in a queue
@@ -26,6 +32,10 @@ struct LockstepOptions {
   std::function<void(Interaction&)> tamper_with_interaction{};
   /// How long after its appointment the next device tick begins. Empty: on time.
   std::function<Duration()> device_lateness{};
+  /// Every record, as it is made. Empty: nobody asks.
+  std::function<void(const DeviceTick&)> on_device_tick{};
+  std::function<void(const MofcTick&)> on_mofc_tick{};
+  std::function<void(const PhysicsTick&)> on_physics_tick{};
 };
 
 /// What the ideal run did at t_k of a row.

@@ -4,6 +4,7 @@
 #include <stdexcept>
 
 #include "common/core/clock.h"
+#include "deploy/palpate/lockstep_recorder.h"
 
 namespace palpate {
 
@@ -11,18 +12,29 @@ RunReport run_loopback(const Session& session, const LoopbackOptions& options) {
   std::unique_ptr<viewer::CsvWriter> csv;
   if (!options.csv_file.empty()) csv = std::make_unique<viewer::CsvWriter>(options.csv_file);
 
+  LockstepOptions lockstep_options = options.lockstep;
+  std::optional<LockstepRecorder> recorder;
+  if (!options.record.file.empty()) {
+    recorder.emplace(options.record, session, options.recorded_by);
+    recorder->listen_to(lockstep_options);
+  }
+
   RunReport report;
   report.simulated_s = options.seconds.value_or(session.duration_s);
-  Lockstep lockstep(session, options.lockstep,
+  const Lockstep* running = nullptr;
+  Lockstep lockstep(session, lockstep_options,
                     [&](const viewer::TickRow& row, const IdealState& ideal) {
                       report.statistics.add(row, ideal);
                       if (csv) csv->write(row);
+                      if (recorder) recorder->pump(*running, row.device.sampled_at);
                     });
+  running = &lockstep;
 
   const SteadyClock wall;
   const TimePoint begin = wall.now();
   lockstep.run_until(from_seconds(report.simulated_s));
   report.wall_s = to_seconds(wall.now() - begin);
+  if (recorder) recorder->finish(lockstep, TimePoint(from_seconds(report.simulated_s)));
 
   if (csv) {
     csv->close();

@@ -7,16 +7,19 @@
 #include "common/core/session.h"
 #include "deploy/palpate/lockstep.h"
 #include "deploy/palpate/summary.h"
+#include "viewer_node/recording.h"
 
 namespace palpate {
 
 struct LoopbackOptions {
   std::optional<double> seconds = {};  ///< else the session's duration_s
   std::string csv_file = {};           ///< empty: none
+  viewer::RecordOptions record{};
+  std::string recorded_by = "palpate loopback";
   LockstepOptions lockstep{.has_ideal = true};
 };
 
-/// Runs the session. Throws SetupError if the CSV file cannot be written, std::runtime_error if
+/// Runs the session. Throws SetupError if a file cannot be written, std::runtime_error if
 /// writing it failed on the way.
 [[nodiscard]] RunReport run_loopback(const Session& session, const LoopbackOptions& options);
 

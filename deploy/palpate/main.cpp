@@ -1,14 +1,17 @@
 // palpate: runs and checks deployments.
 #include <CLI/CLI.hpp>
+#include <csignal>
 #include <cstdint>
 #include <cstdio>
 #include <exception>
 #include <fstream>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/core/check.h"
+#include "common/core/regular_file.h"
 #include "common/runtime/run_node.h"
 #include "common/runtime/session_file.h"
 #include "deploy/palpate/identify.h"
@@ -16,6 +19,10 @@
 #include "deploy/palpate/launch_command.h"
 #include "deploy/palpate/loopback.h"
 #include "deploy/palpate/organ.h"
+#include "deploy/palpate/recording_commands.h"
+#include "deploy/palpate/recording_file.h"
+#include "deploy/palpate/replay.h"
+#include "deploy/palpate/report.h"
 #include "deploy/palpate/summary.h"
 #include "physics_node/ply.h"
 #include "physics_node/scene.h"
@@ -34,6 +41,13 @@ void add_output_options(CLI::App& app, std::string& csv_file, std::string& json_
       ->type_name("FILE");
   app.add_option("--json", json_file, "write the summary to this file; - for standard output")
       ->type_name("FILE");
+}
+
+void add_record_options(CLI::App& app, viewer::RecordOptions& record) {
+  app.add_option("--record", record.file,
+                 "record every tick, the scene and the session to this MCAP file")
+      ->type_name("FILE");
+  app.add_flag("--overwrite", record.may_overwrite, "--record may replace a file");
 }
 
 /// What every subcommand takes.
@@ -86,6 +100,8 @@ struct LoopbackArguments {
   std::optional<double> seconds;
   std::string csv;
   std::string json;
+  viewer::RecordOptions record;
+  std::string hand;
   bool has_no_ideal = false;
   bool is_inproc = false;
 
@@ -93,17 +109,33 @@ struct LoopbackArguments {
     session.add_to(app);
     add_time_option(app, seconds, "simulated time in s (default: the session's duration_s)");
     add_output_options(app, csv, json);
+    add_record_options(app, record);
+    app.add_option("--hand", hand,
+                   "the hand means to go where the recorded one meant to, as far as its motion and "
+                   "the force on it tell; for as long as it was recorded, without --seconds")
+        ->type_name("FILE.mcap");
     app.add_flag("--no-ideal", has_no_ideal,
                  "skip the ideal force and the ideal run, and the figures that need them");
     app.add_flag("--inproc", is_inproc, "carry the messages over ZeroMQ inproc instead of memory");
   }
 
   void run() const {
-    const Session loaded = session.load();
+    Session loaded = session.load();
+    refuse_shared_file(
+        {{"--csv", csv}, {"--json", json}, {"--record", record.file}, {"--hand", hand}});
+    std::optional<double> length_s = seconds;
+    if (!hand.empty()) {
+      RecordingFile recording(hand);
+      RecordedPath path = hand_path_of(recording, loaded.hand);
+      if (!length_s) length_s = recording.length_s();
+      loaded.hand.path = std::move(path);
+    }
     const JsonOutput json_output(json);
     const RunReport report = run_loopback(
-        loaded, {.seconds = seconds,
+        loaded, {.seconds = length_s,
                  .csv_file = csv,
+                 .record = record,
+                 .recorded_by = "palpate loopback" + (hand.empty() ? "" : " --hand " + hand),
                  .lockstep = {.links = is_inproc ? LockstepLinks::kInproc : LockstepLinks::kMemory,
                               .has_ideal = !has_no_ideal}});
     if (!json_output.is_standard_output()) {
@@ -146,10 +178,86 @@ struct OrganArguments {
   }
 };
 
+struct InfoArguments {
+  std::string file;
+  bool is_json = false;
+
+  void add_to(CLI::App& app) {
+    app.add_option("FILE", file, "recording (*.mcap)")->required()->type_name("");
+    app.add_flag("--json", is_json, "as JSON");
+  }
+  void run() const {
+    RecordingFile recording(file);
+    const std::string text = is_json ? info_json(recording).dump(2) + "\n" : info_text(recording);
+    std::fputs(text.c_str(), stdout);
+  }
+};
+
+struct ExportArguments {
+  std::string file;
+  std::string csv;
+
+  void add_to(CLI::App& app) {
+    app.add_option("FILE", file, "recording (*.mcap)")->required()->type_name("");
+    app.add_option("--csv", csv, "one row per device tick, columns as of launch and loopback")
+        ->required()
+        ->type_name("FILE");
+  }
+  void run() const {
+    refuse_shared_file({{"FILE", file}, {"--csv", csv}});
+    RecordingFile recording(file);
+    export_csv(recording, csv);
+  }
+};
+
+struct ReportArguments {
+  std::string file;
+  std::string output;
+
+  void add_to(CLI::App& app) {
+    app.add_option("FILE", file, "recording (*.mcap)")->required()->type_name("");
+    app.add_option("-o,--output", output, "one HTML file that needs no other")
+        ->required()
+        ->type_name("FILE");
+  }
+  void run() const {
+    refuse_shared_file({{"FILE", file}, {"--output", output}});
+    RecordingFile recording(file);
+    write_report(recording, output);
+  }
+};
+
+void add_replay_options(CLI::App& app, ReplayOptions& replay) {
+  const CLI::Validator is_start(
+      [](const std::string& text) {
+        double seconds = 0.0;
+        const bool is_number = CLI::detail::lexical_cast(text, seconds);
+        return is_number && seconds >= 0.0 && seconds <= 1e9
+                   ? std::string()
+                   : "\"" + text + "\": give a time in s, at least 0";
+      },
+      "", "start");
+  app.add_option("FILE", replay.file, "recording (*.mcap)")->required()->type_name("");
+  app.add_option("--session", replay.session_file,
+                 "publish where this session's viewers look (default: the recorded session)")
+      ->type_name("FILE");
+  app.add_option("--set", replay.overrides, "override a field of the session; repeatable")
+      ->type_name("PATH=VALUE")
+      ->allow_extra_args(false);
+  app.add_option("--speed", replay.speed_ratio, "times real time (default: 1)")
+      ->type_name("RATIO")
+      ->check(CLI::Range(0.001, 1000.0));
+  app.add_option("--start", replay.start_s, "begin so far into the recording")
+      ->type_name("S")
+      ->check(is_start);
+  app.add_flag("--loop", replay.loops, "again and again, until Ctrl-C");
+}
+
 void add_launch_options(CLI::App& app, LaunchCommand& launch) {
   add_session_options(app, launch.session_file, launch.overrides);
   add_time_option(app, launch.seconds, "stop after this time in s (default: run until Ctrl-C)");
   add_output_options(app, launch.csv_file, launch.json_file);
+  add_record_options(app, launch.record);
   app.add_flag_callback(
       "--no-realtime", [&] { launch.is_realtime = false; },
       "ordinary scheduling, whatever the session says");
@@ -161,6 +269,7 @@ void add_launch_options(CLI::App& app, LaunchCommand& launch) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  std::signal(SIGPIPE, SIG_IGN);  // who reads our output may go; the run is finished in order
   CLI::App app("Runs and checks Palpate deployments.", "palpate");
   app.set_version_flag("--version", std::string("palpate ") + version());
   app.require_subcommand(1);
@@ -174,6 +283,24 @@ int main(int argc, char** argv) {
       "loopback",
       "run a session in one process on virtual time: repeatable, faster than real time");
   loopback.add_to(loopback_command);
+
+  InfoArguments info;
+  CLI::App& info_command = *app.add_subcommand("info", "tell what a recording holds");
+  info.add_to(info_command);
+
+  ExportArguments exported;
+  CLI::App& export_command = *app.add_subcommand("export", "write a recording as a table");
+  exported.add_to(export_command);
+
+  ReplayOptions replay;
+  CLI::App& replay_command = *app.add_subcommand(
+      "replay", "publish a recording as if it happened now: viewers look at it as at a live run");
+  add_replay_options(replay_command, replay);
+
+  ReportArguments report;
+  CLI::App& report_command =
+      *app.add_subcommand("report", "write the figures of a recording as one HTML file");
+  report.add_to(report_command);
 
   IdentifyArguments identify;
   CLI::App& identify_command = *app.add_subcommand(
@@ -205,6 +332,10 @@ int main(int argc, char** argv) {
   try {
     if (launch_command.parsed()) return launch.run();
     if (loopback_command.parsed()) loopback.run();
+    if (info_command.parsed()) info.run();
+    if (export_command.parsed()) exported.run();
+    if (replay_command.parsed()) run_replay(replay);
+    if (report_command.parsed()) report.run();
     if (identify_command.parsed()) identify.run();
     if (check_command.parsed()) check_scene(scene);
     if (organ_command.parsed()) organ.run();

@@ -113,7 +113,8 @@ TEST(Tree, NamesNoPathOfAnyMachine) {
   for (; entry != fs::recursive_directory_iterator(); ++entry) {
     const std::string name = entry->path().filename().string();
     // what tools and builds leave beside the sources
-    if (entry.depth() == 0 && (name.starts_with("build") || own_of_tools.contains(name))) {
+    if ((entry.depth() == 0 && (name.starts_with("build") || own_of_tools.contains(name))) ||
+        name == "node_modules") {
       if (entry->is_directory()) entry.disable_recursion_pending();
       continue;
     }

@@ -100,8 +100,8 @@ constexpr GuardParameters kGuard{.mofc = kOmni, .v_max_m_per_s = 0.5};
 
 // 10 mm free along −z in 20 ms, then 1 N asked against it:
 //   E′ = 0.1·1e−4/0.02 + 0.1·0.01 = 1.5 mJ, so f* = 0.1 + 0.05 + 1.5e−3/0.01 = 0.3 N
-//   S  = 5 + 1.5 − ½·1·0.01·1e3 = 1.5 mJ, recovering to 1.5 + 3.5 (1 − e^−0.04) = 1.637237 mJ
-//   f_max = 0.1 + 1.637237/5 · 0.2 = 0.1654895 N
+//   S  = 10 + 1.5 − ½·1·0.01·1e3 = 6.5 mJ, recovering to 6.5 + 3.5 (1 − e^−0.04) = 6.637237 mJ
+//   f_max = 0.1 + 1.637237/5 · 0.2 = 0.2327447 N
 TEST(GuardMofc, TheGateClosesByWhatTheHeldForceLeaked) {
   GuardMofc controller(kGuard);
   (void)controller.step(input_at(Vector3::Zero(), {}, Vector3::Zero()));
@@ -110,12 +110,12 @@ TEST(GuardMofc, TheGateClosesByWhatTheHeldForceLeaked) {
   const ControlOutput out = controller.step(input_at(Vector3(0, 0, -0.01), free, {0, 0, 1}));
 
   EXPECT_NEAR(out.ledger_energy_joule, 1.5e-3, 1e-15);
-  EXPECT_NEAR(out.f_max_newton.x(), 0.1654895, 1e-7);
-  EXPECT_NEAR(out.force_on_hand_newton.z(), 0.1654895, 1e-7);
+  EXPECT_NEAR(out.f_max_newton.x(), 0.2327447, 1e-7);
+  EXPECT_NEAR(out.force_on_hand_newton.z(), 0.2327447, 1e-7);
   EXPECT_TRUE(out.is_clamped);
 }
 
-// The same force, said to be held: nothing has leaked yet, S = 5 mJ, the gate is open.
+// The same force, said to be held: nothing has leaked yet, S = 10 mJ, the gate is open.
 TEST(GuardMofc, AHeldForceLeaksOnlyWhenTheNextIsKnown) {
   GuardMofc controller(kGuard);
   (void)controller.step(input_at(Vector3::Zero(), {}, Vector3::Zero()));

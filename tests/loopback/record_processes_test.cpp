@@ -1,0 +1,173 @@
+// Recording and replaying with the real programs.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <csignal>
+#include <cstdlib>
+#include <fstream>
+#include <iterator>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <string>
+
+#include "common/runtime/session_file.h"
+#include "tests/support/program.h"
+#include "tests/support/temp_folder.h"
+#include "tests/support/watcher.h"
+
+namespace palpate {
+namespace {
+
+using namespace std::chrono_literals;
+using test::Program;
+using test::run_program;
+using testing::HasSubstr;
+
+constexpr const char* kSession = R"(
+name: "recorded"
+realtime { priority: 0 cpu: -1 }
+hand { hold { position_m { z: -0.005 } } }
+mofc { controller: none stale_after_ms: 200 }
+scene { tissue { half_space {} kelvin_voigt { stiffness_newton_per_m: 200 } } }
+viewer { web { disabled: true } }
+)";
+
+class RecordProcesses : public testing::Test {
+ protected:
+  RecordProcesses() {
+    setenv("PALPATE_RUN_DIR", run_folder_.path().c_str(), 1);
+    session_ = files_.write("recorded.txtpb", kSession);
+  }
+  [[nodiscard]] std::string path(const std::string& name) const {
+    return (files_.path() / name).string();
+  }
+  [[nodiscard]] static std::string text_of(const std::string& file) {
+    std::ifstream stream(file);
+    return {std::istreambuf_iterator<char>(stream), {}};
+  }
+  [[nodiscard]] static nlohmann::json info(const std::string& file) {
+    return nlohmann::json::parse(run_program("palpate", {"info", file, "--json"}).out);
+  }
+
+  test::TempFolder run_folder_;
+  test::TempFolder files_;
+  std::string session_;
+};
+
+TEST_F(RecordProcesses, LaunchRecordsWhatItsTableSays) {
+  const auto run = run_program("palpate", {"launch", session_, "--no-realtime", "--seconds", "2",
+                                           "--record", path("run.mcap"), "--csv", path("run.csv")});
+  ASSERT_EQ(run.status, 0) << run.err;
+  ASSERT_EQ(
+      run_program("palpate", {"export", path("run.mcap"), "--csv", path("exported.csv")}).status,
+      0);
+  EXPECT_EQ(text_of(path("exported.csv")), text_of(path("run.csv")));
+
+  const nlohmann::json told = info(path("run.mcap"));
+  EXPECT_TRUE(told["is_whole"]);
+  EXPECT_EQ(told["loss"]["messages_dropped"], "0");
+  EXPECT_EQ(told["nodes"]["device_node_sessions"], "1");
+  EXPECT_GT(told["ticks"]["physics"], 500);
+}
+
+TEST_F(RecordProcesses, AKilledRecorderLosesNoMoreThanItsLastSecond) {
+  Program nodes("palpate", {"launch", session_, "--no-realtime", "--no-viewer"});
+  Program recorder("viewer_node", {"--session", session_, "--quiet", "--record", path("run.mcap")});
+  ProcessLinks links({.priority = 0, .cpu = -1});
+  test::Watcher watcher(load_session(session_), links);
+  ASSERT_TRUE(watcher.until_rows(3000)) << nodes.err();
+  recorder.send_signal(SIGKILL);
+  EXPECT_EQ(recorder.wait(), 128 + SIGKILL);
+  const std::uint64_t newest = watcher.rows().back().device.sequence;
+  nodes.send_signal(SIGTERM);
+  EXPECT_EQ(nodes.wait(), 0) << nodes.err();
+
+  const nlohmann::json told = info(path("run.mcap"));
+  EXPECT_FALSE(told["is_whole"]);
+  EXPECT_EQ(told["messages"]["/scene_state"], 1);
+  ASSERT_EQ(run_program("palpate", {"export", path("run.mcap"), "--csv", path("run.csv")}).status,
+            0);
+  const std::string table = text_of(path("run.csv"));
+  const auto rows = std::count(table.begin(), table.end(), '\n') - 1;
+  // both began to look at about the same time; a row of the watcher may be a batch behind
+  EXPECT_GE(rows, 3000 - 1000 - 200) << newest;
+}
+
+TEST_F(RecordProcesses, AFullDiskEndsTheRecordingAndNothingElse) {
+  const auto run =
+      run_program("palpate", {"launch", session_, "--no-realtime", "--no-viewer", "--seconds", "3",
+                              "--record", "/dev/full", "--overwrite", "--json", path("run.json")});
+  EXPECT_EQ(run.status, 1);
+  EXPECT_THAT(run.err, HasSubstr("recording /dev/full: No space left on device"));
+  const nlohmann::json summary = nlohmann::json::parse(text_of(path("run.json")));
+  EXPECT_GT(summary["ticks"], 1000);
+  for (const auto& [node, count] : summary["restarts"].items()) EXPECT_EQ(count, 0) << node;
+}
+
+TEST_F(RecordProcesses, AReplayIsSeenAsItWasRecorded) {
+  const std::string file = path("run.mcap");
+  ASSERT_EQ(run_program("palpate", {"loopback", session_, "--seconds", "3", "--no-ideal",
+                                    "--record", file, "--csv", path("run.csv")})
+                .status,
+            0);
+
+  Program replay("palpate", {"replay", file, "--speed", "2", "--start", "1"});
+  Program late("viewer_node", {"--session", session_, "--quiet", "--record", path("seen.mcap")});
+  EXPECT_EQ(replay.wait(), 0) << replay.err();
+  EXPECT_THAT(replay.out(), HasSubstr("begins with its first viewer"));
+  late.send_signal(SIGTERM);
+  ASSERT_EQ(late.wait(), 0) << late.err();
+
+  ASSERT_EQ(run_program("palpate", {"export", path("seen.mcap"), "--csv", path("seen.csv")}).status,
+            0);
+  const std::string recorded = text_of(path("run.csv"));
+  std::ifstream seen(path("seen.csv"));
+  std::set<std::string> rows;
+  std::string line;
+  std::getline(seen, line);  // header
+  while (std::getline(seen, line)) {
+    EXPECT_THAT(recorded, HasSubstr("\n" + line + "\n"));
+    rows.insert(line);
+  }
+  EXPECT_GE(rows.size(), 1900u);  // of 2000; batches sent before all links stood are missed
+  EXPECT_GE(info(path("seen.mcap"))["messages"]["/scene_state"], 1);
+}
+
+TEST_F(RecordProcesses, ALoopBeginsAnewWithNewNodes) {
+  const std::string file = path("run.mcap");
+  ASSERT_EQ(run_program("palpate",
+                        {"loopback", session_, "--seconds", "1", "--no-ideal", "--record", file})
+                .status,
+            0);
+  ProcessLinks links({.priority = 0, .cpu = -1});
+  test::Watcher watcher(load_session(session_), links);
+  Program replay("palpate", {"replay", file, "--speed", "5", "--loop"});
+  EXPECT_TRUE(watcher.until([&] { return watcher.mirror().device_link().sessions >= 3; }));
+  replay.send_signal(SIGINT);
+  EXPECT_EQ(replay.wait(), 0) << replay.err();
+}
+
+TEST_F(RecordProcesses, FilesAreNotWrittenOverEachOther) {
+  const auto same = run_program("palpate", {"loopback", session_, "--seconds", "1", "--csv",
+                                            path("out"), "--json", path("out")});
+  EXPECT_EQ(same.status, 2);
+  EXPECT_THAT(same.err, HasSubstr("--csv and --json: both name"));
+
+  const std::vector<std::string> record = {"loopback", session_,   "--seconds",
+                                           "1",        "--record", path("run.mcap")};
+  EXPECT_EQ(run_program("palpate", record).status, 0);
+  const auto again = run_program("palpate", record);
+  EXPECT_EQ(again.status, 2);
+  EXPECT_THAT(again.err, HasSubstr("exists; give another name, or --overwrite"));
+}
+
+TEST_F(RecordProcesses, PlotJugglersPortIsNotOpenToOthers) {
+  const auto open =
+      run_program("viewer_node", {"--session", session_, "--plotjuggler", "tcp://0.0.0.0:9872"});
+  EXPECT_EQ(open.status, 2);
+  EXPECT_THAT(open.err, HasSubstr("this port is not protected"));
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,173 @@
+// The recording as a file: what was written is read, whole or cut off.
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <string>
+#include <vector>
+
+#include "common/core/check.h"
+#include "tests/support/temp_folder.h"
+#include "viewer_node/mcap_reader.h"
+#include "viewer_node/mcap_writer.h"
+
+namespace palpate::viewer {
+namespace {
+
+constexpr std::uint64_t kMillisecond_ns = 1'000'000;
+
+const std::vector<mcap::Channel> kChannels = {{"/a", "test.A", "descriptor a"},
+                                              {"/b", "test.B", "descriptor b"}};
+
+std::string bytes_of(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(file), {}};
+}
+
+/// Message i at i ms, "message i", alternately on both channels.
+void write_messages(McapWriter& writer, std::uint64_t begin, std::uint64_t end) {
+  for (std::uint64_t i = begin; i < end; ++i) {
+    writer.write(i % 2, i * kMillisecond_ns, "message " + std::to_string(i));
+  }
+}
+
+std::vector<std::string> read_messages(McapReader& reader) {
+  std::vector<std::string> messages;
+  while (const auto message = reader.next()) messages.emplace_back(message->payload);
+  return messages;
+}
+
+class Mcap : public testing::Test {
+ protected:
+  std::string write_file(std::uint64_t messages) {
+    McapWriter writer(path, true, kChannels);
+    writer.add_metadata("run", {{"session", "default"}, {"version", "1"}});
+    write_messages(writer, 0, messages);
+    writer.add_metadata("run", {{"version", "2"}});
+    writer.close();
+    EXPECT_EQ(writer.take_error(), std::nullopt);
+    return bytes_of(path);
+  }
+  void put_file(const std::string& bytes) { std::ofstream(path, std::ios::binary) << bytes; }
+
+  test::TempFolder folder;
+  std::string path = (folder.path() / "run.mcap").string();
+};
+
+TEST_F(Mcap, WhatWasWrittenIsReadInOrder) {
+  write_file(3000);
+
+  McapReader reader(path);
+  EXPECT_TRUE(reader.is_whole());
+  ASSERT_EQ(reader.topics().size(), 2u);
+  EXPECT_EQ(reader.topics()[1].topic, "/b");
+  EXPECT_EQ(reader.topics()[1].schema_name, "test.B");
+  EXPECT_EQ(reader.topics()[1].messages, 1500u);
+  EXPECT_EQ(reader.chunk_count(), 6u);  // 3 s in chunks of 0.5 s
+  EXPECT_EQ(reader.begin_ns(), 0u);
+  EXPECT_EQ(reader.end_ns(), 2999 * kMillisecond_ns);
+  const mcap::Strings expected = {{"session", "default"}, {"version", "2"}};
+  EXPECT_EQ(reader.metadata("run"), expected);
+
+  const std::vector<std::string> messages = read_messages(reader);
+  ASSERT_EQ(messages.size(), 3000u);
+  for (std::size_t i = 0; i < 3000; ++i) EXPECT_EQ(messages[i], "message " + std::to_string(i));
+}
+
+TEST_F(Mcap, SeekFindsTheFirstMessageOfATime) {
+  write_file(3000);
+  McapReader reader(path);
+  reader.seek(1234 * kMillisecond_ns - 1);
+  const auto message = reader.next();
+  ASSERT_TRUE(message);
+  EXPECT_EQ(message->payload, "message 1234");
+  reader.seek(0);
+  EXPECT_EQ(reader.next()->payload, "message 0");
+}
+
+TEST_F(Mcap, TheSameCallsGiveTheSameFile) {
+  const std::string first = write_file(1200);
+  EXPECT_EQ(write_file(1200), first);
+  EXPECT_NE(write_file(1201), first);
+}
+
+// Chunks of 0.5 s end on the disk at once: what is lost of an unfinished file is the last one.
+TEST_F(Mcap, ACrashLosesLessThanASecond) {
+  McapWriter writer(path, false, kChannels);
+  writer.add_metadata("run", {{"session", "default"}});
+  write_messages(writer, 0, 2400);
+
+  McapReader reader(path);
+  EXPECT_FALSE(reader.is_whole());
+  EXPECT_EQ(reader.metadata("run").at("session"), "default");
+  EXPECT_EQ(reader.topics().size(), 2u);
+  EXPECT_EQ(read_messages(reader).size(), 2000u);
+
+  writer.flush();
+  McapReader after_flush(path);
+  EXPECT_EQ(read_messages(after_flush).size(), 2400u);
+}
+
+TEST_F(Mcap, EveryTruncationIsReadAsFarAsItGoes) {
+  const std::string whole = write_file(1100);
+  std::size_t before = 0;
+  for (std::size_t length = 8; length <= whole.size(); length += 397) {
+    put_file(whole.substr(0, length));
+    McapReader reader(path);
+    const std::vector<std::string> messages = read_messages(reader);
+    ASSERT_GE(messages.size(), before) << length;
+    for (std::size_t i = 0; i < messages.size(); ++i) {
+      ASSERT_EQ(messages[i], "message " + std::to_string(i));
+    }
+    before = messages.size();
+  }
+  EXPECT_EQ(before, 1100u);
+}
+
+// A flipped byte may cost messages, but never makes one that was not written.
+TEST_F(Mcap, ADamagedByteIsNoticed) {
+  const std::string whole = write_file(20);
+  std::size_t damaged = 0;
+  for (std::size_t at = 0; at < whole.size(); ++at) {
+    std::string bytes = whole;
+    bytes[at] = static_cast<char>(bytes[at] ^ 0x41);
+    put_file(bytes);
+    try {
+      McapReader reader(path);
+      for (const std::string& message : read_messages(reader)) {
+        ASSERT_TRUE(message.starts_with("message ")) << at;
+      }
+      damaged += reader.damaged_chunks();
+    } catch (const SetupError&) {
+    }
+  }
+  EXPECT_GT(damaged, 20u * 31u);  // at least every byte of every message
+}
+
+TEST_F(Mcap, AnExistingFileIsNotOverwrittenUnasked) {
+  write_file(10);
+  EXPECT_THROW(McapWriter(path, false, kChannels), SetupError);
+  McapReader reader(path);
+  EXPECT_EQ(read_messages(reader).size(), 10u);
+}
+
+TEST_F(Mcap, AFullDiskIsToldOnceAndEndsTheRecording) {
+  McapWriter writer("/dev/full", true, kChannels);
+  write_messages(writer, 0, 2000);
+  writer.close();
+  const auto error = writer.take_error();
+  ASSERT_TRUE(error);
+  EXPECT_NE(error->find("recording /dev/full: No space left on device"), std::string::npos);
+  EXPECT_EQ(writer.take_error(), std::nullopt);
+}
+
+TEST_F(Mcap, OtherFilesAreRefused) {
+  EXPECT_THROW(McapReader(folder.path() / "absent.mcap"), SetupError);
+  EXPECT_THROW(McapReader(folder.path()), SetupError);
+  EXPECT_THROW(McapReader(folder.write("a.csv", "t_s,x_m\n0,1\n")), SetupError);
+  EXPECT_THROW(McapReader(folder.write("empty.mcap", "")), SetupError);
+}
+
+}  // namespace
+}  // namespace palpate::viewer
