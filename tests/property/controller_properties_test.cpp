@@ -569,6 +569,40 @@ TEST(VectorMofcLaws, NoHandAndNoEnvironmentDrawEnergyAtAnyInstant) {
 }
 
 // The same cases, each with one protection taken away: the law above can fail.
+// Without Coulomb friction, resolution and delay this is the energy bound of the force bounding
+// approach, E ≥ Fᵀ B⁻¹ F / (4 ξ) with B = f_d/T and ξ = 1 (CONTROLLERS §9.5): every force leaves
+// enough in the ledger for the worst that can come, and no more than that where it is clamped.
+TEST(VectorMofcLaws, EveryForceLeavesTheEnergyItMayCost) {
+  constexpr double f_d = 0.1;
+  constexpr double T = 0.001;
+  int clamped = 0;
+  for (const std::uint64_t seed : seeds(100)) {
+    Random random(seed);
+    VectorMofc controller({.f_d = f_d, .f_co = 0.0, .T = T}, 0.0, 0.0);
+    Vector3 x = Vector3::Zero();
+    Vector3 F = Vector3::Zero();
+    Vector3 v = Vector3::Zero();
+    for (int k = 0; k < 500; ++k) {
+      v += 0.1 * random.uniform(0, 1) * random.direction();
+      v *= 0.95;
+      x += T * v;
+      const AppliedStretch stretch{T, F, x, true};
+      ControlInput input;
+      input.hand_position_m = x;
+      if (k > 0) input.applied = {&stretch, 1};
+      input.asked_force_on_hand_newton = random.uniform(0, 3) * random.direction();
+      const ControlOutput out = controller.step(input);
+      F = out.force_on_hand_newton;
+      const double cost_joule = F.squaredNorm() * T / (4.0 * f_d);
+      ASSERT_LE(cost_joule, std::max(0.0, out.ledger_energy_joule) + 1e-12) << "seed " << seed;
+      if (!out.is_clamped) continue;
+      ++clamped;
+      ASSERT_NEAR(cost_joule, std::max(0.0, out.ledger_energy_joule), 1e-12) << "seed " << seed;
+    }
+  }
+  EXPECT_GT(clamped, 1000);
+}
+
 TEST(VectorMofcLaws, WithoutTheQuantisationTermsEnergyIsDrawn) {
   EXPECT_LT(least_energy_joule(50, [](Case& c) { c.told_q = 0.0; }), -1e-3);
 }

@@ -101,7 +101,7 @@ constexpr GuardParameters kGuard{.mofc = kOmni, .v_max_m_per_s = 0.5};
 // 10 mm free along −z in 20 ms, then 1 N asked against it:
 //   E′ = 0.1·1e−4/0.02 + 0.1·0.01 = 1.5 mJ, so f* = 0.1 + 0.05 + 1.5e−3/0.01 = 0.3 N
 //   S  = 10 + 1.5 − ½·1·0.01·1e3 = 6.5 mJ, recovering to 6.5 + 3.5 (1 − e^−0.04) = 6.637237 mJ
-//   f_max = 0.1 + 1.637237/5 · 0.2 = 0.2327447 N
+//   f_max = 0.1 + 6.637237/10 · 0.2 = 0.2327447 N
 TEST(GuardMofc, TheGateClosesByWhatTheHeldForceLeaked) {
   GuardMofc controller(kGuard);
   (void)controller.step(input_at(Vector3::Zero(), {}, Vector3::Zero()));
