@@ -412,17 +412,20 @@ SurfaceView CloudSurface::view(const Vector3& point_m, SurfaceHint& hint) const 
     Octree::Hint leaf{hint.cell};
     if (tree_.nearest(center, found, leaf, near_m_) == 0) {
       // far away a hint would change which of the roughly nearest is found
-      leaf = {};
-      if (tree_.nearest(center, found, leaf, std::numeric_limits<float>::max(), kFarOvershoot) ==
-          0) {
-        return kNoPoint;
-      }
+      leaf.leaf = 0;
+      const std::size_t count =
+          tree_.nearest(center, found, leaf, std::numeric_limits<float>::max(), kFarOvershoot);
+      hint.octree_cells_visited += leaf.cells_visited;
+      if (count == 0) return kNoPoint;
+    } else {
+      hint.octree_cells_visited += leaf.cells_visited;
     }
     hint.cell = leaf.leaf;
     return found[0].point;
   };
   return view_with(point_m, nearest, [&](const Vector3& place, const auto& visit) {
-    tree_.visit_reaching(place.cast<float>(), [&](std::uint32_t point, float) { visit(point); });
+    hint.octree_cells_visited += tree_.visit_reaching(
+        place.cast<float>(), [&](std::uint32_t point, float) { visit(point); });
   });
 }
 

@@ -181,6 +181,7 @@ std::size_t Octree::nearest(const Eigen::Vector3f& center, std::span<Neighbor> f
   while (size > 0) {
     const Waiting here = stack[--size];
     if (here.squared_distance * tightening > worst) continue;
+    ++hint.cells_visited;
     const Node& node = nodes_[here.node];
     if (node.count > 0) {
       if (here.node != done) scan(here.node);

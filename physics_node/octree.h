@@ -34,6 +34,7 @@ class Octree {
   /// a query takes, never its result.
   struct Hint {
     std::uint32_t leaf = 0;
+    std::uint32_t cells_visited = 0;  ///< by its queries so far
   };
 
   Octree() = default;
@@ -72,9 +73,10 @@ class Octree {
   }
 
   /// Calls `visit(index, squared_distance)` for every point whose reach goes as far as `center`.
+  /// @return how many cells were visited
   template <class Visit>
-  void visit_reaching(const Eigen::Vector3f& center, const Visit& visit) const noexcept {
-    visit_if(
+  std::uint32_t visit_reaching(const Eigen::Vector3f& center, const Visit& visit) const noexcept {
+    return visit_if(
         center, [](const Node& node) { return node.reach * node.reach; },
         [](const Point& point) { return point.reach * point.reach; }, visit);
   }
@@ -122,14 +124,16 @@ class Octree {
   }
 
   template <class NodeLimit, class PointLimit, class Visit>
-  void visit_if(const Eigen::Vector3f& center, const NodeLimit& node_limit,
-                const PointLimit& point_limit, const Visit& visit) const noexcept {
-    if (nodes_.empty()) return;
+  std::uint32_t visit_if(const Eigen::Vector3f& center, const NodeLimit& node_limit,
+                         const PointLimit& point_limit, const Visit& visit) const noexcept {
+    if (nodes_.empty()) return 0;
     std::array<std::uint32_t, kStackSize> stack;
     std::size_t size = 0;
+    std::uint32_t visited = 0;
     stack[size++] = 0;
     while (size > 0) {
       const Node& node = nodes_[stack[--size]];
+      ++visited;
       if (node.count > 0) {
         for (std::uint32_t i = node.first; i < node.first + node.count; ++i) {
           const float squared = squared_distance(center, points_[i]);
@@ -141,6 +145,7 @@ class Octree {
         if (squared_distance(center, nodes_[i]) <= node_limit(nodes_[i])) stack[size++] = i;
       }
     }
+    return visited;
   }
 
   void build(std::uint32_t node, std::span<const Keyed> keyed, std::uint32_t first);

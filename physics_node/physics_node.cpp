@@ -59,6 +59,8 @@ void PhysicsNode::step(const Tick& tick) noexcept {
   const Duration compute_time = clock_.now() - tick.now;
   counters_.worst_compute_time = std::max(counters_.worst_compute_time, compute_time);
   counters_.tissues_skipped += force.tissues_skipped;
+  counters_.tissues_visited += force.tissues_visited;
+  counters_.octree_cells_visited += force.octree_cells_visited;
   if (force.contact_count > 0) ++counters_.contact_steps;
   ticks_out_.keep({.sequence = next_step_++,
                    .stepped_at = tick.now,

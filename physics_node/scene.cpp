@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <numbers>
 #include <optional>
+#include <type_traits>
 #include <utility>
 #include <variant>
 
@@ -13,8 +14,16 @@
 namespace palpate::physics {
 namespace {
 
-SurfaceView surface_of(const Shape& shape, const Vector3& point_m) noexcept {
-  return std::visit([&](const auto& given) { return view(given, point_m); }, shape);
+SurfaceView surface_of(const Shape& shape, const Vector3& point_m, SurfaceHint& hint) noexcept {
+  return std::visit(
+      [&](const auto& given) {
+        if constexpr (std::is_same_v<std::decay_t<decltype(given)>, PlacedSurface>) {
+          return view(given, point_m, hint);
+        } else {
+          return view(given, point_m);
+        }
+      },
+      shape);
 }
 
 const KelvinVoigtMaterial& law_of(const Material& material) noexcept {
@@ -87,7 +96,8 @@ void Scene::remember(TissueMemory& memory, const Vector3& tip_position_world_m,
   for (std::size_t i = 0; i < relaxing_.size(); ++i) {
     const Tissue& tissue = tissues_[relaxing_[i]];
     const Vector3 point_m = tip_position_world_m - displacement(tissue, time_s).position_m;
-    const double depth_m = tip_radius_m_ - surface_of(tissue.shape, point_m).distance_m;
+    SurfaceHint none;
+    const double depth_m = tip_radius_m_ - surface_of(tissue.shape, point_m, none).distance_m;
     const double now_m = depth_m > 0.0 && std::isfinite(depth_m) ? depth_m : 0.0;
 
     // τ ż = p − z for p that goes from one depth to the next at an even rate: exact
@@ -107,7 +117,10 @@ void Scene::touch(std::uint32_t index, const Vector3& tip_position_world_m,
   const Tissue& tissue = tissues_[index];
   const Displacement moved = displacement(tissue, time_s);
   const Vector3 point_m = tip_position_world_m - moved.position_m;
-  const SurfaceView surface = surface_of(tissue.shape, point_m);
+  SurfaceHint hint;
+  const SurfaceView surface = surface_of(tissue.shape, point_m, hint);
+  ++sum.tissues_visited;
+  sum.octree_cells_visited += hint.octree_cells_visited;
   const double penetration_m = tip_radius_m_ - surface.distance_m;
   if (!(penetration_m > 0.0) && !(penetration_m > -reach_m_)) return;
 
@@ -145,9 +158,9 @@ SceneForce Scene::evaluate(const Vector3& tip_position_world_m,
   };
   if (!sum.force_on_tool_newton.allFinite() || !std::isfinite(sum.stored_energy_joule) ||
       !std::all_of(sum.contacts.begin(), sum.contacts.begin() + sum.listed_count, is_finite)) {
-    const std::uint32_t skipped = sum.tissues_skipped;
-    sum = SceneForce{};
-    sum.tissues_skipped = skipped;
+    sum = SceneForce{.tissues_skipped = sum.tissues_skipped,
+                     .tissues_visited = sum.tissues_visited,
+                     .octree_cells_visited = sum.octree_cells_visited};
   }
   return sum;
 }

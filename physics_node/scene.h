@@ -21,6 +21,8 @@ struct SceneForce {
   std::uint32_t listed_count = 0;                ///< entries of `contacts`
   std::uint32_t contact_count = 0;               ///< all touches; may be larger than the array
   std::uint32_t tissues_skipped = 0;             ///< by the broad phase, without looking at them
+  std::uint32_t tissues_visited = 0;             ///< the others
+  std::uint32_t octree_cells_visited = 0;        ///< of all clouds
 };
 
 /// How deep each relaxing tissue has been pressed, as it remembers it. Every tool has its own.

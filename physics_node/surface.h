@@ -14,6 +14,7 @@ namespace palpate::physics {
 /// little from one step to the next and never changes a result.
 struct SurfaceHint {
   std::uint32_t cell = 0;
+  std::uint32_t octree_cells_visited = 0;  ///< by its views so far
 };
 
 /// Thread-safe; view() is real-time safe: no allocation, no lock, no throw, bounded time.

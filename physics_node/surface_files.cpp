@@ -147,9 +147,9 @@ Shape to_shape(const Geometry& geometry) {
       geometry);
 }
 
-SurfaceView view(const PlacedSurface& placed, const Vector3& point_m) noexcept {
+SurfaceView view(const PlacedSurface& placed, const Vector3& point_m, SurfaceHint& hint) noexcept {
   const Matrix3 R = placed.rotation.toRotationMatrix();
-  SurfaceView seen = placed.surface->view(R.transpose() * (point_m - placed.position_m));
+  SurfaceView seen = placed.surface->view(R.transpose() * (point_m - placed.position_m), hint);
   seen.normal = R * seen.normal;
   seen.curvature_per_m = R * seen.curvature_per_m * R.transpose();
   return seen;

@@ -22,7 +22,13 @@ struct PlacedSurface {
 };
 
 /// The surface as W sees it.
-[[nodiscard]] SurfaceView view(const PlacedSurface& placed, const Vector3& point_m) noexcept;
+[[nodiscard]] SurfaceView view(const PlacedSurface& placed, const Vector3& point_m,
+                               SurfaceHint& hint) noexcept;
+[[nodiscard]] inline SurfaceView view(const PlacedSurface& placed,
+                                      const Vector3& point_m) noexcept {
+  SurfaceHint none;
+  return view(placed, point_m, none);
+}
 [[nodiscard]] Bounds bounds_of(const PlacedSurface& placed) noexcept;
 
 /// What the scene looks at: everything that a file gives is loaded.

@@ -476,6 +476,8 @@ void put(const PhysicsCounters& c, v1::PhysicsCounters& to) {
   put(c.tool_motion, *to.mutable_tool_motion());
   to.set_contact_steps(c.contact_steps);
   to.set_tissues_skipped(c.tissues_skipped);
+  to.set_tissues_visited(c.tissues_visited);
+  to.set_octree_cells_visited(c.octree_cells_visited);
   to.set_interactions_suppressed(c.interactions_suppressed);
   to.set_worst_compute_time_ns(c.worst_compute_time.count());
 }
@@ -490,6 +492,8 @@ PhysicsCounters counters(const v1::PhysicsCounters& c) {
           .tool_motion = link(c.tool_motion()),
           .contact_steps = c.contact_steps(),
           .tissues_skipped = c.tissues_skipped(),
+          .tissues_visited = c.tissues_visited(),
+          .octree_cells_visited = c.octree_cells_visited(),
           .interactions_suppressed = c.interactions_suppressed(),
           .worst_compute_time = Duration(c.worst_compute_time_ns())};
 }

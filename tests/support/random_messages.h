@@ -218,6 +218,8 @@ inline void randomise(PhysicsCounters& c, Random& random) {
   c.tool_motion = random_link_counters(random);
   c.contact_steps = random.bits();
   c.tissues_skipped = random.bits();
+  c.tissues_visited = random.bits();
+  c.octree_cells_visited = random.bits();
   c.interactions_suppressed = random.bits();
   c.worst_compute_time = random_duration(random);
 }
@@ -432,6 +434,8 @@ inline bool same(const MofcCounters& a, const MofcCounters& b) {
 inline bool same(const PhysicsCounters& a, const PhysicsCounters& b) {
   return same(a.loop, b.loop) && same(a.tool_motion, b.tool_motion) &&
          a.contact_steps == b.contact_steps && a.tissues_skipped == b.tissues_skipped &&
+         a.tissues_visited == b.tissues_visited &&
+         a.octree_cells_visited == b.octree_cells_visited &&
          a.interactions_suppressed == b.interactions_suppressed &&
          a.worst_compute_time == b.worst_compute_time;
 }

@@ -204,6 +204,8 @@ TEST(PhysicsNode, CountsStepsContactsSkippedTissuesAndAppointments) {
   EXPECT_EQ(counters.loop.worst_lateness, Duration(250us));
   EXPECT_EQ(counters.contact_steps, 2U);
   EXPECT_EQ(counters.tissues_skipped, 3U);  // the far sphere, at every step
+  EXPECT_EQ(counters.tissues_visited, 3U);  // the floor
+  EXPECT_EQ(counters.octree_cells_visited, 0U);
   EXPECT_EQ(counters.tool_motion.accepted, 2U);
 }
 

@@ -224,7 +224,7 @@ TEST(SceneProperty, BroadPhaseLosesNoContact) {
   }
 }
 
-// Half-spaces, spheres, faces, edges and corners of boxes, with damping of every kind: inside the
+// Half-spaces, spheres, capsules, faces, edges and corners of boxes, damped in every way: inside the
 // trust radius what is described is the tissue, not an approximation of it.
 TEST(SceneProperty, DescribedContactIsTheTissueAsFarAsItIsTrusted) {
   Random random(7);

@@ -11,6 +11,7 @@
 #include "physics_node/scene.h"
 #include "tests/support/sampled_clouds.h"
 #include "tests/support/temp_folder.h"
+#include "tests/unit/physics_node/random_scene.h"
 #include "tests/unit/physics_node/test_meshes.h"
 
 namespace palpate::physics {
@@ -91,6 +92,36 @@ TEST(SurfaceFiles, AreTissueLikeAnyOther) {
   EXPECT_NEAR(scene.evaluate({0.051, 0, 0}, Vector3::Zero()).force_on_tool_newton.x(), 1.0, 1e-3);
   EXPECT_EQ(scene.evaluate({0.2, 0, 0}, Vector3::Zero()).contact_count, 0U);
   EXPECT_EQ(scene.evaluate({0.2, 0, 0}, Vector3::Zero()).tissues_skipped, 1U);
+}
+
+// A scene pays for a cloud where the tool is near it, and one without clouds never.
+TEST(SurfaceFiles, TouchNoOctreeWhereThereIsNoCloud) {
+  const test::TempFolder folder;
+  Random random(1);
+  const PointCloud cloud =
+      test::sampled(test::sphere_shape(0.05), 2e-3, 0.0, true, test::Sampling::kEven, random);
+  SceneConfig config = random_scene(random, 20);
+  config.tissues.push_back(
+      {.name = "cube",
+       .geometry =
+           FileGeometry{.kind = Kind::kTetrahedralMesh,
+                        .file = folder.write("cube.msh", msh_text(cube_of_tetrahedra(0.1)))},
+       .material = KelvinVoigtMaterial{}});
+  const Scene without(config);
+  config.tissues.push_back(
+      {.name = "ball",
+       .geometry = FileGeometry{.file = folder.write("ball.ply", ply_text(cloud))},
+       .material = KelvinVoigtMaterial{}});
+  const Scene with(config);
+
+  for (int i = 0; i < 1000; ++i) {
+    const Vector3 x = random_in_cube(random, 0.1);
+    const SceneForce force = without.evaluate(x, Vector3::Zero());
+    EXPECT_EQ(force.octree_cells_visited, 0U);
+    EXPECT_EQ(force.tissues_visited + force.tissues_skipped, 21U);
+  }
+  EXPECT_GT(with.evaluate({0.05, 0, 0}, Vector3::Zero()).octree_cells_visited, 0U);
+  EXPECT_EQ(with.evaluate({0.2, 0, 0}, Vector3::Zero()).octree_cells_visited, 0U);
 }
 
 TEST(SurfaceFiles, TellWhatTheyCannotUse) {
