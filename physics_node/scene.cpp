@@ -55,12 +55,15 @@ Scene::Scene(const SceneConfig& config, double reach_m)
     const bool is_moving =
         tissue.motion.frequency_hz > 0.0 && !tissue.motion.amplitude_m.isZero(0.0);
     const bool is_relaxing = law_of(tissue.material).relaxing_stiffness_newton_per_m > 0.0;
+    const bool is_rubbing = law_of(tissue.material).friction_coefficient > 0.0;
     tissues_.push_back({.shape = to_shape(tissue.geometry),
                         .material = tissue.material,
                         .motion = tissue.motion,
                         .is_moving = is_moving,
-                        .relaxing = is_relaxing ? relaxing_.size() : kNone});
+                        .relaxing = is_relaxing ? relaxing_.size() : kNone,
+                        .rubbing = is_rubbing ? rubbing_.size() : kNone});
     if (is_relaxing) relaxing_.push_back(index);
+    if (is_rubbing) rubbing_.push_back(index);
     const std::optional<Bounds> bounds = bounds_of(tissues_.back().shape);
     if (!bounds) {
       unbounded_.push_back(index);
@@ -76,6 +79,7 @@ Scene::Scene(const SceneConfig& config, double reach_m)
 TissueMemory Scene::new_memory() const {
   TissueMemory memory;
   memory.relaxing_.resize(relaxing_.size());
+  memory.rubbing_.resize(rubbing_.size());
   return memory;
 }
 
@@ -89,7 +93,7 @@ Scene::Displacement Scene::displacement(const Tissue& tissue, double time_s) noe
 
 void Scene::remember(TissueMemory& memory, const Vector3& tip_position_world_m,
                      double time_s) const noexcept {
-  if (relaxing_.empty()) return;
+  if (relaxing_.empty() && rubbing_.empty()) return;
   const double dt_s = memory.has_time_ ? std::max(0.0, time_s - memory.time_s_) : 0.0;
   memory.time_s_ = time_s;
   memory.has_time_ = true;
@@ -109,6 +113,42 @@ void Scene::remember(TissueMemory& memory, const Vector3& tip_position_world_m,
     const double lag_m = (now_m - before_m) / dt_s * tau_s;
     here.relaxed_m = now_m - lag_m + (here.relaxed_m - before_m + lag_m) * std::exp(-dt_s / tau_s);
   }
+  rub(memory, tip_position_world_m, time_s);
+}
+
+double Scene::relaxed_m(const Tissue& tissue, const TissueMemory& memory) const noexcept {
+  return tissue.relaxing < memory.relaxing_.size() ? memory.relaxing_[tissue.relaxing].relaxed_m
+                                                   : 0.0;
+}
+
+void Scene::rub(TissueMemory& memory, const Vector3& tip_position_world_m,
+                double time_s) const noexcept {
+  for (std::size_t i = 0; i < rubbing_.size(); ++i) {
+    const Tissue& tissue = tissues_[rubbing_[i]];
+    TissueMemory::Rubbing& here = memory.rubbing_[i];
+    const Vector3 point_m = tip_position_world_m - displacement(tissue, time_s).position_m;
+    SurfaceHint none;
+    const SurfaceView surface = surface_of(tissue.shape, point_m, none);
+    const double penetration_m = tip_radius_m_ - surface.distance_m;
+    if (!(penetration_m > 0.0) || !std::isfinite(penetration_m)) {
+      here = {};
+      continue;
+    }
+    const KelvinVoigtMaterial& material = law_of(tissue.material);
+    const Contact contact =
+        describe(material, surface, penetration_m, relaxed_m(tissue, memory), point_m);
+    const Vector3& n = contact.normal_world;
+    Vector3 stretch_m = Vector3::Zero();
+    if (here.is_touched) {
+      stretch_m = here.stretch_m + point_m - here.point_m;
+      stretch_m -= n.dot(stretch_m) * n;
+    }
+    here = {.point_m = point_m,
+            .stretch_m = friction_stretch(stretch_m, material.friction_coefficient,
+                                          material.friction_stiffness_newton_per_m,
+                                          n.dot(contact.elastic_force_on_tool_newton)),
+            .is_touched = true};
+  }
 }
 
 void Scene::touch(std::uint32_t index, const Vector3& tip_position_world_m,
@@ -124,9 +164,18 @@ void Scene::touch(std::uint32_t index, const Vector3& tip_position_world_m,
   const double penetration_m = tip_radius_m_ - surface.distance_m;
   if (!(penetration_m > 0.0) && !(penetration_m > -reach_m_)) return;
 
-  const double relaxed_m =
-      tissue.relaxing < memory.relaxing_.size() ? memory.relaxing_[tissue.relaxing].relaxed_m : 0.0;
-  Contact contact = describe(law_of(tissue.material), surface, penetration_m, relaxed_m, point_m);
+  const KelvinVoigtMaterial& material = law_of(tissue.material);
+  Contact contact = describe(material, surface, penetration_m, relaxed_m(tissue, memory), point_m);
+  if (tissue.rubbing != kNone) {
+    contact.friction_coefficient = material.friction_coefficient;
+    contact.friction_stiffness_newton_per_m = material.friction_stiffness_newton_per_m;
+    if (tissue.rubbing < memory.rubbing_.size()) {
+      const Vector3& stretch_m = memory.rubbing_[tissue.rubbing].stretch_m;
+      contact.stretch_m = stretch_m - contact.normal_world.dot(stretch_m) * contact.normal_world;
+      contact.stored_energy_joule +=
+          0.5 * contact.friction_stiffness_newton_per_m * contact.stretch_m.squaredNorm();
+    }
+  }
   contact.tissue = index;
   contact.surface_velocity_world_m_per_s = moved.velocity_m_per_s;
   if (penetration_m > 0.0) {
@@ -154,7 +203,7 @@ SceneForce Scene::evaluate(const Vector3& tip_position_world_m,
   const auto is_finite = [](const Contact& contact) {
     return contact.elastic_force_on_tool_newton.allFinite() &&
            contact.d_force_d_position.allFinite() && contact.d_force_d_velocity.allFinite() &&
-           std::isfinite(contact.stored_energy_joule);
+           std::isfinite(contact.stored_energy_joule) && contact.stretch_m.allFinite();
   };
   if (!sum.force_on_tool_newton.allFinite() || !std::isfinite(sum.stored_energy_joule) ||
       !std::all_of(sum.contacts.begin(), sum.contacts.begin() + sum.listed_count, is_finite)) {

@@ -25,7 +25,8 @@ struct SceneForce {
   std::uint32_t octree_cells_visited = 0;        ///< of all clouds
 };
 
-/// How deep each relaxing tissue has been pressed, as it remembers it. Every tool has its own.
+/// How deep each relaxing tissue has been pressed, as it remembers it, and where the tip sticks to
+/// tissue with friction. Every tool has its own.
 class TissueMemory {
  private:
   friend class Scene;
@@ -33,7 +34,13 @@ class TissueMemory {
     double penetration_m = 0.0;  // when last looked at, ≥ 0
     double relaxed_m = 0.0;      // z
   };
+  struct Rubbing {
+    Vector3 point_m = Vector3::Zero();    // where the tip was, as the tissue sees it
+    Vector3 stretch_m = Vector3::Zero();  // of friction's spring; W
+    bool is_touched = false;
+  };
   std::vector<Relaxing> relaxing_;  // one for each relaxing tissue
+  std::vector<Rubbing> rubbing_;    // one for each tissue with friction
   double time_s_ = 0.0;
   bool has_time_ = false;
 };
@@ -53,7 +60,9 @@ class Scene {
   [[nodiscard]] TissueMemory new_memory() const;
 
   /// The tip is at this place now: relaxing tissue goes on from where it was, as if the tip had
-  /// come here in a straight line. Does nothing where no tissue relaxes.
+  /// come here in a straight line; where friction holds, its spring goes along with the tip, turns
+  /// with the surface, and slips as far as it pulls harder than μ times the elastic normal force.
+  /// What slips is lost: friction only takes energy. Does nothing where no tissue relaxes or rubs.
   /// @param time_s  not before the last call's
   void remember(TissueMemory& memory, const Vector3& tip_position_world_m,
                 double time_s) const noexcept;
@@ -83,11 +92,14 @@ class Scene {
     TissueMotionConfig motion;
     bool is_moving = false;
     std::size_t relaxing = kNone;  // place in TissueMemory
+    std::size_t rubbing = kNone;   // place in TissueMemory
   };
   struct Displacement {
     Vector3 position_m = Vector3::Zero();
     Vector3 velocity_m_per_s = Vector3::Zero();
   };
+  void rub(TissueMemory& memory, const Vector3& tip_position_world_m, double time_s) const noexcept;
+  [[nodiscard]] double relaxed_m(const Tissue& tissue, const TissueMemory& memory) const noexcept;
   [[nodiscard]] static Displacement displacement(const Tissue& tissue, double time_s) noexcept;
   void touch(std::uint32_t index, const Vector3& tip_position_world_m,
              const Vector3& tip_velocity_world_m_per_s, double time_s, const TissueMemory& memory,
@@ -97,6 +109,7 @@ class Scene {
   double reach_m_;
   std::vector<Tissue> tissues_;
   std::vector<std::uint32_t> relaxing_;
+  std::vector<std::uint32_t> rubbing_;
   std::vector<std::uint32_t> unbounded_;  // half-spaces: their own distance is the cheapest test
   BroadPhase bounded_;
 };

@@ -1,6 +1,7 @@
 #include "common/core/contact_model.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace palpate {
 namespace {
@@ -43,6 +44,19 @@ Matrix3 turn(const Vector3& from, const Vector3& to) noexcept {
   return Matrix3::Identity() + cross + cross * cross / (1.0 + from.dot(to));
 }
 
+}  // namespace
+
+Vector3 friction_stretch(const Vector3& wanted_m, double friction_coefficient,
+                         double friction_stiffness_newton_per_m, double normal_newton) noexcept {
+  if (!(friction_stiffness_newton_per_m > 0.0) || !(normal_newton > 0.0)) return Vector3::Zero();
+  const double most_m = friction_coefficient * normal_newton / friction_stiffness_newton_per_m;
+  const double length_m = wanted_m.norm();
+  if (length_m <= most_m) return wanted_m;
+  return std::isfinite(length_m) ? Vector3(most_m / length_m * wanted_m) : Vector3::Zero();
+}
+
+namespace {
+
 /// The law at a place where the tool touches.
 ModelForce law(const Contact& contact, const Place& place, const Vector3& velocity) noexcept {
   const Vector3& n0 = contact.normal_world;
@@ -54,6 +68,15 @@ ModelForce law(const Contact& contact, const Place& place, const Vector3& veloci
   const Vector3 Kd = contact.d_force_d_position * moved;
 
   Vector3 f = contact.elastic_force_on_tool_newton + Kd + (c2 + c3 * deeper) * deeper * deeper * n0;
+  double stretched = 0.0;
+  if (contact.friction_coefficient > 0.0) {
+    const Vector3 s =
+        friction_stretch(contact.stretch_m + place.along_surface_m, contact.friction_coefficient,
+                         contact.friction_stiffness_newton_per_m, n0.dot(f));
+    f -= contact.friction_stiffness_newton_per_m * s;
+    stretched = 0.5 * contact.friction_stiffness_newton_per_m *
+                (s.squaredNorm() - contact.stretch_m.squaredNorm());
+  }
   if (n == n0) {
     f += contact.d_force_d_velocity * velocity;
   } else {
@@ -66,7 +89,7 @@ ModelForce law(const Contact& contact, const Place& place, const Vector3& veloci
   const double elastic = contact.stored_energy_joule -
                          moved.dot(contact.elastic_force_on_tool_newton + 0.5 * Kd) +
                          (c2 / 3.0 + 0.25 * c3 * deeper) * deeper * deeper * deeper;
-  return {f, std::max(0.0, elastic), true};
+  return {f, std::max(0.0, elastic + stretched), true};
 }
 
 }  // namespace

@@ -12,6 +12,11 @@
 // exact for planes, spheres and (along and across) cylinders; otherwise to second order.
 //
 // Law. f = Q [ f₀ + K (t − Δ n₀) + (c₂ Δ² + c₃ Δ³) n₀ ] + Q B Qᵀ (v − v_surface) for p > 0, else 0.
+// f₀ has the share −k_t s of Coulomb friction too: s = u₀ + t, shortened where k_t |s| > μ N, N the
+// elastic force along n₀. So the tip sticks until it slips, but the place where it sticks is only
+// moved by physics_node (TissueMemory): between two messages a slip that turns back gives back what
+// it took, and a change of N while slipping may give energy, at most that of the stretch. The
+// controller's account bounds that as it does every other error of the model.
 // The part of f along n is at least 0 unless the tissue is adhesive. Exact for Kelvin–Voigt tissue
 // with cubic stiffening on these surfaces.
 #pragma once
@@ -36,6 +41,12 @@ struct ModelForce {
 /// Finite input gives a finite force unless numbers overflow. No allocation, no throw.
 [[nodiscard]] ModelForce evaluate(const Contact& contact, const Vector3& displacement_m,
                                   const Vector3& velocity_m_per_s, double age_s) noexcept;
+
+/// The stretch of friction's spring that slips where it pulls harder than μ N: `wanted_m`, or as
+/// much of it as holds. Zero without normal force.
+[[nodiscard]] Vector3 friction_stretch(const Vector3& wanted_m, double friction_coefficient,
+                                       double friction_stiffness_newton_per_m,
+                                       double normal_newton) noexcept;
 
 /// All contacts of an Interaction at a tool that is at `tool_position_world_m`. Touches that are
 /// not listed keep the force they had. Zero where it would not be finite.

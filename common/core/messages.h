@@ -97,8 +97,12 @@ struct Contact {
   Matrix3 d_force_d_velocity = Matrix3::Zero();            ///< ∂f/∂v [N·s/m]
   double stiffening_newton_per_m2 = 0.0;  ///< c₂: the law's c₂ Δp² along the normal
   double stiffening_newton_per_m3 = 0.0;  ///< c₃: and c₃ Δp³
-  double stored_energy_joule = 0.0;       ///< elastic; of the law, touching or not
-  bool is_adhesive = false;               ///< may pull while penetrated
+  // Coulomb friction: a spring along the surface that slips at μ times the elastic normal force
+  double friction_coefficient = 0.0;             ///< μ ≥ 0; 0: none, the next two mean nothing
+  double friction_stiffness_newton_per_m = 0.0;  ///< k_t > 0
+  Vector3 stretch_m = Vector3::Zero();           ///< u₀ of that spring, across the normal
+  double stored_energy_joule = 0.0;              ///< elastic; of the law, touching or not
+  bool is_adhesive = false;                      ///< may pull while penetrated
 
   double trust_radius_m = 0.0;  ///< > 0; how far from the reference this describes the tissue
 

@@ -278,6 +278,9 @@ struct KelvinVoigtMaterial {
   double relaxing_stiffness_newton_per_m = 0.0;  ///< k₁: adds k₁ (p − z), τ ż = p − z
   double relaxation_time_s = 0.0;                ///< τ
   std::vector<InclusionConfig> inclusions{};
+  double friction_coefficient = 0.0;  ///< μ ≥ 0 of Coulomb friction; 0: slippery
+  double friction_stiffness_newton_per_m =
+      0.0;  ///< of the tissue along its surface while it sticks
 };
 using Material = std::variant<KelvinVoigtMaterial>;
 

@@ -24,6 +24,7 @@ constexpr double kMaxForceOnToolNewton = 1e6;
 constexpr double kMaxCurvaturePerM = 1e9;
 constexpr double kMaxLawCoefficient = 1e12;
 constexpr double kMaxStiffening = 1e18;
+constexpr double kMaxFrictionCoefficient = 1000.0;
 constexpr std::int64_t kMaxLeaseNs = 1'000'000'000;
 constexpr double kUnitTolerance = 1e-6;
 constexpr std::size_t kMaxSessionNameBytes = 64;
@@ -279,6 +280,10 @@ void fill(const Contact& contact, v1::Contact& to) {
   to.set_stored_energy_joule(contact.stored_energy_joule);
   to.set_is_adhesive(contact.is_adhesive);
   to.set_trust_radius_m(contact.trust_radius_m);
+  if (contact.friction_coefficient == 0.0) return;
+  to.set_friction_coefficient(contact.friction_coefficient);
+  to.set_friction_stiffness_newton_per_m(contact.friction_stiffness_newton_per_m);
+  put(contact.stretch_m, *to.mutable_stretch_m());
 }
 
 void check(const v1::Contact& contact, Verdict& verdict) {
@@ -299,6 +304,11 @@ void check(const v1::Contact& contact, Verdict& verdict) {
   verdict.expect(contact.stored_energy_joule() >= 0.0);
   verdict.number(contact.trust_radius_m(), 0.0, kMaxPositionM);
   verdict.expect(contact.trust_radius_m() > 0.0);
+  verdict.number(contact.friction_coefficient(), 0.0, kMaxFrictionCoefficient);
+  verdict.number(contact.friction_stiffness_newton_per_m(), 0.0, kMaxLawCoefficient);
+  if (contact.friction_coefficient() > 0.0 || contact.has_stretch_m()) {
+    verdict.vector(contact.has_stretch_m(), contact.stretch_m(), kMaxPositionM);
+  }
 }
 
 Contact contact(const v1::Contact& wire) {
@@ -317,6 +327,9 @@ Contact contact(const v1::Contact& wire) {
   contact.stored_energy_joule = wire.stored_energy_joule();
   contact.is_adhesive = wire.is_adhesive();
   contact.trust_radius_m = wire.trust_radius_m();
+  contact.friction_coefficient = wire.friction_coefficient();
+  contact.friction_stiffness_newton_per_m = wire.friction_stiffness_newton_per_m();
+  if (wire.has_stretch_m()) contact.stretch_m = vector(wire.stretch_m());
   return contact;
 }
 

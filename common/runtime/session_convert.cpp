@@ -683,6 +683,11 @@ Material to_material(const Fields& tissue) {
           fields.number("relaxing_stiffness_newton_per_m", 0.0, at_least(0), "give 0 for none"),
       .relaxation_time_s =
           1e-3 * fields.number("relaxation_time_ms", 200.0, above(0), "leave it out for 200 ms")};
+  material.friction_coefficient =
+      fields.number("friction_coefficient", 0.0, between(0, 10), "give 0 for a slippery surface");
+  material.friction_stiffness_newton_per_m =
+      fields.number("friction_stiffness_newton_per_m", material.stiffness_newton_per_m, above(0),
+                    "leave it out for the tissue's own stiffness");
   for (const Fields& ball : fields.messages("inclusion")) {
     material.inclusions.push_back(
         {.center_m = ball.vector("center_m", Vector3::Zero()),

@@ -106,6 +106,9 @@ inline void randomise(Contact& c, Random& random) {
        .d_force_d_velocity = random_matrix(random, 1e4),
        .stiffening_newton_per_m2 = random.uniform(-1e9, 1e9),
        .stiffening_newton_per_m3 = random.uniform(0.0, 1e12),
+       .friction_coefficient = random.uniform(0.01, 2.0),
+       .friction_stiffness_newton_per_m = random.uniform(0.0, 1e6),
+       .stretch_m = random_vector(random, 1.0),
        .stored_energy_joule = random.uniform(0.0, 1e3),
        .is_adhesive = random.chance(0.5),
        .trust_radius_m = random.uniform(1e-4, 1000.0),
@@ -366,7 +369,9 @@ inline bool same(const Contact& a, const Contact& b) {
          a.stiffening_newton_per_m2 == b.stiffening_newton_per_m2 &&
          a.stiffening_newton_per_m3 == b.stiffening_newton_per_m3 &&
          a.stored_energy_joule == b.stored_energy_joule && a.is_adhesive == b.is_adhesive &&
-         a.trust_radius_m == b.trust_radius_m;
+         a.trust_radius_m == b.trust_radius_m && a.friction_coefficient == b.friction_coefficient &&
+         a.friction_stiffness_newton_per_m == b.friction_stiffness_newton_per_m &&
+         same(a.stretch_m, b.stretch_m);
 }
 inline bool same(const Interaction& a, const Interaction& b) {
   const auto listed = static_cast<std::ptrdiff_t>(a.listed_count);

@@ -56,6 +56,28 @@ TEST(ContactModel, Stiffens) {
   EXPECT_NEAR(force.stored_energy_joule, 2.25e-3 + 1e-4 / 3.0 + 2.5e-6, 1e-12);
 }
 
+// k_t 500 N/m stretched by 0.5 mm, μ 0.5 of 1 N: it holds to 1 mm, 1 mm deeper to 1.5 mm.
+TEST(ContactModel, SticksAndSlips) {
+  Contact contact = floor_contact();
+  contact.friction_coefficient = 0.5;
+  contact.friction_stiffness_newton_per_m = 500.0;
+  contact.stretch_m = {0.5e-3, 0, 0};
+  contact.stored_energy_joule += 0.5 * 500.0 * 0.25e-6;
+  const auto at = [&](double x_m, double z_m) {
+    return evaluate(contact, {x_m, 0, z_m}, kAtRest, 0.0);
+  };
+
+  EXPECT_NEAR(at(0.0, 0.0).force_on_tool_newton.x(), -0.25, 1e-12);
+  EXPECT_NEAR(at(0.0, 0.0).stored_energy_joule, contact.stored_energy_joule, 1e-15);
+  EXPECT_NEAR(at(0.3e-3, 0.0).force_on_tool_newton.x(), -0.4, 1e-12);
+  EXPECT_NEAR(at(2e-3, 0.0).force_on_tool_newton.x(), -0.5, 1e-12);
+  EXPECT_NEAR(at(2e-3, 0.0).stored_energy_joule, 1e-3 + 0.25e-3, 1e-15);
+  EXPECT_NEAR(at(2e-3, -1e-3).force_on_tool_newton.x(), -0.75, 1e-12);
+  EXPECT_NEAR(at(-2e-3, 0.0).force_on_tool_newton.x(), 0.5, 1e-12);
+  EXPECT_EQ(at(2e-3, 3e-3).force_on_tool_newton, Vector3(0, 0, 0));
+  EXPECT_NEAR(at(2e-3, 0.0).force_on_tool_newton.z(), 1.0, 1e-12);
+}
+
 // Damping 10 N·s/m along the normal, leaving at 0.3 m/s: 1 − 3 N would pull.
 TEST(ContactModel, PullsOnlyIfAdhesive) {
   Contact contact = floor_contact();

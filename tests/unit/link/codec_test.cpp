@@ -632,6 +632,11 @@ TEST(InteractionCodec, RefusesAContactThatIsNone) {
   contact([](v1::Contact& c) { c.set_stored_energy_joule(-1e-12); }, false);
   contact([](v1::Contact& c) { c.set_trust_radius_m(0.0); }, false);
   contact([](v1::Contact& c) { c.set_trust_radius_m(1000.1); }, false);
+  contact([](v1::Contact& c) { c.set_friction_coefficient(-1e-9); }, false);
+  contact([](v1::Contact& c) { c.set_friction_coefficient(1000.1); }, false);
+  contact([](v1::Contact& c) { c.set_friction_stiffness_newton_per_m(-1e-9); }, false);
+  contact([](v1::Contact& c) { c.set_friction_stiffness_newton_per_m(1.01e12); }, false);
+  contact([](v1::Contact& c) { c.mutable_stretch_m()->set_z(-1001); }, false);
 }
 
 TEST(InteractionCodec, ListsWhatIsTouchedThenWhatIsNear) {

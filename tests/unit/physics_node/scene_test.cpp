@@ -224,8 +224,8 @@ TEST(SceneProperty, BroadPhaseLosesNoContact) {
   }
 }
 
-// Half-spaces, spheres, capsules, faces, edges and corners of boxes, damped in every way: inside the
-// trust radius what is described is the tissue, not an approximation of it.
+// Half-spaces, spheres, capsules, faces, edges and corners of boxes, damped in every way: inside
+// the trust radius what is described is the tissue, not an approximation of it.
 TEST(SceneProperty, DescribedContactIsTheTissueAsFarAsItIsTrusted) {
   Random random(7);
   int compared = 0;
@@ -552,6 +552,126 @@ TEST(Scene, IsStifferInsideAnInclusion) {
   EXPECT_NEAR(along_normal(0.0), 1500.0, 1e-6);
   EXPECT_NEAR(along_normal(0.005), 900.0, 0.01);
   EXPECT_NEAR(along_normal(0.007), 300.0, 1e-6);
+}
+
+// --- friction ------------------------------------------------------------------------------------
+
+/// 500 N/m, μ 0.5, k_t 500 N/m.
+class Rubbed {
+ public:
+  explicit Rubbed(const Geometry& geometry = HalfSpaceGeometry{}, TissueMotionConfig motion = {})
+      : scene_([&] {
+          SceneConfig config =
+              one_tissue(geometry, KelvinVoigtMaterial{.stiffness_newton_per_m = 500.0,
+                                                       .friction_coefficient = 0.5,
+                                                       .friction_stiffness_newton_per_m = 500.0});
+          config.tissues[0].motion = motion;
+          return config;
+        }()),
+        memory_(scene_.new_memory()) {}
+
+  SceneForce go_to(const Vector3& x_m, double time_s = 0.0) {
+    scene_.remember(memory_, x_m, time_s);
+    return scene_.evaluate(x_m, kAtRest, time_s, memory_);
+  }
+  double newton_at(const Vector3& x_m) { return go_to(x_m).force_on_tool_newton.x(); }
+
+ private:
+  Scene scene_;
+  TissueMemory memory_;
+};
+
+// 10 mm deep, 5 N: holds up to 2.5 N, 5 mm of stretch.
+TEST(SceneFriction, SticksWhereItWasTouched) {
+  Rubbed floor;
+  EXPECT_EQ(floor.newton_at({0, 0, -0.01}), 0.0);
+  EXPECT_NEAR(floor.newton_at({0.002, 0, -0.01}), -1.0, 1e-12);
+  EXPECT_NEAR(floor.newton_at({0, 0, -0.01}), 0.0, 1e-12);
+  EXPECT_NEAR(floor.newton_at({-0.004, 0, -0.01}), 2.0, 1e-12);
+}
+
+TEST(SceneFriction, SlipsAtItsLimitAndSticksWhereItStops) {
+  Rubbed floor;
+  floor.go_to({0, 0, -0.01});
+  EXPECT_NEAR(floor.newton_at({0.02, 0, -0.01}), -2.5, 1e-12);
+  EXPECT_NEAR(floor.newton_at({0.05, 0, -0.01}), -2.5, 1e-12);
+  EXPECT_NEAR(floor.newton_at({0.049, 0, -0.01}), -2.0, 1e-12);
+  // ½·500·(4 mm)² beside ½·500·(10 mm)²
+  EXPECT_NEAR(floor.go_to({0.049, 0, -0.01}).stored_energy_joule, 0.025 + 0.004, 1e-12);
+}
+
+TEST(SceneFriction, HoldsLessWherePressedLess) {
+  Rubbed floor;
+  floor.go_to({0, 0, -0.01});
+  floor.go_to({0.004, 0, -0.01});
+  EXPECT_NEAR(floor.newton_at({0.004, 0, -0.004}), -1.0, 1e-12);
+  EXPECT_NEAR(floor.newton_at({0.004, 0, -0.01}), -1.0, 1e-12);  // what slipped is gone
+  floor.go_to({0.004, 0, 0.001});
+  EXPECT_EQ(floor.newton_at({0.004, 0, -0.01}), 0.0);  // lifted: forgotten
+}
+
+// At 0.5 s the floor has gone 2 mm with the tip stuck to it.
+TEST(SceneFriction, MovingTissueTakesTheTipAlong) {
+  Rubbed floor(HalfSpaceGeometry{}, {.amplitude_m = {0.002, 0, 0}, .frequency_hz = 0.5});
+  floor.go_to({0, 0, -0.01}, 0.0);
+  EXPECT_NEAR(floor.go_to({0, 0, -0.01}, 0.5).force_on_tool_newton.x(), 1.0, 1e-12);
+}
+
+// From one message to the next the model does what the tissue does on a straight way.
+TEST(SceneFriction, IsWhatTheModelSaysOnAStraightWay) {
+  Random random(2);
+  for (int i = 0; i < 500; ++i) {
+    Rubbed floor;
+    floor.go_to({0, 0, -0.005});
+    const SceneForce here = floor.go_to({random.uniform(-0.01, 0.01), 0, -0.005});
+    const Vector3 d(random.uniform(-0.01, 0.01), random.uniform(-0.01, 0.01),
+                    random.uniform(-0.004, 0.004));
+    const ModelForce model = palpate::evaluate(here.contacts[0], d, kAtRest, 0.0);
+    const Vector3 x = Vector3(0, 0, -0.005) + d;
+    const double start_x_m = here.contacts[0].stretch_m.x();
+    Rubbed other;  // stuck so that it is stretched alike
+    other.go_to({-start_x_m, 0, -0.005});
+    other.go_to({0, 0, -0.005});
+    const SceneForce truth = other.go_to(x);
+    EXPECT_LT((model.force_on_tool_newton - truth.force_on_tool_newton).norm(), 1e-9);
+    EXPECT_NEAR(model.stored_energy_joule, truth.stored_energy_joule, 1e-12);
+  }
+}
+
+// The work on the tool along random closed paths, with steps of about 10 µm: whatever the path, no
+// more than rounding and the midpoints' error, and much less than the energy stored on the way.
+TEST(SceneFriction, NeverGivesEnergy) {
+  Random random(4);
+  double least_joule = 0.0;
+  for (const Geometry& geometry :
+       {Geometry(HalfSpaceGeometry{}),
+        Geometry(SphereGeometry{.center_m = {0, 0, -0.03}, .radius_m = 0.03}),
+        Geometry(CapsuleGeometry{
+            .from_m = {-0.1, 0, -0.02}, .to_m = {0.1, 0, -0.02}, .radius_m = 0.02})}) {
+    for (int path = 0; path < 20; ++path) {
+      Rubbed tissue(geometry);
+      Vector3 x(0, 0, 0.001);
+      Vector3 force = tissue.go_to(x).force_on_tool_newton;
+      double work_joule = 0.0;
+      for (int leg = 0; leg < 12; ++leg) {
+        const Vector3 to = leg == 11
+                               ? Vector3(0, 0, 0.005)
+                               : Vector3(random.uniform(-0.01, 0.01), random.uniform(-0.01, 0.01),
+                                         random.uniform(-0.006, 0.001));
+        const Vector3 step = (to - x) / 1000.0;
+        for (int i = 0; i < 1000; ++i) {
+          x += step;
+          const Vector3 next = tissue.go_to(x).force_on_tool_newton;
+          work_joule += 0.5 * (force + next).dot(step);
+          force = next;
+        }
+      }
+      EXPECT_EQ(force, Vector3(0, 0, 0));
+      EXPECT_LT(work_joule, 1e-6);
+      least_joule = std::min(least_joule, work_joule);
+    }
+  }
+  EXPECT_LT(least_joule, -1e-2);
 }
 
 TEST(Scene, TreatsATeleportBeyondAllNumbersAsNoTouch) {

@@ -198,7 +198,7 @@ TEST(SessionFile, ReadsEveryKindOfTissue) {
                     kelvin_voigt { stiffness_newton_per_m: 6 damping_newton_s_per_m: 15
                                    isotropic_damping: true adhesive: true } }
            tissue { name: "ball" sphere { center_m { y: 2 } radius_m: 0.5 }
-                    kelvin_voigt { stiffness_newton_per_m: 7 } }
+                    kelvin_voigt { stiffness_newton_per_m: 7 friction_coefficient: 0.3 } }
            tissue { box { size_m { x: 1 y: 2 z: 3 } }
                     kelvin_voigt { stiffness_newton_per_m: 8 } } })",
       "x.txtpb");
@@ -222,6 +222,9 @@ TEST(SessionFile, ReadsEveryKindOfTissue) {
   EXPECT_FALSE(std::get<KelvinVoigtMaterial>(ball.material).is_damping_isotropic);
   EXPECT_FALSE(std::get<KelvinVoigtMaterial>(ball.material).is_adhesive);
   EXPECT_EQ(std::get<KelvinVoigtMaterial>(ball.material).damping_newton_s_per_m, 0.0);
+  EXPECT_EQ(std::get<KelvinVoigtMaterial>(ball.material).friction_coefficient, 0.3);
+  EXPECT_EQ(std::get<KelvinVoigtMaterial>(ball.material).friction_stiffness_newton_per_m, 7.0);
+  EXPECT_EQ(material.friction_coefficient, 0.0);
   EXPECT_EQ(box.name, "tissue2");
   EXPECT_EQ(std::get<BoxGeometry>(box.geometry).size_m, Vector3(1, 2, 3));
 }
