@@ -193,17 +193,20 @@ TEST(SessionFile, DefaultReplyLeavesRoomForTheWait) {
 TEST(SessionFile, ReadsEveryKindOfTissue) {
   const Session session = parse_session(
       R"(name: "x" scene {
-           tool { tip_radius_m: 0.003 }
+           tool { tip_radius_m: 0.003 shaft_length_m: 0.1 }
            tissue { half_space { point_m { z: 1 } normal { x: 3 z: 4 } }
                     kelvin_voigt { stiffness_newton_per_m: 6 damping_newton_s_per_m: 15
                                    isotropic_damping: true adhesive: true } }
            tissue { name: "ball" sphere { center_m { y: 2 } radius_m: 0.5 }
-                    kelvin_voigt { stiffness_newton_per_m: 7 friction_coefficient: 0.3 } }
+                    kelvin_voigt { stiffness_newton_per_m: 7 friction_coefficient: 0.3
+                                   puncture_newton: 2 } }
            tissue { box { size_m { x: 1 y: 2 z: 3 } }
                     kelvin_voigt { stiffness_newton_per_m: 8 } } })",
       "x.txtpb");
 
   EXPECT_EQ(session.scene.tip_radius_m, 0.003);
+  EXPECT_EQ(session.scene.shaft_length_m, 0.1);
+  EXPECT_EQ(session.scene.shaft_radius_m, 0.003);
   ASSERT_THAT(session.scene.tissues, SizeIs(3));
   const auto& [plane, ball, box] =
       std::tie(session.scene.tissues[0], session.scene.tissues[1], session.scene.tissues[2]);
@@ -224,7 +227,10 @@ TEST(SessionFile, ReadsEveryKindOfTissue) {
   EXPECT_EQ(std::get<KelvinVoigtMaterial>(ball.material).damping_newton_s_per_m, 0.0);
   EXPECT_EQ(std::get<KelvinVoigtMaterial>(ball.material).friction_coefficient, 0.3);
   EXPECT_EQ(std::get<KelvinVoigtMaterial>(ball.material).friction_stiffness_newton_per_m, 7.0);
+  EXPECT_EQ(std::get<KelvinVoigtMaterial>(ball.material).puncture_newton, 2.0);
+  EXPECT_EQ(std::get<KelvinVoigtMaterial>(ball.material).cutting_newton, 0.5);
   EXPECT_EQ(material.friction_coefficient, 0.0);
+  EXPECT_EQ(material.puncture_newton, 0.0);
   EXPECT_EQ(box.name, "tissue2");
   EXPECT_EQ(std::get<BoxGeometry>(box.geometry).size_m, Vector3(1, 2, 3));
 }
