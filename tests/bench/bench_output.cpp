@@ -113,7 +113,8 @@ void write_file(const std::filesystem::path& file, const std::string& text) {
   if (!out) throw SetupError(file.string() + ": cannot be written; choose another place");
 }
 
-void draw(const std::filesystem::path& folder, const std::string& name, const std::string& script) {
+void draw_figure(const std::filesystem::path& folder, const std::string& name,
+                 const std::string& script) {
   write_file(folder / (name + ".gp"), script);
   const std::string command = fmt::format("cd '{}' && gnuplot '{}.gp'", folder.string(), name);
   if (std::system(command.c_str()) == 0) {

@@ -53,7 +53,8 @@ void write_file(const std::filesystem::path& file, const std::string& text);
 
 /// Writes NAME.gp into `folder` and lets gnuplot draw it there; says so, or why there is no figure.
 /// Throws SetupError if the file cannot be written.
-void draw(const std::filesystem::path& folder, const std::string& name, const std::string& script);
+void draw_figure(const std::filesystem::path& folder, const std::string& name,
+                 const std::string& script);
 
 /// The main() of a bench: adds the four options to `app`, parses, runs. Returns the exit status: 2,
 /// with the reason on stderr, for a SetupError.

@@ -461,7 +461,7 @@ void plot(const BenchOptions& options, const Table& table) {
   const std::filesystem::path folder = options.plot_folder;
   std::filesystem::create_directories(folder);
   bench::write_file(folder / "contact_bench.csv", table.csv());
-  bench::draw(
+  bench::draw_figure(
       folder, "contact_bench",
       "set datafile separator ','\nset terminal svg size 800,500 background 'white'\n"
       "set logscale xy\nset grid\nset key top left\n"

@@ -220,7 +220,7 @@ void map_bounces(const BenchOptions& options) {
   const std::filesystem::path folder = options.plot_folder;
   std::filesystem::create_directories(folder);
   bench::write_file(folder / "contact_stress.csv", table.csv());
-  bench::draw(
+  bench::draw_figure(
       folder, "contact_stress",
       "set datafile separator ','\nset terminal svg size 900,400 background 'white'\n"
       "set output 'contact_stress.svg'\nset logscale xy\nset cbrange [0:2]\nset grid\n"

@@ -111,8 +111,8 @@ void run(const BenchOptions& options) {
         fmt::format("{}'deadband.txt' index {} using 1:2 with linespoints lw 2 pt 7 title '{}, {}'",
                     i > 0 ? ", " : "", i, kTissues[i / 2].label, i % 2 == 0 ? "held" : "local");
   }
-  draw(folder, "deadband",
-       R"(set terminal svg size 700,420 dynamic background rgb 'white' font 'sans,13'
+  draw_figure(folder, "deadband",
+              R"(set terminal svg size 700,420 dynamic background rgb 'white' font 'sans,13'
 set output 'deadband.svg'
 set title 'Deadband on hops 2 and 3, k = 2, 5, 10, 20 %'
 set grid

@@ -105,7 +105,7 @@ set key top right
     }
     script += "\n";
   }
-  draw(folder, "loop", script + "unset multiplot\n");
+  draw_figure(folder, "loop", script + "unset multiplot\n");
 }
 
 void run(const BenchOptions& options) {

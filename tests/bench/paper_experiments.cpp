@@ -165,7 +165,7 @@ struct Figure {
 
 /// Figures 8 and 9 on one axis: what the controller is for.
 void draw_comparison(const std::filesystem::path& folder) {
-  draw(folder, "rigid_compared", R"(set datafile separator ','
+  draw_figure(folder, "rigid_compared", R"(set datafile separator ','
 set terminal svg size 900,520 dynamic background rgb 'white' font 'sans,13'
 set output 'rigid_compared.svg'
 without = 'figure_08_rigid_without.csv'
@@ -202,8 +202,8 @@ void draw_figures(const BenchOptions& options) {
     static_cast<void>(run_loopback(
         session, {.seconds = 14.0 + kVSeconds, .csv_file = (folder / (name + ".csv")).string()}));
     // only the V: the free motion before it shows nothing
-    draw(folder, name,
-         fmt::format(R"(set datafile separator ','
+    draw_figure(folder, name,
+                fmt::format(R"(set datafile separator ','
 set terminal svg size 900,640 dynamic background rgb 'white' font 'sans,13'
 set output '{0}.svg'
 set multiplot layout 2,1 title '{1}'
@@ -226,7 +226,7 @@ plot '{0}.csv' using 't_s':'fe_x' with steps lw 1 dt 2 lc 1 title 'x asked', \
      '' using 't_s':'fs_z' with steps lw 2 lc 3 title 'z acting'
 unset multiplot
 )",
-                     name, figure.title));
+                            name, figure.title));
   }
   draw_comparison(folder);
 }

@@ -128,7 +128,7 @@ unset key
         "NaN):'stiffness_n_per_m':'verdict_number' with points pt 5 ps 2.2 palette\n",
         way.interaction, way.controller);
   }
-  draw(folder, "stability", script + "unset multiplot\n");
+  draw_figure(folder, "stability", script + "unset multiplot\n");
 }
 
 void run(const BenchOptions& options) {

@@ -126,7 +126,7 @@ void add_row(Table& table, const TissueScene& scene, const Link& link, const Way
 
 void draw_against_delay(const std::filesystem::path& folder) {
   // curves of the 50 Hz, 20 % loss rows in mode guard
-  draw(folder, "transparency_delay", R"(set datafile separator ','
+  draw_figure(folder, "transparency_delay", R"(set datafile separator ','
 set datafile missing NaN
 set terminal svg size 960,520 dynamic background rgb 'white' font 'sans,13'
 set output 'transparency_delay.svg'
@@ -156,8 +156,8 @@ void draw_traces(const std::filesystem::path& folder) {
           {.seconds = scene.seconds,
            .csv_file = (folder / fmt::format("{}_{}.csv", name, way.interaction)).string()}));
     }
-    draw(folder, name,
-         fmt::format(R"(set datafile separator ','
+    draw_figure(folder, name,
+                fmt::format(R"(set datafile separator ','
 set terminal svg size 900,420 dynamic background rgb 'white' font 'sans,13'
 set output '{0}.svg'
 set title '{1}: physics 50 Hz, 50 ms away, 20 % loss, mode guard'
@@ -170,7 +170,7 @@ plot '{0}_local.csv' using 't_s':'fi_z' with lines lw 4 lc rgb '#c8d6e5' title '
      '{0}_held.csv' using 't_s':'fs_z' with steps lw 1 lc rgb '#c0392b' title 'held', \
      '{0}_local.csv' using 't_s':'fs_z' with steps lw 1 lc rgb '#1f618d' title 'local model'
 )",
-                     name, tissue));
+                            name, tissue));
   }
 }
 

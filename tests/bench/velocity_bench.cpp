@@ -252,8 +252,8 @@ void draw_error_lag(const std::filesystem::path& folder, const std::vector<Point
     return plot + "\n";
   };
   write_file(folder / "velocity_error_lag.txt", data);
-  draw(folder, "velocity_error_lag",
-       R"(set terminal svg size 1100,460 dynamic background rgb 'white' font 'sans,13'
+  draw_figure(folder, "velocity_error_lag",
+              R"(set terminal svg size 1100,460 dynamic background rgb 'white' font 'sans,13'
 set output 'velocity_error_lag.svg'
 set datafile missing 'nan'
 set multiplot layout 1,2 title 'Velocity estimators behind a 0.055 mm encoder at 1 kHz'
@@ -263,13 +263,13 @@ set xlabel 'lag, ms (sine 2 Hz)'
 set ylabel 'noise, mm/s (press 20 mm/s)'
 set key top right font ',10'
 )" + plotted("1:2") +
-           R"(set nologscale y
+                  R"(set nologscale y
 set yrange [0:*]
 set xlabel 'rms error, mm/s (mean of all motions)'
 set ylabel 'rigid V in the loop: force error, % of the ideal'
 set key bottom right font ',10'
 )" + plotted("3:4") +
-           "unset multiplot\n");
+                  "unset multiplot\n");
 }
 
 void run(const BenchOptions& options) {
