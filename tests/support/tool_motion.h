@@ -164,4 +164,61 @@ inline PokeFindings poke(const ThinThing& thing, std::size_t count, Random& rand
   return findings;
 }
 
+struct Slide {
+  std::string name;
+  Geometry geometry;
+  std::vector<Vector3> way_m;
+};
+
+/// Over the edge of a cube and round a corner, through a groove and over its rims, over the facets
+/// of a coarse ball, pressed by 1 … 6 mm.
+inline std::vector<Slide> slides(const TempFolder& folder) {
+  const FileGeometry groove{
+      .kind = FileGeometry::Kind::kTriangleSurface,
+      .file = folder.write("groove.obj", physics::obj_text(physics::bar_mesh({{0, -0.01},
+                                                                              {0.01, 0},
+                                                                              {0.03, 0},
+                                                                              {0.03, -0.02},
+                                                                              {-0.03, -0.02},
+                                                                              {-0.03, 0},
+                                                                              {-0.01, 0}},
+                                                                             0.03)))};
+  std::vector<Slide> result;
+  for (const auto& [deep_m, deep] :
+       {std::pair{0.001, ", 1 mm deep"}, {0.0025, ", 2.5 mm deep"}, {0.006, ", 6 mm deep"}}) {
+    const double z = -deep_m;
+    const std::vector<Vector3> over_edge{
+        {0, 0.002, 0.01}, {0, 0.002, z},     {0.03, 0.004, z}, {0.03, 0.004, 0.01},
+        {0.0, 0.001, z},  {-0.03, -0.03, z}, {0, 0, z}};
+    result.push_back({std::string("box") + deep,
+                      BoxGeometry{.center_m = {0, 0, -0.02}, .size_m = {0.04, 0.04, 0.04}},
+                      over_edge});
+    result.push_back(
+        {std::string("cube mesh") + deep,
+         FileGeometry{.kind = FileGeometry::Kind::kTriangleSurface,
+                      .file = folder.write("cube.obj", physics::obj_text(physics::cube_mesh(0.04))),
+                      .position_m = {0, 0, -0.02}},
+         over_edge});
+    result.push_back({std::string("groove") + deep,
+                      groove,
+                      {{-0.02, 0, 0.01},
+                       {-0.02, 0, z},
+                       {0.0, 0, z - 0.004},
+                       {0.02, 0.001, z},
+                       {-0.02, 0.002, z - 0.001},
+                       {0.001, 0.01, -0.01 - deep_m},
+                       {0.02, 0, 0.01}}});
+    result.push_back({std::string("ball mesh") + deep,
+                      FileGeometry{.kind = FileGeometry::Kind::kTriangleSurface,
+                                   .file = folder.write(
+                                       "ball.obj", physics::obj_text(physics::ball_mesh(0.02, 4)))},
+                      {{0, 0, 0.03},
+                       {0, 0.001, 0.02 - deep_m},
+                       {0.015, 0.01, 0.012 - deep_m},
+                       {0, -0.012, 0.014 - deep_m},
+                       {-0.02, 0.0, 0.03}}});
+  }
+  return result;
+}
+
 }  // namespace palpate::test

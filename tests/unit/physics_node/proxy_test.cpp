@@ -91,63 +91,11 @@ TEST(Proxy, BeginsAnewAfterATeleport) {
 // --- edges
 // ----------------------------------------------------------------------------------------
 
-struct Slide {
-  const char* name;
-  Geometry geometry;
-  std::vector<Vector3> way_m;
-};
-
-/// Over the edge of a cube and round a corner, through a groove and over its rims, over the facets
-/// of a coarse ball, its top at z = 0 or 20 mm, pressed by 1 … 6 mm.
-std::vector<Slide> slides(const test::TempFolder& folder) {
-  const FileGeometry groove{.kind = FileGeometry::Kind::kTriangleSurface,
-                            .file = folder.write("groove.obj", obj_text(bar_mesh({{0, -0.01},
-                                                                                  {0.01, 0},
-                                                                                  {0.03, 0},
-                                                                                  {0.03, -0.02},
-                                                                                  {-0.03, -0.02},
-                                                                                  {-0.03, 0},
-                                                                                  {-0.01, 0}},
-                                                                                 0.03)))};
-  std::vector<Slide> result;
-  for (const double deep_m : {0.001, 0.0025, 0.006}) {
-    const double z = -deep_m;
-    const std::vector<Vector3> over_edge{
-        {0, 0.002, 0.01}, {0, 0.002, z},     {0.03, 0.004, z}, {0.03, 0.004, 0.01},
-        {0.0, 0.001, z},  {-0.03, -0.03, z}, {0, 0, z}};
-    result.push_back(
-        {"box", BoxGeometry{.center_m = {0, 0, -0.02}, .size_m = {0.04, 0.04, 0.04}}, over_edge});
-    result.push_back({"cube mesh",
-                      FileGeometry{.kind = FileGeometry::Kind::kTriangleSurface,
-                                   .file = folder.write("cube.obj", obj_text(cube_mesh(0.04))),
-                                   .position_m = {0, 0, -0.02}},
-                      over_edge});
-    result.push_back({"groove",
-                      groove,
-                      {{-0.02, 0, 0.01},
-                       {-0.02, 0, z},
-                       {0.0, 0, z - 0.004},
-                       {0.02, 0.001, z},
-                       {-0.02, 0.002, z - 0.001},
-                       {0.001, 0.01, -0.01 - deep_m},
-                       {0.02, 0, 0.01}}});
-    result.push_back({"ball mesh",
-                      FileGeometry{.kind = FileGeometry::Kind::kTriangleSurface,
-                                   .file = folder.write("ball.obj", obj_text(ball_mesh(0.02, 4)))},
-                      {{0, 0, 0.03},
-                       {0, 0.001, 0.02 - deep_m},
-                       {0.015, 0.01, 0.012 - deep_m},
-                       {0, -0.012, 0.014 - deep_m},
-                       {-0.02, 0.0, 0.03}}});
-  }
-  return result;
-}
-
 // |ΔF| ≤ k (4 |Δx| + 10 mm/s Δt) in every step, whether the tip's centre is outside the tissue or
 // deep in it.
 TEST(Proxy, SlidesOverEdgesAndGroovesWithoutAStepOfTheForce) {
   const test::TempFolder folder;
-  for (const Slide& slide : slides(folder)) {
+  for (const test::Slide& slide : test::slides(folder)) {
     for (const double tip_radius_m : {0.0, 0.003}) {
       for (const auto& [speed_m_per_s, dt_s] :
            {std::pair{0.08, 1e-3}, {1.0, 1e-3}, {0.01, 1e-3}, {0.2, 10e-3}}) {
