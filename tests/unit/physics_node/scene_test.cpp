@@ -514,6 +514,61 @@ TEST(Scene, RelaxesUnderASteadyPress) {
               2.0 + 400.0 * 0.01 * (1.0 - std::exp(-1.0)), 1e-6);
 }
 
+// Three that relax, 20 cm apart: one is pressed and lifted. After 60 time constants nothing is left
+// of what it remembers, 1e-2 · e^−60 m, and it sleeps again.
+TEST(Scene, LetsRelaxedTissueSleep) {
+  SceneConfig config;
+  for (int i = 0; i < 3; ++i) {
+    config.tissues.push_back(
+        {.name = std::to_string(i),
+         .geometry = SphereGeometry{.center_m = {0.2 * i, 0, 0}, .radius_m = 0.05},
+         .material = KelvinVoigtMaterial{.stiffness_newton_per_m = 200.0,
+                                         .relaxing_stiffness_newton_per_m = 400.0,
+                                         .relaxation_time_s = 0.1}});
+  }
+  const Scene scene(config, 0.01);
+  TissueMemory memory = scene.new_memory();
+  double time_s = 0.0;
+  const auto asleep = [&](const Vector3& x, double dt_s) {
+    time_s += dt_s;
+    scene.remember(memory, x, time_s);
+    return scene.evaluate(x, kAtRest, time_s, memory).tissues_asleep;
+  };
+  const Vector3 above(0, 0, 0.055);
+  EXPECT_EQ(asleep(above, 0.0), 3U);  // looked at, and at rest
+  EXPECT_EQ(asleep({0, 0, 0.045}, 0.01), 2U);
+  EXPECT_EQ(asleep({0, 0.2, 0}, 0.1), 2U);  // far away, and still coming back
+  EXPECT_EQ(asleep(above, 6.0), 3U);
+
+  // pressed again, it answers as fresh tissue does: z = p − (p/T) τ (1 − e^(−T/τ))
+  const double stretch_m = 0.005 / 0.001 * 0.1 * (1.0 - std::exp(-0.01));
+  asleep({0, 0, 0.05}, 1.0);
+  asleep({0, 0, 0.045}, 0.001);
+  EXPECT_NEAR(scene.evaluate({0, 0, 0.045}, kAtRest, time_s, memory).force_on_tool_newton.z(),
+              200.0 * 0.005 + 400.0 * stretch_m, 1e-9);
+}
+
+// A step costs nothing for what was remembered and is asked for again.
+TEST(Scene, IsEvaluatedWhereItRemembersAsItWasThere) {
+  Random random(8);
+  for (int i = 0; i < 200; ++i) {
+    const Scene scene(random_scene(random, 4), 0.02);
+    TissueMemory memory = scene.new_memory();
+    Vector3 x = random_in_cube(random, 0.1);
+    scene.remember(memory, x, 0.0);
+    for (int step = 1; step < 5; ++step) {
+      x += random_in_cube(random, 0.002);
+      const double time_s = 1e-3 * step;
+      const SceneForce foreseen = scene.evaluate(x, kAtRest, time_s, memory);
+      scene.remember(memory, x, time_s);
+      const SceneForce there = scene.evaluate(x, kAtRest, time_s, memory);
+      EXPECT_EQ(foreseen.contact_count, there.contact_count);
+      EXPECT_LT((foreseen.force_on_tool_newton - there.force_on_tool_newton).norm(), 1e-9);
+      EXPECT_EQ(foreseen.tissues_visited, there.tissues_visited);
+    }
+  }
+}
+
 // ±2 mm at 0.5 Hz: at 0.5 s 2 mm up, at rest; at 1 s back, going down with 2π·0.5·2 mm/s.
 TEST(Scene, GoesToAndFro) {
   SceneConfig config = one_tissue(

@@ -125,6 +125,34 @@ TEST(SurfaceFiles, TouchNoOctreeWhereThereIsNoCloud) {
   EXPECT_EQ(with.evaluate({0.2, 0, 0}, Vector3::Zero()).octree_cells_visited, 0U);
 }
 
+// Two of three share a file. Along a path the nearest point is mostly in the cell of the last one.
+TEST(SurfaceFiles, AreLookedAtFromTheLastCellOn) {
+  const test::TempFolder folder;
+  Random random(1);
+  const PointCloud cloud =
+      test::sampled(test::sphere_shape(0.05), 1e-3, 0.0, true, test::Sampling::kEven, random);
+  const FileGeometry ball{.file = folder.write("ball.ply", ply_text(cloud))};
+  FileGeometry far = ball;
+  far.position_m = {1, 0, 0};
+  const Scene scene({.tip_radius_m = 0.003,
+                     .tissues = {{.name = "a", .geometry = ball, .material = KelvinVoigtMaterial{}},
+                                 {.name = "b", .geometry = far, .material = KelvinVoigtMaterial{}},
+                                 {.name = "c",
+                                  .geometry = SphereGeometry{.center_m = {0, 1, 0}},
+                                  .material = KelvinVoigtMaterial{}}}});
+  EXPECT_EQ(scene.shared_surface_count(), 1U);
+
+  TissueMemory memory = scene.new_memory();
+  std::uint32_t hits = 0;
+  for (int i = 0; i < 100; ++i) {
+    const Vector3 x(1e-5 * i, 0, 0.052);
+    scene.remember(memory, x, 1e-3 * i);
+    hits += scene.evaluate(x, Vector3::Zero(), 1e-3 * i, memory).octree_last_cell_hits;
+  }
+  EXPECT_GT(hits, 150U);  // of two views a step
+  EXPECT_LE(hits, 300U);
+}
+
 TEST(SurfaceFiles, TellWhatTheyCannotUse) {
   const test::TempFolder folder;
   const auto file = [&](const char* name, double edge) {
