@@ -124,7 +124,7 @@ bool receive_frame(LinkSocket& socket, Codec<T>& codec, zmq::message_t& frame,
 
 // --- context ----------------------------------------------------------------------------------
 
-ZmqContext::ZmqContext(const RealtimeConfig& realtime) {
+ZmqContext::ZmqContext(const RealtimeConfig& realtime) : wait_(realtime.wait) {
   // ask the kernel itself, on a thread that ends at once
   std::thread([&] {
     const sched_param parameters{.sched_priority = realtime.priority};
@@ -178,7 +178,7 @@ void Rejections::count_second_writer() noexcept {
 
 LinkSocket::LinkSocket(ZmqContext& context, const Settings& settings,
                        const std::vector<Attachment>& attachments)
-    : socket_(context.get(), settings.type) {
+    : socket_(context.get(), settings.type), spins_(context.wait() == WaitStrategy::kSpin) {
   PALPATE_REQUIRE(!attachments.empty());
   const Scheme scheme = scheme_of(attachments.front());
   const bool is_inproc = scheme == Scheme::kInproc;
@@ -289,6 +289,10 @@ void LinkSocket::wait_until(int events, const Clock& clock, TimePoint deadline) 
   while (!is_ready(events)) {
     const Duration left = deadline - clock.now();
     if (left <= Duration::zero()) return;
+    if (spins_) {
+      sched_yield();
+      continue;
+    }
     pollfd descriptor{.fd = descriptor_, .events = POLLIN, .revents = 0};
     const timespec timeout{.tv_sec = left.count() / 1'000'000'000,
                            .tv_nsec = left.count() % 1'000'000'000};
