@@ -15,6 +15,13 @@ namespace {
 // How soon a stop is noticed while no device speaks.
 constexpr auto kIdleWait = std::chrono::milliseconds(50);
 
+/// One below the device's tick: where both share a processor, the device acts on an answer before
+/// this node finishes its turn. Not for threads that spin: the lower one would never run.
+RealtimeConfig below_device(RealtimeConfig realtime) {
+  if (realtime.priority > 1 && realtime.wait != WaitStrategy::kSpin) --realtime.priority;
+  return realtime;
+}
+
 }  // namespace
 
 class Clamp::Impl {
@@ -101,7 +108,8 @@ void run_process(NodeContext& context, ProcessLinks& links) {
   ExchangeServer exchange(links.exchange, context.clock,
                           bind_to(context.session.links.exchange, "links.exchange"));
   Clamp clamp(context, links.side, exchange, exchange, exchange.rejections());
-  context.log.info("event=realtime {}", enter_realtime(context.session.realtime).text);
+  context.log.info("event=realtime {}",
+                   enter_realtime(below_device(context.session.realtime)).text);
 
   // every DeviceState is answered in order; what can wait comes after the answer
   while (!context.stop.stop_requested()) {

@@ -135,12 +135,15 @@ class LinkSocket {
 
  private:
   void attach(const Attachment& attachment);
+  bool sleep_until(const Clock& clock, TimePoint deadline) noexcept;
 
   std::optional<IpcClaim> claim_;  // outlives the socket
   zmq::socket_t socket_;
   std::string endpoint_;
   int descriptor_ = -1;
   bool spins_;
+  bool is_empty_ =
+      false;  // receive() just saw it, so that the descriptor tells of the next message
 };
 
 /// What the subscribers of one publisher want. A topic is a kind byte; the empty one means all.

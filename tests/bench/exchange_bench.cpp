@@ -363,15 +363,34 @@ std::string case_text(const Case& c) {
                      c.is_loaded ? "loaded" : "idle");
 }
 
-/// The bytes of an ordinary turn.
+// The messages of an ordinary turn in contact.
+DeviceState ordinary_state() {
+  const Vector3 position_m(0.011, -0.002, -0.004);
+  DeviceState state{.header = {.session_id = ~0ULL, .sequence = 1000, .sampled_at = TimePoint(1h)},
+                    .hand_position_m = position_m,
+                    .tool_position_world_m = position_m};
+  // the command before acted until this one's, which has acted since
+  state.applied_count = 2;
+  state.applied[0] = {.force_on_hand_newton = Vector3(0.1, 0.2, 1.0),
+                      .from = TimePoint(1h) - 1ms,
+                      .until = TimePoint(1h) - 900us,
+                      .hand_position_at_end_m = position_m};
+  state.applied[1] = {.force_on_hand_newton = Vector3(0.1, 0.2, 1.1),
+                      .from = TimePoint(1h) - 900us,
+                      .until = TimePoint(1h),
+                      .hand_position_at_end_m = position_m};
+  return state;
+}
+ForceCommand ordinary_command() {
+  return {.header = {.session_id = ~0ULL, .sequence = 1000, .sampled_at = TimePoint(1h)},
+          .answers_session_id = ~0ULL,
+          .answers_sequence = 1000,
+          .force_on_hand_newton = Vector3(0.1, 0.2, 1.0),
+          .valid_for = 2ms};
+}
 EchoBytes exchange_bytes() {
-  DeviceState state;
-  state.header = {.session_id = ~0ULL, .sequence = 1000, .sampled_at = TimePoint(1h)};
-  state.applied_count = 1;
-  ForceCommand command;
-  command.header = state.header;
-  return {.there = Codec<DeviceState>().encode(state),
-          .back = Codec<ForceCommand>().encode(command)};
+  return {.there = Codec<DeviceState>().encode(ordinary_state()),
+          .back = Codec<ForceCommand>().encode(ordinary_command())};
 }
 
 /// By link, in the order of the table.
@@ -478,16 +497,8 @@ void print_codec() {
                {"bytes", "bytes", "{:.0f}"},
                {"encode_ns", "encode ns", "{:.0f}"},
                {"decode_ns", "decode, check ns", "{:.0f}"}});
-  DeviceState state;
-  state.header = {.session_id = ~0ULL, .sequence = 1000, .sampled_at = TimePoint(1h)};
-  state.applied_count = 1;
-  state.applied[0] = {.from = TimePoint(1h) - 1ms, .until = TimePoint(1h)};
-  add_codec_row(table, "DeviceState", state);
-  ForceCommand command;
-  command.header = state.header;
-  command.answers_session_id = 1;
-  command.valid_for = 2ms;
-  add_codec_row(table, "ForceCommand", command);
+  add_codec_row(table, "DeviceState", ordinary_state());
+  add_codec_row(table, "ForceCommand", ordinary_command());
   std::printf("\nCodec\n%s", table.text().c_str());
 }
 

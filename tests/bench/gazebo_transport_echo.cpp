@@ -31,7 +31,7 @@ class GazeboTransportEcho final : public EchoLink {
       Near(const EchoBytes& bytes, const std::string& prefix)
           : publisher(advertise(node, prefix + "/there")) {
         message.set_data(std::string(bytes.there, ' '));
-        const std::function<void(const Bytes&)> on_echo = [this](const Bytes&) {
+        std::function<void(const Bytes&)> on_echo = [this](const Bytes&) {
           const std::lock_guard lock(mutex);
           has_echo = true;
           arrived.notify_one();
@@ -67,7 +67,7 @@ class GazeboTransportEcho final : public EchoLink {
     Node::Publisher publisher = advertise(node, prefix_ + "/back");
     Bytes reply;
     reply.set_data(std::string(bytes_.back, ' '));
-    const std::function<void(const Bytes&)> echo = [&](const Bytes&) { publisher.Publish(reply); };
+    std::function<void(const Bytes&)> echo = [&](const Bytes&) { publisher.Publish(reply); };
     node.Subscribe(prefix_ + "/there", echo);
     for (;;) pause();
   }
