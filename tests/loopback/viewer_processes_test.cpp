@@ -151,6 +151,71 @@ TEST_F(ViewerProcesses, ADragMovesTheHandDeformsTheTissueAndIsFelt) {
   stop();
 }
 
+TEST_F(ViewerProcesses, AFloodOfTargetsReachesTheDeviceAtMost120TimesASecondAndEndsWithTheNewest) {
+  Program viewer("viewer_node", {"--session", file_, "--quiet"});
+  const std::string rest = viewer.await_err("event=web url=http://127.0.0.1:");
+  ASSERT_FALSE(rest.empty());
+  ProcessLinks links({.priority = 0, .cpu = -1});
+  const SteadyClock clock;
+  ZmqSource<HandTarget> device(links.side, clock,
+                               bind_to(load_session(file_).links.hand_target, "links.hand_target"),
+                               Delivery::kEvery);
+  WebClient page(static_cast<std::uint16_t>(std::stoi(rest)));
+  ASSERT_TRUE(page.open_web_socket());
+  advertise(page);
+
+  HandTarget target;
+  TimePoint received_at;
+  const auto begin = std::chrono::steady_clock::now();
+  std::size_t sent = 0;
+  std::size_t received = 0;
+  while (received < 100 && std::chrono::steady_clock::now() - begin < 20s) {
+    lead(page, 0.01);
+    ++sent;
+    while (device.receive(target, received_at)) ++received;
+  }
+  const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
+  EXPECT_GE(received, 100u);
+  EXPECT_LE(static_cast<double>(received), 120.5 * took.count() + 1.0);
+  EXPECT_GT(sent, 2 * received);
+
+  lead(page, 0.02);
+  while (target.hand_position_m.z() != 0.02 && std::chrono::steady_clock::now() - begin < 30s) {
+    device.wait_until(clock.now() + 50ms);
+    static_cast<void>(device.receive(target, received_at));
+  }
+  EXPECT_EQ(target.hand_position_m.z(), 0.02);
+}
+
+TEST_F(ViewerProcesses, ATargetBeyondTheReachLeadsTheHandToItsEdge) {
+  launch();
+  ProcessLinks links({.priority = 0, .cpu = -1});
+  Watcher watcher(load_session(file_), links);
+  WebClient page(port_);
+  ASSERT_TRUE(page.open_web_socket());
+  advertise(page);
+  ASSERT_TRUE(watcher.until([&] { return watcher.sees_all_nodes(); }));
+
+  // the default reach is 0.1 m; on its way at 0.5 m/s a hand of 0.3 kg on a spring of 150 N/m
+  // overshoots by less than v √(m/k) = 22 mm
+  const auto height_m = [&] {
+    return watcher.rows().empty() ? 0.0 : watcher.rows().back().device.measured_hand_position_m.z();
+  };
+  ASSERT_TRUE(watcher.until([&] {
+    lead(page, 1000.0);
+    return height_m() > 0.098;
+  }));
+  const std::size_t first = watcher.rows().size();
+  ASSERT_TRUE(watcher.until([&] {
+    lead(page, 1000.0);
+    return watcher.rows().size() > first + 200;  // a second more
+  }));
+  for (const viewer::TickRow& row : watcher.rows()) {
+    ASSERT_LT(row.device.measured_hand_position_m.norm(), 0.122);
+  }
+  stop();
+}
+
 TEST_F(ViewerProcesses, WithoutPermissionAPageOnlyLooks) {
   file_ = files_.write(
       "look.txtpb", std::string(kSession).replace(std::string(kSession).find("pointer"), 31, ""));
