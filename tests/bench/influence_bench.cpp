@@ -327,20 +327,14 @@ void measure_page(const BenchOptions& options, bool is_realtime) {
 int main(int argc, char** argv) {
   CLI::App app("What looking on costs: timing of the loop with 0, 1 and 8 viewers.");
   palpate::bench::BenchOptions options;
-  options.add_to(app);
   bool is_of_page = false;
   bool is_ordinary = false;
   app.add_flag("--page", is_of_page, "instead: the load of 20 000 deforming vertices on a page");
   app.add_flag("--no-realtime", is_ordinary, "the nodes run with ordinary priority");
-  CLI11_PARSE(app, argc, argv);
-  const palpate::test::TempFolder run_folder;  // no other session meets these
-  setenv("PALPATE_RUN_DIR", run_folder.path().c_str(), 1);
-  try {
+  return palpate::bench::run_bench(app, options, argc, argv, [&] {
+    const palpate::test::TempFolder run_folder;  // no other session meets these
+    setenv("PALPATE_RUN_DIR", run_folder.path().c_str(), 1);
     (is_of_page ? palpate::bench::measure_page : palpate::bench::measure_influence)(options,
                                                                                     !is_ordinary);
-    return 0;
-  } catch (const palpate::SetupError& error) {
-    std::fprintf(stderr, "%s\n", error.what());
-    return 2;
-  }
+  });
 }
