@@ -9,6 +9,7 @@
 #include <variant>
 #include <vector>
 
+#include "common/core/clock.h"
 #include "common/core/fault_line.h"
 #include "common/core/time.h"
 #include "common/core/vector.h"
@@ -30,6 +31,7 @@ struct LinksConfig {
 struct RealtimeConfig {
   int priority = 80;  ///< 1 … 99; 0: ordinary scheduling
   int cpu = 0;        ///< the one processor that device_node and mofc_node share; −1: no pinning
+  WaitStrategy wait = WaitStrategy::kHybrid;
 };
 
 struct WorkspaceConfig {

@@ -119,13 +119,15 @@ LinksConfig to_links(const Fields& fields, const std::string& session_name) {
 
 // --- device -----------------------------------------------------------------------------------
 
-RealtimeConfig to_realtime(const Fields& fields) {
+RealtimeConfig to_realtime(const Fields& fields, const v1::Realtime& written) {
   constexpr int kMaxCpu = 1023;  // CPU_SETSIZE − 1
   RealtimeConfig config;
   config.priority = static_cast<int>(
       fields.integer("priority", config.priority, 0, 99, "give 0 for ordinary scheduling"));
   config.cpu = static_cast<int>(
       fields.integer("cpu", config.cpu, -1, kMaxCpu, "give -1 for no processor of its own"));
+  if (written.wait() == v1::Realtime::spin) config.wait = WaitStrategy::kSpin;
+  if (written.wait() == v1::Realtime::block) config.wait = WaitStrategy::kBlock;
   return config;
 }
 
@@ -833,7 +835,7 @@ Session to_session(const SessionText& text, const std::filesystem::path& base_di
       fields.number("duration_s", session.duration_s, above(0), "give the seconds of a run");
   if (written.has_seed()) session.seed = written.seed();
   session.links = to_links(fields.message("links"), session.name);
-  session.realtime = to_realtime(fields.message("realtime"));
+  session.realtime = to_realtime(fields.message("realtime"), written.realtime());
   session.faults = to_faults(fields.message("faults"));
   session.physics.rate_hz = fields.message("physics").number(
       "rate_hz", session.physics.rate_hz, between(1, 10000), "give the physics steps per second");

@@ -89,6 +89,7 @@ TEST(SessionFile, AlmostEmptySessionHasEveryDefault) {
   EXPECT_EQ(session.links.hand_target, "ipc:///run/p/x/hand_target.ipc");
   EXPECT_EQ(session.realtime.priority, 80);
   EXPECT_EQ(session.realtime.cpu, 0);
+  EXPECT_EQ(session.realtime.wait, WaitStrategy::kHybrid);
 
   // 1 kHz: half a period, 2 periods, 20 periods
   const DeviceConfig& device = session.device;
@@ -344,7 +345,7 @@ TEST(SessionFile, ReadsWhatHasNoDefault) {
   const Session session = parse_session(
       R"(name: "x" seed: 18446744073709551615 duration_s: 2.5
          links { exchange: "tcp://127.0.0.1:5551" tool_motion: "inproc://motion" }
-         realtime { priority: 0 cpu: -1 }
+         realtime { priority: 0 cpu: -1 wait: spin }
          device { workspace { scale_ratio: 2 force_ratio: 0 offset_m { x: 1 } clutch_button: 3 } }
          hand { press { button: 3 from_s: 1 until_s: 2 } }
          mofc { controller: none mode: paper fade_ms: 9 })",
@@ -356,6 +357,7 @@ TEST(SessionFile, ReadsWhatHasNoDefault) {
   EXPECT_EQ(session.links.tool_motion, "inproc://motion");
   EXPECT_EQ(session.realtime.priority, 0);
   EXPECT_EQ(session.realtime.cpu, -1);
+  EXPECT_EQ(session.realtime.wait, WaitStrategy::kSpin);
   EXPECT_EQ(session.device.workspace.scale_ratio, 2.0);
   EXPECT_EQ(session.device.workspace.force_ratio, 0.0);
   EXPECT_EQ(session.device.workspace.offset_m, Vector3(1, 0, 0));
