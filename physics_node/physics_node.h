@@ -9,7 +9,8 @@
 // No new motion since the last step: the force for the newest one is sent again under a fresh
 // header, so mofc_node can tell a slow hand from dead physics.
 // Motion from a restarted mofc_node: accepted at once. What is kept from one step to the next is
-// how far tissue has relaxed. Where moving tissue is comes from this node's clock.
+// what tissue remembers of the tool (TissueMemory): where it holds it, sticks to it, was punctured,
+// and how far it has relaxed. Where moving tissue is comes from this node's clock.
 // Thread: everything runs on the caller's thread. step() is real-time safe.
 #pragma once
 

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numbers>
 #include <optional>
 #include <set>
@@ -124,8 +123,7 @@ Scene::Displacement Scene::displacement(const Tissue& tissue, double time_s) noe
           omega * std::cos(angle) * tissue.motion.amplitude_m};
 }
 
-// --- which tissues, and what they see of the tool
-// -------------------------------------------------
+// --- which tissues, and what they see of the tool -----------------------------------------------
 
 /// Calls visit(tissue) once for each that the tool may have come near to since the memory's pose,
 /// or that holds it. Returns how many.
@@ -259,7 +257,9 @@ void Scene::follow(std::uint32_t index, const Pose& now, const TissueMemory& mem
                            (shaft_length_m_ > 0.0 &&
                             nearest_along(shape, tip_m, now.shaft, is_sheet ? 0.0 : 1.0,
                                           clearance_m(shaft_radius_m_), tip.proxy.hint) >= 0.0);
-    if (!is_inside) tip = {.tissue = index, .proxy = free_at(shape, tip_m, tip.proxy.hint)};
+    if (!is_inside) {
+      tip = {.tissue = index, .proxy = begun_at(shape, tip_radius_m_, tip_m, tip.proxy.hint)};
+    }
     take(tip, moved_m);
     if (is_inside) return;  // the shaft is in the hole
   } else {
@@ -304,8 +304,7 @@ void Scene::follow(std::uint32_t index, const Pose& now, const TissueMemory& mem
   take(shaft, point_m - last_point_m);
 }
 
-// --- what they remember
-// ---------------------------------------------------------------------------
+// --- what they remember -------------------------------------------------------------------------
 
 double Scene::relaxed_m(const Touch& touch, const TissueMemory& memory) const noexcept {
   if (touch.is_shaft) return radius_m(touch) - touch.proxy.surface.distance_m;  // as if relaxed

@@ -419,8 +419,7 @@ void measure_views(const BenchOptions& options, Table& table) {
   }
 }
 
-// --- whole steps, and what they skip
-// ----------------------------------------------------------------
+// --- whole steps, and what they skip ------------------------------------------------------------
 
 /// Steps of 1 ms along x_m(i): what a tissue remembers goes on, then its force.
 template <class Place>
