@@ -406,14 +406,18 @@ const Figures* find(const Results& results, const char* link) {
 Results run_case(const Case& c, const Deployment& deployment, const fs::path& folder, int rounds,
                  double seconds) {
   const EchoBytes bytes = exchange_bytes();
-  std::vector<std::pair<std::string, std::function<Measured()>>> links;
+  struct Link {
+    const char* name;
+    std::function<Measured()> measure_once;
+  };
+  std::vector<Link> links;
   const auto add_exchange = [&](const char* name, const Deployment::Wanted& wanted) {
-    links.emplace_back(name, [&deployment, &c, wanted, seconds] {
-      return deployment.measure(c, wanted, seconds);
-    });
+    links.push_back({name, [&deployment, &c, wanted, seconds] {
+                       return deployment.measure(c, wanted, seconds);
+                     }});
   };
   const auto add_echo = [&](const char* name, const auto& make) {
-    links.emplace_back(name, [&c, make, seconds] { return measure(*make(), c, seconds); });
+    links.push_back({name, [&c, make, seconds] { return measure(*make(), c, seconds); }});
   };
   add_exchange(kExchange, {});
   add_exchange(kViewed, {.viewers = 8});
@@ -621,7 +625,7 @@ void run(const BenchOptions& options) {
     wanted.insert(wanted.end(), {{kOrdinary, 1000.0, false}, {kOrdinary, 1000.0, true}});
   }
   const int rounds = options.is_quick ? 1 : 3;
-  const double seconds = options.is_quick ? 2.0 : 5.0;
+  const double seconds = options.is_quick ? 2.0 : 3.0;
 
   const EchoBytes bytes = exchange_bytes();
   std::printf("%zu bytes there, %zu back; median of %d rounds of %g s; ratios within a round.\n\n",
