@@ -49,7 +49,8 @@ constexpr LinkSocket::Settings kTelemetry{.type = zmq::socket_type::xpub,
                                           .buffer_bytes = 64 << 10,
                                           .linger_ms = 200};
 
-constexpr int kSceneQueue = 32;  // a scene's tissues come in one go
+constexpr int kSceneQueue = 32;    // a scene's tissues come in one go
+constexpr int kViewerQueue = 128;  // 0.7 s of three nodes and a mesh, while a viewer starts
 
 LinkSocket::Settings with_type(LinkSocket::Settings settings, zmq::socket_type type) {
   settings.type = type;
@@ -67,7 +68,7 @@ LinkSocket::Settings of_scene_sender() {
 /// A viewer's end.
 LinkSocket::Settings of_viewer() {
   LinkSocket::Settings settings = with_type(kTelemetry, zmq::socket_type::sub);
-  settings.receive_queue = kSceneQueue;
+  settings.receive_queue = kViewerQueue;
   settings.takes_all = false;
   settings.largest_bytes = kLargestOfHop5Bytes;
   return settings;

@@ -690,6 +690,11 @@ Material to_material(const Fields& tissue) {
   material.friction_stiffness_newton_per_m =
       fields.number("friction_stiffness_newton_per_m", material.stiffness_newton_per_m, above(0),
                     "leave it out for the tissue's own stiffness");
+  material.puncture_newton =
+      fields.number("puncture_newton", 0.0, at_least(0), "give 0 for tissue that never breaks");
+  material.cutting_newton =
+      fields.number("cutting_newton", 0.25 * material.puncture_newton,
+                    between(0, material.puncture_newton), "leave it out for a quarter of it");
   for (const Fields& ball : fields.messages("inclusion")) {
     material.inclusions.push_back(
         {.center_m = ball.vector("center_m", Vector3::Zero()),
@@ -714,8 +719,20 @@ TissueMotionConfig to_motion(const Fields& tissue) {
 
 SceneConfig to_scene(const Fields& fields, const std::filesystem::path& base_dir) {
   SceneConfig config;
-  config.tip_radius_m = fields.message("tool").number("tip_radius_m", config.tip_radius_m,
-                                                      at_least(0), "give 0 for a point");
+  const Fields tool = fields.message("tool");
+  config.tip_radius_m =
+      tool.number("tip_radius_m", config.tip_radius_m, at_least(0), "give 0 for a point");
+  config.shaft_length_m =
+      tool.number("shaft_length_m", config.shaft_length_m, at_least(0), "give 0 for none");
+  if (config.shaft_length_m > 0.0) {
+    config.shaft_radius_m =
+        tool.number("shaft_radius_m", config.tip_radius_m, above(0), "give the shaft's radius");
+    if (config.shaft_radius_m == 0.0) {
+      tool.problem("shaft_radius_m", "required with a point as tip; give the shaft's radius");
+    }
+  } else if (tool.has("shaft_radius_m")) {
+    tool.problem("shaft_radius_m", "needs shaft_length_m > 0; give it, or leave this out");
+  }
   std::set<std::string> names;
   for (const Fields& tissue : fields.messages("tissue")) {
     std::string name = tissue.text("name");
