@@ -56,10 +56,10 @@ class PointerInput {
 void run_process(NodeContext& context, ProcessLinks& links) {
   ExchangeClient exchange(links.exchange, context.clock,
                           connect_to(context.session.links.exchange, "links.exchange"));
-  run_process(context, links.side, {exchange, exchange, exchange.rejections()});
+  run_with({exchange, exchange, exchange.rejections()}, context, links.side);
 }
 
-void run_process(NodeContext& context, ZmqContext& side, const Exchange& exchange) {
+void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) {
   const Session& session = context.session;
   HandGoals goals(kHandGoals);
   const auto device = open_device(session.device, session.hand, context.clock,

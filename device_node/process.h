@@ -19,6 +19,6 @@ struct Exchange {
 /// Runs until context.stop. Motors are limp before the sockets close. Throws SetupError.
 void run_process(NodeContext& context, ProcessLinks& links);
 /// The same with a clamp of this process. @param side  for everything but the exchange
-void run_process(NodeContext& context, ZmqContext& side, const Exchange& exchange);
+void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side);
 
 }  // namespace palpate::device

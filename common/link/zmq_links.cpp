@@ -264,7 +264,7 @@ bool LinkSocket::drop_more_parts(const zmq::message_t& part) noexcept {
 }
 
 SendResult LinkSocket::send(zmq::message_t& part, int flags) noexcept {
-  is_empty_ = false;  // it may take the descriptor's signal
+  is_empty_ = false;  // this may take the descriptor's signal
   while (zmq_msg_send(part.handle(), handle(), ZMQ_DONTWAIT | flags) < 0) {
     if (zmq_errno() == EHOSTUNREACH) return SendResult::kNoPeer;
     if (zmq_errno() != EINTR) return SendResult::kDropped;
@@ -283,6 +283,7 @@ void LinkSocket::unsubscribe(MessageKind kind) {
 }
 
 bool LinkSocket::is_ready(int events) noexcept {
+  is_empty_ = false;  // this takes the descriptor's signal
   int present = 0;
   std::size_t size = sizeof(present);
   return zmq_getsockopt(handle(), ZMQ_EVENTS, &present, &size) == 0 && (present & events) != 0;

@@ -142,8 +142,8 @@ class LinkSocket {
   std::string endpoint_;
   int descriptor_ = -1;
   bool spins_;
-  bool is_empty_ =
-      false;  // receive() just saw it, so that the descriptor tells of the next message
+  /// receive() just found nothing, so that the descriptor will tell of the next message.
+  bool is_empty_ = false;
 };
 
 /// What the subscribers of one publisher want. A topic is a kind byte; the empty one means all.

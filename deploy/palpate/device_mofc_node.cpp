@@ -31,10 +31,11 @@ void run_together(NodeContext& context) {
   commands.on_wait = [&](TimePoint deadline) {
     if (!clamp.answer_next()) context.clock.sleep_until(std::min(deadline, clamp.next_due()));
   };
-  device::run_process(
-      context, side, {.states = states, .commands = commands, .refused = none, .after_switch = [&] {
-                        clamp.finish_turn();
-                      }});
+  device::run_with({.states = states,
+                    .commands = commands,
+                    .refused = none,
+                    .after_switch = [&] { clamp.finish_turn(); }},
+                   context, side);
 }
 
 }  // namespace

@@ -84,8 +84,8 @@ class ZmqInprocEcho final : public EchoLink {
         std::thread([far = zmq::socket_t(context.get(), zmq::socket_type::pair),
                      reply = std::vector<char>(bytes.back)]() mutable {
           far.connect("inproc://raw");
-          zmq::message_t message;
-          while (zmq_msg_recv(message.handle(), far.handle(), 0) >= 0) {
+          zmq::message_t taken;
+          while (zmq_msg_recv(taken.handle(), far.handle(), 0) >= 0) {
             zmq_send(far.handle(), reply.data(), reply.size(), 0);
           }
         }).detach();  // ends with the process

@@ -406,14 +406,18 @@ const Figures* find(const Results& results, const char* link) {
 Results run_case(const Case& c, const Deployment& deployment, const fs::path& folder, int rounds,
                  double seconds) {
   const EchoBytes bytes = exchange_bytes();
-  std::vector<std::pair<std::string, std::function<Measured()>>> links;
+  struct Link {
+    const char* name;
+    std::function<Measured()> measure_once;
+  };
+  std::vector<Link> links;
   const auto add_exchange = [&](const char* name, const Deployment::Wanted& wanted) {
-    links.emplace_back(name, [&deployment, &c, wanted, seconds] {
-      return deployment.measure(c, wanted, seconds);
-    });
+    links.push_back({name, [&deployment, &c, wanted, seconds] {
+                       return deployment.measure(c, wanted, seconds);
+                     }});
   };
   const auto add_echo = [&](const char* name, const auto& make) {
-    links.emplace_back(name, [&c, make, seconds] { return measure(*make(), c, seconds); });
+    links.push_back({name, [&c, make, seconds] { return measure(*make(), c, seconds); }});
   };
   add_exchange(kExchange, {});
   add_exchange(kViewed, {.viewers = 8});
@@ -549,18 +553,19 @@ void print_lateness(bool has_fifo, double seconds) {
 
 // --- run --------------------------------------------------------------------------------------
 
-void draw_figure(const fs::path& folder, const std::vector<std::pair<Case, Results>>& cases) {
+void draw(const fs::path& folder, const Case& c, const Results& results) {
   std::string data;
-  for (const auto& [name, figures] : cases.front().second) {
+  for (const auto& [name, figures] : results) {
     data += fmt::format("\"{}\" {} {} {}\n", name, figures.us[0], figures.us[1], figures.us[2]);
   }
   fs::create_directories(folder);
   write_file(folder / "exchange.txt", data);
-  write_file(folder / "exchange.gp",
-             R"(set terminal svg size 760,420 dynamic background rgb 'white' font 'sans,13'
+  draw_figure(folder, "exchange",
+              R"(set terminal svg size 760,420 dynamic background rgb 'white' font 'sans,13'
 set output 'exchange.svg'
 set title 'Round trip, )" +
-                 case_text(cases.front().first) + R"('
+                  case_text(c) +
+                  R"('
 set style data histogram
 set style fill solid
 set logscale y
@@ -569,9 +574,6 @@ set xtics rotate by -30
 set grid y
 plot 'exchange.txt' using 2:xtic(1) title 'p50', '' using 3 title 'p99', '' using 4 title 'p99.9'
 )");
-  if (run_gnuplot(folder, "exchange.gp")) {
-    std::printf("drawn: %s\n", (folder / "exchange.svg").c_str());
-  }
 }
 
 /// The endpoints of the bench's nodes and echoes; gone at the end.
@@ -620,12 +622,14 @@ void run(const BenchOptions& options) {
   if (!has_fifo || !options.is_quick) {
     wanted.insert(wanted.end(), {{kOrdinary, 1000.0, false}, {kOrdinary, 1000.0, true}});
   }
-  const int rounds = options.is_quick ? 1 : 3;
-  const double seconds = options.is_quick ? 2.0 : 5.0;
+  const int rounds = options.is_quick ? 1 : 5;
+  const double seconds = options.is_quick ? 1.0 : 2.0;
 
   const EchoBytes bytes = exchange_bytes();
-  std::printf("%zu bytes there, %zu back; median of %d rounds of %g s; ratios within a round.\n\n",
-              bytes.there, bytes.back, rounds, seconds);
+  std::printf(
+      "%zu bytes there, %zu back; medians over rounds of %g s, %d of them; ratios within a "
+      "round.\n\n",
+      bytes.there, bytes.back, seconds, rounds);
   Table table({{"case", "case", ""},
                {"link", "link", ""},
                {"p50_us", "p50 µs", "{:.1f}"},
@@ -655,22 +659,18 @@ void run(const BenchOptions& options) {
   if (has_fifo) print_goals(cases[0].second, &cases[1].second);
   print_codec();
   print_lateness(has_fifo, seconds);
-  if (!options.plot_folder.empty()) draw_figure(options.plot_folder, cases);
+  if (!options.plot_folder.empty()) {
+    draw(options.plot_folder, cases.front().first, cases.front().second);
+  }
 }
 
 }  // namespace
 }  // namespace palpate::bench
 
 int main(int argc, char** argv) {
-  CLI::App app("Round trip device, mofc, device against bare echoes of the same bytes.");
+  CLI::App app(
+      "Round trip device, mofc, device against bare echoes of the same bytes. With --quick fewer "
+      "cases.");
   palpate::bench::BenchOptions options;
-  options.add_to(app);
-  CLI11_PARSE(app, argc, argv);
-  try {
-    palpate::bench::run(options);
-    return 0;
-  } catch (const palpate::SetupError& error) {
-    std::fprintf(stderr, "%s\n", error.what());
-    return 2;
-  }
+  return palpate::bench::run_bench(app, options, argc, argv, [&] { palpate::bench::run(options); });
 }

@@ -4,9 +4,13 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <array>
 #include <atomic>
+#include <cmath>
 #include <csignal>
 #include <cstdlib>
+#include <filesystem>
 #include <fstream>
 #include <iostream>
 #include <nlohmann/json.hpp>
@@ -102,13 +106,14 @@ class Exchanging : public testing::TestWithParam<WaitStrategy> {
   ZmqContext context_{RealtimeConfig{.priority = 0, .cpu = -1, .wait = GetParam()}};
 };
 
+std::string name_of(const testing::TestParamInfo<WaitStrategy>& tested) {
+  constexpr std::array kNames{"Hybrid", "Spin", "Block"};
+  return kNames.at(static_cast<std::size_t>(tested.param));
+}
 INSTANTIATE_TEST_SUITE_P(Waiting, Exchanging,
                          testing::Values(WaitStrategy::kHybrid, WaitStrategy::kSpin,
                                          WaitStrategy::kBlock),
-                         [](const auto& tested) {
-                           constexpr std::array kNames{"Hybrid", "Spin", "Block"};
-                           return kNames.at(static_cast<std::size_t>(tested.param));
-                         });
+                         name_of);
 
 TEST_P(Exchanging, EveryStateHasItsAnswer) {
   const Answering mofc(context_, endpoint_);

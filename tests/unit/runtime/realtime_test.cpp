@@ -65,7 +65,7 @@ TEST(Realtime, PinsToTheProcessorAskedFor) {
 
     EXPECT_TRUE(report.is_pinned);
     EXPECT_EQ(sched_getcpu(), cpu);
-    EXPECT_EQ(report.text, "scheduling=ordinary cpu=" + std::to_string(cpu));
+    EXPECT_EQ(report.text, "scheduling=ordinary cpu=" + std::to_string(cpu) + " wait=hybrid");
   });
 }
 
@@ -74,7 +74,8 @@ TEST(Realtime, ReportsAProcessorThatIsNotThere) {
     const RealtimeReport report = enter_realtime({.priority = 0, .cpu = 100000});
 
     EXPECT_FALSE(report.is_pinned);
-    EXPECT_EQ(report.text, "scheduling=ordinary cpu=any cpu_100000_refused=\"Invalid argument\"");
+    EXPECT_EQ(report.text,
+              "scheduling=ordinary cpu=any cpu_100000_refused=\"Invalid argument\" wait=hybrid");
   });
 }
 
