@@ -41,8 +41,10 @@ constexpr auto kSilence = std::chrono::seconds(30);
 constexpr auto kRetryAccept = std::chrono::milliseconds(100);
 /// What waits for one client: a second of everything, and the newest is worth more than the oldest.
 constexpr std::size_t kMostWaitingBytes = std::size_t{8} << 20;
-/// Answers and statuses are never dropped; a client that causes so many and reads none is cut off.
+/// Answers, statuses and what was asked for are never dropped; a client that causes so much and
+/// reads none of it is cut off.
 constexpr std::size_t kMostWaitingMessages = 4096;
+constexpr std::size_t kMostUnreadBytes = std::size_t{64} << 20;
 /// The kernel's share of the delay of a slow client.
 constexpr int kSendBufferBytes = 256 << 10;
 constexpr auto kDropNotice = std::chrono::seconds(1);
@@ -193,7 +195,7 @@ class WebServer::Impl::Client : public std::enable_shared_from_this<Client> {
     waiting_bytes_ += message.size();
     waiting_.push_back(std::move(message));
     if (waiting_bytes_ > kMostWaitingBytes) drop_oldest();
-    if (waiting_.size() > kMostWaitingMessages) {
+    if (waiting_.size() > kMostWaitingMessages || waiting_bytes_ > kMostUnreadBytes) {
       cut();
       return;
     }

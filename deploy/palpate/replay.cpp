@@ -169,6 +169,7 @@ void run_replay(const ReplayOptions& options) {
     if (stop.came_within(kPollInterval)) return;
   }
 
+  bool has_shown = false;
   do {
     stage.begin(scene ? &*scene : nullptr);
     recording.seek(begin_ns);
@@ -181,8 +182,9 @@ void run_replay(const ReplayOptions& options) {
         if (stop.came_within(std::min(due - clock.now(), kPollInterval))) return;
       } while (clock.now() < due);
       std::visit([&](const auto& message) { stage.show(message); }, item->message);
+      has_shown = true;
     }
-  } while (options.loops);
+  } while (options.loops && has_shown);
 }
 
 }  // namespace palpate

@@ -176,8 +176,8 @@ Figures measure(Nodes& nodes, const Condition& condition, std::size_t seconds) {
 }
 
 void measure_influence(const BenchOptions& options, bool is_realtime) {
-  const std::size_t rounds = options.is_quick ? 3 : 7;
-  const std::size_t seconds = options.is_quick ? 3 : 20;
+  const std::size_t rounds = options.is_quick ? 3 : 5;
+  const std::size_t seconds = options.is_quick ? 3 : 10;
   std::array<std::vector<Figures>, kConditions.size()> runs;
   for (std::size_t round = 0; round < rounds; ++round) {
     Nodes nodes(kDefault, is_realtime);

@@ -192,6 +192,20 @@ TEST_F(WebServerTest, ASlowClientLosesItsOldestDataIsToldAndHoldsUpNobody) {
   EXPECT_EQ(data, "last");
 }
 
+TEST_F(WebServerTest, AClientThatAsksAndNeverReadsIsCutOff) {
+  const auto client = viewer();
+  client->read_slowly();
+  subscribe(*client, 1, 1);
+  std::vector<WebServer::Event> events;
+  ASSERT_TRUE(eventually([&] { return !(events = server_->take_events()).empty(); }));
+
+  // 80 MB that may not be dropped
+  const Payload scene = payload(std::string(1'000'000, 'x'));
+  for (int i = 0; i < 80; ++i) server_->send_to(events[0].client, 0, 0, scene);
+
+  EXPECT_TRUE(eventually([&] { return server_->counters().clients == 0; }));
+}
+
 // --- clients that do not ------------------------------------------------------------------------
 
 TEST_F(WebServerTest, RefusesRequestsThatAreNone) {

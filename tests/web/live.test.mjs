@@ -183,13 +183,9 @@ test("the viewer, killed, is said to be gone and found again", kLimit, async () 
 
 test("screenshots", { ...kLimit, skip: kLimit.skip || !process.env.PALPATE_SCREENSHOTS && "PALPATE_SCREENSHOTS names no folder" }, async () => {
   nodes = await Nodes.start();
-  const views = [
-    ["viewer-light", { width: 1080, height: 680 }], ["viewer-dark", { width: 1080, height: 680, dark: true }],
-    ["viewer-phone", { width: 390, height: 844, touch: true }],
-  ];
+  const views = [["viewer_light", { width: 1080, height: 680 }], ["viewer_phone", { width: 390, height: 844, dark: true, touch: true }]];
   for (const [name, options] of views) {
     const page = await open(browser, nodes.url, options);
-    if (name === "viewer-dark") await page.getByRole("radio", { name: "Displacement" }).click();
     await until(page, (t) => t.now_s > 10.5, "a full window", 30000);
     await hold_when(page, 0.004, 0.8);
     await page.waitForTimeout(400);
