@@ -6,6 +6,7 @@
 #include "common/runtime/flight_recorder.h"
 #include "common/runtime/rate_loop.h"
 #include "common/runtime/realtime.h"
+#include "common/runtime/refused_peers_log.h"
 #include "common/runtime/rejection_log.h"
 #include "common/runtime/telemetry_publisher.h"
 #include "device_node/device_node.h"
@@ -83,7 +84,10 @@ void run_process(NodeContext& context, ProcessLinks& links) {
   TelemetryPublisher publisher(context.session_id, context.clock, ticks, counters, telemetry,
                                context.log);
   publisher.record_to(recorder);
+  RefusedPeersLog refused_peers(context.log, links);
+  publisher.peers_refused = [&] { return links.peers_refused(); };
   publisher.on_pump = [&](TimePoint now) {
+    refused_peers.note(now);
     refused.note(now);
     if (pointer) pointer->pump(now);
   };

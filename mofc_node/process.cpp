@@ -6,6 +6,7 @@
 #include "common/core/inbox.h"
 #include "common/runtime/flight_recorder.h"
 #include "common/runtime/realtime.h"
+#include "common/runtime/refused_peers_log.h"
 #include "common/runtime/rejection_log.h"
 #include "common/runtime/telemetry_publisher.h"
 #include "mofc_node/mofc_node.h"
@@ -48,7 +49,10 @@ void run_process(NodeContext& context, ProcessLinks& links) {
   publisher.record_to(recorder);
   RejectionLog refused_states(context.log, "device_state", exchange.rejections());
   RejectionLog refused_interactions(context.log, "interaction", interactions.rejections());
+  RefusedPeersLog refused_peers(context.log, links);
+  publisher.peers_refused = [&] { return links.peers_refused(); };
   publisher.on_pump = [&](TimePoint now) {
+    refused_peers.note(now);
     refused_states.note(now);
     refused_interactions.note(now);
   };

@@ -5,6 +5,7 @@
 #include "common/core/inbox.h"
 #include "common/runtime/flight_recorder.h"
 #include "common/runtime/rate_loop.h"
+#include "common/runtime/refused_peers_log.h"
 #include "common/runtime/rejection_log.h"
 #include "common/runtime/telemetry_publisher.h"
 #include "physics_node/physics_node.h"
@@ -25,6 +26,7 @@ void run_process(NodeContext& context, ProcessLinks& links) {
   ZmqSource<ToolMotion> motions(
       links.side, context.clock, bind_to(session.links.tool_motion, "links.tool_motion"),
       session.faults.tool_motion.any() ? Delivery::kEvery : Delivery::kNewest);
+  motions.keep_to_one_writer();
   Inbox<ToolMotion> motion_in(motions, context.clock, session.faults.tool_motion,
                               stream_seed(session.seed, "tool_motion"));
   ZmqSender<Interaction> interaction_out(links.side,
@@ -41,7 +43,10 @@ void run_process(NodeContext& context, ProcessLinks& links) {
   TelemetryPublisher publisher(context.session_id, context.clock, ticks, counters, telemetry,
                                context.log);
   publisher.record_to(recorder);
+  RefusedPeersLog refused_peers(context.log, links);
+  publisher.peers_refused = [&] { return links.peers_refused(); };
   publisher.on_pump = [&](TimePoint now) {
+    refused_peers.note(now);
     refused.note(now);
     display.publish({.scene_subscriptions = telemetry.subscriptions<SceneState>(),
                      .mesh_subscriptions = telemetry.subscriptions<MeshFrame>(),

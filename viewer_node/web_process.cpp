@@ -106,11 +106,18 @@ std::string read_token(const std::string& file) {
   return token;
 }
 
-ServerDescription description_of(const NodeContext& context) {
+/// The session lets a page lead the hand, and this host has the key for it where one is needed.
+bool may_lead_hand(const Session& session, const ProcessLinks& links) {
+  const LinkKeys* const keys = links.side.tcp().keys.get();
+  return session.hand.pointer && (keys == nullptr || keys->of(KeyRole::kPointer) ||
+                                  !session.links.hand_target.starts_with("tcp://"));
+}
+
+ServerDescription description_of(const NodeContext& context, const ProcessLinks& links) {
   ServerDescription description{.name = std::string("viewer_node ") + version(),
                                 .session_id = fmt::format("{:x}", context.session_id),
                                 .session_name = context.session.name,
-                                .accepts_hand_targets = context.session.hand.pointer.has_value()};
+                                .accepts_hand_targets = may_lead_hand(context.session, links)};
   for (const ChannelName& channel : kChannels) {
     description.channels.push_back({channel.topic, channel.schema, schema_of(channel.schema)});
   }
@@ -145,13 +152,13 @@ WebFeed::WebFeed(NodeContext& context, ProcessLinks& links, const WebOptions& op
     : context_(context),
       subscriber_(subscriber),
       mirror_(mirror),
-      server_(web_config(options, context.session.viewer.web), description_of(context)) {
+      server_(web_config(options, context.session.viewer.web), description_of(context, links)) {
   const WebConfig& asked = context.session.viewer.web;
   if (options.listen.empty() && asked.port != 0 && server_.port() != asked.port) {
     context.log.warn("event=port_in_use port={} instead={}", asked.port, server_.port());
   }
   context.log.info("event=web url={}", server_.url());
-  if (context.session.hand.pointer) {
+  if (may_lead_hand(context.session, links)) {
     hand_.emplace(links.side, connect_to(context.session.links.hand_target, "links.hand_target"));
   }
   subscriber_.subscribe<SceneState>();

@@ -163,7 +163,7 @@ enum class PaperFriction : std::uint8_t {
 struct GuardConfig {
   double v_max_m_per_s = 0.5;      ///< fastest the hand can be
   double credit_cap_joule = 5e-3;  ///< S_cap: E′ above the energy stored in the tissue
-  double gate_joule = 10e-3;        ///< S_g: leak that closes the gate
+  double gate_joule = 10e-3;       ///< S_g: leak that closes the gate
   Duration gate_recovery = std::chrono::milliseconds(500);  ///< t_rec
 };
 
@@ -327,6 +327,12 @@ struct FaultsConfig {
   LinkFaults interaction;
 };
 
+/// What the links over tcp ask of a peer.
+struct SecurityConfig {
+  std::string key_folder{};   ///< as `palpate keygen` makes it; empty: no keys
+  bool may_be_plain = false;  ///< without keys beyond loopback too: --insecure
+};
+
 /// The whole deployment.
 struct Session {
   std::string name;
@@ -343,6 +349,7 @@ struct Session {
   SceneConfig scene;
   ViewerConfig viewer;
   FaultsConfig faults;
+  SecurityConfig security;
 };
 
 /// "none", "mofc paper", "mofc vector", "mofc guard".

@@ -12,6 +12,7 @@
 
 #include "common/core/check.h"
 #include "common/core/regular_file.h"
+#include "common/link/keys.h"
 #include "common/runtime/run_node.h"
 #include "common/runtime/session_file.h"
 #include "deploy/palpate/identify.h"
@@ -178,6 +179,24 @@ struct OrganArguments {
   }
 };
 
+struct KeygenArguments {
+  std::string folder;
+
+  void add_to(CLI::App& app) {
+    app.add_option("DIR", folder, "folder for the keys; made if it is absent")
+        ->required()
+        ->type_name("");
+  }
+  void run() const {
+    for (const auto& file : make_key_folder(folder)) std::printf("%s\n", file.c_str());
+    std::printf(
+        "allowed.keys goes to every host, ROLE.key_secret only to the hosts of that role; name "
+        "the\n"
+        "folder in the session: security { key_folder: \"%s\" }\n",
+        folder.c_str());
+  }
+};
+
 struct InfoArguments {
   std::string file;
   bool is_json = false;
@@ -251,6 +270,7 @@ void add_replay_options(CLI::App& app, ReplayOptions& replay) {
       ->type_name("S")
       ->check(is_start);
   app.add_flag("--loop", replay.loops, "again and again, until Ctrl-C");
+  app.add_flag("--insecure", replay.is_insecure, "tcp beyond loopback without keys");
 }
 
 void add_launch_options(CLI::App& app, LaunchCommand& launch) {
@@ -261,6 +281,8 @@ void add_launch_options(CLI::App& app, LaunchCommand& launch) {
   app.add_flag_callback(
       "--no-realtime", [&] { launch.is_realtime = false; },
       "ordinary scheduling, whatever the session says");
+  app.add_flag("--insecure", launch.is_insecure,
+               "tcp beyond loopback without keys: anybody on the network can look on and push");
   app.add_flag_callback(
       "--no-viewer", [&] { launch.has_viewer = false; },
       "no status line: do not start viewer_node");
@@ -314,6 +336,11 @@ int main(int argc, char** argv) {
       "check", "tell what is wrong with a session, or that nothing is (exit status 2, 0)");
   scene.add_to(check_command);
 
+  KeygenArguments keygen;
+  CLI::App& keygen_command = *app.add_subcommand(
+      "keygen", "make the keys that links between machines need; overwrites none");
+  keygen.add_to(keygen_command);
+
   OrganArguments organ;
   CLI::App& organ_command = *app.add_subcommand(
       "make-organ", "write an organ-like body as a point cloud or a mesh, to try sessions on");
@@ -338,6 +365,7 @@ int main(int argc, char** argv) {
     if (report_command.parsed()) report.run();
     if (identify_command.parsed()) identify.run();
     if (check_command.parsed()) check_scene(scene);
+    if (keygen_command.parsed()) keygen.run();
     if (organ_command.parsed()) organ.run();
     return 0;
   } catch (const SetupError& error) {
