@@ -1,5 +1,6 @@
 // palpate: runs and checks deployments.
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <csignal>
 #include <cstdint>
 #include <cstdio>
@@ -15,6 +16,7 @@
 #include "common/link/keys.h"
 #include "common/runtime/run_node.h"
 #include "common/runtime/session_file.h"
+#include "deploy/palpate/doctor.h"
 #include "deploy/palpate/identify.h"
 #include "deploy/palpate/json_output.h"
 #include "deploy/palpate/launch_command.h"
@@ -179,6 +181,27 @@ struct OrganArguments {
   }
 };
 
+struct DoctorArguments {
+  std::string file;
+  std::vector<std::string> overrides;
+
+  void add_to(CLI::App& app) {
+    add_session_options(app, file, overrides);
+    app.get_option("SESSION")->required(false)->description(
+        "look at its rate, links, ports and keys too");
+  }
+  /// @return exit status
+  [[nodiscard]] int run() const {
+    std::optional<Session> session;
+    if (!file.empty()) session = load_session(file, overrides);
+    const std::vector<Finding> findings = examine_machine(session);
+    std::fputs(findings_text(findings).c_str(), stdout);
+    const bool is_well = std::all_of(findings.begin(), findings.end(),
+                                     [](const Finding& f) { return f.remedy.empty(); });
+    return is_well ? 0 : kExitFailure;
+  }
+};
+
 struct KeygenArguments {
   std::string folder;
 
@@ -336,6 +359,12 @@ int main(int argc, char** argv) {
       "check", "tell what is wrong with a session, or that nothing is (exit status 2, 0)");
   scene.add_to(check_command);
 
+  DoctorArguments doctor;
+  CLI::App& doctor_command = *app.add_subcommand(
+      "doctor",
+      "tell whether this machine is fit for a session, and what to do (exit status 0, 1)");
+  doctor.add_to(doctor_command);
+
   KeygenArguments keygen;
   CLI::App& keygen_command = *app.add_subcommand(
       "keygen", "make the keys that links between machines need; overwrites none");
@@ -358,6 +387,7 @@ int main(int argc, char** argv) {
   }
   try {
     if (launch_command.parsed()) return launch.run();
+    if (doctor_command.parsed()) return doctor.run();
     if (loopback_command.parsed()) loopback.run();
     if (info_command.parsed()) info.run();
     if (export_command.parsed()) exported.run();

@@ -160,17 +160,15 @@ TEST_F(ProtectedLinks, WithoutKeysOnlyLoopbackIsUsed) {
       EXPECT_THAT(error, HasSubstr("palpate keygen DIR")) << elsewhere;
     }
   }
-  for (const char* here : {"tcp://127.0.0.1:*", "tcp://127.1.2.3:*", "tcp://localhost:*"}) {
-    EXPECT_EQ(setup_error([&] {
-                LinkSocket socket(context, kSubscriber, {bind_to(here, "links.tool_motion")});
-              }),
-              "")
-        << here;
+  for (const auto& here : {bind_to("tcp://127.0.0.1:*", "links.tool_motion"),
+                           bind_to("tcp://127.1.2.3:*", "links.tool_motion"),
+                           connect_to("tcp://localhost:5551", "links.tool_motion"),
+                           connect_to("tcp://[::1]:5551", "links.tool_motion")}) {
+    EXPECT_EQ(setup_error([&] { LinkSocket socket(context, kSubscriber, {here}); }), "")
+        << here.endpoint;
   }
 }
 
-// A handler that has gone must not leave the door open: libzmq serves everybody where nobody
-// answers, unless it is told otherwise.
 TEST_F(ProtectedLinks, EndsAreMadeAndClosedWhileStrangersKnock) {
   LinkKeys strangers_keys = keys_;
   strangers_keys.own.fill(new_key_pair());
