@@ -165,6 +165,11 @@ WebFeed::WebFeed(NodeContext& context, ProcessLinks& links, const WebOptions& op
 }
 
 void WebFeed::take(const TelemetryMessage& message, std::span<const std::byte> payload) {
+  std::visit(
+      [&](const auto& batch) {
+        if constexpr (requires { metrics_.note(batch); }) metrics_.note(batch);
+      },
+      message);
   std::size_t channel = kDevice;
   if (const auto* scene = std::get_if<SceneState>(&message)) {
     const bool is_first = !scene_.scene().has_value();
@@ -315,6 +320,12 @@ void WebFeed::tell_health(TimePoint now) {
   add("device", mirror_.device_link());
   add("mofc", mirror_.mofc_link());
   add("physics", mirror_.physics_link());
+  server_.set_metrics(metrics_.text(mirror_,
+                                    {.clients = counters.clients,
+                                     .messages_dropped = counters.dropped,
+                                     .requests_refused = counters.refused,
+                                     .frames_rejected = subscriber_.rejected()},
+                                    now));
   if (server_.is_watched(kHealth)) {
     server_.publish(kHealth, wall_ns(), shared(encode_health(health)));
   }

@@ -3,11 +3,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <map>
+#include <cstdlib>
 #include <regex>
 #include <set>
 #include <sstream>
 
+#include "tests/support/temp_folder.h"
 #include "tests/unit/viewer_node/batches.h"
 
 namespace palpate::viewer {
@@ -107,6 +108,16 @@ TEST_F(MetricsTextTest, EveryLineIsWellFormedAndBelongsToTheHeadAboveIt) {
     }
   }
   EXPECT_GT(seen.size(), 25u);
+}
+
+TEST_F(MetricsTextTest, PromtoolAcceptsIt) {
+  if (std::system("command -v promtool >/dev/null") != 0) {
+    GTEST_SKIP() << "promtool is not installed (Debian's prometheus)";
+  }
+  take_all();
+  const test::TempFolder folder;
+  const std::string file = folder.write("metrics", text());
+  EXPECT_EQ(std::system(("promtool check metrics < " + file).c_str()), 0);
 }
 
 }  // namespace
