@@ -81,10 +81,10 @@ void run_process(NodeContext& context, ProcessLinks& links) {
   if (session.hand.pointer && device->specification().is_simulated) {
     pointer.emplace(session, links, context, goals);
   }
+  RefusedPeersLog refused_peers(context.log, links);
   TelemetryPublisher publisher(context.session_id, context.clock, ticks, counters, telemetry,
                                context.log);
   publisher.record_to(recorder);
-  RefusedPeersLog refused_peers(context.log, links);
   publisher.peers_refused = [&] { return links.peers_refused(); };
   publisher.on_pump = [&](TimePoint now) {
     refused_peers.note(now);

@@ -44,12 +44,12 @@ void run_process(NodeContext& context, ProcessLinks& links) {
   RingSink<MofcTick> ticks;
   Snapshot<MofcCounters> counters;
   FlightRecorder<MofcTick> recorder(flight_files(context, "mofc"));
+  RefusedPeersLog refused_peers(context.log, links);
+  RejectionLog refused_states(context.log, "device_state", exchange.rejections());
+  RejectionLog refused_interactions(context.log, "interaction", interactions.rejections());
   TelemetryPublisher publisher(context.session_id, context.clock, ticks, counters, telemetry,
                                context.log);
   publisher.record_to(recorder);
-  RejectionLog refused_states(context.log, "device_state", exchange.rejections());
-  RejectionLog refused_interactions(context.log, "interaction", interactions.rejections());
-  RefusedPeersLog refused_peers(context.log, links);
   publisher.peers_refused = [&] { return links.peers_refused(); };
   publisher.on_pump = [&](TimePoint now) {
     refused_peers.note(now);

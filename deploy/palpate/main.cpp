@@ -213,10 +213,9 @@ struct KeygenArguments {
   void run() const {
     for (const auto& file : make_key_folder(folder)) std::printf("%s\n", file.c_str());
     std::printf(
-        "allowed.keys goes to every host, ROLE.key_secret only to the hosts of that role; name "
-        "the\n"
-        "folder in the session: security { key_folder: \"%s\" }\n",
-        folder.c_str());
+        "allowed.keys goes to every host, ROLE.key_secret only to the hosts of that role. A "
+        "session\n"
+        "names the folder, as seen from its own file: security { key_folder: \"…\" }\n");
   }
 };
 
