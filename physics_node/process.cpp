@@ -40,11 +40,11 @@ void run_process(NodeContext& context, ProcessLinks& links) {
   FlightRecorder<PhysicsTick> recorder(flight_files(context, "physics"));
   RejectionLog refused(context.log, "tool_motion", motions.rejections());
   SceneDisplay display(session, context.session_id, telemetry, telemetry);
-  RefusedPeersLog refused_peers(context.log, links);
+  RefusedPeersLog refused_peers(context.log, links.side.refused());
   TelemetryPublisher publisher(context.session_id, context.clock, ticks, counters, telemetry,
                                context.log);
   publisher.record_to(recorder);
-  publisher.peers_refused = [&] { return links.peers_refused(); };
+  publisher.peers_refused = [&] { return links.side.refused().total(); };
   publisher.on_pump = [&](TimePoint now) {
     refused_peers.note(now);
     refused.note(now);

@@ -126,7 +126,7 @@ void run_process(NodeContext& context, ProcessLinks& links, const ViewerOptions&
     if (recording) recording->take(message, payload);
     if (web) web->take(message, payload);
   };
-  RefusedPeersLog refused_peers(context.log, links);
+  RefusedPeersLog refused_peers(context.log, links.side.refused());
   bool is_quiet = options.is_quiet;
   TimePoint next_status = context.clock.now() + context.session.viewer.status_interval;
   while (!context.stop.stop_requested()) {

@@ -52,6 +52,8 @@ namespace palpate {
 struct TcpRules {
   std::shared_ptr<const LinkKeys> keys{};  ///< nullptr: none
   bool may_be_plain = false;               ///< without keys beyond loopback too
+  /// Counts, of all contexts that have these rules.
+  std::shared_ptr<RefusedPeers> refused = std::make_shared<RefusedPeers>();
 };
 
 /// libzmq's I/O thread, shared by the sockets made from it. Outlives them.
@@ -61,24 +63,29 @@ struct TcpRules {
 class ZmqContext {
  public:
   /// Ordinary scheduling.
-  ZmqContext() : ZmqContext(RealtimeConfig{.priority = 0, .cpu = -1}) {}
+  ZmqContext() : ZmqContext(TcpRules{}) {}
+  explicit ZmqContext(TcpRules tcp)
+      : ZmqContext(RealtimeConfig{.priority = 0, .cpu = -1, .wait = WaitStrategy::kBlock},
+                   std::move(tcp)) {}
   /// The I/O thread runs at SCHED_FIFO and on the processor given, each only if this process may:
   /// libzmq aborts the process otherwise.
   explicit ZmqContext(const RealtimeConfig& realtime, TcpRules tcp = {});
 
   [[nodiscard]] bool is_realtime() const { return is_realtime_; }
   [[nodiscard]] bool is_pinned() const { return is_pinned_; }
+  /// How the sockets made from it wait for messages; kHybrid sleeps.
+  [[nodiscard]] WaitStrategy wait() const { return wait_; }
   [[nodiscard]] zmq::context_t& get() { return context_; }
   [[nodiscard]] const TcpRules& tcp() const { return tcp_; }
   /// Only with keys.
   [[nodiscard]] ZapHandler& zap() { return *zap_; }
-  [[nodiscard]] const RefusedPeers& refused() const { return refused_; }
+  [[nodiscard]] const RefusedPeers& refused() const { return *tcp_.refused; }
 
  private:
   zmq::context_t context_;
   TcpRules tcp_;
-  RefusedPeers refused_;
   std::optional<ZapHandler> zap_;
+  WaitStrategy wait_;
   bool is_realtime_ = false;
   bool is_pinned_ = false;
 };
@@ -150,12 +157,16 @@ class LinkSocket {
  private:
   void protect(ZmqContext& context, const Attachment& attachment);
   void attach(const Attachment& attachment);
+  bool sleep_until(const Clock& clock, TimePoint deadline) noexcept;
 
   std::optional<IpcClaim> claim_;  // outlives the socket
   zmq::socket_t socket_;
   ZapHandler::Watched watched_;  // ends before the socket
   std::string endpoint_;
   int descriptor_ = -1;
+  bool spins_;
+  bool is_empty_ =
+      false;  // receive() just saw it, so that the descriptor tells of the next message
 };
 
 /// What the subscribers of one publisher want. A topic is a kind byte; the empty one means all.

@@ -27,14 +27,9 @@ namespace palpate {
 /// Nodes that run in one process over inproc:// share one ProcessLinks.
 struct ProcessLinks {
   explicit ProcessLinks(const RealtimeConfig& realtime, const TcpRules& tcp = {})
-      : exchange(realtime, tcp), side(RealtimeConfig{.priority = 0, .cpu = -1}, tcp) {}
+      : exchange(realtime, tcp), side(tcp) {}
   ZmqContext exchange;
   ZmqContext side;
-
-  /// Connections that failed for want of the right keys.
-  [[nodiscard]] std::uint64_t peers_refused() const {
-    return exchange.refused().total() + side.refused().total();
-  }
 };
 
 }  // namespace palpate

@@ -5,8 +5,8 @@
 #include <string_view>
 #include <utility>
 
+#include "common/link/zap_handler.h"
 #include "common/runtime/log.h"
-#include "common/runtime/process_links.h"
 
 namespace palpate {
 
@@ -14,19 +14,18 @@ namespace palpate {
 /// side: call note() on one thread, every so often.
 class RefusedPeersLog {
  public:
-  RefusedPeersLog(spdlog::logger& log, const ProcessLinks& links) : log_(log), links_(links) {}
+  RefusedPeersLog(spdlog::logger& log, const RefusedPeers& refused)
+      : log_(log), refused_(refused) {}
 
   void note(TimePoint now) {
-    for (const ZmqContext* context : {&links_.exchange, &links_.side}) {
-      if (context->refused().total() == 0) continue;
-      for (const auto& [what, refused] : context->refused().counts()) {
-        Line& line = lines_[what];
-        const std::uint64_t due = line.throttle.note(now, refused.count - line.noted);
-        line.noted = refused.count;
-        if (due == 0) continue;
-        log_.warn("event=peer_refused link={} count={} reason=\"{}\" address={}", what.first, due,
-                  explain(what.second), refused.address.empty() ? "unknown" : refused.address);
-      }
+    if (refused_.total() == 0) return;
+    for (const auto& [what, refused] : refused_.counts()) {
+      Line& line = lines_[what];
+      const std::uint64_t due = line.throttle.note(now, refused.count - line.noted);
+      line.noted = refused.count;
+      if (due == 0) continue;
+      log_.warn("event=peer_refused link={} count={} reason=\"{}\" address={}", what.first, due,
+                explain(what.second), refused.address.empty() ? "unknown" : refused.address);
     }
   }
 
@@ -37,8 +36,8 @@ class RefusedPeersLog {
   };
 
   spdlog::logger& log_;
-  const ProcessLinks& links_;
-  std::map<std::pair<std::string_view, Refusal>, Line> lines_;  // a link has one context
+  const RefusedPeers& refused_;
+  std::map<std::pair<std::string_view, Refusal>, Line> lines_;
 };
 
 }  // namespace palpate

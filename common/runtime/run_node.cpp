@@ -170,7 +170,9 @@ int run_node(int argc, char** argv, const NodeInfo& info,
     Session session = load_session(session_file, overrides);
     refuse_inproc(session.links);
     if (is_insecure) allow_plain_tcp(session);
-    if (no_realtime) session.realtime = {.priority = 0, .cpu = -1};
+    if (no_realtime) {
+      session.realtime = {.priority = 0, .cpu = -1, .wait = WaitStrategy::kBlock};
+    }
 
     const Log log(info.name);
     Signals signals(seconds);

@@ -174,6 +174,7 @@ int LaunchCommand::run() const {
                                       .is_realtime = is_realtime,
                                       .is_insecure = is_insecure,
                                       .has_viewer = has_viewer && !json.is_standard_output(),
+                                      .is_together = is_together,
                                       .on_poll = [&] {
                                         feed.pump(observed.mirror, clock.now());
                                         observed.note_extremes();

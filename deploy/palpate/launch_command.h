@@ -19,6 +19,7 @@ struct LaunchCommand {
   bool is_realtime = true;
   bool is_insecure = false;
   bool has_viewer = true;
+  bool is_together = false;
 
   /// Runs until the time is up or a signal comes. Throws SetupError.
   /// @return exit status

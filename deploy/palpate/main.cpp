@@ -7,6 +7,7 @@
 #include <exception>
 #include <fstream>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -305,6 +306,19 @@ void add_launch_options(CLI::App& app, LaunchCommand& launch) {
       "ordinary scheduling, whatever the session says");
   app.add_flag("--insecure", launch.is_insecure,
                "tcp beyond loopback without keys: anybody on the network can look on and push");
+  const auto take_together = [&](const std::vector<std::string>& nodes) {
+    const std::set<std::string> given(nodes.begin(), nodes.end());
+    launch.is_together = given == std::set<std::string>{"device", "mofc"} && nodes.size() == 2;
+    if (launch.is_together) return;
+    throw CLI::ValidationError("--together",
+                               "only device and mofc can share a process; give device,mofc");
+  };
+  app.add_option_function<std::vector<std::string>>(
+         "--together", take_together,
+         "these nodes in one process, where the tick calls the clamp: fits 4 kHz")
+      ->type_name("device,mofc")
+      ->delimiter(',')
+      ->allow_extra_args(false);
   app.add_flag_callback(
       "--no-viewer", [&] { launch.has_viewer = false; },
       "no status line: do not start viewer_node");
