@@ -1082,12 +1082,12 @@ TEST_F(LinksTest, ASourceThatKeepsToOneWriterRefusesASecondUntilTheFirstIsSilent
     return source.receive(received, at);
   };
   EXPECT_TRUE(is_heard(1));
-  manual_clock_.advance(OneWriter::kSilence - 1ns);
+  manual_clock_.advance(palpate::OneWriter::kSilence - 1ns);
   EXPECT_FALSE(is_heard(2));
   EXPECT_TRUE(is_heard(1));
   EXPECT_EQ(source.rejections().second_writer(), 1u);
 
-  manual_clock_.advance(OneWriter::kSilence);
+  manual_clock_.advance(palpate::OneWriter::kSilence);
   EXPECT_TRUE(is_heard(2));
   EXPECT_FALSE(is_heard(1));
   EXPECT_EQ(source.rejections().second_writer(), 2u);
