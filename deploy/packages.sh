@@ -16,7 +16,8 @@ packages=(
 # npm builds the viewer's page; another distribution's Node.js may bring its own
 command -v npm >/dev/null || packages+=(nodejs npm)
 if [[ "${1:-}" == "--tests" ]]; then
-  packages+=(chromium fonts-liberation gnuplot-nox libgmock-dev libgtest-dev libnanoflann-dev)
+  packages+=(chromium fonts-liberation gnuplot-nox iproute2 libgmock-dev libgtest-dev
+    libnanoflann-dev)
 fi
 
 # Elsewhere than on Debian, CMake names what is missing.

@@ -10,7 +10,9 @@ int main(int argc, char** argv) {
        .signals = "SIGUSR1 writes the last ticks to a file (the log names it).\n"
                   "SIGUSR2 resets a latched fault; the force then grows from nothing."},
       [](palpate::NodeContext& context) {
-        palpate::ProcessLinks links(context.session.realtime);
+        palpate::ProcessLinks links(
+            context.session.realtime,
+            palpate::tcp_rules(context.session.security, {palpate::KeyRole::kDevice}));
         palpate::device::run_process(context, links);
       });
 }

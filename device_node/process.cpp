@@ -6,6 +6,7 @@
 #include "common/runtime/flight_recorder.h"
 #include "common/runtime/rate_loop.h"
 #include "common/runtime/realtime.h"
+#include "common/runtime/refused_peers_log.h"
 #include "common/runtime/rejection_log.h"
 #include "common/runtime/telemetry_publisher.h"
 #include "device_node/device_node.h"
@@ -83,10 +84,13 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
   if (session.hand.pointer && device->specification().is_simulated) {
     pointer.emplace(session, side, context, goals);
   }
+  RefusedPeersLog refused_peers(context.log, side.refused());
   TelemetryPublisher publisher(context.session_id, context.clock, ticks, counters, telemetry,
                                context.log);
   publisher.record_to(recorder);
+  publisher.peers_refused = [&] { return side.refused().total(); };
   publisher.on_pump = [&](TimePoint now) {
+    refused_peers.note(now);
     refused.note(now);
     if (pointer) pointer->pump(now);
   };

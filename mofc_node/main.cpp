@@ -9,7 +9,9 @@ int main(int argc, char** argv) {
        .description = "The clamp between the device and the physics.",
        .signals = "SIGUSR1 writes the last ticks to a file (the log names it)."},
       [](palpate::NodeContext& context) {
-        palpate::ProcessLinks links(context.session.realtime);
+        palpate::ProcessLinks links(
+            context.session.realtime,
+            palpate::tcp_rules(context.session.security, {palpate::KeyRole::kDevice}));
         palpate::mofc::run_process(context, links);
       });
 }

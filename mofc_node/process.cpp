@@ -5,6 +5,7 @@
 #include "common/core/inbox.h"
 #include "common/runtime/flight_recorder.h"
 #include "common/runtime/realtime.h"
+#include "common/runtime/refused_peers_log.h"
 #include "common/runtime/rejection_log.h"
 #include "common/runtime/telemetry_publisher.h"
 #include "mofc_node/mofc_node.h"
@@ -40,13 +41,16 @@ class Clamp::Impl {
                         stream_seed(session_.seed, "interaction")),
         telemetry_(side, bind_to(session_.links.mofc_telemetry, "links.mofc_telemetry")),
         recorder_(flight_files(context, "mofc")),
+        refused_peers_(context.log, side.refused()),
         refused_states_(context.log, "device_state", refused),
         refused_interactions_(context.log, "interaction", interactions_.rejections()),
         node_(session_.mofc, session_.device, context.clock, motion_out_, interaction_in_, ticks_,
               context.session_id),
         publisher_(context.session_id, context.clock, ticks_, counters_, telemetry_, context.log) {
     publisher_.record_to(recorder_);
+    publisher_.peers_refused = [&side] { return side.refused().total(); };
     publisher_.on_pump = [this](TimePoint now) {
+      refused_peers_.note(now);
       refused_states_.note(now);
       refused_interactions_.note(now);
     };
@@ -88,6 +92,7 @@ class Clamp::Impl {
   RingSink<MofcTick> ticks_;
   Snapshot<MofcCounters> counters_;
   FlightRecorder<MofcTick> recorder_;
+  RefusedPeersLog refused_peers_;
   RejectionLog refused_states_;
   RejectionLog refused_interactions_;
 

@@ -5,6 +5,7 @@
 #include "common/core/inbox.h"
 #include "common/runtime/flight_recorder.h"
 #include "common/runtime/rate_loop.h"
+#include "common/runtime/refused_peers_log.h"
 #include "common/runtime/rejection_log.h"
 #include "common/runtime/telemetry_publisher.h"
 #include "physics_node/physics_node.h"
@@ -25,6 +26,7 @@ void run_process(NodeContext& context, ProcessLinks& links) {
   ZmqSource<ToolMotion> motions(
       links.side, context.clock, bind_to(session.links.tool_motion, "links.tool_motion"),
       session.faults.tool_motion.any() ? Delivery::kEvery : Delivery::kNewest);
+  motions.keep_to_one_writer();
   Inbox<ToolMotion> motion_in(motions, context.clock, session.faults.tool_motion,
                               stream_seed(session.seed, "tool_motion"));
   ZmqSender<Interaction> interaction_out(links.side,
@@ -38,10 +40,13 @@ void run_process(NodeContext& context, ProcessLinks& links) {
   FlightRecorder<PhysicsTick> recorder(flight_files(context, "physics"));
   RejectionLog refused(context.log, "tool_motion", motions.rejections());
   SceneDisplay display(session, context.session_id, telemetry, telemetry);
+  RefusedPeersLog refused_peers(context.log, links.side.refused());
   TelemetryPublisher publisher(context.session_id, context.clock, ticks, counters, telemetry,
                                context.log);
   publisher.record_to(recorder);
+  publisher.peers_refused = [&] { return links.side.refused().total(); };
   publisher.on_pump = [&](TimePoint now) {
+    refused_peers.note(now);
     refused.note(now);
     display.publish({.scene_subscriptions = telemetry.subscriptions<SceneState>(),
                      .mesh_subscriptions = telemetry.subscriptions<MeshFrame>(),

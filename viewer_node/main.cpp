@@ -46,7 +46,10 @@ int main(int argc, char** argv) {
                  ->allow_extra_args(false);
            }},
       [&](palpate::NodeContext& context) {
-        palpate::ProcessLinks links({.priority = 0, .cpu = -1});
+        palpate::ProcessLinks links(
+            {.priority = 0, .cpu = -1},
+            palpate::tcp_rules(context.session.security, {palpate::KeyRole::kViewer},
+                               {palpate::KeyRole::kPointer}));
         palpate::viewer::run_process(context, links, options);
       });
 }

@@ -84,6 +84,7 @@ void TelemetryMirror::take(const DeviceBatch& batch, TimePoint now) {
     if (device_.link.sessions != sessions_before) answered_.clear();
     device_counters_ = batch.counters;
     device_.link.records_lost = batch.records_lost;
+    device_.link.peers_refused = batch.peers_refused;
     keep_answered(now);
   }
   if (!enter_device_session(batch.header.session_id)) return;
@@ -98,6 +99,7 @@ void TelemetryMirror::take(const MofcBatch& batch, TimePoint now) {
   if (place == BatchLog::Place::kNewest) {
     mofc_counters_ = batch.counters;
     mofc_.link.records_lost = batch.records_lost;
+    mofc_.link.peers_refused = batch.peers_refused;
   }
   for (const MofcTick& tick : batch.records) {
     if (enter_device_session(tick.device_session_id)) ticks_[tick.device_sequence].mofc = tick;
@@ -114,6 +116,7 @@ void TelemetryMirror::take(const PhysicsBatch& batch, TimePoint now) {
     if (physics_.link.sessions != sessions_before) physics_ticks_.clear();
     physics_counters_ = batch.counters;
     physics_.link.records_lost = batch.records_lost;
+    physics_.link.peers_refused = batch.peers_refused;
   }
   for (const PhysicsTick& tick : batch.records) physics_ticks_[tick.sequence] = tick;
   while (physics_ticks_.size() > kMaxTicksHeld ||

@@ -28,10 +28,11 @@ inline constexpr std::size_t kMaxTicksHeld = 1U << 15U;
 /// One node's telemetry link, seen from here.
 struct NodeLink {
   std::uint64_t batches_received = 0;
-  std::uint64_t batches_lost = 0;  ///< gaps in the sequence, since first heard
-  std::uint64_t records_lost = 0;  ///< by the node itself, as its newest batch says
-  std::uint64_t sessions = 0;      ///< 0: never heard; 2: restarted once; …
-  TimePoint heard_at{};            ///< viewer's clock
+  std::uint64_t batches_lost = 0;   ///< gaps in the sequence, since first heard
+  std::uint64_t records_lost = 0;   ///< by the node itself, as its newest batch says
+  std::uint64_t peers_refused = 0;  ///< by the node, as its newest batch says
+  std::uint64_t sessions = 0;       ///< 0: never heard; 2: restarted once; …
+  TimePoint heard_at{};             ///< viewer's clock
 
   [[nodiscard]] bool is_heard() const { return sessions > 0; }
   [[nodiscard]] bool is_gone(TimePoint now) const { return now - heard_at > kGoneAfter; }

@@ -107,11 +107,18 @@ std::string read_token(const std::string& file) {
   return token;
 }
 
-ServerDescription description_of(const NodeContext& context) {
+/// The session lets a page lead the hand, and this host has the key for it where one is needed.
+bool may_lead_hand(const Session& session, const ProcessLinks& links) {
+  const LinkKeys* const keys = links.side.tcp().keys.get();
+  return session.hand.pointer && (keys == nullptr || keys->of(KeyRole::kPointer) ||
+                                  !session.links.hand_target.starts_with("tcp://"));
+}
+
+ServerDescription description_of(const NodeContext& context, const ProcessLinks& links) {
   ServerDescription description{.name = std::string("viewer_node ") + version(),
                                 .session_id = fmt::format("{:x}", context.session_id),
                                 .session_name = context.session.name,
-                                .accepts_hand_targets = context.session.hand.pointer.has_value()};
+                                .accepts_hand_targets = may_lead_hand(context.session, links)};
   for (const ChannelName& channel : kChannels) {
     description.channels.push_back({channel.topic, channel.schema, schema_of(channel.schema)});
   }
@@ -155,7 +162,7 @@ WebFeed::WebFeed(NodeContext& context, ProcessLinks& links, const WebOptions& op
     : context_(context),
       subscriber_(subscriber),
       mirror_(mirror),
-      server_(web_config(options, context.session.viewer.web), description_of(context)),
+      server_(web_config(options, context.session.viewer.web), description_of(context, links)),
       device_events_(told_by("device_node")),
       mofc_events_(told_by("mofc_node")),
       physics_events_(told_by("physics_node")) {
@@ -164,13 +171,18 @@ WebFeed::WebFeed(NodeContext& context, ProcessLinks& links, const WebOptions& op
     context.log.warn("event=port_in_use port={} instead={}", asked.port, server_.port());
   }
   context.log.info("event=web url={}", server_.url());
-  if (context.session.hand.pointer) {
+  if (may_lead_hand(context.session, links)) {
     hand_.emplace(links.side, connect_to(context.session.links.hand_target, "links.hand_target"));
   }
   subscriber_.subscribe<SceneState>();
 }
 
 void WebFeed::take(const TelemetryMessage& message, std::span<const std::byte> payload) {
+  std::visit(
+      [&](const auto& batch) {
+        if constexpr (requires { metrics_.note(batch); }) metrics_.note(batch);
+      },
+      message);
   std::size_t channel = kDevice;
   if (const auto* scene = std::get_if<SceneState>(&message)) {
     const bool is_first = !scene_.scene().has_value();
@@ -329,6 +341,12 @@ void WebFeed::tell_health(TimePoint now) {
   add("device", mirror_.device_link());
   add("mofc", mirror_.mofc_link());
   add("physics", mirror_.physics_link());
+  server_.set_metrics(metrics_.text(mirror_,
+                                    {.clients = counters.clients,
+                                     .messages_dropped = counters.dropped,
+                                     .requests_refused = counters.refused,
+                                     .frames_rejected = subscriber_.rejected()},
+                                    now));
   if (server_.is_watched(kHealth)) {
     server_.publish(kHealth, wall_ns(), shared(encode_health(health)));
   }

@@ -20,6 +20,7 @@
 #include "common/runtime/process_links.h"
 #include "common/runtime/remote_events.h"
 #include "common/runtime/run_node.h"
+#include "viewer_node/metrics_text.h"
 #include "viewer_node/scene_mirror.h"
 #include "viewer_node/telemetry_mirror.h"
 #include "viewer_node/web_server.h"
@@ -72,6 +73,7 @@ class WebFeed {
   TelemetrySubscriber& subscriber_;
   const TelemetryMirror& mirror_;
   WebServer server_;
+  MetricsText metrics_;
   SceneMirror scene_;
   Codec<MeshFrame> meshes_;
   Payload scene_payload_;

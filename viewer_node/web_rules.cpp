@@ -123,6 +123,11 @@ WebDecision decide(const WebRequest& request, const WebRules& rules) {
     return refusal(405, "GET and HEAD only\n");
   }
   if (path == "/healthz") return {.status = 200, .text = "ok\n"};
+  if (path == "/metrics") {
+    if (!is_known_origin(request, rules)) return refusal(403, "not for pages of this origin\n");
+    if (!has_token(request, query, rules)) return refusal(401, "a token is needed: ?token=…\n");
+    return {.status = 200, .is_metrics = true};
+  }
   for (const WebAsset& asset : web_assets()) {
     if (path != asset.path) continue;
     const bool is_known = !asset.etag.empty() && request.if_none_match == asset.etag;

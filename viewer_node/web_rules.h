@@ -38,6 +38,7 @@ struct WebDecision {
   unsigned status = 200;    ///< 101: go on as a WebSocket
   std::string_view text{};  ///< the body, if there is no asset
   const WebAsset* asset = nullptr;
+  bool is_metrics = false;         ///< the body is what WebServer::set_metrics gave
   std::string_view subprotocol{};  ///< of the WebSocket
   bool closes = false;             ///< the connection, after the answer
 };

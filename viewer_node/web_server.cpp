@@ -84,6 +84,7 @@ class WebServer::Impl {
   std::atomic<std::uint64_t> refused{0};
   std::mutex events_mutex;
   std::vector<Event> events;
+  std::string metrics;  // on the server's thread
 
   // handlers that are destroyed with it use what stands above
   asio::io_context io{1};
@@ -335,6 +336,11 @@ class WebServer::Impl::Connection : public std::enable_shared_from_this<Connecti
     response_.set(http::field::cache_control, "no-cache");
     std::string_view body = decision.text;
     response_.set(http::field::content_type, "text/plain; charset=utf-8");
+    if (decision.is_metrics) {
+      metrics_ = server_.metrics;
+      body = metrics_;
+      response_.set(http::field::content_type, "text/plain; version=0.0.4; charset=utf-8");
+    }
     if (decision.asset != nullptr) {
       body = decision.asset->bytes;
       response_.set(http::field::content_type, as_beast(decision.asset->content_type));
@@ -386,6 +392,7 @@ class WebServer::Impl::Connection : public std::enable_shared_from_this<Connecti
   beast::flat_buffer buffer_{2 * kMostHeaderBytes};
   std::optional<http::request_parser<http::empty_body>> parser_;
   http::response<http::buffer_body> response_;
+  std::string metrics_;  // what response_ points to, if anything
   std::optional<http::response_serializer<http::buffer_body>> serializer_;
   bool is_handed_on_ = false;
 };
@@ -530,6 +537,12 @@ void WebServer::tell(std::uint64_t client, std::string text) {
 std::vector<WebServer::Event> WebServer::take_events() {
   const std::lock_guard lock(impl_->events_mutex);
   return std::exchange(impl_->events, {});
+}
+
+void WebServer::set_metrics(std::string text) {
+  asio::post(impl_->io, [impl = impl_.get(), text = std::move(text)]() mutable {
+    impl->metrics = std::move(text);
+  });
 }
 
 WebServer::Counters WebServer::counters() const {

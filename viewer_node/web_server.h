@@ -51,6 +51,9 @@ class WebServer {
   /// A text of the protocol (status_text) to one client.
   void tell(std::uint64_t client, std::string text);
 
+  /// What /metrics answers from now on.
+  void set_metrics(std::string text);
+
   /// What clients did since the last call, in order.
   struct Event {
     enum class Kind : std::uint8_t { kSubscribed, kHandTarget, kLeft };

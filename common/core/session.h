@@ -334,6 +334,12 @@ struct FaultsConfig {
   LinkFaults interaction;
 };
 
+/// What the links over tcp ask of a peer.
+struct SecurityConfig {
+  std::string key_folder{};   ///< as `palpate keygen` makes it; empty: no keys
+  bool may_be_plain = false;  ///< without keys beyond loopback too: --insecure
+};
+
 /// The whole deployment.
 struct Session {
   std::string name;
@@ -350,6 +356,7 @@ struct Session {
   SceneConfig scene;
   ViewerConfig viewer;
   FaultsConfig faults;
+  SecurityConfig security;
 };
 
 /// "none", "mofc paper", "mofc vector", "mofc guard".

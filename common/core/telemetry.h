@@ -155,8 +155,9 @@ template <class Record, class Counters>
 struct TelemetryBatch {
   Header header;
   Counters counters;
-  std::uint64_t records_lost = 0;  ///< did not fit the ring between tick and telemetry thread
-  std::string node_version{};      ///< of the program
+  std::uint64_t records_lost = 0;   ///< did not fit the ring between tick and telemetry thread
+  std::uint64_t peers_refused = 0;  ///< connections that failed for want of the right keys
+  std::string node_version{};       ///< of the program
   std::vector<Record> records;
 };
 using DeviceBatch = TelemetryBatch<DeviceTick, DeviceCounters>;

@@ -698,6 +698,7 @@ template <class Record, class Counters, class Wire>
 void fill(const TelemetryBatch<Record, Counters>& m, Wire& wire) {
   put(m.counters, *wire.mutable_counters());
   wire.set_records_lost(m.records_lost);
+  wire.set_peers_refused(m.peers_refused);
   wire.set_node_version(m.node_version);
   fill_records(m.records, wire);
 }
@@ -715,6 +716,7 @@ template <class Record, class Counters, class Wire>
 void read(const Wire& wire, TelemetryBatch<Record, Counters>& m) {
   m.counters = counters(wire.counters());
   m.records_lost = wire.records_lost();
+  m.peers_refused = wire.peers_refused();
   m.node_version = wire.node_version();
   m.records.resize(static_cast<std::size_t>(rows(wire)));
   for (int i = 0; i < rows(wire); ++i) {

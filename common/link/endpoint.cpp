@@ -1,5 +1,6 @@
 #include "common/link/endpoint.h"
 
+#include <arpa/inet.h>
 #include <fcntl.h>
 #include <sys/file.h>
 #include <sys/stat.h>
@@ -70,6 +71,14 @@ Scheme scheme_of(const Attachment& a) {
     return Scheme::kIpc;
   }
   refuse(a, "is not an endpoint; give ipc://PATH, tcp://HOST:PORT or inproc://NAME");
+}
+
+bool is_on_loopback(const Attachment& a) {
+  const std::string_view address = std::string_view(a.endpoint).substr(kTcp.size());
+  const std::string host(address.substr(0, address.rfind(':')));
+  in_addr v4{};
+  if (inet_pton(AF_INET, host.c_str(), &v4) == 1) return (ntohl(v4.s_addr) >> 24) == 127;
+  return host == "localhost" || host == "[::1]";
 }
 
 IpcClaim::IpcClaim(const Attachment& a)

@@ -24,6 +24,8 @@ enum class Scheme { kIpc, kTcp, kInproc };
 /// Throws SetupError if the endpoint is none of the three forms, or its ipc path is longer than a
 /// Unix socket allows.
 [[nodiscard]] Scheme scheme_of(const Attachment& attachment);
+/// tcp only. 127.0.0.0/8, [::1] and localhost; other names are not asked for.
+[[nodiscard]] bool is_on_loopback(const Attachment& attachment);
 
 /// libzmq takes a live ipc path over without a word and never removes its file. So whoever binds
 /// one holds a lock on PATH.lock. The parent folder is made if it is absent, for this user alone.

@@ -11,8 +11,10 @@ namespace {
 constexpr int kQueuedTicks = 4000;
 
 Attachment on_this_machine(const std::string& endpoint, const std::string& option) {
-  for (const char* local : {"tcp://127.", "tcp://localhost:", "tcp://[::1]:", "ipc://"}) {
-    if (endpoint.starts_with(local)) return bind_to(endpoint, option);
+  Attachment attachment = bind_to(endpoint, option);
+  const Scheme scheme = scheme_of(attachment);
+  if (scheme == Scheme::kIpc || (scheme == Scheme::kTcp && is_on_loopback(attachment))) {
+    return attachment;
   }
   throw SetupError(option + " " + endpoint +
                    ": this port is not protected; give one of this machine, such as " +

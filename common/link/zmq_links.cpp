@@ -125,7 +125,8 @@ bool receive_frame(LinkSocket& socket, Codec<T>& codec, zmq::message_t& frame,
 
 // --- context ----------------------------------------------------------------------------------
 
-ZmqContext::ZmqContext(const RealtimeConfig& realtime) : wait_(realtime.wait) {
+ZmqContext::ZmqContext(const RealtimeConfig& realtime, TcpRules tcp)
+    : tcp_(std::move(tcp)), wait_(realtime.wait) {
   // ask the kernel itself, on a thread that ends at once
   std::thread([&] {
     const sched_param parameters{.sched_priority = realtime.priority};
@@ -144,6 +145,7 @@ ZmqContext::ZmqContext(const RealtimeConfig& realtime) : wait_(realtime.wait) {
     context_.set(zmq::ctxopt::thread_priority, realtime.priority);
   }
   if (is_pinned_) context_.set(zmq::ctxopt::thread_affinity_cpu_add, realtime.cpu);
+  if (tcp_.keys) zap_.emplace(context_, tcp_.keys->allowed, *tcp_.refused);
 }
 
 // --- rejections -------------------------------------------------------------------------------
@@ -181,8 +183,11 @@ LinkSocket::LinkSocket(ZmqContext& context, const Settings& settings,
                        const std::vector<Attachment>& attachments)
     : socket_(context.get(), settings.type), spins_(context.wait() == WaitStrategy::kSpin) {
   PALPATE_REQUIRE(!attachments.empty());
-  const Scheme scheme = scheme_of(attachments.front());
-  const bool is_inproc = scheme == Scheme::kInproc;
+  const auto is_any = [&](Scheme scheme) {
+    return std::any_of(attachments.begin(), attachments.end(),
+                       [&](const Attachment& a) { return scheme_of(a) == scheme; });
+  };
+  const bool is_inproc = is_any(Scheme::kInproc);
 
   socket_.set(zmq::sockopt::ipv6, true);
   socket_.set(zmq::sockopt::linger, settings.linger_ms);
@@ -192,7 +197,7 @@ LinkSocket::LinkSocket(ZmqContext& context, const Settings& settings,
   socket_.set(zmq::sockopt::reconnect_ivl, kReconnectMs);
   socket_.set(zmq::sockopt::connect_timeout, kConnectMs);
   socket_.set(zmq::sockopt::handshake_ivl, kHandshakeMs);
-  if (scheme == Scheme::kTcp) {
+  if (is_any(Scheme::kTcp)) {
     socket_.set(zmq::sockopt::tcp_maxrt, kTcpMaxRetransmitMs);
     socket_.set(zmq::sockopt::tcp_keepalive, 1);
     socket_.set(zmq::sockopt::tcp_keepalive_idle, kTcpKeepaliveSeconds);
@@ -216,9 +221,53 @@ LinkSocket::LinkSocket(ZmqContext& context, const Settings& settings,
     socket_.set(zmq::sockopt::immediate, true);  // nothing queues for a peer that is not there
   }
 
-  for (const Attachment& attachment : attachments) attach(attachment);
+  if (context.tcp().keys && is_any(Scheme::kTcp)) {
+    const Attachment& first = attachments.front();
+    const LinkRoles* roles = roles_of(first.setting);
+    watched_ = context.zap().watch(
+        socket_, attachments.size() > 1 || roles == nullptr ? "telemetry" : roles->link,
+        first.role == Attachment::Role::kBind);
+  }
+  for (const Attachment& attachment : attachments) {
+    protect(context, attachment);
+    attach(attachment);
+  }
   endpoint_ = readable(socket_.get(zmq::sockopt::last_endpoint));
   descriptor_ = socket_.get(zmq::sockopt::fd);
+}
+
+void LinkSocket::protect(ZmqContext& context, const Attachment& a) {
+  socket_.set(zmq::sockopt::curve_server, false);  // plain, until told otherwise
+  if (scheme_of(a) != Scheme::kTcp) return;
+  const LinkRoles* const roles = roles_of(a.setting);
+  const LinkKeys* const keys = context.tcp().keys.get();
+  if (keys == nullptr || roles == nullptr) {
+    if (is_on_loopback(a) || context.tcp().may_be_plain) return;
+    throw SetupError(
+        a.setting + " = " + a.endpoint +
+        ": would leave this machine in plain text, open to strangers; make keys with "
+        "`palpate keygen DIR` and give security { key_folder: \"DIR\" } to the session, "
+        "or say --insecure where nobody else is on the network");
+  }
+  const bool binds = a.role == Attachment::Role::kBind;
+  const KeyRole role = binds ? roles->server : roles->client;
+  const std::optional<KeyPair>& own = keys->of(role);
+  if (!own) {
+    throw SetupError(a.setting + " = " + a.endpoint + ": this program has no key of " +
+                     name_of(role) + "; start the one that has");
+  }
+  socket_.set(zmq::sockopt::curve_publickey, own->public_key);
+  socket_.set(zmq::sockopt::curve_secretkey, own->secret_key);
+  if (!binds) {
+    socket_.set(zmq::sockopt::curve_serverkey, keys->allowed.server_key(roles->server));
+    return;
+  }
+  socket_.set(zmq::sockopt::curve_server, true);
+  socket_.set(zmq::sockopt::zap_domain, roles->link);
+  // Without this libzmq lets everybody in when nobody answers for ZAP. Its header hides the name.
+  constexpr int kZapEnforceDomain = 93;
+  const int yes = 1;
+  PALPATE_REQUIRE(zmq_setsockopt(handle(), kZapEnforceDomain, &yes, sizeof(yes)) == 0);
 }
 
 void LinkSocket::attach(const Attachment& a) {
@@ -383,9 +432,16 @@ ZmqSource<T>::ZmqSource(ZmqContext& context, const Clock& clock, const Attachmen
 
 template <class T>
 bool ZmqSource<T>::receive(T& message, TimePoint& received_at) noexcept {
-  if (!receive_frame(socket_, codec_, frame_, rejections_, message)) return false;
-  received_at = clock_.now();
-  return true;
+  for (int i = 0; i < kMaxRejectedPerCall; ++i) {
+    if (!receive_frame(socket_, codec_, frame_, rejections_, message)) return false;
+    received_at = clock_.now();
+    if (writer_ && !writer_->admit(message.header.session_id, received_at)) {
+      rejections_.count_second_writer();
+      continue;
+    }
+    return true;
+  }
+  return false;
 }
 
 template <class T>

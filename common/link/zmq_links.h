@@ -28,6 +28,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -40,8 +41,20 @@
 #include "common/core/session.h"
 #include "common/link/codec.h"
 #include "common/link/endpoint.h"
+#include "common/link/keys.h"
+#include "common/link/zap_handler.h"
 
 namespace palpate {
+
+/// What links over tcp ask of a peer. With keys they are encrypted (CURVE), each end knows the
+/// other's key, and only the role that a link is meant for is let in. Without keys only loopback is
+/// used.
+struct TcpRules {
+  std::shared_ptr<const LinkKeys> keys{};  ///< nullptr: none
+  bool may_be_plain = false;               ///< without keys beyond loopback too
+  /// Counts, of all contexts that have these rules.
+  std::shared_ptr<RefusedPeers> refused = std::make_shared<RefusedPeers>();
+};
 
 /// libzmq's I/O thread, shared by the sockets made from it. Outlives them.
 ///
@@ -50,20 +63,28 @@ namespace palpate {
 class ZmqContext {
  public:
   /// Ordinary scheduling.
-  ZmqContext()
-      : ZmqContext(RealtimeConfig{.priority = 0, .cpu = -1, .wait = WaitStrategy::kBlock}) {}
+  ZmqContext() : ZmqContext(TcpRules{}) {}
+  explicit ZmqContext(TcpRules tcp)
+      : ZmqContext(RealtimeConfig{.priority = 0, .cpu = -1, .wait = WaitStrategy::kBlock},
+                   std::move(tcp)) {}
   /// The I/O thread runs at SCHED_FIFO and on the processor given, each only if this process may:
   /// libzmq aborts the process otherwise.
-  explicit ZmqContext(const RealtimeConfig& realtime);
+  explicit ZmqContext(const RealtimeConfig& realtime, TcpRules tcp = {});
 
   [[nodiscard]] bool is_realtime() const { return is_realtime_; }
   [[nodiscard]] bool is_pinned() const { return is_pinned_; }
   /// How the sockets made from it wait for messages; kHybrid sleeps.
   [[nodiscard]] WaitStrategy wait() const { return wait_; }
   [[nodiscard]] zmq::context_t& get() { return context_; }
+  [[nodiscard]] const TcpRules& tcp() const { return tcp_; }
+  /// Only with keys.
+  [[nodiscard]] ZapHandler& zap() { return *zap_; }
+  [[nodiscard]] const RefusedPeers& refused() const { return *tcp_.refused; }
 
  private:
   zmq::context_t context_;
+  TcpRules tcp_;
+  std::optional<ZapHandler> zap_;
   WaitStrategy wait_;
   bool is_realtime_ = false;
   bool is_pinned_ = false;
@@ -110,7 +131,7 @@ class LinkSocket {
         false;  ///< a publisher hears of every subscription, not of each topic's first
     std::int64_t largest_bytes = std::int64_t{2} << 20;  ///< a peer that announces more is cut off
   };
-  /// All attachments have one scheme.
+  /// Throws SetupError; also for tcp beyond loopback where the context's rules forbid it.
   LinkSocket(ZmqContext& context, const Settings& settings,
              const std::vector<Attachment>& attachments);
 
@@ -134,11 +155,13 @@ class LinkSocket {
   void wait_for_message(const WaitHook& on_wait, const Clock& clock, TimePoint deadline) noexcept;
 
  private:
+  void protect(ZmqContext& context, const Attachment& attachment);
   void attach(const Attachment& attachment);
   bool sleep_until(const Clock& clock, TimePoint deadline) noexcept;
 
   std::optional<IpcClaim> claim_;  // outlives the socket
   zmq::socket_t socket_;
+  ZapHandler::Watched watched_;  // ends before the socket
   std::string endpoint_;
   int descriptor_ = -1;
   bool spins_;
@@ -227,6 +250,27 @@ class SceneSender final : public Sender<PhysicsBatch>,
   Codec<MeshFrame> meshes_;
 };
 
+/// The right of one sender to a link on which anybody with the right key may speak: another session
+/// is refused until the first has been silent for kSilence.
+class OneWriter {
+ public:
+  /// A process that was restarted takes longer to speak again.
+  static constexpr Duration kSilence = std::chrono::milliseconds(100);
+
+  [[nodiscard]] bool admit(std::uint64_t session_id, TimePoint now) noexcept {
+    if (session_id != session_id_ && is_held_ && now - heard_at_ < kSilence) return false;
+    is_held_ = true;
+    session_id_ = session_id;
+    heard_at_ = now;
+    return true;
+  }
+
+ private:
+  bool is_held_ = false;
+  std::uint64_t session_id_ = 0;
+  TimePoint heard_at_{};
+};
+
 /// Incoming end of a one-way link: hops 2, 3 and 6.
 template <class T>
 class ZmqSource final : public Source<T> {
@@ -235,6 +279,9 @@ class ZmqSource final : public Source<T> {
             Delivery delivery = Delivery::kNewest);
 
   WaitHook on_wait;
+
+  /// From now on hears one sender only.
+  void keep_to_one_writer() { writer_.emplace(); }
 
   [[nodiscard]] bool receive(T& message, TimePoint& received_at) noexcept override;
   void wait_until(TimePoint deadline) noexcept override;
@@ -249,6 +296,7 @@ class ZmqSource final : public Source<T> {
   Codec<T> codec_;
   zmq::message_t frame_;
   Rejections rejections_;
+  std::optional<OneWriter> writer_;  // none: whoever speaks is heard
 };
 
 /// mofc_node's end of hops 1 and 4. Answers go to the device whose state was accepted last.

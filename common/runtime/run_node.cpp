@@ -26,7 +26,10 @@ namespace asio = boost::asio;
 class Signals {
  public:
   explicit Signals(std::optional<double> seconds)
-      : signals_(io_, SIGINT, SIGTERM, SIGHUP), user_signals_(io_, SIGUSR1, SIGUSR2), timer_(io_) {
+      : signals_(io_, SIGINT, SIGTERM, SIGHUP),
+        user_signals_(io_, SIGUSR1, SIGUSR2),
+        timer_(io_),
+        minute_(io_) {
     await_user_signal();
     signals_.async_wait([this](const boost::system::error_code& error, int) {
       if (error) return;
@@ -41,6 +44,14 @@ class Signals {
       });
     }
     thread_ = std::thread([this] { io_.run(); });
+  }
+  /// Now and every minute, on the thread of the signals. Once at most.
+  void each_minute(std::function<void()> what) {
+    what();
+    minute_.expires_after(std::chrono::minutes(1));
+    minute_.async_wait([this, what = std::move(what)](const boost::system::error_code& error) {
+      if (!error) each_minute(what);
+    });
   }
   ~Signals() {
     io_.stop();
@@ -66,6 +77,7 @@ class Signals {
   asio::signal_set user_signals_;
   SignalRequests requests_;
   asio::steady_timer timer_;
+  asio::steady_timer minute_;
   std::stop_source source_;
   std::thread thread_;
 };
@@ -92,6 +104,14 @@ void refuse_inproc(const LinksConfig& links) {
 }  // namespace
 
 const char* version() { return PALPATE_VERSION; }
+
+void allow_plain_tcp(Session& session) {
+  if (!session.security.key_folder.empty()) {
+    throw SetupError(
+        "--insecure: the session has keys, security.key_folder; take one of the two out");
+  }
+  session.security.may_be_plain = true;
+}
 
 CLI::Validator is_time() {
   constexpr double kLongestSeconds = 1e9;  // far below what nanoseconds in 64 bits can hold
@@ -120,6 +140,7 @@ int run_node(int argc, char** argv, const NodeInfo& info,
   std::vector<std::string> overrides;
   std::optional<double> seconds;
   bool no_realtime = false;
+  bool is_insecure = false;
   app.add_option("--session", session_file, "session file (*.txtpb), the same for every node")
       ->required()
       ->type_name("FILE");
@@ -131,6 +152,8 @@ int run_node(int argc, char** argv, const NodeInfo& info,
       ->type_name("S")
       ->check(is_time());
   app.add_flag("--no-realtime", no_realtime, "ordinary scheduling, whatever the session says");
+  app.add_flag("--insecure", is_insecure,
+               "tcp beyond loopback without keys: anybody on the network can look on and push");
   app.set_version_flag("--version", program + " " + version());
   std::string footer =
       "`palpate launch SESSION` starts all nodes of a session and keeps them running.";
@@ -146,12 +169,17 @@ int run_node(int argc, char** argv, const NodeInfo& info,
   try {
     Session session = load_session(session_file, overrides);
     refuse_inproc(session.links);
+    if (is_insecure) allow_plain_tcp(session);
     if (no_realtime) {
       session.realtime = {.priority = 0, .cpu = -1, .wait = WaitStrategy::kBlock};
     }
 
     const Log log(info.name);
-    const Signals signals(seconds);
+    Signals signals(seconds);
+    if (is_insecure) {
+      signals.each_minute(
+          [&log] { log.logger().warn("event=insecure what=\"tcp without keys\""); });
+    }
     SteadyClock clock;
     NodeContext context{.session = session,
                         .session_id = random_session_id(),

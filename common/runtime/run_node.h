@@ -46,6 +46,9 @@ struct NodeContext {
 /// Version of the project, "MAJOR.MINOR.PATCH".
 [[nodiscard]] const char* version();
 
+/// For --insecure: tcp beyond loopback without keys. Throws SetupError if the session has keys.
+void allow_plain_tcp(Session& session);
+
 /// For --seconds: a finite number above 0.
 [[nodiscard]] CLI::Validator is_time();
 

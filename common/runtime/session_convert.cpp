@@ -802,6 +802,14 @@ FaultsConfig to_faults(const Fields& fields) {
           .interaction = to_link_faults(fields.message("interaction"))};
 }
 
+SecurityConfig to_security(const Fields& fields, const std::filesystem::path& base_dir) {
+  if (!fields.has("key_folder")) {
+    fields.problem("key_folder", "required; make one with `palpate keygen FOLDER`");
+    return {};
+  }
+  return {.key_folder = to_file(fields, "key_folder", base_dir).string()};
+}
+
 std::string to_name(const Fields& fields) {
   std::string name = fields.text("name");
   const bool is_plain = std::all_of(name.begin(), name.end(), [](char c) {
@@ -837,6 +845,7 @@ Session to_session(const SessionText& text, const std::filesystem::path& base_di
   session.links = to_links(fields.message("links"), session.name);
   session.realtime = to_realtime(fields.message("realtime"), written.realtime());
   session.faults = to_faults(fields.message("faults"));
+  if (fields.has("security")) session.security = to_security(fields.message("security"), base_dir);
   session.physics.rate_hz = fields.message("physics").number(
       "rate_hz", session.physics.rate_hz, between(1, 10000), "give the physics steps per second");
   session.physics.reach_m = fields.message("physics").number(

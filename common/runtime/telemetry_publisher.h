@@ -70,6 +70,9 @@ class TelemetryPublisher {
   /// Called at every publication on its thread; set it before start(). Optional.
   std::function<void(TimePoint now)> on_pump;
 
+  /// Connections that failed for want of the right keys, so far; set it before start(). Optional.
+  std::function<std::uint64_t()> peers_refused;
+
   /// Begins to publish; the destructor ends it with one last batch.
   void start() {
     thread_ = std::jthread([this](const std::stop_token& stop) {
@@ -98,6 +101,7 @@ class TelemetryPublisher {
       if (!batch_.records.empty()) newest_ = batch_.records.back();
       batch_.counters = counters;
       batch_.records_lost = ticks_.lost();
+      if (peers_refused) batch_.peers_refused = peers_refused();
       batch_.header.sampled_at = clock_.now();
       out_.send(batch_);
       ++batch_.header.sequence;

@@ -7,6 +7,7 @@
 #include <algorithm>
 
 #include "common/core/memory_link.h"
+#include "common/runtime/process_links.h"
 #include "device_node/process.h"
 #include "mofc_node/process.h"
 
@@ -22,7 +23,7 @@ void run_together(NodeContext& context) {
                            .log = mofc_log.logger(),
                            .stop = context.stop,
                            .requests = context.requests};
-  ZmqContext side;
+  ZmqContext side(tcp_rules(context.session.security, {KeyRole::kDevice}));
   MemoryLink<DeviceState> states(context.clock);
   MemoryLink<ForceCommand> commands(context.clock);
   const Rejections none;  // nothing is decoded

@@ -101,6 +101,7 @@ std::vector<ChildSpec> nodes_of(const LaunchOptions& options, const Session& ses
     arguments.insert(arguments.end(), {"--set", assignment});
   }
   if (!options.is_realtime) arguments.emplace_back("--no-realtime");
+  if (options.is_insecure) arguments.emplace_back("--insecure");
 
   // who binds is started before who connects
   std::vector<std::string> names = {"physics", "mofc", "device"};

@@ -19,6 +19,7 @@ struct LaunchOptions {
   std::vector<std::string> overrides = {};    ///< path=value, handed to every node
   std::optional<double> seconds = {};         ///< ends by itself after this time; none: runs on
   bool is_realtime = true;                    ///< false: nodes are started with --no-realtime
+  bool is_insecure = false;                   ///< nodes are started with --insecure
   bool has_viewer = false;                    ///< viewer_node too
   bool is_together = false;                   ///< device and mofc in one process, device_mofc_node
   std::filesystem::path program_folder = {};  ///< of the nodes; empty: beside this executable

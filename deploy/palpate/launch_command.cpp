@@ -12,6 +12,7 @@
 #include "common/core/check.h"
 #include "common/core/metrics.h"
 #include "common/core/regular_file.h"
+#include "common/runtime/run_node.h"
 #include "common/runtime/session_file.h"
 #include "deploy/palpate/json_output.h"
 #include "deploy/palpate/launch.h"
@@ -136,14 +137,15 @@ std::string launch_text(const Session& session, const Observed& observed,
 }  // namespace
 
 int LaunchCommand::run() const {
-  const Session session = load_session(session_file, overrides);
+  Session session = load_session(session_file, overrides);
+  if (is_insecure) allow_plain_tcp(session);
   refuse_shared_file({{"--csv", csv_file}, {"--json", json_file}, {"--record", record.file}});
   const JsonOutput json(json_file);
   std::unique_ptr<viewer::CsvWriter> csv;
   if (!csv_file.empty()) csv = std::make_unique<viewer::CsvWriter>(csv_file);
 
   const SteadyClock clock;
-  ProcessLinks links({.priority = 0, .cpu = -1});
+  ProcessLinks links({.priority = 0, .cpu = -1}, tcp_rules(session.security, {KeyRole::kViewer}));
   viewer::TelemetryFeed feed(session.links, clock, links);
   std::optional<viewer::Recording> recording;
   if (!record.file.empty()) {
@@ -170,6 +172,7 @@ int LaunchCommand::run() const {
                                       .overrides = overrides,
                                       .seconds = seconds,
                                       .is_realtime = is_realtime,
+                                      .is_insecure = is_insecure,
                                       .has_viewer = has_viewer && !json.is_standard_output(),
                                       .is_together = is_together,
                                       .on_poll = [&] {

@@ -17,6 +17,7 @@ struct LaunchCommand {
   std::string json_file;  ///< empty: none; "-": standard output, which the viewer then leaves alone
   viewer::RecordOptions record{};
   bool is_realtime = true;
+  bool is_insecure = false;
   bool has_viewer = true;
   bool is_together = false;
 

@@ -1,5 +1,6 @@
 // palpate: runs and checks deployments.
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <csignal>
 #include <cstdint>
 #include <cstdio>
@@ -13,8 +14,10 @@
 
 #include "common/core/check.h"
 #include "common/core/regular_file.h"
+#include "common/link/keys.h"
 #include "common/runtime/run_node.h"
 #include "common/runtime/session_file.h"
+#include "deploy/palpate/doctor.h"
 #include "deploy/palpate/identify.h"
 #include "deploy/palpate/json_output.h"
 #include "deploy/palpate/launch_command.h"
@@ -179,6 +182,44 @@ struct OrganArguments {
   }
 };
 
+struct DoctorArguments {
+  std::string file;
+  std::vector<std::string> overrides;
+
+  void add_to(CLI::App& app) {
+    add_session_options(app, file, overrides);
+    app.get_option("SESSION")->required(false)->description(
+        "look at its rate, links, ports and keys too");
+  }
+  /// @return exit status
+  [[nodiscard]] int run() const {
+    std::optional<Session> session;
+    if (!file.empty()) session = load_session(file, overrides);
+    const std::vector<Finding> findings = examine_machine(session);
+    std::fputs(findings_text(findings).c_str(), stdout);
+    const bool is_well = std::all_of(findings.begin(), findings.end(),
+                                     [](const Finding& f) { return f.remedy.empty(); });
+    return is_well ? 0 : kExitFailure;
+  }
+};
+
+struct KeygenArguments {
+  std::string folder;
+
+  void add_to(CLI::App& app) {
+    app.add_option("DIR", folder, "folder for the keys; made if it is absent")
+        ->required()
+        ->type_name("");
+  }
+  void run() const {
+    for (const auto& file : make_key_folder(folder)) std::printf("%s\n", file.c_str());
+    std::printf(
+        "allowed.keys goes to every host, ROLE.key_secret only to the hosts of that role. A "
+        "session\n"
+        "names the folder, as seen from its own file: security { key_folder: \"…\" }\n");
+  }
+};
+
 struct InfoArguments {
   std::string file;
   bool is_json = false;
@@ -252,6 +293,7 @@ void add_replay_options(CLI::App& app, ReplayOptions& replay) {
       ->type_name("S")
       ->check(is_start);
   app.add_flag("--loop", replay.loops, "again and again, until Ctrl-C");
+  app.add_flag("--insecure", replay.is_insecure, "tcp beyond loopback without keys");
 }
 
 void add_launch_options(CLI::App& app, LaunchCommand& launch) {
@@ -262,6 +304,8 @@ void add_launch_options(CLI::App& app, LaunchCommand& launch) {
   app.add_flag_callback(
       "--no-realtime", [&] { launch.is_realtime = false; },
       "ordinary scheduling, whatever the session says");
+  app.add_flag("--insecure", launch.is_insecure,
+               "tcp beyond loopback without keys: anybody on the network can look on and push");
   const auto take_together = [&](const std::vector<std::string>& nodes) {
     const std::set<std::string> given(nodes.begin(), nodes.end());
     launch.is_together = given == std::set<std::string>{"device", "mofc"} && nodes.size() == 2;
@@ -328,6 +372,17 @@ int main(int argc, char** argv) {
       "check", "tell what is wrong with a session, or that nothing is (exit status 2, 0)");
   scene.add_to(check_command);
 
+  DoctorArguments doctor;
+  CLI::App& doctor_command = *app.add_subcommand(
+      "doctor",
+      "tell whether this machine is fit for a session, and what to do (exit status 0, 1)");
+  doctor.add_to(doctor_command);
+
+  KeygenArguments keygen;
+  CLI::App& keygen_command = *app.add_subcommand(
+      "keygen", "make the keys that links between machines need; overwrites none");
+  keygen.add_to(keygen_command);
+
   OrganArguments organ;
   CLI::App& organ_command = *app.add_subcommand(
       "make-organ", "write an organ-like body as a point cloud or a mesh, to try sessions on");
@@ -345,6 +400,7 @@ int main(int argc, char** argv) {
   }
   try {
     if (launch_command.parsed()) return launch.run();
+    if (doctor_command.parsed()) return doctor.run();
     if (loopback_command.parsed()) loopback.run();
     if (info_command.parsed()) info.run();
     if (export_command.parsed()) exported.run();
@@ -352,6 +408,7 @@ int main(int argc, char** argv) {
     if (report_command.parsed()) report.run();
     if (identify_command.parsed()) identify.run();
     if (check_command.parsed()) check_scene(scene);
+    if (keygen_command.parsed()) keygen.run();
     if (organ_command.parsed()) organ.run();
     return 0;
   } catch (const SetupError& error) {

@@ -65,7 +65,9 @@ Session session_of(const ReplayOptions& options, const RecordingFile& recording)
 class Stage {
  public:
   explicit Stage(const Session& session)
-      : device_(links_.side, bind_to(session.links.device_telemetry, "links.device_telemetry")),
+      : links_({.priority = 0, .cpu = -1},
+               tcp_rules(session.security, {KeyRole::kDevice, KeyRole::kPhysics})),
+        device_(links_.side, bind_to(session.links.device_telemetry, "links.device_telemetry")),
         mofc_(links_.side, bind_to(session.links.mofc_telemetry, "links.mofc_telemetry")),
         physics_(links_.side, bind_to(session.links.physics_telemetry, "links.physics_telemetry")) {
   }
@@ -126,7 +128,7 @@ class Stage {
   }
   void renew(Header& header) { header.session_id = new_id(header.session_id); }
 
-  ProcessLinks links_{{.priority = 0, .cpu = -1}};
+  ProcessLinks links_;
   ZmqSender<DeviceBatch> device_;
   ZmqSender<MofcBatch> mofc_;
   SceneSender physics_;
@@ -153,7 +155,8 @@ void run_replay(const ReplayOptions& options) {
     std::snprintf(length, sizeof(length), "%.3f", recording.length_s());
     throw SetupError("--start: the recording is " + std::string(length) + " s long; give less");
   }
-  const Session session = session_of(options, recording);
+  Session session = session_of(options, recording);
+  if (options.is_insecure) allow_plain_tcp(session);
   const StopSignals stop;
   Stage stage(session);
   const auto scene = first_scene(recording);

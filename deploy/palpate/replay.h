@@ -12,6 +12,7 @@ struct ReplayOptions {
   std::vector<std::string> overrides;
   double speed_ratio = 1.0;  ///< > 0
   double start_s = 0.0;      ///< ≥ 0
+  bool is_insecure = false;  ///< tcp beyond loopback without keys too
   bool loops = false;
 };
 

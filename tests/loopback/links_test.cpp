@@ -1058,13 +1058,40 @@ TEST_F(LinksTest, WhatIsNoEndpointIsRefused) {
                 }),
                 HasSubstr("links.exchange = " + endpoint + ": "));
   }
+  ZmqContext insecure(RealtimeConfig{.priority = 0, .cpu = -1}, {.may_be_plain = true});
   EXPECT_THAT(setup_error([&] {
-                ExchangeServer mofc(context_, clock_, bind_to("tcp://192.0.2.1:5555", "links.x"));
+                ExchangeServer mofc(insecure, clock_, bind_to("tcp://192.0.2.1:5555", "links.x"));
               }),
               HasSubstr("this machine does not have that address"));
   EXPECT_THAT(
-      setup_error([&] { ExchangeClient device(context_, clock_, connect_to("tcp://a", "b")); }),
+      setup_error([&] { ExchangeClient device(insecure, clock_, connect_to("tcp://a", "b")); }),
       HasSubstr("give ipc://PATH, tcp://HOST:PORT or inproc://NAME"));
+}
+
+TEST_F(LinksTest, ASourceThatKeepsToOneWriterRefusesASecondUntilTheFirstIsSilent) {
+  ZmqSource<ToolMotion> source(context_, manual_clock_, bind_to("inproc://one", "motion"));
+  source.keep_to_one_writer();
+  ZmqSender<ToolMotion> sender(context_, connect_to("inproc://one", "motion"));
+  ASSERT_TRUE(meet(sender, source));
+  auto message = random_message<ToolMotion>(random_);
+  const auto is_heard = [&](std::uint64_t session_id) {
+    message.header.session_id = session_id;
+    EXPECT_EQ(sender.send(message), SendResult::kSent);
+    ToolMotion received;
+    TimePoint at;
+    return source.receive(received, at);
+  };
+  EXPECT_TRUE(is_heard(1));
+  manual_clock_.advance(palpate::OneWriter::kSilence - 1ns);
+  EXPECT_FALSE(is_heard(2));
+  EXPECT_TRUE(is_heard(1));
+  EXPECT_EQ(source.rejections().second_writer(), 1u);
+
+  manual_clock_.advance(palpate::OneWriter::kSilence);
+  EXPECT_TRUE(is_heard(2));
+  EXPECT_FALSE(is_heard(1));
+  EXPECT_EQ(source.rejections().second_writer(), 2u);
+  EXPECT_EQ(source.rejected(), 2u);
 }
 
 // --- context ----------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <gtest/gtest.h>
+#include <sched.h>
 #include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -27,7 +28,8 @@ std::string content(const fs::path& file) {
 
 }  // namespace
 
-Program::Program(const std::string& name, const std::vector<std::string>& arguments) : name_(name) {
+Program::Program(const std::string& name, const std::vector<std::string>& arguments, int network)
+    : name_(name) {
   const std::string path = (fs::path(PALPATE_BINARY_DIR) / name).string();
   const std::string out = (folder_.path() / "out").string();
   const std::string err = (folder_.path() / "err").string();
@@ -42,6 +44,7 @@ Program::Program(const std::string& name, const std::vector<std::string>& argume
   // between fork and exec, so nothing but system calls
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   if (getppid() != test) _exit(127);
+  if (network >= 0 && setns(network, CLONE_NEWNET) != 0) _exit(127);
   const int nothing = open("/dev/null", O_RDONLY);
   const int out_file = open(out.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_APPEND, 0600);
   const int err_file = open(err.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_APPEND, 0600);

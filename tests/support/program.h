@@ -18,8 +18,9 @@ class Program {
  public:
   static constexpr auto kDeadline = std::chrono::seconds(30);
 
-  /// @param name  of the program in the build's bin folder
-  Program(const std::string& name, const std::vector<std::string>& arguments);
+  /// @param name     of the program in the build's bin folder, or a path
+  /// @param network  descriptor of the network namespace it runs in; −1: the test's
+  Program(const std::string& name, const std::vector<std::string>& arguments, int network = -1);
   ~Program();
   Program(const Program&) = delete;
   Program& operator=(const Program&) = delete;

@@ -235,6 +235,7 @@ void randomise(TelemetryBatch<Record, Counters>& m, Random& random) {
   m.header = random_header(random);
   randomise(m.counters, random);
   m.records_lost = random.bits();
+  m.peers_refused = random.bits();
   m.node_version = std::to_string(random.bits());
   m.records.assign(random.below(50), Record{});
   for (Record& record : m.records) randomise(record, random);
@@ -487,7 +488,8 @@ inline bool same(const HandTarget& a, const HandTarget& b) {
 template <class Record, class Counters>
 bool same(const TelemetryBatch<Record, Counters>& a, const TelemetryBatch<Record, Counters>& b) {
   return same(a.header, b.header) && same(a.counters, b.counters) &&
-         a.records_lost == b.records_lost && a.node_version == b.node_version &&
+         a.records_lost == b.records_lost && a.peers_refused == b.peers_refused &&
+         a.node_version == b.node_version &&
          std::equal(a.records.begin(), a.records.end(), b.records.begin(), b.records.end(),
                     [](const auto& x, const auto& y) { return same(x, y); });
 }

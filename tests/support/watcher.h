@@ -42,6 +42,8 @@ class Watcher {
     return mirror_.device_link().is_alive(now) && mirror_.mofc_link().is_alive(now) &&
            mirror_.physics_link().is_alive(now);
   }
+  /// SceneState comes on request only.
+  [[nodiscard]] TelemetrySubscriber& subscriber() { return feed_.subscriber(); }
   [[nodiscard]] const viewer::TelemetryMirror& mirror() const { return mirror_; }
   /// Of every device tick seen, in order.
   [[nodiscard]] const std::vector<viewer::TickRow>& rows() const { return rows_; }

@@ -582,6 +582,19 @@ TEST_F(SessionFolder, SessionIsReadFromAFile) {
   EXPECT_EQ(session.seed, 7u);
 }
 
+TEST_F(SessionFolder, TheKeyFolderIsRelativeToTheSession) {
+  const auto file = write("s.txtpb", "name: \"x\" security { key_folder: \"keys\" }");
+
+  EXPECT_EQ(load_session(file).security.key_folder, (folder_ / "keys").string());
+  EXPECT_FALSE(load_session(file).security.may_be_plain);
+  EXPECT_EQ(load_session(write("p.txtpb", "name: \"x\"")).security.key_folder, "");
+}
+
+TEST(SessionFile, SecurityWithoutAFolderIsAProblem) {
+  EXPECT_THAT(complaints("name: \"x\" security {}").at(1),
+              AllOf(HasSubstr("security.key_folder: required"), HasSubstr("palpate keygen")));
+}
+
 TEST_F(SessionFolder, FilesThatCannotBeReadSayWhy) {
   ASSERT_EQ(::mkfifo((folder_ / "pipe").c_str(), 0600), 0);
 
@@ -611,7 +624,7 @@ TEST(SessionFile, EveryShippedSessionLoads) {
   }
 
   EXPECT_THAT(names, ::testing::IsSupersetOf({"default", "cloud", "liver", "paper_soft",
-                                              "paper_rigid", "paper_mixed"}));
+                                              "paper_rigid", "paper_mixed", "two_machines"}));
 }
 
 TEST(SessionFile, PaperSessionsAreThoseOfThePaper) {

@@ -42,6 +42,16 @@ TEST(WebRules, ServeThePageAndSayThatTheServerLives) {
   EXPECT_EQ(decide(health, {}).text, "ok\n");
 }
 
+TEST(WebRules, MetricsAreForWhoeverMayLookOn) {
+  WebRequest request = page();
+  request.target = "/metrics";
+  EXPECT_TRUE(decide(request, {}).is_metrics);
+  EXPECT_EQ(decide(request, {.token = "secret"}).status, 401u);
+  EXPECT_EQ(status(request, [](auto& r) { r.origin = "https://elsewhere.example"; }), 403u);
+  request.authorization = "Bearer secret";
+  EXPECT_TRUE(decide(request, {.token = "secret"}).is_metrics);
+}
+
 TEST(WebRules, SendNothingAgainThatTheBrowserHas) {
   WebRequest request = page();
   request.if_none_match = decide(request, {}).asset->etag;

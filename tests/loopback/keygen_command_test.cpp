@@ -1,0 +1,104 @@
+// `palpate keygen` and `palpate doctor` as a user meets them.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <cstdlib>
+
+#include "tests/support/port.h"
+#include "tests/support/program.h"
+#include "tests/support/temp_folder.h"
+
+namespace palpate {
+namespace {
+
+using test::Outcome;
+using test::run_program;
+using testing::AllOf;
+using testing::ContainsRegex;
+using testing::HasSubstr;
+using testing::Not;
+
+class KeygenCommand : public testing::Test {
+ protected:
+  KeygenCommand() { setenv("PALPATE_RUN_DIR", run_folder_.path().c_str(), 1); }
+
+  [[nodiscard]] std::string keys() const { return (files_.path() / "keys").string(); }
+  [[nodiscard]] Outcome doctor(const std::string& more) const {
+    const std::string session =
+        files_.write("s.txtpb", "name: \"doctor\" device { rate_hz: 100 }\n" + more);
+    return run_program("palpate", {"doctor", session});
+  }
+
+  test::TempFolder run_folder_;
+  test::TempFolder files_;
+};
+
+TEST_F(KeygenCommand, TellsWhatItWroteAndNeverOverwrites) {
+  const Outcome first = run_program("palpate", {"keygen", keys()});
+  EXPECT_EQ(first.status, 0) << first.err;
+  EXPECT_THAT(first.out, AllOf(HasSubstr("keys/allowed.keys\n"),
+                               HasSubstr("keys/physics.key_secret\n"), HasSubstr("key_folder")));
+
+  const Outcome second = run_program("palpate", {"keygen", keys()});
+  EXPECT_EQ(second.status, 2);
+  EXPECT_THAT(second.err, HasSubstr("is there already"));
+}
+
+TEST_F(KeygenCommand, ANodeRefusesASecretThatOthersMayRead) {
+  ASSERT_EQ(run_program("palpate", {"keygen", keys()}).status, 0);
+  chmod((keys() + "/physics.key_secret").c_str(), 0644);
+  const std::string session =
+      files_.write("s.txtpb", "name: \"doctor\" security { key_folder: \"keys\" }");
+
+  const Outcome node = run_program("physics_node", {"--session", session, "--seconds", "10"});
+  EXPECT_EQ(node.status, 2);
+  EXPECT_THAT(node.err,
+              AllOf(HasSubstr("others may read this secret key"), HasSubstr("chmod 600")));
+}
+
+TEST_F(KeygenCommand, KeysAndInsecureTogetherAreRefused) {
+  const std::string session =
+      files_.write("s.txtpb", "name: \"doctor\" security { key_folder: \"keys\" }");
+
+  const Outcome node = run_program("physics_node", {"--session", session, "--insecure"});
+  EXPECT_EQ(node.status, 2);
+  EXPECT_THAT(node.err, HasSubstr("--insecure: the session has keys"));
+}
+
+// --- doctor ---------------------------------------------------------------------------------
+
+TEST_F(KeygenCommand, DoctorLooksAtTheMachine) {
+  const Outcome outcome = run_program("palpate", {"doctor"});
+  for (const char* what : {"real-time", "memory", "timer", "clock"}) {
+    EXPECT_THAT(outcome.out, ContainsRegex(std::string("(ok   |TO DO)  ") + what + " "));
+  }
+  EXPECT_THAT(outcome.out, Not(HasSubstr("links.")));
+  EXPECT_EQ(outcome.status, outcome.out.find("TO DO") == std::string::npos ? 0 : 1);
+}
+
+TEST_F(KeygenCommand, DoctorFindsAPortInUseAndSaysWhatToDo) {
+  const test::HeldPort taken;
+  const Outcome outcome = doctor("links { tool_motion: \"" + taken.endpoint() + "\" }");
+  EXPECT_EQ(outcome.status, 1);
+  EXPECT_THAT(outcome.out, ContainsRegex("TO DO  links.tool_motion .*in use by another process"));
+  EXPECT_THAT(outcome.out, ContainsRegex("ok     links.interaction .* is free"));
+  EXPECT_THAT(outcome.out, HasSubstr("none needed"));
+}
+
+TEST_F(KeygenCommand, DoctorTellsWhichRolesThisMachineHas) {
+  const std::string far = "links { tool_motion: \"tcp://192.0.2.1:5551\" }\n";
+  EXPECT_THAT(doctor(far).out, AllOf(ContainsRegex("ok     links.tool_motion .*another machine's"),
+                                     ContainsRegex("TO DO  keys .*without keys: palpate keygen")));
+
+  ASSERT_EQ(run_program("palpate", {"keygen", keys()}).status, 0);
+  std::filesystem::remove(keys() + "/physics.key_secret");
+  const std::string with_keys = far + "security { key_folder: \"keys\" }";
+  EXPECT_THAT(doctor(with_keys).out, HasSubstr("this machine may be: device, viewer, pointer"));
+
+  chmod((keys() + "/device.key_secret").c_str(), 0640);
+  EXPECT_THAT(doctor(with_keys).out, ContainsRegex("TO DO  keys .*others may read"));
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,388 @@
+// Device and clamp on one machine, physics on another: two network namespaces joined by a veth
+// pair. Nothing leaves them. Skipped where they may not be made.
+#include <arpa/inet.h>
+#include <fcntl.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <linux/if_ether.h>
+#include <linux/if_packet.h>
+#include <net/if.h>
+#include <poll.h>
+#include <sched.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <csignal>
+#include <cstdlib>
+#include <fstream>
+#include <memory>
+#include <optional>
+#include <sstream>
+
+#include "common/link/keys.h"
+#include "common/runtime/session_file.h"
+#include "tests/support/program.h"
+#include "tests/support/temp_folder.h"
+#include "tests/support/watcher.h"
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+using namespace std::chrono_literals;
+using test::Program;
+using test::TempFolder;
+using test::Watcher;
+using testing::HasSubstr;
+
+constexpr const char* kIp = "/usr/sbin/ip";
+constexpr const char* kBedside = "10.77.0.1";
+constexpr const char* kWorkstation = "10.77.0.2";
+constexpr std::uint16_t kMotionPort = 5551;
+
+/// Text that travels in SceneState.
+constexpr const char* kTissue = "liver_in_plain_text";
+
+/// A hand that presses 3 mm deep every 2 s.
+constexpr const char* kSession = R"(
+name: "two_machines_test"
+realtime { priority: 0 cpu: -1 }
+links {
+  tool_motion: "tcp://10.77.0.2:5551"
+  interaction: "tcp://10.77.0.2:5552"
+  physics_telemetry: "tcp://10.77.0.2:5553"
+  device_telemetry: "tcp://10.77.0.1:5554"
+  mofc_telemetry: "tcp://10.77.0.1:5555"
+}
+hand { sinusoid { center_m { z: 0.002 } amplitude_m { z: 0.005 } frequency_hz { z: 0.5 } } }
+scene { tissue { name: "liver_in_plain_text" half_space {} kelvin_voigt { stiffness_newton_per_m: 200 } } }
+)";
+constexpr const char* kSecurity = "security { key_folder: \"keys\" }\n";
+
+/// "": done; else why not.
+std::string write_file(const char* file, const std::string& text) {
+  std::ofstream out(file);
+  out << text << std::flush;
+  return out ? "" : std::string("cannot write ") + file;
+}
+
+/// The test's own process becomes the bedside; the workstation is the network of a child that
+/// waits.
+class TwoNetworks {
+ public:
+  /// Why there are none; "" if they are there.
+  std::string make() {
+    const uid_t uid = getuid();
+    const gid_t gid = getgid();
+    if (access(kIp, X_OK) != 0) return std::string(kIp) + " is not installed (iproute2)";
+    if (uid == 0) {
+      if (unshare(CLONE_NEWNET) != 0) return "a network namespace is not permitted";
+    } else {
+      // as root of a user namespace of its own
+      if (unshare(CLONE_NEWUSER | CLONE_NEWNET) != 0) return "namespaces are not permitted";
+      write_file("/proc/self/setgroups", "deny");
+      if (auto why = write_file("/proc/self/uid_map", "0 " + std::to_string(uid) + " 1");
+          !why.empty()) {
+        return why;
+      }
+      if (auto why = write_file("/proc/self/gid_map", "0 " + std::to_string(gid) + " 1");
+          !why.empty()) {
+        return why;
+      }
+    }
+    int ready[2];
+    if (pipe2(ready, O_CLOEXEC) != 0) return "no pipe";
+    child_ = fork();
+    if (child_ == 0) {
+      const char answer = unshare(CLONE_NEWNET) == 0 ? 'y' : 'n';
+      if (write(ready[1], &answer, 1) != 1) _exit(1);
+      for (;;) pause();
+    }
+    char answer = 'n';
+    const bool is_told = read(ready[0], &answer, 1) == 1;
+    close(ready[0]);
+    close(ready[1]);
+    if (!is_told || answer != 'y') return "a second network namespace is not permitted";
+    workstation_ =
+        open(("/proc/" + std::to_string(child_) + "/ns/net").c_str(), O_RDONLY | O_CLOEXEC);
+
+    const std::string pid = std::to_string(child_);
+    for (const auto& [network, arguments] : std::vector<std::pair<int, std::string>>{
+             {-1, "link set lo up"},
+             {-1, "link add bedside type veth peer name work netns " + pid},
+             {-1, std::string("addr add ") + kBedside + "/24 dev bedside"},
+             {-1, "link set bedside up"},
+             {workstation_, "link set lo up"},
+             {workstation_, std::string("addr add ") + kWorkstation + "/24 dev work"},
+             {workstation_, "link set work up"}}) {
+      if (!ip(network, arguments)) return "ip " + arguments + " failed";
+    }
+    return "";
+  }
+  ~TwoNetworks() {
+    if (child_ <= 0) return;
+    kill(child_, SIGKILL);
+    waitpid(child_, nullptr, 0);
+    close(workstation_);
+  }
+
+  [[nodiscard]] int workstation() const { return workstation_; }
+  void cut() const { ASSERT_TRUE(ip(workstation_, "link set work down")); }
+  void mend() const { ASSERT_TRUE(ip(workstation_, "link set work up")); }
+
+ private:
+  static bool ip(int network, const std::string& text) {
+    std::vector<std::string> arguments;
+    std::istringstream words(text);
+    for (std::string word; words >> word;) arguments.push_back(word);
+    Program program(kIp, arguments, network);
+    return program.wait() == 0;
+  }
+
+  pid_t child_ = 0;
+  int workstation_ = -1;
+};
+
+/// All that passes the bedside's end of the cable.
+class Wire {
+ public:
+  Wire() : socket_(socket(AF_PACKET, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, htons(ETH_P_ALL))) {
+    sockaddr_ll address{};
+    address.sll_family = AF_PACKET;
+    address.sll_protocol = htons(ETH_P_ALL);
+    address.sll_ifindex = static_cast<int>(if_nametoindex("bedside"));
+    const int bytes = 8 << 20;
+    setsockopt(socket_, SOL_SOCKET, SO_RCVBUFFORCE, &bytes, sizeof(bytes));
+    EXPECT_EQ(bind(socket_, reinterpret_cast<sockaddr*>(&address), sizeof(address)), 0);
+  }
+  ~Wire() { close(socket_); }
+  Wire(const Wire&) = delete;
+  Wire& operator=(const Wire&) = delete;
+
+  void listen() {
+    char packet[65536];
+    for (ssize_t n = 0; (n = recv(socket_, packet, sizeof(packet), 0)) > 0;) {
+      heard_.append(packet, static_cast<std::size_t>(n));
+    }
+  }
+  [[nodiscard]] const std::string& heard() const { return heard_; }
+
+ private:
+  int socket_;
+  std::string heard_;
+};
+
+class TwoMachines : public testing::Test {
+ protected:
+  void SetUp() override {
+    const std::string why = networks_.make();
+    if (!why.empty()) GTEST_SKIP() << why;
+    setenv("PALPATE_RUN_DIR", run_folder_.path().c_str(), 1);
+    make_key_folder(files_.path() / "keys");
+    plain_file_ = files_.write("plain.txtpb", kSession);
+    file_ = files_.write("protected.txtpb", std::string(kSession) + kSecurity);
+  }
+
+  void start(bool is_protected) {
+    const Session session = load_session(is_protected ? file_ : plain_file_);
+    std::vector<std::string> arguments{"--session", session.file};
+    if (!is_protected) arguments.emplace_back("--insecure");
+    TcpRules rules{.may_be_plain = !is_protected};
+    if (is_protected) rules = tcp_rules(session.security, {KeyRole::kViewer});
+    links_.emplace(RealtimeConfig{.priority = 0, .cpu = -1}, rules);
+    watcher_.emplace(session, *links_);
+    watcher_->subscriber().subscribe<SceneState>();
+    physics_.emplace("physics_node", arguments, networks_.workstation());
+    mofc_.emplace("mofc_node", arguments);
+    device_.emplace("device_node", arguments);
+    ASSERT_TRUE(watcher_->until([&] { return watcher_->sees_all_nodes() && is_pressing(); }))
+        << physics_->err() << mofc_->err() << device_->err();
+  }
+
+  [[nodiscard]] bool is_pressing() const {
+    const auto& rows = watcher_->rows();
+    return !rows.empty() && rows.back().mofc && rows.back().mofc->state == MofcState::kContact &&
+           rows.back().device.force_on_hand_newton.norm() > 0.1;
+  }
+  [[nodiscard]] bool is_without_physics() const {
+    const auto& rows = watcher_->rows();
+    return rows.size() > 100 && std::all_of(rows.end() - 100, rows.end(), [](const auto& row) {
+             return row.mofc && row.mofc->state == MofcState::kNoPhysics &&
+                    row.device.force_on_hand_newton.norm() == 0.0;
+           });
+  }
+  [[nodiscard]] std::uint64_t refused_by_physics() const {
+    return watcher_->mirror().physics_link().peers_refused;
+  }
+  [[nodiscard]] std::uint64_t writers() const {
+    return watcher_->mirror().physics_counters().tool_motion.sessions;
+  }
+
+  /// What `palpate keygen` made, for a role that this one claims to be.
+  [[nodiscard]] LinkKeys keys_of(KeyRole role) const {
+    return load_link_keys(files_.path() / "keys", std::array{role});
+  }
+  /// Tries to write motions to physics with these rules; what it is told in its log.
+  void expect_refused(const TcpRules& rules, const std::string& reason) {
+    const std::uint64_t before = refused_by_physics();
+    ZmqContext context(RealtimeConfig{.priority = 0, .cpu = -1}, rules);
+    ZmqSender<ToolMotion> stranger(context,
+                                   connect_to("tcp://10.77.0.2:5551", "links.tool_motion"));
+    EXPECT_THAT(physics_->await_err("event=peer_refused link=links.tool_motion"),
+                HasSubstr(reason));
+    EXPECT_TRUE(watcher_->until([&] { return refused_by_physics() > before; }));
+    EXPECT_FALSE(stranger.has_subscriber());
+    EXPECT_EQ(writers(), 1u);
+  }
+
+  TempFolder run_folder_;
+  TempFolder files_;
+  TwoNetworks networks_;
+  std::string file_;
+  std::string plain_file_;
+  std::optional<ProcessLinks> links_;
+  std::optional<Watcher> watcher_;
+  std::optional<Program> physics_;
+  std::optional<Program> mofc_;
+  std::optional<Program> device_;
+};
+
+// --- the session works ----------------------------------------------------------------------
+
+TEST_F(TwoMachines, ACutCableEndsTheForceAndAMendedOneBringsItBack) {
+  start(true);
+  ASSERT_FALSE(HasFailure());
+
+  networks_.cut();
+  EXPECT_TRUE(watcher_->until([&] { return is_without_physics(); }));
+  networks_.mend();
+  EXPECT_TRUE(watcher_->until([&] { return is_pressing(); }));
+
+  EXPECT_EQ(writers(), 1u);  // the same processes
+  EXPECT_EQ(watcher_->mirror().mofc_counters().interaction.sessions, 1u);
+  EXPECT_EQ(refused_by_physics(), 0u);
+}
+
+// --- strangers ------------------------------------------------------------------------------
+
+TEST_F(TwoMachines, APeerWithoutAKeyIsRefused) {
+  start(true);
+  expect_refused({.may_be_plain = true}, "no key");
+}
+
+TEST_F(TwoMachines, AnUnknownKeyIsRefused) {
+  start(true);
+  LinkKeys keys = keys_of(KeyRole::kDevice);
+  keys.own[static_cast<std::size_t>(KeyRole::kDevice)] = new_key_pair();
+  expect_refused({.keys = std::make_shared<const LinkKeys>(keys)}, "unknown key");
+}
+
+TEST_F(TwoMachines, AViewersKeyDoesNotReachACommandSocket) {
+  start(true);
+  LinkKeys keys = keys_of(KeyRole::kDevice);
+  keys.own[static_cast<std::size_t>(KeyRole::kDevice)] =
+      keys_of(KeyRole::kViewer).of(KeyRole::kViewer);
+  expect_refused({.keys = std::make_shared<const LinkKeys>(keys)}, "a key of another role");
+}
+
+TEST_F(TwoMachines, WhoExpectsAnotherServerKeyGetsNoConnection) {
+  start(true);
+  const KeyPair device = *keys_of(KeyRole::kDevice).of(KeyRole::kDevice);
+  const LinkKeys keys{
+      .allowed = parse_allowed_keys(
+          "device " + device.public_key + "\nphysics " + new_key_pair().public_key + "\n", "test"),
+      .own = {device}};
+  expect_refused({.keys = std::make_shared<const LinkKeys>(keys)}, "expects another key");
+}
+
+TEST_F(TwoMachines, PlainTextIsRefused) {
+  start(true);
+  const int socket = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_port = htons(kMotionPort);
+  inet_pton(AF_INET, kWorkstation, &address.sin_addr);
+  ASSERT_EQ(connect(socket, reinterpret_cast<sockaddr*>(&address), sizeof(address)), 0);
+  // ZMTP 1.0, which knows no keys: an empty identity, then a subscription to everything
+  const std::string hello("\x01\x00\x02\x00\x01", 5);
+  ASSERT_EQ(write(socket, hello.data(), hello.size()), 5);
+
+  EXPECT_THAT(physics_->await_err("event=peer_refused link=links.tool_motion"),
+              HasSubstr("no ZeroMQ 4 peer"));
+  EXPECT_TRUE(watcher_->until([&] { return refused_by_physics() > 0; }));
+  // no more than the greeting came back, and an end
+  std::string answer;
+  char bytes[256];
+  pollfd readable{.fd = socket, .events = POLLIN, .revents = 0};
+  ssize_t n = 0;
+  while (poll(&readable, 1, 10000) == 1 && (n = read(socket, bytes, sizeof(bytes))) > 0) {
+    answer.append(bytes, static_cast<std::size_t>(n));
+  }
+  EXPECT_LE(n, 0);
+  EXPECT_LE(answer.size(), 64u);
+  EXPECT_EQ(writers(), 1u);
+  close(socket);
+}
+
+TEST_F(TwoMachines, ASecondClampWithTheRightKeyIsIgnoredAndCounted) {
+  start(true);
+  ZmqContext context(RealtimeConfig{.priority = 0, .cpu = -1},
+                     {.keys = std::make_shared<const LinkKeys>(keys_of(KeyRole::kDevice))});
+  ZmqSender<ToolMotion> second(context, connect_to("tcp://10.77.0.2:5551", "links.tool_motion"));
+  ASSERT_TRUE(second.wait_for_peer(10s));  // so the key is right
+
+  ToolMotion motion;
+  motion.header.session_id = 42;
+  motion.device_session_id = 43;
+  motion.tool_position_world_m = Vector3(0, 0, -1);
+  const auto ignored = [&] { return watcher_->mirror().physics_counters().tool_motion.rejected; };
+  const std::uint64_t before = ignored();
+  EXPECT_TRUE(watcher_->until([&] {
+    ++motion.header.sequence;
+    second.send(motion);
+    return ignored() > before + 10;
+  }));
+  EXPECT_EQ(writers(), 1u);
+  physics_->await_err("event=frame_refused link=tool_motion");
+}
+
+// --- the wire -------------------------------------------------------------------------------
+
+class OnTheWire : public TwoMachines, public testing::WithParamInterface<bool> {};
+
+TEST_P(OnTheWire, PlainTextIsSeenOnlyWithoutKeys) {
+  const bool is_protected = GetParam();
+  std::optional<Wire> wire;
+  wire.emplace();
+  start(is_protected);
+  ASSERT_TRUE(watcher_->until([&] {
+    wire->listen();
+    return watcher_->mirror().physics_counters().loop.ticks > 2000;
+  }));
+
+  // hundreds of motions and interactions there and back, the scene, and telemetry
+  EXPECT_GT(wire->heard().size(), 100'000u);
+  EXPECT_EQ(wire->heard().find(kTissue) != std::string::npos, !is_protected);
+  EXPECT_EQ(wire->heard().find("two_machines_test") != std::string::npos, !is_protected);
+}
+
+INSTANTIATE_TEST_SUITE_P(Keys, OnTheWire, testing::Bool(), [](const auto& with) {
+  return std::string(with.param ? "Protected" : "Insecure");
+});
+
+// --- no keys --------------------------------------------------------------------------------
+
+TEST_F(TwoMachines, WithoutKeysNothingIsOfferedToTheNetworkUnlessAsked) {
+  for (const char* node : {"physics_node", "device_node", "mofc_node", "viewer_node"}) {
+    Program program(node, {"--session", plain_file_, "--seconds", "10"},
+                    std::string(node) == "physics_node" ? networks_.workstation() : -1);
+    EXPECT_EQ(program.wait(), 2) << node;
+    EXPECT_THAT(program.err(), HasSubstr("plain text")) << node;
+    EXPECT_THAT(program.err(), HasSubstr("palpate keygen")) << node;
+  }
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,124 @@
+#include "viewer_node/metrics_text.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <regex>
+#include <set>
+#include <sstream>
+
+#include "tests/support/temp_folder.h"
+#include "tests/unit/viewer_node/batches.h"
+
+namespace palpate::viewer {
+namespace {
+
+using namespace std::chrono_literals;
+using testing::HasSubstr;
+using testing::Not;
+
+class MetricsTextTest : public testing::Test {
+ protected:
+  void take_all() {
+    DeviceBatch device = device_batch(0, 0, 9);
+    device.records[0].lateness = 20us;
+    device.records[1].lateness = 21us;
+    device.records[2].lateness = 2s;
+    device.records[3].is_answered = false;
+    device.counters.limp_ticks = 7;
+    device.peers_refused = 5;
+    const MofcBatch mofc = mofc_batch(0, 0, 9);
+    const PhysicsBatch physics = physics_batch(0, 0, 9);
+    const auto take = [&](const auto& batch) {
+      metrics_.note(batch);
+      mirror_.take(batch, TimePoint{});
+    };
+    take(device);
+    take(mofc);
+    take(physics);
+  }
+  [[nodiscard]] std::string text() const {
+    return metrics_.text(mirror_, {.clients = 3, .messages_dropped = 4}, TimePoint{});
+  }
+
+  TelemetryMirror mirror_;
+  MetricsText metrics_;
+};
+
+TEST_F(MetricsTextTest, ANodeThatWasNeverHeardIsDownAndCountsNothing) {
+  EXPECT_THAT(text(), HasSubstr("palpate_node_up{node=\"mofc\"} 0\n"));
+  EXPECT_THAT(text(), Not(HasSubstr("palpate_mofc_ticks")));
+  EXPECT_THAT(text(), HasSubstr("palpate_viewer_clients 3\n"));
+}
+
+TEST_F(MetricsTextTest, CountersAreThoseOfTheNodes) {
+  take_all();
+  EXPECT_THAT(text(), HasSubstr("palpate_node_up{node=\"device\"} 1\n"));
+  EXPECT_THAT(text(), HasSubstr("palpate_loop_ticks_total{node=\"device\"} 10\n"));
+  EXPECT_THAT(text(), HasSubstr("palpate_device_ticks_total{force=\"limp\"} 7\n"));
+  EXPECT_THAT(text(), HasSubstr("palpate_peers_refused_total{node=\"device\"} 5\n"));
+  EXPECT_THAT(text(), HasSubstr("palpate_mofc_ticks_total 10\n"));
+  EXPECT_THAT(text(), HasSubstr("palpate_device_minimum_true_energy_joules NaN\n"));
+  EXPECT_THAT(text(), HasSubstr("palpate_viewer_messages_dropped_total 4\n"));
+}
+
+// Lateness: 20 µs belongs to its bucket, 21 µs to the next, 2 s to none but the last, seven are 0.
+TEST_F(MetricsTextTest, HistogramsCountUpToAndWithTheirBounds) {
+  take_all();
+  EXPECT_THAT(text(), HasSubstr("palpate_tick_lateness_seconds_bucket{le=\"1e-05\"} 7\n"));
+  EXPECT_THAT(text(), HasSubstr("palpate_tick_lateness_seconds_bucket{le=\"2e-05\"} 8\n"));
+  EXPECT_THAT(text(), HasSubstr("palpate_tick_lateness_seconds_bucket{le=\"5e-05\"} 9\n"));
+  EXPECT_THAT(text(), HasSubstr("palpate_tick_lateness_seconds_bucket{le=\"1\"} 9\n"));
+  EXPECT_THAT(text(), HasSubstr("palpate_tick_lateness_seconds_bucket{le=\"+Inf\"} 10\n"));
+  EXPECT_THAT(text(), HasSubstr("palpate_tick_lateness_seconds_sum 2.000041\n"));
+  EXPECT_THAT(text(), HasSubstr("palpate_tick_lateness_seconds_count 10\n"));
+  EXPECT_THAT(text(), HasSubstr("palpate_reply_time_seconds_count 9\n"));
+  EXPECT_THAT(text(), HasSubstr("palpate_physics_compute_time_seconds_count 10\n"));
+}
+
+// The rules of the text format that promtool checks too.
+TEST_F(MetricsTextTest, EveryLineIsWellFormedAndBelongsToTheHeadAboveIt) {
+  take_all();
+  const std::regex sample(
+      R"(([a-z_]+)(\{[a-z]+="[^"\\]*"(,[a-z]+="[^"\\]*")*\})? (NaN|[+-]Inf|-?[0-9.]+(e[+-][0-9]+)?))");
+  std::istringstream lines(text());
+  std::set<std::string> seen;
+  std::string name;
+  std::string type;
+  for (std::string line; std::getline(lines, line);) {
+    SCOPED_TRACE(line);
+    if (line.starts_with("# HELP ")) {
+      name = line.substr(7, line.find(' ', 7) - 7);
+      EXPECT_TRUE(seen.insert(name).second);
+      continue;
+    }
+    if (line.starts_with("# TYPE ")) {
+      ASSERT_TRUE(line.starts_with("# TYPE " + name + " "));
+      type = line.substr(8 + name.size());
+      EXPECT_EQ(name.ends_with("_total"), type == "counter");
+      continue;
+    }
+    std::smatch parts;
+    ASSERT_TRUE(std::regex_match(line, parts, sample));
+    if (type == "histogram") {
+      EXPECT_TRUE(parts[1].str().starts_with(name + "_"));
+    } else {
+      EXPECT_EQ(parts[1], name);
+    }
+  }
+  EXPECT_GT(seen.size(), 25u);
+}
+
+TEST_F(MetricsTextTest, PromtoolAcceptsIt) {
+  if (std::system("command -v promtool >/dev/null") != 0) {
+    GTEST_SKIP() << "promtool is not installed (Debian's prometheus)";
+  }
+  take_all();
+  const test::TempFolder folder;
+  const std::string file = folder.write("metrics", text());
+  EXPECT_EQ(std::system(("promtool check metrics < " + file).c_str()), 0);
+}
+
+}  // namespace
+}  // namespace palpate::viewer

@@ -1,0 +1,54 @@
+// metrics_text.h — the counters and times of all nodes as Prometheus reads them (text format
+// 0.0.4). Thread: the viewer's.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+
+#include "common/core/telemetry.h"
+#include "viewer_node/telemetry_mirror.h"
+
+namespace palpate::viewer {
+
+/// Classic histogram: 10 µs … 1 s in steps of 1, 2, 5, and what is longer.
+class TimeHistogram {
+ public:
+  static constexpr std::array<double, 16> kBounds_s{1e-5, 2e-5, 5e-5, 1e-4, 2e-4, 5e-4, 1e-3, 2e-3,
+                                                    5e-3, 1e-2, 2e-2, 5e-2, 0.1,  0.2,  0.5,  1.0};
+  void add(Duration time) noexcept;
+  /// As one metric of the page. @param name  without palpate_
+  [[nodiscard]] std::string text(const std::string& name, const std::string& help) const;
+
+ private:
+  std::array<std::uint64_t, kBounds_s.size() + 1> counts_{};
+  double sum_s_ = 0.0;
+};
+
+/// What the viewer knows of itself.
+struct ViewerCounts {
+  std::uint32_t clients = 0;
+  std::uint64_t messages_dropped = 0;
+  std::uint64_t requests_refused = 0;
+  std::uint64_t frames_rejected = 0;
+};
+
+/// Counters are those of the nodes, since each was started; histograms are over the ticks heard.
+class MetricsText {
+ public:
+  void note(const DeviceBatch& batch) noexcept;
+  void note(const MofcBatch& batch) noexcept;
+  void note(const PhysicsBatch& batch) noexcept;
+
+  /// The page. What a node that was never heard counts is left out.
+  [[nodiscard]] std::string text(const TelemetryMirror& mirror, const ViewerCounts& viewer,
+                                 TimePoint now) const;
+
+ private:
+  TimeHistogram reply_time_;
+  TimeHistogram lateness_;
+  TimeHistogram force_age_;
+  TimeHistogram compute_time_;
+};
+
+}  // namespace palpate::viewer
