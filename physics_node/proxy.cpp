@@ -108,14 +108,13 @@ void move(const Shape& shape, double radius_m, const Vector3& point_m, double dt
 
   // the nearest place, where nothing can be in between
   const double way_m = (nearest_m - from_m).norm();
+  const auto is_within_reach = [&](double reach_m) {
+    return reach_m <= kReachRatio * clearance &&
+           look(nearest_m).distance_m >=
+               clearance - kThere_m - kAgreementRatio * (clearance - here.distance_m);
+  };
   if (way_m <= most_m) {
-    if (nearest_m == point_m) {
-      if (here.distance_m > way_m) return;
-    } else if (way_m <= kReachRatio * clearance &&
-               look(nearest_m).distance_m >=
-                   clearance - kThere_m - kAgreementRatio * (clearance - here.distance_m)) {
-      return;
-    }
+    if (nearest_m == point_m ? here.distance_m > way_m : is_within_reach(way_m)) return;
   }
 
   // from place to place towards the tool, along the surface where it is in the way
@@ -159,6 +158,10 @@ void move(const Shape& shape, double radius_m, const Vector3& point_m, double dt
     }
   }
   if (!is_there) return;  // too far in one step
+  if (const double rest_m = (nearest_m - place_m).norm();
+      nearest_m != point_m && rest_m <= left_m && is_within_reach(rest_m)) {
+    return;
+  }
 
   const Vector3 held_m = place_m - point_m;
   if (held_m.norm() <= kThere_m) {
