@@ -27,11 +27,6 @@ bool ModelHandover::is_same(const Model& model, const Interaction& newest) noexc
          model.interaction.header.sequence == newest.header.sequence;
 }
 
-TimePoint ModelHandover::answered_at() const noexcept {
-  const bool is_mostly_next = is_crossing_ && (share_ > 0.5 || !has_model_);
-  return models_[is_mostly_next ? 1 - current_ : current_].interaction.device_sampled_at;
-}
-
 ModelForce ModelHandover::step(const Interaction& newest, const Vector3& tool_position_world_m,
                                const Vector3& tool_velocity_world_m_per_s, double dt_s,
                                TimePoint now) noexcept {

@@ -36,9 +36,6 @@ class ModelHandover {
   /// What the last hand-over changed in the last step [N]; at most rate · dt.
   [[nodiscard]] double last_step_newton() const noexcept { return last_step_newton_; }
 
-  /// The model that acts, or most of it: the DeviceState it answers.
-  [[nodiscard]] TimePoint answered_at() const noexcept;
-
  private:
   struct Model {
     Interaction interaction;

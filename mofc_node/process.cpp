@@ -43,11 +43,11 @@ void run_process(NodeContext& context, ProcessLinks& links) {
   RingSink<MofcTick> ticks;
   Snapshot<MofcCounters> counters;
   FlightRecorder<MofcTick> recorder(flight_files(context, "mofc"));
+  RejectionLog refused_states(context.log, "device_state", exchange.rejections());
+  RejectionLog refused_interactions(context.log, "interaction", interactions.rejections());
   TelemetryPublisher publisher(context.session_id, context.clock, ticks, counters, telemetry,
                                context.log);
   publisher.record_to(recorder);
-  RejectionLog refused_states(context.log, "device_state", exchange.rejections());
-  RejectionLog refused_interactions(context.log, "interaction", interactions.rejections());
   publisher.on_pump = [&](TimePoint now) {
     refused_states.note(now);
     refused_interactions.note(now);

@@ -28,13 +28,6 @@ std::string shown(const Table::Cell& cell, const std::string& format) {
 
 }  // namespace
 
-void BenchOptions::add_to(CLI::App& app) {
-  app.add_option("--json", json_file, "write the table as JSON");
-  app.add_option("--csv", csv_file, "write the table as CSV");
-  app.add_option("--plot", plot_folder, "draw the figures into this folder (needs gnuplot)");
-  app.add_flag("--quick", is_quick, "the same rows with fewer repeats, a minute at most");
-}
-
 void Table::add(std::vector<Cell> row) {
   PALPATE_REQUIRE(row.size() == columns_.size());
   rows_.push_back(std::move(row));
@@ -120,12 +113,33 @@ void write_file(const std::filesystem::path& file, const std::string& text) {
   if (!out) throw SetupError(file.string() + ": cannot be written; choose another place");
 }
 
-bool run_gnuplot(const std::filesystem::path& folder, const std::string& script) {
-  const std::string command = "cd '" + folder.string() + "' && gnuplot '" + script + "'";
-  if (std::system(command.c_str()) == 0) return true;
-  std::fprintf(stderr, "no plot: gnuplot %s failed in %s; install gnuplot-nox\n", script.c_str(),
-               folder.c_str());
-  return false;
+void draw_figure(const std::filesystem::path& folder, const std::string& name,
+                 const std::string& script) {
+  write_file(folder / (name + ".gp"), script);
+  const std::string command = fmt::format("cd '{}' && gnuplot '{}.gp'", folder.string(), name);
+  if (std::system(command.c_str()) == 0) {
+    std::printf("drawn: %s, by %s.gp\n", folder.c_str(), name.c_str());
+  } else {
+    std::fprintf(stderr, "no plot: gnuplot %s.gp failed in %s; install gnuplot-nox\n", name.c_str(),
+                 folder.c_str());
+  }
+}
+
+int run_bench(CLI::App& app, BenchOptions& options, int argc, char** argv,
+              const std::function<void()>& run) {
+  app.add_option("--json", options.json_file, "write the table as JSON");
+  app.add_option("--csv", options.csv_file, "write the table as CSV");
+  app.add_option("--plot", options.plot_folder,
+                 "draw the figures into this folder (needs gnuplot)");
+  app.add_flag("--quick", options.is_quick, "the same rows with fewer repeats, a minute at most");
+  CLI11_PARSE(app, argc, argv);
+  try {
+    run();
+    return 0;
+  } catch (const SetupError& error) {
+    std::fprintf(stderr, "%s\n", error.what());
+    return 2;
+  }
 }
 
 }  // namespace palpate::bench

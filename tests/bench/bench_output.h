@@ -4,6 +4,7 @@
 
 #include <CLI/CLI.hpp>
 #include <filesystem>
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <variant>
@@ -16,9 +17,6 @@ struct BenchOptions {
   std::string csv_file;
   std::string plot_folder;  ///< empty: no plots
   bool is_quick = false;
-
-  /// Adds the four options to `app`.
-  void add_to(CLI::App& app);
 };
 
 /// Rows of text and numbers under named columns. Numbers that are not finite are shown as –, as an
@@ -53,8 +51,14 @@ class Table {
 /// Writes text to a file. Throws SetupError if it cannot.
 void write_file(const std::filesystem::path& file, const std::string& text);
 
-/// Runs gnuplot on a script that lies in `folder`, with `folder` as working folder. False, with a
-/// line on stderr, where gnuplot is missing or fails.
-bool run_gnuplot(const std::filesystem::path& folder, const std::string& script);
+/// Writes NAME.gp into `folder` and lets gnuplot draw it there; says so, or why there is no figure.
+/// Throws SetupError if the file cannot be written.
+void draw_figure(const std::filesystem::path& folder, const std::string& name,
+                 const std::string& script);
+
+/// The main() of a bench: adds the four options to `app`, parses, runs. Returns the exit status: 2,
+/// with the reason on stderr, for a SetupError.
+int run_bench(CLI::App& app, BenchOptions& options, int argc, char** argv,
+              const std::function<void()>& run);
 
 }  // namespace palpate::bench

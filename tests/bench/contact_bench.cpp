@@ -461,8 +461,8 @@ void plot(const BenchOptions& options, const Table& table) {
   const std::filesystem::path folder = options.plot_folder;
   std::filesystem::create_directories(folder);
   bench::write_file(folder / "contact_bench.csv", table.csv());
-  bench::write_file(
-      folder / "contact_bench.gp",
+  bench::draw_figure(
+      folder, "contact_bench",
       "set datafile separator ','\nset terminal svg size 800,500 background 'white'\n"
       "set logscale xy\nset grid\nset key top left\n"
       "match(g, m, v) = (strcol(1) eq g && strcol(3) eq m) ? v : NaN\n"
@@ -482,7 +482,6 @@ void plot(const BenchOptions& options, const Table& table) {
       "plot for [s in 'plane sphere torus saddle'] f every ::1 using 7:(err(s, 1e-4, $11)) with lp "
       "title s.', noise 0.1 mm', for [s in 'sphere torus saddle'] f every ::1 using "
       "7:(err(s, 0, $11)) with lp title s\n");
-  bench::run_gnuplot(folder, "contact_bench.gp");
 }
 
 }  // namespace
@@ -490,9 +489,7 @@ void plot(const BenchOptions& options, const Table& table) {
 int main(int argc, char** argv) {
   CLI::App app("Run time against error of contact with point clouds.", "contact_bench");
   BenchOptions options;
-  options.add_to(app);
-  CLI11_PARSE(app, argc, argv);
-  try {
+  return bench::run_bench(app, options, argc, argv, [&] {
     Table table = make_table();
     measure_errors(options, table);
     measure_neighbors(options, table);
@@ -500,9 +497,5 @@ int main(int argc, char** argv) {
     measure_idle(options, table);
     table.publish(options);
     if (!options.plot_folder.empty()) plot(options, table);
-    return 0;
-  } catch (const SetupError& error) {
-    std::fprintf(stderr, "%s\n", error.what());
-    return 2;
-  }
+  });
 }

@@ -220,8 +220,8 @@ void map_bounces(const BenchOptions& options) {
   const std::filesystem::path folder = options.plot_folder;
   std::filesystem::create_directories(folder);
   bench::write_file(folder / "contact_stress.csv", table.csv());
-  bench::write_file(
-      folder / "contact_stress.gp",
+  bench::draw_figure(
+      folder, "contact_stress",
       "set datafile separator ','\nset terminal svg size 900,400 background 'white'\n"
       "set output 'contact_stress.svg'\nset logscale xy\nset cbrange [0:2]\nset grid\n"
       "set palette defined (0 'navy', 1 'white', 1.05 'orange', 2 'red')\n"
@@ -231,7 +231,6 @@ void map_bounces(const BenchOptions& options) {
       "0.05 kg, b = 0'\n"
       "plot f every ::1 using ($1 == 0.05 && $2 == 0 ? $3 : NaN):4:(column(int(c))) with points "
       "pt 5 ps 2 palette notitle }\nunset multiplot\n");
-  bench::run_gnuplot(folder, "contact_stress.gp");
 }
 
 }  // namespace
@@ -240,14 +239,8 @@ int main(int argc, char** argv) {
   CLI::App app("Contact under stress: the law for every geometry, and a map of the sampled loop.",
                "contact_stress");
   BenchOptions options;
-  options.add_to(app);
-  CLI11_PARSE(app, argc, argv);
-  try {
+  return bench::run_bench(app, options, argc, argv, [&] {
     stress_law(options);
     map_bounces(options);
-    return 0;
-  } catch (const SetupError& error) {
-    std::fprintf(stderr, "%s\n", error.what());
-    return 2;
-  }
+  });
 }

@@ -111,8 +111,8 @@ void run(const BenchOptions& options) {
         fmt::format("{}'deadband.txt' index {} using 1:2 with linespoints lw 2 pt 7 title '{}, {}'",
                     i > 0 ? ", " : "", i, kTissues[i / 2].label, i % 2 == 0 ? "held" : "local");
   }
-  write_file(folder / "deadband.gp",
-             R"(set terminal svg size 700,420 dynamic background rgb 'white' font 'sans,13'
+  draw_figure(folder, "deadband",
+              R"(set terminal svg size 700,420 dynamic background rgb 'white' font 'sans,13'
 set output 'deadband.svg'
 set title 'Deadband on hops 2 and 3, k = 2, 5, 10, 20 %'
 set grid
@@ -121,9 +121,6 @@ set ylabel 'rms force error, % of the ideal'
 set yrange [0:*]
 set key outside right
 )" + plot);
-  if (run_gnuplot(folder, "deadband.gp")) {
-    std::printf("drawn: %s\n", (folder / "deadband.svg").c_str());
-  }
 }
 
 }  // namespace
@@ -132,13 +129,5 @@ set key outside right
 int main(int argc, char** argv) {
   CLI::App app("Deadbands on hops 2 and 3: messages saved against error.");
   palpate::bench::BenchOptions options;
-  options.add_to(app);
-  CLI11_PARSE(app, argc, argv);
-  try {
-    palpate::bench::run(options);
-    return 0;
-  } catch (const palpate::SetupError& error) {
-    std::fprintf(stderr, "%s\n", error.what());
-    return 2;
-  }
+  return palpate::bench::run_bench(app, options, argc, argv, [&] { palpate::bench::run(options); });
 }

@@ -494,16 +494,9 @@ void run(const GuaranteeOptions& options) {
 int main(int argc, char** argv) {
   CLI::App app("Energy given to the hand, for every controller mode and adversity, in lockstep.");
   palpate::bench::GuaranteeOptions options;
-  options.bench.add_to(app);
   app.add_option("--only", options.only, "one of the two tables")
       ->check(CLI::IsMember({"adversity", "history"}));
   app.add_option("--set", options.overrides, "path=value: overrides a field of every session");
-  CLI11_PARSE(app, argc, argv);
-  try {
-    palpate::bench::run(options);
-    return 0;
-  } catch (const palpate::SetupError& error) {
-    std::fprintf(stderr, "%s\n", error.what());
-    return 2;
-  }
+  return palpate::bench::run_bench(app, options.bench, argc, argv,
+                                   [&] { palpate::bench::run(options); });
 }

@@ -105,8 +105,7 @@ set key top right
     }
     script += "\n";
   }
-  write_file(folder / "loop.gp", script + "unset multiplot\n");
-  if (run_gnuplot(folder, "loop.gp")) std::printf("drawn: %s\n", (folder / "loop.svg").c_str());
+  draw_figure(folder, "loop", script + "unset multiplot\n");
 }
 
 void run(const BenchOptions& options) {
@@ -166,13 +165,5 @@ void run(const BenchOptions& options) {
 int main(int argc, char** argv) {
   CLI::App app("Run time against error of the loop, in lockstep.");
   palpate::bench::BenchOptions options;
-  options.add_to(app);
-  CLI11_PARSE(app, argc, argv);
-  try {
-    palpate::bench::run(options);
-    return 0;
-  } catch (const palpate::SetupError& error) {
-    std::fprintf(stderr, "%s\n", error.what());
-    return 2;
-  }
+  return palpate::bench::run_bench(app, options, argc, argv, [&] { palpate::bench::run(options); });
 }

@@ -163,13 +163,9 @@ struct Figure {
   const Controller& controller;
 };
 
-void plot(const std::filesystem::path& folder, const std::string& name) {
-  if (run_gnuplot(folder, name + ".gp")) std::printf("drawn: %s.svg\n", (folder / name).c_str());
-}
-
 /// Figures 8 and 9 on one axis: what the controller is for.
 void draw_comparison(const std::filesystem::path& folder) {
-  write_file(folder / "rigid_compared.gp", R"(set datafile separator ','
+  draw_figure(folder, "rigid_compared", R"(set datafile separator ','
 set terminal svg size 900,520 dynamic background rgb 'white' font 'sans,13'
 set output 'rigid_compared.svg'
 without = 'figure_08_rigid_without.csv'
@@ -189,10 +185,9 @@ plot without using 't_s':'fs_z' with steps lw 2 lc rgb '#c0392b' title 'without 
      with using 't_s':'fs_z' with steps lw 2 lc rgb '#1f618d' title 'with MOFC'
 unset multiplot
 )");
-  plot(folder, "rigid_compared");
 }
 
-void draw(const BenchOptions& options) {
+void draw_figures(const BenchOptions& options) {
   const Figure figures[] = {
       {"figure_06_soft_without", "Soft tissue, without MOFC", kTissues[0], kNone},
       {"figure_07_soft_with", "Soft tissue, with MOFC", kTissues[0], kPaper},
@@ -207,7 +202,8 @@ void draw(const BenchOptions& options) {
     static_cast<void>(run_loopback(
         session, {.seconds = 14.0 + kVSeconds, .csv_file = (folder / (name + ".csv")).string()}));
     // only the V: the free motion before it shows nothing
-    write_file(folder / (name + ".gp"), fmt::format(R"(set datafile separator ','
+    draw_figure(folder, name,
+                fmt::format(R"(set datafile separator ','
 set terminal svg size 900,640 dynamic background rgb 'white' font 'sans,13'
 set output '{0}.svg'
 set multiplot layout 2,1 title '{1}'
@@ -230,8 +226,7 @@ plot '{0}.csv' using 't_s':'fe_x' with steps lw 1 dt 2 lc 1 title 'x asked', \
      '' using 't_s':'fs_z' with steps lw 2 lc 3 title 'z acting'
 unset multiplot
 )",
-                                                    name, figure.title));
-    plot(folder, name);
+                            name, figure.title));
   }
   draw_comparison(folder);
 }
@@ -251,7 +246,7 @@ void run(const BenchOptions& options) {
       "MOFC."
       "\nHostile rows: the worst of %d seeds, 10 s each.\n",
       seeds);
-  if (!options.plot_folder.empty()) draw(options);
+  if (!options.plot_folder.empty()) draw_figures(options);
 }
 
 }  // namespace
@@ -260,13 +255,5 @@ void run(const BenchOptions& options) {
 int main(int argc, char** argv) {
   CLI::App app("The paper's experiments, in lockstep, beside the paper's figures.");
   palpate::bench::BenchOptions options;
-  options.add_to(app);
-  CLI11_PARSE(app, argc, argv);
-  try {
-    palpate::bench::run(options);
-    return 0;
-  } catch (const palpate::SetupError& error) {
-    std::fprintf(stderr, "%s\n", error.what());
-    return 2;
-  }
+  return palpate::bench::run_bench(app, options, argc, argv, [&] { palpate::bench::run(options); });
 }

@@ -128,10 +128,7 @@ unset key
         "NaN):'stiffness_n_per_m':'verdict_number' with points pt 5 ps 2.2 palette\n",
         way.interaction, way.controller);
   }
-  write_file(folder / "stability.gp", script + "unset multiplot\n");
-  if (run_gnuplot(folder, "stability.gp")) {
-    std::printf("drawn: %s\n", (folder / "stability.svg").c_str());
-  }
+  draw_figure(folder, "stability", script + "unset multiplot\n");
 }
 
 void run(const BenchOptions& options) {
@@ -214,13 +211,5 @@ void run(const BenchOptions& options) {
 int main(int argc, char** argv) {
   CLI::App app("Where a wall can be pressed and held, in lockstep.");
   palpate::bench::BenchOptions options;
-  options.add_to(app);
-  CLI11_PARSE(app, argc, argv);
-  try {
-    palpate::bench::run(options);
-    return 0;
-  } catch (const palpate::SetupError& error) {
-    std::fprintf(stderr, "%s\n", error.what());
-    return 2;
-  }
+  return palpate::bench::run_bench(app, options, argc, argv, [&] { palpate::bench::run(options); });
 }

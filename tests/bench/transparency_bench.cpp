@@ -126,7 +126,7 @@ void add_row(Table& table, const TissueScene& scene, const Link& link, const Way
 
 void draw_against_delay(const std::filesystem::path& folder) {
   // curves of the 50 Hz, 20 % loss rows in mode guard
-  write_file(folder / "transparency_delay.gp", R"(set datafile separator ','
+  draw_figure(folder, "transparency_delay", R"(set datafile separator ','
 set datafile missing NaN
 set terminal svg size 960,520 dynamic background rgb 'white' font 'sans,13'
 set output 'transparency_delay.svg'
@@ -140,9 +140,6 @@ tissues = "'paper soft' 'paper rigid' '500 N/m' '2000 N/m' 'stiffening' 'sphere 
 plot for [i=1:7] 'transparency_delay.csv' using (strcol('tissue') eq word(tissues, i) && strcol('interaction') eq 'local' ? column('delay_ms') : NaN):'capped_transparency' with linespoints lw 2 pt 7 lc i title word(tissues, i).', local', \
      for [i=1:7] 'transparency_delay.csv' using (strcol('tissue') eq word(tissues, i) && strcol('interaction') eq 'held' ? column('delay_ms') : NaN):'capped_transparency' with linespoints lw 1 dt 2 pt 6 lc i title word(tissues, i).', held'
 )");
-  if (run_gnuplot(folder, "transparency_delay.gp")) {
-    std::printf("drawn: %s\n", (folder / "transparency_delay.svg").c_str());
-  }
 }
 
 /// Force against time, for a spring and for the paper's damper, at 50 Hz, 50 ms, 20 % loss.
@@ -159,7 +156,8 @@ void draw_traces(const std::filesystem::path& folder) {
           {.seconds = scene.seconds,
            .csv_file = (folder / fmt::format("{}_{}.csv", name, way.interaction)).string()}));
     }
-    write_file(folder / (name + ".gp"), fmt::format(R"(set datafile separator ','
+    draw_figure(folder, name,
+                fmt::format(R"(set datafile separator ','
 set terminal svg size 900,420 dynamic background rgb 'white' font 'sans,13'
 set output '{0}.svg'
 set title '{1}: physics 50 Hz, 50 ms away, 20 % loss, mode guard'
@@ -172,10 +170,7 @@ plot '{0}_local.csv' using 't_s':'fi_z' with lines lw 4 lc rgb '#c8d6e5' title '
      '{0}_held.csv' using 't_s':'fs_z' with steps lw 1 lc rgb '#c0392b' title 'held', \
      '{0}_local.csv' using 't_s':'fs_z' with steps lw 1 lc rgb '#1f618d' title 'local model'
 )",
-                                                    name, tissue));
-    if (run_gnuplot(folder, name + ".gp")) {
-      std::printf("drawn: %s.svg\n", (folder / name).c_str());
-    }
+                            name, tissue));
   }
 }
 
@@ -230,13 +225,5 @@ void run(const BenchOptions& options) {
 int main(int argc, char** argv) {
   CLI::App app("Held force and local contact model against rate, delay and loss, in lockstep.");
   palpate::bench::BenchOptions options;
-  options.add_to(app);
-  CLI11_PARSE(app, argc, argv);
-  try {
-    palpate::bench::run(options);
-    return 0;
-  } catch (const palpate::SetupError& error) {
-    std::fprintf(stderr, "%s\n", error.what());
-    return 2;
-  }
+  return palpate::bench::run_bench(app, options, argc, argv, [&] { palpate::bench::run(options); });
 }

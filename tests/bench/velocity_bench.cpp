@@ -227,7 +227,7 @@ struct Point {
 };
 
 /// One line per family.
-void draw(const std::filesystem::path& folder, const std::vector<Point>& points) {
+void draw_error_lag(const std::filesystem::path& folder, const std::vector<Point>& points) {
   std::filesystem::create_directories(folder);
   std::string data;
   std::vector<std::string> families;
@@ -252,8 +252,8 @@ void draw(const std::filesystem::path& folder, const std::vector<Point>& points)
     return plot + "\n";
   };
   write_file(folder / "velocity_error_lag.txt", data);
-  write_file(folder / "velocity_error_lag.gp",
-             R"(set terminal svg size 1100,460 dynamic background rgb 'white' font 'sans,13'
+  draw_figure(folder, "velocity_error_lag",
+              R"(set terminal svg size 1100,460 dynamic background rgb 'white' font 'sans,13'
 set output 'velocity_error_lag.svg'
 set datafile missing 'nan'
 set multiplot layout 1,2 title 'Velocity estimators behind a 0.055 mm encoder at 1 kHz'
@@ -263,16 +263,13 @@ set xlabel 'lag, ms (sine 2 Hz)'
 set ylabel 'noise, mm/s (press 20 mm/s)'
 set key top right font ',10'
 )" + plotted("1:2") +
-                 R"(set nologscale y
+                  R"(set nologscale y
 set yrange [0:*]
 set xlabel 'rms error, mm/s (mean of all motions)'
 set ylabel 'rigid V in the loop: force error, % of the ideal'
 set key bottom right font ',10'
 )" + plotted("3:4") +
-                 "unset multiplot\n");
-  if (run_gnuplot(folder, "velocity_error_lag.gp")) {
-    std::printf("drawn: %s\n", (folder / "velocity_error_lag.svg").c_str());
-  }
+                  "unset multiplot\n");
 }
 
 void run(const BenchOptions& options) {
@@ -335,7 +332,7 @@ void run(const BenchOptions& options) {
       "\nIn the loop: the paper's V, device and physics 1 kHz, mode guard; figures against the "
       "ideal"
       " force and run.\n");
-  if (!options.plot_folder.empty()) draw(options.plot_folder, points);
+  if (!options.plot_folder.empty()) draw_error_lag(options.plot_folder, points);
 }
 
 }  // namespace
@@ -344,13 +341,5 @@ void run(const BenchOptions& options) {
 int main(int argc, char** argv) {
   CLI::App app("Velocity estimators: error against lag, and in the loop.");
   palpate::bench::BenchOptions options;
-  options.add_to(app);
-  CLI11_PARSE(app, argc, argv);
-  try {
-    palpate::bench::run(options);
-    return 0;
-  } catch (const palpate::SetupError& error) {
-    std::fprintf(stderr, "%s\n", error.what());
-    return 2;
-  }
+  return palpate::bench::run_bench(app, options, argc, argv, [&] { palpate::bench::run(options); });
 }

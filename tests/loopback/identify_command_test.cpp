@@ -14,6 +14,7 @@
 
 #include "common/runtime/session_file.h"
 #include "deploy/palpate/lockstep.h"
+#include "tests/support/temp_folder.h"
 
 namespace palpate {
 namespace {
@@ -29,8 +30,6 @@ struct Outcome {
 class IdentifyCommand : public ::testing::Test {
  protected:
   IdentifyCommand() {
-    std::string pattern = (std::filesystem::temp_directory_path() / "palpate-XXXXXX").string();
-    folder_ = ::mkdtemp(pattern.data());
     std::ofstream(session()) << R"(
       name: "identified"
       device {
@@ -42,7 +41,6 @@ class IdentifyCommand : public ::testing::Test {
       hand { hold { position_m { z: -0.01 } } }
       scene { tissue { half_space {} kelvin_voigt { stiffness_newton_per_m: 200 } } })";
   }
-  ~IdentifyCommand() override { std::filesystem::remove_all(folder_); }
 
   [[nodiscard]] Outcome identify(const std::string& arguments) const {
     const std::string command =
@@ -58,10 +56,10 @@ class IdentifyCommand : public ::testing::Test {
     return outcome;
   }
 
-  [[nodiscard]] std::string session() const { return (folder_ / "session.txtpb").string(); }
-  [[nodiscard]] std::string profile() const { return (folder_ / "omni.txtpb").string(); }
+  [[nodiscard]] std::string session() const { return (folder_.path() / "session.txtpb").string(); }
+  [[nodiscard]] std::string profile() const { return (folder_.path() / "omni.txtpb").string(); }
 
-  std::filesystem::path folder_;
+  test::TempFolder folder_;
 };
 
 TEST_F(IdentifyCommand, ProfileItWritesIsWhatTheClampCountsOn) {

@@ -23,6 +23,7 @@
 #include "common/core/memory_link.h"
 #include "common/link/zmq_links.h"
 #include "tests/support/random_messages.h"
+#include "tests/support/temp_folder.h"
 
 namespace palpate {
 namespace {
@@ -36,25 +37,12 @@ constexpr Duration kPatience = 5s;  // for what must happen; a failing test wait
 
 enum class Transport { kInproc, kIpc, kTcp };
 
-/// A folder of its own for each test, gone at its end.
-class Folder {
- public:
-  Folder() {
-    char name[] = "/tmp/palpate_links_XXXXXX";
-    path_ = mkdtemp(name);
-  }
-  ~Folder() { std::filesystem::remove_all(path_); }
-  [[nodiscard]] std::string path() const { return path_; }
-  [[nodiscard]] std::string ipc(const std::string& name) const {
-    return "ipc://" + path_ + "/" + name;
-  }
-
- private:
-  std::string path_;
-};
-
 class LinksTest : public testing::Test {
  protected:
+  [[nodiscard]] std::string ipc(const std::string& name) const {
+    return "ipc://" + (folder_.path() / name).string();
+  }
+
   /// An endpoint that nobody uses, to bind to; tcp gets a free port.
   std::string fresh_endpoint(Transport transport) {
     const std::string name = "e" + std::to_string(endpoints_++);
@@ -62,7 +50,7 @@ class LinksTest : public testing::Test {
       case Transport::kInproc:
         return "inproc://" + name;
       case Transport::kIpc:
-        return folder_.ipc(name);
+        return ipc(name);
       case Transport::kTcp:
         break;
     }
@@ -108,7 +96,7 @@ class LinksTest : public testing::Test {
     return message;
   }
 
-  Folder folder_;
+  test::TempFolder folder_;
   SteadyClock clock_;
   ManualClock manual_clock_;
   Random random_{1};
@@ -951,7 +939,7 @@ std::string setup_error(const std::function<void()>& action) {
 }
 
 TEST_F(LinksTest, AnIpcPathHasOneOwnerUntilItsProcessEnds) {
-  const std::string endpoint = folder_.ipc("exchange");
+  const std::string endpoint = ipc("exchange");
   int ready[2];
   ASSERT_EQ(pipe(ready), 0);
   const pid_t child = fork();
@@ -976,7 +964,7 @@ TEST_F(LinksTest, AnIpcPathHasOneOwnerUntilItsProcessEnds) {
   kill(child, SIGKILL);
   int status = 0;
   ASSERT_EQ(waitpid(child, &status, 0), child);
-  EXPECT_TRUE(std::filesystem::exists(folder_.path() + "/exchange.lock"));
+  EXPECT_TRUE(std::filesystem::exists(folder_.path().string() + "/exchange.lock"));
   EXPECT_EQ(setup_error([&] {
               ExchangeServer next(context_, clock_, bind_to(endpoint, "links.exchange"));
             }),
@@ -986,12 +974,12 @@ TEST_F(LinksTest, AnIpcPathHasOneOwnerUntilItsProcessEnds) {
 }
 
 TEST_F(LinksTest, AStaleSocketFileIsTakenOver) {
-  const std::string endpoint = folder_.ipc("exchange");
+  const std::string endpoint = ipc("exchange");
   {
     zmq::socket_t dead(context_.get(), zmq::socket_type::router);
     dead.bind(endpoint);  // libzmq leaves its file
   }
-  ASSERT_TRUE(std::filesystem::is_socket(folder_.path() + "/exchange"));
+  ASSERT_TRUE(std::filesystem::is_socket(folder_.path().string() + "/exchange"));
 
   ExchangeServer mofc(context_, clock_, bind_to(endpoint, "links.exchange"));
   ExchangeClient device(context_, clock_, connect_to(endpoint, "links.exchange"));
@@ -999,7 +987,7 @@ TEST_F(LinksTest, AStaleSocketFileIsTakenOver) {
 }
 
 TEST_F(LinksTest, IpcLeavesNoFilesAndMakesItsFolderForThisUserAlone) {
-  const std::string run = folder_.path() + "/run/session";
+  const std::string run = folder_.path().string() + "/run/session";
   {
     ExchangeServer mofc(context_, clock_, bind_to("ipc://" + run + "/exchange", "links.exchange"));
     EXPECT_TRUE(std::filesystem::is_socket(run + "/exchange"));
@@ -1013,7 +1001,7 @@ TEST_F(LinksTest, IpcLeavesNoFilesAndMakesItsFolderForThisUserAlone) {
 TEST_F(LinksTest, AFolderOfAnotherUserIsRefused) {
   std::string folder = "/";  // root's
   if (geteuid() == 0) {
-    folder = folder_.path() + "/theirs";
+    folder = folder_.path().string() + "/theirs";
     std::filesystem::create_directory(folder);
     if (chown(folder.c_str(), 12345, 12345) != 0) GTEST_SKIP() << "may not chown";
   }
@@ -1024,13 +1012,12 @@ TEST_F(LinksTest, AFolderOfAnotherUserIsRefused) {
 }
 
 TEST_F(LinksTest, AFileThatIsNoSocketIsNotRemoved) {
-  std::ofstream(folder_.path() + "/notes") << "precious";
-  EXPECT_THAT(setup_error([&] {
-                ExchangeServer mofc(context_, clock_, bind_to(folder_.ipc("notes"), "links.x"));
-              }),
-              HasSubstr("no socket lies there"));
-  EXPECT_EQ(std::filesystem::file_size(folder_.path() + "/notes"), 8u);
-  EXPECT_FALSE(std::filesystem::exists(folder_.path() + "/notes.lock"));
+  std::ofstream(folder_.path().string() + "/notes") << "precious";
+  EXPECT_THAT(
+      setup_error([&] { ExchangeServer mofc(context_, clock_, bind_to(ipc("notes"), "links.x")); }),
+      HasSubstr("no socket lies there"));
+  EXPECT_EQ(std::filesystem::file_size(folder_.path().string() + "/notes"), 8u);
+  EXPECT_FALSE(std::filesystem::exists(folder_.path().string() + "/notes.lock"));
 }
 
 TEST_P(EveryTransport, AnEndpointInUseIsRefusedWithARemedy) {

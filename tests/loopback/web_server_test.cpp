@@ -319,9 +319,9 @@ TEST_F(WebServerTest, EndsWithClientsConnectedAndDataOnItsWay) {
 
   server_.reset();
 
-  while (client->next()) {
-  }
-  SUCCEED();
+  int received = 0;
+  while (client->next()) ++received;
+  EXPECT_LT(received, 50);  // the rest was still on its way
 }
 
 }  // namespace

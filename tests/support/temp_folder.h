@@ -26,9 +26,11 @@ class TempFolder {
 
   [[nodiscard]] const std::filesystem::path& path() const { return path_; }
 
+  /// Makes the folders of `name` too.
   /// @return path of the new file
   std::string write(const std::string& name, const std::string& text) const {
-    std::ofstream(path_ / name) << text;
+    std::filesystem::create_directories((path_ / name).parent_path());
+    std::ofstream(path_ / name, std::ios::binary) << text;
     return (path_ / name).string();
   }
 

@@ -5,6 +5,7 @@
 
 #include <string>
 
+#include "tests/support/temp_folder.h"
 #include "tests/unit/build/run_cmake.h"
 
 namespace palpate {
@@ -12,13 +13,13 @@ namespace {
 
 using test::CmakeResult;
 using test::run_cmake;
-using test::TemporaryTree;
+using test::TempFolder;
 using testing::AllOf;
 using testing::HasSubstr;
 
 /// check_includes.cmake with the project's own rules on another tree.
 CmakeResult check_includes(const std::string& root) {
-  const TemporaryTree script;
+  const TempFolder script;
   script.write("check.cmake", "include(" PALPATE_SOURCE_DIR
                               "/cmake/boundaries.cmake)\n"
                               "set(RULES ${PALPATE_BOUNDARIES})\n"
@@ -26,14 +27,14 @@ CmakeResult check_includes(const std::string& root) {
                                   root +
                                   ")\n"
                                   "include(" PALPATE_SOURCE_DIR "/cmake/check_includes.cmake)\n");
-  return run_cmake("-P '" + (script.root() / "check.cmake").string() + "'");
+  return run_cmake("-P '" + (script.path() / "check.cmake").string() + "'");
 }
 
 /// A tree with one source.
 CmakeResult check_source(const std::string& file, const std::string& text) {
-  const TemporaryTree tree;
+  const TempFolder tree;
   tree.write(file, text);
-  return check_includes(tree.root().string());
+  return check_includes(tree.path().string());
 }
 
 TEST(IncludeBoundaries, HoldOnThisTree) {
@@ -138,7 +139,7 @@ TEST(IncludeBoundaries, LetTheProgramsConnectNodesToTheWorld) {
 
 /// Configures a project that includes cmake/boundaries.cmake and then does `text`.
 CmakeResult configure(const std::string& text) {
-  const TemporaryTree tree;
+  const TempFolder tree;
   tree.write("CMakeLists.txt",
              "cmake_minimum_required(VERSION 3.25)\n"
              "project(x LANGUAGES NONE)\n"
@@ -150,8 +151,8 @@ CmakeResult configure(const std::string& text) {
              "add_library(alias::middle ALIAS middle)\n"
              "add_library(alias::sockets ALIAS sockets)\n" +
                  text);
-  return run_cmake("-G '" PALPATE_GENERATOR "' -S '" + tree.root().string() + "' -B '" +
-                   (tree.root() / "build").string() + "'");
+  return run_cmake("-G '" PALPATE_GENERATOR "' -S '" + tree.path().string() + "' -B '" +
+                   (tree.path() / "build").string() + "'");
 }
 
 TEST(LinkBoundaries, LetOtherLinksPass) {

@@ -1,42 +1,13 @@
-// run_cmake.h — small trees in a temporary folder, and cmake run on them.
+// run_cmake.h — cmake run on small trees.
 #pragma once
 
-#include <gtest/gtest.h>
 #include <sys/wait.h>
 
 #include <cstdio>
 #include <cstdlib>
-#include <filesystem>
-#include <fstream>
-#include <stdexcept>
 #include <string>
 
 namespace palpate::test {
-
-/// A new folder that goes when this does.
-class TemporaryTree {
- public:
-  TemporaryTree() {
-    std::string path = (std::filesystem::temp_directory_path() / "palpate_build_XXXXXX").string();
-    if (::mkdtemp(path.data()) == nullptr) throw std::runtime_error("no temporary folder");
-    root_ = path;
-  }
-  ~TemporaryTree() {
-    std::error_code ignored;  // a folder left over in /tmp fails no test
-    std::filesystem::remove_all(root_, ignored);
-  }
-  TemporaryTree(const TemporaryTree&) = delete;
-  TemporaryTree& operator=(const TemporaryTree&) = delete;
-
-  [[nodiscard]] const std::filesystem::path& root() const { return root_; }
-  void write(const std::string& file, const std::string& text) const {
-    std::filesystem::create_directories((root_ / file).parent_path());
-    std::ofstream(root_ / file) << text;
-  }
-
- private:
-  std::filesystem::path root_;
-};
 
 struct CmakeResult {
   int status = -1;

@@ -110,20 +110,6 @@ TEST(ModelHandoverProperty, TheHandOverOfAMovingToolIsWithinTheBoundToo) {
   EXPECT_GT(largest, 0.0999);
 }
 
-TEST(ModelHandover, ExchangesModelsThatAgreeAtOnce) {
-  ModelHandover handover(10.0);
-  Random random(4);
-  Interaction interaction = random_interaction(random, 0);
-  interaction.listed_count = interaction.contact_count = 0;
-  EXPECT_FALSE(handover.step(interaction, {0, 0, 0}, {0, 0, 0}, kTick, time_at(1)).is_touching);
-
-  interaction.header.sequence = 1;
-  interaction.device_sampled_at = time_at(0.9);
-  EXPECT_FALSE(handover.step(interaction, {0, 0, 0}, {0, 0, 0}, kTick, time_at(2)).is_touching);
-
-  EXPECT_EQ(handover.answered_at(), time_at(0.9));
-}
-
 // A floor that rises with 10 mm/s, seen by physics half-way round a loop of 100 ms: 50 ms old when
 // its model arrives, 70 ms old 20 ms later. 500 N/m · (1 mm + 10 mm/s · 70 ms) = 0.85 N.
 TEST(ModelHandover, TheSurfaceGoesOnMovingWhileTheModelAges) {

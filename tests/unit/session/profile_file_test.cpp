@@ -1,5 +1,6 @@
 // The profile of a device: a file named by the session.
 #include "common/runtime/profile_file.h"
+#include "tests/support/temp_folder.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -25,13 +26,7 @@ constexpr const char* kProfile =
 /// A folder for omni.txtpb, gone after the test.
 class ProfileFile : public ::testing::Test {
  protected:
-  ProfileFile() {
-    std::string pattern = (std::filesystem::temp_directory_path() / "palpate-XXXXXX").string();
-    folder_ = ::mkdtemp(pattern.data());
-  }
-  ~ProfileFile() override { std::filesystem::remove_all(folder_); }
-
-  void write(const std::string& text) const { std::ofstream(folder_ / "omni.txtpb") << text; }
+  void write(const std::string& text) const { temporary_.write("omni.txtpb", text); }
 
   [[nodiscard]] DeviceProfile load(const std::vector<std::string>& overrides = {}) const {
     return parse_session(kSession, "x.txtpb", overrides, folder_).device.profile;
@@ -48,7 +43,8 @@ class ProfileFile : public ::testing::Test {
     return lines;
   }
 
-  std::filesystem::path folder_;
+  const test::TempFolder temporary_;
+  const std::filesystem::path& folder_ = temporary_.path();
 };
 
 TEST_F(ProfileFile, IsWhatTheControllerMayCountOn) {
@@ -72,9 +68,9 @@ TEST_F(ProfileFile, FieldsOfTheSessionItselfWin) {
 
 TEST_F(ProfileFile, OverrideNamesAnotherOrNone) {
   write(kProfile);
-  std::ofstream(folder_ / "other.txtpb")
-      << "device { profile { viscous_newton_s_per_m: 0 coulomb_newton: 0.3 "
-         "position_resolution_m: 0 } }";
+  temporary_.write("other.txtpb",
+                   "device { profile { viscous_newton_s_per_m: 0 coulomb_newton: 0.3 "
+                   "position_resolution_m: 0 } }");
 
   EXPECT_EQ(load({"device.profile_file=other.txtpb"}).coulomb_newton, 0.3);
   EXPECT_EQ(load({"device.profile_file="}).coulomb_newton, 0.1);  // the default

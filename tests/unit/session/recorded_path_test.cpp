@@ -1,5 +1,6 @@
 // The recorded path of a hand: a CSV file named by the session.
 #include "common/runtime/recorded_path.h"
+#include "tests/support/temp_folder.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -23,15 +24,7 @@ constexpr const char* kSession = "name: \"x\"\nhand { recorded { file: \"path.cs
 /// A folder with path.csv in it, gone after the test.
 class RecordedPathFile : public ::testing::Test {
  protected:
-  RecordedPathFile() {
-    std::string pattern = (std::filesystem::temp_directory_path() / "palpate-XXXXXX").string();
-    folder_ = ::mkdtemp(pattern.data());
-  }
-  ~RecordedPathFile() override { std::filesystem::remove_all(folder_); }
-
-  void write(const std::string& csv) const {
-    std::ofstream(folder_ / "path.csv", std::ios::binary) << csv;
-  }
+  void write(const std::string& csv) const { temporary_.write("path.csv", csv); }
   [[nodiscard]] std::vector<std::string> problems(const std::string& csv) const {
     write(csv);
     std::vector<std::string> lines = complaints(kSession, {}, folder_);
@@ -43,12 +36,13 @@ class RecordedPathFile : public ::testing::Test {
     return lines;
   }
 
-  std::filesystem::path folder_;
+  const test::TempFolder temporary_;
+  const std::filesystem::path& folder_ = temporary_.path();
 };
 
 TEST_F(RecordedPathFile, SamplesAreRead) {
   write("t, x, y, z\r\n0,1,2,3\r\n\n 0.5 , -1e-3 ,0,0\r\n");
-  std::ofstream(folder_ / "s.txtpb") << kSession;
+  temporary_.write("s.txtpb", kSession);
 
   const Session session = load_session(folder_ / "s.txtpb");
 

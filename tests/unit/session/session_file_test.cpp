@@ -1,5 +1,6 @@
 // The session file: defaults, places of problems, files that cannot be read, the shipped sessions.
 #include "common/runtime/session_file.h"
+#include "tests/support/temp_folder.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -60,18 +61,12 @@ std::string complaint_of_file(const std::filesystem::path& file) {
 /// A folder that is gone after the test.
 class SessionFolder : public ::testing::Test {
  protected:
-  SessionFolder() {
-    std::string pattern = (std::filesystem::temp_directory_path() / "palpate-XXXXXX").string();
-    folder_ = ::mkdtemp(pattern.data());
-  }
-  ~SessionFolder() override { std::filesystem::remove_all(folder_); }
-
   std::filesystem::path write(const char* name, const std::string& text) const {
-    std::ofstream(folder_ / name, std::ios::binary) << text;
-    return folder_ / name;
+    return temporary_.write(name, text);
   }
 
-  std::filesystem::path folder_;
+  const test::TempFolder temporary_;
+  const std::filesystem::path& folder_ = temporary_.path();
 };
 
 // --- defaults ---------------------------------------------------------------------------------
