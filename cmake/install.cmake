@@ -9,20 +9,22 @@ install(DIRECTORY deploy/sessions proto DESTINATION ${CMAKE_INSTALL_DATADIR}/pal
 install(FILES README.md CHANGELOG.md DESTINATION ${CMAKE_INSTALL_DOCDIR})
 install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} RENAME copyright)
 
-# the controllers by themselves
+# The controllers by themselves: cmake --install BUILD --component controllers --prefix FOLDER
 install(TARGETS palpate_controllers EXPORT palpateTargets
-        FILE_SET HEADERS DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/palpate)
+        ARCHIVE COMPONENT controllers
+        FILE_SET HEADERS DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/palpate COMPONENT controllers)
 set(package_folder ${CMAKE_INSTALL_LIBDIR}/cmake/palpate)
-install(EXPORT palpateTargets NAMESPACE palpate:: DESTINATION ${package_folder})
+install(EXPORT palpateTargets NAMESPACE palpate:: DESTINATION ${package_folder}
+        COMPONENT controllers)
 write_basic_package_version_file(${CMAKE_BINARY_DIR}/palpateConfigVersion.cmake
                                  COMPATIBILITY SameMinorVersion)
 install(FILES cmake/palpateConfig.cmake ${CMAKE_BINARY_DIR}/palpateConfigVersion.cmake
-        DESTINATION ${package_folder})
+        DESTINATION ${package_folder} COMPONENT controllers)
 
 # The service: its files name /usr/bin and /etc/palpate.
 option(PALPATE_SERVICE "Install the systemd units and /etc/palpate; for a package with prefix /usr" OFF)
 if(PALPATE_SERVICE)
-  install(DIRECTORY deploy/systemd/ DESTINATION lib/systemd/system)
+  install(DIRECTORY deploy/systemd/ DESTINATION lib/systemd/system FILES_MATCHING PATTERN "palpate*")
   install(FILES deploy/sessions/default.txtpb DESTINATION /etc/palpate)
 endif()
 
