@@ -20,9 +20,9 @@ constexpr std::size_t kHandGoals = 64;  // far more than arrive in one turn of t
 /// Hop 6: what a pointer says, on the telemetry thread; the tick sees only goals.
 class PointerInput {
  public:
-  PointerInput(const Session& session, ProcessLinks& links, NodeContext& context, HandGoals& goals)
+  PointerInput(const Session& session, ZmqContext& side, NodeContext& context, HandGoals& goals)
       : log_(context.log),
-        targets_(links.side, context.clock, bind_to(session.links.hand_target, "links.hand_target"),
+        targets_(side, context.clock, bind_to(session.links.hand_target, "links.hand_target"),
                  Delivery::kEvery),
         refused_(context.log, "hand_target", targets_.rejections()),
         hold_(session.hand.pointer->holder_timeout),
@@ -54,6 +54,12 @@ class PointerInput {
 }  // namespace
 
 void run_process(NodeContext& context, ProcessLinks& links) {
+  ExchangeClient exchange(links.exchange, context.clock,
+                          connect_to(context.session.links.exchange, "links.exchange"));
+  run_process(context, links.side, {exchange, exchange, exchange.rejections()});
+}
+
+void run_process(NodeContext& context, ZmqContext& side, const Exchange& exchange) {
   const Session& session = context.session;
   HandGoals goals(kHandGoals);
   const auto device = open_device(session.device, session.hand, context.clock,
@@ -63,22 +69,19 @@ void run_process(NodeContext& context, ProcessLinks& links) {
                      device->specification().model_name);
   }
 
-  // hops 1 and 4
-  ExchangeClient exchange(links.exchange, context.clock,
-                          connect_to(session.links.exchange, "links.exchange"));
-  Inbox<ForceCommand> force_in(exchange, context.clock, session.faults.force_command,
+  Inbox<ForceCommand> force_in(exchange.commands, context.clock, session.faults.force_command,
                                stream_seed(session.seed, "force_command"));
 
   // hop 5
   ZmqSender<DeviceBatch> telemetry(
-      links.side, bind_to(session.links.device_telemetry, "links.device_telemetry"));
+      side, bind_to(session.links.device_telemetry, "links.device_telemetry"));
   RingSink<DeviceTick> ticks;
   Snapshot<DeviceCounters> counters;
   FlightRecorder<DeviceTick> recorder(flight_files(context, "device"));
-  RejectionLog refused(context.log, "force_command", exchange.rejections());
+  RejectionLog refused(context.log, "force_command", exchange.refused);
   std::optional<PointerInput> pointer;
   if (session.hand.pointer && device->specification().is_simulated) {
-    pointer.emplace(session, links, context, goals);
+    pointer.emplace(session, side, context, goals);
   }
   TelemetryPublisher publisher(context.session_id, context.clock, ticks, counters, telemetry,
                                context.log);
@@ -90,16 +93,18 @@ void run_process(NodeContext& context, ProcessLinks& links) {
   publisher.start();
 
   // the tick
-  DeviceNode node(session.device, *device, context.clock, exchange, force_in, ticks,
+  DeviceNode node(session.device, *device, context.clock, exchange.states, force_in, ticks,
                   context.session_id);
   context.log.info("event=realtime {}", enter_realtime(session.realtime).text);
-  RateLoop loop(context.clock, session.device.rate_hz);
+  SteadyClock appointments(session.realtime.wait);
+  RateLoop loop(appointments, session.device.rate_hz);
   std::uint32_t resets = 0;
   loop.run(context.stop, [&](const Tick& tick) {
     const std::uint32_t resets_asked = context.requests.fault_resets;
     if (resets_asked != resets) node.reset_fault();
     resets = resets_asked;
     node.step(tick);
+    if (exchange.after_switch) exchange.after_switch();
     counters.store(node.counters());
   });
   node.stop();

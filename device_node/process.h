@@ -1,12 +1,24 @@
 // process.h — device_node connected to the world: sockets, real-time loop, telemetry.
 #pragma once
 
+#include <functional>
+
 #include "common/runtime/process_links.h"
 #include "common/runtime/run_node.h"
 
 namespace palpate::device {
 
+/// The way to the clamp and back: hops 1 and 4.
+struct Exchange {
+  Sender<DeviceState>& states;
+  Source<ForceCommand>& commands;
+  const Rejections& refused;                ///< of `commands`
+  std::function<void()> after_switch = {};  ///< called in every tick, when its force acts
+};
+
 /// Runs until context.stop. Motors are limp before the sockets close. Throws SetupError.
 void run_process(NodeContext& context, ProcessLinks& links);
+/// The same with a clamp of this process. @param side  for everything but the exchange
+void run_process(NodeContext& context, ZmqContext& side, const Exchange& exchange);
 
 }  // namespace palpate::device

@@ -1,6 +1,5 @@
 #include "mofc_node/process.h"
 
-#include <algorithm>
 #include <chrono>
 
 #include "common/core/inbox.h"
@@ -16,57 +15,110 @@ namespace {
 // How soon a stop is noticed while no device speaks.
 constexpr auto kIdleWait = std::chrono::milliseconds(50);
 
+/// One below the device's tick: where both share a processor, the device acts on an answer before
+/// this node finishes its turn. Not for threads that spin: the lower one would never run.
+RealtimeConfig below_device(RealtimeConfig realtime) {
+  if (realtime.priority > 1 && realtime.wait != WaitStrategy::kSpin) --realtime.priority;
+  return realtime;
+}
+
 }  // namespace
 
-void run_process(NodeContext& context, ProcessLinks& links) {
-  const Session& session = context.session;
-  const FaultsConfig& faults = session.faults;
+class Clamp::Impl {
+ public:
+  Impl(NodeContext& context, ZmqContext& side, Source<DeviceState>& states,
+       Sender<ForceCommand>& commands, const Rejections& refused)
+      : session_(context.session),
+        commands_(commands),
+        state_in_(states, context.clock, session_.faults.device_state,
+                  stream_seed(session_.seed, "device_state")),
+        motion_out_(side, connect_to(session_.links.tool_motion, "links.tool_motion")),
+        interactions_(side, context.clock,
+                      connect_to(session_.links.interaction, "links.interaction"),
+                      session_.faults.interaction.any() ? Delivery::kEvery : Delivery::kNewest),
+        interaction_in_(interactions_, context.clock, session_.faults.interaction,
+                        stream_seed(session_.seed, "interaction")),
+        telemetry_(side, bind_to(session_.links.mofc_telemetry, "links.mofc_telemetry")),
+        recorder_(flight_files(context, "mofc")),
+        refused_states_(context.log, "device_state", refused),
+        refused_interactions_(context.log, "interaction", interactions_.rejections()),
+        node_(session_.mofc, session_.device, context.clock, motion_out_, interaction_in_, ticks_,
+              context.session_id),
+        publisher_(context.session_id, context.clock, ticks_, counters_, telemetry_, context.log) {
+    publisher_.record_to(recorder_);
+    publisher_.on_pump = [this](TimePoint now) {
+      refused_states_.note(now);
+      refused_interactions_.note(now);
+    };
+    publisher_.start();
+  }
+
+  void wait_until(TimePoint deadline) noexcept { state_in_.wait_until(deadline); }
+
+  [[nodiscard]] TimePoint next_due() const noexcept { return state_in_.next_due(); }
+
+  bool answer_next() noexcept {
+    const Received<DeviceState>* state = state_in_.next();
+    if (state == nullptr) return false;
+    commands_.send(node_.answer(*state));
+    return true;
+  }
+
+  void finish_turn() noexcept {
+    node_.finish_turn();
+    MofcCounters now = node_.counters();
+    now.device_state = state_in_.counters();
+    counters_.store(now);
+  }
+
+ private:
+  const Session& session_;
 
   // hops 1 and 4
-  ExchangeServer exchange(links.exchange, context.clock,
-                          bind_to(session.links.exchange, "links.exchange"));
-  Inbox<DeviceState> state_in(exchange, context.clock, faults.device_state,
-                              stream_seed(session.seed, "device_state"));
+  Sender<ForceCommand>& commands_;
+  Inbox<DeviceState> state_in_;
 
   // hops 2 and 3; a fault line must see every message, else the newest is enough
-  ZmqSender<ToolMotion> motion_out(links.side,
-                                   connect_to(session.links.tool_motion, "links.tool_motion"));
-  ZmqSource<Interaction> interactions(
-      links.side, context.clock, connect_to(session.links.interaction, "links.interaction"),
-      faults.interaction.any() ? Delivery::kEvery : Delivery::kNewest);
-  Inbox<Interaction> interaction_in(interactions, context.clock, faults.interaction,
-                                    stream_seed(session.seed, "interaction"));
+  ZmqSender<ToolMotion> motion_out_;
+  ZmqSource<Interaction> interactions_;
+  Inbox<Interaction> interaction_in_;
 
   // hop 5
-  ZmqSender<MofcBatch> telemetry(links.side,
-                                 bind_to(session.links.mofc_telemetry, "links.mofc_telemetry"));
-  RingSink<MofcTick> ticks;
-  Snapshot<MofcCounters> counters;
-  FlightRecorder<MofcTick> recorder(flight_files(context, "mofc"));
-  RejectionLog refused_states(context.log, "device_state", exchange.rejections());
-  RejectionLog refused_interactions(context.log, "interaction", interactions.rejections());
-  TelemetryPublisher publisher(context.session_id, context.clock, ticks, counters, telemetry,
-                               context.log);
-  publisher.record_to(recorder);
-  publisher.on_pump = [&](TimePoint now) {
-    refused_states.note(now);
-    refused_interactions.note(now);
-  };
-  publisher.start();
+  ZmqSender<MofcBatch> telemetry_;
+  RingSink<MofcTick> ticks_;
+  Snapshot<MofcCounters> counters_;
+  FlightRecorder<MofcTick> recorder_;
+  RejectionLog refused_states_;
+  RejectionLog refused_interactions_;
+
+  MofcNode node_;
+  TelemetryPublisher<MofcTick, MofcCounters> publisher_;  // last: its thread uses the others
+};
+
+Clamp::Clamp(NodeContext& context, ZmqContext& side, Source<DeviceState>& states,
+             Sender<ForceCommand>& commands, const Rejections& refused)
+    : impl_(std::make_unique<Impl>(context, side, states, commands, refused)) {}
+Clamp::~Clamp() = default;
+void Clamp::wait_until(TimePoint deadline) noexcept { impl_->wait_until(deadline); }
+TimePoint Clamp::next_due() const noexcept { return impl_->next_due(); }
+bool Clamp::answer_next() noexcept { return impl_->answer_next(); }
+void Clamp::finish_turn() noexcept { impl_->finish_turn(); }
+
+void run_process(NodeContext& context, ProcessLinks& links) {
+  ExchangeServer exchange(links.exchange, context.clock,
+                          bind_to(context.session.links.exchange, "links.exchange"));
+  Clamp clamp(context, links.side, exchange, exchange, exchange.rejections());
+  context.log.info("event=realtime {}",
+                   enter_realtime(below_device(context.session.realtime)).text);
 
   // every DeviceState is answered in order; what can wait comes after the answer
-  MofcNode node(session.mofc, session.device, context.clock, motion_out, interaction_in, ticks,
-                context.session_id);
-  context.log.info("event=realtime {}", enter_realtime(session.realtime).text);
   while (!context.stop.stop_requested()) {
-    state_in.wait_until(context.clock.now() + kIdleWait);
-    while (const Received<DeviceState>* state = state_in.next()) {
-      exchange.send(node.answer(*state));
-      node.finish_turn();
+    clamp.wait_until(context.clock.now() + kIdleWait);
+    bool is_answered = true;
+    while (is_answered) {
+      is_answered = clamp.answer_next();
+      clamp.finish_turn();
     }
-    MofcCounters now = node.counters();
-    now.device_state = state_in.counters();
-    counters.store(now);
   }
 }
 

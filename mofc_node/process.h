@@ -1,6 +1,8 @@
 // process.h — mofc_node connected to the world: sockets, the answering loop, telemetry.
 #pragma once
 
+#include <memory>
+
 #include "common/runtime/process_links.h"
 #include "common/runtime/run_node.h"
 
@@ -8,5 +10,30 @@ namespace palpate::mofc {
 
 /// Runs until context.stop. Throws SetupError.
 void run_process(NodeContext& context, ProcessLinks& links);
+
+/// The clamp and all its links but the exchange: for a device in the same process. Its functions
+/// belong to one thread, which does the waiting.
+class Clamp {
+ public:
+  /// @param refused  of `states`
+  Clamp(NodeContext& context, ZmqContext& side, Source<DeviceState>& states,
+        Sender<ForceCommand>& commands, const Rejections& refused);
+  ~Clamp();
+  Clamp(const Clamp&) = delete;
+  Clamp& operator=(const Clamp&) = delete;
+
+  /// Returns when a state may have arrived, or at `deadline`.
+  void wait_until(TimePoint deadline) noexcept;
+  /// When a state that a fault line holds is due; TimePoint::max() if none.
+  [[nodiscard]] TimePoint next_due() const noexcept;
+  /// Answers the next state; false if there is none.
+  bool answer_next() noexcept;
+  /// What may wait until the device has its answer.
+  void finish_turn() noexcept;
+
+ private:
+  class Impl;
+  std::unique_ptr<Impl> impl_;
+};
 
 }  // namespace palpate::mofc

@@ -21,24 +21,20 @@ class BroadPhase {
   BroadPhase() = default;
   explicit BroadPhase(std::vector<Item> items);
 
-  /// Calls `visit(index)` for every item whose bounds hold the point.
-  /// @return how many items were stepped over
+  /// Calls `visit(index)` for every item whose bounds meet this box.
   template <class Visit>
-  std::uint32_t visit_near(const Vector3& point_m, const Visit& visit) const noexcept {
-    std::uint32_t skipped = 0;
+  void visit_near(const Bounds& box, const Visit& visit) const noexcept {
     for (std::size_t i = 0; i < nodes_.size();) {
       const Node& node = nodes_[i];
-      const bool is_near = (point_m.array() >= node.bounds.lowest_m.array()).all() &&
-                           (point_m.array() <= node.bounds.highest_m.array()).all();
+      const bool is_near = (box.highest_m.array() >= node.bounds.lowest_m.array()).all() &&
+                           (box.lowest_m.array() <= node.bounds.highest_m.array()).all();
       if (!is_near) {
-        skipped += node.items;
         i = node.end;
         continue;
       }
       if (node.items == 1) visit(node.index);
       ++i;
     }
-    return skipped;
   }
 
  private:

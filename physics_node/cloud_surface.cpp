@@ -420,6 +420,7 @@ SurfaceView CloudSurface::view(const Vector3& point_m, SurfaceHint& hint) const 
     } else {
       hint.octree_cells_visited += leaf.cells_visited;
     }
+    if (leaf.leaf != 0 && leaf.leaf == hint.cell) ++hint.last_cell_hits;
     hint.cell = leaf.leaf;
     return found[0].point;
   };

@@ -18,7 +18,9 @@ PhysicsNode::PhysicsNode(const SceneConfig& scene, const PhysicsConfig& physics,
       interaction_out_(interaction_out),
       ticks_out_(ticks_out),
       session_id_(session_id),
-      deadband_(physics.interaction_deadband) {}
+      deadband_(physics.interaction_deadband) {
+  counters_.surfaces_shared = scene_.shared_surface_count();
+}
 
 bool PhysicsNode::has_new_motion() noexcept {
   motion_in_.newest();
@@ -36,9 +38,11 @@ void PhysicsNode::step(const Tick& tick) noexcept {
   const ToolMotion& motion = received->value;
 
   const double time_s = to_seconds(tick.now.time_since_epoch());
-  scene_.remember(memory_, motion.tool_position_world_m, time_s);
-  const SceneForce force = scene_.evaluate(motion.tool_position_world_m,
-                                           motion.tool_velocity_world_m_per_s, time_s, memory_);
+  const Vector3 shaft_to_handle = motion.tool_orientation_world * Vector3::UnitZ();
+  scene_.remember(memory_, motion.tool_position_world_m, time_s, shaft_to_handle);
+  const SceneForce force =
+      scene_.evaluate(motion.tool_position_world_m, motion.tool_velocity_world_m_per_s, time_s,
+                      memory_, shaft_to_handle);
 
   // send: hop 3. What the link does not take shows as skipped at the receiver.
   Interaction interaction;
@@ -61,6 +65,8 @@ void PhysicsNode::step(const Tick& tick) noexcept {
   counters_.tissues_skipped += force.tissues_skipped;
   counters_.tissues_visited += force.tissues_visited;
   counters_.octree_cells_visited += force.octree_cells_visited;
+  counters_.octree_last_cell_hits += force.octree_last_cell_hits;
+  counters_.tissues_asleep += force.tissues_asleep;
   if (force.contact_count > 0) ++counters_.contact_steps;
   ticks_out_.keep({.sequence = next_step_++,
                    .stepped_at = tick.now,

@@ -15,6 +15,7 @@ namespace palpate::physics {
 struct SurfaceHint {
   std::uint32_t cell = 0;
   std::uint32_t octree_cells_visited = 0;  ///< by its views so far
+  std::uint32_t last_cell_hits = 0;        ///< views whose nearest point was in the last one's cell
 };
 
 /// Thread-safe; view() is real-time safe: no allocation, no lock, no throw, bounded time.
@@ -39,6 +40,9 @@ class Surface {
 
   /// As viewers draw it, in the surface's frame. Not for the step: it allocates and takes its time.
   [[nodiscard]] virtual SurfaceMesh display_mesh() const = 0;
+
+  /// Has no inside: behind it is as free as in front.
+  [[nodiscard]] virtual bool is_sheet() const noexcept { return false; }
 
   /// Heap memory held.
   [[nodiscard]] virtual std::size_t bytes() const noexcept = 0;

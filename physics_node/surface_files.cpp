@@ -155,6 +155,18 @@ SurfaceView view(const PlacedSurface& placed, const Vector3& point_m, SurfaceHin
   return seen;
 }
 
+SurfaceView view(const Shape& shape, const Vector3& point_m, SurfaceHint& hint) noexcept {
+  return std::visit(
+      [&](const auto& given) {
+        if constexpr (std::is_same_v<std::decay_t<decltype(given)>, PlacedSurface>) {
+          return view(given, point_m, hint);
+        } else {
+          return view(given, point_m);
+        }
+      },
+      shape);
+}
+
 Bounds bounds_of(const PlacedSurface& placed) noexcept {
   // the box round the turned box
   const Bounds own = placed.surface->bounds();

@@ -38,6 +38,9 @@ using Shape =
 /// @throws SetupError  if the file cannot be used; "file:line: what: rule; remedy"
 [[nodiscard]] Shape to_shape(const Geometry& geometry);
 
+[[nodiscard]] SurfaceView view(const Shape& shape, const Vector3& point_m,
+                               SurfaceHint& hint) noexcept;
+
 /// None for a half-space.
 [[nodiscard]] std::optional<Bounds> bounds_of(const Shape& shape) noexcept;
 

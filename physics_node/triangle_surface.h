@@ -3,7 +3,8 @@
 // The sign is that of the angle-weighted normal of the nearest face, edge or corner, which is exact
 // for closed meshes (Source: [Baerentzen05]). Inside a convex mesh the nearest face changes from
 // one to the next, and the normal jumps there by the angle between them, as it does in a box. An
-// open mesh is a sheet: what lies in front of the nearest face is outside, also beyond the border.
+// open mesh is a sheet: what lies in front of the nearest face is outside, also beyond the border;
+// the scene lets a tool be behind it all the same (physics_node/proxy.h).
 //
 // The facets stand for a smooth surface, so a view is trusted beyond the nearest one: as far as its
 // neighbours, at the angle they have with it, stay within 0.1 mm of what is described, and no
@@ -48,6 +49,7 @@ class TriangleSurface final : public Surface {
   [[nodiscard]] std::size_t bytes() const noexcept override;
 
   [[nodiscard]] const TriangleMesh& mesh() const noexcept { return mesh_; }
+  [[nodiscard]] bool is_sheet() const noexcept override { return !is_closed_; }
   [[nodiscard]] bool is_closed() const noexcept { return is_closed_; }
 
  private:

@@ -86,6 +86,13 @@ bool McapReader::read_summary() {
   return false;
 }
 
+/// No two records share a byte, so an index of more bytes than the file has would read some twice.
+bool McapReader::count_indexed(std::uint64_t length) {
+  if (length > file_bytes_ - indexed_bytes_) return false;
+  indexed_bytes_ += length;
+  return true;
+}
+
 /// Record after record from the beginning, until one is not whole.
 void McapReader::search() {
   std::uint64_t offset = mcap::kMagic.size();
@@ -148,13 +155,14 @@ bool McapReader::take(Opcode opcode, std::string_view content) {
       chunk.end_ns = fields.number<std::uint64_t>();
       chunk.offset = fields.number<std::uint64_t>();
       chunk.length = fields.number<std::uint64_t>();
+      if (!count_indexed(chunk.length)) return false;
       chunks_.push_back(chunk);
       break;
     }
     case Opcode::kMetadataIndex: {
       const auto offset = fields.number<std::uint64_t>();
       const auto length = fields.number<std::uint64_t>();
-      if (!take_metadata(offset, length)) return false;
+      if (!count_indexed(length) || !take_metadata(offset, length)) return false;
       break;
     }
     default:

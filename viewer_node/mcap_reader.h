@@ -14,7 +14,7 @@
 namespace palpate::viewer {
 
 /// Nothing in the file is believed unchecked. Refused: other compressions, chunks of more than
-/// 64 MiB. A file without a whole summary is searched from its beginning; what is cut off or
+/// 64 MiB; an index that names more than there is in the file. A file without a whole summary is searched from its beginning; what is cut off or
 /// damaged is left out and counted.
 class McapReader {
  public:
@@ -63,6 +63,7 @@ class McapReader {
   [[nodiscard]] bool read_summary();
   void search();
   [[nodiscard]] bool take(mcap::Opcode opcode, std::string_view content);
+  [[nodiscard]] bool count_indexed(std::uint64_t length);
   [[nodiscard]] bool take_metadata(std::uint64_t offset, std::uint64_t length);
   [[nodiscard]] bool load(const Chunk& chunk);
   [[noreturn]] void refuse(const std::string& why) const;
@@ -78,6 +79,7 @@ class McapReader {
   std::vector<Topic> topics_;
   std::vector<Chunk> chunks_;
   std::vector<std::pair<std::string, mcap::Strings>> metadata_;
+  std::uint64_t indexed_bytes_ = 0;  // of chunks and metadata
 
   std::size_t next_chunk_ = 0;
   std::string chunk_;          // records of the one at hand

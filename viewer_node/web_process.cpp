@@ -51,6 +51,7 @@ constexpr Duration kHealthInterval = std::chrono::milliseconds(200);
 constexpr Duration kTelemetryInterval = std::chrono::milliseconds(20);  // tools warn above 60 Hz
 constexpr Duration kToolInterval = std::chrono::milliseconds(33);
 constexpr Duration kHeardWithin = std::chrono::seconds(1);
+constexpr Duration kTargetInterval = std::chrono::microseconds(8333);  // 120 Hz, however many come
 constexpr std::size_t kLeastTokenBytes = 16;
 constexpr std::uintmax_t kMostTokenBytes = 4096;
 constexpr const char* kHandStatus = "hand";
@@ -140,12 +141,24 @@ WebServerConfig web_config(const WebOptions& options, const WebConfig& session) 
   return config;
 }
 
+OnEventLine WebFeed::told_by(const char* node) {
+  return [this, node](spdlog::level::level_enum level, const std::string& text) {
+    log(level >= spdlog::level::err    ? LogLevel::kError
+        : level == spdlog::level::warn ? LogLevel::kWarning
+                                       : LogLevel::kInfo,
+        node, text);
+  };
+}
+
 WebFeed::WebFeed(NodeContext& context, ProcessLinks& links, const WebOptions& options,
                  TelemetrySubscriber& subscriber, const TelemetryMirror& mirror)
     : context_(context),
       subscriber_(subscriber),
       mirror_(mirror),
-      server_(web_config(options, context.session.viewer.web), description_of(context)) {
+      server_(web_config(options, context.session.viewer.web), description_of(context)),
+      device_events_(told_by("device_node")),
+      mofc_events_(told_by("mofc_node")),
+      physics_events_(told_by("physics_node")) {
   const WebConfig& asked = context.session.viewer.web;
   if (options.listen.empty() && asked.port != 0 && server_.port() != asked.port) {
     context.log.warn("event=port_in_use port={} instead={}", asked.port, server_.port());
@@ -162,16 +175,20 @@ void WebFeed::take(const TelemetryMessage& message, std::span<const std::byte> p
   if (const auto* scene = std::get_if<SceneState>(&message)) {
     const bool is_first = !scene_.scene().has_value();
     scene_.take(*scene);
-    if (!is_first) log(false, "physics_node sent its scene anew");
+    if (!is_first) log(LogLevel::kInfo, "physics_node", "event=scene_sent_anew");
     channel = kScene;
   } else if (const auto* frame = std::get_if<MeshFrame>(&message)) {
     if (!scene_.take(*frame)) return;
     has_new_vertices_ = true;
     channel = kMesh;
-  } else if (std::holds_alternative<MofcBatch>(message)) {
+  } else if (const auto* mofc = std::get_if<MofcBatch>(&message)) {
+    mofc_events_.note(*mofc, context_.clock.now());
     channel = kMofc;
-  } else if (std::holds_alternative<PhysicsBatch>(message)) {
+  } else if (const auto* physics = std::get_if<PhysicsBatch>(&message)) {
+    physics_events_.note(*physics, context_.clock.now());
     channel = kPhysics;
+  } else {
+    device_events_.note(std::get<DeviceBatch>(message), context_.clock.now());
   }
   if (channel != kScene && !server_.is_watched(channel)) return;
   const Payload bytes =
@@ -186,6 +203,7 @@ void WebFeed::pump(TimePoint now) {
   if (holder_ != 0 && now - holder_heard_at_ >= context_.session.hand.pointer->holder_timeout) {
     let_go_of_hand(now);
   }
+  if (is_target_due_ && now >= next_target_) send_target(now);
   tell_health(now);
   tell_tools(now);
 }
@@ -256,21 +274,23 @@ void WebFeed::lead_hand(std::uint64_t client, const std::string& payload, TimePo
   if (target->is_released) {
     let_go_of_hand(now);
   } else {
-    send_target(target_, now);
+    is_target_due_ = true;
   }
   if (told_of_holder_.erase(client) > 0) server_.tell(client, remove_status_text(kHandStatus));
 }
 
-void WebFeed::send_target(const HandTarget& target, TimePoint now) {
+void WebFeed::send_target(TimePoint now) {
   target_.header.session_id = context_.session_id;
   target_.header.sampled_at = now;
-  hand_->send(target);
+  hand_->send(target_);
   ++target_.header.sequence;
+  is_target_due_ = false;
+  next_target_ = now + kTargetInterval;
 }
 
 void WebFeed::let_go_of_hand(TimePoint now) {
   target_.is_released = true;
-  send_target(target_, now);
+  send_target(now);
   target_.is_released = false;
   holder_ = 0;
   for (const std::uint64_t client : told_of_holder_) {
@@ -301,7 +321,8 @@ void WebFeed::tell_health(TimePoint now) {
                             .records_lost = link.records_lost});
     bool& was_heard = was_heard_[name];
     if (is_heard != was_heard) {
-      log(!is_heard, std::string(name) + (is_heard ? "_node is heard" : "_node is silent"));
+      log(is_heard ? LogLevel::kInfo : LogLevel::kWarning, "viewer_node",
+          fmt::format("event={} node={}_node", is_heard ? "node_heard" : "node_silent", name));
     }
     was_heard = is_heard;
   };
@@ -361,10 +382,10 @@ void WebFeed::tell_tools(TimePoint now) {
   }
 }
 
-void WebFeed::log(bool is_warning, const std::string& message) {
+void WebFeed::log(LogLevel level, const std::string& node, const std::string& message) {
   if (!server_.is_watched(kLog)) return;
   const std::uint64_t at_ns = wall_ns();
-  server_.publish(kLog, at_ns, shared(encode_log(at_ns, is_warning, message)));
+  server_.publish(kLog, at_ns, shared(encode_log(at_ns, level, node, message)));
 }
 
 }  // namespace palpate::viewer

@@ -18,6 +18,7 @@
 
 #include "common/link/viewer_codec.h"
 #include "common/runtime/process_links.h"
+#include "common/runtime/remote_events.h"
 #include "common/runtime/run_node.h"
 #include "viewer_node/scene_mirror.h"
 #include "viewer_node/telemetry_mirror.h"
@@ -59,11 +60,13 @@ class WebFeed {
   void send_meshes_to(std::uint64_t client);
   void watch_meshes();
   void lead_hand(std::uint64_t client, const std::string& payload, TimePoint now);
-  void send_target(const HandTarget& target, TimePoint now);
+  void send_target(TimePoint now);
+  /// What that node has to say, on /log.
+  [[nodiscard]] OnEventLine told_by(const char* node);
   void let_go_of_hand(TimePoint now);
   void tell_health(TimePoint now);
   void tell_tools(TimePoint now);
-  void log(bool is_warning, const std::string& message);
+  void log(LogLevel level, const std::string& node, const std::string& message);
 
   NodeContext& context_;
   TelemetrySubscriber& subscriber_;
@@ -77,7 +80,9 @@ class WebFeed {
 
   std::optional<ZmqSender<HandTarget>> hand_;  // none: nobody may lead the hand
   HandTarget target_;                          // the newest of the holder
-  std::uint64_t holder_ = 0;                   // client; 0: nobody
+  bool is_target_due_ = false;                 // not sent yet
+  TimePoint next_target_{};
+  std::uint64_t holder_ = 0;  // client; 0: nobody
   TimePoint holder_heard_at_{};
   std::set<std::uint64_t> told_of_holder_;  // clients that were refused
 
@@ -85,6 +90,9 @@ class WebFeed {
   TimePoint next_telemetry_{};
   TimePoint next_tools_{};
   std::map<std::string, bool> was_heard_;  // nodes
+  RemoteEvents<DeviceTick, DeviceCounters> device_events_;
+  RemoteEvents<MofcTick, MofcCounters> mofc_events_;
+  RemoteEvents<PhysicsTick, PhysicsCounters> physics_events_;
 };
 
 }  // namespace palpate::viewer

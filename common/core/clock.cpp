@@ -1,5 +1,7 @@
 #include "common/core/clock.h"
 
+#include <sched.h>
+
 #include <cerrno>
 #include <ctime>
 
@@ -12,9 +14,16 @@ TimePoint SteadyClock::now() const noexcept {
 }
 
 void SteadyClock::sleep_until(TimePoint deadline) {
-  const std::int64_t ns = deadline.time_since_epoch().count();
+  if (wait_ == WaitStrategy::kSpin) {
+    while (now() < deadline) sched_yield();
+    return;
+  }
+  const Duration ahead = wait_ == WaitStrategy::kHybrid ? kSpinAhead : Duration::zero();
+  const std::int64_t ns = (deadline - ahead).time_since_epoch().count();
   const timespec t{.tv_sec = ns / 1'000'000'000, .tv_nsec = ns % 1'000'000'000};
   while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, nullptr) == EINTR) {
+  }
+  while (now() < deadline) {
   }
 }
 

@@ -9,6 +9,7 @@
 #include <variant>
 #include <vector>
 
+#include "common/core/clock.h"
 #include "common/core/fault_line.h"
 #include "common/core/time.h"
 #include "common/core/vector.h"
@@ -30,6 +31,7 @@ struct LinksConfig {
 struct RealtimeConfig {
   int priority = 80;  ///< 1 … 99; 0: ordinary scheduling
   int cpu = 0;        ///< the one processor that device_node and mofc_node share; −1: no pinning
+  WaitStrategy wait = WaitStrategy::kHybrid;
 };
 
 struct WorkspaceConfig {
@@ -163,7 +165,7 @@ enum class PaperFriction : std::uint8_t {
 struct GuardConfig {
   double v_max_m_per_s = 0.5;      ///< fastest the hand can be
   double credit_cap_joule = 5e-3;  ///< S_cap: E′ above the energy stored in the tissue
-  double gate_joule = 10e-3;        ///< S_g: leak that closes the gate
+  double gate_joule = 10e-3;       ///< S_g: leak that closes the gate
   Duration gate_recovery = std::chrono::milliseconds(500);  ///< t_rec
 };
 
@@ -280,7 +282,9 @@ struct KelvinVoigtMaterial {
   std::vector<InclusionConfig> inclusions{};
   double friction_coefficient = 0.0;  ///< μ ≥ 0 of Coulomb friction; 0: slippery
   double friction_stiffness_newton_per_m =
-      0.0;  ///< of the tissue along its surface while it sticks
+      0.0;                       ///< of the tissue along its surface while it sticks
+  double puncture_newton = 0.0;  ///< press of the tip, along the normal, that punctures; 0: never
+  double cutting_newton = 0.0;   ///< most that punctured tissue holds the tip with
 };
 using Material = std::variant<KelvinVoigtMaterial>;
 
@@ -300,6 +304,9 @@ struct TissueConfig {
 
 struct SceneConfig {
   double tip_radius_m = 0.0;  ///< spherical tool tip; 0: a point
+  double shaft_length_m =
+      0.0;  ///< from the tip's centre towards the handle, along T's +z; 0: only a tip
+  double shaft_radius_m = 0.0;
   std::vector<TissueConfig> tissues;
 };
 

@@ -139,9 +139,12 @@ struct PhysicsCounters {
   LoopCounters loop;
   LinkCounters tool_motion;
   std::uint64_t contact_steps = 0;
-  std::uint64_t tissues_skipped = 0;          ///< by the broad phase, summed over steps
-  std::uint64_t tissues_visited = 0;          ///< the others, summed over steps
-  std::uint64_t octree_cells_visited = 0;     ///< of clouds, summed over steps; 0 without clouds
+  std::uint64_t tissues_skipped = 0;        ///< by the broad phase, summed over steps
+  std::uint64_t tissues_visited = 0;        ///< the others, summed over steps
+  std::uint64_t octree_cells_visited = 0;   ///< of clouds, summed over steps; 0 without clouds
+  std::uint64_t octree_last_cell_hits = 0;  ///< nearest points found where the last one was
+  std::uint64_t tissues_asleep = 0;   ///< that relax, at rest: not advanced, summed over steps
+  std::uint64_t surfaces_shared = 0;  ///< tissues whose file an earlier tissue had loaded already
   std::uint64_t interactions_suppressed = 0;  ///< not sent: within physics.interaction_deadband
   Duration worst_compute_time{};
 };

@@ -491,6 +491,9 @@ void put(const PhysicsCounters& c, v1::PhysicsCounters& to) {
   to.set_tissues_skipped(c.tissues_skipped);
   to.set_tissues_visited(c.tissues_visited);
   to.set_octree_cells_visited(c.octree_cells_visited);
+  to.set_octree_last_cell_hits(c.octree_last_cell_hits);
+  to.set_tissues_asleep(c.tissues_asleep);
+  to.set_surfaces_shared(c.surfaces_shared);
   to.set_interactions_suppressed(c.interactions_suppressed);
   to.set_worst_compute_time_ns(c.worst_compute_time.count());
 }
@@ -507,6 +510,9 @@ PhysicsCounters counters(const v1::PhysicsCounters& c) {
           .tissues_skipped = c.tissues_skipped(),
           .tissues_visited = c.tissues_visited(),
           .octree_cells_visited = c.octree_cells_visited(),
+          .octree_last_cell_hits = c.octree_last_cell_hits(),
+          .tissues_asleep = c.tissues_asleep(),
+          .surfaces_shared = c.surfaces_shared(),
           .interactions_suppressed = c.interactions_suppressed(),
           .worst_compute_time = Duration(c.worst_compute_time_ns())};
 }

@@ -65,8 +65,8 @@ template <class T>
 inline constexpr bool kIsTelemetry =
     kKindOf<T> >= MessageKind::kDeviceBatch&& kKindOf<T> <= MessageKind::kMeshFrame;
 
-/// A larger frame is refused before it is parsed. Loop messages take at most 1 kB today, so newer
-/// fields have room; a telemetry record takes at most 250 bytes, so 4000 ticks fit one batch; a
+/// A larger frame is refused before it is parsed. An Interaction of eight contacts with friction
+/// nearly fills its frame, the other loop messages take at most 1 kB; a telemetry record takes at most 250 bytes, so 4000 ticks fit one batch; a
 /// vertex takes 12 bytes, a triangle 12.
 template <class T>
 inline constexpr std::size_t kMaxFrameBytes = kIsTelemetry<T> ? std::size_t{1} << 20 : 4096;

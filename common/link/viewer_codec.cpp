@@ -184,12 +184,13 @@ std::string encode_transforms(std::uint64_t at_ns, const Vector3& tool_position_
   return wire.SerializeAsString();
 }
 
-std::string encode_log(std::uint64_t at_ns, bool is_warning, const std::string& message) {
+std::string encode_log(std::uint64_t at_ns, LogLevel level, const std::string& node,
+                       const std::string& message) {
   foxglove::Log wire;
   put(at_ns, *wire.mutable_timestamp());
-  wire.set_level(is_warning ? foxglove::Log::WARNING : foxglove::Log::INFO);
+  wire.set_level(static_cast<foxglove::Log::Level>(level));
   wire.set_message(message);
-  wire.set_name("viewer");
+  wire.set_name(node);
   return wire.SerializeAsString();
 }
 

@@ -67,8 +67,11 @@ struct ViewerHealth {
 [[nodiscard]] std::string encode_transforms(std::uint64_t at_ns,
                                             const Vector3& tool_position_world_m);
 
-/// foxglove.Log.
-[[nodiscard]] std::string encode_log(std::uint64_t at_ns, bool is_warning,
+/// Values as in foxglove.Log.
+enum class LogLevel : std::uint8_t { kInfo = 2, kWarning = 3, kError = 4 };
+
+/// foxglove.Log. @param node  who says it
+[[nodiscard]] std::string encode_log(std::uint64_t at_ns, LogLevel level, const std::string& node,
                                      const std::string& message);
 
 /// What a page may send: position and release; nothing if it is no valid HandTarget.

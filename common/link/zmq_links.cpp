@@ -49,7 +49,8 @@ constexpr LinkSocket::Settings kTelemetry{.type = zmq::socket_type::xpub,
                                           .buffer_bytes = 64 << 10,
                                           .linger_ms = 200};
 
-constexpr int kSceneQueue = 32;  // a scene's tissues come in one go
+constexpr int kSceneQueue = 32;    // a scene's tissues come in one go
+constexpr int kViewerQueue = 128;  // 0.7 s of three nodes and a mesh, while a viewer starts
 
 LinkSocket::Settings with_type(LinkSocket::Settings settings, zmq::socket_type type) {
   settings.type = type;
@@ -67,7 +68,7 @@ LinkSocket::Settings of_scene_sender() {
 /// A viewer's end.
 LinkSocket::Settings of_viewer() {
   LinkSocket::Settings settings = with_type(kTelemetry, zmq::socket_type::sub);
-  settings.receive_queue = kSceneQueue;
+  settings.receive_queue = kViewerQueue;
   settings.takes_all = false;
   settings.largest_bytes = kLargestOfHop5Bytes;
   return settings;
@@ -124,7 +125,7 @@ bool receive_frame(LinkSocket& socket, Codec<T>& codec, zmq::message_t& frame,
 
 // --- context ----------------------------------------------------------------------------------
 
-ZmqContext::ZmqContext(const RealtimeConfig& realtime) {
+ZmqContext::ZmqContext(const RealtimeConfig& realtime) : wait_(realtime.wait) {
   // ask the kernel itself, on a thread that ends at once
   std::thread([&] {
     const sched_param parameters{.sched_priority = realtime.priority};
@@ -178,7 +179,7 @@ void Rejections::count_second_writer() noexcept {
 
 LinkSocket::LinkSocket(ZmqContext& context, const Settings& settings,
                        const std::vector<Attachment>& attachments)
-    : socket_(context.get(), settings.type) {
+    : socket_(context.get(), settings.type), spins_(context.wait() == WaitStrategy::kSpin) {
   PALPATE_REQUIRE(!attachments.empty());
   const Scheme scheme = scheme_of(attachments.front());
   const bool is_inproc = scheme == Scheme::kInproc;
@@ -246,8 +247,11 @@ void LinkSocket::attach(const Attachment& a) {
 
 bool LinkSocket::receive(zmq::message_t& part) noexcept {
   while (zmq_msg_recv(part.handle(), handle(), ZMQ_DONTWAIT) < 0) {
-    if (zmq_errno() != EINTR) return false;
+    if (zmq_errno() == EINTR) continue;
+    is_empty_ = zmq_errno() == EAGAIN;
+    return false;
   }
+  is_empty_ = false;
   return true;
 }
 
@@ -260,6 +264,7 @@ bool LinkSocket::drop_more_parts(const zmq::message_t& part) noexcept {
 }
 
 SendResult LinkSocket::send(zmq::message_t& part, int flags) noexcept {
+  is_empty_ = false;  // it may take the descriptor's signal
   while (zmq_msg_send(part.handle(), handle(), ZMQ_DONTWAIT | flags) < 0) {
     if (zmq_errno() == EHOSTUNREACH) return SendResult::kNoPeer;
     if (zmq_errno() != EINTR) return SendResult::kDropped;
@@ -285,23 +290,37 @@ bool LinkSocket::is_ready(int events) noexcept {
 
 void LinkSocket::wait_until(int events, const Clock& clock, TimePoint deadline) noexcept {
   // The descriptor signals changes, not states, and is_ready() takes the signal: so look before
-  // and after each wait. ppoll, because zmq_poll counts whole milliseconds.
+  // and after each wait.
   while (!is_ready(events)) {
-    const Duration left = deadline - clock.now();
-    if (left <= Duration::zero()) return;
-    pollfd descriptor{.fd = descriptor_, .events = POLLIN, .revents = 0};
-    const timespec timeout{.tv_sec = left.count() / 1'000'000'000,
-                           .tv_nsec = left.count() % 1'000'000'000};
-    if (ppoll(&descriptor, 1, &timeout, nullptr) <= 0) return;
+    if (!sleep_until(clock, deadline)) return;
   }
+}
+
+/// Until something happens to the socket; false at the deadline or on a signal. ppoll, because
+/// zmq_poll counts whole milliseconds.
+bool LinkSocket::sleep_until(const Clock& clock, TimePoint deadline) noexcept {
+  const Duration left = deadline - clock.now();
+  if (left <= Duration::zero()) return false;
+  if (spins_) {
+    sched_yield();
+    return true;
+  }
+  pollfd descriptor{.fd = descriptor_, .events = POLLIN, .revents = 0};
+  const timespec timeout{.tv_sec = left.count() / 1'000'000'000,
+                         .tv_nsec = left.count() % 1'000'000'000};
+  return ppoll(&descriptor, 1, &timeout, nullptr) > 0;
 }
 
 void LinkSocket::wait_for_message(const WaitHook& on_wait, const Clock& clock,
                                   TimePoint deadline) noexcept {
-  if (!on_wait) {
+  if (on_wait) {
+    if (!is_ready(ZMQ_POLLIN)) on_wait(deadline);
+  } else if (is_empty_ && !spins_) {
+    // the caller has looked and will look again: fewer system calls on the way to an answer
+    is_empty_ = false;
+    sleep_until(clock, deadline);
+  } else {
     wait_until(ZMQ_POLLIN, clock, deadline);
-  } else if (!is_ready(ZMQ_POLLIN)) {
-    on_wait(deadline);
   }
 }
 

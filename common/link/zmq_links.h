@@ -50,17 +50,21 @@ namespace palpate {
 class ZmqContext {
  public:
   /// Ordinary scheduling.
-  ZmqContext() : ZmqContext(RealtimeConfig{.priority = 0, .cpu = -1}) {}
+  ZmqContext()
+      : ZmqContext(RealtimeConfig{.priority = 0, .cpu = -1, .wait = WaitStrategy::kBlock}) {}
   /// The I/O thread runs at SCHED_FIFO and on the processor given, each only if this process may:
   /// libzmq aborts the process otherwise.
   explicit ZmqContext(const RealtimeConfig& realtime);
 
   [[nodiscard]] bool is_realtime() const { return is_realtime_; }
   [[nodiscard]] bool is_pinned() const { return is_pinned_; }
+  /// How the sockets made from it wait for messages; kHybrid sleeps.
+  [[nodiscard]] WaitStrategy wait() const { return wait_; }
   [[nodiscard]] zmq::context_t& get() { return context_; }
 
  private:
   zmq::context_t context_;
+  WaitStrategy wait_;
   bool is_realtime_ = false;
   bool is_pinned_ = false;
 };
@@ -131,11 +135,15 @@ class LinkSocket {
 
  private:
   void attach(const Attachment& attachment);
+  bool sleep_until(const Clock& clock, TimePoint deadline) noexcept;
 
   std::optional<IpcClaim> claim_;  // outlives the socket
   zmq::socket_t socket_;
   std::string endpoint_;
   int descriptor_ = -1;
+  bool spins_;
+  bool is_empty_ =
+      false;  // receive() just saw it, so that the descriptor tells of the next message
 };
 
 /// What the subscribers of one publisher want. A topic is a kind byte; the empty one means all.

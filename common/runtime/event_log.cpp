@@ -1,7 +1,5 @@
 #include "common/runtime/event_log.h"
 
-#include <unistd.h>
-
 namespace palpate {
 namespace {
 
@@ -55,8 +53,9 @@ EventLog<DeviceCounters>::EventLog(spdlog::logger& log)
 void EventLog<DeviceCounters>::note(const DeviceCounters& counters, TimePoint now) {
   force_command_.note(counters.force_command, now);
   if (counters.device_faults != faults_) {
-    log_.error("event=device_fault reason=\"{}\" count={} remedy=\"mend it, then kill -USR2 {}\"",
-               name(counters.last_fault), counters.device_faults - faults_, ::getpid());
+    log_.error(
+        "event=device_fault reason=\"{}\" count={} remedy=\"mend it, then SIGUSR2 to device_node\"",
+        name(counters.last_fault), counters.device_faults - faults_);
     faults_ = counters.device_faults;
   }
   if (counters.fault_resets != fault_resets_) {

@@ -12,6 +12,18 @@
 namespace palpate {
 namespace {
 
+const char* name(WaitStrategy wait) {
+  switch (wait) {
+    case WaitStrategy::kHybrid:
+      return "hybrid";
+    case WaitStrategy::kSpin:
+      return "spin";
+    case WaitStrategy::kBlock:
+      return "block";
+  }
+  return "?";
+}
+
 std::string words_of(int error) { return std::generic_category().message(error); }
 
 /// 0 or an errno. Threads started by this one get ordinary scheduling.
@@ -63,6 +75,7 @@ RealtimeReport enter_realtime(const RealtimeConfig& config) {
   } else {
     report.text += " cpu=any";
   }
+  report.text += std::string(" wait=") + name(config.wait);
 
   if (config.priority > 0) {
     const int error = lock_memory();

@@ -147,7 +147,9 @@ int run_node(int argc, char** argv, const NodeInfo& info,
   try {
     Session session = load_session(session_file, overrides);
     refuse_inproc(session.links);
-    if (no_realtime) session.realtime = {.priority = 0, .cpu = -1};
+    if (no_realtime) {
+      session.realtime = {.priority = 0, .cpu = -1, .wait = WaitStrategy::kBlock};
+    }
 
     const Log log(info.name);
     const Signals signals(seconds);

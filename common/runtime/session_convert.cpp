@@ -119,13 +119,15 @@ LinksConfig to_links(const Fields& fields, const std::string& session_name) {
 
 // --- device -----------------------------------------------------------------------------------
 
-RealtimeConfig to_realtime(const Fields& fields) {
+RealtimeConfig to_realtime(const Fields& fields, const v1::Realtime& written) {
   constexpr int kMaxCpu = 1023;  // CPU_SETSIZE − 1
   RealtimeConfig config;
   config.priority = static_cast<int>(
       fields.integer("priority", config.priority, 0, 99, "give 0 for ordinary scheduling"));
   config.cpu = static_cast<int>(
       fields.integer("cpu", config.cpu, -1, kMaxCpu, "give -1 for no processor of its own"));
+  if (written.wait() == v1::Realtime::spin) config.wait = WaitStrategy::kSpin;
+  if (written.wait() == v1::Realtime::block) config.wait = WaitStrategy::kBlock;
   return config;
 }
 
@@ -688,6 +690,11 @@ Material to_material(const Fields& tissue) {
   material.friction_stiffness_newton_per_m =
       fields.number("friction_stiffness_newton_per_m", material.stiffness_newton_per_m, above(0),
                     "leave it out for the tissue's own stiffness");
+  material.puncture_newton =
+      fields.number("puncture_newton", 0.0, at_least(0), "give 0 for tissue that never breaks");
+  material.cutting_newton =
+      fields.number("cutting_newton", 0.25 * material.puncture_newton,
+                    between(0, material.puncture_newton), "leave it out for a quarter of it");
   for (const Fields& ball : fields.messages("inclusion")) {
     material.inclusions.push_back(
         {.center_m = ball.vector("center_m", Vector3::Zero()),
@@ -712,8 +719,20 @@ TissueMotionConfig to_motion(const Fields& tissue) {
 
 SceneConfig to_scene(const Fields& fields, const std::filesystem::path& base_dir) {
   SceneConfig config;
-  config.tip_radius_m = fields.message("tool").number("tip_radius_m", config.tip_radius_m,
-                                                      at_least(0), "give 0 for a point");
+  const Fields tool = fields.message("tool");
+  config.tip_radius_m =
+      tool.number("tip_radius_m", config.tip_radius_m, at_least(0), "give 0 for a point");
+  config.shaft_length_m =
+      tool.number("shaft_length_m", config.shaft_length_m, at_least(0), "give 0 for none");
+  if (config.shaft_length_m > 0.0) {
+    config.shaft_radius_m =
+        tool.number("shaft_radius_m", config.tip_radius_m, above(0), "give the shaft's radius");
+    if (config.shaft_radius_m == 0.0) {
+      tool.problem("shaft_radius_m", "required with a point as tip; give the shaft's radius");
+    }
+  } else if (tool.has("shaft_radius_m")) {
+    tool.problem("shaft_radius_m", "needs shaft_length_m > 0; give it, or leave this out");
+  }
   std::set<std::string> names;
   for (const Fields& tissue : fields.messages("tissue")) {
     std::string name = tissue.text("name");
@@ -816,7 +835,7 @@ Session to_session(const SessionText& text, const std::filesystem::path& base_di
       fields.number("duration_s", session.duration_s, above(0), "give the seconds of a run");
   if (written.has_seed()) session.seed = written.seed();
   session.links = to_links(fields.message("links"), session.name);
-  session.realtime = to_realtime(fields.message("realtime"));
+  session.realtime = to_realtime(fields.message("realtime"), written.realtime());
   session.faults = to_faults(fields.message("faults"));
   session.physics.rate_hz = fields.message("physics").number(
       "rate_hz", session.physics.rate_hz, between(1, 10000), "give the physics steps per second");

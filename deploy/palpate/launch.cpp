@@ -104,6 +104,7 @@ std::vector<ChildSpec> nodes_of(const LaunchOptions& options, const Session& ses
 
   // who binds is started before who connects
   std::vector<std::string> names = {"physics", "mofc", "device"};
+  if (options.is_together) names = {"physics", "device_mofc"};
   if (options.has_viewer) names.emplace_back("viewer");
 
   const fs::path folder = options.program_folder.empty()
@@ -118,7 +119,7 @@ std::vector<ChildSpec> nodes_of(const LaunchOptions& options, const Session& ses
     }
     ChildSpec& child =
         children.emplace_back(ChildSpec{.name = name, .program = program, .arguments = arguments});
-    if (name == "device" && session.device.start_ramp.count() == 0) {
+    if (name.starts_with("device") && session.device.start_ramp.count() == 0) {
       child.restart_arguments = {
           "--set", "device.start_ramp_ms=" + std::to_string(kRestartRampMilliseconds)};
     }
@@ -158,8 +159,9 @@ class Run {
         time_up_(io_),
         poll_(io_),
         supervisor_(
-            io_, std::move(nodes), {"device", "mofc", "physics", "viewer"}, options.timing,
-            [this](const ChildEvent& event) { write(event, log_); }, [this] { on_end(); }) {}
+            io_, std::move(nodes), {"device_mofc", "device", "mofc", "physics", "viewer"},
+            options.timing, [this](const ChildEvent& event) { write(event, log_); },
+            [this] { on_end(); }) {}
 
   LaunchResult run(const std::stop_token& stop) {
     const auto begin = std::chrono::steady_clock::now();

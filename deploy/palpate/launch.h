@@ -20,6 +20,7 @@ struct LaunchOptions {
   std::optional<double> seconds = {};         ///< ends by itself after this time; none: runs on
   bool is_realtime = true;                    ///< false: nodes are started with --no-realtime
   bool has_viewer = false;                    ///< viewer_node too
+  bool is_together = false;                   ///< device and mofc in one process, device_mofc_node
   std::filesystem::path program_folder = {};  ///< of the nodes; empty: beside this executable
   SupervisorTiming timing = {};
   /// Called on launch()'s thread every `poll_interval` while the nodes run, and once more when all
@@ -45,9 +46,10 @@ struct LaunchResult {
 };
 
 /// Starts physics, mofc, device (and viewer) with one session, restarts what dies, and ends all in
-/// the order device, mofc, physics, viewer. A device that is restarted ramps its force up from
-/// nothing, also where the session has no start ramp. When it returns, no process of it is left and
-/// no ipc file; when its own process is killed, the kernel kills the nodes.
+/// the order device, mofc, physics, viewer. Device and mofc are one such process if together. A
+/// device that is restarted ramps its force up from nothing, also where the session has no start
+/// ramp. When it returns, no process of it is left and no ipc file; when its own process is killed,
+/// the kernel kills the nodes.
 ///
 /// A first signal stops in order, a second one kills. Throws SetupError if the session is wrong,
 /// already launched, or a program is missing. One at a time per process; blocks.

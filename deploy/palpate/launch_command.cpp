@@ -171,6 +171,7 @@ int LaunchCommand::run() const {
                                       .seconds = seconds,
                                       .is_realtime = is_realtime,
                                       .has_viewer = has_viewer && !json.is_standard_output(),
+                                      .is_together = is_together,
                                       .on_poll = [&] {
                                         feed.pump(observed.mirror, clock.now());
                                         observed.note_extremes();

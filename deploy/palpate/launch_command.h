@@ -18,6 +18,7 @@ struct LaunchCommand {
   viewer::RecordOptions record{};
   bool is_realtime = true;
   bool has_viewer = true;
+  bool is_together = false;
 
   /// Runs until the time is up or a signal comes. Throws SetupError.
   /// @return exit status

@@ -6,6 +6,7 @@
 #include <exception>
 #include <fstream>
 #include <optional>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -261,6 +262,19 @@ void add_launch_options(CLI::App& app, LaunchCommand& launch) {
   app.add_flag_callback(
       "--no-realtime", [&] { launch.is_realtime = false; },
       "ordinary scheduling, whatever the session says");
+  const auto take_together = [&](const std::vector<std::string>& nodes) {
+    const std::set<std::string> given(nodes.begin(), nodes.end());
+    launch.is_together = given == std::set<std::string>{"device", "mofc"} && nodes.size() == 2;
+    if (launch.is_together) return;
+    throw CLI::ValidationError("--together",
+                               "only device and mofc can share a process; give device,mofc");
+  };
+  app.add_option_function<std::vector<std::string>>(
+         "--together", take_together,
+         "these nodes in one process, where the tick calls the clamp: fits 4 kHz")
+      ->type_name("device,mofc")
+      ->delimiter(',')
+      ->allow_extra_args(false);
   app.add_flag_callback(
       "--no-viewer", [&] { launch.has_viewer = false; },
       "no status line: do not start viewer_node");

@@ -323,6 +323,7 @@ std::string table(const RecordingFile& recording, const Columns& c) {
   line("length", fmt::format("{:.3f} s, {} ticks", recording.length_s(), s.ticks()));
   line("in contact", fmt::format("{} ticks", s.contact_ticks()));
   line("transparency", figure(s.vector_transparency(), "{:.3f}") + " (acting / asked, projected)");
+  line("ideal force", "not recorded; palpate loopback SESSION --hand RECORDING computes one");
   line("clamped", figure(100.0 * s.clamp_ratio(), "{:.1f} %") + " of the ticks with a force");
   line("largest force", figure(s.maximum_force_newton(), "{:.3f} N"));
   line("least true energy", figure(1e6 * s.minimum_true_energy_joule(), "{:.3f} µJ"));

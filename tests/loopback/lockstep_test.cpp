@@ -2,14 +2,21 @@
 #include "deploy/palpate/lockstep.h"
 
 #include <gtest/gtest.h>
+#include <spdlog/sinks/null_sink.h>
 
 #include <bit>
 #include <cstdint>
+#include <memory>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include "common/runtime/session_file.h"
+#include "common/runtime/telemetry_publisher.h"
 #include "deploy/palpate/loopback.h"
+#include "physics_node/scene_display.h"
+#include "viewer_node/scene_mirror.h"
+#include "viewer_node/telemetry_mirror.h"
 
 namespace palpate {
 namespace {
@@ -181,6 +188,123 @@ TEST_P(LockstepSessions, MemoryAndInprocLinksGiveTheSameBits) {
 
   EXPECT_EQ(bits_of(memory), bits_of(inproc));
   EXPECT_GT(memory.mofc.contact_ticks, 0u);
+}
+
+// --- viewers ------------------------------------------------------------------------------------
+
+/// Hop 5 as the nodes have it, with viewers on its sockets; the last of several never reads.
+class Audience {
+ public:
+  Audience(const Session& session, std::size_t viewers)
+      : display_(session, kLockstepPhysics, physics_out_, physics_out_) {
+    for (std::size_t i = 0; i < viewers; ++i) {
+      Viewer& viewer = *viewers_.emplace_back(std::make_unique<Viewer>(context_, clock_));
+      viewer.mirror.on_row = [&viewer](const viewer::TickRow&) { ++viewer.rows; };
+      viewer.subscriber.subscribe<SceneState>();
+      viewer.subscriber.subscribe<MeshFrame>();
+      viewer.subscriber.wait_until(clock_.now());  // its sockets learn whom they are connected to
+    }
+  }
+
+  void listen_to(LockstepOptions& options) {
+    options.on_device_tick = [this](const DeviceTick& tick) { device_.ticks.keep(tick); };
+    options.on_mofc_tick = [this](const MofcTick& tick) { mofc_.ticks.keep(tick); };
+    options.on_physics_tick = [this](const PhysicsTick& tick) { physics_.ticks.keep(tick); };
+  }
+  void show(const Lockstep& lockstep, TimePoint now) {
+    clock_.sleep_until(now);
+    device_.publish(lockstep.device_counters());
+    mofc_.publish(lockstep.mofc_counters());
+    physics_.publish(lockstep.physics_counters());
+    display_.publish({.scene_subscriptions = physics_out_.subscriptions<SceneState>(),
+                      .mesh_subscriptions = physics_out_.subscriptions<MeshFrame>(),
+                      .has_mesh_watcher = physics_out_.has_subscriber<MeshFrame>()},
+                     physics_.publisher.newest(), now);
+    for (std::size_t i = 0; i < viewers_.size() - 1; ++i) viewers_[i]->read(now);
+  }
+
+  /// Of the first viewer.
+  [[nodiscard]] std::size_t rows() const { return viewers_[0]->rows; }
+  [[nodiscard]] std::size_t frames() const { return viewers_[0]->frames; }
+
+ private:
+  template <class Record, class Counters>
+  struct Node {
+    Node(const Clock& clock, Sender<TelemetryBatch<Record, Counters>>& out, std::uint64_t id)
+        : publisher(id, clock, ticks, counters, out, log) {}
+    void publish(const Counters& newest) {
+      counters.store(newest);
+      publisher.pump();
+    }
+    spdlog::logger log{"node", std::make_shared<spdlog::sinks::null_sink_st>()};
+    RingSink<Record> ticks;
+    Snapshot<Counters> counters;
+    TelemetryPublisher<Record, Counters> publisher;
+  };
+  struct Viewer {
+    Viewer(ZmqContext& context, const Clock& clock)
+        : subscriber(context, clock,
+                     {connect_to("inproc://device_telemetry", "test"),
+                      connect_to("inproc://mofc_telemetry", "test"),
+                      connect_to("inproc://physics_telemetry", "test")}) {}
+    void read(TimePoint now) {
+      TimePoint received_at;
+      while (subscriber.receive(message, received_at)) {
+        if (const auto* whole = std::get_if<SceneState>(&message)) {
+          scene.take(*whole);
+        } else if (const auto* frame = std::get_if<MeshFrame>(&message)) {
+          frames += scene.take(*frame) ? 1U : 0U;
+        } else {
+          std::visit(
+              [&](const auto& batch) {
+                if constexpr (requires { mirror.take(batch, now); }) mirror.take(batch, now);
+              },
+              message);
+        }
+      }
+    }
+    TelemetrySubscriber subscriber;
+    TelemetryMessage message;
+    viewer::TelemetryMirror mirror;
+    viewer::SceneMirror scene;
+    std::size_t rows = 0;
+    std::size_t frames = 0;
+  };
+
+  ManualClock clock_;
+  ZmqContext context_;
+  ZmqSender<DeviceBatch> device_out_{context_, bind_to("inproc://device_telemetry", "test")};
+  ZmqSender<MofcBatch> mofc_out_{context_, bind_to("inproc://mofc_telemetry", "test")};
+  SceneSender physics_out_{context_, bind_to("inproc://physics_telemetry", "test")};
+  Node<DeviceTick, DeviceCounters> device_{clock_, device_out_, kLockstepDevice};
+  Node<MofcTick, MofcCounters> mofc_{clock_, mofc_out_, kLockstepMofc};
+  Node<PhysicsTick, PhysicsCounters> physics_{clock_, physics_out_, kLockstepPhysics};
+  physics::SceneDisplay display_;
+  std::vector<std::unique_ptr<Viewer>> viewers_;
+};
+
+TEST(Lockstep, EightViewersOfWhichOneIsStalledDoNotChangeABit) {
+  for (const LockstepLinks links : {LockstepLinks::kMemory, LockstepLinks::kInproc}) {
+    const Session session = shipped("default");
+    const Recording alone = run(session, 2s, {.links = links});
+
+    LockstepOptions options{.links = links};
+    Audience audience(session, 8);
+    audience.listen_to(options);
+    Recording watched;
+    Lockstep lockstep(session, options, [&](const viewer::TickRow& row, const IdealState&) {
+      watched.rows.push_back(row);
+    });
+    for (Duration end = kPublishInterval; end <= 2s; end += kPublishInterval) {
+      lockstep.run_until(end);
+      audience.show(lockstep, TimePoint(end));
+    }
+
+    EXPECT_EQ(bits_of(watched), bits_of(alone));
+    // they did look on: all but the ticks whose other half may still come, and a pressed tissue
+    EXPECT_GE(audience.rows(), 1500u);
+    EXPECT_GE(audience.frames(), 10u);
+  }
 }
 
 TEST(Lockstep, TheIdealIsComputedOnlyWhenAskedFor) {

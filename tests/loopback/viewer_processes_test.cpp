@@ -3,9 +3,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <bit>
 #include <cstdlib>
+#include <memory>
+#include <vector>
 
+#include "common/core/random.h"
 #include "common/link/codec.h"
 #include "common/runtime/session_file.h"
 #include "tests/support/program.h"
@@ -61,17 +65,17 @@ class ViewerProcesses : public testing::Test {
     launch_->send_signal(SIGTERM);
     EXPECT_EQ(launch_->wait(), 0);
   }
-  static void subscribe(WebClient& client, int channel) {
+  static void subscribe(const WebClient& client, int channel) {
     client.send_text(R"({"op":"subscribe","subscriptions":[{"id":)" + std::to_string(channel) +
                      R"(,"channelId":)" + std::to_string(channel) + "}]}");
   }
-  static void advertise(WebClient& client) {
+  static void advertise(const WebClient& client) {
     client.send_text(R"({"op":"advertise","channels":[{"id":1,"topic":"/hand_target",)"
                      R"("encoding":"protobuf","schemaName":"palpate.v1.HandTarget"}]})");
   }
   /// A HandTarget { hand_position_m { z } is_released }, written by hand: field 3 of 9 bytes, in it
   /// field 3, a double; field 4, a bool.
-  static void lead(WebClient& client, double z_m, bool is_released = false) {
+  static void lead(const WebClient& client, double z_m, bool is_released = false) {
     const auto bits = std::bit_cast<std::array<char, 8>>(z_m);
     const std::string target =
         std::string("\x1a\x09\x19") + std::string(bits.data(), 8) + (is_released ? "\x20\x01" : "");
@@ -148,6 +152,142 @@ TEST_F(ViewerProcesses, ADragMovesTheHandDeformsTheTissueAndIsFelt) {
     lead(other, 0.05);
     return watcher.rows().back().device.measured_hand_position_m.z() > 0.04;
   }));
+  stop();
+}
+
+TEST_F(ViewerProcesses, AFloodOfTargetsReachesTheDeviceAtMost120TimesASecondAndEndsWithTheNewest) {
+  Program viewer("viewer_node", {"--session", file_, "--quiet"});
+  const std::string rest = viewer.await_err("event=web url=http://127.0.0.1:");
+  ASSERT_FALSE(rest.empty());
+  ProcessLinks links({.priority = 0, .cpu = -1});
+  const SteadyClock clock;
+  ZmqSource<HandTarget> device(links.side, clock,
+                               bind_to(load_session(file_).links.hand_target, "links.hand_target"),
+                               Delivery::kEvery);
+  WebClient page(static_cast<std::uint16_t>(std::stoi(rest)));
+  ASSERT_TRUE(page.open_web_socket());
+  advertise(page);
+
+  HandTarget target;
+  TimePoint received_at;
+  const auto begin = std::chrono::steady_clock::now();
+  std::size_t sent = 0;
+  std::size_t received = 0;
+  while (received < 100 && std::chrono::steady_clock::now() - begin < 20s) {
+    lead(page, 0.01);
+    ++sent;
+    while (device.receive(target, received_at)) ++received;
+  }
+  const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
+  EXPECT_GE(received, 100u);
+  EXPECT_LE(static_cast<double>(received), 120.5 * took.count() + 1.0);
+  EXPECT_GT(sent, 2 * received);
+
+  lead(page, 0.02);
+  while (target.hand_position_m.z() != 0.02 && std::chrono::steady_clock::now() - begin < 30s) {
+    device.wait_until(clock.now() + 50ms);
+    static_cast<void>(device.receive(target, received_at));
+  }
+  EXPECT_EQ(target.hand_position_m.z(), 0.02);
+}
+
+TEST_F(ViewerProcesses, ATargetBeyondTheReachLeadsTheHandToItsEdge) {
+  launch();
+  ProcessLinks links({.priority = 0, .cpu = -1});
+  Watcher watcher(load_session(file_), links);
+  WebClient page(port_);
+  ASSERT_TRUE(page.open_web_socket());
+  advertise(page);
+  ASSERT_TRUE(watcher.until([&] { return watcher.sees_all_nodes(); }));
+
+  // the default reach is 0.1 m; on its way at 0.5 m/s a hand of 0.3 kg on a spring of 150 N/m
+  // overshoots by less than v √(m/k) = 22 mm
+  const auto height_m = [&] {
+    return watcher.rows().empty() ? 0.0 : watcher.rows().back().device.measured_hand_position_m.z();
+  };
+  ASSERT_TRUE(watcher.until([&] {
+    lead(page, 1000.0);
+    return height_m() > 0.098;
+  }));
+  const std::size_t first = watcher.rows().size();
+  ASSERT_TRUE(watcher.until([&] {
+    lead(page, 1000.0);
+    return watcher.rows().size() > first + 200;  // a second more
+  }));
+  for (const viewer::TickRow& row : watcher.rows()) {
+    ASSERT_LT(row.device.measured_hand_position_m.norm(), 0.122);
+  }
+  stop();
+}
+
+TEST_F(ViewerProcesses, HostileClientsStopNeitherTheServerNorTheTicks) {
+  launch();
+  ProcessLinks links({.priority = 0, .cpu = -1});
+  Watcher watcher(load_session(file_), links);
+  ASSERT_TRUE(watcher.until([&] { return watcher.sees_all_nodes(); }));
+  ASSERT_TRUE(watcher.until_rows(100));
+  const std::size_t first = watcher.rows().size();
+
+  // more connections than are allowed, each up to something else; none reads an answer
+  std::vector<std::unique_ptr<WebClient>> hostile;
+  for (std::uint64_t i = 0; i < 300; ++i) {
+    const WebClient& client = *hostile.emplace_back(std::make_unique<WebClient>(port_));
+    switch (i % 8) {
+      case 0:
+        break;  // silent
+      case 1:
+        client.send_raw("GET / HTTP/1.1\r\nHost: local");
+        client.send_no_more();
+        break;
+      case 2:
+        client.send_raw("GET / HTTP/1.1\r\nX: " + std::string(100'000, 'x'));
+        break;
+      case 3:
+        client.send_raw(WebClient::upgrade("Origin: http://evil.example\r\n"));
+        break;
+      case 4:
+        client.send_raw(WebClient::upgrade() + WebClient::frame(1, std::string(100'000, '[')));
+        break;
+      case 5:  // subscribes to all there is
+        client.send_raw(WebClient::upgrade());
+        for (int channel = 1; channel <= 11; ++channel) subscribe(client, channel);
+        break;
+      case 6:
+        client.send_raw(WebClient::upgrade());
+        advertise(client);
+        for (int k = 0; k < 100; ++k) lead(client, 1e300);
+        break;
+      default: {
+        Random random(i);
+        std::string bytes(1000, '\0');
+        for (char& c : bytes) c = static_cast<char>(random.below(256));
+        client.send_raw(bytes);
+      }
+    }
+    if (i % 10 == 0) {
+      ASSERT_TRUE(watcher.until_rows(2));
+    }
+  }
+  ASSERT_TRUE(watcher.until_rows(400));
+
+  // the device was neither restarted nor left alone: without hostile clients all are answered too
+  EXPECT_EQ(watcher.mirror().device_link().sessions, 1u);
+  EXPECT_EQ(watcher.mirror().mofc_link().sessions, 1u);
+  const auto begin = watcher.rows().begin() + static_cast<std::ptrdiff_t>(first);
+  const auto answered = std::count_if(begin, watcher.rows().end(),
+                                      [](const auto& row) { return row.device.is_answered; });
+  EXPECT_GT(static_cast<double>(answered), 0.9 * static_cast<double>(watcher.rows().end() - begin));
+
+  hostile.clear();
+  std::optional<std::string> scene;
+  ASSERT_TRUE(watcher.until([&] {  // a good client is let in again
+    WebClient client(port_);
+    if (!client.open_web_socket()) return false;
+    subscribe(client, kScene);
+    scene = client.await_data(kScene);
+    return scene.has_value();
+  }));
+  EXPECT_EQ(decoded<SceneState>(*scene).session_name, "page");
   stop();
 }
 

@@ -317,11 +317,31 @@ TEST_F(WebServerTest, EndsWithClientsConnectedAndDataOnItsWay) {
   ASSERT_TRUE(eventually([&] { return server_->is_watched(0); }));
   for (int i = 0; i < 50; ++i) server_->publish(0, 0, payload(std::string(100'000, 'x')));
 
+  const auto begin = std::chrono::steady_clock::now();
   server_.reset();
+  EXPECT_LT(std::chrono::steady_clock::now() - begin, 5s) << "it waits for its client";
 
-  int received = 0;
-  while (client->next()) ++received;
-  EXPECT_LT(received, 50);  // the rest was still on its way
+  std::size_t received = 0;
+  while (client->next()) ++received;  // the rest was still on its way
+  EXPECT_LT(received, 50u);
+}
+
+TEST_F(WebServerTest, HalfOpenConnectionsKeepNobodyOut) {
+  const auto whole = viewer();
+  std::vector<std::unique_ptr<WebClient>> half;
+  for (std::size_t i = 0; i < 40; ++i) {
+    half.push_back(connect());
+    half.back()->send_raw(i % 2 == 0 ? "GET / HTTP/1.1\r\nHost: loc" : WebClient::upgrade());
+    half.back()->send_no_more();
+  }
+  for (std::size_t i = 1; i < 40; i += 2) EXPECT_THAT(half[i]->read_head(), HasSubstr("HTTP/1.1"));
+  // a WebSocket whose client says no more is over; half a request is none
+  EXPECT_TRUE(eventually([&] { return server_->counters().clients == 1; }));
+  for (std::size_t i = 0; i < 40; i += 2) EXPECT_THAT(half[i]->read_to_end(), HasSubstr("400"));
+
+  expect_alive();
+  whole->send_text("{\"op\":\"still here\"}");
+  EXPECT_THAT(whole->await_text("still here"), HasSubstr("not supported"));
 }
 
 }  // namespace

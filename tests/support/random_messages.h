@@ -223,6 +223,9 @@ inline void randomise(PhysicsCounters& c, Random& random) {
   c.tissues_skipped = random.bits();
   c.tissues_visited = random.bits();
   c.octree_cells_visited = random.bits();
+  c.octree_last_cell_hits = random.bits();
+  c.tissues_asleep = random.bits();
+  c.surfaces_shared = random.bits();
   c.interactions_suppressed = random.bits();
   c.worst_compute_time = random_duration(random);
 }
@@ -441,6 +444,8 @@ inline bool same(const PhysicsCounters& a, const PhysicsCounters& b) {
          a.contact_steps == b.contact_steps && a.tissues_skipped == b.tissues_skipped &&
          a.tissues_visited == b.tissues_visited &&
          a.octree_cells_visited == b.octree_cells_visited &&
+         a.octree_last_cell_hits == b.octree_last_cell_hits &&
+         a.tissues_asleep == b.tissues_asleep && a.surfaces_shared == b.surfaces_shared &&
          a.interactions_suppressed == b.interactions_suppressed &&
          a.worst_compute_time == b.worst_compute_time;
 }

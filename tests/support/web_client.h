@@ -50,6 +50,9 @@ class WebClient {
     return true;
   }
 
+  /// Half closed: the server sees the end, its answers still come.
+  void send_no_more() const { shutdown(socket_, SHUT_WR); }
+
   /// What comes until the server closes or the deadline; for small answers.
   std::string read_to_end() {
     while (read_more()) {

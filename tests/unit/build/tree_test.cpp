@@ -71,6 +71,7 @@ TEST(SessionFormat, EveryNumberSaysItsUnitInItsName) {
       "y",
       "z",  // of a vector, which says it
       "ratio",
+      "friction_coefficient",
   };
   const std::vector<Field> fields =
       fields_of(text_of(PALPATE_SOURCE_DIR "/proto/palpate/v1/session.proto"));

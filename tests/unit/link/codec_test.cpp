@@ -654,6 +654,7 @@ TEST(InteractionCodec, ListsWhatIsTouchedThenWhatIsNear) {
   auto with = [](int touching, int near, std::uint32_t count) {
     return [=](v1::Interaction& m) {
       v1::Contact one = m.contacts(0);
+      one.clear_d_force_d_velocity();  // one more than there may be must fit the frame
       m.clear_contacts();
       for (int i = 0; i < touching; ++i) *m.add_contacts() = one;
       one.set_penetration_m(-0.01);

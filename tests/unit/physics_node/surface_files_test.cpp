@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <cstdlib>
+#include <filesystem>
 
 #include "common/core/check.h"
 #include "physics_node/ply.h"
@@ -142,16 +143,19 @@ TEST(SurfaceFiles, TellWhatTheyCannotUse) {
 }
 
 TEST(SurfaceFiles, ReadRealLivers) {
-  const char* const folder = std::getenv("PALPATE_LIVER_DATA");
-  if (folder == nullptr) {
-    GTEST_SKIP() << "set PALPATE_LIVER_DATA to the folder of the liver meshes to try them";
+  const char* const told = std::getenv("PALPATE_LIVER_DATA");
+  const std::filesystem::path folder =
+      told != nullptr ? told : PALPATE_SOURCE_DIR "/../shared/data/liver";
+  if (!std::filesystem::exists(folder)) {
+    GTEST_SKIP() << folder
+                 << " is absent: no liver meshes to try; PALPATE_LIVER_DATA names another";
   }
   // their unit is not told; the first is 6.5 wide, a liver some 0.2 m
   for (const auto& [name, unit_m, tetrahedra] :
        {std::tuple{"liver_181n_596t.msh", 0.03, 596U}, {"liver2_507n_1493t.msh", 0.1, 1493U}}) {
     SCOPED_TRACE(name);
     const FileGeometry geometry{
-        .kind = Kind::kTetrahedralMesh, .file = std::string(folder) + "/" + name, .unit_m = unit_m};
+        .kind = Kind::kTetrahedralMesh, .file = folder / name, .unit_m = unit_m};
     const TetrahedralMesh mesh = load_tetrahedral_mesh(geometry);
     const auto surface = load_surface(geometry);
 

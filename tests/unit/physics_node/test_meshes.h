@@ -3,6 +3,9 @@
 
 #include <cmath>
 #include <numbers>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "physics_node/tetrahedral_mesh.h"
 #include "physics_node/triangle_surface.h"
@@ -53,6 +56,57 @@ inline TriangleMesh ball_mesh(double radius_m, std::uint32_t rings) {
     mesh.triangles.push_back({corner(rings, i), last, corner(rings, i + 1)});
   }
   return mesh;
+}
+
+/// A square in the plane z = 0 that faces up, `cells` by `cells` cells of two triangles; open.
+inline TriangleMesh sheet_mesh(double half_edge_m, std::uint32_t cells) {
+  TriangleMesh mesh;
+  const std::uint32_t row = cells + 1;
+  for (std::uint32_t i = 0; i < row * row; ++i) {
+    mesh.vertices_m.push_back(
+        half_edge_m * Vector3(2.0 * (i % row) / cells - 1.0, 2.0 * (i / row) / cells - 1.0, 0.0));
+  }
+  for (std::uint32_t y = 0; y < cells; ++y) {
+    for (std::uint32_t x = 0; x < cells; ++x) {
+      const std::uint32_t at = y * row + x;
+      mesh.triangles.push_back({at, at + 1, at + row + 1});
+      mesh.triangles.push_back({at, at + row + 1, at + row});
+    }
+  }
+  return mesh;
+}
+
+/// A bar along y whose section in x and z is this polygon, clockwise with x to the
+/// right and z up; its first corner sees all others.
+inline TriangleMesh bar_mesh(const std::vector<std::pair<double, double>>& section_m,
+                             double half_length_m) {
+  TriangleMesh mesh;
+  const auto count = static_cast<std::uint32_t>(section_m.size());
+  for (const double y : {-half_length_m, half_length_m}) {
+    for (const auto& [x, z] : section_m) mesh.vertices_m.push_back({x, y, z});
+  }
+  for (std::uint32_t i = 0; i < count; ++i) {
+    const std::uint32_t next = (i + 1) % count;
+    mesh.triangles.push_back({i, next, count + next});
+    mesh.triangles.push_back({i, count + next, count + i});
+    if (i == 0 || next == 0) continue;
+    mesh.triangles.push_back({0, next, i});
+    mesh.triangles.push_back({count, count + i, count + next});
+  }
+  return mesh;
+}
+
+inline std::string obj_text(const TriangleMesh& mesh) {
+  std::string text;
+  for (const Vector3& v : mesh.vertices_m) {
+    text += "v " + std::to_string(v.x()) + " " + std::to_string(v.y()) + " " +
+            std::to_string(v.z()) + "\n";
+  }
+  for (const auto& [a, b, c] : mesh.triangles) {
+    text += "f " + std::to_string(a + 1) + " " + std::to_string(b + 1) + " " +
+            std::to_string(c + 1) + "\n";
+  }
+  return text;
 }
 
 }  // namespace palpate::physics

@@ -22,7 +22,8 @@ TEST(Realtime, PriorityZeroAndNoProcessorLeaveTheThreadAsItIs) {
     cpu_set_t before;
     ASSERT_EQ(sched_getaffinity(0, sizeof(before), &before), 0);
 
-    const RealtimeReport report = enter_realtime({.priority = 0, .cpu = -1});
+    const RealtimeReport report =
+        enter_realtime({.priority = 0, .cpu = -1, .wait = WaitStrategy::kBlock});
 
     cpu_set_t after;
     ASSERT_EQ(sched_getaffinity(0, sizeof(after), &after), 0);
@@ -31,7 +32,7 @@ TEST(Realtime, PriorityZeroAndNoProcessorLeaveTheThreadAsItIs) {
     EXPECT_FALSE(report.has_fifo);
     EXPECT_FALSE(report.is_pinned);
     EXPECT_FALSE(report.has_locked_memory);
-    EXPECT_EQ(report.text, "scheduling=ordinary cpu=any");
+    EXPECT_EQ(report.text, "scheduling=ordinary cpu=any wait=block");
   });
 }
 

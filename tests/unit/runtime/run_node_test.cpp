@@ -83,6 +83,7 @@ TEST_F(RunNode, NoRealtimeAsksForNothingRealtime) {
   run({"--session", session_, "--no-realtime"}, [&](NodeContext& context) {
     EXPECT_EQ(context.session.realtime.priority, 0);
     EXPECT_EQ(context.session.realtime.cpu, -1);
+    EXPECT_EQ(context.session.realtime.wait, WaitStrategy::kBlock);
   });
 }
 

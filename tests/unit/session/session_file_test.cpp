@@ -89,6 +89,7 @@ TEST(SessionFile, AlmostEmptySessionHasEveryDefault) {
   EXPECT_EQ(session.links.hand_target, "ipc:///run/p/x/hand_target.ipc");
   EXPECT_EQ(session.realtime.priority, 80);
   EXPECT_EQ(session.realtime.cpu, 0);
+  EXPECT_EQ(session.realtime.wait, WaitStrategy::kHybrid);
 
   // 1 kHz: half a period, 2 periods, 20 periods
   const DeviceConfig& device = session.device;
@@ -188,17 +189,20 @@ TEST(SessionFile, DefaultReplyLeavesRoomForTheWait) {
 TEST(SessionFile, ReadsEveryKindOfTissue) {
   const Session session = parse_session(
       R"(name: "x" scene {
-           tool { tip_radius_m: 0.003 }
+           tool { tip_radius_m: 0.003 shaft_length_m: 0.1 }
            tissue { half_space { point_m { z: 1 } normal { x: 3 z: 4 } }
                     kelvin_voigt { stiffness_newton_per_m: 6 damping_newton_s_per_m: 15
                                    isotropic_damping: true adhesive: true } }
            tissue { name: "ball" sphere { center_m { y: 2 } radius_m: 0.5 }
-                    kelvin_voigt { stiffness_newton_per_m: 7 friction_coefficient: 0.3 } }
+                    kelvin_voigt { stiffness_newton_per_m: 7 friction_coefficient: 0.3
+                                   puncture_newton: 2 } }
            tissue { box { size_m { x: 1 y: 2 z: 3 } }
                     kelvin_voigt { stiffness_newton_per_m: 8 } } })",
       "x.txtpb");
 
   EXPECT_EQ(session.scene.tip_radius_m, 0.003);
+  EXPECT_EQ(session.scene.shaft_length_m, 0.1);
+  EXPECT_EQ(session.scene.shaft_radius_m, 0.003);
   ASSERT_THAT(session.scene.tissues, SizeIs(3));
   const auto& [plane, ball, box] =
       std::tie(session.scene.tissues[0], session.scene.tissues[1], session.scene.tissues[2]);
@@ -219,7 +223,10 @@ TEST(SessionFile, ReadsEveryKindOfTissue) {
   EXPECT_EQ(std::get<KelvinVoigtMaterial>(ball.material).damping_newton_s_per_m, 0.0);
   EXPECT_EQ(std::get<KelvinVoigtMaterial>(ball.material).friction_coefficient, 0.3);
   EXPECT_EQ(std::get<KelvinVoigtMaterial>(ball.material).friction_stiffness_newton_per_m, 7.0);
+  EXPECT_EQ(std::get<KelvinVoigtMaterial>(ball.material).puncture_newton, 2.0);
+  EXPECT_EQ(std::get<KelvinVoigtMaterial>(ball.material).cutting_newton, 0.5);
   EXPECT_EQ(material.friction_coefficient, 0.0);
+  EXPECT_EQ(material.puncture_newton, 0.0);
   EXPECT_EQ(box.name, "tissue2");
   EXPECT_EQ(std::get<BoxGeometry>(box.geometry).size_m, Vector3(1, 2, 3));
 }
@@ -338,7 +345,7 @@ TEST(SessionFile, ReadsWhatHasNoDefault) {
   const Session session = parse_session(
       R"(name: "x" seed: 18446744073709551615 duration_s: 2.5
          links { exchange: "tcp://127.0.0.1:5551" tool_motion: "inproc://motion" }
-         realtime { priority: 0 cpu: -1 }
+         realtime { priority: 0 cpu: -1 wait: spin }
          device { workspace { scale_ratio: 2 force_ratio: 0 offset_m { x: 1 } clutch_button: 3 } }
          hand { press { button: 3 from_s: 1 until_s: 2 } }
          mofc { controller: none mode: paper fade_ms: 9 })",
@@ -350,6 +357,7 @@ TEST(SessionFile, ReadsWhatHasNoDefault) {
   EXPECT_EQ(session.links.tool_motion, "inproc://motion");
   EXPECT_EQ(session.realtime.priority, 0);
   EXPECT_EQ(session.realtime.cpu, -1);
+  EXPECT_EQ(session.realtime.wait, WaitStrategy::kSpin);
   EXPECT_EQ(session.device.workspace.scale_ratio, 2.0);
   EXPECT_EQ(session.device.workspace.force_ratio, 0.0);
   EXPECT_EQ(session.device.workspace.offset_m, Vector3(1, 0, 0));

@@ -1,0 +1,676 @@
+// exchange_bench — the round trip device → mofc → device of the real programs against bare echoes
+// of the same bytes, and what its parts cost.
+#include <fcntl.h>
+#include <sched.h>
+#include <spdlog/fmt/fmt.h>
+#include <sys/mman.h>
+#include <sys/prctl.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <functional>
+#include <limits>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <system_error>
+#include <utility>
+#include <vector>
+
+#include "common/core/check.h"
+#include "common/core/clock.h"
+#include "common/link/zmq_links.h"
+#include "common/runtime/rate_loop.h"
+#include "common/runtime/realtime.h"
+#include "common/runtime/session_file.h"
+#include "tests/bench/bench_output.h"
+#include "tests/bench/echo_links.h"
+
+namespace palpate::bench {
+namespace {
+
+using namespace std::chrono_literals;
+namespace fs = std::filesystem;
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr auto kWarmUp = 500ms;
+
+// --- processes --------------------------------------------------------------------------------
+
+/// A process of this bench; ended by the destructor, and by the kernel if the bench dies.
+class Child {
+ public:
+  /// Runs `body`, in which nothing of the parent may run but this thread.
+  explicit Child(const std::function<void()>& body) : end_signal_(SIGKILL) {
+    std::fflush(nullptr);
+    pid_ = fork();
+    if (pid_ < 0) throw std::system_error(errno, std::generic_category(), "fork");
+    if (pid_ > 0) return;
+    prctl(PR_SET_PDEATHSIG, SIGKILL);
+    int status = 1;
+    try {
+      body();
+      status = 0;
+    } catch (const std::exception& e) {
+      std::fprintf(stderr, "exchange_bench: %s\n", e.what());
+    }
+    std::fflush(nullptr);
+    _exit(status);
+  }
+  /// Runs a program of the build; what it says goes to `log`.
+  Child(const fs::path& program, const std::vector<std::string>& arguments, const fs::path& log)
+      : Child([&] {
+          const int out = open(log.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0600);
+          dup2(out, STDOUT_FILENO);
+          dup2(out, STDERR_FILENO);
+          std::string name = program.string();
+          std::vector<std::string> words = arguments;
+          std::vector<char*> argv{name.data()};
+          for (std::string& word : words) argv.push_back(word.data());
+          argv.push_back(nullptr);
+          execv(name.c_str(), argv.data());
+          throw SetupError(name + ": cannot be started; build it");
+        }) {
+    end_signal_ = SIGTERM;
+  }
+  ~Child() {
+    if (pid_ == 0) return;
+    kill(pid_, end_signal_);
+    waitpid(pid_, nullptr, 0);
+  }
+  Child(const Child&) = delete;
+  Child& operator=(const Child&) = delete;
+
+  /// Waits for its end; whether it went well.
+  bool wait() {
+    int status = 0;
+    waitpid(std::exchange(pid_, 0), &status, 0);
+    return WIFEXITED(status) && WEXITSTATUS(status) == 0;
+  }
+
+ private:
+  pid_t pid_ = 0;
+  int end_signal_;
+};
+
+/// Numbers that a child leaves to its parent.
+class SharedNumbers {
+ public:
+  explicit SharedNumbers(std::size_t capacity) : capacity_(capacity) {
+    void* const memory = mmap(nullptr, bytes(), PROT_READ | PROT_WRITE,
+                              MAP_SHARED | MAP_ANONYMOUS | MAP_POPULATE, -1, 0);
+    if (memory == MAP_FAILED) throw std::system_error(errno, std::generic_category(), "mmap");
+    numbers_ = static_cast<double*>(memory);
+  }
+  ~SharedNumbers() { munmap(numbers_, bytes()); }
+  SharedNumbers(const SharedNumbers&) = delete;
+  SharedNumbers& operator=(const SharedNumbers&) = delete;
+
+  void add(double number) {
+    if (count() < capacity_) numbers_[1 + count()] = number;
+    numbers_[0] += 1.0;
+  }
+  [[nodiscard]] std::vector<double> all() const {
+    return {numbers_ + 1, numbers_ + 1 + std::min(count(), capacity_)};
+  }
+
+ private:
+  [[nodiscard]] std::size_t bytes() const { return (capacity_ + 1) * sizeof(double); }
+  [[nodiscard]] std::size_t count() const { return static_cast<std::size_t>(numbers_[0]); }
+
+  std::size_t capacity_;
+  double* numbers_ = nullptr;  // the first one is how many
+};
+
+// --- what is measured -------------------------------------------------------------------------
+
+struct Placement {
+  const char* label;
+  int priority;
+  int near_cpu;  ///< device
+  int far_cpu;   ///< mofc
+};
+constexpr Placement kOneProcessor{"FIFO, one processor", 80, 0, 0};
+constexpr Placement kTwoProcessors{"FIFO, two processors", 80, 0, 1};
+constexpr Placement kOrdinary{"ordinary, anywhere", 0, -1, -1};
+
+struct Case {
+  Placement placement;
+  double rate_hz;
+  bool is_loaded;
+};
+
+/// One link in one case.
+struct Measured {
+  std::vector<double> round_trips_us;  ///< sorted; infinite: not by the deadline
+  double answered_ratio = kNaN;        ///< of the scheduled ticks
+};
+
+double quantile(const std::vector<double>& sorted, double q) {
+  if (sorted.empty()) return kNaN;
+  const auto last = static_cast<double>(sorted.size() - 1);
+  return sorted[static_cast<std::size_t>(q * last + 0.5)];
+}
+
+double micro(Duration d) { return 1e6 * to_seconds(d); }
+
+/// In a child: the scheduling of this process and of every thread that it will have.
+void take_scheduling(int priority, int cpu) {
+  if (cpu >= 0) {
+    cpu_set_t cpus;
+    CPU_ZERO(&cpus);
+    CPU_SET(static_cast<std::size_t>(cpu), &cpus);
+    sched_setaffinity(0, sizeof(cpus), &cpus);
+  }
+  const sched_param parameters{.sched_priority = priority};
+  if (priority > 0 && sched_setscheduler(0, SCHED_FIFO, &parameters) != 0) {
+    throw SetupError("SCHED_FIFO was permitted before and is not now");
+  }
+}
+
+/// Round trips of a bare echo at the case's rate.
+Measured measure(EchoLink& link, const Case& c, double seconds) {
+  const auto wanted = static_cast<std::size_t>(seconds * c.rate_hz);
+  SharedNumbers numbers(wanted);
+  const Child far([&] {
+    take_scheduling(c.placement.priority, c.placement.far_cpu);
+    link.serve_far({.priority = c.placement.priority, .cpu = c.placement.far_cpu});
+  });
+  Child near([&] {
+    alarm(static_cast<unsigned>(10.0 * seconds) + 30);  // an echo that never comes ends the bench
+    take_scheduling(c.placement.priority, c.placement.near_cpu);
+    const auto round_trip =
+        link.open_near({.priority = c.placement.priority, .cpu = c.placement.near_cpu});
+    SteadyClock clock(c.placement.priority > 0 ? WaitStrategy::kHybrid : WaitStrategy::kBlock);
+    const TimePoint warm_at = clock.now() + kWarmUp;
+    std::stop_source stop;
+    std::size_t taken = 0;
+    RateLoop(clock, c.rate_hz).run(stop.get_token(), [&](const Tick& tick) {
+      const TimePoint begin = clock.now();
+      round_trip();
+      const Duration took = clock.now() - begin;
+      if (tick.now < warm_at) return;
+      numbers.add(micro(took));
+      if (++taken == wanted) stop.request_stop();
+    });
+  });
+  if (!near.wait()) throw SetupError("the near end of an echo failed");
+  Measured measured{.round_trips_us = numbers.all()};
+  std::sort(measured.round_trips_us.begin(), measured.round_trips_us.end());
+  return measured;
+}
+
+/// The real programs with the default session.
+class Deployment {
+ public:
+  Deployment(fs::path session_file, fs::path folder)
+      : session_file_(std::move(session_file)), folder_(std::move(folder)) {}
+
+  struct Wanted {
+    bool is_together = false;
+    int viewers = 0;  ///< beside the one that measures
+  };
+
+  Measured measure(const Case& c, const Wanted& wanted, double seconds) const {
+    // a deadline late in the period: the round trip is asked for, not whether it is in time
+    const double reply_us = 0.9e6 / c.rate_hz;
+    std::vector<std::string> settings = {
+        fmt::format("device.rate_hz={}", c.rate_hz), fmt::format("device.reply_us={}", reply_us),
+        fmt::format("realtime.priority={}", c.placement.priority),
+        fmt::format("realtime.wait={}", c.placement.priority > 0 ? "hybrid" : "block")};
+    const Session session = load_session(session_file_, settings);
+    std::vector<std::unique_ptr<Child>> children;
+    for (int i = 0; i < wanted.viewers; ++i) {
+      children.push_back(std::make_unique<Child>([&] { look_on(session); }));
+    }
+    const auto start = [&](const std::string& name, int cpu) {
+      std::vector<std::string> arguments = {"--session", session_file_.string()};
+      for (const std::string& setting : settings) {
+        arguments.insert(arguments.end(), {"--set", setting});
+      }
+      arguments.insert(arguments.end(), {"--set", fmt::format("realtime.cpu={}", cpu)});
+      children.push_back(std::make_unique<Child>(
+          fs::read_symlink("/proc/self/exe").parent_path() / (name + "_node"), arguments,
+          folder_ / "log"));
+    };
+    start("physics", -1);
+    if (wanted.is_together) {
+      start("device_mofc", c.placement.near_cpu);
+    } else {
+      start("mofc", c.placement.far_cpu);
+      start("device", c.placement.near_cpu);
+    }
+    Measured measured = watch(session, seconds);
+    while (!children.empty()) children.pop_back();  // the device first
+    return measured;
+  }
+
+ private:
+  static std::vector<Attachment> telemetry_of(const Session& session) {
+    return {connect_to(session.links.device_telemetry, "links.device_telemetry"),
+            connect_to(session.links.mofc_telemetry, "links.mofc_telemetry"),
+            connect_to(session.links.physics_telemetry, "links.physics_telemetry")};
+  }
+
+  static void look_on(const Session& session) {
+    const SteadyClock clock;
+    ZmqContext context;
+    TelemetrySubscriber subscriber(context, clock, telemetry_of(session));
+    TelemetryMessage message;
+    TimePoint received_at;
+    for (;;) {
+      subscriber.wait_until(clock.now() + 1s);
+      while (subscriber.receive(message, received_at)) {
+      }
+    }
+  }
+
+  /// Takes what the device says of its ticks.
+  Measured watch(const Session& session, double seconds) const {
+    const SteadyClock clock;
+    ZmqContext context;
+    TelemetrySubscriber subscriber(context, clock, telemetry_of(session));
+    TelemetryMessage message;
+    TimePoint received_at;
+    Measured measured;
+    std::optional<TimePoint> answered_since;  // the device's clock, which is this one
+    std::optional<DeviceCounters> before;
+    const TimePoint deadline = clock.now() + 10s + from_seconds(seconds);
+    for (;;) {
+      if (clock.now() > deadline) {
+        throw SetupError("the nodes do not run: see " + (folder_ / "log").string());
+      }
+      subscriber.wait_until(clock.now() + 50ms);
+      while (subscriber.receive(message, received_at)) {
+        const auto* batch = std::get_if<DeviceBatch>(&message);
+        if (batch == nullptr) continue;
+        for (const DeviceTick& tick : batch->records) {
+          if (!answered_since && tick.is_answered) answered_since = tick.sampled_at;
+          if (!before) continue;
+          measured.round_trips_us.push_back(tick.is_answered ? micro(tick.reply_time) : kInfinity);
+        }
+        if (!answered_since || batch->header.sampled_at < *answered_since + kWarmUp) continue;
+        const DeviceCounters& now = batch->counters;
+        if (!before) before = now;
+        if (batch->header.sampled_at < *answered_since + kWarmUp + from_seconds(seconds)) continue;
+        const auto scheduled = [](const DeviceCounters& counters) {
+          return static_cast<double>(counters.loop.ticks + counters.loop.skipped_ticks);
+        };
+        measured.answered_ratio = static_cast<double>(now.answered_ticks - before->answered_ticks) /
+                                  (scheduled(now) - scheduled(*before));
+        std::sort(measured.round_trips_us.begin(), measured.round_trips_us.end());
+        return measured;
+      }
+    }
+  }
+
+  fs::path session_file_;
+  fs::path folder_;
+};
+
+// --- the table --------------------------------------------------------------------------------
+
+constexpr std::array kQuantiles{0.5, 0.99, 0.999, 1.0};
+
+/// Of one link in one case: the median over the rounds, of times and of ratios within a round.
+struct Figures {
+  std::array<double, 4> us{};      ///< at kQuantiles
+  std::array<double, 3> to_raw{};  ///< times the raw ZeroMQ echo of the same round
+  double answered_percent = kNaN;
+};
+
+double median(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  return quantile(values, 0.5);
+}
+
+Figures figures_of(const std::vector<Measured>& rounds, const std::vector<Measured>& raw) {
+  Figures figures;
+  const auto over_rounds = [&](const auto& of_round) {
+    std::vector<double> values;
+    for (std::size_t i = 0; i < rounds.size(); ++i) values.push_back(of_round(i));
+    return median(std::move(values));
+  };
+  for (std::size_t k = 0; k < kQuantiles.size(); ++k) {
+    const auto us = [&](const Measured& m) { return quantile(m.round_trips_us, kQuantiles[k]); };
+    figures.us[k] = over_rounds([&](std::size_t i) { return us(rounds[i]); });
+    if (k >= figures.to_raw.size()) continue;
+    figures.to_raw[k] = over_rounds([&](std::size_t i) { return us(rounds[i]) / us(raw[i]); });
+  }
+  figures.answered_percent =
+      100.0 * over_rounds([&](std::size_t i) { return rounds[i].answered_ratio; });
+  return figures;
+}
+
+constexpr const char* kExchange = "palpate, ipc";
+constexpr const char* kViewed = "palpate, ipc, 8 viewers";
+constexpr const char* kTogether = "palpate, --together";
+constexpr const char* kRaw = "ZeroMQ ipc";
+constexpr const char* kRawInproc = "ZeroMQ inproc";
+constexpr const char* kGazebo = "Gazebo Transport";
+
+std::string case_text(const Case& c) {
+  return fmt::format("{}, {:g} kHz, {}", c.placement.label, 1e-3 * c.rate_hz,
+                     c.is_loaded ? "loaded" : "idle");
+}
+
+// The messages of an ordinary turn in contact.
+DeviceState ordinary_state() {
+  const Vector3 position_m(0.011, -0.002, -0.004);
+  DeviceState state{.header = {.session_id = ~0ULL, .sequence = 1000, .sampled_at = TimePoint(1h)},
+                    .hand_position_m = position_m,
+                    .tool_position_world_m = position_m};
+  // the command before acted until this one's, which has acted since
+  state.applied_count = 2;
+  state.applied[0] = {.force_on_hand_newton = Vector3(0.1, 0.2, 1.0),
+                      .from = TimePoint(1h) - 1ms,
+                      .until = TimePoint(1h) - 900us,
+                      .hand_position_at_end_m = position_m};
+  state.applied[1] = {.force_on_hand_newton = Vector3(0.1, 0.2, 1.1),
+                      .from = TimePoint(1h) - 900us,
+                      .until = TimePoint(1h),
+                      .hand_position_at_end_m = position_m};
+  return state;
+}
+ForceCommand ordinary_command() {
+  return {.header = {.session_id = ~0ULL, .sequence = 1000, .sampled_at = TimePoint(1h)},
+          .answers_session_id = ~0ULL,
+          .answers_sequence = 1000,
+          .force_on_hand_newton = Vector3(0.1, 0.2, 1.0),
+          .valid_for = 2ms};
+}
+EchoBytes exchange_bytes() {
+  return {.there = Codec<DeviceState>().encode(ordinary_state()),
+          .back = Codec<ForceCommand>().encode(ordinary_command())};
+}
+
+/// By link, in the order of the table.
+using Results = std::vector<std::pair<std::string, Figures>>;
+
+const Figures* find(const Results& results, const char* link) {
+  for (const auto& [name, figures] : results) {
+    if (name == link) return &figures;
+  }
+  return nullptr;
+}
+
+Results run_case(const Case& c, const Deployment& deployment, const fs::path& folder, int rounds,
+                 double seconds) {
+  const EchoBytes bytes = exchange_bytes();
+  std::vector<std::pair<std::string, std::function<Measured()>>> links;
+  const auto add_exchange = [&](const char* name, const Deployment::Wanted& wanted) {
+    links.emplace_back(name, [&deployment, &c, wanted, seconds] {
+      return deployment.measure(c, wanted, seconds);
+    });
+  };
+  const auto add_echo = [&](const char* name, const auto& make) {
+    links.emplace_back(name, [&c, make, seconds] { return measure(*make(), c, seconds); });
+  };
+  add_exchange(kExchange, {});
+  add_exchange(kViewed, {.viewers = 8});
+  add_exchange(kTogether, {.is_together = true});
+  add_echo(kRaw, [&] { return zmq_ipc_echo(bytes, folder.string()); });
+  if (c.placement.near_cpu == c.placement.far_cpu) {
+    add_echo(kRawInproc, [&] { return zmq_inproc_echo(bytes); });
+  }
+#ifdef PALPATE_HAS_GAZEBO_TRANSPORT
+  add_echo(kGazebo, [&] { return gazebo_transport_echo(bytes); });
+#endif
+  add_echo("Unix stream", [&] { return unix_echo(bytes, SOCK_STREAM); });
+  add_echo("Unix datagram", [&] { return unix_echo(bytes, SOCK_DGRAM); });
+  add_echo("shared memory, futex", [&] { return shared_memory_echo(bytes); });
+
+  std::vector<std::unique_ptr<Child>> load;
+  for (int cpu = 0; c.is_loaded && cpu < 2; ++cpu) {
+    load.push_back(std::make_unique<Child>([cpu] {
+      take_scheduling(0, cpu);
+      for (volatile std::uint64_t n = 0;;) n = n + 1;
+    }));
+  }
+  // round by round, so that what else the machine does meets all of them
+  std::map<std::string, std::vector<Measured>> measured;
+  for (int round = 0; round < rounds; ++round) {
+    for (const auto& [name, measure_once] : links) measured[name].push_back(measure_once());
+  }
+  Results results;
+  for (const auto& [name, measure_once] : links) {
+    results.emplace_back(name, figures_of(measured[name], measured[kRaw]));
+  }
+  return results;
+}
+
+void print_goals(const Results& idle, const Results* loaded) {
+  const auto line = [](const std::string& what, double is, double goal) {
+    std::printf("  %-58s %5.2f   goal ≤ %.2f  %s\n", what.c_str(), is, goal,
+                is <= goal ? "met" : "missed");
+  };
+  const Figures& exchange = *find(idle, kExchange);
+  std::printf("\nGoals, %s:\n", case_text({kOneProcessor, 1000.0, false}).c_str());
+  line("exchange / ZeroMQ ipc echo, p50", exchange.to_raw[0], 1.6);
+  line("exchange / ZeroMQ ipc echo, p99", exchange.to_raw[1], 2.0);
+  line("exchange / ZeroMQ ipc echo, p99.9", exchange.to_raw[2], 2.5);
+  if (const Figures* gazebo = find(idle, kGazebo)) {
+    line("exchange / Gazebo Transport echo, p50", exchange.us[0] / gazebo->us[0], 1.0);
+  }
+  line("8 viewers / none, p50", find(idle, kViewed)->us[0] / exchange.us[0], 1.15);
+  if (loaded != nullptr) {
+    line("both processors loaded / idle, p99", find(*loaded, kExchange)->us[1] / exchange.us[1],
+         1.5);
+  }
+}
+
+// --- parts ------------------------------------------------------------------------------------
+
+template <class T>
+void add_codec_row(Table& table, const char* name, const T& message) {
+  constexpr int kTurns = 200'000;
+  const SteadyClock clock;
+  Codec<T> codec;
+  std::vector<std::byte> frame(codec.encode(message));
+  const auto ns_per_turn = [&](const auto& turn) {
+    const TimePoint begin = clock.now();
+    for (int i = 0; i < kTurns; ++i) turn();
+    return 1e9 * to_seconds(clock.now() - begin) / kTurns;
+  };
+  const double encode_ns = ns_per_turn([&] {
+    frame.resize(codec.encode(message));
+    codec.write(frame.data());
+  });
+  T decoded;
+  const double decode_ns = ns_per_turn([&] {
+    if (codec.decode(frame, decoded) != DecodeError::kNone) std::abort();
+  });
+  table.add({std::string(name), static_cast<double>(frame.size()), encode_ns, decode_ns});
+}
+
+void print_codec() {
+  Table table({{"message", "message", ""},
+               {"bytes", "bytes", "{:.0f}"},
+               {"encode_ns", "encode ns", "{:.0f}"},
+               {"decode_ns", "decode, check ns", "{:.0f}"}});
+  add_codec_row(table, "DeviceState", ordinary_state());
+  add_codec_row(table, "ForceCommand", ordinary_command());
+  std::printf("\nCodec\n%s", table.text().c_str());
+}
+
+void print_lateness(bool has_fifo, double seconds) {
+  Table table({{"scheduling", "scheduling", ""},
+               {"wait", "wait", ""},
+               {"rate_hz", "Hz", "{:.0f}"},
+               {"p50_us", "p50 µs", "{:.1f}"},
+               {"p99_us", "p99 µs", "{:.1f}"},
+               {"p999_us", "p99.9 µs", "{:.1f}"},
+               {"cpu_percent", "processor %", "{:.1f}"}});
+  for (const int priority : {80, 0}) {
+    if (priority > 0 && !has_fifo) continue;
+    for (const auto& [name, wait] :
+         {std::pair{"hybrid", WaitStrategy::kHybrid}, std::pair{"block", WaitStrategy::kBlock}}) {
+      for (const double rate_hz : {1000.0, 4000.0}) {
+        const auto turns = static_cast<std::size_t>(rate_hz * seconds);
+        SharedNumbers numbers(turns + 1);
+        Child child([&] {
+          take_scheduling(priority, priority > 0 ? 0 : -1);
+          SteadyClock clock(wait);
+          std::stop_source stop;
+          std::size_t begun = 0;
+          RateLoop(clock, rate_hz).run(stop.get_token(), [&](const Tick& tick) {
+            numbers.add(micro(tick.now - tick.scheduled_at));
+            if (++begun == turns) stop.request_stop();
+          });
+          timespec used{};
+          clock_gettime(CLOCK_THREAD_CPUTIME_ID, &used);
+          numbers.add(
+              100.0 *
+              (static_cast<double>(used.tv_sec) + 1e-9 * static_cast<double>(used.tv_nsec)) /
+              seconds);
+        });
+        if (!child.wait()) throw SetupError("a periodic loop failed");
+        std::vector<double> lateness = numbers.all();
+        const double cpu_percent = lateness.back();
+        lateness.pop_back();
+        std::sort(lateness.begin(), lateness.end());
+        table.add({std::string(priority > 0 ? "FIFO" : "ordinary"), std::string(name), rate_hz,
+                   quantile(lateness, 0.5), quantile(lateness, 0.99), quantile(lateness, 0.999),
+                   cpu_percent});
+      }
+    }
+  }
+  std::printf("\nLateness of a periodic loop\n%s", table.text().c_str());
+}
+
+// --- run --------------------------------------------------------------------------------------
+
+void draw_figure(const fs::path& folder, const std::vector<std::pair<Case, Results>>& cases) {
+  std::string data;
+  for (const auto& [name, figures] : cases.front().second) {
+    data += fmt::format("\"{}\" {} {} {}\n", name, figures.us[0], figures.us[1], figures.us[2]);
+  }
+  fs::create_directories(folder);
+  write_file(folder / "exchange.txt", data);
+  write_file(folder / "exchange.gp",
+             R"(set terminal svg size 760,420 dynamic background rgb 'white' font 'sans,13'
+set output 'exchange.svg'
+set title 'Round trip, )" +
+                 case_text(cases.front().first) + R"('
+set style data histogram
+set style fill solid
+set logscale y
+set ylabel 'µs'
+set xtics rotate by -30
+set grid y
+plot 'exchange.txt' using 2:xtic(1) title 'p50', '' using 3 title 'p99', '' using 4 title 'p99.9'
+)");
+  if (run_gnuplot(folder, "exchange.gp")) {
+    std::printf("drawn: %s\n", (folder / "exchange.svg").c_str());
+  }
+}
+
+/// The endpoints of the bench's nodes and echoes; gone at the end.
+class RunFolder {
+ public:
+  RunFolder() {
+    std::string name = (fs::temp_directory_path() / "palpate-bench-XXXXXX").string();
+    if (mkdtemp(name.data()) == nullptr) {
+      throw SetupError(name + ": cannot be made; set TMPDIR to a folder that can be written");
+    }
+    path_ = name;
+    setenv("PALPATE_RUN_DIR", name.c_str(), 1);
+  }
+  ~RunFolder() {
+    std::error_code ignored;  // an empty folder of temporary files is all that could be left
+    fs::remove_all(path_, ignored);
+  }
+  RunFolder(const RunFolder&) = delete;
+  RunFolder& operator=(const RunFolder&) = delete;
+
+  [[nodiscard]] const fs::path& path() const { return path_; }
+
+ private:
+  fs::path path_;
+};
+
+void run(const BenchOptions& options) {
+  const RunFolder folder;
+  const Deployment deployment(fs::path(PALPATE_SOURCE_DIR) / "deploy/sessions/default.txtpb",
+                              folder.path());
+  const bool has_fifo = may_use_fifo(kOneProcessor.priority);
+  if (!has_fifo) {
+    std::printf(
+        "SCHED_FIFO is not permitted (ulimit -r %d permits it): ordinary scheduling only.\n",
+        kOneProcessor.priority);
+  }
+  std::vector<Case> wanted;
+  if (has_fifo) {
+    wanted = {{kOneProcessor, 1000.0, false},
+              {kOneProcessor, 1000.0, true},
+              {kOneProcessor, 4000.0, false}};
+    if (!options.is_quick) {
+      wanted.insert(wanted.end(), {{kOneProcessor, 4000.0, true}, {kTwoProcessors, 1000.0, false}});
+    }
+  }
+  if (!has_fifo || !options.is_quick) {
+    wanted.insert(wanted.end(), {{kOrdinary, 1000.0, false}, {kOrdinary, 1000.0, true}});
+  }
+  const int rounds = options.is_quick ? 1 : 3;
+  const double seconds = options.is_quick ? 2.0 : 5.0;
+
+  const EchoBytes bytes = exchange_bytes();
+  std::printf("%zu bytes there, %zu back; median of %d rounds of %g s; ratios within a round.\n\n",
+              bytes.there, bytes.back, rounds, seconds);
+  Table table({{"case", "case", ""},
+               {"link", "link", ""},
+               {"p50_us", "p50 µs", "{:.1f}"},
+               {"p99_us", "p99 µs", "{:.1f}"},
+               {"p999_us", "p99.9 µs", "{:.1f}"},
+               {"max_us", "max µs", "{:.0f}"},
+               {"p50_to_raw", "p50 / ZeroMQ", "{:.2f}"},
+               {"p99_to_raw", "p99 / ZeroMQ", "{:.2f}"},
+               {"p999_to_raw", "p99.9 / ZeroMQ", "{:.2f}"},
+               {"answered_percent", "answered %", "{:.3f}"}});
+  std::vector<std::pair<Case, Results>> cases;
+  for (const Case& c : wanted) {
+    std::fprintf(stderr, "%s …\n", case_text(c).c_str());
+    const Results& results =
+        cases.emplace_back(c, run_case(c, deployment, folder.path(), rounds, seconds)).second;
+    for (const auto& [name, figures] : results) {
+      table.add({case_text(c), name, figures.us[0], figures.us[1], figures.us[2], figures.us[3],
+                 figures.to_raw[0], figures.to_raw[1], figures.to_raw[2],
+                 figures.answered_percent});
+    }
+    table.add_gap();
+  }
+  table.publish(options);
+  std::printf(
+      "palpate: device_node's time from sending to the decoded answer; –: not by the "
+      "deadline, 0.9 periods. A viewer that takes the figures is always there.\n");
+  if (has_fifo) print_goals(cases[0].second, &cases[1].second);
+  print_codec();
+  print_lateness(has_fifo, seconds);
+  if (!options.plot_folder.empty()) draw_figure(options.plot_folder, cases);
+}
+
+}  // namespace
+}  // namespace palpate::bench
+
+int main(int argc, char** argv) {
+  CLI::App app("Round trip device, mofc, device against bare echoes of the same bytes.");
+  palpate::bench::BenchOptions options;
+  options.add_to(app);
+  CLI11_PARSE(app, argc, argv);
+  try {
+    palpate::bench::run(options);
+    return 0;
+  } catch (const palpate::SetupError& error) {
+    std::fprintf(stderr, "%s\n", error.what());
+    return 2;
+  }
+}

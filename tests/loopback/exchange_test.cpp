@@ -1,0 +1,333 @@
+// The exchange in real time: ways to wait, what it allocates, device and mofc in one process.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <csignal>
+#include <cstdlib>
+#include <fstream>
+#include <iostream>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <thread>
+
+#include "common/core/random.h"
+#include "common/link/zmq_links.h"
+#include "common/runtime/session_file.h"
+#include "tests/support/alloc_guard.h"
+#include "tests/support/program.h"
+#include "tests/support/random_messages.h"
+#include "tests/support/temp_folder.h"
+#include "tests/support/watcher.h"
+
+namespace palpate {
+namespace {
+
+using namespace std::chrono_literals;
+using nlohmann::json;
+using test::AllocGuard;
+using test::Outcome;
+using test::Program;
+using test::run_program;
+using test::TempFolder;
+using test::Watcher;
+using testing::HasSubstr;
+
+constexpr Duration kPatience = 5s;  // for what must happen; a failing test waits this long
+
+// --- ways to wait -----------------------------------------------------------------------------
+
+/// A clamp on a thread of its own that answers every state with its position as a force.
+class Answering {
+ public:
+  Answering(ZmqContext& context, const std::string& endpoint)
+      : server_(context, clock_, bind_to(endpoint, "links.exchange")),
+        thread_([this](const std::stop_token& stop) { answer(stop); }) {}
+
+  /// operator new calls of one answer at most, once 100 were given.
+  [[nodiscard]] std::uint64_t most_allocations() const { return most_allocations_; }
+
+ private:
+  void answer(const std::stop_token& stop) {
+    DeviceState state;
+    TimePoint received_at;
+    ForceCommand command;
+    command.valid_for = 2ms;
+    while (!stop.stop_requested()) {
+      server_.wait_until(clock_.now() + 20ms);
+      const AllocGuard allocations;
+      if (!server_.receive(state, received_at)) continue;
+      command.header = state.header;
+      command.answers_session_id = state.header.session_id;
+      command.answers_sequence = state.header.sequence;
+      command.force_on_hand_newton = state.hand_position_m;
+      server_.send(command);
+      if (state.header.sequence > 100) {
+        most_allocations_ = std::max(most_allocations_.load(), allocations.count());
+      }
+    }
+  }
+
+  SteadyClock clock_;
+  ExchangeServer server_;
+  std::atomic<std::uint64_t> most_allocations_{0};
+  std::jthread thread_;
+};
+
+class Exchanging : public testing::TestWithParam<WaitStrategy> {
+ protected:
+  static DeviceState state_of(std::uint64_t sequence) {
+    DeviceState state;
+    state.header = {.session_id = 1, .sequence = sequence, .sampled_at = TimePoint(1s)};
+    state.hand_position_m = Vector3(0.0, 0.0, 1e-6 * static_cast<double>(sequence));
+    return state;
+  }
+
+  /// The next command; false if none comes.
+  bool await(ExchangeClient& device, ForceCommand& command) {
+    TimePoint received_at;
+    const TimePoint deadline = clock_.now() + kPatience;
+    while (!device.receive(command, received_at)) {
+      if (clock_.now() >= deadline) return false;
+      device.wait_until(deadline);
+    }
+    return true;
+  }
+
+  TempFolder folder_;
+  std::string endpoint_ = "ipc://" + (folder_.path() / "exchange").string();
+  SteadyClock clock_{GetParam()};
+  ZmqContext context_{RealtimeConfig{.priority = 0, .cpu = -1, .wait = GetParam()}};
+};
+
+INSTANTIATE_TEST_SUITE_P(Waiting, Exchanging,
+                         testing::Values(WaitStrategy::kHybrid, WaitStrategy::kSpin,
+                                         WaitStrategy::kBlock),
+                         [](const auto& tested) {
+                           constexpr std::array kNames{"Hybrid", "Spin", "Block"};
+                           return kNames.at(static_cast<std::size_t>(tested.param));
+                         });
+
+TEST_P(Exchanging, EveryStateHasItsAnswer) {
+  const Answering mofc(context_, endpoint_);
+  ExchangeClient device(context_, clock_, connect_to(endpoint_, "links.exchange"));
+  ASSERT_TRUE(device.wait_for_peer(kPatience));
+
+  for (std::uint64_t n = 0; n < 300; ++n) {
+    ASSERT_EQ(device.send(state_of(n)), SendResult::kSent);
+    ForceCommand command;
+    ASSERT_TRUE(await(device, command)) << "state " << n;
+    EXPECT_EQ(command.answers_sequence, n);
+    EXPECT_EQ(command.force_on_hand_newton, state_of(n).hand_position_m);
+  }
+}
+
+TEST_P(Exchanging, WithoutAnAnswerTheWaitEndsAtItsDeadline) {
+  const Answering mofc(context_, endpoint_);
+  ExchangeClient device(context_, clock_, connect_to(endpoint_, "links.exchange"));
+  ASSERT_TRUE(device.wait_for_peer(kPatience));
+  ForceCommand command;
+  TimePoint received_at;
+
+  const TimePoint deadline = clock_.now() + 2ms;
+  while (clock_.now() < deadline) device.wait_until(deadline);  // it may return early
+  const TimePoint returned_at = clock_.now();
+
+  EXPECT_FALSE(device.receive(command, received_at));
+  EXPECT_LT(returned_at - deadline, 1s);  // a busy machine may be late, a wait without end is not
+}
+
+TEST_P(Exchanging, NoAppointmentIsKeptBeforeItsTime) {
+  for (const Duration ahead : {-1ms, 0ms, 1ms, 3ms}) {
+    const TimePoint appointment = clock_.now() + ahead;
+    clock_.sleep_until(appointment);
+    EXPECT_GE(clock_.now(), appointment);
+  }
+}
+
+// libzmq mallocs the body of each frame that it sends; beyond that neither end takes memory.
+TEST_P(Exchanging, InSteadyStateNeitherEndUsesOperatorNew) {
+  const Answering mofc(context_, endpoint_);
+  ExchangeClient device(context_, clock_, connect_to(endpoint_, "links.exchange"));
+  ASSERT_TRUE(device.wait_for_peer(kPatience));
+  std::uint64_t most_allocations = 0;
+
+  for (std::uint64_t n = 0; n < 1000; ++n) {
+    const DeviceState state = state_of(n);
+    ForceCommand command;
+    const AllocGuard allocations;
+    ASSERT_EQ(device.send(state), SendResult::kSent);
+    ASSERT_TRUE(await(device, command));
+    if (n > 100) most_allocations = std::max(most_allocations, allocations.count());
+  }
+
+  EXPECT_EQ(most_allocations, 0u);
+  EXPECT_EQ(mofc.most_allocations(), 0u);
+}
+
+// --- device and mofc in one process -----------------------------------------------------------
+
+/// As in processes_test: 5 mm into tissue as stiff as the hand's spring, 2.5 mm · 400 N/m.
+constexpr const char* kPressing = R"(
+name: "together"
+realtime { priority: 0 cpu: -1 wait: block }
+device {
+  rate_hz: 200
+  lease_us: 12500
+  simulated { position_resolution_m: 0 }
+  profile { position_resolution_m: 0 }
+}
+hand {
+  stiffness_newton_per_m: 400
+  damping_newton_s_per_m: 10
+  hold { position_m { z: -0.005 } }
+}
+mofc { controller: none stale_after_ms: 200 }
+scene { tissue { half_space {} kelvin_voigt { stiffness_newton_per_m: 400 } } }
+)";
+constexpr double kForceNewton = 1.0;
+constexpr double kStictionNewton = 0.05;
+
+class Together : public testing::Test {
+ protected:
+  Together() { setenv("PALPATE_RUN_DIR", run_folder_.path().c_str(), 1); }
+
+  [[nodiscard]] json summary() const {
+    return json::parse(std::ifstream(files_.path() / "run.json"));
+  }
+  [[nodiscard]] std::string json_file() const { return (files_.path() / "run.json").string(); }
+
+  static bool presses(const Watcher& watcher) {
+    if (watcher.rows().empty() || !watcher.rows().back().mofc) return false;
+    const viewer::TickRow& row = watcher.rows().back();
+    return row.mofc->state == MofcState::kContact &&
+           std::abs(row.device.force_on_hand_newton.z() - kForceNewton) < kStictionNewton;
+  }
+
+  TempFolder run_folder_;
+  TempFolder files_;
+  std::string press_ = files_.write("press.txtpb", kPressing);
+};
+
+TEST_F(Together, TheTissueIsFeltAndAllNodesAreSeen) {
+  ProcessLinks links({.priority = 0, .cpu = -1});
+  Watcher watcher(load_session(press_), links);
+  Program launch("palpate", {"launch", press_, "--together", "device,mofc", "--no-viewer", "--json",
+                             json_file()});
+
+  EXPECT_TRUE(watcher.until([&] { return presses(watcher) && watcher.sees_all_nodes(); }));
+  launch.send_signal(SIGTERM);
+
+  EXPECT_EQ(launch.wait(), 0) << launch.err();
+  EXPECT_EQ(summary()["restarts"], json({{"physics", 0}, {"device_mofc", 0}}));
+  EXPECT_TRUE(std::filesystem::is_empty(run_folder_.path())) << "something is left";
+}
+
+TEST_F(Together, WhenItIsKilledBothAreReportedAndStartedAgain) {
+  ProcessLinks links({.priority = 0, .cpu = -1});
+  Watcher watcher(load_session(press_), links);
+  Program launch("palpate", {"launch", press_, "--together", "mofc,device", "--no-viewer", "--json",
+                             json_file()});
+  ASSERT_TRUE(watcher.until([&] { return presses(watcher); }));
+
+  const std::string pid = launch.await_err("event=node_started node=device_mofc pid=");
+  ASSERT_GT(std::stoi(pid), 1);
+  kill(std::stoi(pid), SIGKILL);
+
+  launch.await_err("event=node_died node=device_mofc how=\"killed by signal 9 (Killed)\"");
+  EXPECT_TRUE(watcher.until([&] {
+    return watcher.mirror().device_link().sessions == 2 &&
+           watcher.mirror().mofc_link().sessions == 2 && presses(watcher);
+  }));
+  launch.send_signal(SIGTERM);
+  EXPECT_EQ(launch.wait(), 0) << launch.err();
+  EXPECT_EQ(summary()["restarts"], json({{"physics", 0}, {"device_mofc", 1}}));
+}
+
+// A state held for 1 ms by the fault line is answered within the tick, 2 ms after the reading; one
+// held for 4 ms is not.
+TEST_F(Together, FaultsOfTheExchangeActAsBetweenProcesses) {
+  const auto run = [&](const std::string& delay_ms) {
+    const Outcome launch = run_program(
+        "palpate", {"launch", press_, "--together", "device,mofc", "--no-viewer", "--seconds", "1",
+                    "--set", "device.reply_us=2000", "--set", "mofc.delta_max_ms=2", "--set",
+                    "faults.device_state.delay_ms=" + delay_ms, "--json", json_file()});
+    EXPECT_EQ(launch.status, 0) << launch.err;
+    return summary()["answered_ratio"].get<double>();
+  };
+
+  EXPECT_GT(run("1"), 0.5);  // whatever else the machine is doing
+  EXPECT_EQ(run("4"), 0.0);
+}
+
+TEST_F(Together, OtherNodesCannotShareAProcess) {
+  for (const char* nodes : {"device", "mofc", "device,physics", "device,mofc,physics",
+                            "device,mofc,mofc", "device,mofx", ""}) {
+    SCOPED_TRACE(nodes);
+    const Outcome launch =
+        run_program("palpate", {"launch", press_, "--seconds", "1", "--together", nodes});
+    EXPECT_EQ(launch.status, 2);
+    EXPECT_THAT(launch.err, HasSubstr("--together"));
+    EXPECT_THAT(launch.err, HasSubstr("give device,mofc"));
+  }
+}
+
+/// Share of both processors' time since its construction that was taken by others than this process
+/// and the children it has waited for.
+class OthersShare {
+ public:
+  [[nodiscard]] double ratio() const {
+    const Times now;
+    const double others_s = (now.busy_s - begin_.busy_s) - (now.own_s - begin_.own_s);
+    return others_s / (now.all_s - begin_.all_s);
+  }
+
+ private:
+  struct Times {
+    Times() {
+      const double tick_s = 1.0 / static_cast<double>(sysconf(_SC_CLK_TCK));
+      std::ifstream stat("/proc/stat");
+      std::string name;
+      stat >> name;
+      double ticks = 0.0;
+      for (int field = 0; field < 8 && stat >> ticks; ++field) {
+        all_s += tick_s * ticks;
+        const bool is_idle = field == 3 || field == 4;
+        if (!is_idle) busy_s += tick_s * ticks;
+      }
+      for (const int who : {RUSAGE_SELF, RUSAGE_CHILDREN}) {
+        rusage used{};
+        getrusage(who, &used);
+        for (const timeval& t : {used.ru_utime, used.ru_stime}) {
+          own_s += static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);
+        }
+      }
+    }
+    double all_s = 0.0;
+    double busy_s = 0.0;
+    double own_s = 0.0;
+  };
+  Times begin_;
+};
+
+TEST_F(Together, FourKilohertzAreAnswered) {
+  const OthersShare others;
+
+  const Outcome launch =
+      run_program("palpate", {"launch", PALPATE_SOURCE_DIR "/deploy/sessions/default.txtpb",
+                              "--together", "device,mofc", "--no-viewer", "--seconds", "4", "--set",
+                              "device.rate_hz=4000", "--json", json_file()});
+
+  ASSERT_EQ(launch.status, 0) << launch.err;
+  const double answered = summary()["answered_ratio"];
+  // what others take they take from the ticks too, all the more without real-time scheduling
+  const double others_ratio = others.ratio();
+  EXPECT_GT(answered, others_ratio < 0.1 ? 0.95 : 0.5);
+  std::cout << "answered " << answered << ", others' share of the processors " << others_ratio
+            << '\n';
+}
+
+}  // namespace
+}  // namespace palpate
