@@ -4,6 +4,7 @@
 #
 #   deploy/packages.sh            to build and run
 #   deploy/packages.sh --tests    to build and run the tests too
+#   deploy/packages.sh --package  to make a Debian package too
 set -euo pipefail
 
 packages=(
@@ -19,6 +20,7 @@ if [[ "${1:-}" == "--tests" ]]; then
   packages+=(chromium fonts-liberation gnuplot-nox iproute2 libgmock-dev libgtest-dev
     libnanoflann-dev)
 fi
+if [[ "${1:-}" == "--package" ]]; then packages+=(dpkg-dev); fi
 
 # Elsewhere than on Debian, CMake names what is missing.
 command -v dpkg-query >/dev/null || exit 0

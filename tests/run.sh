@@ -6,10 +6,19 @@
 #   tests/run.sh                   release and sanitizers
 #   tests/run.sh --all             the thread sanitizer too, and ten times as many seeds in release
 #   tests/run.sh -R 'Codec'        further arguments go to each ctest
+#   tests/run.sh --soak MINUTES [SEED]   instead: a long session with faults at random
 set -euo pipefail
 root="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
 
 presets=(release asan)
+if [[ "${1:-}" == "--soak" ]]; then
+  minutes="${2:?--soak MINUTES}"
+  "$root/deploy/packages.sh" --tests
+  cd "$root"
+  cmake --preset release -DPALPATE_BUILD_TESTS=ON
+  cmake --build --preset release --parallel "$(nproc)" --target palpate_soak
+  exec build/release/bin/palpate_soak "$minutes" "${3:-1}"
+fi
 release_seeds="${PALPATE_SEEDS:-1}"
 if [[ "${1:-}" == "--all" ]]; then
   presets+=(tsan)

@@ -135,6 +135,7 @@ int run_node(int argc, char** argv, const NodeInfo& info,
              const std::function<void(NodeContext&)>& body) {
   const std::string program = info.name + "_node";
   std::signal(SIGPIPE, SIG_IGN);  // who reads our output may go, as in `viewer_node | head`
+  std::signal(SIGXFSZ, SIG_IGN);  // a file that may grow no more is an error of that file alone
   CLI::App app(info.description, program);
   std::filesystem::path session_file;
   std::vector<std::string> overrides;

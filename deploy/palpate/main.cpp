@@ -328,6 +328,7 @@ void add_launch_options(CLI::App& app, LaunchCommand& launch) {
 
 int main(int argc, char** argv) {
   std::signal(SIGPIPE, SIG_IGN);  // who reads our output may go; the run is finished in order
+  std::signal(SIGXFSZ, SIG_IGN);  // as in run_node
   CLI::App app("Runs and checks Palpate deployments.", "palpate");
   app.set_version_flag("--version", std::string("palpate ") + version());
   app.require_subcommand(1);

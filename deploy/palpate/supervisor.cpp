@@ -123,16 +123,24 @@ void Supervisor::on_death(Child& child, int status) {
   if (std::chrono::steady_clock::now() - child.started_at >= timing_.healthy_after) {
     child.back_off = timing_.first_back_off;
   }
-  event.kind = Kind::kDied;
+  restart_later(child, std::move(event));
+}
+
+void Supervisor::restart_later(Child& child, ChildEvent event) {
+  event.kind = ChildEvent::Kind::kDied;
   event.restart_in = child.back_off;
   on_event_(event);
   child.timer.expires_after(child.back_off);
+  child.back_off = std::min(2 * child.back_off, timing_.longest_back_off);
   child.timer.async_wait([this, &child](const boost::system::error_code& error) {
     if (error || is_stopping_) return;
     ++child.restarts;
-    spawn(child);
+    try {
+      spawn(child);
+    } catch (const SetupError& e) {  // it could be once: its program is being replaced, say
+      restart_later(child, {.name = child.spec.name, .how = e.what()});
+    }
   });
-  child.back_off = std::min(2 * child.back_off, timing_.longest_back_off);
 }
 
 void Supervisor::stop() {

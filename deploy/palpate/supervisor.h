@@ -34,7 +34,7 @@ struct SupervisorTiming {
 struct ChildEvent {
   enum class Kind : std::uint8_t {
     kStarted,
-    kDied,     ///< by itself; a restart follows after `restart_in`
+    kDied,     ///< by itself, or could not be started again; a restart follows after `restart_in`
     kRefused,  ///< exit status 2: its set-up is wrong, everything is stopped
     kStopped,  ///< as asked
     kKilled,   ///< did not stop within the grace, or kill() was called
@@ -94,6 +94,7 @@ class Supervisor {
   void await_deaths();
   void reap();
   void on_death(Child& child, int status);
+  void restart_later(Child& child, ChildEvent event);
   void stop_next();
   static void kill(Child& child);
 

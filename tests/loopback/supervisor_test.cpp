@@ -449,6 +449,20 @@ TEST(Supervisor, TellsInWordsHowAChildEnded) {
   fs::remove(killed);
 }
 
+// As when its program is being replaced by a newer one.
+TEST(Supervisor, AChildThatCannotBeStartedAgainIsTriedAgain) {
+  const fs::path script = fs::path(testing::TempDir()) / ("once_" + std::to_string(getpid()));
+  std::ofstream(script) << "#!/bin/sh\nchmod -x $0\nexit 1\n";
+  fs::permissions(script, fs::perms::owner_all);
+
+  const auto deaths = deaths_of(script, {.first_back_off = milliseconds(1)}, 3);
+
+  EXPECT_EQ(deaths.at(0).how, "exit status 1");
+  EXPECT_THAT(deaths.at(1).how, HasSubstr("cannot be started: Permission denied"));
+  EXPECT_EQ(deaths.at(2).restart_in, milliseconds(4));
+  fs::remove(script);
+}
+
 TEST(Supervisor, AProgramThatCannotBeStartedIsASetupError) {
   EXPECT_THROW(deaths_of("/no/such/program", {}, 1), SetupError);
 }

@@ -6,19 +6,19 @@
 #include <string>
 
 #include "tests/support/temp_folder.h"
-#include "tests/unit/build/run_cmake.h"
+#include "tests/unit/build/run_command.h"
 
 namespace palpate {
 namespace {
 
-using test::CmakeResult;
+using test::CommandResult;
 using test::run_cmake;
 using test::TempFolder;
 using testing::AllOf;
 using testing::HasSubstr;
 
 /// check_includes.cmake with the project's own rules on another tree.
-CmakeResult check_includes(const std::string& root) {
+CommandResult check_includes(const std::string& root) {
   const TempFolder script;
   script.write("check.cmake", "include(" PALPATE_SOURCE_DIR
                               "/cmake/boundaries.cmake)\n"
@@ -31,24 +31,24 @@ CmakeResult check_includes(const std::string& root) {
 }
 
 /// A tree with one source.
-CmakeResult check_source(const std::string& file, const std::string& text) {
+CommandResult check_source(const std::string& file, const std::string& text) {
   const TempFolder tree;
   tree.write(file, text);
   return check_includes(tree.path().string());
 }
 
 TEST(IncludeBoundaries, HoldOnThisTree) {
-  const CmakeResult result = check_includes(PALPATE_SOURCE_DIR);
+  const CommandResult result = check_includes(PALPATE_SOURCE_DIR);
   EXPECT_EQ(result.status, 0) << result.output;
 }
 
 TEST(IncludeBoundaries, LetAllowedIncludesPass) {
-  const CmakeResult result = check_source("mofc_node/mofc_node.h",
-                                          "#include <vector>\n"
-                                          "#include <Eigen/Core>\n"
-                                          "#include \"common/core/messages.h\"\n"
-                                          "#include \"mofc_node/controllers/vector_mofc.h\"\n"
-                                          "// physics_node/scene.h in a comment is no include\n");
+  const CommandResult result = check_source("mofc_node/mofc_node.h",
+                                            "#include <vector>\n"
+                                            "#include <Eigen/Core>\n"
+                                            "#include \"common/core/messages.h\"\n"
+                                            "#include \"mofc_node/controllers/vector_mofc.h\"\n"
+                                            "// physics_node/scene.h in a comment is no include\n");
   EXPECT_EQ(result.status, 0) << result.output;
 }
 
@@ -61,7 +61,7 @@ struct Forbidden {
 class ForbiddenInclude : public testing::TestWithParam<Forbidden> {};
 
 TEST_P(ForbiddenInclude, IsRefusedNamingFileHeaderAndRule) {
-  const CmakeResult result =
+  const CommandResult result =
       check_source(GetParam().file, std::string("#include \"") + GetParam().header + "\"\n");
 
   EXPECT_EQ(result.status, 1);
@@ -99,7 +99,7 @@ INSTANTIATE_TEST_SUITE_P(
 TEST(IncludeBoundaries, AreNotEvadedByAngleBrackets) {
   for (const char* header : {"physics_node/scene.h", "palpate/v1/messages.pb.h", "zmq.hpp",
                              "spdlog/spdlog.h", "google/protobuf/message.h"}) {
-    const CmakeResult result =
+    const CommandResult result =
         check_source("mofc_node/mofc_node.cpp", std::string("  #  include <") + header + ">\n");
     EXPECT_EQ(result.status, 1) << header;
     EXPECT_THAT(result.output, HasSubstr(header));
@@ -120,16 +120,16 @@ TEST(IncludeBoundaries, KeepLocksOutOfTheTickAndTheClamp) {
 
 TEST(IncludeBoundaries, LetTheLinkAndTheRuntimeSeeTheWire) {
   for (const char* file : {"common/link/codec.cpp", "common/runtime/session_file.cpp"}) {
-    const CmakeResult result = check_source(file,
-                                            "#include \"palpate/v1/messages.pb.h\"\n"
-                                            "#include <zmq.hpp>\n");
+    const CommandResult result = check_source(file,
+                                              "#include \"palpate/v1/messages.pb.h\"\n"
+                                              "#include <zmq.hpp>\n");
     EXPECT_EQ(result.status, 0) << result.output;
   }
 }
 
 TEST(IncludeBoundaries, LetTheProgramsConnectNodesToTheWorld) {
   for (const char* file : {"mofc_node/main.cpp", "mofc_node/process.h", "mofc_node/process.cpp"}) {
-    const CmakeResult result = check_source(file, "#include \"common/link/device_links.h\"\n");
+    const CommandResult result = check_source(file, "#include \"common/link/device_links.h\"\n");
     EXPECT_EQ(result.status, 0) << result.output;
   }
   // by their whole name only
@@ -138,7 +138,7 @@ TEST(IncludeBoundaries, LetTheProgramsConnectNodesToTheWorld) {
 }
 
 /// Configures a project that includes cmake/boundaries.cmake and then does `text`.
-CmakeResult configure(const std::string& text) {
+CommandResult configure(const std::string& text) {
   const TempFolder tree;
   tree.write("CMakeLists.txt",
              "cmake_minimum_required(VERSION 3.25)\n"
@@ -156,7 +156,7 @@ CmakeResult configure(const std::string& text) {
 }
 
 TEST(LinkBoundaries, LetOtherLinksPass) {
-  const CmakeResult result = configure(
+  const CommandResult result = configure(
       "target_link_libraries(node INTERFACE alias::middle)\n"
       "target_link_libraries(sockets INTERFACE node)\n"  // the other way round is no matter
       "palpate_forbid_links(node sockets)\n");
@@ -176,7 +176,7 @@ TEST(LinkBoundaries, RefuseAForbiddenLinkDirectOrNotByWhateverName) {
            "target_link_libraries(node INTERFACE middle)\n"
            "target_link_libraries(middle INTERFACE node sockets)\n",
        }) {
-    const CmakeResult result =
+    const CommandResult result =
         configure(std::string(links) + "palpate_forbid_links(node sockets)\n");
     EXPECT_EQ(result.status, 1) << links;
     EXPECT_THAT(result.output,

@@ -1,4 +1,4 @@
-// run_cmake.h — cmake run on small trees.
+// run_command.h — commands run to their end: cmake on small trees, systemd-analyze on units.
 #pragma once
 
 #include <sys/wait.h>
@@ -9,15 +9,14 @@
 
 namespace palpate::test {
 
-struct CmakeResult {
+struct CommandResult {
   int status = -1;
   std::string output;  ///< stdout and stderr, white space as single blanks (cmake wraps lines)
 };
 
-inline CmakeResult run_cmake(const std::string& arguments) {
-  const std::string command = std::string("'" PALPATE_CMAKE "' ") + arguments + " 2>&1";
-  CmakeResult result;
-  std::FILE* pipe = ::popen(command.c_str(), "r");
+inline CommandResult run_command(const std::string& command) {
+  CommandResult result;
+  std::FILE* pipe = ::popen((command + " 2>&1").c_str(), "r");
   if (pipe == nullptr) return result;
   for (int c = std::fgetc(pipe); c != EOF; c = std::fgetc(pipe)) {
     const bool is_space = c == ' ' || c == '\n';
@@ -26,6 +25,10 @@ inline CmakeResult run_cmake(const std::string& arguments) {
   }
   result.status = WEXITSTATUS(::pclose(pipe));
   return result;
+}
+
+inline CommandResult run_cmake(const std::string& arguments) {
+  return run_command("'" PALPATE_CMAKE "' " + arguments);
 }
 
 }  // namespace palpate::test

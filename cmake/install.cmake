@@ -1,0 +1,46 @@
+# What `cmake --install` puts where, and the Debian package: `cpack -G DEB` in the build folder.
+include(GNUInstallDirs)
+include(CMakePackageConfigHelpers)
+
+# launch starts the nodes that lie beside it
+install(TARGETS palpate device_node mofc_node device_mofc_node physics_node viewer_node)
+install(DIRECTORY deploy/sessions proto DESTINATION ${CMAKE_INSTALL_DATADIR}/palpate
+        FILES_MATCHING PATTERN "*.txtpb" PATTERN "*.proto" PATTERN "organ.*")
+install(FILES README.md CHANGELOG.md DESTINATION ${CMAKE_INSTALL_DOCDIR})
+install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} RENAME copyright)
+
+# The controllers by themselves: cmake --install BUILD --component controllers --prefix FOLDER
+install(TARGETS palpate_controllers EXPORT palpateTargets
+        ARCHIVE COMPONENT controllers
+        FILE_SET HEADERS DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/palpate COMPONENT controllers)
+set(package_folder ${CMAKE_INSTALL_LIBDIR}/cmake/palpate)
+install(EXPORT palpateTargets NAMESPACE palpate:: DESTINATION ${package_folder}
+        COMPONENT controllers)
+write_basic_package_version_file(${CMAKE_BINARY_DIR}/palpateConfigVersion.cmake
+                                 COMPATIBILITY SameMinorVersion)
+install(FILES cmake/palpateConfig.cmake ${CMAKE_BINARY_DIR}/palpateConfigVersion.cmake
+        DESTINATION ${package_folder} COMPONENT controllers)
+
+# The service: its files name /usr/bin and /etc/palpate.
+option(PALPATE_SERVICE "Install the systemd units and /etc/palpate; for a package with prefix /usr" OFF)
+if(PALPATE_SERVICE)
+  install(DIRECTORY deploy/systemd/ DESTINATION lib/systemd/system FILES_MATCHING PATTERN "palpate*")
+  install(FILES deploy/sessions/default.txtpb DESTINATION /etc/palpate)
+endif()
+
+set(CPACK_GENERATOR DEB)
+set(CPACK_SET_DESTDIR ON)  # for /etc
+set(CPACK_INSTALL_PREFIX /usr)
+set(CPACK_STRIP_FILES ON)
+set(CPACK_PACKAGE_CONTACT "The Palpate authors <palpate@localhost>")
+set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "${PROJECT_DESCRIPTION}")
+set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+set(CPACK_DEBIAN_PACKAGE_SECTION science)
+set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_PACKAGE_DEPENDS adduser)
+set(CPACK_DEBIAN_PACKAGE_SUGGESTS "libeigen3-dev")
+foreach(script conffiles postinst prerm postrm)
+  list(APPEND CPACK_DEBIAN_PACKAGE_CONTROL_EXTRA ${CMAKE_SOURCE_DIR}/deploy/debian/${script})
+endforeach()
+set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
+include(CPack)

@@ -1,0 +1,767 @@
+// palpate_faults — the fault matrix: what the hand feels when a process of a running session is
+// killed, stopped or started again while it presses, or when something around it goes wrong.
+//
+//   palpate_faults                                        does every row and prints the table
+//   palpate_faults --gtest_filter='*physics*'             some of them
+//
+// Real processes under `palpate launch`, the default real-time settings, the simulated device. Each
+// row is a test too.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/mount.h>
+#include <sys/resource.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <fstream>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <thread>
+#include <zmq.hpp>
+
+#include "common/link/codec.h"
+#include "device_node/hand.h"
+#include "device_node/plant.h"
+#include "tests/fault/pressing_session.h"
+
+namespace palpate {
+namespace {
+
+using namespace std::chrono_literals;
+using test::is_fresh;
+using test::newton;
+using test::PressingSession;
+using test::Program;
+using test::run_program;
+using testing::HasSubstr;
+using viewer::TickRow;
+
+/// Energy of rounding in the inner steps of the simulated device.
+constexpr double kRoundingJoule = 1e-6;
+/// What a busy machine must have left of the press when a node goes, for a row to mean something:
+/// more than three times what the device's own friction would absorb.
+constexpr double kLeftNewton = 0.35;
+/// So many ticks without an answer, or without tissue in it, are not a busy machine.
+constexpr std::ptrdiff_t kGoneTicks = 20;
+
+// --- the table ------------------------------------------------------------------------------
+
+/// One row, as far as its test came.
+struct Figures {
+  std::string fault;
+  double noticed_newton = kNaN;  ///< |F| when it was noticed
+  double peak_newton = kNaN;     ///< largest |F| from then until the tissue is felt again
+  double least_energy_joule = kNaN;
+  std::optional<Duration> safe_after{};  ///< |F| ≤ f_co from the fault on; none: nothing was lost
+  Duration safe_limit{};                 ///< as documented
+  std::optional<Duration> back_after{};  ///< tissue in the answers again, since it was possible
+  bool is_ok = false;
+};
+
+std::vector<Figures>& table() {
+  static std::vector<Figures> rows;
+  return rows;
+}
+
+std::string milliseconds(const std::optional<Duration>& time) {
+  if (!time) return "–";
+  char text[32];
+  std::snprintf(text, sizeof(text), "%.1f ms", 1e3 * to_seconds(*time));
+  return text;
+}
+
+void print_table() {
+  std::printf(
+      "| fault while the hand presses | N when noticed | largest N after | least true energy | "
+      "safe after (documented) | tissue felt again after | ok |\n"
+      "|---|---|---|---|---|---|---|\n");
+  for (const Figures& row : table()) {
+    std::printf("| %s | %.2f | %.2f | %.1f µJ | %s%s | %s | %s |\n", row.fault.c_str(),
+                row.noticed_newton, row.peak_newton, 1e6 * row.least_energy_joule,
+                milliseconds(row.safe_after).c_str(),
+                row.safe_after ? (" (" + milliseconds(row.safe_limit) + ")").c_str() : "",
+                milliseconds(row.back_after).c_str(), row.is_ok ? "yes" : "NO");
+  }
+}
+
+// --- what holds in every row ----------------------------------------------------------------
+
+/// Tissue in the answers: of a tick whose other half was lost with a killed node this is not known.
+bool is_lost(const TickRow& row) { return !row.device.is_answered || (row.mofc && !is_fresh(row)); }
+
+bool follows(const TickRow& row, const TickRow& before) {
+  return row.device_session_id == before.device_session_id &&
+         row.device.sequence == before.device.sequence + 1;
+}
+
+/// Never above the force at its begin while the tissue is lost, never above the tissue's law while
+/// it is not: k times the depth, which the encoder sees to half a count. The hand is never given
+/// energy.
+void expect_harmless(const std::vector<TickRow>& rows, const Session& session) {
+  const double count_newton =
+      PressingSession::kTissueNewtonPerM * session.device.profile.position_resolution_m;
+  double limit_newton = 0.0;
+  int failures = 0;
+  for (std::size_t i = 0; i < rows.size() && failures < 3; ++i) {
+    const TickRow& row = rows[i];
+    const bool is_next = i > 0 && follows(row, rows[i - 1]);
+    bool is_ok = true;
+    if (is_fresh(row)) {
+      const double depth_m = std::max(0.0, -row.device.true_tool_position_world_m.z());
+      const double law_newton = PressingSession::kTissueNewtonPerM * depth_m + count_newton;
+      EXPECT_LE(newton(row), law_newton) << "sequence " << row.device.sequence;
+      is_ok = newton(row) <= law_newton;
+    } else if (is_lost(row)) {
+      if (!is_next) {
+        limit_newton = newton(row);
+      } else if (!is_lost(rows[i - 1])) {
+        limit_newton = newton(rows[i - 1]);
+        if (rows[i - 1].mofc) {
+          limit_newton =
+              std::max(limit_newton, rows[i - 1].mofc->commanded_force_on_hand_newton.norm());
+        }
+      }
+      EXPECT_LE(newton(row), limit_newton + 1e-9) << "sequence " << row.device.sequence;
+      is_ok = newton(row) <= limit_newton + 1e-9;
+    }
+    EXPECT_GE(row.device.minimum_true_energy_joule, -kRoundingJoule);
+    if (row.device.minimum_true_energy_joule < -kRoundingJoule) is_ok = false;
+    if (!is_ok) ++failures;
+  }
+}
+
+double least_energy_joule(const std::vector<TickRow>& rows) {
+  double least = 0.0;
+  for (const TickRow& row : rows) least = std::min(least, row.device.minimum_true_energy_joule);
+  return least;
+}
+
+double peak_newton(std::vector<TickRow>::const_iterator from,
+                   std::vector<TickRow>::const_iterator until) {
+  double peak = 0.0;
+  for (; from != until; ++from) peak = std::max(peak, newton(*from));
+  return peak;
+}
+
+class Faults : public testing::Test {
+ protected:
+  Faults() { setenv("PALPATE_RUN_DIR", run_folder_.path().c_str(), 1); }
+
+  void press(const std::vector<std::string>& launch_arguments = {"--no-viewer"}) {
+    session_.emplace("pressing", launch_arguments);
+    ASSERT_TRUE(session_->until_pressing()) << session_->launch().err();
+  }
+  [[nodiscard]] const std::vector<TickRow>& rows() const { return session_->rows(); }
+
+  /// Sends the signal; the time at which it is known to have worked.
+  TimePoint stop_with(pid_t node, int signal) {
+    EXPECT_GT(node, 1);
+    kill(node, signal);
+    // not our child: /proc tells
+    const auto is_done = [&] {
+      std::ifstream stat("/proc/" + std::to_string(node) + "/stat");
+      std::string text;
+      std::getline(stat, text);
+      const std::size_t state = text.rfind(") ");
+      if (state == std::string::npos) return signal != SIGSTOP;
+      const char now = text[state + 2];
+      return signal == SIGSTOP ? now == 'T' : now == 'Z' || now == 'X';
+    };
+    while (!is_done()) std::this_thread::yield();
+    return session_->now();
+  }
+
+  /// Ends the session: everything that holds in every row, the tissue felt again, nobody started
+  /// again but `restarted`; then the row stands in the table.
+  void finish(Figures figures, const std::string& restarted) {
+    EXPECT_TRUE(session_->until_pressing()) << "the tissue is not felt again";
+    expect_harmless(rows(), session_->session());
+    figures.least_energy_joule =
+        std::min(std::isnan(figures.least_energy_joule) ? 0.0 : figures.least_energy_joule,
+                 least_energy_joule(rows()));
+    const std::string restarts = session_->stop_and_count_restarts();
+    for (const char* node : {"physics", "mofc", "device", "viewer"}) {
+      const std::string name = std::string("\"") + node + "\":";
+      if (restarts.find(name) == std::string::npos) continue;
+      EXPECT_THAT(restarts, HasSubstr(name + (restarted == node ? "1" : "0")));
+    }
+    figures.is_ok = !HasFailure();
+    table().push_back(std::move(figures));
+  }
+
+  /// A fault that the hand must not feel: the device is never left alone long enough to go limp.
+  void finish_unfelt(const std::string& fault, TimePoint from, const std::string& restarted = "") {
+    ASSERT_TRUE(session_->watcher().until(
+        [&] { return !rows().empty() && rows().back().device.sampled_at >= from + 500ms; }));
+    const auto after = std::find_if(rows().begin(), rows().end(), [&](const TickRow& row) {
+      return row.device.sampled_at >= from;
+    });
+    ASSERT_TRUE(after != rows().begin() && after != rows().end());
+    EXPECT_TRUE(std::none_of(after, rows().end(), [](const TickRow& row) {
+      return row.device.guard == GuardState::kLimp;
+    }));
+    finish({.fault = fault,
+            .noticed_newton = newton(*(after - 1)),
+            .peak_newton = peak_newton(after, rows().end())},
+           restarted);
+  }
+
+  test::TempFolder run_folder_;
+  std::optional<PressingSession> session_;
+};
+
+// --- a node is killed, stopped or started again ---------------------------------------------
+
+struct NodeFault {
+  const char* node;
+  int signal;
+};
+/// In words, as in the table.
+std::string in_words(const NodeFault& fault) {
+  const char* how = fault.signal == SIGKILL   ? "killed"
+                    : fault.signal == SIGSTOP ? "stopped for 0.3 s"
+                                              : "ended, started again";
+  return std::string(fault.node) + "_node " + how;
+}
+void PrintTo(const NodeFault& fault, std::ostream* out) { *out << in_words(fault); }
+
+class Node : public Faults, public testing::WithParamInterface<NodeFault> {
+ protected:
+  void SetUp() override {
+    press();
+    victim_ = session_->node(GetParam().node);
+    sent_at_ = session_->now();
+    faulted_at_ = stop_with(victim_, GetParam().signal);
+    healed_at_ = faulted_at_;
+
+    // what the others say of its last ticks: launch waits 100 ms before it starts one again
+    session_->watcher().until([&] { return session_->now() >= faulted_at_ + 60ms; });
+    const viewer::TelemetryMirror& mirror = session_->watcher().mirror();
+    for (const auto& [sequence, tick] : mirror.ticks()) {
+      if (tick.mofc) answers_[sequence] = *tick.mofc;
+    }
+    for (const auto& [sequence, tick] : mirror.physics_ticks()) last_step_at_ = tick.stepped_at;
+  }
+  /// A stopped node goes on, a dead one is started again by launch.
+  void heal() {
+    if (GetParam().signal != SIGSTOP) return;
+    session_->watcher().until([&] { return session_->now() >= faulted_at_ + 300ms; });
+    healed_at_ = session_->now();
+    kill(victim_, SIGCONT);
+  }
+  /// Who was started again in the end.
+  [[nodiscard]] std::string restarted() const {
+    return GetParam().signal == SIGSTOP ? "" : GetParam().node;
+  }
+  /// The first of `rows()[from …]` with tissue in it since it was possible, once it is there.
+  std::size_t await_back(std::size_t from) {
+    const auto is_back = [&](const TickRow& row) {
+      return row.device.sampled_at >= healed_at_ && is_fresh(row);
+    };
+    std::size_t at = from;
+    EXPECT_TRUE(session_->watcher().until([&] {
+      while (at < rows().size() && !is_back(rows()[at])) ++at;
+      return at < rows().size();
+    })) << session_->launch().err();
+    return std::min(at, rows().size() - 1);
+  }
+
+  pid_t victim_ = 0;
+  TimePoint sent_at_;                          ///< the signal
+  TimePoint faulted_at_;                       ///< it is known to have worked
+  TimePoint healed_at_;                        ///< from now on the node can come back
+  std::map<std::uint64_t, MofcTick> answers_;  ///< by sequence of the DeviceState, up to the fault
+  TimePoint last_step_at_;                     ///< of physics, as far as it is known
+};
+
+using PhysicsOrMofc = Node;
+
+// The device and the clamp notice by themselves: mofc_node that nothing comes from the tissue any
+// more, device_node that no answer comes.
+TEST_P(PhysicsOrMofc, LetsGoOfTheHandInTimeAndTheTissueIsFeltAgain) {
+  // the row before the first of many without tissue
+  std::size_t noticed = 0;
+  const auto is_gone = [&] {
+    for (auto first = rows().begin(); rows().end() - first >= kGoneTicks; ++first) {
+      if (first->device.sampled_at < sent_at_ - 2ms) continue;
+      const auto kept = std::find_if_not(first, first + kGoneTicks, is_lost);
+      if (kept == first + kGoneTicks) {
+        noticed = static_cast<std::size_t>(first - rows().begin()) - 1;
+        return true;
+      }
+      first = kept;
+    }
+    return false;
+  };
+  heal();
+  ASSERT_TRUE(session_->watcher().until(is_gone));
+  const std::size_t back = await_back(noticed + 1);
+
+  const Session& session = session_->session();
+  const TickRow& last = rows()[noticed];
+  Figures figures{.fault = in_words(GetParam()), .noticed_newton = newton(last)};
+  EXPECT_GT(figures.noticed_newton, kLeftNewton);
+  const auto begin = rows().begin() + static_cast<std::ptrdiff_t>(noticed) + 1;
+  const auto end = rows().begin() + static_cast<std::ptrdiff_t>(back);
+  figures.peak_newton = peak_newton(begin, end);
+
+  // safe: no more than the device's own friction absorbs, whatever the hand does
+  const double safe_newton = session.device.profile.coulomb_newton + 1e-9;
+  const auto safe = std::find_if(std::make_reverse_iterator(end), std::make_reverse_iterator(begin),
+                                 [&](const TickRow& row) { return newton(row) > safe_newton; })
+                        .base();
+  ASSERT_NE(safe, end);
+  const bool is_physics = std::string(GetParam().node) == "physics";
+  TimePoint safe_at = safe->device.switched_at;
+  // one that ends in order works on after the signal, and tells of its last tick
+  if (GetParam().signal == SIGTERM) {
+    faulted_at_ = is_physics ? last_step_at_ : last.device.switched_at;
+  }
+  if (is_physics) {
+    figures.safe_limit = session.mofc.stale_after + session.mofc.fade;
+  } else {
+    figures.safe_limit = session.device.lease;  // at its end the motors let go by themselves
+    safe_at = std::min(safe_at, last.device.switched_at + session.device.lease);
+  }
+  figures.safe_after = std::max(safe_at - faulted_at_, Duration::zero());
+  // of the tick in which the clamp took the last message, or the turn that is late
+  const Duration turn = is_physics
+                            ? rows()[noticed].device.switched_at -
+                                  rows()[noticed].device.sampled_at + 2ms + safe->device.lateness
+                            : Duration::zero();
+  EXPECT_LE(*figures.safe_after, figures.safe_limit + turn);
+  figures.back_after = rows()[back].device.sampled_at - healed_at_;
+  finish(std::move(figures), restarted());
+}
+
+INSTANTIATE_TEST_SUITE_P(Faults, PhysicsOrMofc,
+                         testing::Values(NodeFault{"physics", SIGKILL},
+                                         NodeFault{"physics", SIGSTOP},
+                                         NodeFault{"physics", SIGTERM}, NodeFault{"mofc", SIGKILL},
+                                         NodeFault{"mofc", SIGSTOP}, NodeFault{"mofc", SIGTERM}),
+                         [](const auto& fault) {
+                           return std::string(fault.param.node) +
+                                  (fault.param.signal == SIGKILL   ? "_killed"
+                                   : fault.param.signal == SIGSTOP ? "_stopped"
+                                                                   : "_restarted");
+                         });
+
+/// A device that is gone: what its motors do after the last row that it reported. The last forces
+/// are those that mofc_node sent (the device only takes away), each acts from its switch on, and
+/// after the lease of the last the motors' own watchdog has ended it. The same plant carries the
+/// hand on from where it was reported, with the same inner steps.
+class CarriedOn {
+ public:
+  CarriedOn(const PressingSession& session, const TickRow& before, const TickRow& last)
+      : session_(session.session()),
+        plant_(device::plant_of(session_.device.simulated, session_.hand),
+               last.device.true_tool_position_world_m,
+               last.device.true_tool_velocity_world_m_per_s),
+        energy_joule_(last.device.true_energy_joule),
+        origin_(last.device.sampled_at),
+        until_(origin_),
+        force_newton_(before.device.force_on_hand_newton) {
+    lease_end_ = before.device.switched_at + session_.device.lease;
+    switch_at(last.device.switched_at, last.device.force_on_hand_newton);
+  }
+  void switch_at(TimePoint at, const Vector3& force_newton) {
+    integrate_until(at);
+    force_newton_ = force_newton;
+    lease_end_ = at + session_.device.lease;
+  }
+  void integrate_until(TimePoint until) {
+    if (lease_end_ <= until) {
+      step_until(lease_end_);
+      force_newton_.setZero();
+    }
+    step_until(until);
+  }
+  [[nodiscard]] TimePoint lease_end() const { return lease_end_; }
+  [[nodiscard]] Vector3 position_m() const { return plant_.state().hand_position_m; }
+  [[nodiscard]] double energy_joule() const { return energy_joule_ + plant_.state().energy_joule; }
+  [[nodiscard]] double least_energy_joule() const {
+    return energy_joule_ + plant_.state().minimum_energy_joule;
+  }
+
+ private:
+  void step_until(TimePoint until) {
+    device::in_equal_steps(
+        origin_, until_, until, session_.device.simulated.inner_step, [&](double, double h_s) {
+          plant_.step(h_s, {.position_m = {0, 0, PressingSession::kPressedTargetM}}, force_newton_);
+        });
+    until_ = std::max(until_, until);
+  }
+
+  const Session& session_;
+  device::Plant plant_;
+  double energy_joule_;
+  TimePoint origin_;
+  TimePoint until_;
+  Vector3 force_newton_;
+  TimePoint lease_end_;
+};
+
+using Device = Node;
+
+TEST_P(Device, ItsMotorsLetGoByThemselvesAndItComesBackLimp) {
+  const Session& session = session_->session();
+  heal();
+  // the first row after the fault
+  std::size_t awake = 0;
+  ASSERT_TRUE(session_->watcher().until([&] {
+    while (awake < rows().size() && rows()[awake].device.sampled_at < faulted_at_) ++awake;
+    return awake < rows().size();
+  })) << session_->launch().err();
+  // a stopped tick ends when the process goes on; its force is that row's
+  const bool is_stopped = GetParam().signal == SIGSTOP;
+  while (is_stopped && rows()[awake - 1].device.switched_at > faulted_at_) --awake;
+  ASSERT_GE(awake, 2u);
+  const TickRow& last = rows()[awake - 1];
+
+  Figures figures{.fault = in_words(GetParam()), .noticed_newton = newton(last)};
+  EXPECT_GT(figures.noticed_newton, kLeftNewton);
+
+  // what was answered after the last row that was heard
+  CarriedOn carried(*session_, rows()[awake - 2], last);
+  if (!is_stopped) {
+    const Duration answer = last.device.switched_at - last.device.sampled_at;
+    for (const auto& [sequence, tick] : answers_) {
+      if (sequence <= last.device.sequence || tick.device_sampled_at > faulted_at_) continue;
+      carried.switch_at(tick.device_sampled_at + answer, tick.commanded_force_on_hand_newton);
+      figures.noticed_newton =
+          std::max(figures.noticed_newton, tick.commanded_force_on_hand_newton.norm());
+    }
+  }
+  const TimePoint lease_end = carried.lease_end();
+  if (is_stopped) {
+    // what the device itself finds when it goes on is what was foretold: the force ended in time
+    const auto found =
+        std::find_if(rows().begin() + static_cast<std::ptrdiff_t>(awake), rows().end(),
+                     [&](const TickRow& row) { return row.device.sampled_at >= healed_at_; });
+    ASSERT_NE(found, rows().end());
+    carried.integrate_until(found->device.sampled_at);
+    EXPECT_NEAR(carried.position_m().z(), found->device.true_tool_position_world_m.z(), 20e-6);
+    EXPECT_NEAR(carried.energy_joule(), found->device.true_energy_joule, 20e-6);
+    EXPECT_EQ(newton(rows()[awake]), 0.0);
+  } else {
+    carried.integrate_until(lease_end + 300ms);
+    EXPECT_NE(rows()[awake].device_session_id, last.device_session_id);
+    EXPECT_EQ(newton(rows()[awake]), 0.0);
+  }
+  figures.least_energy_joule = carried.least_energy_joule();
+  EXPECT_GE(figures.least_energy_joule, -kRoundingJoule);
+
+  figures.safe_limit = session.device.lease;
+  figures.safe_after = std::max(lease_end - faulted_at_, Duration::zero());
+  EXPECT_LE(*figures.safe_after, figures.safe_limit);
+  const std::size_t back = await_back(awake);
+  figures.peak_newton = peak_newton(rows().begin() + static_cast<std::ptrdiff_t>(awake),
+                                    rows().begin() + static_cast<std::ptrdiff_t>(back));
+  figures.back_after = rows()[back].device.sampled_at - healed_at_;
+  finish(std::move(figures), restarted());
+}
+
+INSTANTIATE_TEST_SUITE_P(Faults, Device,
+                         testing::Values(NodeFault{"device", SIGKILL}, NodeFault{"device", SIGSTOP},
+                                         NodeFault{"device", SIGTERM}),
+                         [](const auto& fault) {
+                           return fault.param.signal == SIGKILL   ? "killed"
+                                  : fault.param.signal == SIGSTOP ? "stopped"
+                                                                  : "restarted";
+                         });
+
+class Viewer : public Faults, public testing::WithParamInterface<NodeFault> {};
+
+TEST_P(Viewer, NobodyElseNotices) {
+  press({});
+  session_->launch().await_err("event=web url=");
+  ASSERT_TRUE(session_->until_pressing());
+  const pid_t viewer = session_->node("viewer");
+  const TimePoint faulted_at = stop_with(viewer, GetParam().signal);
+  const bool is_stopped = GetParam().signal == SIGSTOP;
+  if (is_stopped) {
+    session_->watcher().until([&] { return session_->now() >= faulted_at + 300ms; });
+    kill(viewer, SIGCONT);
+  } else {
+    session_->launch().await_err("event=web url=", 2);
+  }
+  finish_unfelt(in_words(GetParam()), faulted_at, is_stopped ? "" : "viewer");
+}
+
+INSTANTIATE_TEST_SUITE_P(Faults, Viewer,
+                         testing::Values(NodeFault{"viewer", SIGKILL}, NodeFault{"viewer", SIGSTOP},
+                                         NodeFault{"viewer", SIGTERM}),
+                         [](const auto& fault) {
+                           return fault.param.signal == SIGKILL   ? "killed"
+                                  : fault.param.signal == SIGSTOP ? "stopped"
+                                                                  : "restarted";
+                         });
+
+// --- what goes wrong around the nodes -------------------------------------------------------
+
+// It works for 1 ms of every 10.
+TEST_F(Faults, PhysicsTenTimesTooSlowTakesForceAwayAndAddsNone) {
+  press();
+  const pid_t physics = session_->node("physics");
+  const TimePoint from = session_->now();
+  const auto begin = rows().size();
+  std::jthread slow([&](const std::stop_token& stop) {
+    while (!stop.stop_requested()) {
+      kill(physics, SIGSTOP);
+      std::this_thread::sleep_for(9ms);
+      kill(physics, SIGCONT);
+      std::this_thread::sleep_for(1ms);
+    }
+  });
+  ASSERT_TRUE(session_->watcher().until([&] { return session_->now() >= from + 1500ms; }));
+  slow.request_stop();
+  slow.join();
+  const TimePoint healed_at = session_->now();
+
+  // as physics itself says
+  std::size_t steps = 0;
+  for (const auto& [sequence, tick] : session_->watcher().mirror().physics_ticks()) {
+    if (tick.stepped_at > healed_at - 700ms && tick.stepped_at <= healed_at - 200ms) ++steps;
+  }
+  EXPECT_LT(steps, 0.3 * 0.5 * session_->session().physics.rate_hz);
+
+  // back: 50 ticks in a row
+  std::size_t back = 0;
+  ASSERT_TRUE(session_->watcher().until([&] {
+    for (std::size_t i = begin; i + 50 <= rows().size(); ++i) {
+      if (rows()[i].device.sampled_at < healed_at) continue;
+      if (!std::all_of(rows().begin() + static_cast<std::ptrdiff_t>(i),
+                       rows().begin() + static_cast<std::ptrdiff_t>(i) + 50, is_fresh)) {
+        continue;
+      }
+      back = i;
+      return true;
+    }
+    return false;
+  }));
+  finish({.fault = "physics_node 10 times too slow, 1.5 s",
+          .noticed_newton = newton(rows()[begin]),
+          .peak_newton = peak_newton(rows().begin() + static_cast<std::ptrdiff_t>(begin),
+                                     rows().begin() + static_cast<std::ptrdiff_t>(back)),
+          .back_after = rows()[back].device.sampled_at - healed_at},
+         "");
+}
+
+/// A file system of its own for one folder, seen by this process and its children only.
+class SmallDisk {
+ public:
+  explicit SmallDisk(const std::filesystem::path& folder) : folder_(folder) {
+    is_mounted_ = unshare(CLONE_NEWNS) == 0 &&
+                  mount(nullptr, "/", nullptr, MS_REC | MS_PRIVATE, nullptr) == 0 &&
+                  mount("tmpfs", folder_.c_str(), "tmpfs", 0, "size=16m") == 0;
+  }
+  ~SmallDisk() {
+    if (is_mounted_) umount2(folder_.c_str(), MNT_DETACH);
+  }
+  SmallDisk(const SmallDisk&) = delete;
+  SmallDisk& operator=(const SmallDisk&) = delete;
+  [[nodiscard]] bool is_mounted() const { return is_mounted_; }
+
+ private:
+  std::filesystem::path folder_;
+  bool is_mounted_ = false;
+};
+
+TEST_F(Faults, AFullDiskEndsTheRecordingAndNothingElse) {
+  const test::TempFolder folder;
+  const SmallDisk disk(folder.path());
+  if (!disk.is_mounted()) GTEST_SKIP() << "no mount namespace permitted here";
+  press({"--no-viewer", "--record", (folder.path() / "run.mcap").string()});
+
+  const TimePoint from = session_->now();
+  std::ofstream filler(folder.path() / "filler");
+  while (filler) filler << std::string(4096, ' ') << std::flush;
+  session_->launch().await_err("run.mcap: No space left on device");
+
+  finish_unfelt("disk full while launch records", from);
+}
+
+// The signal that comes with it kills who does not expect it.
+TEST_F(Faults, AFileThatMayGrowNoMoreEndsTheRecordingAndNothingElse) {
+  const test::TempFolder folder;
+  const std::string file = (folder.path() / "run.mcap").string();
+  press({"--no-viewer", "--record", file});
+
+  const TimePoint from = session_->now();
+  const rlimit limit{.rlim_cur = std::filesystem::file_size(file) + 1000,
+                     .rlim_max = RLIM_INFINITY};
+  ASSERT_EQ(prlimit(session_->launch().pid(), RLIMIT_FSIZE, &limit, nullptr), 0);
+  session_->launch().await_err("run.mcap: File too large");
+
+  finish_unfelt("file size limit while launch records", from);
+}
+
+TEST_F(Faults, AWallClockThatJumpsIsNotFelt) {
+  const test::TempFolder folder;
+  const std::string file = (folder.path() / "run.mcap").string();
+  setenv("LD_PRELOAD", PALPATE_BINARY_DIR "/libwall_clock_steps.so", 1);
+  session_.emplace("pressing", std::vector<std::string>{"--no-viewer", "--record", file});
+  unsetenv("LD_PRELOAD");
+  ASSERT_TRUE(session_->until_pressing());
+
+  finish_unfelt("wall clock jumps ±1 h five times a second", session_->now());
+
+  // it did: the recording is stamped with it
+  const auto told = nlohmann::json::parse(run_program("palpate", {"info", file, "--json"}).out);
+  EXPECT_GE(told["length_s"], 3590.0);
+}
+
+TEST_F(Faults, ASecondOfEachNodeIsRefused) {
+  press();
+  const TimePoint from = session_->now();
+  for (const char* node : {"device_node", "mofc_node", "physics_node"}) {
+    const test::Outcome second = run_program(node, {"--session", session_->file()});
+    EXPECT_EQ(second.status, 2);
+    EXPECT_THAT(second.err, HasSubstr(": in use by process "));
+  }
+  const test::Outcome launch = run_program("palpate", {"launch", session_->file()});
+  EXPECT_EQ(launch.status, 2);
+  finish_unfelt("ports taken: a second of each node, and of launch", from);
+}
+
+// --- messages of strangers ------------------------------------------------------------------
+
+/// Sends raw frames where mofc_node and physics_node listen.
+class Stranger {
+ public:
+  explicit Stranger(const LinksConfig& links)
+      : to_mofc_(context_, zmq::socket_type::dealer), to_physics_(context_, zmq::socket_type::pub) {
+    to_mofc_.set(zmq::sockopt::linger, 0);
+    to_physics_.set(zmq::sockopt::linger, 0);
+    to_mofc_.connect(links.exchange);
+    to_physics_.connect(links.tool_motion);
+  }
+  void send(const std::string& to_mofc, const std::string& to_physics) {
+    to_mofc_.send(zmq::buffer(to_mofc), zmq::send_flags::dontwait);
+    to_physics_.send(zmq::buffer(to_physics), zmq::send_flags::dontwait);
+  }
+
+ private:
+  zmq::context_t context_;
+  zmq::socket_t to_mofc_;
+  zmq::socket_t to_physics_;
+};
+
+template <class T>
+std::string frame_of(const T& message) {
+  Codec<T> codec;
+  std::string frame(codec.encode(message), '\0');
+  codec.write(reinterpret_cast<std::byte*>(frame.data()));
+  return frame;
+}
+
+class Strangers : public Faults {
+ protected:
+  /// Both refuse and count them.
+  void send_until_refused(const std::string& to_mofc, const std::string& to_physics) {
+    Stranger stranger(session_->session().links);
+    const auto& mirror = session_->watcher().mirror();
+    EXPECT_TRUE(session_->watcher().until([&] {
+      stranger.send(to_mofc, to_physics);
+      return mirror.mofc_counters().device_state.rejected > 10 &&
+             mirror.physics_counters().tool_motion.rejected > 10;
+    }));
+  }
+};
+
+/// A stream that begins like ZeroMQ's and breaks off inside a frame.
+int begin_a_frame(const std::string& endpoint) {
+  const int stream = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  endpoint.copy(address.sun_path, sizeof(address.sun_path) - 1, std::string("ipc://").size());
+  EXPECT_EQ(connect(stream, reinterpret_cast<sockaddr*>(&address), sizeof(address)), 0);
+  std::string bytes("\xff\0\0\0\0\0\0\0\1\x7f\3\0NULL", 16);  // ZMTP 3.0 greeting, 64 bytes
+  bytes.resize(64, '\0');
+  bytes += std::string("\4\x29\5READY", 8);  // 41 bytes of a command are promised, 6 come
+  EXPECT_EQ(write(stream, bytes.data(), bytes.size()), static_cast<ssize_t>(bytes.size()));
+  return stream;
+}
+
+TEST_F(Strangers, HalfWrittenMessagesAreRefused) {
+  press();
+  const TimePoint from = session_->now();
+  const LinksConfig& links = session_->session().links;
+  const int streams[] = {begin_a_frame(links.exchange), begin_a_frame(links.tool_motion)};
+  std::string state = frame_of(DeviceState{});
+  std::string motion = frame_of(ToolMotion{});
+  state.resize(state.size() / 2);
+  motion.resize(motion.size() / 2);
+
+  send_until_refused(state, motion);
+
+  finish_unfelt("half-written messages", from);
+  for (const int stream : streams) close(stream);
+}
+
+TEST_F(Strangers, MessagesOfAnotherVersionAreRefused) {
+  press();
+  const TimePoint from = session_->now();
+  const auto of_version_2 = [](std::string frame) {
+    const std::string version("\x0d\1\0\0\0", 5);  // Header.protocol_major, fixed32
+    const std::size_t at = frame.find(version);
+    EXPECT_LT(at, 8u);
+    frame[at + 1] = 2;
+    return frame;
+  };
+
+  send_until_refused(of_version_2(frame_of(DeviceState{})), of_version_2(frame_of(ToolMotion{})));
+
+  session_->launch().await_err("peer speaks protocol 2, this program speaks 1");
+  finish_unfelt("messages of another protocol version", from);
+}
+
+// --- two devices ----------------------------------------------------------------------------
+
+TEST_F(Faults, ADeviceThatFailsIsNotFeltAtAnother) {
+  press();
+  PressingSession other("other");
+  ASSERT_TRUE(other.until_pressing()) << other.launch().err();
+  ASSERT_TRUE(session_->until_pressing());
+
+  const TimePoint killed_at = stop_with(other.node("device"), SIGKILL);
+  EXPECT_GT(other.node("device", 2), 1);
+
+  finish_unfelt("the device of a session beside it killed", killed_at);
+  EXPECT_TRUE(other.until_pressing());
+  expect_harmless(other.rows(), other.session());
+  EXPECT_THAT(other.stop_and_count_restarts(), HasSubstr("\"device\":1"));
+}
+
+// --- the program ----------------------------------------------------------------------------
+
+/// Says what fails, and nothing else.
+class Quiet : public testing::EmptyTestEventListener {
+  void OnTestPartResult(const testing::TestPartResult& result) override {
+    if (result.passed()) return;
+    std::fprintf(stderr, "%s:%d: %s\n", result.file_name(), result.line_number(), result.message());
+  }
+};
+
+}  // namespace
+}  // namespace palpate
+
+int main(int argc, char** argv) {
+  const bool is_asked_for_table = argc == 1;
+  testing::InitGoogleMock(&argc, argv);
+  if (is_asked_for_table) {
+    testing::TestEventListeners& listeners = testing::UnitTest::GetInstance()->listeners();
+    delete listeners.Release(listeners.default_result_printer());
+    listeners.Append(new palpate::Quiet);
+  }
+  const int status = RUN_ALL_TESTS();
+  if (!palpate::table().empty()) palpate::print_table();
+  return status;
+}

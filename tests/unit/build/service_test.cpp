@@ -1,0 +1,82 @@
+// What systemd itself says of the units in deploy/systemd.
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <string>
+
+#include "tests/support/temp_folder.h"
+#include "tests/unit/build/run_command.h"
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+using test::CommandResult;
+using test::run_command;
+
+/// The units as they are installed, but for the programs, which are those of this build.
+class Service : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (run_command("systemd-analyze --version").status != 0) {
+      GTEST_SKIP() << "no systemd-analyze here (Debian: systemd)";
+    }
+    for (const fs::directory_entry& unit :
+         fs::directory_iterator(PALPATE_SOURCE_DIR "/deploy/systemd")) {
+      std::ostringstream text;
+      text << std::ifstream(unit.path()).rdbuf();
+      std::string content = text.str();
+      const std::string installed = "ExecStart=/usr/bin/";
+      if (const std::size_t at = content.find(installed); at != std::string::npos) {
+        content.replace(at, installed.size(), "ExecStart=" PALPATE_BINARY_DIR "/");
+      }
+      files_.write(unit.path().filename(), content);
+    }
+  }
+  [[nodiscard]] CommandResult analyze(const std::string& arguments) const {
+    return run_command("SYSTEMD_UNIT_PATH='" + files_.path().string() + ":' systemd-analyze " +
+                       arguments);
+  }
+
+  test::TempFolder files_;
+  const std::string nodes_ =
+      " palpate-device@default.service palpate-mofc@default.service"
+      " palpate-physics@default.service palpate-viewer@default.service";
+};
+
+TEST_F(Service, TheUnitsAreValid) {
+  const CommandResult verified = analyze("verify --man=no palpate@default.target" + nodes_);
+
+  EXPECT_EQ(verified.status, 0);
+  EXPECT_EQ(verified.output, "");
+}
+
+TEST_F(Service, AWrongUnitIsFound) {
+  std::ofstream(files_.path() / "palpate-device@.service", std::ios::app) << "LimitRtPrio=80\n";
+
+  EXPECT_NE(analyze("verify --man=no palpate-device@default.service").output, "");
+}
+
+// 3.0 of 10 is systemd's "OK"; without a sandbox it would be 9.6.
+TEST_F(Service, TheNodesAreShutIn) {
+  const CommandResult judged = analyze("security --offline=yes --threshold=30 --no-pager" + nodes_);
+
+  EXPECT_EQ(judged.status, 0) << judged.output;
+}
+
+// The real-time limits of the tick are for the two nodes that have one.
+TEST_F(Service, OnlyTheTickMayHaveRealTime) {
+  for (const auto& [node, is_realtime] :
+       {std::pair("device", true), {"mofc", true}, {"physics", false}, {"viewer", false}}) {
+    std::ostringstream text;
+    text << std::ifstream(files_.path() / (std::string("palpate-") + node + "@.service")).rdbuf();
+    EXPECT_EQ(text.str().find("LimitRTPRIO=80") != std::string::npos, is_realtime) << node;
+    EXPECT_EQ(text.str().find("RestrictRealtime=yes") != std::string::npos, !is_realtime) << node;
+  }
+}
+
+}  // namespace
+}  // namespace palpate
