@@ -1072,7 +1072,10 @@ TEST_F(LinksTest, ASourceThatKeepsToOneWriterRefusesASecondUntilTheFirstIsSilent
   ZmqSource<ToolMotion> source(context_, manual_clock_, bind_to("inproc://one", "motion"));
   source.keep_to_one_writer();
   ZmqSender<ToolMotion> sender(context_, connect_to("inproc://one", "motion"));
-  ASSERT_TRUE(meet(sender, source));
+  ASSERT_TRUE(eventually([&] {
+    source.wait_until(manual_clock_.now());
+    return sender.has_subscriber();
+  }));
   auto message = random_message<ToolMotion>(random_);
   const auto is_heard = [&](std::uint64_t session_id) {
     message.header.session_id = session_id;
