@@ -81,7 +81,7 @@ void run_process(NodeContext& context, ProcessLinks& links) {
     pointer.emplace(session, links, context, goals);
   }
   TelemetryPublisher publisher(context.session_id, context.clock, ticks, counters, telemetry,
-                               context.log);
+                               context.log, session.side);
   publisher.record_to(recorder);
   publisher.on_pump = [&](TimePoint now) {
     refused.note(now);

@@ -46,7 +46,7 @@ void run_process(NodeContext& context, ProcessLinks& links) {
   RejectionLog refused_states(context.log, "device_state", exchange.rejections());
   RejectionLog refused_interactions(context.log, "interaction", interactions.rejections());
   TelemetryPublisher publisher(context.session_id, context.clock, ticks, counters, telemetry,
-                               context.log);
+                               context.log, session.side);
   publisher.record_to(recorder);
   publisher.on_pump = [&](TimePoint now) {
     refused_states.note(now);

@@ -48,7 +48,8 @@ void DentedSurface::advance(const Vector3& tip_position_world_m, double elapsed_
 
   const Vector3 touch_m = tip_position_world_m - surface.distance_m * surface.normal;
   const double radius_m = std::max(tip_radius_m_, kSmallestTip_m);
-  const double kept = relaxation_s_ > 0.0 ? std::exp(-elapsed_s / relaxation_s_) : 0.0;
+  const double kept =
+      elapsed_s > 0.0 ? (relaxation_s_ > 0.0 ? std::exp(-elapsed_s / relaxation_s_) : 0.0) : 1.0;
   for (std::size_t i = 0; i < rest_m_.size(); ++i) {
     Vector3& displacement_m = displacement_m_[i];
     displacement_m *= kept;

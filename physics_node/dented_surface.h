@@ -38,7 +38,8 @@ class DentedSurface {
   /// @param relaxation_s  τ ≥ 0; infinite: a dent stays
   DentedSurface(const SurfaceMesh& rest, View view, double tip_radius_m, double relaxation_s);
 
-  /// The tip was here when `elapsed_s` ≥ 0 were over since the last call.
+  /// The tip was here when `elapsed_s` ≥ 0 were over since the last call. 0: another tool's tip, at
+  /// the same time.
   void advance(const Vector3& tip_position_world_m, double elapsed_s);
 
   /// What moved since it was last taken; nothing below 10 µm, which nobody sees.

@@ -1,6 +1,7 @@
 #include "physics_node/physics_node.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "physics_node/interaction_deadband.h"
 
@@ -10,8 +11,16 @@ PhysicsNode::PhysicsNode(const SceneConfig& scene, const PhysicsConfig& physics,
                          const Clock& clock, Inbox<ToolMotion>& motion_in,
                          Sender<Interaction>& interaction_out, TickSink<PhysicsTick>& ticks_out,
                          std::uint64_t session_id)
-    : scene_(scene, use == InteractionUse::kLocal ? physics.reach_m : 0.0),
-      memory_(scene_.new_memory()),
+    : PhysicsNode(std::make_shared<const Scene>(
+                      scene, use == InteractionUse::kLocal ? physics.reach_m : 0.0),
+                  physics, use, clock, motion_in, interaction_out, ticks_out, session_id) {}
+
+PhysicsNode::PhysicsNode(std::shared_ptr<const Scene> scene, const PhysicsConfig& physics,
+                         InteractionUse use, const Clock& clock, Inbox<ToolMotion>& motion_in,
+                         Sender<Interaction>& interaction_out, TickSink<PhysicsTick>& ticks_out,
+                         std::uint64_t session_id)
+    : scene_(std::move(scene)),
+      memory_(scene_->new_memory()),
       use_(use),
       clock_(clock),
       motion_in_(motion_in),
@@ -36,9 +45,9 @@ void PhysicsNode::step(const Tick& tick) noexcept {
   const ToolMotion& motion = received->value;
 
   const double time_s = to_seconds(tick.now.time_since_epoch());
-  scene_.remember(memory_, motion.tool_position_world_m, time_s);
-  const SceneForce force = scene_.evaluate(motion.tool_position_world_m,
-                                           motion.tool_velocity_world_m_per_s, time_s, memory_);
+  scene_->remember(memory_, motion.tool_position_world_m, time_s);
+  const SceneForce force = scene_->evaluate(motion.tool_position_world_m,
+                                            motion.tool_velocity_world_m_per_s, time_s, memory_);
 
   // send: hop 3. What the link does not take shows as skipped at the receiver.
   Interaction interaction;

@@ -2,7 +2,8 @@
 // they may say.
 //
 //   in   hop 5  telemetry of all nodes, SceneState, MeshFrame
-//   out  hop 6  HandTarget  viewer → device   only if the session lets a pointer lead the hand
+//   out  hop 6  HandTarget  viewer → device   only if the session lets a pointer lead the hand;
+//                                             of several, that of the first side
 //
 // Thread: the viewer's; the server has its own.
 #pragma once
@@ -45,8 +46,9 @@ struct WebOptions {
 class WebFeed {
  public:
   /// Listens; throws SetupError. All references must outlive it.
+  /// @param mirrors  of each of sides_of(context.session)
   WebFeed(NodeContext& context, ProcessLinks& links, const WebOptions& options,
-          TelemetrySubscriber& subscriber, const TelemetryMirror& mirror);
+          TelemetrySubscriber& subscriber, std::span<const TelemetryMirror> mirrors);
 
   /// Passes one message of hop 5 on. @param payload  the same, as it came
   void take(const TelemetryMessage& message, std::span<const std::byte> payload);
@@ -63,11 +65,12 @@ class WebFeed {
   void let_go_of_hand(TimePoint now);
   void tell_health(TimePoint now);
   void tell_tools(TimePoint now);
+  void tell_tools(std::size_t side, std::uint64_t at_ns, bool is_telemetry_due, bool is_tool_due);
   void log(bool is_warning, const std::string& message);
 
   NodeContext& context_;
   TelemetrySubscriber& subscriber_;
-  const TelemetryMirror& mirror_;
+  std::span<const TelemetryMirror> mirrors_;
   WebServer server_;
   SceneMirror scene_;
   Codec<MeshFrame> meshes_;

@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <variant>
 #include <vector>
@@ -163,7 +164,7 @@ enum class PaperFriction : std::uint8_t {
 struct GuardConfig {
   double v_max_m_per_s = 0.5;      ///< fastest the hand can be
   double credit_cap_joule = 5e-3;  ///< S_cap: E′ above the energy stored in the tissue
-  double gate_joule = 10e-3;        ///< S_g: leak that closes the gate
+  double gate_joule = 10e-3;       ///< S_g: leak that closes the gate
   Duration gate_recovery = std::chrono::milliseconds(500);  ///< t_rec
 };
 
@@ -343,7 +344,22 @@ struct Session {
   SceneConfig scene;
   ViewerConfig viewer;
   FaultsConfig faults;
+
+  /// Several devices in one tissue: the session as it is for each of them; what stands above is
+  /// that of the first. Empty for one device.
+  std::vector<Session> sides;
+  std::string side;  ///< in `sides`: its name
 };
+
+/// One session for each device: its sides, or itself if it has none.
+[[nodiscard]] std::span<const Session> sides_of(const Session& session);
+
+/// That of the side. Throws SetupError, naming those there are, if `name` is none of them; "" is
+/// for a session without sides.
+[[nodiscard]] const Session& side_of(const Session& session, const std::string& name);
+
+/// "device"; of a side "left.device".
+[[nodiscard]] std::string with_side(const std::string& side, const std::string& name);
 
 /// "none", "mofc paper", "mofc vector", "mofc guard".
 [[nodiscard]] std::string controller_text(const MofcConfig& config);

@@ -154,6 +154,7 @@ struct TelemetryBatch {
   Counters counters;
   std::uint64_t records_lost = 0;  ///< did not fit the ring between tick and telemetry thread
   std::string node_version{};      ///< of the program
+  std::string side{};              ///< of the session; "" where there is one device
   std::vector<Record> records;
 };
 using DeviceBatch = TelemetryBatch<DeviceTick, DeviceCounters>;

@@ -118,6 +118,7 @@ int run_node(int argc, char** argv, const NodeInfo& info,
   CLI::App app(info.description, program);
   std::filesystem::path session_file;
   std::vector<std::string> overrides;
+  std::string side;
   std::optional<double> seconds;
   bool no_realtime = false;
   app.add_option("--session", session_file, "session file (*.txtpb), the same for every node")
@@ -127,6 +128,10 @@ int run_node(int argc, char** argv, const NodeInfo& info,
                  "override a field of the session, e.g. mofc.controller=none; repeatable")
       ->type_name("PATH=VALUE")
       ->allow_extra_args(false);
+  if (info.is_of_one_side) {
+    app.add_option("--side", side, "of a session with several devices: which one is served")
+        ->type_name("NAME");
+  }
   app.add_option("--seconds", seconds, "stop after this time in s (default: run on)")
       ->type_name("S")
       ->check(is_time());
@@ -145,10 +150,11 @@ int run_node(int argc, char** argv, const NodeInfo& info,
 
   try {
     Session session = load_session(session_file, overrides);
-    refuse_inproc(session.links);
+    if (info.is_of_one_side) session = Session(side_of(session, side));
+    for (const Session& each : sides_of(session)) refuse_inproc(each.links);
     if (no_realtime) session.realtime = {.priority = 0, .cpu = -1};
 
-    const Log log(info.name);
+    const Log log(with_side(side, info.name));
     const Signals signals(seconds);
     SteadyClock clock;
     NodeContext context{.session = session,
