@@ -126,8 +126,7 @@ void SceneDisplay::publish(const Watchers& watchers, std::span<const PhysicsTick
     if (!dents_[i]) continue;
     DentedSurface& dent = *dents_[i];
     dent.advance(newest.front().tool_position_world_m, elapsed_s);
-    for (const PhysicsTick& other : newest.subspan(1))
-      dent.advance(other.tool_position_world_m, 0.0);
+    for (const PhysicsTick& other : newest.subspan(1)) dent.press(other.tool_position_world_m);
     const auto range = is_new_watcher ? dent.take_dented() : dent.take_moved();
     if (range) send(i, *range, newest.front().device_sequence, now);
   }

@@ -40,13 +40,16 @@ std::vector<mcap::Channel> recorded_channels() {
 
 mcap::Strings run_metadata(const Session& session, const std::string& recorded_by) {
   std::string sides;
+  std::string controllers;
   for (const Session& side : sides_of(session)) {
     sides += (sides.empty() ? "" : ",") + side.side;
+    controllers += (controllers.empty() ? "" : ", ") + (side.side.empty() ? "" : side.side + ": ") +
+                   controller_text(side.mofc);
   }
   return {{"session", session.text},
           {"session_name", session.name},
           {"session_file", session.file},
-          {"controller", controller_text(session.mofc)},
+          {"controller", controllers},
           {"seed", std::to_string(session.seed)},
           {"sides", sides},
           {"recorded_by", recorded_by},

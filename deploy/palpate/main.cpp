@@ -36,8 +36,9 @@ void add_time_option(CLI::App& app, std::optional<double>& seconds, const std::s
   app.add_option("--seconds", seconds, help)->type_name("S")->check(is_time());
 }
 
-void add_output_options(CLI::App& app, std::string& csv_file, std::string& json_file) {
-  app.add_option("--csv", csv_file, "write one row per device tick to this file")
+void add_output_options(CLI::App& app, std::string& csv_file, std::string& json_file,
+                        const std::string& more_on_csv = {}) {
+  app.add_option("--csv", csv_file, "write one row per device tick to this file" + more_on_csv)
       ->type_name("FILE");
   app.add_option("--json", json_file, "write the summary to this file; - for standard output")
       ->type_name("FILE");
@@ -277,7 +278,8 @@ void add_replay_options(CLI::App& app, ReplayOptions& replay) {
 void add_launch_options(CLI::App& app, LaunchCommand& launch) {
   add_session_options(app, launch.session_file, launch.overrides);
   add_time_option(app, launch.seconds, "stop after this time in s (default: run until Ctrl-C)");
-  add_output_options(app, launch.csv_file, launch.json_file);
+  add_output_options(app, launch.csv_file, launch.json_file,
+                     "; each of several sides to its own, run.SIDE.csv");
   add_record_options(app, launch.record);
   app.add_flag_callback(
       "--no-realtime", [&] { launch.is_realtime = false; },

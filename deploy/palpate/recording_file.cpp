@@ -38,6 +38,10 @@ std::string RecordingFile::about(const std::string& key) const {
   return it != about_.end() ? it->second : "";
 }
 
+std::string RecordingFile::name() const {
+  return about("session_name") + (side_.value_or("").empty() ? "" : ", " + *side_);
+}
+
 double RecordingFile::length_s() const {
   return static_cast<double>(mcap_.end_ns() - mcap_.begin_ns()) * 1e-9;
 }

@@ -37,6 +37,8 @@ class RecordingFile {
   [[nodiscard]] const viewer::McapReader& mcap() const { return mcap_; }
   /// Of the recording program, see kRunMetadata; "" where it says nothing.
   [[nodiscard]] std::string about(const std::string& key) const;
+  /// Of the session, and of the side chosen: "two_hands, left".
+  [[nodiscard]] std::string name() const;
   [[nodiscard]] double length_s() const;
 
  private:
