@@ -108,9 +108,9 @@ LinksConfig to_links(const Fields& fields, const std::string& session_name, cons
       shown_default = one_line(text) + ": ";
     }
     std::string complaint = endpoint_complaint(text);
-    const std::string path = fields.written_path(name);
+    const std::string path = is_of_all_sides ? fields.path(name) : fields.written_path(name);
     const auto [other, is_new] = owner_of.emplace(text, path);
-    if (is_of_all_sides && path != fields.path(name)) {
+    if (is_of_all_sides && fields.has(name) && fields.written_path(name) != path) {
       complaint = "is one for all sides; give it in links { … } of the session";
     } else if (complaint.empty() && !is_new && !(is_of_all_sides && other->second == path)) {
       complaint = other->second == path
@@ -869,9 +869,10 @@ std::vector<std::string> to_side_names(const std::vector<Fields>& sides) {
     std::string name = to_name(side, kMaxSideNameBytes);
     if (!name.empty() && std::find(names.begin(), names.end(), name) != names.end()) {
       side.problem("name", "another side is called so too; give each its own name");
+      name.clear();
     }
-    // one without a name is a problem already, and must not clash with others
-    names.push_back(name.empty() ? "side" + std::to_string(names.size()) : name);
+    // what has no good name needs no more problems from its files' names
+    names.push_back(name.empty() ? "side." + std::to_string(names.size()) : name);
   }
   return names;
 }

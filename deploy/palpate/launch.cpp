@@ -107,7 +107,7 @@ std::vector<ChildSpec> nodes_of(const LaunchOptions& options, const Session& ses
                               ? fs::read_symlink("/proc/self/exe").parent_path()
                               : options.program_folder;
   std::vector<ChildSpec> children;
-  const auto add = [&](const char* name, const std::string& side = {}) -> ChildSpec& {
+  const auto add = [&](const std::string& name, const std::string& side = {}) -> ChildSpec& {
     const fs::path program = folder / (name + "_node");
     if (access(program.c_str(), X_OK) != 0) {
       throw SetupError(program.string() + ": " + std::generic_category().message(errno) +
