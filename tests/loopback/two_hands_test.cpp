@@ -143,14 +143,17 @@ TEST_F(TwoHands, WhenOneDeviceDiesTheOtherIsAnsweredAsBefore) {
     return watcher_->rows(kLeft).back().device_session_id != left_session && presses(kLeft);
   }));
 
-  // the right hand never noticed: one device, one clamp, the force of before
+  // the right hand goes on: one device, one clamp, answered, no force that was not there before
   const auto& rows = watcher_->rows(kRight);
   ASSERT_GT(rows.size(), before + 20);
+  std::size_t answered = 0;
   for (std::size_t i = before; i < rows.size(); ++i) {
-    ASSERT_EQ(rows[i].device_session_id, rows[before].device_session_id);
-    ASSERT_NEAR(rows[i].device.force_on_hand_newton.z(), kForceNewton[kRight], kStictionNewton)
-        << name(rows[i].device.guard);
+    EXPECT_EQ(rows[i].device_session_id, rows[before].device_session_id);
+    EXPECT_LT(rows[i].device.force_on_hand_newton.norm(), kForceNewton[kRight] + kStictionNewton);
+    if (rows[i].device.is_answered) ++answered;
   }
+  EXPECT_GT(2 * answered, rows.size() - before);  // whatever else this machine is doing
+  EXPECT_TRUE(watcher_->until([&] { return presses(kRight); }));
   EXPECT_EQ(watcher_->mirror(kRight).device_link().sessions, 1u);
   EXPECT_EQ(watcher_->mirror(kRight).mofc_link().sessions, 1u);
   launch.send_signal(SIGTERM);
