@@ -86,7 +86,7 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
   }
   RefusedPeersLog refused_peers(context.log, side.refused());
   TelemetryPublisher publisher(context.session_id, context.clock, ticks, counters, telemetry,
-                               context.log);
+                               context.log, session.side);
   publisher.record_to(recorder);
   publisher.peers_refused = [&] { return side.refused().total(); };
   publisher.on_pump = [&](TimePoint now) {

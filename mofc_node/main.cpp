@@ -7,7 +7,8 @@ int main(int argc, char** argv) {
       argc, argv,
       {.name = "mofc",
        .description = "The clamp between the device and the physics.",
-       .signals = "SIGUSR1 writes the last ticks to a file (the log names it)."},
+       .signals = "SIGUSR1 writes the last ticks to a file (the log names it).",
+       .is_of_one_side = true},
       [](palpate::NodeContext& context) {
         palpate::ProcessLinks links(
             context.session.realtime,

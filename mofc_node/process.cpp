@@ -46,7 +46,8 @@ class Clamp::Impl {
         refused_interactions_(context.log, "interaction", interactions_.rejections()),
         node_(session_.mofc, session_.device, context.clock, motion_out_, interaction_in_, ticks_,
               context.session_id),
-        publisher_(context.session_id, context.clock, ticks_, counters_, telemetry_, context.log) {
+        publisher_(context.session_id, context.clock, ticks_, counters_, telemetry_, context.log,
+                   session_.side) {
     publisher_.record_to(recorder_);
     publisher_.peers_refused = [&side] { return side.refused().total(); };
     publisher_.on_pump = [this](TimePoint now) {

@@ -40,29 +40,33 @@ DentedSurface::DentedSurface(const SurfaceMesh& rest, View view, double tip_radi
 }
 
 void DentedSurface::advance(const Vector3& tip_position_world_m, double elapsed_s) {
+  if (!is_at_rest_) {
+    const double kept = relaxation_s_ > 0.0 ? std::exp(-elapsed_s / relaxation_s_) : 0.0;
+    for (Vector3& displacement_m : displacement_m_) {
+      displacement_m *= kept;
+      if (displacement_m.squaredNorm() < kGone_m * kGone_m) displacement_m.setZero();
+    }
+  }
+  press(tip_position_world_m);
+}
+
+void DentedSurface::press(const Vector3& tip_position_world_m) {
   const SurfaceView surface = view_(tip_position_world_m);
   const double penetration_m = tip_radius_m_ - surface.distance_m;
-  const bool is_touched = penetration_m > 0.0 && std::isfinite(penetration_m);
-  if (!is_touched && is_at_rest_) return;
+  if (!(penetration_m > 0.0) || !std::isfinite(penetration_m)) return;
   is_at_rest_ = false;
 
   const Vector3 touch_m = tip_position_world_m - surface.distance_m * surface.normal;
   const double radius_m = std::max(tip_radius_m_, kSmallestTip_m);
-  const double kept = relaxation_s_ > 0.0 ? std::exp(-elapsed_s / relaxation_s_) : 0.0;
   for (std::size_t i = 0; i < rest_m_.size(); ++i) {
-    Vector3& displacement_m = displacement_m_[i];
-    displacement_m *= kept;
-    if (displacement_m.squaredNorm() < kGone_m * kGone_m) displacement_m.setZero();
-    if (!is_touched) continue;
-
     // only what lies about the touch: not the far side of a thin body
     const Vector3 from_touch_m = rest_m_[i] - touch_m;
     const double height_m = surface.normal.dot(from_touch_m);
     const double from_axis_m = (from_touch_m - height_m * surface.normal).norm();
     if (std::abs(height_m) > std::max(penetration_m, 2.0 * radius_m)) continue;
     const double depth_m = dent_depth_m(from_axis_m, penetration_m, radius_m);
-    if (depth_m * depth_m > displacement_m.squaredNorm()) {
-      displacement_m = -depth_m * surface.normal;
+    if (depth_m * depth_m > displacement_m_[i].squaredNorm()) {
+      displacement_m_[i] = -depth_m * surface.normal;
     }
   }
 }

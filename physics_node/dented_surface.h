@@ -40,6 +40,8 @@ class DentedSurface {
 
   /// The tip was here when `elapsed_s` ≥ 0 were over since the last call.
   void advance(const Vector3& tip_position_world_m, double elapsed_s);
+  /// So was the tip of another tool at the time of the last advance().
+  void press(const Vector3& tip_position_world_m);
 
   /// What moved since it was last taken; nothing below 10 µm, which nobody sees.
   [[nodiscard]] std::optional<VertexRange> take_moved();

@@ -1,6 +1,7 @@
 #include "physics_node/physics_node.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "physics_node/interaction_deadband.h"
 
@@ -10,8 +11,16 @@ PhysicsNode::PhysicsNode(const SceneConfig& scene, const PhysicsConfig& physics,
                          const Clock& clock, Inbox<ToolMotion>& motion_in,
                          Sender<Interaction>& interaction_out, TickSink<PhysicsTick>& ticks_out,
                          std::uint64_t session_id)
-    : scene_(scene, use == InteractionUse::kLocal ? physics.reach_m : 0.0),
-      memory_(scene_.new_memory()),
+    : PhysicsNode(std::make_shared<const Scene>(
+                      scene, use == InteractionUse::kLocal ? physics.reach_m : 0.0),
+                  physics, use, clock, motion_in, interaction_out, ticks_out, session_id) {}
+
+PhysicsNode::PhysicsNode(std::shared_ptr<const Scene> scene, const PhysicsConfig& physics,
+                         InteractionUse use, const Clock& clock, Inbox<ToolMotion>& motion_in,
+                         Sender<Interaction>& interaction_out, TickSink<PhysicsTick>& ticks_out,
+                         std::uint64_t session_id)
+    : scene_(std::move(scene)),
+      memory_(scene_->new_memory()),
       use_(use),
       clock_(clock),
       motion_in_(motion_in),
@@ -19,7 +28,7 @@ PhysicsNode::PhysicsNode(const SceneConfig& scene, const PhysicsConfig& physics,
       ticks_out_(ticks_out),
       session_id_(session_id),
       deadband_(physics.interaction_deadband) {
-  counters_.surfaces_shared = scene_.shared_surface_count();
+  counters_.surfaces_shared = scene_->shared_surface_count();
 }
 
 bool PhysicsNode::has_new_motion() noexcept {
@@ -39,10 +48,10 @@ void PhysicsNode::step(const Tick& tick) noexcept {
 
   const double time_s = to_seconds(tick.now.time_since_epoch());
   const Vector3 shaft_to_handle = motion.tool_orientation_world * Vector3::UnitZ();
-  scene_.remember(memory_, motion.tool_position_world_m, time_s, shaft_to_handle);
+  scene_->remember(memory_, motion.tool_position_world_m, time_s, shaft_to_handle);
   const SceneForce force =
-      scene_.evaluate(motion.tool_position_world_m, motion.tool_velocity_world_m_per_s, time_s,
-                      memory_, shaft_to_handle);
+      scene_->evaluate(motion.tool_position_world_m, motion.tool_velocity_world_m_per_s, time_s,
+                       memory_, shaft_to_handle);
 
   // send: hop 3. What the link does not take shows as skipped at the receiver.
   Interaction interaction;

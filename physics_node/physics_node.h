@@ -15,6 +15,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 
 #include "common/core/clock.h"
@@ -38,6 +39,12 @@ class PhysicsNode {
               const Clock& clock, Inbox<ToolMotion>& motion_in,
               Sender<Interaction>& interaction_out, TickSink<PhysicsTick>& ticks_out,
               std::uint64_t session_id);
+  /// In a scene that the tools of other nodes are in too. No tool feels another one's dent: tissue
+  /// gives way where it is touched, and to each tool by itself.
+  PhysicsNode(std::shared_ptr<const Scene> scene, const PhysicsConfig& physics, InteractionUse use,
+              const Clock& clock, Inbox<ToolMotion>& motion_in,
+              Sender<Interaction>& interaction_out, TickSink<PhysicsTick>& ticks_out,
+              std::uint64_t session_id);
 
   /// Newest motion → force → hop 3. Called at the physics rate, or on arrival (has_new_motion).
   /// No allocation, no lock, no throw.
@@ -47,13 +54,13 @@ class PhysicsNode {
   [[nodiscard]] bool has_new_motion() noexcept;
 
   [[nodiscard]] const PhysicsCounters& counters() const noexcept { return counters_; }
-  [[nodiscard]] const Scene& scene() const noexcept { return scene_; }
+  [[nodiscard]] const Scene& scene() const noexcept { return *scene_; }
 
  private:
   void count_turn(const Tick& tick) noexcept;
   void send(Interaction& interaction, const ToolMotion& motion) noexcept;
 
-  Scene scene_;
+  std::shared_ptr<const Scene> scene_;
   TissueMemory memory_;
   InteractionUse use_;
   const Clock& clock_;

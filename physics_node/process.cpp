@@ -1,6 +1,12 @@
 #include "physics_node/process.h"
 
+#include <algorithm>
 #include <chrono>
+#include <list>
+#include <memory>
+#include <span>
+#include <utility>
+#include <vector>
 
 #include "common/core/inbox.h"
 #include "common/runtime/flight_recorder.h"
@@ -17,61 +23,112 @@ namespace {
 // How soon a stop is noticed while no motion arrives.
 constexpr auto kIdleWait = std::chrono::milliseconds(50);
 
+/// One tool in the tissue: hops 2 and 3 of one device, and what is told of them.
+class Tool {
+ public:
+  /// @param session  of that device
+  Tool(const Session& session, std::shared_ptr<const Scene> scene, NodeContext& context,
+       ProcessLinks& links, SceneSender& telemetry)
+      : clock_(context.clock),
+        log_(context.log.clone(with_side(session.side, context.log.name()))),
+        // a fault line must see every message, else the newest is enough
+        motions_(links.side, context.clock, bind_to(session.links.tool_motion, "links.tool_motion"),
+                 session.faults.tool_motion.any() ? Delivery::kEvery : Delivery::kNewest),
+        motion_in_(motions_, context.clock, session.faults.tool_motion,
+                   stream_seed(session.seed, "tool_motion")),
+        interaction_out_(links.side, bind_to(session.links.interaction, "links.interaction")),
+        recorder_(flight_files(context, with_side(session.side, "physics"))),
+        refused_(*log_, "tool_motion", motions_.rejections()),
+        publisher(context.session_id, context.clock, ticks_, counters_, telemetry, *log_,
+                  session.side),
+        node_(std::move(scene), session.physics, session.mofc.interaction, context.clock,
+              motion_in_, interaction_out_, ticks_, context.session_id) {
+    motions_.keep_to_one_writer();
+    publisher.record_to(recorder_);
+    publisher.peers_refused = [&links] { return links.side.refused().total(); };
+  }
+
+  void note_refused(TimePoint now) { refused_.note(now); }
+
+  void step(const Tick& tick) noexcept {
+    node_.step(tick);
+    counters_.store(node_.counters());
+  }
+  /// Waits for a motion that no step has answered; false if there is none yet.
+  [[nodiscard]] bool wait_for_motion() {
+    motion_in_.wait_until(clock_.now() + kIdleWait);
+    return node_.has_new_motion();
+  }
+
+ private:
+  SteadyClock& clock_;
+  std::shared_ptr<spdlog::logger> log_;
+  ZmqSource<ToolMotion> motions_;
+  Inbox<ToolMotion> motion_in_;
+  ZmqSender<Interaction> interaction_out_;
+  RingSink<PhysicsTick> ticks_;
+  Snapshot<PhysicsCounters> counters_;
+  FlightRecorder<PhysicsTick> recorder_;
+  RejectionLog refused_;
+
+ public:
+  TelemetryPublisher<PhysicsTick, PhysicsCounters> publisher;
+
+ private:
+  PhysicsNode node_;
+};
+
 }  // namespace
 
 void run_process(NodeContext& context, ProcessLinks& links) {
   const Session& session = context.session;
+  const std::span<const Session> sides = sides_of(session);
+  const bool is_any_local = std::any_of(sides.begin(), sides.end(), [](const Session& side) {
+    return side.mofc.interaction == InteractionUse::kLocal;
+  });
+  const auto scene =
+      std::make_shared<const Scene>(session.scene, is_any_local ? session.physics.reach_m : 0.0);
 
-  // hops 2 and 3; a fault line must see every message, else the newest is enough
-  ZmqSource<ToolMotion> motions(
-      links.side, context.clock, bind_to(session.links.tool_motion, "links.tool_motion"),
-      session.faults.tool_motion.any() ? Delivery::kEvery : Delivery::kNewest);
-  motions.keep_to_one_writer();
-  Inbox<ToolMotion> motion_in(motions, context.clock, session.faults.tool_motion,
-                              stream_seed(session.seed, "tool_motion"));
-  ZmqSender<Interaction> interaction_out(links.side,
-                                         bind_to(session.links.interaction, "links.interaction"));
-
-  // hop 5
+  // hop 5: one socket, so the publisher of the first tool speaks for all
   SceneSender telemetry(links.side,
                         bind_to(session.links.physics_telemetry, "links.physics_telemetry"));
-  RingSink<PhysicsTick> ticks;
-  Snapshot<PhysicsCounters> counters;
-  FlightRecorder<PhysicsTick> recorder(flight_files(context, "physics"));
-  RejectionLog refused(context.log, "tool_motion", motions.rejections());
   SceneDisplay display(session, context.session_id, telemetry, telemetry);
   RefusedPeersLog refused_peers(context.log, links.side.refused());
-  TelemetryPublisher publisher(context.session_id, context.clock, ticks, counters, telemetry,
-                               context.log);
-  publisher.record_to(recorder);
-  publisher.peers_refused = [&] { return links.side.refused().total(); };
+  std::list<Tool> tools;
+  for (const Session& side : sides) tools.emplace_back(side, scene, context, links, telemetry);
+  auto& publisher = tools.front().publisher;
+  std::vector<PhysicsTick> newest;
   publisher.on_pump = [&](TimePoint now) {
     refused_peers.note(now);
-    refused.note(now);
+    newest.clear();
+    for (Tool& tool : tools) {
+      if (&tool != &tools.front()) tool.publisher.pump();
+      if (tool.publisher.newest()) newest.push_back(*tool.publisher.newest());
+      tool.note_refused(now);
+    }
     display.publish({.scene_subscriptions = telemetry.subscriptions<SceneState>(),
                      .mesh_subscriptions = telemetry.subscriptions<MeshFrame>(),
                      .has_mesh_watcher = telemetry.has_subscriber<MeshFrame>()},
-                    publisher.newest(), now);
+                    newest, now);
   };
   publisher.start();
 
-  PhysicsNode node(session.scene, session.physics, session.mofc.interaction, context.clock,
-                   motion_in, interaction_out, ticks, context.session_id);
-  const auto step = [&](const Tick& tick) {
-    node.step(tick);
-    counters.store(node.counters());
-  };
   if (session.mofc.wait_for_physics.count() == 0) {
-    RateLoop(context.clock, session.physics.rate_hz).run(context.stop, step);
-    return;
+    RateLoop(context.clock, session.physics.rate_hz).run(context.stop, [&](Tick tick) {
+      for (Tool& tool : tools) {
+        tool.step(tick);
+        tick.now = context.clock.now();
+      }
+    });
+  } else {  // one device only
+    std::uint64_t index = 0;
+    while (!context.stop.stop_requested()) {
+      if (!tools.front().wait_for_motion()) continue;
+      const TimePoint now = context.clock.now();
+      tools.front().step({.index = index++, .scheduled_at = now, .now = now});
+    }
   }
-  std::uint64_t index = 0;
-  while (!context.stop.stop_requested()) {
-    motion_in.wait_until(context.clock.now() + kIdleWait);
-    if (!node.has_new_motion()) continue;
-    const TimePoint now = context.clock.now();
-    step({.index = index++, .scheduled_at = now, .now = now});
-  }
+  publisher.stop();  // before the tools whose publishers it drives
 }
 
 }  // namespace palpate::physics

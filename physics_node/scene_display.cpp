@@ -20,6 +20,22 @@ double relaxation_s(const KelvinVoigtMaterial& material) {
   return k > 0.0 ? b / k : std::numeric_limits<double>::infinity();
 }
 
+/// About where the tools can be.
+DisplayArea area_of(const Session& session) {
+  const std::span<const Session> sides = sides_of(session);
+  DisplayArea area{.center_m = Vector3::Zero(), .half_extent_m = 0.0};
+  for (const Session& side : sides) {
+    area.center_m += side.device.workspace.offset_m / static_cast<double>(sides.size());
+  }
+  for (const Session& side : sides) {
+    const WorkspaceConfig& workspace = side.device.workspace;
+    area.half_extent_m = std::max(area.half_extent_m,
+                                  kPatchHalfExtent_m * workspace.scale_ratio +
+                                      (workspace.offset_m - area.center_m).cwiseAbs().maxCoeff());
+  }
+  return area;
+}
+
 }  // namespace
 
 SceneDisplay::SceneDisplay(const Session& session, std::uint64_t session_id,
@@ -46,8 +62,7 @@ void SceneDisplay::build() {
   scene_.workspace_scale_ratio = workspace.scale_ratio;
   scene_.pointer = session_.hand.pointer;
 
-  const DisplayArea area{.center_m = workspace.offset_m,
-                         .half_extent_m = kPatchHalfExtent_m * workspace.scale_ratio};
+  const DisplayArea area = area_of(session_);
   for (std::size_t i = 0; i < shapes_.size(); ++i) {
     const TissueConfig& tissue = session_.scene.tissues[i];
     const Shape& shape = shapes_[i];
@@ -78,7 +93,7 @@ void SceneDisplay::build() {
   frame_.scene_revision = scene_.revision;
 }
 
-void SceneDisplay::publish(const Watchers& watchers, const std::optional<PhysicsTick>& newest,
+void SceneDisplay::publish(const Watchers& watchers, std::span<const PhysicsTick> newest,
                            TimePoint now) {
   if (watchers.scene_subscriptions > served_.scene_subscriptions) {
     build();
@@ -100,7 +115,7 @@ void SceneDisplay::publish(const Watchers& watchers, const std::optional<Physics
     return;
   }
   const bool is_new_watcher = watchers.mesh_subscriptions > served_.mesh_subscriptions;
-  if (!newest || (now < next_frames_at_ && !is_new_watcher)) return;
+  if (newest.empty() || (now < next_frames_at_ && !is_new_watcher)) return;
   next_frames_at_ = std::max(next_frames_at_ + kFrameInterval, now);
   served_.mesh_subscriptions = watchers.mesh_subscriptions;
 
@@ -110,9 +125,10 @@ void SceneDisplay::publish(const Watchers& watchers, const std::optional<Physics
   for (std::size_t i = 0; i < dents_.size(); ++i) {
     if (!dents_[i]) continue;
     DentedSurface& dent = *dents_[i];
-    dent.advance(newest->tool_position_world_m, elapsed_s);
+    dent.advance(newest.front().tool_position_world_m, elapsed_s);
+    for (const PhysicsTick& other : newest.subspan(1)) dent.press(other.tool_position_world_m);
     const auto range = is_new_watcher ? dent.take_dented() : dent.take_moved();
-    if (range) send(i, *range, newest->device_sequence, now);
+    if (range) send(i, *range, newest.front().device_sequence, now);
   }
 }
 

@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <functional>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "common/core/ports.h"
@@ -36,8 +37,8 @@ class SceneDisplay {
                Sender<MeshFrame>& mesh_out);
 
   /// Sends what those who look on lack.
-  /// @param newest  physics step; none before the first motion
-  void publish(const Watchers& watchers, const std::optional<PhysicsTick>& newest, TimePoint now);
+  /// @param newest  physics step of each tool; none before its first motion
+  void publish(const Watchers& watchers, std::span<const PhysicsTick> newest, TimePoint now);
 
  private:
   void build();

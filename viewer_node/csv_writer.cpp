@@ -4,6 +4,7 @@
 #include <cerrno>
 #include <charconv>
 #include <cstring>
+#include <filesystem>
 
 #include "common/core/check.h"
 
@@ -55,6 +56,13 @@ bool has_force_of_physics(const MofcTick& mofc) {
 }
 
 }  // namespace
+
+std::string csv_file_of(const std::string& file, const std::string& side) {
+  if (side.empty()) return file;
+  std::filesystem::path path(file);
+  const std::string extension = path.extension().string();
+  return path.replace_extension(side + extension).string();
+}
 
 CsvWriter::CsvWriter(const std::string& path) : path_(path), file_(std::fopen(path.c_str(), "wb")) {
   if (file_ == nullptr) {

@@ -13,6 +13,9 @@
 
 namespace palpate::viewer {
 
+/// "run.csv"; of a side "run.left.csv".
+[[nodiscard]] std::string csv_file_of(const std::string& file, const std::string& side);
+
 /// All that is known of one device tick.
 struct TickRow {
   std::uint64_t device_session_id = 0;

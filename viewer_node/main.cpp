@@ -13,16 +13,19 @@ int main(int argc, char** argv) {
                       "CSV row per device tick, an MCAP file.",
        .add_options =
            [&](CLI::App& app) {
-             app.add_option("--csv", options.csv_file, "write one row per device tick to this file")
+             app.add_option("--csv", options.csv_file,
+                            "write one row per device tick to this file; each of several "
+                            "sides to its own, run.SIDE.csv")
                  ->type_name("FILE");
              app.add_option("--record", options.record.file,
                             "record every tick, the scene and the session to this MCAP file")
                  ->type_name("FILE");
              app.add_flag("--overwrite", options.record.may_overwrite,
                           "--record may replace a file");
-             app.add_option("--plotjuggler", options.plotjuggler,
-                            "publish every tick for PlotJuggler's ZMQ Subscriber, with the schema "
-                            "proto/palpate/v1/plot.proto, on this machine only")
+             app.add_option(
+                    "--plotjuggler", options.plotjuggler,
+                    "publish every tick for PlotJuggler's ZMQ Subscriber, with the schema "
+                    "proto/palpate/v1/plot.proto, on this machine only; of several sides the first")
                  ->type_name("[ENDPOINT]")
                  ->expected(0, 1)
                  ->default_str(palpate::kPlotEndpoint);

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
+#include <memory>
 #include <optional>
 #include <stdexcept>
 
@@ -21,11 +22,33 @@ namespace {
 constexpr Duration kPumpInterval = std::chrono::milliseconds(50);
 constexpr Duration kWebPumpInterval = std::chrono::milliseconds(20);  // clients wait so long
 
-/// False if nobody can read it any more.
-bool print_status(const TelemetryMirror& mirror, TimePoint now) {
+/// A line for each side, on a terminal over those of the last time. False if nobody can read it any
+/// more.
+bool print_status(const Session& session, std::span<const TelemetryMirror> mirrors, TimePoint now) {
   const bool is_terminal = isatty(STDOUT_FILENO) == 1;
-  std::printf(is_terminal ? "\r\033[K%s" : "%s\n", status_line(mirror, now).c_str());
+  const std::span<const Session> sides = sides_of(session);
+  for (std::size_t i = 0; i < sides.size(); ++i) {
+    const std::string& name = sides[i].side;
+    const std::string line = (name.empty() ? "" : name + ": ") + status_line(mirrors[i], now);
+    if (is_terminal) {
+      std::printf("\r\033[K%s%s", line.c_str(), i + 1 < sides.size() ? "\n" : "");
+    } else {
+      std::printf("%s\n", line.c_str());
+    }
+  }
+  // up to where it begins next time
+  if (is_terminal && sides.size() > 1) std::printf("\033[%zuA", sides.size() - 1);
   return std::fflush(stdout) == 0;
+}
+
+std::vector<Attachment> telemetry_of(const Session& session) {
+  std::vector<Attachment> attachments;
+  for (const Session& side : sides_of(session)) {
+    attachments.push_back(connect_to(side.links.device_telemetry, "links.device_telemetry"));
+    attachments.push_back(connect_to(side.links.mofc_telemetry, "links.mofc_telemetry"));
+  }
+  attachments.push_back(connect_to(session.links.physics_telemetry, "links.physics_telemetry"));
+  return attachments;
 }
 
 /// Rows as PlotJuggler takes them.
@@ -61,22 +84,22 @@ class Plot {
 
 }  // namespace
 
-TelemetryFeed::TelemetryFeed(const LinksConfig& config, const Clock& clock, ProcessLinks& links)
-    : clock_(clock),
-      subscriber_(links.side, clock,
-                  {connect_to(config.device_telemetry, "links.device_telemetry"),
-                   connect_to(config.mofc_telemetry, "links.mofc_telemetry"),
-                   connect_to(config.physics_telemetry, "links.physics_telemetry")}) {}
+TelemetryFeed::TelemetryFeed(const Session& session, const Clock& clock, ProcessLinks& links)
+    : subscriber_(links.side, clock, telemetry_of(session)) {
+  for (const Session& side : sides_of(session)) sides_.push_back(side.side);
+}
 
-void TelemetryFeed::pump(TelemetryMirror& mirror, TimePoint deadline) {
+void TelemetryFeed::pump(std::span<TelemetryMirror> mirrors, TimePoint deadline) {
   subscriber_.wait_until(deadline);
   TimePoint received_at;
   while (subscriber_.receive(message_, received_at)) {
     if (on_message) on_message(message_, subscriber_.payload());
     std::visit(
         [&](const auto& message) {
-          if constexpr (requires { mirror.take(message, received_at); }) {
-            mirror.take(message, received_at);
+          if constexpr (requires { message.side; }) {
+            const auto side = std::find(sides_.begin(), sides_.end(), message.side);
+            if (side == sides_.end()) return;
+            mirrors[static_cast<std::size_t>(side - sides_.begin())].take(message, received_at);
           }
         },
         message_);
@@ -85,27 +108,35 @@ void TelemetryFeed::pump(TelemetryMirror& mirror, TimePoint deadline) {
 
 void run_process(NodeContext& context, ProcessLinks& links, const ViewerOptions& options) {
   refuse_shared_file({{"--csv", options.csv_file}, {"--record", options.record.file}});
-  TelemetryMirror mirror;
-  std::optional<CsvWriter> csv;
-  if (!options.csv_file.empty()) csv.emplace(options.csv_file);
+  const std::span<const Session> sides = sides_of(context.session);
+  std::vector<TelemetryMirror> mirrors(sides.size());
+  std::vector<std::unique_ptr<CsvWriter>> csvs;
   std::optional<Plot> plot;
   if (!options.plotjuggler.empty()) {
-    plot.emplace(links.side, options.plotjuggler, mirror);
+    plot.emplace(links.side, options.plotjuggler, mirrors.front());
     context.log.info("event=plotjuggler endpoint={} schema=proto/palpate/v1/plot.proto",
                      plot->endpoint());
   }
-  if (csv || plot) {
-    mirror.on_row = [&](const TickRow& row) {
-      if (csv) csv->write(row);
-      if (plot) plot->show(row);
+  for (std::size_t i = 0; i < sides.size(); ++i) {
+    CsvWriter* csv = nullptr;
+    if (!options.csv_file.empty()) {
+      const std::string file = csv_file_of(options.csv_file, sides[i].side);
+      csv = csvs.emplace_back(std::make_unique<CsvWriter>(file)).get();
+    }
+    Plot* shown = i == 0 && plot ? &*plot : nullptr;
+    if (csv == nullptr && shown == nullptr) continue;
+    mirrors[i].on_row = [csv, shown](const TickRow& row) {
+      if (csv != nullptr) csv->write(row);
+      if (shown != nullptr) shown->show(row);
     };
   }
   const auto check_csv = [&] {
-    if (!csv) return;
-    if (const auto error = csv->take_error()) throw std::runtime_error(*error);
+    for (const auto& csv : csvs) {
+      if (const auto error = csv->take_error()) throw std::runtime_error(*error);
+    }
   };
 
-  TelemetryFeed feed(context.session.links, context.clock, links);
+  TelemetryFeed feed(context.session, context.clock, links);
   bool has_lost_recording = false;
   std::optional<Recording> recording;
   if (!options.record.file.empty()) {
@@ -120,7 +151,7 @@ void run_process(NodeContext& context, ProcessLinks& links, const ViewerOptions&
   };
   std::optional<WebFeed> web;
   if (options.web.is_asked_for(context.session.viewer.web)) {
-    web.emplace(context, links, options.web, feed.subscriber(), mirror);
+    web.emplace(context, links, options.web, feed.subscriber(), mirrors);
   }
   feed.on_message = [&](const TelemetryMessage& message, std::span<const std::byte> payload) {
     if (recording) recording->take(message, payload);
@@ -131,23 +162,23 @@ void run_process(NodeContext& context, ProcessLinks& links, const ViewerOptions&
   TimePoint next_status = context.clock.now() + context.session.viewer.status_interval;
   while (!context.stop.stop_requested()) {
     const Duration interval = web ? kWebPumpInterval : kPumpInterval;
-    feed.pump(mirror, std::min(context.clock.now() + interval, next_status));
+    feed.pump(mirrors, std::min(context.clock.now() + interval, next_status));
     const TimePoint now = context.clock.now();
     if (web) web->pump(now);
     refused_peers.note(now);
     if (now < next_status) continue;
     next_status = now + context.session.viewer.status_interval;
-    if (!is_quiet) is_quiet = !print_status(mirror, now);
-    if (csv) csv->flush();
+    if (!is_quiet) is_quiet = !print_status(context.session, mirrors, now);
+    for (const auto& csv : csvs) csv->flush();
     check_csv();
     check_recording();
   }
-  mirror.flush_rows();
-  if (csv) csv->close();
+  for (TelemetryMirror& mirror : mirrors) mirror.flush_rows();
+  for (const auto& csv : csvs) csv->close();
   check_csv();
   if (recording) recording->close();
   check_recording();
-  if (!is_quiet) std::printf("\n");
+  if (!is_quiet) std::printf("%s", std::string(sides.size(), '\n').c_str());
   if (has_lost_recording) throw std::runtime_error("the recording is not whole; see above");
 }
 

@@ -6,6 +6,7 @@
 #include <functional>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "common/runtime/process_links.h"
 #include "common/runtime/run_node.h"
@@ -16,28 +17,29 @@
 namespace palpate::viewer {
 
 struct ViewerOptions {
-  std::string csv_file;  ///< empty: none
+  std::string csv_file;  ///< empty: none; each side has its own, see csv_file_of()
   RecordOptions record{};
-  std::string plotjuggler{};  ///< endpoint; empty: none
+  std::string plotjuggler{};  ///< endpoint; empty: none. Shows the first side only
   bool is_quiet = false;      ///< no status line
   WebOptions web{};
 };
 
-/// Subscribes to the three nodes of the session.
+/// Subscribes to the nodes of the session, of all its sides.
 class TelemetryFeed {
  public:
-  TelemetryFeed(const LinksConfig& config, const Clock& clock, ProcessLinks& links);
+  TelemetryFeed(const Session& session, const Clock& clock, ProcessLinks& links);
   /// Called for every message taken, with the protobuf bytes as they came; optional.
   std::function<void(const TelemetryMessage&, std::span<const std::byte> payload)> on_message;
 
   /// Takes what arrived, waiting for it until `deadline`.
-  void pump(TelemetryMirror& mirror, TimePoint deadline);
+  /// @param mirrors  of each of sides_of(session)
+  void pump(std::span<TelemetryMirror> mirrors, TimePoint deadline);
   /// SceneState and MeshFrame come on request only.
   [[nodiscard]] TelemetrySubscriber& subscriber() { return subscriber_; }
   [[nodiscard]] std::uint64_t rejected() const { return subscriber_.rejected(); }
 
  private:
-  const Clock& clock_;
+  std::vector<std::string> sides_;
   TelemetrySubscriber subscriber_;
   TelemetryMessage message_;
 };

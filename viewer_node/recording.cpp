@@ -39,11 +39,19 @@ std::vector<mcap::Channel> recorded_channels() {
 }
 
 mcap::Strings run_metadata(const Session& session, const std::string& recorded_by) {
+  std::string sides;
+  std::string controllers;
+  for (const Session& side : sides_of(session)) {
+    sides += (sides.empty() ? "" : ",") + side.side;
+    controllers += (controllers.empty() ? "" : ", ") + (side.side.empty() ? "" : side.side + ": ") +
+                   controller_text(side.mofc);
+  }
   return {{"session", session.text},
           {"session_name", session.name},
           {"session_file", session.file},
-          {"controller", controller_text(session.mofc)},
+          {"controller", controllers},
           {"seed", std::to_string(session.seed)},
+          {"sides", sides},
           {"recorded_by", recorded_by},
           {"version", version()},
           {"protocol_major", std::to_string(kProtocolMajor)}};
@@ -53,7 +61,7 @@ bool NodeVersions::note(const TelemetryMessage& message) {
   return std::visit(
       [&](const auto& batch) {
         if constexpr (requires { node_of(batch); }) {
-          Node& node = nodes_[node_of(batch)];
+          Node& node = nodes_[with_side(batch.side, node_of(batch))];
           if (node.session_id == batch.header.session_id) return false;
           node.session_id = batch.header.session_id;
           node.version = batch.node_version;

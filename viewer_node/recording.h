@@ -30,15 +30,16 @@ struct RecordOptions {
 };
 
 /// /device, /mofc, /physics, /scene_state, /mesh: protobuf messages of hop 5 without the kind byte;
-/// in the order of TelemetryMessage's alternatives.
+/// in the order of TelemetryMessage's alternatives. A batch says of which side it is.
 [[nodiscard]] std::vector<mcap::Channel> recorded_channels();
 
 /// Metadata of this name: session (text as it counts), session_name, session_file, controller,
-/// seed, recorded_by, version (of the recording program), protocol_major.
+/// seed, sides (their names with commas between; "" of one device), recorded_by, version (of the
+/// recording program), protocol_major.
 inline constexpr const char* kRunMetadata = "palpate";
 [[nodiscard]] mcap::Strings run_metadata(const Session& session, const std::string& recorded_by);
-/// Metadata of this name: NODE and NODE_sessions, the version and the process starts of each node
-/// heard so far.
+/// Metadata of this name: NODE and NODE_sessions ("left.device_node"), the version and the process
+/// starts of each node heard so far.
 inline constexpr const char* kNodesMetadata = "palpate_nodes";
 /// Metadata of this name: messages_dropped, by the recorder's queue.
 inline constexpr const char* kLossMetadata = "palpate_loss";

@@ -14,7 +14,8 @@
 namespace palpate::viewer {
 namespace {
 
-// The channels, in the order in which they are advertised.
+// The channels, in the order in which they are advertised: all of these, then for each further side
+// those that every side has.
 enum ChannelIndex : std::size_t {
   kScene,
   kMesh,
@@ -32,18 +33,19 @@ enum ChannelIndex : std::size_t {
 struct ChannelName {
   const char* topic;
   const char* schema;
+  bool is_of_side = false;  // "/left/device"
 };
 constexpr ChannelName kChannels[] = {
     {"/scene_state", "palpate.v1.SceneState"},
     {"/mesh", "palpate.v1.MeshFrame"},
-    {"/device", "palpate.v1.DeviceTelemetry"},
-    {"/mofc", "palpate.v1.MofcTelemetry"},
-    {"/physics", "palpate.v1.PhysicsTelemetry"},
+    {"/device", "palpate.v1.DeviceTelemetry", true},
+    {"/mofc", "palpate.v1.MofcTelemetry", true},
+    {"/physics", "palpate.v1.PhysicsTelemetry", true},
     {"/health", "palpate.v1.Health"},
-    {"/telemetry", "palpate.v1.Telemetry"},
+    {"/telemetry", "palpate.v1.Telemetry", true},
     {"/tissue/points", "foxglove.PointCloud"},
-    {"/scene", "foxglove.SceneUpdate"},
-    {"/tf", "foxglove.FrameTransforms"},
+    {"/scene", "foxglove.SceneUpdate", true},
+    {"/tf", "foxglove.FrameTransforms", true},
     {"/log", "foxglove.Log"},
 };
 
@@ -114,15 +116,48 @@ bool may_lead_hand(const Session& session, const ProcessLinks& links) {
                                   !session.links.hand_target.starts_with("tcp://"));
 }
 
+/// Of this kind for this side, counted as above.
+std::size_t channel_of(ChannelIndex kind, std::size_t side) {
+  if (side == 0 || !kChannels[kind].is_of_side) return kind;
+  const auto of_side = [](std::size_t end) {
+    return static_cast<std::size_t>(
+        std::count_if(std::begin(kChannels), std::begin(kChannels) + end,
+                      [](const ChannelName& channel) { return channel.is_of_side; }));
+  };
+  constexpr std::size_t kAll = std::size(kChannels);
+  return kAll + (side - 1) * of_side(kAll) + of_side(kind);
+}
+
 ServerDescription description_of(const NodeContext& context, const ProcessLinks& links) {
   ServerDescription description{.name = std::string("viewer_node ") + version(),
                                 .session_id = fmt::format("{:x}", context.session_id),
                                 .session_name = context.session.name,
                                 .accepts_hand_targets = may_lead_hand(context.session, links)};
-  for (const ChannelName& channel : kChannels) {
-    description.channels.push_back({channel.topic, channel.schema, schema_of(channel.schema)});
+  bool is_first = true;
+  for (const Session& session : sides_of(context.session)) {
+    const std::string side = session.side.empty() ? "" : "/" + session.side;
+    for (const ChannelName& channel : kChannels) {
+      if (!is_first && !channel.is_of_side) continue;
+      description.channels.push_back({(channel.is_of_side ? side : "") + channel.topic,
+                                      channel.schema, schema_of(channel.schema)});
+    }
+    is_first = false;
   }
   return description;
+}
+
+/// Who speaks in a batch.
+const std::string& side_name(const TelemetryMessage& message) {
+  static const std::string none;
+  return std::visit(
+      [](const auto& batch) -> const std::string& {
+        if constexpr (requires { batch.side; }) {
+          return batch.side;
+        } else {
+          return none;
+        }
+      },
+      message);
 }
 
 Payload shared(std::string payload) {
@@ -148,7 +183,12 @@ WebServerConfig web_config(const WebOptions& options, const WebConfig& session) 
   return config;
 }
 
-OnEventLine WebFeed::told_by(const char* node) {
+WebFeed::SideEvents::SideEvents(WebFeed& feed, const std::string& side)
+    : device(feed.told_by(with_side(side, "device_node"))),
+      mofc(feed.told_by(with_side(side, "mofc_node"))),
+      physics(feed.told_by(with_side(side, "physics_node"))) {}
+
+OnEventLine WebFeed::told_by(const std::string& node) {
   return [this, node](spdlog::level::level_enum level, const std::string& text) {
     log(level >= spdlog::level::err    ? LogLevel::kError
         : level == spdlog::level::warn ? LogLevel::kWarning
@@ -158,14 +198,14 @@ OnEventLine WebFeed::told_by(const char* node) {
 }
 
 WebFeed::WebFeed(NodeContext& context, ProcessLinks& links, const WebOptions& options,
-                 TelemetrySubscriber& subscriber, const TelemetryMirror& mirror)
+                 TelemetrySubscriber& subscriber, std::span<const TelemetryMirror> mirrors)
     : context_(context),
       subscriber_(subscriber),
-      mirror_(mirror),
-      server_(web_config(options, context.session.viewer.web), description_of(context, links)),
-      device_events_(told_by("device_node")),
-      mofc_events_(told_by("mofc_node")),
-      physics_events_(told_by("physics_node")) {
+      mirrors_(mirrors),
+      server_(web_config(options, context.session.viewer.web), description_of(context, links)) {
+  for (const Session& side : sides_of(context.session)) {
+    events_.emplace_back(*this, side.side);
+  }
   const WebConfig& asked = context.session.viewer.web;
   if (options.listen.empty() && asked.port != 0 && server_.port() != asked.port) {
     context.log.warn("event=port_in_use port={} instead={}", asked.port, server_.port());
@@ -178,11 +218,6 @@ WebFeed::WebFeed(NodeContext& context, ProcessLinks& links, const WebOptions& op
 }
 
 void WebFeed::take(const TelemetryMessage& message, std::span<const std::byte> payload) {
-  std::visit(
-      [&](const auto& batch) {
-        if constexpr (requires { metrics_.note(batch); }) metrics_.note(batch);
-      },
-      message);
   std::size_t channel = kDevice;
   if (const auto* scene = std::get_if<SceneState>(&message)) {
     const bool is_first = !scene_.scene().has_value();
@@ -193,14 +228,30 @@ void WebFeed::take(const TelemetryMessage& message, std::span<const std::byte> p
     if (!scene_.take(*frame)) return;
     has_new_vertices_ = true;
     channel = kMesh;
-  } else if (const auto* mofc = std::get_if<MofcBatch>(&message)) {
-    mofc_events_.note(*mofc, context_.clock.now());
-    channel = kMofc;
-  } else if (const auto* physics = std::get_if<PhysicsBatch>(&message)) {
-    physics_events_.note(*physics, context_.clock.now());
-    channel = kPhysics;
   } else {
-    device_events_.note(std::get<DeviceBatch>(message), context_.clock.now());
+    const std::string& name = side_name(message);
+    const std::span<const Session> sides = sides_of(context_.session);
+    const auto side = std::find_if(sides.begin(), sides.end(),
+                                   [&](const Session& known) { return known.side == name; });
+    if (side == sides.end()) return;
+    const auto index = static_cast<std::size_t>(side - sides.begin());
+    const TimePoint now = context_.clock.now();
+    SideEvents& events = *std::next(events_.begin(), side - sides.begin());
+    ChannelIndex kind = kDevice;
+    if (const auto* mofc = std::get_if<MofcBatch>(&message)) {
+      if (index == 0) metrics_.note(*mofc);
+      events.mofc.note(*mofc, now);
+      kind = kMofc;
+    } else if (const auto* physics = std::get_if<PhysicsBatch>(&message)) {
+      if (index == 0) metrics_.note(*physics);
+      events.physics.note(*physics, now);
+      kind = kPhysics;
+    } else {
+      const auto& device = std::get<DeviceBatch>(message);
+      if (index == 0) metrics_.note(device);
+      events.device.note(device, now);
+    }
+    channel = channel_of(kind, index);
   }
   if (channel != kScene && !server_.is_watched(channel)) return;
   const Payload bytes =
@@ -323,7 +374,7 @@ void WebFeed::tell_health(TimePoint now) {
                       .frames_rejected = subscriber_.rejected(),
                       .hand_holder = holder_,
                       .version = version()};
-  const auto add = [&](const char* name, const NodeLink& link) {
+  const auto add = [&](const std::string& name, const NodeLink& link) {
     const bool is_heard = link.is_heard() && now - link.heard_at <= kHeardWithin;
     health.nodes.push_back({.name = name,
                             .is_heard = is_heard,
@@ -338,10 +389,13 @@ void WebFeed::tell_health(TimePoint now) {
     }
     was_heard = is_heard;
   };
-  add("device", mirror_.device_link());
-  add("mofc", mirror_.mofc_link());
-  add("physics", mirror_.physics_link());
-  server_.set_metrics(metrics_.text(mirror_,
+  const std::span<const Session> sides = sides_of(context_.session);
+  for (std::size_t i = 0; i < sides.size(); ++i) {
+    add(with_side(sides[i].side, "device"), mirrors_[i].device_link());
+    add(with_side(sides[i].side, "mofc"), mirrors_[i].mofc_link());
+    add(with_side(sides[i].side, "physics"), mirrors_[i].physics_link());
+  }
+  server_.set_metrics(metrics_.text(mirrors_[0],
                                     {.clients = counters.clients,
                                      .messages_dropped = counters.dropped,
                                      .requests_refused = counters.refused,
@@ -354,42 +408,15 @@ void WebFeed::tell_health(TimePoint now) {
 
 /// For tools that know nothing of Palpate.
 void WebFeed::tell_tools(TimePoint now) {
-  // the newest tick of the device, and if possible one of which mofc's half is here too
-  const auto& ticks = mirror_.ticks();
-  const auto newest = std::find_if(ticks.rbegin(), ticks.rend(),
-                                   [](const auto& tick) { return tick.second.device.has_value(); });
-  const auto whole = std::find_if(newest, ticks.rend(), [](const auto& tick) {
-    return tick.second.device.has_value() && tick.second.mofc.has_value();
-  });
-  const bool has_tick = newest != ticks.rend();
+  const bool is_telemetry_due = now >= next_telemetry_;
+  const bool is_tool_due = now >= next_tools_;
   const std::uint64_t at_ns = wall_ns();
-
-  if (server_.is_watched(kTelemetry) && has_tick && now >= next_telemetry_) {
-    next_telemetry_ = now + kTelemetryInterval;
-    const auto& tick = (whole != ticks.rend() ? whole : newest)->second;
-    const MofcCounters& mofc = mirror_.mofc_counters();
-    const double transparency =
-        mofc.transparency_samples > 0
-            ? mofc.transparency_sum / static_cast<double>(mofc.transparency_samples)
-            : kNaN;
-    server_.publish(kTelemetry, at_ns,
-                    shared(encode_telemetry(at_ns, *tick.device, tick.mofc, transparency)));
+  for (std::size_t side = 0; side < mirrors_.size(); ++side) {
+    tell_tools(side, at_ns, is_telemetry_due, is_tool_due);
   }
-
-  if (now < next_tools_) return;
+  if (is_telemetry_due) next_telemetry_ = now + kTelemetryInterval;
+  if (!is_tool_due) return;
   next_tools_ = now + kToolInterval;
-  if (has_tick && (server_.is_watched(kTool) || server_.is_watched(kTransforms))) {
-    const DeviceTick& device = *newest->second.device;
-    const Vector3 asked_newton = whole != ticks.rend()
-                                     ? whole->second.mofc->asked_force_on_hand_newton
-                                     : Vector3(Vector3::Zero());
-    const double tip_radius_m = scene_.scene() ? scene_.scene()->tip_radius_m : 0.0;
-    server_.publish(kTool, at_ns,
-                    shared(encode_tool(at_ns, device.measured_tool_position_world_m, tip_radius_m,
-                                       asked_newton, device.force_on_hand_newton)));
-    server_.publish(kTransforms, at_ns,
-                    shared(encode_transforms(at_ns, device.measured_tool_position_world_m)));
-  }
   if (has_new_vertices_ && scene_.scene() && server_.is_watched(kPoints)) {
     has_new_vertices_ = false;
     std::vector<std::span<const float>> parts;
@@ -397,6 +424,46 @@ void WebFeed::tell_tools(TimePoint now) {
       parts.emplace_back(scene_.vertices_m(i));
     }
     server_.publish(kPoints, at_ns, shared(encode_point_cloud(at_ns, parts)));
+  }
+}
+
+void WebFeed::tell_tools(std::size_t side, std::uint64_t at_ns, bool is_telemetry_due,
+                         bool is_tool_due) {
+  // the newest tick of the device, and if possible one of which mofc's half is here too
+  const auto& ticks = mirrors_[side].ticks();
+  const auto newest = std::find_if(ticks.rbegin(), ticks.rend(),
+                                   [](const auto& tick) { return tick.second.device.has_value(); });
+  if (newest == ticks.rend()) return;
+  const auto whole = std::find_if(newest, ticks.rend(), [](const auto& tick) {
+    return tick.second.device.has_value() && tick.second.mofc.has_value();
+  });
+
+  const std::size_t telemetry = channel_of(kTelemetry, side);
+  if (is_telemetry_due && server_.is_watched(telemetry)) {
+    const auto& tick = (whole != ticks.rend() ? whole : newest)->second;
+    const MofcCounters& mofc = mirrors_[side].mofc_counters();
+    const double transparency =
+        mofc.transparency_samples > 0
+            ? mofc.transparency_sum / static_cast<double>(mofc.transparency_samples)
+            : kNaN;
+    server_.publish(telemetry, at_ns,
+                    shared(encode_telemetry(at_ns, *tick.device, tick.mofc, transparency)));
+  }
+
+  const std::size_t tool = channel_of(kTool, side);
+  const std::size_t transforms = channel_of(kTransforms, side);
+  if (is_tool_due && (server_.is_watched(tool) || server_.is_watched(transforms))) {
+    const DeviceTick& device = *newest->second.device;
+    const Vector3 asked_newton = whole != ticks.rend()
+                                     ? whole->second.mofc->asked_force_on_hand_newton
+                                     : Vector3(Vector3::Zero());
+    const double tip_radius_m = scene_.scene() ? scene_.scene()->tip_radius_m : 0.0;
+    server_.publish(tool, at_ns,
+                    shared(encode_tool(at_ns, device.measured_tool_position_world_m, tip_radius_m,
+                                       asked_newton, device.force_on_hand_newton)));
+    const std::string frame = with_side(sides_of(context_.session)[side].side, "tool");
+    server_.publish(transforms, at_ns,
+                    shared(encode_transforms(at_ns, frame, device.measured_tool_position_world_m)));
   }
 }
 

@@ -2,13 +2,15 @@
 // they may say.
 //
 //   in   hop 5  telemetry of all nodes, SceneState, MeshFrame
-//   out  hop 6  HandTarget  viewer → device   only if the session lets a pointer lead the hand
+//   out  hop 6  HandTarget  viewer → device   only if the session lets a pointer lead the hand;
+//                                             of several, that of the first side
 //
 // Thread: the viewer's; the server has its own.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
+#include <list>
 #include <map>
 #include <optional>
 #include <set>
@@ -47,8 +49,9 @@ struct WebOptions {
 class WebFeed {
  public:
   /// Listens; throws SetupError. All references must outlive it.
+  /// @param mirrors  of each of sides_of(context.session)
   WebFeed(NodeContext& context, ProcessLinks& links, const WebOptions& options,
-          TelemetrySubscriber& subscriber, const TelemetryMirror& mirror);
+          TelemetrySubscriber& subscriber, std::span<const TelemetryMirror> mirrors);
 
   /// Passes one message of hop 5 on. @param payload  the same, as it came
   void take(const TelemetryMessage& message, std::span<const std::byte> payload);
@@ -56,6 +59,13 @@ class WebFeed {
   void pump(TimePoint now);
 
  private:
+  struct SideEvents {
+    SideEvents(WebFeed& feed, const std::string& side);
+    RemoteEvents<DeviceTick, DeviceCounters> device;
+    RemoteEvents<MofcTick, MofcCounters> mofc;
+    RemoteEvents<PhysicsTick, PhysicsCounters> physics;
+  };
+
   void serve(const WebServer::Event& event, TimePoint now);
   void send_scene_to(std::uint64_t client);
   void send_meshes_to(std::uint64_t client);
@@ -63,17 +73,18 @@ class WebFeed {
   void lead_hand(std::uint64_t client, const std::string& payload, TimePoint now);
   void send_target(TimePoint now);
   /// What that node has to say, on /log.
-  [[nodiscard]] OnEventLine told_by(const char* node);
+  [[nodiscard]] OnEventLine told_by(const std::string& node);
   void let_go_of_hand(TimePoint now);
   void tell_health(TimePoint now);
   void tell_tools(TimePoint now);
+  void tell_tools(std::size_t side, std::uint64_t at_ns, bool is_telemetry_due, bool is_tool_due);
   void log(LogLevel level, const std::string& node, const std::string& message);
 
   NodeContext& context_;
   TelemetrySubscriber& subscriber_;
-  const TelemetryMirror& mirror_;
+  std::span<const TelemetryMirror> mirrors_;
   WebServer server_;
-  MetricsText metrics_;
+  MetricsText metrics_;  // of the first side
   SceneMirror scene_;
   Codec<MeshFrame> meshes_;
   Payload scene_payload_;
@@ -92,9 +103,7 @@ class WebFeed {
   TimePoint next_telemetry_{};
   TimePoint next_tools_{};
   std::map<std::string, bool> was_heard_;  // nodes
-  RemoteEvents<DeviceTick, DeviceCounters> device_events_;
-  RemoteEvents<MofcTick, MofcCounters> mofc_events_;
-  RemoteEvents<PhysicsTick, PhysicsCounters> physics_events_;
+  std::list<SideEvents> events_;           // of each side
 };
 
 }  // namespace palpate::viewer

@@ -1,5 +1,7 @@
 #include "common/core/session.h"
 
+#include "common/core/check.h"
+
 namespace palpate {
 
 std::uint64_t stream_seed(std::uint64_t session_seed, const char* stream) {
@@ -12,6 +14,29 @@ std::uint64_t stream_seed(std::uint64_t session_seed, const char* stream) {
   z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9ULL;
   z = (z ^ (z >> 27)) * 0x94d049bb133111ebULL;
   return z ^ (z >> 31);
+}
+
+std::span<const Session> sides_of(const Session& session) {
+  if (session.sides.empty()) return {&session, 1};
+  return session.sides;
+}
+
+const Session& side_of(const Session& session, const std::string& name) {
+  std::string names;
+  for (const Session& side : sides_of(session)) {
+    if (side.side == name) return side;
+    names += (names.empty() ? "" : ", ") + side.side;
+  }
+  if (session.sides.empty()) {
+    throw SetupError("--side " + name + ": session \"" + session.name +
+                     "\" has one device; leave --side out");
+  }
+  throw SetupError((name.empty() ? "" : "--side " + name + ": ") + "session \"" + session.name +
+                   "\" has several devices; give --side with one of " + names);
+}
+
+std::string with_side(const std::string& side, const std::string& name) {
+  return side.empty() ? name : side + "." + name;
 }
 
 std::string controller_text(const MofcConfig& config) {

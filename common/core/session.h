@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <variant>
 #include <vector>
@@ -357,7 +358,22 @@ struct Session {
   ViewerConfig viewer;
   FaultsConfig faults;
   SecurityConfig security;
+
+  /// Several devices in one tissue: the session as it is for each of them; what stands above is
+  /// that of the first. Empty for one device.
+  std::vector<Session> sides;
+  std::string side;  ///< in `sides`: its name
 };
+
+/// One session for each device: its sides, or itself if it has none.
+[[nodiscard]] std::span<const Session> sides_of(const Session& session);
+
+/// That of the side. Throws SetupError, naming those there are, if `name` is none of them; "" is
+/// for a session without sides.
+[[nodiscard]] const Session& side_of(const Session& session, const std::string& name);
+
+/// "device"; of a side "left.device".
+[[nodiscard]] std::string with_side(const std::string& side, const std::string& name);
 
 /// "none", "mofc paper", "mofc vector", "mofc guard".
 [[nodiscard]] std::string controller_text(const MofcConfig& config);

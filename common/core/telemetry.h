@@ -158,6 +158,7 @@ struct TelemetryBatch {
   std::uint64_t records_lost = 0;   ///< did not fit the ring between tick and telemetry thread
   std::uint64_t peers_refused = 0;  ///< connections that failed for want of the right keys
   std::string node_version{};       ///< of the program
+  std::string side{};               ///< of the session; "" where there is one device
   std::vector<Record> records;
 };
 using DeviceBatch = TelemetryBatch<DeviceTick, DeviceCounters>;

@@ -693,6 +693,7 @@ int rows(const v1::PhysicsTelemetry& wire) { return wire.sequence_size(); }
 // --- hop 5: batches ---------------------------------------------------------------------------
 
 constexpr std::size_t kMaxVersionBytes = 64;
+constexpr std::size_t kMaxSideBytes = 64;
 
 template <class Record, class Counters, class Wire>
 void fill(const TelemetryBatch<Record, Counters>& m, Wire& wire) {
@@ -700,6 +701,7 @@ void fill(const TelemetryBatch<Record, Counters>& m, Wire& wire) {
   wire.set_records_lost(m.records_lost);
   wire.set_peers_refused(m.peers_refused);
   wire.set_node_version(m.node_version);
+  wire.set_side(m.side);
   fill_records(m.records, wire);
 }
 
@@ -708,6 +710,7 @@ requires requires(const Wire& wire) { wire.counters(); }
 void check(const Wire& wire, Verdict& verdict) {
   verdict.require(wire.has_counters());
   verdict.expect(wire.node_version().size() <= kMaxVersionBytes);
+  verdict.expect(wire.side().size() <= kMaxSideBytes);
   check(wire.counters(), verdict);
   check_records(wire, verdict);
 }
@@ -718,6 +721,7 @@ void read(const Wire& wire, TelemetryBatch<Record, Counters>& m) {
   m.records_lost = wire.records_lost();
   m.peers_refused = wire.peers_refused();
   m.node_version = wire.node_version();
+  m.side = wire.side();
   m.records.resize(static_cast<std::size_t>(rows(wire)));
   for (int i = 0; i < rows(wire); ++i) {
     read_record(wire, i, m.records[static_cast<std::size_t>(i)]);

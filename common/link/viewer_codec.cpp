@@ -173,12 +173,13 @@ std::string encode_tool(std::uint64_t at_ns, const Vector3& tool_position_world_
   return wire.SerializeAsString();
 }
 
-std::string encode_transforms(std::uint64_t at_ns, const Vector3& tool_position_world_m) {
+std::string encode_transforms(std::uint64_t at_ns, const std::string& frame,
+                              const Vector3& tool_position_world_m) {
   foxglove::FrameTransforms wire;
   foxglove::FrameTransform& tool = *wire.add_transforms();
   put(at_ns, *tool.mutable_timestamp());
   tool.set_parent_frame_id(kWorld);
-  tool.set_child_frame_id("tool");
+  tool.set_child_frame_id(frame);
   put(tool_position_world_m, *tool.mutable_translation());
   put(Quaternion::Identity(), *tool.mutable_rotation());
   return wire.SerializeAsString();

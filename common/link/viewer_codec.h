@@ -63,8 +63,8 @@ struct ViewerHealth {
                                       double tip_radius_m, const Vector3& asked_newton,
                                       const Vector3& applied_newton);
 
-/// foxglove.FrameTransforms: frame "tool" in "world".
-[[nodiscard]] std::string encode_transforms(std::uint64_t at_ns,
+/// foxglove.FrameTransforms: the tool's frame in "world".
+[[nodiscard]] std::string encode_transforms(std::uint64_t at_ns, const std::string& frame,
                                             const Vector3& tool_position_world_m);
 
 /// Values as in foxglove.Log.

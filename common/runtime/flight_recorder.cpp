@@ -75,7 +75,7 @@ void write_flight_row(std::ostream& out, const PhysicsTick& t) {
 
 FlightFiles flight_files(const NodeContext& context, const std::string& node) {
   return {.folder = run_folder(context.session.name).parent_path(),
-          .node = node,
+          .node = with_side(context.session.side, node),
           .session = context.session.name,
           .requests = context.requests,
           .log = context.log};

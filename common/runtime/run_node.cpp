@@ -139,6 +139,7 @@ int run_node(int argc, char** argv, const NodeInfo& info,
   CLI::App app(info.description, program);
   std::filesystem::path session_file;
   std::vector<std::string> overrides;
+  std::string side;
   std::optional<double> seconds;
   bool no_realtime = false;
   bool is_insecure = false;
@@ -149,6 +150,10 @@ int run_node(int argc, char** argv, const NodeInfo& info,
                  "override a field of the session, e.g. mofc.controller=none; repeatable")
       ->type_name("PATH=VALUE")
       ->allow_extra_args(false);
+  if (info.is_of_one_side) {
+    app.add_option("--side", side, "of a session with several devices: which one is served")
+        ->type_name("NAME");
+  }
   app.add_option("--seconds", seconds, "stop after this time in s (default: run on)")
       ->type_name("S")
       ->check(is_time());
@@ -169,13 +174,14 @@ int run_node(int argc, char** argv, const NodeInfo& info,
 
   try {
     Session session = load_session(session_file, overrides);
-    refuse_inproc(session.links);
+    if (info.is_of_one_side) session = Session(side_of(session, side));
+    for (const Session& each : sides_of(session)) refuse_inproc(each.links);
     if (is_insecure) allow_plain_tcp(session);
     if (no_realtime) {
       session.realtime = {.priority = 0, .cpu = -1, .wait = WaitStrategy::kBlock};
     }
 
-    const Log log(info.name);
+    const Log log(with_side(side, info.name));
     Signals signals(seconds);
     if (is_insecure) {
       signals.each_minute(

@@ -19,9 +19,10 @@ inline constexpr int kExitFailure = 1;
 inline constexpr int kExitSetupError = 2;  ///< the user's to mend; starting again would not help
 
 struct NodeInfo {
-  std::string name;          ///< "device"; the program is device_node
-  std::string description;   ///< one sentence for --help
-  std::string signals = {};  ///< for --help: what SIGUSR1 and SIGUSR2 do, if anything
+  std::string name;             ///< "device"; the program is device_node
+  std::string description;      ///< one sentence for --help
+  std::string signals = {};     ///< for --help: what SIGUSR1 and SIGUSR2 do, if anything
+  bool is_of_one_side = false;  ///< takes --side, and sees the session of that side
   /// Options of this node beside the common ones; optional.
   std::function<void(CLI::App&)> add_options = {};
 };

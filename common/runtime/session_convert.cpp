@@ -17,6 +17,8 @@ namespace {
 
 constexpr std::uint32_t kSchemaVersion = 1;
 constexpr std::size_t kMaxNameBytes = 64;
+constexpr std::size_t kMaxSideNameBytes = 16;
+constexpr std::size_t kMaxSides = 4;
 constexpr std::size_t kMaxIpcPathBytes = 107;     // sockaddr_un::sun_path without its zero
 constexpr std::size_t kMaxInprocNameBytes = 246;  // libzmq: 255 with "inproc://"
 constexpr double kWaitMaxRateHz = 200.0;          // above it physics is too far away to wait for
@@ -90,20 +92,30 @@ std::string endpoint_complaint(const std::string& endpoint) {
   return "must be ipc://PATH, tcp://HOST:PORT or inproc://NAME";
 }
 
-LinksConfig to_links(const Fields& fields, const std::string& session_name) {
+/// The endpoints of all sides so far, and the path of the link that each belongs to.
+using Endpoints = std::map<std::string, std::string>;
+
+/// @param side  whose links; "" of a session without sides
+LinksConfig to_links(const Fields& fields, const std::string& session_name, const std::string& side,
+                     Endpoints& owner_of) {
   const std::filesystem::path folder = run_folder(session_name);
-  std::map<std::string, std::string> owner_of;
-  const auto endpoint = [&](const char* name) {
+  const auto endpoint = [&](const char* name, bool is_of_all_sides = false) {
     std::string text = fields.text(name);
     std::string shown_default;
     if (text.empty()) {
-      text = "ipc://" + (folder / (std::string(name) + ".ipc")).string();
+      const std::string file = is_of_all_sides ? name : with_side(side, name);
+      text = "ipc://" + (folder / (file + ".ipc")).string();
       shown_default = one_line(text) + ": ";
     }
     std::string complaint = endpoint_complaint(text);
-    const auto [other, is_new] = owner_of.emplace(text, name);
-    if (complaint.empty() && !is_new) {
-      complaint = "is that of links." + other->second + " too; give each link its own";
+    const std::string path = is_of_all_sides ? fields.path(name) : fields.written_path(name);
+    const auto [other, is_new] = owner_of.emplace(text, path);
+    if (is_of_all_sides && fields.has(name) && fields.written_path(name) != path) {
+      complaint = "is one for all sides; give it in links { … } of the session";
+    } else if (complaint.empty() && !is_new && !(is_of_all_sides && other->second == path)) {
+      complaint = other->second == path
+                      ? "is that of another side too; give each side its own"
+                      : "is that of " + other->second + " too; give each link its own";
     }
     if (!complaint.empty()) fields.problem(name, shown_default + complaint);
     return text;
@@ -113,7 +125,7 @@ LinksConfig to_links(const Fields& fields, const std::string& session_name) {
           .interaction = endpoint("interaction"),
           .device_telemetry = endpoint("device_telemetry"),
           .mofc_telemetry = endpoint("mofc_telemetry"),
-          .physics_telemetry = endpoint("physics_telemetry"),
+          .physics_telemetry = endpoint("physics_telemetry", true),
           .hand_target = endpoint("hand_target")};
 }
 
@@ -810,7 +822,8 @@ SecurityConfig to_security(const Fields& fields, const std::filesystem::path& ba
   return {.key_folder = to_file(fields, "key_folder", base_dir).string()};
 }
 
-std::string to_name(const Fields& fields) {
+/// "" with a problem, if the name is not fit for files; `max_bytes` ≥ 1.
+std::string to_name(const Fields& fields, std::size_t max_bytes) {
   std::string name = fields.text("name");
   const bool is_plain = std::all_of(name.begin(), name.end(), [](char c) {
     return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' ||
@@ -818,22 +831,24 @@ std::string to_name(const Fields& fields) {
   });
   if (name.empty()) {
     fields.problem("name", "required; give letters, digits, '_' and '-'");
-  } else if (!is_plain || name.size() > kMaxNameBytes) {
-    fields.problem("name", "must be 1 … 64 letters, digits, '_' and '-'; it names files");
-    name = "session";  // its files' names would only repeat the problem
+  } else if (!is_plain || name.size() > max_bytes) {
+    fields.problem("name", "must be 1 … " + std::to_string(max_bytes) +
+                               " letters, digits, '_' and '-'; it names files");
+    return "";
   }
   return name;
 }
 
-}  // namespace
-
-Session to_session(const SessionText& text, const std::filesystem::path& base_dir,
-                   Problems& problems) {
+/// @param side  of which `text` is; "" if the session has none
+Session to_one_session(const SessionText& text, const std::string& side,
+                       const std::filesystem::path& base_dir, Endpoints& endpoints,
+                       Problems& problems) {
   const Fields fields(text, problems);
   const v1::Session& written = text.message();
 
   Session session;
-  session.name = to_name(fields);
+  session.side = side;
+  session.name = to_name(fields, kMaxNameBytes);
   if (written.has_schema_version() && written.schema_version() != kSchemaVersion) {
     fields.problem("schema_version",
                    "this program reads version 1 only; use the program the session was written for,"
@@ -842,7 +857,9 @@ Session to_session(const SessionText& text, const std::filesystem::path& base_di
   session.duration_s =
       fields.number("duration_s", session.duration_s, above(0), "give the seconds of a run");
   if (written.has_seed()) session.seed = written.seed();
-  session.links = to_links(fields.message("links"), session.name);
+  // a name that is not fit would only show again in its files' names
+  session.links = to_links(fields.message("links"), session.name.empty() ? "session" : session.name,
+                           side, endpoints);
   session.realtime = to_realtime(fields.message("realtime"), written.realtime());
   session.faults = to_faults(fields.message("faults"));
   if (fields.has("security")) session.security = to_security(fields.message("security"), base_dir);
@@ -860,11 +877,53 @@ Session to_session(const SessionText& text, const std::filesystem::path& base_di
   const double rate_hz = device.number("rate_hz", session.device.rate_hz, between(10, 10000),
                                        "give the ticks per second of the haptic loop");
   const double wait_ms = to_wait_for_physics_ms(mofc, rate_hz, session.physics.rate_hz);
+  if (!side.empty() && wait_ms > 0.0) {
+    mofc.problem("wait_for_physics_ms", "needs a session without sides; give 0 never to wait");
+  }
   session.device = to_device(device, rate_hz, wait_ms, base_dir, problems);
   session.physics.interaction_deadband =
       to_interaction_deadband(fields.message("physics"), wait_ms);
   session.mofc = to_mofc(mofc, written.mofc(), wait_ms, session.physics,
                          session.faults.interaction.jitter, session.device);
+  return session;
+}
+
+std::vector<std::string> to_side_names(const std::vector<Fields>& sides) {
+  if (sides.size() == 1 || sides.size() > kMaxSides) {
+    sides.back().problem("must be 2 … 4 sides; for one device leave side out");
+  }
+  std::vector<std::string> names;
+  for (const Fields& side : sides) {
+    std::string name = to_name(side, kMaxSideNameBytes);
+    if (!name.empty() && std::find(names.begin(), names.end(), name) != names.end()) {
+      side.problem("name", "another side is called so too; give each its own name");
+      name.clear();
+    }
+    // what has no good name needs no more problems from its files' names
+    names.push_back(name.empty() ? "side." + std::to_string(names.size()) : name);
+  }
+  return names;
+}
+
+}  // namespace
+
+Session to_session(const SessionText& text, const std::filesystem::path& base_dir,
+                   Problems& problems) {
+  Endpoints endpoints;
+  const std::vector<Fields> sides = Fields(text, problems).messages("side");
+  if (sides.empty()) return to_one_session(text, "", base_dir, endpoints, problems);
+
+  std::vector<Session> resolved;
+  for (const std::string& name : to_side_names(sides)) {
+    const SessionText side = text.for_side(static_cast<int>(resolved.size()));
+    resolved.push_back(to_one_session(side, name, base_dir, endpoints, problems));
+    // random streams of its own
+    resolved.back().seed = stream_seed(resolved.back().seed, name.c_str());
+  }
+  Session session = resolved.front();
+  session.side.clear();
+  if (text.message().has_seed()) session.seed = text.message().seed();
+  session.sides = std::move(resolved);
   return session;
 }
 

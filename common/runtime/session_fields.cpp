@@ -135,11 +135,11 @@ void Fields::problem(const char* name, const std::string& rule) const {
     }
     value = " = " + one_line(value);
   }
-  problems_->add(place(name), path(name) + value + ": " + rule);
+  problems_->add(place(name), written_path(name) + value + ": " + rule);
 }
 
 void Fields::problem(const std::string& rule) const {
-  problems_->add(text_->place(path_), path_ + ": " + rule);
+  problems_->add(text_->place(path_), text_->written_path(path_) + ": " + rule);
 }
 
 Duration seconds(double s) {

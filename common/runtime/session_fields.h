@@ -67,6 +67,10 @@ class Fields {
   void problem(const std::string& rule) const;  ///< of the message itself
 
   [[nodiscard]] std::string path(const char* name) const { return child_path(path_, name, -1); }
+  /// The same in the file: below the side that gives the field.
+  [[nodiscard]] std::string written_path(const char* name) const {
+    return text_->written_path(path(name));
+  }
   [[nodiscard]] Place place(const char* name) const { return text_->place(path(name)); }
 
  private:

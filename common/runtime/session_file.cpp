@@ -42,9 +42,13 @@ Session parse_session(std::string_view text, const std::string& file_name,
   }
   written.check_numbers();
   Session session = to_session(written, base_dir, problems);
+  problems.throw_if_any();
   session.file = file_name;
   google::protobuf::TextFormat::PrintToString(written.message(), &session.text);
-  problems.throw_if_any();
+  for (Session& side : session.sides) {
+    side.file = session.file;
+    side.text = session.text;
+  }
   return session;
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <tuple>
+#include <utility>
 
 #include "common/core/check.h"
 
@@ -35,21 +36,21 @@ void Problems::add(const Place& place, const std::string& text) {
 
 void Problems::add_elsewhere(const Place& place, const std::string& where,
                              const std::string& text) {
+  keep({place, one_line(where) + ": " + text});
+}
+
+void Problems::keep(Problem problem) {
+  const auto is_same = [&](const Problem& known) { return known.line == problem.line; };
+  if (std::any_of(list_.begin(), list_.end(), is_same)) return;
   if (list_.size() == kMaxProblems) {
     is_cut_ = true;
     return;
   }
-  list_.push_back({place, one_line(where) + ": " + text});
+  list_.push_back(std::move(problem));
 }
 
 void Problems::add_file(const Place& place, const Problems& file) {
-  for (const Problem& problem : file.sorted()) {
-    if (list_.size() == kMaxProblems) {
-      is_cut_ = true;
-      return;
-    }
-    list_.push_back({place, problem.line});
-  }
+  for (const Problem& problem : file.sorted()) keep({place, problem.line});
 }
 
 std::vector<Problems::Problem> Problems::sorted() const {

@@ -22,7 +22,8 @@ class Problems {
   Problems(std::string file_name, std::vector<std::string> overrides)
       : file_name_(std::move(file_name)), overrides_(std::move(overrides)) {}
 
-  /// `text`: "field = value: rule; remedy". Only the first 100 problems are kept.
+  /// `text`: "field = value: rule; remedy". Only the first 100 problems are kept, and the same one
+  /// once: what several sides share is judged for each.
   void add(const Place& place, const std::string& text);
 
   /// A problem of another file ("hand.csv:12") that the session names at `place`.
@@ -42,6 +43,7 @@ class Problems {
     std::string line;
   };
   [[nodiscard]] std::vector<Problem> sorted() const;
+  void keep(Problem problem);
 
   std::string file_name_;
   std::vector<std::string> overrides_;

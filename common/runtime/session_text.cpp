@@ -132,6 +132,12 @@ std::pair<const pb::Descriptor*, std::string> unknown_field_in(const std::string
   return {v1::Session::descriptor()->file()->pool()->FindMessageTypeByName(parts[1]), parts[3]};
 }
 
+/// "scene.tissue[2].name" → "scene.tissue[2]" → "scene.tissue" → "scene" → "".
+std::string around(const std::string& path) {
+  const std::size_t end = path.find_last_of(".[");
+  return end == std::string::npos ? "" : path.substr(0, end);
+}
+
 }  // namespace
 
 std::string child_path(const std::string& path, const std::string& name, int index) {
@@ -288,13 +294,37 @@ void SessionText::report_unknown(int line, int column, const std::string& compla
 }
 
 Place SessionText::place(std::string path) const {
-  while (true) {
+  for (path = written_path(path); !path.empty(); path = around(path)) {
     const auto found = places_.find(path);
     if (found != places_.end()) return found->second;
-    const std::size_t end = path.find_last_of(".[");
-    if (end == std::string::npos) return {};
-    path.resize(end);
   }
+  return {};
+}
+
+// --- sides ------------------------------------------------------------------------------------
+
+SessionText SessionText::for_side(int index) const {
+  SessionText text = *this;
+  text.side_ = child_path("", "side", index) + ".";
+  v1::Session& session = text.message_;
+  const v1::Side side = session.side(index);
+  if (side.hand().press_size() > 0) session.mutable_hand()->clear_press();
+  if (side.has_device()) session.mutable_device()->MergeFrom(side.device());
+  if (side.has_hand()) session.mutable_hand()->MergeFrom(side.hand());
+  if (side.has_mofc()) session.mutable_mofc()->MergeFrom(side.mofc());
+  if (side.has_links()) session.mutable_links()->MergeFrom(side.links());
+  if (side.has_realtime()) session.mutable_realtime()->MergeFrom(side.realtime());
+  session.clear_side();
+  return text;
+}
+
+std::string SessionText::written_path(const std::string& path) const {
+  if (side_.empty()) return path;
+  for (std::string part = path; !part.empty(); part = around(part)) {
+    if (places_.contains(side_ + part)) return side_ + path;
+    if (places_.contains(part)) return path;
+  }
+  return path;
 }
 
 // --- overrides --------------------------------------------------------------------------------

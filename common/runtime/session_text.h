@@ -40,6 +40,14 @@ class SessionText {
   /// @param path  e.g. "scene.tissue[0].sphere.radius_m"; "" for the session itself
   [[nodiscard]] Place place(std::string path) const;
 
+  /// The session as it is for one side: side[index] laid over it. Its paths are those of a session
+  /// of one device; places and written paths stay those of the file.
+  [[nodiscard]] SessionText for_side(int index) const;
+
+  /// Where the field of this path really stands: "side[1].hand.mass_kg" if the side gives it, or
+  /// the message around it.
+  [[nodiscard]] std::string written_path(const std::string& path) const;
+
  private:
   /// A message of the file: its path and where it stands.
   struct Span {
@@ -73,6 +81,7 @@ class SessionText {
   std::vector<Anchor> anchors_;  // each line's begin and the end of each tab
   std::vector<Span> spans_;
   v1::Session message_;
+  std::string side_;  // "side[1]."; empty: the whole session
   std::map<std::string, Place, std::less<>> places_;
 };
 

@@ -55,11 +55,14 @@ class TelemetryPublisher {
  public:
   using Batch = TelemetryBatch<Record, Counters>;
 
+  /// @param side  of the session, see Session::side
   TelemetryPublisher(std::uint64_t session_id, const Clock& clock, RingSink<Record>& ticks,
-                     const Snapshot<Counters>& counters, Sender<Batch>& out, spdlog::logger& log)
+                     const Snapshot<Counters>& counters, Sender<Batch>& out, spdlog::logger& log,
+                     const std::string& side = {})
       : clock_(clock), ticks_(ticks), counters_(counters), out_(out), events_(log) {
     batch_.header.session_id = session_id;
     batch_.node_version = version();
+    batch_.side = side;
     batch_.records.reserve(kMaxRecordsPerBatch);
   }
 
@@ -84,6 +87,9 @@ class TelemetryPublisher {
       pump();
     });
   }
+
+  /// Ends the thread with one last batch.
+  void stop() { thread_ = {}; }
 
   /// The newest record published; none before the first. Only in `on_pump`.
   [[nodiscard]] const std::optional<Record>& newest() const { return newest_; }

@@ -16,7 +16,7 @@ namespace {
 using namespace palpate;
 
 void run_together(NodeContext& context) {
-  const Log mofc_log("mofc");
+  const Log mofc_log(with_side(context.session.side, "mofc"));
   NodeContext mofc_context{.session = context.session,
                            .session_id = random_session_id(),
                            .clock = context.clock,
@@ -46,6 +46,7 @@ int main(int argc, char** argv) {
                   {.name = "device_mofc",
                    .description = "Owns the haptic device, its motors and the clamp before them.",
                    .signals = "SIGUSR1 writes the last ticks to files (the log names them).\n"
-                              "SIGUSR2 resets a latched fault; the force then grows from nothing."},
+                              "SIGUSR2 resets a latched fault; the force then grows from nothing.",
+                   .is_of_one_side = true},
                   run_together);
 }

@@ -10,6 +10,7 @@
 #include <boost/asio/signal_set.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <csignal>
+#include <span>
 #include <system_error>
 
 #include "common/core/check.h"
@@ -103,29 +104,46 @@ std::vector<ChildSpec> nodes_of(const LaunchOptions& options, const Session& ses
   if (!options.is_realtime) arguments.emplace_back("--no-realtime");
   if (options.is_insecure) arguments.emplace_back("--insecure");
 
-  // who binds is started before who connects
-  std::vector<std::string> names = {"physics", "mofc", "device"};
-  if (options.is_together) names = {"physics", "device_mofc"};
-  if (options.has_viewer) names.emplace_back("viewer");
-
   const fs::path folder = options.program_folder.empty()
                               ? fs::read_symlink("/proc/self/exe").parent_path()
                               : options.program_folder;
   std::vector<ChildSpec> children;
-  for (const std::string& name : names) {
+  const auto add = [&](const std::string& name, const std::string& side = {}) -> ChildSpec& {
     const fs::path program = folder / (name + "_node");
     if (access(program.c_str(), X_OK) != 0) {
       throw SetupError(program.string() + ": " + std::generic_category().message(errno) +
                        "; build it with: cmake --build --preset release");
     }
-    ChildSpec& child =
-        children.emplace_back(ChildSpec{.name = name, .program = program, .arguments = arguments});
-    if (name.starts_with("device") && session.device.start_ramp.count() == 0) {
-      child.restart_arguments = {
-          "--set", "device.start_ramp_ms=" + std::to_string(kRestartRampMilliseconds)};
-    }
+    ChildSpec& child = children.emplace_back(
+        ChildSpec{.name = with_side(side, name), .program = program, .arguments = arguments});
+    if (!side.empty()) child.arguments.insert(child.arguments.end(), {"--side", side});
+    return child;
+  };
+
+  // who binds is started before who connects
+  add("physics");
+  const std::span<const Session> sides = sides_of(session);
+  if (!options.is_together) {
+    for (const Session& side : sides) add("mofc", side.side);
   }
+  for (std::size_t i = 0; i < sides.size(); ++i) {
+    ChildSpec& child = add(options.is_together ? "device_mofc" : "device", sides[i].side);
+    if (sides[i].device.start_ramp.count() > 0) continue;
+    const std::string path = sides[i].side.empty() ? "" : "side[" + std::to_string(i) + "].";
+    child.restart_arguments = {
+        "--set", path + "device.start_ramp_ms=" + std::to_string(kRestartRampMilliseconds)};
+  }
+  if (options.has_viewer) add("viewer");
   return children;
+}
+
+std::vector<std::string> stop_order(const Session& session) {
+  std::vector<std::string> names;
+  for (const char* node : {"device_mofc", "device", "mofc"}) {
+    for (const Session& side : sides_of(session)) names.push_back(with_side(side.side, node));
+  }
+  names.insert(names.end(), {"physics", "viewer"});
+  return names;
 }
 
 void write(const ChildEvent& event, spdlog::logger& log) {
@@ -153,16 +171,16 @@ void write(const ChildEvent& event, spdlog::logger& log) {
 /// One run: what happens while the io_context runs.
 class Run {
  public:
-  Run(const LaunchOptions& options, std::vector<ChildSpec> nodes, spdlog::logger& log)
+  Run(const LaunchOptions& options, std::vector<ChildSpec> nodes,
+      const std::vector<std::string>& stop_order, spdlog::logger& log)
       : options_(options),
         log_(log),
         signals_(io_, SIGINT, SIGTERM, SIGHUP),
         time_up_(io_),
         poll_(io_),
         supervisor_(
-            io_, std::move(nodes), {"device_mofc", "device", "mofc", "physics", "viewer"},
-            options.timing, [this](const ChildEvent& event) { write(event, log_); },
-            [this] { on_end(); }) {}
+            io_, std::move(nodes), stop_order, options.timing,
+            [this](const ChildEvent& event) { write(event, log_); }, [this] { on_end(); }) {}
 
   LaunchResult run(const std::stop_token& stop) {
     const auto begin = std::chrono::steady_clock::now();
@@ -252,7 +270,7 @@ LaunchResult launch(const LaunchOptions& options, const std::stop_token& stop) {
   const Session session = load_session(options.session_file, options.overrides);
   const RunFolder run_folder(session.name);
   const Log log("palpate");
-  return Run(options, nodes_of(options, session), log.logger()).run(stop);
+  return Run(options, nodes_of(options, session), stop_order(session), log.logger()).run(stop);
 }
 
 }  // namespace palpate

@@ -46,11 +46,11 @@ struct LaunchResult {
   [[nodiscard]] int exit_status() const;
 };
 
-/// Starts physics, mofc, device (and viewer) with one session, restarts what dies, and ends all in
-/// the order device, mofc, physics, viewer. Device and mofc are one such process if together. A
-/// device that is restarted ramps its force up from nothing, also where the session has no start
-/// ramp. When it returns, no process of it is left and no ipc file; when its own process is killed,
-/// the kernel kills the nodes.
+/// Starts physics, mofc and device of each side (and viewer) with one session, restarts what dies,
+/// and ends all in the order device, mofc, physics, viewer. Device and mofc are one such process if
+/// together. A device that is restarted ramps its force up from nothing, also where the session has
+/// no start ramp. When it returns, no process of it is left and no ipc file; when its own process
+/// is killed, the kernel kills the nodes.
 ///
 /// A first signal stops in order, a second one kills. Throws SetupError if the session is wrong,
 /// already launched, or a program is missing. One at a time per process; blocks.

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <span>
+#include <vector>
 
 #include "common/core/check.h"
 #include "common/core/metrics.h"
@@ -24,17 +25,15 @@
 namespace palpate {
 namespace {
 
-/// What the launcher saw of the run: it is a viewer like any other.
+/// What the launcher saw of one device's run: it is a viewer like any other.
 struct Observed {
-  viewer::TelemetryMirror mirror;
   DurationHistogram reply_time;
   DurationHistogram lateness;
   // a node's counters begin anew when it is started again, these do not
   double minimum_true_energy_joule = kNaN;
   double max_force_newton = 0.0;
 
-  void note_extremes() {
-    const DeviceCounters& device = mirror.device_counters();
+  void note_extremes(const DeviceCounters& device) {
     minimum_true_energy_joule =
         std::fmin(minimum_true_energy_joule, device.minimum_true_energy_joule);
     max_force_newton = std::fmax(max_force_newton, device.max_force_newton);
@@ -58,17 +57,20 @@ nlohmann::ordered_json percentiles(const DurationHistogram& histogram) {
   return {{"p50_s", at(0.5)}, {"p99_s", at(0.99)}, {"p999_s", at(0.999)}, {"max_s", at(1.0)}};
 }
 
-nlohmann::ordered_json launch_json(const Session& session, const Observed& observed,
-                                   const LaunchResult& result) {
-  const DeviceCounters& device = observed.mirror.device_counters();
-  const MofcCounters& mofc = observed.mirror.mofc_counters();
-  const PhysicsCounters& physics = observed.mirror.physics_counters();
-  nlohmann::ordered_json restarts = nlohmann::ordered_json::object();
-  for (const auto& node : result.restarts) restarts[node.name] = node.count;
+/// One device of a run, with its session.
+struct Watched {
+  const Session& session;
+  const viewer::TelemetryMirror& mirror;
+  const Observed& observed;
+};
+
+nlohmann::ordered_json figures_json(const Watched& watched, const LaunchResult& result) {
+  const Observed& observed = watched.observed;
+  const DeviceCounters& device = watched.mirror.device_counters();
+  const MofcCounters& mofc = watched.mirror.mofc_counters();
+  const PhysicsCounters& physics = watched.mirror.physics_counters();
   nlohmann::ordered_json json;
-  json["schema_version"] = 1;
-  json["session"] = session.name;
-  json["controller"] = controller_text(session.mofc);
+  json["controller"] = controller_text(watched.session.mofc);
   json["ticks"] = device.loop.ticks;
   json["skipped_ticks"] = device.loop.skipped_ticks;
   json["in_contact_ticks"] = mofc.contact_ticks;
@@ -83,49 +85,70 @@ nlohmann::ordered_json launch_json(const Session& session, const Observed& obser
   json["fallbacks"] = device.fallback_ticks + device.limp_ticks;
   json["reply_time"] = percentiles(observed.reply_time);
   json["lateness"] = percentiles(observed.lateness);
-  json["restarts"] = restarts;
-  json["wall_s"] = result.wall.count();
   json["ticks_per_wall_s"] =
       number_or_null(static_cast<double>(device.loop.ticks) / result.wall.count());
   return json;
 }
 
-std::string launch_text(const Session& session, const Observed& observed,
-                        const LaunchResult& result) {
-  const DeviceCounters& device = observed.mirror.device_counters();
-  const MofcCounters& mofc = observed.mirror.mofc_counters();
+/// The figures of several devices are those of `sides`, by name.
+nlohmann::ordered_json launch_json(const Session& session, const std::vector<Watched>& devices,
+                                   const LaunchResult& result) {
+  nlohmann::ordered_json restarts = nlohmann::ordered_json::object();
+  for (const auto& node : result.restarts) restarts[node.name] = node.count;
+  nlohmann::ordered_json json;
+  json["schema_version"] = 1;
+  json["session"] = session.name;
+  for (const Watched& device : devices) {
+    const std::string& side = device.session.side;
+    if (side.empty()) {
+      json.update(figures_json(device, result));
+    } else {
+      json["sides"][side] = figures_json(device, result);
+    }
+  }
+  json["restarts"] = restarts;
+  json["wall_s"] = result.wall.count();
+  return json;
+}
+
+std::string launch_text(const std::vector<Watched>& devices, const LaunchResult& result) {
   const auto micro = [](Duration d) { return static_cast<double>(d.count()) * 1e-3; };
   std::string text;
   const auto line = [&](const char* label, const std::string& value) {
     text += fmt::format("  {:<20}{}\n", label, value);
   };
-  text += fmt::format("{}: {}, {:.1f} s in real time\n", session.name,
-                      controller_text(session.mofc), result.wall.count());
-  line("in contact", fmt::format("{} of {} ticks", mofc.contact_ticks, mofc.ticks));
-  if (session.mofc.controller != ControllerKind::kNone) {
-    line("clamped by MOFC", fmt::format("{} ticks", mofc.clamped_ticks));
+  for (const auto& [session, mirror, observed] : devices) {
+    const DeviceCounters& device = mirror.device_counters();
+    const MofcCounters& mofc = mirror.mofc_counters();
+    text += fmt::format("{}: {}, {:.1f} s in real time\n",
+                        session.name + (session.side.empty() ? "" : ", " + session.side),
+                        controller_text(session.mofc), result.wall.count());
+    line("in contact", fmt::format("{} of {} ticks", mofc.contact_ticks, mofc.ticks));
+    if (session.mofc.controller != ControllerKind::kNone) {
+      line("clamped by MOFC", fmt::format("{} ticks", mofc.clamped_ticks));
+    }
+    line("transparency", figure(mean_transparency(mofc), "{:.3f}") + " (force acting / asked)");
+    line("largest force", fmt::format("{:.3f} N", observed.max_force_newton));
+    if (!std::isnan(observed.minimum_true_energy_joule)) {
+      line("least true energy",
+           fmt::format("{:.3f} µJ (0 or more: passive)", 1e6 * observed.minimum_true_energy_joule));
+    }
+    line("answered in time",
+         figure(100.0 * answered_ratio(device), "{:.3f} %") +
+             fmt::format(" of {} scheduled ticks ({} skipped)",
+                         device.loop.ticks + device.loop.skipped_ticks, device.loop.skipped_ticks));
+    line("reply time", fmt::format("p50 {:.0f} µs, p99 {:.0f} µs, p99.9 {:.0f} µs",
+                                   micro(observed.reply_time.quantile(0.5)),
+                                   micro(observed.reply_time.quantile(0.99)),
+                                   micro(observed.reply_time.quantile(0.999))));
+    line("tick lateness", fmt::format("p50 {:.0f} µs, p99 {:.0f} µs, p99.9 {:.0f} µs",
+                                      micro(observed.lateness.quantile(0.5)),
+                                      micro(observed.lateness.quantile(0.99)),
+                                      micro(observed.lateness.quantile(0.999))));
+    line("without an answer",
+         fmt::format("{} ticks on the lease, {} in fallback, {} limp", device.leased_ticks,
+                     device.fallback_ticks, device.limp_ticks));
   }
-  line("transparency", figure(mean_transparency(mofc), "{:.3f}") + " (force acting / asked)");
-  line("largest force", fmt::format("{:.3f} N", observed.max_force_newton));
-  if (!std::isnan(observed.minimum_true_energy_joule)) {
-    line("least true energy",
-         fmt::format("{:.3f} µJ (0 or more: passive)", 1e6 * observed.minimum_true_energy_joule));
-  }
-  line("answered in time",
-       figure(100.0 * answered_ratio(device), "{:.3f} %") +
-           fmt::format(" of {} scheduled ticks ({} skipped)",
-                       device.loop.ticks + device.loop.skipped_ticks, device.loop.skipped_ticks));
-  line("reply time", fmt::format("p50 {:.0f} µs, p99 {:.0f} µs, p99.9 {:.0f} µs",
-                                 micro(observed.reply_time.quantile(0.5)),
-                                 micro(observed.reply_time.quantile(0.99)),
-                                 micro(observed.reply_time.quantile(0.999))));
-  line("tick lateness",
-       fmt::format("p50 {:.0f} µs, p99 {:.0f} µs, p99.9 {:.0f} µs",
-                   micro(observed.lateness.quantile(0.5)), micro(observed.lateness.quantile(0.99)),
-                   micro(observed.lateness.quantile(0.999))));
-  line("without an answer",
-       fmt::format("{} ticks on the lease, {} in fallback, {} limp", device.leased_ticks,
-                   device.fallback_ticks, device.limp_ticks));
   for (const auto& node : result.restarts) {
     if (node.count == 0) continue;
     line("restarted", fmt::format("{}, {} times; its counts are those since the last start",
@@ -141,12 +164,16 @@ int LaunchCommand::run() const {
   if (is_insecure) allow_plain_tcp(session);
   refuse_shared_file({{"--csv", csv_file}, {"--json", json_file}, {"--record", record.file}});
   const JsonOutput json(json_file);
-  std::unique_ptr<viewer::CsvWriter> csv;
-  if (!csv_file.empty()) csv = std::make_unique<viewer::CsvWriter>(csv_file);
+  const std::span<const Session> sides = sides_of(session);
+  std::vector<std::unique_ptr<viewer::CsvWriter>> csvs;
+  for (const Session& side : sides) {
+    if (csv_file.empty()) break;
+    csvs.push_back(std::make_unique<viewer::CsvWriter>(viewer::csv_file_of(csv_file, side.side)));
+  }
 
   const SteadyClock clock;
   ProcessLinks links({.priority = 0, .cpu = -1}, tcp_rules(session.security, {KeyRole::kViewer}));
-  viewer::TelemetryFeed feed(session.links, clock, links);
+  viewer::TelemetryFeed feed(session, clock, links);
   std::optional<viewer::Recording> recording;
   if (!record.file.empty()) {
     recording.emplace(record, session, "palpate launch", feed.subscriber());
@@ -161,12 +188,17 @@ int LaunchCommand::run() const {
     std::fprintf(stderr, "palpate: %s\n", error->c_str());
     lost_recording = error;
   };
-  Observed observed;
-  observed.mirror.on_row = [&](const viewer::TickRow& row) {
-    observed.lateness.add(row.device.lateness);
-    if (row.device.is_answered) observed.reply_time.add(row.device.reply_time);
-    if (csv) csv->write(row);
-  };
+  std::vector<viewer::TelemetryMirror> mirrors(sides.size());
+  std::vector<Observed> observed(sides.size());
+  std::vector<Watched> devices;
+  for (std::size_t i = 0; i < sides.size(); ++i) {
+    devices.push_back({sides[i], mirrors[i], observed[i]});
+    mirrors[i].on_row = [&, i](const viewer::TickRow& row) {
+      observed[i].lateness.add(row.device.lateness);
+      if (row.device.is_answered) observed[i].reply_time.add(row.device.reply_time);
+      if (!csvs.empty()) csvs[i]->write(row);
+    };
+  }
 
   const LaunchResult result = launch({.session_file = session_file,
                                       .overrides = overrides,
@@ -176,20 +208,22 @@ int LaunchCommand::run() const {
                                       .has_viewer = has_viewer && !json.is_standard_output(),
                                       .is_together = is_together,
                                       .on_poll = [&] {
-                                        feed.pump(observed.mirror, clock.now());
-                                        observed.note_extremes();
+                                        feed.pump(mirrors, clock.now());
+                                        for (std::size_t i = 0; i < sides.size(); ++i) {
+                                          observed[i].note_extremes(mirrors[i].device_counters());
+                                        }
                                         check_recording();
                                       }});
-  observed.mirror.flush_rows();
+  for (viewer::TelemetryMirror& mirror : mirrors) mirror.flush_rows();
   if (recording) recording->close();
   check_recording();
   if (result.exit_status() != 0) return result.exit_status();
 
   if (!json.is_standard_output()) {
-    std::fputs(launch_text(session, observed, result).c_str(), stdout);
+    std::fputs(launch_text(devices, result).c_str(), stdout);
   }
-  json.write(launch_json(session, observed, result));
-  if (csv) {
+  json.write(launch_json(session, devices, result));
+  for (const auto& csv : csvs) {
     csv->close();
     if (const auto error = csv->take_error()) throw std::runtime_error(*error);
   }

@@ -1,6 +1,7 @@
 #include "deploy/palpate/lockstep_recorder.h"
 
 #include <stdexcept>
+#include <vector>
 
 #include "common/link/viewer_codec.h"
 #include "common/runtime/run_node.h"
@@ -19,9 +20,9 @@ class LockstepRecorder::Impl final : public Sender<SceneState>, public Sender<Me
     writer_.add_metadata(
         viewer::kNodesMetadata,
         {{"device_node", all_nodes}, {"mofc_node", all_nodes}, {"physics_node", all_nodes}});
-    begin(device_, kLockstepDevice);
-    begin(mofc_, kLockstepMofc);
-    begin(physics_, kLockstepPhysics);
+    begin(device_, kLockstepDevice, session.side);
+    begin(mofc_, kLockstepMofc, session.side);
+    begin(physics_, kLockstepPhysics, session.side);
   }
 
   void listen_to(LockstepOptions& options) {
@@ -29,7 +30,7 @@ class LockstepRecorder::Impl final : public Sender<SceneState>, public Sender<Me
     options.on_mofc_tick = [this](const MofcTick& tick) { mofc_.records.push_back(tick); };
     options.on_physics_tick = [this](const PhysicsTick& tick) {
       physics_.records.push_back(tick);
-      newest_ = tick;
+      newest_.assign(1, tick);
     };
   }
 
@@ -50,9 +51,10 @@ class LockstepRecorder::Impl final : public Sender<SceneState>, public Sender<Me
 
  private:
   template <class Batch>
-  static void begin(Batch& batch, std::uint64_t session_id) {
+  static void begin(Batch& batch, std::uint64_t session_id, const std::string& side) {
     batch.header.session_id = session_id;
     batch.node_version = version();
+    batch.side = side;
   }
 
   void write_all(const Lockstep& lockstep, TimePoint now) {
@@ -90,7 +92,7 @@ class LockstepRecorder::Impl final : public Sender<SceneState>, public Sender<Me
   DeviceBatch device_;
   MofcBatch mofc_;
   PhysicsBatch physics_;
-  std::optional<PhysicsTick> newest_;
+  std::vector<PhysicsTick> newest_;  // none or one
   Codec<DeviceBatch> device_codec_;
   Codec<MofcBatch> mofc_codec_;
   Codec<PhysicsBatch> physics_codec_;

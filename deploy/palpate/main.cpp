@@ -40,8 +40,9 @@ void add_time_option(CLI::App& app, std::optional<double>& seconds, const std::s
   app.add_option("--seconds", seconds, help)->type_name("S")->check(is_time());
 }
 
-void add_output_options(CLI::App& app, std::string& csv_file, std::string& json_file) {
-  app.add_option("--csv", csv_file, "write one row per device tick to this file")
+void add_output_options(CLI::App& app, std::string& csv_file, std::string& json_file,
+                        const std::string& more_on_csv = {}) {
+  app.add_option("--csv", csv_file, "write one row per device tick to this file" + more_on_csv)
       ->type_name("FILE");
   app.add_option("--json", json_file, "write the summary to this file; - for standard output")
       ->type_name("FILE");
@@ -74,17 +75,27 @@ struct SessionArguments {
 void check_scene(const SessionArguments& arguments) {
   const Session session = arguments.load();
   static_cast<void>(physics::Scene(session.scene));  // reads the files of its geometries
-  std::printf("%s: ok (%zu tissues, device %g Hz, physics %g Hz, controller %s)\n",
-              arguments.file.c_str(), session.scene.tissues.size(), session.device.rate_hz,
-              session.physics.rate_hz, controller_text(session.mofc).c_str());
+  for (const Session& side : sides_of(session)) {
+    std::printf("%s: ok (%s%zu tissues, device %g Hz, physics %g Hz, controller %s)\n",
+                arguments.file.c_str(), side.side.empty() ? "" : (side.side + ", ").c_str(),
+                side.scene.tissues.size(), side.device.rate_hz, side.physics.rate_hz,
+                controller_text(side.mofc).c_str());
+  }
+}
+
+void add_side_option(CLI::App& app, std::string& side) {
+  app.add_option("--side", side, "of a session or recording with several devices: which one")
+      ->type_name("NAME");
 }
 
 struct IdentifyArguments {
   SessionArguments session;
+  std::string side;
   IdentifyOptions options;
 
   void add_to(CLI::App& app) {
     session.add_to(app);
+    add_side_option(app, side);
     app.add_option("--output", options.profile_file,
                    "write the bounds to this file, for device.profile_file of a session");
     app.add_flag("--i-understand-this-moves-the-device", options.may_move_hardware,
@@ -95,12 +106,13 @@ struct IdentifyArguments {
     // the profile that is to be written need not exist
     std::vector<std::string> overrides = session.overrides;
     overrides.emplace_back("device.profile_file=");
-    run_identify(load_session(session.file, overrides), options);
+    run_identify(side_of(load_session(session.file, overrides), side), options);
   }
 };
 
 struct LoopbackArguments {
   SessionArguments session;
+  std::string side;
   std::optional<double> seconds;
   std::string csv;
   std::string json;
@@ -111,6 +123,7 @@ struct LoopbackArguments {
 
   void add_to(CLI::App& app) {
     session.add_to(app);
+    add_side_option(app, side);
     add_time_option(app, seconds, "simulated time in s (default: the session's duration_s)");
     add_output_options(app, csv, json);
     add_record_options(app, record);
@@ -124,12 +137,15 @@ struct LoopbackArguments {
   }
 
   void run() const {
-    Session loaded = session.load();
+    // tissue gives way to each tool by itself, so one side alone feels what it feels beside others
+    const Session whole = session.load();
+    Session loaded = side_of(whole, side);
     refuse_shared_file(
         {{"--csv", csv}, {"--json", json}, {"--record", record.file}, {"--hand", hand}});
     std::optional<double> length_s = seconds;
     if (!hand.empty()) {
       RecordingFile recording(hand);
+      recording.choose_side(side);
       RecordedPath path = hand_path_of(recording, loaded.hand);
       if (!length_s) length_s = recording.length_s();
       loaded.hand.path = std::move(path);
@@ -237,10 +253,12 @@ struct InfoArguments {
 
 struct ExportArguments {
   std::string file;
+  std::string side;
   std::string csv;
 
   void add_to(CLI::App& app) {
     app.add_option("FILE", file, "recording (*.mcap)")->required()->type_name("");
+    add_side_option(app, side);
     app.add_option("--csv", csv, "one row per device tick, columns as of launch and loopback")
         ->required()
         ->type_name("FILE");
@@ -248,16 +266,19 @@ struct ExportArguments {
   void run() const {
     refuse_shared_file({{"FILE", file}, {"--csv", csv}});
     RecordingFile recording(file);
+    recording.choose_side(side);
     export_csv(recording, csv);
   }
 };
 
 struct ReportArguments {
   std::string file;
+  std::string side;
   std::string output;
 
   void add_to(CLI::App& app) {
     app.add_option("FILE", file, "recording (*.mcap)")->required()->type_name("");
+    add_side_option(app, side);
     app.add_option("-o,--output", output, "one HTML file that needs no other")
         ->required()
         ->type_name("FILE");
@@ -265,6 +286,7 @@ struct ReportArguments {
   void run() const {
     refuse_shared_file({{"FILE", file}, {"--output", output}});
     RecordingFile recording(file);
+    recording.choose_side(side);
     write_report(recording, output);
   }
 };
@@ -299,7 +321,8 @@ void add_replay_options(CLI::App& app, ReplayOptions& replay) {
 void add_launch_options(CLI::App& app, LaunchCommand& launch) {
   add_session_options(app, launch.session_file, launch.overrides);
   add_time_option(app, launch.seconds, "stop after this time in s (default: run until Ctrl-C)");
-  add_output_options(app, launch.csv_file, launch.json_file);
+  add_output_options(app, launch.csv_file, launch.json_file,
+                     "; each of several sides to its own, run.SIDE.csv");
   add_record_options(app, launch.record);
   app.add_flag_callback(
       "--no-realtime", [&] { launch.is_realtime = false; },

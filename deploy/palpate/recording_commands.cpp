@@ -21,7 +21,7 @@ struct Content {
 Content content_of(RecordingFile& recording) {
   const auto channels = viewer::recorded_channels();
   Content content;
-  std::map<std::size_t, std::uint64_t> lost;
+  std::map<std::string, std::uint64_t> lost;  // by topic and side
   recording.seek(0);
   while (const RecordingFile::Item* item = recording.next()) {
     const std::string& topic = channels[item->message.index()].topic;
@@ -30,12 +30,12 @@ Content content_of(RecordingFile& recording) {
         [&](const auto& batch) {
           if constexpr (requires { batch.records; }) {
             content.ticks[topic.substr(1)] += batch.records.size();
-            lost[item->message.index()] = batch.records_lost;
+            lost[with_side(batch.side, topic)] = batch.records_lost;
           }
         },
         item->message);
   }
-  for (const auto& [kind, count] : lost) content.records_lost += count;
+  for (const auto& [node, count] : lost) content.records_lost += count;
   return content;
 }
 
@@ -54,8 +54,8 @@ nlohmann::ordered_json info_json(RecordingFile& recording) {
   json["chunks"] = mcap.chunk_count();
   json["begin_ns"] = mcap.begin_ns();
   json["length_s"] = recording.length_s();
-  for (const char* key : {"session_name", "session_file", "controller", "seed", "recorded_by",
-                          "version", "protocol_major"}) {
+  for (const char* key : {"session_name", "session_file", "controller", "seed", "sides",
+                          "recorded_by", "version", "protocol_major"}) {
     json[key] = recording.about(key);
   }
   json["nodes"] = mcap.metadata(viewer::kNodesMetadata);

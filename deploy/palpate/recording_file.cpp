@@ -38,8 +38,35 @@ std::string RecordingFile::about(const std::string& key) const {
   return it != about_.end() ? it->second : "";
 }
 
+std::string RecordingFile::name() const {
+  return about("session_name") + (side_.value_or("").empty() ? "" : ", " + *side_);
+}
+
 double RecordingFile::length_s() const {
   return static_cast<double>(mcap_.end_ns() - mcap_.begin_ns()) * 1e-9;
+}
+
+void RecordingFile::choose_side(const std::string& side) {
+  const std::string names = about("sides");
+  const bool has_one = names.find(',') == std::string::npos;
+  side_ = side.empty() && has_one ? names : side;
+  const bool is_there = ("," + names + ",").find("," + *side_ + ",") != std::string::npos;
+  if (is_there && side_->find(',') == std::string::npos) return;
+  throw SetupError("recording " + mcap_.path() +
+                   (names.empty() ? ": is of one device; leave --side out"
+                                  : ": give --side with one of " + names));
+}
+
+bool RecordingFile::is_of_chosen_side() const {
+  return !side_ || std::visit(
+                       [&](const auto& message) {
+                         if constexpr (requires { message.side; }) {
+                           return message.side == *side_;
+                         } else {
+                           return true;
+                         }
+                       },
+                       item_.message);
 }
 
 template <class T>
@@ -74,8 +101,11 @@ const RecordingFile::Item* RecordingFile::next() {
         is_good = decode<MeshFrame>(message->payload);
         break;
     }
-    if (is_good) return &item_;
-    ++refused_;
+    if (!is_good) {
+      ++refused_;
+    } else if (is_of_chosen_side()) {
+      return &item_;
+    }
   }
   return nullptr;
 }

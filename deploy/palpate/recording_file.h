@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <optional>
 #include <string>
 
 #include "common/core/session.h"
@@ -27,20 +28,27 @@ class RecordingFile {
   /// what the codec refuses is too, and counted.
   [[nodiscard]] const Item* next();
   [[nodiscard]] std::uint64_t refused() const { return refused_; }
+  /// From now on batches of this side only; "" if there is no choice. Throws SetupError, naming the
+  /// sides there are, if it is none of them.
+  void choose_side(const std::string& side);
   /// Back to the first message at or after this time.
   void seek(std::uint64_t log_time_ns) { mcap_.seek(log_time_ns); }
 
   [[nodiscard]] const viewer::McapReader& mcap() const { return mcap_; }
   /// Of the recording program, see kRunMetadata; "" where it says nothing.
   [[nodiscard]] std::string about(const std::string& key) const;
+  /// Of the session, and of the side chosen: "two_hands, left".
+  [[nodiscard]] std::string name() const;
   [[nodiscard]] double length_s() const;
 
  private:
+  [[nodiscard]] bool is_of_chosen_side() const;
   template <class T>
   [[nodiscard]] bool decode(std::string_view payload);
 
   viewer::McapReader mcap_;
   viewer::mcap::Strings about_;
+  std::optional<std::string> side_;             // none: all
   std::map<std::uint16_t, std::size_t> kinds_;  // channel → alternative of TelemetryMessage
   std::string frame_;
   Item item_;

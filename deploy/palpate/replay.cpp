@@ -61,15 +61,14 @@ Session session_of(const ReplayOptions& options, const RecordingFile& recording)
   }
 }
 
-/// The publishing ends of the three nodes.
+/// The publishing ends of the nodes.
 class Stage {
  public:
   explicit Stage(const Session& session)
       : links_({.priority = 0, .cpu = -1},
                tcp_rules(session.security, {KeyRole::kDevice, KeyRole::kPhysics})),
-        device_(links_.side, bind_to(session.links.device_telemetry, "links.device_telemetry")),
-        mofc_(links_.side, bind_to(session.links.mofc_telemetry, "links.mofc_telemetry")),
         physics_(links_.side, bind_to(session.links.physics_telemetry, "links.physics_telemetry")) {
+    for (const Session& side : sides_of(session)) sides_.try_emplace(side.side, side, links_);
   }
 
   /// From now on as after a restart of all nodes. @param scene  of the recording's begin, or null
@@ -81,12 +80,12 @@ class Stage {
 
   void show(DeviceBatch batch) {
     renew(batch.header);
-    device_.send(batch);
+    of(batch.side).device.send(batch);
   }
   void show(MofcBatch batch) {
     renew(batch.header);
     for (MofcTick& tick : batch.records) tick.device_session_id = new_id(tick.device_session_id);
-    mofc_.send(batch);
+    of(batch.side).mofc.send(batch);
   }
   void show(PhysicsBatch batch) {
     renew(batch.header);
@@ -102,10 +101,12 @@ class Stage {
     if (scene_.take(frame)) physics_.send(frame);
   }
 
-  /// Does anybody look on, at all three?
+  /// Does anybody look on, at all of them?
   [[nodiscard]] bool has_viewer() {
-    return device_.has_subscriber() && mofc_.has_subscriber() &&
-           physics_.has_subscriber<PhysicsBatch>();
+    return physics_.has_subscriber<PhysicsBatch>() &&
+           std::all_of(sides_.begin(), sides_.end(), [](auto& side) {
+             return side.second.device.has_subscriber() && side.second.mofc.has_subscriber();
+           });
   }
 
   /// For those who came since the last call.
@@ -121,6 +122,20 @@ class Stage {
   }
 
  private:
+  struct Side {
+    Side(const Session& session, ProcessLinks& links)
+        : device(links.side, bind_to(session.links.device_telemetry, "links.device_telemetry")),
+          mofc(links.side, bind_to(session.links.mofc_telemetry, "links.mofc_telemetry")) {}
+    ZmqSender<DeviceBatch> device;
+    ZmqSender<MofcBatch> mofc;
+  };
+
+  Side& of(const std::string& name) {
+    const auto side = sides_.find(name);
+    if (side != sides_.end()) return side->second;
+    throw SetupError("the session has no side \"" + name +
+                     "\" as the recording has; give the recorded session");
+  }
   std::uint64_t new_id(std::uint64_t recorded) {
     const auto [it, is_new] = ids_.try_emplace(recorded, 0);
     if (is_new) it->second = random_session_id();
@@ -129,8 +144,7 @@ class Stage {
   void renew(Header& header) { header.session_id = new_id(header.session_id); }
 
   ProcessLinks links_;
-  ZmqSender<DeviceBatch> device_;
-  ZmqSender<MofcBatch> mofc_;
+  std::map<std::string, Side> sides_;
   SceneSender physics_;
   std::map<std::uint64_t, std::uint64_t> ids_;  // recorded → of this pass
   viewer::SceneMirror scene_;

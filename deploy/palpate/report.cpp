@@ -317,7 +317,7 @@ std::string table(const RecordingFile& recording, const Columns& c) {
     html += fmt::format("<tr><th>{}</th><td>{}</td></tr>\n", what, escaped(value));
   };
   const auto reversals = s.reversals();
-  line("session", recording.about("session_name") + ", seed " + recording.about("seed"));
+  line("session", recording.name() + ", seed " + recording.about("seed"));
   line("controller", recording.about("controller"));
   line("recorded by", recording.about("recorded_by") + ", version " + recording.about("version"));
   line("length", fmt::format("{:.3f} s, {} ticks", recording.length_s(), s.ticks()));
@@ -341,8 +341,7 @@ std::string table(const RecordingFile& recording, const Columns& c) {
 
 std::string report_html(RecordingFile& recording) {
   const Columns c = columns_of(recording);
-  const std::string title =
-      "Palpate: " + recording.about("session_name") + ", " + recording.about("controller");
+  const std::string title = "Palpate: " + recording.name() + ", " + recording.about("controller");
   std::string html =
       "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n"
       "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"

@@ -237,6 +237,7 @@ void randomise(TelemetryBatch<Record, Counters>& m, Random& random) {
   m.records_lost = random.bits();
   m.peers_refused = random.bits();
   m.node_version = std::to_string(random.bits());
+  m.side = random.below(2) == 0 ? "" : std::to_string(random.bits());
   m.records.assign(random.below(50), Record{});
   for (Record& record : m.records) randomise(record, random);
 }
@@ -489,7 +490,7 @@ template <class Record, class Counters>
 bool same(const TelemetryBatch<Record, Counters>& a, const TelemetryBatch<Record, Counters>& b) {
   return same(a.header, b.header) && same(a.counters, b.counters) &&
          a.records_lost == b.records_lost && a.peers_refused == b.peers_refused &&
-         a.node_version == b.node_version &&
+         a.node_version == b.node_version && a.side == b.side &&
          std::equal(a.records.begin(), a.records.end(), b.records.begin(), b.records.end(),
                     [](const auto& x, const auto& y) { return same(x, y); });
 }

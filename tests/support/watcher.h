@@ -1,6 +1,7 @@
 // watcher.h — a viewer that waits for what a test expects to see.
 #pragma once
 
+#include <algorithm>
 #include <chrono>
 #include <functional>
 #include <vector>
@@ -17,8 +18,11 @@ class Watcher {
  public:
   static constexpr auto kDeadline = std::chrono::seconds(30);
 
-  Watcher(const Session& session, ProcessLinks& links) : feed_(session.links, clock_, links) {
-    mirror_.on_row = [this](const viewer::TickRow& row) { rows_.push_back(row); };
+  Watcher(const Session& session, ProcessLinks& links)
+      : feed_(session, clock_, links), mirrors_(sides_of(session).size()), rows_(mirrors_.size()) {
+    for (std::size_t i = 0; i < mirrors_.size(); ++i) {
+      mirrors_[i].on_row = [this, i](const viewer::TickRow& row) { rows_[i].push_back(row); };
+    }
   }
 
   /// Looks on until `is_seen()` or the deadline; whether it was seen.
@@ -27,32 +31,39 @@ class Watcher {
     while (!is_seen()) {
       const TimePoint now = clock_.now();
       if (now >= end) return false;
-      feed_.pump(mirror_, std::min(now + std::chrono::milliseconds(20), end));
+      feed_.pump(mirrors_, std::min(now + std::chrono::milliseconds(20), end));
     }
     return true;
   }
   /// Looks on until `count` more rows are there.
   bool until_rows(std::size_t count) {
-    const std::size_t wanted = rows_.size() + count;
-    return until([&] { return rows_.size() >= wanted; });
+    const std::size_t wanted = rows_[0].size() + count;
+    return until([&] { return rows_[0].size() >= wanted; });
   }
 
   [[nodiscard]] bool sees_all_nodes() const {
     const TimePoint now = clock_.now();
-    return mirror_.device_link().is_alive(now) && mirror_.mofc_link().is_alive(now) &&
-           mirror_.physics_link().is_alive(now);
+    return std::all_of(mirrors_.begin(), mirrors_.end(), [&](const auto& mirror) {
+      return mirror.device_link().is_alive(now) && mirror.mofc_link().is_alive(now) &&
+             mirror.physics_link().is_alive(now);
+    });
+  }
+  /// @param side  place in sides_of(session)
+  [[nodiscard]] const viewer::TelemetryMirror& mirror(std::size_t side = 0) const {
+    return mirrors_[side];
   }
   /// SceneState comes on request only.
   [[nodiscard]] TelemetrySubscriber& subscriber() { return feed_.subscriber(); }
-  [[nodiscard]] const viewer::TelemetryMirror& mirror() const { return mirror_; }
   /// Of every device tick seen, in order.
-  [[nodiscard]] const std::vector<viewer::TickRow>& rows() const { return rows_; }
+  [[nodiscard]] const std::vector<viewer::TickRow>& rows(std::size_t side = 0) const {
+    return rows_[side];
+  }
 
  private:
   SteadyClock clock_;
   viewer::TelemetryFeed feed_;
-  viewer::TelemetryMirror mirror_;
-  std::vector<viewer::TickRow> rows_;
+  std::vector<viewer::TelemetryMirror> mirrors_;
+  std::vector<std::vector<viewer::TickRow>> rows_;
 };
 
 }  // namespace palpate::test

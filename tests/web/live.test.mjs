@@ -1,4 +1,4 @@
-// live.test.mjs: the page over the four real programs, on loopback ports, in the default session.
+// live.test.mjs: the page over the real programs, on loopback ports, in the sessions that are shipped.
 // $PALPATE_BIN names the folder of the programs.
 import assert from "node:assert/strict";
 import { spawn } from "node:child_process";
@@ -28,27 +28,30 @@ async function free_port() {
   return port;
 }
 
-/** The four programs, each its own process; what they say is shown when a test fails. */
+/** The programs of a session, each its own process; what they say is shown when a test fails. */
 class Nodes {
-  static async start(settings = []) {
+  static async start(settings = [], session = "default", sides = [""]) {
     const nodes = new Nodes();
     nodes.folder = mkdtempSync(join(tmpdir(), "palpate-web-"));
     nodes.port = await free_port();
     nodes.url = `http://127.0.0.1:${nodes.port}/`;
     nodes.settings = [`viewer.web.port=${nodes.port}`, "hand.pointer={}", ...settings];
+    nodes.session = join(root, `deploy/sessions/${session}.txtpb`);
     nodes.processes = {};
     nodes.output = "";
-    for (const name of kNodes) nodes.run(name);
+    for (const name of kNodes) {
+      for (const side of ["device", "mofc"].includes(name) ? sides : [""]) nodes.run(name, side);
+    }
     await nodes.serves();
     return nodes;
   }
 
-  run(name) {
+  run(name, side = "") {
     const child = spawn(join(bin, `${name}_node`),
-      ["--session", join(root, "deploy/sessions/default.txtpb"), ...this.settings.flatMap((one) => ["--set", one])],
+      ["--session", this.session, ...(side ? ["--side", side] : []), ...this.settings.flatMap((one) => ["--set", one])],
       { env: { ...process.env, PALPATE_RUN_DIR: this.folder }, stdio: ["ignore", "pipe", "pipe"] });
     for (const stream of [child.stdout, child.stderr]) stream.on("data", (text) => { this.output = (this.output + text).slice(-20000); });
-    this.processes[name] = child;
+    this.processes[side + name] = child;
   }
 
   async kill(name) {
@@ -179,6 +182,20 @@ test("the viewer, killed, is said to be gone and found again", kLimit, async () 
   const mesh_frames = (await status(page)).mesh_frames;
   await until(page, (t) => t.is_connected && t.mesh_frames > mesh_frames, "the tissue, moving again", 20000);
   assert.equal((await status(page)).unreadable, 0);
+});
+
+test("two hands: both tools are in one scene, and either one's figures can be shown", kLimit, async () => {
+  nodes = await Nodes.start([], "two_hands", ["left", "right"]);
+  const page = await open(browser, nodes.url);
+  await until(page, ({ sides }) => sides.left?.applied_newton > 0.1 && sides.right?.applied_newton > 0.1, "a press of both", 30000);
+  // the left hand works at x = −30 mm, the right one at 18 … 42 mm
+  const left = await until(page, (t) => t.device_ticks > 0 && t.tool_m.x < 0, "the first side's figures");
+  assert.ok(left.sides.right.tool_m.x > 0);
+
+  await page.getByRole("radio", { name: "right" }).click();
+
+  await until(page, (t) => t.tool_m.x > 0 && t.plots.force[1].points > 0, "the other side's figures");
+  assert.deepEqual(page.problems, []);
 });
 
 test("screenshots", { ...kLimit, skip: kLimit.skip || !process.env.PALPATE_SCREENSHOTS && "PALPATE_SCREENSHOTS names no folder" }, async () => {

@@ -51,6 +51,9 @@ struct Bench {
                  InteractionUse use = InteractionUse::kHeld)
       : node(scene, {.interaction_deadband = deadband}, use, clock, inbox, interactions, ticks,
              kPhysicsSession) {}
+  explicit Bench(std::shared_ptr<const Scene> scene)
+      : node(std::move(scene), {}, InteractionUse::kHeld, clock, inbox, interactions, ticks,
+             kPhysicsSession) {}
 
   void send_motion(double z_m, std::uint64_t mofc_session = 5) {
     ToolMotion motion;
@@ -118,6 +121,39 @@ TEST(PhysicsNode, AnswersAMotionWithTheForceAndItsStamps) {
   EXPECT_NEAR(interaction.stored_energy_joule, 0.025, 1e-15);
   ASSERT_EQ(interaction.contact_count, 1U);
   EXPECT_NEAR(interaction.contacts[0].penetration_m, 0.01, 1e-15);
+}
+
+// A tissue that remembers what presses on it, which only its own tool may notice.
+TEST(PhysicsNode, FeelsInASharedSceneWhatItFeelsAlone) {
+  SceneConfig config = floor_and_far_sphere();
+  std::get<KelvinVoigtMaterial>(config.tissues[0].material).relaxing_stiffness_newton_per_m = 300.0;
+  const auto scene = std::make_shared<const Scene>(config);
+  Bench left(scene);
+  Bench right(scene);
+  Bench left_alone(config);
+  Bench right_alone(config);
+
+  for (int i = 0; i < 200; ++i) {
+    const double depth_m = 1e-4 * i;
+    for (Bench* bench : {&left, &left_alone}) bench->send_motion(-depth_m);
+    for (Bench* bench : {&right, &right_alone}) bench->send_motion(-0.02 + depth_m);
+    for (Bench* bench : {&left, &right, &left_alone, &right_alone}) {
+      bench->clock.advance(1ms);
+      bench->step();
+    }
+  }
+
+  const auto forces = [](const Bench& bench) {
+    std::vector<double> forces_newton;
+    for (const PhysicsTick& tick : bench.ticks.ticks) {
+      forces_newton.push_back(tick.force_on_tool_newton.z());
+    }
+    return forces_newton;
+  };
+  EXPECT_EQ(forces(left), forces(left_alone));
+  EXPECT_EQ(forces(right), forces(right_alone));
+  EXPECT_NE(forces(left), forces(right));
+  EXPECT_GT(forces(left).back(), 9.0);  // 19.9 mm at 500 N/m and more
 }
 
 TEST(PhysicsNode, AnswersTheNewestMotionOnly) {

@@ -52,7 +52,7 @@ class SceneDisplayTest : public testing::Test {
     PhysicsTick tick;
     tick.device_sequence = 9;
     tick.tool_position_world_m = Vector3(0, 0, 0.003 - depth_m);
-    display_->publish(watchers_, tick, now_);
+    display_->publish(watchers_, {&tick, 1}, now_);
   }
   void watch_mesh() {
     ++watchers_.mesh_subscriptions;
@@ -98,6 +98,37 @@ TEST_F(SceneDisplayTest, TellsTheWholeSceneOncePerSubscription) {
   ASSERT_THAT(scenes_.messages, SizeIs(2));
   EXPECT_EQ(scenes_.messages[1].header.sequence, 1u);
   EXPECT_EQ(scenes_.messages[1].revision, 1u);
+}
+
+// Two tips 60 mm apart, each 2 mm deep, in one block: dents as each makes alone.
+TEST_F(SceneDisplayTest, DentsOfAllToolsAreInOneMesh) {
+  const auto dented = [this](const std::vector<double>& tips_x_m) {
+    std::vector<PhysicsTick> ticks(tips_x_m.size());
+    for (std::size_t i = 0; i < ticks.size(); ++i) {
+      ticks[i].tool_position_world_m = Vector3(tips_x_m[i], 0, 0.001);
+    }
+    meshes_.messages.clear();
+    watch_mesh();
+    now_ += 1s;  // what was before has relaxed
+    display_->publish(watchers_, ticks, now_);
+    std::pair<int, int> left_and_right;
+    for (const MeshFrame& frame : meshes_.messages) {
+      for (std::size_t v = 0; v < frame.vertices_m.size(); v += 3) {
+        const bool is_deep = frame.vertices_m[v + 2] < -1e-3F && frame.vertices_m[v + 2] > -3e-3F;
+        if (is_deep) ++(frame.vertices_m[v] < 0.0F ? left_and_right.first : left_and_right.second);
+      }
+    }
+    return left_and_right;
+  };
+
+  const auto left = dented({-0.03});
+  const auto right = dented({0.03});
+  const auto both = dented({-0.03, 0.03});
+
+  EXPECT_GT(left.first, 0);
+  EXPECT_EQ(left.second, 0);
+  EXPECT_GT(right.second, 0);
+  EXPECT_EQ(both, std::pair(left.first, right.second));
 }
 
 TEST_F(SceneDisplayTest, TellsOfTissueThatMovesAndOfNoOther) {
@@ -163,7 +194,7 @@ TEST_F(SceneDisplayTest, ForgetsWhatNobodyWatched) {
 TEST_F(SceneDisplayTest, SaysNothingOfMotionBeforeThereIsAny) {
   watch_mesh();
   watchers_.scene_subscriptions = 1;
-  display_->publish(watchers_, std::nullopt, now_);
+  display_->publish(watchers_, {}, now_);
   EXPECT_THAT(scenes_.messages, SizeIs(1));
   EXPECT_THAT(meshes_.messages, IsEmpty());
 }

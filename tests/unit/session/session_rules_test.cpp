@@ -32,6 +32,11 @@ constexpr const char* kSession = R"(
     interaction   { outage { until_s: 1 } stall { until_s: 1 } freeze { until_s: 1 } }
   })";
 
+/// With sides, so that theirs have one too.
+const std::string kTwoSides = std::string(kSession) +
+                              "side { name: \"left\" hand { press { until_s: 1 } } }"
+                              "side { name: \"right\" }";
+
 // --- every number -----------------------------------------------------------------------------
 
 /// Paths of all double fields below `type`.
@@ -62,7 +67,7 @@ TEST(SessionRules, EveryNumberOfTheSchemaMustBeFinite) {
   for (const std::string& path : numbers) {
     for (const std::string value : {"nan", "-nan", "inf", "-inf", "1e999"}) {
       const std::string assignment = path + "=" + value;
-      EXPECT_THAT(complaints(kSession, {assignment}),
+      EXPECT_THAT(complaints(kTwoSides, {assignment}),
                   ::testing::Contains(AllOf(StartsWith("--set " + assignment + ": " + path + " = "),
                                             HasSubstr("must be a finite number"))));
     }
@@ -71,7 +76,7 @@ TEST(SessionRules, EveryNumberOfTheSchemaMustBeFinite) {
 
 TEST(SessionRules, EveryNumberOfTheSchemaIsBounded) {
   for (const std::string& path : all_numbers()) {
-    EXPECT_THAT(complaints(kSession, {path + "=1e300"}),
+    EXPECT_THAT(complaints(kTwoSides, {path + "=1e300"}),
                 ::testing::Contains(HasSubstr(path + " = 1e+300: must be within")));
   }
 }

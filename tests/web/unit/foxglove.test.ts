@@ -52,7 +52,7 @@ function client_of(topics: string[]) {
   const taken: { topic: string; seconds: bigint }[] = [];
   const events: string[] = [];
   const client = new FoxgloveClient("ws://x/",
-    Object.fromEntries(topics.map((topic) => [topic, ({ seconds }: { seconds: bigint }) => taken.push({ topic, seconds })])),
+    (topic) => (topics.includes(topic) ? ({ seconds }: { seconds: bigint }) => taken.push({ topic, seconds }) : undefined),
     {
       opened: () => events.push("opened"), closed: () => events.push("closed"),
       server_info: ({ capabilities }) => events.push(`info ${capabilities}`), status: ({ message }) => events.push(message),

@@ -170,6 +170,17 @@ test("a node that died before the page came is known from the server", () => {
   assert.ok(Number.isNaN(telemetry.nodes.mofc.heard_s)); // never heard by anybody
 });
 
+test("of several devices each knows its own nodes", () => {
+  const node = { isHeard: true, sessions: 1n, batchesLost: 0n, recordsLost: 0n };
+  const health = { nodes: [{ ...node, name: "left.mofc", silenceS: 1 }, { ...node, name: "right.mofc", silenceS: 5 }] } as unknown as Health;
+  const [left, right] = [new Telemetry(), new Telemetry()];
+  left.take_health(health, 100, "left");
+  right.take_health(health, 100, "right");
+
+  assert.equal(left.nodes.mofc.silence_s(100), 1);
+  assert.equal(right.nodes.mofc.silence_s(100), 5);
+});
+
 test("each state has its words", () => {
   const state = (device_more: Partial<DeviceTelemetry>, mofc_more: Partial<MofcTelemetry>) => {
     const telemetry = running();

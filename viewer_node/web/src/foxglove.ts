@@ -55,10 +55,10 @@ export class FoxgloveClient {
   private next_id = 1;
   private retry_ms = kFirstRetry_ms;
 
-  /** @param handlers  by topic; other topics are not subscribed to */
+  /** @param handler_of  a topic; topics without one are not subscribed to */
   constructor(
     private readonly url: string,
-    private readonly handlers: Record<string, (message: never) => void>,
+    private readonly handler_of: (topic: string) => ((message: never) => void) | undefined,
     private readonly events: Events) {
     this.connect();
   }
@@ -153,7 +153,7 @@ export class FoxgloveClient {
   private subscribe(channels: Channel[]): void {
     const asked: { id: number; channelId: number }[] = [];
     for (const channel of channels) {
-      const handler = this.handlers[channel.topic];
+      const handler = this.handler_of(channel.topic);
       if (channel.encoding !== "protobuf" || this.subscription_of_channel.has(channel.id)) continue;
       const schema = this.registry_of(channel).getMessage(channel.schemaName);
       if (!handler || !schema) continue;

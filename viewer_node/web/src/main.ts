@@ -23,14 +23,16 @@ const kServerSilence_s = 1.5; // its health comes five times a second
 
 const seconds = () => 1e-3 * performance.now();
 
-const telemetry = new Telemetry();
+const sides = new Map<string, Telemetry>(); // of each device by its name; "" where there is one
+const led = new Telemetry(); // of the first, whose hand a page can lead
+let telemetry = led; // whose figures are shown
 const canvas = by_id<HTMLCanvasElement>("canvas");
 const view = new SceneView(canvas);
 by_id("no-webgl").hidden = view.can_draw;
 const force_axis = make("div", "segments");
 force_axis.setAttribute("role", "radiogroup");
 force_axis.setAttribute("aria-label", "Component of the force");
-const plots = new Plots(by_id("plots"), telemetry, force_axis);
+const plots = new Plots(by_id("plots"), force_axis);
 const counters = new Counters(by_id("plots"));
 const chips = new NodeChips(by_id("nodes"));
 const measure = new Measure(by_id<SVGSVGElement>("triad"));
@@ -53,16 +55,41 @@ let plot_draws = 0;
 
 // ---- the stream
 
+const handlers: Record<string, (message: never) => void> = {
+  "/scene_state": (message: SceneState) => take_scene(message),
+  "/mesh": (message: MeshFrame) => take_mesh(message),
+  "/health": (message: Health) => sides.forEach((one, side) => one.take_health(message, seconds(), side)),
+};
+
+/** "/device", or "/left/device" of a side. */
+function handler_of(topic: string): ((message: never) => void) | undefined {
+  const [, side = "", kind] = /^(?:\/([\w-]+))?\/(device|mofc|physics)$/.exec(topic) ?? [];
+  if (kind === undefined) return handlers[topic];
+  const one = sides.get(side) ?? add_side(side);
+  if (kind === "device") return (message: DeviceTelemetry) => one.take_device(message, seconds());
+  if (kind === "mofc") return (message: MofcTelemetry) => one.take_mofc(message, seconds());
+  return (message: PhysicsTelemetry) => one.take_physics(message, seconds());
+}
+
+function add_side(side: string): Telemetry {
+  const one = sides.size === 0 ? led : new Telemetry();
+  sides.set(side, one);
+  if (sides.size < 2) return one;
+  const list = make("div", "segments");
+  list.setAttribute("role", "radiogroup");
+  list.setAttribute("aria-label", "Whose figures are shown");
+  by_id("sides").replaceChildren(list);
+  segments<string>(list, [...sides.keys()].map((name) => [name, name]), [...sides.keys()][0], (chosen) => {
+    telemetry = sides.get(chosen)!;
+    paused_s = telemetry.now_s;
+    plots_due_s = words_due_s = 0;
+  });
+  return one;
+}
+
 const client = new FoxgloveClient(
   `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/${location.search}`,
-  {
-    "/scene_state": (message: SceneState) => take_scene(message),
-    "/mesh": (message: MeshFrame) => take_mesh(message),
-    "/device": (message: DeviceTelemetry) => telemetry.take_device(message, seconds()),
-    "/mofc": (message: MofcTelemetry) => telemetry.take_mofc(message, seconds()),
-    "/physics": (message: PhysicsTelemetry) => telemetry.take_physics(message, seconds()),
-    "/health": (message: Health) => telemetry.take_health(message, seconds()),
-  },
+  handler_of,
   {
     opened() {
       is_open = has_been_connected = true;
@@ -82,7 +109,7 @@ const client = new FoxgloveClient(
     },
   });
 
-const hand = new HandControl(canvas, view, telemetry,
+const hand = new HandControl(canvas, view, led,
   (fields) => client.publish("/hand_target", "palpate.v1.HandTarget", fields));
 
 // An open socket whose other end is stuck is no connection.
@@ -135,9 +162,13 @@ segments<ColourMode>(by_id("colours"), [["material", "Material"], ["stiffness", 
   write_scale(view, mode);
 });
 
+function set_tools(): void {
+  [...sides.values()].forEach(({ tool_m, asked_newton, applied_newton }, index) => view.set_tool(tool_m, asked_newton, applied_newton, index));
+}
+
 function pause(does: boolean): void {
   if (does) { // hold one instant, not three
-    view.set_tool(telemetry.tool_m, telemetry.asked_newton, telemetry.applied_newton);
+    set_tools();
     write_state(state_words(telemetry, is_connected(), seconds()), telemetry);
   }
   is_paused = does;
@@ -230,12 +261,12 @@ function picture(): void {
   const now_s = seconds();
   frame_s += 0.1 * (Math.min(now_s - picture_s, 1) - frame_s);
   picture_s = now_s;
-  if (!is_paused) view.set_tool(telemetry.tool_m, telemetry.asked_newton, telemetry.applied_newton);
+  if (!is_paused) set_tools();
   view.draw();
   if (now_s >= plots_due_s) {
     plots_due_s = now_s + (is_paused ? Infinity : Math.max(kPlotPeriod_s(window_s), 3 * frame_s)); // a slow machine draws the tissue first
     const end_s = is_paused ? paused_s : telemetry.now_s;
-    for (const plot of plots.all) plot.draw({ end_s, window_s });
+    for (const plot of plots.all) plot.draw({ telemetry, end_s, window_s });
     plot_draws += 1;
   }
   if (now_s >= words_due_s) {
@@ -250,11 +281,19 @@ function say(now_s: number): void {
   if (!is_waiting && !is_paused) write_state(state_words(telemetry, is_connected(), now_s), telemetry);
   chips.write(telemetry, is_connected(), now_s);
   const status_text = now_s < status.until_s ? status.text : "";
-  write_banners(by_id("banners"), is_waiting ? [] : banner_lines(telemetry, is_connected(), server_silence_s(), status_text, now_s));
+  write_banners(by_id("banners"), is_waiting ? [] : banners(status_text, now_s));
   write(by_id("announcement"), is_waiting ? "" : announcement(telemetry, is_connected(), hand.status, now_s));
   write_hand(hand.status, hand.is_touching);
   counters.write(telemetry);
   if (mode === "displacement") write_scale(view, mode);
+}
+
+/** Of every side: a failure is told whichever one is shown. */
+function banners(status_text: string, now_s: number): string[] {
+  if (!is_connected()) return banner_lines(telemetry, false, server_silence_s(), status_text, now_s);
+  const lines = [...sides].flatMap(([side, one]) =>
+    banner_lines(one, true, server_silence_s(), "", now_s).map((line) => (side ? `${side}: ${line}` : line)));
+  return status_text ? [...lines, status_text] : lines;
 }
 
 dress();
@@ -285,6 +324,7 @@ Object.defineProperty(window, "__test", {
       frames: view.frame_count, frame_cost_s: view.frame_cost_s, plot_draws,
       received: client.frame_count, bytes: client.byte_count, unreadable: client.unreadable_count,
       telemetry_lost: telemetry_lost(telemetry),
+      sides: Object.fromEntries([...sides].map(([side, one]) => [side, { tool_m: { ...one.tool_m }, applied_newton: norm(one.applied_newton), device_ticks: one.device.length }])),
       now_s: telemetry.now_s, device_ticks: telemetry.device.length, mofc_ticks: telemetry.mofc.length,
       plots: {
         force: plots.force.status, energy: plots.energy.status, transparency: plots.transparency.status,

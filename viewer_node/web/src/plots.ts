@@ -1,7 +1,7 @@
 // plots.ts: the curves. Each plot reduces the rings to the pixels it has and draws them; its legend
 // says the newest value, or the one under the cursor.
 import uPlot from "uplot";
-import { cell_times, cells_of, reduce, type Ring } from "./ring";
+import { cell_times, cells_of, reduce } from "./ring";
 import { time_words } from "./state";
 import {
   kAskedNorm, kAskedX, kBoundNorm, kBoundX, kForceAge, kForceNorm, kForceX, kLatenessBins, kLedger, kReplyTime,
@@ -19,7 +19,7 @@ export interface SeriesSpec {
   label: string;
   colour: string; // of the style sheet: --name
   dash?: boolean;
-  ring: Ring;
+  ring: "device" | "mofc" | "batches"; // of the telemetry
   column: number;
   scale: number; // shown value = scale · column
 }
@@ -43,8 +43,9 @@ export interface Palette {
   of: (name: string) => string;
 }
 
-/** What of the present the plots show. */
+/** What the plots show, and what of the present. */
 export interface View {
+  telemetry: Telemetry;
   end_s: number;
   window_s: number;
 }
@@ -136,7 +137,7 @@ export class TimePlot {
 
   private window_start = -10;
 
-  draw({ end_s, window_s }: View): void {
+  draw({ telemetry, end_s, window_s }: View): void {
     const { plot, spec, data } = this;
     if (!plot) return;
     const cells = cells_of(end_s, window_s, Math.min(kMostCells, Math.ceil(kPointsPerPixel * plot.width)));
@@ -147,7 +148,7 @@ export class TimePlot {
       cell_times(cells, end_s, data[0]);
       spec.series.forEach(({ ring, column, scale, dash }, index) => {
         const out = data[index + 1];
-        reduce(ring, column, cells, out, kBridge_s);
+        reduce(telemetry[ring], column, cells, out, kBridge_s);
         for (let i = 0; i < out.length; ++i) {
           const value = out[i];
           if (value === null) continue;
@@ -200,7 +201,7 @@ export class Histogram {
   private readonly counts: number[] = [];
   private readonly data: [number[], (number | null)[]] = [[], []];
 
-  constructor(parent: HTMLElement, private readonly telemetry: Telemetry) {
+  constructor(parent: HTMLElement) {
     this.card = new Card(parent, "lateness", "Tick lateness", "", "How late the device’s ticks begin, in the time window; logarithmic in both directions.", [
       { label: "median", colour: "--applied" }, { label: "99 %", colour: "--applied" }, { label: "worst", colour: "--applied" },
     ]);
@@ -235,9 +236,9 @@ export class Histogram {
     }, this.data as uPlot.AlignedData, body);
   }
 
-  draw({ end_s, window_s }: View): void {
+  draw({ telemetry, end_s, window_s }: View): void {
     if (!this.plot || !Number.isFinite(end_s)) return;
-    this.telemetry.count_lateness(end_s, window_s, kLatenessBins, this.counts);
+    telemetry.count_lateness(end_s, window_s, kLatenessBins, this.counts);
     let total = 0;
     this.counts.forEach((count, bin) => {
       this.data[1][bin] = count > 0 ? count : null;
@@ -279,16 +280,15 @@ export class Plots {
   readonly timing: TimePlot;
   readonly lateness: Histogram;
 
-  constructor(parent: HTMLElement, telemetry: Telemetry, force_axis: HTMLElement) {
-    const { device, mofc, batches } = telemetry;
+  constructor(parent: HTMLElement, force_axis: HTMLElement) {
     const newton = (value: number) => `${value.toFixed(2)} N`;
     this.force = new TimePlot(parent, {
       id: "force", title: "Force on the hand", unit: "N",
       help: "Force asked before the clamp, force that acts on the hand, and the clamp’s bound.",
       series: [
-        { label: "asked", colour: "--asked", ring: mofc, column: kAskedNorm, scale: 1 },
-        { label: "on the hand", colour: "--applied", ring: device, column: kForceNorm, scale: 1 },
-        { label: "bound", colour: "--bound", dash: true, ring: mofc, column: kBoundNorm, scale: 1 },
+        { label: "asked", colour: "--asked", ring: "mofc", column: kAskedNorm, scale: 1 },
+        { label: "on the hand", colour: "--applied", ring: "device", column: kForceNorm, scale: 1 },
+        { label: "bound", colour: "--bound", dash: true, ring: "mofc", column: kBoundNorm, scale: 1 },
       ],
       range: from_zero(0.5), show: newton,
     }, force_axis);
@@ -297,29 +297,29 @@ export class Plots {
       id: "energy", title: "Energy from the hand", unit: "mJ",
       help: "What the hand has given and not got back: the clamp’s ledger, and the truth where a simulated device knows it. Never below zero.",
       series: [
-        { label: "ledger", colour: "--ledger", ring: mofc, column: kLedger, scale: 1e3 },
-        { label: "true", colour: "--truth", ring: device, column: kTrueEnergy, scale: 1e3 },
+        { label: "ledger", colour: "--ledger", ring: "mofc", column: kLedger, scale: 1e3 },
+        { label: "true", colour: "--truth", ring: "device", column: kTrueEnergy, scale: 1e3 },
       ],
       range: around_zero(1), show: millijoule,
     });
     this.transparency = new TimePlot(parent, {
       id: "transparency", title: "Transparency", unit: "%",
       help: "Share of the asked force that the hand feels, over the last second; a gap where nothing was asked.",
-      series: [{ label: "last second", colour: "--applied", ring: batches, column: kTransparency, scale: 100 }],
+      series: [{ label: "last second", colour: "--applied", ring: "batches", column: kTransparency, scale: 100 }],
       range: () => [0, 105], show: (value) => `${value.toFixed(1)} %`,
     });
     this.timing = new TimePlot(parent, {
       id: "timing", title: "Age and reply", unit: "ms",
       help: "Age of the device state that the force answers, and time to the answer within a tick.",
       series: [
-        { label: "age", colour: "--asked", ring: mofc, column: kForceAge, scale: 1e3 },
-        { label: "reply", colour: "--applied", ring: device, column: kReplyTime, scale: 1e3 },
+        { label: "age", colour: "--asked", ring: "mofc", column: kForceAge, scale: 1e3 },
+        { label: "reply", colour: "--applied", ring: "device", column: kReplyTime, scale: 1e3 },
       ],
       is_logarithmic: true,
       range: (low, high) => low > high ? [0.01, 10] : [10 ** Math.floor(Math.log10(Math.max(low, 1e-4))), 10 ** Math.ceil(Math.log10(Math.max(high * 1.05, 1e-3)))],
       show: (value) => time_words(1e-3 * value), axis: (value) => `${Number(value.toPrecision(1))}`,
     });
-    this.lateness = new Histogram(parent, telemetry);
+    this.lateness = new Histogram(parent);
   }
 
   get all(): (TimePlot | Histogram)[] {

@@ -58,15 +58,13 @@ export class SceneView {
   private mode: ColourMode = "material";
   private sees_inside = true;
 
-  private readonly tool: Mesh<SphereGeometry, MeshStandardMaterial>;
-  private readonly asked: Arrow;
-  private readonly applied: Arrow;
+  private readonly tools = [new Tool()]; // of each side; the first one can be led
   private readonly target: Mesh<SphereGeometry, MeshBasicMaterial>;
   private readonly tether: Line<BufferGeometry, LineDashedMaterial>;
-  private readonly plumb: Line<BufferGeometry, LineBasicMaterial>;
   private readonly lamp = new DirectionalLight(0xfff6ec, 2.7);
   private grid: GridHelper | null = null;
   private grid_colour = "#888";
+  private theme: Theme | null = null;
 
   private readonly tables = {
     stiffness: linear_table("stiffness"), displacement: linear_table("displacement"),
@@ -74,6 +72,7 @@ export class SceneView {
   private readonly bounds = new Box3();
   private readonly centre = new V3();
   private radius_m = 0.1;
+  private tip_radius_m = 0;
   private is_changed = true;
   private is_urgent = true; // the eye follows its own hand
   private drawn_ms = -Infinity;
@@ -99,16 +98,10 @@ export class SceneView {
     this.lamp.shadow.radius = 3;
     this.lamp.shadow.bias = -0.0005;
 
-    this.tool = new Mesh(new SphereGeometry(1, 40, 28), new MeshStandardMaterial({ roughness: 0.32, metalness: 0.1, fog: false }));
-    this.tool.castShadow = true;
-    // the slim one is hidden in the wide one, as far as all of it is felt
-    this.asked = new Arrow(0.5);
-    this.applied = new Arrow(1);
     this.target = new Mesh(new SphereGeometry(1, 24, 16), new MeshBasicMaterial({ transparent: true, opacity: 0.55, fog: false }));
     this.tether = line(new LineDashedMaterial({ dashSize: 0.002, gapSize: 0.0015, transparent: true, opacity: 0.8, fog: false }));
-    this.plumb = line(new LineBasicMaterial({ transparent: true, opacity: 0.35, fog: false }));
-    this.target.visible = this.tether.visible = this.tool.visible = this.plumb.visible = false;
-    this.scene.add(this.tissue, this.tool, this.asked.group, this.applied.group, this.target, this.tether, this.plumb);
+    this.target.visible = this.tether.visible = false;
+    this.scene.add(this.tissue, this.tools[0].group, this.target, this.tether);
   }
 
   /** Another scene: nothing of the last one stays, but the camera if it was moved by hand. */
@@ -130,10 +123,9 @@ export class SceneView {
     this.bounds.getCenter(this.centre);
     this.radius_m = Math.max(0.5 * this.bounds.getSize(this.a).length(), 0.005);
     this.arrow_m_per_newton = round_up((0.28 * this.radius_m) / Math.max(peak_force_newton, 0.1));
-    this.tool.scale.setScalar(Math.max(tip_radius_m, kDrawnTip_m));
     this.target.scale.setScalar(0.45 * Math.max(tip_radius_m, kDrawnTip_m));
-    const thickness_m = Math.max(0.35 * tip_radius_m, 0.006 * this.radius_m);
-    this.asked.thickness_m = this.applied.thickness_m = thickness_m;
+    this.tip_radius_m = tip_radius_m;
+    for (const tool of this.tools) tool.set_size(tip_radius_m, this.radius_m);
     this.place_surroundings();
     this.see_inside(this.sees_inside);
     this.colour(this.mode);
@@ -191,19 +183,24 @@ export class SceneView {
     this.is_changed = true;
   }
 
-  set_tool(position: Vector3, asked: Vector3, applied: Vector3): void {
+  /** @param index  of the side, from 0; one that is new appears */
+  set_tool(position: Vector3, asked: Vector3, applied: Vector3, index = 0): void {
     if (!Number.isFinite(position.x)) return;
+    while (this.tools.length <= index) {
+      const made = new Tool();
+      made.set_size(this.tip_radius_m, this.radius_m);
+      if (this.theme) made.set_theme(this.theme);
+      this.scene.add(made.group);
+      this.tools.push(made);
+    }
+    const tool = this.tools[index];
     const p = this.a.set(position.x, position.y, position.z);
-    if (this.tool.visible && this.tool.position.equals(p) && this.applied.equals(applied) && this.asked.equals(asked)) return;
-    this.tool.visible = true;
-    this.tool.position.copy(p);
-    this.asked.point(p, asked, this.arrow_m_per_newton);
-    this.applied.point(p, applied, this.arrow_m_per_newton);
+    if (!tool.place(p, asked, applied, this.arrow_m_per_newton)) return;
     // how high is it? A line down to the highest surface below
     const below_m = this.height_below(p);
-    this.plumb.visible = Number.isFinite(below_m);
-    if (this.plumb.visible) set_line(this.plumb, p, this.b.set(p.x, p.y, below_m));
-    if (this.target.visible) set_line(this.tether, p, this.target.position);
+    tool.plumb.visible = Number.isFinite(below_m);
+    if (tool.plumb.visible) set_line(tool.plumb, p, this.b.set(p.x, p.y, below_m));
+    if (index === 0 && this.target.visible) set_line(this.tether, p, this.target.position);
     this.is_changed = true;
   }
 
@@ -213,7 +210,7 @@ export class SceneView {
     this.target.visible = this.tether.visible = position !== null;
     if (position) {
       this.target.position.set(position.x, position.y, position.z);
-      set_line(this.tether, this.tool.position, this.target.position);
+      set_line(this.tether, this.tools[0].ball.position, this.target.position);
     }
     this.is_changed = this.is_urgent = true;
   }
@@ -222,12 +219,10 @@ export class SceneView {
     this.scene.background = new Color(theme.background);
     this.scene.fog = new Fog(theme.background, 1, 2);
     this.grid_colour = theme.grid;
-    this.tool.material.color.set(theme.tool);
-    this.asked.colour(theme.asked);
-    this.applied.colour(theme.applied);
+    this.theme = theme;
+    for (const tool of this.tools) tool.set_theme(theme);
     this.target.material.color.set(theme.target);
     this.tether.material.color.set(theme.target);
-    this.plumb.material.color.set(theme.ink);
     this.place_surroundings();
     this.is_changed = true;
   }
@@ -309,7 +304,8 @@ export class SceneView {
 
   /** Radius of the drawn tip in CSS pixels. */
   get tool_radius_px(): number {
-    return this.tool.scale.x / this.metres_per_pixel(this.tool.position);
+    const { ball } = this.tools[0];
+    return ball.scale.x / this.metres_per_pixel(ball.position);
   }
 
   get pixels_per_metre(): number {
@@ -414,6 +410,45 @@ function renderer_of(canvas: HTMLCanvasElement): WebGLRenderer | null {
   } catch (error) {
     console.info("no WebGL:", error);
     return null;
+  }
+}
+
+// The tip, the forces at it, and the line down to the tissue.
+class Tool {
+  readonly group = new Group();
+  readonly ball = new Mesh(
+    new SphereGeometry(1, 40, 28), new MeshStandardMaterial({ roughness: 0.32, metalness: 0.1, fog: false }));
+  readonly plumb = line(new LineBasicMaterial({ transparent: true, opacity: 0.35, fog: false }));
+  // the slim one is hidden in the wide one, as far as all of it is felt
+  private readonly asked = new Arrow(0.5);
+  private readonly applied = new Arrow(1);
+
+  constructor() {
+    this.ball.castShadow = true;
+    this.ball.visible = this.plumb.visible = false;
+    this.group.add(this.ball, this.asked.group, this.applied.group, this.plumb);
+  }
+
+  set_size(tip_radius_m: number, scene_radius_m: number): void {
+    this.ball.scale.setScalar(Math.max(tip_radius_m, kDrawnTip_m));
+    this.asked.thickness_m = this.applied.thickness_m = Math.max(0.35 * tip_radius_m, 0.006 * scene_radius_m);
+  }
+
+  set_theme(theme: Theme): void {
+    this.ball.material.color.set(theme.tool);
+    this.asked.colour(theme.asked);
+    this.applied.colour(theme.applied);
+    this.plumb.material.color.set(theme.ink);
+  }
+
+  /** False if nothing has changed. */
+  place(at: V3, asked: Vector3, applied: Vector3, metres_per_newton: number): boolean {
+    if (this.ball.visible && this.ball.position.equals(at) && this.applied.equals(applied) && this.asked.equals(asked)) return false;
+    this.ball.visible = true;
+    this.ball.position.copy(at);
+    this.asked.point(at, asked, metres_per_newton);
+    this.applied.point(at, applied, metres_per_newton);
+    return true;
   }
 }
 

@@ -183,11 +183,12 @@ export class Telemetry {
     this.physics_batch = batch;
   }
 
-  /** What the server heard before this page came counts too. */
-  take_health(health: Health, now_s: number): void {
+  /** What the server heard before this page came counts too. @param side  "" where there is one device */
+  take_health(health: Health, now_s: number, side = ""): void {
     this.health = health;
+    const prefix = side ? `${side}.` : "";
     for (const { name, silenceS } of health.nodes) {
-      const node = this.nodes[name as NodeName];
+      const node = name.startsWith(prefix) ? this.nodes[name.slice(prefix.length) as NodeName] : undefined;
       if (node && Number.isNaN(node.heard_s) && silenceS >= 0) node.heard_s = now_s - silenceS;
     }
   }

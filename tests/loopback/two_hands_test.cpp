@@ -1,0 +1,216 @@
+// Two devices, each with its own clamp, one physics_node and one viewer: real programs.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <csignal>
+#include <cstdlib>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "common/runtime/session_file.h"
+#include "tests/support/program.h"
+#include "tests/support/temp_folder.h"
+#include "tests/support/watcher.h"
+#include "tests/support/web_client.h"
+
+namespace palpate {
+namespace {
+
+using namespace std::chrono_literals;
+using nlohmann::json;
+using test::Outcome;
+using test::Program;
+using test::run_program;
+using test::TempFolder;
+using test::Watcher;
+using test::WebClient;
+using testing::AllOf;
+using testing::HasSubstr;
+
+/// Both hands press into one block of 400 N/m with springs of 400 N/m, the left one 5 mm deep, the
+/// right one 10 mm: each gives way by half. A long period and lease outlast the pauses of a busy
+/// machine.
+constexpr const char* kBoth = R"(
+name: "both"
+realtime { priority: 0 cpu: -1 }
+device {
+  rate_hz: 200
+  lease_us: 12500
+  simulated { position_resolution_m: 0 }
+  profile { position_resolution_m: 0 }
+}
+hand { stiffness_newton_per_m: 400 damping_newton_s_per_m: 10 }
+mofc { controller: none stale_after_ms: 200 }
+side { name: "left" hand { hold { position_m { x: -0.03 z: -0.005 } } } }
+side { name: "right" hand { hold { position_m { x: 0.03 z: -0.010 } } } }
+scene {
+  tissue {
+    box { center_m { z: -0.02 } size_m { x: 0.2 y: 0.1 z: 0.04 } }
+    kelvin_voigt { stiffness_newton_per_m: 400 }
+  }
+}
+viewer { status_interval_ms: 50 web { port: 0 } }
+)";
+enum Side : std::size_t { kLeft, kRight };
+// 2.5 mm and 5 mm · 400 N/m; stiction of 0.1 N moves them by half of it at most.
+constexpr double kForceNewton[] = {1.0, 2.0};
+constexpr double kStictionNewton = 0.06;
+
+class TwoHands : public testing::Test {
+ protected:
+  TwoHands() {
+    setenv("PALPATE_RUN_DIR", run_folder_.path().c_str(), 1);
+    file_ = files_.write("both.txtpb", kBoth);
+    session_ = load_session(file_);
+    watcher_.emplace(session_, links_);
+  }
+
+  [[nodiscard]] std::string file(const std::string& name) const {
+    return (files_.path() / name).string();
+  }
+  [[nodiscard]] bool presses(Side side) const {
+    const auto& rows = watcher_->rows(side);
+    if (rows.empty() || !rows.back().mofc) return false;
+    return rows.back().mofc->state == MofcState::kContact &&
+           std::abs(rows.back().device.force_on_hand_newton.z() - kForceNewton[side]) <
+               kStictionNewton;
+  }
+  [[nodiscard]] bool both_press() const { return presses(kLeft) && presses(kRight); }
+
+  TempFolder run_folder_;
+  TempFolder files_;
+  std::string file_;
+  Session session_;
+  ProcessLinks links_{{.priority = 0, .cpu = -1}};
+  std::optional<Watcher> watcher_;
+};
+
+TEST_F(TwoHands, FeelTheSameTissueEachWithItsOwnForce) {
+  Program launch("palpate", {"launch", file_, "--json", file("run.json"), "--csv", file("run.csv"),
+                             "--record", file("run.mcap"), "--no-viewer"});
+  ASSERT_TRUE(watcher_->until([&] { return both_press(); })) << launch.err();
+  launch.send_signal(SIGTERM);
+  ASSERT_EQ(launch.wait(), 0) << launch.err();
+
+  std::ifstream in(file("run.json"));
+  const json run = json::parse(in);
+  for (const std::string side : {"left", "right"}) {
+    EXPECT_GT(run["sides"][side]["in_contact_ticks"], 0);
+    EXPECT_GT(std::filesystem::file_size(file("run." + side + ".csv")), 1000u);
+    EXPECT_EQ(run["restarts"][side + ".device"], 0);
+    EXPECT_EQ(run["restarts"][side + ".mofc"], 0);
+    // the recording holds both; what is asked of it is asked of one
+    EXPECT_EQ(run_program("palpate", {"export", file("run.mcap"), "--side", side, "--csv",
+                                      file(side + ".csv")})
+                  .status,
+              0);
+    EXPECT_GT(std::filesystem::file_size(file(side + ".csv")), 1000u);
+  }
+  EXPECT_THAT(run_program("palpate", {"export", file("run.mcap"), "--csv", file("x.csv")}).err,
+              HasSubstr("give --side with one of left,right"));
+  EXPECT_TRUE(std::filesystem::is_empty(run_folder_.path())) << "something is left of the launch";
+}
+
+// Each clamp guards its own hand.
+TEST_F(TwoHands, TheShippedSessionIsPassiveForBoth) {
+  const Outcome launch =
+      run_program("palpate", {"launch", PALPATE_SOURCE_DIR "/deploy/sessions/two_hands.txtpb",
+                              "--seconds", "4", "--json", file("run.json"), "--no-viewer"});
+  ASSERT_EQ(launch.status, 0) << launch.err;
+
+  std::ifstream in(file("run.json"));
+  const json run = json::parse(in);
+  for (const char* side : {"left", "right"}) {
+    EXPECT_EQ(run["sides"][side]["controller"], "mofc guard");
+    EXPECT_GT(run["sides"][side]["in_contact_ticks"], 0);
+    EXPECT_GT(run["sides"][side]["max_force_n"], 0.1);
+    EXPECT_GE(run["sides"][side]["min_true_energy_j"], -1e-6);
+  }
+}
+
+TEST_F(TwoHands, WhenOneDeviceDiesTheOtherIsAnsweredAsBefore) {
+  Program launch("palpate", {"launch", file_, "--no-viewer", "--json", file("run.json")});
+  ASSERT_TRUE(watcher_->until([&] { return both_press(); })) << launch.err();
+  const std::string pid = launch.await_err("event=node_started node=left.device pid=");
+  ASSERT_FALSE(pid.empty());
+  const std::uint64_t left_session = watcher_->rows(kLeft).back().device_session_id;
+  const std::size_t before = watcher_->rows(kRight).size();
+
+  kill(std::stoi(pid), SIGKILL);
+  launch.await_err("event=node_died node=left.device");
+  ASSERT_TRUE(watcher_->until([&] {
+    return watcher_->rows(kLeft).back().device_session_id != left_session && presses(kLeft);
+  }));
+
+  // the right hand goes on: one device, one clamp, answered, no force that was not there before
+  const auto& rows = watcher_->rows(kRight);
+  ASSERT_GT(rows.size(), before + 20);
+  std::size_t answered = 0;
+  for (std::size_t i = before; i < rows.size(); ++i) {
+    EXPECT_EQ(rows[i].device_session_id, rows[before].device_session_id);
+    EXPECT_LT(rows[i].device.force_on_hand_newton.norm(), kForceNewton[kRight] + kStictionNewton);
+    if (rows[i].device.is_answered) ++answered;
+  }
+  EXPECT_GT(2 * answered, rows.size() - before);  // whatever else this machine is doing
+  EXPECT_TRUE(watcher_->until([&] { return presses(kRight); }));
+  EXPECT_EQ(watcher_->mirror(kRight).device_link().sessions, 1u);
+  EXPECT_EQ(watcher_->mirror(kRight).mofc_link().sessions, 1u);
+  launch.send_signal(SIGTERM);
+  EXPECT_EQ(launch.wait(), 0) << launch.err();
+  std::ifstream in(file("run.json"));
+  const json run = json::parse(in);
+  EXPECT_EQ(run["restarts"]["left.device"], 1);
+  EXPECT_EQ(run["restarts"]["right.device"], 0);
+}
+
+TEST_F(TwoHands, AViewerSeesBoth) {
+  Program launch("palpate", {"launch", file_});
+  ASSERT_TRUE(watcher_->until([&] { return both_press(); })) << launch.err();
+  const std::string rest = launch.await_err("event=web url=http://127.0.0.1:");
+  ASSERT_FALSE(rest.empty());
+
+  // a curve of each hand for tools, and the ticks of each for the page
+  WebClient client(static_cast<std::uint16_t>(std::stoi(rest)));
+  ASSERT_TRUE(client.open_web_socket());
+  const std::string advertised = client.await_text(R"("op":"advertise")");
+  for (const json& channel : json::parse(advertised)["channels"]) {
+    const std::string topic = channel["topic"];
+    if (topic.starts_with("/left/") || topic.starts_with("/right/")) {
+      const std::string id = channel["id"].dump();
+      client.send_text(R"({"op":"subscribe","subscriptions":[{"id":)" + id + R"(,"channelId":)" +
+                       id + "}]}");
+      EXPECT_TRUE(client.await_data(static_cast<std::uint8_t>(channel["id"]))) << topic;
+    }
+  }
+  EXPECT_THAT(advertised, AllOf(HasSubstr("/left/telemetry"), HasSubstr("/right/telemetry"),
+                                HasSubstr("/right/device"), HasSubstr("/mesh")));
+
+  launch.send_signal(SIGTERM);
+  EXPECT_EQ(launch.wait(), 0);
+  EXPECT_THAT(launch.out(), AllOf(HasSubstr("\nleft: "), HasSubstr("\nright: "),
+                                  HasSubstr("both, left: none"), HasSubstr("both, right: none")));
+}
+
+TEST_F(TwoHands, ANodeMustBeToldItsSide) {
+  const Outcome unnamed = run_program("device_node", {"--session", file_});
+  EXPECT_EQ(unnamed.status, 2);
+  EXPECT_THAT(unnamed.err, HasSubstr("give --side with one of left, right"));
+  const Outcome unknown = run_program("mofc_node", {"--session", file_, "--side", "up"});
+  EXPECT_EQ(unknown.status, 2);
+  EXPECT_THAT(unknown.err, AllOf(HasSubstr("--side up"), HasSubstr("left, right")));
+  const Outcome lockstep = run_program("palpate", {"loopback", file_});
+  EXPECT_EQ(lockstep.status, 2);
+  EXPECT_THAT(lockstep.err, HasSubstr("give --side with one of left, right"));
+}
+
+// 5 mm at half the depth and 400 N/m, as above; without a machine in between.
+TEST_F(TwoHands, OneSideAloneRunsOnVirtualTime) {
+  const Outcome run = run_program(
+      "palpate", {"loopback", file_, "--side", "right", "--seconds", "2", "--json", "-"});
+  ASSERT_EQ(run.status, 0) << run.err;
+  EXPECT_NEAR(json::parse(run.out)["max_force_n"], kForceNewton[kRight], 0.5);
+}
+
+}  // namespace
+}  // namespace palpate

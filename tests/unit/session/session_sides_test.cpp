@@ -1,0 +1,194 @@
+// Several devices in one session: what a side has of its own, what it shares, and what is told of
+// it.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <set>
+
+#include "tests/unit/session/session_support.h"
+
+namespace palpate {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::EndsWith;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::SizeIs;
+
+// Line 2 on: places are counted below.
+constexpr const char* kTwoHands = R"(name: "hands"
+seed: 7
+device { rate_hz: 500 start_ramp_ms: 20 }
+hand { mass_kg: 0.3 hold { position_m { z: 0.01 } } press { until_s: 1 } press { until_s: 2 } }
+mofc { mode: vector }
+side { name: "left" }
+side {
+  name: "right"
+  device { rate_hz: 2000 }
+  hand { hold { position_m { x: 0.05 } } press { button: 3 until_s: 4 } }
+  mofc { controller: none }
+  realtime { cpu: 1 }
+}
+)";
+
+Session two_hands(const std::vector<std::string>& overrides = {}) {
+  return parse_session(kTwoHands, "x.txtpb", overrides);
+}
+
+TEST(SessionSides, ASideHasWhatItGivesAndSharesTheRest) {
+  const Session session = two_hands();
+
+  ASSERT_THAT(session.sides, SizeIs(2));
+  const Session& left = side_of(session, "left");
+  EXPECT_EQ(left.device.rate_hz, 500.0);
+  EXPECT_EQ(std::get<HoldPath>(left.hand.path).position_m, Vector3(0, 0, 0.01));
+  EXPECT_EQ(left.mofc.controller, ControllerKind::kMofc);
+  EXPECT_EQ(left.realtime.cpu, 0);
+  const Session& right = side_of(session, "right");
+  EXPECT_EQ(right.device.rate_hz, 2000.0);
+  EXPECT_EQ(right.device.start_ramp, std::chrono::milliseconds(20));
+  EXPECT_EQ(right.hand.mass_kg, 0.3);
+  EXPECT_EQ(std::get<HoldPath>(right.hand.path).position_m, Vector3(0.05, 0, 0.01));
+  EXPECT_EQ(right.mofc.controller, ControllerKind::kNone);
+  EXPECT_EQ(right.mofc.mode, MofcMode::kVector);
+  EXPECT_EQ(right.realtime.cpu, 1);
+}
+
+// Half a period of 500 Hz and of 2 kHz.
+TEST(SessionSides, DefaultsFollowFromWhatTheSideHas) {
+  const Session session = two_hands();
+
+  EXPECT_EQ(session.sides[0].device.reply, std::chrono::microseconds(1000));
+  EXPECT_EQ(session.sides[1].device.reply, std::chrono::microseconds(250));
+}
+
+TEST(SessionSides, AListOfASideReplacesTheSharedOne) {
+  const Session session = two_hands();
+
+  EXPECT_THAT(session.sides[0].hand.presses, SizeIs(2));
+  ASSERT_THAT(session.sides[1].hand.presses, SizeIs(1));
+  EXPECT_EQ(session.sides[1].hand.presses[0].button, 3u);
+}
+
+TEST(SessionSides, TheSessionItselfSpeaksForItsFirstSide) {
+  const Session session = two_hands();
+
+  EXPECT_EQ(session.side, "");
+  EXPECT_EQ(session.seed, 7u);
+  EXPECT_EQ(session.device.rate_hz, 500.0);
+  EXPECT_EQ(session.text, session.sides[1].text);
+}
+
+TEST(SessionSides, EachHasItsOwnFilesAndRandomStreams) {
+  const Session session = two_hands();
+
+  const std::string folder = "ipc://" + run_folder("hands").string() + "/";
+  std::set<std::string> endpoints;
+  for (const Session& side : session.sides) {
+    const LinksConfig& links = side.links;
+    EXPECT_EQ(links.exchange, folder + side.side + ".exchange.ipc");
+    EXPECT_EQ(links.physics_telemetry, folder + "physics_telemetry.ipc");
+    endpoints.insert({links.exchange, links.tool_motion, links.interaction, links.device_telemetry,
+                      links.mofc_telemetry, links.hand_target, links.physics_telemetry});
+  }
+  EXPECT_THAT(endpoints, SizeIs(2 * 6 + 1));
+  EXPECT_NE(session.sides[0].seed, session.sides[1].seed);
+}
+
+TEST(SessionSides, ASessionOfOneDeviceHasNone) {
+  const Session session = parse_session("name: \"x\"", "x.txtpb");
+
+  EXPECT_THAT(session.sides, IsEmpty());
+  EXPECT_EQ(sides_of(session).data(), &session);
+  EXPECT_EQ(&side_of(session, ""), &session);
+  EXPECT_THAT(session.links.exchange, EndsWith("/x/exchange.ipc"));
+}
+
+TEST(SessionSides, AnyFieldOfASideCanBeOverridden) {
+  EXPECT_EQ(two_hands({"side[1].device.rate_hz=1000"}).sides[1].device.rate_hz, 1000.0);
+  // what the side gives wins over what is shared
+  const Session session = two_hands({"device.rate_hz=250"});
+  EXPECT_EQ(session.sides[0].device.rate_hz, 250.0);
+  EXPECT_EQ(session.sides[1].device.rate_hz, 2000.0);
+}
+
+TEST(SessionSides, WhichOneIsMeantMustBeSaid) {
+  const Session session = two_hands();
+
+  const auto complaint = [](const Session& of, const char* side) -> std::string {
+    try {
+      static_cast<void>(side_of(of, side));
+    } catch (const SetupError& error) {
+      return error.what();
+    }
+    return {};
+  };
+
+  EXPECT_THAT(complaint(session, ""), EndsWith("give --side with one of left, right"));
+  EXPECT_THAT(complaint(session, "up"), AllOf(HasSubstr("--side up"), HasSubstr("left, right")));
+  EXPECT_THAT(complaint(session.sides[0], "left"), IsEmpty());
+  EXPECT_THAT(complaint(parse_session("name: \"x\"", "x.txtpb"), "left"),
+              HasSubstr("has one device; leave --side out"));
+}
+
+TEST(SessionSides, AProblemStandsWhereItsFieldIsGivenAndIsToldOnce) {
+  EXPECT_THAT(complaints(kTwoHands, {"device.rate_hz=1", "side[1].mofc.fade_ms=-1"}),
+              ElementsAre("x.txtpb: 2 problems",
+                          HasSubstr("--set device.rate_hz=1: device.rate_hz = 1: must be 10"),
+                          HasSubstr("side[1].mofc.fade_ms = -1: must be > 0")));
+  // of the file: line 9, column 12
+  EXPECT_THAT(complaints("name: \"x\"\nside { name: \"a\" }\nside {\n  name: \"b\"\n"
+                         "  device { rate_hz: 1 }\n}\n"),
+              ElementsAre("x.txtpb: 1 problem",
+                          HasSubstr("x.txtpb:5:12: side[1].device.rate_hz = 1: must be")));
+  // shared by both sides, and left out by both
+  EXPECT_THAT(complaints(kTwoHands, {"hand.recorded={}"}), SizeIs(2));
+}
+
+TEST(SessionSides, HaveNamesThatDiffer) {
+  const auto named = [](const std::string& a, const std::string& b) {
+    return complaints("name: \"x\" side { name: \"" + a + "\" } side { name: \"" + b + "\" }");
+  };
+  EXPECT_THAT(named("a", "b-_9"), IsEmpty());
+  EXPECT_THAT(named("a", "a"), ElementsAre("x.txtpb: 1 problem", HasSubstr("another side")));
+  EXPECT_THAT(named("a", ""),
+              ElementsAre("x.txtpb: 1 problem", HasSubstr("side[1].name: required")));
+  EXPECT_THAT(named("a", "b/c").at(1), HasSubstr("must be 1 … 16 letters"));
+  EXPECT_THAT(named("a", std::string(17, 'b')).at(1), HasSubstr("must be 1 … 16 letters"));
+  EXPECT_THAT(named("a", std::string(16, 'b')), IsEmpty());
+}
+
+TEST(SessionSides, AreTwoToFour) {
+  std::string text = "name: \"x\"";
+  for (int count = 1; count <= 5; ++count) {
+    text += " side { name: \"s" + std::to_string(count) + "\" }";
+    if (count == 1 || count == 5) {
+      EXPECT_THAT(complaints(text), ElementsAre("x.txtpb: 1 problem", HasSubstr("2 … 4 sides")));
+    } else {
+      EXPECT_THAT(complaints(text), IsEmpty());
+    }
+  }
+}
+
+TEST(SessionSides, ShareNoEndpointButThatOfPhysicsTelemetry) {
+  EXPECT_THAT(complaints(kTwoHands, {"links.exchange=tcp://127.0.0.1:1"}),
+              ElementsAre("x.txtpb: 1 problem", HasSubstr("is that of another side too")));
+  EXPECT_THAT(
+      complaints(kTwoHands, {"side[0].links.exchange=tcp://127.0.0.1:1",
+                             "side[1].links.tool_motion=tcp://127.0.0.1:1"}),
+      ElementsAre("x.txtpb: 1 problem", HasSubstr("is that of side[0].links.exchange too")));
+  EXPECT_THAT(complaints(kTwoHands, {"links.physics_telemetry=tcp://127.0.0.1:1"}), IsEmpty());
+  EXPECT_THAT(complaints(kTwoHands, {"side[1].links.physics_telemetry=tcp://127.0.0.1:1"}),
+              ElementsAre("x.txtpb: 1 problem", HasSubstr("is one for all sides")));
+}
+
+TEST(SessionSides, NeverWaitForPhysics) {
+  EXPECT_THAT(complaints(kTwoHands, {"device.rate_hz=50", "side[1].device.rate_hz=50",
+                                     "mofc.wait_for_physics_ms=5"}),
+              ElementsAre("x.txtpb: 1 problem", HasSubstr("needs a session without sides")));
+}
+
+}  // namespace
+}  // namespace palpate
