@@ -534,12 +534,11 @@ void measure_steps(const BenchOptions& options, Table& table) {
     const std::uint64_t viewers = is_watched ? 1 : 0;
     add("display of the cloud", is_watched ? "a viewer" : "no viewer: no mesh",
         time_each(options.is_quick ? 500 : 2000, [&](std::size_t i) {
-          const Vector3 x = to_and_fro(touching_m)(i);
+          const PhysicsTick tick{.tool_position_world_m = to_and_fro(touching_m)(i)};
           display.publish({.scene_subscriptions = viewers,
                            .mesh_subscriptions = viewers,
                            .has_mesh_watcher = is_watched},
-                          PhysicsTick{.tool_position_world_m = x},
-                          TimePoint(std::chrono::milliseconds(100 * (i + 1))));
+                          {&tick, 1}, TimePoint(std::chrono::milliseconds(100 * (i + 1))));
         }));
   }
   std::filesystem::remove(file);

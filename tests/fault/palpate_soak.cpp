@@ -94,7 +94,7 @@ class Soak : public testing::Test {
       return first;
     };
     session_ = load_session(kSession, {"name=soak"});
-    feed_ = std::make_unique<viewer::TelemetryFeed>(session_.links, clock_, links_);
+    feed_ = std::make_unique<viewer::TelemetryFeed>(session_, clock_, links_);
     mirror_.on_row = [this](const viewer::TickRow& row) {
       ++rows_;
       lateness_.add(row.device.lateness);
@@ -112,7 +112,7 @@ class Soak : public testing::Test {
   /// Looks on, and at everybody's memory once a second.
   void look_until(TimePoint end) {
     for (TimePoint now = clock_.now(); now < end; now = clock_.now()) {
-      feed_->pump(mirror_, std::min(end, now + 20ms));
+      feed_->pump({&mirror_, 1}, std::min(end, now + 20ms));
       if (now < next_look_) continue;
       next_look_ = now + 1s;
       for (const auto& [name, process] : processes()) lives_[name].look(process, now);

@@ -7,6 +7,7 @@
 #include <bit>
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <string>
 #include <variant>
 #include <vector>
@@ -216,10 +217,11 @@ class Audience {
     device_.publish(lockstep.device_counters());
     mofc_.publish(lockstep.mofc_counters());
     physics_.publish(lockstep.physics_counters());
+    const std::optional<PhysicsTick>& newest = physics_.publisher.newest();
     display_.publish({.scene_subscriptions = physics_out_.subscriptions<SceneState>(),
                       .mesh_subscriptions = physics_out_.subscriptions<MeshFrame>(),
                       .has_mesh_watcher = physics_out_.has_subscriber<MeshFrame>()},
-                     physics_.publisher.newest(), now);
+                     newest ? std::span(&*newest, 1) : std::span<const PhysicsTick>{}, now);
     for (std::size_t i = 0; i < viewers_.size() - 1; ++i) viewers_[i]->read(now);
   }
 
