@@ -13,7 +13,7 @@ root="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
 if [[ ! -f "$root/build/release/build.ninja" ]]; then
   (cd "$root" && cmake --preset release -DPALPATE_BUILD_TESTS=OFF)
 fi
-targets=(palpate device_node mofc_node physics_node viewer_node)
+targets=(palpate device_node mofc_node device_mofc_node physics_node viewer_node)
 if [[ "$(ninja -C "$root/build/release" -n "${targets[@]}")" != *"no work to do"* ]]; then
   cmake --build "$root/build/release" --parallel "$(nproc)" --target "${targets[@]}"
 fi
