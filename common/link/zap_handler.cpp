@@ -48,6 +48,9 @@ const char* explain(Refusal refusal) {
       return "no key: the peer speaks in plain text; give its session the same security { }";
     case Refusal::kNoZmtp:
       return "no ZeroMQ 4 peer: speaks in plain text or something else";
+    case Refusal::kLeft:
+      return "left during the handshake: speaks in plain text (give its session the same "
+             "security { }), or was ended";
     case Refusal::kBadHandshake:
       return "the peer expects another key of this end, or broke the protocol; compare "
              "allowed.keys";
@@ -226,7 +229,7 @@ void ZapHandler::take_events(Monitor& monitor) {
         break;
       case ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL:
         ++monitor.outcomes;
-        if (!monitor.is_server) refusal = Refusal::kOtherUnknown;  // else it went away
+        refusal = monitor.is_server ? Refusal::kLeft : Refusal::kOtherUnknown;
         break;
       case ZMQ_EVENT_MONITOR_STOPPED:
         monitor.has_ended = true;

@@ -27,6 +27,7 @@ enum class Refusal : std::uint8_t {
   kWrongRole,       ///< listed, but not for this link
   kNoKey,           ///< speaks ZeroMQ in plain text
   kNoZmtp,          ///< speaks something else, or an old ZeroMQ
+  kLeft,            ///< went away in the handshake, as plain text does when it is quick
   kBadHandshake,    ///< expects another server key, or breaks the protocol
   kRefusedByOther,  ///< this program's own key, by the binding end
   kOtherUnknown,    ///< the binding end does not have the key expected of it
