@@ -13,6 +13,7 @@
 #include "common/core/check.h"
 #include "common/core/metrics.h"
 #include "common/core/regular_file.h"
+#include "common/runtime/heap_trim.h"
 #include "common/runtime/run_node.h"
 #include "common/runtime/session_file.h"
 #include "deploy/palpate/json_output.h"
@@ -160,7 +161,6 @@ std::string launch_text(const std::vector<Watched>& devices, const LaunchResult&
 }  // namespace
 
 int LaunchCommand::run() const {
-  viewer::keep_memory_small();
   Session session = load_session(session_file, overrides);
   if (is_insecure) allow_plain_tcp(session);
   refuse_shared_file({{"--csv", csv_file}, {"--json", json_file}, {"--record", record.file}});
@@ -201,6 +201,7 @@ int LaunchCommand::run() const {
     };
   }
 
+  HeapTrim heap;
   const LaunchResult result = launch({.session_file = session_file,
                                       .overrides = overrides,
                                       .seconds = seconds,
@@ -214,6 +215,7 @@ int LaunchCommand::run() const {
                                           observed[i].note_extremes(mirrors[i].device_counters());
                                         }
                                         check_recording();
+                                        heap.note(clock.now());
                                       }});
   for (viewer::TelemetryMirror& mirror : mirrors) mirror.flush_rows();
   if (recording) recording->close();
