@@ -56,9 +56,11 @@ class RecordProcesses : public testing::Test {
 };
 
 TEST_F(RecordProcesses, LaunchRecordsWhatItsTableSays) {
-  const auto run = run_program("palpate", {"launch", session_, "--no-realtime", "--seconds", "2",
-                                           "--record", path("run.mcap"), "--csv", path("run.csv")});
+  const auto run = run_program(
+      "palpate", {"launch", session_, "--no-realtime", "--seconds", "2", "--record",
+                  path("run.mcap"), "--csv", path("run.csv"), "--json", path("run.json")});
   ASSERT_EQ(run.status, 0) << run.err;
+  EXPECT_GT(nlohmann::json::parse(text_of(path("run.json")))["mesh_frames"], 0);  // a dent
   ASSERT_EQ(
       run_program("palpate", {"export", path("run.mcap"), "--csv", path("exported.csv")}).status,
       0);
