@@ -12,7 +12,8 @@ namespace {
 
 constexpr Duration kFrameInterval = std::chrono::nanoseconds(1'000'000'000 / 30);
 constexpr std::size_t kVerticesPerFrame = 100'000;  // 1.2 MB: a larger range goes in several
-constexpr double kPatchHalfExtent_m = 0.1;          // of the hand's motion, about an Omni's
+constexpr std::size_t kMovedAtOnce = 12;    // with some dents, what the link surely takes in one go
+constexpr double kPatchHalfExtent_m = 0.1;  // of the hand's motion, about an Omni's
 
 double relaxation_s(const KelvinVoigtMaterial& material) {
   const double k = material.stiffness_newton_per_m;
@@ -127,7 +128,10 @@ void SceneDisplay::publish(const Watchers& watchers, std::span<const PhysicsTick
   build();
   const double elapsed_s = advanced_at_ ? to_seconds(now - *advanced_at_) : 0.0;
   advanced_at_ = now;
-  for (std::size_t i = 0; i < dents_.size(); ++i) {
+  std::size_t moved = 0;  // and not dented
+  const std::size_t first = first_told_;
+  for (std::size_t k = 0; k < dents_.size(); ++k) {
+    const std::size_t i = (first + k) % dents_.size();
     const TissueConfig& tissue = session_.scene.tissues[i];
     // the tool as the tissue has it, which may itself move
     const auto tip_m = [&tissue](const PhysicsTick& tick) {
@@ -140,8 +144,11 @@ void SceneDisplay::publish(const Watchers& watchers, std::span<const PhysicsTick
       for (const PhysicsTick& other : newest.subspan(1)) dent.press(tip_m(other));
       range = is_new_watcher ? dent.take_dented() : dent.take_moved();
     }
-    if (range || is_moving(tissue.motion)) {
-      send(i, range.value_or(VertexRange{}), newest.front(), now);
+    if (range) {
+      send(i, *range, newest.front(), now);
+    } else if (is_moving(tissue.motion) && moved < kMovedAtOnce) {
+      send(i, {}, newest.front(), now);
+      if (++moved == kMovedAtOnce) first_told_ = i + 1;
     }
   }
 }

@@ -2,7 +2,7 @@
 //
 //   out  hop 5  SceneState  physics → viewers  on every subscription
 //   out  hop 5  MeshFrame   physics → viewers  ≤ 30 Hz and tissue, of tissue that gave way or has a
-//                                              motion of its own
+//                                              motion of its own; of many that move some in turn
 //
 // Nobody subscribed: no surface is made, no vertex computed, nothing encoded; that is counted.
 // Thread: the publisher's. The step never waits for it and never sees it.
@@ -58,6 +58,7 @@ class SceneDisplay {
   std::vector<std::optional<DentedSurface>> dents_;  // none: the tissue never gives way
   Watchers served_;
   TimePoint next_frames_at_{};
+  std::size_t first_told_ = 0;            // tissue that has waited longest
   std::optional<TimePoint> advanced_at_;  // none: nobody looked on
   std::uint64_t frames_made_ = 0;
   std::uint64_t frames_skipped_ = 0;

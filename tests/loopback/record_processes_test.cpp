@@ -109,10 +109,12 @@ TEST_F(RecordProcesses, AFullDiskEndsTheRecordingAndNothingElse) {
 
 TEST_F(RecordProcesses, AReplayIsSeenAsItWasRecorded) {
   const std::string file = path("run.mcap");
-  ASSERT_EQ(run_program("palpate", {"loopback", session_, "--seconds", "3", "--no-ideal",
-                                    "--record", file, "--csv", path("run.csv")})
-                .status,
-            0);
+  ASSERT_EQ(
+      run_program("palpate", {"loopback", session_, "--seconds", "3", "--no-ideal", "--record",
+                              file, "--csv", path("run.csv"), "--set",
+                              "scene.tissue[0].motion={amplitude_m {z: 0.001} frequency_hz: 1}"})
+          .status,
+      0);
 
   Program replay("palpate", {"replay", file, "--speed", "2", "--start", "1"});
   Program late("viewer_node", {"--session", session_, "--quiet", "--record", path("seen.mcap")});
@@ -134,6 +136,7 @@ TEST_F(RecordProcesses, AReplayIsSeenAsItWasRecorded) {
   }
   EXPECT_GE(rows.size(), 1900u);  // of 2000; batches sent before all links stood are missed
   EXPECT_GE(info(path("seen.mcap"))["messages"]["/scene_state"], 1);
+  EXPECT_GE(info(path("seen.mcap"))["messages"]["/mesh"], 50);  // moving tissue: 30 a second
 }
 
 TEST_F(RecordProcesses, ALoopBeginsAnewWithNewNodes) {

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <set>
 
 #include "physics_node/ply.h"
 #include "tests/support/sampled_clouds.h"
@@ -291,6 +292,21 @@ TEST_F(MovingTissue, IsDentedWhereItIs) {
   EXPECT_EQ(lowest_top_m(meshes_.messages[2]), 0.0F);
   ASSERT_EQ(up_m.size(), down_m.size());
   for (std::size_t i = 0; i < up_m.size(); ++i) EXPECT_NEAR(down_m[i], up_m[i], 1e-7F);
+}
+
+// 30 move: 12 at a time, so all of them within three times.
+TEST_F(MovingTissue, IsToldOfInTurnWhereThereIsMuch) {
+  session_.scene.tissues.assign(30, session_.scene.tissues[0]);
+  display_.emplace(session_, 77, scenes_, meshes_);
+  watch_mesh();
+  std::set<std::uint32_t> told;
+  for (int i = 0; i < 3; ++i) {
+    meshes_.messages.clear();
+    step(0.04 * i, 0.1);
+    EXPECT_THAT(meshes_.messages, SizeIs(12));
+    for (const MeshFrame& frame : meshes_.messages) told.insert(frame.tissue);
+  }
+  EXPECT_THAT(told, SizeIs(30));
 }
 
 TEST_F(MovingTissue, MovesEvenIfItNeverGivesWay) {
