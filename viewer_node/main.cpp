@@ -4,6 +4,7 @@
 #include "viewer_node/process.h"
 
 int main(int argc, char** argv) {
+  palpate::viewer::keep_memory_small();
   palpate::viewer::ViewerOptions options;
   return palpate::run_node(
       argc, argv,

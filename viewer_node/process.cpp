@@ -1,5 +1,6 @@
 #include "viewer_node/process.h"
 
+#include <malloc.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -83,6 +84,11 @@ class Plot {
 };
 
 }  // namespace
+
+void keep_memory_small() noexcept {
+  constexpr int kLargeBytes = 128 << 10;
+  mallopt(M_MMAP_THRESHOLD, kLargeBytes);
+}
 
 TelemetryFeed::TelemetryFeed(const Session& session, const Clock& clock, ProcessLinks& links)
     : subscriber_(links.side, clock, telemetry_of(session)) {

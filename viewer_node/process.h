@@ -24,6 +24,11 @@ struct ViewerOptions {
   WebOptions web{};
 };
 
+/// Large buffers go back to the system as soon as they are free, whatever the allocator has seen
+/// before: scenes that come again and again otherwise cut its heap into pieces. At the start of a
+/// program that looks on; the nodes of the tick allocate at start only.
+void keep_memory_small() noexcept;
+
 /// Subscribes to the nodes of the session, of all its sides.
 class TelemetryFeed {
  public:

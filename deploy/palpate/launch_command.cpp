@@ -162,6 +162,7 @@ std::string launch_text(const std::vector<Watched>& devices, const LaunchResult&
 }  // namespace
 
 int LaunchCommand::run() const {
+  viewer::keep_memory_small();
   Session session = load_session(session_file, overrides);
   if (is_insecure) allow_plain_tcp(session);
   refuse_shared_file({{"--csv", csv_file}, {"--json", json_file}, {"--record", record.file}});

@@ -14,28 +14,18 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr const char* kHand =
-    "t,x,y,z\n0,0,0,0.004\n0.3,0,0,0.004\n0.6,0,0,-0.0075\n1.8,0,0,-0.0075\n2.1,0,0,0.004\n";
-
 std::string session_text(const std::string& name) {
-  return "name: \"" + name + R"("
-hand { stiffness_newton_per_m: 400 recorded { file: "hand.csv" loop: true } }
+  return std::string(kPressingHand) + "name: \"" + name + R"("
 mofc { mode: guard }
-scene { tissue { half_space {} kelvin_voigt { stiffness_newton_per_m: 200 } } }
 viewer { web { port: 0 } }
 )";
 }
 
 }  // namespace
 
-bool is_fresh(const viewer::TickRow& row) {
-  return row.device.is_answered && row.mofc &&
-         (row.mofc->state == MofcState::kContact || row.mofc->state == MofcState::kFree);
-}
-
 PressingSession::PressingSession(const std::string& name,
                                  const std::vector<std::string>& arguments) {
-  files_.write("hand.csv", kHand);
+  files_.write("hand.csv", kPressingPath);
   file_ = files_.write(name + ".txtpb", session_text(name));
   session_ = load_session(file_);
   watcher_.emplace(session_, links_);
@@ -45,21 +35,8 @@ PressingSession::PressingSession(const std::string& name,
 }
 
 bool PressingSession::until_pressing() {
-  // 80 % of the force reached; in from 1 mm above the tissue within 0.6 s, so that it is not yet on
-  // its way out
-  const auto presses = [&] {
-    if (rows().empty() || !is_fresh(rows().back()) ||
-        rows().back().mofc->state != MofcState::kContact ||
-        newton(rows().back()) < 0.8 * kPressNewton) {
-      return false;
-    }
-    const auto above = std::find_if(rows().rbegin(), rows().rend(), [](const viewer::TickRow& row) {
-      return row.device.true_tool_position_world_m.z() > 1e-3;
-    });
-    return above != rows().rend() &&
-           rows().back().device.sampled_at - above->device.sampled_at < 600ms;
-  };
-  return watcher_->until(presses) && watcher_->until_rows(100);  // its target rests by then
+  return watcher_->until([this] { return presses(rows()); }) &&
+         watcher_->until_rows(100);  // its target rests by then
 }
 
 pid_t PressingSession::node(const std::string& name, int count) {
