@@ -61,6 +61,7 @@ FaultReason DeviceNode::exchange(DeviceTick& record) noexcept {
   const DeviceState state = make_state(sample, record.sequence);
   record.measured_hand_position_m = state.hand_position_m;
   record.measured_tool_position_world_m = state.tool_position_world_m;
+  record.measured_tool_orientation_world = state.tool_orientation_world;
   record.is_clutched = state.is_clutched;
   note_true_state(record);
 
@@ -103,6 +104,7 @@ void DeviceNode::look_on(DeviceTick& record) noexcept {
   record.guard = GuardState::kFault;
   record.measured_hand_position_m = last_position_m_;
   record.measured_tool_position_world_m = workspace_.tool_position_world_m(last_position_m_);
+  record.measured_tool_orientation_world = last_orientation_;
   record.is_clutched = workspace_.is_clutched();
   note_true_state(record);
 }
@@ -116,6 +118,7 @@ FaultReason DeviceNode::judge(const DeviceSample& sample) noexcept {
       config_.v_fault_m_per_s * to_seconds(sample.sampled_at - last_reading_at_) + rounding_m_;
   const bool is_jump = has_reading_ && moved_m > possible_m;
   last_position_m_ = sample.hand_position_m;
+  last_orientation_ = sample.orientation;
   last_reading_at_ = sample.sampled_at;
   has_reading_ = true;
   return is_jump ? FaultReason::kPositionJumped : FaultReason::kNone;
@@ -208,6 +211,7 @@ void DeviceNode::latch(FaultReason reason, DeviceTick& record) noexcept {
   record.guard = GuardState::kFault;
   record.measured_hand_position_m = last_position_m_;
   record.measured_tool_position_world_m = workspace_.tool_position_world_m(last_position_m_);
+  record.measured_tool_orientation_world = last_orientation_;
   note_true_state(record);
 }
 

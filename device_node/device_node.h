@@ -82,6 +82,7 @@ class DeviceNode {
   std::uint64_t next_index_ = 0;
   FaultReason fault_ = FaultReason::kNone;
   Vector3 last_position_m_ = Vector3::Zero();  // of the last finite reading
+  Quaternion last_orientation_ = Quaternion::Identity();
   TimePoint last_reading_at_{};
   bool has_reading_ = false;  // since the start or the last reset
   DeviceCounters counters_;

@@ -97,7 +97,10 @@ void run_process(NodeContext& context, ProcessLinks& links) {
   RefusedPeersLog refused_peers(context.log, links.side.refused());
   HeapTrim heap;
   std::list<Tool> tools;
-  for (const Session& side : sides) tools.emplace_back(side, scene, context, links, telemetry);
+  for (const Session& side : sides) {
+    Tool& tool = tools.emplace_back(side, scene, context, links, telemetry);
+    tool.publisher.add_counts = [&](PhysicsCounters& counts) { display.count_into(counts); };
+  }
   auto& publisher = tools.front().publisher;
   std::vector<PhysicsTick> newest;
   publisher.on_pump = [&](TimePoint now) {

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <optional>
 #include <set>
 #include <utility>
@@ -11,6 +10,7 @@
 #include "common/core/contact_model.h"
 #include "physics_node/geometry.h"
 #include "physics_node/material.h"
+#include "physics_node/tissue_motion.h"
 
 namespace palpate::physics {
 namespace {
@@ -79,13 +79,10 @@ Scene::Scene(const SceneConfig& config, double reach_m)
   std::set<const Surface*> surfaces;
   for (const TissueConfig& tissue : config.tissues) {
     const auto index = static_cast<std::uint32_t>(tissues_.size());
-    const bool is_moving =
-        tissue.motion.frequency_hz > 0.0 && !tissue.motion.amplitude_m.isZero(0.0);
     const bool is_relaxing = law_of(tissue.material).relaxing_stiffness_newton_per_m > 0.0;
     tissues_.push_back({.shape = to_shape(tissue.geometry),
                         .material = tissue.material,
                         .motion = tissue.motion,
-                        .is_moving = is_moving,
                         .relaxing = is_relaxing ? relaxing_.size() : kNone});
     if (is_relaxing) relaxing_.push_back(index);
     const Shape& shape = tissues_.back().shape;
@@ -99,7 +96,7 @@ Scene::Scene(const SceneConfig& config, double reach_m)
     Vector3 margin_m =
         Vector3::Constant(std::max(clearance_m(tip_radius_m_) + reach_m_,
                                    shaft_length_m_ > 0.0 ? clearance_m(shaft_radius_m_) : 0.0));
-    if (is_moving) margin_m += tissue.motion.amplitude_m.cwiseAbs();
+    if (is_moving(tissue.motion)) margin_m += tissue.motion.amplitude_m.cwiseAbs();
     items.push_back({{bounds->lowest_m - margin_m, bounds->highest_m + margin_m}, index});
   }
   bounded_ = BroadPhase(std::move(items));
@@ -113,14 +110,6 @@ TissueMemory Scene::new_memory() const {
   memory.relaxing_.resize(relaxing_.size());
   memory.awake_.reserve(relaxing_.size());
   return memory;
-}
-
-Scene::Displacement Scene::displacement(const Tissue& tissue, double time_s) noexcept {
-  if (!tissue.is_moving) return {};
-  const double omega = 2.0 * std::numbers::pi * tissue.motion.frequency_hz;
-  const double angle = omega * time_s + tissue.motion.phase_rad;
-  return {std::sin(angle) * tissue.motion.amplitude_m,
-          omega * std::cos(angle) * tissue.motion.amplitude_m};
 }
 
 // --- which tissues, and what they see of the tool -----------------------------------------------
@@ -234,8 +223,8 @@ void Scene::follow(std::uint32_t index, const Pose& now, const TissueMemory& mem
   const Shape& shape = tissue.shape;
   const Pose& last = memory.has_pose_ ? memory.pose_ : now;
   const double dt_s = std::max(0.0, now.time_s - last.time_s);
-  const Vector3 tip_m = now.tip_m - displacement(tissue, now.time_s).position_m;
-  const Vector3 last_tip_m = last.tip_m - displacement(tissue, last.time_s).position_m;
+  const Vector3 tip_m = now.tip_m - displacement(tissue.motion, now.time_s).position_m;
+  const Vector3 last_tip_m = last.tip_m - displacement(tissue.motion, last.time_s).position_m;
   const Vector3 moved_m = tip_m - last_tip_m;
 
   const auto start = [&](bool is_shaft) {
@@ -441,7 +430,7 @@ void Scene::add(const Touch& touch, const TissueMemory& memory,
   Contact contact = contact_of(touch, memory);
   contact.tissue = touch.tissue;
   contact.surface_velocity_world_m_per_s =
-      displacement(tissues_[touch.tissue], time_s).velocity_m_per_s;
+      displacement(tissues_[touch.tissue].motion, time_s).velocity_m_per_s;
   if (contact.penetration_m > 0.0) {
     const ModelForce force =
         palpate::evaluate(contact, Vector3::Zero(), tip_velocity_world_m_per_s, 0.0);

@@ -127,14 +127,8 @@ class Scene {
     Shape shape;
     Material material;
     TissueMotionConfig motion;
-    bool is_moving = false;
     std::size_t relaxing = kNone;  // place in TissueMemory
   };
-  struct Displacement {
-    Vector3 position_m = Vector3::Zero();
-    Vector3 velocity_m_per_s = Vector3::Zero();
-  };
-  [[nodiscard]] static Displacement displacement(const Tissue& tissue, double time_s) noexcept;
   [[nodiscard]] double relaxed_m(const Touch& touch, const TissueMemory& memory) const noexcept;
   [[nodiscard]] double radius_m(const Touch& touch) const noexcept {
     return touch.is_shaft ? shaft_radius_m_ : tip_radius_m_;

@@ -5,19 +5,26 @@
 #include <variant>
 
 #include "physics_node/display_mesh.h"
+#include "physics_node/tissue_motion.h"
 
 namespace palpate::physics {
 namespace {
 
 constexpr Duration kFrameInterval = std::chrono::nanoseconds(1'000'000'000 / 30);
 constexpr std::size_t kVerticesPerFrame = 100'000;  // 1.2 MB: a larger range goes in several
-constexpr double kPatchHalfExtent_m = 0.1;          // of the hand's motion, about an Omni's
+constexpr std::size_t kMovedAtOnce = 12;    // with some dents, what the link surely takes in one go
+constexpr double kPatchHalfExtent_m = 0.1;  // of the hand's motion, about an Omni's
 
 double relaxation_s(const KelvinVoigtMaterial& material) {
   const double k = material.stiffness_newton_per_m;
   const double b = material.damping_newton_s_per_m;
   if (b == 0.0) return 0.0;
   return k > 0.0 ? b / k : std::numeric_limits<double>::infinity();
+}
+
+/// Of the whole tissue, when the tool was there.
+Vector3 displacement_m(const TissueConfig& tissue, const PhysicsTick& tick) {
+  return displacement(tissue.motion, to_seconds(tick.stepped_at.time_since_epoch())).position_m;
 }
 
 /// About where the tools can be.
@@ -59,6 +66,8 @@ void SceneDisplay::build() {
   scene_.physics_rate_hz = session_.physics.rate_hz;
   scene_.peak_force_newton = session_.device.peak_force_newton;
   scene_.tip_radius_m = session_.scene.tip_radius_m;
+  scene_.shaft_length_m = session_.scene.shaft_length_m;
+  scene_.shaft_radius_m = session_.scene.shaft_radius_m;
   scene_.workspace_scale_ratio = workspace.scale_ratio;
   scene_.pointer = session_.hand.pointer;
 
@@ -103,48 +112,77 @@ void SceneDisplay::publish(const Watchers& watchers, std::span<const PhysicsTick
   }
   served_.scene_subscriptions = watchers.scene_subscriptions;
 
-  // nobody looks on: what they would have seen is forgotten
   if (!watchers.has_mesh_watcher) {
-    if (advanced_at_) {
-      for (auto& dent : dents_) {
-        if (dent) dent->reset();
-      }
-    }
-    advanced_at_.reset();
+    forget();
     served_.mesh_subscriptions = watchers.mesh_subscriptions;
-    return;
   }
   const bool is_new_watcher = watchers.mesh_subscriptions > served_.mesh_subscriptions;
   if (newest.empty() || (now < next_frames_at_ && !is_new_watcher)) return;
   next_frames_at_ = std::max(next_frames_at_ + kFrameInterval, now);
+  if (!watchers.has_mesh_watcher) {
+    ++frames_skipped_;
+    return;
+  }
   served_.mesh_subscriptions = watchers.mesh_subscriptions;
 
   build();
   const double elapsed_s = advanced_at_ ? to_seconds(now - *advanced_at_) : 0.0;
   advanced_at_ = now;
-  for (std::size_t i = 0; i < dents_.size(); ++i) {
-    if (!dents_[i]) continue;
-    DentedSurface& dent = *dents_[i];
-    dent.advance(newest.front().tool_position_world_m, elapsed_s);
-    for (const PhysicsTick& other : newest.subspan(1)) dent.press(other.tool_position_world_m);
-    const auto range = is_new_watcher ? dent.take_dented() : dent.take_moved();
-    if (range) send(i, *range, newest.front().device_sequence, now);
+  std::size_t moved = 0;  // and not dented
+  const std::size_t first = first_told_;
+  for (std::size_t k = 0; k < dents_.size(); ++k) {
+    const std::size_t i = (first + k) % dents_.size();
+    const TissueConfig& tissue = session_.scene.tissues[i];
+    // the tool as the tissue has it, which may itself move
+    const auto tip_m = [&tissue](const PhysicsTick& tick) {
+      return Vector3(tick.tool_position_world_m - displacement_m(tissue, tick));
+    };
+    std::optional<VertexRange> range;
+    if (dents_[i]) {
+      DentedSurface& dent = *dents_[i];
+      dent.advance(tip_m(newest.front()), elapsed_s);
+      for (const PhysicsTick& other : newest.subspan(1)) dent.press(tip_m(other));
+      range = is_new_watcher ? dent.take_dented() : dent.take_moved();
+    }
+    if (range) {
+      send(i, *range, newest.front(), now);
+    } else if (is_moving(tissue.motion) && moved < kMovedAtOnce) {
+      send(i, {}, newest.front(), now);
+      if (++moved == kMovedAtOnce) first_told_ = i + 1;
+    }
   }
 }
 
-void SceneDisplay::send(std::size_t tissue, const VertexRange& range, std::uint64_t device_sequence,
+/// What those who looked on have seen: nobody does any more.
+void SceneDisplay::forget() {
+  if (!advanced_at_) return;
+  advanced_at_.reset();
+  for (auto& dent : dents_) {
+    if (dent) dent->reset();
+  }
+}
+
+void SceneDisplay::send(std::size_t tissue, const VertexRange& range, const PhysicsTick& tick,
                         TimePoint now) {
   frame_.tissue = static_cast<std::uint32_t>(tissue);
-  frame_.device_sequence = device_sequence;
+  frame_.device_sequence = tick.device_sequence;
+  frame_.displacement_world_m = displacement_m(session_.scene.tissues[tissue], tick);
   frame_.header.sampled_at = now;
-  for (std::size_t first = range.first; first < range.first + range.count;
-       first += kVerticesPerFrame) {
-    const std::size_t count = std::min(kVerticesPerFrame, range.first + range.count - first);
-    frame_.first_vertex = static_cast<std::uint32_t>(first);
-    frame_.vertices_m = dents_[tissue]->vertices_m({first, count});
+  std::size_t left = range.count;
+  do {
+    const VertexRange part{range.first + range.count - left, std::min(kVerticesPerFrame, left)};
+    frame_.first_vertex = static_cast<std::uint32_t>(part.first);
+    frame_.vertices_m = part.count > 0 ? dents_[tissue]->vertices_m(part) : std::vector<float>{};
     mesh_out_.send(frame_);
     ++frame_.header.sequence;
-  }
+    ++frames_made_;
+    left -= part.count;
+  } while (left > 0);
+}
+
+void SceneDisplay::count_into(PhysicsCounters& counters) const {
+  counters.mesh_frames = frames_made_;
+  counters.meshes_skipped = frames_skipped_;
 }
 
 }  // namespace palpate::physics

@@ -1,9 +1,10 @@
 // scene_display.h — what viewers are told of the scene: once whole, then what moves.
 //
 //   out  hop 5  SceneState  physics → viewers  on every subscription
-//   out  hop 5  MeshFrame   physics → viewers  ≤ 30 Hz and tissue, of tissue that moved
+//   out  hop 5  MeshFrame   physics → viewers  ≤ 30 Hz and tissue, of tissue that gave way or has a
+//                                              motion of its own; of many that move some in turn
 //
-// Nobody subscribed: no surface is made, no vertex computed, nothing encoded.
+// Nobody subscribed: no surface is made, no vertex computed, nothing encoded; that is counted.
 // Thread: the publisher's. The step never waits for it and never sees it.
 #pragma once
 
@@ -40,10 +41,13 @@ class SceneDisplay {
   /// @param newest  physics step of each tool; none before its first motion
   void publish(const Watchers& watchers, std::span<const PhysicsTick> newest, TimePoint now);
 
+  /// Sets the counters of what was made for viewers and what was not.
+  void count_into(PhysicsCounters& counters) const;
+
  private:
   void build();
-  void send(std::size_t tissue, const VertexRange& range, std::uint64_t device_sequence,
-            TimePoint now);
+  void forget();
+  void send(std::size_t tissue, const VertexRange& range, const PhysicsTick& tick, TimePoint now);
 
   const Session& session_;
   std::vector<Shape> shapes_;  // of the tissues
@@ -54,7 +58,10 @@ class SceneDisplay {
   std::vector<std::optional<DentedSurface>> dents_;  // none: the tissue never gives way
   Watchers served_;
   TimePoint next_frames_at_{};
+  std::size_t first_told_ = 0;            // tissue that has waited longest
   std::optional<TimePoint> advanced_at_;  // none: nobody looked on
+  std::uint64_t frames_made_ = 0;
+  std::uint64_t frames_skipped_ = 0;
 };
 
 }  // namespace palpate::physics

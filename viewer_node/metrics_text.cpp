@@ -110,6 +110,9 @@ void add_physics(std::string& page, const PhysicsCounters& c) {
           {{"", c.octree_cells_visited}});
   counter(page, "physics_interactions_suppressed", "Interactions within the deadband, not sent.",
           {{"", c.interactions_suppressed}});
+  counter(page, "physics_mesh_frames", "Frames of tissue made for viewers.", {{"", c.mesh_frames}});
+  counter(page, "physics_meshes_skipped", "Times that frames were due and nobody looked on.",
+          {{"", c.meshes_skipped}});
   Metric(page, "gauge", "physics_worst_compute_time_seconds", "Longest step since the start.")
       .value("", to_seconds(c.worst_compute_time));
 }

@@ -24,13 +24,14 @@ bool SceneMirror::take(const MeshFrame& frame) {
                          [&](const Moved& m) { return m.tissue == frame.tissue; });
   if (it == moved_.end()) {
     it = moved_.insert(it, {.tissue = frame.tissue, .newest = {}});
-    it->newest.vertices_m = rest_m;
   }
   MeshFrame& newest = it->newest;
+  if (newest.vertices_m.empty() && !frame.vertices_m.empty()) newest.vertices_m = rest_m;
   newest.header = frame.header;
   newest.scene_revision = frame.scene_revision;
   newest.tissue = frame.tissue;
   newest.device_sequence = frame.device_sequence;
+  newest.displacement_world_m = frame.displacement_world_m;
   std::copy(frame.vertices_m.begin(), frame.vertices_m.end(),
             newest.vertices_m.begin() + static_cast<std::ptrdiff_t>(first));
   return true;
@@ -48,9 +49,16 @@ std::vector<MeshFrame> SceneMirror::whole_frames() const {
   return frames;
 }
 
-const std::vector<float>& SceneMirror::vertices_m(std::size_t tissue) const {
+std::vector<float> SceneMirror::vertices_m(std::size_t tissue) const {
+  const std::vector<float>& rest_m = scene_->tissues[tissue].mesh.vertices_m;
   const Moved* m = moved(tissue);
-  return m != nullptr ? m->newest.vertices_m : scene_->tissues[tissue].mesh.vertices_m;
+  if (m == nullptr) return rest_m;
+  std::vector<float> vertices_m = m->newest.vertices_m.empty() ? rest_m : m->newest.vertices_m;
+  const Eigen::Vector3f displacement_m = m->newest.displacement_world_m.cast<float>();
+  for (std::size_t i = 0; i < vertices_m.size(); ++i) {
+    vertices_m[i] += displacement_m[static_cast<Eigen::Index>(i % 3)];
+  }
+  return vertices_m;
 }
 
 }  // namespace palpate::viewer

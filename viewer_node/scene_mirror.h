@@ -19,10 +19,11 @@ class SceneMirror {
 
   /// None before the first.
   [[nodiscard]] const std::optional<SceneState>& scene() const { return scene_; }
-  /// One frame for each tissue that ever moved, with all its vertices as they are now.
+  /// One frame for each tissue that ever moved: with all its vertices as they are now, if it gave
+  /// way.
   [[nodiscard]] std::vector<MeshFrame> whole_frames() const;
-  /// Vertices of a tissue as they are now; W: x,y,z,…
-  [[nodiscard]] const std::vector<float>& vertices_m(std::size_t tissue) const;
+  /// Vertices of a tissue where they are now; W: x,y,z,…
+  [[nodiscard]] std::vector<float> vertices_m(std::size_t tissue) const;
 
   /// Everything is at rest: from now on no frame comes, or all will come anew.
   void forget_motion() { moved_.clear(); }
@@ -30,7 +31,7 @@ class SceneMirror {
  private:
   struct Moved {
     std::size_t tissue = 0;
-    MeshFrame newest;  // whole
+    MeshFrame newest;  // whole, or without vertices
   };
   [[nodiscard]] const Moved* moved(std::size_t tissue) const;
 

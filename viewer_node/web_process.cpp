@@ -419,9 +419,9 @@ void WebFeed::tell_tools(TimePoint now) {
   next_tools_ = now + kToolInterval;
   if (has_new_vertices_ && scene_.scene() && server_.is_watched(kPoints)) {
     has_new_vertices_ = false;
-    std::vector<std::span<const float>> parts;
+    std::vector<std::vector<float>> parts;
     for (std::size_t i = 0; i < scene_.scene()->tissues.size(); ++i) {
-      parts.emplace_back(scene_.vertices_m(i));
+      parts.push_back(scene_.vertices_m(i));
     }
     server_.publish(kPoints, at_ns, shared(encode_point_cloud(at_ns, parts)));
   }
@@ -457,13 +457,11 @@ void WebFeed::tell_tools(std::size_t side, std::uint64_t at_ns, bool is_telemetr
     const Vector3 asked_newton = whole != ticks.rend()
                                      ? whole->second.mofc->asked_force_on_hand_newton
                                      : Vector3(Vector3::Zero());
-    const double tip_radius_m = scene_.scene() ? scene_.scene()->tip_radius_m : 0.0;
-    server_.publish(tool, at_ns,
-                    shared(encode_tool(at_ns, device.measured_tool_position_world_m, tip_radius_m,
-                                       asked_newton, device.force_on_hand_newton)));
+    const SceneState unknown;
+    const SceneState& scene = scene_.scene() ? *scene_.scene() : unknown;
+    server_.publish(tool, at_ns, shared(encode_tool(at_ns, device, scene, asked_newton)));
     const std::string frame = with_side(sides_of(context_.session)[side].side, "tool");
-    server_.publish(transforms, at_ns,
-                    shared(encode_transforms(at_ns, frame, device.measured_tool_position_world_m)));
+    server_.publish(transforms, at_ns, shared(encode_transforms(at_ns, frame, device)));
   }
 }
 

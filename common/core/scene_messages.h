@@ -33,7 +33,7 @@ struct SurfaceMesh {
   [[nodiscard]] std::size_t vertex_count() const { return vertices_m.size() / 3; }
 };
 
-/// One tissue, at rest.
+/// One tissue, at rest: not dented, and in the middle of a motion of its own.
 struct TissueSurface {
   std::string name;
   TissueShape shape = TissueShape::kUnknown;
@@ -54,19 +54,22 @@ struct SceneState {
   double physics_rate_hz = 0.0;
   double peak_force_newton = 0.0;  ///< limit of |force on the hand|
   double tip_radius_m = 0.0;
+  double shaft_length_m = 0.0;  ///< from the tip's centre along T's +z; 0: only a tip
+  double shaft_radius_m = 0.0;
   double workspace_scale_ratio = 1.0;  ///< displacement of the tool / of the hand
   std::vector<TissueSurface> tissues;
   std::optional<PointerConfig> pointer;  ///< none: no HandTarget is accepted
 };
 
-/// Hop 5: vertices of one tissue that moved.
+/// Hop 5: vertices of one tissue that gave way, and where the tissue is as a whole.
 struct MeshFrame {
   Header header;  ///< physics_node's
   std::uint64_t scene_revision = 0;
-  std::uint32_t tissue = 0;           ///< index in SceneState::tissues
-  std::uint32_t first_vertex = 0;     ///< the range begins here; what is outside stands still
-  std::vector<float> vertices_m;      ///< W, displaced
-  std::uint64_t device_sequence = 0;  ///< of the DeviceState whose tool did it
+  std::uint32_t tissue = 0;        ///< index in SceneState::tissues
+  std::uint32_t first_vertex = 0;  ///< the range begins here; what is outside stands still
+  std::vector<float> vertices_m;   ///< W, deformed, of the tissue where SceneState has it
+  Vector3 displacement_world_m = Vector3::Zero();  ///< of the whole tissue from there
+  std::uint64_t device_sequence = 0;               ///< of the DeviceState whose tool did it
 };
 
 /// Hop 6: where the simulated hand should mean to be.

@@ -54,6 +54,7 @@ struct DeviceTick {
   Duration reply_time{};       ///< from sending to the answer; meaningless unless answered
   Vector3 measured_hand_position_m = Vector3::Zero();  ///< D; the last one that was finite
   Vector3 measured_tool_position_world_m = Vector3::Zero();
+  Quaternion measured_tool_orientation_world = Quaternion::Identity();  ///< W from T; likewise
   Vector3 force_on_hand_newton = Vector3::Zero();  ///< D, acting from switched_at on
   GuardState guard = GuardState::kLimp;
   bool is_answered = false;      ///< in this tick, in time
@@ -146,6 +147,8 @@ struct PhysicsCounters {
   std::uint64_t tissues_asleep = 0;   ///< that relax, at rest: not advanced, summed over steps
   std::uint64_t surfaces_shared = 0;  ///< tissues whose file an earlier tissue had loaded already
   std::uint64_t interactions_suppressed = 0;  ///< not sent: within physics.interaction_deadband
+  std::uint64_t mesh_frames = 0;              ///< made for viewers; of all tools
+  std::uint64_t meshes_skipped = 0;           ///< due, 30 a second, and not made: nobody looked on
   Duration worst_compute_time{};
 };
 

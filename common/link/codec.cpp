@@ -495,6 +495,8 @@ void put(const PhysicsCounters& c, v1::PhysicsCounters& to) {
   to.set_tissues_asleep(c.tissues_asleep);
   to.set_surfaces_shared(c.surfaces_shared);
   to.set_interactions_suppressed(c.interactions_suppressed);
+  to.set_mesh_frames(c.mesh_frames);
+  to.set_meshes_skipped(c.meshes_skipped);
   to.set_worst_compute_time_ns(c.worst_compute_time.count());
 }
 void check(const v1::PhysicsCounters& c, Verdict& verdict) {
@@ -514,6 +516,8 @@ PhysicsCounters counters(const v1::PhysicsCounters& c) {
           .tissues_asleep = c.tissues_asleep(),
           .surfaces_shared = c.surfaces_shared(),
           .interactions_suppressed = c.interactions_suppressed(),
+          .mesh_frames = c.mesh_frames(),
+          .meshes_skipped = c.meshes_skipped(),
           .worst_compute_time = Duration(c.worst_compute_time_ns())};
 }
 
@@ -529,6 +533,13 @@ void append(const Vector3& v, Doubles& column) {
 }
 Vector3 vector(const Doubles& column, int i) {
   return {column[3 * i], column[3 * i + 1], column[3 * i + 2]};
+}
+
+void append(const Quaternion& q, Doubles& column) {
+  for (const double x : {q.w(), q.x(), q.y(), q.z()}) column.Add(x);
+}
+Quaternion quaternion(const Doubles& column, int i) {
+  return {column[4 * i], column[4 * i + 1], column[4 * i + 2], column[4 * i + 3]};
 }
 
 /// `rows` entries, `per_row` each.
@@ -551,7 +562,12 @@ void check_times(const Times& column, int rows, Verdict& verdict) {
 
 enum DeviceFlags : std::uint32_t { kAnswered = 1, kPeakLimited = 2, kClutched = 4 };
 
+bool is_turned(const DeviceTick& r) {
+  return r.measured_tool_orientation_world.coeffs() != Quaternion::Identity().coeffs();
+}
+
 void fill_records(const std::vector<DeviceTick>& records, v1::DeviceTelemetry& wire) {
+  const bool has_orientations = std::any_of(records.begin(), records.end(), is_turned);
   for (const DeviceTick& r : records) {
     wire.add_sequence(r.sequence);
     wire.add_sampled_at_ns(ns(r.sampled_at));
@@ -568,6 +584,9 @@ void fill_records(const std::vector<DeviceTick>& records, v1::DeviceTelemetry& w
     append(r.true_tool_velocity_world_m_per_s, *wire.mutable_true_tool_velocity_world_m_per_s());
     wire.add_true_energy_joule(r.true_energy_joule);
     wire.add_minimum_true_energy_joule(r.minimum_true_energy_joule);
+    if (has_orientations) {
+      append(r.measured_tool_orientation_world, *wire.mutable_measured_tool_orientation_world());
+    }
   }
 }
 void check_records(const v1::DeviceTelemetry& wire, Verdict& verdict) {
@@ -588,6 +607,8 @@ void check_records(const v1::DeviceTelemetry& wire, Verdict& verdict) {
   check_finite_or_nan(wire.true_tool_velocity_world_m_per_s(), rows, 3, verdict);
   check_finite_or_nan(wire.true_energy_joule(), rows, 1, verdict);
   check_finite_or_nan(wire.minimum_true_energy_joule(), rows, 1, verdict);
+  const Doubles& orientations = wire.measured_tool_orientation_world();
+  check_finite(orientations, orientations.empty() ? 0 : rows, 4, verdict);
 }
 void read_record(const v1::DeviceTelemetry& wire, int i, DeviceTick& r) {
   r.sequence = wire.sequence(i);
@@ -597,6 +618,9 @@ void read_record(const v1::DeviceTelemetry& wire, int i, DeviceTick& r) {
   r.reply_time = Duration(wire.reply_time_ns(i));
   r.measured_hand_position_m = vector(wire.measured_hand_position_m(), i);
   r.measured_tool_position_world_m = vector(wire.measured_tool_position_world_m(), i);
+  r.measured_tool_orientation_world = wire.measured_tool_orientation_world().empty()
+                                          ? Quaternion::Identity()
+                                          : quaternion(wire.measured_tool_orientation_world(), i);
   r.force_on_hand_newton = vector(wire.force_on_hand_newton(), i);
   r.guard = static_cast<GuardState>(wire.guard(i));
   r.is_answered = (wire.flags(i) & kAnswered) != 0;
@@ -806,6 +830,8 @@ void fill(const SceneState& m, v1::SceneState& wire) {
   wire.set_physics_rate_hz(m.physics_rate_hz);
   wire.set_peak_force_newton(m.peak_force_newton);
   wire.set_tip_radius_m(m.tip_radius_m);
+  wire.set_shaft_length_m(m.shaft_length_m);
+  wire.set_shaft_radius_m(m.shaft_radius_m);
   wire.set_workspace_scale_ratio(m.workspace_scale_ratio);
   for (const TissueSurface& surface : m.tissues) put(surface, *wire.add_tissues());
   if (m.pointer) {
@@ -827,7 +853,10 @@ void check(const v1::SceneState& wire, Verdict& verdict) {
   positive(wire.device_rate_hz());
   positive(wire.physics_rate_hz());
   positive(wire.peak_force_newton());
-  verdict.number(wire.tip_radius_m(), 0.0, kMaxPositionM);
+  for (const double length_m :
+       {wire.tip_radius_m(), wire.shaft_length_m(), wire.shaft_radius_m()}) {
+    verdict.number(length_m, 0.0, kMaxPositionM);
+  }
   positive(wire.workspace_scale_ratio());
   for (const v1::TissueSurface& surface : wire.tissues()) check(surface, verdict);
   if (wire.has_pointer()) {
@@ -849,6 +878,8 @@ void read(const v1::SceneState& wire, SceneState& m) {
   m.physics_rate_hz = wire.physics_rate_hz();
   m.peak_force_newton = wire.peak_force_newton();
   m.tip_radius_m = wire.tip_radius_m();
+  m.shaft_length_m = wire.shaft_length_m();
+  m.shaft_radius_m = wire.shaft_radius_m();
   m.workspace_scale_ratio = wire.workspace_scale_ratio();
   m.tissues.resize(static_cast<std::size_t>(wire.tissues_size()));
   for (int i = 0; i < wire.tissues_size(); ++i) {
@@ -869,11 +900,15 @@ void fill(const MeshFrame& m, v1::MeshFrame& wire) {
   wire.set_first_vertex(m.first_vertex);
   put(m.vertices_m, *wire.mutable_vertices_m());
   wire.set_device_sequence(m.device_sequence);
+  if (!m.displacement_world_m.isZero(0.0)) {
+    put(m.displacement_world_m, *wire.mutable_displacement_world_m());
+  }
 }
 
 void check(const v1::MeshFrame& wire, Verdict& verdict) {
   verdict.expect(wire.scene_revision() > 0);
   check_vertices(wire.vertices_m(), verdict);
+  verdict.vector(true, wire.displacement_world_m(), kMaxPositionM);
 }
 
 void read(const v1::MeshFrame& wire, MeshFrame& m) {
@@ -882,6 +917,7 @@ void read(const v1::MeshFrame& wire, MeshFrame& m) {
   m.first_vertex = wire.first_vertex();
   read(wire.vertices_m(), m.vertices_m);
   m.device_sequence = wire.device_sequence();
+  m.displacement_world_m = vector(wire.displacement_world_m());
 }
 
 // --- hop 6 ------------------------------------------------------------------------------------

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <set>
+#include <span>
 
 #include "common/core/check.h"
 #include "foxglove/foxglove_subset.pb.h"
@@ -56,6 +57,15 @@ void put(const Rgba& colour, foxglove::Color& to) {
   to.set_g(colour.g);
   to.set_b(colour.b);
   to.set_a(colour.a);
+}
+
+void add_ball(const Vector3& center_m, double radius_m, const Rgba& colour,
+              foxglove::SceneEntity& entity) {
+  foxglove::SpherePrimitive& ball = *entity.add_spheres();
+  put(center_m, *ball.mutable_pose()->mutable_position());
+  put(Quaternion::Identity(), *ball.mutable_pose()->mutable_orientation());
+  put(Vector3::Constant(2.0 * radius_m), *ball.mutable_size());
+  put(colour, *ball.mutable_color());
 }
 
 void add_arrow(const Vector3& from_m, const Vector3& force_newton, const Rgba& colour,
@@ -133,8 +143,7 @@ std::string encode_telemetry(std::uint64_t at_ns, const DeviceTick& device,
   return wire.SerializeAsString();
 }
 
-std::string encode_point_cloud(std::uint64_t at_ns,
-                               const std::vector<std::span<const float>>& parts) {
+std::string encode_point_cloud(std::uint64_t at_ns, const std::vector<std::vector<float>>& parts) {
   foxglove::PointCloud wire;
   put(at_ns, *wire.mutable_timestamp());
   wire.set_frame_id(kWorld);
@@ -149,39 +158,50 @@ std::string encode_point_cloud(std::uint64_t at_ns,
     field.set_type(foxglove::PackedElementField::FLOAT32);
     offset += sizeof(float);
   }
-  for (const std::span<const float> part : parts) {
-    wire.mutable_data()->append(reinterpret_cast<const char*>(part.data()), part.size_bytes());
+  for (const std::vector<float>& part : parts) {
+    wire.mutable_data()->append(reinterpret_cast<const char*>(part.data()),
+                                part.size() * sizeof(float));
   }
   return wire.SerializeAsString();
 }
 
-std::string encode_tool(std::uint64_t at_ns, const Vector3& tool_position_world_m,
-                        double tip_radius_m, const Vector3& asked_newton,
-                        const Vector3& applied_newton) {
+std::string encode_tool(std::uint64_t at_ns, const DeviceTick& device, const SceneState& scene,
+                        const Vector3& asked_newton) {
+  const Vector3& tip_m = device.measured_tool_position_world_m;
+  const Quaternion& orientation = device.measured_tool_orientation_world;
   foxglove::SceneUpdate wire;
   foxglove::SceneEntity& entity = *wire.add_entities();
   put(at_ns, *entity.mutable_timestamp());
   entity.set_frame_id(kWorld);
   entity.set_id("tool");
-  foxglove::SpherePrimitive& tip = *entity.add_spheres();
-  put(tool_position_world_m, *tip.mutable_pose()->mutable_position());
-  put(Quaternion::Identity(), *tip.mutable_pose()->mutable_orientation());
-  put(Vector3::Constant(2.0 * std::max(tip_radius_m, kSmallestTip_m)), *tip.mutable_size());
-  put(Rgba{0.75, 0.75, 0.8, 1.0}, *tip.mutable_color());
-  add_arrow(tool_position_world_m, asked_newton, {0.95, 0.6, 0.1, 0.6}, entity);
-  add_arrow(tool_position_world_m, applied_newton, {0.1, 0.55, 0.95, 1.0}, entity);
+  add_ball(tip_m, std::max(scene.tip_radius_m, kSmallestTip_m), {0.75, 0.75, 0.8, 1.0}, entity);
+  if (scene.shaft_length_m > 0.0) {
+    const Rgba glass{0.75, 0.75, 0.8, 0.35};  // the forces are in it
+    const Vector3 shaft_m = orientation * Vector3(0.0, 0.0, scene.shaft_length_m);
+    foxglove::CylinderPrimitive& shaft = *entity.add_cylinders();
+    put(Vector3(tip_m + 0.5 * shaft_m), *shaft.mutable_pose()->mutable_position());
+    put(orientation, *shaft.mutable_pose()->mutable_orientation());  // cylinders stand along +z
+    const double width_m = 2.0 * scene.shaft_radius_m;
+    put(Vector3(width_m, width_m, scene.shaft_length_m), *shaft.mutable_size());
+    shaft.set_bottom_scale(1.0);
+    shaft.set_top_scale(1.0);
+    put(glass, *shaft.mutable_color());
+    add_ball(tip_m + shaft_m, scene.shaft_radius_m, glass, entity);
+  }
+  add_arrow(tip_m, asked_newton, {0.95, 0.6, 0.1, 0.6}, entity);
+  add_arrow(tip_m, device.force_on_hand_newton, {0.1, 0.55, 0.95, 1.0}, entity);
   return wire.SerializeAsString();
 }
 
 std::string encode_transforms(std::uint64_t at_ns, const std::string& frame,
-                              const Vector3& tool_position_world_m) {
+                              const DeviceTick& device) {
   foxglove::FrameTransforms wire;
   foxglove::FrameTransform& tool = *wire.add_transforms();
   put(at_ns, *tool.mutable_timestamp());
   tool.set_parent_frame_id(kWorld);
   tool.set_child_frame_id(frame);
-  put(tool_position_world_m, *tool.mutable_translation());
-  put(Quaternion::Identity(), *tool.mutable_rotation());
+  put(device.measured_tool_position_world_m, *tool.mutable_translation());
+  put(device.measured_tool_orientation_world, *tool.mutable_rotation());
   return wire.SerializeAsString();
 }
 

@@ -4,7 +4,6 @@
 
 #include <cstdint>
 #include <optional>
-#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -56,16 +55,16 @@ struct ViewerHealth {
 
 /// foxglove.PointCloud of float32 x, y, z. @param parts  x,y,z,x,y,z,… one after the other
 [[nodiscard]] std::string encode_point_cloud(std::uint64_t at_ns,
-                                             const std::vector<std::span<const float>>& parts);
+                                             const std::vector<std::vector<float>>& parts);
 
-/// foxglove.SceneUpdate: the tool's tip, and the forces on the hand asked and applied as arrows.
-[[nodiscard]] std::string encode_tool(std::uint64_t at_ns, const Vector3& tool_position_world_m,
-                                      double tip_radius_m, const Vector3& asked_newton,
-                                      const Vector3& applied_newton);
+/// foxglove.SceneUpdate: the tool's tip and shaft, and the forces on the hand asked and applied as
+/// arrows. @param scene  for the tool's size
+[[nodiscard]] std::string encode_tool(std::uint64_t at_ns, const DeviceTick& device,
+                                      const SceneState& scene, const Vector3& asked_newton);
 
 /// foxglove.FrameTransforms: the tool's frame in "world".
 [[nodiscard]] std::string encode_transforms(std::uint64_t at_ns, const std::string& frame,
-                                            const Vector3& tool_position_world_m);
+                                            const DeviceTick& device);
 
 /// Values as in foxglove.Log.
 enum class LogLevel : std::uint8_t { kInfo = 2, kWarning = 3, kError = 4 };

@@ -73,6 +73,10 @@ class TelemetryPublisher {
   /// Called at every publication on its thread; set it before start(). Optional.
   std::function<void(TimePoint now)> on_pump;
 
+  /// Adds what the publisher's thread counts itself to the counters of the tick's; set it before
+  /// start(). Optional.
+  std::function<void(Counters& counters)> add_counts;
+
   /// Connections that failed for want of the right keys, so far; set it before start(). Optional.
   std::function<std::uint64_t()> peers_refused;
 
@@ -96,7 +100,8 @@ class TelemetryPublisher {
 
   /// One publication. Not while the thread runs.
   void pump() {
-    const Counters counters = counters_.load();
+    Counters counters = counters_.load();
+    if (add_counts) add_counts(counters);
     do {
       batch_.records.clear();
       Record record;

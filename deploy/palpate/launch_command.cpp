@@ -83,6 +83,8 @@ nlohmann::ordered_json figures_json(const Watched& watched, const LaunchResult& 
   json["answered_ratio"] = number_or_null(answered_ratio(device));
   json["motions_suppressed"] = mofc.motions_suppressed;
   json["interactions_suppressed"] = physics.interactions_suppressed;
+  json["mesh_frames"] = physics.mesh_frames;
+  json["meshes_skipped"] = physics.meshes_skipped;
   json["fallbacks"] = device.fallback_ticks + device.limp_ticks;
   json["reply_time"] = percentiles(observed.reply_time);
   json["lateness"] = percentiles(observed.lateness);

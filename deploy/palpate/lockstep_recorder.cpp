@@ -64,6 +64,7 @@ class LockstepRecorder::Impl final : public Sender<SceneState>, public Sender<Me
     device_.counters = lockstep.device_counters();
     mofc_.counters = lockstep.mofc_counters();
     physics_.counters = lockstep.physics_counters();
+    display_.count_into(physics_.counters);
     write_batch(device_codec_, device_);
     write_batch(mofc_codec_, mofc_);
     write_batch(physics_codec_, physics_);

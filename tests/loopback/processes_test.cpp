@@ -138,6 +138,8 @@ TEST_F(Processes, TheDefaultSessionIsFeltClampedAndSummedUp) {
   EXPECT_GT(run["answered_ratio"], 0.5);  // whatever else this machine is doing; figures: README
   EXPECT_GE(run["min_true_energy_j"], -1e-6);
   EXPECT_GT(run["max_force_n"], 0.1);
+  EXPECT_GT(run["meshes_skipped"], 30);  // nobody looks on: 30 a second
+  EXPECT_EQ(run["mesh_frames"], 0);
   for (const char* node : {"physics", "mofc", "device"}) EXPECT_EQ(run["restarts"][node], 0);
   EXPECT_THAT(launch.out, AllOf(HasSubstr("answered in time"), HasSubstr("clamped")));
   EXPECT_THAT(launch.err, Not(HasSubstr("rejected")));

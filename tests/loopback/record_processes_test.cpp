@@ -56,9 +56,11 @@ class RecordProcesses : public testing::Test {
 };
 
 TEST_F(RecordProcesses, LaunchRecordsWhatItsTableSays) {
-  const auto run = run_program("palpate", {"launch", session_, "--no-realtime", "--seconds", "2",
-                                           "--record", path("run.mcap"), "--csv", path("run.csv")});
+  const auto run = run_program(
+      "palpate", {"launch", session_, "--no-realtime", "--seconds", "2", "--record",
+                  path("run.mcap"), "--csv", path("run.csv"), "--json", path("run.json")});
   ASSERT_EQ(run.status, 0) << run.err;
+  EXPECT_GT(nlohmann::json::parse(text_of(path("run.json")))["mesh_frames"], 0);  // a dent
   ASSERT_EQ(
       run_program("palpate", {"export", path("run.mcap"), "--csv", path("exported.csv")}).status,
       0);
@@ -107,10 +109,12 @@ TEST_F(RecordProcesses, AFullDiskEndsTheRecordingAndNothingElse) {
 
 TEST_F(RecordProcesses, AReplayIsSeenAsItWasRecorded) {
   const std::string file = path("run.mcap");
-  ASSERT_EQ(run_program("palpate", {"loopback", session_, "--seconds", "3", "--no-ideal",
-                                    "--record", file, "--csv", path("run.csv")})
-                .status,
-            0);
+  ASSERT_EQ(
+      run_program("palpate", {"loopback", session_, "--seconds", "3", "--no-ideal", "--record",
+                              file, "--csv", path("run.csv"), "--set",
+                              "scene.tissue[0].motion={amplitude_m {z: 0.001} frequency_hz: 1}"})
+          .status,
+      0);
 
   Program replay("palpate", {"replay", file, "--speed", "2", "--start", "1"});
   Program late("viewer_node", {"--session", session_, "--quiet", "--record", path("seen.mcap")});
@@ -132,6 +136,7 @@ TEST_F(RecordProcesses, AReplayIsSeenAsItWasRecorded) {
   }
   EXPECT_GE(rows.size(), 1900u);  // of 2000; batches sent before all links stood are missed
   EXPECT_GE(info(path("seen.mcap"))["messages"]["/scene_state"], 1);
+  EXPECT_GE(info(path("seen.mcap"))["messages"]["/mesh"], 50);  // moving tissue: 30 a second
 }
 
 TEST_F(RecordProcesses, ALoopBeginsAnewWithNewNodes) {

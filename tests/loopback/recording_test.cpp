@@ -6,6 +6,7 @@
 #include <cmath>
 #include <fstream>
 #include <iterator>
+#include <numbers>
 #include <string>
 
 #include "common/core/check.h"
@@ -62,6 +63,29 @@ TEST_F(Recordings, ASessionReadBackFromItsRecordingRunsTheSame) {
   RecordingFile recording(first);
   const Session again = parse_session(recording.about("session"), recording.about("session_file"));
   EXPECT_EQ(bytes_of(record("again.mcap", again, 1.0)), bytes_of(first));
+}
+
+// 5 mm · sin(2π 0.25 t), t the virtual time of the step that the frame shows.
+TEST_F(Recordings, MovingTissueIsInThemWhereItWas) {
+  const Session session =
+      shipped({"scene.tissue[0].motion={amplitude_m {z: 0.005} frequency_hz: 0.25}"});
+  RecordingFile recording(record("run.mcap", session, 4.0));
+  std::size_t frames = 0;
+  std::uint64_t told = 0;
+  while (const RecordingFile::Item* item = recording.next()) {
+    if (const auto* physics = std::get_if<PhysicsBatch>(&item->message)) {
+      EXPECT_EQ(physics->counters.meshes_skipped, 0u);
+      told = physics->counters.mesh_frames;
+    }
+    const auto* frame = std::get_if<MeshFrame>(&item->message);
+    if (frame == nullptr || frame->tissue != 0) continue;
+    ++frames;
+    const double t_s = 1e-9 * static_cast<double>(item->log_time_ns);
+    EXPECT_NEAR(frame->displacement_world_m.z(), 5e-3 * std::sin(0.5 * std::numbers::pi * t_s),
+                2e-5);
+  }
+  EXPECT_NEAR(static_cast<double>(frames), 120.0, 3.0);
+  EXPECT_GE(told, frames);
 }
 
 TEST_F(Recordings, TheExportedTableIsTheOneTheRunWrote) {

@@ -123,9 +123,16 @@ TEST_F(ViewerProcesses, ADragMovesTheHandDeformsTheTissueAndIsFelt) {
   Watcher watcher(load_session(file_), links);
   WebClient page(port_);
   ASSERT_TRUE(page.open_web_socket());
+  ASSERT_TRUE(watcher.until([&] { return watcher.sees_all_nodes(); }));
+
+  // a page that does not ask for meshes costs none: 30 times a second nothing is made
+  const auto physics = [&]() -> const PhysicsCounters& {
+    return watcher.mirror().physics_counters();
+  };
+  ASSERT_TRUE(watcher.until([&] { return physics().meshes_skipped > 10; }));
+  EXPECT_EQ(physics().mesh_frames, 0u);
   subscribe(page, kMesh);
   advertise(page);
-  ASSERT_TRUE(watcher.until([&] { return watcher.sees_all_nodes(); }));
 
   // 10 mm below the surface: the spring of 150 N/m against 200 N/m gives about 0.8 N
   ASSERT_TRUE(watcher.until([&] {
@@ -138,6 +145,12 @@ TEST_F(ViewerProcesses, ADragMovesTheHandDeformsTheTissueAndIsFelt) {
   const auto payload = page.await_data(kMesh);
   ASSERT_TRUE(payload.has_value());
   EXPECT_EQ(decoded<MeshFrame>(*payload).tissue, 0u);
+  ASSERT_TRUE(watcher.until([&] { return physics().mesh_frames > 0; }));
+  // and nothing is skipped any more
+  const std::uint64_t skipped = physics().meshes_skipped;
+  const std::uint64_t ticks = physics().loop.ticks;
+  ASSERT_TRUE(watcher.until([&] { return physics().loop.ticks > ticks + 500; }));
+  EXPECT_EQ(physics().meshes_skipped, skipped);
 
   // another page may not take the hand, and is told so; once it is let go of, it may
   WebClient other(port_);
@@ -152,6 +165,28 @@ TEST_F(ViewerProcesses, ADragMovesTheHandDeformsTheTissueAndIsFelt) {
     lead(other, 0.05);
     return watcher.rows().back().device.measured_hand_position_m.z() > 0.04;
   }));
+  stop();
+}
+
+// 10 mm to and fro twice a second: the whole path is seen within half a second.
+TEST_F(ViewerProcesses, ALatePageSeesMovingTissueWhereItIs) {
+  launch({"--set", "scene.tissue[0].motion={amplitude_m {z: 0.01} frequency_hz: 2}"});
+  for (int i = 0; i < 2; ++i) {
+    WebClient page(port_);
+    ASSERT_TRUE(page.open_web_socket());
+    subscribe(page, kMesh);
+    double lowest_m = 0.0;
+    double highest_m = 0.0;
+    while (lowest_m > -0.009 || highest_m < 0.009) {
+      const auto payload = page.await_data(kMesh);
+      ASSERT_TRUE(payload.has_value());
+      const auto frame = decoded<MeshFrame>(*payload);
+      EXPECT_TRUE(frame.vertices_m.empty());  // the hand is 20 mm above
+      lowest_m = std::min(lowest_m, frame.displacement_world_m.z());
+      highest_m = std::max(highest_m, frame.displacement_world_m.z());
+      EXPECT_LE(std::abs(frame.displacement_world_m.z()), 0.01 + 1e-12);
+    }
+  }
   stop();
 }
 

@@ -143,6 +143,7 @@ inline void randomise(DeviceTick& r, Random& random) {
   r.reply_time = random_duration(random);
   r.measured_hand_position_m = random_vector(random, 1.0);
   r.measured_tool_position_world_m = random_vector(random, 1.0);
+  r.measured_tool_orientation_world = random_orientation(random);
   r.force_on_hand_newton = random_vector(random, 10.0);
   r.guard = static_cast<GuardState>(random.below(6));
   r.is_answered = random.chance(0.5);
@@ -227,6 +228,8 @@ inline void randomise(PhysicsCounters& c, Random& random) {
   c.tissues_asleep = random.bits();
   c.surfaces_shared = random.bits();
   c.interactions_suppressed = random.bits();
+  c.mesh_frames = random.bits();
+  c.meshes_skipped = random.bits();
   c.worst_compute_time = random_duration(random);
 }
 
@@ -282,6 +285,8 @@ inline void randomise(SceneState& m, Random& random) {
   m.physics_rate_hz = random.uniform(1.0, 1e4);
   m.peak_force_newton = random.uniform(0.1, 100.0);
   m.tip_radius_m = random.uniform(0.0, 0.1);
+  m.shaft_length_m = random.uniform(0.0, 0.5);
+  m.shaft_radius_m = random.uniform(0.0, 0.1);
   m.workspace_scale_ratio = random.uniform(0.1, 10.0);
   m.tissues.resize(random.below(5));
   for (TissueSurface& tissue : m.tissues) randomise(tissue, random);
@@ -300,6 +305,7 @@ inline void randomise(MeshFrame& m, Random& random) {
   m.first_vertex = static_cast<std::uint32_t>(random.bits());
   m.vertices_m = random_floats(random, 3 * random.below(100), -1000.0, 1000.0);
   m.device_sequence = random.bits();
+  m.displacement_world_m = random_vector(random, 1.0);
 }
 
 inline void randomise(HandTarget& m, Random& random) {
@@ -396,6 +402,7 @@ inline bool same(const DeviceTick& a, const DeviceTick& b) {
          a.reply_time == b.reply_time &&
          same(a.measured_hand_position_m, b.measured_hand_position_m) &&
          same(a.measured_tool_position_world_m, b.measured_tool_position_world_m) &&
+         same(a.measured_tool_orientation_world, b.measured_tool_orientation_world) &&
          same(a.force_on_hand_newton, b.force_on_hand_newton) && a.guard == b.guard &&
          a.is_answered == b.is_answered && a.is_peak_limited == b.is_peak_limited &&
          a.is_clutched == b.is_clutched &&
@@ -448,8 +455,8 @@ inline bool same(const PhysicsCounters& a, const PhysicsCounters& b) {
          a.octree_cells_visited == b.octree_cells_visited &&
          a.octree_last_cell_hits == b.octree_last_cell_hits &&
          a.tissues_asleep == b.tissues_asleep && a.surfaces_shared == b.surfaces_shared &&
-         a.interactions_suppressed == b.interactions_suppressed &&
-         a.worst_compute_time == b.worst_compute_time;
+         a.interactions_suppressed == b.interactions_suppressed && a.mesh_frames == b.mesh_frames &&
+         a.meshes_skipped == b.meshes_skipped && a.worst_compute_time == b.worst_compute_time;
 }
 inline bool same(const std::vector<float>& a, const std::vector<float>& b) {
   return a.size() == b.size() &&
@@ -471,6 +478,7 @@ inline bool same(const SceneState& a, const SceneState& b) {
          a.session_text == b.session_text && a.controller == b.controller &&
          same(a.device_rate_hz, b.device_rate_hz) && same(a.physics_rate_hz, b.physics_rate_hz) &&
          same(a.peak_force_newton, b.peak_force_newton) && same(a.tip_radius_m, b.tip_radius_m) &&
+         same(a.shaft_length_m, b.shaft_length_m) && same(a.shaft_radius_m, b.shaft_radius_m) &&
          same(a.workspace_scale_ratio, b.workspace_scale_ratio) &&
          std::equal(a.tissues.begin(), a.tissues.end(), b.tissues.begin(), b.tissues.end(),
                     [](const auto& x, const auto& y) { return same(x, y); }) &&
@@ -480,7 +488,8 @@ inline bool same(const SceneState& a, const SceneState& b) {
 inline bool same(const MeshFrame& a, const MeshFrame& b) {
   return same(a.header, b.header) && a.scene_revision == b.scene_revision && a.tissue == b.tissue &&
          a.first_vertex == b.first_vertex && same(a.vertices_m, b.vertices_m) &&
-         a.device_sequence == b.device_sequence;
+         a.device_sequence == b.device_sequence &&
+         same(a.displacement_world_m, b.displacement_world_m);
 }
 inline bool same(const HandTarget& a, const HandTarget& b) {
   return same(a.header, b.header) && a.holder_id == b.holder_id &&

@@ -34,6 +34,7 @@ class ScriptedDevice final : public device::HapticDevice {
 
   std::vector<Write> writes;
   std::optional<Vector3> position_m;  ///< instead of the moving hand
+  Quaternion orientation = Quaternion::Identity();
   std::uint32_t buttons = 0;
   bool fails_to_read = false;
   bool fails_to_apply = false;
@@ -45,6 +46,7 @@ class ScriptedDevice final : public device::HapticDevice {
   [[nodiscard]] bool read(device::DeviceSample& sample) noexcept override {
     const TimePoint now = clock_.now();
     sample = {.hand_position_m = position_m.value_or(Vector3(seconds_of(now), 0, 0)),
+              .orientation = orientation,
               .buttons = buttons,
               .sampled_at = now};
     return !fails_to_read;

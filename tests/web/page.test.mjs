@@ -65,6 +65,40 @@ test("pixels change when the tissue deforms, and only then", kLimit, async () =>
   assert.equal(changed_pixels(at_rest, await picture(page)), 0);
 });
 
+test("tissue with a motion of its own is drawn where it is", kLimit, async () => {
+  const page = await start();
+  await rest_tool_at(page, 0.03);
+  await until(page, (t) => t.scene.tissues[0].displacement_m === 0, "tissue at rest");
+  await page.waitForTimeout(100);
+  const at_rest = await picture(page);
+
+  server.world.offset = { x: 0, y: 0, z: 0.008 };
+  await until(page, (t) => t.scene.tissues[0].offset_m.z === 0.008, "the motion");
+  await until_pixels_change(page, at_rest, 1500, "the tissue further up");
+  assert.equal((await status(page)).scene.tissues[0].displacement_m, 0, "it does not give way");
+
+  server.world.offset = null;
+  await until(page, (t) => t.scene.tissues[0].offset_m.z === 0, "the tissue where it was");
+  await page.waitForTimeout(100);
+  assert.equal(changed_pixels(at_rest, await picture(page)), 0);
+});
+
+test("the shaft is drawn, and turns with the tool", kLimit, async () => {
+  let page = await start();
+  await rest_tool_at(page, 0.02);
+  const without = await picture(page);
+  await page.context().close();
+  await server.close();
+
+  page = await start({ shaft_m: 0.03 });
+  await rest_tool_at(page, 0.02);
+  await until_pixels_change(page, without, 300, "the shaft");
+  await page.waitForTimeout(100);
+  const upright = await picture(page);
+  server.world.orientation = [Math.SQRT1_2, 0, Math.SQRT1_2, 0]; // its z lies along x
+  await until_pixels_change(page, upright, 300, "the shaft turned");
+});
+
 test("displacement colours the dent by its depth", kLimit, async () => {
   const page = await start();
   await rest_tool_at(page, -0.004);

@@ -38,6 +38,7 @@ TEST(DeviceNode, SendsWhatItReads) {
   config.workspace.offset_m = Vector3(0, 0, 0.1);
   Bench bench(config);
   bench.device.position_m = Vector3(0.01, 0.02, 0.03);
+  bench.device.orientation = Quaternion(0.6, 0.8, 0, 0);
   bench.device.buttons = 2;
   bench.clock.advance(7ms);
 
@@ -50,9 +51,14 @@ TEST(DeviceNode, SendsWhatItReads) {
   EXPECT_EQ(state.header.sampled_at, TimePoint(7ms));
   EXPECT_EQ(state.hand_position_m, Vector3(0.01, 0.02, 0.03));
   EXPECT_LT((state.tool_position_world_m - Vector3(0.02, 0.04, 0.16)).norm(), 1e-15);
+  EXPECT_EQ(state.tool_orientation_world.coeffs(), Quaternion(0.6, 0.8, 0, 0).coeffs());
   EXPECT_EQ(state.buttons, 2u);
   EXPECT_FALSE(state.is_clutched);
   EXPECT_EQ(state.applied_count, 0u);
+  // and tells viewers of it
+  const DeviceTick& tick = bench.ticks.at(0);
+  EXPECT_EQ(tick.measured_tool_position_world_m, state.tool_position_world_m);
+  EXPECT_EQ(tick.measured_tool_orientation_world.coeffs(), Quaternion(0.6, 0.8, 0, 0).coeffs());
 }
 
 TEST(DeviceNode, TheToolRestsWhileTheClutchIsHeld) {
@@ -363,6 +369,7 @@ TEST(DeviceNode, AResetWithoutAFaultIsNothing) {
 TEST(DeviceNode, EveryTickOfALatchedFaultHasItsRecordAndNothingActs) {
   Bench bench(device_config());
   bench.answer_with(Vector3(1, 0, 0));
+  bench.device.orientation = Quaternion(0.6, 0.8, 0, 0);
   bench.tick();
   bench.device.fails_to_apply = true;
   for (int i = 0; i < 5; ++i) bench.tick();
@@ -375,6 +382,7 @@ TEST(DeviceNode, EveryTickOfALatchedFaultHasItsRecordAndNothingActs) {
     EXPECT_EQ(tick.guard, GuardState::kFault);
     EXPECT_EQ(tick.force_on_hand_newton, Vector3(0, 0, 0));
     EXPECT_NEAR(tick.measured_hand_position_m.x(), 1e-3 * static_cast<double>(i), 1e-12);
+    EXPECT_EQ(tick.measured_tool_orientation_world.coeffs(), Quaternion(0.6, 0.8, 0, 0).coeffs());
   }
   const DeviceCounters c = bench.node.counters();
   EXPECT_EQ(c.fault_ticks, 5u);

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <set>
 
 #include "physics_node/ply.h"
 #include "tests/support/sampled_clouds.h"
@@ -34,6 +35,8 @@ class SceneDisplayTest : public testing::Test {
     session_.text = "name: \"probe\"";
     session_.device.rate_hz = 500;
     session_.scene.tip_radius_m = 0.003;
+    session_.scene.shaft_length_m = 0.1;
+    session_.scene.shaft_radius_m = 0.002;
     session_.hand.pointer = PointerConfig{};
     // two blocks side by side, tops at z = 0; the second is 1 m away. τ = 2/200 = 10 ms
     const KelvinVoigtMaterial soft{.stiffness_newton_per_m = 200, .damping_newton_s_per_m = 2};
@@ -54,6 +57,11 @@ class SceneDisplayTest : public testing::Test {
     tick.tool_position_world_m = Vector3(0, 0, 0.003 - depth_m);
     display_->publish(watchers_, {&tick, 1}, now_);
   }
+  [[nodiscard]] PhysicsCounters counters() const {
+    PhysicsCounters counters;
+    display_->count_into(counters);
+    return counters;
+  }
   void watch_mesh() {
     ++watchers_.mesh_subscriptions;
     watchers_.has_mesh_watcher = true;
@@ -73,6 +81,33 @@ TEST_F(SceneDisplayTest, TellsNobodyNothing) {
   EXPECT_THAT(meshes_.messages, IsEmpty());
 }
 
+// 2 s of 20 ms: 60 times a frame is due, and at the begin.
+TEST_F(SceneDisplayTest, CountsWhatNobodyLookedOnAt) {
+  for (int i = 0; i < 100; ++i) publish(2e-3);
+  EXPECT_NEAR(static_cast<double>(counters().meshes_skipped), 60.0, 1.0);
+  EXPECT_EQ(counters().mesh_frames, 0u);
+}
+
+TEST_F(SceneDisplayTest, CountsWhatItMadeForThoseWhoLookOn) {
+  watch_mesh();
+  for (int i = 0; i < 100; ++i) publish(1e-3 + 5e-5 * i);
+  EXPECT_EQ(counters().mesh_frames, meshes_.messages.size());
+  EXPECT_GT(counters().mesh_frames, 0u);
+  EXPECT_EQ(counters().meshes_skipped, 0u);
+
+  // they leave: from now on it is skipped
+  const std::uint64_t made = counters().mesh_frames;
+  watchers_.has_mesh_watcher = false;
+  for (int i = 0; i < 100; ++i) publish(2e-3);
+  EXPECT_EQ(counters().mesh_frames, made);
+  EXPECT_NEAR(static_cast<double>(counters().meshes_skipped), 60.0, 1.0);
+}
+
+TEST_F(SceneDisplayTest, SkipsNothingBeforeThereIsAnyMotion) {
+  for (int i = 0; i < 10; ++i) display_->publish(watchers_, {}, now_ += 40ms);
+  EXPECT_EQ(counters().meshes_skipped, 0u);
+}
+
 TEST_F(SceneDisplayTest, TellsTheWholeSceneOncePerSubscription) {
   watchers_.scene_subscriptions = 1;
   for (int i = 0; i < 3; ++i) publish(0.0);
@@ -85,6 +120,8 @@ TEST_F(SceneDisplayTest, TellsTheWholeSceneOncePerSubscription) {
   EXPECT_EQ(scene.controller, "mofc guard");
   EXPECT_EQ(scene.device_rate_hz, 500.0);
   EXPECT_EQ(scene.tip_radius_m, 0.003);
+  EXPECT_EQ(scene.shaft_length_m, 0.1);
+  EXPECT_EQ(scene.shaft_radius_m, 0.002);
   EXPECT_TRUE(scene.pointer.has_value());
   ASSERT_THAT(scene.tissues, SizeIs(2));
   EXPECT_EQ(scene.tissues[1].name, "block at 1");
@@ -143,6 +180,7 @@ TEST_F(SceneDisplayTest, TellsOfTissueThatMovesAndOfNoOther) {
   EXPECT_EQ(frame.header.sampled_at, now_);
   EXPECT_EQ(frame.scene_revision, 1u);
   EXPECT_EQ(frame.tissue, 0u);
+  EXPECT_EQ(frame.displacement_world_m, Vector3(0, 0, 0));
   EXPECT_EQ(frame.device_sequence, 9u);
 
   // held still: nothing moves
@@ -176,6 +214,108 @@ TEST_F(SceneDisplayTest, TellsALateViewerOfADentThatIsHeld) {
 
   ASSERT_THAT(meshes_.messages, SizeIs(2));
   EXPECT_EQ(meshes_.messages[1].vertices_m, meshes_.messages[0].vertices_m);
+}
+
+// --- tissue with a motion of its own ------------------------------------------------------------
+
+/// The first block goes 5 mm to and fro along z, 0.25 times a second.
+class MovingTissue : public SceneDisplayTest {
+ protected:
+  MovingTissue() {
+    session_.scene.tissues[0].motion = {.amplitude_m = Vector3(0, 0, 5e-3), .frequency_hz = 0.25};
+    display_.emplace(session_, 77, scenes_, meshes_);
+  }
+  /// @param at_s  of the step; at 1 s the tissue is 5 mm up, at 3 s 5 mm down
+  void step(double at_s, double tip_z_m, Duration later = 40ms) {
+    now_ += later;
+    const PhysicsTick tick{.stepped_at = TimePoint(from_seconds(at_s)),
+                           .tool_position_world_m = Vector3(0, 0, tip_z_m)};
+    display_->publish(watchers_, {&tick, 1}, now_);
+  }
+  static float lowest_top_m(const MeshFrame& frame) {
+    float lowest_m = 1.0F;
+    for (std::size_t i = 2; i < frame.vertices_m.size(); i += 3) {
+      if (frame.vertices_m[i] > -0.01F) lowest_m = std::min(lowest_m, frame.vertices_m[i]);
+    }
+    return lowest_m;
+  }
+};
+
+TEST_F(MovingTissue, IsToldWhereItIsWithoutItsVertices) {
+  watch_mesh();
+  step(1.0, 0.1);
+  step(3.0, 0.1);
+
+  ASSERT_THAT(meshes_.messages, SizeIs(2));  // the other block rests
+  for (const MeshFrame& frame : meshes_.messages) {
+    EXPECT_EQ(frame.tissue, 0u);
+    EXPECT_THAT(frame.vertices_m, IsEmpty());
+  }
+  EXPECT_NEAR((meshes_.messages[0].displacement_world_m - Vector3(0, 0, 5e-3)).norm(), 0, 1e-12);
+  EXPECT_NEAR((meshes_.messages[1].displacement_world_m + Vector3(0, 0, 5e-3)).norm(), 0, 1e-12);
+  EXPECT_EQ(counters().mesh_frames, 2u);
+}
+
+TEST_F(MovingTissue, IsToldOfAtMostThirtyTimesASecond) {
+  watch_mesh();
+  for (int i = 0; i < 100; ++i) step(0.02 * i, 0.1, 20ms);
+  EXPECT_NEAR(static_cast<double>(meshes_.messages.size()), 60.0, 1.0);
+}
+
+TEST_F(MovingTissue, IsNotToldOfWithoutAViewer) {
+  for (int i = 0; i < 100; ++i) step(0.02 * i, 0.1, 20ms);
+  EXPECT_THAT(meshes_.messages, IsEmpty());
+}
+
+TEST_F(MovingTissue, IsToldOfToALateViewerAtOnce) {
+  watch_mesh();
+  step(1.0, 0.1);
+  watch_mesh();
+  step(1.0, 0.1, 1ms);
+  ASSERT_THAT(meshes_.messages, SizeIs(2));
+  EXPECT_NEAR(meshes_.messages[1].displacement_world_m.z(), 5e-3, 1e-12);
+}
+
+// The tip's lowest point at z = 3 mm: 2 mm deep in a top at 5 mm, 8 mm above one at −5 mm. The
+// same tip at −7 mm is 2 mm deep there: the same dent, as vertices do not have the motion in them.
+TEST_F(MovingTissue, IsDentedWhereItIs) {
+  watch_mesh();
+  step(1.0, 0.1);
+  step(1.0, 6e-3);
+  step(3.0, 6e-3, 1s);  // τ = 10 ms: what was pressed has come back
+  step(3.0, -4e-3);
+
+  ASSERT_THAT(meshes_.messages, SizeIs(4));
+  const std::vector<float>& up_m = meshes_.messages[1].vertices_m;
+  const std::vector<float>& down_m = meshes_.messages[3].vertices_m;
+  EXPECT_NEAR(lowest_top_m(meshes_.messages[1]), -2e-3F, 5e-4F);  // of the nearest vertex
+  EXPECT_EQ(lowest_top_m(meshes_.messages[2]), 0.0F);
+  ASSERT_EQ(up_m.size(), down_m.size());
+  for (std::size_t i = 0; i < up_m.size(); ++i) EXPECT_NEAR(down_m[i], up_m[i], 1e-7F);
+}
+
+// 30 move: 12 at a time, so all of them within three times.
+TEST_F(MovingTissue, IsToldOfInTurnWhereThereIsMuch) {
+  session_.scene.tissues.assign(30, session_.scene.tissues[0]);
+  display_.emplace(session_, 77, scenes_, meshes_);
+  watch_mesh();
+  std::set<std::uint32_t> told;
+  for (int i = 0; i < 3; ++i) {
+    meshes_.messages.clear();
+    step(0.04 * i, 0.1);
+    EXPECT_THAT(meshes_.messages, SizeIs(12));
+    for (const MeshFrame& frame : meshes_.messages) told.insert(frame.tissue);
+  }
+  EXPECT_THAT(told, SizeIs(30));
+}
+
+TEST_F(MovingTissue, MovesEvenIfItNeverGivesWay) {
+  session_.scene.tissues[0].material = KelvinVoigtMaterial{.stiffness_newton_per_m = 0};
+  watch_mesh();
+  step(1.0, 6e-3);
+  ASSERT_THAT(meshes_.messages, SizeIs(1));
+  EXPECT_THAT(meshes_.messages[0].vertices_m, IsEmpty());
+  EXPECT_NEAR(meshes_.messages[0].displacement_world_m.z(), 5e-3, 1e-12);
 }
 
 TEST_F(SceneDisplayTest, ForgetsWhatNobodyWatched) {

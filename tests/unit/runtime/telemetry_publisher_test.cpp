@@ -79,6 +79,19 @@ TEST_F(TelemetryPublisherTest, ABatchHasTheTicksSinceTheLastOneAndTheCountersOfN
   EXPECT_EQ(batches[1].header.sequence, 1u);
 }
 
+TEST_F(TelemetryPublisherTest, CountersOfItsOwnThreadGoWithThoseOfTheTicks) {
+  auto publisher = this->publisher();
+  publisher.add_counts = [](PhysicsCounters& counters) { counters.mesh_frames += 3; };
+  store_contact_steps(2);
+  publisher.pump();
+  publisher.pump();
+
+  for (const PhysicsBatch& batch : kept_.batches()) {
+    EXPECT_EQ(batch.counters.contact_steps, 2u);
+    EXPECT_EQ(batch.counters.mesh_frames, 3u);
+  }
+}
+
 TEST_F(TelemetryPublisherTest, PublishesCountersAlsoWithoutTicks) {
   auto publisher = this->publisher();
   publisher.pump();

@@ -29,7 +29,9 @@ class MetricsTextTest : public testing::Test {
     device.counters.limp_ticks = 7;
     device.peers_refused = 5;
     const MofcBatch mofc = mofc_batch(0, 0, 9);
-    const PhysicsBatch physics = physics_batch(0, 0, 9);
+    PhysicsBatch physics = physics_batch(0, 0, 9);
+    physics.counters.mesh_frames = 11;
+    physics.counters.meshes_skipped = 12;
     const auto take = [&](const auto& batch) {
       metrics_.note(batch);
       mirror_.take(batch, TimePoint{});
@@ -59,6 +61,8 @@ TEST_F(MetricsTextTest, CountersAreThoseOfTheNodes) {
   EXPECT_THAT(text(), HasSubstr("palpate_device_ticks_total{force=\"limp\"} 7\n"));
   EXPECT_THAT(text(), HasSubstr("palpate_peers_refused_total{node=\"device\"} 5\n"));
   EXPECT_THAT(text(), HasSubstr("palpate_mofc_ticks_total 10\n"));
+  EXPECT_THAT(text(), HasSubstr("palpate_physics_mesh_frames_total 11\n"));
+  EXPECT_THAT(text(), HasSubstr("palpate_physics_meshes_skipped_total 12\n"));
   EXPECT_THAT(text(), HasSubstr("palpate_device_minimum_true_energy_joules NaN\n"));
   EXPECT_THAT(text(), HasSubstr("palpate_viewer_messages_dropped_total 4\n"));
 }

@@ -45,6 +45,32 @@ TEST(SceneMirror, PutsRangesTogether) {
   EXPECT_THAT(mirror.vertices_m(0), ElementsAre(0, 0, 0, 1, 1, 1, 2, 2, 2));
 }
 
+TEST(SceneMirror, PutsTissueWhereItIs) {
+  SceneMirror mirror;
+  mirror.take(scene());
+  const auto displaced = [](std::vector<float> vertices_m, const Vector3& by_m) {
+    MeshFrame moved = frame(1, 1, std::move(vertices_m));
+    moved.displacement_world_m = by_m;
+    return moved;
+  };
+
+  // only moved: its vertices need not travel again
+  ASSERT_TRUE(mirror.take(displaced({}, Vector3(0, 0, 0.5))));
+  ASSERT_THAT(mirror.whole_frames(), SizeIs(1));
+  EXPECT_THAT(mirror.whole_frames()[0].vertices_m, IsEmpty());
+  EXPECT_EQ(mirror.whole_frames()[0].displacement_world_m, Vector3(0, 0, 0.5));
+  EXPECT_THAT(mirror.vertices_m(1), ElementsAre(0, 0, 0.5, 1, 1, 1.5, 2, 2, 2.5));
+
+  // dented, then moved on with its dent
+  ASSERT_TRUE(mirror.take(displaced({1, 1, 9}, Vector3(0, 0, 0.5))));
+  ASSERT_TRUE(mirror.take(displaced({}, Vector3(-1, 0, 0))));
+  ASSERT_THAT(mirror.whole_frames(), SizeIs(1));
+  EXPECT_THAT(mirror.whole_frames()[0].vertices_m, ElementsAre(0, 0, 0, 1, 1, 9, 2, 2, 2));
+  EXPECT_EQ(mirror.whole_frames()[0].displacement_world_m, Vector3(-1, 0, 0));
+  EXPECT_THAT(mirror.vertices_m(1), ElementsAre(-1, 0, 0, 0, 1, 9, 1, 2, 2));
+  EXPECT_THAT(mirror.vertices_m(0), ElementsAre(0, 0, 0, 1, 1, 1, 2, 2, 2));
+}
+
 TEST(SceneMirror, RefusesFramesThatFitNoScene) {
   SceneMirror mirror;
   EXPECT_FALSE(mirror.take(frame(0, 0, {})));

@@ -84,8 +84,9 @@ const bytes_of = (array) => new Uint8Array(array.buffer, array.byteOffset, array
  * @param options.port      0: any
  * @param options.vertices  of the block's top, about
  * @param options.has_pointer  whether a page may move the hand
+ * @param options.shaft_m      length of the tool's shaft; 0: only a tip
  */
-export async function start_mock_server({ port = 0, vertices = 2600, has_pointer = true, page = join(root, "viewer_node/web/dist") } = {}) {
+export async function start_mock_server({ port = 0, vertices = 2600, has_pointer = true, shaft_m = 0, page = join(root, "viewer_node/web/dist") } = {}) {
   const set = descriptor_set();
   const registry = createFileRegistry(fromBinary(FileDescriptorSetSchema, set));
   const schema = (name) => registry.getMessage(name);
@@ -100,6 +101,8 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
     is_silent: false, // the server is stuck; its connections stay open
     is_still: false, // the tool rests where it is
     dent: null, // where the tissue gives way, if not at the tool
+    offset: null, // of the block as a whole
+    orientation: null, // w, x, y, z of the tool, if it is turned
     targets: [], // every HandTarget received
     holder: 0,
     tool: { x: -0.012, y: 0, z: 0.015 },
@@ -126,7 +129,8 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
     return encode("palpate.v1.SceneState", {
       header: { protocolMajor: 1, sessionId: kSessions.physics, sequence: 0n, sampledAtNs: 0n },
       revision: 1n, sessionName: "mock", sessionText: 'name: "mock"', controller: "mofc guard",
-      deviceRateHz: 1000, physicsRateHz: 1000, peakForceNewton: 3.3, tipRadiusM: kTip_m, workspaceScaleRatio: 1,
+      deviceRateHz: 1000, physicsRateHz: 1000, peakForceNewton: 3.3, tipRadiusM: kTip_m, shaftLengthM: shaft_m, shaftRadiusM: 0.002,
+      workspaceScaleRatio: 1,
       tissues: [
         { name: "block", shape: 3, verticesM: bytes_of(block.vertices), triangles: bytes_of(block.triangles), stiffnessNewtonPerM: kStiffness[0], dampingNewtonSPerM: 1 },
         { name: "inclusion", shape: 2, verticesM: bytes_of(ball.vertices), triangles: bytes_of(ball.triangles), stiffnessNewtonPerM: kStiffness[1], dampingNewtonSPerM: 60 },
@@ -147,6 +151,7 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
     return encode("palpate.v1.MeshFrame", {
       header: { protocolMajor: 1, sessionId: kSessions.physics, sequence: 0n, sampledAtNs: 0n },
       sceneRevision: 1n, tissue: 0, firstVertex: 0, verticesM: bytes_of(v.subarray(0, 3 * block.top)), deviceSequence: tick,
+      ...(world.offset ? { displacementWorldM: world.offset } : {}),
     });
   }
 
@@ -206,6 +211,7 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
       counters: { loop: loop(), forceCommand: counters(), answeredTicks: tick, maxForceNewton: 1.35, minimumTrueEnergyJoule: 0 },
       sequence: device.seq, sampledAtNs: device.at, switchedAtNs: device.at, latenessNs: device.late, replyTimeNs: device.reply,
       measuredHandPositionM: device.hand, measuredToolPositionWorldM: device.tool, forceOnHandNewton: device.force, guard: device.guard, flags: device.flags,
+      measuredToolOrientationWorld: world.orientation ? Array(rows).fill(world.orientation).flat() : [],
       trueToolPositionWorldM: device.tool, trueToolVelocityWorldMPerS: device.tool, trueEnergyJoule: device.energy, minimumTrueEnergyJoule: device.energy,
     }));
     if (world.alive.mofc && world.alive.device) send_all("/mofc", encode("palpate.v1.MofcTelemetry", {

@@ -49,10 +49,26 @@ test("a frame moves its range of vertices and no other", () => {
   assert.ok(surface.normal[0] > 0); // it slopes down towards +x
 });
 
+test("a frame without vertices moves the tissue as a whole, with its dent", () => {
+  const surface = new Surface(square());
+  assert.ok(surface.take(frame(2, [1, 1, -0.4])));
+  const dented = [...surface.position];
+
+  assert.ok(surface.take({ ...frame(0, []), displacementWorldM: { x: 0, y: 0, z: 0.25 } }));
+
+  assert.deepEqual(surface.offset_m, { x: 0, y: 0, z: 0.25 });
+  assert.deepEqual([...surface.position], dented);
+  assert.ok(Math.abs(surface.max_displacement_m - 0.4) < 1e-7); // how far it gave way, not where it is
+
+  assert.ok(surface.take(frame(2, [1, 1, 0]))); // says of no displacement: it is where the scene has it
+  assert.deepEqual(surface.offset_m, { x: 0, y: 0, z: 0 });
+});
+
 test("a frame beyond the surface is refused and changes nothing", () => {
   const surface = new Surface(square());
 
-  assert.equal(surface.take(frame(3, [0, 0, 9, 0, 0, 9])), false);
+  assert.equal(surface.take({ ...frame(3, [0, 0, 9, 0, 0, 9]), displacementWorldM: { x: 1, y: 0, z: 0 } }), false);
+  assert.deepEqual(surface.offset_m, { x: 0, y: 0, z: 0 });
   assert.deepEqual([...surface.position], [...surface.rest]);
 });
 

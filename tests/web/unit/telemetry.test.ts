@@ -22,7 +22,7 @@ function device(sequence: number, first: number, rows: number, more: Partial<Dev
     recordsLost: 0n,
     sampledAtNs: Array.from({ length: rows }, (_, i) => BigInt(first + i) * 1000000n + 5000000000n),
     latenessNs: repeat(rows, 20000n), replyTimeNs: repeat(rows, 60000n),
-    measuredHandPositionM: repeat(3 * rows, 0), measuredToolPositionWorldM: repeat(3 * rows, 0.01),
+    measuredHandPositionM: repeat(3 * rows, 0), measuredToolPositionWorldM: repeat(3 * rows, 0.01), measuredToolOrientationWorld: [],
     forceOnHandNewton: Array.from({ length: 3 * rows }, (_, i) => [3, 0, 4][i % 3]), // |F| = 5
     guard: repeat(rows, 1), flags: repeat(rows, 1), trueEnergyJoule: repeat(rows, NaN),
     ...more,
@@ -70,6 +70,16 @@ test("both nodes’ ticks share the device’s clock", () => {
   assert.equal(telemetry.device.value(kForceNorm, 19), 5);
   assert.equal(telemetry.mofc.value(kAskedNorm, 19), 10);
   assert.equal(telemetry.mofc.value(kBoundNorm, 19), 6); // one bound for all axes
+});
+
+test("the tool is turned as its newest tick says, and upright where none does", () => {
+  const telemetry = new Telemetry();
+  telemetry.take_device(device(0, 0, 2, { measuredToolOrientationWorld: [1, 0, 0, 0, 0.6, 0.8, 0, 0] }), 1);
+  assert.deepEqual(telemetry.tool_orientation, { w: 0.6, x: 0.8, y: 0, z: 0 });
+
+  telemetry.take_device(device(1, 2, 2), 1);
+  assert.deepEqual(telemetry.tool_orientation, { w: 1, x: 0, y: 0, z: 0 });
+  assert.throws(() => telemetry.take_device(device(2, 4, 2, { measuredToolOrientationWorld: [1, 0, 0, 0] }), 1), /differ in length/);
 });
 
 test("bounds of the axes bound the force by their norm", () => {

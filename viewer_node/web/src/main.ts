@@ -18,7 +18,7 @@ import type { DeviceTelemetry, Health, MeshFrame, MofcTelemetry, PhysicsTelemetr
 const kPlotPeriod_s = (window_s: number) => Math.min(Math.max(window_s / 300, 1 / 15), 1 / 5);
 const kWordsPeriod_s = 1 / 8;
 const kStatusShown_s = 6;
-const kMostEarly = 256; // tissues
+const kMostEarly = 256; // frames
 const kServerSilence_s = 1.5; // its health comes five times a second
 
 const seconds = () => 1e-3 * performance.now();
@@ -40,7 +40,7 @@ const measure = new Measure(by_id<SVGSVGElement>("triad"));
 let scene: SceneState | null = null;
 let surfaces: Surface[] = [];
 let signature = "";
-let early: MeshFrame[] = []; // by tissue: the newest whose scene has not come yet
+let early: MeshFrame[] = []; // the newest whose scene has not come yet
 let mode: ColourMode = "material";
 let window_s = 10;
 let is_paused = false;
@@ -121,7 +121,7 @@ function take_scene(message: SceneState): void {
   scene = message;
   surfaces = taken;
   signature = scene_signature(surfaces);
-  view.set_surfaces(surfaces, scene.tipRadiusM, scene.peakForceNewton);
+  view.set_surfaces(surfaces, scene, scene.peakForceNewton);
   hand.set_scene(scene);
   write_session(scene);
   write_tissues(surfaces, mode);
@@ -130,17 +130,17 @@ function take_scene(message: SceneState): void {
   by_id("inside").hidden = !view.has_inside;
   const waiting = early;
   early = [];
-  for (const frame of waiting) if (frame) take_mesh(frame);
+  for (const frame of waiting) take_mesh(frame);
 }
 
 function take_mesh(frame: MeshFrame): void {
   if (!scene || frame.sceneRevision !== scene.revision || frame.header.sessionId !== scene.header.sessionId) {
-    if (frame.tissue < kMostEarly) early[frame.tissue] = frame;
+    early = [...early.slice(1 - kMostEarly), frame];
     return;
   }
   const begin = performance.now();
   if (!surfaces[frame.tissue]?.take(frame)) throw new Error(`mesh frame does not fit tissue ${frame.tissue}`);
-  if (!is_paused) view.update(frame.tissue);
+  if (!is_paused) view.update(frame.tissue, frame.verticesM.length > 0);
   mesh_frames += 1;
   mesh_cost_s = 1e-3 * (performance.now() - begin);
 }
@@ -163,7 +163,8 @@ segments<ColourMode>(by_id("colours"), [["material", "Material"], ["stiffness", 
 });
 
 function set_tools(): void {
-  [...sides.values()].forEach(({ tool_m, asked_newton, applied_newton }, index) => view.set_tool(tool_m, asked_newton, applied_newton, index));
+  [...sides.values()].forEach(({ tool_m, tool_orientation, asked_newton, applied_newton }, index) =>
+    view.set_tool(tool_m, tool_orientation, asked_newton, applied_newton, index));
 }
 
 function pause(does: boolean): void {
@@ -316,7 +317,7 @@ Object.defineProperty(window, "__test", {
       scene: scene && {
         revision: Number(scene.revision), name: scene.sessionName, signature,
         tissues: surfaces.map((s) => ({
-          name: s.name, vertices: s.vertex_count, displacement_m: s.max_displacement_m,
+          name: s.name, vertices: s.vertex_count, displacement_m: s.max_displacement_m, offset_m: { ...s.offset_m },
         })),
         has_pointer: scene.pointer !== undefined,
       },

@@ -1,15 +1,15 @@
 // scene_view.ts: the 3-D view: tissue, tool, forces. Draws only when something has changed.
 import {
-  BufferAttribute, BufferGeometry, Box3, Color, ConeGeometry, CylinderGeometry, DirectionalLight,
+  BufferAttribute, BufferGeometry, Box3, CapsuleGeometry, Color, ConeGeometry, CylinderGeometry, DirectionalLight,
   DynamicDrawUsage, Fog, FrontSide, GridHelper, Group, HemisphereLight, Line, LineBasicMaterial, LineDashedMaterial, Mesh,
   MeshBasicMaterial, MeshStandardMaterial, PCFShadowMap, PerspectiveCamera, Points,
-  PointsMaterial, Scene, SphereGeometry, Vector3 as V3, WebGLRenderer,
+  PointsMaterial, Quaternion as Turn, Scene, SphereGeometry, Vector3 as V3, WebGLRenderer,
   type Material, type WebGLProgramParametersWithUniforms,
 } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { linear_table, round_up, table_row, tissue_colour } from "./colours";
 import type { ColourMode, Surface } from "./surface";
-import type { Vector3 } from "./wire";
+import type { Quaternion, Vector3 } from "./wire";
 
 const kGridPitch_m = 0.01;
 const kScaleMemory_ms = 8000;
@@ -18,6 +18,14 @@ const kClear = 0.66; // opacity of outer tissue that shows what it holds
 const kUp = new V3(0, 1, 0); // of three's cylinders and cones
 const kLeastForce_newton = 0.01; // below it an arrow is a speck
 const kDrawnTip_m = 0.0015; // of a tool that is a point
+const kGlass = 0.3; // opacity of the shaft: forces are drawn along it
+
+/** Its tip, and the shaft behind it. */
+export interface ToolSize {
+  tipRadiusM: number;
+  shaftLengthM: number; // 0: none
+  shaftRadiusM: number;
+}
 
 export interface Theme {
   background: string;
@@ -72,7 +80,7 @@ export class SceneView {
   private readonly bounds = new Box3();
   private readonly centre = new V3();
   private radius_m = 0.1;
-  private tip_radius_m = 0;
+  private tool_size: ToolSize = { tipRadiusM: 0, shaftLengthM: 0, shaftRadiusM: 0 };
   private is_changed = true;
   private is_urgent = true; // the eye follows its own hand
   private drawn_ms = -Infinity;
@@ -105,7 +113,7 @@ export class SceneView {
   }
 
   /** Another scene: nothing of the last one stays, but the camera if it was moved by hand. */
-  set_surfaces(surfaces: Surface[], tip_radius_m: number, peak_force_newton: number): void {
+  set_surfaces(surfaces: Surface[], tool_size: ToolSize, peak_force_newton: number): void {
     for (const { object, geometry, material } of this.drawn) {
       this.tissue.remove(object);
       geometry.dispose();
@@ -123,9 +131,9 @@ export class SceneView {
     this.bounds.getCenter(this.centre);
     this.radius_m = Math.max(0.5 * this.bounds.getSize(this.a).length(), 0.005);
     this.arrow_m_per_newton = round_up((0.28 * this.radius_m) / Math.max(peak_force_newton, 0.1));
-    this.target.scale.setScalar(0.45 * Math.max(tip_radius_m, kDrawnTip_m));
-    this.tip_radius_m = tip_radius_m;
-    for (const tool of this.tools) tool.set_size(tip_radius_m, this.radius_m);
+    this.target.scale.setScalar(0.45 * Math.max(tool_size.tipRadiusM, kDrawnTip_m));
+    this.tool_size = tool_size;
+    for (const tool of this.tools) tool.set_size(tool_size, this.radius_m);
     this.place_surroundings();
     this.see_inside(this.sees_inside);
     this.colour(this.mode);
@@ -140,16 +148,19 @@ export class SceneView {
     return this.drawn.some((one) => one.contains_others);
   }
 
-  /** The surface's arrays have changed. */
-  update(index: number): void {
+  /** The surface is elsewhere, and its arrays have changed unless `has_vertices` is false. */
+  update(index: number, has_vertices = true): void {
     const one = this.drawn[index];
+    this.is_changed = true;
+    const { x, y, z } = one.surface.offset_m;
+    one.object.position.set(x, y, z);
+    if (!has_vertices) return;
     one.geometry.attributes.position.needsUpdate = true;
     if (!one.surface.is_points) one.geometry.attributes.normal.needsUpdate = true;
     if (this.mode === "displacement") {
       if (this.displacement_scale() !== this.scale_high) this.colour(this.mode);
       else this.colour_one(one, index);
     }
-    this.is_changed = true;
   }
 
   colour(mode: ColourMode): void {
@@ -184,18 +195,18 @@ export class SceneView {
   }
 
   /** @param index  of the side, from 0; one that is new appears */
-  set_tool(position: Vector3, asked: Vector3, applied: Vector3, index = 0): void {
+  set_tool(position: Vector3, orientation: Quaternion, asked: Vector3, applied: Vector3, index = 0): void {
     if (!Number.isFinite(position.x)) return;
     while (this.tools.length <= index) {
       const made = new Tool();
-      made.set_size(this.tip_radius_m, this.radius_m);
+      made.set_size(this.tool_size, this.radius_m);
       if (this.theme) made.set_theme(this.theme);
       this.scene.add(made.group);
       this.tools.push(made);
     }
     const tool = this.tools[index];
     const p = this.a.set(position.x, position.y, position.z);
-    if (!tool.place(p, asked, applied, this.arrow_m_per_newton)) return;
+    if (!tool.place(p, orientation, asked, applied, this.arrow_m_per_newton)) return;
     // how high is it? A line down to the highest surface below
     const below_m = this.height_below(p);
     tool.plumb.visible = Number.isFinite(below_m);
@@ -370,9 +381,12 @@ export class SceneView {
     let best = -Infinity;
     const reach = 0.0025;
     for (const { surface } of this.drawn) {
-      const v = surface.position;
+      const { position: v, offset_m } = surface;
+      const x = p.x - offset_m.x, y = p.y - offset_m.y;
+      const dz = offset_m.z;
       for (let i = 0; i < v.length; i += 3) {
-        if (v[i + 2] > best && v[i + 2] < p.z && Math.abs(v[i] - p.x) < reach && Math.abs(v[i + 1] - p.y) < reach) best = v[i + 2];
+        const z = v[i + 2] + dz;
+        if (z > best && z < p.z && Math.abs(v[i] - x) < reach && Math.abs(v[i + 1] - y) < reach) best = z;
       }
     }
     return best;
@@ -418,34 +432,49 @@ class Tool {
   readonly group = new Group();
   readonly ball = new Mesh(
     new SphereGeometry(1, 40, 28), new MeshStandardMaterial({ roughness: 0.32, metalness: 0.1, fog: false }));
+  readonly shaft = new Mesh(new BufferGeometry(), new MeshStandardMaterial({
+    roughness: 0.32, metalness: 0.1, transparent: true, opacity: kGlass, depthWrite: false, fog: false,
+  }));
   readonly plumb = line(new LineBasicMaterial({ transparent: true, opacity: 0.35, fog: false }));
   // the slim one is hidden in the wide one, as far as all of it is felt
   private readonly asked = new Arrow(0.5);
   private readonly applied = new Arrow(1);
+  private readonly turned = new Turn(); // scratch
 
   constructor() {
     this.ball.castShadow = true;
-    this.ball.visible = this.plumb.visible = false;
-    this.group.add(this.ball, this.asked.group, this.applied.group, this.plumb);
+    this.ball.visible = this.shaft.visible = this.plumb.visible = false;
+    this.group.add(this.ball, this.shaft, this.asked.group, this.applied.group, this.plumb);
   }
 
-  set_size(tip_radius_m: number, scene_radius_m: number): void {
-    this.ball.scale.setScalar(Math.max(tip_radius_m, kDrawnTip_m));
-    this.asked.thickness_m = this.applied.thickness_m = Math.max(0.35 * tip_radius_m, 0.006 * scene_radius_m);
+  set_size({ tipRadiusM, shaftLengthM, shaftRadiusM }: ToolSize, scene_radius_m: number): void {
+    this.ball.scale.setScalar(Math.max(tipRadiusM, kDrawnTip_m));
+    this.asked.thickness_m = this.applied.thickness_m = Math.max(0.35 * tipRadiusM, 0.006 * scene_radius_m);
+    this.shaft.geometry.dispose();
+    this.shaft.geometry = shaftLengthM > 0 // three's stand along y, about their middle
+      ? new CapsuleGeometry(shaftRadiusM, shaftLengthM, 12, 28).translate(0, 0.5 * shaftLengthM, 0).rotateX(0.5 * Math.PI)
+      : new BufferGeometry();
+    this.shaft.visible = this.ball.visible && shaftLengthM > 0;
   }
 
   set_theme(theme: Theme): void {
     this.ball.material.color.set(theme.tool);
+    this.shaft.material.color.set(theme.tool);
     this.asked.colour(theme.asked);
     this.applied.colour(theme.applied);
     this.plumb.material.color.set(theme.ink);
   }
 
   /** False if nothing has changed. */
-  place(at: V3, asked: Vector3, applied: Vector3, metres_per_newton: number): boolean {
-    if (this.ball.visible && this.ball.position.equals(at) && this.applied.equals(applied) && this.asked.equals(asked)) return false;
+  place(at: V3, { x, y, z, w }: Quaternion, asked: Vector3, applied: Vector3, metres_per_newton: number): boolean {
+    const turned = this.turned.set(x, y, z, w);
+    if (this.ball.visible && this.ball.position.equals(at) && this.shaft.quaternion.equals(turned) &&
+      this.applied.equals(applied) && this.asked.equals(asked)) return false;
     this.ball.visible = true;
+    this.shaft.visible = this.shaft.geometry.hasAttribute("position");
     this.ball.position.copy(at);
+    this.shaft.position.copy(at);
+    this.shaft.quaternion.copy(turned);
     this.asked.point(at, asked, metres_per_newton);
     this.applied.point(at, applied, metres_per_newton);
     return true;

@@ -3,7 +3,8 @@
 import { Ring } from "./ring";
 import {
   columns_agree, Guard, kDeviceAnswered, kMofcClamped, kMofcInContact, Mofc,
-  type DeviceTelemetry, type Header, type Health, type MofcTelemetry, type PhysicsTelemetry, type Vector3,
+  type DeviceTelemetry, type Header, type Health, type MofcTelemetry, type PhysicsTelemetry, type Quaternion,
+  type Vector3,
 } from "./wire";
 
 /** A minute at 4 kHz. */
@@ -91,6 +92,7 @@ export class Telemetry {
   // newest tick of each
   readonly hand_m: Vector3 = { x: NaN, y: NaN, z: NaN }; // D, measured
   readonly tool_m: Vector3 = { x: NaN, y: NaN, z: NaN }; // W, measured, of the same tick
+  readonly tool_orientation: Quaternion = { w: 1, x: 0, y: 0, z: 0 }; // W from T, likewise
   readonly applied_newton: Vector3 = { x: 0, y: 0, z: 0 }; // on the hand
   readonly asked_newton: Vector3 = { x: 0, y: 0, z: 0 };
   guard: Guard = Guard.limp;
@@ -124,6 +126,8 @@ export class Telemetry {
     require_columns(columns_agree(rows,
       [batch.latenessNs, batch.replyTimeNs, batch.guard, batch.flags, batch.trueEnergyJoule],
       [batch.measuredHandPositionM, batch.measuredToolPositionWorldM, batch.forceOnHandNewton]));
+    const orientations = batch.measuredToolOrientationWorld;
+    require_columns(orientations.length === 0 || orientations.length === 4 * rows);
     this.nodes.device.note(batch.header, batch.recordsLost, batch.counters.loop.ticks, now_s);
     this.device_batch = batch;
     if (batch.header.sessionId !== this.device_session) {
@@ -145,6 +149,8 @@ export class Telemetry {
     copy_vector(batch.measuredHandPositionM, rows - 1, this.hand_m);
     copy_vector(batch.measuredToolPositionWorldM, rows - 1, this.tool_m);
     copy_vector(batch.forceOnHandNewton, rows - 1, this.applied_newton);
+    const [w, x, y, z] = orientations.length > 0 ? orientations.slice(-4) : [1, 0, 0, 0];
+    Object.assign(this.tool_orientation, { w, x, y, z });
   }
 
   take_mofc(batch: MofcTelemetry, now_s: number): void {

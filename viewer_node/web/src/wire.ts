@@ -7,6 +7,9 @@ export interface Vector3 {
   y: number;
   z: number;
 }
+export interface Quaternion extends Vector3 {
+  w: number;
+}
 export interface Header {
   sessionId: bigint;
   sequence: bigint;
@@ -48,6 +51,7 @@ export interface DeviceTelemetry {
   replyTimeNs: bigint[];
   measuredHandPositionM: number[];
   measuredToolPositionWorldM: number[];
+  measuredToolOrientationWorld: number[]; // w, x, y, z of each tick; empty: never turned
   forceOnHandNewton: number[];
   guard: number[];
   flags: number[];
@@ -113,6 +117,8 @@ export interface SceneState {
   physicsRateHz: number;
   peakForceNewton: number;
   tipRadiusM: number;
+  shaftLengthM: number;
+  shaftRadiusM: number;
   workspaceScaleRatio: number;
   tissues: TissueSurface[];
   pointer?: {
@@ -129,6 +135,7 @@ export interface MeshFrame {
   firstVertex: number;
   verticesM: Uint8Array;
   deviceSequence: bigint;
+  displacementWorldM?: Vector3;
 }
 
 export interface Health {
