@@ -45,6 +45,9 @@ void DeviceNode::step(const Tick& tick) noexcept {
   // record: hop 5
   count(record);
   ticks_out_.keep(record);
+
+  // the deadline of the next answer; it may be a little later
+  force_in_.prepare_wait(tick.scheduled_at + from_seconds(1.0 / config_.rate_hz) + config_.reply);
 }
 
 /// What a tick is for; the reason if it cannot be done.

@@ -64,6 +64,9 @@ class Inbox {
     if (deadline > clock_.now()) source_.wait_until(deadline);
   }
 
+  /// See Source::prepare_wait().
+  void prepare_wait(TimePoint deadline) noexcept { source_.prepare_wait(deadline); }
+
   /// When a message held by the fault line is due; TimePoint::max() if none.
   [[nodiscard]] TimePoint next_due() const {
     return faults_ ? faults_->next_due() : TimePoint::max();

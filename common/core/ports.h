@@ -34,6 +34,9 @@ class Source {
   [[nodiscard]] virtual bool receive(T& message, TimePoint& received_at) noexcept = 0;
   /// Returns when a message may have arrived, or at `deadline`. May return early.
   virtual void wait_until(TimePoint deadline) noexcept = 0;
+  /// A hint, for idle time: the next wait_until() will want about this deadline, or a later one.
+  /// What it costs to set a timer is then not paid on the way to an answer.
+  virtual void prepare_wait(TimePoint deadline) noexcept { static_cast<void>(deadline); }
   /// Frames refused so far by the codec below; 0 where there is none.
   [[nodiscard]] virtual std::uint64_t rejected() const noexcept { return 0; }
 };

@@ -115,6 +115,27 @@ class Rejections {
 using SendHook = std::function<void()>;
 using WaitHook = std::function<void(TimePoint deadline)>;
 
+/// A timer that is set before it is needed: a virtual machine pays 5 to 10 µs for setting one.
+class Alarm {
+ public:
+  Alarm() = default;
+  ~Alarm();
+  Alarm(const Alarm&) = delete;
+  Alarm& operator=(const Alarm&) = delete;
+
+  /// Opens the descriptor at the first call; without one it never rings.
+  void set(TimePoint at) noexcept;
+  /// Will it ring in (now, deadline]? The descriptor is then readable from that time on.
+  [[nodiscard]] bool rings(TimePoint now, TimePoint deadline) const noexcept {
+    return at_ > now && at_ <= deadline;
+  }
+  [[nodiscard]] int descriptor() const noexcept { return descriptor_; }
+
+ private:
+  int descriptor_ = -1;
+  TimePoint at_{};
+};
+
 /// A socket with its settings, attached: what the ends below have in common.
 class LinkSocket {
  public:
@@ -151,6 +172,8 @@ class LinkSocket {
   [[nodiscard]] bool is_ready(int events) noexcept;
   /// Returns when ready, on a signal, or at `deadline` to within the kernel's timer slack.
   void wait_until(int events, const Clock& clock, TimePoint deadline) noexcept;
+  /// See Source::prepare_wait().
+  void prepare_wait(TimePoint deadline) noexcept;
   /// The ends' wait_until(): by the hook where there is one.
   void wait_for_message(const WaitHook& on_wait, const Clock& clock, TimePoint deadline) noexcept;
 
@@ -164,6 +187,7 @@ class LinkSocket {
   ZapHandler::Watched watched_;  // ends before the socket
   std::string endpoint_;
   int descriptor_ = -1;
+  Alarm alarm_;
   bool spins_;
   /// receive() just found nothing, so that the descriptor will tell of the next message.
   bool is_empty_ = false;
@@ -349,10 +373,12 @@ class ExchangeClient final : public Sender<DeviceState>, public Source<ForceComm
   SendHook on_send;
   WaitHook on_wait;
 
-  /// kDropped: mofc_node is not connected, or 8 states behind; the socket cannot tell which.
+  /// kDropped: mofc_node is not connected, or has answered none of the last 256 states. It is then
+  /// sent one in 16, so that it finds no long backlog when it wakes.
   SendResult send(const DeviceState& message) noexcept override;
   [[nodiscard]] bool receive(ForceCommand& message, TimePoint& received_at) noexcept override;
   void wait_until(TimePoint deadline) noexcept override;
+  void prepare_wait(TimePoint deadline) noexcept override { socket_.prepare_wait(deadline); }
   [[nodiscard]] std::uint64_t rejected() const noexcept override { return rejections_.total(); }
 
   /// Waits, in real time, until mofc_node is connected.
@@ -367,6 +393,7 @@ class ExchangeClient final : public Sender<DeviceState>, public Source<ForceComm
   Codec<ForceCommand> commands_;
   zmq::message_t frame_;
   Rejections rejections_;
+  std::uint64_t unanswered_ = 0;  // states since the last answer, or since nobody was connected
 };
 
 using TelemetryMessage = std::variant<DeviceBatch, MofcBatch, PhysicsBatch, SceneState, MeshFrame>;

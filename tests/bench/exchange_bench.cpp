@@ -34,6 +34,7 @@
 #include "common/runtime/session_file.h"
 #include "tests/bench/bench_output.h"
 #include "tests/bench/echo_links.h"
+#include "tests/support/temp_folder.h"
 
 namespace palpate::bench {
 namespace {
@@ -576,32 +577,9 @@ plot 'exchange.txt' using 2:xtic(1) title 'p50', '' using 3 title 'p99', '' usin
 )");
 }
 
-/// The endpoints of the bench's nodes and echoes; gone at the end.
-class RunFolder {
- public:
-  RunFolder() {
-    std::string name = (fs::temp_directory_path() / "palpate-bench-XXXXXX").string();
-    if (mkdtemp(name.data()) == nullptr) {
-      throw SetupError(name + ": cannot be made; set TMPDIR to a folder that can be written");
-    }
-    path_ = name;
-    setenv("PALPATE_RUN_DIR", name.c_str(), 1);
-  }
-  ~RunFolder() {
-    std::error_code ignored;  // an empty folder of temporary files is all that could be left
-    fs::remove_all(path_, ignored);
-  }
-  RunFolder(const RunFolder&) = delete;
-  RunFolder& operator=(const RunFolder&) = delete;
-
-  [[nodiscard]] const fs::path& path() const { return path_; }
-
- private:
-  fs::path path_;
-};
-
 void run(const BenchOptions& options) {
-  const RunFolder folder;
+  const test::TempFolder folder;  // the endpoints of the nodes and echoes
+  setenv("PALPATE_RUN_DIR", folder.path().c_str(), 1);
   const Deployment deployment(fs::path(PALPATE_SOURCE_DIR) / "deploy/sessions/default.txtpb",
                               folder.path());
   const bool has_fifo = may_use_fifo(kOneProcessor.priority);

@@ -36,6 +36,8 @@ namespace {
 
 using namespace std::chrono_literals;
 using test::is_fresh;
+using test::kLeftNewton;
+using test::kRoundingJoule;
 using test::newton;
 using test::PressingSession;
 using test::Program;
@@ -43,11 +45,6 @@ using test::run_program;
 using testing::HasSubstr;
 using viewer::TickRow;
 
-/// Energy of rounding in the inner steps of the simulated device.
-constexpr double kRoundingJoule = 1e-6;
-/// What a busy machine must have left of the press when a node goes, for a row to mean something:
-/// more than three times what the device's own friction would absorb.
-constexpr double kLeftNewton = 0.35;
 /// So many ticks without an answer, or without tissue in it, are not a busy machine.
 constexpr std::ptrdiff_t kGoneTicks = 20;
 
@@ -106,7 +103,7 @@ bool follows(const TickRow& row, const TickRow& before) {
 /// energy.
 void expect_harmless(const std::vector<TickRow>& rows, const Session& session) {
   const double count_newton =
-      PressingSession::kTissueNewtonPerM * session.device.profile.position_resolution_m;
+      test::kPressedTissueNewtonPerM * session.device.profile.position_resolution_m;
   double limit_newton = 0.0;
   int failures = 0;
   for (std::size_t i = 0; i < rows.size() && failures < 3; ++i) {
@@ -115,7 +112,7 @@ void expect_harmless(const std::vector<TickRow>& rows, const Session& session) {
     bool is_ok = true;
     if (is_fresh(row)) {
       const double depth_m = std::max(0.0, -row.device.true_tool_position_world_m.z());
-      const double law_newton = PressingSession::kTissueNewtonPerM * depth_m + count_newton;
+      const double law_newton = test::kPressedTissueNewtonPerM * depth_m + count_newton;
       EXPECT_LE(newton(row), law_newton) << "sequence " << row.device.sequence;
       is_ok = newton(row) <= law_newton;
     } else if (is_lost(row)) {
@@ -395,7 +392,7 @@ class CarriedOn {
   void step_until(TimePoint until) {
     device::in_equal_steps(
         origin_, until_, until, session_.device.simulated.inner_step, [&](double, double h_s) {
-          plant_.step(h_s, {.position_m = {0, 0, PressingSession::kPressedTargetM}}, force_newton_);
+          plant_.step(h_s, {.position_m = {0, 0, test::kPressedTargetM}}, force_newton_);
         });
     until_ = std::max(until_, until);
   }

@@ -28,6 +28,7 @@
 #include "common/core/metrics.h"
 #include "common/runtime/process_links.h"
 #include "common/runtime/session_file.h"
+#include "tests/support/pressing_hand.h"
 #include "tests/support/program.h"
 #include "tests/support/temp_folder.h"
 #include "viewer_node/process.h"
@@ -37,13 +38,12 @@ namespace palpate {
 namespace {
 
 using namespace std::chrono_literals;
+using test::kRoundingJoule;
 using test::Program;
 
 double asked_minutes = 0.4;
 unsigned asked_seed = 1;
 
-/// Energy of rounding in the inner steps of the simulated device.
-constexpr double kRoundingJoule = 1e-6;
 /// A process has its memory together after this time; a short run must do with a quarter of itself.
 constexpr Duration kWarmUp = 60s;
 Duration warm_up() { return std::min(kWarmUp, from_seconds(60.0 * asked_minutes / 4.0)); }

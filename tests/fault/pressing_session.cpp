@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <csignal>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -12,30 +11,18 @@
 namespace palpate::test {
 namespace {
 
-using namespace std::chrono_literals;
-
-constexpr const char* kHand =
-    "t,x,y,z\n0,0,0,0.004\n0.3,0,0,0.004\n0.6,0,0,-0.0075\n1.8,0,0,-0.0075\n2.1,0,0,0.004\n";
-
 std::string session_text(const std::string& name) {
-  return "name: \"" + name + R"("
-hand { stiffness_newton_per_m: 400 recorded { file: "hand.csv" loop: true } }
+  return std::string(kPressingHand) + "name: \"" + name + R"("
 mofc { mode: guard }
-scene { tissue { half_space {} kelvin_voigt { stiffness_newton_per_m: 200 } } }
 viewer { web { port: 0 } }
 )";
 }
 
 }  // namespace
 
-bool is_fresh(const viewer::TickRow& row) {
-  return row.device.is_answered && row.mofc &&
-         (row.mofc->state == MofcState::kContact || row.mofc->state == MofcState::kFree);
-}
-
 PressingSession::PressingSession(const std::string& name, const std::vector<std::string>& arguments,
                                  const std::vector<std::string>& sides) {
-  files_.write("hand.csv", kHand);
+  files_.write("hand.csv", kPressingPath);
   std::string text = session_text(name);
   for (const std::string& side : sides) text += "side { name: \"" + side + "\" }\n";
   file_ = files_.write(name + ".txtpb", text);
@@ -46,29 +33,15 @@ PressingSession::PressingSession(const std::string& name, const std::vector<std:
   launch_.emplace("palpate", all);
 }
 
-// 80 % of the force reached; in from 1 mm above the tissue within 0.6 s, so that it is not yet on
-// its way out.
-bool PressingSession::presses(std::size_t side) const {
-  const std::vector<viewer::TickRow>& rows = this->rows(side);
-  if (rows.empty() || !is_fresh(rows.back()) || rows.back().mofc->state != MofcState::kContact ||
-      newton(rows.back()) < 0.8 * kPressNewton) {
-    return false;
-  }
-  const auto above = std::find_if(rows.rbegin(), rows.rend(), [](const viewer::TickRow& row) {
-    return row.device.true_tool_position_world_m.z() > 1e-3;
-  });
-  return above != rows.rend() && rows.back().device.sampled_at - above->device.sampled_at < 600ms;
-}
-
 // 100 ticks later its target rests.
 bool PressingSession::until_pressing(std::size_t side) {
-  return watcher_->until([&] { return presses(side); }) && watcher_->until_rows(100);
+  return watcher_->until([&] { return presses(rows(side)); }) && watcher_->until_rows(100);
 }
 
 bool PressingSession::until_all_pressing() {
   const auto all_press = [&] {
     for (std::size_t side = 0; side < sides_of(session_).size(); ++side) {
-      if (!presses(side)) return false;
+      if (!presses(rows(side))) return false;
     }
     return true;
   };

@@ -12,22 +12,16 @@
 #include "common/core/clock.h"
 #include "common/core/session.h"
 #include "common/runtime/process_links.h"
+#include "tests/support/pressing_hand.h"
 #include "tests/support/program.h"
 #include "tests/support/temp_folder.h"
 #include "tests/support/watcher.h"
 
 namespace palpate::test {
 
-/// The hand comes from above, presses for 1.2 s and comes again: its spring, 400 N/m, pulls it
-/// 7.5 mm into tissue of 200 N/m, so that 5 mm and 1 N are left. It comes again because a machine
-/// that is busy may take the force away for a moment: the hand sinks in without giving energy, and
-/// the clamp rightly gives no more back.
+/// The hand of pressing_hand.h under mode guard.
 class PressingSession {
  public:
-  static constexpr double kTissueNewtonPerM = 200.0;
-  static constexpr double kPressNewton = 1.0;
-  static constexpr double kPressedTargetM = -0.0075;
-
   /// @param arguments  more of them for `palpate launch`
   /// @param sides      one hand each, which all do the same; none: one hand
   explicit PressingSession(const std::string& name,
@@ -54,8 +48,6 @@ class PressingSession {
   [[nodiscard]] TimePoint now() const { return clock_.now(); }
 
  private:
-  [[nodiscard]] bool presses(std::size_t side) const;
-
   TempFolder files_;
   std::string file_;
   Session session_;
@@ -64,12 +56,5 @@ class PressingSession {
   std::optional<Watcher> watcher_;
   std::optional<Program> launch_;
 };
-
-/// |F| on the hand of that row.
-[[nodiscard]] inline double newton(const viewer::TickRow& row) {
-  return row.device.force_on_hand_newton.norm();
-}
-/// The device's tick was answered out of a physics that is heard.
-[[nodiscard]] bool is_fresh(const viewer::TickRow& row);
 
 }  // namespace palpate::test

@@ -23,6 +23,7 @@
 #include "tests/support/alloc_guard.h"
 #include "tests/support/program.h"
 #include "tests/support/random_messages.h"
+#include "tests/support/resting_press.h"
 #include "tests/support/temp_folder.h"
 #include "tests/support/watcher.h"
 
@@ -34,6 +35,7 @@ using nlohmann::json;
 using test::AllocGuard;
 using test::Outcome;
 using test::Program;
+using test::rests_in_tissue;
 using test::run_program;
 using test::TempFolder;
 using test::Watcher;
@@ -174,26 +176,11 @@ TEST_P(Exchanging, InSteadyStateNeitherEndUsesOperatorNew) {
 
 // --- device and mofc in one process -----------------------------------------------------------
 
-/// As in processes_test: 5 mm into tissue as stiff as the hand's spring, 2.5 mm · 400 N/m.
-constexpr const char* kPressing = R"(
+/// The hand at rest in tissue.
+const std::string kPress = std::string(test::kRestingPress) + R"(
 name: "together"
 realtime { priority: 0 cpu: -1 wait: block }
-device {
-  rate_hz: 200
-  lease_us: 12500
-  simulated { position_resolution_m: 0 }
-  profile { position_resolution_m: 0 }
-}
-hand {
-  stiffness_newton_per_m: 400
-  damping_newton_s_per_m: 10
-  hold { position_m { z: -0.005 } }
-}
-mofc { controller: none stale_after_ms: 200 }
-scene { tissue { half_space {} kelvin_voigt { stiffness_newton_per_m: 400 } } }
 )";
-constexpr double kForceNewton = 1.0;
-constexpr double kStictionNewton = 0.05;
 
 class Together : public testing::Test {
  protected:
@@ -204,16 +191,9 @@ class Together : public testing::Test {
   }
   [[nodiscard]] std::string json_file() const { return (files_.path() / "run.json").string(); }
 
-  static bool presses(const Watcher& watcher) {
-    if (watcher.rows().empty() || !watcher.rows().back().mofc) return false;
-    const viewer::TickRow& row = watcher.rows().back();
-    return row.mofc->state == MofcState::kContact &&
-           std::abs(row.device.force_on_hand_newton.z() - kForceNewton) < kStictionNewton;
-  }
-
   TempFolder run_folder_;
   TempFolder files_;
-  std::string press_ = files_.write("press.txtpb", kPressing);
+  std::string press_ = files_.write("press.txtpb", kPress);
 };
 
 TEST_F(Together, TheTissueIsFeltAndAllNodesAreSeen) {
@@ -222,7 +202,7 @@ TEST_F(Together, TheTissueIsFeltAndAllNodesAreSeen) {
   Program launch("palpate", {"launch", press_, "--together", "device,mofc", "--no-viewer", "--json",
                              json_file()});
 
-  EXPECT_TRUE(watcher.until([&] { return presses(watcher) && watcher.sees_all_nodes(); }));
+  EXPECT_TRUE(watcher.until([&] { return rests_in_tissue(watcher) && watcher.sees_all_nodes(); }));
   launch.send_signal(SIGTERM);
 
   EXPECT_EQ(launch.wait(), 0) << launch.err();
@@ -235,7 +215,7 @@ TEST_F(Together, WhenItIsKilledBothAreReportedAndStartedAgain) {
   Watcher watcher(load_session(press_), links);
   Program launch("palpate", {"launch", press_, "--together", "mofc,device", "--no-viewer", "--json",
                              json_file()});
-  ASSERT_TRUE(watcher.until([&] { return presses(watcher); }));
+  ASSERT_TRUE(watcher.until([&] { return rests_in_tissue(watcher); }));
 
   const std::string pid = launch.await_err("event=node_started node=device_mofc pid=");
   ASSERT_GT(std::stoi(pid), 1);
@@ -244,7 +224,7 @@ TEST_F(Together, WhenItIsKilledBothAreReportedAndStartedAgain) {
   launch.await_err("event=node_died node=device_mofc how=\"killed by signal 9 (Killed)\"");
   EXPECT_TRUE(watcher.until([&] {
     return watcher.mirror().device_link().sessions == 2 &&
-           watcher.mirror().mofc_link().sessions == 2 && presses(watcher);
+           watcher.mirror().mofc_link().sessions == 2 && rests_in_tissue(watcher);
   }));
   launch.send_signal(SIGTERM);
   EXPECT_EQ(launch.wait(), 0) << launch.err();

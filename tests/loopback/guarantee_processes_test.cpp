@@ -11,6 +11,7 @@
 #include <optional>
 
 #include "common/runtime/session_file.h"
+#include "tests/support/pressing_hand.h"
 #include "tests/support/program.h"
 #include "tests/support/temp_folder.h"
 #include "tests/support/watcher.h"
@@ -20,39 +21,26 @@ namespace {
 
 namespace fs = std::filesystem;
 using namespace std::chrono_literals;
+using test::kLeftNewton;
+using test::kRoundingJoule;
+using test::newton;
+using test::presses;
 using test::Program;
 using test::TempFolder;
 using test::Watcher;
 using viewer::TickRow;
 
-/// A hand that comes from above, presses for 1.2 s and comes again: its spring, 400 N/m, pulls it
-/// 7.5 mm into tissue of 200 N/m, so that 5 mm and 1 N are left. It comes again because a machine
-/// that is busy may take the force away for a moment: the hand sinks in without giving energy, and
-/// the clamp rightly gives no more back.
-constexpr const char* kPressing = R"(
+const std::string kPressing = std::string(test::kPressingHand) + R"(
 name: "guarantee"
 realtime { priority: 0 cpu: -1 }
-hand { stiffness_newton_per_m: 400 recorded { file: "hand.csv" loop: true } }
 mofc { mode: guard velocity_estimator { difference { time_constant_ms: 5 } } }
-scene { tissue { half_space {} kelvin_voigt { stiffness_newton_per_m: 200 } } }
 )";
-constexpr const char* kHand =
-    "t,x,y,z\n0,0,0,0.004\n0.5,0,0,0.004\n0.8,0,0,-0.0075\n2,0,0,-0.0075\n2.3,0,0,0.004\n";
-constexpr double kPressNewton = 1.0;
-/// What a busy machine must have left of it when a node goes, for a test to mean something: more
-/// than three times what the device's own friction would absorb.
-constexpr double kLeftNewton = 0.35;
-
-/// Energy of rounding in the inner steps of the simulated device.
-constexpr double kRoundingJoule = 1e-6;
-
-double newton(const TickRow& row) { return row.device.force_on_hand_newton.norm(); }
 
 class PressingHand : public testing::Test {
  protected:
   PressingHand() {
     setenv("PALPATE_RUN_DIR", run_folder_.path().c_str(), 1);
-    files_.write("hand.csv", kHand);
+    files_.write("hand.csv", test::kPressingPath);
     file_ = files_.write("guarantee.txtpb", kPressing);
     session_ = load_session(file_);
     watcher_.emplace(session_, links_);
@@ -70,21 +58,7 @@ class PressingHand : public testing::Test {
     ASSERT_TRUE(watcher_->until([&] { return is_far_enough(); })) << device_->err();
   }
   /// Where a test begins.
-  virtual bool is_far_enough() const { return presses(); }
-
-  /// 80 % of its last force reached, and about 1 s left: it came in, down from 1 mm above the
-  /// tissue, within 0.6 s.
-  bool presses() const {
-    const auto& rows = watcher_->rows();
-    if (rows.empty() || !rows.back().mofc || rows.back().mofc->state != MofcState::kContact ||
-        !rows.back().device.is_answered || newton(rows.back()) < 0.8 * kPressNewton) {
-      return false;
-    }
-    const auto above = std::find_if(rows.rbegin(), rows.rend(), [](const TickRow& row) {
-      return row.device.true_tool_position_world_m.z() > 1e-3;
-    });
-    return above != rows.rend() && rows.back().device.sampled_at - above->device.sampled_at < 600ms;
-  }
+  virtual bool is_far_enough() const { return presses(watcher_->rows()); }
 
   /// Sends the signal; the time at which it is known to have worked.
   TimePoint stop_with(Program& program, int signal) {
@@ -128,11 +102,7 @@ TEST_F(PressingHand, WhenPhysicsIsKilledTheForceNeverRisesAndIsGoneAfterTheFade)
 
   // silence is declared in the row after the last fresh one
   const auto& rows = watcher_->rows();
-  const auto is_fresh = [](const TickRow& row) {
-    return row.mofc &&
-           (row.mofc->state == MofcState::kContact || row.mofc->state == MofcState::kFree);
-  };
-  const auto declared = std::find_if(rows.rbegin(), rows.rend(), is_fresh).base();
+  const auto declared = std::find_if(rows.rbegin(), rows.rend(), test::hears_physics).base();
   ASSERT_TRUE(declared != rows.begin() && declared != rows.end());
   const TickRow& last_fresh = *(declared - 1);
   const double limit_newton =
@@ -199,7 +169,7 @@ TEST_P(WithoutMofc, TheDeviceIsHarmlessWhenTheLeaseEndsAndThenLimp) {
 
   if (GetParam() == SIGSTOP) {
     mofc_->send_signal(SIGCONT);
-    EXPECT_TRUE(watcher_->until([&] { return presses(); }));
+    EXPECT_TRUE(watcher_->until([&] { return presses(watcher_->rows()); }));
     expect_passive();
   }
 }
@@ -241,7 +211,7 @@ TEST_F(PressingHand, WhenTheDeviceIsStoppedItsMotorsLetGoByThemselves) {
   EXPECT_NEAR(read_awake->device.true_tool_position_world_m.z(), -7.5e-3, 0.5e-3);
   EXPECT_LT(read_awake->device.true_energy_joule - asleep.true_energy_joule, 1.5e-3);
 
-  EXPECT_TRUE(watcher_->until([&] { return presses(); }));
+  EXPECT_TRUE(watcher_->until([&] { return presses(watcher_->rows()); }));
   expect_passive();
 }
 
@@ -325,7 +295,7 @@ TEST_F(PressingHand, ASignalWritesTheLastTicksOfEachNodeBesideTheRunFolder) {
 
   // and they go on
   EXPECT_TRUE(watcher_->until_rows(100));
-  EXPECT_TRUE(watcher_->until([&] { return presses(); }));
+  EXPECT_TRUE(watcher_->until([&] { return presses(watcher_->rows()); }));
   for (Program* node : {&*device_, &*mofc_, &*physics_}) {
     node->send_signal(SIGTERM);
     EXPECT_EQ(node->wait(), 0) << node->err();
@@ -336,7 +306,7 @@ TEST_F(PressingHand, AResetWithoutAFaultChangesNothing) {
   device_->send_signal(SIGUSR2);
 
   EXPECT_TRUE(watcher_->until_rows(300));
-  EXPECT_TRUE(watcher_->until([&] { return presses(); }));
+  EXPECT_TRUE(watcher_->until([&] { return presses(watcher_->rows()); }));
   EXPECT_EQ(watcher_->mirror().device_counters().fault_resets, 0u);
 }
 

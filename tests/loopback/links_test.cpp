@@ -324,6 +324,56 @@ TEST_F(LinksTest, WaitingForAPeerThatNeverComesEnds) {
 
 // --- queues -----------------------------------------------------------------------------------
 
+// 256, then one in 16 of the other 768: 48.
+TEST_P(EverySocket, AMofcThatAnswersNothingIsNotFlooded) {
+  ExchangeServer mofc(context_, clock_, bind_to(fresh_endpoint(GetParam()), "links.exchange"));
+  ExchangeClient device(context_, clock_, connect_to(mofc.endpoint(), "links.exchange"));
+  ASSERT_TRUE(device.wait_for_peer(kPatience));
+
+  int sent = 0;
+  for (std::uint64_t i = 0; i < 1024; ++i) {
+    if (device.send(state(1, i)) == SendResult::kSent) ++sent;
+  }
+  EXPECT_EQ(sent, 304);
+
+  DeviceState heard;
+  for (int i = 0; i < sent; ++i) ASSERT_TRUE(receive(mofc, heard));
+  ASSERT_EQ(mofc.send(random_message<ForceCommand>(random_)), SendResult::kSent);
+  ForceCommand felt;
+  ASSERT_TRUE(receive(device, felt));
+  for (std::uint64_t i = 1024; i < 1032; ++i) {
+    EXPECT_EQ(device.send(state(1, i)), SendResult::kSent);
+  }
+}
+
+// The alarm rings for the wait it was set for; a later wait, and one without, end in time too.
+TEST_F(LinksTest, AWaitThatWasPreparedEndsInTime) {
+  ExchangeServer mofc(context_, clock_, bind_to(ipc("x"), "links.exchange"));
+  ExchangeClient device(context_, clock_, connect_to(mofc.endpoint(), "links.exchange"));
+  ASSERT_TRUE(device.wait_for_peer(kPatience));
+  ForceCommand felt;
+  TimePoint at;
+  const TimePoint prepared = clock_.now() + 2ms;
+  device.prepare_wait(prepared);
+  for (const TimePoint deadline : {prepared + 1ms, prepared + 2ms}) {
+    while (clock_.now() < deadline) {
+      EXPECT_FALSE(device.receive(felt, at));
+      device.wait_until(deadline);
+    }
+    EXPECT_LT(clock_.now(), deadline + kPatience);
+  }
+
+  // and an answer that comes first ends it at once
+  device.prepare_wait(clock_.now() + 2 * kPatience);
+  ASSERT_EQ(device.send(state(1, 0)), SendResult::kSent);
+  DeviceState heard;
+  ASSERT_TRUE(receive(mofc, heard));
+  ASSERT_EQ(mofc.send(random_message<ForceCommand>(random_)), SendResult::kSent);
+  const TimePoint begin = clock_.now();
+  while (!device.receive(felt, at)) device.wait_until(begin + 3 * kPatience);
+  EXPECT_LT(clock_.now(), begin + kPatience);
+}
+
 /// Messages found in the receiver after 100 were sent 200 µs apart while it did not look.
 template <class Context>
 std::vector<std::uint64_t> left_after_a_burst(Context& context, const Clock& clock,

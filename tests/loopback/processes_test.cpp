@@ -13,6 +13,7 @@
 #include "common/runtime/session_file.h"
 #include "tests/support/port.h"
 #include "tests/support/program.h"
+#include "tests/support/resting_press.h"
 #include "tests/support/temp_folder.h"
 #include "tests/support/watcher.h"
 
@@ -25,6 +26,7 @@ using nlohmann::json;
 using test::HeldPort;
 using test::Outcome;
 using test::Program;
+using test::rests_in_tissue;
 using test::run_program;
 using test::TempFolder;
 using test::Watcher;
@@ -34,31 +36,12 @@ using testing::Not;
 
 using Arguments = std::vector<std::string>;
 
-/// A hand whose spring pulls it 5 mm into tissue as stiff as the spring; nothing bounds the force.
-/// Its long period and lease outlast the pauses of a busy machine without real-time scheduling, so
-/// that the hand comes to rest there too.
-constexpr const char* kPressing = R"(
+/// The hand at rest in tissue, with a viewer that tells often.
+const std::string kPress = std::string(test::kRestingPress) + R"(
 name: "press"
 realtime { priority: 0 cpu: -1 }
-device {
-  rate_hz: 200
-  lease_us: 12500
-  simulated { position_resolution_m: 0 }
-  profile { position_resolution_m: 0 }
-}
-hand {
-  stiffness_newton_per_m: 400
-  damping_newton_s_per_m: 10
-  hold { position_m { z: -0.005 } }
-}
-mofc { controller: none stale_after_ms: 200 }
-scene { tissue { half_space {} kelvin_voigt { stiffness_newton_per_m: 400 } } }
 viewer { status_interval_ms: 50 }
 )";
-// Both give way by half: 2.5 mm · 400 N/m. Stiction of 0.1 N may hold the hand before or beyond
-// that; the tissue takes half of it.
-constexpr double kForceNewton = 1.0;
-constexpr double kStictionNewton = 0.05;
 
 constexpr const char* kDefault = PALPATE_SOURCE_DIR "/deploy/sessions/default.txtpb";
 
@@ -105,7 +88,7 @@ class Processes : public testing::Test {
   Processes() {
     test::adopt_orphans();
     setenv("PALPATE_RUN_DIR", run_folder_.path().c_str(), 1);
-    press_ = files_.write("press.txtpb", kPressing);
+    press_ = files_.write("press.txtpb", kPress);
   }
 
   std::string file(const std::string& name) const { return (files_.path() / name).string(); }
@@ -133,13 +116,6 @@ class Processes : public testing::Test {
     const pid_t pid = node_of(launch, node);
     ASSERT_GT(pid, 1);
     kill(pid, SIGKILL);
-  }
-
-  static bool presses(const Watcher& watcher) {
-    if (watcher.rows().empty() || !watcher.rows().back().mofc) return false;
-    const viewer::TickRow& row = watcher.rows().back();
-    return row.mofc->state == MofcState::kContact &&
-           std::abs(row.device.force_on_hand_newton.z() - kForceNewton) < kStictionNewton;
   }
 
   TempFolder run_folder_;
@@ -214,7 +190,7 @@ TEST_F(Processes, TheStiffnessInPhysicsNodesSessionAloneChangesTheForceTheHandFe
     return median({fs_z.end() - std::min<std::ptrdiff_t>(200, std::ssize(fs_z)), fs_z.end()});
   };
 
-  EXPECT_NEAR(felt_newton({}), kForceNewton, kStictionNewton + 0.01);
+  EXPECT_NEAR(felt_newton({}), test::kRestingNewton, test::kStictionNewton + 0.01);
   EXPECT_NEAR(felt_newton({"--set", "scene.tissue[0].kelvin_voigt.stiffness_newton_per_m=800"}),
               4.0 / 3.0, 0.1 * 800.0 / 1200.0 + 0.01);
   expect_nothing_left();
@@ -230,7 +206,7 @@ class NodeUnderLaunch : public Processes {
         launch_("palpate", {"launch", press_, "--no-viewer", "--json", file("run.json")}) {}
 
   void SetUp() override {
-    ASSERT_TRUE(watcher_.until([&] { return presses(watcher_); }));
+    ASSERT_TRUE(watcher_.until([&] { return rests_in_tissue(watcher_); }));
   }
 
   /// Ends the launch.
@@ -254,7 +230,8 @@ TEST_F(NodeUnderLaunch, KilledPhysicsIsReportedAndStartedAgainAndTheTissueIsFelt
   EXPECT_TRUE(watcher_.until([&] { return watcher_.mirror().physics_link().sessions == 2; }));
   const std::uint64_t steps = watcher_.mirror().physics_counters().contact_steps;
   EXPECT_TRUE(watcher_.until([&] {
-    return watcher_.mirror().physics_counters().contact_steps > steps + 200 && presses(watcher_);
+    return watcher_.mirror().physics_counters().contact_steps > steps + 200 &&
+           rests_in_tissue(watcher_);
   }));
   const json run = summary();
   EXPECT_EQ(run["restarts"], json({{"physics", 1}, {"mofc", 0}, {"device", 0}}));
@@ -266,7 +243,7 @@ TEST_F(NodeUnderLaunch, AKilledDeviceComesBackLimp) {
 
   launch_.await_err("event=node_died node=device");
   ASSERT_TRUE(watcher_.until([&] {
-    return watcher_.rows().back().device_session_id != first_session && presses(watcher_);
+    return watcher_.rows().back().device_session_id != first_session && rests_in_tissue(watcher_);
   }));
 
   const auto begin =
@@ -300,7 +277,7 @@ TEST_F(NodeUnderLaunch, WhenMofcIsKilledTheDeviceFallsBackAndThenRecovers) {
 
   launch_.await_err("event=node_died node=mofc");
   EXPECT_TRUE(watcher_.until(
-      [&] { return watcher_.mirror().mofc_link().sessions == 2 && presses(watcher_); }));
+      [&] { return watcher_.mirror().mofc_link().sessions == 2 && rests_in_tissue(watcher_); }));
   const DeviceCounters& after = watcher_.mirror().device_counters();
   EXPECT_GT(after.fallback_ticks, before.fallback_ticks);
   const double coulomb_newton = load_session(press_).device.profile.coulomb_newton;
@@ -326,7 +303,7 @@ TEST_F(NodeUnderLaunch, ANodeThatOnlyStoppedForAWhileGoesOnWithoutARestart) {
       [&] { return watcher_.mirror().device_counters().limp_ticks > limp_ticks + 60; }));
   kill(mofc, SIGCONT);
 
-  EXPECT_TRUE(watcher_.until([&] { return presses(watcher_); }));
+  EXPECT_TRUE(watcher_.until([&] { return rests_in_tissue(watcher_); }));
   EXPECT_EQ(summary()["restarts"], json({{"physics", 0}, {"mofc", 0}, {"device", 0}}));
 }
 
@@ -400,7 +377,7 @@ TEST_F(Processes, ViewersComeLateLeaveEarlyAndDisturbNobody) {
   Program launch("palpate", {"launch", press_, "--no-viewer", "--json", file("run.json")});
   ProcessLinks links({.priority = 0, .cpu = -1});
   Watcher watcher(load_session(press_), links);
-  ASSERT_TRUE(watcher.until([&] { return presses(watcher); }));
+  ASSERT_TRUE(watcher.until([&] { return rests_in_tissue(watcher); }));
 
   // two at once; one is told to leave, one is killed, then a third comes
   Program leaves("viewer_node", {"--session", press_, "--csv", file("leaves.csv")});
@@ -419,11 +396,11 @@ TEST_F(Processes, ViewersComeLateLeaveEarlyAndDisturbNobody) {
       "viewer_node", {"--session", press_, "--csv", file("last.csv"), "--seconds", "1"});
 
   EXPECT_EQ(last.status, 0) << last.err;
-  EXPECT_NEAR(median(column(content(file("last.csv")), "fs_z")), kForceNewton,
-              kStictionNewton + 0.01);
+  EXPECT_NEAR(median(column(content(file("last.csv")), "fs_z")), test::kRestingNewton,
+              test::kStictionNewton + 0.01);
   EXPECT_THAT(last.out, HasSubstr("contact"));
   ASSERT_TRUE(watcher.until_rows(100));
-  EXPECT_TRUE(watcher.until([&] { return presses(watcher); }));
+  EXPECT_TRUE(watcher.until([&] { return rests_in_tissue(watcher); }));
   launch.send_signal(SIGTERM);
   EXPECT_EQ(launch.wait(), 0);
   EXPECT_EQ(json::parse(content(file("run.json")))["restarts"],
@@ -513,7 +490,7 @@ TEST_F(WrongSetUp, ASessionThatRunsIsNotLaunchedAgain) {
   Program first("palpate", {"launch", press_, "--no-viewer", "--json", file("run.json")});
   ProcessLinks links({.priority = 0, .cpu = -1});
   Watcher watcher(load_session(press_), links);
-  ASSERT_TRUE(watcher.until([&] { return presses(watcher); }));
+  ASSERT_TRUE(watcher.until([&] { return rests_in_tissue(watcher); }));
 
   expect_refused({"palpate", "launch", press_}, "session \"press\" is already launched; stop that");
   for (const char* node : {"device", "mofc", "physics"}) {

@@ -16,6 +16,7 @@
 #include "mofc_node/process.h"
 #include "physics_node/process.h"
 #include "tests/support/port.h"
+#include "tests/support/resting_press.h"
 #include "tests/support/temp_folder.h"
 #include "tests/support/watcher.h"
 
@@ -24,10 +25,12 @@ namespace {
 
 using namespace std::chrono_literals;
 using test::HeldPort;
+using test::rests_in_tissue;
 using test::TempFolder;
 using test::Watcher;
 
-/// A hand whose spring pulls it 5 mm into tissue as stiff as the spring.
+/// The hand of resting_press.h at 1 kHz. A busy machine that takes ticks away shakes it: a test
+/// waits for the force, it does not expect it at once.
 constexpr const char* kPressing = R"(
 name: "realtime_test"
 realtime { priority: 0 cpu: -1 }
@@ -40,12 +43,6 @@ hand {
 mofc { controller: none }
 scene { tissue { half_space {} kelvin_voigt { stiffness_newton_per_m: 400 } } }
 )";
-// Both give way by half: 2.5 mm · 400 N/m. Stiction of 0.1 N may hold the hand before or beyond
-// that; the tissue takes half of it. A busy machine that takes ticks away shakes the hand: a test
-// waits for the force, it does not expect it at once.
-constexpr double kForceNewton = 1.0;
-constexpr double kStictionNewton = 0.05;
-
 /// Settings that give every link an endpoint of the transport, free on this machine.
 std::vector<std::string> endpoints(const std::string& transport, const TempFolder& folder) {
   std::vector<std::string> settings;
@@ -91,13 +88,6 @@ class RealTime : public testing::TestWithParam<const char*> {
   ProcessLinks& links() { return links_; }
   std::string log_lines() const { return log_text_.str(); }
 
-  static bool presses(const Watcher& watcher) {
-    if (watcher.rows().empty() || !watcher.rows().back().mofc) return false;
-    const viewer::TickRow& row = watcher.rows().back();
-    return row.mofc->state == MofcState::kContact &&
-           std::abs(row.device.force_on_hand_newton.z() - kForceNewton) < kStictionNewton;
-  }
-
  private:
   struct Node {
     std::stop_source stop;
@@ -142,7 +132,7 @@ TEST_P(RealTime, ATouchIsFeltAndShown) {
 
   start();
 
-  ASSERT_TRUE(watcher.until([&] { return presses(watcher); }));
+  ASSERT_TRUE(watcher.until([&] { return rests_in_tissue(watcher); }));
   EXPECT_TRUE(watcher.sees_all_nodes());
   const viewer::TickRow& row = watcher.rows().back();
   EXPECT_TRUE(row.mofc->is_in_contact);
@@ -154,7 +144,7 @@ TEST_P(RealTime, NoNodeRefusesAFrameOfAnother) {
   Watcher watcher(session(), links());
 
   start();
-  ASSERT_TRUE(watcher.until([&] { return presses(watcher); }));
+  ASSERT_TRUE(watcher.until([&] { return rests_in_tissue(watcher); }));
 
   const viewer::TelemetryMirror& seen = watcher.mirror();
   EXPECT_EQ(seen.device_counters().force_command.rejected, 0u);
@@ -170,7 +160,7 @@ TEST_P(RealTime, AViewerThatComesLateSeesTheFiguresWithinASecond) {
   start();
   {
     Watcher early(session(), links());
-    ASSERT_TRUE(early.until([&] { return presses(early); }));
+    ASSERT_TRUE(early.until([&] { return rests_in_tissue(early); }));
   }
 
   Watcher late(session(), links());
@@ -179,7 +169,7 @@ TEST_P(RealTime, AViewerThatComesLateSeesTheFiguresWithinASecond) {
       [&] { return late.sees_all_nodes() && late.mirror().figures().is_in_contact; }, 1s));
   EXPECT_GT(late.mirror().ticks().begin()->first, 0u) << "was not late";
   const viewer::TelemetryFigures figures = late.mirror().figures();
-  EXPECT_GT(figures.max_applied_newton, kForceNewton - kStictionNewton);
+  EXPECT_GT(figures.max_applied_newton, test::kRestingNewton - test::kStictionNewton);
   EXPECT_TRUE(figures.is_in_contact);
   EXPECT_GT(figures.tick_rate_hz, 0.0);
   EXPECT_GT(figures.physics_rate_hz, 0.0);
@@ -213,15 +203,15 @@ TEST_P(RealTime, TheLoopGoesOnWhenAViewerLeaves) {
   Watcher stays(session(), links());
   auto leaves = std::make_optional<Watcher>(session(), links());
   start();
-  ASSERT_TRUE(leaves->until([&] { return presses(*leaves); }));
-  ASSERT_TRUE(stays.until([&] { return presses(stays); }));
+  ASSERT_TRUE(leaves->until([&] { return rests_in_tissue(*leaves); }));
+  ASSERT_TRUE(stays.until([&] { return rests_in_tissue(stays); }));
 
   leaves.reset();
 
   const std::uint64_t answered = stays.mirror().device_counters().answered_ticks;
   EXPECT_TRUE(stays.until(
       [&] { return stays.mirror().device_counters().answered_ticks > answered + 200; }));
-  EXPECT_TRUE(stays.until([&] { return presses(stays); }));
+  EXPECT_TRUE(stays.until([&] { return rests_in_tissue(stays); }));
 }
 
 }  // namespace

@@ -31,6 +31,30 @@ FileGeometry obj(const test::TempFolder& folder, const TriangleMesh& mesh) {
           .file = folder.write("mesh.obj", obj_text(mesh))};
 }
 
+/// Leads the tool from 30 mm above straight from one random place to the next, and back.
+/// @return  what its force did on it, J: between two steps it is the last one's, or what the next
+///          begins with
+double work_of_wandering(LedTool& tool, int legs, const Vector3& least_m, const Vector3& most_m,
+                         Random& random) {
+  constexpr int kSteps = 500;
+  const Vector3 above_m(0, 0, 0.03);
+  Vector3 x_m = above_m;
+  tool.go_to(x_m, 1e-5);
+  double work_joule = 0.0;
+  for (int leg = 1; leg <= legs; ++leg) {
+    Vector3 to_m = above_m;
+    for (int i = 0; i < 3 && leg < legs; ++i) to_m[i] = random.uniform(least_m[i], most_m[i]);
+    const Vector3 step_m = (to_m - x_m) / kSteps;
+    for (int i = 0; i < kSteps; ++i) {
+      const Vector3 before_newton = tool.force().force_on_tool_newton;
+      x_m += step_m;
+      const Vector3 after_newton = tool.go_to(x_m, 1e-5).force_on_tool_newton;
+      work_joule += 0.5 * (before_newton + after_newton).dot(step_m);
+    }
+  }
+  return work_joule;
+}
+
 // --- thin tissue --------------------------------------------------------------------------------
 
 TEST(Proxy, LetsNoPokeThroughThinTissue) {
@@ -153,21 +177,8 @@ TEST(Proxy, NeverGivesEnergy) {
     const Scene scene(one_tissue(geometry, 0.001));
     for (int path = 0; path < 20; ++path) {
       LedTool tool(scene, kStiffness);
-      Vector3 x(0, 0, 0.03);
-      tool.go_to(x, 1e-5);
-      double work_joule = 0.0;
-      for (int leg = 0; leg < 10; ++leg) {
-        const Vector3 to =
-            leg == 9 ? Vector3(0, 0, 0.03)
-                     : Vector3(random.uniform(-0.015, 0.015), random.uniform(-0.015, 0.015),
-                               random.uniform(-0.015, 0.015));
-        const Vector3 step = (to - x) / 500.0;
-        for (int i = 0; i < 500; ++i) {
-          const Vector3 before = tool.force().force_on_tool_newton;
-          x += step;
-          work_joule += 0.5 * (before + tool.go_to(x, 1e-5).force_on_tool_newton).dot(step);
-        }
-      }
+      const double work_joule =
+          work_of_wandering(tool, 10, Vector3::Constant(-0.015), Vector3::Constant(0.015), random);
       EXPECT_LT(work_joule + tool.force().stored_energy_joule, 2e-5);
       least_joule = std::min(least_joule, work_joule);
     }
@@ -372,22 +383,8 @@ TEST(Puncture, TakesEnergyAndGivesNone) {
     const Scene scene(with_shaft(one_tissue(geometry, 0.001, skin()), 0.05, 0.0005));
     for (int path = 0; path < 20; ++path) {
       LedTool tool(scene, kStiffness);
-      Vector3 x(0, 0, 0.03);
-      tool.go_to(x, 1e-5);
-      double work_joule = 0.0;
-      for (int leg = 0; leg < 8; ++leg) {
-        const Vector3 to =
-            leg == 7 ? Vector3(0, 0, 0.03)
-                     : Vector3(random.uniform(-0.004, 0.004), random.uniform(-0.004, 0.004),
-                               random.uniform(-0.012, 0.02));
-        const Vector3 step = (to - x) / 500.0;
-        for (int i = 0; i < 500; ++i) {
-          // between two steps the force is the last one's, or what the next begins with
-          const Vector3 before = tool.force().force_on_tool_newton;
-          x += step;
-          work_joule += 0.5 * (before + tool.go_to(x, 1e-5).force_on_tool_newton).dot(step);
-        }
-      }
+      const double work_joule =
+          work_of_wandering(tool, 8, {-0.004, -0.004, -0.012}, {0.004, 0.004, 0.02}, random);
       EXPECT_LT(work_joule, 2e-5);
     }
   }
