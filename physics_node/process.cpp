@@ -10,6 +10,7 @@
 
 #include "common/core/inbox.h"
 #include "common/runtime/flight_recorder.h"
+#include "common/runtime/heap_trim.h"
 #include "common/runtime/rate_loop.h"
 #include "common/runtime/refused_peers_log.h"
 #include "common/runtime/rejection_log.h"
@@ -94,12 +95,14 @@ void run_process(NodeContext& context, ProcessLinks& links) {
                         bind_to(session.links.physics_telemetry, "links.physics_telemetry"));
   SceneDisplay display(session, context.session_id, telemetry, telemetry);
   RefusedPeersLog refused_peers(context.log, links.side.refused());
+  HeapTrim heap;
   std::list<Tool> tools;
   for (const Session& side : sides) tools.emplace_back(side, scene, context, links, telemetry);
   auto& publisher = tools.front().publisher;
   std::vector<PhysicsTick> newest;
   publisher.on_pump = [&](TimePoint now) {
     refused_peers.note(now);
+    heap.note(now);
     newest.clear();
     for (Tool& tool : tools) {
       if (&tool != &tools.front()) tool.publisher.pump();

@@ -97,14 +97,7 @@ void McapWriter::write(std::size_t channel, std::uint64_t log_time_ns, std::stri
 
 void McapWriter::end_chunk() {
   if (file_ == nullptr || chunk_.empty()) return;
-  ChunkPlace place{.begin_ns = chunk_begin_ns_,
-                   .end_ns = chunk_end_ns_,
-                   .offset = offset_,
-                   .length = 0,
-                   .index_offsets = {},
-                   .index_length = 0,
-                   .size = chunk_.size()};
-  begin_ns_ = chunks_.empty() ? chunk_begin_ns_ : std::min(begin_ns_, chunk_begin_ns_);
+  begin_ns_ = chunks_ == 0 ? chunk_begin_ns_ : std::min(begin_ns_, chunk_begin_ns_);
   end_ns_ = std::max(end_ns_, chunk_end_ns_);
 
   constexpr std::size_t kChunkHead = 8 + 8 + 8 + 4 + 4 + 8;
@@ -118,12 +111,13 @@ void McapWriter::end_chunk() {
       .text("")  // compression
       .number(std::uint64_t{chunk_.size()});
   bytes += chunk_;
-  place.length = bytes.size();
+  const std::uint64_t length = bytes.size();
 
   // where each topic's messages lie in it
+  std::string index_offsets;
   for (Topic& topic : topics_) {
     if (topic.index.empty()) continue;
-    place.index_offsets[topic.id] = offset_ + bytes.size();
+    Bytes(index_offsets).number(topic.id).number(offset_ + bytes.size());
     std::string entries;
     for (const auto& [time_ns, at] : topic.index) Bytes(entries).number(time_ns).number(at);
     std::string content;
@@ -131,8 +125,19 @@ void McapWriter::end_chunk() {
     bytes += record(Opcode::kMessageIndex, content);
     topic.index.clear();
   }
-  place.index_length = bytes.size() - place.length;
-  chunks_.push_back(std::move(place));
+  std::string place;
+  Bytes(place)
+      .number(chunk_begin_ns_)
+      .number(chunk_end_ns_)
+      .number(offset_)
+      .number(length)
+      .text(index_offsets)
+      .number(bytes.size() - length)
+      .text("")  // compression
+      .number(std::uint64_t{chunk_.size()})
+      .number(std::uint64_t{chunk_.size()});
+  chunk_indexes_ += record(Opcode::kChunkIndex, place);
+  ++chunks_;
   chunk_.clear();
   put(bytes);
 }
@@ -178,7 +183,7 @@ std::string McapWriter::summary() const {
       .number(static_cast<std::uint32_t>(topics_.size()))
       .number(std::uint32_t{0})  // attachments
       .number(static_cast<std::uint32_t>(metadata_.size()))
-      .number(static_cast<std::uint32_t>(chunks_.size()))
+      .number(chunks_)
       .number(begin_ns_)
       .number(end_ns_)
       .text(counts);
@@ -186,22 +191,7 @@ std::string McapWriter::summary() const {
   note(Opcode::kStatistics, begin, bytes.size() - begin);
 
   begin = bytes.size();
-  for (const ChunkPlace& chunk : chunks_) {
-    std::string index;
-    for (const auto& [id, at] : chunk.index_offsets) Bytes(index).number(id).number(at);
-    std::string content;
-    Bytes(content)
-        .number(chunk.begin_ns)
-        .number(chunk.end_ns)
-        .number(chunk.offset)
-        .number(chunk.length)
-        .text(index)
-        .number(chunk.index_length)
-        .text("")
-        .number(chunk.size)
-        .number(chunk.size);
-    bytes += record(Opcode::kChunkIndex, content);
-  }
+  bytes += chunk_indexes_;
   note(Opcode::kChunkIndex, begin, bytes.size() - begin);
 
   begin = bytes.size();

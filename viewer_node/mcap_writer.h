@@ -4,7 +4,6 @@
 
 #include <cstdint>
 #include <cstdio>
-#include <map>
 #include <memory>
 #include <optional>
 #include <span>
@@ -45,15 +44,6 @@ class McapWriter {
   [[nodiscard]] std::optional<std::string> take_error();
 
  private:
-  struct ChunkPlace {
-    std::uint64_t begin_ns = 0;
-    std::uint64_t end_ns = 0;
-    std::uint64_t offset = 0;
-    std::uint64_t length = 0;
-    std::map<std::uint16_t, std::uint64_t> index_offsets;
-    std::uint64_t index_length = 0;
-    std::uint64_t size = 0;
-  };
   struct MetadataPlace {
     std::uint64_t offset = 0;
     std::uint64_t length = 0;
@@ -85,7 +75,8 @@ class McapWriter {
   std::uint64_t chunk_end_ns_ = 0;
   std::uint64_t begin_ns_ = 0;
   std::uint64_t end_ns_ = 0;
-  std::vector<ChunkPlace> chunks_;
+  std::string chunk_indexes_;  // ChunkIndex records: some 150 bytes a chunk until close()
+  std::uint32_t chunks_ = 0;
   std::vector<MetadataPlace> metadata_;
   std::optional<std::string> error_;
 };

@@ -11,6 +11,7 @@
 
 #include "common/core/regular_file.h"
 #include "common/link/plot_sender.h"
+#include "common/runtime/heap_trim.h"
 #include "common/runtime/refused_peers_log.h"
 #include "viewer_node/csv_writer.h"
 #include "viewer_node/status_line.h"
@@ -158,6 +159,7 @@ void run_process(NodeContext& context, ProcessLinks& links, const ViewerOptions&
     if (web) web->take(message, payload);
   };
   RefusedPeersLog refused_peers(context.log, links.side.refused());
+  HeapTrim heap;
   bool is_quiet = options.is_quiet;
   TimePoint next_status = context.clock.now() + context.session.viewer.status_interval;
   while (!context.stop.stop_requested()) {
@@ -166,6 +168,7 @@ void run_process(NodeContext& context, ProcessLinks& links, const ViewerOptions&
     const TimePoint now = context.clock.now();
     if (web) web->pump(now);
     refused_peers.note(now);
+    heap.note(now);
     if (now < next_status) continue;
     next_status = now + context.session.viewer.status_interval;
     if (!is_quiet) is_quiet = !print_status(context.session, mirrors, now);

@@ -496,12 +496,22 @@ ExchangeServer::ExchangeServer(ZmqContext& context, const Clock& clock,
 bool ExchangeServer::admit(const DeviceState& message, TimePoint now) noexcept {
   const bool is_served =
       is_serving_ && (message.header.session_id == served_session_id_ || peer_ == served_peer_);
-  if (!is_served && is_serving_ && now - heard_at_ < kSilence) return false;
+  if (!is_served && is_serving_ && now - heard_at_ < kSilence && !has_left(now)) return false;
+  if (!is_served) answer_.reset();
   is_serving_ = true;
   served_session_id_ = message.header.session_id;
   served_peer_.copy(peer_);
   heard_at_ = now;
   return true;
+}
+
+/// libzmq says that a connection has ended when it is asked to send: the last answer once more,
+/// which a device that is still there drops as a duplicate.
+bool ExchangeServer::has_left(TimePoint now) noexcept {
+  if (!answer_ || now < next_try_at_) return false;
+  next_try_at_ = now + kTryInterval;
+  const ForceCommand again = *answer_;
+  return send(again) == SendResult::kNoPeer;
 }
 
 bool ExchangeServer::receive(DeviceState& message, TimePoint& received_at) noexcept {
@@ -537,6 +547,7 @@ SendResult ExchangeServer::send(const ForceCommand& message) noexcept {
   peer.copy(served_peer_);
   SendResult result = socket_.send(peer, ZMQ_SNDMORE);
   if (result == SendResult::kSent) result = send_frame(socket_, commands_, message);
+  if (result == SendResult::kSent) answer_ = message;
   if (result == SendResult::kNoPeer) is_serving_ = false;
   if (result == SendResult::kSent && on_send) on_send();
   return result;

@@ -326,11 +326,13 @@ class ZmqSource final : public Source<T> {
 /// mofc_node's end of hops 1 and 4. Answers go to the device whose state was accepted last.
 ///
 /// One writer: while one device is being served, states of any other are refused and counted, until
-/// the first has been silent for kSilence. A device that reconnects keeps its place: its session id
-/// says who it is.
+/// the first has been silent for kSilence or its connection has ended. A device that reconnects
+/// keeps its place: its session id says who it is.
 class ExchangeServer final : public Source<DeviceState>, public Sender<ForceCommand> {
  public:
   static constexpr Duration kSilence = std::chrono::seconds(1);
+  /// So often, while another device asks for its place, the first one's connection is tried.
+  static constexpr Duration kTryInterval = std::chrono::milliseconds(10);
 
   ExchangeServer(ZmqContext& context, const Clock& clock, const Attachment& attachment);
 
@@ -348,6 +350,7 @@ class ExchangeServer final : public Source<DeviceState>, public Sender<ForceComm
 
  private:
   [[nodiscard]] bool admit(const DeviceState& message, TimePoint now) noexcept;
+  [[nodiscard]] bool has_left(TimePoint now) noexcept;
 
   const Clock& clock_;
   LinkSocket socket_;
@@ -363,6 +366,8 @@ class ExchangeServer final : public Source<DeviceState>, public Sender<ForceComm
   zmq::message_t served_peer_;
   std::uint64_t served_session_id_ = 0;
   TimePoint heard_at_{};
+  std::optional<ForceCommand> answer_;  // the last one to it
+  TimePoint next_try_at_{};
 };
 
 /// device_node's end of hops 1 and 4.

@@ -13,6 +13,7 @@
 #include "common/core/check.h"
 #include "common/core/metrics.h"
 #include "common/core/regular_file.h"
+#include "common/runtime/heap_trim.h"
 #include "common/runtime/run_node.h"
 #include "common/runtime/session_file.h"
 #include "deploy/palpate/json_output.h"
@@ -221,6 +222,7 @@ int LaunchCommand::run() const {
 
   std::set<std::string> started = nodes;
   if (json.is_standard_output()) started.erase("viewer");
+  HeapTrim heap;
   const LaunchResult result = launch({.session_file = session_file,
                                       .overrides = overrides,
                                       .seconds = seconds,
@@ -235,6 +237,7 @@ int LaunchCommand::run() const {
                                           observed[i].note_extremes(mirrors[i].device_counters());
                                         }
                                         check_recording();
+                                        heap.note(clock.now());
                                       }});
   for (viewer::TelemetryMirror& mirror : mirrors) mirror.flush_rows();
   if (recording) recording->close();

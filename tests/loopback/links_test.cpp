@@ -694,6 +694,29 @@ TEST_F(OneWriter, ASecondDeviceIsTakenOnceTheFirstWasSilentForASecond) {
   EXPECT_FALSE(is_heard(1));
 }
 
+// The first one has been answered; then its place is tried every 10 ms.
+TEST_F(OneWriter, ASecondDeviceIsTakenAtOnceWhenTheFirstHasLeft) {
+  auto leaves = std::make_unique<ExchangeClient>(context_, manual_clock_,
+                                                 connect_to("inproc://exchange", "links.exchange"));
+  ASSERT_EQ(leaves->send(state(1, 0)), SendResult::kSent);
+  ASSERT_TRUE(is_heard(1));
+  ASSERT_TRUE(is_answered(*leaves));
+  std::uint64_t sequence = 0;
+  ASSERT_EQ(second_.send(state(2, sequence++)), SendResult::kSent);
+  ASSERT_FALSE(is_heard(2));  // it is still there, and told again what it knows
+  ForceCommand again;
+  TimePoint at;
+  EXPECT_TRUE(leaves->receive(again, at));
+
+  leaves.reset();
+  const TimePoint last_heard = manual_clock_.now();
+  EXPECT_TRUE(eventually([&] {  // libzmq ends a connection on a thread of its own
+    if (manual_clock_.now() - last_heard < 900ms) manual_clock_.advance(10ms);
+    return second_.send(state(2, sequence++)) == SendResult::kSent && is_heard(2);
+  }));
+  EXPECT_LT(manual_clock_.now() - last_heard, ExchangeServer::kSilence);
+}
+
 TEST_F(OneWriter, ADeviceThatReconnectsKeepsItsPlace) {
   ASSERT_EQ(first_.send(state(1, 0)), SendResult::kSent);
   ASSERT_TRUE(is_heard(1));
