@@ -3,8 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <utility>
-#include <vector>
+#include <initializer_list>
 
 namespace palpate::viewer {
 namespace {
@@ -17,104 +16,171 @@ std::string number(double value) {
   return text;
 }
 
-/// One metric: its head, then a line for each set of labels.
-class Metric {
- public:
-  Metric(std::string& page, const char* type, const std::string& name, const char* help)
-      : page_(page), name_("palpate_" + name) {
-    page_ += "# HELP " + name_ + " " + help + "\n# TYPE " + name_ + " " + type + "\n";
-  }
-  /// @param labels  `node="device"`; "" for none
-  Metric& value(const std::string& labels, const std::string& text) {
-    page_ += name_ + (labels.empty() ? "" : "{" + labels + "}") + " " + text + "\n";
-    return *this;
-  }
-  Metric& value(const std::string& labels, std::uint64_t count) {
-    return value(labels, std::to_string(count));
-  }
-  Metric& value(const std::string& labels, double figure) { return value(labels, number(figure)); }
-
- private:
-  std::string& page_;
-  std::string name_;
-};
-
-using Counts = std::vector<std::pair<std::string, std::uint64_t>>;  // by label
-
-void counter(std::string& page, const std::string& name, const char* help, const Counts& counts) {
-  if (counts.empty()) return;
-  Metric metric(page, "counter", name + "_total", help);
-  for (const auto& [labels, count] : counts) metric.value(labels, count);
-}
-
 std::string label(const char* name, const std::string& value) {
   return std::string(name) + "=\"" + value + "\"";
 }
 
-void add_link(Counts& counts, const char* link, const LinkCounters& counters) {
-  for (const auto& [result, count] :
-       {std::pair{"accepted", counters.accepted}, std::pair{"skipped", counters.skipped},
-        std::pair{"duplicate", counters.duplicates},
-        std::pair{"out_of_order", counters.out_of_order},
-        std::pair{"rejected", counters.rejected}}) {
-    counts.emplace_back(label("link", link) + "," + label("result", result), count);
+struct Count {
+  std::string labels;  // `node="device"`; "" for none
+  std::uint64_t count = 0;
+};
+
+/// Metrics as they come, side after side; all lines of one stand together under its head.
+class Page {
+ public:
+  /// That of the lines that follow; "" for none.
+  void begin_side(const std::string& side) { side_ = side.empty() ? "" : label("side", side); }
+
+  void counter(const std::string& name, const char* help, std::initializer_list<Count> counts) {
+    Metric& metric = metric_of(name + "_total", "counter", help);
+    for (const auto& [labels, count] : counts) metric.add("", labels_of(labels), count);
   }
+  void gauge(const char* name, const char* help, const std::string& labels, double value) {
+    metric_of(name, "gauge", help).add("", labels_of(labels), number(value));
+  }
+  void histogram(const char* name, const char* help, const TimeHistogram& times) {
+    Metric& metric = metric_of(name, "histogram", help);
+    std::uint64_t count = 0;
+    for (std::size_t i = 0; i < times.counts.size(); ++i) {
+      count += times.counts[i];
+      const bool is_last = i == TimeHistogram::kBounds_s.size();
+      const std::string bound = is_last ? "+Inf" : number(TimeHistogram::kBounds_s[i]);
+      metric.add("_bucket", labels_of(label("le", bound)), count);
+    }
+    metric.add("_sum", labels_of(""), number(times.sum_s));
+    metric.add("_count", labels_of(""), count);
+  }
+
+  [[nodiscard]] std::string text() const {
+    std::string page;
+    for (const Metric& metric : metrics_) page += metric.head + metric.lines;
+    return page;
+  }
+
+ private:
+  struct Metric {
+    std::string name;
+    std::string head;
+    std::string lines;
+
+    void add(const char* suffix, const std::string& labels, const std::string& value) {
+      lines += name + suffix + labels + " " + value + "\n";
+    }
+    void add(const char* suffix, const std::string& labels, std::uint64_t count) {
+      add(suffix, labels, std::to_string(count));
+    }
+  };
+
+  Metric& metric_of(const std::string& name, const char* type, const char* help) {
+    const std::string full = "palpate_" + name;
+    const auto known = std::find_if(metrics_.begin(), metrics_.end(),
+                                    [&](const Metric& metric) { return metric.name == full; });
+    if (known != metrics_.end()) return *known;
+    return metrics_.emplace_back(
+        Metric{.name = full,
+               .head = "# HELP " + full + " " + help + "\n# TYPE " + full + " " + type + "\n",
+               .lines = {}});
+  }
+  [[nodiscard]] std::string labels_of(const std::string& labels) const {
+    const std::string all = side_ + (side_.empty() || labels.empty() ? "" : ",") + labels;
+    return all.empty() ? "" : "{" + all + "}";
+  }
+
+  std::string side_;
+  std::vector<Metric> metrics_;  // in the order in which they came first
+};
+
+void add_node(Page& page, const char* node, const NodeLink& link, TimePoint now) {
+  const std::string labels = label("node", node);
+  page.gauge("node_up", "Whether the node is heard.", labels, link.is_alive(now) ? 1 : 0);
+  if (!link.is_heard()) return;
+  page.counter("node_sessions", "Starts of the node, as heard.", {{labels, link.sessions}});
+  page.counter("telemetry_batches_lost", "Batches of telemetry that did not arrive.",
+               {{labels, link.batches_lost}});
+  page.counter("telemetry_records_lost", "Ticks that the node could not keep.",
+               {{labels, link.records_lost}});
+  page.counter("peers_refused", "Connections that failed for want of the right keys.",
+               {{labels, link.peers_refused}});
 }
 
-void add_device(std::string& page, const DeviceCounters& c) {
-  counter(page, "device_ticks", "Ticks by what the motors did.",
-          {{label("force", "answered"), c.answered_ticks},
-           {label("force", "leased"), c.leased_ticks},
-           {label("force", "fallback"), c.fallback_ticks},
-           {label("force", "limp"), c.limp_ticks},
-           {label("force", "fault"), c.fault_ticks}});
-  counter(page, "device_peak_limited_ticks", "Ticks at the device's force limit.",
-          {{"", c.peak_limited_ticks}});
-  counter(page, "device_faults", "Faults that were latched.", {{"", c.device_faults}});
-  counter(page, "device_fault_resets", "Faults that were reset.", {{"", c.fault_resets}});
-  counter(page, "device_non_finite_commands", "Answers with NaN or infinity, not rendered.",
-          {{"", c.non_finite_commands}});
-  Metric(page, "gauge", "device_max_force_newtons", "Greatest force since the start.")
-      .value("", c.max_force_newton);
-  Metric(page, "gauge", "device_minimum_true_energy_joules",
-         "Least energy the hand has given, since the start; simulated devices only.")
-      .value("", c.minimum_true_energy_joule);
+void add_loop(Page& page, const char* node, const LoopCounters& loop) {
+  const std::string labels = label("node", node);
+  page.counter("loop_ticks", "Turns of the periodic loop.", {{labels, loop.ticks}});
+  page.counter("loop_skipped_ticks", "Turns missed by overruns.", {{labels, loop.skipped_ticks}});
+  page.gauge("loop_worst_lateness_seconds", "Latest wake-up since the start.", labels,
+             to_seconds(loop.worst_lateness));
 }
 
-void add_mofc(std::string& page, const MofcCounters& c) {
-  counter(page, "mofc_ticks", "DeviceStates answered.", {{"", c.ticks}});
-  counter(page, "mofc_ticks_in", "Of these, in each condition.",
-          {{label("condition", "contact"), c.contact_ticks},
-           {label("condition", "clamped"), c.clamped_ticks},
-           {label("condition", "too_fast"), c.too_fast_ticks},
-           {label("condition", "stale"), c.stale_ticks},
-           {label("condition", "late_physics"), c.late_physics_ticks}});
-  counter(page, "mofc_ledger_resets", "Energy ledgers begun anew.", {{"", c.ledger_resets}});
-  counter(page, "mofc_motions_dropped", "Motions that the link to physics did not take.",
-          {{"", c.motions_dropped}});
-  counter(page, "mofc_motions_suppressed", "Motions within the deadband, not sent.",
-          {{"", c.motions_suppressed}});
-  Metric(page, "gauge", "mofc_transparency_ratio", "Force applied against force asked, mean.")
-      .value("", c.transparency_samples > 0
-                     ? c.transparency_sum / static_cast<double>(c.transparency_samples)
-                     : kNaN);
+void add_link(Page& page, const char* link, const LinkCounters& counters) {
+  const auto with = [&](const char* result) {
+    return label("link", link) + "," + label("result", result);
+  };
+  page.counter("link_messages", "Messages that arrived on a link, by what became of them.",
+               {{with("accepted"), counters.accepted},
+                {with("skipped"), counters.skipped},
+                {with("duplicate"), counters.duplicates},
+                {with("out_of_order"), counters.out_of_order},
+                {with("rejected"), counters.rejected}});
 }
 
-void add_physics(std::string& page, const PhysicsCounters& c) {
-  counter(page, "physics_contact_steps", "Steps with the tool in contact.",
-          {{"", c.contact_steps}});
-  counter(page, "physics_tissues", "Tissues looked at or skipped, summed over steps.",
-          {{label("result", "visited"), c.tissues_visited},
-           {label("result", "skipped"), c.tissues_skipped}});
-  counter(page, "physics_octree_cells_visited", "Cells of point clouds, summed over steps.",
-          {{"", c.octree_cells_visited}});
-  counter(page, "physics_interactions_suppressed", "Interactions within the deadband, not sent.",
-          {{"", c.interactions_suppressed}});
-  counter(page, "physics_mesh_frames", "Frames of tissue made for viewers.", {{"", c.mesh_frames}});
-  counter(page, "physics_meshes_skipped", "Times that frames were due and nobody looked on.",
-          {{"", c.meshes_skipped}});
-  Metric(page, "gauge", "physics_worst_compute_time_seconds", "Longest step since the start.")
-      .value("", to_seconds(c.worst_compute_time));
+void add_device(Page& page, const DeviceCounters& c) {
+  add_loop(page, "device", c.loop);
+  add_link(page, "force_command", c.force_command);
+  page.counter("device_ticks", "Ticks by what the motors did.",
+               {{label("force", "answered"), c.answered_ticks},
+                {label("force", "leased"), c.leased_ticks},
+                {label("force", "fallback"), c.fallback_ticks},
+                {label("force", "limp"), c.limp_ticks},
+                {label("force", "fault"), c.fault_ticks}});
+  page.counter("device_peak_limited_ticks", "Ticks at the device's force limit.",
+               {{"", c.peak_limited_ticks}});
+  page.counter("device_faults", "Faults that were latched.", {{"", c.device_faults}});
+  page.counter("device_fault_resets", "Faults that were reset.", {{"", c.fault_resets}});
+  page.counter("device_non_finite_commands", "Answers with NaN or infinity, not rendered.",
+               {{"", c.non_finite_commands}});
+  page.gauge("device_max_force_newtons", "Greatest force since the start.", "", c.max_force_newton);
+  page.gauge("device_minimum_true_energy_joules",
+             "Least energy the hand has given, since the start; simulated devices only.", "",
+             c.minimum_true_energy_joule);
+}
+
+void add_mofc(Page& page, const MofcCounters& c) {
+  add_link(page, "device_state", c.device_state);
+  add_link(page, "interaction", c.interaction);
+  page.counter("mofc_ticks", "DeviceStates answered.", {{"", c.ticks}});
+  page.counter("mofc_ticks_in", "Of these, in each condition.",
+               {{label("condition", "contact"), c.contact_ticks},
+                {label("condition", "clamped"), c.clamped_ticks},
+                {label("condition", "too_fast"), c.too_fast_ticks},
+                {label("condition", "stale"), c.stale_ticks},
+                {label("condition", "late_physics"), c.late_physics_ticks}});
+  page.counter("mofc_ledger_resets", "Energy ledgers begun anew.", {{"", c.ledger_resets}});
+  page.counter("mofc_motions_dropped", "Motions that the link to physics did not take.",
+               {{"", c.motions_dropped}});
+  page.counter("mofc_motions_suppressed", "Motions within the deadband, not sent.",
+               {{"", c.motions_suppressed}});
+  page.gauge("mofc_transparency_ratio", "Force applied against force asked, mean.", "",
+             c.transparency_samples > 0
+                 ? c.transparency_sum / static_cast<double>(c.transparency_samples)
+                 : kNaN);
+}
+
+void add_physics(Page& page, const PhysicsCounters& c) {
+  add_loop(page, "physics", c.loop);
+  add_link(page, "tool_motion", c.tool_motion);
+  page.counter("physics_contact_steps", "Steps with the tool in contact.", {{"", c.contact_steps}});
+  page.counter("physics_tissues", "Tissues looked at or skipped, summed over steps.",
+               {{label("result", "visited"), c.tissues_visited},
+                {label("result", "skipped"), c.tissues_skipped}});
+  page.counter("physics_octree_cells_visited", "Cells of point clouds, summed over steps.",
+               {{"", c.octree_cells_visited}});
+  page.counter("physics_interactions_suppressed", "Interactions within the deadband, not sent.",
+               {{"", c.interactions_suppressed}});
+  page.counter("physics_mesh_frames", "Frames of tissue made for viewers.", {{"", c.mesh_frames}});
+  page.counter("physics_meshes_skipped", "Times that frames were due and nobody looked on.",
+               {{"", c.meshes_skipped}});
+  page.gauge("physics_worst_compute_time_seconds", "Longest step since the start.", "",
+             to_seconds(c.worst_compute_time));
 }
 
 }  // namespace
@@ -122,120 +188,63 @@ void add_physics(std::string& page, const PhysicsCounters& c) {
 void TimeHistogram::add(Duration time) noexcept {
   const double s = to_seconds(time);
   const auto* bound = std::lower_bound(kBounds_s.begin(), kBounds_s.end(), s);
-  ++counts_[static_cast<std::size_t>(bound - kBounds_s.begin())];
-  sum_s_ += s;
+  ++counts[static_cast<std::size_t>(bound - kBounds_s.begin())];
+  sum_s += s;
 }
 
-std::string TimeHistogram::text(const std::string& name, const std::string& help) const {
-  const std::string full = "palpate_" + name;
-  std::string text = "# HELP " + full + " " + help + "\n# TYPE " + full + " histogram\n";
-  std::uint64_t count = 0;
-  for (std::size_t i = 0; i < counts_.size(); ++i) {
-    count += counts_[i];
-    text += full + "_bucket{le=\"" + (i < kBounds_s.size() ? number(kBounds_s[i]) : "+Inf") +
-            "\"} " + std::to_string(count) + "\n";
-  }
-  return text + full + "_sum " + number(sum_s_) + "\n" + full + "_count " + std::to_string(count) +
-         "\n";
+MetricsText::MetricsText(const Session& session) : times_(sides_of(session).size()) {
+  for (const Session& side : sides_of(session)) sides_.push_back(side.side);
 }
 
-void MetricsText::note(const DeviceBatch& batch) noexcept {
+void MetricsText::note(std::size_t side, const DeviceBatch& batch) noexcept {
   for (const DeviceTick& tick : batch.records) {
-    lateness_.add(tick.lateness);
-    if (tick.is_answered) reply_time_.add(tick.reply_time);
+    times_[side].lateness.add(tick.lateness);
+    if (tick.is_answered) times_[side].reply_time.add(tick.reply_time);
   }
 }
 
-void MetricsText::note(const MofcBatch& batch) noexcept {
+void MetricsText::note(std::size_t side, const MofcBatch& batch) noexcept {
   for (const MofcTick& tick : batch.records) {
-    if (tick.state == MofcState::kContact) force_age_.add(tick.force_age);
+    if (tick.state == MofcState::kContact) times_[side].force_age.add(tick.force_age);
   }
 }
 
-void MetricsText::note(const PhysicsBatch& batch) noexcept {
-  for (const PhysicsTick& tick : batch.records) compute_time_.add(tick.compute_time);
+void MetricsText::note(std::size_t side, const PhysicsBatch& batch) noexcept {
+  for (const PhysicsTick& tick : batch.records) times_[side].compute_time.add(tick.compute_time);
 }
 
-std::string MetricsText::text(const TelemetryMirror& mirror, const ViewerCounts& viewer,
+std::string MetricsText::text(std::span<const TelemetryMirror> mirrors, const ViewerCounts& viewer,
                               TimePoint now) const {
-  const std::array<std::pair<const char*, const NodeLink&>, 3> nodes{
-      {{"device", mirror.device_link()},
-       {"mofc", mirror.mofc_link()},
-       {"physics", mirror.physics_link()}}};
-  const bool has_device = mirror.device_link().is_heard();
-  const bool has_mofc = mirror.mofc_link().is_heard();
-  const bool has_physics = mirror.physics_link().is_heard();
-  std::string page;
+  Page page;
+  for (std::size_t i = 0; i < sides_.size(); ++i) {
+    const TelemetryMirror& mirror = mirrors[i];
+    page.begin_side(sides_[i]);
+    add_node(page, "device", mirror.device_link(), now);
+    add_node(page, "mofc", mirror.mofc_link(), now);
+    add_node(page, "physics", mirror.physics_link(), now);
+    if (mirror.device_link().is_heard()) add_device(page, mirror.device_counters());
+    if (mirror.mofc_link().is_heard()) add_mofc(page, mirror.mofc_counters());
+    if (mirror.physics_link().is_heard()) add_physics(page, mirror.physics_counters());
 
-  Metric up(page, "gauge", "node_up", "Whether the node is heard.");
-  for (const auto& [name, link] : nodes) {
-    up.value(label("node", name), std::uint64_t{link.is_alive(now) ? 1U : 0U});
+    const Times& times = times_[i];
+    page.histogram("reply_time_seconds", "From the device's reading to its answer.",
+                   times.reply_time);
+    page.histogram("tick_lateness_seconds", "Of the device's wake-up.", times.lateness);
+    page.histogram("force_age_seconds",
+                   "From the reading that physics answers to its use, in contact.",
+                   times.force_age);
+    page.histogram("physics_compute_time_seconds", "Of a physics step.", times.compute_time);
   }
-  Counts sessions;
-  Counts lost;
-  Counts records_lost;
-  Counts refused;
-  for (const auto& [name, link] : nodes) {
-    if (!link.is_heard()) continue;
-    sessions.emplace_back(label("node", name), link.sessions);
-    lost.emplace_back(label("node", name), link.batches_lost);
-    records_lost.emplace_back(label("node", name), link.records_lost);
-    refused.emplace_back(label("node", name), link.peers_refused);
-  }
-  counter(page, "node_sessions", "Starts of the node, as heard.", sessions);
-  counter(page, "telemetry_batches_lost", "Batches of telemetry that did not arrive.", lost);
-  counter(page, "telemetry_records_lost", "Ticks that the node could not keep.", records_lost);
-  counter(page, "peers_refused", "Connections that failed for want of the right keys.", refused);
 
-  Counts ticks;
-  Counts skipped;
-  Counts messages;
-  std::vector<std::pair<std::string, double>> lateness;
-  const auto add_loop = [&](const char* node, const LoopCounters& loop) {
-    ticks.emplace_back(label("node", node), loop.ticks);
-    skipped.emplace_back(label("node", node), loop.skipped_ticks);
-    lateness.emplace_back(label("node", node), to_seconds(loop.worst_lateness));
-  };
-  if (has_device) {
-    add_loop("device", mirror.device_counters().loop);
-    add_link(messages, "force_command", mirror.device_counters().force_command);
-  }
-  if (has_mofc) {
-    add_link(messages, "device_state", mirror.mofc_counters().device_state);
-    add_link(messages, "interaction", mirror.mofc_counters().interaction);
-  }
-  if (has_physics) {
-    add_loop("physics", mirror.physics_counters().loop);
-    add_link(messages, "tool_motion", mirror.physics_counters().tool_motion);
-  }
-  counter(page, "loop_ticks", "Turns of the periodic loop.", ticks);
-  counter(page, "loop_skipped_ticks", "Turns missed by overruns.", skipped);
-  if (!lateness.empty()) {
-    Metric metric(page, "gauge", "loop_worst_lateness_seconds", "Latest wake-up since the start.");
-    for (const auto& [labels, seconds] : lateness) metric.value(labels, seconds);
-  }
-  counter(page, "link_messages", "Messages that arrived on a link, by what became of them.",
-          messages);
-
-  if (has_device) add_device(page, mirror.device_counters());
-  if (has_mofc) add_mofc(page, mirror.mofc_counters());
-  if (has_physics) add_physics(page, mirror.physics_counters());
-
-  page += reply_time_.text("reply_time_seconds", "From the device's reading to its answer.");
-  page += lateness_.text("tick_lateness_seconds", "Of the device's wake-up.");
-  page += force_age_.text("force_age_seconds",
-                          "From the reading that physics answers to its use, in contact.");
-  page += compute_time_.text("physics_compute_time_seconds", "Of a physics step.");
-
-  Metric(page, "gauge", "viewer_clients", "WebSockets open.")
-      .value("", std::uint64_t{viewer.clients});
-  counter(page, "viewer_messages_dropped", "Messages not sent to slow clients.",
-          {{"", viewer.messages_dropped}});
-  counter(page, "viewer_requests_refused", "Requests and connections refused.",
-          {{"", viewer.requests_refused}});
-  counter(page, "viewer_frames_rejected", "Telemetry that could not be read.",
-          {{"", viewer.frames_rejected}});
-  return page;
+  page.begin_side("");
+  page.gauge("viewer_clients", "WebSockets open.", "", viewer.clients);
+  page.counter("viewer_messages_dropped", "Messages not sent to slow clients.",
+               {{"", viewer.messages_dropped}});
+  page.counter("viewer_requests_refused", "Requests and connections refused.",
+               {{"", viewer.requests_refused}});
+  page.counter("viewer_frames_rejected", "Telemetry that could not be read.",
+               {{"", viewer.frames_rejected}});
+  return page.text();
 }
 
 }  // namespace palpate::viewer

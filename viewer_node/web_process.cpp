@@ -202,7 +202,8 @@ WebFeed::WebFeed(NodeContext& context, ProcessLinks& links, const WebOptions& op
     : context_(context),
       subscriber_(subscriber),
       mirrors_(mirrors),
-      server_(web_config(options, context.session.viewer.web), description_of(context, links)) {
+      server_(web_config(options, context.session.viewer.web), description_of(context, links)),
+      metrics_(context.session) {
   for (const Session& side : sides_of(context.session)) {
     events_.emplace_back(*this, side.side);
   }
@@ -239,16 +240,16 @@ void WebFeed::take(const TelemetryMessage& message, std::span<const std::byte> p
     SideEvents& events = *std::next(events_.begin(), side - sides.begin());
     ChannelIndex kind = kDevice;
     if (const auto* mofc = std::get_if<MofcBatch>(&message)) {
-      if (index == 0) metrics_.note(*mofc);
+      metrics_.note(index, *mofc);
       events.mofc.note(*mofc, now);
       kind = kMofc;
     } else if (const auto* physics = std::get_if<PhysicsBatch>(&message)) {
-      if (index == 0) metrics_.note(*physics);
+      metrics_.note(index, *physics);
       events.physics.note(*physics, now);
       kind = kPhysics;
     } else {
       const auto& device = std::get<DeviceBatch>(message);
-      if (index == 0) metrics_.note(device);
+      metrics_.note(index, device);
       events.device.note(device, now);
     }
     channel = channel_of(kind, index);
@@ -395,7 +396,7 @@ void WebFeed::tell_health(TimePoint now) {
     add(with_side(sides[i].side, "mofc"), mirrors_[i].mofc_link());
     add(with_side(sides[i].side, "physics"), mirrors_[i].physics_link());
   }
-  server_.set_metrics(metrics_.text(mirrors_[0],
+  server_.set_metrics(metrics_.text(mirrors_,
                                     {.clients = counters.clients,
                                      .messages_dropped = counters.dropped,
                                      .requests_refused = counters.refused,

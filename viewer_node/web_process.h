@@ -84,7 +84,7 @@ class WebFeed {
   TelemetrySubscriber& subscriber_;
   std::span<const TelemetryMirror> mirrors_;
   WebServer server_;
-  MetricsText metrics_;  // of the first side
+  MetricsText metrics_;
   SceneMirror scene_;
   Codec<MeshFrame> meshes_;
   Payload scene_payload_;

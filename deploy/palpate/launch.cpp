@@ -104,6 +104,11 @@ std::vector<ChildSpec> nodes_of(const LaunchOptions& options, const Session& ses
   if (!options.is_realtime) arguments.emplace_back("--no-realtime");
   if (options.is_insecure) arguments.emplace_back("--insecure");
 
+  const auto is_here = [&](const char* node) { return options.nodes.contains(node); };
+  if (options.is_together && !(is_here("device") && is_here("mofc"))) {
+    throw SetupError("--together device,mofc: both must be among --nodes");
+  }
+
   const fs::path folder = options.program_folder.empty()
                               ? fs::read_symlink("/proc/self/exe").parent_path()
                               : options.program_folder;
@@ -121,19 +126,19 @@ std::vector<ChildSpec> nodes_of(const LaunchOptions& options, const Session& ses
   };
 
   // who binds is started before who connects
-  add("physics");
+  if (is_here("physics")) add("physics");
   const std::span<const Session> sides = sides_of(session);
-  if (!options.is_together) {
+  if (is_here("mofc") && !options.is_together) {
     for (const Session& side : sides) add("mofc", side.side);
   }
-  for (std::size_t i = 0; i < sides.size(); ++i) {
+  for (std::size_t i = 0; is_here("device") && i < sides.size(); ++i) {
     ChildSpec& child = add(options.is_together ? "device_mofc" : "device", sides[i].side);
     if (sides[i].device.start_ramp.count() > 0) continue;
     const std::string path = sides[i].side.empty() ? "" : "side[" + std::to_string(i) + "].";
     child.restart_arguments = {
         "--set", path + "device.start_ramp_ms=" + std::to_string(kRestartRampMilliseconds)};
   }
-  if (options.has_viewer) add("viewer");
+  if (is_here("viewer")) add("viewer");
   return children;
 }
 

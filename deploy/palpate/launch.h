@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <functional>
 #include <optional>
+#include <set>
 #include <stop_token>
 #include <string>
 #include <vector>
@@ -16,11 +17,13 @@ namespace palpate {
 
 struct LaunchOptions {
   std::filesystem::path session_file;
-  std::vector<std::string> overrides = {};    ///< path=value, handed to every node
-  std::optional<double> seconds = {};         ///< ends by itself after this time; none: runs on
-  bool is_realtime = true;                    ///< false: nodes are started with --no-realtime
-  bool is_insecure = false;                   ///< nodes are started with --insecure
-  bool has_viewer = false;                    ///< viewer_node too
+  std::vector<std::string> overrides = {};  ///< path=value, handed to every node
+  std::optional<double> seconds = {};       ///< ends by itself after this time; none: runs on
+  bool is_realtime = true;                  ///< false: nodes are started with --no-realtime
+  bool is_insecure = false;                 ///< nodes are started with --insecure
+  /// Of device, mofc, physics and viewer those that run here; of a session over several machines
+  /// each has its own.
+  std::set<std::string> nodes = {"device", "mofc", "physics"};
   bool is_together = false;                   ///< device and mofc in one process, device_mofc_node
   std::filesystem::path program_folder = {};  ///< of the nodes; empty: beside this executable
   SupervisorTiming timing = {};
@@ -46,11 +49,11 @@ struct LaunchResult {
   [[nodiscard]] int exit_status() const;
 };
 
-/// Starts physics, mofc and device of each side (and viewer) with one session, restarts what dies,
+/// Starts the nodes asked for, device and mofc for each side of the session, restarts what dies,
 /// and ends all in the order device, mofc, physics, viewer. Device and mofc are one such process if
-/// together. A device that is restarted ramps its force up from nothing, also where the session has
-/// no start ramp. When it returns, no process of it is left and no ipc file; when its own process
-/// is killed, the kernel kills the nodes.
+/// together. None waits for another, here or elsewhere. A device that is restarted ramps its force
+/// up from nothing, also where the session has no start ramp. When it returns, no process of it is
+/// left and no ipc file; when its own process is killed, the kernel kills the nodes.
 ///
 /// A first signal stops in order, a second one kills. Throws SetupError if the session is wrong,
 /// already launched, or a program is missing. One at a time per process; blocks.

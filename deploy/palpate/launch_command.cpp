@@ -26,7 +26,7 @@
 namespace palpate {
 namespace {
 
-/// What the launcher saw of one device's run: it is a viewer like any other.
+/// What the launcher saw of one device's run: it is a viewer like any other, with the viewer's key.
 struct Observed {
   DurationHistogram reply_time;
   DurationHistogram lateness;
@@ -94,13 +94,13 @@ nlohmann::ordered_json figures_json(const Watched& watched, const LaunchResult& 
 }
 
 /// The figures of several devices are those of `sides`, by name.
-nlohmann::ordered_json launch_json(const Session& session, const std::vector<Watched>& devices,
+nlohmann::ordered_json launch_json(const std::string& name, const std::vector<Watched>& devices,
                                    const LaunchResult& result) {
   nlohmann::ordered_json restarts = nlohmann::ordered_json::object();
   for (const auto& node : result.restarts) restarts[node.name] = node.count;
   nlohmann::ordered_json json;
   json["schema_version"] = 1;
-  json["session"] = session.name;
+  json["session"] = name;
   for (const Watched& device : devices) {
     const std::string& side = device.session.side;
     if (side.empty()) {
@@ -114,18 +114,27 @@ nlohmann::ordered_json launch_json(const Session& session, const std::vector<Wat
   return json;
 }
 
-std::string launch_text(const std::vector<Watched>& devices, const LaunchResult& result) {
+std::string launch_text(const std::string& name, const std::vector<Watched>& devices,
+                        const LaunchResult& result) {
   const auto micro = [](Duration d) { return static_cast<double>(d.count()) * 1e-3; };
   std::string text;
   const auto line = [&](const char* label, const std::string& value) {
     text += fmt::format("  {:<20}{}\n", label, value);
   };
+  if (devices.empty()) {
+    text += fmt::format("{}: {:.1f} s in real time, no figures without the viewer's key\n", name,
+                        result.wall.count());
+  }
   for (const auto& [session, mirror, observed] : devices) {
     const DeviceCounters& device = mirror.device_counters();
     const MofcCounters& mofc = mirror.mofc_counters();
     text += fmt::format("{}: {}, {:.1f} s in real time\n",
-                        session.name + (session.side.empty() ? "" : ", " + session.side),
+                        name + (session.side.empty() ? "" : ", " + session.side),
                         controller_text(session.mofc), result.wall.count());
+    if (!mirror.device_link().is_heard()) {
+      line("device", "not heard");
+      continue;
+    }
     line("in contact", fmt::format("{} of {} ticks", mofc.contact_ticks, mofc.ticks));
     if (session.mofc.controller != ControllerKind::kNone) {
       line("clamped by MOFC", fmt::format("{} ticks", mofc.clamped_ticks));
@@ -174,13 +183,23 @@ int LaunchCommand::run() const {
     csvs.push_back(std::make_unique<viewer::CsvWriter>(viewer::csv_file_of(csv_file, side.side)));
   }
 
+  // who asks for more than the summary must have the viewer's key
+  const bool must_look = nodes.contains("viewer") || !csv_file.empty() || !record.file.empty();
+  const TcpRules tcp = must_look ? tcp_rules(session.security, {KeyRole::kViewer})
+                                 : tcp_rules(session.security, {}, {KeyRole::kViewer});
+  const bool may_look = tcp.keys == nullptr || tcp.keys->of(KeyRole::kViewer).has_value();
+  if (!may_look) {
+    std::fprintf(stderr, "palpate: no figures of this run: %s has no viewer.key_secret\n",
+                 session.security.key_folder.c_str());
+  }
   const SteadyClock clock;
-  ProcessLinks links({.priority = 0, .cpu = -1}, tcp_rules(session.security, {KeyRole::kViewer}));
-  viewer::TelemetryFeed feed(session, clock, links);
+  ProcessLinks links({.priority = 0, .cpu = -1}, tcp);
+  std::optional<viewer::TelemetryFeed> feed;
+  if (may_look) feed.emplace(session, clock, links);
   std::optional<viewer::Recording> recording;
   if (!record.file.empty()) {
-    recording.emplace(record, session, "palpate launch", feed.subscriber());
-    feed.on_message = [&](const TelemetryMessage& message, std::span<const std::byte> payload) {
+    recording.emplace(record, session, "palpate launch", feed->subscriber());
+    feed->on_message = [&](const TelemetryMessage& message, std::span<const std::byte> payload) {
       recording->take(message, payload);
     };
   }
@@ -194,7 +213,7 @@ int LaunchCommand::run() const {
   std::vector<viewer::TelemetryMirror> mirrors(sides.size());
   std::vector<Observed> observed(sides.size());
   std::vector<Watched> devices;
-  for (std::size_t i = 0; i < sides.size(); ++i) {
+  for (std::size_t i = 0; may_look && i < sides.size(); ++i) {
     devices.push_back({sides[i], mirrors[i], observed[i]});
     mirrors[i].on_row = [&, i](const viewer::TickRow& row) {
       observed[i].lateness.add(row.device.lateness);
@@ -203,16 +222,19 @@ int LaunchCommand::run() const {
     };
   }
 
+  std::set<std::string> started = nodes;
+  if (json.is_standard_output()) started.erase("viewer");
   HeapTrim heap;
   const LaunchResult result = launch({.session_file = session_file,
                                       .overrides = overrides,
                                       .seconds = seconds,
                                       .is_realtime = is_realtime,
                                       .is_insecure = is_insecure,
-                                      .has_viewer = has_viewer && !json.is_standard_output(),
+                                      .nodes = started,
                                       .is_together = is_together,
                                       .on_poll = [&] {
-                                        feed.pump(mirrors, clock.now());
+                                        if (!feed) return;
+                                        feed->pump(mirrors, clock.now());
                                         for (std::size_t i = 0; i < sides.size(); ++i) {
                                           observed[i].note_extremes(mirrors[i].device_counters());
                                         }
@@ -225,9 +247,9 @@ int LaunchCommand::run() const {
   if (result.exit_status() != 0) return result.exit_status();
 
   if (!json.is_standard_output()) {
-    std::fputs(launch_text(devices, result).c_str(), stdout);
+    std::fputs(launch_text(session.name, devices, result).c_str(), stdout);
   }
-  json.write(launch_json(session, devices, result));
+  json.write(launch_json(session.name, devices, result));
   for (const auto& csv : csvs) {
     csv->close();
     if (const auto error = csv->take_error()) throw std::runtime_error(*error);

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -18,10 +19,11 @@ struct LaunchCommand {
   viewer::RecordOptions record{};
   bool is_realtime = true;
   bool is_insecure = false;
-  bool has_viewer = true;
+  std::set<std::string> nodes = {"device", "mofc", "physics", "viewer"};  ///< those that run here
   bool is_together = false;
 
-  /// Runs until the time is up or a signal comes. Throws SetupError.
+  /// Runs until the time is up or a signal comes; without figures where the session has keys and
+  /// this machine not the viewer's. Throws SetupError.
   /// @return exit status
   [[nodiscard]] int run() const;
 };

@@ -342,9 +342,16 @@ void add_launch_options(CLI::App& app, LaunchCommand& launch) {
       ->type_name("device,mofc")
       ->delimiter(',')
       ->allow_extra_args(false);
+  CLI::Option* const nodes =
+      app.add_option("--nodes", launch.nodes, "only these run here, the others on other machines")
+          ->type_name("NODE,…")
+          ->delimiter(',')
+          ->allow_extra_args(false)
+          ->check(CLI::IsMember(launch.nodes));
   app.add_flag_callback(
-      "--no-viewer", [&] { launch.has_viewer = false; },
-      "no status line: do not start viewer_node");
+         "--no-viewer", [&] { launch.nodes.erase("viewer"); },
+         "no status line: do not start viewer_node")
+      ->excludes(nodes);
 }
 
 }  // namespace

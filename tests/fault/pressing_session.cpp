@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <csignal>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -11,8 +10,6 @@
 
 namespace palpate::test {
 namespace {
-
-using namespace std::chrono_literals;
 
 std::string session_text(const std::string& name) {
   return std::string(kPressingHand) + "name: \"" + name + R"("
@@ -23,10 +20,12 @@ viewer { web { port: 0 } }
 
 }  // namespace
 
-PressingSession::PressingSession(const std::string& name,
-                                 const std::vector<std::string>& arguments) {
+PressingSession::PressingSession(const std::string& name, const std::vector<std::string>& arguments,
+                                 const std::vector<std::string>& sides) {
   files_.write("hand.csv", kPressingPath);
-  file_ = files_.write(name + ".txtpb", session_text(name));
+  std::string text = session_text(name);
+  for (const std::string& side : sides) text += "side { name: \"" + side + "\" }\n";
+  file_ = files_.write(name + ".txtpb", text);
   session_ = load_session(file_);
   watcher_.emplace(session_, links_);
   std::vector<std::string> all{"launch", file_, "--json", (files_.path() / "run.json").string()};
@@ -34,9 +33,19 @@ PressingSession::PressingSession(const std::string& name,
   launch_.emplace("palpate", all);
 }
 
-bool PressingSession::until_pressing() {
-  return watcher_->until([this] { return presses(rows()); }) &&
-         watcher_->until_rows(100);  // its target rests by then
+// 100 ticks later its target rests.
+bool PressingSession::until_pressing(std::size_t side) {
+  return watcher_->until([&] { return presses(rows(side)); }) && watcher_->until_rows(100);
+}
+
+bool PressingSession::until_all_pressing() {
+  const auto all_press = [&] {
+    for (std::size_t side = 0; side < sides_of(session_).size(); ++side) {
+      if (!presses(rows(side))) return false;
+    }
+    return true;
+  };
+  return watcher_->until(all_press) && watcher_->until_rows(100);
 }
 
 pid_t PressingSession::node(const std::string& name, int count) {
@@ -44,11 +53,11 @@ pid_t PressingSession::node(const std::string& name, int count) {
   return pid.empty() ? 0 : std::stoi(pid);
 }
 
-std::string PressingSession::stop_and_count_restarts() {
+std::map<std::string, int> PressingSession::stop_and_count_restarts() {
   launch_->send_signal(SIGTERM);
   launch_->wait();
   std::ifstream file(files_.path() / "run.json");
-  return nlohmann::json::parse(file)["restarts"].dump();
+  return nlohmann::json::parse(file)["restarts"];
 }
 
 }  // namespace palpate::test

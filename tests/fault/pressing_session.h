@@ -1,9 +1,10 @@
-// pressing_session.h — a session under `palpate launch` whose hand touches tissue again and again,
-// watched by a viewer: what the fault matrix does its faults to.
+// pressing_session.h — a session under `palpate launch` whose hand, or hands, touch tissue again
+// and again, watched by a viewer: what the fault matrix does its faults to.
 #pragma once
 
 #include <sys/types.h>
 
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -22,17 +23,24 @@ namespace palpate::test {
 class PressingSession {
  public:
   /// @param arguments  more of them for `palpate launch`
+  /// @param sides      one hand each, which all do the same; none: one hand
   explicit PressingSession(const std::string& name,
-                           const std::vector<std::string>& arguments = {"--no-viewer"});
+                           const std::vector<std::string>& arguments = {"--no-viewer"},
+                           const std::vector<std::string>& sides = {});
 
   /// Looks on until the hand presses, with 0.5 s of it left; whether it came to that.
-  bool until_pressing();
+  /// @param side  place in `sides`
+  bool until_pressing(std::size_t side = 0);
+  /// The same of all hands at once: as long as their devices were started together.
+  bool until_all_pressing();
   /// The process of a node that launch started, the `count`-th time.
   pid_t node(const std::string& name, int count = 1);
-  /// What launch counted when it ended in order: restarts as "device 1, physics 0, …".
-  [[nodiscard]] std::string stop_and_count_restarts();
+  /// What launch counted when it ended in order: restarts by node.
+  [[nodiscard]] std::map<std::string, int> stop_and_count_restarts();
 
-  [[nodiscard]] const std::vector<viewer::TickRow>& rows() const { return watcher_->rows(); }
+  [[nodiscard]] const std::vector<viewer::TickRow>& rows(std::size_t side = 0) const {
+    return watcher_->rows(side);
+  }
   [[nodiscard]] const Session& session() const { return session_; }
   [[nodiscard]] const std::string& file() const { return file_; }
   [[nodiscard]] Watcher& watcher() { return *watcher_; }

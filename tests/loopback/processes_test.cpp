@@ -541,6 +541,22 @@ TEST_F(WrongSetUp, AnUnknownFlagIsRefused) {
   }
 }
 
+TEST_F(WrongSetUp, NodesThatAreNoneOrDoNotGoTogetherAreRefused) {
+  const auto launch = [&](const Arguments& more) {
+    Arguments command{"palpate", "launch", press_};
+    command.insert(command.end(), more.begin(), more.end());
+    return command;
+  };
+  expect_refused(launch({"--nodes", "device,moffc"}),
+                 "--nodes: moffc not in {device,mofc,physics,viewer}");
+  expect_refused(launch({"--nodes"}), "--nodes");
+  expect_refused(launch({"--nodes", ""}), "--nodes");
+  expect_refused(launch({"--nodes", "device", "--together", "device,mofc"}),
+                 "--together device,mofc: both must be among --nodes");
+  expect_refused(launch({"--nodes", "physics", "--no-viewer"}), "--nodes excludes --no-viewer");
+  expect_nothing_left();
+}
+
 TEST_F(WrongSetUp, ATimeThatIsNotPositiveIsRefused) {
   for (const char* seconds : {"-1", "0", "nan", "soon"}) {
     for (const Arguments& command : {Arguments{"palpate", "launch", press_, "--no-viewer"},

@@ -162,7 +162,7 @@ class Launch : public testing::Test {
 
 TEST_F(Launch, CtrlCReachesTheLauncherOnlyWhichStopsAllInOrder) {
   LaunchOptions options = this->options();
-  options.has_viewer = true;
+  options.nodes.insert("viewer");
   start_launcher(options);
   started_nodes(4);
 

@@ -169,9 +169,10 @@ TEST_F(TwoHands, AViewerSeesBoth) {
   ASSERT_TRUE(watcher_->until([&] { return both_press(); })) << launch.err();
   const std::string rest = launch.await_err("event=web url=http://127.0.0.1:");
   ASSERT_FALSE(rest.empty());
+  const auto port = static_cast<std::uint16_t>(std::stoi(rest));
 
   // a curve of each hand for tools, and the ticks of each for the page
-  WebClient client(static_cast<std::uint16_t>(std::stoi(rest)));
+  WebClient client(port);
   ASSERT_TRUE(client.open_web_socket());
   const std::string advertised = client.await_text(R"("op":"advertise")");
   for (const json& channel : json::parse(advertised)["channels"]) {
@@ -185,6 +186,15 @@ TEST_F(TwoHands, AViewerSeesBoth) {
   }
   EXPECT_THAT(advertised, AllOf(HasSubstr("/left/telemetry"), HasSubstr("/right/telemetry"),
                                 HasSubstr("/right/device"), HasSubstr("/mesh")));
+
+  // the figures of each for Prometheus
+  EXPECT_TRUE(watcher_->until([&] {
+    WebClient prometheus(port);
+    prometheus.send_raw("GET /metrics HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n");
+    const std::string page = prometheus.read_to_end();
+    return page.find("palpate_node_up{side=\"left\",node=\"device\"} 1") != std::string::npos &&
+           page.find("palpate_node_up{side=\"right\",node=\"physics\"} 1") != std::string::npos;
+  }));
 
   launch.send_signal(SIGTERM);
   EXPECT_EQ(launch.wait(), 0);

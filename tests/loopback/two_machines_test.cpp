@@ -18,6 +18,7 @@
 #include <cstdlib>
 #include <fstream>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <sstream>
 
@@ -32,10 +33,12 @@ namespace {
 
 namespace fs = std::filesystem;
 using namespace std::chrono_literals;
+using nlohmann::json;
 using test::Program;
 using test::TempFolder;
 using test::Watcher;
 using testing::HasSubstr;
+using testing::Not;
 
 constexpr const char* kIp = "/usr/sbin/ip";
 constexpr const char* kBedside = "10.77.0.1";
@@ -263,6 +266,104 @@ TEST_F(TwoMachines, ACutCableEndsTheForceAndAMendedOneBringsItBack) {
   EXPECT_EQ(writers(), 1u);  // the same processes
   EXPECT_EQ(watcher_->mirror().mofc_counters().interaction.sessions, 1u);
   EXPECT_EQ(refused_by_physics(), 0u);
+}
+
+// --- supervised -----------------------------------------------------------------------------
+
+/// A launch on each machine, which has the keys of its own roles only.
+class Supervised : public TwoMachines {
+ protected:
+  void SetUp() override {
+    TwoMachines::SetUp();
+    if (IsSkipped()) return;
+    const Session session = load_session(file_);
+    links_.emplace(RealtimeConfig{.priority = 0, .cpu = -1},
+                   tcp_rules(session.security, {KeyRole::kViewer}));
+    watcher_.emplace(session, *links_);
+    workstation_file_ = workstation_files_.write("protected.txtpb", content(file_));
+    fs::create_directory(workstation_files_.path() / "keys");
+    for (const char* key : {"allowed.keys", "physics.key_secret"}) {
+      fs::copy(files_.path() / "keys" / key, workstation_files_.path() / "keys" / key);
+    }
+  }
+
+  void launch_bedside(const std::vector<std::string>& more = {}) {
+    std::vector<std::string> arguments{"launch", file_, "--nodes", "device,mofc"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    bedside_.emplace("palpate", arguments);
+  }
+  void launch_workstation(const std::vector<std::string>& more = {}) {
+    std::vector<std::string> arguments{"launch", workstation_file_, "--nodes", "physics"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    setenv("PALPATE_RUN_DIR", workstation_run_folder_.path().c_str(), 1);
+    workstation_.emplace("palpate", arguments, networks_.workstation());
+    setenv("PALPATE_RUN_DIR", run_folder_.path().c_str(), 1);
+  }
+
+  static void kill_node(Program& launch, const std::string& node) {
+    const std::string pid = launch.await_err("event=node_started node=" + node + " pid=");
+    ASSERT_FALSE(pid.empty());
+    kill(std::stoi(pid), SIGKILL);
+    launch.await_err("event=node_died node=" + node);
+    launch.await_err("event=node_started node=" + node, 2);
+  }
+  static std::string content(const fs::path& file) {
+    std::ostringstream text;
+    text << std::ifstream(file).rdbuf();
+    return text.str();
+  }
+
+  TempFolder workstation_files_;
+  TempFolder workstation_run_folder_;
+  std::string workstation_file_;
+  std::optional<Program> bedside_;
+  std::optional<Program> workstation_;
+};
+
+TEST_F(Supervised, EachMachineKeepsItsOwnNodesRunning) {
+  const std::string bedside_json = (files_.path() / "run.json").string();
+  const std::string workstation_json = (workstation_files_.path() / "run.json").string();
+  const viewer::TelemetryMirror& mirror = watcher_->mirror();
+
+  // the bedside does not wait for the workstation: it is answered, without tissue
+  launch_bedside({"--json", bedside_json});
+  ASSERT_TRUE(watcher_->until([&] { return is_without_physics(); })) << bedside_->err();
+  launch_workstation({"--json", workstation_json});
+  ASSERT_TRUE(watcher_->until([&] { return is_pressing(); })) << workstation_->err();
+
+  // who dies is started again by his own machine
+  kill_node(*workstation_, "physics");
+  EXPECT_TRUE(watcher_->until([&] {
+    return mirror.physics_link().sessions == 2 && mirror.mofc_counters().interaction.sessions == 2;
+  }));
+  EXPECT_TRUE(watcher_->until([&] { return is_pressing(); }));
+  kill_node(*bedside_, "mofc");
+  EXPECT_TRUE(watcher_->until([&] { return mirror.mofc_link().sessions == 2; }));
+  EXPECT_TRUE(watcher_->until([&] { return is_pressing(); }));
+
+  // each sums up what it ran and was allowed to see
+  for (Program* launch : {&*bedside_, &*workstation_}) {
+    launch->send_signal(SIGTERM);
+    EXPECT_EQ(launch->wait(), 0) << launch->err();
+  }
+  const json bedside = json::parse(content(bedside_json));
+  EXPECT_EQ(bedside["restarts"], json({{"mofc", 1}, {"device", 0}}));
+  EXPECT_GT(bedside["max_force_n"], 0.1);
+  EXPECT_THAT(bedside_->out(), HasSubstr("answered in time"));
+  const json workstation = json::parse(content(workstation_json));
+  EXPECT_EQ(workstation["restarts"], json({{"physics", 1}}));
+  EXPECT_FALSE(workstation.contains("max_force_n"));
+  EXPECT_THAT(workstation_->out(), HasSubstr("no figures without the viewer's key"));
+  EXPECT_THAT(workstation_->err(), HasSubstr("has no viewer.key_secret"));
+}
+
+// Recording is looking on: told before anything starts.
+TEST_F(Supervised, WithoutTheViewersKeyNothingIsRecorded) {
+  launch_workstation({"--record", (workstation_files_.path() / "run.mcap").string()});
+
+  EXPECT_EQ(workstation_->wait(), 2);
+  EXPECT_THAT(workstation_->err(), HasSubstr("viewer.key_secret: No such file"));
+  EXPECT_THAT(workstation_->err(), Not(HasSubstr("event=node_started")));
 }
 
 // --- strangers ------------------------------------------------------------------------------

@@ -41,6 +41,13 @@ class Service : public testing::Test {
                        arguments);
   }
 
+  /// Whether the unit of that node has this line.
+  [[nodiscard]] bool says(const std::string& node, const std::string& line) const {
+    std::ostringstream text;
+    text << std::ifstream(files_.path() / ("palpate-" + node + "@.service")).rdbuf();
+    return text.str().find("\n" + line + "\n") != std::string::npos;
+  }
+
   test::TempFolder files_;
   const std::string nodes_ =
       " palpate-device@default.service palpate-mofc@default.service"
@@ -71,10 +78,24 @@ TEST_F(Service, TheNodesAreShutIn) {
 TEST_F(Service, OnlyTheTickMayHaveRealTime) {
   for (const auto& [node, is_realtime] :
        {std::pair("device", true), {"mofc", true}, {"physics", false}, {"viewer", false}}) {
-    std::ostringstream text;
-    text << std::ifstream(files_.path() / (std::string("palpate-") + node + "@.service")).rdbuf();
-    EXPECT_EQ(text.str().find("LimitRTPRIO=80") != std::string::npos, is_realtime) << node;
-    EXPECT_EQ(text.str().find("RestrictRealtime=yes") != std::string::npos, !is_realtime) << node;
+    EXPECT_EQ(says(node, "LimitRTPRIO=80"), is_realtime) << node;
+    EXPECT_EQ(says(node, "RestrictRealtime=yes"), !is_realtime) << node;
+  }
+}
+
+// Ten starts, half a second apart, take less than 30 s.
+TEST_F(Service, ANodeThatEndsAtEveryStartIsLeftAlone) {
+  for (const char* node : {"device", "mofc", "physics", "viewer"}) {
+    EXPECT_TRUE(says(node, "RestartSec=500ms")) << node;
+    EXPECT_TRUE(says(node, "StartLimitIntervalSec=30")) << node;
+    EXPECT_TRUE(says(node, "StartLimitBurst=10")) << node;
+  }
+}
+
+// libzmq ends the process if it may not list the interfaces when it binds tcp.
+TEST_F(Service, ANodeMayBindTcp) {
+  for (const char* node : {"device", "mofc", "physics", "viewer"}) {
+    EXPECT_TRUE(says(node, "RestrictAddressFamilies=AF_UNIX AF_INET AF_INET6 AF_NETLINK")) << node;
   }
 }
 

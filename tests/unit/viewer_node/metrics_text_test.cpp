@@ -20,7 +20,10 @@ using testing::Not;
 
 class MetricsTextTest : public testing::Test {
  protected:
-  void take_all() {
+  explicit MetricsTextTest(const Session& session = {})
+      : mirrors_(sides_of(session).size()), metrics_(session) {}
+
+  void take_all(std::size_t side = 0) {
     DeviceBatch device = device_batch(0, 0, 9);
     device.records[0].lateness = 20us;
     device.records[1].lateness = 21us;
@@ -33,19 +36,36 @@ class MetricsTextTest : public testing::Test {
     physics.counters.mesh_frames = 11;
     physics.counters.meshes_skipped = 12;
     const auto take = [&](const auto& batch) {
-      metrics_.note(batch);
-      mirror_.take(batch, TimePoint{});
+      metrics_.note(side, batch);
+      mirrors_[side].take(batch, TimePoint{});
     };
     take(device);
     take(mofc);
     take(physics);
   }
   [[nodiscard]] std::string text() const {
-    return metrics_.text(mirror_, {.clients = 3, .messages_dropped = 4}, TimePoint{});
+    return metrics_.text(mirrors_, {.clients = 3, .messages_dropped = 4}, TimePoint{});
   }
+  /// The rules of the text format that promtool checks too.
+  void expect_well_formed() const;
+  void expect_promtool_accepts() const;
 
-  TelemetryMirror mirror_;
+  std::vector<TelemetryMirror> mirrors_;
   MetricsText metrics_;
+};
+
+/// A device for each hand.
+class MetricsOfTwoHands : public MetricsTextTest {
+ protected:
+  MetricsOfTwoHands() : MetricsTextTest(two_hands()) {}
+
+  static Session two_hands() {
+    Session session;
+    session.sides.resize(2);
+    session.sides[0].side = "left";
+    session.sides[1].side = "right";
+    return session;
+  }
 };
 
 TEST_F(MetricsTextTest, ANodeThatWasNeverHeardIsDownAndCountsNothing) {
@@ -81,9 +101,29 @@ TEST_F(MetricsTextTest, HistogramsCountUpToAndWithTheirBounds) {
   EXPECT_THAT(text(), HasSubstr("palpate_physics_compute_time_seconds_count 10\n"));
 }
 
-// The rules of the text format that promtool checks too.
-TEST_F(MetricsTextTest, EveryLineIsWellFormedAndBelongsToTheHeadAboveIt) {
-  take_all();
+// Ten ticks on the left, of which one is not answered and one is 2 s late; five on the right.
+TEST_F(MetricsOfTwoHands, EachCountsForItself) {
+  take_all(0);
+  EXPECT_THAT(text(), HasSubstr("palpate_node_up{side=\"left\",node=\"device\"} 1\n"));
+  EXPECT_THAT(text(), HasSubstr("palpate_node_up{side=\"right\",node=\"device\"} 0\n"));
+  EXPECT_THAT(text(), Not(HasSubstr("palpate_mofc_ticks_total{side=\"right\"}")));
+  const DeviceBatch right = device_batch(0, 0, 4);
+  metrics_.note(1, right);
+  mirrors_[1].take(right, TimePoint{});
+
+  const std::string page = text();
+  EXPECT_THAT(page, HasSubstr("palpate_mofc_ticks_total{side=\"left\"} 10\n"));
+  EXPECT_THAT(page, HasSubstr("palpate_device_ticks_total{side=\"left\",force=\"limp\"} 7\n"));
+  EXPECT_THAT(page, HasSubstr("palpate_loop_ticks_total{side=\"left\",node=\"device\"} 10\n"));
+  EXPECT_THAT(page, HasSubstr("palpate_loop_ticks_total{side=\"right\",node=\"device\"} 5\n"));
+  EXPECT_THAT(page, HasSubstr("palpate_reply_time_seconds_count{side=\"left\"} 9\n"));
+  EXPECT_THAT(page, HasSubstr("palpate_reply_time_seconds_count{side=\"right\"} 5\n"));
+  EXPECT_THAT(page, HasSubstr("palpate_tick_lateness_seconds_bucket{side=\"left\",le=\"1\"} 9\n"));
+  EXPECT_THAT(page, HasSubstr("palpate_tick_lateness_seconds_bucket{side=\"right\",le=\"1\"} 5\n"));
+  EXPECT_THAT(page, HasSubstr("palpate_viewer_clients 3\n"));
+}
+
+void MetricsTextTest::expect_well_formed() const {
   const std::regex sample(
       R"(([a-z_]+)(\{[a-z]+="[^"\\]*"(,[a-z]+="[^"\\]*")*\})? (NaN|[+-]Inf|-?[0-9.]+(e[+-][0-9]+)?))");
   std::istringstream lines(text());
@@ -114,14 +154,35 @@ TEST_F(MetricsTextTest, EveryLineIsWellFormedAndBelongsToTheHeadAboveIt) {
   EXPECT_GT(seen.size(), 25u);
 }
 
-TEST_F(MetricsTextTest, PromtoolAcceptsIt) {
+TEST_F(MetricsTextTest, EveryLineIsWellFormedAndBelongsToTheHeadAboveIt) {
+  take_all();
+  expect_well_formed();
+}
+
+TEST_F(MetricsOfTwoHands, EveryLineIsWellFormedAndBelongsToTheHeadAboveIt) {
+  take_all(0);
+  take_all(1);
+  expect_well_formed();
+}
+
+void MetricsTextTest::expect_promtool_accepts() const {
   if (std::system("command -v promtool >/dev/null") != 0) {
     GTEST_SKIP() << "promtool is not installed (Debian's prometheus)";
   }
-  take_all();
   const test::TempFolder folder;
   const std::string file = folder.write("metrics", text());
   EXPECT_EQ(std::system(("promtool check metrics < " + file).c_str()), 0);
+}
+
+TEST_F(MetricsTextTest, PromtoolAcceptsIt) {
+  take_all();
+  expect_promtool_accepts();
+}
+
+TEST_F(MetricsOfTwoHands, PromtoolAcceptsIt) {
+  take_all(0);
+  take_all(1);
+  expect_promtool_accepts();
 }
 
 }  // namespace
