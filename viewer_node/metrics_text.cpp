@@ -174,6 +174,12 @@ void add_physics(Page& page, const PhysicsCounters& c) {
                 {label("result", "skipped"), c.tissues_skipped}});
   page.counter("physics_octree_cells_visited", "Cells of point clouds, summed over steps.",
                {{"", c.octree_cells_visited}});
+  page.counter("physics_octree_last_cell_hits", "Nearest points found where the last one was.",
+               {{"", c.octree_last_cell_hits}});
+  page.counter("physics_tissues_asleep", "Tissues that relax, at rest, summed over steps.",
+               {{"", c.tissues_asleep}});
+  page.counter("physics_surfaces_shared", "Tissues whose file another had loaded.",
+               {{"", c.surfaces_shared}});
   page.counter("physics_interactions_suppressed", "Interactions within the deadband, not sent.",
                {{"", c.interactions_suppressed}});
   page.counter("physics_mesh_frames", "Frames of tissue made for viewers.", {{"", c.mesh_frames}});
