@@ -103,6 +103,7 @@ void run_process(NodeContext& context, ProcessLinks& links) {
   }
   auto& publisher = tools.front().publisher;
   std::vector<PhysicsTick> newest;
+  bool has_complained = false;
   publisher.on_pump = [&](TimePoint now) {
     refused_peers.note(now);
     heap.note(now);
@@ -116,6 +117,10 @@ void run_process(NodeContext& context, ProcessLinks& links) {
                      .mesh_subscriptions = telemetry.subscriptions<MeshFrame>(),
                      .has_mesh_watcher = telemetry.has_subscriber<MeshFrame>()},
                     newest, now);
+    if (display.is_too_large() && !std::exchange(has_complained, true)) {
+      context.log.warn(
+          "event=scene_not_sent reason=\"longer than 16 MiB: viewers see no tissue; give less\"");
+    }
   };
   publisher.start();
 

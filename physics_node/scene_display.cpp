@@ -107,7 +107,7 @@ void SceneDisplay::publish(const Watchers& watchers, std::span<const PhysicsTick
   if (watchers.scene_subscriptions > served_.scene_subscriptions) {
     build();
     scene_.header.sampled_at = now;
-    scene_out_.send(scene_);
+    is_too_large_ = scene_out_.send(scene_) == SendResult::kDropped;
     ++scene_.header.sequence;
   }
   served_.scene_subscriptions = watchers.scene_subscriptions;

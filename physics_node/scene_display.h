@@ -41,6 +41,9 @@ class SceneDisplay {
   /// @param newest  physics step of each tool; none before its first motion
   void publish(const Watchers& watchers, std::span<const PhysicsTick> newest, TimePoint now);
 
+  /// The link would not take the scene, which is too long for a message: viewers have none.
+  [[nodiscard]] bool is_too_large() const { return is_too_large_; }
+
   /// Sets the counters of what was made for viewers and what was not.
   void count_into(PhysicsCounters& counters) const;
 
@@ -57,6 +60,7 @@ class SceneDisplay {
   MeshFrame frame_;
   std::vector<std::optional<DentedSurface>> dents_;  // none: the tissue never gives way
   Watchers served_;
+  bool is_too_large_ = false;
   TimePoint next_frames_at_{};
   std::size_t first_told_ = 0;            // tissue that has waited longest
   std::optional<TimePoint> advanced_at_;  // none: nobody looked on

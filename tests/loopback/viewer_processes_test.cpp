@@ -129,7 +129,7 @@ TEST_F(ViewerProcesses, ADragMovesTheHandDeformsTheTissueAndIsFelt) {
   const auto physics = [&]() -> const PhysicsCounters& {
     return watcher.mirror().physics_counters();
   };
-  ASSERT_TRUE(watcher.until([&] { return physics().meshes_skipped > 10; }));
+  ASSERT_TRUE(watcher.until([&] { return physics().meshes_skipped > 10; })) << launch_->err();
   EXPECT_EQ(physics().mesh_frames, 0u);
   subscribe(page, kMesh);
   advertise(page);

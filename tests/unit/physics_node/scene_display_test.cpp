@@ -23,8 +23,9 @@ class Kept final : public Sender<T> {
  public:
   SendResult send(const T& message) noexcept override {
     messages.push_back(message);
-    return SendResult::kSent;
+    return result;
   }
+  SendResult result = SendResult::kSent;
   std::vector<T> messages;
 };
 
@@ -138,6 +139,17 @@ TEST_F(SceneDisplayTest, TellsTheWholeSceneOncePerSubscription) {
 }
 
 // Two tips 60 mm apart, each 2 mm deep, in one block: dents as each makes alone.
+TEST_F(SceneDisplayTest, SaysThatTheLinkWouldNotTakeTheScene) {
+  watchers_.scene_subscriptions = 1;
+  publish(0.0);
+  EXPECT_FALSE(display_->is_too_large());
+
+  scenes_.result = SendResult::kDropped;
+  watchers_.scene_subscriptions = 2;
+  publish(0.0);
+  EXPECT_TRUE(display_->is_too_large());
+}
+
 TEST_F(SceneDisplayTest, DentsOfAllToolsAreInOneMesh) {
   const auto dented = [this](const std::vector<double>& tips_x_m) {
     std::vector<PhysicsTick> ticks(tips_x_m.size());
