@@ -393,6 +393,7 @@ for (const [width, height] of [[390, 844], [360, 640], [844, 390], [768, 1024], 
     assert.ok(scene.width > 300 && scene.height > 250);
     // what lies over the picture does not overlap
     const boxes = [];
+    await page.locator(".touch").waitFor();  // it comes with the scene
     for (const selector of [".state", ".view-tools", ".keys", ".touch"]) boxes.push({ selector, ...(await page.locator(selector).boundingBox()) });
     for (const a of boxes) for (const b of boxes) {
       if (a.selector >= b.selector) continue;
