@@ -11,10 +11,9 @@ namespace palpate::physics {
 namespace {
 
 /// Of one surface, about, however large it is: 30 frames a second of all of them are 4 MB/s.
-constexpr double kVertices = 10'000;
 constexpr double kFinestSpacing_m = 1e-3;  // a dent is a few of these wide
 constexpr int kMostCellsPerEdge = 200;     // of long thin boxes
-constexpr int kMostDivisions = 5;          // 10 242 vertices
+constexpr double kScatter = 1.03;          // a sphere has 10 242 vertices, or a quarter, …
 constexpr double kFarthest_m = 1e3;        // the wire's limit; what is beyond is drawn at it
 
 std::uint32_t add_vertex(const Vector3& p, SurfaceMesh& mesh) {
@@ -53,8 +52,8 @@ void add_grid(const Vector3& corner, const Vector3& u, const Vector3& v, double 
   }
 }
 
-double spacing_for(double area_m2) {
-  return std::max(kFinestSpacing_m, std::sqrt(area_m2 / kVertices));
+double spacing_for(double area_m2, const DisplayArea& area) {
+  return std::max(kFinestSpacing_m, std::sqrt(area_m2 / area.vertices));
 }
 
 }  // namespace
@@ -71,11 +70,11 @@ SurfaceMesh display_mesh(const HalfSpaceGeometry& half_space, const DisplayArea&
   const double width_m = 2.0 * area.half_extent_m;
   SurfaceMesh mesh;
   add_grid(middle_m - area.half_extent_m * (u + v), width_m * u, width_m * v,
-           spacing_for(width_m * width_m), mesh);
+           spacing_for(width_m * width_m, area), mesh);
   return mesh;
 }
 
-SurfaceMesh display_mesh(const SphereGeometry& sphere, const DisplayArea& /*area*/) {
+SurfaceMesh display_mesh(const SphereGeometry& sphere, const DisplayArea& area) {
   // the twelve corners of an icosahedron: cyclic permutations of (0, ±1, ±φ)
   constexpr double kPhi = std::numbers::phi;
   std::vector<Vector3> corners;
@@ -105,7 +104,10 @@ SurfaceMesh display_mesh(const SphereGeometry& sphere, const DisplayArea& /*area
   // each division halves the edges
   const double wanted = std::max(kFinestSpacing_m, sphere.radius_m / 30.0) / sphere.radius_m;
   double length = edge;
-  for (int division = 0; division < kMostDivisions && length > wanted; ++division, length /= 2.0) {
+  const auto may_divide = [&] {
+    return length > wanted && 4.0 * static_cast<double>(corners.size()) < kScatter * area.vertices;
+  };
+  for (; may_divide(); length /= 2.0) {
     std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> middles;
     const auto middle = [&](std::uint32_t i, std::uint32_t k) {
       const auto [it, is_new] =
@@ -133,10 +135,10 @@ SurfaceMesh display_mesh(const SphereGeometry& sphere, const DisplayArea& /*area
   return mesh;
 }
 
-SurfaceMesh display_mesh(const BoxGeometry& box, const DisplayArea& /*area*/) {
+SurfaceMesh display_mesh(const BoxGeometry& box, const DisplayArea& area) {
   const Vector3& size = box.size_m;
   const double spacing_m =
-      spacing_for(2.0 * (size.x() * size.y() + size.y() * size.z() + size.z() * size.x()));
+      spacing_for(2.0 * (size.x() * size.y() + size.y() * size.z() + size.z() * size.x()), area);
   const Vector3 lowest = box.center_m - 0.5 * size;
   SurfaceMesh mesh;
   for (int axis = 0; axis < 3; ++axis) {
@@ -150,7 +152,7 @@ SurfaceMesh display_mesh(const BoxGeometry& box, const DisplayArea& /*area*/) {
   return mesh;
 }
 
-SurfaceMesh display_mesh(const CapsuleGeometry& capsule, const DisplayArea& /*area*/) {
+SurfaceMesh display_mesh(const CapsuleGeometry& capsule, const DisplayArea& area) {
   const double r = capsule.radius_m;
   const Vector3 axis = capsule.to_m - capsule.from_m;
   const double length_m = axis.norm();
@@ -160,7 +162,7 @@ SurfaceMesh display_mesh(const CapsuleGeometry& capsule, const DisplayArea& /*ar
   const Vector3 u = Vector3::Unit(least).cross(along).normalized();
   const Vector3 v = along.cross(u);
   constexpr double kPi = std::numbers::pi;
-  const double spacing_m = spacing_for(2.0 * kPi * r * (length_m + 2.0 * r));
+  const double spacing_m = spacing_for(2.0 * kPi * r * (length_m + 2.0 * r), area);
   const int columns = std::max(8, cells_along(2.0 * kPi * r, spacing_m));
   const int rows_of_end = std::max(2, cells_along(0.5 * kPi * r, spacing_m));
   const int rows_of_side = length_m > 0.0 ? cells_along(length_m, spacing_m) : 0;

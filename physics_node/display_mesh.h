@@ -8,10 +8,11 @@
 
 namespace palpate::physics {
 
-/// Where unbounded surfaces are drawn: round the place where the tool works; W.
+/// Where unbounded surfaces are drawn: round the place where the tool works; W. And how finely.
 struct DisplayArea {
   Vector3 center_m = Vector3::Zero();
   double half_extent_m = 0.1;
+  double vertices = 10'000.0;  ///< about so many of each surface that has no file, or fewer
 };
 
 /// A square of the plane, 2 half extents wide, about the point nearest to the area's centre.

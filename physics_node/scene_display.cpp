@@ -12,7 +12,8 @@ namespace {
 
 constexpr Duration kFrameInterval = std::chrono::nanoseconds(1'000'000'000 / 30);
 constexpr std::size_t kVerticesPerFrame = 100'000;  // 1.2 MB: a larger range goes in several
-constexpr std::size_t kMovedAtOnce = 12;    // with some dents, what the link surely takes in one go
+constexpr double kSceneVertices = 3e5;    // 11 MB with their triangles, of the 16 MiB of a message
+constexpr std::size_t kMovedAtOnce = 12;  // with some dents, what the link surely takes in one go
 constexpr double kPatchHalfExtent_m = 0.1;  // of the hand's motion, about an Omni's
 
 double relaxation_s(const KelvinVoigtMaterial& material) {
@@ -27,10 +28,12 @@ Vector3 displacement_m(const TissueConfig& tissue, const PhysicsTick& tick) {
   return displacement(tissue.motion, to_seconds(tick.stepped_at.time_since_epoch())).position_m;
 }
 
-/// About where the tools can be.
+/// About where the tools can be; of many tissues each is drawn less finely.
 DisplayArea area_of(const Session& session) {
   const std::span<const Session> sides = sides_of(session);
   DisplayArea area{.center_m = Vector3::Zero(), .half_extent_m = 0.0};
+  area.vertices = std::min(area.vertices,
+                           kSceneVertices / static_cast<double>(session.scene.tissues.size() + 1));
   for (const Session& side : sides) {
     area.center_m += side.device.workspace.offset_m / static_cast<double>(sides.size());
   }

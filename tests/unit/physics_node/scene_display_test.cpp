@@ -139,6 +139,22 @@ TEST_F(SceneDisplayTest, TellsTheWholeSceneOncePerSubscription) {
 }
 
 // Two tips 60 mm apart, each 2 mm deep, in one block: dents as each makes alone.
+// Of 10 mm: edges of 1 mm take four divisions of an icosahedron, 2562 vertices; 300 000 / 200 allow
+// 642 each, 300 000 / 10 000 twelve. 12 bytes a vertex and each of its two triangles: 36.
+TEST_F(SceneDisplayTest, DrawsManyTissuesLessFinelyThanOne) {
+  for (const std::size_t count : {1, 200, 10'000}) {
+    Session session = session_;
+    session.scene.tissues.assign(count, session_.scene.tissues[0]);
+    for (TissueConfig& tissue : session.scene.tissues) tissue.geometry = SphereGeometry{};
+    SceneDisplay display(session, 1, scenes_, meshes_);
+    display.publish({.scene_subscriptions = 1}, {}, now_);
+    ASSERT_EQ(scenes_.messages.back().tissues.size(), count);
+    const std::size_t each = scenes_.messages.back().tissues[0].mesh.vertex_count();
+    EXPECT_EQ(each, count == 1 ? 2562u : count == 200 ? 642u : 12u);
+    EXPECT_LT(36 * each * count, std::size_t{12} << 20);
+  }
+}
+
 TEST_F(SceneDisplayTest, SaysThatTheLinkWouldNotTakeTheScene) {
   watchers_.scene_subscriptions = 1;
   publish(0.0);
