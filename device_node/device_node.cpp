@@ -102,9 +102,7 @@ void DeviceNode::look_on(DeviceTick& record) noexcept {
   DeviceSample sample;
   if (device_.read(sample)) static_cast<void>(judge(sample));
   record.guard = GuardState::kFault;
-  record.measured_hand_position_m = last_position_m_;
-  record.measured_tool_position_world_m = workspace_.tool_position_world_m(last_position_m_);
-  record.measured_tool_orientation_world = last_orientation_;
+  note_last_reading(record);
   record.is_clutched = workspace_.is_clutched();
   note_true_state(record);
 }
@@ -166,6 +164,12 @@ const Received<ForceCommand>* DeviceNode::wait_for_answer(const DeviceState& sta
   }
 }
 
+void DeviceNode::note_last_reading(DeviceTick& record) const noexcept {
+  record.measured_hand_position_m = last_position_m_;
+  record.measured_tool_position_world_m = workspace_.tool_position_world_m(last_position_m_);
+  record.measured_tool_orientation_world = last_orientation_;
+}
+
 void DeviceNode::note_true_state(DeviceTick& record) noexcept {
   const std::optional<TrueState> truth = device_.true_state();
   if (!truth) return;
@@ -209,9 +213,7 @@ void DeviceNode::latch(FaultReason reason, DeviceTick& record) noexcept {
   release_motors();
   record.switched_at = clock_.now();
   record.guard = GuardState::kFault;
-  record.measured_hand_position_m = last_position_m_;
-  record.measured_tool_position_world_m = workspace_.tool_position_world_m(last_position_m_);
-  record.measured_tool_orientation_world = last_orientation_;
+  note_last_reading(record);
   note_true_state(record);
 }
 

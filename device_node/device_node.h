@@ -61,6 +61,7 @@ class DeviceNode {
   [[nodiscard]] DeviceState make_state(const DeviceSample& sample, std::uint64_t sequence) noexcept;
   [[nodiscard]] const Received<ForceCommand>* wait_for_answer(const DeviceState& state,
                                                               TimePoint deadline) noexcept;
+  void note_last_reading(DeviceTick& record) const noexcept;
   void note_true_state(DeviceTick& record) noexcept;
   void count(const DeviceTick& record) noexcept;
   void latch(FaultReason reason, DeviceTick& record) noexcept;

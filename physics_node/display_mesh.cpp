@@ -10,7 +10,6 @@
 namespace palpate::physics {
 namespace {
 
-/// Of one surface, about, however large it is: 30 frames a second of all of them are 4 MB/s.
 constexpr double kFinestSpacing_m = 1e-3;  // a dent is a few of these wide
 constexpr int kMostCellsPerEdge = 200;     // of long thin boxes
 constexpr double kScatter = 1.03;          // a sphere has 10 242 vertices, or a quarter, …

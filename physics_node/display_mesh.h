@@ -12,7 +12,9 @@ namespace palpate::physics {
 struct DisplayArea {
   Vector3 center_m = Vector3::Zero();
   double half_extent_m = 0.1;
-  double vertices = 10'000.0;  ///< about so many of each surface that has no file, or fewer
+  /// About so many of each surface that has no file, however large it is, or fewer: 30 frames a
+  /// second of all of 10 000 are 4 MB/s.
+  double vertices = 10'000.0;
 };
 
 /// A square of the plane, 2 half extents wide, about the point nearest to the area's centre.

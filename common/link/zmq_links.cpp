@@ -510,8 +510,7 @@ bool ExchangeServer::admit(const DeviceState& message, TimePoint now) noexcept {
 bool ExchangeServer::has_left(TimePoint now) noexcept {
   if (!answer_ || now < next_try_at_) return false;
   next_try_at_ = now + kTryInterval;
-  const ForceCommand again = *answer_;
-  return send(again) == SendResult::kNoPeer;
+  return send(*answer_) == SendResult::kNoPeer;
 }
 
 bool ExchangeServer::receive(DeviceState& message, TimePoint& received_at) noexcept {

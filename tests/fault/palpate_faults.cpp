@@ -430,8 +430,7 @@ TEST_P(Device, ItsMotorsLetGoByThemselvesAndItComesBackLimp) {
   // so it is taken to have asked for the same until its end
   CarriedOn carried(*session_, rows()[awake - 2], last);
   if (!is_stopped && is_together()) {
-    const Duration period =
-        std::chrono::nanoseconds(static_cast<std::int64_t>(1e9 / session.device.rate_hz));
+    const Duration period = from_seconds(1.0 / session.device.rate_hz);
     for (TimePoint at = last.device.switched_at + period; at < faulted_at_; at += period) {
       carried.switch_at(at, last.device.force_on_hand_newton);
     }
