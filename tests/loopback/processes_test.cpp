@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <csignal>
 #include <cstdlib>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
@@ -29,6 +28,7 @@ using test::Program;
 using test::rests_in_tissue;
 using test::run_program;
 using test::TempFolder;
+using test::text_of;
 using test::Watcher;
 using testing::AllOf;
 using testing::HasSubstr;
@@ -44,12 +44,6 @@ viewer { status_interval_ms: 50 }
 )";
 
 constexpr const char* kDefault = PALPATE_SOURCE_DIR "/deploy/sessions/default.txtpb";
-
-std::string content(const fs::path& file) {
-  std::ostringstream text;
-  text << std::ifstream(file).rdbuf();
-  return text.str();
-}
 
 std::vector<std::string> lines_of(const std::string& text) {
   std::vector<std::string> lines;
@@ -132,7 +126,7 @@ TEST_F(Processes, TheDefaultSessionIsFeltClampedAndSummedUp) {
                   "--set", "scene.tissue[1].kelvin_voigt.damping_newton_s_per_m=300"});
 
   EXPECT_EQ(launch.status, 0) << launch.err;
-  const json run = json::parse(content(file("run.json")));
+  const json run = json::parse(text_of(file("run.json")));
   EXPECT_GT(run["in_contact_ticks"], 0);
   EXPECT_GT(run["clamped_ticks"], 0);
   EXPECT_GT(run["answered_ratio"], 0.5);  // whatever else this machine is doing; figures: README
@@ -152,10 +146,10 @@ TEST_F(Processes, LaunchWritesOneRowPerDeviceTick) {
                               "--csv", file("run.csv"), "--no-viewer"});
   ASSERT_EQ(launch.status, 0) << launch.err;
 
-  const std::vector<double> t_s = column(content(file("run.csv")), "t_s");
+  const std::vector<double> t_s = column(text_of(file("run.csv")), "t_s");
 
   EXPECT_TRUE(std::is_sorted(t_s.begin(), t_s.end()));
-  const json run = json::parse(content(file("run.json")));
+  const json run = json::parse(text_of(file("run.json")));
   EXPECT_LE(t_s.size(), run["ticks"].get<std::size_t>());
   EXPECT_GE(t_s.size(), run["ticks"].get<std::size_t>() / 2);  // a subscriber misses the begin
 }
@@ -187,7 +181,7 @@ TEST_F(Processes, TheStiffnessInPhysicsNodesSessionAloneChangesTheForceTheHandFe
       node->send_signal(SIGTERM);
       EXPECT_EQ(node->wait(), 0) << node->err();
     }
-    const std::vector<double> fs_z = column(content(csv), "fs_z");
+    const std::vector<double> fs_z = column(text_of(csv), "fs_z");
     EXPECT_GE(fs_z.size(), 300u);
     return median({fs_z.end() - std::min<std::ptrdiff_t>(200, std::ssize(fs_z)), fs_z.end()});
   };
@@ -216,7 +210,7 @@ class NodeUnderLaunch : public Processes {
     launch_.send_signal(SIGTERM);
     EXPECT_EQ(launch_.wait(), 0) << launch_.err();
     expect_nothing_left_of_a_launch();
-    return json::parse(content(file("run.json")));
+    return json::parse(text_of(file("run.json")));
   }
 
   ProcessLinks links_;
@@ -385,7 +379,7 @@ TEST_F(Processes, ViewersComeLateLeaveEarlyAndDisturbNobody) {
   Program leaves("viewer_node", {"--session", press_, "--csv", file("leaves.csv")});
   Program dies("viewer_node", {"--session", press_, "--csv", file("dies.csv"), "--quiet"});
   const auto sees = [&](const std::string& csv) {
-    return watcher.until([&] { return lines_of(content(file(csv))).size() > 50; });
+    return watcher.until([&] { return lines_of(text_of(file(csv))).size() > 50; });
   };
   EXPECT_TRUE(sees("leaves.csv"));
   EXPECT_TRUE(sees("dies.csv"));
@@ -398,14 +392,14 @@ TEST_F(Processes, ViewersComeLateLeaveEarlyAndDisturbNobody) {
       "viewer_node", {"--session", press_, "--csv", file("last.csv"), "--seconds", "1"});
 
   EXPECT_EQ(last.status, 0) << last.err;
-  EXPECT_NEAR(median(column(content(file("last.csv")), "fs_z")), test::kRestingNewton,
+  EXPECT_NEAR(median(column(text_of(file("last.csv")), "fs_z")), test::kRestingNewton,
               test::kStictionNewton + 0.01);
   EXPECT_THAT(last.out, HasSubstr("contact"));
   ASSERT_TRUE(watcher.until_rows(100));
   EXPECT_TRUE(watcher.until([&] { return rests_in_tissue(watcher); }));
   launch.send_signal(SIGTERM);
   EXPECT_EQ(launch.wait(), 0);
-  EXPECT_EQ(json::parse(content(file("run.json")))["restarts"],
+  EXPECT_EQ(json::parse(text_of(file("run.json")))["restarts"],
             json({{"physics", 0}, {"mofc", 0}, {"device", 0}}));
 }
 
@@ -504,7 +498,7 @@ TEST_F(WrongSetUp, ASessionThatRunsIsNotLaunchedAgain) {
       [&] { return watcher.mirror().device_counters().answered_ticks > answered + 40; }));
   first.send_signal(SIGTERM);
   EXPECT_EQ(first.wait(), 0);
-  EXPECT_EQ(json::parse(content(file("run.json")))["restarts"],
+  EXPECT_EQ(json::parse(text_of(file("run.json")))["restarts"],
             json({{"physics", 0}, {"mofc", 0}, {"device", 0}}));
   expect_nothing_left();
 }
@@ -598,7 +592,7 @@ TEST_F(Processes, LoopbackWritesTheTableThatWasPromised) {
 
   ASSERT_EQ(loopback.status, 0) << loopback.err;
   EXPECT_EQ(loopback.err, "");
-  const std::vector<std::string> lines = lines_of(content(file("run.csv")));
+  const std::vector<std::string> lines = lines_of(text_of(file("run.csv")));
   ASSERT_EQ(lines.size(), 501u);
   EXPECT_EQ(lines.front(),
             "t_s,x_m,y_m,z_m,xm_m,ym_m,zm_m,fe_x,fe_y,fe_z,fs_x,fs_y,fs_z,fi_x,fi_y,fi_z,"
@@ -614,7 +608,7 @@ TEST_F(Processes, LoopbackWritesTheFiguresThatWerePromised) {
       run_program("palpate", {"loopback", kDefault, "--seconds", "1", "--json", file("run.json")});
 
   ASSERT_EQ(loopback.status, 0) << loopback.err;
-  const json run = json::parse(content(file("run.json")));
+  const json run = json::parse(text_of(file("run.json")));
   for (const char* key :
        {"schema_version", "ticks", "in_contact_ticks", "transparency", "force_error_rms_ratio",
         "min_true_energy_j", "max_force_n", "velocity_reversals", "clamp_ratio", "fallbacks",
@@ -650,7 +644,7 @@ TEST_F(Processes, LoopbackGivesTheSameBytesForTheSameSeed) {
     arguments.insert(arguments.end(), more.begin(), more.end());
     const Outcome loopback = run_program("palpate", arguments);
     EXPECT_EQ(loopback.status, 0) << loopback.err;
-    return content(file("run.csv"));
+    return text_of(file("run.csv"));
   };
   const std::string first = csv_of({});
 

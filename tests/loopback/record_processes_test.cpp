@@ -22,6 +22,7 @@ namespace {
 using namespace std::chrono_literals;
 using test::Program;
 using test::run_program;
+using test::text_of;
 using testing::HasSubstr;
 
 constexpr const char* kSession = R"(
@@ -41,10 +42,6 @@ class RecordProcesses : public testing::Test {
   }
   [[nodiscard]] std::string path(const std::string& name) const {
     return (files_.path() / name).string();
-  }
-  [[nodiscard]] static std::string text_of(const std::string& file) {
-    std::ifstream stream(file);
-    return {std::istreambuf_iterator<char>(stream), {}};
   }
   [[nodiscard]] static nlohmann::json info(const std::string& file) {
     return nlohmann::json::parse(run_program("palpate", {"info", file, "--json"}).out);

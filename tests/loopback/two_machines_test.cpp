@@ -36,6 +36,7 @@ using namespace std::chrono_literals;
 using nlohmann::json;
 using test::Program;
 using test::TempFolder;
+using test::text_of;
 using test::Watcher;
 using testing::HasSubstr;
 using testing::Not;
@@ -280,7 +281,7 @@ class Supervised : public TwoMachines {
     links_.emplace(RealtimeConfig{.priority = 0, .cpu = -1},
                    tcp_rules(session.security, {KeyRole::kViewer}));
     watcher_.emplace(session, *links_);
-    workstation_file_ = workstation_files_.write("protected.txtpb", content(file_));
+    workstation_file_ = workstation_files_.write("protected.txtpb", text_of(file_));
     fs::create_directory(workstation_files_.path() / "keys");
     for (const char* key : {"allowed.keys", "physics.key_secret"}) {
       fs::copy(files_.path() / "keys" / key, workstation_files_.path() / "keys" / key);
@@ -306,11 +307,6 @@ class Supervised : public TwoMachines {
     kill(std::stoi(pid), SIGKILL);
     launch.await_err("event=node_died node=" + node);
     launch.await_err("event=node_started node=" + node, 2);
-  }
-  static std::string content(const fs::path& file) {
-    std::ostringstream text;
-    text << std::ifstream(file).rdbuf();
-    return text.str();
   }
 
   TempFolder workstation_files_;
@@ -346,11 +342,11 @@ TEST_F(Supervised, EachMachineKeepsItsOwnNodesRunning) {
     launch->send_signal(SIGTERM);
     EXPECT_EQ(launch->wait(), 0) << launch->err();
   }
-  const json bedside = json::parse(content(bedside_json));
+  const json bedside = json::parse(text_of(bedside_json));
   EXPECT_EQ(bedside["restarts"], json({{"mofc", 1}, {"device", 0}}));
   EXPECT_GT(bedside["max_force_n"], 0.1);
   EXPECT_THAT(bedside_->out(), HasSubstr("answered in time"));
-  const json workstation = json::parse(content(workstation_json));
+  const json workstation = json::parse(text_of(workstation_json));
   EXPECT_EQ(workstation["restarts"], json({{"physics", 1}}));
   EXPECT_FALSE(workstation.contains("max_force_n"));
   EXPECT_THAT(workstation_->out(), HasSubstr("no figures without the viewer's key"));

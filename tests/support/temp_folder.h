@@ -4,10 +4,17 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <stdexcept>
 #include <string>
 
 namespace palpate::test {
+
+/// What a file holds; "" if it cannot be read.
+[[nodiscard]] inline std::string text_of(const std::filesystem::path& file) {
+  std::ifstream stream(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(stream), {}};
+}
 
 /// Its path is short: the path of a Unix socket has 107 bytes at most.
 class TempFolder {

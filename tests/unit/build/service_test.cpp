@@ -4,7 +4,6 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <sstream>
 #include <string>
 
 #include "tests/support/temp_folder.h"
@@ -26,9 +25,7 @@ class Service : public testing::Test {
     }
     for (const fs::directory_entry& unit :
          fs::directory_iterator(PALPATE_SOURCE_DIR "/deploy/systemd")) {
-      std::ostringstream text;
-      text << std::ifstream(unit.path()).rdbuf();
-      std::string content = text.str();
+      std::string content = test::text_of(unit.path());
       const std::string installed = "ExecStart=/usr/bin/";
       if (const std::size_t at = content.find(installed); at != std::string::npos) {
         content.replace(at, installed.size(), "ExecStart=" PALPATE_BINARY_DIR "/");
@@ -43,9 +40,8 @@ class Service : public testing::Test {
 
   /// Whether the unit of that node has this line.
   [[nodiscard]] bool says(const std::string& node, const std::string& line) const {
-    std::ostringstream text;
-    text << std::ifstream(files_.path() / ("palpate-" + node + "@.service")).rdbuf();
-    return text.str().find("\n" + line + "\n") != std::string::npos;
+    const std::string unit = test::text_of(files_.path() / ("palpate-" + node + "@.service"));
+    return unit.find("\n" + line + "\n") != std::string::npos;
   }
 
   test::TempFolder files_;

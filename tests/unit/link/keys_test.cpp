@@ -7,7 +7,6 @@
 
 #include <fstream>
 #include <functional>
-#include <sstream>
 
 #include "common/core/check.h"
 #include "common/link/zap_handler.h"
@@ -17,6 +16,7 @@ namespace palpate {
 namespace {
 
 namespace fs = std::filesystem;
+using test::text_of;
 using testing::AllOf;
 using testing::HasSubstr;
 using testing::Not;
@@ -28,12 +28,6 @@ std::string setup_error(const std::function<void()>& action) {
     return error.what();
   }
   return "";
-}
-
-std::string text_of(const fs::path& file) {
-  std::ostringstream text;
-  text << std::ifstream(file).rdbuf();
-  return text.str();
 }
 
 mode_t mode_of(const fs::path& file) {
