@@ -1,18 +1,44 @@
-# Who may know whom. The clamp must not see the physics, the simulated device or the true state, and
-# no node library sees a socket: both are checked, at configure time (links) and on every build
-# (includes), and a violation stops the build.
+# Which folder may include from which. The clamp must not see the physics, the simulated device or
+# the true state, and no node library sees a socket. Checked on every build (includes) and at
+# configure time (links); a violation stops the build.
 
-# Folder → folders its sources may include from. main.cpp and
-# process.* are exempt: they connect a node to the world.
+# "folder:allowed,…" for the sources of that folder, its subfolders excluded where they have a rule
+# of their own. An allowed entry is
+#   a folder    its headers, not those of its subfolders
+#   folder/*    its headers and those of its subfolders
+#   a header
+#   @wire       protobuf's generated headers      @zmq  ZeroMQ      @log  spdlog
+#   @threads    locks and threads, which the tick must not know
+# Every folder may include its own headers. main.* and process.* are exempt: they connect a node to
+# the world.
 set(PALPATE_BOUNDARIES
-  "common/core:common/core"
-  "common/link:common/core,common/link"
-  "common/runtime:common/core,common/link,common/runtime"
-  "device_node:common/core,device_node"
-  "mofc_node/controllers:mofc_node/controllers"
-  "mofc_node:common/core,mofc_node"
-  "physics_node:common/core,physics_node"
-  "viewer_node:common/core,viewer_node")
+  # core ← contact, session ← telemetry ← link ← process
+  "common/core:"
+  "common/contact:common/core"
+  "common/session:common/core,@wire,@log"
+  "common/telemetry:common/core,common/session,@log,@threads"
+  "common/link:common/core,common/session,common/telemetry,@wire,@zmq,@threads"
+  "common/process:common/core,common/session,common/telemetry,common/link,@log,@threads"
+
+  # the tick knows the interface of a device, no driver and no simulation
+  "device_node:common/core,common/session/device_config.h,common/telemetry/device_telemetry.h"
+  "device_node/simulation:common/core,common/session/simulation_config.h,device_node/device.h"
+  "device_node/drivers:common/core,common/session/simulation_config.h,device_node/device.h,device_node/simulation"
+
+  # the clamp knows its own part of the session and no true state
+  "mofc_node:common/core,common/contact,common/session/device_config.h,common/session/mofc_config.h,common/telemetry/mofc_telemetry.h,common/telemetry/metrics.h,mofc_node/controllers"
+  "mofc_node/controllers:"
+
+  "physics_node:common/core,common/contact,common/session,common/telemetry,physics_node/*,@threads"
+
+  # recording, feed ← server ← process
+  "viewer_node/feed:common/core,common/session,common/telemetry,@threads"
+  "viewer_node/recording:common/*,viewer_node/feed,@zmq,@log,@threads"
+  "viewer_node/server:common/core,viewer_node/feed,@threads"
+
+  # lockstep, launch ← palpate
+  "deploy/lockstep:common/*,device_node/*,mofc_node/*,physics_node/*,viewer_node/recording,@zmq,@log,@threads"
+  "deploy/launch:common/*,@log,@threads")
 
 # Every library a target links to, directly or not.
 function(palpate_links_of target result)
@@ -53,14 +79,23 @@ function(palpate_forbid_links target)
 endfunction()
 
 function(palpate_check_boundaries)
-  set(sockets palpate_link palpate_runtime palpate_proto protobuf::libprotobuf cppzmq spdlog::spdlog)
-  palpate_forbid_links(palpate_controllers palpate_core physics_node_lib device_node_lib
-                       viewer_node_lib ${sockets})
-  palpate_forbid_links(mofc_node_lib physics_node_lib device_node_lib viewer_node_lib ${sockets})
-  palpate_forbid_links(physics_node_lib mofc_node_lib palpate_controllers device_node_lib
-                       viewer_node_lib ${sockets})
-  palpate_forbid_links(device_node_lib mofc_node_lib palpate_controllers physics_node_lib
-                       viewer_node_lib ${sockets})
+  set(sockets palpate_link palpate_process palpate_session_file palpate_telemetry_output palpate_proto
+              protobuf::libprotobuf cppzmq spdlog::spdlog)
+  set(truth device_simulation device_drivers)
+  set(viewers viewer_feed viewer_recording viewer_server)
+  palpate_forbid_links(palpate_controllers palpate_core palpate_contact palpate_session
+                       palpate_telemetry device_node_lib physics_node_lib ${truth} ${viewers} ${sockets})
+  palpate_forbid_links(mofc_node_lib physics_node_lib device_node_lib ${truth} ${viewers} ${sockets})
+  palpate_forbid_links(physics_node_lib mofc_node_lib palpate_controllers device_node_lib ${truth}
+                       ${viewers} ${sockets})
+  palpate_forbid_links(device_node_lib mofc_node_lib palpate_controllers physics_node_lib ${truth}
+                       ${viewers} ${sockets})
+  palpate_forbid_links(device_simulation device_node_lib mofc_node_lib palpate_controllers
+                       physics_node_lib ${viewers} ${sockets})
+  palpate_forbid_links(viewer_feed mofc_node_lib palpate_controllers device_node_lib physics_node_lib
+                       ${truth} ${sockets})
+  palpate_forbid_links(viewer_server mofc_node_lib palpate_controllers device_node_lib
+                       physics_node_lib ${truth} ${sockets})
 
   list(JOIN PALPATE_BOUNDARIES ";" rules)
   add_custom_target(include_boundaries ALL

@@ -1,12 +1,12 @@
 # palpate_web_page(OUT_FOLDER FILES_VARIABLE): index.html, app.js.gz and app.css.gz of the page in
-# viewer_node/web, built by npm, or of a notice. viewer_node/build_page.cmake does the work.
+# viewer_node/web, built by npm, or of a notice. viewer_node/server/build_page.cmake does the work.
 
 set(PALPATE_WEB "AUTO" CACHE STRING "viewer_node's page, built by npm: AUTO (if it can be), ON or OFF")
 set_property(CACHE PALPATE_WEB PROPERTY STRINGS AUTO ON OFF)
 
 function(palpate_web_page out files)
   set(folder ${CMAKE_CURRENT_SOURCE_DIR}/web)
-  set(notice ${CMAKE_CURRENT_SOURCE_DIR}/no_page.html)
+  set(notice ${CMAKE_CURRENT_SOURCE_DIR}/server/no_page.html)
   set(results ${out}/index.html ${out}/app.js.gz ${out}/app.css.gz)
   set(${files} ${results} PARENT_SCOPE)
   file(MAKE_DIRECTORY ${out})
@@ -31,7 +31,7 @@ function(palpate_web_page out files)
   if(PALPATE_WEB STREQUAL "ON")
     set(required ON)
   endif()
-  set(script ${CMAKE_CURRENT_SOURCE_DIR}/build_page.cmake)
+  set(script ${CMAKE_CURRENT_SOURCE_DIR}/server/build_page.cmake)
   list(TRANSFORM ARGN PREPEND ${folder}/ OUTPUT_VARIABLE sources)
   add_custom_command(OUTPUT ${results}
     COMMAND ${CMAKE_COMMAND} -DSOURCE=${folder} -DWORK=${CMAKE_CURRENT_BINARY_DIR}/web -DOUT=${out}

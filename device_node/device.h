@@ -37,7 +37,7 @@ struct DeviceSample {
 struct TrueState {
   Vector3 hand_position_m = Vector3::Zero();        ///< D, before the encoder
   Vector3 hand_velocity_m_per_s = Vector3::Zero();  ///< D
-  double energy_joule = 0.0;                        ///< E(t) of DESIGN §2
+  double energy_joule = 0.0;                        ///< E(t) of docs/theory.md §1
   double minimum_energy_joule = 0.0;                ///< over all inner steps so far, ≤ 0
 };
 

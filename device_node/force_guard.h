@@ -6,8 +6,8 @@
 #include <cstdint>
 
 #include "common/core/messages.h"
-#include "common/core/session.h"
-#include "common/core/telemetry.h"
+#include "common/session/device_config.h"
+#include "common/telemetry/device_telemetry.h"
 #include "common/core/vector.h"
 
 namespace palpate::device {
@@ -22,7 +22,7 @@ struct GuardedForce {
   bool is_switch = true;
 };
 
-/// DESIGN §2, in this order:
+/// docs/theory.md §3, in this order:
 ///
 ///   before the first answer          nothing                                      kLimp
 ///   answered                         the command, for its lease                   kAnswered

@@ -52,7 +52,7 @@ struct FrictionFit {
 /// where the encoder makes the device wobble, most at low speed, part of f_co points across the
 /// motion and is missed there (0.0015: a wobble of 5.5 % of the speed), which would pass for
 /// viscous friction; and a friction that falls with speed must stay above the bounds at every
-/// speed. Differs: CONTROLLERS §2.7 has mean − 3σ alone.
+/// speed. Differs: the usual bound is mean − 3σ alone.
 [[nodiscard]] FrictionFit fit_friction(std::span<const FrictionPoint> points);
 
 /// A line that is swept, `SweepPlan::half_length_m` to both sides of its middle. D.

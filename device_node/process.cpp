@@ -3,15 +3,15 @@
 #include <optional>
 
 #include "common/core/inbox.h"
-#include "common/runtime/flight_recorder.h"
-#include "common/runtime/rate_loop.h"
-#include "common/runtime/realtime.h"
-#include "common/runtime/refused_peers_log.h"
-#include "common/runtime/rejection_log.h"
-#include "common/runtime/telemetry_publisher.h"
+#include "common/telemetry/flight_recorder.h"
+#include "common/process/rate_loop.h"
+#include "common/process/realtime.h"
+#include "common/process/refused_peers_log.h"
+#include "common/process/rejection_log.h"
+#include "common/telemetry/telemetry_publisher.h"
 #include "device_node/device_node.h"
-#include "device_node/open_device.h"
-#include "device_node/pointer_hold.h"
+#include "device_node/drivers/open_device.h"
+#include "device_node/simulation/pointer_hold.h"
 
 namespace palpate::device {
 namespace {
@@ -63,7 +63,7 @@ void run_process(NodeContext& context, ProcessLinks& links) {
 void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) {
   const Session& session = context.session;
   HandGoals goals(kHandGoals);
-  const auto device = open_device(session.device, session.hand, context.clock,
+  const auto device = open_device(session.simulated, session.hand, context.clock,
                                   stream_seed(session.seed, "hand"), &goals);
   if (!device->specification().has_motor_watchdog) {
     context.log.warn("event=no_motor_watchdog device=\"{}\": the guarantee is not available",

@@ -3,8 +3,8 @@
 
 #include <functional>
 
-#include "common/runtime/process_links.h"
-#include "common/runtime/run_node.h"
+#include "common/process/process_links.h"
+#include "common/process/run_node.h"
 
 namespace palpate::device {
 

@@ -1,7 +1,7 @@
 // model_handover.h — from one contact model to the next without a jump of the force.
 #pragma once
 
-#include "common/core/contact_model.h"
+#include "common/contact/contact_model.h"
 #include "common/core/messages.h"
 #include "common/core/time.h"
 #include "common/core/vector.h"

@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "common/core/messages.h"
-#include "common/core/session.h"
+#include "common/session/mofc_config.h"
 
 namespace palpate::mofc {
 

@@ -3,11 +3,11 @@
 #include <chrono>
 
 #include "common/core/inbox.h"
-#include "common/runtime/flight_recorder.h"
-#include "common/runtime/realtime.h"
-#include "common/runtime/refused_peers_log.h"
-#include "common/runtime/rejection_log.h"
-#include "common/runtime/telemetry_publisher.h"
+#include "common/telemetry/flight_recorder.h"
+#include "common/process/realtime.h"
+#include "common/process/refused_peers_log.h"
+#include "common/process/rejection_log.h"
+#include "common/telemetry/telemetry_publisher.h"
 #include "mofc_node/mofc_node.h"
 
 namespace palpate::mofc {

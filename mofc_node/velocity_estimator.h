@@ -32,7 +32,7 @@
 #include <cstddef>
 #include <memory>
 
-#include "common/core/session.h"
+#include "common/session/mofc_config.h"
 #include "common/core/time.h"
 #include "common/core/vector.h"
 

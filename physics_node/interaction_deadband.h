@@ -3,9 +3,9 @@
 
 #include <algorithm>
 
-#include "common/core/contact_model.h"
+#include "common/contact/contact_model.h"
 #include "common/core/messages.h"
-#include "common/core/session.h"
+#include "common/session/scene_config.h"
 
 namespace palpate::physics {
 

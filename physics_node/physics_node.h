@@ -22,10 +22,10 @@
 #include "common/core/inbox.h"
 #include "common/core/messages.h"
 #include "common/core/ports.h"
-#include "common/core/session.h"
-#include "common/core/telemetry.h"
+#include "common/session/scene_config.h"
+#include "common/telemetry/physics_telemetry.h"
 #include "common/core/tick_schedule.h"
-#include "physics_node/scene.h"
+#include "physics_node/scene/scene.h"
 
 namespace palpate::physics {
 

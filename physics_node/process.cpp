@@ -9,14 +9,14 @@
 #include <vector>
 
 #include "common/core/inbox.h"
-#include "common/runtime/flight_recorder.h"
-#include "common/runtime/heap_trim.h"
-#include "common/runtime/rate_loop.h"
-#include "common/runtime/refused_peers_log.h"
-#include "common/runtime/rejection_log.h"
-#include "common/runtime/telemetry_publisher.h"
+#include "common/telemetry/flight_recorder.h"
+#include "common/process/heap_trim.h"
+#include "common/process/rate_loop.h"
+#include "common/process/refused_peers_log.h"
+#include "common/process/rejection_log.h"
+#include "common/telemetry/telemetry_publisher.h"
 #include "physics_node/physics_node.h"
-#include "physics_node/scene_display.h"
+#include "physics_node/display/scene_display.h"
 
 namespace palpate::physics {
 namespace {

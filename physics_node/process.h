@@ -1,8 +1,8 @@
 // process.h — physics_node connected to the world: sockets, the step loop, telemetry.
 #pragma once
 
-#include "common/runtime/process_links.h"
-#include "common/runtime/run_node.h"
+#include "common/process/process_links.h"
+#include "common/process/run_node.h"
 
 namespace palpate::physics {
 

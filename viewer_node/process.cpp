@@ -11,10 +11,10 @@
 
 #include "common/core/regular_file.h"
 #include "common/link/plot_sender.h"
-#include "common/runtime/heap_trim.h"
-#include "common/runtime/refused_peers_log.h"
-#include "viewer_node/csv_writer.h"
-#include "viewer_node/status_line.h"
+#include "common/process/heap_trim.h"
+#include "common/process/refused_peers_log.h"
+#include "common/telemetry/csv_writer.h"
+#include "viewer_node/feed/status_line.h"
 
 namespace palpate::viewer {
 namespace {

@@ -8,10 +8,10 @@
 #include <string>
 #include <vector>
 
-#include "common/runtime/process_links.h"
-#include "common/runtime/run_node.h"
-#include "viewer_node/recording.h"
-#include "viewer_node/telemetry_mirror.h"
+#include "common/process/process_links.h"
+#include "common/process/run_node.h"
+#include "viewer_node/recording/recording.h"
+#include "viewer_node/feed/telemetry_mirror.h"
 #include "viewer_node/web_process.h"
 
 namespace palpate::viewer {

@@ -10,6 +10,7 @@
 
 #include "common/core/check.h"
 #include "common/core/regular_file.h"
+#include "common/core/version.h"
 
 namespace palpate::viewer {
 namespace {

@@ -19,13 +19,13 @@
 #include <vector>
 
 #include "common/link/viewer_codec.h"
-#include "common/runtime/process_links.h"
-#include "common/runtime/remote_events.h"
-#include "common/runtime/run_node.h"
-#include "viewer_node/metrics_text.h"
-#include "viewer_node/scene_mirror.h"
-#include "viewer_node/telemetry_mirror.h"
-#include "viewer_node/web_server.h"
+#include "common/process/process_links.h"
+#include "common/telemetry/remote_events.h"
+#include "common/process/run_node.h"
+#include "viewer_node/feed/metrics_text.h"
+#include "viewer_node/feed/scene_mirror.h"
+#include "viewer_node/feed/telemetry_mirror.h"
+#include "viewer_node/server/web_server.h"
 
 namespace palpate::viewer {
 

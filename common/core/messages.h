@@ -128,4 +128,9 @@ struct Interaction {
   std::uint32_t contact_count = 0;  ///< all touches; may be larger than the array
 };
 
+/// What is made of an Interaction until the next one comes.
+enum class InteractionUse : std::uint8_t {
+  kLocal,  ///< its local contact model, evaluated at the device's rate
+  kHeld,   ///< its force, held
+};
 }  // namespace palpate

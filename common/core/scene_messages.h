@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "common/core/messages.h"
-#include "common/core/session.h"
+#include "common/core/pointer_config.h"
 
 namespace palpate {
 

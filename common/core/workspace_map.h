@@ -1,10 +1,19 @@
 // workspace_map.h — from the hand (D) to the tool (W): scale, offset, clutch.
 #pragma once
 
-#include "common/core/session.h"
+#include <cstdint>
+#include <optional>
+
 #include "common/core/vector.h"
 
 namespace palpate {
+
+struct WorkspaceConfig {
+  double scale_ratio = 1.0;            ///< tool displacement / hand displacement
+  double force_ratio = 1.0;            ///< force on hand / force on tool
+  Vector3 offset_m = Vector3::Zero();  ///< tool position in W when the hand is at D's origin
+  std::optional<std::uint32_t> clutch_button;
+};
 
 /// tool_W = offset + scale · (hand_D + clutch_shift_D). While the clutch button is held the tool
 /// rests and the hand moves; on release the shift makes up for what the hand moved.

@@ -14,7 +14,7 @@
 
 #include "common/core/messages.h"
 #include "common/core/scene_messages.h"
-#include "common/core/telemetry.h"
+#include "common/telemetry/telemetry.h"
 
 namespace palpate {
 

@@ -6,7 +6,7 @@
 #include <optional>
 #include <string>
 
-#include "common/core/telemetry.h"
+#include "common/telemetry/telemetry.h"
 #include "common/link/zmq_links.h"
 
 namespace palpate {

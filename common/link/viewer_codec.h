@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "common/core/scene_messages.h"
-#include "common/core/telemetry.h"
+#include "common/telemetry/telemetry.h"
 #include "common/link/codec.h"
 
 namespace palpate {

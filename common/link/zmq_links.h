@@ -38,7 +38,7 @@
 
 #include "common/core/clock.h"
 #include "common/core/ports.h"
-#include "common/core/session.h"
+#include "common/session/session.h"
 #include "common/link/codec.h"
 #include "common/link/endpoint.h"
 #include "common/link/keys.h"

@@ -16,8 +16,8 @@
 #include "common/link/endpoint.h"
 #include "common/link/keys.h"
 #include "common/link/zmq_links.h"
-#include "common/runtime/realtime.h"
-#include "common/runtime/session_file.h"
+#include "common/process/realtime.h"
+#include "common/session/session_file.h"
 
 namespace palpate {
 namespace {

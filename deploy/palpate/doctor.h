@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "common/core/session.h"
+#include "common/session/session.h"
 
 namespace palpate {
 

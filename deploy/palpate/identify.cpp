@@ -7,9 +7,9 @@
 
 #include "common/core/check.h"
 #include "common/core/clock.h"
-#include "common/runtime/profile_file.h"
+#include "common/session/profile_file.h"
 #include "device_node/friction_identification.h"
-#include "device_node/open_device.h"
+#include "device_node/drivers/open_device.h"
 
 namespace palpate {
 
@@ -67,7 +67,7 @@ void run_identify(const Session& session, const IdentifyOptions& options) {
   }
 
   ManualClock clock;  // the one driver is the simulated one
-  const auto device = open_device(session.device, no_hand(), clock, session.seed);
+  const auto device = open_device(session.simulated, no_hand(), clock, session.seed);
   const DeviceSpecification& specification = device->specification();
   const SweepPlan plan = default_sweep_plan(specification);
 

@@ -4,7 +4,7 @@
 
 #include <string>
 
-#include "common/core/session.h"
+#include "common/session/session.h"
 
 namespace palpate {
 

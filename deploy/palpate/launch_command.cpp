@@ -11,17 +11,17 @@
 #include <vector>
 
 #include "common/core/check.h"
-#include "common/core/metrics.h"
+#include "common/telemetry/metrics.h"
 #include "common/core/regular_file.h"
-#include "common/runtime/heap_trim.h"
-#include "common/runtime/run_node.h"
-#include "common/runtime/session_file.h"
+#include "common/process/heap_trim.h"
+#include "common/process/run_node.h"
+#include "common/session/session_file.h"
 #include "deploy/palpate/json_output.h"
-#include "deploy/palpate/launch.h"
-#include "deploy/palpate/summary.h"
-#include "viewer_node/csv_writer.h"
+#include "deploy/launch/launch.h"
+#include "common/telemetry/summary.h"
+#include "common/telemetry/csv_writer.h"
 #include "viewer_node/process.h"
-#include "viewer_node/telemetry_mirror.h"
+#include "viewer_node/feed/telemetry_mirror.h"
 
 namespace palpate {
 namespace {
@@ -177,10 +177,10 @@ int LaunchCommand::run() const {
   refuse_shared_file({{"--csv", csv_file}, {"--json", json_file}, {"--record", record.file}});
   const JsonOutput json(json_file);
   const std::span<const Session> sides = sides_of(session);
-  std::vector<std::unique_ptr<viewer::CsvWriter>> csvs;
+  std::vector<std::unique_ptr<CsvWriter>> csvs;
   for (const Session& side : sides) {
     if (csv_file.empty()) break;
-    csvs.push_back(std::make_unique<viewer::CsvWriter>(viewer::csv_file_of(csv_file, side.side)));
+    csvs.push_back(std::make_unique<CsvWriter>(csv_file_of(csv_file, side.side)));
   }
 
   // who asks for more than the summary must have the viewer's key
@@ -215,7 +215,7 @@ int LaunchCommand::run() const {
   std::vector<Watched> devices;
   for (std::size_t i = 0; may_look && i < sides.size(); ++i) {
     devices.push_back({sides[i], mirrors[i], observed[i]});
-    mirrors[i].on_row = [&, i](const viewer::TickRow& row) {
+    mirrors[i].on_row = [&, i](const TickRow& row) {
       observed[i].lateness.add(row.device.lateness);
       if (row.device.is_answered) observed[i].reply_time.add(row.device.reply_time);
       if (!csvs.empty()) csvs[i]->write(row);

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "viewer_node/recording.h"
+#include "viewer_node/recording/recording.h"
 
 namespace palpate {
 

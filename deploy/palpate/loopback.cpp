@@ -4,13 +4,14 @@
 #include <stdexcept>
 
 #include "common/core/clock.h"
-#include "deploy/palpate/lockstep_recorder.h"
+#include "common/telemetry/csv_writer.h"
+#include "deploy/lockstep/lockstep_recorder.h"
 
 namespace palpate {
 
 RunReport run_loopback(const Session& session, const LoopbackOptions& options) {
-  std::unique_ptr<viewer::CsvWriter> csv;
-  if (!options.csv_file.empty()) csv = std::make_unique<viewer::CsvWriter>(options.csv_file);
+  std::unique_ptr<CsvWriter> csv;
+  if (!options.csv_file.empty()) csv = std::make_unique<CsvWriter>(options.csv_file);
 
   LockstepOptions lockstep_options = options.lockstep;
   std::optional<LockstepRecorder> recorder;
@@ -23,7 +24,7 @@ RunReport run_loopback(const Session& session, const LoopbackOptions& options) {
   report.simulated_s = options.seconds.value_or(session.duration_s);
   const Lockstep* running = nullptr;
   Lockstep lockstep(session, lockstep_options,
-                    [&](const viewer::TickRow& row, const IdealState& ideal) {
+                    [&](const TickRow& row, const IdealState& ideal) {
                       report.statistics.add(row, ideal);
                       if (csv) csv->write(row);
                       if (recorder) recorder->pump(*running, row.device.sampled_at);

@@ -4,10 +4,10 @@
 #include <optional>
 #include <string>
 
-#include "common/core/session.h"
-#include "deploy/palpate/lockstep.h"
-#include "deploy/palpate/summary.h"
-#include "viewer_node/recording.h"
+#include "common/session/session.h"
+#include "deploy/lockstep/lockstep.h"
+#include "common/telemetry/summary.h"
+#include "viewer_node/recording/recording.h"
 
 namespace palpate {
 

@@ -14,9 +14,10 @@
 
 #include "common/core/check.h"
 #include "common/core/regular_file.h"
+#include "common/core/version.h"
 #include "common/link/keys.h"
-#include "common/runtime/run_node.h"
-#include "common/runtime/session_file.h"
+#include "common/process/run_node.h"
+#include "common/session/session_file.h"
 #include "deploy/palpate/doctor.h"
 #include "deploy/palpate/identify.h"
 #include "deploy/palpate/json_output.h"
@@ -24,13 +25,13 @@
 #include "deploy/palpate/loopback.h"
 #include "deploy/palpate/organ.h"
 #include "deploy/palpate/recording_commands.h"
-#include "deploy/palpate/recording_file.h"
-#include "deploy/palpate/replay.h"
-#include "deploy/palpate/report.h"
-#include "deploy/palpate/summary.h"
-#include "physics_node/ply.h"
-#include "physics_node/scene.h"
-#include "physics_node/tetrahedral_mesh.h"
+#include "viewer_node/recording/recording_file.h"
+#include "viewer_node/recording/replay.h"
+#include "viewer_node/recording/report.h"
+#include "common/telemetry/summary.h"
+#include "physics_node/files/ply.h"
+#include "physics_node/scene/scene.h"
+#include "physics_node/files/tetrahedral_mesh.h"
 
 namespace {
 

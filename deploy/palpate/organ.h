@@ -5,8 +5,8 @@
 
 #include <cstdint>
 
-#include "physics_node/cloud_surface.h"
-#include "physics_node/tetrahedral_mesh.h"
+#include "physics_node/surfaces/cloud_surface.h"
+#include "physics_node/files/tetrahedral_mesh.h"
 
 namespace palpate {
 

@@ -5,8 +5,8 @@
 #include <stdexcept>
 #include <type_traits>
 
-#include "deploy/palpate/summary.h"
-#include "viewer_node/recording.h"
+#include "common/telemetry/summary.h"
+#include "viewer_node/recording/recording.h"
 
 namespace palpate {
 namespace {
@@ -102,8 +102,8 @@ std::string info_text(RecordingFile& recording) {
 }
 
 void export_csv(RecordingFile& recording, const std::string& csv_file) {
-  viewer::CsvWriter csv(csv_file);
-  for_each_row(recording, [&](const viewer::TickRow& row) { csv.write(row); });
+  CsvWriter csv(csv_file);
+  for_each_row(recording, [&](const TickRow& row) { csv.write(row); });
   csv.close();
   if (const auto error = csv.take_error()) throw std::runtime_error(*error);
 }

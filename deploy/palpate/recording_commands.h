@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "deploy/palpate/recording_file.h"
+#include "viewer_node/recording/recording_file.h"
 
 namespace palpate {
 

@@ -18,10 +18,10 @@
 
 #include "common/core/check.h"
 #include "common/core/random.h"
-#include "physics_node/cloud_surface.h"
-#include "physics_node/ply.h"
-#include "physics_node/scene.h"
-#include "physics_node/scene_display.h"
+#include "physics_node/surfaces/cloud_surface.h"
+#include "physics_node/files/ply.h"
+#include "physics_node/scene/scene.h"
+#include "physics_node/display/scene_display.h"
 #include "tests/bench/bench_output.h"
 #include "tests/support/sampled_clouds.h"
 

@@ -8,7 +8,7 @@
 //
 // Then thin tissue, poked at up to 1 m/s: how often the tool popped through; and slides over edges,
 // through grooves and over facets: the largest step of the force beside the bound of
-// physics_node/proxy.h.
+// physics_node/contact/proxy.h.
 //
 // Then the loop, drawn as a map: a mass falls onto a floor whose force is computed once in a
 // period, and either held or continued by the local model between. Shown is the energy with which
@@ -23,11 +23,11 @@
 #include <vector>
 
 #include "common/core/check.h"
-#include "common/core/contact_model.h"
+#include "common/contact/contact_model.h"
 #include "common/core/random.h"
-#include "physics_node/ply.h"
-#include "physics_node/scene.h"
-#include "physics_node/tetrahedral_mesh.h"
+#include "physics_node/files/ply.h"
+#include "physics_node/scene/scene.h"
+#include "physics_node/files/tetrahedral_mesh.h"
 #include "tests/bench/bench_output.h"
 #include "tests/support/sampled_clouds.h"
 #include "tests/support/temp_folder.h"

@@ -7,7 +7,7 @@
 #include <memory>
 #include <string>
 
-#include "common/core/session.h"
+#include "common/session/session.h"
 
 namespace palpate::bench {
 

@@ -16,7 +16,7 @@
 #include <vector>
 
 #include "common/core/check.h"
-#include "common/runtime/session_file.h"
+#include "common/session/session_file.h"
 #include "deploy/palpate/loopback.h"
 #include "tests/bench/bench_output.h"
 #include "tests/support/adversity.h"

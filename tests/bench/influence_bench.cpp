@@ -18,8 +18,8 @@
 #include <vector>
 
 #include "common/core/check.h"
-#include "common/core/metrics.h"
-#include "common/runtime/session_file.h"
+#include "common/telemetry/metrics.h"
+#include "common/session/session_file.h"
 #include "tests/bench/bench_output.h"
 #include "tests/support/program.h"
 #include "tests/support/temp_folder.h"
@@ -105,7 +105,7 @@ class Nodes {
     if (!watcher_.until_rows(ticks)) throw SetupError("the ticks stopped:\n" + launch_.err());
   }
   /// The next so many ticks that telemetry brings.
-  [[nodiscard]] std::vector<viewer::TickRow> take(std::size_t ticks) {
+  [[nodiscard]] std::vector<TickRow> take(std::size_t ticks) {
     const std::size_t first = watcher_.rows().size();
     skip(ticks);
     return {watcher_.rows().begin() + static_cast<std::ptrdiff_t>(first), watcher_.rows().end()};
@@ -140,10 +140,10 @@ constexpr std::array<Condition, 4> kConditions{
 /// Of one run; times in µs.
 using Figures = std::array<double, 7>;
 
-Figures figures_of(const std::vector<viewer::TickRow>& rows) {
+Figures figures_of(const std::vector<TickRow>& rows) {
   std::vector<double> reply_us;
   std::vector<double> lateness_us;
-  for (const viewer::TickRow& row : rows) {
+  for (const TickRow& row : rows) {
     lateness_us.push_back(1e6 * to_seconds(row.device.lateness));
     if (row.device.is_answered) reply_us.push_back(1e6 * to_seconds(row.device.reply_time));
   }

@@ -8,9 +8,9 @@
 #include <vector>
 
 #include "common/core/check.h"
-#include "common/runtime/session_file.h"
+#include "common/session/session_file.h"
 #include "deploy/palpate/loopback.h"
-#include "deploy/palpate/summary.h"
+#include "common/telemetry/summary.h"
 #include "tests/bench/bench_output.h"
 
 namespace palpate::bench {

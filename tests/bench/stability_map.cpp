@@ -10,9 +10,9 @@
 #include <vector>
 
 #include "common/core/check.h"
-#include "common/runtime/session_file.h"
-#include "deploy/palpate/lockstep.h"
-#include "deploy/palpate/summary.h"
+#include "common/session/session_file.h"
+#include "deploy/lockstep/lockstep.h"
+#include "common/telemetry/summary.h"
 #include "tests/bench/bench_output.h"
 
 namespace palpate::bench {
@@ -46,7 +46,7 @@ struct Outcome {
   double force_newton = 0.0;  // mean along the normal, last 0.5 s
 };
 
-/// The hand goes 10 mm into the wall within 0.3 s and stays for 2 s (CONTROLLERS §8.1). In the last
+/// The hand goes 10 mm into the wall within 0.3 s and stays for 2 s (docs/theory.md §7.5). In the last
 /// 0.5 s: stable below 0.2 mm of swing, unstable from 5 mm on or where the hand was given more than
 /// 10 mJ, else chattering.
 Outcome press(const Point& point, const Way& way) {
@@ -71,7 +71,7 @@ faults {{ tool_motion {{ delay_ms: {} }} interaction {{ delay_ms: {} }} }}
   double high = -1e9;
   double force_sum = 0.0;
   std::uint64_t rows = 0;
-  Lockstep lockstep(session, {}, [&](const viewer::TickRow& row, const IdealState&) {
+  Lockstep lockstep(session, {}, [&](const TickRow& row, const IdealState&) {
     outcome.minimum_true_energy_joule = row.device.minimum_true_energy_joule;
     if (to_seconds(row.device.sampled_at.time_since_epoch()) < 1.9) return;
     low = std::min(low, row.device.true_tool_position_world_m.z());

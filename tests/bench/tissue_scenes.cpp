@@ -3,7 +3,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "common/runtime/session_file.h"
+#include "common/session/session_file.h"
 
 namespace palpate::bench {
 namespace {

@@ -11,7 +11,7 @@
 
 #include "common/core/check.h"
 #include "deploy/palpate/loopback.h"
-#include "deploy/palpate/summary.h"
+#include "common/telemetry/summary.h"
 #include "tests/bench/bench_output.h"
 #include "tests/bench/tissue_scenes.h"
 

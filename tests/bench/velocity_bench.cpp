@@ -12,7 +12,7 @@
 
 #include "common/core/check.h"
 #include "common/core/clock.h"
-#include "common/runtime/session_file.h"
+#include "common/session/session_file.h"
 #include "deploy/palpate/loopback.h"
 #include "mofc_node/velocity_estimator.h"
 #include "tests/bench/bench_output.h"
@@ -112,7 +112,7 @@ std::vector<Sample> record(const Motion& motion, double rate_hz) {
           rate_hz, motion.hand),
       "velocity_bench");
   std::vector<Sample> samples;
-  Lockstep lockstep(session, {}, [&](const viewer::TickRow& row, const IdealState&) {
+  Lockstep lockstep(session, {}, [&](const TickRow& row, const IdealState&) {
     samples.push_back({row.device.sampled_at, row.device.measured_tool_position_world_m,
                        row.device.true_tool_velocity_world_m_per_s});
   });

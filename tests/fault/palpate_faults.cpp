@@ -27,8 +27,8 @@
 #include <zmq.hpp>
 
 #include "common/link/codec.h"
-#include "device_node/hand.h"
-#include "device_node/plant.h"
+#include "device_node/simulation/hand.h"
+#include "device_node/simulation/plant.h"
 #include "tests/fault/pressing_session.h"
 
 namespace palpate {
@@ -43,7 +43,6 @@ using test::PressingSession;
 using test::Program;
 using test::run_program;
 using testing::HasSubstr;
-using viewer::TickRow;
 
 /// So many ticks without an answer, or without tissue in it, are not a busy machine.
 constexpr std::ptrdiff_t kGoneTicks = 20;
@@ -359,7 +358,7 @@ class CarriedOn {
  public:
   CarriedOn(const PressingSession& session, const TickRow& before, const TickRow& last)
       : session_(session.session()),
-        plant_(device::plant_of(session_.device.simulated, session_.hand),
+        plant_(device::plant_of(session_.simulated, session_.hand),
                last.device.true_tool_position_world_m,
                last.device.true_tool_velocity_world_m_per_s),
         energy_joule_(last.device.true_energy_joule),
@@ -391,7 +390,7 @@ class CarriedOn {
  private:
   void step_until(TimePoint until) {
     device::in_equal_steps(
-        origin_, until_, until, session_.device.simulated.inner_step, [&](double, double h_s) {
+        origin_, until_, until, session_.simulated.inner_step, [&](double, double h_s) {
           plant_.step(h_s, {.position_m = {0, 0, test::kPressedTargetM}}, force_newton_);
         });
     until_ = std::max(until_, until);

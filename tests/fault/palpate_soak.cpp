@@ -25,14 +25,14 @@
 #include <vector>
 
 #include "common/core/clock.h"
-#include "common/core/metrics.h"
-#include "common/runtime/process_links.h"
-#include "common/runtime/session_file.h"
+#include "common/telemetry/metrics.h"
+#include "common/process/process_links.h"
+#include "common/session/session_file.h"
 #include "tests/support/pressing_hand.h"
 #include "tests/support/program.h"
 #include "tests/support/temp_folder.h"
 #include "viewer_node/process.h"
-#include "viewer_node/telemetry_mirror.h"
+#include "viewer_node/feed/telemetry_mirror.h"
 
 namespace palpate {
 namespace {
@@ -95,7 +95,7 @@ class Soak : public testing::Test {
     };
     session_ = load_session(kSession, {"name=soak"});
     feed_ = std::make_unique<viewer::TelemetryFeed>(session_, clock_, links_);
-    mirror_.on_row = [this](const viewer::TickRow& row) {
+    mirror_.on_row = [this](const TickRow& row) {
       ++rows_;
       lateness_.add(row.device.lateness);
       if (row.device.is_answered) reply_time_.add(row.device.reply_time);

@@ -6,7 +6,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "common/runtime/session_file.h"
+#include "common/session/session_file.h"
 
 namespace palpate::test {
 namespace {

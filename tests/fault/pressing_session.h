@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "common/core/clock.h"
-#include "common/core/session.h"
-#include "common/runtime/process_links.h"
+#include "common/session/session.h"
+#include "common/process/process_links.h"
 #include "tests/support/pressing_hand.h"
 #include "tests/support/program.h"
 #include "tests/support/temp_folder.h"
@@ -38,7 +38,7 @@ class PressingSession {
   /// What launch counted when it ended in order: restarts by node.
   [[nodiscard]] std::map<std::string, int> stop_and_count_restarts();
 
-  [[nodiscard]] const std::vector<viewer::TickRow>& rows(std::size_t side = 0) const {
+  [[nodiscard]] const std::vector<TickRow>& rows(std::size_t side = 0) const {
     return watcher_->rows(side);
   }
   [[nodiscard]] const Session& session() const { return session_; }

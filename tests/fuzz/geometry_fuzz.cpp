@@ -8,7 +8,7 @@
 #include <string_view>
 
 #include "common/core/check.h"
-#include "physics_node/surface_files.h"
+#include "physics_node/files/surface_files.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using palpate::FileGeometry;

@@ -9,7 +9,7 @@
 
 #include "common/core/check.h"
 #include "deploy/palpate/recording_commands.h"
-#include "deploy/palpate/recording_file.h"
+#include "viewer_node/recording/recording_file.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const int file = memfd_create("fuzz.mcap", MFD_CLOEXEC);
@@ -24,7 +24,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     recording.seek(0);
     while (recording.next() != nullptr) ++messages;
     PALPATE_REQUIRE(messages <= size);
-    palpate::for_each_row(recording, [](const palpate::viewer::TickRow&) {});
+    palpate::for_each_row(recording, [](const palpate::TickRow&) {});
     static_cast<void>(palpate::hand_path_of(recording, {}));
   } catch (const palpate::SetupError&) {
     // what most inputs deserve

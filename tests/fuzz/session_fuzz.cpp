@@ -6,9 +6,9 @@
 #include <vector>
 
 #include "common/core/check.h"
-#include "common/runtime/profile_file.h"
-#include "common/runtime/recorded_path.h"
-#include "common/runtime/session_file.h"
+#include "common/session/profile_file.h"
+#include "common/session/recorded_path.h"
+#include "common/session/session_file.h"
 
 /// The input is the text of the session. Lines that begin with "#set " are overrides as well.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

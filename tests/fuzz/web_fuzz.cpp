@@ -9,8 +9,8 @@
 
 #include "common/core/check.h"
 #include "common/link/viewer_codec.h"
-#include "viewer_node/foxglove_client.h"
-#include "viewer_node/web_rules.h"
+#include "viewer_node/server/foxglove_client.h"
+#include "viewer_node/server/web_rules.h"
 
 namespace {
 

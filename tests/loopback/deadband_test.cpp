@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "common/runtime/session_file.h"
-#include "deploy/palpate/lockstep.h"
+#include "common/session/session_file.h"
+#include "deploy/lockstep/lockstep.h"
 
 namespace palpate {
 namespace {
@@ -33,7 +33,7 @@ constexpr const char* kThinMotion = "mofc.motion_deadband={}";
 constexpr const char* kThinInteraction = "physics.interaction_deadband={}";
 
 struct Recording {
-  std::vector<viewer::TickRow> rows;
+  std::vector<TickRow> rows;
   MofcCounters mofc;
   PhysicsCounters physics;
 };
@@ -42,7 +42,7 @@ Recording record(const std::vector<std::string>& overrides, Duration length) {
   Recording result;
   Lockstep lockstep(
       parse_session(kPressing, "test.txtpb", overrides), {},
-      [&](const viewer::TickRow& row, const IdealState&) { result.rows.push_back(row); });
+      [&](const TickRow& row, const IdealState&) { result.rows.push_back(row); });
   lockstep.run_until(length);
   result.mofc = lockstep.mofc_counters();
   result.physics = lockstep.physics_counters();
@@ -50,7 +50,7 @@ Recording record(const std::vector<std::string>& overrides, Duration length) {
 }
 
 /// The law of the block, at the position that was measured.
-double law_newton(const viewer::TickRow& row) {
+double law_newton(const TickRow& row) {
   return kStiffness_newton_per_m * std::max(0.0, -row.device.measured_tool_position_world_m.z());
 }
 

@@ -19,7 +19,7 @@
 
 #include "common/core/random.h"
 #include "common/link/zmq_links.h"
-#include "common/runtime/session_file.h"
+#include "common/session/session_file.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/support/program.h"
 #include "tests/support/random_messages.h"

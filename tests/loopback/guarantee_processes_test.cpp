@@ -10,7 +10,7 @@
 #include <fstream>
 #include <optional>
 
-#include "common/runtime/session_file.h"
+#include "common/session/session_file.h"
 #include "tests/support/pressing_hand.h"
 #include "tests/support/program.h"
 #include "tests/support/temp_folder.h"
@@ -28,7 +28,6 @@ using test::presses;
 using test::Program;
 using test::TempFolder;
 using test::Watcher;
-using viewer::TickRow;
 
 const std::string kPressing = std::string(test::kPressingHand) + R"(
 name: "guarantee"

@@ -10,7 +10,7 @@
 #include <fstream>
 #include <string>
 
-#include "common/runtime/session_file.h"
+#include "common/session/session_file.h"
 #include "tests/support/adversity.h"
 
 namespace palpate::test {
@@ -118,7 +118,7 @@ scene { tissue { half_space {} kelvin_voigt { stiffness_newton_per_m: 500 } } }
   double least_ratio = 1.0;
   double least_asked_newton = 10.0;
   int ticks = 0;
-  Lockstep lockstep(session, {}, [&](const viewer::TickRow& row, const IdealState&) {
+  Lockstep lockstep(session, {}, [&](const TickRow& row, const IdealState&) {
     if (row.device.sampled_at < TimePoint(std::chrono::seconds(3))) return;
     ASSERT_TRUE(row.mofc.has_value());
     const double asked = row.mofc->asked_force_on_hand_newton.norm();

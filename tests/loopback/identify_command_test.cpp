@@ -12,8 +12,8 @@
 #include <fstream>
 #include <string>
 
-#include "common/runtime/session_file.h"
-#include "deploy/palpate/lockstep.h"
+#include "common/session/session_file.h"
+#include "deploy/lockstep/lockstep.h"
 #include "tests/support/temp_folder.h"
 
 namespace palpate {
@@ -79,7 +79,7 @@ TEST_F(IdentifyCommand, ProfileItWritesIsWhatTheClampCountsOn) {
 
   // mode vector begins with an empty ledger: then f_max = f_co
   double least_f_max_newton = 1.0;
-  Lockstep lockstep(identified, {}, [&](const viewer::TickRow& row, const IdealState&) {
+  Lockstep lockstep(identified, {}, [&](const TickRow& row, const IdealState&) {
     if (!row.mofc) return;
     least_f_max_newton = std::fmin(least_f_max_newton, row.mofc->f_max_newton.x());
   });

@@ -1,5 +1,5 @@
 // The whole system on virtual time: device, clamp and physics, hop by hop.
-#include "deploy/palpate/lockstep.h"
+#include "deploy/lockstep/lockstep.h"
 
 #include <gtest/gtest.h>
 #include <spdlog/sinks/null_sink.h>
@@ -12,12 +12,12 @@
 #include <variant>
 #include <vector>
 
-#include "common/runtime/session_file.h"
-#include "common/runtime/telemetry_publisher.h"
+#include "common/session/session_file.h"
+#include "common/telemetry/telemetry_publisher.h"
 #include "deploy/palpate/loopback.h"
-#include "physics_node/scene_display.h"
-#include "viewer_node/scene_mirror.h"
-#include "viewer_node/telemetry_mirror.h"
+#include "physics_node/display/scene_display.h"
+#include "viewer_node/feed/scene_mirror.h"
+#include "viewer_node/feed/telemetry_mirror.h"
 
 namespace palpate {
 namespace {
@@ -43,17 +43,17 @@ Session shipped(const std::string& name, const std::vector<std::string>& overrid
 }
 
 struct Recording {
-  std::vector<viewer::TickRow> rows;
+  std::vector<TickRow> rows;
   std::vector<IdealState> ideal;
   DeviceCounters device;
   MofcCounters mofc;
 
-  [[nodiscard]] const viewer::TickRow& last() const { return rows.back(); }
+  [[nodiscard]] const TickRow& last() const { return rows.back(); }
 };
 
 Recording run(const Session& session, Duration length, const LockstepOptions& options = {}) {
   Recording result;
-  Lockstep lockstep(session, options, [&](const viewer::TickRow& row, const IdealState& ideal) {
+  Lockstep lockstep(session, options, [&](const TickRow& row, const IdealState& ideal) {
     result.rows.push_back(row);
     result.ideal.push_back(ideal);
   });
@@ -67,7 +67,7 @@ Recording run(const Session& session, Duration length, const LockstepOptions& op
 std::vector<std::uint64_t> bits_of(const Recording& run) {
   std::vector<std::uint64_t> bits;
   const auto add = [&](double value) { bits.push_back(std::bit_cast<std::uint64_t>(value)); };
-  for (const viewer::TickRow& row : run.rows) {
+  for (const TickRow& row : run.rows) {
     for (int i = 0; i < 3; ++i) {
       add(row.device.true_tool_position_world_m[i]);
       add(row.device.measured_hand_position_m[i]);
@@ -200,7 +200,7 @@ class Audience {
       : display_(session, kLockstepPhysics, physics_out_, physics_out_) {
     for (std::size_t i = 0; i < viewers; ++i) {
       Viewer& viewer = *viewers_.emplace_back(std::make_unique<Viewer>(context_, clock_));
-      viewer.mirror.on_row = [&viewer](const viewer::TickRow&) { ++viewer.rows; };
+      viewer.mirror.on_row = [&viewer](const TickRow&) { ++viewer.rows; };
       viewer.subscriber.subscribe<SceneState>();
       viewer.subscriber.subscribe<MeshFrame>();
       viewer.subscriber.wait_until(clock_.now());  // its sockets learn whom they are connected to
@@ -294,7 +294,7 @@ TEST(Lockstep, EightViewersOfWhichOneIsStalledDoNotChangeABit) {
     Audience audience(session, 8);
     audience.listen_to(options);
     Recording watched;
-    Lockstep lockstep(session, options, [&](const viewer::TickRow& row, const IdealState&) {
+    Lockstep lockstep(session, options, [&](const TickRow& row, const IdealState&) {
       watched.rows.push_back(row);
     });
     for (Duration end = kPublishInterval; end <= 2s; end += kPublishInterval) {

@@ -9,7 +9,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "common/runtime/session_file.h"
+#include "common/session/session_file.h"
 #include "tests/support/port.h"
 #include "tests/support/program.h"
 #include "tests/support/resting_press.h"
@@ -277,7 +277,7 @@ TEST_F(NodeUnderLaunch, WhenMofcIsKilledTheDeviceFallsBackAndThenRecovers) {
   const DeviceCounters& after = watcher_.mirror().device_counters();
   EXPECT_GT(after.fallback_ticks, before.fallback_ticks);
   const double coulomb_newton = load_session(press_).device.profile.coulomb_newton;
-  for (const viewer::TickRow& row : watcher_.rows()) {
+  for (const TickRow& row : watcher_.rows()) {
     const double force_newton = row.device.force_on_hand_newton.norm();
     if (row.device.guard == GuardState::kLimp) {
       EXPECT_EQ(force_newton, 0.0);

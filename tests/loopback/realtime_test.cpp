@@ -11,7 +11,7 @@
 #include <sstream>
 #include <thread>
 
-#include "common/runtime/session_file.h"
+#include "common/session/session_file.h"
 #include "device_node/process.h"
 #include "mofc_node/process.h"
 #include "physics_node/process.h"
@@ -134,7 +134,7 @@ TEST_P(RealTime, ATouchIsFeltAndShown) {
 
   ASSERT_TRUE(watcher.until([&] { return rests_in_tissue(watcher); }));
   EXPECT_TRUE(watcher.sees_all_nodes());
-  const viewer::TickRow& row = watcher.rows().back();
+  const TickRow& row = watcher.rows().back();
   EXPECT_TRUE(row.mofc->is_in_contact);
   EXPECT_NEAR(row.device.true_tool_position_world_m.z(), -0.0025, 0.0005);
   EXPECT_GT(watcher.mirror().physics_counters().contact_steps, 0u);
@@ -186,11 +186,11 @@ TEST_P(RealTime, TwoViewersSeeTheSame) {
   }));
 
   std::map<std::uint64_t, Vector3> force_newton;
-  for (const viewer::TickRow& row : other.rows()) {
+  for (const TickRow& row : other.rows()) {
     force_newton[row.device.sequence] = row.device.force_on_hand_newton;
   }
   int compared = 0;
-  for (const viewer::TickRow& row : one.rows()) {
+  for (const TickRow& row : one.rows()) {
     const auto same = force_newton.find(row.device.sequence);
     if (same == force_newton.end()) continue;
     EXPECT_EQ(row.device.force_on_hand_newton, same->second);

@@ -11,7 +11,7 @@
 #include <set>
 #include <string>
 
-#include "common/runtime/session_file.h"
+#include "common/session/session_file.h"
 #include "tests/support/program.h"
 #include "tests/support/temp_folder.h"
 #include "tests/support/watcher.h"

@@ -10,12 +10,13 @@
 #include <string>
 
 #include "common/core/check.h"
-#include "common/runtime/run_node.h"
-#include "common/runtime/session_file.h"
+#include "common/core/version.h"
+#include "common/process/run_node.h"
+#include "common/session/session_file.h"
 #include "deploy/palpate/loopback.h"
 #include "deploy/palpate/recording_commands.h"
-#include "deploy/palpate/recording_file.h"
-#include "deploy/palpate/report.h"
+#include "viewer_node/recording/recording_file.h"
+#include "viewer_node/recording/report.h"
 #include "tests/support/temp_folder.h"
 
 namespace palpate {
@@ -122,7 +123,7 @@ TEST_F(Recordings, ACutOffRecordingIsReadUpToItsLastChunk) {
 
   RecordingFile recording(file);
   std::uint64_t rows = 0;
-  for_each_row(recording, [&](const viewer::TickRow& row) {
+  for_each_row(recording, [&](const TickRow& row) {
     EXPECT_EQ(row.device.sequence, rows);
     ++rows;
   });
@@ -142,7 +143,7 @@ TEST_F(Recordings, AHandThatIsPushedMeantToGoFurther) {
                                         "test.txtpb");
   RecordingFile recording(record("run.mcap", session, 3.0));
   double measured_z_m = 0.0;
-  for_each_row(recording, [&](const viewer::TickRow& row) {
+  for_each_row(recording, [&](const TickRow& row) {
     measured_z_m = row.device.measured_hand_position_m.z();
   });
   const RecordedPath path = hand_path_of(recording, session.hand);
@@ -157,14 +158,14 @@ TEST_F(Recordings, TheSameSessionOnItsRecordedHandMovesTheSame) {
   const Session session = shipped();
   RecordingFile first(record("first.mcap", session, 5.0));
   std::vector<Vector3> moved;
-  for_each_row(first, [&](const viewer::TickRow& row) {
+  for_each_row(first, [&](const TickRow& row) {
     moved.push_back(row.device.true_tool_position_world_m);
   });
   Session again = session;
   again.hand.path = hand_path_of(first, session.hand);
   RecordingFile second(record("second.mcap", again, 5.0));
   double sum2_m2 = 0.0;
-  for_each_row(second, [&](const viewer::TickRow& row) {
+  for_each_row(second, [&](const TickRow& row) {
     sum2_m2 +=
         (row.device.true_tool_position_world_m - moved.at(row.device.sequence)).squaredNorm();
   });

@@ -11,7 +11,7 @@
 #include <mutex>
 #include <thread>
 
-#include "common/runtime/run_node.h"
+#include "common/process/run_node.h"
 
 namespace palpate {
 namespace {

@@ -1,7 +1,7 @@
 // The supervisor over real processes: fake_node under the nodes' names, each telling what happens
 // to it through a named pipe. That all of them are gone is seen by the pipe's end: its last writer
 // left.
-#include "deploy/palpate/supervisor.h"
+#include "deploy/launch/supervisor.h"
 
 #include <fcntl.h>
 #include <gmock/gmock.h>
@@ -24,8 +24,8 @@
 #include <stdexcept>
 
 #include "common/core/check.h"
-#include "common/runtime/session_file.h"
-#include "deploy/palpate/launch.h"
+#include "common/session/session_file.h"
+#include "deploy/launch/launch.h"
 
 namespace palpate {
 namespace {

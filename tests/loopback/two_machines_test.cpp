@@ -23,7 +23,7 @@
 #include <sstream>
 
 #include "common/link/keys.h"
-#include "common/runtime/session_file.h"
+#include "common/session/session_file.h"
 #include "tests/support/program.h"
 #include "tests/support/temp_folder.h"
 #include "tests/support/watcher.h"

@@ -11,7 +11,7 @@
 
 #include "common/core/random.h"
 #include "common/link/codec.h"
-#include "common/runtime/session_file.h"
+#include "common/session/session_file.h"
 #include "tests/support/program.h"
 #include "tests/support/temp_folder.h"
 #include "tests/support/watcher.h"
@@ -249,7 +249,7 @@ TEST_F(ViewerProcesses, ATargetBeyondTheReachLeadsTheHandToItsEdge) {
     lead(page, 1000.0);
     return watcher.rows().size() > first + 200;  // a second more
   }));
-  for (const viewer::TickRow& row : watcher.rows()) {
+  for (const TickRow& row : watcher.rows()) {
     ASSERT_LT(row.device.measured_hand_position_m.norm(), 0.122);
   }
   stop();

@@ -1,5 +1,5 @@
 // The web server on real sockets: clients that behave, and clients that do not.
-#include "viewer_node/web_server.h"
+#include "viewer_node/server/web_server.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

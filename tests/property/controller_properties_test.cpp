@@ -570,7 +570,7 @@ TEST(VectorMofcLaws, NoHandAndNoEnvironmentDrawEnergyAtAnyInstant) {
 
 // The same cases, each with one protection taken away: the law above can fail.
 // Without Coulomb friction, resolution and delay this is the energy bound of the force bounding
-// approach, E ≥ Fᵀ B⁻¹ F / (4 ξ) with B = f_d/T and ξ = 1 (CONTROLLERS §9.5): every force leaves
+// approach, E ≥ Fᵀ B⁻¹ F / (4 ξ) with B = f_d/T and ξ = 1 ([Kim & Ryu], docs/theory.md §8): every force leaves
 // enough in the ledger for the worst that can come, and no more than that where it is clamped.
 TEST(VectorMofcLaws, EveryForceLeavesTheEnergyItMayCost) {
   constexpr double f_d = 0.1;

@@ -8,7 +8,7 @@
 
 #include "common/core/random.h"
 #include "device_node/force_guard.h"
-#include "device_node/simulated_device.h"
+#include "device_node/simulation/simulated_device.h"
 #include "tests/support/device_node_bench.h"
 #include "tests/support/scripted_device.h"
 
@@ -138,7 +138,7 @@ TEST(EchoLaws, TheEchoIsWithoutGapAndIsWhatTheMotorsDid) {
   }
 }
 
-/// Lower bound of the energy absorbed, from the echo alone (CONTROLLERS §2.2, and §2.6 where a
+/// Lower bound of the energy absorbed, from the echo alone (docs/theory.md §2.2, and §2.5 where a
 /// force ended at an unknown position). Exact encoder.
 class EchoLedger {
  public:
@@ -175,10 +175,11 @@ TEST(EchoLaws, ALedgerKeptOnTheEchoAloneNeverExceedsTheTrueEnergy) {
     SCOPED_TRACE(testing::Message() << "seed=" << seed);
     Random random(seed);
     DeviceConfig config = random_config(random);
-    config.simulated.position_resolution_m = 0.0;
+    SimulatedDeviceConfig simulated;
+    simulated.position_resolution_m = 0.0;
     HandConfig hand{.path = HostilePath{}};
     hand.damping_newton_s_per_m = random.uniform(3, 30);
-    DeviceNodeBench<SimulatedDevice> bench(config, config.simulated, hand, seed);
+    DeviceNodeBench<SimulatedDevice> bench(config, simulated, hand, seed);
     EchoLedger ledger;
 
     for (int i = 0; i < 500; ++i) {

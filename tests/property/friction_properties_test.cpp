@@ -7,7 +7,7 @@
 
 #include "common/core/random.h"
 #include "device_node/friction_identification.h"
-#include "device_node/simulated_device.h"
+#include "device_node/simulation/simulated_device.h"
 
 namespace palpate::device {
 namespace {

@@ -9,7 +9,7 @@
 #include <optional>
 
 #include "common/core/random.h"
-#include "common/runtime/session_file.h"
+#include "common/session/session_file.h"
 
 namespace palpate::test {
 namespace {
@@ -172,7 +172,7 @@ AdverseResult run_adverse(const AdverseRun& run, std::uint64_t seed) {
   result.v_max_m_per_s = session.mofc.guard.v_max_m_per_s;
   Observer observer;
   const double scale = session.device.workspace.scale_ratio;
-  Lockstep lockstep(session, options, [&](const viewer::TickRow& row, const IdealState& ideal) {
+  Lockstep lockstep(session, options, [&](const TickRow& row, const IdealState& ideal) {
     result.statistics.add(row, ideal);
     observer.add(row.device, result);
   });

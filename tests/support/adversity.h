@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "deploy/palpate/lockstep.h"
-#include "deploy/palpate/summary.h"
+#include "deploy/lockstep/lockstep.h"
+#include "common/telemetry/summary.h"
 
 namespace palpate::test {
 

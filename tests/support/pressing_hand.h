@@ -28,26 +28,26 @@ inline constexpr double kLeftNewton = 0.35;
 inline constexpr double kRoundingJoule = 1e-6;
 
 /// |F| on the hand of that row.
-inline double newton(const viewer::TickRow& row) { return row.device.force_on_hand_newton.norm(); }
+inline double newton(const TickRow& row) { return row.device.force_on_hand_newton.norm(); }
 
 /// Physics was heard when this tick was answered.
-inline bool hears_physics(const viewer::TickRow& row) {
+inline bool hears_physics(const TickRow& row) {
   return row.mofc &&
          (row.mofc->state == MofcState::kContact || row.mofc->state == MofcState::kFree);
 }
 /// The device's tick was answered out of a physics that is heard.
-inline bool is_fresh(const viewer::TickRow& row) {
+inline bool is_fresh(const TickRow& row) {
   return row.device.is_answered && hears_physics(row);
 }
 
 /// 80 % of the last force reached, and about 1 s left: the hand came in, down from 1 mm above the
 /// tissue, within 0.6 s.
-inline bool presses(const std::vector<viewer::TickRow>& rows) {
+inline bool presses(const std::vector<TickRow>& rows) {
   if (rows.empty() || !is_fresh(rows.back()) || rows.back().mofc->state != MofcState::kContact ||
       newton(rows.back()) < 0.8 * kPressNewton) {
     return false;
   }
-  const auto above = std::find_if(rows.rbegin(), rows.rend(), [](const viewer::TickRow& row) {
+  const auto above = std::find_if(rows.rbegin(), rows.rend(), [](const TickRow& row) {
     return row.device.true_tool_position_world_m.z() > 1e-3;
   });
   return above != rows.rend() &&

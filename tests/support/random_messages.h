@@ -8,7 +8,7 @@
 #include "common/core/messages.h"
 #include "common/core/random.h"
 #include "common/core/scene_messages.h"
-#include "common/core/telemetry.h"
+#include "common/telemetry/telemetry.h"
 
 namespace palpate::test {
 

@@ -33,7 +33,7 @@ inline constexpr double kStictionNewton = 0.05;
 /// In the newest tick.
 inline bool rests_in_tissue(const Watcher& watcher) {
   if (watcher.rows().empty() || !watcher.rows().back().mofc) return false;
-  const viewer::TickRow& row = watcher.rows().back();
+  const TickRow& row = watcher.rows().back();
   return row.mofc->state == MofcState::kContact &&
          std::abs(row.device.force_on_hand_newton.z() - kRestingNewton) < kStictionNewton;
 }

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "common/core/random.h"
-#include "physics_node/cloud_surface.h"
-#include "physics_node/geometry.h"
+#include "physics_node/surfaces/cloud_surface.h"
+#include "physics_node/surfaces/geometry.h"
 
 namespace palpate::test {
 

@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "common/core/random.h"
-#include "physics_node/ply.h"
-#include "physics_node/proxy.h"
-#include "physics_node/scene.h"
+#include "physics_node/files/ply.h"
+#include "physics_node/contact/proxy.h"
+#include "physics_node/scene/scene.h"
 #include "tests/support/sampled_clouds.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/physics_node/test_meshes.h"
@@ -48,7 +48,7 @@ class LedTool {
 
   [[nodiscard]] const physics::SceneForce& force() const { return force_; }
   [[nodiscard]] double largest_step_newton() const { return largest_step_newton_; }
-  /// Of physics_node/proxy.h; at most 1.
+  /// Of physics_node/contact/proxy.h; at most 1.
   [[nodiscard]] double largest_step_over_bound() const { return largest_step_over_bound_; }
 
  private:

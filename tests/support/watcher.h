@@ -7,10 +7,10 @@
 #include <vector>
 
 #include "common/core/clock.h"
-#include "common/core/session.h"
-#include "common/runtime/process_links.h"
+#include "common/session/session.h"
+#include "common/process/process_links.h"
 #include "viewer_node/process.h"
-#include "viewer_node/telemetry_mirror.h"
+#include "viewer_node/feed/telemetry_mirror.h"
 
 namespace palpate::test {
 
@@ -21,7 +21,7 @@ class Watcher {
   Watcher(const Session& session, ProcessLinks& links)
       : feed_(session, clock_, links), mirrors_(sides_of(session).size()), rows_(mirrors_.size()) {
     for (std::size_t i = 0; i < mirrors_.size(); ++i) {
-      mirrors_[i].on_row = [this, i](const viewer::TickRow& row) { rows_[i].push_back(row); };
+      mirrors_[i].on_row = [this, i](const TickRow& row) { rows_[i].push_back(row); };
     }
   }
 
@@ -55,7 +55,7 @@ class Watcher {
   /// SceneState comes on request only.
   [[nodiscard]] TelemetrySubscriber& subscriber() { return feed_.subscriber(); }
   /// Of every device tick seen, in order.
-  [[nodiscard]] const std::vector<viewer::TickRow>& rows(std::size_t side = 0) const {
+  [[nodiscard]] const std::vector<TickRow>& rows(std::size_t side = 0) const {
     return rows_[side];
   }
 
@@ -63,7 +63,7 @@ class Watcher {
   SteadyClock clock_;
   viewer::TelemetryFeed feed_;
   std::vector<viewer::TelemetryMirror> mirrors_;
-  std::vector<std::vector<viewer::TickRow>> rows_;
+  std::vector<std::vector<TickRow>> rows_;
 };
 
 }  // namespace palpate::test

@@ -48,7 +48,7 @@ TEST(IncludeBoundaries, LetAllowedIncludesPass) {
                                             "#include <Eigen/Core>\n"
                                             "#include \"common/core/messages.h\"\n"
                                             "#include \"mofc_node/controllers/vector_mofc.h\"\n"
-                                            "// physics_node/scene.h in a comment is no include\n");
+                                            "// physics_node/scene/scene.h in a comment is no include\n");
   EXPECT_EQ(result.status, 0) << result.output;
 }
 
@@ -71,33 +71,52 @@ TEST_P(ForbiddenInclude, IsRefusedNamingFileHeaderAndRule) {
 
 INSTANTIATE_TEST_SUITE_P(
     OfEachKind, ForbiddenInclude,
-    testing::Values(Forbidden{"mofc_node/mofc_node.cpp", "physics_node/scene.h",
-                              "mofc_node may include common/core;mofc_node only"},
-                    Forbidden{"mofc_node/mofc_node.cpp", "device_node/simulated_device.h",
-                              "mofc_node may include common/core;mofc_node only"},
-                    Forbidden{"mofc_node/mofc_node.cpp", "palpate/v1/messages.pb.h",
-                              "mofc_node may include common/core;mofc_node only"},
-                    Forbidden{"mofc_node/mofc_node.cpp", "common/link/codec.h",
-                              "mofc_node may include common/core;mofc_node only"},
-                    Forbidden{"mofc_node/mofc_node.cpp", "mofc_node/../physics_node/scene.h",
-                              "mofc_node may include common/core;mofc_node only"},
-                    Forbidden{"mofc_node/controllers/vector_mofc.h", "common/core/messages.h",
-                              "mofc_node/controllers may include mofc_node/controllers only"},
-                    Forbidden{"physics_node/step.cpp", "mofc_node/mofc_node.h",
-                              "physics_node may include common/core;physics_node only"},
-                    Forbidden{"device_node/device_node.h", "physics_node/physics_node.h",
-                              "device_node may include common/core;device_node only"},
-                    Forbidden{"viewer_node/mirror.cpp", "device_node/device_node.h",
-                              "viewer_node may include common/core;viewer_node only"},
-                    Forbidden{"common/core/clock.cpp", "common/runtime/log.h",
-                              "common/core may include common/core only"},
-                    Forbidden{"common/core/clock.cpp", "palpate/v1/messages.pb.h",
-                              "common/core may include common/core only"},
-                    Forbidden{"common/link/codec.cpp", "common/runtime/log.h",
-                              "common/link may include common/core;common/link only"}));
+    testing::Values(
+        Forbidden{"mofc_node/mofc_node.cpp", "physics_node/scene/scene.h", "mofc_node may include"},
+        Forbidden{"mofc_node/mofc_node.cpp", "palpate/v1/messages.pb.h", "mofc_node may include"},
+        Forbidden{"mofc_node/mofc_node.cpp", "common/link/codec.h", "mofc_node may include"},
+        Forbidden{"mofc_node/mofc_node.cpp", "mofc_node/../physics_node/scene.h",
+                  "mofc_node may include"},
+        Forbidden{"mofc_node/controllers/vector_mofc.h", "common/core/messages.h",
+                  "mofc_node/controllers may include"},
+        Forbidden{"physics_node/step.cpp", "mofc_node/mofc_node.h", "physics_node may include"},
+        Forbidden{"device_node/device_node.h", "physics_node/physics_node.h",
+                  "device_node may include"},
+        Forbidden{"viewer_node/feed/mirror.cpp", "device_node/device_node.h",
+                  "viewer_node/feed may include"},
+        Forbidden{"common/core/clock.cpp", "common/process/log.h", "common/core may include"},
+        Forbidden{"common/core/clock.cpp", "palpate/v1/messages.pb.h", "common/core may include"},
+        Forbidden{"common/core/clock.cpp", "common/session/session.h", "common/core may include"},
+        Forbidden{"common/telemetry/event_log.h", "common/link/zmq_links.h",
+                  "common/telemetry may include"},
+        Forbidden{"common/link/codec.cpp", "common/process/log.h", "common/link may include"},
+        Forbidden{"viewer_node/feed/scene_mirror.h", "viewer_node/server/web_server.h",
+                  "viewer_node/feed may include"},
+        Forbidden{"deploy/lockstep/lockstep.h", "deploy/palpate/loopback.h",
+                  "deploy/lockstep may include"}));
+
+// What only a simulation knows, and what only the simulated device is told.
+INSTANTIATE_TEST_SUITE_P(
+    OfTheSimulatedTruth, ForbiddenInclude,
+    testing::Values(
+        Forbidden{"mofc_node/mofc_node.cpp", "device_node/simulation/simulated_device.h",
+                  "mofc_node may include"},
+        Forbidden{"mofc_node/mofc_node.cpp", "common/session/simulation_config.h",
+                  "mofc_node may include"},
+        Forbidden{"mofc_node/mofc_node.cpp", "common/session/session.h", "mofc_node may include"},
+        Forbidden{"mofc_node/mofc_node.cpp", "common/telemetry/device_telemetry.h",
+                  "mofc_node may include"},
+        Forbidden{"mofc_node/mofc_node.cpp", "common/telemetry/telemetry.h",
+                  "mofc_node may include"},
+        Forbidden{"device_node/device_node.cpp", "device_node/simulation/plant.h",
+                  "device_node may include"},
+        Forbidden{"device_node/device_node.cpp", "common/session/simulation_config.h",
+                  "device_node may include"},
+        Forbidden{"device_node/device_node.cpp", "device_node/drivers/open_device.h",
+                  "device_node may include"}));
 
 TEST(IncludeBoundaries, AreNotEvadedByAngleBrackets) {
-  for (const char* header : {"physics_node/scene.h", "palpate/v1/messages.pb.h", "zmq.hpp",
+  for (const char* header : {"physics_node/scene/scene.h", "palpate/v1/messages.pb.h", "zmq.hpp",
                              "spdlog/spdlog.h", "google/protobuf/message.h"}) {
     const CommandResult result =
         check_source("mofc_node/mofc_node.cpp", std::string("  #  include <") + header + ">\n");
@@ -114,17 +133,17 @@ TEST(IncludeBoundaries, KeepLocksOutOfTheTickAndTheClamp) {
           << file << " " << header;
     }
   }
-  EXPECT_EQ(check_source("viewer_node/scene_mirror.cpp", "#include <mutex>\n").status, 0);
+  EXPECT_EQ(check_source("viewer_node/feed/scene_mirror.cpp", "#include <mutex>\n").status, 0);
   EXPECT_EQ(check_source("mofc_node/mofc_node.cpp", "#include <atomic>\n").status, 0);
 }
 
-TEST(IncludeBoundaries, LetTheLinkAndTheRuntimeSeeTheWire) {
-  for (const char* file : {"common/link/codec.cpp", "common/runtime/session_file.cpp"}) {
-    const CommandResult result = check_source(file,
-                                              "#include \"palpate/v1/messages.pb.h\"\n"
-                                              "#include <zmq.hpp>\n");
+TEST(IncludeBoundaries, LetLinkAndSessionFileSeeTheWire) {
+  for (const char* file : {"common/link/codec.cpp", "common/session/session_file.cpp"}) {
+    const CommandResult result = check_source(file, "#include \"palpate/v1/messages.pb.h\"\n");
     EXPECT_EQ(result.status, 0) << result.output;
   }
+  EXPECT_EQ(check_source("common/link/zmq_context.cpp", "#include <zmq.hpp>\n").status, 0);
+  EXPECT_EQ(check_source("common/session/session_file.cpp", "#include <zmq.hpp>\n").status, 1);
 }
 
 TEST(IncludeBoundaries, LetTheProgramsConnectNodesToTheWorld) {

@@ -8,7 +8,7 @@
 
 #include "common/core/clock.h"
 #include "common/core/random.h"
-#include "common/core/session.h"
+#include "common/session/session.h"
 #include "common/core/tick_schedule.h"
 #include "common/core/virtual_time.h"
 

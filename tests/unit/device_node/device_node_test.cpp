@@ -10,7 +10,7 @@
 
 #include "common/core/clock.h"
 #include "common/core/memory_link.h"
-#include "device_node/simulated_device.h"
+#include "device_node/simulation/simulated_device.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/support/device_node_bench.h"
 #include "tests/support/scripted_device.h"
@@ -499,7 +499,7 @@ TEST(DeviceNode, ASimulatedDeviceTellsItsTrueStateInTheToolsFrame) {
   DeviceConfig config = device_config();
   config.workspace.scale_ratio = 3.0;
   DeviceNodeBench<SimulatedDevice> bench(
-      config, config.simulated,
+      config, SimulatedDeviceConfig{},
       HandConfig{.path = SinusoidPath{.amplitude_m = Vector3(0.01, 0, 0),
                                       .frequency_hz = Vector3(1, 0, 0)}},
       1);
@@ -526,7 +526,7 @@ TEST(DeviceNode, AHardwareDeviceTellsNoTrueState) {
 
 TEST(DeviceNode, StepDoesNotAllocate) {
   DeviceConfig config = device_config();
-  DeviceNodeBench<SimulatedDevice> bench(config, config.simulated,
+  DeviceNodeBench<SimulatedDevice> bench(config, SimulatedDeviceConfig{},
                                          HandConfig{.path = HostilePath{}}, 1);
   bench.reply_delay = 100us;
   bench.answer_with(Vector3(1, 0, 0));

@@ -10,7 +10,7 @@
 #include <string>
 
 #include "common/core/check.h"
-#include "device_node/simulated_device.h"
+#include "device_node/simulation/simulated_device.h"
 
 namespace palpate::device {
 namespace {

@@ -1,4 +1,4 @@
-#include "device_node/hand.h"
+#include "device_node/simulation/hand.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "device_node/ideal_run.h"
+#include "device_node/simulation/ideal_run.h"
 
 #include <gtest/gtest.h>
 
@@ -6,17 +6,17 @@
 #include <cmath>
 
 #include "common/core/clock.h"
-#include "device_node/simulated_device.h"
+#include "device_node/simulation/simulated_device.h"
 
 namespace palpate::device {
 namespace {
 
 using namespace std::chrono_literals;
 
-DeviceConfig frictionless() {
-  DeviceConfig config;
-  config.simulated.viscous_newton_s_per_m = 0.0;
-  config.simulated.coulomb_newton = 0.0;
+SimulatedDeviceConfig frictionless() {
+  SimulatedDeviceConfig config;
+  config.viscous_newton_s_per_m = 0.0;
+  config.coulomb_newton = 0.0;
   return config;
 }
 
@@ -28,7 +28,7 @@ IdealRun::ForceField spring(double k) {
 // 300·x.
 TEST(IdealRun, ComesToRestWhereHandAndTissueBalance) {
   IdealRun run(
-      frictionless(),
+      frictionless(), 3.3,
       {.stiffness_newton_per_m = 100,
        .damping_newton_s_per_m = 10,
        .path = RecordedPath{.samples = {{0.0, Vector3::Zero()}, {0.1, Vector3(0.01, 0, 0)}}}},
@@ -46,7 +46,7 @@ TEST(IdealRun, ComesToRestWhereHandAndTissueBalance) {
 TEST(IdealRun, FollowsAStiffDamperFasterThanAnySampling) {
   const double b = 150, B = 6, m = 0.3;
   IdealRun run(
-      frictionless(),
+      frictionless(), 3.3,
       {.stiffness_newton_per_m = 0,
        .damping_newton_s_per_m = B,
        .path = RecordedPath{.samples = {{0.0, Vector3::Zero()}, {10.0, Vector3(0.1, 0, 0)}}}},
@@ -61,9 +61,7 @@ TEST(IdealRun, FollowsAStiffDamperFasterThanAnySampling) {
 }
 
 TEST(IdealRun, ForceIsCutAtTheSmallerPeak) {
-  DeviceConfig config = frictionless();
-  config.peak_force_newton = 2.0;
-  IdealRun run(config, {}, 1, TimePoint{},
+  IdealRun run(frictionless(), 2.0, {}, 1, TimePoint{},
                [](double, const Vector3&, const Vector3&) { return Vector3(0, 30, 40); });
 
   run.advance_to(time_at(0.001));
@@ -76,7 +74,7 @@ TEST(IdealRun, WithoutTissueItMovesAsTheDeviceDoes) {
   const HandConfig hand{.path = HostilePath{}};
   ManualClock clock;
   SimulatedDevice device({}, hand, clock, 5);
-  IdealRun run(DeviceConfig{}, hand, 5, clock.now(),
+  IdealRun run(SimulatedDeviceConfig{}, 3.3, hand, 5, clock.now(),
                [](double, const Vector3&, const Vector3&) { return Vector3(Vector3::Zero()); });
 
   for (int i = 0; i < 1'000; ++i) {
@@ -94,7 +92,7 @@ TEST(IdealRun, TellsTissueTheTimeAndWhereTheHandHasCome) {
   double told_s = -1.0;
   Vector3 told_m = Vector3::Constant(kNaN);
   IdealRun run(
-      frictionless(),
+      frictionless(), 3.3,
       {.path = SinusoidPath{.amplitude_m = {0.01, 0, 0}, .frequency_hz = {1, 0, 0}}}, 1,
       TimePoint{},
       [&](double time_s, const Vector3&, const Vector3&) {
@@ -116,7 +114,7 @@ TEST(IdealRun, TellsTissueTheTimeAndWhereTheHandHasCome) {
 
 // A continuous passive tissue never gives the hand anything.
 TEST(IdealRun, TakesNoEnergyOutOfAPassiveTissue) {
-  IdealRun run(DeviceConfig{}, {.path = HostilePath{}}, 2, TimePoint{}, spring(1000));
+  IdealRun run(SimulatedDeviceConfig{}, 3.3, {.path = HostilePath{}}, 2, TimePoint{}, spring(1000));
 
   run.advance_to(time_at(10.0));
 

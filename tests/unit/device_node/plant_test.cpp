@@ -1,5 +1,5 @@
 // The shared mechanics against closed forms.
-#include "device_node/plant.h"
+#include "device_node/simulation/plant.h"
 
 #include <gtest/gtest.h>
 

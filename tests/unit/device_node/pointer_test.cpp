@@ -3,9 +3,9 @@
 
 #include <cmath>
 
-#include "device_node/hand.h"
-#include "device_node/pointer_hold.h"
-#include "device_node/simulated_device.h"
+#include "device_node/simulation/hand.h"
+#include "device_node/simulation/pointer_hold.h"
+#include "device_node/simulation/simulated_device.h"
 
 namespace palpate::device {
 namespace {

@@ -1,4 +1,4 @@
-#include "device_node/simulated_device.h"
+#include "device_node/simulation/simulated_device.h"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@
 #include <numbers>
 #include <vector>
 
-#include "device_node/open_device.h"
+#include "device_node/drivers/open_device.h"
 #include "tests/support/device_conformance.h"
 
 namespace palpate::device {
@@ -266,8 +266,8 @@ TEST(SimulatedDevice, RepeatsItselfToTheBitForASeed) {
 
 TEST(OpenDevice, GivesTheSimulatedDeviceOfTheSession) {
   ManualClock clock;
-  DeviceConfig config;
-  config.simulated.peak_force_newton = 2.5;
+  SimulatedDeviceConfig config;
+  config.peak_force_newton = 2.5;
 
   const auto device =
       open_device(config, {.path = HoldPath{.position_m = Vector3(0.011, 0, 0)}}, clock, 1);

@@ -7,8 +7,8 @@
 #include <fstream>
 #include <iterator>
 
-#include "physics_node/ply.h"
-#include "physics_node/surface_files.h"
+#include "physics_node/files/ply.h"
+#include "physics_node/files/surface_files.h"
 
 namespace palpate {
 namespace {

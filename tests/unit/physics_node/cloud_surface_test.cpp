@@ -1,5 +1,5 @@
 // The surface of a cloud against the shapes it was sampled from.
-#include "physics_node/cloud_surface.h"
+#include "physics_node/surfaces/cloud_surface.h"
 
 #include <gtest/gtest.h>
 

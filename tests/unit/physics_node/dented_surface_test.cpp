@@ -1,12 +1,12 @@
 // A dent: as deep as the tip, not through it, local, and gone as the material relaxes.
-#include "physics_node/dented_surface.h"
+#include "physics_node/display/dented_surface.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 
-#include "physics_node/display_mesh.h"
+#include "physics_node/display/display_mesh.h"
 
 namespace palpate::physics {
 namespace {

@@ -1,6 +1,6 @@
 // Surfaces as they are drawn: on the true surface, closed, seen from outside, not too many
 // vertices.
-#include "physics_node/display_mesh.h"
+#include "physics_node/display/display_mesh.h"
 
 #include <gtest/gtest.h>
 
@@ -10,7 +10,7 @@
 #include <numbers>
 #include <utility>
 
-#include "physics_node/geometry.h"
+#include "physics_node/surfaces/geometry.h"
 #include "tests/support/sampled_clouds.h"
 #include "tests/unit/physics_node/test_meshes.h"
 

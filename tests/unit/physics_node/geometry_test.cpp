@@ -1,4 +1,4 @@
-#include "physics_node/geometry.h"
+#include "physics_node/surfaces/geometry.h"
 
 #include <gtest/gtest.h>
 

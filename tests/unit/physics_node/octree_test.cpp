@@ -1,5 +1,5 @@
 // The octree against looking at every point.
-#include "physics_node/octree.h"
+#include "physics_node/surfaces/octree.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "physics_node/ply.h"
+#include "physics_node/files/ply.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

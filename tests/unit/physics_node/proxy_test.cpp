@@ -1,13 +1,13 @@
 // The proxy: nothing thin is passed through, edges and grooves are felt without a step, the shaft,
 // and tissue that breaks.
-#include "physics_node/proxy.h"
+#include "physics_node/contact/proxy.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <numbers>
 
-#include "common/core/contact_model.h"
+#include "common/contact/contact_model.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/support/tool_motion.h"
 #include "tests/unit/physics_node/random_scene.h"

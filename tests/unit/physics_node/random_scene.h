@@ -5,7 +5,7 @@
 #include <string>
 
 #include "common/core/random.h"
-#include "common/core/session.h"
+#include "common/session/session.h"
 
 namespace palpate::physics {
 

@@ -1,5 +1,5 @@
 // What viewers are told, and that nothing is told or computed for nobody.
-#include "physics_node/scene_display.h"
+#include "physics_node/display/scene_display.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -7,7 +7,7 @@
 #include <cmath>
 #include <set>
 
-#include "physics_node/ply.h"
+#include "physics_node/files/ply.h"
 #include "tests/support/sampled_clouds.h"
 #include "tests/support/temp_folder.h"
 

@@ -1,4 +1,4 @@
-#include "physics_node/scene.h"
+#include "physics_node/scene/scene.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include <string>
 #include <utility>
 
-#include "common/core/contact_model.h"
+#include "common/contact/contact_model.h"
 #include "common/core/random.h"
 #include "tests/unit/physics_node/random_scene.h"
 

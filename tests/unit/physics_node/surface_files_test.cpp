@@ -1,5 +1,5 @@
 // Surfaces from files: sharing, units, placing, and two real livers where they are at hand.
-#include "physics_node/surface_files.h"
+#include "physics_node/files/surface_files.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -8,8 +8,8 @@
 #include <filesystem>
 
 #include "common/core/check.h"
-#include "physics_node/ply.h"
-#include "physics_node/scene.h"
+#include "physics_node/files/ply.h"
+#include "physics_node/scene/scene.h"
 #include "tests/support/sampled_clouds.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/physics_node/random_scene.h"

@@ -7,8 +7,8 @@
 #include <utility>
 #include <vector>
 
-#include "physics_node/tetrahedral_mesh.h"
-#include "physics_node/triangle_surface.h"
+#include "physics_node/files/tetrahedral_mesh.h"
+#include "physics_node/surfaces/triangle_surface.h"
 
 namespace palpate::physics {
 

@@ -1,4 +1,4 @@
-#include "physics_node/tetrahedral_mesh.h"
+#include "physics_node/files/tetrahedral_mesh.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "physics_node/triangle_files.h"
+#include "physics_node/files/triangle_files.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "physics_node/triangle_surface.h"
+#include "physics_node/surfaces/triangle_surface.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "common/core/contact_model.h"
-#include "physics_node/material.h"
+#include "common/contact/contact_model.h"
+#include "physics_node/contact/material.h"
 #include "tests/support/sampled_clouds.h"
 #include "tests/unit/physics_node/random_scene.h"
 #include "tests/unit/physics_node/test_meshes.h"

@@ -1,5 +1,5 @@
 // The profile of a device: a file named by the session.
-#include "common/runtime/profile_file.h"
+#include "common/session/profile_file.h"
 #include "tests/support/temp_folder.h"
 
 #include <gmock/gmock.h>

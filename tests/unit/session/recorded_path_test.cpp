@@ -1,5 +1,5 @@
 // The recorded path of a hand: a CSV file named by the session.
-#include "common/runtime/recorded_path.h"
+#include "common/session/recorded_path.h"
 #include "tests/support/temp_folder.h"
 
 #include <gmock/gmock.h>

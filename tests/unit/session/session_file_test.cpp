@@ -1,5 +1,5 @@
 // The session file: defaults, places of problems, files that cannot be read, the shipped sessions.
-#include "common/runtime/session_file.h"
+#include "common/session/session_file.h"
 #include "tests/support/temp_folder.h"
 
 #include <gmock/gmock.h>
@@ -109,12 +109,12 @@ TEST(SessionFile, AlmostEmptySessionHasEveryDefault) {
   EXPECT_EQ(device.profile.viscous_newton_s_per_m, 0.1);
   EXPECT_EQ(device.profile.coulomb_newton, 0.1);
   EXPECT_EQ(device.profile.position_resolution_m, 55e-6);
-  EXPECT_EQ(device.simulated.mass_kg, 0.045);
-  EXPECT_EQ(device.simulated.viscous_newton_s_per_m, 0.1);
-  EXPECT_EQ(device.simulated.coulomb_newton, 0.1);
-  EXPECT_EQ(device.simulated.position_resolution_m, 55e-6);
-  EXPECT_EQ(device.simulated.peak_force_newton, 3.3);
-  EXPECT_EQ(device.simulated.inner_step, 50us);
+  EXPECT_EQ(session.simulated.mass_kg, 0.045);
+  EXPECT_EQ(session.simulated.viscous_newton_s_per_m, 0.1);
+  EXPECT_EQ(session.simulated.coulomb_newton, 0.1);
+  EXPECT_EQ(session.simulated.position_resolution_m, 55e-6);
+  EXPECT_EQ(session.simulated.peak_force_newton, 3.3);
+  EXPECT_EQ(session.simulated.inner_step, 50us);
 
   EXPECT_EQ(session.hand.mass_kg, 0.255);
   EXPECT_EQ(session.hand.stiffness_newton_per_m, 150.0);
@@ -639,7 +639,7 @@ TEST(SessionFile, PaperSessionsAreThoseOfThePaper) {
     EXPECT_EQ(session.device.reply, 17ms);
     EXPECT_EQ(session.mofc.wait_for_physics, 15ms);
     EXPECT_EQ(session.mofc.mode, MofcMode::kPaper);
-    EXPECT_EQ(session.device.simulated.mass_kg + session.hand.mass_kg, 0.3);
+    EXPECT_EQ(session.simulated.mass_kg + session.hand.mass_kg, 0.3);
     EXPECT_EQ(std::get<VPath>(session.hand.path).free_motion_s, 14.0);
     for (const TissueConfig& tissue : session.scene.tissues) {
       const auto& material = std::get<KelvinVoigtMaterial>(tissue.material);

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "common/core/check.h"
-#include "common/runtime/session_file.h"
+#include "common/session/session_file.h"
 
 namespace palpate {
 

@@ -4,7 +4,7 @@
 
 #include <cstdint>
 
-#include "common/core/telemetry.h"
+#include "common/telemetry/telemetry.h"
 
 namespace palpate::viewer {
 

@@ -1,5 +1,5 @@
 // The Foxglove protocol v1 as a client sees it: greeting, subscriptions, complaints, hand targets.
-#include "viewer_node/foxglove_client.h"
+#include "viewer_node/server/foxglove_client.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -9,8 +9,8 @@
 
 #include "common/core/check.h"
 #include "tests/support/temp_folder.h"
-#include "viewer_node/mcap_reader.h"
-#include "viewer_node/mcap_writer.h"
+#include "viewer_node/recording/mcap_reader.h"
+#include "viewer_node/recording/mcap_writer.h"
 
 namespace palpate::viewer {
 namespace {

@@ -1,4 +1,4 @@
-#include "viewer_node/metrics_text.h"
+#include "viewer_node/feed/metrics_text.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

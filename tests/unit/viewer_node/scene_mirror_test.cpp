@@ -1,5 +1,5 @@
 // The scene kept for viewers that come later.
-#include "viewer_node/scene_mirror.h"
+#include "viewer_node/feed/scene_mirror.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

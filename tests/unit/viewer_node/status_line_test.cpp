@@ -1,4 +1,4 @@
-#include "viewer_node/status_line.h"
+#include "viewer_node/feed/status_line.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

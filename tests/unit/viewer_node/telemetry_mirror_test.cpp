@@ -1,4 +1,4 @@
-#include "viewer_node/telemetry_mirror.h"
+#include "viewer_node/feed/telemetry_mirror.h"
 
 #include <gtest/gtest.h>
 

@@ -1,5 +1,5 @@
 // What the web server lets in, request by request.
-#include "viewer_node/web_rules.h"
+#include "viewer_node/server/web_rules.h"
 
 #include <gtest/gtest.h>
 

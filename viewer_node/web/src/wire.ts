@@ -154,7 +154,7 @@ export interface Health {
   version: string;
 }
 
-// common/core/telemetry.h
+// common/telemetry/telemetry.h
 export enum Guard { limp, answered, leased, fallback, fading, fault }
 export enum Mofc { no_physics, free, contact, fading, clutched }
 export const kFaultReasons =

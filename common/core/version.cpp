@@ -1,0 +1,7 @@
+#include "common/core/version.h"
+
+namespace palpate {
+
+const char* version() { return PALPATE_VERSION; }
+
+}  // namespace palpate

@@ -1,0 +1,9 @@
+// version.h — of the project.
+#pragma once
+
+namespace palpate {
+
+/// "MAJOR.MINOR.PATCH".
+[[nodiscard]] const char* version();
+
+}  // namespace palpate

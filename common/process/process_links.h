@@ -1,0 +1,35 @@
+// process_links.h — the ZeroMQ contexts of one process.
+#pragma once
+
+#include <span>
+
+#include "common/session/session.h"
+#include "common/link/zmq_links.h"
+
+namespace palpate {
+
+/// What the session says of tcp, with the keys of these roles; of `optional`, those that this host
+/// has. Throws SetupError.
+[[nodiscard]] inline TcpRules tcp_rules(const SecurityConfig& security,
+                                        std::initializer_list<KeyRole> roles,
+                                        std::initializer_list<KeyRole> optional = {}) {
+  TcpRules rules{.may_be_plain = security.may_be_plain};
+  if (!security.key_folder.empty()) {
+    rules.keys = std::make_shared<const LinkKeys>(
+        load_link_keys(security.key_folder, std::span(roles.begin(), roles.size()),
+                       std::span(optional.begin(), optional.size())));
+  }
+  return rules;
+}
+
+/// Hops 1 and 4 have an I/O thread of their own, real-time if permitted; everything else shares
+/// another one of ordinary priority, so that viewers and a distant physics cannot delay the tick.
+/// Nodes that run in one process over inproc:// share one ProcessLinks.
+struct ProcessLinks {
+  explicit ProcessLinks(const RealtimeConfig& realtime, const TcpRules& tcp = {})
+      : exchange(realtime, tcp), side(tcp) {}
+  ZmqContext exchange;
+  ZmqContext side;
+};
+
+}  // namespace palpate

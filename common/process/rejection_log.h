@@ -1,0 +1,37 @@
+// rejection_log.h — why frames were refused, in words a user can act on.
+#pragma once
+
+#include <string>
+
+#include "common/link/zmq_links.h"
+#include "common/telemetry/event_log.h"
+
+namespace palpate {
+
+/// A throttled line `event=frame_refused link=… reason=…` when a link refuses more frames. For the
+/// slow side: call note() on one thread, every so often.
+class RejectionLog {
+ public:
+  RejectionLog(spdlog::logger& log, const char* link, const Rejections& rejections)
+      : log_(log), link_(link), rejections_(rejections) {}
+
+  void note(TimePoint now) {
+    const std::uint64_t total = rejections_.total();
+    const std::uint64_t count = throttle_.note(now, total - seen_);
+    seen_ = total;
+    if (count == 0) return;
+    const DecodeError latest = rejections_.latest();
+    log_.warn("event=frame_refused link={} count={} reason=\"{}\"", link_, count,
+              latest == DecodeError::kNone ? std::string("another peer is being served")
+                                           : explain(latest, rejections_.peer_major()));
+  }
+
+ private:
+  spdlog::logger& log_;
+  const char* link_;
+  const Rejections& rejections_;
+  EventThrottle throttle_;
+  std::uint64_t seen_ = 0;
+};
+
+}  // namespace palpate

@@ -1,0 +1,69 @@
+#include "common/session/session_file.h"
+
+#include <google/protobuf/text_format.h>
+#include <unistd.h>
+
+#include <cstdint>
+#include <cstdlib>
+
+#include "common/core/check.h"
+#include "common/core/regular_file.h"
+#include "common/session/session_convert.h"
+#include "common/session/session_problems.h"
+#include "common/session/session_text.h"
+
+namespace palpate {
+
+namespace {
+
+constexpr std::uintmax_t kMaxFileBytes = 1'000'000;
+
+}  // namespace
+
+Session load_session(const std::filesystem::path& file, const std::vector<std::string>& overrides) {
+  const FileContent content = read_regular_file(file, kMaxFileBytes);
+  if (!content.complaint.empty()) {
+    throw SetupError("session " + one_line(file.string()) + ": " + content.complaint);
+  }
+  const std::filesystem::path folder = file.has_parent_path() ? file.parent_path() : ".";
+  return parse_session(content.bytes, file.string(), overrides, folder);
+}
+
+Session parse_session(std::string_view text, const std::string& file_name,
+                      const std::vector<std::string>& overrides,
+                      const std::filesystem::path& base_dir) {
+  Problems problems(file_name, overrides);
+  SessionText written(problems);
+  const bool is_read = written.read(text);
+  if (!is_read) problems.throw_if_any();  // what was read of it is not worth judging
+
+  for (std::size_t i = 0; i < overrides.size(); ++i) {
+    written.apply_override(static_cast<int>(i) + 1, overrides[i]);
+  }
+  written.check_numbers();
+  Session session = to_session(written, base_dir, problems);
+  problems.throw_if_any();
+  session.file = file_name;
+  google::protobuf::TextFormat::PrintToString(written.message(), &session.text);
+  for (Session& side : session.sides) {
+    side.file = session.file;
+    side.text = session.text;
+  }
+  return session;
+}
+
+std::filesystem::path run_folder(const std::string& session_name) {
+  const auto variable = [](const char* name) -> std::string {
+    const char* value = std::getenv(name);  // NOLINT(concurrency-mt-unsafe): nothing sets it
+    return value == nullptr ? "" : value;
+  };
+  if (const std::string folder = variable("PALPATE_RUN_DIR"); !folder.empty()) {
+    return std::filesystem::path(folder) / session_name;
+  }
+  if (const std::string folder = variable("XDG_RUNTIME_DIR"); !folder.empty()) {
+    return std::filesystem::path(folder) / "palpate" / session_name;
+  }
+  return std::filesystem::path("/tmp/palpate-" + std::to_string(::getuid())) / session_name;
+}
+
+}  // namespace palpate

@@ -1,0 +1,73 @@
+#include "common/session/session_problems.h"
+
+#include <algorithm>
+#include <tuple>
+#include <utility>
+
+#include "common/core/check.h"
+
+namespace palpate {
+
+namespace {
+
+constexpr std::size_t kMaxProblems = 100;
+constexpr std::size_t kMaxShownBytes = 200;
+
+}  // namespace
+
+std::string one_line(std::string_view text) {
+  std::string line(text);
+  if (line.size() > kMaxShownBytes) {
+    line.replace(kMaxShownBytes / 2, line.size() - kMaxShownBytes, "…");
+  }
+  for (char& c : line) {
+    if (static_cast<unsigned char>(c) < 0x20 || c == 0x7f) c = '?';
+  }
+  return line;
+}
+
+void Problems::add(const Place& place, const std::string& text) {
+  const std::string where =
+      place.override_number == 0
+          ? file_name_ + ":" + std::to_string(place.line) + ":" + std::to_string(place.column)
+          : "--set " + overrides_.at(static_cast<std::size_t>(place.override_number) - 1);
+  add_elsewhere(place, where, text);
+}
+
+void Problems::add_elsewhere(const Place& place, const std::string& where,
+                             const std::string& text) {
+  keep({place, one_line(where) + ": " + text});
+}
+
+void Problems::keep(Problem problem) {
+  const auto is_same = [&](const Problem& known) { return known.line == problem.line; };
+  if (std::any_of(list_.begin(), list_.end(), is_same)) return;
+  if (list_.size() == kMaxProblems) {
+    is_cut_ = true;
+    return;
+  }
+  list_.push_back(std::move(problem));
+}
+
+void Problems::add_file(const Place& place, const Problems& file) {
+  for (const Problem& problem : file.sorted()) keep({place, problem.line});
+}
+
+std::vector<Problems::Problem> Problems::sorted() const {
+  std::vector<Problem> sorted = list_;
+  std::stable_sort(sorted.begin(), sorted.end(), [](const Problem& a, const Problem& b) {
+    return std::tie(a.place.override_number, a.place.line, a.place.column) <
+           std::tie(b.place.override_number, b.place.line, b.place.column);
+  });
+  return sorted;
+}
+
+void Problems::throw_if_any() const {
+  if (list_.empty()) return;
+  std::string text = one_line(file_name_) + ": " + (is_cut_ ? "more than " : "") +
+                     std::to_string(list_.size()) + (list_.size() == 1 ? " problem" : " problems");
+  for (const Problem& problem : sorted()) text += "\n" + problem.line;
+  throw SetupError(text);
+}
+
+}  // namespace palpate

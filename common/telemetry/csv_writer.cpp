@@ -1,0 +1,133 @@
+#include "common/telemetry/csv_writer.h"
+
+#include <array>
+#include <cerrno>
+#include <charconv>
+#include <cstring>
+#include <filesystem>
+
+#include "common/core/check.h"
+
+namespace palpate {
+namespace {
+
+constexpr const char* kHeader =
+    "t_s,x_m,y_m,z_m,xm_m,ym_m,zm_m,fe_x,fe_y,fe_z,fs_x,fs_y,fs_z,fi_x,fi_y,fi_z,"
+    "f_max_x,f_max_y,f_max_z,energy_j,true_energy_j,force_age_s,"
+    "in_contact,clamped,fallback,peak_limited\n";
+
+// One write to the file per this many bytes, about a thousand rows.
+constexpr std::size_t kBufferBytes = 1U << 18U;
+// 22 numbers of at most 24 characters, 4 flags and the commas.
+constexpr std::size_t kMaxRowBytes = 1024;
+
+// Appends to a row; every field but the first is preceded by a comma.
+class RowText {
+ public:
+  void number(double value) {
+    if (end_ != text_.data()) *end_++ = ',';
+    if (std::isnan(value)) {  // never "-nan"
+      std::memcpy(end_, "nan", 3);
+      end_ += 3;
+      return;
+    }
+    end_ = std::to_chars(end_, text_.data() + text_.size(), value).ptr;
+  }
+  void vector(const Vector3& v) {
+    for (int axis = 0; axis < 3; ++axis) number(v[axis]);
+  }
+  void flag(std::optional<bool> value) {
+    if (!value) return number(kNaN);
+    *end_++ = ',';
+    *end_++ = *value ? '1' : '0';
+  }
+  void append_to(std::string& buffer) {
+    *end_++ = '\n';
+    buffer.append(text_.data(), static_cast<std::size_t>(end_ - text_.data()));
+  }
+
+ private:
+  std::array<char, kMaxRowBytes> text_;
+  char* end_ = text_.data();
+};
+
+bool has_force_of_physics(const MofcTick& mofc) {
+  return mofc.state != MofcState::kNoPhysics && mofc.state != MofcState::kClutched;
+}
+
+}  // namespace
+
+std::string csv_file_of(const std::string& file, const std::string& side) {
+  if (side.empty()) return file;
+  std::filesystem::path path(file);
+  const std::string extension = path.extension().string();
+  return path.replace_extension(side + extension).string();
+}
+
+CsvWriter::CsvWriter(const std::string& path) : path_(path), file_(std::fopen(path.c_str(), "wb")) {
+  if (file_ == nullptr) {
+    throw SetupError("csv file " + path + ": " + std::strerror(errno) +
+                     ": give a path in a folder that exists and is writable");
+  }
+  std::setvbuf(file_.get(), nullptr, _IONBF, 0);  // the buffer is ours
+  buffer_.reserve(kBufferBytes + kMaxRowBytes);
+  buffer_ = kHeader;
+}
+
+CsvWriter::~CsvWriter() { close(); }
+
+void CsvWriter::write(const TickRow& row) {
+  if (file_ == nullptr) return;
+  if (row.device_session_id != device_session_id_) {
+    device_session_id_ = row.device_session_id;
+    was_answered_ = false;
+  }
+  was_answered_ = was_answered_ || row.device.is_answered;
+  const bool has_answer =
+      row.device.guard == GuardState::kAnswered || row.device.guard == GuardState::kLeased;
+  const Vector3 unknown = Vector3::Constant(kNaN);
+  const auto& mofc = row.mofc;
+
+  RowText text;
+  text.number(seconds_of(row.device.sampled_at));
+  text.vector(row.device.true_tool_position_world_m);
+  text.vector(row.device.measured_tool_position_world_m);
+  text.vector(mofc ? mofc->asked_force_on_hand_newton : unknown);
+  text.vector(row.device.force_on_hand_newton);
+  text.vector(row.ideal_force_on_hand_newton);
+  text.vector(mofc ? mofc->f_max_newton : unknown);
+  text.number(mofc ? mofc->ledger_energy_joule : kNaN);
+  text.number(row.device.true_energy_joule);
+  text.number(mofc && has_force_of_physics(*mofc) ? to_seconds(mofc->force_age) : kNaN);
+  text.flag(row.is_truly_in_contact || !mofc ? row.is_truly_in_contact : mofc->is_in_contact);
+  text.flag(mofc ? std::optional(mofc->is_clamped) : std::nullopt);
+  text.flag(was_answered_ && !has_answer);
+  text.flag(row.device.is_peak_limited);
+  text.append_to(buffer_);
+
+  if (buffer_.size() >= kBufferBytes) flush();
+}
+
+void CsvWriter::flush() {
+  if (file_ == nullptr) return;
+  if (std::fwrite(buffer_.data(), 1, buffer_.size(), file_.get()) != buffer_.size()) fail();
+  buffer_.clear();
+}
+
+void CsvWriter::close() {
+  flush();
+  if (file_ != nullptr && std::fclose(file_.release()) != 0) fail();
+}
+
+void CsvWriter::fail() {
+  error_ = "csv file " + path_ + ": " + std::strerror(errno) + ": rows are missing from here on";
+  file_.reset();
+}
+
+std::optional<std::string> CsvWriter::take_error() {
+  std::optional<std::string> told;
+  told.swap(error_);
+  return told;
+}
+
+}  // namespace palpate

@@ -1,0 +1,76 @@
+// device_telemetry.h — one record per tick of device_node, and its counters since the start. A
+// simulated device's true state is in the record: only device_node fills it, only viewers read it.
+#pragma once
+
+#include <cstdint>
+
+#include "common/core/messages.h"
+#include "common/core/ports.h"
+#include "common/core/time.h"
+#include "common/core/vector.h"
+#include "common/telemetry/loop_counters.h"
+
+namespace palpate {
+
+/// What device_node lets the motors do.
+enum class GuardState : std::uint8_t {
+  kLimp = 0,      ///< nothing: no command yet, or silence longer than limp_after + fade
+  kAnswered = 1,  ///< the answer to this tick
+  kLeased = 2,    ///< the previous command, its lease still runs
+  kFallback = 3,  ///< at most the device's own Coulomb friction
+  kFading = 4,    ///< fallback on its way to zero
+  kFault = 5,     ///< nothing: a latched fault, until it is reset
+};
+[[nodiscard]] const char* name(GuardState state);
+
+/// Why device_node let go of the motors until somebody resets it.
+enum class FaultReason : std::uint8_t {
+  kNone = 0,
+  kReadFailed = 1,        ///< the device gave no reading
+  kReadingNotFinite = 2,  ///< it gave one with NaN or infinity in it
+  kPositionJumped = 3,    ///< two readings that only a hand faster than v_fault could have made
+  kWriteFailed = 4,       ///< the motors did not take their force
+};
+[[nodiscard]] const char* name(FaultReason reason);
+
+/// One device tick, row k of DESIGN's CSV on the device's side.
+struct DeviceTick {
+  std::uint64_t sequence = 0;  ///< of the DeviceState; none was sent in a tick of kFault
+  TimePoint sampled_at{};      ///< t_k, device's clock
+  TimePoint switched_at{};     ///< when this tick's force began to act
+  Duration lateness{};         ///< begin of the tick after its appointment
+  Duration reply_time{};       ///< from sending to the answer; meaningless unless answered
+  Vector3 measured_hand_position_m = Vector3::Zero();  ///< D; the last one that was finite
+  Vector3 measured_tool_position_world_m = Vector3::Zero();
+  Quaternion measured_tool_orientation_world = Quaternion::Identity();  ///< W from T; likewise
+  Vector3 force_on_hand_newton = Vector3::Zero();  ///< D, acting from switched_at on
+  GuardState guard = GuardState::kLimp;
+  bool is_answered = false;      ///< in this tick, in time
+  bool is_peak_limited = false;  ///< reduced by the device's peak or slew limit
+  bool is_clutched = false;
+
+  /// Known to simulated devices only; NaN otherwise. The controller never sees these.
+  Vector3 true_tool_position_world_m = Vector3::Constant(kNaN);
+  Vector3 true_tool_velocity_world_m_per_s = Vector3::Constant(kNaN);
+  double true_energy_joule = kNaN;          ///< DESIGN §2, at t_k
+  double minimum_true_energy_joule = kNaN;  ///< over all inner steps so far
+};
+
+struct DeviceCounters {
+  LoopCounters loop;
+  LinkCounters force_command;
+  std::uint64_t answered_ticks = 0;
+  std::uint64_t leased_ticks = 0;
+  std::uint64_t fallback_ticks = 0;  ///< fallback or fading
+  std::uint64_t limp_ticks = 0;
+  std::uint64_t peak_limited_ticks = 0;
+  std::uint64_t fault_ticks = 0;    ///< with a latched fault
+  std::uint64_t device_faults = 0;  ///< latched so far
+  std::uint64_t fault_resets = 0;
+  FaultReason last_fault = FaultReason::kNone;  ///< stays after its reset
+  std::uint64_t non_finite_commands = 0;        ///< answers with NaN or infinity: no force
+  double max_force_newton = 0.0;
+  double minimum_true_energy_joule = kNaN;
+};
+
+}  // namespace palpate

@@ -1,0 +1,101 @@
+#include "common/telemetry/event_log.h"
+
+namespace palpate {
+namespace {
+
+/// An episode is over after this long without a tick of it.
+constexpr Duration kQuiet = std::chrono::seconds(1);
+
+}  // namespace
+
+void GrowthEvent::note(std::uint64_t count, TimePoint now) {
+  const std::uint64_t growth = count - last_;
+  last_ = count;
+  if (const std::uint64_t due = throttle_.note(now, growth)) {
+    log_.log(level_, "event={} count={}", event_, due);
+  }
+}
+
+void EpisodeEvent::note(std::uint64_t ticks, TimePoint now) {
+  if (ticks != ticks_) {
+    if (!is_under_way_) {
+      is_under_way_ = true;
+      ticks_before_ = ticks_;
+      log_.warn("event={}_began", event_);
+    }
+    ticks_ = ticks;
+    grew_at_ = now;
+  } else if (is_under_way_ && now - grew_at_ >= kQuiet) {
+    is_under_way_ = false;
+    log_.info("event={}_ended ticks={}", event_, ticks_ - ticks_before_);
+  }
+}
+
+void LinkEvents::note(const LinkCounters& counters, TimePoint now) {
+  if (counters.sessions > 0 && last_.sessions == 0) {
+    log_.info("event=peer_up link={}", link_);
+  } else if (counters.sessions > last_.sessions) {
+    log_.warn("event=peer_restarted link={} sessions={}", link_, counters.sessions);
+  }
+  if (const auto due = rejections_.note(now, counters.rejected - last_.rejected)) {
+    log_.warn("event=messages_rejected link={} count={}", link_, due);
+  }
+  last_ = counters;
+}
+
+EventLog<DeviceCounters>::EventLog(spdlog::logger& log)
+    : force_command_(log, "force_command"),
+      log_(log),
+      non_finite_commands_(log, spdlog::level::err, "command_not_finite"),
+      overruns_(log, spdlog::level::warn, "ticks_skipped"),
+      fallback_(log, "fallback") {}
+
+void EventLog<DeviceCounters>::note(const DeviceCounters& counters, TimePoint now) {
+  force_command_.note(counters.force_command, now);
+  if (counters.device_faults != faults_) {
+    log_.error(
+        "event=device_fault reason=\"{}\" count={} remedy=\"mend it, then SIGUSR2 to device_node\"",
+        name(counters.last_fault), counters.device_faults - faults_);
+    faults_ = counters.device_faults;
+  }
+  if (counters.fault_resets != fault_resets_) {
+    log_.info("event=device_fault_reset");
+    fault_resets_ = counters.fault_resets;
+  }
+  non_finite_commands_.note(counters.non_finite_commands, now);
+  overruns_.note(counters.loop.skipped_ticks, now);
+
+  // limp before the first answer is how a device starts; after it, it is where a fallback ends
+  if (!was_answered_) limp_ticks_at_start_ = counters.limp_ticks;
+  was_answered_ = was_answered_ || counters.answered_ticks > 0;
+  fallback_.note(counters.fallback_ticks + counters.limp_ticks - limp_ticks_at_start_, now);
+}
+
+EventLog<MofcCounters>::EventLog(spdlog::logger& log)
+    : device_state_(log, "device_state"),
+      interaction_(log, "interaction"),
+      late_physics_(log, spdlog::level::warn, "physics_late"),
+      too_fast_(log, spdlog::level::warn, "hand_faster_than_assumed"),
+      motions_dropped_(log, spdlog::level::warn, "motions_dropped"),
+      ledger_resets_(log, spdlog::level::info, "ledger_reset"),
+      stale_(log, "interaction_stale") {}
+
+void EventLog<MofcCounters>::note(const MofcCounters& counters, TimePoint now) {
+  device_state_.note(counters.device_state, now);
+  interaction_.note(counters.interaction, now);
+  late_physics_.note(counters.late_physics_ticks, now);
+  too_fast_.note(counters.too_fast_ticks, now);
+  motions_dropped_.note(counters.motions_dropped, now);
+  ledger_resets_.note(counters.ledger_resets, now);
+  stale_.note(counters.stale_ticks, now);
+}
+
+EventLog<PhysicsCounters>::EventLog(spdlog::logger& log)
+    : tool_motion_(log, "tool_motion"), overruns_(log, spdlog::level::warn, "ticks_skipped") {}
+
+void EventLog<PhysicsCounters>::note(const PhysicsCounters& counters, TimePoint now) {
+  tool_motion_.note(counters.tool_motion, now);
+  overruns_.note(counters.loop.skipped_ticks, now);
+}
+
+}  // namespace palpate

@@ -1,0 +1,105 @@
+// event_log.h — from counters to lines: what changed in a node that a person would want to read.
+// The tick thread counts, the telemetry thread compares and writes.
+#pragma once
+
+#include <spdlog/spdlog.h>
+
+#include "common/telemetry/telemetry.h"
+#include "common/telemetry/event_throttle.h"
+
+namespace palpate {
+
+/// A count that should not grow: a throttled line `event=… count=…` when it does.
+class GrowthEvent {
+ public:
+  GrowthEvent(spdlog::logger& log, spdlog::level::level_enum level, const char* event)
+      : log_(log), level_(level), event_(event) {}
+  void note(std::uint64_t count, TimePoint now);
+
+ private:
+  spdlog::logger& log_;
+  spdlog::level::level_enum level_;
+  const char* event_;
+  EventThrottle throttle_;
+  std::uint64_t last_ = 0;
+};
+
+/// A state that is counted in ticks: `event=…_began` when the count starts to grow, `event=…_ended
+/// ticks=…` once it has stood still for a second. A flutter is one episode.
+class EpisodeEvent {
+ public:
+  EpisodeEvent(spdlog::logger& log, const char* event) : log_(log), event_(event) {}
+  void note(std::uint64_t ticks, TimePoint now);
+
+ private:
+  spdlog::logger& log_;
+  const char* event_;
+  bool is_under_way_ = false;
+  std::uint64_t ticks_ = 0;
+  std::uint64_t ticks_before_ = 0;
+  TimePoint grew_at_{};
+};
+
+/// An incoming link: first contact, a sender restarted, messages refused.
+class LinkEvents {
+ public:
+  LinkEvents(spdlog::logger& log, const char* link) : log_(log), link_(link) {}
+  void note(const LinkCounters& counters, TimePoint now);
+
+ private:
+  spdlog::logger& log_;
+  const char* link_;
+  EventThrottle rejections_;
+  LinkCounters last_;
+};
+
+/// The events of one node. Call note() on one thread, every so often, with the newest counters.
+template <class Counters>
+class EventLog;
+
+template <>
+class EventLog<DeviceCounters> {
+ public:
+  explicit EventLog(spdlog::logger& log);
+  void note(const DeviceCounters& counters, TimePoint now);
+
+ private:
+  LinkEvents force_command_;
+  spdlog::logger& log_;
+  std::uint64_t faults_ = 0;
+  std::uint64_t fault_resets_ = 0;
+  GrowthEvent non_finite_commands_;
+  GrowthEvent overruns_;
+  EpisodeEvent fallback_;
+  bool was_answered_ = false;
+  std::uint64_t limp_ticks_at_start_ = 0;
+};
+
+template <>
+class EventLog<MofcCounters> {
+ public:
+  explicit EventLog(spdlog::logger& log);
+  void note(const MofcCounters& counters, TimePoint now);
+
+ private:
+  LinkEvents device_state_;
+  LinkEvents interaction_;
+  GrowthEvent late_physics_;
+  GrowthEvent too_fast_;
+  GrowthEvent motions_dropped_;
+  GrowthEvent ledger_resets_;
+  EpisodeEvent stale_;
+};
+
+template <>
+class EventLog<PhysicsCounters> {
+ public:
+  explicit EventLog(spdlog::logger& log);
+  void note(const PhysicsCounters& counters, TimePoint now);
+
+ private:
+  LinkEvents tool_motion_;
+  GrowthEvent overruns_;
+};
+
+}  // namespace palpate

@@ -1,0 +1,33 @@
+// event_throttle.h — how often an event that repeats is logged.
+#pragma once
+
+#include <cstdint>
+#include <utility>
+
+#include "common/core/time.h"
+
+namespace palpate {
+
+/// Lets a line out at once when something happens for the first time, then at most one per interval
+/// with the number of occurrences since the last line.
+class EventThrottle {
+ public:
+  explicit EventThrottle(Duration interval = std::chrono::seconds(1)) : interval_(interval) {}
+
+  /// Notes `occurrences` more, possibly 0. Returns the number to report now; 0: no line is due.
+  [[nodiscard]] std::uint64_t note(TimePoint now, std::uint64_t occurrences) noexcept {
+    pending_ += occurrences;
+    if (pending_ == 0 || (has_reported_ && now < reported_at_ + interval_)) return 0;
+    has_reported_ = true;
+    reported_at_ = now;
+    return std::exchange(pending_, 0);
+  }
+
+ private:
+  Duration interval_;
+  bool has_reported_ = false;
+  TimePoint reported_at_{};
+  std::uint64_t pending_ = 0;
+};
+
+}  // namespace palpate

@@ -1,0 +1,108 @@
+// flight_recorder.h — the last ticks of a node, written to a file when a fault was latched or
+// somebody asks. All of it happens on the telemetry thread: the tick leaves its records in a
+// RingSink as ever and does not know of this.
+#pragma once
+
+#include <spdlog/spdlog.h>
+
+#include <atomic>
+#include <cstdint>
+#include <filesystem>
+#include <fstream>
+#include <ostream>
+#include <string>
+#include <vector>
+
+#include "common/telemetry/telemetry.h"
+
+namespace palpate {
+
+/// 4 s at 1 kHz.
+inline constexpr std::size_t kFlightRecorderTicks = 4096;
+
+/// Faults latched so far: each one is worth a file.
+[[nodiscard]] inline std::uint64_t faults(const DeviceCounters& c) { return c.device_faults; }
+[[nodiscard]] inline std::uint64_t faults(const MofcCounters&) { return 0; }
+[[nodiscard]] inline std::uint64_t faults(const PhysicsCounters&) { return 0; }
+
+/// CSV: columns are the fields of the record, vectors as _x, _y, _z, times as _ns on the clock of
+/// the node named there, "nan" where nothing is known.
+void write_flight_header(std::ostream& out, const DeviceTick&);
+void write_flight_header(std::ostream& out, const MofcTick&);
+void write_flight_header(std::ostream& out, const PhysicsTick&);
+void write_flight_row(std::ostream& out, const DeviceTick& tick);
+void write_flight_row(std::ostream& out, const MofcTick& tick);
+void write_flight_row(std::ostream& out, const PhysicsTick& tick);
+
+/// What signals asked for since the start; counted, so a request cannot get lost.
+struct SignalRequests {
+  std::atomic<std::uint32_t> recordings{0};    ///< SIGUSR1: write the flight recorder's file
+  std::atomic<std::uint32_t> fault_resets{0};  ///< SIGUSR2: reset a latched fault
+};
+inline const SignalRequests kNoRequests;
+
+/// What a flight recorder needs to know beside its ticks.
+struct FlightFiles {
+  std::filesystem::path folder;  ///< made if absent; normally the parent of the run folder
+  std::string node;              ///< "device"
+  std::string session;           ///< name of the session
+  const SignalRequests& requests;
+  spdlog::logger& log;
+};
+/// A new file `flight-NODE-SESSION-YYYYMMDDTHHMMSS.mmmZ.csv` (UTC) for this user alone; "" and a
+/// line in the log if it cannot be made. Nothing is ever replaced.
+[[nodiscard]] std::string new_flight_file(const FlightFiles& files);
+void report_flight_file(const FlightFiles& files, const std::string& file, const char* reason,
+                        std::size_t ticks, bool is_written);
+
+template <class Record>
+class FlightRecorder {
+ public:
+  explicit FlightRecorder(FlightFiles files, std::size_t capacity = kFlightRecorderTicks)
+      : files_(std::move(files)), capacity_(capacity) {
+    ring_.reserve(capacity);
+  }
+
+  /// The oldest one makes room.
+  void keep(const Record& record) {
+    if (ring_.size() < capacity_) {
+      ring_.push_back(record);
+    } else {
+      ring_[oldest_] = record;
+      oldest_ = (oldest_ + 1) % capacity_;
+    }
+  }
+
+  /// To be called when the records up to these counters are kept: writes the file if a fault was
+  /// latched or SIGUSR1 came since the last call.
+  template <class Counters>
+  void write_if_due(const Counters& counters) {
+    const bool has_fault = faults(counters) != faults_;
+    const bool is_asked = files_.requests.recordings != recordings_;
+    faults_ = faults(counters);
+    recordings_ = files_.requests.recordings;
+    if (has_fault || is_asked) write(has_fault ? "fault" : "signal");
+  }
+
+ private:
+  void write(const char* reason) {
+    const std::string file = new_flight_file(files_);
+    if (file.empty()) return;
+    std::ofstream out(file);
+    write_flight_header(out, Record{});
+    for (std::size_t i = 0; i < ring_.size(); ++i) {
+      write_flight_row(out, ring_[(oldest_ + i) % ring_.size()]);
+    }
+    out.close();
+    report_flight_file(files_, file, reason, ring_.size(), out.good());
+  }
+
+  FlightFiles files_;
+  std::size_t capacity_;
+  std::vector<Record> ring_;
+  std::size_t oldest_ = 0;
+  std::uint64_t faults_ = 0;
+  std::uint32_t recordings_ = 0;
+};
+
+}  // namespace palpate

@@ -1,0 +1,55 @@
+#include "common/telemetry/telemetry.h"
+
+namespace palpate {
+
+const char* name(GuardState state) {
+  switch (state) {
+    case GuardState::kLimp:
+      return "limp";
+    case GuardState::kAnswered:
+      return "answered";
+    case GuardState::kLeased:
+      return "leased";
+    case GuardState::kFallback:
+      return "fallback";
+    case GuardState::kFading:
+      return "fading";
+    case GuardState::kFault:
+      return "fault";
+  }
+  return "?";
+}
+
+const char* name(FaultReason reason) {
+  switch (reason) {
+    case FaultReason::kNone:
+      return "none";
+    case FaultReason::kReadFailed:
+      return "read failed";
+    case FaultReason::kReadingNotFinite:
+      return "reading not finite";
+    case FaultReason::kPositionJumped:
+      return "position jumped";
+    case FaultReason::kWriteFailed:
+      return "write failed";
+  }
+  return "?";
+}
+
+const char* name(MofcState state) {
+  switch (state) {
+    case MofcState::kNoPhysics:
+      return "no physics";
+    case MofcState::kFree:
+      return "free";
+    case MofcState::kContact:
+      return "contact";
+    case MofcState::kFading:
+      return "fading";
+    case MofcState::kClutched:
+      return "clutched";
+  }
+  return "?";
+}
+
+}  // namespace palpate

@@ -1,0 +1,281 @@
+#include "deploy/launch/launch.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/asio/signal_set.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <csignal>
+#include <span>
+#include <system_error>
+
+#include "common/core/check.h"
+#include "common/session/session.h"
+#include "common/process/log.h"
+#include "common/process/run_node.h"
+#include "common/session/session_file.h"
+
+namespace palpate {
+namespace {
+
+namespace asio = boost::asio;
+namespace fs = std::filesystem;
+
+/// Of a restarted device whose session has no start ramp.
+constexpr int kRestartRampMilliseconds = 500;
+
+/// The folder of the session's ipc files, held by one launch at a time and empty afterwards.
+class RunFolder {
+ public:
+  explicit RunFolder(const std::string& session_name) : path_(run_folder(session_name)) {
+    make_private(path_);
+    folder_ = open(path_.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+    struct stat status {};
+    if (folder_ < 0 || fstat(folder_, &status) != 0) {
+      refuse("cannot be made: " + std::generic_category().message(errno) +
+             "; choose another folder with PALPATE_RUN_DIR");
+    }
+    if (status.st_uid != geteuid()) {
+      refuse("belongs to another user; choose another folder with PALPATE_RUN_DIR");
+    }
+    if (flock(folder_, LOCK_EX | LOCK_NB) != 0) {
+      refuse("is in use: session \"" + session_name +
+             "\" is already launched; stop that launch, or give this one another name with "
+             "--set name=OTHER");
+    }
+  }
+  ~RunFolder() {
+    remove_left_files();
+    std::error_code not_empty;
+    fs::remove(path_, not_empty);
+    close(folder_);
+  }
+  RunFolder(const RunFolder&) = delete;
+  RunFolder& operator=(const RunFolder&) = delete;
+
+ private:
+  /// For this user alone, parents included; what exists stays as it is.
+  static void make_private(const fs::path& folder) {
+    if (folder.has_parent_path() && folder != folder.parent_path()) {
+      make_private(folder.parent_path());
+    }
+    mkdir(folder.c_str(), S_IRWXU);  // a failure shows when the folder is opened
+  }
+
+  [[noreturn]] void refuse(const std::string& why) {
+    if (folder_ >= 0) close(folder_);
+    throw SetupError(path_.string() + ": " + why);
+  }
+
+  /// Sockets and their lock files, but not those of a node that somebody started by hand.
+  void remove_left_files() const {
+    std::error_code error;
+    std::vector<fs::path> left;
+    for (const fs::directory_entry& entry : fs::directory_iterator(path_, error)) {
+      const bool is_lock = entry.path().extension() == ".lock";
+      fs::path lock = entry.path();
+      if (!is_lock) lock += ".lock";
+      if ((is_lock || entry.is_socket(error)) && !is_held(lock)) left.push_back(entry.path());
+    }
+    for (const fs::path& file : left) fs::remove(file, error);
+  }
+
+  static bool is_held(const fs::path& lock) {
+    const int file = open(lock.c_str(), O_RDONLY | O_CLOEXEC);
+    if (file < 0) return false;
+    const bool is_held = flock(file, LOCK_EX | LOCK_NB) != 0;
+    close(file);
+    return is_held;
+  }
+
+  fs::path path_;
+  int folder_ = -1;
+};
+
+std::vector<ChildSpec> nodes_of(const LaunchOptions& options, const Session& session) {
+  std::vector<std::string> arguments = {"--session", options.session_file.string()};
+  for (const std::string& assignment : options.overrides) {
+    arguments.insert(arguments.end(), {"--set", assignment});
+  }
+  if (!options.is_realtime) arguments.emplace_back("--no-realtime");
+  if (options.is_insecure) arguments.emplace_back("--insecure");
+
+  const auto is_here = [&](const char* node) { return options.nodes.contains(node); };
+  if (options.is_together && !(is_here("device") && is_here("mofc"))) {
+    throw SetupError("--together device,mofc: both must be among --nodes");
+  }
+
+  const fs::path folder = options.program_folder.empty()
+                              ? fs::read_symlink("/proc/self/exe").parent_path()
+                              : options.program_folder;
+  std::vector<ChildSpec> children;
+  const auto add = [&](const std::string& name, const std::string& side = {}) -> ChildSpec& {
+    const fs::path program = folder / (name + "_node");
+    if (access(program.c_str(), X_OK) != 0) {
+      throw SetupError(program.string() + ": " + std::generic_category().message(errno) +
+                       "; build it with: cmake --build --preset release");
+    }
+    ChildSpec& child = children.emplace_back(
+        ChildSpec{.name = with_side(side, name), .program = program, .arguments = arguments});
+    if (!side.empty()) child.arguments.insert(child.arguments.end(), {"--side", side});
+    return child;
+  };
+
+  // who binds is started before who connects
+  if (is_here("physics")) add("physics");
+  const std::span<const Session> sides = sides_of(session);
+  if (is_here("mofc") && !options.is_together) {
+    for (const Session& side : sides) add("mofc", side.side);
+  }
+  for (std::size_t i = 0; is_here("device") && i < sides.size(); ++i) {
+    ChildSpec& child = add(options.is_together ? "device_mofc" : "device", sides[i].side);
+    if (sides[i].device.start_ramp.count() > 0) continue;
+    const std::string path = sides[i].side.empty() ? "" : "side[" + std::to_string(i) + "].";
+    child.restart_arguments = {
+        "--set", path + "device.start_ramp_ms=" + std::to_string(kRestartRampMilliseconds)};
+  }
+  if (is_here("viewer")) add("viewer");
+  return children;
+}
+
+std::vector<std::string> stop_order(const Session& session) {
+  std::vector<std::string> names;
+  for (const char* node : {"device_mofc", "device", "mofc"}) {
+    for (const Session& side : sides_of(session)) names.push_back(with_side(side.side, node));
+  }
+  names.insert(names.end(), {"physics", "viewer"});
+  return names;
+}
+
+void write(const ChildEvent& event, spdlog::logger& log) {
+  switch (event.kind) {
+    case ChildEvent::Kind::kStarted:
+      log.info("event=node_started node={} pid={}", event.name, event.pid);
+      return;
+    case ChildEvent::Kind::kDied:
+      log.error("event=node_died node={} how=\"{}\" restart_in_ms={}", event.name, event.how,
+                event.restart_in.count());
+      return;
+    case ChildEvent::Kind::kRefused:
+      log.error("event=node_refused node={} how=\"{}\" remedy=\"see its message above\"",
+                event.name, event.how);
+      return;
+    case ChildEvent::Kind::kStopped:
+      log.info("event=node_stopped node={} how=\"{}\"", event.name, event.how);
+      return;
+    case ChildEvent::Kind::kKilled:
+      log.warn("event=node_killed node={} how=\"{}\"", event.name, event.how);
+      return;
+  }
+}
+
+/// One run: what happens while the io_context runs.
+class Run {
+ public:
+  Run(const LaunchOptions& options, std::vector<ChildSpec> nodes,
+      const std::vector<std::string>& stop_order, spdlog::logger& log)
+      : options_(options),
+        log_(log),
+        signals_(io_, SIGINT, SIGTERM, SIGHUP),
+        time_up_(io_),
+        poll_(io_),
+        supervisor_(
+            io_, std::move(nodes), stop_order, options.timing,
+            [this](const ChildEvent& event) { write(event, log_); }, [this] { on_end(); }) {}
+
+  LaunchResult run(const std::stop_token& stop) {
+    const auto begin = std::chrono::steady_clock::now();
+    const std::stop_callback on_stop(
+        stop, [this] { asio::post(io_, [this] { end(LaunchEnd::kAsked); }); });
+    try {
+      await_signal();
+      supervisor_.start();
+      if (options_.seconds) await_time_up(*options_.seconds);
+      if (options_.on_poll) poll();
+      io_.run();
+    } catch (...) {
+      // leave nothing behind, then let the caller see it
+      supervisor_.kill();
+      io_.restart();
+      io_.run();
+      throw;
+    }
+    if (options_.on_poll) options_.on_poll();
+    return {.end = supervisor_.was_refused() ? LaunchEnd::kRefused : end_,
+            .restarts = supervisor_.restarts(),
+            .wall = std::chrono::steady_clock::now() - begin};
+  }
+
+ private:
+  void await_signal() {
+    signals_.async_wait([this](const boost::system::error_code& error, int signal) {
+      if (error) return;
+      if (is_ending_) {
+        supervisor_.kill();
+        return;
+      }
+      log_.info("event=stopping signal={}", signal);
+      await_signal();
+      end(LaunchEnd::kSignal);
+    });
+  }
+
+  void await_time_up(double seconds) {
+    time_up_.expires_after(std::chrono::duration_cast<std::chrono::nanoseconds>(
+        std::chrono::duration<double>(seconds)));
+    time_up_.async_wait([this](const boost::system::error_code& error) {
+      if (!error) end(LaunchEnd::kTimeUp);
+    });
+  }
+
+  void poll() {
+    options_.on_poll();
+    poll_.expires_after(options_.poll_interval);
+    poll_.async_wait([this](const boost::system::error_code& error) {
+      if (!error && !has_ended_) poll();
+    });
+  }
+
+  void end(LaunchEnd why) {
+    if (is_ending_) return;
+    is_ending_ = true;
+    end_ = why;
+    supervisor_.stop();
+  }
+
+  /// No node is left: nothing to wait for.
+  void on_end() {
+    has_ended_ = true;
+    signals_.cancel();
+    time_up_.cancel();
+    poll_.cancel();
+  }
+
+  const LaunchOptions& options_;
+  spdlog::logger& log_;
+  asio::io_context io_;
+  asio::signal_set signals_;
+  asio::steady_timer time_up_;
+  asio::steady_timer poll_;
+  Supervisor supervisor_;
+  bool is_ending_ = false;
+  bool has_ended_ = false;
+  LaunchEnd end_ = LaunchEnd::kAsked;
+};
+
+}  // namespace
+
+int LaunchResult::exit_status() const { return end == LaunchEnd::kRefused ? kExitSetupError : 0; }
+
+LaunchResult launch(const LaunchOptions& options, const std::stop_token& stop) {
+  const Session session = load_session(options.session_file, options.overrides);
+  const RunFolder run_folder(session.name);
+  const Log log("palpate");
+  return Run(options, nodes_of(options, session), stop_order(session), log.logger()).run(stop);
+}
+
+}  // namespace palpate

@@ -1,0 +1,196 @@
+#include "deploy/launch/supervisor.h"
+
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <boost/process/args.hpp>
+#include <boost/process/child.hpp>
+#include <boost/process/exe.hpp>
+#include <boost/process/extend.hpp>
+#include <boost/process/io.hpp>
+#include <csignal>
+#include <cstring>
+
+#include "common/core/check.h"
+#include "common/process/run_node.h"
+
+namespace palpate {
+namespace {
+
+namespace process = boost::process;
+
+std::string in_words(int status) {
+  if (WIFEXITED(status)) return "exit status " + std::to_string(WEXITSTATUS(status));
+  const int signal = WTERMSIG(status);
+  return "killed by signal " + std::to_string(signal) + " (" + strsignal(signal) + ")";
+}
+
+}  // namespace
+
+Supervisor::Supervisor(boost::asio::io_context& io, std::vector<ChildSpec> children,
+                       const std::vector<std::string>& stop_order, const SupervisorTiming& timing,
+                       std::function<void(const ChildEvent&)> on_event,
+                       std::function<void()> on_end)
+    : io_(io),
+      timing_(timing),
+      on_event_(std::move(on_event)),
+      on_end_(std::move(on_end)),
+      deaths_(io, SIGCHLD) {
+  for (ChildSpec& spec : children) {
+    Child& child = children_.emplace_back(io_, std::move(spec));
+    child.back_off = timing_.first_back_off;
+    stop_order_.push_back(&child);
+  }
+  const auto place = [&](const Child* child) {
+    return std::find(stop_order.begin(), stop_order.end(), child->spec.name);
+  };
+  std::stable_sort(stop_order_.begin(), stop_order_.end(),
+                   [&](const Child* a, const Child* b) { return place(a) < place(b); });
+}
+
+void Supervisor::start() {
+  await_deaths();
+  for (Child& child : children_) spawn(child);
+}
+
+void Supervisor::spawn(Child& child) {
+  std::vector<std::string> arguments = child.spec.arguments;
+  if (child.restarts > 0) {
+    arguments.insert(arguments.end(), child.spec.restart_arguments.begin(),
+                     child.spec.restart_arguments.end());
+  }
+
+  // between fork and exec, so nothing but system calls
+  const pid_t supervisor = getpid();
+  const auto in_child = [supervisor](auto&) {
+    setpgid(0, 0);
+    prctl(PR_SET_PDEATHSIG, SIGKILL);
+    if (getppid() != supervisor) _exit(kExitFailure);  // it ended before the line above
+  };
+  try {
+    process::child started(process::exe = child.spec.program.string(), process::args = arguments,
+                           process::std_in < process::null,
+                           process::extend::on_exec_setup = in_child);
+    child.pid = started.id();
+    started.detach();  // reap() waits for it
+  } catch (const process::process_error& e) {
+    throw SetupError(child.spec.program.string() + ": cannot be started: " + e.code().message());
+  }
+  child.started_at = std::chrono::steady_clock::now();
+  on_event_({.kind = ChildEvent::Kind::kStarted, .name = child.spec.name, .pid = child.pid});
+}
+
+void Supervisor::await_deaths() {
+  deaths_.async_wait([this](const boost::system::error_code& error, int) {
+    if (error || has_ended_) return;
+    await_deaths();
+    reap();
+  });
+}
+
+void Supervisor::reap() {
+  // signals merge: one may stand for several deaths
+  for (Child& child : children_) {
+    int status = 0;
+    if (child.pid != 0 && waitpid(child.pid, &status, WNOHANG) == child.pid) {
+      on_death(child, status);
+    }
+  }
+  if (is_stopping_) stop_next();
+}
+
+void Supervisor::on_death(Child& child, int status) {
+  using Kind = ChildEvent::Kind;
+  ChildEvent event{.name = child.spec.name, .pid = child.pid, .how = in_words(status)};
+  child.pid = 0;
+  child.timer.cancel();
+
+  if (WIFEXITED(status) && WEXITSTATUS(status) == kExitSetupError) {
+    event.kind = Kind::kRefused;
+    was_refused_ = true;
+    on_event_(event);
+    stop();
+    return;
+  }
+  if (is_stopping_) {
+    event.kind = child.was_killed ? Kind::kKilled : Kind::kStopped;
+    on_event_(event);
+    return;
+  }
+
+  if (std::chrono::steady_clock::now() - child.started_at >= timing_.healthy_after) {
+    child.back_off = timing_.first_back_off;
+  }
+  restart_later(child, std::move(event));
+}
+
+void Supervisor::restart_later(Child& child, ChildEvent event) {
+  event.kind = ChildEvent::Kind::kDied;
+  event.restart_in = child.back_off;
+  on_event_(event);
+  child.timer.expires_after(child.back_off);
+  child.back_off = std::min(2 * child.back_off, timing_.longest_back_off);
+  child.timer.async_wait([this, &child](const boost::system::error_code& error) {
+    if (error || is_stopping_) return;
+    ++child.restarts;
+    try {
+      spawn(child);
+    } catch (const SetupError& e) {  // it could be once: its program is being replaced, say
+      restart_later(child, {.name = child.spec.name, .how = e.what()});
+    }
+  });
+}
+
+void Supervisor::stop() {
+  if (is_stopping_) return;
+  is_stopping_ = true;
+  for (Child& child : children_) child.timer.cancel();
+  stop_next();
+}
+
+void Supervisor::stop_next() {
+  const auto running = std::find_if(stop_order_.begin(), stop_order_.end(),
+                                    [](const Child* child) { return child->pid != 0; });
+  if (running == stop_order_.end()) {
+    if (has_ended_) return;
+    has_ended_ = true;
+    deaths_.cancel();
+    on_end_();
+    return;
+  }
+
+  Child& child = **running;
+  if (child.was_told_to_stop) return;
+  child.was_told_to_stop = true;
+  ::kill(child.pid, SIGTERM);
+  child.timer.expires_after(timing_.stop_grace);
+  child.timer.async_wait([&child](const boost::system::error_code& error) {
+    if (!error) kill(child);
+  });
+}
+
+void Supervisor::kill() {
+  is_stopping_ = true;
+  for (Child& child : children_) {
+    child.timer.cancel();
+    kill(child);
+  }
+  stop_next();
+}
+
+void Supervisor::kill(Child& child) {
+  if (child.pid == 0) return;
+  child.was_told_to_stop = true;
+  child.was_killed = true;
+  ::kill(-child.pid, SIGKILL);  // the whole process group
+}
+
+std::vector<Supervisor::Restarts> Supervisor::restarts() const {
+  std::vector<Restarts> restarts;
+  for (const Child& child : children_) restarts.push_back({child.spec.name, child.restarts});
+  return restarts;
+}
+
+}  // namespace palpate

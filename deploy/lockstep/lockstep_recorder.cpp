@@ -1,0 +1,114 @@
+#include "deploy/lockstep/lockstep_recorder.h"
+
+#include <stdexcept>
+#include <vector>
+
+#include "common/link/viewer_codec.h"
+#include "common/core/version.h"
+#include "common/telemetry/telemetry_publisher.h"
+#include "physics_node/display/scene_display.h"
+
+namespace palpate {
+
+class LockstepRecorder::Impl final : public Sender<SceneState>, public Sender<MeshFrame> {
+ public:
+  Impl(const viewer::RecordOptions& options, const Session& session, const std::string& recorded_by)
+      : writer_(options.file, options.may_overwrite, viewer::recorded_channels()),
+        display_(session, kLockstepPhysics, *this, *this) {
+    writer_.add_metadata(viewer::kRunMetadata, viewer::run_metadata(session, recorded_by));
+    const std::string all_nodes = version();
+    writer_.add_metadata(
+        viewer::kNodesMetadata,
+        {{"device_node", all_nodes}, {"mofc_node", all_nodes}, {"physics_node", all_nodes}});
+    begin(device_, kLockstepDevice, session.side);
+    begin(mofc_, kLockstepMofc, session.side);
+    begin(physics_, kLockstepPhysics, session.side);
+  }
+
+  void listen_to(LockstepOptions& options) {
+    options.on_device_tick = [this](const DeviceTick& tick) { device_.records.push_back(tick); };
+    options.on_mofc_tick = [this](const MofcTick& tick) { mofc_.records.push_back(tick); };
+    options.on_physics_tick = [this](const PhysicsTick& tick) {
+      physics_.records.push_back(tick);
+      newest_.assign(1, tick);
+    };
+  }
+
+  void pump(const Lockstep& lockstep, TimePoint now) {
+    if (now < next_at_) return;
+    next_at_ = now + kPublishInterval;
+    write_all(lockstep, now);
+  }
+
+  void finish(const Lockstep& lockstep, TimePoint now) {
+    write_all(lockstep, now);
+    writer_.close();
+    if (const auto error = writer_.take_error()) throw std::runtime_error(*error);
+  }
+
+  SendResult send(const SceneState& scene) noexcept override { return write(scenes_, scene); }
+  SendResult send(const MeshFrame& frame) noexcept override { return write(meshes_, frame); }
+
+ private:
+  template <class Batch>
+  static void begin(Batch& batch, std::uint64_t session_id, const std::string& side) {
+    batch.header.session_id = session_id;
+    batch.node_version = version();
+    batch.side = side;
+  }
+
+  void write_all(const Lockstep& lockstep, TimePoint now) {
+    now_ = now;
+    display_.publish({.scene_subscriptions = 1, .mesh_subscriptions = 1, .has_mesh_watcher = true},
+                     newest_, now);
+    device_.counters = lockstep.device_counters();
+    mofc_.counters = lockstep.mofc_counters();
+    physics_.counters = lockstep.physics_counters();
+    display_.count_into(physics_.counters);
+    write_batch(device_codec_, device_);
+    write_batch(mofc_codec_, mofc_);
+    write_batch(physics_codec_, physics_);
+  }
+
+  template <class Batch>
+  void write_batch(Codec<Batch>& codec, Batch& batch) {
+    batch.header.sampled_at = now_;
+    write(codec, batch);
+    ++batch.header.sequence;
+    batch.records.clear();
+  }
+
+  template <class T>
+  SendResult write(Codec<T>& codec, const T& message) {
+    static const std::size_t channel = TelemetryMessage(std::in_place_type<T>).index();
+    writer_.write(channel, static_cast<std::uint64_t>(now_.time_since_epoch().count()),
+                  payload_of(codec, message));
+    return SendResult::kSent;
+  }
+
+  viewer::McapWriter writer_;
+  physics::SceneDisplay display_;
+  TimePoint now_{};
+  TimePoint next_at_{};
+  DeviceBatch device_;
+  MofcBatch mofc_;
+  PhysicsBatch physics_;
+  std::vector<PhysicsTick> newest_;  // none or one
+  Codec<DeviceBatch> device_codec_;
+  Codec<MofcBatch> mofc_codec_;
+  Codec<PhysicsBatch> physics_codec_;
+  Codec<SceneState> scenes_;
+  Codec<MeshFrame> meshes_;
+};
+
+LockstepRecorder::LockstepRecorder(const viewer::RecordOptions& options, const Session& session,
+                                   const std::string& recorded_by)
+    : impl_(std::make_unique<Impl>(options, session, recorded_by)) {}
+LockstepRecorder::~LockstepRecorder() = default;
+void LockstepRecorder::listen_to(LockstepOptions& options) { impl_->listen_to(options); }
+void LockstepRecorder::pump(const Lockstep& lockstep, TimePoint now) { impl_->pump(lockstep, now); }
+void LockstepRecorder::finish(const Lockstep& lockstep, TimePoint now) {
+  impl_->finish(lockstep, now);
+}
+
+}  // namespace palpate

@@ -1,0 +1,52 @@
+// device_mofc_node: device_node and mofc_node in one thread. The tick calls the clamp where two
+// processes would exchange messages; every other link is the same. `palpate launch --together
+// device,mofc` starts it.
+//
+// What two processes give is lost: a clamp that hangs or dies takes the tick with it, and the force
+// ends when the motors' watchdog finds its lease expired.
+#include <algorithm>
+
+#include "common/core/memory_link.h"
+#include "common/process/process_links.h"
+#include "device_node/process.h"
+#include "mofc_node/process.h"
+
+namespace {
+
+using namespace palpate;
+
+void run_together(NodeContext& context) {
+  const Log mofc_log(with_side(context.session.side, "mofc"));
+  NodeContext mofc_context{.session = context.session,
+                           .session_id = random_session_id(),
+                           .clock = context.clock,
+                           .log = mofc_log.logger(),
+                           .stop = context.stop,
+                           .requests = context.requests};
+  ZmqContext side(tcp_rules(context.session.security, {KeyRole::kDevice}));
+  MemoryLink<DeviceState> states(context.clock);
+  MemoryLink<ForceCommand> commands(context.clock);
+  const Rejections none;  // nothing is decoded
+  mofc::Clamp clamp(mofc_context, side, states, commands, none);
+
+  commands.on_wait = [&](TimePoint deadline) {
+    if (!clamp.answer_next()) context.clock.sleep_until(std::min(deadline, clamp.next_due()));
+  };
+  device::run_with({.states = states,
+                    .commands = commands,
+                    .refused = none,
+                    .after_switch = [&] { clamp.finish_turn(); }},
+                   context, side);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  return run_node(argc, argv,
+                  {.name = "device_mofc",
+                   .description = "Owns the haptic device, its motors and the clamp before them.",
+                   .signals = "SIGUSR1 writes the last ticks to files (the log names them).\n"
+                              "SIGUSR2 resets a latched fault; the force then grows from nothing.",
+                   .is_of_one_side = true},
+                  run_together);
+}

@@ -1,0 +1,250 @@
+#include "device_node/simulation/hand.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <type_traits>
+#include <variant>
+
+namespace palpate::device {
+
+namespace {
+
+constexpr double kTwoPi = 2.0 * std::numbers::pi;
+/// Of a led hand: between the 16 ms of a pointer's steps and what feels sluggish.
+constexpr double kLeadTimeConstant_s = 0.05;
+
+/// Path if it is a hostile one; its defaults otherwise (never used then).
+HostilePath hostile_part(const PathConfig& path) {
+  const HostilePath* hostile = std::get_if<HostilePath>(&path);
+  return hostile != nullptr ? *hostile : HostilePath{};
+}
+
+}  // namespace
+
+Target target_on(const VPath& path, double t_s) noexcept {
+  const Vector3 down = path.half_width_m * path.tangent - path.height_m * path.normal;
+  const Vector3 start = path.apex_m - down;
+
+  // free motion: a circle through the start, above it
+  if (t_s < path.free_motion_s) {
+    const double omega = kTwoPi * path.free_frequency_hz;
+    const auto circle_m = [&](double t) -> Vector3 {
+      return path.free_amplitude_m *
+             (std::sin(omega * t) * path.tangent + (1.0 - std::cos(omega * t)) * path.normal);
+    };
+    Target target{start + circle_m(t_s),
+                  path.free_amplitude_m * omega *
+                      (std::cos(omega * t_s) * path.tangent + std::sin(omega * t_s) * path.normal)};
+
+    // what would be left of it at its end is taken back over the last quarter turn
+    const double back_s = std::min(path.free_motion_s, 0.25 / path.free_frequency_hz);
+    const double u = (t_s - (path.free_motion_s - back_s)) / back_s;
+    if (u > 0.0) {
+      const Vector3 left_m = circle_m(path.free_motion_s);
+      target.position_m -= u * u * (3.0 - 2.0 * u) * left_m;
+      target.velocity_m_per_s -= 6.0 * u * (1.0 - u) / back_s * left_m;
+    }
+    return target;
+  }
+
+  // one leg down, one leg up, then hold
+  const double length_m = std::hypot(path.half_width_m, path.height_m);
+  const double run_m = path.speed_m_per_s * (t_s - path.free_motion_s);
+  const Vector3 first_leg = down / length_m;
+  const Vector3 up = path.half_width_m * path.tangent + path.height_m * path.normal;
+  const Vector3 second_leg = up / length_m;
+  if (run_m < length_m) return {start + run_m * first_leg, path.speed_m_per_s * first_leg};
+  if (run_m < 2.0 * length_m) {
+    return {path.apex_m + (run_m - length_m) * second_leg, path.speed_m_per_s * second_leg};
+  }
+  return {path.apex_m + up, Vector3::Zero()};
+}
+
+Target target_on(const HoldPath& path, double /*t_s*/) noexcept {
+  return {path.position_m, Vector3::Zero()};
+}
+
+Target target_on(const SinusoidPath& path, double t_s) noexcept {
+  Target target{path.center_m, Vector3::Zero()};
+  for (int axis = 0; axis < 3; ++axis) {
+    if (path.amplitude_m[axis] == 0.0) continue;
+    const double omega = kTwoPi * path.frequency_hz[axis];
+    const double phase = omega * t_s + path.phase_rad[axis];
+    target.position_m[axis] += path.amplitude_m[axis] * std::sin(phase);
+    target.velocity_m_per_s[axis] = path.amplitude_m[axis] * omega * std::cos(phase);
+  }
+  return target;
+}
+
+Target target_on(const RecordedPath& path, double t_s) noexcept {
+  const auto& samples = path.samples;
+  if (samples.empty()) return {};
+  const double first_s = samples.front().t_s;
+  const double span_s = samples.back().t_s - first_s;
+  if (path.loops && span_s > 0.0 && t_s > first_s) {
+    t_s = first_s + std::fmod(t_s - first_s, span_s);
+  }
+  const auto after =
+      std::upper_bound(samples.begin(), samples.end(), t_s,
+                       [](double t, const RecordedPath::Sample& sample) { return t < sample.t_s; });
+  if (after == samples.begin()) return {samples.front().position_m, Vector3::Zero()};
+  if (after == samples.end()) return {samples.back().position_m, Vector3::Zero()};
+  const auto before = after - 1;
+  const Vector3 velocity = (after->position_m - before->position_m) / (after->t_s - before->t_s);
+  return {before->position_m + (t_s - before->t_s) * velocity, velocity};
+}
+
+// --- hostile --------------------------------------------------------------------------------
+
+HostileHand::HostileHand(const HostilePath& path, const SimulatedDeviceConfig& device,
+                         std::uint64_t seed)
+    : path_(path),
+      viscous_newton_s_per_m_(device.viscous_newton_s_per_m),
+      coulomb_newton_(device.coulomb_newton),
+      per_axis_(device.per_axis),
+      random_(seed),
+      position_m_(path.center_m) {}
+
+Target HostileHand::target(double t_s, const Felt& felt) noexcept {
+  const double dt_s = t_s - t_s_;
+  if (!(dt_s > 0.0)) return {position_m_, Vector3::Zero()};
+  t_s_ = t_s;
+
+  const double felt_newton = felt.force_on_hand_newton.norm();
+  if (felt_newton > 0.0) last_force_direction_ = felt.force_on_hand_newton / felt_newton;
+  if (t_s >= until_s_) choose(t_s);
+
+  // move, but stay inside the ball: at its skin the outward part of the motion is lost
+  const Vector3 moved = position_m_ + dt_s * wanted_velocity(t_s, felt);
+  const Vector3 next = path_.center_m + limited_to_norm(moved - path_.center_m, path_.radius_m);
+  const Vector3 velocity = (next - position_m_) / dt_s;
+  position_m_ = next;
+  return {next, velocity};
+}
+
+void HostileHand::choose(double t_s) noexcept {
+  since_s_ = t_s;
+  const bool has_felt = last_force_direction_.squaredNorm() > 0.0;
+  const double dice = random_.uniform();
+  if (has_felt && dice < 0.5) {
+    way_ = Way::kDrain;
+    until_s_ = t_s + random_.uniform(0.002, 0.08);
+  } else if (dice < 0.85) {
+    // mostly against the last force, with some scatter
+    way_ = Way::kPress;
+    until_s_ = t_s + random_.uniform(0.005, 0.15);
+    speed_m_per_s_ = path_.v_max_m_per_s * random_.uniform(0.05, 1.0);
+    direction_ = (random_.uniform(0.2, 1.0) * random_.direction() -
+                  (random_.chance(0.8) ? 1.5 : 0.0) * last_force_direction_)
+                     .normalized();
+  } else {
+    way_ = Way::kShake;
+    until_s_ = t_s + random_.uniform(0.02, 0.2);
+    half_period_s_ = random_.uniform(0.0005, 0.025);
+    speed_m_per_s_ = path_.v_max_m_per_s * random_.uniform(0.2, 1.0);
+    direction_ = has_felt ? last_force_direction_ : random_.direction();
+  }
+}
+
+Vector3 HostileHand::wanted_velocity(double t_s, const Felt& felt) const noexcept {
+  switch (way_) {
+    case Way::kDrain:
+      return most_draining_velocity(felt.force_on_hand_newton);
+    case Way::kPress:
+      return speed_m_per_s_ * direction_;
+    case Way::kShake: {
+      const bool is_back = std::fmod(t_s - since_s_, 2.0 * half_period_s_) >= half_period_s_;
+      return (is_back ? -speed_m_per_s_ : speed_m_per_s_) * direction_;
+    }
+  }
+  return Vector3::Zero();
+}
+
+Vector3 HostileHand::most_draining_velocity(const Vector3& force_on_hand_newton) const noexcept {
+  const double v_max = path_.v_max_m_per_s;
+  const auto speed = [&](double surplus_newton, double f_d) {
+    if (surplus_newton <= 0.0) return 0.0;
+    return surplus_newton >= 2.0 * f_d * v_max ? v_max : surplus_newton / (2.0 * f_d);
+  };
+  if (!per_axis_) {
+    return speed(force_on_hand_newton.norm() - coulomb_newton_, viscous_newton_s_per_m_) *
+           last_force_direction_;
+  }
+  const Vector3 surplus_newton =
+      (force_on_hand_newton.cwiseAbs() - per_axis_->coulomb_newton).cwiseMax(0.0);
+  Vector3 v;
+  for (int i = 0; i < 3; ++i) {
+    v[i] = speed(surplus_newton[i], per_axis_->viscous_newton_s_per_m[i]);
+  }
+  // too fast together: then friction matters little, and the best way is along the surplus
+  if (v.norm() > v_max) v = v_max * surplus_newton.normalized();
+  return v.cwiseProduct(force_on_hand_newton.cwiseSign());
+}
+
+// --- led ------------------------------------------------------------------------------------
+
+void LedHand::lead_to(const Vector3& goal_m) noexcept {
+  goal_m_ = config_.center_m + limited_to_norm(goal_m - config_.center_m, config_.reach_m);
+}
+
+Target LedHand::target(double t_s) noexcept {
+  const double dt_s = t_s - t_s_;
+  if (!(dt_s > 0.0)) return {position_m_, Vector3::Zero()};
+  t_s_ = t_s;
+  // exact for a goal that rests, so it never overshoots
+  const Vector3 step_m = (1.0 - std::exp(-dt_s / kLeadTimeConstant_s)) * (goal_m_ - position_m_);
+  const Vector3 velocity = limited_to_norm(step_m / dt_s, config_.speed_m_per_s);
+  position_m_ += dt_s * velocity;
+  return {position_m_, velocity};
+}
+
+// --- hand -----------------------------------------------------------------------------------
+
+Hand::Hand(const HandConfig& config, const SimulatedDeviceConfig& device, std::uint64_t seed)
+    : config_(config),
+      hostile_(hostile_part(config.path), device, seed),
+      intended_m_(Vector3::Zero()) {
+  start_position_m_ = target(0.0, Felt{}).position_m;
+}
+
+Target Hand::target(double t_s, const Felt& felt) noexcept {
+  if (led_) return led_->target(t_s);
+  const Target target = std::visit(
+      [&](const auto& path) -> Target {
+        if constexpr (std::is_same_v<std::decay_t<decltype(path)>, HostilePath>) {
+          return hostile_.target(t_s, felt);
+        } else {
+          return target_on(path, t_s);
+        }
+      },
+      config_.path);
+  intended_m_ = target.position_m;
+  t_s_ = t_s;
+  return target;
+}
+
+void Hand::lead_to(const Vector3& goal_m) noexcept {
+  if (!config_.pointer) return;
+  if (!led_) led_.emplace(*config_.pointer, intended_m_, t_s_);
+  led_->lead_to(goal_m);
+}
+
+std::uint32_t Hand::buttons(double t_s) const noexcept {
+  std::uint32_t held = 0;
+  for (const ButtonPress& press : config_.presses) {
+    if (t_s >= press.from_s && t_s < press.until_s) held |= 1U << press.button;
+  }
+  return held;
+}
+
+PlantParameters plant_of(const SimulatedDeviceConfig& device, const HandConfig& hand) {
+  return {.mass_kg = device.mass_kg + hand.mass_kg,
+          .hand_stiffness_newton_per_m = hand.stiffness_newton_per_m,
+          .hand_damping_newton_s_per_m = hand.damping_newton_s_per_m,
+          .viscous_newton_s_per_m = device.viscous_newton_s_per_m,
+          .coulomb_newton = device.coulomb_newton,
+          .per_axis = device.per_axis};
+}
+
+}  // namespace palpate::device

@@ -1,0 +1,85 @@
+#include "device_node/simulation/simulated_device.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace palpate::device {
+
+SimulatedDevice::SimulatedDevice(const SimulatedDeviceConfig& device, const HandConfig& hand,
+                                 const Clock& clock, std::uint64_t seed, HandGoals* goals)
+    : config_(device),
+      specification_{.model_name = "simulated",
+                     .workspace_half_extent_m = Vector3(0.08, 0.06, 0.035),
+                     .peak_force_newton = device.peak_force_newton,
+                     .continuous_force_newton = device.peak_force_newton,
+                     .position_resolution_m = device.position_resolution_m,
+                     .button_count = 32,
+                     .is_simulated = true,
+                     .has_motor_watchdog = true},
+      clock_(clock),
+      hand_(hand, device, seed),
+      goals_(goals),
+      plant_(plant_of(device, hand), hand_.start_position_m()),
+      start_(clock.now()),
+      integrated_until_(start_),
+      lease_end_(start_) {}
+
+bool SimulatedDevice::read(DeviceSample& at_now) noexcept {
+  catch_up();
+  at_now = sample();
+  return true;
+}
+
+bool SimulatedDevice::apply(const Vector3& force_on_hand_newton, Duration lease,
+                            DeviceSample& at_switch) noexcept {
+  catch_up();
+  at_switch = sample();
+  force_on_hand_newton_.setZero();
+  if (!force_on_hand_newton.allFinite()) return false;
+  if (lease > Duration::zero()) {
+    force_on_hand_newton_ = limited_to_norm(force_on_hand_newton, config_.peak_force_newton);
+    lease_end_ = integrated_until_ + lease;
+  }
+  return true;
+}
+
+void SimulatedDevice::release() noexcept {
+  catch_up();
+  force_on_hand_newton_.setZero();
+}
+
+void SimulatedDevice::catch_up() noexcept {
+  const TimePoint now = clock_.now();
+  Vector3 goal_m;
+  while (goals_ != nullptr && goals_->pop(goal_m)) hand_.lead_to(goal_m);
+
+  // the motor-side watchdog: the force ends with its lease, whenever this code next runs
+  if (lease_end_ <= now) {
+    integrate_until(lease_end_);
+    force_on_hand_newton_.setZero();
+  }
+  integrate_until(now);
+}
+
+void SimulatedDevice::integrate_until(TimePoint until) noexcept {
+  in_equal_steps(
+      start_, integrated_until_, until, config_.inner_step, [this](double middle_s, double h_s) {
+        const TrueState& now = plant_.state();
+        const Felt felt{force_on_hand_newton_, now.hand_position_m, now.hand_velocity_m_per_s};
+        plant_.step(h_s, hand_.target(middle_s, felt), force_on_hand_newton_);
+      });
+  integrated_until_ = std::max(integrated_until_, until);
+}
+
+DeviceSample SimulatedDevice::sample() const noexcept {
+  DeviceSample sample{.hand_position_m = plant_.state().hand_position_m,
+                      .buttons = hand_.buttons(to_seconds(integrated_until_ - start_)),
+                      .sampled_at = integrated_until_};
+  const double q = config_.position_resolution_m;
+  if (q > 0.0) {
+    for (double& x : sample.hand_position_m) x = q * std::round(x / q);
+  }
+  return sample;
+}
+
+}  // namespace palpate::device

@@ -1,0 +1,67 @@
+// simulated_device.h — a haptic device and the hand that holds it, as one mass with friction
+// (plant.h). Has a motor-side watchdog and knows its true energy.
+#pragma once
+
+#include <cstdint>
+
+#include "common/core/clock.h"
+#include "common/session/simulation_config.h"
+#include "common/core/spsc_ring.h"
+#include "device_node/device.h"
+#include "device_node/simulation/hand.h"
+#include "device_node/simulation/plant.h"
+
+namespace palpate::device {
+
+/// From the thread that hears a pointer to the tick thread.
+using HandGoals = SpscRing<Vector3>;
+
+/// Integrates up to clock.now() whenever it is read, written or released, in equal inner steps of
+/// at most `inner_step`; so it runs on virtual time and in real time, also after the process was
+/// stopped: the force then ended at the exact instant its lease did. Catching up costs less
+/// than 0.1 µs of computing per inner step.
+///
+/// The encoder rounds each axis to the nearest multiple of the resolution. The workspace is told,
+/// not walled in. Motors have no thermal model: the continuous force is the peak force.
+class SimulatedDevice final : public HapticDevice {
+ public:
+  /// The hand rests on its path's start; its time starts now.
+  /// @param goals  optional, must outlive the device: where the hand is led, D; read by the thread
+  ///               that reads the device
+  SimulatedDevice(const SimulatedDeviceConfig& device, const HandConfig& hand, const Clock& clock,
+                  std::uint64_t seed, HandGoals* goals = nullptr);
+
+  [[nodiscard]] const DeviceSpecification& specification() const noexcept override {
+    return specification_;
+  }
+  [[nodiscard]] bool read(DeviceSample& sample) noexcept override;
+  [[nodiscard]] bool apply(const Vector3& force_on_hand_newton, Duration lease,
+                           DeviceSample& at_switch) noexcept override;
+  void release() noexcept override;
+  [[nodiscard]] std::optional<TrueState> true_state() const noexcept override {
+    return plant_.state();
+  }
+
+  /// What the motors do, as of the last reading or switch [N], D.
+  [[nodiscard]] const Vector3& motor_force_on_hand_newton() const noexcept {
+    return force_on_hand_newton_;
+  }
+
+ private:
+  void catch_up() noexcept;
+  void integrate_until(TimePoint until) noexcept;
+  [[nodiscard]] DeviceSample sample() const noexcept;
+
+  SimulatedDeviceConfig config_;
+  DeviceSpecification specification_;
+  const Clock& clock_;
+  Hand hand_;
+  HandGoals* goals_;
+  Plant plant_;
+  TimePoint start_;
+  TimePoint integrated_until_;
+  Vector3 force_on_hand_newton_ = Vector3::Zero();
+  TimePoint lease_end_;
+};
+
+}  // namespace palpate::device

@@ -1,0 +1,191 @@
+#include "physics_node/display/scene_display.h"
+
+#include <algorithm>
+#include <limits>
+#include <variant>
+
+#include "physics_node/display/display_mesh.h"
+#include "physics_node/scene/tissue_motion.h"
+
+namespace palpate::physics {
+namespace {
+
+constexpr Duration kFrameInterval = std::chrono::nanoseconds(1'000'000'000 / 30);
+constexpr std::size_t kVerticesPerFrame = 100'000;  // 1.2 MB: a larger range goes in several
+constexpr double kSceneVertices = 3e5;    // 11 MB with their triangles, of the 16 MiB of a message
+constexpr std::size_t kMovedAtOnce = 12;  // with some dents, what the link surely takes in one go
+constexpr double kPatchHalfExtent_m = 0.1;  // of the hand's motion, about an Omni's
+
+double relaxation_s(const KelvinVoigtMaterial& material) {
+  const double k = material.stiffness_newton_per_m;
+  const double b = material.damping_newton_s_per_m;
+  if (b == 0.0) return 0.0;
+  return k > 0.0 ? b / k : std::numeric_limits<double>::infinity();
+}
+
+/// Of the whole tissue, when the tool was there.
+Vector3 displacement_m(const TissueConfig& tissue, const PhysicsTick& tick) {
+  return displacement(tissue.motion, to_seconds(tick.stepped_at.time_since_epoch())).position_m;
+}
+
+/// About where the tools can be; of many tissues each is drawn less finely.
+DisplayArea area_of(const Session& session) {
+  const std::span<const Session> sides = sides_of(session);
+  DisplayArea area{.center_m = Vector3::Zero(), .half_extent_m = 0.0};
+  area.vertices = std::min(area.vertices,
+                           kSceneVertices / static_cast<double>(session.scene.tissues.size() + 1));
+  for (const Session& side : sides) {
+    area.center_m += side.device.workspace.offset_m / static_cast<double>(sides.size());
+  }
+  for (const Session& side : sides) {
+    const WorkspaceConfig& workspace = side.device.workspace;
+    area.half_extent_m = std::max(area.half_extent_m,
+                                  kPatchHalfExtent_m * workspace.scale_ratio +
+                                      (workspace.offset_m - area.center_m).cwiseAbs().maxCoeff());
+  }
+  return area;
+}
+
+}  // namespace
+
+SceneDisplay::SceneDisplay(const Session& session, std::uint64_t session_id,
+                           Sender<SceneState>& scene_out, Sender<MeshFrame>& mesh_out)
+    : session_(session), scene_out_(scene_out), mesh_out_(mesh_out) {
+  scene_.header.session_id = session_id;
+  frame_.header.session_id = session_id;
+  for (const TissueConfig& tissue : session.scene.tissues) {
+    shapes_.push_back(to_shape(tissue.geometry));
+  }
+}
+
+void SceneDisplay::build() {
+  if (scene_.revision > 0) return;
+  const WorkspaceConfig& workspace = session_.device.workspace;
+  scene_.revision = 1;
+  scene_.session_name = session_.name;
+  scene_.session_text = session_.text;
+  scene_.controller = controller_text(session_.mofc);
+  scene_.device_rate_hz = session_.device.rate_hz;
+  scene_.physics_rate_hz = session_.physics.rate_hz;
+  scene_.peak_force_newton = session_.device.peak_force_newton;
+  scene_.tip_radius_m = session_.scene.tip_radius_m;
+  scene_.shaft_length_m = session_.scene.shaft_length_m;
+  scene_.shaft_radius_m = session_.scene.shaft_radius_m;
+  scene_.workspace_scale_ratio = workspace.scale_ratio;
+  scene_.pointer = session_.hand.pointer;
+
+  const DisplayArea area = area_of(session_);
+  for (std::size_t i = 0; i < shapes_.size(); ++i) {
+    const TissueConfig& tissue = session_.scene.tissues[i];
+    const Shape& shape = shapes_[i];
+    const auto view_of = [&shape](const Vector3& point_m) {
+      return std::visit([&](const auto& given) { return view(given, point_m); }, shape);
+    };
+    TissueSurface& surface = scene_.tissues.emplace_back();
+    surface.name = tissue.name;
+    surface.shape = shape_of(tissue.geometry);
+    surface.mesh = std::visit([&](const auto& given) { return display_mesh(given, area); }, shape);
+    std::optional<DentedSurface>& dent = dents_.emplace_back();
+    const auto* material = std::get_if<KelvinVoigtMaterial>(&tissue.material);
+    if (material == nullptr) continue;
+    surface.stiffness_newton_per_m = material->stiffness_newton_per_m;
+    surface.damping_newton_s_per_m = material->damping_newton_s_per_m;
+    if (surface.stiffness_newton_per_m + surface.damping_newton_s_per_m == 0.0) continue;
+    const auto* file = std::get_if<FileGeometry>(&tissue.geometry);
+    if (file != nullptr && !file->stiffness_property.empty()) {
+      for (std::size_t v = 0; v < surface.mesh.vertices_m.size(); v += 3) {
+        const float* at = &surface.mesh.vertices_m[v];
+        surface.vertex_stiffness_newton_per_m.push_back(
+            static_cast<float>(material->stiffness_newton_per_m *
+                               view_of(Vector3(at[0], at[1], at[2])).stiffness_ratio));
+      }
+    }
+    dent.emplace(surface.mesh, view_of, session_.scene.tip_radius_m, relaxation_s(*material));
+  }
+  frame_.scene_revision = scene_.revision;
+}
+
+void SceneDisplay::publish(const Watchers& watchers, std::span<const PhysicsTick> newest,
+                           TimePoint now) {
+  if (watchers.scene_subscriptions > served_.scene_subscriptions) {
+    build();
+    scene_.header.sampled_at = now;
+    is_too_large_ = scene_out_.send(scene_) == SendResult::kDropped;
+    ++scene_.header.sequence;
+  }
+  served_.scene_subscriptions = watchers.scene_subscriptions;
+
+  if (!watchers.has_mesh_watcher) {
+    forget();
+    served_.mesh_subscriptions = watchers.mesh_subscriptions;
+  }
+  const bool is_new_watcher = watchers.mesh_subscriptions > served_.mesh_subscriptions;
+  if (newest.empty() || (now < next_frames_at_ && !is_new_watcher)) return;
+  next_frames_at_ = std::max(next_frames_at_ + kFrameInterval, now);
+  if (!watchers.has_mesh_watcher) {
+    ++frames_skipped_;
+    return;
+  }
+  served_.mesh_subscriptions = watchers.mesh_subscriptions;
+
+  build();
+  const double elapsed_s = advanced_at_ ? to_seconds(now - *advanced_at_) : 0.0;
+  advanced_at_ = now;
+  std::size_t moved = 0;  // and not dented
+  const std::size_t first = first_told_;
+  for (std::size_t k = 0; k < dents_.size(); ++k) {
+    const std::size_t i = (first + k) % dents_.size();
+    const TissueConfig& tissue = session_.scene.tissues[i];
+    // the tool as the tissue has it, which may itself move
+    const auto tip_m = [&tissue](const PhysicsTick& tick) {
+      return Vector3(tick.tool_position_world_m - displacement_m(tissue, tick));
+    };
+    std::optional<VertexRange> range;
+    if (dents_[i]) {
+      DentedSurface& dent = *dents_[i];
+      dent.advance(tip_m(newest.front()), elapsed_s);
+      for (const PhysicsTick& other : newest.subspan(1)) dent.press(tip_m(other));
+      range = is_new_watcher ? dent.take_dented() : dent.take_moved();
+    }
+    if (range) {
+      send(i, *range, newest.front(), now);
+    } else if (is_moving(tissue.motion) && moved < kMovedAtOnce) {
+      send(i, {}, newest.front(), now);
+      if (++moved == kMovedAtOnce) first_told_ = i + 1;
+    }
+  }
+}
+
+/// What those who looked on have seen: nobody does any more.
+void SceneDisplay::forget() {
+  if (!advanced_at_) return;
+  advanced_at_.reset();
+  for (auto& dent : dents_) {
+    if (dent) dent->reset();
+  }
+}
+
+void SceneDisplay::send(std::size_t tissue, const VertexRange& range, const PhysicsTick& tick,
+                        TimePoint now) {
+  frame_.tissue = static_cast<std::uint32_t>(tissue);
+  frame_.device_sequence = tick.device_sequence;
+  frame_.displacement_world_m = displacement_m(session_.scene.tissues[tissue], tick);
+  frame_.header.sampled_at = now;
+  std::size_t left = range.count;
+  do {
+    const VertexRange part{range.first + range.count - left, std::min(kVerticesPerFrame, left)};
+    frame_.first_vertex = static_cast<std::uint32_t>(part.first);
+    frame_.vertices_m = part.count > 0 ? dents_[tissue]->vertices_m(part) : std::vector<float>{};
+    mesh_out_.send(frame_);
+    ++frame_.header.sequence;
+    ++frames_made_;
+    left -= part.count;
+  } while (left > 0);
+}
+
+void SceneDisplay::count_into(PhysicsCounters& counters) const {
+  counters.mesh_frames = frames_made_;
+  counters.meshes_skipped = frames_skipped_;
+}
+
+}  // namespace palpate::physics

@@ -1,0 +1,467 @@
+#include "physics_node/files/tetrahedral_mesh.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <limits>
+#include <string>
+#include <unordered_map>
+
+#include "physics_node/files/file_text.h"
+
+namespace palpate::physics {
+namespace {
+
+constexpr std::int64_t kMaxCount = 1'000'000'000;
+constexpr std::int64_t kMaxTag = std::numeric_limits<std::int64_t>::max() - 1;
+// Volume over the cube of the longest edge, times 6: 0.7 for a regular tetrahedron.
+constexpr double kFlattestElement = 1e-9;
+
+double six_volumes(const TetrahedralMesh& mesh, const std::array<std::uint32_t, 4>& corner) {
+  const Vector3& origin = mesh.nodes_m[corner[0]];
+  return (mesh.nodes_m[corner[1]] - origin)
+      .cross(mesh.nodes_m[corner[2]] - origin)
+      .dot(mesh.nodes_m[corner[3]] - origin);
+}
+
+/// The mesh as it is read: nodes by the number the file gives them.
+class Builder {
+ public:
+  explicit Builder(FileText& text) : text_(text) {}
+
+  void add_node(std::int64_t tag, const Vector3& place) {
+    if (!index_of_.emplace(tag, static_cast<std::uint32_t>(mesh_.nodes_m.size())).second) {
+      text_.fail("node " + std::to_string(tag) + ": is given twice");
+    }
+    mesh_.nodes_m.push_back(place);
+  }
+  void add_tetrahedron(std::int64_t tag, const std::array<std::int64_t, 4>& nodes) {
+    std::array<std::uint32_t, 4> corners{};
+    for (std::size_t i = 0; i < 4; ++i) {
+      const auto node = index_of_.find(nodes[i]);
+      if (node == index_of_.end()) {
+        text_.fail("element " + std::to_string(tag) + ": node " + std::to_string(nodes[i]) +
+                   ": there is no such node");
+      }
+      corners[i] = node->second;
+    }
+    mesh_.tetrahedra.push_back(corners);
+    sources_.push_back({tag, text_.line()});
+  }
+
+  /// The mesh checked whole, without the nodes that no tetrahedron uses.
+  TetrahedralMesh take() {
+    if (mesh_.tetrahedra.empty()) text_.fail("has no tetrahedra; save the volume, not its surface");
+    const auto name = [&](std::size_t i) { return "element " + std::to_string(sources_[i].tag); };
+
+    std::size_t inverted = 0;
+    std::size_t first_inverted = 0;
+    for (std::size_t i = 0; i < mesh_.tetrahedra.size(); ++i) {
+      const auto& corners = mesh_.tetrahedra[i];
+      double longest2 = 0.0;
+      for (std::size_t a = 0; a < 4; ++a) {
+        for (std::size_t b = 0; b < a; ++b) {
+          longest2 = std::max(
+              longest2, (mesh_.nodes_m[corners[a]] - mesh_.nodes_m[corners[b]]).squaredNorm());
+        }
+      }
+      const double volume = six_volumes(mesh_, corners);
+      if (!(std::abs(volume) > kFlattestElement * longest2 * std::sqrt(longest2))) {
+        text_.fail_at_line(sources_[i].line, name(i) + ": has no volume; repair the mesh");
+      }
+      if (volume < 0.0 && inverted++ == 0) first_inverted = i;
+    }
+    if (inverted == mesh_.tetrahedra.size()) {
+      for (auto& corners : mesh_.tetrahedra) std::swap(corners[0], corners[1]);
+    } else if (inverted > 0) {
+      text_.fail_at_line(
+          sources_[first_inverted].line,
+          name(first_inverted) + ": is inverted, as are " + std::to_string(inverted) + " of " +
+              std::to_string(mesh_.tetrahedra.size()) + "; order the nodes of all elements alike");
+    }
+    drop_unused_nodes();
+    return std::move(mesh_);
+  }
+
+ private:
+  void drop_unused_nodes() {
+    constexpr std::uint32_t kUnused = 0xffffffff;
+    std::vector<std::uint32_t> place(mesh_.nodes_m.size(), kUnused);
+    std::vector<Vector3> used;
+    for (auto& corners : mesh_.tetrahedra) {
+      for (const std::uint32_t corner : corners) place[corner] = 0;
+    }
+    for (std::size_t i = 0; i < place.size(); ++i) {
+      if (place[i] == kUnused) continue;
+      place[i] = static_cast<std::uint32_t>(used.size());
+      used.push_back(mesh_.nodes_m[i]);
+    }
+    for (auto& corners : mesh_.tetrahedra) {
+      for (std::uint32_t& corner : corners) corner = place[corner];
+    }
+    mesh_.nodes_m = std::move(used);
+  }
+
+  struct Source {
+    std::int64_t tag = 0;
+    int line = 0;
+  };
+  FileText& text_;
+  TetrahedralMesh mesh_;
+  std::unordered_map<std::int64_t, std::uint32_t> index_of_;
+  std::vector<Source> sources_;
+};
+
+// --- Gmsh ---------------------------------------------------------------------------------------
+
+Vector3 read_place(FileText& text) {
+  const double x = text.number("x");
+  const double y = text.number("y");
+  const double z = text.number("z");
+  return {x, y, z};
+}
+
+std::int64_t read_count(FileText& text, const char* what) {
+  const std::int64_t count = text.integer(what, 0, kMaxCount);
+  if (count > static_cast<std::int64_t>(text.left())) {
+    text.fail(std::string(what) + ": the file is too short for " + std::to_string(count));
+  }
+  return count;
+}
+
+/// The nodes of one element, whose type has been read.
+void read_element(FileText& text, Builder& builder, std::int64_t tag, std::int64_t type) {
+  // Gmsh's numbers: volume elements other than tetrahedra of first and second order
+  constexpr std::array<std::int64_t, 11> kOtherVolumes{5, 6, 7, 12, 13, 14, 17, 18, 19, 29, 30};
+  if (std::find(kOtherVolumes.begin(), kOtherVolumes.end(), type) != kOtherVolumes.end()) {
+    text.fail("element " + std::to_string(tag) + " of type " + std::to_string(type) +
+              ": volumes must be tetrahedra; mesh it with tetrahedra");
+  }
+  if (type == 4 || type == 11) {
+    std::array<std::int64_t, 4> nodes{};
+    for (std::int64_t& node : nodes) node = text.integer("node", 0, kMaxTag);
+    builder.add_tetrahedron(tag, nodes);
+  }
+  text.rest_of_line();
+}
+
+void read_nodes(FileText& text, Builder& builder) {  // versions 1 and 2
+  const std::int64_t count = read_count(text, "number of nodes");
+  for (std::int64_t i = 0; i < count; ++i) {
+    const std::int64_t tag = text.integer("node", 0, kMaxTag);
+    builder.add_node(tag, read_place(text));
+  }
+}
+
+void read_elements_1(FileText& text, Builder& builder) {
+  const std::int64_t count = read_count(text, "number of elements");
+  for (std::int64_t i = 0; i < count; ++i) {
+    const std::int64_t tag = text.integer("element", 0, kMaxTag);
+    const std::int64_t type = text.integer("element type", 1, 1000);
+    text.integer("region", -kMaxTag, kMaxTag);
+    text.integer("region", -kMaxTag, kMaxTag);
+    text.integer("number of nodes", 1, 1000);
+    read_element(text, builder, tag, type);
+  }
+}
+
+void read_elements_2(FileText& text, Builder& builder) {
+  const std::int64_t count = read_count(text, "number of elements");
+  for (std::int64_t i = 0; i < count; ++i) {
+    const std::int64_t tag = text.integer("element", 0, kMaxTag);
+    const std::int64_t type = text.integer("element type", 1, 1000);
+    const std::int64_t tags = text.integer("number of tags", 0, 1000);
+    for (std::int64_t t = 0; t < tags; ++t) text.integer("tag", -kMaxTag, kMaxTag);
+    read_element(text, builder, tag, type);
+  }
+}
+
+void read_nodes_4(FileText& text, Builder& builder) {
+  const std::int64_t blocks = read_count(text, "number of blocks");
+  text.rest_of_line();
+  for (std::int64_t block = 0; block < blocks; ++block) {
+    const std::int64_t dimension = text.integer("dimension", 0, 3);
+    text.integer("entity", -kMaxTag, kMaxTag);
+    const std::int64_t parametric = text.integer("parametric", 0, 1);
+    const std::int64_t count = read_count(text, "number of nodes");
+    std::vector<std::int64_t> tags(static_cast<std::size_t>(count));
+    for (std::int64_t& tag : tags) tag = text.integer("node", 0, kMaxTag);
+    for (const std::int64_t tag : tags) {
+      builder.add_node(tag, read_place(text));
+      for (std::int64_t i = 0; i < parametric * dimension; ++i) text.number("parameter");
+    }
+  }
+}
+
+void read_elements_4(FileText& text, Builder& builder) {
+  const std::int64_t blocks = read_count(text, "number of blocks");
+  text.rest_of_line();
+  for (std::int64_t block = 0; block < blocks; ++block) {
+    text.integer("dimension", 0, 3);
+    text.integer("entity", -kMaxTag, kMaxTag);
+    const std::int64_t type = text.integer("element type", 1, 1000);
+    const std::int64_t count = read_count(text, "number of elements");
+    for (std::int64_t i = 0; i < count; ++i) {
+      const std::int64_t tag = text.integer("element", 0, kMaxTag);
+      read_element(text, builder, tag, type);
+    }
+  }
+}
+
+}  // namespace
+
+TetrahedralMesh parse_msh(std::string_view bytes, const std::string& file_name) {
+  FileText text(bytes, file_name);
+  Builder builder(text);
+  int version = 1;  // which has no $MeshFormat
+  bool has_nodes = false;
+  bool has_elements = false;
+  for (std::string_view section = text.word(); !section.empty(); section = text.word()) {
+    if (!section.starts_with('$')) {
+      text.fail("'" + shown_word(section) + "': must be the begin of a section, such as $Nodes");
+    }
+    std::string end = "$End" + std::string(section.substr(1));
+    if (section == "$MeshFormat") {
+      const double number = text.number("version");
+      if (number != 2.2 && number != 2.0 && number != 2.1 && number != 4.1) {
+        text.fail("version of the mesh: must be 1, 2.2 or 4.1; save it as 4.1");
+      }
+      version = static_cast<int>(number);
+      if (text.integer("file type", 0, 1) == 1) {
+        text.fail("is binary: must be ASCII; save it with Mesh.Binary = 0");
+      }
+      text.rest_of_line();
+    } else if (section == "$NOD" || section == "$Nodes") {
+      if (section == "$NOD") end = "$ENDNOD";
+      has_nodes = true;
+      version == 4 ? read_nodes_4(text, builder) : read_nodes(text, builder);
+    } else if (section == "$ELM" || section == "$Elements") {
+      if (section == "$ELM") end = "$ENDELM";
+      if (!has_nodes) text.fail("elements must follow the nodes");
+      has_elements = true;
+      if (version == 4) {
+        read_elements_4(text, builder);
+      } else if (version == 2) {
+        read_elements_2(text, builder);
+      } else {
+        read_elements_1(text, builder);
+      }
+    } else {
+      // not needed: on to its end
+      while (true) {
+        if (text.is_at_end()) text.fail(shown_word(section) + ": has no end; is the file whole?");
+        std::string_view line = text.rest_of_line();
+        if (line == end) break;
+      }
+      continue;
+    }
+    const std::string_view word = text.word();
+    if (word != end) {
+      text.fail("'" + shown_word(word) + "': must be " + end + "; does the count fit?");
+    }
+  }
+  if (!has_nodes || !has_elements) text.fail("must have nodes and elements; is it a .msh file?");
+  return builder.take();
+}
+
+// --- VTK ----------------------------------------------------------------------------------------
+
+namespace {
+
+/// Values of a legacy VTK file: text, or big-endian binary.
+class VtkValues {
+ public:
+  VtkValues(FileText& text, bool is_ascii) : text_(text), is_ascii_(is_ascii) {}
+
+  double real(std::string_view type, const char* what) {
+    if (is_ascii_) return text_.number(what);
+    const double value = type == "float"
+                             ? static_cast<double>(text_.binary<float>(what, std::endian::big))
+                             : text_.binary<double>(what, std::endian::big);
+    if (!std::isfinite(value)) text_.fail_at_byte(std::string(what) + ": must be finite");
+    return value;
+  }
+  std::int64_t integer(bool is_long, const char* what) {
+    if (is_ascii_) return text_.integer(what, 0, kMaxTag);
+    return is_long ? text_.binary<std::int64_t>(what, std::endian::big)
+                   : std::int64_t{text_.binary<std::int32_t>(what, std::endian::big)};
+  }
+
+ private:
+  FileText& text_;
+  bool is_ascii_;
+};
+
+/// The cells one after the other: number of nodes, nodes.
+std::vector<std::int64_t> read_cells(FileText& text, VtkValues& values, std::int64_t& count) {
+  count = read_count(text, "number of cells");
+  const std::int64_t size = read_count(text, "size of cells");
+  text.rest_of_line();
+  std::vector<std::int64_t> cells;
+
+  // version 5: offsets, then nodes
+  FileText ahead = text;
+  if (ahead.word() == "OFFSETS") {
+    const auto read_array = [&](const char* name, std::int64_t length) {
+      if (text.word() != name) text.fail(std::string("must be ") + name);
+      const std::string_view type = text.word_of_line();
+      const bool is_long = type == "vtktypeint64";
+      if (!is_long && type != "vtktypeint32") {
+        text.fail("type '" + shown_word(type) + "': must be vtktypeint64 or vtktypeint32");
+      }
+      text.rest_of_line();
+      std::vector<std::int64_t> array(static_cast<std::size_t>(length));
+      for (std::int64_t& value : array) value = values.integer(is_long, name);
+      return array;
+    };
+    const std::vector<std::int64_t> offsets = read_array("OFFSETS", count);
+    const std::vector<std::int64_t> nodes = read_array("CONNECTIVITY", size);
+    count = std::max<std::int64_t>(count - 1, 0);
+    for (std::size_t i = 0; i + 1 < offsets.size(); ++i) {
+      if (offsets[i] < 0 || offsets[i + 1] < offsets[i] || offsets[i + 1] > size) {
+        text.fail("OFFSETS: must grow from 0 to the size");
+      }
+      cells.push_back(offsets[i + 1] - offsets[i]);
+      cells.insert(cells.end(), nodes.begin() + offsets[i], nodes.begin() + offsets[i + 1]);
+    }
+    return cells;
+  }
+  cells.resize(static_cast<std::size_t>(size));
+  for (std::int64_t& value : cells) value = values.integer(false, "cell");
+  return cells;
+}
+
+}  // namespace
+
+TetrahedralMesh parse_vtk(std::string_view bytes, const std::string& file_name) {
+  FileText text(bytes, file_name);
+  if (!text.rest_of_line().starts_with("# vtk DataFile Version")) {
+    text.fail_at_line(1, "must begin with '# vtk DataFile Version'; save it as legacy VTK");
+  }
+  text.rest_of_line();  // title
+  const std::string_view form = text.word();
+  if (form != "ASCII" && form != "BINARY") {
+    text.fail("'" + shown_word(form) + "': must be ASCII or BINARY");
+  }
+  VtkValues values(text, form == "ASCII");
+  Builder builder(text);
+  std::int64_t count = -1;
+  std::vector<std::int64_t> cells;
+  bool has_points = false;
+  while (true) {
+    const std::string_view keyword = text.word();
+    if (keyword.empty()) text.fail("must have POINTS, CELLS and CELL_TYPES; is the file whole?");
+    if (keyword == "DATASET") {
+      const std::string_view kind = text.word();
+      if (kind != "UNSTRUCTURED_GRID") {
+        text.fail("DATASET " + shown_word(kind) + ": must be UNSTRUCTURED_GRID");
+      }
+    } else if (keyword == "POINTS") {
+      if (has_points) text.fail("POINTS: are given twice");
+      has_points = true;
+      const std::int64_t points = read_count(text, "number of points");
+      const std::string_view type = text.word_of_line();
+      if (type != "float" && type != "double") {
+        text.fail("type '" + shown_word(type) + "': points must be float or double");
+      }
+      text.rest_of_line();
+      for (std::int64_t i = 0; i < points; ++i) {
+        const double x = values.real(type, "x");
+        const double y = values.real(type, "y");
+        const double z = values.real(type, "z");
+        builder.add_node(i, {x, y, z});
+      }
+    } else if (keyword == "CELLS") {
+      cells = read_cells(text, values, count);
+    } else if (keyword == "CELL_TYPES") {
+      const std::int64_t types = text.integer("number of cell types", 0, kMaxCount);
+      if (types != count) text.fail("CELL_TYPES: must be as many as CELLS, after them");
+      text.rest_of_line();
+      break;
+    } else {
+      text.rest_of_line();  // METADATA and the like
+    }
+  }
+
+  // VTK's numbers: 10 and 24 are tetrahedra of first and second order, from 11 on volumes
+  std::size_t at = 0;
+  for (std::int64_t cell = 0; cell < count; ++cell) {
+    const std::int64_t type = values.integer(false, "cell type");
+    const std::string name = "cell " + std::to_string(cell);
+    if (at >= cells.size()) text.fail(name + ": CELLS has too few numbers");
+    const std::int64_t nodes = cells[at];
+    if (nodes < 0 || nodes > static_cast<std::int64_t>(cells.size() - at - 1)) {
+      text.fail(name + ": has " + std::to_string(nodes) + " nodes, more than CELLS holds");
+    }
+    if (type == 10 || type == 24) {
+      if (nodes < 4) text.fail(name + ": a tetrahedron must have 4 nodes");
+      builder.add_tetrahedron(cell, {cells[at + 1], cells[at + 2], cells[at + 3], cells[at + 4]});
+    } else if ((type >= 11 && type <= 16) || (type >= 25 && type <= 33)) {
+      text.fail(name + " of type " + std::to_string(type) +
+                ": volumes must be tetrahedra; mesh it with tetrahedra");
+    }
+    at += static_cast<std::size_t>(nodes) + 1;
+  }
+  return builder.take();
+}
+
+// --- out ----------------------------------------------------------------------------------------
+
+std::string msh_text(const TetrahedralMesh& mesh) {
+  std::string text =
+      "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n" + std::to_string(mesh.nodes_m.size()) + "\n";
+  std::array<char, 128> line{};
+  for (std::size_t i = 0; i < mesh.nodes_m.size(); ++i) {
+    const Vector3& node = mesh.nodes_m[i];
+    std::snprintf(line.data(), line.size(), "%zu %.7g %.7g %.7g\n", i + 1, node.x(), node.y(),
+                  node.z());
+    text += line.data();
+  }
+  text += "$EndNodes\n$Elements\n" + std::to_string(mesh.tetrahedra.size()) + "\n";
+  for (std::size_t i = 0; i < mesh.tetrahedra.size(); ++i) {
+    text += std::to_string(i + 1) + " 4 2 1 1";
+    for (const std::uint32_t corner : mesh.tetrahedra[i]) text += " " + std::to_string(corner + 1);
+    text += "\n";
+  }
+  return text + "$EndElements\n";
+}
+
+TriangleMesh surface_of(const TetrahedralMesh& mesh) {
+  struct Face {
+    std::array<std::uint32_t, 3> sorted;
+    std::array<std::uint32_t, 3> corners;  // counter-clockwise from outside the element
+  };
+  std::vector<Face> faces;
+  faces.reserve(4 * mesh.tetrahedra.size());
+  for (const auto& [a, b, c, d] : mesh.tetrahedra) {
+    for (const std::array<std::uint32_t, 3>& corners :
+         {std::array{a, c, b}, std::array{a, b, d}, std::array{b, c, d}, std::array{a, d, c}}) {
+      Face face{corners, corners};
+      std::sort(face.sorted.begin(), face.sorted.end());
+      faces.push_back(face);
+    }
+  }
+  std::sort(faces.begin(), faces.end(), [](const Face& a, const Face& b) {
+    return a.sorted != b.sorted ? a.sorted < b.sorted : a.corners < b.corners;
+  });
+
+  TriangleMesh surface;
+  constexpr std::uint32_t kUnused = 0xffffffff;
+  std::vector<std::uint32_t> place(mesh.nodes_m.size(), kUnused);
+  for (std::size_t begin = 0, end = 0; begin < faces.size(); begin = end) {
+    while (end < faces.size() && faces[end].sorted == faces[begin].sorted) ++end;
+    if (end - begin != 1) continue;
+    std::array<std::uint32_t, 3> triangle = faces[begin].corners;
+    for (std::uint32_t& corner : triangle) {
+      if (place[corner] == kUnused) {
+        place[corner] = static_cast<std::uint32_t>(surface.vertices_m.size());
+        surface.vertices_m.push_back(mesh.nodes_m[corner]);
+      }
+      corner = place[corner];
+    }
+    surface.triangles.push_back(triangle);
+  }
+  return surface;
+}
+
+}  // namespace palpate::physics

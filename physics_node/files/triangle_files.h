@@ -1,0 +1,21 @@
+// triangle_files.h — triangle meshes from OBJ and STL files, lengths in the unit of the file.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "physics_node/surfaces/triangle_surface.h"
+
+namespace palpate::physics {
+
+/// Lines `v` and `f` of Wavefront OBJ; polygons are cut into triangles from their first corner.
+/// Other lines (texture, normals, groups, materials) are passed over.
+/// @throws SetupError  as "file:line: what: rule", also for everything complaint_about() tells
+[[nodiscard]] TriangleMesh parse_obj(std::string_view bytes, const std::string& file_name);
+
+/// ASCII or binary STL; corners at the very same place become one. The normals written are not
+/// used: the order of the corners tells the outside.
+/// @throws SetupError  as parse_obj
+[[nodiscard]] TriangleMesh parse_stl(std::string_view bytes, const std::string& file_name);
+
+}  // namespace palpate::physics

@@ -1,0 +1,370 @@
+#include "physics_node/surfaces/triangle_surface.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <utility>
+
+#include "common/core/check.h"
+
+namespace palpate::physics {
+namespace {
+
+constexpr std::size_t kLeafTriangles = 4;
+// Below this length a direction is rounding, not geometry [m].
+constexpr double kShortestDirection = 1e-12;
+// How far what is described may be from the facets, and the least angle that counts.
+constexpr double kTrustedError = 1e-4;
+constexpr double kLeastSine = 1e-9;
+// A triangle flatter than this is none: height over longest edge.
+constexpr double kThinnestTriangle = 1e-7;
+
+using Edge = std::pair<std::uint32_t, std::uint32_t>;
+
+/// An edge as the triangle runs through it, and the triangle.
+struct DirectedEdge {
+  Edge sorted;
+  bool is_upwards = false;  // from the lower vertex to the higher one
+  std::uint32_t triangle = 0;
+  std::uint8_t side = 0;
+};
+
+std::vector<DirectedEdge> sorted_edges(const TriangleMesh& mesh) {
+  std::vector<DirectedEdge> edges;
+  edges.reserve(3 * mesh.triangles.size());
+  for (std::uint32_t t = 0; t < mesh.triangles.size(); ++t) {
+    for (std::uint8_t side = 0; side < 3; ++side) {
+      const std::uint32_t a = mesh.triangles[t][side];
+      const std::uint32_t b = mesh.triangles[t][(side + 1U) % 3U];
+      edges.push_back({{std::min(a, b), std::max(a, b)}, a < b, t, side});
+    }
+  }
+  std::sort(edges.begin(), edges.end(), [](const DirectedEdge& a, const DirectedEdge& b) {
+    return a.sorted != b.sorted ? a.sorted < b.sorted : a.triangle < b.triangle;
+  });
+  return edges;
+}
+
+/// Calls visit(first, count) for each run of equal edges.
+template <class Visit>
+void visit_edges(const std::vector<DirectedEdge>& edges, const Visit& visit) {
+  for (std::size_t begin = 0, end = 0; begin < edges.size(); begin = end) {
+    while (end < edges.size() && edges[end].sorted == edges[begin].sorted) ++end;
+    visit(begin, end - begin);
+  }
+}
+
+}  // namespace
+
+double enclosed_volume_m3(const TriangleMesh& mesh) {
+  double six_volumes = 0.0;
+  const Vector3 from = mesh.vertices_m.empty() ? Vector3::Zero() : mesh.vertices_m[0];
+  for (const auto& [a, b, c] : mesh.triangles) {
+    six_volumes += (mesh.vertices_m[a] - from)
+                       .dot((mesh.vertices_m[b] - from).cross(mesh.vertices_m[c] - from));
+  }
+  return six_volumes / 6.0;
+}
+
+std::string complaint_about(const TriangleMesh& mesh) {
+  if (mesh.triangles.empty()) return "has no triangles";
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
+    const auto& [a, b, c] = mesh.triangles[t];
+    const Vector3 ab = mesh.vertices_m[b] - mesh.vertices_m[a];
+    const Vector3 ac = mesh.vertices_m[c] - mesh.vertices_m[a];
+    const double longest2 = std::max({ab.squaredNorm(), ac.squaredNorm(), (ac - ab).squaredNorm()});
+    if (!(ab.cross(ac).norm() > kThinnestTriangle * longest2)) {
+      return "triangle " + std::to_string(t + 1) +
+             ": its corners lie on a line; take it out or repair the mesh";
+    }
+  }
+
+  std::string complaint;
+  bool is_closed = true;
+  const std::vector<DirectedEdge> edges = sorted_edges(mesh);
+  visit_edges(edges, [&](std::size_t first, std::size_t count) {
+    is_closed = is_closed && count == 2;
+    if (!complaint.empty() || count == 1) return;
+    const std::string triangles = "triangles " + std::to_string(edges[first].triangle + 1) +
+                                  " and " + std::to_string(edges[first + 1].triangle + 1);
+    if (count > 2) {
+      complaint = triangles + " and more share one edge; there is no inside there, repair the mesh";
+    } else if (edges[first].is_upwards == edges[first + 1].is_upwards) {
+      complaint =
+          triangles + " face opposite sides; make all triangles counter-clockwise from outside";
+    }
+  });
+  if (complaint.empty() && is_closed && enclosed_volume_m3(mesh) <= 0.0) {
+    complaint = "its triangles face inwards; make them counter-clockwise, seen from outside";
+  }
+  return complaint;
+}
+
+TriangleSurface::TriangleSurface(TriangleMesh mesh) : mesh_(std::move(mesh)) {
+  PALPATE_REQUIRE(!mesh_.triangles.empty());
+
+  // neighbours in space become neighbours in memory
+  std::vector<std::uint32_t> order(mesh_.triangles.size());
+  std::iota(order.begin(), order.end(), 0U);
+  nodes_.reserve(order.size());
+  build(order, 0, order.size());
+  {
+    std::vector<std::array<std::uint32_t, 3>> triangles;
+    triangles.reserve(order.size());
+    for (const std::uint32_t t : order) triangles.push_back(mesh_.triangles[t]);
+    mesh_.triangles = std::move(triangles);
+  }
+
+  // normals of faces; of corners, weighted by the face's angle there; of edges
+  vertex_normals_.assign(mesh_.vertices_m.size(), Vector3::Zero());
+  for (const auto& triangle : mesh_.triangles) {
+    const auto corner = [&](std::size_t i) { return mesh_.vertices_m[triangle[i % 3]]; };
+    const Vector3 normal = (corner(1) - corner(0)).cross(corner(2) - corner(0)).normalized();
+    face_normals_.push_back(normal);
+    for (std::size_t i = 0; i < 3; ++i) {
+      const Vector3 to_next = (corner(i + 1) - corner(i)).normalized();
+      const Vector3 to_last = (corner(i + 2) - corner(i)).normalized();
+      vertex_normals_[triangle[i]] +=
+          std::acos(std::clamp(to_next.dot(to_last), -1.0, 1.0)) * normal;
+    }
+  }
+  edge_normals_.resize(mesh_.triangles.size());
+  is_closed_ = true;
+  const std::vector<DirectedEdge> edges = sorted_edges(mesh_);
+  visit_edges(edges, [&](std::size_t first, std::size_t count) {
+    is_closed_ = is_closed_ && count == 2;
+    Vector3 sum = Vector3::Zero();
+    for (std::size_t i = first; i < first + count; ++i) sum += face_normals_[edges[i].triangle];
+    for (std::size_t i = first; i < first + count; ++i) {
+      edge_normals_[edges[i].triangle][edges[i].side] = sum;
+    }
+  });
+}
+
+void TriangleSurface::build(std::vector<std::uint32_t>& order, std::size_t first,
+                            std::size_t last) {
+  Node node;
+  node.lowest_m.setConstant(std::numeric_limits<double>::max());
+  node.highest_m = -node.lowest_m;
+  for (std::size_t i = first; i < last; ++i) {
+    for (const std::uint32_t vertex : mesh_.triangles[order[i]]) {
+      node.lowest_m = node.lowest_m.cwiseMin(mesh_.vertices_m[vertex]);
+      node.highest_m = node.highest_m.cwiseMax(mesh_.vertices_m[vertex]);
+    }
+  }
+  const std::size_t here = nodes_.size();
+  if (last - first <= kLeafTriangles) {
+    node.first = static_cast<std::uint32_t>(first);
+    node.count = static_cast<std::uint32_t>(last - first);
+    nodes_.push_back(node);
+    return;
+  }
+  nodes_.push_back(node);
+
+  // two halves along the longest axis
+  int axis = 0;
+  (node.highest_m - node.lowest_m).maxCoeff(&axis);
+  const std::size_t middle = first + (last - first) / 2;
+  const auto at = [&](std::size_t i) { return order.begin() + static_cast<std::ptrdiff_t>(i); };
+  const auto center = [&](std::uint32_t t) {
+    double sum = 0.0;
+    for (const std::uint32_t vertex : mesh_.triangles[t]) sum += mesh_.vertices_m[vertex][axis];
+    return sum;
+  };
+  std::nth_element(at(first), at(middle), at(last), [&](std::uint32_t a, std::uint32_t b) {
+    return center(a) != center(b) ? center(a) < center(b) : a < b;
+  });
+  build(order, first, middle);
+  nodes_[here].first = static_cast<std::uint32_t>(nodes_.size());
+  build(order, middle, last);
+}
+
+// The regions of a triangle seen from a point: [Ericson05] §5.1.5.
+TriangleSurface::Foot TriangleSurface::foot_on(std::uint32_t triangle,
+                                               const Vector3& point_m) const noexcept {
+  const auto& [ia, ib, ic] = mesh_.triangles[triangle];
+  const Vector3& a = mesh_.vertices_m[ia];
+  const Vector3& b = mesh_.vertices_m[ib];
+  const Vector3& c = mesh_.vertices_m[ic];
+  const Vector3 ab = b - a;
+  const Vector3 ac = c - a;
+  Foot foot;
+  foot.triangle = triangle;
+  const auto at_corner = [&](std::int8_t corner, const Vector3& place) {
+    foot.corner = corner;
+    foot.point_m = place;
+  };
+  const auto on_edge = [&](std::int8_t edge, const Vector3& from, const Vector3& along, double t) {
+    foot.edge = edge;
+    foot.point_m = from + t * along;
+  };
+
+  const Vector3 ap = point_m - a;
+  const double d1 = ab.dot(ap);
+  const double d2 = ac.dot(ap);
+  const Vector3 bp = point_m - b;
+  const double d3 = ab.dot(bp);
+  const double d4 = ac.dot(bp);
+  const Vector3 cp = point_m - c;
+  const double d5 = ab.dot(cp);
+  const double d6 = ac.dot(cp);
+  const double va = d3 * d6 - d5 * d4;
+  const double vb = d5 * d2 - d1 * d6;
+  const double vc = d1 * d4 - d3 * d2;
+  if (d1 <= 0.0 && d2 <= 0.0) {
+    at_corner(0, a);
+  } else if (d3 >= 0.0 && d4 <= d3) {
+    at_corner(1, b);
+  } else if (d6 >= 0.0 && d5 <= d6) {
+    at_corner(2, c);
+  } else if (vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0) {
+    on_edge(0, a, ab, d1 / (d1 - d3));
+  } else if (va <= 0.0 && d4 - d3 >= 0.0 && d5 - d6 >= 0.0) {
+    on_edge(1, b, c - b, (d4 - d3) / ((d4 - d3) + (d5 - d6)));
+  } else if (vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0) {
+    on_edge(2, a, ac, d2 / (d2 - d6));
+  } else {
+    const double per_sum = 1.0 / (va + vb + vc);
+    foot.point_m = a + vb * per_sum * ab + vc * per_sum * ac;
+  }
+  foot.squared_distance = (point_m - foot.point_m).squaredNorm();
+  return foot;
+}
+
+// Going t past an edge, the neighbour at the angle θ is t sin θ away from the facet's plane. What
+// is round with the radius d, an edge or a corner, is t²/2d away from the plane that may follow.
+double TriangleSurface::trust_radius_m(const Foot& foot, const Vector3& point_m) const noexcept {
+  const auto& triangle = mesh_.triangles[foot.triangle];
+  const Vector3& n = face_normals_[foot.triangle];
+  const auto corner = [&](std::size_t i) -> const Vector3& {
+    return mesh_.vertices_m[triangle[i % 3]];
+  };
+  double longest2 = 0.0;
+  for (std::size_t i = 0; i < 3; ++i) {
+    longest2 = std::max(longest2, (corner(i + 1) - corner(i)).squaredNorm());
+  }
+  const double twice_area = (corner(1) - corner(0)).cross(corner(2) - corner(0)).norm();
+  const double altitude_m = twice_area / std::sqrt(longest2);
+  if (foot.edge >= 0 || foot.corner >= 0) {
+    const double radius_m = std::sqrt(foot.squared_distance);
+    return std::clamp(std::min(altitude_m, std::sqrt(2.0 * radius_m * kTrustedError)),
+                      kMinTrustRadiusM, kMaxTrustRadiusM);
+  }
+
+  double trust_m = kMaxTrustRadiusM;
+  double to_nearest_edge_m = kMaxTrustRadiusM;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const Vector3 along = (corner(i + 1) - corner(i)).normalized();
+    const Vector3 inwards = n.cross(along);
+    const double to_edge_m = std::abs(inwards.dot(foot.point_m - corner(i)));
+    to_nearest_edge_m = std::min(to_nearest_edge_m, to_edge_m);
+
+    // the neighbour is the nearer one from the edge on, in the narrower angle from its half on
+    const Vector3& sum = edge_normals_[foot.triangle][i];
+    const Vector3 neighbor = sum - n;
+    const double sine = n.dot(neighbor) > 0.0 ? n.cross(neighbor).norm() : 1.0;
+    double to_neighbor_m = to_edge_m;
+    const double length = sum.norm();
+    if (inwards.dot(neighbor) * n.dot(point_m - foot.point_m) > 0.0 && length > 0.0) {
+      to_neighbor_m =
+          std::min(to_neighbor_m, std::abs(along.cross(sum).dot(point_m - corner(i))) / length);
+    }
+    trust_m = std::min(trust_m, to_neighbor_m + kTrustedError / std::max(sine, kLeastSine));
+  }
+  trust_m = std::min(trust_m, to_nearest_edge_m + altitude_m);
+  return std::clamp(trust_m, kMinTrustRadiusM, kMaxTrustRadiusM);
+}
+
+SurfaceView TriangleSurface::view(const Vector3& point_m, SurfaceHint& hint) const noexcept {
+  SurfaceView view;
+  view.distance_m = std::numeric_limits<double>::infinity();
+
+  // the last triangle bounds the search; of equally near ones the first is taken, whatever the hint
+  Foot best;
+  best.squared_distance = std::numeric_limits<double>::max();
+  const auto offer = [&](std::uint32_t triangle) {
+    const Foot foot = foot_on(triangle, point_m);
+    if (foot.squared_distance < best.squared_distance ||
+        (foot.squared_distance == best.squared_distance && triangle < best.triangle)) {
+      best = foot;
+    }
+  };
+  if (hint.cell < mesh_.triangles.size()) offer(hint.cell);
+
+  const auto squared_distance = [&](const Node& node) {
+    return (node.lowest_m - point_m).cwiseMax(point_m - node.highest_m).cwiseMax(0.0).squaredNorm();
+  };
+  struct Waiting {
+    double squared_distance;
+    std::uint32_t node;
+  };
+  // halves of halves: 32 levels hold 2³² triangles, and each leaves one sibling waiting
+  std::array<Waiting, 40> stack;
+  std::size_t size = 0;
+  stack[size++] = {squared_distance(nodes_[0]), 0};
+  while (size > 0) {
+    const Waiting here = stack[--size];
+    if (!(here.squared_distance <= best.squared_distance)) continue;
+    const Node& node = nodes_[here.node];
+    if (node.count > 0) {
+      for (std::uint32_t t = node.first; t < node.first + node.count; ++t) offer(t);
+      continue;
+    }
+    Waiting near{squared_distance(nodes_[here.node + 1]), here.node + 1};
+    Waiting far{squared_distance(nodes_[node.first]), node.first};
+    if (far.squared_distance < near.squared_distance) std::swap(near, far);
+    stack[size++] = far;
+    stack[size++] = near;
+  }
+  if (!(best.squared_distance < std::numeric_limits<double>::max())) return view;
+  hint.cell = best.triangle;
+
+  // which side
+  const auto triangle = mesh_.triangles[best.triangle];
+  Vector3 side = face_normals_[best.triangle];
+  if (best.corner >= 0) side = vertex_normals_[triangle[static_cast<std::size_t>(best.corner)]];
+  if (best.edge >= 0) {
+    side = edge_normals_[best.triangle][static_cast<std::size_t>(best.edge)];
+  }
+  const Vector3 from_foot = point_m - best.point_m;
+  const double distance_m = std::sqrt(best.squared_distance);
+  const double sign = from_foot.dot(side) < 0.0 ? -1.0 : 1.0;
+  view.distance_m = sign * distance_m;
+  view.trust_radius_m = trust_radius_m(best, point_m);
+  if (distance_m <= kShortestDirection) {
+    const double length = side.norm();
+    view.normal = length > 0.0 ? Vector3(side / length) : face_normals_[best.triangle];
+    return view;
+  }
+  if (best.edge < 0 && best.corner < 0) {
+    view.normal = side;
+    return view;
+  }
+  // a corner is seen like a sphere, an edge like a cylinder
+  view.normal = sign / distance_m * from_foot;
+  view.curvature_per_m = Matrix3::Identity() - view.normal * view.normal.transpose();
+  if (best.edge >= 0) {
+    const auto from = static_cast<std::size_t>(best.edge);
+    const Vector3 along =
+        (mesh_.vertices_m[triangle[(from + 1) % 3]] - mesh_.vertices_m[triangle[from]])
+            .normalized();
+    view.curvature_per_m -= along * along.transpose();
+  }
+  view.curvature_per_m /= view.distance_m;
+  return view;
+}
+
+Bounds TriangleSurface::bounds() const noexcept {
+  return {nodes_[0].lowest_m, nodes_[0].highest_m};
+}
+
+std::size_t TriangleSurface::bytes() const noexcept {
+  return mesh_.vertices_m.capacity() * sizeof(Vector3) +
+         mesh_.triangles.capacity() * sizeof(mesh_.triangles[0]) +
+         face_normals_.capacity() * sizeof(Vector3) +
+         edge_normals_.capacity() * sizeof(edge_normals_[0]) +
+         vertex_normals_.capacity() * sizeof(Vector3) + nodes_.capacity() * sizeof(Node);
+}
+
+}  // namespace palpate::physics

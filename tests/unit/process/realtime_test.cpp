@@ -1,0 +1,85 @@
+#include "common/process/realtime.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sched.h>
+
+#include <thread>
+
+namespace palpate {
+namespace {
+
+using testing::HasSubstr;
+
+/// On a thread of its own: the scheduling of the test's thread stays as it is.
+template <class Body>
+void on_a_thread(Body body) {
+  std::thread(body).join();
+}
+
+TEST(Realtime, PriorityZeroAndNoProcessorLeaveTheThreadAsItIs) {
+  on_a_thread([] {
+    cpu_set_t before;
+    ASSERT_EQ(sched_getaffinity(0, sizeof(before), &before), 0);
+
+    const RealtimeReport report =
+        enter_realtime({.priority = 0, .cpu = -1, .wait = WaitStrategy::kBlock});
+
+    cpu_set_t after;
+    ASSERT_EQ(sched_getaffinity(0, sizeof(after), &after), 0);
+    EXPECT_TRUE(CPU_EQUAL(&before, &after));
+    EXPECT_EQ(sched_getscheduler(0), SCHED_OTHER);
+    EXPECT_FALSE(report.has_fifo);
+    EXPECT_FALSE(report.is_pinned);
+    EXPECT_FALSE(report.has_locked_memory);
+    EXPECT_EQ(report.text, "scheduling=ordinary cpu=any wait=block");
+  });
+}
+
+TEST(Realtime, TakesFifoExactlyWhenItIsPermittedAndSaysSo) {
+  const bool may = may_use_fifo(10);
+  on_a_thread([may] {
+    const RealtimeReport report = enter_realtime({.priority = 10, .cpu = -1});
+
+    EXPECT_EQ(report.has_fifo, may);
+    EXPECT_EQ(sched_getscheduler(0) & ~SCHED_RESET_ON_FORK, may ? SCHED_FIFO : SCHED_OTHER);
+    EXPECT_THAT(report.text, HasSubstr(may ? "scheduling=fifo priority=10" : "fifo_refused="));
+  });
+}
+
+TEST(Realtime, ThreadsOfARealtimeThreadAreOrdinary) {
+  on_a_thread([] {
+    enter_realtime({.priority = 10, .cpu = -1});
+    on_a_thread([] { EXPECT_EQ(sched_getscheduler(0), SCHED_OTHER); });
+  });
+}
+
+TEST(Realtime, PinsToTheProcessorAskedFor) {
+  on_a_thread([] {
+    cpu_set_t allowed;
+    ASSERT_EQ(sched_getaffinity(0, sizeof(allowed), &allowed), 0);
+    int cpu = 0;
+    while (!CPU_ISSET(static_cast<std::size_t>(cpu), &allowed)) ++cpu;
+
+    const RealtimeReport report = enter_realtime({.priority = 0, .cpu = cpu});
+
+    EXPECT_TRUE(report.is_pinned);
+    EXPECT_EQ(sched_getcpu(), cpu);
+    EXPECT_EQ(report.text, "scheduling=ordinary cpu=" + std::to_string(cpu) + " wait=hybrid");
+  });
+}
+
+TEST(Realtime, ReportsAProcessorThatIsNotThere) {
+  on_a_thread([] {
+    const RealtimeReport report = enter_realtime({.priority = 0, .cpu = 100000});
+
+    EXPECT_FALSE(report.is_pinned);
+    EXPECT_EQ(report.text,
+              "scheduling=ordinary cpu=any cpu_100000_refused=\"Invalid argument\" wait=hybrid");
+  });
+}
+
+TEST(Realtime, APriorityBeyondTheRangeIsNotPermitted) { EXPECT_FALSE(may_use_fifo(100)); }
+
+}  // namespace
+}  // namespace palpate

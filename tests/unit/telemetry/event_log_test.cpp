@@ -1,0 +1,169 @@
+#include "common/telemetry/event_log.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <spdlog/sinks/ostream_sink.h>
+
+#include <sstream>
+
+namespace palpate {
+namespace {
+
+using std::chrono::milliseconds;
+
+TimePoint at(Duration since_start) { return TimePoint{} + since_start; }
+
+class EventLogTest : public testing::Test {
+ protected:
+  EventLogTest() : logger_("node", std::make_shared<spdlog::sinks::ostream_sink_st>(text_)) {
+    logger_.set_pattern("%l %v");
+  }
+  /// The lines since the last call.
+  std::string lines() {
+    std::string lines = text_.str();
+    text_.str("");
+    return lines;
+  }
+
+  std::ostringstream text_;
+  spdlog::logger logger_;
+};
+
+TEST_F(EventLogTest, NothingHappenedIsNothingSaid) {
+  EventLog<DeviceCounters> events(logger_);
+  DeviceCounters counters;
+  events.note(counters, at(milliseconds(0)));
+  counters.limp_ticks = 500;  // limp is how a device starts
+  counters.loop.ticks = 500;
+  events.note(counters, at(milliseconds(500)));
+  EXPECT_EQ(lines(), "");
+}
+
+TEST_F(EventLogTest, TellsFirstContactAndARestartedPeer) {
+  EventLog<PhysicsCounters> events(logger_);
+  PhysicsCounters counters;
+
+  counters.tool_motion.sessions = 1;
+  events.note(counters, at(milliseconds(0)));
+  EXPECT_EQ(lines(), "info event=peer_up link=tool_motion\n");
+
+  counters.tool_motion.accepted = 100;
+  events.note(counters, at(milliseconds(100)));
+  EXPECT_EQ(lines(), "");
+
+  counters.tool_motion.sessions = 2;
+  events.note(counters, at(milliseconds(200)));
+  EXPECT_EQ(lines(), "warning event=peer_restarted link=tool_motion sessions=2\n");
+}
+
+TEST_F(EventLogTest, RejectionsAreThrottled) {
+  EventLog<MofcCounters> events(logger_);
+  MofcCounters counters;
+  for (int ms = 0; ms <= 1000; ++ms) {
+    counters.interaction.rejected += 1;
+    events.note(counters, at(milliseconds(ms)));
+  }
+  EXPECT_EQ(lines(),
+            "warning event=messages_rejected link=interaction count=1\n"
+            "warning event=messages_rejected link=interaction count=1000\n");
+}
+
+TEST_F(EventLogTest, ADeviceFaultIsAnErrorWithItsReasonAndItsRemedyAndIsToldOnce) {
+  EventLog<DeviceCounters> events(logger_);
+  DeviceCounters counters;
+  counters.device_faults = 1;
+  counters.last_fault = FaultReason::kPositionJumped;
+  events.note(counters, at(milliseconds(0)));
+  EXPECT_EQ(lines(),
+            "error event=device_fault reason=\"position jumped\" count=1 "
+            "remedy=\"mend it, then SIGUSR2 to device_node\"\n");
+  counters.fault_ticks = 500;
+  events.note(counters, at(milliseconds(500)));
+  EXPECT_EQ(lines(), "");
+
+  counters.fault_resets = 1;
+  events.note(counters, at(milliseconds(520)));
+  EXPECT_EQ(lines(), "info event=device_fault_reset\n");
+}
+
+TEST_F(EventLogTest, ACommandThatIsNotFiniteIsAnError) {
+  EventLog<DeviceCounters> events(logger_);
+  DeviceCounters counters;
+  counters.non_finite_commands = 2;
+  events.note(counters, at(milliseconds(0)));
+  EXPECT_EQ(lines(), "error event=command_not_finite count=2\n");
+}
+
+// 100 limp ticks at the start, then answers; 5 + 3 fallback ticks that flutter; quiet from 60 ms
+// on.
+TEST_F(EventLogTest, AFlutteringFallbackIsOneEpisode) {
+  EventLog<DeviceCounters> events(logger_);
+  DeviceCounters counters;
+  counters.limp_ticks = 100;
+  events.note(counters, at(milliseconds(0)));
+  counters.answered_ticks = 20;
+  events.note(counters, at(milliseconds(20)));
+  ASSERT_EQ(lines(), "");
+
+  counters.fallback_ticks = 5;
+  events.note(counters, at(milliseconds(40)));
+  EXPECT_EQ(lines(), "warning event=fallback_began\n");
+  events.note(counters, at(milliseconds(50)));
+  counters.fallback_ticks = 8;
+  events.note(counters, at(milliseconds(60)));
+  events.note(counters, at(milliseconds(1059)));
+  EXPECT_EQ(lines(), "");
+
+  events.note(counters, at(milliseconds(1060)));
+  EXPECT_EQ(lines(), "info event=fallback_ended ticks=8\n");
+}
+
+TEST_F(EventLogTest, AFallbackThatEndsLimpHasNotEnded) {
+  EventLog<DeviceCounters> events(logger_);
+  DeviceCounters counters;
+  counters.answered_ticks = 20;
+  events.note(counters, at(milliseconds(0)));
+  counters.fallback_ticks = 70;
+  events.note(counters, at(milliseconds(100)));
+  ASSERT_EQ(lines(), "warning event=fallback_began\n");
+
+  for (int ms = 200; ms < 5000; ms += 20) {
+    counters.limp_ticks += 20;
+    events.note(counters, at(milliseconds(ms)));
+  }
+
+  EXPECT_EQ(lines(), "");
+}
+
+TEST_F(EventLogTest, TellsEachTroubleOfTheClamp) {
+  EventLog<MofcCounters> events(logger_);
+  MofcCounters counters;
+  counters.late_physics_ticks = 2;
+  counters.motions_dropped = 3;
+  counters.ledger_resets = 1;
+  counters.stale_ticks = 4;
+  events.note(counters, at(milliseconds(0)));
+  EXPECT_EQ(lines(),
+            "warning event=physics_late count=2\n"
+            "warning event=motions_dropped count=3\n"
+            "info event=ledger_reset count=1\n"
+            "warning event=interaction_stale_began\n");
+}
+
+TEST_F(EventLogTest, TellsSkippedTicks) {
+  EventLog<PhysicsCounters> physics(logger_);
+  PhysicsCounters physics_counters;
+  physics_counters.loop.skipped_ticks = 2;
+  physics.note(physics_counters, at(milliseconds(0)));
+  EventLog<DeviceCounters> device(logger_);
+  DeviceCounters device_counters;
+  device_counters.loop.skipped_ticks = 3;
+  device.note(device_counters, at(milliseconds(0)));
+
+  EXPECT_EQ(lines(),
+            "warning event=ticks_skipped count=2\n"
+            "warning event=ticks_skipped count=3\n");
+}
+
+}  // namespace
+}  // namespace palpate

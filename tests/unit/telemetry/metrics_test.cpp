@@ -1,0 +1,123 @@
+#include "common/telemetry/metrics.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <vector>
+
+#include "common/core/random.h"
+#include "common/telemetry/telemetry.h"
+
+namespace palpate {
+namespace {
+
+using namespace std::chrono_literals;
+
+TEST(LimitedToNorm, ShortensAndKeepsTheDirection) {
+  EXPECT_TRUE(limited_to_norm({3, 4, 0}, 1.0).isApprox(Vector3(0.6, 0.8, 0)));
+  EXPECT_EQ(limited_to_norm({3, 4, 0}, 5.0), Vector3(3, 4, 0));
+  EXPECT_EQ(limited_to_norm({3, 4, 0}, 0.0), Vector3(0, 0, 0));
+  EXPECT_EQ(limited_to_norm({0, 0, 0}, 0.0), Vector3(0, 0, 0));
+}
+
+// Per axis, only where |asked| > 0.05 N: x has 1/1 and 1/2, y has 0.2/0.4, z never.
+TEST(PaperTransparency, IsTheMeanRatioPerAxisAboveTheFloor) {
+  PaperTransparency t;
+  t.add({1.0, 0.4, 0.05}, {1.0, 0.2, 0.05});
+  t.add({-2.0, 0.01, 0.0}, {-1.0, 0.01, 3.0});
+  EXPECT_DOUBLE_EQ(t.mean().x(), 0.75);
+  EXPECT_DOUBLE_EQ(t.mean().y(), 0.5);
+  EXPECT_TRUE(std::isnan(t.mean().z()));
+}
+
+// fs·fi/|fi|²: 2/4 = 0.5; 8/4 capped to 1; −4/4 raised to 0; felt without cause 0. Mean 1.5/4.
+// Errors squared: 1 + 4 + 16 + 1 = 22 over |fi|² 4 + 4 + 4 = 12.
+TEST(ProjectedTransparency, IsProjectedAndCapped) {
+  ProjectedTransparency t;
+  t.add({0, 0, 2}, {0, 0, 1});
+  t.add({0, 0, 2}, {0, 0, 4});
+  t.add({0, 0, 2}, {0, 0, -2});
+  t.add({0, 0, 0}, {0, 1, 0});
+  t.add({0, 0, 0.04}, {0, 0.04, 0});  // below the floor: says nothing
+  EXPECT_EQ(t.samples(), 4u);
+  EXPECT_DOUBLE_EQ(t.sum(), 1.5);
+  EXPECT_DOUBLE_EQ(t.mean(), 0.375);
+  EXPECT_DOUBLE_EQ(t.rms_error_ratio(), std::sqrt(22.0 / 12.0));
+}
+
+TEST(ProjectedTransparency, IsUnknownWithoutSamples) {
+  EXPECT_TRUE(std::isnan(ProjectedTransparency().mean()));
+  EXPECT_TRUE(std::isnan(ProjectedTransparency().rms_error_ratio()));
+}
+
+TEST(ReversalCounter, CountsTurnsLargerThanHalfAMillimetre) {
+  ReversalCounter counter;
+  for (const double x_mm : {0.0, 1.0, 0.6, 1.2, 0.69, 0.0, 0.4, -0.2, 0.31}) {
+    counter.add({x_mm * 1e-3, 0, 0});
+  }
+  // 0.6 is 0.4 back: no turn; 0.69 is 0.51 back from 1.2: one; 0.31 is 0.51 up from −0.2: two
+  EXPECT_EQ(counter.reversals()[0], 2u);
+  EXPECT_EQ(counter.total(), 2u);
+}
+
+TEST(ReversalCounter, CountsEachAxisForItself) {
+  ReversalCounter counter;
+  // sin over 5 periods turns 10 times; the cosine starts at an extreme, so 9 turns and the end
+  for (int i = 0; i <= 5000; ++i) {
+    const double phase = 2.0 * std::numbers::pi * i / 1000.0;
+    counter.add({0.01 * std::sin(phase), 0.01 * std::cos(phase), 0.0004 * std::sin(phase)});
+  }
+  EXPECT_EQ(counter.reversals(), (std::array<std::uint64_t, 3>{10, 9, 0}));
+}
+
+TEST(DurationHistogram, IsAtMostNinePercentAboveTheTrueQuantile) {
+  DurationHistogram histogram;
+  std::vector<Duration> all;
+  Random random(3);
+  for (int i = 0; i < 20'000; ++i) {
+    const Duration d = from_seconds(1e-7 * std::exp2(random.uniform(0.0, 20.0)));
+    histogram.add(d);
+    all.push_back(d);
+  }
+  std::sort(all.begin(), all.end());
+  for (const double q : {0.01, 0.5, 0.9, 0.99, 0.999}) {
+    const Duration exact = all[static_cast<std::size_t>(std::ceil(q * 20'000)) - 1];
+    const double ratio = to_seconds(histogram.quantile(q)) / to_seconds(exact);
+    EXPECT_GE(ratio, 0.999) << q;  // an edge is rounded down to a nanosecond
+    EXPECT_LE(ratio, 1.0906) << q;
+  }
+  EXPECT_EQ(histogram.quantile(1.0), all.back());
+  EXPECT_EQ(histogram.maximum(), all.back());
+  EXPECT_EQ(histogram.count(), 20'000u);
+}
+
+TEST(DurationHistogram, TakesWhatIsTooShortOrTooLong) {
+  DurationHistogram histogram;
+  EXPECT_EQ(histogram.quantile(0.5), 0ns);
+  histogram.add(-1ms);
+  histogram.add(0ns);
+  histogram.add(1h);
+  EXPECT_EQ(histogram.count(), 3u);
+  EXPECT_LE(histogram.quantile(0.5), 70ns);  // the lowest bucket ends at 64·2^⅛ = 69.8 ns
+  EXPECT_EQ(histogram.maximum(), 1h);
+  EXPECT_GE(histogram.quantile(1.0), 17s);
+}
+
+TEST(States, HaveNames) {
+  EXPECT_STREQ(name(GuardState::kFallback), "fallback");
+  EXPECT_STREQ(name(GuardState::kFault), "fault");
+  EXPECT_STREQ(name(FaultReason::kPositionJumped), "position jumped");
+  EXPECT_STREQ(name(MofcState::kNoPhysics), "no physics");
+}
+
+// 7 % of 2 N is 0.14 N; of 0.3 N 0.021 N, so 0.05 N counts.
+TEST(ForceJnd, IsSevenPercentButAtLeastTheForceFloor) {
+  EXPECT_FALSE(is_beyond_force_jnd({0, 0, 2}, {0, 0, 2.139}));
+  EXPECT_TRUE(is_beyond_force_jnd({0, 0, 2}, {0, 0, 2.141}));
+  EXPECT_TRUE(is_beyond_force_jnd({0, 0, 2}, {0.141, 0, 2}));
+  EXPECT_FALSE(is_beyond_force_jnd({0, 0, 0.3}, {0, 0, 0.349}));
+  EXPECT_TRUE(is_beyond_force_jnd({0, 0, 0.3}, {0, 0, 0.351}));
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,298 @@
+#include "common/telemetry/summary.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+#include <set>
+#include <string>
+
+namespace palpate {
+namespace {
+
+using testing::HasSubstr;
+
+/// A tick in which `asked` was asked and `acting` acted.
+TickRow row(const Vector3& asked, const Vector3& acting) {
+  TickRow row;
+  row.device.force_on_hand_newton = acting;
+  row.mofc.emplace();
+  row.mofc->asked_force_on_hand_newton = asked;
+  return row;
+}
+
+/// A tick at `tool_x_m`, while the ideal run is at `ideal_x_m`; NaN: not known.
+void add_position(RunStatistics& statistics, double tool_x_m, double ideal_x_m) {
+  TickRow row;
+  row.device.true_tool_position_world_m = Vector3(tool_x_m, 0, 0);
+  IdealState ideal;
+  if (!std::isnan(ideal_x_m)) ideal.tool_position_world_m = Vector3(ideal_x_m, 0, 0);
+  statistics.add(row, ideal);
+}
+
+// x: (0.5/1 + 1/1)/2 = 0.75; y: −1/−2 = 0.5 of its one sample; z never asked for more than 0.05 N.
+// Vector: (1, −2, 0)·(0.5, −1, 0)/5 = 0.5 and 1·1/(1² + 0.04²) = 1/1.0016.
+TEST(RunStatistics, TransparencyIsWhatActsOverWhatWasAsked) {
+  RunStatistics s;
+  s.add(row({1, -2, 0}, {0.5, -1, 0}), {});
+  s.add(row({1, 0, 0.04}, {1, 0, 0.0}), {});
+
+  EXPECT_DOUBLE_EQ(s.transparency().x(), 0.75);
+  EXPECT_DOUBLE_EQ(s.transparency().y(), 0.5);
+  EXPECT_TRUE(std::isnan(s.transparency().z()));
+  EXPECT_DOUBLE_EQ(s.vector_transparency(), (0.5 + 1.0 / 1.0016) / 2);
+}
+
+// against the tissue's own force: fs·fi/|fi|² = 2/4 and 4/4, mean 0.75;
+// error √((1 + 0)/(4 + 4)) = √(1/8). The third row has no ideal and does not count.
+TEST(RunStatistics, TheIdealForceIsJudgedOnlyWhereItIsKnown) {
+  RunStatistics s;
+  for (const double acting : {1.0, 2.0}) {
+    TickRow known = row(Vector3::Zero(), {0, 0, acting});
+    known.ideal_force_on_hand_newton = Vector3(0, 0, 2);
+    s.add(known, {});
+  }
+  s.add(row(Vector3::Zero(), {0, 0, 3}), {});
+
+  EXPECT_DOUBLE_EQ(s.ideal_transparency(), 0.75);
+  EXPECT_DOUBLE_EQ(s.force_error_rms_ratio(), std::sqrt(1.0 / 8.0));
+}
+
+// fi = 2 N at the true position, 3 N in the ideal run; 2.1, 2.3 and 2 N acted: √(0.01 + 0.09 + 0) of
+// √12 N, √(0.81 + 0.49 + 1) of √27 N; the second is more than 7 % off.
+TEST(RunStatistics, TheForceIsHeldAgainstTheTissueHereAndAgainstTheIdealRun) {
+  RunStatistics s;
+  EXPECT_TRUE(std::isnan(s.beyond_jnd_ratio()));
+  for (const double acted : {2.1, 2.3, 2.0}) {
+    TickRow tick = row({0, 0, acted}, {0, 0, acted});
+    tick.ideal_force_on_hand_newton = {0, 0, 2};
+    s.add(tick, {.tool_position_world_m = {}, .force_on_hand_newton = {0, 0, 3}});
+  }
+
+  EXPECT_NEAR(s.force_error_rms_ratio(), std::sqrt(0.10 / 12.0), 1e-12);
+  EXPECT_NEAR(s.ideal_run_force_error_rms_ratio(), std::sqrt(2.30 / 27.0), 1e-12);
+  EXPECT_NEAR(s.beyond_jnd_ratio(), 1.0 / 3.0, 1e-12);
+}
+
+// Asked in 4 ticks, clamped in 1 of them; a tick without an answer asks for nothing.
+TEST(RunStatistics, TheClampRatioIsOfTheTicksWithAForce) {
+  RunStatistics s;
+  EXPECT_TRUE(std::isnan(s.clamp_ratio()));
+  for (int i = 0; i < 4; ++i) {
+    TickRow asked = row({0, 0, 1}, {0, 0, 1});
+    asked.mofc->is_clamped = i == 2;
+    s.add(asked, {});
+  }
+  s.add(row(Vector3::Zero(), Vector3::Zero()), {});
+  s.add(TickRow{}, {});
+
+  EXPECT_DOUBLE_EQ(s.clamp_ratio(), 0.25);
+  EXPECT_EQ(s.ticks(), 6u);
+}
+
+// True geometry beats what physics last said; what physics said beats nothing.
+TEST(RunStatistics, ContactIsTheTrueOneWhereKnown) {
+  RunStatistics s;
+  TickRow said = row(Vector3::Zero(), Vector3::Zero());
+  said.mofc->is_in_contact = true;
+  s.add(said, {});
+  said.is_truly_in_contact = false;
+  s.add(said, {});
+  said.mofc->is_in_contact = false;
+  said.is_truly_in_contact = true;
+  s.add(said, {});
+  s.add(TickRow{}, {});
+  TickRow unanswered;
+  unanswered.is_truly_in_contact = true;
+  s.add(unanswered, {});
+
+  EXPECT_EQ(s.contact_ticks(), 3u);
+}
+
+TEST(RunStatistics, TheLargestForceIsANormAndTheLeastEnergyTheLastMinimum) {
+  RunStatistics s;
+  EXPECT_TRUE(std::isnan(s.minimum_true_energy_joule()));
+  for (const double minimum : {-1e-6, -3e-6, kNaN}) {
+    TickRow tick = row(Vector3::Zero(), {1, 2, minimum < -2e-6 ? -2.0 : 0.0});
+    tick.device.minimum_true_energy_joule = minimum;
+    s.add(tick, {});
+  }
+
+  EXPECT_DOUBLE_EQ(s.maximum_force_newton(), 3.0);  // √(1 + 4 + 4)
+  EXPECT_DOUBLE_EQ(s.minimum_true_energy_joule(), -3e-6);
+}
+
+// This run turns at 2 mm, at 1 mm and at 3 mm; the ideal run only at 2 mm.
+TEST(RunStatistics, ExcessReversalsAreThoseBeyondTheIdealRun) {
+  const double tool_mm[] = {0, 2, 1, 3, 0};
+  const double ideal_mm[] = {0, 2, 1, 0, -1};
+  RunStatistics s;
+  RunStatistics swapped;
+  for (std::size_t i = 0; i < 5; ++i) {
+    add_position(s, 1e-3 * tool_mm[i], 1e-3 * ideal_mm[i]);
+    add_position(swapped, 1e-3 * ideal_mm[i], 1e-3 * tool_mm[i]);
+  }
+
+  EXPECT_EQ(s.reversals()[0], 3u);
+  EXPECT_EQ(s.ideal_reversals()[0], 1u);
+  EXPECT_EQ(s.excess_reversals(), 2u);
+  EXPECT_EQ(swapped.excess_reversals(), 0u);  // fewer than the ideal run is no excess below 0
+}
+
+// 3 mm and 4 mm off: rms √((9 + 16)/2) = 3.5355 mm, peak 4 mm. The tick without ideal is no zero.
+TEST(RunStatistics, PathDeviationIsTheDistanceToTheIdealRun) {
+  RunStatistics s;
+  add_position(s, 0.0, kNaN);
+  EXPECT_TRUE(std::isnan(s.path_deviation_rms_m()));
+  EXPECT_TRUE(std::isnan(s.path_deviation_peak_m()));
+
+  add_position(s, 0.0, 3e-3);
+  add_position(s, 1e-3, -3e-3);
+
+  EXPECT_DOUBLE_EQ(s.path_deviation_rms_m(), std::sqrt(12.5e-6));
+  EXPECT_DOUBLE_EQ(s.path_deviation_peak_m(), 4e-3);
+}
+
+// 8 of 10 begun and 2 skipped ticks: 8/12
+TEST(AnsweredRatio, CountsSkippedTicksAsUnanswered) {
+  DeviceCounters counters;
+  EXPECT_TRUE(std::isnan(answered_ratio(counters)));
+  counters.loop.ticks = 10;
+  counters.loop.skipped_ticks = 2;
+  counters.answered_ticks = 8;
+
+  EXPECT_DOUBLE_EQ(answered_ratio(counters), 8.0 / 12.0);
+}
+
+TEST(NumberOrNull, IsNullForWhatJsonCannotSay) {
+  EXPECT_EQ(number_or_null(1.5).dump(), "1.5");
+  EXPECT_EQ(number_or_null(kNaN).dump(), "null");
+  EXPECT_EQ(number_or_null(std::numeric_limits<double>::infinity()).dump(), "null");
+}
+
+std::set<std::string> keys_of(const nlohmann::ordered_json& json) {
+  std::set<std::string> keys;
+  for (const auto& item : json.items()) keys.insert(item.key());
+  return keys;
+}
+
+// Other programs read these keys.
+TEST(SummaryJson, HasTheKeysThatAreDocumented) {
+  const nlohmann::ordered_json json = summary_json(Session{}, RunReport{});
+
+  for (const char* key : {"ticks",
+                          "in_contact_ticks",
+                          "transparency",
+                          "force_error_rms_ratio",
+                          "min_true_energy_j",
+                          "max_force_n",
+                          "velocity_reversals",
+                          "clamp_ratio",
+                          "fallbacks",
+                          "wall_s",
+                          "ticks_per_wall_s",
+                          "schema_version",
+                          "session",
+                          "controller",
+                          "seed",
+                          "simulated_s",
+                          "answered_ratio",
+                          "path_deviation_rms_m",
+                          "path_deviation_peak_m",
+                          "motions_suppressed",
+                          "interactions_suppressed",
+                          "ideal_run_force_error_rms_ratio",
+                          "beyond_jnd_ratio"}) {
+    EXPECT_TRUE(json.contains(key)) << key;
+  }
+  EXPECT_EQ(keys_of(json["transparency"]),
+            (std::set<std::string>{"x", "y", "z", "vector", "ideal"}));
+  EXPECT_EQ(keys_of(json["velocity_reversals"]),
+            (std::set<std::string>{"x", "y", "z", "ideal", "excess"}));
+}
+
+TEST(SummaryJson, SaysNullForWhatARunWithoutContactOrIdealDoesNotKnow) {
+  RunReport report;
+  report.statistics.add(TickRow{}, {});
+  const nlohmann::ordered_json json = summary_json(Session{}, report);
+
+  for (const char* key : {"force_error_rms_ratio", "min_true_energy_j", "clamp_ratio",
+                          "answered_ratio", "path_deviation_rms_m", "path_deviation_peak_m",
+        "ideal_run_force_error_rms_ratio", "beyond_jnd_ratio"}) {
+    EXPECT_TRUE(json[key].is_null()) << key;
+  }
+  for (const char* key : {"x", "y", "z", "vector", "ideal"}) {
+    EXPECT_TRUE(json["transparency"][key].is_null()) << key;
+  }
+  EXPECT_TRUE(json["velocity_reversals"]["ideal"].is_null());
+  EXPECT_TRUE(json["velocity_reversals"]["excess"].is_null());
+  EXPECT_EQ(json["ticks"], 1);
+  // and nothing in it would make a reader of JSON stumble
+  EXPECT_EQ(nlohmann::json::parse(json.dump()), nlohmann::json(json));
+  EXPECT_THAT(json.dump(), testing::Not(HasSubstr("nan")));
+}
+
+TEST(SummaryJson, CarriesTheFiguresOfTheRun) {
+  Session session;
+  session.name = "probe";
+  session.seed = 7;
+  RunReport report;
+  for (const double x_mm : {0.0, 2.0, 1.0}) add_position(report.statistics, 1e-3 * x_mm, 0.0);
+  TickRow pushed = row({0, 0, 2}, {0, 0, 1});
+  pushed.mofc->is_clamped = true;
+  pushed.is_truly_in_contact = true;
+  report.statistics.add(pushed, {});
+  report.device.fallback_ticks = 3;
+  report.device.limp_ticks = 2;
+  report.mofc.motions_suppressed = 11;
+  report.physics.interactions_suppressed = 12;
+  report.simulated_s = 4.0;
+  report.wall_s = 0.5;
+  const nlohmann::ordered_json json = summary_json(session, report);
+
+  EXPECT_EQ(json["session"], "probe");
+  EXPECT_EQ(json["seed"], 7);
+  EXPECT_EQ(json["ticks"], 4);
+  EXPECT_EQ(json["in_contact_ticks"], 1);
+  EXPECT_DOUBLE_EQ(json["transparency"]["z"], 0.5);
+  EXPECT_DOUBLE_EQ(json["transparency"]["vector"], 0.5);
+  EXPECT_DOUBLE_EQ(json["max_force_n"], 1.0);
+  EXPECT_DOUBLE_EQ(json["clamp_ratio"], 1.0);
+  EXPECT_EQ(json["velocity_reversals"]["x"], 1);
+  EXPECT_EQ(json["velocity_reversals"]["ideal"]["x"], 0);
+  EXPECT_EQ(json["velocity_reversals"]["excess"], 1);
+  EXPECT_DOUBLE_EQ(json["path_deviation_peak_m"], 2e-3);
+  EXPECT_EQ(json["fallbacks"], 5);
+  EXPECT_EQ(json["motions_suppressed"], 11);
+  EXPECT_EQ(json["interactions_suppressed"], 12);
+  EXPECT_DOUBLE_EQ(json["simulated_s"], 4.0);
+  EXPECT_DOUBLE_EQ(json["ticks_per_wall_s"], 8.0);  // 4 ticks in 0.5 s
+}
+
+TEST(ControllerText, NamesControllerAndMode) {
+  MofcConfig config;
+  config.controller = ControllerKind::kMofc;
+  config.mode = MofcMode::kVector;
+  EXPECT_EQ(controller_text(config), "mofc vector");
+  config.mode = MofcMode::kPaper;
+  EXPECT_EQ(controller_text(config), "mofc paper");
+  config.controller = ControllerKind::kNone;
+  EXPECT_EQ(controller_text(config), "none");
+}
+
+TEST(SummaryText, ShowsADashForWhatIsNotKnownAndNeverNan) {
+  Session session;
+  session.name = "probe";
+  RunReport report;
+  report.statistics.add(TickRow{}, {});
+  const std::string text = summary_text(session, report);
+
+  EXPECT_THAT(text, HasSubstr("probe: "));
+  EXPECT_THAT(text, HasSubstr("–"));
+  EXPECT_THAT(text, testing::Not(HasSubstr("nan")));
+  EXPECT_THAT(text, testing::Not(HasSubstr("inf")));
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,258 @@
+#include "viewer_node/recording/mcap_reader.h"
+
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+
+#include "common/core/check.h"
+
+namespace palpate::viewer {
+
+using mcap::Fields;
+using mcap::kRecordHead;
+using mcap::Opcode;
+
+namespace {
+
+constexpr std::uint64_t kMaxRecordBytes = std::uint64_t{64} << 20;
+
+}  // namespace
+
+McapReader::McapReader(std::string path)
+    : path_(std::move(path)), file_(std::fopen(path_.c_str(), "rb")) {
+  if (file_ == nullptr) refuse(std::string(std::strerror(errno)) + "; check the path");
+  struct stat status {};
+  if (fstat(fileno(file_.get()), &status) != 0 || !S_ISREG(status.st_mode)) {
+    refuse("is not a regular file");
+  }
+  file_bytes_ = static_cast<std::uint64_t>(status.st_size);
+
+  std::string magic;
+  if (!read(0, mcap::kMagic.size(), magic) || magic != mcap::kMagic) {
+    refuse("is no MCAP file; give one that --record wrote");
+  }
+  is_whole_ = read_summary();
+  if (!is_whole_) search();
+}
+
+void McapReader::refuse(const std::string& why) const {
+  throw SetupError("recording " + path_ + ": " + why);
+}
+
+bool McapReader::read(std::uint64_t offset, std::uint64_t length, std::string& bytes) const {
+  if (offset > file_bytes_ || length > file_bytes_ - offset || length > kMaxRecordBytes) {
+    return false;
+  }
+  bytes.resize(length);
+  return fseeko(file_.get(), static_cast<off_t>(offset), SEEK_SET) == 0 &&
+         std::fread(bytes.data(), 1, bytes.size(), file_.get()) == bytes.size();
+}
+
+bool McapReader::read_summary() {
+  const std::uint64_t end_bytes = mcap::kFooterBytes + mcap::kMagic.size();
+  std::string end;
+  if (file_bytes_ < end_bytes || !read(file_bytes_ - end_bytes, end_bytes, end)) return false;
+  Fields footer(end);
+  const auto opcode = footer.number<std::uint8_t>();
+  const auto length = footer.number<std::uint64_t>();
+  const auto start = footer.number<std::uint64_t>();
+  footer.number<std::uint64_t>();
+  const auto crc = footer.number<std::uint32_t>();
+  if (static_cast<Opcode>(opcode) != Opcode::kFooter || length != 20 ||
+      footer.rest() != mcap::kMagic || start == 0 || start > file_bytes_ - end_bytes) {
+    return false;
+  }
+
+  std::string summary;
+  if (!read(start, file_bytes_ - mcap::kMagic.size() - 4 - start, summary) ||
+      (crc != 0 && mcap::crc_of(summary) != crc)) {
+    return false;
+  }
+  bool is_good = true;
+  for (Fields records(summary); is_good && !records.rest().empty();) {
+    const auto group = static_cast<Opcode>(records.number<std::uint8_t>());
+    const auto size = records.number<std::uint64_t>();
+    if (group == Opcode::kFooter) break;
+    const std::string_view content = records.take(size);
+    is_good = records.is_good() && take(group, content);
+  }
+  if (is_good) return true;
+  schemas_.clear();
+  topics_.clear();
+  chunks_.clear();
+  metadata_.clear();
+  return false;
+}
+
+/// No two records share a byte, so an index of more bytes than the file has would read some twice.
+bool McapReader::count_indexed(std::uint64_t length) {
+  if (length > file_bytes_ - indexed_bytes_) return false;
+  indexed_bytes_ += length;
+  return true;
+}
+
+/// Record after record from the beginning, until one is not whole.
+void McapReader::search() {
+  std::uint64_t offset = mcap::kMagic.size();
+  std::string bytes;
+  while (read(offset, kRecordHead, bytes)) {
+    Fields head(bytes);
+    const auto opcode = static_cast<Opcode>(head.number<std::uint8_t>());
+    const auto length = head.number<std::uint64_t>();
+    if (length > file_bytes_ - offset - kRecordHead || opcode == Opcode::kDataEnd) return;
+    const std::uint64_t next = offset + kRecordHead + length;
+    if (opcode == Opcode::kChunk) {
+      if (!read(offset + kRecordHead, 2 * sizeof(std::uint64_t), bytes)) return;
+      Fields fields(bytes);
+      const auto begin_ns = fields.number<std::uint64_t>();
+      const auto end_ns = fields.number<std::uint64_t>();
+      chunks_.push_back({begin_ns, end_ns, offset, next - offset});
+    } else if (opcode == Opcode::kMetadata) {
+      if (!take_metadata(offset, next - offset)) return;
+    } else if (opcode == Opcode::kSchema || opcode == Opcode::kChannel) {
+      if (!read(offset + kRecordHead, length, bytes) || !take(opcode, bytes)) return;
+    }
+    offset = next;
+  }
+}
+
+/// One record of the summary, or a definition; true if it is good.
+bool McapReader::take(Opcode opcode, std::string_view content) {
+  Fields fields(content);
+  switch (opcode) {
+    case Opcode::kSchema: {
+      const auto id = fields.number<std::uint16_t>();
+      schemas_[id] = std::string(fields.text());
+      break;
+    }
+    case Opcode::kChannel: {
+      Topic topic;
+      topic.id = fields.number<std::uint16_t>();
+      topic.schema_name = schemas_[fields.number<std::uint16_t>()];
+      topic.topic = std::string(fields.text());
+      const bool is_known = std::any_of(topics_.begin(), topics_.end(),
+                                        [&](const Topic& t) { return t.id == topic.id; });
+      if (!is_known) topics_.push_back(topic);
+      break;
+    }
+    case Opcode::kStatistics: {
+      fields.take(8 + 2 + 4 + 4 + 4 + 4 + 8 + 8);
+      Fields counts(fields.text());
+      while (counts.is_good() && !counts.rest().empty()) {
+        const auto id = counts.number<std::uint16_t>();
+        const auto count = counts.number<std::uint64_t>();
+        for (Topic& topic : topics_) {
+          if (topic.id == id) topic.messages = count;
+        }
+      }
+      break;
+    }
+    case Opcode::kChunkIndex: {
+      Chunk chunk;
+      chunk.begin_ns = fields.number<std::uint64_t>();
+      chunk.end_ns = fields.number<std::uint64_t>();
+      chunk.offset = fields.number<std::uint64_t>();
+      chunk.length = fields.number<std::uint64_t>();
+      if (!count_indexed(chunk.length)) return false;
+      chunks_.push_back(chunk);
+      break;
+    }
+    case Opcode::kMetadataIndex: {
+      const auto offset = fields.number<std::uint64_t>();
+      const auto length = fields.number<std::uint64_t>();
+      if (!count_indexed(length) || !take_metadata(offset, length)) return false;
+      break;
+    }
+    default:
+      break;  // of no use here
+  }
+  return fields.is_good();
+}
+
+bool McapReader::take_metadata(std::uint64_t offset, std::uint64_t length) {
+  std::string bytes;
+  if (length < kRecordHead || !read(offset, length, bytes)) return false;
+  Fields fields(std::string_view(bytes).substr(kRecordHead));
+  std::string name(fields.text());
+  mcap::Strings strings = fields.strings();
+  if (!fields.is_good()) return false;
+  metadata_.emplace_back(std::move(name), std::move(strings));
+  return true;
+}
+
+std::uint64_t McapReader::begin_ns() const {
+  std::uint64_t begin_ns = chunks_.empty() ? 0 : chunks_.front().begin_ns;
+  for (const Chunk& chunk : chunks_) begin_ns = std::min(begin_ns, chunk.begin_ns);
+  return begin_ns;
+}
+
+std::uint64_t McapReader::end_ns() const {
+  std::uint64_t end_ns = 0;
+  for (const Chunk& chunk : chunks_) end_ns = std::max(end_ns, chunk.end_ns);
+  return end_ns;
+}
+
+mcap::Strings McapReader::metadata(const std::string& name) const {
+  mcap::Strings all;
+  for (const auto& [its_name, strings] : metadata_) {
+    if (its_name != name) continue;
+    for (const auto& [key, value] : strings) all[key] = value;
+  }
+  return all;
+}
+
+void McapReader::seek(std::uint64_t log_time_ns) {
+  from_ns_ = log_time_ns;
+  next_chunk_ = 0;
+  rest_ = {};
+}
+
+bool McapReader::load(const Chunk& chunk) {
+  std::string record;
+  if (chunk.length < kRecordHead || !read(chunk.offset, chunk.length, record)) return false;
+  Fields fields(record);
+  const auto opcode = static_cast<Opcode>(fields.number<std::uint8_t>());
+  fields.take(8 + 8 + 8);  // length, times
+  const auto size = fields.number<std::uint64_t>();
+  const auto crc = fields.number<std::uint32_t>();
+  const std::string_view compression = fields.text();
+  if (!compression.empty()) {
+    refuse("chunks are compressed with \"" + std::string(compression) +
+           "\"; convert it with: mcap compress --compression none");
+  }
+  const std::string_view records = fields.take(fields.number<std::uint64_t>());
+  if (!fields.is_good() || opcode != Opcode::kChunk || records.size() != size ||
+      (crc != 0 && mcap::crc_of(records) != crc)) {
+    return false;
+  }
+  chunk_ = records;
+  rest_ = chunk_;
+  return true;
+}
+
+std::optional<McapReader::Message> McapReader::next() {
+  while (true) {
+    while (rest_.empty()) {
+      if (next_chunk_ == chunks_.size()) return std::nullopt;
+      const Chunk& chunk = chunks_[next_chunk_++];
+      if (chunk.end_ns < from_ns_) continue;
+      if (!load(chunk)) ++damaged_chunks_;
+    }
+    Fields fields(rest_);
+    const auto opcode = static_cast<Opcode>(fields.number<std::uint8_t>());
+    Fields content(fields.take(fields.number<std::uint64_t>()));
+    rest_ = fields.rest();
+    if (opcode != Opcode::kMessage) continue;
+    Message message;
+    message.channel_id = content.number<std::uint16_t>();
+    content.number<std::uint32_t>();
+    message.log_time_ns = content.number<std::uint64_t>();
+    content.number<std::uint64_t>();
+    message.payload = content.rest();
+    if (content.is_good() && message.log_time_ns >= from_ns_) return message;
+  }
+}
+
+}  // namespace palpate::viewer

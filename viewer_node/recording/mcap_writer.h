@@ -1,0 +1,84 @@
+// mcap_writer.h — a run as an MCAP file: chunks with an index and check sums, in the order written.
+// Never on the thread of a tick: it waits for the disk.
+#pragma once
+
+#include <cstdint>
+#include <cstdio>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "viewer_node/recording/mcap_format.h"
+
+namespace palpate::viewer {
+
+/// A chunk is written when it is so long, or spans so much time: a crash loses no more.
+inline constexpr std::size_t kChunkBytes = std::size_t{1} << 20;
+inline constexpr std::uint64_t kChunkSpan_ns = 500'000'000;
+
+/// The same calls give the same file, to the bit. Chunks are not compressed.
+class McapWriter {
+ public:
+  /// Creates `path`. Throws SetupError if it cannot, or if it exists and `may_overwrite` is false.
+  /// @param channels  topic i is channel i of write()
+  McapWriter(std::string path, bool may_overwrite, const std::vector<mcap::Channel>& channels);
+  /// Closes; call close() first to learn whether that worked.
+  ~McapWriter();
+  McapWriter(const McapWriter&) = delete;
+  McapWriter& operator=(const McapWriter&) = delete;
+
+  void add_metadata(const std::string& name, const mcap::Strings& strings);
+  /// Into the chunk at hand. @param channel  index in `channels`
+  void write(std::size_t channel, std::uint64_t log_time_ns, std::string_view payload);
+  /// Hands everything so far to the operating system: the end of this process cannot lose it.
+  void flush();
+  /// Flushes and adds the summary; nothing is written after it.
+  void close();
+
+  /// What went wrong with the file, once; nothing is written after an error, and what was written
+  /// before stays readable.
+  [[nodiscard]] std::optional<std::string> take_error();
+
+ private:
+  struct MetadataPlace {
+    std::uint64_t offset = 0;
+    std::uint64_t length = 0;
+    std::string name;
+  };
+  struct Topic {
+    std::uint16_t id = 0;
+    std::uint32_t sequence = 0;
+    std::vector<std::pair<std::uint64_t, std::uint64_t>> index;  // of the chunk at hand
+  };
+
+  void end_chunk();
+  void put(const std::string& bytes);
+  void fail();
+  [[nodiscard]] std::string summary() const;
+
+  struct Close {
+    void operator()(std::FILE* file) const { std::fclose(file); }
+  };
+  std::string path_;
+  std::unique_ptr<std::FILE, Close> file_;  // null after an error or close()
+  std::uint64_t offset_ = 0;                // of the end of the file
+  std::uint32_t data_crc_ = 0;
+  std::string definitions_;                                 // Schema and Channel records
+  std::pair<std::size_t, std::size_t> definition_bytes_{};  // of the schemas, of the channels
+  std::vector<Topic> topics_;
+  std::string chunk_;
+  std::uint64_t chunk_begin_ns_ = 0;
+  std::uint64_t chunk_end_ns_ = 0;
+  std::uint64_t begin_ns_ = 0;
+  std::uint64_t end_ns_ = 0;
+  std::string chunk_indexes_;  // ChunkIndex records: some 150 bytes a chunk until close()
+  std::uint32_t chunks_ = 0;
+  std::vector<MetadataPlace> metadata_;
+  std::optional<std::string> error_;
+};
+
+}  // namespace palpate::viewer

@@ -1,0 +1,158 @@
+#include "viewer_node/recording/recording.h"
+
+#include <chrono>
+#include <utility>
+
+#include "common/link/viewer_codec.h"
+#include "common/core/version.h"
+
+namespace palpate::viewer {
+namespace {
+
+// What the disk may be behind: about 100 s of a run at 1 kHz.
+constexpr std::size_t kMaxQueuedBytes = std::size_t{64} << 20;
+// How long a message may wait for its chunk to end.
+constexpr auto kFlushInterval = std::chrono::milliseconds(500);
+
+std::uint64_t wall_ns() {
+  return static_cast<std::uint64_t>(std::chrono::duration_cast<std::chrono::nanoseconds>(
+                                        std::chrono::system_clock::now().time_since_epoch())
+                                        .count());
+}
+
+const char* node_of(const DeviceBatch&) { return "device_node"; }
+const char* node_of(const MofcBatch&) { return "mofc_node"; }
+const char* node_of(const PhysicsBatch&) { return "physics_node"; }
+
+}  // namespace
+
+std::vector<mcap::Channel> recorded_channels() {
+  std::vector<mcap::Channel> channels;
+  for (const auto& [topic, schema] : {std::pair("/device", "palpate.v1.DeviceTelemetry"),
+                                      std::pair("/mofc", "palpate.v1.MofcTelemetry"),
+                                      std::pair("/physics", "palpate.v1.PhysicsTelemetry"),
+                                      std::pair("/scene_state", "palpate.v1.SceneState"),
+                                      std::pair("/mesh", "palpate.v1.MeshFrame")}) {
+    channels.push_back({topic, schema, schema_of(schema)});
+  }
+  return channels;
+}
+
+mcap::Strings run_metadata(const Session& session, const std::string& recorded_by) {
+  std::string sides;
+  std::string controllers;
+  for (const Session& side : sides_of(session)) {
+    sides += (sides.empty() ? "" : ",") + side.side;
+    controllers += (controllers.empty() ? "" : ", ") + (side.side.empty() ? "" : side.side + ": ") +
+                   controller_text(side.mofc);
+  }
+  return {{"session", session.text},
+          {"session_name", session.name},
+          {"session_file", session.file},
+          {"controller", controllers},
+          {"seed", std::to_string(session.seed)},
+          {"sides", sides},
+          {"recorded_by", recorded_by},
+          {"version", version()},
+          {"protocol_major", std::to_string(kProtocolMajor)}};
+}
+
+bool NodeVersions::note(const TelemetryMessage& message) {
+  return std::visit(
+      [&](const auto& batch) {
+        if constexpr (requires { node_of(batch); }) {
+          Node& node = nodes_[with_side(batch.side, node_of(batch))];
+          if (node.session_id == batch.header.session_id) return false;
+          node.session_id = batch.header.session_id;
+          node.version = batch.node_version;
+          ++node.sessions;
+          return true;
+        } else {
+          return false;
+        }
+      },
+      message);
+}
+
+mcap::Strings NodeVersions::metadata() const {
+  mcap::Strings strings;
+  for (const auto& [name, node] : nodes_) {
+    strings[name] = node.version;
+    strings[name + "_sessions"] = std::to_string(node.sessions);
+  }
+  return strings;
+}
+
+Recording::Recording(const RecordOptions& options, const Session& session,
+                     const std::string& recorded_by, TelemetrySubscriber& subscriber)
+    : writer_(options.file, options.may_overwrite, recorded_channels()) {
+  writer_.add_metadata(kRunMetadata, run_metadata(session, recorded_by));
+  subscriber.subscribe<SceneState>();
+  subscriber.subscribe<MeshFrame>();
+  thread_ = std::jthread([this](const std::stop_token& stop) { write_until(stop); });
+}
+
+Recording::~Recording() { close(); }
+
+void Recording::take(const TelemetryMessage& message, std::span<const std::byte> payload) {
+  push({.channel = message.index(),
+        .log_time_ns = wall_ns(),
+        .payload = {reinterpret_cast<const char*>(payload.data()), payload.size()}});
+  if (versions_.note(message)) push({.nodes = versions_.metadata()});
+}
+
+void Recording::push(Item&& item) {
+  const std::scoped_lock lock(mutex_);
+  if (queued_bytes_ + item.payload.size() > kMaxQueuedBytes) {
+    ++dropped_;
+    return;
+  }
+  queued_bytes_ += item.payload.size();
+  queue_.push_back(std::move(item));
+}
+
+void Recording::write_until(const std::stop_token& stop) {
+  std::vector<Item> items;
+  while (!stop.stop_requested()) {
+    {
+      std::unique_lock lock(mutex_);
+      filled_.wait_for(lock, stop, kFlushInterval, [] { return false; });
+      items.swap(queue_);
+      queued_bytes_ = 0;
+    }
+    write(items);
+    writer_.flush();
+    if (auto error = writer_.take_error()) {
+      const std::scoped_lock lock(mutex_);
+      error_ = std::move(error);
+    }
+  }
+}
+
+void Recording::write(std::vector<Item>& items) {
+  for (const Item& item : items) {
+    if (item.nodes.empty()) {
+      writer_.write(item.channel, item.log_time_ns, item.payload);
+    } else {
+      writer_.add_metadata(kNodesMetadata, item.nodes);
+    }
+  }
+  items.clear();
+}
+
+void Recording::close() {
+  if (!thread_.joinable()) return;
+  thread_.request_stop();
+  thread_.join();
+  write(queue_);
+  writer_.add_metadata(kLossMetadata, {{"messages_dropped", std::to_string(dropped_)}});
+  writer_.close();
+  if (auto error = writer_.take_error()) error_ = std::move(error);
+}
+
+std::optional<std::string> Recording::take_error() {
+  const std::scoped_lock lock(mutex_);
+  return std::exchange(error_, std::nullopt);
+}
+
+}  // namespace palpate::viewer

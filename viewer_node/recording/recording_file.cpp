@@ -1,0 +1,204 @@
+#include "viewer_node/recording/recording_file.h"
+
+#include <cmath>
+#include <optional>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "common/core/check.h"
+#include "viewer_node/recording/recording.h"
+#include "viewer_node/feed/telemetry_mirror.h"
+
+namespace palpate {
+namespace {
+
+constexpr Duration kPathStep = std::chrono::milliseconds(10);
+
+}  // namespace
+
+RecordingFile::RecordingFile(const std::string& path)
+    : mcap_(path), about_(mcap_.metadata(viewer::kRunMetadata)) {
+  const auto channels = viewer::recorded_channels();
+  for (const viewer::McapReader::Topic& topic : mcap_.topics()) {
+    for (std::size_t kind = 0; kind < channels.size(); ++kind) {
+      if (topic.topic == channels[kind].topic && topic.schema_name == channels[kind].schema_name) {
+        kinds_[topic.id] = kind;
+      }
+    }
+  }
+  if (kinds_.empty()) {
+    throw SetupError("recording " + path +
+                     ": has no topic of Palpate; give a file that --record wrote");
+  }
+}
+
+std::string RecordingFile::about(const std::string& key) const {
+  const auto it = about_.find(key);
+  return it != about_.end() ? it->second : "";
+}
+
+std::string RecordingFile::name() const {
+  return about("session_name") + (side_.value_or("").empty() ? "" : ", " + *side_);
+}
+
+double RecordingFile::length_s() const {
+  return static_cast<double>(mcap_.end_ns() - mcap_.begin_ns()) * 1e-9;
+}
+
+void RecordingFile::choose_side(const std::string& side) {
+  const std::string names = about("sides");
+  const bool has_one = names.find(',') == std::string::npos;
+  side_ = side.empty() && has_one ? names : side;
+  const bool is_there = ("," + names + ",").find("," + *side_ + ",") != std::string::npos;
+  if (is_there && side_->find(',') == std::string::npos) return;
+  throw SetupError("recording " + mcap_.path() +
+                   (names.empty() ? ": is of one device; leave --side out"
+                                  : ": give --side with one of " + names));
+}
+
+bool RecordingFile::is_of_chosen_side() const {
+  return !side_ || std::visit(
+                       [&](const auto& message) {
+                         if constexpr (requires { message.side; }) {
+                           return message.side == *side_;
+                         } else {
+                           return true;
+                         }
+                       },
+                       item_.message);
+}
+
+template <class T>
+bool RecordingFile::decode(std::string_view payload) {
+  frame_.assign(1, static_cast<char>(kKindOf<T>));
+  frame_ += payload;
+  if (!std::holds_alternative<T>(item_.message)) item_.message.emplace<T>();
+  return Codec<T>().decode(std::as_bytes(std::span(frame_)), std::get<T>(item_.message)) ==
+         DecodeError::kNone;
+}
+
+const RecordingFile::Item* RecordingFile::next() {
+  while (const auto message = mcap_.next()) {
+    const auto kind = kinds_.find(message->channel_id);
+    if (kind == kinds_.end()) continue;
+    item_.log_time_ns = message->log_time_ns;
+    bool is_good = false;
+    switch (kind->second) {
+      case 0:
+        is_good = decode<DeviceBatch>(message->payload);
+        break;
+      case 1:
+        is_good = decode<MofcBatch>(message->payload);
+        break;
+      case 2:
+        is_good = decode<PhysicsBatch>(message->payload);
+        break;
+      case 3:
+        is_good = decode<SceneState>(message->payload);
+        break;
+      default:
+        is_good = decode<MeshFrame>(message->payload);
+        break;
+    }
+    if (!is_good) {
+      ++refused_;
+    } else if (is_of_chosen_side()) {
+      return &item_;
+    }
+  }
+  return nullptr;
+}
+
+void for_each_row(RecordingFile& recording,
+                  const std::function<void(const TickRow&)>& on_row) {
+  viewer::TelemetryMirror mirror;
+  mirror.on_row = on_row;
+  recording.seek(0);
+  while (const RecordingFile::Item* item = recording.next()) {
+    const TimePoint at{Duration(static_cast<std::int64_t>(item->log_time_ns))};
+    std::visit(
+        [&](const auto& message) {
+          if constexpr (requires { mirror.take(message, at); }) mirror.take(message, at);
+        },
+        item->message);
+  }
+  mirror.flush_rows();
+}
+
+namespace {
+
+/// Means over one step of the path.
+struct HandStep {
+  double t_s = 0.0;
+  Vector3 position_m = Vector3::Zero();
+  Vector3 force_newton = Vector3::Zero();
+};
+
+std::vector<HandStep> hand_steps_of(RecordingFile& recording) {
+  std::vector<HandStep> steps;
+  std::optional<TimePoint> begin;
+  std::int64_t step = -1;
+  Duration last{-1};
+  double count = 0.0;
+  const auto end_step = [&] {
+    if (count == 0.0) return;
+    steps.back().t_s /= count;
+    steps.back().position_m /= count;
+    steps.back().force_newton /= count;
+    count = 0.0;
+  };
+  for_each_row(recording, [&](const TickRow& row) {
+    if (!begin) begin = row.device.sampled_at;
+    const Duration t = row.device.sampled_at - *begin;
+    if (t <= last) return;  // a device with another clock
+    last = t;
+    if (t / kPathStep != step) {
+      end_step();
+      step = t / kPathStep;
+      steps.emplace_back();
+    }
+    steps.back().t_s += to_seconds(t);
+    steps.back().position_m += row.device.measured_hand_position_m;
+    steps.back().force_newton += row.device.force_on_hand_newton;
+    ++count;
+  });
+  end_step();
+  return steps;
+}
+
+}  // namespace
+
+RecordedPath hand_path_of(RecordingFile& recording, const HandConfig& hand) {
+  const std::vector<HandStep> steps = hand_steps_of(recording);
+  if (steps.empty()) {
+    throw SetupError("recording " + recording.mcap().path() + ": holds no motion of a hand");
+  }
+  RecordedPath path;
+  Vector3 lead_m = Vector3::Zero();  // xᵢ − x
+  for (std::size_t i = 0; i < steps.size(); ++i) {
+    Vector3 acceleration = Vector3::Zero();
+    if (i > 0 && i + 1 < steps.size()) {
+      const HandStep& before = steps[i - 1];
+      const HandStep& after = steps[i + 1];
+      const Vector3 velocity_in =
+          (steps[i].position_m - before.position_m) / (steps[i].t_s - before.t_s);
+      const Vector3 velocity_out =
+          (after.position_m - steps[i].position_m) / (after.t_s - steps[i].t_s);
+      acceleration = 2.0 * (velocity_out - velocity_in) / (after.t_s - before.t_s);
+    }
+    // the equation above for the lead: a low pass of the lead at rest, time constant b/k
+    const Vector3 at_rest_m =
+        (hand.mass_kg * acceleration - steps[i].force_newton) / hand.stiffness_newton_per_m;
+    const double elapsed_s = i > 0 ? steps[i].t_s - steps[i - 1].t_s : 0.0;
+    const double share =
+        i > 0 && hand.damping_newton_s_per_m > 0.0
+            ? -std::expm1(-elapsed_s * hand.stiffness_newton_per_m / hand.damping_newton_s_per_m)
+            : 1.0;
+    lead_m += share * (at_rest_m - lead_m);
+    path.samples.push_back({.t_s = steps[i].t_s, .position_m = steps[i].position_m + lead_m});
+  }
+  return path;
+}
+
+}  // namespace palpate

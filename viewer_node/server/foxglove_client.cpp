@@ -1,0 +1,211 @@
+#include "viewer_node/server/foxglove_client.h"
+
+#include <algorithm>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+namespace palpate::viewer {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr std::string_view kHandTopic = "/hand_target";
+constexpr std::string_view kHandSchema = "palpate.v1.HandTarget";
+constexpr std::size_t kMostComplaints = 8;  // about one message
+constexpr std::size_t kMostQuotedBytes = 40;
+constexpr char kClientData = 1;  // opcode
+
+std::string written(const Json& json) {
+  // what a client sent and is told of need not be UTF-8
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+std::string in_quotes(std::string_view text) {
+  return "\"" + std::string(text.substr(0, kMostQuotedBytes)) + "\"";
+}
+
+std::string base64(std::string_view bytes) {
+  constexpr std::string_view kDigits =
+      "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  std::string text;
+  text.reserve((bytes.size() + 2) / 3 * 4);
+  for (std::size_t i = 0; i < bytes.size(); i += 3) {
+    std::uint32_t group = 0;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const auto byte = i + k < bytes.size() ? static_cast<unsigned char>(bytes[i + k]) : 0U;
+      group = (group << 8) | byte;
+    }
+    for (std::size_t k = 0; k < 4; ++k) {
+      const bool is_padding = i + k > bytes.size();
+      text += is_padding ? '=' : kDigits[(group >> (18 - 6 * k)) & 63];
+    }
+  }
+  return text;
+}
+
+/// The member, if it is a number of 32 bits.
+std::optional<std::uint32_t> number(const Json& object, const char* name) {
+  const auto member = object.is_object() ? object.find(name) : object.end();
+  if (!object.is_object() || member == object.end() || !member->is_number_unsigned()) {
+    return std::nullopt;
+  }
+  const auto value = member->get<std::uint64_t>();
+  if (value > std::numeric_limits<std::uint32_t>::max()) return std::nullopt;
+  return static_cast<std::uint32_t>(value);
+}
+
+std::string text_of(const Json& object, const char* name) {
+  const auto member = object.is_object() ? object.find(name) : object.end();
+  const bool is_text = object.is_object() && member != object.end() && member->is_string();
+  return is_text ? member->get<std::string>() : std::string();
+}
+
+/// The members of a list; none where there is no list.
+const Json& list(const Json& object, const char* name) {
+  static const Json kNone = Json::array();
+  const auto member = object.find(name);
+  return member != object.end() && member->is_array() ? *member : kNone;
+}
+
+class Complaints {
+ public:
+  explicit Complaints(std::vector<std::string>& replies) : replies_(replies) {}
+  void add(const std::string& message) {
+    if (count_++ < kMostComplaints) replies_.push_back(status_text(StatusLevel::kError, message));
+  }
+
+ private:
+  std::vector<std::string>& replies_;
+  std::size_t count_ = 0;
+};
+
+}  // namespace
+
+std::string status_text(StatusLevel level, std::string_view message, std::string_view id) {
+  Json json = {{"op", "status"}, {"level", static_cast<int>(level)}, {"message", message}};
+  if (!id.empty()) json["id"] = id;
+  return written(json);
+}
+
+std::string remove_status_text(std::string_view id) {
+  return written({{"op", "removeStatus"}, {"statusIds", Json::array({id})}});
+}
+
+DataHeader data_header(std::uint32_t subscription, std::uint64_t log_time_ns) {
+  DataHeader header{};
+  header[0] = 1;
+  for (std::size_t i = 0; i < 4; ++i) header[1 + i] = static_cast<char>(subscription >> (8 * i));
+  for (std::size_t i = 0; i < 8; ++i) header[5 + i] = static_cast<char>(log_time_ns >> (8 * i));
+  return header;
+}
+
+std::vector<std::string> FoxgloveClient::greeting() const {
+  Json info = {
+      {"op", "serverInfo"},
+      {"name", server_.name},
+      {"capabilities", Json::array()},
+      {"sessionId", server_.session_id},
+      {"metadata", {{"client_id", std::to_string(id_)}, {"session", server_.session_name}}}};
+  if (server_.accepts_hand_targets) {
+    info["capabilities"].push_back("clientPublish");
+    info["supportedEncodings"] = Json::array({"protobuf"});
+  }
+  Json channels = Json::array();
+  for (std::size_t i = 0; i < server_.channels.size(); ++i) {
+    const Channel& channel = server_.channels[i];
+    channels.push_back({{"id", i + 1},
+                        {"topic", channel.topic},
+                        {"encoding", "protobuf"},
+                        {"schemaName", channel.schema_name},
+                        {"schemaEncoding", "protobuf"},
+                        {"schema", base64(channel.schema)}});
+  }
+  return {written(info), written({{"op", "advertise"}, {"channels", std::move(channels)}})};
+}
+
+std::optional<std::uint32_t> FoxgloveClient::subscription(std::size_t channel) const {
+  const auto it = std::find_if(channel_of_.begin(), channel_of_.end(),
+                               [&](const auto& entry) { return entry.second == channel; });
+  return it != channel_of_.end() ? std::optional(it->first) : std::nullopt;
+}
+
+FoxgloveClient::Outcome FoxgloveClient::take_text(std::string_view text) {
+  Outcome outcome;
+  Complaints complaints(outcome.replies);
+  const Json message = Json::parse(text, nullptr, false);
+  if (!message.is_object()) {
+    complaints.add("a text message must be a JSON object with an op");
+    return outcome;
+  }
+
+  const std::string op = text_of(message, "op");
+  if (op == "subscribe") {
+    for (const Json& wanted : list(message, "subscriptions")) {
+      const auto id = number(wanted, "id");
+      const auto channel = number(wanted, "channelId");
+      if (!id || !channel || *channel == 0 || *channel > server_.channels.size()) {
+        complaints.add("subscribe: needs an id and the channelId of an advertised channel");
+      } else if (channel_of_.contains(*id)) {
+        complaints.add("subscribe: id " + std::to_string(*id) + " is in use");
+      } else if (subscription(*channel - 1)) {
+        complaints.add("subscribe: channel " + std::to_string(*channel) +
+                       " is subscribed to already");
+      } else {
+        channel_of_[*id] = *channel - 1;
+        outcome.subscribed.push_back(*channel - 1);
+      }
+    }
+  } else if (op == "unsubscribe") {
+    for (const Json& id : list(message, "subscriptionIds")) {
+      const auto it = id.is_number_unsigned() && id.get<std::uint64_t>() <= ~std::uint32_t{0}
+                          ? channel_of_.find(id.get<std::uint32_t>())
+                          : channel_of_.end();
+      if (it == channel_of_.end()) {
+        complaints.add("unsubscribe: no such subscription");
+        continue;
+      }
+      outcome.unsubscribed.push_back(it->second);
+      channel_of_.erase(it);
+    }
+  } else if (op == "advertise" && server_.accepts_hand_targets) {
+    for (const Json& offered : list(message, "channels")) {
+      const auto id = number(offered, "id");
+      if (!id || text_of(offered, "topic") != kHandTopic ||
+          text_of(offered, "encoding") != "protobuf" ||
+          text_of(offered, "schemaName") != kHandSchema) {
+        complaints.add("advertise: only " + std::string(kHandTopic) + " is taken, protobuf " +
+                       std::string(kHandSchema));
+      } else {
+        hand_channel_ = id;
+      }
+    }
+  } else if (op == "unadvertise" && server_.accepts_hand_targets) {
+    for (const Json& id : list(message, "channelIds")) {
+      if (hand_channel_ && id == *hand_channel_) hand_channel_.reset();
+    }
+  } else {
+    complaints.add("op " + in_quotes(op) + " is not supported");
+  }
+  return outcome;
+}
+
+FoxgloveClient::Outcome FoxgloveClient::take_binary(std::string_view bytes) {
+  constexpr std::size_t kHeaderBytes = 5;  // opcode, the client's number of the channel
+  Outcome outcome;
+  std::uint32_t channel = 0;
+  if (bytes.size() >= kHeaderBytes) {
+    for (std::size_t i = 4; i > 0; --i) {
+      channel = (channel << 8) | static_cast<unsigned char>(bytes[i]);
+    }
+  }
+  if (bytes.size() < kHeaderBytes || bytes[0] != kClientData || !hand_channel_ ||
+      channel != *hand_channel_) {
+    Complaints(outcome.replies).add("a binary message must be data of an advertised channel");
+    return outcome;
+  }
+  outcome.hand_target = bytes.substr(kHeaderBytes);
+  return outcome;
+}
+
+}  // namespace palpate::viewer
