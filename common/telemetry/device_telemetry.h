@@ -33,7 +33,7 @@ enum class FaultReason : std::uint8_t {
 };
 [[nodiscard]] const char* name(FaultReason reason);
 
-/// One device tick, row k of DESIGN's CSV on the device's side.
+/// One device tick, the device's part of row k of the CSV.
 struct DeviceTick {
   std::uint64_t sequence = 0;  ///< of the DeviceState; none was sent in a tick of kFault
   TimePoint sampled_at{};      ///< t_k, device's clock
@@ -52,7 +52,7 @@ struct DeviceTick {
   /// Known to simulated devices only; NaN otherwise. The controller never sees these.
   Vector3 true_tool_position_world_m = Vector3::Constant(kNaN);
   Vector3 true_tool_velocity_world_m_per_s = Vector3::Constant(kNaN);
-  double true_energy_joule = kNaN;          ///< DESIGN §2, at t_k
+  double true_energy_joule = kNaN;          ///< docs/theory.md §1, at t_k
   double minimum_true_energy_joule = kNaN;  ///< over all inner steps so far
 };
 

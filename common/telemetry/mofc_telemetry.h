@@ -49,7 +49,7 @@ struct MofcCounters {
   std::uint64_t motions_dropped = 0;     ///< tool_motion not taken by the link
   std::uint64_t motions_suppressed = 0;  ///< not sent: within mofc.motion_deadband
   /// Running sums for the transparency of the session so far, over samples asked > 0.05 N:
-  /// projected and capped (DESIGN §3), from the force the device really applied.
+  /// projected and capped (docs/theory.md §7.2), from the force the device really applied.
   double transparency_sum = 0.0;
   std::uint64_t transparency_samples = 0;
 };
