@@ -27,8 +27,11 @@ endif()
 
 find_program(PALPATE_CCACHE ccache)
 if(PALPATE_CCACHE)
-  set(CMAKE_C_COMPILER_LAUNCHER ${PALPATE_CCACHE})
-  set(CMAKE_CXX_COMPILER_LAUNCHER ${PALPATE_CCACHE})
+  # what ccache needs to cache a compilation with a precompiled header
+  set(launcher ${CMAKE_COMMAND} -E env CCACHE_SLOPPINESS=pch_defines,time_macros ${PALPATE_CCACHE})
+  set(CMAKE_C_COMPILER_LAUNCHER ${launcher})
+  set(CMAKE_CXX_COMPILER_LAUNCHER ${launcher})
+  add_compile_options($<$<COMPILE_LANG_AND_ID:CXX,GNU>:-fpch-preprocess>)
 endif()
 
 # No fused multiply-add behind our back: lockstep runs are equal to the bit on every build type.

@@ -17,7 +17,7 @@ packages=(
 # npm builds the viewer's page; another distribution's Node.js may bring its own
 command -v npm >/dev/null || packages+=(nodejs npm)
 if [[ "${1:-}" == "--tests" ]]; then
-  packages+=(chromium fonts-liberation gnuplot-nox iproute2 libgmock-dev libgtest-dev
+  packages+=(chromium clang-format clang-tidy fonts-liberation gnuplot-nox iproute2 libgmock-dev libgtest-dev
     libnanoflann-dev)
 fi
 if [[ "${1:-}" == "--package" ]]; then packages+=(dpkg-dev); fi

@@ -1,39 +1,63 @@
 #!/usr/bin/env bash
-# From a bare Debian 12 to every test: installs what is missing, builds, runs. The release build
-# first, then the tests without real time under the address and undefined behaviour sanitizers.
-# Ends with ctest's summary, of the first build that fails or of the last.
+# From a bare Debian 12 to every test: installs what is missing, builds, runs. Ends with ctest's
+# summary, of the first build that fails or of the last.
 #
-#   tests/run.sh                   release and sanitizers
-#   tests/run.sh --all             the thread sanitizer too, and ten times as many seeds in release
+#   tests/run.sh                   the release build, every test
+#   tests/run.sh --ci              besides, before it: format and clang-tidy of what changed; after
+#                                  it: the tests that need no real time once more, with assertions
+#                                  and under the address and undefined behaviour sanitizers
+#   tests/run.sh --all             --ci, the thread sanitizer too, and ten times as many seeds in
+#                                  the release build
 #   tests/run.sh -R 'Codec'        further arguments go to each ctest
-#   tests/run.sh --soak MINUTES [SEED]   instead: a long session with faults at random
+#   tests/run.sh --soak MINUTES [SEED]   instead: a long session with random faults
 set -euo pipefail
 root="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
 
-presets=(release asan)
-if [[ "${1:-}" == "--soak" ]]; then
-  minutes="${2:?--soak MINUTES}"
-  "$root/deploy/packages.sh" --tests
-  cd "$root"
-  cmake --preset release -DPALPATE_BUILD_TESTS=ON
-  cmake --build --preset release --parallel "$(nproc)" --target palpate_soak
-  exec build/release/bin/palpate_soak "$minutes" "${3:-1}"
-fi
-release_seeds="${PALPATE_SEEDS:-1}"
-if [[ "${1:-}" == "--all" ]]; then
-  presets+=(tsan)
-  release_seeds=10  # 10 000 runs of the guarantee
-  shift
-fi
+# Configures build/PRESET with tests, unless it is.
+configure() {
+  # demo.sh configures build/release without tests
+  if [[ ! -f "build/$1/build.ninja" ]] ||
+     ! grep -q '^PALPATE_BUILD_TESTS:BOOL=ON$' "build/$1/CMakeCache.txt"; then
+    cmake --preset "$1" -DPALPATE_BUILD_TESTS=ON
+  fi
+}
 
 "$root/deploy/packages.sh" --tests
 cd "$root"
+
+if [[ "${1:-}" == "--soak" ]]; then
+  minutes="${2:?--soak MINUTES}"
+  configure release
+  cmake --build --preset release --parallel "$(nproc)" --target palpate_soak
+  exec build/release/bin/palpate_soak "$minutes" "${3:-1}"
+fi
+
+presets=(release)
+release_seeds="${PALPATE_SEEDS:-1}"
+has_lint=false
+case "${1:-}" in
+  --ci)
+    presets=(release asan)
+    has_lint=true
+    shift
+    ;;
+  --all)
+    presets=(release asan tsan)
+    release_seeds=10  # 10 000 runs of the guarantee
+    has_lint=true
+    shift
+    ;;
+esac
+
+if $has_lint; then
+  configure release
+  # clang-tidy reads the generated headers too
+  cmake --build --preset release --parallel "$(nproc)" --target palpate_proto
+  tests/lint.sh
+fi
+
 for preset in "${presets[@]}"; do
-  # demo.sh configures build/release without tests
-  if [[ ! -f "build/$preset/build.ninja" ]] ||
-     ! grep -q '^PALPATE_BUILD_TESTS:BOOL=ON$' "build/$preset/CMakeCache.txt"; then
-    cmake --preset "$preset" -DPALPATE_BUILD_TESTS=ON
-  fi
+  configure "$preset"
   cmake --build --preset "$preset" --parallel "$(nproc)"
   seeds="${PALPATE_SEEDS:-1}"
   if [[ "$preset" == release ]]; then seeds="$release_seeds"; fi

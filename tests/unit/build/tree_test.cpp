@@ -11,6 +11,8 @@
 #include <string>
 #include <vector>
 
+#include "tests/unit/build/source_tree.h"
+
 namespace palpate {
 namespace {
 
@@ -108,20 +110,10 @@ std::string machine_path_in(const std::string& text) {
 }
 
 TEST(Tree, NamesNoPathOfAnyMachine) {
-  const std::set<std::string> own_of_tools{".git", ".cache", ".idea", ".vscode", "Testing"};
   std::size_t files = 0;
-  auto entry = fs::recursive_directory_iterator(PALPATE_SOURCE_DIR);
-  for (; entry != fs::recursive_directory_iterator(); ++entry) {
-    const std::string name = entry->path().filename().string();
-    // what tools and builds leave beside the sources
-    if ((entry.depth() == 0 && (name.starts_with("build") || own_of_tools.contains(name))) ||
-        name == "node_modules") {
-      if (entry->is_directory()) entry.disable_recursion_pending();
-      continue;
-    }
-    if (!entry->is_regular_file() || entry->is_symlink()) continue;
+  for (const std::string& file : test::tracked_files()) {
     ++files;
-    EXPECT_EQ(machine_path_in(text_of(entry->path())), "") << entry->path();
+    EXPECT_EQ(machine_path_in(text_of(fs::path(PALPATE_SOURCE_DIR) / file)), "") << file;
   }
   EXPECT_GT(files, 100u);
 }

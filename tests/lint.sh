@@ -1,0 +1,28 @@
+#!/usr/bin/env bash
+# The format of every C++ file, and clang-tidy on those that changed. Ends with status 1 if there is
+# anything to mend; needs build/release configured.
+#
+#   tests/lint.sh           what changed since the last commit but one, and what is not committed
+#   tests/lint.sh BASE      what changed since the commit BASE
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
+
+git ls-files '*.h' '*.cpp' | xargs clang-format --dry-run --Werror
+
+# a clone may hold no more than one commit
+base="${1:-}"
+if [[ -z "$base" ]]; then
+  base=$(git rev-parse --verify --quiet HEAD~1 || git rev-parse HEAD)
+fi
+mapfile -t changed < <(git diff --name-only --diff-filter=d "$base" -- '*.cpp')
+[[ ${#changed[@]} -gt 0 ]] || exit 0
+
+# The warning options and precompiled headers are GCC's.
+commands=$(mktemp -d)
+trap 'rm -rf "$commands"' EXIT
+sed -E 's# -include [^ "]*cmake_pch\.hxx##g; s# -(Winvalid-pch|fpch-preprocess)##g' \
+  build/release/compile_commands.json > "$commands/compile_commands.json"
+echo "clang-tidy: ${#changed[@]} changed files since ${base:0:12}"
+printf '%s\n' "${changed[@]}" |
+  xargs -P "$(nproc)" -n 1 clang-tidy -p "$commands" --quiet --warnings-as-errors='*' 2> >(
+    grep -v 'warnings generated' >&2)
