@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "common/core/check.h"
-#include "common/link/codec.h"
+#include "common/link/codec/codec.h"
 #include "tests/support/random_messages.h"
 
 namespace {

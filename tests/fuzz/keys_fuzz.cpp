@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "common/core/check.h"
-#include "common/link/keys.h"
-#include "common/link/zap_handler.h"
+#include "common/link/security/keys.h"
+#include "common/link/security/zap_handler.h"
 
 namespace {
 

@@ -1,5 +1,5 @@
 // Every message there and back, and every way to break one.
-#include "common/link/codec.h"
+#include "common/link/codec/codec.h"
 
 #include <google/protobuf/message.h>
 #include <gtest/gtest.h>
@@ -10,9 +10,11 @@
 #include <vector>
 
 #include "palpate/v1/exchange.pb.h"
-#include "palpate/v1/physics.pb.h"
+#include "palpate/v1/hand_target.pb.h"
+#include "palpate/v1/interaction.pb.h"
 #include "palpate/v1/scene.pb.h"
 #include "palpate/v1/telemetry.pb.h"
+#include "palpate/v1/tool_motion.pb.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/support/random_messages.h"
 

@@ -1,5 +1,5 @@
 // Key files as they should be, and as they should not.
-#include "common/link/keys.h"
+#include "common/link/security/keys.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -9,7 +9,7 @@
 #include <functional>
 
 #include "common/core/check.h"
-#include "common/link/zap_handler.h"
+#include "common/link/security/zap_handler.h"
 #include "tests/support/temp_folder.h"
 
 namespace palpate {
@@ -82,7 +82,7 @@ TEST_F(Keys, EveryProblemOfTheListIsToldWithItsLineAndNoKey) {
                           HasSubstr("a.keys:5: the key must be 40 characters"),
                           HasSubstr("a.keys:6: the key"), HasSubstr("a.keys:7: the key"),
                           HasSubstr("a.keys:8: the key"), HasSubstr("a.keys:9: must be a role"),
-                          HasSubstr("a.keys:10: this key is listed before"),
+                          HasSubstr("a.keys:10: this key is listed above"),
                           HasSubstr("a.keys: must list exactly one good key of physics")));
   EXPECT_THAT(text, AllOf(Not(HasSubstr(viewer_.public_key)), Not(HasSubstr(device_.public_key))));
 }
@@ -138,7 +138,7 @@ TEST(KeyFolder, KeygenMakesAPairForEachRoleAndOverwritesNothing) {
   }
   const std::string before = text_of(keys / "viewer.key_secret");
   fs::remove(keys / "allowed.keys");
-  EXPECT_THAT(setup_error([&] { make_key_folder(keys); }), HasSubstr("is there already"));
+  EXPECT_THAT(setup_error([&] { make_key_folder(keys); }), HasSubstr("exists already"));
   EXPECT_EQ(text_of(keys / "viewer.key_secret"), before);
   EXPECT_FALSE(fs::exists(keys / "allowed.keys"));
 }

@@ -1,5 +1,5 @@
 // What viewers that know nothing of Palpate draw of the tool.
-#include "common/link/viewer_codec.h"
+#include "common/link/codec/viewer_codec.h"
 
 #include <gtest/gtest.h>
 
