@@ -43,13 +43,12 @@ TEST(IncludeBoundaries, HoldOnThisTree) {
 }
 
 TEST(IncludeBoundaries, LetAllowedIncludesPass) {
-  const CommandResult result =
-      check_source("mofc_node/mofc_node.h",
-                   "#include <vector>\n"
-                   "#include <Eigen/Core>\n"
-                   "#include \"common/core/messages.h\"\n"
-                   "#include \"mofc_node/controllers/vector_mofc.h\"\n"
-                   "// physics_node/scene/scene.h in a comment is no include\n");
+  const CommandResult result = check_source("mofc_node/mofc_node.h",
+                                            "#include <vector>\n"
+                                            "#include <Eigen/Core>\n"
+                                            "#include \"common/core/messages.h\"\n"
+                                            "#include \"mofc_node/controllers/vector_mofc.h\"\n"
+                                            "// physics_node/scene/scene.h in a comment is no include\n");
   EXPECT_EQ(result.status, 0) << result.output;
 }
 
@@ -107,22 +106,22 @@ INSTANTIATE_TEST_SUITE_P(
 // What only a simulation knows, and what only the simulated device is told.
 INSTANTIATE_TEST_SUITE_P(
     OfTheSimulatedTruth, ForbiddenInclude,
-    testing::Values(Forbidden{"mofc_node/mofc_node.cpp",
-                              "device_node/simulation/simulated_device.h", "mofc_node may include"},
-                    Forbidden{"mofc_node/mofc_node.cpp", "common/session/simulation_config.h",
-                              "mofc_node may include"},
-                    Forbidden{"mofc_node/mofc_node.cpp", "common/session/session.h",
-                              "mofc_node may include"},
-                    Forbidden{"mofc_node/mofc_node.cpp", "common/telemetry/device_telemetry.h",
-                              "mofc_node may include"},
-                    Forbidden{"mofc_node/mofc_node.cpp", "common/telemetry/telemetry.h",
-                              "mofc_node may include"},
-                    Forbidden{"device_node/device_node.cpp", "device_node/simulation/plant.h",
-                              "device_node may include"},
-                    Forbidden{"device_node/device_node.cpp", "common/session/simulation_config.h",
-                              "device_node may include"},
-                    Forbidden{"device_node/device_node.cpp", "device_node/drivers/open_device.h",
-                              "device_node may include"}));
+    testing::Values(
+        Forbidden{"mofc_node/mofc_node.cpp", "device_node/simulation/simulated_device.h",
+                  "mofc_node may include"},
+        Forbidden{"mofc_node/mofc_node.cpp", "common/session/simulation_config.h",
+                  "mofc_node may include"},
+        Forbidden{"mofc_node/mofc_node.cpp", "common/session/session.h", "mofc_node may include"},
+        Forbidden{"mofc_node/mofc_node.cpp", "common/telemetry/device_telemetry.h",
+                  "mofc_node may include"},
+        Forbidden{"mofc_node/mofc_node.cpp", "common/telemetry/telemetry.h",
+                  "mofc_node may include"},
+        Forbidden{"device_node/device_node.cpp", "device_node/simulation/plant.h",
+                  "device_node may include"},
+        Forbidden{"device_node/device_node.cpp", "common/session/simulation_config.h",
+                  "device_node may include"},
+        Forbidden{"device_node/device_node.cpp", "device_node/drivers/open_device.h",
+                  "device_node may include"}));
 
 TEST(IncludeBoundaries, AreNotEvadedByAngleBrackets) {
   for (const char* header : {"physics_node/scene/scene.h", "palpate/v1/messages.pb.h", "zmq.hpp",
@@ -161,9 +160,8 @@ TEST(IncludeBoundaries, LetTheProgramsConnectNodesToTheWorld) {
     EXPECT_EQ(result.status, 0) << result.output;
   }
   // by their whole name only
-  EXPECT_EQ(
-      check_source("mofc_node/preprocess.cpp", "#include \"common/link/codec/codec.h\"\n").status,
-      1);
+  EXPECT_EQ(check_source("mofc_node/preprocess.cpp", "#include \"common/link/codec/codec.h\"\n").status,
+            1);
 }
 
 /// Configures a project that includes cmake/boundaries.cmake and then does `text`.
