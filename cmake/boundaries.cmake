@@ -17,8 +17,12 @@ set(PALPATE_BOUNDARIES
   "common/contact:common/core"
   "common/session:common/core,@wire,@log"
   "common/telemetry:common/core,common/session,@log,@threads"
-  "common/link:common/core,common/session,common/telemetry,@wire,@zmq,@threads"
-  "common/process:common/core,common/session,common/telemetry,common/link,@log,@threads"
+  # in link: codec, security ← socket ← the ends
+  "common/link/codec:common/core,common/telemetry,@wire"
+  "common/link/security:common/core,@zmq,@threads"
+  "common/link/socket:common/core,common/session,common/link/codec,common/link/security,@zmq,@threads"
+  "common/link:common/core,common/telemetry,common/link/*,@zmq"
+  "common/process:common/core,common/session,common/telemetry,common/link/*,@log,@threads"
 
   # the tick knows the interface of a device, no driver and no simulation
   "device_node:common/core,common/session/device_config.h,common/telemetry/device_telemetry.h"

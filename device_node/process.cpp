@@ -3,6 +3,9 @@
 #include <optional>
 
 #include "common/core/inbox.h"
+#include "common/link/exchange_client.h"
+#include "common/link/zmq_sender.h"
+#include "common/link/zmq_source.h"
 #include "common/telemetry/flight_recorder.h"
 #include "common/process/rate_loop.h"
 #include "common/process/realtime.h"

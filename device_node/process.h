@@ -3,6 +3,7 @@
 
 #include <functional>
 
+#include "common/link/rejections.h"
 #include "common/process/process_links.h"
 #include "common/process/run_node.h"
 

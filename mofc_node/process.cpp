@@ -3,6 +3,9 @@
 #include <chrono>
 
 #include "common/core/inbox.h"
+#include "common/link/exchange_server.h"
+#include "common/link/zmq_sender.h"
+#include "common/link/zmq_source.h"
 #include "common/telemetry/flight_recorder.h"
 #include "common/process/realtime.h"
 #include "common/process/refused_peers_log.h"

@@ -9,6 +9,9 @@
 #include <vector>
 
 #include "common/core/inbox.h"
+#include "common/link/scene_sender.h"
+#include "common/link/zmq_sender.h"
+#include "common/link/zmq_source.h"
 #include "common/telemetry/flight_recorder.h"
 #include "common/process/heap_trim.h"
 #include "common/process/rate_loop.h"

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "common/link/telemetry_subscriber.h"
 #include "common/process/process_links.h"
 #include "common/process/run_node.h"
 #include "viewer_node/recording/recording.h"

@@ -18,7 +18,9 @@
 #include <string>
 #include <vector>
 
-#include "common/link/viewer_codec.h"
+#include "common/link/codec/viewer_codec.h"
+#include "common/link/telemetry_subscriber.h"
+#include "common/link/zmq_sender.h"
 #include "common/process/process_links.h"
 #include "common/telemetry/remote_events.h"
 #include "common/process/run_node.h"

@@ -1,5 +1,5 @@
-// check.h — the programmer's own mistakes. Never for input from outside: that gets an enum
-// (network), a latched fault (device) or a SetupError (user).
+// check.h — assertions for programming errors. Errors of external input are reported by other
+// means: an enum (network), a latched fault (device) or a SetupError (user).
 #pragma once
 
 #include <cstdio>
@@ -7,7 +7,7 @@
 #include <stdexcept>
 #include <string>
 
-/// Always checked; aborts with the condition and its place.
+/// Checked in every build; aborts and prints the condition, file and line.
 #define PALPATE_REQUIRE(condition)                                                           \
   do {                                                                                       \
     if (!(condition)) {                                                                      \
@@ -25,8 +25,9 @@
 
 namespace palpate {
 
-/// The user's problem, before the loop starts: bad session, endpoint in use, file missing.
-/// The text names what, value, rule and remedy; run_node prints it once and exits with status 2.
+/// An error that the user must correct before the loop can start: bad session, endpoint in use,
+/// missing file. The text gives the setting, its value, the rule and the remedy; run_node prints it
+/// once and exits with status 2.
 class SetupError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;

@@ -1,5 +1,5 @@
-// clock.h — the time, handed in: steady in real time, manual in tests, virtual in lockstep
-// (virtual_time.h).
+// clock.h — the clock interface that every component receives: steady in real time, manual in
+// tests, virtual in lockstep (virtual_time.h).
 #pragma once
 
 #include <cstdint>
@@ -12,17 +12,17 @@ class Clock {
  public:
   virtual ~Clock() = default;
   [[nodiscard]] virtual TimePoint now() const noexcept = 0;
-  /// Returns at `deadline` or, if that has passed, at once.
+  /// Returns at `deadline`; at once if it has passed.
   virtual void sleep_until(TimePoint deadline) = 0;
 };
 
-/// What a thread does until a point in time or a message comes.
+/// How a thread waits for a deadline or a message.
 enum class WaitStrategy : std::uint8_t {
-  kHybrid,  ///< sleeps; the last kSpinAhead before a point in time it looks at the clock instead
-  kSpin,    ///< looks again and again, letting other threads run in between; never sleeps
+  kHybrid,  ///< sleeps until kSpinAhead before a deadline, then polls the clock
+  kSpin,    ///< polls and yields the processor in between; never sleeps
   kBlock,   ///< sleeps
 };
-/// Longer than a real-time thread takes to wake up (p99, idle machine: 33 µs).
+/// Longer than the wake-up latency of a real-time thread (p99 on an idle machine: 33 µs).
 inline constexpr Duration kSpinAhead = std::chrono::microseconds(60);
 
 /// CLOCK_MONOTONIC of this host.
@@ -36,7 +36,7 @@ class SteadyClock final : public Clock {
   WaitStrategy wait_;
 };
 
-/// Stands still until told. `sleep_until` moves it forward.
+/// Advances only by sleep_until() and advance().
 class ManualClock final : public Clock {
  public:
   [[nodiscard]] TimePoint now() const noexcept override { return now_; }

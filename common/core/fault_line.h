@@ -1,6 +1,6 @@
-// fault_line.h — a bad network, on purpose: delay, jitter, loss, bursts, duplication, reordering,
-// outages, stalls and frozen content. It sits in the receiver's Inbox, so one implementation serves
-// memory and ZeroMQ, experiments and tests.
+// fault_line.h — simulated network faults: delay, jitter, loss, bursts, duplication, reordering,
+// outages, stalls and frozen content. It is part of the receiver's Inbox, so that one
+// implementation serves memory and ZeroMQ links, experiments and tests.
 #pragma once
 
 #include <algorithm>
@@ -13,12 +13,12 @@
 
 namespace palpate {
 
-/// A stretch of time on the receiver's clock, counted from the start of the link.
+/// A time window on the receiver's clock, relative to the start of the link.
 struct FaultWindow {
   enum class Kind : std::uint8_t {
-    kOutage,  ///< everything that arrives is lost
-    kStall,   ///< everything that arrives is held and delivered together at the end (TCP does this)
-    kFreeze,  ///< messages go on arriving, but say what the first one of the window said
+    kOutage,  ///< messages that arrive in the window are lost
+    kStall,   ///< messages that arrive are held and delivered together at the end, as TCP does
+    kFreeze,  ///< messages keep arriving, with the content of the first one of the window
   };
   Kind kind = Kind::kOutage;
   Duration from{};
@@ -30,10 +30,10 @@ struct LinkFaults {
   Duration delay{};
   Duration jitter{};               ///< each message's extra delay is uniform in [0, jitter]
   double loss_ratio = 0.0;         ///< independent loss
-  double burst_ratio = 0.0;        ///< share of messages that begin a burst of losses
+  double burst_ratio = 0.0;        ///< fraction of messages that start a burst of losses
   std::uint32_t burst_length = 1;  ///< messages lost in one burst
   double duplicate_ratio = 0.0;
-  double reorder_ratio = 0.0;  ///< share of messages held back by `reorder_delay`
+  double reorder_ratio = 0.0;  ///< fraction of messages delayed by `reorder_delay`
   Duration reorder_delay{};
   /// Jitter alone keeps messages in order unless this is set.
   bool jitter_reorders = false;
@@ -45,8 +45,8 @@ struct LinkFaults {
   }
 };
 
-/// Messages in, messages out later, fewer, twice, or in another order. Deterministic for a seed.
-/// Not thread-safe: it belongs to one receiver.
+/// Delays, drops, duplicates and reorders messages. Deterministic for a given seed. Not
+/// thread-safe: it belongs to one receiver.
 template <class T>
 class FaultLine {
  public:
@@ -56,7 +56,7 @@ class FaultLine {
   }
 
   void push(const T& message, TimePoint now) {
-    // lost: alone, in a burst, in an outage
+    // loss: independent, in a burst, in an outage
     const bool is_lost = faults_.loss_ratio > 0 && random_.chance(faults_.loss_ratio);
     if (burst_left_ == 0 && faults_.burst_ratio > 0 && random_.chance(faults_.burst_ratio)) {
       burst_left_ = faults_.burst_length;
@@ -65,7 +65,7 @@ class FaultLine {
     if (is_in_burst) --burst_left_;
     if (is_lost || is_in_burst || window(FaultWindow::Kind::kOutage, now)) return;
 
-    // frozen content under a fresh header
+    // frozen content with a new header
     T delivered = message;
     if (window(FaultWindow::Kind::kFreeze, now)) {
       if (!is_frozen_) frozen_ = message;
@@ -76,7 +76,7 @@ class FaultLine {
       is_frozen_ = false;
     }
 
-    // late: constant, random, held by a stall
+    // delay: constant, random, until the end of a stall
     TimePoint due = now + faults_.delay;
     if (faults_.jitter.count() > 0) {
       due += Duration(static_cast<std::int64_t>(random_.uniform() *
@@ -98,7 +98,7 @@ class FaultLine {
     }
   }
 
-  /// The next message due by `now`, with the instant at which it was due.
+  /// The next message due by `now`, and the time at which it was due; false if there is none.
   [[nodiscard]] bool pop(TimePoint now, T& message, TimePoint& due) {
     if (pending_.empty() || pending_.front().due > now) return false;
     std::pop_heap(pending_.begin(), pending_.end(), Later{});
@@ -108,7 +108,7 @@ class FaultLine {
     return true;
   }
 
-  /// When the next message is due; TimePoint::max() if none is under way.
+  /// When the next message is due; TimePoint::max() if none is pending.
   [[nodiscard]] TimePoint next_due() const {
     return pending_.empty() ? TimePoint::max() : pending_.front().due;
   }

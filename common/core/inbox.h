@@ -1,5 +1,5 @@
-// inbox.h — what a node holds of an incoming link: messages behind the fault line, in order,
-// once each, counted.
+// inbox.h — the receiving side of a link in a node: messages pass the fault line and are delivered
+// in order, once each; losses, duplicates and restarts are counted.
 #pragma once
 
 #include <algorithm>
@@ -16,18 +16,18 @@ template <class T>
 struct Received {
   T value{};
   TimePoint received_at{};           ///< this node's clock
-  std::uint64_t skipped_before = 0;  ///< sequence numbers missing just before this one
+  std::uint64_t skipped_before = 0;  ///< sequence numbers missing directly before this message
 };
 
-/// Newest wins: a message older than one already taken is dropped and counted. A sender that was
-/// restarted (new session id) is accepted at once; messages of a session that was superseded are
-/// dropped as out of order until the present one has been silent for kSessionSilence.
+/// A message older than one already accepted is dropped and counted. A restarted sender (new
+/// session id) is accepted at once; messages of the previous session are dropped as out of order
+/// until the current one has been silent for kSessionSilence.
 ///
-///   before the first   newest() and next() give nullptr
-///   fresh or stale     the caller's business: it knows what stale means; received_at tells
-///   bad                never gets here: the codec refuses, counters().rejected tells
+///   before the first   newest() and next() return nullptr
+///   fresh or stale     the caller decides, from received_at
+///   invalid            refused by the codec before it gets here; counted in counters().rejected
 ///
-/// One thread. No lock, no throw; allocates only while a fault line is configured.
+/// Single-threaded. No lock, no throw; allocates only if a fault line is configured.
 template <class T>
 class Inbox {
   static constexpr Duration kSessionSilence = std::chrono::seconds(1);
@@ -39,7 +39,7 @@ class Inbox {
     if (faults.any()) faults_.emplace(faults, seed, clock.now());
   }
 
-  /// The next accepted message, or nullptr. The pointer holds until the next call.
+  /// The next accepted message, or nullptr. The pointer is valid until the next call.
   const Received<T>* next() noexcept {
     T message;
     TimePoint received_at;
@@ -50,15 +50,16 @@ class Inbox {
     return nullptr;
   }
 
-  /// Takes all that arrived and gives the newest message ever accepted; nullptr before the first.
-  /// `skipped_before` then speaks of the last message taken; a restart shows in the session id.
+  /// Reads everything that has arrived and returns the newest message accepted so far; nullptr
+  /// before the first. `skipped_before` refers to the last message read; a restart of the sender is
+  /// visible in the session id.
   const Received<T>* newest() noexcept {
     while (next() != nullptr) {
     }
     return counters_.accepted > 0 ? &held_ : nullptr;
   }
 
-  /// Returns when something may have arrived, or at `deadline`. May return early.
+  /// Returns when a message may have arrived, or at `deadline`. May return early.
   void wait_until(TimePoint deadline) noexcept {
     if (faults_) deadline = std::min(deadline, faults_->next_due());
     if (deadline > clock_.now()) source_.wait_until(deadline);

@@ -1,4 +1,4 @@
-// memory_link.h — a link inside one thread: lockstep runs and unit tests.
+// memory_link.h — a link within one thread, for lockstep runs and unit tests.
 #pragma once
 
 #include <functional>
@@ -9,9 +9,9 @@
 
 namespace palpate {
 
-/// A ring of messages; when it is full the new message is dropped, as on a socket. Both ends live
-/// in one thread. `on_send` (optional) lets a scheduler wake the receiver; `on_wait` stands for
-/// blocking.
+/// A ring buffer of messages; a message sent to a full ring is dropped, as on a socket. Both ends
+/// are used by one thread. A scheduler may set the hooks: `on_send` runs after each message sent,
+/// `on_wait` replaces blocking.
 template <class T>
 class MemoryLink final : public Sender<T>, public Source<T> {
  public:

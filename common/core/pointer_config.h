@@ -1,4 +1,4 @@
-// pointer_config.h — limits of a simulated hand that a viewer's pointer leads.
+// pointer_config.h — limits of a simulated hand that follows a viewer's pointer.
 #pragma once
 
 #include "common/core/time.h"
@@ -6,12 +6,13 @@
 
 namespace palpate {
 
-/// How a viewer's page may lead the hand.
+/// Limits on the targets that a viewer's page sends to the hand.
 struct PointerConfig {
-  Vector3 center_m = Vector3::Zero();  ///< D; targets stay within `reach_m` of it
-  double reach_m = 0.1;
-  double speed_m_per_s = 0.25;                        ///< the intended point moves at most so fast
-  Duration holder_timeout = std::chrono::seconds(2);  ///< silence that frees the hand for another
+  Vector3 center_m = Vector3::Zero();  ///< D; targets are limited to a sphere around it
+  double reach_m = 0.1;                ///< radius of that sphere
+  double speed_m_per_s = 0.25;         ///< speed limit of the target
+  /// A client that holds the hand and is silent for longer loses it.
+  Duration holder_timeout = std::chrono::seconds(2);
 };
 
 }  // namespace palpate

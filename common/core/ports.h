@@ -1,8 +1,8 @@
-// ports.h — all a node knows of the network: it can send, it can ask for what arrived, it can wait.
+// ports.h — the interface between a node and the network.
 //
-//   Sender<T>    outgoing end of a link                        never blocks
-//   Source<T>    incoming end, one message after the other     memory queue or ZeroMQ socket
-//   Inbox<T>     what a node holds: a Source behind the fault line, ordered and counted (inbox.h)
+//   Sender<T>    outgoing end of a link; never blocks
+//   Source<T>    incoming end of a link: a memory queue or a ZeroMQ socket
+//   Inbox<T>     used by nodes: a Source with fault line, ordering and counters (inbox.h)
 #pragma once
 
 #include <cstdint>
@@ -13,8 +13,8 @@ namespace palpate {
 
 enum class SendResult : std::uint8_t {
   kSent,
-  kDropped,  ///< queue full; the receiver is slow or gone
-  kNoPeer,   ///< nobody is connected
+  kDropped,  ///< the queue is full: the receiver is slow or gone
+  kNoPeer,   ///< no peer is connected
 };
 
 /// Outgoing end of one link. Never blocks.
@@ -25,28 +25,28 @@ class Sender {
   virtual SendResult send(const T& message) noexcept = 0;
 };
 
-/// Incoming end of one link, below faults and ordering.
+/// Incoming end of one link, before fault simulation and ordering.
 template <class T>
 class Source {
  public:
   virtual ~Source() = default;
-  /// The next message, in arrival order; false when there is none. Never blocks.
+  /// The next message in order of arrival; false if there is none. Never blocks.
   [[nodiscard]] virtual bool receive(T& message, TimePoint& received_at) noexcept = 0;
   /// Returns when a message may have arrived, or at `deadline`. May return early.
   virtual void wait_until(TimePoint deadline) noexcept = 0;
-  /// A hint, for idle time: the next wait_until() will want about this deadline, or a later one.
-  /// What it costs to set a timer is then not paid on the way to an answer.
+  /// A hint, given in idle time: the next wait_until() will have about this deadline or a later
+  /// one. It moves the cost of setting a timer out of the time-critical path.
   virtual void prepare_wait(TimePoint deadline) noexcept { static_cast<void>(deadline); }
-  /// Frames refused so far by the codec below; 0 where there is none.
+  /// Frames that the codec has refused so far; 0 for links without a codec.
   [[nodiscard]] virtual std::uint64_t rejected() const noexcept { return 0; }
 };
 
-/// What happened on one incoming link since the start. Telemetry, not log lines.
+/// Counters of one incoming link since the start; part of the telemetry.
 struct LinkCounters {
   std::uint64_t accepted = 0;
-  std::uint64_t skipped = 0;     ///< sequence numbers never seen: lost, or overtaken by conflation
-  std::uint64_t duplicates = 0;  ///< same sequence again
-  std::uint64_t out_of_order = 0;  ///< older than one already accepted; dropped
+  std::uint64_t skipped = 0;       ///< missing sequence numbers: lost, or replaced by conflation
+  std::uint64_t duplicates = 0;    ///< repeated sequence numbers
+  std::uint64_t out_of_order = 0;  ///< older than a message already accepted; dropped
   std::uint64_t rejected = 0;      ///< refused by the codec
   std::uint64_t sessions = 0;      ///< sender sessions seen; 1 in a run without restarts
 };

@@ -1,5 +1,5 @@
-// random.h — seeded random numbers that are the same on every machine. The engine is the standard
-// library's, whose output the standard fixes; its distributions are not fixed, so they are ours.
+// random.h — seeded random numbers that are identical on every machine. The standard specifies the
+// output of its engines but not of its distributions, so the distributions are implemented here.
 #pragma once
 
 #include <cmath>

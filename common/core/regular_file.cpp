@@ -26,14 +26,14 @@ FileContent read_regular_file(const std::filesystem::path& file, std::uintmax_t 
   std::ifstream stream(file, std::ios::binary);
   if (error || !stream) return {.complaint = "cannot be read; check its permissions"};
 
-  // not the size that was told: the file may grow meanwhile, and files of /proc tell 0
+  // the reported size is not used: the file may grow meanwhile, and files in /proc report 0
   FileContent content;
   std::array<char, 65536> chunk{};
   while (stream.read(chunk.data(), chunk.size()) || stream.gcount() > 0) {
     content.bytes.append(chunk.data(), static_cast<std::size_t>(stream.gcount()));
     if (content.bytes.size() > max_bytes) return {.complaint = too_large};
   }
-  if (stream.bad()) return {.complaint = "cannot be read; is the disk well?"};
+  if (stream.bad()) return {.complaint = "cannot be read; check the disk"};
   return content;
 }
 

@@ -1,4 +1,4 @@
-// regular_file.h — files that the user named.
+// regular_file.h — reading files that the user names, and checks on the files to be written.
 #pragma once
 
 #include <cstdint>
@@ -11,15 +11,15 @@ namespace palpate {
 
 struct FileContent {
   std::string bytes{};
-  std::string complaint{};  ///< what is wrong and what to do; empty if the file was read
+  std::string complaint{};  ///< the problem and its remedy; empty if the file was read
 };
 
-/// Never waits: pipes and devices are refused, as are folders and larger files.
+/// Never blocks: pipes and devices are refused, as are folders and files above `max_bytes`.
 [[nodiscard]] FileContent read_regular_file(const std::filesystem::path& file,
                                             std::uintmax_t max_bytes);
 
-/// Throws SetupError if two options name the same file. Empty names and "-" name none.
-/// @param outputs  option and file
+/// Throws SetupError if two options name the same file. Empty names and "-" are ignored.
+/// @param outputs  pairs of option and file
 void refuse_shared_file(std::initializer_list<std::pair<const char*, std::string>> outputs);
 
 }  // namespace palpate

@@ -1,6 +1,6 @@
-// scene_messages.h — what physics_node tells viewers to draw (hop 5), and the one thing a viewer
-// may say (hop 6). Like messages.h: plain structs, SI units; the wire form is
-// proto/palpate/v1/scene.proto. Not for the haptic loop: these allocate.
+// scene_messages.h — the scene that physics_node publishes to viewers (hop 5) and the hand target
+// that a viewer sends (hop 6), as plain structs in SI units. Wire form: scene.proto and
+// hand_target.proto in proto/palpate/v1. Not for the haptic loop: these structs allocate.
 #pragma once
 
 #include <cstdint>
@@ -13,10 +13,10 @@
 
 namespace palpate {
 
-/// What kind of body a surface belongs to; values as in the .proto.
+/// The kind of body to which a surface belongs; values as in scene.proto.
 enum class TissueShape : std::uint8_t {
   kUnknown = 0,
-  kHalfSpace = 1,  ///< a patch of the plane is drawn
+  kHalfSpace = 1,  ///< drawn as a patch of the plane
   kSphere = 2,
   kBox = 3,
   kPointCloud = 4,
@@ -25,59 +25,59 @@ enum class TissueShape : std::uint8_t {
   kTriangleSurface = 7,
 };
 
-/// A surface as triangles; points where there are none.
+/// A surface as triangles, or as points if there are none.
 struct SurfaceMesh {
   std::vector<float> vertices_m;         ///< W: x,y,z,x,y,z,…
-  std::vector<std::uint32_t> triangles;  ///< three each, counter-clockwise seen from outside
+  std::vector<std::uint32_t> triangles;  ///< three indices each, counter-clockwise from outside
 
   [[nodiscard]] std::size_t vertex_count() const { return vertices_m.size() / 3; }
 };
 
-/// One tissue, at rest: not dented, and in the middle of a motion of its own.
+/// One tissue at rest: undeformed, and at the centre of its prescribed motion.
 struct TissueSurface {
   std::string name;
   TissueShape shape = TissueShape::kUnknown;
   SurfaceMesh mesh;
-  std::vector<float> vertex_stiffness_newton_per_m;  ///< one each; empty: the same everywhere
-  double stiffness_newton_per_m = 0.0;               ///< k; 0 for materials without
-  double damping_newton_s_per_m = 0.0;               ///< b; 0 for materials without
+  std::vector<float> vertex_stiffness_newton_per_m;  ///< per vertex; empty: uniform
+  double stiffness_newton_per_m = 0.0;               ///< k; 0 if the material has none
+  double damping_newton_s_per_m = 0.0;               ///< b; 0 if the material has none
 };
 
-/// Hop 5: everything a viewer needs to draw. Sent on every subscription and on every change.
+/// Hop 5: the description of the scene for viewers. Sent on every subscription and every change.
 struct SceneState {
   Header header;               ///< physics_node's
-  std::uint64_t revision = 0;  ///< from 1; another one: everything below may differ
+  std::uint64_t revision = 0;  ///< from 1; increases whenever anything below changes
   std::string session_name;
-  std::string session_text;  ///< the session with its overrides, protobuf text format
+  std::string session_text;  ///< the session including overrides, protobuf text format
   std::string controller;    ///< "none", "mofc guard", …
   double device_rate_hz = 0.0;
   double physics_rate_hz = 0.0;
-  double peak_force_newton = 0.0;  ///< limit of |force on the hand|
+  double peak_force_newton = 0.0;  ///< limit on |force on hand|
   double tip_radius_m = 0.0;
-  double shaft_length_m = 0.0;  ///< from the tip's centre along T's +z; 0: only a tip
+  double shaft_length_m = 0.0;  ///< from the tip's centre along +z of T; 0: no shaft
   double shaft_radius_m = 0.0;
-  double workspace_scale_ratio = 1.0;  ///< displacement of the tool / of the hand
+  double workspace_scale_ratio = 1.0;  ///< tool displacement / hand displacement
   std::vector<TissueSurface> tissues;
-  std::optional<PointerConfig> pointer;  ///< none: no HandTarget is accepted
+  std::optional<PointerConfig> pointer;  ///< empty: HandTarget is not accepted
 };
 
-/// Hop 5: vertices of one tissue that gave way, and where the tissue is as a whole.
+/// Hop 5: deformed vertices of one tissue, and the displacement of the whole tissue.
 struct MeshFrame {
   Header header;  ///< physics_node's
   std::uint64_t scene_revision = 0;
   std::uint32_t tissue = 0;        ///< index in SceneState::tissues
-  std::uint32_t first_vertex = 0;  ///< the range begins here; what is outside stands still
-  std::vector<float> vertices_m;   ///< W, deformed, of the tissue where SceneState has it
-  Vector3 displacement_world_m = Vector3::Zero();  ///< of the whole tissue from there
-  std::uint64_t device_sequence = 0;               ///< of the DeviceState whose tool did it
+  std::uint32_t first_vertex = 0;  ///< start of the range; other vertices are undeformed
+  std::vector<float> vertices_m;   ///< W, deformed, before `displacement_world_m` is added
+  Vector3 displacement_world_m = Vector3::Zero();  ///< of the tissue from its place in SceneState
+  std::uint64_t device_sequence = 0;               ///< of the DeviceState that set the tool pose
 };
 
-/// Hop 6: where the simulated hand should mean to be.
+/// Hop 6: the intended position of the simulated hand.
 struct HandTarget {
   Header header;                              ///< viewer_node's
   std::uint64_t holder_id = 0;                ///< one client of that viewer_node; not 0
   Vector3 hand_position_m = Vector3::Zero();  ///< D
-  bool is_released = false;                   ///< the holder lets go; the hand stays
+  bool is_released = false;                   ///< the client releases the hand, which stays
 };
 
 }  // namespace palpate

@@ -1,4 +1,4 @@
-// snapshot.h — the latest value of a small struct, from one writer thread to any reader thread.
+// snapshot.h — publishes the latest value of a small struct from one writer thread to readers.
 #pragma once
 
 #include <array>
@@ -9,8 +9,8 @@
 
 namespace palpate {
 
-/// A sequence lock over atomic words. store() is wait-free: no lock, no allocation; load() retries
-/// while a store is under way, so a reader never delays the writer.
+/// A sequence lock over atomic words. store() is wait-free, without locks or allocation; load()
+/// retries while a store is in progress, so that readers never delay the writer.
 template <class T>
 class Snapshot {
   static_assert(std::is_trivially_copyable_v<T>);

@@ -1,4 +1,4 @@
-// spsc_ring.h — from the periodic thread to the slow side: wait-free, bounded, lossy when full.
+// spsc_ring.h — a wait-free bounded queue from the periodic thread to a slower one.
 #pragma once
 
 #include <atomic>
@@ -7,8 +7,8 @@
 
 namespace palpate {
 
-/// One producer thread, one consumer thread. push() never blocks or allocates; when the ring is
-/// full the element is lost and counted.
+/// One producer thread, one consumer thread. push() never blocks or allocates; an element pushed to
+/// a full ring is lost and counted.
 template <class T>
 class SpscRing {
  public:

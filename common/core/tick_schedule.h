@@ -1,4 +1,4 @@
-// tick_schedule.h — the appointments of a periodic loop, in real and in virtual time.
+// tick_schedule.h — the schedule of a periodic loop, in real and in virtual time.
 #pragma once
 
 #include <cstdint>
@@ -7,15 +7,16 @@
 
 namespace palpate {
 
-/// One turn of a periodic loop.
+/// One tick of a periodic loop.
 struct Tick {
-  std::uint64_t index = 0;  ///< of the appointment: skipped ones are counted in
+  std::uint64_t index = 0;  ///< from 0; skipped ticks are included in the count
   TimePoint scheduled_at{};
-  TimePoint now{};  ///< when the turn really began
+  TimePoint now{};  ///< when the tick actually began
 };
 
-/// Absolute appointments start + n·period. After an overrun whole periods are skipped and counted;
-/// never a burst to catch up. The period is kept as a rate so that 3 kHz does not drift.
+/// Ticks at absolute times start + n·period. After an overrun whole periods are skipped and counted
+/// instead of being caught up in a burst. The period is stored as a rate so that 3 kHz does not
+/// drift.
 class TickSchedule {
  public:
   /// `rate_hz` > 0, finite.
@@ -24,13 +25,13 @@ class TickSchedule {
   [[nodiscard]] TimePoint next() const noexcept { return at(index_); }
   [[nodiscard]] Duration period() const noexcept { return from_seconds(1.0 / rate_hz_); }
 
-  /// The turn that begins now, for the present appointment.
+  /// Begins the current tick.
   [[nodiscard]] Tick begin(TimePoint now) noexcept {
     ++begun_;
     return {.index = index_, .scheduled_at = next(), .now = now};
   }
 
-  /// The turn ended at `now`: moves to the first appointment that is not past.
+  /// Ends the tick at `now` and moves to the first scheduled time that is not in the past.
   void finish(TimePoint now) noexcept {
     ++index_;
     if (now > at(index_)) {

@@ -1,4 +1,4 @@
-// time.h — points in time and durations. Every node reads one monotonic clock, its own.
+// time.h — points in time and durations. Every node reads only its own monotonic clock.
 #pragma once
 
 #include <chrono>
@@ -8,8 +8,9 @@ namespace palpate {
 
 using Duration = std::chrono::nanoseconds;
 
-/// Tag of "some monotonic clock": the owner's CLOCK_MONOTONIC, or a virtual clock in lockstep.
-/// Stamps of two owners must not be subtracted; a stamp that went round the loop may be.
+/// Clock tag for a monotonic clock: CLOCK_MONOTONIC of one host, or virtual time in lockstep.
+/// Time stamps of different nodes must not be subtracted. A node sends its stamp along with a
+/// message, gets it back in the answer and subtracts it from its own time.
 struct MonotonicTag {
   using rep = std::int64_t;
   using period = std::nano;

@@ -1,4 +1,4 @@
-// vector.h — the vector types of the whole project.
+// vector.h — the vector types of the project.
 #pragma once
 
 #include <Eigen/Core>
@@ -14,7 +14,7 @@ using Quaternion = Eigen::Quaterniond;
 
 inline constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
-/// The vector scaled so that its norm is at most `limit` (≥ 0); direction kept.
+/// The vector, scaled down to the norm `limit` (≥ 0) if it is longer; direction unchanged.
 [[nodiscard]] inline Vector3 limited_to_norm(const Vector3& v, double limit) noexcept {
   const double norm = v.norm();
   return norm > limit ? Vector3(v * (limit / norm)) : v;

@@ -1,4 +1,4 @@
-// version.h — of the project.
+// version.h — the version of the project.
 #pragma once
 
 namespace palpate {

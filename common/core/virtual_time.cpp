@@ -22,7 +22,7 @@ bool VirtualTime::run_next(TimePoint deadline) {
   Event event = std::move(events_.back());
   events_.pop_back();
 
-  // a nested wait may have carried the time past this event
+  // a nested wait may have advanced the time beyond this event
   now_ = std::max(now_, event.when);
   event.action();
   return true;

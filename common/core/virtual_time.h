@@ -1,5 +1,6 @@
-// virtual_time.h — lockstep: one thread, events in order of virtual time. A node that waits hands
-// the thread to whatever is due next, so a wait inside a tick works as it does in real time.
+// virtual_time.h — the scheduler of lockstep runs: one thread executes events in order of virtual
+// time. While a node waits, further events run, so that a wait within a tick behaves as in real
+// time.
 #pragma once
 
 #include <cstdint>
@@ -16,15 +17,15 @@ class VirtualTime final : public Clock {
 
   [[nodiscard]] TimePoint now() const noexcept override { return now_; }
 
-  /// Runs `action` at `when` (at once in order if that has passed). Events of one instant run in
-  /// order of `rank` (small first), then in order of scheduling.
+  /// Schedules `action` at `when`, or now if `when` has passed. Events of the same time run in
+  /// order of `rank` (smallest first), then in order of scheduling.
   void schedule(TimePoint when, int rank, Action action);
 
-  /// Runs every event due by `deadline`, then stands at `deadline`.
+  /// Runs every event due by `deadline`, then sets the time to `deadline`.
   void sleep_until(TimePoint deadline) override;
 
-  /// Runs the next event if it is due by `deadline`; else stands at `deadline`. For waits: the
-  /// caller looks again after each event.
+  /// Runs the next event if it is due by `deadline`; otherwise sets the time to `deadline`. Used to
+  /// wait for a condition: the caller checks it after each event.
   void run_one_until(TimePoint deadline);
 
  private:

@@ -1,4 +1,4 @@
-// workspace_map.h — from the hand (D) to the tool (W): scale, offset, clutch.
+// workspace_map.h — maps the hand (D) to the tool (W): scale, offset, clutch.
 #pragma once
 
 #include <cstdint>
@@ -16,20 +16,20 @@ struct WorkspaceConfig {
 };
 
 /// tool_W = offset + scale · (hand_D + clutch_shift_D). While the clutch button is held the tool
-/// rests and the hand moves; on release the shift makes up for what the hand moved.
+/// stays in place and the hand moves freely; the shift compensates for this motion.
 ///
-/// Forces: force on hand = force_ratio · force on tool. With force_ratio ≠ scale the map is not
-/// power-preserving; the clamp guards the hand's own port, so it does not have to be.
+/// Forces: force on hand = force_ratio · force on tool. With force_ratio ≠ scale the map does not
+/// preserve power. This is safe because the clamp bounds the energy at the hand itself.
 class WorkspaceMap {
  public:
   explicit WorkspaceMap(const WorkspaceConfig& config) : config_(config) {}
 
-  /// Takes one reading; call once per tick.
-  /// @param hand_position_m  D        @param is_clutch_held  the clutch button
+  /// Processes one reading; call once per tick.
+  /// @param hand_position_m  D        @param is_clutch_held  state of the clutch button
   void update(const Vector3& hand_position_m, bool is_clutch_held) noexcept {
     if (is_clutch_held && !is_clutched_) held_hand_position_m_ = hand_position_m;
     if (is_clutched_ || is_clutch_held) {
-      // whatever the hand moved since the clutch closed does not reach the tool
+      // motion of the hand while the clutch is held does not move the tool
       clutch_shift_m_ += held_hand_position_m_ - hand_position_m;
       held_hand_position_m_ = hand_position_m;
     }

@@ -1,30 +1,31 @@
-// plot_sender.h — palpate.v1.Telemetry for PlotJuggler's "ZMQ Subscriber": one message per device
-// tick, two parts, topic and protobuf. Load proto/palpate/v1/plot.proto there.
+// plot_sender.h — publishes palpate.v1.Telemetry for PlotJuggler's "ZMQ Subscriber": one message
+// per device tick with two parts, topic and protobuf. PlotJuggler loads
+// proto/palpate/v1/plot.proto.
 #pragma once
 
 #include <cstdint>
 #include <optional>
 #include <string>
 
+#include "common/link/socket/link_socket.h"
 #include "common/telemetry/telemetry.h"
-#include "common/link/zmq_links.h"
 
 namespace palpate {
 
 inline constexpr const char* kPlotTopic = "palpate";
-/// Where PlotJuggler looks unless it is told otherwise.
+/// PlotJuggler's default.
 inline constexpr const char* kPlotEndpoint = "tcp://127.0.0.1:9872";
 
 class PlotSender {
  public:
-  /// Binds. Throws SetupError; also for an endpoint that other machines could reach: there is no
-  /// encryption and no token on this port. @param option  for messages
+  /// Binds. Throws SetupError; also if other machines could reach the endpoint, because this port
+  /// has neither encryption nor a token. @param option  for error messages
   PlotSender(ZmqContext& context, const std::string& endpoint, const std::string& option);
 
-  /// Never blocks; a slow reader misses ticks. @param at_ns  of the tick, since 1970
+  /// Never blocks; a slow reader misses ticks. @param at_ns  time of the tick since 1970
   void send(std::uint64_t at_ns, const DeviceTick& device, const std::optional<MofcTick>& mofc,
             double transparency) noexcept;
-  /// With the real port where "*" was asked for.
+  /// With the actual port instead of "*".
   [[nodiscard]] const std::string& endpoint() const { return socket_.endpoint(); }
 
  private:

@@ -4,7 +4,8 @@
 #include <span>
 
 #include "common/session/session.h"
-#include "common/link/zmq_links.h"
+#include "common/link/security/keys.h"
+#include "common/link/socket/zmq_context.h"
 
 namespace palpate {
 

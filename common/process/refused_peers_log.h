@@ -5,7 +5,7 @@
 #include <string_view>
 #include <utility>
 
-#include "common/link/zap_handler.h"
+#include "common/link/security/refused_peers.h"
 #include "common/process/log.h"
 #include "common/telemetry/event_throttle.h"
 

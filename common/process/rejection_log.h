@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "common/link/zmq_links.h"
+#include "common/link/rejections.h"
 #include "common/telemetry/event_log.h"
 
 namespace palpate {

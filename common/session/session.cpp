@@ -1,16 +1,13 @@
 #include "common/session/session.h"
 
 #include "common/core/check.h"
+#include "common/core/fnv.h"
 
 namespace palpate {
 
 std::uint64_t stream_seed(std::uint64_t session_seed, const char* stream) {
-  // FNV-1a over the name, mixed with the seed by splitmix64's finaliser
-  std::uint64_t hash = 14695981039346656037ULL;
-  for (const char* c = stream; *c != '\0'; ++c) {
-    hash = (hash ^ static_cast<unsigned char>(*c)) * 1099511628211ULL;
-  }
-  std::uint64_t z = hash + session_seed * 0x9e3779b97f4a7c15ULL;
+  // the hash of the name, mixed with the seed by splitmix64's finaliser
+  std::uint64_t z = fnv1a(stream) + session_seed * 0x9e3779b97f4a7c15ULL;
   z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9ULL;
   z = (z ^ (z >> 27)) * 0x94d049bb133111ebULL;
   return z ^ (z >> 31);

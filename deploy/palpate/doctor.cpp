@@ -13,9 +13,10 @@
 
 #include "common/core/check.h"
 #include "common/core/clock.h"
-#include "common/link/endpoint.h"
-#include "common/link/keys.h"
-#include "common/link/zmq_links.h"
+#include "common/link/socket/endpoint.h"
+#include "common/link/security/keys.h"
+#include "common/link/socket/link_socket.h"
+#include "common/link/socket/zmq_context.h"
 #include "common/process/realtime.h"
 #include "common/session/session_file.h"
 

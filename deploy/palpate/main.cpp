@@ -15,7 +15,7 @@
 #include "common/core/check.h"
 #include "common/core/regular_file.h"
 #include "common/core/version.h"
-#include "common/link/keys.h"
+#include "common/link/security/keys.h"
 #include "common/process/run_node.h"
 #include "common/session/session_file.h"
 #include "deploy/palpate/doctor.h"

@@ -16,7 +16,7 @@
 #include <thread>
 #include <vector>
 
-#include "common/link/zmq_links.h"
+#include "common/link/socket/zmq_context.h"
 
 namespace palpate::bench {
 namespace {

@@ -28,7 +28,7 @@
 
 #include "common/core/check.h"
 #include "common/core/clock.h"
-#include "common/link/zmq_links.h"
+#include "common/link/telemetry_subscriber.h"
 #include "common/process/rate_loop.h"
 #include "common/process/realtime.h"
 #include "common/session/session_file.h"

@@ -26,7 +26,7 @@
 #include <thread>
 #include <zmq.hpp>
 
-#include "common/link/codec.h"
+#include "common/link/codec/codec.h"
 #include "device_node/simulation/hand.h"
 #include "device_node/simulation/plant.h"
 #include "tests/fault/pressing_session.h"

@@ -1,12 +1,12 @@
-// Any bytes into every decoder. Accepted means usable: what was decoded can be sent on, and the
-// second journey changes nothing.
+// Arbitrary bytes for every decoder. An accepted message can be encoded again, and a second round
+// trip does not change it.
 #include <cstddef>
 #include <cstdint>
 #include <span>
 #include <vector>
 
 #include "common/core/check.h"
-#include "common/link/codec.h"
+#include "common/link/codec/codec.h"
 #include "tests/support/random_messages.h"
 
 namespace {
@@ -22,7 +22,7 @@ void decode(std::span<const std::byte> frame) {
   std::vector<std::byte> again(codec.encode(message));
   codec.write(again.data());
   T second;
-  // packed columns can come in fewer bytes than they leave, so a huge batch may outgrow the limit
+  // encoding may need more bytes than the input, so that a large batch may exceed the limit
   const auto second_error = codec.decode(again, second);
   PALPATE_REQUIRE(second_error ==
                   (again.size() > palpate::kMaxFrameBytes<T> ? palpate::DecodeError::kTooLarge
@@ -33,7 +33,7 @@ void decode(std::span<const std::byte> frame) {
 
 }  // namespace
 
-/// The first byte of a frame says which decoder accepts it; all of them see it.
+/// The first byte of a frame selects its decoder; the frame is given to all of them.
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const auto frame = std::as_bytes(std::span(data, size));
   decode<palpate::DeviceState>(frame);

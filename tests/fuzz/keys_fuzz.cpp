@@ -1,5 +1,5 @@
-// Any bytes as the list of the allowed, as a key pair and as a request of libzmq. What is taken has
-// its servers' keys; nobody is let in by chance.
+// Arbitrary bytes as list of allowed keys, key pair and request of libzmq. An accepted list has the
+// keys of both servers; no arbitrary request is admitted.
 #include <cstddef>
 #include <cstdint>
 #include <string>
@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "common/core/check.h"
-#include "common/link/keys.h"
-#include "common/link/zap_handler.h"
+#include "common/link/security/keys.h"
+#include "common/link/security/zap_handler.h"
 
 namespace {
 
@@ -36,7 +36,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     PALPATE_REQUIRE(pair.public_key.size() == 40 && pair.secret_key.size() == 40);
   });
 
-  // frames between line feeds, judged by a list of keys that the corpus does not have
+  // frames separated by line feeds, judged with a list of keys that are not in the corpus
   static const auto kAllowed =
       palpate::parse_allowed_keys("device " + palpate::new_key_pair().public_key + "\nphysics " +
                                       palpate::new_key_pair().public_key,

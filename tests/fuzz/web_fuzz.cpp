@@ -8,7 +8,7 @@
 #include <string_view>
 
 #include "common/core/check.h"
-#include "common/link/viewer_codec.h"
+#include "common/link/codec/viewer_codec.h"
 #include "viewer_node/server/foxglove_client.h"
 #include "viewer_node/server/web_rules.h"
 

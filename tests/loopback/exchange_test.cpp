@@ -18,7 +18,8 @@
 #include <thread>
 
 #include "common/core/random.h"
-#include "common/link/zmq_links.h"
+#include "common/link/exchange_client.h"
+#include "common/link/exchange_server.h"
 #include "common/session/session_file.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/support/program.h"

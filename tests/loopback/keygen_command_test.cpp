@@ -42,7 +42,7 @@ TEST_F(KeygenCommand, TellsWhatItWroteAndNeverOverwrites) {
 
   const Outcome second = run_program("palpate", {"keygen", keys()});
   EXPECT_EQ(second.status, 2);
-  EXPECT_THAT(second.err, HasSubstr("is there already"));
+  EXPECT_THAT(second.err, HasSubstr("exists already"));
 }
 
 TEST_F(KeygenCommand, ANodeRefusesASecretThatOthersMayRead) {

@@ -1,4 +1,5 @@
-// Links with keys over tcp on loopback: which role is let in where, and who is counted as refused.
+// Links with keys over tcp on loopback: which role may use which link, and which peers are counted
+// as refused.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -8,7 +9,7 @@
 
 #include "common/core/check.h"
 #include "common/core/clock.h"
-#include "common/link/zmq_links.h"
+#include "common/link/socket/link_socket.h"
 
 namespace palpate {
 namespace {
@@ -17,9 +18,9 @@ using namespace std::chrono_literals;
 using testing::HasSubstr;
 
 constexpr Duration kPatience = 5s;
-constexpr LinkSocket::Settings kPublisher{
+constexpr LinkSettings kPublisher{
     .type = zmq::socket_type::xpub, .send_queue = 8, .receive_queue = 8};
-constexpr LinkSocket::Settings kSubscriber{
+constexpr LinkSettings kSubscriber{
     .type = zmq::socket_type::sub, .send_queue = 8, .receive_queue = 8};
 constexpr RealtimeConfig kOrdinary{.priority = 0, .cpu = -1};
 
@@ -37,7 +38,7 @@ class ProtectedLinks : public testing::Test {
   [[nodiscard]] static TcpRules rules(const LinkKeys& keys) {
     return {.keys = std::make_shared<const LinkKeys>(keys)};
   }
-  /// A program that has the key of `role` only and says it is that of each.
+  /// The keys of a program that has the key of `role` only and uses it for every role.
   [[nodiscard]] LinkKeys pretending(KeyRole role) const {
     LinkKeys keys = keys_;
     keys.own.fill(keys_.of(role));
@@ -70,7 +71,7 @@ class ProtectedLinks : public testing::Test {
   LinkKeys keys_;
 };
 
-TEST_F(ProtectedLinks, EachLinkLetsInItsOwnRoleAndNoOther) {
+TEST_F(ProtectedLinks, EachLinkAdmitsOnlyItsOwnRole) {
   ZmqContext servers(kOrdinary, rules(keys_));
   for (const LinkRoles& link : kLinkRoles) {
     const std::string name(link.link);
@@ -94,13 +95,13 @@ TEST_F(ProtectedLinks, EachLinkLetsInItsOwnRoleAndNoOther) {
         return count(clients, link.link, Refusal::kRefusedByOther) > 0;
       })) << name
           << " of " << name_of(role);
-      // what the right one that left has taken back, but nothing of this one
+      // only the end of the subscription of the admitted role, which has disconnected
       while (server.receive(notice)) EXPECT_EQ(*notice.data<char>(), 0) << name;
     }
   }
 }
 
-TEST_F(ProtectedLinks, WhoIsNotTheServerExpectedGetsNoClient) {
+TEST_F(ProtectedLinks, AServerWithAnotherKeyGetsNoClient) {
   LinkKeys impostor_keys = keys_;
   impostor_keys.own.fill(new_key_pair());
   ZmqContext impostors(kOrdinary, rules(impostor_keys));
@@ -116,7 +117,7 @@ TEST_F(ProtectedLinks, WhoIsNotTheServerExpectedGetsNoClient) {
   EXPECT_FALSE(impostor.receive(notice));
 }
 
-TEST_F(ProtectedLinks, AViewerReachesEachNodeThroughItsOwnKeyAndIpcWithoutOne) {
+TEST_F(ProtectedLinks, AViewerConnectsToEachNodeWithItsKeyAndToIpcWithoutOne) {
   ZmqContext servers(kOrdinary, rules(keys_));
   ZmqContext clients(kOrdinary, rules(keys_));
   const std::string ipc = "ipc://" + testing::TempDir() + "palpate_protected_test.ipc";
@@ -136,7 +137,7 @@ TEST_F(ProtectedLinks, AViewerReachesEachNodeThroughItsOwnKeyAndIpcWithoutOne) {
   EXPECT_EQ(servers.refused().total(), 0u);
 }
 
-TEST_F(ProtectedLinks, AProgramWithoutTheKeyOfALinkSaysSo) {
+TEST_F(ProtectedLinks, AProgramWithoutTheKeyOfALinkReportsIt) {
   LinkKeys keys = keys_;
   keys.own = {};
   ZmqContext context(kOrdinary, rules(keys));
@@ -169,7 +170,7 @@ TEST_F(ProtectedLinks, WithoutKeysOnlyLoopbackIsUsed) {
   }
 }
 
-TEST_F(ProtectedLinks, EndsAreMadeAndClosedWhileStrangersKnock) {
+TEST_F(ProtectedLinks, SocketsOpenAndCloseWhileUnknownPeersConnect) {
   LinkKeys strangers_keys = keys_;
   strangers_keys.own.fill(new_key_pair());
   ZmqContext strangers(kOrdinary, rules(strangers_keys));
@@ -187,6 +188,17 @@ TEST_F(ProtectedLinks, EndsAreMadeAndClosedWhileStrangersKnock) {
     zmq::message_t notice;
     EXPECT_FALSE(server.receive(notice));
   }
+}
+
+TEST_F(ProtectedLinks, MonitorsOfClosedSocketsAreRemoved) {
+  ZmqContext context(kOrdinary, rules(keys_));
+  LinkSocket kept(context, kPublisher, {bind_to("tcp://127.0.0.1:*", "links.interaction")});
+  for (int i = 0; i < 3; ++i) {
+    LinkSocket closed(context, kPublisher, {bind_to("tcp://127.0.0.1:*", "links.interaction")});
+    EXPECT_GE(context.zap().monitors(), 2);
+  }
+
+  EXPECT_TRUE(eventually([&] { return context.zap().monitors() == 1; }));
 }
 
 }  // namespace

@@ -22,7 +22,7 @@
 #include <optional>
 #include <sstream>
 
-#include "common/link/keys.h"
+#include "common/link/security/keys.h"
 #include "common/session/session_file.h"
 #include "tests/support/program.h"
 #include "tests/support/temp_folder.h"

@@ -10,7 +10,8 @@
 #include <vector>
 
 #include "common/core/random.h"
-#include "common/link/codec.h"
+#include "common/link/codec/codec.h"
+#include "common/link/zmq_source.h"
 #include "common/session/session_file.h"
 #include "tests/support/program.h"
 #include "tests/support/temp_folder.h"

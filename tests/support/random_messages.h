@@ -1,5 +1,5 @@
-// random_messages.h — messages that keep every rule of proto/palpate/v1, otherwise arbitrary, and
-// what it means for two of them to be equal: to the bit, NaN included.
+// random_messages.h — random messages that satisfy every rule of proto/palpate/v1, and their
+// equality, which is bitwise and includes NaN.
 #pragma once
 
 #include <algorithm>
@@ -63,7 +63,7 @@ inline void randomise(DeviceState& m, Random& random) {
                     .until = until,
                     .hand_position_at_end_m = random_vector(random, 1.0),
                     .has_position_at_end = random.chance(0.5)};
-    // without a reading the position says nothing and does not travel
+    // without a reading the position is not valid and not sent
     if (!m.applied[i].has_position_at_end) m.applied[i].hand_position_at_end_m.setZero();
     from = until;
   }
@@ -94,7 +94,7 @@ inline Matrix3 random_matrix(Random& random, double limit) {
   return m;
 }
 
-/// A touch, with every field in range.
+/// A contact with every field in range.
 inline void randomise(Contact& c, Random& random) {
   c = {.tissue = static_cast<std::uint32_t>(random.bits()),
        .penetration_m = random.uniform(1e-9, 1.0),
@@ -126,7 +126,7 @@ inline void randomise(Interaction& m, Random& random) {
   m.force_on_tool_newton = random_vector(random, 1e6);
   m.stored_energy_joule = random.uniform(0.0, 1e6);
   m.contact_count = static_cast<std::uint32_t>(random.below(2 * kMaxContacts));  // may exceed
-  // all touches that there is room for are listed, then tissue that is only near
+  // contacts that touch are listed as far as there is room, then near ones
   const auto touching = std::min<std::uint32_t>(m.contact_count, kMaxContacts);
   m.listed_count = touching + static_cast<std::uint32_t>(random.below(kMaxContacts - touching + 1));
   for (std::uint32_t i = 0; i < m.listed_count; ++i) {

@@ -3,7 +3,7 @@
 #include <chrono>
 #include <utility>
 
-#include "common/link/viewer_codec.h"
+#include "common/link/codec/viewer_codec.h"
 #include "common/core/version.h"
 
 namespace palpate::viewer {

@@ -18,7 +18,7 @@
 #include <vector>
 
 #include "common/session/session.h"
-#include "common/link/zmq_links.h"
+#include "common/link/telemetry_subscriber.h"
 #include "viewer_node/recording/mcap_writer.h"
 
 namespace palpate::viewer {

@@ -8,7 +8,7 @@
 #include <string>
 
 #include "common/session/session.h"
-#include "common/link/zmq_links.h"
+#include "common/telemetry/telemetry_message.h"
 #include "common/telemetry/csv_writer.h"
 #include "viewer_node/recording/mcap_reader.h"
 

@@ -12,6 +12,8 @@
 
 #include "common/core/check.h"
 #include "common/core/clock.h"
+#include "common/link/scene_sender.h"
+#include "common/link/zmq_sender.h"
 #include "common/process/process_links.h"
 #include "common/process/run_node.h"
 #include "common/session/session_file.h"

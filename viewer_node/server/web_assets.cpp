@@ -4,6 +4,8 @@
 #include <cstdint>
 #include <string>
 
+#include "common/core/fnv.h"
+
 // web_assets.S: the files of the page as the build left them, one after the other.
 extern "C" {
 extern const char palpate_index_html[];
@@ -18,11 +20,7 @@ namespace palpate::viewer {
 namespace {
 
 /// FNV-1a of the content, quoted.
-std::string etag_of(std::string_view bytes) {
-  std::uint64_t hash = 14695981039346656037ULL;
-  for (const char c : bytes) hash = (hash ^ static_cast<unsigned char>(c)) * 1099511628211ULL;
-  return '"' + std::to_string(hash) + '"';
-}
+std::string etag_of(std::string_view bytes) { return '"' + std::to_string(fnv1a(bytes)) + '"'; }
 
 struct Assets {
   std::array<std::string, 3> etags;

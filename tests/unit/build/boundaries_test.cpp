@@ -74,7 +74,7 @@ INSTANTIATE_TEST_SUITE_P(
     testing::Values(
         Forbidden{"mofc_node/mofc_node.cpp", "physics_node/scene/scene.h", "mofc_node may include"},
         Forbidden{"mofc_node/mofc_node.cpp", "palpate/v1/messages.pb.h", "mofc_node may include"},
-        Forbidden{"mofc_node/mofc_node.cpp", "common/link/codec.h", "mofc_node may include"},
+        Forbidden{"mofc_node/mofc_node.cpp", "common/link/codec/codec.h", "mofc_node may include"},
         Forbidden{"mofc_node/mofc_node.cpp", "mofc_node/../physics_node/scene.h",
                   "mofc_node may include"},
         Forbidden{"mofc_node/controllers/vector_mofc.h", "common/core/messages.h",
@@ -87,9 +87,17 @@ INSTANTIATE_TEST_SUITE_P(
         Forbidden{"common/core/clock.cpp", "common/process/log.h", "common/core may include"},
         Forbidden{"common/core/clock.cpp", "palpate/v1/messages.pb.h", "common/core may include"},
         Forbidden{"common/core/clock.cpp", "common/session/session.h", "common/core may include"},
-        Forbidden{"common/telemetry/event_log.h", "common/link/zmq_links.h",
+        Forbidden{"common/telemetry/event_log.h", "common/link/zmq_sender.h",
                   "common/telemetry may include"},
-        Forbidden{"common/link/codec.cpp", "common/process/log.h", "common/link may include"},
+        Forbidden{"common/link/zmq_sender.cpp", "common/process/log.h", "common/link may include"},
+        Forbidden{"common/link/zmq_sender.cpp", "palpate/v1/scene.pb.h", "common/link may include"},
+        Forbidden{"common/link/codec/codec.cpp", "common/link/socket/link_socket.h",
+                  "common/link/codec may include"},
+        Forbidden{"common/link/codec/codec.cpp", "zmq.hpp", "common/link/codec may include"},
+        Forbidden{"common/link/security/keys.cpp", "common/link/socket/endpoint.h",
+                  "common/link/security may include"},
+        Forbidden{"common/link/socket/link_socket.h", "common/link/zmq_sender.h",
+                  "common/link/socket may include"},
         Forbidden{"viewer_node/feed/scene_mirror.h", "viewer_node/server/web_server.h",
                   "viewer_node/feed may include"},
         Forbidden{"deploy/lockstep/lockstep.h", "deploy/palpate/loopback.h",
@@ -137,12 +145,12 @@ TEST(IncludeBoundaries, KeepLocksOutOfTheTickAndTheClamp) {
   EXPECT_EQ(check_source("mofc_node/mofc_node.cpp", "#include <atomic>\n").status, 0);
 }
 
-TEST(IncludeBoundaries, LetLinkAndSessionFileSeeTheWire) {
-  for (const char* file : {"common/link/codec.cpp", "common/session/session_file.cpp"}) {
+TEST(IncludeBoundaries, LetCodecAndSessionFileSeeTheWire) {
+  for (const char* file : {"common/link/codec/codec.cpp", "common/session/session_file.cpp"}) {
     const CommandResult result = check_source(file, "#include \"palpate/v1/messages.pb.h\"\n");
     EXPECT_EQ(result.status, 0) << result.output;
   }
-  EXPECT_EQ(check_source("common/link/zmq_context.cpp", "#include <zmq.hpp>\n").status, 0);
+  EXPECT_EQ(check_source("common/link/socket/zmq_context.cpp", "#include <zmq.hpp>\n").status, 0);
   EXPECT_EQ(check_source("common/session/session_file.cpp", "#include <zmq.hpp>\n").status, 1);
 }
 
@@ -152,7 +160,7 @@ TEST(IncludeBoundaries, LetTheProgramsConnectNodesToTheWorld) {
     EXPECT_EQ(result.status, 0) << result.output;
   }
   // by their whole name only
-  EXPECT_EQ(check_source("mofc_node/preprocess.cpp", "#include \"common/link/codec.h\"\n").status,
+  EXPECT_EQ(check_source("mofc_node/preprocess.cpp", "#include \"common/link/codec/codec.h\"\n").status,
             1);
 }
 

@@ -1,4 +1,4 @@
-// A bad network on purpose must be exactly as bad as was asked for.
+// The fault line produces exactly the configured faults.
 #include "common/core/fault_line.h"
 
 #include <gtest/gtest.h>
@@ -20,12 +20,12 @@ constexpr int kMany = 100'000;
 struct Delivery {
   std::uint64_t sequence;
   Duration delay;         // from push to due
-  std::uint32_t content;  // what the message says, apart from its header
+  std::uint32_t content;  // content of the message without its header
   TimePoint due;
   bool operator==(const Delivery&) const = default;
 };
 
-/// Pushes one message per `period`, takes each as it is due; then waits for the rest.
+/// Pushes one message per `period` and takes each when it is due; then takes the rest.
 std::vector<Delivery> run(const LinkFaults& faults, int count = kMany, std::uint64_t seed = 1,
                           Duration period = 1ms) {
   FaultLine<ToolMotion> line(faults, seed, kStart);
@@ -51,7 +51,8 @@ std::vector<Delivery> run(const LinkFaults& faults, int count = kMany, std::uint
   return deliveries;
 }
 
-/// Five standard deviations of a binomial count: a correct line fails once in two million seeds.
+/// Five standard deviations of a binomial count: a correct fault line fails for one seed in two
+/// million.
 double five_sigma(double n, double p) { return 5.0 * std::sqrt(n * p * (1.0 - p)); }
 
 int out_of_order(const std::vector<Delivery>& deliveries) {
@@ -72,7 +73,7 @@ TEST(FaultLine, WithoutFaultsIsTransparent) {
   EXPECT_FALSE(LinkFaults{}.any());
 }
 
-TEST(FaultLine, DelaysEachMessageByTheSame) {
+TEST(FaultLine, DelaysEachMessageEqually) {
   const auto deliveries = run({.delay = 42ms}, 1000);
   ASSERT_EQ(deliveries.size(), 1000u);
   for (const Delivery& d : deliveries) ASSERT_EQ(d.delay, 42ms);
@@ -89,7 +90,7 @@ TEST(FaultLine, HoldsAMessageUntilItIsDueAndNotLonger) {
   EXPECT_EQ(due, kStart + 5ms);
 }
 
-// Period longer than the jitter, so that keeping order changes nothing: delays are uniform in
+// The period exceeds the jitter, so that keeping the order changes nothing: delays are uniform in
 // 0 … J. Mean J/2, variance J²/12; the mean of n has a standard deviation of J/√(12 n).
 TEST(FaultLine, JitterIsUniform) {
   const double jitter = 10e-3;
@@ -108,7 +109,7 @@ TEST(FaultLine, JitterIsUniform) {
   for (const int n : tenths) EXPECT_NEAR(n, 0.1 * kMany, five_sigma(kMany, 0.1));
 }
 
-TEST(FaultLine, JitterKeepsTheOrderUnlessAskedNotTo) {
+TEST(FaultLine, JitterKeepsTheOrderUnlessConfiguredOtherwise) {
   LinkFaults faults{.jitter = 10ms};
   EXPECT_EQ(out_of_order(run(faults)), 0);
   faults.jitter_reorders = true;
@@ -119,7 +120,7 @@ TEST(FaultLine, JitterKeepsTheOrderUnlessAskedNotTo) {
   EXPECT_LT(swapped, kMany * 3 / 5);
 }
 
-TEST(FaultLine, LosesTheShareAskedFor) {
+TEST(FaultLine, LosesTheConfiguredFraction) {
   for (const double ratio : {0.001, 0.05, 0.5}) {
     const auto deliveries = run({.loss_ratio = ratio});
     EXPECT_NEAR(kMany - static_cast<double>(deliveries.size()), ratio * kMany,
@@ -128,7 +129,7 @@ TEST(FaultLine, LosesTheShareAskedFor) {
   EXPECT_TRUE(run({.loss_ratio = 1.0}, 1000).empty());
 }
 
-// Lost alone: runs of losses are geometric, so the mean run is 1/(1 − p) = 1.25 at p = 0.2.
+// Independent losses: runs of losses are geometric, so the mean run is 1/(1 − p) = 1.25 at p = 0.2.
 TEST(FaultLine, LossesAreIndependent) {
   const auto deliveries = run({.loss_ratio = 0.2});
   int runs = 0;
@@ -143,7 +144,7 @@ TEST(FaultLine, LossesAreIndependent) {
 
 // A burst takes L messages, and one in 1/p of those outside a burst begins one: the share lost is
 // pL/(1 − p + pL). With p = 0.01 and L = 10: 0.1/1.09.
-TEST(FaultLine, BurstsHaveTheLengthAskedFor) {
+TEST(FaultLine, BurstsHaveTheConfiguredLength) {
   const auto deliveries = run({.burst_ratio = 0.01, .burst_length = 10});
   int lost = 0;
   for (std::size_t i = 1; i < deliveries.size(); ++i) {
@@ -155,7 +156,7 @@ TEST(FaultLine, BurstsHaveTheLengthAskedFor) {
   EXPECT_NEAR(lost, kMany * 0.1 / 1.09, std::sqrt(10.0) * five_sigma(kMany, 0.1 / 1.09));
 }
 
-TEST(FaultLine, DuplicatesTheShareAskedForRightAfterTheOriginal) {
+TEST(FaultLine, DuplicatesTheConfiguredFractionDirectlyAfterTheOriginal) {
   const auto deliveries = run({.duplicate_ratio = 0.1});
   int duplicates = 0;
   for (std::size_t i = 1; i < deliveries.size(); ++i) {
@@ -165,7 +166,7 @@ TEST(FaultLine, DuplicatesTheShareAskedForRightAfterTheOriginal) {
   EXPECT_NEAR(duplicates, 0.1 * kMany, five_sigma(kMany, 0.1));
 }
 
-TEST(FaultLine, HoldsBackTheShareAskedForAndLetsOthersPass) {
+TEST(FaultLine, DelaysTheConfiguredFractionAndLetsOthersPass) {
   const auto deliveries = run({.delay = 5ms, .reorder_ratio = 0.1, .reorder_delay = 3500us});
   int held_back = 0;
   for (const Delivery& d : deliveries) {
@@ -173,11 +174,11 @@ TEST(FaultLine, HoldsBackTheShareAskedForAndLetsOthersPass) {
     held_back += d.delay == 8500us ? 1 : 0;
   }
   EXPECT_NEAR(held_back, 0.1 * kMany, five_sigma(kMany, 0.1));
-  // overtaken by three later ones, unless those are all held back too (1 in 1000)
+  // overtaken by three later ones, unless all of those are delayed too (1 in 1000)
   EXPECT_NEAR(out_of_order(deliveries), held_back, 0.15 * held_back);
 }
 
-TEST(FaultLine, AnOutageLosesEverythingThatArrivesInIt) {
+TEST(FaultLine, AnOutageLosesAllMessagesThatArriveDuringIt) {
   LinkFaults faults;
   faults.windows = {{.kind = FaultWindow::Kind::kOutage, .from = 100ms, .until = 200ms}};
   const auto deliveries = run(faults, 300);
@@ -194,7 +195,7 @@ TEST(FaultLine, AStallDeliversEverythingTogetherAtItsEnd) {
   EXPECT_EQ(out_of_order(deliveries), 0);
   for (const Delivery& d : deliveries) {
     const Duration sent = Duration(1ms) * static_cast<std::int64_t>(d.sequence);
-    // what arrives by the end of the stall less the delay is held; the rest only waits its delay
+    // held if it arrives earlier than the delay before the end of the stall; else only delayed
     const bool is_held = sent >= 100ms && sent < 190ms;
     ASSERT_EQ(d.due, kStart + (is_held ? Duration(200ms) : sent + 10ms)) << d.sequence;
   }
@@ -221,12 +222,12 @@ TEST(FaultLine, AWindowRepeatsWithItsPeriod) {
   for (const Delivery& d : deliveries) {
     const std::uint64_t phase = d.sequence % 500;
     ASSERT_FALSE(phase >= 100 && phase < 200);
-    // each turn freezes what it saw first, not what the last turn saw
+    // each repetition freezes its own first message, not that of the previous one
     ASSERT_EQ(d.content, phase >= 300 && phase < 400 ? d.sequence - phase + 300 : d.sequence);
   }
 }
 
-TEST(FaultLine, IsTheSameForTheSameSeedAndAnotherForAnother) {
+TEST(FaultLine, DependsOnlyOnTheSeed) {
   LinkFaults faults{.delay = 5ms,
                     .jitter = 4ms,
                     .loss_ratio = 0.1,
@@ -240,7 +241,7 @@ TEST(FaultLine, IsTheSameForTheSameSeedAndAnotherForAnother) {
   EXPECT_NE(run(faults, 5000, 7), run(faults, 5000, 8));
 }
 
-TEST(FaultLine, EachFaultAloneCountsAsAny) {
+TEST(FaultLine, AnyIsTrueForEachFaultAlone) {
   EXPECT_TRUE(LinkFaults{.delay = 1ns}.any());
   EXPECT_TRUE(LinkFaults{.jitter = 1ns}.any());
   EXPECT_TRUE(LinkFaults{.loss_ratio = 0.1}.any());

@@ -29,13 +29,13 @@ class InboxTest : public testing::Test {
   Inbox<ToolMotion> inbox_{link_, clock_};
 };
 
-TEST_F(InboxTest, HasNothingBeforeTheFirstMessage) {
+TEST_F(InboxTest, IsEmptyBeforeTheFirstMessage) {
   EXPECT_EQ(inbox_.next(), nullptr);
   EXPECT_EQ(inbox_.newest(), nullptr);
   EXPECT_EQ(counters().accepted, 0u);
 }
 
-TEST_F(InboxTest, GivesMessagesInOrderOnceEach) {
+TEST_F(InboxTest, DeliversMessagesInOrderOnceEach) {
   send(1, 0);
   send(1, 1);
   EXPECT_EQ(next(), 0);
@@ -44,7 +44,7 @@ TEST_F(InboxTest, GivesMessagesInOrderOnceEach) {
   EXPECT_EQ(counters().accepted, 2u);
 }
 
-TEST_F(InboxTest, NewestTakesAllAndStaysWhenNothingNewArrives) {
+TEST_F(InboxTest, NewestReadsAllAndStaysWhenNothingNewArrives) {
   send(1, 0);
   send(1, 1);
   send(1, 2);
@@ -53,7 +53,7 @@ TEST_F(InboxTest, NewestTakesAllAndStaysWhenNothingNewArrives) {
   EXPECT_EQ(counters().accepted, 3u);
 }
 
-TEST_F(InboxTest, StampsTheArrivalNotTheTaking) {
+TEST_F(InboxTest, StampsTheTimeOfArrivalNotOfReading) {
   clock_.advance(5ms);
   send(1, 0);
   clock_.advance(5ms);
@@ -68,7 +68,7 @@ TEST_F(InboxTest, DropsDuplicates) {
   EXPECT_EQ(counters().duplicates, 1u);
 }
 
-TEST_F(InboxTest, DropsWhatIsOlderThanWhatItTook) {
+TEST_F(InboxTest, DropsMessagesOlderThanTheLastAccepted) {
   send(1, 4);
   send(1, 3);
   send(1, 5);
@@ -77,8 +77,8 @@ TEST_F(InboxTest, DropsWhatIsOlderThanWhatItTook) {
   EXPECT_EQ(counters().out_of_order, 1u);
 }
 
-TEST_F(InboxTest, CountsSequenceNumbersItNeverSaw) {
-  send(1, 7);  // the first one may be any: the receiver came late
+TEST_F(InboxTest, CountsMissingSequenceNumbers) {
+  send(1, 7);  // the first may have any sequence number: the receiver started late
   send(1, 8);
   send(1, 12);
   EXPECT_EQ(inbox_.next()->skipped_before, 0u);
@@ -87,10 +87,10 @@ TEST_F(InboxTest, CountsSequenceNumbersItNeverSaw) {
   EXPECT_EQ(counters().skipped, 3u);
 }
 
-TEST_F(InboxTest, AcceptsARestartedSenderAtOnceAndForgetsTheOldOne) {
+TEST_F(InboxTest, AcceptsARestartedSenderAtOnceAndDropsTheOldSession) {
   send(1, 1000);
   send(2, 0);
-  send(1, 1001);  // still under way when its sender died
+  send(1, 1001);  // still in transit when its sender ended
   send(2, 1);
   EXPECT_EQ(next(), 1000);
   EXPECT_EQ(next(), 0);
@@ -100,7 +100,7 @@ TEST_F(InboxTest, AcceptsARestartedSenderAtOnceAndForgetsTheOldOne) {
   EXPECT_EQ(counters().skipped, 0u);
 }
 
-TEST_F(InboxTest, ReportsWhatTheSourceRejected) {
+TEST_F(InboxTest, ReportsTheRejectionsOfTheSource) {
   class Refusing final : public Source<ToolMotion> {
    public:
     bool receive(ToolMotion&, TimePoint&) noexcept override { return false; }
@@ -113,7 +113,7 @@ TEST_F(InboxTest, ReportsWhatTheSourceRejected) {
   EXPECT_EQ(inbox.counters().rejected, 3u);
 }
 
-TEST_F(InboxTest, BehindAFaultLineStampsTheInstantADelayedMessageWasDue) {
+TEST_F(InboxTest, BehindAFaultLineStampsTheTimeAtWhichADelayedMessageWasDue) {
   Inbox<ToolMotion> delayed(link_, clock_, LinkFaults{.delay = 5ms}, 1);
   send(1, 0);
   EXPECT_EQ(delayed.next(), nullptr);
@@ -125,7 +125,7 @@ TEST_F(InboxTest, BehindAFaultLineStampsTheInstantADelayedMessageWasDue) {
   EXPECT_EQ(delayed.next_due(), TimePoint::max());
 }
 
-TEST_F(InboxTest, WaitsNoLongerThanTheFaultLineHoldsItsNextMessage) {
+TEST_F(InboxTest, WaitsNoLongerThanUntilTheFaultLineReleasesAMessage) {
   Inbox<ToolMotion> delayed(link_, clock_, LinkFaults{.delay = 5ms}, 1);
   link_.on_wait = [&](TimePoint deadline) { clock_.sleep_until(deadline); };
   send(1, 0);
@@ -147,7 +147,7 @@ TEST_F(InboxTest, DoesNotWaitForAPastDeadline) {
   EXPECT_FALSE(waited);
 }
 
-TEST(MemoryLink, DropsTheNewMessageWhenItIsFull) {
+TEST(MemoryLink, DropsNewMessagesWhenItIsFull) {
   ManualClock clock;
   MemoryLink<ToolMotion> link(clock, 2);
   ToolMotion message;
@@ -161,7 +161,7 @@ TEST(MemoryLink, DropsTheNewMessageWhenItIsFull) {
   ASSERT_TRUE(link.receive(message, at));
   EXPECT_EQ(message.header.sequence, 0u);
   message.header.sequence = 2;
-  EXPECT_EQ(link.send(message), SendResult::kSent);  // round the end of the ring
+  EXPECT_EQ(link.send(message), SendResult::kSent);  // past the end of the ring
   ASSERT_TRUE(link.receive(message, at));
   EXPECT_EQ(message.header.sequence, 1u);
   ASSERT_TRUE(link.receive(message, at));
@@ -179,8 +179,8 @@ TEST(MemoryLink, CallsItsHooks) {
 
   link.wait_until(TimePoint{} + 1s);
   static_cast<void>(link.send({}));
-  static_cast<void>(link.send({}));   // dropped: nobody is woken
-  link.wait_until(TimePoint{} + 1s);  // something is there: no waiting
+  static_cast<void>(link.send({}));   // dropped: no wake-up
+  link.wait_until(TimePoint{} + 1s);  // a message is present: no waiting
 
   EXPECT_EQ(sends, 1);
   EXPECT_EQ(waits, 1);

@@ -1,4 +1,4 @@
-// What one thread hands to another: the ring and the snapshot.
+// Data exchange between threads: ring and snapshot.
 #include <gtest/gtest.h>
 
 #include <array>
@@ -11,11 +11,11 @@
 namespace palpate {
 namespace {
 
-TEST(SpscRing, HoldsAsManyAsAskedForInOrderAndCountsTheRest) {
+TEST(SpscRing, HoldsItsCapacityInOrderAndCountsTheRest) {
   SpscRing<int> ring(3);
   int value = 0;
   EXPECT_FALSE(ring.pop(value));
-  for (int round = 0; round < 5; ++round) {  // round the end several times
+  for (int round = 0; round < 5; ++round) {  // several times past the end
     for (int i = 0; i < 3; ++i) EXPECT_TRUE(ring.push(i));
     EXPECT_FALSE(ring.push(3));
     for (int i = 0; i < 3; ++i) {
@@ -27,7 +27,7 @@ TEST(SpscRing, HoldsAsManyAsAskedForInOrderAndCountsTheRest) {
   EXPECT_EQ(ring.lost(), 5u);
 }
 
-TEST(SpscRing, BetweenTwoThreadsLosesOnlyWhatItCounts) {
+TEST(SpscRing, BetweenTwoThreadsCountsEveryLoss) {
   SpscRing<std::uint64_t> ring(64);
   constexpr std::uint64_t kMany = 500'000;
   std::atomic<bool> is_done{false};
@@ -55,10 +55,10 @@ TEST(SpscRing, BetweenTwoThreadsLosesOnlyWhatItCounts) {
 
 struct Record {
   std::array<std::uint64_t, 9> words{};
-  std::uint8_t last = 0;  // a size that is no multiple of a word
+  std::uint8_t last = 0;  // makes the size no multiple of a word
 };
 
-TEST(Snapshot, GivesTheDefaultBeforeTheFirstStoreAndTheLatestAfter) {
+TEST(Snapshot, HoldsTheDefaultBeforeTheFirstStoreAndTheLatestValueAfter) {
   Snapshot<Record> snapshot;
   EXPECT_EQ(snapshot.load().words[0], 0u);
   Record record;

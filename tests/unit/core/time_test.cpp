@@ -1,4 +1,4 @@
-// Time: conversions, virtual time, the appointments of a loop, seeded random numbers.
+// Time conversions, clocks, the schedule of a loop, seeded random numbers.
 #include "common/core/time.h"
 
 #include <gtest/gtest.h>
@@ -8,16 +8,16 @@
 
 #include "common/core/clock.h"
 #include "common/core/random.h"
-#include "common/session/session.h"
 #include "common/core/tick_schedule.h"
 #include "common/core/virtual_time.h"
+#include "common/session/session.h"
 
 namespace palpate {
 namespace {
 
 using namespace std::chrono_literals;
 
-TEST(Time, SecondsBecomeTheNearestNanosecond) {
+TEST(Time, SecondsAreRoundedToTheNearestNanosecond) {
   EXPECT_EQ(from_seconds(1e-9), 1ns);
   EXPECT_EQ(from_seconds(1.4e-9), 1ns);
   EXPECT_EQ(from_seconds(1.6e-9), 2ns);
@@ -59,21 +59,21 @@ TEST_F(VirtualTimeTest, RunsEventsInOrderOfTimeThenRankThenScheduling) {
   EXPECT_EQ(time_.now(), TimePoint{} + 3ms);
 }
 
-TEST_F(VirtualTimeTest, RunsWhatIsDueAtTheDeadlineAndNothingLater) {
+TEST_F(VirtualTimeTest, RunsEventsDueAtTheDeadlineAndNothingLater) {
   time_.schedule(TimePoint{} + 1ms, 0, say("at"));
   time_.schedule(TimePoint{} + 1ms + 1ns, 0, say("after"));
   time_.sleep_until(TimePoint{} + 1ms);
   EXPECT_EQ(said_, std::vector<std::string>{"at"});
 }
 
-TEST_F(VirtualTimeTest, EventsSeeTheirOwnTime) {
+TEST_F(VirtualTimeTest, NowIsTheTimeOfTheRunningEvent) {
   TimePoint seen;
   time_.schedule(TimePoint{} + 7ms, 0, [&] { seen = time_.now(); });
   time_.sleep_until(TimePoint{} + 1s);
   EXPECT_EQ(seen, TimePoint{} + 7ms);
 }
 
-TEST_F(VirtualTimeTest, APastEventRunsNow) {
+TEST_F(VirtualTimeTest, AnEventInThePastRunsNow) {
   time_.sleep_until(TimePoint{} + 5ms);
   TimePoint seen;
   time_.schedule(TimePoint{} + 1ms, 0, [&] { seen = time_.now(); });
@@ -81,7 +81,7 @@ TEST_F(VirtualTimeTest, APastEventRunsNow) {
   EXPECT_EQ(seen, TimePoint{} + 5ms);
 }
 
-TEST_F(VirtualTimeTest, AnEventThatWaitsLetsOthersRun) {
+TEST_F(VirtualTimeTest, OtherEventsRunWhileAnEventWaits) {
   time_.schedule(TimePoint{} + 1ms, 0, [&] {
     said_.push_back("begin");
     time_.sleep_until(TimePoint{} + 5ms);
@@ -92,7 +92,7 @@ TEST_F(VirtualTimeTest, AnEventThatWaitsLetsOthersRun) {
   time_.sleep_until(TimePoint{} + 4ms);
 
   EXPECT_EQ(said_, (std::vector<std::string>{"begin", "meanwhile", "end"}));
-  EXPECT_EQ(time_.now(), TimePoint{} + 5ms);  // the inner wait carried the time on
+  EXPECT_EQ(time_.now(), TimePoint{} + 5ms);  // the inner wait advanced the time
 }
 
 TEST_F(VirtualTimeTest, RunOneStopsAfterOneEventOrAtTheDeadline) {
@@ -110,11 +110,12 @@ TEST_F(VirtualTimeTest, RunOneStopsAfterOneEventOrAtTheDeadline) {
 
 constexpr TimePoint kStart{5s};
 
-TEST(TickSchedule, KeepsAbsoluteAppointments) {
+TEST(TickSchedule, KeepsAbsoluteTimes) {
   TickSchedule schedule(kStart, 1000.0);
   for (std::int64_t i = 0; i < 100; ++i) {
     ASSERT_EQ(schedule.next(), kStart + i * 1ms);
-    const Tick tick = schedule.begin(schedule.next() + 10us);  // a late turn moves none of the next
+    const Tick tick =
+        schedule.begin(schedule.next() + 10us);  // a late tick does not shift the next
     ASSERT_EQ(tick.index, static_cast<std::uint64_t>(i));
     ASSERT_EQ(tick.scheduled_at, kStart + i * 1ms);
     ASSERT_EQ(tick.now, kStart + i * 1ms + 10us);
@@ -124,16 +125,16 @@ TEST(TickSchedule, KeepsAbsoluteAppointments) {
   EXPECT_EQ(schedule.skipped(), 0u);
 }
 
-TEST(TickSchedule, SkipsWholePeriodsAfterAnOverrunAndNeverBursts) {
+TEST(TickSchedule, SkipsWholePeriodsAfterAnOverrunWithoutABurst) {
   TickSchedule schedule(kStart, 1000.0);
   static_cast<void>(schedule.begin(kStart));
-  schedule.finish(kStart + 3500us);  // appointments at 1, 2 and 3 ms are gone
+  schedule.finish(kStart + 3500us);  // the ticks at 1, 2 and 3 ms are past
   EXPECT_EQ(schedule.next(), kStart + 4ms);
   EXPECT_EQ(schedule.skipped(), 3u);
   EXPECT_EQ(schedule.begin(kStart + 4ms).index, 4u);
 }
 
-TEST(TickSchedule, AnEndExactlyAtAnAppointmentIsInTimeForIt) {
+TEST(TickSchedule, EndingExactlyAtTheNextTickSkipsNothing) {
   TickSchedule schedule(kStart, 1000.0);
   static_cast<void>(schedule.begin(kStart));
   schedule.finish(kStart + 2ms);
@@ -145,8 +146,8 @@ TEST(TickSchedule, AnEndExactlyAtAnAppointmentIsInTimeForIt) {
   EXPECT_EQ(schedule.skipped(), 1u);
 }
 
-TEST(TickSchedule, NeverSkipsAnAppointmentThatIsStillToCome) {
-  // overruns of every length, at rates whose period is no whole number of nanoseconds
+TEST(TickSchedule, NeverSkipsAFutureTick) {
+  // overruns of every length, at rates whose period is not a whole number of nanoseconds
   for (const double rate : {3000.0, 7.0, 44100.0 / 7.0}) {
     TickSchedule schedule(kStart, rate);
     TimePoint now = kStart;
@@ -201,7 +202,7 @@ TEST(Random, DirectionsAreUnitAndNormalsHaveUnitVariance) {
   EXPECT_NEAR(sum2, 1.0, 5.0 * std::sqrt(2.0 / kMany));
 }
 
-TEST(StreamSeed, DiffersBetweenStreamsAndSessionsAndRepeats) {
+TEST(StreamSeed, IsRepeatableAndDiffersBetweenStreamsAndSessions) {
   EXPECT_EQ(stream_seed(1, "hand"), stream_seed(1, "hand"));
   EXPECT_NE(stream_seed(1, "hand"), stream_seed(1, "interaction"));
   EXPECT_NE(stream_seed(1, "hand"), stream_seed(2, "hand"));

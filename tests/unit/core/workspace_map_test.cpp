@@ -21,9 +21,9 @@ TEST_F(WorkspaceMapTest, ScalesThenShifts) {
   EXPECT_TRUE(map_.tool_velocity_world_m_per_s({0.1, 0, 0}).isApprox(Vector3(0.2, 0, 0)));
 }
 
-TEST_F(WorkspaceMapTest, TheToolRestsWhileTheClutchIsHeld) {
+TEST_F(WorkspaceMapTest, TheToolStaysInPlaceWhileTheClutchIsHeld) {
   const Vector3 before = tool({0.01, 0, 0}, false);
-  const Vector3 held = tool({0.02, 0, 0}, true);  // the press: counts as moved with the tool
+  const Vector3 held = tool({0.02, 0, 0}, true);  // the tick of the press still moves the tool
   EXPECT_FALSE(before.isApprox(held));
   for (const double x : {0.03, 0.05, -0.04}) {
     EXPECT_TRUE(tool({x, 0.01, 0}, true).isApprox(held));
@@ -32,10 +32,11 @@ TEST_F(WorkspaceMapTest, TheToolRestsWhileTheClutchIsHeld) {
   }
 }
 
-TEST_F(WorkspaceMapTest, OnReleaseTheToolGoesOnFromWhereItRested) {
+TEST_F(WorkspaceMapTest, OnReleaseTheToolContinuesFromItsPlace) {
   const Vector3 held = tool({0.02, 0, 0}, true);
   static_cast<void>(tool({0.05, 0, 0}, true));
-  const Vector3 released = tool({0.06, 0, 0}, false);  // the last stretch counts as clutched too
+  const Vector3 released =
+      tool({0.06, 0, 0}, false);  // motion up to the release does not move the tool
   EXPECT_TRUE(released.isApprox(held));
   EXPECT_FALSE(map_.is_clutched());
   EXPECT_TRUE(tool({0.07, 0, 0}, false).isApprox(held + Vector3(0.02, 0, 0)));
@@ -43,7 +44,7 @@ TEST_F(WorkspaceMapTest, OnReleaseTheToolGoesOnFromWhereItRested) {
 
 TEST_F(WorkspaceMapTest, ShiftsOfSeveralClutchesAddUp) {
   Vector3 at = tool({0, 0, 0}, false);
-  for (int i = 0; i < 5; ++i) {  // ratchet: forward with the tool, back without
+  for (int i = 0; i < 5; ++i) {  // ratchet: forward with the tool, back with the clutch held
     at = tool({0.01, 0, 0}, false);
     static_cast<void>(tool({0.01, 0, 0}, true));
     static_cast<void>(tool({0.0, 0, 0}, true));

@@ -1,5 +1,5 @@
-// Key files as they should be, and as they should not.
-#include "common/link/keys.h"
+// Valid and invalid key files; access control.
+#include "common/link/security/keys.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -9,7 +9,7 @@
 #include <functional>
 
 #include "common/core/check.h"
-#include "common/link/zap_handler.h"
+#include "common/link/security/zap_handler.h"
 #include "tests/support/temp_folder.h"
 
 namespace palpate {
@@ -55,7 +55,7 @@ class Keys : public testing::Test {
 
 // --- the list -------------------------------------------------------------------------------
 
-TEST_F(Keys, TheListKnowsEachKeysRoleAndTheServersKeys) {
+TEST_F(Keys, TheListGivesTheRoleOfEachKeyAndTheServerKeys) {
   const AllowedKeys allowed = parse_allowed_keys(
       "# a remark\r\n\n" + list() + "\t viewer \t" + viewer_.public_key + "\r\n", "a.keys");
 
@@ -66,7 +66,7 @@ TEST_F(Keys, TheListKnowsEachKeysRoleAndTheServersKeys) {
   EXPECT_EQ(allowed.server_key(KeyRole::kPhysics), physics_.public_key);
 }
 
-TEST_F(Keys, EveryProblemOfTheListIsToldWithItsLineAndNoKey) {
+TEST_F(Keys, EveryProblemOfTheListIsReportedWithItsLineAndWithoutKeys) {
   std::string not_z85 = viewer_.public_key;
   not_z85[7] = '~';
   std::string with_zero = viewer_.public_key;
@@ -82,12 +82,12 @@ TEST_F(Keys, EveryProblemOfTheListIsToldWithItsLineAndNoKey) {
                           HasSubstr("a.keys:5: the key must be 40 characters"),
                           HasSubstr("a.keys:6: the key"), HasSubstr("a.keys:7: the key"),
                           HasSubstr("a.keys:8: the key"), HasSubstr("a.keys:9: must be a role"),
-                          HasSubstr("a.keys:10: this key is listed before"),
+                          HasSubstr("a.keys:10: this key is listed above"),
                           HasSubstr("a.keys: must list exactly one good key of physics")));
   EXPECT_THAT(text, AllOf(Not(HasSubstr(viewer_.public_key)), Not(HasSubstr(device_.public_key))));
 }
 
-TEST_F(Keys, AListWithoutServersOrWithRubbishIsRefused) {
+TEST_F(Keys, AListWithoutServersOrWithInvalidTextIsRefused) {
   EXPECT_THAT(complaint(""), HasSubstr("exactly one good key of device"));
   EXPECT_THAT(complaint(std::string(60'000, '\xff')), HasSubstr("a.keys:1: must begin"));
   EXPECT_THAT(complaint(std::string(60'000, '\n')), HasSubstr("exactly one"));
@@ -105,7 +105,7 @@ TEST_F(Keys, APairIsReadBackAsItWasWritten) {
   EXPECT_EQ(pair.secret_key, viewer_.secret_key);
 }
 
-TEST_F(Keys, APairThatIsNoneIsRefusedWithoutShowingIt) {
+TEST_F(Keys, InvalidPairsAreRefusedWithoutShowingThem) {
   const std::string good = key_pair_text(KeyRole::kViewer, viewer_);
   const auto with = [&](const std::string& from, const std::string& to) {
     std::string text = good;
@@ -126,7 +126,7 @@ TEST_F(Keys, APairThatIsNoneIsRefusedWithoutShowingIt) {
 
 // --- the folder -----------------------------------------------------------------------------
 
-TEST(KeyFolder, KeygenMakesAPairForEachRoleAndOverwritesNothing) {
+TEST(KeyFolder, KeygenCreatesAPairForEachRoleAndOverwritesNothing) {
   const test::TempFolder folder;
   const fs::path keys = folder.path() / "keys";
   const auto files = make_key_folder(keys);
@@ -138,7 +138,7 @@ TEST(KeyFolder, KeygenMakesAPairForEachRoleAndOverwritesNothing) {
   }
   const std::string before = text_of(keys / "viewer.key_secret");
   fs::remove(keys / "allowed.keys");
-  EXPECT_THAT(setup_error([&] { make_key_folder(keys); }), HasSubstr("is there already"));
+  EXPECT_THAT(setup_error([&] { make_key_folder(keys); }), HasSubstr("exists already"));
   EXPECT_EQ(text_of(keys / "viewer.key_secret"), before);
   EXPECT_FALSE(fs::exists(keys / "allowed.keys"));
 }
@@ -154,7 +154,7 @@ class LoadKeys : public testing::Test {
   fs::path keys_ = folder_.path() / "keys";
 };
 
-TEST_F(LoadKeys, AProgramReadsItsOwnSecretAndNeedsNoOther) {
+TEST_F(LoadKeys, AProgramNeedsOnlyItsOwnSecret) {
   for (const char* other : {"device", "viewer", "pointer"}) {
     fs::remove(keys_ / (std::string(other) + ".key_secret"));
   }
@@ -167,7 +167,7 @@ TEST_F(LoadKeys, AProgramReadsItsOwnSecretAndNeedsNoOther) {
   EXPECT_THAT(error(KeyRole::kViewer), HasSubstr("viewer.key_secret: No such file"));
 }
 
-TEST_F(LoadKeys, WhatOthersMayReadOrChangeIsRefused) {
+TEST_F(LoadKeys, FilesThatOthersMayReadOrChangeAreRefused) {
   const fs::path secret = keys_ / "physics.key_secret";
   for (const mode_t mode : {0644u, 0640u, 0604u, 0602u}) {
     chmod(secret.c_str(), mode);
@@ -205,7 +205,7 @@ TEST_F(LoadKeys, AFolderWithoutListAndKeysOfAnotherKeygenAreRefused) {
 
 class Zap : public Keys {
  protected:
-  /// A good request to physics by the device's side.
+  /// A valid request to physics with the device key.
   [[nodiscard]] std::vector<std::string> request(const KeyPair& pair) const {
     std::string key(32, '\0');
     zmq_z85_decode(reinterpret_cast<std::uint8_t*>(key.data()), pair.public_key.c_str());
@@ -216,7 +216,7 @@ class Zap : public Keys {
   }
 };
 
-TEST_F(Zap, OnlyTheRoleOfTheLinkIsLetIn) {
+TEST_F(Zap, OnlyTheRoleOfTheLinkIsAdmitted) {
   EXPECT_EQ(verdict(request(device_)).status, "200");
   EXPECT_EQ(verdict(request(viewer_)).status, "400");
   EXPECT_EQ(verdict(request(viewer_)).refusal, Refusal::kWrongRole);
@@ -224,7 +224,7 @@ TEST_F(Zap, OnlyTheRoleOfTheLinkIsLetIn) {
   EXPECT_EQ(verdict(request(new_key_pair())).refusal, Refusal::kUnknownKey);
 }
 
-TEST_F(Zap, AMalformedRequestIsNeverLetIn) {
+TEST_F(Zap, MalformedRequestsAreRefused) {
   const std::vector<std::string> good = request(device_);
   for (std::size_t length = 0; length < good.size(); ++length) {
     EXPECT_NE(verdict({good.begin(), good.begin() + static_cast<std::ptrdiff_t>(length)}).status,

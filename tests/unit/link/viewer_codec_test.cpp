@@ -1,5 +1,5 @@
-// What viewers that know nothing of Palpate draw of the tool.
-#include "common/link/viewer_codec.h"
+// The tool as drawn by general-purpose viewers, from Foxglove messages.
+#include "common/link/codec/viewer_codec.h"
 
 #include <gtest/gtest.h>
 
@@ -13,7 +13,7 @@ Vector3 vector(const Xyz& v) {
   return {v.x(), v.y(), v.z()};
 }
 
-/// A tool at (0.1, 0, 0) that is turned by 90° about y: its +z points along x.
+/// A tool at (0.1, 0, 0), rotated by 90° about y: its +z points along x.
 DeviceTick lying() {
   DeviceTick tick;
   tick.measured_tool_position_world_m = Vector3(0.1, 0, 0);
@@ -29,7 +29,7 @@ foxglove::SceneEntity drawn(const DeviceTick& tick, const SceneState& scene) {
   return update.entities(0);
 }
 
-TEST(ToolOfOtherViewers, IsABallWhereThereIsNoShaft) {
+TEST(FoxgloveTool, IsASphereIfThereIsNoShaft) {
   SceneState scene;
   scene.tip_radius_m = 0.003;
   const auto entity = drawn(lying(), scene);
@@ -41,7 +41,7 @@ TEST(ToolOfOtherViewers, IsABallWhereThereIsNoShaft) {
 }
 
 // 40 mm along x from 0.1: its middle at 0.12, its end at 0.14.
-TEST(ToolOfOtherViewers, HasItsShaftAlongItsOwnZ) {
+TEST(FoxgloveTool, HasItsShaftAlongItsZAxis) {
   SceneState scene;
   scene.shaft_length_m = 0.04;
   scene.shaft_radius_m = 0.002;
@@ -59,7 +59,7 @@ TEST(ToolOfOtherViewers, HasItsShaftAlongItsOwnZ) {
   EXPECT_EQ(entity.spheres(1).size().x(), 0.004);
 }
 
-TEST(ToolOfOtherViewers, TurnsItsFrame) {
+TEST(FoxgloveTool, RotatesItsFrame) {
   foxglove::FrameTransforms transforms;
   ASSERT_TRUE(transforms.ParseFromString(encode_transforms(7, "tool", lying())));
   ASSERT_EQ(transforms.transforms_size(), 1);

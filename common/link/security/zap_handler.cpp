@@ -1,7 +1,8 @@
-#include "common/link/zap_handler.h"
+#include "common/link/security/zap_handler.h"
 
 #include <array>
 #include <cstring>
+#include <map>
 
 #include "common/core/check.h"
 
@@ -13,12 +14,13 @@ constexpr const char* kWakeEndpoint = "inproc://palpate.zap.wake";
 constexpr const char* kZapVersion = "1.0";
 constexpr std::size_t kKeyBytes = 32;
 
+/// MONITOR_STOPPED reports that a socket was closed, so that its monitor is removed.
 constexpr int kWatchedEvents =
     ZMQ_EVENT_ACCEPTED | ZMQ_EVENT_DISCONNECTED | ZMQ_EVENT_HANDSHAKE_SUCCEEDED |
     ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL | ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL |
-    ZMQ_EVENT_HANDSHAKE_FAILED_AUTH;
+    ZMQ_EVENT_HANDSHAKE_FAILED_AUTH | ZMQ_EVENT_MONITOR_STOPPED;
 
-/// All parts of the next message, as text.
+/// Reads all parts of the next message; false if there is none.
 bool receive(zmq::socket_t& socket, std::vector<std::string>& frames) {
   frames.clear();
   zmq::message_t frame;
@@ -36,47 +38,6 @@ std::string z85(const std::string& key) {
 }
 
 }  // namespace
-
-const char* explain(Refusal refusal) {
-  switch (refusal) {
-    case Refusal::kUnknownKey:
-      return "unknown key: not in allowed.keys here; add its line and restart, if it should be let "
-             "in";
-    case Refusal::kWrongRole:
-      return "a key of another role: allowed.keys lists it, but not for this link";
-    case Refusal::kNoKey:
-      return "no key: the peer speaks in plain text; give its session the same security { }";
-    case Refusal::kNoZmtp:
-      return "no ZeroMQ 4 peer: speaks in plain text or something else";
-    case Refusal::kLeft:
-      return "left during the handshake: speaks in plain text (give its session the same "
-             "security { }), or was ended";
-    case Refusal::kBadHandshake:
-      return "the peer expects another key of this end, or broke the protocol; compare "
-             "allowed.keys";
-    case Refusal::kRefusedByOther:
-      return "the other end refuses this program's key; compare allowed.keys";
-    case Refusal::kOtherUnknown:
-      break;
-  }
-  return "the other end lacks the key that allowed.keys gives it; compare, or see who answers "
-         "there";
-}
-
-// --- counts -----------------------------------------------------------------------------------
-
-void RefusedPeers::count(std::string_view link, Refusal refusal, const std::string& address) {
-  const std::lock_guard lock(mutex_);
-  Count& count = counts_[{link, refusal}];
-  ++count.count;
-  count.address = address;
-  total_.fetch_add(1, std::memory_order_relaxed);
-}
-
-RefusedPeers::Counts RefusedPeers::counts() const {
-  const std::lock_guard lock(mutex_);
-  return counts_;
-}
 
 // --- requests ---------------------------------------------------------------------------------
 
@@ -101,14 +62,15 @@ ZapVerdict judge(const std::vector<std::string>& frames, const AllowedKeys& allo
 
 // --- handler ----------------------------------------------------------------------------------
 
-/// The events of one socket, and what is known of its connections.
+/// The monitor of one socket and the state of its connections.
 struct ZapHandler::Monitor {
   zmq::socket_t events;
   std::string_view link;
   bool is_server = false;
   bool has_ended = false;
-  std::uint64_t outcomes = 0;                                // of handshakes
-  std::map<std::uint32_t, std::uint64_t> outcomes_before{};  // by connection not yet gone
+  std::uint64_t outcomes = 0;  // handshakes that succeeded or failed
+  /// The value of `outcomes` at the start of each open connection.
+  std::map<std::uint32_t, std::uint64_t> outcomes_before{};
 };
 
 void ZapHandler::StopWatching::operator()(void* socket) const noexcept {
@@ -152,6 +114,7 @@ ZapHandler::Watched ZapHandler::watch(zmq::socket_t& socket, std::string_view li
                                          .is_server = is_server});
   monitor.events.set(zmq::sockopt::linger, 0);
   monitor.events.connect(endpoint);
+  monitors_.fetch_add(1, std::memory_order_relaxed);
   wake_.send(zmq::message_t(), zmq::send_flags::none);
   return watched;
 }
@@ -167,7 +130,8 @@ void ZapHandler::run() {
 
     answer();
     for (Monitor& monitor : monitors) take_events(monitor);
-    monitors.remove_if([](const Monitor& monitor) { return monitor.has_ended; });
+    const auto ended = monitors.remove_if([](const Monitor& monitor) { return monitor.has_ended; });
+    monitors_.fetch_sub(static_cast<int>(ended), std::memory_order_relaxed);
     while (receive(woken_, frames)) {
       const std::lock_guard lock(mutex_);
       monitors.splice(monitors.end(), new_monitors_);
@@ -206,8 +170,8 @@ void ZapHandler::take_events(Monitor& monitor) {
         monitor.outcomes_before[value] = monitor.outcomes;
         break;
       case ZMQ_EVENT_DISCONNECTED: {
-        // libzmq tells no outcome of a peer that does not speak its language. Where connections
-        // overlap, another's may hide that: too few are counted then, never too many.
+        // libzmq reports no outcome for a peer with another protocol. If connections overlap, the
+        // outcome of another one may hide this: the count may then be too low, never too high.
         const auto connection = monitor.outcomes_before.find(value);
         if (connection == monitor.outcomes_before.end()) break;
         if (connection->second == monitor.outcomes) refusal = Refusal::kNoZmtp;
@@ -219,7 +183,7 @@ void ZapHandler::take_events(Monitor& monitor) {
         break;
       case ZMQ_EVENT_HANDSHAKE_FAILED_AUTH:
         ++monitor.outcomes;
-        if (!monitor.is_server) refusal = Refusal::kRefusedByOther;  // else counted by answer()
+        if (!monitor.is_server) refusal = Refusal::kRefusedByOther;  // servers: counted in answer()
         break;
       case ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL:
         ++monitor.outcomes;

@@ -1,5 +1,5 @@
-// viewer_codec.h — what viewer_node says to its web clients, as protobuf messages, and the one
-// message it takes from them. The bytes are payloads of the Foxglove protocol: no kind byte.
+// viewer_codec.h — the protobuf messages that viewer_node sends to its web clients, and the one
+// that it receives from them. They are payloads of the Foxglove protocol, without the kind byte.
 #pragma once
 
 #include <cstdint>
@@ -9,16 +9,17 @@
 #include <vector>
 
 #include "common/core/scene_messages.h"
+#include "common/link/codec/codec.h"
 #include "common/telemetry/telemetry.h"
-#include "common/link/codec.h"
 
 namespace palpate {
 
-/// The FileDescriptorSet of a message and all it needs, dependencies first; binary.
-/// @param message  full name of a message of proto/, e.g. "palpate.v1.SceneState"
+/// The serialised FileDescriptorSet of a message and its dependencies, dependencies first.
+/// @param message  full name of a message that viewer_node publishes or a recording holds,
+///     e.g. "palpate.v1.SceneState"
 [[nodiscard]] std::string schema_of(std::string_view message);
 
-/// The protobuf message alone.
+/// The encoded protobuf message without the kind byte.
 template <class T>
 [[nodiscard]] std::string payload_of(Codec<T>& codec, const T& message) {
   std::string frame(codec.encode(message), '\0');
@@ -53,14 +54,14 @@ struct ViewerHealth {
 
 // Foxglove's own schemas, all in frame "world".
 
-/// foxglove.PointCloud of float32 x, y, z. @param parts  x,y,z,x,y,z,… one after the other
+/// foxglove.PointCloud of float32 x, y, z. @param parts  x,y,z,x,y,z,… of each part
 [[nodiscard]] std::string encode_point_cloud(std::uint64_t at_ns,
                                              const std::vector<std::vector<float>>& parts);
 
-/// foxglove.SceneUpdate: the tool's tip and shaft, and the forces on the hand asked and applied as
-/// arrows. @param scene  for the tool's size
+/// foxglove.SceneUpdate: the tool's tip and shaft, and the requested and rendered force on the hand
+/// as arrows. @param scene  for the size of the tool
 [[nodiscard]] std::string encode_tool(std::uint64_t at_ns, const DeviceTick& device,
-                                      const SceneState& scene, const Vector3& asked_newton);
+                                      const SceneState& scene, const Vector3& requested_newton);
 
 /// foxglove.FrameTransforms: the tool's frame in "world".
 [[nodiscard]] std::string encode_transforms(std::uint64_t at_ns, const std::string& frame,
@@ -69,11 +70,11 @@ struct ViewerHealth {
 /// Values as in foxglove.Log.
 enum class LogLevel : std::uint8_t { kInfo = 2, kWarning = 3, kError = 4 };
 
-/// foxglove.Log. @param node  who says it
+/// foxglove.Log. @param node  the source of the message
 [[nodiscard]] std::string encode_log(std::uint64_t at_ns, LogLevel level, const std::string& node,
                                      const std::string& message);
 
-/// What a page may send: position and release; nothing if it is no valid HandTarget.
+/// The HandTarget that a page sent, with position and release only; empty if it is not valid.
 [[nodiscard]] std::optional<HandTarget> decode_page_target(std::string_view payload);
 
 }  // namespace palpate

@@ -1,9 +1,9 @@
-// codec.h — the border between bytes and messages. Past decode() every number is present, finite
-// and in range; no other code repeats those checks.
+// codec.h — conversion between messages and bytes. After decode() every required value is present,
+// finite and in range; no other code repeats these checks.
 //
-// A frame is one byte that says which message it is, then the protobuf message of
-// proto/palpate/v1. The byte stands outside the message so that two endpoints wired to each other
-// by mistake refuse each other's frames at once.
+// A frame consists of one byte, the kind of message, and the protobuf message of proto/palpate/v1.
+// The kind is outside the protobuf message so that two endpoints that were connected by mistake
+// refuse each other's frames at once.
 #pragma once
 
 #include <cstddef>
@@ -18,10 +18,10 @@
 
 namespace palpate {
 
-/// The version of proto/palpate/v1.
+/// The protocol version of proto/palpate/v1.
 inline constexpr std::uint32_t kProtocolMajor = 1;
 
-/// First byte of a frame. Values are part of the wire contract: never reused.
+/// First byte of a frame. The values are part of the wire contract and are never reused.
 enum class MessageKind : std::uint8_t {
   kDeviceState = 1,
   kForceCommand = 2,
@@ -34,7 +34,7 @@ enum class MessageKind : std::uint8_t {
   kMeshFrame = 9,
   kHandTarget = 10,
 };
-inline constexpr std::size_t kMessageKinds = 11;  ///< above the largest
+inline constexpr std::size_t kMessageKinds = 11;  ///< largest value + 1
 
 template <class T>
 inline constexpr MessageKind kKindOf = MessageKind{};
@@ -60,14 +60,15 @@ inline constexpr MessageKind kKindOf<MeshFrame> = MessageKind::kMeshFrame;
 template <>
 inline constexpr MessageKind kKindOf<HandTarget> = MessageKind::kHandTarget;
 
-/// Hop 5.
+/// Whether T belongs to hop 5.
 template <class T>
 inline constexpr bool kIsTelemetry =
     kKindOf<T> >= MessageKind::kDeviceBatch&& kKindOf<T> <= MessageKind::kMeshFrame;
 
-/// A larger frame is refused before it is parsed. An Interaction of eight contacts with friction
-/// nearly fills its frame, the other loop messages take at most 1 kB; a telemetry record takes at most 250 bytes, so 4000 ticks fit one batch; a
-/// vertex takes 12 bytes, a triangle 12.
+/// Larger frames are refused before they are parsed. An Interaction of eight contacts with friction
+/// nearly fills its frame; the other messages of the loop take at most 1 kB. A telemetry record
+/// takes at most 250 bytes, so that a batch can hold 4000 ticks. A vertex takes 12 bytes, a
+/// triangle 12.
 template <class T>
 inline constexpr std::size_t kMaxFrameBytes = kIsTelemetry<T> ? std::size_t{1} << 20 : 4096;
 template <>
@@ -75,26 +76,26 @@ inline constexpr std::size_t kMaxFrameBytes<SceneState> = std::size_t{16} << 20;
 template <>
 inline constexpr std::size_t kMaxFrameBytes<MeshFrame> = std::size_t{4} << 20;
 
-/// What is wrong with a frame. The first that applies, in this order.
+/// The error of a frame: the first one that applies, in this order.
 enum class DecodeError : std::uint8_t {
   kNone,
   kTooLarge,      ///< longer than kMaxFrameBytes
-  kWrongKind,     ///< another message: endpoints are cross-wired
+  kWrongKind,     ///< another message: endpoints are mixed up
   kMalformed,     ///< not one protobuf message
   kWrongVersion,  ///< protocol_major is not kProtocolMajor
   kMissingField,
   kNotFinite,   ///< NaN or infinity where the contract does not allow it
-  kOutOfRange,  ///< a limit of the .proto comments is broken
+  kOutOfRange,  ///< violates a limit of the .proto comments
 };
 inline constexpr std::size_t kDecodeErrors = 8;
 [[nodiscard]] const char* name(DecodeError error);
 
-/// One sentence for the log: what it means and what to do.
+/// One sentence for the log: cause and remedy.
 /// @param peer_major  protocol_major of the refused frame; used by kWrongVersion only
 [[nodiscard]] std::string explain(DecodeError error, std::uint32_t peer_major = 0);
 
-/// Converts one kind of message both ways. Owns the protobuf message and reuses it: in steady state
-/// neither way allocates. Not thread-safe. Instantiated for the messages of MessageKind.
+/// Converts one kind of message in both directions. Reuses its protobuf messages, so that it does
+/// not allocate in steady state. Not thread-safe. Instantiated for the messages of MessageKind.
 template <class T>
 class Codec {
  public:
@@ -103,15 +104,15 @@ class Codec {
   Codec(Codec&&) noexcept;
   Codec& operator=(Codec&&) noexcept;
 
-  /// Takes the message over and returns the length of its frame [bytes]; write() then puts it
-  /// there. Does not check: the receiver's decode() does.
+  /// Converts the message to protobuf and returns the length of its frame [bytes], which write()
+  /// then writes. Values are not checked here but by the receiver's decode().
   [[nodiscard]] std::size_t encode(const T& message);
-  /// Writes the frame of the last encode(). @param to  room for as many bytes as encode() returned
+  /// Writes the frame of the last encode(). @param to  a buffer of the size encode() returned
   void write(std::byte* to) const;
 
-  /// The message in `frame`, whole or not at all: on any error `message` is untouched. Fields that
-  /// this version does not know are ignored. Quaternions and normals come out with norm 1; those
-  /// that have it already to within rounding come out as they were sent, to the bit.
+  /// Reads the message in `frame`. On an error `message` is unchanged. Fields unknown to this
+  /// version are ignored. Quaternions and normals are normalised; those whose norm is 1 to within
+  /// rounding are left unchanged, bit by bit.
   [[nodiscard]] DecodeError decode(std::span<const std::byte> frame, T& message);
 
   /// protocol_major of the last frame refused with kWrongVersion; 0 before.

@@ -1,17 +1,20 @@
-#include "common/link/viewer_codec.h"
+#include "common/link/codec/viewer_codec.h"
 
 #include <google/protobuf/descriptor.h>
 #include <google/protobuf/descriptor.pb.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <set>
 #include <span>
 
 #include "common/core/check.h"
 #include "foxglove/foxglove_subset.pb.h"
+#include "palpate/v1/hand_target.pb.h"
 #include "palpate/v1/plot.pb.h"
 #include "palpate/v1/scene.pb.h"
+#include "palpate/v1/telemetry.pb.h"
 #include "palpate/v1/viewer.pb.h"
 
 namespace palpate {
@@ -22,7 +25,7 @@ namespace pb = google::protobuf;
 constexpr const char* kWorld = "world";
 constexpr double kArrowMPerNewton = 0.02;  // 3 N, a device's peak, is 6 cm
 constexpr double kArrowWidth_m = 0.002;
-constexpr double kSmallestTip_m = 0.001;  // a point would not be seen
+constexpr double kSmallestTip_m = 0.001;  // a point would be invisible
 constexpr double kShortestArrow_m = 1e-5;
 constexpr std::size_t kMostTargetBytes = kMaxFrameBytes<HandTarget>;
 
@@ -88,12 +91,21 @@ void add_arrow(const Vector3& from_m, const Vector3& force_newton, const Rgba& c
 }  // namespace
 
 std::string schema_of(std::string_view message) {
-  const pb::Descriptor* descriptor =
-      pb::DescriptorPool::generated_pool()->FindMessageTypeByName(std::string(message));
-  PALPATE_REQUIRE(descriptor != nullptr);
+  // referred to by name so that a static link keeps each of them
+  const std::array published{
+      v1::DeviceTelemetry::descriptor(),   v1::MofcTelemetry::descriptor(),
+      v1::PhysicsTelemetry::descriptor(),  v1::SceneState::descriptor(),
+      v1::MeshFrame::descriptor(),         v1::Health::descriptor(),
+      v1::Telemetry::descriptor(),         foxglove::PointCloud::descriptor(),
+      foxglove::SceneUpdate::descriptor(), foxglove::FrameTransforms::descriptor(),
+      foxglove::Log::descriptor()};
+  const auto* const found = std::find_if(
+      published.begin(), published.end(),
+      [&](const pb::Descriptor* descriptor) { return descriptor->full_name() == message; });
+  PALPATE_REQUIRE(found != published.end());
   pb::FileDescriptorSet set;
   std::set<std::string> seen;
-  add_file(descriptor->file(), seen, set);
+  add_file((*found)->file(), seen, set);
   return set.SerializeAsString();
 }
 
@@ -166,7 +178,7 @@ std::string encode_point_cloud(std::uint64_t at_ns, const std::vector<std::vecto
 }
 
 std::string encode_tool(std::uint64_t at_ns, const DeviceTick& device, const SceneState& scene,
-                        const Vector3& asked_newton) {
+                        const Vector3& requested_newton) {
   const Vector3& tip_m = device.measured_tool_position_world_m;
   const Quaternion& orientation = device.measured_tool_orientation_world;
   foxglove::SceneUpdate wire;
@@ -176,7 +188,7 @@ std::string encode_tool(std::uint64_t at_ns, const DeviceTick& device, const Sce
   entity.set_id("tool");
   add_ball(tip_m, std::max(scene.tip_radius_m, kSmallestTip_m), {0.75, 0.75, 0.8, 1.0}, entity);
   if (scene.shaft_length_m > 0.0) {
-    const Rgba glass{0.75, 0.75, 0.8, 0.35};  // the forces are in it
+    const Rgba glass{0.75, 0.75, 0.8, 0.35};  // the force arrows remain visible
     const Vector3 shaft_m = orientation * Vector3(0.0, 0.0, scene.shaft_length_m);
     foxglove::CylinderPrimitive& shaft = *entity.add_cylinders();
     put(Vector3(tip_m + 0.5 * shaft_m), *shaft.mutable_pose()->mutable_position());
@@ -188,7 +200,7 @@ std::string encode_tool(std::uint64_t at_ns, const DeviceTick& device, const Sce
     put(glass, *shaft.mutable_color());
     add_ball(tip_m + shaft_m, scene.shaft_radius_m, glass, entity);
   }
-  add_arrow(tip_m, asked_newton, {0.95, 0.6, 0.1, 0.6}, entity);
+  add_arrow(tip_m, requested_newton, {0.95, 0.6, 0.1, 0.6}, entity);
   add_arrow(tip_m, device.force_on_hand_newton, {0.1, 0.55, 0.95, 1.0}, entity);
   return wire.SerializeAsString();
 }
@@ -221,7 +233,7 @@ std::optional<HandTarget> decode_page_target(std::string_view payload) {
       !wire.ParseFromArray(payload.data(), static_cast<int>(payload.size()))) {
     return std::nullopt;
   }
-  // what the page leaves out is filled in by viewer_node; the rules are those of the codec
+  // viewer_node sets the fields that a page leaves out; the codec checks the result
   wire.mutable_header()->set_protocol_major(kProtocolMajor);
   wire.mutable_header()->set_session_id(1);
   wire.mutable_header()->set_sampled_at_ns(0);

@@ -1,17 +1,16 @@
-// endpoint.h — where a socket attaches, and the sole right to an ipc path.
+// endpoint.h — the endpoint of a socket, and the exclusive use of an ipc path.
 #pragma once
 
 #include <string>
 
 namespace palpate {
 
-/// One end of a link. Every link has one end that binds; the others connect and find it, whichever
-/// starts first.
+/// One end of a link. One end of every link binds, the others connect, in any order of starting.
 struct Attachment {
   enum class Role { kBind, kConnect };
   Role role = Role::kConnect;
   std::string endpoint;  ///< ipc://PATH, tcp://HOST:PORT or inproc://NAME
-  std::string setting;   ///< the session's field, for messages: "links.exchange"
+  std::string setting;   ///< the session field, for error messages: "links.exchange"
 };
 [[nodiscard]] inline Attachment bind_to(std::string endpoint, std::string setting) {
   return {Attachment::Role::kBind, std::move(endpoint), std::move(setting)};
@@ -21,19 +20,20 @@ struct Attachment {
 }
 
 enum class Scheme { kIpc, kTcp, kInproc };
-/// Throws SetupError if the endpoint is none of the three forms, or its ipc path is longer than a
-/// Unix socket allows.
+/// Throws SetupError if the endpoint has none of the three forms, or if its ipc path is longer than
+/// a Unix socket allows.
 [[nodiscard]] Scheme scheme_of(const Attachment& attachment);
-/// tcp only. 127.0.0.0/8, [::1] and localhost; other names are not asked for.
+/// For tcp only: 127.0.0.0/8, [::1] and localhost; other names are not resolved.
 [[nodiscard]] bool is_on_loopback(const Attachment& attachment);
 
-/// libzmq takes a live ipc path over without a word and never removes its file. So whoever binds
-/// one holds a lock on PATH.lock. The parent folder is made if it is absent, for this user alone.
-/// What a dead process left behind is taken over; both files are removed at the end.
+/// libzmq silently takes over an ipc path in use and never removes the socket file. Therefore the
+/// binding process holds a lock on PATH.lock. The parent folder is created if it is missing, with
+/// access for this user only. Files left by a dead process are replaced; both files are removed at
+/// the end.
 class IpcClaim {
  public:
-  /// Throws SetupError if another process has the path, if its folder belongs to another user, or
-  /// if something that is no socket lies there.
+  /// Throws SetupError if another process uses the path, if its folder belongs to another user, or
+  /// if the path is a file other than a socket.
   explicit IpcClaim(const Attachment& attachment);
   ~IpcClaim();
   IpcClaim(const IpcClaim&) = delete;

@@ -1,4 +1,4 @@
-#include "common/link/keys.h"
+#include "common/link/security/keys.h"
 
 #include <fcntl.h>
 #include <sys/stat.h>
@@ -33,7 +33,7 @@ bool is_key(std::string_view text) {
          zmq_z85_decode(bytes.data(), std::string(text).c_str()) != nullptr;
 }
 
-/// What is wrong with a file, told all at once.
+/// Collects the problems of a file, to report them together.
 class Complaints {
  public:
   explicit Complaints(std::string file) : file_(std::move(file)) {}
@@ -79,7 +79,7 @@ void require_curve() {
   }
 }
 
-/// Refuses what others could change, or with `is_secret` read.
+/// Refuses files that other users may change or, with `is_secret`, read.
 void check_rights(const fs::path& path, bool is_secret) {
   struct stat status {};
   if (stat(path.c_str(), &status) != 0) {
@@ -88,12 +88,12 @@ void check_rights(const fs::path& path, bool is_secret) {
   }
   if (status.st_uid != geteuid() && status.st_uid != 0) {
     throw SetupError(path.string() +
-                     ": belongs to another user, who could change it; make it yours");
+                     ": belongs to another user, who could change it; change its owner");
   }
   if (is_secret && (status.st_mode & 077) != 0) {
     throw SetupError(path.string() +
-                     ": others may read this secret key; make new keys if somebody "
-                     "has, and then: chmod 600 " +
+                     ": others may read this secret key; make new keys if it may have been read, "
+                     "and then: chmod 600 " +
                      path.string());
   }
   if ((status.st_mode & 022) != 0) {
@@ -107,7 +107,7 @@ std::string read(const fs::path& path) {
   return std::move(content.bytes);
 }
 
-/// A new file; nothing that is there is overwritten.
+/// Creates a file; never overwrites one.
 void write_new(const fs::path& path, const std::string& text, mode_t mode) {
   const int file = open(path.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC | O_NOFOLLOW, mode);
   const bool is_written =
@@ -171,12 +171,13 @@ AllowedKeys parse_allowed_keys(std::string_view text, const std::string& file) {
     if (role == kAllRoles.end()) {
       complaints.add(line, "must begin with device, physics, viewer or pointer; correct the role");
     } else if (words.size() != 2) {
-      complaints.add(line, "must be a role and a key; put a remark into a line of its own with #");
+      complaints.add(line,
+                     "must be a role and a key; put comments on separate lines that begin with #");
     } else if (!is_key(words[1])) {
       complaints.add(line,
                      "the key must be 40 characters of Z85; copy the line of `palpate keygen`");
     } else if (allowed.role_of(words[1])) {
-      complaints.add(line, "this key is listed before; give each role and host its own");
+      complaints.add(line, "this key is listed above; give each role and host its own");
     } else {
       ++count[static_cast<std::size_t>(*role)];
       allowed.keys_.emplace_back(*role, words[1]);
@@ -184,8 +185,9 @@ AllowedKeys parse_allowed_keys(std::string_view text, const std::string& file) {
   });
   for (const KeyRole role : {KeyRole::kDevice, KeyRole::kPhysics}) {
     if (count[static_cast<std::size_t>(role)] != 1) {
-      complaints.add(0, std::string("must list exactly one good key of ") + name_of(role) +
-                            ": there is one writer of force; copy the file of `palpate keygen`");
+      complaints.add(0,
+                     std::string("must list exactly one good key of ") + name_of(role) +
+                         ": only one program may write forces; copy the file of `palpate keygen`");
     }
   }
   complaints.throw_if_any();
@@ -208,7 +210,7 @@ KeyPair parse_key_pair(std::string_view text, const std::string& file) {
     if (key == nullptr || words.size() != 3 || words[1] != "=") {
       complaints.add(line, "must be public-key = \"…\" or secret-key = \"…\"; copy the whole file");
     } else if (!key->empty()) {
-      complaints.add(line, "is given twice; leave one");
+      complaints.add(line, "is given twice; remove one");
     } else if (words[2].size() != kKeyText + 2 || words[2].front() != '"' ||
                words[2].back() != '"' || !is_key(words[2].substr(1, kKeyText))) {
       complaints.add(line, "the key must be 40 characters of Z85 in quotes; copy the whole file");
@@ -249,7 +251,7 @@ LinkKeys load_link_keys(const fs::path& folder, std::span<const KeyRole> roles,
     KeyPair pair = parse_key_pair(read(file), file.string());
     if (keys.allowed.role_of(pair.public_key) != role) {
       throw SetupError(file.string() + ": its public key is not listed for " + name_of(role) +
-                       " in " + list.string() + "; put the two files of one keygen together");
+                       " in " + list.string() + "; use the files of one run of `palpate keygen`");
     }
     keys.own[static_cast<std::size_t>(role)] = std::move(pair);
   };
@@ -262,8 +264,9 @@ LinkKeys load_link_keys(const fs::path& folder, std::span<const KeyRole> roles,
 
 std::vector<fs::path> make_key_folder(const fs::path& folder) {
   std::string list =
-      "# Who may talk to this deployment over tcp. The same file on every host; a line each:\n"
-      "# ROLE KEY. Take a line out, and restart the nodes, to lock its key out.\n";
+      "# Keys with access to this deployment over tcp, the same file on every host. One line "
+      "each:\n"
+      "# ROLE KEY. To revoke a key, remove its line and restart the nodes.\n";
   std::vector<std::pair<fs::path, std::string>> secrets;
   for (const KeyRole role : kAllRoles) {
     const KeyPair pair = new_key_pair();
@@ -271,15 +274,15 @@ std::vector<fs::path> make_key_folder(const fs::path& folder) {
     secrets.emplace_back(folder / secret_file(role), key_pair_text(role, pair));
   }
   if (mkdir(folder.c_str(), S_IRWXU) != 0 && errno != EEXIST) {
-    throw SetupError(folder.string() + ": cannot be made (" + std::strerror(errno) +
-                     "); give a folder below one that you may write");
+    throw SetupError(folder.string() + ": cannot be created (" + std::strerror(errno) +
+                     "); give a folder in one that you may write");
   }
   std::vector<fs::path> files{folder / kAllowedFile};
   for (const auto& secret : secrets) files.push_back(secret.first);
   for (const fs::path& file : files) {
     if (fs::exists(fs::symlink_status(file))) {
       throw SetupError(file.string() +
-                       ": is there already; keygen overwrites no key: give another folder");
+                       ": exists already; keygen never overwrites keys: give another folder");
     }
   }
   for (const auto& [file, text] : secrets) write_new(file, text, 0600);

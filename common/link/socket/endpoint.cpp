@@ -1,4 +1,4 @@
-#include "common/link/endpoint.h"
+#include "common/link/socket/endpoint.h"
 
 #include <arpa/inet.h>
 #include <fcntl.h>
@@ -31,8 +31,8 @@ void prepare_folder(const Attachment& a, const std::filesystem::path& folder) {
   std::error_code error;
   if (folder.has_parent_path()) std::filesystem::create_directories(folder.parent_path(), error);
   if (mkdir(folder.c_str(), 0700) != 0 && errno != EEXIST) {
-    refuse(a, "cannot make folder " + folder.string() + " (" + last_error() +
-                  "); give a path below a folder that you may write");
+    refuse(a, "cannot create folder " + folder.string() + " (" + last_error() +
+                  "); give a path in a folder that you may write");
   }
   struct stat status {};
   if (stat(folder.c_str(), &status) != 0 || !S_ISDIR(status.st_mode)) {
@@ -45,7 +45,7 @@ void prepare_folder(const Attachment& a, const std::filesystem::path& folder) {
   }
 }
 
-/// What the holder of the lock wrote into it: its process id, or "?".
+/// The process id that the holder of the lock wrote into the file, or "?".
 std::string holder(int lock) {
   char text[16] = {};
   const ssize_t n = pread(lock, text, sizeof(text) - 1, 0);
@@ -85,7 +85,7 @@ IpcClaim::IpcClaim(const Attachment& a)
     : path_(a.endpoint.substr(kIpc.size())), lock_path_(path_ + ".lock") {
   prepare_folder(a, std::filesystem::absolute(path_).parent_path());
 
-  // the lock; again if its last holder removed the file between our open and our lock
+  // take the lock; repeat if its last holder removed the file between opening and locking
   for (;;) {
     lock_ = open(lock_path_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
     if (lock_ < 0) refuse(a, "cannot open " + lock_path_ + " (" + last_error() + ")");
@@ -110,13 +110,13 @@ IpcClaim::IpcClaim(const Attachment& a)
     refuse(a, why);
   }
 
-  // a stale socket goes, any other file is not ours to remove
+  // remove a stale socket, but no other file
   struct stat status {};
   if (lstat(path_.c_str(), &status) == 0) {
     if (!S_ISSOCK(status.st_mode)) {
       unlink(lock_path_.c_str());
       close(lock_);
-      refuse(a, "a file that is no socket lies there; remove it or give " + a.setting +
+      refuse(a, "this path is a file that is not a socket; remove it or give " + a.setting +
                     " another endpoint");
     }
     unlink(path_.c_str());
@@ -125,7 +125,7 @@ IpcClaim::IpcClaim(const Attachment& a)
 
 IpcClaim::~IpcClaim() {
   unlink(path_.c_str());
-  unlink(lock_path_.c_str());  // before the lock goes with its descriptor
+  unlink(lock_path_.c_str());  // before closing the descriptor releases the lock
   close(lock_);
 }
 

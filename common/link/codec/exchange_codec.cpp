@@ -1,0 +1,110 @@
+// exchange_codec.cpp — hops 1 and 4: DeviceState and ForceCommand.
+#include <algorithm>
+
+#include "common/link/codec/wire_format.h"
+#include "palpate/v1/exchange.pb.h"
+
+namespace palpate {
+
+using namespace wire;
+
+namespace {
+
+constexpr double kMaxForceOnHandNewton = 1e3;
+constexpr std::int64_t kMaxLeaseNs = 1'000'000'000;
+
+}  // namespace
+
+template <>
+struct WireFormat<DeviceState> {
+  using Message = v1::DeviceState;
+
+  static void fill(const DeviceState& m, v1::DeviceState& wire) {
+    put(m.hand_position_m, *wire.mutable_hand_position_m());
+    put(m.tool_position_world_m, *wire.mutable_tool_position_world_m());
+    put(m.tool_orientation_world, *wire.mutable_tool_orientation_world());
+    wire.set_buttons(m.buttons);
+    wire.set_is_clutched(m.is_clutched);
+    const std::size_t count = std::min<std::size_t>(m.applied_count, kMaxAppliedForces);
+    for (std::size_t i = 0; i < count; ++i) {
+      const AppliedForce& applied = m.applied[i];
+      v1::AppliedForce& to = *wire.add_applied();
+      put(applied.force_on_hand_newton, *to.mutable_force_on_hand_newton());
+      to.set_from_ns(ns(applied.from));
+      to.set_until_ns(ns(applied.until));
+      if (applied.has_position_at_end) {
+        put(applied.hand_position_at_end_m, *to.mutable_hand_position_at_end_m());
+      }
+    }
+  }
+
+  static void check(const v1::DeviceState& wire, Verdict& verdict) {
+    verdict.vector(wire.has_hand_position_m(), wire.hand_position_m(), kMaxPositionM);
+    verdict.vector(wire.has_tool_position_world_m(), wire.tool_position_world_m(), kMaxPositionM);
+    verdict.orientation(wire.has_tool_orientation_world(), wire.tool_orientation_world());
+    verdict.expect(wire.applied_size() <= static_cast<int>(kMaxAppliedForces));
+    const v1::AppliedForce* previous = nullptr;
+    for (const v1::AppliedForce& applied : wire.applied()) {
+      verdict.vector(applied.has_force_on_hand_newton(), applied.force_on_hand_newton(),
+                     kMaxForceOnHandNewton);
+      verdict.time(applied.from_ns());
+      verdict.time(applied.until_ns());
+      verdict.expect(applied.until_ns() >= applied.from_ns());
+      verdict.expect(previous == nullptr || previous->until_ns() == applied.from_ns());
+      if (applied.has_hand_position_at_end_m()) {
+        verdict.vector(true, applied.hand_position_at_end_m(), kMaxPositionM);
+      }
+      previous = &applied;
+    }
+  }
+
+  static void read(const v1::DeviceState& wire, DeviceState& m) {
+    m.hand_position_m = vector(wire.hand_position_m());
+    m.tool_position_world_m = vector(wire.tool_position_world_m());
+    m.tool_orientation_world = quaternion(wire.tool_orientation_world());
+    m.buttons = wire.buttons();
+    m.is_clutched = wire.is_clutched();
+    m.applied_count = static_cast<std::uint32_t>(wire.applied_size());
+    for (std::size_t i = 0; i < kMaxAppliedForces; ++i) {
+      if (i >= m.applied_count) {
+        m.applied[i] = AppliedForce{};
+        continue;
+      }
+      const v1::AppliedForce& applied = wire.applied(static_cast<int>(i));
+      m.applied[i] = {.force_on_hand_newton = vector(applied.force_on_hand_newton()),
+                      .from = time(applied.from_ns()),
+                      .until = time(applied.until_ns()),
+                      .hand_position_at_end_m = vector(applied.hand_position_at_end_m()),
+                      .has_position_at_end = applied.has_hand_position_at_end_m()};
+    }
+  }
+};
+template class Codec<DeviceState>;
+
+template <>
+struct WireFormat<ForceCommand> {
+  using Message = v1::ForceCommand;
+
+  static void fill(const ForceCommand& m, v1::ForceCommand& wire) {
+    put_stamp(m.answers_session_id, m.answers_sequence, TimePoint{}, *wire.mutable_answers());
+    put(m.force_on_hand_newton, *wire.mutable_force_on_hand_newton());
+    wire.set_valid_for_ns(m.valid_for.count());
+  }
+
+  static void check(const v1::ForceCommand& wire, Verdict& verdict) {
+    verdict.stamp(wire.has_answers(), wire.answers());
+    verdict.vector(wire.has_force_on_hand_newton(), wire.force_on_hand_newton(),
+                   kMaxForceOnHandNewton);
+    verdict.expect(wire.valid_for_ns() >= 0 && wire.valid_for_ns() <= kMaxLeaseNs);
+  }
+
+  static void read(const v1::ForceCommand& wire, ForceCommand& m) {
+    m.answers_session_id = wire.answers().session_id();
+    m.answers_sequence = wire.answers().sequence();
+    m.force_on_hand_newton = vector(wire.force_on_hand_newton());
+    m.valid_for = Duration(wire.valid_for_ns());
+  }
+};
+template class Codec<ForceCommand>;
+
+}  // namespace palpate

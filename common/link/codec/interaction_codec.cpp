@@ -1,0 +1,156 @@
+// interaction_codec.cpp — hop 3: Interaction and its contacts.
+#include <algorithm>
+
+#include "common/link/codec/wire_format.h"
+#include "palpate/v1/interaction.pb.h"
+
+namespace palpate {
+
+using namespace wire;
+
+namespace {
+
+constexpr double kMaxForceOnToolNewton = 1e6;
+constexpr double kMaxCurvaturePerM = 1e9;
+constexpr double kMaxLawCoefficient = 1e12;
+constexpr double kMaxStiffening = 1e18;
+constexpr double kMaxFrictionCoefficient = 1000.0;
+
+using Matrix = google::protobuf::RepeatedField<double>;
+
+void put_matrix(const Matrix3& matrix, Matrix& to) {
+  if (matrix.isZero(0.0)) return;
+  for (int row = 0; row < 3; ++row) {
+    for (int column = 0; column < 3; ++column) to.Add(matrix(row, column));
+  }
+}
+Matrix3 matrix(const Matrix& m) {
+  if (m.empty()) return Matrix3::Zero();
+  return Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(m.data());
+}
+void check_matrix(const Matrix& m, double limit, Verdict& verdict) {
+  verdict.expect(m.empty() || m.size() == 9);
+  for (const double x : m) verdict.number(x, -limit, limit);
+}
+
+void put_contact(const Contact& contact, v1::Contact& to) {
+  to.set_tissue(contact.tissue);
+  to.set_penetration_m(contact.penetration_m);
+  put(contact.normal_world, *to.mutable_normal_world());
+  put(contact.force_on_tool_newton, *to.mutable_force_on_tool_newton());
+  put_matrix(contact.curvature_per_m, *to.mutable_curvature_per_m());
+  put(contact.surface_velocity_world_m_per_s, *to.mutable_surface_velocity_world_m_per_s());
+  put(contact.elastic_force_on_tool_newton, *to.mutable_elastic_force_on_tool_newton());
+  put_matrix(contact.d_force_d_position, *to.mutable_d_force_d_position());
+  put_matrix(contact.d_force_d_velocity, *to.mutable_d_force_d_velocity());
+  to.set_stiffening_newton_per_m2(contact.stiffening_newton_per_m2);
+  to.set_stiffening_newton_per_m3(contact.stiffening_newton_per_m3);
+  to.set_stored_energy_joule(contact.stored_energy_joule);
+  to.set_is_adhesive(contact.is_adhesive);
+  to.set_trust_radius_m(contact.trust_radius_m);
+  if (contact.friction_coefficient == 0.0) return;
+  to.set_friction_coefficient(contact.friction_coefficient);
+  to.set_friction_stiffness_newton_per_m(contact.friction_stiffness_newton_per_m);
+  put(contact.stretch_m, *to.mutable_stretch_m());
+}
+
+void check_contact(const v1::Contact& contact, Verdict& verdict) {
+  verdict.number(contact.penetration_m(), -kMaxPositionM, kMaxPositionM);
+  verdict.unit_vector(contact.has_normal_world(), contact.normal_world());
+  verdict.vector(contact.has_force_on_tool_newton(), contact.force_on_tool_newton(),
+                 kMaxForceOnToolNewton);
+  check_matrix(contact.curvature_per_m(), kMaxCurvaturePerM, verdict);
+  verdict.vector(contact.has_surface_velocity_world_m_per_s(),
+                 contact.surface_velocity_world_m_per_s(), kMaxVelocityMPerS);
+  verdict.vector(contact.has_elastic_force_on_tool_newton(), contact.elastic_force_on_tool_newton(),
+                 kMaxLawCoefficient);
+  check_matrix(contact.d_force_d_position(), kMaxLawCoefficient, verdict);
+  check_matrix(contact.d_force_d_velocity(), kMaxLawCoefficient, verdict);
+  verdict.number(contact.stiffening_newton_per_m2(), -kMaxStiffening, kMaxStiffening);
+  verdict.number(contact.stiffening_newton_per_m3(), -kMaxStiffening, kMaxStiffening);
+  verdict.finite(contact.stored_energy_joule());
+  verdict.expect(contact.stored_energy_joule() >= 0.0);
+  verdict.number(contact.trust_radius_m(), 0.0, kMaxPositionM);
+  verdict.expect(contact.trust_radius_m() > 0.0);
+  verdict.number(contact.friction_coefficient(), 0.0, kMaxFrictionCoefficient);
+  verdict.number(contact.friction_stiffness_newton_per_m(), 0.0, kMaxLawCoefficient);
+  if (contact.friction_coefficient() > 0.0 || contact.has_stretch_m()) {
+    verdict.vector(contact.has_stretch_m(), contact.stretch_m(), kMaxPositionM);
+  }
+}
+
+Contact contact_of(const v1::Contact& wire) {
+  Contact contact;
+  contact.tissue = wire.tissue();
+  contact.penetration_m = wire.penetration_m();
+  contact.normal_world = unit(vector(wire.normal_world()));
+  contact.force_on_tool_newton = vector(wire.force_on_tool_newton());
+  contact.curvature_per_m = matrix(wire.curvature_per_m());
+  contact.surface_velocity_world_m_per_s = vector(wire.surface_velocity_world_m_per_s());
+  contact.elastic_force_on_tool_newton = vector(wire.elastic_force_on_tool_newton());
+  contact.d_force_d_position = matrix(wire.d_force_d_position());
+  contact.d_force_d_velocity = matrix(wire.d_force_d_velocity());
+  contact.stiffening_newton_per_m2 = wire.stiffening_newton_per_m2();
+  contact.stiffening_newton_per_m3 = wire.stiffening_newton_per_m3();
+  contact.stored_energy_joule = wire.stored_energy_joule();
+  contact.is_adhesive = wire.is_adhesive();
+  contact.trust_radius_m = wire.trust_radius_m();
+  contact.friction_coefficient = wire.friction_coefficient();
+  contact.friction_stiffness_newton_per_m = wire.friction_stiffness_newton_per_m();
+  if (wire.has_stretch_m()) contact.stretch_m = vector(wire.stretch_m());
+  return contact;
+}
+
+}  // namespace
+
+template <>
+struct WireFormat<Interaction> {
+  using Message = v1::Interaction;
+
+  static void fill(const Interaction& m, v1::Interaction& wire) {
+    put_stamp(m.device_session_id, m.device_sequence, m.device_sampled_at, *wire.mutable_answers());
+    put(m.tool_position_world_m, *wire.mutable_tool_position_world_m());
+    put(m.tool_orientation_world, *wire.mutable_tool_orientation_world());
+    put(m.force_on_tool_newton, *wire.mutable_force_on_tool_newton());
+    wire.set_stored_energy_joule(m.stored_energy_joule);
+    wire.set_contact_count(m.contact_count);
+    const std::size_t count = std::min<std::size_t>(m.listed_count, kMaxContacts);
+    for (std::size_t i = 0; i < count; ++i) put_contact(m.contacts[i], *wire.add_contacts());
+  }
+
+  static void check(const v1::Interaction& wire, Verdict& verdict) {
+    verdict.stamp(wire.has_answers(), wire.answers());
+    verdict.vector(wire.has_tool_position_world_m(), wire.tool_position_world_m(), kMaxPositionM);
+    verdict.orientation(wire.has_tool_orientation_world(), wire.tool_orientation_world());
+    verdict.vector(wire.has_force_on_tool_newton(), wire.force_on_tool_newton(),
+                   kMaxForceOnToolNewton);
+    verdict.finite(wire.stored_energy_joule());
+    verdict.expect(wire.stored_energy_joule() >= 0.0);
+    // contacts that touch are listed first, as far as there is room; then near ones
+    const auto listed = static_cast<std::uint32_t>(wire.contacts_size());
+    const auto touching = static_cast<std::uint32_t>(
+        std::count_if(wire.contacts().begin(), wire.contacts().end(),
+                      [](const v1::Contact& one) { return one.penetration_m() > 0.0; }));
+    verdict.expect(listed <= kMaxContacts);
+    verdict.expect(touching == std::min<std::uint32_t>(wire.contact_count(), kMaxContacts));
+    for (const v1::Contact& one : wire.contacts()) check_contact(one, verdict);
+  }
+
+  static void read(const v1::Interaction& wire, Interaction& m) {
+    m.device_session_id = wire.answers().session_id();
+    m.device_sequence = wire.answers().sequence();
+    m.device_sampled_at = time(wire.answers().sampled_at_ns());
+    m.tool_position_world_m = vector(wire.tool_position_world_m());
+    m.tool_orientation_world = quaternion(wire.tool_orientation_world());
+    m.force_on_tool_newton = vector(wire.force_on_tool_newton());
+    m.stored_energy_joule = wire.stored_energy_joule();
+    m.contact_count = wire.contact_count();
+    m.listed_count = static_cast<std::uint32_t>(wire.contacts_size());
+    for (std::uint32_t i = 0; i < m.listed_count; ++i) {
+      m.contacts[i] = contact_of(wire.contacts(static_cast<int>(i)));
+    }
+  }
+};
+template class Codec<Interaction>;
+
+}  // namespace palpate

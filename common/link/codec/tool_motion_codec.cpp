@@ -1,0 +1,41 @@
+// tool_motion_codec.cpp — hop 2: ToolMotion.
+#include "common/link/codec/wire_format.h"
+#include "palpate/v1/tool_motion.pb.h"
+
+namespace palpate {
+
+using namespace wire;
+
+template <>
+struct WireFormat<ToolMotion> {
+  using Message = v1::ToolMotion;
+
+  static void fill(const ToolMotion& m, v1::ToolMotion& wire) {
+    put_stamp(m.device_session_id, m.device_sequence, m.device_sampled_at, *wire.mutable_device());
+    put(m.tool_position_world_m, *wire.mutable_tool_position_world_m());
+    put(m.tool_orientation_world, *wire.mutable_tool_orientation_world());
+    put(m.tool_velocity_world_m_per_s, *wire.mutable_tool_velocity_world_m_per_s());
+    wire.set_buttons(m.buttons);
+  }
+
+  static void check(const v1::ToolMotion& wire, Verdict& verdict) {
+    verdict.stamp(wire.has_device(), wire.device());
+    verdict.vector(wire.has_tool_position_world_m(), wire.tool_position_world_m(), kMaxPositionM);
+    verdict.orientation(wire.has_tool_orientation_world(), wire.tool_orientation_world());
+    verdict.vector(wire.has_tool_velocity_world_m_per_s(), wire.tool_velocity_world_m_per_s(),
+                   kMaxVelocityMPerS);
+  }
+
+  static void read(const v1::ToolMotion& wire, ToolMotion& m) {
+    m.device_session_id = wire.device().session_id();
+    m.device_sequence = wire.device().sequence();
+    m.device_sampled_at = time(wire.device().sampled_at_ns());
+    m.tool_position_world_m = vector(wire.tool_position_world_m());
+    m.tool_orientation_world = quaternion(wire.tool_orientation_world());
+    m.tool_velocity_world_m_per_s = vector(wire.tool_velocity_world_m_per_s());
+    m.buttons = wire.buttons();
+  }
+};
+template class Codec<ToolMotion>;
+
+}  // namespace palpate
