@@ -33,7 +33,13 @@ set(PALPATE_BOUNDARIES
   "mofc_node:common/core,common/contact,common/session/device_config.h,common/session/mofc_config.h,common/telemetry/mofc_telemetry.h,common/telemetry/metrics.h,mofc_node/controllers"
   "mofc_node/controllers:"
 
-  "physics_node:common/core,common/contact,common/session,common/telemetry,physics_node/*,@threads"
+  # contact ← surfaces ← files ← scene ← display; the step sees the scene only, and no lock
+  "physics_node:common/core,common/contact,common/session/scene_config.h,common/telemetry/physics_telemetry.h,physics_node/scene"
+  "physics_node/contact:common/core,common/session/scene_config.h"
+  "physics_node/surfaces:common/core,common/session/scene_config.h,physics_node/contact,@threads"
+  "physics_node/files:common/core,common/session/scene_config.h,physics_node/surfaces,@threads"
+  "physics_node/scene:common/core,common/contact,common/session/scene_config.h,physics_node/contact,physics_node/surfaces,physics_node/files"
+  "physics_node/display:common/core,common/session,common/telemetry,physics_node/contact,physics_node/surfaces,physics_node/files,physics_node/scene"
 
   # recording, feed ← server ← process
   "viewer_node/feed:common/core,common/session,common/telemetry,@threads"

@@ -1,4 +1,4 @@
-// interaction_deadband.h — when mofc_node must hear of the force (hop 3).
+// interaction_deadband.h — decides when an Interaction must be sent to mofc_node (hop 3).
 #pragma once
 
 #include <algorithm>
@@ -9,8 +9,8 @@
 
 namespace palpate::physics {
 
-/// How far the force that mofc_node renders for the present motion, from what it was last sent, is
-/// from the present force, N: it evaluates that contact model, or holds that force.
+/// Difference, N, between the present force and the force that mofc_node computes for the present
+/// motion from the last Interaction sent: it evaluates that contact model, or holds that force.
 [[nodiscard]] inline double receiver_error_newton(const Interaction& sent,
                                                   const Interaction& present,
                                                   const Vector3& tool_velocity_world_m_per_s,
@@ -19,14 +19,14 @@ namespace palpate::physics {
     return (present.force_on_tool_newton - sent.force_on_tool_newton).norm();
   }
   const double age_s = to_seconds(present.header.sampled_at - sent.header.sampled_at);
-  const ModelForce rendered =
+  const ModelForce received =
       evaluate(sent, present.tool_position_world_m, tool_velocity_world_m_per_s, age_s);
-  return (present.force_on_tool_newton - rendered.force_on_tool_newton).norm();
+  return (present.force_on_tool_newton - received.force_on_tool_newton).norm();
 }
 
-/// Is mofc_node's force wrong by more than k|F| and the floor, has a contact begun or ended (or, of
-/// a model, a tissue come within reach), or has it been left alone for too long? While this says
-/// no, the error at the instants of the physics is at most max(k|F|, floor).
+/// True if mofc_node's force is wrong by more than k|F| and the floor, a contact has begun or ended
+/// (with a local model: a tissue has come within reach or left it), or the keep-alive is due. While
+/// it is false, the error at the times of the physics steps is at most max(k|F|, floor).
 /// No allocation, no lock, no throw.
 [[nodiscard]] inline bool is_worth_sending(const Interaction& sent, const Interaction& present,
                                            const Vector3& tool_velocity_world_m_per_s,

@@ -1,5 +1,5 @@
-// physics_node: simulates the tissue and answers the tool's motion with the force on it.
-// All logic is in the library; this file only connects it to the world.
+// physics_node: simulates the tissue and computes the force on the tool for its motion. All logic
+// is in the library; this file starts it as a process.
 #include "physics_node/process.h"
 
 int main(int argc, char** argv) {

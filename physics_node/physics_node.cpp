@@ -48,12 +48,11 @@ void PhysicsNode::step(const Tick& tick) noexcept {
 
   const double time_s = to_seconds(tick.now.time_since_epoch());
   const Vector3 shaft_to_handle = motion.tool_orientation_world * Vector3::UnitZ();
-  scene_->remember(memory_, motion.tool_position_world_m, time_s, shaft_to_handle);
   const SceneForce force =
-      scene_->evaluate(motion.tool_position_world_m, motion.tool_velocity_world_m_per_s, time_s,
-                       memory_, shaft_to_handle);
+      scene_->step(memory_, motion.tool_position_world_m, motion.tool_velocity_world_m_per_s,
+                   time_s, shaft_to_handle);
 
-  // send: hop 3. What the link does not take shows as skipped at the receiver.
+  // send: hop 3. A message that the link drops shows as skipped at the receiver.
   Interaction interaction;
   interaction.header = {.session_id = session_id_, .sampled_at = tick.now};
   interaction.device_session_id = motion.device_session_id;
@@ -68,7 +67,7 @@ void PhysicsNode::step(const Tick& tick) noexcept {
   interaction.contact_count = force.contact_count;
   send(interaction, motion);
 
-  // keep: hop 5
+  // record: hop 5
   const Duration compute_time = clock_.now() - tick.now;
   counters_.worst_compute_time = std::max(counters_.worst_compute_time, compute_time);
   counters_.tissues_skipped += force.tissues_skipped;

@@ -12,30 +12,30 @@
 #include "common/link/scene_sender.h"
 #include "common/link/zmq_sender.h"
 #include "common/link/zmq_source.h"
-#include "common/telemetry/flight_recorder.h"
 #include "common/process/heap_trim.h"
 #include "common/process/rate_loop.h"
 #include "common/process/refused_peers_log.h"
 #include "common/process/rejection_log.h"
+#include "common/telemetry/flight_recorder.h"
 #include "common/telemetry/telemetry_publisher.h"
-#include "physics_node/physics_node.h"
 #include "physics_node/display/scene_display.h"
+#include "physics_node/physics_node.h"
 
 namespace palpate::physics {
 namespace {
 
-// How soon a stop is noticed while no motion arrives.
+// Longest delay until a stop is noticed while no motion arrives.
 constexpr auto kIdleWait = std::chrono::milliseconds(50);
 
-/// One tool in the tissue: hops 2 and 3 of one device, and what is told of them.
+/// One tool: hops 2 and 3 of one device, and their telemetry.
 class Tool {
  public:
-  /// @param session  of that device
+  /// @param session  the side of that device
   Tool(const Session& session, std::shared_ptr<const Scene> scene, NodeContext& context,
        ProcessLinks& links, SceneSender& telemetry)
       : clock_(context.clock),
         log_(context.log.clone(with_side(session.side, context.log.name()))),
-        // a fault line must see every message, else the newest is enough
+        // a fault line needs every message, else the newest suffices
         motions_(links.side, context.clock, bind_to(session.links.tool_motion, "links.tool_motion"),
                  session.faults.tool_motion.any() ? Delivery::kEvery : Delivery::kNewest),
         motion_in_(motions_, context.clock, session.faults.tool_motion,
@@ -58,7 +58,7 @@ class Tool {
     node_.step(tick);
     counters_.store(node_.counters());
   }
-  /// Waits for a motion that no step has answered; false if there is none yet.
+  /// Waits for a motion that no step has used; false if there is none yet.
   [[nodiscard]] bool wait_for_motion() {
     motion_in_.wait_until(clock_.now() + kIdleWait);
     return node_.has_new_motion();
@@ -93,7 +93,7 @@ void run_process(NodeContext& context, ProcessLinks& links) {
   const auto scene =
       std::make_shared<const Scene>(session.scene, is_any_local ? session.physics.reach_m : 0.0);
 
-  // hop 5: one socket, so the publisher of the first tool speaks for all
+  // hop 5: one socket, so the publisher of the first tool sends for all
   SceneSender telemetry(links.side,
                         bind_to(session.links.physics_telemetry, "links.physics_telemetry"));
   SceneDisplay display(session, context.session_id, telemetry, telemetry);
@@ -106,7 +106,7 @@ void run_process(NodeContext& context, ProcessLinks& links) {
   }
   auto& publisher = tools.front().publisher;
   std::vector<PhysicsTick> newest;
-  bool has_complained = false;
+  bool has_warned = false;
   publisher.on_pump = [&](TimePoint now) {
     refused_peers.note(now);
     heap.note(now);
@@ -120,9 +120,10 @@ void run_process(NodeContext& context, ProcessLinks& links) {
                      .mesh_subscriptions = telemetry.subscriptions<MeshFrame>(),
                      .has_mesh_watcher = telemetry.has_subscriber<MeshFrame>()},
                     newest, now);
-    if (display.is_too_large() && !std::exchange(has_complained, true)) {
+    if (display.is_too_large() && !std::exchange(has_warned, true)) {
       context.log.warn(
-          "event=scene_not_sent reason=\"longer than 16 MiB: viewers see no tissue; give less\"");
+          "event=scene_not_sent reason=\"longer than 16 MiB: viewers show no tissue; use fewer or "
+          "smaller meshes\"");
     }
   };
   publisher.start();
@@ -142,7 +143,7 @@ void run_process(NodeContext& context, ProcessLinks& links) {
       tools.front().step({.index = index++, .scheduled_at = now, .now = now});
     }
   }
-  publisher.stop();  // before the tools whose publishers it drives
+  publisher.stop();  // before the destruction of the tools whose publishers it drives
 }
 
 }  // namespace palpate::physics

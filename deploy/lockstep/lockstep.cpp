@@ -154,25 +154,26 @@ class Ideal {
             session.simulated, session.device.peak_force_newton, session.hand,
             stream_seed(session.seed, "hand"), TimePoint{},
             [this](double time_s, const Vector3& hand_m, const Vector3& hand_m_per_s) {
-              return force_on_hand(run_map_.is_clutched(), run_map_.tool_position_world_m(hand_m),
-                                   run_map_.tool_velocity_world_m_per_s(hand_m_per_s), time_s,
-                                   run_memory_)
-                  .first;
+              return force_on_hand(
+                  run_map_.is_clutched(),
+                  scene_.evaluate(run_map_.tool_position_world_m(hand_m),
+                                  run_map_.tool_velocity_world_m_per_s(hand_m_per_s), time_s,
+                                  run_memory_));
             },
             [this](double time_s, const Vector3& hand_m) {
-              scene_.remember(run_memory_, run_map_.tool_position_world_m(hand_m), time_s);
+              scene_.step(run_memory_, run_map_.tool_position_world_m(hand_m), Vector3::Zero(),
+                          time_s);
             }) {}
 
   /// This run's ideal force and true contact.
   void judge(TickRow& row) {
     const DeviceTick& tick = row.device;
     const double time_s = to_seconds(tick.sampled_at.time_since_epoch());
-    scene_.remember(memory_, tick.true_tool_position_world_m, time_s);
-    const auto [force, has_contact] =
-        force_on_hand(tick.is_clutched, tick.true_tool_position_world_m,
-                      tick.true_tool_velocity_world_m_per_s, time_s, memory_);
-    row.ideal_force_on_hand_newton = limited_to_norm(force, peak_force_newton_);
-    row.is_truly_in_contact = has_contact;
+    const physics::SceneForce touch = scene_.step(memory_, tick.true_tool_position_world_m,
+                                                  tick.true_tool_velocity_world_m_per_s, time_s);
+    row.ideal_force_on_hand_newton =
+        limited_to_norm(force_on_hand(tick.is_clutched, touch), peak_force_newton_);
+    row.is_truly_in_contact = touch.contact_count > 0;
   }
 
   /// The ideal run at the time of this tick.
@@ -184,12 +185,9 @@ class Ideal {
   }
 
  private:
-  [[nodiscard]] std::pair<Vector3, bool> force_on_hand(bool is_clutched, const Vector3& tool_m,
-                                                       const Vector3& tool_m_per_s, double time_s,
-                                                       const physics::TissueMemory& memory) const {
-    const physics::SceneForce touch = scene_.evaluate(tool_m, tool_m_per_s, time_s, memory);
-    if (is_clutched) return {Vector3::Zero(), touch.contact_count > 0};
-    return {device_.workspace.force_ratio * touch.force_on_tool_newton, touch.contact_count > 0};
+  [[nodiscard]] Vector3 force_on_hand(bool is_clutched, const physics::SceneForce& touch) const {
+    if (is_clutched) return Vector3::Zero();
+    return device_.workspace.force_ratio * touch.force_on_tool_newton;
   }
 
   physics::Scene scene_;

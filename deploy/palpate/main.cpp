@@ -31,7 +31,7 @@
 #include "common/telemetry/summary.h"
 #include "physics_node/files/ply.h"
 #include "physics_node/scene/scene.h"
-#include "physics_node/files/tetrahedral_mesh.h"
+#include "physics_node/files/tetrahedral_files.h"
 
 namespace {
 

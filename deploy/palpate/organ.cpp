@@ -3,15 +3,15 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <map>
 #include <numbers>
 #include <utility>
-#include <vector>
+
+#include "physics_node/surfaces/subdivision.h"
 
 namespace palpate {
 namespace {
 
-/// The surface in a direction (unit) from the middle.
+/// The point of the surface in a direction (unit) from the centre.
 Vector3 surface_at(const Vector3& n) {
   const Vector3 dent = Vector3(0.2, -0.9, -0.3).normalized();
   const double radius_m = 0.052 * (1.0 + 0.18 * n.x() + 0.12 * (n.x() * n.x() - n.y() * n.y()) +
@@ -37,14 +37,9 @@ double stiffness_ratio_at(const Vector3& point_m) {
   return 1.0 + 3.0 * std::exp(-(point_m - lump_m).squaredNorm() / (kRadius_m * kRadius_m));
 }
 
-struct DirectionMesh {
-  std::vector<Vector3> directions;
-  std::vector<std::array<std::uint32_t, 3>> triangles;
-};
-
-DirectionMesh icosahedron() {
+physics::DirectionMesh icosahedron() {
   const double g = std::numbers::phi;
-  DirectionMesh mesh;
+  physics::DirectionMesh mesh;
   for (const Vector3& corner :
        {Vector3(-1, g, 0), Vector3(1, g, 0), Vector3(-1, -g, 0), Vector3(1, -g, 0),
         Vector3(0, -1, g), Vector3(0, 1, g), Vector3(0, -1, -g), Vector3(0, 1, -g),
@@ -58,31 +53,11 @@ DirectionMesh icosahedron() {
   return mesh;
 }
 
-void subdivide(DirectionMesh& mesh) {
-  std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> middle_of;
-  const auto middle = [&](std::uint32_t a, std::uint32_t b) {
-    const auto [place, is_new] =
-        middle_of.emplace(std::minmax(a, b), static_cast<std::uint32_t>(mesh.directions.size()));
-    if (is_new) {
-      mesh.directions.push_back((mesh.directions[a] + mesh.directions[b]).normalized());
-    }
-    return place->second;
-  };
-  std::vector<std::array<std::uint32_t, 3>> finer;
-  for (const auto& [a, b, c] : mesh.triangles) {
-    const std::uint32_t ab = middle(a, b);
-    const std::uint32_t bc = middle(b, c);
-    const std::uint32_t ca = middle(c, a);
-    finer.insert(finer.end(), {{a, ab, ca}, {ab, b, bc}, {ca, bc, c}, {ab, bc, ca}});
-  }
-  mesh.triangles = std::move(finer);
-}
-
 }  // namespace
 
 physics::PointCloud organ_cloud(std::uint32_t points) {
   physics::PointCloud cloud;
-  // a spiral from pole to pole, each turn by the golden angle
+  // a spiral from pole to pole in steps of the golden angle
   constexpr double kGoldenAngle = 2.0 * std::numbers::pi * (1.0 - 1.0 / std::numbers::phi);
   for (std::uint32_t i = 0; i < points; ++i) {
     const double z = 1.0 - (2.0 * i + 1.0) / points;
@@ -96,8 +71,8 @@ physics::PointCloud organ_cloud(std::uint32_t points) {
 }
 
 physics::TetrahedralMesh organ_mesh(std::uint32_t subdivisions) {
-  DirectionMesh directions = icosahedron();
-  for (std::uint32_t i = 0; i < subdivisions; ++i) subdivide(directions);
+  physics::DirectionMesh directions = icosahedron();
+  for (std::uint32_t i = 0; i < subdivisions; ++i) physics::subdivide(directions);
 
   constexpr std::array<double, 3> kShells{0.4, 0.75, 1.0};
   physics::TetrahedralMesh mesh;
@@ -108,16 +83,13 @@ physics::TetrahedralMesh organ_mesh(std::uint32_t subdivisions) {
   mesh.nodes_m.push_back(Vector3::Zero());
 
   const auto add = [&](std::array<std::uint32_t, 4> corners) {
-    const Vector3& origin = mesh.nodes_m[corners[0]];
-    const double volume = (mesh.nodes_m[corners[1]] - origin)
-                              .cross(mesh.nodes_m[corners[2]] - origin)
-                              .dot(mesh.nodes_m[corners[3]] - origin);
-    if (volume < 0.0) std::swap(corners[0], corners[1]);
+    if (physics::six_volumes_m3(mesh.nodes_m, corners) < 0.0) std::swap(corners[0], corners[1]);
     mesh.tetrahedra.push_back(corners);
   };
   const auto per_shell = static_cast<std::uint32_t>(directions.directions.size());
   for (std::array<std::uint32_t, 3> triangle : directions.triangles) {
-    // neighbouring prisms cut their common side alike: from the lower corner up to the higher one
+    // neighbouring prisms divide their common side along the same diagonal: from the lower corner index
+    // to the higher one
     std::sort(triangle.begin(), triangle.end());
     const auto& [a, b, c] = triangle;
     add({center, a, b, c});

@@ -6,7 +6,7 @@
 namespace palpate::physics {
 namespace {
 
-/// k and b where inclusions change them.
+/// k and b at one position, with inclusions.
 struct LocalStiffness {
   double k = 0.0;
   double b = 0.0;
@@ -15,7 +15,7 @@ struct LocalStiffness {
   double trust_radius_m = kMaxTrustRadiusM;
 };
 
-/// 1 inside, 0 outside, s² (3 − 2s) between.
+/// The share of an inclusion is 1 inside, 0 outside and s² (3 − 2s) in its shell.
 LocalStiffness stiffness_at(const KelvinVoigtMaterial& material, const Vector3& point_m) noexcept {
   LocalStiffness here{.k = material.stiffness_newton_per_m, .b = material.damping_newton_s_per_m};
   for (const InclusionConfig& inclusion : material.inclusions) {
@@ -56,7 +56,7 @@ Contact describe(const KelvinVoigtMaterial& material, const SurfaceView& surface
   contact.trust_radius_m = surface.trust_radius_m;
   contact.is_adhesive = material.is_adhesive;
 
-  // the share that a map in a cloud gives this place
+  // local factor from the stiffness map of a cloud
   const double ratio = surface.stiffness_ratio;
   double k = ratio * material.stiffness_newton_per_m;
   double b = material.damping_newton_s_per_m;

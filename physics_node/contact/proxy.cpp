@@ -9,38 +9,38 @@ namespace {
 
 constexpr double kLeastClearance_m = 5e-4;
 constexpr double kSlideRatio = kMostForcePerMotion - 1.0;
-// Of the distance to the surface. What then comes too close is pushed out by the rest at most,
-// which is less than its own distance: neither step passes through anything.
+// Length of a partial step over the distance to the surface. A place that is then too close is
+// pushed out by at most the rest, which is less than its own distance: neither motion passes
+// through the surface.
 constexpr double kStepRatio = 0.45;
-// Straight to the nearest place of the surface, when it can be seen to be free.
+// Longest direct move to the nearest place, over the clearance.
 constexpr double kReachRatio = 0.9;
 constexpr int kMostViews = 96;
 constexpr int kMostPushes = 4;
 constexpr int kMostHalvings = 4;
-// Nearer than this is there [m]; and the share of the depth by which views may disagree.
+// Places nearer than this are the same [m]; and the share of the depth by which two views may
+// differ.
 constexpr double kThere_m = 1e-6;
 constexpr double kAgreementRatio = 0.01;
 
-SurfaceView seen_from(const Shape& shape, const Vector3& point_m, Proxy& proxy) noexcept {
-  SurfaceView seen = view(shape, point_m, proxy.hint);
-  if (proxy.side < 0.0) {
-    seen.distance_m = -seen.distance_m;
-    seen.normal = -seen.normal;
-    seen.curvature_per_m = -seen.curvature_per_m;
-  }
-  return seen;
+/// The surface from the proxy's side.
+SurfaceView seen_from(const Surface& surface, const Vector3& point_m, Proxy& proxy) noexcept {
+  const SurfaceView seen = surface.view(point_m, proxy.hint);
+  return proxy.side < 0.0 ? seen.from_behind() : seen;
 }
 
-/// The surface that a tool held back by `held_m` feels, if the proxy sees `at` from its place.
-SurfaceView felt(const SurfaceView& at, const Vector3& held_m, double clearance) noexcept {
+/// The surface that a tool displaced by −`held_m` from its proxy is in contact with, where `at` is
+/// the view from the proxy.
+SurfaceView surface_of_contact(const SurfaceView& at, const Vector3& held_m,
+                               double clearance) noexcept {
   const double depth_m = held_m.norm();
   SurfaceView surface = at;
   surface.distance_m = clearance - depth_m;
   surface.normal = held_m / depth_m;
   const Matrix3& H = at.curvature_per_m;
   constexpr double kSameDirection = 0.9999;
-  constexpr double kDeepest =
-      0.9;  // of the radius of curvature: farther in, the foot is ill-defined
+  // depth over the radius of curvature: deeper, the foot point is ill-defined
+  constexpr double kDeepest = 0.9;
   if (surface.normal.dot(at.normal) > kSameDirection) {
     // one wall: the parallel surface at this depth
     surface.curvature_per_m.setZero();
@@ -50,8 +50,8 @@ SurfaceView felt(const SurfaceView& at, const Vector3& held_m, double clearance)
     }
     return surface;
   }
-  // in a corner, or left behind: the proxy stays while the tool goes on in the plane of both
-  // normals
+  // in a corner, or delayed by the speed limit: the proxy stays while the tool moves on in the
+  // plane of both normals
   const Vector3 across = (at.normal - surface.normal.dot(at.normal) * surface.normal).normalized();
   surface.curvature_per_m = -across * across.transpose() / depth_m;
   surface.trust_radius_m =
@@ -69,31 +69,27 @@ Vector3 nearest_place(const SurfaceView& here, const Vector3& point_m, double cl
 
 double clearance_m(double radius_m) noexcept { return std::max(radius_m, kLeastClearance_m); }
 
-Proxy free_at(const Shape& shape, const Vector3& point_m, SurfaceHint hint) noexcept {
+Proxy free_at(const Surface& surface, const Vector3& point_m, SurfaceHint hint) noexcept {
   Proxy proxy{.point_m = point_m, .place_m = point_m, .hint = hint};
-  const auto* const placed = std::get_if<PlacedSurface>(&shape);
-  if (placed != nullptr && placed->surface->is_sheet() &&
-      seen_from(shape, point_m, proxy).distance_m < 0.0) {
-    proxy.side = -1.0;
-  }
+  if (surface.is_sheet() && seen_from(surface, point_m, proxy).distance_m < 0.0) proxy.side = -1.0;
   return proxy;
 }
 
-Proxy begun_at(const Shape& shape, double radius_m, const Vector3& point_m,
+Proxy begun_at(const Surface& surface, double radius_m, const Vector3& point_m,
                SurfaceHint hint) noexcept {
-  Proxy proxy = free_at(shape, point_m, hint);
-  proxy.surface = seen_from(shape, point_m, proxy);
+  Proxy proxy = free_at(surface, point_m, hint);
+  proxy.surface = seen_from(surface, point_m, proxy);
   proxy.place_m = nearest_place(proxy.surface, point_m, clearance_m(radius_m));
   return proxy;
 }
 
-void move(const Shape& shape, double radius_m, const Vector3& point_m, double dt_s,
+void move(const Surface& surface, double radius_m, const Vector3& point_m, double dt_s,
           Proxy& proxy) noexcept {
   const double clearance = clearance_m(radius_m);
   int views = 0;
   const auto look = [&](const Vector3& place) {
     ++views;
-    return seen_from(shape, place, proxy);
+    return seen_from(surface, place, proxy);
   };
   const SurfaceView here = look(point_m);
   const Vector3 from_m = proxy.place_m;
@@ -103,10 +99,10 @@ void move(const Shape& shape, double radius_m, const Vector3& point_m, double dt
   proxy.point_m = point_m;
   proxy.place_m = nearest_m;
   proxy.surface = here;
-  if (std::holds_alternative<HalfSpaceGeometry>(shape)) return;  // no way round it
+  if (here.is_plane()) return;  // there is no way around it
   if (!(motion_m <= kLongestMotion_m) || !std::isfinite(here.distance_m)) return;
 
-  // the nearest place, where nothing can be in between
+  // directly to the nearest place, if the surface cannot be in between
   const double way_m = (nearest_m - from_m).norm();
   const auto is_within_reach = [&](double reach_m) {
     return reach_m <= kReachRatio * clearance &&
@@ -117,7 +113,7 @@ void move(const Shape& shape, double radius_m, const Vector3& point_m, double dt
     if (nearest_m == point_m ? here.distance_m > way_m : is_within_reach(way_m)) return;
   }
 
-  // from place to place towards the tool, along the surface where it is in the way
+  // in partial steps towards the tool, along the surface where it blocks the way
   Vector3 place_m = from_m;
   SurfaceView at = look(place_m);
   const auto push_out = [&] {
@@ -127,7 +123,7 @@ void move(const Shape& shape, double radius_m, const Vector3& point_m, double dt
     }
     return at.distance_m >= clearance - 2.0 * kThere_m;
   };
-  if (!(at.distance_m > 0.0)) return;  // the surface has come over it
+  if (!(at.distance_m > 0.0)) return;  // the surface has moved over the proxy
   push_out();
   double left_m = most_m;
   bool is_there = false;
@@ -157,7 +153,7 @@ void move(const Shape& shape, double radius_m, const Vector3& point_m, double dt
       at = last;
     }
   }
-  if (!is_there) return;  // too far in one step
+  if (!is_there) return;  // too many partial steps
   if (const double rest_m = (nearest_m - place_m).norm();
       nearest_m != point_m && rest_m <= left_m && is_within_reach(rest_m)) {
     return;
@@ -169,7 +165,7 @@ void move(const Shape& shape, double radius_m, const Vector3& point_m, double dt
     return;
   }
   proxy.place_m = place_m;
-  proxy.surface = felt(at, held_m, clearance);
+  proxy.surface = surface_of_contact(at, held_m, clearance);
 }
 
 }  // namespace palpate::physics

@@ -1,59 +1,62 @@
-// proxy.h — where the tissue lets a sphere of the tool be: as near to the tool as it can go without
-// passing through the surface (a god-object, [Zilles95]).
+// proxy.h — the proxy of a sphere of the tool: the place nearest to the tool that the sphere can
+// reach without passing through the surface (a god-object, [Zilles95]).
 //
-// The tissue holds the sphere by a spring from the tool to the proxy. The proxy only ever moves
-// closer to the tool, so what it does takes energy and never gives any. In one step it moves at
-// most 3 times as far as the tool and 10 mm/s more; so where the way suddenly opens, as when a deep
-// press slips off an edge, the force falls at that rate and does not step. With the steepest slope
-// k of the law along the normal, from one step to the next
+// A spring from the tool to the proxy is the contact force. The proxy only moves closer to the
+// tool, so its motion dissipates energy and never generates any. In one step it moves at most 3
+// times as far as the tool plus 10 mm/s. Where the way opens suddenly, for example when a deep
+// press slips off an edge, the force therefore falls at that rate and does not jump. With the
+// steepest slope k of the law along the normal, between two steps
 //
 //   |ΔF| ≤ k (4 |Δx| + 10 mm/s Δt)        kMostForcePerMotion, kCreep_m_per_s
 //
-// It goes from place to place by less than half of its distance to the surface, so that nothing
-// thinner than that is stepped over, however fast the tool: thin sheets hold at any depth. Where
-// the nearest place is within reach it is taken at once, and the surface felt is that of view(),
-// exactly.
+// Each partial step is shorter than half the distance to the surface, so the proxy does not step
+// over thin tissue, at any speed of the tool: thin sheets hold at any depth. Where the nearest
+// place is within reach, the proxy moves there at once, and the contact's surface is exactly that
+// of view().
 //
-// Not followed, but begun anew where the tool is: a motion of more than 0.1 m in one step (a
-// teleport), and a slide along the surface too long for the steps there are (about 40 radii). A tip
-// finer than 0.5 mm is kept 0.5 mm off the surface, so gaps narrower than 1 mm are closed to it.
+// The proxy starts anew at the tool after a motion of more than 0.1 m in one step (a teleport) and
+// after a slide along the surface that needs more partial steps than allowed (about 40 radii). A
+// tip with a radius below 0.5 mm is kept 0.5 mm off the surface, so it cannot enter gaps narrower
+// than 1 mm.
 #pragma once
 
 #include "common/core/vector.h"
-#include "physics_node/files/surface_files.h"
+#include "physics_node/contact/surface.h"
 
 namespace palpate::physics {
 
-/// A sphere of the tool and one tissue; places as the tissue sees them, moved with it.
+/// A sphere of the tool and one surface; in the frame of the surface.
 struct Proxy {
-  Vector3 point_m = Vector3::Zero();  ///< centre of the sphere, where the tool is
-  Vector3 place_m = Vector3::Zero();  ///< and where the tissue lets it be
-  SurfaceView surface{};              ///< as felt at point_m, from the side where the proxy is
+  Vector3 point_m = Vector3::Zero();  ///< centre of the sphere at the tool
+  Vector3 place_m = Vector3::Zero();  ///< centre of the sphere at the proxy
+  SurfaceView surface{};              ///< in contact, seen from point_m on the proxy's side
   double side = 1.0;                  ///< −1: behind a sheet
   SurfaceHint hint{};
 
-  /// The tissue holds it back.
+  /// The surface keeps the proxy away from the tool.
   [[nodiscard]] bool is_held() const noexcept { return place_m != point_m; }
 };
 
 inline constexpr double kCreep_m_per_s = 0.01;
-/// Bound on the change of force in one step, over the law's steepest slope and the tool's motion.
+/// Bound on the change of force in one step, divided by the law's steepest slope and the tool's
+/// motion.
 inline constexpr double kMostForcePerMotion = 4.0;
 inline constexpr double kLongestMotion_m = 0.1;
 
-/// How far from the surface the proxy of a sphere is kept.
+/// Distance from the surface at which the proxy of a sphere is kept.
 [[nodiscard]] double clearance_m(double radius_m) noexcept;
 
-/// As if the tool had begun here: held out by the nearest place of the surface.
-[[nodiscard]] Proxy begun_at(const Shape& shape, double radius_m, const Vector3& point_m,
+/// A tool that starts here: the proxy is at the nearest place outside the surface.
+[[nodiscard]] Proxy begun_at(const Surface& surface, double radius_m, const Vector3& point_m,
                              SurfaceHint hint) noexcept;
 
-/// Not held, before the first look at the tissue.
-[[nodiscard]] Proxy free_at(const Shape& shape, const Vector3& point_m, SurfaceHint hint) noexcept;
+/// A tool that is here and not held by the surface.
+[[nodiscard]] Proxy free_at(const Surface& surface, const Vector3& point_m,
+                            SurfaceHint hint) noexcept;
 
-/// The tool goes to `point_m` within `dt_s` ≥ 0. At most some 100 views; 1 to 3 as a rule.
-/// No allocation, no throw.
-void move(const Shape& shape, double radius_m, const Vector3& point_m, double dt_s,
+/// Moves the tool to `point_m` within `dt_s` ≥ 0, and the proxy after it. Needs 1 to 3 views as a
+/// rule, at most about 100. No allocation, no throw.
+void move(const Surface& surface, double radius_m, const Vector3& point_m, double dt_s,
           Proxy& proxy) noexcept;
 
 }  // namespace palpate::physics

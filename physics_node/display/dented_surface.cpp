@@ -8,9 +8,9 @@
 namespace palpate::physics {
 namespace {
 
-constexpr double kSmallestTip_m = 1e-3;  // a pointed tool would make a dent between two vertices
-constexpr double kVisible_m = 1e-5;      // less is not sent
-constexpr double kGone_m = 1e-6;         // a relaxed dent of less is over
+constexpr double kSmallestTip_m = 1e-3;  // the dent of a finer tip would fall between vertices
+constexpr double kVisible_m = 1e-5;      // smaller changes are not sent
+constexpr double kGone_m = 1e-6;         // smaller displacements decay to 0
 
 /// Depth of the dent at the distance `d` from its axis; see the header.
 double dent_depth_m(double d, double p, double r) {
@@ -59,7 +59,7 @@ void DentedSurface::press(const Vector3& tip_position_world_m) {
   const Vector3 touch_m = tip_position_world_m - surface.distance_m * surface.normal;
   const double radius_m = std::max(tip_radius_m_, kSmallestTip_m);
   for (std::size_t i = 0; i < rest_m_.size(); ++i) {
-    // only what lies about the touch: not the far side of a thin body
+    // only near the contact: not the far side of a thin body
     const Vector3 from_touch_m = rest_m_[i] - touch_m;
     const double height_m = surface.normal.dot(from_touch_m);
     const double from_axis_m = (from_touch_m - height_m * surface.normal).norm();
@@ -87,7 +87,7 @@ std::optional<VertexRange> DentedSurface::take(const std::function<bool(std::siz
 std::optional<VertexRange> DentedSurface::take_moved() {
   if (is_at_rest_) return std::nullopt;
   const auto moved = take([this](std::size_t i) {
-    // the last step to rest counts, however small
+    // a vertex that is back at rest counts, however small the step
     const bool is_back = displacement_m_[i].isZero(0.0) && !taken_m_[i].isZero(0.0);
     return is_back || (displacement_m_[i] - taken_m_[i]).squaredNorm() > kVisible_m * kVisible_m;
   });

@@ -1,5 +1,5 @@
-// dented_surface.h — how a tissue without a deformation of its own is drawn while the tool presses
-// on it. For the eye only: the force knows nothing of it.
+// dented_surface.h — the drawn dent of a tissue without a deformation model while the tool presses
+// on it. It does not affect the force.
 #pragma once
 
 #include <functional>
@@ -9,7 +9,7 @@
 
 #include "common/core/scene_messages.h"
 #include "common/core/vector.h"
-#include "physics_node/surfaces/geometry.h"
+#include "physics_node/contact/surface_view.h"
 
 namespace palpate::physics {
 
@@ -19,38 +19,38 @@ struct VertexRange {
   std::size_t count = 0;
 };
 
-/// The vertices near the tip give way to it, along the normal n at the touch. With p the
-/// penetration, r the tip's radius and d a vertex's distance from the axis of the touch:
+/// Vertices near the tip move along the normal at the contact. With p the penetration, r the tip's
+/// radius, d a vertex's distance from the axis of the contact and h the depth of the dent:
 ///
-///   d ≤ a   h = p − r + √(r² − d²)                      the tip's own surface
-///   d > a   h = h(a) a/d ((R − d)/(R − a))²,  0 from R  the tail, 1/d like an elastic
-///   half-space's;
+///   d ≤ a   h = p − r + √(r² − d²)                      the surface of the tip
+///   d > a   h = h(a) a/d ((R − d)/(R − a))²,  0 from R  the tail, 1/d as of an elastic half-space;
 ///                                                       never inside the tip
 ///   a = min(√(r p), r/√2), the radius of a Hertz contact until the tip is half sunk
 ///   R = a + 4 max(a, p)
 ///
-/// Released, it relaxes like the material: u' = −u/τ, τ = b/k. Outside the haptic step: allocates.
+/// After release the displacement u decays like the material: u' = −u/τ, τ = b/k. Allocates; not
+/// for the haptic step.
 class DentedSurface {
  public:
   using View = std::function<SurfaceView(const Vector3& point_world_m)>;
 
   /// @param view          of the undeformed surface
-  /// @param relaxation_s  τ ≥ 0; infinite: a dent stays
+  /// @param relaxation_s  τ ≥ 0; infinite: dents are permanent
   DentedSurface(const SurfaceMesh& rest, View view, double tip_radius_m, double relaxation_s);
 
-  /// The tip was here when `elapsed_s` ≥ 0 were over since the last call.
+  /// Advances by `elapsed_s` ≥ 0, then presses with the tip at this place.
   void advance(const Vector3& tip_position_world_m, double elapsed_s);
-  /// So was the tip of another tool at the time of the last advance().
+  /// Presses with the tip of another tool at the time of the last advance().
   void press(const Vector3& tip_position_world_m);
 
-  /// What moved since it was last taken; nothing below 10 µm, which nobody sees.
+  /// The vertices that moved since they were last taken, by more than 10 µm or back to rest.
   [[nodiscard]] std::optional<VertexRange> take_moved();
-  /// Everything that is not at rest, now taken.
+  /// All vertices that are not at rest; they count as taken.
   [[nodiscard]] std::optional<VertexRange> take_dented();
-  /// The vertices of a range as they are now; W.
+  /// The current vertices of a range; W.
   [[nodiscard]] std::vector<float> vertices_m(const VertexRange& range) const;
 
-  /// At rest again, at once.
+  /// Returns all vertices to rest at once.
   void reset();
 
  private:
@@ -62,7 +62,7 @@ class DentedSurface {
   double relaxation_s_;
   std::vector<Vector3> displacement_m_;
   std::vector<Vector3> taken_m_;  // displacements as last taken
-  bool is_at_rest_ = true;        // and taken so
+  bool is_at_rest_ = true;        // all displacements are 0, and taken as 0
 };
 
 }  // namespace palpate::physics

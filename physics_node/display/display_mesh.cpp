@@ -3,17 +3,20 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <map>
 #include <numbers>
-#include <utility>
+#include <variant>
+#include <vector>
+
+#include "physics_node/display/file_surface_mesh.h"
+#include "physics_node/surfaces/subdivision.h"
 
 namespace palpate::physics {
 namespace {
 
 constexpr double kFinestSpacing_m = 1e-3;  // a dent is a few of these wide
 constexpr int kMostCellsPerEdge = 200;     // of long thin boxes
-constexpr double kScatter = 1.03;          // a sphere has 10 242 vertices, or a quarter, …
-constexpr double kFarthest_m = 1e3;        // the wire's limit; what is beyond is drawn at it
+constexpr double kScatter = 1.03;          // a sphere has 10 242 vertices, a quarter of that, …
+constexpr double kFarthest_m = 1e3;        // limit of the wire; coordinates are clamped to it
 
 std::uint32_t add_vertex(const Vector3& p, SurfaceMesh& mesh) {
   for (const double x : p) {
@@ -76,7 +79,8 @@ SurfaceMesh display_mesh(const HalfSpaceGeometry& half_space, const DisplayArea&
 SurfaceMesh display_mesh(const SphereGeometry& sphere, const DisplayArea& area) {
   // the twelve corners of an icosahedron: cyclic permutations of (0, ±1, ±φ)
   constexpr double kPhi = std::numbers::phi;
-  std::vector<Vector3> corners;
+  DirectionMesh directions;
+  std::vector<Vector3>& corners = directions.directions;
   for (const double a : {-1.0, 1.0}) {
     for (const double b : {-kPhi, kPhi}) {
       corners.insert(corners.end(), {Vector3(0, a, b), Vector3(a, b, 0), Vector3(b, 0, a)});
@@ -84,18 +88,18 @@ SurfaceMesh display_mesh(const SphereGeometry& sphere, const DisplayArea& area) 
   }
   for (Vector3& corner : corners) corner.normalize();
 
-  // its faces: three corners at the shortest distance from each other, seen from outside
+  // its faces: three corners at the shortest distance from each other, counter-clockwise from
+  // outside
   const double edge = 2.0 / std::sqrt(1.0 + kPhi * kPhi);
   const auto are_near = [&](std::uint32_t i, std::uint32_t k) {
     return (corners[i] - corners[k]).norm() < 1.1 * edge;
   };
-  std::vector<std::array<std::uint32_t, 3>> faces;
   for (std::uint32_t i = 0; i < corners.size(); ++i) {
     for (std::uint32_t j = i + 1; j < corners.size(); ++j) {
       for (std::uint32_t k = j + 1; k < corners.size(); ++k) {
         if (!are_near(i, j) || !are_near(j, k) || !are_near(i, k)) continue;
         const bool is_outward = corners[i].cross(corners[j]).dot(corners[k]) > 0.0;
-        faces.push_back(is_outward ? std::array{i, j, k} : std::array{i, k, j});
+        directions.triangles.push_back(is_outward ? std::array{i, j, k} : std::array{i, k, j});
       }
     }
   }
@@ -106,29 +110,13 @@ SurfaceMesh display_mesh(const SphereGeometry& sphere, const DisplayArea& area) 
   const auto may_divide = [&] {
     return length > wanted && 4.0 * static_cast<double>(corners.size()) < kScatter * area.vertices;
   };
-  for (; may_divide(); length /= 2.0) {
-    std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> middles;
-    const auto middle = [&](std::uint32_t i, std::uint32_t k) {
-      const auto [it, is_new] =
-          middles.emplace(std::minmax(i, k), static_cast<std::uint32_t>(corners.size()));
-      if (is_new) corners.push_back((corners[i] + corners[k]).normalized());
-      return it->second;
-    };
-    std::vector<std::array<std::uint32_t, 3>> finer;
-    for (const auto& [a, b, c] : faces) {
-      const std::uint32_t ab = middle(a, b);
-      const std::uint32_t bc = middle(b, c);
-      const std::uint32_t ca = middle(c, a);
-      finer.insert(finer.end(), {{a, ab, ca}, {ab, b, bc}, {ca, bc, c}, {ab, bc, ca}});
-    }
-    faces = std::move(finer);
-  }
+  for (; may_divide(); length /= 2.0) subdivide(directions);
 
   SurfaceMesh mesh;
   for (const Vector3& corner : corners) {
     add_vertex(sphere.center_m + sphere.radius_m * corner, mesh);
   }
-  for (const auto& face : faces) {
+  for (const auto& face : directions.triangles) {
     mesh.triangles.insert(mesh.triangles.end(), face.begin(), face.end());
   }
   return mesh;
@@ -204,7 +192,7 @@ SurfaceMesh display_mesh(const CapsuleGeometry& capsule, const DisplayArea& area
 }
 
 SurfaceMesh display_mesh(const PlacedSurface& placed, const DisplayArea& /*area*/) {
-  const SurfaceMesh own = placed.surface->display_mesh();
+  const SurfaceMesh own = display_mesh(*placed.surface);
   SurfaceMesh mesh;
   mesh.vertices_m.reserve(own.vertices_m.size());
   for (std::size_t i = 0; i < own.vertices_m.size(); i += 3) {
@@ -213,6 +201,10 @@ SurfaceMesh display_mesh(const PlacedSurface& placed, const DisplayArea& /*area*
   }
   mesh.triangles = own.triangles;
   return mesh;
+}
+
+SurfaceMesh display_mesh(const Shape& shape, const DisplayArea& area) {
+  return std::visit([&](const auto& form) { return display_mesh(form, area); }, shape.form());
 }
 
 TissueShape shape_of(const Geometry& geometry) {

@@ -1,33 +1,36 @@
-// display_mesh.h — surfaces as viewers draw them. Nothing here takes part in the force.
+// display_mesh.h — the meshes that viewers draw. They do not affect the force.
 #pragma once
 
 #include "common/core/scene_messages.h"
-#include "common/session/scene_config.h"
 #include "common/core/vector.h"
-#include "physics_node/files/surface_files.h"
+#include "common/session/scene_config.h"
+#include "physics_node/surfaces/shape.h"
 
 namespace palpate::physics {
 
-/// Where unbounded surfaces are drawn: round the place where the tool works; W. And how finely.
+/// The region of W in which unbounded surfaces are drawn, and the resolution.
 struct DisplayArea {
   Vector3 center_m = Vector3::Zero();
   double half_extent_m = 0.1;
-  /// About so many of each surface that has no file, however large it is, or fewer: 30 frames a
-  /// second of all of 10 000 are 4 MB/s.
+  /// Approximate largest number of vertices of a surface that is not from a file, whatever its
+  /// size: 30 frames per second of 10 000 vertices are 4 MB/s.
   double vertices = 10'000.0;
 };
 
-/// A square of the plane, 2 half extents wide, about the point nearest to the area's centre.
+/// The surface of a tissue, in W.
+[[nodiscard]] SurfaceMesh display_mesh(const Shape& shape, const DisplayArea& area);
+
+/// A square of the plane, 2 half extents wide, around the point nearest to the area's centre.
 [[nodiscard]] SurfaceMesh display_mesh(const HalfSpaceGeometry& half_space,
                                        const DisplayArea& area);
-/// An icosahedron, divided until its edges are short against the radius.
+/// An icosahedron, subdivided until its edges are short relative to the radius.
 [[nodiscard]] SurfaceMesh display_mesh(const SphereGeometry& sphere, const DisplayArea& area);
-/// Six grids; edges and corners belong to each of theirs, so that they are drawn sharp.
+/// Six grids, each with its own vertices on edges and corners, so that these are drawn sharp.
 [[nodiscard]] SurfaceMesh display_mesh(const BoxGeometry& box, const DisplayArea& area);
 
-/// Rings about the axis, and two ends.
+/// Rings around the axis, and two ends.
 [[nodiscard]] SurfaceMesh display_mesh(const CapsuleGeometry& capsule, const DisplayArea& area);
-/// What Surface::display_mesh() gives, at its place.
+/// The mesh of its FileSurface (file_surface_mesh.h), at its place.
 [[nodiscard]] SurfaceMesh display_mesh(const PlacedSurface& placed, const DisplayArea& area);
 
 [[nodiscard]] TissueShape shape_of(const Geometry& geometry);

@@ -2,19 +2,21 @@
 
 #include <algorithm>
 #include <limits>
+#include <utility>
 #include <variant>
 
 #include "physics_node/display/display_mesh.h"
+#include "physics_node/files/surface_files.h"
 #include "physics_node/scene/tissue_motion.h"
 
 namespace palpate::physics {
 namespace {
 
 constexpr Duration kFrameInterval = std::chrono::nanoseconds(1'000'000'000 / 30);
-constexpr std::size_t kVerticesPerFrame = 100'000;  // 1.2 MB: a larger range goes in several
-constexpr double kSceneVertices = 3e5;    // 11 MB with their triangles, of the 16 MiB of a message
-constexpr std::size_t kMovedAtOnce = 12;  // with some dents, what the link surely takes in one go
-constexpr double kPatchHalfExtent_m = 0.1;  // of the hand's motion, about an Omni's
+constexpr std::size_t kVerticesPerFrame = 100'000;  // 1.2 MB; a larger range is sent in parts
+constexpr double kSceneVertices = 3e5;      // 11 MB with triangles; a message has at most 16 MiB
+constexpr std::size_t kMovedAtOnce = 12;    // with some dents, within the link's high-water mark
+constexpr double kPatchHalfExtent_m = 0.1;  // workspace of the hand, about that of an Omni
 
 double relaxation_s(const KelvinVoigtMaterial& material) {
   const double k = material.stiffness_newton_per_m;
@@ -23,12 +25,12 @@ double relaxation_s(const KelvinVoigtMaterial& material) {
   return k > 0.0 ? b / k : std::numeric_limits<double>::infinity();
 }
 
-/// Of the whole tissue, when the tool was there.
+/// Displacement of the whole tissue at the time of the tick.
 Vector3 displacement_m(const TissueConfig& tissue, const PhysicsTick& tick) {
   return displacement(tissue.motion, to_seconds(tick.stepped_at.time_since_epoch())).position_m;
 }
 
-/// About where the tools can be; of many tissues each is drawn less finely.
+/// A region that contains the workspaces of the tools; with many tissues each is drawn coarser.
 DisplayArea area_of(const Session& session) {
   const std::span<const Session> sides = sides_of(session);
   DisplayArea area{.center_m = Vector3::Zero(), .half_extent_m = 0.0};
@@ -78,13 +80,11 @@ void SceneDisplay::build() {
   for (std::size_t i = 0; i < shapes_.size(); ++i) {
     const TissueConfig& tissue = session_.scene.tissues[i];
     const Shape& shape = shapes_[i];
-    const auto view_of = [&shape](const Vector3& point_m) {
-      return std::visit([&](const auto& given) { return view(given, point_m); }, shape);
-    };
+    const auto view_of = [&shape](const Vector3& point_m) { return shape.view(point_m); };
     TissueSurface& surface = scene_.tissues.emplace_back();
     surface.name = tissue.name;
     surface.shape = shape_of(tissue.geometry);
-    surface.mesh = std::visit([&](const auto& given) { return display_mesh(given, area); }, shape);
+    surface.mesh = display_mesh(shape, area);
     std::optional<DentedSurface>& dent = dents_.emplace_back();
     const auto* material = std::get_if<KelvinVoigtMaterial>(&tissue.material);
     if (material == nullptr) continue;
@@ -131,12 +131,12 @@ void SceneDisplay::publish(const Watchers& watchers, std::span<const PhysicsTick
   build();
   const double elapsed_s = advanced_at_ ? to_seconds(now - *advanced_at_) : 0.0;
   advanced_at_ = now;
-  std::size_t moved = 0;  // and not dented
-  const std::size_t first = first_told_;
+  std::size_t moved = 0;  // tissues sent that moved without a dent
+  const std::size_t first = next_turn_;
   for (std::size_t k = 0; k < dents_.size(); ++k) {
     const std::size_t i = (first + k) % dents_.size();
     const TissueConfig& tissue = session_.scene.tissues[i];
-    // the tool as the tissue has it, which may itself move
+    // the tool relative to the tissue, which may itself move
     const auto tip_m = [&tissue](const PhysicsTick& tick) {
       return Vector3(tick.tool_position_world_m - displacement_m(tissue, tick));
     };
@@ -151,12 +151,12 @@ void SceneDisplay::publish(const Watchers& watchers, std::span<const PhysicsTick
       send(i, *range, newest.front(), now);
     } else if (is_moving(tissue.motion) && moved < kMovedAtOnce) {
       send(i, {}, newest.front(), now);
-      if (++moved == kMovedAtOnce) first_told_ = i + 1;
+      if (++moved == kMovedAtOnce) next_turn_ = i + 1;
     }
   }
 }
 
-/// What those who looked on have seen: nobody does any more.
+/// After the last subscriber has left, the next one starts with tissue at rest.
 void SceneDisplay::forget() {
   if (!advanced_at_) return;
   advanced_at_.reset();

@@ -1,15 +1,19 @@
-// scene_display.h — what viewers are told of the scene: once whole, then what moves.
+// scene_display.h — sends the scene to viewers: the complete scene once, then what moves.
 //
-//   out  hop 5  SceneState  physics → viewers  on every subscription
-//   out  hop 5  MeshFrame   physics → viewers  ≤ 30 Hz and tissue, of tissue that gave way or has a
-//                                              motion of its own; of many that move some in turn
+//   out  hop 5  SceneState  physics → viewers  on every subscription, always with the same
+//   revision:
+//                                              viewers that have it can ignore the repetition
+//   out  hop 5  MeshFrame   physics → viewers  ≤ 30 Hz per tissue, of tissue that is dented or has
+//   a
+//                                              motion of its own; of many moving tissues some in
+//                                              turn
 //
-// Nobody subscribed: no surface is made, no vertex computed, nothing encoded; that is counted.
-// Thread: the publisher's. The step never waits for it and never sees it.
+// Without subscribers no surface is meshed, no vertex computed and nothing encoded; the counters
+// show what was skipped.
+// Thread: the publisher's. The haptic step does not depend on it.
 #pragma once
 
 #include <cstdint>
-#include <functional>
 #include <optional>
 #include <span>
 #include <vector>
@@ -19,15 +23,15 @@
 #include "common/session/session.h"
 #include "common/telemetry/telemetry.h"
 #include "physics_node/display/dented_surface.h"
-#include "physics_node/files/surface_files.h"
+#include "physics_node/surfaces/shape.h"
 
 namespace palpate::physics {
 
-/// Who looks on.
+/// The subscriptions of the connected viewers.
 struct Watchers {
-  std::uint64_t scene_subscriptions = 0;  ///< so far
-  std::uint64_t mesh_subscriptions = 0;   ///< so far
-  bool has_mesh_watcher = false;          ///< now
+  std::uint64_t scene_subscriptions = 0;  ///< since the start
+  std::uint64_t mesh_subscriptions = 0;   ///< since the start
+  bool has_mesh_watcher = false;          ///< at present
 };
 
 class SceneDisplay {
@@ -37,14 +41,14 @@ class SceneDisplay {
   SceneDisplay(const Session& session, std::uint64_t session_id, Sender<SceneState>& scene_out,
                Sender<MeshFrame>& mesh_out);
 
-  /// Sends what those who look on lack.
-  /// @param newest  physics step of each tool; none before its first motion
+  /// Sends the scene to new subscribers, and what has moved since the last frame.
+  /// @param newest  newest physics step of each tool; none before its first motion
   void publish(const Watchers& watchers, std::span<const PhysicsTick> newest, TimePoint now);
 
-  /// The link would not take the scene, which is too long for a message: viewers have none.
+  /// The link dropped the scene because it exceeds the message size: viewers have none.
   [[nodiscard]] bool is_too_large() const { return is_too_large_; }
 
-  /// Sets the counters of what was made for viewers and what was not.
+  /// Sets the counters of mesh frames made and skipped.
   void count_into(PhysicsCounters& counters) const;
 
  private:
@@ -53,17 +57,17 @@ class SceneDisplay {
   void send(std::size_t tissue, const VertexRange& range, const PhysicsTick& tick, TimePoint now);
 
   const Session& session_;
-  std::vector<Shape> shapes_;  // of the tissues
+  std::vector<Shape> shapes_;  // one per tissue
   Sender<SceneState>& scene_out_;
   Sender<MeshFrame>& mesh_out_;
-  SceneState scene_;  // revision 0: not built yet
+  SceneState scene_;  // revision 0: not built yet; then 1
   MeshFrame frame_;
-  std::vector<std::optional<DentedSurface>> dents_;  // none: the tissue never gives way
+  std::vector<std::optional<DentedSurface>> dents_;  // none: the tissue is never dented
   Watchers served_;
   bool is_too_large_ = false;
   TimePoint next_frames_at_{};
-  std::size_t first_told_ = 0;            // tissue that has waited longest
-  std::optional<TimePoint> advanced_at_;  // none: nobody looked on
+  std::size_t next_turn_ = 0;             // tissue that has waited longest
+  std::optional<TimePoint> advanced_at_;  // none: no subscriber
   std::uint64_t frames_made_ = 0;
   std::uint64_t frames_skipped_ = 0;
 };

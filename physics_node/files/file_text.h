@@ -1,4 +1,4 @@
-// file_text.h — the words, numbers and bytes of a geometry file, each with its place for messages.
+// file_text.h — reads words, numbers and bytes of a geometry file; errors name the position.
 #pragma once
 
 #include <array>
@@ -16,10 +16,10 @@
 
 namespace palpate::physics {
 
-/// As it may stand in a message: printable ASCII, the rest replaced, at most 40 characters.
+/// The word for an error message: at most 40 characters, others than printable ASCII replaced.
 [[nodiscard]] std::string shown_word(std::string_view word);
 
-/// Reads from the front. Everything that is not as it must be throws SetupError as
+/// Reads from the front. Invalid text or a premature end throws SetupError as
 /// "file:line: what: rule; remedy" (bytes: "file: byte N: …").
 class FileText {
  public:
@@ -31,7 +31,7 @@ class FileText {
   [[nodiscard]] std::size_t left() const noexcept { return bytes_.size() - at_; }
   [[nodiscard]] int line() const noexcept { return line_; }
 
-  /// The rest of this line without its end, and on to the next.
+  /// The rest of this line without its end; continues at the next line.
   std::string_view rest_of_line() noexcept;
 
   /// The next word, across lines; "" at the end of the file.
@@ -59,7 +59,7 @@ class FileText {
   }
   void skip_bytes(std::size_t count, const char* what);
 
-  /// At the line in hand.
+  /// At the current line.
   [[noreturn]] void fail(const std::string& what) const { fail_at_line(line_, what); }
   [[noreturn]] void fail_at_line(int line, const std::string& what) const;
   [[noreturn]] void fail_at_byte(const std::string& what) const;
@@ -73,7 +73,7 @@ class FileText {
   int line_ = 1;
 };
 
-/// Reads a number of text: finite, nothing after it.
+/// Parses a finite number; false if the word is anything else.
 [[nodiscard]] bool read_number(std::string_view word, double& number) noexcept;
 
 }  // namespace palpate::physics

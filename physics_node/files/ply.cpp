@@ -68,7 +68,7 @@ Header read_header(FileText& text) {
   Header header;
   bool has_format = false;
   while (true) {
-    if (text.is_at_end()) text.fail("the header ends without 'end_header'; is the file whole?");
+    if (text.is_at_end()) text.fail("the header ends without 'end_header'; is the file complete?");
     const std::string_view keyword = text.word_of_line();
     if (keyword == "format") {
       const std::string_view format = text.word_of_line();
@@ -89,7 +89,7 @@ Header read_header(FileText& text) {
       text.rest_of_line();
       break;
     } else if (keyword != "comment" && keyword != "obj_info" && !keyword.empty()) {
-      text.fail("'" + shown_word(keyword) + "': is no keyword of a PLY header");
+      text.fail("'" + shown_word(keyword) + "': is not a keyword of a PLY header");
     }
     text.rest_of_line();
   }
@@ -97,7 +97,7 @@ Header read_header(FileText& text) {
   return header;
 }
 
-/// One value after the other, of either form.
+/// The values of the file in sequence, ASCII or binary.
 class Values {
  public:
   Values(FileText& text, const Header& header) : text_(text), header_(header) {}
@@ -178,7 +178,7 @@ PointCloud read_vertices(FileText& text, const Header& header, const Element& el
     text.fail("vertices have no property '" + shown_word(stiffness_property) +
               "' that the material's stiffness_property names");
   }
-  // what the header promises must fit into the file before anything is made ready for it
+  // the count of the header must be plausible before memory is reserved for it
   if (element.count > static_cast<std::int64_t>(text.left())) {
     text.fail("element vertex: the file is too short for " + std::to_string(element.count));
   }
@@ -206,7 +206,7 @@ PointCloud read_vertices(FileText& text, const Header& header, const Element& el
       const double length = normal.norm();
       if (!(length > 1e-6) || !std::isfinite(length)) {
         values.fail(vertex_name +
-                    ": its normal must have a length; leave nx, ny, nz out to have "
+                    ": its normal must not be zero; omit nx, ny, nz to have "
                     "normals estimated");
       }
       cloud.normals.push_back(normal / length);

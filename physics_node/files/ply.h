@@ -8,16 +8,16 @@
 
 namespace palpate::physics {
 
-/// The element `vertex` with the properties x, y, z, and nx, ny, nz where there are normals; other
-/// elements and properties are passed over. Lengths in the unit of the file.
-/// @param stiffness_property  of the vertices, read as stiffness_ratios; "": none
-/// @throws SetupError  naming file and line or vertex: not a PLY file, cut short, numbers that are
-///     not finite, a normal of no length, a negative stiffness, too few points
+/// The element `vertex` with the properties x, y, z, and the normals nx, ny, nz if present; other
+/// elements and properties are ignored. Lengths in the unit of the file.
+/// @param stiffness_property  property of the vertices to read as stiffness_ratios; "": none
+/// @throws SetupError  naming file and line or vertex: not a PLY file, incomplete, numbers that are
+///     not finite, a normal without length, a negative stiffness, too few points
 [[nodiscard]] PointCloud parse_ply(std::string_view bytes, const std::string& file_name,
                                    const std::string& stiffness_property = "");
 
-/// The cloud as a binary little-endian PLY file of float: positions, and normals and
-/// `stiffness_ratio` if there are.
+/// The cloud as a binary little-endian PLY file of float: positions, and, if present, normals and
+/// `stiffness_ratio`.
 [[nodiscard]] std::string ply_text(const PointCloud& cloud);
 
 }  // namespace palpate::physics

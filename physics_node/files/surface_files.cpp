@@ -6,14 +6,18 @@
 #include <map>
 #include <mutex>
 #include <tuple>
+#include <type_traits>
 #include <utility>
+#include <variant>
 #include <vector>
 
 #include "common/core/check.h"
 #include "common/core/regular_file.h"
-#include "physics_node/surfaces/cloud_surface.h"
 #include "physics_node/files/ply.h"
+#include "physics_node/files/tetrahedral_files.h"
 #include "physics_node/files/triangle_files.h"
+#include "physics_node/surfaces/bounds.h"
+#include "physics_node/surfaces/cloud_surface.h"
 #include "physics_node/surfaces/triangle_surface.h"
 
 namespace palpate::physics {
@@ -22,28 +26,24 @@ namespace {
 using Kind = FileGeometry::Kind;
 
 constexpr std::uintmax_t kMaxFileBytes = 2'000'000'000;
-// Tissue smaller or larger than this is in another unit than the file's reader believes.
+// Tissue outside this range has most likely a wrong unit.
 constexpr double kSmallest_m = 1e-4;
 constexpr double kLargest_m = 5.0;
 
-std::string ending_of(const std::string& file_name) {
-  std::string ending = std::filesystem::path(file_name).extension().string();
-  std::transform(ending.begin(), ending.end(), ending.begin(), [](char c) {
+std::string extension_of(const std::string& file_name) {
+  std::string extension = std::filesystem::path(file_name).extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(), [](char c) {
     return static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
   });
-  return ending;
+  return extension;
 }
 
-/// To metres, and checked for what no tissue can be.
+/// Converts to metres and refuses implausible sizes.
 void scale(std::vector<Vector3>& points, double unit_m, const std::string& file_name) {
-  Vector3 lowest = points[0];
-  Vector3 highest = points[0];
-  for (const Vector3& point : points) {
-    lowest = lowest.cwiseMin(point);
-    highest = highest.cwiseMax(point);
-  }
-  const double size_m = unit_m * (highest - lowest).maxCoeff();
-  const double farthest_m = unit_m * lowest.cwiseAbs().cwiseMax(highest.cwiseAbs()).maxCoeff();
+  const Bounds bounds = bounds_of(points);
+  const double size_m = unit_m * bounds.longest_side_m();
+  const double farthest_m =
+      unit_m * bounds.lowest_m.cwiseAbs().cwiseMax(bounds.highest_m.cwiseAbs()).maxCoeff();
   const auto complain = [&](const std::string& what) {
     throw SetupError(file_name + ": " + what + "; give the tissue's unit_m, e.g. 0.001 for mm");
   };
@@ -56,20 +56,20 @@ void scale(std::vector<Vector3>& points, double unit_m, const std::string& file_
   for (Vector3& point : points) point *= unit_m;
 }
 
-[[noreturn]] void refuse_ending(const std::string& file_name, const char* rule) {
+[[noreturn]] void refuse_extension(const std::string& file_name, const char* rule) {
   throw SetupError(file_name + ": must end with " + rule);
 }
 
 TetrahedralMesh parse_tetrahedra(std::string_view bytes, const std::string& file_name,
                                  double unit_m) {
-  const std::string ending = ending_of(file_name);
+  const std::string extension = extension_of(file_name);
   TetrahedralMesh mesh;
-  if (ending == ".msh") {
+  if (extension == ".msh") {
     mesh = parse_msh(bytes, file_name);
-  } else if (ending == ".vtk") {
+  } else if (extension == ".vtk") {
     mesh = parse_vtk(bytes, file_name);
   } else {
-    refuse_ending(file_name, ".msh (Gmsh) or .vtk (legacy VTK) to be a tetrahedral_mesh");
+    refuse_extension(file_name, ".msh (Gmsh) or .vtk (legacy VTK) to be a tetrahedral_mesh");
   }
   scale(mesh.nodes_m, unit_m, file_name);
   return mesh;
@@ -83,11 +83,12 @@ std::string read_file(const std::string& file) {
 
 }  // namespace
 
-std::shared_ptr<const Surface> parse_surface(std::string_view bytes, const std::string& file_name,
-                                             const FileGeometry& geometry) {
-  const std::string ending = ending_of(file_name);
+std::shared_ptr<const FileSurface> parse_surface(std::string_view bytes,
+                                                 const std::string& file_name,
+                                                 const FileGeometry& geometry) {
+  const std::string extension = extension_of(file_name);
   if (geometry.kind == Kind::kPointCloud) {
-    if (ending != ".ply") refuse_ending(file_name, ".ply to be a point_cloud");
+    if (extension != ".ply") refuse_extension(file_name, ".ply to be a point_cloud");
     PointCloud cloud = parse_ply(bytes, file_name, geometry.stiffness_property);
     scale(cloud.points_m, geometry.unit_m, file_name);
     return std::make_shared<CloudSurface>(cloud);
@@ -99,22 +100,22 @@ std::shared_ptr<const Surface> parse_surface(std::string_view bytes, const std::
     return std::make_shared<TriangleSurface>(std::move(surface));
   }
   TriangleMesh mesh;
-  if (ending == ".obj") {
+  if (extension == ".obj") {
     mesh = parse_obj(bytes, file_name);
-  } else if (ending == ".stl") {
+  } else if (extension == ".stl") {
     mesh = parse_stl(bytes, file_name);
   } else {
-    refuse_ending(file_name, ".obj or .stl to be a triangle_surface");
+    refuse_extension(file_name, ".obj or .stl to be a triangle_surface");
   }
   scale(mesh.vertices_m, geometry.unit_m, file_name);
   return std::make_shared<TriangleSurface>(std::move(mesh));
 }
 
-std::shared_ptr<const Surface> load_surface(const FileGeometry& geometry) {
+std::shared_ptr<const FileSurface> load_surface(const FileGeometry& geometry) {
   using Key = std::tuple<std::string, std::uintmax_t, std::filesystem::file_time_type, Kind, double,
                          std::string>;
   static std::mutex mutex;
-  static std::map<Key, std::weak_ptr<const Surface>> loaded;
+  static std::map<Key, std::weak_ptr<const FileSurface>> loaded;
 
   std::error_code error;
   const Key key{geometry.file,
@@ -124,8 +125,8 @@ std::shared_ptr<const Surface> load_surface(const FileGeometry& geometry) {
                 geometry.unit_m,
                 geometry.stiffness_property};
   const std::scoped_lock lock(mutex);
-  if (std::shared_ptr<const Surface> known = loaded[key].lock()) return known;
-  std::shared_ptr<const Surface> surface =
+  if (std::shared_ptr<const FileSurface> known = loaded[key].lock()) return known;
+  std::shared_ptr<const FileSurface> surface =
       parse_surface(read_file(geometry.file), geometry.file, geometry);
   loaded[key] = surface;
   return surface;
@@ -137,55 +138,14 @@ TetrahedralMesh load_tetrahedral_mesh(const FileGeometry& geometry) {
 
 Shape to_shape(const Geometry& geometry) {
   return std::visit(
-      [](const auto& given) -> Shape {
+      [](const auto& given) {
         if constexpr (std::is_same_v<std::decay_t<decltype(given)>, FileGeometry>) {
-          return PlacedSurface{load_surface(given), given.position_m, given.rotation};
+          return Shape(PlacedSurface{load_surface(given), given.position_m, given.rotation});
         } else {
-          return given;
+          return Shape(given);
         }
       },
       geometry);
-}
-
-SurfaceView view(const PlacedSurface& placed, const Vector3& point_m, SurfaceHint& hint) noexcept {
-  const Matrix3 R = placed.rotation.toRotationMatrix();
-  SurfaceView seen = placed.surface->view(R.transpose() * (point_m - placed.position_m), hint);
-  seen.normal = R * seen.normal;
-  seen.curvature_per_m = R * seen.curvature_per_m * R.transpose();
-  return seen;
-}
-
-SurfaceView view(const Shape& shape, const Vector3& point_m, SurfaceHint& hint) noexcept {
-  return std::visit(
-      [&](const auto& given) {
-        if constexpr (std::is_same_v<std::decay_t<decltype(given)>, PlacedSurface>) {
-          return view(given, point_m, hint);
-        } else {
-          return view(given, point_m);
-        }
-      },
-      shape);
-}
-
-Bounds bounds_of(const PlacedSurface& placed) noexcept {
-  // the box round the turned box
-  const Bounds own = placed.surface->bounds();
-  const Matrix3 R = placed.rotation.toRotationMatrix();
-  const Vector3 center_m = placed.position_m + R * (0.5 * (own.lowest_m + own.highest_m));
-  const Vector3 half_m = R.cwiseAbs() * (0.5 * (own.highest_m - own.lowest_m));
-  return {center_m - half_m, center_m + half_m};
-}
-
-std::optional<Bounds> bounds_of(const Shape& shape) noexcept {
-  return std::visit(
-      [](const auto& given) -> std::optional<Bounds> {
-        if constexpr (std::is_same_v<std::decay_t<decltype(given)>, HalfSpaceGeometry>) {
-          return std::nullopt;
-        } else {
-          return bounds_of(given);
-        }
-      },
-      shape);
 }
 
 }  // namespace palpate::physics

@@ -19,7 +19,7 @@ void check(const TriangleMesh& mesh, const std::string& file_name) {
   if (!complaint.empty()) throw SetupError(file_name + ": " + complaint);
 }
 
-/// Vertex of a corner "7", "7/1", "7//3" or "-1"; from 0.
+/// Index, from 0, of the vertex of a corner "7", "7/1", "7//3" or "-1".
 std::uint32_t corner_index(std::string_view word, std::size_t vertices, const FileText& text,
                            int line) {
   const std::string_view number = word.substr(0, word.find('/'));
@@ -35,7 +35,7 @@ std::uint32_t corner_index(std::string_view word, std::size_t vertices, const Fi
   return static_cast<std::uint32_t>(index - 1);
 }
 
-/// Makes vertices at the same place one.
+/// A mesh in which corners with equal coordinates share a vertex.
 TriangleMesh merged(const std::vector<Vector3>& corners) {
   std::vector<std::uint32_t> order(corners.size());
   std::iota(order.begin(), order.end(), 0U);
@@ -159,7 +159,7 @@ TriangleMesh parse_stl(std::string_view bytes, const std::string& file_name) {
     if (is_binary && bytes.size() < kHeaderBytes + kTriangleBytes * std::size_t{count}) {
       throw SetupError(file_name + ": has " + std::to_string(bytes.size()) +
                        " bytes, too few for " + std::to_string(count) +
-                       " triangles; is the file whole?");
+                       " triangles; is the file complete?");
     }
   }
   TriangleMesh mesh =

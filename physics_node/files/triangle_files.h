@@ -8,13 +8,13 @@
 
 namespace palpate::physics {
 
-/// Lines `v` and `f` of Wavefront OBJ; polygons are cut into triangles from their first corner.
-/// Other lines (texture, normals, groups, materials) are passed over.
-/// @throws SetupError  as "file:line: what: rule", also for everything complaint_about() tells
+/// Lines `v` and `f` of Wavefront OBJ; polygons become fans of triangles around their first corner.
+/// Other lines (texture, normals, groups, materials) are ignored.
+/// @throws SetupError  as "file:line: what: rule", also for everything complaint_about() reports
 [[nodiscard]] TriangleMesh parse_obj(std::string_view bytes, const std::string& file_name);
 
-/// ASCII or binary STL; corners at the very same place become one. The normals written are not
-/// used: the order of the corners tells the outside.
+/// ASCII or binary STL; corners with equal coordinates become one vertex. The normals of the file
+/// are ignored: the order of the corners determines the outside.
 /// @throws SetupError  as parse_obj
 [[nodiscard]] TriangleMesh parse_stl(std::string_view bytes, const std::string& file_name);
 

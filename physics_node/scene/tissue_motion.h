@@ -4,8 +4,8 @@
 #include <cmath>
 #include <numbers>
 
-#include "common/session/scene_config.h"
 #include "common/core/vector.h"
+#include "common/session/scene_config.h"
 
 namespace palpate::physics {
 

@@ -16,8 +16,8 @@ namespace {
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 using Vector6 = Eigen::Matrix<double, 6, 1>;
 
-// A quadric has 6 unknowns; eight times as many points even out noise of a tenth of the spacing to
-// 1.5° of the normal (24 leave 3°, 64 leave 1.1° but see less detail).
+// A quadric has 6 unknowns; with eight times as many points, noise of a tenth of the spacing leaves
+// an error of the normal of 1.5° (24 points: 3°; 64 points: 1.1°, with less detail).
 constexpr std::size_t kFitNeighbors = 48;
 // The 12th neighbour of evenly spaced points is 2 spacings away, so the reach is 3 spacings and
 // some 25 quadrics overlap everywhere.
@@ -25,19 +25,20 @@ constexpr std::size_t kReachNeighbor = 12;
 constexpr double kReachRatio = 1.5;
 // Neighbours whose normal differs by more than 60° belong to another face or sheet.
 constexpr double kSameSheetCosine = 0.5;
-// Makes curvature 0 where too few points tell of it; 1e-4 of what a full neighbourhood tells.
+// Regularises the curvature to 0 where too few points determine it; relative to a full
+// neighbourhood.
 constexpr double kCurvatureRidge = 1e-4;
 constexpr double kSlopeRidge = 1e-8;
 constexpr std::size_t kNormalNeighbors = 24;
 constexpr std::size_t kOrientNeighbors = 16;
-// Within so many reaches the nearest point is exact, farther away to 1 %: from the middle of a
-// sphere all points are as far, and each would be looked at.
+// Within this many reaches the nearest point is exact, beyond to 1 %: from the centre of a sphere
+// all points are equally far, and an exact search would visit each.
 constexpr float kNearReaches = 16.0F;
 constexpr float kFarOvershoot = 0.01F;
 // Closer to the centre of curvature than a tenth of its radius the foot is ill-defined.
 constexpr double kLeastDenominator = 0.1;
 
-/// Two unit vectors that make a right-handed frame with the unit normal n.
+/// Two unit vectors that form a right-handed frame with the unit normal n.
 struct Tangents {
   explicit Tangents(const Vector3& n) {
     const int axis = std::abs(n.x()) < 0.6 ? 0 : 1;
@@ -48,7 +49,7 @@ struct Tangents {
   Vector3 second;
 };
 
-/// Calls work(begin, end) for parts of [0, count) on all processors.
+/// Calls work(begin, end) for parts of [0, count) in parallel on all processors.
 template <class Work>
 void share_out(std::size_t count, const Work& work) {
   constexpr std::size_t kWorthAThread = 10000;
@@ -68,7 +69,8 @@ Vector3 place_of(const Octree::Point& point) noexcept { return {point.x, point.y
 
 }  // namespace
 
-// --- making it ----------------------------------------------------------------------------------
+// --- construction
+// ----------------------------------------------------------------------------------
 
 CloudSurface::CloudSurface(const PointCloud& cloud) {
   const std::size_t count = cloud.points_m.size();
@@ -76,12 +78,8 @@ CloudSurface::CloudSurface(const PointCloud& cloud) {
   PALPATE_REQUIRE(cloud.normals.empty() || cloud.normals.size() == count);
   PALPATE_REQUIRE(cloud.stiffness_ratios.empty() || cloud.stiffness_ratios.size() == count);
 
-  bounds_ = {cloud.points_m[0], cloud.points_m[0]};
-  for (const Vector3& point_m : cloud.points_m) {
-    bounds_.lowest_m = bounds_.lowest_m.cwiseMin(point_m);
-    bounds_.highest_m = bounds_.highest_m.cwiseMax(point_m);
-  }
-  origin_m_ = 0.5 * (bounds_.lowest_m + bounds_.highest_m);
+  bounds_ = bounds_of(cloud.points_m);
+  origin_m_ = bounds_.center_m();
   {
     std::vector<Octree::Point> points;
     points.reserve(count);
@@ -117,10 +115,9 @@ CloudSurface::CloudSurface(const PointCloud& cloud) {
   });
   tree_.set_reaches(reaches);
 
-  // the surface may lie beside its points, and reaches over their border
+  // the surface may lie beside its points, and extends beyond their border
   const float longest = *std::max_element(reaches.begin(), reaches.end());
-  bounds_.lowest_m -= Vector3::Constant(longest);
-  bounds_.highest_m += Vector3::Constant(longest);
+  bounds_.grow(Vector3::Constant(longest));
   std::nth_element(reaches.begin(),
                    reaches.begin() + static_cast<std::ptrdiff_t>(reaches.size() / 2),
                    reaches.end());
@@ -158,8 +155,8 @@ std::vector<Vector3> CloudSurface::estimate_normals() const {
   return normals;
 }
 
-/// Along the edges between neighbours, those first over which normals agree best (a minimum
-/// spanning tree), each normal is turned to agree with the one before. Source: [Hoppe92] §3.3.
+/// Follows the edges between neighbours, those with the best agreement of normals first (a minimum
+/// spanning tree), and flips each normal to agree with the previous one. Source: [Hoppe92] §3.3.
 void CloudSurface::orient(std::vector<Vector3>& normals) const {
   const std::span<const Octree::Point> points = tree_.points();
   struct Edge {
@@ -199,7 +196,7 @@ void CloudSurface::orient(std::vector<Vector3>& normals) const {
   for (const std::uint32_t top : by_height) {
     if (is_done[top]) continue;
     if (normals[top].z() < 0.0) normals[top] = -normals[top];
-    // a clump whose points are nobody else's neighbours still has neighbours itself
+    // a cluster whose points are no other point's neighbours still has neighbours itself
     for (const Octree::Neighbor& neighbor : neighbors_of(top)) {
       if (!is_done[neighbor.point]) continue;
       agree(neighbor.point, top);
@@ -229,8 +226,8 @@ void CloudSurface::fit(std::uint32_t point, const std::vector<Vector3>& normals,
   reaches[point] = static_cast<float>(reach_m);
   const double L = 1.1 * distance(count - 1);  // length in which the fit is done
 
-  // z = c + b·(u, v) + ½ (a₁ u² + 2 a₂ u v + a₃ v²) over the tangent plane, twice: the second time
-  // over the plane that the first one found
+  // z = c + b·(u, v) + ½ (a₁ u² + 2 a₂ u v + a₃ v²) over the tangent plane, in two passes: the
+  // second over the plane that the first one found
   Vector3 n = normals[point];
   Vector6 x = Vector6::Zero();  // c b₁ b₂ a₁ a₂ a₃ for lengths in L
   for (int pass = 0; pass < 2; ++pass) {
@@ -277,7 +274,7 @@ void CloudSurface::fit(std::uint32_t point, const std::vector<Vector3>& normals,
   }
 }
 
-// --- asking it ----------------------------------------------------------------------------------
+// --- queries ----------------------------------------------------------------------------------
 
 Vector3 CloudSurface::normal(std::uint32_t point) const noexcept {
   const std::array<float, 3>& n = quadrics_[point].normal;
@@ -293,7 +290,7 @@ void CloudSurface::Blender::add(std::uint32_t point) noexcept {
   const double s = 1.0 - r.squaredNorm() * per_reach2;
   if (!(s > 0.0)) return;
 
-  // full weight up to a right angle with the side looked at, none beyond 120°
+  // full weight up to a right angle with the viewed side, none beyond 120°
   const Vector3 n(quadric.normal[0], quadric.normal[1], quadric.normal[2]);
   const double cosine = n.dot(side_);
   if (cosine <= -0.5) return;
@@ -321,7 +318,7 @@ void CloudSurface::Blender::add(std::uint32_t point) noexcept {
 
 CloudSurface::Blend CloudSurface::Blender::result() const noexcept {
   Blend blend;
-  // what lies at the very end of the last reach weighs nothing
+  // at the very end of the last reach the weight is rounding
   constexpr double kLeastWeight = 1e-9;
   if (weight_ < kLeastWeight) return blend;
   blend.weight = weight_;
@@ -348,7 +345,7 @@ CloudSurface::Step CloudSurface::step_towards_foot(const Blend& blend,
   const double along_normal = n.dot(from_place_m);
   const double d = along_normal + height;
 
-  // principal curvatures of the surface, no tighter than the points can tell
+  // principal curvatures of the surface, limited to what the points can resolve
   const Tangents t(n);
   const Vector3 Ht1 = blend.curvature_per_m * t.first / slope;
   const double a = t.first.dot(Ht1);
@@ -376,7 +373,7 @@ CloudSurface::Step CloudSurface::step_towards_foot(const Blend& blend,
     step.tangent_m += u[i] * u[i];
   }
   step.tangent_m = std::sqrt(step.tangent_m);
-  // no farther than the blend tells of
+  // no farther than the blend is valid
   if (step.tangent_m > blend.reach_m) {
     for (double& part : u) part *= blend.reach_m / step.tangent_m;
   }
@@ -395,7 +392,7 @@ CloudSurface::Step CloudSurface::step_towards_foot(const Blend& blend,
     const Vector3 tangent = e[i] - e[i].dot(step.normal) * step.normal;
     const double denominator = std::max(1.0 + step.distance_m * kappa[i], kLeastDenominator);
     step.curvature_per_m += kappa[i] / denominator * tangent * tangent.transpose();
-    // the foot goes 1 / denominator as far as the tool
+    // the foot moves 1 / denominator as far as the tool
     step.trust_radius_m = std::min(step.trust_radius_m, blend.reach_m * denominator);
     if (kappa[i] != 0.0) {
       step.trust_radius_m = std::min(step.trust_radius_m, denominator / std::abs(kappa[i]));
@@ -411,7 +408,7 @@ SurfaceView CloudSurface::view(const Vector3& point_m, SurfaceHint& hint) const 
     std::array<Octree::Neighbor, 1> found;
     Octree::Hint leaf{hint.cell};
     if (tree_.nearest(center, found, leaf, near_m_) == 0) {
-      // far away a hint would change which of the roughly nearest is found
+      // far away a hint would change which of the approximately nearest points is found
       leaf.leaf = 0;
       const std::size_t count =
           tree_.nearest(center, found, leaf, std::numeric_limits<float>::max(), kFarOvershoot);

@@ -4,23 +4,22 @@
 //
 //   gᵢ(x) = nᵢ·r + ½ r·Hᵢ r − cᵢ,   r = x − pᵢ
 //
-// and a reach ρᵢ of about 3 times the spacing of the points round it. The surface is where the
+// and a reach ρᵢ of about 3 times the spacing of the points around it. The surface is where the
 // blend of the quadrics that reach x is zero:
 //
 //   f(x) = Σ wᵢ gᵢ / Σ wᵢ,   wᵢ = (1 − |r|²/ρᵢ²)³ inside the reach
 //
-// It is twice continuously differentiable, does not run through the points but through the middle
-// of their noise, and a plane or a sphere comes out as one. Fitting is done once; a query only
-// blends.
+// It is twice continuously differentiable. It runs not through the points but through the mean of
+// their noise, and reproduces planes and spheres. Fitting is done once; a query only blends.
 //
-// What it cannot see:
+// Limits:
 //  - thin sheets: where normals differ by more than 90° quadrics are blended less, beyond 120° not
-//    at all, so the two sides of a sheet stay apart however thin it is. The side seen is that of
-//    the nearest point: it changes half-way through the sheet, and the normal with it. Normals that
-//    the file does not give cannot be told apart where the sheet is thinner than the spacing.
-//  - holes: a gap as wide as the reach is bridged by its rim. In a wider one, and beyond the border
+//    at all, so the two sides of a sheet stay separate however thin it is. A view shows the side of
+//    the nearest point: it changes half-way through the sheet, and the normal with it. Where the
+//    sheet is thinner than the spacing, estimated normals cannot separate the two sides.
+//  - holes: a gap as wide as the reach is bridged by its rim. In a wider gap, and beyond the border
 //    of an open cloud, the surface ends one reach from the last point; a point over the gap is
-//    outside, seen from that border.
+//    outside, and sees that border.
 //  - edges are rounded to about the reach; curvature is limited to 1/reach.
 #pragma once
 
@@ -31,42 +30,38 @@
 #include <vector>
 
 #include "common/core/vector.h"
+#include "physics_node/surfaces/file_surface.h"
 #include "physics_node/surfaces/octree.h"
-#include "physics_node/contact/surface.h"
 
 namespace palpate::physics {
 
-/// Points of a surface as a file gives them.
+/// Points of a surface, as in a file.
 struct PointCloud {
   std::vector<Vector3> points_m;
   std::vector<Vector3> normals;          ///< out of the tissue, any length but 0; or empty
   std::vector<double> stiffness_ratios;  ///< factor on the material's stiffness, ≥ 0; or empty
 };
 
-class CloudSurface final : public Surface {
+class CloudSurface final : public FileSurface {
  public:
-  /// Fewer points have no surface.
+  /// Fewer points define no surface.
   static constexpr std::size_t kMinPoints = 10;
 
-  /// Normals that are missing are estimated from the neighbours and oriented so that they agree
-  /// with each other; the highest point (z) of each connected part looks up, which is out of the
-  /// tissue if the part is closed.
+  /// Missing normals are estimated from the neighbours and oriented consistently; the highest point
+  /// (z) of each connected part faces up, which is out of the tissue if the part is closed.
   /// @param cloud  everything finite, ≥ kMinPoints
   explicit CloudSurface(const PointCloud& cloud);
 
-  /// The distance is that to the foot of the perpendicular on the surface, normal and curvature are
-  /// those of the distance; the curvature is the mean of the quadrics', which is smoother than the
-  /// second derivative of f where the points are noisy.
+  /// The distance is that to the foot of the perpendicular on the surface; normal and curvature are
+  /// derivatives of the distance. The curvature is the mean of the quadrics' curvatures, which is
+  /// smoother than the second derivative of f where the points are noisy.
   ///
-  /// Trusted while the foot stays within the reach of the quadrics that were blended, and up to the
-  /// centre of curvature; a sheet's other side, nearer than that, is not foreseen.
+  /// The trust radius covers the points whose foot stays within the reach of the blended quadrics,
+  /// up to the centre of curvature. It does not account for the other side of a thin sheet.
   [[nodiscard]] SurfaceView view(const Vector3& point_m, SurfaceHint& hint) const noexcept override;
   using Surface::view;
 
   [[nodiscard]] Bounds bounds() const noexcept override { return bounds_; }
-  /// The surface in the cells of a grid about as fine as the points, coarser if these are more than
-  /// about 10 000; each vertex lies on it. What is thinner than a cell shows holes.
-  [[nodiscard]] SurfaceMesh display_mesh() const override;
   [[nodiscard]] std::size_t bytes() const noexcept override;
 
   /// The octree, in coordinates relative to origin_m().
@@ -84,10 +79,10 @@ class CloudSurface final : public Surface {
     double stiffness_ratio = 1.0;
     double weight = 0.0;  ///< Σ wᵢ; 0: nothing reaches this place
   };
-  /// Adds up one point after the other, so that any search can feed it.
+  /// Accumulates the blend point by point, so that any search can supply the points.
   class Blender {
    public:
-    /// @param place_m  relative to origin_m()        @param side  unit normal of the side looked at
+    /// @param place_m  relative to origin_m()        @param side  unit normal of the viewed side
     Blender(const CloudSurface& surface, const Vector3& place_m, const Vector3& side) noexcept
         : surface_(surface), place_m_(place_m), side_(side) {}
     void add(std::uint32_t point) noexcept;
@@ -107,15 +102,15 @@ class CloudSurface final : public Surface {
     Matrix3 curvature_ = Matrix3::Zero();
   };
 
-  /// view() over any search: `nearest(place)` gives a point of the tree or kNoPoint, and
-  /// `gather(place, visit)` calls visit(point) for at least those that reach the place.
+  /// view() with any search: `nearest(place)` returns a point of the tree or kNoPoint, and
+  /// `gather(place, visit)` calls visit(point) for at least the points that reach the place.
   template <class Nearest, class Gather>
   [[nodiscard]] SurfaceView view_with(const Vector3& point_m, const Nearest& nearest,
                                       const Gather& gather) const noexcept;
   static constexpr std::uint32_t kNoPoint = 0xffffffff;
 
  private:
-  // 40 bytes of each point beside the 16 of the octree
+  // 40 bytes per point, in addition to the 16 of the octree
   struct Quadric {
     std::array<float, 3> normal{};
     float offset = 0.0F;
@@ -127,7 +122,7 @@ class CloudSurface final : public Surface {
     Vector3 normal = Vector3::Zero();
     Matrix3 curvature_per_m = Matrix3::Zero();
     Vector3 to_foot_m = Vector3::Zero();  // from the place of the blend
-    double tangent_m = 0.0;               // how far that is along the surface
+    double tangent_m = 0.0;               // length of that along the surface
   };
   static Step step_towards_foot(const Blend& blend, const Vector3& from_place_m) noexcept;
 
@@ -142,18 +137,17 @@ class CloudSurface final : public Surface {
   Octree tree_;
   std::vector<Quadric> quadrics_;
   std::vector<float> stiffness_ratios_;  // empty: all 1
-  float near_m_ = 0.0F;                  // farther away the nearest point need not be exact
+  float near_m_ = 0.0F;                  // beyond, the nearest point may be approximate
 };
 
 template <class Nearest, class Gather>
 SurfaceView CloudSurface::view_with(const Vector3& point_m, const Nearest& nearest,
                                     const Gather& gather) const noexcept {
-  // Each step takes the tool's place closer to the foot of its perpendicular; two or three are
-  // enough but far away, where the nearest point is only roughly known.
+  // Each step moves the place closer to the foot of the tool's perpendicular. Two or three suffice,
+  // except far away, where the nearest point is only approximate.
   constexpr int kMaxSteps = 12;
-  constexpr double kCloseEnough = 0.01;  // of the reach; the last step is of second order
-  // a tenth of the way to the border the distance differs from a plane's by at most half of a
-  // hundredth of it
+  constexpr double kCloseEnough = 0.01;  // of the reach; the error of the last step is its square
+  // a tenth of the way to the border the distance differs from a plane's by at most 0.5 %
   constexpr double kBorderTrustRatio = 0.1;
 
   SurfaceView view;
@@ -165,8 +159,8 @@ SurfaceView CloudSurface::view_with(const Vector3& point_m, const Nearest& neare
   const Octree::Point& first = tree_.points()[start];
   const Vector3 side = normal(start);
   Vector3 place_m(first.x, first.y, first.z);
-  Vector3 supported_m = place_m;  // last place that a point reached
-  bool has_left = false;          // the points' reach
+  Vector3 supported_m = place_m;  // last place within the reach of a point
+  bool has_left = false;          // some place was outside the reach of all points
   for (int i = 0; i < kMaxSteps; ++i) {
     Blender blender(*this, place_m, side);
     gather(place_m, [&](std::uint32_t point) { blender.add(point); });
@@ -186,7 +180,7 @@ SurfaceView CloudSurface::view_with(const Vector3& point_m, const Nearest& neare
     if (step.tangent_m < kCloseEnough * blend.reach_m) return view;
     place_m += step.to_foot_m;
   }
-  // the foot lies beyond the border: what is seen is the border itself, from outside
+  // the foot lies beyond the border: the view is that of the border, from outside
   if (has_left) {
     const Vector3 from_border = tool_m - supported_m;
     view.distance_m = from_border.norm();

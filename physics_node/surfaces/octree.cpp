@@ -9,10 +9,10 @@
 namespace palpate::physics {
 namespace {
 
-// Points of a leaf: fewer make more nodes to step through, more make more points to reject.
+// Points per leaf: fewer make more nodes to traverse, more make more points to reject.
 constexpr std::size_t kLeafPoints = 12;
 
-/// The lowest 21 bits of `x`, two zeros between each.
+/// The lowest 21 bits of `x`, each followed by two zeros.
 std::uint64_t spread(std::uint64_t x) noexcept {
   x &= 0x1fffff;
   x = (x | x << 32) & 0x1f00000000ffff;
@@ -23,7 +23,7 @@ std::uint64_t spread(std::uint64_t x) noexcept {
   return x;
 }
 
-/// Of the points in the order of `found`; equally far ones by index.
+/// The order of `found`: by distance, equally far points by index.
 bool is_before(const Octree::Neighbor& a, const Octree::Neighbor& b) noexcept {
   return a.squared_distance != b.squared_distance ? a.squared_distance < b.squared_distance
                                                   : a.point < b.point;
@@ -35,7 +35,7 @@ Octree::Octree(std::span<const Point> points) {
   PALPATE_REQUIRE(points.size() <= std::size_t{1} << 31);
   if (points.empty()) return;
 
-  // the cube round all, in 2²¹ steps along each edge
+  // the cube around all points, in 2²¹ steps along each edge
   Eigen::Array3f lowest(points[0].x, points[0].y, points[0].z);
   Eigen::Array3f highest = lowest;
   for (const Point& point : points) {
@@ -82,7 +82,7 @@ void Octree::build(std::uint32_t node, std::span<const Keyed> keyed, std::uint32
     nodes_[node].count = static_cast<std::uint32_t>(keyed.size());
     return;
   }
-  // the codes differ, as no two are equal: the level at which they first do
+  // the highest level at which the codes differ; no two are equal
   const int highest_bit =
       static_cast<int>(std::bit_width(keyed.front().code ^ keyed.back().code)) - 1;
   const int shift = highest_bit / 3 * 3;
@@ -108,7 +108,7 @@ void Octree::build(std::uint32_t node, std::span<const Keyed> keyed, std::uint32
 }
 
 void Octree::fit_boxes() noexcept {
-  // children stand after their parent, so from the back every child is fit before it is needed
+  // children follow their parent, so in reverse order every child is fitted before it is needed
   for (std::size_t i = nodes_.size(); i-- > 0;) {
     Node& node = nodes_[i];
     node.lowest.fill(std::numeric_limits<float>::max());
@@ -142,7 +142,7 @@ std::size_t Octree::nearest(const Eigen::Vector3f& center, std::span<Neighbor> f
                             float within, float overshoot_ratio) const noexcept {
   if (nodes_.empty() || found.empty()) return 0;
   std::size_t count = 0;
-  // finite, so that nothing is as near as a place that is not
+  // finite, so that a query from a place that is not finite finds nothing
   float worst =
       std::min(within * within,
                std::numeric_limits<float>::max());  // squared distance a point must not exceed
@@ -164,12 +164,12 @@ std::size_t Octree::nearest(const Eigen::Vector3f& center, std::span<Neighbor> f
     }
   };
 
-  // the last leaf first: what it gives bounds the rest
+  // the last leaf first: its points bound the search
   const bool has_hint = hint.leaf < nodes_.size() && nodes_[hint.leaf].count > 0;
   const std::uint32_t done = has_hint ? hint.leaf : std::numeric_limits<std::uint32_t>::max();
   if (has_hint) scan(hint.leaf);
 
-  // nearest child first; the others wait, the nearest of them on top
+  // the nearest child first; the others wait, nearest on top
   struct Waiting {
     float squared_distance;
     std::uint32_t node;

@@ -1,4 +1,4 @@
-// octree.h — points in space, sorted so that what is near lies near in memory too.
+// octree.h — nearest points of a cloud; near points are near in memory.
 #pragma once
 
 #include <Eigen/Core>
@@ -11,15 +11,15 @@
 
 namespace palpate::physics {
 
-/// An octree over points that does not change once it is built. Points stand in the order of their
-/// Morton code, nodes in one array with siblings side by side, each with the smallest box round its
-/// points; levels at which nothing branches are left out.
+/// An immutable octree over points. Points are in the order of their Morton code, nodes in one
+/// array with siblings side by side, each with the smallest box around its points; levels without a
+/// branch are omitted.
 ///
-/// Coordinates are float: give them relative to the middle of the cloud. Queries neither allocate
-/// nor lock nor throw, and many threads may ask at once.
+/// Coordinates are float, relative to the middle of the cloud. Queries neither allocate nor lock
+/// nor throw, and are thread-safe.
 class Octree {
  public:
-  /// `reach` is the radius of the ball in which a point is felt (visit_reaching); 0: nowhere.
+  /// `reach` is the radius of the ball in which visit_reaching() finds the point; 0: nowhere.
   struct Point {
     float x = 0.0F;
     float y = 0.0F;
@@ -30,11 +30,11 @@ class Octree {
     float squared_distance = 0.0F;
     std::uint32_t point = 0;  ///< index into points()
   };
-  /// Where the last query of one caller ended: the next one looks there first. It changes the time
-  /// a query takes, never its result.
+  /// Where the last query of one caller ended: the next one starts there. It changes the time of an
+  /// exact query, never its result.
   struct Hint {
     std::uint32_t leaf = 0;
-    std::uint32_t cells_visited = 0;  ///< by its queries so far
+    std::uint32_t cells_visited = 0;  ///< by the caller's queries so far
   };
 
   Octree() = default;
@@ -44,20 +44,21 @@ class Octree {
   explicit Octree(std::span<const Point> points);
 
   [[nodiscard]] std::span<const Point> points() const noexcept { return points_; }
-  /// order()[i] is the place that points()[i] had in the constructor's list.
+  /// order()[i] is the index of points()[i] in the constructor's list.
   [[nodiscard]] std::span<const std::uint32_t> order() const noexcept { return order_; }
-  /// Frees order(), which only the one who builds on the octree needs.
+  /// Frees order(), which is needed only during construction of what uses the octree.
   void forget_order() noexcept { std::vector<std::uint32_t>().swap(order_); }
 
   /// @param reaches  one of each point, in the order of points()
   void set_reaches(std::span<const float> reaches) noexcept;
 
-  /// The `found.size()` nearest points no farther than `within`, nearest first, of equally far ones
-  /// the lower index first.
+  /// Finds the `found.size()` nearest points no farther than `within`, nearest first; equally far
+  /// ones by index.
   ///
-  /// @param overshoot_ratio  ≥ 0: how much farther than the true ones those found may be. Above 0 a
-  ///     query that is as far from many points costs less, and the result may depend on the hint.
-  /// @return how many were found
+  /// @param overshoot_ratio  ≥ 0: how much farther than the nearest points the result may be. Above
+  ///     0 a query that is almost equally far from many points is faster, and the result may depend
+  ///     on the hint.
+  /// @return number of points found
   std::size_t nearest(const Eigen::Vector3f& center, std::span<Neighbor> found, Hint& hint,
                       float within = std::numeric_limits<float>::max(),
                       float overshoot_ratio = 0.0F) const noexcept;
@@ -72,8 +73,8 @@ class Octree {
         [=](const Point&) { return squared_radius; }, visit);
   }
 
-  /// Calls `visit(index, squared_distance)` for every point whose reach goes as far as `center`.
-  /// @return how many cells were visited
+  /// Calls `visit(index, squared_distance)` for every point whose reach includes `center`.
+  /// @return number of cells visited
   template <class Visit>
   std::uint32_t visit_reaching(const Eigen::Vector3f& center, const Visit& visit) const noexcept {
     return visit_if(
@@ -89,7 +90,7 @@ class Octree {
 
  private:
   static constexpr int kLevels = 21;  // of 3 bits in a 64-bit code
-  // a node in hand leaves at most 7 siblings on the stack at each level
+  // at each level at most 7 siblings wait on the stack
   static constexpr std::size_t kStackSize = 7 * kLevels + 8;
 
   struct Node {

@@ -14,15 +14,15 @@ namespace {
 constexpr std::size_t kLeafTriangles = 4;
 // Below this length a direction is rounding, not geometry [m].
 constexpr double kShortestDirection = 1e-12;
-// How far what is described may be from the facets, and the least angle that counts.
+// Largest distance of the description from the facets, and the least angle that counts.
 constexpr double kTrustedError = 1e-4;
 constexpr double kLeastSine = 1e-9;
-// A triangle flatter than this is none: height over longest edge.
+// A triangle flatter than this has no area: height over longest edge.
 constexpr double kThinnestTriangle = 1e-7;
 
 using Edge = std::pair<std::uint32_t, std::uint32_t>;
 
-/// An edge as the triangle runs through it, and the triangle.
+/// An edge in the direction in which a triangle traverses it, and the triangle.
 struct DirectedEdge {
   Edge sorted;
   bool is_upwards = false;  // from the lower vertex to the higher one
@@ -76,7 +76,7 @@ std::string complaint_about(const TriangleMesh& mesh) {
     const double longest2 = std::max({ab.squaredNorm(), ac.squaredNorm(), (ac - ab).squaredNorm()});
     if (!(ab.cross(ac).norm() > kThinnestTriangle * longest2)) {
       return "triangle " + std::to_string(t + 1) +
-             ": its corners lie on a line; take it out or repair the mesh";
+             ": its corners lie on a line; remove it or repair the mesh";
     }
   }
 
@@ -105,16 +105,19 @@ TriangleSurface::TriangleSurface(TriangleMesh mesh) : mesh_(std::move(mesh)) {
   PALPATE_REQUIRE(!mesh_.triangles.empty());
 
   // neighbours in space become neighbours in memory
-  std::vector<std::uint32_t> order(mesh_.triangles.size());
-  std::iota(order.begin(), order.end(), 0U);
-  nodes_.reserve(order.size());
-  build(order, 0, order.size());
-  {
-    std::vector<std::array<std::uint32_t, 3>> triangles;
-    triangles.reserve(order.size());
-    for (const std::uint32_t t : order) triangles.push_back(mesh_.triangles[t]);
-    mesh_.triangles = std::move(triangles);
+  std::vector<BoxTree::Item> items(mesh_.triangles.size());
+  for (std::uint32_t t = 0; t < items.size(); ++t) {
+    const auto& [a, b, c] = mesh_.triangles[t];
+    const std::array<Vector3, 3> corners{mesh_.vertices_m[a], mesh_.vertices_m[b],
+                                         mesh_.vertices_m[c]};
+    items[t] = {bounds_of(corners), corners[0] + corners[1] + corners[2], t};
   }
+  tree_ = BoxTree(std::move(items), kLeafTriangles);
+  std::vector<std::array<std::uint32_t, 3>> triangles;
+  triangles.reserve(mesh_.triangles.size());
+  for (const std::uint32_t t : tree_.order()) triangles.push_back(mesh_.triangles[t]);
+  mesh_.triangles = std::move(triangles);
+  tree_.forget_order();
 
   // normals of faces; of corners, weighted by the face's angle there; of edges
   vertex_normals_.assign(mesh_.vertices_m.size(), Vector3::Zero());
@@ -140,44 +143,6 @@ TriangleSurface::TriangleSurface(TriangleMesh mesh) : mesh_(std::move(mesh)) {
       edge_normals_[edges[i].triangle][edges[i].side] = sum;
     }
   });
-}
-
-void TriangleSurface::build(std::vector<std::uint32_t>& order, std::size_t first,
-                            std::size_t last) {
-  Node node;
-  node.lowest_m.setConstant(std::numeric_limits<double>::max());
-  node.highest_m = -node.lowest_m;
-  for (std::size_t i = first; i < last; ++i) {
-    for (const std::uint32_t vertex : mesh_.triangles[order[i]]) {
-      node.lowest_m = node.lowest_m.cwiseMin(mesh_.vertices_m[vertex]);
-      node.highest_m = node.highest_m.cwiseMax(mesh_.vertices_m[vertex]);
-    }
-  }
-  const std::size_t here = nodes_.size();
-  if (last - first <= kLeafTriangles) {
-    node.first = static_cast<std::uint32_t>(first);
-    node.count = static_cast<std::uint32_t>(last - first);
-    nodes_.push_back(node);
-    return;
-  }
-  nodes_.push_back(node);
-
-  // two halves along the longest axis
-  int axis = 0;
-  (node.highest_m - node.lowest_m).maxCoeff(&axis);
-  const std::size_t middle = first + (last - first) / 2;
-  const auto at = [&](std::size_t i) { return order.begin() + static_cast<std::ptrdiff_t>(i); };
-  const auto center = [&](std::uint32_t t) {
-    double sum = 0.0;
-    for (const std::uint32_t vertex : mesh_.triangles[t]) sum += mesh_.vertices_m[vertex][axis];
-    return sum;
-  };
-  std::nth_element(at(first), at(middle), at(last), [&](std::uint32_t a, std::uint32_t b) {
-    return center(a) != center(b) ? center(a) < center(b) : a < b;
-  });
-  build(order, first, middle);
-  nodes_[here].first = static_cast<std::uint32_t>(nodes_.size());
-  build(order, middle, last);
 }
 
 // The regions of a triangle seen from a point: [Ericson05] §5.1.5.
@@ -232,8 +197,9 @@ TriangleSurface::Foot TriangleSurface::foot_on(std::uint32_t triangle,
   return foot;
 }
 
-// Going t past an edge, the neighbour at the angle θ is t sin θ away from the facet's plane. What
-// is round with the radius d, an edge or a corner, is t²/2d away from the plane that may follow.
+// At t past an edge, a neighbour at the angle θ is t sin θ away from the facet's plane. An edge or
+// a corner seen at the distance d is round with the radius d: t²/2d away from the plane that may
+// follow.
 double TriangleSurface::trust_radius_m(const Foot& foot, const Vector3& point_m) const noexcept {
   const auto& triangle = mesh_.triangles[foot.triangle];
   const Vector3& n = face_normals_[foot.triangle];
@@ -260,7 +226,8 @@ double TriangleSurface::trust_radius_m(const Foot& foot, const Vector3& point_m)
     const double to_edge_m = std::abs(inwards.dot(foot.point_m - corner(i)));
     to_nearest_edge_m = std::min(to_nearest_edge_m, to_edge_m);
 
-    // the neighbour is the nearer one from the edge on, in the narrower angle from its half on
+    // the neighbour becomes the nearer facet at the edge, and on the concave side at the plane that
+    // halves the angle
     const Vector3& sum = edge_normals_[foot.triangle][i];
     const Vector3 neighbor = sum - n;
     const double sine = n.dot(neighbor) > 0.0 ? n.cross(neighbor).norm() : 1.0;
@@ -280,7 +247,7 @@ SurfaceView TriangleSurface::view(const Vector3& point_m, SurfaceHint& hint) con
   SurfaceView view;
   view.distance_m = std::numeric_limits<double>::infinity();
 
-  // the last triangle bounds the search; of equally near ones the first is taken, whatever the hint
+  // the hinted triangle bounds the search; of equally near ones the first counts, whatever the hint
   Foot best;
   best.squared_distance = std::numeric_limits<double>::max();
   const auto offer = [&](std::uint32_t triangle) {
@@ -289,34 +256,10 @@ SurfaceView TriangleSurface::view(const Vector3& point_m, SurfaceHint& hint) con
         (foot.squared_distance == best.squared_distance && triangle < best.triangle)) {
       best = foot;
     }
+    return best.squared_distance;
   };
   if (hint.cell < mesh_.triangles.size()) offer(hint.cell);
-
-  const auto squared_distance = [&](const Node& node) {
-    return (node.lowest_m - point_m).cwiseMax(point_m - node.highest_m).cwiseMax(0.0).squaredNorm();
-  };
-  struct Waiting {
-    double squared_distance;
-    std::uint32_t node;
-  };
-  // halves of halves: 32 levels hold 2³² triangles, and each leaves one sibling waiting
-  std::array<Waiting, 40> stack;
-  std::size_t size = 0;
-  stack[size++] = {squared_distance(nodes_[0]), 0};
-  while (size > 0) {
-    const Waiting here = stack[--size];
-    if (!(here.squared_distance <= best.squared_distance)) continue;
-    const Node& node = nodes_[here.node];
-    if (node.count > 0) {
-      for (std::uint32_t t = node.first; t < node.first + node.count; ++t) offer(t);
-      continue;
-    }
-    Waiting near{squared_distance(nodes_[here.node + 1]), here.node + 1};
-    Waiting far{squared_distance(nodes_[node.first]), node.first};
-    if (far.squared_distance < near.squared_distance) std::swap(near, far);
-    stack[size++] = far;
-    stack[size++] = near;
-  }
+  tree_.visit_nearest(point_m, best.squared_distance, offer);
   if (!(best.squared_distance < std::numeric_limits<double>::max())) return view;
   hint.cell = best.triangle;
 
@@ -341,7 +284,7 @@ SurfaceView TriangleSurface::view(const Vector3& point_m, SurfaceHint& hint) con
     view.normal = side;
     return view;
   }
-  // a corner is seen like a sphere, an edge like a cylinder
+  // a corner is curved like a sphere, an edge like a cylinder
   view.normal = sign / distance_m * from_foot;
   view.curvature_per_m = Matrix3::Identity() - view.normal * view.normal.transpose();
   if (best.edge >= 0) {
@@ -355,16 +298,12 @@ SurfaceView TriangleSurface::view(const Vector3& point_m, SurfaceHint& hint) con
   return view;
 }
 
-Bounds TriangleSurface::bounds() const noexcept {
-  return {nodes_[0].lowest_m, nodes_[0].highest_m};
-}
-
 std::size_t TriangleSurface::bytes() const noexcept {
   return mesh_.vertices_m.capacity() * sizeof(Vector3) +
          mesh_.triangles.capacity() * sizeof(mesh_.triangles[0]) +
          face_normals_.capacity() * sizeof(Vector3) +
          edge_normals_.capacity() * sizeof(edge_normals_[0]) +
-         vertex_normals_.capacity() * sizeof(Vector3) + nodes_.capacity() * sizeof(Node);
+         vertex_normals_.capacity() * sizeof(Vector3) + tree_.bytes();
 }
 
 }  // namespace palpate::physics

@@ -1,28 +1,24 @@
 // contact_bench: run time against error of contact with point clouds, beside the k-d trees of
 // nanoflann and CGAL where they are installed.
 //
-// Errors are those of the view from places up to 3 mm below the surface of shapes whose distance
-// has a closed form; the force's is in percent of the force at 3 mm, at any stiffness. Whole steps,
-// and what they skip: idle and sleeping tissue, the proxy, the shaft, viewers. Times are of single
-// calls, on the clock of the machine.
+// Errors are those of views from places up to 3 mm below the surface of shapes whose distance has a
+// closed form; the error of the force is in percent of the force at 3 mm, at any stiffness. Whole
+// steps, and what they skip: contact_steps.cpp. Times are of single calls, on the machine's clock.
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <array>
-#include <chrono>
-#include <cstdio>
+#include <cmath>
+#include <cstdint>
 #include <filesystem>
-#include <fstream>
-#include <limits>
-#include <memory>
+#include <numbers>
 #include <string>
 #include <vector>
 
 #include "common/core/check.h"
 #include "common/core/random.h"
 #include "physics_node/surfaces/cloud_surface.h"
-#include "physics_node/files/ply.h"
-#include "physics_node/scene/scene.h"
-#include "physics_node/display/scene_display.h"
 #include "tests/bench/bench_output.h"
+#include "tests/bench/contact_rows.h"
 #include "tests/support/sampled_clouds.h"
 
 #ifdef PALPATE_HAS_NANOFLANN
@@ -37,87 +33,22 @@
 namespace {
 
 using namespace palpate;
+using bench::BenchClock;
 using bench::BenchOptions;
+using bench::Row;
+using bench::seconds_since;
+using bench::sink;
 using bench::Table;
+using bench::time_each;
 using physics::CloudSurface;
 using physics::Octree;
 using physics::SurfaceHint;
 using physics::SurfaceView;
 using test::Sampling;
 using test::Shape;
-using SteadyClock = std::chrono::steady_clock;
 
 constexpr std::size_t kNeighbors = 20;
 constexpr double kRadius_m = 0.05;
-
-double seconds_since(SteadyClock::time_point start) {
-  return std::chrono::duration<double>(SteadyClock::now() - start).count();
-}
-
-struct Times {
-  double median_us = kNaN;
-  double p99_us = kNaN;
-};
-
-/// Of single calls work(i).
-template <class Work>
-Times time_each(std::size_t calls, const Work& work) {
-  std::vector<double> seconds(calls);
-  for (std::size_t i = 0; i < calls; ++i) {
-    const SteadyClock::time_point start = SteadyClock::now();
-    work(i);
-    seconds[i] = seconds_since(start);
-  }
-  std::sort(seconds.begin(), seconds.end());
-  return {1e6 * seconds[calls / 2], 1e6 * seconds[calls * 99 / 100]};
-}
-
-// So that no result is computed for nothing.
-volatile double sink = 0.0;
-
-// --- the tables ---------------------------------------------------------------------------------
-
-Table make_table() {
-  return Table({{"group", "group", ""},
-                {"case", "case", ""},
-                {"method", "method", ""},
-                {"points", "points", "{:.0f}"},
-                {"spacing_m", "spacing m", "{:.2e}"},
-                {"noise_m", "noise m", "{:.1e}"},
-                {"force_error_rms_percent", "force rms %", "{:.3f}"},
-                {"force_error_max_percent", "max %", "{:.2f}"},
-                {"normal_error_rms_deg", "normal °", "{:.3f}"},
-                {"curvature_error_rms_ratio", "curv.", "{:.3f}"},
-                {"median_us", "median µs", "{:.2f}"},
-                {"p99_us", "p99 µs", "{:.2f}"},
-                {"build_s", "build s", "{:.3f}"},
-                {"bytes_per_point", "B/point", "{:.1f}"},
-                {"wrong_neighbors", "wrong", "{:.0f}"}});
-}
-
-/// A row of the table; what is not given is empty.
-struct Row {
-  std::string group;
-  std::string name;
-  std::string method;
-  double points = kNaN;
-  double spacing_m = kNaN;
-  double noise_m = kNaN;
-  double force_rms_percent = kNaN;
-  double force_max_percent = kNaN;
-  double normal_rms_deg = kNaN;
-  double curvature_rms_ratio = kNaN;
-  Times times{};
-  double build_s = kNaN;
-  double bytes_per_point = kNaN;
-  double wrong_neighbors = kNaN;
-
-  void add_to(Table& table) const {
-    table.add({group, name, method, points, spacing_m, noise_m, force_rms_percent,
-               force_max_percent, normal_rms_deg, curvature_rms_ratio, times.median_us,
-               times.p99_us, build_s, bytes_per_point, wrong_neighbors});
-  }
-};
 
 // --- time against error -------------------------------------------------------------------------
 
@@ -135,7 +66,7 @@ void measure_errors(const BenchOptions& options, Table& table) {
           Random random(1);
           const auto cloud =
               test::sampled(shape, spacing_m, noise_m, has_normals, Sampling::kRandom, random);
-          const SteadyClock::time_point start = SteadyClock::now();
+          const BenchClock::time_point start = BenchClock::now();
           const CloudSurface surface(cloud);
           Row row{.group = "error",
                   .name = shape.name,
@@ -202,7 +133,7 @@ using NanoflannTree =
                                         NanoflannCloud, 3, std::uint32_t>;
 #endif
 
-/// The distance of the `kNeighbors`-th nearest, by looking at all.
+/// The squared distance of the `kNeighbors`-th nearest point, by brute force.
 float true_kth_squared(const std::vector<Octree::Point>& points, const Eigen::Vector3f& center) {
   std::vector<float> squared;
   squared.reserve(points.size());
@@ -216,7 +147,7 @@ float true_kth_squared(const std::vector<Octree::Point>& points, const Eigen::Ve
   return squared[kNeighbors - 1];
 }
 
-/// Cold 20 nearest neighbours of random places near a sphere of random points.
+/// The 20 nearest neighbours, without a hint, of random places near a sphere of random points.
 void measure_neighbors(const BenchOptions& options, Table& table) {
   const std::size_t most = options.is_quick ? 1'000'000 : 10'000'000;
   for (std::size_t count = 1000; count <= most; count *= 10) {
@@ -235,7 +166,7 @@ void measure_neighbors(const BenchOptions& options, Table& table) {
     constexpr std::size_t kChecked = 20;
     std::vector<float> truth;
     for (std::size_t i = 0; i < kChecked; ++i) truth.push_back(true_kth_squared(points, places[i]));
-    // rounding: trees may add up the squares in another order
+    // tolerance: trees may add the squares in different order
     const auto wrong = [&](const auto& kth_squared) {
       double result = 0.0;
       for (std::size_t i = 0; i < kChecked; ++i) {
@@ -252,7 +183,7 @@ void measure_neighbors(const BenchOptions& options, Table& table) {
       return static_cast<double>(bytes) / static_cast<double>(count);
     };
     {
-      const SteadyClock::time_point start = SteadyClock::now();
+      const BenchClock::time_point start = BenchClock::now();
       Octree tree(points);
       row.build_s = seconds_since(start);
       tree.forget_order();
@@ -276,7 +207,7 @@ void measure_neighbors(const BenchOptions& options, Table& table) {
         cloud.points.assign(tree.points().begin(), tree.points().end());
       }
       row.method = is_sorted ? "nanoflann, points presorted" : "nanoflann";
-      const SteadyClock::time_point start = SteadyClock::now();
+      const BenchClock::time_point start = BenchClock::now();
       NanoflannTree tree(3, cloud, nanoflann::KDTreeSingleIndexAdaptorParams(10));
       tree.buildIndex();
       row.build_s = seconds_since(start);
@@ -294,17 +225,17 @@ void measure_neighbors(const BenchOptions& options, Table& table) {
     }
 #endif
 #ifdef PALPATE_HAS_CGAL
-    if (count <= 1'000'000) {  // beyond, it only takes long
+    if (count <= 1'000'000) {  // more takes too long
       using Kernel = CGAL::Simple_cartesian<double>;
       using Search = CGAL::Orthogonal_k_neighbor_search<CGAL::Search_traits_3<Kernel>>;
       row.method = "CGAL Kd_tree";
-      const SteadyClock::time_point start = SteadyClock::now();
+      const BenchClock::time_point start = BenchClock::now();
       std::vector<Kernel::Point_3> copies;
       for (const Octree::Point& p : points) copies.emplace_back(p.x, p.y, p.z);
       Search::Tree tree(copies.begin(), copies.end());
       tree.build();
       row.build_s = seconds_since(start);
-      row.bytes_per_point = kNaN;  // it does not tell
+      row.bytes_per_point = kNaN;  // not reported
       const auto kth = [&](const Eigen::Vector3f& place) {
         Search search(tree, Kernel::Point_3(place.x(), place.y(), place.z()), kNeighbors);
         double last = 0.0;
@@ -338,7 +269,7 @@ void measure_views(const BenchOptions& options, Table& table) {
             .points = static_cast<double>(cloud.points_m.size()),
             .spacing_m = spacing_m,
             .noise_m = 0.1 * spacing_m};
-    const SteadyClock::time_point start = SteadyClock::now();
+    const BenchClock::time_point start = BenchClock::now();
     const CloudSurface surface(cloud);
     row.build_s = seconds_since(start);
     row.bytes_per_point =
@@ -362,7 +293,7 @@ void measure_views(const BenchOptions& options, Table& table) {
     row.times = time_each(steps, [&](std::size_t i) { sink = surface.view(places[i]).distance_m; });
     row.add_to(table);
 
-    // anywhere, so that nothing is in the caches
+    // random places, so that nothing is in the caches
     row.method = "octree, random places";
     for (Vector3& place : places) place = place.norm() * random.direction();
     std::vector<Vector3> anywhere = places;
@@ -376,12 +307,12 @@ void measure_views(const BenchOptions& options, Table& table) {
                                              std::sin(angle) * std::cos(tilt), std::sin(tilt));
     }
 #ifdef PALPATE_HAS_NANOFLANN
-    // the same surface, its points found by nanoflann: those within the longest reach are offered
+    // the same surface with a search by nanoflann: the points within the longest reach
     NanoflannCloud points;
     points.points.assign(surface.tree().points().begin(), surface.tree().points().end());
     float reach = 0.0F;
     for (const Octree::Point& point : points.points) reach = std::max(reach, point.reach);
-    const SteadyClock::time_point nanoflann_start = SteadyClock::now();
+    const BenchClock::time_point nanoflann_start = BenchClock::now();
     NanoflannTree tree(3, points, nanoflann::KDTreeSingleIndexAdaptorParams(10));
     tree.buildIndex();
     row.method = "nanoflann, same fit";
@@ -419,131 +350,6 @@ void measure_views(const BenchOptions& options, Table& table) {
   }
 }
 
-// --- whole steps, and what they skip ------------------------------------------------------------
-
-/// Steps of 1 ms along x_m(i): what a tissue remembers goes on, then its force.
-template <class Place>
-Times time_steps(const physics::Scene& scene, std::size_t steps, const Place& x_m,
-                 const Vector3& shaft = Vector3::UnitZ()) {
-  physics::TissueMemory memory = scene.new_memory();
-  return time_each(steps, [&](std::size_t i) {
-    const Vector3 x = x_m(i);
-    const double time_s = 1e-3 * static_cast<double>(i);
-    scene.remember(memory, x, time_s, shaft);
-    sink = scene.evaluate(x, Vector3::Zero(), time_s, memory, shaft).stored_energy_joule;
-  });
-}
-
-/// 80 mm/s to and fro at this height.
-auto to_and_fro(double height_m) {
-  return [height_m](std::size_t i) {
-    return Vector3(2e-3 * std::sin(0.04 * static_cast<double>(i)), 0.0, height_m);
-  };
-}
-
-template <class Message>
-struct Nowhere final : Sender<Message> {
-  SendResult send(const Message&) noexcept override { return SendResult::kSent; }
-};
-
-void measure_steps(const BenchOptions& options, Table& table) {
-  Random random(4);
-  const std::string file =
-      (std::filesystem::temp_directory_path() / "contact_bench_cloud.ply").string();
-  bench::write_file(file, physics::ply_text(test::sampled(test::sphere_shape(kRadius_m), 2e-3, 0.0,
-                                                          true, Sampling::kRandom, random)));
-  const std::size_t steps = options.is_quick ? 20000 : 100000;
-  const auto scene_of = [&](std::size_t tissues, const KelvinVoigtMaterial& material) {
-    SceneConfig config;
-    config.tip_radius_m = 3e-3;
-    for (std::size_t i = 0; i < tissues; ++i) {
-      // the first at the origin, the others on a grid of 0.2 m
-      const auto x = static_cast<double>(i % 100);
-      const auto y = static_cast<double>(i / 100);
-      config.tissues.push_back(
-          {.name = std::to_string(i),
-           .geometry = FileGeometry{.file = file, .position_m = {0.2 * x, 0.2 * y, 0.0}},
-           .material = material});
-    }
-    return physics::Scene(config);
-  };
-  const KelvinVoigtMaterial firm;
-  const KelvinVoigtMaterial relaxing{.relaxing_stiffness_newton_per_m = 100.0,
-                                     .relaxation_time_s = 0.2};
-
-  const double touching_m = kRadius_m + 2e-3;
-  for (const auto& [kind, material] : {std::pair{"", firm}, {", relaxing", relaxing}}) {
-    for (std::size_t tissues = 1; tissues <= 10000; tissues *= 10) {
-      const SteadyClock::time_point start = SteadyClock::now();
-      const physics::Scene scene = scene_of(tissues, material);
-      const double build_s = seconds_since(start);
-      for (const bool is_touched : {true, false}) {
-        Row{.group = "idle tissues",
-            .name = is_touched ? "one touched" : "tool far away",
-            .method = "clouds of one file: " + std::to_string(tissues) + kind,
-            .times = time_steps(scene, steps, to_and_fro(is_touched ? touching_m : 1.0)),
-            .build_s = is_touched ? build_s : kNaN}
-            .add_to(table);
-      }
-    }
-  }
-
-  // what the proxy, the shaft and a viewer cost, and their absence saves
-  const auto add = [&](const std::string& name, const std::string& method, const Times& times) {
-    Row{.group = "whole step", .name = name, .method = method, .times = times}.add_to(table);
-  };
-  const std::vector<std::pair<std::string, Geometry>> geometries{
-      {"half-space", HalfSpaceGeometry{.point_m = {0, 0, kRadius_m}}},
-      {"sphere", SphereGeometry{.radius_m = kRadius_m}},
-      {"box", BoxGeometry{.size_m = Vector3::Constant(2 * kRadius_m)}},
-      {"capsule",
-       CapsuleGeometry{.from_m = {-0.05, 0, 0}, .to_m = {0.05, 0, 0}, .radius_m = kRadius_m}},
-      {"cloud of 7800", FileGeometry{.file = file}}};
-  for (const auto& [name, geometry] : geometries) {
-    SceneConfig config{
-        .tip_radius_m = 3e-3,
-        .tissues = {{.name = name, .geometry = geometry, .material = KelvinVoigtMaterial{}}}};
-    {
-      const physics::Scene scene(config);
-      const auto place = to_and_fro(touching_m);
-      add(name, "tip touches, forgotten each time", time_each(steps, [&](std::size_t i) {
-            sink = scene.evaluate(place(i), Vector3::Zero()).stored_energy_joule;
-          }));
-      add(name, "tip touches, proxy", time_steps(scene, steps, place));
-    }
-    config.shaft_length_m = 0.1;
-    config.shaft_radius_m = 2e-3;
-    const physics::Scene scene(config);
-    add(name, "shaft touches",
-        time_steps(
-            scene, steps,
-            [&](std::size_t i) {
-              return Vector3(to_and_fro(kRadius_m + 1e-3)(i) - Vector3(0.06, 0, 0));
-            },
-            Vector3::UnitX()));
-    add(name, "shaft far away", time_steps(scene, steps, to_and_fro(1.0), Vector3::UnitX()));
-  }
-
-  Session session;
-  session.scene.tissues = {
-      {.name = "cloud", .geometry = FileGeometry{.file = file}, .material = KelvinVoigtMaterial{}}};
-  Nowhere<SceneState> scene_out;
-  Nowhere<MeshFrame> mesh_out;
-  for (const bool is_watched : {false, true}) {
-    physics::SceneDisplay display(session, 1, scene_out, mesh_out);
-    const std::uint64_t viewers = is_watched ? 1 : 0;
-    add("display of the cloud", is_watched ? "a viewer" : "no viewer: no mesh",
-        time_each(options.is_quick ? 500 : 2000, [&](std::size_t i) {
-          const PhysicsTick tick{.tool_position_world_m = to_and_fro(touching_m)(i)};
-          display.publish({.scene_subscriptions = viewers,
-                           .mesh_subscriptions = viewers,
-                           .has_mesh_watcher = is_watched},
-                          {&tick, 1}, TimePoint(std::chrono::milliseconds(100 * (i + 1))));
-        }));
-  }
-  std::filesystem::remove(file);
-}
-
 // --- figures ------------------------------------------------------------------------------------
 
 void plot(const BenchOptions& options, const Table& table) {
@@ -579,11 +385,11 @@ int main(int argc, char** argv) {
   CLI::App app("Run time against error of contact with point clouds.", "contact_bench");
   BenchOptions options;
   return bench::run_bench(app, options, argc, argv, [&] {
-    Table table = make_table();
+    Table table = bench::make_table();
     measure_errors(options, table);
     measure_neighbors(options, table);
     measure_views(options, table);
-    measure_steps(options, table);
+    bench::measure_steps(options, table);
     table.publish(options);
     if (!options.plot_folder.empty()) plot(options, table);
   });

@@ -22,12 +22,13 @@
 #include <string>
 #include <vector>
 
-#include "common/core/check.h"
 #include "common/contact/contact_model.h"
+#include "common/core/check.h"
 #include "common/core/random.h"
 #include "physics_node/files/ply.h"
+#include "physics_node/files/surface_files.h"
+#include "physics_node/files/tetrahedral_files.h"
 #include "physics_node/scene/scene.h"
-#include "physics_node/files/tetrahedral_mesh.h"
 #include "tests/bench/bench_output.h"
 #include "tests/support/sampled_clouds.h"
 #include "tests/support/temp_folder.h"
@@ -131,7 +132,7 @@ void walk(const Geometry& geometry, Tool tool, Random& random, Findings& finding
 
   Vector3 x = outside_m();
   double time_s = 0.0;
-  scene.remember(memory, x, time_s, shaft);
+  scene.step(memory, x, Vector3::Zero(), time_s, shaft);
   double friction_work_joule = 0.0;
   constexpr int kLegs = 12;
   for (int leg = 0; leg < kLegs; ++leg) {
@@ -149,8 +150,7 @@ void walk(const Geometry& geometry, Tool tool, Random& random, Findings& finding
     for (int i = 0; i < steps; ++i) {
       x = i + 1 == steps ? to : Vector3(x + step);
       time_s += period_s;
-      scene.remember(memory, x, time_s, shaft);
-      const SceneForce force = scene.evaluate(x, v, time_s, memory, shaft);
+      const SceneForce force = scene.step(memory, x, v, time_s, shaft);
       ++findings.steps;
       if (force.contact_count == 0) continue;
       ++findings.touches;

@@ -1,5 +1,5 @@
-// geometry_fuzz.cpp — any bytes as a geometry file: a surface that can be looked at from anywhere,
-// or a SetupError; never a crash, a hang or another exception. The first byte picks the format.
+// geometry_fuzz.cpp — any bytes as a geometry file: a surface that can be viewed from anywhere,
+// or a SetupError; never a crash, a hang or another exception. The first byte selects the format.
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -53,7 +53,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
                       seen.curvature_per_m.allFinite() && seen.stiffness_ratio >= 0.0);
     }
   } catch (const palpate::SetupError&) {
-    // what most inputs deserve
+    // the expected result of most inputs
   }
   return 0;
 }

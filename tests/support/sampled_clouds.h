@@ -10,7 +10,7 @@
 
 #include "common/core/random.h"
 #include "physics_node/surfaces/cloud_surface.h"
-#include "physics_node/surfaces/geometry.h"
+#include "physics_node/surfaces/analytic_surfaces.h"
 
 namespace palpate::test {
 

@@ -25,8 +25,7 @@ class LedTool {
   const physics::SceneForce& go_to(const Vector3& x_m, double dt_s) {
     const physics::SceneForce last = force_;
     time_s_ += dt_s;
-    scene_.remember(memory_, x_m, time_s_);
-    force_ = scene_.evaluate(x_m, Vector3::Zero(), time_s_, memory_);
+    force_ = scene_.step(memory_, x_m, Vector3::Zero(), time_s_);
     if (has_moved_) {
       const double step_newton = (force_.force_on_tool_newton - last.force_on_tool_newton).norm();
       const double bound_newton = k_ * (physics::kMostForcePerMotion * (x_m - x_m_).norm() +

@@ -103,6 +103,31 @@ INSTANTIATE_TEST_SUITE_P(
         Forbidden{"deploy/lockstep/lockstep.h", "deploy/palpate/loopback.h",
                   "deploy/lockstep may include"}));
 
+// contact ← surfaces ← files ← scene ← display
+INSTANTIATE_TEST_SUITE_P(
+    InsidePhysicsNode, ForbiddenInclude,
+    testing::Values(Forbidden{"physics_node/contact/proxy.h", "physics_node/surfaces/shape.h",
+                              "physics_node/contact may include"},
+                    Forbidden{"physics_node/surfaces/shape.cpp",
+                              "physics_node/files/surface_files.h",
+                              "physics_node/surfaces may include"},
+                    Forbidden{"physics_node/surfaces/file_surface.h",
+                              "common/telemetry/physics_telemetry.h",
+                              "physics_node/surfaces may include"},
+                    Forbidden{"physics_node/files/ply.cpp", "physics_node/scene/scene.h",
+                              "physics_node/files may include"},
+                    Forbidden{"physics_node/scene/scene.cpp",
+                              "physics_node/display/display_mesh.h",
+                              "physics_node/scene may include"},
+                    Forbidden{"physics_node/scene/scene.h", "mutex",
+                              "physics_node/scene may include"},
+                    Forbidden{"physics_node/display/scene_display.h",
+                              "physics_node/physics_node.h", "physics_node/display may include"},
+                    Forbidden{"physics_node/physics_node.cpp",
+                              "physics_node/display/scene_display.h", "physics_node may include"},
+                    Forbidden{"physics_node/physics_node.cpp", "common/session/session.h",
+                              "physics_node may include"}));
+
 // What only a simulation knows, and what only the simulated device is told.
 INSTANTIATE_TEST_SUITE_P(
     OfTheSimulatedTruth, ForbiddenInclude,
@@ -135,7 +160,9 @@ TEST(IncludeBoundaries, AreNotEvadedByAngleBrackets) {
 
 TEST(IncludeBoundaries, KeepLocksOutOfTheTickAndTheClamp) {
   for (const char* file : {"device_node/force_guard.h", "mofc_node/mofc_node.cpp",
-                           "mofc_node/controllers/energy_ledger.cpp", "common/core/inbox.h"}) {
+                           "mofc_node/controllers/energy_ledger.cpp", "common/core/inbox.h",
+                           "physics_node/physics_node.cpp", "physics_node/scene/touch.cpp",
+                           "physics_node/contact/proxy.cpp"}) {
     for (const char* header : {"mutex", "condition_variable", "future", "pthread.h"}) {
       EXPECT_EQ(check_source(file, std::string("#include <") + header + ">\n").status, 1)
           << file << " " << header;

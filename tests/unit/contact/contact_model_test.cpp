@@ -1,5 +1,5 @@
-// The equations of contact_model.h, one by one. That a described contact *is* the tissue is tested
-// where the tissue is: tests/unit/physics_node/scene_test.cpp.
+// The equations of contact_model.h, one by one. That the model agrees with the tissue is tested
+// in tests/unit/physics_node/scene_property_test.cpp.
 #include "common/contact/contact_model.h"
 
 #include <gtest/gtest.h>
@@ -23,7 +23,7 @@ Contact floor_contact() {
           .trust_radius_m = 1.0};
 }
 
-TEST(ContactModel, IsAtTheReferenceWhatItSays) {
+TEST(ContactModel, GivesTheReferenceForceAtTheReference) {
   const ModelForce force = evaluate(floor_contact(), {0, 0, 0}, kAtRest, 0.0);
 
   EXPECT_EQ(force.force_on_tool_newton, Vector3(0, 0, 1));
@@ -127,7 +127,7 @@ TEST(ContactModel, ACylinderIsCurvedAcrossOnly) {
 
 // Trusted for 1 mm. 3 mm deeper the force is that of 1 mm deeper; 2.5 mm out of the reference the
 // surface is left, and on the way the force goes to zero without a jump.
-TEST(ContactModel, NeverPressesHarderThanAtTheEdgeOfItsTrust) {
+TEST(ContactModel, NeverPressesHarderThanAtItsTrustRadius) {
   Contact contact = floor_contact();
   contact.trust_radius_m = 0.001;
 

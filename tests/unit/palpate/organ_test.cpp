@@ -1,4 +1,4 @@
-// The organ that sessions are tried on.
+// The example organ of the shipped sessions.
 #include "deploy/palpate/organ.h"
 
 #include <gtest/gtest.h>
@@ -21,7 +21,7 @@ std::string bytes_of(const std::string& file) {
 const std::string kFolder = PALPATE_SOURCE_DIR "/deploy/sessions/";
 
 // To a few ulp of float only: sin and exp may round differently elsewhere.
-TEST(Organ, ShippedCloudIsTheOneThatIsMade) {
+TEST(Organ, ShippedCloudIsTheGeneratedOne) {
   const physics::PointCloud shipped =
       physics::parse_ply(bytes_of(kFolder + "organ.ply"), "organ.ply", "stiffness_ratio");
   const physics::PointCloud made = organ_cloud(3000);
@@ -34,7 +34,7 @@ TEST(Organ, ShippedCloudIsTheOneThatIsMade) {
   }
 }
 
-TEST(Organ, ShippedMeshIsTheOneThatIsMade) {
+TEST(Organ, ShippedMeshIsTheGeneratedOne) {
   const physics::TetrahedralMesh shipped =
       physics::parse_msh(bytes_of(kFolder + "organ.msh"), "organ.msh");
   const physics::TetrahedralMesh made = organ_mesh(2);

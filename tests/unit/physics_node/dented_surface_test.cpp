@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "physics_node/display/display_mesh.h"
+#include "physics_node/surfaces/analytic_surfaces.h"
 
 namespace palpate::physics {
 namespace {
@@ -86,7 +87,7 @@ TEST_F(Dent, OfATipThatDoesNotTouchIsNone) {
   EXPECT_FALSE(surface_.take_moved().has_value());
 }
 
-TEST_F(Dent, ThatIsHeldIsToldOnce) {
+TEST_F(Dent, ThatIsHeldIsReportedOnce) {
   press(2e-3);
   EXPECT_TRUE(surface_.take_moved().has_value());
   for (int i = 0; i < 5; ++i) {
@@ -105,7 +106,7 @@ TEST_F(Dent, RelaxesWithTheTimeConstantOfTheMaterial) {
   EXPECT_NEAR(lowest_m(), -2e-3 * std::exp(-2.0), 1e-8);
 }
 
-TEST_F(Dent, ThatIsOverIsToldAsExactlyAtRestAndThenNoMore) {
+TEST_F(Dent, ThatIsOverIsReportedAtRestOnceAndThenNoMore) {
   press(2e-3);
   EXPECT_TRUE(surface_.take_moved().has_value());
   let_go(10.0);
@@ -119,7 +120,7 @@ TEST_F(Dent, ThatIsOverIsToldAsExactlyAtRestAndThenNoMore) {
   EXPECT_FALSE(surface_.take_dented().has_value());
 }
 
-TEST_F(Dent, IsToldWholeToWhoComesLater) {
+TEST_F(Dent, IsReportedWholeToALaterViewer) {
   press(2e-3);
   const auto moved = surface_.take_moved();
   press(2e-3, 0.03);

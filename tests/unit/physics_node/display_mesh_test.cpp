@@ -10,7 +10,9 @@
 #include <numbers>
 #include <utility>
 
-#include "physics_node/surfaces/geometry.h"
+#include "physics_node/display/file_surface_mesh.h"
+#include "physics_node/surfaces/analytic_surfaces.h"
+#include "physics_node/surfaces/cloud_surface.h"
 #include "tests/support/sampled_clouds.h"
 #include "tests/unit/physics_node/test_meshes.h"
 
@@ -155,7 +157,7 @@ TEST(DisplayMesh, OfAnOpenCloudIsThePatch) {
   Random random(1);
   const CloudSurface patch(
       test::sampled(test::plane_shape(0.02), 1e-3, 0.0, true, test::Sampling::kEven, random));
-  const SurfaceMesh mesh = patch.display_mesh();
+  const SurfaceMesh mesh = display_mesh(patch);
 
   double area_m2 = 0.0;
   for (std::size_t t = 0; t < mesh.triangles.size(); t += 3) {
@@ -174,7 +176,7 @@ TEST(DisplayMesh, OfAnOpenCloudIsThePatch) {
 
 TEST(DisplayMesh, OfAMeshIsItself) {
   const TriangleMesh ball = ball_mesh(0.03, 20);
-  const SurfaceMesh mesh = TriangleSurface(ball).display_mesh();
+  const SurfaceMesh mesh = display_mesh(TriangleSurface(ball));
 
   EXPECT_EQ(mesh.vertex_count(), ball.vertices_m.size());
   EXPECT_EQ(mesh.triangles.size(), 3 * ball.triangles.size());
@@ -184,7 +186,7 @@ TEST(DisplayMesh, OfAMeshIsItself) {
 // 2·200² + 2 = 80 002 vertices.
 TEST(DisplayMesh, OfALargeMeshHasAtMostFiftyThousandVertices) {
   const TriangleMesh ball = ball_mesh(0.03, 200);
-  const SurfaceMesh mesh = TriangleSurface(ball).display_mesh();
+  const SurfaceMesh mesh = display_mesh(TriangleSurface(ball));
 
   EXPECT_LE(mesh.vertex_count(), 50'000u);
   EXPECT_GT(mesh.vertex_count(), 20'000u);

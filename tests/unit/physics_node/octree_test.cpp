@@ -1,4 +1,4 @@
-// The octree against looking at every point.
+// The octree against brute force.
 #include "physics_node/surfaces/octree.h"
 
 #include <gtest/gtest.h>
@@ -22,7 +22,7 @@ Vector3 in_cube(Random& random) {
   return {random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1)};
 }
 
-/// Clouds of the shapes that trees find hard: a volume, a surface, a line, clusters of very
+/// Clouds of the shapes that are difficult for trees: a volume, a surface, a line, clusters of very
 /// different size, one point.
 std::vector<Points> clouds() {
   Random random(1);
@@ -57,7 +57,7 @@ std::vector<Octree::Neighbor> sorted(const Octree& tree, const Eigen::Vector3f& 
   return all;
 }
 
-TEST(Octree, KeepsEveryPointAndTellsWhereItWas) {
+TEST(Octree, KeepsEveryPointAndItsOriginalIndex) {
   for (const Points& points : clouds()) {
     const Octree tree(points);
 
@@ -74,7 +74,7 @@ TEST(Octree, KeepsEveryPointAndTellsWhereItWas) {
   }
 }
 
-TEST(Octree, FindsTheNearestLikeLookingAtAll) {
+TEST(Octree, FindsTheNearestLikeBruteForce) {
   Random random(2);
   for (const Points& points : clouds()) {
     const Octree tree(points);

@@ -87,7 +87,7 @@ struct Bench {
   std::uint64_t next_index = 0;
 };
 
-TEST(PhysicsNode, SaysNothingBeforeTheFirstMotion) {
+TEST(PhysicsNode, SendsNothingBeforeTheFirstMotion) {
   Bench bench;
 
   bench.step();
@@ -123,8 +123,8 @@ TEST(PhysicsNode, AnswersAMotionWithTheForceAndItsStamps) {
   EXPECT_NEAR(interaction.contacts[0].penetration_m, 0.01, 1e-15);
 }
 
-// A tissue that remembers what presses on it, which only its own tool may notice.
-TEST(PhysicsNode, FeelsInASharedSceneWhatItFeelsAlone) {
+// Tissue with a history, which only its own tool may notice.
+TEST(PhysicsNode, ComputesInASharedSceneTheSameForceAsAlone) {
   SceneConfig config = floor_and_far_sphere();
   std::get<KelvinVoigtMaterial>(config.tissues[0].material).relaxing_stiffness_newton_per_m = 300.0;
   const auto scene = std::make_shared<const Scene>(config);
@@ -185,7 +185,7 @@ TEST(PhysicsNode, RepeatsTheForceUnderAFreshHeaderWithoutANewMotion) {
   EXPECT_EQ(received[1].force_on_tool_newton, received[0].force_on_tool_newton);
 }
 
-TEST(PhysicsNode, KnowsWhetherAMotionIsUnanswered) {
+TEST(PhysicsNode, KnowsWhetherAMotionHasNotBeenUsed) {
   Bench bench;
   bench.send_motion(-0.01);
 
@@ -213,7 +213,7 @@ TEST(PhysicsNode, FollowsARestartedMofcAtOnce) {
   EXPECT_EQ(bench.node.counters().tool_motion.sessions, 2U);
 }
 
-TEST(PhysicsNode, GoesOnWhenTheLinkTakesNothing) {
+TEST(PhysicsNode, ContinuesWhenTheLinkDropsMessages) {
   Bench bench;
   bench.send_motion(-0.01);
 
@@ -224,7 +224,7 @@ TEST(PhysicsNode, GoesOnWhenTheLinkTakesNothing) {
   EXPECT_EQ(bench.ticks.ticks.back().sequence, 999U);
 }
 
-TEST(PhysicsNode, CountsStepsContactsSkippedTissuesAndAppointments) {
+TEST(PhysicsNode, CountsStepsContactsSkippedTissuesAndTicks) {
   Bench bench;
   bench.send_motion(0.01);
   bench.step();  // above the floor
@@ -282,7 +282,7 @@ TEST(PhysicsNode, TakesItsComputeTimeFromTheClockHandedIn) {
 
 const InteractionDeadband kTenPercent{.ratio = 0.1, .floor_newton = 0.05, .keep_alive = 20ms};
 
-TEST(PhysicsNodeDeadband, SendsWhatIsOffByMoreThanItsShare) {
+TEST(PhysicsNodeDeadband, SendsWhatDiffersByMoreThanItsShare) {
   Bench bench(floor_and_far_sphere(), kTenPercent);
   for (const double depth_mm : {10.0, 10.9, 11.1, 11.2, 12.5}) {
     bench.send_motion(-1e-3 * depth_mm);
@@ -303,7 +303,7 @@ TEST(PhysicsNodeDeadband, SendsWhatIsOffByMoreThanItsShare) {
 }
 
 // 500 N/m: 0.1 mm is 0.05 N
-TEST(PhysicsNodeDeadband, NeverSendsWhatIsOffByLessThanTheFloor) {
+TEST(PhysicsNodeDeadband, NeverSendsWhatDiffersByLessThanTheFloor) {
   Bench bench(floor_and_far_sphere(), kTenPercent);
   for (const double depth_mm : {0.1, 0.19}) {
     bench.send_motion(-1e-3 * depth_mm);
@@ -315,7 +315,7 @@ TEST(PhysicsNodeDeadband, NeverSendsWhatIsOffByLessThanTheFloor) {
   EXPECT_EQ(bench.received().size(), 1U) << "off by 0.055 N";
 }
 
-TEST(PhysicsNodeDeadband, SendsTheBeginAndTheEndOfAContact) {
+TEST(PhysicsNodeDeadband, SendsTheBeginningAndTheEndOfAContact) {
   Bench bench(floor_and_far_sphere(), kTenPercent);
   for (const double z_m : {1e-3, 1e-6, -1e-6, -2e-6, 1e-6}) {
     bench.send_motion(z_m);
@@ -327,7 +327,7 @@ TEST(PhysicsNodeDeadband, SendsTheBeginAndTheEndOfAContact) {
   EXPECT_EQ(received[2].contact_count, 0U);
 }
 
-TEST(PhysicsNodeDeadband, BreaksItsSilenceAfterTheKeepAlive) {
+TEST(PhysicsNodeDeadband, SendsAfterTheKeepAlive) {
   Bench bench(floor_and_far_sphere(), kTenPercent);
   bench.send_motion(-0.01);
   for (int k = 0; k <= 40; ++k) {
@@ -350,8 +350,8 @@ TEST(PhysicsNodeDeadband, ARestartedMofcIsAnsweredAtOnce) {
   EXPECT_EQ(bench.received().size(), 2U);
 }
 
-// the link holds 256: what it does not take is tried again in the next step
-TEST(PhysicsNodeDeadband, WhatTheLinkDidNotTakeIsNotTakenForTold) {
+// the link holds 256 messages; a dropped one is sent again in the next step
+TEST(PhysicsNodeDeadband, WhatTheLinkDroppedDoesNotCountAsSent) {
   Bench bench(floor_and_far_sphere(), kTenPercent);
   for (int i = 0; i < 256; ++i) bench.interactions.send(Interaction{});
   bench.send_motion(-0.01);

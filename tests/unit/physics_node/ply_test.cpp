@@ -120,7 +120,7 @@ TEST(Ply, ReadsWhatItWrites) {
   EXPECT_EQ(read.stiffness_ratios, cloud.stiffness_ratios);
 }
 
-TEST(Ply, TellsFileLineAndRule) {
+TEST(Ply, ReportsFileLineAndRule) {
   EXPECT_THAT(complaint("solid x"), HasSubstr("a.ply:1: must begin with 'ply'"));
   EXPECT_THAT(complaint(replaced(ascii(), "ascii", "utf8")), HasSubstr("a.ply:2: format 'utf8'"));
   EXPECT_THAT(complaint(replaced(ascii(), "format ascii 1.0\n", "")), HasSubstr("no 'format'"));
@@ -135,7 +135,7 @@ TEST(Ply, TellsFileLineAndRule) {
   EXPECT_THAT(complaint(replaced(ascii(), "vertex 10", "vertex 9")), HasSubstr("at least 10"));
   EXPECT_THAT(complaint(replaced(ascii(), "element vertex", "element corner")),
               HasSubstr("no element 'vertex'"));
-  EXPECT_THAT(complaint(replaced(ascii(), "end_header\n", "")), HasSubstr("is no keyword"));
+  EXPECT_THAT(complaint(replaced(ascii(), "end_header\n", "")), HasSubstr("is not a keyword"));
   // the header has 8 lines, so the row of vertex 3 is line 12
   EXPECT_THAT(complaint(replaced(ascii(), "\n3 6 9", "\n3 6 nine")),
               HasSubstr("a.ply:12: z = nine: must be a finite number"));

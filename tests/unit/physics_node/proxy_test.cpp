@@ -1,5 +1,5 @@
-// The proxy: nothing thin is passed through, edges and grooves are felt without a step, the shaft,
-// and tissue that breaks.
+// The proxy: it passes through nothing thin and slides over edges and grooves without a step of the
+// force. The shaft. Puncture.
 #include "physics_node/contact/proxy.h"
 
 #include <gtest/gtest.h>
@@ -20,10 +20,9 @@ using test::LedTool;
 const Vector3 kAtRest = Vector3::Zero();
 constexpr double kStiffness = 500.0;
 
-SceneConfig one_tissue(const Geometry& geometry, double tip_radius_m,
-                       KelvinVoigtMaterial material = {.stiffness_newton_per_m = kStiffness}) {
-  return {.tip_radius_m = tip_radius_m,
-          .tissues = {{.name = "tissue", .geometry = geometry, .material = material}}};
+SceneConfig one_tissue(const Geometry& geometry, double tip_radius_m) {
+  return physics::one_tissue(geometry, KelvinVoigtMaterial{.stiffness_newton_per_m = kStiffness},
+                             tip_radius_m);
 }
 
 FileGeometry obj(const test::TempFolder& folder, const TriangleMesh& mesh) {
@@ -53,6 +52,31 @@ double work_of_wandering(LedTool& tool, int legs, const Vector3& least_m, const 
     }
   }
   return work_joule;
+}
+
+/// A sheet that fills the plane z = 0, described by view() alone.
+class Sheet final : public Surface {
+ public:
+  [[nodiscard]] SurfaceView view(const Vector3& point_m, SurfaceHint&) const noexcept override {
+    return {.distance_m = point_m.z(), .trust_radius_m = 0.01};
+  }
+  using Surface::view;
+  [[nodiscard]] bool is_sheet() const noexcept override { return true; }
+};
+
+TEST(Proxy, NeedsOnlyTheViewOfASurface) {
+  const Sheet sheet;
+  for (const double side : {1.0, -1.0}) {
+    Proxy proxy = free_at(sheet, {0, 0, side * 0.01}, {});
+    EXPECT_EQ(proxy.side, side);
+    for (int i = 1; i <= 20; ++i) move(sheet, 0.002, {0, 0, side * (0.01 - 1e-3 * i)}, 1e-3, proxy);
+
+    // 10 mm on the other side, held at its radius
+    EXPECT_TRUE(proxy.is_held());
+    EXPECT_LT((proxy.place_m - Vector3(0, 0, side * 0.002)).norm(), 1e-12);
+    EXPECT_NEAR(proxy.surface.distance_m, -0.01, 1e-12);
+    EXPECT_EQ(proxy.surface.normal, Vector3(0, 0, side));
+  }
 }
 
 // --- thin tissue --------------------------------------------------------------------------------
@@ -198,7 +222,7 @@ TEST(Proxy, DoesNotAllocate) {
   const test::AllocGuard guard;
   for (int i = 0; i < 1000; ++i) {
     const Vector3 x = random_in_cube(random, 0.02);
-    scene.remember(memory, x, 1e-3 * i, random.direction());
+    scene.step(memory, x, kAtRest, 1e-3 * i, random.direction());
     static_cast<void>(scene.evaluate(x, kAtRest, 1e-3 * i, memory));
   }
   EXPECT_EQ(guard.count(), 0U);
@@ -240,9 +264,8 @@ TEST(Shaft, IsTouchedWhereItIsDeepest) {
     const Scene scene(with_shaft(one_tissue(geometry, 0.001)));
     TissueMemory memory = scene.new_memory();
     const Vector3 tip(0, 0, 0.001);  // the shaft's lower side at −1 mm
-    scene.remember(memory, tip + Vector3(0, 0, 0.01), 0.0, Vector3::UnitX());
-    scene.remember(memory, tip, 0.01, Vector3::UnitX());
-    const SceneForce force = scene.evaluate(tip, kAtRest, 0.01, memory, Vector3::UnitX());
+    scene.step(memory, tip + Vector3(0, 0, 0.01), kAtRest, 0.0, Vector3::UnitX());
+    const SceneForce force = scene.step(memory, tip, kAtRest, 0.01, Vector3::UnitX());
     ASSERT_EQ(force.contact_count, 1U);
     EXPECT_LT((force.force_on_tool_newton - Vector3(0, 0, 0.5)).norm(), tolerance + 1e-3);
     EXPECT_NEAR(force.stored_energy_joule, 0.5 * kStiffness * 1e-6, 1e-6 * (tolerance + 1e-1));
@@ -292,8 +315,7 @@ TEST(Shaft, IsNotPulledThroughThinTissue) {
     SceneForce force;
     for (int i = 0; i <= 16; ++i) {
       const Vector3 tip(0.003, -0.075, 0.008 - 1e-3 * i);
-      scene.remember(memory, tip, 1e-3 * i, shaft);
-      force = scene.evaluate(tip, kAtRest, 1e-3 * i, memory, shaft);
+      force = scene.step(memory, tip, kAtRest, 1e-3 * i, shaft);
     }
     EXPECT_GT(force.force_on_tool_newton.z(), 500 * 0.005);
   }
@@ -331,7 +353,7 @@ constexpr KelvinVoigtMaterial skin() {
 
 // 500 N/m break at 2 N, 4 mm deep; then the needle is dragged by 0.5 N at most, either way.
 TEST(Puncture, BreaksAtItsThresholdAndThenDrags) {
-  const Scene scene(one_tissue(HalfSpaceGeometry{}, 0.0, skin()));
+  const Scene scene(physics::one_tissue(HalfSpaceGeometry{}, skin(), 0.0));
   LedTool tool(scene, kStiffness);
   tool.go_to({0, 0, 0.01}, 1e-3);
   tool.lead_to({0, 0, -0.0039}, 0.1, 1e-3);
@@ -350,7 +372,7 @@ TEST(Puncture, BreaksAtItsThresholdAndThenDrags) {
 }
 
 TEST(Puncture, HealsWhenTheToolHasLeft) {
-  const Scene scene(one_tissue(HalfSpaceGeometry{}, 0.001, skin()));
+  const Scene scene(physics::one_tissue(HalfSpaceGeometry{}, skin(), 0.001));
   LedTool tool(scene, kStiffness);
   tool.go_to({0, 0, 0.01}, 1e-3);
   tool.lead_to({0, 0, -0.01}, 0.1, 1e-3);
@@ -364,8 +386,8 @@ TEST(Puncture, HealsWhenTheToolHasLeft) {
 
 // Through a plate of 1 mm: the tip is out on the other side, but the shaft is in the hole.
 TEST(Puncture, StaysOpenRoundTheShaft) {
-  const Scene scene(
-      with_shaft(one_tissue(BoxGeometry{.size_m = {0.1, 0.1, 0.001}}, 0.0, skin()), 0.1, 0.0005));
+  const Scene scene(with_shaft(
+      physics::one_tissue(BoxGeometry{.size_m = {0.1, 0.1, 0.001}}, skin(), 0.0), 0.1, 0.0005));
   LedTool tool(scene, kStiffness);
   tool.go_to({0, 0, 0.01}, 1e-3);
   tool.lead_to({0, 0, -0.02}, 0.1, 1e-3);
@@ -380,7 +402,7 @@ TEST(Puncture, TakesEnergyAndGivesNone) {
   for (const Geometry& geometry :
        {Geometry(HalfSpaceGeometry{}), Geometry(BoxGeometry{.size_m = {0.02, 0.02, 0.004}}),
         Geometry(SphereGeometry{.radius_m = 0.01})}) {
-    const Scene scene(with_shaft(one_tissue(geometry, 0.001, skin()), 0.05, 0.0005));
+    const Scene scene(with_shaft(physics::one_tissue(geometry, skin(), 0.001), 0.05, 0.0005));
     for (int path = 0; path < 20; ++path) {
       LedTool tool(scene, kStiffness);
       const double work_joule =

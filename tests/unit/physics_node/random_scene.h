@@ -1,5 +1,5 @@
-// random_scene.h — seeded scenes for property tests: tissues of every kind, a few cm in size,
-// within 10 cm of the origin.
+// random_scene.h — scenes for tests: of one tissue, and seeded ones for property tests with tissues
+// of every kind, a few cm in size, within 10 cm of the origin.
 #pragma once
 
 #include <string>
@@ -8,6 +8,12 @@
 #include "common/session/session.h"
 
 namespace palpate::physics {
+
+inline SceneConfig one_tissue(const Geometry& geometry, const Material& material,
+                              double tip_radius_m = 0.0) {
+  return {.tip_radius_m = tip_radius_m,
+          .tissues = {{.name = "tissue", .geometry = geometry, .material = material}}};
+}
 
 inline Vector3 random_in_cube(Random& random, double half_edge) {
   return half_edge * Vector3(random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1));

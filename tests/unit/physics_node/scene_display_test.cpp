@@ -1,4 +1,4 @@
-// What viewers are told, and that nothing is told or computed for nobody.
+// What viewers receive of the scene; without viewers nothing is sent or computed.
 #include "physics_node/display/scene_display.h"
 
 #include <gmock/gmock.h>
@@ -76,27 +76,27 @@ class SceneDisplayTest : public testing::Test {
   TimePoint now_{1s};
 };
 
-TEST_F(SceneDisplayTest, TellsNobodyNothing) {
+TEST_F(SceneDisplayTest, SendsNothingWithoutSubscribers) {
   for (int i = 0; i < 10; ++i) publish(2e-3);
   EXPECT_THAT(scenes_.messages, IsEmpty());
   EXPECT_THAT(meshes_.messages, IsEmpty());
 }
 
-// 2 s of 20 ms: 60 times a frame is due, and at the begin.
-TEST_F(SceneDisplayTest, CountsWhatNobodyLookedOnAt) {
+// 2 s of 20 ms: 60 times a frame is due, and at the beginning.
+TEST_F(SceneDisplayTest, CountsFramesSkippedWithoutSubscribers) {
   for (int i = 0; i < 100; ++i) publish(2e-3);
   EXPECT_NEAR(static_cast<double>(counters().meshes_skipped), 60.0, 1.0);
   EXPECT_EQ(counters().mesh_frames, 0u);
 }
 
-TEST_F(SceneDisplayTest, CountsWhatItMadeForThoseWhoLookOn) {
+TEST_F(SceneDisplayTest, CountsFramesMadeForSubscribers) {
   watch_mesh();
   for (int i = 0; i < 100; ++i) publish(1e-3 + 5e-5 * i);
   EXPECT_EQ(counters().mesh_frames, meshes_.messages.size());
   EXPECT_GT(counters().mesh_frames, 0u);
   EXPECT_EQ(counters().meshes_skipped, 0u);
 
-  // they leave: from now on it is skipped
+  // without subscribers frames are skipped
   const std::uint64_t made = counters().mesh_frames;
   watchers_.has_mesh_watcher = false;
   for (int i = 0; i < 100; ++i) publish(2e-3);
@@ -109,7 +109,7 @@ TEST_F(SceneDisplayTest, SkipsNothingBeforeThereIsAnyMotion) {
   EXPECT_EQ(counters().meshes_skipped, 0u);
 }
 
-TEST_F(SceneDisplayTest, TellsTheWholeSceneOncePerSubscription) {
+TEST_F(SceneDisplayTest, SendsTheCompleteSceneOncePerSubscription) {
   watchers_.scene_subscriptions = 1;
   for (int i = 0; i < 3; ++i) publish(0.0);
   ASSERT_THAT(scenes_.messages, SizeIs(1));
@@ -138,8 +138,29 @@ TEST_F(SceneDisplayTest, TellsTheWholeSceneOncePerSubscription) {
   EXPECT_EQ(scenes_.messages[1].revision, 1u);
 }
 
-// Two tips 60 mm apart, each 2 mm deep, in one block: dents as each makes alone.
-// Of 10 mm: edges of 1 mm take four divisions of an icosahedron, 2562 vertices; 300 000 / 200 allow
+// So that viewers that have the scene can ignore the repetition for a newcomer.
+TEST_F(SceneDisplayTest, RepeatsTheSameSceneUnderTheSameRevision) {
+  watch_mesh();
+  for (std::uint64_t subscriptions = 1; subscriptions <= 3; ++subscriptions) {
+    watchers_.scene_subscriptions = subscriptions;
+    for (int i = 0; i < 5; ++i) publish(2e-3);  // dented in between
+  }
+  ASSERT_THAT(scenes_.messages, SizeIs(3));
+  const SceneState& first = scenes_.messages[0];
+  for (const SceneState& again : scenes_.messages) {
+    EXPECT_EQ(again.header.session_id, first.header.session_id);
+    EXPECT_EQ(again.revision, first.revision);
+    ASSERT_EQ(again.tissues.size(), first.tissues.size());
+    for (std::size_t i = 0; i < first.tissues.size(); ++i) {
+      EXPECT_EQ(again.tissues[i].mesh.vertices_m, first.tissues[i].mesh.vertices_m);
+      EXPECT_EQ(again.tissues[i].mesh.triangles, first.tissues[i].mesh.triangles);
+    }
+  }
+  for (const MeshFrame& frame : meshes_.messages) EXPECT_EQ(frame.scene_revision, first.revision);
+  EXPECT_FALSE(meshes_.messages.empty());
+}
+
+// Spheres of 10 mm: edges of 1 mm take four divisions of an icosahedron, 2562 vertices; 300 000 / 200 allow
 // 642 each, 300 000 / 10 000 twelve. 12 bytes a vertex and each of its two triangles: 36.
 TEST_F(SceneDisplayTest, DrawsManyTissuesLessFinelyThanOne) {
   for (const std::size_t count : {std::size_t{1}, std::size_t{200}, std::size_t{10'000}}) {
@@ -155,7 +176,7 @@ TEST_F(SceneDisplayTest, DrawsManyTissuesLessFinelyThanOne) {
   }
 }
 
-TEST_F(SceneDisplayTest, SaysThatTheLinkWouldNotTakeTheScene) {
+TEST_F(SceneDisplayTest, ReportsThatTheLinkDroppedTheScene) {
   watchers_.scene_subscriptions = 1;
   publish(0.0);
   EXPECT_FALSE(display_->is_too_large());
@@ -166,6 +187,7 @@ TEST_F(SceneDisplayTest, SaysThatTheLinkWouldNotTakeTheScene) {
   EXPECT_TRUE(display_->is_too_large());
 }
 
+// Two tips 60 mm apart, each 2 mm deep, in one block: dents as each makes alone.
 TEST_F(SceneDisplayTest, DentsOfAllToolsAreInOneMesh) {
   const auto dented = [this](const std::vector<double>& tips_x_m) {
     std::vector<PhysicsTick> ticks(tips_x_m.size());
@@ -196,7 +218,7 @@ TEST_F(SceneDisplayTest, DentsOfAllToolsAreInOneMesh) {
   EXPECT_EQ(both, std::pair(left.first, right.second));
 }
 
-TEST_F(SceneDisplayTest, TellsOfTissueThatMovesAndOfNoOther) {
+TEST_F(SceneDisplayTest, SendsFramesOnlyOfTissueThatMoves) {
   watch_mesh();
   publish(-1e-3);
   EXPECT_THAT(meshes_.messages, IsEmpty());
@@ -223,7 +245,7 @@ TEST_F(SceneDisplayTest, TellsOfTissueThatMovesAndOfNoOther) {
   EXPECT_THAT(meshes_.messages, SizeIs(frames));
 }
 
-TEST_F(SceneDisplayTest, TellsAtMostThirtyTimesASecond) {
+TEST_F(SceneDisplayTest, SendsAtMostThirtyFramesPerSecond) {
   watch_mesh();
   // 2 s of 20 ms, the tip deeper each time
   for (int i = 0; i < 100; ++i) publish(1e-3 + 5e-5 * i);
@@ -231,7 +253,7 @@ TEST_F(SceneDisplayTest, TellsAtMostThirtyTimesASecond) {
   EXPECT_GE(meshes_.messages.size(), 50u);
 }
 
-TEST_F(SceneDisplayTest, TellsALateViewerOfADentThatIsHeld) {
+TEST_F(SceneDisplayTest, SendsAHeldDentToALateViewer) {
   watch_mesh();
   publish(2e-3);
   publish(2e-3, 40ms);
@@ -246,7 +268,7 @@ TEST_F(SceneDisplayTest, TellsALateViewerOfADentThatIsHeld) {
 
 // --- tissue with a motion of its own ------------------------------------------------------------
 
-/// The first block goes 5 mm to and fro along z, 0.25 times a second.
+/// The first block oscillates by 5 mm along z at 0.25 Hz.
 class MovingTissue : public SceneDisplayTest {
  protected:
   MovingTissue() {
@@ -269,7 +291,7 @@ class MovingTissue : public SceneDisplayTest {
   }
 };
 
-TEST_F(MovingTissue, IsToldWhereItIsWithoutItsVertices) {
+TEST_F(MovingTissue, IsSentAsADisplacementWithoutVertices) {
   watch_mesh();
   step(1.0, 0.1);
   step(3.0, 0.1);
@@ -284,18 +306,18 @@ TEST_F(MovingTissue, IsToldWhereItIsWithoutItsVertices) {
   EXPECT_EQ(counters().mesh_frames, 2u);
 }
 
-TEST_F(MovingTissue, IsToldOfAtMostThirtyTimesASecond) {
+TEST_F(MovingTissue, IsSentAtMostThirtyTimesPerSecond) {
   watch_mesh();
   for (int i = 0; i < 100; ++i) step(0.02 * i, 0.1, 20ms);
   EXPECT_NEAR(static_cast<double>(meshes_.messages.size()), 60.0, 1.0);
 }
 
-TEST_F(MovingTissue, IsNotToldOfWithoutAViewer) {
+TEST_F(MovingTissue, IsNotSentWithoutAViewer) {
   for (int i = 0; i < 100; ++i) step(0.02 * i, 0.1, 20ms);
   EXPECT_THAT(meshes_.messages, IsEmpty());
 }
 
-TEST_F(MovingTissue, IsToldOfToALateViewerAtOnce) {
+TEST_F(MovingTissue, IsSentToALateViewerAtOnce) {
   watch_mesh();
   step(1.0, 0.1);
   watch_mesh();
@@ -323,21 +345,21 @@ TEST_F(MovingTissue, IsDentedWhereItIs) {
 }
 
 // 30 move: 12 at a time, so all of them within three times.
-TEST_F(MovingTissue, IsToldOfInTurnWhereThereIsMuch) {
+TEST_F(MovingTissue, IsSentInTurnWhereManyMove) {
   session_.scene.tissues.assign(30, session_.scene.tissues[0]);
   display_.emplace(session_, 77, scenes_, meshes_);
   watch_mesh();
-  std::set<std::uint32_t> told;
+  std::set<std::uint32_t> sent;
   for (int i = 0; i < 3; ++i) {
     meshes_.messages.clear();
     step(0.04 * i, 0.1);
     EXPECT_THAT(meshes_.messages, SizeIs(12));
-    for (const MeshFrame& frame : meshes_.messages) told.insert(frame.tissue);
+    for (const MeshFrame& frame : meshes_.messages) sent.insert(frame.tissue);
   }
-  EXPECT_THAT(told, SizeIs(30));
+  EXPECT_THAT(sent, SizeIs(30));
 }
 
-TEST_F(MovingTissue, MovesEvenIfItNeverGivesWay) {
+TEST_F(MovingTissue, MovesEvenIfItIsNeverDented) {
   session_.scene.tissues[0].material = KelvinVoigtMaterial{.stiffness_newton_per_m = 0};
   watch_mesh();
   step(1.0, 6e-3);
@@ -346,7 +368,7 @@ TEST_F(MovingTissue, MovesEvenIfItNeverGivesWay) {
   EXPECT_NEAR(meshes_.messages[0].displacement_world_m.z(), 5e-3, 1e-12);
 }
 
-TEST_F(SceneDisplayTest, ForgetsWhatNobodyWatched) {
+TEST_F(SceneDisplayTest, ForgetsDentsThatNobodyWatched) {
   watch_mesh();
   publish(2e-3);
   watchers_.has_mesh_watcher = false;
@@ -359,7 +381,7 @@ TEST_F(SceneDisplayTest, ForgetsWhatNobodyWatched) {
   EXPECT_THAT(meshes_.messages, SizeIs(1));  // the one from before: there is no dent now
 }
 
-TEST_F(SceneDisplayTest, SaysNothingOfMotionBeforeThereIsAny) {
+TEST_F(SceneDisplayTest, SendsNoFrameBeforeTheFirstMotion) {
   watch_mesh();
   watchers_.scene_subscriptions = 1;
   display_->publish(watchers_, {}, now_);

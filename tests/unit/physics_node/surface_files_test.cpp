@@ -1,4 +1,4 @@
-// Surfaces from files: sharing, units, placing, and two real livers where they are at hand.
+// Surfaces from files: sharing, units, placing, and two real livers where available.
 #include "physics_node/files/surface_files.h"
 
 #include <gmock/gmock.h>
@@ -44,8 +44,8 @@ TEST(SurfaceFiles, AreSharedWhileInUse) {
   // two tissues in two scenes, one surface
   FileGeometry moved = cube;
   moved.position_m = {1, 0, 0};
-  EXPECT_EQ(std::get<PlacedSurface>(to_shape(cube)).surface,
-            std::get<PlacedSurface>(to_shape(moved)).surface);
+  EXPECT_EQ(to_shape(cube).file_surface(), first.get());
+  EXPECT_EQ(to_shape(moved).file_surface(), first.get());
 }
 
 TEST(SurfaceFiles, ScaleTurnAndMove) {
@@ -57,21 +57,20 @@ TEST(SurfaceFiles, ScaleTurnAndMove) {
       .unit_m = 0.001,
       .position_m = {1, 2, 3},
       .rotation = Quaternion(Eigen::AngleAxisd(std::numbers::pi / 4, Vector3::UnitZ()))});
-  const auto& placed = std::get<PlacedSurface>(shape);
   const double s = std::sqrt(0.5);
 
   // 10 mm out of the face that looked along x and now looks along (1, 1, 0)/√2
-  const SurfaceView face = view(placed, Vector3(1, 2, 3) + 0.06 * Vector3(s, s, 0));
+  const SurfaceView face = shape.view(Vector3(1, 2, 3) + 0.06 * Vector3(s, s, 0));
   EXPECT_NEAR(face.distance_m, 0.01, 1e-12);
   EXPECT_LT((face.normal - Vector3(s, s, 0)).norm(), 1e-12);
 
   // 30 mm beyond the vertical edge that now looks along x: curved by 1/30 mm in y
-  const SurfaceView edge = view(placed, {1.03 + 0.1 * s, 2, 3});
+  const SurfaceView edge = shape.view({1.03 + 0.1 * s, 2, 3});
   EXPECT_NEAR(edge.distance_m, 0.03, 1e-12);
   EXPECT_NEAR(edge.curvature_per_m(1, 1), 1 / 0.03, 1e-9);
   EXPECT_NEAR(edge.curvature_per_m.norm(), 1 / 0.03, 1e-9);
 
-  const std::optional<Bounds> bounds = bounds_of(shape);
+  const std::optional<Bounds> bounds = shape.bounds();
   ASSERT_TRUE(bounds);
   EXPECT_LT((bounds->highest_m - Vector3(1 + 0.1 * s, 2 + 0.1 * s, 3.05)).norm(), 1e-12);
 }
@@ -126,7 +125,7 @@ TEST(SurfaceFiles, TouchNoOctreeWhereThereIsNoCloud) {
 }
 
 // Two of three share a file. Along a path the nearest point is mostly in the cell of the last one.
-TEST(SurfaceFiles, AreLookedAtFromTheLastCellOn) {
+TEST(SurfaceFiles, AreSearchedFromTheLastCellOn) {
   const test::TempFolder folder;
   Random random(1);
   const PointCloud cloud =
@@ -146,14 +145,13 @@ TEST(SurfaceFiles, AreLookedAtFromTheLastCellOn) {
   std::uint32_t hits = 0;
   for (int i = 0; i < 100; ++i) {
     const Vector3 x(1e-5 * i, 0, 0.052);
-    scene.remember(memory, x, 1e-3 * i);
-    hits += scene.evaluate(x, Vector3::Zero(), 1e-3 * i, memory).octree_last_cell_hits;
+    hits += scene.step(memory, x, Vector3::Zero(), 1e-3 * i).octree_last_cell_hits;
   }
   EXPECT_GT(hits, 150U);  // of two views a step
   EXPECT_LE(hits, 300U);
 }
 
-TEST(SurfaceFiles, TellWhatTheyCannotUse) {
+TEST(SurfaceFiles, ReportWhatTheyCannotUse) {
   const test::TempFolder folder;
   const auto file = [&](const char* name, double edge) {
     return folder.write(name, msh_text(cube_of_tetrahedra(edge)));
@@ -171,14 +169,14 @@ TEST(SurfaceFiles, TellWhatTheyCannotUse) {
 }
 
 TEST(SurfaceFiles, ReadRealLivers) {
-  const char* const told = std::getenv("PALPATE_LIVER_DATA");
+  const char* const folder_name = std::getenv("PALPATE_LIVER_DATA");
   const std::filesystem::path folder =
-      told != nullptr ? told : PALPATE_SOURCE_DIR "/../shared/data/liver";
+      folder_name != nullptr ? folder_name : PALPATE_SOURCE_DIR "/../shared/data/liver";
   if (!std::filesystem::exists(folder)) {
     GTEST_SKIP() << folder
                  << " is absent: no liver meshes to try; PALPATE_LIVER_DATA names another";
   }
-  // their unit is not told; the first is 6.5 wide, a liver some 0.2 m
+  // their unit is unknown; the first is 6.5 wide, a liver some 0.2 m
   for (const auto& [name, unit_m, tetrahedra] :
        {std::tuple{"liver_181n_596t.msh", 0.03, 596U}, {"liver2_507n_1493t.msh", 0.1, 1493U}}) {
     SCOPED_TRACE(name);

@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "physics_node/files/tetrahedral_mesh.h"
+#include "physics_node/surfaces/tetrahedral_mesh.h"
 #include "physics_node/surfaces/triangle_surface.h"
 
 namespace palpate::physics {

@@ -1,4 +1,4 @@
-#include "physics_node/files/tetrahedral_mesh.h"
+#include "physics_node/files/tetrahedral_files.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -127,7 +127,7 @@ TEST(Msh, TurnsOverAMeshThatIsInvertedAsAWhole) {
   EXPECT_NEAR(enclosed_volume_m3(surface_of(parse_msh(text, "a.msh"))), 0.5, 1e-12);
 }
 
-TEST(Msh, TellsFileLineAndRule) {
+TEST(Msh, ReportsFileLineAndRule) {
   const std::string good = version_1();
   // element 2 is in line 12, element 3 in line 13
   EXPECT_THAT(complaint(replaced(good, "9 2 4 3\n", "2 9 4 3\n")),
@@ -135,7 +135,7 @@ TEST(Msh, TellsFileLineAndRule) {
   EXPECT_THAT(complaint(replaced(good, "1 2 3 4\n", "1 2 3 3\n")),
               HasSubstr("a.msh:12: element 2: has no volume"));
   EXPECT_THAT(complaint(replaced(good, "1 2 3 4\n", "1 2 3 8\n")),
-              HasSubstr("a.msh:12: element 2: node 8: there is no such node"));
+              HasSubstr("a.msh:12: element 2: node 8: does not exist"));
   EXPECT_THAT(complaint(replaced(good, "9 1 1 1", "4 1 1 1")),
               HasSubstr("a.msh:7: node 4: is given twice"));
   EXPECT_THAT(complaint(replaced(good, "9 1 1 1", "9 1 1e999 1")), HasSubstr("a.msh:7: y = 1e999"));
@@ -146,7 +146,7 @@ TEST(Msh, TellsFileLineAndRule) {
               HasSubstr("a.msh:12: element 2 of type 5: volumes must be tetrahedra"));
   EXPECT_THAT(complaint(good.substr(0, good.find("$ELM"))),
               HasSubstr("must have nodes and elements"));
-  EXPECT_THAT(complaint("ply\n"), HasSubstr("a.msh:1: 'ply': must be the begin of a section"));
+  EXPECT_THAT(complaint("ply\n"), HasSubstr("a.msh:1: 'ply': must begin a section"));
   EXPECT_THAT(complaint(replaced(version_2(), "2.2 0", "2.2 1")), HasSubstr("is binary"));
   EXPECT_THAT(complaint(replaced(version_2(), "2.2 0", "3.0 0")),
               HasSubstr("must be 1, 2.2 or 4.1"));
@@ -156,14 +156,14 @@ TEST(Msh, TellsFileLineAndRule) {
               HasSubstr("has no tetrahedra"));
 }
 
-TEST(Vtk, TellsFileLineAndRule) {
+TEST(Vtk, ReportsFileLineAndRule) {
   EXPECT_THAT(complaint("ply\n", true), HasSubstr("a.vtk:1: must begin with"));
   EXPECT_THAT(complaint(replaced(vtk(), "UNSTRUCTURED_GRID", "POLYDATA"), true),
               HasSubstr("a.vtk:4: DATASET POLYDATA"));
   EXPECT_THAT(complaint(replaced(vtk(), "4 0 1 2 3", "99 0 1 2 3"), true),
               HasSubstr("cell 0: has 99 nodes"));
   EXPECT_THAT(complaint(replaced(vtk(), "4 0 1 2 3", "4 0 1 2 7"), true),
-              HasSubstr("no such node"));
+              HasSubstr("does not exist"));
   EXPECT_THAT(complaint(replaced(vtk(), "CELL_TYPES 3", "CELL_TYPES 2"), true),
               HasSubstr("as many as CELLS"));
   EXPECT_THAT(complaint(replaced(vtk_5(), "0 4 8", "0 4 9"), true), HasSubstr("OFFSETS"));

@@ -83,7 +83,7 @@ TEST(Obj, CutsPolygonsIntoTriangles) {
   EXPECT_THAT(mesh.triangles, SizeIs(2));
 }
 
-TEST(Obj, TellsFileLineAndRule) {
+TEST(Obj, ReportsFileLineAndRule) {
   EXPECT_THAT(complaint(parse_obj, replaced(kTetrahedronObj, "v 0 1 0", "v 0 nan 0")),
               HasSubstr("a:4: coordinate 'nan': a vertex must have three finite numbers"));
   EXPECT_THAT(complaint(parse_obj, replaced(kTetrahedronObj, "v 0 1 0", "v 0 1")),
@@ -110,7 +110,7 @@ TEST(Stl, ReadsAsciiAndBinaryAlike) {
   }
 }
 
-TEST(Stl, TellsFileLineAndRule) {
+TEST(Stl, ReportsFileLineAndRule) {
   const std::string ascii = ascii_stl(cube_mesh(2.0));
   EXPECT_THAT(complaint(parse_stl, replaced(ascii, "vertex -1", "vertex inf")),
               HasSubstr("a:4: x = inf"));
@@ -118,7 +118,8 @@ TEST(Stl, TellsFileLineAndRule) {
               HasSubstr("a:3: 'inner': must be 'outer'"));
   EXPECT_THAT(complaint(parse_stl, ascii.substr(0, ascii.size() / 2)), HasSubstr("must be"));
   const std::string binary = binary_stl(cube_mesh(2.0));
-  EXPECT_THAT(complaint(parse_stl, "x" + binary.substr(1, 300)), HasSubstr("is the file whole?"));
+  EXPECT_THAT(complaint(parse_stl, "x" + binary.substr(1, 300)),
+              HasSubstr("is the file complete?"));
   EXPECT_THAT(complaint(parse_stl, ""), HasSubstr("byte 0"));
 }
 

@@ -34,7 +34,7 @@ TEST(TriangleSurface, OfACubeIsTheBox) {
   }
 }
 
-TEST(TriangleSurface, FindsTheNearestLikeLookingAtAll) {
+TEST(TriangleSurface, FindsTheNearestLikeBruteForce) {
   const TriangleMesh mesh = ball_mesh(0.03, 12);
   const TriangleSurface surface(mesh);
   Random random(2);

@@ -1,4 +1,4 @@
-#include "physics_node/surfaces/geometry.h"
+#include "physics_node/surfaces/analytic_surfaces.h"
 
 #include <algorithm>
 #include <cmath>
@@ -10,8 +10,8 @@ namespace {
 // Below this length a direction is rounding, not geometry [m].
 constexpr double kShortestDirection = 1e-12;
 
-// How far a point may go before another face, edge or corner of a box is nearest; `beyond_face` as
-// in view(): > 0 outside that slab.
+// How far a point may move before another face, edge or corner of the box is nearest. `beyond_face`
+// as in view(): > 0 outside that slab.
 double distance_to_next_feature(const Vector3& from_center, const Vector3& beyond_face,
                                 int nearest_face) noexcept {
   const bool is_at_face = (beyond_face.array() > 0.0).count() <= 1;
@@ -42,11 +42,11 @@ SurfaceView view(const SphereGeometry& sphere, const Vector3& point_m) noexcept 
   const Vector3 from_center = point_m - sphere.center_m;
   const double distance_to_center = from_center.norm();
   surface.distance_m = distance_to_center - sphere.radius_m;
+  surface.trust_radius_m = std::clamp(distance_to_center, kMinTrustRadiusM, kMaxTrustRadiusM);
   if (distance_to_center > kShortestDirection) {
     surface.normal = from_center / distance_to_center;
     surface.curvature_per_m =
         (Matrix3::Identity() - surface.normal * surface.normal.transpose()) / distance_to_center;
-    surface.trust_radius_m = std::clamp(distance_to_center, kMinTrustRadiusM, kMaxTrustRadiusM);
   }
   return surface;
 }
@@ -99,7 +99,7 @@ SurfaceView view(const CapsuleGeometry& capsule, const Vector3& point_m) noexcep
     surface.trust_radius_m = kMinTrustRadiusM;
     return surface;
   }
-  // to the planes that part the ends from the middle, and to where no direction leads out
+  // to the planes that separate the ends from the middle, and to the axis
   const double length = std::sqrt(length2);
   double nearest = distance_to_axis;
   if (length2 > 0.0) {

@@ -1,4 +1,4 @@
-#include "physics_node/surfaces/geometry.h"
+#include "physics_node/surfaces/analytic_surfaces.h"
 
 #include <gtest/gtest.h>
 
@@ -185,6 +185,15 @@ TEST(GeometryProperty, NormalAndCurvatureAreTheDerivativesOfTheDistance) {
     }
   }
   EXPECT_GT(outside_box, 1000);
+}
+
+// Not 1 km, as of a plane: any motion changes the direction to the surface.
+TEST(SphereView, IsTrustedLeastAtItsCentre) {
+  const SurfaceView centre = view(SphereGeometry{.radius_m = 0.01}, Vector3::Zero());
+
+  EXPECT_EQ(centre.trust_radius_m, kMinTrustRadiusM);
+  EXPECT_FALSE(centre.is_plane());
+  EXPECT_TRUE(view(HalfSpaceGeometry{}, Vector3::Zero()).is_plane());
 }
 
 TEST(Bounds, HoldTheWholeShape) {

@@ -1,4 +1,4 @@
-#include "physics_node/files/tetrahedral_mesh.h"
+#include "physics_node/files/tetrahedral_files.h"
 
 #include <algorithm>
 #include <cmath>
@@ -14,17 +14,10 @@ namespace {
 
 constexpr std::int64_t kMaxCount = 1'000'000'000;
 constexpr std::int64_t kMaxTag = std::numeric_limits<std::int64_t>::max() - 1;
-// Volume over the cube of the longest edge, times 6: 0.7 for a regular tetrahedron.
+// Six volumes over the cube of the longest edge; 0.7 for a regular tetrahedron.
 constexpr double kFlattestElement = 1e-9;
 
-double six_volumes(const TetrahedralMesh& mesh, const std::array<std::uint32_t, 4>& corner) {
-  const Vector3& origin = mesh.nodes_m[corner[0]];
-  return (mesh.nodes_m[corner[1]] - origin)
-      .cross(mesh.nodes_m[corner[2]] - origin)
-      .dot(mesh.nodes_m[corner[3]] - origin);
-}
-
-/// The mesh as it is read: nodes by the number the file gives them.
+/// Collects a mesh while it is read; the file identifies nodes by numbers of its own.
 class Builder {
  public:
   explicit Builder(FileText& text) : text_(text) {}
@@ -41,7 +34,7 @@ class Builder {
       const auto node = index_of_.find(nodes[i]);
       if (node == index_of_.end()) {
         text_.fail("element " + std::to_string(tag) + ": node " + std::to_string(nodes[i]) +
-                   ": there is no such node");
+                   ": does not exist");
       }
       corners[i] = node->second;
     }
@@ -49,7 +42,7 @@ class Builder {
     sources_.push_back({tag, text_.line()});
   }
 
-  /// The mesh checked whole, without the nodes that no tetrahedron uses.
+  /// Checks the complete mesh and returns it without unused nodes.
   TetrahedralMesh take() {
     if (mesh_.tetrahedra.empty()) text_.fail("has no tetrahedra; save the volume, not its surface");
     const auto name = [&](std::size_t i) { return "element " + std::to_string(sources_[i].tag); };
@@ -65,7 +58,7 @@ class Builder {
               longest2, (mesh_.nodes_m[corners[a]] - mesh_.nodes_m[corners[b]]).squaredNorm());
         }
       }
-      const double volume = six_volumes(mesh_, corners);
+      const double volume = six_volumes_m3(mesh_.nodes_m, corners);
       if (!(std::abs(volume) > kFlattestElement * longest2 * std::sqrt(longest2))) {
         text_.fail_at_line(sources_[i].line, name(i) + ": has no volume; repair the mesh");
       }
@@ -129,9 +122,9 @@ std::int64_t read_count(FileText& text, const char* what) {
   return count;
 }
 
-/// The nodes of one element, whose type has been read.
+/// Reads the nodes of one element, after its type.
 void read_element(FileText& text, Builder& builder, std::int64_t tag, std::int64_t type) {
-  // Gmsh's numbers: volume elements other than tetrahedra of first and second order
+  // Gmsh type numbers of volume elements other than tetrahedra of first and second order
   constexpr std::array<std::int64_t, 11> kOtherVolumes{5, 6, 7, 12, 13, 14, 17, 18, 19, 29, 30};
   if (std::find(kOtherVolumes.begin(), kOtherVolumes.end(), type) != kOtherVolumes.end()) {
     text.fail("element " + std::to_string(tag) + " of type " + std::to_string(type) +
@@ -218,7 +211,7 @@ TetrahedralMesh parse_msh(std::string_view bytes, const std::string& file_name) 
   bool has_elements = false;
   for (std::string_view section = text.word(); !section.empty(); section = text.word()) {
     if (!section.starts_with('$')) {
-      text.fail("'" + shown_word(section) + "': must be the begin of a section, such as $Nodes");
+      text.fail("'" + shown_word(section) + "': must begin a section, such as $Nodes");
     }
     std::string end = "$End" + std::string(section.substr(1));
     if (section == "$MeshFormat") {
@@ -247,9 +240,10 @@ TetrahedralMesh parse_msh(std::string_view bytes, const std::string& file_name) 
         read_elements_1(text, builder);
       }
     } else {
-      // not needed: on to its end
+      // a section that is not needed
       while (true) {
-        if (text.is_at_end()) text.fail(shown_word(section) + ": has no end; is the file whole?");
+        if (text.is_at_end())
+          text.fail(shown_word(section) + ": has no end; is the file complete?");
         std::string_view line = text.rest_of_line();
         if (line == end) break;
       }
@@ -292,7 +286,7 @@ class VtkValues {
   bool is_ascii_;
 };
 
-/// The cells one after the other: number of nodes, nodes.
+/// The cells in sequence: for each the number of nodes, then the nodes.
 std::vector<std::int64_t> read_cells(FileText& text, VtkValues& values, std::int64_t& count) {
   count = read_count(text, "number of cells");
   const std::int64_t size = read_count(text, "size of cells");
@@ -319,7 +313,7 @@ std::vector<std::int64_t> read_cells(FileText& text, VtkValues& values, std::int
     count = std::max<std::int64_t>(count - 1, 0);
     for (std::size_t i = 0; i + 1 < offsets.size(); ++i) {
       if (offsets[i] < 0 || offsets[i + 1] < offsets[i] || offsets[i + 1] > size) {
-        text.fail("OFFSETS: must grow from 0 to the size");
+        text.fail("OFFSETS: must increase from 0 to the size");
       }
       cells.push_back(offsets[i + 1] - offsets[i]);
       cells.insert(cells.end(), nodes.begin() + offsets[i], nodes.begin() + offsets[i + 1]);
@@ -350,7 +344,7 @@ TetrahedralMesh parse_vtk(std::string_view bytes, const std::string& file_name) 
   bool has_points = false;
   while (true) {
     const std::string_view keyword = text.word();
-    if (keyword.empty()) text.fail("must have POINTS, CELLS and CELL_TYPES; is the file whole?");
+    if (keyword.empty()) text.fail("must have POINTS, CELLS and CELL_TYPES; is the file complete?");
     if (keyword == "DATASET") {
       const std::string_view kind = text.word();
       if (kind != "UNSTRUCTURED_GRID") {
@@ -375,7 +369,7 @@ TetrahedralMesh parse_vtk(std::string_view bytes, const std::string& file_name) 
       cells = read_cells(text, values, count);
     } else if (keyword == "CELL_TYPES") {
       const std::int64_t types = text.integer("number of cell types", 0, kMaxCount);
-      if (types != count) text.fail("CELL_TYPES: must be as many as CELLS, after them");
+      if (types != count) text.fail("CELL_TYPES: must be as many as CELLS, and follow them");
       text.rest_of_line();
       break;
     } else {
@@ -383,7 +377,8 @@ TetrahedralMesh parse_vtk(std::string_view bytes, const std::string& file_name) 
     }
   }
 
-  // VTK's numbers: 10 and 24 are tetrahedra of first and second order, from 11 on volumes
+  // VTK type numbers: 10 and 24 are tetrahedra of first and second order, 11 … 16 and 25 … 33 other
+  // volumes
   std::size_t at = 0;
   for (std::int64_t cell = 0; cell < count; ++cell) {
     const std::int64_t type = values.integer(false, "cell type");
@@ -405,7 +400,8 @@ TetrahedralMesh parse_vtk(std::string_view bytes, const std::string& file_name) 
   return builder.take();
 }
 
-// --- out ----------------------------------------------------------------------------------------
+// --- writing
+// ---------------------------------------------------------------------------------------
 
 std::string msh_text(const TetrahedralMesh& mesh) {
   std::string text =
@@ -424,44 +420,6 @@ std::string msh_text(const TetrahedralMesh& mesh) {
     text += "\n";
   }
   return text + "$EndElements\n";
-}
-
-TriangleMesh surface_of(const TetrahedralMesh& mesh) {
-  struct Face {
-    std::array<std::uint32_t, 3> sorted;
-    std::array<std::uint32_t, 3> corners;  // counter-clockwise from outside the element
-  };
-  std::vector<Face> faces;
-  faces.reserve(4 * mesh.tetrahedra.size());
-  for (const auto& [a, b, c, d] : mesh.tetrahedra) {
-    for (const std::array<std::uint32_t, 3>& corners :
-         {std::array{a, c, b}, std::array{a, b, d}, std::array{b, c, d}, std::array{a, d, c}}) {
-      Face face{corners, corners};
-      std::sort(face.sorted.begin(), face.sorted.end());
-      faces.push_back(face);
-    }
-  }
-  std::sort(faces.begin(), faces.end(), [](const Face& a, const Face& b) {
-    return a.sorted != b.sorted ? a.sorted < b.sorted : a.corners < b.corners;
-  });
-
-  TriangleMesh surface;
-  constexpr std::uint32_t kUnused = 0xffffffff;
-  std::vector<std::uint32_t> place(mesh.nodes_m.size(), kUnused);
-  for (std::size_t begin = 0, end = 0; begin < faces.size(); begin = end) {
-    while (end < faces.size() && faces[end].sorted == faces[begin].sorted) ++end;
-    if (end - begin != 1) continue;
-    std::array<std::uint32_t, 3> triangle = faces[begin].corners;
-    for (std::uint32_t& corner : triangle) {
-      if (place[corner] == kUnused) {
-        place[corner] = static_cast<std::uint32_t>(surface.vertices_m.size());
-        surface.vertices_m.push_back(mesh.nodes_m[corner]);
-      }
-      corner = place[corner];
-    }
-    surface.triangles.push_back(triangle);
-  }
-  return surface;
 }
 
 }  // namespace palpate::physics

@@ -1,4 +1,5 @@
-// How surfaces from files are drawn. The force knows nothing of it.
+#include "physics_node/display/file_surface_mesh.h"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -14,13 +15,13 @@
 namespace palpate::physics {
 namespace {
 
-/// Of one surface, about: 30 frames a second of all of them are a few MB/s.
+/// Approximate limit per surface: 30 frames per second of all its vertices are a few MB/s.
 constexpr std::size_t kMostCells = 10'000;
-/// A mesh that is given is not changed below this.
+/// Meshes of up to this many vertices are drawn unchanged.
 constexpr std::size_t kMostVertices = 50'000;
 constexpr double kCoarser = 1.2;
 
-/// A cell, or its lowest corner, of a grid that is nowhere wider than a few hundred cells.
+/// A cell, or its lowest corner, of a grid at most a few hundred cells wide.
 using Cell = Eigen::Vector3i;
 using Key = std::uint64_t;
 Key key_of(const Cell& cell) {
@@ -51,11 +52,8 @@ class Grid {
   double h_;
 };
 
-double longest_side_m(const Bounds& bounds) {
-  return (bounds.highest_m - bounds.lowest_m).maxCoeff();
-}
-
-/// The cells of the finest grid, from `finest_m` on, in which `points` lie in at most `most`.
+/// The occupied cells of the finest grid, not finer than `finest_m`, in which `points` occupy at
+/// most `most` cells.
 template <class Points, class Place>
 std::pair<Grid, std::vector<Cell>> cells_with(const Points& points, const Place& place_m,
                                               const Bounds& bounds, double finest_m,
@@ -78,8 +76,8 @@ std::pair<Grid, std::vector<Cell>> cells_with(const Points& points, const Place&
   }
 }
 
-/// One vertex in each cell that the surface passes through, one face across each edge of the grid
-/// that it crosses.
+/// A surface net: one vertex in each cell that the surface passes through, one face across each
+/// edge of the grid that it crosses.
 class SurfaceNet {
  public:
   SurfaceNet(const CloudSurface& surface, const Grid& grid) : surface_(surface), grid_(grid) {}
@@ -107,8 +105,8 @@ class SurfaceNet {
     return it->second;
   }
 
-  /// Where between two corners the surface passes. A distance that jumps by more than the way is
-  /// not a surface but the end of one.
+  /// Where the surface passes between two corners. Where the distance jumps by more than the length
+  /// of the edge there is no surface but the border of one.
   std::optional<double> crossing(const Cell& from, const Cell& to) {
     const double a = distance_m(from);
     const double b = distance_m(to);
@@ -133,7 +131,7 @@ class SurfaceNet {
     }
     if (count == 0) return std::nullopt;
 
-    // from the middle of the crossings onto the surface
+    // from the mean of the crossings onto the surface
     Vector3 place_m = sum / count;
     for (int i = 0; i < 2; ++i) {
       const SurfaceView seen = surface_.view(place_m);
@@ -148,7 +146,7 @@ class SurfaceNet {
     const Cell across = Cell::Unit((axis + 1) % 3);
     const Cell up = Cell::Unit((axis + 2) % 3);
     if (!crossing(corner, corner + along)) return;
-    // the four cells round the edge, counter-clockwise seen from its far end
+    // the four cells around the edge, counter-clockwise seen from its far end
     std::array<std::uint32_t, 4> corners{};
     std::size_t i = 0;
     for (const Cell& cell :
@@ -168,20 +166,19 @@ class SurfaceNet {
   std::unordered_map<Key, std::uint32_t> vertices_;  // of cells
 };
 
-}  // namespace
-
-SurfaceMesh CloudSurface::display_mesh() const {
-  const std::span<const Octree::Point> points = tree_.points();
+SurfaceMesh mesh_of(const CloudSurface& surface) {
+  const std::span<const Octree::Point> points = surface.tree().points();
+  const Bounds bounds = surface.bounds();
   double reach_m = 0.0;
   for (const Octree::Point& point : points) reach_m += static_cast<double>(point.reach);
   reach_m /= static_cast<double>(points.size());
-  const double finest_m = std::max(0.5 * reach_m, longest_side_m(bounds_) / 200.0);
-  const auto place_m = [this](const Octree::Point& point) -> Vector3 {
-    return origin_m_ + Vector3(point.x, point.y, point.z);
+  const double finest_m = std::max(0.5 * reach_m, bounds.longest_side_m() / 200.0);
+  const auto place_m = [&](const Octree::Point& point) -> Vector3 {
+    return surface.origin_m() + Vector3(point.x, point.y, point.z);
   };
-  const auto [grid, cells] = cells_with(points, place_m, bounds_, finest_m, kMostCells);
+  const auto [grid, cells] = cells_with(points, place_m, bounds, finest_m, kMostCells);
 
-  // the surface may pass beside the cells of its points
+  // the surface may lie in a cell beside those of its points
   std::vector<Cell> around;
   std::unordered_map<Key, bool> known;
   for (const Cell& cell : cells) {
@@ -190,37 +187,46 @@ SurfaceMesh CloudSurface::display_mesh() const {
       if (known.emplace(key_of(near), true).second) around.push_back(near);
     }
   }
-  return SurfaceNet(*this, grid).over(around);
+  return SurfaceNet(surface, grid).over(around);
 }
 
-SurfaceMesh TriangleSurface::display_mesh() const {
-  const std::size_t count = mesh_.vertices_m.size();
+SurfaceMesh mesh_of(const TriangleSurface& surface) {
+  const TriangleMesh& given = surface.mesh();
+  const std::size_t count = given.vertices_m.size();
   SurfaceMesh mesh;
   std::vector<std::uint32_t> becomes(count);
   if (count <= kMostVertices) {
     for (std::size_t i = 0; i < count; ++i) {
-      add_vertex(mesh_.vertices_m[i], mesh);
+      add_vertex(given.vertices_m[i], mesh);
       becomes[i] = static_cast<std::uint32_t>(i);
     }
   } else {
-    // of each cell the first vertex stands for all
+    // the first vertex of each cell replaces the others
     const auto same = [](const Vector3& p) -> const Vector3& { return p; };
-    const Grid grid =
-        cells_with(mesh_.vertices_m, same, bounds(), longest_side_m(bounds()) / 1e3, kMostVertices)
-            .first;
+    const Grid grid = cells_with(given.vertices_m, same, surface.bounds(),
+                                 surface.bounds().longest_side_m() / 1e3, kMostVertices)
+                          .first;
     std::unordered_map<Key, std::uint32_t> kept;
     for (std::size_t i = 0; i < count; ++i) {
-      const auto [it, is_new] = kept.emplace(key_of(grid.cell_of(mesh_.vertices_m[i])),
+      const auto [it, is_new] = kept.emplace(key_of(grid.cell_of(given.vertices_m[i])),
                                              static_cast<std::uint32_t>(mesh.vertex_count()));
-      if (is_new) add_vertex(mesh_.vertices_m[i], mesh);
+      if (is_new) add_vertex(given.vertices_m[i], mesh);
       becomes[i] = it->second;
     }
   }
-  for (const auto& [a, b, c] : mesh_.triangles) {
+  for (const auto& [a, b, c] : given.triangles) {
     if (becomes[a] == becomes[b] || becomes[b] == becomes[c] || becomes[c] == becomes[a]) continue;
     mesh.triangles.insert(mesh.triangles.end(), {becomes[a], becomes[b], becomes[c]});
   }
   return mesh;
+}
+
+}  // namespace
+
+SurfaceMesh display_mesh(const FileSurface& surface) {
+  if (const auto* cloud = dynamic_cast<const CloudSurface*>(&surface)) return mesh_of(*cloud);
+  if (const auto* mesh = dynamic_cast<const TriangleSurface*>(&surface)) return mesh_of(*mesh);
+  return {};
 }
 
 }  // namespace palpate::physics

@@ -1,0 +1,24 @@
+// tetrahedral_files.h — volume meshes from Gmsh and VTK files, lengths in the unit of the file.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "physics_node/surfaces/tetrahedral_mesh.h"
+
+namespace palpate::physics {
+
+/// Gmsh `.msh` of version 1, 2.2 or 4.1, ASCII. Points, lines and faces are ignored; of tetrahedra
+/// of second order only the corners are used; other volume elements are refused. If all elements
+/// are inverted, all are turned over.
+/// @throws SetupError  as "file:line: what: rule": malformed, numbers not finite, nodes that do not
+///     exist or are given twice, elements without volume, some inverted
+[[nodiscard]] TetrahedralMesh parse_msh(std::string_view bytes, const std::string& file_name);
+
+/// Legacy VTK (`# vtk DataFile`), ASCII or binary, UNSTRUCTURED_GRID; otherwise as parse_msh.
+[[nodiscard]] TetrahedralMesh parse_vtk(std::string_view bytes, const std::string& file_name);
+
+/// The mesh as Gmsh 2.2 ASCII.
+[[nodiscard]] std::string msh_text(const TetrahedralMesh& mesh);
+
+}  // namespace palpate::physics

@@ -1,0 +1,36 @@
+// analytic_surfaces.h — half-space, sphere, box and capsule seen from one point, by formula.
+#pragma once
+
+#include "common/core/vector.h"
+#include "common/session/scene_config.h"
+#include "physics_node/contact/surface_view.h"
+#include "physics_node/surfaces/bounds.h"
+
+namespace palpate::physics {
+
+/// Exact everywhere; the plane has no curvature. Needs |normal| = 1.
+[[nodiscard]] SurfaceView view(const HalfSpaceGeometry& half_space,
+                               const Vector3& point_m) noexcept;
+
+/// Exact. At the centre (closer than 1 pm) the direction is undefined: the normal is +z there, the
+/// curvature, which grows as 1/distance from the centre, is zero, and the trust radius is the
+/// least. Elsewhere the trust radius ends at the centre.
+[[nodiscard]] SurfaceView view(const SphereGeometry& sphere, const Vector3& point_m) noexcept;
+
+/// Outside: the distance to the nearest point of the box, on a face, an edge (curved like a
+/// cylinder) or a corner (curved like a sphere). Inside, or closer than 1 pm: the nearest face. Of
+/// equally near faces the first in the order x, y, z counts, and of two opposite ones the one in
+/// positive direction, so the normal jumps there while the distance is continuous. The trust radius
+/// ends where another face, edge or corner becomes the nearest.
+[[nodiscard]] SurfaceView view(const BoxGeometry& box, const Vector3& point_m) noexcept;
+
+/// Exact. On the axis the direction is undefined: the normal is some vector across it, and the
+/// curvature is zero. The trust radius ends where the rounded ends begin, and at the axis.
+[[nodiscard]] SurfaceView view(const CapsuleGeometry& capsule, const Vector3& point_m) noexcept;
+
+/// The smallest box around the tissue.
+[[nodiscard]] Bounds bounds_of(const SphereGeometry& sphere) noexcept;
+[[nodiscard]] Bounds bounds_of(const BoxGeometry& box) noexcept;
+[[nodiscard]] Bounds bounds_of(const CapsuleGeometry& capsule) noexcept;
+
+}  // namespace palpate::physics
