@@ -26,10 +26,10 @@ class PointerInput {
  public:
   PointerInput(const Session& session, ZmqContext& side, NodeContext& context, HandGoals& goals)
       : log_(context.log),
-        targets_(side, context.clock, bind_to(session.links.hand_target, "links.hand_target"),
+        targets_(side, context.clock, bind_to(session.side().links.hand_target, "links.hand_target"),
                  Delivery::kEvery),
         refused_(context.log, "hand_target", targets_.rejections()),
-        hold_(session.hand.pointer->holder_timeout),
+        hold_(session.side().hand.pointer->holder_timeout),
         goals_(goals) {}
 
   void pump(TimePoint now) {
@@ -59,37 +59,37 @@ class PointerInput {
 
 void run_process(NodeContext& context, ProcessLinks& links) {
   ExchangeClient exchange(links.exchange, context.clock,
-                          connect_to(context.session.links.exchange, "links.exchange"));
+                          connect_to(context.session.side().links.exchange, "links.exchange"));
   run_with({exchange, exchange, exchange.rejections()}, context, links.side);
 }
 
 void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) {
   const Session& session = context.session;
   HandGoals goals(kHandGoals);
-  const auto device = open_device(session.simulated, session.hand, context.clock,
-                                  stream_seed(session.seed, "hand"), &goals);
+  const auto device = open_device(session.side().simulated, session.side().hand, context.clock,
+                                  stream_seed(session, session.side(), "hand"), &goals);
   if (!device->specification().has_motor_watchdog) {
     context.log.warn("event=no_motor_watchdog device=\"{}\": the guarantee is not available",
                      device->specification().model_name);
   }
 
   Inbox<ForceCommand> force_in(exchange.commands, context.clock, session.faults.force_command,
-                               stream_seed(session.seed, "force_command"));
+                               stream_seed(session, session.side(), "force_command"));
 
   // hop 5
   ZmqSender<DeviceBatch> telemetry(
-      side, bind_to(session.links.device_telemetry, "links.device_telemetry"));
+      side, bind_to(session.side().links.device_telemetry, "links.device_telemetry"));
   RingSink<DeviceTick> ticks;
   Snapshot<DeviceCounters> counters;
-  FlightRecorder<DeviceTick> recorder(flight_files(context, "device"));
+  FlightRecorder<DeviceTick> recorder(flight_files(context, with_side(session.side().name, "device")));
   RejectionLog refused(context.log, "force_command", exchange.refused);
   std::optional<PointerInput> pointer;
-  if (session.hand.pointer && device->specification().is_simulated) {
+  if (session.side().hand.pointer && device->specification().is_simulated) {
     pointer.emplace(session, side, context, goals);
   }
   RefusedPeersLog refused_peers(context.log, side.refused());
   TelemetryPublisher publisher(context.session_id, context.clock, ticks, counters, telemetry,
-                               context.log, session.side);
+                               context.log, session.side().name);
   publisher.record_to(recorder);
   publisher.peers_refused = [&] { return side.refused().total(); };
   publisher.on_pump = [&](TimePoint now) {
@@ -100,11 +100,11 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
   publisher.start();
 
   // the tick
-  DeviceNode node(session.device, *device, context.clock, exchange.states, force_in, ticks,
+  DeviceNode node(session.side().device, *device, context.clock, exchange.states, force_in, ticks,
                   context.session_id);
-  context.log.info("event=realtime {}", enter_realtime(session.realtime).text);
-  SteadyClock appointments(session.realtime.wait);
-  RateLoop loop(appointments, session.device.rate_hz);
+  context.log.info("event=realtime {}", enter_realtime(session.side().realtime).text);
+  SteadyClock appointments(session.side().realtime.wait);
+  RateLoop loop(appointments, session.side().device.rate_hz);
   std::uint32_t resets = 0;
   loop.run(context.stop, [&](const Tick& tick) {
     const std::uint32_t resets_asked = context.requests.fault_resets;

@@ -11,7 +11,7 @@ int main(int argc, char** argv) {
        .is_of_one_side = true},
       [](palpate::NodeContext& context) {
         palpate::ProcessLinks links(
-            context.session.realtime,
+            context.session.side().realtime,
             palpate::tcp_rules(context.session.security, {palpate::KeyRole::kDevice}));
         palpate::mofc::run_process(context, links);
       });

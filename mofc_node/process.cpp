@@ -33,24 +33,25 @@ class Clamp::Impl {
   Impl(NodeContext& context, ZmqContext& side, Source<DeviceState>& states,
        Sender<ForceCommand>& commands, const Rejections& refused)
       : session_(context.session),
+        side_(session_.side()),
         commands_(commands),
         state_in_(states, context.clock, session_.faults.device_state,
-                  stream_seed(session_.seed, "device_state")),
-        motion_out_(side, connect_to(session_.links.tool_motion, "links.tool_motion")),
+                  stream_seed(session_, side_, "device_state")),
+        motion_out_(side, connect_to(side_.links.tool_motion, "links.tool_motion")),
         interactions_(side, context.clock,
-                      connect_to(session_.links.interaction, "links.interaction"),
+                      connect_to(side_.links.interaction, "links.interaction"),
                       session_.faults.interaction.any() ? Delivery::kEvery : Delivery::kNewest),
         interaction_in_(interactions_, context.clock, session_.faults.interaction,
-                        stream_seed(session_.seed, "interaction")),
-        telemetry_(side, bind_to(session_.links.mofc_telemetry, "links.mofc_telemetry")),
-        recorder_(flight_files(context, "mofc")),
+                        stream_seed(session_, side_, "interaction")),
+        telemetry_(side, bind_to(side_.links.mofc_telemetry, "links.mofc_telemetry")),
+        recorder_(flight_files(context, with_side(side_.name, "mofc"))),
         refused_peers_(context.log, side.refused()),
         refused_states_(context.log, "device_state", refused),
         refused_interactions_(context.log, "interaction", interactions_.rejections()),
-        node_(session_.mofc, session_.device, context.clock, motion_out_, interaction_in_, ticks_,
+        node_(side_.mofc, side_.device, context.clock, motion_out_, interaction_in_, ticks_,
               context.session_id),
         publisher_(context.session_id, context.clock, ticks_, counters_, telemetry_, context.log,
-                   session_.side) {
+                   side_.name) {
     publisher_.record_to(recorder_);
     publisher_.peers_refused = [&side] { return side.refused().total(); };
     publisher_.on_pump = [this](TimePoint now) {
@@ -81,6 +82,7 @@ class Clamp::Impl {
 
  private:
   const Session& session_;
+  const Side& side_;
 
   // hops 1 and 4
   Sender<ForceCommand>& commands_;
@@ -115,10 +117,10 @@ void Clamp::finish_turn() noexcept { impl_->finish_turn(); }
 
 void run_process(NodeContext& context, ProcessLinks& links) {
   ExchangeServer exchange(links.exchange, context.clock,
-                          bind_to(context.session.links.exchange, "links.exchange"));
+                          bind_to(context.session.side().links.exchange, "links.exchange"));
   Clamp clamp(context, links.side, exchange, exchange, exchange.rejections());
   context.log.info("event=realtime {}",
-                   enter_realtime(below_device(context.session.realtime)).text);
+                   enter_realtime(below_device(context.session.side().realtime)).text);
 
   // every DeviceState is answered in order; what can wait comes after the answer
   while (!context.stop.stop_requested()) {

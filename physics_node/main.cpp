@@ -10,7 +10,7 @@ int main(int argc, char** argv) {
        .signals = "SIGUSR1 writes the last ticks to a file (the log names it)."},
       [](palpate::NodeContext& context) {
         palpate::ProcessLinks links(
-            context.session.realtime,
+            context.session.side().realtime,
             palpate::tcp_rules(context.session.security, {palpate::KeyRole::kPhysics}));
         palpate::physics::run_process(context, links);
       });

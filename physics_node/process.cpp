@@ -30,22 +30,22 @@ constexpr auto kIdleWait = std::chrono::milliseconds(50);
 /// One tool: hops 2 and 3 of one device, and their telemetry.
 class Tool {
  public:
-  /// @param session  the side of that device
-  Tool(const Session& session, std::shared_ptr<const Scene> scene, NodeContext& context,
-       ProcessLinks& links, SceneSender& telemetry)
+  /// @param side  of that device
+  Tool(const Session& session, const Side& side, std::shared_ptr<const Scene> scene,
+       NodeContext& context, ProcessLinks& links, SceneSender& telemetry)
       : clock_(context.clock),
-        log_(context.log.clone(with_side(session.side, context.log.name()))),
+        log_(context.log.clone(with_side(side.name, context.log.name()))),
         // a fault line needs every message, else the newest suffices
-        motions_(links.side, context.clock, bind_to(session.links.tool_motion, "links.tool_motion"),
+        motions_(links.side, context.clock, bind_to(side.links.tool_motion, "links.tool_motion"),
                  session.faults.tool_motion.any() ? Delivery::kEvery : Delivery::kNewest),
         motion_in_(motions_, context.clock, session.faults.tool_motion,
-                   stream_seed(session.seed, "tool_motion")),
-        interaction_out_(links.side, bind_to(session.links.interaction, "links.interaction")),
-        recorder_(flight_files(context, with_side(session.side, "physics"))),
+                   stream_seed(session, side, "tool_motion")),
+        interaction_out_(links.side, bind_to(side.links.interaction, "links.interaction")),
+        recorder_(flight_files(context, with_side(side.name, "physics"))),
         refused_(*log_, "tool_motion", motions_.rejections()),
         publisher(context.session_id, context.clock, ticks_, counters_, telemetry, *log_,
-                  session.side),
-        node_(std::move(scene), session.physics, session.mofc.interaction, context.clock,
+                  side.name),
+        node_(std::move(scene), session.physics, side.mofc.interaction, context.clock,
               motion_in_, interaction_out_, ticks_, context.session_id) {
     motions_.keep_to_one_writer();
     publisher.record_to(recorder_);
@@ -86,8 +86,8 @@ class Tool {
 
 void run_process(NodeContext& context, ProcessLinks& links) {
   const Session& session = context.session;
-  const std::span<const Session> sides = sides_of(session);
-  const bool is_any_local = std::any_of(sides.begin(), sides.end(), [](const Session& side) {
+  const std::vector<Side>& sides = session.sides;
+  const bool is_any_local = std::any_of(sides.begin(), sides.end(), [](const Side& side) {
     return side.mofc.interaction == InteractionUse::kLocal;
   });
   const auto scene =
@@ -95,13 +95,13 @@ void run_process(NodeContext& context, ProcessLinks& links) {
 
   // hop 5: one socket, so the publisher of the first tool sends for all
   SceneSender telemetry(links.side,
-                        bind_to(session.links.physics_telemetry, "links.physics_telemetry"));
+                        bind_to(session.physics_telemetry, "links.physics_telemetry"));
   SceneDisplay display(session, context.session_id, telemetry, telemetry);
   RefusedPeersLog refused_peers(context.log, links.side.refused());
   HeapTrim heap;
   std::list<Tool> tools;
-  for (const Session& side : sides) {
-    Tool& tool = tools.emplace_back(side, scene, context, links, telemetry);
+  for (const Side& side : sides) {
+    Tool& tool = tools.emplace_back(session, side, scene, context, links, telemetry);
     tool.publisher.add_counts = [&](PhysicsCounters& counts) { display.count_into(counts); };
   }
   auto& publisher = tools.front().publisher;
@@ -128,7 +128,7 @@ void run_process(NodeContext& context, ProcessLinks& links) {
   };
   publisher.start();
 
-  if (session.mofc.wait_for_physics.count() == 0) {
+  if (session.side().mofc.wait_for_physics.count() == 0) {
     RateLoop(context.clock, session.physics.rate_hz).run(context.stop, [&](Tick tick) {
       for (Tool& tool : tools) {
         tool.step(tick);

@@ -27,9 +27,9 @@ constexpr Duration kWebPumpInterval = std::chrono::milliseconds(20);  // clients
 /// more.
 bool print_status(const Session& session, std::span<const TelemetryMirror> mirrors, TimePoint now) {
   const bool is_terminal = isatty(STDOUT_FILENO) == 1;
-  const std::span<const Session> sides = sides_of(session);
+  const std::vector<Side>& sides = session.sides;
   for (std::size_t i = 0; i < sides.size(); ++i) {
-    const std::string& name = sides[i].side;
+    const std::string& name = sides[i].name;
     const std::string line = (name.empty() ? "" : name + ": ") + status_line(mirrors[i], now);
     if (is_terminal) {
       std::printf("\r\033[K%s%s", line.c_str(), i + 1 < sides.size() ? "\n" : "");
@@ -44,11 +44,11 @@ bool print_status(const Session& session, std::span<const TelemetryMirror> mirro
 
 std::vector<Attachment> telemetry_of(const Session& session) {
   std::vector<Attachment> attachments;
-  for (const Session& side : sides_of(session)) {
+  for (const Side& side : session.sides) {
     attachments.push_back(connect_to(side.links.device_telemetry, "links.device_telemetry"));
     attachments.push_back(connect_to(side.links.mofc_telemetry, "links.mofc_telemetry"));
   }
-  attachments.push_back(connect_to(session.links.physics_telemetry, "links.physics_telemetry"));
+  attachments.push_back(connect_to(session.physics_telemetry, "links.physics_telemetry"));
   return attachments;
 }
 
@@ -87,7 +87,7 @@ class Plot {
 
 TelemetryFeed::TelemetryFeed(const Session& session, const Clock& clock, ProcessLinks& links)
     : subscriber_(links.side, clock, telemetry_of(session)) {
-  for (const Session& side : sides_of(session)) sides_.push_back(side.side);
+  for (const Side& side : session.sides) sides_.push_back(side.name);
 }
 
 void TelemetryFeed::pump(std::span<TelemetryMirror> mirrors, TimePoint deadline) {
@@ -109,7 +109,7 @@ void TelemetryFeed::pump(std::span<TelemetryMirror> mirrors, TimePoint deadline)
 
 void run_process(NodeContext& context, ProcessLinks& links, const ViewerOptions& options) {
   refuse_shared_file({{"--csv", options.csv_file}, {"--record", options.record.file}});
-  const std::span<const Session> sides = sides_of(context.session);
+  const std::vector<Side>& sides = context.session.sides;
   std::vector<TelemetryMirror> mirrors(sides.size());
   std::vector<std::unique_ptr<CsvWriter>> csvs;
   std::optional<Plot> plot;
@@ -121,7 +121,7 @@ void run_process(NodeContext& context, ProcessLinks& links, const ViewerOptions&
   for (std::size_t i = 0; i < sides.size(); ++i) {
     CsvWriter* csv = nullptr;
     if (!options.csv_file.empty()) {
-      const std::string file = csv_file_of(options.csv_file, sides[i].side);
+      const std::string file = csv_file_of(options.csv_file, sides[i].name);
       csv = csvs.emplace_back(std::make_unique<CsvWriter>(file)).get();
     }
     Plot* shown = i == 0 && plot ? &*plot : nullptr;

@@ -33,7 +33,7 @@ class TelemetryFeed {
   std::function<void(const TelemetryMessage&, std::span<const std::byte> payload)> on_message;
 
   /// Takes what arrived, waiting for it until `deadline`.
-  /// @param mirrors  of each of sides_of(session)
+  /// @param mirrors  of each of session.sides
   void pump(std::span<TelemetryMirror> mirrors, TimePoint deadline);
   /// SceneState and MeshFrame come on request only.
   [[nodiscard]] TelemetrySubscriber& subscriber() { return subscriber_; }

@@ -113,8 +113,8 @@ std::string read_token(const std::string& file) {
 /// The session lets a page lead the hand, and this host has the key for it where one is needed.
 bool may_lead_hand(const Session& session, const ProcessLinks& links) {
   const LinkKeys* const keys = links.side.tcp().keys.get();
-  return session.hand.pointer && (keys == nullptr || keys->of(KeyRole::kPointer) ||
-                                  !session.links.hand_target.starts_with("tcp://"));
+  return session.side().hand.pointer && (keys == nullptr || keys->of(KeyRole::kPointer) ||
+                                  !session.side().links.hand_target.starts_with("tcp://"));
 }
 
 /// Of this kind for this side, counted as above.
@@ -135,8 +135,8 @@ ServerDescription description_of(const NodeContext& context, const ProcessLinks&
                                 .session_name = context.session.name,
                                 .accepts_hand_targets = may_lead_hand(context.session, links)};
   bool is_first = true;
-  for (const Session& session : sides_of(context.session)) {
-    const std::string side = session.side.empty() ? "" : "/" + session.side;
+  for (const Side& one : context.session.sides) {
+    const std::string side = one.name.empty() ? "" : "/" + one.name;
     for (const ChannelName& channel : kChannels) {
       if (!is_first && !channel.is_of_side) continue;
       description.channels.push_back({(channel.is_of_side ? side : "") + channel.topic,
@@ -205,8 +205,8 @@ WebFeed::WebFeed(NodeContext& context, ProcessLinks& links, const WebOptions& op
       mirrors_(mirrors),
       server_(web_config(options, context.session.viewer.web), description_of(context, links)),
       metrics_(context.session) {
-  for (const Session& side : sides_of(context.session)) {
-    events_.emplace_back(*this, side.side);
+  for (const Side& side : context.session.sides) {
+    events_.emplace_back(*this, side.name);
   }
   const WebConfig& asked = context.session.viewer.web;
   if (options.listen.empty() && asked.port != 0 && server_.port() != asked.port) {
@@ -214,7 +214,7 @@ WebFeed::WebFeed(NodeContext& context, ProcessLinks& links, const WebOptions& op
   }
   context.log.info("event=web url={}", server_.url());
   if (may_lead_hand(context.session, links)) {
-    hand_.emplace(links.side, connect_to(context.session.links.hand_target, "links.hand_target"));
+    hand_.emplace(links.side, connect_to(context.session.side().links.hand_target, "links.hand_target"));
   }
   subscriber_.subscribe<SceneState>();
 }
@@ -232,9 +232,9 @@ void WebFeed::take(const TelemetryMessage& message, std::span<const std::byte> p
     channel = kMesh;
   } else {
     const std::string& name = side_name(message);
-    const std::span<const Session> sides = sides_of(context_.session);
+    const std::vector<Side>& sides = context_.session.sides;
     const auto side = std::find_if(sides.begin(), sides.end(),
-                                   [&](const Session& known) { return known.side == name; });
+                                   [&](const Side& known) { return known.name == name; });
     if (side == sides.end()) return;
     const auto index = static_cast<std::size_t>(side - sides.begin());
     const TimePoint now = context_.clock.now();
@@ -265,7 +265,7 @@ void WebFeed::take(const TelemetryMessage& message, std::span<const std::byte> p
 void WebFeed::pump(TimePoint now) {
   watch_meshes();
   for (const WebServer::Event& event : server_.take_events()) serve(event, now);
-  if (holder_ != 0 && now - holder_heard_at_ >= context_.session.hand.pointer->holder_timeout) {
+  if (holder_ != 0 && now - holder_heard_at_ >= context_.session.side().hand.pointer->holder_timeout) {
     let_go_of_hand(now);
   }
   if (is_target_due_ && now >= next_target_) send_target(now);
@@ -391,11 +391,11 @@ void WebFeed::tell_health(TimePoint now) {
     }
     was_heard = is_heard;
   };
-  const std::span<const Session> sides = sides_of(context_.session);
+  const std::vector<Side>& sides = context_.session.sides;
   for (std::size_t i = 0; i < sides.size(); ++i) {
-    add(with_side(sides[i].side, "device"), mirrors_[i].device_link());
-    add(with_side(sides[i].side, "mofc"), mirrors_[i].mofc_link());
-    add(with_side(sides[i].side, "physics"), mirrors_[i].physics_link());
+    add(with_side(sides[i].name, "device"), mirrors_[i].device_link());
+    add(with_side(sides[i].name, "mofc"), mirrors_[i].mofc_link());
+    add(with_side(sides[i].name, "physics"), mirrors_[i].physics_link());
   }
   server_.set_metrics(metrics_.text(mirrors_,
                                     {.clients = counters.clients,
@@ -462,7 +462,7 @@ void WebFeed::tell_tools(std::size_t side, std::uint64_t at_ns, bool is_telemetr
     const SceneState unknown;
     const SceneState& scene = scene_.scene() ? *scene_.scene() : unknown;
     server_.publish(tool, at_ns, shared(encode_tool(at_ns, device, scene, asked_newton)));
-    const std::string frame = with_side(sides_of(context_.session)[side].side, "tool");
+    const std::string frame = with_side(context_.session.sides[side].name, "tool");
     server_.publish(transforms, at_ns, shared(encode_transforms(at_ns, frame, device)));
   }
 }

@@ -51,7 +51,7 @@ struct WebOptions {
 class WebFeed {
  public:
   /// Listens; throws SetupError. All references must outlive it.
-  /// @param mirrors  of each of sides_of(context.session)
+  /// @param mirrors  of each of context.session.sides
   WebFeed(NodeContext& context, ProcessLinks& links, const WebOptions& options,
           TelemetrySubscriber& subscriber, std::span<const TelemetryMirror> mirrors);
 

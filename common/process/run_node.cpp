@@ -84,22 +84,23 @@ class Signals {
 };
 
 /// Processes cannot meet at an endpoint inside one of them.
-void refuse_inproc(const LinksConfig& links) {
-  const std::pair<const char*, const std::string&> all[] = {
-      {"links.exchange", links.exchange},
-      {"links.tool_motion", links.tool_motion},
-      {"links.interaction", links.interaction},
-      {"links.device_telemetry", links.device_telemetry},
-      {"links.mofc_telemetry", links.mofc_telemetry},
-      {"links.physics_telemetry", links.physics_telemetry},
-      {"links.hand_target", links.hand_target}};
-  for (const auto& [setting, endpoint] : all) {
+void refuse_inproc(const Session& session) {
+  const auto refuse = [](const char* setting, const std::string& endpoint) {
     if (endpoint.starts_with("inproc://")) {
       throw SetupError(std::string(setting) + " = " + endpoint +
                        ": inproc joins nodes of one process only; give ipc://PATH or "
                        "tcp://HOST:PORT, or leave it out");
     }
+  };
+  for (const Side& side : session.sides) {
+    refuse("links.exchange", side.links.exchange);
+    refuse("links.tool_motion", side.links.tool_motion);
+    refuse("links.interaction", side.links.interaction);
+    refuse("links.device_telemetry", side.links.device_telemetry);
+    refuse("links.mofc_telemetry", side.links.mofc_telemetry);
+    refuse("links.hand_target", side.links.hand_target);
   }
+  refuse("links.physics_telemetry", session.physics_telemetry);
 }
 
 }  // namespace
@@ -132,7 +133,7 @@ std::uint64_t random_session_id() {
 
 FlightFiles flight_files(const NodeContext& context, const std::string& node) {
   return {.folder = run_folder(context.session.name).parent_path(),
-          .node = with_side(context.session.side, node),
+          .node = node,
           .session = context.session.name,
           .requests = context.requests,
           .log = context.log};
@@ -181,11 +182,13 @@ int run_node(int argc, char** argv, const NodeInfo& info,
 
   try {
     Session session = load_session(session_file, overrides);
-    if (info.is_of_one_side) session = Session(side_of(session, side));
-    for (const Session& each : sides_of(session)) refuse_inproc(each.links);
+    if (info.is_of_one_side) session = with_only_side(std::move(session), side);
+    refuse_inproc(session);
     if (is_insecure) allow_plain_tcp(session);
     if (no_realtime) {
-      session.realtime = {.priority = 0, .cpu = -1, .wait = WaitStrategy::kBlock};
+      for (Side& each : session.sides) {
+        each.realtime = {.priority = 0, .cpu = -1, .wait = WaitStrategy::kBlock};
+      }
     }
 
     const Log log(with_side(side, info.name));

@@ -46,7 +46,8 @@ void allow_plain_tcp(Session& session);
 /// Random, never 0.
 [[nodiscard]] std::uint64_t random_session_id();
 
-/// With the parent of the run folder as the folder.
+/// In the parent of the run folder.
+/// @param node  for the names of the files: "device", of a side "left.device"
 [[nodiscard]] FlightFiles flight_files(const NodeContext& context, const std::string& node);
 
 /// Parses the command line, loads the session and runs `body`, which returns soon after a stop was

@@ -1,5 +1,5 @@
-// device_profile.h — what the controller may assume of the device. The true values of a simulated
-// device are elsewhere (simulation_config.h): the controller never sees them.
+// device_profile.h — what the controller may assume about the device. The controller never sees the
+// true values of a simulated device (simulation_config.h).
 #pragma once
 
 #include <optional>
@@ -8,13 +8,13 @@
 
 namespace palpate {
 
-/// Friction that acts on each axis of D by itself: f_d,i v_i + f_co,i sgn(v_i).
+/// Friction of each axis of D: f_d,i v_i + f_co,i sgn(v_i).
 struct FrictionPerAxis {
   Vector3 viscous_newton_s_per_m = Vector3::Zero();  ///< f_d,i
   Vector3 coulomb_newton = Vector3::Zero();          ///< f_co,i
 };
 
-/// What the ledger may count on: lower bounds over the workspace (docs/theory.md §1).
+/// Lower bounds over the workspace, which the ledger relies on (docs/theory.md §1).
 struct DeviceProfile {
   double viscous_newton_s_per_m = 0.1;   ///< f_d of the isotropic friction f_d v + f_co v/|v|
   double coulomb_newton = 0.1;           ///< f_co; at most the smallest f_co,i

@@ -1,4 +1,4 @@
-// link_config.h — where the nodes meet, what tcp demands, which faults are simulated on the way.
+// link_config.h — endpoints, real-time settings, simulated network faults, tcp security.
 #pragma once
 
 #include <string>
@@ -8,21 +8,20 @@
 
 namespace palpate {
 
-/// ZeroMQ endpoints: ipc://, tcp:// or inproc://. The node named first binds.
+/// ZeroMQ endpoints of one side: ipc://, tcp:// or inproc://.
 struct LinksConfig {
-  std::string exchange;           ///< mofc ← device, hops 1 and 4
-  std::string tool_motion;        ///< physics ← mofc, hop 2
-  std::string interaction;        ///< physics → mofc, hop 3
-  std::string device_telemetry;   ///< device → viewers, hop 5
-  std::string mofc_telemetry;     ///< mofc → viewers, hop 5
-  std::string physics_telemetry;  ///< physics → viewers, hop 5
-  std::string hand_target;        ///< device ← viewers, hop 6
+  std::string exchange;          ///< mofc ← device, hops 1 and 4
+  std::string tool_motion;       ///< physics ← mofc, hop 2
+  std::string interaction;       ///< physics → mofc, hop 3
+  std::string device_telemetry;  ///< device → viewers, hop 5
+  std::string mofc_telemetry;    ///< mofc → viewers, hop 5
+  std::string hand_target;       ///< device ← viewers, hop 6
 };
 
-/// SCHED_FIFO for the tick threads; taken when permitted, reported, never required.
+/// SCHED_FIFO for the tick threads: used where permitted, reported, never required.
 struct RealtimeConfig {
   int priority = 80;  ///< 1 … 99; 0: ordinary scheduling
-  int cpu = 0;        ///< the one processor that device_node and mofc_node share; −1: no pinning
+  int cpu = 0;        ///< the processor that device_node and mofc_node share; −1: no pinning
   WaitStrategy wait = WaitStrategy::kHybrid;
 };
 
@@ -33,10 +32,10 @@ struct FaultsConfig {
   LinkFaults interaction;
 };
 
-/// What the links over tcp ask of a peer.
+/// How links over tcp authenticate their peers.
 struct SecurityConfig {
-  std::string key_folder{};   ///< as `palpate keygen` makes it; empty: no keys
-  bool may_be_plain = false;  ///< without keys beyond loopback too: --insecure
+  std::string key_folder{};   ///< written by `palpate keygen`; empty: no keys
+  bool may_be_plain = false;  ///< --insecure: no keys needed beyond loopback
 };
 
 }  // namespace palpate

@@ -5,26 +5,30 @@
 
 namespace palpate {
 
-std::uint64_t stream_seed(std::uint64_t session_seed, const char* stream) {
+std::uint64_t stream_seed(std::uint64_t seed, const char* stream) {
   // the hash of the name, mixed with the seed by splitmix64's finaliser
-  std::uint64_t z = fnv1a(stream) + session_seed * 0x9e3779b97f4a7c15ULL;
+  std::uint64_t z = fnv1a(stream) + seed * 0x9e3779b97f4a7c15ULL;
   z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9ULL;
   z = (z ^ (z >> 27)) * 0x94d049bb133111ebULL;
   return z ^ (z >> 31);
 }
 
-std::span<const Session> sides_of(const Session& session) {
-  if (session.sides.empty()) return {&session, 1};
-  return session.sides;
+std::uint64_t stream_seed(const Session& session, const Side& side, const char* stream) {
+  const std::uint64_t seed =
+      side.name.empty() ? session.seed : stream_seed(session.seed, side.name.c_str());
+  return stream_seed(seed, stream);
 }
 
-const Session& side_of(const Session& session, const std::string& name) {
+Session with_only_side(Session session, const std::string& name) {
   std::string names;
-  for (const Session& side : sides_of(session)) {
-    if (side.side == name) return side;
-    names += (names.empty() ? "" : ", ") + side.side;
+  for (const Side& side : session.sides) {
+    if (side.name == name) {
+      session.sides = std::vector<Side>{side};
+      return session;
+    }
+    names += (names.empty() ? "" : ", ") + side.name;
   }
-  if (session.sides.empty()) {
+  if (session.side().name.empty()) {
     throw SetupError("--side " + name + ": session \"" + session.name +
                      "\" has one device; leave --side out");
   }

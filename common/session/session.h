@@ -1,10 +1,9 @@
-// session.h — one deployment as plain structs, validated and with every default filled in.
-// The file's schema, with units, ranges and defaults: proto/palpate/v1/session.proto.
-// Loading: common/session/session_file.h. A node is handed only its own part.
+// session.h — one deployment as plain structs, validated, with every default filled in.
+// Fields with units, ranges and defaults: docs/session.md. Loading: common/session/session_file.h.
+// A node receives only its own part.
 #pragma once
 
 #include <cstdint>
-#include <span>
 #include <string>
 #include <vector>
 
@@ -17,42 +16,49 @@
 
 namespace palpate {
 
-/// The whole deployment.
-struct Session {
-  std::string name;
-  std::string file;  ///< as given on the command line, for messages
-  std::string text;  ///< as it counts, overrides applied; protobuf text format
-  double duration_s = 10.0;
-  std::uint64_t seed = 1;
+/// One device with its hand and its controller: served by one device_node and one mofc_node.
+struct Side {
+  std::string name;  ///< "" in a session with one device
   LinksConfig links;
   RealtimeConfig realtime;
   DeviceConfig device;
   SimulatedDeviceConfig simulated;
   HandConfig hand;
   MofcConfig mofc;
+};
+
+/// A deployment: what all devices share, and a side for each device.
+struct Session {
+  std::string name;
+  std::string file;  ///< as given on the command line; for messages
+  std::string text;  ///< with the overrides applied; protobuf text format
+  double duration_s = 10.0;
+  std::uint64_t seed = 1;
+  std::string physics_telemetry;  ///< endpoint: physics → viewers, hop 5
   PhysicsConfig physics;
   SceneConfig scene;
   ViewerConfig viewer;
   FaultsConfig faults;
   SecurityConfig security;
+  std::vector<Side> sides = std::vector<Side>(1);  ///< never empty
 
-  /// Several devices in one tissue: the session as it is for each of them; what stands above is
-  /// that of the first. Empty for one device.
-  std::vector<Session> sides;
-  std::string side;  ///< in `sides`: its name
+  /// The only side; with several devices the first.
+  [[nodiscard]] const Side& side() const { return sides.front(); }
+  [[nodiscard]] Side& side() { return sides.front(); }
 };
 
-/// One session for each device: its sides, or itself if it has none.
-[[nodiscard]] std::span<const Session> sides_of(const Session& session);
-
-/// That of the side. Throws SetupError, naming those there are, if `name` is none of them; "" is
-/// for a session without sides.
-[[nodiscard]] const Session& side_of(const Session& session, const std::string& name);
+/// The session reduced to the side of that name; "" for a session with one device. Throws
+/// SetupError, which lists the names, if there is no such side.
+[[nodiscard]] Session with_only_side(Session session, const std::string& name);
 
 /// "device"; of a side "left.device".
 [[nodiscard]] std::string with_side(const std::string& side, const std::string& name);
 
-/// Seed of one random stream of a session: different for every `stream` name, same on every run.
-[[nodiscard]] std::uint64_t stream_seed(std::uint64_t session_seed, const char* stream);
+/// Seed of one random stream: different for every `stream` name, the same in every run.
+[[nodiscard]] std::uint64_t stream_seed(std::uint64_t seed, const char* stream);
+
+/// The same for a stream of one side of the session: each side has streams of its own.
+[[nodiscard]] std::uint64_t stream_seed(const Session& session, const Side& side,
+                                        const char* stream);
 
 }  // namespace palpate

@@ -92,41 +92,69 @@ std::string endpoint_complaint(const std::string& endpoint) {
   return "must be ipc://PATH, tcp://HOST:PORT or inproc://NAME";
 }
 
-/// The endpoints of all sides so far, and the path of the link that each belongs to.
+/// Endpoint → path of the link that uses it, over all sides.
 using Endpoints = std::map<std::string, std::string>;
 
-/// @param side  whose links; "" of a session without sides
-LinksConfig to_links(const Fields& fields, const std::string& session_name, const std::string& side,
-                     Endpoints& owner_of) {
-  const std::filesystem::path folder = run_folder(session_name);
-  const auto endpoint = [&](const char* name, bool is_of_all_sides = false) {
-    std::string text = fields.text(name);
-    std::string shown_default;
-    if (text.empty()) {
-      const std::string file = is_of_all_sides ? name : with_side(side, name);
-      text = "ipc://" + (folder / (file + ".ipc")).string();
-      shown_default = one_line(text) + ": ";
-    }
-    std::string complaint = endpoint_complaint(text);
-    const std::string path = is_of_all_sides ? fields.path(name) : fields.written_path(name);
-    const auto [other, is_new] = owner_of.emplace(text, path);
-    if (is_of_all_sides && fields.has(name) && fields.written_path(name) != path) {
-      complaint = "is one for all sides; give it in links { … } of the session";
-    } else if (complaint.empty() && !is_new && !(is_of_all_sides && other->second == path)) {
+/// Links of one session: defaults are files of its run folder, and no two links share an endpoint.
+class LinkRules {
+ public:
+  LinkRules(const Fields& fields, const std::string& session_name, Endpoints& owner_of)
+      : fields_(fields), folder_(run_folder(session_name)), owner_of_(owner_of) {}
+
+  /// @param side  whose link; "" in a session with one device
+  [[nodiscard]] std::string of_side(const char* name, const std::string& side) const {
+    const std::string path = fields_.written_path(name);
+    const Endpoint endpoint = read(name, with_side(side, name));
+    std::string complaint = endpoint_complaint(endpoint.text);
+    const auto [other, is_new] = owner_of_.emplace(endpoint.text, path);
+    if (complaint.empty() && !is_new) {
       complaint = other->second == path
                       ? "is that of another side too; give each side its own"
                       : "is that of " + other->second + " too; give each link its own";
     }
-    if (!complaint.empty()) fields.problem(name, shown_default + complaint);
-    return text;
+    if (!complaint.empty()) fields_.problem(name, endpoint.shown_default + complaint);
+    return endpoint.text;
+  }
+
+  [[nodiscard]] std::string of_all_sides(const char* name) const {
+    const std::string path = fields_.path(name);
+    const Endpoint endpoint = read(name, name);
+    std::string complaint = endpoint_complaint(endpoint.text);
+    const auto [other, is_new] = owner_of_.emplace(endpoint.text, path);
+    if (fields_.has(name) && fields_.written_path(name) != path) {
+      complaint = "is one for all sides; give it in links { … } of the session";
+    } else if (complaint.empty() && !is_new && other->second != path) {
+      complaint = "is that of " + other->second + " too; give each link its own";
+    }
+    if (!complaint.empty()) fields_.problem(name, endpoint.shown_default + complaint);
+    return endpoint.text;
+  }
+
+ private:
+  struct Endpoint {
+    std::string text;
+    std::string shown_default;  // for a problem: the field itself is left out
   };
-  return {.exchange = endpoint("exchange"),
-          .tool_motion = endpoint("tool_motion"),
-          .interaction = endpoint("interaction"),
-          .device_telemetry = endpoint("device_telemetry"),
-          .mofc_telemetry = endpoint("mofc_telemetry"),
-          .physics_telemetry = endpoint("physics_telemetry", true),
-          .hand_target = endpoint("hand_target")};
+
+  [[nodiscard]] Endpoint read(const char* name, const std::string& default_file) const {
+    std::string text = fields_.text(name);
+    if (!text.empty()) return {std::move(text), ""};
+    text = "ipc://" + (folder_ / (default_file + ".ipc")).string();
+    return {text, one_line(text) + ": "};
+  }
+
+  const Fields& fields_;
+  std::filesystem::path folder_;
+  Endpoints& owner_of_;
+};
+
+LinksConfig to_links(const LinkRules& rules, const std::string& side) {
+  return {.exchange = rules.of_side("exchange", side),
+          .tool_motion = rules.of_side("tool_motion", side),
+          .interaction = rules.of_side("interaction", side),
+          .device_telemetry = rules.of_side("device_telemetry", side),
+          .mofc_telemetry = rules.of_side("mofc_telemetry", side),
+          .hand_target = rules.of_side("hand_target", side)};
 }
 
 // --- device -----------------------------------------------------------------------------------
@@ -260,8 +288,8 @@ DeviceConfig to_device(const Fields& fields, double rate_hz, double wait_for_phy
   config.fade = milliseconds(fade_ms);
   config.start_ramp = milliseconds(
       fields.number("start_ramp_ms", 100.0, at_least(0), "give 0 for full force at once"));
-  config.peak_force_newton = fields.number("peak_force_newton", own_peak_force_newton,
-                                           above(0), "leave it out for the device's own limit");
+  config.peak_force_newton = fields.number("peak_force_newton", own_peak_force_newton, above(0),
+                                           "leave it out for the device's own limit");
   config.slew_newton_per_s =
       fields.number("slew_newton_per_s", 0.0, at_least(0), "give 0 for no limit");
   config.v_fault_m_per_s = fields.number("v_fault_m_per_s", config.v_fault_m_per_s, at_least(5),
@@ -481,16 +509,24 @@ std::optional<MotionDeadband> to_motion_deadband(const Fields& mofc, double wait
   return config;
 }
 
-std::optional<InteractionDeadband> to_interaction_deadband(const Fields& physics,
-                                                           double wait_for_physics_ms) {
+std::optional<InteractionDeadband> to_interaction_deadband(const Fields& physics) {
   if (!physics.has("interaction_deadband")) return std::nullopt;
-  refuse_if_waiting(physics, "interaction_deadband", wait_for_physics_ms);
   const Fields fields = physics.message("interaction_deadband");
   InteractionDeadband config;
   config.ratio = fields.number("ratio", config.ratio, between(0, 1), "a share of the force");
   config.floor_newton = fields.number("floor_newton", config.floor_newton, at_least(0),
                                       "give the least error that counts");
   config.keep_alive = to_keep_alive(fields, config.keep_alive);
+  return config;
+}
+
+PhysicsConfig to_physics(const Fields& fields) {
+  PhysicsConfig config;
+  config.rate_hz = fields.number("rate_hz", config.rate_hz, between(1, 10000),
+                                 "give the physics steps per second");
+  config.reach_m =
+      fields.number("reach_m", config.reach_m, between(0, 1), "leave it out for 0.05 m");
+  config.interaction_deadband = to_interaction_deadband(fields);
   return config;
 }
 
@@ -839,15 +875,12 @@ std::string to_name(const Fields& fields, std::size_t max_bytes) {
   return name;
 }
 
-/// @param side  of which `text` is; "" if the session has none
-Session to_one_session(const SessionText& text, const std::string& side,
-                       const std::filesystem::path& base_dir, Endpoints& endpoints,
-                       Problems& problems) {
+/// What all sides share.
+Session to_shared(const SessionText& text, const std::filesystem::path& base_dir,
+                  Problems& problems) {
   const Fields fields(text, problems);
   const v1::Session& written = text.message();
-
   Session session;
-  session.side = side;
   session.name = to_name(fields, kMaxNameBytes);
   if (written.has_schema_version() && written.schema_version() != kSchemaVersion) {
     fields.problem("schema_version",
@@ -857,37 +890,49 @@ Session to_one_session(const SessionText& text, const std::string& side,
   session.duration_s =
       fields.number("duration_s", session.duration_s, above(0), "give the seconds of a run");
   if (written.has_seed()) session.seed = written.seed();
-  // a name that is not fit would only show again in its files' names
-  session.links = to_links(fields.message("links"), session.name.empty() ? "session" : session.name,
-                           side, endpoints);
-  session.realtime = to_realtime(fields.message("realtime"), written.realtime());
   session.faults = to_faults(fields.message("faults"));
   if (fields.has("security")) session.security = to_security(fields.message("security"), base_dir);
-  session.physics.rate_hz = fields.message("physics").number(
-      "rate_hz", session.physics.rate_hz, between(1, 10000), "give the physics steps per second");
-  session.physics.reach_m = fields.message("physics").number(
-      "reach_m", session.physics.reach_m, between(0, 1), "leave it out for 0.05 m");
+  session.physics = to_physics(fields.message("physics"));
   session.viewer = to_viewer(fields.message("viewer"));
-  session.hand = to_hand(fields.message("hand"), base_dir, problems);
   session.scene = to_scene(fields.message("scene"), base_dir);
+  session.sides.clear();
+  return session;
+}
+
+/// Adds the side that `text` describes.
+/// @param name  "" if the session has one device
+void add_side(const SessionText& text, const std::string& name,
+              const std::filesystem::path& base_dir, Endpoints& endpoints, Problems& problems,
+              Session& session) {
+  const Fields fields(text, problems);
+  Side side;
+  side.name = name;
+  const Fields links = fields.message("links");
+  // a name that is not fit would only show again in its files' names
+  const LinkRules rules(links, session.name.empty() ? "session" : session.name, endpoints);
+  side.links = to_links(rules, name);
+  session.physics_telemetry = rules.of_all_sides("physics_telemetry");
+  side.realtime = to_realtime(fields.message("realtime"), text.message().realtime());
+  side.hand = to_hand(fields.message("hand"), base_dir, problems);
 
   // whether mofc may wait depends on both rates, the device's deadline depends on the wait
   const Fields device = fields.message("device");
   const Fields mofc = fields.message("mofc");
-  const double rate_hz = device.number("rate_hz", session.device.rate_hz, between(10, 10000),
+  const double rate_hz = device.number("rate_hz", side.device.rate_hz, between(10, 10000),
                                        "give the ticks per second of the haptic loop");
   const double wait_ms = to_wait_for_physics_ms(mofc, rate_hz, session.physics.rate_hz);
-  if (!side.empty() && wait_ms > 0.0) {
+  if (!name.empty() && wait_ms > 0.0) {
     mofc.problem("wait_for_physics_ms", "needs a session without sides; give 0 never to wait");
   }
-  session.simulated = to_simulated_device(device.message("simulated"));
-  session.device = to_device(device, rate_hz, wait_ms, session.simulated.peak_force_newton, base_dir,
-                             problems);
-  session.physics.interaction_deadband =
-      to_interaction_deadband(fields.message("physics"), wait_ms);
-  session.mofc = to_mofc(mofc, written.mofc(), wait_ms, session.physics,
-                         session.faults.interaction.jitter, session.device);
-  return session;
+  if (session.physics.interaction_deadband) {
+    refuse_if_waiting(fields.message("physics"), "interaction_deadband", wait_ms);
+  }
+  side.simulated = to_simulated_device(device.message("simulated"));
+  side.device =
+      to_device(device, rate_hz, wait_ms, side.simulated.peak_force_newton, base_dir, problems);
+  side.mofc = to_mofc(mofc, text.message().mofc(), wait_ms, session.physics,
+                      session.faults.interaction.jitter, side.device);
+  session.sides.push_back(std::move(side));
 }
 
 std::vector<std::string> to_side_names(const std::vector<Fields>& sides) {
@@ -911,21 +956,17 @@ std::vector<std::string> to_side_names(const std::vector<Fields>& sides) {
 
 Session to_session(const SessionText& text, const std::filesystem::path& base_dir,
                    Problems& problems) {
+  Session session = to_shared(text, base_dir, problems);
   Endpoints endpoints;
   const std::vector<Fields> sides = Fields(text, problems).messages("side");
-  if (sides.empty()) return to_one_session(text, "", base_dir, endpoints, problems);
-
-  std::vector<Session> resolved;
-  for (const std::string& name : to_side_names(sides)) {
-    const SessionText side = text.for_side(static_cast<int>(resolved.size()));
-    resolved.push_back(to_one_session(side, name, base_dir, endpoints, problems));
-    // random streams of its own
-    resolved.back().seed = stream_seed(resolved.back().seed, name.c_str());
+  if (sides.empty()) {
+    add_side(text, "", base_dir, endpoints, problems, session);
+    return session;
   }
-  Session session = resolved.front();
-  session.side.clear();
-  if (text.message().has_seed()) session.seed = text.message().seed();
-  session.sides = std::move(resolved);
+  int index = 0;
+  for (const std::string& name : to_side_names(sides)) {
+    add_side(text.for_side(index++), name, base_dir, endpoints, problems, session);
+  }
   return session;
 }
 

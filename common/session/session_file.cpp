@@ -45,10 +45,6 @@ Session parse_session(std::string_view text, const std::string& file_name,
   problems.throw_if_any();
   session.file = file_name;
   google::protobuf::TextFormat::PrintToString(written.message(), &session.text);
-  for (Session& side : session.sides) {
-    side.file = session.file;
-    side.text = session.text;
-  }
   return session;
 }
 

@@ -1,5 +1,5 @@
-// session_file.h — reading a session: protobuf text format (proto/palpate/v1/session.proto) into
-// the structs of common/session/session.h, checked, with every default filled in.
+// session_file.h — reads a session: protobuf text format (proto/palpate/v1/session.proto) into the
+// structs of common/session/session.h, checked, with every default filled in.
 #pragma once
 
 #include <filesystem>
@@ -11,11 +11,11 @@
 
 namespace palpate {
 
-/// @param overrides  "path=value", the later one wins: mofc.controller=none,
+/// @param overrides  "path=value", the last one wins: mofc.controller=none,
 ///                   scene.tissue[0].kelvin_voigt.stiffness_newton_per_m=600,
 ///                   hand.hold={ position_m { z: -0.01 } } (a message is replaced),
 ///                   faults.interaction.outage={ from_s: 1 until_s: 2 } (a list grows)
-/// @throws SetupError  with all problems, sorted by place, one line each below a count:
+/// @throws SetupError  with all problems, sorted by place: a count, then one line for each:
 ///     x.txtpb: 1 problem
 ///     x.txtpb:12:7: device.simulated.mass_kg = -1: must be > 0; give the mass of the moving parts
 ///     in kg
@@ -24,13 +24,13 @@ namespace palpate {
 
 /// The same from memory.
 /// @param file_name  for messages, and Session::file
-/// @param base_dir   what the paths in the session are relative to; empty: no other file is read
+/// @param base_dir   base of the relative paths in the session; empty: no other file is read
 [[nodiscard]] Session parse_session(std::string_view text, const std::string& file_name,
                                     const std::vector<std::string>& overrides = {},
                                     const std::filesystem::path& base_dir = {});
 
-/// Folder of the session's ipc files: `$PALPATE_RUN_DIR`, else `$XDG_RUNTIME_DIR/palpate`, else
-/// `/tmp/palpate-<uid>`, then the session's name. Not created here.
+/// Folder of the session's ipc files: a folder with the name of the session in `$PALPATE_RUN_DIR`,
+/// else in `$XDG_RUNTIME_DIR/palpate`, else in `/tmp/palpate-<uid>`. Not created here.
 [[nodiscard]] std::filesystem::path run_folder(const std::string& session_name);
 
 }  // namespace palpate

@@ -1,4 +1,4 @@
-// simulation_config.h — the simulated device and the hand that holds it.
+// simulation_config.h — the simulated device and the simulated hand that holds it.
 #pragma once
 
 #include <cstdint>
@@ -13,27 +13,28 @@
 
 namespace palpate {
 
-/// The true values of a simulated device; the controller sees only the profile.
+/// True values of a simulated device; the controller sees only the profile.
 struct SimulatedDeviceConfig {
   double mass_kg = 0.045;
   double viscous_newton_s_per_m = 0.1;
   double coulomb_newton = 0.1;
-  std::optional<FrictionPerAxis> per_axis = {};  ///< instead of the two above, which are isotropic
+  std::optional<FrictionPerAxis> per_axis = {};  ///< replaces the two above, which are isotropic
   double position_resolution_m = 55e-6;          ///< 0: exact
   double peak_force_newton = 3.3;
-  Duration inner_step = std::chrono::microseconds(50);  ///< upper bound
+  Duration inner_step = std::chrono::microseconds(50);  ///< longest integration step
 };
 
-/// The paper's V: free motion above the tissue, down one leg, up the other.
+/// The V of the paper: free motion above the tissue, down one leg, up the other.
 struct VPath {
-  Vector3 apex_m = Vector3(0, 0, -0.02);  ///< D, the lowest point
-  Vector3 normal = Vector3::UnitZ();      ///< unit, out of the tissue: legs end `height_m` along it
-  Vector3 tangent = Vector3::UnitX();     ///< unit, ⟂ normal: from the first leg to the second
-  double height_m = 0.05;                 ///< of the ends above the apex
-  double half_width_m = 0.03;             ///< of the V at its ends
-  double speed_m_per_s = 0.08;            ///< along the legs
-  double free_motion_s = 0.0;             ///< t_free
-  double free_amplitude_m = 0.02;         ///< radius of the circle before the V, in its plane
+  Vector3 apex_m = Vector3(0, 0, -0.02);  ///< lowest point, in D
+  Vector3 normal =
+      Vector3::UnitZ();  ///< unit vector out of the tissue; the legs end `height_m` along it
+  Vector3 tangent = Vector3::UnitX();  ///< unit vector ⟂ normal, from the first leg to the second
+  double height_m = 0.05;              ///< of the ends above the apex
+  double half_width_m = 0.03;          ///< of the V between its ends
+  double speed_m_per_s = 0.08;         ///< along the legs
+  double free_motion_s = 0.0;          ///< t_free
+  double free_amplitude_m = 0.02;      ///< radius of the circle before the V, in the plane of the V
   double free_frequency_hz = 0.5;
 };
 struct HoldPath {
@@ -52,10 +53,10 @@ struct RecordedPath {
     double t_s = 0.0;
     Vector3 position_m = Vector3::Zero();
   };
-  std::vector<Sample> samples;  ///< loaded and checked
+  std::vector<Sample> samples;  ///< already checked
   bool loops = false;
 };
-/// A hand that tries to draw energy out of the force it feels.
+/// A hand that tries to extract energy from the force rendered to it.
 struct HostilePath {
   Vector3 center_m = Vector3::Zero();  ///< stays within `radius_m` of it
   double radius_m = 0.02;
@@ -69,14 +70,14 @@ struct ButtonPress {
   double until_s = 0.0;
 };
 
-/// Mass, spring and damper towards the intended path, docs/theory.md §6.
+/// A mass coupled to the intended path by spring and damper, docs/theory.md §6.
 struct HandConfig {
   double mass_kg = 0.255;
   double stiffness_newton_per_m = 150.0;
   double damping_newton_s_per_m = 6.0;
   PathConfig path = HoldPath{};
   std::vector<ButtonPress> presses{};
-  std::optional<PointerConfig> pointer{};  ///< none: the hand keeps to its path
+  std::optional<PointerConfig> pointer{};  ///< none: the hand follows its path only
 };
 
 }  // namespace palpate

@@ -1,4 +1,4 @@
-// viewer_config.h — what viewer_node shows and serves.
+// viewer_config.h — the status line and the web server of viewer_node.
 #pragma once
 
 #include <cstdint>
@@ -7,7 +7,7 @@
 
 namespace palpate {
 
-/// The page and the Foxglove WebSocket of viewer_node, on loopback.
+/// Web page and Foxglove WebSocket of viewer_node, on loopback.
 struct WebConfig {
   bool is_on = true;
   std::uint16_t port = 8765;  ///< 0: any free one

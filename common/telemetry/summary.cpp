@@ -101,7 +101,7 @@ nlohmann::ordered_json summary_json(const Session& session, const RunReport& rep
   nlohmann::ordered_json json;
   json["schema_version"] = 1;
   json["session"] = session.name;
-  json["controller"] = controller_text(session.mofc);
+  json["controller"] = controller_text(session.side().mofc);
   json["seed"] = session.seed;
   json["simulated_s"] = number_or_null(report.simulated_s);
   json["ticks"] = s.ticks();
@@ -152,7 +152,7 @@ std::string summary_text(const Session& session, const RunReport& report) {
     text += fmt::format("  {:<24}{}\n", label, value);
   };
   text += fmt::format("{}: {}, {:g} s simulated, {} ticks\n", session.name,
-                      controller_text(session.mofc), report.simulated_s, s.ticks());
+                      controller_text(session.side().mofc), report.simulated_s, s.ticks());
   line("in contact", fmt::format("{} ticks", s.contact_ticks()));
   line("transparency x, y, z",
        fmt::format("{}, {}, {} (acting / asked, per axis)", figure(transparency.x(), "{:.3f}"),

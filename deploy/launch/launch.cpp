@@ -127,14 +127,14 @@ std::vector<ChildSpec> nodes_of(const LaunchOptions& options, const Session& ses
 
   // who binds is started before who connects
   if (is_here("physics")) add("physics");
-  const std::span<const Session> sides = sides_of(session);
+  const std::vector<Side>& sides = session.sides;
   if (is_here("mofc") && !options.is_together) {
-    for (const Session& side : sides) add("mofc", side.side);
+    for (const Side& side : sides) add("mofc", side.name);
   }
   for (std::size_t i = 0; is_here("device") && i < sides.size(); ++i) {
-    ChildSpec& child = add(options.is_together ? "device_mofc" : "device", sides[i].side);
+    ChildSpec& child = add(options.is_together ? "device_mofc" : "device", sides[i].name);
     if (sides[i].device.start_ramp.count() > 0) continue;
-    const std::string path = sides[i].side.empty() ? "" : "side[" + std::to_string(i) + "].";
+    const std::string path = sides[i].name.empty() ? "" : "side[" + std::to_string(i) + "].";
     child.restart_arguments = {
         "--set", path + "device.start_ramp_ms=" + std::to_string(kRestartRampMilliseconds)};
   }
@@ -145,7 +145,7 @@ std::vector<ChildSpec> nodes_of(const LaunchOptions& options, const Session& ses
 std::vector<std::string> stop_order(const Session& session) {
   std::vector<std::string> names;
   for (const char* node : {"device_mofc", "device", "mofc"}) {
-    for (const Session& side : sides_of(session)) names.push_back(with_side(side.side, node));
+    for (const Side& side : session.sides) names.push_back(with_side(side.name, node));
   }
   names.insert(names.end(), {"physics", "viewer"});
   return names;

@@ -144,15 +144,15 @@ class Ideal {
  public:
   explicit Ideal(const Session& session)
       : scene_(session.scene),
-        device_(session.device),
+        device_(session.side().device),
         peak_force_newton_(
-            std::min(session.device.peak_force_newton, session.simulated.peak_force_newton)),
+            std::min(session.side().device.peak_force_newton, session.side().simulated.peak_force_newton)),
         memory_(scene_.new_memory()),
-        run_map_(session.device.workspace),
+        run_map_(session.side().device.workspace),
         run_memory_(scene_.new_memory()),
         run_(
-            session.simulated, session.device.peak_force_newton, session.hand,
-            stream_seed(session.seed, "hand"), TimePoint{},
+            session.side().simulated, session.side().device.peak_force_newton, session.side().hand,
+            stream_seed(session, session.side(), "hand"), TimePoint{},
             [this](double time_s, const Vector3& hand_m, const Vector3& hand_m_per_s) {
               return force_on_hand(
                   run_map_.is_clutched(),
@@ -209,28 +209,28 @@ class Lockstep::Impl {
         device_lateness_(options.device_lateness),
         links_(make_links(options.links)),
         tampered_interaction_out_(*links_->interaction_out, options.tamper_with_interaction),
-        device_(device::open_device(session.simulated, session.hand, time_,
-                                    stream_seed(session.seed, "hand"))),
+        device_(device::open_device(session.side().simulated, session.side().hand, time_,
+                                    stream_seed(session, session.side(), "hand"))),
         command_in_(*links_->command_in, time_, session.faults.force_command,
-                    stream_seed(session.seed, "force_command")),
+                    stream_seed(session, session.side(), "force_command")),
         state_in_(*links_->state_in, time_, session.faults.device_state,
-                  stream_seed(session.seed, "device_state")),
+                  stream_seed(session, session.side(), "device_state")),
         interaction_in_(*links_->interaction_in, time_, session.faults.interaction,
-                        stream_seed(session.seed, "interaction")),
+                        stream_seed(session, session.side(), "interaction")),
         motion_in_(*links_->motion_in, time_, session.faults.tool_motion,
-                   stream_seed(session.seed, "tool_motion")),
+                   stream_seed(session, session.side(), "tool_motion")),
         device_tick_(options.on_device_tick),
         mofc_tick_(options.on_mofc_tick),
         physics_tick_(options.on_physics_tick),
-        device_node_(session.device, *device_, time_, *links_->state_out, command_in_, device_tick_,
+        device_node_(session.side().device, *device_, time_, *links_->state_out, command_in_, device_tick_,
                      kLockstepDevice),
-        mofc_node_(session.mofc, session.device, time_, *links_->motion_out, interaction_in_,
+        mofc_node_(session.side().mofc, session.side().device, time_, *links_->motion_out, interaction_in_,
                    mofc_tick_, kLockstepMofc),
-        physics_node_(session.scene, session.physics, session.mofc.interaction, time_, motion_in_,
+        physics_node_(session.scene, session.physics, session.side().mofc.interaction, time_, motion_in_,
                       tampered_interaction_out_, physics_tick_, kLockstepPhysics),
-        device_schedule_(TimePoint{}, session.device.rate_hz),
+        device_schedule_(TimePoint{}, session.side().device.rate_hz),
         physics_schedule_(TimePoint{}, session.physics.rate_hz),
-        steps_on_arrival_(session.mofc.wait_for_physics.count() > 0) {
+        steps_on_arrival_(session.side().mofc.wait_for_physics.count() > 0) {
     if (options.has_ideal) ideal_.emplace(session_);
     schedule_device();
     if (!steps_on_arrival_) {

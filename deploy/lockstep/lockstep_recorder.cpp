@@ -20,9 +20,9 @@ class LockstepRecorder::Impl final : public Sender<SceneState>, public Sender<Me
     writer_.add_metadata(
         viewer::kNodesMetadata,
         {{"device_node", all_nodes}, {"mofc_node", all_nodes}, {"physics_node", all_nodes}});
-    begin(device_, kLockstepDevice, session.side);
-    begin(mofc_, kLockstepMofc, session.side);
-    begin(physics_, kLockstepPhysics, session.side);
+    begin(device_, kLockstepDevice, session.side().name);
+    begin(mofc_, kLockstepMofc, session.side().name);
+    begin(physics_, kLockstepPhysics, session.side().name);
   }
 
   void listen_to(LockstepOptions& options) {

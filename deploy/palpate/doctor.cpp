@@ -98,14 +98,14 @@ Finding examine_clock_source() {
 
 /// The bound end of every link is tried as the session has it.
 void examine_links(const Session& session, std::vector<Finding>& findings) {
-  const LinksConfig& links = session.links;
+  const LinksConfig& links = session.side().links;
   for (const auto& [setting, endpoint] :
        {std::pair<const char*, const std::string&>{"links.exchange", links.exchange},
         {"links.tool_motion", links.tool_motion},
         {"links.interaction", links.interaction},
         {"links.device_telemetry", links.device_telemetry},
         {"links.mofc_telemetry", links.mofc_telemetry},
-        {"links.physics_telemetry", links.physics_telemetry},
+        {"links.physics_telemetry", session.physics_telemetry},
         {"links.hand_target", links.hand_target}}) {
     if (endpoint.starts_with("inproc://")) continue;
     Finding finding{setting, endpoint};
@@ -130,10 +130,10 @@ void examine_links(const Session& session, std::vector<Finding>& findings) {
 void examine_keys(const Session& session, std::vector<Finding>& findings) {
   const fs::path folder = session.security.key_folder;
   if (folder.empty()) {
-    const LinksConfig& links = session.links;
+    const LinksConfig& links = session.side().links;
     for (const std::string& endpoint :
          {links.exchange, links.tool_motion, links.interaction, links.device_telemetry,
-          links.mofc_telemetry, links.physics_telemetry, links.hand_target}) {
+          links.mofc_telemetry, session.physics_telemetry, links.hand_target}) {
       if (!endpoint.starts_with("tcp://") || is_on_loopback(bind_to(endpoint, ""))) continue;
       findings.push_back(
           {"keys", endpoint + " leaves this machine without keys",
@@ -167,8 +167,8 @@ void examine_keys(const Session& session, std::vector<Finding>& findings) {
 
 std::vector<Finding> examine_machine(const std::optional<Session>& session) {
   const Session& asked = session ? *session : Session();
-  std::vector<Finding> findings{examine_realtime(asked.realtime), examine_memory(),
-                                examine_timer(asked.realtime, asked.device.rate_hz),
+  std::vector<Finding> findings{examine_realtime(asked.side().realtime), examine_memory(),
+                                examine_timer(asked.side().realtime, asked.side().device.rate_hz),
                                 examine_clock_source()};
   if (session) {
     examine_links(*session, findings);

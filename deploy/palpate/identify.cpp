@@ -67,7 +67,7 @@ void run_identify(const Session& session, const IdentifyOptions& options) {
   }
 
   ManualClock clock;  // the one driver is the simulated one
-  const auto device = open_device(session.simulated, no_hand(), clock, session.seed);
+  const auto device = open_device(session.side().simulated, no_hand(), clock, session.seed);
   const DeviceSpecification& specification = device->specification();
   const SweepPlan plan = default_sweep_plan(specification);
 

@@ -60,7 +60,7 @@ nlohmann::ordered_json percentiles(const DurationHistogram& histogram) {
 
 /// One device of a run, with its session.
 struct Watched {
-  const Session& session;
+  const Side& side;
   const viewer::TelemetryMirror& mirror;
   const Observed& observed;
 };
@@ -71,7 +71,7 @@ nlohmann::ordered_json figures_json(const Watched& watched, const LaunchResult& 
   const MofcCounters& mofc = watched.mirror.mofc_counters();
   const PhysicsCounters& physics = watched.mirror.physics_counters();
   nlohmann::ordered_json json;
-  json["controller"] = controller_text(watched.session.mofc);
+  json["controller"] = controller_text(watched.side.mofc);
   json["ticks"] = device.loop.ticks;
   json["skipped_ticks"] = device.loop.skipped_ticks;
   json["in_contact_ticks"] = mofc.contact_ticks;
@@ -102,7 +102,7 @@ nlohmann::ordered_json launch_json(const std::string& name, const std::vector<Wa
   json["schema_version"] = 1;
   json["session"] = name;
   for (const Watched& device : devices) {
-    const std::string& side = device.session.side;
+    const std::string& side = device.side.name;
     if (side.empty()) {
       json.update(figures_json(device, result));
     } else {
@@ -125,18 +125,18 @@ std::string launch_text(const std::string& name, const std::vector<Watched>& dev
     text += fmt::format("{}: {:.1f} s in real time, no figures without the viewer's key\n", name,
                         result.wall.count());
   }
-  for (const auto& [session, mirror, observed] : devices) {
+  for (const auto& [side, mirror, observed] : devices) {
     const DeviceCounters& device = mirror.device_counters();
     const MofcCounters& mofc = mirror.mofc_counters();
     text += fmt::format("{}: {}, {:.1f} s in real time\n",
-                        name + (session.side.empty() ? "" : ", " + session.side),
-                        controller_text(session.mofc), result.wall.count());
+                        name + (side.name.empty() ? "" : ", " + side.name),
+                        controller_text(side.mofc), result.wall.count());
     if (!mirror.device_link().is_heard()) {
       line("device", "not heard");
       continue;
     }
     line("in contact", fmt::format("{} of {} ticks", mofc.contact_ticks, mofc.ticks));
-    if (session.mofc.controller != ControllerKind::kNone) {
+    if (side.mofc.controller != ControllerKind::kNone) {
       line("clamped by MOFC", fmt::format("{} ticks", mofc.clamped_ticks));
     }
     line("transparency", figure(mean_transparency(mofc), "{:.3f}") + " (force acting / asked)");
@@ -176,11 +176,11 @@ int LaunchCommand::run() const {
   if (is_insecure) allow_plain_tcp(session);
   refuse_shared_file({{"--csv", csv_file}, {"--json", json_file}, {"--record", record.file}});
   const JsonOutput json(json_file);
-  const std::span<const Session> sides = sides_of(session);
+  const std::vector<Side>& sides = session.sides;
   std::vector<std::unique_ptr<CsvWriter>> csvs;
-  for (const Session& side : sides) {
+  for (const Side& side : sides) {
     if (csv_file.empty()) break;
-    csvs.push_back(std::make_unique<CsvWriter>(csv_file_of(csv_file, side.side)));
+    csvs.push_back(std::make_unique<CsvWriter>(csv_file_of(csv_file, side.name)));
   }
 
   // who asks for more than the summary must have the viewer's key

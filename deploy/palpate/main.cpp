@@ -76,10 +76,10 @@ struct SessionArguments {
 void check_scene(const SessionArguments& arguments) {
   const Session session = arguments.load();
   static_cast<void>(physics::Scene(session.scene));  // reads the files of its geometries
-  for (const Session& side : sides_of(session)) {
+  for (const Side& side : session.sides) {
     std::printf("%s: ok (%s%zu tissues, device %g Hz, physics %g Hz, controller %s)\n",
-                arguments.file.c_str(), side.side.empty() ? "" : (side.side + ", ").c_str(),
-                side.scene.tissues.size(), side.device.rate_hz, side.physics.rate_hz,
+                arguments.file.c_str(), side.name.empty() ? "" : (side.name + ", ").c_str(),
+                session.scene.tissues.size(), side.device.rate_hz, session.physics.rate_hz,
                 controller_text(side.mofc).c_str());
   }
 }
@@ -107,7 +107,7 @@ struct IdentifyArguments {
     // the profile that is to be written need not exist
     std::vector<std::string> overrides = session.overrides;
     overrides.emplace_back("device.profile_file=");
-    run_identify(side_of(load_session(session.file, overrides), side), options);
+    run_identify(with_only_side(load_session(session.file, overrides), side), options);
   }
 };
 
@@ -139,17 +139,16 @@ struct LoopbackArguments {
 
   void run() const {
     // tissue gives way to each tool by itself, so one side alone feels what it feels beside others
-    const Session whole = session.load();
-    Session loaded = side_of(whole, side);
+    Session loaded = with_only_side(session.load(), side);
     refuse_shared_file(
         {{"--csv", csv}, {"--json", json}, {"--record", record.file}, {"--hand", hand}});
     std::optional<double> length_s = seconds;
     if (!hand.empty()) {
       RecordingFile recording(hand);
       recording.choose_side(side);
-      RecordedPath path = hand_path_of(recording, loaded.hand);
+      RecordedPath path = hand_path_of(recording, loaded.side().hand);
       if (!length_s) length_s = recording.length_s();
-      loaded.hand.path = std::move(path);
+      loaded.side().hand.path = std::move(path);
     }
     const JsonOutput json_output(json);
     const RunReport report = run_loopback(

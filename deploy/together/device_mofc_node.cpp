@@ -16,7 +16,7 @@ namespace {
 using namespace palpate;
 
 void run_together(NodeContext& context) {
-  const Log mofc_log(with_side(context.session.side, "mofc"));
+  const Log mofc_log(with_side(context.session.side().name, "mofc"));
   NodeContext mofc_context{.session = context.session,
                            .session_id = random_session_id(),
                            .clock = context.clock,

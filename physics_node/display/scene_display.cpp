@@ -32,14 +32,13 @@ Vector3 displacement_m(const TissueConfig& tissue, const PhysicsTick& tick) {
 
 /// A region that contains the workspaces of the tools; with many tissues each is drawn coarser.
 DisplayArea area_of(const Session& session) {
-  const std::span<const Session> sides = sides_of(session);
   DisplayArea area{.center_m = Vector3::Zero(), .half_extent_m = 0.0};
   area.vertices = std::min(area.vertices,
                            kSceneVertices / static_cast<double>(session.scene.tissues.size() + 1));
-  for (const Session& side : sides) {
-    area.center_m += side.device.workspace.offset_m / static_cast<double>(sides.size());
+  for (const Side& side : session.sides) {
+    area.center_m += side.device.workspace.offset_m / static_cast<double>(session.sides.size());
   }
-  for (const Session& side : sides) {
+  for (const Side& side : session.sides) {
     const WorkspaceConfig& workspace = side.device.workspace;
     area.half_extent_m = std::max(area.half_extent_m,
                                   kPatchHalfExtent_m * workspace.scale_ratio +
@@ -62,19 +61,19 @@ SceneDisplay::SceneDisplay(const Session& session, std::uint64_t session_id,
 
 void SceneDisplay::build() {
   if (scene_.revision > 0) return;
-  const WorkspaceConfig& workspace = session_.device.workspace;
+  const WorkspaceConfig& workspace = session_.side().device.workspace;
   scene_.revision = 1;
   scene_.session_name = session_.name;
   scene_.session_text = session_.text;
-  scene_.controller = controller_text(session_.mofc);
-  scene_.device_rate_hz = session_.device.rate_hz;
+  scene_.controller = controller_text(session_.side().mofc);
+  scene_.device_rate_hz = session_.side().device.rate_hz;
   scene_.physics_rate_hz = session_.physics.rate_hz;
-  scene_.peak_force_newton = session_.device.peak_force_newton;
+  scene_.peak_force_newton = session_.side().device.peak_force_newton;
   scene_.tip_radius_m = session_.scene.tip_radius_m;
   scene_.shaft_length_m = session_.scene.shaft_length_m;
   scene_.shaft_radius_m = session_.scene.shaft_radius_m;
   scene_.workspace_scale_ratio = workspace.scale_ratio;
-  scene_.pointer = session_.hand.pointer;
+  scene_.pointer = session_.side().hand.pointer;
 
   const DisplayArea area = area_of(session_);
   for (std::size_t i = 0; i < shapes_.size(); ++i) {

@@ -257,9 +257,9 @@ class Deployment {
 
  private:
   static std::vector<Attachment> telemetry_of(const Session& session) {
-    return {connect_to(session.links.device_telemetry, "links.device_telemetry"),
-            connect_to(session.links.mofc_telemetry, "links.mofc_telemetry"),
-            connect_to(session.links.physics_telemetry, "links.physics_telemetry")};
+    return {connect_to(session.side().links.device_telemetry, "links.device_telemetry"),
+            connect_to(session.side().links.mofc_telemetry, "links.mofc_telemetry"),
+            connect_to(session.physics_telemetry, "links.physics_telemetry")};
   }
 
   static void look_on(const Session& session) {

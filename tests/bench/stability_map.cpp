@@ -64,7 +64,7 @@ faults {{ tool_motion {{ delay_ms: {} }} interaction {{ delay_ms: {} }} }}
   Session session = parse_session(text, "press", {way.override_text});
   RecordedPath path;
   path.samples = {{0.0, {0, 0, 0.003}}, {0.1, {0, 0, 0.003}}, {0.4, {0, 0, -0.01}}};
-  session.hand.path = path;
+  session.side().hand.path = path;
 
   Outcome outcome;
   double low = 1e9;

@@ -111,7 +111,7 @@ Session session_of(const TissueScene& scene, const std::vector<std::string>& ove
       "name: \"bench\" device { simulated {} } scene { " + std::string(scene.scene) + " }";
   Session session = parse_session(text, scene.name, overrides);
   session.name = scene.name;
-  session.hand.path = scene.path;
+  session.side().hand.path = scene.path;
   return session;
 }
 

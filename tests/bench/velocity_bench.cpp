@@ -145,7 +145,7 @@ double rms_at_lag(const std::vector<Sample>& samples, const std::vector<Vector3>
 
 Figures judge(const Session& session, const std::vector<Sample>& samples, double rate_hz) {
   const auto estimator =
-      mofc::make_velocity_estimator(session.mofc.velocity_estimator, kResolution_m, 1.0);
+      mofc::make_velocity_estimator(session.side().mofc.velocity_estimator, kResolution_m, 1.0);
   std::vector<Vector3> estimates(samples.size());
   Figures figures;
   figures.update_ns = std::numeric_limits<double>::infinity();

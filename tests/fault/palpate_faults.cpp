@@ -102,7 +102,7 @@ bool follows(const TickRow& row, const TickRow& before) {
 /// energy.
 void expect_harmless(const std::vector<TickRow>& rows, const Session& session) {
   const double count_newton =
-      test::kPressedTissueNewtonPerM * session.device.profile.position_resolution_m;
+      test::kPressedTissueNewtonPerM * session.side().device.profile.position_resolution_m;
   double limit_newton = 0.0;
   int failures = 0;
   for (std::size_t i = 0; i < rows.size() && failures < 3; ++i) {
@@ -315,7 +315,7 @@ TEST_P(PhysicsOrMofc, LetsGoOfTheHandInTimeAndTheTissueIsFeltAgain) {
   figures.peak_newton = peak_newton(begin, end);
 
   // safe: no more than the device's own friction absorbs, whatever the hand does
-  const double safe_newton = session.device.profile.coulomb_newton + 1e-9;
+  const double safe_newton = session.side().device.profile.coulomb_newton + 1e-9;
   const auto safe = std::find_if(std::make_reverse_iterator(end), std::make_reverse_iterator(begin),
                                  [&](const TickRow& row) { return newton(row) > safe_newton; })
                         .base();
@@ -327,10 +327,10 @@ TEST_P(PhysicsOrMofc, LetsGoOfTheHandInTimeAndTheTissueIsFeltAgain) {
     faulted_at_ = is_physics ? last_step_at_ : last.device.switched_at;
   }
   if (is_physics) {
-    figures.safe_limit = session.mofc.stale_after + session.mofc.fade;
+    figures.safe_limit = session.side().mofc.stale_after + session.side().mofc.fade;
   } else {
-    figures.safe_limit = session.device.lease;  // at its end the motors let go by themselves
-    safe_at = std::min(safe_at, last.device.switched_at + session.device.lease);
+    figures.safe_limit = session.side().device.lease;  // at its end the motors let go by themselves
+    safe_at = std::min(safe_at, last.device.switched_at + session.side().device.lease);
   }
   figures.safe_after = std::max(safe_at - faulted_at_, Duration::zero());
   // of the tick in which the clamp took the last message, or the turn that is late
@@ -358,20 +358,20 @@ class CarriedOn {
  public:
   CarriedOn(const PressingSession& session, const TickRow& before, const TickRow& last)
       : session_(session.session()),
-        plant_(device::plant_of(session_.simulated, session_.hand),
+        plant_(device::plant_of(session_.side().simulated, session_.side().hand),
                last.device.true_tool_position_world_m,
                last.device.true_tool_velocity_world_m_per_s),
         energy_joule_(last.device.true_energy_joule),
         origin_(last.device.sampled_at),
         until_(origin_),
         force_newton_(before.device.force_on_hand_newton) {
-    lease_end_ = before.device.switched_at + session_.device.lease;
+    lease_end_ = before.device.switched_at + session_.side().device.lease;
     switch_at(last.device.switched_at, last.device.force_on_hand_newton);
   }
   void switch_at(TimePoint at, const Vector3& force_newton) {
     integrate_until(at);
     force_newton_ = force_newton;
-    lease_end_ = at + session_.device.lease;
+    lease_end_ = at + session_.side().device.lease;
   }
   void integrate_until(TimePoint until) {
     if (lease_end_ <= until) {
@@ -390,7 +390,7 @@ class CarriedOn {
  private:
   void step_until(TimePoint until) {
     device::in_equal_steps(
-        origin_, until_, until, session_.simulated.inner_step, [&](double, double h_s) {
+        origin_, until_, until, session_.side().simulated.inner_step, [&](double, double h_s) {
           plant_.step(h_s, {.position_m = {0, 0, test::kPressedTargetM}}, force_newton_);
         });
     until_ = std::max(until_, until);
@@ -429,7 +429,7 @@ TEST_P(Device, ItsMotorsLetGoByThemselvesAndItComesBackLimp) {
   // so it is taken to have asked for the same until its end
   CarriedOn carried(*session_, rows()[awake - 2], last);
   if (!is_stopped && is_together()) {
-    const Duration period = from_seconds(1.0 / session.device.rate_hz);
+    const Duration period = from_seconds(1.0 / session.side().device.rate_hz);
     for (TimePoint at = last.device.switched_at + period; at < faulted_at_; at += period) {
       carried.switch_at(at, last.device.force_on_hand_newton);
     }
@@ -461,7 +461,7 @@ TEST_P(Device, ItsMotorsLetGoByThemselvesAndItComesBackLimp) {
   figures.least_energy_joule = carried.least_energy_joule();
   EXPECT_GE(figures.least_energy_joule, -kRoundingJoule);
 
-  figures.safe_limit = session.device.lease;
+  figures.safe_limit = session.side().device.lease;
   figures.safe_after = std::max(lease_end - faulted_at_, Duration::zero());
   EXPECT_LE(*figures.safe_after, figures.safe_limit);
   const std::size_t back = await_back(awake);
@@ -663,7 +663,7 @@ class Strangers : public Faults {
  protected:
   /// Both refuse and count them.
   void send_until_refused(const std::string& to_mofc, const std::string& to_physics) {
-    Stranger stranger(session_->session().links);
+    Stranger stranger(session_->session().side().links);
     const auto& mirror = session_->watcher().mirror();
     EXPECT_TRUE(session_->watcher().until([&] {
       stranger.send(to_mofc, to_physics);
@@ -690,7 +690,7 @@ int begin_a_frame(const std::string& endpoint) {
 TEST_F(Strangers, HalfWrittenMessagesAreRefused) {
   press();
   const TimePoint from = session_->now();
-  const LinksConfig& links = session_->session().links;
+  const LinksConfig& links = session_->session().side().links;
   const int streams[] = {begin_a_frame(links.exchange), begin_a_frame(links.tool_motion)};
   std::string state = frame_of(DeviceState{});
   std::string motion = frame_of(ToolMotion{});

@@ -225,7 +225,7 @@ TEST_F(Soak, GrowsNoMemoryAndNeverGivesTheHandEnergy) {
   std::printf("  least true energy     %.3f µJ, largest force %.2f N\n", 1e6 * least_energy_joule_,
               largest_newton_);
   std::printf("  ticks                 %llu of %.0f seen\n", static_cast<unsigned long long>(rows_),
-              to_seconds(length) * session_.device.rate_hz);
+              to_seconds(length) * session_.side().device.rate_hz);
   for (const auto& [name, of] :
        {std::pair<const char*, const DurationHistogram&>("lateness", lateness_),
         std::pair<const char*, const DurationHistogram&>("reply", reply_time_)}) {

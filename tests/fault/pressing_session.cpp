@@ -40,7 +40,7 @@ bool PressingSession::until_pressing(std::size_t side) {
 
 bool PressingSession::until_all_pressing() {
   const auto all_press = [&] {
-    for (std::size_t side = 0; side < sides_of(session_).size(); ++side) {
+    for (std::size_t side = 0; side < session_.sides.size(); ++side) {
       if (!presses(rows(side))) return false;
     }
     return true;

@@ -25,10 +25,10 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     const palpate::Session session = palpate::parse_session(text, "fuzz.txtpb", overrides);
     // a few promises of a session that loads
     PALPATE_REQUIRE(!session.name.empty());
-    PALPATE_REQUIRE(session.device.rate_hz >= 10.0 && session.device.rate_hz <= 10000.0);
-    PALPATE_REQUIRE(session.device.reply > palpate::Duration::zero());
-    PALPATE_REQUIRE(session.device.lease > palpate::Duration::zero());
-    PALPATE_REQUIRE(session.mofc.stale_after > palpate::Duration::zero());
+    PALPATE_REQUIRE(session.side().device.rate_hz >= 10.0 && session.side().device.rate_hz <= 10000.0);
+    PALPATE_REQUIRE(session.side().device.reply > palpate::Duration::zero());
+    PALPATE_REQUIRE(session.side().device.lease > palpate::Duration::zero());
+    PALPATE_REQUIRE(session.side().mofc.stale_after > palpate::Duration::zero());
   } catch (const palpate::SetupError&) {
     // what most inputs deserve
   }

@@ -114,7 +114,7 @@ TEST_F(PressingHand, WhenPhysicsIsKilledTheForceNeverRisesAndIsGoneAfterTheFade)
   });
   ASSERT_NE(turn, rows.end());
   const TimePoint gone_at =
-      turn->device.switched_at + session_.mofc.stale_after + session_.mofc.fade;
+      turn->device.switched_at + session_.side().mofc.stale_after + session_.side().mofc.fade;
   int faded = 0;
   for (auto row = declared; row != rows.end(); ++row) {
     EXPECT_LE(newton(*row), limit_newton + 1e-9) << "sequence " << row->device.sequence;
@@ -144,7 +144,7 @@ TEST_P(WithoutMofc, TheDeviceIsHarmlessWhenTheLeaseEndsAndThenLimp) {
   EXPECT_GT(last.force_on_hand_newton.norm(), kLeftNewton);
   EXPECT_LE(last.sampled_at, stopped_at);
 
-  const DeviceConfig& config = session_.device;
+  const DeviceConfig& config = session_.side().device;
   EXPECT_LE(config.lease, 3ms);
   int leased = 0;
   int fallback = 0;
@@ -265,10 +265,10 @@ TEST_F(ThrownHand, AFaultLetsGoIsRecordedAndStaysUntilItIsReset) {
   ASSERT_TRUE(watcher_->until_rows(300));
   const auto again = std::find_if(rows.begin() + fault_index, rows.end(), is_answered);
   ASSERT_NE(again, rows.end());
-  const double peak_newton = session_.device.peak_force_newton;
+  const double peak_newton = session_.side().device.peak_force_newton;
   for (auto row = again; row != rows.end(); ++row) {
     const double share = to_seconds(row->device.switched_at - again->device.switched_at) /
-                         to_seconds(session_.device.start_ramp);
+                         to_seconds(session_.side().device.start_ramp);
     EXPECT_LE(newton(*row), std::min(share, 1.0) * peak_newton + 1e-9);
     EXPECT_NE(row->device.guard, GuardState::kFault);
   }

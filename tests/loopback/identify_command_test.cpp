@@ -70,7 +70,7 @@ TEST_F(IdentifyCommand, ProfileItWritesIsWhatTheClampCountsOn) {
   EXPECT_THAT(outcome.out, HasSubstr("overall: f_d ≥ 0.1"));
   EXPECT_THAT(outcome.out, HasSubstr("wrote " + profile()));
   const Session identified = load_session(session());
-  const DeviceProfile& found = identified.device.profile;
+  const DeviceProfile& found = identified.side().device.profile;
   EXPECT_LE(found.viscous_newton_s_per_m, 0.2);
   EXPECT_GE(found.viscous_newton_s_per_m, 0.8 * 0.2);
   EXPECT_LE(found.coulomb_newton, 0.15);

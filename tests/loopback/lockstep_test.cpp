@@ -182,7 +182,7 @@ INSTANTIATE_TEST_SUITE_P(Shipped, LockstepSessions,
 
 TEST_P(LockstepSessions, MemoryAndInprocLinksGiveTheSameBits) {
   const Session session = shipped(GetParam(), {"faults.interaction.loss_ratio=0.05"});
-  const Duration length = session.device.rate_hz > 100.0 ? Duration(1500ms) : Duration(16s);
+  const Duration length = session.side().device.rate_hz > 100.0 ? Duration(1500ms) : Duration(16s);
 
   const Recording memory = run(session, length, {.links = LockstepLinks::kMemory});
   const Recording inproc = run(session, length, {.links = LockstepLinks::kInproc});
@@ -384,7 +384,7 @@ TEST(Lockstep, WithoutAnswersTheDeviceGoesFromLeaseToFallbackToLimp) {
                          "device.limp_after_ms=20", "device.fade_ms=50"});
   const Recording touch = run(session, 400ms);
 
-  const double f_co = session.device.profile.coulomb_newton;
+  const double f_co = session.side().device.profile.coulomb_newton;
   EXPECT_GT(touch.rows[299].device.force_on_hand_newton.norm(), 0.5);
   EXPECT_EQ(touch.rows[300].device.guard, GuardState::kLeased);
   EXPECT_EQ(touch.rows[305].device.guard, GuardState::kFallback);

@@ -247,7 +247,7 @@ TEST_F(NodeUnderLaunch, AKilledDeviceComesBackLimp) {
                    [&](const auto& row) { return row.device_session_id != first_session; });
   EXPECT_LT(begin->device.sequence, 60u) << "the begin, where it is limp, was not seen";
   // the press session's own ramp: nothing at first, at most the share of the ramp that is over
-  const double ramp_s = to_seconds(load_session(press_).device.start_ramp);
+  const double ramp_s = to_seconds(load_session(press_).side().device.start_ramp);
   ASSERT_GT(ramp_s, 0.0);
   const double peak_newton = 3.3;
   int in_ramp = 0;
@@ -276,7 +276,7 @@ TEST_F(NodeUnderLaunch, WhenMofcIsKilledTheDeviceFallsBackAndThenRecovers) {
       [&] { return watcher_.mirror().mofc_link().sessions == 2 && rests_in_tissue(watcher_); }));
   const DeviceCounters& after = watcher_.mirror().device_counters();
   EXPECT_GT(after.fallback_ticks, before.fallback_ticks);
-  const double coulomb_newton = load_session(press_).device.profile.coulomb_newton;
+  const double coulomb_newton = load_session(press_).side().device.profile.coulomb_newton;
   for (const TickRow& row : watcher_.rows()) {
     const double force_newton = row.device.force_on_hand_newton.norm();
     if (row.device.guard == GuardState::kLimp) {

@@ -146,7 +146,7 @@ TEST_F(Recordings, AHandThatIsPushedMeantToGoFurther) {
   for_each_row(recording, [&](const TickRow& row) {
     measured_z_m = row.device.measured_hand_position_m.z();
   });
-  const RecordedPath path = hand_path_of(recording, session.hand);
+  const RecordedPath path = hand_path_of(recording, session.side().hand);
   ASSERT_EQ(path.samples.size(), 300u);
   EXPECT_NEAR(path.samples[42].t_s, 0.4245, 1e-9);  // the mean of 420 … 429 ms
   EXPECT_GT(measured_z_m, -0.007);
@@ -162,7 +162,7 @@ TEST_F(Recordings, TheSameSessionOnItsRecordedHandMovesTheSame) {
     moved.push_back(row.device.true_tool_position_world_m);
   });
   Session again = session;
-  again.hand.path = hand_path_of(first, session.hand);
+  again.side().hand.path = hand_path_of(first, session.side().hand);
   RecordingFile second(record("second.mcap", again, 5.0));
   double sum2_m2 = 0.0;
   for_each_row(second, [&](const TickRow& row) {
@@ -179,7 +179,7 @@ TEST_F(Recordings, AnotherControllerIsTriedOnTheSameHand) {
   RecordingFile recording(record("run.mcap", shipped(moves_at_once, "paper_rigid"), 3.0));
   const auto run = [&](const std::string& controller) {
     Session session = shipped({"mofc.controller=" + controller}, "paper_rigid");
-    session.hand.path = hand_path_of(recording, session.hand);
+    session.side().hand.path = hand_path_of(recording, session.side().hand);
     return run_loopback(session, {.seconds = 3.0});
   };
   const RunReport with = run("mofc");

@@ -198,7 +198,7 @@ TEST_F(ViewerProcesses, AFloodOfTargetsReachesTheDeviceAtMost120TimesASecondAndE
   ProcessLinks links({.priority = 0, .cpu = -1});
   const SteadyClock clock;
   ZmqSource<HandTarget> device(links.side, clock,
-                               bind_to(load_session(file_).links.hand_target, "links.hand_target"),
+                               bind_to(load_session(file_).side().links.hand_target, "links.hand_target"),
                                Delivery::kEvery);
   WebClient page(static_cast<std::uint16_t>(std::stoi(rest)));
   ASSERT_TRUE(page.open_web_socket());

@@ -153,7 +153,7 @@ AdverseResult run_adverse(const AdverseRun& run, std::uint64_t seed) {
   const auto tamperer =
       std::make_shared<Tamperer>(run.physics, stream_seed(seed, "hostile physics"));
   const auto random = std::make_shared<Random>(stream_seed(seed, "tick jitter"));
-  const double period_s = 1.0 / session.device.rate_hz;
+  const double period_s = 1.0 / session.side().device.rate_hz;
 
   LockstepOptions options{.links = run.links};
   if (run.physics != Physics::kHonest) {
@@ -169,9 +169,9 @@ AdverseResult run_adverse(const AdverseRun& run, std::uint64_t seed) {
   }
 
   AdverseResult result;
-  result.v_max_m_per_s = session.mofc.guard.v_max_m_per_s;
+  result.v_max_m_per_s = session.side().mofc.guard.v_max_m_per_s;
   Observer observer;
-  const double scale = session.device.workspace.scale_ratio;
+  const double scale = session.side().device.workspace.scale_ratio;
   Lockstep lockstep(session, options, [&](const TickRow& row, const IdealState& ideal) {
     result.statistics.add(row, ideal);
     observer.add(row.device, result);

@@ -19,7 +19,7 @@ class Watcher {
   static constexpr auto kDeadline = std::chrono::seconds(30);
 
   Watcher(const Session& session, ProcessLinks& links)
-      : feed_(session, clock_, links), mirrors_(sides_of(session).size()), rows_(mirrors_.size()) {
+      : feed_(session, clock_, links), mirrors_(session.sides.size()), rows_(mirrors_.size()) {
     for (std::size_t i = 0; i < mirrors_.size(); ++i) {
       mirrors_[i].on_row = [this, i](const TickRow& row) { rows_[i].push_back(row); };
     }
@@ -48,7 +48,7 @@ class Watcher {
              mirror.physics_link().is_alive(now);
     });
   }
-  /// @param side  place in sides_of(session)
+  /// @param side  place in session.sides
   [[nodiscard]] const viewer::TelemetryMirror& mirror(std::size_t side = 0) const {
     return mirrors_[side];
   }

@@ -198,8 +198,8 @@ void TimeHistogram::add(Duration time) noexcept {
   sum_s += s;
 }
 
-MetricsText::MetricsText(const Session& session) : times_(sides_of(session).size()) {
-  for (const Session& side : sides_of(session)) sides_.push_back(side.side);
+MetricsText::MetricsText(const Session& session) : times_(session.sides.size()) {
+  for (const Side& side : session.sides) sides_.push_back(side.name);
 }
 
 void MetricsText::note(std::size_t side, const DeviceBatch& batch) noexcept {

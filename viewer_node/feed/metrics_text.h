@@ -39,7 +39,7 @@ class MetricsText {
  public:
   explicit MetricsText(const Session& session);
 
-  /// @param side  place in sides_of(session)
+  /// @param side  place in session.sides
   void note(std::size_t side, const DeviceBatch& batch) noexcept;
   void note(std::size_t side, const MofcBatch& batch) noexcept;
   void note(std::size_t side, const PhysicsBatch& batch) noexcept;

@@ -41,9 +41,9 @@ std::vector<mcap::Channel> recorded_channels() {
 mcap::Strings run_metadata(const Session& session, const std::string& recorded_by) {
   std::string sides;
   std::string controllers;
-  for (const Session& side : sides_of(session)) {
-    sides += (sides.empty() ? "" : ",") + side.side;
-    controllers += (controllers.empty() ? "" : ", ") + (side.side.empty() ? "" : side.side + ": ") +
+  for (const Side& side : session.sides) {
+    sides += (sides.empty() ? "" : ",") + side.name;
+    controllers += (controllers.empty() ? "" : ", ") + (side.name.empty() ? "" : side.name + ": ") +
                    controller_text(side.mofc);
   }
   return {{"session", session.text},

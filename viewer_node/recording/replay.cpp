@@ -69,8 +69,10 @@ class Stage {
   explicit Stage(const Session& session)
       : links_({.priority = 0, .cpu = -1},
                tcp_rules(session.security, {KeyRole::kDevice, KeyRole::kPhysics})),
-        physics_(links_.side, bind_to(session.links.physics_telemetry, "links.physics_telemetry")) {
-    for (const Session& side : sides_of(session)) sides_.try_emplace(side.side, side, links_);
+        physics_(links_.side, bind_to(session.physics_telemetry, "links.physics_telemetry")) {
+    for (const palpate::Side& side : session.sides) {
+      sides_.try_emplace(side.name, side.links, links_);
+    }
   }
 
   /// From now on as after a restart of all nodes. @param scene  of the recording's begin, or null
@@ -125,9 +127,9 @@ class Stage {
 
  private:
   struct Side {
-    Side(const Session& session, ProcessLinks& links)
-        : device(links.side, bind_to(session.links.device_telemetry, "links.device_telemetry")),
-          mofc(links.side, bind_to(session.links.mofc_telemetry, "links.mofc_telemetry")) {}
+    Side(const LinksConfig& endpoints, ProcessLinks& links)
+        : device(links.side, bind_to(endpoints.device_telemetry, "links.device_telemetry")),
+          mofc(links.side, bind_to(endpoints.mofc_telemetry, "links.mofc_telemetry")) {}
     ZmqSender<DeviceBatch> device;
     ZmqSender<MofcBatch> mofc;
   };

@@ -34,11 +34,11 @@ class SceneDisplayTest : public testing::Test {
   SceneDisplayTest() {
     session_.name = "probe";
     session_.text = "name: \"probe\"";
-    session_.device.rate_hz = 500;
+    session_.side().device.rate_hz = 500;
     session_.scene.tip_radius_m = 0.003;
     session_.scene.shaft_length_m = 0.1;
     session_.scene.shaft_radius_m = 0.002;
-    session_.hand.pointer = PointerConfig{};
+    session_.side().hand.pointer = PointerConfig{};
     // two blocks side by side, tops at z = 0; the second is 1 m away. τ = 2/200 = 10 ms
     const KelvinVoigtMaterial soft{.stiffness_newton_per_m = 200, .damping_newton_s_per_m = 2};
     for (const double x : {0.0, 1.0}) {

@@ -73,7 +73,7 @@ TEST_F(RunNode, OverridesAreRepeatable) {
   const int status =
       run({"--session", session_, "--set", "device.rate_hz=500", "--set", "physics.rate_hz=250"},
           [&](NodeContext& context) {
-            rate_hz = context.session.device.rate_hz + context.session.physics.rate_hz;
+            rate_hz = context.session.side().device.rate_hz + context.session.physics.rate_hz;
           });
 
   EXPECT_EQ(status, 0);
@@ -82,9 +82,9 @@ TEST_F(RunNode, OverridesAreRepeatable) {
 
 TEST_F(RunNode, NoRealtimeAsksForNothingRealtime) {
   run({"--session", session_, "--no-realtime"}, [&](NodeContext& context) {
-    EXPECT_EQ(context.session.realtime.priority, 0);
-    EXPECT_EQ(context.session.realtime.cpu, -1);
-    EXPECT_EQ(context.session.realtime.wait, WaitStrategy::kBlock);
+    EXPECT_EQ(context.session.side().realtime.priority, 0);
+    EXPECT_EQ(context.session.side().realtime.cpu, -1);
+    EXPECT_EQ(context.session.side().realtime.wait, WaitStrategy::kBlock);
   });
 }
 

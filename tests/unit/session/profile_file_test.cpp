@@ -29,7 +29,7 @@ class ProfileFile : public ::testing::Test {
   void write(const std::string& text) const { temporary_.write("omni.txtpb", text); }
 
   [[nodiscard]] DeviceProfile load(const std::vector<std::string>& overrides = {}) const {
-    return parse_session(kSession, "x.txtpb", overrides, folder_).device.profile;
+    return parse_session(kSession, "x.txtpb", overrides, folder_).side().device.profile;
   }
 
   /// Of the session with this profile, the folder's name left out.

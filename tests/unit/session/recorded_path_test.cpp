@@ -46,7 +46,7 @@ TEST_F(RecordedPathFile, SamplesAreRead) {
 
   const Session session = load_session(folder_ / "s.txtpb");
 
-  const auto& path = std::get<RecordedPath>(session.hand.path);
+  const auto& path = std::get<RecordedPath>(session.side().hand.path);
   EXPECT_TRUE(path.loops);
   ASSERT_THAT(path.samples, SizeIs(2));
   EXPECT_EQ(path.samples[0].t_s, 0.0);

@@ -80,19 +80,19 @@ TEST(SessionFile, AlmostEmptySessionHasEveryDefault) {
   EXPECT_EQ(session.file, "x.txtpb");
   EXPECT_EQ(session.duration_s, 10.0);
   EXPECT_EQ(session.seed, 1u);
-  EXPECT_EQ(session.links.exchange, "ipc:///run/p/x/exchange.ipc");
-  EXPECT_EQ(session.links.tool_motion, "ipc:///run/p/x/tool_motion.ipc");
-  EXPECT_EQ(session.links.interaction, "ipc:///run/p/x/interaction.ipc");
-  EXPECT_EQ(session.links.device_telemetry, "ipc:///run/p/x/device_telemetry.ipc");
-  EXPECT_EQ(session.links.mofc_telemetry, "ipc:///run/p/x/mofc_telemetry.ipc");
-  EXPECT_EQ(session.links.physics_telemetry, "ipc:///run/p/x/physics_telemetry.ipc");
-  EXPECT_EQ(session.links.hand_target, "ipc:///run/p/x/hand_target.ipc");
-  EXPECT_EQ(session.realtime.priority, 80);
-  EXPECT_EQ(session.realtime.cpu, 0);
-  EXPECT_EQ(session.realtime.wait, WaitStrategy::kHybrid);
+  EXPECT_EQ(session.side().links.exchange, "ipc:///run/p/x/exchange.ipc");
+  EXPECT_EQ(session.side().links.tool_motion, "ipc:///run/p/x/tool_motion.ipc");
+  EXPECT_EQ(session.side().links.interaction, "ipc:///run/p/x/interaction.ipc");
+  EXPECT_EQ(session.side().links.device_telemetry, "ipc:///run/p/x/device_telemetry.ipc");
+  EXPECT_EQ(session.side().links.mofc_telemetry, "ipc:///run/p/x/mofc_telemetry.ipc");
+  EXPECT_EQ(session.physics_telemetry, "ipc:///run/p/x/physics_telemetry.ipc");
+  EXPECT_EQ(session.side().links.hand_target, "ipc:///run/p/x/hand_target.ipc");
+  EXPECT_EQ(session.side().realtime.priority, 80);
+  EXPECT_EQ(session.side().realtime.cpu, 0);
+  EXPECT_EQ(session.side().realtime.wait, WaitStrategy::kHybrid);
 
   // 1 kHz: half a period, 2 periods, 20 periods
-  const DeviceConfig& device = session.device;
+  const DeviceConfig& device = session.side().device;
   EXPECT_EQ(device.rate_hz, 1000.0);
   EXPECT_EQ(device.reply, 500us);
   EXPECT_EQ(device.lease, 2ms);
@@ -109,27 +109,27 @@ TEST(SessionFile, AlmostEmptySessionHasEveryDefault) {
   EXPECT_EQ(device.profile.viscous_newton_s_per_m, 0.1);
   EXPECT_EQ(device.profile.coulomb_newton, 0.1);
   EXPECT_EQ(device.profile.position_resolution_m, 55e-6);
-  EXPECT_EQ(session.simulated.mass_kg, 0.045);
-  EXPECT_EQ(session.simulated.viscous_newton_s_per_m, 0.1);
-  EXPECT_EQ(session.simulated.coulomb_newton, 0.1);
-  EXPECT_EQ(session.simulated.position_resolution_m, 55e-6);
-  EXPECT_EQ(session.simulated.peak_force_newton, 3.3);
-  EXPECT_EQ(session.simulated.inner_step, 50us);
+  EXPECT_EQ(session.side().simulated.mass_kg, 0.045);
+  EXPECT_EQ(session.side().simulated.viscous_newton_s_per_m, 0.1);
+  EXPECT_EQ(session.side().simulated.coulomb_newton, 0.1);
+  EXPECT_EQ(session.side().simulated.position_resolution_m, 55e-6);
+  EXPECT_EQ(session.side().simulated.peak_force_newton, 3.3);
+  EXPECT_EQ(session.side().simulated.inner_step, 50us);
 
-  EXPECT_EQ(session.hand.mass_kg, 0.255);
-  EXPECT_EQ(session.hand.stiffness_newton_per_m, 150.0);
-  EXPECT_EQ(session.hand.damping_newton_s_per_m, 6.0);
-  EXPECT_EQ(std::get<HoldPath>(session.hand.path).position_m, Vector3(0, 0, 0));
-  EXPECT_THAT(session.hand.presses, IsEmpty());
-  EXPECT_FALSE(session.hand.pointer.has_value());
+  EXPECT_EQ(session.side().hand.mass_kg, 0.255);
+  EXPECT_EQ(session.side().hand.stiffness_newton_per_m, 150.0);
+  EXPECT_EQ(session.side().hand.damping_newton_s_per_m, 6.0);
+  EXPECT_EQ(std::get<HoldPath>(session.side().hand.path).position_m, Vector3(0, 0, 0));
+  EXPECT_THAT(session.side().hand.presses, IsEmpty());
+  EXPECT_FALSE(session.side().hand.pointer.has_value());
 
   // 6 physics periods of 1 ms, no jitter
-  EXPECT_EQ(session.mofc.controller, ControllerKind::kMofc);
-  EXPECT_EQ(session.mofc.mode, MofcMode::kGuard);
-  EXPECT_EQ(session.mofc.wait_for_physics, 0ms);
-  EXPECT_EQ(session.mofc.stale_after, 6ms);
-  EXPECT_EQ(session.mofc.fade, 50ms);
-  const auto& velocity = std::get<KalmanVelocity>(session.mofc.velocity_estimator);
+  EXPECT_EQ(session.side().mofc.controller, ControllerKind::kMofc);
+  EXPECT_EQ(session.side().mofc.mode, MofcMode::kGuard);
+  EXPECT_EQ(session.side().mofc.wait_for_physics, 0ms);
+  EXPECT_EQ(session.side().mofc.stale_after, 6ms);
+  EXPECT_EQ(session.side().mofc.fade, 50ms);
+  const auto& velocity = std::get<KalmanVelocity>(session.side().mofc.velocity_estimator);
   EXPECT_EQ(velocity.model, KalmanVelocity::Model::kConstantAcceleration);
   EXPECT_EQ(velocity.noise_density, 10.0);
   EXPECT_EQ(velocity.moving_mass_kg, 0.3);
@@ -153,28 +153,29 @@ TEST(SessionFile, DefaultsFollowTheRates) {
       "x.txtpb");
 
   // device period 20 ms; 6 physics periods of 10 ms and 7 ms of jitter
-  EXPECT_EQ(session.device.reply, 10ms);
-  EXPECT_EQ(session.device.lease, 40ms);
-  EXPECT_EQ(session.device.limp_after, 400ms);
-  EXPECT_EQ(session.device.fade, 50ms);
-  EXPECT_EQ(session.mofc.stale_after, 67ms);
+  EXPECT_EQ(session.side().device.reply, 10ms);
+  EXPECT_EQ(session.side().device.lease, 40ms);
+  EXPECT_EQ(session.side().device.limp_after, 400ms);
+  EXPECT_EQ(session.side().device.fade, 50ms);
+  EXPECT_EQ(session.side().mofc.stale_after, 67ms);
 }
 
 TEST(SessionFile, DefaultFadeIsAtLeastOnePeriod) {
-  EXPECT_EQ(parse_session("name: \"x\" device { rate_hz: 10 }", "x").device.fade, 100ms);
+  EXPECT_EQ(parse_session("name: \"x\" device { rate_hz: 10 }", "x").side().device.fade, 100ms);
 }
 
 TEST(SessionFile, DefaultPeakForceIsThatOfTheSimulatedDevice) {
   const Session session =
       parse_session("name: \"x\" device { simulated { peak_force_newton: 12 } }", "x.txtpb");
 
-  EXPECT_EQ(session.device.peak_force_newton, 12.0);
+  EXPECT_EQ(session.side().device.peak_force_newton, 12.0);
 }
 
 TEST(SessionFile, DefaultReplyLeavesRoomForTheWait) {
   const auto reply = [](const char* wait_ms) {
     return parse_session("name: \"x\" device { rate_hz: 50 } physics { rate_hz: 50 }", "x",
                          {std::string("mofc.wait_for_physics_ms=") + wait_ms})
+        .side()
         .device.reply;
   };
 
@@ -268,7 +269,7 @@ TEST(SessionFile, ReadsGeometriesFromFilesWithoutOpeningThem) {
 
 TEST(SessionFile, ReadsEveryKindOfHandPath) {
   const auto path = [](const std::string& text) {
-    return parse_session("name: \"x\" hand { " + text + "}", "x.txtpb").hand.path;
+    return parse_session("name: \"x\" hand { " + text + "}", "x.txtpb").side().hand.path;
   };
 
   const auto v = std::get<VPath>(path("v { free_motion_s: 14 }"));
@@ -297,7 +298,7 @@ TEST(SessionFile, AlmostPerpendicularTangentIsMadePerpendicular) {
   const Session session = parse_session(
       "name: \"x\" hand { v { normal { z: 5 } tangent { y: 2 z: 0.0018 } } }", "x.txtpb");
 
-  const auto& v = std::get<VPath>(session.hand.path);
+  const auto& v = std::get<VPath>(session.side().hand.path);
   EXPECT_TRUE(v.normal.isApprox(Vector3::UnitZ()));
   EXPECT_NEAR(v.tangent.dot(v.normal), 0.0, 1e-15);
   EXPECT_NEAR(v.tangent.norm(), 1.0, 1e-15);
@@ -337,8 +338,9 @@ TEST(SessionFile, ReadsFaultsOfALink) {
 
 TEST(SessionFile, TimeAboveZeroStaysAboveZero) {
   // far less than a nanosecond: a fade of 0 would be divided by
-  EXPECT_EQ(parse_session("name: \"x\"", "x", {"mofc.fade_ms=1e-12"}).mofc.fade, 1ns);
-  EXPECT_EQ(parse_session("name: \"x\"", "x", {"device.start_ramp_ms=0"}).device.start_ramp, 0ns);
+  EXPECT_EQ(parse_session("name: \"x\"", "x", {"mofc.fade_ms=1e-12"}).side().mofc.fade, 1ns);
+  EXPECT_EQ(parse_session("name: \"x\"", "x", {"device.start_ramp_ms=0"}).side().device.start_ramp,
+            0ns);
 }
 
 TEST(SessionFile, ReadsWhatHasNoDefault) {
@@ -353,38 +355,38 @@ TEST(SessionFile, ReadsWhatHasNoDefault) {
 
   EXPECT_EQ(session.seed, 18446744073709551615u);
   EXPECT_EQ(session.duration_s, 2.5);
-  EXPECT_EQ(session.links.exchange, "tcp://127.0.0.1:5551");
-  EXPECT_EQ(session.links.tool_motion, "inproc://motion");
-  EXPECT_EQ(session.realtime.priority, 0);
-  EXPECT_EQ(session.realtime.cpu, -1);
-  EXPECT_EQ(session.realtime.wait, WaitStrategy::kSpin);
-  EXPECT_EQ(session.device.workspace.scale_ratio, 2.0);
-  EXPECT_EQ(session.device.workspace.force_ratio, 0.0);
-  EXPECT_EQ(session.device.workspace.offset_m, Vector3(1, 0, 0));
-  EXPECT_EQ(session.device.workspace.clutch_button, 3u);
-  ASSERT_THAT(session.hand.presses, SizeIs(1));
-  EXPECT_EQ(session.hand.presses[0].button, 3u);
-  EXPECT_EQ(session.hand.presses[0].from_s, 1.0);
-  EXPECT_EQ(session.hand.presses[0].until_s, 2.0);
-  EXPECT_EQ(session.mofc.controller, ControllerKind::kNone);
-  EXPECT_EQ(session.mofc.mode, MofcMode::kPaper);
-  EXPECT_EQ(session.mofc.fade, 9ms);
+  EXPECT_EQ(session.side().links.exchange, "tcp://127.0.0.1:5551");
+  EXPECT_EQ(session.side().links.tool_motion, "inproc://motion");
+  EXPECT_EQ(session.side().realtime.priority, 0);
+  EXPECT_EQ(session.side().realtime.cpu, -1);
+  EXPECT_EQ(session.side().realtime.wait, WaitStrategy::kSpin);
+  EXPECT_EQ(session.side().device.workspace.scale_ratio, 2.0);
+  EXPECT_EQ(session.side().device.workspace.force_ratio, 0.0);
+  EXPECT_EQ(session.side().device.workspace.offset_m, Vector3(1, 0, 0));
+  EXPECT_EQ(session.side().device.workspace.clutch_button, 3u);
+  ASSERT_THAT(session.side().hand.presses, SizeIs(1));
+  EXPECT_EQ(session.side().hand.presses[0].button, 3u);
+  EXPECT_EQ(session.side().hand.presses[0].from_s, 1.0);
+  EXPECT_EQ(session.side().hand.presses[0].until_s, 2.0);
+  EXPECT_EQ(session.side().mofc.controller, ControllerKind::kNone);
+  EXPECT_EQ(session.side().mofc.mode, MofcMode::kPaper);
+  EXPECT_EQ(session.side().mofc.fade, 9ms);
 }
 
 // silence that was agreed upon: 6 periods of 1 ms and 3 keep-alives of each deadband
 TEST(SessionFile, DeadbandsAreOffUnlessGivenAndCountInStaleAfter) {
   const Session plain = parse_session("name: 'x'", "x.txtpb");
-  EXPECT_FALSE(plain.mofc.motion_deadband.has_value());
+  EXPECT_FALSE(plain.side().mofc.motion_deadband.has_value());
   EXPECT_FALSE(plain.physics.interaction_deadband.has_value());
 
   const Session thinned = parse_session("name: 'x'", "x.txtpb", {"mofc.motion_deadband={}"});
-  ASSERT_TRUE(thinned.mofc.motion_deadband.has_value());
-  EXPECT_EQ(thinned.mofc.motion_deadband->ratio, 0.05);
-  EXPECT_EQ(thinned.mofc.motion_deadband->floor_m_per_s, 2e-3);
-  EXPECT_EQ(thinned.mofc.motion_deadband->floor_m, 1e-4);
-  EXPECT_EQ(thinned.mofc.motion_deadband->floor_rad, 0.02);
-  EXPECT_EQ(thinned.mofc.motion_deadband->keep_alive, 20ms);
-  EXPECT_EQ(thinned.mofc.stale_after, 66ms);
+  ASSERT_TRUE(thinned.side().mofc.motion_deadband.has_value());
+  EXPECT_EQ(thinned.side().mofc.motion_deadband->ratio, 0.05);
+  EXPECT_EQ(thinned.side().mofc.motion_deadband->floor_m_per_s, 2e-3);
+  EXPECT_EQ(thinned.side().mofc.motion_deadband->floor_m, 1e-4);
+  EXPECT_EQ(thinned.side().mofc.motion_deadband->floor_rad, 0.02);
+  EXPECT_EQ(thinned.side().mofc.motion_deadband->keep_alive, 20ms);
+  EXPECT_EQ(thinned.side().mofc.stale_after, 66ms);
 
   const Session both = parse_session(
       "name: 'x' mofc { motion_deadband {} } physics { interaction_deadband { ratio: 0.1 "
@@ -394,12 +396,13 @@ TEST(SessionFile, DeadbandsAreOffUnlessGivenAndCountInStaleAfter) {
   EXPECT_EQ(both.physics.interaction_deadband->ratio, 0.1);
   EXPECT_EQ(both.physics.interaction_deadband->floor_newton, 0.2);
   EXPECT_EQ(both.physics.interaction_deadband->keep_alive, 5ms);
-  EXPECT_EQ(both.mofc.stale_after, 81ms);
+  EXPECT_EQ(both.side().mofc.stale_after, 81ms);
 }
 
 TEST(SessionFile, ReadsEveryVelocityEstimator) {
   const auto estimator = [](const std::string& text) {
     return parse_session("name: 'x' mofc { velocity_estimator { " + text + " } }", "x.txtpb")
+        .side()
         .mofc.velocity_estimator;
   };
   const auto difference =
@@ -430,7 +433,7 @@ TEST(SessionFile, ReadsEveryVelocityEstimator) {
 }
 
 TEST(SessionFile, APointerIsLetInByItsMessageAlone) {
-  const auto pointer = parse_session("name: \"x\" hand { pointer {} }", "x").hand.pointer;
+  const auto pointer = parse_session("name: \"x\" hand { pointer {} }", "x").side().hand.pointer;
   ASSERT_TRUE(pointer.has_value());
   EXPECT_EQ(pointer->center_m, Vector3(0, 0, 0));
   EXPECT_EQ(pointer->reach_m, 0.1);
@@ -441,11 +444,11 @@ TEST(SessionFile, APointerIsLetInByItsMessageAlone) {
       R"(name: "x" hand { v {} pointer { center_m { z: 1 } reach_m: 0.05 speed_m_per_s: 0.1
                                          holder_timeout_ms: 500 } })",
       "x");
-  EXPECT_TRUE(std::holds_alternative<VPath>(other.hand.path));
-  EXPECT_EQ(other.hand.pointer->center_m, Vector3(0, 0, 1));
-  EXPECT_EQ(other.hand.pointer->reach_m, 0.05);
-  EXPECT_EQ(other.hand.pointer->speed_m_per_s, 0.1);
-  EXPECT_EQ(other.hand.pointer->holder_timeout, 500ms);
+  EXPECT_TRUE(std::holds_alternative<VPath>(other.side().hand.path));
+  EXPECT_EQ(other.side().hand.pointer->center_m, Vector3(0, 0, 1));
+  EXPECT_EQ(other.side().hand.pointer->reach_m, 0.05);
+  EXPECT_EQ(other.side().hand.pointer->speed_m_per_s, 0.1);
+  EXPECT_EQ(other.side().hand.pointer->holder_timeout, 500ms);
 }
 
 TEST(SessionFile, TheWebServerCanBeMovedAndTurnedOff) {
@@ -633,14 +636,14 @@ TEST(SessionFile, PaperSessionsAreThoseOfThePaper) {
     const Session session =
         load_session(std::string(PALPATE_SOURCE_DIR "/deploy/sessions/") + name + ".txtpb");
 
-    EXPECT_EQ(session.device.rate_hz, 50.0);
+    EXPECT_EQ(session.side().device.rate_hz, 50.0);
     EXPECT_EQ(session.physics.rate_hz, 50.0);
-    EXPECT_EQ(session.device.lease, 20ms);
-    EXPECT_EQ(session.device.reply, 17ms);
-    EXPECT_EQ(session.mofc.wait_for_physics, 15ms);
-    EXPECT_EQ(session.mofc.mode, MofcMode::kPaper);
-    EXPECT_EQ(session.simulated.mass_kg + session.hand.mass_kg, 0.3);
-    EXPECT_EQ(std::get<VPath>(session.hand.path).free_motion_s, 14.0);
+    EXPECT_EQ(session.side().device.lease, 20ms);
+    EXPECT_EQ(session.side().device.reply, 17ms);
+    EXPECT_EQ(session.side().mofc.wait_for_physics, 15ms);
+    EXPECT_EQ(session.side().mofc.mode, MofcMode::kPaper);
+    EXPECT_EQ(session.side().simulated.mass_kg + session.side().hand.mass_kg, 0.3);
+    EXPECT_EQ(std::get<VPath>(session.side().hand.path).free_motion_s, 14.0);
     for (const TissueConfig& tissue : session.scene.tissues) {
       const auto& material = std::get<KelvinVoigtMaterial>(tissue.material);
       const bool is_soft = tissue.name == "soft";

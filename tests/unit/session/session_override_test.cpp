@@ -26,7 +26,7 @@ Session overridden(const std::vector<std::string>& overrides) {
 }
 
 TEST(SessionOverride, SetsAFieldByItsPath) {
-  EXPECT_EQ(overridden({"mofc.controller=none"}).mofc.controller, ControllerKind::kNone);
+  EXPECT_EQ(overridden({"mofc.controller=none"}).side().mofc.controller, ControllerKind::kNone);
   EXPECT_EQ(overridden({"faults.interaction.delay_ms=50"}).faults.interaction.delay, 50ms);
   const Session session = overridden({"scene.tissue[0].kelvin_voigt.stiffness_newton_per_m=600",
                                       "scene.tissue[0].kelvin_voigt.adhesive=true"});
@@ -43,7 +43,7 @@ TEST(SessionOverride, TextNeedsNoQuotes) {
 }
 
 TEST(SessionOverride, KeepsTheRestOfTheMessage) {
-  const auto v = std::get<VPath>(overridden({"hand.v.free_motion_s=14"}).hand.path);
+  const auto v = std::get<VPath>(overridden({"hand.v.free_motion_s=14"}).side().hand.path);
 
   EXPECT_EQ(v.free_motion_s, 14.0);
   EXPECT_EQ(v.height_m, 0.1);
@@ -52,14 +52,15 @@ TEST(SessionOverride, KeepsTheRestOfTheMessage) {
 TEST(SessionOverride, LastOneWins) { EXPECT_EQ(overridden({"seed=2", "seed=3"}).seed, 3u); }
 
 TEST(SessionOverride, OtherMemberOfAOneofReplacesTheFirst) {
-  EXPECT_EQ(std::get<HoldPath>(overridden({"hand.hold.position_m.z=-0.01"}).hand.path).position_m,
-            Vector3(0, 0, -0.01));
-  EXPECT_EQ(std::get<HoldPath>(overridden({"hand.hold={}"}).hand.path).position_m,
+  EXPECT_EQ(
+      std::get<HoldPath>(overridden({"hand.hold.position_m.z=-0.01"}).side().hand.path).position_m,
+      Vector3(0, 0, -0.01));
+  EXPECT_EQ(std::get<HoldPath>(overridden({"hand.hold={}"}).side().hand.path).position_m,
             Vector3(0, 0, 0));
 }
 
 TEST(SessionOverride, WholeMessageIsReplaced) {
-  const auto v = std::get<VPath>(overridden({"hand.v={ half_width_m: 0.5 }"}).hand.path);
+  const auto v = std::get<VPath>(overridden({"hand.v={ half_width_m: 0.5 }"}).side().hand.path);
 
   EXPECT_EQ(v.half_width_m, 0.5);
   EXPECT_EQ(v.height_m, 0.05);  // the default again

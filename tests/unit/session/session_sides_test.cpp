@@ -41,12 +41,14 @@ TEST(SessionSides, ASideHasWhatItGivesAndSharesTheRest) {
   const Session session = two_hands();
 
   ASSERT_THAT(session.sides, SizeIs(2));
-  const Session& left = side_of(session, "left");
+  const Side& left = session.sides[0];
+  EXPECT_EQ(left.name, "left");
   EXPECT_EQ(left.device.rate_hz, 500.0);
   EXPECT_EQ(std::get<HoldPath>(left.hand.path).position_m, Vector3(0, 0, 0.01));
   EXPECT_EQ(left.mofc.controller, ControllerKind::kMofc);
   EXPECT_EQ(left.realtime.cpu, 0);
-  const Session& right = side_of(session, "right");
+  const Side& right = session.sides[1];
+  EXPECT_EQ(right.name, "right");
   EXPECT_EQ(right.device.rate_hz, 2000.0);
   EXPECT_EQ(right.device.start_ramp, std::chrono::milliseconds(20));
   EXPECT_EQ(right.hand.mass_kg, 0.3);
@@ -72,13 +74,14 @@ TEST(SessionSides, AListOfASideReplacesTheSharedOne) {
   EXPECT_EQ(session.sides[1].hand.presses[0].button, 3u);
 }
 
-TEST(SessionSides, TheSessionItselfSpeaksForItsFirstSide) {
-  const Session session = two_hands();
+TEST(SessionSides, ASessionCanBeReducedToOneOfThem) {
+  const Session right = with_only_side(two_hands(), "right");
 
-  EXPECT_EQ(session.side, "");
-  EXPECT_EQ(session.seed, 7u);
-  EXPECT_EQ(session.device.rate_hz, 500.0);
-  EXPECT_EQ(session.text, session.sides[1].text);
+  ASSERT_THAT(right.sides, SizeIs(1));
+  EXPECT_EQ(right.side().name, "right");
+  EXPECT_EQ(right.side().device.rate_hz, 2000.0);
+  EXPECT_EQ(right.seed, 7u);
+  EXPECT_EQ(right.text, two_hands().text);
 }
 
 TEST(SessionSides, EachHasItsOwnFilesAndRandomStreams) {
@@ -86,24 +89,26 @@ TEST(SessionSides, EachHasItsOwnFilesAndRandomStreams) {
 
   const std::string folder = "ipc://" + run_folder("hands").string() + "/";
   std::set<std::string> endpoints;
-  for (const Session& side : session.sides) {
+  for (const Side& side : session.sides) {
     const LinksConfig& links = side.links;
-    EXPECT_EQ(links.exchange, folder + side.side + ".exchange.ipc");
-    EXPECT_EQ(links.physics_telemetry, folder + "physics_telemetry.ipc");
+    EXPECT_EQ(links.exchange, folder + side.name + ".exchange.ipc");
     endpoints.insert({links.exchange, links.tool_motion, links.interaction, links.device_telemetry,
-                      links.mofc_telemetry, links.hand_target, links.physics_telemetry});
+                      links.mofc_telemetry, links.hand_target, session.physics_telemetry});
   }
   EXPECT_THAT(endpoints, SizeIs(2 * 6 + 1));
-  EXPECT_NE(session.sides[0].seed, session.sides[1].seed);
+  EXPECT_EQ(session.physics_telemetry, folder + "physics_telemetry.ipc");
+  EXPECT_NE(stream_seed(session, session.sides[0], "hand"),
+            stream_seed(session, session.sides[1], "hand"));
 }
 
-TEST(SessionSides, ASessionOfOneDeviceHasNone) {
+TEST(SessionSides, ASessionWithOneDeviceHasOneWithoutAName) {
   const Session session = parse_session("name: \"x\"", "x.txtpb");
 
-  EXPECT_THAT(session.sides, IsEmpty());
-  EXPECT_EQ(sides_of(session).data(), &session);
-  EXPECT_EQ(&side_of(session, ""), &session);
-  EXPECT_THAT(session.links.exchange, EndsWith("/x/exchange.ipc"));
+  ASSERT_THAT(session.sides, SizeIs(1));
+  EXPECT_EQ(session.side().name, "");
+  EXPECT_EQ(with_only_side(session, "").side().name, "");
+  EXPECT_EQ(stream_seed(session, session.side(), "hand"), stream_seed(session.seed, "hand"));
+  EXPECT_THAT(session.side().links.exchange, EndsWith("/x/exchange.ipc"));
 }
 
 TEST(SessionSides, AnyFieldOfASideCanBeOverridden) {
@@ -119,7 +124,7 @@ TEST(SessionSides, WhichOneIsMeantMustBeSaid) {
 
   const auto complaint = [](const Session& of, const char* side) -> std::string {
     try {
-      static_cast<void>(side_of(of, side));
+      static_cast<void>(with_only_side(of, side));
     } catch (const SetupError& error) {
       return error.what();
     }
@@ -128,7 +133,7 @@ TEST(SessionSides, WhichOneIsMeantMustBeSaid) {
 
   EXPECT_THAT(complaint(session, ""), EndsWith("give --side with one of left, right"));
   EXPECT_THAT(complaint(session, "up"), AllOf(HasSubstr("--side up"), HasSubstr("left, right")));
-  EXPECT_THAT(complaint(session.sides[0], "left"), IsEmpty());
+  EXPECT_THAT(complaint(session, "left"), IsEmpty());
   EXPECT_THAT(complaint(parse_session("name: \"x\"", "x.txtpb"), "left"),
               HasSubstr("has one device; leave --side out"));
 }

@@ -21,7 +21,7 @@ using testing::Not;
 class MetricsTextTest : public testing::Test {
  protected:
   explicit MetricsTextTest(const Session& session = {})
-      : mirrors_(sides_of(session).size()), metrics_(session) {}
+      : mirrors_(session.sides.size()), metrics_(session) {}
 
   void take_all(std::size_t side = 0) {
     DeviceBatch device = device_batch(0, 0, 9);
@@ -62,8 +62,8 @@ class MetricsOfTwoHands : public MetricsTextTest {
   static Session two_hands() {
     Session session;
     session.sides.resize(2);
-    session.sides[0].side = "left";
-    session.sides[1].side = "right";
+    session.sides[0].name = "left";
+    session.sides[1].name = "right";
     return session;
   }
 };
