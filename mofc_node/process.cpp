@@ -3,10 +3,10 @@
 #include <chrono>
 
 #include "common/core/inbox.h"
-#include "common/telemetry/flight_recorder.h"
 #include "common/process/realtime.h"
 #include "common/process/refused_peers_log.h"
 #include "common/process/rejection_log.h"
+#include "common/telemetry/flight_recorder.h"
 #include "common/telemetry/telemetry_publisher.h"
 #include "mofc_node/mofc_node.h"
 
@@ -44,8 +44,12 @@ class Clamp::Impl {
         refused_peers_(context.log, side.refused()),
         refused_states_(context.log, "device_state", refused),
         refused_interactions_(context.log, "interaction", interactions_.rejections()),
-        node_(session_.mofc, session_.device, context.clock, motion_out_, interaction_in_, ticks_,
-              context.session_id),
+        node_(session_.mofc,
+              {.profile = session_.device.profile,
+               .workspace = session_.device.workspace,
+               .lease = session_.device.lease,
+               .rate_hz = session_.device.rate_hz},
+              context.clock, motion_out_, interaction_in_, ticks_, context.session_id),
         publisher_(context.session_id, context.clock, ticks_, counters_, telemetry_, context.log,
                    session_.side) {
     publisher_.record_to(recorder_);

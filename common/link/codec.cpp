@@ -420,6 +420,7 @@ void put(const DeviceCounters& c, v1::DeviceCounters& to) {
   to.set_fault_resets(c.fault_resets);
   to.set_last_fault(static_cast<std::uint32_t>(c.last_fault));
   to.set_non_finite_commands(c.non_finite_commands);
+  to.set_late_switches(c.late_switches);
   to.set_max_force_newton(c.max_force_newton);
   to.set_minimum_true_energy_joule(c.minimum_true_energy_joule);
 }
@@ -444,6 +445,7 @@ DeviceCounters counters(const v1::DeviceCounters& c) {
           .fault_resets = c.fault_resets(),
           .last_fault = static_cast<FaultReason>(c.last_fault()),
           .non_finite_commands = c.non_finite_commands(),
+          .late_switches = c.late_switches(),
           .max_force_newton = c.max_force_newton(),
           .minimum_true_energy_joule = c.minimum_true_energy_joule()};
 }

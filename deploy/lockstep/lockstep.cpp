@@ -13,7 +13,8 @@
 #include "common/link/zmq_links.h"
 #include "device_node/device_node.h"
 #include "device_node/simulation/ideal_run.h"
-#include "device_node/drivers/open_device.h"
+#include "device_node/simulation/simulated_device.h"
+#include "device_node/simulation/true_state_recorder.h"
 #include "mofc_node/mofc_node.h"
 #include "physics_node/physics_node.h"
 #include "physics_node/scene/scene.h"
@@ -136,7 +137,8 @@ class TamperedSender final : public Sender<Interaction> {
   std::function<void(Interaction&)> tamper_;
 };
 
-/// The continuous tissue as a force on the hand, and the run it would have given (docs/theory.md §7.1).
+/// The continuous tissue as a force on the hand, and the run it would have given (docs/theory.md
+/// §7.1).
 class Ideal {
  public:
   explicit Ideal(const Session& session)
@@ -191,7 +193,7 @@ class Ideal {
 
   physics::Scene scene_;
   DeviceConfig device_;
-  double peak_force_newton_;  // the smaller of the session's and the device's own
+  double peak_force_newton_;      // the smaller of the session's and the device's own
   physics::TissueMemory memory_;  // of the run's own tool
   WorkspaceMap run_map_;
   physics::TissueMemory run_memory_;
@@ -208,8 +210,8 @@ class Lockstep::Impl {
         device_lateness_(options.device_lateness),
         links_(make_links(options.links)),
         tampered_interaction_out_(*links_->interaction_out, options.tamper_with_interaction),
-        device_(device::open_device(session.simulated, session.hand, time_,
-                                    stream_seed(session.seed, "hand"))),
+        device_(session.simulated, session.hand, time_, stream_seed(session.seed, "hand")),
+        true_state_(device_),
         command_in_(*links_->command_in, time_, session.faults.force_command,
                     stream_seed(session.seed, "force_command")),
         state_in_(*links_->state_in, time_, session.faults.device_state,
@@ -221,10 +223,14 @@ class Lockstep::Impl {
         device_tick_(options.on_device_tick),
         mofc_tick_(options.on_mofc_tick),
         physics_tick_(options.on_physics_tick),
-        device_node_(session.device, *device_, time_, *links_->state_out, command_in_, device_tick_,
-                     kLockstepDevice),
-        mofc_node_(session.mofc, session.device, time_, *links_->motion_out, interaction_in_,
-                   mofc_tick_, kLockstepMofc),
+        device_node_(session.device, device_, time_, *links_->state_out, command_in_, device_tick_,
+                     kLockstepDevice, &true_state_),
+        mofc_node_(session.mofc,
+                   {.profile = session.device.profile,
+                    .workspace = session.device.workspace,
+                    .lease = session.device.lease,
+                    .rate_hz = session.device.rate_hz},
+                   time_, *links_->motion_out, interaction_in_, mofc_tick_, kLockstepMofc),
         physics_node_(session.scene, session.physics, session.mofc.interaction, time_, motion_in_,
                       tampered_interaction_out_, physics_tick_, kLockstepPhysics),
         device_schedule_(TimePoint{}, session.device.rate_hz),
@@ -332,7 +338,8 @@ class Lockstep::Impl {
   VirtualTime time_;
   std::unique_ptr<Links> links_;
   TamperedSender tampered_interaction_out_;
-  std::unique_ptr<device::HapticDevice> device_;
+  device::SimulatedDevice device_;
+  device::TrueStateRecorder true_state_;
   Inbox<ForceCommand> command_in_;
   Inbox<DeviceState> state_in_;
   Inbox<Interaction> interaction_in_;

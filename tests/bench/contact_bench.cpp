@@ -18,6 +18,7 @@
 
 #include "common/core/check.h"
 #include "common/core/random.h"
+#include "common/telemetry/quantile.h"
 #include "physics_node/surfaces/cloud_surface.h"
 #include "physics_node/files/ply.h"
 #include "physics_node/scene/scene.h"
@@ -68,8 +69,7 @@ Times time_each(std::size_t calls, const Work& work) {
     work(i);
     seconds[i] = seconds_since(start);
   }
-  std::sort(seconds.begin(), seconds.end());
-  return {1e6 * seconds[calls / 2], 1e6 * seconds[calls * 99 / 100]};
+  return {1e6 * quantile(seconds, 0.5), 1e6 * quantile(seconds, 0.99)};
 }
 
 // So that no result is computed for nothing.
