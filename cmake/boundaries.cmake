@@ -26,11 +26,13 @@ set(PALPATE_BOUNDARIES
 
   # the tick knows the interface of a device, no driver and no simulation
   "device_node:common/core,common/session/device_config.h,common/telemetry/device_telemetry.h"
-  "device_node/simulation:common/core,common/session/simulation_config.h,device_node/device.h"
-  "device_node/drivers:common/core,common/session/simulation_config.h,device_node/device.h,device_node/simulation"
+  "device_node/simulation:common/core,common/session/simulation_config.h,device_node/device.h,device_node/reading_observer.h"
+  # simulation ← drivers, one folder a driver
+  "device_node/drivers:common/core,device_node/device.h,device_node/drivers/*"
+  "device_node/drivers/simulated:common/core,common/session/simulation_config.h,device_node/device.h,device_node/simulation"
 
   # the clamp knows its own part of the session and no true state
-  "mofc_node:common/core,common/contact,common/session/device_config.h,common/session/mofc_config.h,common/telemetry/mofc_telemetry.h,common/telemetry/metrics.h,mofc_node/controllers"
+  "mofc_node:common/core,common/contact,common/session/device_profile.h,common/session/mofc_config.h,common/telemetry/mofc_telemetry.h,common/telemetry/metrics.h,mofc_node/controllers"
   "mofc_node/controllers:"
 
   # contact ← surfaces ← files ← scene ← display; the step sees the scene only, and no lock

@@ -14,7 +14,9 @@ install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} RENAME copyright)
 # The controllers by themselves: cmake --install BUILD --component controllers --prefix FOLDER
 install(TARGETS palpate_controllers EXPORT palpateTargets
         ARCHIVE COMPONENT controllers
-        FILE_SET HEADERS DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/palpate COMPONENT controllers)
+        PUBLIC_HEADER DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/palpate/controllers
+                      COMPONENT controllers
+        INCLUDES DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
 set(package_folder ${CMAKE_INSTALL_LIBDIR}/cmake/palpate)
 install(EXPORT palpateTargets NAMESPACE palpate:: DESTINATION ${package_folder}
         COMPONENT controllers)

@@ -11,11 +11,12 @@
 
 namespace palpate::device {
 
-/// Collects the segments between two readings: in time order, without a gap or an overlap, none
-/// empty. A force whose lease ends by itself is followed by a segment of no force; nobody reads
-/// the encoder then, so the first of the two has no position at its end.
+/// Collects the segments between two readings: in time order, without gaps or overlaps, none empty.
+/// A force whose lease ends by itself is followed by a segment of zero force; the encoder is not
+/// read at that instant, so the first of the two has no position at its end.
 ///
-/// At most kMaxAppliedForces: one switch per tick, and each of the two forces may run out.
+/// At most kMaxAppliedForces: one switch per tick, and each of the two forces may run out or be
+/// released.
 class AppliedForces {
  public:
   /// The first reading of a session: the echo begins here.
@@ -26,7 +27,7 @@ class AppliedForces {
   }
   [[nodiscard]] bool has_begun() const noexcept { return has_begun_; }
 
-  /// The force changes to `force` for at most `lease`, position read at that instant.
+  /// The force changes to `force` for at most `lease`; the position was read at that instant.
   void switched(TimePoint at, const Vector3& position_m, const Vector3& force,
                 Duration lease) noexcept {
     read(at, position_m);
@@ -34,7 +35,7 @@ class AppliedForces {
     lease_end_ = at + lease;
   }
 
-  /// A position was read at `at`: what acted so far is a finished segment.
+  /// A position was read at `at`: the segment that ends there is finished.
   void read(TimePoint at, const Vector3& position_m) noexcept {
     run_out(at);
     end_segment(at);
@@ -52,7 +53,7 @@ class AppliedForces {
     if (!force_.isZero(0.0)) end_force(at);
   }
 
-  /// Hands the finished segments over and starts anew.
+  /// Moves the finished segments into `state`.
   void move_to(DeviceState& state) noexcept {
     state.applied = segments_;
     state.applied_count = count_;

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
 
 namespace palpate::device {
 
@@ -16,7 +15,8 @@ bool is_finite(const DeviceSample& sample) {
 
 DeviceNode::DeviceNode(const DeviceConfig& config, HapticDevice& device, const Clock& clock,
                        Sender<DeviceState>& state_out, Inbox<ForceCommand>& force_in,
-                       TickSink<DeviceTick>& ticks_out, std::uint64_t session_id)
+                       TickSink<DeviceTick>& ticks_out, std::uint64_t session_id,
+                       ReadingObserver* observer)
     : config_(config),
       device_(device),
       clock_(clock),
@@ -24,20 +24,21 @@ DeviceNode::DeviceNode(const DeviceConfig& config, HapticDevice& device, const C
       force_in_(force_in),
       ticks_out_(ticks_out),
       session_id_(session_id),
+      observer_(observer),
       workspace_(config.workspace),
       guard_(config, device.specification().peak_force_newton),
       rounding_m_(std::sqrt(3.0) * std::max(config.profile.position_resolution_m,
                                             device.specification().position_resolution_m)) {}
 
 void DeviceNode::step(const Tick& tick) noexcept {
-  note_appointment(tick);
+  count_appointment(tick);
   DeviceTick record{.sequence = sequence_++,
                     .sampled_at = tick.now,
                     .switched_at = tick.now,
                     .lateness = tick.now - tick.scheduled_at};
 
   if (has_fault()) {
-    look_on(record);
+    record_without_exchange(record);
   } else if (const FaultReason reason = exchange(record); reason != FaultReason::kNone) {
     latch(reason, record);
   }
@@ -46,11 +47,11 @@ void DeviceNode::step(const Tick& tick) noexcept {
   count(record);
   ticks_out_.keep(record);
 
-  // the deadline of the next answer; it may be a little later
+  // the expected deadline of the next answer; the real one may be a little later
   force_in_.prepare_wait(tick.scheduled_at + from_seconds(1.0 / config_.rate_hz) + config_.reply);
 }
 
-/// What a tick is for; the reason if it cannot be done.
+/// The exchange of a tick; returns the reason if it failed.
 FaultReason DeviceNode::exchange(DeviceTick& record) noexcept {
   // read: t_k
   DeviceSample sample;
@@ -63,7 +64,7 @@ FaultReason DeviceNode::exchange(DeviceTick& record) noexcept {
   record.measured_tool_position_world_m = state.tool_position_world_m;
   record.measured_tool_orientation_world = state.tool_orientation_world;
   record.is_clutched = state.is_clutched;
-  note_true_state(record);
+  notify_observer(record);
 
   // send: hop 1
   const TimePoint sent_at = clock_.now();
@@ -80,35 +81,58 @@ FaultReason DeviceNode::exchange(DeviceTick& record) noexcept {
   const GuardedForce guarded =
       record.is_answered ? guard_.answered(answer->value, now) : guard_.missed(now);
   record.switched_at = now;
-  if (guarded.is_switch) {
-    DeviceSample at_switch;
-    if (!device_.apply(guarded.force_on_hand_newton, guarded.lease, at_switch)) {
-      return FaultReason::kWriteFailed;
-    }
-    const FaultReason reading_at_switch = judge(at_switch);
-    if (reading_at_switch != FaultReason::kNone) return reading_at_switch;
-    applied_.switched(at_switch.sampled_at, at_switch.hand_position_m, guarded.force_on_hand_newton,
-                      guarded.lease);
-    record.switched_at = at_switch.sampled_at;
-  }
   record.force_on_hand_newton = guarded.force_on_hand_newton;
   record.guard = guarded.state;
   record.is_peak_limited = guarded.is_limited;
+  return guarded.is_switch ? switch_to(guarded, deadline, record) : FaultReason::kNone;
+}
+
+FaultReason DeviceNode::switch_to(const GuardedForce& guarded, TimePoint deadline,
+                                  DeviceTick& record) noexcept {
+  DeviceSample at_switch;
+  const bool is_applied = device_.apply(guarded.force_on_hand_newton, guarded.lease, at_switch);
+  const FaultReason reason = is_applied ? judge(at_switch) : FaultReason::kWriteFailed;
+  if (reason != FaultReason::kNone) {
+    record.force_on_hand_newton.setZero();
+    record.is_peak_limited = false;
+    return reason;
+  }
+  applied_.switched(at_switch.sampled_at, at_switch.hand_position_m, guarded.force_on_hand_newton,
+                    guarded.lease);
+  record.switched_at = at_switch.sampled_at;
+  if (record.is_answered && at_switch.sampled_at > deadline) withdraw_late_answer(record);
   return FaultReason::kNone;
 }
 
-/// A tick of a latched fault: nothing but a reading, for the record, if there is one.
-void DeviceNode::look_on(DeviceTick& record) noexcept {
+/// The clamp paid in advance for the whole lease of the force that acted before the switch, and for
+/// an answer that begins to act by the deadline. A later answer is not paid for.
+void DeviceNode::withdraw_late_answer(DeviceTick& record) noexcept {
+  device_.release();
+  const TimePoint released_at = clock_.now();
+  applied_.released(released_at);
+  guard_.withdraw_answer();
+  ++counters_.late_switches;
+  counters_.max_force_newton =
+      std::max(counters_.max_force_newton, record.force_on_hand_newton.norm());
+  record.switched_at = released_at;
+  record.force_on_hand_newton.setZero();
+  record.guard = GuardState::kLimp;
+  record.is_answered = false;
+  record.is_peak_limited = false;
+}
+
+/// A tick of a latched fault: only a reading, if there is one, for the record.
+void DeviceNode::record_without_exchange(DeviceTick& record) noexcept {
   DeviceSample sample;
   if (device_.read(sample)) static_cast<void>(judge(sample));
   record.guard = GuardState::kFault;
-  note_last_reading(record);
+  record_last_reading(record);
   record.is_clutched = workspace_.is_clutched();
-  note_true_state(record);
+  notify_observer(record);
 }
 
-/// Whether a hand can have made this reading after the last one. The time between them is that
-/// which passed, also while the process was stopped; rounding may add a step of the encoder.
+/// Whether a hand can have made this reading after the last one. The time between the two includes
+/// any time for which the process was stopped; rounding may add one encoder step per axis.
 FaultReason DeviceNode::judge(const DeviceSample& sample) noexcept {
   if (!is_finite(sample)) return FaultReason::kReadingNotFinite;
   const double moved_m = (sample.hand_position_m - last_position_m_).norm();
@@ -122,7 +146,7 @@ FaultReason DeviceNode::judge(const DeviceSample& sample) noexcept {
   return is_jump ? FaultReason::kPositionJumped : FaultReason::kNone;
 }
 
-void DeviceNode::note_appointment(const Tick& tick) noexcept {
+void DeviceNode::count_appointment(const Tick& tick) noexcept {
   LoopCounters& loop = counters_.loop;
   if (loop.ticks > 0) loop.skipped_ticks += tick.index - next_index_;
   next_index_ = tick.index + 1;
@@ -164,20 +188,14 @@ const Received<ForceCommand>* DeviceNode::wait_for_answer(const DeviceState& sta
   }
 }
 
-void DeviceNode::note_last_reading(DeviceTick& record) const noexcept {
+void DeviceNode::record_last_reading(DeviceTick& record) const noexcept {
   record.measured_hand_position_m = last_position_m_;
   record.measured_tool_position_world_m = workspace_.tool_position_world_m(last_position_m_);
   record.measured_tool_orientation_world = last_orientation_;
 }
 
-void DeviceNode::note_true_state(DeviceTick& record) noexcept {
-  const std::optional<TrueState> truth = device_.true_state();
-  if (!truth) return;
-  record.true_tool_position_world_m = workspace_.tool_position_world_m(truth->hand_position_m);
-  record.true_tool_velocity_world_m_per_s =
-      workspace_.tool_velocity_world_m_per_s(truth->hand_velocity_m_per_s);
-  record.true_energy_joule = truth->energy_joule;
-  record.minimum_true_energy_joule = truth->minimum_energy_joule;
+void DeviceNode::notify_observer(DeviceTick& record) noexcept {
+  if (observer_ != nullptr) observer_->on_reading(workspace_, record);
 }
 
 void DeviceNode::count(const DeviceTick& record) noexcept {
@@ -205,7 +223,7 @@ void DeviceNode::count(const DeviceTick& record) noexcept {
   counters_.minimum_true_energy_joule = record.minimum_true_energy_joule;
 }
 
-/// The record tells what was read last, even if it is what cannot be.
+/// The record shows the last finite reading, even one that was judged impossible.
 void DeviceNode::latch(FaultReason reason, DeviceTick& record) noexcept {
   fault_ = reason;
   counters_.last_fault = reason;
@@ -213,8 +231,8 @@ void DeviceNode::latch(FaultReason reason, DeviceTick& record) noexcept {
   release_motors();
   record.switched_at = clock_.now();
   record.guard = GuardState::kFault;
-  note_last_reading(record);
-  note_true_state(record);
+  record_last_reading(record);
+  notify_observer(record);
 }
 
 void DeviceNode::reset_fault() noexcept {

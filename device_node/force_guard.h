@@ -1,42 +1,47 @@
-// force_guard.h — what the device lets the motors do with a command, or with its absence. Pure: it
-// is handed the time and touches nothing. It only ever takes force away.
+// force_guard.h — limits a command, or its absence, to what the motors may do. It is given the
+// time, has no side effects, and only ever reduces the force.
 #pragma once
 
 #include <algorithm>
 #include <cstdint>
 
 #include "common/core/messages.h"
+#include "common/core/vector.h"
 #include "common/session/device_config.h"
 #include "common/telemetry/device_telemetry.h"
-#include "common/core/vector.h"
 
 namespace palpate::device {
 
-/// What the motors are to do.
+/// The force that the motors are to apply.
 struct GuardedForce {
   Vector3 force_on_hand_newton = Vector3::Zero();  ///< D
   Duration lease{};                                ///< longest time it may act
   GuardState state = GuardState::kLimp;
-  bool is_limited = false;  ///< reduced by peak or slew limit
-  /// False: leave the motors alone, the earlier command and its lease run on.
+  bool is_limited = false;  ///< reduced by the peak or the slew limit
+  /// False: do not write to the motors; the earlier command and its lease continue.
   bool is_switch = true;
 };
 
 /// docs/theory.md §3, in this order:
 ///
-///   before the first answer          nothing                                      kLimp
+///   before the first answer          no force                                     kLimp
 ///   answered                         the command, for its lease                   kAnswered
 ///   no answer, lease runs            the earlier command                          kLeased
 ///   lease over                       at most f_co, direction kept: the device's
 ///                                    own friction absorbs that, always passive    kFallback
-///   silent for limp_after            that, linearly down to nothing over `fade`   kFading
-///   silent for limp_after + fade     nothing                                      kLimp
+///   silent for limp_after            that, linearly down to zero over `fade`      kFading
+///   silent for limp_after + fade     no force                                     kLimp
 ///
-/// An answer is cut by the limp start (leaving kLimp, it grows from nothing over start_ramp; after
-/// a silence that outlasted the lease by a period, from what acts over as long as it was silent),
-/// then by the peak, then by the slew limit: the part of it beyond what already acts along its
-/// direction grows by at most slew · one period per switch. A non-finite command is no force and is
-/// counted.
+/// Three limits reduce an answer, in this order:
+///
+///   limp start   leaving kLimp, the force grows from zero over start_ramp; after a silence longer
+///                than the lease and a period, it grows from the acting force over the duration of
+///                that silence
+///   peak         |F| ≤ peak
+///   slew         beyond what already acts along its direction, the force grows by at most
+///                slew · one period per switch
+///
+/// A non-finite command counts as no force and is counted.
 class ForceGuard {
  public:
   /// @param device_peak_newton  the hardware's own limit; the smaller one holds
@@ -50,7 +55,7 @@ class ForceGuard {
         slew_newton_per_s_(config.slew_newton_per_s),
         coulomb_newton_(config.profile.coulomb_newton) {}
 
-  /// The answer to this tick is here, at `now`, and takes over at once.
+  /// The answer to this tick has arrived and is applied at `now`.
   [[nodiscard]] GuardedForce answered(const ForceCommand& command, TimePoint now) noexcept {
     GuardedForce out{.lease = std::clamp(command.valid_for, Duration::zero(), lease_),
                      .state = GuardState::kAnswered};
@@ -110,7 +115,16 @@ class ForceGuard {
     return out;
   }
 
-  /// Motors were released: nothing until the next answer, and that with a limp start.
+  /// The answer just given began to act too late and the motors were released: nothing acts until
+  /// the next answer. No limp start, since answers keep coming.
+  void withdraw_answer() noexcept {
+    answer_newton_.setZero();
+    acting_newton_.setZero();
+    acting_until_ = acting_from_;
+    answer_lease_end_ = answered_at_;
+  }
+
+  /// Motors were released: nothing acts until the next answer, which makes a limp start.
   void reset() noexcept {
     has_answer_ = false;
     acting_newton_.setZero();
@@ -147,7 +161,7 @@ class ForceGuard {
   TimePoint answer_lease_end_{};
   TimePoint ramp_from_{};
   Duration ramp_{};
-  Vector3 answer_newton_ = Vector3::Zero();  ///< the last answer, as it was let through
+  Vector3 answer_newton_ = Vector3::Zero();  ///< the last answer, after the limits
   Vector3 acting_newton_ = Vector3::Zero();  ///< in [acting_from_, acting_until_)
   TimePoint acting_from_{};
   TimePoint acting_until_{};

@@ -18,7 +18,7 @@ constexpr double kSigmas = 3.0;
 constexpr double kWobbleRatio = 0.0015;       // of the friction; see fit_friction
 constexpr double kForceAccuracyRatio = 0.02;  // of the motors; the loop's transients fit in as well
 
-// what the motors may do before any clamp is known
+// bounds of the motors while no clamp can be used
 constexpr double kPeakForceNewton = 1.0;
 constexpr double kPeakForceRatio = 2.0;  // of the force that last set the device moving
 constexpr double kTopSpeed_m_per_s = 0.1;
@@ -26,9 +26,9 @@ constexpr std::size_t kSpeedTicks = 10;  // over which the speed is measured
 constexpr double kLeasePeriods = 3.0;
 constexpr int kTries = 5;  // of a pair of sweeps that a late tick disturbs
 
-// from rest: the force grows until the device has moved
+// from rest: the force grows until the device moves
 constexpr double kForceRate_newton_per_s = 0.5;
-constexpr double kMoved_m = 0.2e-3;  // beyond what the encoder may show by itself
+constexpr double kMoved_m = 0.2e-3;  // beyond the error of the encoder
 
 // PI velocity loop, its integral written as a spring to a moving reference. With masses of
 // 0.02 … 0.1 kg its slowest mode decays faster than 10/s; heavier ones get looser bounds.
@@ -137,8 +137,8 @@ class Rig {
             .force_newton = along.dot(exit->impulse - entry->impulse) / window_s};
   }
 
-  /// There and back between the line's ends, from its near one; again if ticks came so late that
-  /// the motors let go.
+  /// There and back between the line's ends, from the near one; repeated if a tick came so late
+  /// that a lease ran out.
   FrictionPoint pair_of_sweeps(const SweepLine& line, double speed_m_per_s) {
     const Vector3 reach_m = plan_.half_length_m * line.direction;
     for (int i = 0; i < kTries; ++i) {
@@ -179,7 +179,7 @@ class Rig {
     DeviceSample at_switch;
     if (!device_.apply(force, lease_, at_switch)) fail("failed to take a force");
 
-    // what the force before this one did; a lease that ran out ended it early
+    // the impulse of the previous force; if its lease ran out, it ended early
     if (force_) {
       const Duration acted = std::min(at_switch.sampled_at - switch_.at, lease_);
       if (at_switch.sampled_at - switch_.at > lease_) is_disturbed_ = true;
@@ -206,7 +206,7 @@ class Rig {
     }
     if (!is_in_box(position_m())) fail("left the box in which it may move; start in its middle");
 
-    // what the encoder cannot explain of the way since the oldest reading
+    // the distance since the oldest reading, less the error of the encoder
     const DeviceSample& old = readings_[(newest_ + 1) % readings_.size()];
     const double span_s = to_seconds(now.sampled_at - old.sampled_at);
     const double way_m = (position_m() - old.hand_position_m).norm() - std::sqrt(3.0) * q_m_;

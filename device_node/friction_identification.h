@@ -1,9 +1,10 @@
 // friction_identification.h — f_d and f_co of a device, measured with its own motors: slow sweeps
-// at constant speed, there and back, on lines at several poses and in several directions. It sees
-// the device's interface only, so simulated and real devices are measured alike.
+// at constant speed, there and back, on lines at several poses and in several directions. It uses
+// only the device's interface, so simulated and real devices are measured alike.
 //
-// The hand must be off. No clamp is known yet, so the sweeps keep bounds of their own: |F| ≤ 1 N
-// and ≤ 2× the force that last set the device moving, ≤ 0.1 m/s measured, inside a box.
+// Nobody may hold the device. No friction is known yet that a clamp could use, so the sweeps have
+// bounds of their own: |F| ≤ 1 N and ≤ 2× the force that last set the device moving, measured speed
+// ≤ 0.1 m/s, inside a box.
 #pragma once
 
 #include <functional>
@@ -17,15 +18,15 @@
 
 namespace palpate::device {
 
-/// The sweeps ended before they were done: a bound was reached or the device failed. The motors are
-/// limp. The text says what happened, where, and what to do.
+/// The sweeps were aborted: a bound was reached or the device failed. The motors are limp. The text
+/// states what happened, where, and what to do.
 class IdentificationError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
 };
 
-/// One pair of sweeps, there and back: mean speed, and mean motor force along it. What does not
-/// turn round with the motion (gravity) is no part of the force.
+/// One pair of sweeps, there and back: mean speed, and mean motor force along it. Forces that do
+/// not reverse with the motion (gravity) cancel.
 struct FrictionPoint {
   double speed_m_per_s = 0.0;
   double force_newton = 0.0;
@@ -48,9 +49,9 @@ struct FrictionFit {
 ///   bound of f_d  = 0.98 (least f_d − 3σ_d of both − 0.0015 F̄/(v_max − v_min)) , ≥ 0
 ///   bound of f_co = 0.98 · least of f_co − 3σ_co and, for every point, F − (bound of f_d) v , ≥ 0
 ///
-/// 3σ is noise, 0.98 the motors, whose force is known to 2 %. The rest is against what is no noise:
-/// where the encoder makes the device wobble, most at low speed, part of f_co points across the
-/// motion and is missed there (0.0015: a wobble of 5.5 % of the speed), which would pass for
+/// 3σ covers noise, 0.98 the motors, whose force is known to 2 %. The rest covers systematic
+/// errors: where the encoder makes the device wobble, mostly at low speed, part of f_co acts across
+/// the motion and is not measured (0.0015: a wobble of 5.5 % of the speed), which would appear as
 /// viscous friction; and a friction that falls with speed must stay above the bounds at every
 /// speed. Differs: the usual bound is mean − 3σ alone.
 [[nodiscard]] FrictionFit fit_friction(std::span<const FrictionPoint> points);
@@ -63,7 +64,7 @@ struct SweepLine {
 
 struct SweepPlan {
   double rate_hz = 1000.0;
-  Vector3 box_half_extent_m = Vector3::Zero();  ///< D, around the origin; left: the sweeps end
+  Vector3 box_half_extent_m = Vector3::Zero();  ///< D, around the origin; leaving it aborts
   std::vector<SweepLine> lines;                 ///< ≥ 1, inside the box
   double half_length_m = 0.0;                   ///< ≥ 10 mm
   std::vector<double> speeds_m_per_s;           ///< ≥ 2 different ones, ≤ 0.08
@@ -87,12 +88,12 @@ struct FrictionReport {
 };
 
 /// Sweeps every line of the plan; returns with the motors limp. Takes minutes of `clock`'s time,
-/// which must be the device's; in real time, on a thread with real-time scheduling: sweeps in which
-/// a lease ran out are done again, five times at most.
-/// @param may_move_hardware  the user agreed; a simulation moves without
+/// which must be the clock that the device was opened with; in real time, use a thread with
+/// real-time scheduling. Sweeps in which a lease ran out are repeated, five times at most.
+/// @param may_move_hardware  the user agreed; not needed for a simulation
 /// @param on_line            called after each line, motors limp
 /// @throws SetupError           before anything moved: not agreed, no motor-side watchdog (if this
-///                              program stops, the device must not go on pushing), outside the box
+///                              program stopped, the device would keep pushing), outside the box
 /// @throws IdentificationError  motors limp
 [[nodiscard]] FrictionReport identify_friction(
     HapticDevice& device, Clock& clock, const SweepPlan& plan, bool may_move_hardware,

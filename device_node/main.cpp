@@ -1,5 +1,5 @@
-// device_node: reads the haptic device, asks mofc_node, applies the force it is sent.
-// All logic is in the library; this file only connects it to the world.
+// device_node: reads the haptic device, sends its state to mofc_node, applies the force it
+// receives. All logic is in the library; this file only connects it to the outside.
 #include "device_node/process.h"
 
 int main(int argc, char** argv) {

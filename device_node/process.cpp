@@ -6,22 +6,23 @@
 #include "common/link/exchange_client.h"
 #include "common/link/zmq_sender.h"
 #include "common/link/zmq_source.h"
-#include "common/telemetry/flight_recorder.h"
 #include "common/process/rate_loop.h"
 #include "common/process/realtime.h"
 #include "common/process/refused_peers_log.h"
 #include "common/process/rejection_log.h"
+#include "common/telemetry/flight_recorder.h"
 #include "common/telemetry/telemetry_publisher.h"
 #include "device_node/device_node.h"
-#include "device_node/drivers/open_device.h"
+#include "device_node/drivers/driver_registry.h"
 #include "device_node/simulation/pointer_hold.h"
+#include "device_node/simulation/true_state_recorder.h"
 
 namespace palpate::device {
 namespace {
 
 constexpr std::size_t kHandGoals = 64;  // far more than arrive in one turn of the tick
 
-/// Hop 6: what a pointer says, on the telemetry thread; the tick sees only goals.
+/// Hop 6: the targets of a pointer, on the telemetry thread; the tick receives only goals.
 class PointerInput {
  public:
   PointerInput(const Session& session, ZmqContext& side, NodeContext& context, HandGoals& goals)
@@ -66,8 +67,12 @@ void run_process(NodeContext& context, ProcessLinks& links) {
 void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) {
   const Session& session = context.session;
   HandGoals goals(kHandGoals);
-  const auto device = open_device(session.side().simulated, session.side().hand, context.clock,
-                                  stream_seed(session, session.side(), "hand"), &goals);
+  const DriverRegistry drivers =
+      all_drivers({.simulated = {.device = session.side().simulated,
+                                 .hand = session.side().hand,
+                                 .seed = stream_seed(session, session.side(), "hand"),
+                                 .goals = &goals}});
+  const auto device = drivers.at(kSimulatedDriver).open(context.clock);
   if (!device->specification().has_motor_watchdog) {
     context.log.warn("event=no_motor_watchdog device=\"{}\": the guarantee is not available",
                      device->specification().model_name);
@@ -100,8 +105,9 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
   publisher.start();
 
   // the tick
+  TrueStateRecorder true_state(*device);
   DeviceNode node(session.side().device, *device, context.clock, exchange.states, force_in, ticks,
-                  context.session_id);
+                  context.session_id, &true_state);
   context.log.info("event=realtime {}", enter_realtime(session.side().realtime).text);
   SteadyClock appointments(session.side().realtime.wait);
   RateLoop loop(appointments, session.side().device.rate_hz);

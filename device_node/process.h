@@ -9,17 +9,18 @@
 
 namespace palpate::device {
 
-/// The way to the clamp and back: hops 1 and 4.
+/// The links to the clamp and back: hops 1 and 4.
 struct Exchange {
   Sender<DeviceState>& states;
   Source<ForceCommand>& commands;
   const Rejections& refused;                ///< of `commands`
-  std::function<void()> after_switch = {};  ///< called in every tick, when its force acts
+  std::function<void()> after_switch = {};  ///< called in every tick, after the switch
 };
 
 /// Runs until context.stop. Motors are limp before the sockets close. Throws SetupError.
 void run_process(NodeContext& context, ProcessLinks& links);
-/// The same with a clamp of this process. @param side  for everything but the exchange
+/// The same with a clamp in this process.
+/// @param side  for all links except the exchange
 void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side);
 
 }  // namespace palpate::device

@@ -1,5 +1,5 @@
-// mofc_node: answers every DeviceState with a force that the hand can be trusted with.
-// All logic is in the library; this file only connects it to the world.
+// mofc_node: answers every DeviceState with a force that gives the hand no energy.
+// All logic is in the library; this file only connects it to the outside.
 #include "mofc_node/process.h"
 
 int main(int argc, char** argv) {

@@ -1,4 +1,4 @@
-// model_handover.h — from one contact model to the next without a jump of the force.
+// model_handover.h — the transition from one contact model to the next without a jump of the force.
 #pragma once
 
 #include "common/contact/contact_model.h"
@@ -8,14 +8,14 @@
 
 namespace palpate::mofc {
 
-/// Evaluates the newest Interaction at the tool, and crosses over from the one before it.
+/// Evaluates the newest Interaction at the tool, with a gradual transition from the previous one.
 ///
-/// Where two models disagree at the tool by Δ, the share of the new one grows by bound / |Δ| per
-/// step, so a new model alone never changes the force by more than `bound = rate · dt` in one step;
+/// If two models differ at the tool by Δ, the share of the new one grows by bound / |Δ| per step,
+/// so a new model alone never changes the force by more than `bound = rate · dt` in one step;
 /// models that agree within the bound are exchanged at once. Both are evaluated at the present
-/// place, so leaving the tissue ends the force whatever is going on. A model that arrives during
-/// the crossing waits for its end. Before the first model the force is zero; that counts as a
-/// model.
+/// position, so the force ends when the tool leaves the tissue, also during a transition. A model
+/// that arrives during a transition waits for its end. Before the first model the force is zero;
+/// that counts as a model.
 ///
 /// No allocation, no throw.
 class ModelHandover {
@@ -23,17 +23,17 @@ class ModelHandover {
   /// @param newton_per_s  > 0
   explicit ModelHandover(double newton_per_s) : newton_per_s_(newton_per_s) {}
 
-  /// Forgets all models: the force starts again from zero.
+  /// Removes all models: the force starts again from zero.
   void reset() noexcept;
 
-  /// @param newest  the model to use or to cross over to; told apart by session and sequence
+  /// @param newest  the model to use, identified by session and sequence
   /// @param dt_s    ≥ 0, since the step before
-  /// @param now     when the tool was there, device's clock
+  /// @param now     time of that position, device's clock
   [[nodiscard]] ModelForce step(const Interaction& newest, const Vector3& tool_position_world_m,
                                 const Vector3& tool_velocity_world_m_per_s, double dt_s,
                                 TimePoint now) noexcept;
 
-  /// What the last hand-over changed in the last step [N]; at most rate · dt.
+  /// Change of the force by the transition in the last step [N]; at most rate · dt.
   [[nodiscard]] double last_step_newton() const noexcept { return last_step_newton_; }
 
  private:

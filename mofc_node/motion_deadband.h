@@ -1,4 +1,4 @@
-// motion_deadband.h — when physics_node must hear of the tool (hop 2).
+// motion_deadband.h — when the tool's motion must be sent to physics_node (hop 2).
 #pragma once
 
 #include <algorithm>
@@ -8,9 +8,9 @@
 
 namespace palpate::mofc {
 
-/// Has the tool moved on from what was last sent, or has that been silent for too long? Weber: a
-/// change of velocity counts against the velocity itself. A motion that is then lost on the way is
-/// made good by the next one, after keep_alive at the latest. No allocation, no lock, no throw.
+/// Whether the tool has moved on from the last motion sent, or keep_alive has passed. A change of
+/// velocity counts relative to the velocity itself (Weber's law). If a sent motion is lost, the
+/// next one replaces it, after keep_alive at the latest. No allocation, no lock, no throw.
 [[nodiscard]] inline bool is_worth_sending(const ToolMotion& sent, const ToolMotion& present,
                                            const MotionDeadband& deadband) noexcept {
   if (present.device_session_id != sent.device_session_id) return true;

@@ -6,10 +6,10 @@
 #include "common/link/exchange_server.h"
 #include "common/link/zmq_sender.h"
 #include "common/link/zmq_source.h"
-#include "common/telemetry/flight_recorder.h"
 #include "common/process/realtime.h"
 #include "common/process/refused_peers_log.h"
 #include "common/process/rejection_log.h"
+#include "common/telemetry/flight_recorder.h"
 #include "common/telemetry/telemetry_publisher.h"
 #include "mofc_node/mofc_node.h"
 
@@ -48,8 +48,12 @@ class Clamp::Impl {
         refused_peers_(context.log, side.refused()),
         refused_states_(context.log, "device_state", refused),
         refused_interactions_(context.log, "interaction", interactions_.rejections()),
-        node_(side_.mofc, side_.device, context.clock, motion_out_, interaction_in_, ticks_,
-              context.session_id),
+        node_(side_.mofc,
+              {.profile = side_.device.profile,
+               .workspace = side_.device.workspace,
+               .lease = side_.device.lease,
+               .rate_hz = side_.device.rate_hz},
+              context.clock, motion_out_, interaction_in_, ticks_, context.session_id),
         publisher_(context.session_id, context.clock, ticks_, counters_, telemetry_, context.log,
                    side_.name) {
     publisher_.record_to(recorder_);

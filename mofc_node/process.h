@@ -12,8 +12,8 @@ namespace palpate::mofc {
 /// Runs until context.stop. Throws SetupError.
 void run_process(NodeContext& context, ProcessLinks& links);
 
-/// The clamp and all its links but the exchange: for a device in the same process. Its functions
-/// belong to one thread, which does the waiting.
+/// The clamp and all its links except the exchange, for a device in the same process. All functions
+/// are called by one thread, which waits.
 class Clamp {
  public:
   /// @param refused  of `states`
@@ -25,11 +25,11 @@ class Clamp {
 
   /// Returns when a state may have arrived, or at `deadline`.
   void wait_until(TimePoint deadline) noexcept;
-  /// When a state that a fault line holds is due; TimePoint::max() if none.
+  /// When a state delayed by a fault line is due; TimePoint::max() if none.
   [[nodiscard]] TimePoint next_due() const noexcept;
   /// Answers the next state; false if there is none.
   bool answer_next() noexcept;
-  /// What may wait until the device has its answer.
+  /// What can wait until the device has its answer.
   void finish_turn() noexcept;
 
  private:

@@ -1,18 +1,19 @@
 // velocity_estimator.h — the tool's velocity from its quantised positions. For damping forces only:
 // the energy ledger never sees it.
 //
-// Every estimator trades the same three things: bias (error on a steady motion), noise (one count q
-// of the encoder in one period T is q/T: 55 mm/s, 8 N at 150 N·s/m) and lag (a damper b on a mass m
-// decays in m/b; an estimate that is later than that makes it ring). Below, q: resolution, T:
-// period, W: window, A: bound of the acceleration. build/release/bin/velocity_bench measures all of
-// them.
+// Every estimator trades three properties against one another: bias (error on a steady motion),
+// noise (one count q of the encoder in one period T is q/T: 55 mm/s, 8 N at 150 N·s/m) and lag (a
+// damper b on a mass m decays in m/b; an estimate with a longer lag makes it ring). Below, q:
+// resolution, T: period, W: window, A: bound of the acceleration. build/release/bin/velocity_bench
+// measures all of them.
 //
-// All are exact on a uniform motion without quantisation, take irregular stamps (one that is not
-// later than the last is ignored: the estimate stands), and give zero for the first sample after
-// construction or reset(). After a gap they go on: see each.
+// All are exact on a uniform motion without quantisation, accept irregular stamps (a sample that is
+// not later than the last one is ignored and the estimate stays), and return zero for the first
+// sample after construction or reset(). After a gap they continue: see each.
 //
-// The default is the Kalman filter of order 3 that knows the motors' force. Figures of velocity_bench,
-// the paper's V in the loop at 1 kHz, rigid tissue (150 N·s/m on 0.3 kg decays in 2 ms), mode guard:
+// The default is the Kalman filter of order 3 with the motors' force as its known input. Figures of
+// velocity_bench, the paper's V in the loop at 1 kHz, rigid tissue (150 N·s/m on 0.3 kg decays in 2
+// ms), mode guard:
 //
 //                                       force error  transparency  clamped  path
 //   difference                               76 %         29 %       89 %   5.6 mm
@@ -20,10 +21,10 @@
 //   adaptive window, best fit, 10 ms         88 %         59 %       52 %   0.87 mm
 //   Kalman, order 3, force unknown          109 %         39 %       97 %   3.3 mm
 //   Kalman, order 3, default                 24 %         90 %       10 %   0.17 mm
-//   the same, mass told 0.2 or 0.6 kg        29, 39 %     88, 86 %   9, 11 %
-//   the same, mass told 0.1 or 1 kg          51, 97 %     68, 53 %   91, 75 %
+//   the same, mass set 0.2 or 0.6 kg         29, 39 %     88, 86 %   9, 11 %
+//   the same, mass set 0.1 or 1 kg           51, 97 %     68, 53 %   91, 75 %
 //
-// Without the known force no filter smooth enough for the ledger follows within those 2 ms.
+// Without that input, no filter smooth enough for the ledger follows within those 2 ms.
 // Thread: the caller's. No allocation after construction, no lock, no throw.
 #pragma once
 
@@ -32,9 +33,9 @@
 #include <cstddef>
 #include <memory>
 
-#include "common/session/mofc_config.h"
 #include "common/core/time.h"
 #include "common/core/vector.h"
+#include "common/session/mofc_config.h"
 
 namespace palpate::mofc {
 
@@ -44,8 +45,8 @@ class VelocityEstimator {
 
   virtual void reset() noexcept = 0;
 
-  /// Takes the position measured at `t` and gives the velocity there.
-  /// @param mean_force_newton  what the motors did to the hand since the last sample, time average
+  /// Adds the position measured at `t`; returns the velocity there.
+  /// @param mean_force_newton  force of the motors on the hand since the last sample, time average
   virtual Vector3 update(const Vector3& position_m, TimePoint t,
                          const Vector3& mean_force_newton) noexcept = 0;
 };
@@ -134,7 +135,7 @@ class AdaptiveWindowEstimator final : public VelocityEstimator {
   double resolution_m_;
   LowPass low_pass_;
   std::array<Sample, kMaxSamples> samples_{};
-  std::array<double, kMaxSamples> age_s_{};  // of each sample back, against the newest
+  std::array<double, kMaxSamples> age_s_{};  // age of each sample relative to the newest
   std::size_t newest_ = 0;
   std::size_t count_ = 0;
   Vector3 window_s_ = Vector3::Zero();
@@ -143,10 +144,10 @@ class AdaptiveWindowEstimator final : public VelocityEstimator {
 /// Kalman filter with measurement noise q²/12, the variance of an error uniform in ±q/2.
 /// `Order` 2: position and velocity, acceleration is white noise of density S (m²/s³).
 /// `Order` 3: and acceleration, jerk is white noise of density S (m²/s⁵).
-/// The force of the motors, which is known, drives the model as force / moving mass: what the
-/// filter then has to guess is the hand's force alone, which is slower than the loop. A mass told
-/// too small makes the estimate answer too much to the motors, which weakens a damper; told too
-/// large, the lag comes back.
+/// The known force of the motors is an input of the model, as force / moving mass: the filter then
+/// has to estimate only the hand's force, which changes more slowly than the loop. With too small a
+/// mass the estimate responds too strongly to the motors, which weakens a damper; with too large a
+/// mass the lag returns.
 ///
 /// Continuous limit, R = T q²/12, without the known force:
 ///   order 2  ω = (S/R)^¼: lag √2/ω, variance √2 S^¾ R^¼
@@ -165,7 +166,7 @@ class KalmanEstimator final : public VelocityEstimator {
   Vector3 update(const Vector3& position_m, TimePoint t,
                  const Vector3& mean_force_newton) noexcept override;
 
-  /// Of the estimate, as the filter believes it, m²/s², per axis.
+  /// Variance of the estimate according to the filter, m²/s², per axis.
   [[nodiscard]] double velocity_variance() const noexcept { return covariance_(1, 1); }
 
  private:

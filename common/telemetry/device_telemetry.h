@@ -69,6 +69,9 @@ struct DeviceCounters {
   std::uint64_t fault_resets = 0;
   FaultReason last_fault = FaultReason::kNone;  ///< stays after its reset
   std::uint64_t non_finite_commands = 0;        ///< answers with NaN or infinity: no force
+  /// Answers that began to act after the deadline although they were accepted before it: withdrawn
+  /// at once.
+  std::uint64_t late_switches = 0;
   double max_force_newton = 0.0;
   double minimum_true_energy_joule = kNaN;
 };

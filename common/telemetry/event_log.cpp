@@ -47,6 +47,7 @@ EventLog<DeviceCounters>::EventLog(spdlog::logger& log)
     : force_command_(log, "force_command"),
       log_(log),
       non_finite_commands_(log, spdlog::level::err, "command_not_finite"),
+      late_switches_(log, spdlog::level::warn, "switch_late"),
       overruns_(log, spdlog::level::warn, "ticks_skipped"),
       fallback_(log, "fallback") {}
 
@@ -63,6 +64,7 @@ void EventLog<DeviceCounters>::note(const DeviceCounters& counters, TimePoint no
     fault_resets_ = counters.fault_resets;
   }
   non_finite_commands_.note(counters.non_finite_commands, now);
+  late_switches_.note(counters.late_switches, now);
   overruns_.note(counters.loop.skipped_ticks, now);
 
   // limp before the first answer is how a device starts; after it, it is where a fallback ends

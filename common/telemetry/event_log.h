@@ -69,6 +69,7 @@ class EventLog<DeviceCounters> {
   std::uint64_t faults_ = 0;
   std::uint64_t fault_resets_ = 0;
   GrowthEvent non_finite_commands_;
+  GrowthEvent late_switches_;
   GrowthEvent overruns_;
   EpisodeEvent fallback_;
   bool was_answered_ = false;

@@ -16,7 +16,8 @@
 #include "common/link/zmq_source.h"
 #include "device_node/device_node.h"
 #include "device_node/simulation/ideal_run.h"
-#include "device_node/drivers/open_device.h"
+#include "device_node/simulation/simulated_device.h"
+#include "device_node/simulation/true_state_recorder.h"
 #include "mofc_node/mofc_node.h"
 #include "physics_node/physics_node.h"
 #include "physics_node/scene/scene.h"
@@ -139,7 +140,8 @@ class TamperedSender final : public Sender<Interaction> {
   std::function<void(Interaction&)> tamper_;
 };
 
-/// The continuous tissue as a force on the hand, and the run it would have given (docs/theory.md §7.1).
+/// The continuous tissue as a force on the hand, and the run it would have given (docs/theory.md
+/// §7.1).
 class Ideal {
  public:
   explicit Ideal(const Session& session)
@@ -192,7 +194,7 @@ class Ideal {
 
   physics::Scene scene_;
   DeviceConfig device_;
-  double peak_force_newton_;  // the smaller of the session's and the device's own
+  double peak_force_newton_;      // the smaller of the session's and the device's own
   physics::TissueMemory memory_;  // of the run's own tool
   WorkspaceMap run_map_;
   physics::TissueMemory run_memory_;
@@ -209,8 +211,9 @@ class Lockstep::Impl {
         device_lateness_(options.device_lateness),
         links_(make_links(options.links)),
         tampered_interaction_out_(*links_->interaction_out, options.tamper_with_interaction),
-        device_(device::open_device(session.side().simulated, session.side().hand, time_,
-                                    stream_seed(session, session.side(), "hand"))),
+        device_(session.side().simulated, session.side().hand, time_,
+                stream_seed(session, session.side(), "hand")),
+        true_state_(device_),
         command_in_(*links_->command_in, time_, session.faults.force_command,
                     stream_seed(session, session.side(), "force_command")),
         state_in_(*links_->state_in, time_, session.faults.device_state,
@@ -222,10 +225,14 @@ class Lockstep::Impl {
         device_tick_(options.on_device_tick),
         mofc_tick_(options.on_mofc_tick),
         physics_tick_(options.on_physics_tick),
-        device_node_(session.side().device, *device_, time_, *links_->state_out, command_in_, device_tick_,
-                     kLockstepDevice),
-        mofc_node_(session.side().mofc, session.side().device, time_, *links_->motion_out, interaction_in_,
-                   mofc_tick_, kLockstepMofc),
+        device_node_(session.side().device, device_, time_, *links_->state_out, command_in_,
+                     device_tick_, kLockstepDevice, &true_state_),
+        mofc_node_(session.side().mofc,
+                   {.profile = session.side().device.profile,
+                    .workspace = session.side().device.workspace,
+                    .lease = session.side().device.lease,
+                    .rate_hz = session.side().device.rate_hz},
+                   time_, *links_->motion_out, interaction_in_, mofc_tick_, kLockstepMofc),
         physics_node_(session.scene, session.physics, session.side().mofc.interaction, time_, motion_in_,
                       tampered_interaction_out_, physics_tick_, kLockstepPhysics),
         device_schedule_(TimePoint{}, session.side().device.rate_hz),
@@ -333,7 +340,8 @@ class Lockstep::Impl {
   VirtualTime time_;
   std::unique_ptr<Links> links_;
   TamperedSender tampered_interaction_out_;
-  std::unique_ptr<device::HapticDevice> device_;
+  device::SimulatedDevice device_;
+  device::TrueStateRecorder true_state_;
   Inbox<ForceCommand> command_in_;
   Inbox<DeviceState> state_in_;
   Inbox<Interaction> interaction_in_;

@@ -19,6 +19,7 @@
 #include "common/link/socket/zmq_context.h"
 #include "common/process/realtime.h"
 #include "common/session/session_file.h"
+#include "common/telemetry/quantile.h"
 
 namespace palpate {
 namespace {
@@ -69,12 +70,11 @@ Finding examine_timer(const RealtimeConfig& realtime, double rate_hz) {
     }
   }).join();
   munlockall();
-  std::sort(lateness.begin(), lateness.end());
-  const Duration p99 = lateness[kTimerTicks * 99 / 100];
+  const Duration p99 = quantile(lateness, 0.99);
   const auto micro = [](Duration time) { return to_seconds(time) * 1e6; };
   Finding finding{"timer", fmt::format("{} wake-ups at {:g} Hz: 99 % within {:.0f} µs, all within "
                                        "{:.0f} µs",
-                                       kTimerTicks, rate_hz, micro(p99), micro(lateness.back()))};
+                                       kTimerTicks, rate_hz, micro(p99), micro(quantile(lateness, 1.0)))};
   if (to_seconds(p99) * rate_hz > kLateRatio) {
     finding.remedy = fmt::format(
         "more than {:g} % of a period: stop other load, permit real-time scheduling, or lower "

@@ -8,8 +8,8 @@
 #include "common/core/check.h"
 #include "common/core/clock.h"
 #include "common/session/profile_file.h"
+#include "device_node/drivers/driver_registry.h"
 #include "device_node/friction_identification.h"
-#include "device_node/drivers/open_device.h"
 
 namespace palpate {
 
@@ -17,7 +17,7 @@ namespace {
 
 using namespace palpate::device;
 
-/// The hand lets go of a simulated device.
+/// Nobody holds the simulated device.
 HandConfig no_hand() {
   HandConfig hand;
   hand.mass_kg = 0.0;
@@ -26,7 +26,7 @@ HandConfig no_hand() {
   return hand;
 }
 
-/// A bound is rounded down where it is shown.
+/// A lower bound is printed rounded down.
 double rounded_down(double bound) { return std::floor(1e4 * bound) / 1e4; }
 
 void print_heading(const DeviceSpecification& specification, const SweepPlan& plan) {
@@ -61,13 +61,24 @@ void write_profile(const std::string& file, const DeviceProfile& profile,
 }  // namespace
 
 void run_identify(const Session& session, const IdentifyOptions& options) {
+  const DriverRegistry drivers = all_drivers(
+      {.simulated = {.device = session.side().simulated, .hand = no_hand(), .seed = session.seed}});
+  SteadyClock steady(session.side().realtime.wait);
+  run_identify(session, options, drivers.at(kSimulatedDriver), steady);
+}
+
+void run_identify(const Session& session, const IdentifyOptions& options, const Driver& driver,
+                  Clock& steady) {
   std::error_code ignored;  // of a file that does not exist
   if (std::filesystem::equivalent(session.file, options.profile_file, ignored)) {
     throw SetupError(options.profile_file + ": is the session; choose another place for --output");
   }
 
-  ManualClock clock;  // the one driver is the simulated one
-  const auto device = open_device(session.side().simulated, no_hand(), clock, session.seed);
+  // virtual time for a simulation; hardware has to be waited for
+  ManualClock virtual_time;
+  Clock& clock = driver.is_simulated ? virtual_time : steady;
+  const TimePoint start = clock.now();
+  const auto device = driver.open(clock);
   const DeviceSpecification& specification = device->specification();
   const SweepPlan plan = default_sweep_plan(specification);
 
@@ -76,7 +87,7 @@ void run_identify(const Session& session, const IdentifyOptions& options) {
       identify_friction(*device, clock, plan, options.may_move_hardware, print_line);
   std::printf("overall: f_d ≥ %.4f N·s/m, f_co ≥ %.4f N (%.0f s of the device's time)\n",
               rounded_down(report.viscous_bound_newton_s_per_m),
-              rounded_down(report.coulomb_bound_newton), seconds_of(clock.now()));
+              rounded_down(report.coulomb_bound_newton), to_seconds(clock.now() - start));
 
   if (options.profile_file.empty()) return;
   write_profile(options.profile_file,

@@ -4,19 +4,25 @@
 
 #include <string>
 
+#include "common/core/clock.h"
 #include "common/session/session.h"
+#include "device_node/drivers/driver_registry.h"
 
 namespace palpate {
 
 struct IdentifyOptions {
   std::string profile_file = {};   ///< empty: none is written
-  bool may_move_hardware = false;  ///< the user agreed
+  bool may_move_hardware = false;  ///< the user agreed that the device moves by itself
 };
 
-/// Sweeps the device of the session, without a hand, and prints a row per line as it goes. A
-/// simulated device starts in the middle of its workspace and runs on virtual time.
+/// Sweeps the device of the session, without a hand, and prints a row per line as it proceeds. A
+/// simulated device starts in the middle of its workspace and runs on virtual time; hardware runs
+/// on the steady clock, in real time.
 /// @throws SetupError                   refused, or the profile cannot be written
 /// @throws device::IdentificationError  a bound was reached or the device failed
 void run_identify(const Session& session, const IdentifyOptions& options);
+/// The same with another driver. @param steady  the clock of hardware
+void run_identify(const Session& session, const IdentifyOptions& options,
+                  const device::Driver& driver, Clock& steady);
 
 }  // namespace palpate

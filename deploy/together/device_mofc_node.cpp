@@ -2,8 +2,8 @@
 // processes would exchange messages; every other link is the same. `palpate launch --together
 // device,mofc` starts it.
 //
-// What two processes give is lost: a clamp that hangs or dies takes the tick with it, and the force
-// ends when the motors' watchdog finds its lease expired.
+// This gives up the isolation of two processes: if the clamp hangs or crashes, the tick does too,
+// and the force ends only when the motors' watchdog ends its lease.
 #include <algorithm>
 
 #include "common/core/memory_link.h"

@@ -11,10 +11,10 @@ namespace palpate::device {
 namespace {
 
 constexpr double kTwoPi = 2.0 * std::numbers::pi;
-/// Of a led hand: between the 16 ms of a pointer's steps and what feels sluggish.
+/// Of a led hand: longer than the 16 ms between a pointer's steps, short enough to follow promptly.
 constexpr double kLeadTimeConstant_s = 0.05;
 
-/// Path if it is a hostile one; its defaults otherwise (never used then).
+/// The path if it is a hostile one; else the defaults, which are not used.
 HostilePath hostile_part(const PathConfig& path) {
   const HostilePath* hostile = std::get_if<HostilePath>(&path);
   return hostile != nullptr ? *hostile : HostilePath{};
@@ -37,7 +37,7 @@ Target target_on(const VPath& path, double t_s) noexcept {
                   path.free_amplitude_m * omega *
                       (std::cos(omega * t_s) * path.tangent + std::sin(omega * t_s) * path.normal)};
 
-    // what would be left of it at its end is taken back over the last quarter turn
+    // the offset that would remain at its end is removed over the last quarter turn
     const double back_s = std::min(path.free_motion_s, 0.25 / path.free_frequency_hz);
     const double u = (t_s - (path.free_motion_s - back_s)) / back_s;
     if (u > 0.0) {
@@ -106,17 +106,17 @@ HostileHand::HostileHand(const HostilePath& path, const SimulatedDeviceConfig& d
       random_(seed),
       position_m_(path.center_m) {}
 
-Target HostileHand::target(double t_s, const Felt& felt) noexcept {
+Target HostileHand::target(double t_s, const Sensed& sensed) noexcept {
   const double dt_s = t_s - t_s_;
   if (!(dt_s > 0.0)) return {position_m_, Vector3::Zero()};
   t_s_ = t_s;
 
-  const double felt_newton = felt.force_on_hand_newton.norm();
-  if (felt_newton > 0.0) last_force_direction_ = felt.force_on_hand_newton / felt_newton;
+  const double sensed_newton = sensed.force_on_hand_newton.norm();
+  if (sensed_newton > 0.0) last_force_direction_ = sensed.force_on_hand_newton / sensed_newton;
   if (t_s >= until_s_) choose(t_s);
 
-  // move, but stay inside the ball: at its skin the outward part of the motion is lost
-  const Vector3 moved = position_m_ + dt_s * wanted_velocity(t_s, felt);
+  // move, but stay inside the ball: at its surface the outward part of the motion is removed
+  const Vector3 moved = position_m_ + dt_s * wanted_velocity(t_s, sensed);
   const Vector3 next = path_.center_m + limited_to_norm(moved - path_.center_m, path_.radius_m);
   const Vector3 velocity = (next - position_m_) / dt_s;
   position_m_ = next;
@@ -125,9 +125,9 @@ Target HostileHand::target(double t_s, const Felt& felt) noexcept {
 
 void HostileHand::choose(double t_s) noexcept {
   since_s_ = t_s;
-  const bool has_felt = last_force_direction_.squaredNorm() > 0.0;
+  const bool has_sensed = last_force_direction_.squaredNorm() > 0.0;
   const double dice = random_.uniform();
-  if (has_felt && dice < 0.5) {
+  if (has_sensed && dice < 0.5) {
     way_ = Way::kDrain;
     until_s_ = t_s + random_.uniform(0.002, 0.08);
   } else if (dice < 0.85) {
@@ -143,14 +143,14 @@ void HostileHand::choose(double t_s) noexcept {
     until_s_ = t_s + random_.uniform(0.02, 0.2);
     half_period_s_ = random_.uniform(0.0005, 0.025);
     speed_m_per_s_ = path_.v_max_m_per_s * random_.uniform(0.2, 1.0);
-    direction_ = has_felt ? last_force_direction_ : random_.direction();
+    direction_ = has_sensed ? last_force_direction_ : random_.direction();
   }
 }
 
-Vector3 HostileHand::wanted_velocity(double t_s, const Felt& felt) const noexcept {
+Vector3 HostileHand::wanted_velocity(double t_s, const Sensed& sensed) const noexcept {
   switch (way_) {
     case Way::kDrain:
-      return most_draining_velocity(felt.force_on_hand_newton);
+      return most_draining_velocity(sensed.force_on_hand_newton);
     case Way::kPress:
       return speed_m_per_s_ * direction_;
     case Way::kShake: {
@@ -177,7 +177,7 @@ Vector3 HostileHand::most_draining_velocity(const Vector3& force_on_hand_newton)
   for (int i = 0; i < 3; ++i) {
     v[i] = speed(surplus_newton[i], per_axis_->viscous_newton_s_per_m[i]);
   }
-  // too fast together: then friction matters little, and the best way is along the surplus
+  // too fast together: friction then matters little, and the best direction is that of the excess
   if (v.norm() > v_max) v = v_max * surplus_newton.normalized();
   return v.cwiseProduct(force_on_hand_newton.cwiseSign());
 }
@@ -192,7 +192,7 @@ Target LedHand::target(double t_s) noexcept {
   const double dt_s = t_s - t_s_;
   if (!(dt_s > 0.0)) return {position_m_, Vector3::Zero()};
   t_s_ = t_s;
-  // exact for a goal that rests, so it never overshoots
+  // exact for a constant goal, so it never overshoots
   const Vector3 step_m = (1.0 - std::exp(-dt_s / kLeadTimeConstant_s)) * (goal_m_ - position_m_);
   const Vector3 velocity = limited_to_norm(step_m / dt_s, config_.speed_m_per_s);
   position_m_ += dt_s * velocity;
@@ -205,15 +205,15 @@ Hand::Hand(const HandConfig& config, const SimulatedDeviceConfig& device, std::u
     : config_(config),
       hostile_(hostile_part(config.path), device, seed),
       intended_m_(Vector3::Zero()) {
-  start_position_m_ = target(0.0, Felt{}).position_m;
+  start_position_m_ = target(0.0, Sensed{}).position_m;
 }
 
-Target Hand::target(double t_s, const Felt& felt) noexcept {
+Target Hand::target(double t_s, const Sensed& sensed) noexcept {
   if (led_) return led_->target(t_s);
   const Target target = std::visit(
       [&](const auto& path) -> Target {
         if constexpr (std::is_same_v<std::decay_t<decltype(path)>, HostilePath>) {
-          return hostile_.target(t_s, felt);
+          return hostile_.target(t_s, sensed);
         } else {
           return target_on(path, t_s);
         }

@@ -1,5 +1,6 @@
-// ideal_run.h — the ideal run of docs/theory.md §7.1: the same hand and the same device in direct touch with
-// the continuous tissue. No network, no sampling, no encoder, no controller. For comparison only.
+// ideal_run.h — the ideal run of docs/theory.md §7.1: the same hand and the same device in direct
+// contact with the continuous tissue. No network, no sampling, no encoder, no controller. For
+// comparison only.
 #pragma once
 
 #include <algorithm>
@@ -16,14 +17,14 @@ namespace palpate::device {
 class IdealRun {
  public:
   /// Force of the tissue on the hand [N] at a time since the start [s], a hand position [m] and
-  /// velocity [m/s], all in D. Asked several times for one instant.
+  /// velocity [m/s], all in D. Evaluated several times for one instant.
   using ForceField = std::function<Vector3(double time_s, const Vector3& hand_position_m,
                                            const Vector3& hand_velocity_m_per_s)>;
-  /// Told where the hand has come to; for tissue that remembers.
+  /// Called with the position reached in each step; for tissue with memory.
   using StepDone = std::function<void(double time_s, const Vector3& hand_position_m)>;
 
   /// @param seed  of the hand's random stream, the same as the device's
-  /// @param peak_force_newton  the session's; the device's own holds too
+  /// @param peak_force_newton  the session's; the device's own limit holds too
   IdealRun(const SimulatedDeviceConfig& simulated, double peak_force_newton, const HandConfig& hand,
            std::uint64_t seed, TimePoint start, ForceField force, StepDone step_done = {})
       : inner_step_(simulated.inner_step),
@@ -35,7 +36,7 @@ class IdealRun {
         force_(std::move(force)),
         step_done_(std::move(step_done)) {}
 
-  /// Integrates up to `until`; nothing if that has passed.
+  /// Integrates up to `until`; does nothing if that has passed.
   void advance_to(TimePoint until) {
     in_equal_steps(start_, reached_, until, inner_step_,
                    [this](double middle_s, double h_s) { step(middle_s, h_s); });
@@ -43,7 +44,7 @@ class IdealRun {
   }
 
   [[nodiscard]] const TrueState& state() const noexcept { return plant_.state(); }
-  /// Cut at the device's peak; mean of the last inner step.
+  /// Limited to the device's peak; mean of the last inner step.
   [[nodiscard]] const Vector3& force_on_hand_newton() const noexcept {
     return force_on_hand_newton_;
   }
@@ -54,8 +55,8 @@ class IdealRun {
   /// 150 N·s/m on 0.3 kg at 50 µs, so three leave less than 2e-6 of it.
   void step(double middle_s, double h_s) {
     const TrueState before = plant_.state();
-    const Felt felt{force_on_hand_newton_, before.hand_position_m, before.hand_velocity_m_per_s};
-    const Target target = hand_.target(middle_s, felt);
+    const Sensed sensed{force_on_hand_newton_, before.hand_position_m, before.hand_velocity_m_per_s};
+    const Target target = hand_.target(middle_s, sensed);
     Vector3 mean_velocity = before.hand_velocity_m_per_s;
     for (int pass = 0; pass < 3; ++pass) {
       const Vector3 middle_m = before.hand_position_m + 0.5 * h_s * mean_velocity;

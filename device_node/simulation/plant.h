@@ -1,5 +1,5 @@
-// plant.h — the mechanics that the simulated device and the ideal run share: one rigid mass,
-// device and hand together, with set-valued friction, pulled along by the hand's spring and damper.
+// plant.h — the mechanics that the simulated device and the ideal run share: device and hand are
+// one rigid mass with set-valued friction, which the hand's spring and damper pull.
 //
 // Symbols, docs/theory.md §6 (three equal axes, friction isotropic or per axis):
 //   m    device + hand                       [kg]
@@ -18,14 +18,14 @@
 #include <cstdint>
 #include <optional>
 
-#include "common/session/simulation_config.h"
 #include "common/core/time.h"
 #include "common/core/vector.h"
-#include "device_node/device.h"
+#include "common/session/simulation_config.h"
+#include "device_node/simulation/true_state.h"
 
 namespace palpate::device {
 
-/// Where the hand means to be, and how fast it means to go. D.
+/// The intended position and velocity of the hand. D.
 struct Target {
   Vector3 position_m = Vector3::Zero();
   Vector3 velocity_m_per_s = Vector3::Zero();

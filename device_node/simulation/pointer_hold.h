@@ -1,4 +1,4 @@
-// pointer_hold.h — which page leads the simulated hand: one at a time (hop 6).
+// pointer_hold.h — decides which page leads the simulated hand; one at a time (hop 6).
 #pragma once
 
 #include <cstdint>
@@ -8,8 +8,9 @@
 
 namespace palpate::device {
 
-/// The first to ask holds the hand until it lets go or has been silent for the time-out; targets of
-/// anybody else are refused, and so are those that were overtaken on the way. One thread.
+/// The first page that sends a target holds the hand until it releases it or has been silent for
+/// the time-out. Targets of other pages are refused, and so are targets that arrive out of order.
+/// One thread.
 class PointerHold {
  public:
   explicit PointerHold(Duration timeout) : timeout_(timeout) {}

@@ -65,8 +65,8 @@ void SimulatedDevice::integrate_until(TimePoint until) noexcept {
   in_equal_steps(
       start_, integrated_until_, until, config_.inner_step, [this](double middle_s, double h_s) {
         const TrueState& now = plant_.state();
-        const Felt felt{force_on_hand_newton_, now.hand_position_m, now.hand_velocity_m_per_s};
-        plant_.step(h_s, hand_.target(middle_s, felt), force_on_hand_newton_);
+        const Sensed sensed{force_on_hand_newton_, now.hand_position_m, now.hand_velocity_m_per_s};
+        plant_.step(h_s, hand_.target(middle_s, sensed), force_on_hand_newton_);
       });
   integrated_until_ = std::max(integrated_until_, until);
 }

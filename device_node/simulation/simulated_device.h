@@ -5,29 +5,31 @@
 #include <cstdint>
 
 #include "common/core/clock.h"
-#include "common/session/simulation_config.h"
 #include "common/core/spsc_ring.h"
+#include "common/session/simulation_config.h"
 #include "device_node/device.h"
 #include "device_node/simulation/hand.h"
 #include "device_node/simulation/plant.h"
+#include "device_node/simulation/true_state.h"
 
 namespace palpate::device {
 
-/// From the thread that hears a pointer to the tick thread.
+/// From the thread that receives a pointer's targets to the tick thread.
 using HandGoals = SpscRing<Vector3>;
 
 /// Integrates up to clock.now() whenever it is read, written or released, in equal inner steps of
-/// at most `inner_step`; so it runs on virtual time and in real time, also after the process was
-/// stopped: the force then ended at the exact instant its lease did. Catching up costs less
+/// at most `inner_step`; so it runs on virtual time and in real time. After the process was
+/// stopped, the force has ended at the exact instant at which its lease did. Catching up takes less
 /// than 0.1 µs of computing per inner step.
 ///
-/// The encoder rounds each axis to the nearest multiple of the resolution. The workspace is told,
-/// not walled in. Motors have no thermal model: the continuous force is the peak force.
-class SimulatedDevice final : public HapticDevice {
+/// The encoder rounds each axis to the nearest multiple of the resolution. The workspace is
+/// specified but has no walls. Motors have no thermal model: the continuous force is the peak
+/// force.
+class SimulatedDevice final : public HapticDevice, public TrueStateSource {
  public:
   /// The hand rests on its path's start; its time starts now.
-  /// @param goals  optional, must outlive the device: where the hand is led, D; read by the thread
-  ///               that reads the device
+  /// @param goals  optional, must outlive the device: where a pointer leads the hand, D; read by
+  ///               the thread that reads the device
   SimulatedDevice(const SimulatedDeviceConfig& device, const HandConfig& hand, const Clock& clock,
                   std::uint64_t seed, HandGoals* goals = nullptr);
 
@@ -38,11 +40,9 @@ class SimulatedDevice final : public HapticDevice {
   [[nodiscard]] bool apply(const Vector3& force_on_hand_newton, Duration lease,
                            DeviceSample& at_switch) noexcept override;
   void release() noexcept override;
-  [[nodiscard]] std::optional<TrueState> true_state() const noexcept override {
-    return plant_.state();
-  }
+  [[nodiscard]] TrueState true_state() const noexcept override { return plant_.state(); }
 
-  /// What the motors do, as of the last reading or switch [N], D.
+  /// Force of the motors as of the last reading or switch [N], D.
   [[nodiscard]] const Vector3& motor_force_on_hand_newton() const noexcept {
     return force_on_hand_newton_;
   }

@@ -1,9 +1,9 @@
-// axis_friction.h — friction that acts on each axis by itself.
+// axis_friction.h — friction that acts on each axis independently.
 #pragma once
 
 #include <Eigen/Core>
 
-#include "mofc_node/controllers/mofc_equations.h"
+#include "mofc_equations.h"
 
 namespace palpate::controllers {
 

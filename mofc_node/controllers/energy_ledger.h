@@ -1,4 +1,4 @@
-// energy_ledger.h — how much energy the hand has surely put in, from positions that are quantised.
+// energy_ledger.h — a lower bound of the energy that the hand has put in, from quantised positions.
 #pragma once
 
 #include <Eigen/Core>
@@ -6,8 +6,8 @@
 #include <optional>
 #include <span>
 
-#include "mofc_node/controllers/axis_friction.h"
-#include "mofc_node/controllers/mofc_equations.h"
+#include "axis_friction.h"
+#include "mofc_equations.h"
 
 namespace palpate::controllers {
 
@@ -21,10 +21,11 @@ using Vector3 = Eigen::Vector3d;
 ///   work      Σ f·dh, less (w/2)(|f(k−1)| + |f(0)| + Σ|Δf|): the error of the sum telescopes
 ///   Coulomb   f_co Σ max(L, √(Σᵢ (Pᵢ − q/2)₊²)) over spans of path, both at most the true path of
 ///             the span: L = Σ (|Δh| − w)₊ over windows; Pᵢ the path of the play operator of
-///             half-width q/2 on axis i, which sees the motion to and fro inside a window. One span
-///             only would let the lead of one of the two from long ago hide what the other sees now
-///   viscous   f_d (|Δh| − w)₊² / Δt over the same windows: one closes when the hand has moved
-///             16 q, so that slow motion at a high rate is not lost in the quantisation
+///             half-width q/2 on axis i, which detects motion to and fro inside a window. The
+///             maximum is taken per span; otherwise an old lead of one estimate would mask new
+///             motion seen only by the other
+///   viscous   f_d (|Δh| − w)₊² / Δt over the same windows: a window closes when the hand
+///             has moved 16 q, so that slow motion at a high rate is not lost in the quantisation
 ///
 /// f is the force the user exerts on the environment, f = −F. With q = 0 this is [MOFC] eq. (8) in
 /// vector form, or summed over the axes. E′ may dip below zero where the true energy does not.
@@ -44,22 +45,23 @@ class EnergyLedger {
   /// Starts again with E′ = 0 at this measured position.
   void restart(const Vector3& hand_position_m) noexcept;
 
-  /// Books a stretch during which one force acted.
+  /// Books an interval during which one force acted.
   /// @param duration_s  ≥ 0, measured       @param force_on_hand_newton  F, really applied
   /// @param hand_position_at_end_m  measured
   void book(double duration_s, const Vector3& force_on_hand_newton,
             const Vector3& hand_position_at_end_m) noexcept;
 
-  /// Books a time at whose inner force changes nobody read the position.
-  /// @param most_drawn_joule  ≥ 0, most that the hand may have drawn in it; it was paid for in
-  /// advance, so a credit ends at 0 at the worst    @param hand_position_at_end_m  measured
+  /// Books an interval in which the force changed without a reading of the position.
+  /// @param most_drawn_joule  ≥ 0, upper bound of what the hand drew in it. It was paid for in
+  ///                          advance: a positive E′ falls to 0 at most
+  /// @param hand_position_at_end_m  measured
   void book_unread(double most_drawn_joule, const Vector3& hand_position_at_end_m) noexcept;
 
-  /// Forgets what is above `joule`.
+  /// E′ ← min(E′, joule).
   void limit(double joule) noexcept;
 
   [[nodiscard]] double energy_joule() const noexcept;
-  /// By friction, since the last restart() or book_unread(); part of energy_joule().
+  /// Dissipated by friction since the last restart() or book_unread(); part of energy_joule().
   [[nodiscard]] double dissipated_joule() const noexcept;
 
  private:

@@ -1,4 +1,4 @@
-// force_controller.h — what every force controller is given and gives (hop 4, inside mofc_node).
+// force_controller.h — input and output of every force controller (hop 4, inside mofc_node).
 //
 // Standard library and Eigen only, so that a controller can be used in other programs. One frame
 // (the device's), SI units, forces are *on the hand*. The paper's f_s is the opposite, the force
@@ -12,7 +12,7 @@ namespace palpate::controllers {
 
 using Vector3 = Eigen::Vector3d;
 
-/// A stretch of time during which one force acted, from the device's echo.
+/// An interval during which one force acted, from the device's echo.
 struct AppliedStretch {
   double duration_s = 0.0;  ///< ≥ 0, measured
   Vector3 force_on_hand_newton = Vector3::Zero();
@@ -24,36 +24,36 @@ struct AppliedStretch {
 /// One control step at t_k.
 struct ControlInput {
   Vector3 hand_position_m = Vector3::Zero();  ///< x(k), measured
-  /// What acted since the previous step, in time order, ending at x(k). Empty in the first step;
-  /// later that counts as a gap.
+  /// What acted since the previous step, in time order, ending at x(k). Empty in the first step; an
+  /// empty one later counts as a gap.
   std::span<const AppliedStretch> applied;
-  /// Nothing is known of what acted since the previous step.
+  /// It is not known what acted since the previous step.
   bool has_gap = false;
   Vector3 asked_force_on_hand_newton = Vector3::Zero();  ///< F_e(k)
-  /// F_e(k) is news: the environment was evaluated since the previous step, not held.
+  /// F_e(k) was evaluated since the previous step; false: it is held.
   bool is_asked_fresh = true;
   /// Elastic energy in the environment that it may give back to the hand; 0 where unknown.
   double stored_energy_joule = 0.0;
 };
 
 struct ControlOutput {
-  Vector3 force_on_hand_newton = Vector3::Zero();  ///< F(k): never more than asked, per its bound
-  /// Bound per axis: |F_i| ≤ f_max,i. All equal where one serves all axes; with one pool and
-  /// friction per axis what a force along that axis alone might be.
+  Vector3 force_on_hand_newton = Vector3::Zero();  ///< F(k), never larger than requested
+  /// Bound per axis: |F_i| ≤ f_max,i. All equal if one bound serves all axes; with one pool and
+  /// friction per axis, the bound of a force along that axis alone.
   Vector3 f_max_newton = Vector3::Zero();
-  double ledger_energy_joule = 0.0;  ///< E', all pools together
+  double ledger_energy_joule = 0.0;  ///< E′, sum of all pools
   bool is_clamped = false;           ///< F differs from F_e
   bool is_too_fast = false;          ///< the hand moved faster than the controller assumes
 };
 
-/// The force that acts at t_k, as the echo has it; 0 where it says nothing.
+/// The force that acts at t_k according to the echo; 0 without an echo.
 [[nodiscard]] inline Vector3 acting_force_newton(const ControlInput& input) noexcept {
   return input.applied.empty() ? Vector3(Vector3::Zero())
                                : input.applied.back().force_on_hand_newton;
 }
 
-/// One bound for all directions: F = F_e min(1, f_max / |F_e|), the direction kept. The ledger's
-/// energy is the caller's to fill in.
+/// One bound for all directions: F = F_e min(1, f_max / |F_e|), direction kept. The caller sets
+/// the ledger's energy.
 [[nodiscard]] ControlOutput output_within(const Vector3& asked_force_on_hand_newton,
                                           double f_max_newton) noexcept;
 
@@ -62,12 +62,12 @@ struct ControlOutput {
 class ForceController {
  public:
   virtual ~ForceController() = default;
-  /// Forgets everything: a new device session.
+  /// Returns to the initial state, for a new device session.
   virtual void reset() noexcept = 0;
   [[nodiscard]] virtual ControlOutput step(const ControlInput& input) noexcept = 0;
 };
 
-/// Force as asked. The bound and the energy are NaN: there are none.
+/// Force as requested. Bound and energy are NaN: there are none.
 class PassThrough final : public ForceController {
  public:
   void reset() noexcept override {}

@@ -3,9 +3,9 @@
 
 #include <optional>
 
-#include "mofc_node/controllers/energy_ledger.h"
-#include "mofc_node/controllers/force_controller.h"
-#include "mofc_node/controllers/one_pool_clamp.h"
+#include "energy_ledger.h"
+#include "force_controller.h"
+#include "one_pool_clamp.h"
 
 namespace palpate::controllers {
 
@@ -34,13 +34,13 @@ struct GuardParameters {
 ///         than S_cap on top
 ///   gate  S grows with the friction's work, falls by the leak of holding the force between two
 ///         evaluations of the environment, ½ s ΔF_e·Δx with s = |F_acting| / |F_e|, and recovers to
-///         S_g within t_rec; gate = S / S_g in 0 … 1. A force that makes energy by being late or
-///         held closes it.
+///         S_g within t_rec; gate = S / S_g in 0 … 1. A force that generates energy because it is
+///         late or held closes it.
 ///
-/// Both only lower the force, so the promise is that of `vector` under one more assumption: E(t) ≥
-/// 0 for all t, any hand no faster than v_max at any instant, any environment. A measured speed
-/// above it is reported; its loss is in E′, which may then be negative (f_max = f_co). f_d = 0 is
-/// allowed.
+/// Both only reduce the force, so the guarantee is that of `vector` with one more assumption: E(t)
+/// ≥ 0 for all t, any hand no faster than v_max at any instant, any environment. A higher measured
+/// speed is reported; its loss is booked in E′, which may then be negative (f_max = f_co). f_d = 0
+/// is allowed.
 class GuardMofc final : public ForceController {
  public:
   explicit GuardMofc(const GuardParameters& parameters);

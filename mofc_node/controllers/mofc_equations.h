@@ -1,5 +1,5 @@
-// mofc_equations.h — the equations of the maximum output force controller, one function each, to be
-// laid beside the paper. [MOFC] is the paper of the README's reference list.
+// mofc_equations.h — the equations of the maximum output force controller, one function each, for
+// comparison with the paper. [MOFC] is the paper of the README's reference list.
 //
 // Symbols as in [MOFC]:
 //   T      sampling period: the time for which one force is held          [s]
@@ -19,7 +19,7 @@
 
 namespace palpate::controllers {
 
-/// Friction the ledger may count on, and the time for which one force is held.
+/// Friction that the ledger may rely on, and the time for which one force is held.
 struct MofcParameters {
   double f_d = 0.0;   ///< ≥ 0
   double f_co = 0.0;  ///< ≥ 0

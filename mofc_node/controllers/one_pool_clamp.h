@@ -3,13 +3,13 @@
 
 #include <optional>
 
-#include "mofc_node/controllers/axis_friction.h"
-#include "mofc_node/controllers/force_controller.h"
-#include "mofc_node/controllers/mofc_equations.h"
+#include "axis_friction.h"
+#include "force_controller.h"
+#include "mofc_equations.h"
 
 namespace palpate::controllers {
 
-/// The force asked, scaled: F = s F_e with the largest s in 0 … 1 for which T · drain(F) ≤ E′,
+/// The requested force, scaled: F = s F_e with the largest s in 0 … 1 for which T · drain(F) ≤ E′,
 /// where drain(F) is at least the power that a hand with |v| ≤ v_max draws while F acts, F·v −
 /// friction(v)·v.
 ///
@@ -35,7 +35,7 @@ class OnePoolClamp {
   [[nodiscard]] double drain_watt(const Vector3& force_newton) const noexcept;
 
   /// @param energy_joule  E′; below 0 counts as 0
-  /// @param gate  0 … 1: share granted of what goes beyond the force that friction alone absorbs
+  /// @param gate  0 … 1: granted share of the force beyond what friction alone absorbs
   [[nodiscard]] ControlOutput clamp(const Vector3& asked_force_on_hand_newton, double energy_joule,
                                     double gate = 1.0) const noexcept;
 

@@ -3,8 +3,8 @@
 
 #include <numbers>
 
-#include "mofc_node/controllers/axis_friction.h"
-#include "mofc_node/controllers/force_controller.h"
+#include "axis_friction.h"
+#include "force_controller.h"
 
 namespace palpate::controllers {
 
@@ -14,8 +14,8 @@ namespace palpate::controllers {
 /// take it to be. On a device whose friction is isotropic, f_co|v|, three axes that each count f_co
 /// count too much, as published; `isotropic` gives each f_co/√3.
 ///
-/// What it does not promise: a quantised position, a late answer or a lost one is not accounted
-/// for, nor is the direction of the force kept. Mode `vector` mends these.
+/// Not guaranteed: it does not account for quantised positions, late or lost answers, and does not
+/// keep the direction of the force. Mode `vector` does.
 class PaperMofc final : public ForceController {
  public:
   explicit PaperMofc(const AxisFriction& friction, double T) : friction_(friction), T_(T) {}
@@ -33,7 +33,7 @@ class PaperMofc final : public ForceController {
   AxisFriction friction_;
   double T_;
   Vector3 energy_joule_ = Vector3::Zero();  // E′ per axis
-  Vector3 position_m_ = Vector3::Zero();    // where the last stretch ended
+  Vector3 position_m_ = Vector3::Zero();    // where the last interval ended
   bool has_position_ = false;
 };
 

@@ -4,9 +4,9 @@
 #include <limits>
 #include <optional>
 
-#include "mofc_node/controllers/energy_ledger.h"
-#include "mofc_node/controllers/force_controller.h"
-#include "mofc_node/controllers/one_pool_clamp.h"
+#include "energy_ledger.h"
+#include "force_controller.h"
+#include "one_pool_clamp.h"
 
 namespace palpate::controllers {
 
@@ -20,9 +20,10 @@ namespace palpate::controllers {
 /// the reading to the switch, during which the force that acts now goes on. With friction per axis:
 /// T drain(F) + δ drain(F_acting) ≤ E′ (OnePoolClamp), which for one axis is the same.
 ///
-/// Promise: E(t) ≥ 0 for all t, any hand, any environment, if the true friction is at least
+/// Guarantee: E(t) ≥ 0 for all t, any hand, any environment, if the true friction is at least
 /// (f_d, f_co), the encoder error at most q/2 per axis, and no command acts longer than T or begins
-/// later than δ. After a gap in the echo E′ starts again at 0: every lease was paid in advance.
+/// later than δ. After a gap in the echo E′ starts again at 0, because every lease was paid for in
+/// advance.
 class VectorMofc final : public ForceController {
  public:
   /// @param resolution_m  q ≥ 0    @param delta_max_s  δ ≥ 0

@@ -1,13 +1,13 @@
 // contact_rows.h — the table of contact_bench: timing of single calls, and rows.
 #pragma once
 
-#include <algorithm>
 #include <chrono>
 #include <cstddef>
 #include <string>
 #include <vector>
 
 #include "common/core/vector.h"
+#include "common/telemetry/quantile.h"
 #include "tests/bench/bench_output.h"
 
 namespace palpate::bench {
@@ -32,8 +32,7 @@ Times time_each(std::size_t calls, const Work& work) {
     work(i);
     seconds[i] = seconds_since(start);
   }
-  std::sort(seconds.begin(), seconds.end());
-  return {1e6 * seconds[calls / 2], 1e6 * seconds[calls * 99 / 100]};
+  return {1e6 * quantile(seconds, 0.5), 1e6 * quantile(seconds, 0.99)};
 }
 
 /// Results are written here, so that the compiler does not remove their computation.

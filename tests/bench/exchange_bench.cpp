@@ -32,6 +32,7 @@
 #include "common/process/rate_loop.h"
 #include "common/process/realtime.h"
 #include "common/session/session_file.h"
+#include "common/telemetry/quantile.h"
 #include "tests/bench/bench_output.h"
 #include "tests/bench/echo_links.h"
 #include "tests/support/temp_folder.h"
@@ -156,10 +157,9 @@ struct Measured {
   double answered_ratio = kNaN;        ///< of the scheduled ticks
 };
 
-double quantile(const std::vector<double>& sorted, double q) {
-  if (sorted.empty()) return kNaN;
-  const auto last = static_cast<double>(sorted.size() - 1);
-  return sorted[static_cast<std::size_t>(q * last + 0.5)];
+double quantile(std::vector<double> values, double q) {
+  if (values.empty()) return kNaN;
+  return palpate::quantile(values, q);
 }
 
 double micro(Duration d) { return 1e6 * to_seconds(d); }
@@ -329,17 +329,14 @@ struct Figures {
   double answered_percent = kNaN;
 };
 
-double median(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  return quantile(values, 0.5);
-}
+double median(const std::vector<double>& values) { return quantile(values, 0.5); }
 
 Figures figures_of(const std::vector<Measured>& rounds, const std::vector<Measured>& raw) {
   Figures figures;
   const auto over_rounds = [&](const auto& of_round) {
     std::vector<double> values;
     for (std::size_t i = 0; i < rounds.size(); ++i) values.push_back(of_round(i));
-    return median(std::move(values));
+    return median(values);
   };
   for (std::size_t k = 0; k < kQuantiles.size(); ++k) {
     const auto us = [&](const Measured& m) { return quantile(m.round_trips_us, kQuantiles[k]); };
@@ -542,7 +539,6 @@ void print_lateness(bool has_fifo, double seconds) {
         std::vector<double> lateness = numbers.all();
         const double cpu_percent = lateness.back();
         lateness.pop_back();
-        std::sort(lateness.begin(), lateness.end());
         table.add({std::string(priority > 0 ? "FIFO" : "ordinary"), std::string(name), rate_hz,
                    quantile(lateness, 0.5), quantile(lateness, 0.99), quantile(lateness, 0.999),
                    cpu_percent});

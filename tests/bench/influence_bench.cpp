@@ -18,7 +18,7 @@
 #include <vector>
 
 #include "common/core/check.h"
-#include "common/telemetry/metrics.h"
+#include "common/telemetry/quantile.h"
 #include "common/session/session_file.h"
 #include "tests/bench/bench_output.h"
 #include "tests/support/program.h"
@@ -149,9 +149,7 @@ Figures figures_of(const std::vector<TickRow>& rows) {
   }
   const auto quantile = [](std::vector<double>& values, double q) {
     if (values.empty()) return kNaN;
-    const auto at = static_cast<std::ptrdiff_t>(q * static_cast<double>(values.size() - 1));
-    std::nth_element(values.begin(), values.begin() + at, values.end());
-    return values[static_cast<std::size_t>(at)];
+    return palpate::quantile(values, q);
   };
   const double answered_percent =
       100.0 * static_cast<double>(reply_us.size()) / static_cast<double>(rows.size());

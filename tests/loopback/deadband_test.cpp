@@ -1,5 +1,5 @@
-// Hops 2 and 3 thinned by their deadbands, in lockstep: what is saved, what it costs, and that
-// agreed silence is not taken for death, nor death for agreed silence.
+// Hops 2 and 3 thinned by their deadbands, in lockstep: the messages saved, the error added, and
+// that the silence of a deadband is distinguished from that of dead physics.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -40,9 +40,8 @@ struct Recording {
 
 Recording record(const std::vector<std::string>& overrides, Duration length) {
   Recording result;
-  Lockstep lockstep(
-      parse_session(kPressing, "test.txtpb", overrides), {},
-      [&](const TickRow& row, const IdealState&) { result.rows.push_back(row); });
+  Lockstep lockstep(parse_session(kPressing, "test.txtpb", overrides), {},
+                    [&](const TickRow& row, const IdealState&) { result.rows.push_back(row); });
   lockstep.run_until(length);
   result.mofc = lockstep.mofc_counters();
   result.physics = lockstep.physics_counters();
@@ -54,8 +53,9 @@ double law_newton(const TickRow& row) {
   return kStiffness_newton_per_m * std::max(0.0, -row.device.measured_tool_position_world_m.z());
 }
 
-// The motion read at tick k is stepped by physics at the same instant and asked for at tick k + 1.
-TEST(Deadband, TheForceIsOffByNoMoreThanTheShareOrTheFloorAtEveryPhysicsStep) {
+// Physics steps the motion read at tick k at the same instant; its force is requested at tick k
+// + 1.
+TEST(Deadband, TheErrorOfTheForceIsAtMostTheRatioOrTheFloorAtEveryPhysicsStep) {
   for (const double ratio : {0.02, 0.05, 0.2}) {
     const Recording thinned = record(
         {kMoving, kThinInteraction, "physics.interaction_deadband.ratio=" + std::to_string(ratio)},
@@ -71,9 +71,9 @@ TEST(Deadband, TheForceIsOffByNoMoreThanTheShareOrTheFloorAtEveryPhysicsStep) {
   }
 }
 
-// Of a spring, a contact model says everything: what mofc_node renders is right without another
-// message, so the deadband of hop 3 leaves the keep-alive only, 50 messages/s of 1000, and the
-// force is the law at the present position all the time.
+// A contact model describes a spring completely: the force of mofc_node stays right without another
+// message, so the deadband of hop 3 leaves only the keep-alive, 50 messages/s of 1000, and the
+// force is always the law at the present position.
 TEST(Deadband, AContactModelThatStaysRightNeedsNoMessage) {
   const Recording thinned = record({kMoving, kThinInteraction, "mofc.interaction=local"}, 5s);
 
@@ -86,7 +86,7 @@ TEST(Deadband, AContactModelThatStaysRightNeedsNoMessage) {
   EXPECT_EQ(thinned.mofc.stale_ticks, 0u);
 }
 
-// The tool that physics has is off by at most floor_m: 400 N/m · 0.1 mm = 0.04 N more.
+// The tool position that physics has is wrong by at most floor_m: 400 N/m · 0.1 mm = 0.04 N more.
 TEST(Deadband, AThinnedMotionAddsNoMoreThanItsFloorTimesTheStiffness) {
   const Recording thinned = record({kMoving, kThinMotion, kThinInteraction}, 5s);
   for (std::size_t k = 1; k < thinned.rows.size(); ++k) {
@@ -99,7 +99,7 @@ TEST(Deadband, AThinnedMotionAddsNoMoreThanItsFloorTimesTheStiffness) {
 }
 
 // Every message is either sent or counted as suppressed: one per tick and step, less the first step
-// or so; what was sent arrived, and no gap in the sequence is taken for loss.
+// or so; what was sent arrived, and no gap in the sequence counts as loss.
 TEST(Deadband, SavesMostMessagesAndCountsThem) {
   const Recording thinned = record({kMoving, kThinMotion, kThinInteraction}, 5s);
 
@@ -121,7 +121,7 @@ TEST(Deadband, OffByDefaultSuppressesNothing) {
   EXPECT_EQ(plain.physics.tool_motion.accepted, 1000u);
 }
 
-TEST(Deadband, ContactIsFeltInTheNextTickAndLostInTheNextTick) {
+TEST(Deadband, ContactBeginsAndEndsInTheNextTick) {
   const Recording thinned = record({kMoving, kThinInteraction}, 5s);
   int changes = 0;
   for (std::size_t k = 1; k < thinned.rows.size(); ++k) {
@@ -132,7 +132,7 @@ TEST(Deadband, ContactIsFeltInTheNextTickAndLostInTheNextTick) {
   EXPECT_GT(changes, 4);
 }
 
-// Both keep-alives are 20 ms: nothing but they, 50 motions/s, and the force never fades.
+// Both keep-alives are 20 ms: 50 motions/s and nothing else, and the force never fades.
 TEST(Deadband, ARestingHandIsKeptAliveAndKeepsItsForce) {
   const Recording thinned = record({kResting, kThinMotion, kThinInteraction}, 4s);
 
@@ -157,9 +157,9 @@ TEST(Deadband, TheAgeOfTheForceCountsTheSilence) {
   EXPECT_LE(oldest, Duration(42ms));
 }
 
-// stale_after is 6 + 3 · (20 + 20) = 126 ms, the fade 50 ms. The last news came at most 41 ms
-// before the fault, and at most 41 ms after its begin: what was under way, and the first message of
-// a freeze, are news still.
+// stale_after is 6 + 3 · (20 + 20) = 126 ms, the fade 50 ms. The last new answer came at
+// most 41 ms before the fault, and at most 41 ms after its beginning: messages under way and the
+// first message of a freeze still count as new.
 class DeadbandDeath : public testing::TestWithParam<const char*> {};
 INSTANTIATE_TEST_SUITE_P(Faults, DeadbandDeath,
                          testing::Values("faults.interaction.outage={from_s: 1 until_s: 9}",
@@ -167,12 +167,12 @@ INSTANTIATE_TEST_SUITE_P(Faults, DeadbandDeath,
                                          "faults.tool_motion.outage={from_s: 1 until_s: 9}",
                                          "faults.tool_motion.freeze={from_s: 1 until_s: 9}"));
 
-TEST_P(DeadbandDeath, RealSilenceIsStillDeclaredWhetherTheHandRestsOrMoves) {
+TEST_P(DeadbandDeath, RealSilenceIsDetectedWhetherTheHandRestsOrMoves) {
   for (const char* hand : {kResting, kMoving}) {
     const Recording dead = record({hand, kThinMotion, kThinInteraction, GetParam()}, 1400ms);
 
     const auto state_at = [&](std::size_t k) { return dead.rows[k].mofc->state; };
-    EXPECT_NE(state_at(1000 - 41 + 126), MofcState::kFading) << hand << ": agreed silence";
+    EXPECT_NE(state_at(1000 - 41 + 126), MofcState::kFading) << hand << ": silence of the deadband";
     const MofcState declared = state_at(1000 + 41 + 127);
     EXPECT_TRUE(declared == MofcState::kFading || declared == MofcState::kNoPhysics) << hand;
     for (std::size_t k = 1000 + 41 + 127 + 50; k < dead.rows.size(); ++k) {
@@ -183,7 +183,7 @@ TEST_P(DeadbandDeath, RealSilenceIsStillDeclaredWhetherTheHandRestsOrMoves) {
 }
 
 // Each hop loses a fifth: two keep-alives in a row and more must be lost before the force fades.
-TEST(Deadband, LossIsSeldomTakenForSilence) {
+TEST(Deadband, LossIsRarelyTreatedAsSilence) {
   const Recording lossy =
       record({kResting, kThinMotion, kThinInteraction, "faults.interaction.loss_ratio=0.2",
               "faults.tool_motion.loss_ratio=0.2"},

@@ -1,6 +1,6 @@
-// The guarantee of mode guard over whole runs in lockstep: whatever physics, network and scheduler
-// do, the hand is never given net energy. Judged by the simulated device's true energy, which no
-// controller sees. PALPATE_SEEDS=10 in the environment makes ten times as many runs.
+// The guarantee of mode guard over whole runs in lockstep: no physics, network or scheduler gives
+// the hand net energy. Measured by the simulated device's true energy, which no controller sees.
+// PALPATE_SEEDS=10 in the environment makes ten times as many runs.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -50,7 +50,7 @@ bool has_friction_per_axis(const AdverseRun& run) {
 }
 
 /// Least true energy over the first `seeds` runs as above, of those with this kind of friction,
-/// with one more override: a protection taken away.
+/// with one more override that removes a protection.
 double least_energy_joule(std::uint64_t seeds, bool is_per_axis, const std::string& change) {
   double least = 0.0;
   for (std::uint64_t seed = 1; seed <= seeds; ++seed) {
@@ -62,7 +62,7 @@ double least_energy_joule(std::uint64_t seeds, bool is_per_axis, const std::stri
   return least;
 }
 
-// The law above can fail, and in the same runs does.
+// The law above can fail, and does in the same runs.
 TEST(GuaranteeTwin, WithoutTheControllerEnergyIsDrawnInMostRuns) {
   int drawn = 0;
   for (std::uint64_t seed = 1; seed <= 100; ++seed) {
@@ -73,7 +73,7 @@ TEST(GuaranteeTwin, WithoutTheControllerEnergyIsDrawnInMostRuns) {
   EXPECT_GT(drawn, 50);
 }
 
-TEST(GuaranteeTwin, WithTheEncoderTakenForExactEnergyIsDrawn) {
+TEST(GuaranteeTwin, WithTheEncoderTreatedAsExactEnergyIsDrawn) {
   EXPECT_LT(least_energy_joule(100, false, "device.profile.position_resolution_m=0"), -1e-3);
   EXPECT_LT(least_energy_joule(200, true, "device.profile.position_resolution_m=0"), -1e-4);
 }
@@ -100,7 +100,7 @@ TEST(GuaranteeOnTheWire, AForceThatIsNotANumberIsRefusedByTheCodecAndNoEnergyIsD
 }
 
 // A hand goes 8 mm below the surface of a 500 N/m wall in 2 s and stays there: 6 mm deep its spring
-// of 1500 N/m takes the wall's 3 N. Friction of 0.1 N and 0.1 N·s/m, an ordinary encoder, 1 kHz.
+// of 1500 N/m balances the wall's 3 N. Friction of 0.1 N and 0.1 N·s/m, an ordinary encoder, 1 kHz.
 TEST(LegitimateForce, AStaticPressOf3NewtonKeepsItsForce) {
   const std::filesystem::path folder = testing::TempDir();
   std::ofstream(folder / "static_press.csv") << "t,x,y,z\n0,0,0,0.01\n2,0,0,-0.008\n";
@@ -116,20 +116,20 @@ scene { tissue { half_space {} kelvin_voigt { stiffness_newton_per_m: 500 } } }
 )",
                                         "static_press", {}, folder);
   double least_ratio = 1.0;
-  double least_asked_newton = 10.0;
+  double least_requested_newton = 10.0;
   int ticks = 0;
   Lockstep lockstep(session, {}, [&](const TickRow& row, const IdealState&) {
     if (row.device.sampled_at < TimePoint(std::chrono::seconds(3))) return;
     ASSERT_TRUE(row.mofc.has_value());
-    const double asked = row.mofc->asked_force_on_hand_newton.norm();
-    least_asked_newton = std::min(least_asked_newton, asked);
-    least_ratio = std::min(least_ratio, row.device.force_on_hand_newton.norm() / asked);
+    const double requested = row.mofc->asked_force_on_hand_newton.norm();
+    least_requested_newton = std::min(least_requested_newton, requested);
+    least_ratio = std::min(least_ratio, row.device.force_on_hand_newton.norm() / requested);
     ++ticks;
   });
   lockstep.run_until(std::chrono::seconds(13));
 
   EXPECT_EQ(ticks, 10000);
-  EXPECT_NEAR(least_asked_newton, 3.0, 0.1);  // the 0.1 N of stiction
+  EXPECT_NEAR(least_requested_newton, 3.0, 0.1);  // the 0.1 N of stiction
   EXPECT_GE(least_ratio, 0.99);
 }
 

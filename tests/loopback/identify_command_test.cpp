@@ -10,10 +10,14 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <memory>
 #include <string>
+#include <utility>
 
 #include "common/session/session_file.h"
 #include "deploy/lockstep/lockstep.h"
+#include "deploy/palpate/identify.h"
+#include "device_node/drivers/driver_registry.h"
 #include "tests/support/temp_folder.h"
 
 namespace palpate {
@@ -104,6 +108,82 @@ TEST_F(IdentifyCommand, MistakesOfTheUserAreSetupErrors) {
     EXPECT_EQ(identify(arguments).status, 2);
   }
   EXPECT_NO_THROW(static_cast<void>(load_session(session(), {"device.profile_file="})));
+}
+
+// --- clocks -------------------------------------------------------------------------------------
+
+/// Stands for the steady clock: time passes while somebody waits.
+class WaitedClock final : public Clock {
+ public:
+  [[nodiscard]] TimePoint now() const noexcept override { return time_.now(); }
+  void sleep_until(TimePoint deadline) override {
+    ++waits;
+    time_.sleep_until(deadline);
+  }
+  int waits = 0;
+
+ private:
+  ManualClock time_;
+};
+
+/// A simulation that claims to be hardware.
+class SeeminglyReal final : public device::HapticDevice {
+ public:
+  explicit SeeminglyReal(std::unique_ptr<device::HapticDevice> inner)
+      : inner_(std::move(inner)), specification_(inner_->specification()) {
+    specification_.is_simulated = false;
+  }
+  [[nodiscard]] const device::DeviceSpecification& specification() const noexcept override {
+    return specification_;
+  }
+  [[nodiscard]] bool read(device::DeviceSample& sample) noexcept override {
+    return inner_->read(sample);
+  }
+  [[nodiscard]] bool apply(const Vector3& force_newton, Duration lease,
+                           device::DeviceSample& at_switch) noexcept override {
+    return inner_->apply(force_newton, lease, at_switch);
+  }
+  void release() noexcept override { inner_->release(); }
+
+ private:
+  std::unique_ptr<device::HapticDevice> inner_;
+  device::DeviceSpecification specification_;
+};
+
+/// The simulated driver without a hand.
+device::Driver handless_driver() {
+  HandConfig hand;
+  hand.mass_kg = 0.0;
+  hand.stiffness_newton_per_m = 0.0;
+  hand.damping_newton_s_per_m = 0.0;
+  return device::all_drivers({.simulated = {.hand = hand, .seed = 1}}).at(device::kSimulatedDriver);
+}
+
+TEST(Identify, SweepsOfHardwareWaitForTheSteadyClock) {
+  WaitedClock steady;
+  const Clock* opened_on = nullptr;
+  const device::Driver hardware{
+      .open =
+          [&](const Clock& clock) {
+            opened_on = &clock;
+            return std::make_unique<SeeminglyReal>(handless_driver().open(clock));
+          },
+      .is_simulated = false};
+
+  run_identify(Session{}, {.may_move_hardware = true}, hardware, steady);
+
+  EXPECT_EQ(opened_on, &steady);
+  // ticks of 1 ms; 16 lines, swept 18 times each: 35 mm at 50 mm/s or less take more than 0.7 s
+  EXPECT_GT(steady.waits, 200'000);
+  EXPECT_GT(seconds_of(steady.now()), 200.0);
+}
+
+TEST(Identify, SweepsOfASimulationDoNotWait) {
+  WaitedClock steady;
+
+  run_identify(Session{}, {}, handless_driver(), steady);
+
+  EXPECT_EQ(steady.waits, 0);
 }
 
 }  // namespace

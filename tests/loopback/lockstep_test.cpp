@@ -82,7 +82,7 @@ std::vector<std::uint64_t> bits_of(const Recording& run) {
   return bits;
 }
 
-TEST(Lockstep, ATouchTravelsFromTheHandToTheTissueAndBack) {
+TEST(Lockstep, AContactPropagatesFromTheHandToTheTissueAndBack) {
   const Recording touch = run(parsed(kPressing), 1s);
 
   ASSERT_EQ(touch.rows.size(), 1000u);
@@ -94,7 +94,7 @@ TEST(Lockstep, ATouchTravelsFromTheHandToTheTissueAndBack) {
   EXPECT_EQ(touch.device.answered_ticks, 1000u);
 }
 
-// The motion read at tick k is stepped by physics at the same instant and felt at tick k + 1.
+// Physics steps the motion read at tick k at the same instant; its force acts at tick k + 1.
 TEST(Lockstep, TheForceIsOneTickOld) {
   const Recording touch = run(parsed(kPressing), 100ms);
 
@@ -105,7 +105,7 @@ TEST(Lockstep, TheForceIsOneTickOld) {
   }
 }
 
-TEST(Lockstep, TicksBeginAsLateAsAsked) {
+TEST(Lockstep, TicksBeginAsLateAsConfigured) {
   const LockstepOptions options{.device_lateness = [] { return Duration(300us); }};
   const Recording touch = run(parsed(kPressing), 100ms, options);
 
@@ -115,7 +115,7 @@ TEST(Lockstep, TicksBeginAsLateAsAsked) {
   }
 }
 
-TEST(Lockstep, AHostilePhysicsHasTheLastWord) {
+TEST(Lockstep, AHostilePhysicsReplacesTheInteractions) {
   const LockstepOptions options{.tamper_with_interaction = [](Interaction& said) {
     said.force_on_tool_newton = {2, 0, 0};
     said.listed_count = 0;
@@ -193,7 +193,7 @@ TEST_P(LockstepSessions, MemoryAndInprocLinksGiveTheSameBits) {
 
 // --- viewers ------------------------------------------------------------------------------------
 
-/// Hop 5 as the nodes have it, with viewers on its sockets; the last of several never reads.
+/// Hop 5 as in the nodes, with viewers connected to its sockets; the last of several never reads.
 class Audience {
  public:
   Audience(const Session& session, std::size_t viewers)
@@ -294,22 +294,21 @@ TEST(Lockstep, EightViewersOfWhichOneIsStalledDoNotChangeABit) {
     Audience audience(session, 8);
     audience.listen_to(options);
     Recording watched;
-    Lockstep lockstep(session, options, [&](const TickRow& row, const IdealState&) {
-      watched.rows.push_back(row);
-    });
+    Lockstep lockstep(session, options,
+                      [&](const TickRow& row, const IdealState&) { watched.rows.push_back(row); });
     for (Duration end = kPublishInterval; end <= 2s; end += kPublishInterval) {
       lockstep.run_until(end);
       audience.show(lockstep, TimePoint(end));
     }
 
     EXPECT_EQ(bits_of(watched), bits_of(alone));
-    // they did look on: all but the ticks whose other half may still come, and a pressed tissue
+    // the viewers received all but the ticks whose other half may still come, and a pressed tissue
     EXPECT_GE(audience.rows(), 1500u);
     EXPECT_GE(audience.frames(), 10u);
   }
 }
 
-TEST(Lockstep, TheIdealIsComputedOnlyWhenAskedFor) {
+TEST(Lockstep, TheIdealIsComputedOnlyOnRequest) {
   const Recording plain = run(parsed(kPressing), 20ms);
   const Recording with = run(parsed(kPressing), 20ms, {.has_ideal = true});
 
@@ -317,7 +316,7 @@ TEST(Lockstep, TheIdealIsComputedOnlyWhenAskedFor) {
   EXPECT_FALSE(plain.ideal.back().tool_position_world_m.allFinite());
   EXPECT_TRUE(with.last().ideal_force_on_hand_newton.allFinite());
   EXPECT_TRUE(with.ideal.back().tool_position_world_m.allFinite());
-  EXPECT_EQ(bits_of(plain), bits_of(with)) << "looking changes nothing";
+  EXPECT_EQ(bits_of(plain), bits_of(with)) << "computing it changes nothing";
 }
 
 // At rest the ideal force is the law at the true position: 400 N/m times the true depth.
@@ -329,7 +328,7 @@ TEST(Lockstep, TheIdealForceIsTheContinuousTissueAtTheTruePosition) {
   EXPECT_TRUE(touch.last().is_truly_in_contact.value());
 }
 
-TEST(Lockstep, ATissueTwiceAsStiffPushesAccordingly) {
+TEST(Lockstep, ATissueTwiceAsStiffGivesTheComputedForce) {
   const Recording soft = run(parsed(kPressing), 1s);
   const Recording stiff =
       run(parsed(kPressing, {"scene.tissue[0].kelvin_voigt.stiffness_newton_per_m=800"}), 1s);
@@ -355,7 +354,7 @@ TEST(Lockstep, SilenceFromPhysicsLeavesTheDeviceLimp) {
   EXPECT_EQ(touch.last().mofc->state, MofcState::kNoPhysics);
 }
 
-TEST(Lockstep, ADelayedPhysicsMakesTheForceAsOldAsTheDelay) {
+TEST(Lockstep, TheAgeOfTheForceIsTheDelayOfThePhysics) {
   const Recording touch = run(parsed(kPressing, {"faults.interaction.delay_ms=20"}), 200ms);
 
   EXPECT_EQ(touch.last().mofc->force_age, Duration(20ms));
@@ -369,14 +368,14 @@ TEST(Lockstep, ADelayedAnswerSwitchesTheForceWhenItArrives) {
   EXPECT_EQ(touch.device.answered_ticks, 200u);
 }
 
-TEST(Lockstep, AnAnswerAfterTheDeadlineIsNoAnswer) {
+TEST(Lockstep, AnAnswerAfterTheDeadlineIsDropped) {
   const Recording touch = run(parsed(kPressing, {"faults.force_command.delay_ms=0.7"}), 200ms);
 
   EXPECT_EQ(touch.device.answered_ticks, 0u);
   EXPECT_EQ(touch.device.max_force_newton, 0.0);
 }
 
-// Answers lost from 300 ms on: the lease (2 ms) lets the force act on, then at most f_co, then
+// Answers lost from 300 ms on: the force acts until its lease (2 ms) ends, then at most f_co, then
 // limp.
 TEST(Lockstep, WithoutAnswersTheDeviceGoesFromLeaseToFallbackToLimp) {
   const Session session =
@@ -412,7 +411,7 @@ TEST(Lockstep, WhileClutchedTheToolRestsAndNothingIsRendered) {
              touch.rows[210].device.measured_hand_position_m)
                 .norm(),
             1e-3);
-  EXPECT_GT(touch.last().device.force_on_hand_newton.norm(), 0.1) << "felt again after release";
+  EXPECT_GT(touch.last().device.force_on_hand_newton.norm(), 0.1) << "rendered again after release";
 }
 
 // scale 2, force ratio 0.5: 2.5 mm of hand would be 5 mm of tool
@@ -434,7 +433,7 @@ RunReport paper(const std::string& name, const std::vector<std::string>& overrid
   return run_loopback(shipped(name, overrides), {.seconds = 17.0});
 }
 
-TEST(PaperExperiments, RigidTissueIsUnstableWithoutTheControllerAndAtMostHalfSoWithIt) {
+TEST(PaperExperiments, RigidTissueIsUnstableWithoutTheControllerAndAtMostHalfAsUnstableWithIt) {
   const RunReport without = paper("paper_rigid", {"mofc.controller=none"});
   const RunReport one_way =
       paper("paper_rigid", {"mofc.controller=none", "scene.tissue[0].kelvin_voigt.adhesive=false"});
@@ -447,7 +446,7 @@ TEST(PaperExperiments, RigidTissueIsUnstableWithoutTheControllerAndAtMostHalfSoW
   EXPECT_LE(2 * vector.statistics.excess_reversals(), without.statistics.excess_reversals());
 }
 
-TEST(PaperExperiments, SoftTissuePassesTheControllerUntouched) {
+TEST(PaperExperiments, SoftTissueIsNotClamped) {
   for (const char* mode : {"mofc.mode=paper", "mofc.mode=vector"}) {
     const RunReport with = paper("paper_soft", {mode});
 

@@ -1,5 +1,5 @@
-// What the hand feels of tissue whose physics runs at 50 Hz, 50 ms away each way, with 20 % of the
-// messages lost, behind the clamp: the figures that transparency_bench prints, held.
+// The rendered force of tissue whose physics runs at 50 Hz, 50 ms away each way, with 20 % of the
+// messages lost, behind the clamp: bounds for the figures that transparency_bench prints.
 #include <gtest/gtest.h>
 
 #include <map>
@@ -51,7 +51,7 @@ const Bound kBounds[] = {
 
 class TruthUnderLatency : public testing::TestWithParam<Bound> {};
 
-TEST_P(TruthUnderLatency, TheHandFeelsTheTissueNotTheNetwork) {
+TEST_P(TruthUnderLatency, TheRenderedForceFollowsTheTissueNotTheNetwork) {
   const Bound& bound = GetParam();
   const RunStatistics local = run(bound.tissue, far_away(bound.delay_ms, "local"));
   EXPECT_GE(local.ideal_transparency(), bound.transparency);
@@ -62,15 +62,15 @@ TEST_P(TruthUnderLatency, TheHandFeelsTheTissueNotTheNetwork) {
   EXPECT_GE(local.minimum_true_energy_joule(), -1e-6);
   EXPECT_GT(local.contact_ticks(), 200u);
 
-  // with the force held there is little of the tissue left: the bounds above mean something
+  // with the force held, transparency is low: the bounds above can fail
   const RunStatistics held = run(bound.tissue, far_away(bound.delay_ms, "held"));
   EXPECT_LT(held.ideal_transparency(), 0.5);
   EXPECT_GE(held.minimum_true_energy_joule(), -1e-6);
 }
 INSTANTIATE_TEST_SUITE_P(Tissues, TruthUnderLatency, testing::ValuesIn(kBounds));
 
-// Physics that stands still makes it worse: the model is used, and used up.
-TEST(TruthUnderLatency, FrozenPhysicsIsFelt) {
+// Frozen physics makes it worse: the model becomes too old.
+TEST(TruthUnderLatency, FrozenPhysicsLowersTransparency) {
   const RunStatistics live = run("moves, relaxes", far_away(0, "local"));
   std::vector<std::string> overrides = far_away(0, "local");
   overrides.emplace_back("faults.interaction.freeze={from_s: 0.7 until_s: 1000}");

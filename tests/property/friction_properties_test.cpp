@@ -1,4 +1,4 @@
-// What `palpate identify` finds out: never more friction than there is, and not much less.
+// `palpate identify` never measures more friction than there is, and rarely much less.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -19,7 +19,7 @@ double median(std::vector<double> values) {
   return values[values.size() / 2];
 }
 
-/// A hand that has let go.
+/// Nobody holds the device.
 HandConfig no_hand(const Vector3& position_m) {
   HandConfig hand;
   hand.mass_kg = 0.0;
@@ -35,7 +35,7 @@ Vector3 in_box(Random& random, const Vector3& half_m) {
       Vector3(random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1)));
 }
 
-TEST(FrictionIdentification, NeverFindsMoreThanThereIsAndSeldomMuchLess) {
+TEST(FrictionIdentification, NeverMeasuresMoreThanThereIsAndRarelyMuchLess) {
   std::vector<double> viscous_ratio;
   std::vector<double> coulomb_ratio;
   for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {

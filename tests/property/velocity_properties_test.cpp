@@ -1,4 +1,4 @@
-// The bounds that adaptive windowing states, over seeded random smooth motions seen through an
+// The stated bounds of adaptive windowing, over seeded random smooth motions measured with an
 // encoder. PALPATE_SEEDS=10 in the environment tries ten times as many seeds.
 #include <gtest/gtest.h>
 
@@ -19,7 +19,7 @@ using namespace std::chrono_literals;
 
 constexpr double kResolution_m = 55e-6;
 
-/// Three sines per axis, slow ones large: |acceleration| of each axis has a bound that is known.
+/// Three sines per axis, slow ones large: |acceleration| of each axis has a known bound.
 class SmoothMotion {
  public:
   explicit SmoothMotion(Random& random) {
@@ -95,7 +95,7 @@ double worst_share(bool is_best_fit, double c_q, double c_a, double jitter) {
   return worst;
 }
 
-TEST(AdaptiveWindowProperty, TheEndFitStaysWithinItsBoundWhateverTheStamps) {
+TEST(AdaptiveWindowProperty, TheEndFitStaysWithinItsBoundForAnyStamps) {
   const double worst = worst_share(false, 1.0, 0.5, 0.9);
   EXPECT_LE(worst, 1.0 + 1e-6);
   EXPECT_GT(worst, 0.7) << "a bound that is never nearly reached says little";

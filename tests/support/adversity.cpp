@@ -14,11 +14,11 @@
 namespace palpate::test {
 namespace {
 
-// More than any motor gives, and a store that no cap could ever reach.
+// More than any motor gives, and more stored energy than any cap.
 constexpr double kHostileNewton = 20.0;
 constexpr double kHostileStoreJoule = 1e3;
 
-/// The physics of one run, tampering with what the honest one says.
+/// The physics of one run: changes what the honest physics sends.
 class Tamperer {
  public:
   Tamperer(Physics physics, std::uint64_t seed) : physics_(physics), law_(physics), random_(seed) {}
@@ -97,7 +97,7 @@ class Tamperer {
   std::uint64_t count_ = 0;
 };
 
-/// Figures that are the run's alone.
+/// Figures of one run.
 class Observer {
  public:
   void add(const DeviceTick& tick, AdverseResult& result) {
@@ -238,7 +238,7 @@ AdverseRun random_adverse_run(std::uint64_t seed) {
   set("hand.hostile.radius_m", log_uniform(0.002, 0.05));
   set("hand.hostile.v_max_m_per_s", random.chance(0.6) ? 0.3 : random.uniform(0.05, 0.3));
 
-  // controller: how tight the bound is driven
+  // controller: how tight the bound is
   const double smoothing_ms = random.chance(0.5) ? 0.0 : random.uniform(0.0, 20.0);
   const std::string estimators[] = {
       fmt::format("difference {{ time_constant_ms: {} }}", smoothing_ms),
@@ -252,7 +252,7 @@ AdverseRun random_adverse_run(std::uint64_t seed) {
   if (random.chance(0.5)) set("mofc.guard_settings.gate_joule", log_uniform(1e-4, 1e3));
   if (random.chance(0.3)) set("mofc.guard_settings.gate_recovery_ms", log_uniform(1.0, 5000.0));
 
-  // what is made of an Interaction: a hand-over so quick that it softens nothing, or the default
+  // hand-over: too fast to smooth anything, or the default
   run.overrides.push_back(
       fmt::format("mofc.interaction={}", random.chance(0.4) ? "held" : "local"));
   if (random.chance(0.7)) set("mofc.handover_newton_per_s", log_uniform(100.0, 1e6));
@@ -270,7 +270,7 @@ AdverseRun random_adverse_run(std::uint64_t seed) {
                           Physics::kEverything, Physics::kEverything};
   run.physics = laws[random.below(std::size(laws))];
 
-  // network: each hop by itself
+  // network: each hop independently
   const double period_ms = period_us / 1e3;
   const auto disturb = [&](const std::string& hop, double longest_ms, double most_lost) {
     const std::string at = "faults." + hop + ".";
@@ -307,23 +307,23 @@ AdverseRun random_adverse_run(std::uint64_t seed) {
   if (random.chance(0.3)) run.late_tick_ratio = log_uniform(0.001, 0.05);
   run.seconds = 2.0;
 
-  // friction per axis, told at most as it is
+  // friction per axis, the profile at most the true one
   if (random.chance(0.3)) {
-    Vector3 told_f_d;
-    Vector3 told_f_co;
+    Vector3 profile_f_d;
+    Vector3 profile_f_co;
     Vector3 more;
     for (int i = 0; i < 3; ++i) {
-      told_f_d[i] = f_d * random.uniform(0.2, 3.0);
-      told_f_co[i] = f_co * random.uniform(1.0, 4.0);
+      profile_f_d[i] = f_d * random.uniform(0.2, 3.0);
+      profile_f_co[i] = f_co * random.uniform(1.0, 4.0);
       more[i] = random.chance(0.6) ? 1.0 : random.uniform(1.0, 2.0);
     }
     const auto set_axes = [&](const char* path, const Vector3& v) {
       run.overrides.push_back(fmt::format("{}={{ x: {} y: {} z: {} }}", path, v.x(), v.y(), v.z()));
     };
-    set_axes("device.profile.viscous_per_axis_newton_s_per_m", told_f_d);
-    set_axes("device.profile.coulomb_per_axis_newton", told_f_co);
-    set_axes("device.simulated.viscous_per_axis_newton_s_per_m", told_f_d.cwiseProduct(more));
-    set_axes("device.simulated.coulomb_per_axis_newton", told_f_co.cwiseProduct(more));
+    set_axes("device.profile.viscous_per_axis_newton_s_per_m", profile_f_d);
+    set_axes("device.profile.coulomb_per_axis_newton", profile_f_co);
+    set_axes("device.simulated.viscous_per_axis_newton_s_per_m", profile_f_d.cwiseProduct(more));
+    set_axes("device.simulated.coulomb_per_axis_newton", profile_f_co.cwiseProduct(more));
   }
   return run;
 }

@@ -1,17 +1,17 @@
 // adversity.h — runs of the whole system in lockstep against a hand, a physics, a network and a
-// scheduler that seek to give the hand energy.
+// scheduler that try to give the hand energy.
 #pragma once
 
 #include <cstdint>
 #include <string>
 #include <vector>
 
-#include "deploy/lockstep/lockstep.h"
 #include "common/telemetry/summary.h"
+#include "deploy/lockstep/lockstep.h"
 
 namespace palpate::test {
 
-/// What physics says of the force, and of the energy in store.
+/// What physics sends: the force, and the stored energy.
 enum class Physics : std::uint8_t {
   kHonest,
   kSquareWave,    ///< ± more than the peak, in random directions, turning every 1 … 50 ms
@@ -22,7 +22,7 @@ enum class Physics : std::uint8_t {
   kEverything,    ///< any of the above force laws, changing at random times
 };
 
-/// One run. The session's own `faults` are the network.
+/// One run. The session's `faults` are the network.
 struct AdverseRun {
   std::vector<std::string> overrides;  ///< on hostile_session()
   Physics physics = Physics::kHonest;
@@ -37,7 +37,7 @@ struct AdverseResult {
   DeviceCounters device;
   MofcCounters mofc;
   double top_speed_m_per_s = 0.0;   ///< true, at the ticks
-  double longest_fallback_s = 0.0;  ///< without the force of an answer, once there was one
+  double longest_fallback_s = 0.0;  ///< without the force of an answer, after the first one
   double v_max_m_per_s = 0.0;       ///< what the controller assumes of the hand
 };
 

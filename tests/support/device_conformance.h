@@ -8,9 +8,8 @@
 //   const Clock& clock();                       the one the device stamps with
 //   void pass(Duration);                        returns after that time on that clock
 //   Duration stamp_tolerance();                 a transfer's time; zero on a clock that stands
-//   still std::optional<Vector3> motor_force();       what the motors do now [N], D, as a current
-//   sensor or
-//                                               a simulation sees it; nullopt: cannot be observed
+//   std::optional<Vector3> motor_force();       what the motors do now [N], D, as a current sensor
+//                                               or a simulation sees it; nullopt: not observable
 #pragma once
 
 #include <gtest/gtest.h>
@@ -32,7 +31,7 @@ class DeviceConformance : public testing::Test {
  protected:
   device::HapticDevice& device() { return fixture_.device(); }
 
-  /// A third of what the motors can do for ever: no driver has a reason to cut it.
+  /// A third of the continuous force: no driver has a reason to limit it.
   Vector3 gentle_force_newton() {
     return Vector3(2, -1, 2) / 3.0 * (device().specification().continuous_force_newton / 3.0);
   }

@@ -11,6 +11,7 @@
 #include "common/core/inbox.h"
 #include "common/core/memory_link.h"
 #include "device_node/device_node.h"
+#include "device_node/simulation/true_state_recorder.h"
 
 namespace palpate::test {
 
@@ -31,7 +32,7 @@ struct TickVector final : TickSink<DeviceTick> {
   void keep(const DeviceTick& record) noexcept override { ticks.push_back(record); }
 };
 
-/// Time passes only between ticks and inside waits. Device is constructed as
+/// Time passes only between ticks, inside waits and in a stalled switch. Device is constructed as
 /// Device(arguments…, clock, seed) or Device(clock).
 template <class Device>
 class DeviceNodeBench {
@@ -95,7 +96,8 @@ class DeviceNodeBench {
   };
 
   device::DeviceNode make(const DeviceConfig& config) {
-    return device::DeviceNode(config, device, clock, state_out_, inbox_, sink_, kSession);
+    return device::DeviceNode(config, device, clock, state_out_, inbox_, sink_, kSession,
+                              &true_state_);
   }
   void wire() {
     commands_.on_wait = [this](TimePoint deadline) {
@@ -114,6 +116,7 @@ class DeviceNodeBench {
     commands_.send(answer_);
   }
 
+  device::TrueStateRecorder true_state_{device};
   StateVector state_out_{*this};
   TickVector sink_;
   MemoryLink<ForceCommand> commands_{clock};

@@ -197,6 +197,7 @@ inline void randomise(DeviceCounters& c, Random& random) {
   c.fault_resets = random.bits();
   c.last_fault = static_cast<FaultReason>(random.below(5));
   c.non_finite_commands = random.bits();
+  c.late_switches = random.bits();
   c.max_force_newton = random.uniform(0.0, 10.0);
   c.minimum_true_energy_joule = random.chance(0.5) ? random.uniform(-1.0, 1.0) : kNaN;
 }
@@ -435,7 +436,7 @@ inline bool same(const DeviceCounters& a, const DeviceCounters& b) {
          a.peak_limited_ticks == b.peak_limited_ticks && a.device_faults == b.device_faults &&
          a.fault_ticks == b.fault_ticks && a.fault_resets == b.fault_resets &&
          a.last_fault == b.last_fault && a.non_finite_commands == b.non_finite_commands &&
-         same(a.max_force_newton, b.max_force_newton) &&
+         a.late_switches == b.late_switches && same(a.max_force_newton, b.max_force_newton) &&
          same(a.minimum_true_energy_joule, b.minimum_true_energy_joule);
 }
 inline bool same(const MofcCounters& a, const MofcCounters& b) {

@@ -1,7 +1,8 @@
-// scripted_device.h — a device for tests of the tick: it does as it is told and remembers what its
+// scripted_device.h — a device for tests of the tick: it follows its script and records what its
 // motors did.
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -38,6 +39,8 @@ class ScriptedDevice final : public device::HapticDevice {
   std::uint32_t buttons = 0;
   bool fails_to_read = false;
   bool fails_to_apply = false;
+  std::function<void()> before_switch = {};  ///< called in apply(), before the force changes
+  std::function<void()> before_release = {};
   int releases = 0;
 
   [[nodiscard]] const device::DeviceSpecification& specification() const noexcept override {
@@ -53,11 +56,13 @@ class ScriptedDevice final : public device::HapticDevice {
   }
   [[nodiscard]] bool apply(const Vector3& force_on_hand_newton, Duration lease,
                            device::DeviceSample& at_switch) noexcept override {
+    if (before_switch) before_switch();
     if (fails_to_apply || !read(at_switch)) return false;
     writes.push_back({clock_.now(), force_on_hand_newton, clock_.now() + lease});
     return true;
   }
   void release() noexcept override {
+    if (before_release) before_release();
     ++releases;
     writes.push_back({clock_.now(), Vector3::Zero(), clock_.now()});
   }

@@ -138,6 +138,9 @@ void add_device(Page& page, const DeviceCounters& c) {
   page.counter("device_fault_resets", "Faults that were reset.", {{"", c.fault_resets}});
   page.counter("device_non_finite_commands", "Answers with NaN or infinity, not rendered.",
                {{"", c.non_finite_commands}});
+  page.counter("device_late_switches",
+               "Answers that began to act after the deadline and were withdrawn at once.",
+               {{"", c.late_switches}});
   page.gauge("device_max_force_newtons", "Greatest force since the start.", "", c.max_force_newton);
   page.gauge("device_minimum_true_energy_joules",
              "Least energy the hand has given, since the start; simulated devices only.", "",

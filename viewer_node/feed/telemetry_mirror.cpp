@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "common/telemetry/metrics.h"
+#include "common/telemetry/quantile.h"
 
 namespace palpate::viewer {
 namespace {
@@ -14,14 +15,9 @@ TimePoint sampled_at(const TelemetryMirror::JoinedTick& tick) {
   return tick.device ? tick.device->sampled_at : tick.mofc->device_sampled_at;
 }
 
-// The value that a share `q` of `values` does not exceed (nearest rank).
 std::optional<Duration> quantile(std::vector<Duration>& values, double q) {
   if (values.empty()) return std::nullopt;
-  const auto rank =
-      static_cast<std::ptrdiff_t>(std::max(std::ceil(q * static_cast<double>(values.size())), 1.0));
-  const auto place = values.begin() + (rank - 1);
-  std::nth_element(values.begin(), place, values.end());
-  return *place;
+  return palpate::quantile(values, q);
 }
 
 std::optional<Duration> maximum(const std::vector<Duration>& values) {

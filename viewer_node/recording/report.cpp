@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "common/telemetry/metrics.h"
+#include "common/telemetry/quantile.h"
 #include "common/telemetry/summary.h"
 #include "viewer_node/recording/recording.h"
 
@@ -250,11 +251,7 @@ void add_distribution(Figure& figure, const std::string& name, std::vector<doubl
 
 std::string quantiles(std::vector<double> values) {
   if (values.empty()) return "–";
-  std::sort(values.begin(), values.end());
-  const auto at = [&](double q) {  // nearest rank
-    const double rank = std::ceil(q * static_cast<double>(values.size()));
-    return values[static_cast<std::size_t>(std::max(rank, 1.0)) - 1];
-  };
+  const auto at = [&](double q) { return quantile(values, q); };
   return fmt::format("{:.0f} / {:.0f} / {:.0f} / {:.0f} µs", at(0.5), at(0.99), at(0.999), at(1.0));
 }
 

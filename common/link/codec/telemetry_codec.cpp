@@ -54,6 +54,7 @@ void put(const DeviceCounters& c, v1::DeviceCounters& to) {
   to.set_fault_ticks(c.fault_ticks);
   to.set_device_faults(c.device_faults);
   to.set_fault_resets(c.fault_resets);
+  to.set_late_switches(c.late_switches);
   to.set_last_fault(static_cast<std::uint32_t>(c.last_fault));
   to.set_non_finite_commands(c.non_finite_commands);
   to.set_max_force_newton(c.max_force_newton);
@@ -78,6 +79,7 @@ DeviceCounters counters(const v1::DeviceCounters& c) {
           .fault_ticks = c.fault_ticks(),
           .device_faults = c.device_faults(),
           .fault_resets = c.fault_resets(),
+          .late_switches = c.late_switches(),
           .last_fault = static_cast<FaultReason>(c.last_fault()),
           .non_finite_commands = c.non_finite_commands(),
           .max_force_newton = c.max_force_newton(),

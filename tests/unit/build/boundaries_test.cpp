@@ -43,12 +43,13 @@ TEST(IncludeBoundaries, HoldOnThisTree) {
 }
 
 TEST(IncludeBoundaries, LetAllowedIncludesPass) {
-  const CommandResult result = check_source("mofc_node/mofc_node.h",
-                                            "#include <vector>\n"
-                                            "#include <Eigen/Core>\n"
-                                            "#include \"common/core/messages.h\"\n"
-                                            "#include \"mofc_node/controllers/vector_mofc.h\"\n"
-                                            "// physics_node/scene/scene.h in a comment is no include\n");
+  const CommandResult result =
+      check_source("mofc_node/mofc_node.h",
+                   "#include <vector>\n"
+                   "#include <Eigen/Core>\n"
+                   "#include \"common/core/messages.h\"\n"
+                   "#include \"mofc_node/controllers/vector_mofc.h\"\n"
+                   "// physics_node/scene/scene.h in a comment is no include\n");
   EXPECT_EQ(result.status, 0) << result.output;
 }
 
@@ -137,6 +138,14 @@ INSTANTIATE_TEST_SUITE_P(
         Forbidden{"mofc_node/mofc_node.cpp", "common/session/simulation_config.h",
                   "mofc_node may include"},
         Forbidden{"mofc_node/mofc_node.cpp", "common/session/session.h", "mofc_node may include"},
+        Forbidden{"mofc_node/mofc_node.cpp", "common/session/device_config.h",
+                  "mofc_node may include"},
+        Forbidden{"device_node/device.h", "device_node/simulation/true_state.h",
+                  "device_node may include"},
+        Forbidden{"device_node/drivers/driver_registry.cpp", "device_node/simulation/hand.h",
+                  "device_node/drivers may include"},
+        Forbidden{"device_node/drivers/omni/omni_driver.h", "common/session/simulation_config.h",
+                  "device_node/drivers may include"},
         Forbidden{"mofc_node/mofc_node.cpp", "common/telemetry/device_telemetry.h",
                   "mofc_node may include"},
         Forbidden{"mofc_node/mofc_node.cpp", "common/telemetry/telemetry.h",
@@ -145,7 +154,7 @@ INSTANTIATE_TEST_SUITE_P(
                   "device_node may include"},
         Forbidden{"device_node/device_node.cpp", "common/session/simulation_config.h",
                   "device_node may include"},
-        Forbidden{"device_node/device_node.cpp", "device_node/drivers/open_device.h",
+        Forbidden{"device_node/device_node.cpp", "device_node/drivers/driver_registry.h",
                   "device_node may include"}));
 
 TEST(IncludeBoundaries, AreNotEvadedByAngleBrackets) {
@@ -156,6 +165,16 @@ TEST(IncludeBoundaries, AreNotEvadedByAngleBrackets) {
     EXPECT_EQ(result.status, 1) << header;
     EXPECT_THAT(result.output, HasSubstr(header));
   }
+}
+
+// Headers that are installed include their neighbours without a folder.
+TEST(IncludeBoundaries, LetAFileIncludeItsNeighbours) {
+  const TempFolder tree;
+  tree.write("mofc_node/controllers/energy_ledger.h", "");
+  tree.write("mofc_node/controllers/guard_mofc.h", "#include \"energy_ledger.h\"\n");
+  EXPECT_EQ(check_includes(tree.path().string()).status, 0);
+  tree.write("mofc_node/controllers/vector_mofc.h", "#include \"zmq.h\"\n");
+  EXPECT_EQ(check_includes(tree.path().string()).status, 1);
 }
 
 TEST(IncludeBoundaries, KeepLocksOutOfTheTickAndTheClamp) {

@@ -23,7 +23,7 @@ add_test(NAME other COMMAND other)
 // With nothing absorbed yet, what the device's own friction absorbs is all that may act.
 constexpr const char* kMain = R"(#include <cmath>
 
-#include "mofc_node/controllers/paper_mofc.h"
+#include <palpate/controllers/paper_mofc.h>
 
 int main() {
   using namespace palpate::controllers;

@@ -1,4 +1,4 @@
-// The tick on a clock that stands still unless the test, or a wait, moves it.
+// The tick on a manual clock, which only the test and waits advance.
 #include "device_node/device_node.h"
 
 #include <gtest/gtest.h>
@@ -55,7 +55,7 @@ TEST(DeviceNode, SendsWhatItReads) {
   EXPECT_EQ(state.buttons, 2u);
   EXPECT_FALSE(state.is_clutched);
   EXPECT_EQ(state.applied_count, 0u);
-  // and tells viewers of it
+  // and records it for viewers
   const DeviceTick& tick = bench.ticks.at(0);
   EXPECT_EQ(tick.measured_tool_position_world_m, state.tool_position_world_m);
   EXPECT_EQ(tick.measured_tool_orientation_world.coeffs(), Quaternion(0.6, 0.8, 0, 0).coeffs());
@@ -109,7 +109,7 @@ TEST(DeviceNode, AnAnswerAtTheDeadlineCountsAndOneAfterItDoesNot) {
   EXPECT_FALSE(bench.ticks[1].is_answered);
 }
 
-// Stopped inside the wait, the node finds the answer but may not use it any more.
+// The process is stopped inside the wait; the node then finds the answer but must not use it.
 TEST(DeviceNode, AnAnswerThatIsReadTooLateIsDropped) {
   Bench bench(device_config());
   bench.answer_with(Vector3(1, 0, 0));
@@ -120,6 +120,85 @@ TEST(DeviceNode, AnAnswerThatIsReadTooLateIsDropped) {
 
   EXPECT_FALSE(bench.ticks[0].is_answered);
   EXPECT_EQ(bench.ticks[0].force_on_hand_newton.norm(), 0.0);
+}
+
+// Preempted between the check of the deadline (0.5 ms) and the switch: the stamp of the switch, 1.3
+// ms after the reading, shows that the answer began to act too late.
+TEST(DeviceNode, AnAnswerThatBeginsToActAfterTheDeadlineIsWithdrawnAtOnceAndCounted) {
+  Bench bench(device_config());
+  bench.answer_with(Vector3(1, 0, 0));
+  bench.tick();  // acts from 0, lease until 2 ms
+  bench.answer_with(Vector3(2, 0, 0));
+  bench.device.before_switch = [&] { bench.clock.advance(1300us); };
+  bench.tick();  // reading at 1 ms, switch at 2.3 ms
+  bench.device.before_switch = nullptr;
+
+  EXPECT_EQ(bench.device.releases, 1);
+  EXPECT_EQ(bench.device.motor_force_newton(bench.clock.now()), Vector3(0, 0, 0));
+  const DeviceTick& tick = bench.ticks[1];
+  EXPECT_FALSE(tick.is_answered);
+  EXPECT_EQ(tick.guard, GuardState::kLimp);
+  EXPECT_EQ(tick.force_on_hand_newton, Vector3(0, 0, 0));
+  EXPECT_EQ(tick.switched_at, TimePoint(2300us));
+  EXPECT_EQ(bench.node.counters().late_switches, 1u);
+  EXPECT_FALSE(bench.node.has_fault());
+
+  // answers that come in time act again, without a limp start
+  bench.tick();
+  EXPECT_EQ(bench.ticks[2].force_on_hand_newton, Vector3(2, 0, 0));
+  EXPECT_EQ(bench.node.counters().late_switches, 1u);
+}
+
+// The release takes 20 µs, in which the late answer acts; the encoder is not read at its end.
+TEST(DeviceNode, TheEchoReportsALateAnswerWithoutAPositionAtItsEnd) {
+  Bench bench(device_config());
+  bench.answer_with(Vector3(1, 0, 0));
+  bench.tick();
+  bench.answer_with(Vector3(2, 0, 0));
+  bench.device.before_switch = [&] { bench.clock.advance(700us); };
+  bench.device.before_release = [&] { bench.clock.advance(20us); };
+  bench.tick();  // reading at 1 ms, switch at 1.7 ms, release at 1.72 ms
+  bench.device.before_switch = nullptr;
+  bench.device.before_release = nullptr;
+  bench.tick();
+
+  const DeviceState& state = bench.states[2];
+  ASSERT_EQ(state.applied_count, 3u);
+  expect_segment(state.applied[0], Vector3(1, 0, 0), 1000us, 1700us);
+  EXPECT_TRUE(state.applied[0].has_position_at_end);
+  expect_segment(state.applied[1], Vector3(2, 0, 0), 1700us, 1720us);
+  EXPECT_FALSE(state.applied[1].has_position_at_end);
+  expect_segment(state.applied[2], Vector3::Zero(), 1720us, 2000us);
+  EXPECT_TRUE(state.applied[2].has_position_at_end);
+  EXPECT_EQ(bench.node.counters().max_force_newton, 2.0) << "it acted, if only for 20 µs";
+}
+
+TEST(DeviceNode, AMissedTickAfterALateAnswerDoesNotBringItBack) {
+  Bench bench(device_config());
+  bench.answer_with(Vector3(1, 0, 0));
+  bench.tick();
+  bench.device.before_switch = [&] { bench.clock.advance(700us); };
+  bench.tick();
+  bench.device.before_switch = nullptr;
+  bench.on_state = nullptr;
+  bench.tick();
+
+  EXPECT_EQ(bench.ticks[2].force_on_hand_newton, Vector3(0, 0, 0));
+  EXPECT_NE(bench.ticks[2].guard, GuardState::kLeased);
+}
+
+// The fallback is not paid for by the clamp: friction absorbs it whenever it begins.
+TEST(DeviceNode, AFallbackIsNeverLate) {
+  Bench bench(device_config());
+  bench.answer_with(Vector3(1, 0, 0));
+  bench.tick();
+  bench.on_state = nullptr;
+  bench.device.before_switch = [&] { bench.clock.advance(700us); };
+  for (int i = 0; i < 5; ++i) bench.tick();
+
+  EXPECT_GT(bench.node.counters().fallback_ticks, 0u);
+  EXPECT_EQ(bench.node.counters().late_switches, 0u);
+  EXPECT_EQ(bench.device.releases, 0);
 }
 
 TEST(DeviceNode, AnswersToAnotherTickOrSessionAreDropped) {
@@ -169,7 +248,7 @@ TEST(DeviceNode, EchoesBothForcesOfAnIntervalWithThePositionAtTheSwitch) {
   bench.tick();
   bench.tick();
 
-  // the hand moves at 1 m/s: positions tell times
+  // the hand moves at 1 m/s: each position identifies its time
   const DeviceState& state = bench.states[2];
   ASSERT_EQ(state.applied_count, 2u);
   expect_segment(state.applied[0], Vector3(1, 0, 0), 1000us, 1300us);
@@ -191,8 +270,8 @@ TEST(DeviceNode, AReplyAtTheSameInstantLeavesOneSegment) {
   EXPECT_TRUE(bench.states[1].applied[0].has_position_at_end);
 }
 
-// Stalled for 7 ms: the force ended by itself at 2 ms, where nobody read the encoder.
-TEST(DeviceNode, AForceThatRanOutIsEchoedWithItsEndAndTheRestAsNothing) {
+// Stalled for 7 ms: the force ended by itself at 2 ms, where the encoder was not read.
+TEST(DeviceNode, AForceThatRanOutIsEchoedWithItsEndAndTheRestAsZero) {
   Bench bench(device_config());
   bench.answer_with(Vector3(1, 0, 0));
   bench.tick();
@@ -252,9 +331,9 @@ TEST(DeviceNode, AReadFailureIsLatchedAndLimpUntilReset) {
 
   EXPECT_FALSE(bench.node.has_fault());
   ASSERT_EQ(bench.states.size(), 2u);
-  // two are missing, so mofc's ledger begins anew: nothing is known of the time between
+  // two are missing, so mofc's ledger starts again: the time between is unknown
   EXPECT_EQ(bench.states[1].header.sequence, 3u);
-  // the echo tells of the release, at 1 ms, and of nothing since
+  // the echo reports the release, at 1 ms, and no force since
   ASSERT_EQ(bench.states[1].applied_count, 2u);
   expect_segment(bench.states[1].applied[0], Vector3(1, 0, 0), 0ms, 1ms);
   EXPECT_FALSE(bench.states[1].applied[0].has_position_at_end);
@@ -270,7 +349,7 @@ TEST(DeviceNode, ANonFiniteReadingIsAFault) {
   EXPECT_EQ(bench.node.counters().last_fault, FaultReason::kReadingNotFinite);
   EXPECT_TRUE(bench.node.has_fault());
   EXPECT_TRUE(bench.states.empty());
-  // what goes out in telemetry is finite
+  // telemetry stays finite
   EXPECT_EQ(bench.ticks.at(0).guard, GuardState::kFault);
   EXPECT_EQ(bench.ticks.at(0).measured_hand_position_m, Vector3(0, 0, 0));
 }
@@ -340,7 +419,7 @@ TEST(DeviceNode, AJumpAtTheSwitchIsAFault) {
   EXPECT_EQ(bench.device.motor_force_newton(bench.clock.now()), Vector3(0, 0, 0));
 }
 
-TEST(DeviceNode, AfterAResetTheDeviceIsTakenFromWhereItIs) {
+TEST(DeviceNode, AfterAResetTheDeviceContinuesFromWhereItIs) {
   Bench bench(device_config());
   bench.device.position_m = Vector3(0, 0, 0);
   bench.tick();
@@ -355,7 +434,7 @@ TEST(DeviceNode, AfterAResetTheDeviceIsTakenFromWhereItIs) {
   EXPECT_EQ(bench.node.counters().fault_resets, 1u);
 }
 
-TEST(DeviceNode, AResetWithoutAFaultIsNothing) {
+TEST(DeviceNode, AResetWithoutAFaultDoesNothing) {
   Bench bench(device_config());
   bench.tick();
   bench.node.reset_fault();
@@ -366,7 +445,7 @@ TEST(DeviceNode, AResetWithoutAFaultIsNothing) {
   EXPECT_EQ(bench.node.counters().fault_resets, 0u);
 }
 
-TEST(DeviceNode, EveryTickOfALatchedFaultHasItsRecordAndNothingActs) {
+TEST(DeviceNode, EveryTickOfALatchedFaultLeavesARecordAndNoForceActs) {
   Bench bench(device_config());
   bench.answer_with(Vector3(1, 0, 0));
   bench.device.orientation = Quaternion(0.6, 0.8, 0, 0);
@@ -391,7 +470,7 @@ TEST(DeviceNode, EveryTickOfALatchedFaultHasItsRecordAndNothingActs) {
             c.loop.ticks);
 }
 
-TEST(DeviceNode, ACommandThatIsNotFiniteIsNoForceAndIsCounted) {
+TEST(DeviceNode, ACommandThatIsNotFiniteGivesNoForceAndIsCounted) {
   Bench bench(device_config());
   bench.answer_with(Vector3(kNaN, 0, 0));
 
@@ -414,7 +493,7 @@ TEST(DeviceNode, AWriteFailureIsAFault) {
   EXPECT_EQ(bench.device.releases, 1);
 }
 
-TEST(DeviceNode, AfterAFaultTheForceGrowsFromNothing) {
+TEST(DeviceNode, AfterAFaultTheForceGrowsFromZero) {
   DeviceConfig config = device_config();
   config.start_ramp = 10ms;
   Bench bench(config);
@@ -447,7 +526,7 @@ TEST(DeviceNode, StopAndDestructionReleaseTheMotors) {
 
 // --- limits, counters, promises ----------------------------------------------------------------
 
-TEST(DeviceNode, TheDevicesPeakHoldsBesideTheSessions) {
+TEST(DeviceNode, ThePeakOfTheDeviceLimitsThatOfTheSession) {
   DeviceConfig config = device_config();
   config.peak_force_newton = 100.0;  // the scripted device: 3.3 N
   Bench bench(config);
@@ -495,7 +574,7 @@ TEST(DeviceNode, CountsLatenessAndSkippedAppointments) {
   EXPECT_EQ(bench.ticks[1].lateness, Duration(1ms));
 }
 
-TEST(DeviceNode, ASimulatedDeviceTellsItsTrueStateInTheToolsFrame) {
+TEST(DeviceNode, TheRecordHasTheTrueStateOfASimulatedDeviceInTheToolsFrame) {
   DeviceConfig config = device_config();
   config.workspace.scale_ratio = 3.0;
   DeviceNodeBench<SimulatedDevice> bench(
@@ -516,7 +595,7 @@ TEST(DeviceNode, ASimulatedDeviceTellsItsTrueStateInTheToolsFrame) {
   EXPECT_EQ(bench.node.counters().minimum_true_energy_joule, 0.0);
 }
 
-TEST(DeviceNode, AHardwareDeviceTellsNoTrueState) {
+TEST(DeviceNode, TheRecordOfOtherDevicesHasNoTrueState) {
   Bench bench(device_config());
   bench.tick();
 

@@ -29,7 +29,7 @@ ForceCommand command(const Vector3& force_newton, Duration valid_for = 2ms) {
   return command;
 }
 
-TEST(ForceGuard, GivesNothingBeforeTheFirstAnswer) {
+TEST(ForceGuard, GivesNoForceBeforeTheFirstAnswer) {
   ForceGuard guard(config(), kDevicePeak_newton);
 
   const GuardedForce out = guard.missed(kStart);
@@ -50,13 +50,13 @@ TEST(ForceGuard, PassesAnAnswerOnWithItsLease) {
   EXPECT_TRUE(out.is_switch);
 }
 
-TEST(ForceGuard, CutsALeaseToTheSessionsLongest) {
+TEST(ForceGuard, LimitsALeaseToTheSessionsLongest) {
   ForceGuard guard(config(), kDevicePeak_newton);
 
   EXPECT_EQ(guard.answered(command(Vector3(1, 0, 0), 1h), kStart).lease, Duration(2ms));
 }
 
-TEST(ForceGuard, ACommandWithoutALeaseIsNoForce) {
+TEST(ForceGuard, ACommandWithoutALeaseGivesNoForce) {
   ForceGuard guard(config(), kDevicePeak_newton);
 
   const GuardedForce out = guard.answered(command(Vector3(1, 0, 0), Duration(-5)), kStart);
@@ -65,7 +65,7 @@ TEST(ForceGuard, ACommandWithoutALeaseIsNoForce) {
   EXPECT_EQ(out.lease, Duration(0));
 }
 
-TEST(ForceGuard, LeavesTheMotorsAloneWhileTheLeaseRuns) {
+TEST(ForceGuard, DoesNotWriteToTheMotorsWhileTheLeaseRuns) {
   ForceGuard guard(config(), kDevicePeak_newton);
   (void)guard.answered(command(Vector3(1, 0, 0)), kStart);
 
@@ -90,7 +90,7 @@ TEST(ForceGuard, FallsBackToCoulombFrictionInTheCommandsDirection) {
   }
 }
 
-TEST(ForceGuard, AFallbackIsNotMoreThanTheCommandWas) {
+TEST(ForceGuard, AFallbackIsNeverLargerThanTheCommand) {
   ForceGuard guard(config(), kDevicePeak_newton);
   (void)guard.answered(command(Vector3(0.02, 0, 0)), kStart);
 
@@ -120,13 +120,13 @@ TEST(ForceGuard, AnAnswerEndsTheFallback) {
 }
 
 // Ramp of 100 ms: nothing at first, 30 % after 30 ms, all after 100 ms.
-/// 2 N along x, answered every millisecond from `at` up to `until`: the force let through then.
+/// 2 N along x, answered every millisecond from `at` up to `until`: the force after the limits.
 double x_answered_until(ForceGuard& guard, Duration& at, Duration until) {
   for (; at < until; at += 1ms) (void)guard.answered(command(Vector3(2, 0, 0)), kStart + at);
   return guard.answered(command(Vector3(2, 0, 0)), kStart + until).force_on_hand_newton.x();
 }
 
-TEST(ForceGuard, ALimpStartGrowsFromNothing) {
+TEST(ForceGuard, ALimpStartGrowsFromZero) {
   DeviceConfig c = config();
   c.start_ramp = 100ms;
   ForceGuard guard(c, kDevicePeak_newton);
@@ -138,7 +138,7 @@ TEST(ForceGuard, ALimpStartGrowsFromNothing) {
   EXPECT_EQ(x_answered_until(guard, at, 100ms), 2.0);
 }
 
-TEST(ForceGuard, ComingBackFromLimpIsALimpStartAgain) {
+TEST(ForceGuard, LeavingLimpAgainIsALimpStart) {
   DeviceConfig c = config();
   c.start_ramp = 10ms;
   ForceGuard guard(c, kDevicePeak_newton);
@@ -152,8 +152,8 @@ TEST(ForceGuard, ComingBackFromLimpIsALimpStartAgain) {
   EXPECT_EQ(x_answered_until(guard, at, at), 0.0);
 }
 
-// 20 ms without an answer, lease 2 ms: nothing acts any more, and the force comes back over 20 ms.
-TEST(ForceGuard, AfterAShortSilenceTheForceComesBackOverAsLong) {
+// 20 ms without an answer, lease 2 ms: nothing acts any more, and the force grows over 20 ms.
+TEST(ForceGuard, AfterAShortSilenceTheForceGrowsOverTheSameTime) {
   DeviceConfig c = config();
   c.start_ramp = 100ms;
   ForceGuard guard(c, kDevicePeak_newton);
@@ -212,7 +212,7 @@ TEST(ForceGuard, ATurnedForceGrowsFromWhatAlreadyActsAlongIt) {
   EXPECT_TRUE(turned.is_limited);
 }
 
-TEST(ForceGuard, AfterItsLeaseAForceGrowsFromNothing) {
+TEST(ForceGuard, AfterItsLeaseAForceGrowsFromZero) {
   ForceGuard guard(slewing(), kDevicePeak_newton);
   for (int i = 0; i < 10; ++i) {
     (void)guard.answered(command(Vector3(1, 0, 0)), kStart + i * 1ms);
@@ -223,7 +223,7 @@ TEST(ForceGuard, AfterItsLeaseAForceGrowsFromNothing) {
   EXPECT_NEAR(after_gap.force_on_hand_newton.x(), 0.1, 1e-15);
 }
 
-TEST(ForceGuard, ANonFiniteCommandIsNoForceAndCounted) {
+TEST(ForceGuard, ANonFiniteCommandGivesNoForceAndIsCounted) {
   ForceGuard guard(config(), kDevicePeak_newton);
   const double inf = std::numeric_limits<double>::infinity();
 

@@ -1,5 +1,5 @@
-// Friction identification: the arithmetic of the fit, and what ends the sweeps. What they find out:
-// tests/property/friction_properties_test.cpp.
+// Friction identification: the arithmetic of the fit, and what aborts the sweeps. What they
+// measure: tests/property/friction_properties_test.cpp.
 #include "device_node/friction_identification.h"
 
 #include <gmock/gmock.h>
@@ -22,8 +22,8 @@ using ::testing::HasSubstr;
 FrictionFit fit_of(const std::vector<FrictionPoint>& points) { return fit_friction(points); }
 
 TEST(FrictionFit, PointsOnALineGiveItLessTheSystematicErrors) {
-  // F = 0.1 N + 0.2 N·s/m v; no scatter. F̄ = 0.105 over 0.03 m/s: the wobble takes 0.00525 off f_d.
-  // bounds 0.98 · 0.19475 = 0.190855 and 0.98 · 0.1
+  // F = 0.1 N + 0.2 N·s/m v; no scatter. F̄ = 0.105 over 0.03 m/s: the wobble term reduces f_d by
+  // 0.00525. bounds 0.98 · 0.19475 = 0.190855 and 0.98 · 0.1
   const FrictionFit fit = fit_of({{0.01, 0.102}, {0.02, 0.104}, {0.03, 0.106}, {0.04, 0.108}});
 
   EXPECT_NEAR(fit.viscous_newton_s_per_m, 0.2, 1e-12);
@@ -80,7 +80,7 @@ HandConfig no_hand(const Vector3& position_m = Vector3::Zero()) {
   return hand;
 }
 
-/// A simulated device (0.045 kg, 0.1 N·s/m, 0.1 N) with something wrong, under observation.
+/// A simulated device (0.045 kg, 0.1 N·s/m, 0.1 N) with a defect, observed by the test.
 class OddDevice final : public HapticDevice {
  public:
   explicit OddDevice(const Clock& clock, const SimulatedDeviceConfig& config = {},
@@ -91,7 +91,7 @@ class OddDevice final : public HapticDevice {
   int reads_left = -1;   ///< then they fail; −1: never
   int writes_left = -1;  ///< likewise
 
-  double largest_force_newton = 0.0;  ///< asked for
+  double largest_force_newton = 0.0;  ///< commanded
   double top_speed_m_per_s = 0.0;     ///< true
   Duration longest_lease{};
   int writes = 0;
@@ -106,7 +106,7 @@ class OddDevice final : public HapticDevice {
     if (reads_left > 0) --reads_left;
     const bool is_read = inner_.read(sample);
     top_speed_m_per_s =
-        std::max(top_speed_m_per_s, inner_.true_state()->hand_velocity_m_per_s.norm());
+        std::max(top_speed_m_per_s, inner_.true_state().hand_velocity_m_per_s.norm());
     return is_read;
   }
   [[nodiscard]] bool apply(const Vector3& force, Duration lease,
@@ -197,7 +197,7 @@ TEST_F(FrictionSweeps, WeightIsNoPartOfTheFriction) {
 }
 
 TEST_F(FrictionSweeps, SmallestLineCounts) {
-  // motors half as strong along y: it takes twice the force, so x has the smaller bounds
+  // motors half as strong along y: it needs twice the force, so x has the smaller bounds
   plan_.lines.push_back({.middle_m = Vector3::Zero(), .direction = Vector3::UnitY()});
   OddDevice device(clock_);
   device.motors = [](const Vector3& force) -> Vector3 {
@@ -241,7 +241,7 @@ TEST_F(FrictionSweeps, DeviceThatDoesNotMoveAtOneNewtonEndsThem) {
   EXPECT_LE(device.largest_force_newton, 1.0);
 }
 
-TEST_F(FrictionSweeps, WeakMotorsAreNotAskedForMoreThanTheyHave) {
+TEST_F(FrictionSweeps, WeakMotorsAreNotCommandedBeyondTheirPeak) {
   OddDevice device(clock_, {.coulomb_newton = 0.5, .peak_force_newton = 0.3});
 
   EXPECT_THAT(failure(device), HasSubstr("does not move at 0.30 N"));
@@ -256,7 +256,7 @@ TEST_F(FrictionSweeps, ReversedMotorsEndThem) {
 }
 
 TEST_F(FrictionSweeps, RunawayEndsThem) {
-  // once it slides, the motors pull it away with 0.4 N, whatever they are told
+  // once it slides, the motors pull it away with 0.4 N, whatever the command
   OddDevice device(clock_);
   device.motors = [&](const Vector3& force) -> Vector3 {
     return device.top_speed_m_per_s > 0.025 ? Vector3(-0.4, 0, 0) : force;
@@ -269,7 +269,7 @@ TEST_F(FrictionSweeps, RunawayEndsThem) {
 }
 
 TEST_F(FrictionSweeps, ObstacleEndsThem) {
-  // something holds it once it slides
+  // an obstacle holds it once it slides
   OddDevice device(clock_);
   device.motors = [&](const Vector3& force) -> Vector3 {
     return device.top_speed_m_per_s > 0.025 ? Vector3(0.1 * force) : force;

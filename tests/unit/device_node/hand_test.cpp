@@ -63,7 +63,7 @@ TEST(VPath, CirclesAboveItsStartBeforeTheV) {
   expect_at(target_on(path, 0.5), start + Vector3(0.02, 0, 0.02), {0, 0, speed});
   expect_at(target_on(path, 1.0), start + Vector3(0, 0, 0.04), {-speed, 0, 0});
   expect_at(target_on(path, 1.5), start + Vector3(-0.02, 0, 0.02), {0, 0, -speed});
-  // 7 whole turns end at the start by themselves: the V follows 14 s later, else unchanged
+  // 7 whole turns end at the start: the V follows 14 s later, otherwise unchanged
   expect_at(target_on(path, 14.0 - 1e-6), start, {speed, 0, 0}, 1e-6);
   expect_at(target_on(path, 14.25), {-0.015, 0, 0}, {0.06, 0, -0.08});
 }
@@ -96,7 +96,7 @@ TEST(HoldPath, HoldsStill) {
 }
 
 // x: 1 Hz, 10 mm; z: 2 Hz, 5 mm a quarter turn ahead. At 1/12 s: sin 30° = ½, sin 150° = ½.
-TEST(SinusoidPath, SwingsEachAxisByItself) {
+TEST(SinusoidPath, MovesEachAxisIndependently) {
   const SinusoidPath path{.center_m = Vector3(0.1, 0.2, 0.3),
                           .amplitude_m = Vector3(0.01, 0, 0.005),
                           .frequency_hz = Vector3(1, 7, 2),
@@ -149,7 +149,7 @@ TEST(HostileHand, StaysInItsBallBelowItsSpeedAndUsesBoth) {
   double fastest_m_per_s = 0.0;
 
   for (int i = 1; i <= 200'000; ++i) {
-    // any force: it comes, turns and goes
+    // a force that grows, turns and vanishes
     const double t = 50e-6 * i;
     const Vector3 force(std::sin(7 * t), 2 * std::cos(11 * t), t > 5 ? 0.0 : 3.0);
     const Target target = hand.target(t, {force, previous, Vector3::Zero()});
@@ -165,7 +165,7 @@ TEST(HostileHand, StaysInItsBallBelowItsSpeedAndUsesBoth) {
   EXPECT_GT(fastest_m_per_s, 0.4);
 }
 
-/// What a hostile hand that feels a steady force wants, for a second; it may stray.
+/// Intended velocities of a hostile hand under a constant force, for one second.
 std::vector<Vector3> hostile_velocities(const SimulatedDeviceConfig& device, const Vector3& force) {
   HostileHand hand({.radius_m = 100.0, .v_max_m_per_s = 0.5}, device, 3);
   std::vector<Vector3> velocities;
@@ -202,7 +202,7 @@ Vector3 hostile_position_after_5_s(std::uint64_t seed) {
   return target.position_m;
 }
 
-TEST(HostileHand, IsTheSameToTheBitForASeedAndAnotherForAnother) {
+TEST(HostileHand, IsTheSameToTheBitForASeedAndDiffersForAnother) {
   EXPECT_EQ(hostile_position_after_5_s(1), hostile_position_after_5_s(1));
   EXPECT_NE(hostile_position_after_5_s(1), hostile_position_after_5_s(2));
 }
@@ -214,7 +214,7 @@ TEST(Hand, RestsOnItsPathsStart) {
             1e-15);
 }
 
-TEST(Hand, HoldsAButtonFromItsTimeUntilItsTime) {
+TEST(Hand, PressesAButtonFromItsStartToItsEnd) {
   const Hand hand({.presses = {{.button = 1, .from_s = 1.0, .until_s = 2.0},
                                {.button = 31, .from_s = 1.5, .until_s = 3.0}}},
                   {}, 1);

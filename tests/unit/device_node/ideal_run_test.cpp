@@ -60,7 +60,7 @@ TEST(IdealRun, FollowsAStiffDamperFasterThanAnySampling) {
   }
 }
 
-TEST(IdealRun, ForceIsCutAtTheSmallerPeak) {
+TEST(IdealRun, ForceIsLimitedToTheSmallerPeak) {
   IdealRun run(frictionless(), 2.0, {}, 1, TimePoint{},
                [](double, const Vector3&, const Vector3&) { return Vector3(0, 30, 40); });
 
@@ -69,7 +69,7 @@ TEST(IdealRun, ForceIsCutAtTheSmallerPeak) {
   EXPECT_LT((run.force_on_hand_newton() - Vector3(0, 1.2, 1.6)).norm(), 1e-12);
 }
 
-// Nothing to touch: the ideal hand and the hand on the sampled device are the same hand.
+// Without tissue the ideal hand and the hand on the sampled device move alike.
 TEST(IdealRun, WithoutTissueItMovesAsTheDeviceDoes) {
   const HandConfig hand{.path = HostilePath{}};
   ManualClock clock;
@@ -82,37 +82,37 @@ TEST(IdealRun, WithoutTissueItMovesAsTheDeviceDoes) {
     DeviceSample sample;
     ASSERT_TRUE(device.read(sample));
     run.advance_to(clock.now());
-    ASSERT_EQ(run.state().hand_position_m, device.true_state()->hand_position_m);
+    ASSERT_EQ(run.state().hand_position_m, device.true_state().hand_position_m);
   }
 }
 
 // Time and place are those of the step: middle of the step for the force, end for the memory.
-TEST(IdealRun, TellsTissueTheTimeAndWhereTheHandHasCome) {
-  double asked_s = -1.0;
-  double told_s = -1.0;
-  Vector3 told_m = Vector3::Constant(kNaN);
+TEST(IdealRun, GivesTheTissueTheTimeAndThePositionOfTheStep) {
+  double evaluated_s = -1.0;
+  double step_end_s = -1.0;
+  Vector3 step_end_m = Vector3::Constant(kNaN);
   IdealRun run(
       frictionless(), 3.3,
       {.path = SinusoidPath{.amplitude_m = {0.01, 0, 0}, .frequency_hz = {1, 0, 0}}}, 1,
       TimePoint{},
       [&](double time_s, const Vector3&, const Vector3&) {
-        asked_s = time_s;
+        evaluated_s = time_s;
         return Vector3(Vector3::Zero());
       },
       [&](double time_s, const Vector3& hand_position_m) {
-        told_s = time_s;
-        told_m = hand_position_m;
+        step_end_s = time_s;
+        step_end_m = hand_position_m;
       });
 
   run.advance_to(time_at(0.2));
 
-  EXPECT_NEAR(asked_s, 0.2 - 25e-6, 1e-12);
-  EXPECT_NEAR(told_s, 0.2, 1e-12);
-  EXPECT_EQ(told_m, run.state().hand_position_m);
-  EXPECT_NE(told_m.x(), 0.0);
+  EXPECT_NEAR(evaluated_s, 0.2 - 25e-6, 1e-12);
+  EXPECT_NEAR(step_end_s, 0.2, 1e-12);
+  EXPECT_EQ(step_end_m, run.state().hand_position_m);
+  EXPECT_NE(step_end_m.x(), 0.0);
 }
 
-// A continuous passive tissue never gives the hand anything.
+// A continuous passive tissue never gives the hand energy.
 TEST(IdealRun, TakesNoEnergyOutOfAPassiveTissue) {
   IdealRun run(SimulatedDeviceConfig{}, 3.3, {.path = HostilePath{}}, 2, TimePoint{}, spring(1000));
 

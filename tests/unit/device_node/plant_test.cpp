@@ -11,7 +11,7 @@ namespace {
 
 constexpr double kStep_s = 50e-6;
 
-/// Runs `plant` for n steps with a hand that does nothing and the given force.
+/// Runs `plant` for n steps with a passive hand and the given force.
 void run(Plant& plant, int n, const Vector3& force_newton = Vector3::Zero(), double h = kStep_s) {
   for (int i = 0; i < n; ++i) plant.step(h, {}, force_newton);
 }
@@ -73,7 +73,7 @@ TEST(Plant, AForceAboveStictionAcceleratesByTheDifference) {
 }
 
 // All of ½ m v0² = 1.5 mJ goes into friction; ending the last step unbooked takes < 1e-11 J.
-TEST(Plant, FrictionTakesUpTheKineticEnergy) {
+TEST(Plant, FrictionDissipatesTheKineticEnergy) {
   Plant plant({.mass_kg = 0.3, .viscous_newton_s_per_m = 0.1, .coulomb_newton = 0.1},
               Vector3::Zero(), Vector3(0.1, 0, 0));
 
@@ -85,7 +85,7 @@ TEST(Plant, FrictionTakesUpTheKineticEnergy) {
 
 // Friction per axis, 0.3 kg: x slides with 0.1 m/s against 0.2 N and stops after m v/f = 0.15 s and
 // m v²/(2 f) = 7.5 mm, y slides on with 0.1 m/s against nothing, z sticks under 0.3 N.
-TEST(Plant, WithFrictionPerAxisEachAxisSlidesAndSticksByItself) {
+TEST(Plant, WithFrictionPerAxisEachAxisSlidesAndSticksIndependently) {
   Plant plant(
       {.mass_kg = 0.3, .per_axis = FrictionPerAxis{Vector3::Zero(), Vector3(0.2, 0.0, 0.31)}},
       Vector3::Zero(), Vector3(0.1, 0.1, 0));
@@ -114,7 +114,8 @@ TEST(Plant, WithFrictionPerAxisEachAxisHasItsOwnSteadySpeed) {
   EXPECT_NEAR(plant.state().energy_joule, -174.3375e-6, 1e-10);
 }
 
-// Without friction the rendered force's work is all: E = −F·x, and a force along the motion draws.
+// Without friction the rendered force's work is all: E = −F·x, and a force along the motion gives
+// energy to the hand.
 TEST(Plant, EnergyOfAHelpingForceIsNegativeAndItsMinimumIsKept) {
   Plant plant({.mass_kg = 0.3});
 

@@ -1,4 +1,4 @@
-// A hand led by a pointer: who may lead it, and its limits whatever is asked.
+// A hand that a pointer leads: which page may lead it, and its limits for any goal.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -35,7 +35,7 @@ TEST(PointerHold, OnePageHoldsTheHandAndOthersAreRefused) {
   EXPECT_TRUE(hold.accept(target_of(1, 1, 2), now));
 }
 
-TEST(PointerHold, IsFreeOnceItsHolderLetsGo) {
+TEST(PointerHold, IsFreeOnceItsHolderReleasesIt) {
   PointerHold hold(2s);
   const TimePoint now{1s};
   ASSERT_TRUE(hold.accept(target_of(1, 1, 0), now));
@@ -57,7 +57,7 @@ TEST(PointerHold, IsFreeOnceItsHolderIsSilentForTheTimeOut) {
   EXPECT_FALSE(hold.accept(target_of(1, 1, 1), now + 2s));
 }
 
-TEST(PointerHold, NobodyLetsGoOfWhatHeDoesNotHold) {
+TEST(PointerHold, APageThatDoesNotHoldTheHandCannotReleaseIt) {
   PointerHold hold(2s);
   const TimePoint now{1s};
   EXPECT_FALSE(hold.accept(target_of(1, 1, 0, true), now));
@@ -66,7 +66,7 @@ TEST(PointerHold, NobodyLetsGoOfWhatHeDoesNotHold) {
   EXPECT_TRUE(hold.is_held(now));
 }
 
-TEST(PointerHold, TargetsThatWereOvertakenAreDropped) {
+TEST(PointerHold, TargetsOutOfOrderAreDropped) {
   PointerHold hold(2s);
   const TimePoint now{1s};
   ASSERT_TRUE(hold.accept(target_of(1, 1, 5), now));
@@ -134,14 +134,14 @@ TEST(LedHand, StartsWhereThePathWasWithoutAJump) {
   EXPECT_LT((first.position_m - on_path_m).norm(), 0.2 * kStep_s + 1e-12);
 }
 
-TEST(LedHand, IsNeverFasterNorFartherThanItsLimitsWhateverIsAsked) {
+TEST(LedHand, IsNeverFasterNorFartherThanItsLimitsForAnyGoal) {
   const HandConfig config = led_config();
   Hand hand(config, {}, 1);
   Vector3 previous_m = hand.target(0.0, {}).position_m;
   Random random(5);
   double t = 0.0;
   for (int goal = 0; goal < 200; ++goal) {
-    // up to a kilometre away, the most that the wire takes
+    // up to a kilometre away, the most that the wire accepts
     hand.lead_to(random.direction() * std::pow(10.0, random.uniform(-3.0, 3.0)));
     for (int i = 0; i < 200; ++i) {
       t += kStep_s;

@@ -9,7 +9,6 @@
 #include <numbers>
 #include <vector>
 
-#include "device_node/drivers/open_device.h"
 #include "tests/support/device_conformance.h"
 
 namespace palpate::device {
@@ -43,7 +42,7 @@ struct Bench {
     clock.advance(d);
     return read();
   }
-  [[nodiscard]] TrueState truth() const { return *device.true_state(); }
+  [[nodiscard]] TrueState truth() const { return device.true_state(); }
 
   ManualClock clock;
   SimulatedDevice device;
@@ -97,7 +96,7 @@ TEST(SimulatedDevice, AForceBelowStictionDoesNotMoveItAtAll) {
 
 // The hand follows A·sin(ωt): x = A·H(iω), H = (K + iωB)/(K − mω² + iω(B + f_d)). Projected on
 // sine and cosine over 5 periods once the transient, e^(−t(B+f_d)/(2m)) = e^(−10 t), is gone.
-TEST(SimulatedDevice, FollowsASwingingHandWithTheComputedAmplitudeAndPhase) {
+TEST(SimulatedDevice, FollowsAnOscillatingHandWithTheComputedAmplitudeAndPhase) {
   const double A = 0.01, f = 3.0, K = 150, B = 5.9, m = 0.3, f_d = 0.1;
   const double omega = 2 * std::numbers::pi * f;
   SimulatedDeviceConfig device = frictionless();
@@ -264,23 +263,7 @@ TEST(SimulatedDevice, RepeatsItselfToTheBitForASeed) {
   EXPECT_NE(trace(7), trace(8));
 }
 
-TEST(OpenDevice, GivesTheSimulatedDeviceOfTheSession) {
-  ManualClock clock;
-  SimulatedDeviceConfig config;
-  config.peak_force_newton = 2.5;
-
-  const auto device =
-      open_device(config, {.path = HoldPath{.position_m = Vector3(0.011, 0, 0)}}, clock, 1);
-
-  DeviceSample sample;
-  ASSERT_TRUE(device->read(sample));
-  EXPECT_EQ(device->specification().peak_force_newton, 2.5);
-  EXPECT_TRUE(device->specification().is_simulated);
-  EXPECT_TRUE(device->specification().has_motor_watchdog);
-  EXPECT_NEAR(sample.hand_position_m.x(), 0.011, 1e-12);
-}
-
-/// The simulated device as the conformance suite wants it.
+/// The fixture of the conformance suite.
 struct SimulatedUnderTest {
   ManualClock manual_clock;
   SimulatedDevice simulated{{}, {}, manual_clock, 1};

@@ -1,4 +1,4 @@
-// The equations of the controllers against numbers worked out by hand.
+// The equations of the controllers against numbers computed by hand.
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
@@ -20,11 +20,11 @@ namespace {
 constexpr MofcParameters kOmni{.f_d = 0.1, .f_co = 0.1, .T = 0.02};
 
 ControlInput input_at(const Vector3& x, const std::vector<AppliedStretch>& applied,
-                      const Vector3& asked) {
+                      const Vector3& requested) {
   return {.hand_position_m = x,
           .applied = applied,
           .has_gap = false,
-          .asked_force_on_hand_newton = asked};
+          .asked_force_on_hand_newton = requested};
 }
 
 // (10): f_d d²/T + f_co|d| + f d with d = 2 mm, T = 20 ms, f = −0.5 N:
@@ -98,7 +98,7 @@ TEST(MofcEquations, MaximumForceOnAHandOfBoundedSpeed) {
 
 constexpr GuardParameters kGuard{.mofc = kOmni, .v_max_m_per_s = 0.5};
 
-// 10 mm free along −z in 20 ms, then 1 N asked against it:
+// 10 mm free along −z in 20 ms, then 1 N requested against it:
 //   E′ = 0.1·1e−4/0.02 + 0.1·0.01 = 1.5 mJ, so f* = 0.1 + 0.05 + 1.5e−3/0.01 = 0.3 N
 //   S  = 10 + 1.5 − ½·1·0.01·1e3 = 6.5 mJ, recovering to 6.5 + 3.5 (1 − e^−0.04) = 6.637237 mJ
 //   f_max = 0.1 + 6.637237/10 · 0.2 = 0.2327447 N
@@ -115,7 +115,7 @@ TEST(GuardMofc, TheGateClosesByWhatTheHeldForceLeaked) {
   EXPECT_TRUE(out.is_clamped);
 }
 
-// The same force, said to be held: nothing has leaked yet, S = 10 mJ, the gate is open.
+// The same force, marked as held: nothing has leaked yet, S = 10 mJ, the gate is open.
 TEST(GuardMofc, AHeldForceLeaksOnlyWhenTheNextIsKnown) {
   GuardMofc controller(kGuard);
   (void)controller.step(input_at(Vector3::Zero(), {}, Vector3::Zero()));
@@ -139,9 +139,9 @@ TEST(GuardMofc, CreditIsCappedAboveTheStoredEnergy) {
   }
 }
 
-// 1.5 mJ as above, then 10 ms of 0.15 N whose end nobody read, 10 ms of nothing: 0.01·6.25e−3
+// 1.5 mJ as above, then 10 ms of 0.15 N whose end was not read, 10 ms without force: 0.01·6.25e−3
 // = 62.5 µJ are booked as drawn, the motion earns nothing.
-TEST(GuardMofc, AnUnreadEndIsBookedAsTheWorstHandMovedThere) {
+TEST(GuardMofc, AnUnreadIntervalIsBookedWithTheWorstMotion) {
   GuardMofc controller(kGuard);
   (void)controller.step(input_at(Vector3::Zero(), {}, Vector3::Zero()));
   const std::vector<AppliedStretch> free{{0.02, Vector3::Zero(), Vector3(0, 0, -0.01), true}};
@@ -156,7 +156,7 @@ TEST(GuardMofc, AnUnreadEndIsBookedAsTheWorstHandMovedThere) {
 }
 
 // 11 mm in 20 ms are 0.55 m/s; 9 mm are 0.45. With q = 1 mm, 11 mm may have been 9.3.
-TEST(GuardMofc, AHandSurelyFasterThanVMaxIsReported) {
+TEST(GuardMofc, AHandCertainlyFasterThanVMaxIsReported) {
   const auto is_too_fast = [](double moved_m, double q) {
     GuardParameters p = kGuard;
     p.resolution_m = q;
@@ -171,8 +171,8 @@ TEST(GuardMofc, AHandSurelyFasterThanVMaxIsReported) {
   EXPECT_FALSE(is_too_fast(11e-3, 1e-3));
 }
 
-// 13.44 mJ limited to 10, of which 4 may be gone unread; then all of it may be. A debt stays.
-TEST(EnergyLedger, AnUnreadTimeCostsCreditButMakesNoDebt) {
+// 13.44 mJ limited to 10, of which 4 may be drawn unread, then all of it. A negative E′ stays.
+TEST(EnergyLedger, AnUnreadIntervalReducesCreditButNotBelowZero) {
   EnergyLedger ledger(0.1, 0.1, 0.0);
   ledger.restart(Vector3::Zero());
   ledger.book(1.0, Vector3::Zero(), Vector3(0.12, 0, 0));
@@ -190,7 +190,7 @@ TEST(EnergyLedger, AnUnreadTimeCostsCreditButMakesNoDebt) {
 
 // Free motion of 1 mm per 20 ms along x: E′ₓ = 0.1·1e−6/0.02 + 0.1·1e−3 = 1.05e−4 J, y and z none.
 // f_max,x = 0.1 + 2 √(0.1·1.05e−4/0.02) = 0.1 + 2·0.0229129 = 0.1458258 N; y, z: 0.1 N
-TEST(PaperMofc, EachAxisClampsAloneOnItsOwnPool) {
+TEST(PaperMofc, EachAxisClampsOnItsOwnPool) {
   PaperMofc controller(kOmni);
   (void)controller.step(input_at(Vector3::Zero(), {}, Vector3::Zero()));
   const std::vector<AppliedStretch> free{{0.02, Vector3::Zero(), Vector3(1e-3, 0, 0), true}};
@@ -205,8 +205,8 @@ TEST(PaperMofc, EachAxisClampsAloneOnItsOwnPool) {
   EXPECT_TRUE(out.is_clamped);
 }
 
-// Isotropic friction of 0.1 N: each axis counts 0.1/√3 = 0.0577350 N and may push with that alone.
-TEST(PaperMofc, ForIsotropicFrictionEachAxisCountsOneOverSqrt3) {
+// Isotropic friction of 0.1 N: each axis uses 0.1/√3 = 0.0577350 N.
+TEST(PaperMofc, ForIsotropicFrictionEachAxisUsesOneOverSqrt3) {
   PaperMofc controller = PaperMofc::isotropic(kOmni);
   (void)controller.step(input_at(Vector3::Zero(), {}, Vector3::Zero()));
   const std::vector<AppliedStretch> free{{0.02, Vector3::Zero(), Vector3(1e-3, 0, 0), true}};
@@ -237,10 +237,10 @@ TEST(OnePoolClamp, DrainPerAxisIsTheSumOrThatOfTheWholeHand) {
 // 0.2).
 TEST(OnePoolClamp, PerAxisTheForceIsScaledToWhatThePoolPays) {
   const OnePoolClamp clamp(kOmni, kAxial, kNoLimit);
-  const Vector3 asked(1.0, -1.2, 1.6);
+  const Vector3 requested(1.0, -1.2, 1.6);
 
-  const ControlOutput paid = clamp.clamp(asked, 20e-3);
-  EXPECT_LT((paid.force_on_hand_newton - 0.5 * asked).norm(), 1e-12);
+  const ControlOutput paid = clamp.clamp(requested, 20e-3);
+  EXPECT_LT((paid.force_on_hand_newton - 0.5 * requested).norm(), 1e-12);
   EXPECT_TRUE(paid.is_clamped);
   // all 20 mJ for x alone: 0.1 + 2 √(0.1·0.02/0.02) = 0.732456 N
   EXPECT_NEAR(paid.f_max_newton.x(), 0.732456, 1e-6);
@@ -278,7 +278,7 @@ TEST(VectorMofc, ScalesTheForceAndKeepsItsDirection) {
 // 8 mJ and so 0.5 N. The ledger: 0.12 m free in 1 s: 0.1·0.0144 + 0.1·0.12 = 13.44 mJ, and then the
 // 0.5 N for 0.02 s moving 10.4 mm along it (the device helps the hand): 0.1·1.0816e−4/0.02
 // + 0.1·0.0104 − 0.5·0.0104 = 0.5408e−3 − 4.16e−3 = −3.6192 mJ → 9.8208 mJ
-TEST(VectorMofc, PaysInAdvanceForTheForceThatStillActs) {
+TEST(VectorMofc, ReservesEnergyForTheForceThatStillActs) {
   VectorMofc controller(kOmni, 0.0, 5e-3);
   (void)controller.step(input_at(Vector3::Zero(), {}, Vector3::Zero()));
   const std::vector<AppliedStretch> applied{{1.0, Vector3::Zero(), Vector3(0.12, 0, 0), true},
@@ -306,7 +306,7 @@ TEST(VectorMofc, StartsAgainWithoutCreditAfterAGap) {
   EXPECT_NEAR(out.force_on_hand_newton.x(), 0.1, 1e-15);
 }
 
-TEST(VectorMofc, AStretchWithoutAPositionCountsAsAGap) {
+TEST(VectorMofc, AnIntervalWithoutAPositionCountsAsAGap) {
   VectorMofc controller(kOmni, 0.0, 0.0);
   (void)controller.step(input_at(Vector3::Zero(), {}, Vector3::Zero()));
   const std::vector<AppliedStretch> applied{{0.02, {1, 0, 0}, Vector3::Zero(), false},
@@ -317,7 +317,7 @@ TEST(VectorMofc, AStretchWithoutAPositionCountsAsAGap) {
   EXPECT_EQ(out.ledger_energy_joule, 0.0);
 }
 
-// Nobody says what acted: neither the energy of before nor a reserve for what acts now is known.
+// It is not known what acted: neither the earlier energy nor a reserve for the acting force.
 TEST(VectorMofc, AnEmptyEchoAfterTheFirstStepCountsAsAGap) {
   VectorMofc controller(kOmni, 0.0, 0.0);
   (void)controller.step(input_at(Vector3::Zero(), {}, Vector3::Zero()));
@@ -330,7 +330,7 @@ TEST(VectorMofc, AnEmptyEchoAfterTheFirstStepCountsAsAGap) {
   EXPECT_NEAR(out.force_on_hand_newton.x(), 0.1, 1e-15);
 }
 
-TEST(PassThrough, GivesWhatIsAskedAndClaimsNoBound) {
+TEST(PassThrough, GivesTheRequestedForceAndReportsNoBound) {
   PassThrough none;
 
   const ControlOutput out = none.step(input_at(Vector3::Zero(), {}, {5, -6, 7}));
@@ -340,7 +340,7 @@ TEST(PassThrough, GivesWhatIsAskedAndClaimsNoBound) {
   EXPECT_TRUE(std::isnan(out.ledger_energy_joule));
 }
 
-// A press of 2 N through quantised positions, held and released on the spot: work 0, path 0; the
+// A press of 2 N through quantised positions, held and released without motion: work 0, path 0; the
 // quantisation costs (√3 q/2)(|f| + TV) = 47.63 µm·(0 + 4 N) = 190.5 µJ once the force is gone.
 TEST(EnergyLedger, AStaticPressCostsTheForceTimesTheResolutionOnce) {
   const double q = 55e-6;
@@ -353,7 +353,7 @@ TEST(EnergyLedger, AStaticPressCostsTheForceTimesTheResolutionOnce) {
 }
 
 // 0.1 m at 0.1 m/s read every millisecond with q = 55 µm, no force: truth 0.1·0.01·1 + 0.1·0.1
-// = 11 mJ. The ledger may lose to quantisation, but not most of it.
+// = 11 mJ. The ledger may lose some of it to quantisation, but not most.
 TEST(EnergyLedger, SlowMotionAtAHighRateStillCounts) {
   const double q = 55e-6;
   EnergyLedger ledger(0.1, 0.1, q);
@@ -398,7 +398,8 @@ TEST(EnergyLedger, AStaircaseCountsItsWholePath) {
   EXPECT_NEAR(ledger.energy_joule(), 1.8268e-3 + 33.37e-6, 1e-8);
 }
 
-// To and fro by 1 mm, never 16 q away from the start: no window closes, the play sees the path.
+// To and fro by 1 mm, never 16 q away from the start: no window closes, the play operators measure
+// the path.
 // 10 · 1 mm less 0.05 mm at the first turn and 0.1 mm at each of the nine others, less 0.05 mm.
 TEST(EnergyLedger, MotionToAndFroCountsThoughItEndsWhereItBegan) {
   EnergyLedger ledger(0.0, 0.1, 1e-4);

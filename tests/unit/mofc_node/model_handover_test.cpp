@@ -48,7 +48,7 @@ Interaction random_interaction(Random& random, std::uint64_t sequence) {
 }
 
 // Random models arrive at random times under a tool at rest, so that nothing but the models can
-// change the force: no step is ever above the bound, and in time the newest model is all there is.
+// change the force: no step exceeds the bound, and eventually only the newest model is used.
 TEST(ModelHandoverProperty, ANewModelAloneNeverMovesTheForceByMoreThanTheBound) {
   int changes_above_the_bound = 0;
   for (std::uint64_t seed = 1; seed <= 1000; ++seed) {
@@ -66,7 +66,7 @@ TEST(ModelHandoverProperty, ANewModelAloneNeverMovesTheForceByMoreThanTheBound) 
       if (random.chance(0.2)) {
         const Vector3 old_force = evaluate(newest, tool_m, tool_m_per_s, 0.0).force_on_tool_newton;
         newest = random_interaction(random, static_cast<std::uint64_t>(k));
-        // a surface that moves changes the force by itself
+        // a moving surface changes the force without a new model
         for (Contact& contact : newest.contacts) contact.surface_velocity_world_m_per_s.setZero();
         const Vector3 new_force = evaluate(newest, tool_m, tool_m_per_s, 0.0).force_on_tool_newton;
         changes_above_the_bound += (new_force - old_force).norm() > bound_newton ? 1 : 0;
@@ -88,7 +88,7 @@ TEST(ModelHandoverProperty, ANewModelAloneNeverMovesTheForceByMoreThanTheBound) 
   EXPECT_GT(changes_above_the_bound, 5000);  // held back, or the test would prove nothing
 }
 
-// The same while the tool moves: what the hand-over itself adds is within the bound.
+// The same while the tool moves: the contribution of the hand-over is within the bound.
 TEST(ModelHandoverProperty, TheHandOverOfAMovingToolIsWithinTheBoundToo) {
   double largest = 0.0;
   for (std::uint64_t seed = 1; seed <= 1000; ++seed) {
@@ -112,7 +112,7 @@ TEST(ModelHandoverProperty, TheHandOverOfAMovingToolIsWithinTheBoundToo) {
 
 // A floor that rises with 10 mm/s, seen by physics half-way round a loop of 100 ms: 50 ms old when
 // its model arrives, 70 ms old 20 ms later. 500 N/m · (1 mm + 10 mm/s · 70 ms) = 0.85 N.
-TEST(ModelHandover, TheSurfaceGoesOnMovingWhileTheModelAges) {
+TEST(ModelHandover, TheSurfaceKeepsMovingWhileTheModelAges) {
   ModelHandover handover(1e6);
   Interaction interaction;
   interaction.header = {3, 0, {}};

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "common/core/memory_link.h"
+#include "mofc_node/make_controller.h"
 #include "mofc_node/motion_deadband.h"
 #include "tests/support/alloc_guard.h"
 
@@ -25,7 +26,7 @@ class KeepAll final : public TickSink<MofcTick> {
   std::vector<MofcTick> ticks;
 };
 
-/// A mofc_node between a device and a physics that the test plays.
+/// A mofc_node; the test plays the device and the physics.
 class MofcNodeTest : public testing::Test {
  protected:
   static MofcConfig mofc_config() {
@@ -37,14 +38,9 @@ class MofcNodeTest : public testing::Test {
     config.velocity_estimator = DifferenceVelocity{};
     return config;
   }
-  static DeviceConfig device_config() {
-    DeviceConfig config;
-    config.lease = 2ms;
-    config.reply = 500us;
-    return config;
-  }
+  static ClampedDevice clamped_device() { return {.lease = 2ms}; }
 
-  explicit MofcNodeTest(MofcConfig mofc = mofc_config(), DeviceConfig device = device_config())
+  explicit MofcNodeTest(MofcConfig mofc = mofc_config(), ClampedDevice device = clamped_device())
       : node_(mofc, device, clock_, motion_link_, interaction_in_, records_, 77) {
     interaction_link_.on_wait = [this](TimePoint deadline) { clock_.sleep_until(deadline); };
   }
@@ -67,8 +63,8 @@ class MofcNodeTest : public testing::Test {
     return command;
   }
 
-  void physics_says(const Vector3& force_newton, std::uint64_t device_session = 1,
-                    std::optional<std::uint64_t> device_sequence = std::nullopt) {
+  void physics_sends(const Vector3& force_newton, std::uint64_t device_session = 1,
+                     std::optional<std::uint64_t> device_sequence = std::nullopt) {
     Interaction interaction;
     interaction.header = {9, physics_sequence_++, clock_.now()};
     interaction.device_session_id = device_session;
@@ -100,7 +96,7 @@ class MofcNodeTest : public testing::Test {
   bool is_clutched_ = false;
 };
 
-TEST_F(MofcNodeTest, AsksForNothingBeforeThePhysicsSpeaks) {
+TEST_F(MofcNodeTest, RequestsNoForceBeforeThePhysicsSpeaks) {
   const ForceCommand command = tick();
 
   EXPECT_EQ(command.force_on_hand_newton, Vector3::Zero());
@@ -131,10 +127,10 @@ TEST_F(MofcNodeTest, RelaysTheMotionWithTheDevicesStampAndAVelocity) {
   EXPECT_NEAR(motion.tool_velocity_world_m_per_s.x(), 0.1, 1e-12);
 }
 
-TEST_F(MofcNodeTest, HoldsTheNewestForceAndTellsItsAgeOnTheDevicesClock) {
+TEST_F(MofcNodeTest, HoldsTheNewestForceAndRecordsItsAgeOnTheDevicesClock) {
   tick();
   clock_.advance(10ms);
-  physics_says({0, 0, 1.5});
+  physics_sends({0, 0, 1.5});
   clock_.advance(1ms);
 
   const ForceCommand command = tick();
@@ -145,9 +141,9 @@ TEST_F(MofcNodeTest, HoldsTheNewestForceAndTellsItsAgeOnTheDevicesClock) {
 }
 
 // stale at 6 ms of silence, fade over 50 ms: at 6 + 25 ms half is left, at 56 ms nothing
-TEST_F(MofcNodeTest, FadesToNothingAfterSilence) {
+TEST_F(MofcNodeTest, FadesToZeroAfterSilence) {
   tick();
-  physics_says({0, 0, 2});
+  physics_sends({0, 0, 2});
   EXPECT_EQ(tick().force_on_hand_newton.z(), 2.0);
   clock_.advance(6ms);
   EXPECT_EQ(tick().force_on_hand_newton.z(), 2.0);
@@ -158,29 +154,29 @@ TEST_F(MofcNodeTest, FadesToNothingAfterSilence) {
   EXPECT_EQ(tick().force_on_hand_newton, Vector3::Zero());
   EXPECT_EQ(records_.ticks.back().state, MofcState::kNoPhysics);
 
-  // speaks again: the force comes back from nothing over the fade, without a kick
-  physics_says({0, 0, 2});
+  // speaks again: the force grows from zero over the fade, without a jump
+  physics_sends({0, 0, 2});
   EXPECT_EQ(tick().force_on_hand_newton.z(), 0.0);
   clock_.advance(5ms);
-  physics_says({0, 0, 2});
+  physics_sends({0, 0, 2});
   EXPECT_NEAR(tick().force_on_hand_newton.z(), 0.2, 1e-12);
   for (int i = 0; i < 10; ++i) {
     clock_.advance(5ms);
-    physics_says({0, 0, 2});
+    physics_sends({0, 0, 2});
     tick();
   }
   EXPECT_EQ(records_.ticks.back().commanded_force_on_hand_newton.z(), 2.0);
 }
 
-// physics that repeats its answer to an old motion is as good as silent
+// physics that repeats its answer to an old motion counts as silent
 TEST_F(MofcNodeTest, PhysicsThatAnswersNoNewMotionGoesStale) {
   tick();
-  physics_says({0, 0, 2});
+  physics_sends({0, 0, 2});
   ASSERT_EQ(tick().force_on_hand_newton.z(), 2.0);
   const std::uint64_t answered = sequence_ - 1;
   for (int i = 0; i < 80; ++i) {
     clock_.advance(1ms);
-    physics_says({0, 0, 2}, 1, answered);
+    physics_sends({0, 0, 2}, 1, answered);
     tick();
   }
 
@@ -190,27 +186,27 @@ TEST_F(MofcNodeTest, PhysicsThatAnswersNoNewMotionGoesStale) {
 
 TEST_F(MofcNodeTest, ForgetsTheForceOfAnotherDeviceSession) {
   tick(1);
-  physics_says({0, 0, 2}, 1);
+  physics_sends({0, 0, 2}, 1);
   ASSERT_EQ(tick(1).force_on_hand_newton.z(), 2.0);
 
   EXPECT_EQ(tick(2).force_on_hand_newton, Vector3::Zero()) << "answers session 1, not 2";
-  physics_says({0, 0, 1}, 2);
+  physics_sends({0, 0, 1}, 2);
   EXPECT_EQ(tick(2).force_on_hand_newton.z(), 1.0);
 }
 
 TEST_F(MofcNodeTest, RendersNothingWhileClutched) {
   tick();
-  physics_says({0, 0, 2});
+  physics_sends({0, 0, 2});
   is_clutched_ = true;
 
   EXPECT_EQ(tick().force_on_hand_newton, Vector3::Zero());
   EXPECT_EQ(records_.ticks.back().state, MofcState::kClutched);
 }
 
-// asked 2 N, the echo says 1 N acted along it: 0.5
-TEST_F(MofcNodeTest, TransparencyComparesTheEchoWithWhatWasAsked) {
+// requested 2 N, the echo reports 1 N along it: 0.5
+TEST_F(MofcNodeTest, TransparencyComparesTheEchoWithTheRequest) {
   tick();
-  physics_says({0, 0, 2});
+  physics_sends({0, 0, 2});
   tick();
   echoed_newton_ = {0, 0, 1};
   tick();
@@ -249,8 +245,8 @@ class MofcNodeThins : public MofcNodeTest {
   }
 };
 
-// ticks 0, 20 and 40 of 41, the rest is suppressed; nothing looks lost
-TEST_F(MofcNodeThins, ARestingToolIsToldOncePerKeepAlive) {
+// ticks 0, 20 and 40 of 41; the rest is suppressed and no sequence number is missing
+TEST_F(MofcNodeThins, TheMotionOfARestingToolIsSentOncePerKeepAlive) {
   ticks_at(Vector3::Zero(), 41);
 
   const std::vector<ToolMotion> sent = motions();
@@ -262,7 +258,7 @@ TEST_F(MofcNodeThins, ARestingToolIsToldOncePerKeepAlive) {
 }
 
 // floors: 0.1 mm and 10 mm/s
-TEST_F(MofcNodeThins, AMotionIsToldWhenPositionOrVelocityHasChangedByMoreThanTheFloor) {
+TEST_F(MofcNodeThins, AMotionIsSentWhenPositionOrVelocityHasChangedByMoreThanTheFloor) {
   ticks_at(Vector3::Zero(), 2);
   ASSERT_EQ(motions().size(), 1u);
   ticks_at({9e-6, 0, 0}, 1);
@@ -270,7 +266,7 @@ TEST_F(MofcNodeThins, AMotionIsToldWhenPositionOrVelocityHasChangedByMoreThanThe
   ticks_at({9e-5, 0, 0}, 1);
   EXPECT_EQ(motions().size(), 1u) << "81 mm/s";
   ticks_at({9e-5, 0, 0}, 1);
-  EXPECT_EQ(motions().size(), 1u) << "it stands again";
+  EXPECT_EQ(motions().size(), 1u) << "it rests again";
 }
 
 TEST_F(MofcNodeThins, AChangeOfVelocityCountsAgainstTheVelocity) {
@@ -284,7 +280,7 @@ TEST_F(MofcNodeThins, AChangeOfVelocityCountsAgainstTheVelocity) {
   EXPECT_TRUE(is_worth_sending(sent, present, deadband)) << "0.030 > 0.023";
 }
 
-TEST_F(MofcNodeThins, ButtonsAndOrientationAreNewsToo) {
+TEST_F(MofcNodeThins, ButtonsAndOrientationCountToo) {
   const MotionDeadband deadband = *thinning().motion_deadband;
   const ToolMotion sent;
   ToolMotion pressed;
@@ -297,7 +293,7 @@ TEST_F(MofcNodeThins, ButtonsAndOrientationAreNewsToo) {
   EXPECT_TRUE(is_worth_sending(sent, turned, deadband));
 }
 
-TEST_F(MofcNodeThins, ANewDeviceSessionIsToldAtOnce) {
+TEST_F(MofcNodeThins, TheMotionOfANewDeviceSessionIsSentAtOnce) {
   ticks_at(Vector3::Zero(), 2);
   motions();
   tick(2);
@@ -305,7 +301,7 @@ TEST_F(MofcNodeThins, ANewDeviceSessionIsToldAtOnce) {
 }
 
 // the link holds 256: a motion that it does not take is tried again in the next tick
-TEST_F(MofcNodeThins, AMotionTheLinkDidNotTakeIsNotTakenForTold) {
+TEST_F(MofcNodeThins, AMotionThatTheLinkDidNotTakeDoesNotCountAsSent) {
   for (int i = 0; i < 256; ++i) motion_link_.send(ToolMotion{});
   ticks_at(Vector3::Zero(), 3);
   EXPECT_EQ(node_.counters().motions_dropped, 3u);
@@ -316,17 +312,17 @@ TEST_F(MofcNodeThins, AMotionTheLinkDidNotTakeIsNotTakenForTold) {
 
 class MofcNodeScaled : public MofcNodeTest {
  protected:
-  static DeviceConfig scaled() {
-    DeviceConfig config = device_config();
-    config.workspace.force_ratio = 0.25;
-    return config;
+  static ClampedDevice scaled() {
+    ClampedDevice device = clamped_device();
+    device.workspace.force_ratio = 0.25;
+    return device;
   }
   MofcNodeScaled() : MofcNodeTest(mofc_config(), scaled()) {}
 };
 
 TEST_F(MofcNodeScaled, ScalesTheForceOnTheToolToTheHand) {
   tick();
-  physics_says({0, 0, 2});
+  physics_sends({0, 0, 2});
 
   EXPECT_EQ(tick().force_on_hand_newton.z(), 0.5);
 }
@@ -344,16 +340,16 @@ class MofcNodeWaits : public MofcNodeTest {
 
 TEST_F(MofcNodeWaits, AnswersFromThePhysicsOfThisVeryTick) {
   tick();
-  physics_says({0, 0, 2});  // answers sequence 1, the next tick
+  physics_sends({0, 0, 2});  // answers sequence 1, the next tick
 
   EXPECT_EQ(tick().force_on_hand_newton.z(), 2.0);
   // the first tick, before the physics spoke, was late
   EXPECT_EQ(node_.counters().late_physics_ticks, 1u);
 }
 
-TEST_F(MofcNodeWaits, GivesNoMoreThanFrictionAbsorbsWhenThePhysicsIsLate) {
+TEST_F(MofcNodeWaits, CommandsNoMoreThanFrictionAbsorbsWhenThePhysicsIsLate) {
   tick();
-  physics_says({0, 0, 2});
+  physics_sends({0, 0, 2});
   tick();
 
   const ForceCommand late = tick();  // nobody answered this one
@@ -373,8 +369,8 @@ class MofcNodeGuards : public MofcNodeTest {
   MofcNodeGuards() : MofcNodeTest(clamping()) {}
 };
 
-// the same echo under a new header must not be booked again
-TEST_F(MofcNodeGuards, AnEchoToldTwiceIsAGap) {
+// the same echo with a new header must not be booked twice
+TEST_F(MofcNodeGuards, AnEchoReportedTwiceIsAGap) {
   tick();
   clock_.advance(1ms);
   position_m_ = {0.05, 0, 0};
@@ -392,10 +388,51 @@ TEST_F(MofcNodeGuards, AnEchoToldTwiceIsAGap) {
   EXPECT_EQ(records_.ticks.back().ledger_energy_joule, 0.0);
 }
 
+// Two readings with equal stamps: no time has passed, so nothing is unknown.
+TEST_F(MofcNodeGuards, TwoReadingsWithEqualStampsAreNoGap) {
+  tick();
+  clock_.advance(1ms);
+  position_m_ = {0.05, 0, 0};
+  tick();
+  const double before_joule = records_.ticks.back().ledger_energy_joule;
+  ASSERT_GT(before_joule, 1e-3);
+  const std::uint64_t resets = node_.counters().ledger_resets;
+
+  Received<DeviceState> again;
+  again.value.header = {1, sequence_++, clock_.now()};
+  again.value.hand_position_m = position_m_;
+  (void)node_.answer(again);
+  node_.finish_turn();
+  EXPECT_EQ(records_.ticks.back().ledger_energy_joule, before_joule);
+
+  // and the next echo continues it
+  clock_.advance(1ms);
+  tick();
+  EXPECT_GE(records_.ticks.back().ledger_energy_joule, before_joule);
+  EXPECT_EQ(node_.counters().ledger_resets, resets);
+}
+
+TEST_F(MofcNodeGuards, AnEmptyEchoWithALaterStampIsAGap) {
+  tick();
+  clock_.advance(1ms);
+  position_m_ = {0.05, 0, 0};
+  tick();
+  ASSERT_GT(records_.ticks.back().ledger_energy_joule, 1e-3);
+
+  clock_.advance(1ms);
+  Received<DeviceState> empty;
+  empty.value.header = {1, sequence_++, clock_.now()};
+  empty.value.hand_position_m = position_m_;
+  (void)node_.answer(empty);
+  node_.finish_turn();
+
+  EXPECT_EQ(records_.ticks.back().ledger_energy_joule, 0.0);
+}
+
 // from rest there is no energy to draw on: f_max = f_co = 0.1 N
 TEST_F(MofcNodeGuards, ClampsToFrictionWhileTheLedgerIsEmpty) {
   tick();
-  physics_says({0, 0, 2});
+  physics_sends({0, 0, 2});
 
   EXPECT_NEAR(tick().force_on_hand_newton.z(), 0.1, 1e-12);
   EXPECT_TRUE(records_.ticks.back().is_clamped);
@@ -418,8 +455,6 @@ TEST_F(MofcNodeGuards, AGapInTheDeviceStatesEmptiesTheLedger) {
   EXPECT_EQ(records_.ticks.back().ledger_energy_joule, 0.0);
 }
 
-// --- real time ------------------------------------------------------------------------------
-
 // --- interaction: local -------------------------------------------------------------------------
 
 class MofcNodeLocal : public MofcNodeTest {
@@ -433,7 +468,7 @@ class MofcNodeLocal : public MofcNodeTest {
   explicit MofcNodeLocal(const MofcConfig& config = local_config()) : MofcNodeTest(config) {}
 
   // A floor at z = 0 of 400 N/m and 20 N·s/m, seen from `tool_m` at the present instant.
-  void physics_describes(const Vector3& tool_m, double stiffness = 400.0) {
+  void physics_sends_model(const Vector3& tool_m, double stiffness = 400.0) {
     Interaction interaction;
     interaction.header = {9, physics_sequence_++, clock_.now()};
     interaction.device_session_id = 1;
@@ -453,16 +488,16 @@ class MofcNodeLocal : public MofcNodeTest {
   // Two ticks under an honest physics: the first has no time in which the force could rise.
   ForceCommand touched_at(double z_m) {
     position_m_ = {0, 0, z_m};
-    physics_describes(position_m_);
+    physics_sends_model(position_m_);
     tick();
     clock_.advance(1ms);
-    physics_describes(position_m_);
+    physics_sends_model(position_m_);
     return tick();
   }
 };
 
-// Described 3 mm above the floor, then 2 mm deep, 5 mm in 5 ms: 400·2 mm + 20·1 m/s.
-TEST_F(MofcNodeLocal, FeelsAContactThatBeginsBetweenTwoMessages) {
+// Model from 3 mm above the floor, then 2 mm deep, 5 mm in 5 ms: 400·2 mm + 20·1 m/s.
+TEST_F(MofcNodeLocal, RendersAContactThatBeginsBetweenTwoMessages) {
   EXPECT_EQ(touched_at(0.003).force_on_hand_newton, Vector3::Zero());
   EXPECT_EQ(records_.ticks.back().state, MofcState::kFree);
 
@@ -475,7 +510,7 @@ TEST_F(MofcNodeLocal, FeelsAContactThatBeginsBetweenTwoMessages) {
   EXPECT_TRUE(records_.ticks.back().is_in_contact);
 }
 
-TEST_F(MofcNodeLocal, LetsGoBetweenTwoMessages) {
+TEST_F(MofcNodeLocal, RendersNothingAfterLeavingTheTissueBetweenTwoMessages) {
   EXPECT_NEAR(touched_at(-0.002).force_on_hand_newton.z(), 0.8, 1e-12);
 
   clock_.advance(1ms);
@@ -489,7 +524,7 @@ TEST_F(MofcNodeLocal, FadesAModelThatIsTooOldHoweverTheHandMoves) {
   clock_.advance(7ms);  // stale after 6
   const double declared = tick().force_on_hand_newton.norm();
   clock_.advance(10ms);
-  position_m_ = {0, 0, -0.02};  // ten times the force, says the model
+  position_m_ = {0, 0, -0.02};  // ten times the force by the model
 
   const double newton = tick().force_on_hand_newton.norm();
 
@@ -497,9 +532,9 @@ TEST_F(MofcNodeLocal, FadesAModelThatIsTooOldHoweverTheHandMoves) {
   EXPECT_LT(newton, declared);
 }
 
-TEST_F(MofcNodeLocal, AsksForNothingWhileClutchedAndStartsAgainFromTheNewModel) {
+TEST_F(MofcNodeLocal, RequestsNoForceWhileClutchedAndStartsAgainFromTheNewModel) {
   position_m_ = {0, 0, -0.002};
-  physics_describes(position_m_);
+  physics_sends_model(position_m_);
   is_clutched_ = true;
   EXPECT_EQ(tick().force_on_hand_newton, Vector3::Zero());
   EXPECT_EQ(records_.ticks.back().state, MofcState::kClutched);
@@ -519,17 +554,17 @@ class MofcNodeSlowHandover : public MofcNodeLocal {
   MofcNodeSlowHandover() : MofcNodeLocal(slow_config()) {}
 };
 
-// The tissue turns out to be 400 N/m stiffer, 2 mm deep: +0.8 N at 100 N/s takes 8 ticks of 1 ms.
-TEST_F(MofcNodeSlowHandover, CrossesOverToAnotherModelAtTheAgreedRate) {
+// The new model is 400 N/m stiffer, 2 mm deep: +0.8 N at 100 N/s takes 8 ticks of 1 ms.
+TEST_F(MofcNodeSlowHandover, CrossesOverToAnotherModelAtTheConfiguredRate) {
   position_m_ = {0, 0, -0.002};
   for (int i = 0; i < 20; ++i) {  // 0.8 N from nothing takes 8 ticks too
-    physics_describes(position_m_);
+    physics_sends_model(position_m_);
     tick();
     clock_.advance(1ms);
   }
   double before = 0.8;
   for (int i = 1; i <= 10; ++i) {
-    physics_describes(position_m_, 800.0);
+    physics_sends_model(position_m_, 800.0);
     const double newton = tick().force_on_hand_newton.z();
     EXPECT_NEAR(newton, std::min(1.6, 0.8 + 0.1 * i), 1e-9) << i;
     EXPECT_LE(newton - before, 0.1 + 1e-12);
@@ -557,9 +592,7 @@ TEST_P(MofcNodeInMode, AnswerAndFinishTurnDoNotAllocate) {
                     .fade = 50ms,
                     .velocity_estimator = KalmanVelocity{},
                     .motion_deadband = MotionDeadband{}};
-  DeviceConfig device;
-  device.lease = 2ms;
-  device.reply = 500us;
+  const ClampedDevice device{.lease = 2ms};
   MofcNode node(config, device, clock, motions, interaction_in, records, 77);
   std::uint64_t allocations = 0;
 
@@ -620,8 +653,8 @@ TEST_P(MofcNodeInMode, AnswerAndFinishTurnDoNotAllocate) {
 INSTANTIATE_TEST_SUITE_P(Modes, MofcNodeInMode,
                          testing::Values(MofcMode::kPaper, MofcMode::kVector, MofcMode::kGuard));
 
-/// What a controller without any energy lets through on each axis.
-Vector3 f_max_at_first_newton(const MofcConfig& mofc, const DeviceConfig& device) {
+/// The bound of a controller without any energy, per axis.
+Vector3 f_max_at_first_newton(const MofcConfig& mofc, const ClampedDevice& device) {
   return make_controller(mofc, device)
       ->step({.hand_position_m = Vector3::Zero(),
               .applied = {},
@@ -630,9 +663,8 @@ Vector3 f_max_at_first_newton(const MofcConfig& mofc, const DeviceConfig& device
 }
 
 // With an empty pool what is left is the Coulomb friction that the mode counts.
-TEST(MakeController, EveryModeCountsOnTheFrictionOfTheProfile) {
-  DeviceConfig device;
-  device.lease = 2ms;
+TEST(MakeController, EveryModeUsesTheFrictionOfTheProfile) {
+  ClampedDevice device{.lease = 2ms};
   device.profile.coulomb_newton = 0.3;
   for (const MofcMode mode : {MofcMode::kPaper, MofcMode::kVector, MofcMode::kGuard}) {
     EXPECT_EQ(f_max_at_first_newton({.mode = mode, .guard = {}}, device), Vector3::Constant(0.3));

@@ -1,4 +1,4 @@
-// What each velocity estimator promises: bias, lag, noise, rest, gaps.
+// The properties of each velocity estimator: bias, lag, noise, rest, gaps.
 #include "mofc_node/velocity_estimator.h"
 
 #include <gtest/gtest.h>
@@ -47,7 +47,7 @@ class EveryEstimator : public testing::TestWithParam<Kind> {
 INSTANTIATE_TEST_SUITE_P(Kinds, EveryEstimator, testing::ValuesIn(kKinds),
                          [](const auto& kind) { return std::string(kind.param.name); });
 
-TEST_P(EveryEstimator, IsExactOnAUniformMotionWhateverTheStamps) {
+TEST_P(EveryEstimator, IsExactOnAUniformMotionForAnyStamps) {
   Random random(1);
   const Vector3 velocity(0.08, -0.02, 0.001);
   double t_s = 0.0;
@@ -60,7 +60,7 @@ TEST_P(EveryEstimator, IsExactOnAUniformMotionWhateverTheStamps) {
   EXPECT_LT((estimate - velocity).norm(), 1e-9);
 }
 
-TEST_P(EveryEstimator, SaysZeroForTheFirstSampleAlsoAfterReset) {
+TEST_P(EveryEstimator, ReturnsZeroForTheFirstSampleAlsoAfterReset) {
   const Vector3 away(0.1, 0.2, 0.3);
   EXPECT_EQ(made_->update(away, tick(0), kNoForce), Vector3::Zero());
   for (int k = 1; k < 50; ++k) made_->update(away * (1.0 + 0.01 * k), tick(k), kNoForce);
@@ -69,7 +69,7 @@ TEST_P(EveryEstimator, SaysZeroForTheFirstSampleAlsoAfterReset) {
   EXPECT_EQ(made_->update(away, tick(51), kNoForce), Vector3::Zero()) << "nothing has moved since";
 }
 
-TEST_P(EveryEstimator, StandsWhileNoLaterSampleComes) {
+TEST_P(EveryEstimator, KeepsItsEstimateWithoutALaterSample) {
   Vector3 estimate;
   for (int k = 0; k < 100; ++k) {
     estimate = made_->update({0, 0, 1e-4 * k}, tick(k), kNoForce);
@@ -81,7 +81,7 @@ TEST_P(EveryEstimator, StandsWhileNoLaterSampleComes) {
 }
 
 // 3 mm in a pause of 0.3 s: 10 mm/s on average
-TEST_P(EveryEstimator, GoesOnAfterAGap) {
+TEST_P(EveryEstimator, ContinuesAfterAGap) {
   for (int k = 0; k < 100; ++k) made_->update(Vector3::Zero(), tick(k), kNoForce);
   Vector3 estimate = made_->update({0.003, 0, 0}, tick(399), kNoForce);
   if (std::holds_alternative<KalmanVelocity>(GetParam().config)) {
@@ -95,8 +95,8 @@ TEST_P(EveryEstimator, GoesOnAfterAGap) {
   EXPECT_NEAR(estimate.x(), 0.01, 1e-5);
 }
 
-// A night's sleep: the variance of the model is enormous, that of the reading decides.
-TEST_P(EveryEstimator, GoesOnAfterHours) {
+// Eight hours: the variance of the model is enormous, that of the reading decides.
+TEST_P(EveryEstimator, ContinuesAfterHours) {
   for (int k = 0; k < 100; ++k) made_->update(Vector3::Zero(), tick(k), kNoForce);
   Vector3 estimate;
   for (int k = 0; k < 2000; ++k) {
@@ -142,7 +142,7 @@ TEST(DifferenceEstimator, LagsHalfAPeriod) {
 }
 
 // v ← v + g (u − v) on a ramp of u settles T (1 − g)/g behind it; g = 1 − exp(−T/τ), T/τ = 1/5
-TEST(DifferenceEstimator, LagsByItsTimeConstantBesides) {
+TEST(DifferenceEstimator, AlsoLagsByItsTimeConstant) {
   DifferenceEstimator estimator(5ms);
   const double g = 1.0 - std::exp(-0.2);
   const double lag_s = 0.5e-3 + kPeriod_s * (1.0 - g) / g;
@@ -191,7 +191,7 @@ TEST(AdaptiveWindowEstimator, FillsItsWindowOnAUniformQuantisedMotion) {
 }
 
 // 80 mm/s, then back: 1 ms after the turn no line with a sample before it holds
-TEST(AdaptiveWindowEstimator, DropsWhatWasBeforeATurn) {
+TEST(AdaptiveWindowEstimator, DropsSamplesFromBeforeATurn) {
   AdaptiveWindowEstimator estimator({.max_window = 20ms, .is_best_fit = false}, kResolution_m);
   const auto position = [](int k) { return quantised(8e-5 * (k <= 100 ? k : 200 - k)); };
   for (int k = 0; k <= 103; ++k) estimator.update({position(k), 0, 0}, tick(k), kNoForce);
@@ -224,9 +224,9 @@ TEST(KalmanEstimator, OfConstantAccelerationDoesNot) {
   EXPECT_NEAR(error_under_acceleration(estimator, kAcceleration_m_per_s2), 0.0, 1e-9);
 }
 
-// A body that moves as the model says, measured with the noise the model knows: the error has the
-// variance the filter believes, and that is √2 S^¾ R^¼ in the continuous limit, R = T q²/12.
-TEST(KalmanEstimator, KnowsItsOwnErrorInSteadyState) {
+// A body that moves as the model assumes, measured with the noise of the model: the error has the
+// variance that the filter computes, and that is √2 S^¾ R^¼ in the continuous limit, R = T q²/12.
+TEST(KalmanEstimator, ComputesItsOwnErrorInSteadyState) {
   constexpr double kDensity = 1e-4;  // slow against the period: ω = 141 rad/s
   KalmanEstimator<2> estimator(kDensity, kResolution_m, 0.0);
   Random random(7);
@@ -267,7 +267,8 @@ double worst_error_of_driven_mass(const KalmanVelocity& config, double scale_rat
   return worst;
 }
 
-// 1 N on 0.3 kg for 5 ms changes the velocity by 17 mm/s: who knows the force sees it at once
+// 1 N on 0.3 kg for 5 ms changes the velocity by 17 mm/s: with the known force the estimate follows
+// at once
 TEST(KalmanEstimator, FollowsTheMotorsWithoutLagIfItKnowsTheMass) {
   KalmanVelocity config{.moving_mass_kg = 0.3};
   EXPECT_LT(worst_error_of_driven_mass(config, 1.0), 1e-6);

@@ -94,6 +94,14 @@ TEST_F(EventLogTest, ACommandThatIsNotFiniteIsAnError) {
   EXPECT_EQ(lines(), "error event=command_not_finite count=2\n");
 }
 
+TEST_F(EventLogTest, ALateSwitchIsAWarning) {
+  EventLog<DeviceCounters> events(logger_);
+  DeviceCounters counters;
+  counters.late_switches = 1;
+  events.note(counters, at(milliseconds(0)));
+  EXPECT_EQ(lines(), "warning event=switch_late count=1\n");
+}
+
 // 100 limp ticks at the start, then answers; 5 + 3 fallback ticks that flutter; quiet from 60 ms
 // on.
 TEST_F(EventLogTest, AFlutteringFallbackIsOneEpisode) {

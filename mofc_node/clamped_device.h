@@ -1,0 +1,17 @@
+// clamped_device.h — what mofc_node knows of the device whose force it limits.
+#pragma once
+
+#include "common/core/time.h"
+#include "common/core/workspace_map.h"
+#include "common/session/device_profile.h"
+
+namespace palpate::mofc {
+
+struct ClampedDevice {
+  DeviceProfile profile;
+  WorkspaceConfig workspace;
+  Duration lease{};         ///< longest time that one command may act
+  double rate_hz = 1000.0;  ///< of its tick
+};
+
+}  // namespace palpate::mofc

@@ -1,0 +1,16 @@
+// make_controller.h — from the session's settings to a controller.
+#pragma once
+
+#include <memory>
+
+#include "common/session/mofc_config.h"
+#include "mofc_node/clamped_device.h"
+#include "mofc_node/controllers/force_controller.h"
+
+namespace palpate::mofc {
+
+/// The controller that the session selects, with the device's profile.
+[[nodiscard]] std::unique_ptr<controllers::ForceController> make_controller(
+    const MofcConfig& mofc, const ClampedDevice& device);
+
+}  // namespace palpate::mofc

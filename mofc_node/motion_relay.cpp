@@ -1,0 +1,45 @@
+#include "mofc_node/motion_relay.h"
+
+#include "mofc_node/motion_deadband.h"
+
+namespace palpate::mofc {
+
+MotionRelay::MotionRelay(const MofcConfig& mofc, const ClampedDevice& device, const Clock& clock,
+                         Sender<ToolMotion>& out, std::uint64_t session_id)
+    : clock_(clock),
+      out_(out),
+      deadband_(mofc.motion_deadband),
+      velocity_(make_velocity_estimator(
+          mofc.velocity_estimator,
+          device.profile.position_resolution_m * device.workspace.scale_ratio,
+          device.workspace.scale_ratio)) {
+  motion_.header.session_id = session_id;
+}
+
+void MotionRelay::update(const DeviceState& state, const Vector3& mean_force_newton) noexcept {
+  motion_.header.sampled_at = clock_.now();
+  motion_.device_session_id = state.header.session_id;
+  motion_.device_sequence = state.header.sequence;
+  motion_.device_sampled_at = state.header.sampled_at;
+  motion_.tool_position_world_m = state.tool_position_world_m;
+  motion_.tool_orientation_world = state.tool_orientation_world;
+  motion_.tool_velocity_world_m_per_s =
+      velocity_->update(state.tool_position_world_m, state.header.sampled_at, mean_force_newton);
+  motion_.buttons = state.buttons;
+  is_pending_ = true;
+}
+
+void MotionRelay::send() noexcept {
+  if (!is_pending_) return;
+  is_pending_ = false;
+  if (deadband_ && sent_ && !is_worth_sending(*sent_, motion_, *deadband_)) {
+    ++suppressed_;
+    return;
+  }
+  motion_.header.sequence = next_sequence_++;
+  const SendResult result = out_.send(motion_);
+  if (result == SendResult::kDropped) ++dropped_;
+  if (result == SendResult::kSent) sent_ = motion_;
+}
+
+}  // namespace palpate::mofc
