@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "common/core/random.h"
+#include "common/telemetry/quantile.h"
 #include "common/telemetry/telemetry.h"
 
 namespace palpate {
@@ -68,6 +69,20 @@ TEST(ReversalCounter, CountsEachAxisForItself) {
     counter.add({0.01 * std::sin(phase), 0.01 * std::cos(phase), 0.0004 * std::sin(phase)});
   }
   EXPECT_EQ(counter.reversals(), (std::array<std::uint64_t, 3>{10, 9, 0}));
+}
+
+// Nearest rank: of 1 … 10 the smallest value that at least the share q does not exceed.
+TEST(Quantile, IsTheNearestRank) {
+  std::vector<int> values = {7, 2, 9, 4, 1, 10, 3, 8, 6, 5};
+  EXPECT_EQ(quantile(values, 0.0), 1);
+  EXPECT_EQ(quantile(values, 0.1), 1);
+  EXPECT_EQ(quantile(values, 0.11), 2);
+  EXPECT_EQ(quantile(values, 0.5), 5);
+  EXPECT_EQ(quantile(values, 0.99), 10);
+  EXPECT_EQ(quantile(values, 1.0), 10);
+  EXPECT_EQ(quantile(values, 7.0), 10);
+  std::vector<int> none;
+  EXPECT_EQ(quantile(none, 0.5), std::nullopt);
 }
 
 TEST(DurationHistogram, IsAtMostNinePercentAboveTheTrueQuantile) {
