@@ -5,23 +5,14 @@
 #include <vector>
 
 #include "common/telemetry/metrics.h"
+#include "common/telemetry/quantile.h"
 
 namespace palpate::viewer {
 namespace {
 
-// t_k on the device's clock: both halves know it.
+// t_k on the device's clock, from either half.
 TimePoint sampled_at(const TelemetryMirror::JoinedTick& tick) {
   return tick.device ? tick.device->sampled_at : tick.mofc->device_sampled_at;
-}
-
-// The value that a share `q` of `values` does not exceed (nearest rank).
-std::optional<Duration> quantile(std::vector<Duration>& values, double q) {
-  if (values.empty()) return std::nullopt;
-  const auto rank =
-      static_cast<std::ptrdiff_t>(std::max(std::ceil(q * static_cast<double>(values.size())), 1.0));
-  const auto place = values.begin() + (rank - 1);
-  std::nth_element(values.begin(), place, values.end());
-  return *place;
 }
 
 std::optional<Duration> maximum(const std::vector<Duration>& values) {
@@ -29,7 +20,7 @@ std::optional<Duration> maximum(const std::vector<Duration>& values) {
   return *std::max_element(values.begin(), values.end());
 }
 
-// Ticks per second between two of them, whatever got lost in between.
+// Ticks per second between two ticks, including lost ones.
 double rate_hz(std::uint64_t ticks, Duration span) {
   return span.count() > 0 ? static_cast<double>(ticks) / to_seconds(span) : kNaN;
 }
@@ -56,7 +47,7 @@ TelemetryMirror::BatchLog::Place TelemetryMirror::BatchLog::note(const Header& h
     return Place::kNewest;
   }
 
-  // late: takes back one loss, unless it was sent before this viewer began to count
+  // late: corrects one loss, unless it was sent before the first batch counted here
   if (header.sequence <= newest) {
     const std::uint64_t behind = newest - header.sequence;
     if (behind >= 64 || ((seen >> behind) & 1U) != 0) return Place::kRefused;
