@@ -43,10 +43,11 @@ set(PALPATE_BOUNDARIES
   "physics_node/scene:common/core,common/contact,common/session/scene_config.h,physics_node/contact,physics_node/surfaces,physics_node/files"
   "physics_node/display:common/core,common/session,common/telemetry,physics_node/contact,physics_node/surfaces,physics_node/files,physics_node/scene"
 
-  # recording, feed ← server ← process
-  "viewer_node/feed:common/core,common/session,common/telemetry,@threads"
-  "viewer_node/recording:common/*,viewer_node/feed,@zmq,@log,@threads"
-  "viewer_node/server:common/core,viewer_node/feed,@threads"
+  # feed ← recording, server ← process (the files of viewer_node itself)
+  "viewer_node:common/*,viewer_node/feed,viewer_node/recording,viewer_node/server,@log"
+  "viewer_node/feed:common/core,common/session,common/telemetry"
+  "viewer_node/recording:common/*,viewer_node/feed,@log,@threads"
+  "viewer_node/server:common/core,@threads"
 
   # lockstep, launch ← palpate
   "deploy/lockstep:common/*,device_node/*,mofc_node/*,physics_node/*,viewer_node/recording,@zmq,@log,@threads"

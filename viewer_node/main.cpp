@@ -1,5 +1,5 @@
-// viewer_node: shows what the nodes of a session publish.
-// All logic is in the library; this file only connects it to the world.
+// viewer_node: displays and records what the nodes of a session publish.
+// All logic is in the library; this file only reads the command line.
 #include "common/link/plot_sender.h"
 #include "viewer_node/process.h"
 
@@ -8,43 +8,44 @@ int main(int argc, char** argv) {
   return palpate::run_node(
       argc, argv,
       {.name = "viewer",
-       .description = "Shows and records a running session: a page, the Foxglove WebSocket, a "
-                      "status line, one "
-                      "CSV row per device tick, an MCAP file.",
+       .description = "Displays and records a running session: a web page, the Foxglove "
+                      "WebSocket, a status line, one CSV row per device tick, an MCAP file.",
        .add_options =
            [&](CLI::App& app) {
              app.add_option("--csv", options.csv_file,
-                            "write one row per device tick to this file; each of several "
-                            "sides to its own, run.SIDE.csv")
+                            "write one row per device tick to this file; with several sides, "
+                            "one file per side, run.SIDE.csv")
                  ->type_name("FILE");
              app.add_option("--record", options.record.file,
                             "record every tick, the scene and the session to this MCAP file")
                  ->type_name("FILE");
              app.add_flag("--overwrite", options.record.may_overwrite,
-                          "--record may replace a file");
-             app.add_option(
-                    "--plotjuggler", options.plotjuggler,
-                    "publish every tick for PlotJuggler's ZMQ Subscriber, with the schema "
-                    "proto/palpate/v1/plot.proto, on this machine only; of several sides the first")
+                          "allow --record to replace a file");
+             app.add_option("--plotjuggler", options.plotjuggler,
+                            "publish every tick for PlotJuggler's ZMQ Subscriber, with the schema "
+                            "proto/palpate/v1/plot.proto, on this machine only; with several "
+                            "sides, the first")
                  ->type_name("[ENDPOINT]")
                  ->expected(0, 1)
                  ->default_str(palpate::kPlotEndpoint);
              app.add_flag("--quiet", options.is_quiet, "no status line");
              palpate::viewer::WebOptions& web = options.web;
-             app.add_option("--listen", web.listen,
-                            "serve the page there, e.g. 127.0.0.1:8765; elsewhere than on loopback "
-                            "it needs --token-file (default: 127.0.0.1, port of the session)")
+             app.add_option(
+                    "--listen", web.listen,
+                    "serve the page at this address, e.g. 127.0.0.1:8765; other addresses than "
+                    "loopback need --token-file (default: 127.0.0.1, port of the session)")
                  ->type_name("ADDRESS:PORT");
              app.add_flag("--no-web", web.is_off, "serve no page");
              app.add_option("--token-file", web.token_file,
-                            "clients must know the token in this file: http://…/?token=TOKEN")
+                            "require the token in this file from clients: http://…/?token=TOKEN")
                  ->type_name("FILE");
              app.add_option("--allow-origin", web.origins,
-                            "let pages of this origin connect too, e.g. https://app.example.org")
+                            "allow pages of this origin to connect, e.g. https://app.example.org")
                  ->type_name("URL")
                  ->allow_extra_args(false);
-             app.add_option("--allow-host", web.hosts,
-                            "answer to this host name too; localhost and addresses always are")
+             app.add_option(
+                    "--allow-host", web.hosts,
+                    "also accept this host name; localhost and numeric addresses always are")
                  ->type_name("NAME")
                  ->allow_extra_args(false);
            }},

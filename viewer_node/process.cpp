@@ -19,12 +19,12 @@
 namespace palpate::viewer {
 namespace {
 
-// How soon a stop is noticed, and how often a CSV reader sees new rows.
+// Longest delay until a stop is noticed and rows are flushed.
 constexpr Duration kPumpInterval = std::chrono::milliseconds(50);
-constexpr Duration kWebPumpInterval = std::chrono::milliseconds(20);  // clients wait so long
+constexpr Duration kWebPumpInterval =
+    std::chrono::milliseconds(20);  // longest delay of a client's request
 
-/// A line for each side, on a terminal over those of the last time. False if nobody can read it any
-/// more.
+/// Prints one line per side; on a terminal, over the previous ones. False if stdout is closed.
 bool print_status(const Session& session, std::span<const TelemetryMirror> mirrors, TimePoint now) {
   const bool is_terminal = isatty(STDOUT_FILENO) == 1;
   const std::vector<Side>& sides = session.sides;
@@ -37,7 +37,7 @@ bool print_status(const Session& session, std::span<const TelemetryMirror> mirro
       std::printf("%s\n", line.c_str());
     }
   }
-  // up to where it begins next time
+  // back to the first line
   if (is_terminal && sides.size() > 1) std::printf("\033[%zuA", sides.size() - 1);
   return std::fflush(stdout) == 0;
 }
@@ -52,14 +52,14 @@ std::vector<Attachment> telemetry_of(const Session& session) {
   return attachments;
 }
 
-/// Rows as PlotJuggler takes them.
+/// Publishes rows for PlotJuggler.
 class Plot {
  public:
   Plot(ZmqContext& context, const std::string& endpoint, const TelemetryMirror& mirror)
       : sender_(context, endpoint, "--plotjuggler"), mirror_(mirror) {}
 
   void show(const TickRow& row) {
-    // device's clock on that of the wall, as its session began to be heard
+    // maps the device's clock to the wall clock, at the first row of each session
     const std::int64_t sampled_ns = row.device.sampled_at.time_since_epoch().count();
     if (row.device_session_id != device_session_id_) {
       device_session_id_ = row.device_session_id;
@@ -143,7 +143,7 @@ void run_process(NodeContext& context, ProcessLinks& links, const ViewerOptions&
   if (!options.record.file.empty()) {
     recording.emplace(options.record, context.session, "viewer_node", feed.subscriber());
   }
-  const auto check_recording = [&] {  // goes on without it
+  const auto check_recording = [&] {  // the viewer continues without it
     if (!recording) return;
     if (const auto error = recording->take_error()) {
       context.log.error("event=recording_failed what=\"{}\"", *error);
@@ -151,7 +151,7 @@ void run_process(NodeContext& context, ProcessLinks& links, const ViewerOptions&
     }
   };
   std::optional<WebFeed> web;
-  if (options.web.is_asked_for(context.session.viewer.web)) {
+  if (options.web.is_enabled(context.session.viewer.web)) {
     web.emplace(context, links, options.web, feed.subscriber(), mirrors);
   }
   feed.on_message = [&](const TelemetryMessage& message, std::span<const std::byte> payload) {
@@ -182,7 +182,8 @@ void run_process(NodeContext& context, ProcessLinks& links, const ViewerOptions&
   if (recording) recording->close();
   check_recording();
   if (!is_quiet) std::printf("%s", std::string(sides.size(), '\n').c_str());
-  if (has_lost_recording) throw std::runtime_error("the recording is not whole; see above");
+  if (has_lost_recording)
+    throw std::runtime_error("the recording is incomplete; see the error above");
 }
 
 }  // namespace palpate::viewer

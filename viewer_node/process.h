@@ -11,14 +11,14 @@
 #include "common/link/telemetry_subscriber.h"
 #include "common/process/process_links.h"
 #include "common/process/run_node.h"
-#include "viewer_node/recording/recording.h"
 #include "viewer_node/feed/telemetry_mirror.h"
-#include "viewer_node/web_process.h"
+#include "viewer_node/recording/recording.h"
+#include "viewer_node/web_feed.h"
 
 namespace palpate::viewer {
 
 struct ViewerOptions {
-  std::string csv_file;  ///< empty: none; each side has its own, see csv_file_of()
+  std::string csv_file;  ///< empty: none; one file per side, see csv_file_of()
   RecordOptions record{};
   std::string plotjuggler{};  ///< endpoint; empty: none. Shows the first side only
   bool is_quiet = false;      ///< no status line
@@ -29,13 +29,13 @@ struct ViewerOptions {
 class TelemetryFeed {
  public:
   TelemetryFeed(const Session& session, const Clock& clock, ProcessLinks& links);
-  /// Called for every message taken, with the protobuf bytes as they came; optional.
+  /// Called for every message, with its protobuf bytes as received; optional.
   std::function<void(const TelemetryMessage&, std::span<const std::byte> payload)> on_message;
 
-  /// Takes what arrived, waiting for it until `deadline`.
+  /// Takes the messages that have arrived; waits for the first until `deadline`.
   /// @param mirrors  of each of session.sides
   void pump(std::span<TelemetryMirror> mirrors, TimePoint deadline);
-  /// SceneState and MeshFrame come on request only.
+  /// For SceneState and MeshFrame, which need a subscription.
   [[nodiscard]] TelemetrySubscriber& subscriber() { return subscriber_; }
   [[nodiscard]] std::uint64_t rejected() const { return subscriber_.rejected(); }
 
@@ -45,10 +45,9 @@ class TelemetryFeed {
   TelemetryMessage message_;
 };
 
-/// Serves the page too, unless the session or the options say otherwise.
-/// Runs until context.stop; attaches and detaches at any time, any number of them at once. The
-/// status line is rewritten in place on a terminal, printed line by line elsewhere. Throws
-/// SetupError.
+/// Serves the page too, unless the session or the options disable it. Runs until context.stop. Any
+/// number of viewers may attach and detach at any time. The status line is rewritten in place on a
+/// terminal and printed line by line elsewhere. Throws SetupError.
 void run_process(NodeContext& context, ProcessLinks& links, const ViewerOptions& options);
 
 }  // namespace palpate::viewer

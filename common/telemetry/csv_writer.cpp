@@ -5,6 +5,7 @@
 #include <charconv>
 #include <cstring>
 #include <filesystem>
+#include <utility>
 
 #include "common/core/check.h"
 
@@ -69,7 +70,7 @@ CsvWriter::CsvWriter(const std::string& path) : path_(path), file_(std::fopen(pa
     throw SetupError("csv file " + path + ": " + std::strerror(errno) +
                      ": give a path in a folder that exists and is writable");
   }
-  std::setvbuf(file_.get(), nullptr, _IONBF, 0);  // the buffer is ours
+  std::setvbuf(file_.get(), nullptr, _IONBF, 0);  // this class buffers
   buffer_.reserve(kBufferBytes + kMaxRowBytes);
   buffer_ = kHeader;
 }
@@ -120,14 +121,11 @@ void CsvWriter::close() {
 }
 
 void CsvWriter::fail() {
-  error_ = "csv file " + path_ + ": " + std::strerror(errno) + ": rows are missing from here on";
+  error_ =
+      "csv file " + path_ + ": " + std::strerror(errno) + ": the rows from here on are missing";
   file_.reset();
 }
 
-std::optional<std::string> CsvWriter::take_error() {
-  std::optional<std::string> told;
-  told.swap(error_);
-  return told;
-}
+std::optional<std::string> CsvWriter::take_error() { return std::exchange(error_, std::nullopt); }
 
 }  // namespace palpate

@@ -1,5 +1,5 @@
-// csv_writer.h — the run as a table: one row per device tick, as the command line's --csv promises.
-// Shared by the lockstep harness and the viewer.
+// csv_writer.h — a run as a table, one row per device tick: the file of --csv.
+// Used by lockstep runs and by the viewer.
 #pragma once
 
 #include <cstdint>
@@ -12,31 +12,31 @@
 
 namespace palpate {
 
-/// "run.csv"; of a side "run.left.csv".
+/// "run.csv"; for a side "run.left.csv".
 [[nodiscard]] std::string csv_file_of(const std::string& file, const std::string& side);
 
-/// Columns, in this order; SI units, forces on the hand, nan where a figure is not known:
+/// Columns, in this order; SI units, forces on the hand, nan where a value is unknown:
 ///
-///   t_s                  t_k, device's clock
+///   t_s                  t_k, clock of the device
 ///   x_m y_m z_m          tool, true position, W           xm_m ym_m zm_m  as measured, W
-///   fe_x fe_y fe_z       force asked, before fade and clamp
-///   fs_x fs_y fs_z       force acting from this tick's switch to the next
+///   fe_x fe_y fe_z       requested force, before fade and clamp
+///   fs_x fs_y fs_z       force applied from this tick's switch to the next
 ///   fi_x fi_y fi_z       ideal force
-///   f_max_x …            bound of the clamp; nan where there is none
+///   f_max_x …            bound of the clamp; nan without one
 ///   energy_j             the controller's ledger          true_energy_j   of a simulated device
-///   force_age_s          of the force asked; nan while physics has said nothing
+///   force_age_s          of the requested force; nan before physics reports
 ///   in_contact clamped fallback peak_limited    1 or 0
 ///
-/// `clamped`: by mofc only. `fallback`: the device let less act than was asked for want of an
-/// answer or for a fault (fallback, fading, limp or fault), after it had been answered before in
-/// this device session.
+/// `clamped`: by mofc_node only. `fallback`: the device applied less than the commanded force
+/// because an answer was missing or a fault was latched (fallback, fading, limp or fault), after at
+/// least one answer in this device session.
 ///
-/// Numbers are the shortest text that reads back to the same double, whatever the locale.
+/// Numbers are the shortest text that parses to the same double; independent of the locale.
 class CsvWriter {
  public:
   /// Creates or overwrites `path` and writes the header row. Throws SetupError if it cannot.
   explicit CsvWriter(const std::string& path);
-  /// Writes what is still buffered; call close() first to learn whether that worked.
+  /// Writes the rest of the buffer; call close() first to detect errors.
   ~CsvWriter();
   CsvWriter(const CsvWriter&) = delete;
   CsvWriter& operator=(const CsvWriter&) = delete;
@@ -48,7 +48,7 @@ class CsvWriter {
   /// Flushes and closes; nothing is written after it.
   void close();
 
-  /// What went wrong with the file, once; nullopt if nothing did or it was told already.
+  /// The file's error, reported once; nullopt without one.
   [[nodiscard]] std::optional<std::string> take_error();
 
  private:

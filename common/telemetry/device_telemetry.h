@@ -12,44 +12,44 @@
 
 namespace palpate {
 
-/// What device_node lets the motors do.
+/// What the motors may do.
 enum class GuardState : std::uint8_t {
-  kLimp = 0,      ///< nothing: no command yet, or silence longer than limp_after + fade
-  kAnswered = 1,  ///< the answer to this tick
-  kLeased = 2,    ///< the previous command, its lease still runs
+  kLimp = 0,      ///< zero force: no command yet, or silence longer than limp_after + fade
+  kAnswered = 1,  ///< the command that answers this tick
+  kLeased = 2,    ///< the previous command, within its lease
   kFallback = 3,  ///< at most the device's own Coulomb friction
-  kFading = 4,    ///< fallback on its way to zero
-  kFault = 5,     ///< nothing: a latched fault, until it is reset
+  kFading = 4,    ///< fallback, fading to zero
+  kFault = 5,     ///< zero force: a fault is latched until it is reset
 };
 [[nodiscard]] const char* name(GuardState state);
 
-/// Why device_node let go of the motors until somebody resets it.
+/// Why device_node latched a fault.
 enum class FaultReason : std::uint8_t {
   kNone = 0,
-  kReadFailed = 1,        ///< the device gave no reading
-  kReadingNotFinite = 2,  ///< it gave one with NaN or infinity in it
-  kPositionJumped = 3,    ///< two readings that only a hand faster than v_fault could have made
-  kWriteFailed = 4,       ///< the motors did not take their force
+  kReadFailed = 1,        ///< the device returned no reading
+  kReadingNotFinite = 2,  ///< the reading contained NaN or infinity
+  kPositionJumped = 3,    ///< two readings further apart than v_fault allows
+  kWriteFailed = 4,       ///< the device did not accept the force
 };
 [[nodiscard]] const char* name(FaultReason reason);
 
 /// One device tick, the device's part of row k of the CSV.
 struct DeviceTick {
-  std::uint64_t sequence = 0;  ///< of the DeviceState; none was sent in a tick of kFault
+  std::uint64_t sequence = 0;  ///< of the DeviceState; in kFault none is sent
   TimePoint sampled_at{};      ///< t_k, device's clock
   TimePoint switched_at{};     ///< when this tick's force began to act
-  Duration lateness{};         ///< begin of the tick after its appointment
-  Duration reply_time{};       ///< from sending to the answer; meaningless unless answered
-  Vector3 measured_hand_position_m = Vector3::Zero();  ///< D; the last one that was finite
+  Duration lateness{};         ///< start of the tick after its scheduled time
+  Duration reply_time{};       ///< from sending to the answer; undefined unless answered
+  Vector3 measured_hand_position_m = Vector3::Zero();  ///< D; last finite reading
   Vector3 measured_tool_position_world_m = Vector3::Zero();
   Quaternion measured_tool_orientation_world = Quaternion::Identity();  ///< W from T; likewise
   Vector3 force_on_hand_newton = Vector3::Zero();  ///< D, acting from switched_at on
   GuardState guard = GuardState::kLimp;
-  bool is_answered = false;      ///< in this tick, in time
+  bool is_answered = false;      ///< within this tick's deadline
   bool is_peak_limited = false;  ///< reduced by the device's peak or slew limit
   bool is_clutched = false;
 
-  /// Known to simulated devices only; NaN otherwise. The controller never sees these.
+  /// Simulated devices only; NaN otherwise. The controller never sees these.
   Vector3 true_tool_position_world_m = Vector3::Constant(kNaN);
   Vector3 true_tool_velocity_world_m_per_s = Vector3::Constant(kNaN);
   double true_energy_joule = kNaN;          ///< docs/theory.md §1, at t_k
@@ -64,11 +64,11 @@ struct DeviceCounters {
   std::uint64_t fallback_ticks = 0;  ///< fallback or fading
   std::uint64_t limp_ticks = 0;
   std::uint64_t peak_limited_ticks = 0;
-  std::uint64_t fault_ticks = 0;    ///< with a latched fault
+  std::uint64_t fault_ticks = 0;    ///< while a fault was latched
   std::uint64_t device_faults = 0;  ///< latched so far
   std::uint64_t fault_resets = 0;
-  FaultReason last_fault = FaultReason::kNone;  ///< stays after its reset
-  std::uint64_t non_finite_commands = 0;        ///< answers with NaN or infinity: no force
+  FaultReason last_fault = FaultReason::kNone;  ///< kept after the reset
+  std::uint64_t non_finite_commands = 0;        ///< rejected answers with NaN or infinity
   /// Answers that began to act after the deadline although they were accepted before it: withdrawn
   /// at once.
   std::uint64_t late_switches = 0;

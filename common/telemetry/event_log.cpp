@@ -3,7 +3,7 @@
 namespace palpate {
 namespace {
 
-/// An episode is over after this long without a tick of it.
+/// An episode ends after this long without a tick of it.
 constexpr Duration kQuiet = std::chrono::seconds(1);
 
 }  // namespace
@@ -55,7 +55,8 @@ void EventLog<DeviceCounters>::note(const DeviceCounters& counters, TimePoint no
   force_command_.note(counters.force_command, now);
   if (counters.device_faults != faults_) {
     log_.error(
-        "event=device_fault reason=\"{}\" count={} remedy=\"mend it, then SIGUSR2 to device_node\"",
+        "event=device_fault reason=\"{}\" count={} remedy=\"clear the cause, then send SIGUSR2 to "
+        "device_node\"",
         name(counters.last_fault), counters.device_faults - faults_);
     faults_ = counters.device_faults;
   }
@@ -67,7 +68,7 @@ void EventLog<DeviceCounters>::note(const DeviceCounters& counters, TimePoint no
   late_switches_.note(counters.late_switches, now);
   overruns_.note(counters.loop.skipped_ticks, now);
 
-  // limp before the first answer is how a device starts; after it, it is where a fallback ends
+  // before the first answer, limp is the initial state; after it, the end of a fallback
   if (!was_answered_) limp_ticks_at_start_ = counters.limp_ticks;
   was_answered_ = was_answered_ || counters.answered_ticks > 0;
   fallback_.note(counters.fallback_ticks + counters.limp_ticks - limp_ticks_at_start_, now);

@@ -1,11 +1,11 @@
-// event_log.h — from counters to lines: what changed in a node that a person would want to read.
+// event_log.h — turns changes of a node's counters into log lines.
 // The tick thread counts, the telemetry thread compares and writes.
 #pragma once
 
 #include <spdlog/spdlog.h>
 
-#include "common/telemetry/telemetry.h"
 #include "common/telemetry/event_throttle.h"
+#include "common/telemetry/telemetry.h"
 
 namespace palpate {
 
@@ -25,7 +25,7 @@ class GrowthEvent {
 };
 
 /// A state that is counted in ticks: `event=…_began` when the count starts to grow, `event=…_ended
-/// ticks=…` once it has stood still for a second. A flutter is one episode.
+/// ticks=…` once it has not grown for a second. States that recur within a second are one episode.
 class EpisodeEvent {
  public:
   EpisodeEvent(spdlog::logger& log, const char* event) : log_(log), event_(event) {}
@@ -40,7 +40,7 @@ class EpisodeEvent {
   TimePoint grew_at_{};
 };
 
-/// An incoming link: first contact, a sender restarted, messages refused.
+/// An incoming link: first message, restart of the sender, rejected messages.
 class LinkEvents {
  public:
   LinkEvents(spdlog::logger& log, const char* link) : log_(log), link_(link) {}
@@ -53,7 +53,7 @@ class LinkEvents {
   LinkCounters last_;
 };
 
-/// The events of one node. Call note() on one thread, every so often, with the newest counters.
+/// The events of one node. Call note() regularly, on one thread, with the newest counters.
 template <class Counters>
 class EventLog;
 

@@ -1,4 +1,4 @@
-// event_throttle.h — how often an event that repeats is logged.
+// event_throttle.h — limits how often a repeated event is logged.
 #pragma once
 
 #include <cstdint>
@@ -8,13 +8,13 @@
 
 namespace palpate {
 
-/// Lets a line out at once when something happens for the first time, then at most one per interval
-/// with the number of occurrences since the last line.
+/// Reports the first occurrence at once, then at most once per interval with the number of
+/// occurrences since the previous report.
 class EventThrottle {
  public:
   explicit EventThrottle(Duration interval = std::chrono::seconds(1)) : interval_(interval) {}
 
-  /// Notes `occurrences` more, possibly 0. Returns the number to report now; 0: no line is due.
+  /// Adds `occurrences`, possibly 0. Returns the number to report now; 0: no report is due.
   [[nodiscard]] std::uint64_t note(TimePoint now, std::uint64_t occurrences) noexcept {
     pending_ += occurrences;
     if (pending_ == 0 || (has_reported_ && now < reported_at_ + interval_)) return 0;

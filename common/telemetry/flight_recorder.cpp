@@ -94,8 +94,7 @@ void report_flight_file(const FlightFiles& files, const std::string& file, const
   if (is_written) {
     files.log.info("event=flight_recording reason={} ticks={} file={}", reason, ticks, file);
   } else {
-    files.log.error("event=flight_recording_failed file={} error=\"not all of it was written\"",
-                    file);
+    files.log.error("event=flight_recording_failed file={} error=\"the file is incomplete\"", file);
   }
 }
 

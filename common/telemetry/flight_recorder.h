@@ -1,6 +1,6 @@
-// flight_recorder.h — the last ticks of a node, written to a file when a fault was latched or
-// somebody asks. All of it happens on the telemetry thread: the tick leaves its records in a
-// RingSink as ever and does not know of this.
+// flight_recorder.h — keeps the last ticks of a node and writes them to a file after a fault or
+// on SIGUSR1. Runs on the telemetry thread; the tick thread pushes its records to a RingSink and is
+// not affected.
 #pragma once
 
 #include <spdlog/spdlog.h>
@@ -20,13 +20,13 @@ namespace palpate {
 /// 4 s at 1 kHz.
 inline constexpr std::size_t kFlightRecorderTicks = 4096;
 
-/// Faults latched so far: each one is worth a file.
+/// Faults latched so far; each one triggers a file.
 [[nodiscard]] inline std::uint64_t faults(const DeviceCounters& c) { return c.device_faults; }
 [[nodiscard]] inline std::uint64_t faults(const MofcCounters&) { return 0; }
 [[nodiscard]] inline std::uint64_t faults(const PhysicsCounters&) { return 0; }
 
 /// CSV: columns are the fields of the record, vectors as _x, _y, _z, times as _ns on the clock of
-/// the node named there, "nan" where nothing is known.
+/// the node that the field names, "nan" where the value is unknown.
 void write_flight_header(std::ostream& out, const DeviceTick&);
 void write_flight_header(std::ostream& out, const MofcTick&);
 void write_flight_header(std::ostream& out, const PhysicsTick&);
@@ -34,23 +34,23 @@ void write_flight_row(std::ostream& out, const DeviceTick& tick);
 void write_flight_row(std::ostream& out, const MofcTick& tick);
 void write_flight_row(std::ostream& out, const PhysicsTick& tick);
 
-/// What signals asked for since the start; counted, so a request cannot get lost.
+/// Requests by signal since the start; counted, so that none is lost.
 struct SignalRequests {
   std::atomic<std::uint32_t> recordings{0};    ///< SIGUSR1: write the flight recorder's file
   std::atomic<std::uint32_t> fault_resets{0};  ///< SIGUSR2: reset a latched fault
 };
 inline const SignalRequests kNoRequests;
 
-/// What a flight recorder needs to know beside its ticks.
+/// Where a flight recorder writes, and when.
 struct FlightFiles {
-  std::filesystem::path folder;  ///< made if absent; normally the parent of the run folder
+  std::filesystem::path folder;  ///< created if absent; normally the parent of the run folder
   std::string node;              ///< "device"
   std::string session;           ///< name of the session
   const SignalRequests& requests;
   spdlog::logger& log;
 };
-/// A new file `flight-NODE-SESSION-YYYYMMDDTHHMMSS.mmmZ.csv` (UTC) for this user alone; "" and a
-/// line in the log if it cannot be made. Nothing is ever replaced.
+/// A new file `flight-NODE-SESSION-YYYYMMDDTHHMMSS.mmmZ.csv` (UTC), readable by this user only;
+/// "" and a log line if it cannot be created. Never replaces a file.
 [[nodiscard]] std::string new_flight_file(const FlightFiles& files);
 void report_flight_file(const FlightFiles& files, const std::string& file, const char* reason,
                         std::size_t ticks, bool is_written);
@@ -63,7 +63,7 @@ class FlightRecorder {
     ring_.reserve(capacity);
   }
 
-  /// The oldest one makes room.
+  /// Replaces the oldest record when full.
   void keep(const Record& record) {
     if (ring_.size() < capacity_) {
       ring_.push_back(record);
@@ -73,8 +73,8 @@ class FlightRecorder {
     }
   }
 
-  /// To be called when the records up to these counters are kept: writes the file if a fault was
-  /// latched or SIGUSR1 came since the last call.
+  /// Call after the records up to these counters are kept: writes the file if a fault was latched
+  /// or SIGUSR1 arrived since the previous call.
   template <class Counters>
   void write_if_due(const Counters& counters) {
     const bool has_fault = faults(counters) != faults_;

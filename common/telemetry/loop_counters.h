@@ -1,4 +1,4 @@
-// loop_counters.h — what every periodic thread counts, and where it leaves its records.
+// loop_counters.h — counters of a periodic thread, and the sink for its records.
 #pragma once
 
 #include <cstdint>
@@ -8,12 +8,12 @@
 namespace palpate {
 
 struct LoopCounters {
-  std::uint64_t ticks = 0;          ///< turns begun
-  std::uint64_t skipped_ticks = 0;  ///< appointments missed by overruns
+  std::uint64_t ticks = 0;          ///< started
+  std::uint64_t skipped_ticks = 0;  ///< scheduled ticks missed because of overruns
   Duration worst_lateness{};
 };
 
-/// Where a periodic thread leaves its records. Never blocks, allocates or throws.
+/// Receives the records of a periodic thread. Never blocks, allocates or throws.
 template <class Record>
 class TickSink {
  public:

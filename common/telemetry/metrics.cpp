@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/telemetry/quantile.h"
+
 namespace palpate {
 
 void DurationHistogram::add(Duration d) noexcept {
@@ -16,11 +18,11 @@ void DurationHistogram::add(Duration d) noexcept {
 
 Duration DurationHistogram::quantile(double q) const noexcept {
   if (count_ == 0) return Duration{};
-  const double wanted = std::clamp(q, 0.0, 1.0) * static_cast<double>(count_);
+  const std::uint64_t rank = quantile_rank(q, count_);
   std::uint64_t seen = 0;
   for (std::size_t i = 0; i < buckets_.size(); ++i) {
     seen += buckets_[i];
-    if (static_cast<double>(seen) >= wanted && seen > 0) {
+    if (seen >= rank) {
       const double exponent = kLowestExponent + static_cast<double>(i + 1) / kPerOctave;
       return std::min(Duration(static_cast<std::int64_t>(std::exp2(exponent))), maximum_);
     }

@@ -9,11 +9,11 @@
 
 namespace palpate {
 
-/// Samples below this force say nothing about transparency [N] (docs/theory.md §7.2).
+/// Samples below this force are excluded from transparency [N] (docs/theory.md §7.2).
 inline constexpr double kForceFloorNewton = 0.05;
 
-/// Whether a hand would tell the force from the reference: they differ by more than 7 % of it and by
-/// more than 0.05 N (force JND, docs/theory.md §7.3).
+/// Whether a person can tell the force from the reference: they differ by more than 7 % of it and
+/// by more than 0.05 N (force JND, docs/theory.md §7.3).
 [[nodiscard]] inline bool is_beyond_force_jnd(const Vector3& reference_newton,
                                               const Vector3& applied_newton) noexcept {
   constexpr double kJndRatio = 0.07;
@@ -48,8 +48,8 @@ class PaperTransparency {
   std::array<std::uint64_t, 3> samples_{};
 };
 
-/// Projected capped transparency, docs/theory.md §7.2: mean of min(1, max(0, fs·fi/|fi|²)) over samples with
-/// |fi| or |fs| > 0.05 N; and, beside it, the root-mean-square force error relative to |fi|.
+/// Projected capped transparency, docs/theory.md §7.2: mean of min(1, max(0, fs·fi/|fi|²)) over
+/// samples with |fi| or |fs| > 0.05 N. Also the rms force error relative to |fi|.
 class ProjectedTransparency {
  public:
   void add(const Vector3& reference_newton, const Vector3& applied_newton) noexcept {
@@ -78,8 +78,8 @@ class ProjectedTransparency {
   std::uint64_t samples_ = 0;
 };
 
-/// Direction changes of a motion, per axis, that are larger than 0.5 mm (docs/theory.md §7.4): a turn
-/// counts once the position has come back by more than the threshold from the last extreme.
+/// Direction changes of a motion, per axis, that are larger than 0.5 mm (docs/theory.md §7.4): a
+/// turn counts once the position has returned by more than the threshold from the last extreme.
 class ReversalCounter {
  public:
   explicit ReversalCounter(double threshold_m = 0.5e-3) : threshold_m_(threshold_m) {}

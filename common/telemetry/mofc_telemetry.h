@@ -11,13 +11,13 @@
 
 namespace palpate {
 
-/// What mofc_node makes of the physics.
+/// State of the physics as mofc_node sees it.
 enum class MofcState : std::uint8_t {
-  kNoPhysics = 0,  ///< nothing heard yet, or silent and faded out: asks for nothing
+  kNoPhysics = 0,  ///< no message yet, or silent and faded out: requests zero force
   kFree = 1,       ///< fresh, no contact
   kContact = 2,    ///< fresh, contact
   kFading = 3,     ///< silent beyond stale_after
-  kClutched = 4,   ///< hand and tool uncoupled: asks for nothing
+  kClutched = 4,   ///< hand and tool uncoupled: requests zero force
 };
 [[nodiscard]] const char* name(MofcState state);
 
@@ -26,14 +26,14 @@ struct MofcTick {
   std::uint64_t device_session_id = 0;
   std::uint64_t device_sequence = 0;                     ///< the DeviceState answered
   TimePoint device_sampled_at{};                         ///< device's clock
-  Vector3 asked_force_on_hand_newton = Vector3::Zero();  ///< before fade and clamp, D
-  Vector3 commanded_force_on_hand_newton = Vector3::Zero();
-  Vector3 f_max_newton = Vector3::Constant(kNaN);  ///< NaN: no bound (controller none)
-  double ledger_energy_joule = kNaN;               ///< E' of the controller; NaN: none kept
-  Duration force_age{};  ///< device time since the DeviceState that the physics answered; 0 if none
+  Vector3 asked_force_on_hand_newton = Vector3::Zero();  ///< requested, before fade and clamp, D
+  Vector3 commanded_force_on_hand_newton = Vector3::Zero();  ///< after the clamp, D
+  Vector3 f_max_newton = Vector3::Constant(kNaN);            ///< NaN: no bound (controller none)
+  double ledger_energy_joule = kNaN;  ///< E' of the controller; NaN: no ledger
+  Duration force_age{};  ///< device time since the DeviceState that physics answered; 0 if none
   MofcState state = MofcState::kNoPhysics;
   bool is_clamped = false;
-  bool is_in_contact = false;  ///< as physics last said
+  bool is_in_contact = false;  ///< as physics last reported
 };
 
 struct MofcCounters {
@@ -42,14 +42,14 @@ struct MofcCounters {
   std::uint64_t ticks = 0;
   std::uint64_t contact_ticks = 0;
   std::uint64_t clamped_ticks = 0;
-  std::uint64_t too_fast_ticks = 0;  ///< the hand was faster than mode guard assumes
+  std::uint64_t too_fast_ticks = 0;  ///< the hand exceeded the speed assumed by mode guard
   std::uint64_t stale_ticks = 0;
-  std::uint64_t late_physics_ticks = 0;  ///< wait_for_physics ran out
+  std::uint64_t late_physics_ticks = 0;  ///< wait_for_physics expired
   std::uint64_t ledger_resets = 0;       ///< new device session, or a gap in the echo
-  std::uint64_t motions_dropped = 0;     ///< tool_motion not taken by the link
+  std::uint64_t motions_dropped = 0;     ///< tool_motion refused by the link
   std::uint64_t motions_suppressed = 0;  ///< not sent: within mofc.motion_deadband
-  /// Running sums for the transparency of the session so far, over samples asked > 0.05 N:
-  /// projected and capped (docs/theory.md §7.2), from the force the device really applied.
+  /// Running sums for the transparency of the session so far, over samples requested > 0.05 N:
+  /// projected and capped (docs/theory.md §7.2), from the force that the device applied.
   double transparency_sum = 0.0;
   std::uint64_t transparency_samples = 0;
 };

@@ -14,7 +14,7 @@ namespace palpate {
 /// One physics step.
 struct PhysicsTick {
   std::uint64_t sequence = 0;
-  TimePoint stepped_at{};  ///< physics' clock
+  TimePoint stepped_at{};  ///< clock of physics_node
   std::uint64_t device_sequence = 0;
   Vector3 tool_position_world_m = Vector3::Zero();
   Vector3 force_on_tool_newton = Vector3::Zero();
@@ -28,14 +28,14 @@ struct PhysicsCounters {
   LinkCounters tool_motion;
   std::uint64_t contact_steps = 0;
   std::uint64_t tissues_skipped = 0;        ///< by the broad phase, summed over steps
-  std::uint64_t tissues_visited = 0;        ///< the others, summed over steps
+  std::uint64_t tissues_visited = 0;        ///< not skipped, summed over steps
   std::uint64_t octree_cells_visited = 0;   ///< of clouds, summed over steps; 0 without clouds
-  std::uint64_t octree_last_cell_hits = 0;  ///< nearest points found where the last one was
-  std::uint64_t tissues_asleep = 0;   ///< that relax, at rest: not advanced, summed over steps
-  std::uint64_t surfaces_shared = 0;  ///< tissues whose file an earlier tissue had loaded already
+  std::uint64_t octree_last_cell_hits = 0;  ///< nearest points in the same cell as the previous one
+  std::uint64_t tissues_asleep = 0;   ///< viscoelastic, at rest, not advanced; summed over steps
+  std::uint64_t surfaces_shared = 0;  ///< tissues that share the file of an earlier tissue
   std::uint64_t interactions_suppressed = 0;  ///< not sent: within physics.interaction_deadband
-  std::uint64_t mesh_frames = 0;              ///< made for viewers; of all tools
-  std::uint64_t meshes_skipped = 0;           ///< due, 30 a second, and not made: nobody looked on
+  std::uint64_t mesh_frames = 0;              ///< computed for viewers; all tools
+  std::uint64_t meshes_skipped = 0;           ///< due at 30 Hz, not computed: no subscriber
   Duration worst_compute_time{};
 };
 

@@ -1,5 +1,5 @@
-// remote_events.h — the events of another node, as its telemetry tells them: the lines that
-// event_log.h writes there, from the counters of its batches.
+// remote_events.h — the events of another node: the log lines that event_log.h writes there,
+// derived here from the counters in its telemetry.
 #pragma once
 
 #include <spdlog/details/null_mutex.h>
@@ -13,8 +13,8 @@
 #include <string>
 #include <utility>
 
-#include "common/telemetry/telemetry.h"
 #include "common/telemetry/event_log.h"
+#include "common/telemetry/telemetry.h"
 
 namespace palpate {
 
@@ -28,8 +28,8 @@ class RemoteEvents {
   RemoteEvents(const RemoteEvents&) = delete;
   RemoteEvents& operator=(const RemoteEvents&) = delete;
 
-  /// Batches that are not newer are left out. What happened before the first batch is not told,
-  /// unless that is the first of its session.
+  /// Ignores batches that are not newer. Events before the first batch are not reported, unless
+  /// that batch is the first of its session.
   void note(const TelemetryBatch<Record, Counters>& batch, TimePoint now) {
     if (!events_ || batch.header.session_id != session_id_) {
       session_id_ = batch.header.session_id;
@@ -55,7 +55,7 @@ class RemoteEvents {
     OnEventLine on_line_;
   };
 
-  /// Begins, and ends, every episode there was.
+  /// Starts and ends every earlier episode without a line.
   void take_as_history(const Counters& counters, TimePoint now) {
     log_.set_level(spdlog::level::off);
     events_->note(counters, now - std::chrono::seconds(10));

@@ -13,7 +13,7 @@ void RunStatistics::add(const TickRow& row, const IdealState& ideal) {
   const Vector3& fs = device.force_on_hand_newton;
   ++ticks_;
 
-  // what was asked, and what the hand got of it
+  // requested and rendered force
   if (row.mofc) {
     const Vector3& fe = row.mofc->asked_force_on_hand_newton;
     transparency_.add(fe, fs);
@@ -25,13 +25,14 @@ void RunStatistics::add(const TickRow& row, const IdealState& ideal) {
       row.is_truly_in_contact.value_or(row.mofc.has_value() && row.mofc->is_in_contact);
   if (is_in_contact) ++contact_ticks_;
 
-  // what the tissue would have given
+  // ideal and rendered force
   if (row.ideal_force_on_hand_newton.allFinite()) {
     const Vector3& fi = row.ideal_force_on_hand_newton;
     true_to_ideal_.add(fi, fs);
     if (is_beyond_force_jnd(fi, fs)) ++beyond_jnd_;
   }
-  if (ideal.force_on_hand_newton.allFinite()) true_to_ideal_run_.add(ideal.force_on_hand_newton, fs);
+  if (ideal.force_on_hand_newton.allFinite())
+    true_to_ideal_run_.add(ideal.force_on_hand_newton, fs);
 
   // safety
   maximum_force_newton_ = std::max(maximum_force_newton_, fs.norm());
@@ -154,14 +155,16 @@ std::string summary_text(const Session& session, const RunReport& report) {
   text += fmt::format("{}: {}, {:g} s simulated, {} ticks\n", session.name,
                       controller_text(session.side().mofc), report.simulated_s, s.ticks());
   line("in contact", fmt::format("{} ticks", s.contact_ticks()));
-  line("transparency x, y, z",
-       fmt::format("{}, {}, {} (acting / asked, per axis)", figure(transparency.x(), "{:.3f}"),
-                   figure(transparency.y(), "{:.3f}"), figure(transparency.z(), "{:.3f}")));
-  line("transparency, vector", figure(s.vector_transparency(), "{:.3f}") + " (acting / asked), " +
-                                   figure(s.ideal_transparency(), "{:.3f}") + " (acting / ideal)");
+  line(
+      "transparency x, y, z",
+      fmt::format("{}, {}, {} (rendered / requested, per axis)", figure(transparency.x(), "{:.3f}"),
+                  figure(transparency.y(), "{:.3f}"), figure(transparency.z(), "{:.3f}")));
+  line("transparency, vector",
+       figure(s.vector_transparency(), "{:.3f}") + " (rendered / requested), " +
+           figure(s.ideal_transparency(), "{:.3f}") + " (rendered / ideal)");
   line("force error, rms", figure(s.force_error_rms_ratio(), "{:.3f}") + " of the ideal force; " +
                                figure(100.0 * s.beyond_jnd_ratio(), "{:.1f} %") +
-                               " of the samples beyond what a hand tells apart");
+                               " of the samples beyond the force JND");
   line("clamped", figure(100.0 * s.clamp_ratio(), "{:.1f} %") + " of the ticks with a force");
   line("largest force", figure(s.maximum_force_newton(), "{:.3f} N"));
   line("least true energy", figure(1e6 * s.minimum_true_energy_joule(), "{:.3f} µJ"));

@@ -1,4 +1,4 @@
-// summary.h — the figures of a run, for people and as JSON.
+// summary.h — the figures of a run, as text and as JSON.
 #pragma once
 
 #include <array>
@@ -6,14 +6,14 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "common/telemetry/metrics.h"
 #include "common/session/session.h"
+#include "common/telemetry/metrics.h"
 #include "common/telemetry/telemetry.h"
 #include "common/telemetry/tick_row.h"
 
 namespace palpate {
 
-/// Sums up the rows of a lockstep run. Definitions: docs/theory.md §7.
+/// Accumulates the rows of a run. Definitions: docs/theory.md §7.
 class RunStatistics {
  public:
   void add(const TickRow& row, const IdealState& ideal);
@@ -28,12 +28,12 @@ class RunStatistics {
   /// fs against fi, projected and capped; and the rms of fs − fi over the rms of fi.
   [[nodiscard]] double ideal_transparency() const { return true_to_ideal_.mean(); }
   [[nodiscard]] double force_error_rms_ratio() const { return true_to_ideal_.rms_error_ratio(); }
-  /// rms of the difference to the force of the ideal run at the same time, over its rms: counts also
-  /// that the hand is elsewhere.
+  /// rms of the difference to the force of the ideal run at the same time, over its rms; includes
+  /// the effect of a different hand position.
   [[nodiscard]] double ideal_run_force_error_rms_ratio() const {
     return true_to_ideal_run_.rms_error_ratio();
   }
-  /// Share of the samples in which a hand would feel the difference between fs and fi.
+  /// Share of the samples in which fs and fi differ by more than the force JND.
   [[nodiscard]] double beyond_jnd_ratio() const;
   [[nodiscard]] double minimum_true_energy_joule() const { return minimum_true_energy_joule_; }
   [[nodiscard]] double maximum_force_newton() const { return maximum_force_newton_; }
@@ -46,7 +46,7 @@ class RunStatistics {
   /// Distance to the ideal run's tool.
   [[nodiscard]] double path_deviation_rms_m() const;
   [[nodiscard]] double path_deviation_peak_m() const;
-  /// Clamped ticks over ticks in which a force was asked.
+  /// Clamped ticks over ticks with a requested force.
   [[nodiscard]] double clamp_ratio() const;
 
  private:
@@ -77,7 +77,7 @@ struct RunReport {
   double wall_s = 0.0;
 };
 
-/// Keys: docs/glossary.md; null where a figure is not known.
+/// Keys: docs/glossary.md; null where a figure is unknown.
 [[nodiscard]] nlohmann::ordered_json summary_json(const Session& session, const RunReport& report);
 /// A dozen lines for a terminal.
 [[nodiscard]] std::string summary_text(const Session& session, const RunReport& report);

@@ -1,5 +1,5 @@
-// telemetry.h — hop 5 as plain structs: what each node publishes. Periodic threads only fill records
-// and push them to a sink; batching, encoding and publishing happen elsewhere.
+// telemetry.h — hop 5 as plain structs: what each node publishes. Periodic threads only fill
+// records and push them to a sink; other threads batch, encode and publish them.
 #pragma once
 
 #include <cstdint>
@@ -12,14 +12,14 @@
 
 namespace palpate {
 
-/// What one publication of a node carries: the ticks since the last one, the counters since the
+/// One publication of a node: the ticks since the previous one, the counters since the
 /// start.
 template <class Record, class Counters>
 struct TelemetryBatch {
   Header header;
   Counters counters;
   std::uint64_t records_lost = 0;   ///< did not fit the ring between tick and telemetry thread
-  std::uint64_t peers_refused = 0;  ///< connections that failed for want of the right keys
+  std::uint64_t peers_refused = 0;  ///< connections refused for lack of the right keys
   std::string node_version{};       ///< of the program
   std::string side{};               ///< of the session; "" where there is one device
   std::vector<Record> records;

@@ -1,5 +1,5 @@
-// telemetry_publisher.h — hop 5, sending side: what the periodic thread leaves behind is batched,
-// published and, where it matters, logged by a thread of ordinary priority.
+// telemetry_publisher.h — hop 5, sending side: a thread of ordinary priority batches and publishes
+// the records of the periodic thread and logs its events.
 //
 //   tick thread ──▶ RingSink (every tick) ─────┐
 //   tick thread ──▶ Snapshot (counters) ───────┴──▶ TelemetryPublisher ──▶ Sender, log, recorder
@@ -19,20 +19,20 @@
 #include "common/core/snapshot.h"
 #include "common/core/spsc_ring.h"
 #include "common/core/version.h"
-#include "common/telemetry/telemetry.h"
 #include "common/telemetry/event_log.h"
 #include "common/telemetry/flight_recorder.h"
+#include "common/telemetry/telemetry.h"
 
 namespace palpate {
 
 inline constexpr auto kPublishInterval = std::chrono::milliseconds(20);
-/// A batch stays far below the link's largest frame; what does not fit goes into a further batch.
+/// A batch stays far below the link's largest frame; further records go into further batches.
 inline constexpr std::size_t kMaxRecordsPerBatch = 256;
-/// 4 s at 1 kHz: outlasts any stall of the telemetry thread worth planning for.
+/// 4 s at 1 kHz: longer than any stall of the telemetry thread that is planned for.
 inline constexpr std::size_t kTelemetryRingRecords = 4096;
 
-/// Where a periodic thread leaves its records. keep() never blocks or allocates; when the ring is
-/// full the record is lost and counted.
+/// Ring between the periodic thread and the publisher. keep() never blocks or allocates; when the
+/// ring is full the record is lost and counted.
 template <class Record>
 class RingSink final : public TickSink<Record> {
  public:
@@ -46,10 +46,10 @@ class RingSink final : public TickSink<Record> {
   SpscRing<Record> ring_;
 };
 
-/// Publishes the records and counters of one node every kPublishInterval, also when there are no
-/// records: silence means that the node is gone. After start() the sender belongs to the
-/// publisher's thread. Start it before enter_realtime(), so that its thread does not share the
-/// tick's processor.
+/// Publishes the records and counters of one node every kPublishInterval, also without records:
+/// silence means that the node is gone. After start() only the publisher's thread uses the
+/// sender. Start it before enter_realtime(), so that its thread does not run on the tick's
+/// processor.
 template <class Record, class Counters>
 class TelemetryPublisher {
  public:
@@ -66,21 +66,21 @@ class TelemetryPublisher {
     batch_.records.reserve(kMaxRecordsPerBatch);
   }
 
-  /// The records go to this one too, which must outlive the publisher: its last batch comes in the
-  /// destructor. Before start().
+  /// Passes the records to this recorder too, which must outlive the publisher: the destructor
+  /// sends a last batch. Before start().
   void record_to(FlightRecorder<Record>& recorder) { recorder_ = &recorder; }
 
-  /// Called at every publication on its thread; set it before start(). Optional.
+  /// Called after every publication, on its thread; set it before start(). Optional.
   std::function<void(TimePoint now)> on_pump;
 
-  /// Adds what the publisher's thread counts itself to the counters of the tick's; set it before
+  /// Adds counts of the publisher's thread to those of the tick thread; set it before
   /// start(). Optional.
   std::function<void(Counters& counters)> add_counts;
 
-  /// Connections that failed for want of the right keys, so far; set it before start(). Optional.
+  /// Connections refused so far for lack of the right keys; set it before start(). Optional.
   std::function<std::uint64_t()> peers_refused;
 
-  /// Begins to publish; the destructor ends it with one last batch.
+  /// Starts to publish; the destructor ends with one last batch.
   void start() {
     thread_ = std::jthread([this](const std::stop_token& stop) {
       std::unique_lock lock(mutex_);
@@ -92,13 +92,13 @@ class TelemetryPublisher {
     });
   }
 
-  /// Ends the thread with one last batch.
+  /// Ends the thread after one last batch.
   void stop() { thread_ = {}; }
 
-  /// The newest record published; none before the first. Only in `on_pump`.
+  /// The newest published record; none before the first. Call only in `on_pump`.
   [[nodiscard]] const std::optional<Record>& newest() const { return newest_; }
 
-  /// One publication. Not while the thread runs.
+  /// One publication. Do not call while the thread runs.
   void pump() {
     Counters counters = counters_.load();
     if (add_counts) add_counts(counters);
@@ -134,7 +134,7 @@ class TelemetryPublisher {
 
   std::mutex mutex_;
   std::condition_variable_any stopped_;
-  std::jthread thread_;  // last: ends before what it uses
+  std::jthread thread_;  // last: ends before the members it uses
 };
 
 }  // namespace palpate

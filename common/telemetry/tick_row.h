@@ -1,4 +1,4 @@
-// tick_row.h — one device tick as the nodes and the ideal run saw it.
+// tick_row.h — one device tick as recorded by the nodes and the ideal run.
 #pragma once
 
 #include <cstdint>
@@ -9,18 +9,18 @@
 
 namespace palpate {
 
-/// All that is known of one device tick.
+/// Everything known about one device tick.
 struct TickRow {
   std::uint64_t device_session_id = 0;
   DeviceTick device;
-  std::optional<MofcTick> mofc{};  ///< the answer to it; none: never made, or lost on the way here
-  /// The continuous tissue at the true position and velocity (lockstep knows it), D; else NaN.
+  std::optional<MofcTick> mofc{};  ///< the answer to it; none: never sent, or lost
+  /// Force of the continuous tissue at the true position and velocity (lockstep only), D; else NaN.
   Vector3 ideal_force_on_hand_newton = Vector3::Constant(kNaN);
-  /// True geometry, where known; else the row says what physics last said.
+  /// From the true geometry, where known; otherwise the contact flag of `mofc` applies.
   std::optional<bool> is_truly_in_contact{};
 };
 
-/// What the ideal run did at t_k of a row.
+/// The ideal run at t_k of a row.
 struct IdealState {
   Vector3 tool_position_world_m = Vector3::Constant(kNaN);
   Vector3 force_on_hand_newton = Vector3::Constant(kNaN);

@@ -116,7 +116,7 @@ TEST_F(RecordProcesses, AReplayIsSeenAsItWasRecorded) {
   Program replay("palpate", {"replay", file, "--speed", "2", "--start", "1"});
   Program late("viewer_node", {"--session", session_, "--quiet", "--record", path("seen.mcap")});
   EXPECT_EQ(replay.wait(), 0) << replay.err();
-  EXPECT_THAT(replay.out(), HasSubstr("begins with its first viewer"));
+  EXPECT_THAT(replay.out(), HasSubstr("starts with the first viewer"));
   late.send_signal(SIGTERM);
   ASSERT_EQ(late.wait(), 0) << late.err();
 

@@ -15,9 +15,9 @@
 #include "common/session/session_file.h"
 #include "deploy/palpate/loopback.h"
 #include "deploy/palpate/recording_commands.h"
+#include "tests/support/temp_folder.h"
 #include "viewer_node/recording/recording_file.h"
 #include "viewer_node/recording/report.h"
-#include "tests/support/temp_folder.h"
 
 namespace palpate {
 namespace {
@@ -132,6 +132,20 @@ TEST_F(Recordings, ACutOffRecordingIsReadUpToItsLastChunk) {
   EXPECT_FALSE(info_json(recording)["is_whole"]);
 }
 
+TEST_F(Recordings, AHandWithoutStiffnessCannotRepeatAMotion) {
+  Session session = shipped();
+  RecordingFile recording(record("run.mcap", session, 0.1));
+  session.side().hand.stiffness_newton_per_m = 0.0;
+  try {
+    static_cast<void>(hand_path_of(recording, session.side().hand));
+    FAIL() << "divided by zero";
+  } catch (const SetupError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("hand.stiffness_newton_per_m is 0"));
+    EXPECT_THAT(error.what(), HasSubstr("stiffness > 0"));
+    EXPECT_THAT(error.what(), HasSubstr("hand.stiffness_newton_per_m=150"));
+  }
+}
+
 // A hand of 150 N/m that means to be 10 mm deep in tissue of 250 N/m rests about 4 mm deep. What it
 // meant is found to within what the device's friction holds back: 0.3 N / 150 N/m = 2 mm.
 TEST_F(Recordings, AHandThatIsPushedMeantToGoFurther) {
@@ -143,9 +157,8 @@ TEST_F(Recordings, AHandThatIsPushedMeantToGoFurther) {
                                         "test.txtpb");
   RecordingFile recording(record("run.mcap", session, 3.0));
   double measured_z_m = 0.0;
-  for_each_row(recording, [&](const TickRow& row) {
-    measured_z_m = row.device.measured_hand_position_m.z();
-  });
+  for_each_row(recording,
+               [&](const TickRow& row) { measured_z_m = row.device.measured_hand_position_m.z(); });
   const RecordedPath path = hand_path_of(recording, session.side().hand);
   ASSERT_EQ(path.samples.size(), 300u);
   EXPECT_NEAR(path.samples[42].t_s, 0.4245, 1e-9);  // the mean of 420 … 429 ms
@@ -158,9 +171,8 @@ TEST_F(Recordings, TheSameSessionOnItsRecordedHandMovesTheSame) {
   const Session session = shipped();
   RecordingFile first(record("first.mcap", session, 5.0));
   std::vector<Vector3> moved;
-  for_each_row(first, [&](const TickRow& row) {
-    moved.push_back(row.device.true_tool_position_world_m);
-  });
+  for_each_row(first,
+               [&](const TickRow& row) { moved.push_back(row.device.true_tool_position_world_m); });
   Session again = session;
   again.side().hand.path = hand_path_of(first, session.side().hand);
   RecordingFile second(record("second.mcap", again, 5.0));

@@ -1,4 +1,4 @@
-// watcher.h — a viewer that waits for what a test expects to see.
+// watcher.h — a viewer that waits for the events that a test expects.
 #pragma once
 
 #include <algorithm>
@@ -25,7 +25,7 @@ class Watcher {
     }
   }
 
-  /// Looks on until `is_seen()` or the deadline; whether it was seen.
+  /// Receives until `is_seen()` or the deadline; true if it was seen.
   bool until(const std::function<bool()>& is_seen, Duration deadline = kDeadline) {
     const TimePoint end = clock_.now() + deadline;
     while (!is_seen()) {
@@ -35,7 +35,7 @@ class Watcher {
     }
     return true;
   }
-  /// Looks on until `count` more rows are there.
+  /// Receives until `count` more rows have arrived.
   bool until_rows(std::size_t count) {
     const std::size_t wanted = rows_[0].size() + count;
     return until([&] { return rows_[0].size() >= wanted; });
@@ -48,13 +48,13 @@ class Watcher {
              mirror.physics_link().is_alive(now);
     });
   }
-  /// @param side  place in session.sides
+  /// @param side  index in session.sides
   [[nodiscard]] const viewer::TelemetryMirror& mirror(std::size_t side = 0) const {
     return mirrors_[side];
   }
-  /// SceneState comes on request only.
+  /// For SceneState, which needs a subscription.
   [[nodiscard]] TelemetrySubscriber& subscriber() { return feed_.subscriber(); }
-  /// Of every device tick seen, in order.
+  /// Rows of all device ticks so far, in order.
   [[nodiscard]] const std::vector<TickRow>& rows(std::size_t side = 0) const {
     return rows_[side];
   }

@@ -1,5 +1,5 @@
-// web_client.h — a plain TCP client that speaks just enough HTTP and WebSocket to test a server,
-// and anything else that a test wants to say. Nothing of the server's own code is in it.
+// web_client.h — a plain TCP client with just enough HTTP and WebSocket to test a server, valid or
+// not. Shares no code with the server.
 #pragma once
 
 #include <arpa/inet.h>
@@ -39,7 +39,7 @@ class WebClient {
     setsockopt(socket_, SOL_SOCKET, SO_RCVBUF, &bytes, sizeof(bytes));
   }
 
-  /// As it is. False if the server has closed the connection.
+  /// Sends the bytes unchanged. False if the server has closed the connection.
   bool send_raw(const std::string& bytes) const {
     std::size_t sent = 0;
     while (sent < bytes.size()) {
@@ -50,16 +50,16 @@ class WebClient {
     return true;
   }
 
-  /// Half closed: the server sees the end, its answers still come.
+  /// Half-closes the connection: the server sees its end but can still answer.
   void send_no_more() const { shutdown(socket_, SHUT_WR); }
 
-  /// What comes until the server closes or the deadline; for small answers.
+  /// All bytes until the server closes or the deadline; for small answers.
   std::string read_to_end() {
     while (read_more()) {
     }
     return std::exchange(received_, {});
   }
-  /// Head of an HTTP answer, with its blank line; "" if the connection ends first.
+  /// Head of an HTTP answer with its blank line; "" if the connection ends first.
   std::string read_head() {
     for (;;) {
       const std::size_t end = received_.find("\r\n\r\n");
@@ -79,7 +79,7 @@ class WebClient {
            "Sec-WebSocket-Protocol: foxglove.sdk.v1\r\n" +
            extra + "\r\n";
   }
-  /// Whether the server became a WebSocket.
+  /// Whether the server accepts the upgrade.
   bool open_web_socket(const std::string& extra = {}) {
     return send_raw(upgrade(extra)) && read_head().starts_with("HTTP/1.1 101");
   }
@@ -131,7 +131,7 @@ class WebClient {
       if (!read_more()) return std::nullopt;
     }
   }
-  /// The next text that contains `part`; "" if none comes.
+  /// The next text that contains `part`; "" if none arrives.
   std::string await_text(const std::string& part) {
     while (const auto message = next()) {
       if (message->opcode == 1 && message->payload.find(part) != std::string::npos) {
@@ -140,7 +140,7 @@ class WebClient {
     }
     return {};
   }
-  /// The payload of the next data frame of the subscription; none if none comes.
+  /// Payload of the next data frame of the subscription; none if none arrives.
   std::optional<std::string> await_data(std::uint8_t subscription) {
     while (const auto message = next()) {
       if (message->opcode == 2 && message->payload.size() >= 13 &&

@@ -1,4 +1,4 @@
-// page.test.mjs: the page in a real Chromium, over the made-up world of support/mock_server.mjs.
+// page.test.mjs: the page in a real Chromium, over the simulated session of support/mock_server.mjs.
 import assert from "node:assert/strict";
 import { after, afterEach, before, test } from "node:test";
 import { launch, open, picture, status, until, until_pixels_change, until_text, words } from "./support/browser.mjs";
@@ -6,20 +6,72 @@ import { start_mock_server } from "./support/mock_server.mjs";
 import { changed_pixels } from "./support/png.mjs";
 
 const kLimit = { timeout: 90000 };
+const kPicture = { scale: 1 }; // for tests that compare pictures
 const kSmall = { width: 480, height: 360 }; // several pages share a processor that draws them all
 let browser;
-let server;
+let server; // of the running test
+let common; // a server and pages that consecutive tests share
 before(async () => { browser = await launch(); });
-after(() => browser.close());
+after(async () => {
+  await discard_common();
+  await browser.close();
+});
 afterEach(async () => {
-  for (const context of browser.contexts()) await context.close();
-  await server?.close();
+  for (const context of browser.contexts()) if (!common?.contexts.has(context)) await context.close();
+  if (server !== common?.server) await server?.close();
   server = undefined;
 });
 
+/** A server and a page of the test's own. */
 async function start(options, page_options) {
+  if (common) common.server.world.is_silent = true; // its pages stop drawing
   server = await start_mock_server(options);
   return open(browser, server.url, page_options);
+}
+
+/** Pages over the default world: loading and first drawing cost seconds. A failed test discards them. */
+function test_on_common(name, page_options, count, body) {
+  test(name, kLimit, async () => {
+    const key = JSON.stringify(page_options);
+    if (common && common.key !== key) await discard_common();
+    if (!common) common = { key, server: await start_mock_server(), pages: [], contexts: new Set() };
+    server = common.server;
+    try {
+      server.reset();
+      while (common.pages.length < count) {
+        const page = await open(browser, server.url, page_options);
+        common.pages.push(page);
+        common.contexts.add(page.context());
+      }
+      for (const page of common.pages) await reset_page(page);
+      await body(...common.pages);
+    } catch (error) {
+      await discard_common();
+      throw error;
+    }
+  });
+}
+const test_on_page = (name, body) => test_on_common(name, {}, 1, body);
+const test_on_picture = (name, body) => test_on_common(name, kPicture, 1, body);
+
+async function discard_common() {
+  if (!common) return;
+  const { contexts, server: its_server } = common;
+  common = undefined;
+  for (const context of contexts) await context.close();
+  await its_server.close();
+  if (server === its_server) server = undefined;
+}
+
+/** The controls as after loading. */
+async function reset_page(page) {
+  await page.mouse.up();
+  await page.mouse.move(0, 0);
+  await until(page, (t) => t.is_connected && !t.hand.is_held && Object.values(t.nodes).every(({ is_alive }) => is_alive), "a free hand and three nodes");
+  await page.evaluate(() => {
+    document.getElementById("reset-view").click();
+    document.querySelector("#colours [data-value=material]").click();
+  });
 }
 // Where the tool is, in pixels of the window.
 async function tool_on_screen(page) {
@@ -34,18 +86,7 @@ async function rest_tool_at(page, z) {
   await until(page, (t) => Math.abs(t.tool_m.z - z) < 1e-6, "the resting tool");
 }
 
-test("nothing is asked of anybody but the server, and the console is silent", kLimit, async () => {
-  const page = await start();
-  await until(page, (t) => t.plot_draws > 5 && t.mesh_frames > 5, "a running page");
-
-  assert.ok(page.requests.length >= 3);
-  for (const url of page.requests) assert.equal(new URL(url).host, new URL(server.url).host);
-  assert.deepEqual(page.problems, []);
-  assert.equal((await status(page)).unreadable, 0);
-});
-
-test("pixels change when the tissue deforms, and only then", kLimit, async () => {
-  const page = await start();
+test_on_picture("pixels change when the tissue deforms, and only then", async (page) => {
   await rest_tool_at(page, 0.004); // 1 mm above the surface
   await until(page, (t) => t.scene.tissues[0].displacement_m === 0, "tissue at rest");
   await page.waitForTimeout(100);
@@ -65,8 +106,7 @@ test("pixels change when the tissue deforms, and only then", kLimit, async () =>
   assert.equal(changed_pixels(at_rest, await picture(page)), 0);
 });
 
-test("tissue with a motion of its own is drawn where it is", kLimit, async () => {
-  const page = await start();
+test_on_picture("tissue with a motion of its own is drawn where it is", async (page) => {
   await rest_tool_at(page, 0.03);
   await until(page, (t) => t.scene.tissues[0].displacement_m === 0, "tissue at rest");
   await page.waitForTimeout(100);
@@ -83,38 +123,23 @@ test("tissue with a motion of its own is drawn where it is", kLimit, async () =>
   assert.equal(changed_pixels(at_rest, await picture(page)), 0);
 });
 
+let without_shaft;
+test_on_picture("a tool without a shaft is drawn as its tip", async (page) => {
+  await rest_tool_at(page, 0.02);
+  without_shaft = await picture(page);
+});
 test("the shaft is drawn, and turns with the tool", kLimit, async () => {
-  let page = await start();
+  const page = await start({ shaft_m: 0.03 }, kPicture);
   await rest_tool_at(page, 0.02);
-  const without = await picture(page);
-  await page.context().close();
-  await server.close();
-
-  page = await start({ shaft_m: 0.03 });
-  await rest_tool_at(page, 0.02);
-  await until_pixels_change(page, without, 300, "the shaft");
+  await until_pixels_change(page, without_shaft, 300, "the shaft");
   await page.waitForTimeout(100);
   const upright = await picture(page);
   server.world.orientation = [Math.SQRT1_2, 0, Math.SQRT1_2, 0]; // its z lies along x
   await until_pixels_change(page, upright, 300, "the shaft turned");
 });
 
-test("displacement colours the dent by its depth", kLimit, async () => {
-  const page = await start();
-  await rest_tool_at(page, -0.004);
-  await until(page, (t) => t.scene.tissues[0].displacement_m > 0.006, "7 mm of dent");
-
-  await page.getByRole("radio", { name: "Displacement" }).click();
-
-  // depth 3 − (−4) = 7 mm, on a scale that ends at 1, 2, 5 or 10 mm
-  await until(page, (t) => t.mode === "displacement" && t.scale.high === 0.01, "a scale of 10 mm");
-  assert.equal(await words(page, "ramp-high"), "10");
-  await page.getByRole("radio", { name: "Stiffness" }).click();
-  await until(page, (t) => t.scale.low === 250 && t.scale.high === 1500, "the scale of both tissues");
-});
-
 test("the plots move, can be held and show another window", kLimit, async () => {
-  const page = await start();
+  const page = await start({}, kPicture);
   const first = await until(page, (t) => t.now_s > 1.5 && t.plots.force[0].points > 20, "curves");
   const before = await picture(page, "#plot-force .plot");
   const later = await until(page, (t) => t.now_s > first.now_s + 1, "another second");
@@ -142,8 +167,43 @@ async function until_changed(page, before, selector) {
   assert.fail(`${selector} stayed as it was`);
 }
 
-test("a drag on the tool moves the hand, the wheel in depth, and the force is read out", kLimit, async () => {
-  const page = await start();
+test_on_page("the page requests nothing from any host but the server, and the console is silent", async (page) => {
+  await until(page, (t) => t.plot_draws > 5 && t.mesh_frames > 5, "a running page");
+
+  assert.ok(page.requests.length >= 3);
+  for (const url of page.requests) assert.equal(new URL(url).host, new URL(server.url).host);
+  assert.deepEqual(page.problems, []);
+  assert.equal((await status(page)).unreadable, 0);
+});
+
+test_on_page("a scene that is sent again is not built again", async (page) => {
+  const { scene_builds } = await status(page);
+  server.send_scene(); // as physics_node does when another viewer subscribes
+  let sent = (await status(page)).mesh_frames;
+  await until(page, (t) => t.mesh_frames > sent + 2, "mesh frames sent after the scene");
+  assert.equal((await status(page)).scene_builds, scene_builds);
+
+  server.world.revision += 1n;
+  server.send_scene();
+  await until(page, (t) => t.scene_builds === scene_builds + 1 && t.scene.revision === 2, "the new revision");
+  sent = (await status(page)).mesh_frames;
+  await until(page, (t) => t.mesh_frames > sent + 2, "its mesh frames");
+});
+
+test_on_page("displacement colours the dent by its depth", async (page) => {
+  await rest_tool_at(page, -0.004);
+  await until(page, (t) => t.scene.tissues[0].displacement_m > 0.006, "7 mm of dent");
+
+  await page.getByRole("radio", { name: "Displacement" }).click();
+
+  // depth 3 − (−4) = 7 mm, on a scale that ends at 1, 2, 5 or 10 mm
+  await until(page, (t) => t.mode === "displacement" && t.scale.high === 0.01, "a scale of 10 mm");
+  assert.equal(await words(page, "ramp-high"), "10");
+  await page.getByRole("radio", { name: "Stiffness" }).click();
+  await until(page, (t) => t.scale.low === 250 && t.scale.high === 1500, "the scale of both tissues");
+});
+
+test_on_page("a drag on the tool moves the hand, the wheel in depth, and the force is displayed", async (page) => {
   await rest_tool_at(page, 0.02);
   const from = await tool_on_screen(page);
   await page.mouse.move(from.x, from.y);
@@ -178,8 +238,7 @@ test("a drag on the tool moves the hand, the wheel in depth, and the force is re
   }
 });
 
-test("at most sixty targets a second leave the page", kLimit, async () => {
-  const page = await start();
+test_on_page("at most sixty targets a second leave the page", async (page) => {
   await rest_tool_at(page, 0.02);
   const { x, y } = await tool_on_screen(page);
   await page.mouse.move(x, y);
@@ -195,60 +254,23 @@ test("at most sixty targets a second leave the page", kLimit, async () => {
   assert.ok(targets.length <= 60 * span_s + 3, `${targets.length} in ${span_s} s`);
 });
 
-test("targets stay within the reach that the scene names", kLimit, async () => {
-  const page = await start();
+test_on_page("targets stay within the reach of the scene", async (page) => {
+  const { sent } = (await status(page)).hand;
   await rest_tool_at(page, 0.02);
   const { x, y } = await tool_on_screen(page);
   await page.mouse.move(x, y);
   await page.mouse.down();
   await page.mouse.move(990, 60, { steps: 4 });
   await page.mouse.wheel(0, -20000);
-  await until(page, (t) => t.hand.sent > 3, "targets");
+  await until(page, (t) => t.hand.sent > sent + 3, "targets");
   await page.waitForTimeout(200);
   await page.mouse.up();
 
   for (const { x, y, z } of server.world.targets) assert.ok(Math.hypot(x, y, z) <= 0.09 * (1 + 1e-9));
 });
 
-test("one page holds the hand; another says so and moves nothing", kLimit, async () => {
-  const first = await start({}, kSmall);
-  await rest_tool_at(first, 0.02);
-  const second = await open(browser, server.url, kSmall);
-  const from = await tool_on_screen(first);
-  await first.mouse.move(from.x, from.y);
-  await first.mouse.down();
-  await until(second, (t) => t.hand.is_others, "the other holder");
-  await until_text(second, "touch-words", /Another page holds the hand/);
-
-  const there = await tool_on_screen(second);
-  await second.mouse.move(there.x, there.y);
-  await second.mouse.down();
-  await second.mouse.move(there.x, there.y + 50);
-  await second.mouse.up();
-  const { hand } = await status(second);
-  assert.equal(hand.sent, 0);
-  assert.ok(server.world.targets.every(({ client }) => client === 1));
-  await first.mouse.up();
-  await until(second, (t) => !t.hand.is_others, "a free hand");
-});
-test("two pages that grab at once: the later one lets go", kLimit, async () => {
-  const first = await start({}, kSmall);
-  await rest_tool_at(first, 0.02);
-  const second = await open(browser, server.url, kSmall);
-  const from = await tool_on_screen(first);
-  for (const page of [first, second]) {
-    await page.mouse.move(from.x, from.y);
-    await page.mouse.down();
-  }
-  await until(second, (t) => t.hand.is_others && !t.hand.is_held, "the second page to let go");
-  const before = (await status(second)).hand.sent;
-  await second.mouse.move(from.x + 40, from.y);
-  await second.waitForTimeout(200);
-  assert.equal((await status(second)).hand.sent, before);
-  assert.equal((await status(first)).hand.is_mine, true);
-});
-
 test("without WebGL the figures still run, and the page says so", kLimit, async () => {
+  if (common) common.server.world.is_silent = true;
   server = await start_mock_server();
   const context = await browser.newContext();
   const page = await context.newPage();
@@ -266,8 +288,7 @@ test("without WebGL the figures still run, and the page says so", kLimit, async 
   assert.deepEqual(page.problems, []);
 });
 
-test("the keyboard touches too: T, arrows, Escape", kLimit, async () => {
-  const page = await start();
+test_on_page("the keyboard leads the hand too: T, arrows, Escape", async (page) => {
   await rest_tool_at(page, 0.02);
   await page.locator("#canvas").focus();
   await page.keyboard.press("t");
@@ -313,8 +334,7 @@ test("without permission the page offers no touch and sends nothing", kLimit, as
 });
 
 for (const [name, state, task] of [["device", "no_device", "the motors"], ["mofc", "no_mofc", "the clamp"], ["physics", "no_physics", "the tissue"]]) {
-  test(`a killed ${name}_node is reported within 2 s`, kLimit, async () => {
-    const page = await start();
+  test_on_page(`a killed ${name}_node is reported within 2 s`, async (page) => {
     await until(page, (t) => t.nodes[name].is_alive, "a living node");
 
     server.world.alive[name] = false;
@@ -330,28 +350,7 @@ for (const [name, state, task] of [["device", "no_device", "the motors"], ["mofc
   });
 }
 
-test("late pages see the same scene within a second", kLimit, async () => {
-  const first = await start({}, kSmall);
-  await rest_tool_at(first, -0.006);
-  const reference = await until(first, (t) => t.scene.tissues[0].displacement_m > 0.008, "a dent");
-
-  const took_ms = [];
-  for (let late = 0; late < 3; ++late) {
-    const page = await open(browser, server.url, { wait: false, ...kSmall });
-    const connected = await until(page, (t) => t.is_connected, "a connection");
-    assert.ok(connected);
-    const begin = performance.now();
-    const now = await until(page, (t) => t.scene?.tissues[0].displacement_m > 0.008, "scene and dent");
-    took_ms.push(performance.now() - begin);
-    assert.equal(now.scene.signature, reference.scene.signature);
-    assert.equal(now.scene.revision, reference.scene.revision);
-    assert.deepEqual(now.scene.tissues.map((t) => t.displacement_m.toFixed(5)), reference.scene.tissues.map((t) => t.displacement_m.toFixed(5)));
-  }
-  // the quickest: the others may have met a busy machine
-  assert.ok(Math.min(...took_ms) < 1000, `after ${took_ms} ms`);
-});
-
-test("a lost connection is said plainly and found again", kLimit, async () => {
+test("a lost connection is reported and made again", kLimit, async () => {
   const page = await start();
   const port = Number(new URL(server.url).port);
   await server.close();
@@ -363,8 +362,7 @@ test("a lost connection is said plainly and found again", kLimit, async () => {
   await until_text(page, "banners", /^$/);
 });
 
-test("a server that is stuck is said to be gone, though its connection stays open", kLimit, async () => {
-  const page = await start();
+test_on_page("a stalled server is reported as gone, though its connection stays open", async (page) => {
   server.world.is_silent = true;
   await until(page, (t) => t.state.id === "disconnected", "the loss", 2500);
 
@@ -385,8 +383,8 @@ test("dark and light, by preference and by choice", kLimit, async () => {
 });
 
 for (const [width, height] of [[390, 844], [360, 640], [844, 390], [768, 1024], [1440, 900]]) {
-  test(`nothing overflows at ${width} × ${height}`, kLimit, async () => {
-    const page = await start({}, { width, height });
+  test_on_page(`nothing overflows at ${width} × ${height}`, async (page) => {
+    await page.setViewportSize({ width, height });
     const overflow = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
     assert.ok(overflow <= 0, `${overflow} px too wide`);
     const scene = await page.locator("#scene").boundingBox();
@@ -402,6 +400,61 @@ for (const [width, height] of [[390, 844], [360, 640], [844, 390], [768, 1024], 
     }
   });
 }
+
+test_on_common("one page holds the hand; another says so and moves nothing", kSmall, 2, async (first, second) => {
+  await rest_tool_at(first, 0.02);
+  const from = await tool_on_screen(first);
+  await first.mouse.move(from.x, from.y);
+  await first.mouse.down();
+  await until(second, (t) => t.hand.is_others, "the other holder");
+  await until_text(second, "touch-words", /Another page holds the hand/);
+
+  const there = await tool_on_screen(second);
+  await second.mouse.move(there.x, there.y);
+  await second.mouse.down();
+  await second.mouse.move(there.x, there.y + 50);
+  await second.mouse.up();
+  const { hand } = await status(second);
+  assert.equal(hand.sent, 0);
+  assert.ok(server.world.targets.every(({ client }) => client === 1));
+  await first.mouse.up();
+  await until(second, (t) => !t.hand.is_others, "a free hand");
+});
+test_on_common("two pages that grab at once: the later one lets go", kSmall, 2, async (first, second) => {
+  await rest_tool_at(first, 0.02);
+  const from = await tool_on_screen(first);
+  for (const page of [first, second]) {
+    await page.mouse.move(from.x, from.y);
+    await page.mouse.down();
+  }
+  await until(second, (t) => t.hand.is_others && !t.hand.is_held, "the second page to let go");
+  const before = (await status(second)).hand.sent;
+  await second.mouse.move(from.x + 40, from.y);
+  await second.waitForTimeout(200);
+  assert.equal((await status(second)).hand.sent, before);
+  assert.equal((await status(first)).hand.is_mine, true);
+});
+
+test_on_common("late pages see the same scene within a second", kSmall, 1, async (first) => {
+  await rest_tool_at(first, -0.006);
+  const reference = await until(first, (t) => t.scene.tissues[0].displacement_m > 0.008, "a dent");
+
+  const took_ms = [];
+  for (let late = 0; late < 3; ++late) {
+    const page = await open(browser, server.url, { wait: false, ...kSmall });
+    const connected = await until(page, (t) => t.is_connected, "a connection");
+    assert.ok(connected);
+    const begin = performance.now();
+    const now = await until(page, (t) => t.scene?.tissues[0].displacement_m > 0.008, "scene and dent");
+    took_ms.push(performance.now() - begin);
+    assert.equal(now.scene.signature, reference.scene.signature);
+    assert.equal(now.scene.revision, reference.scene.revision);
+    assert.deepEqual(now.scene.tissues.map((t) => t.displacement_m.toFixed(5)), reference.scene.tissues.map((t) => t.displacement_m.toFixed(5)));
+    await page.context().close();
+  }
+  // the quickest: the others may have met a busy machine
+  assert.ok(Math.min(...took_ms) < 1000, `after ${took_ms} ms`);
+});
 
 test("every control has a name, and Tab reaches it", kLimit, async () => {
   const page = await start();
@@ -420,6 +473,7 @@ test("every control has a name, and Tab reaches it", kLimit, async () => {
 });
 
 test("20 000 deforming vertices at 30 Hz are taken as fast as they come", kLimit, async () => {
+  await discard_common();
   const page = await start({ vertices: 20000 });
   const begin = await until(page, (t) => t.mesh_frames > 5, "mesh frames");
   const sent = server.world.mesh_frames;

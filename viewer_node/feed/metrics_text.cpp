@@ -25,10 +25,10 @@ struct Count {
   std::uint64_t count = 0;
 };
 
-/// Metrics as they come, side after side; all lines of one stand together under its head.
+/// Collects metrics side by side; groups all lines of one metric under its head.
 class Page {
  public:
-  /// That of the lines that follow; "" for none.
+  /// Side of the following lines; "" for none.
   void begin_side(const std::string& side) { side_ = side.empty() ? "" : label("side", side); }
 
   void counter(const std::string& name, const char* help, std::initializer_list<Count> counts) {
@@ -87,27 +87,30 @@ class Page {
   }
 
   std::string side_;
-  std::vector<Metric> metrics_;  // in the order in which they came first
+  std::vector<Metric> metrics_;  // in order of first use
 };
 
 void add_node(Page& page, const char* node, const NodeLink& link, TimePoint now) {
   const std::string labels = label("node", node);
-  page.gauge("node_up", "Whether the node is heard.", labels, link.is_alive(now) ? 1 : 0);
+  page.gauge("node_up", "1 if the node sends telemetry, else 0.", labels,
+             link.is_alive(now) ? 1 : 0);
   if (!link.is_heard()) return;
-  page.counter("node_sessions", "Starts of the node, as heard.", {{labels, link.sessions}});
-  page.counter("telemetry_batches_lost", "Batches of telemetry that did not arrive.",
+  page.counter("node_sessions", "Process starts of the node seen by this viewer.",
+               {{labels, link.sessions}});
+  page.counter("telemetry_batches_lost", "Telemetry batches lost between node and viewer.",
                {{labels, link.batches_lost}});
-  page.counter("telemetry_records_lost", "Ticks that the node could not keep.",
+  page.counter("telemetry_records_lost", "Ticks that the node could not buffer.",
                {{labels, link.records_lost}});
-  page.counter("peers_refused", "Connections that failed for want of the right keys.",
+  page.counter("peers_refused", "Connections refused for lack of the right keys.",
                {{labels, link.peers_refused}});
 }
 
 void add_loop(Page& page, const char* node, const LoopCounters& loop) {
   const std::string labels = label("node", node);
-  page.counter("loop_ticks", "Turns of the periodic loop.", {{labels, loop.ticks}});
-  page.counter("loop_skipped_ticks", "Turns missed by overruns.", {{labels, loop.skipped_ticks}});
-  page.gauge("loop_worst_lateness_seconds", "Latest wake-up since the start.", labels,
+  page.counter("loop_ticks", "Ticks of the periodic loop.", {{labels, loop.ticks}});
+  page.counter("loop_skipped_ticks", "Ticks missed because of overruns.",
+               {{labels, loop.skipped_ticks}});
+  page.gauge("loop_worst_lateness_seconds", "Largest lateness of a tick since the start.", labels,
              to_seconds(loop.worst_lateness));
 }
 
@@ -115,7 +118,7 @@ void add_link(Page& page, const char* link, const LinkCounters& counters) {
   const auto with = [&](const char* result) {
     return label("link", link) + "," + label("result", result);
   };
-  page.counter("link_messages", "Messages that arrived on a link, by what became of them.",
+  page.counter("link_messages", "Messages received on a link, by result.",
                {{with("accepted"), counters.accepted},
                 {with("skipped"), counters.skipped},
                 {with("duplicate"), counters.duplicates},
@@ -126,7 +129,7 @@ void add_link(Page& page, const char* link, const LinkCounters& counters) {
 void add_device(Page& page, const DeviceCounters& c) {
   add_loop(page, "device", c.loop);
   add_link(page, "force_command", c.force_command);
-  page.counter("device_ticks", "Ticks by what the motors did.",
+  page.counter("device_ticks", "Ticks by origin of the applied force.",
                {{label("force", "answered"), c.answered_ticks},
                 {label("force", "leased"), c.leased_ticks},
                 {label("force", "fallback"), c.fallback_ticks},
@@ -134,16 +137,16 @@ void add_device(Page& page, const DeviceCounters& c) {
                 {label("force", "fault"), c.fault_ticks}});
   page.counter("device_peak_limited_ticks", "Ticks at the device's force limit.",
                {{"", c.peak_limited_ticks}});
-  page.counter("device_faults", "Faults that were latched.", {{"", c.device_faults}});
-  page.counter("device_fault_resets", "Faults that were reset.", {{"", c.fault_resets}});
-  page.counter("device_non_finite_commands", "Answers with NaN or infinity, not rendered.",
+  page.counter("device_faults", "Latched faults.", {{"", c.device_faults}});
+  page.counter("device_fault_resets", "Fault resets.", {{"", c.fault_resets}});
+  page.counter("device_non_finite_commands", "Answers with NaN or infinity, not applied.",
                {{"", c.non_finite_commands}});
   page.counter("device_late_switches",
                "Answers that began to act after the deadline and were withdrawn at once.",
                {{"", c.late_switches}});
-  page.gauge("device_max_force_newtons", "Greatest force since the start.", "", c.max_force_newton);
+  page.gauge("device_max_force_newtons", "Largest force since the start.", "", c.max_force_newton);
   page.gauge("device_minimum_true_energy_joules",
-             "Least energy the hand has given, since the start; simulated devices only.", "",
+             "Minimum of the true energy since the start; simulated devices only.", "",
              c.minimum_true_energy_joule);
 }
 
@@ -151,18 +154,19 @@ void add_mofc(Page& page, const MofcCounters& c) {
   add_link(page, "device_state", c.device_state);
   add_link(page, "interaction", c.interaction);
   page.counter("mofc_ticks", "DeviceStates answered.", {{"", c.ticks}});
-  page.counter("mofc_ticks_in", "Of these, in each condition.",
+  page.counter("mofc_ticks_in", "Of these, ticks in each condition.",
                {{label("condition", "contact"), c.contact_ticks},
                 {label("condition", "clamped"), c.clamped_ticks},
                 {label("condition", "too_fast"), c.too_fast_ticks},
                 {label("condition", "stale"), c.stale_ticks},
                 {label("condition", "late_physics"), c.late_physics_ticks}});
-  page.counter("mofc_ledger_resets", "Energy ledgers begun anew.", {{"", c.ledger_resets}});
-  page.counter("mofc_motions_dropped", "Motions that the link to physics did not take.",
+  page.counter("mofc_ledger_resets", "Resets of the energy ledger.", {{"", c.ledger_resets}});
+  page.counter("mofc_motions_dropped", "Motions that the link to physics refused.",
                {{"", c.motions_dropped}});
   page.counter("mofc_motions_suppressed", "Motions within the deadband, not sent.",
                {{"", c.motions_suppressed}});
-  page.gauge("mofc_transparency_ratio", "Force applied against force asked, mean.", "",
+  page.gauge("mofc_transparency_ratio",
+             "Mean ratio of rendered to requested force, projected and capped.", "",
              c.transparency_samples > 0
                  ? c.transparency_sum / static_cast<double>(c.transparency_samples)
                  : kNaN);
@@ -172,21 +176,25 @@ void add_physics(Page& page, const PhysicsCounters& c) {
   add_loop(page, "physics", c.loop);
   add_link(page, "tool_motion", c.tool_motion);
   page.counter("physics_contact_steps", "Steps with the tool in contact.", {{"", c.contact_steps}});
-  page.counter("physics_tissues", "Tissues looked at or skipped, summed over steps.",
+  page.counter("physics_tissues",
+               "Tissues visited or skipped by the broad phase, summed over steps.",
                {{label("result", "visited"), c.tissues_visited},
                 {label("result", "skipped"), c.tissues_skipped}});
   page.counter("physics_octree_cells_visited", "Cells of point clouds, summed over steps.",
                {{"", c.octree_cells_visited}});
-  page.counter("physics_octree_last_cell_hits", "Nearest points found where the last one was.",
+  page.counter("physics_octree_last_cell_hits",
+               "Nearest points in the same octree cell as the previous one.",
                {{"", c.octree_last_cell_hits}});
-  page.counter("physics_tissues_asleep", "Tissues that relax, at rest, summed over steps.",
+  page.counter("physics_tissues_asleep",
+               "Viscoelastic tissues at rest and not advanced, summed over steps.",
                {{"", c.tissues_asleep}});
-  page.counter("physics_surfaces_shared", "Tissues whose file another had loaded.",
+  page.counter("physics_surfaces_shared", "Tissues that share the file of an earlier tissue.",
                {{"", c.surfaces_shared}});
   page.counter("physics_interactions_suppressed", "Interactions within the deadband, not sent.",
                {{"", c.interactions_suppressed}});
-  page.counter("physics_mesh_frames", "Frames of tissue made for viewers.", {{"", c.mesh_frames}});
-  page.counter("physics_meshes_skipped", "Times that frames were due and nobody looked on.",
+  page.counter("physics_mesh_frames", "Mesh frames computed for viewers.", {{"", c.mesh_frames}});
+  page.counter("physics_meshes_skipped",
+               "Mesh frames due but not computed for lack of a subscriber.",
                {{"", c.meshes_skipped}});
   page.gauge("physics_worst_compute_time_seconds", "Longest step since the start.", "",
              to_seconds(c.worst_compute_time));
@@ -236,22 +244,23 @@ std::string MetricsText::text(std::span<const TelemetryMirror> mirrors, const Vi
     if (mirror.physics_link().is_heard()) add_physics(page, mirror.physics_counters());
 
     const Times& times = times_[i];
-    page.histogram("reply_time_seconds", "From the device's reading to its answer.",
+    page.histogram("reply_time_seconds", "Time from sending the device state to its answer.",
                    times.reply_time);
-    page.histogram("tick_lateness_seconds", "Of the device's wake-up.", times.lateness);
+    page.histogram("tick_lateness_seconds", "Lateness of the device's tick.", times.lateness);
     page.histogram("force_age_seconds",
-                   "From the reading that physics answers to its use, in contact.",
+                   "Age of the device state behind the requested force, in contact.",
                    times.force_age);
-    page.histogram("physics_compute_time_seconds", "Of a physics step.", times.compute_time);
+    page.histogram("physics_compute_time_seconds", "Computing time of a physics step.",
+                   times.compute_time);
   }
 
   page.begin_side("");
-  page.gauge("viewer_clients", "WebSockets open.", "", viewer.clients);
-  page.counter("viewer_messages_dropped", "Messages not sent to slow clients.",
+  page.gauge("viewer_clients", "Connected WebSocket clients.", "", viewer.clients);
+  page.counter("viewer_messages_dropped", "Messages dropped because a client read too slowly.",
                {{"", viewer.messages_dropped}});
   page.counter("viewer_requests_refused", "Requests and connections refused.",
                {{"", viewer.requests_refused}});
-  page.counter("viewer_frames_rejected", "Telemetry that could not be read.",
+  page.counter("viewer_frames_rejected", "Telemetry messages rejected by the codec.",
                {{"", viewer.frames_rejected}});
   return page.text();
 }

@@ -1,5 +1,5 @@
-// metrics_text.h — the counters and times of all nodes as Prometheus reads them (text format
-// 0.0.4). Thread: the viewer's.
+// metrics_text.h — the counters and times of all nodes in Prometheus' text format 0.0.4. Thread:
+// the viewer's.
 #pragma once
 
 #include <array>
@@ -15,7 +15,7 @@
 
 namespace palpate::viewer {
 
-/// Classic histogram: 10 µs … 1 s in steps of 1, 2, 5, and what is longer.
+/// Classic histogram: 10 µs … 1 s in steps of 1, 2, 5, and longer.
 struct TimeHistogram {
   static constexpr std::array<double, 16> kBounds_s{1e-5, 2e-5, 5e-5, 1e-4, 2e-4, 5e-4, 1e-3, 2e-3,
                                                     5e-3, 1e-2, 2e-2, 5e-2, 0.1,  0.2,  0.5,  1.0};
@@ -25,7 +25,7 @@ struct TimeHistogram {
   double sum_s = 0.0;
 };
 
-/// What the viewer knows of itself.
+/// Counts of the viewer itself.
 struct ViewerCounts {
   std::uint32_t clients = 0;
   std::uint64_t messages_dropped = 0;
@@ -33,18 +33,18 @@ struct ViewerCounts {
   std::uint64_t frames_rejected = 0;
 };
 
-/// Counters are those of the nodes, since each was started; histograms are over the ticks heard.
-/// Where there are several devices each line of a node bears its side: `{side="left",…}`.
+/// Counters are those of the nodes since their start; histograms cover the received ticks.
+/// With several devices each line of a node carries its side: `{side="left",…}`.
 class MetricsText {
  public:
   explicit MetricsText(const Session& session);
 
-  /// @param side  place in session.sides
+  /// @param side  index in session.sides
   void note(std::size_t side, const DeviceBatch& batch) noexcept;
   void note(std::size_t side, const MofcBatch& batch) noexcept;
   void note(std::size_t side, const PhysicsBatch& batch) noexcept;
 
-  /// The page. What a node that was never heard counts is left out.
+  /// The text. Counters of nodes that were never heard are omitted.
   /// @param mirrors  of each side
   [[nodiscard]] std::string text(std::span<const TelemetryMirror> mirrors,
                                  const ViewerCounts& viewer, TimePoint now) const;

@@ -4,11 +4,13 @@
 
 namespace palpate::viewer {
 
-void SceneMirror::take(const SceneState& scene) {
-  const bool is_same = scene_ && scene_->header.session_id == scene.header.session_id &&
-                       scene_->revision == scene.revision;
-  if (!is_same) moved_.clear();
+bool SceneMirror::take(const SceneState& scene) {
+  const bool is_known = scene_ && scene_->header.session_id == scene.header.session_id &&
+                        scene_->revision == scene.revision;
+  if (is_known) return false;
+  moved_.clear();
   scene_ = scene;
+  return true;
 }
 
 bool SceneMirror::take(const MeshFrame& frame) {

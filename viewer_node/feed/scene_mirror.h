@@ -1,4 +1,5 @@
-// scene_mirror.h — the scene as physics_node tells it, kept for viewers that come later.
+// scene_mirror.h — the newest scene of physics_node and its motion, kept for viewers that connect
+// later.
 #pragma once
 
 #include <cstdint>
@@ -11,21 +12,21 @@ namespace palpate::viewer {
 
 class SceneMirror {
  public:
-  /// Replaces everything, also by a scene of a restarted physics_node.
-  void take(const SceneState& scene);
-  /// False, and nothing changes: before the scene, of another scene, or of vertices that are not
-  /// there.
+  /// Replaces everything. False, and nothing changes, if the scene is known already: of the same
+  /// session and revision.
+  bool take(const SceneState& scene);
+  /// False, and nothing changes, if the frame does not fit: before the scene, of another scene, or
+  /// with vertices out of range.
   bool take(const MeshFrame& frame);
 
   /// None before the first.
   [[nodiscard]] const std::optional<SceneState>& scene() const { return scene_; }
-  /// One frame for each tissue that ever moved: with all its vertices as they are now, if it gave
-  /// way.
+  /// One frame for each tissue that has moved, with all its current vertices if it was deformed.
   [[nodiscard]] std::vector<MeshFrame> whole_frames() const;
-  /// Vertices of a tissue where they are now; W: x,y,z,…
+  /// Current vertices of a tissue, W: x,y,z,…
   [[nodiscard]] std::vector<float> vertices_m(std::size_t tissue) const;
 
-  /// Everything is at rest: from now on no frame comes, or all will come anew.
+  /// Back to rest: for a subscription to frames that starts over.
   void forget_motion() { moved_.clear(); }
 
  private:

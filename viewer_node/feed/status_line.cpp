@@ -53,7 +53,7 @@ std::string status_line(const TelemetryMirror& mirror, TimePoint now) {
   add(absence("mofc", mirror.mofc_link(), now));
   add(absence("physics", mirror.physics_link(), now));
 
-  // without the device there are no new ticks to speak of
+  // without the device there are no new ticks
   if (!mirror.device_link().is_alive(now)) return line;
   const bool has_mofc = mirror.mofc_link().is_alive(now);
   const bool has_physics = mirror.physics_link().is_alive(now);

@@ -10,7 +10,7 @@
 namespace palpate::viewer {
 namespace {
 
-// t_k on the device's clock: both halves know it.
+// t_k on the device's clock, from either half.
 TimePoint sampled_at(const TelemetryMirror::JoinedTick& tick) {
   return tick.device ? tick.device->sampled_at : tick.mofc->device_sampled_at;
 }
@@ -25,7 +25,7 @@ std::optional<Duration> maximum(const std::vector<Duration>& values) {
   return *std::max_element(values.begin(), values.end());
 }
 
-// Ticks per second between two of them, whatever got lost in between.
+// Ticks per second between two ticks, including lost ones.
 double rate_hz(std::uint64_t ticks, Duration span) {
   return span.count() > 0 ? static_cast<double>(ticks) / to_seconds(span) : kNaN;
 }
@@ -52,7 +52,7 @@ TelemetryMirror::BatchLog::Place TelemetryMirror::BatchLog::note(const Header& h
     return Place::kNewest;
   }
 
-  // late: takes back one loss, unless it was sent before this viewer began to count
+  // late: corrects one loss, unless it was sent before the first batch counted here
   if (header.sequence <= newest) {
     const std::uint64_t behind = newest - header.sequence;
     if (behind >= 64 || ((seen >> behind) & 1U) != 0) return Place::kRefused;

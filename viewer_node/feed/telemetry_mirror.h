@@ -1,6 +1,6 @@
-// telemetry_mirror.h — what a viewer knows of the running nodes, put together from their telemetry
-// (hop 5). Batches may come in any order, be lost or come twice; a viewer may come late and a node
-// may be restarted. Only the viewer's own thread uses it.
+// telemetry_mirror.h — the state of the running nodes, assembled from their telemetry
+// (hop 5). Batches may arrive in any order, be lost or duplicated; the viewer may connect late and
+// nodes may restart. Used by the viewer's thread only.
 #pragma once
 
 #include <cstdint>
@@ -9,10 +9,10 @@
 #include <map>
 #include <optional>
 
-#include "common/telemetry/telemetry.h"
 #include "common/core/time.h"
 #include "common/core/vector.h"
 #include "common/telemetry/csv_writer.h"
+#include "common/telemetry/telemetry.h"
 
 namespace palpate::viewer {
 
@@ -25,12 +25,12 @@ inline constexpr Duration kJoinWait = std::chrono::milliseconds(500);
 /// Bound on the ticks held whatever the stamps say: three times the window at 10 kHz.
 inline constexpr std::size_t kMaxTicksHeld = 1U << 15U;
 
-/// One node's telemetry link, seen from here.
+/// Telemetry link of one node, as received.
 struct NodeLink {
   std::uint64_t batches_received = 0;
-  std::uint64_t batches_lost = 0;   ///< gaps in the sequence, since first heard
-  std::uint64_t records_lost = 0;   ///< by the node itself, as its newest batch says
-  std::uint64_t peers_refused = 0;  ///< by the node, as its newest batch says
+  std::uint64_t batches_lost = 0;   ///< gaps in the sequence since the first batch
+  std::uint64_t records_lost = 0;   ///< inside the node, from its newest batch
+  std::uint64_t peers_refused = 0;  ///< by the node, from its newest batch
   std::uint64_t sessions = 0;       ///< 0: never heard; 2: restarted once; …
   TimePoint heard_at{};             ///< viewer's clock
 
@@ -39,10 +39,9 @@ struct NodeLink {
   [[nodiscard]] bool is_alive(TimePoint now) const { return is_heard() && !is_gone(now); }
 };
 
-/// Figures over the sliding window unless they say otherwise; NaN or nullopt where nothing is
-/// known.
+/// Figures over the sliding window unless noted otherwise; NaN or nullopt where unknown.
 struct TelemetryFigures {
-  std::size_t device_ticks = 0;  ///< that the window holds
+  std::size_t device_ticks = 0;  ///< in the window
   std::size_t mofc_ticks = 0;
 
   double tick_rate_hz = kNaN;
@@ -53,12 +52,12 @@ struct TelemetryFigures {
   double answered_ratio = kNaN;              ///< of scheduled ticks: answered / (begun + skipped)
   double answered_ratio_since_start = kNaN;  ///< the same over the device's whole session
 
-  double asked_newton = kNaN;    ///< |force asked| in the newest tick that both sides reported
-  double applied_newton = kNaN;  ///< |force acting| in that tick; without one, in the newest
+  double asked_newton = kNaN;    ///< |requested force| in the newest tick with both halves
+  double applied_newton = kNaN;  ///< |rendered force| in that tick; without one, in the newest
   double max_asked_newton = kNaN;
   double max_applied_newton = kNaN;
   double clamped_ratio = kNaN;  ///< of the ticks answered by mofc
-  double transparency = kNaN;   ///< projected, capped; applied against asked
+  double transparency = kNaN;   ///< projected, capped; rendered against requested
   double force_error_rms_ratio = kNaN;
   std::optional<Duration> force_age_p50;  ///< over ticks with a force of physics
   std::optional<Duration> force_age_max;
@@ -74,14 +73,15 @@ struct TelemetryFigures {
 
 class TelemetryMirror {
  public:
-  /// One device tick; either half may be unknown yet, or for good.
+  /// One device tick; either half may be missing, for now or permanently.
   struct JoinedTick {
     std::optional<DeviceTick> device;
     std::optional<MofcTick> mofc;
   };
 
-  /// Called once per device tick in order of sequence, when both halves are here or the wait for
-  /// the other is over; set it before the first batch. Ticks whose device half is lost give no row.
+  /// Called once per device tick in order of sequence, when both halves have arrived or the wait
+  /// for the other has ended; set it before the first batch. Ticks without a device half give no
+  /// row.
   std::function<void(const TickRow&)> on_row;
 
   /// @param now  viewer's clock
@@ -89,7 +89,7 @@ class TelemetryMirror {
   void take(const MofcBatch& batch, TimePoint now);
   void take(const PhysicsBatch& batch, TimePoint now);
 
-  /// Hands out the rows that still wait: at the end of a recording.
+  /// Hands out the waiting rows; at the end of a recording.
   void flush_rows();
 
   [[nodiscard]] TelemetryFigures figures() const;
@@ -109,7 +109,7 @@ class TelemetryMirror {
   }
 
  private:
-  // Orders the batches of one node: what is new, what came late, what came twice.
+  // Classifies the batches of one node: new, late or duplicate.
   struct BatchLog {
     enum class Place { kNewest, kLate, kRefused };
 

@@ -32,7 +32,7 @@ enum class Opcode : std::uint8_t {
   kDataEnd = 0x0F,
 };
 
-/// What a file says of itself by name.
+/// One metadata record.
 using Strings = std::map<std::string, std::string>;
 
 /// A topic and the protobuf message on it.
@@ -42,7 +42,7 @@ struct Channel {
   std::string schema;       ///< binary FileDescriptorSet
 };
 
-/// IEEE CRC-32. @param crc  of what came before
+/// IEEE CRC-32. @param crc  of the preceding bytes
 [[nodiscard]] std::uint32_t crc_of(std::string_view bytes, std::uint32_t crc = 0);
 
 /// Appends numbers and strings to a buffer.
@@ -72,7 +72,7 @@ class Bytes {
   std::string& to_;
 };
 
-/// Takes them off again. Past the end everything is 0 or empty, and `is_good()` is false.
+/// Reads them back. Past the end everything is 0 or empty, and `is_good()` is false.
 class Fields {
  public:
   explicit Fields(std::string_view bytes) : rest_(bytes) {}

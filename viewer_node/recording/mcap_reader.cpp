@@ -31,7 +31,7 @@ McapReader::McapReader(std::string path)
 
   std::string magic;
   if (!read(0, mcap::kMagic.size(), magic) || magic != mcap::kMagic) {
-    refuse("is no MCAP file; give one that --record wrote");
+    refuse("not an MCAP file; give a file written by --record");
   }
   is_whole_ = read_summary();
   if (!is_whole_) search();
@@ -86,14 +86,14 @@ bool McapReader::read_summary() {
   return false;
 }
 
-/// No two records share a byte, so an index of more bytes than the file has would read some twice.
+/// Records do not overlap, so an index cannot cover more bytes than the file has.
 bool McapReader::count_indexed(std::uint64_t length) {
   if (length > file_bytes_ - indexed_bytes_) return false;
   indexed_bytes_ += length;
   return true;
 }
 
-/// Record after record from the beginning, until one is not whole.
+/// Scans the records from the beginning up to the first incomplete one.
 void McapReader::search() {
   std::uint64_t offset = mcap::kMagic.size();
   std::string bytes;
@@ -118,7 +118,7 @@ void McapReader::search() {
   }
 }
 
-/// One record of the summary, or a definition; true if it is good.
+/// Reads one record of the summary, or a definition; false if it is malformed.
 bool McapReader::take(Opcode opcode, std::string_view content) {
   Fields fields(content);
   switch (opcode) {
@@ -166,7 +166,7 @@ bool McapReader::take(Opcode opcode, std::string_view content) {
       break;
     }
     default:
-      break;  // of no use here
+      break;  // not needed
   }
   return fields.is_good();
 }

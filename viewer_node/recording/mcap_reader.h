@@ -1,4 +1,4 @@
-// mcap_reader.h — reads what McapWriter wrote, also if its end is missing.
+// mcap_reader.h — reads the files of McapWriter, even if their end is missing.
 #pragma once
 
 #include <cstdint>
@@ -13,9 +13,9 @@
 
 namespace palpate::viewer {
 
-/// Nothing in the file is believed unchecked. Refused: other compressions, chunks of more than
-/// 64 MiB; an index that names more than there is in the file. A file without a whole summary is searched from its beginning; what is cut off or
-/// damaged is left out and counted.
+/// Checks everything it reads. Refuses compressed chunks, chunks over 64 MiB, and an index that
+/// covers more bytes than the file has. Without a complete summary it scans the file from the
+/// beginning; truncated or damaged chunks are skipped and counted.
 class McapReader {
  public:
   struct Message {
@@ -30,20 +30,20 @@ class McapReader {
     std::uint64_t messages = 0;  ///< 0 where the summary is missing
   };
 
-  /// Throws SetupError: no such file, no MCAP, or none of the kind that is understood here.
+  /// Throws SetupError: no such file, not MCAP, or an unsupported kind of MCAP.
   explicit McapReader(std::string path);
 
   [[nodiscard]] const std::string& path() const { return path_; }
   [[nodiscard]] std::uint64_t file_bytes() const { return file_bytes_; }
-  /// Was it closed in order? If not, its last second may be missing.
+  /// Whether the file was closed properly; otherwise its last second may be missing.
   [[nodiscard]] bool is_whole() const { return is_whole_; }
   [[nodiscard]] std::uint64_t damaged_chunks() const { return damaged_chunks_; }
   [[nodiscard]] const std::vector<Topic>& topics() const { return topics_; }
   [[nodiscard]] std::size_t chunk_count() const { return chunks_.size(); }
-  /// Of the messages; 0 if there is none.
+  /// Log times of the first and last message; 0 without messages.
   [[nodiscard]] std::uint64_t begin_ns() const;
   [[nodiscard]] std::uint64_t end_ns() const;
-  /// All of that name, a later one over an earlier one; empty if there is none.
+  /// All metadata of that name, later entries override earlier ones; empty if there is none.
   [[nodiscard]] mcap::Strings metadata(const std::string& name) const;
 
   /// The next message in the order of the file; nullopt at the end.
@@ -82,8 +82,8 @@ class McapReader {
   std::uint64_t indexed_bytes_ = 0;  // of chunks and metadata
 
   std::size_t next_chunk_ = 0;
-  std::string chunk_;          // records of the one at hand
-  std::string_view rest_;      // of them
+  std::string chunk_;          // records of the current chunk
+  std::string_view rest_;      // unread part of chunk_
   std::uint64_t from_ns_ = 0;  // seek()
   std::uint64_t damaged_chunks_ = 0;
 };

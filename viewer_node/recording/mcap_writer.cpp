@@ -42,7 +42,7 @@ McapWriter::McapWriter(std::string path, bool may_overwrite,
                        const std::vector<mcap::Channel>& channels)
     : path_(std::move(path)), file_(create(path_, may_overwrite)) {
   if (file_ == nullptr) throw SetupError("recording " + path_ + ": " + std::strerror(errno));
-  std::setvbuf(file_.get(), nullptr, _IONBF, 0);  // a chunk is the buffer
+  std::setvbuf(file_.get(), nullptr, _IONBF, 0);  // chunk_ is the buffer
 
   std::string schemas;
   std::string topics;
@@ -113,7 +113,7 @@ void McapWriter::end_chunk() {
   bytes += chunk_;
   const std::uint64_t length = bytes.size();
 
-  // where each topic's messages lie in it
+  // offsets of each topic's messages in it
   std::string index_offsets;
   for (Topic& topic : topics_) {
     if (topic.index.empty()) continue;
@@ -202,7 +202,7 @@ std::string McapWriter::summary() const {
   }
   note(Opcode::kMetadataIndex, begin, bytes.size() - begin);
 
-  // the footer's check sum covers the summary and the footer up to itself
+  // the footer's checksum covers the summary and the footer before the checksum
   const std::uint64_t summary_start = offset_;
   const std::uint64_t offsets_start = offset_ + bytes.size();
   bytes += offsets;
@@ -220,7 +220,7 @@ void McapWriter::put(const std::string& bytes) {
 
 void McapWriter::fail() {
   error_ = "recording " + path_ + ": " + std::strerror(errno) +
-           ": nothing is recorded from here on; what was written before can be read";
+           ": recording stopped here; earlier data can be read";
   file_.reset();
 }
 

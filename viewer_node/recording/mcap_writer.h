@@ -1,5 +1,5 @@
-// mcap_writer.h — a run as an MCAP file: chunks with an index and check sums, in the order written.
-// Never on the thread of a tick: it waits for the disk.
+// mcap_writer.h — writes a run to an MCAP file: indexed chunks with checksums, in the order
+// written. Blocks on the disk; do not use it on a tick thread.
 #pragma once
 
 #include <cstdint>
@@ -16,31 +16,32 @@
 
 namespace palpate::viewer {
 
-/// A chunk is written when it is so long, or spans so much time: a crash loses no more.
+/// A chunk is written at this size or time span; a crash loses no more.
 inline constexpr std::size_t kChunkBytes = std::size_t{1} << 20;
 inline constexpr std::uint64_t kChunkSpan_ns = 500'000'000;
 
-/// The same calls give the same file, to the bit. Chunks are not compressed.
+/// The same calls write the same file, bit for bit. Chunks are not compressed.
 class McapWriter {
  public:
   /// Creates `path`. Throws SetupError if it cannot, or if it exists and `may_overwrite` is false.
   /// @param channels  topic i is channel i of write()
   McapWriter(std::string path, bool may_overwrite, const std::vector<mcap::Channel>& channels);
-  /// Closes; call close() first to learn whether that worked.
+  /// Closes; call close() first to detect errors.
   ~McapWriter();
   McapWriter(const McapWriter&) = delete;
   McapWriter& operator=(const McapWriter&) = delete;
 
   void add_metadata(const std::string& name, const mcap::Strings& strings);
-  /// Into the chunk at hand. @param channel  index in `channels`
+  /// Appends to the current chunk. @param channel  index in `channels`
   void write(std::size_t channel, std::uint64_t log_time_ns, std::string_view payload);
-  /// Hands everything so far to the operating system: the end of this process cannot lose it.
+  /// Hands everything so far to the operating system, so that the end of this process loses
+  /// nothing.
   void flush();
   /// Flushes and adds the summary; nothing is written after it.
   void close();
 
-  /// What went wrong with the file, once; nothing is written after an error, and what was written
-  /// before stays readable.
+  /// The file's error, reported once. Nothing is written after an error; earlier data stay
+  /// readable.
   [[nodiscard]] std::optional<std::string> take_error();
 
  private:
@@ -52,7 +53,7 @@ class McapWriter {
   struct Topic {
     std::uint16_t id = 0;
     std::uint32_t sequence = 0;
-    std::vector<std::pair<std::uint64_t, std::uint64_t>> index;  // of the chunk at hand
+    std::vector<std::pair<std::uint64_t, std::uint64_t>> index;  // of the current chunk
   };
 
   void end_chunk();

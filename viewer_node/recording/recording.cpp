@@ -3,15 +3,15 @@
 #include <chrono>
 #include <utility>
 
-#include "common/link/codec/viewer_codec.h"
 #include "common/core/version.h"
+#include "common/link/codec/viewer_codec.h"
 
 namespace palpate::viewer {
 namespace {
 
-// What the disk may be behind: about 100 s of a run at 1 kHz.
+// Data that may wait for the disk: about 100 s of a run at 1 kHz.
 constexpr std::size_t kMaxQueuedBytes = std::size_t{64} << 20;
-// How long a message may wait for its chunk to end.
+// Maximum time that a message waits for its chunk.
 constexpr auto kFlushInterval = std::chrono::milliseconds(500);
 
 std::uint64_t wall_ns() {
@@ -95,10 +95,19 @@ Recording::Recording(const RecordOptions& options, const Session& session,
 Recording::~Recording() { close(); }
 
 void Recording::take(const TelemetryMessage& message, std::span<const std::byte> payload) {
+  if (is_known_scene(message)) return;
   push({.channel = message.index(),
         .log_time_ns = wall_ns(),
         .payload = {reinterpret_cast<const char*>(payload.data()), payload.size()}});
   if (versions_.note(message)) push({.nodes = versions_.metadata()});
+}
+
+/// physics_node sends its scene again whenever another viewer subscribes to it.
+bool Recording::is_known_scene(const TelemetryMessage& message) {
+  const auto* scene = std::get_if<SceneState>(&message);
+  if (scene == nullptr) return false;
+  const std::pair key(scene->header.session_id, std::uint64_t{scene->revision});
+  return std::exchange(scene_, key) == key;
 }
 
 void Recording::push(Item&& item) {

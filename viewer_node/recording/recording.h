@@ -1,8 +1,9 @@
-// recording.h — hop 5 into an MCAP file: every batch as it came, the scene, the session, who ran.
+// recording.h — records hop 5 in an MCAP file: every batch as received, the scene, the session,
+// the versions of the nodes.
 //
 //   in   hop 5  telemetry of all nodes, SceneState, MeshFrame     out  file
 //
-// Threads: take() belongs to one; the file to one of its own, with a queue between them.
+// Threads: take() on the caller's; the file on its own, with a queue between them.
 #pragma once
 
 #include <condition_variable>
@@ -15,10 +16,11 @@
 #include <stop_token>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
-#include "common/session/session.h"
 #include "common/link/telemetry_subscriber.h"
+#include "common/session/session.h"
 #include "viewer_node/recording/mcap_writer.h"
 
 namespace palpate::viewer {
@@ -30,24 +32,24 @@ struct RecordOptions {
 };
 
 /// /device, /mofc, /physics, /scene_state, /mesh: protobuf messages of hop 5 without the kind byte;
-/// in the order of TelemetryMessage's alternatives. A batch says of which side it is.
+/// in the order of TelemetryMessage's alternatives. A batch names its side.
 [[nodiscard]] std::vector<mcap::Channel> recorded_channels();
 
-/// Metadata of this name: session (text as it counts), session_name, session_file, controller,
-/// seed, sides (their names with commas between; "" of one device), recorded_by, version (of the
+/// Metadata of this name: session (text with its overrides), session_name, session_file,
+/// controller, seed, sides (comma-separated names; "" for one device), recorded_by, version (of the
 /// recording program), protocol_major.
 inline constexpr const char* kRunMetadata = "palpate";
 [[nodiscard]] mcap::Strings run_metadata(const Session& session, const std::string& recorded_by);
 /// Metadata of this name: NODE and NODE_sessions ("left.device_node"), the version and the process
-/// starts of each node heard so far.
+/// starts of each node so far.
 inline constexpr const char* kNodesMetadata = "palpate_nodes";
 /// Metadata of this name: messages_dropped, by the recorder's queue.
 inline constexpr const char* kLossMetadata = "palpate_loss";
 
-/// Versions and process starts, from the batches.
+/// Versions and process starts of the nodes, from their batches.
 class NodeVersions {
  public:
-  /// True if this told something new.
+  /// True if the batch starts a new session of its node.
   bool note(const TelemetryMessage& message);
   [[nodiscard]] mcap::Strings metadata() const;
 
@@ -60,11 +62,11 @@ class NodeVersions {
   std::map<std::string, Node> nodes_;
 };
 
-/// A run in real time. Asks for every batch, the scene and what moves of it. A slow disk costs
-/// messages, which are counted; a full one ends the recording, nothing else.
+/// Records a run in real time: every batch, every scene once, and its motion. On a slow disk
+/// messages are dropped and counted; a full disk ends the recording and nothing else.
 class Recording {
  public:
-  /// Throws SetupError if the file cannot be made.
+  /// Throws SetupError if the file cannot be created.
   Recording(const RecordOptions& options, const Session& session, const std::string& recorded_by,
             TelemetrySubscriber& subscriber);
   /// Closes.
@@ -72,12 +74,12 @@ class Recording {
   Recording(const Recording&) = delete;
   Recording& operator=(const Recording&) = delete;
 
-  /// @param payload  the message as it came
+  /// @param payload  the message as received
   void take(const TelemetryMessage& message, std::span<const std::byte> payload);
-  /// Writes what is queued, and the summary.
+  /// Writes the queued messages and the summary.
   void close();
 
-  /// What went wrong with the file, once.
+  /// The file's error, reported once.
   [[nodiscard]] std::optional<std::string> take_error();
 
  private:
@@ -88,12 +90,14 @@ class Recording {
     mcap::Strings nodes{};  // not empty: metadata instead of a message
   };
 
+  [[nodiscard]] bool is_known_scene(const TelemetryMessage& message);
   void push(Item&& item);
   void write_until(const std::stop_token& stop);
   void write(std::vector<Item>& items);
 
   McapWriter writer_;
   NodeVersions versions_;
+  std::optional<std::pair<std::uint64_t, std::uint64_t>> scene_;  // newest: session id, revision
 
   std::mutex mutex_;
   std::condition_variable_any filled_;

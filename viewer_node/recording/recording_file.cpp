@@ -1,5 +1,7 @@
 #include "viewer_node/recording/recording_file.h"
 
+#include <spdlog/fmt/fmt.h>
+
 #include <cmath>
 #include <optional>
 #include <string_view>
@@ -7,8 +9,8 @@
 #include <vector>
 
 #include "common/core/check.h"
-#include "viewer_node/recording/recording.h"
 #include "viewer_node/feed/telemetry_mirror.h"
+#include "viewer_node/recording/recording.h"
 
 namespace palpate {
 namespace {
@@ -29,7 +31,7 @@ RecordingFile::RecordingFile(const std::string& path)
   }
   if (kinds_.empty()) {
     throw SetupError("recording " + path +
-                     ": has no topic of Palpate; give a file that --record wrote");
+                     ": has no topic of Palpate; give a file written by --record");
   }
 }
 
@@ -52,9 +54,9 @@ void RecordingFile::choose_side(const std::string& side) {
   side_ = side.empty() && has_one ? names : side;
   const bool is_there = ("," + names + ",").find("," + *side_ + ",") != std::string::npos;
   if (is_there && side_->find(',') == std::string::npos) return;
-  throw SetupError("recording " + mcap_.path() +
-                   (names.empty() ? ": is of one device; leave --side out"
-                                  : ": give --side with one of " + names));
+  throw SetupError(
+      "recording " + mcap_.path() +
+      (names.empty() ? ": has one device; omit --side" : ": give --side with one of " + names));
 }
 
 bool RecordingFile::is_of_chosen_side() const {
@@ -110,8 +112,7 @@ const RecordingFile::Item* RecordingFile::next() {
   return nullptr;
 }
 
-void for_each_row(RecordingFile& recording,
-                  const std::function<void(const TickRow&)>& on_row) {
+void for_each_row(RecordingFile& recording, const std::function<void(const TickRow&)>& on_row) {
   viewer::TelemetryMirror mirror;
   mirror.on_row = on_row;
   recording.seek(0);
@@ -151,7 +152,7 @@ std::vector<HandStep> hand_steps_of(RecordingFile& recording) {
   for_each_row(recording, [&](const TickRow& row) {
     if (!begin) begin = row.device.sampled_at;
     const Duration t = row.device.sampled_at - *begin;
-    if (t <= last) return;  // a device with another clock
+    if (t <= last) return;  // a restarted device with another clock
     last = t;
     if (t / kPathStep != step) {
       end_step();
@@ -170,9 +171,15 @@ std::vector<HandStep> hand_steps_of(RecordingFile& recording) {
 }  // namespace
 
 RecordedPath hand_path_of(RecordingFile& recording, const HandConfig& hand) {
+  if (!(hand.stiffness_newton_per_m > 0.0)) {
+    throw SetupError(
+        fmt::format("hand.stiffness_newton_per_m is {:g}: a recorded motion needs a hand with "
+                    "stiffness > 0; set it, for example hand.stiffness_newton_per_m=150",
+                    hand.stiffness_newton_per_m));
+  }
   const std::vector<HandStep> steps = hand_steps_of(recording);
   if (steps.empty()) {
-    throw SetupError("recording " + recording.mcap().path() + ": holds no motion of a hand");
+    throw SetupError("recording " + recording.mcap().path() + ": contains no motion of a hand");
   }
   RecordedPath path;
   Vector3 lead_m = Vector3::Zero();  // xᵢ − x
@@ -187,7 +194,7 @@ RecordedPath hand_path_of(RecordingFile& recording, const HandConfig& hand) {
           (after.position_m - steps[i].position_m) / (after.t_s - steps[i].t_s);
       acceleration = 2.0 * (velocity_out - velocity_in) / (after.t_s - before.t_s);
     }
-    // the equation above for the lead: a low pass of the lead at rest, time constant b/k
+    // the equation of hand_path_of() for the lead: a low pass of the static lead, time constant b/k
     const Vector3 at_rest_m =
         (hand.mass_kg * acceleration - steps[i].force_newton) / hand.stiffness_newton_per_m;
     const double elapsed_s = i > 0 ? steps[i].t_s - steps[i - 1].t_s : 0.0;

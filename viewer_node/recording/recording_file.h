@@ -1,4 +1,4 @@
-// recording_file.h — a recording as the messages it was made of.
+// recording_file.h — reads a recording as messages of hop 5.
 #pragma once
 
 #include <cstdint>
@@ -8,8 +8,8 @@
 #include <string>
 
 #include "common/session/session.h"
-#include "common/telemetry/telemetry_message.h"
 #include "common/telemetry/csv_writer.h"
+#include "common/telemetry/telemetry_message.h"
 #include "viewer_node/recording/mcap_reader.h"
 
 namespace palpate {
@@ -21,23 +21,23 @@ class RecordingFile {
     TelemetryMessage message;
   };
 
-  /// Throws SetupError: no such file, no MCAP file.
+  /// Throws SetupError: no such file, not an MCAP file, no topic of Palpate.
   explicit RecordingFile(const std::string& path);
 
-  /// The next message, valid until the next call; null at the end. Other topics are passed over;
-  /// what the codec refuses is too, and counted.
+  /// The next message, valid until the next call; null at the end. Skips other topics;
+  /// skips and counts messages that the codec rejects.
   [[nodiscard]] const Item* next();
   [[nodiscard]] std::uint64_t refused() const { return refused_; }
-  /// From now on batches of this side only; "" if there is no choice. Throws SetupError, naming the
-  /// sides there are, if it is none of them.
+  /// From now on reads batches of this side only; "" for a recording of one device. Throws
+  /// SetupError, naming the recorded sides, for any other name.
   void choose_side(const std::string& side);
-  /// Back to the first message at or after this time.
+  /// Continues with the first message at or after this time.
   void seek(std::uint64_t log_time_ns) { mcap_.seek(log_time_ns); }
 
   [[nodiscard]] const viewer::McapReader& mcap() const { return mcap_; }
-  /// Of the recording program, see kRunMetadata; "" where it says nothing.
+  /// Metadata of the recording program, see kRunMetadata; "" if missing.
   [[nodiscard]] std::string about(const std::string& key) const;
-  /// Of the session, and of the side chosen: "two_hands, left".
+  /// Names of the session and of the chosen side: "two_hands, left".
   [[nodiscard]] std::string name() const;
   [[nodiscard]] double length_s() const;
 
@@ -55,19 +55,18 @@ class RecordingFile {
   std::uint64_t refused_ = 0;
 };
 
-/// Every device tick of a recording, in order, with mofc's half where it is there.
-void for_each_row(RecordingFile& recording,
-                  const std::function<void(const TickRow&)>& on_row);
+/// Calls `on_row` for every device tick of a recording, in order, with mofc's half if recorded.
+void for_each_row(RecordingFile& recording, const std::function<void(const TickRow&)>& on_row);
 
-/// Where the recorded hand meant to go, D, each 10 ms from its first tick on: the path that `hand`,
-/// a mass m with a spring k and a damper b to the intended point xᵢ, must have been led along to
-/// move as x was measured while the device pushed with F:
+/// The intended path of the recorded hand, D, every 10 ms from its first tick on. `hand` is a mass
+/// m with a spring k and a damper b to the intended point xᵢ; the path is the one that makes it
+/// move along the measured x under the device's force F:
 ///
 ///   m x″ = k (xᵢ − x) + b (x′ᵢ − x′) + F
 ///
-/// x and F are means over 10 ms, so that the steps of the encoder leave no trace. The device's own
-/// mass and friction are not known for every device and left out. Throws SetupError if there is no
-/// motion.
+/// x and F are means over 10 ms, which removes the encoder's quantisation. The device's own
+/// mass and friction are unknown for some devices and neglected. Throws SetupError if the recording
+/// holds no motion or the hand's stiffness is 0.
 [[nodiscard]] RecordedPath hand_path_of(RecordingFile& recording, const HandConfig& hand);
 
 }  // namespace palpate

@@ -17,15 +17,15 @@
 #include "common/process/process_links.h"
 #include "common/process/run_node.h"
 #include "common/session/session_file.h"
-#include "viewer_node/recording/recording_file.h"
 #include "viewer_node/feed/scene_mirror.h"
+#include "viewer_node/recording/recording_file.h"
 
 namespace palpate {
 namespace {
 
 constexpr Duration kPollInterval = std::chrono::milliseconds(20);
 
-/// SIGINT and its like, taken while waiting; made before any thread, so that none gets them.
+/// Waits for SIGINT, SIGTERM and SIGHUP. Construct it before any thread, so that all block them.
 class StopSignals {
  public:
   StopSignals() {
@@ -37,7 +37,7 @@ class StopSignals {
   StopSignals(const StopSignals&) = delete;
   StopSignals& operator=(const StopSignals&) = delete;
 
-  /// Waits so long; true if one came.
+  /// Waits for at most `wait`; true if a signal arrived.
   [[nodiscard]] bool came_within(Duration wait) const {
     const auto ns = std::max<std::int64_t>(wait.count(), 0);
     const timespec time{.tv_sec = ns / 1'000'000'000, .tv_nsec = ns % 1'000'000'000};
@@ -59,11 +59,11 @@ Session session_of(const ReplayOptions& options, const RecordingFile& recording)
                          std::filesystem::absolute(file).parent_path());
   } catch (const SetupError& error) {
     throw SetupError(std::string(error.what()) +
-                     "\nthe recorded session cannot be read here; give one with --session");
+                     "\nthe recorded session cannot be loaded here; give one with --session");
   }
 }
 
-/// The publishing ends of the nodes.
+/// The nodes' publishing ends of hop 5.
 class Stage {
  public:
   explicit Stage(const Session& session)
@@ -75,7 +75,7 @@ class Stage {
     }
   }
 
-  /// From now on as after a restart of all nodes. @param scene  of the recording's begin, or null
+  /// Starts a pass, like a restart of all nodes. @param scene  the first of the recording, or null
   void begin(const SceneState* scene) {
     ids_.clear();
     scene_ = {};
@@ -105,7 +105,7 @@ class Stage {
     if (scene_.take(frame)) physics_.send(frame);
   }
 
-  /// Does anybody look on, at all of them?
+  /// Whether a viewer subscribes to all of them.
   [[nodiscard]] bool has_viewer() {
     return physics_.has_subscriber<PhysicsBatch>() &&
            std::all_of(sides_.begin(), sides_.end(), [](auto& side) {
@@ -113,7 +113,7 @@ class Stage {
            });
   }
 
-  /// For those who came since the last call.
+  /// Sends scene and meshes to viewers that subscribed since the last call.
   void serve_newcomers() {
     const std::uint64_t scenes = physics_.subscriptions<SceneState>();
     if (scenes > scenes_served_ && scene_.scene()) physics_.send(*scene_.scene());
@@ -138,7 +138,7 @@ class Stage {
     const auto side = sides_.find(name);
     if (side != sides_.end()) return side->second;
     throw SetupError("the session has no side \"" + name +
-                     "\" as the recording has; give the recorded session");
+                     "\" of the recording; give the recorded session");
   }
   std::uint64_t new_id(std::uint64_t recorded) {
     const auto [it, is_new] = ids_.try_emplace(recorded, 0);
@@ -181,7 +181,7 @@ void run_replay(const ReplayOptions& options) {
   const SteadyClock clock;
   const std::uint64_t begin_ns =
       recording.mcap().begin_ns() + static_cast<std::uint64_t>(options.start_s * 1e9);
-  std::printf("%s: %s, %.3f s; begins with its first viewer: viewer_node --session %s\n",
+  std::printf("%s: %s, %.3f s; starts with the first viewer: viewer_node --session %s\n",
               options.file.c_str(), session.name.c_str(), recording.length_s() - options.start_s,
               options.session_file.empty() ? recording.about("session_file").c_str()
                                            : options.session_file.c_str());

@@ -1,4 +1,4 @@
-// replay.h — `palpate replay`: a recording as if it happened now, for any number of viewers.
+// replay.h — `palpate replay`: publishes a recording as a live session, for any number of viewers.
 #pragma once
 
 #include <string>
@@ -12,13 +12,13 @@ struct ReplayOptions {
   std::vector<std::string> overrides;
   double speed_ratio = 1.0;  ///< > 0
   double start_s = 0.0;      ///< ≥ 0
-  bool is_insecure = false;  ///< tcp beyond loopback without keys too
+  bool is_insecure = false;  ///< allows tcp beyond loopback without keys
   bool loops = false;
 };
 
-/// Publishes hop 5 at the nodes' own endpoints, from the first viewer on, until the recording or
-/// SIGINT, SIGTERM or SIGHUP ends it. Each pass has new session ids, as if the nodes had been
-/// started again. Throws SetupError, for example while nodes of that session run.
+/// Publishes hop 5 at the nodes' endpoints. Starts with the first viewer; ends with the recording
+/// or on SIGINT, SIGTERM or SIGHUP. Each pass uses new session ids, like restarted nodes. Throws
+/// SetupError, for example while nodes of that session run.
 void run_replay(const ReplayOptions& options);
 
 }  // namespace palpate

@@ -19,14 +19,14 @@
 namespace palpate {
 namespace {
 
-// Of a figure, in units of the SVG.
+// Layout of a figure, in SVG units.
 constexpr double kWidth = 860.0;
 constexpr double kHeight = 240.0;
 constexpr double kLeft = 64.0;
 constexpr double kBottom = 34.0;
 constexpr double kTop = 10.0;
 constexpr double kRight = 10.0;
-constexpr int kColumns = 780;  // as many as can be told apart
+constexpr int kColumns = 780;  // horizontal resolution
 
 constexpr const char* kStyle = R"(
 :root { color-scheme: light dark; --ink: #1b1f24; --faint: #d5d9de; --paper: #fff;
@@ -86,7 +86,7 @@ Axis axis_of(double low, double high) {
   return {.low = low, .high = high};
 }
 
-/// 1, 2 or 5 times a power of ten, about `count` of them.
+/// About `count` round values: 1, 2 or 5 times a power of ten.
 std::vector<double> ticks_of(const Axis& axis, int count) {
   std::vector<double> ticks;
   if (axis.is_logarithmic) {
@@ -105,8 +105,8 @@ std::vector<double> ticks_of(const Axis& axis, int count) {
   return ticks;
 }
 
-/// Lines over x, thinned to what the figure can show: of each column the first, least, greatest and
-/// last value, so that no peak is lost. A gap where a value is not finite.
+/// Lines over x, reduced to the figure's resolution: the first, smallest, largest and last value of
+/// each column, so that peaks stay. Values that are not finite leave a gap.
 class Figure {
  public:
   Figure(std::string title, std::string x_label, std::string y_label)
@@ -219,7 +219,8 @@ class Figure {
       }
       std::array<std::size_t, 4> shown = {i, least, greatest, end - 1};
       std::sort(shown.begin(), shown.end());
-      for (auto it = shown.begin(); it != std::unique(shown.begin(), shown.end()); ++it) point(*it);
+      const auto shown_end = std::unique(shown.begin(), shown.end());
+      std::for_each(shown.begin(), shown_end, point);
       i = end;
     }
     return d;
@@ -238,7 +239,7 @@ class Figure {
 
 /// Share of ticks at or below each duration.
 void add_distribution(Figure& figure, const std::string& name, std::vector<double> microseconds) {
-  constexpr double kLeast_us = 1.0;  // what is less is drawn there
+  constexpr double kLeast_us = 1.0;  // lower limit of the axis
   std::sort(microseconds.begin(), microseconds.end());
   std::vector<double> x;
   std::vector<double> share;
@@ -319,18 +320,19 @@ std::string table(const RecordingFile& recording, const Columns& c) {
   line("recorded by", recording.about("recorded_by") + ", version " + recording.about("version"));
   line("length", fmt::format("{:.3f} s, {} ticks", recording.length_s(), s.ticks()));
   line("in contact", fmt::format("{} ticks", s.contact_ticks()));
-  line("transparency", figure(s.vector_transparency(), "{:.3f}") + " (acting / asked, projected)");
+  line("transparency",
+       figure(s.vector_transparency(), "{:.3f}") + " (rendered / requested, projected)");
   line("ideal force", "not recorded; palpate loopback SESSION --hand RECORDING computes one");
   line("clamped", figure(100.0 * s.clamp_ratio(), "{:.1f} %") + " of the ticks with a force");
   line("largest force", figure(s.maximum_force_newton(), "{:.3f} N"));
   line("least true energy", figure(1e6 * s.minimum_true_energy_joule(), "{:.3f} µJ"));
   line("velocity reversals",
        fmt::format("{}, {}, {} (x, y, z)", reversals[0], reversals[1], reversals[2]));
-  line("without an answer in time", fmt::format("{} ticks", c.unanswered_ticks));
+  line("unanswered in time", fmt::format("{} ticks", c.unanswered_ticks));
   line("reply time p50 / p99 / p99.9 / max", quantiles(c.reply_us));
   line("tick lateness p50 / p99 / p99.9 / max", quantiles(c.lateness_us));
   line("age of the force p50 / p99 / p99.9 / max", quantiles(c.force_age_us));
-  if (!recording.mcap().is_whole()) line("recording", "not whole: its end is missing");
+  if (!recording.mcap().is_whole()) line("recording", "incomplete: its end is missing");
   return html + "</table>\n";
 }
 
@@ -354,13 +356,13 @@ std::string report_html(RecordingFile& recording) {
   html += position.html();
 
   Figure force("Force on the hand: before and after the clamp", kTime, "N");
-  force.add("asked", c.t_s, c.asked_norm_newton);
-  force.add("applied", c.t_s, c.applied_norm_newton);
+  force.add("requested", c.t_s, c.asked_norm_newton);
+  force.add("rendered", c.t_s, c.applied_norm_newton);
   html += force.html();
   for (std::size_t i = 0; i < 3; ++i) {
     Figure component(std::string("Force on the hand, ") + kAxes[i], kTime, "N");
-    component.add("asked", c.t_s, c.asked_newton[i]);
-    component.add("applied", c.t_s, c.applied_newton[i]);
+    component.add("requested", c.t_s, c.asked_newton[i]);
+    component.add("rendered", c.t_s, c.applied_newton[i]);
     html += component.html();
   }
 
@@ -368,19 +370,19 @@ std::string report_html(RecordingFile& recording) {
   bound.add("f_max", c.t_s, c.f_max_newton);
   html += bound.html();
 
-  Figure energy("Energy: the controller's ledger, and the true one of a simulated device", kTime,
-                "mJ");
+  Figure energy("Energy: the controller's ledger and, for a simulated device, the true energy",
+                kTime, "mJ");
   energy.add("ledger", c.t_s, c.ledger_millijoule);
   energy.add("true", c.t_s, c.true_millijoule);
   html += energy.html();
 
-  Figure transparency("Transparency so far: applied against asked, projected and capped", kTime,
-                      "ratio");
+  Figure transparency("Transparency so far: rendered against requested, projected and capped",
+                      kTime, "ratio");
   transparency.add("transparency", c.t_s, c.transparency);
   transparency.set_y(0.0, 1.0);
   html += transparency.html();
 
-  Figure latency("Latency: share of ticks at or below", "µs", "share");
+  Figure latency("Latency: share of ticks at or below each duration", "µs", "share");
   latency.set_logarithmic_x();
   add_distribution(latency, "reply time", c.reply_us);
   add_distribution(latency, "tick lateness", c.lateness_us);

@@ -1,5 +1,5 @@
-// report.h — `palpate report`: the figures of a recording as one HTML file, drawn as SVG, that
-// loads nothing else and runs no script.
+// report.h — `palpate report`: the figures of a recording as one HTML file with SVG plots. It loads
+// no other resource and runs no script.
 #pragma once
 
 #include <string>

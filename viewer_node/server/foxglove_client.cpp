@@ -12,17 +12,17 @@ using Json = nlohmann::ordered_json;
 
 constexpr std::string_view kHandTopic = "/hand_target";
 constexpr std::string_view kHandSchema = "palpate.v1.HandTarget";
-constexpr std::size_t kMostComplaints = 8;  // about one message
-constexpr std::size_t kMostQuotedBytes = 40;
+constexpr std::size_t kMaxComplaints = 8;  // per message
+constexpr std::size_t kMaxQuotedBytes = 40;
 constexpr char kClientData = 1;  // opcode
 
 std::string written(const Json& json) {
-  // what a client sent and is told of need not be UTF-8
+  // quoted input of a client may not be valid UTF-8
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
 std::string in_quotes(std::string_view text) {
-  return "\"" + std::string(text.substr(0, kMostQuotedBytes)) + "\"";
+  return "\"" + std::string(text.substr(0, kMaxQuotedBytes)) + "\"";
 }
 
 std::string base64(std::string_view bytes) {
@@ -61,7 +61,7 @@ std::string text_of(const Json& object, const char* name) {
   return is_text ? member->get<std::string>() : std::string();
 }
 
-/// The members of a list; none where there is no list.
+/// A list member; empty if missing.
 const Json& list(const Json& object, const char* name) {
   static const Json kNone = Json::array();
   const auto member = object.find(name);
@@ -72,7 +72,7 @@ class Complaints {
  public:
   explicit Complaints(std::vector<std::string>& replies) : replies_(replies) {}
   void add(const std::string& message) {
-    if (count_++ < kMostComplaints) replies_.push_back(status_text(StatusLevel::kError, message));
+    if (count_++ < kMaxComplaints) replies_.push_back(status_text(StatusLevel::kError, message));
   }
 
  private:
@@ -150,7 +150,7 @@ FoxgloveClient::Outcome FoxgloveClient::take_text(std::string_view text) {
         complaints.add("subscribe: id " + std::to_string(*id) + " is in use");
       } else if (subscription(*channel - 1)) {
         complaints.add("subscribe: channel " + std::to_string(*channel) +
-                       " is subscribed to already");
+                       " is already subscribed to");
       } else {
         channel_of_[*id] = *channel - 1;
         outcome.subscribed.push_back(*channel - 1);
@@ -174,7 +174,7 @@ FoxgloveClient::Outcome FoxgloveClient::take_text(std::string_view text) {
       if (!id || text_of(offered, "topic") != kHandTopic ||
           text_of(offered, "encoding") != "protobuf" ||
           text_of(offered, "schemaName") != kHandSchema) {
-        complaints.add("advertise: only " + std::string(kHandTopic) + " is taken, protobuf " +
+        complaints.add("advertise: only " + std::string(kHandTopic) + " is accepted, protobuf " +
                        std::string(kHandSchema));
       } else {
         hand_channel_ = id;
@@ -191,7 +191,7 @@ FoxgloveClient::Outcome FoxgloveClient::take_text(std::string_view text) {
 }
 
 FoxgloveClient::Outcome FoxgloveClient::take_binary(std::string_view bytes) {
-  constexpr std::size_t kHeaderBytes = 5;  // opcode, the client's number of the channel
+  constexpr std::size_t kHeaderBytes = 5;  // opcode, the client's id of the channel
   Outcome outcome;
   std::uint32_t channel = 0;
   if (bytes.size() >= kHeaderBytes) {

@@ -1,5 +1,5 @@
-// foxglove_client.h — one client of the Foxglove WebSocket protocol v1, from the server's side:
-// what it is told, what it may ask, what it has subscribed to. No socket: texts and bytes in and
+// foxglove_client.h — the server's side of the Foxglove WebSocket protocol v1 for one client:
+// greeting, requests, subscriptions. No socket: texts and bytes in and
 // out. https://github.com/foxglove/ws-protocol/blob/main/docs/spec.md
 #pragma once
 
@@ -13,7 +13,7 @@
 
 namespace palpate::viewer {
 
-/// Names of the protocol that clients offer; the messages are the same.
+/// Subprotocol names; their messages are the same.
 inline constexpr std::array<std::string_view, 2> kSubprotocols = {"foxglove.sdk.v1",
                                                                   "foxglove.websocket.v1"};
 
@@ -23,7 +23,7 @@ struct Channel {
   std::string schema;       ///< FileDescriptorSet, binary
 };
 
-/// What every client of a server is told.
+/// The server, as described to every client.
 struct ServerDescription {
   std::string name;
   std::string session_id;    ///< changes at each server start
@@ -38,11 +38,11 @@ enum class StatusLevel : std::uint8_t { kInfo = 0, kWarning = 1, kError = 2 };
                                       std::string_view id = {});
 [[nodiscard]] std::string remove_status_text(std::string_view id);
 
-/// Of a binary data frame, before the payload: opcode, subscription, time, little-endian.
+/// Header of a binary data frame: opcode, subscription, time; little-endian.
 using DataHeader = std::array<char, 13>;
 [[nodiscard]] DataHeader data_header(std::uint32_t subscription, std::uint64_t log_time_ns);
 
-/// Whatever a client sends gets an answer or none; nothing it sends is worth an exception.
+/// Malformed messages get a status reply; nothing a client sends causes an exception.
 /// Channels are counted from 0 here and from 1 on the wire.
 class FoxgloveClient {
  public:
@@ -50,27 +50,27 @@ class FoxgloveClient {
   FoxgloveClient(const ServerDescription& server, std::uint64_t id) : server_(server), id_(id) {}
 
   [[nodiscard]] std::uint64_t id() const { return id_; }
-  /// What the server says first: who it is and what there is.
+  /// The server's first messages: serverInfo and advertise.
   [[nodiscard]] std::vector<std::string> greeting() const;
 
-  /// What came of one message.
+  /// Effects of one message.
   struct Outcome {
     std::vector<std::string> replies;     ///< texts
     std::vector<std::size_t> subscribed;  ///< channels, newly
     std::vector<std::size_t> unsubscribed;
-    std::optional<std::string> hand_target{};  ///< a protobuf message, not looked into
+    std::optional<std::string> hand_target{};  ///< a protobuf message, not decoded
   };
   [[nodiscard]] Outcome take_text(std::string_view text);
   [[nodiscard]] Outcome take_binary(std::string_view bytes);
 
-  /// By which number the client knows its subscription to the channel; none if it has none.
+  /// The client's id of its subscription to the channel, if it subscribes.
   [[nodiscard]] std::optional<std::uint32_t> subscription(std::size_t channel) const;
 
  private:
   const ServerDescription& server_;
   std::uint64_t id_;
   std::map<std::uint32_t, std::size_t> channel_of_;  // by subscription
-  std::optional<std::uint32_t> hand_channel_;        // the client's number of /hand_target
+  std::optional<std::uint32_t> hand_channel_;        // the client's id of /hand_target
 };
 
 }  // namespace palpate::viewer

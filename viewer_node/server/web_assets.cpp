@@ -6,7 +6,7 @@
 
 #include "common/core/fnv.h"
 
-// web_assets.S: the files of the page as the build left them, one after the other.
+// web_assets.S: the files of the page, as built, one after the other.
 extern "C" {
 extern const char palpate_index_html[];
 extern const char palpate_index_html_end[];
@@ -30,7 +30,7 @@ struct Assets {
   void add(std::string_view path, std::string_view type, const char* begin, const char* end,
            bool is_gzip) {
     const std::string_view bytes(begin, static_cast<std::size_t>(end - begin));
-    if (bytes.empty()) return;  // a build without the page has the notice alone
+    if (bytes.empty()) return;  // a build without the page has the notice only
     etags[count] = etag_of(bytes);
     all[count] = {path, type, bytes, is_gzip, etags[count]};
     ++count;

@@ -14,7 +14,7 @@ struct WebAsset {
   std::string_view etag;  ///< quoted; changes with the content
 };
 
-/// Every file that is served; "/" among them, the page or, in a build without npm, a notice.
+/// All served files; "/" is the page or, in a build without npm, a notice.
 [[nodiscard]] std::span<const WebAsset> web_assets();
 
 }  // namespace palpate::viewer

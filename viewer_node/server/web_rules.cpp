@@ -24,7 +24,7 @@ std::string_view name_of(std::string_view host) {
   return host.substr(0, host.find(':'));
 }
 
-/// An address in figures cannot be bent to another machine.
+/// Numeric addresses cannot be rebound by DNS.
 bool is_address(std::string_view name) {
   if (name.starts_with('[')) {
     return name.size() > 2 && name.ends_with(']') &&
@@ -40,7 +40,7 @@ bool is_known_host(std::string_view host, const WebRules& rules) {
          std::find(rules.hosts.begin(), rules.hosts.end(), name) != rules.hosts.end();
 }
 
-/// Programs that are no browsers send none. A page behind a TLS proxy says https.
+/// Only browsers send an origin. Behind a TLS proxy it starts with https.
 bool is_known_origin(const WebRequest& request, const WebRules& rules) {
   const std::string& origin = request.origin;
   return origin.empty() || lower(origin) == lower("http://" + request.host) ||
@@ -66,7 +66,7 @@ bool has_token(const WebRequest& request, std::string_view query, const WebRules
   return false;
 }
 
-/// The first that the client offers and the server knows.
+/// The client's first offer that the server supports.
 std::optional<std::string_view> common_subprotocol(std::string_view offered) {
   while (!offered.empty()) {
     std::string_view name = offered.substr(0, offered.find(','));
@@ -96,7 +96,7 @@ bool equal_in_constant_time(std::string_view a, std::string_view b) {
 }
 
 WebDecision decide(const WebRequest& request, const WebRules& rules) {
-  if (request.has_body) return refusal(400, "no request with a body is served here\n");
+  if (request.has_body) return refusal(400, "requests with a body are not supported\n");
   if (!is_known_host(request.host, rules)) {
     return refusal(403, "this host name is not served: viewer_node --allow-host NAME\n");
   }
@@ -124,7 +124,8 @@ WebDecision decide(const WebRequest& request, const WebRules& rules) {
   }
   if (path == "/healthz") return {.status = 200, .text = "ok\n"};
   if (path == "/metrics") {
-    if (!is_known_origin(request, rules)) return refusal(403, "not for pages of this origin\n");
+    if (!is_known_origin(request, rules))
+      return refusal(403, "pages of this origin may not read the metrics\n");
     if (!has_token(request, query, rules)) return refusal(401, "a token is needed: ?token=…\n");
     return {.status = 200, .is_metrics = true};
   }
@@ -133,7 +134,7 @@ WebDecision decide(const WebRequest& request, const WebRules& rules) {
     const bool is_known = !asset.etag.empty() && request.if_none_match == asset.etag;
     return {.status = is_known ? 304U : 200U, .asset = &asset};
   }
-  return {.status = 404, .text = "not here\n"};
+  return {.status = 404, .text = "not found\n"};
 }
 
 }  // namespace palpate::viewer

@@ -1,8 +1,8 @@
-// web_rules.h — what the web server lets in. Decides on one HTTP request; no socket.
+// web_rules.h — decides on one HTTP request; no socket.
 //
-// On loopback any program of this machine may look on, but no web page of somebody else: a browser
-// names the page in Origin, and the host name it believes to talk to in Host, so a name that was
-// bent to 127.0.0.1 (DNS rebinding) is refused. Elsewhere a token is needed too.
+// On loopback any program of this machine may connect, but no foreign web page: browsers send the
+// page's origin in Origin and the requested host name in Host, so a foreign name that resolves to
+// 127.0.0.1 (DNS rebinding) is refused. Other addresses require a token as well.
 #pragma once
 
 #include <string>
@@ -14,14 +14,14 @@
 namespace palpate::viewer {
 
 struct WebRules {
-  /// Beside localhost and addresses in figures: names of this machine, without port.
+  /// Names of this machine, without port, in addition to localhost and numeric addresses.
   std::vector<std::string> hosts{};
-  /// Beside the server's own pages: "https://app.example.org".
+  /// Origins allowed in addition to the server's own: "https://app.example.org".
   std::vector<std::string> origins{};
-  std::string token{};  ///< empty: none needed
+  std::string token{};  ///< empty: none required
 };
 
-/// As far as it matters. A field that is absent is empty, which no browser sends.
+/// The relevant fields. Absent fields are empty, which no browser sends.
 struct WebRequest {
   std::string method{};
   std::string target{};
@@ -35,17 +35,17 @@ struct WebRequest {
 };
 
 struct WebDecision {
-  unsigned status = 200;    ///< 101: go on as a WebSocket
-  std::string_view text{};  ///< the body, if there is no asset
+  unsigned status = 200;    ///< 101: continue as a WebSocket
+  std::string_view text{};  ///< the body without an asset
   const WebAsset* asset = nullptr;
-  bool is_metrics = false;         ///< the body is what WebServer::set_metrics gave
+  bool is_metrics = false;         ///< the body is that of WebServer::set_metrics()
   std::string_view subprotocol{};  ///< of the WebSocket
   bool closes = false;             ///< the connection, after the answer
 };
 
 [[nodiscard]] WebDecision decide(const WebRequest& request, const WebRules& rules);
 
-/// Whether text outside may learn by the time this takes how much of it is right: it may not.
+/// Constant-time comparison; prevents timing attacks on the token.
 [[nodiscard]] bool equal_in_constant_time(std::string_view a, std::string_view b);
 
 }  // namespace palpate::viewer

@@ -76,7 +76,7 @@ TEST_F(EventLogTest, ADeviceFaultIsAnErrorWithItsReasonAndItsRemedyAndIsToldOnce
   events.note(counters, at(milliseconds(0)));
   EXPECT_EQ(lines(),
             "error event=device_fault reason=\"position jumped\" count=1 "
-            "remedy=\"mend it, then SIGUSR2 to device_node\"\n");
+            "remedy=\"clear the cause, then send SIGUSR2 to device_node\"\n");
   counters.fault_ticks = 500;
   events.note(counters, at(milliseconds(500)));
   EXPECT_EQ(lines(), "");

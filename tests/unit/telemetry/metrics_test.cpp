@@ -71,15 +71,16 @@ TEST(ReversalCounter, CountsEachAxisForItself) {
   EXPECT_EQ(counter.reversals(), (std::array<std::uint64_t, 3>{10, 9, 0}));
 }
 
-// nearest rank: ⌈q n⌉, counted from 1
-TEST(Quantile, IsTheLeastSampleThatTheShareDoesNotExceed) {
-  std::vector<int> samples{40, 10, 50, 30, 20};
-  EXPECT_EQ(quantile(samples, 0.0), 10);
-  EXPECT_EQ(quantile(samples, 0.2), 10);
-  EXPECT_EQ(quantile(samples, 0.21), 20);
-  EXPECT_EQ(quantile(samples, 0.5), 30);
-  EXPECT_EQ(quantile(samples, 0.99), 50);
-  EXPECT_EQ(quantile(samples, 1.0), 50);
+// Nearest rank: of 1 … 10 the smallest value that at least the share q does not exceed.
+TEST(Quantile, IsTheNearestRank) {
+  std::vector<int> values = {7, 2, 9, 4, 1, 10, 3, 8, 6, 5};
+  EXPECT_EQ(quantile(values, 0.0), 1);
+  EXPECT_EQ(quantile(values, 0.1), 1);
+  EXPECT_EQ(quantile(values, 0.11), 2);
+  EXPECT_EQ(quantile(values, 0.5), 5);
+  EXPECT_EQ(quantile(values, 0.99), 10);
+  EXPECT_EQ(quantile(values, 1.0), 10);
+  EXPECT_EQ(quantile(values, 7.0), 10);
 }
 
 TEST(DurationHistogram, IsAtMostNinePercentAboveTheTrueQuantile) {

@@ -30,6 +30,24 @@ MeshFrame frame(std::uint32_t tissue, std::uint32_t first, std::vector<float> ve
   return frame;
 }
 
+// physics_node sends its scene again whenever another viewer subscribes to it.
+TEST(SceneMirror, IgnoresASceneThatIsKnown) {
+  SceneMirror mirror;
+  EXPECT_TRUE(mirror.take(scene()));
+  ASSERT_TRUE(mirror.take(frame(0, 1, {1, 1, 9})));
+
+  SceneState again = scene();
+  again.header.sequence = 7;
+  EXPECT_FALSE(mirror.take(again));
+  EXPECT_THAT(mirror.whole_frames(), SizeIs(1));
+
+  SceneState revised = scene();
+  revised.revision = 2;
+  EXPECT_TRUE(mirror.take(revised));
+  EXPECT_THAT(mirror.whole_frames(), IsEmpty());
+  EXPECT_TRUE(mirror.take(scene(2)));  // of a restarted physics_node
+}
+
 TEST(SceneMirror, PutsRangesTogether) {
   SceneMirror mirror;
   mirror.take(scene());

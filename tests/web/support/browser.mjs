@@ -1,4 +1,4 @@
-// browser.mjs: Debian's Chromium without a display or a GPU, and waiting for events with a deadline.
+// browser.mjs: Debian's Chromium without a display or a GPU; waits for events with a deadline.
 import assert from "node:assert/strict";
 import { mkdirSync } from "node:fs";
 import { join } from "node:path";
@@ -17,8 +17,11 @@ export function launch(script = "chromium") {
   return chromium.launch({ executablePath: fileURLToPath(new URL(script, import.meta.url)), args: kFlags });
 }
 
-/** A page of that server which has the scene; `problems` collects what the console complains about. */
-export async function open(browser, url, { width = 1000, height = 700, dark = false, scale = 1, touch = false, wait = true } = {}) {
+/**
+ * A page of that server which has the scene; `problems` collects the console's errors and warnings.
+ * @param scale  pixels of the canvas per CSS pixel; WebGL on the processor costs in proportion to their number
+ */
+export async function open(browser, url, { width = 1000, height = 700, dark = false, scale = 0.5, touch = false, wait = true } = {}) {
   const context = await browser.newContext({
     viewport: { width, height }, colorScheme: dark ? "dark" : "light", deviceScaleFactor: scale, hasTouch: touch,
   });
@@ -42,20 +45,20 @@ function is_about_graphics(text) {
 
 export const status = (page) => page.evaluate(() => window.__test);
 
-/** Waits until the page's status fulfils the predicate; says what it waited for when it does not. */
+/** Waits until the page's status fulfils the predicate; fails with what it waited for. */
 export async function until(page, predicate, what, deadline_ms = 10000) {
   const begin = performance.now();
   for (;;) {
     const now = await status(page);
     if (predicate(now)) return now;
     if (performance.now() - begin > deadline_ms) {
-      assert.fail(`waited ${deadline_ms} ms for ${what}; the page says ${JSON.stringify(now)}`);
+      assert.fail(`waited ${deadline_ms} ms for ${what}; the page's state: ${JSON.stringify(now)}`);
     }
     await page.waitForTimeout(20);
   }
 }
 
-/** What an element says. */
+/** Text of an element. */
 export const words = (page, id) => page.locator(`#${id}`).innerText();
 
 export async function until_text(page, id, pattern, deadline_ms = 4000) {
@@ -82,7 +85,7 @@ export async function until_pixels_change(page, before, least, what, deadline_ms
   return assert.fail(`${what}: only ${changed} pixels of at least ${least} changed within ${deadline_ms} ms`);
 }
 
-/** Holds the page in an instant of contact in which tissue gave way so far and the hand feels so much; polls within the page. */
+/** Holds the page in an instant of contact with at least this displacement and this force on the hand; polls within the page. */
 export function hold_when(page, depth_m, newton) {
   return page.evaluate(([depth_m, newton]) => new Promise((resolve) => {
     const look = () => {

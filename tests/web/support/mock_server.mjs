@@ -1,8 +1,8 @@
-// mock_server.mjs: viewer_node's web server as the page sees it, over a made-up world: a tool that
-// presses into a block with a ball in it, 1 kHz, one bound on the force. It lets a test kill nodes,
-// stop the tissue and read what the page sent, which the real programs do not.
+// mock_server.mjs: viewer_node's web server as the page sees it, over a simulated session: a tool that
+// presses into a block with a ball in it, 1 kHz, one bound on the force. A test can kill nodes, stop
+// the tissue and read what the page sent.
 //
-//   node support/mock_server.mjs [PORT]    to look at the page without any node
+//   node support/mock_server.mjs [PORT]    shows the page without any node
 import { execFileSync } from "node:child_process";
 import { createServer } from "node:http";
 import { mkdtempSync, readFileSync, rmSync } from "node:fs";
@@ -28,7 +28,11 @@ const kBound_newton = 1.1;
 const kHolderTimeout_ms = 2000;
 
 /** The descriptor set of the .proto files, as protoc makes it. */
+let descriptors;
 function descriptor_set() {
+  return descriptors ??= compile_descriptors();
+}
+function compile_descriptors() {
   const folder = mkdtempSync(join(tmpdir(), "palpate-"));
   try {
     const files = ["scene", "telemetry", "viewer"].map((name) => `palpate/v1/${name}.proto`);
@@ -96,19 +100,19 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
   const ball = sphere(20, 0.008, [0, 0, -0.009]);
   const moved = block.vertices.slice();
   const begin_ms = performance.now();
-  const world = {
+  const initial = () => ({
     alive: { device: true, mofc: true, physics: true },
     is_silent: false, // the server is stuck; its connections stay open
     is_still: false, // the tool rests where it is
-    dent: null, // where the tissue gives way, if not at the tool
+    dent: null, // where the tissue is deformed, if not at the tool
     offset: null, // of the block as a whole
     orientation: null, // w, x, y, z of the tool, if it is turned
     targets: [], // every HandTarget received
     holder: 0,
     tool: { x: -0.012, y: 0, z: 0.015 },
     refused: 0,
-    mesh_frames: 0,
-  };
+  });
+  const world = { ...initial(), revision: 1n, mesh_frames: 0 };
   let target = null; // D = W here
   let held_ms = -Infinity;
   let next_client = 1;
@@ -128,7 +132,7 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
   function scene_state() {
     return encode("palpate.v1.SceneState", {
       header: { protocolMajor: 1, sessionId: kSessions.physics, sequence: 0n, sampledAtNs: 0n },
-      revision: 1n, sessionName: "mock", sessionText: 'name: "mock"', controller: "mofc guard",
+      revision: world.revision, sessionName: "mock", sessionText: 'name: "mock"', controller: "mofc guard",
       deviceRateHz: 1000, physicsRateHz: 1000, peakForceNewton: 3.3, tipRadiusM: kTip_m, shaftLengthM: shaft_m, shaftRadiusM: 0.002,
       workspaceScaleRatio: 1,
       tissues: [
@@ -150,7 +154,7 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
     }
     return encode("palpate.v1.MeshFrame", {
       header: { protocolMajor: 1, sessionId: kSessions.physics, sequence: 0n, sampledAtNs: 0n },
-      sceneRevision: 1n, tissue: 0, firstVertex: 0, verticesM: bytes_of(v.subarray(0, 3 * block.top)), deviceSequence: tick,
+      sceneRevision: world.revision, tissue: 0, firstVertex: 0, verticesM: bytes_of(v.subarray(0, 3 * block.top)), deviceSequence: tick,
       ...(world.offset ? { displacementWorldM: world.offset } : {}),
     });
   }
@@ -326,6 +330,12 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
   return {
     world,
     url: `http://127.0.0.1:${http.address().port}/`,
+    send_scene: () => send_all("/scene_state", scene_state()),
+    /** The world as at the start; pages, clock and revision stay. */
+    reset: () => {
+      Object.assign(world, initial());
+      target = null;
+    },
     cut: () => { for (const socket of sockets.clients) socket.terminate(); },
     close: () => new Promise((resolve) => {
       timers.forEach(clearInterval);

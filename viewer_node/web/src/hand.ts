@@ -1,16 +1,16 @@
 // hand.ts: touch with the pointer. Dragging the tool moves the target of a simulated hand in the
-// plane of the picture; the wheel, Shift or a second finger moves it in depth. The one thing this
-// page can say to the nodes; the server and the hand itself limit it again.
+// plane of the picture; the wheel, Shift or a second finger moves it in depth. The only
+// message from the page to the nodes; the server and the hand limit it again.
 import type { SceneView } from "./scene_view";
 import { norm, type Telemetry } from "./telemetry";
 import type { SceneState, Vector3 } from "./wire";
 
 const kGrabRadius_px = { mouse: 26, pen: 30, touch: 44 };
 const kLeastPeriod_s = 1 / 60;
-const kTick_ms = 8; // apart from the pictures, which a slow machine draws seldom
+const kTick_ms = 8; // independent of the frame rate, which is low on slow machines
 const kKeepAlive_s = 0.1; // while the target rests
 const kKeyStep_m = 0.001;
-const kKeyHold_s = 1.5; // after the last key the hand is let go
+const kKeyHold_s = 1.5; // after the last key the hand is released
 const kWheelStep_m = 0.00002; // per pixel that the wheel reports
 
 const seconds = () => 1e-3 * performance.now();
@@ -19,7 +19,7 @@ export interface HandStatus {
   is_allowed: boolean;
   is_mine: boolean;
   is_others: boolean;
-  /** Between grabbing and letting go. */
+  /** Between grabbing and releasing. */
   is_held: boolean;
 }
 
@@ -83,7 +83,7 @@ export class HandControl {
     if (!this.is_allowed) this.release();
   }
 
-  /** Connection lost: nobody hears that the hand is let go. */
+  /** Connection lost: releases the hand without a message. */
   forget(): void {
     this.can_publish = false;
     this.let_go();
@@ -94,7 +94,7 @@ export class HandControl {
     const now_s = seconds();
     if (this.is_held_by_keys && now_s - this.key_s > kKeyHold_s) this.release();
     if (!this.is_held) return;
-    if (this.status.is_others) { // it was quicker: nothing of ours is taken
+    if (this.status.is_others) { // another page was faster; the server ignores this one
       this.let_go();
       return;
     }
@@ -208,7 +208,7 @@ export class HandControl {
     this.is_moved = true;
   }
 
-  // tool = hand · scale + what one tick of telemetry says of both
+  // tool = hand · scale + offset; the offset from one tick of telemetry
   private hand_of(tool: Vector3): Vector3 {
     const { hand_m, tool_m } = this.telemetry;
     const scale = this.scene!.workspaceScaleRatio;

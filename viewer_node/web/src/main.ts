@@ -1,4 +1,4 @@
-// main.ts: connects the stream to the picture, the curves and the words.
+// main.ts: connects the stream to the 3-D view, the plots and the texts.
 import "uplot/dist/uPlot.min.css";
 import "./style.css";
 import { FoxgloveClient } from "./foxglove";
@@ -14,18 +14,18 @@ import { scene_signature, Surface, type ColourMode } from "./surface";
 import { kNodes, norm, Telemetry } from "./telemetry";
 import type { DeviceTelemetry, Health, MeshFrame, MofcTelemetry, PhysicsTelemetry, SceneState } from "./wire";
 
-// As often as a curve can move by a pixel or so.
+// About the time in which a curve moves by a pixel.
 const kPlotPeriod_s = (window_s: number) => Math.min(Math.max(window_s / 300, 1 / 15), 1 / 5);
 const kWordsPeriod_s = 1 / 8;
 const kStatusShown_s = 6;
 const kMostEarly = 256; // frames
-const kServerSilence_s = 1.5; // its health comes five times a second
+const kServerSilence_s = 1.5; // /health comes five times a second
 
 const seconds = () => 1e-3 * performance.now();
 
 const sides = new Map<string, Telemetry>(); // of each device by its name; "" where there is one
 const led = new Telemetry(); // of the first, whose hand a page can lead
-let telemetry = led; // whose figures are shown
+let telemetry = led; // the side on display
 const canvas = by_id<HTMLCanvasElement>("canvas");
 const view = new SceneView(canvas);
 by_id("no-webgl").hidden = view.can_draw;
@@ -38,9 +38,11 @@ const chips = new NodeChips(by_id("nodes"));
 const measure = new Measure(by_id<SVGSVGElement>("triad"));
 
 let scene: SceneState | null = null;
+let is_scene_current = false; // false after a new connection: the motion since is unknown
+let scene_builds = 0;
 let surfaces: Surface[] = [];
 let signature = "";
-let early: MeshFrame[] = []; // the newest whose scene has not come yet
+let early: MeshFrame[] = []; // the newest frames whose scene has not arrived yet
 let mode: ColourMode = "material";
 let window_s = 10;
 let is_paused = false;
@@ -77,7 +79,7 @@ function add_side(side: string): Telemetry {
   if (sides.size < 2) return one;
   const list = make("div", "segments");
   list.setAttribute("role", "radiogroup");
-  list.setAttribute("aria-label", "Whose figures are shown");
+  list.setAttribute("aria-label", "Side on display");
   by_id("sides").replaceChildren(list);
   segments<string>(list, [...sides.keys()].map((name) => [name, name]), [...sides.keys()][0], (chosen) => {
     telemetry = sides.get(chosen)!;
@@ -93,6 +95,7 @@ const client = new FoxgloveClient(
   {
     opened() {
       is_open = has_been_connected = true;
+      is_scene_current = false;
     },
     closed() {
       is_open = false;
@@ -103,8 +106,8 @@ const client = new FoxgloveClient(
       hand.client_id = BigInt(metadata.client_id ?? 0);
     },
     status({ level, id, message }) {
-      if (level < 1 || id === "hand") return; // the hand's panel says who holds it
-      const text = id === "send_buffer" ? "This page is too slow for the stream: messages are lost." : `Server: ${message}`;
+      if (level < 1 || id === "hand") return; // the hand's panel shows the holder
+      const text = id === "send_buffer" ? "This page reads too slowly: messages are dropped." : `Server: ${message}`;
       status = { text, until_s: seconds() + kStatusShown_s };
     },
   });
@@ -112,13 +115,17 @@ const client = new FoxgloveClient(
 const hand = new HandControl(canvas, view, led,
   (fields) => client.publish("/hand_target", "palpate.v1.HandTarget", fields));
 
-// An open socket whose other end is stuck is no connection.
+// An open socket to a stalled server does not count as a connection.
 const server_silence_s = () => seconds() - Math.max(begun_s, 1e-3 * client.heard_ms);
 const is_connected = () => is_open && server_silence_s() < kServerSilence_s;
 
 function take_scene(message: SceneState): void {
+  const is_known = is_scene_current && scene?.header.sessionId === message.header.sessionId && scene.revision === message.revision;
+  if (is_known) return;
   const taken = message.tissues.map((tissue) => new Surface(tissue)); // all or nothing
   scene = message;
+  is_scene_current = true;
+  scene_builds += 1;
   surfaces = taken;
   signature = scene_signature(surfaces);
   view.set_surfaces(surfaces, scene, scene.peakForceNewton);
@@ -168,7 +175,7 @@ function set_tools(): void {
 }
 
 function pause(does: boolean): void {
-  if (does) { // hold one instant, not three
+  if (does) { // freeze all displays at the same instant
     set_tools();
     write_state(state_words(telemetry, is_connected(), seconds()), telemetry);
   }
@@ -265,7 +272,7 @@ function picture(): void {
   if (!is_paused) set_tools();
   view.draw();
   if (now_s >= plots_due_s) {
-    plots_due_s = now_s + (is_paused ? Infinity : Math.max(kPlotPeriod_s(window_s), 3 * frame_s)); // a slow machine draws the tissue first
+    plots_due_s = now_s + (is_paused ? Infinity : Math.max(kPlotPeriod_s(window_s), 3 * frame_s)); // on a slow machine the 3-D view has priority
     const end_s = is_paused ? paused_s : telemetry.now_s;
     for (const plot of plots.all) plot.draw({ telemetry, end_s, window_s });
     plot_draws += 1;
@@ -277,7 +284,7 @@ function picture(): void {
 }
 
 function say(now_s: number): void {
-  // the first connection is not lost yet
+  // before the first connection, nothing is reported as lost
   const is_waiting = !has_been_connected && now_s < 2;
   if (!is_waiting && !is_paused) write_state(state_words(telemetry, is_connected(), now_s), telemetry);
   chips.write(telemetry, is_connected(), now_s);
@@ -289,7 +296,7 @@ function say(now_s: number): void {
   if (mode === "displacement") write_scale(view, mode);
 }
 
-/** Of every side: a failure is told whichever one is shown. */
+/** Failures of every side, whichever is on display. */
 function banners(status_text: string, now_s: number): string[] {
   if (!is_connected()) return banner_lines(telemetry, false, server_silence_s(), status_text, now_s);
   const lines = [...sides].flatMap(([side, one]) =>
@@ -300,7 +307,7 @@ function banners(status_text: string, now_s: number): string[] {
 dress();
 picture();
 
-// ---- for tests: everything that the page believes, as plain values
+// ---- for tests: the page's state as plain values
 Object.defineProperty(window, "__test", {
   get: () => {
     const now_s = seconds();
@@ -321,7 +328,7 @@ Object.defineProperty(window, "__test", {
         })),
         has_pointer: scene.pointer !== undefined,
       },
-      mesh_frames, mesh_cost_s,
+      scene_builds, mesh_frames, mesh_cost_s,
       frames: view.frame_count, frame_cost_s: view.frame_cost_s, plot_draws,
       received: client.frame_count, bytes: client.byte_count, unreadable: client.unreadable_count,
       telemetry_lost: telemetry_lost(telemetry),

@@ -1,4 +1,4 @@
-// panels.ts: what the page says in words and numbers beside the picture and the curves.
+// panels.ts: texts and numbers beside the 3-D view and the plots.
 import { css_gradient, tissue_colour } from "./colours";
 import type { HandStatus } from "./hand";
 import { make, write } from "./plots";
@@ -12,7 +12,7 @@ export function by_id<E extends Element = HTMLElement>(id: string): E {
   return document.getElementById(id) as unknown as E;
 }
 
-/** Buttons of which one is chosen: arrow keys move, as in a radio group. */
+/** A radio group of buttons; arrow keys move the choice. */
 export function segments<T extends string | number>(
   element: HTMLElement, choices: [T, string][], chosen: T, choose: (value: T) => void): void {
   const buttons = choices.map(([value, label]) => {
@@ -44,7 +44,7 @@ export function segments<T extends string | number>(
   select(chosen, false);
 }
 
-/** Which nodes live. */
+/** State of each node. */
 export class NodeChips {
   private readonly chips: Record<NodeName, { item: HTMLElement; detail: HTMLElement }>;
 
@@ -67,7 +67,7 @@ export class NodeChips {
       const state = !is_connected || Number.isNaN(node.heard_s) ? "unknown" : node.is_alive(now_s) ? "alive" : "gone";
       if (item.dataset.state !== state) item.dataset.state = state;
       write(detail, state === "alive" ? (Number.isFinite(node.rate_hz) ? `${count_words(Math.round(node.rate_hz))} Hz` : "")
-        : state === "gone" ? `gone for ${duration_words(node.silence_s(now_s))}` : "not heard");
+        : state === "gone" ? `gone for ${duration_words(node.silence_s(now_s))}` : "no telemetry");
     }
   }
 }
@@ -75,7 +75,7 @@ export class NodeChips {
 export function banner_lines(
   telemetry: Telemetry, is_connected: boolean, silence_s: number, status: string, now_s: number): string[] {
   if (!is_connected) {
-    return [`Connection to the viewer’s server lost ${duration_words(silence_s)} ago. Trying again.`];
+    return [`Connection to the viewer’s server lost ${duration_words(silence_s)} ago. Reconnecting.`];
   }
   const lines = kNodes
     .filter((name) => !Number.isNaN(telemetry.nodes[name].heard_s) && !telemetry.nodes[name].is_alive(now_s))
@@ -84,7 +84,7 @@ export function banner_lines(
   return lines;
 }
 
-/** For those who hear the page: what changes seldom and matters. */
+/** For screen readers: rare and important changes. */
 export function announcement(telemetry: Telemetry, is_connected: boolean, hand: HandStatus, now_s: number): string {
   if (!is_connected) return "Connection lost.";
   const gone = kNodes.filter((name) => !Number.isNaN(telemetry.nodes[name].heard_s) && !telemetry.nodes[name].is_alive(now_s));
@@ -150,7 +150,7 @@ export function write_scale(view: SceneView, mode: ColourMode): void {
   write(by_id("ramp-high"), figure(view.scale_high));
 }
 
-/** Ruler and axes: how large is what is seen, and from where. */
+/** Ruler and axes: the scale and orientation of the view. */
 export class Measure {
   private readonly axes: { line: SVGLineElement; text: SVGTextElement }[];
 
@@ -185,7 +185,7 @@ export class Measure {
   }
 }
 
-/** What was counted since the start. */
+/** Counters since the start. */
 export class Counters {
   private readonly values = new Map<string, HTMLElement>();
 
@@ -211,26 +211,26 @@ export class Counters {
     };
     group("Ticks", [
       ["answered", "in time", "answered within the tick, of all scheduled ticks"],
-      ["leased", "leased", "the previous command, its lease still running"],
-      ["fallback", "fallback", "at most the device’s own friction"],
-      ["limp", "limp", "no force"],
-      ["skipped", "skipped", "appointments missed altogether"],
-      ["lateness", "worst lateness", "of a tick’s beginning"],
+      ["leased", "leased", "ticks with the previous command, within its lease"],
+      ["fallback", "fallback", "ticks with at most the device’s own friction"],
+      ["limp", "limp", "ticks without force"],
+      ["skipped", "skipped", "scheduled ticks missed because of overruns"],
+      ["lateness", "worst lateness", "largest delay of a tick’s start"],
     ]);
     group("Force", [
-      ["transparency", "transparency", "of the session so far"],
-      ["clamped", "clamped", "ticks in which the clamp held force back"],
+      ["transparency", "transparency", "rendered against requested force, over the session so far"],
+      ["clamped", "clamped", "ticks in which the clamp reduced the force"],
       ["peak", "peak-limited", "ticks reduced by the device’s own limit"],
-      ["max_force", "greatest", "force on the hand"],
-      ["min_energy", "least energy", "true energy, known to simulated devices; never below −1 µJ"],
-      ["stale", "physics silent", "ticks with physics too old"],
+      ["max_force", "largest", "largest force on the hand"],
+      ["min_energy", "least energy", "minimum of the true energy, simulated devices only; never below −1 µJ"],
+      ["stale", "physics silent", "ticks with outdated physics"],
     ]);
     group("Messages lost", [
       ["hop1", "device → clamp", "hop 1"],
       ["hop4", "clamp → device", "hop 4"],
-      ["hop2", "clamp → physics", "hop 2: newest wins, so passing over is normal when physics is slower"],
-      ["hop3", "physics → clamp", "hop 3: newest wins"],
-      ["refused", "refused", "frames that broke the contract, all hops"],
+      ["hop2", "clamp → physics", "hop 2: only the newest counts; skipped messages are normal when physics is slower"],
+      ["hop3", "physics → clamp", "hop 3: only the newest counts"],
+      ["refused", "refused", "malformed messages, all hops"],
       ["telemetry", "telemetry", "batches and ticks that did not reach this page"],
     ]);
     card.append(head, groups);

@@ -1,5 +1,5 @@
-// plots.ts: the curves. Each plot reduces the rings to the pixels it has and draws them; its legend
-// says the newest value, or the one under the cursor.
+// plots.ts: the plots. Each plot reduces the rings to its resolution and draws them; its legend
+// shows the newest value, or the value under the cursor.
 import uPlot from "uplot";
 import { cell_times, cells_of, reduce } from "./ring";
 import { time_words } from "./state";
@@ -284,9 +284,9 @@ export class Plots {
     const newton = (value: number) => `${value.toFixed(2)} N`;
     this.force = new TimePlot(parent, {
       id: "force", title: "Force on the hand", unit: "N",
-      help: "Force asked before the clamp, force that acts on the hand, and the clamp’s bound.",
+      help: "Requested force before the clamp, rendered force on the hand, and the clamp’s bound.",
       series: [
-        { label: "asked", colour: "--asked", ring: "mofc", column: kAskedNorm, scale: 1 },
+        { label: "requested", colour: "--asked", ring: "mofc", column: kAskedNorm, scale: 1 },
         { label: "on the hand", colour: "--applied", ring: "device", column: kForceNorm, scale: 1 },
         { label: "bound", colour: "--bound", dash: true, ring: "mofc", column: kBoundNorm, scale: 1 },
       ],
@@ -295,7 +295,7 @@ export class Plots {
     const millijoule = (value: number) => `${Math.abs(value) < 9.95 ? value.toFixed(2) : value.toFixed(1)} mJ`;
     this.energy = new TimePlot(parent, {
       id: "energy", title: "Energy from the hand", unit: "mJ",
-      help: "What the hand has given and not got back: the clamp’s ledger, and the truth where a simulated device knows it. Never below zero.",
+      help: "Net energy from the hand: the clamp’s ledger and, for simulated devices, the true energy. Never below zero.",
       series: [
         { label: "ledger", colour: "--ledger", ring: "mofc", column: kLedger, scale: 1e3 },
         { label: "true", colour: "--truth", ring: "device", column: kTrueEnergy, scale: 1e3 },
@@ -304,7 +304,7 @@ export class Plots {
     });
     this.transparency = new TimePlot(parent, {
       id: "transparency", title: "Transparency", unit: "%",
-      help: "Share of the asked force that the hand feels, over the last second; a gap where nothing was asked.",
+      help: "Share of the requested force that is rendered, over the last second; a gap without a requested force.",
       series: [{ label: "last second", colour: "--applied", ring: "batches", column: kTransparency, scale: 100 }],
       range: () => [0, 105], show: (value) => `${value.toFixed(1)} %`,
     });

@@ -1,10 +1,10 @@
-// state.ts: the state of the whole, in words.
+// state.ts: the state of the whole system as text.
 import { kNodes, norm, type Telemetry } from "./telemetry";
 import { Guard, kFaultReasons, Mofc } from "./wire";
 
 export type Tone = "calm" | "active" | "notice" | "alarm" | "absent";
 export interface StateWords {
-  id: string; // for tests and styles; does not change with the wording
+  id: string; // for tests and styles; independent of the wording
   title: string;
   detail: string;
   tone: Tone;
@@ -16,7 +16,7 @@ export function state_words(telemetry: Telemetry, is_connected: boolean, now_s: 
   if (!is_connected) return words("disconnected", "No connection", "The viewer's server does not answer.", "absent");
   const { device, mofc, physics } = telemetry.nodes;
   if (kNodes.every((name) => Number.isNaN(telemetry.nodes[name].heard_s))) {
-    return words("waiting", "Waiting", "No node has been heard yet.", "absent");
+    return words("waiting", "Waiting", "No node has sent telemetry yet.", "absent");
   }
   if (!device.is_alive(now_s)) {
     return words("no_device", "No device", "Without device_node there is no hand and no force.", "absent");
@@ -28,12 +28,12 @@ export function state_words(telemetry: Telemetry, is_connected: boolean, now_s: 
   if (!mofc.is_alive(now_s)) {
     return words("no_mofc", "No clamp", "Without mofc_node the motors are limp.", "alarm");
   }
-  if (telemetry.guard === Guard.limp) return words("limp", "Limp", "The motors give no force.", "notice");
+  if (telemetry.guard === Guard.limp) return words("limp", "Limp", "The motors apply no force.", "notice");
   if (!physics.is_alive(now_s) || telemetry.mofc_state === Mofc.no_physics) {
-    return words("no_physics", "No physics", "Nobody simulates the tissue: no force is asked.", "alarm");
+    return words("no_physics", "No physics", "No node simulates the tissue: no force is requested.", "alarm");
   }
   if (telemetry.is_fallback) {
-    return words("fallback", "Fallback", "Answers come late: at most the device’s own friction.", "notice");
+    return words("fallback", "Fallback", "Answers are late: the force stays within the device’s own friction.", "notice");
   }
   switch (telemetry.mofc_state) {
     case Mofc.fading:
@@ -42,11 +42,11 @@ export function state_words(telemetry: Telemetry, is_connected: boolean, now_s: 
       return words("clutched", "Clutched", "Hand and tool are uncoupled.", "calm");
     case Mofc.contact:
       return telemetry.is_clamped
-        ? words("clamped", "Contact, clamped", "The clamp holds back part of the force.", "notice")
-        : words("contact", "Contact", "The hand feels the tissue.", "active");
+        ? words("clamped", "Contact, clamped", "The clamp reduces the force.", "notice")
+        : words("contact", "Contact", "The force of the tissue is rendered.", "active");
     default:
       if (telemetry.is_clamped && norm(telemetry.asked_newton) > 0) {
-        return words("clamped", "Clamped", "The clamp holds back part of the force.", "notice");
+        return words("clamped", "Clamped", "The clamp reduces the force.", "notice");
       }
       return words("free", "Free", "The tool touches nothing.", "calm");
   }
@@ -64,7 +64,7 @@ export function duration_words(seconds: number): string {
   return `${Math.round(seconds / 3600)} h`;
 }
 
-/** Two digits or more, with a unit that a person reads easily: "62 µs", "1.2 ms". */
+/** Two digits or more, with a readable unit: "62 µs", "1.2 ms". */
 export function time_words(seconds: number): string {
   if (!Number.isFinite(seconds)) return "–";
   const [scale, unit] = seconds < 1e-3 ? [1e6, "µs"] : seconds < 1 ? [1e3, "ms"] : [1, "s"];

@@ -1,5 +1,5 @@
-// telemetry.ts: what the page knows of the running nodes: the last minute of every tick, the newest
-// figures, who is alive. No DOM: times are handed in.
+// telemetry.ts: the state of the running nodes: every tick of the last minute, the newest figures,
+// which nodes are alive. No DOM; callers pass the time.
 import { Ring } from "./ring";
 import {
   columns_agree, Guard, kDeviceAnswered, kMofcClamped, kMofcInContact, Mofc,
@@ -15,16 +15,16 @@ const kBatchCapacity = 4096;
 export const kGoneAfter_s = 1.2;
 const kTransparencyWindow_s = 1;
 const kRateWindow_s = 2;
-/** A tick's clamp or fallback stays in words for so long: at 1 kHz nobody could read it. */
+/** A tick's clamp or fallback is displayed for this long, so that it can be read. */
 const kWordsHold_s = 0.25;
 
 export const kNodes = ["device", "mofc", "physics"] as const;
 export type NodeName = (typeof kNodes)[number];
 
-// columns of the device's ring: force on the hand, as it acts
+// columns of the device's ring: force on the hand, rendered
 export const kForceX = 0, kForceNorm = 3, kTrueEnergy = 4, kLateness = 5, kReplyTime = 6;
 const kDeviceColumns = 7;
-// of mofc's: force asked, before the clamp; its bound
+// of mofc's: requested force, before the clamp; its bound
 export const kAskedX = 0, kAskedNorm = 3, kBoundX = 4, kBoundNorm = 7, kLedger = 8, kForceAge = 9;
 const kMofcColumns = 10;
 // of the batches: running sums, and their ratio over the last second
@@ -32,7 +32,7 @@ const kTransparencySum = 0, kTransparencySamples = 1;
 export const kTransparency = 2;
 const kBatchColumns = 3;
 
-/** One node, as heard through the server. */
+/** One node, as received through the server. */
 export class NodeLink {
   /** Page's clock; NaN before the first. */
   heard_s = NaN;
@@ -115,7 +115,7 @@ export class Telemetry {
   get is_fallback(): boolean {
     return this.now_s - this.fallback_s < kWordsHold_s;
   }
-  /** Of the session so far, 0 … 1; NaN while nothing was asked. */
+  /** Of the session so far, 0 … 1; NaN before the first requested force. */
   get transparency(): number {
     const counters = this.mofc_batch?.counters;
     return counters ? counters.transparencySum / Number(counters.transparencySamples) : NaN;
@@ -189,7 +189,7 @@ export class Telemetry {
     this.physics_batch = batch;
   }
 
-  /** What the server heard before this page came counts too. @param side  "" where there is one device */
+  /** Includes what the server received before this page connected. @param side  "" where there is one device */
   take_health(health: Health, now_s: number, side = ""): void {
     this.health = health;
     const prefix = side ? `${side}.` : "";
@@ -243,7 +243,7 @@ export interface LatenessBins {
   per_decade: number;
   count: number;
 }
-/** 1 µs … 100 ms, five bins a decade; what is beyond falls into the outermost. */
+/** 1 µs … 100 ms, five bins a decade; values beyond fall into the outermost bins. */
 export const kLatenessBins: LatenessBins = { first_s: 1e-6, per_decade: 5, count: 26 };
 
 export function bin_of(bins: LatenessBins, lateness_s: number): number {

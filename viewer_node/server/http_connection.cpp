@@ -1,0 +1,154 @@
+#include "viewer_node/server/http_connection.h"
+
+#include <boost/beast/websocket.hpp>
+#include <utility>
+
+#include "viewer_node/server/socket_client.h"
+#include "viewer_node/server/web_limits.h"
+
+namespace palpate::viewer {
+namespace {
+
+namespace asio = boost::asio;
+namespace beast = boost::beast;
+namespace http = beast::http;
+namespace websocket = beast::websocket;
+using boost::system::error_code;
+
+constexpr const char* kContentSecurityPolicy =
+    "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data:; "
+    "frame-ancestors 'none'; base-uri 'none'; form-action 'none'";
+
+beast::string_view as_beast(std::string_view text) { return {text.data(), text.size()}; }
+
+}  // namespace
+
+HttpConnection::HttpConnection(ServerState& server, asio::ip::tcp::socket&& socket)
+    : server_(server), stream_(std::move(socket)) {
+  ++server_.connections;
+}
+
+HttpConnection::~HttpConnection() {
+  if (!is_handed_over_) --server_.connections;
+}
+
+void HttpConnection::read() {
+  parser_.emplace();
+  parser_->header_limit(kMaxHeaderBytes);
+  parser_->body_limit(boost::none);  // requests with a body are refused by their header
+  stream_.expires_after(kRequestTimeout);
+  http::async_read_header(stream_, buffer_, *parser_,
+                          [self = shared_from_this()](const error_code& error, std::size_t) {
+                            self->on_header(error);
+                          });
+}
+
+void HttpConnection::on_header(const error_code& error) {
+  if (error == http::error::end_of_stream) {
+    end();
+    return;
+  }
+  if (error) {
+    ++server_.refused;
+    // malformed requests get an HTTP answer; a broken connection gets none
+    if (error.category() == http::make_error_code(http::error::bad_method).category()) {
+      answer({.status = 400, .text = "not an HTTP request\n", .closes = true}, true);
+    }
+    return;
+  }
+  const WebDecision decision = decide(request(), server_.rules);
+  if (decision.status == 101) {
+    become_client(decision.subprotocol);
+  } else {
+    answer(decision, false);
+  }
+}
+
+WebRequest HttpConnection::request() const {
+  const auto& request = parser_->get();
+  const auto field = [&](http::field name) { return std::string(request[name]); };
+  return {.method = std::string(request.method_string()),
+          .target = std::string(request.target()),
+          .host = request.count(http::field::host) == 1 ? field(http::field::host) : std::string(),
+          .origin = field(http::field::origin),
+          .authorization = field(http::field::authorization),
+          .if_none_match = field(http::field::if_none_match),
+          .subprotocols = field(http::field::sec_websocket_protocol),
+          .is_upgrade = websocket::is_upgrade(request),
+          .has_body = parser_->chunked() || parser_->content_length().value_or(0) > 0};
+}
+
+void HttpConnection::become_client(std::string_view subprotocol) {
+  if (server_.clients.size() >= kMaxClients) {
+    answer({.status = 503,
+            .text = "the maximum number of viewers is connected already\n",
+            .closes = true},
+           false);
+    return;
+  }
+  stream_.expires_never();  // the WebSocket has its own timeouts
+  is_handed_over_ = true;
+  std::make_shared<SocketClient>(server_, std::move(stream_))->run(parser_->get(), subprotocol);
+}
+
+void HttpConnection::answer(const WebDecision& decision, bool is_malformed) {
+  if (decision.status >= 400) ++server_.refused;
+  const bool is_head = !is_malformed && parser_->get().method() == http::verb::head;
+  response_ = {};
+  response_.version(11);
+  response_.result(decision.status);
+  response_.set(http::field::server, "palpate");
+  response_.set("X-Content-Type-Options", "nosniff");
+  response_.set("Referrer-Policy", "no-referrer");
+  response_.set("Cross-Origin-Resource-Policy", "same-origin");
+  response_.set("Content-Security-Policy", kContentSecurityPolicy);
+  response_.set(http::field::cache_control, "no-cache");
+  std::string_view body = decision.text;
+  response_.set(http::field::content_type, "text/plain; charset=utf-8");
+  if (decision.is_metrics) {
+    metrics_ = server_.metrics;
+    body = metrics_;
+    response_.set(http::field::content_type, "text/plain; version=0.0.4; charset=utf-8");
+  }
+  if (decision.asset != nullptr) {
+    body = decision.asset->bytes;
+    response_.set(http::field::content_type, as_beast(decision.asset->content_type));
+    response_.set(http::field::etag, as_beast(decision.asset->etag));
+    if (decision.asset->is_gzip) response_.set(http::field::content_encoding, "gzip");
+  }
+  response_.keep_alive(!decision.closes && !is_malformed && parser_->get().keep_alive());
+  if (decision.status != 304) {
+    response_.content_length(body.size());
+    if (!is_head) {
+      response_.body().data = const_cast<char*>(body.data());  // read only
+      response_.body().size = body.size();
+    }
+  }
+  response_.body().more = false;
+
+  serializer_.emplace(response_);
+  stream_.expires_after(kRequestTimeout);
+  auto on_written = [self = shared_from_this()](const error_code& error, std::size_t) {
+    self->on_written(error);
+  };
+  if (is_head || decision.status == 304) {
+    http::async_write_header(stream_, *serializer_, std::move(on_written));
+  } else {
+    http::async_write(stream_, *serializer_, std::move(on_written));
+  }
+}
+
+void HttpConnection::on_written(const error_code& error) {
+  if (error || !response_.keep_alive()) {
+    end();
+  } else {
+    read();
+  }
+}
+
+void HttpConnection::end() {
+  error_code ignored;
+  stream_.socket().shutdown(asio::ip::tcp::socket::shutdown_send, ignored);
+}
+
+}  // namespace palpate::viewer

@@ -1,0 +1,50 @@
+// http_connection.h — one TCP connection of the web server: HTTP requests, until it ends or becomes
+// a WebSocket client. On the server's thread.
+#pragma once
+
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/beast/core.hpp>
+#include <boost/beast/http.hpp>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "viewer_node/server/server_state.h"
+#include "viewer_node/server/web_rules.h"
+
+namespace palpate::viewer {
+
+class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
+ public:
+  /// `server` must outlive it.
+  HttpConnection(ServerState& server, boost::asio::ip::tcp::socket&& socket);
+  ~HttpConnection();
+  HttpConnection(const HttpConnection&) = delete;
+  HttpConnection& operator=(const HttpConnection&) = delete;
+
+  /// Reads and answers requests until the connection ends or becomes a WebSocket.
+  void read();
+
+ private:
+  void on_header(const boost::system::error_code& error);
+  [[nodiscard]] WebRequest request() const;
+  void become_client(std::string_view subprotocol);
+  void answer(const WebDecision& decision, bool is_malformed);
+  void on_written(const boost::system::error_code& error);
+  void end();
+
+  static constexpr std::size_t kMaxHeaderBytes = 8 << 10;
+
+  ServerState& server_;
+  boost::beast::tcp_stream stream_;
+  boost::beast::flat_buffer buffer_{2 * kMaxHeaderBytes};
+  std::optional<boost::beast::http::request_parser<boost::beast::http::empty_body>> parser_;
+  boost::beast::http::response<boost::beast::http::buffer_body> response_;
+  std::string metrics_;  // the body of response_, if it is /metrics
+  std::optional<boost::beast::http::response_serializer<boost::beast::http::buffer_body>>
+      serializer_;
+  bool is_handed_over_ = false;  // to a SocketClient
+};
+
+}  // namespace palpate::viewer

@@ -1,0 +1,61 @@
+// send_queue.h — the messages that wait for one WebSocket client, and the limits for a client that
+// reads too slowly. No socket.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "viewer_node/server/foxglove_client.h"
+
+namespace palpate::viewer {
+
+/// One message, shared by all its recipients.
+using Payload = std::shared_ptr<const std::string>;
+
+[[nodiscard]] inline Payload make_payload(std::string bytes) {
+  return std::make_shared<const std::string>(std::move(bytes));
+}
+
+struct OutgoingMessage {
+  DataHeader header{};  ///< of binary messages
+  Payload payload;
+  bool is_binary = false;
+  bool may_drop = false;
+};
+
+/// First in, first out. One message at a time is in flight; the others wait.
+class SendQueue {
+ public:
+  /// Payload bytes that may wait: about a second of all channels. Beyond it the oldest droppable
+  /// messages go, until half of it is left, so that the rest is continuous.
+  static constexpr std::size_t kMaxWaitingBytes = std::size_t{8} << 20;
+  /// Replies, statuses and requested messages are never dropped; a client that causes this much of
+  /// them and reads none is disconnected.
+  static constexpr std::size_t kMaxWaitingMessages = 4096;
+  static constexpr std::size_t kMaxUnreadBytes = std::size_t{64} << 20;
+
+  /// Appends a message. Returns the number of older messages dropped for it; never the one in
+  /// flight.
+  std::uint64_t push(OutgoingMessage message);
+  /// More waits than any client may leave unread.
+  [[nodiscard]] bool is_overfull() const;
+
+  /// Takes the oldest message out of the queue; null if none waits or one is in flight already.
+  /// The message stays at its address until finish().
+  [[nodiscard]] const OutgoingMessage* start();
+  /// The message in flight was sent.
+  void finish();
+
+ private:
+  std::uint64_t drop_oldest();
+
+  std::deque<OutgoingMessage> waiting_;
+  std::optional<OutgoingMessage> in_flight_;
+  std::size_t bytes_ = 0;  // waiting and in flight
+};
+
+}  // namespace palpate::viewer

@@ -1,0 +1,57 @@
+// socket_client.h — one WebSocket client of the web server. On the server's thread.
+#pragma once
+
+#include <boost/beast/core.hpp>
+#include <boost/beast/http.hpp>
+#include <boost/beast/websocket.hpp>
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "viewer_node/server/send_queue.h"
+#include "viewer_node/server/server_state.h"
+
+namespace palpate::viewer {
+
+class SocketClient : public std::enable_shared_from_this<SocketClient> {
+ public:
+  using Request = boost::beast::http::request<boost::beast::http::empty_body>;
+
+  /// Takes over a connection that `server` counts already. `server` must outlive it.
+  SocketClient(ServerState& server, boost::beast::tcp_stream&& stream)
+      : server_(server), socket_(std::move(stream)) {}
+  ~SocketClient() { --server_.connections; }
+  SocketClient(const SocketClient&) = delete;
+  SocketClient& operator=(const SocketClient&) = delete;
+
+  /// Answers the upgrade and serves the client until its connection ends.
+  void run(const Request& request, std::string_view subprotocol);
+
+  /// Sends to the client if it subscribes to the channel.
+  void publish(std::size_t channel, std::uint64_t log_time_ns, const Payload& payload,
+               bool may_drop);
+  /// Sends a text message of the protocol.
+  void send_text(std::string text);
+
+ private:
+  void begin();
+  void end();
+  void read();
+  void take(FoxgloveClient::Outcome outcome);
+  void queue(OutgoingMessage message);
+  void write();
+  void disconnect();
+  [[nodiscard]] std::uint64_t id() const { return protocol_->id(); }
+
+  ServerState& server_;
+  boost::beast::websocket::stream<boost::beast::tcp_stream> socket_;
+  boost::beast::flat_buffer buffer_;
+  std::optional<FoxgloveClient> protocol_;  // from begin() on
+  SendQueue queue_;
+  std::chrono::steady_clock::time_point next_notice_{};
+};
+
+}  // namespace palpate::viewer

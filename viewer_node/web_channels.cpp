@@ -1,0 +1,62 @@
+#include "viewer_node/web_channels.h"
+
+#include <algorithm>
+#include <iterator>
+#include <string>
+
+#include "common/link/codec/viewer_codec.h"
+
+namespace palpate::viewer {
+namespace {
+
+struct Definition {
+  const char* topic;
+  const char* schema;
+  bool is_per_side = false;
+};
+constexpr Definition kDefinitions[] = {
+    {"/scene_state", "palpate.v1.SceneState"},
+    {"/mesh", "palpate.v1.MeshFrame"},
+    {"/device", "palpate.v1.DeviceTelemetry", true},
+    {"/mofc", "palpate.v1.MofcTelemetry", true},
+    {"/physics", "palpate.v1.PhysicsTelemetry", true},
+    {"/health", "palpate.v1.Health"},
+    {"/telemetry", "palpate.v1.Telemetry", true},
+    {"/tissue/points", "foxglove.PointCloud"},
+    {"/scene", "foxglove.SceneUpdate", true},
+    {"/tf", "foxglove.FrameTransforms", true},
+    {"/log", "foxglove.Log"},
+};
+constexpr std::size_t kCount = std::size(kDefinitions);
+
+/// Of the first `end` definitions, those that every side has.
+std::size_t per_side(std::size_t end) {
+  return static_cast<std::size_t>(
+      std::count_if(std::begin(kDefinitions), std::begin(kDefinitions) + end,
+                    [](const Definition& definition) { return definition.is_per_side; }));
+}
+
+}  // namespace
+
+std::vector<Channel> web_channels(const Session& session) {
+  std::vector<Channel> channels;
+  bool is_first = true;
+  for (const Side& side : session.sides) {
+    const std::string prefix = side.name.empty() ? "" : "/" + side.name;
+    for (const Definition& definition : kDefinitions) {
+      if (!is_first && !definition.is_per_side) continue;
+      channels.push_back({(definition.is_per_side ? prefix : "") + definition.topic,
+                          definition.schema, schema_of(definition.schema)});
+    }
+    is_first = false;
+  }
+  return channels;
+}
+
+std::size_t index_of(WebChannel channel, std::size_t side) {
+  const auto index = static_cast<std::size_t>(channel);
+  if (side == 0 || !kDefinitions[index].is_per_side) return index;
+  return kCount + (side - 1) * per_side(kCount) + per_side(index);
+}
+
+}  // namespace palpate::viewer

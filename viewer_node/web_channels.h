@@ -1,0 +1,43 @@
+// web_channels.h — the channels that the web server advertises: topics, schemas, and their order.
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "common/session/session.h"
+#include "viewer_node/server/foxglove_client.h"
+
+namespace palpate::viewer {
+
+/// In the order of advertisement: all of these for the first side, then for each further side the
+/// channels that every side has.
+enum class WebChannel : std::uint8_t {
+  kScene,
+  kMesh,
+  kDevice,
+  kMofc,
+  kPhysics,
+  kHealth,
+  kTelemetry,
+  kPoints,
+  kTool,
+  kTransforms,
+  kLog,
+};
+
+/// The channels of a session with all its sides: "/left/device".
+[[nodiscard]] std::vector<Channel> web_channels(const Session& session);
+/// Index of a channel in web_channels(). @param side  index in session.sides; ignored by
+/// channels that all sides share
+[[nodiscard]] std::size_t index_of(WebChannel channel, std::size_t side = 0);
+
+/// Time stamp of a message of these channels: nanoseconds since 1970.
+[[nodiscard]] inline std::uint64_t wall_clock_ns() {
+  return static_cast<std::uint64_t>(std::chrono::duration_cast<std::chrono::nanoseconds>(
+                                        std::chrono::system_clock::now().time_since_epoch())
+                                        .count());
+}
+
+}  // namespace palpate::viewer

@@ -1,0 +1,93 @@
+#include "viewer_node/web_feed.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+
+#include "common/core/version.h"
+
+namespace palpate::viewer {
+namespace {
+
+ServerDescription description_of(const NodeContext& context, const ProcessLinks& links) {
+  return {.name = std::string("viewer_node ") + version(),
+          .session_id = fmt::format("{:x}", context.session_id),
+          .session_name = context.session.name,
+          .channels = web_channels(context.session),
+          .accepts_hand_targets = may_lead_hand(context.session, links)};
+}
+
+}  // namespace
+
+WebFeed::WebFeed(NodeContext& context, ProcessLinks& links, const WebOptions& options,
+                 TelemetrySubscriber& subscriber, std::span<const TelemetryMirror> mirrors)
+    : context_(context),
+      server_(web_config(options, context.session.viewer.web), description_of(context, links)),
+      log_(context.session, server_),
+      scene_(subscriber, server_),
+      hand_(context, links, server_),
+      health_(context.session, mirrors, subscriber, server_, log_),
+      foxglove_(context.session, mirrors, scene_, server_) {
+  const WebConfig& configured = context.session.viewer.web;
+  if (options.listen.empty() && configured.port != 0 && server_.port() != configured.port) {
+    context.log.warn("event=port_in_use port={} instead={}", configured.port, server_.port());
+  }
+  context.log.info("event=web url={}", server_.url());
+}
+
+void WebFeed::take(const TelemetryMessage& message, std::span<const std::byte> payload) {
+  if (const auto* scene = std::get_if<SceneState>(&message)) {
+    if (scene_.take(*scene, payload)) {
+      log_.write(LogLevel::kInfo, "physics_node", "event=scene_sent_anew");
+    }
+  } else if (const auto* frame = std::get_if<MeshFrame>(&message)) {
+    scene_.take(*frame, payload);
+  } else if (const auto* mofc = std::get_if<MofcBatch>(&message)) {
+    take_batch(*mofc, WebChannel::kMofc, payload);
+  } else if (const auto* physics = std::get_if<PhysicsBatch>(&message)) {
+    take_batch(*physics, WebChannel::kPhysics, payload);
+  } else {
+    take_batch(std::get<DeviceBatch>(message), WebChannel::kDevice, payload);
+  }
+}
+
+template <class Batch>
+void WebFeed::take_batch(const Batch& batch, WebChannel kind, std::span<const std::byte> payload) {
+  const std::vector<Side>& sides = context_.session.sides;
+  const auto side = std::find_if(sides.begin(), sides.end(),
+                                 [&](const Side& known) { return known.name == batch.side; });
+  if (side == sides.end()) return;
+  const auto index = static_cast<std::size_t>(side - sides.begin());
+  health_.note(index, batch);
+  log_.note(index, batch, context_.clock.now());
+  const std::size_t channel = index_of(kind, index);
+  if (!server_.has_subscriber(channel)) return;
+  server_.publish(channel, wall_clock_ns(),
+                  make_payload({reinterpret_cast<const char*>(payload.data()), payload.size()}));
+}
+
+void WebFeed::pump(TimePoint now) {
+  scene_.pump();
+  for (const WebServer::Event& event : server_.take_events()) handle(event, now);
+  hand_.pump(now);
+  health_.pump(now, hand_.holder());
+  foxglove_.pump(now);
+}
+
+void WebFeed::handle(const WebServer::Event& event, TimePoint now) {
+  switch (event.kind) {
+    case WebServer::Event::Kind::kSubscribed:
+      if (event.channel == index_of(WebChannel::kScene)) scene_.send_scene_to(event.client);
+      if (event.channel == index_of(WebChannel::kMesh)) scene_.send_meshes_to(event.client);
+      if (event.channel == index_of(WebChannel::kPoints)) foxglove_.repeat_points();
+      return;
+    case WebServer::Event::Kind::kHandTarget:
+      hand_.take(event.client, event.hand_target, now);
+      return;
+    case WebServer::Event::Kind::kLeft:
+      hand_.client_left(event.client, now);
+      return;
+  }
+}
+
+}  // namespace palpate::viewer

@@ -1,0 +1,55 @@
+// web_feed.h — serves a running session to web clients, and passes on the one thing that they may
+// send: hand targets.
+//
+//   in   hop 5  telemetry of all nodes, SceneState, MeshFrame
+//   out  hop 6  HandTarget  see web_hand.h
+//
+// Thread: the viewer's; the server has its own.
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <string>
+
+#include "common/link/telemetry_subscriber.h"
+#include "common/process/process_links.h"
+#include "common/process/run_node.h"
+#include "viewer_node/feed/telemetry_mirror.h"
+#include "viewer_node/server/web_server.h"
+#include "viewer_node/web_channels.h"
+#include "viewer_node/web_foxglove.h"
+#include "viewer_node/web_hand.h"
+#include "viewer_node/web_health.h"
+#include "viewer_node/web_log.h"
+#include "viewer_node/web_options.h"
+#include "viewer_node/web_scene.h"
+
+namespace palpate::viewer {
+
+class WebFeed {
+ public:
+  /// Starts to listen; throws SetupError. All references must outlive it.
+  /// @param mirrors  of each of context.session.sides
+  WebFeed(NodeContext& context, ProcessLinks& links, const WebOptions& options,
+          TelemetrySubscriber& subscriber, std::span<const TelemetryMirror> mirrors);
+
+  /// Passes one message of hop 5 on. @param payload  the same message as received
+  void take(const TelemetryMessage& message, std::span<const std::byte> payload);
+  /// Handles what clients sent and publishes what is due. Call at least every 20 ms.
+  void pump(TimePoint now);
+
+ private:
+  template <class Batch>
+  void take_batch(const Batch& batch, WebChannel kind, std::span<const std::byte> payload);
+  void handle(const WebServer::Event& event, TimePoint now);
+
+  NodeContext& context_;
+  WebServer server_;
+  WebLog log_;
+  WebScene scene_;
+  WebHand hand_;
+  WebHealth health_;
+  WebFoxglove foxglove_;
+};
+
+}  // namespace palpate::viewer

@@ -1,0 +1,94 @@
+#include "viewer_node/web_foxglove.h"
+
+#include <algorithm>
+#include <chrono>
+#include <optional>
+#include <vector>
+
+#include "common/link/codec/viewer_codec.h"
+#include "viewer_node/web_channels.h"
+
+namespace palpate::viewer {
+namespace {
+
+constexpr Duration kTelemetryInterval = std::chrono::milliseconds(20);  // tools warn above 60 Hz
+constexpr Duration kToolInterval = std::chrono::milliseconds(33);
+
+/// The newest tick of the device, and the newest one that has mofc's half as well.
+struct Newest {
+  const TelemetryMirror::JoinedTick* device = nullptr;
+  const TelemetryMirror::JoinedTick* joined = nullptr;
+};
+Newest newest_of(const TelemetryMirror& mirror) {
+  const auto& ticks = mirror.ticks();
+  const auto device = std::find_if(ticks.rbegin(), ticks.rend(),
+                                   [](const auto& tick) { return tick.second.device.has_value(); });
+  const auto joined = std::find_if(device, ticks.rend(), [](const auto& tick) {
+    return tick.second.device.has_value() && tick.second.mofc.has_value();
+  });
+  return {device != ticks.rend() ? &device->second : nullptr,
+          joined != ticks.rend() ? &joined->second : nullptr};
+}
+
+}  // namespace
+
+void WebFoxglove::pump(TimePoint now) {
+  const std::uint64_t at_ns = wall_clock_ns();
+  if (now >= next_telemetry_) {
+    next_telemetry_ = now + kTelemetryInterval;
+    for (std::size_t side = 0; side < mirrors_.size(); ++side) publish_telemetry(side, at_ns);
+  }
+  if (now >= next_tool_) {
+    next_tool_ = now + kToolInterval;
+    for (std::size_t side = 0; side < mirrors_.size(); ++side) publish_tool(side, at_ns);
+    publish_points(at_ns);
+  }
+}
+
+void WebFoxglove::publish_telemetry(std::size_t side, std::uint64_t at_ns) {
+  const std::size_t channel = index_of(WebChannel::kTelemetry, side);
+  if (!server_.has_subscriber(channel)) return;
+  const Newest newest = newest_of(mirrors_[side]);
+  if (newest.device == nullptr) return;
+  const auto& tick = newest.joined != nullptr ? *newest.joined : *newest.device;
+  const MofcCounters& mofc = mirrors_[side].mofc_counters();
+  const double transparency =
+      mofc.transparency_samples > 0
+          ? mofc.transparency_sum / static_cast<double>(mofc.transparency_samples)
+          : kNaN;
+  server_.publish(channel, at_ns,
+                  make_payload(encode_telemetry(at_ns, *tick.device, tick.mofc, transparency)));
+}
+
+void WebFoxglove::publish_tool(std::size_t side, std::uint64_t at_ns) {
+  const std::size_t tool = index_of(WebChannel::kTool, side);
+  const std::size_t transforms = index_of(WebChannel::kTransforms, side);
+  if (!server_.has_subscriber(tool) && !server_.has_subscriber(transforms)) return;
+  const Newest newest = newest_of(mirrors_[side]);
+  if (newest.device == nullptr) return;
+  const DeviceTick& device = *newest.device->device;
+  const Vector3 requested_newton = newest.joined != nullptr
+                                       ? newest.joined->mofc->asked_force_on_hand_newton
+                                       : Vector3(Vector3::Zero());
+  static const SceneState kUnknownScene;
+  const SceneState& scene = scene_.mirror().scene() ? *scene_.mirror().scene() : kUnknownScene;
+  server_.publish(tool, at_ns, make_payload(encode_tool(at_ns, device, scene, requested_newton)));
+  const std::string frame = with_side(session_.sides[side].name, "tool");
+  server_.publish(transforms, at_ns, make_payload(encode_transforms(at_ns, frame, device)));
+}
+
+void WebFoxglove::publish_points(std::uint64_t at_ns) {
+  const std::size_t channel = index_of(WebChannel::kPoints);
+  const bool is_due = are_points_due_ || scene_.frame_count() != frames_published_;
+  const std::optional<SceneState>& scene = scene_.mirror().scene();
+  if (!is_due || !scene || !server_.has_subscriber(channel)) return;
+  are_points_due_ = false;
+  frames_published_ = scene_.frame_count();
+  std::vector<std::vector<float>> parts;
+  for (std::size_t tissue = 0; tissue < scene->tissues.size(); ++tissue) {
+    parts.push_back(scene_.mirror().vertices_m(tissue));
+  }
+  server_.publish(channel, at_ns, make_payload(encode_point_cloud(at_ns, parts)));
+}
+
+}  // namespace palpate::viewer

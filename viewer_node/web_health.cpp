@@ -1,0 +1,69 @@
+#include "viewer_node/web_health.h"
+
+#include <chrono>
+#include <utility>
+
+#include "common/core/version.h"
+#include "viewer_node/web_channels.h"
+
+namespace palpate::viewer {
+namespace {
+
+constexpr Duration kInterval = std::chrono::milliseconds(200);
+constexpr Duration kHeardWithin = std::chrono::seconds(1);
+
+}  // namespace
+
+WebHealth::WebHealth(const Session& session, std::span<const TelemetryMirror> mirrors,
+                     const TelemetrySubscriber& subscriber, WebServer& server, WebLog& log)
+    : session_(session),
+      mirrors_(mirrors),
+      subscriber_(subscriber),
+      server_(server),
+      log_(log),
+      metrics_(session) {}
+
+void WebHealth::pump(TimePoint now, std::uint64_t hand_holder) {
+  if (now < next_) return;
+  next_ = now + kInterval;
+
+  const WebServer::Counters counters = server_.counters();
+  ViewerHealth health{.clients = counters.clients,
+                      .messages_dropped = counters.dropped,
+                      .frames_rejected = subscriber_.rejected(),
+                      .hand_holder = hand_holder,
+                      .version = version()};
+  const std::vector<Side>& sides = session_.sides;
+  for (std::size_t i = 0; i < sides.size(); ++i) {
+    add_node(health, with_side(sides[i].name, "device"), mirrors_[i].device_link(), now);
+    add_node(health, with_side(sides[i].name, "mofc"), mirrors_[i].mofc_link(), now);
+    add_node(health, with_side(sides[i].name, "physics"), mirrors_[i].physics_link(), now);
+  }
+  server_.set_metrics(metrics_.text(mirrors_,
+                                    {.clients = counters.clients,
+                                     .messages_dropped = counters.dropped,
+                                     .requests_refused = counters.refused,
+                                     .frames_rejected = subscriber_.rejected()},
+                                    now));
+  const std::size_t channel = index_of(WebChannel::kHealth);
+  if (server_.has_subscriber(channel)) {
+    server_.publish(channel, wall_clock_ns(), make_payload(encode_health(health)));
+  }
+}
+
+void WebHealth::add_node(ViewerHealth& health, const std::string& name, const NodeLink& link,
+                         TimePoint now) {
+  const bool is_heard = link.is_heard() && now - link.heard_at <= kHeardWithin;
+  health.nodes.push_back({.name = name,
+                          .is_heard = is_heard,
+                          .silence_s = link.is_heard() ? to_seconds(now - link.heard_at) : -1.0,
+                          .sessions = link.sessions,
+                          .batches_lost = link.batches_lost,
+                          .records_lost = link.records_lost});
+  if (is_heard == std::exchange(was_heard_[name], is_heard)) return;
+  log_.write(is_heard ? LogLevel::kInfo : LogLevel::kWarning, "viewer_node",
+             std::string("event=") + (is_heard ? "node_heard" : "node_silent") + " node=" + name +
+                 "_node");
+}
+
+}  // namespace palpate::viewer

@@ -1,0 +1,48 @@
+// web_health.h — /health and /metrics: the state of the nodes and of this viewer.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <span>
+#include <string>
+
+#include "common/link/codec/viewer_codec.h"
+#include "common/link/telemetry_subscriber.h"
+#include "common/session/session.h"
+#include "viewer_node/feed/metrics_text.h"
+#include "viewer_node/feed/telemetry_mirror.h"
+#include "viewer_node/server/web_server.h"
+#include "viewer_node/web_log.h"
+
+namespace palpate::viewer {
+
+class WebHealth {
+ public:
+  /// References must outlive it. @param mirrors  of each of session.sides
+  WebHealth(const Session& session, std::span<const TelemetryMirror> mirrors,
+            const TelemetrySubscriber& subscriber, WebServer& server, WebLog& log);
+
+  /// Counts a batch for /metrics. @param side  index in session.sides
+  template <class Batch>
+  void note(std::size_t side, const Batch& batch) {
+    metrics_.note(side, batch);
+  }
+  /// Five times a second: publishes /health, updates /metrics, and logs nodes that start or stop
+  /// sending. @param hand_holder  client that leads the hand; 0: none
+  void pump(TimePoint now, std::uint64_t hand_holder);
+
+ private:
+  void add_node(ViewerHealth& health, const std::string& name, const NodeLink& link, TimePoint now);
+
+  const Session& session_;
+  std::span<const TelemetryMirror> mirrors_;
+  const TelemetrySubscriber& subscriber_;
+  WebServer& server_;
+  WebLog& log_;
+  MetricsText metrics_;
+  std::map<std::string, bool> was_heard_;  // by node
+  TimePoint next_{};
+};
+
+}  // namespace palpate::viewer

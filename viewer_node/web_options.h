@@ -1,0 +1,31 @@
+// web_options.h — the web server's command line options, and the configuration they make with the
+// session.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "common/session/session.h"
+#include "viewer_node/server/web_server.h"
+
+namespace palpate::viewer {
+
+/// As given on the command line.
+struct WebOptions {
+  std::string listen{};      ///< ADDRESS:PORT; empty: 127.0.0.1 and the session's port
+  std::string token_file{};  ///< empty: no token
+  std::vector<std::string> origins{};
+  std::vector<std::string> hosts{};
+  bool is_off = false;
+
+  /// Whether to serve the page in this session.
+  [[nodiscard]] bool is_enabled(const WebConfig& session) const {
+    return !is_off && (session.is_on || !listen.empty());
+  }
+};
+
+/// Combines the options with the session. Throws SetupError: a malformed address, an address other
+/// than loopback without a token, a token file that is unreadable or holds less than 16 characters.
+[[nodiscard]] WebServerConfig web_config(const WebOptions& options, const WebConfig& session);
+
+}  // namespace palpate::viewer

@@ -1,0 +1,51 @@
+// web_scene.h — /scene_state and /mesh: the scene and its motion, for web clients.
+//
+//   in   hop 5  SceneState, MeshFrame
+//
+// physics_node sends the scene again whenever a viewer subscribes to it. Web clients get each scene
+// once: when it is new, or when they subscribe.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "common/link/telemetry_subscriber.h"
+#include "viewer_node/feed/scene_mirror.h"
+#include "viewer_node/server/web_server.h"
+
+namespace palpate::viewer {
+
+class WebScene {
+ public:
+  /// Subscribes to SceneState. References must outlive it.
+  WebScene(TelemetrySubscriber& subscriber, WebServer& server);
+
+  /// Publishes a scene, unless it is known already. True if it replaces an earlier scene.
+  /// @param payload  the message as received
+  bool take(const SceneState& scene, std::span<const std::byte> payload);
+  /// Publishes a frame; ignores frames that do not fit the scene.
+  void take(const MeshFrame& frame, std::span<const std::byte> payload);
+
+  /// Sends a new subscriber of /scene_state the scene, if there is one.
+  void send_scene_to(std::uint64_t client);
+  /// Sends a new subscriber of /mesh all tissues that have moved.
+  void send_meshes_to(std::uint64_t client);
+  /// Subscribes to MeshFrame while a client needs it: physics_node computes vertices on demand.
+  void pump();
+
+  [[nodiscard]] const SceneMirror& mirror() const { return mirror_; }
+  /// Accepted frames so far.
+  [[nodiscard]] std::uint64_t frame_count() const { return frame_count_; }
+
+ private:
+  TelemetrySubscriber& subscriber_;
+  WebServer& server_;
+  SceneMirror mirror_;
+  Payload scene_payload_;  // null before the first scene
+  Codec<MeshFrame> mesh_codec_;
+  std::uint64_t frame_count_ = 0;
+  bool is_subscribed_ = false;  // to MeshFrame
+};
+
+}  // namespace palpate::viewer
