@@ -1,5 +1,7 @@
 // viewer_node: shows what the nodes of a session publish.
 // All logic is in the library; this file only connects it to the world.
+#include <CLI/CLI.hpp>
+
 #include "common/link/plot_sender.h"
 #include "viewer_node/process.h"
 

@@ -43,12 +43,13 @@ TEST(IncludeBoundaries, HoldOnThisTree) {
 }
 
 TEST(IncludeBoundaries, LetAllowedIncludesPass) {
-  const CommandResult result = check_source("mofc_node/mofc_node.h",
-                                            "#include <vector>\n"
-                                            "#include <Eigen/Core>\n"
-                                            "#include \"common/core/messages.h\"\n"
-                                            "#include \"mofc_node/controllers/vector_mofc.h\"\n"
-                                            "// physics_node/scene/scene.h in a comment is no include\n");
+  const CommandResult result =
+      check_source("mofc_node/mofc_node.h",
+                   "#include <vector>\n"
+                   "#include <Eigen/Core>\n"
+                   "#include \"common/core/messages.h\"\n"
+                   "#include \"mofc_node/controllers/vector_mofc.h\"\n"
+                   "// physics_node/scene/scene.h in a comment is no include\n");
   EXPECT_EQ(result.status, 0) << result.output;
 }
 
@@ -92,28 +93,31 @@ INSTANTIATE_TEST_SUITE_P(
         Forbidden{"common/link/codec.cpp", "common/process/log.h", "common/link may include"},
         Forbidden{"viewer_node/feed/scene_mirror.h", "viewer_node/server/web_server.h",
                   "viewer_node/feed may include"},
-        Forbidden{"deploy/lockstep/lockstep.h", "deploy/palpate/loopback.h",
-                  "deploy/lockstep may include"}));
+        Forbidden{"deploy/lockstep/lockstep.h", "deploy/palpate/options.h",
+                  "deploy/lockstep may include"},
+        Forbidden{"deploy/lockstep/loopback.h", "CLI/CLI.hpp", "deploy/lockstep may include"},
+        Forbidden{"deploy/palpate/options.h", "viewer_node/server/web_server.h",
+                  "deploy/palpate may include"}));
 
 // What only a simulation knows, and what only the simulated device is told.
 INSTANTIATE_TEST_SUITE_P(
     OfTheSimulatedTruth, ForbiddenInclude,
-    testing::Values(
-        Forbidden{"mofc_node/mofc_node.cpp", "device_node/simulation/simulated_device.h",
-                  "mofc_node may include"},
-        Forbidden{"mofc_node/mofc_node.cpp", "common/session/simulation_config.h",
-                  "mofc_node may include"},
-        Forbidden{"mofc_node/mofc_node.cpp", "common/session/session.h", "mofc_node may include"},
-        Forbidden{"mofc_node/mofc_node.cpp", "common/telemetry/device_telemetry.h",
-                  "mofc_node may include"},
-        Forbidden{"mofc_node/mofc_node.cpp", "common/telemetry/telemetry.h",
-                  "mofc_node may include"},
-        Forbidden{"device_node/device_node.cpp", "device_node/simulation/plant.h",
-                  "device_node may include"},
-        Forbidden{"device_node/device_node.cpp", "common/session/simulation_config.h",
-                  "device_node may include"},
-        Forbidden{"device_node/device_node.cpp", "device_node/drivers/open_device.h",
-                  "device_node may include"}));
+    testing::Values(Forbidden{"mofc_node/mofc_node.cpp",
+                              "device_node/simulation/simulated_device.h", "mofc_node may include"},
+                    Forbidden{"mofc_node/mofc_node.cpp", "common/session/simulation_config.h",
+                              "mofc_node may include"},
+                    Forbidden{"mofc_node/mofc_node.cpp", "common/session/session.h",
+                              "mofc_node may include"},
+                    Forbidden{"mofc_node/mofc_node.cpp", "common/telemetry/device_telemetry.h",
+                              "mofc_node may include"},
+                    Forbidden{"mofc_node/mofc_node.cpp", "common/telemetry/telemetry.h",
+                              "mofc_node may include"},
+                    Forbidden{"device_node/device_node.cpp", "device_node/simulation/plant.h",
+                              "device_node may include"},
+                    Forbidden{"device_node/device_node.cpp", "common/session/simulation_config.h",
+                              "device_node may include"},
+                    Forbidden{"device_node/device_node.cpp", "device_node/drivers/open_device.h",
+                              "device_node may include"}));
 
 TEST(IncludeBoundaries, AreNotEvadedByAngleBrackets) {
   for (const char* header : {"physics_node/scene/scene.h", "palpate/v1/messages.pb.h", "zmq.hpp",
