@@ -4,6 +4,8 @@
 
 #include <CLI/CLI.hpp>
 #include <functional>
+#include <memory>
+#include <string>
 
 namespace palpate {
 
@@ -13,6 +15,16 @@ struct Command {
   /// other exception for failures.
   std::function<int()> run;
 };
+
+/// Adds a subcommand to `app`. @tparam Work  has add_to(CLI::App&) for its options and int run()
+template <class Work>
+[[nodiscard]] Command add_command(CLI::App& app, const std::string& name,
+                                  const std::string& description) {
+  CLI::App& parser = *app.add_subcommand(name, description);
+  auto work = std::make_shared<Work>();
+  work->add_to(parser);
+  return {&parser, [work] { return work->run(); }};
+}
 
 // Each adds its subcommand to `app`, which must outlive the result.
 [[nodiscard]] Command add_launch_command(CLI::App& app);

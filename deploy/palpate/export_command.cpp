@@ -1,4 +1,3 @@
-#include <memory>
 #include <string>
 
 #include "common/core/regular_file.h"
@@ -35,10 +34,7 @@ struct ExportCommand {
 }  // namespace
 
 Command add_export_command(CLI::App& app) {
-  CLI::App& command = *app.add_subcommand("export", "write a recording as a table");
-  auto exported = std::make_shared<ExportCommand>();
-  exported->add_to(command);
-  return {&command, [exported] { return exported->run(); }};
+  return add_command<ExportCommand>(app, "export", "write a recording as a table");
 }
 
 }  // namespace palpate

@@ -1,4 +1,3 @@
-#include <memory>
 
 #include "common/session/session_file.h"
 #include "deploy/palpate/commands.h"
@@ -35,11 +34,8 @@ struct IdentifyCommand {
 }  // namespace
 
 Command add_identify_command(CLI::App& app) {
-  CLI::App& command = *app.add_subcommand(
-      "identify", "measure the friction of a session's device with its own motors; hands off");
-  auto identify = std::make_shared<IdentifyCommand>();
-  identify->add_to(command);
-  return {&command, [identify] { return identify->run(); }};
+  return add_command<IdentifyCommand>(
+      app, "identify", "measure the friction of a session's device with its own motors; hands off");
 }
 
 }  // namespace palpate

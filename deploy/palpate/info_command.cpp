@@ -1,5 +1,4 @@
 #include <cstdio>
-#include <memory>
 #include <string>
 
 #include "deploy/palpate/commands.h"
@@ -28,10 +27,7 @@ struct InfoCommand {
 }  // namespace
 
 Command add_info_command(CLI::App& app) {
-  CLI::App& command = *app.add_subcommand("info", "print what a recording contains");
-  auto info = std::make_shared<InfoCommand>();
-  info->add_to(command);
-  return {&command, [info] { return info->run(); }};
+  return add_command<InfoCommand>(app, "info", "print what a recording contains");
 }
 
 }  // namespace palpate

@@ -195,12 +195,9 @@ int LaunchCommand::run() const {
 }  // namespace
 
 Command add_launch_command(CLI::App& app) {
-  CLI::App& command = *app.add_subcommand(
-      "launch",
+  return add_command<LaunchCommand>(
+      app, "launch",
       "run a session in real time: start its nodes, restart those that fail, print a summary");
-  auto launch = std::make_shared<LaunchCommand>();
-  launch->add_to(command);
-  return {&command, [launch] { return launch->run(); }};
 }
 
 }  // namespace palpate

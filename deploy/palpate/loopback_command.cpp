@@ -1,5 +1,4 @@
 #include <cstdio>
-#include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <utility>
@@ -74,12 +73,9 @@ struct LoopbackCommand {
 }  // namespace
 
 Command add_loopback_command(CLI::App& app) {
-  CLI::App& command = *app.add_subcommand(
-      "loopback",
+  return add_command<LoopbackCommand>(
+      app, "loopback",
       "run a session in one process on virtual time: repeatable, faster than real time");
-  auto loopback = std::make_shared<LoopbackCommand>();
-  loopback->add_to(command);
-  return {&command, [loopback] { return loopback->run(); }};
 }
 
 }  // namespace palpate

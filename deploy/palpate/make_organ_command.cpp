@@ -1,5 +1,4 @@
 #include <cstdint>
-#include <memory>
 #include <string>
 
 #include "common/core/check.h"
@@ -49,11 +48,9 @@ struct MakeOrganCommand {
 }  // namespace
 
 Command add_make_organ_command(CLI::App& app) {
-  CLI::App& command = *app.add_subcommand(
-      "make-organ", "write an organ-like body as a point cloud or a mesh, for trying out sessions");
-  auto organ = std::make_shared<MakeOrganCommand>();
-  organ->add_to(command);
-  return {&command, [organ] { return organ->run(); }};
+  return add_command<MakeOrganCommand>(
+      app, "make-organ",
+      "write an organ-like body as a point cloud or a mesh, for trying out sessions");
 }
 
 }  // namespace palpate

@@ -1,6 +1,5 @@
 #include "viewer_node/recording/report.h"
 
-#include <memory>
 #include <string>
 
 #include "common/core/regular_file.h"
@@ -35,11 +34,8 @@ struct ReportCommand {
 }  // namespace
 
 Command add_report_command(CLI::App& app) {
-  CLI::App& command =
-      *app.add_subcommand("report", "write the figures of a recording as one HTML file");
-  auto report = std::make_shared<ReportCommand>();
-  report->add_to(command);
-  return {&command, [report] { return report->run(); }};
+  return add_command<ReportCommand>(app, "report",
+                                    "write the figures of a recording as one HTML file");
 }
 
 }  // namespace palpate
