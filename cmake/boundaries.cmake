@@ -8,6 +8,7 @@
 #   folder/*    its headers and those of its subfolders
 #   a header
 #   @wire       protobuf's generated headers      @zmq  ZeroMQ      @log  spdlog
+#   @cli        the command line
 #   @threads    locks and threads, which the tick must not know
 # Every folder may include its own headers. main.* and process.* are exempt: they connect a node to
 # the world.
@@ -22,7 +23,7 @@ set(PALPATE_BOUNDARIES
   "common/link/security:common/core,@zmq,@threads"
   "common/link/socket:common/core,common/session,common/link/codec,common/link/security,@zmq,@threads"
   "common/link:common/core,common/telemetry,common/link/*,@zmq"
-  "common/process:common/core,common/session,common/telemetry,common/link/*,@log,@threads"
+  "common/process:common/core,common/session,common/telemetry,common/link/*,@log,@cli,@threads"
 
   # the tick knows the interface of a device, no driver and no simulation
   "device_node:common/core,common/session/device_config.h,common/telemetry/device_telemetry.h"
@@ -51,7 +52,8 @@ set(PALPATE_BOUNDARIES
 
   # lockstep, launch ← palpate
   "deploy/lockstep:common/*,device_node/*,mofc_node/*,physics_node/*,viewer_node/recording,@zmq,@log,@threads"
-  "deploy/launch:common/*,@log,@threads")
+  "deploy/launch:common/*,@log,@threads"
+  "deploy/palpate:common/*,deploy/lockstep,deploy/launch,device_node/*,physics_node/*,viewer_node/process.h,viewer_node/feed,viewer_node/recording,@log,@cli,@threads")
 
 # Every library a target links to, directly or not.
 function(palpate_links_of target result)

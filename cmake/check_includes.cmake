@@ -7,6 +7,7 @@ cmake_policy(VERSION 3.25)
 set(group_wire "^(palpate/v1/|foxglove/|google/protobuf/)")
 set(group_zmq "^zmq")
 set(group_log "^spdlog/")
+set(group_cli "^CLI/")
 set(group_threads "^(mutex|shared_mutex|condition_variable|semaphore|future|thread|pthread.h)$")
 set(project "^(common|deploy|device_node|mofc_node|physics_node|tests|viewer_node)/")
 
@@ -68,7 +69,8 @@ foreach(top IN LISTS tops)
       if(line MATCHES "include[ \t]*<")
         # system headers pass, but for those with a rule
         set(is_guarded FALSE)
-        foreach(guarded "${project}" "${group_wire}" "${group_zmq}" "${group_log}" "${group_threads}")
+        foreach(guarded "${project}" "${group_wire}" "${group_zmq}" "${group_log}"
+                "${group_cli}" "${group_threads}")
           if(header MATCHES "${guarded}")
             set(is_guarded TRUE)
           endif()

@@ -1,15 +1,15 @@
 #!/usr/bin/env bash
-# From a bare Debian 12 to a running session: installs what is missing, builds, launches.
-# Arguments go to `palpate launch`:
+# From a bare Debian 12 to a running session: installs missing packages, builds, launches.
+# Arguments are passed to `palpate launch`:
 #
 #   deploy/demo.sh                 until Ctrl-C
-#   deploy/demo.sh --seconds 10    ends by itself
+#   deploy/demo.sh --seconds 10    ends after 10 s
 set -euo pipefail
 root="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
 
 "$root/deploy/packages.sh"
 
-# tests/run.sh uses the same build folder: one that is there stays configured as it is
+# tests/run.sh uses the same build folder: keep the configuration of an existing one
 if [[ ! -f "$root/build/release/build.ninja" ]]; then
   (cd "$root" && cmake --preset release -DPALPATE_BUILD_TESTS=OFF)
 fi

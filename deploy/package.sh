@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Builds the Debian package with the systemd units: build/package/palpate_VERSION_ARCH.deb.
-# Arguments go to cmake's configuration.
+# Arguments are passed to the configuration by cmake.
 set -euo pipefail
 root="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
 

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Installs the Debian packages that Palpate is built from, as far as they are missing; asks nothing
-# and says nothing when none is.
+# Installs the missing Debian packages of Palpate's build without asking; prints nothing if there are
+# none.
 #
 #   deploy/packages.sh            to build and run
 #   deploy/packages.sh --tests    to build and run the tests too
@@ -14,7 +14,7 @@ packages=(
   libboost-dev libboost-filesystem-dev
   libcli11-dev libeigen3-dev libspdlog-dev nlohmann-json3-dev zlib1g-dev
 )
-# npm builds the viewer's page; another distribution's Node.js may bring its own
+# npm builds the page of the viewer; a Node.js from elsewhere may contain it
 command -v npm >/dev/null || packages+=(nodejs npm)
 if [[ "${1:-}" == "--tests" ]]; then
   packages+=(chromium clang-format clang-tidy fonts-liberation gnuplot-nox iproute2 libgmock-dev libgtest-dev
@@ -22,7 +22,7 @@ if [[ "${1:-}" == "--tests" ]]; then
 fi
 if [[ "${1:-}" == "--package" ]]; then packages+=(dpkg-dev); fi
 
-# Elsewhere than on Debian, CMake names what is missing.
+# On other systems CMake names what is missing.
 command -v dpkg-query >/dev/null || exit 0
 
 installed="$(dpkg-query --show --showformat=' ${Package} ${db:Status-Status} ' "${packages[@]}" \
@@ -36,7 +36,7 @@ done
 as_root=()
 if [[ "$(id -u)" -ne 0 ]]; then
   if ! command -v sudo >/dev/null; then
-    echo "Missing packages, and neither root nor sudo to install them. As root:" >&2
+    echo "Packages are missing; without sudo only root can install them:" >&2
     echo "  apt-get install ${missing[*]}" >&2
     exit 1
   fi

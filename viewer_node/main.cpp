@@ -1,5 +1,6 @@
 // viewer_node: displays and records what the nodes of a session publish.
 // All logic is in the library; this file only reads the command line.
+#include <CLI/CLI.hpp>
 #include "common/link/plot_sender.h"
 #include "viewer_node/process.h"
 

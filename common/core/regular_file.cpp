@@ -1,7 +1,9 @@
 #include "common/core/regular_file.h"
 
 #include <array>
+#include <cerrno>
 #include <fstream>
+#include <system_error>
 
 #include "common/core/check.h"
 
@@ -35,6 +37,15 @@ FileContent read_regular_file(const std::filesystem::path& file, std::uintmax_t 
   }
   if (stream.bad()) return {.complaint = "cannot be read; check the disk"};
   return content;
+}
+
+std::string write_file(const std::filesystem::path& file, const std::string& text) {
+  errno = 0;
+  std::ofstream stream(file, std::ios::binary);
+  stream << text;
+  stream.close();
+  if (stream) return {};
+  return "cannot be written (" + std::generic_category().message(errno) + "); choose another place";
 }
 
 void refuse_shared_file(std::initializer_list<std::pair<const char*, std::string>> outputs) {

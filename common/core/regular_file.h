@@ -18,6 +18,10 @@ struct FileContent {
 [[nodiscard]] FileContent read_regular_file(const std::filesystem::path& file,
                                             std::uintmax_t max_bytes);
 
+/// Replaces the content of `file`.
+/// @return what is wrong and what to do; empty if the text was written
+[[nodiscard]] std::string write_file(const std::filesystem::path& file, const std::string& text);
+
 /// Throws SetupError if two options name the same file. Empty names and "-" are ignored.
 /// @param outputs  pairs of option and file
 void refuse_shared_file(std::initializer_list<std::pair<const char*, std::string>> outputs);

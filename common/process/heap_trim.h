@@ -1,4 +1,4 @@
-// heap_trim.h — keeps a process that serves bursts as small as it was before them.
+// heap_trim.h — returns unused heap to the system after bursts of memory use.
 #pragma once
 
 #include <malloc.h>
@@ -9,20 +9,20 @@
 
 namespace palpate {
 
-/// A stopped viewer's backlog, a scene that comes again with every restart: glibc keeps what such
-/// a burst took, in pieces. This one gives it back. Not in a process with a tick, which would wait
-/// for the allocator's lock.
+/// glibc keeps the memory of a burst, such as the backlog of a stopped viewer or a scene that is
+/// sent again after a restart, as fragments. HeapTrim returns it. Not for a process with a tick:
+/// the tick would wait for the allocator's lock.
 class HeapTrim {
  public:
   static constexpr Duration kInterval = std::chrono::seconds(5);
 
   HeapTrim() noexcept {
-    // large buffers go back as soon as they are free, whatever the allocator has seen before
+    // a fixed threshold: glibc would raise it, and large buffers would no longer be returned
     constexpr int kLargeBytes = 128 << 10;
     mallopt(M_MMAP_THRESHOLD, kLargeBytes);
   }
 
-  /// Call it often; it does something every kInterval, for some 0.1 ms.
+  /// Call it often; it trims every kInterval, which takes about 0.1 ms.
   void note(TimePoint now) noexcept {
     if (now < next_at_) return;
     next_at_ = now + kInterval;

@@ -18,7 +18,7 @@ Log::Log(const std::string& name, spdlog::sink_ptr sink)
   logger_->set_pattern("%Y-%m-%dT%H:%M:%S.%e %l %n %v");
 }
 
-// The writer's queue is emptied by its own destructor.
+// The destructor of the writer writes the queued lines.
 Log::~Log() = default;
 
 }  // namespace palpate

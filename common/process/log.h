@@ -1,5 +1,5 @@
-// log.h — the slow side's voice. Lines read `event=… key=value`; nothing on a tick thread logs:
-// what happens there becomes counters, and event_log.h turns their changes into lines.
+// log.h — the log of a process, for its slow threads. Lines have the form `event=… key=value`. A
+// tick thread does not log: it increments counters, and event_log.h turns their changes into lines.
 #pragma once
 
 #include <spdlog/spdlog.h>
@@ -13,8 +13,8 @@ class thread_pool;
 
 namespace palpate {
 
-/// Lines to stderr (or `sink`), written by a thread of its own. A full queue loses its oldest
-/// lines, so whoever logs is never stalled. The destructor writes what is queued.
+/// Writes lines to stderr (or `sink`) on a thread of its own. A full queue drops its oldest lines,
+/// so logging never blocks. The destructor writes the queued lines.
 class Log {
  public:
   explicit Log(const std::string& name, spdlog::sink_ptr sink = nullptr);

@@ -3,14 +3,14 @@
 
 #include <span>
 
-#include "common/session/session.h"
 #include "common/link/security/keys.h"
 #include "common/link/socket/zmq_context.h"
+#include "common/session/session.h"
 
 namespace palpate {
 
-/// What the session says of tcp, with the keys of these roles; of `optional`, those that this host
-/// has. Throws SetupError.
+/// The session's rules for tcp, with the keys of `roles`, and of `optional` those that this host
+/// has. Throws SetupError if a key of `roles` is missing.
 [[nodiscard]] inline TcpRules tcp_rules(const SecurityConfig& security,
                                         std::initializer_list<KeyRole> roles,
                                         std::initializer_list<KeyRole> optional = {}) {
@@ -23,9 +23,9 @@ namespace palpate {
   return rules;
 }
 
-/// Hops 1 and 4 have an I/O thread of their own, real-time if permitted; everything else shares
-/// another one of ordinary priority, so that viewers and a distant physics cannot delay the tick.
-/// Nodes that run in one process over inproc:// share one ProcessLinks.
+/// Hops 1 and 4 have an I/O thread of their own, with real-time priority if permitted. All other
+/// links share a thread of ordinary priority, so that viewers and a remote physics_node cannot
+/// delay the tick. Nodes that run in one process over inproc:// share one ProcessLinks.
 struct ProcessLinks {
   explicit ProcessLinks(const RealtimeConfig& realtime, const TcpRules& tcp = {})
       : exchange(realtime, tcp), side(tcp) {}

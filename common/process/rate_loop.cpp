@@ -5,7 +5,7 @@
 namespace palpate {
 
 void RateLoop::wake_exactly() noexcept {
-  // cannot fail for a thread's own slack of 1 ns
+  // cannot fail: a thread may always set its own slack
   prctl(PR_SET_TIMERSLACK, 1);
 }
 

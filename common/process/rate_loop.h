@@ -1,26 +1,26 @@
-// rate_loop.h — the periodic thread: begins turns on absolute appointments and says how well it
-// kept them.
+// rate_loop.h — the periodic thread: begins each turn at an absolute time and measures its
+// lateness.
 #pragma once
 
 #include <stop_token>
 #include <utility>
 
 #include "common/core/clock.h"
+#include "common/core/tick_schedule.h"
 #include "common/telemetry/metrics.h"
 #include "common/telemetry/telemetry.h"
-#include "common/core/tick_schedule.h"
 
 namespace palpate {
 
-/// Runs on the calling thread. After an overrun the missed appointments are skipped and counted,
-/// never made up for in a burst. The loop itself does not allocate, lock or throw.
+/// Runs on the calling thread. After an overrun the missed turns are skipped and counted, never
+/// made up for in a burst. The loop itself does not allocate, lock or throw.
 class RateLoop {
  public:
   /// `rate_hz` > 0, finite.
   RateLoop(Clock& clock, double rate_hz) : clock_(clock), rate_hz_(rate_hz) {}
 
   /// Calls `body(const Tick&)` at start + n / rate until `stop` is requested; the first turn begins
-  /// at once. A stop is noticed within one period.
+  /// at once. The loop ends within one period after the request.
   template <class Body>
   void run(const std::stop_token& stop, Body&& body) {
     wake_exactly();
@@ -37,13 +37,13 @@ class RateLoop {
     }
   }
 
-  /// Of the last run; the body may read it, other threads may not.
+  /// Of the last run. The body may read them, other threads may not.
   [[nodiscard]] const LoopCounters& counters() const { return counters_; }
-  /// Begin of each turn after its appointment.
+  /// Delay between the scheduled and the actual begin of each turn.
   [[nodiscard]] const DurationHistogram& lateness() const { return lateness_; }
 
  private:
-  /// Takes the kernel's 50 µs of slack off the timers of this thread.
+  /// Removes the kernel's default 50 µs of slack from the timers of this thread.
   static void wake_exactly() noexcept;
 
   Clock& clock_;

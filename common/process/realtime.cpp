@@ -26,13 +26,13 @@ const char* name(WaitStrategy wait) {
 
 std::string words_of(int error) { return std::generic_category().message(error); }
 
-/// 0 or an errno. Threads started by this one get ordinary scheduling.
+/// Returns 0 or an errno. Threads started by this one get ordinary scheduling.
 int take_fifo(int priority) noexcept {
   const sched_param parameters{.sched_priority = priority};
   return pthread_setschedparam(pthread_self(), SCHED_FIFO | SCHED_RESET_ON_FORK, &parameters);
 }
 
-/// 0 or an errno.
+/// Returns 0 or an errno.
 int pin_to(int cpu) noexcept {
   if (cpu >= CPU_SETSIZE) return EINVAL;
   cpu_set_t set;
@@ -41,7 +41,7 @@ int pin_to(int cpu) noexcept {
   return pthread_setaffinity_np(pthread_self(), sizeof(set), &set);
 }
 
-/// 0 or an errno. Locks only if there is no limit: with one, a later allocation would fail instead.
+/// Returns 0 or an errno. Locks only without a limit: with one, later allocations would fail.
 int lock_memory() noexcept {
   const rlimit unlimited{.rlim_cur = RLIM_INFINITY, .rlim_max = RLIM_INFINITY};
   if (setrlimit(RLIMIT_MEMLOCK, &unlimited) != 0) return errno;
@@ -88,7 +88,7 @@ RealtimeReport enter_realtime(const RealtimeConfig& config) {
 }
 
 bool may_use_fifo(int priority) {
-  // a thread of its own tries: capabilities, limits and control groups all have a say
+  // try it on a separate thread: capabilities, limits and control groups all decide
   bool may = false;
   std::thread([&] { may = take_fifo(priority) == 0; }).join();
   return may;

@@ -1,4 +1,4 @@
-// realtime.h — real-time scheduling: taken when permitted, reported, never required.
+// realtime.h — real-time scheduling: used when permitted, reported, never required.
 #pragma once
 
 #include <string>
@@ -8,21 +8,21 @@
 namespace palpate {
 
 struct RealtimeReport {
-  bool has_fifo = false;           ///< SCHED_FIFO at the priority asked for
-  bool is_pinned = false;          ///< runs on the processor asked for and on no other
-  bool has_locked_memory = false;  ///< of the whole process: no page fault can delay a tick
-  /// One line of key=value words for the log, with the reason for what was refused.
+  bool has_fifo = false;           ///< SCHED_FIFO at the requested priority
+  bool is_pinned = false;          ///< runs on the requested processor and on no other
+  bool has_locked_memory = false;  ///< of the whole process, so that no page fault delays a tick
+  /// One line of key=value pairs for the log, with the reasons for refusals.
   std::string text;
 };
 
-/// Gives the calling thread SCHED_FIFO and its processor and locks the memory of the process, each
-/// if it is permitted; priority 0 asks for neither FIFO nor locked memory. Never fails. Call it on
-/// the tick thread after other threads were started: threads started later get ordinary scheduling,
-/// but inherit the processor.
+/// Gives the calling thread SCHED_FIFO, pins it to its processor and locks the memory of the
+/// process, each if permitted; priority 0 requests neither FIFO nor locked memory. Never fails.
+/// Call it on the tick thread after all other threads have started: later threads get ordinary
+/// scheduling but inherit the processor.
 RealtimeReport enter_realtime(const RealtimeConfig& config);
 
 /// Whether a thread of this process may have SCHED_FIFO at `priority` (1 … 99). libzmq aborts the
-/// process if its I/O threads are given a priority that is not permitted, so ask first.
+/// process if its I/O threads get a priority that is not permitted, so check first.
 [[nodiscard]] bool may_use_fifo(int priority);
 
 }  // namespace palpate

@@ -1,4 +1,4 @@
-// refused_peers_log.h — who was turned away for want of the right keys, and why, in the log.
+// refused_peers_log.h — logs peers that were refused because of their keys.
 #pragma once
 
 #include <map>
@@ -11,8 +11,8 @@
 
 namespace palpate {
 
-/// A throttled line `event=peer_refused link=… reason=…` for each link and reason. For the slow
-/// side: call note() on one thread, every so often.
+/// Writes a throttled line `event=peer_refused link=… reason=…` for each link and reason. Call
+/// note() repeatedly, on one thread that is not the tick's.
 class RefusedPeersLog {
  public:
   RefusedPeersLog(spdlog::logger& log, const RefusedPeers& refused)

@@ -1,4 +1,4 @@
-// rejection_log.h — why frames were refused, in words a user can act on.
+// rejection_log.h — logs why frames were refused, with the remedy.
 #pragma once
 
 #include <string>
@@ -8,8 +8,8 @@
 
 namespace palpate {
 
-/// A throttled line `event=frame_refused link=… reason=…` when a link refuses more frames. For the
-/// slow side: call note() on one thread, every so often.
+/// Writes a throttled line `event=frame_refused link=… reason=…` when a link refuses more frames.
+/// Call note() repeatedly, on one thread that is not the tick's.
 class RejectionLog {
  public:
   RejectionLog(spdlog::logger& log, const char* link, const Rejections& rejections)

@@ -16,6 +16,8 @@
 
 #include "common/core/check.h"
 #include "common/core/version.h"
+#include "common/process/endpoints.h"
+#include "common/process/options.h"
 #include "common/session/session_file.h"
 
 namespace palpate {
@@ -23,7 +25,7 @@ namespace {
 
 namespace asio = boost::asio;
 
-/// Turns signals and the end of the time into requests, on a thread of its own.
+/// Turns signals and the end of --seconds into requests, on a thread of its own.
 class Signals {
  public:
   explicit Signals(std::optional<double> seconds)
@@ -34,19 +36,18 @@ class Signals {
     await_user_signal();
     signals_.async_wait([this](const boost::system::error_code& error, int) {
       if (error) return;
-      signals_.clear();  // the next one has its default effect: it kills
+      signals_.clear();  // the next signal has its default effect and kills
       source_.request_stop();
     });
     if (seconds) {
-      timer_.expires_after(std::chrono::duration_cast<std::chrono::nanoseconds>(
-          std::chrono::duration<double>(*seconds)));
+      timer_.expires_after(from_seconds(*seconds));
       timer_.async_wait([this](const boost::system::error_code& error) {
         if (!error) source_.request_stop();
       });
     }
     thread_ = std::thread([this] { io_.run(); });
   }
-  /// Now and every minute, on the thread of the signals. Once at most.
+  /// Calls `what` now and then every minute on the thread of the signals. Call it at most once.
   void each_minute(std::function<void()> what) {
     what();
     minute_.expires_after(std::chrono::minutes(1));
@@ -83,24 +84,15 @@ class Signals {
   std::thread thread_;
 };
 
-/// Processes cannot meet at an endpoint inside one of them.
-void refuse_inproc(const Session& session) {
-  const auto refuse = [](const char* setting, const std::string& endpoint) {
+/// inproc endpoints exist inside one process only.
+void refuse_inproc(const Session& session, const Side& side) {
+  for (const auto& [setting, endpoint] : endpoints_of(session, side)) {
     if (endpoint.starts_with("inproc://")) {
       throw SetupError(std::string(setting) + " = " + endpoint +
-                       ": inproc joins nodes of one process only; give ipc://PATH or "
+                       ": inproc connects nodes of one process only; give ipc://PATH or "
                        "tcp://HOST:PORT, or leave it out");
     }
-  };
-  for (const Side& side : session.sides) {
-    refuse("links.exchange", side.links.exchange);
-    refuse("links.tool_motion", side.links.tool_motion);
-    refuse("links.interaction", side.links.interaction);
-    refuse("links.device_telemetry", side.links.device_telemetry);
-    refuse("links.mofc_telemetry", side.links.mofc_telemetry);
-    refuse("links.hand_target", side.links.hand_target);
   }
-  refuse("links.physics_telemetry", session.physics_telemetry);
 }
 
 }  // namespace
@@ -108,21 +100,14 @@ void refuse_inproc(const Session& session) {
 void allow_plain_tcp(Session& session) {
   if (!session.security.key_folder.empty()) {
     throw SetupError(
-        "--insecure: the session has keys, security.key_folder; take one of the two out");
+        "--insecure: the session has keys (security.key_folder); remove one of the two");
   }
   session.security.may_be_plain = true;
 }
 
-CLI::Validator is_time() {
-  constexpr double kLongestSeconds = 1e9;  // far below what nanoseconds in 64 bits can hold
-  return CLI::Validator(
-      [](const std::string& text) {
-        double seconds = 0.0;
-        const bool is_number = CLI::detail::lexical_cast(text, seconds);
-        if (is_number && seconds > 0.0 && seconds <= kLongestSeconds) return std::string();
-        return "\"" + text + "\": give a time in s, more than 0 and at most 1e9";
-      },
-      "", "time");
+void ignore_output_signals() {
+  std::signal(SIGPIPE, SIG_IGN);
+  std::signal(SIGXFSZ, SIG_IGN);
 }
 
 std::uint64_t random_session_id() {
@@ -142,35 +127,28 @@ FlightFiles flight_files(const NodeContext& context, const std::string& node) {
 int run_node(int argc, char** argv, const NodeInfo& info,
              const std::function<void(NodeContext&)>& body) {
   const std::string program = info.name + "_node";
-  std::signal(SIGPIPE, SIG_IGN);  // who reads our output may go, as in `viewer_node | head`
-  std::signal(SIGXFSZ, SIG_IGN);  // a file that may grow no more is an error of that file alone
+  ignore_output_signals();
   CLI::App app(info.description, program);
   std::filesystem::path session_file;
   std::vector<std::string> overrides;
   std::string side;
   std::optional<double> seconds;
-  bool no_realtime = false;
+  bool has_no_realtime = false;
   bool is_insecure = false;
   app.add_option("--session", session_file, "session file (*.txtpb), the same for every node")
       ->required()
       ->type_name("FILE");
-  app.add_option("--set", overrides,
-                 "override a field of the session, e.g. mofc.controller=none; repeatable")
-      ->type_name("PATH=VALUE")
-      ->allow_extra_args(false);
+  add_override_option(app, overrides);
   if (info.is_of_one_side) {
-    app.add_option("--side", side, "of a session with several devices: which one is served")
+    app.add_option("--side", side, "which device to serve, if the session has several")
         ->type_name("NAME");
   }
-  app.add_option("--seconds", seconds, "stop after this time in s (default: run on)")
-      ->type_name("S")
-      ->check(is_time());
-  app.add_flag("--no-realtime", no_realtime, "ordinary scheduling, whatever the session says");
-  app.add_flag("--insecure", is_insecure,
-               "tcp beyond loopback without keys: anybody on the network can look on and push");
+  add_seconds_option(app, seconds, "stop after this time in s (default: run until stopped)");
+  add_no_realtime_flag(app, has_no_realtime);
+  add_insecure_flag(app, is_insecure);
   app.set_version_flag("--version", program + " " + version());
   std::string footer =
-      "`palpate launch SESSION` starts all nodes of a session and keeps them running.";
+      "`palpate launch SESSION` starts all nodes of a session and restarts those that fail.";
   if (!info.signals.empty()) footer += "\n\n" + info.signals;
   app.footer(footer);
   if (info.add_options) info.add_options(app);
@@ -183,9 +161,9 @@ int run_node(int argc, char** argv, const NodeInfo& info,
   try {
     Session session = load_session(session_file, overrides);
     if (info.is_of_one_side) session = with_only_side(std::move(session), side);
-    refuse_inproc(session);
+    for (const Side& each : session.sides) refuse_inproc(session, each);
     if (is_insecure) allow_plain_tcp(session);
-    if (no_realtime) {
+    if (has_no_realtime) {
       for (Side& each : session.sides) {
         each.realtime = {.priority = 0, .cpu = -1, .wait = WaitStrategy::kBlock};
       }

@@ -1,59 +1,64 @@
 // run_node.h — start and stop of a node: command line, session, log, signals, exit status.
 #pragma once
 
-#include <CLI/CLI.hpp>
 #include <cstdint>
 #include <functional>
 #include <stop_token>
 #include <string>
 
 #include "common/core/clock.h"
-#include "common/session/session.h"
 #include "common/process/log.h"
+#include "common/session/session.h"
 #include "common/telemetry/flight_recorder.h"
+
+namespace CLI {
+class App;
+}
 
 namespace palpate {
 
 /// Exit statuses of every program of the project.
 inline constexpr int kExitFailure = 1;
-inline constexpr int kExitSetupError = 2;  ///< the user's to mend; starting again would not help
+inline constexpr int kExitSetupError = 2;  ///< the user must act; a restart would not help
 
 struct NodeInfo {
   std::string name;             ///< "device"; the program is device_node
   std::string description;      ///< one sentence for --help
-  std::string signals = {};     ///< for --help: what SIGUSR1 and SIGUSR2 do, if anything
-  bool is_of_one_side = false;  ///< takes --side, and sees the session of that side
-  /// Options of this node beside the common ones; optional.
+  std::string signals = {};     ///< for --help: effect of SIGUSR1 and SIGUSR2; empty: none
+  bool is_of_one_side = false;  ///< takes --side and gets the session of that side only
+  /// Adds options of this node to the common ones; may be empty.
   std::function<void(CLI::App&)> add_options = {};
 };
 
-/// What a node's main is handed.
+/// What run_node passes to the body of a node.
 struct NodeContext {
-  const Session& session;    ///< --set applied; with --no-realtime it asks for nothing real-time
-  std::uint64_t session_id;  ///< random, never 0: the header's of every message of this process
+  const Session& session;    ///< with --set applied; with --no-realtime without real-time requests
+  std::uint64_t session_id;  ///< random, never 0; in the header of every message of this process
   SteadyClock& clock;
-  spdlog::logger& log;   ///< never on the tick thread
+  spdlog::logger& log;   ///< not for the tick thread
   std::stop_token stop;  ///< SIGINT, SIGTERM, SIGHUP or the end of --seconds
   const SignalRequests& requests = kNoRequests;
 };
 
-/// For --insecure: tcp beyond loopback without keys. Throws SetupError if the session has keys.
+/// For --insecure: allows tcp beyond loopback without keys. Throws SetupError if the session has
+/// keys.
 void allow_plain_tcp(Session& session);
 
-/// For --seconds: a finite number above 0.
-[[nodiscard]] CLI::Validator is_time();
+/// Makes writing to a closed pipe or beyond the file size limit an error of that write instead of a
+/// signal that kills the process.
+void ignore_output_signals();
 
 /// Random, never 0.
 [[nodiscard]] std::uint64_t random_session_id();
 
-/// In the parent of the run folder.
+/// Where a node writes its flight recordings: the parent of the run folder.
 /// @param node  for the names of the files: "device", of a side "left.device"
 [[nodiscard]] FlightFiles flight_files(const NodeContext& context, const std::string& node);
 
-/// Parses the command line, loads the session and runs `body`, which returns soon after a stop was
-/// requested. A second signal kills.
-/// @return exit status: 0, kExitSetupError with the text of the problem printed once, or
-///         kExitFailure for any other exception.
+/// Parses the command line, loads the session and runs `body`, which must return soon after
+/// `context.stop` is requested. A second signal kills the process.
+/// @return exit status: 0, kExitSetupError after a SetupError, kExitFailure after any other
+///         exception; the text of an exception is printed once
 int run_node(int argc, char** argv, const NodeInfo& info,
              const std::function<void(NodeContext&)>& body);
 

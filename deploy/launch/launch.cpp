@@ -14,9 +14,10 @@
 #include <system_error>
 
 #include "common/core/check.h"
-#include "common/session/session.h"
+#include "common/core/time.h"
 #include "common/process/log.h"
 #include "common/process/run_node.h"
+#include "common/session/session.h"
 #include "common/session/session_file.h"
 
 namespace palpate {
@@ -25,10 +26,10 @@ namespace {
 namespace asio = boost::asio;
 namespace fs = std::filesystem;
 
-/// Of a restarted device whose session has no start ramp.
+/// Start ramp of a restarted device if its session has none.
 constexpr int kRestartRampMilliseconds = 500;
 
-/// The folder of the session's ipc files, held by one launch at a time and empty afterwards.
+/// The folder of the session's ipc files. One launch at a time holds it; it is removed at the end.
 class RunFolder {
  public:
   explicit RunFolder(const std::string& session_name) : path_(run_folder(session_name)) {
@@ -36,7 +37,7 @@ class RunFolder {
     folder_ = open(path_.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
     struct stat status {};
     if (folder_ < 0 || fstat(folder_, &status) != 0) {
-      refuse("cannot be made: " + std::generic_category().message(errno) +
+      refuse("cannot be created: " + std::generic_category().message(errno) +
              "; choose another folder with PALPATE_RUN_DIR");
     }
     if (status.st_uid != geteuid()) {
@@ -44,7 +45,7 @@ class RunFolder {
     }
     if (flock(folder_, LOCK_EX | LOCK_NB) != 0) {
       refuse("is in use: session \"" + session_name +
-             "\" is already launched; stop that launch, or give this one another name with "
+             "\" is already launched; stop that launch, or rename this one with "
              "--set name=OTHER");
     }
   }
@@ -58,12 +59,12 @@ class RunFolder {
   RunFolder& operator=(const RunFolder&) = delete;
 
  private:
-  /// For this user alone, parents included; what exists stays as it is.
+  /// Creates the folder and its parents for this user only; existing folders stay unchanged.
   static void make_private(const fs::path& folder) {
     if (folder.has_parent_path() && folder != folder.parent_path()) {
       make_private(folder.parent_path());
     }
-    mkdir(folder.c_str(), S_IRWXU);  // a failure shows when the folder is opened
+    mkdir(folder.c_str(), S_IRWXU);  // errors appear when the folder is opened
   }
 
   [[noreturn]] void refuse(const std::string& why) {
@@ -71,7 +72,7 @@ class RunFolder {
     throw SetupError(path_.string() + ": " + why);
   }
 
-  /// Sockets and their lock files, but not those of a node that somebody started by hand.
+  /// Removes sockets and their lock files, except those that a node started by hand still holds.
   void remove_left_files() const {
     std::error_code error;
     std::vector<fs::path> left;
@@ -125,7 +126,7 @@ std::vector<ChildSpec> nodes_of(const LaunchOptions& options, const Session& ses
     return child;
   };
 
-  // who binds is started before who connects
+  // nodes that bind start before nodes that connect
   if (is_here("physics")) add("physics");
   const std::vector<Side>& sides = session.sides;
   if (is_here("mofc") && !options.is_together) {
@@ -173,7 +174,7 @@ void write(const ChildEvent& event, spdlog::logger& log) {
   }
 }
 
-/// One run: what happens while the io_context runs.
+/// One run of the nodes, on one io_context.
 class Run {
  public:
   Run(const LaunchOptions& options, std::vector<ChildSpec> nodes,
@@ -190,7 +191,7 @@ class Run {
   LaunchResult run(const std::stop_token& stop) {
     const auto begin = std::chrono::steady_clock::now();
     const std::stop_callback on_stop(
-        stop, [this] { asio::post(io_, [this] { end(LaunchEnd::kAsked); }); });
+        stop, [this] { asio::post(io_, [this] { end(LaunchEnd::kRequested); }); });
     try {
       await_signal();
       supervisor_.start();
@@ -198,7 +199,7 @@ class Run {
       if (options_.on_poll) poll();
       io_.run();
     } catch (...) {
-      // leave nothing behind, then let the caller see it
+      // end all nodes before the caller sees the exception
       supervisor_.kill();
       io_.restart();
       io_.run();
@@ -225,8 +226,7 @@ class Run {
   }
 
   void await_time_up(double seconds) {
-    time_up_.expires_after(std::chrono::duration_cast<std::chrono::nanoseconds>(
-        std::chrono::duration<double>(seconds)));
+    time_up_.expires_after(from_seconds(seconds));
     time_up_.async_wait([this](const boost::system::error_code& error) {
       if (!error) end(LaunchEnd::kTimeUp);
     });
@@ -247,7 +247,7 @@ class Run {
     supervisor_.stop();
   }
 
-  /// No node is left: nothing to wait for.
+  /// Called when no node is left.
   void on_end() {
     has_ended_ = true;
     signals_.cancel();
@@ -264,7 +264,7 @@ class Run {
   Supervisor supervisor_;
   bool is_ending_ = false;
   bool has_ended_ = false;
-  LaunchEnd end_ = LaunchEnd::kAsked;
+  LaunchEnd end_ = LaunchEnd::kRequested;
 };
 
 }  // namespace

@@ -62,12 +62,12 @@ void Supervisor::spawn(Child& child) {
                      child.spec.restart_arguments.end());
   }
 
-  // between fork and exec, so nothing but system calls
+  // runs between fork and exec: system calls only
   const pid_t supervisor = getpid();
   const auto in_child = [supervisor](auto&) {
     setpgid(0, 0);
     prctl(PR_SET_PDEATHSIG, SIGKILL);
-    if (getppid() != supervisor) _exit(kExitFailure);  // it ended before the line above
+    if (getppid() != supervisor) _exit(kExitFailure);  // it had ended before prctl
   };
   try {
     process::child started(process::exe = child.spec.program.string(), process::args = arguments,
@@ -91,7 +91,7 @@ void Supervisor::await_deaths() {
 }
 
 void Supervisor::reap() {
-  // signals merge: one may stand for several deaths
+  // signals are merged: one SIGCHLD may stand for several deaths
   for (Child& child : children_) {
     int status = 0;
     if (child.pid != 0 && waitpid(child.pid, &status, WNOHANG) == child.pid) {
@@ -137,7 +137,7 @@ void Supervisor::restart_later(Child& child, ChildEvent event) {
     ++child.restarts;
     try {
       spawn(child);
-    } catch (const SetupError& e) {  // it could be once: its program is being replaced, say
+    } catch (const SetupError& e) {  // it started before; its program may be being replaced
       restart_later(child, {.name = child.spec.name, .how = e.what()});
     }
   });
@@ -162,8 +162,8 @@ void Supervisor::stop_next() {
   }
 
   Child& child = **running;
-  if (child.was_told_to_stop) return;
-  child.was_told_to_stop = true;
+  if (child.was_terminated) return;
+  child.was_terminated = true;
   ::kill(child.pid, SIGTERM);
   child.timer.expires_after(timing_.stop_grace);
   child.timer.async_wait([&child](const boost::system::error_code& error) {
@@ -182,7 +182,7 @@ void Supervisor::kill() {
 
 void Supervisor::kill(Child& child) {
   if (child.pid == 0) return;
-  child.was_told_to_stop = true;
+  child.was_terminated = true;
   child.was_killed = true;
   ::kill(-child.pid, SIGKILL);  // the whole process group
 }

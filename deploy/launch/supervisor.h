@@ -1,4 +1,4 @@
-// supervisor.h — keeps the nodes of a deployment running and ends them together.
+// supervisor.h — starts child processes, restarts those that die and ends all of them in order.
 #pragma once
 
 #include <sys/types.h>
@@ -16,12 +16,12 @@
 
 namespace palpate {
 
-/// One program to keep running.
+/// A program to keep running.
 struct ChildSpec {
   std::string name;               ///< for reports: "device"
   std::filesystem::path program;  ///< absolute, or relative to the working directory
   std::vector<std::string> arguments;
-  std::vector<std::string> restart_arguments = {};  ///< added from the second start on
+  std::vector<std::string> restart_arguments = {};  ///< appended from the second start on
 };
 
 struct SupervisorTiming {
@@ -34,47 +34,47 @@ struct SupervisorTiming {
 struct ChildEvent {
   enum class Kind : std::uint8_t {
     kStarted,
-    kDied,     ///< by itself, or could not be started again; a restart follows after `restart_in`
-    kRefused,  ///< exit status 2: its set-up is wrong, everything is stopped
-    kStopped,  ///< as asked
+    kDied,     ///< unexpectedly, or failed to restart; the next start follows after `restart_in`
+    kRefused,  ///< exit status 2: its set-up is wrong; all children are stopped
+    kStopped,  ///< on request
     kKilled,   ///< did not stop within the grace, or kill() was called
   };
   Kind kind = Kind::kStarted;
   std::string name = {};
   pid_t pid = 0;
-  std::string how = {};  ///< it ended, in words: "exit status 1", "killed by signal 11 (…)"
+  std::string how = {};  ///< how it ended: "exit status 1", "killed by signal 11 (…)"
   std::chrono::milliseconds restart_in{};
 };
 
-/// Starts children in the order given, restarts those that die, and on stop() ends them one after
+/// Starts the children in the given order and restarts those that die. stop() ends them one after
 /// the other in the order of `stop_order`: SIGTERM, the grace, SIGKILL.
 ///
-/// Every child has a process group of its own, so a Ctrl-C in the terminal reaches the supervisor
-/// only, and is killed by the kernel when the thread that runs the io_context ends, whatever ended
-/// it: no child outlives its supervisor. Runs on that one thread.
+/// Every child has a process group of its own, so Ctrl-C in a terminal reaches the supervisor only.
+/// The kernel kills the children when the thread that runs the io_context ends for any reason, so
+/// no child outlives its supervisor. All functions and callbacks run on that thread.
 class Supervisor {
  public:
-  /// @param stop_order  names; children not named are stopped last
+  /// @param stop_order  names of children; children that are missing here are stopped last
   /// @param on_event    called for every event
-  /// @param on_end      called once, when no child is left after stop()
+  /// @param on_end      called once, when no child is left after stop() or kill()
   Supervisor(boost::asio::io_context& io, std::vector<ChildSpec> children,
              const std::vector<std::string>& stop_order, const SupervisorTiming& timing,
              std::function<void(const ChildEvent&)> on_event, std::function<void()> on_end);
 
   /// Starts all. Throws SetupError if a program cannot be started.
   void start();
-  /// Begins to end all; more calls change nothing.
+  /// Begins to end all children; further calls have no effect.
   void stop();
-  /// Ends all at once, with SIGKILL.
+  /// Kills all children at once with SIGKILL.
   void kill();
 
   struct Restarts {
     std::string name;
     std::uint64_t count = 0;
   };
-  /// In the order of the constructor's `children`.
+  /// Of each child, in the order of the constructor's `children`.
   [[nodiscard]] std::vector<Restarts> restarts() const;
-  /// A child said by exit status 2 that its set-up is wrong.
+  /// True if a child ended with exit status 2: its set-up is wrong.
   [[nodiscard]] bool was_refused() const { return was_refused_; }
 
  private:
@@ -86,7 +86,7 @@ class Supervisor {
     std::uint64_t restarts = 0;
     std::chrono::milliseconds back_off{};
     std::chrono::steady_clock::time_point started_at;
-    bool was_told_to_stop = false;
+    bool was_terminated = false;  // SIGTERM or SIGKILL was sent
     bool was_killed = false;
   };
 

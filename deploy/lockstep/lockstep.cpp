@@ -1,34 +1,27 @@
 #include "deploy/lockstep/lockstep.h"
 
-#include <algorithm>
 #include <optional>
 #include <string>
 #include <utility>
 
-#include "common/core/check.h"
 #include "common/core/inbox.h"
-#include "common/core/memory_link.h"
+#include "common/core/random.h"
+#include "common/core/tick_schedule.h"
 #include "common/core/virtual_time.h"
-#include "common/core/workspace_map.h"
-#include "common/link/exchange_client.h"
-#include "common/link/exchange_server.h"
-#include "common/link/zmq_sender.h"
-#include "common/link/zmq_source.h"
+#include "deploy/lockstep/ideal.h"
 #include "device_node/device_node.h"
-#include "device_node/simulation/ideal_run.h"
 #include "device_node/simulation/simulated_device.h"
 #include "device_node/simulation/true_state_recorder.h"
 #include "mofc_node/mofc_node.h"
 #include "physics_node/physics_node.h"
-#include "physics_node/scene/scene.h"
 
 namespace palpate {
 namespace {
 
-// Order of the events of one instant.
+// Order of events of one instant.
 enum Rank : int { kDeviceRank = 0, kMofcRank = 1, kPhysicsRank = 2 };
 
-/// Keeps the last record of a node.
+/// Keeps the last record of a node and passes every record on.
 template <class Record>
 class LastTick final : public TickSink<Record> {
  public:
@@ -43,88 +36,7 @@ class LastTick final : public TickSink<Record> {
   std::function<void(const Record&)> on_tick_;
 };
 
-/// Both ends of the four links, whatever carries them.
-struct Links {
-  virtual ~Links() = default;
-  Sender<DeviceState>* state_out = nullptr;
-  Source<DeviceState>* state_in = nullptr;
-  Sender<ForceCommand>* command_out = nullptr;
-  Source<ForceCommand>* command_in = nullptr;
-  Sender<ToolMotion>* motion_out = nullptr;
-  Source<ToolMotion>* motion_in = nullptr;
-  Sender<Interaction>* interaction_out = nullptr;
-  Source<Interaction>* interaction_in = nullptr;
-};
-
-struct LinkHooks {
-  SendHook on_state_sent;
-  SendHook on_motion_sent;
-  WaitHook on_wait;
-};
-
-struct MemoryLinks final : Links {
-  MemoryLinks(const Clock& clock, const LinkHooks& hooks)
-      : state(clock), command(clock), motion(clock), interaction(clock) {
-    state.on_send = hooks.on_state_sent;
-    motion.on_send = hooks.on_motion_sent;
-    command.on_wait = hooks.on_wait;
-    interaction.on_wait = hooks.on_wait;
-    state_out = &state;
-    state_in = &state;
-    command_out = &command;
-    command_in = &command;
-    motion_out = &motion;
-    motion_in = &motion;
-    interaction_out = &interaction;
-    interaction_in = &interaction;
-  }
-  MemoryLink<DeviceState> state;
-  MemoryLink<ForceCommand> command;
-  MemoryLink<ToolMotion> motion;
-  MemoryLink<Interaction> interaction;
-};
-
-struct InprocLinks final : Links {
-  InprocLinks(const Clock& clock, const LinkHooks& hooks)
-      : server(context, clock, bind_to("inproc://exchange", "lockstep")),
-        client(context, clock, connect_to("inproc://exchange", "lockstep")),
-        motion_source(context, clock, bind_to("inproc://tool_motion", "lockstep"),
-                      Delivery::kEvery),
-        motion_sender(context, connect_to("inproc://tool_motion", "lockstep")),
-        interaction_sender(context, bind_to("inproc://interaction", "lockstep")),
-        interaction_source(context, clock, connect_to("inproc://interaction", "lockstep"),
-                           Delivery::kEvery) {
-    // publishers drop what is sent before they know their subscriber
-    motion_source.wait_until(clock.now());
-    interaction_source.wait_until(clock.now());
-    const bool is_wired = motion_sender.wait_for_peer(std::chrono::seconds(5)) &&
-                          interaction_sender.wait_for_peer(std::chrono::seconds(5)) &&
-                          client.wait_for_peer(std::chrono::seconds(5));
-    PALPATE_REQUIRE(is_wired);
-
-    client.on_send = hooks.on_state_sent;
-    motion_sender.on_send = hooks.on_motion_sent;
-    client.on_wait = hooks.on_wait;
-    interaction_source.on_wait = hooks.on_wait;
-    state_out = &client;
-    state_in = &server;
-    command_out = &server;
-    command_in = &client;
-    motion_out = &motion_sender;
-    motion_in = &motion_source;
-    interaction_out = &interaction_sender;
-    interaction_in = &interaction_source;
-  }
-  ZmqContext context;
-  ExchangeServer server;
-  ExchangeClient client;
-  ZmqSource<ToolMotion> motion_source;
-  ZmqSender<ToolMotion> motion_sender;
-  ZmqSender<Interaction> interaction_sender;
-  ZmqSource<Interaction> interaction_source;
-};
-
-/// Hop 3 under LockstepOptions::tamper_with_interaction.
+/// Hop 3 with LockstepOptions::tamper_with_interaction.
 class TamperedSender final : public Sender<Interaction> {
  public:
   TamperedSender(Sender<Interaction>& out, std::function<void(Interaction&)> tamper)
@@ -140,67 +52,6 @@ class TamperedSender final : public Sender<Interaction> {
   std::function<void(Interaction&)> tamper_;
 };
 
-/// The continuous tissue as a force on the hand, and the run it would have given (docs/theory.md
-/// §7.1).
-class Ideal {
- public:
-  explicit Ideal(const Session& session)
-      : scene_(session.scene),
-        device_(session.side().device),
-        peak_force_newton_(
-            std::min(session.side().device.peak_force_newton, session.side().simulated.peak_force_newton)),
-        memory_(scene_.new_memory()),
-        run_map_(session.side().device.workspace),
-        run_memory_(scene_.new_memory()),
-        run_(
-            session.side().simulated, session.side().device.peak_force_newton, session.side().hand,
-            stream_seed(session, session.side(), "hand"), TimePoint{},
-            [this](double time_s, const Vector3& hand_m, const Vector3& hand_m_per_s) {
-              return force_on_hand(
-                  run_map_.is_clutched(),
-                  scene_.evaluate(run_map_.tool_position_world_m(hand_m),
-                                  run_map_.tool_velocity_world_m_per_s(hand_m_per_s), time_s,
-                                  run_memory_));
-            },
-            [this](double time_s, const Vector3& hand_m) {
-              scene_.step(run_memory_, run_map_.tool_position_world_m(hand_m), Vector3::Zero(),
-                          time_s);
-            }) {}
-
-  /// This run's ideal force and true contact.
-  void judge(TickRow& row) {
-    const DeviceTick& tick = row.device;
-    const double time_s = to_seconds(tick.sampled_at.time_since_epoch());
-    const physics::SceneForce touch = scene_.step(memory_, tick.true_tool_position_world_m,
-                                                  tick.true_tool_velocity_world_m_per_s, time_s);
-    row.ideal_force_on_hand_newton =
-        limited_to_norm(force_on_hand(tick.is_clutched, touch), peak_force_newton_);
-    row.is_truly_in_contact = touch.contact_count > 0;
-  }
-
-  /// The ideal run at the time of this tick.
-  IdealState advance(const DeviceTick& tick) {
-    run_.advance_to(tick.sampled_at);
-    run_map_.update(run_.state().hand_position_m, tick.is_clutched);
-    return {run_map_.tool_position_world_m(run_.state().hand_position_m),
-            run_.force_on_hand_newton()};
-  }
-
- private:
-  [[nodiscard]] Vector3 force_on_hand(bool is_clutched, const physics::SceneForce& touch) const {
-    if (is_clutched) return Vector3::Zero();
-    return device_.workspace.force_ratio * touch.force_on_tool_newton;
-  }
-
-  physics::Scene scene_;
-  DeviceConfig device_;
-  double peak_force_newton_;      // the smaller of the session's and the device's own
-  physics::TissueMemory memory_;  // of the run's own tool
-  WorkspaceMap run_map_;
-  physics::TissueMemory run_memory_;
-  device::IdealRun run_;
-};
-
 }  // namespace
 
 class Lockstep::Impl {
@@ -209,7 +60,7 @@ class Lockstep::Impl {
       : session_(session),
         on_row_(std::move(on_row)),
         device_lateness_(options.device_lateness),
-        links_(make_links(options.links)),
+        links_(make_links(options.links, time_, link_hooks())),
         tampered_interaction_out_(*links_->interaction_out, options.tamper_with_interaction),
         device_(session.side().simulated, session.side().hand, time_,
                 stream_seed(session, session.side(), "hand")),
@@ -246,7 +97,7 @@ class Lockstep::Impl {
   }
 
   void run_until(Duration end) {
-    // up to, not including, the events of `end` itself
+    // excludes the events of `end` itself
     time_.sleep_until(TimePoint(end - Duration(1)));
   }
 
@@ -263,18 +114,15 @@ class Lockstep::Impl {
   [[nodiscard]] PhysicsCounters physics_counters() const { return physics_node_.counters(); }
 
  private:
-  std::unique_ptr<Links> make_links(LockstepLinks kind) {
-    LinkHooks hooks{.on_state_sent =
-                        [this] { time_.schedule(time_.now(), kMofcRank, [this] { mofc_turn(); }); },
-                    .on_motion_sent =
-                        [this] {
-                          if (steps_on_arrival_) {
-                            time_.schedule(time_.now(), kPhysicsRank, [this] { arrival_turn(); });
-                          }
-                        },
-                    .on_wait = [this](TimePoint deadline) { time_.run_one_until(deadline); }};
-    if (kind == LockstepLinks::kMemory) return std::make_unique<MemoryLinks>(time_, hooks);
-    return std::make_unique<InprocLinks>(time_, hooks);
+  LinkHooks link_hooks() {
+    return {.on_state_sent =
+                [this] { time_.schedule(time_.now(), kMofcRank, [this] { mofc_turn(); }); },
+            .on_motion_sent =
+                [this] {
+                  if (!steps_on_arrival_) return;
+                  time_.schedule(time_.now(), kPhysicsRank, [this] { arrival_turn(); });
+                },
+            .on_wait = [this](TimePoint deadline) { time_.run_one_until(deadline); }};
   }
 
   void schedule_device() {
@@ -289,9 +137,9 @@ class Lockstep::Impl {
     if (device_tick_.last && on_row_) give_row();
   }
 
-  /// Answers every DeviceState that is due; looks again when a delayed one will be.
+  /// Answers every DeviceState that is due and schedules a turn for the next delayed one.
   void mofc_turn() {
-    if (is_mofc_busy_) return;  // it waits for the physics and will look itself
+    if (is_mofc_busy_) return;  // a turn is waiting for physics; it takes the new state too
     is_mofc_busy_ = true;
     while (const Received<DeviceState>* state = state_in_.next()) {
       links_->command_out->send(mofc_node_.answer(*state));
@@ -309,7 +157,7 @@ class Lockstep::Impl {
     time_.schedule(physics_schedule_.next(), kPhysicsRank, [this] { physics_turn(); });
   }
 
-  /// Same-tick mode: the physics steps when a motion arrives.
+  /// Same-tick mode: physics steps when a motion arrives.
   void arrival_turn() {
     if (physics_node_.has_new_motion()) {
       physics_node_.step(physics_schedule_.begin(time_.now()));

@@ -1,5 +1,5 @@
-// lockstep.h — the whole system in one thread on virtual time: the same node classes as in the
-// processes, deterministic to the bit for a seed, as fast as the machine can.
+// lockstep.h — the whole system in one thread on virtual time: the node classes of the processes,
+// bit-identical for a seed, as fast as the machine allows.
 #pragma once
 
 #include <functional>
@@ -9,37 +9,32 @@
 #include "common/session/session.h"
 #include "common/telemetry/telemetry.h"
 #include "common/telemetry/tick_row.h"
+#include "deploy/lockstep/lockstep_links.h"
 
 namespace palpate {
 
-/// Session ids of the nodes. Fixed, so that a run repeats to the bit; real processes draw random
-/// ones.
+/// Session ids of the nodes, fixed so that runs are bit-identical; processes draw random ones.
 inline constexpr std::uint64_t kLockstepDevice = 1;
 inline constexpr std::uint64_t kLockstepMofc = 2;
 inline constexpr std::uint64_t kLockstepPhysics = 3;
 
-/// What carries the messages between the nodes.
-enum class LockstepLinks : std::uint8_t {
-  kMemory,  ///< structs in a queue
-  kInproc,  ///< encoded, through ZeroMQ sockets, decoded: the same bits come out
-};
-
 struct LockstepOptions {
   LockstepLinks links = LockstepLinks::kMemory;
-  /// Compute the ideal force and the ideal run (docs/theory.md §7.1). Costs about as much as the run itself.
+  /// Compute the ideal force and the ideal run (docs/theory.md §7.1); costs about as much time as
+  /// the run itself.
   bool has_ideal = false;
-  /// A hostile physics: changes each Interaction as it leaves physics_node. Empty: honest.
+  /// Changes each Interaction as it leaves physics_node, as a faulty physics would. Empty: none.
   std::function<void(Interaction&)> tamper_with_interaction{};
-  /// How long after its appointment the next device tick begins. Empty: on time.
+  /// Lateness of the next device tick. Empty: on time.
   std::function<Duration()> device_lateness{};
-  /// Every record, as it is made. Empty: nobody asks.
+  /// Called with every record of a node; may be empty.
   std::function<void(const DeviceTick&)> on_device_tick{};
   std::function<void(const MofcTick&)> on_mofc_tick{};
   std::function<void(const PhysicsTick&)> on_physics_tick{};
 };
 
-/// Device, mofc and physics of a session, and their links. Order of events at one instant: device
-/// tick, mofc's answer, physics step.
+/// Device, mofc and physics of a session and their links. Events of one instant run in the order
+/// device tick, mofc's answer, physics step.
 class Lockstep {
  public:
   using RowConsumer = std::function<void(const TickRow&, const IdealState&)>;
@@ -50,7 +45,8 @@ class Lockstep {
   Lockstep(const Lockstep&) = delete;
   Lockstep& operator=(const Lockstep&) = delete;
 
-  /// Runs every event due before `end`, counted from the start; may be called again to go on.
+  /// Runs every event before `end`, counted from the start; a later call with a later `end` goes
+  /// on.
   void run_until(Duration end);
 
   [[nodiscard]] DeviceCounters device_counters() const;

@@ -3,8 +3,8 @@
 #include <stdexcept>
 #include <vector>
 
-#include "common/link/codec/viewer_codec.h"
 #include "common/core/version.h"
+#include "common/link/codec/viewer_codec.h"
 #include "common/telemetry/telemetry_publisher.h"
 #include "physics_node/display/scene_display.h"
 

@@ -1,5 +1,5 @@
-// lockstep_recorder.h — a lockstep run as a recording: the batches that its nodes would have
-// published, on virtual time. The same session gives the same file, to the bit.
+// lockstep_recorder.h — records a lockstep run: the batches that the nodes would publish, on
+// virtual time. The same session gives the same file, bit for bit.
 #pragma once
 
 #include <functional>
@@ -15,19 +15,20 @@ namespace palpate {
 
 class LockstepRecorder {
  public:
-  /// Throws SetupError if the file cannot be made. @param session  must outlive it
+  /// Throws SetupError if the file cannot be created.
+  /// @param session  must outlive the recorder
   LockstepRecorder(const viewer::RecordOptions& options, const Session& session,
                    const std::string& recorded_by);
   ~LockstepRecorder();
   LockstepRecorder(const LockstepRecorder&) = delete;
   LockstepRecorder& operator=(const LockstepRecorder&) = delete;
 
-  /// Sets the callbacks of a run to come.
+  /// Sets the callbacks for the run. Call it before the run is constructed.
   void listen_to(LockstepOptions& options);
-  /// Writes a batch of every node each 20 ms of the run.
-  /// @param now  counted from the start, never less than before
+  /// Writes a batch of every node for each 20 ms of the run.
+  /// @param now  time since the start; must not decrease
   void pump(const Lockstep& lockstep, TimePoint now);
-  /// Writes what is left and closes. Throws std::runtime_error if anything could not be written.
+  /// Writes the rest and closes the file. Throws std::runtime_error if anything was not written.
   void finish(const Lockstep& lockstep, TimePoint now);
 
  private:

@@ -3,10 +3,10 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
 
 #include "common/core/check.h"
 #include "common/core/clock.h"
+#include "common/core/regular_file.h"
 #include "common/session/profile_file.h"
 #include "device_node/drivers/driver_registry.h"
 #include "device_node/friction_identification.h"
@@ -49,13 +49,12 @@ void print_line(const LineFriction& friction) {
 
 void write_profile(const std::string& file, const DeviceProfile& profile,
                    const DeviceSpecification& specification, std::size_t lines) {
-  std::ofstream out(file);
-  out << profile_text(
+  const std::string text = profile_text(
       profile, {"Friction of device \"" + specification.model_name + "\": lower bounds over " +
                     std::to_string(lines) + " lines, by palpate identify.",
                 "A session includes it: device { profile_file: \"FILE\" }"});
-  out.close();
-  if (!out) throw SetupError(file + ": cannot be written; choose another place for --output");
+  const std::string complaint = write_file(file, text);
+  if (!complaint.empty()) throw SetupError(file + ": " + complaint);
 }
 
 }  // namespace

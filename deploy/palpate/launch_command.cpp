@@ -1,261 +1,202 @@
-#include "deploy/palpate/launch_command.h"
-
-#include <spdlog/fmt/fmt.h>
-
-#include <cmath>
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <set>
 #include <span>
+#include <stdexcept>
+#include <string>
 #include <vector>
 
-#include "common/core/check.h"
-#include "common/telemetry/metrics.h"
 #include "common/core/regular_file.h"
 #include "common/process/heap_trim.h"
+#include "common/process/options.h"
 #include "common/process/run_node.h"
-#include "common/session/session_file.h"
-#include "deploy/palpate/json_output.h"
-#include "deploy/launch/launch.h"
-#include "common/telemetry/summary.h"
 #include "common/telemetry/csv_writer.h"
+#include "deploy/launch/launch.h"
+#include "deploy/palpate/commands.h"
+#include "deploy/palpate/launch_figures.h"
+#include "deploy/palpate/options.h"
 #include "viewer_node/process.h"
-#include "viewer_node/feed/telemetry_mirror.h"
 
 namespace palpate {
 namespace {
 
-/// What the launcher saw of one device's run: it is a viewer like any other, with the viewer's key.
-struct Observed {
-  DurationHistogram reply_time;
-  DurationHistogram lateness;
-  // a node's counters begin anew when it is started again, these do not
-  double minimum_true_energy_joule = kNaN;
-  double max_force_newton = 0.0;
+struct LaunchCommand {
+  SessionOptions session;
+  std::optional<double> seconds;
+  OutputOptions output;
+  bool has_no_realtime = false;
+  bool is_insecure = false;
+  std::set<std::string> nodes = {"device", "mofc", "physics", "viewer"};  ///< run on this machine
+  bool is_together = false;
 
-  void note_extremes(const DeviceCounters& device) {
-    minimum_true_energy_joule =
-        std::fmin(minimum_true_energy_joule, device.minimum_true_energy_joule);
-    max_force_newton = std::fmax(max_force_newton, device.max_force_newton);
-  }
+  void add_to(CLI::App& app);
+  /// Runs until the time is up or a signal arrives. If the session has keys and this machine lacks
+  /// the viewer's, the run has no figures. Throws SetupError.
+  /// @return exit status
+  [[nodiscard]] int run() const;
 };
 
-double mean_transparency(const MofcCounters& mofc) {
-  return mofc.transparency_samples > 0
-             ? mofc.transparency_sum / static_cast<double>(mofc.transparency_samples)
-             : kNaN;
-}
-
-double ratio(std::uint64_t part, std::uint64_t whole) {
-  return whole > 0 ? static_cast<double>(part) / static_cast<double>(whole) : kNaN;
-}
-
-nlohmann::ordered_json percentiles(const DurationHistogram& histogram) {
-  const auto at = [&](double q) {
-    return number_or_null(histogram.count() > 0 ? to_seconds(histogram.quantile(q)) : kNaN);
+void LaunchCommand::add_to(CLI::App& app) {
+  session.add_to(app);
+  add_seconds_option(app, seconds, "stop after this time in s (default: run until Ctrl-C)");
+  output.add_to(app, "; with several sides one file each, run.SIDE.csv");
+  add_no_realtime_flag(app, has_no_realtime);
+  add_insecure_flag(app, is_insecure);
+  const auto take_together = [this](const std::vector<std::string>& given) {
+    const std::set<std::string> names(given.begin(), given.end());
+    is_together = names == std::set<std::string>{"device", "mofc"} && given.size() == 2;
+    if (is_together) return;
+    throw CLI::ValidationError("--together",
+                               "only device and mofc can share a process; give device,mofc");
   };
-  return {{"p50_s", at(0.5)}, {"p99_s", at(0.99)}, {"p999_s", at(0.999)}, {"max_s", at(1.0)}};
+  app.add_option_function<std::vector<std::string>>(
+         "--together", take_together,
+         "run device and mofc in one process and one thread: fast enough for 4 kHz")
+      ->type_name("device,mofc")
+      ->delimiter(',')
+      ->allow_extra_args(false);
+  CLI::Option* const chosen =
+      app.add_option("--nodes", nodes, "run only these nodes here, the others on other machines")
+          ->type_name("NODE,…")
+          ->delimiter(',')
+          ->allow_extra_args(false)
+          ->check(CLI::IsMember(nodes));
+  app.add_flag_callback(
+         "--no-viewer", [this] { nodes.erase("viewer"); },
+         "do not start viewer_node: no page, no status line")
+      ->excludes(chosen);
 }
 
-/// One device of a run, with its session.
-struct Watched {
-  const Side& side;
-  const viewer::TelemetryMirror& mirror;
-  const Observed& observed;
+/// `palpate launch` as a viewer of its own run: figures, tables and the recording.
+class RunObserver {
+ public:
+  /// Throws SetupError.
+  RunObserver(const Session& session, const OutputOptions& output, const TcpRules& tcp,
+              bool may_observe)
+      : links_({.priority = 0, .cpu = -1}, tcp),
+        mirrors_(session.sides.size()),
+        figures_(mirrors_.size()) {
+    for (const Side& side : session.sides) {
+      if (output.csv_file.empty()) break;
+      csvs_.push_back(std::make_unique<CsvWriter>(csv_file_of(output.csv_file, side.name)));
+    }
+    if (!may_observe) return;
+    feed_.emplace(session, clock_, links_);
+    if (!output.record.file.empty()) {
+      recording_.emplace(output.record, session, "palpate launch", feed_->subscriber());
+      feed_->on_message = [this](const TelemetryMessage& message,
+                                 std::span<const std::byte> payload) {
+        recording_->take(message, payload);
+      };
+    }
+    for (std::size_t i = 0; i < mirrors_.size(); ++i) {
+      devices_.push_back({session.sides[i], mirrors_[i], figures_[i]});
+      mirrors_[i].on_row = [this, i](const TickRow& row) {
+        figures_[i].add(row);
+        if (!csvs_.empty()) csvs_[i]->write(row);
+      };
+    }
+  }
+
+  /// Takes the telemetry that has arrived.
+  void pump() {
+    if (!feed_) return;
+    feed_->pump(mirrors_, clock_.now());
+    for (std::size_t i = 0; i < mirrors_.size(); ++i) {
+      figures_[i].add(mirrors_[i].device_counters());
+    }
+    check_recording();
+    heap_.note(clock_.now());
+  }
+
+  /// Call it after the run: completes the rows and closes the recording.
+  void finish() {
+    for (viewer::TelemetryMirror& mirror : mirrors_) mirror.flush_rows();
+    if (recording_) recording_->close();
+    check_recording();
+  }
+
+  /// Throws std::runtime_error if a table or the recording is incomplete.
+  void close_files() {
+    for (const auto& csv : csvs_) {
+      csv->close();
+      if (const auto error = csv->take_error()) throw std::runtime_error(*error);
+    }
+    if (has_lost_recording_) throw std::runtime_error("the recording is incomplete");
+  }
+
+  /// Empty: this run is not observed.
+  [[nodiscard]] const std::vector<ObservedDevice>& devices() const { return devices_; }
+
+ private:
+  /// Reports an error at once; the run continues.
+  void check_recording() {
+    const auto error = recording_ ? recording_->take_error() : std::nullopt;
+    if (!error) return;
+    std::fprintf(stderr, "palpate: %s\n", error->c_str());
+    has_lost_recording_ = true;
+  }
+
+  SteadyClock clock_;
+  ProcessLinks links_;
+  std::optional<viewer::TelemetryFeed> feed_;
+  std::vector<viewer::TelemetryMirror> mirrors_;
+  std::vector<ObservedFigures> figures_;
+  std::vector<ObservedDevice> devices_;
+  std::vector<std::unique_ptr<CsvWriter>> csvs_;
+  std::optional<viewer::Recording> recording_;
+  bool has_lost_recording_ = false;
+  HeapTrim heap_;
 };
 
-nlohmann::ordered_json figures_json(const Watched& watched, const LaunchResult& result) {
-  const Observed& observed = watched.observed;
-  const DeviceCounters& device = watched.mirror.device_counters();
-  const MofcCounters& mofc = watched.mirror.mofc_counters();
-  const PhysicsCounters& physics = watched.mirror.physics_counters();
-  nlohmann::ordered_json json;
-  json["controller"] = controller_text(watched.side.mofc);
-  json["ticks"] = device.loop.ticks;
-  json["skipped_ticks"] = device.loop.skipped_ticks;
-  json["in_contact_ticks"] = mofc.contact_ticks;
-  json["transparency"] = {{"vector", number_or_null(mean_transparency(mofc))}};
-  json["min_true_energy_j"] = number_or_null(observed.minimum_true_energy_joule);
-  json["max_force_n"] = observed.max_force_newton;
-  json["clamped_ticks"] = mofc.clamped_ticks;
-  json["clamp_ratio"] = number_or_null(ratio(mofc.clamped_ticks, mofc.contact_ticks));
-  json["answered_ratio"] = number_or_null(answered_ratio(device));
-  json["motions_suppressed"] = mofc.motions_suppressed;
-  json["interactions_suppressed"] = physics.interactions_suppressed;
-  json["mesh_frames"] = physics.mesh_frames;
-  json["meshes_skipped"] = physics.meshes_skipped;
-  json["fallbacks"] = device.fallback_ticks + device.limp_ticks;
-  json["reply_time"] = percentiles(observed.reply_time);
-  json["lateness"] = percentiles(observed.lateness);
-  json["ticks_per_wall_s"] =
-      number_or_null(static_cast<double>(device.loop.ticks) / result.wall.count());
-  return json;
-}
+int LaunchCommand::run() const {
+  Session loaded = session.load();
+  if (is_insecure) allow_plain_tcp(loaded);
+  refuse_shared_file(
+      {{"--csv", output.csv_file}, {"--json", output.json_file}, {"--record", output.record.file}});
+  const JsonOutput json(output.json_file);
 
-/// The figures of several devices are those of `sides`, by name.
-nlohmann::ordered_json launch_json(const std::string& name, const std::vector<Watched>& devices,
-                                   const LaunchResult& result) {
-  nlohmann::ordered_json restarts = nlohmann::ordered_json::object();
-  for (const auto& node : result.restarts) restarts[node.name] = node.count;
-  nlohmann::ordered_json json;
-  json["schema_version"] = 1;
-  json["session"] = name;
-  for (const Watched& device : devices) {
-    const std::string& side = device.side.name;
-    if (side.empty()) {
-      json.update(figures_json(device, result));
-    } else {
-      json["sides"][side] = figures_json(device, result);
-    }
+  // a viewer, a table and a recording need the viewer's key; the summary uses it if it is there
+  const bool must_observe =
+      nodes.contains("viewer") || !output.csv_file.empty() || !output.record.file.empty();
+  const TcpRules tcp = must_observe ? tcp_rules(loaded.security, {KeyRole::kViewer})
+                                    : tcp_rules(loaded.security, {}, {KeyRole::kViewer});
+  const bool may_observe = tcp.keys == nullptr || tcp.keys->of(KeyRole::kViewer).has_value();
+  if (!may_observe) {
+    std::fprintf(stderr, "palpate: no figures of this run: %s has no viewer.key_secret\n",
+                 loaded.security.key_folder.c_str());
   }
-  json["restarts"] = restarts;
-  json["wall_s"] = result.wall.count();
-  return json;
-}
+  RunObserver observer(loaded, output, tcp, may_observe);
 
-std::string launch_text(const std::string& name, const std::vector<Watched>& devices,
-                        const LaunchResult& result) {
-  const auto micro = [](Duration d) { return static_cast<double>(d.count()) * 1e-3; };
-  std::string text;
-  const auto line = [&](const char* label, const std::string& value) {
-    text += fmt::format("  {:<20}{}\n", label, value);
-  };
-  if (devices.empty()) {
-    text += fmt::format("{}: {:.1f} s in real time, no figures without the viewer's key\n", name,
-                        result.wall.count());
+  std::set<std::string> started = nodes;
+  if (json.is_standard_output()) started.erase("viewer");  // it prints there too
+  const LaunchResult result = launch({.session_file = session.file,
+                                      .overrides = session.overrides,
+                                      .seconds = seconds,
+                                      .is_realtime = !has_no_realtime,
+                                      .is_insecure = is_insecure,
+                                      .nodes = started,
+                                      .is_together = is_together,
+                                      .on_poll = [&] { observer.pump(); }});
+  observer.finish();
+  if (result.exit_status() != 0) return result.exit_status();
+
+  if (!json.is_standard_output()) {
+    std::fputs(launch_text(loaded.name, observer.devices(), result).c_str(), stdout);
   }
-  for (const auto& [side, mirror, observed] : devices) {
-    const DeviceCounters& device = mirror.device_counters();
-    const MofcCounters& mofc = mirror.mofc_counters();
-    text += fmt::format("{}: {}, {:.1f} s in real time\n",
-                        name + (side.name.empty() ? "" : ", " + side.name),
-                        controller_text(side.mofc), result.wall.count());
-    if (!mirror.device_link().is_heard()) {
-      line("device", "not heard");
-      continue;
-    }
-    line("in contact", fmt::format("{} of {} ticks", mofc.contact_ticks, mofc.ticks));
-    if (side.mofc.controller != ControllerKind::kNone) {
-      line("clamped by MOFC", fmt::format("{} ticks", mofc.clamped_ticks));
-    }
-    line("transparency", figure(mean_transparency(mofc), "{:.3f}") + " (force acting / asked)");
-    line("largest force", fmt::format("{:.3f} N", observed.max_force_newton));
-    if (!std::isnan(observed.minimum_true_energy_joule)) {
-      line("least true energy",
-           fmt::format("{:.3f} µJ (0 or more: passive)", 1e6 * observed.minimum_true_energy_joule));
-    }
-    line("answered in time",
-         figure(100.0 * answered_ratio(device), "{:.3f} %") +
-             fmt::format(" of {} scheduled ticks ({} skipped)",
-                         device.loop.ticks + device.loop.skipped_ticks, device.loop.skipped_ticks));
-    line("reply time", fmt::format("p50 {:.0f} µs, p99 {:.0f} µs, p99.9 {:.0f} µs",
-                                   micro(observed.reply_time.quantile(0.5)),
-                                   micro(observed.reply_time.quantile(0.99)),
-                                   micro(observed.reply_time.quantile(0.999))));
-    line("tick lateness", fmt::format("p50 {:.0f} µs, p99 {:.0f} µs, p99.9 {:.0f} µs",
-                                      micro(observed.lateness.quantile(0.5)),
-                                      micro(observed.lateness.quantile(0.99)),
-                                      micro(observed.lateness.quantile(0.999))));
-    line("without an answer",
-         fmt::format("{} ticks on the lease, {} in fallback, {} limp", device.leased_ticks,
-                     device.fallback_ticks, device.limp_ticks));
-  }
-  for (const auto& node : result.restarts) {
-    if (node.count == 0) continue;
-    line("restarted", fmt::format("{}, {} times; its counts are those since the last start",
-                                  node.name, node.count));
-  }
-  return text;
+  json.write(launch_json(loaded.name, observer.devices(), result));
+  observer.close_files();
+  return 0;
 }
 
 }  // namespace
 
-int LaunchCommand::run() const {
-  Session session = load_session(session_file, overrides);
-  if (is_insecure) allow_plain_tcp(session);
-  refuse_shared_file({{"--csv", csv_file}, {"--json", json_file}, {"--record", record.file}});
-  const JsonOutput json(json_file);
-  const std::vector<Side>& sides = session.sides;
-  std::vector<std::unique_ptr<CsvWriter>> csvs;
-  for (const Side& side : sides) {
-    if (csv_file.empty()) break;
-    csvs.push_back(std::make_unique<CsvWriter>(csv_file_of(csv_file, side.name)));
-  }
-
-  // who asks for more than the summary must have the viewer's key
-  const bool must_look = nodes.contains("viewer") || !csv_file.empty() || !record.file.empty();
-  const TcpRules tcp = must_look ? tcp_rules(session.security, {KeyRole::kViewer})
-                                 : tcp_rules(session.security, {}, {KeyRole::kViewer});
-  const bool may_look = tcp.keys == nullptr || tcp.keys->of(KeyRole::kViewer).has_value();
-  if (!may_look) {
-    std::fprintf(stderr, "palpate: no figures of this run: %s has no viewer.key_secret\n",
-                 session.security.key_folder.c_str());
-  }
-  const SteadyClock clock;
-  ProcessLinks links({.priority = 0, .cpu = -1}, tcp);
-  std::optional<viewer::TelemetryFeed> feed;
-  if (may_look) feed.emplace(session, clock, links);
-  std::optional<viewer::Recording> recording;
-  if (!record.file.empty()) {
-    recording.emplace(record, session, "palpate launch", feed->subscriber());
-    feed->on_message = [&](const TelemetryMessage& message, std::span<const std::byte> payload) {
-      recording->take(message, payload);
-    };
-  }
-  std::optional<std::string> lost_recording;
-  const auto check_recording = [&] {  // told at once; the run goes on
-    const auto error = recording ? recording->take_error() : std::nullopt;
-    if (!error) return;
-    std::fprintf(stderr, "palpate: %s\n", error->c_str());
-    lost_recording = error;
-  };
-  std::vector<viewer::TelemetryMirror> mirrors(sides.size());
-  std::vector<Observed> observed(sides.size());
-  std::vector<Watched> devices;
-  for (std::size_t i = 0; may_look && i < sides.size(); ++i) {
-    devices.push_back({sides[i], mirrors[i], observed[i]});
-    mirrors[i].on_row = [&, i](const TickRow& row) {
-      observed[i].lateness.add(row.device.lateness);
-      if (row.device.is_answered) observed[i].reply_time.add(row.device.reply_time);
-      if (!csvs.empty()) csvs[i]->write(row);
-    };
-  }
-
-  std::set<std::string> started = nodes;
-  if (json.is_standard_output()) started.erase("viewer");
-  HeapTrim heap;
-  const LaunchResult result = launch({.session_file = session_file,
-                                      .overrides = overrides,
-                                      .seconds = seconds,
-                                      .is_realtime = is_realtime,
-                                      .is_insecure = is_insecure,
-                                      .nodes = started,
-                                      .is_together = is_together,
-                                      .on_poll = [&] {
-                                        if (!feed) return;
-                                        feed->pump(mirrors, clock.now());
-                                        for (std::size_t i = 0; i < sides.size(); ++i) {
-                                          observed[i].note_extremes(mirrors[i].device_counters());
-                                        }
-                                        check_recording();
-                                        heap.note(clock.now());
-                                      }});
-  for (viewer::TelemetryMirror& mirror : mirrors) mirror.flush_rows();
-  if (recording) recording->close();
-  check_recording();
-  if (result.exit_status() != 0) return result.exit_status();
-
-  if (!json.is_standard_output()) {
-    std::fputs(launch_text(session.name, devices, result).c_str(), stdout);
-  }
-  json.write(launch_json(session.name, devices, result));
-  for (const auto& csv : csvs) {
-    csv->close();
-    if (const auto error = csv->take_error()) throw std::runtime_error(*error);
-  }
-  if (lost_recording) throw std::runtime_error("the recording is not whole");
-  return 0;
+Command add_launch_command(CLI::App& app) {
+  return add_command<LaunchCommand>(
+      app, "launch",
+      "run a session in real time: start its nodes, restart those that fail, print a summary");
 }
 
 }  // namespace palpate

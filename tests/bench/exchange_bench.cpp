@@ -35,7 +35,7 @@
 #include "common/telemetry/quantile.h"
 #include "tests/bench/bench_output.h"
 #include "tests/bench/echo_links.h"
-#include "tests/support/temp_folder.h"
+#include "tests/support/run_folder.h"
 
 namespace palpate::bench {
 namespace {
@@ -574,8 +574,7 @@ plot 'exchange.txt' using 2:xtic(1) title 'p50', '' using 3 title 'p99', '' usin
 }
 
 void run(const BenchOptions& options) {
-  const test::TempFolder folder;  // the endpoints of the nodes and echoes
-  setenv("PALPATE_RUN_DIR", folder.path().c_str(), 1);
+  const test::RunFolder folder;  // the endpoints of the nodes and echoes
   const Deployment deployment(fs::path(PALPATE_SOURCE_DIR) / "deploy/sessions/default.txtpb",
                               folder.path());
   const bool has_fifo = may_use_fifo(kOneProcessor.priority);

@@ -22,6 +22,7 @@
 #include "common/session/session_file.h"
 #include "tests/bench/bench_output.h"
 #include "tests/support/program.h"
+#include "tests/support/run_folder.h"
 #include "tests/support/temp_folder.h"
 #include "tests/support/watcher.h"
 #include "tests/support/web_client.h"
@@ -330,8 +331,7 @@ int main(int argc, char** argv) {
   app.add_flag("--page", is_of_page, "instead: the load of 20 000 deforming vertices on a page");
   app.add_flag("--no-realtime", is_ordinary, "the nodes run with ordinary priority");
   return palpate::bench::run_bench(app, options, argc, argv, [&] {
-    const palpate::test::TempFolder run_folder;  // no other session meets these
-    setenv("PALPATE_RUN_DIR", run_folder.path().c_str(), 1);
+    const palpate::test::RunFolder run_folder;  // apart from other sessions
     (is_of_page ? palpate::bench::measure_page : palpate::bench::measure_influence)(options,
                                                                                     !is_ordinary);
   });

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "common/core/check.h"
-#include "deploy/palpate/loopback.h"
+#include "deploy/lockstep/loopback.h"
 #include "common/telemetry/summary.h"
 #include "tests/bench/bench_output.h"
 #include "tests/bench/tissue_scenes.h"

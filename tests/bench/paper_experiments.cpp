@@ -9,7 +9,7 @@
 
 #include "common/core/check.h"
 #include "common/session/session_file.h"
-#include "deploy/palpate/loopback.h"
+#include "deploy/lockstep/loopback.h"
 #include "common/telemetry/summary.h"
 #include "tests/bench/bench_output.h"
 

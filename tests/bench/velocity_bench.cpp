@@ -13,7 +13,7 @@
 #include "common/core/check.h"
 #include "common/core/clock.h"
 #include "common/session/session_file.h"
-#include "deploy/palpate/loopback.h"
+#include "deploy/lockstep/loopback.h"
 #include "mofc_node/velocity_estimator.h"
 #include "tests/bench/bench_output.h"
 

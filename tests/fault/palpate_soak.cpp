@@ -1,12 +1,11 @@
-// palpate_soak — a session that runs long while its nodes are killed, ended and stopped at random.
+// palpate_soak — a long session whose nodes are killed, ended and suspended at random.
 //
 //   palpate_soak [MINUTES [SEED]]     0.4 minutes and seed 1 by default
 //
 // `palpate launch` with a recording, and three viewers, on the default session at 1 kHz. Every few
-// seconds something happens to somebody; nobody is killed in the second half, so that the last life
-// of each process is long enough to tell whether its memory grows. Fails when it does, when the
-// hand was given energy, when the hand feels nothing in the end, or when the recording is not
-// whole.
+// seconds a fault hits a random process; in the second half none is killed, so that the last life
+// of each process is long enough to see whether its memory grows. Fails if memory grows, if the
+// hand receives energy, if there is no contact at the end, or if the recording is incomplete.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -25,14 +24,15 @@
 #include <vector>
 
 #include "common/core/clock.h"
-#include "common/telemetry/metrics.h"
 #include "common/process/process_links.h"
 #include "common/session/session_file.h"
+#include "common/telemetry/metrics.h"
 #include "tests/support/pressing_hand.h"
 #include "tests/support/program.h"
+#include "tests/support/run_folder.h"
 #include "tests/support/temp_folder.h"
-#include "viewer_node/process.h"
 #include "viewer_node/feed/telemetry_mirror.h"
+#include "viewer_node/process.h"
 
 namespace palpate {
 namespace {
@@ -44,14 +44,13 @@ using test::Program;
 double asked_minutes = 0.4;
 unsigned asked_seed = 1;
 
-/// A process has its memory together after this time; a short run must do with a quarter of itself.
+/// After this time the memory of a process is stable; a short run takes a quarter of its length.
 constexpr Duration kWarmUp = 60s;
 Duration warm_up() { return std::min(kWarmUp, from_seconds(60.0 * asked_minutes / 4.0)); }
-/// What it may come by afterwards: buffers of rare sizes. Of a short run only a coarse leak is
-/// seen.
+/// Allowed growth afterwards, for rarely used buffers. A short run detects coarse leaks only.
 double allowed_kibibyte() { return warm_up() < kWarmUp ? 6144.0 : 768.0; }
 
-/// Resident memory [KiB]; 0 when there is no such process.
+/// Resident memory in KiB; 0 if there is no such process.
 double resident_kibibyte(pid_t process) {
   std::ifstream statm("/proc/" + std::to_string(process) + "/statm");
   double size = 0.0;
@@ -60,7 +59,7 @@ double resident_kibibyte(pid_t process) {
   return resident_pages * static_cast<double>(sysconf(_SC_PAGESIZE)) / 1024.0;
 }
 
-/// Memory of one process, from the end of its warm-up on.
+/// Memory of one process from the end of its warm-up on.
 struct Life {
   pid_t process = 0;
   TimePoint seen_at{};  ///< first
@@ -87,7 +86,6 @@ struct Life {
 class Soak : public testing::Test {
  protected:
   Soak() {
-    setenv("PALPATE_RUN_DIR", run_folder_.path().c_str(), 1);
     const std::vector<std::string> arguments{"--set", "name=soak", "--set", "viewer.web.port=0"};
     const auto with = [&](std::vector<std::string> first) {
       first.insert(first.end(), arguments.begin(), arguments.end());
@@ -109,7 +107,7 @@ class Soak : public testing::Test {
     }
   }
 
-  /// Looks on, and at everybody's memory once a second.
+  /// Takes telemetry, and measures the memory of all processes once a second.
   void look_until(TimePoint end) {
     for (TimePoint now = clock_.now(); now < end; now = clock_.now()) {
       feed_->pump({&mirror_, 1}, std::min(end, now + 20ms));
@@ -134,7 +132,7 @@ class Soak : public testing::Test {
     return all;
   }
 
-  /// Something happens to one of them.
+  /// Does a random fault to a random process.
   void do_fault(bool may_kill) {
     const auto any = [&](int from, int to) {
       return std::uniform_int_distribution<int>(from, to)(random_);
@@ -144,14 +142,15 @@ class Soak : public testing::Test {
     const auto all = processes();
     const auto process = all.find(who < 4 ? kNodes[static_cast<std::size_t>(who)]
                                           : "viewer " + std::to_string(who - 3));
-    if (process == all.end() || resident_kibibyte(process->second) == 0.0) return;  // restarts
+    if (process == all.end() || resident_kibibyte(process->second) == 0.0)
+      return;  // being restarted
     if (kills) {
       const int signal = any(0, 1) == 0 ? SIGKILL : SIGTERM;
       ++faults_[signal == SIGKILL ? "killed" : "ended"];
       kill(process->second, signal);
       return;
     }
-    ++faults_["stopped"];
+    ++faults_["suspended"];
     kill(process->second, SIGSTOP);
     look_until(clock_.now() + std::chrono::milliseconds(any(5, 500)));
     kill(process->second, SIGCONT);
@@ -160,7 +159,7 @@ class Soak : public testing::Test {
   static constexpr const char* kSession = PALPATE_SOURCE_DIR "/deploy/sessions/default.txtpb";
   static constexpr std::array kNodes{"physics", "mofc", "device", "viewer"};
 
-  test::TempFolder run_folder_;
+  test::RunFolder run_folder_;
   test::TempFolder files_;
   std::string recording_ = (files_.path() / "run.mcap").string();
   std::string summary_ = (files_.path() / "run.json").string();
@@ -178,16 +177,16 @@ class Soak : public testing::Test {
   DurationHistogram reply_time_;
   double least_energy_joule_ = 0.0;
   double largest_newton_ = 0.0;
-  std::map<std::string, int> faults_{{"killed", 0}, {"ended", 0}, {"stopped", 0}};
+  std::map<std::string, int> faults_{{"killed", 0}, {"ended", 0}, {"suspended", 0}};
   std::map<std::string, Life> lives_;
   TimePoint next_look_{};
 };
 
-TEST_F(Soak, GrowsNoMemoryAndNeverGivesTheHandEnergy) {
+TEST_F(Soak, MemoryDoesNotGrowAndTheHandNeverReceivesEnergy) {
   const TimePoint begin = clock_.now();
   const Duration length = from_seconds(60.0 * asked_minutes);
   const TimePoint end = begin + length;
-  const Duration quiet_end = 3s;  // whoever was stopped or killed is back
+  const Duration quiet_end = 3s;  // for processes that were suspended or killed to recover
   std::uniform_real_distribution<double> pause_s(0.5, 3.0);
   while (clock_.now() < end - quiet_end) {
     look_until(std::min(clock_.now() + from_seconds(pause_s(random_)), end - quiet_end));
@@ -220,8 +219,8 @@ TEST_F(Soak, GrowsNoMemoryAndNeverGivesTheHandEnergy) {
                 static_cast<unsigned long long>(link.batches_received + link.batches_lost),
                 static_cast<unsigned long long>(link.sessions));
   };
-  std::printf("soak: %.1f minutes, seed %u: %d killed, %d ended, %d stopped\n", asked_minutes,
-              asked_seed, faults_["killed"], faults_["ended"], faults_["stopped"]);
+  std::printf("soak: %.1f minutes, seed %u: %d killed, %d ended, %d suspended\n", asked_minutes,
+              asked_seed, faults_["killed"], faults_["ended"], faults_["suspended"]);
   std::printf("  least true energy     %.3f µJ, largest force %.2f N\n", 1e6 * least_energy_joule_,
               largest_newton_);
   std::printf("  ticks                 %llu of %.0f seen\n", static_cast<unsigned long long>(rows_),

@@ -33,7 +33,7 @@ PressingSession::PressingSession(const std::string& name, const std::vector<std:
   launch_.emplace("palpate", all);
 }
 
-// 100 ticks later its target rests.
+// 100 ticks later the target of the hand is at rest.
 bool PressingSession::until_pressing(std::size_t side) {
   return watcher_->until([&] { return presses(rows(side)); }) && watcher_->until_rows(100);
 }

@@ -1,5 +1,5 @@
-// pressing_session.h — a session under `palpate launch` whose hand, or hands, touch tissue again
-// and again, watched by a viewer: what the fault matrix does its faults to.
+// pressing_session.h — a session under `palpate launch` whose hands press into tissue repeatedly,
+// with a viewer: the subject of the fault matrix.
 #pragma once
 
 #include <sys/types.h>
@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "common/core/clock.h"
-#include "common/session/session.h"
 #include "common/process/process_links.h"
+#include "common/session/session.h"
 #include "tests/support/pressing_hand.h"
 #include "tests/support/program.h"
 #include "tests/support/temp_folder.h"
@@ -19,23 +19,24 @@
 
 namespace palpate::test {
 
-/// The hand of pressing_hand.h under mode guard.
+/// The hand of pressing_hand.h in mode guard.
 class PressingSession {
  public:
-  /// @param arguments  more of them for `palpate launch`
-  /// @param sides      one hand each, which all do the same; none: one hand
+  /// @param arguments  further arguments of `palpate launch`
+  /// @param sides      one hand each, all with the same path; none: one hand
   explicit PressingSession(const std::string& name,
                            const std::vector<std::string>& arguments = {"--no-viewer"},
                            const std::vector<std::string>& sides = {});
 
-  /// Looks on until the hand presses, with 0.5 s of it left; whether it came to that.
-  /// @param side  place in `sides`
+  /// Waits until the hand presses, with 0.5 s of the press left; false at the deadline.
+  /// @param side  index in `sides`
   bool until_pressing(std::size_t side = 0);
-  /// The same of all hands at once: as long as their devices were started together.
+  /// Waits until all hands press at once; their devices must have started together.
   bool until_all_pressing();
-  /// The process of a node that launch started, the `count`-th time.
+  /// The `count`-th process of a node that launch started.
   pid_t node(const std::string& name, int count = 1);
-  /// What launch counted when it ended in order: restarts by node.
+  /// Ends launch in order.
+  /// @return restarts by node
   [[nodiscard]] std::map<std::string, int> stop_and_count_restarts();
 
   [[nodiscard]] const std::vector<TickRow>& rows(std::size_t side = 0) const {
@@ -51,7 +52,7 @@ class PressingSession {
   TempFolder files_;
   std::string file_;
   Session session_;
-  SteadyClock clock_;  // one host: the same as the nodes'
+  SteadyClock clock_;  // the clock of the nodes too: one host
   ProcessLinks links_{{.priority = 0, .cpu = -1}};
   std::optional<Watcher> watcher_;
   std::optional<Program> launch_;

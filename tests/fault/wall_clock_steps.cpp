@@ -1,6 +1,5 @@
-// wall_clock_steps — a library to preload: the wall clock of the process jumps to and fro by an
-// hour every 200 ms. What waits until a time of the wall clock then waits for an hour or not at
-// all.
+// wall_clock_steps — a library to preload: the wall clock of the process jumps forth and back by an
+// hour every 200 ms, so that waiting for a time of the wall clock takes an hour or no time.
 #include <sys/syscall.h>
 #include <sys/time.h>
 #include <unistd.h>
@@ -9,7 +8,7 @@
 
 namespace {
 
-/// Seconds that the wall clock is ahead now.
+/// Current offset of the wall clock in s.
 std::time_t step_s() {
   timespec now{};
   syscall(SYS_clock_gettime, CLOCK_MONOTONIC, &now);

@@ -1,4 +1,4 @@
-// The exchange in real time: ways to wait, what it allocates, device and mofc in one process.
+// The exchange in real time: wait strategies, allocations, device and mofc in one process.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
@@ -9,7 +9,6 @@
 #include <atomic>
 #include <cmath>
 #include <csignal>
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <iostream>
@@ -25,6 +24,7 @@
 #include "tests/support/program.h"
 #include "tests/support/random_messages.h"
 #include "tests/support/resting_press.h"
+#include "tests/support/run_folder.h"
 #include "tests/support/temp_folder.h"
 #include "tests/support/watcher.h"
 
@@ -42,18 +42,18 @@ using test::TempFolder;
 using test::Watcher;
 using testing::HasSubstr;
 
-constexpr Duration kPatience = 5s;  // for what must happen; a failing test waits this long
+constexpr Duration kPatience = 5s;  // for events that must happen; a failing test waits this long
 
-// --- ways to wait -----------------------------------------------------------------------------
+// --- wait strategies -------------------------------------------------------------------------
 
-/// A clamp on a thread of its own that answers every state with its position as a force.
+/// A clamp on a thread of its own that answers every state with the position as the force.
 class Answering {
  public:
   Answering(ZmqContext& context, const std::string& endpoint)
       : server_(context, clock_, bind_to(endpoint, "links.exchange")),
         thread_([this](const std::stop_token& stop) { answer(stop); }) {}
 
-  /// operator new calls of one answer at most, once 100 were given.
+  /// Largest number of operator new calls in one answer after the first 100 answers.
   [[nodiscard]] std::uint64_t most_allocations() const { return most_allocations_; }
 
  private:
@@ -140,22 +140,22 @@ TEST_P(Exchanging, WithoutAnAnswerTheWaitEndsAtItsDeadline) {
   TimePoint received_at;
 
   const TimePoint deadline = clock_.now() + 2ms;
-  while (clock_.now() < deadline) device.wait_until(deadline);  // it may return early
+  while (clock_.now() < deadline) device.wait_until(deadline);  // wait_until may return early
   const TimePoint returned_at = clock_.now();
 
   EXPECT_FALSE(device.receive(command, received_at));
-  EXPECT_LT(returned_at - deadline, 1s);  // a busy machine may be late, a wait without end is not
+  EXPECT_LT(returned_at - deadline, 1s);  // a busy machine may be late by less
 }
 
-TEST_P(Exchanging, NoAppointmentIsKeptBeforeItsTime) {
+TEST_P(Exchanging, SleepUntilNeverReturnsEarly) {
   for (const Duration ahead : {-1ms, 0ms, 1ms, 3ms}) {
-    const TimePoint appointment = clock_.now() + ahead;
-    clock_.sleep_until(appointment);
-    EXPECT_GE(clock_.now(), appointment);
+    const TimePoint due = clock_.now() + ahead;
+    clock_.sleep_until(due);
+    EXPECT_GE(clock_.now(), due);
   }
 }
 
-// libzmq mallocs the body of each frame that it sends; beyond that neither end takes memory.
+// libzmq mallocs the body of each frame that it sends; otherwise neither end allocates.
 TEST_P(Exchanging, InSteadyStateNeitherEndUsesOperatorNew) {
   const Answering mofc(context_, endpoint_);
   ExchangeClient device(context_, clock_, connect_to(endpoint_, "links.exchange"));
@@ -185,19 +185,17 @@ realtime { priority: 0 cpu: -1 wait: block }
 
 class Together : public testing::Test {
  protected:
-  Together() { setenv("PALPATE_RUN_DIR", run_folder_.path().c_str(), 1); }
-
   [[nodiscard]] json summary() const {
     return json::parse(std::ifstream(files_.path() / "run.json"));
   }
   [[nodiscard]] std::string json_file() const { return (files_.path() / "run.json").string(); }
 
-  TempFolder run_folder_;
+  test::RunFolder run_folder_;
   TempFolder files_;
   std::string press_ = files_.write("press.txtpb", kPress);
 };
 
-TEST_F(Together, TheTissueIsFeltAndAllNodesAreSeen) {
+TEST_F(Together, TheForceIsRenderedAndAllNodesAreSeen) {
   ProcessLinks links({.priority = 0, .cpu = -1});
   Watcher watcher(load_session(press_), links);
   Program launch("palpate", {"launch", press_, "--together", "device,mofc", "--no-viewer", "--json",
@@ -208,10 +206,10 @@ TEST_F(Together, TheTissueIsFeltAndAllNodesAreSeen) {
 
   EXPECT_EQ(launch.wait(), 0) << launch.err();
   EXPECT_EQ(summary()["restarts"], json({{"physics", 0}, {"device_mofc", 0}}));
-  EXPECT_TRUE(std::filesystem::is_empty(run_folder_.path())) << "something is left";
+  EXPECT_TRUE(std::filesystem::is_empty(run_folder_.path())) << "the launch left files";
 }
 
-TEST_F(Together, WhenItIsKilledBothAreReportedAndStartedAgain) {
+TEST_F(Together, WhenItIsKilledItIsReportedAndRestarted) {
   ProcessLinks links({.priority = 0, .cpu = -1});
   Watcher watcher(load_session(press_), links);
   Program launch("palpate", {"launch", press_, "--together", "mofc,device", "--no-viewer", "--json",
@@ -232,8 +230,8 @@ TEST_F(Together, WhenItIsKilledBothAreReportedAndStartedAgain) {
   EXPECT_EQ(summary()["restarts"], json({{"physics", 0}, {"device_mofc", 1}}));
 }
 
-// A state held for 1 ms by the fault line is answered within the tick, 2 ms after the reading; one
-// held for 4 ms is not.
+// A state that the fault line delays by 1 ms is answered within the tick, 2 ms after the reading;
+// one delayed by 4 ms is not.
 TEST_F(Together, FaultsOfTheExchangeActAsBetweenProcesses) {
   const auto run = [&](const std::string& delay_ms) {
     const Outcome launch = run_program(
@@ -244,7 +242,7 @@ TEST_F(Together, FaultsOfTheExchangeActAsBetweenProcesses) {
     return summary()["answered_ratio"].get<double>();
   };
 
-  EXPECT_GT(run("1"), 0.5);  // whatever else the machine is doing
+  EXPECT_GT(run("1"), 0.5);  // also on a busy machine
   EXPECT_EQ(run("4"), 0.0);
 }
 
@@ -260,8 +258,8 @@ TEST_F(Together, OtherNodesCannotShareAProcess) {
   }
 }
 
-/// Share of both processors' time since its construction that was taken by others than this process
-/// and the children it has waited for.
+/// Share of the processors' time since construction used by other processes than this one and the
+/// children it has waited for.
 class OthersShare {
  public:
   [[nodiscard]] double ratio() const {
@@ -308,11 +306,10 @@ TEST_F(Together, FourKilohertzAreAnswered) {
 
   ASSERT_EQ(launch.status, 0) << launch.err;
   const double answered = summary()["answered_ratio"];
-  // what others take they take from the ticks too, all the more without real-time scheduling
+  // load of other processes delays the ticks, especially without real-time scheduling
   const double others_ratio = others.ratio();
   EXPECT_GT(answered, others_ratio < 0.1 ? 0.95 : 0.5);
-  std::cout << "answered " << answered << ", others' share of the processors " << others_ratio
-            << '\n';
+  std::cout << "answered " << answered << ", share of other processes " << others_ratio << '\n';
 }
 
 }  // namespace

@@ -1,6 +1,6 @@
-// fake_node: stands in for a node in the tests of the supervisor. Its folder holds the named pipe
-// `events`, into which it writes one line when it has started and one for each SIGTERM or SIGINT,
-// and, if it is to misbehave, a file NAME.does with one of the words below.
+// fake_node: replaces a node in the tests of the supervisor. It writes one line when it has started
+// and one for each SIGTERM or SIGINT into the named pipe `events` of its folder. A file NAME.does
+// in that folder with one of the words below makes it misbehave.
 #include <fcntl.h>
 #include <unistd.h>
 
@@ -22,19 +22,19 @@ int main(int argc, char** argv) {
   sigprocmask(SIG_BLOCK, &stop, nullptr);
 
   const int events = open((self.parent_path() / "events").c_str(), O_WRONLY);
-  const auto tell = [&](const std::string& what) {
+  const auto report = [&](const std::string& what) {
     const std::string line = self.filename().string() + " " + what + "\n";
     return write(events, line.data(), line.size()) == static_cast<ssize_t>(line.size());
   };
 
   std::string started = "started " + std::to_string(getpid());
   for (int i = 1; i < argc; ++i) started += std::string(" ") + argv[i];
-  if (!tell(started)) return 1;
+  if (!report(started)) return 1;
 
   int signal = 0;
   do {
     sigwait(&stop, &signal);
-    if (!tell("told " + std::to_string(signal))) return 1;
+    if (!report("signal " + std::to_string(signal))) return 1;
   } while (does == "does_not_stop");
   return 0;
 }

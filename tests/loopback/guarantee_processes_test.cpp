@@ -1,18 +1,18 @@
-// The promise to the hand in real processes: nodes that are killed or stopped while it presses, a
-// device that fails, and what they leave in the flight recorder. Mode guard throughout.
+// The guarantee in real processes, in mode guard: nodes are killed or suspended while the hand
+// presses, a device fails, and flight recordings are written.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 
 #include <algorithm>
 #include <csignal>
-#include <cstdlib>
 #include <fstream>
 #include <optional>
 
 #include "common/session/session_file.h"
 #include "tests/support/pressing_hand.h"
 #include "tests/support/program.h"
+#include "tests/support/run_folder.h"
 #include "tests/support/temp_folder.h"
 #include "tests/support/watcher.h"
 
@@ -38,7 +38,6 @@ mofc { mode: guard velocity_estimator { difference { time_constant_ms: 5 } } }
 class PressingHand : public testing::Test {
  protected:
   PressingHand() {
-    setenv("PALPATE_RUN_DIR", run_folder_.path().c_str(), 1);
     files_.write("hand.csv", test::kPressingPath);
     file_ = files_.write("guarantee.txtpb", kPressing);
     session_ = load_session(file_);
@@ -48,7 +47,7 @@ class PressingHand : public testing::Test {
   }
 
   void SetUp() override {
-    // the hand's time begins with the device: the others are there before
+    // the path of the hand begins with the device, so the other nodes start first
     ASSERT_TRUE(watcher_->until([&] {
       return watcher_->mirror().mofc_link().is_heard() &&
              watcher_->mirror().physics_link().is_heard();
@@ -56,10 +55,11 @@ class PressingHand : public testing::Test {
     device_.emplace("device_node", std::vector<std::string>{"--session", file_});
     ASSERT_TRUE(watcher_->until([&] { return is_far_enough(); })) << device_->err();
   }
-  /// Where a test begins.
+  /// State at which a test begins.
   virtual bool is_far_enough() const { return presses(watcher_->rows()); }
 
-  /// Sends the signal; the time at which it is known to have worked.
+  /// Sends the signal and waits for its effect.
+  /// @return a time after the effect
   TimePoint stop_with(Program& program, int signal) {
     program.send_signal(signal);
     siginfo_t info{};
@@ -68,7 +68,7 @@ class PressingHand : public testing::Test {
     return clock_.now();
   }
 
-  /// Looks on until the hand has been left alone for 100 ticks in a row.
+  /// Waits until the force has been 0 for 100 ticks in a row.
   bool until_limp() {
     return watcher_->until([&] {
       const auto& rows = watcher_->rows();
@@ -81,7 +81,7 @@ class PressingHand : public testing::Test {
     EXPECT_GE(watcher_->rows().back().device.minimum_true_energy_joule, -kRoundingJoule);
   }
 
-  TempFolder run_folder_;
+  test::RunFolder run_folder_;
   TempFolder files_;
   std::string file_;
   Session session_;
@@ -99,7 +99,7 @@ TEST_F(PressingHand, WhenPhysicsIsKilledTheForceNeverRisesAndIsGoneAfterTheFade)
   const TimePoint killed_at = stop_with(*physics_, SIGKILL);
   ASSERT_TRUE(until_limp());
 
-  // silence is declared in the row after the last fresh one
+  // silence is declared in the row after the last one with an answer of physics
   const auto& rows = watcher_->rows();
   const auto declared = std::find_if(rows.rbegin(), rows.rend(), test::hears_physics).base();
   ASSERT_TRUE(declared != rows.begin() && declared != rows.end());
@@ -108,7 +108,7 @@ TEST_F(PressingHand, WhenPhysicsIsKilledTheForceNeverRisesAndIsGoneAfterTheFade)
       std::max(newton(last_fresh), last_fresh.mofc->commanded_force_on_hand_newton.norm());
   EXPECT_GT(limit_newton, kLeftNewton);
 
-  // mofc may have taken the last Interaction in its first turn after the kill
+  // mofc may take the last Interaction in its first turn after the kill
   const auto turn = std::find_if(rows.begin(), rows.end(), [&](const TickRow& row) {
     return row.device.is_answered && row.device.sampled_at >= killed_at;
   });
@@ -123,7 +123,11 @@ TEST_F(PressingHand, WhenPhysicsIsKilledTheForceNeverRisesAndIsGoneAfterTheFade)
       EXPECT_EQ(newton(*row), 0.0) << "sequence " << row->device.sequence;
     }
   }
-  EXPECT_GT(faded, 10);
+  // more than a fifth of the ticks of the fade, of which a busy machine may skip some
+  const auto fade_end = std::find_if(declared, rows.end(), [&](const TickRow& row) {
+    return row.device.sampled_at >= declared->device.sampled_at + session_.mofc.fade;
+  });
+  EXPECT_GT(5 * faded, fade_end - declared);
   expect_passive();
 }
 
@@ -180,16 +184,16 @@ INSTANTIATE_TEST_SUITE_P(Signals, WithoutMofc, testing::Values(SIGKILL, SIGSTOP)
 
 // --- device ---------------------------------------------------------------------------------
 
-// The amplifier's own watchdog lets go while the process cannot. In 300 ms the hand's spring, with
-// 0.3 kg and 6.1 N·s/m, pulls it to 7.5 mm, but for 0.1 N of stiction, 0.25 mm, and what is left of
-// its swing, exp(−10.2 · 0.3) = 0.05 of some 4 mm. Had the force gone on it would be 0.35 N / 400
-// N/m = 0.9 mm higher at least.
+// The watchdog of the motors ends the force while the process is suspended. In 300 ms the spring of
+// the hand, with 0.3 kg and 6.1 N·s/m, pulls it to 7.5 mm, up to 0.25 mm for 0.1 N of stiction and
+// exp(−10.2 · 0.3) = 0.05 of some 4 mm of remaining oscillation. With the force still on, the hand
+// would be at least 0.35 N / 400 N/m = 0.9 mm higher.
 //
-// On its way it met friction alone. Each half swing is shorter by exp(−π · 0.28 / √(1 − 0.28²)) =
-// 0.40 at least, so the path is at most 4 mm (1 + 2 · 0.4 / (1 − 0.4)) = 9.3 mm: 0.93 mJ of
-// Coulomb friction and, at 0.15 m/s at most, a seventh of that of viscous; with the first 2 ms
-// 1.5 mJ is ample. 0.8 N over the first 3 mm alone would be 2.4 mJ.
-TEST_F(PressingHand, WhenTheDeviceIsStoppedItsMotorsLetGoByThemselves) {
+// On its way it meets friction only. Each half oscillation is shorter by exp(−π · 0.28 / √(1 −
+// 0.28²)) = 0.40 at least, so the path is at most 4 mm (1 + 2 · 0.4 / (1 − 0.4)) = 9.3 mm: 0.93 mJ
+// of Coulomb friction and, at 0.15 m/s at most, a seventh of that of viscous friction. With the
+// first 2 ms, 1.5 mJ is an upper bound; 0.8 N over the first 3 mm alone would be 2.4 mJ.
+TEST_F(PressingHand, WhenTheDeviceIsSuspendedItsMotorsSwitchOffByThemselves) {
   const TimePoint stopped_at = stop_with(*device_, SIGSTOP);
   watcher_->until([&] { return clock_.now() >= stopped_at + 300ms; });
   const TimePoint continued_at = clock_.now();
@@ -216,8 +220,8 @@ TEST_F(PressingHand, WhenTheDeviceIsStoppedItsMotorsLetGoByThemselves) {
 
 // --- a fault --------------------------------------------------------------------------------
 
-// Thrown 1 m aside by its spring, 400 N/m on 0.3 kg, the hand would reach some 20 m/s: no hand
-// does, so to the device it is an encoder that fails. It goes on pressing over there.
+// Its spring, 400 N/m on 0.3 kg, throws the hand 1 m aside at some 20 m/s. No hand is that fast, so
+// the device takes it for an encoder fault. The hand continues to press there.
 class ThrownHand : public PressingHand {
  protected:
   ThrownHand() {
@@ -230,14 +234,14 @@ class ThrownHand : public PressingHand {
   }
 };
 
-TEST_F(ThrownHand, AFaultLetsGoIsRecordedAndStaysUntilItIsReset) {
+TEST_F(ThrownHand, AFaultEndsTheForceIsRecordedAndLastsUntilItsReset) {
   const auto& rows = watcher_->rows();
   const auto is_fault = [](const TickRow& row) { return row.device.guard == GuardState::kFault; };
   ASSERT_TRUE(watcher_->until([&] { return is_fault(rows.back()); }));
-  const std::string said = device_->await_err("event=flight_recording reason=fault ticks=");
+  const std::string text = device_->await_err("event=flight_recording reason=fault ticks=");
   device_->await_err("event=device_fault reason=\"position jumped\"");
 
-  // nothing acts, and nothing but a reset changes that
+  // the force stays 0; only a reset changes that
   ASSERT_TRUE(watcher_->until_rows(1500));
   const auto fault = std::find_if(rows.begin(), rows.end(), is_fault);
   const auto fault_index = fault - rows.begin();
@@ -246,7 +250,7 @@ TEST_F(ThrownHand, AFaultLetsGoIsRecordedAndStaysUntilItIsReset) {
   EXPECT_EQ(watcher_->mirror().device_counters().device_faults, 1u);
 
   // the file ends with the fault, or a few ticks later
-  std::ifstream in(said.substr(said.find("file=") + 5));
+  std::ifstream in(text.substr(text.find("file=") + 5));
   std::string last;
   std::size_t faults = 0;
   for (std::string line; std::getline(in, line);) {
@@ -256,7 +260,7 @@ TEST_F(ThrownHand, AFaultLetsGoIsRecordedAndStaysUntilItIsReset) {
   EXPECT_GT(faults, 0u);
   EXPECT_THAT(last, testing::HasSubstr(",fault,"));
 
-  // the reset: a limp start
+  // after the reset the force ramps up from 0
   const auto is_answered = [](const TickRow& row) {
     return row.device.guard == GuardState::kAnswered;
   };
@@ -281,18 +285,18 @@ TEST_F(ThrownHand, AFaultLetsGoIsRecordedAndStaysUntilItIsReset) {
 TEST_F(PressingHand, ASignalWritesTheLastTicksOfEachNodeBesideTheRunFolder) {
   for (Program* node : {&*physics_, &*mofc_, &*device_}) {
     node->send_signal(SIGUSR1);
-    const std::string said = node->await_err("event=flight_recording reason=signal ticks=");
-    const std::string path = said.substr(said.find("file=") + 5);
+    const std::string text = node->await_err("event=flight_recording reason=signal ticks=");
+    const std::string path = text.substr(text.find("file=") + 5);
 
     EXPECT_EQ(fs::path(path).parent_path(), run_folder_.path());
     std::ifstream in(path);
     std::size_t lines = 0;
     for (std::string line; std::getline(in, line);) ++lines;
-    EXPECT_EQ(lines, std::stoul(said) + 1);
+    EXPECT_EQ(lines, std::stoul(text) + 1);
     EXPECT_GT(lines, 500u);
   }
 
-  // and they go on
+  // the nodes continue
   EXPECT_TRUE(watcher_->until_rows(100));
   EXPECT_TRUE(watcher_->until([&] { return presses(watcher_->rows()); }));
   for (Program* node : {&*device_, &*mofc_, &*physics_}) {

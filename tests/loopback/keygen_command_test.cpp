@@ -1,12 +1,11 @@
-// `palpate keygen` and `palpate doctor` as a user meets them.
+// `palpate keygen` and `palpate doctor` from the command line.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
-#include <cstdlib>
-
 #include "tests/support/port.h"
 #include "tests/support/program.h"
+#include "tests/support/run_folder.h"
 #include "tests/support/temp_folder.h"
 
 namespace palpate {
@@ -21,8 +20,6 @@ using testing::Not;
 
 class KeygenCommand : public testing::Test {
  protected:
-  KeygenCommand() { setenv("PALPATE_RUN_DIR", run_folder_.path().c_str(), 1); }
-
   [[nodiscard]] std::string keys() const { return (files_.path() / "keys").string(); }
   [[nodiscard]] Outcome doctor(const std::string& more) const {
     const std::string session =
@@ -30,11 +27,11 @@ class KeygenCommand : public testing::Test {
     return run_program("palpate", {"doctor", session});
   }
 
-  test::TempFolder run_folder_;
+  test::RunFolder run_folder_;
   test::TempFolder files_;
 };
 
-TEST_F(KeygenCommand, TellsWhatItWroteAndNeverOverwrites) {
+TEST_F(KeygenCommand, PrintsWhatItWroteAndNeverOverwrites) {
   const Outcome first = run_program("palpate", {"keygen", keys()});
   EXPECT_EQ(first.status, 0) << first.err;
   EXPECT_THAT(first.out, AllOf(HasSubstr("keys/allowed.keys\n"),
@@ -68,7 +65,7 @@ TEST_F(KeygenCommand, KeysAndInsecureTogetherAreRefused) {
 
 // --- doctor ---------------------------------------------------------------------------------
 
-TEST_F(KeygenCommand, DoctorLooksAtTheMachine) {
+TEST_F(KeygenCommand, DoctorChecksTheMachine) {
   const Outcome outcome = run_program("palpate", {"doctor"});
   for (const char* what : {"real-time", "memory", "timer", "clock"}) {
     EXPECT_THAT(outcome.out, ContainsRegex(std::string("(ok   |TO DO)  ") + what + " "));
@@ -77,7 +74,13 @@ TEST_F(KeygenCommand, DoctorLooksAtTheMachine) {
   EXPECT_EQ(outcome.status, outcome.out.find("TO DO") == std::string::npos ? 0 : 1);
 }
 
-TEST_F(KeygenCommand, DoctorFindsAPortInUseAndSaysWhatToDo) {
+// 500 wake-ups would take 25 s.
+TEST_F(KeygenCommand, DoctorMeasuresTheTimerForASecondAtMost) {
+  const std::string slow = files_.write("slow.txtpb", "name: \"doctor\" device { rate_hz: 20 }");
+  EXPECT_THAT(run_program("palpate", {"doctor", slow}).out, HasSubstr("20 wake-ups at 20 Hz"));
+}
+
+TEST_F(KeygenCommand, DoctorReportsAPortInUseWithTheRemedy) {
   const test::HeldPort taken;
   const Outcome outcome = doctor("links { tool_motion: \"" + taken.endpoint() + "\" }");
   EXPECT_EQ(outcome.status, 1);
@@ -86,15 +89,17 @@ TEST_F(KeygenCommand, DoctorFindsAPortInUseAndSaysWhatToDo) {
   EXPECT_THAT(outcome.out, HasSubstr("none needed"));
 }
 
-TEST_F(KeygenCommand, DoctorTellsWhichRolesThisMachineHas) {
+TEST_F(KeygenCommand, DoctorReportsTheRolesOfThisMachine) {
   const std::string far = "links { tool_motion: \"tcp://192.0.2.1:5551\" }\n";
-  EXPECT_THAT(doctor(far).out, AllOf(ContainsRegex("ok     links.tool_motion .*another machine's"),
-                                     ContainsRegex("TO DO  keys .*without keys: palpate keygen")));
+  EXPECT_THAT(doctor(far).out,
+              AllOf(ContainsRegex("ok     links.tool_motion .*belongs to another machine"),
+                    ContainsRegex("TO DO  keys .*without keys: palpate keygen")));
 
   ASSERT_EQ(run_program("palpate", {"keygen", keys()}).status, 0);
   std::filesystem::remove(keys() + "/physics.key_secret");
   const std::string with_keys = far + "security { key_folder: \"keys\" }";
-  EXPECT_THAT(doctor(with_keys).out, HasSubstr("this machine may be: device, viewer, pointer"));
+  EXPECT_THAT(doctor(with_keys).out,
+              HasSubstr("this machine has the roles device, viewer, pointer"));
 
   chmod((keys() + "/device.key_secret").c_str(), 0640);
   EXPECT_THAT(doctor(with_keys).out, ContainsRegex("TO DO  keys .*others may read"));

@@ -14,7 +14,7 @@
 
 #include "common/session/session_file.h"
 #include "common/telemetry/telemetry_publisher.h"
-#include "deploy/palpate/loopback.h"
+#include "deploy/lockstep/loopback.h"
 #include "physics_node/display/scene_display.h"
 #include "viewer_node/feed/scene_mirror.h"
 #include "viewer_node/feed/telemetry_mirror.h"

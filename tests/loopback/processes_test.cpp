@@ -1,11 +1,10 @@
-// The real programs, as a user starts them: a touch over four processes, nodes that are killed,
-// viewers that come and go, sessions and flags that are wrong.
+// The programs as a user starts them: a touch over four processes, killed nodes, viewers that come
+// and go, wrong sessions and flags.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <csignal>
-#include <cstdlib>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
@@ -13,6 +12,7 @@
 #include "tests/support/port.h"
 #include "tests/support/program.h"
 #include "tests/support/resting_press.h"
+#include "tests/support/run_folder.h"
 #include "tests/support/temp_folder.h"
 #include "tests/support/watcher.h"
 
@@ -36,7 +36,7 @@ using testing::Not;
 
 using Arguments = std::vector<std::string>;
 
-/// The hand at rest in tissue, with a viewer that tells often.
+/// The hand at rest in tissue, with a viewer that prints its status often.
 const std::string kPress = std::string(test::kRestingPress) + R"(
 name: "press"
 realtime { priority: 0 cpu: -1 }
@@ -52,7 +52,7 @@ std::vector<std::string> lines_of(const std::string& text) {
   return lines;
 }
 
-/// Numbers of one column of a table that --csv wrote; the row under the writer's hand is left out.
+/// Numbers of one column of a table written by --csv, without an incomplete last row.
 std::vector<double> column(const std::string& csv, const std::string& name) {
   const auto cells = [](const std::string& line) {
     std::vector<std::string> texts;
@@ -81,18 +81,17 @@ class Processes : public testing::Test {
  protected:
   Processes() {
     test::adopt_orphans();
-    setenv("PALPATE_RUN_DIR", run_folder_.path().c_str(), 1);
     press_ = files_.write("press.txtpb", kPress);
   }
 
   std::string file(const std::string& name) const { return (files_.path() / name).string(); }
 
-  /// To be called when the programs of the test have ended.
+  /// Call it when the programs of the test have ended.
   void expect_nothing_left() const {
     EXPECT_TRUE(test::all_children_end(5s)) << "a process is left";
     std::vector<fs::path> left;
     for (const fs::directory_entry& entry : fs::recursive_directory_iterator(run_folder_.path())) {
-      if (!entry.is_directory()) left.push_back(entry.path());  // by hand, its folder stays
+      if (!entry.is_directory()) left.push_back(entry.path());  // nodes started by hand leave it
     }
     EXPECT_THAT(left, testing::IsEmpty());
   }
@@ -112,7 +111,7 @@ class Processes : public testing::Test {
     kill(pid, SIGKILL);
   }
 
-  TempFolder run_folder_;
+  test::RunFolder run_folder_;
   TempFolder files_;
   std::string press_;
 };
@@ -120,7 +119,7 @@ class Processes : public testing::Test {
 // --- one touch ------------------------------------------------------------------------------
 
 // The default session with an inclusion so viscous that the clamp has to act.
-TEST_F(Processes, TheDefaultSessionIsFeltClampedAndSummedUp) {
+TEST_F(Processes, TheDefaultSessionIsRenderedClampedAndSummarised) {
   const Outcome launch = run_program(
       "palpate", {"launch", kDefault, "--seconds", "3", "--json", file("run.json"), "--no-viewer",
                   "--set", "scene.tissue[1].kelvin_voigt.damping_newton_s_per_m=300"});
@@ -129,10 +128,10 @@ TEST_F(Processes, TheDefaultSessionIsFeltClampedAndSummedUp) {
   const json run = json::parse(text_of(file("run.json")));
   EXPECT_GT(run["in_contact_ticks"], 0);
   EXPECT_GT(run["clamped_ticks"], 0);
-  EXPECT_GT(run["answered_ratio"], 0.5);  // whatever else this machine is doing; figures: README
+  EXPECT_GT(run["answered_ratio"], 0.5);  // also on a busy machine
   EXPECT_GE(run["min_true_energy_j"], -1e-6);
   EXPECT_GT(run["max_force_n"], 0.1);
-  EXPECT_GT(run["meshes_skipped"], 30);  // nobody looks on: 30 a second
+  EXPECT_GT(run["meshes_skipped"], 30);  // no viewer is connected: 30 per second
   EXPECT_EQ(run["mesh_frames"], 0);
   for (const char* node : {"physics", "mofc", "device"}) EXPECT_EQ(run["restarts"][node], 0);
   EXPECT_THAT(launch.out, AllOf(HasSubstr("answered in time"), HasSubstr("clamped")));
@@ -151,14 +150,14 @@ TEST_F(Processes, LaunchWritesOneRowPerDeviceTick) {
   EXPECT_TRUE(std::is_sorted(t_s.begin(), t_s.end()));
   const json run = json::parse(text_of(file("run.json")));
   EXPECT_LE(t_s.size(), run["ticks"].get<std::size_t>());
-  EXPECT_GE(t_s.size(), run["ticks"].get<std::size_t>() / 2);  // a subscriber misses the begin
+  EXPECT_GE(t_s.size(), run["ticks"].get<std::size_t>() / 2);  // a subscriber misses the beginning
 }
 
 // Two springs in series, hand 400 N/m and tissue k: 5 mm · 400·k / (400 + k). 800 N/m gives
 // 1.333 N, and the stiction's 0.1 N moves that by 0.1 N · 800 / 1200 at most.
-TEST_F(Processes, TheStiffnessInPhysicsNodesSessionAloneChangesTheForceTheHandFeels) {
-  const auto felt_newton = [&](const Arguments& physics_settings) {
-    const std::string csv = file("felt.csv");
+TEST_F(Processes, TheStiffnessInTheSessionOfPhysicsAloneChangesTheRenderedForce) {
+  const auto rendered_newton = [&](const Arguments& physics_settings) {
+    const std::string csv = file("rendered.csv");
     Arguments physics_arguments{"--session", press_};
     physics_arguments.insert(physics_arguments.end(), physics_settings.begin(),
                              physics_settings.end());
@@ -167,7 +166,7 @@ TEST_F(Processes, TheStiffnessInPhysicsNodesSessionAloneChangesTheForceTheHandFe
     Program device("device_node", {"--session", press_});
     Program viewer("viewer_node", {"--session", press_, "--csv", csv, "--quiet"});
 
-    // at rest: the hand has swung in after 1 s (2 m / b = 0.06 s)
+    // at rest: oscillations have decayed after 1 s (2 m / b = 0.06 s)
     const Session session = load_session(press_);
     ProcessLinks links({.priority = 0, .cpu = -1});
     Watcher watcher(session, links);
@@ -186,8 +185,8 @@ TEST_F(Processes, TheStiffnessInPhysicsNodesSessionAloneChangesTheForceTheHandFe
     return median({fs_z.end() - std::min<std::ptrdiff_t>(200, std::ssize(fs_z)), fs_z.end()});
   };
 
-  EXPECT_NEAR(felt_newton({}), test::kRestingNewton, test::kStictionNewton + 0.01);
-  EXPECT_NEAR(felt_newton({"--set", "scene.tissue[0].kelvin_voigt.stiffness_newton_per_m=800"}),
+  EXPECT_NEAR(rendered_newton({}), test::kRestingNewton, test::kStictionNewton + 0.01);
+  EXPECT_NEAR(rendered_newton({"--set", "scene.tissue[0].kelvin_voigt.stiffness_newton_per_m=800"}),
               4.0 / 3.0, 0.1 * 800.0 / 1200.0 + 0.01);
   expect_nothing_left();
 }
@@ -218,7 +217,7 @@ class NodeUnderLaunch : public Processes {
   Program launch_;
 };
 
-TEST_F(NodeUnderLaunch, KilledPhysicsIsReportedAndStartedAgainAndTheTissueIsFeltAgain) {
+TEST_F(NodeUnderLaunch, KilledPhysicsIsReportedAndRestartedAndTheForceReturns) {
   kill_node(launch_, "physics");
 
   launch_.await_err("event=node_died node=physics how=\"killed by signal 9 (Killed)\"");
@@ -245,8 +244,8 @@ TEST_F(NodeUnderLaunch, AKilledDeviceComesBackLimp) {
   const auto begin =
       std::find_if(watcher_.rows().begin(), watcher_.rows().end(),
                    [&](const auto& row) { return row.device_session_id != first_session; });
-  EXPECT_LT(begin->device.sequence, 60u) << "the begin, where it is limp, was not seen";
-  // the press session's own ramp: nothing at first, at most the share of the ramp that is over
+  EXPECT_LT(begin->device.sequence, 60u) << "the beginning, when it is limp, was not seen";
+  // the start ramp of the session: 0 at first, at most the elapsed share of the ramp later
   const double ramp_s = to_seconds(load_session(press_).side().device.start_ramp);
   ASSERT_GT(ramp_s, 0.0);
   const double peak_newton = 3.3;
@@ -289,7 +288,7 @@ TEST_F(NodeUnderLaunch, WhenMofcIsKilledTheDeviceFallsBackAndThenRecovers) {
   EXPECT_EQ(summary()["restarts"], json({{"physics", 0}, {"mofc", 1}, {"device", 0}}));
 }
 
-TEST_F(NodeUnderLaunch, ANodeThatOnlyStoppedForAWhileGoesOnWithoutARestart) {
+TEST_F(NodeUnderLaunch, ANodeThatWasSuspendedContinuesWithoutARestart) {
   const pid_t mofc = node_of(launch_, "mofc");
   ASSERT_GT(mofc, 1);
   const std::uint64_t limp_ticks = watcher_.mirror().device_counters().limp_ticks;
@@ -306,10 +305,12 @@ TEST_F(NodeUnderLaunch, ANodeThatOnlyStoppedForAWhileGoesOnWithoutARestart) {
 // --- the end --------------------------------------------------------------------------------
 
 TEST_F(Processes, CtrlCStopsAllInOrderAndTheSummaryIsPrinted) {
-  Program launch("palpate", {"launch", kDefault});
+  Program launch("palpate", {"launch", kDefault, "--csv", file("run.csv")});
   for (const char* peer : {"force_command", "device_state", "interaction", "tool_motion"}) {
     launch.await_err(std::string("event=peer_up link=") + peer);
   }
+  // launch itself has received telemetry
+  ASSERT_TRUE(test::await([&] { return lines_of(text_of(file("run.csv"))).size() > 1; }));
 
   launch.send_signal(SIGINT);
 
@@ -352,13 +353,13 @@ TEST_F(Processes, ALaunchAfterAKilledOneStartsAsUsual) {
   expect_nothing_left_of_a_launch();
 }
 
-TEST_F(Processes, ANormalRunHasNothingToWarnOf) {
+TEST_F(Processes, ANormalRunLogsNoWarning) {
   const Outcome launch =
       run_program("palpate", {"launch", press_, "--seconds", "1", "--no-viewer"});
 
   ASSERT_EQ(launch.status, 0) << launch.err;
   for (const std::string& line : lines_of(launch.err)) {
-    // ticks that a busy machine really took away, and what follows from it, are true
+    // a busy machine really skips ticks: warnings about that, and its consequences, are correct
     const bool is_load = line.find("event=ticks_skipped") != std::string::npos ||
                          line.find("event=fallback_") != std::string::npos ||
                          line.find("event=interaction_stale_") != std::string::npos ||
@@ -369,13 +370,13 @@ TEST_F(Processes, ANormalRunHasNothingToWarnOf) {
 
 // --- viewers --------------------------------------------------------------------------------
 
-TEST_F(Processes, ViewersComeLateLeaveEarlyAndDisturbNobody) {
+TEST_F(Processes, ViewersMayComeLateAndLeaveEarly) {
   Program launch("palpate", {"launch", press_, "--no-viewer", "--json", file("run.json")});
   ProcessLinks links({.priority = 0, .cpu = -1});
   Watcher watcher(load_session(press_), links);
   ASSERT_TRUE(watcher.until([&] { return rests_in_tissue(watcher); }));
 
-  // two at once; one is told to leave, one is killed, then a third comes
+  // two at once: one is ended, one is killed; then a third one comes
   Program leaves("viewer_node", {"--session", press_, "--csv", file("leaves.csv")});
   Program dies("viewer_node", {"--session", press_, "--csv", file("dies.csv"), "--quiet"});
   const auto sees = [&](const std::string& csv) {
@@ -388,10 +389,21 @@ TEST_F(Processes, ViewersComeLateLeaveEarlyAndDisturbNobody) {
   EXPECT_THAT(leaves.out(), HasSubstr(" Hz  "));
   dies.send_signal(SIGKILL);
   dies.wait();
-  const Outcome last = run_program(
-      "viewer_node", {"--session", press_, "--csv", file("last.csv"), "--seconds", "1"});
+  // again as long as a busy machine interrupts the press meanwhile
+  Outcome last;
+  for (int attempt = 0; attempt < 5; ++attempt) {
+    ASSERT_TRUE(watcher.until([&] { return rests_in_tissue(watcher); }));
+    const std::size_t begin = watcher.rows().size();
+    last = run_program("viewer_node",
+                       {"--session", press_, "--csv", file("last.csv"), "--seconds", "1"});
+    ASSERT_EQ(last.status, 0) << last.err;
+    ASSERT_TRUE(watcher.until_rows(1));
+    const auto rested = std::count_if(watcher.rows().begin() + static_cast<std::ptrdiff_t>(begin),
+                                      watcher.rows().end(),
+                                      [](const TickRow& row) { return rests_in_tissue(row); });
+    if (4 * rested > 3 * static_cast<std::ptrdiff_t>(watcher.rows().size() - begin)) break;
+  }
 
-  EXPECT_EQ(last.status, 0) << last.err;
   EXPECT_NEAR(median(column(text_of(file("last.csv")), "fs_z")), test::kRestingNewton,
               test::kStictionNewton + 0.01);
   EXPECT_THAT(last.out, HasSubstr("contact"));
@@ -403,7 +415,7 @@ TEST_F(Processes, ViewersComeLateLeaveEarlyAndDisturbNobody) {
             json({{"physics", 0}, {"mofc", 0}, {"device", 0}}));
 }
 
-TEST_F(Processes, AViewerWithoutNodesSaysSoAndLeavesWhenAsked) {
+TEST_F(Processes, AViewerWithoutNodesReportsThatAndEndsInTime) {
   const Outcome viewer = run_program("viewer_node", {"--session", press_, "--seconds", "0.3"});
 
   EXPECT_EQ(viewer.status, 0) << viewer.err;
@@ -411,7 +423,7 @@ TEST_F(Processes, AViewerWithoutNodesSaysSoAndLeavesWhenAsked) {
   expect_nothing_left();
 }
 
-// --- set-ups that are wrong -----------------------------------------------------------------
+// --- wrong set-ups ------------------------------------------------------------------------
 
 /// Every command that reads a session.
 std::vector<Arguments> commands(const std::string& session) {
@@ -442,7 +454,7 @@ class WrongSetUp : public Processes {
   }
 };
 
-TEST_F(WrongSetUp, ATypoInAFieldNameIsShownWithItsPlaceAndARemedy) {
+TEST_F(WrongSetUp, ATypoInAFieldNameIsReportedWithItsPlaceAndARemedy) {
   const std::string session =
       files_.write("typo.txtpb", "name: \"typo\"\nhand { stifness_newton_per_m: 400 }\n");
 
@@ -451,7 +463,7 @@ TEST_F(WrongSetUp, ATypoInAFieldNameIsShownWithItsPlaceAndARemedy) {
                                      "you mean 'stiffness_newton_per_m'?");
 }
 
-TEST_F(WrongSetUp, ANumberThatIsNoneIsRefused) {
+TEST_F(WrongSetUp, NanIsRefused) {
   const std::string session =
       files_.write("nan.txtpb", "name: \"nan\"\ndevice { simulated { mass_kg: nan } }\n");
 
@@ -472,7 +484,7 @@ TEST_F(WrongSetUp, AMissingFileIsRefused) {
   expect_refused_by_all(file("none.txtpb"), file("none.txtpb") + ": no such file; check the path");
 }
 
-TEST_F(WrongSetUp, AllProblemsOfASessionAreShownAtOnce) {
+TEST_F(WrongSetUp, AllProblemsOfASessionAreReportedAtOnce) {
   const std::string session = files_.write(
       "two.txtpb", "name: \"two\"\ndevice { simulated { mass_kg: -1 } }\nphysics { rate_hz: 0 }\n");
 
@@ -482,7 +494,7 @@ TEST_F(WrongSetUp, AllProblemsOfASessionAreShownAtOnce) {
   EXPECT_THAT(refused.err, AllOf(HasSubstr("2 problems"), HasSubstr(":2:22: "), HasSubstr(":3:")));
 }
 
-TEST_F(WrongSetUp, ASessionThatRunsIsNotLaunchedAgain) {
+TEST_F(WrongSetUp, ARunningSessionIsNotLaunchedAgain) {
   Program first("palpate", {"launch", press_, "--no-viewer", "--json", file("run.json")});
   ProcessLinks links({.priority = 0, .cpu = -1});
   Watcher watcher(load_session(press_), links);
@@ -503,7 +515,7 @@ TEST_F(WrongSetUp, ASessionThatRunsIsNotLaunchedAgain) {
   expect_nothing_left();
 }
 
-TEST_F(WrongSetUp, APortInUseEndsTheLaunchWithAMessageThatNamesIt) {
+TEST_F(WrongSetUp, APortInUseEndsTheLaunchAndIsNamed) {
   const HeldPort taken;
   const std::string setting = "links.mofc_telemetry=" + taken.endpoint();
   const std::string message = "links.mofc_telemetry = " + taken.endpoint() +
@@ -518,7 +530,7 @@ TEST_F(WrongSetUp, APortInUseEndsTheLaunchWithAMessageThatNamesIt) {
   expect_nothing_left();
 }
 
-TEST_F(WrongSetUp, AnOverrideThatIsWrongIsRefused) {
+TEST_F(WrongSetUp, AWrongOverrideIsRefused) {
   for (Arguments command : commands(press_)) {
     command.insert(command.end(), {"--set", "mofc.controler=none"});
     expect_refused(command,
@@ -535,7 +547,7 @@ TEST_F(WrongSetUp, AnUnknownFlagIsRefused) {
   }
 }
 
-TEST_F(WrongSetUp, NodesThatAreNoneOrDoNotGoTogetherAreRefused) {
+TEST_F(WrongSetUp, UnknownNodesAndConflictingOptionsAreRefused) {
   const auto launch = [&](const Arguments& more) {
     Arguments command{"palpate", "launch", press_};
     command.insert(command.end(), more.begin(), more.end());
@@ -570,8 +582,8 @@ TEST_F(WrongSetUp, NoCommandIsRefused) {
   expect_refused({"device_node"}, "--session is required");
 }
 
-// Told before the run: its figures would be lost.
-TEST_F(WrongSetUp, ATableOrSummaryThatCannotBeWrittenIsToldBeforeTheRun) {
+// Otherwise the figures of the run would be lost.
+TEST_F(WrongSetUp, ATableOrSummaryThatCannotBeWrittenIsReportedBeforeTheRun) {
   for (const char* option : {"--csv", "--json"}) {
     for (const char* command : {"launch", "loopback"}) {
       expect_refused({"palpate", command, press_, "--seconds", "3600", option, "/nonexistent/x"},
@@ -586,7 +598,7 @@ TEST_F(WrongSetUp, ATableOrSummaryThatCannotBeWrittenIsToldBeforeTheRun) {
 
 // --- lockstep from the command line ---------------------------------------------------------
 
-TEST_F(Processes, LoopbackWritesTheTableThatWasPromised) {
+TEST_F(Processes, LoopbackWritesTheDocumentedTable) {
   const Outcome loopback =
       run_program("palpate", {"loopback", kDefault, "--seconds", "0.5", "--csv", file("run.csv")});
 
@@ -603,7 +615,7 @@ TEST_F(Processes, LoopbackWritesTheTableThatWasPromised) {
   }
 }
 
-TEST_F(Processes, LoopbackWritesTheFiguresThatWerePromised) {
+TEST_F(Processes, LoopbackWritesTheDocumentedFigures) {
   const Outcome loopback =
       run_program("palpate", {"loopback", kDefault, "--seconds", "1", "--json", file("run.json")});
 
@@ -626,7 +638,7 @@ TEST_F(Processes, LoopbackWritesTheFiguresThatWerePromised) {
   EXPECT_GE(run["min_true_energy_j"], -1e-6);
 }
 
-TEST_F(Processes, ASummaryOnStandardOutputStandsThereAlone) {
+TEST_F(Processes, ASummaryOnStandardOutputIsTheOnlyOutput) {
   const Outcome loopback =
       run_program("palpate", {"loopback", kDefault, "--seconds", "0.1", "--json", "-"});
   EXPECT_EQ(json::parse(loopback.out)["ticks"], 100);
@@ -654,7 +666,7 @@ TEST_F(Processes, LoopbackGivesTheSameBytesForTheSameSeed) {
   EXPECT_FALSE(csv_of({"--set", "seed=2"}) == first) << "another seed gave the same run";
 }
 
-TEST_F(Processes, SceneCheckSaysWhatASessionHolds) {
+TEST_F(Processes, SceneCheckPrintsWhatASessionContains) {
   const Outcome check = run_program("palpate", {"scene", "check", kDefault});
 
   EXPECT_EQ(check.status, 0) << check.err;

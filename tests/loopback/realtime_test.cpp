@@ -1,5 +1,5 @@
-// The whole system on the real clock, in one process: each node's run_process on a thread of its
-// own, seen by viewers, over every transport.
+// The whole system on the real clock in one process: run_process of each node on a thread of its
+// own, observed by viewers, over every transport.
 #include <gtest/gtest.h>
 #include <spdlog/sinks/ostream_sink.h>
 
@@ -29,8 +29,8 @@ using test::rests_in_tissue;
 using test::TempFolder;
 using test::Watcher;
 
-/// The hand of resting_press.h at 1 kHz. A busy machine that takes ticks away shakes it: a test
-/// waits for the force, it does not expect it at once.
+/// The hand of resting_press.h at 1 kHz. A busy machine skips ticks and so disturbs it: tests wait
+/// for the force.
 constexpr const char* kPressing = R"(
 name: "realtime_test"
 realtime { priority: 0 cpu: -1 }
@@ -43,10 +43,10 @@ hand {
 mofc { controller: none }
 scene { tissue { half_space {} kelvin_voigt { stiffness_newton_per_m: 400 } } }
 )";
-/// Settings that give every link an endpoint of the transport, free on this machine.
+/// Overrides that give every link a free endpoint of the transport.
 std::vector<std::string> endpoints(const std::string& transport, const TempFolder& folder) {
   std::vector<std::string> settings;
-  std::vector<std::unique_ptr<HeldPort>> held;  // all at once: each another one
+  std::vector<std::unique_ptr<HeldPort>> held;  // all at once, so that they differ
   for (const std::string link : {"exchange", "tool_motion", "interaction", "device_telemetry",
                                  "mofc_telemetry", "physics_telemetry"}) {
     std::string endpoint = "inproc://" + link;
@@ -59,7 +59,7 @@ std::vector<std::string> endpoints(const std::string& transport, const TempFolde
   return settings;
 }
 
-/// device, mofc and physics until the end of its life.
+/// Runs device, mofc and physics until stop() or its destruction.
 class RealTime : public testing::TestWithParam<const char*> {
  protected:
   ~RealTime() override { stop(); }
@@ -127,7 +127,7 @@ class RealTime : public testing::TestWithParam<const char*> {
 INSTANTIATE_TEST_SUITE_P(Over, RealTime, testing::Values("inproc", "ipc", "tcp"),
                          [](const auto& tested) { return std::string(tested.param); });
 
-TEST_P(RealTime, ATouchIsFeltAndShown) {
+TEST_P(RealTime, ATouchIsRenderedAndShown) {
   Watcher watcher(session(), links());
 
   start();

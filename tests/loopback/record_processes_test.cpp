@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <csignal>
-#include <cstdlib>
 #include <fstream>
 #include <iterator>
 #include <nlohmann/json.hpp>
@@ -13,6 +12,7 @@
 
 #include "common/session/session_file.h"
 #include "tests/support/program.h"
+#include "tests/support/run_folder.h"
 #include "tests/support/temp_folder.h"
 #include "tests/support/watcher.h"
 
@@ -37,7 +37,6 @@ viewer { web { disabled: true } }
 class RecordProcesses : public testing::Test {
  protected:
   RecordProcesses() {
-    setenv("PALPATE_RUN_DIR", run_folder_.path().c_str(), 1);
     session_ = files_.write("recorded.txtpb", kSession);
   }
   [[nodiscard]] std::string path(const std::string& name) const {
@@ -47,7 +46,7 @@ class RecordProcesses : public testing::Test {
     return nlohmann::json::parse(run_program("palpate", {"info", file, "--json"}).out);
   }
 
-  test::TempFolder run_folder_;
+  test::RunFolder run_folder_;
   test::TempFolder files_;
   std::string session_;
 };

@@ -1,4 +1,4 @@
-// A node's way to its end: signals and --seconds.
+// How a node is stopped: signals and --seconds.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -6,21 +6,17 @@
 #include <chrono>
 #include <condition_variable>
 #include <csignal>
-#include <filesystem>
-#include <fstream>
 #include <mutex>
 #include <thread>
 
 #include "common/process/run_node.h"
+#include "tests/support/temp_folder.h"
 
 namespace palpate {
 namespace {
 
 class RunNodeStop : public testing::Test {
  protected:
-  RunNodeStop() { std::ofstream(session_) << "name: \"run_node_stop_test\"\n"; }
-  ~RunNodeStop() override { std::filesystem::remove(session_); }
-
   /// Exit status of a node that waits for its stop.
   int run(std::vector<std::string> extra, const std::function<void()>& when_running) {
     std::vector<std::string> arguments = {"fake_node", "--session", session_};
@@ -45,8 +41,8 @@ class RunNodeStop : public testing::Test {
     EXPECT_EQ(requests, count);
   }
 
-  std::string session_ =
-      testing::TempDir() + "run_node_stop_test_" + std::to_string(getpid()) + ".txtpb";
+  test::TempFolder files_;
+  std::string session_ = files_.write("session.txtpb", "name: \"run_node_stop_test\"\n");
   bool was_stopped_ = false;
 };
 

@@ -1,6 +1,6 @@
-// The supervisor over real processes: fake_node under the nodes' names, each telling what happens
-// to it through a named pipe. That all of them are gone is seen by the pipe's end: its last writer
-// left.
+// The supervisor with real processes: fake_node under the names of the nodes. Each process reports
+// its start and its signals through a named pipe. The pipe reaches its end when the last process is
+// gone.
 #include "deploy/launch/supervisor.h"
 
 #include <fcntl.h>
@@ -17,6 +17,7 @@
 
 #include <boost/asio/post.hpp>
 #include <csignal>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <map>
@@ -26,6 +27,8 @@
 #include "common/core/check.h"
 #include "common/session/session_file.h"
 #include "deploy/launch/launch.h"
+#include "tests/support/run_folder.h"
+#include "tests/support/temp_folder.h"
 
 namespace palpate {
 namespace {
@@ -43,11 +46,10 @@ constexpr auto kDeadline = seconds(20);
 class Launch : public testing::Test {
  protected:
   Launch() {
-    fs::create_directories(folder_);
     for (const char* name : {"physics_node", "mofc_node", "device_node", "viewer_node"}) {
       fs::create_symlink(fs::path(PALPATE_BINARY_DIR) / "fake_node", folder_ / name);
     }
-    std::ofstream(folder_ / "session.txtpb") << "name: \"" << session_name_ << "\"\n";
+    files_.write("session.txtpb", "name: \"" + session_name_ + "\"\n");
     EXPECT_EQ(mkfifo((folder_ / "events").c_str(), 0600), 0);
     events_ = open((folder_ / "events").c_str(), O_RDONLY | O_NONBLOCK | O_CLOEXEC);
   }
@@ -55,10 +57,8 @@ class Launch : public testing::Test {
     if (launcher_ > 0) {
       kill(launcher_, SIGKILL);
       waitpid(launcher_, nullptr, 0);
-      fs::remove_all(run_folder(session_name_));
     }
     close(events_);
-    fs::remove_all(folder_);
   }
 
   LaunchOptions options() const {
@@ -67,13 +67,13 @@ class Launch : public testing::Test {
             .timing = {.first_back_off = milliseconds(1)}};
   }
 
-  /// A launcher process in a process group of its own; tells its result through the pipe.
+  /// Starts a launcher in a process group of its own. It reports its result through the pipe.
   void start_launcher(const LaunchOptions& options) {
     launcher_ = fork();
     ASSERT_GE(launcher_, 0);
     if (launcher_ > 0) return;
     setpgid(0, 0);
-    prctl(PR_SET_PDEATHSIG, SIGKILL);  // a test that is killed leaves nothing behind either
+    prctl(PR_SET_PDEATHSIG, SIGKILL);  // nothing is left if the test is killed
     std::ostringstream line;
     int status = 9;
     try {
@@ -133,7 +133,7 @@ class Launch : public testing::Test {
     return nodes;
   }
 
-  /// Whether no node is left (each holds the pipe open as long as it lives).
+  /// True when no node is left: each holds the pipe open as long as it runs.
   bool all_nodes_end() {
     for (;;) {
       pollfd pipe{.fd = events_, .events = 0, .revents = 0};
@@ -142,25 +142,27 @@ class Launch : public testing::Test {
     }
   }
 
-  /// Milliseconds until this test has waited long enough, for poll().
+  /// Milliseconds until the deadline of this test, for poll().
   int left() const {
     const auto left = std::chrono::ceil<milliseconds>(deadline_ - steady_clock::now());
     return static_cast<int>(std::max(left, milliseconds(0)).count());
   }
 
   void let(const std::string& node, const std::string& what) const {
-    std::ofstream(folder_ / (node + ".does")) << what;
+    files_.write(node + ".does", what);
   }
 
-  std::string session_name_ = "supervisor_test_" + std::to_string(getpid());
-  fs::path folder_ = fs::path(testing::TempDir()) / session_name_;
+  test::RunFolder run_folder_;
+  test::TempFolder files_;
+  std::string session_name_ = "supervisor_test";
+  fs::path folder_ = files_.path();  // of the programs and their pipe
   steady_clock::time_point deadline_ = steady_clock::now() + kDeadline;
   int events_ = -1;
   std::string unread_;
   pid_t launcher_ = 0;
 };
 
-TEST_F(Launch, CtrlCReachesTheLauncherOnlyWhichStopsAllInOrder) {
+TEST_F(Launch, CtrlCReachesOnlyTheLauncherWhichStopsAllInOrder) {
   LaunchOptions options = this->options();
   options.nodes.insert("viewer");
   start_launcher(options);
@@ -168,16 +170,16 @@ TEST_F(Launch, CtrlCReachesTheLauncherOnlyWhichStopsAllInOrder) {
 
   kill(-launcher_, SIGINT);  // as a terminal does: to the whole process group
 
-  EXPECT_EQ(next_event(), "device_node told 15");
-  EXPECT_EQ(next_event(), "mofc_node told 15");
-  EXPECT_EQ(next_event(), "physics_node told 15");
-  EXPECT_EQ(next_event(), "viewer_node told 15");
+  EXPECT_EQ(next_event(), "device_node signal 15");
+  EXPECT_EQ(next_event(), "mofc_node signal 15");
+  EXPECT_EQ(next_event(), "physics_node signal 15");
+  EXPECT_EQ(next_event(), "viewer_node signal 15");
   EXPECT_EQ(next_event(), "launcher end=1 physics=0 mofc=0 device=0 viewer=0");
   EXPECT_EQ(launcher_status(), 0);
   EXPECT_TRUE(all_nodes_end());
 }
 
-TEST_F(Launch, EveryNodeIsHandedTheSessionAndItsOverrides) {
+TEST_F(Launch, EveryNodeGetsTheSessionAndItsOverrides) {
   LaunchOptions options = this->options();
   options.overrides = {"physics.rate_hz=500", "seed=3"};
   options.is_realtime = false;
@@ -197,9 +199,9 @@ TEST_F(Launch, ANodeThatDiesIsStartedAgain) {
 
   EXPECT_THAT(next_event(), StartsWith("physics_node started "));
   kill(launcher_, SIGTERM);
-  EXPECT_EQ(next_event(), "device_node told 15");
-  EXPECT_EQ(next_event(), "mofc_node told 15");
-  EXPECT_EQ(next_event(), "physics_node told 15");
+  EXPECT_EQ(next_event(), "device_node signal 15");
+  EXPECT_EQ(next_event(), "mofc_node signal 15");
+  EXPECT_EQ(next_event(), "physics_node signal 15");
   EXPECT_EQ(next_event(), "launcher end=1 physics=1 mofc=0 device=0");
 }
 
@@ -231,11 +233,11 @@ TEST_F(Launch, ANodeThatIsRefusedStopsAllWithStatusTwo) {
   start_launcher(options());
   auto nodes = started_nodes(3);
 
-  let("device_node", "refuses");  // when it is started again
+  let("device_node", "refuses");  // at its restart
   kill(nodes.at("device_node"), SIGKILL);
 
-  EXPECT_EQ(next_event(), "mofc_node told 15");
-  EXPECT_EQ(next_event(), "physics_node told 15");
+  EXPECT_EQ(next_event(), "mofc_node signal 15");
+  EXPECT_EQ(next_event(), "physics_node signal 15");
   EXPECT_EQ(next_event(), "launcher end=3 physics=0 mofc=0 device=1");
   EXPECT_EQ(launcher_status(), 2);
   EXPECT_TRUE(all_nodes_end());
@@ -250,9 +252,9 @@ TEST_F(Launch, ANodeThatDoesNotStopIsKilledAfterTheGrace) {
 
   kill(launcher_, SIGTERM);
 
-  EXPECT_EQ(next_event(), "device_node told 15");
-  EXPECT_EQ(next_event(), "mofc_node told 15");
-  EXPECT_EQ(next_event(), "physics_node told 15");
+  EXPECT_EQ(next_event(), "device_node signal 15");
+  EXPECT_EQ(next_event(), "mofc_node signal 15");
+  EXPECT_EQ(next_event(), "physics_node signal 15");
   EXPECT_THAT(next_event(), StartsWith("launcher end=1"));
   EXPECT_TRUE(all_nodes_end());
 }
@@ -265,7 +267,7 @@ TEST_F(Launch, ASecondSignalDoesNotWaitForTheGrace) {
   started_nodes(3);
 
   kill(launcher_, SIGINT);
-  ASSERT_EQ(next_event(), "device_node told 15");
+  ASSERT_EQ(next_event(), "device_node signal 15");
   kill(launcher_, SIGINT);
 
   EXPECT_THAT(next_event(), StartsWith("launcher end=1"));
@@ -295,7 +297,7 @@ TEST_F(Launch, EndsByItselfWhenItsTimeIsUp) {
   EXPECT_TRUE(all_nodes_end());
 }
 
-TEST_F(Launch, EndsWhenAskedAndPollsUntilAllHaveEnded) {
+TEST_F(Launch, EndsOnAStopRequestAndPollsUntilAllHaveEnded) {
   std::stop_source stop;
   int polls = 0;
   LaunchOptions options = this->options();
@@ -306,12 +308,12 @@ TEST_F(Launch, EndsWhenAskedAndPollsUntilAllHaveEnded) {
 
   const LaunchResult result = launch(options, stop.get_token());
 
-  EXPECT_EQ(result.end, LaunchEnd::kAsked);
+  EXPECT_EQ(result.end, LaunchEnd::kRequested);
   EXPECT_EQ(result.exit_status(), 0);
   EXPECT_GE(polls, 4);  // at least once after the end
 }
 
-TEST_F(Launch, AnExceptionOfTheConsumerLeavesNoNodeBehind) {
+TEST_F(Launch, AnExceptionOfOnPollLeavesNoNodeBehind) {
   LaunchOptions options = this->options();
   int polls = 0;
   options.on_poll = [&] {
@@ -324,7 +326,7 @@ TEST_F(Launch, AnExceptionOfTheConsumerLeavesNoNodeBehind) {
   EXPECT_EQ(errno, ECHILD);
 }
 
-TEST_F(Launch, RemovesWhatDeadNodesLeftInTheRunFolder) {
+TEST_F(Launch, RemovesTheFilesOfDeadNodesFromTheRunFolder) {
   start_launcher(options());
   auto nodes = started_nodes(3);
   const fs::path folder = run_folder(session_name_);
@@ -356,7 +358,6 @@ TEST_F(Launch, LeavesTheFilesOfANodeStartedByHand) {
 
   EXPECT_TRUE(fs::exists(lock));
   close(by_hand);
-  fs::remove_all(run_folder(session_name_));
 }
 
 TEST_F(Launch, ASessionIsLaunchedOnceAtATime) {
@@ -371,7 +372,7 @@ TEST_F(Launch, ASessionIsLaunchedOnceAtATime) {
   }
 }
 
-TEST_F(Launch, ARunFolderThatCannotBeMadeIsASetupErrorThatNamesIt) {
+TEST_F(Launch, ARunFolderThatCannotBeCreatedIsASetupErrorWithItsPath) {
   const fs::path not_a_folder = folder_ / "session.txtpb";
   setenv("PALPATE_RUN_DIR", not_a_folder.c_str(), 1);
   try {
@@ -380,10 +381,9 @@ TEST_F(Launch, ARunFolderThatCannotBeMadeIsASetupErrorThatNamesIt) {
   } catch (const SetupError& e) {
     EXPECT_THAT(e.what(), HasSubstr(run_folder(session_name_).string()));
   }
-  unsetenv("PALPATE_RUN_DIR");
 }
 
-TEST_F(Launch, AMissingProgramIsASetupErrorThatNamesIt) {
+TEST_F(Launch, AMissingProgramIsASetupErrorWithItsPath) {
   fs::remove(folder_ / "mofc_node");
 
   try {
@@ -431,28 +431,27 @@ TEST(Supervisor, BacksOffLongerWithEachDeath) {
                                     milliseconds(4), milliseconds(4)}));
 }
 
-TEST(Supervisor, ForgetsEarlierDeathsOfAChildThatRanWell) {
+TEST(Supervisor, StartsTheBackOffAnewAfterAHealthyRun) {
   const auto deaths = deaths_of(
       "/bin/false", {.first_back_off = milliseconds(1), .healthy_after = milliseconds(0)}, 3);
 
   for (const ChildEvent& death : deaths) EXPECT_EQ(death.restart_in, milliseconds(1));
 }
 
-TEST(Supervisor, TellsInWordsHowAChildEnded) {
+TEST(Supervisor, DescribesHowAChildEnded) {
   const SupervisorTiming timing{.first_back_off = milliseconds(1)};
   EXPECT_EQ(deaths_of("/bin/false", timing, 1).at(0).how, "exit status 1");
 
-  const fs::path killed = fs::path(testing::TempDir()) / ("killed_" + std::to_string(getpid()));
-  std::ofstream(killed) << "#!/bin/sh\nkill -KILL $$\n";
+  const test::TempFolder files;
+  const fs::path killed = files.write("killed", "#!/bin/sh\nkill -KILL $$\n");
   fs::permissions(killed, fs::perms::owner_all);
   EXPECT_EQ(deaths_of(killed, timing, 1).at(0).how, "killed by signal 9 (Killed)");
-  fs::remove(killed);
 }
 
-// As when its program is being replaced by a newer one.
-TEST(Supervisor, AChildThatCannotBeStartedAgainIsTriedAgain) {
-  const fs::path script = fs::path(testing::TempDir()) / ("once_" + std::to_string(getpid()));
-  std::ofstream(script) << "#!/bin/sh\nchmod -x $0\nexit 1\n";
+// For example while its program is being replaced.
+TEST(Supervisor, RetriesAChildThatCannotBeRestarted) {
+  const test::TempFolder files;
+  const fs::path script = files.write("once", "#!/bin/sh\nchmod -x $0\nexit 1\n");
   fs::permissions(script, fs::perms::owner_all);
 
   const auto deaths = deaths_of(script, {.first_back_off = milliseconds(1)}, 3);
@@ -460,7 +459,6 @@ TEST(Supervisor, AChildThatCannotBeStartedAgainIsTriedAgain) {
   EXPECT_EQ(deaths.at(0).how, "exit status 1");
   EXPECT_THAT(deaths.at(1).how, HasSubstr("cannot be started: Permission denied"));
   EXPECT_EQ(deaths.at(2).restart_in, milliseconds(4));
-  fs::remove(script);
 }
 
 TEST(Supervisor, AProgramThatCannotBeStartedIsASetupError) {

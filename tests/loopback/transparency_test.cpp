@@ -5,7 +5,7 @@
 #include <map>
 #include <string>
 
-#include "deploy/palpate/loopback.h"
+#include "deploy/lockstep/loopback.h"
 #include "tests/bench/tissue_scenes.h"
 
 namespace palpate {

@@ -2,14 +2,15 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <csignal>
-#include <cstdlib>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <optional>
 
 #include "common/session/session_file.h"
 #include "tests/support/program.h"
+#include "tests/support/run_folder.h"
 #include "tests/support/temp_folder.h"
 #include "tests/support/watcher.h"
 #include "tests/support/web_client.h"
@@ -28,9 +29,9 @@ using test::WebClient;
 using testing::AllOf;
 using testing::HasSubstr;
 
-/// Both hands press into one block of 400 N/m with springs of 400 N/m, the left one 5 mm deep, the
-/// right one 10 mm: each gives way by half. A long period and lease outlast the pauses of a busy
-/// machine.
+/// Both hands press into one block of 400 N/m with springs of 400 N/m, the left one 5 mm, the right
+/// one 10 mm deep: hand and tissue are deflected by half each. The long period and lease outlast
+/// the pauses of a busy machine.
 constexpr const char* kBoth = R"(
 name: "both"
 realtime { priority: 0 cpu: -1 }
@@ -56,11 +57,11 @@ enum Side : std::size_t { kLeft, kRight };
 // 2.5 mm and 5 mm · 400 N/m; stiction of 0.1 N moves them by half of it at most.
 constexpr double kForceNewton[] = {1.0, 2.0};
 constexpr double kStictionNewton = 0.06;
+constexpr double kTissueNewtonPerM = 400.0;
 
 class TwoHands : public testing::Test {
  protected:
   TwoHands() {
-    setenv("PALPATE_RUN_DIR", run_folder_.path().c_str(), 1);
     file_ = files_.write("both.txtpb", kBoth);
     session_ = load_session(file_);
     watcher_.emplace(session_, links_);
@@ -78,7 +79,7 @@ class TwoHands : public testing::Test {
   }
   [[nodiscard]] bool both_press() const { return presses(kLeft) && presses(kRight); }
 
-  TempFolder run_folder_;
+  test::RunFolder run_folder_;
   TempFolder files_;
   std::string file_;
   Session session_;
@@ -86,7 +87,7 @@ class TwoHands : public testing::Test {
   std::optional<Watcher> watcher_;
 };
 
-TEST_F(TwoHands, FeelTheSameTissueEachWithItsOwnForce) {
+TEST_F(TwoHands, TouchTheSameTissueEachWithItsOwnForce) {
   Program launch("palpate", {"launch", file_, "--json", file("run.json"), "--csv", file("run.csv"),
                              "--record", file("run.mcap"), "--no-viewer"});
   ASSERT_TRUE(watcher_->until([&] { return both_press(); })) << launch.err();
@@ -100,7 +101,7 @@ TEST_F(TwoHands, FeelTheSameTissueEachWithItsOwnForce) {
     EXPECT_GT(std::filesystem::file_size(file("run." + side + ".csv")), 1000u);
     EXPECT_EQ(run["restarts"][side + ".device"], 0);
     EXPECT_EQ(run["restarts"][side + ".mofc"], 0);
-    // the recording holds both; what is asked of it is asked of one
+    // the recording contains both; an export is of one
     EXPECT_EQ(run_program("palpate", {"export", file("run.mcap"), "--side", side, "--csv",
                                       file(side + ".csv")})
                   .status,
@@ -109,10 +110,10 @@ TEST_F(TwoHands, FeelTheSameTissueEachWithItsOwnForce) {
   }
   EXPECT_THAT(run_program("palpate", {"export", file("run.mcap"), "--csv", file("x.csv")}).err,
               HasSubstr("give --side with one of left,right"));
-  EXPECT_TRUE(std::filesystem::is_empty(run_folder_.path())) << "something is left of the launch";
+  EXPECT_TRUE(std::filesystem::is_empty(run_folder_.path())) << "the launch left files";
 }
 
-// Each clamp guards its own hand.
+// Each hand has a clamp of its own.
 TEST_F(TwoHands, TheShippedSessionIsPassiveForBoth) {
   const Outcome launch =
       run_program("palpate", {"launch", PALPATE_SOURCE_DIR "/deploy/sessions/two_hands.txtpb",
@@ -129,7 +130,7 @@ TEST_F(TwoHands, TheShippedSessionIsPassiveForBoth) {
   }
 }
 
-TEST_F(TwoHands, WhenOneDeviceDiesTheOtherIsAnsweredAsBefore) {
+TEST_F(TwoHands, WhenOneDeviceDiesTheOtherIsStillAnswered) {
   Program launch("palpate", {"launch", file_, "--no-viewer", "--json", file("run.json")});
   ASSERT_TRUE(watcher_->until([&] { return both_press(); })) << launch.err();
   const std::string pid = launch.await_err("event=node_started node=left.device pid=");
@@ -143,16 +144,21 @@ TEST_F(TwoHands, WhenOneDeviceDiesTheOtherIsAnsweredAsBefore) {
     return watcher_->rows(kLeft).back().device_session_id != left_session && presses(kLeft);
   }));
 
-  // the right hand goes on: one device, one clamp, answered, no force that was not there before
+  // the right hand is not interrupted: same device and clamp, answered, no more force than the tissue gives
   const auto& rows = watcher_->rows(kRight);
   ASSERT_GT(rows.size(), before + 20);
+  double deepest_m = 0.0;
+  for (const TickRow& row : rows) {
+    deepest_m = std::max(deepest_m, -row.device.true_tool_position_world_m.z());
+  }
   std::size_t answered = 0;
   for (std::size_t i = before; i < rows.size(); ++i) {
     EXPECT_EQ(rows[i].device_session_id, rows[before].device_session_id);
-    EXPECT_LT(rows[i].device.force_on_hand_newton.norm(), kForceNewton[kRight] + kStictionNewton);
+    EXPECT_LT(rows[i].device.force_on_hand_newton.norm(),
+              kTissueNewtonPerM * deepest_m + kStictionNewton);
     if (rows[i].device.is_answered) ++answered;
   }
-  EXPECT_GT(2 * answered, rows.size() - before);  // whatever else this machine is doing
+  EXPECT_GT(2 * answered, rows.size() - before);  // also on a busy machine
   EXPECT_TRUE(watcher_->until([&] { return presses(kRight); }));
   EXPECT_EQ(watcher_->mirror(kRight).device_link().sessions, 1u);
   EXPECT_EQ(watcher_->mirror(kRight).mofc_link().sessions, 1u);
@@ -171,7 +177,7 @@ TEST_F(TwoHands, AViewerSeesBoth) {
   ASSERT_FALSE(rest.empty());
   const auto port = static_cast<std::uint16_t>(std::stoi(rest));
 
-  // a curve of each hand for tools, and the ticks of each for the page
+  // curves of each hand for tools, and its ticks for the page
   WebClient client(port);
   ASSERT_TRUE(client.open_web_socket());
   const std::string advertised = client.await_text(R"("op":"advertise")");
@@ -187,7 +193,7 @@ TEST_F(TwoHands, AViewerSeesBoth) {
   EXPECT_THAT(advertised, AllOf(HasSubstr("/left/telemetry"), HasSubstr("/right/telemetry"),
                                 HasSubstr("/right/device"), HasSubstr("/mesh")));
 
-  // the figures of each for Prometheus
+  // figures of each hand for Prometheus
   EXPECT_TRUE(watcher_->until([&] {
     WebClient prometheus(port);
     prometheus.send_raw("GET /metrics HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n");
@@ -202,7 +208,7 @@ TEST_F(TwoHands, AViewerSeesBoth) {
                                   HasSubstr("both, left: none"), HasSubstr("both, right: none")));
 }
 
-TEST_F(TwoHands, ANodeMustBeToldItsSide) {
+TEST_F(TwoHands, ANodeNeedsItsSide) {
   const Outcome unnamed = run_program("device_node", {"--session", file_});
   EXPECT_EQ(unnamed.status, 2);
   EXPECT_THAT(unnamed.err, HasSubstr("give --side with one of left, right"));
@@ -214,7 +220,7 @@ TEST_F(TwoHands, ANodeMustBeToldItsSide) {
   EXPECT_THAT(lockstep.err, HasSubstr("give --side with one of left, right"));
 }
 
-// 5 mm at half the depth and 400 N/m, as above; without a machine in between.
+// 5 mm, half the depth, at 400 N/m as above; on virtual time.
 TEST_F(TwoHands, OneSideAloneRunsOnVirtualTime) {
   const Outcome run = run_program(
       "palpate", {"loopback", file_, "--side", "right", "--seconds", "2", "--json", "-"});

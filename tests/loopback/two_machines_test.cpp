@@ -1,5 +1,5 @@
-// Device and clamp on one machine, physics on another: two network namespaces joined by a veth
-// pair. Nothing leaves them. Skipped where they may not be made.
+// Device and clamp on one machine, physics on another: two network namespaces connected by a veth
+// pair, isolated from the network. Skipped where namespaces are not permitted.
 #include <arpa/inet.h>
 #include <fcntl.h>
 #include <gmock/gmock.h>
@@ -25,6 +25,7 @@
 #include "common/link/security/keys.h"
 #include "common/session/session_file.h"
 #include "tests/support/program.h"
+#include "tests/support/run_folder.h"
 #include "tests/support/temp_folder.h"
 #include "tests/support/watcher.h"
 
@@ -46,7 +47,7 @@ constexpr const char* kBedside = "10.77.0.1";
 constexpr const char* kWorkstation = "10.77.0.2";
 constexpr std::uint16_t kMotionPort = 5551;
 
-/// Text that travels in SceneState.
+/// Text contained in SceneState.
 constexpr const char* kTissue = "liver_in_plain_text";
 
 /// A hand that presses 3 mm deep every 2 s.
@@ -65,18 +66,17 @@ scene { tissue { name: "liver_in_plain_text" half_space {} kelvin_voigt { stiffn
 )";
 constexpr const char* kSecurity = "security { key_folder: \"keys\" }\n";
 
-/// "": done; else why not.
+/// Returns the reason of a failure; "" on success.
 std::string write_file(const char* file, const std::string& text) {
   std::ofstream out(file);
   out << text << std::flush;
   return out ? "" : std::string("cannot write ") + file;
 }
 
-/// The test's own process becomes the bedside; the workstation is the network of a child that
-/// waits.
+/// The process of the test becomes the bedside; the workstation is the network of an idle child.
 class TwoNetworks {
  public:
-  /// Why there are none; "" if they are there.
+  /// Returns the reason of a failure; "" on success.
   std::string make() {
     const uid_t uid = getuid();
     const gid_t gid = getgid();
@@ -84,7 +84,7 @@ class TwoNetworks {
     if (uid == 0) {
       if (unshare(CLONE_NEWNET) != 0) return "a network namespace is not permitted";
     } else {
-      // as root of a user namespace of its own
+      // become root of a new user namespace
       if (unshare(CLONE_NEWUSER | CLONE_NEWNET) != 0) return "namespaces are not permitted";
       write_file("/proc/self/setgroups", "deny");
       if (auto why = write_file("/proc/self/uid_map", "0 " + std::to_string(uid) + " 1");
@@ -105,10 +105,10 @@ class TwoNetworks {
       for (;;) pause();
     }
     char answer = 'n';
-    const bool is_told = read(ready[0], &answer, 1) == 1;
+    const bool is_answered = read(ready[0], &answer, 1) == 1;
     close(ready[0]);
     close(ready[1]);
-    if (!is_told || answer != 'y') return "a second network namespace is not permitted";
+    if (!is_answered || answer != 'y') return "a second network namespace is not permitted";
     workstation_ =
         open(("/proc/" + std::to_string(child_) + "/ns/net").c_str(), O_RDONLY | O_CLOEXEC);
 
@@ -149,7 +149,7 @@ class TwoNetworks {
   int workstation_ = -1;
 };
 
-/// All that passes the bedside's end of the cable.
+/// Captures all packets at the bedside's end of the cable.
 class Wire {
  public:
   Wire() : socket_(socket(AF_PACKET, SOCK_RAW | SOCK_NONBLOCK | SOCK_CLOEXEC, htons(ETH_P_ALL))) {
@@ -183,7 +183,7 @@ class TwoMachines : public testing::Test {
   void SetUp() override {
     const std::string why = networks_.make();
     if (!why.empty()) GTEST_SKIP() << why;
-    setenv("PALPATE_RUN_DIR", run_folder_.path().c_str(), 1);
+    run_folder_.use();
     make_key_folder(files_.path() / "keys");
     plain_file_ = files_.write("plain.txtpb", kSession);
     file_ = files_.write("protected.txtpb", std::string(kSession) + kSecurity);
@@ -224,24 +224,23 @@ class TwoMachines : public testing::Test {
     return watcher_->mirror().physics_counters().tool_motion.sessions;
   }
 
-  /// What `palpate keygen` made, for a role that this one claims to be.
+  /// Keys of `palpate keygen` for one role.
   [[nodiscard]] LinkKeys keys_of(KeyRole role) const {
     return load_link_keys(files_.path() / "keys", std::array{role});
   }
-  /// Tries to write motions to physics with these rules; what it is told in its log.
+  /// Connects to the motion link of physics with these rules; physics must refuse and log `reason`.
   void expect_refused(const TcpRules& rules, const std::string& reason) {
     const std::uint64_t before = refused_by_physics();
     ZmqContext context(RealtimeConfig{.priority = 0, .cpu = -1}, rules);
-    ZmqSender<ToolMotion> stranger(context,
-                                   connect_to("tcp://10.77.0.2:5551", "links.tool_motion"));
+    ZmqSender<ToolMotion> foreign(context, connect_to("tcp://10.77.0.2:5551", "links.tool_motion"));
     EXPECT_THAT(physics_->await_err("event=peer_refused link=links.tool_motion"),
                 HasSubstr(reason));
     EXPECT_TRUE(watcher_->until([&] { return refused_by_physics() > before; }));
-    EXPECT_FALSE(stranger.has_subscriber());
+    EXPECT_FALSE(foreign.has_subscriber());
     EXPECT_EQ(writers(), 1u);
   }
 
-  TempFolder run_folder_;
+  test::RunFolder run_folder_;
   TempFolder files_;
   TwoNetworks networks_;
   std::string file_;
@@ -271,7 +270,7 @@ TEST_F(TwoMachines, ACutCableEndsTheForceAndAMendedOneBringsItBack) {
 
 // --- supervised -----------------------------------------------------------------------------
 
-/// A launch on each machine, which has the keys of its own roles only.
+/// A launch on each machine, with the keys of its own roles only.
 class Supervised : public TwoMachines {
  protected:
   void SetUp() override {
@@ -296,9 +295,9 @@ class Supervised : public TwoMachines {
   void launch_workstation(const std::vector<std::string>& more = {}) {
     std::vector<std::string> arguments{"launch", workstation_file_, "--nodes", "physics"};
     arguments.insert(arguments.end(), more.begin(), more.end());
-    setenv("PALPATE_RUN_DIR", workstation_run_folder_.path().c_str(), 1);
+    workstation_run_folder_.use();
     workstation_.emplace("palpate", arguments, networks_.workstation());
-    setenv("PALPATE_RUN_DIR", run_folder_.path().c_str(), 1);
+    run_folder_.use();
   }
 
   static void kill_node(Program& launch, const std::string& node) {
@@ -310,7 +309,7 @@ class Supervised : public TwoMachines {
   }
 
   TempFolder workstation_files_;
-  TempFolder workstation_run_folder_;
+  test::RunFolder workstation_run_folder_;
   std::string workstation_file_;
   std::optional<Program> bedside_;
   std::optional<Program> workstation_;
@@ -321,13 +320,13 @@ TEST_F(Supervised, EachMachineKeepsItsOwnNodesRunning) {
   const std::string workstation_json = (workstation_files_.path() / "run.json").string();
   const viewer::TelemetryMirror& mirror = watcher_->mirror();
 
-  // the bedside does not wait for the workstation: it is answered, without tissue
+  // the bedside does not wait for the workstation: the device is answered, without a force
   launch_bedside({"--json", bedside_json});
   ASSERT_TRUE(watcher_->until([&] { return is_without_physics(); })) << bedside_->err();
   launch_workstation({"--json", workstation_json});
   ASSERT_TRUE(watcher_->until([&] { return is_pressing(); })) << workstation_->err();
 
-  // who dies is started again by his own machine
+  // each machine restarts its own nodes
   kill_node(*workstation_, "physics");
   EXPECT_TRUE(watcher_->until([&] {
     return mirror.physics_link().sessions == 2 && mirror.mofc_counters().interaction.sessions == 2;
@@ -337,7 +336,7 @@ TEST_F(Supervised, EachMachineKeepsItsOwnNodesRunning) {
   EXPECT_TRUE(watcher_->until([&] { return mirror.mofc_link().sessions == 2; }));
   EXPECT_TRUE(watcher_->until([&] { return is_pressing(); }));
 
-  // each sums up what it ran and was allowed to see
+  // each summarises its own nodes and the figures that its keys permit
   for (Program* launch : {&*bedside_, &*workstation_}) {
     launch->send_signal(SIGTERM);
     EXPECT_EQ(launch->wait(), 0) << launch->err();
@@ -353,7 +352,7 @@ TEST_F(Supervised, EachMachineKeepsItsOwnNodesRunning) {
   EXPECT_THAT(workstation_->err(), HasSubstr("has no viewer.key_secret"));
 }
 
-// Recording is looking on: told before anything starts.
+// A recording needs telemetry. The error is reported before any node starts.
 TEST_F(Supervised, WithoutTheViewersKeyNothingIsRecorded) {
   launch_workstation({"--record", (workstation_files_.path() / "run.mcap").string()});
 
@@ -362,11 +361,11 @@ TEST_F(Supervised, WithoutTheViewersKeyNothingIsRecorded) {
   EXPECT_THAT(workstation_->err(), Not(HasSubstr("event=node_started")));
 }
 
-// --- strangers ------------------------------------------------------------------------------
+// --- foreign peers --------------------------------------------------------------------------
 
 TEST_F(TwoMachines, APeerWithoutAKeyIsRefused) {
   start(true);
-  // who sees first that the other speaks differently ends the connection
+  // the end that detects the mismatch first closes the connection
   expect_refused({.may_be_plain = true}, "plain text");
 }
 
@@ -385,7 +384,7 @@ TEST_F(TwoMachines, AViewersKeyDoesNotReachACommandSocket) {
   expect_refused({.keys = std::make_shared<const LinkKeys>(keys)}, "a key of another role");
 }
 
-TEST_F(TwoMachines, WhoExpectsAnotherServerKeyGetsNoConnection) {
+TEST_F(TwoMachines, AClientThatExpectsAnotherServerKeyIsRefused) {
   start(true);
   const KeyPair device = *keys_of(KeyRole::kDevice).of(KeyRole::kDevice);
   const LinkKeys keys{
@@ -403,14 +402,14 @@ TEST_F(TwoMachines, PlainTextIsRefused) {
   address.sin_port = htons(kMotionPort);
   inet_pton(AF_INET, kWorkstation, &address.sin_addr);
   ASSERT_EQ(connect(socket, reinterpret_cast<sockaddr*>(&address), sizeof(address)), 0);
-  // ZMTP 1.0, which knows no keys: an empty identity, then a subscription to everything
+  // ZMTP 1.0, which has no keys: an empty identity, then a subscription to everything
   const std::string hello("\x01\x00\x02\x00\x01", 5);
   ASSERT_EQ(write(socket, hello.data(), hello.size()), 5);
 
   EXPECT_THAT(physics_->await_err("event=peer_refused link=links.tool_motion"),
               HasSubstr("no ZeroMQ 4 peer"));
   EXPECT_TRUE(watcher_->until([&] { return refused_by_physics() > 0; }));
-  // no more than the greeting came back, and an end
+  // the answer is a greeting at most, then the connection ends
   std::string answer;
   char bytes[256];
   pollfd readable{.fd = socket, .events = POLLIN, .revents = 0};
@@ -429,7 +428,7 @@ TEST_F(TwoMachines, ASecondClampWithTheRightKeyIsIgnoredAndCounted) {
   ZmqContext context(RealtimeConfig{.priority = 0, .cpu = -1},
                      {.keys = std::make_shared<const LinkKeys>(keys_of(KeyRole::kDevice))});
   ZmqSender<ToolMotion> second(context, connect_to("tcp://10.77.0.2:5551", "links.tool_motion"));
-  ASSERT_TRUE(second.wait_for_peer(10s));  // so the key is right
+  ASSERT_TRUE(second.wait_for_peer(10s));  // so the key is accepted
 
   ToolMotion motion;
   motion.header.session_id = 42;
@@ -450,7 +449,7 @@ TEST_F(TwoMachines, ASecondClampWithTheRightKeyIsIgnoredAndCounted) {
 
 class OnTheWire : public TwoMachines, public testing::WithParamInterface<bool> {};
 
-TEST_P(OnTheWire, PlainTextIsSeenOnlyWithoutKeys) {
+TEST_P(OnTheWire, PlainTextIsVisibleOnlyWithoutKeys) {
   const bool is_protected = GetParam();
   std::optional<Wire> wire;
   wire.emplace();
@@ -460,7 +459,7 @@ TEST_P(OnTheWire, PlainTextIsSeenOnlyWithoutKeys) {
     return watcher_->mirror().physics_counters().loop.ticks > 2000;
   }));
 
-  // hundreds of motions and interactions there and back, the scene, and telemetry
+  // hundreds of motions and interactions, the scene and telemetry
   EXPECT_GT(wire->heard().size(), 100'000u);
   EXPECT_EQ(wire->heard().find(kTissue) != std::string::npos, !is_protected);
   EXPECT_EQ(wire->heard().find("two_machines_test") != std::string::npos, !is_protected);
@@ -472,7 +471,7 @@ INSTANTIATE_TEST_SUITE_P(Keys, OnTheWire, testing::Bool(), [](const auto& with) 
 
 // --- no keys --------------------------------------------------------------------------------
 
-TEST_F(TwoMachines, WithoutKeysNothingIsOfferedToTheNetworkUnlessAsked) {
+TEST_F(TwoMachines, WithoutKeysTheNetworkNeedsInsecure) {
   for (const char* node : {"physics_node", "device_node", "mofc_node", "viewer_node"}) {
     Program program(node, {"--session", plain_file_, "--seconds", "10"},
                     std::string(node) == "physics_node" ? networks_.workstation() : -1);

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <bit>
-#include <cstdlib>
 #include <memory>
 #include <vector>
 
@@ -14,6 +13,7 @@
 #include "common/link/zmq_source.h"
 #include "common/session/session_file.h"
 #include "tests/support/program.h"
+#include "tests/support/run_folder.h"
 #include "tests/support/temp_folder.h"
 #include "tests/support/watcher.h"
 #include "tests/support/web_client.h"
@@ -50,7 +50,6 @@ constexpr int kHealth = 6;
 class ViewerProcesses : public testing::Test {
  protected:
   ViewerProcesses() {
-    setenv("PALPATE_RUN_DIR", run_folder_.path().c_str(), 1);
     file_ = files_.write("page.txtpb", kSession);
   }
   /// Starts all nodes; the viewer's port.
@@ -90,7 +89,7 @@ class ViewerProcesses : public testing::Test {
     return message;
   }
 
-  TempFolder run_folder_;
+  test::RunFolder run_folder_;
   TempFolder files_;
   std::string file_;
   std::optional<Program> launch_;

@@ -11,8 +11,8 @@
 
 namespace palpate::test {
 
-/// A port of 127.0.0.1 that nobody else has as long as this lives; free again after it. Hold
-/// several at once to learn several.
+/// Holds a port of 127.0.0.1 that no other process has, and frees it at its destruction. Hold
+/// several at once to get different ones.
 class HeldPort {
  public:
   HeldPort() : socket_(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {

@@ -8,8 +8,6 @@
 #include <unistd.h>
 
 #include <csignal>
-#include <fstream>
-#include <sstream>
 #include <thread>
 
 namespace palpate::test {
@@ -18,13 +16,7 @@ namespace {
 namespace fs = std::filesystem;
 using std::chrono::steady_clock;
 
-constexpr auto kLookAgain = std::chrono::milliseconds(2);
-
-std::string content(const fs::path& file) {
-  std::ostringstream text;
-  text << std::ifstream(file).rdbuf();
-  return text.str();
-}
+constexpr auto kPollInterval = std::chrono::milliseconds(2);
 
 }  // namespace
 
@@ -41,7 +33,7 @@ Program::Program(const std::string& name, const std::vector<std::string>& argume
   pid_ = fork();
   if (pid_ != 0) return;
 
-  // between fork and exec, so nothing but system calls
+  // between fork and exec: system calls only
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   if (getppid() != test) _exit(127);
   if (network >= 0 && setns(network, CLONE_NEWNET) != 0) _exit(127);
@@ -83,31 +75,41 @@ int Program::wait(std::chrono::milliseconds deadline) {
       has_ended(0);
       break;
     }
-    std::this_thread::sleep_for(kLookAgain);
+    std::this_thread::sleep_for(kPollInterval);
   }
   return status_;
 }
 
-std::string Program::out() const { return content(folder_.path() / "out"); }
-std::string Program::err() const { return content(folder_.path() / "err"); }
+std::string Program::out() const { return text_of(folder_.path() / "out"); }
+std::string Program::err() const { return text_of(folder_.path() / "err"); }
 
 std::string Program::await_err(const std::string& text, int count) {
   const auto end = steady_clock::now() + kDeadline;
   for (;;) {
-    const bool is_last_look = has_ended(WNOHANG) || steady_clock::now() > end;
-    const std::string said = err();
+    const bool is_last_try = has_ended(WNOHANG) || steady_clock::now() > end;
+    const std::string printed = err();
     std::size_t at = 0;
-    for (int seen = 0; (at = said.find(text, at)) != std::string::npos;) {
+    for (int seen = 0; (at = printed.find(text, at)) != std::string::npos;) {
       at += text.size();
-      const std::size_t line_end = said.find('\n', at);
-      if (++seen == count && line_end != std::string::npos) return said.substr(at, line_end - at);
+      const std::size_t line_end = printed.find('\n', at);
+      if (++seen == count && line_end != std::string::npos)
+        return printed.substr(at, line_end - at);
     }
-    if (is_last_look) {
-      ADD_FAILURE() << name_ << " did not say \"" << text << "\" (" << count << ")\n" << said;
+    if (is_last_try) {
+      ADD_FAILURE() << name_ << " did not print \"" << text << "\" (" << count << ")\n" << printed;
       return "";
     }
-    std::this_thread::sleep_for(kLookAgain);
+    std::this_thread::sleep_for(kPollInterval);
   }
+}
+
+bool await(const std::function<bool()>& is_so, std::chrono::milliseconds deadline) {
+  const auto end = steady_clock::now() + deadline;
+  while (!is_so()) {
+    if (steady_clock::now() > end) return false;
+    std::this_thread::sleep_for(kPollInterval);
+  }
+  return true;
 }
 
 Outcome run_program(const std::string& name, const std::vector<std::string>& arguments) {
@@ -128,7 +130,7 @@ bool all_children_end(std::chrono::milliseconds deadline) {
     if (ended == -1) return errno == ECHILD;
     if (ended > 0) continue;
     if (steady_clock::now() > end) return false;
-    std::this_thread::sleep_for(kLookAgain);
+    std::this_thread::sleep_for(kPollInterval);
   }
 }
 

@@ -1,10 +1,11 @@
-// program.h — one of the project's programs, run for real by a test.
+// program.h — runs a program of the project as a process.
 #pragma once
 
 #include <sys/types.h>
 
 #include <chrono>
 #include <filesystem>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -12,14 +13,14 @@
 
 namespace palpate::test {
 
-/// Started by the constructor; what it prints goes to files, so that it never waits for its reader.
-/// The destructor kills it if it still runs, and the kernel does if the test dies.
+/// The constructor starts the program. Its output goes to files, so that it never waits for a
+/// reader. The destructor kills it if it still runs; so does the kernel if the test dies.
 class Program {
  public:
   static constexpr auto kDeadline = std::chrono::seconds(30);
 
   /// @param name     of the program in the build's bin folder, or a path
-  /// @param network  descriptor of the network namespace it runs in; −1: the test's
+  /// @param network  descriptor of its network namespace; −1: that of the test
   Program(const std::string& name, const std::vector<std::string>& arguments, int network = -1);
   ~Program();
   Program(const Program&) = delete;
@@ -28,16 +29,17 @@ class Program {
   [[nodiscard]] pid_t pid() const { return pid_; }
   void send_signal(int signal) const;
 
-  /// Waits for its end. Exit status, or 128 + the signal that killed it; at the deadline it is
-  /// killed and the test has failed.
+  /// Waits for its end. At the deadline it is killed and the test fails.
+  /// @return exit status, or 128 + the signal that killed it
   int wait(std::chrono::milliseconds deadline = kDeadline);
 
   /// What it has printed so far.
   [[nodiscard]] std::string out() const;
   [[nodiscard]] std::string err() const;
 
-  /// The rest of the line of stderr after the `count`-th `text`, once it is there; a failure of the
-  /// test, and "", if it is not there by the deadline or the program ends without it.
+  /// Waits until stderr contains `text` for the `count`-th time. The test fails if the deadline
+  /// passes or the program ends before.
+  /// @return the rest of that line; "" on failure
   std::string await_err(const std::string& text, int count = 1);
 
  private:
@@ -50,18 +52,22 @@ class Program {
   bool has_ended_ = false;
 };
 
+/// Waits until `is_so()`; false at the deadline.
+bool await(const std::function<bool()>& is_so,
+           std::chrono::milliseconds deadline = Program::kDeadline);
+
 struct Outcome {
   int status = -1;
   std::string out;
   std::string err;
 };
-/// Runs it to its end.
+/// Runs a program to its end.
 Outcome run_program(const std::string& name, const std::vector<std::string>& arguments);
 
-/// From now on, processes whose parent ends become children of this one instead of init's: so a
-/// test can see the orphans that a program leaves behind.
+/// From now on, processes whose parent ends become children of this process instead of init's, so
+/// that a test sees orphans that a program leaves behind.
 void adopt_orphans();
-/// Waits until no child of this process is left, orphans included; false at the deadline.
+/// Waits until no child of this process is left, including orphans; false at the deadline.
 bool all_children_end(std::chrono::milliseconds deadline = Program::kDeadline);
 
 }  // namespace palpate::test

@@ -1,4 +1,4 @@
-// temp_folder.h — a folder for one test, gone with it.
+// temp_folder.h — a folder for one test, removed with it.
 #pragma once
 
 #include <cstdlib>
@@ -10,13 +10,13 @@
 
 namespace palpate::test {
 
-/// What a file holds; "" if it cannot be read.
+/// Content of a file; "" if it cannot be read.
 [[nodiscard]] inline std::string text_of(const std::filesystem::path& file) {
   std::ifstream stream(file, std::ios::binary);
   return {std::istreambuf_iterator<char>(stream), {}};
 }
 
-/// Its path is short: the path of a Unix socket has 107 bytes at most.
+/// Its path is short, because the path of a Unix socket has 107 bytes at most.
 class TempFolder {
  public:
   TempFolder() {
@@ -33,7 +33,7 @@ class TempFolder {
 
   [[nodiscard]] const std::filesystem::path& path() const { return path_; }
 
-  /// Makes the folders of `name` too.
+  /// Writes a file and creates the folders of `name`.
   /// @return path of the new file
   std::string write(const std::string& name, const std::string& text) const {
     std::filesystem::create_directories((path_ / name).parent_path());

@@ -4,13 +4,11 @@
 
 #include <algorithm>
 #include <array>
-#include <cerrno>
 #include <cmath>
-#include <cstring>
-#include <fstream>
 #include <stdexcept>
 #include <vector>
 
+#include "common/core/regular_file.h"
 #include "common/telemetry/metrics.h"
 #include "common/telemetry/quantile.h"
 #include "common/telemetry/summary.h"
@@ -396,10 +394,8 @@ std::string report_html(RecordingFile& recording) {
 
 void write_report(RecordingFile& recording, const std::string& file) {
   const std::string html = report_html(recording);
-  std::ofstream out(file, std::ios::binary);
-  out << html;
-  out.close();
-  if (!out) throw std::runtime_error("report " + file + ": " + std::strerror(errno));
+  const std::string complaint = write_file(file, html);
+  if (!complaint.empty()) throw std::runtime_error("report " + file + ": " + complaint);
 }
 
 }  // namespace palpate

@@ -116,8 +116,11 @@ INSTANTIATE_TEST_SUITE_P(
         Forbidden{"viewer_node/recording/replay.cpp", "viewer_node/web_feed.h",
                   "viewer_node/recording may include"},
         Forbidden{"viewer_node/web_feed.cpp", "mofc_node/mofc_node.h", "viewer_node may include"},
-        Forbidden{"deploy/lockstep/lockstep.h", "deploy/palpate/loopback.h",
-                  "deploy/lockstep may include"}));
+        Forbidden{"deploy/lockstep/lockstep.h", "deploy/palpate/options.h",
+                  "deploy/lockstep may include"},
+        Forbidden{"deploy/lockstep/loopback.h", "CLI/CLI.hpp", "deploy/lockstep may include"},
+        Forbidden{"deploy/palpate/options.h", "viewer_node/server/web_server.h",
+                  "deploy/palpate may include"}));
 
 // contact ← surfaces ← files ← scene ← display
 INSTANTIATE_TEST_SUITE_P(

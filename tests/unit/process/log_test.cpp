@@ -11,7 +11,7 @@ namespace {
 
 using testing::MatchesRegex;
 
-TEST(Log, WritesWhatIsQueuedBeforeItEnds) {
+TEST(Log, WritesTheQueuedLinesBeforeItEnds) {
   std::ostringstream text;
 
   {

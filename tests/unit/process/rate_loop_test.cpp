@@ -12,8 +12,8 @@ using std::chrono::milliseconds;
 
 TimePoint at(Duration since_start) { return TimePoint{} + since_start; }
 
-// 1 kHz from 0: appointments at 0, 1, 2, 3 ms. The manual clock sleeps exactly.
-TEST(RateLoop, KeepsItsAppointments) {
+// 1 kHz from 0: turns are due at 0, 1, 2, 3 ms. The manual clock sleeps exactly.
+TEST(RateLoop, BeginsEachTurnWhenItIsDue) {
   ManualClock clock;
   RateLoop loop(clock, 1000.0);
   std::stop_source stop;
@@ -30,8 +30,8 @@ TEST(RateLoop, KeepsItsAppointments) {
   EXPECT_EQ(loop.counters().skipped_ticks, 0u);
 }
 
-// Turn 0 takes 2.5 ms: appointments 1 and 2 (1 ms, 2 ms) are past, the next turn is number 3.
-TEST(RateLoop, SkipsAndCountsWhatAnOverrunMissed) {
+// Turn 0 takes 2.5 ms: turns 1 and 2 (1 ms, 2 ms) are missed, the next one is number 3.
+TEST(RateLoop, SkipsAndCountsTheTurnsMissedByAnOverrun) {
   ManualClock clock;
   RateLoop loop(clock, 1000.0);
   std::stop_source stop;

@@ -11,7 +11,7 @@ namespace {
 
 using testing::HasSubstr;
 
-/// On a thread of its own: the scheduling of the test's thread stays as it is.
+/// Runs `body` on a thread of its own, so that the scheduling of the test thread does not change.
 template <class Body>
 void on_a_thread(Body body) {
   std::thread(body).join();
@@ -36,7 +36,7 @@ TEST(Realtime, PriorityZeroAndNoProcessorLeaveTheThreadAsItIs) {
   });
 }
 
-TEST(Realtime, TakesFifoExactlyWhenItIsPermittedAndSaysSo) {
+TEST(Realtime, TakesFifoExactlyWhenPermittedAndReportsIt) {
   const bool may = may_use_fifo(10);
   on_a_thread([may] {
     const RealtimeReport report = enter_realtime({.priority = 10, .cpu = -1});
@@ -54,7 +54,7 @@ TEST(Realtime, ThreadsOfARealtimeThreadAreOrdinary) {
   });
 }
 
-TEST(Realtime, PinsToTheProcessorAskedFor) {
+TEST(Realtime, PinsToTheRequestedProcessor) {
   on_a_thread([] {
     cpu_set_t allowed;
     ASSERT_EQ(sched_getaffinity(0, sizeof(allowed), &allowed), 0);
@@ -69,7 +69,7 @@ TEST(Realtime, PinsToTheProcessorAskedFor) {
   });
 }
 
-TEST(Realtime, ReportsAProcessorThatIsNotThere) {
+TEST(Realtime, ReportsAMissingProcessor) {
   on_a_thread([] {
     const RealtimeReport report = enter_realtime({.priority = 0, .cpu = 100000});
 

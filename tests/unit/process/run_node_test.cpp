@@ -2,14 +2,13 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
+#include <CLI/CLI.hpp>
 
-#include <filesystem>
-#include <fstream>
 #include <stdexcept>
 
 #include "common/core/check.h"
 #include "common/core/version.h"
+#include "tests/support/temp_folder.h"
 
 namespace palpate {
 namespace {
@@ -22,9 +21,6 @@ using testing::internal::GetCapturedStdout;
 
 class RunNode : public testing::Test {
  protected:
-  RunNode() { std::ofstream(session_) << "name: \"run_node_test\"\n"; }
-  ~RunNode() override { std::filesystem::remove(session_); }
-
   /// Exit status; what was printed is in `out` and `err`.
   int run(std::vector<std::string> arguments, const std::function<void(NodeContext&)>& body) {
     arguments.insert(arguments.begin(), "fake_node");
@@ -44,14 +40,14 @@ class RunNode : public testing::Test {
   }
   static void must_not_run(NodeContext&) { FAIL() << "the body ran"; }
 
-  std::string session_ =
-      testing::TempDir() + "run_node_test_" + std::to_string(getpid()) + ".txtpb";
+  test::TempFolder files_;
+  std::string session_ = files_.write("session.txtpb", "name: \"run_node_test\"\n");
   std::string out;
   std::string err;
   int extra_ = 0;
 };
 
-TEST_F(RunNode, HandsTheBodyItsSessionAndEndsWithStatusZero) {
+TEST_F(RunNode, GivesTheBodyItsSessionAndEndsWithStatusZero) {
   std::string name;
   std::uint64_t session_id = 0;
   const int status = run({"--session", session_, "--extra", "3"}, [&](NodeContext& context) {
@@ -80,7 +76,7 @@ TEST_F(RunNode, OverridesAreRepeatable) {
   EXPECT_EQ(rate_hz, 750.0);
 }
 
-TEST_F(RunNode, NoRealtimeAsksForNothingRealtime) {
+TEST_F(RunNode, NoRealtimeRemovesTheRequestsForRealTime) {
   run({"--session", session_, "--no-realtime"}, [&](NodeContext& context) {
     EXPECT_EQ(context.session.side().realtime.priority, 0);
     EXPECT_EQ(context.session.side().realtime.cpu, -1);
@@ -102,7 +98,7 @@ TEST_F(RunNode, NegativeSecondsAreStatusTwo) {
   EXPECT_EQ(run({"--session", session_, "--seconds", "-1"}, must_not_run), 2);
 }
 
-TEST_F(RunNode, AMissingSessionFileIsStatusTwoAndSaysWhich) {
+TEST_F(RunNode, AMissingSessionFileIsStatusTwoAndIsNamed) {
   EXPECT_EQ(run({"--session", "/no/such/file.txtpb"}, must_not_run), 2);
   EXPECT_THAT(err, HasSubstr("fake_node: "));
   EXPECT_THAT(err, HasSubstr("/no/such/file.txtpb"));
@@ -124,7 +120,7 @@ TEST_F(RunNode, AnyOtherExceptionIsStatusOne) {
   EXPECT_EQ(run({"--session", session_}, [](NodeContext&) { throw 3; }), 1);
 }
 
-TEST_F(RunNode, TheVersionIsTold) {
+TEST_F(RunNode, VersionIsPrinted) {
   EXPECT_EQ(run({"--version"}, must_not_run), 0);
   EXPECT_EQ(out, std::string("fake_node ") + version() + "\n");
 }

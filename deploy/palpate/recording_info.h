@@ -1,4 +1,4 @@
-// recording_commands.h — `palpate info`, `palpate export`.
+// recording_info.h — what a recording contains, and its ticks as a table.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -8,12 +8,12 @@
 
 namespace palpate {
 
-/// What a recording holds and who made it. Reads all of it: a damaged chunk is told.
+/// Contents and origin of a recording. Reads the whole file, so damaged chunks are reported.
 [[nodiscard]] nlohmann::ordered_json info_json(RecordingFile& recording);
 [[nodiscard]] std::string info_text(RecordingFile& recording);
 
-/// One row per device tick: columns of CsvWriter, nan where the recording does not know.
-/// Throws SetupError or std::runtime_error if the table cannot be written.
+/// One row per device tick with the columns of CsvWriter; nan where the recording has no value.
+/// Throws SetupError if the file cannot be created, std::runtime_error if writing fails.
 void export_csv(RecordingFile& recording, const std::string& csv_file);
 
 }  // namespace palpate

@@ -1,4 +1,4 @@
-#include "deploy/palpate/loopback.h"
+#include "deploy/lockstep/loopback.h"
 
 #include <memory>
 #include <stdexcept>
@@ -23,12 +23,11 @@ RunReport run_loopback(const Session& session, const LoopbackOptions& options) {
   RunReport report;
   report.simulated_s = options.seconds.value_or(session.duration_s);
   const Lockstep* running = nullptr;
-  Lockstep lockstep(session, lockstep_options,
-                    [&](const TickRow& row, const IdealState& ideal) {
-                      report.statistics.add(row, ideal);
-                      if (csv) csv->write(row);
-                      if (recorder) recorder->pump(*running, row.device.sampled_at);
-                    });
+  Lockstep lockstep(session, lockstep_options, [&](const TickRow& row, const IdealState& ideal) {
+    report.statistics.add(row, ideal);
+    if (csv) csv->write(row);
+    if (recorder) recorder->pump(*running, row.device.sampled_at);
+  });
   running = &lockstep;
 
   const SteadyClock wall;

@@ -1,37 +1,51 @@
-#include "deploy/palpate/doctor.h"
-
 #include <spdlog/fmt/fmt.h>
 #include <sys/mman.h>
 #include <sys/resource.h>
 
 #include <algorithm>
 #include <array>
+#include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <memory>
+#include <optional>
+#include <string>
 #include <thread>
 #include <utility>
+#include <vector>
 
 #include "common/core/check.h"
 #include "common/core/clock.h"
-#include "common/link/socket/endpoint.h"
 #include "common/link/security/keys.h"
+#include "common/link/socket/endpoint.h"
 #include "common/link/socket/link_socket.h"
 #include "common/link/socket/zmq_context.h"
+#include "common/process/endpoints.h"
 #include "common/process/realtime.h"
+#include "common/process/run_node.h"
 #include "common/session/session_file.h"
 #include "common/telemetry/quantile.h"
+#include "deploy/palpate/commands.h"
+#include "deploy/palpate/options.h"
 
 namespace palpate {
 namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kTimerTicks = 500;
-/// Of the period: what the 99th percentile of the wake-ups may take from a tick.
+constexpr double kMostTimerTicks = 500;
+constexpr double kTimerSeconds = 1.0;  ///< at most: slow rates get fewer ticks
+/// Largest acceptable lateness of a wake-up (99th percentile), as a share of the period.
 constexpr double kLateRatio = 0.1;
 
+struct Finding {
+  std::string what;      ///< "timer"
+  std::string text;      ///< what was found
+  std::string remedy{};  ///< what to do; empty: nothing
+};
+
 Finding examine_realtime(const RealtimeConfig& realtime) {
-  if (realtime.priority == 0) return {"real-time", "the session asks for ordinary scheduling"};
+  if (realtime.priority == 0) return {"real-time", "the session requests ordinary scheduling"};
   if (may_use_fifo(realtime.priority)) {
     return {"real-time", fmt::format("SCHED_FIFO {} is permitted", realtime.priority)};
   }
@@ -46,23 +60,25 @@ Finding examine_memory() {
   getrlimit(RLIMIT_MEMLOCK, &limit);
   const rlimit unlimited{.rlim_cur = RLIM_INFINITY, .rlim_max = RLIM_INFINITY};
   if (limit.rlim_max == RLIM_INFINITY || setrlimit(RLIMIT_MEMLOCK, &unlimited) == 0) {
-    return {"memory", "may be locked without a limit"};
+    return {"memory", "can be locked without limit"};
   }
-  return {"memory", fmt::format("only {} KiB may be locked", limit.rlim_max >> 10U),
+  return {"memory", fmt::format("only {} KiB can be locked", limit.rlim_max >> 10U),
           "permit it: ulimit -l unlimited, or a line `@haptics - memlock unlimited` in "
           "/etc/security/limits.d"};
 }
 
-/// Sleeps as the tick does, with its priority where permitted.
+/// Measures wake-ups as the tick sleeps, with its priority where permitted.
 Finding examine_timer(const RealtimeConfig& realtime, double rate_hz) {
   const Duration period = from_seconds(1.0 / rate_hz);
+  const auto ticks =
+      static_cast<std::size_t>(std::clamp(rate_hz * kTimerSeconds, 1.0, kMostTimerTicks));
   std::vector<Duration> lateness;
-  lateness.reserve(kTimerTicks);
+  lateness.reserve(ticks);
   std::thread([&] {
     static_cast<void>(enter_realtime(realtime));
     SteadyClock clock;
     TimePoint due = clock.now();
-    for (int i = 0; i < kTimerTicks; ++i) {
+    while (lateness.size() < ticks) {
       due += period;
       clock.sleep_until(due);
       lateness.push_back(clock.now() - due);
@@ -74,10 +90,10 @@ Finding examine_timer(const RealtimeConfig& realtime, double rate_hz) {
   const auto micro = [](Duration time) { return to_seconds(time) * 1e6; };
   Finding finding{"timer", fmt::format("{} wake-ups at {:g} Hz: 99 % within {:.0f} µs, all within "
                                        "{:.0f} µs",
-                                       kTimerTicks, rate_hz, micro(p99), micro(quantile(lateness, 1.0)))};
+                                       ticks, rate_hz, micro(p99), micro(quantile(lateness, 1.0)))};
   if (to_seconds(p99) * rate_hz > kLateRatio) {
     finding.remedy = fmt::format(
-        "more than {:g} % of a period: stop other load, permit real-time scheduling, or lower "
+        "more than {:g} % of a period: stop other programs, permit real-time scheduling, or lower "
         "device.rate_hz",
         kLateRatio * 100);
   }
@@ -90,27 +106,18 @@ Finding examine_clock_source() {
   for (const char* slow : {"hpet", "acpi_pm", "pit", "jiffies", "refined-jiffies"}) {
     if (source == slow) {
       return {"clock", source + ": slow to read",
-              "boot with clocksource=tsc if the machine has it"};
+              "boot with clocksource=tsc if the machine has one"};
     }
   }
   return {"clock", source};
 }
 
-/// The bound end of every link is tried as the session has it.
+/// Binds each endpoint for an instant, in plain text; sends nothing.
 void examine_links(const Session& session, std::vector<Finding>& findings) {
-  const LinksConfig& links = session.side().links;
-  for (const auto& [setting, endpoint] :
-       {std::pair<const char*, const std::string&>{"links.exchange", links.exchange},
-        {"links.tool_motion", links.tool_motion},
-        {"links.interaction", links.interaction},
-        {"links.device_telemetry", links.device_telemetry},
-        {"links.mofc_telemetry", links.mofc_telemetry},
-        {"links.physics_telemetry", session.physics_telemetry},
-        {"links.hand_target", links.hand_target}}) {
+  for (const auto& [setting, endpoint] : endpoints_of(session, session.side())) {
     if (endpoint.starts_with("inproc://")) continue;
     Finding finding{setting, endpoint};
     try {
-      // plain, for an instant, and nothing is sent
       ZmqContext context(RealtimeConfig{.priority = 0, .cpu = -1}, {.may_be_plain = true});
       const LinkSocket socket(context, {.type = zmq::socket_type::sub},
                               {bind_to(endpoint, setting)});
@@ -118,7 +125,7 @@ void examine_links(const Session& session, std::vector<Finding>& findings) {
     } catch (const SetupError& error) {
       const std::string why = error.what();
       if (why.find("does not have that address") != std::string::npos) {
-        finding.text += " is another machine's";
+        finding.text += " belongs to another machine";
       } else {
         finding.remedy = why.substr(why.find(": ") + 2);
       }
@@ -130,11 +137,8 @@ void examine_links(const Session& session, std::vector<Finding>& findings) {
 void examine_keys(const Session& session, std::vector<Finding>& findings) {
   const fs::path folder = session.security.key_folder;
   if (folder.empty()) {
-    const LinksConfig& links = session.side().links;
-    for (const std::string& endpoint :
-         {links.exchange, links.tool_motion, links.interaction, links.device_telemetry,
-          links.mofc_telemetry, session.physics_telemetry, links.hand_target}) {
-      if (!endpoint.starts_with("tcp://") || is_on_loopback(bind_to(endpoint, ""))) continue;
+    for (const auto& [setting, endpoint] : endpoints_of(session, session.side())) {
+      if (!endpoint.starts_with("tcp://") || is_on_loopback(bind_to(endpoint, setting))) continue;
       findings.push_back(
           {"keys", endpoint + " leaves this machine without keys",
            "palpate keygen DIR, and security { key_folder: \"DIR\" } in the session"});
@@ -152,23 +156,23 @@ void examine_keys(const Session& session, std::vector<Finding>& findings) {
       if (keys.of(role)) here += std::string(here.empty() ? "" : ", ") + name_of(role);
     }
   } catch (const SetupError& error) {
-    findings.push_back({"keys", "not as they should be", error.what()});
+    findings.push_back({"keys", "cannot be used", error.what()});
     return;
   }
   if (here.empty()) {
     findings.push_back({"keys", folder.string() + " has no secret key",
-                        "copy ROLE.key_secret of what shall run here into it"});
+                        "copy into it ROLE.key_secret of each role that runs here"});
     return;
   }
-  findings.push_back({"keys", "this machine may be: " + here});
+  findings.push_back({"keys", "this machine has the roles " + here});
 }
 
-}  // namespace
-
+/// With a session also its links and keys, as far as they concern this machine. Takes about a
+/// second.
 std::vector<Finding> examine_machine(const std::optional<Session>& session) {
-  const Session& asked = session ? *session : Session();
-  std::vector<Finding> findings{examine_realtime(asked.side().realtime), examine_memory(),
-                                examine_timer(asked.side().realtime, asked.side().device.rate_hz),
+  const Session& examined = session ? *session : Session();
+  std::vector<Finding> findings{examine_realtime(examined.side().realtime), examine_memory(),
+                                examine_timer(examined.side().realtime, examined.side().device.rate_hz),
                                 examine_clock_source()};
   if (session) {
     examine_links(*session, findings);
@@ -177,14 +181,35 @@ std::vector<Finding> examine_machine(const std::optional<Session>& session) {
   return findings;
 }
 
-std::string findings_text(const std::vector<Finding>& findings) {
-  std::string text;
-  for (const Finding& finding : findings) {
+/// Prints one line per finding.
+/// @return exit status
+int run_doctor(const SessionOptions& options) {
+  std::optional<Session> session;
+  if (!options.file.empty()) session = options.load();
+  int status = 0;
+  for (const Finding& finding : examine_machine(session)) {
     const bool is_well = finding.remedy.empty();
-    text += fmt::format("{}  {:<24} {}{}{}\n", is_well ? "ok   " : "TO DO", finding.what,
-                        finding.text, is_well ? "" : ": ", finding.remedy);
+    if (!is_well) status = kExitFailure;
+    const std::string line =
+        fmt::format("{}  {:<24} {}{}{}\n", is_well ? "ok   " : "TO DO", finding.what, finding.text,
+                    is_well ? "" : ": ", finding.remedy);
+    std::fputs(line.c_str(), stdout);
   }
-  return text;
+  return status;
+}
+
+}  // namespace
+
+Command add_doctor_command(CLI::App& app) {
+  CLI::App& command = *app.add_subcommand("doctor",
+                                          "check this machine, and its part in a session; exit "
+                                          "status 0 if fit, 1 if there is something "
+                                          "to do");
+  auto options = std::make_shared<SessionOptions>();
+  options->add_to(command);
+  command.get_option("SESSION")->required(false)->description(
+      "session file: check its rate, links, ports and keys too");
+  return {&command, [options] { return run_doctor(*options); }};
 }
 
 }  // namespace palpate

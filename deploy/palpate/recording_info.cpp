@@ -1,4 +1,4 @@
-#include "deploy/palpate/recording_commands.h"
+#include "deploy/palpate/recording_info.h"
 
 #include <spdlog/fmt/fmt.h>
 
@@ -11,11 +11,11 @@
 namespace palpate {
 namespace {
 
-/// Numbers of a pass over the whole file.
+/// Counts of one pass over the whole file.
 struct Content {
   std::map<std::string, std::uint64_t> messages;  // by topic
   std::map<std::string, std::uint64_t> ticks;     // by node
-  std::uint64_t records_lost = 0;                 // inside the nodes
+  std::uint64_t records_lost = 0;                 // before the nodes could publish them
 };
 
 Content content_of(RecordingFile& recording) {
@@ -93,11 +93,13 @@ std::string info_text(RecordingFile& recording) {
     line("dropped", dropped->second + " messages: the disk was too slow");
   }
   if (content.records_lost > 0) {
-    line("lost", fmt::format("{} ticks inside the nodes", content.records_lost));
+    line("lost",
+         fmt::format("{} ticks, before the nodes could publish them", content.records_lost));
   }
   if (recording.refused() > 0) line("refused", fmt::format("{} messages", recording.refused()));
   if (mcap.damaged_chunks() > 0) line("damaged", fmt::format("{} chunks", mcap.damaged_chunks()));
-  if (!mcap.is_whole()) line("not whole", "it was not closed: up to its last second is missing");
+  if (!mcap.is_whole())
+    line("incomplete", "the file was not closed; up to its last second is missing");
   return text;
 }
 

@@ -1,0 +1,23 @@
+// options.h — command line options that several programs share, each worded once.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace palpate {
+
+/// --set PATH=VALUE, repeatable.
+void add_override_option(CLI::App& app, std::vector<std::string>& overrides);
+/// --seconds: a finite number above 0.
+void add_seconds_option(CLI::App& app, std::optional<double>& seconds, const std::string& help);
+/// --no-realtime
+void add_no_realtime_flag(CLI::App& app, bool& has_no_realtime);
+/// --insecure
+void add_insecure_flag(CLI::App& app, bool& is_insecure);
+
+/// A time in s: finite, at least 0.
+[[nodiscard]] CLI::Validator is_start_time();
+
+}  // namespace palpate

@@ -1,0 +1,38 @@
+// ideal.h — the ideal force and the ideal run that a lockstep run is compared with.
+#pragma once
+
+#include "common/core/workspace_map.h"
+#include "common/session/session.h"
+#include "common/telemetry/tick_row.h"
+#include "device_node/simulation/ideal_run.h"
+#include "physics_node/scene/scene.h"
+
+namespace palpate {
+
+/// The tissue in continuous time, without sampling and delay: its force on the hand in this run,
+/// and the run it would have given (docs/theory.md §7.1).
+class Ideal {
+ public:
+  explicit Ideal(const Session& session);
+  Ideal(const Ideal&) = delete;  // its run refers to it
+  Ideal& operator=(const Ideal&) = delete;
+
+  /// Sets the ideal force and the true contact of a row.
+  void judge(TickRow& row);
+  /// State of the ideal run at the time of this tick.
+  [[nodiscard]] IdealState advance(const DeviceTick& tick);
+
+ private:
+  /// 0 while clutched.
+  [[nodiscard]] Vector3 force_on_hand(bool is_clutched, const physics::SceneForce& touch) const;
+
+  physics::Scene scene_;
+  DeviceConfig device_;
+  double peak_force_newton_;      // the smaller of the session's and the device's own
+  physics::TissueMemory memory_;  // of the run's own tool
+  WorkspaceMap run_map_;
+  physics::TissueMemory run_memory_;
+  device::IdealRun run_;
+};
+
+}  // namespace palpate

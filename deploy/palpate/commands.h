@@ -1,0 +1,42 @@
+// commands.h — the subcommands of palpate. Each has a file of its own, with its options beside what
+// it does.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+#include <memory>
+#include <string>
+
+namespace palpate {
+
+struct Command {
+  CLI::App* parser;  ///< parsed() is true if the user named this command
+  /// Called after parsing. Returns the exit status; throws SetupError for mistakes of the user, any
+  /// other exception for failures.
+  std::function<int()> run;
+};
+
+/// Adds a subcommand to `app`. @tparam Work  has add_to(CLI::App&) for its options and int run()
+template <class Work>
+[[nodiscard]] Command add_command(CLI::App& app, const std::string& name,
+                                  const std::string& description) {
+  CLI::App& parser = *app.add_subcommand(name, description);
+  auto work = std::make_shared<Work>();
+  work->add_to(parser);
+  return {&parser, [work] { return work->run(); }};
+}
+
+// Each adds its subcommand to `app`, which must outlive the result.
+[[nodiscard]] Command add_launch_command(CLI::App& app);
+[[nodiscard]] Command add_loopback_command(CLI::App& app);
+[[nodiscard]] Command add_info_command(CLI::App& app);
+[[nodiscard]] Command add_export_command(CLI::App& app);
+[[nodiscard]] Command add_replay_command(CLI::App& app);
+[[nodiscard]] Command add_report_command(CLI::App& app);
+[[nodiscard]] Command add_identify_command(CLI::App& app);
+[[nodiscard]] Command add_scene_check_command(CLI::App& app);
+[[nodiscard]] Command add_doctor_command(CLI::App& app);
+[[nodiscard]] Command add_keygen_command(CLI::App& app);
+[[nodiscard]] Command add_make_organ_command(CLI::App& app);
+
+}  // namespace palpate

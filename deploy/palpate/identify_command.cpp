@@ -1,0 +1,41 @@
+
+#include "common/session/session_file.h"
+#include "deploy/palpate/commands.h"
+#include "deploy/palpate/identify.h"
+#include "deploy/palpate/options.h"
+
+namespace palpate {
+namespace {
+
+struct IdentifyCommand {
+  SessionOptions session;
+  std::string side;
+  IdentifyOptions options;
+
+  void add_to(CLI::App& app) {
+    session.add_to(app);
+    add_side_option(app, side);
+    app.add_option("--output", options.profile_file,
+                   "write the bounds to this file, for device.profile_file of a session")
+        ->type_name("FILE");
+    app.add_flag("--i-understand-this-moves-the-device", options.may_move_hardware,
+                 "required for real hardware: the device moves by itself, with up to 1 N");
+  }
+
+  int run() const {
+    // the session may include the profile that this command is about to write
+    std::vector<std::string> overrides = session.overrides;
+    overrides.emplace_back("device.profile_file=");
+    run_identify(with_only_side(load_session(session.file, overrides), side), options);
+    return 0;
+  }
+};
+
+}  // namespace
+
+Command add_identify_command(CLI::App& app) {
+  return add_command<IdentifyCommand>(
+      app, "identify", "measure the friction of a session's device with its own motors; hands off");
+}
+
+}  // namespace palpate

@@ -1,0 +1,33 @@
+#include <cstdio>
+#include <string>
+
+#include "deploy/palpate/commands.h"
+#include "deploy/palpate/options.h"
+#include "deploy/palpate/recording_info.h"
+
+namespace palpate {
+namespace {
+
+struct InfoCommand {
+  std::string file;
+  bool is_json = false;
+
+  void add_to(CLI::App& app) {
+    add_recording_argument(app, file);
+    app.add_flag("--json", is_json, "print JSON");
+  }
+  int run() const {
+    RecordingFile recording(file);
+    const std::string text = is_json ? info_json(recording).dump(2) + "\n" : info_text(recording);
+    std::fputs(text.c_str(), stdout);
+    return 0;
+  }
+};
+
+}  // namespace
+
+Command add_info_command(CLI::App& app) {
+  return add_command<InfoCommand>(app, "info", "print what a recording contains");
+}
+
+}  // namespace palpate

@@ -1,0 +1,80 @@
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <utility>
+
+#include "common/core/regular_file.h"
+#include "common/process/options.h"
+#include "common/telemetry/summary.h"
+#include "deploy/lockstep/loopback.h"
+#include "deploy/palpate/commands.h"
+#include "deploy/palpate/options.h"
+#include "viewer_node/recording/recording_file.h"
+
+namespace palpate {
+namespace {
+
+struct LoopbackCommand {
+  SessionOptions session;
+  std::string side;
+  std::optional<double> seconds;
+  OutputOptions output;
+  std::string hand_file;
+  bool has_no_ideal = false;
+  bool is_inproc = false;
+
+  void add_to(CLI::App& app) {
+    session.add_to(app);
+    add_side_option(app, side);
+    add_seconds_option(app, seconds, "simulated time in s (default: duration_s of the session)");
+    output.add_to(app);
+    app.add_option("--hand", hand_file,
+                   "lead the simulated hand along the path of this recording, computed from the "
+                   "recorded motion and force; without --seconds, run for its length")
+        ->type_name("FILE.mcap");
+    app.add_flag("--no-ideal", has_no_ideal,
+                 "skip the ideal force, the ideal run and the figures that need them");
+    app.add_flag("--inproc", is_inproc,
+                 "pass the messages through ZeroMQ inproc sockets instead of memory");
+  }
+
+  int run() const {
+    // tissue deforms for each tool separately, so one side alone gets the same forces as beside
+    // others
+    Session loaded = with_only_side(session.load(), side);
+    refuse_shared_file({{"--csv", output.csv_file},
+                        {"--json", output.json_file},
+                        {"--record", output.record.file},
+                        {"--hand", hand_file}});
+    std::optional<double> length_s = seconds;
+    if (!hand_file.empty()) {
+      RecordingFile recording(hand_file);
+      recording.choose_side(side);
+      RecordedPath path = hand_path_of(recording, loaded.side().hand);
+      if (!length_s) length_s = recording.length_s();
+      loaded.side().hand.path = std::move(path);
+    }
+    const JsonOutput json(output.json_file);
+    const RunReport report = run_loopback(
+        loaded,
+        {.seconds = length_s,
+         .csv_file = output.csv_file,
+         .record = output.record,
+         .recorded_by = "palpate loopback" + (hand_file.empty() ? "" : " --hand " + hand_file),
+         .lockstep = {.links = is_inproc ? LockstepLinks::kInproc : LockstepLinks::kMemory,
+                      .has_ideal = !has_no_ideal}});
+    if (!json.is_standard_output()) std::fputs(summary_text(loaded, report).c_str(), stdout);
+    json.write(summary_json(loaded, report));
+    return 0;
+  }
+};
+
+}  // namespace
+
+Command add_loopback_command(CLI::App& app) {
+  return add_command<LoopbackCommand>(
+      app, "loopback",
+      "run a session in one process on virtual time: repeatable, faster than real time");
+}
+
+}  // namespace palpate

@@ -1,0 +1,56 @@
+#include <cstdint>
+#include <string>
+
+#include "common/core/check.h"
+#include "common/core/regular_file.h"
+#include "deploy/palpate/commands.h"
+#include "deploy/palpate/organ.h"
+#include "physics_node/files/ply.h"
+#include "physics_node/files/tetrahedral_mesh.h"
+
+namespace palpate {
+namespace {
+
+struct MakeOrganCommand {
+  std::string cloud_file;
+  std::string mesh_file;
+  std::uint32_t points = 3000;
+  std::uint32_t subdivisions = 2;
+
+  void add_to(CLI::App& app) {
+    app.add_option("--cloud", cloud_file, "write a point cloud to this file (PLY)")
+        ->type_name("FILE");
+    app.add_option("--points", points, "number of points of the cloud (default 3000)")
+        ->type_name("N")
+        ->check(CLI::Range(10, 100'000'000));
+    app.add_option("--mesh", mesh_file, "write a tetrahedral mesh to this file (Gmsh 2.2)")
+        ->type_name("FILE");
+    app.add_option("--subdivisions", subdivisions,
+                   "subdivisions of the mesh surface (default 2: 2240 tetrahedra)")
+        ->type_name("N")
+        ->check(CLI::Range(0, 6));
+  }
+
+  int run() const {
+    const auto write = [](const std::string& file, const std::string& text) {
+      const std::string complaint = write_file(file, text);
+      if (!complaint.empty()) throw SetupError(file + ": " + complaint);
+    };
+    if (cloud_file.empty() && mesh_file.empty()) {
+      throw SetupError("make-organ: nothing to write; give --cloud FILE or --mesh FILE");
+    }
+    if (!cloud_file.empty()) write(cloud_file, physics::ply_text(organ_cloud(points)));
+    if (!mesh_file.empty()) write(mesh_file, physics::msh_text(organ_mesh(subdivisions)));
+    return 0;
+  }
+};
+
+}  // namespace
+
+Command add_make_organ_command(CLI::App& app) {
+  return add_command<MakeOrganCommand>(
+      app, "make-organ",
+      "write an organ-like body as a point cloud or a mesh, for trying out sessions");
+}
+
+}  // namespace palpate
