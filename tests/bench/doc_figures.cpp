@@ -133,10 +133,10 @@ std::string velocity_table(const std::vector<json>& outputs) {
       {"FOAW best 10 ms", "adaptive window, best fit, 10 ms"},
       {"Kalman a 10, no force", "Kalman, motor force unknown"},
       {"Kalman a 10 (default)", "Kalman with motor force (default)"},
-      {"Kalman a 10, 0.2 kg told", "the same, mass set to 0.2 kg"},
-      {"Kalman a 10, 0.6 kg told", "the same, mass set to 0.6 kg"},
-      {"Kalman a 10, 0.1 kg told", "the same, mass set to 0.1 kg"},
-      {"Kalman a 10, 1 kg told", "the same, mass set to 1 kg"}};
+      {"Kalman a 10, mass set to 0.2 kg", "the same, mass set to 0.2 kg"},
+      {"Kalman a 10, mass set to 0.6 kg", "the same, mass set to 0.6 kg"},
+      {"Kalman a 10, mass set to 0.1 kg", "the same, mass set to 0.1 kg"},
+      {"Kalman a 10, mass set to 1 kg", "the same, mass set to 1 kg"}};
   std::vector<Cells> table;
   for (const auto& [key, label] : kShown) {
     const json& row = only(rows, [&](const json& r) {
@@ -228,8 +228,8 @@ DocFigures truth() {
 
 /// The adversities that break an assumption of the guarantee (docs/theory.md §1).
 bool is_outside(const std::string& adversity) {
-  for (const char* broken : {"friction told 2×", "friction told 5×", "the other kind of friction",
-                             "hand of 1 m/s", "hand of 2 m/s"}) {
+  for (const char* broken : {"profile friction 2×", "profile friction 5×",
+                             "profile with the other kind", "hand of 1 m/s", "hand of 2 m/s"}) {
     if (adversity.starts_with(broken)) return true;
   }
   return false;
