@@ -50,7 +50,7 @@ constexpr auto kWarmUp = 500ms;
 /// A process of this bench; ended by the destructor, and by the kernel if the bench dies.
 class Child {
  public:
-  /// Runs `body` in a child; the parent must have no other thread.
+  /// Runs `body` in a forked child, in which no other thread of the parent exists.
   explicit Child(const std::function<void()>& body) : end_signal_(SIGKILL) {
     std::fflush(nullptr);
     pid_ = fork();

@@ -66,11 +66,11 @@ std::string machine() {
          " processors, GCC-compatible compiler " __VERSION__;
 }
 
-/// Runs a command of the build folder in the root of the repository; its JSON.
-nlohmann::json output_of(const std::string& command, const fs::path& root) {
+/// Runs a command of the build folder in the root of the repository. Returns its JSON.
+nlohmann::json output_of(const std::string& command) {
   const fs::path json_file =
       fs::temp_directory_path() / ("palpate_figures_" + std::to_string(::getpid()) + ".json");
-  const std::string line = "cd '" + root.string() + "' && '" PALPATE_BINARY_DIR "'/" + command +
+  const std::string line = "cd '" PALPATE_SOURCE_DIR "' && '" PALPATE_BINARY_DIR "'/" + command +
                            " --json '" + json_file.string() + "' > /dev/null";
   const int status = std::system(line.c_str());
   const std::string text = text_of(json_file);
@@ -80,12 +80,12 @@ nlohmann::json output_of(const std::string& command, const fs::path& root) {
   return nlohmann::json::parse(text);
 }
 
-std::string new_table(const DocFigures& figures, const fs::path& root) {
+std::string new_table(const DocFigures& figures) {
   std::vector<nlohmann::json> outputs;
   for (const std::string& command : figures.commands) {
     std::printf("running %s\n", command.c_str());
     std::fflush(stdout);
-    outputs.push_back(output_of(command, root));
+    outputs.push_back(output_of(command));
   }
   return figures.table(outputs);
 }
@@ -172,7 +172,7 @@ int refresh(const Options& options) {
       ++uses[block.name];
       if (!is_wanted(*figures, options)) continue;
       if (!tables.contains(block.name)) {
-        tables[block.name] = new_table(*figures, options.root);
+        tables[block.name] = new_table(*figures);
       }
       const std::string& table = tables[block.name];
       const std::string documented =
@@ -210,7 +210,8 @@ int main(int argc, char** argv) {
   palpate::bench::Options options;
   app.add_flag("--check", options.is_check,
                "change nothing; exit status 1 if a table of the short lockstep figures differs");
-  app.add_option("--root", options.root, "folder with README.md and docs/")->capture_default_str();
+  app.add_option("--root", options.root, "folder with the README.md and docs/ to rewrite or check")
+      ->capture_default_str();
   app.add_option("names", options.only, "only these tables");
   CLI11_PARSE(app, argc, argv);
   try {

@@ -204,6 +204,33 @@ TEST(Documents, TheScanFindsABrokenLink) {
   EXPECT_EQ(broken_links("# A b\n[a](docs/theory.md#8-literature)", file).size(), 0u);
 }
 
+/// Paths between backticks that begin with a folder of the root and do not exist.
+std::vector<std::string> missing_paths(const std::string& document) {
+  std::vector<std::string> missing;
+  for (const std::string& path :
+       matches(document,
+               "`((?:common|device_node|mofc_node|physics_node|viewer_node|deploy|proto|"
+               "tests|cmake|docs)/[\\w./-]*)`")) {
+    if (!fs::exists(kRoot / path)) missing.push_back(path);
+  }
+  return missing;
+}
+
+TEST(Documents, PathsThatTheyNameExist) {
+  std::vector<fs::path> files{kRoot / "README.md", kRoot / "tests/bench/README.md"};
+  for (const auto& entry : fs::recursive_directory_iterator(kRoot / "docs")) {
+    if (entry.path().extension() == ".md") files.push_back(entry.path());
+  }
+  for (const fs::path& file : files) {
+    EXPECT_EQ(missing_paths(text_of(file)), std::vector<std::string>{}) << file;
+  }
+}
+
+TEST(Documents, TheScanFindsAMissingPath) {
+  EXPECT_EQ(missing_paths("`common/core/time.h` `common/no_such_file.h` `run.csv`"),
+            std::vector<std::string>{"common/no_such_file.h"});
+}
+
 /// Folders with sources of their own that the table of folders does not name.
 TEST(Documents, TheTreeExplainsEveryFolder) {
   const std::string tree = section(text_of(kRoot / "docs/design.md"), "## The tree");
