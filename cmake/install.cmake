@@ -7,6 +7,7 @@ install(TARGETS palpate device_node mofc_node device_mofc_node physics_node view
 install(DIRECTORY deploy/sessions proto DESTINATION ${CMAKE_INSTALL_DATADIR}/palpate
         FILES_MATCHING PATTERN "*.txtpb" PATTERN "*.proto" PATTERN "organ.*")
 install(FILES README.md CHANGELOG.md DESTINATION ${CMAKE_INSTALL_DOCDIR})
+install(DIRECTORY docs/ DESTINATION ${CMAKE_INSTALL_DOCDIR}/docs)
 install(FILES deploy/README.md DESTINATION ${CMAKE_INSTALL_DOCDIR}/deploy)
 install(FILES deploy/systemd/README.md DESTINATION ${CMAKE_INSTALL_DOCDIR}/deploy/systemd)
 install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} RENAME copyright)

@@ -110,7 +110,7 @@ void write_file(const std::filesystem::path& file, const std::string& text) {
   std::ofstream out(file, std::ios::binary);
   out << text;
   out.close();
-  if (!out) throw SetupError(file.string() + ": cannot be written; choose another place");
+  if (!out) throw SetupError(file.string() + ": cannot be written; choose another folder");
 }
 
 void draw_figure(const std::filesystem::path& folder, const std::string& name,

@@ -40,7 +40,7 @@ class Table {
   [[nodiscard]] std::string csv() const;
   [[nodiscard]] nlohmann::ordered_json json() const;
 
-  /// Prints the text and writes the files asked for. Throws SetupError if one cannot be written.
+  /// Prints the text and writes the requested files. Throws SetupError if one cannot be written.
   void publish(const BenchOptions& options) const;
 
  private:
@@ -51,8 +51,8 @@ class Table {
 /// Writes text to a file. Throws SetupError if it cannot.
 void write_file(const std::filesystem::path& file, const std::string& text);
 
-/// Writes NAME.gp into `folder` and lets gnuplot draw it there; says so, or why there is no figure.
-/// Throws SetupError if the file cannot be written.
+/// Writes NAME.gp into `folder` and runs gnuplot on it there; prints the result, or why there is no
+/// figure. Throws SetupError if the file cannot be written.
 void draw_figure(const std::filesystem::path& folder, const std::string& name,
                  const std::string& script);
 

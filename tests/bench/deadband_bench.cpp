@@ -1,4 +1,4 @@
-// deadband_bench — hops 2 and 3 thinned: messages saved against error, over the share k.
+// deadband_bench — deadbands on hops 2 and 3: messages saved against force error, for several k.
 #include <spdlog/fmt/fmt.h>
 
 #include <cstdio>
@@ -41,7 +41,7 @@ double saved_percent(std::uint64_t suppressed, std::uint64_t all) {
 void run(const BenchOptions& options) {
   Table table({{"tissue", "tissue", ""},
                {"interaction", "force", ""},
-               {"hops", "thinned", ""},
+               {"hops", "deadband on hops", ""},
                {"ratio", "k", "{:g}"},
                {"motions_saved_percent", "hop 2 saved %", "{:.1f}"},
                {"interactions_saved_percent", "hop 3 saved %", "{:.1f}"},

@@ -1,5 +1,5 @@
-// echo_links.h — ways to send bytes to another process and back, as bare as they can be: what the
-// exchange is measured against.
+// echo_links.h — minimal ways to send bytes to another process and back, to compare the exchange
+// with.
 #pragma once
 
 #include <cstddef>
@@ -11,18 +11,18 @@
 
 namespace palpate::bench {
 
-/// What goes there and what comes back [bytes].
+/// Sizes of request and reply [bytes].
 struct EchoBytes {
   std::size_t there = 0;
   std::size_t back = 0;
 };
 
-/// Made before the processes of its two ends are; each end then calls one function. Both processes
-/// have taken their scheduling before.
+/// Created before the processes of its two ends; each end then calls one function. Both processes
+/// have set their scheduling before.
 class EchoLink {
  public:
   virtual ~EchoLink() = default;
-  /// In the near process: what one round trip is; it sleeps until the echo is there. Ready for the
+  /// In the near process: performs one round trip and sleeps until the echo arrives. Ready for the
   /// first when it returns. `realtime`: for the threads of the library.
   virtual std::function<void()> open_near(const RealtimeConfig& realtime) = 0;
   /// In the far process: echoes until it is killed.

@@ -1,5 +1,5 @@
-// exchange_bench — the round trip device → mofc → device of the real programs against bare echoes
-// of the same bytes, and what its parts cost.
+// exchange_bench — the round trip device → mofc → device of the real programs, compared with plain
+// echoes of the same bytes, and the cost of its parts.
 #include <fcntl.h>
 #include <sched.h>
 #include <spdlog/fmt/fmt.h>
@@ -51,7 +51,7 @@ constexpr auto kWarmUp = 500ms;
 /// A process of this bench; ended by the destructor, and by the kernel if the bench dies.
 class Child {
  public:
-  /// Runs `body`, in which nothing of the parent may run but this thread.
+  /// Runs `body` in a forked child, in which no other thread of the parent exists.
   explicit Child(const std::function<void()>& body) : end_signal_(SIGKILL) {
     std::fflush(nullptr);
     pid_ = fork();
@@ -68,7 +68,7 @@ class Child {
     std::fflush(nullptr);
     _exit(status);
   }
-  /// Runs a program of the build; what it says goes to `log`.
+  /// Runs a program of the build; its output goes to `log`.
   Child(const fs::path& program, const std::vector<std::string>& arguments, const fs::path& log)
       : Child([&] {
           const int out = open(log.c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0600);
@@ -92,7 +92,7 @@ class Child {
   Child(const Child&) = delete;
   Child& operator=(const Child&) = delete;
 
-  /// Waits for its end; whether it went well.
+  /// Waits for its end. True if it succeeded.
   bool wait() {
     int status = 0;
     waitpid(std::exchange(pid_, 0), &status, 0);
@@ -104,7 +104,7 @@ class Child {
   int end_signal_;
 };
 
-/// Numbers that a child leaves to its parent.
+/// Numbers that a child passes to its parent.
 class SharedNumbers {
  public:
   explicit SharedNumbers(std::size_t capacity) : capacity_(capacity) {
@@ -133,7 +133,7 @@ class SharedNumbers {
   double* numbers_ = nullptr;  // the first one is how many
 };
 
-// --- what is measured -------------------------------------------------------------------------
+// --- measurements -----------------------------------------------------------------------------
 
 struct Placement {
   const char* label;
@@ -222,7 +222,7 @@ class Deployment {
   };
 
   Measured measure(const Case& c, const Wanted& wanted, double seconds) const {
-    // a deadline late in the period: the round trip is asked for, not whether it is in time
+    // a deadline late in the period: the bench measures the round trip, not punctuality
     const double reply_us = 0.9e6 / c.rate_hz;
     std::vector<std::string> settings = {
         fmt::format("device.rate_hz={}", c.rate_hz), fmt::format("device.reply_us={}", reply_us),
@@ -275,7 +275,7 @@ class Deployment {
     }
   }
 
-  /// Takes what the device says of its ticks.
+  /// Receives the telemetry of the device.
   Measured watch(const Session& session, double seconds) const {
     const SteadyClock clock;
     ZmqContext context;
@@ -361,13 +361,13 @@ std::string case_text(const Case& c) {
                      c.is_loaded ? "loaded" : "idle");
 }
 
-// The messages of an ordinary turn in contact.
+// The messages of an ordinary tick in contact.
 DeviceState ordinary_state() {
   const Vector3 position_m(0.011, -0.002, -0.004);
   DeviceState state{.header = {.session_id = ~0ULL, .sequence = 1000, .sampled_at = TimePoint(1h)},
                     .hand_position_m = position_m,
                     .tool_position_world_m = position_m};
-  // the command before acted until this one's, which has acted since
+  // the previous command acted until the switch, this one since then
   state.applied_count = 2;
   state.applied[0] = {.force_on_hand_newton = Vector3(0.1, 0.2, 1.0),
                       .from = TimePoint(1h) - 1ms,
@@ -438,7 +438,7 @@ Results run_case(const Case& c, const Deployment& deployment, const fs::path& fo
       for (volatile std::uint64_t n = 0;;) n = n + 1;
     }));
   }
-  // round by round, so that what else the machine does meets all of them
+  // round by round, so that other load on the machine affects all of them
   std::map<std::string, std::vector<Measured>> measured;
   for (int round = 0; round < rounds; ++round) {
     for (const auto& [name, measure_once] : links) measured[name].push_back(measure_once());
@@ -628,7 +628,7 @@ void run(const BenchOptions& options) {
   table.publish(options);
   std::printf(
       "palpate: device_node's time from sending to the decoded answer; –: not by the "
-      "deadline, 0.9 periods. A viewer that takes the figures is always there.\n");
+      "deadline, 0.9 periods. One viewer, which collects the figures, is always connected.\n");
   if (has_fifo) print_goals(cases[0].second, &cases[1].second);
   print_codec();
   print_lateness(has_fifo, seconds);
@@ -642,7 +642,8 @@ void run(const BenchOptions& options) {
 
 int main(int argc, char** argv) {
   CLI::App app(
-      "Round trip device, mofc, device against bare echoes of the same bytes. With --quick fewer "
+      "Round trip device, mofc, device compared with plain echoes of the same bytes. With --quick "
+      "fewer "
       "cases.");
   palpate::bench::BenchOptions options;
   return palpate::bench::run_bench(app, options, argc, argv, [&] { palpate::bench::run(options); });

@@ -1,6 +1,6 @@
-// guarantee_bench — can the hand be given energy? Every controller mode against every adversity of
-// physics, network, scheduler, encoder and profile, in the hand that seeks it, in lockstep; beside
-// the run without any controller. And whether mode guard remembers.
+// guarantee_bench — can a hand extract energy? Every controller mode against every adversity of
+// physics, network, scheduler, encoder and profile, with a hand that tries to, in lockstep; beside
+// the run without any controller. And whether mode guard depends on the past.
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
@@ -28,9 +28,9 @@ using test::AdverseResult;
 using test::AdverseRun;
 using test::Physics;
 
-/// What a run that went wrong has drawn: more than the rounding of the inner steps.
+/// A run fails below this true energy: more than the rounding of the inner steps.
 constexpr double kNegativeJoule = -1e-6;
-/// What the twin without a controller has to draw for the adversity to have bitten.
+/// The adversity has an effect if the run without a controller falls below this true energy.
 constexpr double kBiteJoule = -1e-3;
 
 struct Mode {
@@ -44,11 +44,11 @@ const Mode kPaperIsotropic{"paper/√3",
 const Mode kVector{"vector", {"mofc.mode=vector"}};
 const Mode kGuard{"guard", {"mofc.mode=guard"}};
 
-/// Of the simulated device, and told so to the controller.
+/// Of the simulated device; the profile agrees with it unless an adversity says otherwise.
 struct Friction {
   const char* label;
   bool is_per_axis;
-  std::vector<const Mode*> modes;  // the first one is the twin
+  std::vector<const Mode*> modes;  // the first one is the run without a controller
 };
 const Friction kFrictions[] = {
     {"isotropic", false, {&kNone, &kPaper, &kPaperIsotropic, &kVector, &kGuard}},
@@ -57,13 +57,13 @@ const Friction kFrictions[] = {
 struct Adversity {
   std::string label;
   AdverseRun run;
-  double friction_told = 1.0;  // times the true
-  bool is_told_wrong = false;  // isotropic for per axis (the mean) and the other way round
+  double profile_ratio = 1.0;  // friction of the profile / true friction
+  bool is_other_kind = false;  // the profile says isotropic for per axis (the mean), or vice versa
 };
 
 /// 0.1 N·s/m and 0.1 N, or a half and twice that on two of the axes.
 std::vector<std::string> overrides_of(const Friction& friction, const Adversity& adversity) {
-  const double told = adversity.friction_told;
+  const double ratio = adversity.profile_ratio;
   const auto isotropic = [](const std::string& path, double scale) {
     return std::vector<std::string>{fmt::format("{}.viscous_newton_s_per_m={}", path, 0.1 * scale),
                                     fmt::format("{}.coulomb_newton={}", path, 0.1 * scale)};
@@ -80,12 +80,13 @@ std::vector<std::string> overrides_of(const Friction& friction, const Adversity&
   };
   if (friction.is_per_axis) {
     add(per_axis("device.simulated", 0.05, 0.1, 0.2));
-    add(adversity.is_told_wrong ? isotropic("device.profile", 0.35 / 3.0 / 0.1)
-                                : per_axis("device.profile", 0.05 * told, 0.1 * told, 0.2 * told));
+    add(adversity.is_other_kind
+            ? isotropic("device.profile", 0.35 / 3.0 / 0.1)
+            : per_axis("device.profile", 0.05 * ratio, 0.1 * ratio, 0.2 * ratio));
   } else {
     add(isotropic("device.simulated", 1.0));
-    add(adversity.is_told_wrong ? per_axis("device.profile", 0.1, 0.1, 0.1)
-                                : isotropic("device.profile", told));
+    add(adversity.is_other_kind ? per_axis("device.profile", 0.1, 0.1, 0.1)
+                                : isotropic("device.profile", ratio));
   }
   return overrides;
 }
@@ -126,13 +127,13 @@ std::vector<Adversity> adversities() {
        "faults.tool_motion.outage={from_s: 0.6 until_s: 0.9 every_s: 0.9}"},
       Physics::kNewSessions);
 
-  // what physics says
+  // what physics answers
   add("±peak square wave", {}, Physics::kSquareWave);
   add("peak along the velocity", {}, Physics::kPushAlong);
   add("the same, a third NaN (inproc)", {}, Physics::kNotANumber);
   all.back().run.links = LockstepLinks::kInproc;
 
-  // hops 1 and 4, inside the tick, answers due within 0.5 ms; the hostile physics makes them bite
+  // hops 1 and 4, inside the tick, answers due within 0.5 ms; with hostile physics they matter
   add("answers 0.2…0.6 ms late",
       {"faults.force_command.delay_ms=0.2", "faults.force_command.jitter_ms=0.4"},
       Physics::kPushAlong);
@@ -156,11 +157,11 @@ std::vector<Adversity> adversities() {
 
   // outside the assumptions
   for (const int factor : {1, 2, 5}) {
-    add(fmt::format("friction told {}× the true", factor), {}, Physics::kEverything);
-    all.back().friction_told = factor;
+    add(fmt::format("profile friction {}× the true", factor), {}, Physics::kEverything);
+    all.back().profile_ratio = factor;
   }
-  add("the other kind of friction told", {}, Physics::kEverything);
-  all.back().is_told_wrong = true;
+  add("profile with the other kind of friction", {}, Physics::kEverything);
+  all.back().is_other_kind = true;
   add("hand of 1 m/s, v_max 0.5",
       {"hand.hostile.v_max_m_per_s=1", "device.profile.position_resolution_m=0",
        "device.simulated.position_resolution_m=0", "mofc.guard_settings.credit_cap_joule=10"},
@@ -207,7 +208,7 @@ struct Summary {
   static double mean_percent(double sum, int runs) { return runs > 0 ? 100.0 * sum / runs : kNaN; }
 };
 
-/// Does all jobs on as many threads as there are processors; the first exception comes out.
+/// Runs all jobs on as many threads as there are processors; rethrows an exception of a job.
 void in_parallel(std::size_t jobs, const std::function<void(std::size_t)>& job) {
   std::atomic<std::size_t> next{0};
   std::exception_ptr failure;
@@ -245,8 +246,8 @@ Table adversity_table(int seeds, const std::vector<std::string>& more_overrides)
     for (const Friction& friction : kFrictions) {
       for (const char* physics_hz : kPhysicsRates) {
         for (const Mode* mode : friction.modes) {
-          // pools for isotropic friction are not to be had with a profile per axis
-          if (adversity.is_told_wrong && mode == &kPaperIsotropic) continue;
+          // pools for isotropic friction need a profile with isotropic friction
+          if (adversity.is_other_kind && mode == &kPaperIsotropic) continue;
           rows.push_back({&adversity, &friction, physics_hz, mode, {}});
         }
       }
@@ -280,7 +281,7 @@ Table adversity_table(int seeds, const std::vector<std::string>& more_overrides)
                {"clamped_percent", "clamped %", "{:.1f}"},
                {"top_speed_m_per_s", "hand m/s", "{:.2f}"},
                {"too_fast_ticks", "too fast", "{:.0f}"},
-               {"bites", "bites", ""}});
+               {"bites", "effect", ""}});
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const Row& row = rows[i];
     const Summary& s = row.summary;
@@ -305,10 +306,10 @@ Table adversity_table(int seeds, const std::vector<std::string>& more_overrides)
 /// Time for the V after the free motion, and for the hand to come to rest.
 constexpr double kVSeconds = 3.0;
 
-/// Soft, rigid and mixed tissue of the paper after more and more free motion: device and clamp at
-/// 1 kHz, physics at 50 Hz, its model or its force; and all at 50 Hz. The V begins at many phases
-/// of the physics, because one tick earlier or later already gives another chatter: what is left
-/// between the means is memory.
+/// Soft, rigid and mixed tissue of the paper after increasing lengths of free motion: device and
+/// clamp at 1 kHz, physics at 50 Hz, with its contact model or its held force; and all at 50 Hz.
+/// The V begins at many phases of the physics, because one tick earlier or later already changes
+/// the chatter: the remaining difference between the means is the influence of the past.
 Table history_table(bool is_quick, const std::vector<std::string>& more_overrides) {
   constexpr std::size_t kLongPhases = 4;  // after 600 s
   constexpr std::size_t kPhases = 20;
@@ -456,16 +457,17 @@ void run(const GuaranteeOptions& options) {
   if (options.only != "history") {
     const Table adversity = adversity_table(bench.is_quick ? 3 : 50, options.overrides);
     std::printf(
-        "%s\nEach run: 2 s, device at 1 kHz, a hand that seeks energy, 0.3 m/s at most unless said."
+        "%s\nEach run: 2 s, device at 1 kHz, a hand that tries to extract energy, 0.3 m/s at most "
+        "unless stated."
         "\nFriction of the device: 0.1 N·s/m and 0.1 N, isotropic; or per axis, x 0.05, y 0.1, z "
         "0.2 of both."
         "\nMin energy: least true energy of the device's port over all inner steps and seeds, "
         "never "
         "seen by the controller."
         "\nPeak, fallback (without the force of an answer), hand speed: the largest of all seeds; "
-        "transparency (acting against asked) and clamped: their mean."
-        "\nToo fast: ticks in which the hand was surely faster than mode guard assumes."
-        "\nBites: the twin without a controller draws more than 1 mJ.\n",
+        "transparency (rendered against requested) and clamped: their mean."
+        "\nToo fast: ticks in which the hand was certainly faster than mode guard assumes."
+        "\nEffect: the run without a controller loses more than 1 mJ.\n",
         adversity.text().c_str());
     std::fflush(stdout);
     if (!bench.csv_file.empty()) write_file(bench.csv_file, adversity.csv());
@@ -477,7 +479,7 @@ void run(const GuaranteeOptions& options) {
         "\n%s\nThe paper's tissues after t_free of free motion; means over the phases of the "
         "physics "
         "at which the V begins."
-        "\n± one run: standard deviation over the phases, so what one run may show by chance. "
+        "\n± one run: standard deviation over the phases, the scatter of single runs. "
         "Change "
         "of the mean: against t_free = 0, ± its standard error."
         "\nOne run: largest change of a single run against the one at the same phase with t_free = "
@@ -492,7 +494,8 @@ void run(const GuaranteeOptions& options) {
 }  // namespace palpate::bench
 
 int main(int argc, char** argv) {
-  CLI::App app("Energy given to the hand, for every controller mode and adversity, in lockstep.");
+  CLI::App app(
+      "Energy extracted by the hand, for every controller mode and adversity, in lockstep.");
   palpate::bench::GuaranteeOptions options;
   app.add_option("--only", options.only, "one of the two tables")
       ->check(CLI::IsMember({"adversity", "history"}));

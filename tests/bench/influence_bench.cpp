@@ -1,4 +1,4 @@
-// influence_bench — what looking on costs: the haptic loop's timing with 0, 1 and 8 viewers in real
+// influence_bench — the cost of viewers: timing of the haptic loop with 0, 1 and 8 viewers in real
 // processes, and viewer_node's share of a core while a page sees a deforming tissue.
 #include <spdlog/fmt/fmt.h>
 
@@ -18,8 +18,9 @@
 #include <vector>
 
 #include "common/core/check.h"
-#include "common/telemetry/quantile.h"
 #include "common/session/session_file.h"
+#include "common/telemetry/metrics.h"
+#include "common/telemetry/quantile.h"
 #include "tests/bench/bench_output.h"
 #include "tests/support/program.h"
 #include "tests/support/run_folder.h"
@@ -39,13 +40,13 @@ constexpr std::size_t kRateHz = 1000;  // of the device, in both sessions
 constexpr int kChannels = 11;          // that viewer_node advertises, from 1
 constexpr int kMeshChannel = 2;
 
-/// viewer_node with pages that take what they subscribed to as fast as it comes.
+/// viewer_node with pages that read their subscriptions as fast as they arrive.
 class Viewer {
  public:
   Viewer(const std::string& session, std::size_t pages, int first_channel, int last_channel)
       : program_("viewer_node", {"--session", session, "--quiet", "--listen", "127.0.0.1:0"}) {
     const std::string url = program_.await_err("event=web url=http://127.0.0.1:");
-    if (url.empty()) throw SetupError("viewer_node does not serve:\n" + program_.err());
+    if (url.empty()) throw SetupError("viewer_node does not serve a page:\n" + program_.err());
     for (std::size_t i = 0; i < pages; ++i) {
       threads_.emplace_back([this, port = std::stoi(url), first_channel, last_channel] {
         WebClient page(static_cast<std::uint16_t>(port));
@@ -83,7 +84,7 @@ class Viewer {
   std::vector<std::jthread> threads_;
 };
 
-/// The three nodes of a session, and a subscriber to their telemetry that does the measuring.
+/// The three nodes of a session, and a subscriber to their telemetry that measures.
 class Nodes {
  public:
   Nodes(const std::string& session, bool is_realtime)
@@ -101,11 +102,11 @@ class Nodes {
   Nodes(const Nodes&) = delete;
   Nodes& operator=(const Nodes&) = delete;
 
-  /// So many ticks pass unmeasured: what came before has then arrived.
+  /// Discards this many ticks, so that earlier messages have arrived.
   void skip(std::size_t ticks) {
     if (!watcher_.until_rows(ticks)) throw SetupError("the ticks stopped:\n" + launch_.err());
   }
-  /// The next so many ticks that telemetry brings.
+  /// The next `ticks` ticks of the telemetry.
   [[nodiscard]] std::vector<TickRow> take(std::size_t ticks) {
     const std::size_t first = watcher_.rows().size();
     skip(ticks);
@@ -214,9 +215,9 @@ void measure_influence(const BenchOptions& options, bool is_realtime) {
   }
   table.publish(options);
   std::printf(
-      "%zu rounds of %zu s each, the nodes started anew for each round; %s. A viewer is a\n"
-      "viewer_node whose page takes all channels. Whoever measures subscribes to the telemetry in\n"
-      "every row. Least to greatest of one row is the noise to judge the others by.\n",
+      "%zu rounds of %zu s each, the nodes restarted for each round; %s. A viewer is a\n"
+      "viewer_node whose page subscribes to all channels. The measuring subscriber is present in\n"
+      "every row. The range within one row is the noise for comparing rows.\n",
       rounds, seconds, is_realtime ? "SCHED_FIFO where permitted" : "ordinary scheduling");
 }
 
@@ -268,7 +269,7 @@ std::string ball_obj() {
   return obj;
 }
 
-/// Of all its threads, since its start.
+/// Processor time of all threads since the start.
 double processor_s(pid_t pid) {
   clockid_t clock{};
   timespec used{};
@@ -324,7 +325,7 @@ void measure_page(const BenchOptions& options, bool is_realtime) {
 }  // namespace palpate::bench
 
 int main(int argc, char** argv) {
-  CLI::App app("What looking on costs: timing of the loop with 0, 1 and 8 viewers.");
+  CLI::App app("The cost of viewers: timing of the loop with 0, 1 and 8 viewers.");
   palpate::bench::BenchOptions options;
   bool is_of_page = false;
   bool is_ordinary = false;

@@ -9,19 +9,19 @@
 #include <vector>
 
 #include "common/core/check.h"
-#include "deploy/lockstep/loopback.h"
 #include "common/telemetry/summary.h"
+#include "deploy/lockstep/loopback.h"
 #include "tests/bench/bench_output.h"
 #include "tests/bench/tissue_scenes.h"
 
 namespace palpate::bench {
 namespace {
 
-/// Physics at 50 Hz, 20 ms away, and everything else as by default, unless a variant says so.
+/// Physics at 50 Hz, 20 ms away, everything else at its default, unless a variant overrides it.
 const std::vector<std::string> kBase{"physics.rate_hz=50", "faults.tool_motion.delay_ms=20",
                                      "faults.interaction.delay_ms=20"};
 
-/// A contact model of lower order: what is not described is not extrapolated.
+/// A contact model of lower order: terms that are left out are not extrapolated.
 void as_plane(Interaction& interaction) {
   for (std::uint32_t i = 0; i < interaction.listed_count; ++i) {
     Contact& contact = interaction.contacts[i];
@@ -127,7 +127,7 @@ void run(const BenchOptions& options) {
       LockstepOptions judged{.has_ideal = true, .tamper_with_interaction = variant.tamper};
       const RunReport report =
           run_loopback(session, {.seconds = scene.seconds, .lockstep = judged});
-      // timed without the ideal, the quickest of the repeats: what else runs only adds
+      // timed without the ideal; the shortest of the repeats, since other load only adds time
       double wall_s = kNaN;
       for (int i = 0; i < repeats; ++i) {
         const RunReport timed = run_loopback(

@@ -1,5 +1,7 @@
-// paper_experiments — the paper's experiments in lockstep: soft, rigid and mixed tissue, with and
-// without the controller, after different lengths of free motion; beside the paper's own figures.
+// paper_experiments — the experiments of the paper in lockstep: soft, rigid and mixed tissue, with
+// and without the controller, after different lengths of free motion, beside the figures that the
+// paper prints. The sessions are those of deploy/sessions, so that `palpate loopback` repeats each
+// row.
 #include <spdlog/fmt/fmt.h>
 
 #include <cstdio>
@@ -9,8 +11,8 @@
 
 #include "common/core/check.h"
 #include "common/session/session_file.h"
-#include "deploy/lockstep/loopback.h"
 #include "common/telemetry/summary.h"
+#include "deploy/lockstep/loopback.h"
 #include "tests/bench/bench_output.h"
 
 namespace palpate::bench {
@@ -43,14 +45,9 @@ const Tissue kTissues[] = {{"soft", "paper_soft", 1, "100 / 100 / 100 %"},
 /// Time for the V after the free motion, and for the hand to come to rest.
 constexpr double kVSeconds = 3.0;
 
-/// In lockstep the physics answers at once. The sessions grant it 15 ms, and modes `vector` and
-/// `guard` would reserve energy for that delay, which the paper does not have.
-const std::vector<std::string> kAtOnce{"mofc.wait_for_physics_ms=0.001", "device.reply_us=2"};
-
 Session session_of(const Tissue& tissue, const Controller& controller, double free_s,
                    bool is_two_way, const std::vector<std::string>& more = {}) {
   std::vector<std::string> overrides = controller.overrides;
-  overrides.insert(overrides.end(), kAtOnce.begin(), kAtOnce.end());
   overrides.push_back(fmt::format("hand.v.free_motion_s={}", free_s));
   for (int i = 0; i < tissue.parts; ++i) {
     overrides.push_back(fmt::format("scene.tissue[{}].kelvin_voigt.adhesive={}", i, is_two_way));
@@ -88,12 +85,21 @@ Table make_table() {
                 {"paper_transparency", "paper x / y / z", ""}});
 }
 
-/// Soft, rigid, mixed × damper both ways or only pushing × controller × free motion.
-void add_experiments(Table& table) {
+/// Soft, rigid, mixed × damper that also pulls or only pushes × controller × length of free motion.
+/// The excerpt is what docs/benchmarks.md shows: the sessions as shipped.
+void add_experiments(Table& table, bool is_excerpt) {
+  using Dampers = std::vector<bool>;
+  using Controllers = std::vector<const Controller*>;
+  using Seconds = std::vector<double>;
+  const Dampers dampers = is_excerpt ? Dampers{true} : Dampers{true, false};
+  const Controllers controllers =
+      is_excerpt ? Controllers{&kNone, &kPaper, &kVector, &kGuard}
+                 : Controllers{&kNone, &kPaper, &kPaperIsotropic, &kVector, &kGuard};
+  const Seconds free_motions_s = is_excerpt ? Seconds{14.0} : Seconds{0.0, 2.0, 14.0, 40.0};
   for (const Tissue& tissue : kTissues) {
-    for (const bool is_two_way : {true, false}) {
-      for (const Controller* controller : {&kNone, &kPaper, &kPaperIsotropic, &kVector, &kGuard}) {
-        for (const double free_s : {0.0, 2.0, 14.0, 40.0}) {
+    for (const bool is_two_way : dampers) {
+      for (const Controller* controller : controllers) {
+        for (const double free_s : free_motions_s) {
           const Session session = session_of(tissue, *controller, free_s, is_two_way);
           const RunReport report = run_loopback(session, {.seconds = free_s + kVSeconds});
           const bool is_papers = controller == &kPaper && is_two_way && free_s == 14.0;
@@ -106,7 +112,7 @@ void add_experiments(Table& table) {
   }
 }
 
-/// The paper's promise holds for one axis and exact positions: a V straight down and up.
+/// The guarantee of the paper holds for one axis and exact positions: a V straight down and up.
 void add_one_axis(Table& table) {
   const std::vector<std::string> exact{"hand.v.half_width_m=0",
                                        "device.simulated.position_resolution_m=0",
@@ -119,9 +125,9 @@ void add_one_axis(Table& table) {
   table.add_gap();
 }
 
-/// A hand that seeks energy at the surface of the rigid tissue, in three axes, with a firm grip:
+/// A hand that extracts energy at the surface of the rigid tissue, on three axes, with a firm grip:
 /// the worst of `seeds` runs.
-void add_hostile(Table& table, int seeds) {
+void add_hostile(Table& table, int seeds, bool is_excerpt) {
   const std::vector<std::string> hostile{"hand.hostile={radius_m: 0.02}",
                                          "hand.stiffness_newton_per_m=2000",
                                          "hand.damping_newton_s_per_m=40"};
@@ -134,11 +140,12 @@ void add_hostile(Table& table, int seeds) {
        {"device.simulated.position_resolution_m=0", "device.profile.position_resolution_m=0"}},
       {"rigid, hostile hand, 0.055 mm", {}}};
   for (const Row& row : rows) {
+    if (is_excerpt && &row == &rows[0]) continue;
     for (const Controller* controller : {&kNone, &kPaper, &kPaperIsotropic, &kVector, &kGuard}) {
+      if (is_excerpt && controller == &kPaperIsotropic) continue;
       RunReport worst;
       for (int seed = 1; seed <= seeds; ++seed) {
         std::vector<std::string> overrides = controller->overrides;
-        overrides.insert(overrides.end(), kAtOnce.begin(), kAtOnce.end());
         overrides.insert(overrides.end(), hostile.begin(), hostile.end());
         overrides.insert(overrides.end(), row.overrides.begin(), row.overrides.end());
         overrides.push_back(fmt::format("seed={}", seed));
@@ -154,8 +161,7 @@ void add_hostile(Table& table, int seeds) {
   }
 }
 
-/// The paper's figures 6 to 10: position and force against time, with what was asked and what
-/// acted.
+/// Figures 6 to 10 of the paper: position, requested force and rendered force against time.
 struct Figure {
   const char* file;
   const char* title;
@@ -201,7 +207,7 @@ void draw_figures(const BenchOptions& options) {
     const Session session = session_of(figure.tissue, figure.controller, 14.0, true);
     static_cast<void>(run_loopback(
         session, {.seconds = 14.0 + kVSeconds, .csv_file = (folder / (name + ".csv")).string()}));
-    // only the V: the free motion before it shows nothing
+    // only the V, not the free motion before it
     draw_figure(folder, name,
                 fmt::format(R"(set datafile separator ','
 set terminal svg size 900,640 dynamic background rgb 'white' font 'sans,13'
@@ -218,12 +224,12 @@ plot '{0}.csv' using 't_s':(1e3*column('x_m')) with lines lw 2 title 'x', \
      '' using 't_s':(1e3*column('z_m')) with lines lw 2 title 'z'
 set ylabel 'force on the hand, N'
 set xlabel 'time, s'
-plot '{0}.csv' using 't_s':'fe_x' with steps lw 1 dt 2 lc 1 title 'x asked', \
-     '' using 't_s':'fe_y' with steps lw 1 dt 2 lc 2 title 'y asked', \
-     '' using 't_s':'fe_z' with steps lw 1 dt 2 lc 3 title 'z asked', \
-     '' using 't_s':'fs_x' with steps lw 2 lc 1 title 'x acting', \
-     '' using 't_s':'fs_y' with steps lw 2 lc 2 title 'y acting', \
-     '' using 't_s':'fs_z' with steps lw 2 lc 3 title 'z acting'
+plot '{0}.csv' using 't_s':'fe_x' with steps lw 1 dt 2 lc 1 title 'x requested', \
+     '' using 't_s':'fe_y' with steps lw 1 dt 2 lc 2 title 'y requested', \
+     '' using 't_s':'fe_z' with steps lw 1 dt 2 lc 3 title 'z requested', \
+     '' using 't_s':'fs_x' with steps lw 2 lc 1 title 'x rendered', \
+     '' using 't_s':'fs_y' with steps lw 2 lc 2 title 'y rendered', \
+     '' using 't_s':'fs_z' with steps lw 2 lc 3 title 'z rendered'
 unset multiplot
 )",
                             name, figure.title));
@@ -231,29 +237,40 @@ unset multiplot
   draw_comparison(folder);
 }
 
-void run(const BenchOptions& options) {
-  const int seeds = options.is_quick ? 5 : 20;
+struct PaperOptions {
+  BenchOptions bench;
+  bool is_excerpt = false;
+};
+
+void run(const PaperOptions& options) {
+  const int seeds = options.bench.is_quick || options.is_excerpt ? 5 : 20;
   Table table = make_table();
-  add_experiments(table);
-  add_one_axis(table);
-  add_hostile(table, seeds);
-  table.publish(options);
+  add_experiments(table, options.is_excerpt);
+  if (!options.is_excerpt) add_one_axis(table);
+  add_hostile(table, seeds, options.is_excerpt);
+  table.publish(options.bench);
   std::printf(
-      "\nTransparency: force acting / force asked, eqs. (15)-(18), per axis where > 0.05 N was "
-      "asked."
-      "\nExcess reversals: turns > 0.5 mm beyond those of the continuous-time ideal run, all axes."
-      "\nMin energy: least true energy of the device's port over all inner steps, never seen by "
-      "MOFC."
+      "\nTransparency: rendered force / requested force, eqs. (15)-(18), per axis, over samples "
+      "with "
+      "more than 0.05 N requested."
+      "\nExcess reversals: direction changes > 0.5 mm beyond those of the continuous-time ideal "
+      "run, "
+      "all axes."
+      "\nMin energy: least true energy at the device's port over all inner steps; the controller "
+      "never receives it."
       "\nHostile rows: the worst of %d seeds, 10 s each.\n",
       seeds);
-  if (!options.plot_folder.empty()) draw_figures(options);
+  if (!options.bench.plot_folder.empty()) draw_figures(options.bench);
 }
 
 }  // namespace
 }  // namespace palpate::bench
 
 int main(int argc, char** argv) {
-  CLI::App app("The paper's experiments, in lockstep, beside the paper's figures.");
-  palpate::bench::BenchOptions options;
-  return palpate::bench::run_bench(app, options, argc, argv, [&] { palpate::bench::run(options); });
+  CLI::App app("The experiments of the paper, in lockstep, beside the figures that it prints.");
+  palpate::bench::PaperOptions options;
+  app.add_flag("--excerpt", options.is_excerpt,
+               "only the rows of docs/benchmarks.md: the sessions as shipped, and a hostile hand");
+  return palpate::bench::run_bench(app, options.bench, argc, argv,
+                                   [&] { palpate::bench::run(options); });
 }

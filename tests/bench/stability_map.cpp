@@ -1,6 +1,6 @@
-// stability_map — where a wall can be pressed and held: period, mass, stiffness, damping and delay,
-// per controller and use of the physics' answer. Stable, chattering or unstable, as a table and
-// drawn.
+// stability_map — which walls can be pressed and held: period, mass, stiffness, damping and delay,
+// per controller and use of the interaction. Stable, chattering or unstable, as a table and as a
+// figure.
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
@@ -11,8 +11,8 @@
 
 #include "common/core/check.h"
 #include "common/session/session_file.h"
-#include "deploy/lockstep/lockstep.h"
 #include "common/telemetry/summary.h"
+#include "deploy/lockstep/lockstep.h"
 #include "tests/bench/bench_output.h"
 
 namespace palpate::bench {
@@ -46,9 +46,9 @@ struct Outcome {
   double force_newton = 0.0;  // mean along the normal, last 0.5 s
 };
 
-/// The hand goes 10 mm into the wall within 0.3 s and stays for 2 s (docs/theory.md §7.5). In the last
-/// 0.5 s: stable below 0.2 mm of swing, unstable from 5 mm on or where the hand was given more than
-/// 10 mJ, else chattering.
+/// The hand goes 10 mm into the wall within 0.3 s and stays for 2 s (docs/theory.md §7.5). In the
+/// last 0.5 s: stable below 0.2 mm peak to peak, unstable from 5 mm or where the hand extracted
+/// more than 10 mJ, else chattering.
 Outcome press(const Point& point, const Way& way) {
   const std::string text = fmt::format(
       R"(name: "press"
@@ -103,7 +103,7 @@ struct Grid {
   std::vector<double> delays_ms{0, 5, 20};
 };
 
-/// One panel for each way: period across, stiffness up, at 0.3 kg without damping or delay, and
+/// One panel for each variant: period across, stiffness up, at 0.3 kg without damping or delay, and
 /// with 5 ms of delay.
 void draw(const std::filesystem::path& folder) {
   std::string script = R"(set datafile separator ','
@@ -193,9 +193,9 @@ void run(const BenchOptions& options) {
   std::printf("%s", counts.text().c_str());
   std::printf(
       "\nA hand of 150 N/m and 6 N·s/m goes 10 mm into the wall and stays: device and physics with "
-      "period T, delay each way.\nSwing in the last 0.5 s: stable below 0.2 mm, unstable from 5 mm "
-      "on or where the hand was given more than 10 mJ.\nMean force: what is held; a force of "
-      "nothing is stable too. --csv has every point.\n");
+      "period T, delay each way.\nPeak to peak in the last 0.5 s: stable below 0.2 mm, unstable "
+      "from 5 mm or where the hand extracted more than 10 mJ.\nMean force: the force held; zero "
+      "force is stable, too. --csv has every point.\n");
   if (!options.csv_file.empty()) write_file(options.csv_file, all.csv());
   if (!options.json_file.empty()) write_file(options.json_file, all.json().dump(2) + "\n");
   if (options.plot_folder.empty()) return;
@@ -209,7 +209,7 @@ void run(const BenchOptions& options) {
 }  // namespace palpate::bench
 
 int main(int argc, char** argv) {
-  CLI::App app("Where a wall can be pressed and held, in lockstep.");
+  CLI::App app("Which walls can be pressed and held, in lockstep.");
   palpate::bench::BenchOptions options;
   return palpate::bench::run_bench(app, options, argc, argv, [&] { palpate::bench::run(options); });
 }

@@ -1,5 +1,5 @@
-// tissue_scenes.h — the tissues that benches touch, each with the hand's path that shows what is
-// hard about it. Device 1 kHz with the default profile (0.055 mm, 3.3 N), hand as in the paper.
+// tissue_scenes.h — the tissues of the benches, each with a path of the hand that shows its
+// difficulty. Device 1 kHz with the default profile (0.055 mm, 3.3 N), hand as in the paper.
 #pragma once
 
 #include <string>

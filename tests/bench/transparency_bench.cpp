@@ -1,5 +1,5 @@
-// transparency_bench — what the hand feels of the tissue when physics is slow, far and lossy: a
-// held force beside the local contact model, without and with the clamp, run time beside error.
+// transparency_bench — how much of the tissue is rendered when physics is slow, far and lossy: a
+// held force and the contact model, without and with the clamp, run time beside error.
 #include <spdlog/fmt/fmt.h>
 
 #include <cstdio>
@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "common/core/check.h"
-#include "deploy/lockstep/loopback.h"
 #include "common/telemetry/summary.h"
+#include "deploy/lockstep/loopback.h"
 #include "tests/bench/bench_output.h"
 #include "tests/bench/tissue_scenes.h"
 
@@ -22,7 +22,7 @@ struct Link {
   double physics_hz = 1000.0;
   double delay_ms = 0.0;  ///< one way, on hops 2 and 3 each
   double loss_ratio = 0.0;
-  bool is_frozen = false;  ///< from 0.7 s on physics says the same thing
+  bool is_frozen = false;  ///< from 0.7 s on physics repeats itself
 };
 
 struct Way {
@@ -53,7 +53,7 @@ Session session_of(const TissueScene& scene, const Link& link, const Way& way, i
   return session_of(scene, overrides);
 }
 
-/// Means over seeds, but for what counts at its worst.
+/// Means over seeds; peak, reversals and energy are the worst of them.
 struct Figures {
   int runs = 0;
   double transparency = 0.0;
@@ -106,7 +106,7 @@ Table make_table() {
 
 Figures run(const TissueScene& scene, const Link& link, const Way& way, int seeds) {
   Figures figures;
-  // without loss nothing is random
+  // without loss every seed gives the same run
   const int runs = link.loss_ratio > 0.0 ? seeds : 1;
   for (int seed = 1; seed <= runs; ++seed) {
     figures.add(run_loopback(session_of(scene, link, way, seed), {.seconds = scene.seconds}));
@@ -206,7 +206,7 @@ void run(const BenchOptions& options) {
   std::printf(
       "\nDelay and loss on hops 2 and 3 each. Transparency: projected, capped, of the force acting "
       "against the\ncontinuous tissue at the true position; error: rms of their difference, of its "
-      "rms; err. run: against the\nideal run, which counts that the hand is elsewhere. Path: rms "
+      "rms; err. run: against the\nideal run, which includes that the hand is elsewhere. Path: rms "
       "and peak distance to the ideal run.\nMean of %d seeds where there is loss; peak, reversals "
       "and energy are the worst of them. µs/tick: all nodes\nand the ideal, one thread.\n",
       seeds);
@@ -223,7 +223,7 @@ void run(const BenchOptions& options) {
 }  // namespace palpate::bench
 
 int main(int argc, char** argv) {
-  CLI::App app("Held force and local contact model against rate, delay and loss, in lockstep.");
+  CLI::App app("Held force and contact model against rate, delay and loss, in lockstep.");
   palpate::bench::BenchOptions options;
   return palpate::bench::run_bench(app, options, argc, argv, [&] { palpate::bench::run(options); });
 }

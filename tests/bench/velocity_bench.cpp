@@ -1,5 +1,5 @@
 // velocity_bench — how mofc_node's velocity estimators trade error against lag, on motions of the
-// simulated hand seen through a 0.055 mm encoder, and what that does to a rigid damper in the loop.
+// simulated hand measured by a 0.055 mm encoder, and the effect on a rigid damper in the loop.
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
@@ -30,7 +30,7 @@ struct Estimator {
   const char* family;
   const char* label;
   const char* session;  ///< content of mofc.velocity_estimator
-  bool is_told_a_wrong_mass = false;
+  bool has_wrong_mass = false;
 };
 const Estimator kEstimators[] = {
     {"difference", "difference", "difference {}"},
@@ -69,17 +69,17 @@ const Estimator kEstimators[] = {
     {"Kalman a, force known", "Kalman a 10 (default)", "kalman_acceleration {}"},
     {"Kalman a, force known", "Kalman a 100",
      "kalman_acceleration { jerk_density_m2_per_s5: 100 }"},
-    {"Kalman a 10, wrong mass", "Kalman a 10, 0.1 kg told",
+    {"Kalman a 10, wrong mass", "Kalman a 10, mass set to 0.1 kg",
      "kalman_acceleration { moving_mass_kg: 0.1 }", true},
-    {"Kalman a 10, wrong mass", "Kalman a 10, 0.2 kg told",
+    {"Kalman a 10, wrong mass", "Kalman a 10, mass set to 0.2 kg",
      "kalman_acceleration { moving_mass_kg: 0.2 }", true},
-    {"Kalman a 10, wrong mass", "Kalman a 10, 0.6 kg told",
+    {"Kalman a 10, wrong mass", "Kalman a 10, mass set to 0.6 kg",
      "kalman_acceleration { moving_mass_kg: 0.6 }", true},
-    {"Kalman a 10, wrong mass", "Kalman a 10, 1 kg told",
+    {"Kalman a 10, wrong mass", "Kalman a 10, mass set to 1 kg",
      "kalman_acceleration { moving_mass_kg: 1 }", true},
 };
 
-/// What the simulated hand does in free space: with its mass, spring, damper and stiction.
+/// Motion of the simulated hand in free space, with its mass, spring, damper and stiction.
 struct Motion {
   const char* label;
   const char* hand;
@@ -149,7 +149,7 @@ Figures judge(const Session& session, const std::vector<Sample>& samples, double
   std::vector<Vector3> estimates(samples.size());
   Figures figures;
   figures.update_ns = std::numeric_limits<double>::infinity();
-  for (int pass = 0; pass < 3; ++pass) {  // the least time is the one nobody interrupted
+  for (int pass = 0; pass < 3; ++pass) {  // the shortest time is the one without interruption
     estimator->reset();
     const SteadyClock wall;
     const TimePoint begin = wall.now();
@@ -171,7 +171,7 @@ Figures judge(const Session& session, const std::vector<Sample>& samples, double
     figures.lag_s = lag_s;
   }
 
-  // a force that travels by |dF| costs the ledger q/2 · |dF|
+  // a change of the force by dF costs the ledger q/2 · |dF|
   double travel_m_per_s = 0.0;
   const auto first = static_cast<std::size_t>(kSettle_s * rate_hz);
   for (std::size_t k = first; k < samples.size(); ++k) {
@@ -218,7 +218,7 @@ Session session_with(const Estimator& estimator) {
                        {fmt::format("mofc.velocity_estimator={{ {} }}", estimator.session)});
 }
 
-/// What one estimator's points of the figure are: open loop at 1 kHz, and in the loop.
+/// The points of one estimator in the figure: open loop at 1 kHz, and in the loop.
 struct Point {
   double lag_ms = kNaN;               ///< sine 2 Hz
   double noise_mm_per_s = kNaN;       ///< press 20 mm/s
@@ -232,7 +232,7 @@ void draw_error_lag(const std::filesystem::path& folder, const std::vector<Point
   std::string data;
   std::vector<std::string> families;
   for (std::size_t i = 0; i < std::size(kEstimators); ++i) {
-    if (kEstimators[i].is_told_a_wrong_mass) continue;
+    if (kEstimators[i].has_wrong_mass) continue;
     if (families.empty() || families.back() != kEstimators[i].family) {
       families.emplace_back(kEstimators[i].family);
       data += fmt::format("{}# {}\n", data.empty() ? "" : "\n\n", families.back());
@@ -294,7 +294,7 @@ void run(const BenchOptions& options) {
     for (const Motion& motion : kMotions) {
       const std::vector<Sample> samples = record(motion, rate_hz);
       for (std::size_t i = 0; i < std::size(kEstimators); ++i) {
-        if (kEstimators[i].is_told_a_wrong_mass) continue;  // without force the mass is not used
+        if (kEstimators[i].has_wrong_mass) continue;  // without force the mass is not used
         const Figures f = judge(session_with(kEstimators[i]), samples, rate_hz);
         table.add({std::string(motion.label), rate_hz, std::string(kEstimators[i].label),
                    1e3 * f.rms_m_per_s, 1e3 * f.lag_s, 1e3 * f.noise_m_per_s,
@@ -328,7 +328,7 @@ void run(const BenchOptions& options) {
       "\nrms: estimate against the true velocity; × 150 N·s/m in N. Lag: the shift of the truth "
       "that"
       " fits best; noise: rms after it."
-      "\nRipple: q/2 · Σ|dF| per second beyond the truth's, at 150 N·s/m: what it costs the ledger."
+      "\nRipple: q/2 · Σ|dF| per second beyond the truth's, at 150 N·s/m: its cost to the ledger."
       "\nIn the loop: the paper's V, device and physics 1 kHz, mode guard; figures against the "
       "ideal"
       " force and run.\n");

@@ -1,0 +1,293 @@
+#include "tests/bench/doc_figures.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <map>
+#include <set>
+#include <utility>
+
+#include "common/core/check.h"
+
+namespace palpate::bench {
+namespace {
+
+using nlohmann::json;
+using Cells = std::vector<std::string>;
+
+double number(const json& value) {
+  return value.is_number() ? value.get<double>() : std::numeric_limits<double>::quiet_NaN();
+}
+
+std::string text(const json& row, const char* key) { return row.at(key).get<std::string>(); }
+
+/// A number with `digits` decimals, never "-0"; – where it is not known.
+std::string fixed(double value, int digits) {
+  if (!std::isfinite(value)) return "–";
+  const double unit = std::pow(10.0, -digits);
+  if (std::abs(value) < 0.5 * unit) value = 0.0;
+  return fmt::format("{:.{}f}", value, digits);
+}
+
+std::string fixed(const json& row, const char* key, int digits) {
+  return fixed(number(row.at(key)), digits);
+}
+
+/// µJ, mJ from 1 mJ on.
+std::string energy(double microjoule) {
+  return std::abs(microjoule) < 1000.0 ? fixed(microjoule, 0) + " µJ"
+                                       : fixed(1e-3 * microjoule, 1) + " mJ";
+}
+
+std::string markdown(const Cells& head, const std::vector<Cells>& rows) {
+  const auto line = [](const Cells& cells) {
+    std::string out = "|";
+    for (const std::string& cell : cells) out += cell.empty() ? " |" : " " + cell + " |";
+    return out + "\n";
+  };
+  std::string out = line(head) + "|";
+  for (std::size_t i = 0; i < head.size(); ++i) out += "---|";
+  out += "\n";
+  for (const Cells& row : rows) out += line(row);
+  return out;
+}
+
+/// The one row that fulfils the condition.
+const json& only(const json& rows, const std::function<bool(const json&)>& is_wanted) {
+  const json* found = nullptr;
+  for (const json& row : rows) {
+    if (!is_wanted(row)) continue;
+    if (found != nullptr) throw SetupError("figures: two rows where the table has one");
+    found = &row;
+  }
+  if (found == nullptr) throw SetupError("figures: a row of the table is missing in the output");
+  return *found;
+}
+
+// --- the controllers on the sessions of the paper
+// -------------------------------------------------
+
+std::string controllers_table(const std::vector<json>& outputs) {
+  std::vector<Cells> rows;
+  for (const json& row : outputs.at(0).at("rows")) {
+    rows.push_back({text(row, "tissue"), text(row, "controller"),
+                    fmt::format("{} / {} / {}", fixed(row, "transparency_x_percent", 0),
+                                fixed(row, "transparency_y_percent", 0),
+                                fixed(row, "transparency_z_percent", 0)),
+                    fixed(row, "clamped_percent", 0), fixed(row, "excess_reversals", 0),
+                    fixed(row, "max_force_n", 2), energy(number(row.at("min_true_energy_uj"))),
+                    text(row, "paper_transparency")});
+  }
+  return markdown({"tissue", "MOFC", "transparency x / y / z %", "clamped %", "excess reversals",
+                   "peak N", "least true energy", "the paper"},
+                  rows);
+}
+
+// --- held force and contact model
+// -----------------------------------------------------------------
+
+std::string transparency_table(const std::vector<json>& outputs) {
+  const json& rows = outputs.at(0).at("rows");
+  constexpr double kDelayMs = 50.0;
+  constexpr double kLossPercent = 20.0;
+  std::vector<std::string> tissues;
+  for (const json& row : rows) {
+    const std::string tissue = text(row, "tissue");
+    const bool is_shown = tissue.find("frozen") == std::string::npos;
+    if (is_shown && (tissues.empty() || tissues.back() != tissue)) tissues.push_back(tissue);
+  }
+  std::vector<Cells> table;
+  for (const std::string& tissue : tissues) {
+    Cells cells{tissue};
+    for (const char* interaction : {"local", "held"}) {
+      const json& row = only(rows, [&](const json& r) {
+        return r.at("tissue") == tissue && r.at("interaction") == interaction &&
+               r.at("controller") == "guard" && number(r.at("delay_ms")) == kDelayMs &&
+               number(r.at("loss_percent")) == kLossPercent;
+      });
+      cells.push_back(fmt::format("{}, {} %, {} mm, {}", fixed(row, "capped_transparency", 2),
+                                  fixed(row, "force_error_percent", 1),
+                                  fixed(row, "path_rms_mm", 3), fixed(row, "excess_reversals", 0)));
+    }
+    table.push_back(cells);
+  }
+  return markdown({"tissue",
+                   "contact model: transparency, force error rms, path deviation rms, "
+                   "excess reversals",
+                   "held force: the same"},
+                  table);
+}
+
+// --- velocity estimators
+// --------------------------------------------------------------------------
+
+std::string velocity_table(const std::vector<json>& outputs) {
+  const json& rows = outputs.at(0).at("rows");
+  constexpr const char* kShown[][2] = {
+      {"difference", "backward difference"},
+      {"low-pass 10 ms", "backward difference, low-pass 10 ms"},
+      {"FOAW best 10 ms", "adaptive window, best fit, 10 ms"},
+      {"Kalman a 10, no force", "Kalman, motor force unknown"},
+      {"Kalman a 10 (default)", "Kalman with motor force (default)"},
+      {"Kalman a 10, mass set to 0.2 kg", "the same, mass set to 0.2 kg"},
+      {"Kalman a 10, mass set to 0.6 kg", "the same, mass set to 0.6 kg"},
+      {"Kalman a 10, mass set to 0.1 kg", "the same, mass set to 0.1 kg"},
+      {"Kalman a 10, mass set to 1 kg", "the same, mass set to 1 kg"}};
+  std::vector<Cells> table;
+  for (const auto& [key, label] : kShown) {
+    const json& row = only(rows, [&](const json& r) {
+      return r.at("motion") == "paper_rigid in the loop" && r.at("estimator") == key;
+    });
+    table.push_back({label, fixed(row, "transparency_percent", 0),
+                     fixed(row, "force_error_percent", 0), fixed(row, "clamped_percent", 0),
+                     fixed(row, "path_deviation_mm", 2), fixed(row, "excess_reversals", 1)});
+  }
+  return markdown({"estimator", "transparency %", "force error rms %", "clamped %",
+                   "path deviation rms, mm", "excess reversals"},
+                  table);
+}
+
+// --- deadbands
+// ------------------------------------------------------------------------------------
+
+std::string deadband_table(const std::vector<json>& outputs) {
+  const json& rows = outputs.at(0).at("rows");
+  std::vector<Cells> table;
+  for (const char* tissue : {"palpation", "paper soft", "paper rigid"}) {
+    for (const bool is_thinned : {false, true}) {
+      const json& row = only(rows, [&](const json& r) {
+        return r.at("tissue") == tissue && r.at("interaction") == "local" &&
+               r.at("hops") == (is_thinned ? "2, 3" : "none") &&
+               (!is_thinned || number(r.at("ratio")) == 0.05);
+      });
+      table.push_back({tissue, is_thinned ? "5 %" : "off", fixed(row, "motions_saved_percent", 0),
+                       fixed(row, "interactions_saved_percent", 0),
+                       fixed(row, "transparency_percent", 1), fixed(row, "force_error_percent", 1),
+                       fixed(row, "path_deviation_mm", 3)});
+    }
+  }
+  return markdown({"tissue", "deadband", "motions saved %", "interactions saved %",
+                   "transparency %", "force error rms %", "path deviation rms, mm"},
+                  table);
+}
+
+// --- how true
+// -------------------------------------------------------------------------------------
+
+struct TruthRow {
+  const char* label;
+  const char* arguments;
+};
+constexpr TruthRow kTruthRows[] = {
+    {"block with an inclusion, no disturbance", "deploy/sessions/default.txtpb"},
+    {"the same, physics at 50 Hz, 50 ms away, 20 % loss each way",
+     "deploy/sessions/default.txtpb --set physics.rate_hz=50 --set faults.tool_motion.delay_ms=50 "
+     "--set faults.tool_motion.loss_ratio=0.2 --set faults.interaction.delay_ms=50 "
+     "--set faults.interaction.loss_ratio=0.2"},
+    {"the same, with the force held between messages",
+     "deploy/sessions/default.txtpb --set mofc.interaction=held --set physics.rate_hz=50 "
+     "--set faults.tool_motion.delay_ms=50 --set faults.tool_motion.loss_ratio=0.2 "
+     "--set faults.interaction.delay_ms=50 --set faults.interaction.loss_ratio=0.2"},
+    {"the block, 1 % of the readings lost inside the tick (hop 1)",
+     "deploy/sessions/default.txtpb --set faults.device_state.loss_ratio=0.01"},
+    {"organ from a point cloud (`cloud`)", "deploy/sessions/cloud.txtpb"},
+    {"organ from a tetrahedral mesh (`liver`)", "deploy/sessions/liver.txtpb"},
+    {"the same, physics at 50 Hz, 50 ms away, 20 % loss each way",
+     "deploy/sessions/liver.txtpb --set physics.rate_hz=50 --set faults.tool_motion.delay_ms=50 "
+     "--set faults.tool_motion.loss_ratio=0.2 --set faults.interaction.delay_ms=50 "
+     "--set faults.interaction.loss_ratio=0.2"}};
+
+DocFigures truth() {
+  DocFigures figures{.name = "truth"};
+  for (const TruthRow& row : kTruthRows) {
+    figures.commands.push_back(std::string("palpate loopback ") + row.arguments);
+  }
+  figures.table = [](const std::vector<json>& outputs) {
+    std::vector<Cells> rows;
+    for (std::size_t i = 0; i < outputs.size(); ++i) {
+      const json& run = outputs[i];
+      const auto percent = [&](const json& value) { return fixed(100.0 * number(value), 1); };
+      rows.push_back({kTruthRows[i].label, percent(run.at("transparency").at("ideal")),
+                      percent(run.at("force_error_rms_ratio")), percent(run.at("beyond_jnd_ratio")),
+                      fixed(1e3 * number(run.at("path_deviation_rms_m")), 3),
+                      percent(run.at("clamp_ratio"))});
+    }
+    return markdown({"session", "transparency %", "force error rms %", "beyond the JND %",
+                     "path deviation rms, mm", "clamped %"},
+                    rows);
+  };
+  return figures;
+}
+
+// --- how safe
+// -------------------------------------------------------------------------------------
+
+/// The adversities that break an assumption of the guarantee (docs/theory.md §1).
+bool is_outside(const std::string& adversity) {
+  for (const char* broken : {"profile friction 2×", "profile friction 5×",
+                             "profile with the other kind", "hand of 1 m/s", "hand of 2 m/s"}) {
+    if (adversity.starts_with(broken)) return true;
+  }
+  return false;
+}
+
+std::string safety_table(const std::vector<json>& outputs) {
+  struct Sum {
+    std::uint64_t runs = 0;
+    std::uint64_t negative = 0;
+    double least_microjoule = 0.0;
+    void add(const json& row) {
+      runs += static_cast<std::uint64_t>(number(row.at("seeds")));
+      negative += static_cast<std::uint64_t>(number(row.at("negative_runs")));
+      least_microjoule = std::min(least_microjoule, number(row.at("min_true_energy_uj")));
+    }
+  };
+  std::map<std::string, std::array<Sum, 2>> sums;
+  for (const json& row : outputs.at(0).at("adversity").at("rows")) {
+    sums[text(row, "mode")][is_outside(text(row, "adversity")) ? 1 : 0].add(row);
+  }
+  std::vector<Cells> rows;
+  for (const char* mode : {"none", "paper", "vector", "guard"}) {
+    Cells cells{mode};
+    for (const Sum& sum : sums.at(mode)) {
+      cells.push_back(fmt::format("{} of {}", sum.negative, sum.runs));
+      cells.push_back(energy(sum.least_microjoule));
+    }
+    rows.push_back(cells);
+  }
+  return markdown({"mode", "runs below −1 µJ", "least true energy",
+                   "with an assumption broken: below −1 µJ", "least true energy"},
+                  rows);
+}
+
+}  // namespace
+
+std::string DocFigures::shown_commands() const {
+  if (commands.size() == 1) return commands.front();
+  return commands.front() + " (and " + std::to_string(commands.size() - 1) +
+         " more, tests/bench/doc_figures.cpp)";
+}
+
+std::vector<DocFigures> doc_figures() {
+  return {
+      truth(),
+      {.name = "safety",
+       .commands = {"guarantee_bench --quick --only adversity"},
+       .is_checked = false,
+       .table = safety_table},
+      {.name = "controllers",
+       .commands = {"paper_experiments --excerpt"},
+       .table = controllers_table},
+      {.name = "transparency",
+       .commands = {"transparency_bench --quick"},
+       .table = transparency_table},
+      {.name = "velocity", .commands = {"velocity_bench --quick"}, .table = velocity_table},
+      {.name = "deadbands", .commands = {"deadband_bench"}, .table = deadband_table},
+  };
+}
+
+}  // namespace palpate::bench

@@ -1,0 +1,223 @@
+// refresh_figures — rewrites the tables of figures in README.md and docs/ from the output of the
+// programs that make them, or checks that they still agree.
+//
+// A table stands between two markers:
+//
+//   <!-- figures: NAME: command; date; machine -->
+//   <!-- end -->
+#include <unistd.h>
+#include <CLI/CLI.hpp>
+
+#include <algorithm>
+#include <array>
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <ctime>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <map>
+#include <sstream>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "common/core/check.h"
+#include "tests/bench/bench_output.h"
+#include "tests/bench/doc_figures.h"
+
+namespace palpate::bench {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kBegin = "<!-- figures: ";
+constexpr const char* kEnd = "<!-- end -->";
+
+struct Options {
+  fs::path root = PALPATE_SOURCE_DIR;
+  bool is_check = false;
+  std::vector<std::string> only;
+};
+
+std::string text_of(const fs::path& file) {
+  std::ifstream in(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+std::string today() {
+  const std::time_t now = std::time(nullptr);
+  std::array<char, 16> text{};
+  std::strftime(text.data(), text.size(), "%Y-%m-%d", std::gmtime(&now));
+  return text.data();
+}
+
+/// The processor, how many of them, and the compiler.
+std::string machine() {
+  std::string model = "unknown processor";
+  std::ifstream info("/proc/cpuinfo");
+  for (std::string line; std::getline(info, line);) {
+    if (!line.starts_with("model name")) continue;
+    model = line.substr(line.find(':') + 2);
+    break;
+  }
+  return model + ", " + std::to_string(std::thread::hardware_concurrency()) +
+         " processors, GCC-compatible compiler " __VERSION__;
+}
+
+/// Runs a command of the build folder in the root of the repository. Returns its JSON.
+nlohmann::json output_of(const std::string& command) {
+  const fs::path json_file =
+      fs::temp_directory_path() / ("palpate_figures_" + std::to_string(::getpid()) + ".json");
+  const std::string line = "cd '" PALPATE_SOURCE_DIR "' && '" PALPATE_BINARY_DIR "'/" + command +
+                           " --json '" + json_file.string() + "' > /dev/null";
+  const int status = std::system(line.c_str());
+  const std::string text = text_of(json_file);
+  fs::remove(json_file);
+  if (status != 0)
+    throw SetupError("figures: " + command + " failed; build it, and see its message");
+  return nlohmann::json::parse(text);
+}
+
+std::string new_table(const DocFigures& figures) {
+  std::vector<nlohmann::json> outputs;
+  for (const std::string& command : figures.commands) {
+    std::printf("running %s\n", command.c_str());
+    std::fflush(stdout);
+    outputs.push_back(output_of(command));
+  }
+  return figures.table(outputs);
+}
+
+/// README.md and the documents, in a fixed order.
+std::vector<fs::path> documents(const fs::path& root) {
+  std::vector<fs::path> files{root / "README.md"};
+  for (const auto& entry : fs::recursive_directory_iterator(root / "docs")) {
+    if (entry.path().extension() == ".md") files.push_back(entry.path());
+  }
+  std::sort(files.begin() + 1, files.end());
+  return files;
+}
+
+/// One marked table of a document.
+struct Block {
+  std::string name;
+  std::size_t marker_begin = 0;
+  std::size_t table_begin = 0;
+  std::size_t table_end = 0;  // where the end marker begins
+};
+
+std::vector<Block> blocks_of(const std::string& text, const fs::path& file) {
+  std::vector<Block> blocks;
+  const auto refuse = [&](const std::string& why) {
+    throw SetupError(file.string() + ": " + why + ": write " + kBegin + "NAME: … -->, the table, " +
+                     kEnd);
+  };
+  const std::string begin = kBegin;
+  for (std::size_t at = text.find(begin); at != std::string::npos; at = text.find(begin, at + 1)) {
+    const std::size_t colon = text.find(':', at + begin.size());
+    const std::size_t line_end = text.find('\n', at);
+    const std::size_t end = text.find(kEnd, at);
+    if (colon == std::string::npos || line_end == std::string::npos || colon > line_end) {
+      refuse("a marker of figures without a name");
+    }
+    if (end == std::string::npos) refuse("a marker of figures without its end");
+    blocks.push_back(
+        {text.substr(at + begin.size(), colon - at - begin.size()), at, line_end + 1, end});
+  }
+  return blocks;
+}
+
+bool is_wanted(const DocFigures& figures, const Options& options) {
+  if (!options.only.empty()) {
+    return std::find(options.only.begin(), options.only.end(), figures.name) != options.only.end();
+  }
+  return figures.is_checked || !options.is_check;
+}
+
+/// The first line in which two tables differ.
+std::string first_difference(const std::string& documented, const std::string& measured) {
+  std::istringstream old_lines(documented);
+  std::istringstream new_lines(measured);
+  std::string old_line;
+  std::string new_line;
+  do {
+    old_line.clear();
+    new_line.clear();
+    std::getline(old_lines, old_line);
+    std::getline(new_lines, new_line);
+  } while (old_line == new_line && (old_lines || new_lines));
+  return "  documented: " + old_line + "\n  measured:   " + new_line + "\n";
+}
+
+/// Exit status: 0, or 1 if a documented figure no longer agrees.
+int refresh(const Options& options) {
+  const std::vector<DocFigures> all = doc_figures();
+  std::map<std::string, std::string> tables;  // by name, made when first needed
+  int status = 0;
+  std::map<std::string, int> uses;
+  for (const fs::path& file : documents(options.root)) {
+    std::string text = text_of(file);
+    const std::string before = text;
+    std::vector<Block> blocks = blocks_of(text, file);
+    std::reverse(blocks.begin(), blocks.end());  // from the back: the places before stay valid
+    for (const Block& block : blocks) {
+      const auto figures = std::find_if(all.begin(), all.end(),
+                                        [&](const DocFigures& f) { return f.name == block.name; });
+      if (figures == all.end()) {
+        throw SetupError(file.string() + ": figures \"" + block.name +
+                         "\" are not known to tests/bench/doc_figures.cpp");
+      }
+      ++uses[block.name];
+      if (!is_wanted(*figures, options)) continue;
+      if (!tables.contains(block.name)) {
+        tables[block.name] = new_table(*figures);
+      }
+      const std::string& table = tables[block.name];
+      const std::string documented =
+          text.substr(block.table_begin, block.table_end - block.table_begin);
+      if (options.is_check) {
+        if (documented == table) continue;
+        status = 1;
+        std::printf("%s: figures \"%s\" no longer agree; run tests/bench/refresh %s\n%s",
+                    file.string().c_str(), block.name.c_str(), block.name.c_str(),
+                    first_difference(documented, table).c_str());
+        continue;
+      }
+      const std::string marker = kBegin + block.name + ": " + figures->shown_commands() + "; " +
+                                 today() + "; " + machine() + " -->\n";
+      text.replace(block.marker_begin, block.table_end - block.marker_begin, marker + table);
+    }
+    if (text != before) {
+      write_file(file, text);
+      std::printf("rewritten: %s\n", file.string().c_str());
+    }
+  }
+  for (const DocFigures& figures : all) {
+    if (uses[figures.name] > 0) continue;
+    status = 1;
+    std::printf("figures \"%s\" stand in no document\n", figures.name.c_str());
+  }
+  return status;
+}
+
+}  // namespace
+}  // namespace palpate::bench
+
+int main(int argc, char** argv) {
+  CLI::App app("Rewrites the tables of figures in README.md and docs/, or checks them.");
+  palpate::bench::Options options;
+  app.add_flag("--check", options.is_check,
+               "change nothing; exit status 1 if a table of the short lockstep figures differs");
+  app.add_option("--root", options.root, "folder with the README.md and docs/ to rewrite or check")
+      ->capture_default_str();
+  app.add_option("names", options.only, "only these tables");
+  CLI11_PARSE(app, argc, argv);
+  try {
+    return palpate::bench::refresh(options);
+  } catch (const palpate::SetupError& error) {
+    std::fprintf(stderr, "%s\n", error.what());
+    return 2;
+  }
+}
