@@ -1,5 +1,5 @@
 // messages.h — the messages between the nodes, as plain structs. Their wire form is
-// proto/palpate/v1; common/link/codec.h converts between the two.
+// proto/palpate/v1; common/link/codec converts between the two.
 //
 // Frames. The axes of all frames are parallel; a driver converts its device's axes once.
 //
