@@ -148,9 +148,9 @@ TEST_P(ExchangeLinkTransport, EveryMessageWakesTheOtherThread) {
 
 TEST_P(ExchangeLinkTransport, InvalidFramesAreCountedByReasonAndValidOnesPass) {
   ExchangeServer mofc(context_, clock_, bind_to(fresh_endpoint(GetParam()), "links.exchange"));
-  zmq::socket_t stranger(context_.get(), zmq::socket_type::dealer);
-  stranger.set(zmq::sockopt::linger, 0);
-  stranger.connect(mofc.endpoint());
+  zmq::socket_t peer(context_.get(), zmq::socket_type::dealer);
+  peer.set(zmq::sockopt::linger, 0);
+  peer.connect(mofc.endpoint());
   auto frame = [](const auto& message) {
     Codec<std::decay_t<decltype(message)>> codec;
     std::vector<std::byte> bytes(codec.encode(message));
@@ -158,7 +158,7 @@ TEST_P(ExchangeLinkTransport, InvalidFramesAreCountedByReasonAndValidOnesPass) {
     return bytes;
   };
   auto send = [&](const std::vector<std::byte>& bytes, zmq::send_flags flags = {}) {
-    ASSERT_TRUE(stranger.send(zmq::buffer(bytes), flags));
+    ASSERT_TRUE(peer.send(zmq::buffer(bytes), flags));
   };
   const auto good = state(4, 0);
   auto not_a_number = good;

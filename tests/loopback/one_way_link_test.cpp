@@ -289,18 +289,18 @@ TEST_F(OneWayLink, MixedUpEndpointsRefuseEachOther) {
 
 TEST_F(OneWayLink, AFloodOfInvalidFramesDoesNotBlockTheReceiver) {
   ZmqSource<ToolMotion> source(context_, manual_clock_, bind_to("inproc://flood", "motion"));
-  zmq::socket_t stranger(context_.get(), zmq::socket_type::pub);
-  stranger.connect("inproc://flood");
+  zmq::socket_t peer(context_.get(), zmq::socket_type::pub);
+  peer.connect("inproc://flood");
   source.wait_until(manual_clock_.now());
   ASSERT_TRUE(eventually([&] {  // until the subscription has arrived
-    stranger.send(zmq::str_buffer("x"));
+    peer.send(zmq::str_buffer("x"));
     ToolMotion message;
     TimePoint at;
     static_cast<void>(source.receive(message, at));
     return source.rejected() > 0;
   }));
   const std::uint64_t before = source.rejected();
-  for (int i = 0; i < 500; ++i) stranger.send(zmq::str_buffer("x"));
+  for (int i = 0; i < 500; ++i) peer.send(zmq::str_buffer("x"));
 
   ToolMotion message;
   TimePoint at;

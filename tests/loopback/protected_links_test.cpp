@@ -171,16 +171,16 @@ TEST_F(ProtectedLinks, WithoutKeysOnlyLoopbackIsUsed) {
 }
 
 TEST_F(ProtectedLinks, SocketsOpenAndCloseWhileUnknownPeersConnect) {
-  LinkKeys strangers_keys = keys_;
-  strangers_keys.own.fill(new_key_pair());
-  ZmqContext strangers(kOrdinary, rules(strangers_keys));
+  LinkKeys unknown_keys = keys_;
+  unknown_keys.own.fill(new_key_pair());
+  ZmqContext unknown_peers(kOrdinary, rules(unknown_keys));
   ZmqContext servers(kOrdinary, rules(keys_));
   std::string endpoint = "tcp://127.0.0.1:*";
   std::uint64_t expected = 0;
   for (int i = 0; i < 5; ++i) {
     LinkSocket server(servers, kPublisher, {bind_to(endpoint, "links.interaction")});
-    LinkSocket stranger(strangers, kSubscriber,
-                        {connect_to(server.endpoint(), "links.interaction")});
+    LinkSocket unknown_peer(unknown_peers, kSubscriber,
+                            {connect_to(server.endpoint(), "links.interaction")});
     ++expected;
     EXPECT_TRUE(eventually(
         [&] { return count(servers, "links.interaction", Refusal::kUnknownKey) >= expected; }));

@@ -40,7 +40,7 @@ TEST(ManualClock, MovesForwardOnly) {
 
 class VirtualTimeTest : public testing::Test {
  protected:
-  VirtualTime::Action say(const std::string& what) {
+  VirtualTime::Action note(const std::string& what) {
     return [this, what] { said_.push_back(what); };
   }
   VirtualTime time_;
@@ -48,10 +48,10 @@ class VirtualTimeTest : public testing::Test {
 };
 
 TEST_F(VirtualTimeTest, RunsEventsInOrderOfTimeThenRankThenScheduling) {
-  time_.schedule(TimePoint{} + 2ms, 0, say("late"));
-  time_.schedule(TimePoint{} + 1ms, 5, say("low rank"));
-  time_.schedule(TimePoint{} + 1ms, 1, say("first"));
-  time_.schedule(TimePoint{} + 1ms, 1, say("second"));
+  time_.schedule(TimePoint{} + 2ms, 0, note("late"));
+  time_.schedule(TimePoint{} + 1ms, 5, note("low rank"));
+  time_.schedule(TimePoint{} + 1ms, 1, note("first"));
+  time_.schedule(TimePoint{} + 1ms, 1, note("second"));
 
   time_.sleep_until(TimePoint{} + 3ms);
 
@@ -60,8 +60,8 @@ TEST_F(VirtualTimeTest, RunsEventsInOrderOfTimeThenRankThenScheduling) {
 }
 
 TEST_F(VirtualTimeTest, RunsEventsDueAtTheDeadlineAndNothingLater) {
-  time_.schedule(TimePoint{} + 1ms, 0, say("at"));
-  time_.schedule(TimePoint{} + 1ms + 1ns, 0, say("after"));
+  time_.schedule(TimePoint{} + 1ms, 0, note("at"));
+  time_.schedule(TimePoint{} + 1ms + 1ns, 0, note("after"));
   time_.sleep_until(TimePoint{} + 1ms);
   EXPECT_EQ(said_, std::vector<std::string>{"at"});
 }
@@ -87,7 +87,7 @@ TEST_F(VirtualTimeTest, OtherEventsRunWhileAnEventWaits) {
     time_.sleep_until(TimePoint{} + 5ms);
     said_.push_back("end");
   });
-  time_.schedule(TimePoint{} + 3ms, 0, say("meanwhile"));
+  time_.schedule(TimePoint{} + 3ms, 0, note("meanwhile"));
 
   time_.sleep_until(TimePoint{} + 4ms);
 
@@ -96,8 +96,8 @@ TEST_F(VirtualTimeTest, OtherEventsRunWhileAnEventWaits) {
 }
 
 TEST_F(VirtualTimeTest, RunOneStopsAfterOneEventOrAtTheDeadline) {
-  time_.schedule(TimePoint{} + 1ms, 0, say("one"));
-  time_.schedule(TimePoint{} + 1ms, 0, say("two"));
+  time_.schedule(TimePoint{} + 1ms, 0, note("one"));
+  time_.schedule(TimePoint{} + 1ms, 0, note("two"));
   time_.run_one_until(TimePoint{} + 9ms);
   EXPECT_EQ(said_, std::vector<std::string>{"one"});
   EXPECT_EQ(time_.now(), TimePoint{} + 1ms);
