@@ -8,6 +8,7 @@
 #include <iterator>
 
 #include "physics_node/files/ply.h"
+#include "physics_node/files/tetrahedral_files.h"
 #include "physics_node/files/surface_files.h"
 
 namespace palpate {

@@ -9,6 +9,7 @@
 
 #include "common/core/check.h"
 #include "physics_node/files/ply.h"
+#include "physics_node/files/tetrahedral_files.h"
 #include "physics_node/scene/scene.h"
 #include "tests/support/sampled_clouds.h"
 #include "tests/support/temp_folder.h"
