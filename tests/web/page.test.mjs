@@ -385,6 +385,8 @@ test("dark and light, by preference and by choice", kLimit, async () => {
 for (const [width, height] of [[390, 844], [360, 640], [844, 390], [768, 1024], [1440, 900]]) {
   test_on_page(`nothing overflows at ${width} × ${height}`, async (page) => {
     await page.setViewportSize({ width, height });
+    await page.reload();
+    await until(page, (t) => t.scene && t.device_ticks > 0 && t.frames > 0, "the scene and the first ticks");
     const overflow = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
     assert.ok(overflow <= 0, `${overflow} px too wide`);
     const scene = await page.locator("#scene").boundingBox();
