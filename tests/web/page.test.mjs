@@ -44,6 +44,7 @@ function test_on_common(name, page_options, count, body) {
         common.contexts.add(page.context());
       }
       for (const page of common.pages) await reset_page(page);
+      server.reset(); // a page may have released the hand only now
       await body(...common.pages);
     } catch (error) {
       await discard_common();
@@ -67,7 +68,7 @@ async function discard_common() {
 async function reset_page(page) {
   await page.mouse.up();
   await page.mouse.move(0, 0);
-  await until(page, (t) => t.is_connected && !t.hand.is_held && Object.values(t.nodes).every(({ is_alive }) => is_alive), "a free hand and three nodes");
+  await until(page, (t) => t.is_connected && !t.hand.is_held && !t.hand.is_mine && !t.hand.is_others && Object.values(t.nodes).every(({ is_alive }) => is_alive), "a free hand and three nodes");
   await page.evaluate(() => {
     document.getElementById("reset-view").click();
     document.querySelector("#colours [data-value=material]").click();
@@ -385,6 +386,8 @@ test("dark and light, by preference and by choice", kLimit, async () => {
 for (const [width, height] of [[390, 844], [360, 640], [844, 390], [768, 1024], [1440, 900]]) {
   test_on_page(`nothing overflows at ${width} × ${height}`, async (page) => {
     await page.setViewportSize({ width, height });
+    await page.reload();
+    await until(page, (t) => t.scene && t.device_ticks > 0 && t.frames > 0, "the scene and the first ticks");
     const overflow = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
     assert.ok(overflow <= 0, `${overflow} px too wide`);
     const scene = await page.locator("#scene").boundingBox();

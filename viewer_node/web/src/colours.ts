@@ -1,12 +1,12 @@
-// colours.ts: the page's colours beyond its style sheet: tissues, and scales for figures.
+// colours.ts: colours of tissues and colour scales; all others are in the style sheet.
 
-/** By place in the scene: flesh, then what is in it. */
+/** By index in the scene: outer tissue first. */
 const kTissueColours = ["#d8968a", "#7d3f4a", "#e2c58f", "#a86a7c", "#b9a6a0", "#8f5a3c"];
 export function tissue_colour(index: number): string {
   return kTissueColours[index % kTissueColours.length];
 }
 
-/** From little to much; lightness falls evenly, so they can be read without colour too. */
+/** From low to high; lightness falls evenly, so the scales are readable without colour. */
 const kScales = {
   stiffness: ["#e4e9df", "#a9cdbf", "#62a5ac", "#2f7596", "#24437a", "#1d1c4b"],
   displacement: ["#ece2d6", "#f3c689", "#ea8f5a", "#cc5350", "#8e2a5b", "#471457"],
@@ -15,7 +15,7 @@ export type ScaleName = keyof typeof kScales;
 
 const kSteps = 256;
 
-/** 256 colours, r,g,b in linear light: what shaders calculate with. */
+/** 256 colours, r,g,b in linear light: as shaders use it. */
 export function linear_table(name: ScaleName): Float32Array {
   const stops = kScales[name].map((hex) => [1, 3, 5].map((at) => parseInt(hex.slice(at, at + 2), 16) / 255));
   const table = new Float32Array(3 * kSteps);
@@ -30,7 +30,7 @@ export function linear_table(name: ScaleName): Float32Array {
   return table;
 }
 
-/** Row of the table for a value; outside of low … high the outermost. */
+/** Row of the table for a value; clamped to low … high. */
 export function table_row(value: number, low: number, high: number): number {
   if (!(high > low)) return kSteps >> 1;
   const ratio = (value - low) / (high - low);
@@ -41,7 +41,7 @@ export function css_gradient(name: ScaleName): string {
   return `linear-gradient(to right, ${kScales[name].join(", ")})`;
 }
 
-/** The least of 1, 2, 5 × 10ⁿ that is not below the value. */
+/** The smallest of 1, 2, 5 × 10ⁿ that is not below the value. */
 export function round_up(value: number): number {
   if (!(value > 0)) return 0;
   const decade = 10 ** Math.floor(Math.log10(value));

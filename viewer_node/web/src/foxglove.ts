@@ -1,5 +1,5 @@
 // foxglove.ts: a client of the Foxglove WebSocket protocol, version 1, for protobuf channels. The
-// schemas come with the channels, so nothing is generated. Connects again by itself.
+// schemas come with the channels, so nothing is generated. Reconnects automatically.
 import {
   createFileRegistry, fromBinary, toBinary, create,
   type DescMessage, type FileRegistry, type Message,
@@ -40,11 +40,11 @@ export interface Events {
 }
 
 export class FoxgloveClient {
-  /** Frames that could not be read: not of this protocol, or of another schema. */
+  /** Unreadable frames: not of this protocol, or of another schema. */
   unreadable_count = 0;
   frame_count = 0;
   byte_count = 0;
-  /** When anything came last; page's clock, milliseconds. */
+  /** Time of the last message; page's clock, milliseconds. */
   heard_ms = -Infinity;
 
   private socket: WebSocket | null = null;
@@ -67,12 +67,12 @@ export class FoxgloveClient {
     return this.socket?.readyState === WebSocket.OPEN;
   }
 
-  /** Bytes that the network has not taken yet. */
+  /** Bytes not yet handed to the network. */
   get unsent_bytes(): number {
     return this.socket?.bufferedAmount ?? 0;
   }
 
-  /** False if nothing was sent: not connected, or the server never named that schema. */
+  /** False if nothing was sent: not connected, or the server advertises no such schema. */
   publish(topic: string, schema_name: string, fields: Record<string, unknown>): boolean {
     if (!this.is_open) return false;
     const channel = this.published.get(topic) ?? this.advertise(topic, schema_name);
@@ -151,7 +151,7 @@ export class FoxgloveClient {
   }
 
   private subscribe(channels: Channel[]): void {
-    const asked: { id: number; channelId: number }[] = [];
+    const requested: { id: number; channelId: number }[] = [];
     for (const channel of channels) {
       const handler = this.handler_of(channel.topic);
       if (channel.encoding !== "protobuf" || this.subscription_of_channel.has(channel.id)) continue;
@@ -160,9 +160,9 @@ export class FoxgloveClient {
       const id = this.next_id++;
       this.subscriptions.set(id, { topic: channel.topic, schema, handler });
       this.subscription_of_channel.set(channel.id, id);
-      asked.push({ id, channelId: channel.id });
+      requested.push({ id, channelId: channel.id });
     }
-    if (asked.length > 0) this.send_text({ op: "subscribe", subscriptions: asked });
+    if (requested.length > 0) this.send_text({ op: "subscribe", subscriptions: requested });
   }
 
   private registry_of(channel: Channel): FileRegistry {

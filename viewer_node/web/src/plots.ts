@@ -43,7 +43,7 @@ export interface Palette {
   of: (name: string) => string;
 }
 
-/** What the plots show, and what of the present. */
+/** Data and time window on display. */
 export interface View {
   telemetry: Telemetry;
   end_s: number;
@@ -100,7 +100,7 @@ export class TimePlot {
     this.data = [[], ...spec.series.map(() => [])];
   }
 
-  /** Other columns under the same labels. */
+  /** Shows other columns under the same labels. */
   set_columns(columns: number[], range: PlotSpec["range"]): void {
     this.spec = { ...this.spec, range, series: this.spec.series.map((one, i) => ({ ...one, column: columns[i] })) };
   }
@@ -158,7 +158,7 @@ export class TimePlot {
           }
           const shown = scale * value;
           out[i] = shown;
-          if (dash) continue; // a bound may be far away: it does not stretch the axis
+          if (dash) continue; // the bound may be large; it does not scale the axis
           if (shown < low) low = shown;
           if (shown > high) high = shown;
         }
@@ -194,7 +194,7 @@ export class TimePlot {
   }
 }
 
-/** Lateness of the ticks in the window: how many, by how late. */
+/** Histogram of the lateness of the ticks in the window. */
 export class Histogram {
   private readonly card: Card;
   private plot: uPlot | null = null;
@@ -245,7 +245,7 @@ export class Histogram {
       total += count;
     });
     this.plot.setData(this.data as uPlot.AlignedData, true);
-    // upper border of the bin that holds the share: an upper bound, as honest as the bins are wide
+    // upper border of the bin that holds the quantile (nearest rank): an upper bound
     const border = (share: number) => {
       let sum = 0;
       for (let bin = 0; bin < this.counts.length; ++bin) {
@@ -378,7 +378,7 @@ export function make<K extends keyof HTMLElementTagNameMap>(tag: K, class_name =
   if (text) element.textContent = text;
   return element;
 }
-/** Sets text only when it differs: nothing is laid out again for nothing. */
+/** Sets text only if it differs, to avoid layout. */
 export function write(element: Element, text: string): void {
   if (element.textContent !== text) element.textContent = text;
 }

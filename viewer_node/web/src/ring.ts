@@ -1,5 +1,5 @@
 // ring.ts: the newest samples of a few signals, column by column, and their reduction to pixels.
-// Memory is taken once; appending and reducing allocate nothing.
+// Memory is allocated once; appending and reducing allocate nothing.
 
 /** The newest `capacity` rows; time strictly increases. */
 export class Ring {
@@ -8,7 +8,7 @@ export class Ring {
   private head = 0; // where the next row goes
   private size = 0;
 
-  /** @param Column  Float64Array where 24 bits are too few: running sums */
+  /** @param Column  Float64Array for running sums, which need more than 24 bits */
   constructor(column_count: number, readonly capacity: number, Column: typeof Float32Array | typeof Float64Array = Float32Array) {
     this.time = new Float64Array(capacity);
     this.columns = Array.from({ length: column_count }, () => new Column(capacity));
@@ -80,7 +80,7 @@ export interface Cells {
 
 /**
  * Cells that cover the window before `end_s`. Their borders are multiples of the width, so that a
- * sample stays in its cell while the window moves on and the curve does not shimmer.
+ * sample stays in its cell while the window moves and the curve does not flicker.
  */
 export function cells_of(end_s: number, window_s: number, count: number): Cells {
   const width_s = window_s / count;
@@ -99,7 +99,7 @@ export function cell_times(cells: Cells, end_s: number, out: (number | null)[]):
 }
 
 /**
- * Least and greatest finite value of each cell, in the order in which they came; null where a cell
+ * Smallest and largest finite value of each cell, in order of time; null where a cell
  * has none, so no peak is lost however many samples share a pixel. A cell without samples between two samples
  * at most `bridge_s` apart repeats the last value (a signal slower than the pixels is no gap).
  */

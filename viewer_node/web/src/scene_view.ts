@@ -13,14 +13,14 @@ import type { Quaternion, Vector3 } from "./wire";
 
 const kGridPitch_m = 0.01;
 const kScaleMemory_ms = 8000;
-const kDrawPeriod_ms = 30; // mesh frames come every 33 ms; leaves room for the clock of the screen
-const kClear = 0.66; // opacity of outer tissue that shows what it holds
+const kDrawPeriod_ms = 30; // mesh frames come every 33 ms; shorter, to absorb the display's frame period
+const kClear = 0.66; // opacity of outer tissue in front of inner tissue
 const kUp = new V3(0, 1, 0); // of three's cylinders and cones
-const kLeastForce_newton = 0.01; // below it an arrow is a speck
-const kDrawnTip_m = 0.0015; // of a tool that is a point
-const kGlass = 0.3; // opacity of the shaft: forces are drawn along it
+const kLeastForce_newton = 0.01; // smaller forces have no arrow
+const kDrawnTip_m = 0.0015; // of a point-shaped tool
+const kGlass = 0.3; // opacity of the shaft, so that arrows along it stay visible
 
-/** Its tip, and the shaft behind it. */
+/** Size of the tool's tip and shaft. */
 export interface ToolSize {
   tipRadiusM: number;
   shaftLengthM: number; // 0: none
@@ -52,7 +52,7 @@ export class SceneView {
   frame_cost_s = 0;
   /** Length of an arrow of 1 N. */
   arrow_m_per_newton = 0.01;
-  /** Greatest figure of the colour scale: metres or N/m; 0 without a scale. */
+  /** Limits of the colour scale: metres or N/m; 0 without a scale. */
   scale_low = 0;
   scale_high = 0;
   on_camera: () => void = () => {};
@@ -82,7 +82,7 @@ export class SceneView {
   private radius_m = 0.1;
   private tool_size: ToolSize = { tipRadiusM: 0, shaftLengthM: 0, shaftRadiusM: 0 };
   private is_changed = true;
-  private is_urgent = true; // the eye follows its own hand
+  private is_urgent = true; // draw at once: the user moves the view or the hand
   private drawn_ms = -Infinity;
   private is_framed = false;
   private recent_displacement_m = 0;
@@ -112,7 +112,7 @@ export class SceneView {
     this.scene.add(this.tissue, this.tools[0].group, this.target, this.tether);
   }
 
-  /** Another scene: nothing of the last one stays, but the camera if it was moved by hand. */
+  /** Replaces the scene; keeps the camera if the user has moved it. */
   set_surfaces(surfaces: Surface[], tool_size: ToolSize, peak_force_newton: number): void {
     for (const { object, geometry, material } of this.drawn) {
       this.tissue.remove(object);
@@ -148,7 +148,7 @@ export class SceneView {
     return this.drawn.some((one) => one.contains_others);
   }
 
-  /** The surface is elsewhere, and its arrays have changed unless `has_vertices` is false. */
+  /** The surface has moved; its arrays have changed too unless `has_vertices` is false. */
   update(index: number, has_vertices = true): void {
     const one = this.drawn[index];
     this.is_changed = true;
@@ -194,7 +194,7 @@ export class SceneView {
     this.is_changed = true;
   }
 
-  /** @param index  of the side, from 0; one that is new appears */
+  /** @param index  of the side, from 0; a new one adds a tool */
   set_tool(position: Vector3, orientation: Quaternion, asked: Vector3, applied: Vector3, index = 0): void {
     if (!Number.isFinite(position.x)) return;
     while (this.tools.length <= index) {
@@ -207,7 +207,7 @@ export class SceneView {
     const tool = this.tools[index];
     const p = this.a.set(position.x, position.y, position.z);
     if (!tool.place(p, orientation, asked, applied, this.arrow_m_per_newton)) return;
-    // how high is it? A line down to the highest surface below
+    // a line down to the highest surface below shows the height
     const below_m = this.height_below(p);
     tool.plumb.visible = Number.isFinite(below_m);
     if (tool.plumb.visible) set_line(tool.plumb, p, this.b.set(p.x, p.y, below_m));
@@ -215,7 +215,7 @@ export class SceneView {
     this.is_changed = true;
   }
 
-  /** Where the hand means to be (W); null hides it. */
+  /** Target of the hand (W); null hides it. */
   set_target(position: Vector3 | null): void {
     if (!position && !this.target.visible) return;
     this.target.visible = this.tether.visible = position !== null;
@@ -242,7 +242,7 @@ export class SceneView {
     this.controls.enabled = does;
   }
 
-  /** The whole scene, seen from the front and a little from above. */
+  /** Shows the whole scene from the front, slightly from above. */
   frame(): void {
     const half_angle = Math.atan(Math.tan((0.5 * this.camera.fov * Math.PI) / 180) * Math.min(1, this.camera.aspect));
     const distance_m = (0.97 * this.radius_m) / Math.sin(half_angle);
@@ -256,7 +256,7 @@ export class SceneView {
     this.camera_changed();
   }
 
-  /** Turns the view about its centre. */
+  /** Rotates the view about its centre. */
   orbit(azimuth_rad: number, polar_rad: number, zoom: number): void {
     const offset = this.a.copy(this.camera.position).sub(this.controls.target);
     const distance = offset.length() * zoom;
@@ -436,7 +436,7 @@ class Tool {
     roughness: 0.32, metalness: 0.1, transparent: true, opacity: kGlass, depthWrite: false, fog: false,
   }));
   readonly plumb = line(new LineBasicMaterial({ transparent: true, opacity: 0.35, fog: false }));
-  // the slim one is hidden in the wide one, as far as all of it is felt
+  // where requested and rendered force agree, the wide arrow hides the slim one
   private readonly asked = new Arrow(0.5);
   private readonly applied = new Arrow(1);
   private readonly turned = new Turn(); // scratch
@@ -551,7 +551,7 @@ function draw(surface: Surface, index: number): Drawn {
   return { surface, object, geometry, colour, material: material as MeshStandardMaterial & Material, contains_others: false };
 }
 
-// Fine lines every 10 mm of the tissue at rest: they move with it, so the eye sees how it deforms.
+// Fine lines every 10 mm of the tissue at rest: they move with it, so that the deformation is visible.
 function draw_grid_on_tissue(shader: WebGLProgramParametersWithUniforms): void {
   shader.vertexShader = shader.vertexShader
     .replace("#include <common>", "#include <common>\nattribute vec3 rest;\nvarying vec3 vRest;")

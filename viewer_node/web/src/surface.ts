@@ -1,5 +1,5 @@
-// surface.ts: one tissue's surface: rest shape, present shape, normals, and what colours it. Plain
-// arrays, filled in place: a mesh frame of 20 000 vertices allocates nothing. No three.js in here.
+// surface.ts: one tissue's surface: rest shape, current shape, normals, colour data. Plain
+// arrays, filled in place: a mesh frame of 20 000 vertices allocates nothing. No three.js.
 import type { MeshFrame, TissueSurface, Vector3 } from "./wire";
 
 export type ColourMode = "material" | "stiffness" | "displacement";
@@ -10,14 +10,14 @@ export class Surface {
   readonly vertex_count: number;
   readonly rest: Float32Array;
   readonly position: Float32Array;
-  /** Of the whole tissue, from where `position` has it; W. */
+  /** Displacement of the whole tissue, to be added to `position`; W. */
   offset_m: Vector3 = { x: 0, y: 0, z: 0 };
   readonly normal: Float32Array;
   readonly triangles: Uint32Array; // empty: points
   /** Per vertex; all equal where the tissue has one stiffness. */
   readonly stiffness: Float32Array;
   readonly stiffness_newton_per_m: number;
-  /** Of the present shape. */
+  /** Of the current shape. */
   max_displacement_m = 0;
   readonly displacement_m: Float32Array;
 
@@ -46,14 +46,14 @@ export class Surface {
     return this.triangles.length === 0;
   }
 
-  /** Takes where a frame says that the tissue and its vertices are; false, and nothing changes, if its range does not fit. */
+  /** Applies a frame; false, and nothing changes, if its range does not fit. */
   take(frame: MeshFrame): boolean {
     const bytes = frame.verticesM;
     const first = 12 * frame.firstVertex;
     if (bytes.length % 12 !== 0 || first + bytes.length > this.position.byteLength) return false;
     this.offset_m = frame.displacementWorldM ?? { x: 0, y: 0, z: 0 };
     if (bytes.length === 0) return true;
-    // the payload is not aligned: copy bytes, then look at them as floats
+    // the payload is not aligned: copy the bytes, then view them as floats
     new Uint8Array(this.position.buffer).set(bytes, first);
     this.measure_displacement(frame.firstVertex, frame.firstVertex + bytes.length / 12);
     this.compute_normals();

@@ -1,5 +1,5 @@
-// wire.ts: the messages of proto/palpate/v1 as the page reads them. The schemas travel with the
-// channels, so these are only views: units, frames and ranges stand in the .proto files. Names are
+// wire.ts: the messages of proto/palpate/v1 as TypeScript types. The schemas come with the
+// channels; units, frames and ranges are documented in the .proto files. Names are
 // those of the .proto in camel case; 64-bit integers are bigint.
 
 export interface Vector3 {
