@@ -644,7 +644,7 @@ TEST_F(Processes, ASummaryOnStandardOutputIsTheOnlyOutput) {
   EXPECT_EQ(json::parse(loopback.out)["ticks"], 100);
 
   const Outcome launch =
-      run_program("palpate", {"launch", press_, "--seconds", "0.5", "--json", "-"});
+      run_program("palpate", {"launch", press_, "--seconds", "2", "--json", "-"});
   EXPECT_GT(json::parse(launch.out)["ticks"], 20);
 }
 
