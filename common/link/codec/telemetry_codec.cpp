@@ -79,9 +79,9 @@ DeviceCounters counters(const v1::DeviceCounters& c) {
           .fault_ticks = c.fault_ticks(),
           .device_faults = c.device_faults(),
           .fault_resets = c.fault_resets(),
-          .late_switches = c.late_switches(),
           .last_fault = static_cast<FaultReason>(c.last_fault()),
           .non_finite_commands = c.non_finite_commands(),
+          .late_switches = c.late_switches(),
           .max_force_newton = c.max_force_newton(),
           .minimum_true_energy_joule = c.minimum_true_energy_joule()};
 }
