@@ -16,7 +16,9 @@ set(PALPATE_BOUNDARIES
   # core ← contact, session ← telemetry ← link ← process
   "common/core:"
   "common/contact:common/core"
-  "common/session:common/core,@wire,@log"
+  "common/session:common/core"
+  "common/session/file:common/core,common/session,@wire"
+  "common/session/reference:common/session/file,@wire"
   "common/telemetry:common/core,common/session,@log,@threads"
   # in link: codec, security ← socket ← the ends
   "common/link/codec:common/core,common/telemetry,@wire"

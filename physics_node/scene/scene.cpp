@@ -221,7 +221,7 @@ Touch Scene::follow_tip(const Motion& motion, const TissueMemory& memory) const 
   const bool is_inside =
       distance_m <= clearance_m(tip_radius_m_) ||
       (shaft_length_m_ > 0.0 && nearest_along(shape, shaft_at(motion.tip_m, motion.now.shaft),
-                                              is_sheet ? Side::kEither : Side::kFront,
+                                              is_sheet ? SheetSide::kEither : SheetSide::kFront,
                                               clearance_m(shaft_radius_m_), tip.proxy.hint) >= 0.0);
   if (is_inside) return tip;
   return {.tissue = motion.index,
@@ -243,9 +243,9 @@ bool Scene::follow_shaft(const Motion& motion, const TissueMemory& memory, Touch
   const Vector3 tip_moved_m = motion.moved_m();
   const double travel_m = std::max(
       tip_moved_m.norm(), (tip_moved_m + shaft_length_m_ * (direction - motion.last.shaft)).norm());
-  const Side side = !is_known && shape.is_sheet() ? Side::kEither
-                    : proxy.side < 0.0            ? Side::kBehind
-                                                  : Side::kFront;
+  const SheetSide side = !is_known && shape.is_sheet() ? SheetSide::kEither
+                    : proxy.side < 0.0            ? SheetSide::kBehind
+                                                  : SheetSide::kFront;
   const double along_m = nearest_along(shape, shaft_at(motion.tip_m + held_m, direction), side,
                                        clearance_m(shaft_radius_m_) + travel_m, proxy.hint);
   if (along_m < 0.0) return false;

@@ -5,7 +5,7 @@
 
 namespace palpate::physics {
 
-double nearest_along(const Surface& surface, const ShaftSegment& segment, Side side, double limit_m,
+double nearest_along(const Surface& surface, const ShaftSegment& segment, SheetSide side, double limit_m,
                      SurfaceHint& hint) noexcept {
   constexpr double kCoarseSteps = 16.0;
   constexpr int kFineSteps = 12;
@@ -16,7 +16,7 @@ double nearest_along(const Surface& surface, const ShaftSegment& segment, Side s
   const auto look = [&](double along_m) {
     const SurfaceView seen = surface.view(segment.at_m(along_m), hint);
     const bool is_behind =
-        side == Side::kBehind || (side == Side::kEither && seen.distance_m < 0.0);
+        side == SheetSide::kBehind || (side == SheetSide::kEither && seen.distance_m < 0.0);
     return is_behind ? seen.from_behind() : seen;
   };
 

@@ -17,11 +17,11 @@ struct ShaftSegment {
 };
 
 /// Which side of a sheet counts as outside.
-enum class Side { kFront, kBehind, kEither };
+enum class SheetSide { kFront, kBehind, kEither };
 
 /// Distance from the tip at which the segment is nearest to the surface, m; below 0 if no part is
 /// nearer than `limit_m`. At most 29 views. No allocation, no throw.
-[[nodiscard]] double nearest_along(const Surface& surface, const ShaftSegment& segment, Side side,
+[[nodiscard]] double nearest_along(const Surface& surface, const ShaftSegment& segment, SheetSide side,
                                    double limit_m, SurfaceHint& hint) noexcept;
 
 }  // namespace palpate::physics

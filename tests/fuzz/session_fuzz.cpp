@@ -1,13 +1,14 @@
-// session_fuzz.cpp — any bytes as a session, as its overrides, as a recorded path and as a device
-// profile: a session, or a SetupError; never a crash, a hang or another exception. No file is read.
+// session_fuzz.cpp — reads any bytes as a session, as its overrides, as a recorded path and as a
+// device profile. The result is a session or a SetupError, never a crash, a hang or another
+// exception.
 #include <cstddef>
 #include <cstdint>
 #include <string_view>
 #include <vector>
 
 #include "common/core/check.h"
-#include "common/session/profile_file.h"
-#include "common/session/recorded_path.h"
+#include "common/session/file/profile_file.h"
+#include "common/session/file/recorded_path.h"
 #include "common/session/session_file.h"
 
 /// The input is the text of the session. Lines that begin with "#set " are overrides as well.
@@ -23,14 +24,15 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   }
   try {
     const palpate::Session session = palpate::parse_session(text, "fuzz.txtpb", overrides);
-    // a few promises of a session that loads
+    // some rules that every loaded session keeps
     PALPATE_REQUIRE(!session.name.empty());
-    PALPATE_REQUIRE(session.side().device.rate_hz >= 10.0 && session.side().device.rate_hz <= 10000.0);
+    PALPATE_REQUIRE(session.side().device.rate_hz >= 10.0 &&
+                    session.side().device.rate_hz <= 10000.0);
     PALPATE_REQUIRE(session.side().device.reply > palpate::Duration::zero());
     PALPATE_REQUIRE(session.side().device.lease > palpate::Duration::zero());
     PALPATE_REQUIRE(session.side().mofc.stale_after > palpate::Duration::zero());
   } catch (const palpate::SetupError&) {
-    // what most inputs deserve
+    // expected of most inputs
   }
 
   palpate::Problems problems("fuzz.txtpb", {});

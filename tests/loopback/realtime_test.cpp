@@ -118,7 +118,7 @@ class RealTime : public testing::TestWithParam<const char*> {
   TempFolder folder_;
   Session session_ =
       parse_session(kPressing, "realtime_test.txtpb", endpoints(GetParam(), folder_));
-  ProcessLinks links_{session_.realtime};
+  ProcessLinks links_{session_.side().realtime};
   std::ostringstream log_text_;
   spdlog::sink_ptr log_sink_ = std::make_shared<spdlog::sinks::ostream_sink_mt>(log_text_);
   std::vector<std::pair<std::string, std::unique_ptr<Node>>> nodes_;

@@ -10,6 +10,7 @@
 #include <cstring>
 
 #include "common/core/check.h"
+#include "common/core/problems.h"
 #include "common/core/regular_file.h"
 
 namespace palpate {
@@ -23,7 +24,8 @@ constexpr const char* kAllowedFile = "allowed.keys";
 constexpr std::size_t kKeyBytes = 32;
 constexpr std::size_t kKeyText = 40;
 constexpr std::uintmax_t kMaxFileBytes = 64 << 10;
-constexpr std::size_t kMaxProblems = 20;
+
+constexpr Place kWholeFile{.line = 0, .column = 0};
 
 std::string secret_file(KeyRole role) { return std::string(name_of(role)) + ".key_secret"; }
 
@@ -33,32 +35,11 @@ bool is_key(std::string_view text) {
          zmq_z85_decode(bytes.data(), std::string(text).c_str()) != nullptr;
 }
 
-/// Collects the problems of a file, to report them together.
-class Complaints {
- public:
-  explicit Complaints(std::string file) : file_(std::move(file)) {}
-  /// @param line  from 1; 0: the file as a whole
-  void add(std::size_t line, const std::string& what) {
-    if (++count_ > kMaxProblems) return;
-    text_ += "\n" + file_ + (line > 0 ? ":" + std::to_string(line) : "") + ": " + what;
-  }
-  void throw_if_any() const {
-    if (count_ == 0) return;
-    throw SetupError(file_ + ": " + std::to_string(count_) +
-                     (count_ == 1 ? " problem" : " problems") + text_);
-  }
-
- private:
-  std::string file_;
-  std::string text_;
-  std::size_t count_ = 0;
-};
-
 /// The words of each line that is neither empty nor a comment.
 template <class Take>
 void for_each_line(std::string_view text, const Take& take) {
   constexpr std::string_view kBlank = " \t\r";
-  for (std::size_t number = 1; !text.empty(); ++number) {
+  for (int number = 1; !text.empty(); ++number) {
     const std::size_t end = std::min(text.find('\n'), text.size());
     std::string_view line = text.substr(0, end);
     text.remove_prefix(std::min(end + 1, text.size()));
@@ -162,22 +143,24 @@ const std::string& AllowedKeys::server_key(KeyRole role) const {
 }
 
 AllowedKeys parse_allowed_keys(std::string_view text, const std::string& file) {
-  Complaints complaints(file);
+  Problems problems(file);
   AllowedKeys allowed;
   std::array<int, kKeyRoles> count{};
-  for_each_line(text, [&](std::size_t line, const std::vector<std::string_view>& words) {
+  for_each_line(text, [&](int line, const std::vector<std::string_view>& words) {
     const auto* role = std::find_if(kAllRoles.begin(), kAllRoles.end(),
                                     [&](KeyRole r) { return words.front() == name_of(r); });
     if (role == kAllRoles.end()) {
-      complaints.add(line, "must begin with device, physics, viewer or pointer; correct the role");
+      problems.add({.line = line, .column = 0},
+                   "must begin with device, physics, viewer or pointer; correct the role");
     } else if (words.size() != 2) {
-      complaints.add(line,
-                     "must be a role and a key; put comments on separate lines that begin with #");
+      problems.add({.line = line, .column = 0},
+                   "must be a role and a key; put comments on separate lines that begin with #");
     } else if (!is_key(words[1])) {
-      complaints.add(line,
-                     "the key must be 40 characters of Z85; copy the line of `palpate keygen`");
+      problems.add({.line = line, .column = 0},
+                   "the key must be 40 characters of Z85; copy the line of `palpate keygen`");
     } else if (allowed.role_of(words[1])) {
-      complaints.add(line, "this key is listed above; give each role and host its own");
+      problems.add({.line = line, .column = 0},
+                   "this key is listed above; give each role and host its own");
     } else {
       ++count[static_cast<std::size_t>(*role)];
       allowed.keys_.emplace_back(*role, words[1]);
@@ -185,20 +168,20 @@ AllowedKeys parse_allowed_keys(std::string_view text, const std::string& file) {
   });
   for (const KeyRole role : {KeyRole::kDevice, KeyRole::kPhysics}) {
     if (count[static_cast<std::size_t>(role)] != 1) {
-      complaints.add(0,
-                     std::string("must list exactly one good key of ") + name_of(role) +
-                         ": only one program may write forces; copy the file of `palpate keygen`");
+      problems.add(kWholeFile,
+                   std::string("must list exactly one good key of ") + name_of(role) +
+                       ": only one program may write forces; copy the file of `palpate keygen`");
     }
   }
-  complaints.throw_if_any();
+  problems.throw_if_any();
   return allowed;
 }
 
 KeyPair parse_key_pair(std::string_view text, const std::string& file) {
-  Complaints complaints(file);
+  Problems problems(file);
   KeyPair pair;
   bool is_in_curve = false;
-  for_each_line(text, [&](std::size_t line, const std::vector<std::string_view>& words) {
+  for_each_line(text, [&](int line, const std::vector<std::string_view>& words) {
     if (words.size() == 1 && (words[0] == "metadata" || words[0] == "curve")) {
       is_in_curve = words[0] == "curve";
       return;
@@ -208,25 +191,28 @@ KeyPair parse_key_pair(std::string_view text, const std::string& file) {
                              : words[0] == "secret-key" ? &pair.secret_key
                                                         : nullptr;
     if (key == nullptr || words.size() != 3 || words[1] != "=") {
-      complaints.add(line, "must be public-key = \"…\" or secret-key = \"…\"; copy the whole file");
+      problems.add({.line = line, .column = 0},
+                   "must be public-key = \"…\" or secret-key = \"…\"; copy the whole file");
     } else if (!key->empty()) {
-      complaints.add(line, "is given twice; remove one");
+      problems.add({.line = line, .column = 0}, "is given twice; remove one");
     } else if (words[2].size() != kKeyText + 2 || words[2].front() != '"' ||
                words[2].back() != '"' || !is_key(words[2].substr(1, kKeyText))) {
-      complaints.add(line, "the key must be 40 characters of Z85 in quotes; copy the whole file");
+      problems.add({.line = line, .column = 0},
+                   "the key must be 40 characters of Z85 in quotes; copy the whole file");
     } else {
       *key = words[2].substr(1, kKeyText);
     }
   });
-  complaints.throw_if_any();
+  problems.throw_if_any();
   std::array<char, kKeyText + 1> public_key{};
   if (pair.public_key.empty() || pair.secret_key.empty()) {
-    complaints.add(0, "must give public-key and secret-key below `curve`; copy the whole file");
+    problems.add(kWholeFile,
+                 "must give public-key and secret-key below `curve`; copy the whole file");
   } else if (zmq_curve_public(public_key.data(), pair.secret_key.c_str()) != 0 ||
              pair.public_key != public_key.data()) {
-    complaints.add(0, "public-key is not that of secret-key; copy the whole file");
+    problems.add(kWholeFile, "public-key is not that of secret-key; copy the whole file");
   }
-  complaints.throw_if_any();
+  problems.throw_if_any();
   return pair;
 }
 

@@ -88,6 +88,10 @@ INSTANTIATE_TEST_SUITE_P(
         Forbidden{"common/core/clock.cpp", "common/process/log.h", "common/core may include"},
         Forbidden{"common/core/clock.cpp", "palpate/v1/messages.pb.h", "common/core may include"},
         Forbidden{"common/core/clock.cpp", "common/session/session.h", "common/core may include"},
+        Forbidden{"common/session/session.cpp", "palpate/v1/session.pb.h",
+                  "common/session may include"},
+        Forbidden{"common/session/session.cpp", "common/session/file/session_rules.h",
+                  "common/session may include"},
         Forbidden{"common/telemetry/event_log.h", "common/link/zmq_sender.h",
                   "common/telemetry may include"},
         Forbidden{"common/link/zmq_sender.cpp", "common/process/log.h", "common/link may include"},
@@ -210,12 +214,12 @@ TEST(IncludeBoundaries, KeepLocksOutOfTheTickAndTheClamp) {
 }
 
 TEST(IncludeBoundaries, LetCodecAndSessionFileSeeTheWire) {
-  for (const char* file : {"common/link/codec/codec.cpp", "common/session/session_file.cpp"}) {
+  for (const char* file : {"common/link/codec/codec.cpp", "common/session/file/session_file.cpp"}) {
     const CommandResult result = check_source(file, "#include \"palpate/v1/messages.pb.h\"\n");
     EXPECT_EQ(result.status, 0) << result.output;
   }
   EXPECT_EQ(check_source("common/link/socket/zmq_context.cpp", "#include <zmq.hpp>\n").status, 0);
-  EXPECT_EQ(check_source("common/session/session_file.cpp", "#include <zmq.hpp>\n").status, 1);
+  EXPECT_EQ(check_source("common/session/file/session_file.cpp", "#include <zmq.hpp>\n").status, 1);
 }
 
 TEST(IncludeBoundaries, LetTheProgramsConnectNodesToTheWorld) {

@@ -1,5 +1,5 @@
-// The profile of a device: a file named by the session.
-#include "common/session/profile_file.h"
+// The profile file of a device.
+#include "common/session/file/profile_file.h"
 #include "tests/support/temp_folder.h"
 
 #include <gmock/gmock.h>
@@ -47,7 +47,7 @@ class ProfileFile : public ::testing::Test {
   const std::filesystem::path& folder_ = temporary_.path();
 };
 
-TEST_F(ProfileFile, IsWhatTheControllerMayCountOn) {
+TEST_F(ProfileFile, IsWhatTheControllerReliesOn) {
   write(kProfile);
 
   const DeviceProfile profile = load();
@@ -57,7 +57,7 @@ TEST_F(ProfileFile, IsWhatTheControllerMayCountOn) {
   EXPECT_EQ(profile.position_resolution_m, 2e-5);
 }
 
-TEST_F(ProfileFile, FieldsOfTheSessionItselfWin) {
+TEST_F(ProfileFile, FieldsOfTheSessionWin) {
   write(kProfile);
 
   const DeviceProfile profile = load({"device.profile.coulomb_newton=0.15"});
@@ -109,7 +109,7 @@ TEST_F(ProfileFile, FrictionPerAxisIsReadAndWrittenWithBoundsRoundedDown) {
   EXPECT_EQ(load().per_axis->viscous_newton_s_per_m, Vector3(0.012345, 0.5, 0.0));
 }
 
-TEST_F(ProfileFile, FrictionPerAxisOfTheSessionItselfWinsAndBringsTheIsotropicOneDown) {
+TEST_F(ProfileFile, FrictionPerAxisOfTheSessionWinsAndLowersTheIsotropicBound) {
   write(kProfilePerAxis);
 
   const DeviceProfile profile =
@@ -121,7 +121,7 @@ TEST_F(ProfileFile, FrictionPerAxisOfTheSessionItselfWinsAndBringsTheIsotropicOn
   EXPECT_EQ(profile.coulomb_newton, 0.02);
 }
 
-TEST_F(ProfileFile, FrictionPerAxisComesWholeAndNotBelowTheIsotropicOne) {
+TEST_F(ProfileFile, FrictionPerAxisMustBeCompleteAndNotBelowTheIsotropicBound) {
   EXPECT_THAT(problems("device { profile { viscous_newton_s_per_m: 0 coulomb_newton: 0.2 "
                        "position_resolution_m: 0\n"
                        "coulomb_per_axis_newton { x: 0.3 y: 0.1 z: 0.3 } } }"),
@@ -132,7 +132,7 @@ TEST_F(ProfileFile, FrictionPerAxisComesWholeAndNotBelowTheIsotropicOne) {
                                     "coulomb_per_axis_newton, here 0.1")));
 }
 
-TEST_F(ProfileFile, ProblemsAreToldWithTheirPlaces) {
+TEST_F(ProfileFile, ProblemsAreReportedWithTheirPlaces) {
   EXPECT_THAT(problems("device {\n"
                        "  profile {\n"
                        "    coulomb_newton: -1\n"
@@ -141,33 +141,34 @@ TEST_F(ProfileFile, ProblemsAreToldWithTheirPlaces) {
                        "}\n"),
               ElementsAre("x.txtpb: 3 problems",
                           "omni.txtpb:2:3: device.profile.viscous_newton_s_per_m: required; give a "
-                          "lower bound of the viscous friction",
+                          "lower bound of the viscous friction, 0 if unknown",
                           "omni.txtpb:3:5: device.profile.coulomb_newton = -1: must be ≥ 0; give a "
-                          "lower bound of the dry friction",
+                          "lower bound of the dry friction, 0 if unknown",
                           "omni.txtpb:4:5: device.profile.position_resolution_m = nan: must be a "
                           "finite number"));
 }
 
-TEST_F(ProfileFile, NothingIsLeftToDefaults) { EXPECT_THAT(problems(""), SizeIs(1 + 3)); }
+TEST_F(ProfileFile, NoFieldHasADefault) { EXPECT_THAT(problems(""), SizeIs(1 + 3)); }
 
 TEST_F(ProfileFile, AnythingElseInItIsRefused) {
-  EXPECT_THAT(problems("name: \"y\"\n"
-                       "device {\n"
-                       "  rate_hz: 50\n"
-                       "  profile_file: \"omni.txtpb\"\n"
-                       "  profile { viscous_newton_s_per_m: 0 coulomb_newton: 0 "
-                       "position_resolution_m: 0 }\n"
-                       "}\n"
-                       "scene { tissue {} }\n"),
-              ElementsAre("x.txtpb: 4 problems",
-                          "omni.txtpb:1:1: name: a profile gives device.profile only; move it into "
-                          "the session",
-                          StartsWith("omni.txtpb:3:3: device.rate_hz: a profile gives"),
-                          StartsWith("omni.txtpb:4:3: device.profile_file: a profile gives"),
-                          StartsWith("omni.txtpb:7:1: scene: a profile gives")));
+  EXPECT_THAT(
+      problems("name: \"y\"\n"
+               "device {\n"
+               "  rate_hz: 50\n"
+               "  profile_file: \"omni.txtpb\"\n"
+               "  profile { viscous_newton_s_per_m: 0 coulomb_newton: 0 "
+               "position_resolution_m: 0 }\n"
+               "}\n"
+               "scene { tissue {} }\n"),
+      ElementsAre("x.txtpb: 4 problems",
+                  "omni.txtpb:1:1: name: a profile contains device.profile only; move it into "
+                  "the session",
+                  StartsWith("omni.txtpb:3:3: device.rate_hz: a profile contains"),
+                  StartsWith("omni.txtpb:4:3: device.profile_file: a profile contains"),
+                  StartsWith("omni.txtpb:7:1: scene: a profile contains")));
 }
 
-TEST_F(ProfileFile, TextThatCannotBeReadSaysWhereItEnds) {
+TEST_F(ProfileFile, UnreadableTextIsReportedWithItsPlace) {
   EXPECT_THAT(problems("device {\n  profile {"),
               ElementsAre("x.txtpb: 1 problem", HasSubstr("omni.txtpb:2:")));
 }

@@ -1,5 +1,5 @@
-// The recorded path of a hand: a CSV file named by the session.
-#include "common/session/recorded_path.h"
+// The recorded path of a hand: a CSV file.
+#include "common/session/file/recorded_path.h"
 #include "tests/support/temp_folder.h"
 
 #include <gmock/gmock.h>
@@ -55,7 +55,7 @@ TEST_F(RecordedPathFile, SamplesAreRead) {
   EXPECT_EQ(path.samples[1].position_m, Vector3(-1e-3, 0, 0));
 }
 
-TEST_F(RecordedPathFile, ProblemsAreToldWithTheirLines) {
+TEST_F(RecordedPathFile, ProblemsAreReportedWithTheirLines) {
   EXPECT_THAT(problems("t,x,y,z\n"
                        "0,0,0,0\n"
                        "1,0,0\n"
@@ -70,7 +70,7 @@ TEST_F(RecordedPathFile, ProblemsAreToldWithTheirLines) {
                           "path.csv:6: t = 0: must be later than the line before"));
 }
 
-TEST_F(RecordedPathFile, OnlyTheFirstFiveProblemsAreTold) {
+TEST_F(RecordedPathFile, OnlyTheFirstFiveProblemsAreReported) {
   EXPECT_THAT(problems("t,x,y,z\n1\n2\n3\n4\n5\n6\n7\n"), SizeIs(1 + 5));
 }
 

@@ -232,7 +232,7 @@ TEST(SessionFile, ReadsEveryKindOfTissue) {
   EXPECT_EQ(std::get<BoxGeometry>(box.geometry).size_m, Vector3(1, 2, 3));
 }
 
-// The files themselves are physics_node's business: none of these is there.
+// Only physics_node reads the files; none of these exists.
 TEST(SessionFile, ReadsGeometriesFromFilesWithoutOpeningThem) {
   const Session session = parse_session(
       R"(name: "x" scene {
@@ -337,13 +337,13 @@ TEST(SessionFile, ReadsFaultsOfALink) {
 }
 
 TEST(SessionFile, TimeAboveZeroStaysAboveZero) {
-  // far less than a nanosecond: a fade of 0 would be divided by
+  // less than a nanosecond is rounded up: a fade of 0 would be a division by 0
   EXPECT_EQ(parse_session("name: \"x\"", "x", {"mofc.fade_ms=1e-12"}).side().mofc.fade, 1ns);
   EXPECT_EQ(parse_session("name: \"x\"", "x", {"device.start_ramp_ms=0"}).side().device.start_ramp,
             0ns);
 }
 
-TEST(SessionFile, ReadsWhatHasNoDefault) {
+TEST(SessionFile, ReadsFieldsWithoutDefaults) {
   const Session session = parse_session(
       R"(name: "x" seed: 18446744073709551615 duration_s: 2.5
          links { exchange: "tcp://127.0.0.1:5551" tool_motion: "inproc://motion" }
@@ -373,7 +373,7 @@ TEST(SessionFile, ReadsWhatHasNoDefault) {
   EXPECT_EQ(session.side().mofc.fade, 9ms);
 }
 
-// silence that was agreed upon: 6 periods of 1 ms and 3 keep-alives of each deadband
+// silence that the deadbands allow: 6 periods of 1 ms and 3 keep-alives of each deadband
 TEST(SessionFile, DeadbandsAreOffUnlessGivenAndCountInStaleAfter) {
   const Session plain = parse_session("name: 'x'", "x.txtpb");
   EXPECT_FALSE(plain.side().mofc.motion_deadband.has_value());
@@ -432,7 +432,7 @@ TEST(SessionFile, ReadsEveryVelocityEstimator) {
   EXPECT_EQ(third.moving_mass_kg, 0.1);
 }
 
-TEST(SessionFile, APointerIsLetInByItsMessageAlone) {
+TEST(SessionFile, AnEmptyPointerMessageTurnsThePointerOn) {
   const auto pointer = parse_session("name: \"x\" hand { pointer {} }", "x").side().hand.pointer;
   ASSERT_TRUE(pointer.has_value());
   EXPECT_EQ(pointer->center_m, Vector3(0, 0, 0));
@@ -458,7 +458,7 @@ TEST(SessionFile, TheWebServerCanBeMovedAndTurnedOff) {
   EXPECT_FALSE(parse_session("name: \"x\"", "x", {"viewer.web.disabled=true"}).viewer.web.is_on);
 }
 
-TEST(SessionFile, ItsTextIsTheSessionAsItCounts) {
+TEST(SessionFile, ItsTextIsTheSessionWithOverridesApplied) {
   const std::vector<std::string> overrides = {"seed=5", "mofc.controller=none"};
   const Session session = parse_session("name: \"x\"  # comment\nseed: 4", "x", overrides);
 
@@ -468,7 +468,7 @@ TEST(SessionFile, ItsTextIsTheSessionAsItCounts) {
 
 // --- places -----------------------------------------------------------------------------------
 
-TEST(SessionFile, TellsAllProblemsAtOnceWithTheirPlaces) {
+TEST(SessionFile, AllProblemsAreReportedTogetherWithTheirPlaces) {
   const std::vector<std::string> lines = complaints(
       "# a comment\n"
       "name: \"x y\"\n"
@@ -495,7 +495,7 @@ TEST(SessionFile, TellsAllProblemsAtOnceWithTheirPlaces) {
           "x.txtpb:9:14: scene.tissue[0].sphere.radius_m = nan: must be a finite number"));
 }
 
-TEST(SessionFile, SyntaxErrorIsToldWithItsPlace) {
+TEST(SessionFile, SyntaxErrorIsReportedWithItsPlace) {
   const std::vector<std::string> lines = complaints("name: \"x\"\ndevice {\n  rate_hz 50\n}\n");
 
   ASSERT_THAT(lines, SizeIs(2));
@@ -503,16 +503,18 @@ TEST(SessionFile, SyntaxErrorIsToldWithItsPlace) {
                               EndsWith("write 'name: value' or 'name { … }'")));
 }
 
-TEST(SessionFile, WrongEnumeratorIsToldWithTheRightOnes) {
+TEST(SessionFile, WrongEnumeratorIsReportedWithTheRightOnes) {
   const std::vector<std::string> lines = complaints("name: \"x\"\nmofc { mode: fast }\n");
 
   ASSERT_THAT(lines, SizeIs(2));
   EXPECT_THAT(lines[1],
               AllOf(StartsWith("x.txtpb:2:"),
                     EndsWith("mode = fast: must be one of mode_default, paper, vector, guard")));
+  EXPECT_THAT(complaints("name: 'x' side { realtime { wait: never").at(1),
+              HasSubstr("wait = never: must be one of wait_default, hybrid, spin, block"));
 }
 
-TEST(SessionFile, UnknownFieldsAreAllToldBeforeASyntaxError) {
+TEST(SessionFile, AllUnknownFieldsAreReportedBeforeASyntaxError) {
   const std::vector<std::string> lines = complaints("nam: \"x\"\nseeed: 1\nmofc {");
 
   ASSERT_THAT(lines, SizeIs(4));
@@ -521,10 +523,31 @@ TEST(SessionFile, UnknownFieldsAreAllToldBeforeASyntaxError) {
   EXPECT_THAT(lines[3], StartsWith("x.txtpb:3:7: cannot be read"));
 }
 
-TEST(SessionFile, FieldLikeNoOtherGetsTheListOfFields) {
+TEST(SessionFile, UnknownFieldUnlikeAnyOtherIsAnsweredWithAllFields) {
   EXPECT_THAT(
       complaints("name: \"x\" physics { quality: 3 }").at(1),
       EndsWith("physics.quality: no such field; it has rate_hz, interaction_deadband, reach_m"));
+}
+
+// The places follow from the tokens: comments, tabs, text with braces and lists stand between.
+TEST(SessionFile, UnknownFieldsAreFoundInAnyText) {
+  const std::vector<std::string> lines = complaints(
+      "name: 'x' # { \"\n"
+      "scene {\n"
+      "  tissue [ { sphere { radius_m: 1 } kelvin_voigt { stiffness_newton_per_m: 5 }\tspere {} "
+      "},\n"
+      "           { name: '} spere {' sphre < > } ]\n"
+      "  tissue { bx: 3 }\n"
+      "}\n"
+      "mofc { mode: guard; contrller: none }\n");
+
+  EXPECT_THAT(lines,
+              ::testing::IsSupersetOf(
+                  {"x.txtpb:3:80: scene.tissue[0].spere: no such field; did you mean 'sphere'?",
+                   "x.txtpb:4:32: scene.tissue[1].sphre: no such field; did you mean 'sphere'?",
+                   "x.txtpb:5:12: scene.tissue[2].bx: no such field; did you mean 'box'?",
+                   "x.txtpb:7:21: mofc.contrller: no such field; did you mean "
+                   "'controller'?"}));
 }
 
 TEST(SessionFile, FieldGivenTwiceIsRefused) {
@@ -538,14 +561,14 @@ TEST(SessionFile, OtherSchemaVersionIsRefused) {
 }
 
 TEST(SessionFile, OneMistakeIsOneProblem) {
-  // the lease is right for 50 Hz and could be called wrong for any other rate
+  // the lease is valid for 50 Hz; without a valid rate it is not judged
   EXPECT_THAT(complaints("name: \"x\" device { rate_hz: nan lease_us: 20000 limp_after_ms: 30"
                          " reply_us: 9000 fade_ms: 30 } mofc { wait_for_physics_ms: 5 }"),
               SizeIs(2));
   EXPECT_THAT(complaints("name: \"x\" hand { v { normal { z: inf } } }"), SizeIs(2));
 }
 
-TEST(SessionFile, OnlyTheFirstHundredProblemsAreTold) {
+TEST(SessionFile, OnlyTheFirstHundredProblemsAreReported) {
   std::string text = "name: \"x\"\n";
   for (int i = 0; i < 300; ++i) text += "nonsense: 1\n";
 
@@ -567,7 +590,7 @@ TEST(SessionFile, EndlessBracesAreRefused) {
   EXPECT_THAT(complaints(text).at(1), HasSubstr("braces nested more than 32 deep"));
 }
 
-TEST(SessionFile, SaysNothingOnItsOwn) {
+TEST(SessionFile, WritesNothingToStandardError) {
   ::testing::internal::CaptureStderr();
 
   static_cast<void>(complaints("name: 3 { \x01 \"", {"name='", "device.rate_hz={}"}));
@@ -598,7 +621,7 @@ TEST(SessionFile, SecurityWithoutAFolderIsAProblem) {
               AllOf(HasSubstr("security.key_folder: required"), HasSubstr("palpate keygen")));
 }
 
-TEST_F(SessionFolder, FilesThatCannotBeReadSayWhy) {
+TEST_F(SessionFolder, UnreadableFilesAreReportedWithTheReason) {
   ASSERT_EQ(::mkfifo((folder_ / "pipe").c_str(), 0600), 0);
 
   EXPECT_THAT(complaint_of_file(folder_ / "none.txtpb"), HasSubstr("none.txtpb: no such file"));
@@ -608,7 +631,7 @@ TEST_F(SessionFolder, FilesThatCannotBeReadSayWhy) {
               HasSubstr("has more than 1000000 bytes"));
 }
 
-TEST_F(SessionFolder, UnreadableFileSaysSo) {
+TEST_F(SessionFolder, FileWithoutPermissionIsReported) {
   if (::geteuid() == 0) GTEST_SKIP() << "root may read everything";
   const std::filesystem::path file = write("closed.txtpb", "name: \"x\"");
   std::filesystem::permissions(file, std::filesystem::perms::none);
@@ -657,7 +680,7 @@ TEST(SessionFile, PaperSessionsAreThoseOfThePaper) {
 
 // --- run folder -------------------------------------------------------------------------------
 
-TEST(RunFolder, IsTheOneAskedForElseTheUsersElseInTmp) {
+TEST(RunFolder, IsTheConfiguredOneElseTheUsersElseInTmp) {
   const Variable xdg("XDG_RUNTIME_DIR", "/run/user/7");
   {
     const Variable run_dir("PALPATE_RUN_DIR", "/run/p");

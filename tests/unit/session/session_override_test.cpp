@@ -88,7 +88,7 @@ TEST(SessionOverride, ProblemIsLocatedAtTheOverride) {
               StartsWith("--set hand.recorded.loop=true: hand.recorded.file: required"));
 }
 
-TEST(SessionOverride, MendsAProblemOfTheFile) {
+TEST(SessionOverride, CanCorrectAProblemOfTheFile) {
   EXPECT_THAT(complaints("name: \"x\" device { rate_hz: -1 }", {"device.rate_hz=50"}), SizeIs(0));
   EXPECT_THAT(complaints("name: \"x\" hand { v { height_m: nan } }", {"hand.hold={}"}), SizeIs(0));
 }
@@ -108,7 +108,7 @@ struct BadOverride {
   const char* words;
 };
 
-TEST(SessionOverride, OneThatCannotBeAppliedSaysWhy) {
+TEST(SessionOverride, ReportsWhyItCannotBeApplied) {
   const BadOverride rows[] = {
       {"", "must be path=value"},
       {"device.rate_hz", "must be path=value"},
@@ -140,6 +140,10 @@ TEST(SessionOverride, OneThatCannotBeAppliedSaysWhy) {
        "hand.hold: no field 'positin_m' in Hold; did you mean "
        "'position_m'?"},
       {"hand.hold={", "hand.hold: cannot be read"},
+      {"mofc={ mode: fast }", "mode = fast: must be one of mode_default, paper, vector"},
+      {"scene={ tissue [ {}, { spere {} } ] }",
+       "no field 'spere' in Tissue; did you mean 'sphere'"},
+      {"realtime.wait=7", "realtime.wait = 7: must be hybrid, spin or block"},
   };
   for (const BadOverride& row : rows) {
     SCOPED_TRACE(row.assignment);
@@ -149,6 +153,14 @@ TEST(SessionOverride, OneThatCannotBeAppliedSaysWhy) {
     EXPECT_THAT(lines[1], AllOf(StartsWith(std::string("--set ") + row.assignment + ": "),
                                 HasSubstr(row.words)));
   }
+}
+
+TEST(SessionOverride, EndlessBracesAreRefused) {
+  std::string assignment = "scene={ ";
+  for (int i = 0; i < 200'000; ++i) assignment += "a {";
+
+  EXPECT_THAT(complaints(kSession, {assignment}).at(1),
+              HasSubstr("braces nested more than 32 deep"));
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// The rules of proto/palpate/v1/session.proto, each broken and each kept at its edge.
+// The rules of the session schema, each violated and each kept at its limit.
 #include <gmock/gmock.h>
 #include <google/protobuf/descriptor.h>
 #include <gtest/gtest.h>
@@ -32,7 +32,7 @@ constexpr const char* kSession = R"(
     interaction   { outage { until_s: 1 } stall { until_s: 1 } freeze { until_s: 1 } }
   })";
 
-/// With sides, so that theirs have one too.
+/// With sides, so that their fields have a path too.
 const std::string kTwoSides = std::string(kSession) +
                               "side { name: \"left\" hand { press { until_s: 1 } } }"
                               "side { name: \"right\" }";
@@ -87,7 +87,7 @@ TEST(SessionRules, TimesAreBoundedInTheirUnit) {
   EXPECT_THAT(complaints(kSession, {"faults.tool_motion.delay_ms=1.1e9"}).at(1),
               HasSubstr("must be within"));
   EXPECT_THAT(complaints(kSession, {"faults.tool_motion.delay_ms=1e9"}), SizeIs(0));
-  // a speed and a slew are no times
+  // speed and slew rate are not times
   EXPECT_THAT(complaints(kSession, {"device.slew_newton_per_s=1e7"}), SizeIs(0));
   EXPECT_THAT(complaints(kSession, {"hand.v.speed_m_per_s=1e7"}), SizeIs(0));
 }
@@ -106,7 +106,7 @@ void PrintTo(const Rule& rule, std::ostream* stream) { *stream << rule.path; }
 
 class SessionRule : public ::testing::TestWithParam<Rule> {};
 
-TEST_P(SessionRule, HoldsAtItsEdgeAndNotBeyond) {
+TEST_P(SessionRule, HoldsAtItsLimitAndNotBeyond) {
   const Rule& rule = GetParam();
   for (const char* value : rule.bad) {
     std::vector<std::string> overrides = rule.context;
@@ -148,7 +148,7 @@ const Rule kRules[] = {
      {"ipc:///x", "ipc://@x"},
      "must be ipc://PATH, tcp://HOST:PORT or inproc://NAME"},
     {"links.exchange", {"ipc://", "ipc://*"}, {}, "must name a file"},
-    // 107 bytes of path is the most
+    // at most 107 bytes of path
     {"links.exchange",
      {"ipc:///"
       "aaaaaaaaabbbbbbbbbbccccccccccddddddddddeeeeeeeeeeffffffffffgggggggggghhhhhhhhhhiiiiiiii"

@@ -1,5 +1,4 @@
-// Several devices in one session: what a side has of its own, what it shares, and what is told of
-// it.
+// Several devices in one session: own fields of a side, shared fields, and problems.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -17,7 +16,7 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::SizeIs;
 
-// Line 2 on: places are counted below.
+// Begins in line 2; places below are counted from there.
 constexpr const char* kTwoHands = R"(name: "hands"
 seed: 7
 device { rate_hz: 500 start_ramp_ms: 20 }
@@ -37,7 +36,7 @@ Session two_hands(const std::vector<std::string>& overrides = {}) {
   return parse_session(kTwoHands, "x.txtpb", overrides);
 }
 
-TEST(SessionSides, ASideHasWhatItGivesAndSharesTheRest) {
+TEST(SessionSides, ASideHasItsOwnFieldsAndSharesTheRest) {
   const Session session = two_hands();
 
   ASSERT_THAT(session.sides, SizeIs(2));
@@ -59,7 +58,7 @@ TEST(SessionSides, ASideHasWhatItGivesAndSharesTheRest) {
 }
 
 // Half a period of 500 Hz and of 2 kHz.
-TEST(SessionSides, DefaultsFollowFromWhatTheSideHas) {
+TEST(SessionSides, DefaultsFollowFromTheFieldsOfTheSide) {
   const Session session = two_hands();
 
   EXPECT_EQ(session.sides[0].device.reply, std::chrono::microseconds(1000));
@@ -101,7 +100,7 @@ TEST(SessionSides, EachHasItsOwnFilesAndRandomStreams) {
             stream_seed(session, session.sides[1], "hand"));
 }
 
-TEST(SessionSides, ASessionWithOneDeviceHasOneWithoutAName) {
+TEST(SessionSides, ASessionWithOneDeviceHasOneUnnamedSide) {
   const Session session = parse_session("name: \"x\"", "x.txtpb");
 
   ASSERT_THAT(session.sides, SizeIs(1));
@@ -113,13 +112,13 @@ TEST(SessionSides, ASessionWithOneDeviceHasOneWithoutAName) {
 
 TEST(SessionSides, AnyFieldOfASideCanBeOverridden) {
   EXPECT_EQ(two_hands({"side[1].device.rate_hz=1000"}).sides[1].device.rate_hz, 1000.0);
-  // what the side gives wins over what is shared
+  // fields of the side win over shared ones
   const Session session = two_hands({"device.rate_hz=250"});
   EXPECT_EQ(session.sides[0].device.rate_hz, 250.0);
   EXPECT_EQ(session.sides[1].device.rate_hz, 2000.0);
 }
 
-TEST(SessionSides, WhichOneIsMeantMustBeSaid) {
+TEST(SessionSides, TheSideMustBeNamed) {
   const Session session = two_hands();
 
   const auto complaint = [](const Session& of, const char* side) -> std::string {
@@ -138,7 +137,7 @@ TEST(SessionSides, WhichOneIsMeantMustBeSaid) {
               HasSubstr("has one device; leave --side out"));
 }
 
-TEST(SessionSides, AProblemStandsWhereItsFieldIsGivenAndIsToldOnce) {
+TEST(SessionSides, AProblemIsReportedOnceWhereItsFieldIsGiven) {
   EXPECT_THAT(complaints(kTwoHands, {"device.rate_hz=1", "side[1].mofc.fade_ms=-1"}),
               ElementsAre("x.txtpb: 2 problems",
                           HasSubstr("--set device.rate_hz=1: device.rate_hz = 1: must be 10"),
@@ -177,7 +176,7 @@ TEST(SessionSides, AreTwoToFour) {
   }
 }
 
-TEST(SessionSides, ShareNoEndpointButThatOfPhysicsTelemetry) {
+TEST(SessionSides, ShareOnlyTheEndpointOfPhysicsTelemetry) {
   EXPECT_THAT(complaints(kTwoHands, {"links.exchange=tcp://127.0.0.1:1"}),
               ElementsAre("x.txtpb: 1 problem", HasSubstr("is that of another side too")));
   EXPECT_THAT(

@@ -6,13 +6,13 @@
 #include <string_view>
 #include <vector>
 
+#include "common/core/problems.h"
 #include "common/session/session.h"
-#include "common/session/session_problems.h"
 
 namespace palpate {
 
-/// Reads CSV text. Problems stand at `place` (of the field that names the file) as "file:line: …";
-/// only the first 5 are told.
+/// Reads CSV text. Problems are at `place` (of the field that names the file) as "file:line: …";
+/// only the first 5 are reported.
 [[nodiscard]] std::vector<RecordedPath::Sample> parse_recorded_path(std::string_view text,
                                                                     const std::string& file_name,
                                                                     const Place& place,

@@ -1,4 +1,4 @@
-#include "common/session/session_problems.h"
+#include "common/core/problems.h"
 
 #include <algorithm>
 #include <tuple>
@@ -27,10 +27,13 @@ std::string one_line(std::string_view text) {
 }
 
 void Problems::add(const Place& place, const std::string& text) {
-  const std::string where =
-      place.override_number == 0
-          ? file_name_ + ":" + std::to_string(place.line) + ":" + std::to_string(place.column)
-          : "--set " + overrides_.at(static_cast<std::size_t>(place.override_number) - 1);
+  if (place.override_number > 0) {
+    const auto index = static_cast<std::size_t>(place.override_number) - 1;
+    return add_elsewhere(place, "--set " + overrides_.at(index), text);
+  }
+  std::string where = file_name_;
+  if (place.line > 0) where += ":" + std::to_string(place.line);
+  if (place.line > 0 && place.column > 0) where += ":" + std::to_string(place.column);
   add_elsewhere(place, where, text);
 }
 

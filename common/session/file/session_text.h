@@ -1,5 +1,5 @@
 // session_text.h — a session as it was written: the protobuf message, the place of every field, and
-// the overrides of the command line laid over it. What the fields may say: session_convert.cpp.
+// the overrides of the command line applied to it. Values are checked by session_fields.h.
 #pragma once
 
 #include <google/protobuf/message.h>
@@ -10,14 +10,11 @@
 #include <string_view>
 #include <vector>
 
-#include "common/session/session_problems.h"
+#include "common/core/problems.h"
+#include "common/session/file/session_outline.h"
 #include "palpate/v1/session.pb.h"
 
 namespace palpate {
-
-/// What is wrong with a number whatever its field: not finite, beyond 1e9, a time beyond 1e6 s (the
-/// unit is told by the field's name). Empty if nothing.
-[[nodiscard]] std::string number_complaint(const std::string& field_name, double value);
 
 class SessionText {
  public:
@@ -36,40 +33,30 @@ class SessionText {
 
   [[nodiscard]] const v1::Session& message() const { return message_; }
 
-  /// Where the field was written; where the message around it was, if it is left out.
+  /// Where the field is written; if it is left out, where the message around it is.
   /// @param path  e.g. "scene.tissue[0].sphere.radius_m"; "" for the session itself
   [[nodiscard]] Place place(std::string path) const;
 
-  /// The session as it is for one side: side[index] laid over it. Its paths are those of a session
-  /// of one device; places and written paths stay those of the file.
+  /// The session of one side: side[index] merged over the session. Its paths are those of a session
+  /// with one device; places and written paths remain those of the file.
   [[nodiscard]] SessionText for_side(int index) const;
 
-  /// Where the field of this path really stands: "side[1].hand.mass_kg" if the side gives it, or
-  /// the message around it.
+  /// The path of the field in the file: "side[1].hand.mass_kg" if the side gives the field or the
+  /// message around it.
   [[nodiscard]] std::string written_path(const std::string& path) const;
 
  private:
-  /// A message of the file: its path and where it stands.
-  struct Span {
-    std::string path;
-    std::size_t begin = 0;
-    std::size_t end = 0;
-  };
-
-  /// A byte whose place as the tokenizer counts, lines from 0 and tabs as up to 8, is known.
+  /// A byte of the text whose position as the tokenizer counts is known.
   struct Anchor {
-    int line = 0;
-    int column = 0;
+    TokenPosition position;
     std::size_t offset = 0;
   };
 
   void note_lines();
-  [[nodiscard]] bool is_too_deep(std::string_view text);
-  [[nodiscard]] std::size_t offset_of(int line, int column) const;
+  [[nodiscard]] std::size_t offset_of(TokenPosition position) const;
   [[nodiscard]] Place place_of(std::size_t offset) const;
   void record(const google::protobuf::Message& message,
               const google::protobuf::TextFormat::ParseInfoTree& tree, const std::string& path);
-  void report_unknown(int line, int column, const std::string& complaint);
   [[nodiscard]] std::string assign(const std::string& path, const std::string& value,
                                    const Place& place);
   void forget(const std::string& path);
@@ -79,7 +66,6 @@ class SessionText {
   std::string_view text_;  // valid during read()
   std::vector<std::size_t> line_begins_;
   std::vector<Anchor> anchors_;  // each line's begin and the end of each tab
-  std::vector<Span> spans_;
   v1::Session message_;
   std::string side_;  // "side[1]."; empty: the whole session
   std::map<std::string, Place, std::less<>> places_;

@@ -1,4 +1,4 @@
-// session_problems.h — what is wrong with a session: collected, sorted by place, told all at once.
+// problems.h — the problems of a file of the user: collected, sorted by place, reported together.
 #pragma once
 
 #include <string>
@@ -7,29 +7,29 @@
 
 namespace palpate {
 
-/// Where something was written: in the session file or in an override of the command line.
+/// Where something was written: in the file or in an override of the command line.
 struct Place {
   int override_number = 0;  ///< 0: the file; else which override, from 1
-  int line = 1;             ///< of the file, from 1
-  int column = 1;           ///< in bytes, from 1
+  int line = 1;             ///< of the file, from 1; 0: the file as a whole
+  int column = 1;           ///< in bytes, from 1; 0: the line as a whole
 };
 
-/// Text as it may stand in one line: control characters replaced, the middle of long text left out.
+/// The text in one line: control characters replaced, the middle of a long text left out.
 [[nodiscard]] std::string one_line(std::string_view text);
 
 class Problems {
  public:
-  Problems(std::string file_name, std::vector<std::string> overrides)
+  explicit Problems(std::string file_name, std::vector<std::string> overrides = {})
       : file_name_(std::move(file_name)), overrides_(std::move(overrides)) {}
 
-  /// `text`: "field = value: rule; remedy". Only the first 100 problems are kept, and the same one
-  /// once: what several sides share is judged for each.
+  /// `text`: "field = value: rule; remedy". Only the first 100 problems are kept. A problem is kept
+  /// once, although fields that several sides share are checked for each side.
   void add(const Place& place, const std::string& text);
 
-  /// A problem of another file ("hand.csv:12") that the session names at `place`.
+  /// A problem of another file ("hand.csv:12"), which the session names at `place`.
   void add_elsewhere(const Place& place, const std::string& where, const std::string& text);
 
-  /// All problems of another file that the session names at `place`.
+  /// All problems of another file, which the session names at `place`.
   void add_file(const Place& place, const Problems& file);
 
   [[nodiscard]] bool empty() const { return list_.empty(); }

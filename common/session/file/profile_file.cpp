@@ -1,12 +1,12 @@
-#include "common/session/profile_file.h"
+#include "common/session/file/profile_file.h"
 
 #include <google/protobuf/descriptor.h>
 
 #include <cmath>
 
 #include "common/core/regular_file.h"
-#include "common/session/session_fields.h"
-#include "common/session/session_text.h"
+#include "common/session/file/session_fields.h"
+#include "common/session/file/session_text.h"
 
 namespace palpate {
 
@@ -16,7 +16,7 @@ namespace pb = google::protobuf;
 
 constexpr std::uintmax_t kMaxFileBytes = 100'000;
 
-/// Makes a problem of each field of the message but the one that is allowed.
+/// Reports each field of the message except the allowed one.
 void refuse_others(const pb::Message& message, const std::string& path, const char* allowed,
                    const SessionText& text, Problems& problems) {
   std::vector<const pb::FieldDescriptor*> given;
@@ -25,7 +25,7 @@ void refuse_others(const pb::Message& message, const std::string& path, const ch
     if (field->name() == allowed) continue;
     const std::string child = child_path(path, field->name(), field->is_repeated() ? 0 : -1);
     problems.add(text.place(child),
-                 child + ": a profile gives device.profile only; move it into the session");
+                 child + ": a profile contains device.profile only; move it into the session");
   }
 }
 
@@ -41,16 +41,12 @@ DeviceProfile parse_profile(std::string_view text, const std::string& file_name,
     refuse_others(written.message(), "", "device", written, own);
     refuse_others(written.message().device(), "device", "profile", written, own);
 
-    // nothing has a default: a bound that was forgotten must not become one
+    // no defaults: a bound that is forgotten must not become a guess
     const Fields fields = Fields(written, own).message("device").message("profile");
-    profile = {
-        .viscous_newton_s_per_m = fields.required_number(
-            "viscous_newton_s_per_m", at_least(0), "give a lower bound of the viscous friction"),
-        .coulomb_newton = fields.required_number("coulomb_newton", at_least(0),
-                                                 "give a lower bound of the dry friction"),
-        .position_resolution_m = fields.required_number("position_resolution_m", at_least(0),
-                                                        "give the step of the position sensor"),
-        .per_axis = read_friction_per_axis(fields, {})};
+    profile = {.viscous_newton_s_per_m = fields.required_number("viscous_newton_s_per_m"),
+               .coulomb_newton = fields.required_number("coulomb_newton"),
+               .position_resolution_m = fields.required_number("position_resolution_m"),
+               .per_axis = read_friction_per_axis(fields, {})};
     check_isotropic_bound(fields, profile);
   }
   problems.add_file(place, own);
@@ -66,7 +62,7 @@ std::optional<FrictionPerAxis> read_friction_per_axis(
     if (!fields.has(name)) {
       fields.problem(name, std::string("required beside ") + other + "; give x, y and z");
     }
-    return fields.vector(name, Vector3::Zero(), at_least(0), "give 0 where it is unknown");
+    return fields.vector(name);
   };
   return FrictionPerAxis{.viscous_newton_s_per_m = read(viscous, coulomb),
                          .coulomb_newton = read(coulomb, viscous)};

@@ -1,4 +1,4 @@
-#include "common/session/session_text.h"
+#include "common/session/file/session_text.h"
 
 #include <google/protobuf/descriptor.h>
 #include <google/protobuf/io/tokenizer.h>
@@ -7,9 +7,11 @@
 
 #include <algorithm>
 #include <charconv>
-#include <cmath>
 #include <memory>
 #include <numeric>
+
+#include "common/session/file/session_outline.h"
+#include "common/session/file/session_rules.h"
 
 namespace palpate {
 
@@ -17,37 +19,38 @@ namespace {
 
 namespace pb = google::protobuf;
 
-constexpr int kMaxDepth = 32;  // of braces and brackets; the schema needs 6
-constexpr double kMaxNumber = 1e9;
-constexpr double kMaxSeconds = 1e6;
 constexpr int kTokenizerTabWidth = 8;
 constexpr std::size_t kMaxNameBytes = 64;  // longer names are not compared
 
-/// What the parser of protobuf has to say; lines and columns from 0, tabs counted as up to 8.
-class Complaints : public pb::io::ErrorCollector {
+// The parser skips unknown fields by recursion: endless braces would overflow its stack.
+static_assert(SessionOutline::kMaxDepth == 32);
+constexpr const char* kTooDeep = "cannot be read: braces nested more than 32 deep; close some";
+
+/// Collects the messages of protobuf's parser. Its texts are shown, never interpreted: the fields
+/// that they are about follow from their positions (SessionOutline).
+class ParserMessages : public pb::io::ErrorCollector {
  public:
-  struct Complaint {
-    int line = 0;
-    int column = 0;
+  struct Message {
+    TokenPosition position;
     std::string text;
   };
   void AddError(int line, pb::io::ColumnNumber column, const std::string& text) override {
-    if (errors.size() < kMaxKept) errors.push_back({line, column, text});
+    if (errors.size() < kMaxKept) errors.push_back({{line, column}, text});
   }
   void AddWarning(int line, pb::io::ColumnNumber column, const std::string& text) override {
-    if (warnings.size() < kMaxKept) warnings.push_back({line, column, text});
+    if (warnings.size() < kMaxKept) warnings.push_back({{line, column}, text});
   }
 
-  std::vector<Complaint> errors;    // of syntax and type; the first ends the reading
-  std::vector<Complaint> warnings;  // unknown fields, skipped
+  std::vector<Message> errors;    // of syntax and type; the first ends the reading
+  std::vector<Message> warnings;  // unknown fields, which are skipped
 
  private:
   static constexpr std::size_t kMaxKept = 101;  // one more than Problems keeps
 };
 
-pb::TextFormat::Parser make_parser(Complaints& complaints) {
+pb::TextFormat::Parser make_parser(ParserMessages& messages) {
   pb::TextFormat::Parser parser;
-  parser.RecordErrorsTo(&complaints);
+  parser.RecordErrorsTo(&messages);
   parser.AllowUnknownField(true);
   return parser;
 }
@@ -68,7 +71,7 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
   return row.back();
 }
 
-/// The field the user may have meant, or all there are.
+/// The field that the user may have meant, or a list of all fields.
 std::string suggestion(const pb::Descriptor& message, std::string_view name) {
   std::string all;
   std::string best;
@@ -77,7 +80,7 @@ std::string suggestion(const pb::Descriptor& message, std::string_view name) {
     const std::string& field = message.field(i)->name();
     all += (all.empty() ? "" : ", ") + field;
     if (name.empty() || name.size() > kMaxNameBytes) continue;
-    // a forgotten unit is the commonest slip: "mass" for "mass_kg"
+    // the most common mistake is a missing unit: "mass" for "mass_kg"
     const bool is_beginning = field.starts_with(name) || name.starts_with(field);
     const std::size_t distance = is_beginning ? 0 : edit_distance(name, field);
     if (distance < best_distance) {
@@ -96,40 +99,14 @@ std::string names_of(const pb::EnumDescriptor& type) {
   return names;
 }
 
-/// `text` cut at the quotation marks.
-std::vector<std::string> split_at_quotes(const std::string& text) {
-  std::vector<std::string> parts(1);
-  for (const char c : text) {
-    if (c == '"') {
-      parts.emplace_back();
-    } else {
-      parts.back() += c;
-    }
+/// An error of the parser, which ends the reading, with what can be done about it.
+std::string error_text(const ParserMessages::Message& error, const SessionOutline& outline,
+                       const char* remedy) {
+  if (const auto wrong = outline.wrong_enumerator_before(error.position)) {
+    return wrong->field->name() + " = " + one_line(wrong->value) + ": must be one of " +
+           names_of(*wrong->field->enum_type());
   }
-  return parts;
-}
-
-/// A complaint of the parser that ends the reading, with what can be done about it.
-std::string with_remedy(const std::string& complaint, const char* remedy) {
-  // 'Unknown enumeration value of "fast" for field "mode".'
-  const std::vector<std::string> parts = split_at_quotes(complaint);
-  const bool is_enum = parts.size() == 5 && parts[0] == "Unknown enumeration value of ";
-  const pb::FileDescriptor& schema = *v1::Session::descriptor()->file();
-  for (int i = 0; is_enum && i < schema.message_type_count(); ++i) {
-    const pb::FieldDescriptor* field = schema.message_type(i)->FindFieldByName(parts[3]);
-    if (field == nullptr || field->enum_type() == nullptr) continue;
-    return field->name() + " = " + one_line(parts[1]) + ": must be one of " +
-           names_of(*field->enum_type());
-  }
-  return "cannot be read: " + one_line(complaint) + "; " + remedy;
-}
-
-/// The message type and the field of 'Message type "Device" has no field named "mas_kg".'; a null
-/// type for any other text.
-std::pair<const pb::Descriptor*, std::string> unknown_field_in(const std::string& complaint) {
-  const std::vector<std::string> parts = split_at_quotes(complaint);
-  if (parts.size() != 5) return {nullptr, ""};
-  return {v1::Session::descriptor()->file()->pool()->FindMessageTypeByName(parts[1]), parts[3]};
+  return "cannot be read: " + one_line(error.text) + "; " + remedy;
 }
 
 /// "scene.tissue[2].name" → "scene.tissue[2]" → "scene.tissue" → "scene" → "".
@@ -146,82 +123,56 @@ std::string child_path(const std::string& path, const std::string& name, int ind
   return child;
 }
 
-std::string number_complaint(const std::string& field_name, double value) {
-  if (!std::isfinite(value)) return "must be a finite number";
-  if (std::abs(value) > kMaxNumber) return "must be within ±1e9; mind the unit in the name";
-  double unit_s = 0.0;
-  if (field_name.ends_with("_us")) unit_s = 1e-6;
-  if (field_name.ends_with("_ms")) unit_s = 1e-3;
-  if (field_name.ends_with("_s") && !field_name.ends_with("_per_s")) unit_s = 1.0;
-  if (std::abs(value) * unit_s > kMaxSeconds) {
-    return "must be within ±1e6 s; mind the unit in the name";
-  }
-  return {};
-}
-
 // --- reading ----------------------------------------------------------------------------------
 
 bool SessionText::read(std::string_view text) {
   const pb::LogSilencer silence;
   text_ = text;
   note_lines();
-  if (is_too_deep(text)) return false;
+  const SessionOutline outline(text, *v1::Session::descriptor());
+  if (outline.too_deep()) {
+    problems_.add(place_of(offset_of(*outline.too_deep())), kTooDeep);
+    return false;
+  }
 
-  Complaints complaints;
+  ParserMessages messages;
   pb::TextFormat::ParseInfoTree tree;
-  pb::TextFormat::Parser parser = make_parser(complaints);
+  pb::TextFormat::Parser parser = make_parser(messages);
   parser.WriteLocationsTo(&tree);
   pb::io::ArrayInputStream input(text.data(), static_cast<int>(text.size()));
-  const bool is_read = parser.Parse(&input, &message_) && complaints.errors.empty();
+  const bool is_read = parser.Parse(&input, &message_) && messages.errors.empty();
 
   record(message_, tree, "");
-  for (const auto& [line, column, complaint] : complaints.warnings) {
-    report_unknown(line, column, complaint);
+  for (const auto& [position, warning] : messages.warnings) {
+    const auto name = outline.unknown_name_before(position);
+    if (name) {
+      problems_.add(place_of(offset_of(name->position)),
+                    one_line(child_path(name->message_path, name->text, -1)) + ": no such field; " +
+                        suggestion(*name->message_type, name->text));
+    } else {
+      problems_.add(place_of(offset_of(position)), one_line(warning));
+    }
   }
-  for (const auto& [line, column, complaint] : complaints.errors) {
-    problems_.add(place_of(offset_of(line, column)),
-                  with_remedy(complaint, "write 'name: value' or 'name { … }'"));
+  for (const auto& error : messages.errors) {
+    problems_.add(place_of(offset_of(error.position)),
+                  error_text(error, outline, "write 'name: value' or 'name { … }'"));
   }
   return is_read;
 }
 
-/// The parser skips what it does not know by recursion; endless braces would end its stack.
-bool SessionText::is_too_deep(std::string_view text) {
-  Complaints ignored;  // the parser will say the same
-  pb::io::ArrayInputStream input(text.data(), static_cast<int>(text.size()));
-  pb::io::Tokenizer tokens(&input, &ignored);
-  tokens.set_comment_style(pb::io::Tokenizer::SH_COMMENT_STYLE);
-  tokens.set_allow_f_after_float(true);
-  int depth = 0;
-  while (tokens.Next()) {
-    const auto& token = tokens.current();
-    if (token.type != pb::io::Tokenizer::TYPE_SYMBOL) continue;
-    if (token.text == "{" || token.text == "[" || token.text == "<") ++depth;
-    if (token.text == "}" || token.text == "]" || token.text == ">") --depth;
-    if (depth > kMaxDepth) {
-      problems_.add(place_of(offset_of(token.line, token.column)),
-                    "cannot be read: braces nested more than " + std::to_string(kMaxDepth) +
-                        " deep; close some");
-      return true;
-    }
-  }
-  return false;
-}
-
-/// Notes where lines begin and where tabs end, so that places are found without reading lines
-/// again.
+/// Finds the beginnings of lines and the ends of tabs, from which places are computed.
 void SessionText::note_lines() {
   line_begins_.assign(1, 0);
   anchors_.assign(1, {});
   Anchor at;
   for (std::size_t i = 0; i < text_.size(); ++i) {
     if (text_[i] == '\n') {
-      at = {.line = at.line + 1, .column = 0, .offset = i + 1};
+      at = {.position = {.line = at.position.line + 1, .column = 0}, .offset = i + 1};
       line_begins_.push_back(i + 1);
       anchors_.push_back(at);
     } else if (text_[i] == '\t') {
-      const int column = at.column + static_cast<int>(i - at.offset);
-      at.column = column + kTokenizerTabWidth - column % kTokenizerTabWidth;
+      const int column = at.position.column + static_cast<int>(i - at.offset);
+      at.position.column = column + kTokenizerTabWidth - column % kTokenizerTabWidth;
       at.offset = i + 1;
       anchors_.push_back(at);
     }
@@ -229,14 +180,14 @@ void SessionText::note_lines() {
 }
 
 /// Byte of the text at the tokenizer's line and column.
-std::size_t SessionText::offset_of(int line, int column) const {
-  const auto after = std::upper_bound(anchors_.begin(), anchors_.end(), std::pair(line, column),
-                                      [](const std::pair<int, int>& place, const Anchor& anchor) {
-                                        return place < std::pair(anchor.line, anchor.column);
-                                      });
+std::size_t SessionText::offset_of(TokenPosition position) const {
+  const auto after =
+      std::upper_bound(anchors_.begin(), anchors_.end(), position,
+                       [](const TokenPosition& a, const Anchor& b) { return a < b.position; });
   if (after == anchors_.begin()) return 0;
   const Anchor& anchor = *(after - 1);
-  const std::size_t offset = anchor.offset + static_cast<std::size_t>(column - anchor.column);
+  const std::size_t offset =
+      anchor.offset + static_cast<std::size_t>(position.column - anchor.position.column);
   return std::min(offset, text_.size());
 }
 
@@ -258,9 +209,7 @@ void SessionText::record(const pb::Message& message, const pb::TextFormat::Parse
       const std::string child = child_path(path, field->name(), index);
       const auto range = tree.GetLocationRange(field, index);
       if (range.start.line >= 0) {
-        const std::size_t begin = offset_of(range.start.line, range.start.column);
-        places_[child] = place_of(begin);
-        spans_.push_back({child, begin, offset_of(range.end.line, range.end.column)});
+        places_[child] = place_of(offset_of({range.start.line, range.start.column}));
       }
       const auto* nested = tree.GetTreeForNested(field, index);
       if (nested == nullptr) continue;
@@ -269,28 +218,6 @@ void SessionText::record(const pb::Message& message, const pb::TextFormat::Parse
              *nested, child);
     }
   }
-}
-
-/// 'Message type "palpate.v1.Device" has no field named "mas_kg".', at the token after the name.
-void SessionText::report_unknown(int line, int column, const std::string& complaint) {
-  const std::size_t token = offset_of(line, column);
-  const auto [type, name] = unknown_field_in(complaint);
-  if (type == nullptr) {
-    problems_.add(place_of(token), one_line(complaint));
-    return;
-  }
-  const std::size_t found = text_.substr(0, token).rfind(name);
-  const std::size_t begin = found == std::string_view::npos ? token : found;
-  // the innermost message around it
-  const Span* around = nullptr;
-  for (const Span& span : spans_) {
-    if (span.begin <= begin && begin < span.end &&
-        (around == nullptr || span.begin >= around->begin)) {
-      around = &span;
-    }
-  }
-  const std::string path = child_path(around == nullptr ? "" : around->path, name, -1);
-  problems_.add(place_of(begin), one_line(path) + ": no such field; " + suggestion(*type, name));
 }
 
 Place SessionText::place(std::string path) const {
@@ -340,7 +267,31 @@ void SessionText::apply_override(int number, const std::string& assignment) {
   if (!complaint.empty()) problems_.add(place, complaint);
 }
 
-/// Returns what is wrong, or nothing.
+namespace {
+
+/// Reads the text of one value into `field` of `message`. Returns what is wrong; empty if nothing.
+std::string read_value(const pb::FieldDescriptor& field, const std::string& value,
+                       pb::Message& message) {
+  const SessionOutline outline(value, field);
+  if (outline.too_deep()) return kTooDeep;
+  ParserMessages messages;
+  const bool is_read = make_parser(messages).ParseFieldValueFromString(value, &field, &message);
+  if (!messages.errors.empty()) {
+    return error_text(messages.errors.front(), outline,
+                      "write path=value, or path={ … } for a message");
+  }
+  if (!is_read) return "cannot be read: something follows the value";
+  if (messages.warnings.empty()) return {};
+  const ParserMessages::Message& warning = messages.warnings.front();
+  const auto name = outline.unknown_name_before(warning.position);
+  if (!name) return one_line(warning.text);
+  return "no field '" + one_line(name->text) + "' in " + name->message_type->name() + "; " +
+         suggestion(*name->message_type, name->text);
+}
+
+}  // namespace
+
+/// Returns what is wrong; empty if nothing.
 std::string SessionText::assign(const std::string& path, const std::string& value,
                                 const Place& place) {
   v1::Session changed = message_;  // a complaint leaves the session as it was
@@ -386,7 +337,7 @@ std::string SessionText::assign(const std::string& path, const std::string& valu
              child_path(parent, name, -1) + "={ … } adds one";
     }
 
-    // another member of the same oneof goes
+    // replaces another member of the same oneof
     if (const pb::OneofDescriptor* oneof = field->real_containing_oneof()) {
       const pb::FieldDescriptor* given = reflection.GetOneofFieldDescriptor(*message, oneof);
       if (given != nullptr && given != field) {
@@ -415,21 +366,8 @@ std::string SessionText::assign(const std::string& path, const std::string& valu
       !value.starts_with('\'')) {
     scratch->GetReflection()->SetString(scratch.get(), field, value);
   } else {
-    Complaints complaints;
-    const bool is_read =
-        make_parser(complaints).ParseFieldValueFromString(value, field, scratch.get());
-    if (!complaints.errors.empty()) {
-      return walked + ": " +
-             with_remedy(complaints.errors.front().text,
-                         "write path=value, or path={ … } for a message");
-    }
-    if (!is_read) return walked + ": cannot be read: something follows the value";
-    for (const auto& warning : complaints.warnings) {
-      const auto [type, name] = unknown_field_in(warning.text);
-      if (type == nullptr) return walked + ": " + one_line(warning.text);
-      return walked + ": no field '" + one_line(name) + "' in " + type->name() + "; " +
-             suggestion(*type, name);
-    }
+    const std::string complaint = read_value(*field, value, *scratch);
+    if (!complaint.empty()) return walked + ": " + complaint;
   }
   const pb::Reflection& reflection = *message->GetReflection();
   if (index >= 0) {
@@ -480,7 +418,7 @@ void SessionText::check_numbers(const pb::Message& message, const std::string& p
       }
     } else if (field->cpp_type() == pb::FieldDescriptor::CPPTYPE_DOUBLE) {
       const double value = reflection.GetDouble(message, field);
-      const std::string complaint = number_complaint(field->name(), value);
+      const std::string complaint = number_complaint(*field, value);
       if (complaint.empty()) continue;
       std::string shown;
       pb::TextFormat::PrintFieldValueToString(message, field, -1, &shown);

@@ -1,11 +1,10 @@
+#include "common/session/file/recorded_path.h"
 #include "common/core/regular_file.h"
-#include "common/session/recorded_path.h"
 
 #include <algorithm>
 #include <array>
 #include <charconv>
 #include <cmath>
-
 
 namespace palpate {
 

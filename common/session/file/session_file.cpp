@@ -7,10 +7,10 @@
 #include <cstdlib>
 
 #include "common/core/check.h"
+#include "common/core/problems.h"
 #include "common/core/regular_file.h"
-#include "common/session/session_convert.h"
-#include "common/session/session_problems.h"
-#include "common/session/session_text.h"
+#include "common/session/file/convert.h"
+#include "common/session/file/session_text.h"
 
 namespace palpate {
 

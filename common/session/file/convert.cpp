@@ -1,0 +1,133 @@
+#include "common/session/file/convert.h"
+
+#include <algorithm>
+#include <vector>
+
+namespace palpate {
+
+namespace {
+
+constexpr std::uint32_t kSchemaVersion = 1;
+constexpr std::size_t kMaxNameBytes = 64;
+constexpr std::size_t kMaxSideNameBytes = 16;
+constexpr std::size_t kMaxSides = 4;
+
+ViewerConfig to_viewer(const Fields& viewer) {
+  const Fields web = viewer.message("web");
+  return {.status_interval = viewer.milliseconds("status_interval_ms"),
+          .web = {.is_on = !web.flag("disabled"),
+                  .port = static_cast<std::uint16_t>(web.integer("port"))}};
+}
+
+/// "" with a problem if the name cannot be part of a file name; `max_bytes` ≥ 1.
+std::string to_name(const Fields& fields, std::size_t max_bytes) {
+  std::string name = fields.text("name");
+  if (name.empty()) {
+    fields.problem("name", "required; give letters, digits, '_' and '-'");
+    return name;
+  }
+  const bool is_plain = std::all_of(name.begin(), name.end(), [](char c) {
+    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' ||
+           c == '-';
+  });
+  if (is_plain && name.size() <= max_bytes) return name;
+  fields.problem("name", "must be 1 … " + std::to_string(max_bytes) +
+                             " letters, digits, '_' and '-'; it names files");
+  return "";
+}
+
+/// What all sides share.
+Session to_shared(const SessionText& text, const std::filesystem::path& base_dir,
+                  Problems& problems) {
+  const Fields fields(text, problems);
+  const v1::Session& written = text.message();
+  Session session;
+  session.name = to_name(fields, kMaxNameBytes);
+  if (written.has_schema_version() && written.schema_version() != kSchemaVersion) {
+    fields.problem("schema_version",
+                   "this program reads version 1 only; use the program the session was written for,"
+                   " or write the session anew");
+  }
+  session.duration_s = fields.number("duration_s");
+  session.seed = written.has_seed() ? written.seed()
+                                    : static_cast<std::uint64_t>(fields.default_number("seed"));
+  session.faults = to_faults(fields.message("faults"));
+  if (fields.has("security")) session.security = to_security(fields.message("security"), base_dir);
+  session.physics = to_physics(fields.message("physics"));
+  session.viewer = to_viewer(fields.message("viewer"));
+  session.scene = to_scene(fields.message("scene"), base_dir);
+  session.sides.clear();
+  return session;
+}
+
+/// Adds the side that `text` describes.
+/// @param name  "" if the session has one device
+void add_side(const SessionText& text, const std::string& name,
+              const std::filesystem::path& base_dir, Endpoints& endpoints, Problems& problems,
+              Session& session) {
+  const Fields fields(text, problems);
+  Side side;
+  side.name = name;
+  const Fields links = fields.message("links");
+  // an unusable session name is reported once, not again in the default endpoints
+  const LinkRules link_rules(links, session.name.empty() ? "session" : session.name, endpoints);
+  side.links = link_rules.of_side(name);
+  session.physics_telemetry = link_rules.physics_telemetry();
+  side.realtime = to_realtime(fields.message("realtime"));
+  side.hand = to_hand(fields.message("hand"), base_dir, problems);
+
+  // the wait depends on both rates, the deadline of the device depends on the wait
+  const Fields device = fields.message("device");
+  const Fields mofc = fields.message("mofc");
+  const double rate_hz = device.number("rate_hz");
+  const double wait_ms = to_wait_for_physics_ms(mofc, rate_hz, session.physics.rate_hz);
+  if (!name.empty() && wait_ms > 0.0) {
+    mofc.problem("wait_for_physics_ms", "needs a session without sides; give 0 never to wait");
+  }
+  if (session.physics.interaction_deadband) {
+    refuse_if_waiting(fields.message("physics"), "interaction_deadband", wait_ms);
+  }
+  side.simulated = to_simulated_device(device.message("simulated"));
+  side.device =
+      to_device(device, rate_hz, wait_ms, side.simulated.peak_force_newton, base_dir, problems);
+  side.mofc =
+      to_mofc(mofc, wait_ms, session.physics, session.faults.interaction.jitter, side.device);
+  session.sides.push_back(std::move(side));
+}
+
+std::vector<std::string> to_side_names(const std::vector<Fields>& sides) {
+  if (sides.size() == 1 || sides.size() > kMaxSides) {
+    sides.back().problem("must be 2 … 4 sides; for one device leave side out");
+  }
+  std::vector<std::string> names;
+  for (const Fields& side : sides) {
+    std::string name = to_name(side, kMaxSideNameBytes);
+    if (!name.empty() && std::find(names.begin(), names.end(), name) != names.end()) {
+      side.problem("name", "another side has this name too; give each its own name");
+      name.clear();
+    }
+    // an unusable name is reported once, not again in the default endpoints
+    names.push_back(name.empty() ? "side." + std::to_string(names.size()) : name);
+  }
+  return names;
+}
+
+}  // namespace
+
+Session to_session(const SessionText& text, const std::filesystem::path& base_dir,
+                   Problems& problems) {
+  Session session = to_shared(text, base_dir, problems);
+  Endpoints endpoints;
+  const std::vector<Fields> sides = Fields(text, problems).messages("side");
+  if (sides.empty()) {
+    add_side(text, "", base_dir, endpoints, problems, session);
+    return session;
+  }
+  int index = 0;
+  for (const std::string& name : to_side_names(sides)) {
+    add_side(text.for_side(index++), name, base_dir, endpoints, problems, session);
+  }
+  return session;
+}
+
+}  // namespace palpate

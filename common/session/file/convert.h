@@ -1,0 +1,84 @@
+// convert.h — from the written session to the plain structs of common/session/session.h, part by
+// part. Ranges, constant defaults and remedies are those of the schema; computed defaults and rules
+// between fields are here.
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <string>
+
+#include "common/core/problems.h"
+#include "common/session/file/session_fields.h"
+#include "common/session/file/session_text.h"
+#include "common/session/session.h"
+
+namespace palpate {
+
+/// Checks every rule and fills in every default. What it returns is a session only if there are no
+/// problems.
+/// @param base_dir  folder of the session file; empty: no other file is read
+[[nodiscard]] Session to_session(const SessionText& text, const std::filesystem::path& base_dir,
+                                 Problems& problems);
+
+// --- parts ------------------------------------------------------------------------------------
+
+/// A period given with few digits, such as 333.3333 µs for 3 kHz, is accepted as a period.
+inline constexpr double kPeriodTolerance = 1e-6;
+
+/// Endpoint → path of the link that uses it, over all sides.
+using Endpoints = std::map<std::string, std::string>;
+
+/// Links of a session: defaults are files of its run folder, and no two links share an endpoint.
+class LinkRules {
+ public:
+  /// @param links        of one side
+  /// @param owner_of     of all sides so far; grows
+  LinkRules(const Fields& links, const std::string& session_name, Endpoints& owner_of);
+
+  /// @param side  its name; "" in a session with one device
+  [[nodiscard]] LinksConfig of_side(const std::string& side) const;
+  /// The only endpoint that all sides share.
+  [[nodiscard]] std::string physics_telemetry() const;
+
+ private:
+  struct Endpoint {
+    std::string text;
+    std::string shown_default;  // for problems of a field that is left out
+  };
+  [[nodiscard]] Endpoint read(const char* name, const std::string& default_file) const;
+  [[nodiscard]] std::string own_endpoint(const char* name, const std::string& side) const;
+
+  const Fields& links_;
+  std::filesystem::path folder_;
+  Endpoints& owner_of_;
+};
+
+[[nodiscard]] RealtimeConfig to_realtime(const Fields& realtime);
+[[nodiscard]] SecurityConfig to_security(const Fields& security,
+                                         const std::filesystem::path& base_dir);
+[[nodiscard]] FaultsConfig to_faults(const Fields& faults);
+
+[[nodiscard]] SimulatedDeviceConfig to_simulated_device(const Fields& simulated);
+/// @param wait_for_physics_ms  checked; NaN if it has a problem, as the rate of the device
+[[nodiscard]] DeviceConfig to_device(const Fields& device, double rate_hz,
+                                     double wait_for_physics_ms, double device_peak_force_newton,
+                                     const std::filesystem::path& base_dir, Problems& problems);
+
+[[nodiscard]] HandConfig to_hand(const Fields& hand, const std::filesystem::path& base_dir,
+                                 Problems& problems);
+/// `until_s` of a period that begins at `from_s`.
+[[nodiscard]] double to_until_s(const Fields& fields, double from_s);
+
+/// The rates are NaN if they have a problem.
+[[nodiscard]] double to_wait_for_physics_ms(const Fields& mofc, double device_rate_hz,
+                                            double physics_rate_hz);
+/// A deadband may suppress the very message that mofc_node waits for.
+void refuse_if_waiting(const Fields& fields, const char* deadband, double wait_for_physics_ms);
+[[nodiscard]] MofcConfig to_mofc(const Fields& mofc, double wait_for_physics_ms,
+                                 const PhysicsConfig& physics, Duration interaction_jitter,
+                                 const DeviceConfig& device);
+
+[[nodiscard]] PhysicsConfig to_physics(const Fields& physics);
+[[nodiscard]] SceneConfig to_scene(const Fields& scene, const std::filesystem::path& base_dir);
+
+}  // namespace palpate

@@ -1,0 +1,130 @@
+#include <algorithm>
+#include <optional>
+
+#include "common/session/file/convert.h"
+#include "common/session/file/profile_file.h"
+
+namespace palpate {
+
+namespace {
+
+WorkspaceConfig to_workspace(const Fields& fields) {
+  WorkspaceConfig config;
+  config.scale_ratio = fields.number("scale_ratio");
+  config.force_ratio = fields.number("force_ratio");
+  config.offset_m = fields.vector("offset_m");
+  if (fields.has("clutch_button")) {
+    config.clutch_button = static_cast<std::uint32_t>(fields.integer("clutch_button"));
+  }
+  return config;
+}
+
+/// @param file  what profile_file says; replaces the defaults
+DeviceProfile to_profile(const Fields& fields, const std::optional<DeviceProfile>& file) {
+  const auto fallback = [&](const char* name, double DeviceProfile::*value) {
+    return file ? (*file).*value : fields.default_number(name);
+  };
+  DeviceProfile profile;
+  profile.viscous_newton_s_per_m =
+      fields.number("viscous_newton_s_per_m",
+                    fallback("viscous_newton_s_per_m", &DeviceProfile::viscous_newton_s_per_m));
+  profile.per_axis =
+      read_friction_per_axis(fields, file ? file->per_axis : std::optional<FrictionPerAxis>());
+  double coulomb_newton = fallback("coulomb_newton", &DeviceProfile::coulomb_newton);
+  if (profile.per_axis) {
+    coulomb_newton = std::min(coulomb_newton, profile.per_axis->coulomb_newton.minCoeff());
+  }
+  profile.coulomb_newton = fields.number("coulomb_newton", coulomb_newton);
+  check_isotropic_bound(fields, profile);
+  profile.position_resolution_m =
+      fields.number("position_resolution_m",
+                    fallback("position_resolution_m", &DeviceProfile::position_resolution_m));
+  return profile;
+}
+
+double to_reply_us(const Fields& device, double period_us, double wait_us) {
+  double default_us = 0.5 * period_us;
+  if (wait_us > 0.0) {
+    default_us =
+        std::min(std::max(default_us, wait_us + 0.1 * period_us), 0.5 * (wait_us + period_us));
+  }
+  const double reply_us = device.number("reply_us", default_us);
+  if (device.has("reply_us") && reply_us >= period_us) {
+    device.problem("reply_us", "must be < 1 period of device.rate_hz, " + shown(period_us) +
+                                   " us; leave it out for half a period");
+  }
+  if (device.has("reply_us") && wait_us >= reply_us) {
+    device.problem("reply_us", "must be > mofc.wait_for_physics_ms, " + shown(wait_us) +
+                                   " us, or no answer is ever in time; leave it out");
+  }
+  return reply_us;
+}
+
+double to_lease_us(const Fields& device, double period_us, double reply_us) {
+  const double lease_us = device.number("lease_us", 2.0 * period_us);
+  const double longest_us = 3.0 * period_us - std::min(reply_us, period_us);
+  if (lease_us < (1.0 - kPeriodTolerance) * period_us ||
+      lease_us > longest_us + kPeriodTolerance * period_us) {
+    device.problem("lease_us", "must be 1 … 3 periods of device.rate_hz less device.reply_us, " +
+                                   shown(period_us) + " … " + shown(longest_us) +
+                                   " us; leave it out for 2 periods");
+  }
+  return lease_us;
+}
+
+}  // namespace
+
+SimulatedDeviceConfig to_simulated_device(const Fields& simulated) {
+  SimulatedDeviceConfig config;
+  config.mass_kg = simulated.number("mass_kg");
+  config.viscous_newton_s_per_m = simulated.number("viscous_newton_s_per_m");
+  config.coulomb_newton = simulated.number("coulomb_newton");
+  config.per_axis = read_friction_per_axis(simulated, {});
+  config.position_resolution_m = simulated.number("position_resolution_m");
+  config.peak_force_newton = simulated.number("peak_force_newton");
+  config.inner_step = simulated.microseconds("inner_step_us");
+  return config;
+}
+
+DeviceConfig to_device(const Fields& device, double rate_hz, double wait_for_physics_ms,
+                       double device_peak_force_newton, const std::filesystem::path& base_dir,
+                       Problems& problems) {
+  DeviceConfig config;
+  config.rate_hz = rate_hz;
+  config.workspace = to_workspace(device.message("workspace"));
+  std::optional<DeviceProfile> profile;
+  if (device.has("profile_file")) {
+    if (const auto file = device.file("profile_file", base_dir); !file.empty()) {
+      profile = load_profile(file, device.place("profile_file"), problems);
+    }
+  }
+  config.profile = to_profile(device.message("profile"), profile);
+
+  const double period_us = 1e6 / rate_hz;
+  const double period_ms = 1e3 / rate_hz;
+  const double reply_us = to_reply_us(device, period_us, 1e3 * wait_for_physics_ms);
+  config.reply = to_microseconds(reply_us);
+  const double lease_us = to_lease_us(device, period_us, reply_us);
+  config.lease = to_microseconds(lease_us);
+
+  const double limp_after_ms = device.number("limp_after_ms", 20.0 * period_ms);
+  if (1e3 * limp_after_ms < (1.0 - kPeriodTolerance) * lease_us) {
+    device.problem("limp_after_ms", "must be ≥ device.lease_us, " + shown(lease_us / 1e3) +
+                                        " ms; leave it out for 20 periods");
+  }
+  config.limp_after = to_milliseconds(limp_after_ms);
+
+  const double fade_ms = device.number("fade_ms", std::max(50.0, period_ms));
+  if (fade_ms < (1.0 - kPeriodTolerance) * period_ms) {
+    device.problem("fade_ms", "must be ≥ 1 period of device.rate_hz, " + shown(period_ms) +
+                                  " ms, or the force drops in one step; leave it out for 50 ms");
+  }
+  config.fade = to_milliseconds(fade_ms);
+  config.start_ramp = device.milliseconds("start_ramp_ms");
+  config.peak_force_newton = device.number("peak_force_newton", device_peak_force_newton);
+  config.slew_newton_per_s = device.number("slew_newton_per_s");
+  config.v_fault_m_per_s = device.number("v_fault_m_per_s");
+  return config;
+}
+
+}  // namespace palpate

@@ -1,0 +1,157 @@
+#include "common/session/file/convert.h"
+#include "palpate/v1/session.pb.h"
+
+namespace palpate {
+
+namespace {
+
+constexpr double kWaitMaxRateHz = 200.0;       // above it an answer of the physics comes too late
+constexpr double kKeepAlivesUntilStale = 3.0;  // two lost in a row are not silence
+
+GuardConfig to_guard(const Fields& fields) {
+  return {.v_max_m_per_s = fields.number("v_max_m_per_s"),
+          .credit_cap_joule = fields.number("credit_cap_joule"),
+          .gate_joule = fields.number("gate_joule"),
+          .gate_recovery = fields.milliseconds("gate_recovery_ms")};
+}
+
+VelocityEstimatorConfig to_velocity_estimator(const Fields& fields) {
+  const std::string kind = fields.given_member("estimator");
+  if (kind == "adaptive_window") {
+    const Fields window = fields.message("adaptive_window");
+    return AdaptiveWindowVelocity{.max_window = window.milliseconds("max_window_ms"),
+                                  .is_best_fit = !window.flag("end_fit"),
+                                  .time_constant = window.milliseconds("time_constant_ms")};
+  }
+  if (kind == "difference") {
+    return DifferenceVelocity{.time_constant =
+                                  fields.message("difference").milliseconds("time_constant_ms")};
+  }
+  if (kind == "kalman_velocity") {
+    const Fields kalman = fields.message("kalman_velocity");
+    return KalmanVelocity{.model = KalmanVelocity::Model::kConstantVelocity,
+                          .noise_density = kalman.number("acceleration_density_m2_per_s3"),
+                          .moving_mass_kg = kalman.number("moving_mass_kg")};
+  }
+  const Fields kalman = fields.message("kalman_acceleration");
+  return KalmanVelocity{.model = KalmanVelocity::Model::kConstantAcceleration,
+                        .noise_density = kalman.number("jerk_density_m2_per_s5"),
+                        .moving_mass_kg = kalman.number("moving_mass_kg")};
+}
+
+std::optional<MotionDeadband> to_motion_deadband(const Fields& mofc, double wait_for_physics_ms) {
+  if (!mofc.has("motion_deadband")) return std::nullopt;
+  refuse_if_waiting(mofc, "motion_deadband", wait_for_physics_ms);
+  const Fields fields = mofc.message("motion_deadband");
+  return MotionDeadband{.ratio = fields.number("ratio"),
+                        .floor_m_per_s = fields.number("floor_m_per_s"),
+                        .floor_m = fields.number("floor_m"),
+                        .floor_rad = fields.number("floor_rad"),
+                        .keep_alive = fields.milliseconds("keep_alive_ms")};
+}
+
+/// From the reading to the switch. An answer may act as late as its deadline and for its lease; no
+/// force is older than 3 periods.
+Duration to_delta_max(const Fields& mofc, const DeviceConfig& device) {
+  const double reply_ms = 1e3 * to_seconds(device.reply);
+  const double lease_ms = 1e3 * to_seconds(device.lease);
+  const double period_ms = 1e3 / device.rate_hz;
+  const double delta_max_ms = mofc.number("delta_max_ms", reply_ms);
+  if (delta_max_ms < reply_ms - kPeriodTolerance * period_ms) {
+    mofc.problem("delta_max_ms", "must be ≥ device.reply_us, " + shown(reply_ms) +
+                                     " ms, because answers may act as late as that; leave it out, "
+                                     "or give a smaller device.reply_us");
+  } else if (mofc.has("delta_max_ms") &&
+             delta_max_ms + lease_ms > (3.0 + kPeriodTolerance) * period_ms) {
+    mofc.problem("delta_max_ms", "must be ≤ 3 periods of device.rate_hz less device.lease_us, " +
+                                     shown(3.0 * period_ms - lease_ms) +
+                                     " ms; leave it out, or give a shorter lease");
+  }
+  return to_milliseconds(delta_max_ms);
+}
+
+PaperFriction to_paper_friction(const Fields& fields, const DeviceProfile& profile) {
+  if (fields.enumerator("friction") != v1::Mofc::PaperSettings::isotropic) {
+    return PaperFriction::kAsPublished;
+  }
+  if (profile.per_axis) {
+    fields.problem("friction", "the profile gives friction per axis; leave one of the two out");
+  }
+  return PaperFriction::kIsotropic;
+}
+
+Duration to_stale_after(const Fields& mofc, const PhysicsConfig& physics,
+                        Duration interaction_jitter,
+                        const std::optional<MotionDeadband>& motion_deadband) {
+  // silence that the deadbands allow is not staleness
+  double allowed_silence_ms = 0.0;
+  if (motion_deadband) allowed_silence_ms += 1e3 * to_seconds(motion_deadband->keep_alive);
+  if (physics.interaction_deadband) {
+    allowed_silence_ms += 1e3 * to_seconds(physics.interaction_deadband->keep_alive);
+  }
+  const double physics_period_ms = 1e3 / physics.rate_hz;
+  const double stale_after_ms =
+      mofc.number("stale_after_ms", 6.0 * physics_period_ms + 1e3 * to_seconds(interaction_jitter) +
+                                        kKeepAlivesUntilStale * allowed_silence_ms);
+  if (stale_after_ms < (1.0 - kPeriodTolerance) * physics_period_ms) {
+    mofc.problem("stale_after_ms", "must be ≥ 1 period of physics.rate_hz, " +
+                                       shown(physics_period_ms) +
+                                       " ms; leave it out for 6 physics periods");
+  }
+  if (stale_after_ms <= allowed_silence_ms) {
+    mofc.problem("stale_after_ms", "must be > the keep_alive_ms of the deadbands together, " +
+                                       shown(allowed_silence_ms) +
+                                       " ms, or the silence they allow fades the force; leave it "
+                                       "out");
+  }
+  return to_milliseconds(stale_after_ms);
+}
+
+}  // namespace
+
+double to_wait_for_physics_ms(const Fields& mofc, double device_rate_hz, double physics_rate_hz) {
+  const char* const name = "wait_for_physics_ms";
+  const double wait_ms = mofc.number(name);
+  if (!(wait_ms > 0.0)) return wait_ms;
+  std::string rule;
+  if (device_rate_hz > kWaitMaxRateHz) {
+    rule = "needs device.rate_hz ≤ 200, here " + shown(device_rate_hz) + "; give 0 never to wait";
+  } else if (wait_ms >= 1e3 / device_rate_hz) {
+    rule = "must be < 1 period of device.rate_hz, " + shown(1e3 / device_rate_hz) + " ms";
+  } else if (physics_rate_hz < device_rate_hz) {
+    rule = "needs physics.rate_hz ≥ device.rate_hz, here " + shown(physics_rate_hz) + " < " +
+           shown(device_rate_hz) + ", or some readings are never answered";
+  }
+  if (rule.empty()) return wait_ms;
+  mofc.problem(name, rule);
+  return kNaN;
+}
+
+void refuse_if_waiting(const Fields& fields, const char* deadband, double wait_for_physics_ms) {
+  if (wait_for_physics_ms > 0.0) {
+    fields.problem(deadband, "needs mofc.wait_for_physics_ms = 0, here " +
+                                 shown(wait_for_physics_ms) + "; leave one of them out");
+  }
+}
+
+MofcConfig to_mofc(const Fields& mofc, double wait_for_physics_ms, const PhysicsConfig& physics,
+                   Duration interaction_jitter, const DeviceConfig& device) {
+  MofcConfig config;
+  if (mofc.enumerator("controller") == v1::Mofc::none) config.controller = ControllerKind::kNone;
+  const int mode = mofc.enumerator("mode");
+  if (mode == v1::Mofc::paper) config.mode = MofcMode::kPaper;
+  if (mode == v1::Mofc::vector) config.mode = MofcMode::kVector;
+  config.guard = to_guard(mofc.message("guard_settings"));
+  config.paper_friction = to_paper_friction(mofc.message("paper_settings"), device.profile);
+  config.wait_for_physics = to_milliseconds(wait_for_physics_ms);
+  config.motion_deadband = to_motion_deadband(mofc, wait_for_physics_ms);
+  config.stale_after = to_stale_after(mofc, physics, interaction_jitter, config.motion_deadband);
+  config.fade = mofc.milliseconds("fade_ms");
+  if (mofc.enumerator("interaction") == v1::Mofc::held) config.interaction = InteractionUse::kHeld;
+  config.handover_newton_per_s = mofc.number("handover_newton_per_s");
+  config.velocity_estimator = to_velocity_estimator(mofc.message("velocity_estimator"));
+  config.delta_max = to_delta_max(mofc, device);
+  return config;
+}
+
+}  // namespace palpate

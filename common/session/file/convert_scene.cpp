@@ -1,0 +1,154 @@
+#include <cmath>
+#include <set>
+
+#include "common/session/file/convert.h"
+
+namespace palpate {
+
+namespace {
+
+/// The geometry that `message` of the tissue takes from a file, which is not opened here.
+FileGeometry to_file_geometry(const Fields& tissue, const char* message, FileGeometry::Kind kind,
+                              const std::filesystem::path& base_dir) {
+  FileGeometry geometry;
+  geometry.kind = kind;
+  const Fields fields = tissue.message(message);
+  if (fields.has_required("file")) geometry.file = fields.file("file", base_dir).string();
+  geometry.stiffness_property = tissue.message("kelvin_voigt").text("stiffness_property");
+  geometry.unit_m = tissue.number("unit_m");
+  geometry.position_m = tissue.vector("position_m");
+  const Vector3 turn = tissue.vector("rotation_rad");
+  if (turn.norm() > 0.0) {
+    geometry.rotation = Quaternion(Eigen::AngleAxisd(turn.norm(), turn.normalized()));
+  }
+  return geometry;
+}
+
+Geometry to_geometry(const Fields& tissue, const std::filesystem::path& base_dir) {
+  using Kind = FileGeometry::Kind;
+  const std::string kind = tissue.given_member("geometry");
+  const auto from_file = [&](Kind file) {
+    return to_file_geometry(tissue, kind.c_str(), file, base_dir);
+  };
+  if (kind == "point_cloud") return from_file(Kind::kPointCloud);
+  if (kind == "triangle_surface") return from_file(Kind::kTriangleSurface);
+  if (kind == "tetrahedral_mesh") return from_file(Kind::kTetrahedralMesh);
+  for (const char* name : {"position_m", "rotation_rad", "unit_m"}) {
+    if (tissue.has(name)) {
+      tissue.problem(name, "is for a geometry from a file only; place this one by its own fields");
+    }
+  }
+  if (kind.empty()) {
+    tissue.problem(
+        "a geometry is required; give half_space { … }, sphere { … }, box { … }, capsule { … }, "
+        "point_cloud { … }, triangle_surface { … } or tetrahedral_mesh { … }");
+    return {};
+  }
+  const Fields fields = tissue.message(kind.c_str());
+  if (kind == "sphere") {
+    return SphereGeometry{.center_m = fields.vector("center_m"),
+                          .radius_m = fields.number("radius_m")};
+  }
+  if (kind == "box") {
+    return BoxGeometry{.center_m = fields.vector("center_m"), .size_m = fields.vector("size_m")};
+  }
+  if (kind == "capsule") {
+    return CapsuleGeometry{.from_m = fields.vector("from_m"),
+                           .to_m = fields.vector("to_m"),
+                           .radius_m = fields.number("radius_m")};
+  }
+  return HalfSpaceGeometry{.point_m = fields.vector("point_m"),
+                           .normal = fields.direction("normal")};
+}
+
+Material to_material(const Fields& tissue) {
+  if (tissue.given_member("material").empty()) {
+    tissue.problem("a material is required; give kelvin_voigt { stiffness_newton_per_m: … }");
+    return {};
+  }
+  const Fields fields = tissue.message("kelvin_voigt");
+  if (fields.has("stiffness_property") && tissue.given_member("geometry") != "point_cloud") {
+    fields.problem("stiffness_property", "only a point_cloud has one; leave it out");
+  }
+  KelvinVoigtMaterial material{
+      .stiffness_newton_per_m = fields.number("stiffness_newton_per_m"),
+      .damping_newton_s_per_m = fields.number("damping_newton_s_per_m"),
+      .is_damping_isotropic = fields.flag("isotropic_damping"),
+      .is_adhesive = fields.flag("adhesive"),
+      .stiffening_newton_per_m3 = fields.number("stiffening_newton_per_m3"),
+      .relaxing_stiffness_newton_per_m = fields.number("relaxing_stiffness_newton_per_m"),
+      .relaxation_time_s = 1e-3 * fields.number("relaxation_time_ms")};
+  material.friction_coefficient = fields.number("friction_coefficient");
+  material.friction_stiffness_newton_per_m =
+      fields.number("friction_stiffness_newton_per_m", material.stiffness_newton_per_m);
+  material.puncture_newton = fields.number("puncture_newton");
+  material.cutting_newton = fields.number("cutting_newton", 0.25 * material.puncture_newton);
+  if (material.cutting_newton < 0.0 || material.cutting_newton > material.puncture_newton) {
+    fields.problem("cutting_newton", "must be 0 … " + shown(material.puncture_newton) +
+                                         "; leave it out for a quarter of puncture_newton");
+  }
+  for (const Fields& ball : fields.messages("inclusion")) {
+    material.inclusions.push_back({.center_m = ball.vector("center_m"),
+                                   .radius_m = ball.number("radius_m"),
+                                   .transition_m = ball.number("transition_m"),
+                                   .stiffness_newton_per_m = ball.number("stiffness_newton_per_m"),
+                                   .damping_newton_s_per_m = ball.number(
+                                       "damping_newton_s_per_m", material.damping_newton_s_per_m)});
+  }
+  return material;
+}
+
+TissueMotionConfig to_motion(const Fields& tissue) {
+  if (!tissue.has("motion")) return {};
+  const Fields fields = tissue.message("motion");
+  return {.amplitude_m = fields.vector("amplitude_m"),
+          .frequency_hz = fields.number("frequency_hz"),
+          .phase_rad = fields.number("phase_rad")};
+}
+
+}  // namespace
+
+PhysicsConfig to_physics(const Fields& physics) {
+  PhysicsConfig config;
+  config.rate_hz = physics.number("rate_hz");
+  config.reach_m = physics.number("reach_m");
+  if (physics.has("interaction_deadband")) {
+    const Fields fields = physics.message("interaction_deadband");
+    config.interaction_deadband =
+        InteractionDeadband{.ratio = fields.number("ratio"),
+                            .floor_newton = fields.number("floor_newton"),
+                            .keep_alive = fields.milliseconds("keep_alive_ms")};
+  }
+  return config;
+}
+
+SceneConfig to_scene(const Fields& scene, const std::filesystem::path& base_dir) {
+  SceneConfig config;
+  const Fields tool = scene.message("tool");
+  config.tip_radius_m = tool.number("tip_radius_m");
+  config.shaft_length_m = tool.number("shaft_length_m");
+  if (config.shaft_length_m > 0.0) {
+    config.shaft_radius_m = tool.number("shaft_radius_m", config.tip_radius_m);
+    if (config.shaft_radius_m == 0.0) {
+      tool.problem("shaft_radius_m", "required with a point as tip; give the shaft's radius");
+    }
+  } else if (tool.has("shaft_radius_m")) {
+    tool.problem("shaft_radius_m", "needs shaft_length_m > 0; give it, or leave this out");
+  }
+  std::set<std::string> names;
+  for (const Fields& tissue : scene.messages("tissue")) {
+    std::string name = tissue.text("name");
+    if (name.empty()) name = "tissue" + std::to_string(config.tissues.size());
+    if (!names.insert(name).second) {
+      tissue.problem("name",
+                     "another tissue is called " + one_line(name) + " too; give each its own name");
+    }
+    config.tissues.push_back({.name = std::move(name),
+                              .geometry = to_geometry(tissue, base_dir),
+                              .material = to_material(tissue),
+                              .motion = to_motion(tissue)});
+  }
+  return config;
+}
+
+}  // namespace palpate
