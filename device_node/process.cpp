@@ -27,8 +27,8 @@ class PointerInput {
  public:
   PointerInput(const Session& session, ZmqContext& side, NodeContext& context, HandGoals& goals)
       : log_(context.log),
-        targets_(side, context.clock, bind_to(session.side().links.hand_target, "links.hand_target"),
-                 Delivery::kEvery),
+        targets_(side, context.clock,
+                 bind_to(session.side().links.hand_target, "links.hand_target"), Delivery::kEvery),
         refused_(context.log, "hand_target", targets_.rejections()),
         hold_(session.side().hand.pointer->holder_timeout),
         goals_(goals) {}
@@ -86,7 +86,8 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
       side, bind_to(session.side().links.device_telemetry, "links.device_telemetry"));
   RingSink<DeviceTick> ticks;
   Snapshot<DeviceCounters> counters;
-  FlightRecorder<DeviceTick> recorder(flight_files(context, with_side(session.side().name, "device")));
+  FlightRecorder<DeviceTick> recorder(
+      flight_files(context, with_side(session.side().name, "device")));
   RejectionLog refused(context.log, "force_command", exchange.refused);
   std::optional<PointerInput> pointer;
   if (session.side().hand.pointer && device->specification().is_simulated) {

@@ -45,8 +45,8 @@ class Tool {
         refused_(*log_, "tool_motion", motions_.rejections()),
         publisher(context.session_id, context.clock, ticks_, counters_, telemetry, *log_,
                   side.name),
-        node_(std::move(scene), session.physics, side.mofc.interaction, context.clock,
-              motion_in_, interaction_out_, ticks_, context.session_id) {
+        node_(std::move(scene), session.physics, side.mofc.interaction, context.clock, motion_in_,
+              interaction_out_, ticks_, context.session_id) {
     motions_.keep_to_one_writer();
     publisher.record_to(recorder_);
     publisher.peers_refused = [&links] { return links.side.refused().total(); };
@@ -94,8 +94,7 @@ void run_process(NodeContext& context, ProcessLinks& links) {
       std::make_shared<const Scene>(session.scene, is_any_local ? session.physics.reach_m : 0.0);
 
   // hop 5: one socket, so the publisher of the first tool sends for all
-  SceneSender telemetry(links.side,
-                        bind_to(session.physics_telemetry, "links.physics_telemetry"));
+  SceneSender telemetry(links.side, bind_to(session.physics_telemetry, "links.physics_telemetry"));
   SceneDisplay display(session, context.session_id, telemetry, telemetry);
   RefusedPeersLog refused_peers(context.log, links.side.refused());
   HeapTrim heap;

@@ -15,13 +15,14 @@ constexpr const char* kHandStatus = "hand";
 bool may_lead_hand(const Session& session, const ProcessLinks& links) {
   const LinkKeys* const keys = links.side.tcp().keys.get();
   return session.side().hand.pointer && (keys == nullptr || keys->of(KeyRole::kPointer) ||
-                                  !session.side().links.hand_target.starts_with("tcp://"));
+                                         !session.side().links.hand_target.starts_with("tcp://"));
 }
 
 WebHand::WebHand(NodeContext& context, ProcessLinks& links, WebServer& server)
     : context_(context), server_(server) {
   if (may_lead_hand(context.session, links)) {
-    out_.emplace(links.side, connect_to(context.session.side().links.hand_target, "links.hand_target"));
+    out_.emplace(links.side,
+                 connect_to(context.session.side().links.hand_target, "links.hand_target"));
   }
 }
 
@@ -59,7 +60,8 @@ void WebHand::client_left(std::uint64_t client, TimePoint now) {
 }
 
 void WebHand::pump(TimePoint now) {
-  if (holder_ != 0 && now - holder_heard_at_ >= context_.session.side().hand.pointer->holder_timeout) {
+  if (holder_ != 0 &&
+      now - holder_heard_at_ >= context_.session.side().hand.pointer->holder_timeout) {
     release(now);
   }
   if (is_target_due_ && now >= next_target_) send_target(now);

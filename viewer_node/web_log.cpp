@@ -12,7 +12,7 @@ WebLog::Side::Side(WebLog& log, const std::string& name)
       physics(log.line_writer(with_side(name, "physics_node"))) {}
 
 WebLog::WebLog(const Session& session, WebServer& server) : server_(server) {
-  for (const Side& side : session.sides) sides_.emplace_back(*this, side.name);
+  for (const palpate::Side& side : session.sides) sides_.emplace_back(*this, side.name);
 }
 
 OnEventLine WebLog::line_writer(const std::string& node) {

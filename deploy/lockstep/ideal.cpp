@@ -18,11 +18,10 @@ Ideal::Ideal(const Session& session)
           session.side().simulated, session.side().device.peak_force_newton, session.side().hand,
           stream_seed(session, session.side(), "hand"), TimePoint{},
           [this](double time_s, const Vector3& hand_m, const Vector3& hand_m_per_s) {
-            return force_on_hand(
-                run_map_.is_clutched(),
-                scene_.evaluate(run_map_.tool_position_world_m(hand_m),
-                                run_map_.tool_velocity_world_m_per_s(hand_m_per_s), time_s,
-                                run_memory_));
+            return force_on_hand(run_map_.is_clutched(),
+                                 scene_.evaluate(run_map_.tool_position_world_m(hand_m),
+                                                 run_map_.tool_velocity_world_m_per_s(hand_m_per_s),
+                                                 time_s, run_memory_));
           },
           [this](double time_s, const Vector3& hand_m) {
             scene_.step(run_memory_, run_map_.tool_position_world_m(hand_m), Vector3::Zero(),

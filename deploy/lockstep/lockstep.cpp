@@ -84,8 +84,8 @@ class Lockstep::Impl {
                     .lease = session.side().device.lease,
                     .rate_hz = session.side().device.rate_hz},
                    time_, *links_->motion_out, interaction_in_, mofc_tick_, kLockstepMofc),
-        physics_node_(session.scene, session.physics, session.side().mofc.interaction, time_, motion_in_,
-                      tampered_interaction_out_, physics_tick_, kLockstepPhysics),
+        physics_node_(session.scene, session.physics, session.side().mofc.interaction, time_,
+                      motion_in_, tampered_interaction_out_, physics_tick_, kLockstepPhysics),
         device_schedule_(TimePoint{}, session.side().device.rate_hz),
         physics_schedule_(TimePoint{}, session.physics.rate_hz),
         steps_on_arrival_(session.side().mofc.wait_for_physics.count() > 0) {

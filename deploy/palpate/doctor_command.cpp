@@ -171,9 +171,10 @@ void examine_keys(const Session& session, std::vector<Finding>& findings) {
 /// second.
 std::vector<Finding> examine_machine(const std::optional<Session>& session) {
   const Session& examined = session ? *session : Session();
-  std::vector<Finding> findings{examine_realtime(examined.side().realtime), examine_memory(),
-                                examine_timer(examined.side().realtime, examined.side().device.rate_hz),
-                                examine_clock_source()};
+  std::vector<Finding> findings{
+      examine_realtime(examined.side().realtime), examine_memory(),
+      examine_timer(examined.side().realtime, examined.side().device.rate_hz),
+      examine_clock_source()};
   if (session) {
     examine_links(*session, findings);
     examine_keys(*session, findings);

@@ -88,8 +88,8 @@ physics::TetrahedralMesh organ_mesh(std::uint32_t subdivisions) {
   };
   const auto per_shell = static_cast<std::uint32_t>(directions.directions.size());
   for (std::array<std::uint32_t, 3> triangle : directions.triangles) {
-    // neighbouring prisms divide their common side along the same diagonal: from the lower corner index
-    // to the higher one
+    // neighbouring prisms divide their common side along the same diagonal: from the lower corner
+    // index to the higher one
     std::sort(triangle.begin(), triangle.end());
     const auto& [a, b, c] = triangle;
     add({center, a, b, c});

@@ -1,5 +1,5 @@
-// organ.h — a synthetic organ: a smooth lobed body with a dent at the place of the vessels and a stiff
-// lump below its upper side, as a point cloud and as a tetrahedral mesh.
+// organ.h — a synthetic organ: a smooth lobed body with a dent at the place of the vessels and a
+// stiff lump below its upper side, as a point cloud and as a tetrahedral mesh.
 #pragma once
 
 #include <cstdint>
@@ -9,13 +9,13 @@
 
 namespace palpate {
 
-/// About 120 × 80 × 50 mm around the origin, in metres; stiffness_ratios rise from 1 to 2.9 over the
-/// lump.
+/// About 120 × 80 × 50 mm around the origin, in metres; stiffness_ratios rise from 1 to 2.9 over
+/// the lump.
 /// @param points  ≥ CloudSurface::kMinPoints; 3000 are 2.7 mm apart
 [[nodiscard]] physics::PointCloud organ_cloud(std::uint32_t points);
 
-/// The same body. Its surface is an icosahedron subdivided `subdivisions` times; inside are two layers
-/// and a core. 2 subdivisions give 2240 tetrahedra, each further one four times as many.
+/// The same body. Its surface is an icosahedron subdivided `subdivisions` times; inside are two
+/// layers and a core. 2 subdivisions give 2240 tetrahedra, each further one four times as many.
 /// @param subdivisions  0 … 6
 [[nodiscard]] physics::TetrahedralMesh organ_mesh(std::uint32_t subdivisions);
 

@@ -1,5 +1,5 @@
 // mofc_equations.h — the equations of the maximum output force controller, one function each, for
-// comparison with the paper. [MOFC] is the paper of the README's reference list.
+// comparison with the paper. [MOFC]: docs/theory.md §8.
 //
 // Symbols as in [MOFC]:
 //   T      sampling period: the time for which one force is held          [s]
@@ -11,7 +11,8 @@
 //   f_max  largest force that keeps the next interval passive             [N]
 //
 // Differs from the print: in (6) and (7) the index under the sum is n, not k; (10) is a lower
-// bound; in (11) f_so reads f_co; (12) has lost the bracket round its numerator. See the README.
+// bound; in (11) f_so reads f_co; (12) has lost the bracket round its numerator:
+// docs/theory.md §2.1.
 #pragma once
 
 #include <algorithm>

@@ -244,8 +244,8 @@ bool Scene::follow_shaft(const Motion& motion, const TissueMemory& memory, Touch
   const double travel_m = std::max(
       tip_moved_m.norm(), (tip_moved_m + shaft_length_m_ * (direction - motion.last.shaft)).norm());
   const SheetSide side = !is_known && shape.is_sheet() ? SheetSide::kEither
-                    : proxy.side < 0.0            ? SheetSide::kBehind
-                                                  : SheetSide::kFront;
+                         : proxy.side < 0.0            ? SheetSide::kBehind
+                                                       : SheetSide::kFront;
   const double along_m = nearest_along(shape, shaft_at(motion.tip_m + held_m, direction), side,
                                        clearance_m(shaft_radius_m_) + travel_m, proxy.hint);
   if (along_m < 0.0) return false;

@@ -5,8 +5,8 @@
 
 namespace palpate::physics {
 
-double nearest_along(const Surface& surface, const ShaftSegment& segment, SheetSide side, double limit_m,
-                     SurfaceHint& hint) noexcept {
+double nearest_along(const Surface& surface, const ShaftSegment& segment, SheetSide side,
+                     double limit_m, SurfaceHint& hint) noexcept {
   constexpr double kCoarseSteps = 16.0;
   constexpr int kFineSteps = 12;
   constexpr double kLevel = 1e-6;

@@ -21,7 +21,7 @@ enum class SheetSide { kFront, kBehind, kEither };
 
 /// Distance from the tip at which the segment is nearest to the surface, m; below 0 if no part is
 /// nearer than `limit_m`. At most 29 views. No allocation, no throw.
-[[nodiscard]] double nearest_along(const Surface& surface, const ShaftSegment& segment, SheetSide side,
-                                   double limit_m, SurfaceHint& hint) noexcept;
+[[nodiscard]] double nearest_along(const Surface& surface, const ShaftSegment& segment,
+                                   SheetSide side, double limit_m, SurfaceHint& hint) noexcept;
 
 }  // namespace palpate::physics

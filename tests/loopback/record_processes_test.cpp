@@ -36,9 +36,7 @@ viewer { web { disabled: true } }
 
 class RecordProcesses : public testing::Test {
  protected:
-  RecordProcesses() {
-    session_ = files_.write("recorded.txtpb", kSession);
-  }
+  RecordProcesses() { session_ = files_.write("recorded.txtpb", kSession); }
   [[nodiscard]] std::string path(const std::string& name) const {
     return (files_.path() / name).string();
   }

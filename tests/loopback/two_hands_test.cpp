@@ -144,7 +144,8 @@ TEST_F(TwoHands, WhenOneDeviceDiesTheOtherIsStillAnswered) {
     return watcher_->rows(kLeft).back().device_session_id != left_session && presses(kLeft);
   }));
 
-  // the right hand is not interrupted: same device and clamp, answered, no more force than the tissue gives
+  // the right hand is not interrupted: same device and clamp, answered, no more force than the
+  // tissue gives
   const auto& rows = watcher_->rows(kRight);
   ASSERT_GT(rows.size(), before + 20);
   double deepest_m = 0.0;

@@ -49,9 +49,7 @@ constexpr int kHealth = 6;
 
 class ViewerProcesses : public testing::Test {
  protected:
-  ViewerProcesses() {
-    file_ = files_.write("page.txtpb", kSession);
-  }
+  ViewerProcesses() { file_ = files_.write("page.txtpb", kSession); }
   /// Starts all nodes; the viewer's port.
   void launch(const std::vector<std::string>& more = {}) {
     std::vector<std::string> arguments = {"launch", file_, "--no-realtime"};
@@ -196,9 +194,9 @@ TEST_F(ViewerProcesses, AFloodOfTargetsReachesTheDeviceAtMost120TimesASecondAndE
   ASSERT_FALSE(rest.empty());
   ProcessLinks links({.priority = 0, .cpu = -1});
   const SteadyClock clock;
-  ZmqSource<HandTarget> device(links.side, clock,
-                               bind_to(load_session(file_).side().links.hand_target, "links.hand_target"),
-                               Delivery::kEvery);
+  ZmqSource<HandTarget> device(
+      links.side, clock, bind_to(load_session(file_).side().links.hand_target, "links.hand_target"),
+      Delivery::kEvery);
   WebClient page(static_cast<std::uint16_t>(std::stoi(rest)));
   ASSERT_TRUE(page.open_web_socket());
   advertise(page);

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "common/core/random.h"
-#include "physics_node/surfaces/cloud_surface.h"
 #include "physics_node/surfaces/analytic_surfaces.h"
+#include "physics_node/surfaces/cloud_surface.h"
 
 namespace palpate::test {
 

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "common/core/random.h"
-#include "physics_node/files/ply.h"
 #include "physics_node/contact/proxy.h"
+#include "physics_node/files/ply.h"
 #include "physics_node/scene/scene.h"
 #include "tests/support/sampled_clouds.h"
 #include "tests/support/temp_folder.h"

@@ -7,10 +7,10 @@
 #include <vector>
 
 #include "common/core/clock.h"
-#include "common/session/session.h"
 #include "common/process/process_links.h"
-#include "viewer_node/process.h"
+#include "common/session/session.h"
 #include "viewer_node/feed/telemetry_mirror.h"
+#include "viewer_node/process.h"
 
 namespace palpate::test {
 
@@ -55,9 +55,7 @@ class Watcher {
   /// For SceneState, which needs a subscription.
   [[nodiscard]] TelemetrySubscriber& subscriber() { return feed_.subscriber(); }
   /// Rows of all device ticks so far, in order.
-  [[nodiscard]] const std::vector<TickRow>& rows(std::size_t side = 0) const {
-    return rows_[side];
-  }
+  [[nodiscard]] const std::vector<TickRow>& rows(std::size_t side = 0) const { return rows_[side]; }
 
  private:
   SteadyClock clock_;

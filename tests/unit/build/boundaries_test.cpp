@@ -129,27 +129,24 @@ INSTANTIATE_TEST_SUITE_P(
 // contact ← surfaces ← files ← scene ← display
 INSTANTIATE_TEST_SUITE_P(
     InsidePhysicsNode, ForbiddenInclude,
-    testing::Values(Forbidden{"physics_node/contact/proxy.h", "physics_node/surfaces/shape.h",
-                              "physics_node/contact may include"},
-                    Forbidden{"physics_node/surfaces/shape.cpp",
-                              "physics_node/files/surface_files.h",
-                              "physics_node/surfaces may include"},
-                    Forbidden{"physics_node/surfaces/file_surface.h",
-                              "common/telemetry/physics_telemetry.h",
-                              "physics_node/surfaces may include"},
-                    Forbidden{"physics_node/files/ply.cpp", "physics_node/scene/scene.h",
-                              "physics_node/files may include"},
-                    Forbidden{"physics_node/scene/scene.cpp",
-                              "physics_node/display/display_mesh.h",
-                              "physics_node/scene may include"},
-                    Forbidden{"physics_node/scene/scene.h", "mutex",
-                              "physics_node/scene may include"},
-                    Forbidden{"physics_node/display/scene_display.h",
-                              "physics_node/physics_node.h", "physics_node/display may include"},
-                    Forbidden{"physics_node/physics_node.cpp",
-                              "physics_node/display/scene_display.h", "physics_node may include"},
-                    Forbidden{"physics_node/physics_node.cpp", "common/session/session.h",
-                              "physics_node may include"}));
+    testing::Values(
+        Forbidden{"physics_node/contact/proxy.h", "physics_node/surfaces/shape.h",
+                  "physics_node/contact may include"},
+        Forbidden{"physics_node/surfaces/shape.cpp", "physics_node/files/surface_files.h",
+                  "physics_node/surfaces may include"},
+        Forbidden{"physics_node/surfaces/file_surface.h", "common/telemetry/physics_telemetry.h",
+                  "physics_node/surfaces may include"},
+        Forbidden{"physics_node/files/ply.cpp", "physics_node/scene/scene.h",
+                  "physics_node/files may include"},
+        Forbidden{"physics_node/scene/scene.cpp", "physics_node/display/display_mesh.h",
+                  "physics_node/scene may include"},
+        Forbidden{"physics_node/scene/scene.h", "mutex", "physics_node/scene may include"},
+        Forbidden{"physics_node/display/scene_display.h", "physics_node/physics_node.h",
+                  "physics_node/display may include"},
+        Forbidden{"physics_node/physics_node.cpp", "physics_node/display/scene_display.h",
+                  "physics_node may include"},
+        Forbidden{"physics_node/physics_node.cpp", "common/session/session.h",
+                  "physics_node may include"}));
 
 // What only a simulation knows, and what only the simulated device is told.
 INSTANTIATE_TEST_SUITE_P(
@@ -228,8 +225,9 @@ TEST(IncludeBoundaries, LetTheProgramsConnectNodesToTheWorld) {
     EXPECT_EQ(result.status, 0) << result.output;
   }
   // by their whole name only
-  EXPECT_EQ(check_source("mofc_node/preprocess.cpp", "#include \"common/link/codec/codec.h\"\n").status,
-            1);
+  EXPECT_EQ(
+      check_source("mofc_node/preprocess.cpp", "#include \"common/link/codec/codec.h\"\n").status,
+      1);
 }
 
 /// Configures a project that includes cmake/boundaries.cmake and then does `text`.

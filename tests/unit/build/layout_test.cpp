@@ -46,9 +46,9 @@ std::string cycle_in(const IncludeGraph& graph) {
 
 IncludeGraph graph_of_this_tree() {
   IncludeGraph graph;
-  for (const std::string& file : test::sources_below({"common", "device_node", "mofc_node",
-                                                      "physics_node", "viewer_node", "deploy",
-                                                      "tests"})) {
+  for (const std::string& file :
+       test::sources_below({"common", "device_node", "mofc_node", "physics_node", "viewer_node",
+                            "deploy", "tests"})) {
     std::ifstream in(fs::path(PALPATE_SOURCE_DIR) / file);
     for (std::string line; std::getline(in, line);) {
       if (!line.starts_with("#include \"")) continue;

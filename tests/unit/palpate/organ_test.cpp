@@ -8,8 +8,8 @@
 #include <iterator>
 
 #include "physics_node/files/ply.h"
-#include "physics_node/files/tetrahedral_files.h"
 #include "physics_node/files/surface_files.h"
+#include "physics_node/files/tetrahedral_files.h"
 
 namespace palpate {
 namespace {

@@ -160,8 +160,8 @@ TEST_F(SceneDisplayTest, RepeatsTheSameSceneUnderTheSameRevision) {
   EXPECT_FALSE(meshes_.messages.empty());
 }
 
-// Spheres of 10 mm: edges of 1 mm take four divisions of an icosahedron, 2562 vertices; 300 000 / 200 allow
-// 642 each, 300 000 / 10 000 twelve. 12 bytes a vertex and each of its two triangles: 36.
+// Spheres of 10 mm: edges of 1 mm take four divisions of an icosahedron, 2562 vertices; 300 000 /
+// 200 allow 642 each, 300 000 / 10 000 twelve. 12 bytes a vertex and each of its two triangles: 36.
 TEST_F(SceneDisplayTest, DrawsManyTissuesLessFinelyThanOne) {
   for (const std::size_t count : {std::size_t{1}, std::size_t{200}, std::size_t{10'000}}) {
     Session session = session_;

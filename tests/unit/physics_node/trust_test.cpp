@@ -21,8 +21,8 @@ struct Trust {
   double mean_radius_m = 0.0;
 };
 
-/// Described from up to `depth_m` below and above places of `points_m`, compared anywhere within the
-/// trust radius; a point as tip.
+/// Described from up to `depth_m` below and above places of `points_m`, compared anywhere within
+/// the trust radius; a point as tip.
 template <class PlaceOf>
 Trust trust_in(const Surface& surface, const PlaceOf& place_m, double depth_m) {
   Random random(9);

@@ -59,8 +59,8 @@ TEST(RunStatistics, TheIdealForceIsJudgedOnlyWhereItIsKnown) {
   EXPECT_DOUBLE_EQ(s.force_error_rms_ratio(), std::sqrt(1.0 / 8.0));
 }
 
-// fi = 2 N at the true position, 3 N in the ideal run; 2.1, 2.3 and 2 N acted: √(0.01 + 0.09 + 0) of
-// √12 N, √(0.81 + 0.49 + 1) of √27 N; the second is more than 7 % off.
+// fi = 2 N at the true position, 3 N in the ideal run; 2.1, 2.3 and 2 N acted: √(0.01 + 0.09 + 0)
+// of √12 N, √(0.81 + 0.49 + 1) of √27 N; the second is more than 7 % off.
 TEST(RunStatistics, TheForceIsHeldAgainstTheTissueHereAndAgainstTheIdealRun) {
   RunStatistics s;
   EXPECT_TRUE(std::isnan(s.beyond_jnd_ratio()));
@@ -219,7 +219,7 @@ TEST(SummaryJson, SaysNullForWhatARunWithoutContactOrIdealDoesNotKnow) {
 
   for (const char* key : {"force_error_rms_ratio", "min_true_energy_j", "clamp_ratio",
                           "answered_ratio", "path_deviation_rms_m", "path_deviation_peak_m",
-        "ideal_run_force_error_rms_ratio", "beyond_jnd_ratio"}) {
+                          "ideal_run_force_error_rms_ratio", "beyond_jnd_ratio"}) {
     EXPECT_TRUE(json[key].is_null()) << key;
   }
   for (const char* key : {"x", "y", "z", "vector", "ideal"}) {
