@@ -10,7 +10,6 @@ namespace palpate {
 
 namespace {
 
-constexpr std::size_t kMaxProblems = 100;
 constexpr std::size_t kMaxShownBytes = 200;
 
 }  // namespace
@@ -45,7 +44,7 @@ void Problems::add_elsewhere(const Place& place, const std::string& where,
 void Problems::keep(Problem problem) {
   const auto is_same = [&](const Problem& known) { return known.line == problem.line; };
   if (std::any_of(list_.begin(), list_.end(), is_same)) return;
-  if (list_.size() == kMaxProblems) {
+  if (list_.size() == most_) {
     is_cut_ = true;
     return;
   }

@@ -1,6 +1,7 @@
 // problems.h — the problems of a file of the user: collected, sorted by place, reported together.
 #pragma once
 
+#include <cstddef>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -19,11 +20,15 @@ struct Place {
 
 class Problems {
  public:
-  explicit Problems(std::string file_name, std::vector<std::string> overrides = {})
-      : file_name_(std::move(file_name)), overrides_(std::move(overrides)) {}
+  static constexpr std::size_t kMostProblems = 100;
 
-  /// `text`: "field = value: rule; remedy". Only the first 100 problems are kept. A problem is kept
-  /// once, although fields that several sides share are checked for each side.
+  /// @param most  only so many problems are kept
+  explicit Problems(std::string file_name, std::vector<std::string> overrides = {},
+                    std::size_t most = kMostProblems)
+      : file_name_(std::move(file_name)), overrides_(std::move(overrides)), most_(most) {}
+
+  /// `text`: "field = value: rule; remedy". A problem is kept once, although fields that several
+  /// sides share are checked for each side.
   void add(const Place& place, const std::string& text);
 
   /// A problem of another file ("hand.csv:12"), which the session names at `place`.
@@ -47,6 +52,7 @@ class Problems {
 
   std::string file_name_;
   std::vector<std::string> overrides_;
+  std::size_t most_;
   std::vector<Problem> list_;
   bool is_cut_ = false;
 };

@@ -25,6 +25,7 @@ constexpr std::size_t kKeyBytes = 32;
 constexpr std::size_t kKeyText = 40;
 constexpr std::uintmax_t kMaxFileBytes = 64 << 10;
 
+constexpr std::size_t kMaxProblems = 20;
 constexpr Place kWholeFile{.line = 0, .column = 0};
 
 std::string secret_file(KeyRole role) { return std::string(name_of(role)) + ".key_secret"; }
@@ -143,7 +144,7 @@ const std::string& AllowedKeys::server_key(KeyRole role) const {
 }
 
 AllowedKeys parse_allowed_keys(std::string_view text, const std::string& file) {
-  Problems problems(file);
+  Problems problems(file, {}, kMaxProblems);
   AllowedKeys allowed;
   std::array<int, kKeyRoles> count{};
   for_each_line(text, [&](int line, const std::vector<std::string_view>& words) {
@@ -178,7 +179,7 @@ AllowedKeys parse_allowed_keys(std::string_view text, const std::string& file) {
 }
 
 KeyPair parse_key_pair(std::string_view text, const std::string& file) {
-  Problems problems(file);
+  Problems problems(file, {}, kMaxProblems);
   KeyPair pair;
   bool is_in_curve = false;
   for_each_line(text, [&](int line, const std::vector<std::string_view>& words) {
