@@ -6,7 +6,7 @@
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/organ.h"
 #include "physics_node/files/ply.h"
-#include "physics_node/files/tetrahedral_mesh.h"
+#include "physics_node/files/tetrahedral_files.h"
 
 namespace palpate {
 namespace {

@@ -125,7 +125,7 @@ TEST_F(PressingHand, WhenPhysicsIsKilledTheForceNeverRisesAndIsGoneAfterTheFade)
   }
   // more than a fifth of the ticks of the fade, of which a busy machine may skip some
   const auto fade_end = std::find_if(declared, rows.end(), [&](const TickRow& row) {
-    return row.device.sampled_at >= declared->device.sampled_at + session_.mofc.fade;
+    return row.device.sampled_at >= declared->device.sampled_at + session_.side().mofc.fade;
   });
   EXPECT_GT(5 * faded, fade_end - declared);
   expect_passive();

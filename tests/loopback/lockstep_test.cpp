@@ -12,6 +12,9 @@
 #include <variant>
 #include <vector>
 
+#include "common/link/scene_sender.h"
+#include "common/link/telemetry_subscriber.h"
+#include "common/link/zmq_sender.h"
 #include "common/session/session_file.h"
 #include "common/telemetry/telemetry_publisher.h"
 #include "deploy/lockstep/loopback.h"
