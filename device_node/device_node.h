@@ -9,7 +9,7 @@
 // read after the deadline. If the process is preempted between that check and the switch, the stamp
 // of the switch shows that the answer began to act too late: the motors are released at once, the
 // echo reports what acted, and the switch is counted. So no answer acts that began later than
-// `reply` after the reading it answers, except for the time that the release itself takes. Fault:
+// `reply` after the reading it answers, except until the release takes effect. Fault:
 // no reading; a reading that is not finite, or that only a hand faster than v_fault could have
 // made; motors that refuse a force. A fault is latched: the motors are released and nothing is
 // sent. The node keeps reading and leaves records until reset_fault(). Thread: everything runs on

@@ -8,7 +8,7 @@ int main(int argc, char** argv) {
       {.name = "device",
        .description = "Owns the haptic device and its motors.",
        .signals = "SIGUSR1 writes the last ticks to a file (the log names it).\n"
-                  "SIGUSR2 resets a latched fault; the force then grows from nothing.",
+                  "SIGUSR2 resets a latched fault; the force then grows from zero.",
        .is_of_one_side = true},
       [](palpate::NodeContext& context) {
         palpate::ProcessLinks links(

@@ -9,12 +9,12 @@
 namespace palpate::mofc {
 
 /// After `stale_after` of silence |F| never exceeds what it was then and fades to zero over `fade`.
-/// When the physics speaks again, |F| grows from where it is to its full value over `fade`. Only
+/// When the physics answers again, |F| grows from where it is to its full value over `fade`. Only
 /// ever reduces |F|; the direction is kept. No allocation, no throw.
 class SilenceFade {
  public:
   enum class Phase : std::uint8_t {
-    kPresent,  ///< the physics speaks, or has never spoken
+    kPresent,  ///< the physics answers, or never has
     kFading,
     kFadedOut,  ///< no force
   };
@@ -26,7 +26,7 @@ class SilenceFade {
   SilenceFade(Duration stale_after, Duration fade) : stale_after_(stale_after), fade_(fade) {}
 
   /// Once per answer.
-  /// @param silence  0: the physics has just spoken, or has never spoken
+  /// @param silence  0: the physics has just answered, or never has
   [[nodiscard]] Output step(const Vector3& force_newton, Duration silence, TimePoint now) noexcept;
 
  private:

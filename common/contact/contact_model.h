@@ -1,9 +1,11 @@
 // contact_model.h — the tissue near the tool, small enough to send: physics_node describes it in an
 // Interaction, mofc_node evaluates it at the device's rate, between two messages.
 //
-//   d  displacement from the reference, relative to the tissue       a  its part along n₀
-//   t  its part along the surface                                    κ  curvature in the plane of
-//   n₀, t p  penetration      n  normal      Q  turns n₀ into n            Δ  = p − p₀
+//   d  displacement from the reference, relative to the tissue
+//   a  its part along n₀             t  its part along the surface
+//   p  penetration, Δ = p − p₀       n  normal; Q turns n₀ into n
+//   H  Hessian of the distance       κ  curvature in the plane of n₀ and t, tᵀH t / |t|²
+//   K  ∂f/∂x, negative for a spring  B  ∂f/∂v
 //
 // Surface. In the plane of n₀ and t it is the circle of curvature κ:
 //
@@ -13,10 +15,10 @@
 //
 // Law. f = Q [ f₀ + K (t − Δ n₀) + (c₂ Δ² + c₃ Δ³) n₀ ] + Q B Qᵀ (v − v_surface) for p > 0, else 0.
 // f₀ has the share −k_t s of Coulomb friction too: s = u₀ + t, shortened where k_t |s| > μ N, N the
-// elastic force along n₀. So the tip sticks until it slips, but the place where it sticks is only
-// moved by physics_node (TissueMemory): between two messages a slip that turns back gives back what
-// it took, and a change of N while slipping may give energy, at most that of the stretch. The
-// controller's account bounds that as it does every other error of the model.
+// elastic force along n₀. So the tip sticks until it slips, but only physics_node moves the place
+// where it sticks (TissueMemory): between two messages a slip that reverses returns the energy that
+// it absorbed, and a change of N while slipping may add energy, at most that of the stretch. The
+// energy ledger of the controller bounds that like any other error of the model.
 // The part of f along n is at least 0 unless the tissue is adhesive. Exact for Kelvin–Voigt tissue
 // with cubic stiffening on these surfaces.
 #pragma once
@@ -26,7 +28,7 @@
 
 namespace palpate {
 
-/// What one tissue, or all of them, do to the tool at one place and velocity; W.
+/// The action of one tissue, or of all, on the tool at one position and velocity; W.
 struct ModelForce {
   Vector3 force_on_tool_newton = Vector3::Zero();
   double stored_energy_joule = 0.0;  ///< ≥ 0
@@ -34,7 +36,7 @@ struct ModelForce {
 };
 
 /// The contact at a tool displaced by `displacement_m` from the reference and moving at
-/// `velocity_m_per_s`, `age_s` ≥ 0 after the reference: the surface has gone on with its velocity.
+/// `velocity_m_per_s`, `age_s` ≥ 0 after the reference: the surface has kept its velocity.
 ///
 /// Beyond the trust radius the tissue is as at its edge, but never presses harder than the surface,
 /// continued, would let it: min(1, p/p_edge) of the force there, 0 once that surface is left.
@@ -55,8 +57,7 @@ struct ModelForce {
                                   const Vector3& tool_velocity_world_m_per_s,
                                   double age_s) noexcept;
 
-/// The Interaction as it is when nothing but its sum is known: the force as it was, wherever the
-/// tool goes (zero-order hold).
+/// The force of the Interaction, unchanged wherever the tool goes (zero-order hold).
 [[nodiscard]] ModelForce held(const Interaction& interaction) noexcept;
 
 }  // namespace palpate

@@ -1,5 +1,5 @@
 // clock.h — the clock interface that every component receives: steady in real time, manual in
-// tests, virtual in lockstep (virtual_time.h).
+// tests, virtual in lockstep (deploy/lockstep/virtual_time.h).
 #pragma once
 
 #include <cstdint>

@@ -32,7 +32,7 @@ struct AppliedForce {
   TimePoint from{};                                ///< device's clock
   TimePoint until{};
   /// Measured at `until`, D. Valid only if `has_position_at_end`: when the watchdog of the motor
-  /// controller ends the force, the position is not read.
+  /// controller or a release of the motors ends the force, the position is not read.
   Vector3 hand_position_at_end_m = Vector3::Zero();
   bool has_position_at_end = true;
 };

@@ -46,7 +46,7 @@ int main(int argc, char** argv) {
                   {.name = "device_mofc",
                    .description = "Owns the haptic device, its motors and the clamp before them.",
                    .signals = "SIGUSR1 writes the last ticks to files (the log names them).\n"
-                              "SIGUSR2 resets a latched fault; the force then grows from nothing.",
+                              "SIGUSR2 resets a latched fault; the force then grows from zero.",
                    .is_of_one_side = true},
                   run_together);
 }

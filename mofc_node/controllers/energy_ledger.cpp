@@ -59,7 +59,13 @@ void EnergyLedger::book_unread(double most_drawn_joule,
                                const Vector3& hand_position_at_end_m) noexcept {
   const double before = energy_joule();
   restart(hand_position_at_end_m);
-  carried_joule_ = std::max(before - most_drawn_joule, std::min(before, 0.0));
+  carried_joule_ = before - most_drawn_joule;
+}
+
+void EnergyLedger::forfeit(const Vector3& hand_position_m) noexcept {
+  const double before = energy_joule();
+  restart(hand_position_m);
+  carried_joule_ = std::min(before, 0.0);
 }
 
 void EnergyLedger::limit(double joule) noexcept {

@@ -52,10 +52,14 @@ class EnergyLedger {
             const Vector3& hand_position_at_end_m) noexcept;
 
   /// Books an interval in which the force changed without a reading of the position.
-  /// @param most_drawn_joule  ≥ 0, upper bound of what the hand drew in it. It was paid for in
-  ///                          advance: a positive E′ falls to 0 at most
+  /// @param most_drawn_joule  ≥ 0, upper bound of what the hand drew in it. E′ covers it if the
+  ///                          force was reserved for; of an answer that acted late E′ may fall
+  ///                          below 0
   /// @param hand_position_at_end_m  measured
   void book_unread(double most_drawn_joule, const Vector3& hand_position_at_end_m) noexcept;
+
+  /// Starts again after an interval of which nothing is known: E′ ← min(E′, 0).
+  void forfeit(const Vector3& hand_position_m) noexcept;
 
   /// E′ ← min(E′, joule).
   void limit(double joule) noexcept;

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numbers>
 
 namespace palpate::controllers {
@@ -41,7 +40,7 @@ double GuardMofc::book(const ControlInput& input) noexcept {
   if (!has_started_ || input.has_gap || input.applied.empty()) {
     // nothing is known of the time since: no credit is left
     if (has_started_) {
-      ledger_.book_unread(std::numeric_limits<double>::infinity(), input.hand_position_m);
+      ledger_.forfeit(input.hand_position_m);
     } else {
       ledger_.restart(input.hand_position_m);
     }

@@ -33,9 +33,9 @@ struct GuardParameters {
 ///   cap   E′ ← min(E′, V_e + S_cap): what the environment stores it may give back, and no more
 ///         than S_cap on top
 ///   gate  S grows with the friction's work, falls by the leak of holding the force between two
-///         evaluations of the environment, ½ s ΔF_e·Δx with s = |F_acting| / |F_e|, and recovers to
-///         S_g within t_rec; gate = S / S_g in 0 … 1. A force that generates energy because it is
-///         late or held closes it.
+///         evaluations of the environment, −½ s ΔF_e·Δx with s = |F_acting| / |F_e| of the previous
+///         evaluation, and recovers to S_g with the time constant t_rec; gate = S / S_g in 0 … 1. A
+///         force that generates energy because it is late or held closes it.
 ///
 /// Both only reduce the force, so the guarantee is that of `vector` with one more assumption: E(t)
 /// ≥ 0 for all t, any hand no faster than v_max at any instant, any environment. A higher measured

@@ -1,4 +1,4 @@
-// one_pool_clamp.h — the largest force that one pool of energy pays for.
+// one_pool_clamp.h — the largest force that one pool of energy covers.
 #pragma once
 
 #include <optional>

@@ -22,8 +22,8 @@ namespace palpate::controllers {
 ///
 /// Guarantee: E(t) ≥ 0 for all t, any hand, any environment, if the true friction is at least
 /// (f_d, f_co), the encoder error at most q/2 per axis, and no command acts longer than T or begins
-/// later than δ. After a gap in the echo E′ starts again at 0, because every lease was paid for in
-/// advance.
+/// later than δ. After a gap in the echo E′ starts again at 0, because every lease that began in
+/// time was reserved for.
 class VectorMofc final : public ForceController {
  public:
   /// @param resolution_m  q ≥ 0    @param delta_max_s  δ ≥ 0

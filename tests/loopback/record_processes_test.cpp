@@ -165,7 +165,7 @@ TEST_F(RecordProcesses, PlotJugglersPortIsNotOpenToOthers) {
   const auto open =
       run_program("viewer_node", {"--session", session_, "--plotjuggler", "tcp://0.0.0.0:9872"});
   EXPECT_EQ(open.status, 2);
-  EXPECT_THAT(open.err, HasSubstr("this port is not protected"));
+  EXPECT_THAT(open.err, HasSubstr("this port has no access control"));
 }
 
 }  // namespace

@@ -407,7 +407,7 @@ TEST_F(TwoMachines, PlainTextIsRefused) {
   ASSERT_EQ(write(socket, hello.data(), hello.size()), 5);
 
   EXPECT_THAT(physics_->await_err("event=peer_refused link=links.tool_motion"),
-              HasSubstr("no ZeroMQ 4 peer"));
+              HasSubstr("not a ZeroMQ 4 peer"));
   EXPECT_TRUE(watcher_->until([&] { return refused_by_physics() > 0; }));
   // the answer is a greeting at most, then the connection ends
   std::string answer;

@@ -326,7 +326,7 @@ std::string table(const RecordingFile& recording, const Columns& c) {
   line("least true energy", figure(1e6 * s.minimum_true_energy_joule(), "{:.3f} µJ"));
   line("velocity reversals",
        fmt::format("{}, {}, {} (x, y, z)", reversals[0], reversals[1], reversals[2]));
-  line("unanswered in time", fmt::format("{} ticks", c.unanswered_ticks));
+  line("not answered in time", fmt::format("{} ticks", c.unanswered_ticks));
   line("reply time p50 / p99 / p99.9 / max", quantiles(c.reply_us));
   line("tick lateness p50 / p99 / p99.9 / max", quantiles(c.lateness_us));
   line("age of the force p50 / p99 / p99.9 / max", quantiles(c.force_age_us));

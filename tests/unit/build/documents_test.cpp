@@ -116,8 +116,8 @@ std::string sources_with(const fs::path& folder, const std::string& mark) {
 }
 
 TEST(Glossary, HasEveryKeyOfTheSummaries) {
-  const std::string source =
-      sources_with("common/telemetry", "summary_json(") + sources_with("deploy", "launch_json(");
+  const std::string source = sources_with("common/telemetry", "ordered_json summary_json(") +
+                             sources_with("deploy", "ordered_json launch_json(");
   const std::set<std::string> known =
       quoted_names(section(text_of(kRoot / "docs/glossary.md"), "## Keys of the JSON summary"));
   const std::vector<std::string> keys = json_keys(source);

@@ -75,8 +75,12 @@ TEST(SessionFormat, EveryNumberSaysItsUnitInItsName) {
       "ratio",
       "friction_coefficient",
   };
-  const std::vector<Field> fields =
-      fields_of(text_of(PALPATE_SOURCE_DIR "/proto/palpate/v1/session.proto"));
+  std::string schema;
+  for (const char* file : {"session", "session_device", "session_hand", "session_mofc",
+                           "session_scene", "session_vector"}) {
+    schema += text_of(fs::path(PALPATE_SOURCE_DIR "/proto/palpate/v1") / file += ".proto");
+  }
+  const std::vector<Field> fields = fields_of(schema);
   std::size_t numbers = 0;
   for (const Field& field : fields) {
     if (!is_number(field.type) && field.type != "Vector3d") continue;

@@ -171,20 +171,29 @@ TEST(GuardMofc, AHandCertainlyFasterThanVMaxIsReported) {
   EXPECT_FALSE(is_too_fast(11e-3, 1e-3));
 }
 
-// 13.44 mJ limited to 10, of which 4 may be drawn unread, then all of it. A negative E′ stays.
-TEST(EnergyLedger, AnUnreadIntervalReducesCreditButNotBelowZero) {
+// 13.44 mJ limited to 10; at most 4 drawn without a reading, then at most 7.
+TEST(EnergyLedger, AnUnreadIntervalIsDeductedWhole) {
   EnergyLedger ledger(0.1, 0.1, 0.0);
   ledger.restart(Vector3::Zero());
   ledger.book(1.0, Vector3::Zero(), Vector3(0.12, 0, 0));
   ledger.limit(10e-3);
   ledger.book_unread(4e-3, Vector3::Zero());
   EXPECT_NEAR(ledger.energy_joule(), 6e-3, 1e-15);
-  ledger.book_unread(std::numeric_limits<double>::infinity(), Vector3::Zero());
+  // more than was reserved, as by an answer that acted late
+  ledger.book_unread(7e-3, Vector3::Zero());
+  EXPECT_NEAR(ledger.energy_joule(), -1e-3, 1e-15);
+}
+
+TEST(EnergyLedger, AForfeitDropsCreditAndKeepsDebt) {
+  EnergyLedger ledger(0.1, 0.1, 0.0);
+  ledger.restart(Vector3::Zero());
+  ledger.book(1.0, Vector3::Zero(), Vector3(0.12, 0, 0));
+  ledger.forfeit(Vector3::Zero());
   EXPECT_EQ(ledger.energy_joule(), 0.0);
 
   // 10 mm along 1 N within 1 s: 0.1·1e−4 + 0.1·0.01 − 0.01 = −8.99 mJ
   ledger.book(1.0, Vector3(1, 0, 0), Vector3(0.01, 0, 0));
-  ledger.book_unread(1.0, Vector3::Zero());
+  ledger.forfeit(Vector3::Zero());
   EXPECT_NEAR(ledger.energy_joule(), -8.99e-3, 1e-15);
 }
 

@@ -6,7 +6,7 @@
 #include <mutex>
 
 #include "common/core/check.h"
-#include "tests/bench/echo_links.h"
+#include "tests/bench/exchange/echo_links.h"
 
 namespace palpate::bench {
 namespace {

@@ -1,4 +1,4 @@
-#include "common/core/virtual_time.h"
+#include "deploy/lockstep/virtual_time.h"
 
 #include <algorithm>
 #include <utility>

@@ -10,7 +10,7 @@
 
 #include "common/link/exchange_client.h"
 #include "common/link/exchange_server.h"
-#include "tests/loopback/link_fixture.h"
+#include "tests/loopback/links/link_fixture.h"
 
 namespace palpate::test {
 namespace {

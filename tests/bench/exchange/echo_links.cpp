@@ -1,4 +1,4 @@
-#include "tests/bench/echo_links.h"
+#include "tests/bench/exchange/echo_links.h"
 
 #include <linux/futex.h>
 #include <sys/mman.h>

@@ -34,7 +34,7 @@
 #include "common/session/session_file.h"
 #include "common/telemetry/quantile.h"
 #include "tests/bench/bench_output.h"
-#include "tests/bench/echo_links.h"
+#include "tests/bench/exchange/echo_links.h"
 #include "tests/support/run_folder.h"
 
 namespace palpate::bench {

@@ -11,7 +11,7 @@
 #include "common/link/telemetry_subscriber.h"
 #include "common/link/zmq_sender.h"
 #include "common/link/zmq_source.h"
-#include "tests/loopback/link_fixture.h"
+#include "tests/loopback/links/link_fixture.h"
 
 namespace palpate::test {
 namespace {
