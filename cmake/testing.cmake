@@ -10,7 +10,8 @@ function(palpate_add_test name)
   if(NOT arg_TIMEOUT)
     set(arg_TIMEOUT 120)
   endif()
-  set(properties TIMEOUT ${arg_TIMEOUT})
+  list(GET arg_LABELS 0 first_label)
+  set(properties LABELS ${first_label} TIMEOUT ${arg_TIMEOUT})
   if(arg_SERIAL)
     list(APPEND properties RUN_SERIAL ON)
   endif()
@@ -23,10 +24,13 @@ function(palpate_add_test name)
   target_compile_definitions(${name} PRIVATE PALPATE_SOURCE_DIR="${CMAKE_SOURCE_DIR}"
                                              PALPATE_BINARY_DIR="${CMAKE_RUNTIME_OUTPUT_DIRECTORY}")
   gtest_discover_tests(${name} PROPERTIES ${properties} DISCOVERY_TIMEOUT 60)
-  # gtest_discover_tests would take the second label for the name of a property
-  set(labels ${CMAKE_CURRENT_BINARY_DIR}/${name}_labels.cmake)
-  file(WRITE ${labels} "if(${name}_TESTS)\n"
-                       "  set_tests_properties(\${${name}_TESTS} PROPERTIES LABELS \"${arg_LABELS}\")\n"
-                       "endif()\n")
-  set_property(DIRECTORY APPEND PROPERTY TEST_INCLUDE_FILES ${labels})
+  list(LENGTH arg_LABELS label_count)
+  if(label_count GREATER 1)
+    # gtest_discover_tests would take the second label for the name of a property
+    set(labels ${CMAKE_CURRENT_BINARY_DIR}/${name}_labels.cmake)
+    file(WRITE ${labels} "if(${name}_TESTS)\n"
+                         "  set_tests_properties(\${${name}_TESTS} PROPERTIES LABELS \"${arg_LABELS}\")\n"
+                         "endif()\n")
+    set_property(DIRECTORY APPEND PROPERTY TEST_INCLUDE_FILES ${labels})
+  endif()
 endfunction()

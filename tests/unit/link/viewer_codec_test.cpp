@@ -1,6 +1,8 @@
 // The tool as drawn by general-purpose viewers, from Foxglove messages.
 #include "common/link/codec/viewer_codec.h"
 
+#include <google/protobuf/descriptor.h>
+#include <google/protobuf/descriptor.pb.h>
 #include <gtest/gtest.h>
 
 #include "foxglove/foxglove_subset.pb.h"
@@ -66,6 +68,17 @@ TEST(FoxgloveTool, RotatesItsFrame) {
   const auto& q = transforms.transforms(0).rotation();
   EXPECT_LT((Quaternion(q.w(), q.x(), q.y(), q.z()) * Vector3::UnitZ() - Vector3::UnitX()).norm(),
             1e-15);
+}
+
+// A page encodes a HandTarget with the schema that it has from /scene_state.
+TEST(Schema, OfTheSceneIncludesTheMessageThatAPageSends) {
+  google::protobuf::FileDescriptorSet set;
+  ASSERT_TRUE(set.ParseFromString(schema_of("palpate.v1.SceneState")));
+
+  google::protobuf::DescriptorPool pool;
+  for (const auto& file : set.file()) ASSERT_NE(pool.BuildFile(file), nullptr) << file.name();
+
+  EXPECT_NE(pool.FindMessageTypeByName("palpate.v1.HandTarget"), nullptr);
 }
 
 }  // namespace
