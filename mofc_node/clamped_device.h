@@ -8,8 +8,8 @@
 namespace palpate::mofc {
 
 struct ClampedDevice {
-  DeviceProfile profile;
-  WorkspaceConfig workspace;
+  DeviceProfile profile{};
+  WorkspaceConfig workspace{};
   Duration lease{};         ///< longest time that one command may act
   double rate_hz = 1000.0;  ///< of its tick
 };
