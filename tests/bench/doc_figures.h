@@ -13,11 +13,11 @@ struct DocFigures {
   std::string name;  ///< in the marker of the document
   /// As a reader types them in the root of the repository, program first, without its folder.
   /// `--json FILE` is appended to each.
-  std::vector<std::string> commands;
+  std::vector<std::string> commands{};
   /// In lockstep, deterministic and short: a test compares the documents with a new run.
   bool is_checked = true;
   /// The Markdown table. One JSON document per command, in their order.
-  std::function<std::string(const std::vector<nlohmann::json>& outputs)> table;
+  std::function<std::string(const std::vector<nlohmann::json>& outputs)> table{};
 
   /// The commands as the marker shows them.
   [[nodiscard]] std::string shown_commands() const;
