@@ -307,7 +307,7 @@ test_on_page("the keyboard leads the hand too: T, arrows, Escape", async (page) 
 });
 
 test("a finger drags the tool on a phone", kLimit, async () => {
-  const page = await start({}, { width: 390, height: 844, touch: true });
+  const page = await start({}, { width: 390, height: 844, scale: 1, touch: true });
   await rest_tool_at(page, 0.02);
   const { x, y } = await tool_on_screen(page);
   const devtools = await page.context().newCDPSession(page);
