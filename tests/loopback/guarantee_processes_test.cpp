@@ -41,12 +41,17 @@ class PressingHand : public testing::Test {
     files_.write("hand.csv", test::kPressingPath);
     file_ = files_.write("guarantee.txtpb", kPressing);
     session_ = load_session(file_);
+  }
+
+  void SetUp() override { start(); }
+
+  void start() {
+    device_.reset();
+    mofc_.reset();
+    physics_.reset();
     watcher_.emplace(session_, links_);
     physics_.emplace("physics_node", std::vector<std::string>{"--session", file_});
     mofc_.emplace("mofc_node", std::vector<std::string>{"--session", file_});
-  }
-
-  void SetUp() override {
     // the path of the hand begins with the device, so the other nodes start first
     ASSERT_TRUE(watcher_->until([&] {
       return watcher_->mirror().mofc_link().is_heard() &&
@@ -66,6 +71,21 @@ class PressingHand : public testing::Test {
     waitid(P_PID, static_cast<id_t>(program.pid()), &info, WEXITED | WSTOPPED | WNOWAIT);
     EXPECT_EQ(info.si_code, signal == SIGKILL ? CLD_KILLED : CLD_STOPPED);
     return clock_.now();
+  }
+
+  /// Does the fault. Repeats that in new processes if a busy machine had interrupted the force
+  /// before.
+  /// @param do_fault  returns the force at its effect
+  template <class DoFault>
+  void fault_under_force(DoFault do_fault) {
+    constexpr int kMostAttempts = 5;
+    double force_newton = do_fault();
+    for (int attempt = 1; attempt < kMostAttempts && !HasFailure(); ++attempt) {
+      if (force_newton > kLeftNewton) return;
+      ASSERT_NO_FATAL_FAILURE(start());
+      force_newton = do_fault();
+    }
+    EXPECT_GT(force_newton, kLeftNewton);
   }
 
   /// Waits until the force has been 0 for 100 ticks in a row.
@@ -96,17 +116,23 @@ class PressingHand : public testing::Test {
 // --- physics --------------------------------------------------------------------------------
 
 TEST_F(PressingHand, WhenPhysicsIsKilledTheForceNeverRisesAndIsGoneAfterTheFade) {
-  const TimePoint killed_at = stop_with(*physics_, SIGKILL);
-  ASSERT_TRUE(until_limp());
-
-  // silence is declared in the row after the last one with an answer of physics
+  TimePoint killed_at;
+  double limit_newton = 0.0;
+  std::vector<TickRow>::const_iterator declared;
+  fault_under_force([&] {
+    killed_at = stop_with(*physics_, SIGKILL);
+    EXPECT_TRUE(until_limp());
+    // silence is declared in the row after the last one with an answer of physics
+    const auto& rows = watcher_->rows();
+    declared = std::find_if(rows.rbegin(), rows.rend(), test::hears_physics).base();
+    if (declared == rows.begin()) return 0.0;
+    const TickRow& last_fresh = *(declared - 1);
+    limit_newton =
+        std::max(newton(last_fresh), last_fresh.mofc->commanded_force_on_hand_newton.norm());
+    return limit_newton;
+  });
   const auto& rows = watcher_->rows();
-  const auto declared = std::find_if(rows.rbegin(), rows.rend(), test::hears_physics).base();
-  ASSERT_TRUE(declared != rows.begin() && declared != rows.end());
-  const TickRow& last_fresh = *(declared - 1);
-  const double limit_newton =
-      std::max(newton(last_fresh), last_fresh.mofc->commanded_force_on_hand_newton.norm());
-  EXPECT_GT(limit_newton, kLeftNewton);
+  ASSERT_TRUE(!HasFailure() && declared != rows.end());
 
   // mofc may take the last Interaction in its first turn after the kill
   const auto turn = std::find_if(rows.begin(), rows.end(), [&](const TickRow& row) {
@@ -136,16 +162,20 @@ TEST_F(PressingHand, WhenPhysicsIsKilledTheForceNeverRisesAndIsGoneAfterTheFade)
 class WithoutMofc : public PressingHand, public testing::WithParamInterface<int> {};
 
 TEST_P(WithoutMofc, TheDeviceIsHarmlessWhenTheLeaseEndsAndThenLimp) {
-  const TimePoint stopped_at = stop_with(*mofc_, GetParam());
-  ASSERT_TRUE(until_limp());
-
+  TimePoint stopped_at;
+  std::vector<TickRow>::const_iterator after;
+  fault_under_force([&] {
+    stopped_at = stop_with(*mofc_, GetParam());
+    EXPECT_TRUE(until_limp());
+    const auto& rows = watcher_->rows();
+    after = std::find_if(rows.rbegin(), rows.rend(), [](const TickRow& row) {
+              return row.device.is_answered;
+            }).base();
+    return after == rows.begin() ? 0.0 : newton(*(after - 1));
+  });
   const auto& rows = watcher_->rows();
-  const auto after = std::find_if(rows.rbegin(), rows.rend(), [](const TickRow& row) {
-                       return row.device.is_answered;
-                     }).base();
-  ASSERT_TRUE(after != rows.begin() && after != rows.end());
+  ASSERT_TRUE(!HasFailure() && after != rows.end());
   const DeviceTick& last = (after - 1)->device;
-  EXPECT_GT(last.force_on_hand_newton.norm(), kLeftNewton);
   EXPECT_LE(last.sampled_at, stopped_at);
 
   const DeviceConfig& config = session_.side().device;
@@ -194,22 +224,26 @@ INSTANTIATE_TEST_SUITE_P(Signals, WithoutMofc, testing::Values(SIGKILL, SIGSTOP)
 // of Coulomb friction and, at 0.15 m/s at most, a seventh of that of viscous friction. With the
 // first 2 ms, 1.5 mJ is an upper bound; 0.8 N over the first 3 mm alone would be 2.4 mJ.
 TEST_F(PressingHand, WhenTheDeviceIsSuspendedItsMotorsSwitchOffByThemselves) {
-  const TimePoint stopped_at = stop_with(*device_, SIGSTOP);
-  watcher_->until([&] { return clock_.now() >= stopped_at + 300ms; });
-  const TimePoint continued_at = clock_.now();
-  device_->send_signal(SIGCONT);
-  const auto& rows = watcher_->rows();
-  ASSERT_TRUE(watcher_->until([&] { return rows.back().device.sampled_at > continued_at; }));
-
-  const auto awake = std::find_if(rows.begin(), rows.end(), [&](const TickRow& row) {
-    return row.device.switched_at >= continued_at;
+  TimePoint continued_at;
+  std::vector<TickRow>::const_iterator awake;
+  fault_under_force([&] {
+    const TimePoint stopped_at = stop_with(*device_, SIGSTOP);
+    watcher_->until([&] { return clock_.now() >= stopped_at + 300ms; });
+    continued_at = clock_.now();
+    device_->send_signal(SIGCONT);
+    const auto& rows = watcher_->rows();
+    EXPECT_TRUE(watcher_->until([&] { return rows.back().device.sampled_at > continued_at; }));
+    awake = std::find_if(rows.begin(), rows.end(), [&](const TickRow& row) {
+      return row.device.switched_at >= continued_at;
+    });
+    return awake == rows.begin() ? 0.0 : newton(*(awake - 1));
   });
-  ASSERT_TRUE(awake != rows.begin() && awake != rows.end());
+  const auto& rows = watcher_->rows();
+  ASSERT_TRUE(!HasFailure() && awake != rows.end());
   const auto read_awake = std::find_if(
       awake, rows.end(), [&](const TickRow& row) { return row.device.sampled_at >= continued_at; });
   ASSERT_NE(read_awake, rows.end());
   const DeviceTick& asleep = (awake - 1)->device;
-  EXPECT_GT(asleep.force_on_hand_newton.norm(), kLeftNewton);
   EXPECT_EQ(newton(*awake), 0.0);
   EXPECT_NEAR(read_awake->device.true_tool_position_world_m.z(), -7.5e-3, 0.5e-3);
   EXPECT_LT(read_awake->device.true_energy_joule - asleep.true_energy_joule, 1.5e-3);
