@@ -3,13 +3,14 @@
 #include <fcntl.h>
 #include <fmt/chrono.h>
 #include <fmt/format.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <chrono>
 #include <cmath>
 #include <cstring>
+
+#include "common/core/private_folder.h"
 
 namespace palpate {
 namespace {
@@ -78,7 +79,10 @@ std::string new_flight_file(const FlightFiles& files) {
       fmt::format("flight-{}-{}-{:%Y%m%dT%H%M%S}.{:03}Z.csv", files.node, files.session,
                   fmt::gmtime(second), now.time_since_epoch().count() % 1000);
   const std::string file = (files.folder / name).string();
-  mkdir(files.folder.c_str(), 0700);
+  if (const std::string why = make_private_folder(files.folder); !why.empty()) {
+    files.log.error("event=flight_recording_failed file={} error=\"{}\"", file, why);
+    return "";
+  }
   const int made = open(file.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0600);
   if (made < 0) {
     files.log.error("event=flight_recording_failed file={} error=\"{}\"", file,

@@ -2,9 +2,9 @@
 
 #include <fcntl.h>
 #include <sys/file.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/asio/signal_set.hpp>
@@ -14,6 +14,7 @@
 #include <system_error>
 
 #include "common/core/check.h"
+#include "common/core/private_folder.h"
 #include "common/core/time.h"
 #include "common/process/log.h"
 #include "common/process/run_node.h"
@@ -33,16 +34,11 @@ constexpr int kRestartRampMilliseconds = 500;
 class RunFolder {
  public:
   explicit RunFolder(const std::string& session_name) : path_(run_folder(session_name)) {
-    make_private(path_);
+    if (const std::string why = make_private_folder(path_); !why.empty()) {
+      refuse(why + ", with PALPATE_RUN_DIR");
+    }
     folder_ = open(path_.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
-    struct stat status {};
-    if (folder_ < 0 || fstat(folder_, &status) != 0) {
-      refuse("cannot be created: " + std::generic_category().message(errno) +
-             "; choose another folder with PALPATE_RUN_DIR");
-    }
-    if (status.st_uid != geteuid()) {
-      refuse("belongs to another user; choose another folder with PALPATE_RUN_DIR");
-    }
+    if (folder_ < 0) refuse("cannot be opened: " + std::generic_category().message(errno));
     if (flock(folder_, LOCK_EX | LOCK_NB) != 0) {
       refuse("is in use: session \"" + session_name +
              "\" is already launched; stop that launch, or rename this one with "
@@ -59,14 +55,6 @@ class RunFolder {
   RunFolder& operator=(const RunFolder&) = delete;
 
  private:
-  /// Creates the folder and its parents for this user only; existing folders stay unchanged.
-  static void make_private(const fs::path& folder) {
-    if (folder.has_parent_path() && folder != folder.parent_path()) {
-      make_private(folder.parent_path());
-    }
-    mkdir(folder.c_str(), S_IRWXU);  // errors appear when the folder is opened
-  }
-
   [[noreturn]] void refuse(const std::string& why) {
     if (folder_ >= 0) close(folder_);
     throw SetupError(path_.string() + ": " + why);
@@ -269,7 +257,12 @@ class Run {
 
 }  // namespace
 
-int LaunchResult::exit_status() const { return end == LaunchEnd::kRefused ? kExitSetupError : 0; }
+int LaunchResult::exit_status() const {
+  if (end == LaunchEnd::kRefused) return kExitSetupError;
+  const bool all_came_up =
+      std::all_of(restarts.begin(), restarts.end(), [](const auto& node) { return node.came_up; });
+  return all_came_up ? 0 : kExitFailure;
+}
 
 LaunchResult launch(const LaunchOptions& options, const std::stop_token& stop) {
   const Session session = load_session(options.session_file, options.overrides);

@@ -13,6 +13,7 @@
 #include <system_error>
 
 #include "common/core/check.h"
+#include "common/core/private_folder.h"
 
 namespace palpate {
 namespace {
@@ -26,24 +27,6 @@ constexpr std::string_view kInproc = "inproc://";
 }
 
 std::string last_error() { return std::strerror(errno); }
-
-void prepare_folder(const Attachment& a, const std::filesystem::path& folder) {
-  std::error_code error;
-  if (folder.has_parent_path()) std::filesystem::create_directories(folder.parent_path(), error);
-  if (mkdir(folder.c_str(), 0700) != 0 && errno != EEXIST) {
-    refuse(a, "cannot create folder " + folder.string() + " (" + last_error() +
-                  "); give a path in a folder that you may write");
-  }
-  struct stat status {};
-  if (stat(folder.c_str(), &status) != 0 || !S_ISDIR(status.st_mode)) {
-    refuse(a, folder.string() + " is not a folder; give another path");
-  }
-  if (status.st_uid != geteuid()) {
-    refuse(a, "folder " + folder.string() +
-                  " belongs to another user, who could replace the socket; give a path in a folder "
-                  "of your own");
-  }
-}
 
 /// The process id that the holder of the lock wrote into the file, or "?".
 std::string holder(int lock) {
@@ -81,10 +64,15 @@ bool is_on_loopback(const Attachment& a) {
   return host == "localhost" || host == "[::1]";
 }
 
+void require_private_folder(const Attachment& a) {
+  const std::filesystem::path path(a.endpoint.substr(kIpc.size()));
+  const std::string why =
+      make_private_folder(std::filesystem::absolute(path).lexically_normal().parent_path());
+  if (!why.empty()) refuse(a, why);
+}
+
 IpcClaim::IpcClaim(const Attachment& a)
     : path_(a.endpoint.substr(kIpc.size())), lock_path_(path_ + ".lock") {
-  prepare_folder(a, std::filesystem::absolute(path_).parent_path());
-
   // take the lock; repeat if its last holder removed the file between opening and locking
   for (;;) {
     lock_ = open(lock_path_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);

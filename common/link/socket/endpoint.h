@@ -26,14 +26,17 @@ enum class Scheme { kIpc, kTcp, kInproc };
 /// For tcp only: 127.0.0.0/8, [::1] and localhost; other names are not resolved.
 [[nodiscard]] bool is_on_loopback(const Attachment& attachment);
 
+/// For ipc only: creates the folder of the path if it is missing. Throws SetupError unless only
+/// this user can replace what is in it; see make_private_folder(). Needed before connecting too: in
+/// a folder that does not exist yet, somebody else could listen first.
+void require_private_folder(const Attachment& attachment);
+
 /// libzmq silently takes over an ipc path in use and never removes the socket file. Therefore the
-/// binding process holds a lock on PATH.lock. The parent folder is created if it is missing, with
-/// access for this user only. Files left by a dead process are replaced; both files are removed at
-/// the end.
+/// binding process holds a lock on PATH.lock. Files left by a dead process are replaced; both files
+/// are removed at the end.
 class IpcClaim {
  public:
-  /// Throws SetupError if another process uses the path, if its folder belongs to another user, or
-  /// if the path is a file other than a socket.
+  /// Throws SetupError if another process uses the path, or if it is a file other than a socket.
   explicit IpcClaim(const Attachment& attachment);
   ~IpcClaim();
   IpcClaim(const IpcClaim&) = delete;

@@ -116,6 +116,7 @@ void LinkSocket::protect(ZmqContext& context, const Attachment& a) {
 void LinkSocket::attach(const Attachment& a) {
   const Scheme scheme = scheme_of(a);
   const bool binds = a.role == Attachment::Role::kBind;
+  if (scheme == Scheme::kIpc) require_private_folder(a);
   if (binds && scheme == Scheme::kIpc) claim_.emplace(a);
   try {
     if (binds) {

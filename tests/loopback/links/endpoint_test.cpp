@@ -86,17 +86,28 @@ TEST_F(EndpointTest, IpcLeavesNoFilesAndCreatesItsFolderForThisUserOnly) {
   EXPECT_TRUE(std::filesystem::is_empty(run));
 }
 
-TEST_F(EndpointTest, AFolderOfAnotherUserIsRefused) {
-  std::string folder = "/";  // root's
-  if (geteuid() == 0) {
-    folder = folder_.path().string() + "/theirs";
-    std::filesystem::create_directory(folder);
-    if (chown(folder.c_str(), 12345, 12345) != 0) GTEST_SKIP() << "may not chown";
-  }
+TEST_F(EndpointTest, AFolderThatOthersMayWriteIsRefusedAtBothEnds) {
+  const std::string folder = folder_.path().string() + "/open";
+  std::filesystem::create_directory(folder);
+  std::filesystem::permissions(folder, std::filesystem::perms::all);
   EXPECT_THAT(setup_error([&] {
                 ExchangeServer mofc(context_, clock_, bind_to("ipc://" + folder + "/x", "links.x"));
               }),
-              HasSubstr("belongs to another user"));
+              HasSubstr("links.x = ipc://" + folder + "/x: other users may write folder"));
+  EXPECT_THAT(setup_error([&] {
+                ExchangeClient device(context_, clock_,
+                                      connect_to("ipc://" + folder + "/x", "links.x"));
+              }),
+              HasSubstr("links.x = ipc://" + folder + "/x: other users may write folder"));
+}
+
+// Otherwise another user could create it and listen first.
+TEST_F(EndpointTest, TheConnectingEndMakesTheFolderForThisUserOnlyToo) {
+  const std::string run = folder_.path().string() + "/run/session";
+  ExchangeClient device(context_, clock_, connect_to("ipc://" + run + "/x", "links.x"));
+  struct stat status {};
+  ASSERT_EQ(stat(run.c_str(), &status), 0);
+  EXPECT_EQ(status.st_mode & 0777u, 0700u);
 }
 
 TEST_F(EndpointTest, AFileOtherThanASocketIsNotRemoved) {

@@ -10,6 +10,7 @@
 #include "common/core/check.h"
 #include "common/core/clock.h"
 #include "common/link/socket/link_socket.h"
+#include "tests/support/temp_folder.h"
 
 namespace palpate {
 namespace {
@@ -120,7 +121,8 @@ TEST_F(ProtectedLinks, AServerWithAnotherKeyGetsNoClient) {
 TEST_F(ProtectedLinks, AViewerConnectsToEachNodeWithItsKeyAndToIpcWithoutOne) {
   ZmqContext servers(kOrdinary, rules(keys_));
   ZmqContext clients(kOrdinary, rules(keys_));
-  const std::string ipc = "ipc://" + testing::TempDir() + "palpate_protected_test.ipc";
+  const test::TempFolder folder;
+  const std::string ipc = "ipc://" + (folder.path() / "telemetry.ipc").string();
   LinkSocket device(servers, kPublisher, {bind_to("tcp://127.0.0.1:*", "links.device_telemetry")});
   LinkSocket mofc(servers, kPublisher, {bind_to(ipc, "links.mofc_telemetry")});
   LinkSocket physics(servers, kPublisher,
