@@ -49,6 +49,10 @@ int main(int argc, char** argv) {
                     "also accept this host name; localhost and numeric addresses always are")
                  ->type_name("NAME")
                  ->allow_extra_args(false);
+             app.add_option("--proxy", web.proxies,
+                            "numeric address of a reverse proxy: no limit on its connections")
+                 ->type_name("ADDRESS")
+                 ->allow_extra_args(false);
            }},
       [&](palpate::NodeContext& context) {
         palpate::ProcessLinks links(

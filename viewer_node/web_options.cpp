@@ -1,6 +1,7 @@
 #include "viewer_node/web_options.h"
 
 #include <arpa/inet.h>
+#include <sys/stat.h>
 
 #include <algorithm>
 #include <charconv>
@@ -47,6 +48,12 @@ std::string read_token(const std::string& file) {
   if (!content.complaint.empty()) {
     throw SetupError("--token-file " + file + ": " + content.complaint);
   }
+  struct stat status {};
+  if (stat(file.c_str(), &status) != 0 || (status.st_mode & (S_IRWXG | S_IRWXO)) != 0) {
+    throw SetupError("--token-file " + file +
+                     ": other users may read this token; make a new one and then: chmod 600 " +
+                     file);
+  }
   std::string token = content.bytes;
   while (!token.empty() && (token.back() == '\n' || token.back() == '\r')) token.pop_back();
   const bool is_plain = std::all_of(token.begin(), token.end(), [](char c) {
@@ -71,6 +78,7 @@ WebServerConfig web_config(const WebOptions& options, const WebConfig& session) 
   }
   config.rules.origins = options.origins;
   config.rules.hosts = options.hosts;
+  config.proxies = options.proxies;
   if (!options.token_file.empty()) config.rules.token = read_token(options.token_file);
   if (!is_loopback(config.address) && config.rules.token.empty()) {
     throw SetupError("--listen " + options.listen +

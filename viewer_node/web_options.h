@@ -16,6 +16,7 @@ struct WebOptions {
   std::string token_file{};  ///< empty: no token
   std::vector<std::string> origins{};
   std::vector<std::string> hosts{};
+  std::vector<std::string> proxies{};
   bool is_off = false;
 
   /// Whether to serve the page in this session.
@@ -25,7 +26,8 @@ struct WebOptions {
 };
 
 /// Combines the options with the session. Throws SetupError: a malformed address, an address other
-/// than loopback without a token, a token file that is unreadable or holds less than 16 characters.
+/// than loopback without a token, a token file that is unreadable, readable by other users or holds
+/// less than 16 characters.
 [[nodiscard]] WebServerConfig web_config(const WebOptions& options, const WebConfig& session);
 
 }  // namespace palpate::viewer

@@ -371,7 +371,16 @@ TEST_F(ViewerProcesses, ListensElsewhereOnlyWithAToken) {
   EXPECT_EQ(open.status, 2);
   EXPECT_THAT(open.err, HasSubstr("--token-file"));
 
+  const std::string open_to_all = files_.write("open", "0123456789abcdef0123\n");
+  std::filesystem::permissions(open_to_all, std::filesystem::perms(0644));
+  const auto read_by_others = test::run_program(
+      "viewer_node",
+      {"--session", file_, "--listen", "0.0.0.0:0", "--token-file", open_to_all, "--seconds", "1"});
+  EXPECT_EQ(read_by_others.status, 2);
+  EXPECT_THAT(read_by_others.err, HasSubstr("chmod 600"));
+
   const std::string weak = files_.write("weak", "short\n");
+  std::filesystem::permissions(weak, std::filesystem::perms(0600));
   const auto guessed = test::run_program(
       "viewer_node",
       {"--session", file_, "--listen", "0.0.0.0:0", "--token-file", weak, "--seconds", "1"});

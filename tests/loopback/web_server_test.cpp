@@ -291,6 +291,60 @@ TEST_F(WebServerTest, TakesSixteenViewersAndNoMore) {
   EXPECT_TRUE(eventually([&] { return answer(WebClient::upgrade()).find("101") < 20; }));
 }
 
+TEST_F(WebServerTest, TakesNoMoreWhenSixtyAskAtOnce) {
+  std::vector<std::unique_ptr<WebClient>> clients;
+  for (int i = 0; i < 60; ++i) clients.push_back(connect());
+  for (const auto& client : clients) client->send_raw(WebClient::upgrade());
+  int places = 0;
+  for (const auto& client : clients) {
+    if (client->read_head().find("101") < 20) ++places;
+  }
+  EXPECT_EQ(places, 16);
+}
+
+TEST_F(WebServerTest, SlowRequestsDoNotKeepThePageAway) {
+  std::vector<std::unique_ptr<WebClient>> slow;
+  for (int i = 0; i < 500; ++i) {
+    slow.push_back(connect());
+    slow.back()->send_raw("GET / HTTP/1.1\r\nHost: loc");
+  }
+  for (int i = 0; i < 5; ++i) {
+    const auto begin = std::chrono::steady_clock::now();
+    expect_alive();
+    EXPECT_LT(std::chrono::steady_clock::now() - begin, 2s) << "it waits for others' deadline";
+  }
+}
+
+// Each less than one client may leave unread.
+TEST_F(WebServerTest, SilentReadersTogetherHoldNoMoreThanTheirLimit) {
+  constexpr std::size_t kReaders = 16;
+  constexpr std::size_t kLimitBytes = std::size_t{64} << 20;
+  std::vector<std::unique_ptr<WebClient>> silent;
+  for (std::size_t i = 0; i < kReaders; ++i) {
+    silent.push_back(viewer());
+    silent.back()->read_slowly();
+    subscribe(*silent.back(), 1, 1);
+  }
+  std::vector<WebServer::Event> events;
+  ASSERT_TRUE(eventually([&] {
+    for (auto& event : server_->take_events()) events.push_back(std::move(event));
+    return events.size() == kReaders;
+  }));
+
+  const Payload scene = payload(std::string(4'000'000, 'x'));
+  for (const auto& event : events) {
+    for (int i = 0; i < 5; ++i) server_->send_to(event.client, 0, 0, scene);
+  }
+
+  const std::size_t all_bytes = kReaders * 5 * scene->size();
+  ASSERT_GT(all_bytes, 4 * kLimitBytes);
+  EXPECT_TRUE(eventually([&] {
+    return server_->counters().clients * 5 * scene->size() <= kLimitBytes + 5 * scene->size();
+  })) << server_->counters().clients
+      << " clients";
+  EXPECT_GT(server_->counters().clients, 0u);
+}
+
 TEST_F(WebServerTest, HundredsOfIdleConnectionsDoNotKeepAViewerOut) {
   const auto client = viewer();
   subscribe(*client, 1, 1);

@@ -23,20 +23,28 @@ beast::string_view as_beast(std::string_view text) { return {text.data(), text.s
 
 }  // namespace
 
-HttpConnection::HttpConnection(ServerState& server, asio::ip::tcp::socket&& socket)
-    : server_(server), stream_(std::move(socket)) {
-  ++server_.connections;
+HttpConnection::HttpConnection(ServerState& server, CountedConnection counted,
+                               asio::ip::tcp::socket&& socket)
+    : server_(server), counted_(std::move(counted)), stream_(std::move(socket)) {}
+
+HttpConnection::~HttpConnection() { stop_waiting(); }
+
+void HttpConnection::stop_waiting() {
+  if (waiting_) server_.waiting.erase(*waiting_);
+  waiting_.reset();
 }
 
-HttpConnection::~HttpConnection() {
-  if (!is_handed_over_) --server_.connections;
+void HttpConnection::give_way() {
+  stop_waiting();
+  stream_.close();  // ends the pending read
 }
 
 void HttpConnection::read() {
+  waiting_ = server_.waiting.insert(server_.waiting.end(), this);
   parser_.emplace();
   parser_->header_limit(kMaxHeaderBytes);
   parser_->body_limit(boost::none);  // requests with a body are refused by their header
-  stream_.expires_after(kRequestTimeout);
+  stream_.expires_after(kHeaderTimeout);
   http::async_read_header(stream_, buffer_, *parser_,
                           [self = shared_from_this()](const error_code& error, std::size_t) {
                             self->on_header(error);
@@ -44,6 +52,7 @@ void HttpConnection::read() {
 }
 
 void HttpConnection::on_header(const error_code& error) {
+  stop_waiting();
   if (error == http::error::end_of_stream) {
     end();
     return;
@@ -79,7 +88,7 @@ WebRequest HttpConnection::request() const {
 }
 
 void HttpConnection::become_client(std::string_view subprotocol) {
-  if (server_.clients.size() >= kMaxClients) {
+  if (server_.sockets >= kMaxClients) {
     answer({.status = 503,
             .text = "the maximum number of viewers is connected already\n",
             .closes = true},
@@ -87,8 +96,8 @@ void HttpConnection::become_client(std::string_view subprotocol) {
     return;
   }
   stream_.expires_never();  // the WebSocket has its own timeouts
-  is_handed_over_ = true;
-  std::make_shared<SocketClient>(server_, std::move(stream_))->run(parser_->get(), subprotocol);
+  std::make_shared<SocketClient>(server_, std::move(counted_), std::move(stream_))
+      ->run(parser_->get(), subprotocol);
 }
 
 void HttpConnection::answer(const WebDecision& decision, bool is_malformed) {
@@ -127,7 +136,7 @@ void HttpConnection::answer(const WebDecision& decision, bool is_malformed) {
   response_.body().more = false;
 
   serializer_.emplace(response_);
-  stream_.expires_after(kRequestTimeout);
+  stream_.expires_after(kAnswerTimeout);
   auto on_written = [self = shared_from_this()](const error_code& error, std::size_t) {
     self->on_written(error);
   };

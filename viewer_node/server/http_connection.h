@@ -5,6 +5,7 @@
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/beast/core.hpp>
 #include <boost/beast/http.hpp>
+#include <list>
 #include <memory>
 #include <optional>
 #include <string>
@@ -18,13 +19,16 @@ namespace palpate::viewer {
 class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
  public:
   /// `server` must outlive it.
-  HttpConnection(ServerState& server, boost::asio::ip::tcp::socket&& socket);
+  HttpConnection(ServerState& server, CountedConnection counted,
+                 boost::asio::ip::tcp::socket&& socket);
   ~HttpConnection();
   HttpConnection(const HttpConnection&) = delete;
   HttpConnection& operator=(const HttpConnection&) = delete;
 
   /// Reads and answers requests until the connection ends or becomes a WebSocket.
   void read();
+  /// Ends a connection that waits for a request.
+  void give_way();
 
  private:
   void on_header(const boost::system::error_code& error);
@@ -33,10 +37,13 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   void answer(const WebDecision& decision, bool is_malformed);
   void on_written(const boost::system::error_code& error);
   void end();
+  void stop_waiting();
 
   static constexpr std::size_t kMaxHeaderBytes = 8 << 10;
 
   ServerState& server_;
+  CountedConnection counted_;
+  std::optional<std::list<HttpConnection*>::iterator> waiting_;  // its place among them
   boost::beast::tcp_stream stream_;
   boost::beast::flat_buffer buffer_{2 * kMaxHeaderBytes};
   std::optional<boost::beast::http::request_parser<boost::beast::http::empty_body>> parser_;
@@ -44,7 +51,6 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   std::string metrics_;  // the body of response_, if it is /metrics
   std::optional<boost::beast::http::response_serializer<boost::beast::http::buffer_body>>
       serializer_;
-  bool is_handed_over_ = false;  // to a SocketClient
 };
 
 }  // namespace palpate::viewer

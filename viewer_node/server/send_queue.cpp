@@ -8,7 +8,7 @@ namespace palpate::viewer {
 std::uint64_t SendQueue::push(OutgoingMessage message) {
   bytes_ += message.payload->size();
   waiting_.push_back(std::move(message));
-  return bytes_ > kMaxWaitingBytes ? drop_oldest() : 0;
+  return bytes_ > kMaxWaitingBytes ? drop_until(kMaxWaitingBytes / 2) : 0;
 }
 
 bool SendQueue::is_overfull() const {
@@ -27,9 +27,9 @@ void SendQueue::finish() {
   in_flight_.reset();
 }
 
-std::uint64_t SendQueue::drop_oldest() {
+std::uint64_t SendQueue::drop_until(std::size_t bytes) {
   const auto rest = std::remove_if(waiting_.begin(), waiting_.end(), [&](const auto& message) {
-    if (!message.may_drop || bytes_ <= kMaxWaitingBytes / 2) return false;
+    if (!message.may_drop || bytes_ <= bytes) return false;
     bytes_ -= message.payload->size();
     return true;
   });

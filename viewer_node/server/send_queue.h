@@ -36,11 +36,15 @@ class SendQueue {
   /// Replies, statuses and requested messages are never dropped; a client that causes this much of
   /// them and reads none is disconnected.
   static constexpr std::size_t kMaxWaitingMessages = 4096;
-  static constexpr std::size_t kMaxUnreadBytes = std::size_t{64} << 20;
+  static constexpr std::size_t kMaxUnreadBytes = std::size_t{32} << 20;
 
   /// Appends a message. Returns the number of older messages dropped for it; never the one in
   /// flight.
   std::uint64_t push(OutgoingMessage message);
+  /// Drops every message that may be dropped; returns their number.
+  std::uint64_t drop_all() { return drop_until(0); }
+  /// Waiting and in flight.
+  [[nodiscard]] std::size_t bytes() const { return bytes_; }
   /// More waits than any client may leave unread.
   [[nodiscard]] bool is_overfull() const;
 
@@ -51,11 +55,12 @@ class SendQueue {
   void finish();
 
  private:
-  std::uint64_t drop_oldest();
+  /// Drops the oldest until `bytes` are left.
+  std::uint64_t drop_until(std::size_t bytes);
 
   std::deque<OutgoingMessage> waiting_;
   std::optional<OutgoingMessage> in_flight_;
-  std::size_t bytes_ = 0;  // waiting and in flight
+  std::size_t bytes_ = 0;
 };
 
 }  // namespace palpate::viewer

@@ -3,8 +3,10 @@
 #pragma once
 
 #include <atomic>
+#include <boost/asio/ip/address.hpp>
 #include <cstddef>
 #include <cstdint>
+#include <list>
 #include <map>
 #include <memory>
 #include <string>
@@ -17,6 +19,7 @@
 
 namespace palpate::viewer {
 
+class HttpConnection;
 class SocketClient;
 
 struct ServerState {
@@ -28,7 +31,10 @@ struct ServerState {
   const WebRules rules;
   const ServerDescription description;
 
-  std::size_t connections = 0;  ///< HTTP and WebSocket
+  std::size_t connections = 0;                                       ///< HTTP and WebSocket
+  std::map<boost::asio::ip::address, std::size_t> connections_of{};  ///< by the peer's address
+  std::list<HttpConnection*> waiting{};  ///< for a request; the longest first
+  std::size_t sockets = 0;               ///< WebSockets, also those that shake hands
   std::map<std::uint64_t, std::shared_ptr<SocketClient>> clients{};
   std::uint64_t next_client = 1;
   std::string metrics{};  ///< the body of /metrics
@@ -38,6 +44,32 @@ struct ServerState {
   std::atomic<std::uint64_t> dropped{0};  ///< messages
   std::atomic<std::uint64_t> refused{0};  ///< requests and connections
   ClientEvents events{};
+};
+
+/// Counts one connection, as long as it lives.
+class CountedConnection {
+ public:
+  /// `server` must outlive it.
+  CountedConnection(ServerState& server, const boost::asio::ip::address& peer)
+      : server_(&server), peer_(peer) {
+    ++server.connections;
+    ++server.connections_of[peer];
+  }
+  ~CountedConnection() {
+    if (server_ == nullptr) return;
+    --server_->connections;
+    const auto of_peer = server_->connections_of.find(peer_);
+    if (--of_peer->second == 0) server_->connections_of.erase(of_peer);
+  }
+  CountedConnection(CountedConnection&& other) noexcept
+      : server_(std::exchange(other.server_, nullptr)), peer_(other.peer_) {}
+  CountedConnection(const CountedConnection&) = delete;
+  CountedConnection& operator=(const CountedConnection&) = delete;
+  CountedConnection& operator=(CountedConnection&&) = delete;
+
+ private:
+  ServerState* server_;
+  boost::asio::ip::address peer_;
 };
 
 }  // namespace palpate::viewer

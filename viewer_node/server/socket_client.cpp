@@ -26,7 +26,7 @@ constexpr auto kDropNoticeInterval = std::chrono::seconds(1);
 void SocketClient::run(const Request& request, std::string_view subprotocol) {
   websocket::stream_base::timeout timeout =
       websocket::stream_base::timeout::suggested(beast::role_type::server);
-  timeout.handshake_timeout = kRequestTimeout;
+  timeout.handshake_timeout = kAnswerTimeout;
   timeout.idle_timeout = kIdleTimeout;
   timeout.keep_alive_pings = true;
   socket_.set_option(timeout);
@@ -120,6 +120,21 @@ void SocketClient::queue(OutgoingMessage message) {
     return;
   }
   write();
+  bound_unread_of_all();
+}
+
+/// So many readers that read nothing hold no more memory than a few.
+void SocketClient::bound_unread_of_all() {
+  std::size_t unread_bytes = 0;
+  SocketClient* most = this;
+  for (const auto& [id, client] : server_.clients) {
+    unread_bytes += client->queue_.bytes();
+    if (client->queue_.bytes() > most->queue_.bytes()) most = client.get();
+  }
+  if (unread_bytes <= kMaxUnreadBytesOfAll) return;
+  const std::uint64_t dropped = most->queue_.drop_all();
+  server_.dropped += dropped;
+  if (dropped == 0) most->disconnect();
 }
 
 void SocketClient::write() {

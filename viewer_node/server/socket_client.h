@@ -20,10 +20,12 @@ class SocketClient : public std::enable_shared_from_this<SocketClient> {
  public:
   using Request = boost::beast::http::request<boost::beast::http::empty_body>;
 
-  /// Takes over a connection that `server` counts already. `server` must outlive it.
-  SocketClient(ServerState& server, boost::beast::tcp_stream&& stream)
-      : server_(server), socket_(std::move(stream)) {}
-  ~SocketClient() { --server_.connections; }
+  /// `server` must outlive it.
+  SocketClient(ServerState& server, CountedConnection counted, boost::beast::tcp_stream&& stream)
+      : server_(server), counted_(std::move(counted)), socket_(std::move(stream)) {
+    ++server_.sockets;
+  }
+  ~SocketClient() { --server_.sockets; }
   SocketClient(const SocketClient&) = delete;
   SocketClient& operator=(const SocketClient&) = delete;
 
@@ -44,9 +46,11 @@ class SocketClient : public std::enable_shared_from_this<SocketClient> {
   void queue(OutgoingMessage message);
   void write();
   void disconnect();
+  void bound_unread_of_all();
   [[nodiscard]] std::uint64_t id() const { return protocol_->id(); }
 
   ServerState& server_;
+  CountedConnection counted_;
   boost::beast::websocket::stream<boost::beast::tcp_stream> socket_;
   boost::beast::flat_buffer buffer_;
   std::optional<FoxgloveClient> protocol_;  // from begin() on

@@ -6,9 +6,16 @@
 
 namespace palpate::viewer {
 
+/// Beyond it a newcomer replaces the connection that has waited longest without a request.
 inline constexpr std::size_t kMaxConnections = 64;
+/// From one address other than loopback and the configured proxies.
+inline constexpr std::size_t kMaxConnectionsPerAddress = 24;
 inline constexpr std::size_t kMaxClients = 16;  ///< of the connections, WebSockets
-/// For a request or an upgrade.
-inline constexpr auto kRequestTimeout = std::chrono::seconds(10);
+/// What may wait for all clients together; beyond it, the client with most loses its data.
+inline constexpr std::size_t kMaxUnreadBytesOfAll = std::size_t{64} << 20;
+/// For the header of a request.
+inline constexpr auto kHeaderTimeout = std::chrono::seconds(3);
+/// For an answer or an upgrade.
+inline constexpr auto kAnswerTimeout = std::chrono::seconds(10);
 
 }  // namespace palpate::viewer

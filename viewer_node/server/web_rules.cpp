@@ -15,13 +15,13 @@ std::string lower(std::string_view text) {
   return result;
 }
 
-/// Without the port: "localhost", "127.0.0.1", "[::1]".
+/// Without the port: "localhost", "127.0.0.1", "[::1]". All of it if something else than a port
+/// follows.
 std::string_view name_of(std::string_view host) {
-  if (host.starts_with('[')) {
-    const std::size_t end = host.find(']');
-    return end == std::string_view::npos ? host : host.substr(0, end + 1);
-  }
-  return host.substr(0, host.find(':'));
+  const std::size_t colon = host.find(':', host.starts_with('[') ? host.find(']') : 0);
+  const bool has_port = colon != std::string_view::npos &&
+                        host.find_first_not_of("0123456789", colon + 1) == std::string_view::npos;
+  return has_port ? host.substr(0, colon) : host;
 }
 
 /// Numeric addresses cannot be rebound by DNS.

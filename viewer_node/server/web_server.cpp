@@ -5,6 +5,7 @@
 #include <boost/asio/post.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <chrono>
+#include <set>
 #include <thread>
 #include <utility>
 
@@ -53,7 +54,10 @@ class WebServer::Impl {
   asio::io_context io{1};
 
  private:
+  void welcome(tcp::socket socket);
+
   tcp::acceptor acceptor_{io};
+  std::set<asio::ip::address> proxies_;
   asio::steady_timer retry_{io};
   std::thread thread_;
 };
@@ -68,6 +72,10 @@ WebServer::Impl::Impl(const WebServerConfig& config, ServerDescription descripti
     throw SetupError("viewer: " + host + std::to_string(config.port) + ": " + why);
   };
   if (error) refuse("give a numeric address, such as 127.0.0.1:8765");
+  for (const std::string& proxy : config.proxies) {
+    proxies_.insert(asio::ip::make_address(proxy, error));
+    if (error) throw SetupError("viewer: --proxy " + proxy + ": give a numeric address");
+  }
 
   error = listen_at(acceptor_, {address, config.port});
   if (error == asio::error::address_in_use && config.may_move) {
@@ -101,13 +109,28 @@ void WebServer::Impl::accept() {
       });
       return;
     }
-    if (state.connections < kMaxConnections) {
-      std::make_shared<HttpConnection>(state, std::move(socket))->read();
-    } else {
-      ++state.refused;  // the destructor closes the socket
-    }
+    welcome(std::move(socket));
     accept();
   });
+}
+
+void WebServer::Impl::welcome(tcp::socket socket) {
+  error_code gone;
+  const asio::ip::address peer = socket.remote_endpoint(gone).address();
+  const auto of_peer = state.connections_of.find(peer);
+  const bool is_limited = !peer.is_loopback() && !proxies_.contains(peer);
+  if (gone || (is_limited && of_peer != state.connections_of.end() &&
+               of_peer->second >= kMaxConnectionsPerAddress)) {
+    ++state.refused;  // the destructor closes the socket
+    return;
+  }
+  if (state.connections >= kMaxConnections) {
+    ++state.refused;
+    if (state.waiting.empty()) return;
+    state.waiting.front()->give_way();
+  }
+  std::make_shared<HttpConnection>(state, CountedConnection(state, peer), std::move(socket))
+      ->read();
 }
 
 template <class Use>

@@ -1,10 +1,11 @@
 // web_server.h — the page and the Foxglove WebSocket on one TCP port, for any number of clients.
 // Boost.Beast behind a private implementation, on a thread of its own, of ordinary priority.
 //
-// Limits: 16 WebSockets, 64 connections; 8 KiB of request header, 64 KiB per message from a client;
-// 10 s for a request, 30 s of silence. No request bodies, no message compression, no TLS.
-// A client that reads too slowly loses its oldest data, gets a status message and is counted; it
-// delays no other client.
+// Limits: 16 WebSockets; 64 connections, of which a newcomer replaces one that waits for a request;
+// 24 from one address; 8 KiB of request header, in 3 s; 64 KiB per message from a client; 30 s of
+// silence; 32 MiB unread by one client, 64 MiB by all. No request bodies, no message compression,
+// no TLS. A client that reads too slowly loses its oldest data, gets a status message and is
+// counted; it delays no other client.
 #pragma once
 
 #include <cstdint>
@@ -24,6 +25,8 @@ struct WebServerConfig {
   std::uint16_t port = 8765;          ///< 0: any free port
   /// If the port is in use: take a free one instead of failing.
   bool may_move = false;
+  /// Numeric addresses of reverse proxies: no limit on the connections of one of them.
+  std::vector<std::string> proxies{};
   WebRules rules{};
 };
 

@@ -77,8 +77,10 @@ TEST(WebRules, AnswerToNamesOfThisMachineOnly) {
     EXPECT_EQ(status(socket(), [&](auto& r) { r.host = good; }), 101u) << good;
   }
   // a name that somebody bent to 127.0.0.1, and what only looks like an address
-  for (const char* bad : {"", "evil.example", "localhost.evil.example", "127.0.0.1.evil.example",
-                          "evil.example:8765", "1.2.3", "[evil]", "[", ":8765", "1.2.3.4.5"}) {
+  for (const char* bad :
+       {"", "evil.example", "localhost.evil.example", "127.0.0.1.evil.example", "evil.example:8765",
+        "1.2.3", "[evil]", "[", ":8765", "1.2.3.4.5", "[::1].evil.example",
+        "[::1].evil.example:8765", "[::1]x", "[::1", "127.0.0.1:80.evil.example"}) {
     EXPECT_EQ(status(page(), [&](auto& r) { r.host = bad; }), 403u) << bad;
     EXPECT_EQ(status(socket(), [&](auto& r) { r.host = bad; }), 403u) << bad;
   }
