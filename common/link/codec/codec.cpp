@@ -1,6 +1,15 @@
 #include "common/link/codec/codec.h"
 
+#include <google/protobuf/stubs/logging.h>
+
 namespace palpate {
+namespace {
+
+/// Protobuf writes to stderr what it thinks of a bad message, from the thread that decodes, which
+/// may be the tick. The codecs refuse such a message, and the links count and explain it.
+[[maybe_unused]] auto* const former_handler = google::protobuf::SetLogHandler(nullptr);
+
+}  // namespace
 
 const char* name(DecodeError error) {
   switch (error) {

@@ -1,6 +1,7 @@
 // Rules that hold for every message: round trips, damaged frames, and each field, found by
 // reflection.
 #include <google/protobuf/message.h>
+#include <google/protobuf/stubs/logging.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -108,6 +109,12 @@ TYPED_TEST(CodecOf, RefusesInvalidProtobuf) {
   // field 1 with wire type 7, which does not exist
   expect_refused<TypeParam>({static_cast<std::byte>(kKindOf<TypeParam>), std::byte{0x0f}},
                             DecodeError::kMalformed);
+}
+
+TEST(ProtobufMessages, DoNotReachStandardError) {
+  testing::internal::CaptureStderr();
+  GOOGLE_LOG(ERROR) << "String field contains invalid UTF-8";
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
 }
 
 TYPED_TEST(CodecOf, ChecksTheVersionBeforeOtherFields) {
