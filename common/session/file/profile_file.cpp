@@ -14,7 +14,7 @@ namespace {
 
 namespace pb = google::protobuf;
 
-constexpr std::uintmax_t kMaxFileBytes = 100'000;
+constexpr std::uintmax_t kMaxProfileFileBytes = 100'000;
 
 /// Reports each field of the message except the allowed one.
 void refuse_others(const pb::Message& message, const std::string& path, const char* allowed,
@@ -80,7 +80,7 @@ void check_isotropic_bound(const Fields& profile_fields, const DeviceProfile& pr
 
 DeviceProfile load_profile(const std::filesystem::path& file, const Place& place,
                            Problems& problems) {
-  const FileContent content = read_regular_file(file, kMaxFileBytes);
+  const FileContent content = read_regular_file(file, kMaxProfileFileBytes);
   if (!content.complaint.empty()) {
     problems.add_elsewhere(place, file.string(), content.complaint);
     return {};

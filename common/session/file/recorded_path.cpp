@@ -10,9 +10,9 @@ namespace palpate {
 
 namespace {
 
-constexpr std::uintmax_t kMaxFileBytes = 64'000'000;
+constexpr std::uintmax_t kMaxPathFileBytes = 64'000'000;
 constexpr int kMaxProblems = 5;
-constexpr double kMaxNumber = 1e6;  // seconds, and metres more than enough
+constexpr double kMaxPathNumber = 1e6;  // seconds, and metres more than enough
 
 std::string_view trimmed(std::string_view text) {
   const std::size_t begin = text.find_first_not_of(" \t\r");
@@ -41,7 +41,7 @@ std::string read_row(std::string_view line, std::array<double, 4>& row) {
     if (error != std::errc() || stop != text.data() + text.size()) {
       return "'" + one_line(text) + "': must be a number, e.g. -0.0125";
     }
-    if (!(std::abs(number) <= kMaxNumber)) {
+    if (!(std::abs(number) <= kMaxPathNumber)) {
       return "'" + one_line(text) + "': must be a finite number within ±1e6; seconds and metres";
     }
   }
@@ -91,7 +91,7 @@ std::vector<RecordedPath::Sample> parse_recorded_path(std::string_view text,
 
 std::vector<RecordedPath::Sample> load_recorded_path(const std::filesystem::path& file,
                                                      const Place& place, Problems& problems) {
-  const FileContent content = read_regular_file(file, kMaxFileBytes);
+  const FileContent content = read_regular_file(file, kMaxPathFileBytes);
   if (!content.complaint.empty()) {
     problems.add_elsewhere(place, file.string(), content.complaint);
     return {};

@@ -16,12 +16,12 @@ namespace palpate {
 
 namespace {
 
-constexpr std::uintmax_t kMaxFileBytes = 1'000'000;
+constexpr std::uintmax_t kMaxSessionFileBytes = 1'000'000;
 
 }  // namespace
 
 Session load_session(const std::filesystem::path& file, const std::vector<std::string>& overrides) {
-  const FileContent content = read_regular_file(file, kMaxFileBytes);
+  const FileContent content = read_regular_file(file, kMaxSessionFileBytes);
   if (!content.complaint.empty()) {
     throw SetupError("session " + one_line(file.string()) + ": " + content.complaint);
   }
