@@ -44,7 +44,8 @@ struct LaunchResult {
   std::vector<Supervisor::Restarts> restarts;  ///< of each node
   std::chrono::duration<double> wall{};        ///< from the first start to the last end
 
-  /// 0, or 2 if a node reported a wrong set-up; the node has printed the problem to stderr.
+  /// 2 if a node reported a wrong set-up, 1 if one never came up, else 0. The node has printed the
+  /// problem to stderr.
   [[nodiscard]] int exit_status() const;
 };
 

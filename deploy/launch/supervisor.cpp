@@ -120,9 +120,9 @@ void Supervisor::on_death(Child& child, int status) {
     return;
   }
 
-  if (std::chrono::steady_clock::now() - child.started_at >= timing_.healthy_after) {
-    child.back_off = timing_.first_back_off;
-  }
+  const auto age = std::chrono::steady_clock::now() - child.started_at;
+  child.came_up = child.came_up || age >= kCameUpAfter;
+  if (age >= timing_.healthy_after) child.back_off = timing_.first_back_off;
   restart_later(child, std::move(event));
 }
 
@@ -146,7 +146,10 @@ void Supervisor::restart_later(Child& child, ChildEvent event) {
 void Supervisor::stop() {
   if (is_stopping_) return;
   is_stopping_ = true;
-  for (Child& child : children_) child.timer.cancel();
+  for (Child& child : children_) {
+    child.timer.cancel();
+    child.came_up = child.came_up || child.pid != 0;
+  }
   stop_next();
 }
 
@@ -189,7 +192,9 @@ void Supervisor::kill(Child& child) {
 
 std::vector<Supervisor::Restarts> Supervisor::restarts() const {
   std::vector<Restarts> restarts;
-  for (const Child& child : children_) restarts.push_back({child.spec.name, child.restarts});
+  for (const Child& child : children_) {
+    restarts.push_back({child.spec.name, child.restarts, child.came_up});
+  }
   return restarts;
 }
 

@@ -71,7 +71,10 @@ class Supervisor {
   struct Restarts {
     std::string name;
     std::uint64_t count = 0;
+    /// It was running when the stop began, or had run for kCameUpAfter at some time.
+    bool came_up = false;
   };
+  static constexpr std::chrono::milliseconds kCameUpAfter{500};
   /// Of each child, in the order of the constructor's `children`.
   [[nodiscard]] std::vector<Restarts> restarts() const;
   /// True if a child ended with exit status 2: its set-up is wrong.
@@ -86,6 +89,7 @@ class Supervisor {
     std::uint64_t restarts = 0;
     std::chrono::milliseconds back_off{};
     std::chrono::steady_clock::time_point started_at;
+    bool came_up = false;
     bool was_terminated = false;  // SIGTERM or SIGKILL was sent
     bool was_killed = false;
   };

@@ -181,14 +181,19 @@ int LaunchCommand::run() const {
                                       .is_together = is_together,
                                       .on_poll = [&] { observer.pump(); }});
   observer.finish();
-  if (result.exit_status() != 0) return result.exit_status();
+  if (result.end == LaunchEnd::kRefused) return result.exit_status();
+  for (const auto& node : result.restarts) {
+    if (node.came_up) continue;
+    std::fprintf(stderr, "palpate: %s_node never came up; its messages are above\n",
+                 node.name.c_str());
+  }
 
   if (!json.is_standard_output()) {
     std::fputs(launch_text(loaded.name, observer.devices(), result).c_str(), stdout);
   }
   json.write(launch_json(loaded.name, observer.devices(), result));
   observer.close_files();
-  return 0;
+  return result.exit_status();
 }
 
 }  // namespace

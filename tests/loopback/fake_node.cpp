@@ -14,6 +14,7 @@ int main(int argc, char** argv) {
   std::string does;
   std::ifstream(self.string() + ".does") >> does;
   if (does == "refuses") return 2;
+  if (does == "fails") return 1;
 
   sigset_t stop;
   sigemptyset(&stop);

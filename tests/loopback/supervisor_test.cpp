@@ -243,6 +243,20 @@ TEST_F(Launch, ANodeThatIsRefusedStopsAllWithStatusTwo) {
   EXPECT_TRUE(all_nodes_end());
 }
 
+TEST_F(Launch, ANodeThatNeverCameUpMeansFailure) {
+  let("physics_node", "fails");
+  LaunchOptions options = this->options();
+  options.timing.first_back_off = milliseconds(3'600'000);  // dead when the time is up
+  options.seconds = 1.0;
+  start_launcher(options);
+  started_nodes(2);
+
+  EXPECT_EQ(next_event(), "device_node signal 15");
+  EXPECT_EQ(next_event(), "mofc_node signal 15");
+  EXPECT_EQ(next_event(), "launcher end=0 physics=0 mofc=0 device=0");
+  EXPECT_EQ(launcher_status(), 1);
+}
+
 TEST_F(Launch, ANodeThatDoesNotStopIsKilledAfterTheGrace) {
   let("mofc_node", "does_not_stop");
   LaunchOptions options = this->options();
