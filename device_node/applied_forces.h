@@ -1,27 +1,26 @@
 // applied_forces.h — the echo: which force acted from when to when, as DeviceState reports it.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 
-#include "common/core/check.h"
 #include "common/core/messages.h"
 #include "common/core/time.h"
 #include "common/core/vector.h"
 
 namespace palpate::device {
 
-/// Collects the segments between two readings: in time order, without gaps or overlaps, none empty.
-/// A force whose lease ends by itself is followed by a segment of zero force; the encoder is not
-/// read at that instant, so the first of the two has no position at its end.
+/// Collects the segments since the newest reading that mofc_node has answered: in time order,
+/// without gaps or overlaps, none empty. A force whose lease ends by itself is followed by a
+/// segment of zero force; unless the device has latched the position, the encoder was not read at
+/// that instant, and the first of the two has no position at its end.
 ///
-/// At most kMaxAppliedForces: one switch per tick, and each of the two forces may run out or be
-/// released.
+/// Keeps the newest kMaxAppliedForces: who missed older ones finds a gap.
 class AppliedForces {
  public:
   /// The first reading of a session: the echo begins here.
   void begin(TimePoint at) noexcept {
-    PALPATE_ASSERT(!has_begun_);
     has_begun_ = true;
     since_ = at;
   }
@@ -33,6 +32,16 @@ class AppliedForces {
     read(at, position_m);
     force_ = force;
     lease_end_ = at + lease;
+  }
+
+  /// Whether the force ended by itself before `at`, and that is not yet recorded.
+  [[nodiscard]] bool has_run_out(TimePoint at) const noexcept {
+    return lease_end_ < at && !force_.isZero(0.0);
+  }
+  /// The force ended by itself, and the device latched the position.
+  void ran_out(const Vector3& position_m) noexcept {
+    read(lease_end_, position_m);
+    force_.setZero();
   }
 
   /// A position was read at `at`: the segment that ends there is finished.
@@ -53,17 +62,31 @@ class AppliedForces {
     if (!force_.isZero(0.0)) end_force(at);
   }
 
-  /// Moves the finished segments into `state`.
-  void move_to(DeviceState& state) noexcept {
-    state.applied = segments_;
+  /// mofc_node knows what acted until `at`.
+  void acknowledged(TimePoint at) noexcept {
+    const auto first = std::find_if(segments_.begin(), segments_.begin() + count_,
+                                    [&](const AppliedForce& s) { return s.until > at; });
+    std::move(first, segments_.begin() + count_, segments_.begin());
+    count_ -= static_cast<std::uint32_t>(first - segments_.begin());
+  }
+
+  /// Copies what is not yet acknowledged into `state`, and the force that acts at its reading.
+  void report_in(DeviceState& state) const noexcept {
+    std::copy_n(segments_.begin(), count_, state.applied.begin());
     state.applied_count = count_;
-    count_ = 0;
+    state.acting_force_on_hand_newton = force_;
+    state.acting_until = std::max(state.header.sampled_at, lease_end_);
+  }
+
+  /// When the acting force ends by itself; TimePoint::max() while none acts.
+  [[nodiscard]] TimePoint lease_end() const noexcept {
+    return force_.isZero(0.0) ? TimePoint::max() : lease_end_;
   }
 
  private:
   /// Splits at the end of the lease if that has passed by `at`.
   void run_out(TimePoint at) noexcept {
-    if (lease_end_ < at && !force_.isZero(0.0)) end_force(lease_end_);
+    if (has_run_out(at)) end_force(lease_end_);
   }
   void end_force(TimePoint at) noexcept {
     end_segment(at);
@@ -71,7 +94,7 @@ class AppliedForces {
   }
   void end_segment(TimePoint at) noexcept {
     if (at <= since_) return;
-    PALPATE_ASSERT(count_ < kMaxAppliedForces);
+    if (count_ == kMaxAppliedForces) acknowledged(segments_[0].until);
     segments_[count_++] = {
         .force_on_hand_newton = force_, .from = since_, .until = at, .has_position_at_end = false};
     since_ = at;

@@ -22,6 +22,8 @@ struct DeviceSpecification {
   /// False: the motors keep pushing when this process stops. The passivity guarantee is then not
   /// available, which is reported.
   bool has_motor_watchdog = false;
+  /// The watchdog stores the position as it ends a force: take_latched() returns it.
+  bool has_position_latch = false;
 };
 
 /// One reading of position and buttons.
@@ -51,6 +53,13 @@ class HapticDevice {
   /// forces exactly. Returns false, motors limp, for a non-finite force or if the device failed.
   [[nodiscard]] virtual bool apply(const Vector3& force_on_hand_newton, Duration lease,
                                    DeviceSample& at_switch) noexcept = 0;
+
+  /// The reading that the watchdog stored when a force ended by itself: once for each such end,
+  /// after the read() or apply() that follows it. False: there is none.
+  [[nodiscard]] virtual bool take_latched(DeviceSample& at_end) noexcept {
+    static_cast<void>(at_end);
+    return false;
+  }
 
   /// Motors limp, at once. A later apply() applies a force again.
   virtual void release() noexcept = 0;

@@ -37,9 +37,11 @@ void DeviceNode::step(const Tick& tick) noexcept {
                     .switched_at = tick.now,
                     .lateness = tick.now - tick.scheduled_at};
 
+  const TimePoint next_reading = tick.scheduled_at + from_seconds(1.0 / config_.rate_hz);
   if (has_fault()) {
     record_without_exchange(record);
-  } else if (const FaultReason reason = exchange(record); reason != FaultReason::kNone) {
+  } else if (const FaultReason reason = exchange(next_reading, record);
+             reason != FaultReason::kNone) {
     latch(reason, record);
   }
 
@@ -48,15 +50,15 @@ void DeviceNode::step(const Tick& tick) noexcept {
   ticks_out_.keep(record);
 
   // the expected deadline of the next answer; the real one may be a little later
-  force_in_.prepare_wait(tick.scheduled_at + from_seconds(1.0 / config_.rate_hz) + config_.reply);
+  force_in_.prepare_wait(next_reading + config_.reply);
 }
 
 /// The exchange of a tick; returns the reason if it failed.
-FaultReason DeviceNode::exchange(DeviceTick& record) noexcept {
+FaultReason DeviceNode::exchange(TimePoint next_reading, DeviceTick& record) noexcept {
   // read: t_k
   DeviceSample sample;
   if (!device_.read(sample)) return FaultReason::kReadFailed;
-  const FaultReason reading = judge(sample);
+  const FaultReason reading = judge_with_latched(sample);
   record.sampled_at = sample.sampled_at;
   if (reading != FaultReason::kNone) return reading;
   const DeviceState state = make_state(sample, record.sequence);
@@ -72,14 +74,24 @@ FaultReason DeviceNode::exchange(DeviceTick& record) noexcept {
 
   // wait: hop 4
   const TimePoint deadline = sample.sampled_at + config_.reply;
-  const Received<ForceCommand>* answer = wait_for_answer(state, deadline);
+  const Received<ForceCommand>* answer =
+      wait_for_answer(record.sequence, std::min(deadline, applied_.lease_end()));
+  if (answer == nullptr && clock_.now() < deadline) {
+    // the lease ends while the answer may still come: lets go, with a reading
+    const GuardedForce less = guard_.missed(clock_.now(), next_reading);
+    if (less.is_switch) {
+      const FaultReason reason = switch_to(less, deadline, record);
+      if (reason != FaultReason::kNone) return reason;
+    }
+    answer = wait_for_answer(record.sequence, deadline);
+  }
   const TimePoint now = clock_.now();
   record.is_answered = answer != nullptr && now <= deadline;
   if (record.is_answered) record.reply_time = answer->received_at - sent_at;
 
   // switch: to the command, or to less
   const GuardedForce guarded =
-      record.is_answered ? guard_.answered(answer->value, now) : guard_.missed(now);
+      record.is_answered ? guard_.answered(answer->value, now) : guard_.missed(now, next_reading);
   record.switched_at = now;
   record.force_on_hand_newton = guarded.force_on_hand_newton;
   record.guard = guarded.state;
@@ -91,7 +103,7 @@ FaultReason DeviceNode::switch_to(const GuardedForce& guarded, TimePoint deadlin
                                   DeviceTick& record) noexcept {
   DeviceSample at_switch;
   const bool is_applied = device_.apply(guarded.force_on_hand_newton, guarded.lease, at_switch);
-  const FaultReason reason = is_applied ? judge(at_switch) : FaultReason::kWriteFailed;
+  const FaultReason reason = is_applied ? judge_with_latched(at_switch) : FaultReason::kWriteFailed;
   if (reason != FaultReason::kNone) {
     record.force_on_hand_newton.setZero();
     record.is_peak_limited = false;
@@ -146,6 +158,19 @@ FaultReason DeviceNode::judge(const DeviceSample& sample) noexcept {
   return is_jump ? FaultReason::kPositionJumped : FaultReason::kNone;
 }
 
+/// judge(), after the position that the device latched as the last force ended by itself, if it
+/// did.
+FaultReason DeviceNode::judge_with_latched(const DeviceSample& sample) noexcept {
+  DeviceSample latched;
+  if (applied_.has_run_out(sample.sampled_at) && device_.take_latched(latched) &&
+      latched.sampled_at >= last_reading_at_ && latched.sampled_at <= sample.sampled_at) {
+    const FaultReason reason = judge(latched);
+    if (reason != FaultReason::kNone) return reason;
+    applied_.ran_out(latched.hand_position_m);
+  }
+  return judge(sample);
+}
+
 void DeviceNode::count_appointment(const Tick& tick) noexcept {
   LoopCounters& loop = counters_.loop;
   if (loop.ticks > 0) loop.skipped_ticks += tick.index - next_index_;
@@ -171,20 +196,23 @@ DeviceState DeviceNode::make_state(const DeviceSample& sample, std::uint64_t seq
   } else {
     applied_.begin(sample.sampled_at);
   }
-  applied_.move_to(state);
+  applied_.report_in(state);
   return state;
 }
 
-const Received<ForceCommand>* DeviceNode::wait_for_answer(const DeviceState& state,
-                                                          TimePoint deadline) noexcept {
+/// Every answer acknowledges what its state reported, even one that comes too late to act.
+const Received<ForceCommand>* DeviceNode::wait_for_answer(std::uint64_t sequence,
+                                                          TimePoint until) noexcept {
   for (;;) {
     const Received<ForceCommand>* newest = force_in_.newest();
-    if (newest != nullptr && newest->value.answers_session_id == state.header.session_id &&
-        newest->value.answers_sequence == state.header.sequence) {
-      return newest;
+    if (newest != nullptr && newest->value.answers_session_id == session_id_) {
+      if (newest->value.answers_sampled_at <= last_reading_at_) {
+        applied_.acknowledged(newest->value.answers_sampled_at);
+      }
+      if (newest->value.answers_sequence == sequence) return newest;
     }
-    if (clock_.now() >= deadline) return nullptr;
-    force_in_.wait_until(deadline);
+    if (clock_.now() >= until) return nullptr;
+    force_in_.wait_until(until);
   }
 }
 
@@ -239,6 +267,9 @@ void DeviceNode::reset_fault() noexcept {
   if (!has_fault()) return;
   fault_ = FaultReason::kNone;
   has_reading_ = false;
+  // what the encoder did meanwhile is not known: the echo begins anew, which mofc_node takes as a
+  // gap
+  applied_ = {};
   ++counters_.fault_resets;
 }
 

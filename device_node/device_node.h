@@ -4,17 +4,18 @@
 //   in   hop 4  ForceCommand  mofc → device     answers that DeviceState, within the tick
 //   out  hop 5  DeviceTick    device → viewers  every tick, through a sink
 //
-// No answer by the deadline: the earlier command continues while its lease runs, then the fallback
-// and the fade of force_guard.h apply. Answers to another tick are dropped, and so is an answer
-// read after the deadline. If the process is preempted between that check and the switch, the stamp
-// of the switch shows that the answer began to act too late: the motors are released at once, the
-// echo reports what acted, and the switch is counted. So no answer acts that began later than
-// `reply` after the reading it answers, except until the release takes effect. Fault:
-// no reading; a reading that is not finite, or that only a hand faster than v_fault could have
-// made; motors that refuse a force. A fault is latched: the motors are released and nothing is
-// sent. The node keeps reading and leaves records until reset_fault(). Thread: everything runs on
-// the caller's thread. step() does not allocate, lock, log or throw; it waits up to `reply` for the
-// answer.
+// No answer by the deadline: the earlier command continues while its lease runs to the next
+// reading, then the fallback and the fade of force_guard.h apply. Where the lease ends while the
+// node waits, it lets go at that instant, with a reading, and goes on waiting. Answers to another
+// tick are dropped, and so is an answer read after the deadline. If the process is preempted
+// between that check and the switch, the stamp of the switch shows that the answer began to act too
+// late: the motors are released at once, the echo reports what acted, and the switch is counted. So
+// no answer acts that began later than `reply` after the reading it answers, except until the
+// release takes effect. Fault: no reading; a reading that is not finite, or that only a hand faster
+// than v_fault could have made; motors that refuse a force. A fault is latched: the motors are
+// released and nothing is sent. The node keeps reading and leaves records until reset_fault().
+// Thread: everything runs on the caller's thread. step() does not allocate, lock, log or throw; it
+// waits up to `reply` for the answer.
 #pragma once
 
 #include <cstdint>
@@ -62,15 +63,16 @@ class DeviceNode {
 
  private:
   void count_appointment(const Tick& tick) noexcept;
-  [[nodiscard]] FaultReason exchange(DeviceTick& record) noexcept;
+  [[nodiscard]] FaultReason exchange(TimePoint next_reading, DeviceTick& record) noexcept;
   [[nodiscard]] FaultReason switch_to(const GuardedForce& guarded, TimePoint deadline,
                                       DeviceTick& record) noexcept;
   void withdraw_late_answer(DeviceTick& record) noexcept;
   void record_without_exchange(DeviceTick& record) noexcept;
   [[nodiscard]] FaultReason judge(const DeviceSample& sample) noexcept;
+  [[nodiscard]] FaultReason judge_with_latched(const DeviceSample& sample) noexcept;
   [[nodiscard]] DeviceState make_state(const DeviceSample& sample, std::uint64_t sequence) noexcept;
-  [[nodiscard]] const Received<ForceCommand>* wait_for_answer(const DeviceState& state,
-                                                              TimePoint deadline) noexcept;
+  [[nodiscard]] const Received<ForceCommand>* wait_for_answer(std::uint64_t sequence,
+                                                              TimePoint until) noexcept;
   void record_last_reading(DeviceTick& record) const noexcept;
   void notify_observer(DeviceTick& record) noexcept;
   void count(const DeviceTick& record) noexcept;

@@ -26,17 +26,17 @@ struct GuardedForce {
 ///
 ///   before the first answer          no force                                     kLimp
 ///   answered                         the command, for its lease                   kAnswered
-///   no answer, lease runs            the earlier command                          kLeased
-///   lease over                       at most f_co, direction kept: the device's
+///   no answer, lease runs to the     the earlier command                          kLeased
+///   next reading
+///   lease over, or before that                       at most f_co, direction kept: the device's
 ///                                    own friction absorbs that, always passive    kFallback
 ///   silent for limp_after            that, linearly down to zero over `fade`      kFading
 ///   silent for limp_after + fade     no force                                     kLimp
 ///
 /// Three limits reduce an answer, in this order:
 ///
-///   limp start   leaving kLimp, the force grows from zero over start_ramp; after a silence longer
-///                than the lease and a period, it grows from the acting force over the duration of
-///                that silence
+///   limp start   leaving kLimp, the force grows from zero over start_ramp; where the lease ended
+///                more than a period ago, it grows from the acting force over the time since
 ///   peak         |F| ≤ peak
 ///   slew         beyond what already acts along its direction, the force grows by at most
 ///                slew · one period per switch
@@ -47,6 +47,7 @@ class ForceGuard {
   /// @param device_peak_newton  the hardware's own limit; the smaller one holds
   ForceGuard(const DeviceConfig& config, double device_peak_newton)
       : lease_(config.lease),
+        longest_lease_(std::max(config.lease, config.longest_lease)),
         limp_after_(config.limp_after),
         fade_(config.fade),
         start_ramp_(config.start_ramp),
@@ -57,7 +58,7 @@ class ForceGuard {
 
   /// The answer to this tick has arrived and is applied at `now`.
   [[nodiscard]] GuardedForce answered(const ForceCommand& command, TimePoint now) noexcept {
-    GuardedForce out{.lease = std::clamp(command.valid_for, Duration::zero(), lease_),
+    GuardedForce out{.lease = std::clamp(command.valid_for, Duration::zero(), longest_lease_),
                      .state = GuardState::kAnswered};
     Vector3 force = command.force_on_hand_newton;
     if (!force.allFinite() || out.lease == Duration::zero()) {
@@ -70,9 +71,9 @@ class ForceGuard {
     if (!has_answer_ || silence >= limp_after_ + fade_) {
       ramp_from_ = now;
       ramp_ = start_ramp_;
-    } else if (silence > lease_ + period_) {
+    } else if (now > std::max(answer_lease_end_, answered_at_ + lease_) + period_) {
       ramp_from_ = now;
-      ramp_ = std::min(start_ramp_, silence);
+      ramp_ = std::min(start_ramp_, now - answer_lease_end_);
     }
     if (now - ramp_from_ < ramp_) {
       const double share = to_seconds(now - ramp_from_) / to_seconds(ramp_);
@@ -93,16 +94,19 @@ class ForceGuard {
     return out;
   }
 
-  /// No answer to this tick by its deadline.
-  [[nodiscard]] GuardedForce missed(TimePoint now) noexcept {
+  /// No answer to this tick by its deadline, or none by the end of the lease.
+  /// @param next_reading  a lease that ends before it is given up at once, so that the position is
+  ///                      read where the force ends
+  [[nodiscard]] GuardedForce missed(TimePoint now, TimePoint next_reading) noexcept {
     GuardedForce out{.lease = 2 * period_};
     const Duration silence = now - answered_at_;
-    if (has_answer_ && now < answer_lease_end_) {
+    if (has_answer_ && now < answer_lease_end_ && next_reading <= answer_lease_end_) {
       out.state = GuardState::kLeased;
       out.force_on_hand_newton = answer_newton_;
       out.is_switch = false;
       return out;
     }
+    answer_lease_end_ = std::min(answer_lease_end_, now);
     if (has_answer_ && silence < limp_after_ + fade_) {
       out.state = GuardState::kFallback;
       out.force_on_hand_newton = limited_to_norm(answer_newton_, coulomb_newton_);
@@ -148,6 +152,7 @@ class ForceGuard {
   }
 
   Duration lease_;
+  Duration longest_lease_;
   Duration limp_after_;
   Duration fade_;
   Duration start_ramp_;

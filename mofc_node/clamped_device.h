@@ -10,8 +10,10 @@ namespace palpate::mofc {
 struct ClampedDevice {
   DeviceProfile profile{};
   WorkspaceConfig workspace{};
-  Duration lease{};         ///< longest time that one command may act
-  double rate_hz = 1000.0;  ///< of its tick
+  Duration lease{};                ///< T_hold: every command may act that long
+  Duration longest_lease{};        ///< and none longer
+  double rate_hz = 1000.0;         ///< of its tick
+  double peak_force_newton = 3.3;  ///< of this session
 };
 
 }  // namespace palpate::mofc

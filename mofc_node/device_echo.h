@@ -13,43 +13,34 @@
 
 namespace palpate::mofc {
 
-/// Checks that each echo continues the one before, converts it for the controller, and compares
-/// what acted with what was requested. No allocation, no throw.
+/// Skips what earlier states have reported, checks that the rest continues it, converts it for the
+/// controller, and compares what acted with what was requested. No allocation, no throw.
 class DeviceEcho {
  public:
   /// What one DeviceState reports.
   struct Report {
-    /// Valid until the next take(). Two readings with equal stamps have one stretch of no duration
-    /// between them.
+    /// Valid until the next take(). Two readings with equal stamps have none between them.
     std::span<const controllers::AppliedStretch> applied;
     Vector3 mean_force_newton = Vector3::Zero();  ///< time average over `applied`; 0 without it
-    bool has_gap = false;       ///< it is not known what acted since the previous state
+    bool has_gap = false;       ///< it is not known what acted since the state that came before
     Duration since_previous{};  ///< device time since the previous state; 0 in the first one
   };
 
   /// A new device session: its first echo continues nothing.
   void reset() noexcept;
-  /// Once per DeviceState, in order.
-  /// @param is_after_gap  states were lost before this one
-  [[nodiscard]] Report take(const DeviceState& state, bool is_after_gap) noexcept;
-  /// The answer to the last state: what the tissue requested, and what was commanded.
-  void answered(const Vector3& requested_newton, const Vector3& commanded_newton) noexcept {
-    requested_newton_ = requested_newton;
-    commanded_newton_ = commanded_newton;
-  }
+  /// Once per DeviceState, in order; any may be missing.
+  [[nodiscard]] Report take(const DeviceState& state) noexcept;
+  /// The answer to the last state: what the tissue requested.
+  void answered(const Vector3& requested_newton) noexcept { requested_newton_ = requested_newton; }
 
   [[nodiscard]] const ProjectedTransparency& transparency() const noexcept { return transparency_; }
 
  private:
-  [[nodiscard]] bool continues(const DeviceState& state) const noexcept;
-
   std::array<controllers::AppliedStretch, kMaxAppliedForces> segments_;
   std::optional<TimePoint> previous_;  // reading of the previous state of this session
   /// Reading up to which it is known what acted; TimePoint::min(): nothing may continue it.
   TimePoint known_until_ = TimePoint::min();
   std::optional<Vector3> requested_newton_;
-  Vector3 commanded_newton_ = Vector3::Zero();
-  Vector3 acting_newton_ = Vector3::Zero();  // at the last reading, as reported
   ProjectedTransparency transparency_;
 };
 

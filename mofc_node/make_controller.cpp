@@ -1,5 +1,6 @@
 #include "mofc_node/make_controller.h"
 
+#include <algorithm>
 #include <optional>
 
 #include "mofc_node/controllers/guard_mofc.h"
@@ -33,19 +34,29 @@ std::unique_ptr<controllers::ForceController> make_controller(const MofcConfig& 
   const MofcParameters parameters{.f_d = profile.viscous_newton_s_per_m,
                                   .f_co = profile.coulomb_newton,
                                   .T = to_seconds(device.lease)};
+  const double longest_lease_s = to_seconds(device.longest_lease);
   if (mofc.mode == MofcMode::kVector) {
     return std::make_unique<controllers::VectorMofc>(parameters, profile.position_resolution_m,
-                                                     to_seconds(mofc.delta_max), per_axis);
+                                                     to_seconds(mofc.delta_max), per_axis,
+                                                     longest_lease_s);
   }
-  return std::make_unique<controllers::GuardMofc>(
-      controllers::GuardParameters{.mofc = parameters,
-                                   .per_axis = per_axis,
-                                   .resolution_m = profile.position_resolution_m,
-                                   .delta_max_s = to_seconds(mofc.delta_max),
-                                   .v_max_m_per_s = mofc.guard.v_max_m_per_s,
-                                   .credit_cap_joule = mofc.guard.credit_cap_joule,
-                                   .gate_joule = mofc.guard.gate_joule,
-                                   .gate_recovery_s = to_seconds(mofc.guard.gate_recovery)});
+  // what one hold of the largest force can leak: at low rates more than the gate's and the cap's
+  // own
+  const double hold_joule =
+      parameters.T *
+      controllers::drain_watt(parameters, device.peak_force_newton, mofc.guard.v_max_m_per_s);
+  const double cap_joule = mofc.guard.credit_cap_joule;
+  return std::make_unique<controllers::GuardMofc>(controllers::GuardParameters{
+      .mofc = parameters,
+      .per_axis = per_axis,
+      .resolution_m = profile.position_resolution_m,
+      .delta_max_s = to_seconds(mofc.delta_max),
+      .longest_lease_s = longest_lease_s,
+      .v_max_m_per_s = mofc.guard.v_max_m_per_s,
+      .credit_cap_joule = cap_joule,
+      .contact_credit_joule = hold_joule > cap_joule ? hold_joule : 0.0,
+      .gate_joule = std::max(mofc.guard.gate_joule, hold_joule),
+      .gate_recovery_s = to_seconds(mofc.guard.gate_recovery)});
 }
 
 }  // namespace palpate::mofc

@@ -24,7 +24,7 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
   device_session_ = state.header.session_id;
 
   // what acted since the previous state
-  const DeviceEcho::Report echo = echo_.take(state, received.skipped_before > 0);
+  const DeviceEcho::Report echo = echo_.take(state);
   if (echo.has_gap) ++counters_.ledger_resets;
 
   // what the tissue requests, perhaps computed for this very tick
@@ -42,6 +42,8 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
       controller_->step({.hand_position_m = state.hand_position_m,
                          .applied = echo.applied,
                          .has_gap = echo.has_gap,
+                         .acting_force_on_hand_newton = state.acting_force_on_hand_newton,
+                         .acting_lease_s = to_seconds(state.acting_until - state.header.sampled_at),
                          .asked_force_on_hand_newton = requested,
                          .is_asked_fresh = is_fresh(physics.interaction),
                          .stored_energy_joule = wanted.tissue.stored_energy_joule *
@@ -52,7 +54,7 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
       physics.is_late ? limited_to_norm(output.force_on_hand_newton, device_.profile.coulomb_newton)
                       : output.force_on_hand_newton;
   const SilenceFade::Output faded = fade_.step(punctual, physics.silence, now);
-  echo_.answered(requested, faded.force_newton);
+  echo_.answered(requested);
 
   // the record of this turn
   MofcState after_fade = wanted.state;
@@ -72,7 +74,8 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
            .is_clamped = output.is_clamped,
            .is_in_contact = wanted.tissue.is_touching};
   count(*turn_, physics, output, faded.phase);
-  return make_command(state, faded.force_newton, now);
+  const Duration lease = output.lease_s > 0.0 ? from_seconds(output.lease_s) : device_.lease;
+  return make_command(state, faded.force_newton, lease, now);
 }
 
 void MofcNode::finish_turn() noexcept {
@@ -126,12 +129,13 @@ bool MofcNode::is_fresh(const Interaction* interaction) noexcept {
 }
 
 ForceCommand MofcNode::make_command(const DeviceState& state, const Vector3& force_newton,
-                                    TimePoint now) noexcept {
+                                    Duration lease, TimePoint now) noexcept {
   return {.header = {.session_id = session_id_, .sequence = next_command_++, .sampled_at = now},
           .answers_session_id = state.header.session_id,
           .answers_sequence = state.header.sequence,
+          .answers_sampled_at = state.header.sampled_at,
           .force_on_hand_newton = force_newton,
-          .valid_for = device_.lease};
+          .valid_for = lease};
 }
 
 void MofcNode::count(const MofcTick& turn, const PhysicsAnswer& physics,

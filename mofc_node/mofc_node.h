@@ -14,9 +14,8 @@
 //   and fades to zero over `fade`; then MofcState::kNoPhysics. `stale_after` is longer than the
 //   silence that the deadbands of hops 2 and 3 allow, so that frozen physics is distinguished from
 //   a resting hand. When the physics speaks again, |F| rises from where it is over `fade`.
-// New device session, a gap in the DeviceStates, or an echo that does not continue the previous
-// one:
-//   ledger 0. New physics session: its first Interaction replaces the model as any next one does,
+// New device session: ledger 0. An echo that does not continue the last one answered: no credit is
+//   left. New physics session: its first Interaction replaces the model as any next one does,
 //   without a jump; the ledger stays.
 // `wait_for_physics` > 0: answers from the Interaction that answers this very DeviceState; if that
 //   does not come in time the force is at most f_co, which friction absorbs.
@@ -71,7 +70,7 @@ class MofcNode {
                                 Duration since_previous) noexcept;
   [[nodiscard]] bool is_fresh(const Interaction* interaction) noexcept;
   [[nodiscard]] ForceCommand make_command(const DeviceState& state, const Vector3& force_newton,
-                                          TimePoint now) noexcept;
+                                          Duration lease, TimePoint now) noexcept;
   void count(const MofcTick& turn, const PhysicsAnswer& physics,
              const controllers::ControlOutput& output, SilenceFade::Phase phase) noexcept;
 

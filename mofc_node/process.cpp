@@ -51,7 +51,9 @@ class Clamp::Impl {
               {.profile = side_.device.profile,
                .workspace = side_.device.workspace,
                .lease = side_.device.lease,
-               .rate_hz = side_.device.rate_hz},
+               .longest_lease = side_.device.longest_lease,
+               .rate_hz = side_.device.rate_hz,
+               .peak_force_newton = side_.device.peak_force_newton},
               context.clock, motion_out_, interaction_in_, ticks_, context.session_id),
         publisher_(context.session_id, context.clock, ticks_, counters_, telemetry_, context.log,
                    side_.name) {

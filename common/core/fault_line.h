@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <vector>
 
 #include "common/core/random.h"
@@ -24,6 +25,13 @@ struct FaultWindow {
   Duration from{};
   Duration until{};
   Duration every{};  ///< > 0: the window repeats with this period
+
+  /// Time left in the window, `since_start` after the start; nothing outside it.
+  [[nodiscard]] std::optional<Duration> left(Duration since_start) const {
+    const Duration t = every.count() > 0 ? since_start % every : since_start;
+    if (t < from || t >= until) return std::nullopt;
+    return until - t;
+  }
 };
 
 struct LinkFaults {
@@ -82,8 +90,8 @@ class FaultLine {
       due += Duration(static_cast<std::int64_t>(random_.uniform() *
                                                 static_cast<double>(faults_.jitter.count() + 1)));
     }
-    if (const FaultWindow* stall = window(FaultWindow::Kind::kStall, now)) {
-      due = std::max(due, end_of(*stall, now));
+    if (const auto stalled = window(FaultWindow::Kind::kStall, now)) {
+      due = std::max(due, now + *stalled);
     }
     const bool is_held_back = faults_.reorder_ratio > 0 && random_.chance(faults_.reorder_ratio);
     if (is_held_back) {
@@ -130,19 +138,13 @@ class FaultLine {
     std::push_heap(pending_.begin(), pending_.end(), Later{});
   }
 
-  [[nodiscard]] const FaultWindow* window(FaultWindow::Kind kind, TimePoint now) const {
+  /// Time left in a window of that kind; nothing outside.
+  [[nodiscard]] std::optional<Duration> window(FaultWindow::Kind kind, TimePoint now) const {
     for (const FaultWindow& w : faults_.windows) {
-      const Duration t = phase(w, now);
-      if (w.kind == kind && t >= w.from && t < w.until) return &w;
+      if (w.kind != kind) continue;
+      if (const auto left = w.left(now - start_)) return left;
     }
-    return nullptr;
-  }
-  [[nodiscard]] Duration phase(const FaultWindow& w, TimePoint now) const {
-    const Duration t = now - start_;
-    return w.every.count() > 0 ? t % w.every : t;
-  }
-  [[nodiscard]] TimePoint end_of(const FaultWindow& w, TimePoint now) const {
-    return now + (w.until - phase(w, now));
+    return std::nullopt;
   }
 
   LinkFaults faults_;

@@ -36,7 +36,7 @@ struct AppliedForce {
   Vector3 hand_position_at_end_m = Vector3::Zero();
   bool has_position_at_end = true;
 };
-inline constexpr std::size_t kMaxAppliedForces = 4;
+inline constexpr std::size_t kMaxAppliedForces = 64;
 
 /// Hop 1, device → mofc, every device tick.
 struct DeviceState {
@@ -48,10 +48,14 @@ struct DeviceState {
   std::uint32_t buttons = 0;                                   ///< bit i: button i is held
   bool is_clutched = false;  ///< hand and tool are decoupled; no force may be rendered
 
-  /// The forces applied since the reading of the previous DeviceState, in time order, without gaps,
-  /// up to t_k. Empty in the first message of a session.
+  /// The forces applied since the newest reading whose answer has arrived, in time order, without
+  /// gaps, up to t_k; the newest of them if there are more. Empty in the first message of a
+  /// session.
   std::array<AppliedForce, kMaxAppliedForces> applied{};
   std::uint32_t applied_count = 0;
+
+  Vector3 acting_force_on_hand_newton = Vector3::Zero();  ///< D, at t_k
+  TimePoint acting_until{};  ///< its lease ends then, unless another force replaces it before
 };
 
 /// Hop 4, mofc → device: the answer to one DeviceState.
@@ -60,6 +64,7 @@ struct ForceCommand {
 
   std::uint64_t answers_session_id = 0;  ///< the DeviceState answered
   std::uint64_t answers_sequence = 0;
+  TimePoint answers_sampled_at{};  ///< its t_k, device's clock: what ended by then is booked
 
   Vector3 force_on_hand_newton = Vector3::Zero();  ///< D, after controller and fade
   Duration valid_for{};  ///< the lease: the longest time for which this force may be applied

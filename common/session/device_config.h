@@ -10,7 +10,8 @@ namespace palpate {
 struct DeviceConfig {
   double rate_hz = 1000.0;
   Duration reply{};                ///< deadline for the answer, after the reading
-  Duration lease{};                ///< T_hold: valid_for of a command; ≤ 3 periods
+  Duration lease{};                ///< T_hold: every command may act that long; ≤ 3 periods
+  Duration longest_lease{};        ///< and no command longer than that, whatever the credit
   Duration limp_after{};           ///< silence before the fallback force fades
   Duration fade{};                 ///< length of that fade
   Duration start_ramp{};           ///< at the start the force limit grows from 0 over this time

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "common/core/clock.h"
 #include "common/core/fault_line.h"
@@ -25,11 +26,21 @@ struct RealtimeConfig {
   WaitStrategy wait = WaitStrategy::kHybrid;
 };
 
+/// The process of the device is not run in time.
+struct DeviceFaults {
+  std::vector<FaultWindow> skips{};  ///< a tick that is due in one begins at its end
+  double late_ratio = 0.0;           ///< of the ticks: 1 … `late_periods` periods late
+  double late_periods = 5.0;
+  double late_switch_ratio = 0.0;  ///< of the switches: up to `late_switch` after their decision
+  Duration late_switch{};
+};
+
 struct FaultsConfig {
   LinkFaults device_state;
   LinkFaults force_command;
   LinkFaults tool_motion;
   LinkFaults interaction;
+  DeviceFaults device;
 };
 
 /// How links over tcp authenticate their peers.

@@ -21,6 +21,7 @@ struct SimulatedDeviceConfig {
   std::optional<FrictionPerAxis> per_axis = {};  ///< replaces the two above, which are isotropic
   double position_resolution_m = 55e-6;          ///< 0: exact
   double peak_force_newton = 3.3;
+  bool has_position_latch = false;                      ///< of the motors' watchdog
   Duration inner_step = std::chrono::microseconds(50);  ///< longest integration step
 };
 

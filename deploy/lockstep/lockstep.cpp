@@ -7,6 +7,7 @@
 #include "common/core/inbox.h"
 #include "common/core/random.h"
 #include "common/core/tick_schedule.h"
+#include "deploy/lockstep/device_faults.h"
 #include "deploy/lockstep/ideal.h"
 #include "deploy/lockstep/virtual_time.h"
 #include "device_node/device_node.h"
@@ -64,6 +65,8 @@ class Lockstep::Impl {
         tampered_interaction_out_(*links_->interaction_out, options.tamper_with_interaction),
         device_(session.side().simulated, session.side().hand, time_,
                 stream_seed(session, session.side(), "hand")),
+        preempted_device_(device_, session.faults.device, time_,
+                          stream_seed(session, session.side(), "device")),
         true_state_(device_),
         command_in_(*links_->command_in, time_, session.faults.force_command,
                     stream_seed(session, session.side(), "force_command")),
@@ -76,13 +79,15 @@ class Lockstep::Impl {
         device_tick_(options.on_device_tick),
         mofc_tick_(options.on_mofc_tick),
         physics_tick_(options.on_physics_tick),
-        device_node_(session.side().device, device_, time_, *links_->state_out, command_in_,
-                     device_tick_, kLockstepDevice, &true_state_),
+        device_node_(session.side().device, preempted_device_, time_, *links_->state_out,
+                     command_in_, device_tick_, kLockstepDevice, &true_state_),
         mofc_node_(session.side().mofc,
                    {.profile = session.side().device.profile,
                     .workspace = session.side().device.workspace,
                     .lease = session.side().device.lease,
-                    .rate_hz = session.side().device.rate_hz},
+                    .longest_lease = session.side().device.longest_lease,
+                    .rate_hz = session.side().device.rate_hz,
+                    .peak_force_newton = session.side().device.peak_force_newton},
                    time_, *links_->motion_out, interaction_in_, mofc_tick_, kLockstepMofc),
         physics_node_(session.scene, session.physics, session.side().mofc.interaction, time_,
                       motion_in_, tampered_interaction_out_, physics_tick_, kLockstepPhysics),
@@ -126,8 +131,10 @@ class Lockstep::Impl {
   }
 
   void schedule_device() {
-    const Duration lateness = device_lateness_ ? device_lateness_() : Duration::zero();
-    time_.schedule(device_schedule_.next() + lateness, kDeviceRank, [this] { device_turn(); });
+    const TimePoint next = device_schedule_.next();
+    Duration lateness = preempted_device_.lateness(next, device_schedule_.period());
+    if (device_lateness_) lateness += device_lateness_();
+    time_.schedule(next + lateness, kDeviceRank, [this] { device_turn(); });
   }
 
   void device_turn() {
@@ -189,6 +196,7 @@ class Lockstep::Impl {
   std::unique_ptr<Links> links_;
   TamperedSender tampered_interaction_out_;
   device::SimulatedDevice device_;
+  PreemptedDevice preempted_device_;
   device::TrueStateRecorder true_state_;
   Inbox<ForceCommand> command_in_;
   Inbox<DeviceState> state_in_;

@@ -15,7 +15,8 @@ SimulatedDevice::SimulatedDevice(const SimulatedDeviceConfig& device, const Hand
                      .position_resolution_m = device.position_resolution_m,
                      .button_count = 32,
                      .is_simulated = true,
-                     .has_motor_watchdog = true},
+                     .has_motor_watchdog = true,
+                     .has_position_latch = device.has_position_latch},
       clock_(clock),
       hand_(hand, device, seed),
       goals_(goals),
@@ -43,6 +44,13 @@ bool SimulatedDevice::apply(const Vector3& force_on_hand_newton, Duration lease,
   return true;
 }
 
+bool SimulatedDevice::take_latched(DeviceSample& at_end) noexcept {
+  if (!latched_) return false;
+  at_end = *latched_;
+  latched_.reset();
+  return true;
+}
+
 void SimulatedDevice::release() noexcept {
   catch_up();
   force_on_hand_newton_.setZero();
@@ -56,6 +64,8 @@ void SimulatedDevice::catch_up() noexcept {
   // the motor-side watchdog: the force ends with its lease, whenever this code next runs
   if (lease_end_ <= now) {
     integrate_until(lease_end_);
+    const bool has_force = !force_on_hand_newton_.isZero(0.0);
+    if (has_force && specification_.has_position_latch) latched_ = sample();
     force_on_hand_newton_.setZero();
   }
   integrate_until(now);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 
 #include "common/core/clock.h"
 #include "common/core/spsc_ring.h"
@@ -39,6 +40,7 @@ class SimulatedDevice final : public HapticDevice, public TrueStateSource {
   [[nodiscard]] bool read(DeviceSample& sample) noexcept override;
   [[nodiscard]] bool apply(const Vector3& force_on_hand_newton, Duration lease,
                            DeviceSample& at_switch) noexcept override;
+  [[nodiscard]] bool take_latched(DeviceSample& at_end) noexcept override;
   void release() noexcept override;
   [[nodiscard]] TrueState true_state() const noexcept override { return plant_.state(); }
 
@@ -62,6 +64,7 @@ class SimulatedDevice final : public HapticDevice, public TrueStateSource {
   TimePoint integrated_until_;
   Vector3 force_on_hand_newton_ = Vector3::Zero();
   TimePoint lease_end_;
+  std::optional<DeviceSample> latched_;  // as the watchdog ended the last force
 };
 
 }  // namespace palpate::device

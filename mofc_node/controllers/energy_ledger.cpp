@@ -27,9 +27,9 @@ void EnergyLedger::Play::follow(double x, double half_width) noexcept {
 }
 
 EnergyLedger::EnergyLedger(double f_d, double f_co, double q)
-    : counts_{Count(f_d, f_co, q, std::numbers::sqrt3 * q)} {}
+    : f_co_newton_(f_co), resolution_m_(q), counts_{Count(f_d, f_co, q, std::numbers::sqrt3 * q)} {}
 
-EnergyLedger::EnergyLedger(const AxisFriction& friction, double q) : used_(3) {
+EnergyLedger::EnergyLedger(const AxisFriction& friction, double q) : resolution_m_(q), used_(3) {
   for (std::size_t i = 0; i < 3; ++i) {
     const auto axis = static_cast<int>(i);
     counts_[i] = Count(friction.f_d[axis], friction.f_co[axis], q, q);
@@ -45,11 +45,13 @@ Vector3 EnergyLedger::part(std::size_t i, const Vector3& v) const noexcept {
 
 void EnergyLedger::restart(const Vector3& hand_position_m) noexcept {
   carried_joule_ = 0.0;
+  position_m_ = hand_position_m;
   for (std::size_t i = 0; i < used_; ++i) counts_[i].restart(part(i, hand_position_m));
 }
 
 void EnergyLedger::book(double duration_s, const Vector3& force_on_hand_newton,
                         const Vector3& hand_position_at_end_m) noexcept {
+  position_m_ = hand_position_at_end_m;
   for (std::size_t i = 0; i < used_; ++i) {
     counts_[i].book(duration_s, part(i, -force_on_hand_newton), part(i, hand_position_at_end_m));
   }
@@ -60,6 +62,38 @@ void EnergyLedger::book_unread(double most_drawn_joule,
   const double before = energy_joule();
   restart(hand_position_at_end_m);
   carried_joule_ = before - most_drawn_joule;
+}
+
+/// Symbols as in docs/theory.md §2.5: u, Δ, b, c.
+void EnergyLedger::book_release(const Release& release) noexcept {
+  const double before = energy_joule();
+  const Vector3& F = release.force_on_hand_newton;
+  const double newton = F.norm();
+  const Vector3 moved = release.hand_position_at_end_m - position_m_;
+  double energy = 0.0;
+  if (newton > 0.0) {
+    // furthest along F at which the force can have ended
+    const double along = F.dot(moved) / newton;
+    const double c = 0.5 * resolution_m_ * F.lpNorm<1>() / newton;
+    const double b =
+        std::min(release.v_max_m_per_s * release.acted_s,
+                 along + release.v_max_m_per_s * (release.duration_s - release.acted_s));
+    energy = -newton * (b + c);
+    // and back again is a path that the ends do not show
+    if (newton >= 2.0 * f_co_newton_) {
+      const double w = std::numbers::sqrt3 * resolution_m_;
+      energy += f_co_newton_ * std::max(0.0, 2.0 * b - along - moved.norm() - w);
+    }
+  }
+  position_m_ = release.hand_position_at_end_m;
+  for (std::size_t i = 0; i < used_; ++i) {
+    counts_[i].book_release(release.duration_s, part(i, -F), part(i, position_m_));
+  }
+  carried_joule_ += energy;
+  if (energy_joule() < before - release.most_drawn_joule) {
+    restart(position_m_);
+    carried_joule_ = before - release.most_drawn_joule;
+  }
 }
 
 void EnergyLedger::forfeit(const Vector3& hand_position_m) noexcept {
@@ -91,7 +125,6 @@ void EnergyLedger::Count::restart(const Vector3& position_m) noexcept {
   work_joule_ = 0.0;
   last_force_newton_.setZero();
   force_variation_newton_ = 0.0;
-  has_force_ = false;
   closed_spans_path_m_ = 0.0;
   closed_windows_viscous_joule_ = 0.0;
   begin_span();
@@ -110,16 +143,28 @@ void EnergyLedger::Count::begin_window() noexcept {
 
 void EnergyLedger::Count::book(double duration_s, const Vector3& f,
                                const Vector3& position_at_end_m) noexcept {
+  change_force(f);
   work_joule_ += f.dot(position_at_end_m - position_m_);
-  force_variation_newton_ += has_force_ ? (f - last_force_newton_).norm() : f.norm();
+  move_to(position_at_end_m, duration_s);
+}
+
+void EnergyLedger::Count::book_release(double duration_s, const Vector3& f,
+                                       const Vector3& position_at_end_m) noexcept {
+  change_force(f);
+  last_force_newton_.setZero();  // where no position was read: no error of one
+  move_to(position_at_end_m, duration_s);
+}
+
+void EnergyLedger::Count::change_force(const Vector3& f) noexcept {
+  force_variation_newton_ += (f - last_force_newton_).lpNorm<1>();
   last_force_newton_ = f;
-  has_force_ = true;
+}
 
+void EnergyLedger::Count::move_to(const Vector3& position_m, double duration_s) noexcept {
   for (std::size_t i = 0; i < 3; ++i) {
-    play_[i].follow(position_at_end_m[static_cast<int>(i)], 0.5 * q_);
+    play_[i].follow(position_m[static_cast<int>(i)], 0.5 * q_);
   }
-
-  position_m_ = position_at_end_m;
+  position_m_ = position_m;
   window_s_ += duration_s;
   const double span_m = span_path_m();
   const bool ends_span = span_m >= kSpanResolutions * q_ && window_s_ > 0.0;
@@ -160,7 +205,7 @@ double EnergyLedger::Count::dissipated_joule() const noexcept {
 }
 
 double EnergyLedger::Count::energy_joule() const noexcept {
-  const double quantisation = 0.5 * w_ * (last_force_newton_.norm() + force_variation_newton_);
+  const double quantisation = 0.5 * q_ * (last_force_newton_.lpNorm<1>() + force_variation_newton_);
   return work_joule_ - quantisation + dissipated_joule();
 }
 

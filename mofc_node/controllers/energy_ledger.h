@@ -13,12 +13,24 @@ namespace palpate::controllers {
 
 using Vector3 = Eigen::Vector3d;
 
+/// A force that acted for `acted_s` and then ended where nobody read the position; no force acted
+/// for the rest of `duration_s`, at whose end the position was read.
+struct Release {
+  Vector3 force_on_hand_newton = Vector3::Zero();
+  double acted_s = 0.0;     ///< s
+  double duration_s = 0.0;  ///< T ≥ s
+  Vector3 hand_position_at_end_m = Vector3::Zero();
+  double v_max_m_per_s = 0.0;     ///< the hand was no faster
+  double most_drawn_joule = 0.0;  ///< ≥ 0, upper bound of what the hand drew
+};
+
 /// Lower bound E′ of E(t) = ∫ (friction + rendered force resisting the hand)·v dt, with each
 /// measured coordinate within ±q/2 of the true one. For isotropic friction f_d v + f_co v/|v| one
 /// count in 3-D, with w = √3 q; for friction per axis one count on each axis, with w = q, and their
 /// sum. A count is:
 ///
-///   work      Σ f·dh, less (w/2)(|f(k−1)| + |f(0)| + Σ|Δf|): the error of the sum telescopes
+///   work      Σ f·dh, less (q/2)(|f(k−1)|₁ + |f(0)|₁ + Σ|Δf|₁), |·|₁ the sum over the axes: the
+///             error of the sum telescopes
 ///   Coulomb   f_co Σ max(L, √(Σᵢ (Pᵢ − q/2)₊²)) over spans of path, both at most the true path of
 ///             the span: L = Σ (|Δh| − w)₊ over windows; Pᵢ the path of the play operator of
 ///             half-width q/2 on axis i, which detects motion to and fro inside a window. The
@@ -58,6 +70,9 @@ class EnergyLedger {
   /// @param hand_position_at_end_m  measured
   void book_unread(double most_drawn_joule, const Vector3& hand_position_at_end_m) noexcept;
 
+  /// Books a release, between what is known of it and its worst case (docs/theory.md §2.5).
+  void book_release(const Release& release) noexcept;
+
   /// Starts again after an interval of which nothing is known: E′ ← min(E′, 0).
   void forfeit(const Vector3& hand_position_m) noexcept;
 
@@ -65,6 +80,8 @@ class EnergyLedger {
   void limit(double joule) noexcept;
 
   [[nodiscard]] double energy_joule() const noexcept;
+  /// Measured, where the last booked interval ended.
+  [[nodiscard]] const Vector3& hand_position_m() const noexcept { return position_m_; }
   /// Dissipated by friction since the last restart() or book_unread(); part of energy_joule().
   [[nodiscard]] double dissipated_joule() const noexcept;
 
@@ -81,10 +98,15 @@ class EnergyLedger {
     Count(double f_d, double f_co, double q, double w) : f_d_(f_d), f_co_(f_co), q_(q), w_(w) {}
     void restart(const Vector3& position_m) noexcept;
     void book(double duration_s, const Vector3& f, const Vector3& position_at_end_m) noexcept;
+    /// The same without the work: the force ended on the way, where nothing was read.
+    void book_release(double duration_s, const Vector3& f,
+                      const Vector3& position_at_end_m) noexcept;
     [[nodiscard]] double energy_joule() const noexcept;
     [[nodiscard]] double dissipated_joule() const noexcept;
 
    private:
+    void change_force(const Vector3& f) noexcept;
+    void move_to(const Vector3& position_m, double duration_s) noexcept;
     void begin_span() noexcept;    // at position_m_
     void begin_window() noexcept;  // at position_m_
     [[nodiscard]] double span_path_m() const noexcept;
@@ -99,8 +121,7 @@ class EnergyLedger {
     Vector3 position_m_ = Vector3::Zero();
     double work_joule_ = 0.0;
     Vector3 last_force_newton_ = Vector3::Zero();  // f(k−1)
-    double force_variation_newton_ = 0.0;          // |f(0)| + Σ|Δf|
-    bool has_force_ = false;
+    double force_variation_newton_ = 0.0;          // |f(0)|₁ + Σ|Δf|₁
 
     double closed_spans_path_m_ = 0.0;
     std::array<Play, 3> play_{};          // of the open span
@@ -115,9 +136,12 @@ class EnergyLedger {
   /// What the i-th count sees of a vector.
   [[nodiscard]] Vector3 part(std::size_t i, const Vector3& v) const noexcept;
 
+  double f_co_newton_ = 0.0;  // isotropic; 0 with friction per axis
+  double resolution_m_ = 0.0;
+  Vector3 position_m_ = Vector3::Zero();
   std::array<Count, 3> counts_{};
   std::size_t used_ = 1;
-  double carried_joule_ = 0.0;  // from before the last book_unread(), less what limit() took
+  double carried_joule_ = 0.0;  // from before the last restart, with releases and what limit() took
 };
 
 }  // namespace palpate::controllers

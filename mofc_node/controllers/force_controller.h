@@ -6,6 +6,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <limits>
 #include <span>
 
 namespace palpate::controllers {
@@ -24,11 +25,14 @@ struct AppliedStretch {
 /// One control step at t_k.
 struct ControlInput {
   Vector3 hand_position_m = Vector3::Zero();  ///< x(k), measured
-  /// What acted since the previous step, in time order, ending at x(k). Empty in the first step; an
-  /// empty one later counts as a gap.
+  /// What acted since the previous step, in time order, ending at x(k). Empty in the first step,
+  /// and where no time has passed.
   std::span<const AppliedStretch> applied;
   /// It is not known what acted since the previous step.
   bool has_gap = false;
+  Vector3 acting_force_on_hand_newton = Vector3::Zero();  ///< acts at t_k, until it is replaced
+  /// ≥ 0: it ends by itself after this time at the latest; infinite where that is not known.
+  double acting_lease_s = std::numeric_limits<double>::infinity();
   Vector3 asked_force_on_hand_newton = Vector3::Zero();  ///< F_e(k)
   /// F_e(k) was evaluated since the previous step; false: it is held.
   bool is_asked_fresh = true;
@@ -42,15 +46,11 @@ struct ControlOutput {
   /// friction per axis, the bound of a force along that axis alone.
   Vector3 f_max_newton = Vector3::Zero();
   double ledger_energy_joule = 0.0;  ///< E′, sum of all pools
-  bool is_clamped = false;           ///< F differs from F_e
-  bool is_too_fast = false;          ///< the hand moved faster than the controller assumes
+  /// Longest time for which F may act; 0: the controller leaves it to the caller.
+  double lease_s = 0.0;
+  bool is_clamped = false;   ///< F differs from F_e
+  bool is_too_fast = false;  ///< the hand moved faster than the controller assumes
 };
-
-/// The force that acts at t_k according to the echo; 0 without an echo.
-[[nodiscard]] inline Vector3 acting_force_newton(const ControlInput& input) noexcept {
-  return input.applied.empty() ? Vector3(Vector3::Zero())
-                               : input.applied.back().force_on_hand_newton;
-}
 
 /// One bound for all directions: F = F_e min(1, f_max / |F_e|), direction kept. The caller sets
 /// the ledger's energy.

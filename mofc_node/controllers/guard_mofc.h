@@ -3,9 +3,8 @@
 
 #include <optional>
 
-#include "energy_ledger.h"
 #include "force_controller.h"
-#include "one_pool_clamp.h"
+#include "leased_pool.h"
 
 namespace palpate::controllers {
 
@@ -13,25 +12,28 @@ struct GuardParameters {
   MofcParameters mofc;  ///< T: the longest time one command may act, its lease
   std::optional<AxisFriction> per_axis = {};  ///< the friction, instead of mofc.f_d and mofc.f_co
   double resolution_m = 0.0;                  ///< q ≥ 0
-  double delta_max_s = 0.0;        ///< δ ≥ 0: longest time from the reading to the switch
+  double delta_max_s = 0.0;        ///< δ_max ≥ 0: longest time from the reading to the switch
+  double longest_lease_s = 0.0;    ///< T_lease,max: no command acts longer; below T it counts as T
   double v_max_m_per_s = 0.5;      ///< > 0: fastest the hand can be
   double credit_cap_joule = 5e-3;  ///< S_cap > 0
-  double gate_joule = 10e-3;       ///< S_g > 0
-  double gate_recovery_s = 0.5;    ///< t_rec > 0
+  double contact_credit_joule = 0.0;  ///< S_c ≥ 0
+  double gate_joule = 10e-3;          ///< S_g > 0
+  double gate_recovery_s = 0.5;       ///< t_rec > 0
 };
 
 /// Mode `guard`. With drain(f) the most power a hand no faster than v_max draws from a held f:
 ///
 ///   F     = F_e min(1, f_max / |F_e|)
-///   f_max = f_co + gate · (f* − f_co),   T drain(f*) + δ drain(|F_acting|) = E′
+///   f_max = f_co + gate · (f* − f_co),   T drain(f*) + δ drain(|F_acting|) = E′  (LeasedPool)
 ///
 /// With friction per axis drain is a function of the vector, and the same is done with the scale of
 /// F_e instead of its norm (OnePoolClamp).
 ///
 /// Credit is bounded twice, so that hours of gentle contact cannot buy one violent burst:
 ///
-///   cap   E′ ← min(E′, V_e + S_cap): what the environment stores it may give back, and no more
-///         than S_cap on top
+///   cap   E′ ← min(E′, S_cap + max(V_e, min(W_c, S_c))): what the environment stores it may give
+///         back, or the work W_c that the hand has done in this contact, up to S_c; and no more
+///         than S_cap on top. W_c begins at 0 wherever no force is requested
 ///   gate  S grows with the friction's work, falls by the leak of holding the force between two
 ///         evaluations of the environment, −½ s ΔF_e·Δx with s = |F_acting| / |F_e| of the previous
 ///         evaluation, and recovers to S_g with the time constant t_rec; gate = S / S_g in 0 … 1. A
@@ -48,15 +50,11 @@ class GuardMofc final : public ForceController {
   [[nodiscard]] ControlOutput step(const ControlInput& input) noexcept override;
 
  private:
-  /// @return duration of what was booked [s]
-  double book(const ControlInput& input) noexcept;
   void update_gate(const ControlInput& input, double elapsed_s) noexcept;
 
   GuardParameters p_;
-  OnePoolClamp clamp_;
-  EnergyLedger ledger_;
-  bool has_started_ = false;
-  bool is_too_fast_ = false;
+  LeasedPool pool_;
+  double contact_work_joule_ = 0.0;  // W_c
 
   double gate_store_joule_;                        // S
   Vector3 position_m_ = Vector3::Zero();           // x of the step before

@@ -10,7 +10,7 @@ void PaperMofc::reset() noexcept {
 ControlOutput PaperMofc::step(const ControlInput& input) noexcept {
   // the energy of what acted since the last step: (8)–(11) with the echoed force and measured time
   if (has_position_) {
-    bool is_known = !input.has_gap && !input.applied.empty();
+    bool is_known = !input.has_gap;
     for (const AppliedStretch& stretch : input.applied) {
       is_known = is_known && stretch.has_position_at_end;
       if (!is_known) break;

@@ -1,12 +1,10 @@
 // vector_mofc.h — the controller with one pool for all directions.
 #pragma once
 
-#include <limits>
 #include <optional>
 
-#include "energy_ledger.h"
 #include "force_controller.h"
-#include "one_pool_clamp.h"
+#include "leased_pool.h"
 
 namespace palpate::controllers {
 
@@ -17,30 +15,32 @@ namespace palpate::controllers {
 ///
 /// [MOFC] eqs. (8)–(14) with Euclidean norms. Differs: E′ accounts for the encoder's resolution
 /// (EnergyLedger); T is the longest time one command may act, its lease; δ is the longest time from
-/// the reading to the switch, during which the force that acts now goes on. With friction per axis:
-/// T drain(F) + δ drain(F_acting) ≤ E′ (OnePoolClamp), which for one axis is the same.
+/// the reading to the switch, during which the force that acts now goes on (LeasedPool). With
+/// friction per axis: T drain(F) + δ drain(F_acting) ≤ E′, which for one axis is the same.
 ///
 /// Guarantee: E(t) ≥ 0 for all t, any hand, any environment, if the true friction is at least
-/// (f_d, f_co), the encoder error at most q/2 per axis, and no command acts longer than T or begins
-/// later than δ. After a gap in the echo E′ starts again at 0, because every lease that began in
-/// time was reserved for.
+/// (f_d, f_co), the encoder error at most q/2 per axis, and no command acts longer than its lease
+/// or begins later than δ_max.
 class VectorMofc final : public ForceController {
  public:
   /// @param resolution_m  q ≥ 0    @param delta_max_s  δ ≥ 0
   /// @param per_axis  the friction, instead of the parameters' f_d and f_co
+  /// @param longest_lease_s  no command acts longer; below T it counts as T
   VectorMofc(const MofcParameters& parameters, double resolution_m, double delta_max_s,
-             const std::optional<AxisFriction>& per_axis = {})
-      : delta_max_s_(delta_max_s),
-        clamp_(parameters, per_axis, std::numeric_limits<double>::infinity()),
-        ledger_(parameters, per_axis, resolution_m) {}
-  void reset() noexcept override;
-  [[nodiscard]] ControlOutput step(const ControlInput& input) noexcept override;
+             const std::optional<AxisFriction>& per_axis = {}, double longest_lease_s = 0.0)
+      : pool_({.mofc = parameters,
+               .per_axis = per_axis,
+               .resolution_m = resolution_m,
+               .delta_max_s = delta_max_s,
+               .longest_lease_s = longest_lease_s}) {}
+  void reset() noexcept override { pool_.reset(); }
+  [[nodiscard]] ControlOutput step(const ControlInput& input) noexcept override {
+    static_cast<void>(pool_.book(input));
+    return pool_.grant(input);
+  }
 
  private:
-  double delta_max_s_;
-  OnePoolClamp clamp_;
-  EnergyLedger ledger_;
-  bool has_started_ = false;
+  LeasedPool pool_;
 };
 
 }  // namespace palpate::controllers

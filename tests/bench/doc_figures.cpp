@@ -194,6 +194,11 @@ constexpr TruthRow kTruthRows[] = {
      "--set faults.interaction.delay_ms=50 --set faults.interaction.loss_ratio=0.2"},
     {"the block, 1 % of the readings lost inside the tick (hop 1)",
      "deploy/sessions/default.txtpb --set faults.device_state.loss_ratio=0.01"},
+    {"the block, twenty times a second no tick for 4 ms",
+     "deploy/sessions/default.txtpb "
+     "--set 'faults.device.skip={from_s:0.0201,until_s:0.024,every_s:0.05}'"},
+    {"the block, 5 % of the ticks late by 1 to 5 periods",
+     "deploy/sessions/default.txtpb --set faults.device.late_ratio=0.05"},
     {"organ from a point cloud (`cloud`)", "deploy/sessions/cloud.txtpb"},
     {"organ from a tetrahedral mesh (`liver`)", "deploy/sessions/liver.txtpb"},
     {"the same, physics at 50 Hz, 50 ms away, 20 % loss each way",

@@ -146,6 +146,11 @@ std::vector<Adversity> adversities() {
   all.back().run.tick_jitter = 0.5;
   add("2 % of ticks 1…5 T late", {}, Physics::kPushAlong);
   all.back().run.late_tick_ratio = 0.02;
+  add("ticks skipped for 6 ms, 20/s", {"faults.device.skip={until_s: 0.006 every_s: 0.05}"},
+      Physics::kPushAlong);
+  add("2 % of switches 0…2 ms late",
+      {"faults.device.late_switch_ratio=0.02", "faults.device.late_switch_us=2000"},
+      Physics::kPushAlong);
 
   // encoder
   for (const char* q_m : {"0", "55e-6", "5e-4"}) {

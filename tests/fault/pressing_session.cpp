@@ -11,8 +11,10 @@
 namespace palpate::test {
 namespace {
 
+/// Leases of one length, so that the motion of the hand after a fault can be predicted.
 std::string session_text(const std::string& name) {
   return std::string(kPressingHand) + "name: \"" + name + R"("
+device { longest_lease_us: 2000 }
 mofc { mode: guard }
 viewer { web { port: 0 } }
 )";

@@ -179,12 +179,12 @@ TEST_P(WithoutMofc, TheDeviceIsHarmlessWhenTheLeaseEndsAndThenLimp) {
   EXPECT_LE(last.sampled_at, stopped_at);
 
   const DeviceConfig& config = session_.side().device;
-  EXPECT_LE(config.lease, 3ms);
+  EXPECT_LE(config.longest_lease, 10ms);
   int leased = 0;
   int fallback = 0;
   for (auto row = after; row != rows.end(); ++row) {
     const Duration silence = row->device.switched_at - last.switched_at;
-    if (silence < config.lease) {
+    if (silence < config.longest_lease) {
       ++leased;
       continue;
     }
@@ -196,7 +196,7 @@ TEST_P(WithoutMofc, TheDeviceIsHarmlessWhenTheLeaseEndsAndThenLimp) {
       EXPECT_EQ(row->device.guard, GuardState::kLimp);
     }
   }
-  EXPECT_LE(leased, 3);
+  EXPECT_LE(leased, 11);
   EXPECT_GT(fallback, 10);
   expect_passive();
 

@@ -178,11 +178,12 @@ class Environment {
 struct Timing {
   double shortest_interval_s = 0.5e-3;
   double longest_interval_s = 1e-3;
-  double lease_s = 1e-3;  // after which the device falls back to f_co
+  double lease_s = 1e-3;  // of a command that does not say; then the device falls back to f_co
+  double overrun = 1.0;   // a command acts this many times its lease
   double longest_delay_s = 0.0;
-  double lost_answers = 0.0;  // shares
-  double lost_states = 0.0;   // the echo in them is lost too
-  double empty_echoes = 0.0;
+  double lost_answers = 0.0;     // shares
+  double lost_states = 0.0;      // the next one reports what they did
+  double lost_echoes = 0.0;      // it is not known what acted
   double silent_watchdog = 0.0;  // of the leases that end: where the hand was is not known
 };
 
@@ -222,24 +223,30 @@ class ClosedLoop {
       const Vector3 measured = quantised(hand_.position_m, q_);
       bool is_answered = false;
       Vector3 answer_newton = Vector3::Zero();
-      if (random_.chance(timing_.lost_states)) {
-        has_gap = true;
-      } else {
-        if (random_.chance(timing_.empty_echoes)) echo_.clear();
+      double answer_lease_s = 0.0;
+      if (!random_.chance(timing_.lost_states)) {
+        if (random_.chance(timing_.lost_echoes)) {
+          has_gap = true;
+          echo_.clear();
+        }
         const Vector3 ask = environment_.request(measured - measured_before);
         const ControlInput input{
             .hand_position_m = measured,
             .applied = echo_,
             .has_gap = has_gap,
+            .acting_force_on_hand_newton = force_newton_,
+            .acting_lease_s =
+                lease_left_s_ > 0.0 ? lease_left_s_ : std::numeric_limits<double>::infinity(),
             .asked_force_on_hand_newton = is_attack_ ? Vector3(100.0 * ask) : ask};
         const ControlOutput output = controller.step(input);
         check(input, output);
         has_gap = false;
         is_answered = !random_.chance(timing_.lost_answers);
         answer_newton = output.force_on_hand_newton;
+        answer_lease_s = output.lease_s > 0.0 ? output.lease_s : timing_.lease_s;
+        echo_.clear();
       }
       measured_before = measured;
-      echo_.clear();
 
       // the old force goes on until the answer comes
       double left_s = interval_s;
@@ -247,7 +254,7 @@ class ClosedLoop {
         hold(std::min(delay_s, left_s));
         left_s -= std::min(delay_s, left_s);
         force_newton_ = answer_newton;
-        lease_left_s_ = timing_.lease_s;
+        lease_left_s_ = timing_.overrun * answer_lease_s;
       }
       hold(left_s);
     }
@@ -258,11 +265,13 @@ class ClosedLoop {
  private:
   void hold(double duration_s) {
     const double leased_s = std::min(duration_s, lease_left_s_);
-    const bool lease_ends = leased_s < duration_s;
-    if (leased_s > 0.0) stretch(leased_s, !lease_ends || !random_.chance(timing_.silent_watchdog));
+    const bool is_ended_by_watchdog =
+        leased_s > 0.0 && leased_s < duration_s && random_.chance(timing_.silent_watchdog);
+    if (leased_s > 0.0) stretch(leased_s, !is_ended_by_watchdog);
     lease_left_s_ -= leased_s;
-    if (lease_ends) {
-      force_newton_ = limited(force_newton_, fallback_newton_);
+    if (leased_s < duration_s) {
+      force_newton_ = is_ended_by_watchdog ? Vector3(Vector3::Zero())
+                                           : limited(force_newton_, fallback_newton_);
       stretch(duration_s - leased_s, true);
     }
   }
@@ -299,20 +308,21 @@ struct Case {
     timing.longest_delay_s = random.uniform(0.1, 0.9) * timing.shortest_interval_s;
     timing.lost_answers = random.chance(0.5) ? random.uniform(0.0, 0.3) : 0.0;
     timing.lost_states = random.chance(0.5) ? random.uniform(0.0, 0.05) : 0.0;
-    timing.empty_echoes = random.chance(0.3) ? random.uniform(0.0, 0.05) : 0.0;
+    timing.lost_echoes = random.chance(0.3) ? random.uniform(0.0, 0.05) : 0.0;
     timing.silent_watchdog = random.chance(0.5) ? random.uniform() : 0.0;
     q = random.chance(0.2) ? 0.0 : random.uniform(0.0, 0.5e-3);
 
     assumed = {.f_d = hand.f_d, .f_co = hand.f_co, .T = timing.lease_s};
     assumed_q = q;
     assumed_delay_s = timing.longest_delay_s;
+    longest_lease_s = timing.lease_s * (random.chance(0.3) ? 1.0 : random.uniform(1.0, 5.0));
     // the assumed friction is a lower bound
     hand.f_d *= random.chance(0.5) ? 1.0 : random.uniform(1.0, 2.0);
     hand.f_co *= random.chance(0.5) ? 1.0 : random.uniform(1.0, 2.0);
   }
 
   [[nodiscard]] double least_energy_joule() {
-    VectorMofc controller(assumed, assumed_q, assumed_delay_s, assumed_per_axis);
+    VectorMofc controller(assumed, assumed_q, assumed_delay_s, assumed_per_axis, longest_lease_s);
     ClosedLoop loop(random, hand, timing, q, std::min(assumed.f_co, hand.f_co));
     loop.run(controller, 1500, [](const ControlInput&, const ControlOutput&) {});
     return loop.least_energy_joule();
@@ -327,6 +337,7 @@ struct Case {
   std::optional<AxisFriction> assumed_per_axis;
   double assumed_q = 0.0;
   double assumed_delay_s = 0.0;
+  double longest_lease_s = 0.0;
 };
 
 /// The least energy over many cases in which `change` has been made.
@@ -385,6 +396,7 @@ struct GuardCase : Case {
     if (draw.chance(0.2)) hand.f_d = assumed.f_d = 0.0;
     credit_cap_joule = 1e-4 * std::pow(1e5, draw.uniform());
     gate_joule = 1e-4 * std::pow(1e7, draw.uniform());
+    contact_credit_joule = draw.chance(0.5) ? 0.0 : 1e-3 * std::pow(1e4, draw.uniform());
   }
 
   [[nodiscard]] GuardParameters parameters() const {
@@ -392,8 +404,10 @@ struct GuardCase : Case {
             .per_axis = assumed_per_axis,
             .resolution_m = assumed_q,
             .delta_max_s = assumed_delay_s,
+            .longest_lease_s = longest_lease_s,
             .v_max_m_per_s = assumed_v_max,
             .credit_cap_joule = credit_cap_joule,
+            .contact_credit_joule = contact_credit_joule,
             .gate_joule = gate_joule};
   }
 
@@ -407,6 +421,7 @@ struct GuardCase : Case {
 
   double assumed_v_max = 0.5;
   double credit_cap_joule = 0.0;
+  double contact_credit_joule = 0.0;
   double gate_joule = 0.0;
 };
 

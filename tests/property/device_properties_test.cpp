@@ -36,6 +36,7 @@ Duration random_duration(Random& random, Duration longest) {
 DeviceConfig random_config(Random& random) {
   DeviceConfig config = device_config();
   config.lease = 1ms + random_duration(random, 2ms);
+  config.longest_lease = config.lease + random_duration(random, 10ms);
   config.limp_after = random_duration(random, 30ms);
   config.fade = 1ms + random_duration(random, 20ms);
   config.start_ramp = random.chance(0.5) ? random_duration(random, 20ms) : Duration{};
@@ -61,23 +62,23 @@ TEST(ForceGuardLaws, NeverPushesHarderThanItsCommandOrItsPeakAndNeverHarderWithS
       if (random.chance(0.3)) {
         ForceCommand command;
         command.force_on_hand_newton = random.uniform(0.0, 5.0) * random.direction();
-        command.valid_for = random_duration(random, 4ms);
+        command.valid_for = random_duration(random, 15ms);
         const GuardedForce out = guard.answered(command, now);
         allowed_newton = std::min(command.force_on_hand_newton.norm(), peak_newton);
         ASSERT_LE(out.force_on_hand_newton.norm(), allowed_newton + 1e-12);
-        ASSERT_LE(out.lease, std::min(command.valid_for, config.lease));
+        ASSERT_LE(out.lease, std::min(command.valid_for, config.longest_lease));
         // direction kept
         ASSERT_LT(out.force_on_hand_newton.cross(command.force_on_hand_newton).norm(), 1e-12);
         ASSERT_GE(out.force_on_hand_newton.dot(command.force_on_hand_newton), 0.0);
         allowed_newton = out.force_on_hand_newton.norm();
         answered_at = now;
       } else {
-        const GuardedForce out = guard.missed(now);
+        const GuardedForce out = guard.missed(now, now + random_duration(random, 2ms));
         ASSERT_LE(out.force_on_hand_newton.norm(), allowed_newton + 1e-15);
-        if (now - answered_at >= config.lease) {
+        if (now - answered_at >= config.longest_lease) {
           ASSERT_LE(out.force_on_hand_newton.norm(), config.profile.coulomb_newton + 1e-15);
         }
-        if (now - answered_at >= config.lease + config.limp_after + config.fade) {
+        if (now - answered_at >= config.longest_lease + config.limp_after + config.fade) {
           ASSERT_EQ(out.force_on_hand_newton.norm(), 0.0);
         }
         allowed_newton = out.force_on_hand_newton.norm();
@@ -90,7 +91,7 @@ TEST(ForceGuardLaws, NeverPushesHarderThanItsCommandOrItsPeakAndNeverHarderWithS
 template <class Bench>
 void random_tick(Bench& bench, Random& random) {
   bench.reply_delay = random_duration(random, 600us);
-  bench.answer_with(random.uniform(0.0, 3.0) * random.direction(), random_duration(random, 4ms));
+  bench.answer_with(random.uniform(0.0, 3.0) * random.direction(), random_duration(random, 15ms));
   if (random.chance(0.2)) bench.on_state = nullptr;
   if (random.chance(0.05)) bench.stall_in_wait = random_duration(random, 12ms);
   if (random.chance(0.05)) bench.clock.advance(random_duration(random, 12ms));
@@ -121,8 +122,14 @@ TEST(EchoLaws, TheEchoHasNoGapAndEqualsTheForceOfTheMotors) {
     ASSERT_GT(bench.node.counters().late_switches, 5u);
     for (std::size_t i = 1; i < bench.states.size(); ++i) {
       const DeviceState& state = bench.states[i];
-      TimePoint reached = bench.states[i - 1].header.sampled_at;
       ASSERT_LE(state.applied_count, kMaxAppliedForces);
+      ASSERT_EQ(bench.device.motor_force_newton(state.header.sampled_at),
+                state.acting_until > state.header.sampled_at ? state.acting_force_on_hand_newton
+                                                             : Vector3(Vector3::Zero()));
+      // after a fault the echo begins anew
+      if (state.applied_count == 0) continue;
+      TimePoint reached = state.applied[0].from;
+      ASSERT_LE(reached, bench.states[i - 1].header.sampled_at);
       for (std::uint32_t k = 0; k < state.applied_count; ++k) {
         const AppliedForce& segment = state.applied[k];
         ASSERT_EQ(segment.from, reached);
@@ -152,6 +159,7 @@ class EchoLedger {
   void take(const DeviceState& state) {
     for (std::uint32_t k = 0; k < state.applied_count; ++k) {
       const AppliedForce& segment = state.applied[k];
+      if (segment.until <= known_until_) continue;  // reported again
       if (!segment.has_position_at_end) {
         first_ = segment;
         has_first_ = true;
@@ -167,11 +175,13 @@ class EchoLedger {
       has_first_ = false;
     }
     if (state.applied_count == 0) position_m_ = state.hand_position_m;
+    known_until_ = state.header.sampled_at;
   }
   [[nodiscard]] double energy_joule() const { return energy_joule_; }
 
  private:
   Vector3 position_m_ = Vector3::Zero();
+  TimePoint known_until_ = TimePoint::min();
   AppliedForce first_;
   bool has_first_ = false;
   double energy_joule_ = 0.0;

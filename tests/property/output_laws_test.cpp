@@ -72,16 +72,21 @@ std::vector<std::unique_ptr<ForceController>> all_controllers(const Case& c) {
   std::vector<std::unique_ptr<ForceController>> all;
   all.push_back(std::make_unique<PassThrough>());
   all.push_back(std::make_unique<PaperMofc>(c.assumed));
-  all.push_back(std::make_unique<VectorMofc>(c.assumed, c.assumed_q, c.assumed_delay_s));
-  all.push_back(std::make_unique<GuardMofc>(GuardParameters{
-      .mofc = c.assumed, .resolution_m = c.assumed_q, .delta_max_s = c.assumed_delay_s}));
+  all.push_back(std::make_unique<VectorMofc>(c.assumed, c.assumed_q, c.assumed_delay_s,
+                                             std::nullopt, c.longest_lease_s));
+  all.push_back(std::make_unique<GuardMofc>(GuardParameters{.mofc = c.assumed,
+                                                            .resolution_m = c.assumed_q,
+                                                            .delta_max_s = c.assumed_delay_s,
+                                                            .longest_lease_s = c.longest_lease_s}));
   const AxisFriction axes{.f_d = {c.assumed.f_d, 0.0, 0.2}, .f_co = {c.assumed.f_co, 0.1, 0.0}};
   all.push_back(std::make_unique<PaperMofc>(axes, c.assumed.T));
-  all.push_back(std::make_unique<VectorMofc>(c.assumed, c.assumed_q, c.assumed_delay_s, axes));
+  all.push_back(std::make_unique<VectorMofc>(c.assumed, c.assumed_q, c.assumed_delay_s, axes,
+                                             c.longest_lease_s));
   all.push_back(std::make_unique<GuardMofc>(GuardParameters{.mofc = c.assumed,
                                                             .per_axis = axes,
                                                             .resolution_m = c.assumed_q,
-                                                            .delta_max_s = c.assumed_delay_s}));
+                                                            .delta_max_s = c.assumed_delay_s,
+                                                            .longest_lease_s = c.longest_lease_s}));
   return all;
 }
 
@@ -107,9 +112,14 @@ TEST(OutputLaws, FiniteInputOfAnySizeNeverGivesAForceThatIsNotANumberOrMoreThanR
         const ControlInput input{.hand_position_m = any(),
                                  .applied = echo,
                                  .has_gap = c.random.chance(0.05),
+                                 .acting_force_on_hand_newton = any(),
+                                 .acting_lease_s = c.random.chance(0.5) ? 0.0 : any().norm(),
                                  .asked_force_on_hand_newton = any()};
-        const Vector3 F = controller->step(input).force_on_hand_newton;
+        const ControlOutput output = controller->step(input);
+        const Vector3 F = output.force_on_hand_newton;
         ASSERT_TRUE(F.allFinite());
+        ASSERT_TRUE(output.lease_s == 0.0 ||
+                    (output.lease_s >= c.assumed.T && output.lease_s <= c.longest_lease_s));
         for (int i = 0; i < 3; ++i) {
           ASSERT_LE(std::abs(F[i]), std::abs(input.asked_force_on_hand_newton[i]));
         }

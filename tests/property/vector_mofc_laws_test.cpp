@@ -72,8 +72,13 @@ TEST(VectorMofcLaws, WithoutTheReserveForTheDelayEnergyIsDrawn) {
             -1e-4);
 }
 
-TEST(VectorMofcLaws, WithTheNominalPeriodInsteadOfTheLeaseEnergyIsDrawn) {
-  EXPECT_LT(least_energy_joule(50, [](Case& c) { c.assumed.T = 0.5 * c.timing.lease_s; }), -1e-3);
+TEST(VectorMofcLaws, WithCommandsThatActLongerThanTheirLeaseEnergyIsDrawn) {
+  EXPECT_LT(least_energy_joule(100,
+                               [](Case& c) {
+                                 c.timing.overrun = 2.0;
+                                 c.timing.lost_answers = 0.3;
+                               }),
+            -1e-3);
 }
 
 TEST(VectorMofcLaws, WithFrictionOverestimatedEnergyIsDrawn) {
@@ -99,7 +104,7 @@ TEST(VectorMofcLaws, WithUnnoticedGapsEnergyIsDrawn) {
   double least_joule = 0.0;
   for (std::uint64_t seed = 1; seed <= 50; ++seed) {
     Case c(seed);
-    c.timing.lost_states = 0.05;
+    c.timing.lost_echoes = 0.05;
     Blind controller{VectorMofc(c.assumed, c.assumed_q, c.assumed_delay_s)};
     ClosedLoop loop(c.random, c.hand, c.timing, c.q, c.assumed.f_co);
     loop.run(controller, 1500, [](const ControlInput&, const ControlOutput&) {});

@@ -302,7 +302,21 @@ AdverseRun random_adverse_run(std::uint64_t seed) {
   if (random.chance(0.5)) disturb("device_state", 0.6 * period_ms, 0.3);
   if (random.chance(0.5)) disturb("force_command", 0.6 * period_ms, 0.5);
 
-  // scheduler
+  // scheduler, and the leases that outlast it
+  if (random.chance(0.5)) {
+    set("device.longest_lease_us", std::max(lease_us, random.uniform(0.0, 30.0) * 1e3));
+    set("device.limp_after_ms", std::max(30.0, random.uniform(1.0, 20.0) * lease_us / 1e3));
+  }
+  if (random.chance(0.3)) run.overrides.emplace_back("device.simulated.position_latch=true");
+  if (random.chance(0.3)) {
+    const double until_s = random.uniform(0.5, 20.0) * period_us / 1e6;
+    run.overrides.push_back(fmt::format("faults.device.skip={{until_s: {} every_s: {}}}", until_s,
+                                        until_s + log_uniform(0.01, 0.3)));
+  }
+  if (random.chance(0.3)) {
+    set("faults.device.late_switch_ratio", random.uniform(0.0, 0.05));
+    set("faults.device.late_switch_us", random.uniform(0.0, 3.0) * period_us);
+  }
   if (random.chance(0.3)) run.tick_jitter = random.uniform(0.0, 0.5);
   if (random.chance(0.3)) run.late_tick_ratio = log_uniform(0.001, 0.05);
   run.seconds = 2.0;

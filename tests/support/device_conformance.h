@@ -130,6 +130,23 @@ TYPED_TEST_P(DeviceConformance, AForceEndsByItselfWithItsLease) {
   this->expect_motor_force(Vector3::Zero());
 }
 
+TYPED_TEST_P(DeviceConformance, ALatchedPositionIsThatOfTheEndOfTheForceAndGivenOnce) {
+  device::DeviceSample at_switch;
+  ASSERT_TRUE(this->device().apply(this->gentle_force_newton(), 5ms, at_switch));
+  this->fixture_.pass(20ms);
+  device::DeviceSample sample;
+  ASSERT_TRUE(this->device().read(sample));
+
+  device::DeviceSample latched;
+  const bool has_latch = this->device().specification().has_position_latch;
+  ASSERT_EQ(this->device().take_latched(latched), has_latch);
+  EXPECT_FALSE(this->device().take_latched(latched));
+  if (!has_latch) return;
+  EXPECT_TRUE(latched.hand_position_m.allFinite());
+  EXPECT_GE(latched.sampled_at, at_switch.sampled_at);
+  EXPECT_LE(latched.sampled_at, at_switch.sampled_at + 5ms + this->fixture_.stamp_tolerance());
+}
+
 TYPED_TEST_P(DeviceConformance, ANewForceRenewsTheLease) {
   ASSERT_TRUE(this->apply(this->gentle_force_newton(), 10ms));
   this->fixture_.pass(6ms);
@@ -192,7 +209,8 @@ REGISTER_TYPED_TEST_SUITE_P(
     DeviceConformance, SpecificationIsFilledIn, AReadingIsFiniteAndStampedWhenItWasTaken,
     ButtonsItDoesNotHaveAreNeverPressed, StampsNeverGoBack, ASwitchLatchesAReading,
     IsLimpBeforeTheFirstForce, AForceActsWhileItsLeaseRuns, AForceEndsByItselfWithItsLease,
-    ANewForceRenewsTheLease, ALeaseOfNothingIsNoForce, ForceIsCutAtThePeakAndKeepsItsDirection,
+    ALatchedPositionIsThatOfTheEndOfTheForceAndGivenOnce, ANewForceRenewsTheLease,
+    ALeaseOfNothingIsNoForce, ForceIsCutAtThePeakAndKeepsItsDirection,
     ReleaseIsLimpAtOnceAndALaterForceActsAgain, ANonFiniteForceIsRefusedAndLeavesTheMotorsLimp,
     ReadingAndWritingDoNotAllocate);
 

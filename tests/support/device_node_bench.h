@@ -59,6 +59,7 @@ class DeviceNodeBench {
     answer_ = {.header = {.session_id = 7, .sequence = next_answer_++, .sampled_at = clock.now()},
                .answers_session_id = session_id,
                .answers_sequence = sequence,
+               .answers_sampled_at = states.back().header.sampled_at,
                .force_on_hand_newton = force_newton,
                .valid_for = valid_for};
     due_ = clock.now() + reply_delay;
@@ -76,6 +77,13 @@ class DeviceNodeBench {
   void step(const Tick& tick) {
     is_pending_ = false;
     node.step(tick);
+  }
+
+  /// The pending answer arrives if it is due.
+  void deliver() {
+    if (!is_pending_ || due_ > clock.now()) return;
+    is_pending_ = false;
+    commands_.send(answer_);
   }
 
   ManualClock clock;
@@ -110,12 +118,6 @@ class DeviceNodeBench {
       deliver();
     };
   }
-  void deliver() {
-    if (!is_pending_ || due_ > clock.now()) return;
-    is_pending_ = false;
-    commands_.send(answer_);
-  }
-
   device::TrueStateRecorder true_state_{device};
   StateVector state_out_{*this};
   TickVector sink_;

@@ -67,12 +67,16 @@ inline void randomise(DeviceState& m, Random& random) {
     if (!m.applied[i].has_position_at_end) m.applied[i].hand_position_at_end_m.setZero();
     from = until;
   }
+  m.acting_force_on_hand_newton = random_vector(random, 1000.0);
+  m.acting_until =
+      m.header.sampled_at + Duration(static_cast<std::int64_t>(random.below(1'000'000'001)));
 }
 
 inline void randomise(ForceCommand& m, Random& random) {
   m.header = random_header(random);
   m.answers_session_id = random.bits() | 1;
   m.answers_sequence = random.bits();
+  m.answers_sampled_at = random_time(random);
   m.force_on_hand_newton = random_vector(random, 1000.0);
   m.valid_for = random_duration(random);
 }
@@ -353,12 +357,14 @@ inline bool same(const DeviceState& a, const DeviceState& b) {
          same(a.tool_position_world_m, b.tool_position_world_m) &&
          same(a.tool_orientation_world, b.tool_orientation_world) && a.buttons == b.buttons &&
          a.is_clutched == b.is_clutched && a.applied_count == b.applied_count &&
+         same(a.acting_force_on_hand_newton, b.acting_force_on_hand_newton) &&
+         a.acting_until == b.acting_until &&
          std::equal(a.applied.begin(), a.applied.begin() + a.applied_count, b.applied.begin(),
                     [](const auto& x, const auto& y) { return same(x, y); });
 }
 inline bool same(const ForceCommand& a, const ForceCommand& b) {
   return same(a.header, b.header) && a.answers_session_id == b.answers_session_id &&
-         a.answers_sequence == b.answers_sequence &&
+         a.answers_sequence == b.answers_sequence && a.answers_sampled_at == b.answers_sampled_at &&
          same(a.force_on_hand_newton, b.force_on_hand_newton) && a.valid_for == b.valid_for;
 }
 inline bool same(const ToolMotion& a, const ToolMotion& b) {

@@ -4,6 +4,7 @@
 
 #include <functional>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "common/core/clock.h"
@@ -37,6 +38,7 @@ class ScriptedDevice final : public device::HapticDevice {
   std::optional<Vector3> position_m;  ///< instead of the moving hand
   Quaternion orientation = Quaternion::Identity();
   std::uint32_t buttons = 0;
+  std::optional<device::DeviceSample> latched = {};  ///< as a force ended by itself
   bool fails_to_read = false;
   bool fails_to_apply = false;
   std::function<void()> before_switch = {};  ///< called in apply(), before the force changes
@@ -59,6 +61,11 @@ class ScriptedDevice final : public device::HapticDevice {
     if (before_switch) before_switch();
     if (fails_to_apply || !read(at_switch)) return false;
     writes.push_back({clock_.now(), force_on_hand_newton, clock_.now() + lease});
+    return true;
+  }
+  [[nodiscard]] bool take_latched(device::DeviceSample& at_end) noexcept override {
+    if (!latched) return false;
+    at_end = *std::exchange(latched, std::nullopt);
     return true;
   }
   void release() noexcept override {

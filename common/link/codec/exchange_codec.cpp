@@ -13,6 +13,11 @@ namespace {
 constexpr double kMaxForceOnHandNewton = 1e3;
 constexpr std::int64_t kMaxLeaseNs = 1'000'000'000;
 
+/// No further than `limit` apart; neither may overflow.
+bool is_within(std::int64_t from_ns, std::int64_t until_ns, std::int64_t limit_ns) {
+  return until_ns >= from_ns && until_ns - from_ns <= limit_ns;
+}
+
 }  // namespace
 
 template <>
@@ -36,6 +41,8 @@ struct WireFormat<DeviceState> {
         put(applied.hand_position_at_end_m, *to.mutable_hand_position_at_end_m());
       }
     }
+    put(m.acting_force_on_hand_newton, *wire.mutable_acting_force_on_hand_newton());
+    wire.set_acting_until_ns(ns(m.acting_until));
   }
 
   static void check(const v1::DeviceState& wire, Verdict& verdict) {
@@ -55,6 +62,12 @@ struct WireFormat<DeviceState> {
         verdict.vector(true, applied.hand_position_at_end_m(), kMaxPositionM);
       }
       previous = &applied;
+    }
+    verdict.vector(wire.has_acting_force_on_hand_newton(), wire.acting_force_on_hand_newton(),
+                   kMaxForceOnHandNewton);
+    verdict.time(wire.acting_until_ns());
+    if (verdict.error() == DecodeError::kNone) {
+      verdict.expect(is_within(wire.header().sampled_at_ns(), wire.acting_until_ns(), kMaxLeaseNs));
     }
   }
 
@@ -77,6 +90,8 @@ struct WireFormat<DeviceState> {
                       .hand_position_at_end_m = vector(applied.hand_position_at_end_m()),
                       .has_position_at_end = applied.has_hand_position_at_end_m()};
     }
+    m.acting_force_on_hand_newton = vector(wire.acting_force_on_hand_newton());
+    m.acting_until = time(wire.acting_until_ns());
   }
 };
 template class Codec<DeviceState>;
@@ -86,7 +101,8 @@ struct WireFormat<ForceCommand> {
   using Message = v1::ForceCommand;
 
   static void fill(const ForceCommand& m, v1::ForceCommand& wire) {
-    put_stamp(m.answers_session_id, m.answers_sequence, TimePoint{}, *wire.mutable_answers());
+    put_stamp(m.answers_session_id, m.answers_sequence, m.answers_sampled_at,
+              *wire.mutable_answers());
     put(m.force_on_hand_newton, *wire.mutable_force_on_hand_newton());
     wire.set_valid_for_ns(m.valid_for.count());
   }
@@ -101,6 +117,7 @@ struct WireFormat<ForceCommand> {
   static void read(const v1::ForceCommand& wire, ForceCommand& m) {
     m.answers_session_id = wire.answers().session_id();
     m.answers_sequence = wire.answers().sequence();
+    m.answers_sampled_at = time(wire.answers().sampled_at_ns());
     m.force_on_hand_newton = vector(wire.force_on_hand_newton());
     m.valid_for = Duration(wire.valid_for_ns());
   }

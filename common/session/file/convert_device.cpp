@@ -8,6 +8,9 @@ namespace palpate {
 
 namespace {
 
+/// A killed process leaves the last force for so long; longer leases render little better.
+constexpr double kDefaultLongestLeaseUs = 10e3;
+
 WorkspaceConfig to_workspace(const Fields& fields) {
   WorkspaceConfig config;
   config.scale_ratio = fields.number("scale_ratio");
@@ -72,6 +75,23 @@ double to_lease_us(const Fields& device, double period_us, double reply_us) {
   return lease_us;
 }
 
+double to_longest_lease_us(const Fields& device, double period_us, double lease_us,
+                           double limp_after_us) {
+  const char* const name = "longest_lease_us";
+  const double longest_us = device.number(
+      name,
+      std::max(lease_us, std::min({10.0 * period_us, kDefaultLongestLeaseUs, limp_after_us})));
+  if (longest_us < lease_us - kPeriodTolerance * period_us ||
+      longest_us > limp_after_us + kPeriodTolerance * period_us) {
+    if (device.has(name)) {
+      device.problem(name, "must be ≥ device.lease_us, " + shown(lease_us) +
+                               " us, and ≤ device.limp_after_ms, " + shown(limp_after_us / 1e3) +
+                               " ms; leave it out for 10 ms");
+    }
+  }
+  return longest_us;
+}
+
 }  // namespace
 
 SimulatedDeviceConfig to_simulated_device(const Fields& simulated) {
@@ -82,6 +102,7 @@ SimulatedDeviceConfig to_simulated_device(const Fields& simulated) {
   config.per_axis = read_friction_per_axis(simulated, {});
   config.position_resolution_m = simulated.number("position_resolution_m");
   config.peak_force_newton = simulated.number("peak_force_newton");
+  config.has_position_latch = simulated.flag("position_latch");
   config.inner_step = simulated.microseconds("inner_step_us");
   return config;
 }
@@ -113,6 +134,8 @@ DeviceConfig to_device(const Fields& device, double rate_hz, double wait_for_phy
                                         " ms; leave it out for 20 periods");
   }
   config.limp_after = to_milliseconds(limp_after_ms);
+  config.longest_lease =
+      to_microseconds(to_longest_lease_us(device, period_us, lease_us, 1e3 * limp_after_ms));
 
   const double fade_ms = device.number("fade_ms", std::max(50.0, period_ms));
   if (fade_ms < (1.0 - kPeriodTolerance) * period_ms) {

@@ -164,11 +164,22 @@ SecurityConfig to_security(const Fields& security, const std::filesystem::path& 
   return {.key_folder = security.file("key_folder", base_dir).string()};
 }
 
+DeviceFaults to_device_faults(const Fields& fields) {
+  DeviceFaults faults;
+  add_windows(fields, "skip", FaultWindow::Kind::kOutage, faults.skips);
+  faults.late_ratio = fields.number("late_ratio");
+  faults.late_periods = fields.number("late_periods");
+  faults.late_switch_ratio = fields.number("late_switch_ratio");
+  faults.late_switch = fields.microseconds("late_switch_us");
+  return faults;
+}
+
 FaultsConfig to_faults(const Fields& faults) {
   return {.device_state = to_link_faults(faults.message("device_state")),
           .force_command = to_link_faults(faults.message("force_command")),
           .tool_motion = to_link_faults(faults.message("tool_motion")),
-          .interaction = to_link_faults(faults.message("interaction"))};
+          .interaction = to_link_faults(faults.message("interaction")),
+          .device = to_device_faults(faults.message("device"))};
 }
 
 }  // namespace palpate

@@ -217,6 +217,7 @@ TEST(DeviceNode, AnswersToAnotherTickOrSessionAreDropped) {
   EXPECT_EQ(bench.node.counters().limp_ticks, 2u);
 }
 
+// The lease ends at the third reading: the node lets go there, and renews the fallback each tick.
 TEST(DeviceNode, WithoutAnAnswerTheLeaseRunsOnUntouchedThenFallbackIsRenewed) {
   Bench bench(device_config());
   bench.answer_with(Vector3(1, 0, 0));
@@ -224,17 +225,72 @@ TEST(DeviceNode, WithoutAnAnswerTheLeaseRunsOnUntouchedThenFallbackIsRenewed) {
   bench.on_state = nullptr;
   bench.tick();  // decided at 1.5 ms: leased
   EXPECT_EQ(bench.device.writes.size(), 1u);
-  bench.tick();  // at 2.5 ms: fallback
+  bench.tick();  // at 2 and 2.5 ms: fallback
   bench.tick();  // at 3.5 ms: again
 
   EXPECT_EQ(bench.ticks[1].guard, GuardState::kLeased);
   EXPECT_EQ(bench.ticks[1].force_on_hand_newton, Vector3(1, 0, 0));
   EXPECT_EQ(bench.ticks[2].guard, GuardState::kFallback);
-  ASSERT_EQ(bench.device.writes.size(), 3u);
+  ASSERT_EQ(bench.device.writes.size(), 4u);
   EXPECT_EQ(bench.device.writes[1].force_on_hand_newton, Vector3(0.1, 0, 0));
+  EXPECT_EQ(bench.device.writes[1].at, TimePoint(2ms));
+  EXPECT_EQ(bench.device.writes[2].at, TimePoint(2500us));
+  EXPECT_EQ(bench.device.writes[2].until, TimePoint(4500us));
+  EXPECT_EQ(bench.device.writes[3].at, TimePoint(3500us));
+}
+
+DeviceConfig elastic_config() {
+  DeviceConfig config = device_config();
+  config.longest_lease = 10ms;
+  return config;
+}
+
+// 1 N until 3.3 ms; the answer to the reading at 3 ms comes 0.4 ms later: lets go in between, with
+// a reading, and takes the answer all the same.
+TEST(DeviceNode, WhileItWaitsItLetsGoAtTheEndOfTheLeaseAndStillTakesTheAnswer) {
+  Bench bench(elastic_config());
+  bench.answer_with(Vector3(1, 0, 0), 3300us);
+  bench.tick();
+  bench.on_state = nullptr;
+  bench.tick();
+  bench.tick();
+  bench.reply_delay = 400us;
+  bench.answer_with(Vector3(2, 0, 0), 3300us);
+  bench.tick();
+  bench.tick();
+
+  EXPECT_TRUE(bench.ticks[3].is_answered);
+  ASSERT_GE(bench.device.writes.size(), 3u);
+  EXPECT_EQ(bench.device.writes[1].at, TimePoint(3300us));
+  EXPECT_EQ(bench.device.writes[1].force_on_hand_newton, Vector3(0.1, 0, 0));
+  EXPECT_EQ(bench.device.writes[2].at, TimePoint(3400us));
+  EXPECT_EQ(bench.device.writes[2].force_on_hand_newton, Vector3(2, 0, 0));
+  const DeviceState& state = bench.states[4];
+  ASSERT_EQ(state.applied_count, 3u);
+  expect_segment(state.applied[0], Vector3(1, 0, 0), 3000us, 3300us);
+  EXPECT_TRUE(state.applied[0].has_position_at_end);
+  expect_segment(state.applied[1], Vector3(0.1, 0, 0), 3300us, 3400us);
+  expect_segment(state.applied[2], Vector3(2, 0, 0), 3400us, 4000us);
+}
+
+// Lease until 2.7 ms: between the deadline at 2.5 ms and the reading at 3 ms nobody would read.
+TEST(DeviceNode, ALeaseThatWouldEndUnreadIsGivenUpAtTheDeadline) {
+  Bench bench(elastic_config());
+  bench.answer_with(Vector3(1, 0, 0), 2700us);
+  bench.tick();
+  bench.on_state = nullptr;
+  bench.tick();
+  bench.tick();
+  bench.tick();
+
+  EXPECT_EQ(bench.ticks[1].guard, GuardState::kLeased);
+  EXPECT_EQ(bench.ticks[2].guard, GuardState::kFallback);
   EXPECT_EQ(bench.device.writes[1].at, TimePoint(2500us));
-  EXPECT_EQ(bench.device.writes[1].until, TimePoint(4500us));
-  EXPECT_EQ(bench.device.writes[2].at, TimePoint(3500us));
+  for (const DeviceState& state : bench.states) {
+    for (std::uint32_t k = 0; k < state.applied_count; ++k) {
+      EXPECT_TRUE(state.applied[k].has_position_at_end);
+    }
+  }
 }
 
 // --- the echo ---------------------------------------------------------------------------------
@@ -286,8 +342,8 @@ TEST(DeviceNode, AForceThatRanOutIsEchoedWithItsEndAndTheRestAsZero) {
   EXPECT_TRUE(state.applied[1].has_position_at_end);
 }
 
-// One force runs out before the switch, its successor before the reading: all four segments.
-TEST(DeviceNode, TwoForcesThatRanOutFillTheEcho) {
+// One force runs out before the switch, its successor before the reading.
+TEST(DeviceNode, TwoForcesThatRanOutAreBothEchoed) {
   Bench bench(device_config());
   bench.answer_with(Vector3(1, 0, 0));
   bench.tick();  // lease until 2 ms
@@ -298,14 +354,123 @@ TEST(DeviceNode, TwoForcesThatRanOutFillTheEcho) {
   bench.clock.advance(10ms);
   bench.tick();
 
+  // from the reading at 0, the last one that was answered
   const DeviceState& state = bench.states[2];
-  ASSERT_EQ(state.applied_count, 4u);
-  expect_segment(state.applied[0], Vector3(1, 0, 0), 1500us, 2000us);
-  expect_segment(state.applied[1], Vector3::Zero(), 2000us, 6500us);
-  expect_segment(state.applied[2], Vector3(0.1, 0, 0), 6500us, 8500us);
-  expect_segment(state.applied[3], Vector3::Zero(), 8500us, 16'500us);
-  EXPECT_TRUE(state.applied[1].has_position_at_end);
-  EXPECT_FALSE(state.applied[2].has_position_at_end);
+  ASSERT_EQ(state.applied_count, 5u);
+  expect_segment(state.applied[0], Vector3(1, 0, 0), 0us, 1500us);
+  expect_segment(state.applied[1], Vector3(1, 0, 0), 1500us, 2000us);
+  expect_segment(state.applied[2], Vector3::Zero(), 2000us, 6500us);
+  expect_segment(state.applied[3], Vector3(0.1, 0, 0), 6500us, 8500us);
+  expect_segment(state.applied[4], Vector3::Zero(), 8500us, 16'500us);
+  EXPECT_TRUE(state.applied[2].has_position_at_end);
+  EXPECT_FALSE(state.applied[3].has_position_at_end);
+}
+
+TEST(DeviceNode, ReportsTheActingForceAndTheEndOfItsLease) {
+  Bench bench(elastic_config());
+  bench.answer_with(Vector3(1, 0, 0), 2700us);
+  bench.tick();
+  bench.tick();
+
+  EXPECT_EQ(bench.states[0].acting_force_on_hand_newton, Vector3(0, 0, 0));
+  EXPECT_EQ(bench.states[0].acting_until, bench.states[0].header.sampled_at);
+  EXPECT_EQ(bench.states[1].acting_force_on_hand_newton, Vector3(1, 0, 0));
+  EXPECT_EQ(bench.states[1].acting_until, TimePoint(2700us));
+}
+
+// Answers are lost from 1 ms on: every state reports all since 0. One comes after its deadline: it
+// does not act, but acknowledges its reading.
+TEST(DeviceNode, ReportsEveryForceUntilItsReadingIsAnsweredEvenIfTooLate) {
+  Bench bench(device_config());
+  bench.answer_with(Vector3(1, 0, 0));
+  bench.tick();
+  bench.on_state = nullptr;
+  for (int i = 0; i < 3; ++i) bench.tick();
+  EXPECT_EQ(bench.states[3].applied[0].from, TimePoint(0ms));
+
+  bench.reply_delay = 600us;
+  bench.answer_with(Vector3(1, 0, 0));
+  bench.tick();  // reading at 4 ms, answered at 4.6 ms
+  EXPECT_EQ(bench.states[4].applied[0].from, TimePoint(0ms));
+  bench.clock.sleep_until(TimePoint(4600us));
+  bench.deliver();
+  bench.on_state = nullptr;
+  bench.tick();  // takes it
+  bench.tick();
+  EXPECT_FALSE(bench.ticks[5].is_answered);
+  EXPECT_EQ(bench.states[6].applied[0].from, TimePoint(4ms));
+}
+
+// A reading that lies in the future, or another session: nothing is forgotten.
+TEST(DeviceNode, AFalseAcknowledgementIsIgnored) {
+  Bench bench(device_config());
+  bench.on_state = [&](const DeviceState&) {
+    bench.states.back().header.sampled_at += 1h;
+    bench.send_answer(Bench::kSession, 99, Vector3(1, 0, 0));
+    bench.states.back().header.sampled_at -= 1h;
+  };
+  for (int i = 0; i < 3; ++i) bench.tick();
+  bench.on_state = [&](const DeviceState& state) {
+    bench.send_answer(Bench::kSession + 1, state.header.sequence, Vector3(1, 0, 0));
+  };
+  for (int i = 0; i < 3; ++i) bench.tick();
+
+  EXPECT_EQ(bench.states[5].applied[0].from, TimePoint(0ms));
+}
+
+// 40 ticks of fallback, two segments each: the oldest are forgotten, the rest stays contiguous.
+TEST(DeviceNode, KeepsTheNewestForcesOfALongSilence) {
+  Bench bench(device_config());
+  bench.answer_with(Vector3(1, 0, 0));
+  bench.tick();
+  bench.on_state = nullptr;
+  for (int i = 0; i < 40; ++i) bench.tick();
+
+  const DeviceState& state = bench.states.back();
+  ASSERT_EQ(state.applied_count, kMaxAppliedForces);
+  for (std::uint32_t k = 1; k < state.applied_count; ++k) {
+    EXPECT_EQ(state.applied[k].from, state.applied[k - 1].until);
+  }
+  EXPECT_EQ(state.applied[kMaxAppliedForces - 1].until, state.header.sampled_at);
+}
+
+// Stalled for 7 ms with a latch: the force ended by itself at 2 ms, and the position is known.
+TEST(DeviceNode, ALatchedPositionEndsAForceThatRanOut) {
+  Bench bench(device_config());
+  bench.answer_with(Vector3(1, 0, 0));
+  bench.tick();
+  bench.device.latched =
+      DeviceSample{.hand_position_m = Vector3(2e-3, 0, 0), .sampled_at = TimePoint(2ms)};
+  bench.clock.advance(7ms);
+  bench.tick();
+
+  const DeviceState& state = bench.states[1];
+  ASSERT_EQ(state.applied_count, 2u);
+  expect_segment(state.applied[0], Vector3(1, 0, 0), 0ms, 2ms);
+  EXPECT_TRUE(state.applied[0].has_position_at_end);
+  EXPECT_EQ(state.applied[0].hand_position_at_end_m, Vector3(2e-3, 0, 0));
+  expect_segment(state.applied[1], Vector3::Zero(), 2ms, 7ms);
+}
+
+// 50 mm in 2 ms are 25 m/s; and a latch older than the last reading belongs to another force.
+TEST(DeviceNode, ALatchedPositionIsJudgedLikeAnyReading) {
+  Bench bench(device_config());
+  bench.answer_with(Vector3(1, 0, 0));
+  bench.tick();
+  bench.device.latched =
+      DeviceSample{.hand_position_m = Vector3(0.05, 0, 0), .sampled_at = TimePoint(2ms)};
+  bench.clock.advance(7ms);
+  bench.tick();
+  EXPECT_EQ(bench.node.counters().last_fault, FaultReason::kPositionJumped);
+
+  Bench stale(device_config());
+  stale.answer_with(Vector3(1, 0, 0));
+  stale.tick();
+  stale.device.latched = DeviceSample{.sampled_at = TimePoint(-1ms)};
+  stale.clock.advance(7ms);
+  stale.tick();
+  EXPECT_FALSE(stale.states[1].applied[0].has_position_at_end);
+  EXPECT_FALSE(stale.node.has_fault());
 }
 
 // --- faults -----------------------------------------------------------------------------------
@@ -331,13 +496,9 @@ TEST(DeviceNode, AReadFailureIsLatchedAndLimpUntilReset) {
 
   EXPECT_FALSE(bench.node.has_fault());
   ASSERT_EQ(bench.states.size(), 2u);
-  // two are missing, so mofc's ledger starts again: the time between is unknown
   EXPECT_EQ(bench.states[1].header.sequence, 3u);
-  // the echo reports the release, at 1 ms, and no force since
-  ASSERT_EQ(bench.states[1].applied_count, 2u);
-  expect_segment(bench.states[1].applied[0], Vector3(1, 0, 0), 0ms, 1ms);
-  EXPECT_FALSE(bench.states[1].applied[0].has_position_at_end);
-  expect_segment(bench.states[1].applied[1], Vector3::Zero(), 1ms, 3ms);
+  // what the encoder did meanwhile is not known: the echo begins anew, a gap to mofc_node
+  EXPECT_EQ(bench.states[1].applied_count, 0u);
 }
 
 TEST(DeviceNode, ANonFiniteReadingIsAFault) {

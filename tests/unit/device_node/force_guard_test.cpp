@@ -29,10 +29,13 @@ ForceCommand command(const Vector3& force_newton, Duration valid_for = 2ms) {
   return command;
 }
 
+/// The next reading comes at once.
+GuardedForce missed(ForceGuard& guard, TimePoint now) { return guard.missed(now, now); }
+
 TEST(ForceGuard, GivesNoForceBeforeTheFirstAnswer) {
   ForceGuard guard(config(), kDevicePeak_newton);
 
-  const GuardedForce out = guard.missed(kStart);
+  const GuardedForce out = missed(guard, kStart);
 
   EXPECT_EQ(out.state, GuardState::kLimp);
   EXPECT_EQ(out.force_on_hand_newton.norm(), 0.0);
@@ -51,9 +54,11 @@ TEST(ForceGuard, PassesAnAnswerOnWithItsLease) {
 }
 
 TEST(ForceGuard, LimitsALeaseToTheSessionsLongest) {
-  ForceGuard guard(config(), kDevicePeak_newton);
+  DeviceConfig c = config();
+  c.longest_lease = 10ms;
+  ForceGuard guard(c, kDevicePeak_newton);
 
-  EXPECT_EQ(guard.answered(command(Vector3(1, 0, 0), 1h), kStart).lease, Duration(2ms));
+  EXPECT_EQ(guard.answered(command(Vector3(1, 0, 0), 1h), kStart).lease, Duration(10ms));
 }
 
 TEST(ForceGuard, ACommandWithoutALeaseGivesNoForce) {
@@ -69,11 +74,22 @@ TEST(ForceGuard, DoesNotWriteToTheMotorsWhileTheLeaseRuns) {
   ForceGuard guard(config(), kDevicePeak_newton);
   (void)guard.answered(command(Vector3(1, 0, 0)), kStart);
 
-  const GuardedForce out = guard.missed(kStart + 2ms - 1ns);
+  const GuardedForce out = missed(guard, kStart + 2ms - 1ns);
 
   EXPECT_EQ(out.state, GuardState::kLeased);
   EXPECT_EQ(out.force_on_hand_newton, Vector3(1, 0, 0));
   EXPECT_FALSE(out.is_switch);
+}
+
+// Lease until 2 ms: a reading at 2 ms still sees its force end, one at 2.1 ms would not.
+TEST(ForceGuard, GivesUpALeaseThatWouldEndBeforeTheNextReading) {
+  ForceGuard guard(config(), kDevicePeak_newton);
+  (void)guard.answered(command(Vector3(1, 0, 0)), kStart);
+
+  EXPECT_EQ(guard.missed(kStart + 1500us, kStart + 2ms).state, GuardState::kLeased);
+  const GuardedForce out = guard.missed(kStart + 1500us, kStart + 2100us);
+  EXPECT_EQ(out.state, GuardState::kFallback);
+  EXPECT_TRUE(out.is_switch);
 }
 
 // f_co = 0.1 N of the profile, along (3, 4, 0)/5.
@@ -82,7 +98,7 @@ TEST(ForceGuard, FallsBackToCoulombFrictionInTheCommandsDirection) {
   (void)guard.answered(command(Vector3(1.5, 2, 0)), kStart);
 
   for (const Duration t : {Duration(2ms), Duration(3ms), Duration(20ms - 1ns)}) {
-    const GuardedForce out = guard.missed(kStart + t);
+    const GuardedForce out = missed(guard, kStart + t);
     EXPECT_EQ(out.state, GuardState::kFallback);
     EXPECT_LT((out.force_on_hand_newton - Vector3(0.06, 0.08, 0)).norm(), 1e-15);
     EXPECT_EQ(out.lease, Duration(2ms));  // two periods
@@ -94,7 +110,7 @@ TEST(ForceGuard, AFallbackIsNeverLargerThanTheCommand) {
   ForceGuard guard(config(), kDevicePeak_newton);
   (void)guard.answered(command(Vector3(0.02, 0, 0)), kStart);
 
-  EXPECT_EQ(guard.missed(kStart + 5ms).force_on_hand_newton, Vector3(0.02, 0, 0));
+  EXPECT_EQ(missed(guard, kStart + 5ms).force_on_hand_newton, Vector3(0.02, 0, 0));
 }
 
 // Silent for 20 + 30 ms of the 50 ms fade: 0.1·(1 − 3/5) = 0.04 N.
@@ -102,17 +118,17 @@ TEST(ForceGuard, FadesToZeroAfterSilence) {
   ForceGuard guard(config(), kDevicePeak_newton);
   (void)guard.answered(command(Vector3(1, 0, 0)), kStart);
 
-  EXPECT_EQ(guard.missed(kStart + 20ms).state, GuardState::kFading);
-  EXPECT_NEAR(guard.missed(kStart + 20ms).force_on_hand_newton.x(), 0.1, 1e-15);
-  EXPECT_NEAR(guard.missed(kStart + 50ms).force_on_hand_newton.x(), 0.04, 1e-15);
-  EXPECT_EQ(guard.missed(kStart + 70ms).state, GuardState::kLimp);
-  EXPECT_EQ(guard.missed(kStart + 70ms).force_on_hand_newton.norm(), 0.0);
+  EXPECT_EQ(missed(guard, kStart + 20ms).state, GuardState::kFading);
+  EXPECT_NEAR(missed(guard, kStart + 20ms).force_on_hand_newton.x(), 0.1, 1e-15);
+  EXPECT_NEAR(missed(guard, kStart + 50ms).force_on_hand_newton.x(), 0.04, 1e-15);
+  EXPECT_EQ(missed(guard, kStart + 70ms).state, GuardState::kLimp);
+  EXPECT_EQ(missed(guard, kStart + 70ms).force_on_hand_newton.norm(), 0.0);
 }
 
 TEST(ForceGuard, AnAnswerEndsTheFallback) {
   ForceGuard guard(config(), kDevicePeak_newton);
   (void)guard.answered(command(Vector3(1, 0, 0)), kStart);
-  (void)guard.missed(kStart + 10ms);
+  (void)missed(guard, kStart + 10ms);
 
   const GuardedForce out = guard.answered(command(Vector3(2, 0, 0)), kStart + 11ms);
 
@@ -152,8 +168,8 @@ TEST(ForceGuard, LeavingLimpAgainIsALimpStart) {
   EXPECT_EQ(x_answered_until(guard, at, at), 0.0);
 }
 
-// 20 ms without an answer, lease 2 ms: nothing acts any more, and the force grows over 20 ms.
-TEST(ForceGuard, AfterAShortSilenceTheForceGrowsOverTheSameTime) {
+// 20 ms without an answer, lease 2 ms: nothing acts for 18 ms, and the force grows over 18 ms.
+TEST(ForceGuard, AfterAShortSilenceTheForceGrowsOverTheTimeForWhichItWasGone) {
   DeviceConfig c = config();
   c.start_ramp = 100ms;
   ForceGuard guard(c, kDevicePeak_newton);
@@ -162,8 +178,24 @@ TEST(ForceGuard, AfterAShortSilenceTheForceGrowsOverTheSameTime) {
 
   at = 140ms;
   EXPECT_EQ(x_answered_until(guard, at, 140ms), 0.0);
-  EXPECT_NEAR(x_answered_until(guard, at, 150ms), 1.0, 1e-12);
-  EXPECT_EQ(x_answered_until(guard, at, 160ms), 2.0);
+  EXPECT_NEAR(x_answered_until(guard, at, 149ms), 1.0, 1e-12);
+  EXPECT_EQ(x_answered_until(guard, at, 158ms), 2.0);
+}
+
+// A lease of 10 ms that ended a period ago: the force is back at once. 1 ns later: over that ms.
+TEST(ForceGuard, AHoleUpToAPeriodLongerThanItsLeaseNeedsNoRamp) {
+  for (const Duration late : {Duration(0), Duration(1)}) {
+    DeviceConfig c = config();
+    c.start_ramp = 100ms;
+    c.longest_lease = 10ms;
+    ForceGuard guard(c, kDevicePeak_newton);
+    Duration at = 0ms;
+    EXPECT_EQ(x_answered_until(guard, at, 120ms), 2.0);
+    (void)guard.answered(command(Vector3(2, 0, 0), 10ms), kStart + 120ms);
+
+    const GuardedForce out = guard.answered(command(Vector3(2, 0, 0)), kStart + 131ms + late);
+    EXPECT_EQ(out.force_on_hand_newton.x(), late == Duration(0) ? 2.0 : 0.0);
+  }
 }
 
 TEST(ForceGuard, TheSmallerPeakHoldsAndTheDirectionIsKept) {

@@ -74,6 +74,21 @@ TEST(SimulatedDevice, TheWatchdogEndsTheForceAtTheExactInstant) {
   }
 }
 
+// 1.2 N on 0.3 kg for 2.513 ms: ½·4·τ² = 12.6312 µm, whenever it is read.
+TEST(SimulatedDevice, TheLatchStoresThePositionAtWhichTheWatchdogEndedTheForce) {
+  SimulatedDeviceConfig config = frictionless();
+  config.has_position_latch = true;
+  Bench bench(config, free_hand());
+  bench.apply(Vector3(1.2, 0, 0), 2513us);
+  bench.read_after(5s);
+
+  DeviceSample latched;
+  ASSERT_TRUE(bench.device.take_latched(latched));
+  EXPECT_NEAR(latched.hand_position_m.x(), 12.6312e-6, 1e-9);
+  EXPECT_EQ(latched.sampled_at, TimePoint(2513us));
+  EXPECT_FALSE(bench.device.take_latched(latched));
+}
+
 // Stopped for 5 s with 1 N and a lease of 3 ms: the hand coasts at 10 mm/s, no faster.
 TEST(SimulatedDevice, TheWatchdogEndsTheForceAlsoWhenTheProcessWasStopped) {
   Bench bench(frictionless(), free_hand());

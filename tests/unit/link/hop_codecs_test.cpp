@@ -55,7 +55,7 @@ TEST(DeviceStateCodec, RefusesOrientationsThatAreNotUnitAndNormalisesAlmostUnitO
   EXPECT_EQ(message.tool_orientation_world.w(), 1.0);
 }
 
-TEST(DeviceStateCodec, RefusesMoreThanFourAppliedForces) {
+TEST(DeviceStateCodec, RefusesMoreThan64AppliedForces) {
   auto with = [](int count) {
     return [count](v1::DeviceState& m) {
       const v1::AppliedForce one = m.applied(0);
@@ -68,8 +68,8 @@ TEST(DeviceStateCodec, RefusesMoreThanFourAppliedForces) {
       }
     };
   };
-  expect_range<DeviceState>(with(4), true);
-  expect_range<DeviceState>(with(5), false);
+  expect_range<DeviceState>(with(64), true);
+  expect_range<DeviceState>(with(65), false);
 }
 
 TEST(DeviceStateCodec, RefusesAppliedForcesWithAGapOrBackwardsInTime) {
@@ -97,6 +97,37 @@ TEST(DeviceStateCodec, AllowsAppliedForcesUpToAKilonewton) {
   };
   expect_range<DeviceState>(force(-1000.0), true);
   expect_range<DeviceState>(force(-1000.001), false);
+}
+
+TEST(DeviceStateCodec, RefusesALeaseThatEndedBeforeTheReadingOrOutlastsASecond) {
+  auto until = [](std::int64_t after_ns) {
+    return [=](v1::DeviceState& m) {
+      m.mutable_header()->set_sampled_at_ns(1'000);
+      m.set_acting_until_ns(1'000 + after_ns);
+    };
+  };
+  expect_range<DeviceState>(until(0), true);
+  expect_range<DeviceState>(until(1'000'000'000), true);
+  expect_range<DeviceState>(until(-1), false);
+  expect_range<DeviceState>(until(1'000'000'001), false);
+  expect_range<DeviceState>(until(std::numeric_limits<std::int64_t>::max() - 1'000), false);
+}
+
+TEST(DeviceStateCodec, RefusesAnActingForceOfMoreThanAKilonewton) {
+  auto force = [](double newton) {
+    return [=](v1::DeviceState& m) { m.mutable_acting_force_on_hand_newton()->set_x(newton); };
+  };
+  expect_range<DeviceState>(force(-1000.0), true);
+  expect_range<DeviceState>(force(1000.001), false);
+}
+
+TEST(ForceCommandCodec, RefusesAReadingOutsideTheRangeOfTimes) {
+  auto at = [](std::int64_t ns) {
+    return [=](v1::ForceCommand& m) { m.mutable_answers()->set_sampled_at_ns(ns); };
+  };
+  expect_range<ForceCommand>(at(std::int64_t{1} << 61), true);
+  expect_range<ForceCommand>(at((std::int64_t{1} << 61) + 1), false);
+  expect_range<ForceCommand>(at(std::numeric_limits<std::int64_t>::min()), false);
 }
 
 TEST(ForceCommandCodec, AllowsForcesUpToAKilonewton) {

@@ -24,6 +24,8 @@ ControlInput input_at(const Vector3& x, const std::vector<AppliedStretch>& appli
   return {.hand_position_m = x,
           .applied = applied,
           .has_gap = false,
+          .acting_force_on_hand_newton =
+              applied.empty() ? Vector3(Vector3::Zero()) : applied.back().force_on_hand_newton,
           .asked_force_on_hand_newton = requested};
 }
 
@@ -139,20 +141,88 @@ TEST(GuardMofc, CreditIsCappedAboveTheStoredEnergy) {
   }
 }
 
-// 1.5 mJ as above, then 10 ms of 0.15 N whose end was not read, 10 ms without force: 0.01·6.25e−3
-// = 62.5 µJ are booked as drawn, the motion earns nothing.
-TEST(GuardMofc, AnUnreadIntervalIsBookedWithTheWorstMotion) {
+/// After 1.5 mJ as above: 10 ms of 0.15 N along x whose end was not read, 10 ms without force, and
+/// a reading this far from where it began.
+double after_unread_joule(const Vector3& moved_m) {
   GuardMofc controller(kGuard);
   (void)controller.step(input_at(Vector3::Zero(), {}, Vector3::Zero()));
-  const std::vector<AppliedStretch> free{{0.02, Vector3::Zero(), Vector3(0, 0, -0.01), true}};
-  (void)controller.step(input_at(Vector3(0, 0, -0.01), free, Vector3::Zero()));
+  const Vector3 from(0, 0, -0.01);
+  const std::vector<AppliedStretch> free{{0.02, Vector3::Zero(), from, true}};
+  (void)controller.step(input_at(from, free, Vector3::Zero()));
   const std::vector<AppliedStretch> unread{{0.01, {0.15, 0, 0}, Vector3::Zero(), false},
-                                           {0.01, Vector3::Zero(), Vector3(1e-3, 0, -0.01), true}};
+                                           {0.01, Vector3::Zero(), from + moved_m, true}};
+  return controller.step(input_at(from + moved_m, unread, Vector3::Zero())).ledger_energy_joule;
+}
 
-  const ControlOutput out =
-      controller.step(input_at(Vector3(1e-3, 0, -0.01), unread, Vector3::Zero()));
+// It may have ended up to min(0.5·0.01, −3 mm + 0.5·0.01) = 2 mm along x: 0.15·2 mm = 0.3 mJ of
+// work. The 3 mm earn 0.1·3 mm + 0.1·(3 mm)²/20 ms = 0.345 mJ: +45 µJ.
+TEST(GuardMofc, AnUnreadReleaseIsBookedWithTheFurthestPlaceThatTheHandCanHaveReached) {
+  EXPECT_NEAR(after_unread_joule({-3e-3, 0, 0}), 1.5e-3 - 0.3e-3 + 0.345e-3, 1e-15);
+}
 
-  EXPECT_NEAR(out.ledger_energy_joule, 1.5e-3 - 62.5e-6, 1e-15);
+// 1 mm: 0.15·5 mm less 0.105 mJ of friction would be more than the hand can draw in 10 ms at any
+// speed, 0.01·6.25e−3 = 62.5 µJ.
+TEST(GuardMofc, AnUnreadReleaseCostsNoMoreThanTheWorstMotion) {
+  EXPECT_NEAR(after_unread_joule({1e-3, 0, 0}), 1.5e-3 - 62.5e-6, 1e-15);
+}
+
+// 1 N for 1 ms, then none for 9 ms, q = 0.1 mm, 2 mm back: at most 0.5 mm along x and 0.05 mm of
+// rounding, 0.55 mJ of work. There and back are 0.5 + 2.5 = 3 mm, the ends show 2 and √3·0.1 mm:
+// 0.1·(2·0.5 + 2 − 2 − 0.1732) mm = 82.68 µJ more. From 0 to 1 N: (0.1/2)·1 = 0.05 mJ.
+// Of the 2 mm themselves the play of the axis counts 2 − 0.1 mm: 0.19 mJ of Coulomb friction, and
+// the windows 2 − 0.1732 mm: 0.1·(1.8268 mm)²/10 ms = 33.37 µJ.
+TEST(EnergyLedger, AReleaseCountsThePathThereAndBack) {
+  EnergyLedger ledger(0.1, 0.1, 1e-4);
+  ledger.restart(Vector3::Zero());
+  ledger.book_release({.force_on_hand_newton = {1, 0, 0},
+                       .acted_s = 1e-3,
+                       .duration_s = 10e-3,
+                       .hand_position_at_end_m = {-2e-3, 0, 0},
+                       .v_max_m_per_s = 0.5,
+                       .most_drawn_joule = 1.0});
+
+  EXPECT_NEAR(ledger.energy_joule(), -0.55e-3 + 82.68e-6 - 0.05e-3 + 0.19e-3 + 33.37e-6, 2e-8);
+}
+
+// 13.44 mJ capped to 5; 1.5 N drain (1.4 − 0.05)·0.5 = 0.675 W, for at least 2 ms and at most 10.
+// 0.5 ms of the 1 N that acts (0.425 W) are reserved: (5 − 0.2125) mJ / 0.675 W = 7.093 ms.
+TEST(GuardMofc, ALeaseLastsAsLongAsThePoolPaysForIt) {
+  GuardParameters p = kGuard;
+  p.mofc.T = 2e-3;
+  p.delta_max_s = 0.5e-3;
+  p.longest_lease_s = 10e-3;
+  GuardMofc controller(p);
+  (void)controller.step(input_at(Vector3::Zero(), {}, Vector3::Zero()));
+  const Vector3 x(0.12, 0, 0);
+  const std::vector<AppliedStretch> free{{1.0, Vector3::Zero(), x, true}};
+  ControlInput input = input_at(x, free, {1.5, 0, 0});
+  input.is_asked_fresh = false;
+  input.acting_force_on_hand_newton = {1, 0, 0};
+
+  EXPECT_NEAR(controller.step(input).lease_s, 7.0926e-3, 1e-7);
+  // the force that acts ends in 0.1 ms: 0.0425 mJ
+  input.applied = {};
+  input.acting_lease_s = 0.1e-3;
+  EXPECT_NEAR(controller.step(input).lease_s, 7.3444e-3, 1e-7);
+  // less than 10 ms of 0.2 N, and friction alone absorbs 0.1 N
+  input.asked_force_on_hand_newton = {0.2, 0, 0};
+  EXPECT_EQ(controller.step(input).lease_s, 10e-3);
+  input.asked_force_on_hand_newton = {0.1, 0, 0};
+  EXPECT_EQ(controller.step(input).lease_s, 10e-3);
+}
+
+// 20 mm against 1 N are 20 mJ of work, of which S_c = 12 mJ count; S_cap = 5 mJ on top. Where no
+// force is requested the contact is over.
+TEST(GuardMofc, InAContactTheWorkOfTheHandIsCredit) {
+  GuardParameters p = kGuard;
+  p.contact_credit_joule = 12e-3;
+  GuardMofc controller(p);
+  (void)controller.step(input_at(Vector3::Zero(), {}, Vector3::Zero()));
+  const Vector3 x(-0.02, 0, 0);
+  const std::vector<AppliedStretch> pressed{{1.0, {1, 0, 0}, x, true}};
+
+  EXPECT_NEAR(controller.step(input_at(x, pressed, {1, 0, 0})).ledger_energy_joule, 17e-3, 1e-12);
+  EXPECT_NEAR(controller.step(input_at(x, {}, Vector3::Zero())).ledger_energy_joule, 5e-3, 1e-12);
 }
 
 // 11 mm in 20 ms are 0.55 m/s; 9 mm are 0.45. With q = 1 mm, 11 mm may have been 9.3.
@@ -315,7 +385,8 @@ TEST(VectorMofc, StartsAgainWithoutCreditAfterAGap) {
   EXPECT_NEAR(out.force_on_hand_newton.x(), 0.1, 1e-15);
 }
 
-TEST(VectorMofc, AnIntervalWithoutAPositionCountsAsAGap) {
+// 20 ms of 1 N drain at most 0.02·0.9²/0.4 = 40.5 mJ. Nothing was reserved here, so it is a debt.
+TEST(VectorMofc, AnIntervalWithoutAPositionIsBookedWithTheWorstMotion) {
   VectorMofc controller(kOmni, 0.0, 0.0);
   (void)controller.step(input_at(Vector3::Zero(), {}, Vector3::Zero()));
   const std::vector<AppliedStretch> applied{{0.02, {1, 0, 0}, Vector3::Zero(), false},
@@ -323,20 +394,7 @@ TEST(VectorMofc, AnIntervalWithoutAPositionCountsAsAGap) {
 
   const ControlOutput out = controller.step(input_at(Vector3(0.1, 0, 0), applied, {1, 0, 0}));
 
-  EXPECT_EQ(out.ledger_energy_joule, 0.0);
-}
-
-// It is not known what acted: neither the earlier energy nor a reserve for the acting force.
-TEST(VectorMofc, AnEmptyEchoAfterTheFirstStepCountsAsAGap) {
-  VectorMofc controller(kOmni, 0.0, 0.0);
-  (void)controller.step(input_at(Vector3::Zero(), {}, Vector3::Zero()));
-  const std::vector<AppliedStretch> free{{1.0, Vector3::Zero(), Vector3(0.1, 0, 0), true}};
-  (void)controller.step(input_at(Vector3(0.1, 0, 0), free, Vector3::Zero()));
-
-  const ControlOutput out = controller.step(input_at(Vector3(0.2, 0, 0), {}, {1, 0, 0}));
-
-  EXPECT_EQ(out.ledger_energy_joule, 0.0);
-  EXPECT_NEAR(out.force_on_hand_newton.x(), 0.1, 1e-15);
+  EXPECT_NEAR(out.ledger_energy_joule, -40.5e-3, 1e-15);
 }
 
 TEST(PassThrough, GivesTheRequestedForceAndReportsNoBound) {
@@ -350,7 +408,7 @@ TEST(PassThrough, GivesTheRequestedForceAndReportsNoBound) {
 }
 
 // A press of 2 N through quantised positions, held and released without motion: work 0, path 0; the
-// quantisation costs (√3 q/2)(|f| + TV) = 47.63 µm·(0 + 4 N) = 190.5 µJ once the force is gone.
+// quantisation costs (q/2)(|f| + TV) = 27.5 µm·(0 + 4 N) = 110 µJ once the force is gone.
 TEST(EnergyLedger, AStaticPressCostsTheForceTimesTheResolutionOnce) {
   const double q = 55e-6;
   EnergyLedger ledger(0.1, 0.1, q);
@@ -358,7 +416,7 @@ TEST(EnergyLedger, AStaticPressCostsTheForceTimesTheResolutionOnce) {
   for (int i = 0; i < 1000; ++i) ledger.book(1e-3, {0, 0, 2}, Vector3::Zero());
   ledger.book(1e-3, Vector3::Zero(), Vector3::Zero());
 
-  EXPECT_NEAR(ledger.energy_joule(), -0.5 * std::sqrt(3.0) * q * 4.0, 1e-12);
+  EXPECT_NEAR(ledger.energy_joule(), -0.5 * q * 4.0, 1e-12);
 }
 
 // 0.1 m at 0.1 m/s read every millisecond with q = 55 µm, no force: truth 0.1·0.01·1 + 0.1·0.1

@@ -109,6 +109,7 @@ TEST_F(MofcNodeTest, AnswersTheVeryStateItWasGivenWithTheLeaseOfTheSession) {
 
   EXPECT_EQ(command.answers_session_id, 1u);
   EXPECT_EQ(command.answers_sequence, 1u);
+  EXPECT_EQ(command.answers_sampled_at, clock_.now());
   EXPECT_EQ(command.valid_for, Duration(2ms));
 }
 
@@ -208,6 +209,7 @@ TEST_F(MofcNodeTest, TransparencyComparesTheEchoWithTheRequest) {
   tick();
   physics_sends({0, 0, 2});
   tick();
+  clock_.advance(1ms);
   echoed_newton_ = {0, 0, 1};
   tick();
 
@@ -369,8 +371,8 @@ class MofcNodeGuards : public MofcNodeTest {
   MofcNodeGuards() : MofcNodeTest(clamping()) {}
 };
 
-// the same echo with a new header must not be booked twice
-TEST_F(MofcNodeGuards, AnEchoReportedTwiceIsAGap) {
+// the same echo with a new header: nobody knows what acted since
+TEST_F(MofcNodeGuards, AnEchoThatEndsBeforeItsReadingIsAGap) {
   tick();
   clock_.advance(1ms);
   position_m_ = {0.05, 0, 0};
@@ -439,20 +441,68 @@ TEST_F(MofcNodeGuards, ClampsToFrictionWhileTheLedgerIsEmpty) {
   EXPECT_EQ(node_.counters().clamped_ticks, 1u);
 }
 
-TEST_F(MofcNodeGuards, AGapInTheDeviceStatesEmptiesTheLedger) {
-  tick();
-  clock_.advance(1ms);
-  position_m_ = {0.05, 0, 0};
-  tick();
-  ASSERT_GT(records_.ticks.back().ledger_energy_joule, 1e-3);
+/// 1 mm of free motion per state: each state reports the last `reported` of them.
+DeviceState moving_state(std::uint64_t k, std::uint64_t reported) {
+  const auto at = [](std::uint64_t i) { return TimePoint(static_cast<std::int64_t>(i) * 1ms); };
+  const auto x = [](std::uint64_t i) { return Vector3(1e-3 * static_cast<double>(i), 0, 0); };
+  DeviceState state;
+  state.header = {1, k, at(k)};
+  state.hand_position_m = x(k);
+  for (std::uint64_t i = k - reported; i < k; ++i) {
+    state.applied[state.applied_count++] = {Vector3::Zero(), at(i), at(i + 1), x(i + 1), true};
+  }
+  return state;
+}
 
-  Received<DeviceState> state;
-  state.value.header = {1, sequence_ + 5, clock_.now()};
-  state.skipped_before = 5;
-  (void)node_.answer(state);
-  node_.finish_turn();
+class MofcNodeEcho : public MofcNodeGuards {
+ protected:
+  double ledger_joule_after(std::initializer_list<std::pair<std::uint64_t, std::uint64_t>> states) {
+    for (const auto& [k, reported] : states) {
+      (void)node_.answer({.value = moving_state(k, reported)});
+      node_.finish_turn();
+    }
+    return records_.ticks.back().ledger_energy_joule;
+  }
+};
 
-  EXPECT_EQ(records_.ticks.back().ledger_energy_joule, 0.0);
+// every state arrives: 5 mm
+TEST_F(MofcNodeEcho, StatesThatWereLostAreBookedFromTheNextOne) {
+  const double all_joule = ledger_joule_after({{0, 0}, {1, 1}, {2, 1}, {3, 1}, {4, 1}, {5, 1}});
+  MofcNode other(clamping(), clamped_device(), clock_, motion_link_, interaction_in_, records_, 78);
+  for (const auto& [k, reported] : {std::pair{0, 0}, {1, 1}, {5, 4}}) {
+    (void)other.answer({.value = moving_state(k, reported), .skipped_before = k == 5 ? 3U : 0U});
+    other.finish_turn();
+  }
+
+  EXPECT_EQ(records_.ticks.back().ledger_energy_joule, all_joule);
+  EXPECT_EQ(other.counters().ledger_resets, 1u);  // of the session
+}
+
+// the answers were lost: the device reports again what is booked already
+TEST_F(MofcNodeEcho, WhatWasReportedBeforeIsNotBookedTwice) {
+  const double once_joule = ledger_joule_after({{0, 0}, {1, 1}, {2, 1}, {3, 1}});
+  MofcNode other(clamping(), clamped_device(), clock_, motion_link_, interaction_in_, records_, 78);
+  for (const auto& [k, reported] : {std::pair{0, 0}, {1, 1}, {2, 2}, {3, 3}}) {
+    (void)other.answer({.value = moving_state(k, reported)});
+    other.finish_turn();
+  }
+
+  EXPECT_EQ(records_.ticks.back().ledger_energy_joule, once_joule);
+  EXPECT_EQ(other.counters().ledger_resets, 1u);
+}
+
+TEST_F(MofcNodeEcho, AnEchoThatBeginsTooLateIsAGap) {
+  EXPECT_EQ(ledger_joule_after({{0, 0}, {1, 1}, {5, 3}}), 0.0);
+  EXPECT_EQ(node_.counters().ledger_resets, 2u);
+  // and the next one continues it
+  EXPECT_GT(ledger_joule_after({{6, 1}}), 0.0);
+  EXPECT_EQ(node_.counters().ledger_resets, 2u);
+}
+
+TEST_F(MofcNodeEcho, AClockThatGoesBackIsAGap) {
+  (void)ledger_joule_after({{0, 0}, {1, 1}, {5, 4}});
+  EXPECT_EQ(ledger_joule_after({{3, 3}}), 0.0);
+  EXPECT_EQ(node_.counters().ledger_resets, 2u);
 }
 
 // --- interaction: local -------------------------------------------------------------------------
@@ -609,7 +659,7 @@ TEST_P(MofcNodeInMode, AnswerAndFinishTurnDoNotAllocate) {
     s.applied[0] = {acting_newton, clock.now() - 1ms, clock.now() - 600us, s.hand_position_m,
                     k % 50 != 0};
     s.applied[1] = {0.5 * acting_newton, clock.now() - 600us, clock.now(), s.hand_position_m, true};
-    state.skipped_before = k % 300 == 299 ? 3 : 0;
+    if (k % 300 == 299) s.applied[0].from += 100us;  // a gap
     state.received_at = clock.now();
     const bool is_silent = k % 500 > 400;
     if (!is_silent) {

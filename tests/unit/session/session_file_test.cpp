@@ -96,6 +96,7 @@ TEST(SessionFile, AlmostEmptySessionHasEveryDefault) {
   EXPECT_EQ(device.rate_hz, 1000.0);
   EXPECT_EQ(device.reply, 500us);
   EXPECT_EQ(device.lease, 2ms);
+  EXPECT_EQ(device.longest_lease, 10ms);
   EXPECT_EQ(device.limp_after, 20ms);
   EXPECT_EQ(device.fade, 50ms);
   EXPECT_EQ(device.start_ramp, 100ms);
@@ -155,6 +156,7 @@ TEST(SessionFile, DefaultsFollowTheRates) {
   // device period 20 ms; 6 physics periods of 10 ms and 7 ms of jitter
   EXPECT_EQ(session.side().device.reply, 10ms);
   EXPECT_EQ(session.side().device.lease, 40ms);
+  EXPECT_EQ(session.side().device.longest_lease, 40ms);
   EXPECT_EQ(session.side().device.limp_after, 400ms);
   EXPECT_EQ(session.side().device.fade, 50ms);
   EXPECT_EQ(session.side().mofc.stale_after, 67ms);

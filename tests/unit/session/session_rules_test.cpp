@@ -26,6 +26,7 @@ constexpr const char* kSession = R"(
     }
   }
   faults {
+    device        { skip { until_s: 1 } }
     device_state  { outage { until_s: 1 } stall { until_s: 1 } freeze { until_s: 1 } }
     force_command { outage { until_s: 1 } stall { until_s: 1 } freeze { until_s: 1 } }
     tool_motion   { outage { until_s: 1 } stall { until_s: 1 } freeze { until_s: 1 } }
@@ -192,6 +193,11 @@ const Rule kRules[] = {
     {"device.lease_us", {"333"}, {"333.3333"}, "333.333333 … 833.333333", {"device.rate_hz=3000"}},
     {"device.lease_us", {"2101"}, {"2100"}, "1000 … 2100 us", {"device.reply_us=900"}},
     {"device.lease_us", {"0"}, {}, "must be > 0"},
+    {"device.longest_lease_us",
+     {"1999", "20001"},
+     {"2000", "20000"},
+     "must be ≥ device.lease_us, 2000 us, and ≤ device.limp_after_ms, 20 ms"},
+    {"device.longest_lease_us", {"1000001"}, {"1000000"}, "must be", {"device.limp_after_ms=2000"}},
     {"device.limp_after_ms", {"1.9"}, {"2"}, "must be ≥ device.lease_us, 2 ms"},
     {"device.limp_after_ms", {"0"}, {}, "must be > 0"},
     {"device.fade_ms", {"0.9"}, {"1"}, "must be ≥ 1 period of device.rate_hz, 1 ms"},
@@ -388,6 +394,11 @@ const Rule kRules[] = {
      {"faults.interaction.reorder_delay_ms=1"}},
     {"faults.interaction.reorder_ratio", {"0.1"}, {"0"}, "needs reorder_delay_ms > 0"},
     {"faults.interaction.reorder_delay_ms", {"-1"}, {"0"}, "must be ≥ 0"},
+    {"faults.device.skip[0]", {"{ from_s: 1 }"}, {}, "until_s: required"},
+    {"faults.device.late_ratio", {"-0.1", "1.1"}, {"0", "1"}, "must be 0 … 1"},
+    {"faults.device.late_periods", {"0.9", "1001"}, {"1", "1000"}, "must be 1 … 1000"},
+    {"faults.device.late_switch_ratio", {"-0.1", "1.1"}, {"0", "1"}, "must be 0 … 1"},
+    {"faults.device.late_switch_us", {"-1", "1000001"}, {"0", "1000000"}, "must be 0 … 1"},
     {"faults.interaction.outage[0].from_s", {"-1"}, {"0"}, "must be ≥ 0"},
     {"faults.interaction.stall[0].until_s", {"-1"}, {}, "must be ≥ 0"},
     {"faults.interaction.stall[0].until_s",

@@ -1,0 +1,64 @@
+// leased_pool.h — one pool of energy: books what acted, grants forces with the time for which the
+// pool covers them.
+#pragma once
+
+#include <limits>
+#include <optional>
+
+#include "energy_ledger.h"
+#include "force_controller.h"
+#include "one_pool_clamp.h"
+
+namespace palpate::controllers {
+
+struct LeasedPoolParameters {
+  MofcParameters mofc;  ///< T: the time for which every command may act, T_hold
+  std::optional<AxisFriction> per_axis = {};  ///< the friction, instead of mofc.f_d and mofc.f_co
+  double resolution_m = 0.0;                  ///< q ≥ 0
+  double delta_max_s = 0.0;      ///< δ_max ≥ 0: longest time from the reading to the switch
+  double longest_lease_s = 0.0;  ///< T_lease,max: no command acts longer; below T it counts as T
+  double v_max_m_per_s = std::numeric_limits<double>::infinity();  ///< > 0, of the hand
+};
+
+/// The ledger and the rule that keeps E(t) ≥ 0 (docs/theory.md §2.5). With δ the time for which the
+/// force that acts at t_k can still act before the answer replaces it, at most δ_max and at most
+/// the rest of its lease:
+///
+///   F          the largest force along F_e with T drain(F) + δ drain(F_acting) ≤ E′
+///   valid_for  (E′ − δ drain(F_acting)) / drain(F), within T … T_lease,max
+///
+/// No allocation, no throw.
+class LeasedPool {
+ public:
+  explicit LeasedPool(const LeasedPoolParameters& parameters)
+      : p_(parameters),
+        clamp_(parameters.mofc, parameters.per_axis, parameters.v_max_m_per_s),
+        ledger_(parameters.mofc, parameters.per_axis, parameters.resolution_m) {}
+
+  /// Forgets everything; the next book() begins a ledger.
+  void reset() noexcept { has_started_ = false; }
+
+  struct Booked {
+    double elapsed_s = 0.0;   ///< 0 where it is not known what acted
+    double work_joule = 0.0;  ///< −Σ F·Δx: done by the hand against F, where the ends were read
+  };
+  /// Books what acted since the previous step. After a gap no credit is left, a debt stays.
+  Booked book(const ControlInput& input) noexcept;
+
+  /// E′ ← min(E′, joule).
+  void limit(double joule) noexcept { ledger_.limit(joule); }
+  [[nodiscard]] double dissipated_joule() const noexcept { return ledger_.dissipated_joule(); }
+
+  /// @param gate  0 … 1: granted share of the force beyond what friction alone absorbs
+  [[nodiscard]] ControlOutput grant(const ControlInput& input, double gate = 1.0) const noexcept;
+
+ private:
+  std::size_t book_unread(const ControlInput& input, std::size_t first) noexcept;
+
+  LeasedPoolParameters p_;
+  OnePoolClamp clamp_;
+  EnergyLedger ledger_;
+  bool has_started_ = false;
+};
+
+}  // namespace palpate::controllers
