@@ -2,6 +2,7 @@
 // All logic is in the library; this file only reads the command line.
 #include <CLI/CLI.hpp>
 #include "common/link/plot_sender.h"
+#include "common/process/options.h"
 #include "viewer_node/process.h"
 
 int main(int argc, char** argv) {
@@ -13,15 +14,9 @@ int main(int argc, char** argv) {
                       "WebSocket, a status line, one CSV row per device tick, an MCAP file.",
        .add_options =
            [&](CLI::App& app) {
-             app.add_option("--csv", options.csv_file,
-                            "write one row per device tick to this file; with several sides, "
-                            "one file per side, run.SIDE.csv")
-                 ->type_name("FILE");
-             app.add_option("--record", options.record.file,
-                            "record every tick, the scene and the session to this MCAP file")
-                 ->type_name("FILE");
-             app.add_flag("--overwrite", options.record.may_overwrite,
-                          "allow --record to replace a file");
+             palpate::add_csv_option(app, options.csv_file,
+                                     "; with several sides, one file per side, run.SIDE.csv");
+             palpate::add_record_options(app, options.record.file, options.record.may_overwrite);
              app.add_option("--plotjuggler", options.plotjuggler,
                             "publish every tick for PlotJuggler's ZMQ Subscriber, with the schema "
                             "proto/palpate/v1/plot.proto, on this machine only; with several "

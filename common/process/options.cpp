@@ -34,6 +34,17 @@ void add_seconds_option(CLI::App& app, std::optional<double>& seconds, const std
       ->check(is_time(false, "more than 0 and at most 1e9"));
 }
 
+void add_csv_option(CLI::App& app, std::string& file, const std::string& more) {
+  app.add_option("--csv", file, "write one row per device tick to this file" + more)
+      ->type_name("FILE");
+}
+
+void add_record_options(CLI::App& app, std::string& file, bool& may_overwrite) {
+  app.add_option("--record", file, "record every tick, the scene and the session to this MCAP file")
+      ->type_name("FILE");
+  app.add_flag("--overwrite", may_overwrite, "let --record replace an existing file");
+}
+
 void add_no_realtime_flag(CLI::App& app, bool& has_no_realtime) {
   app.add_flag("--no-realtime", has_no_realtime,
                "use ordinary scheduling, whatever the session requests");

@@ -12,6 +12,11 @@ namespace palpate {
 void add_override_option(CLI::App& app, std::vector<std::string>& overrides);
 /// --seconds: a finite number above 0.
 void add_seconds_option(CLI::App& app, std::optional<double>& seconds, const std::string& help);
+/// --csv: one row per device tick.
+/// @param more  appended to the help text
+void add_csv_option(CLI::App& app, std::string& file, const std::string& more = {});
+/// --record and --overwrite.
+void add_record_options(CLI::App& app, std::string& file, bool& may_overwrite);
 /// --no-realtime
 void add_no_realtime_flag(CLI::App& app, bool& has_no_realtime);
 /// --insecure

@@ -31,14 +31,10 @@ void add_side_option(CLI::App& app, std::string& side) {
 }
 
 void OutputOptions::add_to(CLI::App& app, const std::string& more_on_csv) {
-  app.add_option("--csv", csv_file, "write one row per device tick to this file" + more_on_csv)
-      ->type_name("FILE");
+  add_csv_option(app, csv_file, more_on_csv);
   app.add_option("--json", json_file, "write the summary to this file; - for standard output")
       ->type_name("FILE");
-  app.add_option("--record", record.file,
-                 "record every tick, the scene and the session to this MCAP file")
-      ->type_name("FILE");
-  app.add_flag("--overwrite", record.may_overwrite, "let --record replace an existing file");
+  add_record_options(app, record.file, record.may_overwrite);
 }
 
 JsonOutput::JsonOutput(const std::string& path) : path_(path) {

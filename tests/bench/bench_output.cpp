@@ -6,9 +6,9 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <fstream>
 
 #include "common/core/check.h"
+#include "common/core/regular_file.h"
 
 namespace palpate::bench {
 namespace {
@@ -107,10 +107,8 @@ void Table::publish(const BenchOptions& options) const {
 }
 
 void write_file(const std::filesystem::path& file, const std::string& text) {
-  std::ofstream out(file, std::ios::binary);
-  out << text;
-  out.close();
-  if (!out) throw SetupError(file.string() + ": cannot be written; choose another folder");
+  const std::string complaint = palpate::write_file(file, text);
+  if (!complaint.empty()) throw SetupError(file.string() + ": " + complaint);
 }
 
 void draw_figure(const std::filesystem::path& folder, const std::string& name,

@@ -48,7 +48,7 @@ class Table {
   std::vector<std::vector<Cell>> rows_;  // an empty row is a gap
 };
 
-/// Writes text to a file. Throws SetupError if it cannot.
+/// palpate::write_file; throws SetupError if the file cannot be written.
 void write_file(const std::filesystem::path& file, const std::string& text);
 
 /// Writes NAME.gp into `folder` and runs gnuplot on it there; prints the result, or why there is no

@@ -13,6 +13,7 @@
 #include "common/telemetry/summary.h"
 #include "deploy/lockstep/loopback.h"
 #include "tests/bench/bench_output.h"
+#include "tests/bench/disturbed.h"
 #include "tests/bench/tissue_scenes.h"
 
 namespace palpate::bench {
@@ -225,5 +226,18 @@ void run(const BenchOptions& options) {
 int main(int argc, char** argv) {
   CLI::App app("Held force and contact model against rate, delay and loss, in lockstep.");
   palpate::bench::BenchOptions options;
-  return palpate::bench::run_bench(app, options, argc, argv, [&] { palpate::bench::run(options); });
+  bool is_disturbed = false;
+  app.add_flag("--disturbed", is_disturbed,
+               "instead: real and rough surfaces, disturbed links, disturbed ticks");
+  std::vector<std::string> meshes;
+  app.add_option("--mesh", meshes, "a tetrahedral mesh among those surfaces; repeatable")
+      ->type_name("FILE")
+      ->needs("--disturbed");
+  return palpate::bench::run_bench(app, options, argc, argv, [&] {
+    if (is_disturbed) {
+      palpate::bench::run_disturbed(options, meshes);
+    } else {
+      palpate::bench::run(options);
+    }
+  });
 }

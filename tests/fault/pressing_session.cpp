@@ -40,14 +40,18 @@ bool PressingSession::until_pressing(std::size_t side) {
   return watcher_->until([&] { return presses(rows(side)); }) && watcher_->until_rows(100);
 }
 
-bool PressingSession::until_all_pressing() {
-  const auto all_press = [&] {
-    for (std::size_t side = 0; side < session_.sides.size(); ++side) {
-      if (!presses(rows(side))) return false;
+bool PressingSession::until_pressing_while_others_touch() {
+  const auto touches = [&](std::size_t side) {
+    return !rows(side).empty() && is_fresh(rows(side).back()) &&
+           rows(side).back().mofc->state == MofcState::kContact;
+  };
+  return watcher_->until([&] {
+    if (!presses(rows(0))) return false;
+    for (std::size_t side = 1; side < session_.sides.size(); ++side) {
+      if (!touches(side)) return false;
     }
     return true;
-  };
-  return watcher_->until(all_press) && watcher_->until_rows(100);
+  });
 }
 
 pid_t PressingSession::node(const std::string& name, int count) {

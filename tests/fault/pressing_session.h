@@ -31,8 +31,9 @@ class PressingSession {
   /// Waits until the hand presses, with 0.5 s of the press left; false at the deadline.
   /// @param side  index in `sides`
   bool until_pressing(std::size_t side = 0);
-  /// Waits until all hands press at once; their devices must have started together.
-  bool until_all_pressing();
+  /// Waits until the first hand presses while the others touch; their devices must have started
+  /// together. A full press of all at once is rare on a busy machine.
+  bool until_pressing_while_others_touch();
   /// The `count`-th process of a node that launch started.
   pid_t node(const std::string& name, int count = 1);
   /// Ends launch in order.

@@ -317,6 +317,9 @@ TEST_F(ThrownHand, AFaultEndsTheForceIsRecordedAndLastsUntilItsReset) {
 // --- flight recorder ------------------------------------------------------------------------
 
 TEST_F(PressingHand, ASignalWritesTheLastTicksOfEachNodeBesideTheRunFolder) {
+  // mofc_node and physics_node may miss ticks of the device on a busy machine
+  const std::size_t least_ticks = watcher_->rows().size() / 3;
+  ASSERT_GT(least_ticks, 50u);
   for (Program* node : {&*physics_, &*mofc_, &*device_}) {
     node->send_signal(SIGUSR1);
     const std::string text = node->await_err("event=flight_recording reason=signal ticks=");
@@ -327,7 +330,7 @@ TEST_F(PressingHand, ASignalWritesTheLastTicksOfEachNodeBesideTheRunFolder) {
     std::size_t lines = 0;
     for (std::string line; std::getline(in, line);) ++lines;
     EXPECT_EQ(lines, std::stoul(text) + 1);
-    EXPECT_GT(lines, 500u);
+    EXPECT_GT(lines, least_ticks);
   }
 
   // the nodes continue

@@ -425,6 +425,17 @@ struct GuardCase : Case {
   double gate_joule = 0.0;
 };
 
+/// An isotropic clamp keeps the direction of the requested force, raises nothing, and says so.
+inline void expect_reduced_or_kept(const ControlInput& in, const ControlOutput& out) {
+  const Vector3& asked = in.asked_force_on_hand_newton;
+  const Vector3& given = out.force_on_hand_newton;
+  ASSERT_LE(given.norm(), asked.norm());
+  ASSERT_LE(given.norm(), out.f_max_newton.x() * (1.0 + 1e-15));
+  ASSERT_LE(given.cross(asked).norm(), 1e-15 * given.norm() * asked.norm());
+  ASSERT_GE(given.dot(asked), 0.0);
+  ASSERT_EQ(out.is_clamped, given != asked);
+}
+
 /// Makes the friction of a case act per axis; what the controller assumes is at or below it.
 inline void give_friction_per_axis(Case& c, std::uint64_t seed, bool is_tight) {
   Random draw(~seed ^ 0x5eed);

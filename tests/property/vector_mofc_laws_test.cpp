@@ -18,7 +18,7 @@ TEST(VectorMofcLaws, NoHandAndNoEnvironmentDrawEnergyAtAnyInstant) {
 }
 
 // Without Coulomb friction, resolution and delay this is the energy bound of the force bounding
-// approach, E ≥ Fᵀ B⁻¹ F / (4 ξ) with B = f_d/T and ξ = 1 ([Kim & Ryu], docs/theory.md §8): every
+// approach, E ≥ Fᵀ B⁻¹ F / (4 ξ) with B = f_d/T and ξ = 1 ([Kim04], docs/theory.md §8): every
 // force leaves enough in the ledger for the worst next interval, and no more than that where it is
 // clamped.
 TEST(VectorMofcLaws, EveryForceLeavesTheEnergyItMayCost) {

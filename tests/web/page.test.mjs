@@ -1,7 +1,7 @@
 // page.test.mjs: the page in a real Chromium, over the simulated session of support/mock_server.mjs.
 import assert from "node:assert/strict";
 import { after, afterEach, before, test } from "node:test";
-import { launch, open, picture, status, until, until_pixels_change, until_text, words } from "./support/browser.mjs";
+import { at_most, late_pages, launch, open, picture, status, until, until_pixels_change, until_text, words } from "./support/browser.mjs";
 import { start_mock_server } from "./support/mock_server.mjs";
 import { changed_pixels } from "./support/png.mjs";
 
@@ -338,37 +338,49 @@ for (const [name, state, task] of [["device", "no_device", "the motors"], ["mofc
   test_on_page(`a killed ${name}_node is reported within 2 s`, async (page) => {
     await until(page, (t) => t.nodes[name].is_alive, "a living node");
 
-    server.world.alive[name] = false;
-    const killed_ms = performance.now();
-    await until(page, (t) => t.state.id === state && !t.nodes[name].is_alive, "the state in words", 2000);
-    await until_text(page, "banners", new RegExp(`${name}_node \\(${task}\\) is gone: last heard \\d`));
-    const reported_ms = performance.now() - killed_ms;
-    assert.ok(reported_ms < 2000, `after ${reported_ms} ms`);
+    await at_most(2000, async () => {
+      server.world.alive[name] = false;
+      const killed_ms = performance.now();
+      await until(page, (t) => t.state.id === state && !t.nodes[name].is_alive, "the state in words");
+      await until_text(page, "banners", new RegExp(`${name}_node \\(${task}\\) is gone: last heard \\d`));
+      const reported_ms = performance.now() - killed_ms;
 
-    server.world.alive[name] = true;
-    await until(page, (t) => t.nodes[name].is_alive && t.state.id !== state, "its return");
-    await until_text(page, "banners", /^$/);
+      server.world.alive[name] = true;
+      await until(page, (t) => t.nodes[name].is_alive && t.state.id !== state, "its return");
+      await until_text(page, "banners", /^$/);
+      return reported_ms;
+    });
   });
 }
 
 test("a lost connection is reported and made again", kLimit, async () => {
   const page = await start();
   const port = Number(new URL(server.url).port);
-  await server.close();
-  await until(page, (t) => t.state.id === "disconnected", "the loss", 2000);
-  await until_text(page, "banners", /Connection to the viewer’s server lost/);
+  await at_most(2000, async () => {
+    await server.close();
+    const closed_ms = performance.now();
+    await until(page, (t) => t.state.id === "disconnected", "the loss");
+    const reported_ms = performance.now() - closed_ms;
+    await until_text(page, "banners", /Connection to the viewer’s server lost/);
 
-  server = await start_mock_server({ port });
-  await until(page, (t) => t.is_connected && t.state.id !== "disconnected" && t.scene, "the connection");
-  await until_text(page, "banners", /^$/);
+    server = await start_mock_server({ port });
+    await until(page, (t) => t.is_connected && t.state.id !== "disconnected" && t.scene, "the connection");
+    await until_text(page, "banners", /^$/);
+    return reported_ms;
+  });
 });
 
 test_on_page("a stalled server is reported as gone, though its connection stays open", async (page) => {
-  server.world.is_silent = true;
-  await until(page, (t) => t.state.id === "disconnected", "the loss", 2500);
+  await at_most(2500, async () => {
+    server.world.is_silent = true;
+    const silent_ms = performance.now();
+    await until(page, (t) => t.state.id === "disconnected", "the loss");
+    const reported_ms = performance.now() - silent_ms;
 
-  server.world.is_silent = false;
-  await until(page, (t) => t.state.id !== "disconnected" && t.nodes.device.is_alive, "the return");
+    server.world.is_silent = false;
+    await until(page, (t) => t.state.id !== "disconnected" && t.nodes.device.is_alive, "the return");
+    return reported_ms;
+  });
 });
 
 test("dark and light, by preference and by choice", kLimit, async () => {
@@ -442,21 +454,15 @@ test_on_common("late pages see the same scene within a second", kSmall, 1, async
   await rest_tool_at(first, -0.006);
   const reference = await until(first, (t) => t.scene.tissues[0].displacement_m > 0.008, "a dent");
 
-  const took_ms = [];
-  for (let late = 0; late < 3; ++late) {
-    const page = await open(browser, server.url, { wait: false, ...kSmall });
-    const connected = await until(page, (t) => t.is_connected, "a connection");
-    assert.ok(connected);
+  await late_pages(browser, server.url, kSmall, async (page) => {
     const begin = performance.now();
     const now = await until(page, (t) => t.scene?.tissues[0].displacement_m > 0.008, "scene and dent");
-    took_ms.push(performance.now() - begin);
+    const took_ms = performance.now() - begin;
     assert.equal(now.scene.signature, reference.scene.signature);
     assert.equal(now.scene.revision, reference.scene.revision);
     assert.deepEqual(now.scene.tissues.map((t) => t.displacement_m.toFixed(5)), reference.scene.tissues.map((t) => t.displacement_m.toFixed(5)));
-    await page.context().close();
-  }
-  // the quickest: the others may have met a busy machine
-  assert.ok(Math.min(...took_ms) < 1000, `after ${took_ms} ms`);
+    return took_ms;
+  });
 });
 
 test("every control has a name, and Tab reaches it", kLimit, async () => {
@@ -478,22 +484,23 @@ test("every control has a name, and Tab reaches it", kLimit, async () => {
 test("20 000 deforming vertices at 30 Hz are taken as fast as they come", kLimit, async () => {
   await discard_common();
   const page = await start({ vertices: 20000 });
-  const begin = await until(page, (t) => t.mesh_frames > 5, "mesh frames");
-  const sent = server.world.mesh_frames;
-  const costs_s = [];
-  await until(page, (t) => {
-    costs_s.push(t.mesh_cost_s);
-    return t.now_s > begin.now_s + 3;
-  }, "three seconds");
-  const sent_since = server.world.mesh_frames - sent;
-  const end = await status(page);
-  const taken = end.mesh_frames - begin.mesh_frames;
-  costs_s.sort((a, b) => a - b);
-  const median_s = costs_s[costs_s.length >> 1];
-  console.log(`20 000 vertices: ${taken} of ${sent_since} frames in ${(end.now_s - begin.now_s).toFixed(1)} s, ` +
-    `${(1e3 * median_s).toFixed(2)} ms each (median; take, normals, colours), picture ${(1e3 * end.frame_cost_s).toFixed(1)} ms`);
-
-  assert.ok(end.scene.tissues[0].vertices >= 20000);
-  assert.ok(taken >= 0.9 * sent_since - 2);
-  assert.ok(median_s < 0.010); // a third of the period
+  await until(page, (t) => t.mesh_frames > 5, "mesh frames");
+  await at_most(0.010, async () => { // a third of the period
+    const begin = await status(page);
+    const sent = server.world.mesh_frames;
+    const costs_s = [];
+    await until(page, (t) => {
+      costs_s.push(t.mesh_cost_s);
+      return t.now_s > begin.now_s + 3;
+    }, "three seconds");
+    const sent_since = server.world.mesh_frames - sent;
+    const end = await status(page);
+    const taken = end.mesh_frames - begin.mesh_frames;
+    costs_s.sort((a, b) => a - b);
+    const median_s = costs_s[costs_s.length >> 1];
+    console.log(`20 000 vertices: ${taken} of ${sent_since} frames in ${(end.now_s - begin.now_s).toFixed(1)} s, ` +
+      `${(1e3 * median_s).toFixed(2)} ms each (median; take, normals, colours), picture ${(1e3 * end.frame_cost_s).toFixed(1)} ms`);
+    assert.ok(end.scene.tissues[0].vertices >= 20000);
+    return taken >= 0.9 * sent_since - 2 ? median_s : Infinity;
+  });
 });

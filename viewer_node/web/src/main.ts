@@ -130,6 +130,7 @@ function take_scene(message: SceneState): void {
   signature = scene_signature(surfaces);
   view.set_surfaces(surfaces, scene, scene.peakForceNewton);
   hand.set_scene(scene);
+  write_hand(hand.status, hand.is_touching);
   write_session(scene);
   write_tissues(surfaces, mode);
   write_scale(view, mode);

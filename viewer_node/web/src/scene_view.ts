@@ -415,10 +415,21 @@ export class SceneView {
   }
 }
 
+/** Without a GPU, smooth edges and shadows would cost most of the processor time of a picture. */
+function has_gpu(): boolean {
+  const probe = document.createElement("canvas").getContext("webgl2", { failIfMajorPerformanceCaveat: true });
+  if (!probe) return false;
+  const info = probe.getExtension("WEBGL_debug_renderer_info");
+  const name = String(probe.getParameter(info?.UNMASKED_RENDERER_WEBGL ?? probe.RENDERER));
+  probe.getExtension("WEBGL_lose_context")?.loseContext();
+  return !/swiftshader|llvmpipe|software|basic render/i.test(name);
+}
+
 function renderer_of(canvas: HTMLCanvasElement): WebGLRenderer | null {
   try {
-    const renderer = new WebGLRenderer({ canvas, antialias: true, powerPreference: "high-performance" });
-    renderer.shadowMap.enabled = true;
+    const is_fine = has_gpu();
+    const renderer = new WebGLRenderer({ canvas, antialias: is_fine, powerPreference: "high-performance" });
+    renderer.shadowMap.enabled = is_fine;
     renderer.shadowMap.type = PCFShadowMap;
     return renderer;
   } catch (error) {
