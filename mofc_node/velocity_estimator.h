@@ -1,5 +1,5 @@
-// velocity_estimator.h — the tool's velocity from its quantised positions. For damping forces only:
-// the energy ledger never sees it.
+// velocity_estimator.h — the tool's velocity from its quantised positions, and its position within
+// the count. For the tissue's force only: the energy ledger never sees them.
 //
 // Every estimator trades three properties against one another: bias (error on a steady motion),
 // noise (one count q of the encoder in one period T is q/T: 55 mm/s, 8 N at 150 N·s/m) and lag (a
@@ -7,24 +7,13 @@
 // resolution, T: period, W: window, A: bound of the acceleration. build/release/bin/velocity_bench
 // measures all of them.
 //
-// All are exact on a uniform motion without quantisation, accept irregular stamps (a sample that is
-// not later than the last one is ignored and the estimate stays), and return zero for the first
-// sample after construction or reset(). After a gap they continue: see each.
+// All are exact on a uniform motion without quantisation (resolution 0), accept irregular stamps (a
+// sample that is not later than the last one is ignored and the estimate stays), and return zero
+// for the first sample after construction or reset(). After a gap they continue: see each.
 //
-// The default is the Kalman filter of order 3 with the motors' force as its known input. Figures of
-// velocity_bench, the paper's V in the loop at 1 kHz, rigid tissue (150 N·s/m on 0.3 kg decays in 2
-// ms), mode guard:
-//
-//                                       force error  transparency  clamped  path
-//   difference                               76 %         29 %       89 %   5.6 mm
-//   difference, low-pass 10 ms               42 %         87 %       11 %   0.24 mm, reversals
-//   adaptive window, best fit, 10 ms         88 %         59 %       52 %   0.87 mm
-//   Kalman, order 3, force unknown          109 %         39 %       97 %   3.3 mm
-//   Kalman, order 3, default                 24 %         90 %       10 %   0.17 mm
-//   the same, mass set 0.2 or 0.6 kg         29, 39 %     88, 86 %   9, 11 %
-//   the same, mass set 0.1 or 1 kg           51, 97 %     68, 53 %   91, 75 %
-//
-// Without that input, no filter smooth enough for the ledger follows within those 2 ms.
+// The default is the Kalman filter with the motors' force as its known input and a model of the
+// hand. Without that input, no filter smooth enough for the ledger follows a damper that decays in
+// 2 ms (150 N·s/m on 0.3 kg). Figures: docs/benchmarks.md.
 // Thread: the caller's. No allocation after construction, no lock, no throw.
 #pragma once
 
