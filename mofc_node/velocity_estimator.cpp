@@ -22,6 +22,9 @@ constexpr double kLeastResolution_m = 1e-9;
 // A reading further from what the filter expects, in standard deviations, contradicts its model.
 constexpr double kSurprise = 2.5;
 
+// Of such a contradiction, the variance that a jump of the velocity gets.
+constexpr double kStrikeShare = 0.1;
+
 // Least change of a reading that is one, and how far from whole counts whole changes are, in
 // counts.
 constexpr double kCountTolerance = 0.01;
@@ -322,10 +325,12 @@ void KalmanEstimator::correct(Axis& axis, double measured_m, double since_s) con
   // the same count again: news only where another one was expected
   if (!is_new && off_m <= 0.0 && variance_m2 < half_m * half_m / 3.0) return;
 
-  // what the model holds for impossible has happened: it knows less than it thinks
+  // what the model holds for impossible has happened: it knows less than it thinks, and something
+  // may have struck the hand
   const double least_m2 = off_m > 0.0 ? std::pow(off_m / kSurprise, 2) : 0.0;
   if (least_m2 > variance_m2) {
     axis.covariance *= least_m2 / variance_m2;
+    axis.covariance(1, 1) += kStrikeShare * (least_m2 - variance_m2) / (since_s * since_s);
     variance_m2 = least_m2;
   }
   const double sigma_m = std::sqrt(variance_m2);

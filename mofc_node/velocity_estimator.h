@@ -161,9 +161,9 @@ class AdaptiveWindowEstimator final : public VelocityEstimator {
 ///
 ///   bias     none
 ///   error    1 kHz, q = 0.055 mm: velocity_bench
-///   surprise a reading more than 2.5 standard deviations off enlarges the covariance
-///   rest     a hand that stops crosses no edge; after time t |v| is at most about q/t
-///   gap      up to 0.25 s the model runs on; then it begins anew
+///   surprise a reading more than 2.5 standard deviations off enlarges the covariance, most that of
+///   v rest     a hand that stops crosses no edge; after time t |v| is at most about q/t gap up to
+///   0.25 s the model runs on; then it begins anew
 class KalmanEstimator final : public VelocityEstimator {
  public:
   /// @param resolution_m    > 0, else 1 nm is taken
