@@ -113,7 +113,7 @@ MofcNode::Request MofcNode::request(const DeviceState& state, const Interaction*
   const ModelForce tissue =
       interaction_use_ == InteractionUse::kHeld
           ? held(*interaction)
-          : handover_.step(*interaction, state.tool_position_world_m,
+          : handover_.step(*interaction, relay_.tool_position_world_m(),
                            relay_.tool_velocity_world_m_per_s(), to_seconds(since_previous),
                            state.header.sampled_at);
   return {.tissue = tissue, .state = tissue.is_touching ? MofcState::kContact : MofcState::kFree};

@@ -12,7 +12,7 @@ MotionRelay::MotionRelay(const MofcConfig& mofc, const ClampedDevice& device, co
       velocity_(make_velocity_estimator(
           mofc.velocity_estimator,
           device.profile.position_resolution_m * device.workspace.scale_ratio,
-          device.workspace.scale_ratio)) {
+          device.workspace.scale_ratio, device.profile.coulomb_newton)) {
   motion_.header.session_id = session_id;
 }
 

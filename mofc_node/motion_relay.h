@@ -30,6 +30,10 @@ class MotionRelay {
   /// Sends the motion of the last update() unless that was done or the deadband suppresses it.
   void send() noexcept;
 
+  /// Where the tool is, as far as the encoder tells: estimated at the last update(), W.
+  [[nodiscard]] Vector3 tool_position_world_m() const noexcept {
+    return velocity_->position_m(motion_.tool_position_world_m);
+  }
   /// Estimated at the last update(), W.
   [[nodiscard]] const Vector3& tool_velocity_world_m_per_s() const noexcept {
     return motion_.tool_velocity_world_m_per_s;

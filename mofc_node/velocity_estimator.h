@@ -1,5 +1,5 @@
-// velocity_estimator.h — the tool's velocity from its quantised positions. For damping forces only:
-// the energy ledger never sees it.
+// velocity_estimator.h — the tool's velocity from its quantised positions, and its position within
+// the count. For the tissue's force only: the energy ledger never sees them.
 //
 // Every estimator trades three properties against one another: bias (error on a steady motion),
 // noise (one count q of the encoder in one period T is q/T: 55 mm/s, 8 N at 150 N·s/m) and lag (a
@@ -7,24 +7,13 @@
 // resolution, T: period, W: window, A: bound of the acceleration. build/release/bin/velocity_bench
 // measures all of them.
 //
-// All are exact on a uniform motion without quantisation, accept irregular stamps (a sample that is
-// not later than the last one is ignored and the estimate stays), and return zero for the first
-// sample after construction or reset(). After a gap they continue: see each.
+// All are exact on a uniform motion without quantisation (resolution 0), accept irregular stamps (a
+// sample that is not later than the last one is ignored and the estimate stays), and return zero
+// for the first sample after construction or reset(). After a gap they continue: see each.
 //
-// The default is the Kalman filter of order 3 with the motors' force as its known input. Figures of
-// velocity_bench, the paper's V in the loop at 1 kHz, rigid tissue (150 N·s/m on 0.3 kg decays in 2
-// ms), mode guard:
-//
-//                                       force error  transparency  clamped  path
-//   difference                               76 %         29 %       89 %   5.6 mm
-//   difference, low-pass 10 ms               42 %         87 %       11 %   0.24 mm, reversals
-//   adaptive window, best fit, 10 ms         88 %         59 %       52 %   0.87 mm
-//   Kalman, order 3, force unknown          109 %         39 %       97 %   3.3 mm
-//   Kalman, order 3, default                 24 %         90 %       10 %   0.17 mm
-//   the same, mass set 0.2 or 0.6 kg         29, 39 %     88, 86 %   9, 11 %
-//   the same, mass set 0.1 or 1 kg           51, 97 %     68, 53 %   91, 75 %
-//
-// Without that input, no filter smooth enough for the ledger follows within those 2 ms.
+// The default is the Kalman filter with the motors' force as its known input and a model of the
+// hand. Without that input, no filter smooth enough for the ledger follows a damper that decays in
+// 2 ms (150 N·s/m on 0.3 kg). Figures: docs/benchmarks.md.
 // Thread: the caller's. No allocation after construction, no lock, no throw.
 #pragma once
 
@@ -49,12 +38,19 @@ class VelocityEstimator {
   /// @param mean_force_newton  force of the motors on the hand since the last sample, time average
   virtual Vector3 update(const Vector3& position_m, TimePoint t,
                          const Vector3& mean_force_newton) noexcept = 0;
+
+  /// The position at the last update, which measured `measured_m`: within ±q/2 of that.
+  [[nodiscard]] virtual Vector3 position_m(const Vector3& measured_m) const noexcept {
+    return measured_m;
+  }
 };
 
 /// @param resolution_m  q of the positions that will be given, per axis; 0: exact
 /// @param scale_ratio   displacement in those positions per displacement of the hand
+/// @param coulomb_newton  friction of the device that acts for sure, f_co
 [[nodiscard]] std::unique_ptr<VelocityEstimator> make_velocity_estimator(
-    const VelocityEstimatorConfig& config, double resolution_m, double scale_ratio);
+    const VelocityEstimatorConfig& config, double resolution_m, double scale_ratio,
+    double coulomb_newton = 0.0);
 
 /// First-order low-pass of time constant τ; 0: passes on.
 class LowPass {
@@ -141,49 +137,79 @@ class AdaptiveWindowEstimator final : public VelocityEstimator {
   Vector3 window_s_ = Vector3::Zero();
 };
 
-/// Kalman filter with measurement noise q²/12, the variance of an error uniform in ±q/2.
-/// `Order` 2: position and velocity, acceleration is white noise of density S (m²/s³).
-/// `Order` 3: and acceleration, jerk is white noise of density S (m²/s⁵).
-/// The known force of the motors is an input of the model, as force / moving mass: the filter then
-/// has to estimate only the hand's force, which changes more slowly than the loop. With too small a
-/// mass the estimate responds too strongly to the motors, which weakens a damper; with too large a
-/// mass the lag returns.
+/// Kalman filter on a model of hand and device, each axis alone:
 ///
-/// Continuous limit, R = T q²/12, without the known force:
-///   order 2  ω = (S/R)^¼: lag √2/ω, variance √2 S^¾ R^¼
-///   order 3  ω = (S/R)^⅙: no lag under constant acceleration, but overshoot of jerks
+///   x′ = v      v′ = a + F/m − f_co v̂/m       F  force of the motors, m  moving mass
+///   a′ = κ (u − v) + β (u′ − v′) + jerk       a  acceleration by the hand
+///   u′ = w                                    u  velocity that the hand intends
+///
+/// a is that of a spring and a damper towards where the hand wants to be, κ = K/m, β = B/m. jerk
+/// and w are white noise of density S (m²/s⁵) and S_u (m²/s³). K = B = 0: constant acceleration.
+/// Model kConstantVelocity: a = 0 and v′ has white noise of density S (m²/s³). What the filter has
+/// to learn from the encoder is only what the model does not know, which changes slowly: hence the
+/// motors' force, which changes within a tick at a contact, and the hand's answer to it.
+///
+/// A reading says that x lies within ±q/2 of it: the estimate takes mean and variance of its normal
+/// distribution, truncated to that interval [Curry70]. Two rules for what a count really tells:
+///
+///   a new count   x has just crossed the edge: only the part of the count that the hand can have
+///                 reached since the last reading is left; far less than q in slow motion. Where
+///                 readings do not change by whole counts (a device with joints) all of it.
+///   the same one  tells nothing new, unless the filter expected to have left it. Counted as news
+///   in
+///                 every tick it would make a filter too sure of the count's centre.
+///
 ///   bias     none
-///   rest     decays with 1/ω. Slower than one count per 1/ω the error is no longer white: pulses.
-///   gap      the model runs on, its variance grows, the next samples count more
-template <int Order>
+///   error    1 kHz, q = 0.055 mm: velocity_bench
+///   surprise a reading more than 2.5 standard deviations off enlarges the covariance, most that of
+///   v rest     a hand that stops crosses no edge; after time t |v| is at most about q/t gap up to
+///   0.25 s the model runs on; then it begins anew
 class KalmanEstimator final : public VelocityEstimator {
  public:
-  /// @param resolution_m  > 0, else 1 nm is taken
-  /// @param acceleration_per_newton  1 / moving mass, in the scale of the positions; 0: unknown
-  KalmanEstimator(double noise_density, double resolution_m, double acceleration_per_newton);
+  /// @param resolution_m    > 0, else 1 nm is taken
+  /// @param scale_ratio     displacement in the positions per displacement of the hand
+  /// @param coulomb_newton  ≥ 0, f_co
+  KalmanEstimator(const KalmanVelocity& config, double resolution_m, double scale_ratio,
+                  double coulomb_newton);
 
   void reset() noexcept override { has_sample_ = false; }
   Vector3 update(const Vector3& position_m, TimePoint t,
                  const Vector3& mean_force_newton) noexcept override;
-
-  /// Variance of the estimate according to the filter, m²/s², per axis.
-  [[nodiscard]] double velocity_variance() const noexcept { return covariance_(1, 1); }
+  [[nodiscard]] Vector3 position_m(const Vector3& measured_m) const noexcept override;
 
  private:
-  using Square = Eigen::Matrix<double, Order, Order>;
+  using State = Eigen::Vector4d;  // x, v, a, u
+  using Square = Eigen::Matrix4d;
+  struct Axis {
+    State state = State::Zero();
+    Square covariance = Square::Zero();
+    double measured_m = 0.0;
+  };
 
-  [[nodiscard]] Vector3 velocity() const noexcept { return state_.row(1).transpose(); }
+  void begin(const Vector3& position_m) noexcept;
+  /// Makes transition, noise and input those of a step of `h` seconds.
+  void use_step(double h) noexcept;
+  void correct(Axis& axis, double measured_m, double since_s) const noexcept;
+  /// Position or velocity of the axes.
+  [[nodiscard]] Vector3 state(int derivative) const noexcept;
 
-  double noise_density_;
-  double measurement_variance_m2_;
-  double acceleration_per_newton_;
+  double half_count_m_;
+  double acceleration_per_newton_ = 0.0;
+  double friction_m_per_s2_ = 0.0;
+  Square rate_ = Square::Zero();      // of the state, without noise
+  State input_rate_ = State::Zero();  // per m/s² of known acceleration
+  Square density_ = Square::Zero();   // of the white noise
+  Square first_covariance_ = Square::Zero();
+
+  double step_s_ = 0.0;  // of the next three
+  Square transition_ = Square::Identity();
+  Square noise_ = Square::Zero();
+  State input_ = State::Zero();
+
   bool has_sample_ = false;
   TimePoint last_time_{};
-  Eigen::Matrix<double, Order, 3> state_ = Eigen::Matrix<double, Order, 3>::Zero();  // per axis
-  Square covariance_ = Square::Zero();  // the same for every axis
+  Vector3 previous_force_newton_ = Vector3::Zero();
+  std::array<Axis, 3> axes_{};
 };
-
-extern template class KalmanEstimator<2>;
-extern template class KalmanEstimator<3>;
 
 }  // namespace palpate::mofc

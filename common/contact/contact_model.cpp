@@ -55,6 +55,18 @@ Vector3 friction_stretch(const Vector3& wanted_m, double friction_coefficient,
   return std::isfinite(length_m) ? Vector3(most_m / length_m * wanted_m) : Vector3::Zero();
 }
 
+HuntCrossleyForce hunt_crossley(const Contact& contact, double penetration_m) noexcept {
+  if (!(penetration_m > 0.0)) return {};
+  const double n = contact.hunt_crossley_exponent;
+  const double ratio = penetration_m / contact.hunt_crossley_depth_m;
+  const double secant = contact.hunt_crossley_stiffness_newton_per_m * std::pow(ratio, n - 1.0);
+  return {
+      .elastic_newton = secant * penetration_m,
+      .stiffness_newton_per_m = n * secant,
+      .damping_newton_s_per_m = contact.hunt_crossley_damping_newton_s_per_m * std::pow(ratio, n),
+      .stored_energy_joule = secant * penetration_m * penetration_m / (n + 1.0)};
+}
+
 namespace {
 
 /// The law at a place where the tool touches.
@@ -68,6 +80,14 @@ ModelForce law(const Contact& contact, const Place& place, const Vector3& veloci
   const Vector3 Kd = contact.d_force_d_position * moved;
 
   Vector3 f = contact.elastic_force_on_tool_newton + Kd + (c2 + c3 * deeper) * deeper * deeper * n0;
+  Matrix3 B = contact.d_force_d_velocity;
+  const bool is_power = contact.hunt_crossley_exponent > 0.0;
+  const HuntCrossleyForce power =
+      is_power ? hunt_crossley(contact, place.penetration_m) : HuntCrossleyForce{};
+  if (is_power) {
+    f = power.elastic_newton * n0;
+    B = -power.damping_newton_s_per_m * n0 * n0.transpose();
+  }
   double stretched = 0.0;
   if (contact.friction_coefficient > 0.0) {
     const Vector3 s =
@@ -78,17 +98,23 @@ ModelForce law(const Contact& contact, const Place& place, const Vector3& veloci
                 (s.squaredNorm() - contact.stretch_m.squaredNorm());
   }
   if (n == n0) {
-    f += contact.d_force_d_velocity * velocity;
+    f += B * velocity;
   } else {
     const Matrix3 Q = turn(n0, n);
-    f = Q * (f + contact.d_force_d_velocity * (Q.transpose() * velocity));
+    f = Q * (f + B * (Q.transpose() * velocity));
   }
   const double along_normal = n.dot(f);
   if (along_normal < 0.0 && !contact.is_adhesive) f -= along_normal * n;
 
-  const double elastic = contact.stored_energy_joule -
-                         moved.dot(contact.elastic_force_on_tool_newton + 0.5 * Kd) +
-                         (c2 / 3.0 + 0.25 * c3 * deeper) * deeper * deeper * deeper;
+  double elastic = contact.stored_energy_joule -
+                   moved.dot(contact.elastic_force_on_tool_newton + 0.5 * Kd) +
+                   (c2 / 3.0 + 0.25 * c3 * deeper) * deeper * deeper * deeper;
+  if (is_power) {
+    elastic = power.stored_energy_joule;
+    if (contact.friction_coefficient > 0.0) {
+      elastic += 0.5 * contact.friction_stiffness_newton_per_m * contact.stretch_m.squaredNorm();
+    }
+  }
   return {f, std::max(0.0, elastic + stretched), true};
 }
 

@@ -19,8 +19,10 @@
 // where it sticks (TissueMemory): between two messages a slip that reverses returns the energy that
 // it absorbed, and a change of N while slipping may add energy, at most that of the stretch. The
 // energy ledger of the controller bounds that like any other error of the model.
+// With an exponent the law is that of [Hunt75] instead, N = k p (p/p₁)ⁿ⁻¹ along n, damped by
+// b (p/p₁)ⁿ: f₀, K, B, c₂ and c₃ are not used.
 // The part of f along n is at least 0 unless the tissue is adhesive. Exact for Kelvin–Voigt tissue
-// with cubic stiffening on these surfaces.
+// with cubic stiffening and for Hunt–Crossley tissue on these surfaces.
 #pragma once
 
 #include "common/core/messages.h"
@@ -49,6 +51,18 @@ struct ModelForce {
 [[nodiscard]] Vector3 friction_stretch(const Vector3& wanted_m, double friction_coefficient,
                                        double friction_stiffness_newton_per_m,
                                        double normal_newton) noexcept;
+
+/// The law of Hunt and Crossley [Hunt75] along the normal, for the penetration p.
+struct HuntCrossleyForce {
+  double elastic_newton = 0.0;          ///< k p (p/p₁)ⁿ⁻¹
+  double stiffness_newton_per_m = 0.0;  ///< its derivative
+  double damping_newton_s_per_m = 0.0;  ///< b (p/p₁)ⁿ
+  double stored_energy_joule = 0.0;     ///< k p² (p/p₁)ⁿ⁻¹ / (n + 1)
+};
+/// @param contact  with an exponent n ≥ 1; nothing else of it but k, b and p₁ is used
+/// @param penetration_m  ≤ 0: all zero
+[[nodiscard]] HuntCrossleyForce hunt_crossley(const Contact& contact,
+                                              double penetration_m) noexcept;
 
 /// All contacts of an Interaction at a tool that is at `tool_position_world_m`. Touches that are
 /// not listed keep the force they had. Zero where it would not be finite.

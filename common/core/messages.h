@@ -102,6 +102,11 @@ struct Contact {
   Matrix3 d_force_d_velocity = Matrix3::Zero();            ///< ∂f/∂v [N·s/m]
   double stiffening_newton_per_m2 = 0.0;  ///< c₂ of the term c₂ Δp² along the normal
   double stiffening_newton_per_m3 = 0.0;  ///< c₃ of the term c₃ Δp³ along the normal
+  // Hunt and Crossley: k p (p/p₁)ⁿ⁻¹ + b (p/p₁)ⁿ ṗ along the normal takes the place of the above
+  double hunt_crossley_exponent = 0.0;                ///< n ≥ 1; 0: no, next three unused
+  double hunt_crossley_depth_m = 0.0;                 ///< p₁ > 0
+  double hunt_crossley_stiffness_newton_per_m = 0.0;  ///< k
+  double hunt_crossley_damping_newton_s_per_m = 0.0;  ///< b
   // Coulomb friction: a tangential spring that slips at μ times the elastic normal force
   double friction_coefficient = 0.0;             ///< μ ≥ 0; 0: no friction, next two unused
   double friction_stiffness_newton_per_m = 0.0;  ///< k_t > 0

@@ -42,8 +42,12 @@ struct KalmanVelocity {
   enum class Model : std::uint8_t { kConstantVelocity, kConstantAcceleration };
   Model model = Model::kConstantAcceleration;
   double noise_density =
-      10.0;  ///< of the jerk [m²/s⁵], or of the acceleration [m²/s³] with constant velocity
+      0.1;  ///< of the jerk [m²/s⁵], or of the acceleration [m²/s³] with constant velocity
   double moving_mass_kg = 0.3;  ///< moved by the motor force; 0: the motor force is not used
+  // The hand with constant acceleration: a spring and a damper towards where it wants to be.
+  double hand_stiffness_newton_per_m = 150.0;
+  double hand_damping_newton_s_per_m = 6.0;
+  double intention_density = 0.005;  ///< of the acceleration that the hand intends [m²/s³]
 };
 /// How the tool's velocity is estimated: mofc_node/velocity_estimator.h.
 using VelocityEstimatorConfig =

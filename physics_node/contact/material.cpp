@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/contact/contact_model.h"
+
 namespace palpate::physics {
 namespace {
 
@@ -58,6 +60,18 @@ Contact describe(const KelvinVoigtMaterial& material, const SurfaceView& surface
 
   // local factor from the stiffness map of a cloud
   const double ratio = surface.stiffness_ratio;
+  if (material.exponent > 0.0) {
+    contact.hunt_crossley_exponent = material.exponent;
+    contact.hunt_crossley_depth_m = material.exponent_depth_m;
+    contact.hunt_crossley_stiffness_newton_per_m = ratio * material.stiffness_newton_per_m;
+    contact.hunt_crossley_damping_newton_s_per_m = material.damping_newton_s_per_m;
+    const HuntCrossleyForce law = hunt_crossley(contact, p);
+    contact.elastic_force_on_tool_newton = law.elastic_newton * n;
+    contact.d_force_d_position = -law.stiffness_newton_per_m * nn;
+    contact.d_force_d_velocity = -law.damping_newton_s_per_m * nn;
+    contact.stored_energy_joule = law.stored_energy_joule;
+    return contact;
+  }
   double k = ratio * material.stiffness_newton_per_m;
   double b = material.damping_newton_s_per_m;
   if (!material.inclusions.empty()) {

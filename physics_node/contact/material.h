@@ -22,6 +22,11 @@ namespace palpate::physics {
 /// ½ k p² + ¼ k₃ p⁴ + ½ k₁ (p − z)² and does no work around a closed path; the damping dissipates.
 /// Where a stiffness map of a cloud varies k, the term with its gradient is omitted: the force
 /// follows the map, and the energy is that of the local k.
+/// With an exponent it is the law of Hunt and Crossley [Hunt75] instead,
+///
+///   N = k p (p/p₁)ⁿ⁻¹ − b (p/p₁)ⁿ n·v; at least 0 unless adhesive
+///
+/// whose damping sets in and ends without a jump; the stored energy is k p² (p/p₁)ⁿ⁻¹ / (n + 1).
 /// The contact describes the law exactly, except in such a shell, where it is linear and trusted
 /// over an eighth of the shell.
 /// @param surface        seen from the sphere's centre

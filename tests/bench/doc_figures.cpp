@@ -132,11 +132,13 @@ std::string velocity_table(const std::vector<json>& outputs) {
       {"low-pass 10 ms", "backward difference, low-pass 10 ms"},
       {"FOAW best 10 ms", "adaptive window, best fit, 10 ms"},
       {"Kalman a 10, no force", "Kalman, motor force unknown"},
-      {"Kalman a 10 (default)", "Kalman with motor force (default)"},
-      {"Kalman a 10, mass set to 0.2 kg", "the same, mass set to 0.2 kg"},
-      {"Kalman a 10, mass set to 0.6 kg", "the same, mass set to 0.6 kg"},
-      {"Kalman a 10, mass set to 0.1 kg", "the same, mass set to 0.1 kg"},
-      {"Kalman a 10, mass set to 1 kg", "the same, mass set to 1 kg"}};
+      {"Kalman a 10", "Kalman with motor force, hand unknown"},
+      {"Kalman hand (default)", "Kalman with motor force and hand (default)"},
+      {"Kalman hand, half as stiff and damped", "the same, hand set half as stiff and damped"},
+      {"Kalman hand, mass set to 0.2 kg", "the same, mass set to 0.2 kg"},
+      {"Kalman hand, mass set to 0.6 kg", "the same, mass set to 0.6 kg"},
+      {"Kalman hand, mass set to 0.1 kg", "the same, mass set to 0.1 kg"},
+      {"Kalman hand, mass set to 1 kg", "the same, mass set to 1 kg"}};
   std::vector<Cells> table;
   for (const auto& [key, label] : kShown) {
     const json& row = only(rows, [&](const json& r) {

@@ -110,6 +110,10 @@ inline void randomise(Contact& c, Random& random) {
        .d_force_d_velocity = random_matrix(random, 1e4),
        .stiffening_newton_per_m2 = random.uniform(-1e9, 1e9),
        .stiffening_newton_per_m3 = random.uniform(0.0, 1e12),
+       .hunt_crossley_exponent = random.uniform(1.0, 10.0),
+       .hunt_crossley_depth_m = random.uniform(1e-6, 1.0),
+       .hunt_crossley_stiffness_newton_per_m = random.uniform(0.0, 1e6),
+       .hunt_crossley_damping_newton_s_per_m = random.uniform(0.0, 1e4),
        .friction_coefficient = random.uniform(0.01, 2.0),
        .friction_stiffness_newton_per_m = random.uniform(0.0, 1e6),
        .stretch_m = random_vector(random, 1.0),
@@ -386,6 +390,10 @@ inline bool same(const Contact& a, const Contact& b) {
          a.d_force_d_velocity == b.d_force_d_velocity &&
          a.stiffening_newton_per_m2 == b.stiffening_newton_per_m2 &&
          a.stiffening_newton_per_m3 == b.stiffening_newton_per_m3 &&
+         a.hunt_crossley_exponent == b.hunt_crossley_exponent &&
+         a.hunt_crossley_depth_m == b.hunt_crossley_depth_m &&
+         a.hunt_crossley_stiffness_newton_per_m == b.hunt_crossley_stiffness_newton_per_m &&
+         a.hunt_crossley_damping_newton_s_per_m == b.hunt_crossley_damping_newton_s_per_m &&
          a.stored_energy_joule == b.stored_energy_joule && a.is_adhesive == b.is_adhesive &&
          a.trust_radius_m == b.trust_radius_m && a.friction_coefficient == b.friction_coefficient &&
          a.friction_stiffness_newton_per_m == b.friction_stiffness_newton_per_m &&

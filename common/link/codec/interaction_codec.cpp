@@ -15,6 +15,8 @@ constexpr double kMaxCurvaturePerM = 1e9;
 constexpr double kMaxLawCoefficient = 1e12;
 constexpr double kMaxStiffening = 1e18;
 constexpr double kMaxFrictionCoefficient = 1000.0;
+constexpr double kMaxExponent = 10.0;
+constexpr double kLeastDepthM = 1e-6;
 
 using Matrix = google::protobuf::RepeatedField<double>;
 
@@ -48,6 +50,12 @@ void put_contact(const Contact& contact, v1::Contact& to) {
   to.set_stored_energy_joule(contact.stored_energy_joule);
   to.set_is_adhesive(contact.is_adhesive);
   to.set_trust_radius_m(contact.trust_radius_m);
+  if (contact.hunt_crossley_exponent > 0.0) {
+    to.set_hunt_crossley_exponent(contact.hunt_crossley_exponent);
+    to.set_hunt_crossley_depth_m(contact.hunt_crossley_depth_m);
+    to.set_hunt_crossley_stiffness_newton_per_m(contact.hunt_crossley_stiffness_newton_per_m);
+    to.set_hunt_crossley_damping_newton_s_per_m(contact.hunt_crossley_damping_newton_s_per_m);
+  }
   if (contact.friction_coefficient == 0.0) return;
   to.set_friction_coefficient(contact.friction_coefficient);
   to.set_friction_stiffness_newton_per_m(contact.friction_stiffness_newton_per_m);
@@ -72,6 +80,12 @@ void check_contact(const v1::Contact& contact, Verdict& verdict) {
   verdict.expect(contact.stored_energy_joule() >= 0.0);
   verdict.number(contact.trust_radius_m(), 0.0, kMaxPositionM);
   verdict.expect(contact.trust_radius_m() > 0.0);
+  if (contact.hunt_crossley_exponent() != 0.0) {
+    verdict.number(contact.hunt_crossley_exponent(), 1.0, kMaxExponent);
+    verdict.number(contact.hunt_crossley_depth_m(), kLeastDepthM, kMaxPositionM);
+  }
+  verdict.number(contact.hunt_crossley_stiffness_newton_per_m(), 0.0, kMaxLawCoefficient);
+  verdict.number(contact.hunt_crossley_damping_newton_s_per_m(), 0.0, kMaxLawCoefficient);
   verdict.number(contact.friction_coefficient(), 0.0, kMaxFrictionCoefficient);
   verdict.number(contact.friction_stiffness_newton_per_m(), 0.0, kMaxLawCoefficient);
   if (contact.friction_coefficient() > 0.0 || contact.has_stretch_m()) {
@@ -95,6 +109,10 @@ Contact contact_of(const v1::Contact& wire) {
   contact.stored_energy_joule = wire.stored_energy_joule();
   contact.is_adhesive = wire.is_adhesive();
   contact.trust_radius_m = wire.trust_radius_m();
+  contact.hunt_crossley_exponent = wire.hunt_crossley_exponent();
+  contact.hunt_crossley_depth_m = wire.hunt_crossley_depth_m();
+  contact.hunt_crossley_stiffness_newton_per_m = wire.hunt_crossley_stiffness_newton_per_m();
+  contact.hunt_crossley_damping_newton_s_per_m = wire.hunt_crossley_damping_newton_s_per_m();
   contact.friction_coefficient = wire.friction_coefficient();
   contact.friction_stiffness_newton_per_m = wire.friction_stiffness_newton_per_m();
   if (wire.has_stretch_m()) contact.stretch_m = vector(wire.stretch_m());

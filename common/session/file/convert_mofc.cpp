@@ -36,7 +36,10 @@ VelocityEstimatorConfig to_velocity_estimator(const Fields& fields) {
   const Fields kalman = fields.message("kalman_acceleration");
   return KalmanVelocity{.model = KalmanVelocity::Model::kConstantAcceleration,
                         .noise_density = kalman.number("jerk_density_m2_per_s5"),
-                        .moving_mass_kg = kalman.number("moving_mass_kg")};
+                        .moving_mass_kg = kalman.number("moving_mass_kg"),
+                        .hand_stiffness_newton_per_m = kalman.number("hand_stiffness_newton_per_m"),
+                        .hand_damping_newton_s_per_m = kalman.number("hand_damping_newton_s_per_m"),
+                        .intention_density = kalman.number("intention_density_m2_per_s3")};
 }
 
 std::optional<MotionDeadband> to_motion_deadband(const Fields& mofc, double wait_for_physics_ms) {

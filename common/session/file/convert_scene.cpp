@@ -14,7 +14,10 @@ FileGeometry to_file_geometry(const Fields& tissue, const char* message, FileGeo
   geometry.kind = kind;
   const Fields fields = tissue.message(message);
   if (fields.has_required("file")) geometry.file = fields.file("file", base_dir).string();
-  geometry.stiffness_property = tissue.message("kelvin_voigt").text("stiffness_property");
+  const std::string material = tissue.given_member("material");
+  if (!material.empty()) {
+    geometry.stiffness_property = tissue.message(material.c_str()).text("stiffness_property");
+  }
   geometry.unit_m = tissue.number("unit_m");
   geometry.position_m = tissue.vector("position_m");
   const Vector3 turn = tissue.vector("rotation_rad");
@@ -62,22 +65,36 @@ Geometry to_geometry(const Fields& tissue, const std::filesystem::path& base_dir
 }
 
 Material to_material(const Fields& tissue) {
-  if (tissue.given_member("material").empty()) {
+  const std::string kind = tissue.given_member("material");
+  if (kind.empty()) {
     tissue.problem("a material is required; give kelvin_voigt { stiffness_newton_per_m: … }");
     return {};
   }
-  const Fields fields = tissue.message("kelvin_voigt");
+  const Fields fields = tissue.message(kind.c_str());
   if (fields.has("stiffness_property") && tissue.given_member("geometry") != "point_cloud") {
     fields.problem("stiffness_property", "only a point_cloud has one; leave it out");
   }
-  KelvinVoigtMaterial material{
-      .stiffness_newton_per_m = fields.number("stiffness_newton_per_m"),
-      .damping_newton_s_per_m = fields.number("damping_newton_s_per_m"),
-      .is_damping_isotropic = fields.flag("isotropic_damping"),
-      .is_adhesive = fields.flag("adhesive"),
-      .stiffening_newton_per_m3 = fields.number("stiffening_newton_per_m3"),
-      .relaxing_stiffness_newton_per_m = fields.number("relaxing_stiffness_newton_per_m"),
-      .relaxation_time_s = 1e-3 * fields.number("relaxation_time_ms")};
+  KelvinVoigtMaterial material{.stiffness_newton_per_m = fields.number("stiffness_newton_per_m"),
+                               .damping_newton_s_per_m = fields.number("damping_newton_s_per_m"),
+                               .is_adhesive = fields.flag("adhesive")};
+  if (kind == "hunt_crossley") {
+    material.exponent = fields.number("exponent");
+    material.exponent_depth_m = fields.number("depth_m");
+  } else {
+    material.is_damping_isotropic = fields.flag("isotropic_damping");
+    material.stiffening_newton_per_m3 = fields.number("stiffening_newton_per_m3");
+    material.relaxing_stiffness_newton_per_m = fields.number("relaxing_stiffness_newton_per_m");
+    material.relaxation_time_s = 1e-3 * fields.number("relaxation_time_ms");
+    for (const Fields& ball : fields.messages("inclusion")) {
+      material.inclusions.push_back(
+          {.center_m = ball.vector("center_m"),
+           .radius_m = ball.number("radius_m"),
+           .transition_m = ball.number("transition_m"),
+           .stiffness_newton_per_m = ball.number("stiffness_newton_per_m"),
+           .damping_newton_s_per_m =
+               ball.number("damping_newton_s_per_m", material.damping_newton_s_per_m)});
+    }
+  }
   material.friction_coefficient = fields.number("friction_coefficient");
   material.friction_stiffness_newton_per_m =
       fields.number("friction_stiffness_newton_per_m", material.stiffness_newton_per_m);
@@ -86,14 +103,6 @@ Material to_material(const Fields& tissue) {
   if (material.cutting_newton < 0.0 || material.cutting_newton > material.puncture_newton) {
     fields.problem("cutting_newton", "must be 0 … " + shown(material.puncture_newton) +
                                          "; leave it out for a quarter of puncture_newton");
-  }
-  for (const Fields& ball : fields.messages("inclusion")) {
-    material.inclusions.push_back({.center_m = ball.vector("center_m"),
-                                   .radius_m = ball.number("radius_m"),
-                                   .transition_m = ball.number("transition_m"),
-                                   .stiffness_newton_per_m = ball.number("stiffness_newton_per_m"),
-                                   .damping_newton_s_per_m = ball.number(
-                                       "damping_newton_s_per_m", material.damping_newton_s_per_m)});
   }
   return material;
 }

@@ -74,6 +74,7 @@ TEST(SessionFormat, EveryNumberSaysItsUnitInItsName) {
       "z",  // of a vector, which says it
       "ratio",
       "friction_coefficient",
+      "exponent",
   };
   std::string schema;
   for (const char* file : {"session", "session_device", "session_hand", "session_mofc",

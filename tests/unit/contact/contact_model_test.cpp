@@ -6,6 +6,7 @@
 
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "common/core/random.h"
 
@@ -54,6 +55,61 @@ TEST(ContactModel, Stiffens) {
 
   EXPECT_NEAR(force.force_on_tool_newton.z(), 1.61, 1e-12);
   EXPECT_NEAR(force.stored_energy_joule, 2.25e-3 + 1e-4 / 3.0 + 2.5e-6, 1e-12);
+}
+
+/// 500 N/m at 1 mm, n = 1.5, 20 N·s/m there, touched 2 mm deep: 1 N · √2 = 1.414 N.
+Contact hertzian_contact() {
+  Contact contact = floor_contact();
+  contact.hunt_crossley_exponent = 1.5;
+  contact.hunt_crossley_depth_m = 1e-3;
+  contact.hunt_crossley_stiffness_newton_per_m = 500.0;
+  contact.hunt_crossley_damping_newton_s_per_m = 20.0;
+  return contact;
+}
+
+// 4 mm deep: 500 · 4e-3 · √4 = 4 N, stored 500 · (4e-3)² · √4 / 2.5 = 6.4 mJ, damped by 20 · 4^1.5
+// = 160 N·s/m; sinking at 10 mm/s: 1.6 N more. The linear part of the contact is not used.
+TEST(ContactModel, FollowsHuntAndCrossley) {
+  const Contact contact = hertzian_contact();
+  const ModelForce still = evaluate(contact, {0.7, 0, -0.002}, kAtRest, 0.0);
+  EXPECT_NEAR(still.force_on_tool_newton.z(), 4.0, 1e-12);
+  EXPECT_NEAR(still.stored_energy_joule, 6.4e-3, 1e-15);
+  EXPECT_NEAR(evaluate(contact, {0, 0, -0.002}, {0.5, 0, -0.01}, 0.0).force_on_tool_newton.z(), 5.6,
+              1e-12);
+  EXPECT_EQ(evaluate(contact, {0, 0, -0.002}, {0, 0, 1.0}, 0.0).force_on_tool_newton.z(), 0.0)
+      << "it does not pull";
+  EXPECT_NEAR(hunt_crossley(contact, 4e-3).stiffness_newton_per_m, 1.5 * 500.0 * 2.0, 1e-9);
+}
+
+// One count before and after the surface: 20 N·s/m · 0.055^1.5 at 0.1 m/s is 26 mN, where a damper
+// of Kelvin and Voigt begins with 2 N.
+TEST(ContactModel, HuntAndCrossleyBeginWithoutAJump) {
+  const Contact contact = hertzian_contact();
+  const Vector3 fast(0, 0, -0.1);
+  EXPECT_EQ(evaluate(contact, {0, 0, 0.002 + 1e-9}, fast, 0.0).force_on_tool_newton.z(), 0.0);
+  EXPECT_LT(evaluate(contact, {0, 0, 0.002 - 1e-9}, fast, 0.0).force_on_tool_newton.z(), 1e-6);
+  EXPECT_LT(evaluate(contact, {0, 0, 0.002 - 55e-6}, fast, 0.0).force_on_tool_newton.z(), 0.04);
+}
+
+// In and out at several speeds: what the tool supplies is never less than what is stored.
+TEST(ContactModel, HuntAndCrossleyArePassive) {
+  const Contact contact = hertzian_contact();
+  for (const double frequency_hz : {1.0, 5.0, 30.0}) {
+    double supplied_joule = 0.0;
+    constexpr int kSteps = 20'000;
+    const double dt_s = 1.0 / frequency_hz / kSteps;
+    for (int k = 0; k < 2 * kSteps; ++k) {
+      const double angle = 2.0 * std::numbers::pi * (k + 0.5) / kSteps;
+      const double rate = 2.0 * std::numbers::pi * frequency_hz;
+      const Vector3 d(0, 0, 0.002 + 0.003 * std::sin(angle));
+      const Vector3 v(0, 0, 0.003 * rate * std::cos(angle));
+      const ModelForce force = evaluate(contact, d, v, 0.0);
+      supplied_joule -= force.force_on_tool_newton.dot(v) * dt_s;
+      ASSERT_GE(force.force_on_tool_newton.z(), 0.0);
+      ASSERT_GE(supplied_joule, force.stored_energy_joule - 1e-7) << frequency_hz << " Hz";
+    }
+    EXPECT_GT(supplied_joule, 1e-5);
+  }
 }
 
 // k_t 500 N/m stretched by 0.5 mm, μ 0.5 of 1 N: it holds to 1 mm, 1 mm deeper to 1.5 mm.

@@ -200,6 +200,13 @@ TEST(InteractionCodec, RefusesInvalidContacts) {
   contact([](v1::Contact& c) { c.set_stored_energy_joule(-1e-12); }, false);
   contact([](v1::Contact& c) { c.set_trust_radius_m(0.0); }, false);
   contact([](v1::Contact& c) { c.set_trust_radius_m(1000.1); }, false);
+  contact([](v1::Contact& c) { c.set_hunt_crossley_exponent(0.99); }, false);
+  contact([](v1::Contact& c) { c.set_hunt_crossley_exponent(10.01); }, false);
+  contact([](v1::Contact& c) { c.clear_hunt_crossley_exponent(); }, true);
+  contact([](v1::Contact& c) { c.set_hunt_crossley_depth_m(0.9e-6); }, false);
+  contact([](v1::Contact& c) { c.set_hunt_crossley_depth_m(1001); }, false);
+  contact([](v1::Contact& c) { c.set_hunt_crossley_stiffness_newton_per_m(-1e-9); }, false);
+  contact([](v1::Contact& c) { c.set_hunt_crossley_damping_newton_s_per_m(1.01e12); }, false);
   contact([](v1::Contact& c) { c.set_friction_coefficient(-1e-9); }, false);
   contact([](v1::Contact& c) { c.set_friction_coefficient(1000.1); }, false);
   contact([](v1::Contact& c) { c.set_friction_stiffness_newton_per_m(-1e-9); }, false);

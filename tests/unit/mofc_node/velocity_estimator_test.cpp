@@ -6,6 +6,7 @@
 #include <cmath>
 #include <functional>
 #include <memory>
+#include <numbers>
 #include <string>
 
 #include "common/core/random.h"
@@ -41,6 +42,11 @@ const Kind kKinds[] = {
 
 class EveryEstimator : public testing::TestWithParam<Kind> {
  protected:
+  /// A filter knows a reading as ±q/2 and forgets slowly; the others are exact here.
+  [[nodiscard]] static double tolerance(double of_filter) {
+    return std::holds_alternative<KalmanVelocity>(GetParam().config) ? of_filter : 1e-9;
+  }
+
   std::unique_ptr<VelocityEstimator> made_ =
       make_velocity_estimator(GetParam().config, kResolution_m, 1.0);
 };
@@ -48,6 +54,7 @@ INSTANTIATE_TEST_SUITE_P(Kinds, EveryEstimator, testing::ValuesIn(kKinds),
                          [](const auto& kind) { return std::string(kind.param.name); });
 
 TEST_P(EveryEstimator, IsExactOnAUniformMotionForAnyStamps) {
+  made_ = make_velocity_estimator(GetParam().config, 0.0, 1.0);
   Random random(1);
   const Vector3 velocity(0.08, -0.02, 0.001);
   double t_s = 0.0;
@@ -57,7 +64,20 @@ TEST_P(EveryEstimator, IsExactOnAUniformMotionForAnyStamps) {
     const TimePoint t = time_at(t_s);
     estimate = made_->update(velocity * seconds_of(t), t, kNoForce);
   }
-  EXPECT_LT((estimate - velocity).norm(), 1e-9);
+  EXPECT_LT((estimate - velocity).norm(), tolerance(1e-5));
+}
+
+// q = 0.055 mm: the readings of a device without joints, and of one whose counts are not those of
+// the axes
+TEST_P(EveryEstimator, KeepsItsPositionWithinTheCount) {
+  for (const double unit_m : {kResolution_m, 0.3 * kResolution_m}) {
+    made_->reset();
+    for (int k = 0; k < 1000; ++k) {
+      const double x_m = unit_m * std::round(0.01 * std::sin(0.01 * k) / unit_m);
+      made_->update({x_m, 0, 0}, tick(k), {k % 7 < 3 ? 2.0 : -2.0, 0, 0});
+      EXPECT_LE(std::abs(made_->position_m({x_m, 0, 0}).x() - x_m), 0.5 * kResolution_m + 1e-12);
+    }
+  }
 }
 
 TEST_P(EveryEstimator, ReturnsZeroForTheFirstSampleAlsoAfterReset) {
@@ -77,7 +97,7 @@ TEST_P(EveryEstimator, KeepsItsEstimateWithoutALaterSample) {
   EXPECT_EQ(made_->update({1, 1, 1}, tick(99), kNoForce), estimate);
   EXPECT_EQ(made_->update({1, 1, 1}, tick(50), kNoForce), estimate);
   // and those samples leave no trace: 0.1 mm per ms
-  EXPECT_NEAR(made_->update({0, 0, 1e-4 * 100}, tick(100), kNoForce).z(), 0.1, 1e-3);
+  EXPECT_NEAR(made_->update({0, 0, 1e-4 * 100}, tick(100), kNoForce).z(), 0.1, 2e-3);
 }
 
 // 3 mm in a pause of 0.3 s: 10 mm/s on average
@@ -92,17 +112,17 @@ TEST_P(EveryEstimator, ContinuesAfterAGap) {
   for (int k = 400; k < 700; ++k) {
     estimate = made_->update({0.003 + 1e-5 * (k - 399), 0, 0}, tick(k), kNoForce);
   }
-  EXPECT_NEAR(estimate.x(), 0.01, 1e-5);
+  EXPECT_NEAR(estimate.x(), 0.01, tolerance(2e-4));
 }
 
-// Eight hours: the variance of the model is enormous, that of the reading decides.
+// Hours: nothing that was known counts any more.
 TEST_P(EveryEstimator, ContinuesAfterHours) {
   for (int k = 0; k < 100; ++k) made_->update(Vector3::Zero(), tick(k), kNoForce);
   Vector3 estimate;
   for (int k = 0; k < 2000; ++k) {
     estimate = made_->update({0.003 + 1e-5 * k, 0, 0}, tick(k) + 10h, kNoForce);
   }
-  EXPECT_NEAR(estimate.x(), 0.01, 1e-5);
+  EXPECT_NEAR(estimate.x(), 0.01, tolerance(2e-4));
 }
 
 // Everything has decayed or left the window after a second.
@@ -110,7 +130,7 @@ TEST_P(EveryEstimator, FallsToZeroForARestingHand) {
   for (int k = 0; k < 100; ++k) made_->update({quantised(8e-5 * k), 0, 0}, tick(k), kNoForce);
   Vector3 estimate;
   for (int k = 100; k < 1100; ++k) estimate = made_->update({0.008, 0, 0}, tick(k), kNoForce);
-  EXPECT_LT(estimate.norm(), 1e-9);
+  EXPECT_LT(estimate.norm(), tolerance(1e-4)) << "a count in a second is 0.055 mm/s";
 }
 
 TEST_P(EveryEstimator, UpdatesWithoutAllocating) {
@@ -210,43 +230,67 @@ TEST(AdaptiveWindowEstimator, HasAWindowForEachAxis) {
   EXPECT_NEAR(estimator.window_s().z(), 0.02, 1e-12);
 }
 
-// continuous limit, ω = (S/R)^¼ = (0.01 / (1e-3 · q²/12))^¼ = 447 rad/s, lag √2/ω = 3.2 ms; sampled
-// at 1 kHz within a period
-TEST(KalmanEstimator, OfConstantVelocityLagsUnderAcceleration) {
-  KalmanEstimator<2> estimator(0.01, kResolution_m, 0.0);
-  const double omega = std::pow(0.01 / (kPeriod_s * kResolution_m * kResolution_m / 12.0), 0.25);
-  EXPECT_NEAR(error_under_acceleration(estimator, kAcceleration_m_per_s2),
-              -kAcceleration_m_per_s2 * std::sqrt(2.0) / omega, kAcceleration_m_per_s2 * 0.5e-3);
-}
-
-TEST(KalmanEstimator, OfConstantAccelerationDoesNot) {
-  KalmanEstimator<3> estimator(10.0, kResolution_m, 0.0);
-  EXPECT_NEAR(error_under_acceleration(estimator, kAcceleration_m_per_s2), 0.0, 1e-9);
-}
-
-// A body that moves as the model assumes, measured with the noise of the model: the error has the
-// variance that the filter computes, and that is √2 S^¾ R^¼ in the continuous limit, R = T q²/12.
-TEST(KalmanEstimator, ComputesItsOwnErrorInSteadyState) {
-  constexpr double kDensity = 1e-4;  // slow against the period: ω = 141 rad/s
-  KalmanEstimator<2> estimator(kDensity, kResolution_m, 0.0);
-  Random random(7);
-  double x_m = 0.0;
-  double v_m_per_s = 0.0;
-  double sum = 0.0;
-  constexpr int kTicks = 200'000;
+/// rms error of velocity and position over a motion measured at 1 kHz with 0.055 mm.
+struct Errors {
+  double velocity_m_per_s = 0.0;
+  double position_m = 0.0;
+};
+Errors errors_on(VelocityEstimator& estimator, const std::function<double(double)>& position_m) {
+  Errors sum;
+  constexpr int kFirst = 500;
+  constexpr int kTicks = 5000;
   for (int k = 0; k < kTicks; ++k) {
-    const double v_next = v_m_per_s + std::sqrt(kDensity * kPeriod_s) * random.normal();
-    x_m += 0.5 * (v_m_per_s + v_next) * kPeriod_s;
-    v_m_per_s = v_next;
-    const double measured_m = x_m + kResolution_m / std::sqrt(12.0) * random.normal();
-    const double error = estimator.update({measured_m, 0, 0}, tick(k), kNoForce).x() - v_m_per_s;
-    if (k >= 1000) sum += error * error;
+    const double t_s = kPeriod_s * k;
+    const double x_m = position_m(t_s);
+    const double v = (position_m(t_s + 1e-6) - position_m(t_s - 1e-6)) / 2e-6;
+    const double error = estimator.update({quantised(x_m), 0, 0}, tick(k), kNoForce).x() - v;
+    if (k < kFirst) continue;
+    sum.velocity_m_per_s += error * error / (kTicks - kFirst);
+    sum.position_m +=
+        std::pow(estimator.position_m({quantised(x_m), 0, 0}).x() - x_m, 2) / (kTicks - kFirst);
   }
-  const double variance = sum / (kTicks - 1000);
-  const double R = kPeriod_s * kResolution_m * kResolution_m / 12.0;
-  const double limit = std::sqrt(2.0) * std::pow(kDensity, 0.75) * std::pow(R, 0.25);
-  EXPECT_NEAR(estimator.velocity_variance(), limit, 0.1 * limit);
-  EXPECT_NEAR(variance, estimator.velocity_variance(), 0.05 * limit);
+  return {std::sqrt(sum.velocity_m_per_s), std::sqrt(sum.position_m)};
+}
+
+// A count takes q/v: 28 ms at 2 mm/s. A reading alone is off by q/√12 = 16 µm rms, and the mean
+// velocity of 28 ms by q/28 ms = 2 mm/s; the time of a crossing is known within 1 ms: 2 µm.
+TEST(KalmanEstimator, TakesTheCrossingOfACountForWhatItTells) {
+  KalmanEstimator estimator(KalmanVelocity{}, kResolution_m, 1.0, 0.0);
+  const Errors slow = errors_on(estimator, [](double t_s) { return 2e-3 * t_s; });
+  EXPECT_LT(slow.velocity_m_per_s, 1.2e-3);
+  EXPECT_LT(slow.position_m, 10e-6);
+}
+
+// 10 mm to and fro at 1 Hz: 63 mm/s, 0.4 m/s². The backward difference is off by up to 55 mm/s.
+TEST(KalmanEstimator, FollowsAHandToAndFro) {
+  KalmanEstimator estimator(KalmanVelocity{}, kResolution_m, 1.0, 0.0);
+  const Errors errors = errors_on(
+      estimator, [](double t_s) { return 0.01 * std::sin(2.0 * std::numbers::pi * t_s); });
+  EXPECT_LT(errors.velocity_m_per_s, 1.4e-3);
+  EXPECT_LT(errors.position_m, 10e-6);
+}
+
+// At rest for a minute in one count, near its edge, then 20 mm/s: a filter that took each of the
+// 60 000 equal readings for news would have to unlearn them.
+TEST(KalmanEstimator, LearnsNothingFromTheSameCountAgain) {
+  KalmanEstimator estimator(KalmanVelocity{}, kResolution_m, 1.0, 0.0);
+  Vector3 estimate;
+  const double start_m = 0.49 * kResolution_m;
+  for (int k = 0; k < 60'100; ++k) {
+    const double x_m = start_m + 20e-6 * std::max(0, k - 60'000);
+    estimate = estimator.update({quantised(x_m), 0, 0}, tick(k), kNoForce);
+  }
+  EXPECT_NEAR(estimate.x(), 0.02, 2e-3);
+}
+
+// 15 mm/s to 0 within a tick, by nothing that the model knows
+TEST(KalmanEstimator, ForgetsItsModelWhenTheHandHitsSomething) {
+  KalmanEstimator estimator(KalmanVelocity{}, kResolution_m, 1.0, 0.0);
+  Vector3 estimate;
+  for (int k = 0; k < 1050; ++k) {
+    estimate = estimator.update({quantised(15e-6 * std::min(k, 1000)), 0, 0}, tick(k), kNoForce);
+  }
+  EXPECT_LT(std::abs(estimate.x()), 4e-3);
 }
 
 /// Worst error on a free mass of 0.3 kg that motors push to and fro with 1 N, 5 ms each way.
@@ -270,14 +314,15 @@ double worst_error_of_driven_mass(const KalmanVelocity& config, double scale_rat
 // 1 N on 0.3 kg for 5 ms changes the velocity by 17 mm/s: with the known force the estimate follows
 // at once
 TEST(KalmanEstimator, FollowsTheMotorsWithoutLagIfItKnowsTheMass) {
-  KalmanVelocity config{.moving_mass_kg = 0.3};
-  EXPECT_LT(worst_error_of_driven_mass(config, 1.0), 1e-6);
-  EXPECT_LT(worst_error_of_driven_mass(config, 2.5), 1e-6) << "a tool that moves 2.5 times as far";
+  // a free mass: no hand holds it
+  KalmanVelocity config{.noise_density = 10.0,
+                        .moving_mass_kg = 0.3,
+                        .hand_stiffness_newton_per_m = 0.0,
+                        .hand_damping_newton_s_per_m = 0.0};
+  EXPECT_LT(worst_error_of_driven_mass(config, 1.0), 2e-3);
+  EXPECT_LT(worst_error_of_driven_mass(config, 2.5), 5e-3) << "a tool that moves 2.5 times as far";
   config.moving_mass_kg = 0.0;
   EXPECT_GT(worst_error_of_driven_mass(config, 1.0), 5e-3);
-  // half of the known acceleration, half of the error
-  config.moving_mass_kg = 0.6;
-  EXPECT_LT(worst_error_of_driven_mass(config, 1.0), 5e-3);
 }
 
 }  // namespace

@@ -49,6 +49,13 @@ inline SceneConfig random_scene(Random& random, int tissues) {
         .is_damping_isotropic = random.chance(0.5),
         .is_adhesive = random.chance(0.5),
         .stiffening_newton_per_m3 = random.chance(0.5) ? 0.0 : random.uniform(1e4, 1e7)};
+    if (random.chance(0.3)) {
+      tissue.material = KelvinVoigtMaterial{.stiffness_newton_per_m = random.uniform(5, 500),
+                                            .damping_newton_s_per_m = random.uniform(0.0, 10),
+                                            .exponent = random.uniform(1.0, 3.0),
+                                            .exponent_depth_m = random.uniform(0.005, 0.02),
+                                            .is_adhesive = random.chance(0.5)};
+    }
     scene.tissues.push_back(tissue);
   }
   return scene;

@@ -132,8 +132,11 @@ TEST(SessionFile, AlmostEmptySessionHasEveryDefault) {
   EXPECT_EQ(session.side().mofc.fade, 50ms);
   const auto& velocity = std::get<KalmanVelocity>(session.side().mofc.velocity_estimator);
   EXPECT_EQ(velocity.model, KalmanVelocity::Model::kConstantAcceleration);
-  EXPECT_EQ(velocity.noise_density, 10.0);
+  EXPECT_EQ(velocity.noise_density, 0.1);
   EXPECT_EQ(velocity.moving_mass_kg, 0.3);
+  EXPECT_EQ(velocity.hand_stiffness_newton_per_m, 150.0);
+  EXPECT_EQ(velocity.hand_damping_newton_s_per_m, 6.0);
+  EXPECT_EQ(velocity.intention_density, 0.005);
 
   EXPECT_EQ(session.physics.rate_hz, 1000.0);
   EXPECT_EQ(session.scene.tip_radius_m, 0.0);
@@ -432,6 +435,25 @@ TEST(SessionFile, ReadsEveryVelocityEstimator) {
   EXPECT_EQ(third.model, KalmanVelocity::Model::kConstantAcceleration);
   EXPECT_EQ(third.noise_density, 70.0);
   EXPECT_EQ(third.moving_mass_kg, 0.1);
+}
+
+TEST(SessionFile, ReadsHuntAndCrossley) {
+  const Session session = parse_session(
+      "name: 'a' scene { tissue { half_space {} hunt_crossley { stiffness_newton_per_m: 400 "
+      "damping_newton_s_per_m: 3 exponent: 2 depth_m: 0.002 friction_coefficient: 0.3 } } "
+      "tissue { half_space {} hunt_crossley { stiffness_newton_per_m: 500 } } }",
+      "x.txtpb");
+  const auto& given = std::get<KelvinVoigtMaterial>(session.scene.tissues[0].material);
+  EXPECT_EQ(given.stiffness_newton_per_m, 400.0);
+  EXPECT_EQ(given.damping_newton_s_per_m, 3.0);
+  EXPECT_EQ(given.exponent, 2.0);
+  EXPECT_EQ(given.exponent_depth_m, 0.002);
+  EXPECT_EQ(given.friction_coefficient, 0.3);
+  EXPECT_EQ(given.friction_stiffness_newton_per_m, 400.0);
+  const auto& left_out = std::get<KelvinVoigtMaterial>(session.scene.tissues[1].material);
+  EXPECT_EQ(left_out.exponent, 1.5);
+  EXPECT_EQ(left_out.exponent_depth_m, 0.001);
+  EXPECT_EQ(KelvinVoigtMaterial{}.exponent, 0.0) << "kelvin_voigt has none";
 }
 
 TEST(SessionFile, AnEmptyPointerMessageTurnsThePointerOn) {
