@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "common/core/vector.h"
-#include "physics_node/surfaces/bounds.h"
+#include "common/contact/bounds.h"
 
 namespace palpate::physics {
 

@@ -4,7 +4,7 @@
 // for closed meshes (Source: [Baerentzen05]). Inside a convex mesh the nearest face changes with
 // the position, and the normal jumps there by the angle between the faces, as in a box. An open
 // mesh is a sheet: a point in front of the nearest face is outside, also beyond the border. The
-// proxy nevertheless lets a tool be behind a sheet (physics_node/contact/proxy.h).
+// proxy nevertheless lets a tool be behind a sheet (common/contact/proxy.h).
 //
 // The facets approximate a smooth surface, so the trust radius extends beyond the nearest facet: as
 // far as its neighbours, at their angle to it, stay within 0.1 mm of the description, and not

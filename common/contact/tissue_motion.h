@@ -5,9 +5,9 @@
 #include <numbers>
 
 #include "common/core/vector.h"
-#include "common/session/scene_config.h"
+#include "common/core/tissue.h"
 
-namespace palpate::physics {
+namespace palpate {
 
 /// Of a whole tissue, from where its geometry has it; W.
 struct Displacement {
@@ -28,4 +28,4 @@ struct Displacement {
   return {std::sin(angle) * motion.amplitude_m, omega * std::cos(angle) * motion.amplitude_m};
 }
 
-}  // namespace palpate::physics
+}  // namespace palpate

@@ -2,9 +2,9 @@
 #pragma once
 
 #include "common/core/vector.h"
-#include "physics_node/contact/surface_view.h"
+#include "common/contact/surface_view.h"
 
-namespace palpate::physics {
+namespace palpate {
 
 /// Immutable. Thread-safe. view() is real-time safe: no allocation, no lock, no throw, bounded
 /// time.
@@ -32,4 +32,4 @@ class Surface {
   Surface& operator=(Surface&&) = default;
 };
 
-}  // namespace palpate::physics
+}  // namespace palpate

@@ -1,9 +1,9 @@
-#include "physics_node/contact/material.h"
+#include "common/contact/material.h"
 
 #include <algorithm>
 #include <cmath>
 
-namespace palpate::physics {
+namespace palpate {
 namespace {
 
 /// k and b at one position, with inclusions.
@@ -100,4 +100,4 @@ Contact describe(const KelvinVoigtMaterial& material, const SurfaceView& surface
   return contact;
 }
 
-}  // namespace palpate::physics
+}  // namespace palpate

@@ -5,7 +5,7 @@
 
 #include "common/core/vector.h"
 
-namespace palpate::physics {
+namespace palpate {
 
 /// Trust radius of a surface that continues without change, such as a plane [m].
 inline constexpr double kMaxTrustRadiusM = 1000.0;
@@ -42,4 +42,4 @@ struct SurfaceHint {
   std::uint32_t last_cell_hits = 0;        ///< views whose nearest point was in the last one's cell
 };
 
-}  // namespace palpate::physics
+}  // namespace palpate

@@ -2,9 +2,9 @@
 #pragma once
 
 #include "common/core/vector.h"
-#include "physics_node/contact/surface.h"
+#include "common/contact/surface.h"
 
-namespace palpate::physics {
+namespace palpate {
 
 /// A straight segment behind the tip, in the frame of a surface.
 struct ShaftSegment {
@@ -24,4 +24,4 @@ enum class SheetSide { kFront, kBehind, kEither };
 [[nodiscard]] double nearest_along(const Surface& surface, const ShaftSegment& segment,
                                    SheetSide side, double limit_m, SurfaceHint& hint) noexcept;
 
-}  // namespace palpate::physics
+}  // namespace palpate

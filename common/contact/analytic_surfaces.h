@@ -2,11 +2,11 @@
 #pragma once
 
 #include "common/core/vector.h"
-#include "common/session/scene_config.h"
-#include "physics_node/contact/surface_view.h"
-#include "physics_node/surfaces/bounds.h"
+#include "common/core/tissue.h"
+#include "common/contact/surface_view.h"
+#include "common/contact/bounds.h"
 
-namespace palpate::physics {
+namespace palpate {
 
 /// Exact everywhere; the plane has no curvature. Needs |normal| = 1.
 [[nodiscard]] SurfaceView view(const HalfSpaceGeometry& half_space,
@@ -33,4 +33,4 @@ namespace palpate::physics {
 [[nodiscard]] Bounds bounds_of(const BoxGeometry& box) noexcept;
 [[nodiscard]] Bounds bounds_of(const CapsuleGeometry& capsule) noexcept;
 
-}  // namespace palpate::physics
+}  // namespace palpate
