@@ -1,10 +1,13 @@
 // analytic_surfaces.h — half-space, sphere, box and capsule seen from one point, by formula.
 #pragma once
 
-#include "common/core/vector.h"
-#include "common/core/tissue.h"
-#include "common/contact/surface_view.h"
+#include <variant>
+
 #include "common/contact/bounds.h"
+#include "common/contact/surface.h"
+#include "common/contact/surface_view.h"
+#include "common/core/tissue.h"
+#include "common/core/vector.h"
 
 namespace palpate {
 
@@ -32,5 +35,23 @@ namespace palpate {
 [[nodiscard]] Bounds bounds_of(const SphereGeometry& sphere) noexcept;
 [[nodiscard]] Bounds bounds_of(const BoxGeometry& box) noexcept;
 [[nodiscard]] Bounds bounds_of(const CapsuleGeometry& capsule) noexcept;
+
+/// One of these shapes as a surface.
+class AnalyticSurface final : public Surface {
+ public:
+  using Form = std::variant<HalfSpaceGeometry, SphereGeometry, BoxGeometry, CapsuleGeometry>;
+
+  AnalyticSurface() = default;
+  explicit AnalyticSurface(const Form& form) : form_(form) {}
+
+  [[nodiscard]] SurfaceView view(const Vector3& point_m,
+                                 SurfaceHint& /*hint*/) const noexcept override {
+    return std::visit([&](const auto& shape) { return palpate::view(shape, point_m); }, form_);
+  }
+  using Surface::view;
+
+ private:
+  Form form_;
+};
 
 }  // namespace palpate

@@ -2,10 +2,10 @@
 // penetration.
 #pragma once
 
-#include "common/core/messages.h"
-#include "common/core/vector.h"
-#include "common/core/tissue.h"
 #include "common/contact/surface_view.h"
+#include "common/core/messages.h"
+#include "common/core/tissue.h"
+#include "common/core/vector.h"
 
 namespace palpate {
 

@@ -20,8 +20,8 @@
 // than 1 mm.
 #pragma once
 
-#include "common/core/vector.h"
 #include "common/contact/surface.h"
+#include "common/core/vector.h"
 
 namespace palpate {
 

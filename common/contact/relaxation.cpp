@@ -46,9 +46,7 @@ void Relaxation::finish_step(double dt_s, double time_s) noexcept {
     State& state = states_[index];
     if (state.advanced_s != time_s) press(index, 0.0, dt_s, time_s);
   }
-  std::erase_if(awake_, [&](std::uint32_t index) {
-    return states_[index].is_at_rest();
-  });
+  std::erase_if(awake_, [&](std::uint32_t index) { return states_[index].is_at_rest(); });
 }
 
 }  // namespace palpate

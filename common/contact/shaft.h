@@ -1,8 +1,8 @@
 // shaft.h — where a straight shaft is deepest in a tissue.
 #pragma once
 
-#include "common/core/vector.h"
 #include "common/contact/surface.h"
+#include "common/core/vector.h"
 
 namespace palpate {
 

@@ -1,8 +1,8 @@
 // surface.h — the interface through which the contact sees a surface.
 #pragma once
 
-#include "common/core/vector.h"
 #include "common/contact/surface_view.h"
+#include "common/core/vector.h"
 
 namespace palpate {
 

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <numbers>
 
-#include "common/core/vector.h"
 #include "common/core/tissue.h"
+#include "common/core/vector.h"
 
 namespace palpate {
 

@@ -15,6 +15,7 @@ Touch known_or(const Touch* known, const Touch& fresh) noexcept {
   Touch touch = known != nullptr ? *known : fresh;
   touch.proxy.hint.octree_cells_visited = 0;
   touch.proxy.hint.last_cell_hits = 0;
+  touch.proxy.hint.uncovered_views = 0;
   return touch;
 }
 
@@ -57,12 +58,11 @@ Touch TissueStep::follow_tip(std::uint32_t tissue, const Touch* known) const noe
   const bool is_sheet = surface_.is_sheet();
   const double distance_m =
       is_sheet ? std::abs(tip.proxy.surface.distance_m) : tip.proxy.surface.distance_m;
-  const bool is_inside =
-      distance_m <= clearance_m(radius_m) ||
-      (tool_.shaft_length_m > 0.0 &&
-       nearest_along(surface_, shaft_at(tip_m_, shaft_),
-                     is_sheet ? SheetSide::kEither : SheetSide::kFront,
-                     clearance_m(tool_.shaft_radius_m), tip.proxy.hint) >= 0.0);
+  const bool is_inside = distance_m <= clearance_m(radius_m) ||
+                         (tool_.shaft_length_m > 0.0 &&
+                          nearest_along(surface_, shaft_at(tip_m_, shaft_),
+                                        is_sheet ? SheetSide::kEither : SheetSide::kFront,
+                                        clearance_m(tool_.shaft_radius_m), tip.proxy.hint) >= 0.0);
   if (is_inside) return tip;
   return {.tissue = tissue,
           .radius_m = radius_m,
@@ -71,14 +71,12 @@ Touch TissueStep::follow_tip(std::uint32_t tissue, const Touch* known) const noe
 
 bool TissueStep::follow_shaft(std::uint32_t tissue, const Touch* known, Touch& shaft,
                               Vector3& moved_m) const noexcept {
-  shaft =
-      known_or(known, {.tissue = tissue, .is_shaft = true, .radius_m = tool_.shaft_radius_m});
+  shaft = known_or(known, {.tissue = tissue, .is_shaft = true, .radius_m = tool_.shaft_radius_m});
   Proxy& proxy = shaft.proxy;
   const Vector3 held_m = proxy.place_m - proxy.point_m;
   const Vector3 tip_moved_m = this->moved_m();
-  const double travel_m =
-      std::max(tip_moved_m.norm(),
-               (tip_moved_m + tool_.shaft_length_m * (shaft_ - last_shaft_)).norm());
+  const double travel_m = std::max(
+      tip_moved_m.norm(), (tip_moved_m + tool_.shaft_length_m * (shaft_ - last_shaft_)).norm());
   const SheetSide side = known == nullptr && surface_.is_sheet() ? SheetSide::kEither
                          : proxy.side < 0.0                      ? SheetSide::kBehind
                                                                  : SheetSide::kFront;
@@ -107,10 +105,16 @@ bool TissueStep::follow_shaft(std::uint32_t tissue, const Touch* known, Touch& s
 }
 
 Contact acting_contact(const Touch& touch, const KelvinVoigtMaterial& material, double relaxed_m,
-                       const TissueMotionConfig& motion,
-                       const Vector3& tool_velocity_world_m_per_s, double time_s) noexcept {
+                       const TissueMotionConfig& motion, const Vector3& tool_velocity_world_m_per_s,
+                       double time_s) noexcept {
   Contact contact = contact_of(touch, material, relaxed_m);
   contact.tissue = touch.tissue;
+  contact.is_shaft = touch.is_shaft;
+  contact.is_behind = touch.proxy.side < 0.0;
+  contact.is_punctured = touch.is_punctured;
+  if (touch.is_punctured) contact.stretch_m = touch.stretch_m;
+  contact.held_m = touch.proxy.place_m - touch.proxy.point_m;
+  contact.relaxed_m = relaxed_m;
   contact.surface_velocity_world_m_per_s = displacement(motion, time_s).velocity_m_per_s;
   if (contact.penetration_m > 0.0) {
     contact.force_on_tool_newton =

@@ -3,10 +3,10 @@
 
 #include <cstdint>
 
-#include "common/core/messages.h"
-#include "common/core/vector.h"
-#include "common/core/tissue.h"
 #include "common/contact/proxy.h"
+#include "common/core/messages.h"
+#include "common/core/tissue.h"
+#include "common/core/vector.h"
 
 namespace palpate {
 

@@ -1,4 +1,5 @@
-// tissue.h — what a tissue is made of: simple shapes, material, motion. Both sides of hop 3 know it.
+// tissue.h — what a tissue is made of: simple shapes, material, motion. Both sides of hop 3 know
+// it.
 #pragma once
 
 #include <vector>
@@ -61,8 +62,9 @@ struct TissueMotionConfig {
 
 /// A spherical tip with a straight shaft behind it.
 struct ToolShape {
-  double tip_radius_m = 0.0;    ///< 0: a point
-  double shaft_length_m = 0.0;  ///< from the centre of the tip to the handle, along +z of T; 0: none
+  double tip_radius_m = 0.0;  ///< 0: a point
+  double shaft_length_m =
+      0.0;  ///< from the centre of the tip to the handle, along +z of T; 0: none
   double shaft_radius_m = 0.0;
 };
 

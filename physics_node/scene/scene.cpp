@@ -9,8 +9,8 @@
 #include <variant>
 
 #include "common/contact/proxy.h"
-#include "physics_node/files/surface_files.h"
 #include "common/contact/tissue_motion.h"
+#include "physics_node/files/surface_files.h"
 
 namespace palpate::physics {
 namespace {
@@ -39,7 +39,8 @@ void clear_unless_finite(SceneForce& sum) noexcept {
   const auto is_finite = [](const Contact& contact) {
     return contact.elastic_force_on_tool_newton.allFinite() &&
            contact.d_force_d_position.allFinite() && contact.d_force_d_velocity.allFinite() &&
-           std::isfinite(contact.stored_energy_joule) && contact.stretch_m.allFinite();
+           std::isfinite(contact.stored_energy_joule) && contact.stretch_m.allFinite() &&
+           contact.held_m.allFinite() && std::isfinite(contact.relaxed_m);
   };
   if (sum.force_on_tool_newton.allFinite() && std::isfinite(sum.stored_energy_joule) &&
       std::all_of(sum.contacts.begin(), sum.contacts.begin() + sum.listed_count, is_finite)) {
@@ -70,6 +71,9 @@ Scene::Scene(const SceneConfig& config, double reach_m)
     if (is_relaxing) relaxation_times_s_.push_back(material.relaxation_time_s);
 
     const Shape& shape = tissues_.back().shape;
+    if (reach_m_ > 0.0) {
+      descriptions_.push_back(described(shape, material, tissue.motion, tool_, index));
+    }
     const FileSurface* const surface = shape.file_surface();
     if (surface != nullptr && !surfaces.insert(surface).second) ++shared_surfaces_;
     std::optional<Bounds> bounds = shape.bounds();
@@ -77,9 +81,9 @@ Scene::Scene(const SceneConfig& config, double reach_m)
       unbounded_.push_back(index);
       continue;
     }
-    Vector3 margin_m =
-        Vector3::Constant(std::max(clearance_m(tool_.tip_radius_m) + reach_m_,
-                                   tool_.shaft_length_m > 0.0 ? clearance_m(tool_.shaft_radius_m) : 0.0));
+    Vector3 margin_m = Vector3::Constant(
+        std::max(clearance_m(tool_.tip_radius_m) + reach_m_,
+                 tool_.shaft_length_m > 0.0 ? clearance_m(tool_.shaft_radius_m) : 0.0));
     if (is_moving(tissue.motion)) margin_m += tissue.motion.amplitude_m.cwiseAbs();
     bounds->grow(margin_m);
     items.push_back({*bounds, bounds->center_m(), index});

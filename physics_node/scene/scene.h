@@ -3,10 +3,12 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "common/core/vector.h"
 #include "common/session/scene_config.h"
+#include "physics_node/scene/scene_description.h"
 #include "physics_node/scene/scene_force.h"
 #include "physics_node/scene/tissue_memory.h"
 #include "physics_node/surfaces/box_tree.h"
@@ -63,6 +65,10 @@ class Scene {
   }
 
   [[nodiscard]] std::size_t tissue_count() const noexcept { return tissues_.size(); }
+  /// What mofc_node may get to know of the tissues; empty without reach.
+  [[nodiscard]] std::span<const DescribedTissue> descriptions() const noexcept {
+    return descriptions_;
+  }
   /// Number of tissues whose file had already been loaded for an earlier tissue.
   [[nodiscard]] std::size_t shared_surface_count() const noexcept { return shared_surfaces_; }
 
@@ -93,6 +99,7 @@ class Scene {
   std::vector<double> relaxation_times_s_;  // of the relaxing tissues
   std::vector<std::uint32_t> unbounded_;    // half-spaces: their own distance is the cheapest test
   BoxTree bounded_;
+  std::vector<DescribedTissue> descriptions_;
 };
 
 }  // namespace palpate::physics

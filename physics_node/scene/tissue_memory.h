@@ -9,11 +9,11 @@
 #include <utility>
 #include <vector>
 
-#include "common/core/vector.h"
 #include "common/contact/relaxation.h"
-#include "physics_node/scene/scene_force.h"
 #include "common/contact/tissue_step.h"
 #include "common/contact/touch.h"
+#include "common/core/vector.h"
+#include "physics_node/scene/scene_force.h"
 
 namespace palpate::physics {
 

@@ -8,8 +8,8 @@
 #include <utility>
 #include <vector>
 
-#include "common/core/vector.h"
 #include "common/contact/bounds.h"
+#include "common/core/vector.h"
 
 namespace palpate::physics {
 

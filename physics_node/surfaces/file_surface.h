@@ -3,8 +3,8 @@
 
 #include <cstddef>
 
-#include "common/contact/surface.h"
 #include "common/contact/bounds.h"
+#include "common/contact/surface.h"
 
 namespace palpate::physics {
 
