@@ -15,6 +15,7 @@ constexpr double kRestTilesPerS = 64.0;
 constexpr double kWhole_m = 1000.0;  // radius of the coverage of a surface that is known as a whole
 constexpr Duration kSpeedBin = std::chrono::milliseconds(50);
 constexpr Duration kLeastRepeat = std::chrono::milliseconds(5);
+constexpr Duration kFirstRepeat = std::chrono::milliseconds(50);  // while the loop's age is unknown
 constexpr std::uint64_t kReceiptBits = 64;
 
 }  // namespace
@@ -41,25 +42,25 @@ void SurfaceSender::fill(const ToolMotion& motion, TimePoint now,
 
   // where the tool is when this arrives, and how far it can be from there before the next
   const double age_s = to_seconds(loop_age_);
-  const double speed = *std::max_element(speeds_.begin(), speeds_.end());
-  const double radius_m =
-      std::clamp(speed * (age_s + 2.0 * period_s_) + kReachMargin_m, kLeastReach_m, kMostReach_m);
+  const double reach_m = motion.receipts.newest > 0 ? this->reach_m() : kMostReach_m;
   const Vector3 ahead_m =
-      limited_to_norm(age_s * motion.tool_velocity_world_m_per_s, 0.5 * radius_m);
+      limited_to_norm(age_s * motion.tool_velocity_world_m_per_s, 0.5 * reach_m);
   const Vector3 place_m = motion.tool_position_world_m + ahead_m;
   if (!place_m.allFinite()) return;
 
   // the listed tissues, deepest first
   std::array<std::uint32_t, kMaxDescribed> wanted{};
+  std::array<double, kMaxDescribed> away_m{};  // the tip's centre from the surface
   std::size_t wanted_count = 0;
   for (std::uint32_t i = 0; i < interaction.listed_count; ++i) {
-    const std::uint32_t tissue = interaction.contacts[i].tissue;
-    if (!tissues_[tissue].description) continue;
+    const Contact& contact = interaction.contacts[i];
+    const std::uint32_t tissue = contact.tissue;
+    if (contact.is_shaft || !tissues_[tissue].description) continue;
     const std::uint32_t slot = slot_for(tissue, now);
-    const auto end = wanted.begin() + wanted_count;
-    if (slot < kMaxDescribed && std::find(wanted.begin(), end, slot) == end) {
-      wanted[wanted_count++] = slot;
-    }
+    if (slot == kMaxDescribed) continue;
+    const double tip_m = tissues_[tissue].description->tool.tip_radius_m;
+    away_m[wanted_count] = std::abs(tip_m - contact.penetration_m);
+    wanted[wanted_count++] = slot;
   }
   const auto wanted_slots = std::span(wanted).first(wanted_count);
   for (const std::uint32_t slot : wanted_slots) describe(slot, now, news);
@@ -68,10 +69,11 @@ void SurfaceSender::fill(const ToolMotion& motion, TimePoint now,
     return Vector3(place_m -
                    displacement(description.motion, to_seconds(now.time_since_epoch())).position_m);
   };
-  for (const std::uint32_t slot : wanted_slots) {
-    if (!tissues_[*described_[slot].tissue].tiles.empty()) {
-      cover(slot, center_of(slot), radius_m, now, news);
-    }
+  for (std::size_t i = 0; i < wanted_count; ++i) {
+    const std::uint32_t slot = wanted[i];
+    if (tissues_[*described_[slot].tissue].tiles.empty()) continue;
+    const double radius_m = std::clamp(reach_m + away_m[i], kLeastReach_m, kMostReach_m);
+    cover(slot, center_of(slot), radius_m, now, news);
   }
   rest_ = std::min(1.0, rest_ + kRestTilesPerS * to_seconds(now - rest_at_));
   rest_at_ = now;
@@ -137,6 +139,11 @@ void SurfaceSender::note_speed(const ToolMotion& motion, TimePoint now) noexcept
   highest = std::max(highest, motion.tool_velocity_world_m_per_s.norm());
 }
 
+double SurfaceSender::reach_m() const noexcept {
+  const double speed = *std::max_element(speeds_.begin(), speeds_.end());
+  return std::min(kMostReach_m, speed * (to_seconds(loop_age_) + 2.0 * period_s_) + kReachMargin_m);
+}
+
 /// Where the tissue is described, or kMaxDescribed. A new one replaces the one that has not been
 /// wanted for longest.
 std::uint32_t SurfaceSender::slot_for(std::uint32_t tissue, TimePoint now) noexcept {
@@ -180,7 +187,7 @@ double SurfaceSender::distance_m(const Slot& slot, const Vector3& center_m) cons
 // --- what this message carries ------------------------------------------------------------------
 
 Duration SurfaceSender::repeat_after() const noexcept {
-  return std::max(kLeastRepeat, loop_age_ / 3);
+  return loop_age_ > Duration::zero() ? std::max(kLeastRepeat, loop_age_ / 3) : kFirstRepeat;
 }
 
 bool SurfaceSender::has_room(const SurfaceNews& news) const noexcept {
@@ -280,12 +287,18 @@ void SurfaceSender::cover(std::uint32_t slot, const Vector3& center_m, double ra
       missing[place] = one;
     });
 
-    for (const Missing& one : std::span(missing).first(count)) {
-      const std::uint16_t before = slot_of(described, one.tile);
-      const bool is_due = before == kNoSlot || now - slots_[before].sent_at >= repeat_after();
-      if (is_due && has_room(news) && may_carry_tiles(slot, news)) {
-        static_cast<void>(carry(slot, one.tile, center_m, one.distance_m, now, news));
+    // what has never been sent goes first, then repetitions
+    const auto nearest = std::span(missing).first(count);
+    for (const bool is_repetition : {false, true}) {
+      for (const Missing& one : nearest) {
+        if (!has_room(news) || !may_carry_tiles(slot, news)) break;
+        const std::uint16_t index = slot_of(described, one.tile);
+        if (is_repetition != (index != kNoSlot)) continue;
+        if (is_repetition && now - slots_[index].sent_at < repeat_after()) continue;
+        if (!carry(slot, one.tile, center_m, one.distance_m, now, news)) break;
       }
+    }
+    for (const Missing& one : nearest) {
       const std::uint16_t index = slot_of(described, one.tile);
       if (index == kNoSlot || news.pending_count == kMaxPendingTiles) {
         coverage.radius_m = std::min(coverage.radius_m, one.distance_m);

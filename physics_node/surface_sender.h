@@ -17,10 +17,11 @@ namespace palpate::physics {
 /// Sends the descriptions of the listed tissues, and of tiled ones the part that the tool can reach
 /// until the next news arrives: within
 ///
-///   ρ = v̂ (A + 2/f) + 3 mm, at least 10 mm, at most 40 mm
+///   ρ = v̂ (A + 2/f) + d + 3 mm, at least 10 mm, at most 40 mm
 ///
 /// of the predicted place, with v̂ the highest speed of the last half second, A the age of the loop
-/// that mofc_node reports and f the rate of the physics. Nearest first; what is not acknowledged is
+/// that mofc_node reports (ρ is 40 mm until it does), f the rate of the physics and d the distance
+/// of the tip's centre from the surface. Nearest first; what is not acknowledged is
 /// repeated after A/3, what is known is not sent again. The rest of the surface follows at 64 tiles
 /// a second while there are free slots. A full store gives up the tiles farthest away.
 ///
@@ -75,6 +76,7 @@ class SurfaceSender {
   void empty(std::uint64_t store_id) noexcept;
   void acknowledge(const SurfaceReceipts& receipts) noexcept;
   void note_speed(const ToolMotion& motion, TimePoint now) noexcept;
+  [[nodiscard]] double reach_m() const noexcept;
   [[nodiscard]] std::uint32_t slot_for(std::uint32_t tissue, TimePoint now) noexcept;
   void describe(std::uint32_t slot, TimePoint now, SurfaceNews& news) noexcept;
   void cover(std::uint32_t slot, const Vector3& center_m, double radius_m, TimePoint now,
