@@ -35,16 +35,16 @@ set(PALPATE_BOUNDARIES
   "device_node/drivers/simulated:common/core,common/session/simulation_config.h,device_node/device.h,device_node/simulation"
 
   # the clamp knows its own part of the session and no true state
-  "mofc_node:common/core,common/contact,common/session/device_profile.h,common/session/mofc_config.h,common/telemetry/mofc_telemetry.h,common/telemetry/metrics.h,mofc_node/controllers"
+  "mofc_node:common/core,common/contact,common/session/device_profile.h,common/session/mofc_config.h,common/telemetry/mofc_telemetry.h,common/telemetry/metrics.h,mofc_node/controllers,mofc_node/tissue"
+  "mofc_node/tissue:common/core,common/contact"
   "mofc_node/controllers:"
 
-  # contact ← surfaces ← files ← scene ← display; the step sees the scene only, and no lock
+  # surfaces ← files ← scene ← display; the step sees the scene only, and no lock
   "physics_node:common/core,common/contact,common/session/scene_config.h,common/telemetry/physics_telemetry.h,physics_node/scene"
-  "physics_node/contact:common/core,common/session/scene_config.h"
-  "physics_node/surfaces:common/core,common/session/scene_config.h,physics_node/contact,@threads"
-  "physics_node/files:common/core,common/session/scene_config.h,physics_node/surfaces,@threads"
-  "physics_node/scene:common/core,common/contact,common/session/scene_config.h,physics_node/contact,physics_node/surfaces,physics_node/files"
-  "physics_node/display:common/core,common/session,common/telemetry,physics_node/contact,physics_node/surfaces,physics_node/files,physics_node/scene"
+  "physics_node/surfaces:common/core,common/contact,common/session/scene_config.h,@threads"
+  "physics_node/files:common/core,common/contact,common/session/scene_config.h,physics_node/surfaces,@threads"
+  "physics_node/scene:common/core,common/contact,common/session/scene_config.h,physics_node/surfaces,physics_node/files"
+  "physics_node/display:common/core,common/contact,common/session,common/telemetry,physics_node/surfaces,physics_node/files,physics_node/scene"
 
   # feed ← recording, server ← process (the files of viewer_node itself)
   "viewer_node:common/*,viewer_node/feed,viewer_node/recording,viewer_node/server,@log"

@@ -14,7 +14,7 @@ MofcNode::MofcNode(const MofcConfig& mofc, const ClampedDevice& device, const Cl
       session_id_(session_id),
       relay_(mofc, device, clock, motion_out, session_id),
       physics_(interaction_in, clock, mofc.wait_for_physics),
-      handover_(mofc.handover_newton_per_s),
+      tissue_(mofc.interaction == InteractionUse::kLocal, mofc.handover_newton_per_s, session_id),
       controller_(make_controller(mofc, device)),
       fade_(mofc.stale_after, mofc.fade) {}
 
@@ -31,7 +31,9 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
   relay_.update(state, echo.mean_force_newton);
   if (physics_.waits()) relay_.send();
   const TimePoint now = clock_.now();
-  const PhysicsAnswer physics = physics_.take(state, now);
+  const PhysicsAnswer physics = physics_.take(
+      state, now, [&](const Interaction& interaction) { tissue_.receive(interaction, state); });
+  relay_.acknowledge(tissue_.receipts());
   const Request wanted = request(state, physics.interaction, echo.since_previous);
   const WorkspaceConfig& workspace = device_.workspace;
   const Vector3 requested = workspace.force_ratio * wanted.tissue.force_on_tool_newton;
@@ -53,7 +55,7 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
   const Vector3 punctual =
       physics.is_late ? limited_to_norm(output.force_on_hand_newton, device_.profile.coulomb_newton)
                       : output.force_on_hand_newton;
-  const SilenceFade::Output faded = fade_.step(punctual, physics.silence, now);
+  const SilenceFade::Output faded = fade_.step(punctual, physics.silence, physics.lost_for, now);
   echo_.answered(requested);
 
   // the record of this turn
@@ -98,7 +100,7 @@ MofcCounters MofcNode::counters() const noexcept {
 void MofcNode::begin_device_session() noexcept {
   controller_->reset();
   relay_.reset();
-  handover_.reset();
+  tissue_.reset();
   echo_.reset();
   ++counters_.ledger_resets;
 }
@@ -106,16 +108,15 @@ void MofcNode::begin_device_session() noexcept {
 MofcNode::Request MofcNode::request(const DeviceState& state, const Interaction* interaction,
                                     Duration since_previous) noexcept {
   if (interaction == nullptr || state.is_clutched) {
-    handover_.reset();
+    tissue_.reset();
     return {.tissue = {},
             .state = interaction == nullptr ? MofcState::kNoPhysics : MofcState::kClutched};
   }
   const ModelForce tissue =
       interaction_use_ == InteractionUse::kHeld
           ? held(*interaction)
-          : handover_.step(*interaction, relay_.tool_position_world_m(),
-                           relay_.tool_velocity_world_m_per_s(), to_seconds(since_previous),
-                           state.header.sampled_at);
+          : tissue_.step(*interaction, state, relay_.tool_position_world_m(),
+                         relay_.tool_velocity_world_m_per_s(), to_seconds(since_previous));
   return {.tissue = tissue, .state = tissue.is_touching ? MofcState::kContact : MofcState::kFree};
 }
 

@@ -34,10 +34,10 @@
 #include "mofc_node/clamped_device.h"
 #include "mofc_node/controllers/force_controller.h"
 #include "mofc_node/device_echo.h"
-#include "mofc_node/model_handover.h"
 #include "mofc_node/motion_relay.h"
 #include "mofc_node/physics_input.h"
 #include "mofc_node/silence_fade.h"
+#include "mofc_node/tissue/tissue_model.h"
 
 namespace palpate::mofc {
 
@@ -83,7 +83,7 @@ class MofcNode {
   DeviceEcho echo_;
   MotionRelay relay_;
   PhysicsInput physics_;
-  ModelHandover handover_;
+  TissueModel tissue_;
   std::unique_ptr<controllers::ForceController> controller_;
   SilenceFade fade_;
 

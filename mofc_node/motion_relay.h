@@ -27,6 +27,8 @@ class MotionRelay {
   /// Makes the motion of this state; send() sends it.
   /// @param mean_force_newton  time average of the force on the hand since the previous state
   void update(const DeviceState& state, const Vector3& mean_force_newton) noexcept;
+  /// What the next motions acknowledge of hop 3.
+  void acknowledge(const SurfaceReceipts& receipts) noexcept { motion_.receipts = receipts; }
   /// Sends the motion of the last update() unless that was done or the deadband suppresses it.
   void send() noexcept;
 

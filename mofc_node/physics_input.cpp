@@ -2,24 +2,14 @@
 
 namespace palpate::mofc {
 
-PhysicsAnswer PhysicsInput::take(const DeviceState& state, TimePoint now) noexcept {
-  PhysicsAnswer answer;
-  const Received<Interaction>* newest = in_.newest();
-  const auto answers_this_tick = [&](const Received<Interaction>* r) {
-    return r != nullptr && r->value.device_session_id == state.header.session_id &&
-           r->value.device_sequence == state.header.sequence;
-  };
+bool PhysicsInput::answers(const Received<Interaction>* newest, const DeviceState& state) noexcept {
+  return newest != nullptr && newest->value.device_session_id == state.header.session_id &&
+         newest->value.device_sequence == state.header.sequence;
+}
 
-  // same tick: wait for its answer up to the configured time
-  if (waits()) {
-    const TimePoint deadline = now + longest_wait_;
-    while (!answers_this_tick(newest) && clock_.now() < deadline) {
-      in_.wait_until(deadline);
-      newest = in_.newest();
-    }
-    answer.is_late = !answers_this_tick(newest);
-  }
-
+PhysicsAnswer PhysicsInput::answer(const Received<Interaction>* newest, const DeviceState& state,
+                                   TimePoint now, bool is_late) noexcept {
+  PhysicsAnswer answer{.lost_for = lost_for(newest, now), .is_late = is_late};
   if (newest == nullptr || newest->value.device_session_id != state.header.session_id) {
     has_interaction_ = false;
     return answer;
@@ -32,6 +22,19 @@ PhysicsAnswer PhysicsInput::take(const DeviceState& state, TimePoint now) noexce
   answer.interaction = &newest->value;
   answer.silence = now - received_at_;
   return answer;
+}
+
+/// A connection that is back counts once something has come over it.
+Duration PhysicsInput::lost_for(const Received<Interaction>* newest, TimePoint now) noexcept {
+  const std::uint64_t accepted = in_.counters().accepted;
+  if (in_.has_lost_peer()) {
+    if (!is_lost_) lost_at_ = now;
+    is_lost_ = true;
+    accepted_when_lost_ = accepted;
+  } else if (accepted != accepted_when_lost_) {
+    is_lost_ = false;
+  }
+  return is_lost_ && newest != nullptr ? std::max(Duration(1), now - lost_at_) : Duration::zero();
 }
 
 }  // namespace palpate::mofc

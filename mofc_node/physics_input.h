@@ -2,6 +2,7 @@
 // silent.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 
 #include "common/core/clock.h"
@@ -16,6 +17,8 @@ struct PhysicsAnswer {
   const Interaction* interaction = nullptr;
   /// Time since the physics last answered a newer motion; 0 without an Interaction.
   Duration silence{};
+  /// Time since the connection to physics_node was lost, if nothing has come since; else 0.
+  Duration lost_for{};
   /// The wait for the answer to this very DeviceState ran out.
   bool is_late = false;
 };
@@ -28,19 +31,49 @@ class PhysicsInput {
   PhysicsInput(Inbox<Interaction>& in, const Clock& clock, Duration longest_wait)
       : in_(in), clock_(clock), longest_wait_(longest_wait) {}
 
-  /// @param now  the silence is measured up to this time
-  [[nodiscard]] PhysicsAnswer take(const DeviceState& state, TimePoint now) noexcept;
+  /// @param now   the silence is measured up to this time
+  /// @param note  called with every Interaction that has arrived, in order
+  template <class Note>
+  [[nodiscard]] PhysicsAnswer take(const DeviceState& state, TimePoint now,
+                                   const Note& note) noexcept {
+    const Received<Interaction>* newest = read(note);
+    bool is_late = false;
+    if (waits()) {
+      // same tick: wait for its answer up to the configured time
+      const TimePoint deadline = now + longest_wait_;
+      while (!answers(newest, state) && clock_.now() < deadline) {
+        in_.wait_until(deadline);
+        newest = read(note);
+      }
+      is_late = !answers(newest, state);
+    }
+    return answer(newest, state, now, is_late);
+  }
 
   [[nodiscard]] bool waits() const noexcept { return longest_wait_ > Duration::zero(); }
   [[nodiscard]] LinkCounters counters() const noexcept { return in_.counters(); }
 
  private:
+  template <class Note>
+  const Received<Interaction>* read(const Note& note) noexcept {
+    while (const Received<Interaction>* next = in_.next()) note(next->value);
+    return in_.newest();
+  }
+  [[nodiscard]] static bool answers(const Received<Interaction>* newest,
+                                    const DeviceState& state) noexcept;
+  [[nodiscard]] PhysicsAnswer answer(const Received<Interaction>* newest, const DeviceState& state,
+                                     TimePoint now, bool is_late) noexcept;
+  [[nodiscard]] Duration lost_for(const Received<Interaction>* newest, TimePoint now) noexcept;
+
   Inbox<Interaction>& in_;
   const Clock& clock_;
   Duration longest_wait_;
   bool has_interaction_ = false;
   std::uint64_t answered_sequence_ = 0;  // DeviceState that the newest Interaction answers
   TimePoint received_at_{};              // the first Interaction that answered it
+  bool is_lost_ = false;                 // the connection
+  TimePoint lost_at_{};
+  std::uint64_t accepted_when_lost_ = 0;
 };
 
 }  // namespace palpate::mofc

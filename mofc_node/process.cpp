@@ -57,6 +57,7 @@ class Clamp::Impl {
               context.clock, motion_out_, interaction_in_, ticks_, context.session_id),
         publisher_(context.session_id, context.clock, ticks_, counters_, telemetry_, context.log,
                    side_.name) {
+    interactions_.watch_peer();
     publisher_.record_to(recorder_);
     publisher_.peers_refused = [&side] { return side.refused().total(); };
     publisher_.on_pump = [this](TimePoint now) {

@@ -1,11 +1,14 @@
 #include "mofc_node/silence_fade.h"
 
+#include <algorithm>
+
 namespace palpate::mofc {
 
 SilenceFade::Output SilenceFade::step(const Vector3& force_newton, Duration silence,
-                                      TimePoint now) noexcept {
+                                      Duration lost_for, TimePoint now) noexcept {
   Output output;
-  if (silence <= stale_after_) {
+  const Duration fading_for = std::max(silence - stale_after_, lost_for);
+  if (fading_for <= Duration::zero()) {
     if (is_stale_) {
       is_stale_ = false;
       is_recovering_ = true;
@@ -18,7 +21,7 @@ SilenceFade::Output SilenceFade::step(const Vector3& force_newton, Duration sile
       is_stale_ = true;
       newton_when_stale_ = last_newton_;
     }
-    const double left = 1.0 - to_seconds(silence - stale_after_) / to_seconds(fade_);
+    const double left = 1.0 - to_seconds(fading_for) / to_seconds(fade_);
     output.phase = left > 0.0 ? Phase::kFading : Phase::kFadedOut;
     if (left > 0.0) output.force_newton = left * limited_to_norm(force_newton, newton_when_stale_);
   }

@@ -8,9 +8,10 @@
 
 namespace palpate::mofc {
 
-/// After `stale_after` of silence |F| never exceeds what it was then and fades to zero over `fade`.
-/// When the physics answers again, |F| grows from where it is to its full value over `fade`. Only
-/// ever reduces |F|; the direction is kept. No allocation, no throw.
+/// After `stale_after` of silence, or at once if the connection is lost, |F| never exceeds what it
+/// was then and fades to zero over `fade`. When the physics answers again, |F| grows from where it
+/// is to its full value over `fade`. Only ever reduces |F|; the direction is kept. No allocation,
+/// no throw.
 class SilenceFade {
  public:
   enum class Phase : std::uint8_t {
@@ -26,8 +27,10 @@ class SilenceFade {
   SilenceFade(Duration stale_after, Duration fade) : stale_after_(stale_after), fade_(fade) {}
 
   /// Once per answer.
-  /// @param silence  0: the physics has just answered, or never has
-  [[nodiscard]] Output step(const Vector3& force_newton, Duration silence, TimePoint now) noexcept;
+  /// @param silence   0: the physics has just answered, or never has
+  /// @param lost_for  since the connection was lost; 0: it is not
+  [[nodiscard]] Output step(const Vector3& force_newton, Duration silence, Duration lost_for,
+                            TimePoint now) noexcept;
 
  private:
   [[nodiscard]] Vector3 recovering(const Vector3& force_newton, TimePoint now) noexcept;

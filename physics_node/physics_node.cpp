@@ -1,6 +1,7 @@
 #include "physics_node/physics_node.h"
 
 #include <algorithm>
+#include <span>
 #include <utility>
 
 #include "physics_node/interaction_deadband.h"
@@ -27,6 +28,9 @@ PhysicsNode::PhysicsNode(std::shared_ptr<const Scene> scene, const PhysicsConfig
       interaction_out_(interaction_out),
       ticks_out_(ticks_out),
       session_id_(session_id),
+      surface_(use == InteractionUse::kLocal ? scene_->descriptions()
+                                             : std::span<const DescribedTissue>{},
+               physics.rate_hz),
       deadband_(physics.interaction_deadband) {
   counters_.surfaces_shared = scene_->shared_surface_count();
 }
@@ -65,6 +69,7 @@ void PhysicsNode::step(const Tick& tick) noexcept {
   interaction.contacts = force.contacts;
   interaction.listed_count = force.listed_count;
   interaction.contact_count = force.contact_count;
+  surface_.fill(motion, tick.now, interaction);
   send(interaction, motion);
 
   // record: hop 5
@@ -87,7 +92,8 @@ void PhysicsNode::step(const Tick& tick) noexcept {
 }
 
 void PhysicsNode::send(Interaction& interaction, const ToolMotion& motion) noexcept {
-  if (deadband_ && motion.header.session_id == sent_to_session_id_ &&
+  if (deadband_ && interaction.surface.number == 0 &&
+      motion.header.session_id == sent_to_session_id_ &&
       !is_worth_sending(sent_, interaction, motion.tool_velocity_world_m_per_s, *deadband_, use_)) {
     ++counters_.interactions_suppressed;
     return;

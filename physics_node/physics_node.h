@@ -28,6 +28,7 @@
 #include "common/session/scene_config.h"
 #include "common/telemetry/physics_telemetry.h"
 #include "physics_node/scene/scene.h"
+#include "physics_node/surface_sender.h"
 
 namespace palpate::physics {
 
@@ -71,6 +72,7 @@ class PhysicsNode {
   Sender<Interaction>& interaction_out_;
   TickSink<PhysicsTick>& ticks_out_;
   std::uint64_t session_id_;
+  SurfaceSender surface_;
   std::optional<InteractionDeadband> deadband_;
   Interaction sent_;                      // the last one that was sent
   std::uint64_t sent_to_session_id_ = 0;  // session of the mofc_node it was for; 0: none yet

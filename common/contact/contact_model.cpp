@@ -141,17 +141,24 @@ ModelForce evaluate(const Contact& contact, const Vector3& displacement_m,
 }
 
 ModelForce evaluate(const Interaction& interaction, const Vector3& tool_position_world_m,
-                    const Vector3& tool_velocity_world_m_per_s, double age_s) noexcept {
+                    const Vector3& tool_velocity_world_m_per_s, double age_s,
+                    std::span<const TissueShare> shares) noexcept {
   const Vector3 d = tool_position_world_m - interaction.tool_position_world_m;
   ModelForce sum;
   const bool is_all_listed = interaction.contact_count <= interaction.listed_count;
   if (!is_all_listed) sum = held(interaction);
   for (std::uint32_t i = 0; i < interaction.listed_count; ++i) {
     const Contact& contact = interaction.contacts[i];
-    const ModelForce one = evaluate(contact, d, tool_velocity_world_m_per_s, age_s);
-    sum.force_on_tool_newton += one.force_on_tool_newton;
-    sum.stored_energy_joule += one.stored_energy_joule;
-    sum.is_touching = sum.is_touching || one.is_touching;
+    const auto other = std::find_if(shares.begin(), shares.end(), [&](const TissueShare& share) {
+      return share.tissue == contact.tissue;
+    });
+    const double weight = other != shares.end() ? 1.0 - other->share : 1.0;
+    if (weight > 0.0) {
+      const ModelForce one = evaluate(contact, d, tool_velocity_world_m_per_s, age_s);
+      sum.force_on_tool_newton += weight * one.force_on_tool_newton;
+      sum.stored_energy_joule += weight * one.stored_energy_joule;
+      sum.is_touching = sum.is_touching || one.is_touching;
+    }
     if (!is_all_listed) sum.force_on_tool_newton -= contact.force_on_tool_newton;
     if (!is_all_listed && contact.penetration_m > 0.0) {
       sum.stored_energy_joule -= contact.stored_energy_joule;
@@ -159,6 +166,21 @@ ModelForce evaluate(const Interaction& interaction, const Vector3& tool_position
   }
   sum.stored_energy_joule = std::max(0.0, sum.stored_energy_joule);
   if (!sum.force_on_tool_newton.allFinite() || !std::isfinite(sum.stored_energy_joule)) return {};
+  return sum;
+}
+
+ModelForce evaluate_tissue(const Interaction& interaction, std::uint32_t tissue,
+                           const Vector3& tool_position_world_m,
+                           const Vector3& tool_velocity_world_m_per_s, double age_s) noexcept {
+  const Vector3 d = tool_position_world_m - interaction.tool_position_world_m;
+  ModelForce sum;
+  for (std::uint32_t i = 0; i < interaction.listed_count; ++i) {
+    if (interaction.contacts[i].tissue != tissue) continue;
+    const ModelForce one = evaluate(interaction.contacts[i], d, tool_velocity_world_m_per_s, age_s);
+    sum.force_on_tool_newton += one.force_on_tool_newton;
+    sum.stored_energy_joule += one.stored_energy_joule;
+    sum.is_touching = sum.is_touching || one.is_touching;
+  }
   return sum;
 }
 

@@ -25,6 +25,9 @@
 // with cubic stiffening and for Hunt–Crossley tissue on these surfaces.
 #pragma once
 
+#include <cstdint>
+#include <span>
+
 #include "common/core/messages.h"
 #include "common/core/vector.h"
 
@@ -64,12 +67,25 @@ struct HuntCrossleyForce {
 [[nodiscard]] HuntCrossleyForce hunt_crossley(const Contact& contact,
                                               double penetration_m) noexcept;
 
-/// All contacts of an Interaction at a tool that is at `tool_position_world_m`. Touches that are
-/// not listed keep the force they had. Zero where it would not be finite.
+/// How much of a tissue's force does not come from its contact model.
+struct TissueShare {
+  std::uint32_t tissue = 0;
+  double share = 0.0;  ///< 0 … 1
+};
+
+/// All contacts of an Interaction at a tool that is at `tool_position_world_m`, each less the share
+/// of its tissue. Touches that are not listed keep the force they had. Zero where it would not be
+/// finite.
 [[nodiscard]] ModelForce evaluate(const Interaction& interaction,
                                   const Vector3& tool_position_world_m,
-                                  const Vector3& tool_velocity_world_m_per_s,
-                                  double age_s) noexcept;
+                                  const Vector3& tool_velocity_world_m_per_s, double age_s,
+                                  std::span<const TissueShare> shares = {}) noexcept;
+
+/// The listed contacts of one tissue.
+[[nodiscard]] ModelForce evaluate_tissue(const Interaction& interaction, std::uint32_t tissue,
+                                         const Vector3& tool_position_world_m,
+                                         const Vector3& tool_velocity_world_m_per_s,
+                                         double age_s) noexcept;
 
 /// The force of the Interaction, unchanged wherever the tool goes (zero-order hold).
 [[nodiscard]] ModelForce held(const Interaction& interaction) noexcept;

@@ -73,6 +73,9 @@ class Inbox {
     return faults_ ? faults_->next_due() : TimePoint::max();
   }
 
+  /// See Source::has_lost_peer().
+  [[nodiscard]] bool has_lost_peer() const noexcept { return source_.has_lost_peer(); }
+
   [[nodiscard]] const LinkCounters& counters() const { return counters_; }
 
  private:

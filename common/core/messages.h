@@ -14,6 +14,7 @@
 #include <array>
 #include <cstdint>
 
+#include "common/core/surface_messages.h"
 #include "common/core/time.h"
 #include "common/core/vector.h"
 
@@ -82,6 +83,7 @@ struct ToolMotion {
   Quaternion tool_orientation_world = Quaternion::Identity();
   Vector3 tool_velocity_world_m_per_s = Vector3::Zero();  ///< estimated by mofc
   std::uint32_t buttons = 0;
+  SurfaceReceipts receipts{};  ///< of what hop 3 has carried
 };
 
 /// Local contact model of one tissue that the tool touches or is close to: the force at the
@@ -117,6 +119,13 @@ struct Contact {
   double trust_radius_m = 0.0;  ///< > 0; distance from the reference within which the model holds
 
   Vector3 force_on_tool_newton = Vector3::Zero();  ///< at the reference; 0 where not touching
+
+  // what the tissue remembers, from which a receiver that has none continues
+  bool is_shaft = false;             ///< else the tip
+  bool is_behind = false;            ///< the tool is behind a sheet
+  bool is_punctured = false;         ///< `stretch_m` is that of the drag
+  Vector3 held_m = Vector3::Zero();  ///< from the tool to its proxy
+  double relaxed_m = 0.0;            ///< penetration that the tissue has relaxed to
 };
 inline constexpr std::size_t kMaxContacts = 8;
 
@@ -136,6 +145,7 @@ struct Interaction {
   std::array<Contact, kMaxContacts> contacts{};
   std::uint32_t listed_count = 0;   ///< entries of `contacts`
   std::uint32_t contact_count = 0;  ///< tissues touched; may exceed the size of the array
+  SurfaceNews surface{};
 };
 
 /// How mofc_node uses an Interaction until the next one arrives.

@@ -37,6 +37,9 @@ class Source {
   /// A hint, given in idle time: the next wait_until() will have about this deadline or a later
   /// one. It moves the cost of setting a timer out of the time-critical path.
   virtual void prepare_wait(TimePoint deadline) noexcept { static_cast<void>(deadline); }
+  /// The connection to the sender existed and is lost; false where the transport cannot tell. Call
+  /// receive() first.
+  [[nodiscard]] virtual bool has_lost_peer() const noexcept { return false; }
   /// Frames that the codec has refused so far; 0 for links without a codec.
   [[nodiscard]] virtual std::uint64_t rejected() const noexcept { return 0; }
 };

@@ -7,10 +7,13 @@ namespace palpate {
 template <class T>
 ZmqSource<T>::ZmqSource(ZmqContext& context, const Clock& clock, const Attachment& attachment,
                         Delivery delivery)
-    : clock_(clock), socket_(context, one_way_receiver(delivery), {attachment}) {}
+    : context_(context),
+      clock_(clock),
+      socket_(context, one_way_receiver(delivery), {attachment}) {}
 
 template <class T>
 bool ZmqSource<T>::receive(T& message, TimePoint& received_at) noexcept {
+  if (watch_) watch_->update();
   for (int i = 0; i < kMaxRejectedPerCall; ++i) {
     if (!receive_frame(socket_, codec_, frame_, rejections_, message)) return false;
     received_at = clock_.now();

@@ -9,7 +9,7 @@
 
 #include "common/core/scene_messages.h"
 #include "common/core/vector.h"
-#include "physics_node/contact/surface_view.h"
+#include "common/contact/surface_view.h"
 
 namespace palpate::physics {
 

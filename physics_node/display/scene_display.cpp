@@ -7,7 +7,7 @@
 
 #include "physics_node/display/display_mesh.h"
 #include "physics_node/files/surface_files.h"
-#include "physics_node/scene/tissue_motion.h"
+#include "common/contact/tissue_motion.h"
 
 namespace palpate::physics {
 namespace {

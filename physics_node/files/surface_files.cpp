@@ -16,7 +16,7 @@
 #include "physics_node/files/ply.h"
 #include "physics_node/files/tetrahedral_files.h"
 #include "physics_node/files/triangle_files.h"
-#include "physics_node/surfaces/bounds.h"
+#include "common/contact/bounds.h"
 #include "physics_node/surfaces/cloud_surface.h"
 #include "physics_node/surfaces/triangle_surface.h"
 

@@ -5,14 +5,12 @@
 #include <optional>
 #include <set>
 #include <span>
-#include <tuple>
 #include <utility>
 #include <variant>
 
-#include "common/contact/contact_model.h"
-#include "physics_node/contact/proxy.h"
+#include "common/contact/proxy.h"
+#include "common/contact/tissue_motion.h"
 #include "physics_node/files/surface_files.h"
-#include "physics_node/scene/tissue_motion.h"
 
 namespace palpate::physics {
 namespace {
@@ -41,7 +39,8 @@ void clear_unless_finite(SceneForce& sum) noexcept {
   const auto is_finite = [](const Contact& contact) {
     return contact.elastic_force_on_tool_newton.allFinite() &&
            contact.d_force_d_position.allFinite() && contact.d_force_d_velocity.allFinite() &&
-           std::isfinite(contact.stored_energy_joule) && contact.stretch_m.allFinite();
+           std::isfinite(contact.stored_energy_joule) && contact.stretch_m.allFinite() &&
+           contact.held_m.allFinite() && std::isfinite(contact.relaxed_m);
   };
   if (sum.force_on_tool_newton.allFinite() && std::isfinite(sum.stored_energy_joule) &&
       std::all_of(sum.contacts.begin(), sum.contacts.begin() + sum.listed_count, is_finite)) {
@@ -55,9 +54,9 @@ void clear_unless_finite(SceneForce& sum) noexcept {
 }  // namespace
 
 Scene::Scene(const SceneConfig& config, double reach_m)
-    : tip_radius_m_(config.tip_radius_m),
-      shaft_length_m_(config.shaft_length_m),
-      shaft_radius_m_(config.shaft_radius_m),
+    : tool_{.tip_radius_m = config.tip_radius_m,
+            .shaft_length_m = config.shaft_length_m,
+            .shaft_radius_m = config.shaft_radius_m},
       reach_m_(reach_m) {
   std::vector<BoxTree::Item> items;
   std::set<const FileSurface*> surfaces;
@@ -72,6 +71,9 @@ Scene::Scene(const SceneConfig& config, double reach_m)
     if (is_relaxing) relaxation_times_s_.push_back(material.relaxation_time_s);
 
     const Shape& shape = tissues_.back().shape;
+    if (reach_m_ > 0.0) {
+      descriptions_.push_back(described(shape, material, tissue.motion, tool_, index));
+    }
     const FileSurface* const surface = shape.file_surface();
     if (surface != nullptr && !surfaces.insert(surface).second) ++shared_surfaces_;
     std::optional<Bounds> bounds = shape.bounds();
@@ -79,9 +81,9 @@ Scene::Scene(const SceneConfig& config, double reach_m)
       unbounded_.push_back(index);
       continue;
     }
-    Vector3 margin_m =
-        Vector3::Constant(std::max(clearance_m(tip_radius_m_) + reach_m_,
-                                   shaft_length_m_ > 0.0 ? clearance_m(shaft_radius_m_) : 0.0));
+    Vector3 margin_m = Vector3::Constant(
+        std::max(clearance_m(tool_.tip_radius_m) + reach_m_,
+                 tool_.shaft_length_m > 0.0 ? clearance_m(tool_.shaft_radius_m) : 0.0));
     if (is_moving(tissue.motion)) margin_m += tissue.motion.amplitude_m.cwiseAbs();
     bounds->grow(margin_m);
     items.push_back({*bounds, bounds->center_m(), index});
@@ -123,7 +125,7 @@ std::uint32_t Scene::visit_near(const ToolPose& now, const TissueMemory& memory,
   Bounds swept{now.tip_m, now.tip_m};
   const auto sweep = [&](const ToolPose& pose) {
     swept.include(pose.tip_m);
-    if (shaft_length_m_ > 0.0) swept.include(pose.tip_m + shaft_length_m_ * pose.shaft);
+    if (tool_.shaft_length_m > 0.0) swept.include(pose.tip_m + tool_.shaft_length_m * pose.shaft);
   };
   sweep(now);
   const std::optional<ToolPose>& last = memory.pose();
@@ -131,19 +133,6 @@ std::uint32_t Scene::visit_near(const ToolPose& now, const TissueMemory& memory,
   bounded_.visit_near(swept, visit_other);
   return visited;
 }
-
-/// The step of the tool as one tissue sees it.
-struct Scene::Motion {
-  std::uint32_t index = 0;  ///< of the tissue
-  const Tissue& tissue;
-  const ToolPose& now;
-  const ToolPose& last;
-  double dt_s = 0.0;
-  Vector3 tip_m = Vector3::Zero();       ///< relative to the displaced tissue
-  Vector3 last_tip_m = Vector3::Zero();  ///< likewise
-
-  [[nodiscard]] Vector3 moved_m() const noexcept { return tip_m - last_tip_m; }
-};
 
 /// Calls take(touch, moved_m) for the tip and each near tissue, and for the shaft where it is near:
 /// the touch before settle(), and the motion of its sphere relative to the tissue. take() settles
@@ -157,117 +146,21 @@ SceneCounts Scene::visit_touches(const ToolPose& now, const TissueMemory& memory
     counts.octree_last_cell_hits += touch.proxy.hint.last_cell_hits;
     take(touch, moved_m);
   };
-  const ToolPose& last = memory.pose() ? *memory.pose() : now;
   counts.tissues_visited = visit_near(now, memory, [&](std::uint32_t index) {
     const Tissue& tissue = tissues_[index];
-    const Motion motion{
-        .index = index,
-        .tissue = tissue,
-        .now = now,
-        .last = last,
-        .dt_s = std::max(0.0, now.time_s - last.time_s),
-        .tip_m = now.tip_m - displacement(tissue.motion, now.time_s).position_m,
-        .last_tip_m = last.tip_m - displacement(tissue.motion, last.time_s).position_m};
-    Touch tip = follow_tip(motion, memory);
-    take_and_count(tip, motion.moved_m());
+    const TissueStep step(tissue.shape, tissue.motion, tool_, now, memory.pose());
+    Touch tip = step.follow_tip(index, memory.find(index, false));
+    take_and_count(tip, step.moved_m());
     // in punctured tissue the shaft is in the hole
-    if (tip.is_punctured || !(shaft_length_m_ > 0.0)) return;
+    if (tip.is_punctured || !(tool_.shaft_length_m > 0.0)) return;
     Touch shaft;
     Vector3 moved_m = Vector3::Zero();
-    if (follow_shaft(motion, memory, shaft, moved_m)) take_and_count(shaft, moved_m);
+    if (step.follow_shaft(index, memory.find(index, true), shaft, moved_m)) {
+      take_and_count(shaft, moved_m);
+    }
   });
   counts.tissues_skipped = static_cast<std::uint32_t>(tissues_.size()) - counts.tissues_visited;
   return counts;
-}
-
-namespace {
-
-/// The touch of the memory, or a new one.
-std::pair<Touch, bool> known_or_new(const TissueMemory& memory, const Touch& fresh) noexcept {
-  const Touch* const known = memory.find(fresh.tissue, fresh.is_shaft);
-  Touch touch = known != nullptr ? *known : fresh;
-  touch.proxy.hint.octree_cells_visited = 0;
-  touch.proxy.hint.last_cell_hits = 0;
-  return {touch, known != nullptr};
-}
-
-}  // namespace
-
-ShaftSegment Scene::shaft_at(const Vector3& tip_m, const Vector3& direction) const noexcept {
-  return {.tip_m = tip_m,
-          .direction = direction,
-          .first_m = std::min(tip_radius_m_ + tip_radius_m_, shaft_length_m_),
-          .last_m = shaft_length_m_};
-}
-
-/// The tip after the step, before settle(). Punctured tissue heals once the tool has left it.
-Touch Scene::follow_tip(const Motion& motion, const TissueMemory& memory) const noexcept {
-  const Shape& shape = motion.tissue.shape;
-  auto [tip, is_known] = known_or_new(memory, {.tissue = motion.index, .radius_m = tip_radius_m_});
-  if (!tip.is_punctured) {
-    if (!memory.pose()) {
-      tip.proxy = begun_at(shape, tip_radius_m_, motion.tip_m, tip.proxy.hint);
-    } else {
-      if (!is_known) tip.proxy = free_at(shape, motion.last_tip_m, tip.proxy.hint);
-      move(shape, tip_radius_m_, motion.tip_m, motion.dt_s, tip.proxy);
-    }
-    return tip;
-  }
-  tip.proxy.point_m = tip.proxy.place_m = motion.tip_m;
-  tip.proxy.surface = shape.view(motion.tip_m, tip.proxy.hint);
-  const bool is_sheet = shape.is_sheet();
-  const double distance_m =
-      is_sheet ? std::abs(tip.proxy.surface.distance_m) : tip.proxy.surface.distance_m;
-  const bool is_inside =
-      distance_m <= clearance_m(tip_radius_m_) ||
-      (shaft_length_m_ > 0.0 && nearest_along(shape, shaft_at(motion.tip_m, motion.now.shaft),
-                                              is_sheet ? SheetSide::kEither : SheetSide::kFront,
-                                              clearance_m(shaft_radius_m_), tip.proxy.hint) >= 0.0);
-  if (is_inside) return tip;
-  return {.tissue = motion.index,
-          .radius_m = tip_radius_m_,
-          .proxy = begun_at(shape, tip_radius_m_, motion.tip_m, tip.proxy.hint)};
-}
-
-/// The shaft after the step, before settle(), at the place where it would be deepest with its last
-/// proxy. False if it is not near.
-bool Scene::follow_shaft(const Motion& motion, const TissueMemory& memory, Touch& shaft,
-                         Vector3& moved_m) const noexcept {
-  const Shape& shape = motion.tissue.shape;
-  const Vector3& direction = motion.now.shaft;
-  bool is_known = false;
-  std::tie(shaft, is_known) =
-      known_or_new(memory, {.tissue = motion.index, .is_shaft = true, .radius_m = shaft_radius_m_});
-  Proxy& proxy = shaft.proxy;
-  const Vector3 held_m = proxy.place_m - proxy.point_m;
-  const Vector3 tip_moved_m = motion.moved_m();
-  const double travel_m = std::max(
-      tip_moved_m.norm(), (tip_moved_m + shaft_length_m_ * (direction - motion.last.shaft)).norm());
-  const SheetSide side = !is_known && shape.is_sheet() ? SheetSide::kEither
-                         : proxy.side < 0.0            ? SheetSide::kBehind
-                                                       : SheetSide::kFront;
-  const double along_m = nearest_along(shape, shaft_at(motion.tip_m + held_m, direction), side,
-                                       clearance_m(shaft_radius_m_) + travel_m, proxy.hint);
-  if (along_m < 0.0) return false;
-
-  const Vector3 point_m = motion.tip_m + along_m * direction;
-  const Vector3 last_point_m = motion.last_tip_m + along_m * motion.last.shaft;
-  moved_m = point_m - last_point_m;
-  if (!memory.pose()) {
-    proxy = begun_at(shape, shaft_radius_m_, point_m, proxy.hint);
-  } else {
-    if (!is_known) proxy = free_at(shape, last_point_m, proxy.hint);
-    proxy.point_m = last_point_m;
-    proxy.place_m = last_point_m + held_m;
-    move(shape, shaft_radius_m_, point_m, motion.dt_s, proxy);
-  }
-  // along the shaft, which may slide, the surface is taken as straight
-  const double bend = direction.dot(proxy.surface.curvature_per_m * direction);
-  if (bend > 0.0 && along_m < shaft_length_m_) {
-    const Vector3 bent = proxy.surface.curvature_per_m * direction;
-    proxy.surface.curvature_per_m -= bent * bent.transpose() / bend;
-  }
-  return true;
 }
 
 // --- the force ----------------------------------------------------------------------------------
@@ -286,13 +179,9 @@ void Scene::add(const Touch& touch, const TissueMemory& memory,
   const double reach_m = touch.is_shaft ? 0.0 : reach_m_;
   if (!touch.is_punctured && !(penetration_m > 0.0) && !(penetration_m > -reach_m)) return;
   const Tissue& tissue = tissues_[touch.tissue];
-  Contact contact = contact_of(touch, tissue.material, relaxed_m(touch, memory));
-  contact.tissue = touch.tissue;
-  contact.surface_velocity_world_m_per_s = displacement(tissue.motion, time_s).velocity_m_per_s;
+  const Contact contact = acting_contact(touch, tissue.material, relaxed_m(touch, memory),
+                                         tissue.motion, tip_velocity_world_m_per_s, time_s);
   if (contact.penetration_m > 0.0) {
-    const ModelForce force =
-        palpate::evaluate(contact, Vector3::Zero(), tip_velocity_world_m_per_s, 0.0);
-    contact.force_on_tool_newton = force.force_on_tool_newton;
     sum.force_on_tool_newton += contact.force_on_tool_newton;
     sum.stored_energy_joule += contact.stored_energy_joule;
     ++sum.contact_count;

@@ -3,12 +3,13 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "common/core/vector.h"
 #include "common/session/scene_config.h"
+#include "physics_node/scene/scene_description.h"
 #include "physics_node/scene/scene_force.h"
-#include "physics_node/scene/shaft.h"
 #include "physics_node/scene/tissue_memory.h"
 #include "physics_node/surfaces/box_tree.h"
 #include "physics_node/surfaces/shape.h"
@@ -64,6 +65,10 @@ class Scene {
   }
 
   [[nodiscard]] std::size_t tissue_count() const noexcept { return tissues_.size(); }
+  /// What mofc_node may get to know of the tissues; empty without reach.
+  [[nodiscard]] std::span<const DescribedTissue> descriptions() const noexcept {
+    return descriptions_;
+  }
   /// Number of tissues whose file had already been loaded for an earlier tissue.
   [[nodiscard]] std::size_t shared_surface_count() const noexcept { return shared_surfaces_; }
 
@@ -75,7 +80,6 @@ class Scene {
     TissueMotionConfig motion;
     std::size_t relaxing = kNone;  // index in Relaxation
   };
-  struct Motion;  // of the tool relative to one tissue, in one step
 
   template <class Visit>
   std::uint32_t visit_near(const ToolPose& now, const TissueMemory& memory,
@@ -83,25 +87,19 @@ class Scene {
   template <class Take>
   SceneCounts visit_touches(const ToolPose& now, const TissueMemory& memory,
                             const Take& take) const noexcept;
-  [[nodiscard]] Touch follow_tip(const Motion& motion, const TissueMemory& memory) const noexcept;
-  [[nodiscard]] bool follow_shaft(const Motion& motion, const TissueMemory& memory, Touch& shaft,
-                                  Vector3& moved_m) const noexcept;
-  [[nodiscard]] ShaftSegment shaft_at(const Vector3& tip_m,
-                                      const Vector3& direction) const noexcept;
   [[nodiscard]] double relaxed_m(const Touch& touch, const TissueMemory& memory) const noexcept;
   void add(const Touch& touch, const TissueMemory& memory,
            const Vector3& tip_velocity_world_m_per_s, double time_s,
            SceneForce& sum) const noexcept;
 
-  double tip_radius_m_;
-  double shaft_length_m_;
-  double shaft_radius_m_;
+  ToolShape tool_;
   double reach_m_;
   std::size_t shared_surfaces_ = 0;
   std::vector<Tissue> tissues_;
   std::vector<double> relaxation_times_s_;  // of the relaxing tissues
   std::vector<std::uint32_t> unbounded_;    // half-spaces: their own distance is the cheapest test
   BoxTree bounded_;
+  std::vector<DescribedTissue> descriptions_;
 };
 
 }  // namespace palpate::physics

@@ -9,23 +9,13 @@
 #include <utility>
 #include <vector>
 
+#include "common/contact/relaxation.h"
+#include "common/contact/tissue_step.h"
+#include "common/contact/touch.h"
 #include "common/core/vector.h"
-#include "physics_node/scene/relaxation.h"
 #include "physics_node/scene/scene_force.h"
-#include "physics_node/scene/touch.h"
 
 namespace palpate::physics {
-
-/// Tip, direction of the shaft (unit, from the tip to the handle) and time; W.
-struct ToolPose {
-  Vector3 tip_m = Vector3::Zero();
-  Vector3 shaft = Vector3::UnitZ();
-  double time_s = 0.0;
-
-  [[nodiscard]] bool operator==(const ToolPose& other) const noexcept {
-    return tip_m == other.tip_m && shaft == other.shaft && time_s == other.time_s;
-  }
-};
 
 /// Where each tissue holds the tool back (its proxy), where friction sticks, what is punctured, and
 /// how far relaxing tissue has relaxed. Created by Scene::new_memory() and advanced by

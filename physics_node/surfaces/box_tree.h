@@ -8,8 +8,8 @@
 #include <utility>
 #include <vector>
 
+#include "common/contact/bounds.h"
 #include "common/core/vector.h"
-#include "physics_node/surfaces/bounds.h"
 
 namespace palpate::physics {
 

@@ -3,8 +3,8 @@
 
 #include <cstddef>
 
-#include "physics_node/contact/surface.h"
-#include "physics_node/surfaces/bounds.h"
+#include "common/contact/bounds.h"
+#include "common/contact/surface.h"
 
 namespace palpate::physics {
 

@@ -2,7 +2,7 @@
 
 #include <type_traits>
 
-#include "physics_node/surfaces/analytic_surfaces.h"
+#include "common/contact/analytic_surfaces.h"
 
 namespace palpate::physics {
 namespace {
@@ -33,7 +33,7 @@ SurfaceView Shape::view(const Vector3& point_m, SurfaceHint& hint) const noexcep
         if constexpr (std::is_same_v<std::decay_t<decltype(form)>, PlacedSurface>) {
           return view_of(form, point_m, hint);
         } else {
-          return physics::view(form, point_m);
+          return palpate::view(form, point_m);
         }
       },
       form_);

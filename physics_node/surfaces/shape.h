@@ -6,10 +6,10 @@
 #include <utility>
 #include <variant>
 
+#include "common/contact/bounds.h"
+#include "common/contact/surface.h"
 #include "common/core/vector.h"
 #include "common/session/scene_config.h"
-#include "physics_node/contact/surface.h"
-#include "physics_node/surfaces/bounds.h"
 #include "physics_node/surfaces/file_surface.h"
 
 namespace palpate::physics {

@@ -12,8 +12,6 @@ namespace palpate::physics {
 namespace {
 
 constexpr std::size_t kLeafTriangles = 4;
-// Below this length a direction is rounding, not geometry [m].
-constexpr double kShortestDirection = 1e-12;
 // Largest distance of the description from the facets, and the least angle that counts.
 constexpr double kTrustedError = 1e-4;
 constexpr double kLeastSine = 1e-9;
@@ -145,58 +143,6 @@ TriangleSurface::TriangleSurface(TriangleMesh mesh) : mesh_(std::move(mesh)) {
   });
 }
 
-// The regions of a triangle seen from a point: [Ericson05] §5.1.5.
-TriangleSurface::Foot TriangleSurface::foot_on(std::uint32_t triangle,
-                                               const Vector3& point_m) const noexcept {
-  const auto& [ia, ib, ic] = mesh_.triangles[triangle];
-  const Vector3& a = mesh_.vertices_m[ia];
-  const Vector3& b = mesh_.vertices_m[ib];
-  const Vector3& c = mesh_.vertices_m[ic];
-  const Vector3 ab = b - a;
-  const Vector3 ac = c - a;
-  Foot foot;
-  foot.triangle = triangle;
-  const auto at_corner = [&](std::int8_t corner, const Vector3& place) {
-    foot.corner = corner;
-    foot.point_m = place;
-  };
-  const auto on_edge = [&](std::int8_t edge, const Vector3& from, const Vector3& along, double t) {
-    foot.edge = edge;
-    foot.point_m = from + t * along;
-  };
-
-  const Vector3 ap = point_m - a;
-  const double d1 = ab.dot(ap);
-  const double d2 = ac.dot(ap);
-  const Vector3 bp = point_m - b;
-  const double d3 = ab.dot(bp);
-  const double d4 = ac.dot(bp);
-  const Vector3 cp = point_m - c;
-  const double d5 = ab.dot(cp);
-  const double d6 = ac.dot(cp);
-  const double va = d3 * d6 - d5 * d4;
-  const double vb = d5 * d2 - d1 * d6;
-  const double vc = d1 * d4 - d3 * d2;
-  if (d1 <= 0.0 && d2 <= 0.0) {
-    at_corner(0, a);
-  } else if (d3 >= 0.0 && d4 <= d3) {
-    at_corner(1, b);
-  } else if (d6 >= 0.0 && d5 <= d6) {
-    at_corner(2, c);
-  } else if (vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0) {
-    on_edge(0, a, ab, d1 / (d1 - d3));
-  } else if (va <= 0.0 && d4 - d3 >= 0.0 && d5 - d6 >= 0.0) {
-    on_edge(1, b, c - b, (d4 - d3) / ((d4 - d3) + (d5 - d6)));
-  } else if (vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0) {
-    on_edge(2, a, ac, d2 / (d2 - d6));
-  } else {
-    const double per_sum = 1.0 / (va + vb + vc);
-    foot.point_m = a + vb * per_sum * ab + vc * per_sum * ac;
-  }
-  foot.squared_distance = (point_m - foot.point_m).squaredNorm();
-  return foot;
-}
-
 // At t past an edge, a neighbour at the angle θ is t sin θ away from the facet's plane. An edge or
 // a corner seen at the distance d is round with the radius d: t²/2d away from the plane that may
 // follow.
@@ -251,7 +197,10 @@ SurfaceView TriangleSurface::view(const Vector3& point_m, SurfaceHint& hint) con
   Foot best;
   best.squared_distance = std::numeric_limits<double>::max();
   const auto offer = [&](std::uint32_t triangle) {
-    const Foot foot = foot_on(triangle, point_m);
+    const auto& [a, b, c] = mesh_.triangles[triangle];
+    const Foot foot{
+        foot_on_facet(mesh_.vertices_m[a], mesh_.vertices_m[b], mesh_.vertices_m[c], point_m),
+        triangle};
     if (foot.squared_distance < best.squared_distance ||
         (foot.squared_distance == best.squared_distance && triangle < best.triangle)) {
       best = foot;
@@ -270,31 +219,14 @@ SurfaceView TriangleSurface::view(const Vector3& point_m, SurfaceHint& hint) con
   if (best.edge >= 0) {
     side = edge_normals_[best.triangle][static_cast<std::size_t>(best.edge)];
   }
-  const Vector3 from_foot = point_m - best.point_m;
-  const double distance_m = std::sqrt(best.squared_distance);
-  const double sign = from_foot.dot(side) < 0.0 ? -1.0 : 1.0;
-  view.distance_m = sign * distance_m;
-  view.trust_radius_m = trust_radius_m(best, point_m);
-  if (distance_m <= kShortestDirection) {
-    const double length = side.norm();
-    view.normal = length > 0.0 ? Vector3(side / length) : face_normals_[best.triangle];
-    return view;
-  }
-  if (best.edge < 0 && best.corner < 0) {
-    view.normal = side;
-    return view;
-  }
-  // a corner is curved like a sphere, an edge like a cylinder
-  view.normal = sign / distance_m * from_foot;
-  view.curvature_per_m = Matrix3::Identity() - view.normal * view.normal.transpose();
+  Vector3 along = Vector3::Zero();
   if (best.edge >= 0) {
     const auto from = static_cast<std::size_t>(best.edge);
-    const Vector3 along =
-        (mesh_.vertices_m[triangle[(from + 1) % 3]] - mesh_.vertices_m[triangle[from]])
-            .normalized();
-    view.curvature_per_m -= along * along.transpose();
+    along = (mesh_.vertices_m[triangle[(from + 1) % 3]] - mesh_.vertices_m[triangle[from]])
+                .normalized();
   }
-  view.curvature_per_m /= view.distance_m;
+  view = view_of_facet(best, side, face_normals_[best.triangle], along, point_m);
+  view.trust_radius_m = trust_radius_m(best, point_m);
   return view;
 }
 

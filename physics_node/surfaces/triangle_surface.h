@@ -4,7 +4,7 @@
 // for closed meshes (Source: [Baerentzen05]). Inside a convex mesh the nearest face changes with
 // the position, and the normal jumps there by the angle between the faces, as in a box. An open
 // mesh is a sheet: a point in front of the nearest face is outside, also beyond the border. The
-// proxy nevertheless lets a tool be behind a sheet (physics_node/contact/proxy.h).
+// proxy nevertheless lets a tool be behind a sheet (common/contact/proxy.h).
 //
 // The facets approximate a smooth surface, so the trust radius extends beyond the nearest facet: as
 // far as its neighbours, at their angle to it, stay within 0.1 mm of the description, and not
@@ -17,6 +17,7 @@
 #include <string>
 #include <vector>
 
+#include "common/contact/facet.h"
 #include "common/core/vector.h"
 #include "physics_node/surfaces/box_tree.h"
 #include "physics_node/surfaces/file_surface.h"
@@ -52,16 +53,10 @@ class TriangleSurface final : public FileSurface {
   [[nodiscard]] bool is_closed() const noexcept { return is_closed_; }
 
  private:
-  // nearest point of a triangle
-  struct Foot {
-    Vector3 point_m = Vector3::Zero();
-    double squared_distance = 0.0;
+  struct Foot : FacetFoot {
     std::uint32_t triangle = 0;
-    std::int8_t edge = -1;    // from corner `edge` to the next, if the foot is on it
-    std::int8_t corner = -1;  // the corner, if the foot is there
   };
   [[nodiscard]] double trust_radius_m(const Foot& foot, const Vector3& point_m) const noexcept;
-  [[nodiscard]] Foot foot_on(std::uint32_t triangle, const Vector3& point_m) const noexcept;
 
   TriangleMesh mesh_;  // triangles in the order of the tree
   std::vector<Vector3> face_normals_;

@@ -42,8 +42,6 @@ using bench::Table;
 using bench::time_each;
 using physics::CloudSurface;
 using physics::Octree;
-using physics::SurfaceHint;
-using physics::SurfaceView;
 using test::Sampling;
 using test::Shape;
 

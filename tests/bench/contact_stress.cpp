@@ -8,7 +8,7 @@
 //
 // Then thin tissue, poked at up to 1 m/s: how often the tool popped through; and slides over edges,
 // through grooves and over facets: the largest step of the force beside the bound of
-// physics_node/contact/proxy.h.
+// common/contact/proxy.h.
 //
 // Then the loop, drawn as a map: a mass falls onto a floor whose force is computed once in a
 // period, and either held or continued by the local model between. Shown is the energy with which

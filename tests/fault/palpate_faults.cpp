@@ -367,7 +367,10 @@ TEST_P(PhysicsOrMofc, TheForceEndsInTimeAndReturns) {
     faulted_at_ = is_physics ? last_step_at_ : last.device.switched_at;
   }
   if (is_physics) {
-    figures.safe_limit = session.side().mofc.stale_after + session.side().mofc.fade;
+    // only a stopped node keeps its connection
+    figures.safe_limit = session.side().mofc.fade + (GetParam().signal == SIGSTOP
+                                                         ? session.side().mofc.stale_after
+                                                         : test::kLossNoticed);
   } else {
     figures.safe_limit = session.side().device.lease;  // then the motors switch off by themselves
     safe_at = std::min(safe_at, last.device.switched_at + session.side().device.lease);

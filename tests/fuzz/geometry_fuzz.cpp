@@ -43,12 +43,12 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   const std::string_view bytes(reinterpret_cast<const char*>(data) + 1, size - 1);
   try {
     const auto surface = palpate::physics::parse_surface(bytes, name, geometry);
-    const palpate::physics::Bounds bounds = surface->bounds();
+    const palpate::Bounds bounds = surface->bounds();
     PALPATE_REQUIRE(bounds.lowest_m.allFinite() && bounds.highest_m.allFinite());
     for (const Vector3& place : {Vector3(0, 0, 0), Vector3(bounds.highest_m),
                                  Vector3(0.5 * (bounds.lowest_m + bounds.highest_m)),
                                  Vector3(1e200, -1e200, palpate::kNaN)}) {
-      const palpate::physics::SurfaceView seen = surface->view(place);
+      const palpate::SurfaceView seen = surface->view(place);
       PALPATE_REQUIRE(!std::isnan(seen.distance_m) && seen.normal.allFinite() &&
                       seen.curvature_per_m.allFinite() && seen.stiffness_ratio >= 0.0);
     }

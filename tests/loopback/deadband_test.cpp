@@ -157,7 +157,7 @@ TEST(Deadband, TheAgeOfTheForceCountsTheSilence) {
   EXPECT_LE(oldest, Duration(42ms));
 }
 
-// stale_after is 6 + 3 · (20 + 20) = 126 ms, the fade 50 ms. The last new answer came at
+// stale_after is 150 + 3 · (20 + 20) = 270 ms, the fade 50 ms. The last new answer came at
 // most 41 ms before the fault, and at most 41 ms after its beginning: messages under way and the
 // first message of a freeze still count as new.
 class DeadbandDeath : public testing::TestWithParam<const char*> {};
@@ -169,13 +169,13 @@ INSTANTIATE_TEST_SUITE_P(Faults, DeadbandDeath,
 
 TEST_P(DeadbandDeath, RealSilenceIsDetectedWhetherTheHandRestsOrMoves) {
   for (const char* hand : {kResting, kMoving}) {
-    const Recording dead = record({hand, kThinMotion, kThinInteraction, GetParam()}, 1400ms);
+    const Recording dead = record({hand, kThinMotion, kThinInteraction, GetParam()}, 1500ms);
 
     const auto state_at = [&](std::size_t k) { return dead.rows[k].mofc->state; };
-    EXPECT_NE(state_at(1000 - 41 + 126), MofcState::kFading) << hand << ": silence of the deadband";
-    const MofcState declared = state_at(1000 + 41 + 127);
+    EXPECT_NE(state_at(1000 - 41 + 270), MofcState::kFading) << hand << ": silence of the deadband";
+    const MofcState declared = state_at(1000 + 41 + 271);
     EXPECT_TRUE(declared == MofcState::kFading || declared == MofcState::kNoPhysics) << hand;
-    for (std::size_t k = 1000 + 41 + 127 + 50; k < dead.rows.size(); ++k) {
+    for (std::size_t k = 1000 + 41 + 271 + 50; k < dead.rows.size(); ++k) {
       ASSERT_EQ(state_at(k), MofcState::kNoPhysics) << hand << " tick " << k;
       ASSERT_EQ(dead.rows[k].device.force_on_hand_newton.norm(), 0.0) << hand << " tick " << k;
     }

@@ -140,7 +140,7 @@ TEST_F(PressingHand, WhenPhysicsIsKilledTheForceNeverRisesAndIsGoneAfterTheFade)
   });
   ASSERT_NE(turn, rows.end());
   const TimePoint gone_at =
-      turn->device.switched_at + session_.side().mofc.stale_after + session_.side().mofc.fade;
+      turn->device.switched_at + test::kLossNoticed + session_.side().mofc.fade;
   int faded = 0;
   for (auto row = declared; row != rows.end(); ++row) {
     EXPECT_LE(newton(*row), limit_newton + 1e-9) << "sequence " << row->device.sequence;

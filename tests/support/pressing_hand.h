@@ -27,6 +27,9 @@ inline constexpr double kLeftNewton = 0.35;
 /// Energy from rounding in the inner steps of the simulated device.
 inline constexpr double kRoundingJoule = 1e-6;
 
+/// Within this time the clamp knows that the connection to a dead physics_node is lost.
+inline constexpr Duration kLossNoticed = std::chrono::milliseconds(6);
+
 /// |F| on the hand in a row.
 inline double newton(const TickRow& row) { return row.device.force_on_hand_newton.norm(); }
 

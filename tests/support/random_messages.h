@@ -90,6 +90,10 @@ inline void randomise(ToolMotion& m, Random& random) {
   m.tool_orientation_world = random_orientation(random);
   m.tool_velocity_world_m_per_s = random_vector(random, 1000.0);
   m.buttons = static_cast<std::uint32_t>(random.bits());
+  m.receipts = {.store_id = random.bits() | 1,
+                .newest = random.bits(),
+                .received = random.bits(),
+                .loop_age = random_duration(random)};
 }
 
 inline Matrix3 random_matrix(Random& random, double limit) {
@@ -120,7 +124,105 @@ inline void randomise(Contact& c, Random& random) {
        .stored_energy_joule = random.uniform(0.0, 1e3),
        .is_adhesive = random.chance(0.5),
        .trust_radius_m = random.uniform(1e-4, 1000.0),
-       .force_on_tool_newton = random_vector(random, 1e6)};
+       .force_on_tool_newton = random_vector(random, 1e6),
+       .is_shaft = random.chance(0.5),
+       .is_behind = random.chance(0.5),
+       .is_punctured = random.chance(0.5),
+       .held_m = random_vector(random, 1.0),
+       .relaxed_m = random.uniform(-1.0, 1.0)};
+}
+
+inline DescribedGeometry random_geometry(Random& random) {
+  switch (random.below(5)) {
+    case 0:
+      return HalfSpaceGeometry{.point_m = random_vector(random, 1.0),
+                               .normal = random_vector(random, 1.0).normalized()};
+    case 1:
+      return SphereGeometry{.center_m = random_vector(random, 1.0),
+                            .radius_m = random.uniform(0.0, 1.0)};
+    case 2:
+      return BoxGeometry{.center_m = random_vector(random, 1.0),
+                         .size_m = random_vector(random, 1.0).cwiseAbs()};
+    case 3:
+      return CapsuleGeometry{.from_m = random_vector(random, 1.0),
+                             .to_m = random_vector(random, 1.0),
+                             .radius_m = random.uniform(0.0, 1.0)};
+    default:
+      return TiledGeometry{.is_sheet = random.chance(0.5)};
+  }
+}
+
+inline void randomise(TissueDescription& d, Random& random) {
+  d = {.slot = static_cast<std::uint32_t>(random.below(kMaxDescribed)),
+       .version = static_cast<std::uint32_t>(random.bits()),
+       .tissue = static_cast<std::uint32_t>(random.bits()),
+       .geometry = random_geometry(random),
+       .material = {.stiffness_newton_per_m = random.uniform(0.0, 1e6),
+                    .damping_newton_s_per_m = random.uniform(0.0, 1e3),
+                    .is_damping_isotropic = random.chance(0.5),
+                    .is_adhesive = random.chance(0.5),
+                    .stiffening_newton_per_m3 = random.uniform(0.0, 1e9),
+                    .relaxing_stiffness_newton_per_m = random.uniform(0.0, 1e6),
+                    .relaxation_time_s = random.uniform(0.1, 1e3),
+                    .friction_coefficient = random.uniform(0.0, 2.0),
+                    .friction_stiffness_newton_per_m = random.uniform(1.0, 1e6),
+                    .puncture_newton = random.uniform(0.0, 10.0),
+                    .cutting_newton = random.uniform(0.0, 10.0)},
+       .inclusion_count = 1 + static_cast<std::uint32_t>(random.below(kMaxDescribedInclusions)),
+       .motion = {.amplitude_m = random_vector(random, 1.0),
+                  .frequency_hz = random.uniform(0.0, 100.0),
+                  .phase_rad = random.uniform(-10.0, 10.0)},
+       .tool = {.tip_radius_m = random.uniform(0.0, 1.0),
+                .shaft_length_m = random.uniform(0.0, 1.0),
+                .shaft_radius_m = random.uniform(0.0, 1.0)}};
+  for (std::uint32_t i = 0; i < d.inclusion_count; ++i) {
+    d.inclusions[i] = {.center_m = random_vector(random, 1.0),
+                       .radius_m = random.uniform(0.0, 1.0),
+                       .transition_m = random.uniform(1e-3, 1.0),
+                       .stiffness_newton_per_m = random.uniform(0.0, 1e6),
+                       .damping_newton_s_per_m = random.uniform(0.0, 1e3)};
+  }
+}
+
+/// Random vertices: three of them are never on one line.
+inline void randomise(SurfaceTile& tile, Random& random) {
+  tile = {.slot = static_cast<std::uint32_t>(random.below(kTileSlots)),
+          .described_slot = static_cast<std::uint32_t>(random.below(kMaxDescribed)),
+          .version = static_cast<std::uint32_t>(random.bits()),
+          .origin_m = random_vector(random, 1.0),
+          .step_m = random.uniform(1e-9, 1e-3),
+          .vertex_count = 3 + static_cast<std::uint32_t>(random.below(kMaxTileVertices - 2)),
+          .facet_count = 1 + static_cast<std::uint32_t>(random.below(kMaxTileFacets))};
+  for (std::uint32_t i = 0; i < tile.vertex_count; ++i) {
+    for (std::uint16_t& x : tile.vertices[i]) x = static_cast<std::uint16_t>(random.bits());
+  }
+  for (std::uint32_t i = 0; i < tile.facet_count; ++i) {
+    const auto first = random.below(tile.vertex_count);
+    for (std::size_t k = 0; k < 3; ++k) {
+      tile.facets[i][k] = static_cast<std::uint8_t>((first + k) % tile.vertex_count);
+    }
+  }
+}
+
+inline void randomise(SurfaceNews& news, Random& random) {
+  news = {.store_id = random.bits() | 1, .number = random.bits() | 1, .has_description = true};
+  randomise(news.description, random);
+  news.tile_count = 1 + static_cast<std::uint32_t>(random.below(kMaxTilesPerMessage));
+  for (std::uint32_t i = 0; i < news.tile_count; ++i) randomise(news.tiles[i], random);
+  news.coverage_count = 1 + static_cast<std::uint32_t>(random.below(kMaxDescribed));
+  for (std::uint32_t i = 0; i < news.coverage_count; ++i) {
+    news.coverages[i] = {.described_slot = static_cast<std::uint32_t>(random.below(kMaxDescribed)),
+                         .description_version = static_cast<std::uint32_t>(random.bits()),
+                         .center_m = random_vector(random, 1.0),
+                         .radius_m = random.uniform(0.0, 1.0)};
+  }
+  news.pending_count = 1 + static_cast<std::uint32_t>(random.below(kMaxPendingTiles));
+  for (std::uint32_t i = 0; i < news.pending_count; ++i) {
+    news.pending[i] = {.slot = static_cast<std::uint32_t>(random.below(kTileSlots)),
+                       .described_slot = static_cast<std::uint32_t>(random.below(kMaxDescribed)),
+                       .version = static_cast<std::uint32_t>(random.bits()),
+                       .distance_m = random.uniform(0.0, 1.0)};
+  }
 }
 
 inline void randomise(Interaction& m, Random& random) {
@@ -141,6 +243,7 @@ inline void randomise(Interaction& m, Random& random) {
     randomise(m.contacts[i], random);
     if (i >= touching) m.contacts[i].penetration_m *= -1.0;
   }
+  randomise(m.surface, random);
 }
 
 inline void randomise(DeviceTick& r, Random& random) {
@@ -377,7 +480,87 @@ inline bool same(const ToolMotion& a, const ToolMotion& b) {
          same(a.tool_position_world_m, b.tool_position_world_m) &&
          same(a.tool_orientation_world, b.tool_orientation_world) &&
          same(a.tool_velocity_world_m_per_s, b.tool_velocity_world_m_per_s) &&
-         a.buttons == b.buttons;
+         a.buttons == b.buttons && a.receipts.store_id == b.receipts.store_id &&
+         a.receipts.newest == b.receipts.newest && a.receipts.received == b.receipts.received &&
+         a.receipts.loop_age == b.receipts.loop_age;
+}
+inline bool same(const HalfSpaceGeometry& a, const HalfSpaceGeometry& b) {
+  return same(a.point_m, b.point_m) && same(a.normal, b.normal);
+}
+inline bool same(const SphereGeometry& a, const SphereGeometry& b) {
+  return same(a.center_m, b.center_m) && a.radius_m == b.radius_m;
+}
+inline bool same(const BoxGeometry& a, const BoxGeometry& b) {
+  return same(a.center_m, b.center_m) && same(a.size_m, b.size_m);
+}
+inline bool same(const CapsuleGeometry& a, const CapsuleGeometry& b) {
+  return same(a.from_m, b.from_m) && same(a.to_m, b.to_m) && a.radius_m == b.radius_m;
+}
+inline bool same(const TiledGeometry& a, const TiledGeometry& b) {
+  return a.is_sheet == b.is_sheet;
+}
+inline bool same(const InclusionConfig& a, const InclusionConfig& b) {
+  return same(a.center_m, b.center_m) && a.radius_m == b.radius_m &&
+         a.transition_m == b.transition_m && a.stiffness_newton_per_m == b.stiffness_newton_per_m &&
+         a.damping_newton_s_per_m == b.damping_newton_s_per_m;
+}
+inline bool same(const KelvinVoigtMaterial& a, const KelvinVoigtMaterial& b) {
+  return a.stiffness_newton_per_m == b.stiffness_newton_per_m &&
+         a.damping_newton_s_per_m == b.damping_newton_s_per_m &&
+         a.is_damping_isotropic == b.is_damping_isotropic && a.is_adhesive == b.is_adhesive &&
+         a.stiffening_newton_per_m3 == b.stiffening_newton_per_m3 &&
+         a.relaxing_stiffness_newton_per_m == b.relaxing_stiffness_newton_per_m &&
+         a.relaxation_time_s == b.relaxation_time_s &&
+         a.friction_coefficient == b.friction_coefficient &&
+         a.friction_stiffness_newton_per_m == b.friction_stiffness_newton_per_m &&
+         a.puncture_newton == b.puncture_newton && a.cutting_newton == b.cutting_newton;
+}
+inline bool same(const TissueDescription& a, const TissueDescription& b) {
+  return a.slot == b.slot && a.version == b.version && a.tissue == b.tissue &&
+         a.geometry.index() == b.geometry.index() &&
+         std::visit(
+             [&](const auto& shape) {
+               return same(shape, std::get<std::decay_t<decltype(shape)>>(b.geometry));
+             },
+             a.geometry) &&
+         same(a.material, b.material) && a.inclusion_count == b.inclusion_count &&
+         std::equal(a.inclusions.begin(), a.inclusions.begin() + a.inclusion_count,
+                    b.inclusions.begin(),
+                    [](const auto& x, const auto& y) { return same(x, y); }) &&
+         same(a.motion.amplitude_m, b.motion.amplitude_m) &&
+         a.motion.frequency_hz == b.motion.frequency_hz &&
+         a.motion.phase_rad == b.motion.phase_rad && a.tool.tip_radius_m == b.tool.tip_radius_m &&
+         a.tool.shaft_length_m == b.tool.shaft_length_m &&
+         a.tool.shaft_radius_m == b.tool.shaft_radius_m;
+}
+inline bool same(const SurfaceTile& a, const SurfaceTile& b) {
+  return a.slot == b.slot && a.described_slot == b.described_slot && a.version == b.version &&
+         same(a.origin_m, b.origin_m) && a.step_m == b.step_m && a.vertex_count == b.vertex_count &&
+         a.facet_count == b.facet_count &&
+         std::equal(a.vertices.begin(), a.vertices.begin() + a.vertex_count, b.vertices.begin()) &&
+         std::equal(a.facets.begin(), a.facets.begin() + a.facet_count, b.facets.begin());
+}
+inline bool same(const SurfaceNews& a, const SurfaceNews& b) {
+  if (a.store_id != b.store_id) return false;
+  if (a.store_id == 0) return true;  // none
+  return a.number == b.number && a.has_description == b.has_description &&
+         (!a.has_description || same(a.description, b.description)) &&
+         a.tile_count == b.tile_count && a.coverage_count == b.coverage_count &&
+         a.pending_count == b.pending_count &&
+         std::equal(a.tiles.begin(), a.tiles.begin() + a.tile_count, b.tiles.begin(),
+                    [](const auto& x, const auto& y) { return same(x, y); }) &&
+         std::equal(a.coverages.begin(), a.coverages.begin() + a.coverage_count,
+                    b.coverages.begin(),
+                    [](const auto& x, const auto& y) {
+                      return x.described_slot == y.described_slot &&
+                             x.description_version == y.description_version &&
+                             same(x.center_m, y.center_m) && x.radius_m == y.radius_m;
+                    }) &&
+         std::equal(a.pending.begin(), a.pending.begin() + a.pending_count, b.pending.begin(),
+                    [](const auto& x, const auto& y) {
+                      return x.slot == y.slot && x.described_slot == y.described_slot &&
+                             x.version == y.version && x.distance_m == y.distance_m;
+                    });
 }
 inline bool same(const Contact& a, const Contact& b) {
   return a.tissue == b.tissue && same(a.penetration_m, b.penetration_m) &&
@@ -397,7 +580,9 @@ inline bool same(const Contact& a, const Contact& b) {
          a.stored_energy_joule == b.stored_energy_joule && a.is_adhesive == b.is_adhesive &&
          a.trust_radius_m == b.trust_radius_m && a.friction_coefficient == b.friction_coefficient &&
          a.friction_stiffness_newton_per_m == b.friction_stiffness_newton_per_m &&
-         same(a.stretch_m, b.stretch_m);
+         same(a.stretch_m, b.stretch_m) && a.is_shaft == b.is_shaft && a.is_behind == b.is_behind &&
+         a.is_punctured == b.is_punctured && same(a.held_m, b.held_m) &&
+         same(a.relaxed_m, b.relaxed_m);
 }
 inline bool same(const Interaction& a, const Interaction& b) {
   const auto listed = static_cast<std::ptrdiff_t>(a.listed_count);
@@ -407,7 +592,7 @@ inline bool same(const Interaction& a, const Interaction& b) {
          same(a.tool_orientation_world, b.tool_orientation_world) &&
          same(a.force_on_tool_newton, b.force_on_tool_newton) &&
          same(a.stored_energy_joule, b.stored_energy_joule) && a.contact_count == b.contact_count &&
-         a.listed_count == b.listed_count &&
+         a.listed_count == b.listed_count && same(a.surface, b.surface) &&
          std::equal(a.contacts.begin(), a.contacts.begin() + listed, b.contacts.begin(),
                     [](const auto& x, const auto& y) { return same(x, y); });
 }

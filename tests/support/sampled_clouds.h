@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "common/core/random.h"
-#include "physics_node/surfaces/analytic_surfaces.h"
+#include "common/contact/analytic_surfaces.h"
 #include "physics_node/surfaces/cloud_surface.h"
 
 namespace palpate::test {
@@ -18,7 +18,7 @@ namespace palpate::test {
 struct Shape {
   std::string name;
   double area_m2 = 0.0;
-  std::function<physics::SurfaceView(const Vector3&)> view;
+  std::function<SurfaceView(const Vector3&)> view;
   /// A point of the surface for (s, t) in [0, 1)², spread evenly over its area.
   std::function<Vector3(double, double)> point;
   /// Is the point far enough from the border of an open shape to be judged?
@@ -30,7 +30,7 @@ inline Shape sphere_shape(double radius_m) {
       .name = "sphere",
       .area_m2 = 4 * std::numbers::pi * radius_m * radius_m,
       .view =
-          [=](const Vector3& p) { return physics::view(SphereGeometry{.radius_m = radius_m}, p); },
+          [=](const Vector3& p) { return palpate::view(SphereGeometry{.radius_m = radius_m}, p); },
       .point = [=](double s, double t) -> Vector3 {
         const double z = 1.0 - 2.0 * s;
         const double r = std::sqrt(std::max(0.0, 1.0 - z * z));
@@ -44,7 +44,7 @@ inline Shape plane_shape(double half_edge_m) {
   return {
       .name = "plane",
       .area_m2 = 4 * half_edge_m * half_edge_m,
-      .view = [](const Vector3& p) { return physics::view(HalfSpaceGeometry{}, p); },
+      .view = [](const Vector3& p) { return palpate::view(HalfSpaceGeometry{}, p); },
       .point = [=](double s, double t) -> Vector3 {
         return {half_edge_m * (2 * s - 1), half_edge_m * (2 * t - 1), 0.0};
       },
@@ -67,7 +67,7 @@ inline Shape torus_shape(double ring_m, double tube_m) {
           .area_m2 = 4 * std::numbers::pi * std::numbers::pi * ring_m * tube_m,
           .view =
               [=](const Vector3& p) {
-                physics::SurfaceView view;
+                SurfaceView view;
                 const double rho = std::hypot(p.x(), p.y());
                 const Vector3 outwards(p.x() / rho, p.y() / rho, 0);
                 const Vector3 from_ring = p - ring_m * outwards;
@@ -108,7 +108,7 @@ inline Shape saddle_shape(double radius_m, double half_edge_m) {
               x = p.x() + dz * x / radius_m;
               y = p.y() - dz * y / radius_m;
             }
-            physics::SurfaceView view;
+            SurfaceView view;
             const Vector3 foot(x, y, height(x, y));
             const double slope2 = 1.0 + (x * x + y * y) / (radius_m * radius_m);
             const Vector3 n = Vector3(-x / radius_m, y / radius_m, 1.0) / std::sqrt(slope2);

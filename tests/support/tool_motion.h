@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "common/core/random.h"
-#include "physics_node/contact/proxy.h"
+#include "common/contact/proxy.h"
 #include "physics_node/files/ply.h"
 #include "physics_node/scene/scene.h"
 #include "tests/support/sampled_clouds.h"
@@ -47,7 +47,7 @@ class LedTool {
 
   [[nodiscard]] const physics::SceneForce& force() const { return force_; }
   [[nodiscard]] double largest_step_newton() const { return largest_step_newton_; }
-  /// Of physics_node/contact/proxy.h; at most 1.
+  /// Of common/contact/proxy.h; at most 1.
   [[nodiscard]] double largest_step_over_bound() const { return largest_step_over_bound_; }
 
  private:

@@ -66,13 +66,15 @@ inline constexpr bool kIsTelemetry =
     kKindOf<T> >= MessageKind::kDeviceBatch&& kKindOf<T> <= MessageKind::kMeshFrame;
 
 /// Larger frames are refused before they are parsed. An Interaction of eight contacts with friction
-/// nearly fills its frame, and so does a DeviceState of 64 applied forces; the other messages of
-/// the loop take at most 1 kB. A telemetry record takes at most 250 bytes, so that a batch can hold
-/// 4000 ticks. A vertex takes 12 bytes, a triangle 12.
+/// takes 4 kB, its surface 3.5 kB more; a DeviceState of 64 applied forces takes 7 kB; the other
+/// messages of the loop take at most 1 kB. A telemetry record takes at most 250 bytes, so that a
+/// batch can hold 4000 ticks. A vertex takes 12 bytes, a triangle 12.
 template <class T>
 inline constexpr std::size_t kMaxFrameBytes = kIsTelemetry<T> ? std::size_t{1} << 20 : 4096;
 template <>
 inline constexpr std::size_t kMaxFrameBytes<DeviceState> = 8192;
+template <>
+inline constexpr std::size_t kMaxFrameBytes<Interaction> = 8192;
 template <>
 inline constexpr std::size_t kMaxFrameBytes<SceneState> = std::size_t{16} << 20;
 template <>

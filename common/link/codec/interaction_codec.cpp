@@ -1,6 +1,7 @@
 // interaction_codec.cpp — hop 3: Interaction and its contacts.
 #include <algorithm>
 
+#include "common/link/codec/surface_wire.h"
 #include "common/link/codec/wire_format.h"
 #include "palpate/v1/interaction.pb.h"
 
@@ -12,11 +13,6 @@ namespace {
 
 constexpr double kMaxForceOnToolNewton = 1e6;
 constexpr double kMaxCurvaturePerM = 1e9;
-constexpr double kMaxLawCoefficient = 1e12;
-constexpr double kMaxStiffening = 1e18;
-constexpr double kMaxFrictionCoefficient = 1000.0;
-constexpr double kMaxExponent = 10.0;
-constexpr double kLeastDepthM = 1e-6;
 
 using Matrix = google::protobuf::RepeatedField<double>;
 
@@ -56,10 +52,16 @@ void put_contact(const Contact& contact, v1::Contact& to) {
     to.set_hunt_crossley_stiffness_newton_per_m(contact.hunt_crossley_stiffness_newton_per_m);
     to.set_hunt_crossley_damping_newton_s_per_m(contact.hunt_crossley_damping_newton_s_per_m);
   }
-  if (contact.friction_coefficient == 0.0) return;
   to.set_friction_coefficient(contact.friction_coefficient);
   to.set_friction_stiffness_newton_per_m(contact.friction_stiffness_newton_per_m);
-  put(contact.stretch_m, *to.mutable_stretch_m());
+  if (contact.friction_coefficient > 0.0 || !contact.stretch_m.isZero(0.0)) {
+    put(contact.stretch_m, *to.mutable_stretch_m());
+  }
+  to.set_is_shaft(contact.is_shaft);
+  to.set_is_behind(contact.is_behind);
+  to.set_is_punctured(contact.is_punctured);
+  if (!contact.held_m.isZero(0.0)) put(contact.held_m, *to.mutable_held_m());
+  to.set_relaxed_m(contact.relaxed_m);
 }
 
 void check_contact(const v1::Contact& contact, Verdict& verdict) {
@@ -91,6 +93,8 @@ void check_contact(const v1::Contact& contact, Verdict& verdict) {
   if (contact.friction_coefficient() > 0.0 || contact.has_stretch_m()) {
     verdict.vector(contact.has_stretch_m(), contact.stretch_m(), kMaxPositionM);
   }
+  if (contact.has_held_m()) verdict.vector(true, contact.held_m(), kMaxPositionM);
+  verdict.number(contact.relaxed_m(), -kMaxPositionM, kMaxPositionM);
 }
 
 Contact contact_of(const v1::Contact& wire) {
@@ -116,6 +120,11 @@ Contact contact_of(const v1::Contact& wire) {
   contact.friction_coefficient = wire.friction_coefficient();
   contact.friction_stiffness_newton_per_m = wire.friction_stiffness_newton_per_m();
   if (wire.has_stretch_m()) contact.stretch_m = vector(wire.stretch_m());
+  contact.is_shaft = wire.is_shaft();
+  contact.is_behind = wire.is_behind();
+  contact.is_punctured = wire.is_punctured();
+  if (wire.has_held_m()) contact.held_m = vector(wire.held_m());
+  contact.relaxed_m = wire.relaxed_m();
   return contact;
 }
 
@@ -134,6 +143,7 @@ struct WireFormat<Interaction> {
     wire.set_contact_count(m.contact_count);
     const std::size_t count = std::min<std::size_t>(m.listed_count, kMaxContacts);
     for (std::size_t i = 0; i < count; ++i) put_contact(m.contacts[i], *wire.add_contacts());
+    if (m.surface.store_id != 0) put(m.surface, *wire.mutable_surface());
   }
 
   static void check(const v1::Interaction& wire, Verdict& verdict) {
@@ -152,6 +162,7 @@ struct WireFormat<Interaction> {
     verdict.expect(listed <= kMaxContacts);
     verdict.expect(touching == std::min<std::uint32_t>(wire.contact_count(), kMaxContacts));
     for (const v1::Contact& one : wire.contacts()) check_contact(one, verdict);
+    if (wire.has_surface()) check_surface(wire.surface(), verdict);
   }
 
   static void read(const v1::Interaction& wire, Interaction& m) {
@@ -167,6 +178,8 @@ struct WireFormat<Interaction> {
     for (std::uint32_t i = 0; i < m.listed_count; ++i) {
       m.contacts[i] = contact_of(wire.contacts(static_cast<int>(i)));
     }
+    m.surface.store_id = 0;
+    if (wire.has_surface()) read_surface(wire.surface(), m.surface);
   }
 };
 template class Codec<Interaction>;

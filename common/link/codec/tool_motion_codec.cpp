@@ -6,6 +6,10 @@ namespace palpate {
 
 using namespace wire;
 
+namespace {
+constexpr std::int64_t kMaxLoopAgeNs = 10'000'000'000;
+}
+
 template <>
 struct WireFormat<ToolMotion> {
   using Message = v1::ToolMotion;
@@ -16,6 +20,12 @@ struct WireFormat<ToolMotion> {
     put(m.tool_orientation_world, *wire.mutable_tool_orientation_world());
     put(m.tool_velocity_world_m_per_s, *wire.mutable_tool_velocity_world_m_per_s());
     wire.set_buttons(m.buttons);
+    if (m.receipts.store_id == 0) return;
+    v1::SurfaceReceipts& receipts = *wire.mutable_receipts();
+    receipts.set_store_id(m.receipts.store_id);
+    receipts.set_newest(m.receipts.newest);
+    receipts.set_received(m.receipts.received);
+    receipts.set_loop_age_ns(m.receipts.loop_age.count());
   }
 
   static void check(const v1::ToolMotion& wire, Verdict& verdict) {
@@ -24,6 +34,10 @@ struct WireFormat<ToolMotion> {
     verdict.orientation(wire.has_tool_orientation_world(), wire.tool_orientation_world());
     verdict.vector(wire.has_tool_velocity_world_m_per_s(), wire.tool_velocity_world_m_per_s(),
                    kMaxVelocityMPerS);
+    if (!wire.has_receipts()) return;
+    const v1::SurfaceReceipts& receipts = wire.receipts();
+    verdict.expect(receipts.store_id() != 0);
+    verdict.expect(receipts.loop_age_ns() >= 0 && receipts.loop_age_ns() <= kMaxLoopAgeNs);
   }
 
   static void read(const v1::ToolMotion& wire, ToolMotion& m) {
@@ -34,6 +48,10 @@ struct WireFormat<ToolMotion> {
     m.tool_orientation_world = quaternion(wire.tool_orientation_world());
     m.tool_velocity_world_m_per_s = vector(wire.tool_velocity_world_m_per_s());
     m.buttons = wire.buttons();
+    m.receipts = {.store_id = wire.receipts().store_id(),
+                  .newest = wire.receipts().newest(),
+                  .received = wire.receipts().received(),
+                  .loop_age = Duration(wire.receipts().loop_age_ns())};
   }
 };
 template class Codec<ToolMotion>;

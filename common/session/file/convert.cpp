@@ -90,8 +90,7 @@ void add_side(const SessionText& text, const std::string& name,
   side.simulated = to_simulated_device(device.message("simulated"));
   side.device =
       to_device(device, rate_hz, wait_ms, side.simulated.peak_force_newton, base_dir, problems);
-  side.mofc =
-      to_mofc(mofc, wait_ms, session.physics, session.faults.interaction.jitter, side.device);
+  side.mofc = to_mofc(mofc, wait_ms, session.physics, side.device);
   session.sides.push_back(std::move(side));
 }
 

@@ -75,8 +75,7 @@ class LinkRules {
 /// A deadband may suppress the very message that mofc_node waits for.
 void refuse_if_waiting(const Fields& fields, const char* deadband, double wait_for_physics_ms);
 [[nodiscard]] MofcConfig to_mofc(const Fields& mofc, double wait_for_physics_ms,
-                                 const PhysicsConfig& physics, Duration interaction_jitter,
-                                 const DeviceConfig& device);
+                                 const PhysicsConfig& physics, const DeviceConfig& device);
 
 [[nodiscard]] PhysicsConfig to_physics(const Fields& physics);
 [[nodiscard]] SceneConfig to_scene(const Fields& scene, const std::filesystem::path& base_dir);

@@ -1,3 +1,5 @@
+#include <algorithm>
+
 #include "common/session/file/convert.h"
 #include "palpate/v1/session.pb.h"
 
@@ -7,6 +9,8 @@ namespace {
 
 constexpr double kWaitMaxRateHz = 200.0;       // above it an answer of the physics comes too late
 constexpr double kKeepAlivesUntilStale = 3.0;  // two lost in a row are not silence
+constexpr double kHeldPeriodsUntilStale = 6.0;
+constexpr double kLocalStaleMs = 150.0;  // hiccups of ordinary networks and machines
 
 GuardConfig to_guard(const Fields& fields) {
   return {.v_max_m_per_s = fields.number("v_max_m_per_s"),
@@ -83,8 +87,7 @@ PaperFriction to_paper_friction(const Fields& fields, const DeviceProfile& profi
   return PaperFriction::kIsotropic;
 }
 
-Duration to_stale_after(const Fields& mofc, const PhysicsConfig& physics,
-                        Duration interaction_jitter,
+Duration to_stale_after(const Fields& mofc, const PhysicsConfig& physics, InteractionUse use,
                         const std::optional<MotionDeadband>& motion_deadband) {
   // silence that the deadbands allow is not staleness
   double allowed_silence_ms = 0.0;
@@ -93,13 +96,14 @@ Duration to_stale_after(const Fields& mofc, const PhysicsConfig& physics,
     allowed_silence_ms += 1e3 * to_seconds(physics.interaction_deadband->keep_alive);
   }
   const double physics_period_ms = 1e3 / physics.rate_hz;
+  // a local model stays right while the tissue does; a held force is wrong once the hand moves
+  double unnoticed_ms = kHeldPeriodsUntilStale * physics_period_ms;
+  if (use == InteractionUse::kLocal) unnoticed_ms = std::max(unnoticed_ms, kLocalStaleMs);
   const double stale_after_ms =
-      mofc.number("stale_after_ms", 6.0 * physics_period_ms + 1e3 * to_seconds(interaction_jitter) +
-                                        kKeepAlivesUntilStale * allowed_silence_ms);
+      mofc.number("stale_after_ms", unnoticed_ms + kKeepAlivesUntilStale * allowed_silence_ms);
   if (stale_after_ms < (1.0 - kPeriodTolerance) * physics_period_ms) {
     mofc.problem("stale_after_ms", "must be ≥ 1 period of physics.rate_hz, " +
-                                       shown(physics_period_ms) +
-                                       " ms; leave it out for 6 physics periods");
+                                       shown(physics_period_ms) + " ms; leave it out");
   }
   if (stale_after_ms <= allowed_silence_ms) {
     mofc.problem("stale_after_ms", "must be > the keep_alive_ms of the deadbands together, " +
@@ -138,7 +142,7 @@ void refuse_if_waiting(const Fields& fields, const char* deadband, double wait_f
 }
 
 MofcConfig to_mofc(const Fields& mofc, double wait_for_physics_ms, const PhysicsConfig& physics,
-                   Duration interaction_jitter, const DeviceConfig& device) {
+                   const DeviceConfig& device) {
   MofcConfig config;
   if (mofc.enumerator("controller") == v1::Mofc::none) config.controller = ControllerKind::kNone;
   const int mode = mofc.enumerator("mode");
@@ -148,9 +152,9 @@ MofcConfig to_mofc(const Fields& mofc, double wait_for_physics_ms, const Physics
   config.paper_friction = to_paper_friction(mofc.message("paper_settings"), device.profile);
   config.wait_for_physics = to_milliseconds(wait_for_physics_ms);
   config.motion_deadband = to_motion_deadband(mofc, wait_for_physics_ms);
-  config.stale_after = to_stale_after(mofc, physics, interaction_jitter, config.motion_deadband);
-  config.fade = mofc.milliseconds("fade_ms");
   if (mofc.enumerator("interaction") == v1::Mofc::held) config.interaction = InteractionUse::kHeld;
+  config.stale_after = to_stale_after(mofc, physics, config.interaction, config.motion_deadband);
+  config.fade = mofc.milliseconds("fade_ms");
   config.handover_newton_per_s = mofc.number("handover_newton_per_s");
   config.velocity_estimator = to_velocity_estimator(mofc.message("velocity_estimator"));
   config.delta_max = to_delta_max(mofc, device);

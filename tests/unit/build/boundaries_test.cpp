@@ -126,12 +126,12 @@ INSTANTIATE_TEST_SUITE_P(
         Forbidden{"deploy/palpate/options.h", "viewer_node/server/web_server.h",
                   "deploy/palpate may include"}));
 
-// contact ← surfaces ← files ← scene ← display
+// surfaces ← files ← scene ← display
 INSTANTIATE_TEST_SUITE_P(
     InsidePhysicsNode, ForbiddenInclude,
     testing::Values(
-        Forbidden{"physics_node/contact/proxy.h", "physics_node/surfaces/shape.h",
-                  "physics_node/contact may include"},
+        Forbidden{"common/contact/proxy.h", "physics_node/surfaces/shape.h",
+                  "common/contact may include"},
         Forbidden{"physics_node/surfaces/shape.cpp", "physics_node/files/surface_files.h",
                   "physics_node/surfaces may include"},
         Forbidden{"physics_node/surfaces/file_surface.h", "common/telemetry/physics_telemetry.h",
@@ -199,8 +199,8 @@ TEST(IncludeBoundaries, LetAFileIncludeItsNeighbours) {
 TEST(IncludeBoundaries, KeepLocksOutOfTheTickAndTheClamp) {
   for (const char* file : {"device_node/force_guard.h", "mofc_node/mofc_node.cpp",
                            "mofc_node/controllers/energy_ledger.cpp", "common/core/inbox.h",
-                           "physics_node/physics_node.cpp", "physics_node/scene/touch.cpp",
-                           "physics_node/contact/proxy.cpp"}) {
+                           "physics_node/physics_node.cpp", "common/contact/touch.cpp",
+                           "common/contact/proxy.cpp"}) {
     for (const char* header : {"mutex", "condition_variable", "future", "pthread.h"}) {
       EXPECT_EQ(check_source(file, std::string("#include <") + header + ">\n").status, 1)
           << file << " " << header;

@@ -1,4 +1,4 @@
-#include "mofc_node/model_handover.h"
+#include "mofc_node/tissue/model_handover.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "physics_node/surfaces/analytic_surfaces.h"
+#include "common/contact/analytic_surfaces.h"
 
 #include <gtest/gtest.h>
 

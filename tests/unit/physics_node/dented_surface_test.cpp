@@ -7,7 +7,7 @@
 #include <limits>
 
 #include "physics_node/display/display_mesh.h"
-#include "physics_node/surfaces/analytic_surfaces.h"
+#include "common/contact/analytic_surfaces.h"
 
 namespace palpate::physics {
 namespace {

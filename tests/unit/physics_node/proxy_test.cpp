@@ -1,6 +1,6 @@
 // The proxy: it passes through nothing thin and slides over edges and grooves without a step of the
 // force. The shaft. Puncture.
-#include "physics_node/contact/proxy.h"
+#include "common/contact/proxy.h"
 
 #include <gtest/gtest.h>
 

@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "common/core/random.h"
-#include "physics_node/surfaces/analytic_surfaces.h"
+#include "common/contact/analytic_surfaces.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/unit/physics_node/test_meshes.h"
 

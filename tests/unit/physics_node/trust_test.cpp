@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "common/contact/contact_model.h"
-#include "physics_node/contact/material.h"
+#include "common/contact/material.h"
 #include "tests/support/sampled_clouds.h"
 #include "tests/unit/physics_node/random_scene.h"
 #include "tests/unit/physics_node/test_meshes.h"

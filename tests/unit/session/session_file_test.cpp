@@ -124,11 +124,11 @@ TEST(SessionFile, AlmostEmptySessionHasEveryDefault) {
   EXPECT_THAT(session.side().hand.presses, IsEmpty());
   EXPECT_FALSE(session.side().hand.pointer.has_value());
 
-  // 6 physics periods of 1 ms, no jitter
+  // 6 physics periods of 1 ms are less than 150 ms
   EXPECT_EQ(session.side().mofc.controller, ControllerKind::kMofc);
   EXPECT_EQ(session.side().mofc.mode, MofcMode::kGuard);
   EXPECT_EQ(session.side().mofc.wait_for_physics, 0ms);
-  EXPECT_EQ(session.side().mofc.stale_after, 6ms);
+  EXPECT_EQ(session.side().mofc.stale_after, 150ms);
   EXPECT_EQ(session.side().mofc.fade, 50ms);
   const auto& velocity = std::get<KalmanVelocity>(session.side().mofc.velocity_estimator);
   EXPECT_EQ(velocity.model, KalmanVelocity::Model::kConstantAcceleration);
@@ -151,18 +151,31 @@ TEST(SessionFile, AlmostEmptySessionHasEveryDefault) {
 }
 
 TEST(SessionFile, DefaultsFollowTheRates) {
-  const Session session = parse_session(
-      "name: \"x\" device { rate_hz: 50 } physics { rate_hz: 100 }"
-      "faults { interaction { jitter_ms: 7 } }",
-      "x.txtpb");
+  const Session session =
+      parse_session("name: \"x\" device { rate_hz: 50 } physics { rate_hz: 20 }", "x.txtpb");
 
-  // device period 20 ms; 6 physics periods of 10 ms and 7 ms of jitter
+  // device period 20 ms; 6 physics periods of 50 ms
   EXPECT_EQ(session.side().device.reply, 10ms);
   EXPECT_EQ(session.side().device.lease, 40ms);
   EXPECT_EQ(session.side().device.longest_lease, 40ms);
   EXPECT_EQ(session.side().device.limp_after, 400ms);
   EXPECT_EQ(session.side().device.fade, 50ms);
-  EXPECT_EQ(session.side().mofc.stale_after, 67ms);
+  EXPECT_EQ(session.side().mofc.stale_after, 300ms);
+}
+
+TEST(SessionFile, AHeldForceIsStaleEarlier) {
+  EXPECT_EQ(parse_session("name: 'x' mofc { interaction: held }", "x").side().mofc.stale_after,
+            6ms);
+}
+
+// A simulated fault must not change the product.
+TEST(SessionFile, NoDefaultOfTheClampDependsOnTheFaults) {
+  const Session calm = parse_session("name: 'x'", "x.txtpb");
+  const Session rough = parse_session(
+      "name: 'x' faults { interaction { jitter_ms: 70 delay_ms: 30 } tool_motion { jitter_ms: 70 } "
+      "}",
+      "x.txtpb");
+  EXPECT_EQ(rough.side().mofc.stale_after, calm.side().mofc.stale_after);
 }
 
 TEST(SessionFile, DefaultFadeIsAtLeastOnePeriod) {
@@ -378,7 +391,7 @@ TEST(SessionFile, ReadsFieldsWithoutDefaults) {
   EXPECT_EQ(session.side().mofc.fade, 9ms);
 }
 
-// silence that the deadbands allow: 6 periods of 1 ms and 3 keep-alives of each deadband
+// silence that the deadbands allow: 150 ms and 3 keep-alives of each deadband
 TEST(SessionFile, DeadbandsAreOffUnlessGivenAndCountInStaleAfter) {
   const Session plain = parse_session("name: 'x'", "x.txtpb");
   EXPECT_FALSE(plain.side().mofc.motion_deadband.has_value());
@@ -391,7 +404,7 @@ TEST(SessionFile, DeadbandsAreOffUnlessGivenAndCountInStaleAfter) {
   EXPECT_EQ(thinned.side().mofc.motion_deadband->floor_m, 1e-4);
   EXPECT_EQ(thinned.side().mofc.motion_deadband->floor_rad, 0.02);
   EXPECT_EQ(thinned.side().mofc.motion_deadband->keep_alive, 20ms);
-  EXPECT_EQ(thinned.side().mofc.stale_after, 66ms);
+  EXPECT_EQ(thinned.side().mofc.stale_after, 210ms);
 
   const Session both = parse_session(
       "name: 'x' mofc { motion_deadband {} } physics { interaction_deadband { ratio: 0.1 "
@@ -401,7 +414,7 @@ TEST(SessionFile, DeadbandsAreOffUnlessGivenAndCountInStaleAfter) {
   EXPECT_EQ(both.physics.interaction_deadband->ratio, 0.1);
   EXPECT_EQ(both.physics.interaction_deadband->floor_newton, 0.2);
   EXPECT_EQ(both.physics.interaction_deadband->keep_alive, 5ms);
-  EXPECT_EQ(both.side().mofc.stale_after, 81ms);
+  EXPECT_EQ(both.side().mofc.stale_after, 225ms);
 }
 
 TEST(SessionFile, ReadsEveryVelocityEstimator) {

@@ -5,7 +5,7 @@
 
 #include "common/core/vector.h"
 
-namespace palpate::physics {
+namespace palpate {
 
 /// Axis-aligned box, in the frame of what it bounds.
 struct Bounds {
@@ -52,4 +52,4 @@ struct Bounds {
   return bounds;
 }
 
-}  // namespace palpate::physics
+}  // namespace palpate

@@ -3,12 +3,12 @@
 
 #include <cstdint>
 
+#include "common/contact/proxy.h"
 #include "common/core/messages.h"
+#include "common/core/tissue.h"
 #include "common/core/vector.h"
-#include "common/session/scene_config.h"
-#include "physics_node/contact/proxy.h"
 
-namespace palpate::physics {
+namespace palpate {
 
 /// The tip, or the shaft where it is deepest, and one tissue. Positions are relative to the
 /// displaced tissue.
@@ -43,4 +43,4 @@ void settle(Touch& touch, const Vector3& moved_m, const KelvinVoigtMaterial& mat
 [[nodiscard]] Contact contact_of(const Touch& touch, const KelvinVoigtMaterial& material,
                                  double relaxed_m) noexcept;
 
-}  // namespace palpate::physics
+}  // namespace palpate

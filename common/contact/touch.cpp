@@ -1,12 +1,12 @@
-#include "physics_node/scene/touch.h"
+#include "common/contact/touch.h"
 
 #include <algorithm>
 #include <cmath>
 
 #include "common/contact/contact_model.h"
-#include "physics_node/contact/material.h"
+#include "common/contact/material.h"
 
-namespace palpate::physics {
+namespace palpate {
 namespace {
 
 // Least penetration reported for punctured tissue, wherever the tip is in it [m].
@@ -87,4 +87,4 @@ Contact contact_of(const Touch& touch, const KelvinVoigtMaterial& material,
   return contact;
 }
 
-}  // namespace palpate::physics
+}  // namespace palpate

@@ -20,10 +20,10 @@
 // than 1 mm.
 #pragma once
 
+#include "common/contact/surface.h"
 #include "common/core/vector.h"
-#include "physics_node/contact/surface.h"
 
-namespace palpate::physics {
+namespace palpate {
 
 /// A sphere of the tool and one surface; in the frame of the surface.
 struct Proxy {
@@ -59,4 +59,4 @@ inline constexpr double kLongestMotion_m = 0.1;
 void move(const Surface& surface, double radius_m, const Vector3& point_m, double dt_s,
           Proxy& proxy) noexcept;
 
-}  // namespace palpate::physics
+}  // namespace palpate

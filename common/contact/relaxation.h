@@ -5,7 +5,20 @@
 #include <cstdint>
 #include <vector>
 
-namespace palpate::physics {
+namespace palpate {
+
+/// Of one relaxing tissue: τ ż = p − z.
+struct RelaxationState {
+  double penetration_m = 0.0;  ///< p ≥ 0
+  double relaxed_m = 0.0;      ///< z
+
+  /// p changes linearly to `depth_m` (≤ 0 or not finite: not pressed) within `dt_s` ≥ 0.
+  /// @param relaxation_time_s  τ > 0
+  void press(double relaxation_time_s, double depth_m, double dt_s) noexcept;
+  [[nodiscard]] bool is_at_rest() const noexcept {
+    return penetration_m == 0.0 && relaxed_m == 0.0;
+  }
+};
 
 /// For each relaxing tissue its penetration p and the penetration z that it has relaxed to:
 /// τ ż = p − z. Tissue at rest (p = z = 0) is asleep and costs nothing. Only the constructor
@@ -30,9 +43,7 @@ class Relaxation {
   void finish_step(double dt_s, double time_s) noexcept;
 
  private:
-  struct State {
-    double penetration_m = 0.0;  // p ≥ 0 at advanced_s
-    double relaxed_m = 0.0;      // z
+  struct State : RelaxationState {
     double advanced_s = 0.0;
   };
 
@@ -41,4 +52,4 @@ class Relaxation {
   std::vector<std::uint32_t> awake_;  // tissues that are not at rest
 };
 
-}  // namespace palpate::physics
+}  // namespace palpate

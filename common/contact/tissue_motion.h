@@ -4,10 +4,10 @@
 #include <cmath>
 #include <numbers>
 
+#include "common/core/tissue.h"
 #include "common/core/vector.h"
-#include "common/session/scene_config.h"
 
-namespace palpate::physics {
+namespace palpate {
 
 /// Of a whole tissue, from where its geometry has it; W.
 struct Displacement {
@@ -28,4 +28,4 @@ struct Displacement {
   return {std::sin(angle) * motion.amplitude_m, omega * std::cos(angle) * motion.amplitude_m};
 }
 
-}  // namespace palpate::physics
+}  // namespace palpate

@@ -1,11 +1,11 @@
-#include "physics_node/contact/material.h"
+#include "common/contact/material.h"
 
 #include <algorithm>
 #include <cmath>
 
 #include "common/contact/contact_model.h"
 
-namespace palpate::physics {
+namespace palpate {
 namespace {
 
 /// k and b at one position, with inclusions.
@@ -114,4 +114,4 @@ Contact describe(const KelvinVoigtMaterial& material, const SurfaceView& surface
   return contact;
 }
 
-}  // namespace palpate::physics
+}  // namespace palpate

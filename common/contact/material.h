@@ -2,12 +2,12 @@
 // penetration.
 #pragma once
 
+#include "common/contact/surface_view.h"
 #include "common/core/messages.h"
+#include "common/core/tissue.h"
 #include "common/core/vector.h"
-#include "common/session/scene_config.h"
-#include "physics_node/contact/surface_view.h"
 
-namespace palpate::physics {
+namespace palpate {
 
 /// The contact of a tissue with a sphere of the tool: surface and law, touching or not. The total
 /// force of the contact stays zero. With p the penetration, n the normal out of the tissue, v the
@@ -37,4 +37,4 @@ namespace palpate::physics {
                                double penetration_m, double relaxed_m,
                                const Vector3& point_m) noexcept;
 
-}  // namespace palpate::physics
+}  // namespace palpate

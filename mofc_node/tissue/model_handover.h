@@ -1,6 +1,9 @@
 // model_handover.h — the transition from one contact model to the next without a jump of the force.
 #pragma once
 
+#include <cstdint>
+#include <span>
+
 #include "common/contact/contact_model.h"
 #include "common/core/messages.h"
 #include "common/core/time.h"
@@ -29,9 +32,15 @@ class ModelHandover {
   /// @param newest  the model to use, identified by session and sequence
   /// @param dt_s    ≥ 0, since the step before
   /// @param now     time of that position, device's clock
+  /// @param shares  of tissues whose force comes from elsewhere
   [[nodiscard]] ModelForce step(const Interaction& newest, const Vector3& tool_position_world_m,
                                 const Vector3& tool_velocity_world_m_per_s, double dt_s,
-                                TimePoint now) noexcept;
+                                TimePoint now, std::span<const TissueShare> shares = {}) noexcept;
+
+  /// One tissue in the present model; no force without one.
+  [[nodiscard]] ModelForce of_tissue(std::uint32_t tissue, const Vector3& tool_position_world_m,
+                                     const Vector3& tool_velocity_world_m_per_s,
+                                     TimePoint now) const noexcept;
 
   /// Change of the force by the transition in the last step [N]; at most rate · dt.
   [[nodiscard]] double last_step_newton() const noexcept { return last_step_newton_; }

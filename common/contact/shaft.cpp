@@ -1,9 +1,9 @@
-#include "physics_node/scene/shaft.h"
+#include "common/contact/shaft.h"
 
 #include <algorithm>
 #include <cmath>
 
-namespace palpate::physics {
+namespace palpate {
 
 double nearest_along(const Surface& surface, const ShaftSegment& segment, SheetSide side,
                      double limit_m, SurfaceHint& hint) noexcept {
@@ -60,4 +60,4 @@ double nearest_along(const Surface& surface, const ShaftSegment& segment, SheetS
   return best.distance_m < limit_m ? best_m : -1.0;
 }
 
-}  // namespace palpate::physics
+}  // namespace palpate

@@ -1,10 +1,10 @@
 // surface.h — the interface through which the contact sees a surface.
 #pragma once
 
+#include "common/contact/surface_view.h"
 #include "common/core/vector.h"
-#include "physics_node/contact/surface_view.h"
 
-namespace palpate::physics {
+namespace palpate {
 
 /// Immutable. Thread-safe. view() is real-time safe: no allocation, no lock, no throw, bounded
 /// time.
@@ -32,4 +32,4 @@ class Surface {
   Surface& operator=(Surface&&) = default;
 };
 
-}  // namespace palpate::physics
+}  // namespace palpate

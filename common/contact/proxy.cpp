@@ -1,10 +1,10 @@
-#include "physics_node/contact/proxy.h"
+#include "common/contact/proxy.h"
 
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
-namespace palpate::physics {
+namespace palpate {
 namespace {
 
 constexpr double kLeastClearance_m = 5e-4;
@@ -168,4 +168,4 @@ void move(const Surface& surface, double radius_m, const Vector3& point_m, doubl
   proxy.surface = surface_of_contact(at, held_m, clearance);
 }
 
-}  // namespace palpate::physics
+}  // namespace palpate

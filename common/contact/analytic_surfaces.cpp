@@ -1,10 +1,10 @@
-#include "physics_node/surfaces/analytic_surfaces.h"
+#include "common/contact/analytic_surfaces.h"
 
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
-namespace palpate::physics {
+namespace palpate {
 namespace {
 
 // Below this length a direction is rounding, not geometry [m].
@@ -128,4 +128,4 @@ Bounds bounds_of(const CapsuleGeometry& capsule) noexcept {
           capsule.from_m.cwiseMax(capsule.to_m) + radius_m};
 }
 
-}  // namespace palpate::physics
+}  // namespace palpate

@@ -1,4 +1,4 @@
-#include "mofc_node/model_handover.h"
+#include "mofc_node/tissue/model_handover.h"
 
 #include <algorithm>
 
@@ -27,12 +27,21 @@ bool ModelHandover::is_same(const Model& model, const Interaction& newest) noexc
          model.interaction.header.sequence == newest.header.sequence;
 }
 
+ModelForce ModelHandover::of_tissue(std::uint32_t tissue, const Vector3& tool_position_world_m,
+                                    const Vector3& tool_velocity_world_m_per_s,
+                                    TimePoint now) const noexcept {
+  if (!has_model_) return {};
+  const Model& model = models_[current_];
+  return evaluate_tissue(model.interaction, tissue, tool_position_world_m,
+                         tool_velocity_world_m_per_s, surface_age_s(model, now));
+}
+
 ModelForce ModelHandover::step(const Interaction& newest, const Vector3& tool_position_world_m,
                                const Vector3& tool_velocity_world_m_per_s, double dt_s,
-                               TimePoint now) noexcept {
+                               TimePoint now, std::span<const TissueShare> shares) noexcept {
   const auto at_tool = [&](const Model& model) {
     return evaluate(model.interaction, tool_position_world_m, tool_velocity_world_m_per_s,
-                    surface_age_s(model, now));
+                    surface_age_s(model, now), shares);
   };
   last_step_newton_ = 0.0;
   const ModelForce from = has_model_ ? at_tool(models_[current_]) : ModelForce{};

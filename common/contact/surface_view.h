@@ -5,7 +5,7 @@
 
 #include "common/core/vector.h"
 
-namespace palpate::physics {
+namespace palpate {
 
 /// Trust radius of a surface that continues without change, such as a plane [m].
 inline constexpr double kMaxTrustRadiusM = 1000.0;
@@ -40,6 +40,7 @@ struct SurfaceHint {
   std::uint32_t cell = 0;
   std::uint32_t octree_cells_visited = 0;  ///< by the views since the caller last set it to 0
   std::uint32_t last_cell_hits = 0;        ///< views whose nearest point was in the last one's cell
+  std::uint32_t uncovered_views = 0;       ///< views that another, unknown part may have changed
 };
 
-}  // namespace palpate::physics
+}  // namespace palpate

@@ -1,10 +1,10 @@
 // shaft.h — where a straight shaft is deepest in a tissue.
 #pragma once
 
+#include "common/contact/surface.h"
 #include "common/core/vector.h"
-#include "physics_node/contact/surface.h"
 
-namespace palpate::physics {
+namespace palpate {
 
 /// A straight segment behind the tip, in the frame of a surface.
 struct ShaftSegment {
@@ -24,4 +24,4 @@ enum class SheetSide { kFront, kBehind, kEither };
 [[nodiscard]] double nearest_along(const Surface& surface, const ShaftSegment& segment,
                                    SheetSide side, double limit_m, SurfaceHint& hint) noexcept;
 
-}  // namespace palpate::physics
+}  // namespace palpate

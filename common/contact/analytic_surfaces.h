@@ -1,12 +1,15 @@
 // analytic_surfaces.h — half-space, sphere, box and capsule seen from one point, by formula.
 #pragma once
 
-#include "common/core/vector.h"
-#include "common/session/scene_config.h"
-#include "physics_node/contact/surface_view.h"
-#include "physics_node/surfaces/bounds.h"
+#include <variant>
 
-namespace palpate::physics {
+#include "common/contact/bounds.h"
+#include "common/contact/surface.h"
+#include "common/contact/surface_view.h"
+#include "common/core/tissue.h"
+#include "common/core/vector.h"
+
+namespace palpate {
 
 /// Exact everywhere; the plane has no curvature. Needs |normal| = 1.
 [[nodiscard]] SurfaceView view(const HalfSpaceGeometry& half_space,
@@ -33,4 +36,22 @@ namespace palpate::physics {
 [[nodiscard]] Bounds bounds_of(const BoxGeometry& box) noexcept;
 [[nodiscard]] Bounds bounds_of(const CapsuleGeometry& capsule) noexcept;
 
-}  // namespace palpate::physics
+/// One of these shapes as a surface.
+class AnalyticSurface final : public Surface {
+ public:
+  using Form = std::variant<HalfSpaceGeometry, SphereGeometry, BoxGeometry, CapsuleGeometry>;
+
+  AnalyticSurface() = default;
+  explicit AnalyticSurface(const Form& form) : form_(form) {}
+
+  [[nodiscard]] SurfaceView view(const Vector3& point_m,
+                                 SurfaceHint& /*hint*/) const noexcept override {
+    return std::visit([&](const auto& shape) { return palpate::view(shape, point_m); }, form_);
+  }
+  using Surface::view;
+
+ private:
+  Form form_;
+};
+
+}  // namespace palpate

@@ -1,0 +1,126 @@
+#include "common/contact/tissue_step.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "common/contact/contact_model.h"
+#include "common/contact/proxy.h"
+#include "common/contact/tissue_motion.h"
+
+namespace palpate {
+namespace {
+
+/// The known touch, or a new one.
+Touch known_or(const Touch* known, const Touch& fresh) noexcept {
+  Touch touch = known != nullptr ? *known : fresh;
+  touch.proxy.hint.octree_cells_visited = 0;
+  touch.proxy.hint.last_cell_hits = 0;
+  touch.proxy.hint.uncovered_views = 0;
+  return touch;
+}
+
+}  // namespace
+
+TissueStep::TissueStep(const Surface& surface, const TissueMotionConfig& motion,
+                       const ToolShape& tool, const ToolPose& now,
+                       const std::optional<ToolPose>& last) noexcept
+    : surface_(surface),
+      tool_(tool),
+      shaft_(now.shaft),
+      last_shaft_(last ? last->shaft : now.shaft),
+      tip_m_(now.tip_m - displacement(motion, now.time_s).position_m),
+      last_tip_m_(last ? Vector3(last->tip_m - displacement(motion, last->time_s).position_m)
+                       : tip_m_),
+      dt_s_(last ? std::max(0.0, now.time_s - last->time_s) : 0.0),
+      is_start_(!last) {}
+
+ShaftSegment TissueStep::shaft_at(const Vector3& tip_m, const Vector3& direction) const noexcept {
+  return {.tip_m = tip_m,
+          .direction = direction,
+          .first_m = std::min(tool_.tip_radius_m + tool_.tip_radius_m, tool_.shaft_length_m),
+          .last_m = tool_.shaft_length_m};
+}
+
+Touch TissueStep::follow_tip(std::uint32_t tissue, const Touch* known) const noexcept {
+  const double radius_m = tool_.tip_radius_m;
+  Touch tip = known_or(known, {.tissue = tissue, .radius_m = radius_m});
+  if (!tip.is_punctured) {
+    if (is_start_) {
+      tip.proxy = begun_at(surface_, radius_m, tip_m_, tip.proxy.hint);
+    } else {
+      if (known == nullptr) tip.proxy = free_at(surface_, last_tip_m_, tip.proxy.hint);
+      palpate::move(surface_, radius_m, tip_m_, dt_s_, tip.proxy);
+    }
+    return tip;
+  }
+  tip.proxy.point_m = tip.proxy.place_m = tip_m_;
+  tip.proxy.surface = surface_.view(tip_m_, tip.proxy.hint);
+  const bool is_sheet = surface_.is_sheet();
+  const double distance_m =
+      is_sheet ? std::abs(tip.proxy.surface.distance_m) : tip.proxy.surface.distance_m;
+  const bool is_inside = distance_m <= clearance_m(radius_m) ||
+                         (tool_.shaft_length_m > 0.0 &&
+                          nearest_along(surface_, shaft_at(tip_m_, shaft_),
+                                        is_sheet ? SheetSide::kEither : SheetSide::kFront,
+                                        clearance_m(tool_.shaft_radius_m), tip.proxy.hint) >= 0.0);
+  if (is_inside) return tip;
+  return {.tissue = tissue,
+          .radius_m = radius_m,
+          .proxy = begun_at(surface_, radius_m, tip_m_, tip.proxy.hint)};
+}
+
+bool TissueStep::follow_shaft(std::uint32_t tissue, const Touch* known, Touch& shaft,
+                              Vector3& moved_m) const noexcept {
+  shaft = known_or(known, {.tissue = tissue, .is_shaft = true, .radius_m = tool_.shaft_radius_m});
+  Proxy& proxy = shaft.proxy;
+  const Vector3 held_m = proxy.place_m - proxy.point_m;
+  const Vector3 tip_moved_m = this->moved_m();
+  const double travel_m = std::max(
+      tip_moved_m.norm(), (tip_moved_m + tool_.shaft_length_m * (shaft_ - last_shaft_)).norm());
+  const SheetSide side = known == nullptr && surface_.is_sheet() ? SheetSide::kEither
+                         : proxy.side < 0.0                      ? SheetSide::kBehind
+                                                                 : SheetSide::kFront;
+  const double along_m = nearest_along(surface_, shaft_at(tip_m_ + held_m, shaft_), side,
+                                       clearance_m(tool_.shaft_radius_m) + travel_m, proxy.hint);
+  if (along_m < 0.0) return false;
+
+  const Vector3 point_m = tip_m_ + along_m * shaft_;
+  const Vector3 last_point_m = last_tip_m_ + along_m * last_shaft_;
+  moved_m = point_m - last_point_m;
+  if (is_start_) {
+    proxy = begun_at(surface_, tool_.shaft_radius_m, point_m, proxy.hint);
+  } else {
+    if (known == nullptr) proxy = free_at(surface_, last_point_m, proxy.hint);
+    proxy.point_m = last_point_m;
+    proxy.place_m = last_point_m + held_m;
+    palpate::move(surface_, tool_.shaft_radius_m, point_m, dt_s_, proxy);
+  }
+  // along the shaft, which may slide, the surface is taken as straight
+  const double bend = shaft_.dot(proxy.surface.curvature_per_m * shaft_);
+  if (bend > 0.0 && along_m < tool_.shaft_length_m) {
+    const Vector3 bent = proxy.surface.curvature_per_m * shaft_;
+    proxy.surface.curvature_per_m -= bent * bent.transpose() / bend;
+  }
+  return true;
+}
+
+Contact acting_contact(const Touch& touch, const KelvinVoigtMaterial& material, double relaxed_m,
+                       const TissueMotionConfig& motion, const Vector3& tool_velocity_world_m_per_s,
+                       double time_s) noexcept {
+  Contact contact = contact_of(touch, material, relaxed_m);
+  contact.tissue = touch.tissue;
+  contact.is_shaft = touch.is_shaft;
+  contact.is_behind = touch.proxy.side < 0.0;
+  contact.is_punctured = touch.is_punctured;
+  if (touch.is_punctured) contact.stretch_m = touch.stretch_m;
+  contact.held_m = touch.proxy.place_m - touch.proxy.point_m;
+  contact.relaxed_m = relaxed_m;
+  contact.surface_velocity_world_m_per_s = displacement(motion, time_s).velocity_m_per_s;
+  if (contact.penetration_m > 0.0) {
+    contact.force_on_tool_newton =
+        evaluate(contact, Vector3::Zero(), tool_velocity_world_m_per_s, 0.0).force_on_tool_newton;
+  }
+  return contact;
+}
+
+}  // namespace palpate

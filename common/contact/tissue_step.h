@@ -1,0 +1,72 @@
+// tissue_step.h — one step of the tool in one tissue: where its proxy goes, and which contact
+// results. physics_node evaluates it with the whole surface; mofc_node with the part of it that
+// physics_node has sent.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "common/contact/shaft.h"
+#include "common/contact/surface.h"
+#include "common/contact/touch.h"
+#include "common/core/messages.h"
+#include "common/core/tissue.h"
+#include "common/core/vector.h"
+
+namespace palpate {
+
+/// Tip, direction of the shaft (unit, from the tip to the handle) and time; W.
+struct ToolPose {
+  Vector3 tip_m = Vector3::Zero();
+  Vector3 shaft = Vector3::UnitZ();
+  double time_s = 0.0;
+
+  [[nodiscard]] bool operator==(const ToolPose& other) const noexcept {
+    return tip_m == other.tip_m && shaft == other.shaft && time_s == other.time_s;
+  }
+};
+
+/// A straight motion of the tool from its last pose to the present one, as one tissue sees it. The
+/// referenced objects must outlive it. No allocation, no throw.
+class TissueStep {
+ public:
+  /// @param surface  in the tissue's rest frame
+  /// @param last     none: the tool starts here
+  TissueStep(const Surface& surface, const TissueMotionConfig& motion, const ToolShape& tool,
+             const ToolPose& now, const std::optional<ToolPose>& last) noexcept;
+
+  /// The tip after the step, before settle(). Punctured tissue heals once the tool has left it.
+  /// @param known  the touch at the last pose; nullptr: none
+  [[nodiscard]] Touch follow_tip(std::uint32_t tissue, const Touch* known) const noexcept;
+  /// The shaft after the step, before settle(), at the place where it would be deepest with its
+  /// last proxy. False if it is not near.
+  /// @param moved_m  set to the motion of that place relative to the tissue
+  [[nodiscard]] bool follow_shaft(std::uint32_t tissue, const Touch* known, Touch& shaft,
+                                  Vector3& moved_m) const noexcept;
+
+  /// Motion of the tip relative to the tissue.
+  [[nodiscard]] Vector3 moved_m() const noexcept { return tip_m_ - last_tip_m_; }
+
+ private:
+  [[nodiscard]] ShaftSegment shaft_at(const Vector3& tip_m,
+                                      const Vector3& direction) const noexcept;
+
+  const Surface& surface_;
+  const ToolShape& tool_;
+  Vector3 shaft_;
+  Vector3 last_shaft_;
+  Vector3 tip_m_;       // relative to the displaced tissue
+  Vector3 last_tip_m_;  // likewise
+  double dt_s_;
+  bool is_start_;
+};
+
+/// The contact of a settled touch with its total force.
+/// @param tool_velocity_world_m_per_s  for the damping
+/// @param time_s                       of the tissue's motion
+[[nodiscard]] Contact acting_contact(const Touch& touch, const KelvinVoigtMaterial& material,
+                                     double relaxed_m, const TissueMotionConfig& motion,
+                                     const Vector3& tool_velocity_world_m_per_s,
+                                     double time_s) noexcept;
+
+}  // namespace palpate

@@ -1,0 +1,108 @@
+#include "mofc_node/tissue/local_tissues.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "common/contact/tissue_motion.h"
+
+namespace palpate::mofc {
+
+void LocalTissues::reset() noexcept {
+  for (Memory& memory : memories_) memory = {};
+  for (Result& result : results_) result = {};
+}
+
+void LocalTissues::step(std::array<DescribedTissue, kMaxDescribed>& tissues,
+                        const Interaction& newest, const ToolPose& now,
+                        const Vector3& tool_velocity_world_m_per_s,
+                        const std::array<double, kMaxDescribed>& shares) noexcept {
+  for (std::size_t i = 0; i < kMaxDescribed; ++i) {
+    DescribedTissue& tissue = tissues[i];
+    Memory& memory = memories_[i];
+    results_[i] = {};
+    if (!tissue.is_known()) {
+      memory = {};
+      continue;
+    }
+    if (memory.version != tissue.version()) memory = {.version = tissue.version()};
+    tissue.prepare(now.tip_m - displacement(tissue.motion(), now.time_s).position_m);
+    if (!memory.is_begun) begin(tissue, newest, now, memory);
+    results_[i] = advance(tissue, now, tool_velocity_world_m_per_s, memory);
+    memory.is_begun = results_[i].is_valid || shares[i] > 0.0;
+  }
+}
+
+/// Continues from what the tissue remembered when physics_node looked, or begins anew.
+void LocalTissues::begin(const DescribedTissue& tissue, const Interaction& newest,
+                         const ToolPose& now, Memory& memory) noexcept {
+  memory = {.version = tissue.version()};
+  const double then_s = to_seconds(newest.header.sampled_at.time_since_epoch());
+  const Vector3 moved_m = displacement(tissue.motion(), std::min(then_s, now.time_s)).position_m;
+  for (std::uint32_t i = 0; i < newest.listed_count; ++i) {
+    const Contact& contact = newest.contacts[i];
+    if (contact.tissue != tissue.tissue() || contact.is_shaft) continue;
+    memory.pose = {.tip_m = newest.tool_position_world_m,
+                   .shaft = newest.tool_orientation_world * Vector3::UnitZ(),
+                   .time_s = std::min(then_s, now.time_s)};
+    Touch touch{.tissue = contact.tissue, .radius_m = tissue.tool().tip_radius_m};
+    touch.is_punctured = contact.is_punctured;
+    touch.is_rubbed = contact.penetration_m > 0.0 && !contact.is_punctured;
+    touch.stretch_m = contact.stretch_m;
+    touch.proxy.point_m = newest.tool_position_world_m - moved_m;
+    touch.proxy.place_m = touch.proxy.point_m + contact.held_m;
+    touch.proxy.side = contact.is_behind ? -1.0 : 1.0;
+    memory.tip = touch;
+    memory.relaxation = {.penetration_m = std::max(0.0, contact.penetration_m),
+                         .relaxed_m = contact.relaxed_m};
+  }
+}
+
+LocalTissues::Result LocalTissues::advance(DescribedTissue& tissue, const ToolPose& now,
+                                           const Vector3& velocity, Memory& memory) noexcept {
+  const KelvinVoigtMaterial& material = tissue.material();
+  Result result{.is_stepped = true, .is_valid = true, .tissue = tissue.tissue()};
+  const double dt_s = memory.pose ? std::max(0.0, now.time_s - memory.pose->time_s) : 0.0;
+  const auto add = [&](Touch& touch, const Vector3& moved_m, double relaxed_m) {
+    settle(touch, moved_m, material, relaxed_m);
+    result.is_valid = result.is_valid && touch.proxy.hint.uncovered_views == 0;
+    const Contact contact =
+        acting_contact(touch, material, relaxed_m, tissue.motion(), velocity, now.time_s);
+    if (!(contact.penetration_m > 0.0)) return;
+    result.force.force_on_tool_newton += contact.force_on_tool_newton;
+    result.force.stored_energy_joule += contact.stored_energy_joule;
+    result.force.is_touching = true;
+  };
+
+  const TissueStep step(tissue.surface(), tissue.motion(), tissue.tool(), now, memory.pose);
+  Touch tip = step.follow_tip(tissue.tissue(), memory.tip ? &*memory.tip : nullptr);
+  if (material.relaxing_stiffness_newton_per_m > 0.0) {
+    memory.relaxation.press(material.relaxation_time_s,
+                            tip.is_punctured ? 0.0 : tip.penetration_m(), dt_s);
+  }
+  add(tip, step.moved_m(), memory.relaxation.relaxed_m);
+  memory.tip = tip;
+
+  // in punctured tissue the shaft is in the hole
+  bool has_shaft = false;
+  if (!tip.is_punctured && tissue.tool().shaft_length_m > 0.0) {
+    Touch shaft;
+    Vector3 moved_m = Vector3::Zero();
+    has_shaft =
+        step.follow_shaft(tissue.tissue(), memory.shaft ? &*memory.shaft : nullptr, shaft, moved_m);
+    result.is_valid = result.is_valid && shaft.proxy.hint.uncovered_views == 0;
+    if (has_shaft) {
+      add(shaft, moved_m, shaft.penetration_m());
+      memory.shaft = shaft;
+    }
+  }
+  if (!has_shaft) memory.shaft.reset();
+  memory.pose = now;
+  if (!result.force.force_on_tool_newton.allFinite() ||
+      !std::isfinite(result.force.stored_energy_joule)) {
+    memory = {.version = memory.version};
+    return {.is_stepped = true, .tissue = tissue.tissue()};
+  }
+  return result;
+}
+
+}  // namespace palpate::mofc

@@ -1,0 +1,64 @@
+// local_tissues.h — the tissues that physics_node has described, stepped at the device's rate.
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <optional>
+
+#include "common/contact/contact_model.h"
+#include "common/contact/relaxation.h"
+#include "common/contact/tissue_step.h"
+#include "common/core/messages.h"
+#include "mofc_node/tissue/physics_clock.h"
+#include "mofc_node/tissue/tissue_store.h"
+
+namespace palpate::mofc {
+
+/// Keeps what each described tissue remembers of the tool (proxy, stretch of friction, relaxation,
+/// puncture) and steps it with every DeviceState, as Scene::step() does with the whole surface. A
+/// tissue without memory continues from the newest Interaction.
+///
+/// A step is valid if no part of the surface that is not known could have changed it. After an
+/// invalid step the tissue is only followed while it still has a share in the force.
+/// No allocation, no throw.
+class LocalTissues {
+ public:
+  struct Result {
+    bool is_stepped = false;
+    bool is_valid = false;
+    std::uint32_t tissue = 0;
+    ModelForce force;
+  };
+
+  /// The tool has left the tissue: there is no memory of it.
+  void reset() noexcept;
+
+  /// @param shares  of each tissue's result in the force now, 0 … 1
+  /// @param time_s  physics' clock
+  void step(std::array<DescribedTissue, kMaxDescribed>& tissues, const Interaction& newest,
+            const ToolPose& now, const Vector3& tool_velocity_world_m_per_s,
+            const std::array<double, kMaxDescribed>& shares) noexcept;
+
+  [[nodiscard]] const std::array<Result, kMaxDescribed>& results() const noexcept {
+    return results_;
+  }
+
+ private:
+  struct Memory {
+    bool is_begun = false;
+    std::uint32_t version = 0;  // of the description
+    std::optional<Touch> tip;
+    std::optional<Touch> shaft;
+    RelaxationState relaxation;
+    std::optional<ToolPose> pose;
+  };
+  static void begin(const DescribedTissue& tissue, const Interaction& newest, const ToolPose& now,
+                    Memory& memory) noexcept;
+  static Result advance(DescribedTissue& tissue, const ToolPose& now, const Vector3& velocity,
+                        Memory& memory) noexcept;
+
+  std::array<Memory, kMaxDescribed> memories_;
+  std::array<Result, kMaxDescribed> results_;
+};
+
+}  // namespace palpate::mofc

@@ -1,0 +1,57 @@
+// tissue_model.h — the force of the tissue on the tool between two answers of physics_node.
+#pragma once
+
+#include <array>
+#include <memory>
+
+#include "common/contact/contact_model.h"
+#include "common/core/messages.h"
+#include "common/core/time.h"
+#include "mofc_node/tissue/local_tissues.h"
+#include "mofc_node/tissue/model_handover.h"
+#include "mofc_node/tissue/physics_clock.h"
+#include "mofc_node/tissue/tissue_store.h"
+
+namespace palpate::mofc {
+
+/// Tissue that physics_node has described is stepped here (LocalTissues). Elsewhere, and beyond the
+/// part of a surface that is known, the contact models of the newest Interaction count
+/// (ModelHandover). Where the two differ for a tissue by Δ, the share of the one that is to count
+/// grows by bound / |Δ| per step, as between two contact models. No allocation, no throw.
+class TissueModel {
+ public:
+  /// @param has_store   false: contact models only
+  /// @param session_id  mofc's
+  TissueModel(bool has_store, double handover_newton_per_s, std::uint64_t session_id);
+
+  /// Once per Interaction, in order.
+  /// @param now  device's clock: time of the DeviceState that is being answered
+  void receive(const Interaction& interaction, const DeviceState& state) noexcept;
+  /// What to acknowledge on hop 2.
+  [[nodiscard]] SurfaceReceipts receipts() const noexcept {
+    return store_ ? store_->receipts() : SurfaceReceipts{};
+  }
+
+  /// The force starts again from zero, and no tissue remembers the tool.
+  void reset() noexcept;
+
+  /// @param newest  answers this device session
+  /// @param dt_s    ≥ 0, since the step before
+  /// @param tool_position_world_m  estimated at that state, as is the velocity
+  [[nodiscard]] ModelForce step(const Interaction& newest, const DeviceState& state,
+                                const Vector3& tool_position_world_m,
+                                const Vector3& tool_velocity_world_m_per_s, double dt_s) noexcept;
+
+ private:
+  void share_out(TimePoint now, const Vector3& position, const Vector3& velocity,
+                 double dt_s) noexcept;
+
+  double newton_per_s_;
+  ModelHandover handover_;
+  std::unique_ptr<TissueStore> store_;
+  LocalTissues local_;
+  PhysicsClock clock_;
+  std::array<double, kMaxDescribed> shares_{};  // of local_'s results
+};
+
+}  // namespace palpate::mofc

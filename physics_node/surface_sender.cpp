@@ -1,0 +1,338 @@
+#include "physics_node/surface_sender.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "common/contact/tissue_motion.h"
+
+namespace palpate::physics {
+namespace {
+
+constexpr double kReachMargin_m = 3e-3;
+constexpr double kLeastReach_m = 10e-3;
+constexpr double kMostReach_m = 40e-3;
+constexpr double kRestTilesPerS = 64.0;
+constexpr double kWhole_m = 1000.0;  // radius of the coverage of a surface that is known as a whole
+constexpr Duration kSpeedBin = std::chrono::milliseconds(50);
+constexpr Duration kLeastRepeat = std::chrono::milliseconds(5);
+constexpr Duration kFirstRepeat = std::chrono::milliseconds(50);  // while the loop's age is unknown
+constexpr std::uint64_t kReceiptBits = 64;
+
+}  // namespace
+
+SurfaceSender::SurfaceSender(std::span<const DescribedTissue> tissues, double rate_hz)
+    : tissues_(tissues), period_s_(1.0 / rate_hz) {
+  if (tissues_.empty()) return;
+  slots_.resize(kTileSlots);
+  free_.reserve(kTileSlots);
+  for (const DescribedTissue& tissue : tissues_) {
+    slot_of_tile_.emplace_back(tissue.tiles.size(), kNoSlot);
+  }
+}
+
+void SurfaceSender::fill(const ToolMotion& motion, TimePoint now,
+                         Interaction& interaction) noexcept {
+  SurfaceNews& news = interaction.surface;
+  news.store_id = tissues_.empty() ? 0 : motion.receipts.store_id;
+  if (news.store_id == 0) return;
+  if (news.store_id != store_id_) empty(news.store_id);
+  acknowledge(motion.receipts);
+  note_speed(motion, now);
+  loop_age_ = motion.receipts.loop_age;
+
+  // where the tool is when this arrives, and how far it can be from there before the next
+  const double age_s = to_seconds(loop_age_);
+  const double reach_m = motion.receipts.newest > 0 ? this->reach_m() : kMostReach_m;
+  const Vector3 ahead_m =
+      limited_to_norm(age_s * motion.tool_velocity_world_m_per_s, 0.5 * reach_m);
+  const Vector3 place_m = motion.tool_position_world_m + ahead_m;
+  if (!place_m.allFinite()) return;
+
+  // the listed tissues, deepest first
+  std::array<std::uint32_t, kMaxDescribed> wanted{};
+  std::array<double, kMaxDescribed> away_m{};  // the tip's centre from the surface
+  std::size_t wanted_count = 0;
+  for (std::uint32_t i = 0; i < interaction.listed_count; ++i) {
+    const Contact& contact = interaction.contacts[i];
+    const std::uint32_t tissue = contact.tissue;
+    if (contact.is_shaft || !tissues_[tissue].description) continue;
+    const std::uint32_t slot = slot_for(tissue, now);
+    if (slot == kMaxDescribed) continue;
+    const double tip_m = tissues_[tissue].description->tool.tip_radius_m;
+    away_m[wanted_count] = std::abs(tip_m - contact.penetration_m);
+    wanted[wanted_count++] = slot;
+  }
+  const auto wanted_slots = std::span(wanted).first(wanted_count);
+  for (const std::uint32_t slot : wanted_slots) describe(slot, now, news);
+  const auto center_of = [&](std::uint32_t slot) {
+    const TissueDescription& description = *tissues_[*described_[slot].tissue].description;
+    return Vector3(place_m -
+                   displacement(description.motion, to_seconds(now.time_since_epoch())).position_m);
+  };
+  for (std::size_t i = 0; i < wanted_count; ++i) {
+    const std::uint32_t slot = wanted[i];
+    if (tissues_[*described_[slot].tissue].tiles.empty()) continue;
+    const double radius_m = std::clamp(reach_m + away_m[i], kLeastReach_m, kMostReach_m);
+    cover(slot, center_of(slot), radius_m, now, news);
+  }
+  rest_ = std::min(1.0, rest_ + kRestTilesPerS * to_seconds(now - rest_at_));
+  rest_at_ = now;
+  for (const std::uint32_t slot : wanted_slots) send_rest(slot, center_of(slot), now, news);
+
+  if (!news.has_description && news.tile_count == 0) return;
+  news.number = next_number_++;
+  Carry& carry = carries_[news.number % kCarries];
+  carry = {.number = news.number, .tile_count = news.tile_count};
+  if (news.has_description) {
+    carry.description = {.slot = news.description.slot, .version = news.description.version};
+  }
+  for (std::uint32_t i = 0; i < news.tile_count; ++i) {
+    carry.tiles[i] = {.slot = news.tiles[i].slot, .version = news.tiles[i].version};
+  }
+}
+
+// --- what mofc_node has -------------------------------------------------------------------------
+
+void SurfaceSender::empty(std::uint64_t store_id) noexcept {
+  store_id_ = store_id;
+  next_number_ = 1;
+  described_ = {};
+  carries_ = {};
+  std::fill(slots_.begin(), slots_.end(), Slot{});
+  free_.clear();
+  for (std::size_t i = kTileSlots; i > 0; --i) free_.push_back(static_cast<std::uint16_t>(i - 1));
+  for (auto& slots : slot_of_tile_) std::fill(slots.begin(), slots.end(), kNoSlot);
+}
+
+void SurfaceSender::acknowledge(const SurfaceReceipts& receipts) noexcept {
+  for (std::uint64_t i = 0; i < kReceiptBits && i < receipts.newest; ++i) {
+    if ((receipts.received >> i & 1U) == 0) continue;
+    const std::uint64_t number = receipts.newest - i;
+    Carry& carry = carries_[number % kCarries];
+    if (carry.number != number) continue;
+    carry.number = 0;  // once
+    if (carry.description) {
+      Described& described = described_[carry.description->slot];
+      if (described.version == carry.description->version) described.is_acknowledged = true;
+    }
+    for (std::uint32_t k = 0; k < carry.tile_count; ++k) {
+      Slot& slot = slots_[carry.tiles[k].slot];
+      if (slot.described == kMaxDescribed || slot.version != carry.tiles[k].version) continue;
+      if (!slot.is_acknowledged) ++described_[slot.described].tiles_known;
+      slot.is_acknowledged = true;
+    }
+  }
+}
+
+void SurfaceSender::note_speed(const ToolMotion& motion, TimePoint now) noexcept {
+  const std::int64_t bin = now.time_since_epoch() / kSpeedBin;
+  const auto count = static_cast<std::int64_t>(kSpeedBins);
+  if (bin - speed_bin_ >= count || bin < speed_bin_) {
+    speeds_ = {};
+  } else {
+    for (std::int64_t i = speed_bin_ + 1; i <= bin; ++i) {
+      speeds_[static_cast<std::size_t>(i % count)] = 0.0;
+    }
+  }
+  speed_bin_ = bin;
+  double& highest = speeds_[static_cast<std::size_t>(bin % count)];
+  highest = std::max(highest, motion.tool_velocity_world_m_per_s.norm());
+}
+
+double SurfaceSender::reach_m() const noexcept {
+  const double speed = *std::max_element(speeds_.begin(), speeds_.end());
+  return std::min(kMostReach_m, speed * (to_seconds(loop_age_) + 2.0 * period_s_) + kReachMargin_m);
+}
+
+/// Where the tissue is described, or kMaxDescribed. A new one replaces the one that has not been
+/// wanted for longest.
+std::uint32_t SurfaceSender::slot_for(std::uint32_t tissue, TimePoint now) noexcept {
+  std::uint32_t oldest = 0;
+  for (std::uint32_t i = 0; i < kMaxDescribed; ++i) {
+    if (described_[i].tissue == tissue) {
+      described_[i].wanted_at = now;
+      return i;
+    }
+    const auto age_of = [&](std::uint32_t slot) {
+      return described_[slot].tissue ? now - described_[slot].wanted_at : Duration::max();
+    };
+    if (age_of(i) > age_of(oldest)) oldest = i;
+  }
+  if (described_[oldest].tissue && described_[oldest].wanted_at == now) return kMaxDescribed;
+  for (std::size_t i = 0; i < slots_.size(); ++i) {
+    if (slots_[i].described == oldest) release(static_cast<std::uint16_t>(i));
+  }
+  described_[oldest] = {.tissue = tissue, .version = next_version_++, .wanted_at = now};
+  return oldest;
+}
+
+std::uint16_t& SurfaceSender::slot_of(const Described& described, std::uint32_t tile) noexcept {
+  return slot_of_tile_[*described.tissue][tile];
+}
+
+void SurfaceSender::release(std::uint16_t index) noexcept {
+  Slot& slot = slots_[index];
+  Described& described = described_[slot.described];
+  if (slot.is_acknowledged) --described.tiles_known;
+  slot_of(described, slot.tile) = kNoSlot;
+  slot = {};
+  free_.push_back(index);
+}
+
+double SurfaceSender::distance_m(const Slot& slot, const Vector3& center_m) const noexcept {
+  const DescribedTissue& tissue = tissues_[*described_[slot.described].tissue];
+  return std::sqrt(tissue.bounds[slot.tile].squared_distance(center_m));
+}
+
+// --- what this message carries ------------------------------------------------------------------
+
+Duration SurfaceSender::repeat_after() const noexcept {
+  return loop_age_ > Duration::zero() ? std::max(kLeastRepeat, loop_age_ / 3) : kFirstRepeat;
+}
+
+bool SurfaceSender::has_room(const SurfaceNews& news) const noexcept {
+  return news.tile_count < kMaxTilesPerMessage - (news.has_description ? 1 : 0);
+}
+
+/// Tiles travel with their description until it is acknowledged.
+bool SurfaceSender::may_carry_tiles(std::uint32_t slot, const SurfaceNews& news) const noexcept {
+  return described_[slot].is_acknowledged ||
+         (news.has_description && news.description.slot == slot);
+}
+
+void SurfaceSender::describe(std::uint32_t slot, TimePoint now, SurfaceNews& news) noexcept {
+  Described& described = described_[slot];
+  if (described.is_acknowledged || news.has_description) return;
+  if (described.is_sent && now - described.sent_at < kLeastRepeat) return;
+  news.has_description = true;
+  news.description = *tissues_[*described.tissue].description;
+  news.description.slot = slot;
+  news.description.version = described.version;
+  described.is_sent = true;
+  described.sent_at = now;
+}
+
+/// A slot that is free, or whose tile is farther away than this one.
+std::uint16_t SurfaceSender::take_slot(const Vector3& center_m, double wanted_m,
+                                       SurfaceNews& news) noexcept {
+  if (free_.empty()) {
+    std::uint16_t farthest = kNoSlot;
+    double farthest_m = wanted_m;
+    for (std::size_t i = 0; i < slots_.size(); ++i) {
+      const double away_m = distance_m(slots_[i], center_m);
+      if (away_m <= farthest_m) continue;
+      farthest_m = away_m;
+      farthest = static_cast<std::uint16_t>(i);
+    }
+    if (farthest == kNoSlot) return kNoSlot;
+    // what has been said in this message must stay true
+    const auto is_said = [&](const auto& one) { return one.slot == farthest; };
+    if (std::any_of(news.tiles.begin(), news.tiles.begin() + news.tile_count, is_said) ||
+        std::any_of(news.pending.begin(), news.pending.begin() + news.pending_count, is_said)) {
+      return kNoSlot;
+    }
+    release(farthest);
+  }
+  const std::uint16_t slot = free_.back();
+  free_.pop_back();
+  return slot;
+}
+
+/// False if there is no slot for it.
+bool SurfaceSender::carry(std::uint32_t described, std::uint32_t tile, const Vector3& center_m,
+                          double away_m, TimePoint now, SurfaceNews& news) noexcept {
+  std::uint16_t& index = slot_of(described_[described], tile);
+  if (index == kNoSlot) {
+    const std::uint16_t taken = take_slot(center_m, away_m, news);
+    if (taken == kNoSlot) return false;
+    slots_[taken] = {.described = described, .tile = tile, .version = next_version_++};
+    index = taken;
+  }
+  Slot& slot = slots_[index];
+  slot.sent_at = now;
+  SurfaceTile& to = news.tiles[news.tile_count++];
+  to = tissues_[*described_[described].tissue].tiles[tile];
+  to.slot = index;
+  to.described_slot = described;
+  to.version = slot.version;
+  return true;
+}
+
+void SurfaceSender::cover(std::uint32_t slot, const Vector3& center_m, double radius_m,
+                          TimePoint now, SurfaceNews& news) noexcept {
+  Described& described = described_[slot];
+  const DescribedTissue& tissue = tissues_[*described.tissue];
+  SurfaceCoverage coverage{.described_slot = slot,
+                           .description_version = described.version,
+                           .center_m = center_m,
+                           .radius_m = kWhole_m};
+  if (described.tiles_known < tissue.tiles.size()) {
+    // the nearest tiles that are not known
+    std::array<Missing, kMaxMissing> missing;
+    std::size_t count = 0;
+    coverage.radius_m = radius_m;
+    Bounds near{center_m, center_m};
+    near.grow(Vector3::Constant(radius_m));
+    tissue.tree.visit_near(near, [&](std::uint32_t tile) {
+      const std::uint16_t index = slot_of(described, tile);
+      if (index != kNoSlot && slots_[index].is_acknowledged) return;
+      const Missing one{.distance_m = std::sqrt(tissue.bounds[tile].squared_distance(center_m)),
+                        .tile = tile};
+      if (one.distance_m > coverage.radius_m) return;
+      if (count == kMaxMissing) coverage.radius_m = missing[--count].distance_m;
+      std::size_t place = count++;
+      for (; place > 0 && one.distance_m < missing[place - 1].distance_m; --place) {
+        missing[place] = missing[place - 1];
+      }
+      missing[place] = one;
+    });
+
+    // what has never been sent goes first, then repetitions
+    const auto nearest = std::span(missing).first(count);
+    for (const bool is_repetition : {false, true}) {
+      for (const Missing& one : nearest) {
+        if (!has_room(news) || !may_carry_tiles(slot, news)) break;
+        const std::uint16_t index = slot_of(described, one.tile);
+        if (is_repetition != (index != kNoSlot)) continue;
+        if (is_repetition && now - slots_[index].sent_at < repeat_after()) continue;
+        if (!carry(slot, one.tile, center_m, one.distance_m, now, news)) break;
+      }
+    }
+    for (const Missing& one : nearest) {
+      const std::uint16_t index = slot_of(described, one.tile);
+      if (index == kNoSlot || news.pending_count == kMaxPendingTiles) {
+        coverage.radius_m = std::min(coverage.radius_m, one.distance_m);
+        break;
+      }
+      news.pending[news.pending_count++] = {.slot = index,
+                                            .described_slot = slot,
+                                            .version = slots_[index].version,
+                                            .distance_m = one.distance_m};
+    }
+  }
+  news.coverages[news.coverage_count++] = coverage;
+}
+
+/// One tile that the tool will not reach soon, in spare room.
+void SurfaceSender::send_rest(std::uint32_t slot, const Vector3& center_m, TimePoint now,
+                              SurfaceNews& news) noexcept {
+  Described& described = described_[slot];
+  const DescribedTissue& tissue = tissues_[*described.tissue];
+  if (described.tiles_known == tissue.tiles.size()) return;
+  if (rest_ < 1.0 || !has_room(news) || !may_carry_tiles(slot, news)) return;
+  constexpr std::size_t kMostLooks = 32;
+  for (std::size_t i = 0; i < kMostLooks; ++i) {
+    const auto tile = static_cast<std::uint32_t>(described.next_tile);
+    described.next_tile = (described.next_tile + 1) % tissue.tiles.size();
+    const std::uint16_t index = slot_of(described, tile);
+    if (index == kNoSlot ? free_.empty()
+                         : slots_[index].is_acknowledged ||
+                               now - slots_[index].sent_at < 2 * loop_age_ + kLeastRepeat) {
+      continue;
+    }
+    if (carry(slot, tile, center_m, kWhole_m, now, news)) rest_ -= 1.0;
+    return;
+  }
+}
+
+}  // namespace palpate::physics

@@ -1,0 +1,147 @@
+// Tiles and descriptions on hop 3: a hostile one is refused with its whole message.
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "tests/unit/link/codec_test_support.h"
+
+namespace palpate {
+namespace {
+
+using test::expect_range;
+
+/// One triangle over three of four vertices.
+v1::SurfaceTile tile_of(const std::vector<std::array<int, 3>>& vertices,
+                        const std::vector<std::array<int, 3>>& facets) {
+  v1::SurfaceTile tile;
+  tile.mutable_origin_m()->set_x(0.1);
+  tile.set_step_m(1e-6);
+  std::string bytes;
+  for (const auto& vertex : vertices) {
+    for (const int x : vertex) {
+      bytes.push_back(static_cast<char>(x % 256));
+      bytes.push_back(static_cast<char>(x / 256));
+    }
+  }
+  tile.set_vertices(bytes);
+  bytes.clear();
+  for (const auto& facet : facets) {
+    for (const int corner : facet) bytes.push_back(static_cast<char>(corner));
+  }
+  tile.set_facets(bytes);
+  return tile;
+}
+
+void expect_tile(const v1::SurfaceTile& tile, bool is_good) {
+  expect_range<Interaction>(
+      [&](v1::Interaction& m) { *m.mutable_surface()->mutable_tiles(0) = tile; }, is_good);
+}
+
+const std::vector<std::array<int, 3>> kCorners = {
+    {0, 0, 0}, {65535, 0, 0}, {0, 65535, 0}, {2, 0, 0}};
+
+TEST(SurfaceCodec, TakesATriangle) { expect_tile(tile_of(kCorners, {{0, 1, 2}}), true); }
+
+TEST(SurfaceCodec, RefusesATriangleWithoutArea) {
+  expect_tile(tile_of(kCorners, {{0, 1, 3}}), false);
+  expect_tile(tile_of(kCorners, {{0, 1, 1}}), false);
+  expect_tile(tile_of(kCorners, {{0, 1, 2}, {2, 2, 2}}), false);
+}
+
+TEST(SurfaceCodec, RefusesAnIndexWithoutVertex) {
+  expect_tile(tile_of(kCorners, {{0, 1, 4}}), false);
+  expect_tile(tile_of(kCorners, {{0, 1, 255}}), false);
+}
+
+TEST(SurfaceCodec, RefusesTornAndEmptyLists) {
+  v1::SurfaceTile tile = tile_of(kCorners, {{0, 1, 2}});
+  tile.mutable_vertices()->push_back('x');
+  expect_tile(tile, false);
+  tile = tile_of(kCorners, {{0, 1, 2}});
+  tile.mutable_facets()->pop_back();
+  expect_tile(tile, false);
+  expect_tile(tile_of(kCorners, {}), false);
+}
+
+TEST(SurfaceCodec, RefusesMoreThanATileHolds) {
+  std::vector<std::array<int, 3>> vertices = kCorners;
+  while (vertices.size() < kMaxTileVertices) vertices.push_back({1, 2, 3});
+  std::vector<std::array<int, 3>> facets(kMaxTileFacets, {0, 1, 2});
+  expect_tile(tile_of(vertices, facets), true);
+  facets.push_back({0, 1, 2});
+  expect_tile(tile_of(vertices, facets), false);
+  facets.pop_back();
+  vertices.push_back({1, 2, 3});
+  expect_tile(tile_of(vertices, facets), false);
+}
+
+TEST(SurfaceCodec, RefusesSlotsThatDoNotExist) {
+  const auto altered = [](const auto& alter) {
+    return [alter](v1::Interaction& m) { alter(*m.mutable_surface()); };
+  };
+  const auto refuse = [&](const auto& alter) { expect_range<Interaction>(altered(alter), false); };
+  refuse([](v1::SurfaceNews& m) { m.mutable_tiles(0)->set_slot(kTileSlots); });
+  refuse([](v1::SurfaceNews& m) { m.mutable_tiles(0)->set_described_slot(kMaxDescribed); });
+  refuse([](v1::SurfaceNews& m) { m.mutable_description()->set_slot(kMaxDescribed); });
+  refuse([](v1::SurfaceNews& m) { m.mutable_coverages(0)->set_described_slot(kMaxDescribed); });
+  refuse([](v1::SurfaceNews& m) { m.mutable_pending(0)->set_slot(kTileSlots); });
+  refuse([](v1::SurfaceNews& m) { m.mutable_pending(0)->set_described_slot(kMaxDescribed); });
+}
+
+TEST(SurfaceCodec, RefusesMoreThanAMessageHolds) {
+  const auto refuse = [](const auto& alter) {
+    expect_range<Interaction>([&](v1::Interaction& m) { alter(*m.mutable_surface()); }, false);
+  };
+  refuse([](v1::SurfaceNews& m) {
+    while (m.tiles_size() <= static_cast<int>(kMaxTilesPerMessage)) *m.add_tiles() = m.tiles(0);
+  });
+  refuse([](v1::SurfaceNews& m) {
+    while (m.coverages_size() <= static_cast<int>(kMaxDescribed)) {
+      *m.add_coverages() = m.coverages(0);
+    }
+  });
+  refuse([](v1::SurfaceNews& m) {
+    while (m.pending_size() <= static_cast<int>(kMaxPendingTiles)) *m.add_pending() = m.pending(0);
+  });
+  refuse([](v1::SurfaceNews& m) {
+    while (m.description().inclusions_size() <= static_cast<int>(kMaxDescribedInclusions)) {
+      *m.mutable_description()->add_inclusions() = m.description().inclusions(0);
+    }
+  });
+}
+
+TEST(SurfaceCodec, RefusesADescriptionWithTwoShapes) {
+  expect_range<Interaction>(
+      [](v1::Interaction& m) {
+        v1::TissueDescription& description = *m.mutable_surface()->mutable_description();
+        description.mutable_sphere()->mutable_center_m();
+        description.mutable_tiles();
+      },
+      false);
+}
+
+TEST(SurfaceCodec, RefusesALawThatDividesByZero) {
+  const auto refuse = [](const auto& alter) {
+    expect_range<Interaction>(
+        [&](v1::Interaction& m) { alter(*m.mutable_surface()->mutable_description()); }, false);
+  };
+  refuse([](v1::TissueDescription& m) { m.mutable_inclusions(0)->set_transition_m(0.0); });
+  refuse([](v1::TissueDescription& m) { m.set_relaxation_time_s(0.0); });
+  refuse([](v1::TissueDescription& m) {
+    m.set_friction_coefficient(0.5);
+    m.set_friction_stiffness_newton_per_m(0.0);
+  });
+  refuse([](v1::TissueDescription& m) { m.set_stiffness_newton_per_m(-1.0); });
+}
+
+TEST(SurfaceCodec, RefusesAnAgeOfTheLoopBeyondTenSeconds) {
+  const auto age = [](std::int64_t ns) {
+    return [ns](v1::ToolMotion& m) { m.mutable_receipts()->set_loop_age_ns(ns); };
+  };
+  expect_range<ToolMotion>(age(10'000'000'000), true);
+  expect_range<ToolMotion>(age(10'000'000'001), false);
+  expect_range<ToolMotion>(age(-1), false);
+}
+
+}  // namespace
+}  // namespace palpate
