@@ -176,7 +176,7 @@ TEST_P(ExchangeLinkTransport, InvalidFramesAreCountedByReasonAndValidOnesPass) {
   send(frame(not_a_number));
   send(frame(too_strong));
   send({std::byte{1}});
-  send(std::vector<std::byte>(5000, std::byte{1}));
+  send(std::vector<std::byte>(kMaxFrameBytes<DeviceState> + 1, std::byte{1}));
   send(version_2);
   send(frame(good), zmq::send_flags::sndmore);  // two parts: refused
   send(frame(good));

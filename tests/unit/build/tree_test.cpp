@@ -66,6 +66,7 @@ TEST(SessionFormat, EveryNumberSaysItsUnitInItsName) {
       "button",
       "clutch_button",
       "burst_length",
+      "late_periods",
       "port",
       "normal",
       "tangent",
