@@ -37,22 +37,6 @@ double stiffness_ratio_at(const Vector3& point_m) {
   return 1.0 + 3.0 * std::exp(-(point_m - lump_m).squaredNorm() / (kRadius_m * kRadius_m));
 }
 
-physics::DirectionMesh icosahedron() {
-  const double g = std::numbers::phi;
-  physics::DirectionMesh mesh;
-  for (const Vector3& corner :
-       {Vector3(-1, g, 0), Vector3(1, g, 0), Vector3(-1, -g, 0), Vector3(1, -g, 0),
-        Vector3(0, -1, g), Vector3(0, 1, g), Vector3(0, -1, -g), Vector3(0, 1, -g),
-        Vector3(g, 0, -1), Vector3(g, 0, 1), Vector3(-g, 0, -1), Vector3(-g, 0, 1)}) {
-    mesh.directions.push_back(corner.normalized());
-  }
-  mesh.triangles = {{0, 11, 5}, {0, 5, 1},  {0, 1, 7},   {0, 7, 10}, {0, 10, 11},
-                    {1, 5, 9},  {5, 11, 4}, {11, 10, 2}, {10, 7, 6}, {7, 1, 8},
-                    {3, 9, 4},  {3, 4, 2},  {3, 2, 6},   {3, 6, 8},  {3, 8, 9},
-                    {4, 9, 5},  {2, 4, 11}, {6, 2, 10},  {8, 6, 7},  {9, 8, 1}};
-  return mesh;
-}
-
 }  // namespace
 
 physics::PointCloud organ_cloud(std::uint32_t points) {
@@ -71,7 +55,7 @@ physics::PointCloud organ_cloud(std::uint32_t points) {
 }
 
 physics::TetrahedralMesh organ_mesh(std::uint32_t subdivisions) {
-  physics::DirectionMesh directions = icosahedron();
+  physics::DirectionMesh directions = physics::icosahedron();
   for (std::uint32_t i = 0; i < subdivisions; ++i) physics::subdivide(directions);
 
   constexpr std::array<double, 3> kShells{0.4, 0.75, 1.0};

@@ -2,9 +2,26 @@
 
 #include <algorithm>
 #include <map>
+#include <numbers>
 #include <utility>
 
 namespace palpate::physics {
+
+DirectionMesh icosahedron() {
+  const double g = std::numbers::phi;
+  DirectionMesh mesh;
+  for (const Vector3& corner :
+       {Vector3(-1, g, 0), Vector3(1, g, 0), Vector3(-1, -g, 0), Vector3(1, -g, 0),
+        Vector3(0, -1, g), Vector3(0, 1, g), Vector3(0, -1, -g), Vector3(0, 1, -g),
+        Vector3(g, 0, -1), Vector3(g, 0, 1), Vector3(-g, 0, -1), Vector3(-g, 0, 1)}) {
+    mesh.directions.push_back(corner.normalized());
+  }
+  mesh.triangles = {{0, 11, 5}, {0, 5, 1},  {0, 1, 7},   {0, 7, 10}, {0, 10, 11},
+                    {1, 5, 9},  {5, 11, 4}, {11, 10, 2}, {10, 7, 6}, {7, 1, 8},
+                    {3, 9, 4},  {3, 4, 2},  {3, 2, 6},   {3, 6, 8},  {3, 8, 9},
+                    {4, 9, 5},  {2, 4, 11}, {6, 2, 10},  {8, 6, 7},  {9, 8, 1}};
+  return mesh;
+}
 
 void subdivide(DirectionMesh& mesh) {
   std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> middle_of;

@@ -15,6 +15,9 @@ struct DirectionMesh {
   std::vector<std::array<std::uint32_t, 3>> triangles;
 };
 
+/// Twenty triangles, counter-clockwise seen from outside.
+[[nodiscard]] DirectionMesh icosahedron();
+
 /// Divides each triangle into four at the midpoints of its edges, moved onto the sphere.
 void subdivide(DirectionMesh& mesh);
 

@@ -8,13 +8,12 @@
 #include <cstdio>
 #include <filesystem>
 #include <functional>
-#include <map>
-#include <numbers>
 
 #include "common/core/random.h"
 #include "common/session/session_file.h"
 #include "deploy/lockstep/loopback.h"
 #include "physics_node/files/surface_files.h"
+#include "physics_node/surfaces/subdivision.h"
 #include "tests/support/temp_folder.h"
 
 namespace palpate::bench {
@@ -38,37 +37,11 @@ Vector3 highest(const std::vector<Vector3>& points_m) {
 
 /// An icosahedron, subdivided, each vertex at its radius from the origin: 20 · 4ⁿ facets.
 TriangleMesh star_body(int subdivisions, const std::function<double(const Vector3&)>& radius_m) {
-  const double g = std::numbers::phi;
-  TriangleMesh mesh;
-  mesh.vertices_m = {{-1, g, 0},  {1, g, 0},  {-1, -g, 0}, {1, -g, 0}, {0, -1, g},  {0, 1, g},
-                     {0, -1, -g}, {0, 1, -g}, {g, 0, -1},  {g, 0, 1},  {-g, 0, -1}, {-g, 0, 1}};
-  mesh.triangles = {{0, 11, 5}, {0, 5, 1},  {0, 1, 7},   {0, 7, 10}, {0, 10, 11},
-                    {1, 5, 9},  {5, 11, 4}, {11, 10, 2}, {10, 7, 6}, {7, 1, 8},
-                    {3, 9, 4},  {3, 4, 2},  {3, 2, 6},   {3, 6, 8},  {3, 8, 9},
-                    {4, 9, 5},  {2, 4, 11}, {6, 2, 10},  {8, 6, 7},  {9, 8, 1}};
-  for (int level = 0; level < subdivisions; ++level) {
-    std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> middles;
-    const auto middle = [&](std::uint32_t a, std::uint32_t b) {
-      const auto [at, is_new] = middles.try_emplace(
-          std::minmax(a, b), static_cast<std::uint32_t>(mesh.vertices_m.size()));
-      if (is_new) {
-        mesh.vertices_m.emplace_back(
-            (mesh.vertices_m[a].normalized() + mesh.vertices_m[b].normalized()) / 2.0);
-      }
-      return at->second;
-    };
-    std::vector<std::array<std::uint32_t, 3>> finer;
-    for (const auto& [a, b, c] : mesh.triangles) {
-      const std::uint32_t ab = middle(a, b);
-      const std::uint32_t bc = middle(b, c);
-      const std::uint32_t ca = middle(c, a);
-      finer.insert(finer.end(), {{a, ab, ca}, {b, bc, ab}, {c, ca, bc}, {ab, bc, ca}});
-    }
-    mesh.triangles = std::move(finer);
-  }
-  for (Vector3& vertex : mesh.vertices_m) {
-    const Vector3 direction = vertex.normalized();
-    vertex = radius_m(direction) * direction;
+  physics::DirectionMesh sphere = physics::icosahedron();
+  for (int level = 0; level < subdivisions; ++level) subdivide(sphere);
+  TriangleMesh mesh{.vertices_m = {}, .triangles = sphere.triangles};
+  for (const Vector3& direction : sphere.directions) {
+    mesh.vertices_m.emplace_back(radius_m(direction) * direction);
   }
   return mesh;
 }
