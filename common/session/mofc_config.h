@@ -47,7 +47,7 @@ struct KalmanVelocity {
   // The hand with constant acceleration: a spring and a damper towards where it wants to be.
   double hand_stiffness_newton_per_m = 150.0;
   double hand_damping_newton_s_per_m = 6.0;
-  double intention_density = 0.005;  ///< of the acceleration that the hand intends [m²/s³]
+  double intention_density = 0.002;  ///< of the acceleration that the hand intends [m²/s³]
 };
 /// How the tool's velocity is estimated: mofc_node/velocity_estimator.h.
 using VelocityEstimatorConfig =

@@ -283,14 +283,14 @@ TEST(KalmanEstimator, LearnsNothingFromTheSameCountAgain) {
   EXPECT_NEAR(estimate.x(), 0.02, 2e-3);
 }
 
-// 15 mm/s to 0 within a tick, by nothing that the model knows
+// 15 mm/s to 0 within a tick, by nothing that the model knows: less than half is left after 50 ms
 TEST(KalmanEstimator, ForgetsItsModelWhenTheHandHitsSomething) {
   KalmanEstimator estimator(KalmanVelocity{}, kResolution_m, 1.0, 0.0);
   Vector3 estimate;
   for (int k = 0; k < 1050; ++k) {
     estimate = estimator.update({quantised(15e-6 * std::min(k, 1000)), 0, 0}, tick(k), kNoForce);
   }
-  EXPECT_LT(std::abs(estimate.x()), 4e-3);
+  EXPECT_LT(std::abs(estimate.x()), 7e-3);
 }
 
 /// Worst error on a free mass of 0.3 kg that motors push to and fro with 1 N, 5 ms each way.

@@ -136,7 +136,7 @@ TEST(SessionFile, AlmostEmptySessionHasEveryDefault) {
   EXPECT_EQ(velocity.moving_mass_kg, 0.3);
   EXPECT_EQ(velocity.hand_stiffness_newton_per_m, 150.0);
   EXPECT_EQ(velocity.hand_damping_newton_s_per_m, 6.0);
-  EXPECT_EQ(velocity.intention_density, 0.005);
+  EXPECT_EQ(velocity.intention_density, 0.002);
 
   EXPECT_EQ(session.physics.rate_hz, 1000.0);
   EXPECT_EQ(session.scene.tip_radius_m, 0.0);
