@@ -17,11 +17,13 @@ fi
 mapfile -t changed < <(git diff --name-only --diff-filter=d "$base" -- '*.cpp')
 [[ ${#changed[@]} -gt 0 ]] || exit 0
 
-# The warning options and precompiled headers are GCC's.
+# One command per file, without GCC's precompiled headers; generated headers are those of
+# build/release.
 commands=$(mktemp -d)
 trap 'rm -rf "$commands"' EXIT
-sed -E 's# -include [^ "]*cmake_pch\.hxx##g; s# -(Winvalid-pch|fpch-preprocess)##g' \
-  build/release/compile_commands.json > "$commands/compile_commands.json"
+cmake --preset release -B "$commands" -DPALPATE_BUILD_TESTS=ON -DPALPATE_UNITY=OFF \
+  -DPALPATE_PRECOMPILE=OFF > "$commands/log" || { cat "$commands/log"; exit 1; }
+sed -i "s#$commands/#$PWD/build/release/#g" "$commands/compile_commands.json"
 echo "clang-tidy: ${#changed[@]} changed files since ${base:0:12}"
 printf '%s\n' "${changed[@]}" |
   xargs -P "$(nproc)" -n 1 clang-tidy -p "$commands" --quiet --warnings-as-errors='*' 2> >(
