@@ -42,7 +42,8 @@ struct WireFormat<DeviceState> {
       }
     }
     put(m.acting_force_on_hand_newton, *wire.mutable_acting_force_on_hand_newton());
-    wire.set_acting_until_ns(ns(m.acting_until));
+    // a lease that ended before the reading is over
+    wire.set_acting_until_ns(ns(std::max(m.acting_until, m.header.sampled_at)));
   }
 
   static void check(const v1::DeviceState& wire, Verdict& verdict) {
