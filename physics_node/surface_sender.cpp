@@ -11,11 +11,12 @@ namespace {
 constexpr double kReachMargin_m = 3e-3;
 constexpr double kLeastReach_m = 10e-3;
 constexpr double kMostReach_m = 40e-3;
+constexpr double kBackPerSending_m = 6e-3;
 constexpr double kRestTilesPerS = 64.0;
 constexpr double kWhole_m = 1000.0;  // radius of the coverage of a surface that is known as a whole
 constexpr Duration kSpeedBin = std::chrono::milliseconds(50);
 constexpr Duration kLeastRepeat = std::chrono::milliseconds(5);
-constexpr Duration kFirstRepeat = std::chrono::milliseconds(50);  // while the loop's age is unknown
+constexpr Duration kFirstRepeat = std::chrono::milliseconds(40);  // while the loop's age is unknown
 constexpr std::uint64_t kReceiptBits = 64;
 
 }  // namespace
@@ -250,6 +251,7 @@ bool SurfaceSender::carry(std::uint32_t described, std::uint32_t tile, const Vec
   }
   Slot& slot = slots_[index];
   slot.sent_at = now;
+  ++slot.sendings;
   SurfaceTile& to = news.tiles[news.tile_count++];
   to = tissues_[*described_[described].tissue].tiles[tile];
   to.slot = index;
@@ -287,16 +289,21 @@ void SurfaceSender::cover(std::uint32_t slot, const Vector3& center_m, double ra
       missing[place] = one;
     });
 
-    // what has never been sent goes first, then repetitions
+    // nearest first; each time that a tile has been sent puts it back
     const auto nearest = std::span(missing).first(count);
-    for (const bool is_repetition : {false, true}) {
+    const auto key_m = [&](const Missing& one) {
+      const std::uint16_t index = slot_of(described, one.tile);
+      if (index == kNoSlot) return one.distance_m;
+      const Slot& sent = slots_[index];
+      const bool is_due = now - sent.sent_at >= repeat_after();
+      return is_due ? one.distance_m + kBackPerSending_m * sent.sendings : kWhole_m;
+    };
+    while (has_room(news) && may_carry_tiles(slot, news)) {
+      const Missing* next = nullptr;
       for (const Missing& one : nearest) {
-        if (!has_room(news) || !may_carry_tiles(slot, news)) break;
-        const std::uint16_t index = slot_of(described, one.tile);
-        if (is_repetition != (index != kNoSlot)) continue;
-        if (is_repetition && now - slots_[index].sent_at < repeat_after()) continue;
-        if (!carry(slot, one.tile, center_m, one.distance_m, now, news)) break;
+        if (key_m(one) < (next != nullptr ? key_m(*next) : kWhole_m)) next = &one;
       }
+      if (next == nullptr || !carry(slot, next->tile, center_m, next->distance_m, now, news)) break;
     }
     for (const Missing& one : nearest) {
       const std::uint16_t index = slot_of(described, one.tile);
