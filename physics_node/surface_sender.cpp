@@ -11,11 +11,13 @@ namespace {
 constexpr double kReachMargin_m = 3e-3;
 constexpr double kLeastReach_m = 10e-3;
 constexpr double kMostReach_m = 40e-3;
+constexpr double kFloatMargin_m = 1e-4;  // more than a float of a kilometre rounds
+constexpr double kBackPerSending_m = 6e-3;
 constexpr double kRestTilesPerS = 64.0;
 constexpr double kWhole_m = 1000.0;  // radius of the coverage of a surface that is known as a whole
 constexpr Duration kSpeedBin = std::chrono::milliseconds(50);
 constexpr Duration kLeastRepeat = std::chrono::milliseconds(5);
-constexpr Duration kFirstRepeat = std::chrono::milliseconds(50);  // while the loop's age is unknown
+constexpr Duration kFirstRepeat = std::chrono::milliseconds(40);  // while the loop's age is unknown
 constexpr std::uint64_t kReceiptBits = 64;
 
 }  // namespace
@@ -47,10 +49,15 @@ void SurfaceSender::fill(const ToolMotion& motion, TimePoint now,
       limited_to_norm(age_s * motion.tool_velocity_world_m_per_s, 0.5 * reach_m);
   const Vector3 place_m = motion.tool_position_world_m + ahead_m;
   if (!place_m.allFinite()) return;
+  const double time_s = to_seconds(now.time_since_epoch());
 
   // the listed tissues, deepest first
-  std::array<std::uint32_t, kMaxDescribed> wanted{};
-  std::array<double, kMaxDescribed> away_m{};  // the tip's centre from the surface
+  struct Wanted {
+    std::uint32_t slot = 0;
+    Vector3 center_m = Vector3::Zero();
+    double radius_m = 0.0;
+  };
+  std::array<Wanted, kMaxDescribed> wanted{};
   std::size_t wanted_count = 0;
   for (std::uint32_t i = 0; i < interaction.listed_count; ++i) {
     const Contact& contact = interaction.contacts[i];
@@ -58,26 +65,26 @@ void SurfaceSender::fill(const ToolMotion& motion, TimePoint now,
     if (contact.is_shaft || !tissues_[tissue].description) continue;
     const std::uint32_t slot = slot_for(tissue, now);
     if (slot == kMaxDescribed) continue;
-    const double tip_m = tissues_[tissue].description->tool.tip_radius_m;
-    away_m[wanted_count] = std::abs(tip_m - contact.penetration_m);
-    wanted[wanted_count++] = slot;
+    // a tool above the surface will touch it below
+    const TissueDescription& description = *tissues_[tissue].description;
+    const double gap_m = std::max(0.0, -contact.penetration_m + contact.normal_world.dot(ahead_m));
+    const double away_m =
+        std::abs(description.tool.tip_radius_m - std::max(0.0, contact.penetration_m));
+    wanted[wanted_count++] = {
+        .slot = slot,
+        .center_m = place_m - displacement(description.motion, time_s).position_m -
+                    gap_m * contact.normal_world,
+        .radius_m = std::clamp(reach_m + away_m, kLeastReach_m, kMostReach_m)};
   }
-  const auto wanted_slots = std::span(wanted).first(wanted_count);
-  for (const std::uint32_t slot : wanted_slots) describe(slot, now, news);
-  const auto center_of = [&](std::uint32_t slot) {
-    const TissueDescription& description = *tissues_[*described_[slot].tissue].description;
-    return Vector3(place_m -
-                   displacement(description.motion, to_seconds(now.time_since_epoch())).position_m);
-  };
-  for (std::size_t i = 0; i < wanted_count; ++i) {
-    const std::uint32_t slot = wanted[i];
-    if (tissues_[*described_[slot].tissue].tiles.empty()) continue;
-    const double radius_m = std::clamp(reach_m + away_m[i], kLeastReach_m, kMostReach_m);
-    cover(slot, center_of(slot), radius_m, now, news);
+  const auto all = std::span(wanted).first(wanted_count);
+  for (const Wanted& one : all) describe(one.slot, now, news);
+  for (const Wanted& one : all) {
+    if (tissues_[*described_[one.slot].tissue].tiles.empty()) continue;
+    cover(one.slot, one.center_m, one.radius_m, now, news);
   }
   rest_ = std::min(1.0, rest_ + kRestTilesPerS * to_seconds(now - rest_at_));
   rest_at_ = now;
-  for (const std::uint32_t slot : wanted_slots) send_rest(slot, center_of(slot), now, news);
+  for (const Wanted& one : all) send_rest(one.slot, one.center_m, now, news);
 
   if (!news.has_description && news.tile_count == 0) return;
   news.number = next_number_++;
@@ -250,6 +257,7 @@ bool SurfaceSender::carry(std::uint32_t described, std::uint32_t tile, const Vec
   }
   Slot& slot = slots_[index];
   slot.sent_at = now;
+  ++slot.sendings;
   SurfaceTile& to = news.tiles[news.tile_count++];
   to = tissues_[*described_[described].tissue].tiles[tile];
   to.slot = index;
@@ -287,27 +295,38 @@ void SurfaceSender::cover(std::uint32_t slot, const Vector3& center_m, double ra
       missing[place] = one;
     });
 
-    // what has never been sent goes first, then repetitions
+    // nearest first; each time that a tile has been sent puts it back
     const auto nearest = std::span(missing).first(count);
-    for (const bool is_repetition : {false, true}) {
+    const auto key_m = [&](const Missing& one) {
+      const std::uint16_t index = slot_of(described, one.tile);
+      if (index == kNoSlot) return one.distance_m;
+      const Slot& sent = slots_[index];
+      const bool is_due = now - sent.sent_at >= repeat_after();
+      return is_due ? one.distance_m + kBackPerSending_m * sent.sendings : kWhole_m;
+    };
+    while (has_room(news) && may_carry_tiles(slot, news)) {
+      const Missing* next = nullptr;
       for (const Missing& one : nearest) {
-        if (!has_room(news) || !may_carry_tiles(slot, news)) break;
-        const std::uint16_t index = slot_of(described, one.tile);
-        if (is_repetition != (index != kNoSlot)) continue;
-        if (is_repetition && now - slots_[index].sent_at < repeat_after()) continue;
-        if (!carry(slot, one.tile, center_m, one.distance_m, now, news)) break;
+        if (key_m(one) < (next != nullptr ? key_m(*next) : kWhole_m)) next = &one;
       }
+      if (next == nullptr || !carry(slot, next->tile, center_m, next->distance_m, now, news)) break;
     }
     for (const Missing& one : nearest) {
       const std::uint16_t index = slot_of(described, one.tile);
-      if (index == kNoSlot || news.pending_count == kMaxPendingTiles) {
+      if (news.pending_count == kMaxPendingTiles) {
         coverage.radius_m = std::min(coverage.radius_m, one.distance_m);
         break;
       }
-      news.pending[news.pending_count++] = {.slot = index,
-                                            .described_slot = slot,
-                                            .version = slots_[index].version,
-                                            .distance_m = one.distance_m};
+      const bool is_sent = index != kNoSlot;
+      const Bounds& bounds = tissue.bounds[one.tile];
+      const Vector3 middle_m = bounds.center_m();
+      news.pending[news.pending_count++] = {
+          .slot = is_sent ? std::uint32_t{index} : 0,
+          .described_slot = slot,
+          .version = is_sent ? slots_[index].version : 0,
+          .center_m = {static_cast<float>(middle_m.x()), static_cast<float>(middle_m.y()),
+                       static_cast<float>(middle_m.z())},
+          .radius_m = static_cast<float>((bounds.highest_m - middle_m).norm() + kFloatMargin_m)};
     }
   }
   news.coverages[news.coverage_count++] = coverage;

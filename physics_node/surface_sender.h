@@ -19,13 +19,15 @@ namespace palpate::physics {
 ///
 ///   ρ = v̂ (A + 2/f) + d + 3 mm, at least 10 mm, at most 40 mm
 ///
-/// of the predicted place, with v̂ the highest speed of the last half second, A the age of the loop
-/// that mofc_node reports (ρ is 40 mm until it does), f the rate of the physics and d the distance
-/// of the tip's centre from the surface. Nearest first; what is not acknowledged is
-/// repeated after A/3, what is known is not sent again. The rest of the surface follows at 64 tiles
-/// a second while there are free slots. A full store gives up the tiles farthest away.
+/// of the predicted place, or of where the tool would touch below it, with v̂ the highest speed of
+/// the last half second, A the age of the loop that mofc_node reports (ρ is 40 mm until it does), f
+/// the rate of the physics and d the distance of the tip's centre from the surface. Nearest first;
+/// what is not acknowledged is repeated after A/3, behind tiles up to 6 mm farther away for each
+/// time that it was sent; what is known is not sent again. The rest of the surface follows at 64
+/// tiles a second while there are free slots. A full store gives up the tiles farthest away.
 ///
-/// At most 1.6 kB per message. Only the constructor allocates; no lock, no throw.
+/// At most 1.6 kB of descriptions and tiles per message, and 1 kB about what is still missing. Only
+/// the constructor allocates; no lock, no throw.
 class SurfaceSender {
  public:
   /// @param tissues  of the scene, which must outlive this; empty: nothing is sent
@@ -56,6 +58,7 @@ class SurfaceSender {
     std::uint32_t tile = 0;
     std::uint32_t version = 0;
     bool is_acknowledged = false;
+    std::uint32_t sendings = 0;
     TimePoint sent_at{};
   };
   struct Carried {

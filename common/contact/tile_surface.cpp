@@ -48,6 +48,7 @@ void TileSurface::reset(bool is_sheet) noexcept {
   slots_.clear();
   is_sheet_ = is_sheet;
   covered_radius_m_ = 0.0;
+  gap_count_ = 0;
   near_count_ = 0;
   near_radius_m_ = 0.0;
 }
@@ -60,6 +61,23 @@ void TileSurface::add(std::uint32_t slot) noexcept {
 void TileSurface::remove(std::uint32_t slot) noexcept {
   near_radius_m_ = 0.0;
   std::erase(slots_, slot);
+}
+
+void TileSurface::except(const Vector3& center_m, double radius_m) noexcept {
+  if (gap_count_ < gaps_.size()) {
+    gaps_[gap_count_++] = {center_m, radius_m};
+  } else {
+    covered_radius_m_ = 0.0;
+  }
+}
+
+/// No unknown facet can be nearer than this distance.
+bool TileSurface::is_covered(const Vector3& point_m, double distance_m) const noexcept {
+  if (!((point_m - covered_center_m_).norm() + distance_m <= covered_radius_m_)) return false;
+  return std::none_of(gaps_.begin(), gaps_.begin() + gap_count_, [&](const Gap& gap) {
+    const double apart_m = distance_m + gap.radius_m;
+    return (point_m - gap.center_m).squaredNorm() < apart_m * apart_m;
+  });
 }
 
 /// The nearest foot so far, and the sum of the normals of the facets that meet there.
@@ -170,8 +188,7 @@ SurfaceView TileSurface::view(const Vector3& point_m, SurfaceHint& hint) const n
     for (const std::uint32_t slot : slots_) search.offer_all(held_[slot], slot);
   }
 
-  const double from_covered_m = (point_m - covered_center_m_).norm();
-  if (!(from_covered_m + search.best_m <= covered_radius_m_)) ++hint.uncovered_views;
+  if (!is_covered(point_m, search.best_m)) ++hint.uncovered_views;
   if (!(search.best.squared_distance < std::numeric_limits<double>::max())) {
     SurfaceView view;
     view.distance_m = std::numeric_limits<double>::infinity();

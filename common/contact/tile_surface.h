@@ -48,11 +48,14 @@ class TileSurface final : public Surface {
   /// A slot now holds a tile of this surface, or no longer does.
   void add(std::uint32_t slot) noexcept;
   void remove(std::uint32_t slot) noexcept;
-  /// All facets within this ball are held.
+  /// All facets within this ball are held, except those within the spheres that follow.
   void cover(const Vector3& center_m, double radius_m) noexcept {
     covered_center_m_ = center_m;
     covered_radius_m_ = radius_m;
+    gap_count_ = 0;
   }
+  /// At most kMaxPendingTiles of them.
+  void except(const Vector3& center_m, double radius_m) noexcept;
   /// Collects the tiles near the point; views near it are then fast. Once per tick.
   void gather(const Vector3& point_m) noexcept;
 
@@ -64,6 +67,12 @@ class TileSurface final : public Surface {
 
  private:
   struct Search;
+  struct Gap {
+    Vector3 center_m = Vector3::Zero();
+    double radius_m = 0.0;
+  };
+  [[nodiscard]] bool is_covered(const Vector3& point_m, double distance_m) const noexcept;
+
   static constexpr std::size_t kMaxNear = 48;
 
   std::span<const HeldTile> held_;
@@ -71,6 +80,8 @@ class TileSurface final : public Surface {
   bool is_sheet_ = false;
   Vector3 covered_center_m_ = Vector3::Zero();
   double covered_radius_m_ = 0.0;
+  std::array<Gap, kMaxPendingTiles> gaps_;
+  std::size_t gap_count_ = 0;
   // all tiles within near_radius_m_ of near_center_m_
   std::array<std::uint32_t, kMaxNear> near_{};
   std::size_t near_count_ = 0;

@@ -63,19 +63,21 @@ struct SurfaceTile {
 };
 
 /// Every facet of a described tissue within `radius_m` of `center_m` (in the tissue's rest frame)
-/// is in the store, once the pending tiles have arrived.
+/// is in the store or in a pending tile.
 struct SurfaceCoverage {
   std::uint32_t described_slot = 0;
   std::uint32_t description_version = 0;
   Vector3 center_m = Vector3::Zero();
   double radius_m = 0.0;
 };
-/// A tile that is on its way: until it arrives the radius of its coverage is at most this.
+/// A tile that the store may lack: until it arrives nothing is known within this sphere, in the
+/// tissue's rest frame.
 struct PendingTile {
   std::uint32_t slot = 0;
   std::uint32_t described_slot = 0;
-  std::uint32_t version = 0;
-  double distance_m = 0.0;  ///< from the centre of the coverage
+  std::uint32_t version = 0;  ///< 0: it has not been sent yet
+  std::array<float, 3> center_m{};
+  float radius_m = 0.0F;
 };
 
 /// Hop 3. Void unless `store_id` is that of the receiver's store.

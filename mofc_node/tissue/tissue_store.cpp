@@ -115,16 +115,17 @@ void TissueStore::cover(const SurfaceNews& news) noexcept {
     const SurfaceCoverage& coverage = news.coverages[i];
     DescribedTissue& tissue = tissues_[coverage.described_slot];
     if (!tissue.is_known_ || tissue.version_ != coverage.description_version) continue;
-    double radius_m = coverage.radius_m;
+    tissue.tiled_.cover(coverage.center_m, coverage.radius_m);
     for (std::uint32_t k = 0; k < news.pending_count; ++k) {
       const PendingTile& pending = news.pending[k];
-      const HeldTile& held = held_[pending.slot];
       if (pending.described_slot != coverage.described_slot) continue;
+      const HeldTile& held = held_[pending.slot];
       const bool has_arrived = held.is_held && held.version == pending.version &&
-                               held.described_slot == coverage.described_slot;
-      if (!has_arrived) radius_m = std::min(radius_m, pending.distance_m);
+                               held.described_slot == pending.described_slot;
+      if (has_arrived) continue;
+      const auto& [x, y, z] = pending.center_m;
+      tissue.tiled_.except(Vector3(x, y, z), pending.radius_m);
     }
-    tissue.tiled_.cover(coverage.center_m, radius_m);
   }
 }
 

@@ -221,7 +221,10 @@ inline void randomise(SurfaceNews& news, Random& random) {
     news.pending[i] = {.slot = static_cast<std::uint32_t>(random.below(kTileSlots)),
                        .described_slot = static_cast<std::uint32_t>(random.below(kMaxDescribed)),
                        .version = static_cast<std::uint32_t>(random.bits()),
-                       .distance_m = random.uniform(0.0, 1.0)};
+                       .center_m = {static_cast<float>(random.uniform(-1.0, 1.0)),
+                                    static_cast<float>(random.uniform(-1.0, 1.0)),
+                                    static_cast<float>(random.uniform(-1.0, 1.0))},
+                       .radius_m = static_cast<float>(random.uniform(0.0, 1.0))};
   }
 }
 
@@ -559,7 +562,8 @@ inline bool same(const SurfaceNews& a, const SurfaceNews& b) {
          std::equal(a.pending.begin(), a.pending.begin() + a.pending_count, b.pending.begin(),
                     [](const auto& x, const auto& y) {
                       return x.slot == y.slot && x.described_slot == y.described_slot &&
-                             x.version == y.version && x.distance_m == y.distance_m;
+                             x.version == y.version && x.center_m == y.center_m &&
+                             x.radius_m == y.radius_m;
                     });
 }
 inline bool same(const Contact& a, const Contact& b) {

@@ -306,7 +306,10 @@ void put(const SurfaceNews& news, v1::SurfaceNews& to) {
     v1::PendingTile& wire = *to.add_pending();
     wire.set_slot(news.pending[i].slot);
     wire.set_version(news.pending[i].version);
-    wire.set_distance_m(news.pending[i].distance_m);
+    wire.set_center_x_m(news.pending[i].center_m[0]);
+    wire.set_center_y_m(news.pending[i].center_m[1]);
+    wire.set_center_z_m(news.pending[i].center_m[2]);
+    wire.set_radius_m(news.pending[i].radius_m);
     wire.set_described_slot(news.pending[i].described_slot);
   }
 }
@@ -327,7 +330,10 @@ void check_surface(const v1::SurfaceNews& news, Verdict& verdict) {
   }
   for (const v1::PendingTile& one : news.pending()) {
     verdict.expect(one.slot() < kTileSlots && one.described_slot() < kMaxDescribed);
-    verdict.number(one.distance_m(), 0.0, kMaxPositionM);
+    for (const double x : {one.center_x_m(), one.center_y_m(), one.center_z_m()}) {
+      verdict.number(x, -kMaxPositionM, kMaxPositionM);
+    }
+    verdict.number(one.radius_m(), 0.0, kMaxPositionM);
   }
 }
 
@@ -354,7 +360,8 @@ void read_surface(const v1::SurfaceNews& wire, SurfaceNews& news) {
     news.pending[i] = {.slot = one.slot(),
                        .described_slot = one.described_slot(),
                        .version = one.version(),
-                       .distance_m = one.distance_m()};
+                       .center_m = {one.center_x_m(), one.center_y_m(), one.center_z_m()},
+                       .radius_m = one.radius_m()};
   }
 }
 
