@@ -13,7 +13,7 @@
 
 #include "common/contact/bounds.h"
 #include "common/contact/surface.h"
-#include "common/core/surface_messages.h"
+#include "common/core/tissue.h"
 #include "common/core/vector.h"
 
 namespace palpate {

@@ -14,8 +14,8 @@
 #include <array>
 #include <cstdint>
 
-#include "common/core/surface_messages.h"
 #include "common/core/time.h"
+#include "common/core/tissue.h"
 #include "common/core/vector.h"
 
 namespace palpate {

@@ -6,10 +6,18 @@
 #include <cstdint>
 #include <numbers>
 #include <random>
+#include <string_view>
 
 #include "common/core/vector.h"
 
 namespace palpate {
+
+/// 64-bit FNV-1a of the bytes of `text`. Not cryptographic: for seeds, tags and comparisons.
+[[nodiscard]] constexpr std::uint64_t fnv1a(std::string_view text) noexcept {
+  std::uint64_t hash = 14695981039346656037ULL;
+  for (const char c : text) hash = (hash ^ static_cast<unsigned char>(c)) * 1099511628211ULL;
+  return hash;
+}
 
 class Random {
  public:

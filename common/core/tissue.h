@@ -1,9 +1,19 @@
 // tissue.h — what a tissue is made of: simple shapes, material, motion. Both sides of hop 3 know
-// it.
+// it; and the part of hop 3 with which mofc_node evaluates tissue itself, and its acknowledgement
+// on hop 2.
+//
+// mofc_node keeps a store: up to kMaxDescribed tissues, and kTileSlots tiles of their surfaces.
+// physics_node alone decides what is in which slot. It numbers the messages that carry something
+// and repeats what is not acknowledged. A store that is emptied has a new id, which makes all that
+// was said about the old one void.
 #pragma once
 
+#include <array>
+#include <cstdint>
+#include <variant>
 #include <vector>
 
+#include "common/core/time.h"
 #include "common/core/vector.h"
 
 namespace palpate {
@@ -69,6 +79,93 @@ struct ToolShape {
   double shaft_length_m =
       0.0;  ///< from the centre of the tip to the handle, along +z of T; 0: none
   double shaft_radius_m = 0.0;
+};
+
+// --- what is sent of it ------------------------------------------------------------------------
+
+inline constexpr std::size_t kMaxDescribed = 8;
+inline constexpr std::size_t kTileSlots = 1024;
+inline constexpr std::size_t kMaxTileFacets = 32;
+inline constexpr std::size_t kMaxTileVertices = 32;
+inline constexpr std::size_t kMaxTilesPerMessage = 4;
+inline constexpr std::size_t kMaxPendingTiles = 32;
+inline constexpr std::size_t kMaxDescribedInclusions = 8;
+
+/// A surface of triangles, sent in tiles.
+struct TiledGeometry {
+  bool is_sheet = false;  ///< open: it has no inside
+};
+using DescribedGeometry =
+    std::variant<HalfSpaceGeometry, SphereGeometry, BoxGeometry, CapsuleGeometry, TiledGeometry>;
+
+/// All of a tissue but its tiles; W, before any motion of the tissue.
+struct TissueDescription {
+  std::uint32_t slot = 0;     ///< < kMaxDescribed; a new version replaces what was there, and all
+                              ///< its tiles
+  std::uint32_t version = 0;  ///< of the content of the slot
+  std::uint32_t tissue = 0;   ///< index in the scene
+  DescribedGeometry geometry{};
+  KelvinVoigtMaterial material{};  ///< its list of inclusions is empty
+  std::array<InclusionConfig, kMaxDescribedInclusions> inclusions{};
+  std::uint32_t inclusion_count = 0;
+  TissueMotionConfig motion{};
+  ToolShape tool{};
+};
+
+/// Neighbouring triangles of one surface, sent with its description until that is acknowledged. A
+/// vertex is at `origin_m` + `step_m` · its three integers;
+/// all tiles of a surface have the same origin and step, so vertices that they share coincide.
+struct SurfaceTile {
+  std::uint32_t slot = 0;            ///< < kTileSlots; replaces what was there
+  std::uint32_t described_slot = 0;  ///< of the tissue
+  std::uint32_t version = 0;         ///< of the content of the slot
+  Vector3 origin_m = Vector3::Zero();
+  double step_m = 0.0;  ///< > 0
+  std::array<std::array<std::uint16_t, 3>, kMaxTileVertices> vertices{};
+  std::uint32_t vertex_count = 0;
+  /// Indices of `vertices`, counter-clockwise seen from outside the tissue; no triangle is flat.
+  std::array<std::array<std::uint8_t, 3>, kMaxTileFacets> facets{};
+  std::uint32_t facet_count = 0;
+};
+
+/// Every facet of a described tissue within `radius_m` of `center_m` (in the tissue's rest frame)
+/// is in the store or in a pending tile.
+struct SurfaceCoverage {
+  std::uint32_t described_slot = 0;
+  std::uint32_t description_version = 0;
+  Vector3 center_m = Vector3::Zero();
+  double radius_m = 0.0;
+};
+/// A tile that the store may lack: until it arrives nothing is known within this sphere, in the
+/// tissue's rest frame.
+struct PendingTile {
+  std::uint32_t slot = 0;
+  std::uint32_t described_slot = 0;
+  std::uint32_t version = 0;  ///< 0: it has not been sent yet
+  std::array<float, 3> center_m{};
+  float radius_m = 0.0F;
+};
+
+/// Hop 3. Void unless `store_id` is that of the receiver's store.
+struct SurfaceNews {
+  std::uint64_t store_id = 0;  ///< 0: none
+  std::uint64_t number = 0;    ///< of messages that carry something, from 1; 0: this one does not
+  TissueDescription description{};
+  bool has_description = false;
+  std::array<SurfaceTile, kMaxTilesPerMessage> tiles{};
+  std::uint32_t tile_count = 0;
+  std::array<SurfaceCoverage, kMaxDescribed> coverages{};
+  std::uint32_t coverage_count = 0;
+  std::array<PendingTile, kMaxPendingTiles> pending{};
+  std::uint32_t pending_count = 0;
+};
+
+/// Hop 2.
+struct SurfaceReceipts {
+  std::uint64_t store_id = 0;  ///< 0: the sender keeps no store
+  std::uint64_t newest = 0;    ///< highest number received; 0: none
+  std::uint64_t received = 0;  ///< bit i: number `newest` − i was received
+  Duration loop_age{};         ///< from a DeviceState to the first use of its answer
 };
 
 }  // namespace palpate

@@ -1,7 +1,7 @@
 #include "common/session/session.h"
 
 #include "common/core/check.h"
-#include "common/core/fnv.h"
+#include "common/core/random.h"
 
 namespace palpate {
 

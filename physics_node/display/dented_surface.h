@@ -7,9 +7,9 @@
 #include <span>
 #include <vector>
 
+#include "common/contact/surface_view.h"
 #include "common/core/scene_messages.h"
 #include "common/core/vector.h"
-#include "common/contact/surface_view.h"
 
 namespace palpate::physics {
 

@@ -5,9 +5,9 @@
 #include <utility>
 #include <variant>
 
+#include "common/contact/tissue_motion.h"
 #include "physics_node/display/display_mesh.h"
 #include "physics_node/files/surface_files.h"
-#include "common/contact/tissue_motion.h"
 
 namespace palpate::physics {
 namespace {

@@ -11,12 +11,12 @@
 #include <variant>
 #include <vector>
 
+#include "common/contact/bounds.h"
 #include "common/core/check.h"
 #include "common/core/regular_file.h"
 #include "physics_node/files/ply.h"
 #include "physics_node/files/tetrahedral_files.h"
 #include "physics_node/files/triangle_files.h"
-#include "common/contact/bounds.h"
 #include "physics_node/surfaces/cloud_surface.h"
 #include "physics_node/surfaces/triangle_surface.h"
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "common/contact/bounds.h"
-#include "common/core/surface_messages.h"
+#include "common/core/tissue.h"
 #include "physics_node/surfaces/box_tree.h"
 #include "physics_node/surfaces/shape.h"
 

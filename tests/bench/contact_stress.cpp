@@ -238,11 +238,9 @@ void slide_over_edges() {
         test::LedTool tool(scene, kStiffness);
         tool.go_to(slide.way_m[0], dt_s);
         for (const Vector3& to_m : slide.way_m) tool.lead_to(to_m, speed_m_per_s, dt_s);
-        table.add(
-            {slide.name, tip_radius_m, speed_m_per_s, 1e3 * dt_s, tool.largest_step_newton(),
-             kStiffness * (kMostForcePerMotion * speed_m_per_s + kCreep_m_per_s) *
-                 dt_s,
-             tool.largest_step_over_bound()});
+        table.add({slide.name, tip_radius_m, speed_m_per_s, 1e3 * dt_s, tool.largest_step_newton(),
+                   kStiffness * (kMostForcePerMotion * speed_m_per_s + kCreep_m_per_s) * dt_s,
+                   tool.largest_step_over_bound()});
       }
     }
   }

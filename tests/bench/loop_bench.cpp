@@ -21,8 +21,12 @@ namespace {
 const std::vector<std::string> kBase{"physics.rate_hz=50", "faults.tool_motion.delay_ms=20",
                                      "faults.interaction.delay_ms=20"};
 
+/// Contact models only: no tissue is described.
+void as_quadric(Interaction& interaction) { interaction.surface.store_id = 0; }
+
 /// A contact model of lower order: terms that are left out are not extrapolated.
 void as_plane(Interaction& interaction) {
+  as_quadric(interaction);
   for (std::uint32_t i = 0; i < interaction.listed_count; ++i) {
     Contact& contact = interaction.contacts[i];
     contact.curvature_per_m.setZero();
@@ -63,7 +67,8 @@ std::vector<Variant> variants() {
   estimator("Kalman, order 3", "kalman_acceleration {}");
   all.push_back({"model order", "held force", {"mofc.interaction=held"}});
   all.push_back({"model order", "plane", {}, as_plane});
-  all.push_back({"model order", "quadric", {}});
+  all.push_back({"model order", "quadric", {}, as_quadric});
+  all.push_back({"model order", "described", {}});
   return all;
 }
 

@@ -368,9 +368,9 @@ TEST_P(PhysicsOrMofc, TheForceEndsInTimeAndReturns) {
   }
   if (is_physics) {
     // only a stopped node keeps its connection
-    figures.safe_limit = session.side().mofc.fade + (GetParam().signal == SIGSTOP
-                                                         ? session.side().mofc.stale_after
-                                                         : test::kLossNoticed);
+    figures.safe_limit =
+        session.side().mofc.fade +
+        (GetParam().signal == SIGSTOP ? session.side().mofc.stale_after : test::kLossNoticed);
   } else {
     figures.safe_limit = session.side().device.lease;  // then the motors switch off by themselves
     safe_at = std::min(safe_at, last.device.switched_at + session.side().device.lease);

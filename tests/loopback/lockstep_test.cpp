@@ -123,6 +123,7 @@ TEST(Lockstep, AHostilePhysicsReplacesTheInteractions) {
     said.force_on_tool_newton = {2, 0, 0};
     said.listed_count = 0;
     said.contact_count = 1;
+    said.surface.store_id = 0;
   }};
   const Recording touch = run(parsed(kPressing), 100ms, options);
 
@@ -171,8 +172,8 @@ TEST(Lockstep, TheSameSeedGivesTheSameBits) {
 }
 
 TEST(Lockstep, AnotherSeedGivesAnotherRun) {
-  const std::vector<std::string> faults{"faults.interaction.loss_ratio=0.2", "seed=1"};
-  const std::vector<std::string> other{"faults.interaction.loss_ratio=0.2", "seed=2"};
+  const std::vector<std::string> faults{"faults.force_command.loss_ratio=0.2", "seed=1"};
+  const std::vector<std::string> other{"faults.force_command.loss_ratio=0.2", "seed=2"};
 
   EXPECT_NE(bits_of(run(shipped("default", faults), 2s)),
             bits_of(run(shipped("default", other), 2s)));

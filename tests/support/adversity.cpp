@@ -10,6 +10,7 @@
 
 #include "common/core/random.h"
 #include "common/session/session_file.h"
+#include "tests/support/random_messages.h"
 
 namespace palpate::test {
 namespace {
@@ -17,6 +18,7 @@ namespace {
 // More than any motor gives, and more stored energy than any cap.
 constexpr double kHostileNewton = 20.0;
 constexpr double kHostileStoreJoule = 1e3;
+constexpr std::uint32_t kHostileTissue = 1000;  // not the wall, which mofc_node steps itself
 
 /// The physics of one run: changes what the honest physics sends.
 class Tamperer {
@@ -43,9 +45,19 @@ class Tamperer {
     interaction.contact_count = interaction.listed_count = 1;
     interaction.contacts[0] =
         law_ == Physics::kActiveTissue ? active_tissue() : force_everywhere(force);
+    interaction.contacts[0].tissue = kHostileTissue;
+    lie_about_the_surface(interaction.surface);
   }
 
  private:
+  /// Valid descriptions, tiles and coverage of a tissue that does not exist.
+  void lie_about_the_surface(SurfaceNews& news) {
+    if (news.store_id == 0 || !random_.chance(0.1)) return;
+    const std::uint64_t store_id = news.store_id;
+    test::randomise(news, random_);
+    news.store_id = store_id;
+  }
+
   void restart(Interaction& interaction) {
     const double t_s = seconds_of(interaction.header.sampled_at);
     interaction.header.session_id += static_cast<std::uint64_t>(t_s / 0.9);

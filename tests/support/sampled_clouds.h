@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "common/core/random.h"
 #include "common/contact/analytic_surfaces.h"
+#include "common/core/random.h"
 #include "physics_node/surfaces/cloud_surface.h"
 
 namespace palpate::test {

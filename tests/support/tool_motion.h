@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "common/core/random.h"
 #include "common/contact/proxy.h"
+#include "common/core/random.h"
 #include "physics_node/files/ply.h"
 #include "physics_node/scene/scene.h"
 #include "tests/support/sampled_clouds.h"
@@ -28,8 +28,8 @@ class LedTool {
     force_ = scene_.step(memory_, x_m, Vector3::Zero(), time_s_);
     if (has_moved_) {
       const double step_newton = (force_.force_on_tool_newton - last.force_on_tool_newton).norm();
-      const double bound_newton = k_ * (kMostForcePerMotion * (x_m - x_m_).norm() +
-                                        kCreep_m_per_s * dt_s);
+      const double bound_newton =
+          k_ * (kMostForcePerMotion * (x_m - x_m_).norm() + kCreep_m_per_s * dt_s);
       largest_step_newton_ = std::max(largest_step_newton_, step_newton);
       largest_step_over_bound_ = std::max(largest_step_over_bound_, step_newton / bound_newton);
     }

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <string>
 
-#include "common/core/fnv.h"
+#include "common/core/random.h"
 
 // web_assets.S: the files of the page, as built, one after the other.
 extern "C" {

@@ -2,7 +2,7 @@
 // tissue itself.
 #pragma once
 
-#include "common/core/surface_messages.h"
+#include "common/core/tissue.h"
 #include "common/link/codec/wire_format.h"
 #include "palpate/v1/interaction.pb.h"
 

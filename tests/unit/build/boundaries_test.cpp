@@ -197,10 +197,10 @@ TEST(IncludeBoundaries, LetAFileIncludeItsNeighbours) {
 }
 
 TEST(IncludeBoundaries, KeepLocksOutOfTheTickAndTheClamp) {
-  for (const char* file : {"device_node/force_guard.h", "mofc_node/mofc_node.cpp",
-                           "mofc_node/controllers/energy_ledger.cpp", "common/core/inbox.h",
-                           "physics_node/physics_node.cpp", "common/contact/touch.cpp",
-                           "common/contact/proxy.cpp"}) {
+  for (const char* file :
+       {"device_node/force_guard.h", "mofc_node/mofc_node.cpp",
+        "mofc_node/controllers/energy_ledger.cpp", "common/core/inbox.h",
+        "physics_node/physics_node.cpp", "common/contact/touch.cpp", "common/contact/proxy.cpp"}) {
     for (const char* header : {"mutex", "condition_variable", "future", "pthread.h"}) {
       EXPECT_EQ(check_source(file, std::string("#include <") + header + ">\n").status, 1)
           << file << " " << header;

@@ -1,5 +1,5 @@
 // The FNV-1a hash.
-#include "common/core/fnv.h"
+#include "common/core/random.h"
 
 #include <gtest/gtest.h>
 

@@ -6,8 +6,8 @@
 #include <cmath>
 #include <limits>
 
-#include "physics_node/display/display_mesh.h"
 #include "common/contact/analytic_surfaces.h"
+#include "physics_node/display/display_mesh.h"
 
 namespace palpate::physics {
 namespace {

@@ -10,8 +10,8 @@
 #include <numbers>
 #include <utility>
 
-#include "physics_node/display/file_surface_mesh.h"
 #include "common/contact/analytic_surfaces.h"
+#include "physics_node/display/file_surface_mesh.h"
 #include "physics_node/surfaces/cloud_surface.h"
 #include "tests/support/sampled_clouds.h"
 #include "tests/unit/physics_node/test_meshes.h"

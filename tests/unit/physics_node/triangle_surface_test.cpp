@@ -5,8 +5,8 @@
 
 #include <limits>
 
-#include "common/core/random.h"
 #include "common/contact/analytic_surfaces.h"
+#include "common/core/random.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/unit/physics_node/test_meshes.h"
 
