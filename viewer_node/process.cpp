@@ -9,7 +9,7 @@
 #include <optional>
 #include <stdexcept>
 
-#include "common/core/regular_file.h"
+#include "common/core/files.h"
 #include "common/link/plot_sender.h"
 #include "common/process/heap_trim.h"
 #include "common/process/refused_peers_log.h"

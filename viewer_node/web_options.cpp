@@ -9,7 +9,7 @@
 #include <system_error>
 
 #include "common/core/check.h"
-#include "common/core/regular_file.h"
+#include "common/core/files.h"
 
 namespace palpate::viewer {
 namespace {

@@ -10,7 +10,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "common/core/private_folder.h"
+#include "common/core/files.h"
 
 namespace palpate {
 namespace {

@@ -14,7 +14,7 @@
 #include <system_error>
 
 #include "common/core/check.h"
-#include "common/core/private_folder.h"
+#include "common/core/files.h"
 #include "common/core/time.h"
 #include "common/process/log.h"
 #include "common/process/run_node.h"

@@ -1,6 +1,6 @@
 #include <string>
 
-#include "common/core/regular_file.h"
+#include "common/core/files.h"
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/options.h"
 #include "deploy/palpate/recording_info.h"

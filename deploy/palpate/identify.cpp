@@ -6,7 +6,7 @@
 
 #include "common/core/check.h"
 #include "common/core/clock.h"
-#include "common/core/regular_file.h"
+#include "common/core/files.h"
 #include "common/session/file/profile_file.h"
 #include "device_node/drivers/driver_registry.h"
 #include "device_node/friction_identification.h"

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "common/core/regular_file.h"
+#include "common/core/files.h"
 #include "common/process/heap_trim.h"
 #include "common/process/options.h"
 #include "common/process/run_node.h"

@@ -3,7 +3,7 @@
 #include <optional>
 #include <utility>
 
-#include "common/core/regular_file.h"
+#include "common/core/files.h"
 #include "common/process/options.h"
 #include "common/telemetry/summary.h"
 #include "deploy/lockstep/loopback.h"

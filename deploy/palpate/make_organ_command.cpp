@@ -2,7 +2,7 @@
 #include <string>
 
 #include "common/core/check.h"
-#include "common/core/regular_file.h"
+#include "common/core/files.h"
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/organ.h"
 #include "physics_node/files/ply.h"

@@ -8,7 +8,7 @@
 #include <system_error>
 
 #include "common/core/check.h"
-#include "common/core/regular_file.h"
+#include "common/core/files.h"
 #include "common/process/options.h"
 #include "common/session/session_file.h"
 

@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "common/core/regular_file.h"
+#include "common/core/files.h"
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/options.h"
 #include "viewer_node/recording/recording_file.h"

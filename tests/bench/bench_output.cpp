@@ -8,7 +8,7 @@
 #include <cstdlib>
 
 #include "common/core/check.h"
-#include "common/core/regular_file.h"
+#include "common/core/files.h"
 
 namespace palpate::bench {
 namespace {

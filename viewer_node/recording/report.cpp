@@ -8,7 +8,7 @@
 #include <stdexcept>
 #include <vector>
 
-#include "common/core/regular_file.h"
+#include "common/core/files.h"
 #include "common/telemetry/metrics.h"
 #include "common/telemetry/quantile.h"
 #include "common/telemetry/summary.h"

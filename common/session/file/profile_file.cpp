@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "common/core/regular_file.h"
+#include "common/core/files.h"
 #include "common/session/file/session_fields.h"
 #include "common/session/file/session_text.h"
 

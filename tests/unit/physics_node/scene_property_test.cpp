@@ -62,6 +62,7 @@ TEST(SceneProperty, DescribedContactIsTheTissueAsFarAsItIsTrusted) {
     if (here.listed_count == 0) continue;
 
     const Contact& contact = here.contacts[0];
+    if (contact.trust_radius_m <= kMinTrustRadiusM) continue;  // at least that, whatever is near
     const Vector3 d =
         random.uniform(0.0, 0.99) * std::min(contact.trust_radius_m, 0.1) * random.direction();
     const Vector3 v = random_in_cube(random, 0.5);
@@ -154,8 +155,8 @@ TEST(SceneProperty, ElasticForceDoesNoWorkRoundAClosedPath) {
   EXPECT_NEAR(work_joule, 0.0, 1e-9);
 }
 
-// One tissue takes f·v from the tool no faster than it stores: f·v + d/dt (½kp² + ¼k₃p⁴) ≤ 0, ṗ =
-// −n·v.
+// One tissue takes f·v from the tool no faster than it stores: f·v + d/dt (½kp² + ¼k₃p⁴) ≤ 0 (with
+// an exponent, d/dt (k p² (p/p₁)ⁿ⁻¹ / (n + 1)) instead), ṗ = −n·v.
 TEST(SceneProperty, DampingOnlyTakesPower) {
   Random random(3);
   int touched = 0;
@@ -169,8 +170,11 @@ TEST(SceneProperty, DampingOnlyTakesPower) {
     const auto& material = std::get<KelvinVoigtMaterial>(config.tissues[0].material);
     const Contact& contact = force.contacts[0];
     const double p = contact.penetration_m;
-    const double elastic_newton =
-        material.stiffness_newton_per_m * p + material.stiffening_newton_per_m3 * p * p * p;
+    const double softness =
+        material.exponent > 0.0 ? std::pow(p / material.exponent_depth_m, material.exponent - 1.0)
+                                : 1.0;
+    const double elastic_newton = softness * material.stiffness_newton_per_m * p +
+                                  material.stiffening_newton_per_m3 * p * p * p;
     const double storing_watt = -elastic_newton * contact.normal_world.dot(v);
     EXPECT_LE(force.force_on_tool_newton.dot(v) + storing_watt, 1e-9);
     if (!material.is_adhesive) {

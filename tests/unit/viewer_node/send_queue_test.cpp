@@ -78,7 +78,7 @@ TEST(SendQueue, NeverDropsWhatWasRequested) {
 
 TEST(SendQueue, IsOverfullByBytesOrByMessagesThatMayNotBeDropped) {
   SendQueue bytes;
-  bytes.push(message('r', 64 * kMegabyte, false));
+  bytes.push(message('r', SendQueue::kMaxUnreadBytes, false));
   EXPECT_FALSE(bytes.is_overfull());
   bytes.push(message('r', 1, false));
   EXPECT_TRUE(bytes.is_overfull());

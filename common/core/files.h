@@ -1,4 +1,5 @@
-// regular_file.h — reading files that the user names, and checks on the files to be written.
+// files.h — reading files that the user names, checks on the files to be written, and folders that
+// no other user can replace.
 #pragma once
 
 #include <cstdint>
@@ -25,5 +26,12 @@ struct FileContent {
 /// Throws SetupError if two options name the same file. Empty names and "-" are ignored.
 /// @param outputs  pairs of option and file
 void refuse_shared_file(std::initializer_list<std::pair<const char*, std::string>> outputs);
+
+/// Creates the folder and its parents, if absent, for this user only (mode 0700), and checks that
+/// no other user can put anything in its place: it is a folder, not a link, of the effective user,
+/// and nobody else may write it; every folder above it, and every link on the way, belongs to that
+/// user or to root, and is writable by others only if it is sticky, as /tmp is.
+/// @return what is wrong and what to do; empty if the folder is private
+[[nodiscard]] std::string make_private_folder(const std::filesystem::path& folder);
 
 }  // namespace palpate

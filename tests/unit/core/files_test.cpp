@@ -1,4 +1,4 @@
-#include "common/core/regular_file.h"
+#include "common/core/files.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,0 +1,135 @@
+#include "common/core/files.h"
+
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <fstream>
+#include <system_error>
+
+#include "common/core/check.h"
+
+namespace palpate {
+namespace {
+
+constexpr mode_t kWritableByOthers = S_IWGRP | S_IWOTH;
+
+void create(const std::filesystem::path& folder) {
+  if (folder.has_parent_path() && folder != folder.parent_path()) create(folder.parent_path());
+  mkdir(folder.c_str(), S_IRWXU);  // errors appear when the folder is examined
+}
+
+/// The problem of a folder above the private one, or of a link to it.
+std::string why_not_safe(const std::filesystem::path& above) {
+  struct stat status {};
+  if (lstat(above.c_str(), &status) != 0) {
+    return above.string() + ": " + std::generic_category().message(errno);
+  }
+  if (status.st_uid != geteuid() && status.st_uid != 0) {
+    return above.string() +
+           " belongs to another user, who could replace what is in it; choose a folder elsewhere";
+  }
+  const bool is_open = (status.st_mode & kWritableByOthers) != 0 && !S_ISLNK(status.st_mode);
+  if (is_open && (status.st_mode & S_ISVTX) == 0) {
+    return "other users may replace what is in " + above.string() + "; chmod go-w " +
+           above.string() + ", or choose a folder elsewhere";
+  }
+  return "";
+}
+
+std::string why_not_safe_above(const std::filesystem::path& folder) {
+  for (std::filesystem::path above = folder;
+       above.has_parent_path() && above != above.parent_path();) {
+    above = above.parent_path();
+    if (std::string why = why_not_safe(above); !why.empty()) return why;
+  }
+  return "";
+}
+
+}  // namespace
+
+FileContent read_regular_file(const std::filesystem::path& file, std::uintmax_t max_bytes) {
+  std::error_code error;
+  const auto status = std::filesystem::status(file, error);
+  if (status.type() == std::filesystem::file_type::not_found) {
+    return {.complaint = "no such file; check the path"};
+  }
+  if (status.type() == std::filesystem::file_type::directory) {
+    return {.complaint = "is a folder; give a file in it"};
+  }
+  if (status.type() != std::filesystem::file_type::regular) {
+    return {.complaint = "is not a regular file; copy its content into one"};
+  }
+  const std::uintmax_t size = std::filesystem::file_size(file, error);
+  const std::string too_large =
+      "has more than " + std::to_string(max_bytes) + " bytes; is it the right file?";
+  if (!error && size > max_bytes) return {.complaint = too_large};
+  std::ifstream stream(file, std::ios::binary);
+  if (error || !stream) return {.complaint = "cannot be read; check its permissions"};
+
+  // the reported size is not used: the file may grow meanwhile, and files in /proc report 0
+  FileContent content;
+  std::array<char, 65536> chunk{};
+  while (stream.read(chunk.data(), chunk.size()) || stream.gcount() > 0) {
+    content.bytes.append(chunk.data(), static_cast<std::size_t>(stream.gcount()));
+    if (content.bytes.size() > max_bytes) return {.complaint = too_large};
+  }
+  if (stream.bad()) return {.complaint = "cannot be read; check the disk"};
+  return content;
+}
+
+std::string write_file(const std::filesystem::path& file, const std::string& text) {
+  errno = 0;
+  std::ofstream stream(file, std::ios::binary);
+  stream << text;
+  stream.close();
+  if (stream) return {};
+  return "cannot be written (" + std::generic_category().message(errno) + "); choose another place";
+}
+
+void refuse_shared_file(std::initializer_list<std::pair<const char*, std::string>> outputs) {
+  for (const auto* a = outputs.begin(); a != outputs.end(); ++a) {
+    if (a->second.empty() || a->second == "-") continue;
+    for (const auto* b = a + 1; b != outputs.end(); ++b) {
+      std::error_code error;
+      const auto whole = [&](const std::string& file) {
+        return std::filesystem::weakly_canonical(std::filesystem::absolute(file, error), error);
+      };
+      if (b->second.empty() || whole(a->second) != whole(b->second)) {
+        continue;
+      }
+      throw SetupError(std::string(a->first) + " and " + b->first + ": both name " + a->second +
+                       "; give each a file of its own");
+    }
+  }
+}
+
+std::string make_private_folder(const std::filesystem::path& given) {
+  std::error_code error;
+  const std::filesystem::path folder = std::filesystem::absolute(given, error).lexically_normal();
+  create(folder);
+
+  struct stat status {};
+  if (lstat(folder.c_str(), &status) != 0) {
+    return "folder " + folder.string() + " cannot be created (" +
+           std::generic_category().message(errno) +
+           "); choose a path in a folder that you may write";
+  }
+  if (!S_ISDIR(status.st_mode)) {
+    return folder.string() + " is " + (S_ISLNK(status.st_mode) ? "a link" : "a file") +
+           ", not a folder; remove it or choose another path";
+  }
+  if (status.st_uid != geteuid()) {
+    return "folder " + folder.string() +
+           " belongs to another user, who could replace what is in it; choose a folder of your own";
+  }
+  if ((status.st_mode & kWritableByOthers) != 0) {
+    return "other users may write folder " + folder.string() + "; chmod go-w " + folder.string();
+  }
+  // the way as written, with its links, and where it leads
+  std::string why = why_not_safe_above(folder);
+  return why.empty() ? why_not_safe_above(std::filesystem::canonical(folder, error)) : why;
+}
+
+}  // namespace palpate
