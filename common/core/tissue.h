@@ -51,13 +51,13 @@ struct InclusionConfig {
 /// below; or, with an exponent, the law of Hunt and Crossley: k·p·(p/p₁)ⁿ⁻¹ + b·(p/p₁)ⁿ·ṗ, without
 /// isotropic damping, stiffening, relaxation and inclusions.
 struct KelvinVoigtMaterial {
-  double stiffness_newton_per_m = 500.0;         ///< k
-  double damping_newton_s_per_m = 0.0;           ///< b
-  double exponent = 0.0;                         ///< n ≥ 1 of Hunt and Crossley; 0: Kelvin–Voigt
-  double exponent_depth_m = 1e-3;                ///< p₁ > 0, where that law's k and b are given
-  bool is_damping_isotropic = false;             ///< b acts on the tangential motion too
-  bool is_adhesive = false;                      ///< may pull while p > 0
-  double stiffening_newton_per_m3 = 0.0;         ///< k₃: adds k₃ p³
+  double stiffness_newton_per_m = 500.0;  ///< k
+  double damping_newton_s_per_m = 0.0;    ///< b
+  double exponent = 0.0;                  ///< n ≥ 1 of Hunt and Crossley; 0: Kelvin–Voigt
+  double exponent_depth_m = 1e-3;         ///< p₁ > 0, where that law's k and b are given
+  bool is_damping_isotropic = false;      ///< b acts on the tangential motion too
+  bool is_adhesive = false;               ///< may pull while p > 0
+  double stiffening_newton_per_m3 = 0.0;  ///< k₃: adds k₃ p³
   double relaxing_stiffness_newton_per_m = 0.0;  ///< k₁: adds k₁ (p − z), τ ż = p − z
   double relaxation_time_s = 0.0;                ///< τ
   std::vector<InclusionConfig> inclusions{};

@@ -145,7 +145,9 @@ TEST(Lockstep, AHeldForceIsTheTissuesLawAtThePositionItAnswers) {
 // away. Held, the force is up to 120 ms behind.
 TEST(Lockstep, AForceFromTheLocalModelIsTheTissuesLawAtThePresentPosition) {
   const std::vector<std::string> far{"physics.rate_hz=50", "faults.tool_motion.delay_ms=50",
-                                     "faults.interaction.delay_ms=50"};
+                                     "faults.interaction.delay_ms=50",
+                                     // evaluates the contact at the position that was read
+                                     "mofc.velocity_estimator.difference={}"};
   const auto largest_error_newton = [&](const char* use) {
     std::vector<std::string> overrides = far;
     overrides.push_back(std::string("mofc.interaction=") + use);
