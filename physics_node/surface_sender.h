@@ -67,7 +67,7 @@ class SurfaceSender {
   };
   struct Carry {
     std::uint64_t number = 0;
-    std::optional<Carried> description;
+    std::optional<Carried> description{};
     std::array<Carried, kMaxTilesPerMessage> tiles{};
     std::uint32_t tile_count = 0;
   };

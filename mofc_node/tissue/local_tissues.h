@@ -27,7 +27,7 @@ class LocalTissues {
     bool is_stepped = false;
     bool is_valid = false;
     std::uint32_t tissue = 0;
-    ModelForce force;
+    ModelForce force{};
   };
 
   /// The tool has left the tissue: there is no memory of it.
@@ -47,10 +47,10 @@ class LocalTissues {
   struct Memory {
     bool is_begun = false;
     std::uint32_t version = 0;  // of the description
-    std::optional<Touch> tip;
-    std::optional<Touch> shaft;
-    RelaxationState relaxation;
-    std::optional<ToolPose> pose;
+    std::optional<Touch> tip{};
+    std::optional<Touch> shaft{};
+    RelaxationState relaxation{};
+    std::optional<ToolPose> pose{};
   };
   static void begin(const DescribedTissue& tissue, const Interaction& newest, const ToolPose& now,
                     Memory& memory) noexcept;

@@ -469,7 +469,7 @@ class MofcNodeEcho : public MofcNodeGuards {
 TEST_F(MofcNodeEcho, StatesThatWereLostAreBookedFromTheNextOne) {
   const double all_joule = ledger_joule_after({{0, 0}, {1, 1}, {2, 1}, {3, 1}, {4, 1}, {5, 1}});
   MofcNode other(clamping(), clamped_device(), clock_, motion_link_, interaction_in_, records_, 78);
-  for (const auto& [k, reported] : {std::pair{0, 0}, {1, 1}, {5, 4}}) {
+  for (const auto& [k, reported] : {std::pair{0U, 0U}, {1U, 1U}, {5U, 4U}}) {
     (void)other.answer({.value = moving_state(k, reported), .skipped_before = k == 5 ? 3U : 0U});
     other.finish_turn();
   }
@@ -482,7 +482,7 @@ TEST_F(MofcNodeEcho, StatesThatWereLostAreBookedFromTheNextOne) {
 TEST_F(MofcNodeEcho, WhatWasReportedBeforeIsNotBookedTwice) {
   const double once_joule = ledger_joule_after({{0, 0}, {1, 1}, {2, 1}, {3, 1}});
   MofcNode other(clamping(), clamped_device(), clock_, motion_link_, interaction_in_, records_, 78);
-  for (const auto& [k, reported] : {std::pair{0, 0}, {1, 1}, {2, 2}, {3, 3}}) {
+  for (const auto& [k, reported] : {std::pair{0U, 0U}, {1U, 1U}, {2U, 2U}, {3U, 3U}}) {
     (void)other.answer({.value = moving_state(k, reported)});
     other.finish_turn();
   }
