@@ -230,13 +230,14 @@ test_on_default("a drag takes the hand from its script, presses, and releases it
 
 test("two hands: both tools are in one scene, and either one's figures can be shown", kLimit, async () => {
   nodes = await Nodes.start([], "two_hands", ["left", "right"]);
-  const page = await open(browser, nodes.url);
-  await until(page, ({ sides }) => sides.left?.applied_newton > 0.1 && sides.right?.applied_newton > 0.1, "a press of both");
+  const page = await open(browser, nodes.url, kSmall);
+  await until(page, ({ sides }) => sides.left?.applied_newton > 0.1, "a press of the left hand");
+  await until(page, ({ sides }) => sides.right?.applied_newton > 0.1, "a press of the right hand");
   // the left hand works at x = −30 mm, the right one at 18 … 42 mm
   const left = await until(page, (t) => t.device_ticks > 0 && t.tool_m.x < 0, "the first side's figures");
   assert.ok(left.sides.right.tool_m.x > 0);
 
-  await page.getByRole("radio", { name: "right" }).click();
+  await page.getByRole("radio", { name: "right" }).dispatchEvent("click", {}, { timeout: 60000 });
 
   await until(page, (t) => t.tool_m.x > 0 && t.plots.force[1].points > 0, "the other side's figures");
   assert.deepEqual(page.problems, []);
