@@ -116,7 +116,7 @@ struct TileSurface::Search {
       at = {tile.keys[corners[i]], tile.keys[corners[(i + 1) % 3]]};
       if (at[0] > at[1]) std::swap(at[0], at[1]);
     }
-    const std::uint32_t this_cell = slot * kMaxTileFacets + static_cast<std::uint32_t>(index);
+    const auto this_cell = static_cast<std::uint32_t>(slot * kMaxTileFacets + index);
     const bool is_feature = foot.corner >= 0 || foot.edge >= 0;
     const bool is_same = is_feature && (best.corner >= 0) == (foot.corner >= 0) && at == feature;
     if (is_same) {
@@ -166,7 +166,7 @@ void TileSurface::gather(const Vector3& point_m) noexcept {
 
 SurfaceView TileSurface::view(const Vector3& point_m, SurfaceHint& hint) const noexcept {
   Search search(point_m);
-  const std::uint32_t hinted = hint.cell / kMaxTileFacets;
+  const auto hinted = static_cast<std::uint32_t>(hint.cell / kMaxTileFacets);
   const std::size_t hinted_facet = hint.cell % kMaxTileFacets;
   if (hinted < held_.size() && held_[hinted].is_held &&
       std::find(near_.begin(), near_.begin() + near_count_, hinted) !=

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <string>
 #include <vector>
 
@@ -14,7 +15,7 @@ namespace {
 
 RunStatistics run(const std::string& name, std::vector<std::string> overrides, double seconds) {
   const Session session = load_session(
-      std::string(PALPATE_SOURCE_DIR) + "/deploy/sessions/" + name + ".txtpb", overrides);
+      std::filesystem::path(PALPATE_SOURCE_DIR "/deploy/sessions") / (name + ".txtpb"), overrides);
   return run_loopback(session, {.seconds = seconds}).statistics;
 }
 
