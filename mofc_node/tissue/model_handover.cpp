@@ -44,7 +44,7 @@ ModelForce ModelHandover::step(const Interaction& newest, const Vector3& tool_po
                     surface_age_s(model, now), shares);
   };
   last_step_newton_ = 0.0;
-  const ModelForce from = has_model_ ? at_tool(models_[current_]) : ModelForce{};
+  ModelForce from = has_model_ ? at_tool(models_[current_]) : ModelForce{};
   if (!is_crossing_) {
     if (has_model_ && is_same(models_[current_], newest)) return from;
     take(newest, now, models_[1 - current_]);
@@ -53,7 +53,7 @@ ModelForce ModelHandover::step(const Interaction& newest, const Vector3& tool_po
   }
 
   // a step of the crossing
-  const ModelForce to = at_tool(models_[1 - current_]);
+  ModelForce to = at_tool(models_[1 - current_]);
   const Vector3 difference = to.force_on_tool_newton - from.force_on_tool_newton;
   const double newton = difference.norm();
   const double bound_newton = newton_per_s_ * dt_s;

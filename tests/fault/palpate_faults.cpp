@@ -41,7 +41,6 @@ using test::kLeftNewton;
 using test::kRoundingJoule;
 using test::newton;
 using test::PressingSession;
-using test::Program;
 using test::run_program;
 using testing::HasSubstr;
 

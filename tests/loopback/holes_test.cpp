@@ -13,7 +13,8 @@
 namespace palpate {
 namespace {
 
-RunStatistics run(const std::string& name, std::vector<std::string> overrides, double seconds) {
+RunStatistics run(const std::string& name, const std::vector<std::string>& overrides,
+                  double seconds) {
   const Session session = load_session(
       std::filesystem::path(PALPATE_SOURCE_DIR "/deploy/sessions") / (name + ".txtpb"), overrides);
   return run_loopback(session, {.seconds = seconds}).statistics;

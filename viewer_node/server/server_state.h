@@ -62,7 +62,7 @@ class CountedConnection {
     if (--of_peer->second == 0) server_->connections_of.erase(of_peer);
   }
   CountedConnection(CountedConnection&& other) noexcept
-      : server_(std::exchange(other.server_, nullptr)), peer_(other.peer_) {}
+      : server_(std::exchange(other.server_, nullptr)), peer_(std::move(other.peer_)) {}
   CountedConnection(const CountedConnection&) = delete;
   CountedConnection& operator=(const CountedConnection&) = delete;
   CountedConnection& operator=(CountedConnection&&) = delete;
