@@ -48,9 +48,8 @@ ModelForce TissueModel::step(const Interaction& newest, const DeviceState& state
       sum.is_touching = sum.is_touching || local.force.is_touching;
     }
   }
-  const ModelForce rest =
-      handover_.step(newest, tool_position_world_m, tool_velocity_world_m_per_s, dt_s, now,
-                     std::span(shares).first(share_count));
+  const ModelForce rest = handover_.step(newest, tool_position_world_m, tool_velocity_world_m_per_s,
+                                         dt_s, now, std::span(shares).first(share_count));
   sum.force_on_tool_newton += rest.force_on_tool_newton;
   sum.stored_energy_joule += rest.stored_energy_joule;
   sum.is_touching = sum.is_touching || rest.is_touching;

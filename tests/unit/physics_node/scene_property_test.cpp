@@ -170,8 +170,8 @@ TEST(SceneProperty, DampingOnlyTakesPower) {
     const auto& material = std::get<KelvinVoigtMaterial>(config.tissues[0].material);
     const Contact& contact = force.contacts[0];
     const double p = contact.penetration_m;
-    const double softness =
-        material.exponent > 0.0 ? std::pow(p / material.exponent_depth_m, material.exponent - 1.0)
+    const double softness = material.exponent > 0.0
+                                ? std::pow(p / material.exponent_depth_m, material.exponent - 1.0)
                                 : 1.0;
     const double elastic_newton = softness * material.stiffness_newton_per_m * p +
                                   material.stiffening_newton_per_m3 * p * p * p;
