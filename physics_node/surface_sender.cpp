@@ -18,7 +18,6 @@ constexpr double kWhole_m = 1000.0;  // radius of the coverage of a surface that
 constexpr Duration kSpeedBin = std::chrono::milliseconds(50);
 constexpr Duration kLeastRepeat = std::chrono::milliseconds(5);
 constexpr Duration kFirstRepeat = std::chrono::milliseconds(40);  // while the loop's age is unknown
-constexpr std::uint64_t kReceiptBits = 64;
 
 }  // namespace
 

@@ -160,6 +160,8 @@ struct SurfaceNews {
   std::uint32_t pending_count = 0;
 };
 
+/// Messages that SurfaceReceipts::received covers.
+inline constexpr std::uint64_t kReceiptBits = 64;
 /// Hop 2.
 struct SurfaceReceipts {
   std::uint64_t store_id = 0;  ///< 0: the sender keeps no store

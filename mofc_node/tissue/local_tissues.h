@@ -33,8 +33,8 @@ class LocalTissues {
   /// The tool has left the tissue: there is no memory of it.
   void reset() noexcept;
 
+  /// @param now     its time is that of physics' clock
   /// @param shares  of each tissue's result in the force now, 0 … 1
-  /// @param time_s  physics' clock
   void step(std::array<DescribedTissue, kMaxDescribed>& tissues, const Interaction& newest,
             const ToolPose& now, const Vector3& tool_velocity_world_m_per_s,
             const std::array<double, kMaxDescribed>& shares) noexcept;

@@ -25,7 +25,7 @@ class TissueModel {
   TissueModel(bool has_store, double handover_newton_per_s, std::uint64_t session_id);
 
   /// Once per Interaction, in order.
-  /// @param now  device's clock: time of the DeviceState that is being answered
+  /// @param state  the DeviceState that is being answered
   void receive(const Interaction& interaction, const DeviceState& state) noexcept;
   /// What to acknowledge on hop 2.
   [[nodiscard]] SurfaceReceipts receipts() const noexcept {

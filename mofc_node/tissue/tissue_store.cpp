@@ -6,7 +6,6 @@
 namespace palpate::mofc {
 namespace {
 
-constexpr std::uint64_t kReceiptBits = 64;
 // The reported age of the loop falls by this share per message, and rises at once.
 constexpr int kAgeDecay = 256;
 constexpr Duration kLongestLoopAge = std::chrono::seconds(10);

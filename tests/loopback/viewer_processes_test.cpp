@@ -371,21 +371,17 @@ TEST_F(ViewerProcesses, ListensElsewhereOnlyWithAToken) {
   EXPECT_EQ(open.status, 2);
   EXPECT_THAT(open.err, HasSubstr("--token-file"));
 
-  const std::string open_to_all = files_.write("open", "0123456789abcdef0123\n");
-  std::filesystem::permissions(open_to_all, std::filesystem::perms(0644));
-  const auto read_by_others = test::run_program(
-      "viewer_node",
-      {"--session", file_, "--listen", "0.0.0.0:0", "--token-file", open_to_all, "--seconds", "1"});
-  EXPECT_EQ(read_by_others.status, 2);
-  EXPECT_THAT(read_by_others.err, HasSubstr("chmod 600"));
-
-  const std::string weak = files_.write("weak", "short\n");
-  std::filesystem::permissions(weak, std::filesystem::perms(0600));
-  const auto guessed = test::run_program(
-      "viewer_node",
-      {"--session", file_, "--listen", "0.0.0.0:0", "--token-file", weak, "--seconds", "1"});
-  EXPECT_EQ(guessed.status, 2);
-  EXPECT_THAT(guessed.err, HasSubstr("at least 16"));
+  const auto expect_refused = [&](const std::string& token, unsigned mode, const char* why) {
+    const std::string file = files_.write("token", token + "\n");
+    std::filesystem::permissions(file, std::filesystem::perms(mode));
+    const auto viewer = test::run_program(
+        "viewer_node",
+        {"--session", file_, "--listen", "0.0.0.0:0", "--token-file", file, "--seconds", "1"});
+    EXPECT_EQ(viewer.status, 2);
+    EXPECT_THAT(viewer.err, HasSubstr(why));
+  };
+  expect_refused("0123456789abcdef0123", 0644, "chmod 600");
+  expect_refused("short", 0600, "at least 16");
 
   for (const char* wrong : {"127.0.0.1", "8765", ":1", "127.0.0.1:65536", "127.0.0.1:x"}) {
     const auto listen =

@@ -20,7 +20,20 @@ using namespace std::chrono_literals;
 
 using OneWayLink = LinksTest;
 
-class OneWayLinkTransport : public EveryTransport {};
+class OneWayLinkTransport : public EveryTransport {
+ protected:
+  /// A hundred random messages, one after another, each as it was sent.
+  template <class T>
+  void expect_all_arrive(ZmqSender<T>& sender, ZmqSource<T>& source) {
+    for (int i = 0; i < 100; ++i) {
+      const auto sent = random_message<T>(random_);
+      ASSERT_EQ(sender.send(sent), SendResult::kSent);
+      T received;
+      ASSERT_TRUE(receive(source, received));
+      ASSERT_TRUE(same(sent, received));
+    }
+  }
+};
 INSTANTIATE_TEST_SUITE_P(Links, OneWayLinkTransport, kEveryTransport, transport_name);
 
 class OneWayLinkSocket : public EveryTransport {};
@@ -32,13 +45,7 @@ TEST_P(OneWayLinkTransport, ToolMotionReachesTheReceiverThatBinds) {
   ZmqSender<ToolMotion> mofc(context_, connect_to(physics.endpoint(), "links.tool_motion"));
   ASSERT_TRUE(meet(mofc, physics));
 
-  for (int i = 0; i < 100; ++i) {
-    const auto sent = random_message<ToolMotion>(random_);
-    ASSERT_EQ(mofc.send(sent), SendResult::kSent);
-    ToolMotion received;
-    ASSERT_TRUE(receive(physics, received));
-    ASSERT_TRUE(same(sent, received));
-  }
+  expect_all_arrive(mofc, physics);
 }
 
 TEST_P(OneWayLinkTransport, InteractionReachesTheReceiverThatConnects) {
@@ -48,13 +55,7 @@ TEST_P(OneWayLinkTransport, InteractionReachesTheReceiverThatConnects) {
                               connect_to(physics.endpoint(), "links.interaction"));
   ASSERT_TRUE(physics.wait_for_peer(kPatience));
 
-  for (int i = 0; i < 100; ++i) {
-    const auto sent = random_message<Interaction>(random_);
-    ASSERT_EQ(physics.send(sent), SendResult::kSent);
-    Interaction received;
-    ASSERT_TRUE(receive(mofc, received));
-    ASSERT_TRUE(same(sent, received));
-  }
+  expect_all_arrive(physics, mofc);
 }
 
 TEST_P(OneWayLinkTransport, HandTargetsOfAllViewersReachTheDevice) {
