@@ -94,7 +94,7 @@ class ForceGuard {
     return out;
   }
 
-  /// No answer to this tick by its deadline, or none by the end of the lease.
+  /// No answer to this tick by its deadline, or none by the end of the lease. Lemma: fallback.
   /// @param next_reading  a lease that ends before it is given up at once, so that the position is
   ///                      read where the force ends
   [[nodiscard]] GuardedForce missed(TimePoint now, TimePoint next_reading) noexcept {
@@ -120,7 +120,7 @@ class ForceGuard {
   }
 
   /// The answer just given began to act too late and the motors were released: nothing acts until
-  /// the next answer. No limp start, since answers keep coming.
+  /// the next answer. No limp start, since answers keep coming. Lemma: late_switch.
   void withdraw_answer() noexcept {
     answer_newton_.setZero();
     acting_newton_.setZero();
