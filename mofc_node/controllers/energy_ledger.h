@@ -41,7 +41,8 @@ struct Release {
 ///
 /// f is the force the user exerts on the environment, f = −F. With q = 0 this is [MOFC] eq. (8) in
 /// vector form, or summed over the axes. E′ may dip below zero where the true energy does not.
-/// Lemmas: telescoping, quantised_path, play_operator, play_axes. No allocation, no throw.
+/// Sums are rounded towards less credit, by at most 1e-14 of their largest term in a step. Lemmas:
+/// telescoping, quantised_path, play_operator, play_axes. No allocation, no throw.
 class EnergyLedger {
  public:
   /// Isotropic. @param f_d ≥ 0 [N·s/m]   @param f_co ≥ 0 [N]   @param q ≥ 0 [m]

@@ -175,7 +175,7 @@ TEST(Proofs, ASolverThatFindsACounterexampleIsHeard) {
 
 /// "Lemmas: a, b." in the comments of the sources: by lemma, the files.
 std::map<std::string, std::set<std::string>> tags_in_sources() {
-  static const std::regex tag(R"(Lemmas?: ([a-z_, \n/]+)\.)");
+  static const std::regex tag(R"(Lemmas?:[ \n/]+([a-z_, \n/]+)\.)");
   static const std::regex name(R"([a-z_]{3,})");
   std::map<std::string, std::set<std::string>> tags;
   for (const std::string& file : test::sources_below({"common", "mofc_node", "device_node"})) {
