@@ -1,8 +1,6 @@
 // facet.h — a triangle of a surface seen from one point.
 #pragma once
 
-#include <cstdint>
-
 #include "common/contact/surface_view.h"
 #include "common/core/vector.h"
 
