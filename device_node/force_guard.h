@@ -143,6 +143,7 @@ class ForceGuard {
     acting_until_ = now + force.lease;
   }
 
+  /// Lemma: slew.
   [[nodiscard]] double slew_limit_newton(const Vector3& force, TimePoint now) const noexcept {
     const double norm = force.norm();
     if (slew_newton_per_s_ <= 0.0 || norm == 0.0) return peak_newton_;
