@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <thread>
 
 #include "common/core/check.h"
 #include "common/core/files.h"
@@ -121,6 +122,12 @@ void draw_figure(const std::filesystem::path& folder, const std::string& name,
     std::fprintf(stderr, "no plot: gnuplot %s.gp failed in %s; install gnuplot-nox\n", name.c_str(),
                  folder.c_str());
   }
+}
+
+std::string machine_load() {
+  double load = 0.0;
+  if (getloadavg(&load, 1) != 1) return "unknown";
+  return fmt::format("{:.1f} on {} processors", load, std::thread::hardware_concurrency());
 }
 
 int run_bench(CLI::App& app, BenchOptions& options, int argc, char** argv,

@@ -56,6 +56,10 @@ void write_file(const std::filesystem::path& file, const std::string& text);
 void draw_figure(const std::filesystem::path& folder, const std::string& name,
                  const std::string& script);
 
+/// The load average of the last minute and the number of processors, as text: for figures of real
+/// time.
+[[nodiscard]] std::string machine_load();
+
 /// The main() of a bench: adds the four options to `app`, parses, runs. Returns the exit status: 2,
 /// with the reason on stderr, for a SetupError.
 int run_bench(CLI::App& app, BenchOptions& options, int argc, char** argv,

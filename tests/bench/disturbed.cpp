@@ -155,27 +155,6 @@ std::vector<std::string> on_both_hops(const std::string& field, double value) {
           fmt::format("faults.interaction.{}={}", field, value)};
 }
 
-/// Stalls as the Wi-Fi hop of a campus makes them. Every 100 ms the latency of the hop is drawn
-/// from the log-normal distribution whose 90th and 99th percentiles are 20 and 250 ms
-/// (docs/theory.md §8, [Sui16]); its median is 0.9 ms. Messages of that time wait in order until it
-/// is over.
-std::vector<FaultWindow> wifi_stalls(double seconds) {
-  constexpr double kNormal90 = 1.2816;  // quantiles of the standard normal distribution
-  constexpr double kNormal99 = 2.3263;
-  const double sigma = std::log(250.0 / 20.0) / (kNormal99 - kNormal90);
-  const double mu = std::log(0.020) - kNormal90 * sigma;
-  Random random(16);
-  std::vector<FaultWindow> windows;
-  for (double at_s = 0.1; at_s < seconds;) {
-    const double latency_s = std::min(std::exp(mu + sigma * random.normal()), 1.0);
-    windows.push_back({.kind = FaultWindow::Kind::kStall,
-                       .from = from_seconds(at_s),
-                       .until = from_seconds(at_s + latency_s)});
-    at_s += std::max(0.1, latency_s);
-  }
-  return windows;
-}
-
 std::vector<Disturbance> disturbances(double seconds) {
   std::vector<Disturbance> all;
   for (const double delay_ms : {20.0, 50.0, 100.0}) {
@@ -241,6 +220,23 @@ RunStatistics run(const test::TempFolder& folder, const Surface& surface,
 }
 
 }  // namespace
+
+std::vector<FaultWindow> wifi_stalls(double seconds) {
+  constexpr double kNormal90 = 1.2816;  // quantiles of the standard normal distribution
+  constexpr double kNormal99 = 2.3263;
+  const double sigma = std::log(250.0 / 20.0) / (kNormal99 - kNormal90);
+  const double mu = std::log(0.020) - kNormal90 * sigma;
+  Random random(16);
+  std::vector<FaultWindow> windows;
+  for (double at_s = 0.1; at_s < seconds;) {
+    const double latency_s = std::min(std::exp(mu + sigma * random.normal()), 1.0);
+    windows.push_back({.kind = FaultWindow::Kind::kStall,
+                       .from = from_seconds(at_s),
+                       .until = from_seconds(at_s + latency_s)});
+    at_s += std::max(0.1, latency_s);
+  }
+  return windows;
+}
 
 void run_disturbed(const BenchOptions& options, const std::vector<std::string>& meshes) {
   const test::TempFolder folder;

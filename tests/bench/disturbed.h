@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "common/core/fault_line.h"
 #include "tests/bench/bench_output.h"
 
 namespace palpate::bench {
@@ -13,5 +14,14 @@ namespace palpate::bench {
 /// @param meshes  tetrahedral meshes (.msh, .vtk), scaled to a largest extent of 120 mm
 /// @throws SetupError  if a mesh cannot be read
 void run_disturbed(const BenchOptions& options, const std::vector<std::string>& meshes);
+
+/// The shipped sessions with holes in their ticks and with disturbed links, each beside a goal.
+void run_disturbed_sessions(const BenchOptions& options);
+
+/// Stalls as the Wi-Fi hop of a campus makes them. Every 100 ms the latency of the hop is drawn
+/// from the log-normal distribution whose 90th and 99th percentiles are 20 and 250 ms
+/// (docs/theory.md §8, [Sui16]); its median is 0.9 ms. Messages of that time wait in order until it
+/// is over.
+std::vector<FaultWindow> wifi_stalls(double seconds);
 
 }  // namespace palpate::bench

@@ -141,8 +141,8 @@ std::string velocity_table(const std::vector<json>& outputs) {
       {"Kalman hand, mass set to 1 kg", "the same, mass set to 1 kg"}};
   std::vector<Cells> table;
   for (const auto& [key, label] : kShown) {
-    const json& row = only(rows, [&](const json& r) {
-      return r.at("motion") == "paper_rigid in the loop" && r.at("estimator") == key;
+    const json& row = only(rows, [estimator = key](const json& r) {
+      return r.at("motion") == "paper_rigid in the loop" && r.at("estimator") == estimator;
     });
     table.push_back({label, fixed(row, "transparency_percent", 0),
                      fixed(row, "force_error_percent", 0), fixed(row, "clamped_percent", 0),
@@ -230,6 +230,30 @@ DocFigures truth() {
   return figures;
 }
 
+// --- disturbed sessions
+// -----------------------------------------------------------------------------
+
+std::string disturbed_table(const std::vector<json>& outputs) {
+  std::vector<std::string> sessions;
+  std::vector<Cells> rows;
+  for (const json& row : outputs.at(0).at("rows")) {
+    if (sessions.empty() || sessions.back() != text(row, "session")) {
+      sessions.push_back(text(row, "session"));
+    }
+    const std::string disturbance = text(row, "disturbance");
+    auto cells = std::find_if(rows.begin(), rows.end(),
+                              [&](const Cells& c) { return c.front() == disturbance; });
+    if (cells == rows.end()) cells = rows.insert(rows.end(), {disturbance});
+    cells->push_back(fmt::format("{}, {} %, {} mm, {}, {}", fixed(row, "capped_transparency", 3),
+                                 fixed(row, "force_error_percent", 1), fixed(row, "path_rms_mm", 3),
+                                 fixed(row, "excess_reversals", 0),
+                                 energy(number(row.at("min_true_energy_uj")))));
+  }
+  Cells head{"disturbance"};
+  for (const std::string& session : sessions) head.push_back("`" + session + "`");
+  return markdown(head, rows);
+}
+
 // --- how safe
 // -------------------------------------------------------------------------------------
 
@@ -292,6 +316,10 @@ std::vector<DocFigures> doc_figures() {
       {.name = "transparency",
        .commands = {"transparency_bench --quick"},
        .table = transparency_table},
+      {.name = "disturbed",
+       .commands = {"transparency_bench --disturbed=sessions"},
+       .is_checked = false,
+       .table = disturbed_table},
       {.name = "velocity", .commands = {"velocity_bench --quick"}, .table = velocity_table},
       {.name = "deadbands", .commands = {"deadband_bench"}, .table = deadband_table},
   };

@@ -226,15 +226,19 @@ void run(const BenchOptions& options) {
 int main(int argc, char** argv) {
   CLI::App app("Held force and contact model against rate, delay and loss, in lockstep.");
   palpate::bench::BenchOptions options;
-  bool is_disturbed = false;
-  app.add_flag("--disturbed", is_disturbed,
-               "instead: real and rough surfaces, disturbed links, disturbed ticks");
+  std::string disturbed;
+  app.add_flag("--disturbed{surfaces}", disturbed,
+               "instead: disturbed links and ticks, of real and rough surfaces (--disturbed) or of "
+               "the shipped sessions (--disturbed=sessions)")
+      ->check(CLI::IsMember({"surfaces", "sessions"}));
   std::vector<std::string> meshes;
   app.add_option("--mesh", meshes, "a tetrahedral mesh among those surfaces; repeatable")
       ->type_name("FILE")
       ->needs("--disturbed");
   return palpate::bench::run_bench(app, options, argc, argv, [&] {
-    if (is_disturbed) {
+    if (disturbed == "sessions") {
+      palpate::bench::run_disturbed_sessions(options);
+    } else if (disturbed == "surfaces") {
       palpate::bench::run_disturbed(options, meshes);
     } else {
       palpate::bench::run(options);

@@ -218,7 +218,8 @@ class Deployment {
 
   struct Wanted {
     bool is_together = false;
-    int viewers = 0;  ///< beside the one that measures
+    int viewers = 0;         ///< beside the one that measures
+    fs::path programs = {};  ///< folder of another build; empty: this one
   };
 
   Measured measure(const Case& c, const Wanted& wanted, double seconds) const {
@@ -233,15 +234,17 @@ class Deployment {
     for (int i = 0; i < wanted.viewers; ++i) {
       children.push_back(std::make_unique<Child>([&] { look_on(session); }));
     }
+    const fs::path programs = wanted.programs.empty()
+                                  ? fs::read_symlink("/proc/self/exe").parent_path()
+                                  : wanted.programs;
     const auto start = [&](const std::string& name, int cpu) {
       std::vector<std::string> arguments = {"--session", session_file_.string()};
       for (const std::string& setting : settings) {
         arguments.insert(arguments.end(), {"--set", setting});
       }
       arguments.insert(arguments.end(), {"--set", fmt::format("realtime.cpu={}", cpu)});
-      children.push_back(std::make_unique<Child>(
-          fs::read_symlink("/proc/self/exe").parent_path() / (name + "_node"), arguments,
-          folder_ / "log"));
+      children.push_back(
+          std::make_unique<Child>(programs / (name + "_node"), arguments, folder_ / "log"));
     };
     start("physics", -1);
     if (wanted.is_together) {
@@ -321,37 +324,45 @@ class Deployment {
 // --- the table --------------------------------------------------------------------------------
 
 constexpr std::array kQuantiles{0.5, 0.99, 0.999, 1.0};
+constexpr std::array kQuantileNames{"p50", "p99", "p99.9"};
 
-/// Of one link in one case: the median over the rounds, of times and of ratios within a round.
-struct Figures {
-  std::array<double, 4> us{};      ///< at kQuantiles
-  std::array<double, 3> to_raw{};  ///< times the raw ZeroMQ echo of the same round
-  double answered_percent = kNaN;
+/// One link in one case, round by round.
+using Rounds = std::vector<Measured>;
+
+/// Over the rounds: the median, and the quartiles.
+struct Spread {
+  double low = kNaN;
+  double middle = kNaN;
+  double high = kNaN;
 };
 
-double median(const std::vector<double>& values) { return quantile(values, 0.5); }
+Spread spread_of(const std::vector<double>& values) {
+  return {quantile(values, 0.25), quantile(values, 0.5), quantile(values, 0.75)};
+}
 
-Figures figures_of(const std::vector<Measured>& rounds, const std::vector<Measured>& raw) {
-  Figures figures;
-  const auto over_rounds = [&](const auto& of_round) {
-    std::vector<double> values;
-    for (std::size_t i = 0; i < rounds.size(); ++i) values.push_back(of_round(i));
-    return median(values);
-  };
-  for (std::size_t k = 0; k < kQuantiles.size(); ++k) {
-    const auto us = [&](const Measured& m) { return quantile(m.round_trips_us, kQuantiles[k]); };
-    figures.us[k] = over_rounds([&](std::size_t i) { return us(rounds[i]); });
-    if (k >= figures.to_raw.size()) continue;
-    figures.to_raw[k] = over_rounds([&](std::size_t i) { return us(rounds[i]) / us(raw[i]); });
+Spread spread_of(const Rounds& rounds, const std::function<double(const Measured&)>& figure) {
+  std::vector<double> values;
+  for (const Measured& round : rounds) values.push_back(figure(round));
+  return spread_of(values);
+}
+
+Spread spread_of(const Rounds& rounds, double q) {
+  return spread_of(rounds, [&](const Measured& m) { return quantile(m.round_trips_us, q); });
+}
+
+/// Of the quotients of the two in the same round.
+Spread quotient(const Rounds& rounds, const Rounds& of, double q) {
+  std::vector<double> values;
+  for (std::size_t i = 0; i < rounds.size(); ++i) {
+    values.push_back(quantile(rounds[i].round_trips_us, q) / quantile(of[i].round_trips_us, q));
   }
-  figures.answered_percent =
-      100.0 * over_rounds([&](std::size_t i) { return rounds[i].answered_ratio; });
-  return figures;
+  return spread_of(values);
 }
 
 constexpr const char* kExchange = "palpate, ipc";
 constexpr const char* kViewed = "palpate, ipc, 8 viewers";
 constexpr const char* kTogether = "palpate, --together";
+constexpr const char* kOther = "palpate, ipc, other build";
 constexpr const char* kRaw = "ZeroMQ ipc";
 constexpr const char* kRawInproc = "ZeroMQ inproc";
 constexpr const char* kGazebo = "Gazebo Transport";
@@ -391,82 +402,129 @@ EchoBytes exchange_bytes() {
           .back = Codec<ForceCommand>().encode(ordinary_command())};
 }
 
-/// By link, in the order of the table.
-using Results = std::vector<std::pair<std::string, Figures>>;
+/// The links of one case, in the order of the table.
+struct CaseResults {
+  Case measured_case;
+  std::vector<std::pair<std::string, Rounds>> links{};
 
-const Figures* find(const Results& results, const char* link) {
-  for (const auto& [name, figures] : results) {
-    if (name == link) return &figures;
+  [[nodiscard]] const Rounds* find(const char* link) const {
+    for (const auto& [name, rounds] : links) {
+      if (name == link) return &rounds;
+    }
+    return nullptr;
   }
-  return nullptr;
-}
+};
 
-Results run_case(const Case& c, const Deployment& deployment, const fs::path& folder, int rounds,
-                 double seconds) {
+struct Link {
+  const char* name;
+  std::function<Measured(const Case&)> measure;
+};
+
+struct Plan {
+  int rounds = 0;
+  double seconds = 0.0;  ///< of each measurement
+  bool has_goals_only = false;
+  fs::path other_programs = {};  ///< of another build, to compare with; empty: none
+};
+
+std::vector<Link> links_of(const Case& c, const Deployment& deployment, const fs::path& folder,
+                           const Plan& plan) {
   const EchoBytes bytes = exchange_bytes();
-  struct Link {
-    const char* name;
-    std::function<Measured()> measure_once;
-  };
   std::vector<Link> links;
   const auto add_exchange = [&](const char* name, const Deployment::Wanted& wanted) {
-    links.push_back({name, [&deployment, &c, wanted, seconds] {
-                       return deployment.measure(c, wanted, seconds);
+    links.push_back({name, [&deployment, wanted, seconds = plan.seconds](const Case& of) {
+                       return deployment.measure(of, wanted, seconds);
                      }});
   };
   const auto add_echo = [&](const char* name, const auto& make) {
-    links.push_back({name, [&c, make, seconds] { return measure(*make(), c, seconds); }});
+    links.push_back({name, [make, seconds = plan.seconds](const Case& of) {
+                       return measure(*make(), of, seconds);
+                     }});
   };
   add_exchange(kExchange, {});
-  add_exchange(kViewed, {.viewers = 8});
-  add_exchange(kTogether, {.is_together = true});
-  add_echo(kRaw, [&] { return zmq_ipc_echo(bytes, folder.string()); });
-  if (c.placement.near_cpu == c.placement.far_cpu) {
-    add_echo(kRawInproc, [&] { return zmq_inproc_echo(bytes); });
-  }
+  if (!plan.other_programs.empty()) add_exchange(kOther, {.programs = plan.other_programs});
+  add_echo(kRaw, [bytes, folder] { return zmq_ipc_echo(bytes, folder.string()); });
+  if (!plan.has_goals_only || !c.is_loaded) add_exchange(kViewed, {.viewers = 8});
 #ifdef PALPATE_HAS_GAZEBO_TRANSPORT
-  add_echo(kGazebo, [&] { return gazebo_transport_echo(bytes); });
+  if (!plan.has_goals_only || !c.is_loaded) {
+    add_echo(kGazebo, [bytes] { return gazebo_transport_echo(bytes); });
+  }
 #endif
-  add_echo("Unix stream", [&] { return unix_echo(bytes, SOCK_STREAM); });
-  add_echo("Unix datagram", [&] { return unix_echo(bytes, SOCK_DGRAM); });
-  add_echo("shared memory, futex", [&] { return shared_memory_echo(bytes); });
+  if (plan.has_goals_only) return links;
+  add_exchange(kTogether, {.is_together = true});
+  if (c.placement.near_cpu == c.placement.far_cpu) {
+    add_echo(kRawInproc, [bytes] { return zmq_inproc_echo(bytes); });
+  }
+  add_echo("Unix stream", [bytes] { return unix_echo(bytes, SOCK_STREAM); });
+  add_echo("Unix datagram", [bytes] { return unix_echo(bytes, SOCK_DGRAM); });
+  add_echo("shared memory, futex", [bytes] { return shared_memory_echo(bytes); });
+  return links;
+}
 
-  std::vector<std::unique_ptr<Child>> load;
-  for (int cpu = 0; c.is_loaded && cpu < 2; ++cpu) {
-    load.push_back(std::make_unique<Child>([cpu] {
-      take_scheduling(0, cpu);
-      for (volatile std::uint64_t n = 0;;) n = n + 1;
-    }));
+/// Every link of every case once in each round, in alternating order, so that other work on the
+/// machine affects all of them.
+std::vector<CaseResults> run_cases(const std::vector<Case>& cases, const Deployment& deployment,
+                                   const fs::path& folder, const Plan& plan) {
+  struct Turn {
+    std::size_t in_case;
+    std::size_t in_links;
+    std::function<Measured(const Case&)> measure;
+  };
+  std::vector<CaseResults> results;
+  std::vector<Turn> turns;
+  for (const Case& c : cases) {
+    results.push_back({c});
+    for (const Link& link : links_of(c, deployment, folder, plan)) {
+      turns.push_back({results.size() - 1, results.back().links.size(), link.measure});
+      results.back().links.emplace_back(link.name, Rounds{});
+    }
   }
-  // round by round, so that other load on the machine affects all of them
-  std::map<std::string, std::vector<Measured>> measured;
-  for (int round = 0; round < rounds; ++round) {
-    for (const auto& [name, measure_once] : links) measured[name].push_back(measure_once());
-  }
-  Results results;
-  for (const auto& [name, measure_once] : links) {
-    results.emplace_back(name, figures_of(measured[name], measured[kRaw]));
+  for (int round = 0; round < plan.rounds; ++round) {
+    std::fprintf(stderr, "round %d of %d …\n", round + 1, plan.rounds);
+    for (const Turn& turn : turns) {
+      const Case& c = cases[turn.in_case];
+      std::vector<std::unique_ptr<Child>> load;
+      for (int cpu = 0; c.is_loaded && cpu < 2; ++cpu) {
+        load.push_back(std::make_unique<Child>([cpu] {
+          take_scheduling(0, cpu);
+          for (volatile std::uint64_t n = 0;;) n = n + 1;
+        }));
+      }
+      results[turn.in_case].links[turn.in_links].second.push_back(turn.measure(c));
+    }
+    std::reverse(turns.begin(), turns.end());
   }
   return results;
 }
 
-void print_goals(const Results& idle, const Results* loaded) {
-  const auto line = [](const std::string& what, double is, double goal) {
-    std::printf("  %-58s %5.2f   goal ≤ %.2f  %s\n", what.c_str(), is, goal,
-                is <= goal ? "met" : "missed");
+void print_goals(const CaseResults& idle, const CaseResults& loaded) {
+  const auto line = [](const std::string& what, const Spread& is, double goal) {
+    const char* verdict = is.middle <= goal ? "met" : "missed";
+    if (is.low <= goal && !(is.high <= goal)) verdict = "undecided: the rounds disagree";
+    std::printf("  %-42s %5.2f (%.2f … %.2f)   goal ≤ %.2f  %s\n", what.c_str(), is.middle, is.low,
+                is.high, goal, verdict);
   };
-  const Figures& exchange = *find(idle, kExchange);
-  std::printf("\nGoals, %s:\n", case_text({kOneProcessor, 1000.0, false}).c_str());
-  line("exchange / ZeroMQ ipc echo, p50", exchange.to_raw[0], 1.6);
-  line("exchange / ZeroMQ ipc echo, p99", exchange.to_raw[1], 2.0);
-  line("exchange / ZeroMQ ipc echo, p99.9", exchange.to_raw[2], 2.5);
-  if (const Figures* gazebo = find(idle, kGazebo)) {
-    line("exchange / Gazebo Transport echo, p50", exchange.us[0] / gazebo->us[0], 1.0);
+  std::printf("\nGoals; median of the quotients within a round, and their quartiles:\n");
+  for (const auto& [results, goals] :
+       {std::pair{&idle, std::array{1.6, 2.0, 2.5}}, {&loaded, std::array{1.4, 2.0, 2.5}}}) {
+    for (std::size_t k = 0; k < goals.size(); ++k) {
+      line(fmt::format("{}: exchange / ZeroMQ, {}",
+                       results->measured_case.is_loaded ? "loaded" : "idle", kQuantileNames[k]),
+           quotient(*results->find(kExchange), *results->find(kRaw), kQuantiles[k]), goals[k]);
+    }
   }
-  line("8 viewers / none, p50", find(idle, kViewed)->us[0] / exchange.us[0], 1.15);
-  if (loaded != nullptr) {
-    line("both processors loaded / idle, p99", find(*loaded, kExchange)->us[1] / exchange.us[1],
-         1.5);
+  const Rounds& exchange = *idle.find(kExchange);
+  if (const Rounds* gazebo = idle.find(kGazebo)) {
+    line("idle: exchange / Gazebo Transport, p50", quotient(exchange, *gazebo, 0.5), 1.0);
+  }
+  line("idle: 8 viewers / none, p50", quotient(*idle.find(kViewed), exchange, 0.5), 1.15);
+  line("loaded / idle exchange, p99", quotient(*loaded.find(kExchange), exchange, 0.99), 1.5);
+  if (const Rounds* other = loaded.find(kOther)) {
+    std::printf("This build / the other one, loaded:\n");
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Spread is = quotient(*loaded.find(kExchange), *other, kQuantiles[k]);
+      std::printf("  %-42s %5.2f (%.2f … %.2f)\n", kQuantileNames[k], is.middle, is.low, is.high);
+    }
   }
 }
 
@@ -519,9 +577,9 @@ void print_lateness(bool has_fifo, double seconds) {
       for (const double rate_hz : {1000.0, 4000.0}) {
         const auto turns = static_cast<std::size_t>(rate_hz * seconds);
         SharedNumbers numbers(turns + 1);
-        Child child([&] {
+        Child child([&, strategy = wait] {
           take_scheduling(priority, priority > 0 ? 0 : -1);
-          SteadyClock clock(wait);
+          SteadyClock clock(strategy);
           std::stop_source stop;
           std::size_t begun = 0;
           RateLoop(clock, rate_hz).run(stop.get_token(), [&](const Tick& tick) {
@@ -550,10 +608,11 @@ void print_lateness(bool has_fifo, double seconds) {
 
 // --- run --------------------------------------------------------------------------------------
 
-void draw(const fs::path& folder, const Case& c, const Results& results) {
+void draw(const fs::path& folder, const CaseResults& results) {
   std::string data;
-  for (const auto& [name, figures] : results) {
-    data += fmt::format("\"{}\" {} {} {}\n", name, figures.us[0], figures.us[1], figures.us[2]);
+  for (const auto& [name, rounds] : results.links) {
+    data += fmt::format("\"{}\" {} {} {}\n", name, spread_of(rounds, 0.5).middle,
+                        spread_of(rounds, 0.99).middle, spread_of(rounds, 0.999).middle);
   }
   fs::create_directories(folder);
   write_file(folder / "exchange.txt", data);
@@ -561,7 +620,7 @@ void draw(const fs::path& folder, const Case& c, const Results& results) {
               R"(set terminal svg size 760,420 dynamic background rgb 'white' font 'sans,13'
 set output 'exchange.svg'
 set title 'Round trip, )" +
-                  case_text(c) +
+                  case_text(results.measured_case) +
                   R"('
 set style data histogram
 set style fill solid
@@ -573,7 +632,7 @@ plot 'exchange.txt' using 2:xtic(1) title 'p50', '' using 3 title 'p99', '' usin
 )");
 }
 
-void run(const BenchOptions& options) {
+void run(const BenchOptions& options, const fs::path& other_programs) {
   const test::RunFolder folder;  // the endpoints of the nodes and echoes
   const Deployment deployment(fs::path(PALPATE_SOURCE_DIR) / "deploy/sessions/default.txtpb",
                               folder.path());
@@ -584,25 +643,25 @@ void run(const BenchOptions& options) {
         kOneProcessor.priority);
   }
   std::vector<Case> wanted;
-  if (has_fifo) {
-    wanted = {{kOneProcessor, 1000.0, false},
-              {kOneProcessor, 1000.0, true},
-              {kOneProcessor, 4000.0, false}};
-    if (!options.is_quick) {
-      wanted.insert(wanted.end(), {{kOneProcessor, 4000.0, true}, {kTwoProcessors, 1000.0, false}});
-    }
+  if (has_fifo) wanted = {{kOneProcessor, 1000.0, false}, {kOneProcessor, 1000.0, true}};
+  if (has_fifo && !options.is_quick) {
+    wanted.insert(wanted.end(), {{kOneProcessor, 4000.0, false},
+                                 {kOneProcessor, 4000.0, true},
+                                 {kTwoProcessors, 1000.0, false}});
   }
   if (!has_fifo || !options.is_quick) {
     wanted.insert(wanted.end(), {{kOrdinary, 1000.0, false}, {kOrdinary, 1000.0, true}});
   }
-  const int rounds = options.is_quick ? 1 : 5;
-  const double seconds = options.is_quick ? 1.0 : 2.0;
+  const Plan plan{.rounds = options.is_quick ? 6 : 9,
+                  .seconds = 1.0,
+                  .has_goals_only = options.is_quick,
+                  .other_programs = other_programs};
 
   const EchoBytes bytes = exchange_bytes();
-  std::printf(
-      "%zu bytes there, %zu back; medians over rounds of %g s, %d of them; ratios within a "
-      "round.\n\n",
-      bytes.there, bytes.back, seconds, rounds);
+  std::printf("%zu bytes there, %zu back; %d rounds of %g s; medians over the rounds; load %s\n\n",
+              bytes.there, bytes.back, plan.rounds, plan.seconds, machine_load().c_str());
+  const std::vector<CaseResults> cases = run_cases(wanted, deployment, folder.path(), plan);
+
   Table table({{"case", "case", ""},
                {"link", "link", ""},
                {"p50_us", "p50 µs", "{:.1f}"},
@@ -613,28 +672,29 @@ void run(const BenchOptions& options) {
                {"p99_to_raw", "p99 / ZeroMQ", "{:.2f}"},
                {"p999_to_raw", "p99.9 / ZeroMQ", "{:.2f}"},
                {"answered_percent", "answered %", "{:.3f}"}});
-  std::vector<std::pair<Case, Results>> cases;
-  for (const Case& c : wanted) {
-    std::fprintf(stderr, "%s …\n", case_text(c).c_str());
-    const Results& results =
-        cases.emplace_back(c, run_case(c, deployment, folder.path(), rounds, seconds)).second;
-    for (const auto& [name, figures] : results) {
-      table.add({case_text(c), name, figures.us[0], figures.us[1], figures.us[2], figures.us[3],
-                 figures.to_raw[0], figures.to_raw[1], figures.to_raw[2],
-                 figures.answered_percent});
+  for (const CaseResults& results : cases) {
+    const Rounds& raw = *results.find(kRaw);
+    for (const auto& [name, rounds] : results.links) {
+      std::vector<Table::Cell> row{case_text(results.measured_case), name};
+      for (const double q : kQuantiles) row.emplace_back(spread_of(rounds, q).middle);
+      for (std::size_t k = 0; k < kQuantileNames.size(); ++k) {
+        row.emplace_back(quotient(rounds, raw, kQuantiles[k]).middle);
+      }
+      row.emplace_back(
+          100.0 * spread_of(rounds, [](const Measured& m) { return m.answered_ratio; }).middle);
+      table.add(std::move(row));
     }
     table.add_gap();
   }
   table.publish(options);
   std::printf(
-      "palpate: device_node's time from sending to the decoded answer; –: not by the "
-      "deadline, 0.9 periods. One viewer, which collects the figures, is always connected.\n");
-  if (has_fifo) print_goals(cases[0].second, &cases[1].second);
+      "palpate: device_node's time from sending to the decoded answer; –: not by the deadline, 0.9 "
+      "periods. One viewer,\nwhich collects the figures, is always connected. Loaded: a busy loop "
+      "on each processor.\n");
+  print_goals(cases[0], cases[1]);
   print_codec();
-  print_lateness(has_fifo, seconds);
-  if (!options.plot_folder.empty()) {
-    draw(options.plot_folder, cases.front().first, cases.front().second);
-  }
+  if (!options.is_quick) print_lateness(has_fifo, 2.0);
+  if (!options.plot_folder.empty()) draw(options.plot_folder, cases.front());
 }
 
 }  // namespace
@@ -643,8 +703,13 @@ void run(const BenchOptions& options) {
 int main(int argc, char** argv) {
   CLI::App app(
       "Round trip device, mofc, device compared with plain echoes of the same bytes. With --quick "
-      "fewer "
-      "cases.");
+      "only what the goals compare.");
   palpate::bench::BenchOptions options;
-  return palpate::bench::run_bench(app, options, argc, argv, [&] { palpate::bench::run(options); });
+  std::string other_programs;
+  app.add_option("--against", other_programs,
+                 "folder of the programs of another build, measured in the same rounds")
+      ->type_name("DIR")
+      ->check(CLI::ExistingDirectory);
+  return palpate::bench::run_bench(app, options, argc, argv,
+                                   [&] { palpate::bench::run(options, other_programs); });
 }
