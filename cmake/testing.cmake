@@ -35,6 +35,10 @@ function(palpate_add_test name)
   target_include_directories(${name} PRIVATE ${CMAKE_SOURCE_DIR})
   # Half the compile time of a test; what it tests keeps the optimisation of its build type.
   target_compile_options(${name} PRIVATE -O1)
+  if(PALPATE_UNITY)
+    # a local name may hide a name of another source
+    target_compile_options(${name} PRIVATE -Wno-shadow)
+  endif()
   target_compile_definitions(${name} PRIVATE PALPATE_SOURCE_DIR="${CMAKE_SOURCE_DIR}"
                                              PALPATE_BINARY_DIR="${CMAKE_RUNTIME_OUTPUT_DIRECTORY}")
   if(NOT "${arg_LABELS}" MATCHES "${labels_to_run}")
