@@ -3,6 +3,8 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
+#include <cstddef>
 #include <optional>
 
 #include "common/core/clock.h"
@@ -56,10 +58,12 @@ class Inbox {
 
   /// The next accepted message, or nullptr. The pointer is valid until the next call.
   const Received<T>* next() noexcept {
-    T message;
-    TimePoint received_at;
-    while (arrived(message, received_at)) {
-      if (accept(message, received_at)) return &held_;
+    for (;;) {
+      Received<T>& arriving = slots_[1 - held_];
+      if (!arrived(arriving.value, arriving.received_at)) break;
+      if (!accept(arriving)) continue;
+      held_ = 1 - held_;
+      return &slots_[held_];
     }
     counters_.rejected = source_.rejected();
     return nullptr;
@@ -71,7 +75,7 @@ class Inbox {
   const Received<T>* newest() noexcept {
     while (next() != nullptr) {
     }
-    return counters_.accepted > 0 ? &held_ : nullptr;
+    return counters_.accepted > 0 ? &slots_[held_] : nullptr;
   }
 
   /// From now on an answer to a later state of this session, or to this one with another stamp, is
@@ -116,20 +120,20 @@ class Inbox {
     return false;
   }
 
-  bool accept(const T& message, TimePoint received_at) noexcept {
-    const Header& header = message.header;
-    if (is_ahead(message)) {
+  bool accept(Received<T>& arriving) noexcept {
+    const Header& header = arriving.value.header;
+    if (is_ahead(arriving.value)) {
       ++counters_.ahead;
       return false;
     }
     const bool is_first = counters_.accepted == 0;
     const bool is_new_session = is_first || header.session_id != session_id_;
     if (is_new_session && !is_first && header.session_id == superseded_session_id_ &&
-        received_at - held_.received_at < kSessionSilence) {
+        arriving.received_at - slots_[held_].received_at < kSessionSilence) {
       ++counters_.out_of_order;
       return false;
     }
-    std::uint64_t skipped = 0;
+    arriving.skipped_before = 0;
     if (!is_new_session) {
       if (header.sequence == sequence_) {
         ++counters_.duplicates;
@@ -139,8 +143,8 @@ class Inbox {
         ++counters_.out_of_order;
         return false;
       }
-      skipped = header.sequence - sequence_ - 1;
-      counters_.skipped += skipped;
+      arriving.skipped_before = header.sequence - sequence_ - 1;
+      counters_.skipped += arriving.skipped_before;
     } else {
       ++counters_.sessions;
       superseded_session_id_ = session_id_;
@@ -148,16 +152,15 @@ class Inbox {
     }
     sequence_ = header.sequence;
     ++counters_.accepted;
-    held_.value = message;
-    held_.received_at = received_at;
-    held_.skipped_before = skipped;
     return true;
   }
 
   Source<T>& source_;
   const Clock& clock_;
   std::optional<FaultLine<T>> faults_;
-  Received<T> held_;
+  // messages have kilobytes: one slot holds the newest accepted one, the other takes the next
+  std::array<Received<T>, 2> slots_{};
+  std::size_t held_ = 0;
   LinkCounters counters_;
   std::uint64_t session_id_ = 0;
   std::uint64_t superseded_session_id_ = 0;

@@ -34,17 +34,16 @@ bool ExchangeServer::receive(DeviceState& message, TimePoint& received_at) noexc
     const bool is_whole =
         peer_.more() && socket_.receive(frame_) && !socket_.drop_more_parts(frame_);
     const DecodeError error =
-        is_whole ? states_.decode(bytes_of(frame_), decoded_) : DecodeError::kMalformed;
+        is_whole ? states_.decode(bytes_of(frame_), message) : DecodeError::kMalformed;
     if (error != DecodeError::kNone) {
       rejections_.count(error, states_.peer_major());
       continue;
     }
     const TimePoint now = clock_.now();
-    if (!admit(decoded_, now)) {
+    if (!admit(message, now)) {
       rejections_.count_second_writer();
       continue;
     }
-    message = decoded_;
     received_at = now;
     return true;
   }

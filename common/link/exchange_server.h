@@ -50,7 +50,6 @@ class ExchangeServer final : public Source<DeviceState>, public Sender<ForceComm
   Codec<ForceCommand> commands_;
   zmq::message_t peer_;  // sender of `frame_`
   zmq::message_t frame_;
-  DeviceState decoded_;
   Rejections rejections_;
 
   // the device being served

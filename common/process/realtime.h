@@ -21,6 +21,11 @@ struct RealtimeReport {
 /// scheduling but inherit the processor.
 RealtimeReport enter_realtime(const RealtimeConfig& config);
 
+/// Asks for short time slices for the calling thread and those that it starts from now on: under
+/// ordinary scheduling a thread that wakes then runs ahead of threads with longer slices. Needs no
+/// permission; Linux before 6.12 ignores it. Changes nothing under another scheduling. Never fails.
+void request_short_slices();
+
 /// Whether a thread of this process may have SCHED_FIFO at `priority` (1 … 99). libzmq aborts the
 /// process if its I/O threads get a priority that is not permitted, so check first.
 [[nodiscard]] bool may_use_fifo(int priority);

@@ -18,6 +18,7 @@
 #include "common/core/version.h"
 #include "common/process/endpoints.h"
 #include "common/process/options.h"
+#include "common/process/realtime.h"
 #include "common/session/session_file.h"
 
 namespace palpate {
@@ -169,6 +170,7 @@ int run_node(int argc, char** argv, const NodeInfo& info,
       }
     }
 
+    request_short_slices();  // before the first thread starts
     const Log log(with_side(side, info.name));
     Signals signals(seconds);
     if (is_insecure) {

@@ -1,32 +1,28 @@
 // Device and clamp on one machine, physics on another: two network namespaces connected by a veth
 // pair, isolated from the network. Skipped where namespaces are not permitted.
 #include <arpa/inet.h>
-#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <linux/if_ether.h>
 #include <linux/if_packet.h>
 #include <net/if.h>
 #include <poll.h>
-#include <sched.h>
 #include <sys/socket.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <csignal>
 #include <cstdlib>
-#include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <sstream>
 
 #include "common/link/security/keys.h"
 #include "common/session/session_file.h"
 #include "tests/support/program.h"
 #include "tests/support/run_folder.h"
 #include "tests/support/temp_folder.h"
+#include "tests/support/two_networks.h"
 #include "tests/support/watcher.h"
 
 namespace palpate {
@@ -38,13 +34,11 @@ using nlohmann::json;
 using test::Program;
 using test::TempFolder;
 using test::text_of;
+using test::TwoNetworks;
 using test::Watcher;
 using testing::HasSubstr;
 using testing::Not;
 
-constexpr const char* kIp = "/usr/sbin/ip";
-constexpr const char* kBedside = "10.77.0.1";
-constexpr const char* kWorkstation = "10.77.0.2";
 constexpr std::uint16_t kMotionPort = 5551;
 
 /// Text contained in SceneState.
@@ -65,89 +59,6 @@ hand { sinusoid { center_m { z: 0.002 } amplitude_m { z: 0.005 } frequency_hz { 
 scene { tissue { name: "liver_in_plain_text" half_space {} kelvin_voigt { stiffness_newton_per_m: 200 } } }
 )";
 constexpr const char* kSecurity = "security { key_folder: \"keys\" }\n";
-
-/// Returns the reason of a failure; "" on success.
-std::string write_file(const char* file, const std::string& text) {
-  std::ofstream out(file);
-  out << text << std::flush;
-  return out ? "" : std::string("cannot write ") + file;
-}
-
-/// The process of the test becomes the bedside; the workstation is the network of an idle child.
-class TwoNetworks {
- public:
-  /// Returns the reason of a failure; "" on success.
-  std::string make() {
-    const uid_t uid = getuid();
-    const gid_t gid = getgid();
-    if (access(kIp, X_OK) != 0) return std::string(kIp) + " is not installed (iproute2)";
-    if (uid == 0) {
-      if (unshare(CLONE_NEWNET) != 0) return "a network namespace is not permitted";
-    } else {
-      // become root of a new user namespace
-      if (unshare(CLONE_NEWUSER | CLONE_NEWNET) != 0) return "namespaces are not permitted";
-      write_file("/proc/self/setgroups", "deny");
-      if (auto why = write_file("/proc/self/uid_map", "0 " + std::to_string(uid) + " 1");
-          !why.empty()) {
-        return why;
-      }
-      if (auto why = write_file("/proc/self/gid_map", "0 " + std::to_string(gid) + " 1");
-          !why.empty()) {
-        return why;
-      }
-    }
-    int ready[2];
-    if (pipe2(ready, O_CLOEXEC) != 0) return "no pipe";
-    child_ = fork();
-    if (child_ == 0) {
-      const char answer = unshare(CLONE_NEWNET) == 0 ? 'y' : 'n';
-      if (write(ready[1], &answer, 1) != 1) _exit(1);
-      for (;;) pause();
-    }
-    char answer = 'n';
-    const bool is_answered = read(ready[0], &answer, 1) == 1;
-    close(ready[0]);
-    close(ready[1]);
-    if (!is_answered || answer != 'y') return "a second network namespace is not permitted";
-    workstation_ =
-        open(("/proc/" + std::to_string(child_) + "/ns/net").c_str(), O_RDONLY | O_CLOEXEC);
-
-    const std::string pid = std::to_string(child_);
-    for (const auto& [network, arguments] : std::vector<std::pair<int, std::string>>{
-             {-1, "link set lo up"},
-             {-1, "link add bedside type veth peer name work netns " + pid},
-             {-1, std::string("addr add ") + kBedside + "/24 dev bedside"},
-             {-1, "link set bedside up"},
-             {workstation_, "link set lo up"},
-             {workstation_, std::string("addr add ") + kWorkstation + "/24 dev work"},
-             {workstation_, "link set work up"}}) {
-      if (!ip(network, arguments)) return "ip " + arguments + " failed";
-    }
-    return "";
-  }
-  ~TwoNetworks() {
-    if (child_ <= 0) return;
-    kill(child_, SIGKILL);
-    waitpid(child_, nullptr, 0);
-    close(workstation_);
-  }
-
-  [[nodiscard]] int workstation() const { return workstation_; }
-  void cut() const { ASSERT_TRUE(ip(workstation_, "link set work down")); }
-  void mend() const { ASSERT_TRUE(ip(workstation_, "link set work up")); }
-
- private:
-  static bool ip(int network, const std::string& text) {
-    std::vector<std::string> arguments;
-    std::istringstream words(text);
-    for (std::string word; words >> word;) arguments.push_back(word);
-    Program program(kIp, arguments, network);
-    return program.wait() == 0;
-  }
-
-  pid_t child_ = 0;
-  int workstation_ = -1;
-};
 
 /// Captures all packets at the bedside's end of the cable.
 class Wire {
@@ -181,7 +92,8 @@ class Wire {
 class TwoMachines : public testing::Test {
  protected:
   void SetUp() override {
-    const std::string why = networks_.make();
+    std::string why = networks_.make();
+    if (why.empty()) why = networks_.connect();
     if (!why.empty()) GTEST_SKIP() << why;
     run_folder_.use();
     make_key_folder(files_.path() / "keys");
@@ -258,9 +170,9 @@ TEST_F(TwoMachines, ACutCableEndsTheForceAndAMendedOneBringsItBack) {
   start(true);
   ASSERT_FALSE(HasFailure());
 
-  networks_.cut();
+  ASSERT_TRUE(networks_.cut());
   EXPECT_TRUE(watcher_->until([&] { return is_without_physics(); }));
-  networks_.mend();
+  ASSERT_TRUE(networks_.mend());
   EXPECT_TRUE(watcher_->until([&] { return is_pressing(); }));
 
   EXPECT_EQ(writers(), 1u);  // the same processes
@@ -400,7 +312,7 @@ TEST_F(TwoMachines, PlainTextIsRefused) {
   sockaddr_in address{};
   address.sin_family = AF_INET;
   address.sin_port = htons(kMotionPort);
-  inet_pton(AF_INET, kWorkstation, &address.sin_addr);
+  inet_pton(AF_INET, TwoNetworks::kWorkstation, &address.sin_addr);
   ASSERT_EQ(connect(socket, reinterpret_cast<sockaddr*>(&address), sizeof(address)), 0);
   // ZMTP 1.0, which has no keys: an empty identity, then a subscription to everything
   const std::string hello("\x01\x00\x02\x00\x01", 5);

@@ -78,12 +78,13 @@ struct WireFormat<DeviceState> {
     m.tool_orientation_world = quaternion(wire.tool_orientation_world());
     m.buttons = wire.buttons();
     m.is_clutched = wire.is_clutched();
+    const auto used = std::min<std::size_t>(m.applied_count, kMaxAppliedForces);
     m.applied_count = static_cast<std::uint32_t>(wire.applied_size());
-    for (std::size_t i = 0; i < kMaxAppliedForces; ++i) {
-      if (i >= m.applied_count) {
-        m.applied[i] = AppliedForce{};
-        continue;
-      }
+    if (used > m.applied_count) {
+      std::fill(m.applied.begin() + m.applied_count,
+                m.applied.begin() + static_cast<std::ptrdiff_t>(used), AppliedForce{});
+    }
+    for (std::size_t i = 0; i < m.applied_count; ++i) {
       const v1::AppliedForce& applied = wire.applied(static_cast<int>(i));
       m.applied[i] = {.force_on_hand_newton = vector(applied.force_on_hand_newton()),
                       .from = time(applied.from_ns()),

@@ -2,8 +2,16 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <linux/version.h>
 #include <sched.h>
+#include <sys/syscall.h>
+#include <sys/utsname.h>
+#include <unistd.h>
 
+#include <array>
+#include <cstdint>
+#include <cstdio>
+#include <cstring>
 #include <thread>
 
 namespace palpate {
@@ -51,6 +59,45 @@ TEST(Realtime, ThreadsOfARealtimeThreadAreOrdinary) {
   on_a_thread([] {
     enter_realtime({.priority = 10, .cpu = -1});
     on_a_thread([] { EXPECT_EQ(sched_getscheduler(0), SCHED_OTHER); });
+  });
+}
+
+/// Linux 6.12 and later let an ordinary thread choose its time slice.
+bool has_slices() {
+  utsname kernel{};
+  int major = 0;
+  int minor = 0;
+  uname(&kernel);
+  std::sscanf(kernel.release, "%d.%d", &major, &minor);
+  return KERNEL_VERSION(major, minor, 0) >= KERNEL_VERSION(6, 12, 0);
+}
+
+/// Of the calling thread, as sched_getattr(2) reports it.
+std::uint64_t slice_ns() {
+  std::array<char, 56> attributes{};
+  EXPECT_EQ(syscall(SYS_sched_getattr, 0, attributes.data(), attributes.size(), 0U), 0);
+  std::uint64_t runtime_ns = 0;
+  std::memcpy(&runtime_ns, attributes.data() + 24, sizeof(runtime_ns));
+  return runtime_ns;
+}
+
+TEST(Realtime, ShortSlicesHoldForTheThreadAndThoseItStarts) {
+  if (!has_slices()) GTEST_SKIP() << "this kernel has no time slices of threads";
+  on_a_thread([] {
+    const std::uint64_t before = slice_ns();
+    request_short_slices();
+    EXPECT_EQ(slice_ns(), 100'000u);
+    EXPECT_NE(before, 100'000u);
+    on_a_thread([] { EXPECT_EQ(slice_ns(), 100'000u); });
+  });
+}
+
+TEST(Realtime, ShortSlicesLeaveOtherSchedulingAlone) {
+  on_a_thread([] {
+    const sched_param none{};
+    ASSERT_EQ(sched_setscheduler(0, SCHED_BATCH, &none), 0);
+    request_short_slices();
+    EXPECT_EQ(sched_getscheduler(0), SCHED_BATCH);
   });
 }
 
