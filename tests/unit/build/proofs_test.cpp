@@ -23,7 +23,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-const fs::path kRoot = PALPATE_SOURCE_DIR;
+const fs::path kSourceTree = PALPATE_SOURCE_DIR;
 
 /// One file: declarations and assertions, one a line, some of them marked at the end of the line.
 struct Lemma {
@@ -43,7 +43,7 @@ std::vector<Lemma> lemmas() {
   for (const std::string& file : test::tracked_files()) {
     if (!file.starts_with("docs/proofs/") || !file.ends_with(".smt2")) continue;
     Lemma lemma{.name = fs::path(file).stem().string(), .lines = {}};
-    std::ifstream in(kRoot / file);
+    std::ifstream in(kSourceTree / file);
     for (std::string line; std::getline(in, line);) lemma.lines.push_back(line);
     found.push_back(lemma);
   }
@@ -179,7 +179,7 @@ std::map<std::string, std::set<std::string>> tags_in_sources() {
   static const std::regex name(R"([a-z_]{3,})");
   std::map<std::string, std::set<std::string>> tags;
   for (const std::string& file : test::sources_below({"common", "mofc_node", "device_node"})) {
-    std::ifstream in(kRoot / file);
+    std::ifstream in(kSourceTree / file);
     const std::string text{std::istreambuf_iterator<char>(in), {}};
     for (std::sregex_iterator it(text.begin(), text.end(), tag), end; it != end; ++it) {
       const std::string list = (*it)[1];
@@ -194,7 +194,7 @@ std::map<std::string, std::set<std::string>> tags_in_sources() {
 // Rows | `lemma` | … | `function` | `file` | … of docs/theory.md §9.
 TEST(Lemmas, StandAtTheFunctionsThatRelyOnThem) {
   static const std::regex row(R"(\n\| `(\w+)` \|[^|]*\| `([\w:]+)` \| `([\w/.]+)` \|)");
-  std::ifstream in(kRoot / "docs/theory.md");
+  std::ifstream in(kSourceTree / "docs/theory.md");
   const std::string theory{std::istreambuf_iterator<char>(in), {}};
   const auto tags = tags_in_sources();
 
@@ -206,7 +206,7 @@ TEST(Lemmas, StandAtTheFunctionsThatRelyOnThem) {
     const auto found = tags.find(lemma);
     ASSERT_NE(found, tags.end()) << lemma << " stands at no function";
     EXPECT_TRUE(found->second.contains(file)) << lemma << " in " << file;
-    std::ifstream source(kRoot / file);
+    std::ifstream source(kSourceTree / file);
     const std::string text{std::istreambuf_iterator<char>(source), {}};
     EXPECT_NE(text.find((*it)[2].str()), std::string::npos) << (*it)[2] << " in " << file;
   }
