@@ -133,6 +133,7 @@ bool is_wanted(const DocFigures& figures, const Options& options) {
   if (!options.only.empty()) {
     return std::find(options.only.begin(), options.only.end(), figures.name) != options.only.end();
   }
+  if (figures.is_of_real_time) return false;
   return figures.is_checked || !options.is_check;
 }
 

@@ -1,7 +1,7 @@
 // palpate_faults — the fault matrix: the force on a pressing hand when a process of the running
 // session is killed, suspended or restarted, or when something around it fails.
 //
-//   palpate_faults                                        runs every row and prints the table
+//   palpate_faults [--json FILE]                          runs every row and prints the table
 //   palpate_faults --gtest_filter='*physics*'             runs some rows
 //
 // Real processes under `palpate launch` with the default real-time settings and the simulated
@@ -26,6 +26,7 @@
 #include <thread>
 #include <zmq.hpp>
 
+#include "common/core/files.h"
 #include "common/link/codec/codec.h"
 #include "device_node/simulation/hand.h"
 #include "device_node/simulation/plant.h"
@@ -86,6 +87,25 @@ void print_table() {
                 row.safe_after ? (" (" + milliseconds(row.safe_limit) + ")").c_str() : "",
                 milliseconds(row.back_after).c_str(), row.is_ok ? "yes" : "NO");
   }
+}
+
+nlohmann::json json_of_table() {
+  const auto ms = [](const std::optional<Duration>& time) -> nlohmann::json {
+    if (!time) return nullptr;
+    return 1e3 * to_seconds(*time);
+  };
+  nlohmann::json rows = nlohmann::json::array();
+  for (const Figures& row : table()) {
+    rows.push_back({{"fault", row.fault},
+                    {"noticed_newton", row.noticed_newton},
+                    {"peak_newton", row.peak_newton},
+                    {"min_true_energy_uj", 1e6 * row.least_energy_joule},
+                    {"safe_after_ms", ms(row.safe_after)},
+                    {"safe_limit_ms", row.safe_after ? ms(row.safe_limit) : ms({})},
+                    {"back_after_ms", ms(row.back_after)},
+                    {"is_ok", row.is_ok}});
+  }
+  return {{"schema_version", 1}, {"rows", rows}};
 }
 
 // --- what holds in every row ----------------------------------------------------------------
@@ -824,6 +844,11 @@ class Quiet : public testing::EmptyTestEventListener {
 }  // namespace palpate
 
 int main(int argc, char** argv) {
+  std::string json_file;
+  if (argc == 3 && std::string(argv[1]) == "--json") {
+    json_file = argv[2];
+    argc = 1;
+  }
   const bool prints_table = argc == 1;
   testing::InitGoogleMock(&argc, argv);
   if (prints_table) {
@@ -833,5 +858,10 @@ int main(int argc, char** argv) {
   }
   const int status = RUN_ALL_TESTS();
   if (!palpate::table().empty()) palpate::print_table();
-  return status;
+  if (json_file.empty()) return status;
+  const std::string complaint =
+      palpate::write_file(json_file, palpate::json_of_table().dump(2) + "\n");
+  if (complaint.empty()) return status;
+  std::fprintf(stderr, "palpate_faults: %s: %s\n", json_file.c_str(), complaint.c_str());
+  return 2;
 }
