@@ -250,7 +250,7 @@ std::string disturbed_table(const std::vector<json>& outputs) {
                                  energy(number(row.at("min_true_energy_uj")))));
   }
   Cells head{"disturbance"};
-  for (const std::string& session : sessions) head.push_back("`" + session + "`");
+  for (const std::string& session : sessions) head.push_back(fmt::format("`{}`", session));
   return markdown(head, rows);
 }
 
@@ -286,7 +286,7 @@ std::string faults_table(const std::vector<json>& outputs) {
 std::string realtime_table(const std::vector<json>& outputs) {
   std::vector<Cells> rows;
   for (const json& row : outputs.at(0).at("rows")) {
-    rows.push_back({"`" + text(row, "session") + "`", text(row, "conditions"),
+    rows.push_back({fmt::format("`{}`", text(row, "session")), text(row, "conditions"),
                     fmt::format("{} … {}", fixed(row, "rendered_percent", 1),
                                 fixed(row, "rendered_at_most_percent", 1)),
                     fixed(row, "answered_percent", 2), fixed(row, "skipped_percent", 2),
