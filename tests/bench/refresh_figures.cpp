@@ -186,8 +186,10 @@ int refresh(const Options& options) {
                     first_difference(documented, table).c_str());
         continue;
       }
-      const std::string marker = kBegin + block.name + ": " + figures->shown_commands() + "; " +
-                                 today() + "; " + machine() + " -->\n";
+      std::string marker = kBegin + block.name + ": " + figures->shown_commands() + "; " + today() +
+                           "; " + machine();
+      if (figures->is_of_real_time) marker += ", load average " + machine_load();
+      marker += " -->\n";
       text.replace(block.marker_begin, block.table_end - block.marker_begin, marker + table);
     }
     if (text != before) {
