@@ -1,10 +1,20 @@
 find_package(GTest REQUIRED)
 include(GoogleTest)
 
+# Labels of the tests that ctest runs: under a sanitizer those that need no real time.
+set(labels_to_run ".")
+if(PALPATE_SANITIZE)
+  set(labels_to_run "unit|property|lockstep|fuzz|sockets")
+endif()
+# Their programs, and nothing that they do not need.
+add_custom_target(tests_to_run)
+
 # palpate_add_test(NAME SOURCES a.cpp … LIBRARIES palpate::core … LABELS unit [TIMEOUT s] [SERIAL])
 #
-# One executable, every TEST of it a ctest row with the labels. SERIAL rows use the real clock,
-# sockets or processes and never run beside another row.
+# One executable, compiled as few translation units; every TEST of it is a ctest row with the labels.
+# SERIAL rows use the real clock, sockets or processes and never run beside another row. Under a
+# sanitizer all unit tests of an executable are one row: there a process takes longer to start than
+# most tests to run.
 function(palpate_add_test name)
   cmake_parse_arguments(arg "SERIAL" "TIMEOUT" "SOURCES;LIBRARIES;LABELS" ${ARGN})
   if(NOT arg_TIMEOUT)
@@ -19,13 +29,28 @@ function(palpate_add_test name)
     list(APPEND properties RUN_SERIAL ON)
   endif()
   add_executable(${name} ${arg_SOURCES})
+  set_target_properties(${name} PROPERTIES UNITY_BUILD ${PALPATE_UNITY} UNITY_BUILD_BATCH_SIZE 8)
   target_link_libraries(${name} PRIVATE ${arg_LIBRARIES} GTest::gtest GTest::gmock GTest::gtest_main
                                         palpate_warnings)
   target_include_directories(${name} PRIVATE ${CMAKE_SOURCE_DIR})
   # Half the compile time of a test; what it tests keeps the optimisation of its build type.
   target_compile_options(${name} PRIVATE -O1)
+  if(PALPATE_UNITY)
+    # a local name may hide a name of another source
+    target_compile_options(${name} PRIVATE -Wno-shadow)
+  endif()
   target_compile_definitions(${name} PRIVATE PALPATE_SOURCE_DIR="${CMAKE_SOURCE_DIR}"
                                              PALPATE_BINARY_DIR="${CMAKE_RUNTIME_OUTPUT_DIRECTORY}")
+  if(NOT "${arg_LABELS}" MATCHES "${labels_to_run}")
+    set_target_properties(${name} PROPERTIES EXCLUDE_FROM_ALL ON)
+    return()
+  endif()
+  add_dependencies(tests_to_run ${name})
+  if(PALPATE_SANITIZE AND arg_LABELS STREQUAL "unit")
+    add_test(NAME ${name} COMMAND ${name})
+    set_tests_properties(${name} PROPERTIES ${properties})
+    return()
+  endif()
   gtest_discover_tests(${name} PROPERTIES ${properties} DISCOVERY_TIMEOUT 60)
   list(LENGTH arg_LABELS label_count)
   if(label_count GREATER 1)

@@ -18,7 +18,7 @@ packages=(
 command -v npm >/dev/null || packages+=(nodejs npm)
 if [[ "${1:-}" == "--tests" ]]; then
   packages+=(chromium clang-format clang-tidy fonts-liberation gnuplot-nox iproute2 libgmock-dev libgtest-dev
-    libnanoflann-dev)
+    libnanoflann-dev cvc5 z3)
 fi
 if [[ "${1:-}" == "--package" ]]; then packages+=(dpkg-dev); fi
 

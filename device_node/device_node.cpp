@@ -68,7 +68,9 @@ FaultReason DeviceNode::exchange(TimePoint next_reading, DeviceTick& record) noe
   record.is_clutched = state.is_clutched;
   notify_observer(record);
 
-  // send: hop 1
+  // send: hop 1. What has arrived by now cannot be an answer to it
+  force_in_.newest();
+  force_in_.expect_answers_until({session_id_, state.header.sequence, state.header.sampled_at});
   const TimePoint sent_at = clock_.now();
   state_out_.send(state);
 
@@ -124,8 +126,7 @@ void DeviceNode::withdraw_late_answer(DeviceTick& record) noexcept {
   applied_.released(released_at);
   guard_.withdraw_answer();
   ++counters_.late_switches;
-  counters_.max_force_newton =
-      std::max(counters_.max_force_newton, record.force_on_hand_newton.norm());
+  count_force(record.force_on_hand_newton);
   record.switched_at = released_at;
   record.force_on_hand_newton.setZero();
   record.guard = GuardState::kLimp;
@@ -246,9 +247,15 @@ void DeviceNode::count(const DeviceTick& record) noexcept {
       break;
   }
   if (record.is_peak_limited) ++counters_.peak_limited_ticks;
-  counters_.max_force_newton =
-      std::max(counters_.max_force_newton, record.force_on_hand_newton.norm());
+  count_force(record.force_on_hand_newton);
   counters_.minimum_true_energy_joule = record.minimum_true_energy_joule;
+}
+
+void DeviceNode::count_force(const Vector3& force_newton) noexcept {
+  counters_.max_force_newton = std::max(counters_.max_force_newton, force_newton.norm());
+  counters_.largest_jump_newton =
+      std::max(counters_.largest_jump_newton, (force_newton - counted_force_newton_).norm());
+  counted_force_newton_ = force_newton;
 }
 
 /// The record shows the last finite reading, even one that was judged impossible.

@@ -7,15 +7,15 @@
 // No answer by the deadline: the earlier command continues while its lease runs to the next
 // reading, then the fallback and the fade of force_guard.h apply. Where the lease ends while the
 // node waits, it lets go at that instant, with a reading, and goes on waiting. Answers to another
-// tick are dropped, and so is an answer read after the deadline. If the process is preempted
-// between that check and the switch, the stamp of the switch shows that the answer began to act too
-// late: the motors are released at once, the echo reports what acted, and the switch is counted. So
-// no answer acts that began later than `reply` after the reading it answers, except until the
-// release takes effect. Fault: no reading; a reading that is not finite, or that only a hand faster
-// than v_fault could have made; motors that refuse a force. A fault is latched: the motors are
-// released and nothing is sent. The node keeps reading and leaves records until reset_fault().
-// Thread: everything runs on the caller's thread. step() does not allocate, lock, log or throw; it
-// waits up to `reply` for the answer.
+// tick are dropped, and so is an answer read after the deadline; an answer to a state that was
+// never sent is counted besides. If the process is preempted between that check and the switch, the
+// stamp of the switch shows that the answer began to act too late: the motors are released at once,
+// the echo reports what acted, and the switch is counted. So no answer acts that began later than
+// `reply` after the reading it answers, except until the release takes effect. Fault: no reading; a
+// reading that is not finite, or that only a hand faster than v_fault could have made; motors that
+// refuse a force. A fault is latched: the motors are released and nothing is sent. The node keeps
+// reading and leaves records until reset_fault(). Thread: everything runs on the caller's thread.
+// step() does not allocate, lock, log or throw; it waits up to `reply` for the answer.
 #pragma once
 
 #include <cstdint>
@@ -76,6 +76,7 @@ class DeviceNode {
   void record_last_reading(DeviceTick& record) const noexcept;
   void notify_observer(DeviceTick& record) noexcept;
   void count(const DeviceTick& record) noexcept;
+  void count_force(const Vector3& force_newton) noexcept;
   void latch(FaultReason reason, DeviceTick& record) noexcept;
   void release_motors() noexcept;
 
@@ -98,7 +99,8 @@ class DeviceNode {
   Vector3 last_position_m_ = Vector3::Zero();  // of the last finite reading
   Quaternion last_orientation_ = Quaternion::Identity();
   TimePoint last_reading_at_{};
-  bool has_reading_ = false;  // since the start or the last reset
+  bool has_reading_ = false;                        // since the start or the last reset
+  Vector3 counted_force_newton_ = Vector3::Zero();  // of the last tick
   DeviceCounters counters_;
 };
 

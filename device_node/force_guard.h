@@ -38,8 +38,8 @@ struct GuardedForce {
 ///   limp start   leaving kLimp, the force grows from zero over start_ramp; where the lease ended
 ///                more than a period ago, it grows from the acting force over the time since
 ///   peak         |F| ≤ peak
-///   slew         beyond what already acts along its direction, the force grows by at most
-///                slew · one period per switch
+///   slew         beyond what already acts along its direction, the force grows by at most slew ·
+///                the time since the last answer, one period at most; what acts may always drop
 ///
 /// A non-finite command counts as no force and is counted.
 class ForceGuard {
@@ -94,7 +94,7 @@ class ForceGuard {
     return out;
   }
 
-  /// No answer to this tick by its deadline, or none by the end of the lease.
+  /// No answer to this tick by its deadline, or none by the end of the lease. Lemma: fallback.
   /// @param next_reading  a lease that ends before it is given up at once, so that the position is
   ///                      read where the force ends
   [[nodiscard]] GuardedForce missed(TimePoint now, TimePoint next_reading) noexcept {
@@ -120,7 +120,7 @@ class ForceGuard {
   }
 
   /// The answer just given began to act too late and the motors were released: nothing acts until
-  /// the next answer. No limp start, since answers keep coming.
+  /// the next answer. No limp start, since answers keep coming. Lemma: late_switch.
   void withdraw_answer() noexcept {
     answer_newton_.setZero();
     acting_newton_.setZero();
@@ -143,11 +143,12 @@ class ForceGuard {
     acting_until_ = now + force.lease;
   }
 
+  /// Lemma: slew.
   [[nodiscard]] double slew_limit_newton(const Vector3& force, TimePoint now) const noexcept {
     const double norm = force.norm();
     if (slew_newton_per_s_ <= 0.0 || norm == 0.0) return peak_newton_;
     const double along_newton = now < acting_until_ ? acting_newton_.dot(force) / norm : 0.0;
-    const double growth_s = to_seconds(std::min(now - acting_from_, period_));
+    const double growth_s = to_seconds(std::min(now - answered_at_, period_));
     return std::max(0.0, along_newton) + slew_newton_per_s_ * growth_s;
   }
 

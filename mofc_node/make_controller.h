@@ -3,8 +3,8 @@
 
 #include <memory>
 
+#include "common/session/clamped_device.h"
 #include "common/session/mofc_config.h"
-#include "mofc_node/clamped_device.h"
 #include "mofc_node/controllers/force_controller.h"
 
 namespace palpate::mofc {

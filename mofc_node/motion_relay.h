@@ -8,8 +8,8 @@
 #include "common/core/clock.h"
 #include "common/core/messages.h"
 #include "common/core/ports.h"
+#include "common/session/clamped_device.h"
 #include "common/session/mofc_config.h"
-#include "mofc_node/clamped_device.h"
 #include "mofc_node/velocity_estimator.h"
 
 namespace palpate::mofc {

@@ -23,8 +23,8 @@ struct PhysicsAnswer {
   bool is_late = false;
 };
 
-/// An Interaction counts if it answers the present device session. Physics that keeps answering an
-/// old motion counts as silent. No allocation, no throw.
+/// An Interaction counts if it answers the present device session, and a state that mofc_node has
+/// seen. Physics that keeps answering an old motion counts as silent. No allocation, no throw.
 class PhysicsInput {
  public:
   /// @param longest_wait  for the answer to the DeviceState of the tick; 0: never wait
@@ -36,6 +36,8 @@ class PhysicsInput {
   template <class Note>
   [[nodiscard]] PhysicsAnswer take(const DeviceState& state, TimePoint now,
                                    const Note& note) noexcept {
+    in_.expect_answers_until(
+        {state.header.session_id, state.header.sequence, state.header.sampled_at});
     const Received<Interaction>* newest = read(note);
     bool is_late = false;
     if (waits()) {

@@ -47,14 +47,8 @@ class Clamp::Impl {
         refused_peers_(context.log, side.refused()),
         refused_states_(context.log, "device_state", refused),
         refused_interactions_(context.log, "interaction", interactions_.rejections()),
-        node_(side_.mofc,
-              {.profile = side_.device.profile,
-               .workspace = side_.device.workspace,
-               .lease = side_.device.lease,
-               .longest_lease = side_.device.longest_lease,
-               .rate_hz = side_.device.rate_hz,
-               .peak_force_newton = side_.device.peak_force_newton},
-              context.clock, motion_out_, interaction_in_, ticks_, context.session_id),
+        node_(side_.mofc, clamped_device(side_.device), context.clock, motion_out_, interaction_in_,
+              ticks_, context.session_id),
         publisher_(context.session_id, context.clock, ticks_, counters_, telemetry_, context.log,
                    side_.name) {
     interactions_.watch_peer();

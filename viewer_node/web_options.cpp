@@ -1,7 +1,6 @@
 #include "viewer_node/web_options.h"
 
 #include <arpa/inet.h>
-#include <sys/stat.h>
 
 #include <algorithm>
 #include <charconv>
@@ -48,11 +47,8 @@ std::string read_token(const std::string& file) {
   if (!content.complaint.empty()) {
     throw SetupError("--token-file " + file + ": " + content.complaint);
   }
-  struct stat status {};
-  if (stat(file.c_str(), &status) != 0 || (status.st_mode & (S_IRWXG | S_IRWXO)) != 0) {
-    throw SetupError("--token-file " + file +
-                     ": other users may read this token; make a new one and then: chmod 600 " +
-                     file);
+  if (const std::string why = why_exposed(file, true); !why.empty()) {
+    throw SetupError("--token-file " + file + ": " + why);
   }
   std::string token = content.bytes;
   while (!token.empty() && (token.back() == '\n' || token.back() == '\r')) token.pop_back();

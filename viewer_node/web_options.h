@@ -26,7 +26,7 @@ struct WebOptions {
 };
 
 /// Combines the options with the session. Throws SetupError: a malformed address, an address other
-/// than loopback without a token, a token file that is unreadable, readable by other users or holds
+/// than loopback without a token, a token file that is unreadable, open to other users or holds
 /// less than 16 characters.
 [[nodiscard]] WebServerConfig web_config(const WebOptions& options, const WebConfig& session);
 

@@ -15,11 +15,11 @@ FacetFoot foot_on_facet(const Vector3& a, const Vector3& b, const Vector3& c,
   const Vector3 ab = b - a;
   const Vector3 ac = c - a;
   FacetFoot foot;
-  const auto at_corner = [&](std::int8_t corner, const Vector3& place) {
+  const auto at_corner = [&](int corner, const Vector3& place) {
     foot.corner = corner;
     foot.point_m = place;
   };
-  const auto on_edge = [&](std::int8_t edge, const Vector3& from, const Vector3& along, double t) {
+  const auto on_edge = [&](int edge, const Vector3& from, const Vector3& along, double t) {
     foot.edge = edge;
     foot.point_m = from + t * along;
   };

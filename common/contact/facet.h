@@ -1,8 +1,6 @@
 // facet.h — a triangle of a surface seen from one point.
 #pragma once
 
-#include <cstdint>
-
 #include "common/contact/surface_view.h"
 #include "common/core/vector.h"
 
@@ -12,8 +10,8 @@ namespace palpate {
 struct FacetFoot {
   Vector3 point_m = Vector3::Zero();
   double squared_distance = 0.0;
-  std::int8_t edge = -1;    ///< from corner `edge` to the next, if the foot is on it
-  std::int8_t corner = -1;  ///< the corner, if the foot is there
+  int edge = -1;    ///< from corner `edge` to the next, if the foot is on it
+  int corner = -1;  ///< the corner, if the foot is there
 };
 
 /// Source: [Ericson05] §5.1.5.

@@ -106,13 +106,13 @@ struct TileSurface::Search {
     std::array<std::uint64_t, 2> at{};
     Vector3 normal = tile.normals[index];
     if (foot.corner >= 0) {
-      const auto i = static_cast<std::size_t>(static_cast<unsigned char>(foot.corner));
+      const auto i = static_cast<std::size_t>(foot.corner);
       at = {tile.keys[corners[i]], tile.keys[corners[i]]};
       const Vector3 to_next = (vertex(i + 1) - vertex(i)).normalized();
       const Vector3 to_last = (vertex(i + 2) - vertex(i)).normalized();
       normal *= std::acos(std::clamp(to_next.dot(to_last), -1.0, 1.0));
     } else if (foot.edge >= 0) {
-      const auto i = static_cast<std::size_t>(static_cast<unsigned char>(foot.edge));
+      const auto i = static_cast<std::size_t>(foot.edge);
       at = {tile.keys[corners[i]], tile.keys[corners[(i + 1) % 3]]};
       if (at[0] > at[1]) std::swap(at[0], at[1]);
     }
@@ -131,7 +131,7 @@ struct TileSurface::Search {
     side = normal;
     feature = at;
     if (foot.edge >= 0) {
-      const auto i = static_cast<std::size_t>(static_cast<unsigned char>(foot.edge));
+      const auto i = static_cast<std::size_t>(foot.edge);
       along = (vertex(i + 1) - vertex(i)).normalized();
     }
   }

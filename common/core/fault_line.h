@@ -94,9 +94,8 @@ class FaultLine {
       due = std::max(due, now + *stalled);
     }
     const bool is_held_back = faults_.reorder_ratio > 0 && random_.chance(faults_.reorder_ratio);
-    if (is_held_back) {
-      due += faults_.reorder_delay;
-    } else if (!faults_.jitter_reorders) {
+    if (is_held_back) due += faults_.reorder_delay;
+    if (!is_held_back && !faults_.jitter_reorders) {
       due = std::max(due, newest_due_);
       newest_due_ = due;
     }

@@ -79,6 +79,23 @@ FileContent read_regular_file(const std::filesystem::path& file, std::uintmax_t 
   return content;
 }
 
+std::string why_exposed(const std::filesystem::path& path, bool is_secret) {
+  struct stat status {};
+  if (stat(path.c_str(), &status) != 0) return std::generic_category().message(errno);
+  if (status.st_uid != geteuid() && status.st_uid != 0) {
+    return "belongs to another user, who could change it; change its owner";
+  }
+  if (is_secret && (status.st_mode & (S_IRWXG | S_IRWXO)) != 0) {
+    return "others may read this secret; make a new one if it may have been read, and then: chmod "
+           "600 " +
+           path.string();
+  }
+  if ((status.st_mode & kWritableByOthers) != 0) {
+    return "others may change it; chmod go-w " + path.string();
+  }
+  return {};
+}
+
 std::string write_file(const std::filesystem::path& file, const std::string& text) {
   errno = 0;
   std::ofstream stream(file, std::ios::binary);

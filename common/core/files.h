@@ -19,6 +19,10 @@ struct FileContent {
 [[nodiscard]] FileContent read_regular_file(const std::filesystem::path& file,
                                             std::uintmax_t max_bytes);
 
+/// Checks that no other user but root can change the file or folder or, if it is secret, read it.
+/// @return what is wrong and what to do; empty if nothing is
+[[nodiscard]] std::string why_exposed(const std::filesystem::path& path, bool is_secret);
+
 /// Replaces the content of `file`.
 /// @return what is wrong and what to do; empty if the text was written
 [[nodiscard]] std::string write_file(const std::filesystem::path& file, const std::string& text);

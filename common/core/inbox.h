@@ -14,6 +14,20 @@
 
 namespace palpate {
 
+/// Which DeviceState a message answers.
+struct DeviceStamp {
+  std::uint64_t session_id = 0;
+  std::uint64_t sequence = 0;
+  TimePoint sampled_at{};  ///< device's clock
+};
+[[nodiscard]] inline DeviceStamp answered_state(const ForceCommand& command) {
+  return {command.answers_session_id, command.answers_sequence, command.answers_sampled_at};
+}
+[[nodiscard]] inline DeviceStamp answered_state(const Interaction& interaction) {
+  return {interaction.device_session_id, interaction.device_sequence,
+          interaction.device_sampled_at};
+}
+
 template <class T>
 struct Received {
   T value{};
@@ -28,6 +42,7 @@ struct Received {
 ///   before the first   newest() and next() return nullptr
 ///   fresh or stale     the caller decides, from received_at
 ///   invalid            refused by the codec before it gets here; counted in counters().rejected
+///   ahead              see expect_answers_until()
 ///
 /// Single-threaded. No lock, no throw; allocates only if a fault line is configured.
 template <class T>
@@ -63,6 +78,10 @@ class Inbox {
     return counters_.accepted > 0 ? &slots_[held_] : nullptr;
   }
 
+  /// From now on an answer to a later state of this session, or to this one with another stamp, is
+  /// dropped and counted in counters().ahead.
+  void expect_answers_until(const DeviceStamp& newest) noexcept { newest_state_ = newest; }
+
   /// Returns when a message may have arrived, or at `deadline`. May return early.
   void wait_until(TimePoint deadline) noexcept {
     if (faults_) deadline = std::min(deadline, faults_->next_due());
@@ -89,8 +108,24 @@ class Inbox {
     return faults_->pop(clock_.now(), message, received_at);
   }
 
+  [[nodiscard]] bool is_ahead(const T& message) const noexcept {
+    if constexpr (requires { answered_state(message); }) {
+      const DeviceStamp answered = answered_state(message);
+      if (!newest_state_ || answered.session_id != newest_state_->session_id) return false;
+      return answered.sequence > newest_state_->sequence ||
+             answered.sampled_at > newest_state_->sampled_at ||
+             (answered.sequence == newest_state_->sequence &&
+              answered.sampled_at != newest_state_->sampled_at);
+    }
+    return false;
+  }
+
   bool accept(Received<T>& arriving) noexcept {
     const Header& header = arriving.value.header;
+    if (is_ahead(arriving.value)) {
+      ++counters_.ahead;
+      return false;
+    }
     const bool is_first = counters_.accepted == 0;
     const bool is_new_session = is_first || header.session_id != session_id_;
     if (is_new_session && !is_first && header.session_id == superseded_session_id_ &&
@@ -130,6 +165,7 @@ class Inbox {
   std::uint64_t session_id_ = 0;
   std::uint64_t superseded_session_id_ = 0;
   std::uint64_t sequence_ = 0;
+  std::optional<DeviceStamp> newest_state_;
 };
 
 }  // namespace palpate

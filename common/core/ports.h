@@ -51,6 +51,7 @@ struct LinkCounters {
   std::uint64_t duplicates = 0;    ///< repeated sequence numbers
   std::uint64_t out_of_order = 0;  ///< older than a message already accepted; dropped
   std::uint64_t rejected = 0;      ///< refused by the codec
+  std::uint64_t ahead = 0;         ///< answers to a DeviceState that was never sent; dropped
   std::uint64_t sessions = 0;      ///< sender sessions seen; 1 in a run without restarts
 };
 

@@ -18,6 +18,25 @@
 
 namespace palpate {
 
+// Ranges that no real tissue leaves. Sessions give nothing beyond them, physics_node reduces what
+// it derives (forces, slopes) to them, and the codec of hop 3 refuses what exceeds them.
+inline constexpr double kMaxStiffnessNewtonPerM = 1e6;  // cortical bone under a blunt tip
+inline constexpr double kMaxDampingNewtonSPerM = 1e4;
+inline constexpr double kMaxStiffeningNewtonPerM3 = 1e9;
+inline constexpr double kMaxExponent = 5.0;  // a cone on linear tissue: 2
+inline constexpr double kMinExponentDepthM = 1e-4;
+inline constexpr double kMaxExponentDepthM = 0.1;
+inline constexpr double kMaxFrictionCoefficient = 10.0;
+inline constexpr double kMinRelaxationS = 1e-3;
+inline constexpr double kMaxRelaxationS = 1e3;
+inline constexpr double kMaxTissueSpeedMPerS = 10.0;  // along each axis; a heart: 0.2
+inline constexpr double kMaxTissueFrequencyHz = 20.0;
+inline constexpr double kMaxTissueForceNewton = 1e4;  // each component
+inline constexpr double kMaxStoredEnergyJoule = 1e3;
+inline constexpr double kMaxSlopeNewtonPerM = 1e7;  // ∂f/∂x: stiffness, its gradients, stiffening
+inline constexpr double kMaxStiffeningNewtonPerM2 = 1e10;  // 3 k₃ p
+inline constexpr double kMaxCurvaturePerM = 1e9;
+
 /// Everything on the side of the plane opposite to `normal`.
 struct HalfSpaceGeometry {
   Vector3 point_m = Vector3::Zero();

@@ -2,6 +2,7 @@
 
 #include "common/core/check.h"
 #include "common/core/random.h"
+#include "common/session/clamped_device.h"
 
 namespace palpate {
 
@@ -38,6 +39,15 @@ Session with_only_side(Session session, const std::string& name) {
 
 std::string with_side(const std::string& side, const std::string& name) {
   return side.empty() ? name : side + "." + name;
+}
+
+ClampedDevice clamped_device(const DeviceConfig& device) {
+  return {.profile = device.profile,
+          .workspace = device.workspace,
+          .lease = device.lease,
+          .longest_lease = device.longest_lease,
+          .rate_hz = device.rate_hz,
+          .peak_force_newton = device.peak_force_newton};
 }
 
 std::string controller_text(const MofcConfig& config) {

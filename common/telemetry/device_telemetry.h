@@ -73,6 +73,7 @@ struct DeviceCounters {
   /// at once.
   std::uint64_t late_switches = 0;
   double max_force_newton = 0.0;
+  double largest_jump_newton = 0.0;  ///< change of the force from one tick to the next, its norm
   double minimum_true_energy_joule = kNaN;
 };
 

@@ -40,6 +40,9 @@ void LinkEvents::note(const LinkCounters& counters, TimePoint now) {
   if (const auto due = rejections_.note(now, counters.rejected - last_.rejected)) {
     log_.warn("event=messages_rejected link={} count={}", link_, due);
   }
+  if (const auto due = ahead_.note(now, counters.ahead - last_.ahead)) {
+    log_.warn("event=answers_ahead link={} count={}", link_, due);
+  }
   last_ = counters;
 }
 

@@ -40,7 +40,7 @@ class EpisodeEvent {
   TimePoint grew_at_{};
 };
 
-/// An incoming link: first message, restart of the sender, rejected messages.
+/// An incoming link: first message, restart of the sender, rejected messages, answers ahead.
 class LinkEvents {
  public:
   LinkEvents(spdlog::logger& log, const char* link) : log_(log), link_(link) {}
@@ -50,6 +50,7 @@ class LinkEvents {
   spdlog::logger& log_;
   const char* link_;
   EventThrottle rejections_;
+  EventThrottle ahead_;
   LinkCounters last_;
 };
 

@@ -78,7 +78,7 @@ std::string new_flight_file(const FlightFiles& files) {
   const std::string name =
       fmt::format("flight-{}-{}-{:%Y%m%dT%H%M%S}.{:03}Z.csv", files.node, files.session,
                   fmt::gmtime(second), now.time_since_epoch().count() % 1000);
-  const std::string file = (files.folder / name).string();
+  std::string file = (files.folder / name).string();
   if (const std::string why = make_private_folder(files.folder); !why.empty()) {
     files.log.error("event=flight_recording_failed file={} error=\"{}\"", file, why);
     return "";

@@ -117,6 +117,7 @@ nlohmann::ordered_json summary_json(const Session& session, const RunReport& rep
   json["beyond_jnd_ratio"] = number_or_null(s.beyond_jnd_ratio());
   json["min_true_energy_j"] = number_or_null(s.minimum_true_energy_joule());
   json["max_force_n"] = number_or_null(s.maximum_force_newton());
+  json["largest_jump_n"] = number_or_null(report.device.largest_jump_newton);
   json["velocity_reversals"] = {{"x", reversals[0]}, {"y", reversals[1]}, {"z", reversals[2]}};
   if (has_ideal) {
     json["velocity_reversals"]["ideal"] = {{"x", ideal[0]}, {"y", ideal[1]}, {"z", ideal[2]}};
@@ -166,7 +167,9 @@ std::string summary_text(const Session& session, const RunReport& report) {
                                figure(100.0 * s.beyond_jnd_ratio(), "{:.1f} %") +
                                " of the samples beyond the force JND");
   line("clamped", figure(100.0 * s.clamp_ratio(), "{:.1f} %") + " of the ticks with a force");
-  line("largest force", figure(s.maximum_force_newton(), "{:.3f} N"));
+  line("largest force",
+       figure(s.maximum_force_newton(), "{:.3f} N") +
+           figure(report.device.largest_jump_newton, ", largest jump from tick to tick {:.3f} N"));
   line("least true energy", figure(1e6 * s.minimum_true_energy_joule(), "{:.3f} µJ"));
   line("velocity reversals",
        has_ideal ? fmt::format("{}, {} more than the ideal run", total, s.excess_reversals())

@@ -46,6 +46,7 @@ nlohmann::ordered_json figures_json(const ObservedDevice& observed, const Launch
   json["transparency"] = {{"vector", number_or_null(mean_transparency(mofc))}};
   json["min_true_energy_j"] = number_or_null(figures.minimum_true_energy_joule);
   json["max_force_n"] = figures.max_force_newton;
+  json["largest_jump_n"] = figures.largest_jump_newton;
   json["clamped_ticks"] = mofc.clamped_ticks;
   json["clamp_ratio"] = number_or_null(ratio(mofc.clamped_ticks, mofc.contact_ticks));
   json["answered_ratio"] = number_or_null(answered_ratio(device));
@@ -72,6 +73,7 @@ void ObservedFigures::add(const DeviceCounters& device) {
   minimum_true_energy_joule =
       std::fmin(minimum_true_energy_joule, device.minimum_true_energy_joule);
   max_force_newton = std::fmax(max_force_newton, device.max_force_newton);
+  largest_jump_newton = std::fmax(largest_jump_newton, device.largest_jump_newton);
 }
 
 nlohmann::ordered_json launch_json(const std::string& name,
@@ -121,7 +123,8 @@ std::string launch_text(const std::string& name, const std::vector<ObservedDevic
     }
     line("transparency",
          figure(mean_transparency(mofc), "{:.3f}") + " (rendered / requested force)");
-    line("largest force", fmt::format("{:.3f} N", figures.max_force_newton));
+    line("largest force", fmt::format("{:.3f} N, largest jump from tick to tick {:.3f} N",
+                                      figures.max_force_newton, figures.largest_jump_newton));
     if (!std::isnan(figures.minimum_true_energy_joule)) {
       line("least true energy",
            fmt::format("{:.3f} µJ (0 or more: passive)", 1e6 * figures.minimum_true_energy_joule));

@@ -20,6 +20,7 @@ struct ObservedFigures {
   DurationHistogram lateness;
   double minimum_true_energy_joule = kNaN;  ///< NaN: not reported, as with real hardware
   double max_force_newton = 0.0;
+  double largest_jump_newton = 0.0;
 
   /// Call it for every row.
   void add(const TickRow& row);

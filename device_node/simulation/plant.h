@@ -54,6 +54,7 @@ struct PlantParameters {
 /// Energy E = Σ f_d |Δx|²/h + f_co |Δx| − F·Δx is exact for the step. Coming to rest inside a step
 /// drops ½ m v² of its kinetic energy unbooked, so E is never above the energy that the hand gave
 /// less the change of kinetic energy, and below it by at most h² |r|²/(8m) (≈ 1e-11 J) per stop.
+/// Lemma: supplied_energy.
 class Plant {
  public:
   explicit Plant(const PlantParameters& parameters, const Vector3& position_m = Vector3::Zero(),

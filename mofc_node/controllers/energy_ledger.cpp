@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 namespace palpate::controllers {
@@ -14,6 +15,16 @@ constexpr double kWindowResolutions = 16.0;
 // A span this many resolutions long loses at most √3/2 / 256 = 0.4 % to the play operators' start.
 constexpr double kSpanResolutions = 256.0;
 
+// More than the rounding error of a few operations, relative to their largest term. Sums are
+// lowered by it, so that rounding costs credit and never makes any.
+constexpr double kRounding = 8.0 * std::numeric_limits<double>::epsilon();
+
+/// Lower bound of a − b, a and b being right to within rounding.
+double less_rounding(double a, double b) { return a - b - kRounding * (std::abs(a) + std::abs(b)); }
+
+/// Lower bound of a + b, a and b ≥ 0.
+double sum_from_below(double a, double b) { return (a + b) * (1.0 - kRounding); }
+
 }  // namespace
 
 void EnergyLedger::Play::follow(double x, double half_width) noexcept {
@@ -23,7 +34,9 @@ void EnergyLedger::Play::follow(double x, double half_width) noexcept {
   } else if (x < position_m - half_width) {
     position_m = x + half_width;
   }
-  path_m += std::abs(position_m - before);
+  if (position_m != before) {
+    path_m = sum_from_below(path_m, std::abs(position_m - before));
+  }
 }
 
 EnergyLedger::EnergyLedger(double f_d, double f_co, double q)
@@ -61,7 +74,7 @@ void EnergyLedger::book_unread(double most_drawn_joule,
                                const Vector3& hand_position_at_end_m) noexcept {
   const double before = energy_joule();
   restart(hand_position_at_end_m);
-  carried_joule_ = before - most_drawn_joule;
+  carried_joule_ = less_rounding(before, most_drawn_joule);
 }
 
 /// Symbols as in docs/theory.md §2.5: u, Δ, b, c.
@@ -84,15 +97,17 @@ void EnergyLedger::book_release(const Release& release) noexcept {
       const double w = std::numbers::sqrt3 * resolution_m_;
       energy += f_co_newton_ * std::max(0.0, 2.0 * b - along - moved.norm() - w);
     }
+    energy -= kRounding * newton * (c + moved.norm() + release.v_max_m_per_s * release.duration_s);
   }
   position_m_ = release.hand_position_at_end_m;
   for (std::size_t i = 0; i < used_; ++i) {
     counts_[i].book_release(release.duration_s, part(i, -F), part(i, position_m_));
   }
-  carried_joule_ += energy;
-  if (energy_joule() < before - release.most_drawn_joule) {
+  carried_joule_ = less_rounding(carried_joule_, -energy);
+  const double least = less_rounding(before, release.most_drawn_joule);
+  if (energy_joule() < least) {
     restart(position_m_);
-    carried_joule_ = before - release.most_drawn_joule;
+    carried_joule_ = least;
   }
 }
 
@@ -114,8 +129,13 @@ double EnergyLedger::dissipated_joule() const noexcept {
 
 double EnergyLedger::energy_joule() const noexcept {
   double sum = carried_joule_;
-  for (const Count& count : counts()) sum += count.energy_joule();
-  return sum;
+  double magnitude = std::abs(carried_joule_);
+  for (const Count& count : counts()) {
+    const double energy = count.energy_joule();
+    sum += energy;
+    magnitude += std::abs(energy);
+  }
+  return sum - kRounding * magnitude;
 }
 
 // --- one count ----------------------------------------------------------------------------------
@@ -144,7 +164,9 @@ void EnergyLedger::Count::begin_window() noexcept {
 void EnergyLedger::Count::book(double duration_s, const Vector3& f,
                                const Vector3& position_at_end_m) noexcept {
   change_force(f);
-  work_joule_ += f.dot(position_at_end_m - position_m_);
+  const Vector3 moved = position_at_end_m - position_m_;
+  work_joule_ += f.dot(moved);
+  work_joule_ -= kRounding * (std::abs(work_joule_) + f.cwiseAbs().dot(moved.cwiseAbs()));
   move_to(position_at_end_m, duration_s);
 }
 
@@ -156,7 +178,10 @@ void EnergyLedger::Count::book_release(double duration_s, const Vector3& f,
 }
 
 void EnergyLedger::Count::change_force(const Vector3& f) noexcept {
-  force_variation_newton_ += (f - last_force_newton_).lpNorm<1>();
+  if (f != last_force_newton_) {
+    force_variation_newton_ += (f - last_force_newton_).lpNorm<1>();
+    force_variation_newton_ *= 1.0 + kRounding;
+  }
   last_force_newton_ = f;
 }
 
@@ -165,23 +190,24 @@ void EnergyLedger::Count::move_to(const Vector3& position_m, double duration_s) 
     play_[i].follow(position_m[static_cast<int>(i)], 0.5 * q_);
   }
   position_m_ = position_m;
-  window_s_ += duration_s;
+  window_s_ = (window_s_ + duration_s) * (1.0 + kRounding);
   const double span_m = span_path_m();
   const bool ends_span = span_m >= kSpanResolutions * q_ && window_s_ > 0.0;
   if (ends_span ||
       ((position_m_ - window_start_m_).norm() >= kWindowResolutions * q_ && window_s_ > 0.0)) {
-    closed_windows_path_m_ += window_path_m();
-    closed_windows_viscous_joule_ += window_viscous_joule();
+    closed_windows_path_m_ = sum_from_below(closed_windows_path_m_, window_path_m());
+    closed_windows_viscous_joule_ =
+        sum_from_below(closed_windows_viscous_joule_, window_viscous_joule());
     begin_window();
   }
   if (ends_span) {
-    closed_spans_path_m_ += span_m;
+    closed_spans_path_m_ = sum_from_below(closed_spans_path_m_, span_m);
     begin_span();
   }
 }
 
 double EnergyLedger::Count::window_path_m() const noexcept {
-  return std::max(0.0, (position_m_ - window_start_m_).norm() - w_);
+  return std::max(0.0, less_rounding((position_m_ - window_start_m_).norm(), w_));
 }
 
 double EnergyLedger::Count::window_viscous_joule() const noexcept {
@@ -193,10 +219,11 @@ double EnergyLedger::Count::window_viscous_joule() const noexcept {
 double EnergyLedger::Count::span_path_m() const noexcept {
   double play_path2 = 0.0;
   for (const Play& play : play_) {
-    const double path = std::max(0.0, play.path_m - 0.5 * q_);
+    const double path = std::max(0.0, less_rounding(play.path_m, 0.5 * q_));
     play_path2 += path * path;
   }
-  return std::max(closed_windows_path_m_ + window_path_m(), std::sqrt(play_path2));
+  return std::max(sum_from_below(closed_windows_path_m_, window_path_m()),
+                  std::sqrt(play_path2) * (1.0 - kRounding));
 }
 
 double EnergyLedger::Count::dissipated_joule() const noexcept {
@@ -206,7 +233,9 @@ double EnergyLedger::Count::dissipated_joule() const noexcept {
 
 double EnergyLedger::Count::energy_joule() const noexcept {
   const double quantisation = 0.5 * q_ * (last_force_newton_.lpNorm<1>() + force_variation_newton_);
-  return work_joule_ - quantisation + dissipated_joule();
+  const double friction = dissipated_joule();
+  return work_joule_ - quantisation + friction -
+         kRounding * (std::abs(work_joule_) + quantisation + friction);
 }
 
 }  // namespace palpate::controllers

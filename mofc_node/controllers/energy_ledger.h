@@ -41,7 +41,8 @@ struct Release {
 ///
 /// f is the force the user exerts on the environment, f = −F. With q = 0 this is [MOFC] eq. (8) in
 /// vector form, or summed over the axes. E′ may dip below zero where the true energy does not.
-/// No allocation, no throw.
+/// Sums are rounded towards less credit, by at most 1e-14 of their largest term in a step. Lemmas:
+/// telescoping, quantised_path, play_operator, play_axes. No allocation, no throw.
 class EnergyLedger {
  public:
   /// Isotropic. @param f_d ≥ 0 [N·s/m]   @param f_co ≥ 0 [N]   @param q ≥ 0 [m]
@@ -71,12 +72,13 @@ class EnergyLedger {
   void book_unread(double most_drawn_joule, const Vector3& hand_position_at_end_m) noexcept;
 
   /// Books a release, between what is known of it and its worst case (docs/theory.md §2.5).
+  /// Lemmas: release_reach, release_energy.
   void book_release(const Release& release) noexcept;
 
   /// Starts again after an interval of which nothing is known: E′ ← min(E′, 0).
   void forfeit(const Vector3& hand_position_m) noexcept;
 
-  /// E′ ← min(E′, joule).
+  /// E′ ← min(E′, joule). Lemma: cap.
   void limit(double joule) noexcept;
 
   [[nodiscard]] double energy_joule() const noexcept;

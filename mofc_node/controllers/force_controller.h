@@ -53,7 +53,7 @@ struct ControlOutput {
 };
 
 /// One bound for all directions: F = F_e min(1, f_max / |F_e|), direction kept. The caller sets
-/// the ledger's energy.
+/// the ledger's energy. Lemma: reduction.
 [[nodiscard]] ControlOutput output_within(const Vector3& asked_force_on_hand_newton,
                                           double f_max_newton) noexcept;
 

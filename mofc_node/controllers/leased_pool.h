@@ -27,7 +27,7 @@ struct LeasedPoolParameters {
 ///   F          the largest force along F_e with T drain(F) + δ drain(F_acting) ≤ E′
 ///   valid_for  (E′ − δ drain(F_acting)) / drain(F), within T … T_lease,max
 ///
-/// No allocation, no throw.
+/// Lemmas: hold_and_delay, residual_lease. No allocation, no throw.
 class LeasedPool {
  public:
   explicit LeasedPool(const LeasedPoolParameters& parameters)

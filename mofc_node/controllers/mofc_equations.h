@@ -30,7 +30,8 @@ struct MofcParameters {
 /// Lower bound of the energy of one interval of length T with displacement d and held force f_s:
 ///   e(k+1) = f_d T v² + f_co T |v| + T f_s v,   v = d/T
 /// Source: [MOFC] eq. (10), which (5)–(8) sum and (9), (11) add to what was there. With the mean
-/// velocity it holds for any motion inside the interval (Jensen). T ≤ 0 counts no viscous part.
+/// velocity it holds for any motion inside the interval. T ≤ 0 counts no viscous part.
+/// Lemmas: jensen, path_length.
 [[nodiscard]] inline double interval_energy_joule(double f_d, double f_co, double T, double d,
                                                   double f_s) noexcept {
   const double viscous = T > 0.0 ? f_d * d * d / T : 0.0;
@@ -47,14 +48,14 @@ struct MofcParameters {
 }
 
 /// Most power the hand can draw while a force of norm f acts: (f − f_co)₊² / (4 f_d); infinite for
-/// f_d = 0 and f > f_co. Source: [MOFC] eqs. (10), (12).
+/// f_d = 0 and f > f_co. Source: [MOFC] eqs. (10), (12). Lemmas: drain, cauchy_schwarz.
 [[nodiscard]] inline double drain_watt(const MofcParameters& p, double f) noexcept {
   const double excess = std::max(0.0, f - p.f_co);
   return excess > 0.0 ? excess * excess / (4.0 * p.f_d) : 0.0;
 }
 
 /// The same for a hand no faster than v_max: the maximum of (f − f_co) v − f_d v² over v ≤ v_max.
-/// Finite for f_d = 0. v_max > 0; infinite: the same as above.
+/// Finite for f_d = 0. v_max > 0; infinite: the same as above. Lemma: drain_bounded_speed.
 [[nodiscard]] inline double drain_watt(const MofcParameters& p, double f, double v_max) noexcept {
   const double excess = std::max(0.0, f - p.f_co);
   if (!(excess > 2.0 * p.f_d * v_max)) return drain_watt(p, f);
@@ -63,6 +64,7 @@ struct MofcParameters {
 
 /// f_max = f_co + 2 √(f_d E′ / T). Source: [MOFC] eq. (13).
 /// Differs: E′ below zero (friction overestimated, or quantisation unaccounted for) counts as zero.
+/// Lemmas: one_interval, between_samples.
 [[nodiscard]] inline double maximum_force_newton(const MofcParameters& p, double energy) noexcept {
   return p.f_co + 2.0 * std::sqrt(p.f_d * std::max(0.0, energy) / p.T);
 }
@@ -71,7 +73,7 @@ struct MofcParameters {
 ///   f_co + 2 √(f_d E′ / T)               while E′ ≤ f_d T v_max²
 ///   f_co + f_d v_max + E′ / (T v_max)    beyond
 /// Differs from [MOFC] eq. (13): a hand has a highest speed, so v* of (12) is cut there. Never
-/// below (13), equal to it at the seam. v_max > 0; infinite: (13).
+/// below (13), equal to it at the seam. v_max > 0; infinite: (13). Lemma: bound_bounded_speed.
 [[nodiscard]] inline double maximum_force_newton(const MofcParameters& p, double energy,
                                                  double v_max) noexcept {
   if (!(energy > p.f_d * p.T * v_max * v_max)) return maximum_force_newton(p, energy);

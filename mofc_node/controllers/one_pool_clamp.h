@@ -23,7 +23,7 @@ namespace palpate::controllers {
 /// |v_i| ≤ v_max on every axis, which gives the first bound: exact while no axis gets to v_max, but
 /// the hand may be √3 v_max fast in it. Σ e_i|v_i| ≤ |e||v| and Σ f_d,i v_i² ≥ f_d,min|v|² give the
 /// second: exact where all f_d,i are equal. Both grow with s; s is found by halving, from below.
-/// No allocation, no throw.
+/// Lemmas: drain_per_axis, gate. No allocation, no throw.
 class OnePoolClamp {
  public:
   /// @param parameters  f_d and f_co are unused where there is `per_axis`

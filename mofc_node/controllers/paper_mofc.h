@@ -23,6 +23,7 @@ class PaperMofc final : public ForceController {
   explicit PaperMofc(const MofcParameters& p)
       : PaperMofc({.f_d = Vector3::Constant(p.f_d), .f_co = Vector3::Constant(p.f_co)}, p.T) {}
   /// f_d and f_co/√3 on every axis, for an isotropic friction f_d v + f_co v/|v|.
+  /// Lemma: three_pools.
   [[nodiscard]] static PaperMofc isotropic(const MofcParameters& p) {
     return PaperMofc({.f_d = p.f_d, .f_co = p.f_co / std::numbers::sqrt3, .T = p.T});
   }

@@ -77,46 +77,22 @@ SurfaceMesh display_mesh(const HalfSpaceGeometry& half_space, const DisplayArea&
 }
 
 SurfaceMesh display_mesh(const SphereGeometry& sphere, const DisplayArea& area) {
-  // the twelve corners of an icosahedron: cyclic permutations of (0, ±1, ±φ)
-  constexpr double kPhi = std::numbers::phi;
-  DirectionMesh directions;
-  std::vector<Vector3>& corners = directions.directions;
-  for (const double a : {-1.0, 1.0}) {
-    for (const double b : {-kPhi, kPhi}) {
-      corners.insert(corners.end(), {Vector3(0, a, b), Vector3(a, b, 0), Vector3(b, 0, a)});
-    }
-  }
-  for (Vector3& corner : corners) corner.normalize();
-
-  // its faces: three corners at the shortest distance from each other, counter-clockwise from
-  // outside
-  const double edge = 2.0 / std::sqrt(1.0 + kPhi * kPhi);
-  const auto are_near = [&](std::uint32_t i, std::uint32_t k) {
-    return (corners[i] - corners[k]).norm() < 1.1 * edge;
-  };
-  for (std::uint32_t i = 0; i < corners.size(); ++i) {
-    for (std::uint32_t j = i + 1; j < corners.size(); ++j) {
-      for (std::uint32_t k = j + 1; k < corners.size(); ++k) {
-        if (!are_near(i, j) || !are_near(j, k) || !are_near(i, k)) continue;
-        const bool is_outward = corners[i].cross(corners[j]).dot(corners[k]) > 0.0;
-        directions.triangles.push_back(is_outward ? std::array{i, j, k} : std::array{i, k, j});
-      }
-    }
-  }
-
+  DirectionMesh unit_sphere = icosahedron();
   // each division halves the edges
   const double wanted = std::max(kFinestSpacing_m, sphere.radius_m / 30.0) / sphere.radius_m;
-  double length = edge;
+  const auto& corners = unit_sphere.directions;
+  const auto& first = unit_sphere.triangles.front();
+  double length = (corners[first[1]] - corners[first[0]]).norm();
   const auto may_divide = [&] {
     return length > wanted && 4.0 * static_cast<double>(corners.size()) < kScatter * area.vertices;
   };
-  for (; may_divide(); length /= 2.0) subdivide(directions);
+  for (; may_divide(); length /= 2.0) subdivide(unit_sphere);
 
   SurfaceMesh mesh;
   for (const Vector3& corner : corners) {
     add_vertex(sphere.center_m + sphere.radius_m * corner, mesh);
   }
-  for (const auto& face : directions.triangles) {
+  for (const auto& face : unit_sphere.triangles) {
     mesh.triangles.insert(mesh.triangles.end(), face.begin(), face.end());
   }
   return mesh;

@@ -141,8 +141,8 @@ std::string velocity_table(const std::vector<json>& outputs) {
       {"Kalman hand, mass set to 1 kg", "the same, mass set to 1 kg"}};
   std::vector<Cells> table;
   for (const auto& [key, label] : kShown) {
-    const json& row = only(rows, [&](const json& r) {
-      return r.at("motion") == "paper_rigid in the loop" && r.at("estimator") == key;
+    const json& row = only(rows, [estimator = key](const json& r) {
+      return r.at("motion") == "paper_rigid in the loop" && r.at("estimator") == estimator;
     });
     table.push_back({label, fixed(row, "transparency_percent", 0),
                      fixed(row, "force_error_percent", 0), fixed(row, "clamped_percent", 0),

@@ -129,6 +129,7 @@ std::vector<Adversity> adversities() {
 
   // what physics answers
   add("±peak square wave", {}, Physics::kSquareWave);
+  add("the same, no slew limit", {"device.slew_newton_per_s=0"}, Physics::kSquareWave);
   add("peak along the velocity", {}, Physics::kPushAlong);
   add("the same, a third NaN (inproc)", {}, Physics::kNotANumber);
   all.back().run.links = LockstepLinks::kInproc;
@@ -185,6 +186,7 @@ struct Summary {
   int negative = 0;
   double least_joule = 0.0;
   double peak_newton = 0.0;
+  double largest_jump_newton = 0.0;
   double longest_fallback_s = 0.0;
   double top_speed_m_per_s = 0.0;
   std::uint64_t too_fast_ticks = 0;
@@ -199,6 +201,7 @@ struct Summary {
     if (s.minimum_true_energy_joule() < kNegativeJoule) ++negative;
     least_joule = std::min(least_joule, s.minimum_true_energy_joule());
     peak_newton = std::max(peak_newton, s.maximum_force_newton());
+    largest_jump_newton = std::max(largest_jump_newton, result.device.largest_jump_newton);
     longest_fallback_s = std::max(longest_fallback_s, result.longest_fallback_s);
     top_speed_m_per_s = std::max(top_speed_m_per_s, result.top_speed_m_per_s);
     too_fast_ticks += result.mofc.too_fast_ticks;
@@ -281,6 +284,7 @@ Table adversity_table(int seeds, const std::vector<std::string>& more_overrides)
                {"negative_runs", "below −1 µJ", "{:.0f}"},
                {"min_true_energy_uj", "min energy µJ", "{:.1f}"},
                {"peak_force_n", "peak N", "{:.2f}"},
+               {"largest_jump_n", "jump N", "{:.2f}"},
                {"longest_fallback_ms", "fallback ms", "{:.1f}"},
                {"transparency_percent", "transp. %", "{:.1f}"},
                {"clamped_percent", "clamped %", "{:.1f}"},
@@ -295,7 +299,7 @@ Table adversity_table(int seeds, const std::vector<std::string>& more_overrides)
     table.add({row.adversity->label, std::string(row.friction->label), std::string(row.physics_hz),
                std::string(row.mode->label), static_cast<double>(s.seeds),
                static_cast<double>(s.negative), 1e6 * s.least_joule, s.peak_newton,
-               1e3 * s.longest_fallback_s,
+               s.largest_jump_newton, 1e3 * s.longest_fallback_s,
                Summary::mean_percent(s.transparency_sum, s.transparency_runs),
                Summary::mean_percent(s.clamped_sum, s.clamped_runs), s.top_speed_m_per_s,
                static_cast<double>(s.too_fast_ticks),

@@ -50,8 +50,7 @@ TEST_F(KeygenCommand, ANodeRefusesASecretThatOthersMayRead) {
 
   const Outcome node = run_program("physics_node", {"--session", session, "--seconds", "10"});
   EXPECT_EQ(node.status, 2);
-  EXPECT_THAT(node.err,
-              AllOf(HasSubstr("others may read this secret key"), HasSubstr("chmod 600")));
+  EXPECT_THAT(node.err, AllOf(HasSubstr("others may read this secret"), HasSubstr("chmod 600")));
 }
 
 TEST_F(KeygenCommand, KeysAndInsecureTogetherAreRefused) {

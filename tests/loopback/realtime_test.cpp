@@ -54,7 +54,9 @@ std::vector<std::string> endpoints(const std::string& transport, const TempFolde
     if (transport == "tcp") {
       endpoint = held.emplace_back(std::make_unique<HeldPort>())->endpoint();
     }
-    settings.push_back("links." + link + "=" + endpoint);
+    std::string setting = "links.";
+    setting.append(link).append("=").append(endpoint);
+    settings.push_back(setting);
   }
   return settings;
 }

@@ -100,7 +100,7 @@ class Launch : public testing::Test {
   std::string next_event() {
     for (;;) {
       if (const auto end = unread_.find('\n'); end != std::string::npos) {
-        const std::string line = unread_.substr(0, end);
+        std::string line = unread_.substr(0, end);
         unread_.erase(0, end + 1);
         return line;
       }
@@ -440,6 +440,7 @@ TEST(Supervisor, BacksOffLongerWithEachDeath) {
                                 5);
 
   std::vector<milliseconds> back_offs;
+  back_offs.reserve(deaths.size());
   for (const ChildEvent& death : deaths) back_offs.push_back(death.restart_in);
   EXPECT_EQ(back_offs, (std::vector{milliseconds(1), milliseconds(2), milliseconds(4),
                                     milliseconds(4), milliseconds(4)}));

@@ -284,6 +284,7 @@ TEST_F(WebServerTest, SurvivesAnyBytes) {
 
 TEST_F(WebServerTest, TakesSixteenViewersAndNoMore) {
   std::vector<std::unique_ptr<WebClient>> viewers;
+  viewers.reserve(16);
   for (int i = 0; i < 16; ++i) viewers.push_back(viewer());
   EXPECT_THAT(answer(WebClient::upgrade()), HasSubstr("503"));
 
@@ -293,6 +294,7 @@ TEST_F(WebServerTest, TakesSixteenViewersAndNoMore) {
 
 TEST_F(WebServerTest, TakesNoMoreWhenSixtyAskAtOnce) {
   std::vector<std::unique_ptr<WebClient>> clients;
+  clients.reserve(60);
   for (int i = 0; i < 60; ++i) clients.push_back(connect());
   for (const auto& client : clients) client->send_raw(WebClient::upgrade());
   int places = 0;
@@ -350,6 +352,7 @@ TEST_F(WebServerTest, HundredsOfIdleConnectionsDoNotKeepAViewerOut) {
   subscribe(*client, 1, 1);
   ASSERT_TRUE(eventually([&] { return server_->has_subscriber(0); }));
   std::vector<std::unique_ptr<WebClient>> idle;
+  idle.reserve(300);
   for (int i = 0; i < 300; ++i) idle.push_back(connect());
   ASSERT_TRUE(eventually([&] { return server_->counters().refused > 200; }));
 

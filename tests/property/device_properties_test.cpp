@@ -87,6 +87,42 @@ TEST(ForceGuardLaws, NeverPushesHarderThanItsCommandOrItsPeakAndNeverHarderWithS
   }
 }
 
+// One tick may reverse the force, or let it go; it adds no more than slew · period to what acts
+// along it, so a jump is at most what acts and that. Whatever is commanded.
+TEST(ForceGuardLaws, AJumpIsAtMostWhatActsAndTheSlewOfOnePeriod) {
+  for (const std::uint64_t seed : seeds(200)) {
+    SCOPED_TRACE(testing::Message() << "seed=" << seed);
+    Random random(seed);
+    DeviceConfig config = random_config(random);
+    config.slew_newton_per_s = random.uniform(10, 5000);
+    ForceGuard guard(config, 3.3);
+    const double most_newton = config.slew_newton_per_s / config.rate_hz;
+    TimePoint now = time_at(10.0);
+    Vector3 acting_newton = Vector3::Zero();
+    TimePoint acting_until{};
+
+    for (int i = 0; i < 500; ++i) {
+      now += random_duration(random, random.chance(0.02) ? Duration(100ms) : Duration(1500us));
+      if (now >= acting_until) acting_newton.setZero();
+      ForceCommand command;
+      command.force_on_hand_newton = random.uniform(0.0, 50.0) * random.direction();
+      command.valid_for = random_duration(random, 15ms);
+      const GuardedForce out = random.chance(0.7)
+                                   ? guard.answered(command, now)
+                                   : guard.missed(now, now + random_duration(random, 2ms));
+      const Vector3& force = out.force_on_hand_newton;
+      if (out.is_switch) {
+        const double along_newton =
+            force.norm() > 0.0 ? std::max(0.0, acting_newton.dot(force.normalized())) : 0.0;
+        ASSERT_LE(force.norm(), along_newton + most_newton + 1e-12);
+        ASSERT_LE((force - acting_newton).norm(), acting_newton.norm() + most_newton + 1e-12);
+        acting_newton = force;
+        acting_until = now + out.lease;
+      }
+    }
+  }
+}
+
 /// One tick under adverse conditions: late, missing and short-lived answers, a stopped process.
 template <class Bench>
 void random_tick(Bench& bench, Random& random) {

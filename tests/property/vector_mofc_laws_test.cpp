@@ -90,7 +90,7 @@ TEST(VectorMofcLaws, WithUnnoticedGapsEnergyIsDrawn) {
   // the controller ignores the gap
   class Blind final : public ForceController {
    public:
-    explicit Blind(VectorMofc controller) : controller_(controller) {}
+    explicit Blind(const VectorMofc& controller) : controller_(controller) {}
     void reset() noexcept override { controller_.reset(); }
     ControlOutput step(const ControlInput& input) noexcept override {
       ControlInput without = input;

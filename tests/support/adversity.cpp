@@ -215,7 +215,12 @@ AdverseRun random_adverse_run(std::uint64_t seed) {
   set("device.reply_us", reply_us);
   set("device.lease_us", lease_us);
   if (random.chance(0.5)) set("device.start_ramp_ms", 0.0);
-  if (random.chance(0.3)) set("device.slew_newton_per_s", log_uniform(10.0, 1e4));
+  // none, the default, or another
+  if (random.chance(0.3)) {
+    set("device.slew_newton_per_s", log_uniform(10.0, 1e4));
+  } else if (seed % 2 == 0) {
+    set("device.slew_newton_per_s", 0.0);
+  }
   if (random.chance(0.3)) set("device.peak_force_newton", random.uniform(0.5, 3.0));
   if (random.chance(0.3)) set("device.simulated.peak_force_newton", random.uniform(1.0, 12.0));
   if (random.chance(0.3)) {

@@ -38,6 +38,7 @@ inline LinkCounters random_link_counters(Random& random) {
           .duplicates = random.bits(),
           .out_of_order = random.bits(),
           .rejected = random.bits(),
+          .ahead = random.bits(),
           .sessions = random.bits()};
 }
 inline LoopCounters random_loop_counters(Random& random) {
@@ -109,13 +110,13 @@ inline void randomise(Contact& c, Random& random) {
        .normal_world = random_vector(random, 1.0).normalized(),
        .curvature_per_m = random_matrix(random, 100.0),
        .surface_velocity_world_m_per_s = random_vector(random, 10.0),
-       .elastic_force_on_tool_newton = random_vector(random, 1e6),
+       .elastic_force_on_tool_newton = random_vector(random, 1e4),
        .d_force_d_position = random_matrix(random, 1e6),
        .d_force_d_velocity = random_matrix(random, 1e4),
        .stiffening_newton_per_m2 = random.uniform(-1e9, 1e9),
-       .stiffening_newton_per_m3 = random.uniform(0.0, 1e12),
-       .hunt_crossley_exponent = random.uniform(1.0, 10.0),
-       .hunt_crossley_depth_m = random.uniform(1e-6, 1.0),
+       .stiffening_newton_per_m3 = random.uniform(0.0, 1e9),
+       .hunt_crossley_exponent = random.uniform(1.0, 5.0),
+       .hunt_crossley_depth_m = random.uniform(1e-4, 0.1),
        .hunt_crossley_stiffness_newton_per_m = random.uniform(0.0, 1e6),
        .hunt_crossley_damping_newton_s_per_m = random.uniform(0.0, 1e4),
        .friction_coefficient = random.uniform(0.01, 2.0),
@@ -124,7 +125,7 @@ inline void randomise(Contact& c, Random& random) {
        .stored_energy_joule = random.uniform(0.0, 1e3),
        .is_adhesive = random.chance(0.5),
        .trust_radius_m = random.uniform(1e-4, 1000.0),
-       .force_on_tool_newton = random_vector(random, 1e6),
+       .force_on_tool_newton = random_vector(random, 1e4),
        .is_shaft = random.chance(0.5),
        .is_behind = random.chance(0.5),
        .is_punctured = random.chance(0.5),
@@ -170,7 +171,7 @@ inline void randomise(TissueDescription& d, Random& random) {
                     .cutting_newton = random.uniform(0.0, 10.0)},
        .inclusion_count = 1 + static_cast<std::uint32_t>(random.below(kMaxDescribedInclusions)),
        .motion = {.amplitude_m = random_vector(random, 1.0),
-                  .frequency_hz = random.uniform(0.0, 100.0),
+                  .frequency_hz = random.uniform(0.0, 1.0),
                   .phase_rad = random.uniform(-10.0, 10.0)},
        .tool = {.tip_radius_m = random.uniform(0.0, 1.0),
                 .shaft_length_m = random.uniform(0.0, 1.0),
@@ -236,8 +237,8 @@ inline void randomise(Interaction& m, Random& random) {
   m.device_sampled_at = random_time(random);
   m.tool_position_world_m = random_vector(random, 1000.0);
   m.tool_orientation_world = random_orientation(random);
-  m.force_on_tool_newton = random_vector(random, 1e6);
-  m.stored_energy_joule = random.uniform(0.0, 1e6);
+  m.force_on_tool_newton = random_vector(random, 1e4);
+  m.stored_energy_joule = random.uniform(0.0, 1e3);
   m.contact_count = static_cast<std::uint32_t>(random.below(2 * kMaxContacts));  // may exceed
   // contacts that touch are listed as far as there is room, then near ones
   const auto touching = std::min<std::uint32_t>(m.contact_count, kMaxContacts);
@@ -313,6 +314,7 @@ inline void randomise(DeviceCounters& c, Random& random) {
   c.non_finite_commands = random.bits();
   c.late_switches = random.bits();
   c.max_force_newton = random.uniform(0.0, 10.0);
+  c.largest_jump_newton = random.uniform(0.0, 10.0);
   c.minimum_true_energy_joule = random.chance(0.5) ? random.uniform(-1.0, 1.0) : kNaN;
 }
 
@@ -451,7 +453,8 @@ inline bool same(const Header& a, const Header& b) {
 }
 inline bool same(const LinkCounters& a, const LinkCounters& b) {
   return a.accepted == b.accepted && a.skipped == b.skipped && a.duplicates == b.duplicates &&
-         a.out_of_order == b.out_of_order && a.rejected == b.rejected && a.sessions == b.sessions;
+         a.out_of_order == b.out_of_order && a.rejected == b.rejected && a.ahead == b.ahead &&
+         a.sessions == b.sessions;
 }
 inline bool same(const LoopCounters& a, const LoopCounters& b) {
   return a.ticks == b.ticks && a.skipped_ticks == b.skipped_ticks &&
@@ -640,6 +643,7 @@ inline bool same(const DeviceCounters& a, const DeviceCounters& b) {
          a.fault_ticks == b.fault_ticks && a.fault_resets == b.fault_resets &&
          a.last_fault == b.last_fault && a.non_finite_commands == b.non_finite_commands &&
          a.late_switches == b.late_switches && same(a.max_force_newton, b.max_force_newton) &&
+         same(a.largest_jump_newton, b.largest_jump_newton) &&
          same(a.minimum_true_energy_joule, b.minimum_true_energy_joule);
 }
 inline bool same(const MofcCounters& a, const MofcCounters& b) {

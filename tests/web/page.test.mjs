@@ -1,7 +1,7 @@
 // page.test.mjs: the page in a real Chromium, over the simulated session of support/mock_server.mjs.
 import assert from "node:assert/strict";
-import { after, afterEach, before, test } from "node:test";
-import { at_most, late_pages, launch, open, picture, status, until, until_pixels_change, until_text, words } from "./support/browser.mjs";
+import { after, before, test } from "node:test";
+import { at_most, drawn, late_pages, launch, open, picture, status, until, until_pixels_change, until_text, words } from "./support/browser.mjs";
 import { start_mock_server } from "./support/mock_server.mjs";
 import { changed_pixels } from "./support/png.mjs";
 
@@ -9,59 +9,53 @@ const kLimit = { timeout: 90000 };
 const kPicture = { scale: 1 }; // for tests that compare pictures
 const kSmall = { width: 480, height: 360 }; // several pages share a processor that draws them all
 let browser;
-let server; // of the running test
-let common; // a server and pages that consecutive tests share
 before(async () => { browser = await launch(); });
 after(async () => {
-  await discard_common();
+  await discard();
   await browser.close();
 });
-afterEach(async () => {
-  for (const context of browser.contexts()) if (!common?.contexts.has(context)) await context.close();
-  if (server !== common?.server) await server?.close();
-  server = undefined;
-});
 
-/** A server and a page of the test's own. */
-async function start(options, page_options) {
-  if (common) common.server.world.is_silent = true; // its pages stop drawing
-  server = await start_mock_server(options);
-  return open(browser, server.url, page_options);
-}
+// Consecutive tests with the same options share the server and its pages: loading and first drawing
+// cost seconds.
+let server;
+let pages = [];
+let shared; // their options
 
-/** Pages over the default world: loading and first drawing cost seconds. A failed test discards them. */
-function test_on_common(name, page_options, count, body) {
+/**
+ * A test on `count` pages, with the world and the controls as after loading. A failed test discards them.
+ * @param options.world  of start_mock_server
+ * @param options.page   of open
+ */
+function page_test(name, { world = {}, page = {}, count = 1 }, body) {
   test(name, kLimit, async () => {
-    const key = JSON.stringify(page_options);
-    if (common && common.key !== key) await discard_common();
-    if (!common) common = { key, server: await start_mock_server(), pages: [], contexts: new Set() };
-    server = common.server;
     try {
-      server.reset();
-      while (common.pages.length < count) {
-        const page = await open(browser, server.url, page_options);
-        common.pages.push(page);
-        common.contexts.add(page.context());
-      }
-      for (const page of common.pages) await reset_page(page);
-      server.reset(); // a page may have released the hand only now
-      await body(...common.pages);
+      await prepare(JSON.stringify({ world, page }), count);
+      await body(...pages);
     } catch (error) {
-      await discard_common();
+      await discard();
       throw error;
     }
   });
 }
-const test_on_page = (name, body) => test_on_common(name, {}, 1, body);
-const test_on_picture = (name, body) => test_on_common(name, kPicture, 1, body);
 
-async function discard_common() {
-  if (!common) return;
-  const { contexts, server: its_server } = common;
-  common = undefined;
-  for (const context of contexts) await context.close();
-  await its_server.close();
-  if (server === its_server) server = undefined;
+async function prepare(options, count) {
+  if (options !== shared) {
+    await discard();
+    server = await start_mock_server(JSON.parse(options).world);
+    shared = options;
+  }
+  server.reset();
+  while (pages.length < count) pages.push(await open(browser, server.url, JSON.parse(options).page));
+  for (const page of pages) await reset_page(page);
+  server.reset(); // a page may have released the hand only now
+}
+
+async function discard() {
+  shared = undefined;
+  pages = [];
+  for (const context of browser.contexts()) await context.close();
+  await server?.close();
+  server = undefined;
 }
 
 /** The controls as after loading. */
@@ -70,8 +64,7 @@ async function reset_page(page) {
   await page.mouse.move(0, 0);
   await until(page, (t) => t.is_connected && !t.hand.is_held && !t.hand.is_mine && !t.hand.is_others && Object.values(t.nodes).every(({ is_alive }) => is_alive), "a free hand and three nodes");
   await page.evaluate(() => {
-    document.getElementById("reset-view").click();
-    document.querySelector("#colours [data-value=material]").click();
+    for (const choice of ["#reset-view", "#colours [data-value=material]", "#windows [data-value='10']"]) document.querySelector(choice).click();
   });
 }
 // Where the tool is, in pixels of the window.
@@ -87,60 +80,8 @@ async function rest_tool_at(page, z) {
   await until(page, (t) => Math.abs(t.tool_m.z - z) < 1e-6, "the resting tool");
 }
 
-test_on_picture("pixels change when the tissue deforms, and only then", async (page) => {
-  await rest_tool_at(page, 0.004); // 1 mm above the surface
-  await until(page, (t) => t.scene.tissues[0].displacement_m === 0, "tissue at rest");
-  await page.waitForTimeout(100);
-  const at_rest = await picture(page);
-  const still = await picture(page);
-  assert.equal(changed_pixels(at_rest, still), 0);
-
-  // elsewhere than at the tool, which stands still: what changes is the tissue
-  server.world.dent = { x: -0.02, y: -0.02, z: -0.008 };
-  await until(page, (t) => t.scene.tissues[0].displacement_m > 0.01, "11 mm of dent");
-  const changed = await until_pixels_change(page, at_rest, 1500, "the dent");
-  assert.ok(changed < 0.5 * at_rest.width * at_rest.height, "the camera stands still");
-
-  server.world.dent = null;
-  await until(page, (t) => t.scene.tissues[0].displacement_m === 0, "tissue at rest");
-  await page.waitForTimeout(100);
-  assert.equal(changed_pixels(at_rest, await picture(page)), 0);
-});
-
-test_on_picture("tissue with a motion of its own is drawn where it is", async (page) => {
-  await rest_tool_at(page, 0.03);
-  await until(page, (t) => t.scene.tissues[0].displacement_m === 0, "tissue at rest");
-  await page.waitForTimeout(100);
-  const at_rest = await picture(page);
-
-  server.world.offset = { x: 0, y: 0, z: 0.008 };
-  await until(page, (t) => t.scene.tissues[0].offset_m.z === 0.008, "the motion");
-  await until_pixels_change(page, at_rest, 1500, "the tissue further up");
-  assert.equal((await status(page)).scene.tissues[0].displacement_m, 0, "it does not give way");
-
-  server.world.offset = null;
-  await until(page, (t) => t.scene.tissues[0].offset_m.z === 0, "the tissue where it was");
-  await page.waitForTimeout(100);
-  assert.equal(changed_pixels(at_rest, await picture(page)), 0);
-});
-
-let without_shaft;
-test_on_picture("a tool without a shaft is drawn as its tip", async (page) => {
-  await rest_tool_at(page, 0.02);
-  without_shaft = await picture(page);
-});
-test("the shaft is drawn, and turns with the tool", kLimit, async () => {
-  const page = await start({ shaft_m: 0.03 }, kPicture);
-  await rest_tool_at(page, 0.02);
-  await until_pixels_change(page, without_shaft, 300, "the shaft");
-  await page.waitForTimeout(100);
-  const upright = await picture(page);
-  server.world.orientation = [Math.SQRT1_2, 0, Math.SQRT1_2, 0]; // its z lies along x
-  await until_pixels_change(page, upright, 300, "the shaft turned");
-});
-
-test("the plots move, can be held and show another window", kLimit, async () => {
-  const page = await start({}, kPicture);
+// first: on a new page the curves still grow
+page_test("the plots move, can be held and show another window", { page: kPicture }, async (page) => {
   const first = await until(page, (t) => t.now_s > 1.5 && t.plots.force[0].points > 20, "curves");
   const before = await picture(page, "#plot-force .plot");
   const later = await until(page, (t) => t.now_s > first.now_s + 1, "another second");
@@ -150,7 +91,7 @@ test("the plots move, can be held and show another window", kLimit, async () => 
 
   await page.getByRole("button", { name: "Pause" }).click();
   const held = await until(page, (t) => t.is_paused, "a pause");
-  await page.waitForTimeout(150);
+  await drawn(page);
   const held_picture = await picture(page, "#plot-force .plot");
   await until(page, (t) => t.now_s > held.now_s + 0.5, "data that still arrives");
   assert.equal(changed_pixels(held_picture, await picture(page, "#plot-force .plot")), 0);
@@ -168,7 +109,59 @@ async function until_changed(page, before, selector) {
   assert.fail(`${selector} stayed as it was`);
 }
 
-test_on_page("the page requests nothing from any host but the server, and the console is silent", async (page) => {
+page_test("pixels change when the tissue deforms, and only then", { page: kPicture }, async (page) => {
+  await rest_tool_at(page, 0.004); // 1 mm above the surface
+  await until(page, (t) => t.scene.tissues[0].displacement_m === 0, "tissue at rest");
+  await drawn(page);
+  const at_rest = await picture(page);
+  const still = await picture(page);
+  assert.equal(changed_pixels(at_rest, still), 0);
+
+  // elsewhere than at the tool, which stands still: what changes is the tissue
+  server.world.dent = { x: -0.02, y: -0.02, z: -0.008 };
+  await until(page, (t) => t.scene.tissues[0].displacement_m > 0.01, "11 mm of dent");
+  const changed = await until_pixels_change(page, at_rest, 1500, "the dent");
+  assert.ok(changed < 0.5 * at_rest.width * at_rest.height, "the camera stands still");
+
+  server.world.dent = null;
+  await until(page, (t) => t.scene.tissues[0].displacement_m === 0, "tissue at rest");
+  await drawn(page);
+  assert.equal(changed_pixels(at_rest, await picture(page)), 0);
+});
+
+page_test("tissue with a motion of its own is drawn where it is", { page: kPicture }, async (page) => {
+  await rest_tool_at(page, 0.03);
+  await until(page, (t) => t.scene.tissues[0].displacement_m === 0, "tissue at rest");
+  await drawn(page);
+  const at_rest = await picture(page);
+
+  server.world.offset = { x: 0, y: 0, z: 0.008 };
+  await until(page, (t) => t.scene.tissues[0].offset_m.z === 0.008, "the motion");
+  await until_pixels_change(page, at_rest, 1500, "the tissue further up");
+  assert.equal((await status(page)).scene.tissues[0].displacement_m, 0, "it does not give way");
+
+  server.world.offset = null;
+  await until(page, (t) => t.scene.tissues[0].offset_m.z === 0, "the tissue where it was");
+  await drawn(page);
+  assert.equal(changed_pixels(at_rest, await picture(page)), 0);
+});
+
+let without_shaft;
+page_test("a tool without a shaft is drawn as its tip", { page: kPicture }, async (page) => {
+  await rest_tool_at(page, 0.02);
+  without_shaft = await picture(page);
+});
+
+page_test("the shaft is drawn, and turns with the tool", { world: { shaft_m: 0.03 }, page: kPicture }, async (page) => {
+  await rest_tool_at(page, 0.02);
+  await until_pixels_change(page, without_shaft, 300, "the shaft");
+  await drawn(page);
+  const upright = await picture(page);
+  server.world.orientation = [Math.SQRT1_2, 0, Math.SQRT1_2, 0]; // its z lies along x
+  await until_pixels_change(page, upright, 300, "the shaft turned");
+});
+
+page_test("the page requests nothing from any host but the server, and the console is silent", {}, async (page) => {
   await until(page, (t) => t.plot_draws > 5 && t.mesh_frames > 5, "a running page");
 
   assert.ok(page.requests.length >= 3);
@@ -177,7 +170,7 @@ test_on_page("the page requests nothing from any host but the server, and the co
   assert.equal((await status(page)).unreadable, 0);
 });
 
-test_on_page("a scene that is sent again is not built again", async (page) => {
+page_test("a scene that is sent again is not built again", {}, async (page) => {
   const { scene_builds } = await status(page);
   server.send_scene(); // as physics_node does when another viewer subscribes
   let sent = (await status(page)).mesh_frames;
@@ -191,7 +184,7 @@ test_on_page("a scene that is sent again is not built again", async (page) => {
   await until(page, (t) => t.mesh_frames > sent + 2, "its mesh frames");
 });
 
-test_on_page("displacement colours the dent by its depth", async (page) => {
+page_test("displacement colours the dent by its depth", {}, async (page) => {
   await rest_tool_at(page, -0.004);
   await until(page, (t) => t.scene.tissues[0].displacement_m > 0.006, "7 mm of dent");
 
@@ -204,7 +197,7 @@ test_on_page("displacement colours the dent by its depth", async (page) => {
   await until(page, (t) => t.scale.low === 250 && t.scale.high === 1500, "the scale of both tissues");
 });
 
-test_on_page("a drag on the tool moves the hand, the wheel in depth, and the force is displayed", async (page) => {
+page_test("a drag on the tool moves the hand, the wheel in depth, and the force is displayed", {}, async (page) => {
   await rest_tool_at(page, 0.02);
   const from = await tool_on_screen(page);
   await page.mouse.move(from.x, from.y);
@@ -239,7 +232,7 @@ test_on_page("a drag on the tool moves the hand, the wheel in depth, and the for
   }
 });
 
-test_on_page("at most sixty targets a second leave the page", async (page) => {
+page_test("at most sixty targets a second leave the page", {}, async (page) => {
   await rest_tool_at(page, 0.02);
   const { x, y } = await tool_on_screen(page);
   await page.mouse.move(x, y);
@@ -255,7 +248,7 @@ test_on_page("at most sixty targets a second leave the page", async (page) => {
   assert.ok(targets.length <= 60 * span_s + 3, `${targets.length} in ${span_s} s`);
 });
 
-test_on_page("targets stay within the reach of the scene", async (page) => {
+page_test("targets stay within the reach of the scene", {}, async (page) => {
   const { sent } = (await status(page)).hand;
   await rest_tool_at(page, 0.02);
   const { x, y } = await tool_on_screen(page);
@@ -270,26 +263,7 @@ test_on_page("targets stay within the reach of the scene", async (page) => {
   for (const { x, y, z } of server.world.targets) assert.ok(Math.hypot(x, y, z) <= 0.09 * (1 + 1e-9));
 });
 
-test("without WebGL the figures still run, and the page says so", kLimit, async () => {
-  if (common) common.server.world.is_silent = true;
-  server = await start_mock_server();
-  const context = await browser.newContext();
-  const page = await context.newPage();
-  page.problems = [];
-  page.on("pageerror", (error) => page.problems.push(error.message));
-  await page.addInitScript(() => {
-    const get = HTMLCanvasElement.prototype.getContext;
-    HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
-      return String(kind).startsWith("webgl") ? null : get.call(this, kind, ...rest);
-    };
-  });
-  await page.goto(server.url);
-  await until(page, (t) => t.plots.force[0].points > 20, "curves");
-  assert.match(await words(page, "no-webgl"), /no WebGL/);
-  assert.deepEqual(page.problems, []);
-});
-
-test_on_page("the keyboard leads the hand too: T, arrows, Escape", async (page) => {
+page_test("the keyboard leads the hand too: T, arrows, Escape", {}, async (page) => {
   await rest_tool_at(page, 0.02);
   await page.locator("#canvas").focus();
   await page.keyboard.press("t");
@@ -306,36 +280,8 @@ test_on_page("the keyboard leads the hand too: T, arrows, Escape", async (page) 
   assert.equal((await status(page)).hand.sent, before.hand.sent);
 });
 
-test("a finger drags the tool on a phone", kLimit, async () => {
-  const page = await start({}, { width: 390, height: 844, scale: 1, touch: true });
-  await rest_tool_at(page, 0.02);
-  const { x, y } = await tool_on_screen(page);
-  const devtools = await page.context().newCDPSession(page);
-  const finger = (type, at) => devtools.send("Input.dispatchTouchEvent", { type, touchPoints: at ? [at] : [] });
-  await finger("touchStart", { x: x + 12, y: y + 12 });
-  await finger("touchMove", { x: x + 12, y: y + 60 });
-  await until(page, (t) => t.hand.is_held && t.target_m.z < 0.01, "a target below the tool");
-  await finger("touchEnd");
-  await until(page, (t) => !t.hand.is_held, "the release");
-});
-
-test("without permission the page offers no touch and sends nothing", kLimit, async () => {
-  const page = await start({ has_pointer: false });
-  await rest_tool_at(page, 0.02);
-  assert.equal(await page.locator("#touch").isVisible(), false);
-
-  const { x, y } = await tool_on_screen(page);
-  await page.mouse.move(x, y);
-  await page.mouse.down();
-  await page.mouse.move(x, y + 80, { steps: 4 });
-  await page.mouse.up();
-  await until(page, (t) => t.frames > 3, "pictures");
-  assert.equal((await status(page)).hand.sent, 0);
-  assert.equal(server.world.targets.length, 0);
-});
-
 for (const [name, state, task] of [["device", "no_device", "the motors"], ["mofc", "no_mofc", "the clamp"], ["physics", "no_physics", "the tissue"]]) {
-  test_on_page(`a killed ${name}_node is reported within 2 s`, async (page) => {
+  page_test(`a killed ${name}_node is reported within 2 s`, {}, async (page) => {
     await until(page, (t) => t.nodes[name].is_alive, "a living node");
 
     await at_most(2000, async () => {
@@ -353,8 +299,20 @@ for (const [name, state, task] of [["device", "no_device", "the motors"], ["mofc
   });
 }
 
-test("a lost connection is reported and made again", kLimit, async () => {
-  const page = await start();
+page_test("a stalled server is reported as gone, though its connection stays open", {}, async (page) => {
+  await at_most(2500, async () => {
+    server.world.is_silent = true;
+    const silent_ms = performance.now();
+    await until(page, (t) => t.state.id === "disconnected", "the loss");
+    const reported_ms = performance.now() - silent_ms;
+
+    server.world.is_silent = false;
+    await until(page, (t) => t.state.id !== "disconnected" && t.nodes.device.is_alive, "the return");
+    return reported_ms;
+  });
+});
+
+page_test("a lost connection is reported and made again", {}, async (page) => {
   const port = Number(new URL(server.url).port);
   await at_most(2000, async () => {
     await server.close();
@@ -370,36 +328,24 @@ test("a lost connection is reported and made again", kLimit, async () => {
   });
 });
 
-test_on_page("a stalled server is reported as gone, though its connection stays open", async (page) => {
-  await at_most(2500, async () => {
-    server.world.is_silent = true;
-    const silent_ms = performance.now();
-    await until(page, (t) => t.state.id === "disconnected", "the loss");
-    const reported_ms = performance.now() - silent_ms;
+page_test("every control has a name, and Tab reaches it", {}, async (page) => {
+  const unnamed = await page.evaluate(() => [...document.querySelectorAll("button, canvas[tabindex]")]
+    .filter((element) => !(element.getAttribute("aria-label") || element.innerText || element.title)).length);
+  assert.equal(unnamed, 0);
 
-    server.world.is_silent = false;
-    await until(page, (t) => t.state.id !== "disconnected" && t.nodes.device.is_alive, "the return");
-    return reported_ms;
-  });
-});
-
-test("dark and light, by preference and by choice", kLimit, async () => {
-  const page = await start({}, { dark: true });
-  const brightness = async () => {
-    const { pixels } = await picture(page, ".bar");
-    return pixels[0];
-  };
-  assert.ok(await brightness() < 60);
-
-  await page.getByRole("button", { name: "Light or dark" }).click();
-  assert.ok(await brightness() > 200);
+  const missing = new Set(["windows", "pause", "theme", "canvas", "colours", "inside", "reset-view", "touch-toggle"]);
+  for (let i = 0; i < 40 && missing.size > 0; ++i) {
+    await page.keyboard.press("Tab");
+    missing.delete(await page.evaluate(() => document.activeElement?.id || document.activeElement?.parentElement?.id));
+  }
+  assert.deepEqual([...missing], []);
 });
 
 for (const [width, height] of [[390, 844], [360, 640], [844, 390], [768, 1024], [1440, 900]]) {
-  test_on_page(`nothing overflows at ${width} × ${height}`, async (page) => {
+  page_test(`nothing overflows at ${width} × ${height}`, {}, async (page) => {
+    const { frames } = await status(page);
     await page.setViewportSize({ width, height });
-    await page.reload();
-    await until(page, (t) => t.scene && t.device_ticks > 0 && t.frames > 0, "the scene and the first ticks");
+    await until(page, (t) => t.frames > frames + 2, "pictures of that size");
     const overflow = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
     assert.ok(overflow <= 0, `${overflow} px too wide`);
     const scene = await page.locator("#scene").boundingBox();
@@ -416,7 +362,22 @@ for (const [width, height] of [[390, 844], [360, 640], [844, 390], [768, 1024], 
   });
 }
 
-test_on_common("one page holds the hand; another says so and moves nothing", kSmall, 2, async (first, second) => {
+page_test("late pages see the same scene within a second", { page: kSmall }, async (first) => {
+  await rest_tool_at(first, -0.006);
+  const reference = await until(first, (t) => t.scene.tissues[0].displacement_m > 0.008, "a dent");
+
+  await late_pages(browser, server.url, kSmall, async (page) => {
+    const begin = performance.now();
+    const now = await until(page, (t) => t.scene?.tissues[0].displacement_m > 0.008, "scene and dent");
+    const took_ms = performance.now() - begin;
+    assert.equal(now.scene.signature, reference.scene.signature);
+    assert.equal(now.scene.revision, reference.scene.revision);
+    assert.deepEqual(now.scene.tissues.map((t) => t.displacement_m.toFixed(5)), reference.scene.tissues.map((t) => t.displacement_m.toFixed(5)));
+    return took_ms;
+  });
+});
+
+page_test("one page holds the hand; another says so and moves nothing", { page: kSmall, count: 2 }, async (first, second) => {
   await rest_tool_at(first, 0.02);
   const from = await tool_on_screen(first);
   await first.mouse.move(from.x, from.y);
@@ -435,7 +396,8 @@ test_on_common("one page holds the hand; another says so and moves nothing", kSm
   await first.mouse.up();
   await until(second, (t) => !t.hand.is_others, "a free hand");
 });
-test_on_common("two pages that grab at once: the later one lets go", kSmall, 2, async (first, second) => {
+
+page_test("two pages that grab at once: the later one lets go", { page: kSmall, count: 2 }, async (first, second) => {
   await rest_tool_at(first, 0.02);
   const from = await tool_on_screen(first);
   for (const page of [first, second]) {
@@ -450,40 +412,50 @@ test_on_common("two pages that grab at once: the later one lets go", kSmall, 2, 
   assert.equal((await status(first)).hand.is_mine, true);
 });
 
-test_on_common("late pages see the same scene within a second", kSmall, 1, async (first) => {
-  await rest_tool_at(first, -0.006);
-  const reference = await until(first, (t) => t.scene.tissues[0].displacement_m > 0.008, "a dent");
-
-  await late_pages(browser, server.url, kSmall, async (page) => {
-    const begin = performance.now();
-    const now = await until(page, (t) => t.scene?.tissues[0].displacement_m > 0.008, "scene and dent");
-    const took_ms = performance.now() - begin;
-    assert.equal(now.scene.signature, reference.scene.signature);
-    assert.equal(now.scene.revision, reference.scene.revision);
-    assert.deepEqual(now.scene.tissues.map((t) => t.displacement_m.toFixed(5)), reference.scene.tissues.map((t) => t.displacement_m.toFixed(5)));
-    return took_ms;
-  });
+page_test("a finger drags the tool on a phone", { page: { width: 390, height: 844, scale: 1, touch: true } }, async (page) => {
+  await rest_tool_at(page, 0.02);
+  const { x, y } = await tool_on_screen(page);
+  const devtools = await page.context().newCDPSession(page);
+  const finger = (type, at) => devtools.send("Input.dispatchTouchEvent", { type, touchPoints: at ? [at] : [] });
+  await finger("touchStart", { x: x + 12, y: y + 12 });
+  await finger("touchMove", { x: x + 12, y: y + 60 });
+  await until(page, (t) => t.hand.is_held && t.target_m.z < 0.01, "a target below the tool");
+  await finger("touchEnd");
+  await until(page, (t) => !t.hand.is_held, "the release");
 });
 
-test("every control has a name, and Tab reaches it", kLimit, async () => {
-  const page = await start();
-  const unnamed = await page.evaluate(() => [...document.querySelectorAll("button, canvas[tabindex]")]
-    .filter((element) => !(element.getAttribute("aria-label") || element.innerText || element.title)).length);
-  assert.equal(unnamed, 0);
+page_test("without permission the page offers no touch and sends nothing", { world: { has_pointer: false } }, async (page) => {
+  await rest_tool_at(page, 0.02);
+  assert.equal(await page.locator("#touch").isVisible(), false);
 
-  const reached = new Set();
-  for (let i = 0; i < 30; ++i) {
-    await page.keyboard.press("Tab");
-    reached.add(await page.evaluate(() => document.activeElement?.id || document.activeElement?.parentElement?.id || document.activeElement?.parentElement?.className));
-  }
-  for (const id of ["windows", "pause", "theme", "canvas", "colours", "inside", "reset-view", "touch-toggle"]) {
-    assert.ok(reached.has(id), `${id} is not reached: ${[...reached]}`);
-  }
+  const { x, y } = await tool_on_screen(page);
+  await page.mouse.move(x, y);
+  await page.mouse.down();
+  await page.mouse.move(x, y + 80, { steps: 4 });
+  await page.mouse.up();
+  await until(page, (t) => t.frames > 3, "pictures");
+  assert.equal((await status(page)).hand.sent, 0);
+  assert.equal(server.world.targets.length, 0);
 });
 
-test("20 000 deforming vertices at 30 Hz are taken as fast as they come", kLimit, async () => {
-  await discard_common();
-  const page = await start({ vertices: 20000 });
+page_test("dark and light, by preference and by choice", { page: { dark: true } }, async (page) => {
+  const brightness = async () => {
+    const { pixels } = await picture(page, ".bar");
+    return pixels[0];
+  };
+  assert.ok(await brightness() < 60);
+
+  await page.getByRole("button", { name: "Light or dark" }).click();
+  assert.ok(await brightness() > 200);
+});
+
+page_test("without WebGL the figures still run, and the page says so", { page: { has_webgl: false, wait: false } }, async (page) => {
+  await until(page, (t) => t.plots.force[0].points > 20, "curves");
+  assert.match(await words(page, "no-webgl"), /no WebGL/);
+  assert.match(page.problems.join(), /^THREE\S+ THREE\S+ Error creating WebGL context\.$/);
+});
+
+page_test("20 000 deforming vertices at 30 Hz are taken as fast as they come", { world: { vertices: 20000 }, page: { max_hz: 60 } }, async (page) => {
   await until(page, (t) => t.mesh_frames > 5, "mesh frames");
   await at_most(0.010, async () => { // a third of the period
     const begin = await status(page);

@@ -123,7 +123,8 @@ void add_link(Page& page, const char* link, const LinkCounters& counters) {
                 {with("skipped"), counters.skipped},
                 {with("duplicate"), counters.duplicates},
                 {with("out_of_order"), counters.out_of_order},
-                {with("rejected"), counters.rejected}});
+                {with("rejected"), counters.rejected},
+                {with("ahead"), counters.ahead}});
 }
 
 void add_device(Page& page, const DeviceCounters& c) {
@@ -145,6 +146,9 @@ void add_device(Page& page, const DeviceCounters& c) {
                "Answers that began to act after the deadline and were withdrawn at once.",
                {{"", c.late_switches}});
   page.gauge("device_max_force_newtons", "Largest force since the start.", "", c.max_force_newton);
+  page.gauge("device_largest_jump_newtons",
+             "Largest change of the force from one tick to the next since the start.", "",
+             c.largest_jump_newton);
   page.gauge("device_minimum_true_energy_joules",
              "Minimum of the true energy since the start; simulated devices only.", "",
              c.minimum_true_energy_joule);

@@ -11,9 +11,6 @@ using namespace wire;
 
 namespace {
 
-constexpr double kMaxForceOnToolNewton = 1e6;
-constexpr double kMaxCurvaturePerM = 1e9;
-
 using Matrix = google::protobuf::RepeatedField<double>;
 
 void put_matrix(const Matrix3& matrix, Matrix& to) {
@@ -68,28 +65,29 @@ void check_contact(const v1::Contact& contact, Verdict& verdict) {
   verdict.number(contact.penetration_m(), -kMaxPositionM, kMaxPositionM);
   verdict.unit_vector(contact.has_normal_world(), contact.normal_world());
   verdict.vector(contact.has_force_on_tool_newton(), contact.force_on_tool_newton(),
-                 kMaxForceOnToolNewton);
+                 kMaxTissueForceNewton);
   check_matrix(contact.curvature_per_m(), kMaxCurvaturePerM, verdict);
   verdict.vector(contact.has_surface_velocity_world_m_per_s(),
-                 contact.surface_velocity_world_m_per_s(), kMaxVelocityMPerS);
+                 contact.surface_velocity_world_m_per_s(), kMaxTissueSpeedMPerS);
   verdict.vector(contact.has_elastic_force_on_tool_newton(), contact.elastic_force_on_tool_newton(),
-                 kMaxLawCoefficient);
-  check_matrix(contact.d_force_d_position(), kMaxLawCoefficient, verdict);
-  check_matrix(contact.d_force_d_velocity(), kMaxLawCoefficient, verdict);
-  verdict.number(contact.stiffening_newton_per_m2(), -kMaxStiffening, kMaxStiffening);
-  verdict.number(contact.stiffening_newton_per_m3(), -kMaxStiffening, kMaxStiffening);
-  verdict.finite(contact.stored_energy_joule());
-  verdict.expect(contact.stored_energy_joule() >= 0.0);
+                 kMaxTissueForceNewton);
+  check_matrix(contact.d_force_d_position(), kMaxSlopeNewtonPerM, verdict);
+  check_matrix(contact.d_force_d_velocity(), kMaxDampingNewtonSPerM, verdict);
+  verdict.number(contact.stiffening_newton_per_m2(), -kMaxStiffeningNewtonPerM2,
+                 kMaxStiffeningNewtonPerM2);
+  verdict.number(contact.stiffening_newton_per_m3(), -kMaxStiffeningNewtonPerM3,
+                 kMaxStiffeningNewtonPerM3);
+  verdict.number(contact.stored_energy_joule(), 0.0, kMaxStoredEnergyJoule);
   verdict.number(contact.trust_radius_m(), 0.0, kMaxPositionM);
   verdict.expect(contact.trust_radius_m() > 0.0);
   if (contact.hunt_crossley_exponent() != 0.0) {
     verdict.number(contact.hunt_crossley_exponent(), 1.0, kMaxExponent);
-    verdict.number(contact.hunt_crossley_depth_m(), kLeastDepthM, kMaxPositionM);
+    verdict.number(contact.hunt_crossley_depth_m(), kMinExponentDepthM, kMaxExponentDepthM);
   }
-  verdict.number(contact.hunt_crossley_stiffness_newton_per_m(), 0.0, kMaxLawCoefficient);
-  verdict.number(contact.hunt_crossley_damping_newton_s_per_m(), 0.0, kMaxLawCoefficient);
+  verdict.number(contact.hunt_crossley_stiffness_newton_per_m(), 0.0, kMaxStiffnessNewtonPerM);
+  verdict.number(contact.hunt_crossley_damping_newton_s_per_m(), 0.0, kMaxDampingNewtonSPerM);
   verdict.number(contact.friction_coefficient(), 0.0, kMaxFrictionCoefficient);
-  verdict.number(contact.friction_stiffness_newton_per_m(), 0.0, kMaxLawCoefficient);
+  verdict.number(contact.friction_stiffness_newton_per_m(), 0.0, kMaxStiffnessNewtonPerM);
   if (contact.friction_coefficient() > 0.0 || contact.has_stretch_m()) {
     verdict.vector(contact.has_stretch_m(), contact.stretch_m(), kMaxPositionM);
   }
@@ -151,9 +149,8 @@ struct WireFormat<Interaction> {
     verdict.vector(wire.has_tool_position_world_m(), wire.tool_position_world_m(), kMaxPositionM);
     verdict.orientation(wire.has_tool_orientation_world(), wire.tool_orientation_world());
     verdict.vector(wire.has_force_on_tool_newton(), wire.force_on_tool_newton(),
-                   kMaxForceOnToolNewton);
-    verdict.finite(wire.stored_energy_joule());
-    verdict.expect(wire.stored_energy_joule() >= 0.0);
+                   kMaxTissueForceNewton);
+    verdict.number(wire.stored_energy_joule(), 0.0, kMaxStoredEnergyJoule);
     // contacts that touch are listed first, as far as there is room; then near ones
     const auto listed = static_cast<std::uint32_t>(wire.contacts_size());
     const auto touching = static_cast<std::uint32_t>(

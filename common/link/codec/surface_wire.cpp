@@ -1,15 +1,15 @@
 #include "common/link/codec/surface_wire.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
+#include <numbers>
 #include <string>
 
 namespace palpate::wire {
 namespace {
 
-constexpr double kMaxFrequencyHz = 1e3;
 constexpr double kMaxAngleRad = 1e6;
-constexpr double kMaxRelaxationS = 1e6;
 constexpr double kMaxTileStepM = 1.0;
 constexpr std::size_t kVertexBytes = 6;
 constexpr std::size_t kFacetBytes = 3;
@@ -108,20 +108,23 @@ void check_geometry(const v1::TissueDescription& d, Verdict& verdict) {
 void check_description(const v1::TissueDescription& d, Verdict& verdict) {
   verdict.expect(d.slot() < kMaxDescribed);
   check_geometry(d, verdict);
-  for (const double x :
-       {d.stiffness_newton_per_m(), d.damping_newton_s_per_m(), d.relaxing_stiffness_newton_per_m(),
-        d.friction_stiffness_newton_per_m(), d.puncture_newton(), d.cutting_newton()}) {
-    verdict.number(x, 0.0, kMaxLawCoefficient);
+  for (const double x : {d.stiffness_newton_per_m(), d.relaxing_stiffness_newton_per_m(),
+                         d.friction_stiffness_newton_per_m()}) {
+    verdict.number(x, 0.0, kMaxStiffnessNewtonPerM);
   }
+  verdict.number(d.damping_newton_s_per_m(), 0.0, kMaxDampingNewtonSPerM);
+  verdict.number(d.puncture_newton(), 0.0, kMaxTissueForceNewton);
+  verdict.number(d.cutting_newton(), 0.0, kMaxTissueForceNewton);
   if (d.exponent() != 0.0) {
     verdict.number(d.exponent(), 1.0, kMaxExponent);
-    verdict.number(d.exponent_depth_m(), kLeastDepthM, kMaxPositionM);
+    verdict.number(d.exponent_depth_m(), kMinExponentDepthM, kMaxExponentDepthM);
   }
   verdict.finite(d.exponent_depth_m());
-  verdict.number(d.stiffening_newton_per_m3(), 0.0, kMaxStiffening);
+  verdict.number(d.stiffening_newton_per_m3(), 0.0, kMaxStiffeningNewtonPerM3);
   verdict.number(d.friction_coefficient(), 0.0, kMaxFrictionCoefficient);
   verdict.number(d.relaxation_time_s(), 0.0, kMaxRelaxationS);
-  verdict.expect(d.relaxing_stiffness_newton_per_m() == 0.0 || d.relaxation_time_s() > 0.0);
+  verdict.expect(d.relaxing_stiffness_newton_per_m() == 0.0 ||
+                 d.relaxation_time_s() >= kMinRelaxationS);
   verdict.expect((d.friction_coefficient() == 0.0 && d.puncture_newton() == 0.0) ||
                  d.friction_stiffness_newton_per_m() > 0.0);
   verdict.expect(d.inclusions_size() <= static_cast<int>(kMaxDescribedInclusions));
@@ -130,11 +133,16 @@ void check_description(const v1::TissueDescription& d, Verdict& verdict) {
     verdict.number(one.radius_m(), 0.0, kMaxPositionM);
     verdict.number(one.transition_m(), 0.0, kMaxPositionM);
     verdict.expect(one.transition_m() > 0.0);
-    verdict.number(one.stiffness_newton_per_m(), 0.0, kMaxLawCoefficient);
-    verdict.number(one.damping_newton_s_per_m(), 0.0, kMaxLawCoefficient);
+    verdict.number(one.stiffness_newton_per_m(), 0.0, kMaxStiffnessNewtonPerM);
+    verdict.number(one.damping_newton_s_per_m(), 0.0, kMaxDampingNewtonSPerM);
   }
   if (d.has_motion_amplitude_m()) verdict.vector(true, d.motion_amplitude_m(), kMaxPositionM);
-  verdict.number(d.motion_frequency_hz(), 0.0, kMaxFrequencyHz);
+  verdict.number(d.motion_frequency_hz(), 0.0, kMaxTissueFrequencyHz);
+  for (const double a :
+       {d.motion_amplitude_m().x(), d.motion_amplitude_m().y(), d.motion_amplitude_m().z()}) {
+    verdict.expect(2.0 * std::numbers::pi * d.motion_frequency_hz() * std::abs(a) <=
+                   kMaxTissueSpeedMPerS);
+  }
   verdict.number(d.motion_phase_rad(), -kMaxAngleRad, kMaxAngleRad);
   for (const double x : {d.tip_radius_m(), d.shaft_length_m(), d.shaft_radius_m()}) {
     verdict.number(x, 0.0, kMaxPositionM);

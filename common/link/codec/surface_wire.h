@@ -8,13 +8,6 @@
 
 namespace palpate::wire {
 
-// Limits that contacts and descriptions share.
-inline constexpr double kMaxLawCoefficient = 1e12;
-inline constexpr double kMaxStiffening = 1e18;
-inline constexpr double kMaxFrictionCoefficient = 1000.0;
-inline constexpr double kMaxExponent = 10.0;
-inline constexpr double kLeastDepthM = 1e-6;
-
 void put(const SurfaceNews& news, v1::SurfaceNews& to);
 /// The rules of the .proto comments; of a tile also that every index has its vertex and that no
 /// triangle is flat.

@@ -22,6 +22,7 @@ void put(const LinkCounters& c, v1::LinkCounters& to) {
   to.set_out_of_order(c.out_of_order);
   to.set_rejected(c.rejected);
   to.set_sessions(c.sessions);
+  to.set_ahead(c.ahead);
 }
 LinkCounters link(const v1::LinkCounters& c) {
   return {.accepted = c.accepted(),
@@ -29,6 +30,7 @@ LinkCounters link(const v1::LinkCounters& c) {
           .duplicates = c.duplicates(),
           .out_of_order = c.out_of_order(),
           .rejected = c.rejected(),
+          .ahead = c.ahead(),
           .sessions = c.sessions()};
 }
 
@@ -58,6 +60,7 @@ void put(const DeviceCounters& c, v1::DeviceCounters& to) {
   to.set_last_fault(static_cast<std::uint32_t>(c.last_fault));
   to.set_non_finite_commands(c.non_finite_commands);
   to.set_max_force_newton(c.max_force_newton);
+  to.set_largest_jump_newton(c.largest_jump_newton);
   to.set_minimum_true_energy_joule(c.minimum_true_energy_joule);
 }
 void check_counters(const v1::DeviceCounters& c, Verdict& verdict) {
@@ -66,6 +69,7 @@ void check_counters(const v1::DeviceCounters& c, Verdict& verdict) {
   verdict.time(c.loop().worst_lateness_ns());
   verdict.expect(c.last_fault() <= static_cast<std::uint32_t>(FaultReason::kWriteFailed));
   verdict.finite(c.max_force_newton());
+  verdict.finite(c.largest_jump_newton());
   verdict.finite_or_nan(c.minimum_true_energy_joule());
 }
 DeviceCounters counters(const v1::DeviceCounters& c) {
@@ -83,6 +87,7 @@ DeviceCounters counters(const v1::DeviceCounters& c) {
           .non_finite_commands = c.non_finite_commands(),
           .late_switches = c.late_switches(),
           .max_force_newton = c.max_force_newton(),
+          .largest_jump_newton = c.largest_jump_newton(),
           .minimum_true_energy_joule = c.minimum_true_energy_joule()};
 }
 

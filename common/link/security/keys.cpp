@@ -63,24 +63,12 @@ void require_curve() {
 
 /// Refuses files that other users may change or, with `is_secret`, read.
 void check_rights(const fs::path& path, bool is_secret) {
-  struct stat status {};
-  if (stat(path.c_str(), &status) != 0) {
-    throw SetupError(path.string() + ": " + std::strerror(errno) +
-                     "; make keys with `palpate keygen FOLDER`, or check security.key_folder");
+  std::string why = why_exposed(path, is_secret);
+  std::error_code error;
+  if (!fs::exists(path, error)) {
+    why += "; make keys with `palpate keygen FOLDER`, or check security.key_folder";
   }
-  if (status.st_uid != geteuid() && status.st_uid != 0) {
-    throw SetupError(path.string() +
-                     ": belongs to another user, who could change it; change its owner");
-  }
-  if (is_secret && (status.st_mode & 077) != 0) {
-    throw SetupError(path.string() +
-                     ": others may read this secret key; make new keys if it may have been read, "
-                     "and then: chmod 600 " +
-                     path.string());
-  }
-  if ((status.st_mode & 022) != 0) {
-    throw SetupError(path.string() + ": others may change it; chmod go-w " + path.string());
-  }
+  if (!why.empty()) throw SetupError(path.string() + ": " + why);
 }
 
 std::string read(const fs::path& path) {

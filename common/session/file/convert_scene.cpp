@@ -1,4 +1,5 @@
 #include <cmath>
+#include <numbers>
 #include <set>
 
 #include "common/session/file/convert.h"
@@ -99,6 +100,12 @@ Material to_material(const Fields& tissue) {
   material.friction_stiffness_newton_per_m =
       fields.number("friction_stiffness_newton_per_m", material.stiffness_newton_per_m);
   material.puncture_newton = fields.number("puncture_newton");
+  if (material.friction_stiffness_newton_per_m == 0.0 &&
+      (material.friction_coefficient > 0.0 || material.puncture_newton > 0.0)) {
+    fields.problem("friction_stiffness_newton_per_m",
+                   "required with friction or a puncture where stiffness_newton_per_m is 0; give "
+                   "the tangential stiffness while the tip sticks");
+  }
   material.cutting_newton = fields.number("cutting_newton", 0.25 * material.puncture_newton);
   if (material.cutting_newton < 0.0 || material.cutting_newton > material.puncture_newton) {
     fields.problem("cutting_newton", "must be 0 … " + shown(material.puncture_newton) +
@@ -110,9 +117,17 @@ Material to_material(const Fields& tissue) {
 TissueMotionConfig to_motion(const Fields& tissue) {
   if (!tissue.has("motion")) return {};
   const Fields fields = tissue.message("motion");
-  return {.amplitude_m = fields.vector("amplitude_m"),
-          .frequency_hz = fields.number("frequency_hz"),
-          .phase_rad = fields.number("phase_rad")};
+  const TissueMotionConfig motion{.amplitude_m = fields.vector("amplitude_m"),
+                                  .frequency_hz = fields.number("frequency_hz"),
+                                  .phase_rad = fields.number("phase_rad")};
+  const double fastest_m_per_s =
+      2.0 * std::numbers::pi * motion.frequency_hz * motion.amplitude_m.lpNorm<Eigen::Infinity>();
+  if (fastest_m_per_s > kMaxTissueSpeedMPerS) {
+    fields.problem("amplitude_m", "moves the tissue at up to " + shown(fastest_m_per_s) +
+                                      " m/s: must be ≤ " + shown(kMaxTissueSpeedMPerS) +
+                                      " m/s; give a smaller amplitude or frequency");
+  }
+  return motion;
 }
 
 }  // namespace

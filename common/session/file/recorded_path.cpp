@@ -12,7 +12,8 @@ namespace {
 
 constexpr std::uintmax_t kMaxPathFileBytes = 64'000'000;
 constexpr int kMaxProblems = 5;
-constexpr double kMaxPathNumber = 1e6;  // seconds, and metres more than enough
+constexpr double kMaxPathSeconds = 1e6;
+constexpr double kMaxPathM = 10.0;  // as any length of a session
 
 std::string_view trimmed(std::string_view text) {
   const std::size_t begin = text.find_first_not_of(" \t\r");
@@ -35,14 +36,17 @@ std::string read_row(std::string_view line, std::array<double, 4>& row) {
     return std::to_string(columns) + (columns == 1 ? " column" : " columns") +
            ": must be 4, t,x,y,z";
   }
-  for (double& number : row) {
+  for (std::size_t i = 0; i < row.size(); ++i) {
+    double& number = row[i];
+    const bool is_time = i == 0;
     const std::string_view text = trimmed(take(line, ','));
     const auto [stop, error] = std::from_chars(text.data(), text.data() + text.size(), number);
     if (error != std::errc() || stop != text.data() + text.size()) {
       return "'" + one_line(text) + "': must be a number, e.g. -0.0125";
     }
-    if (!(std::abs(number) <= kMaxPathNumber)) {
-      return "'" + one_line(text) + "': must be a finite number within ±1e6; seconds and metres";
+    if (!(std::abs(number) <= (is_time ? kMaxPathSeconds : kMaxPathM))) {
+      return "'" + one_line(text) + "': must be a finite number within " +
+             (is_time ? "±1e6; t is in seconds" : "±10; x, y, z are in metres");
     }
   }
   return {};

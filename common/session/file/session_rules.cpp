@@ -3,6 +3,9 @@
 #include <array>
 #include <cmath>
 #include <cstdio>
+#include <limits>
+
+#include "common/core/tissue.h"
 
 namespace palpate {
 
@@ -10,6 +13,17 @@ namespace {
 
 constexpr double kMaxNumber = 1e9;
 constexpr double kMaxSeconds = 1e6;
+
+/// Largest value of a quantity that a session may give: beyond it a number is a mistake, and hop 1
+/// or hop 3 would refuse what follows from it. Infinite for other units.
+double most_in(const std::string& unit) {
+  if (unit == "m") return 10.0;
+  if (unit == "N") return 1e3;
+  if (unit == "N/m") return kMaxStiffnessNewtonPerM;
+  if (unit == "N·s/m") return kMaxDampingNewtonSPerM;
+  if (unit == "N/m³") return kMaxStiffeningNewtonPerM3;
+  return std::numeric_limits<double>::infinity();
+}
 
 /// Seconds in one unit of time; 0 for any other unit.
 double seconds_in(const std::string& unit) {
@@ -32,6 +46,9 @@ const v1::FieldRule& rule_of(const google::protobuf::FieldDescriptor& field) {
 std::string range_text(const v1::FieldRule& rule) {
   if (rule.has_min() && rule.has_max()) return shown(rule.min()) + " … " + shown(rule.max());
   if (rule.has_min()) return "≥ " + shown(rule.min());
+  if (rule.has_above() && rule.has_max()) {
+    return "> " + shown(rule.above()) + ", ≤ " + shown(rule.max());
+  }
   if (rule.has_above()) return "> " + shown(rule.above());
   return {};
 }
@@ -40,7 +57,10 @@ std::string range_complaint(const v1::FieldRule& rule, double value) {
   const bool is_allowed = (!rule.has_min() || value >= rule.min()) &&
                           (!rule.has_above() || value > rule.above()) &&
                           (!rule.has_max() || value <= rule.max());
-  return is_allowed ? "" : with_remedy("must be " + range_text(rule), rule);
+  if (!is_allowed) return with_remedy("must be " + range_text(rule), rule);
+  const double most = most_in(rule.unit());
+  if (std::abs(value) <= most) return {};
+  return "must be within ±" + shown(most) + " " + rule.unit() + "; mind the unit in the name";
 }
 
 std::string number_complaint(const google::protobuf::FieldDescriptor& field, double value) {

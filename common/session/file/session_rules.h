@@ -13,10 +13,11 @@ namespace palpate {
 /// The rule of the field; an empty one if the schema states none.
 [[nodiscard]] const v1::FieldRule& rule_of(const google::protobuf::FieldDescriptor& field);
 
-/// "> 0", "≥ 5", "0 … 1"; empty if every value is allowed.
+/// "> 0", "≥ 5", "0 … 1", "> 0, ≤ 20"; empty if the rule allows every value.
 [[nodiscard]] std::string range_text(const v1::FieldRule& rule);
 
-/// What is wrong with a finite value; empty if nothing: "must be > 0; give the mass …".
+/// What is wrong with a finite value; empty if nothing: "must be > 0; give the mass …". Lengths,
+/// forces, stiffness and damping have limits whatever the rule.
 [[nodiscard]] std::string range_complaint(const v1::FieldRule& rule, double value);
 
 /// What is wrong with a number of any field: not finite, beyond 1e9, a time beyond 1e6 s. Empty if

@@ -577,9 +577,9 @@ void print_lateness(bool has_fifo, double seconds) {
       for (const double rate_hz : {1000.0, 4000.0}) {
         const auto turns = static_cast<std::size_t>(rate_hz * seconds);
         SharedNumbers numbers(turns + 1);
-        Child child([&] {
+        Child child([&, strategy = wait] {
           take_scheduling(priority, priority > 0 ? 0 : -1);
-          SteadyClock clock(wait);
+          SteadyClock clock(strategy);
           std::stop_source stop;
           std::size_t begun = 0;
           RateLoop(clock, rate_hz).run(stop.get_token(), [&](const Tick& tick) {

@@ -35,7 +35,7 @@ TEST_F(InprocLink, DeliversEachMessageAtOnceAndLosesNone) {
   auto motion = random_message<ToolMotion>(random_);
   auto interaction = random_message<Interaction>(random_);
   TimePoint at;
-  for (std::uint64_t i = 0; i < 5 * kInprocQueue; ++i) {
+  for (std::uint64_t i = 0; i < std::uint64_t{5} * kInprocQueue; ++i) {
     manual_clock_.advance(1ms);
     state_message.header.sequence = command.header.sequence = i;
     motion.header.sequence = interaction.header.sequence = i;

@@ -12,6 +12,8 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/temp_folder.h"
+
 namespace palpate {
 namespace {
 
@@ -19,10 +21,7 @@ namespace fs = std::filesystem;
 
 const fs::path kRoot = PALPATE_SOURCE_DIR;
 
-std::string text_of(const fs::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
+using test::text_of;
 
 std::vector<std::string> matches(const std::string& text, const char* pattern) {
   const std::regex regex(pattern);

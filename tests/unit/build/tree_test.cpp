@@ -11,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/temp_folder.h"
 #include "tests/unit/build/source_tree.h"
 
 namespace palpate {
@@ -18,10 +19,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::string text_of(const fs::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  return {std::istreambuf_iterator<char>(in), {}};
-}
+using test::text_of;
 
 struct Field {
   std::string type;
@@ -105,7 +103,7 @@ std::string machine_path_in(const std::string& text) {
   for (const char* folder : {"home", "work", "root", "Users", "mnt", "media"}) {
     const std::string path = std::string("/") + folder + "/";
     for (std::size_t at = text.find(path); at != std::string::npos; at = text.find(path, at + 1)) {
-      // "net/work/", "~/work/" and "$X/work/" are relative to something
+      // after a folder, "~" or a variable the path is relative, as in "net/work/" or "${X}/work/"
       const char before = at > 0 ? text[at - 1] : ' ';
       const bool is_relative = std::isalnum(static_cast<unsigned char>(before)) != 0 ||
                                std::string("_.-~}/)*").find(before) != std::string::npos;

@@ -2,6 +2,8 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include "tests/support/temp_folder.h"
 
@@ -30,6 +32,42 @@ TEST(WriteFile, ReportsTheReasonAndTheRemedy) {
 TEST(WriteFile, ReportsAFullDisk) {
   EXPECT_THAT(write_file("/dev/full", "text"),
               AllOf(StartsWith("cannot be written"), HasSubstr("No space left on device")));
+}
+
+TEST(WhyExposed, AcceptsWhatOnlyItsOwnerCanChange) {
+  const test::TempFolder folder;
+  const std::string file = folder.write("file", "text");
+  for (const mode_t mode : {0600u, 0640u, 0644u}) {
+    ASSERT_EQ(chmod(file.c_str(), mode), 0);
+    EXPECT_EQ(why_exposed(file, false), "") << std::oct << mode;
+  }
+  ASSERT_EQ(chmod(file.c_str(), 0400), 0);
+  EXPECT_EQ(why_exposed(file, true), "");
+}
+
+TEST(WhyExposed, NamesTheRightsOfOthersAndTheRemedy) {
+  const test::TempFolder folder;
+  const std::string file = folder.write("file", "text");
+  for (const mode_t mode : {0640u, 0604u, 0602u, 0610u}) {
+    ASSERT_EQ(chmod(file.c_str(), mode), 0);
+    EXPECT_THAT(why_exposed(file, true),
+                AllOf(HasSubstr("others may read this secret"), HasSubstr("chmod 600 " + file)))
+        << std::oct << mode;
+  }
+  for (const mode_t mode : {0620u, 0602u}) {
+    ASSERT_EQ(chmod(file.c_str(), mode), 0);
+    EXPECT_EQ(why_exposed(file, false), "others may change it; chmod go-w " + file);
+  }
+  EXPECT_EQ(why_exposed(folder.path() / "none", false), "No such file or directory");
+}
+
+TEST(WhyExposed, RefusesTheFileOfAnotherUser) {
+  if (geteuid() != 0) GTEST_SKIP() << "only root may change the owner";
+  const test::TempFolder folder;
+  const std::string file = folder.write("file", "text");
+  ASSERT_EQ(chmod(file.c_str(), 0600), 0);
+  ASSERT_EQ(chown(file.c_str(), 12345, 12345), 0);
+  EXPECT_THAT(why_exposed(file, true), StartsWith("belongs to another user"));
 }
 
 }  // namespace

@@ -186,5 +186,41 @@ TEST(MemoryLink, CallsItsHooks) {
   EXPECT_EQ(waits, 1);
 }
 
+// --- answers ----------------------------------------------------------------------------------
+
+class AnswersTest : public testing::Test {
+ protected:
+  /// Whether an answer to this state is accepted.
+  bool is_accepted(std::uint64_t session_id, std::uint64_t sequence, Duration sampled_at) {
+    ForceCommand command;
+    command.header = {.session_id = 9, .sequence = next_++, .sampled_at = clock_.now()};
+    command.answers_session_id = session_id;
+    command.answers_sequence = sequence;
+    command.answers_sampled_at = TimePoint(sampled_at);
+    EXPECT_EQ(link_.send(command), SendResult::kSent);
+    return inbox_.next() != nullptr;
+  }
+
+  ManualClock clock_;
+  MemoryLink<ForceCommand> link_{clock_};
+  Inbox<ForceCommand> inbox_{link_, clock_};
+  std::uint64_t next_ = 0;
+};
+
+TEST_F(AnswersTest, AnAnswerToAStateThatWasNeverSentIsDroppedAndCounted) {
+  EXPECT_TRUE(is_accepted(1, 8, 8ms)) << "nothing is expected yet";
+  inbox_.expect_answers_until({.session_id = 1, .sequence = 5, .sampled_at = TimePoint(5ms)});
+
+  EXPECT_TRUE(is_accepted(1, 5, 5ms));
+  EXPECT_TRUE(is_accepted(1, 4, 4ms));
+  EXPECT_TRUE(is_accepted(2, 9, 9ms)) << "another session: the node decides";
+  EXPECT_FALSE(is_accepted(1, 6, 5ms));
+  EXPECT_FALSE(is_accepted(1, 4, 6ms));
+  EXPECT_FALSE(is_accepted(1, 5, 4ms)) << "not its stamp";
+  EXPECT_EQ(inbox_.counters().ahead, 3u);
+  EXPECT_EQ(inbox_.counters().accepted, 4u);
+  EXPECT_EQ(inbox_.newest()->value.answers_sequence, 9u);
+}
+
 }  // namespace
 }  // namespace palpate

@@ -36,17 +36,17 @@ TEST(ManualClock, MovesForwardOnly) {
 
 // --- tick schedule ----------------------------------------------------------------------------
 
-constexpr TimePoint kStart{5s};
+constexpr TimePoint kFirstTick{5s};
 
 TEST(TickSchedule, KeepsAbsoluteTimes) {
-  TickSchedule schedule(kStart, 1000.0);
+  TickSchedule schedule(kFirstTick, 1000.0);
   for (std::int64_t i = 0; i < 100; ++i) {
-    ASSERT_EQ(schedule.next(), kStart + i * 1ms);
+    ASSERT_EQ(schedule.next(), kFirstTick + i * 1ms);
     const Tick tick =
         schedule.begin(schedule.next() + 10us);  // a late tick does not shift the next
     ASSERT_EQ(tick.index, static_cast<std::uint64_t>(i));
-    ASSERT_EQ(tick.scheduled_at, kStart + i * 1ms);
-    ASSERT_EQ(tick.now, kStart + i * 1ms + 10us);
+    ASSERT_EQ(tick.scheduled_at, kFirstTick + i * 1ms);
+    ASSERT_EQ(tick.now, kFirstTick + i * 1ms + 10us);
     schedule.finish(tick.now + 500us);
   }
   EXPECT_EQ(schedule.begun(), 100u);
@@ -54,31 +54,31 @@ TEST(TickSchedule, KeepsAbsoluteTimes) {
 }
 
 TEST(TickSchedule, SkipsWholePeriodsAfterAnOverrunWithoutABurst) {
-  TickSchedule schedule(kStart, 1000.0);
-  static_cast<void>(schedule.begin(kStart));
-  schedule.finish(kStart + 3500us);  // the ticks at 1, 2 and 3 ms are past
-  EXPECT_EQ(schedule.next(), kStart + 4ms);
+  TickSchedule schedule(kFirstTick, 1000.0);
+  static_cast<void>(schedule.begin(kFirstTick));
+  schedule.finish(kFirstTick + 3500us);  // the ticks at 1, 2 and 3 ms are past
+  EXPECT_EQ(schedule.next(), kFirstTick + 4ms);
   EXPECT_EQ(schedule.skipped(), 3u);
-  EXPECT_EQ(schedule.begin(kStart + 4ms).index, 4u);
+  EXPECT_EQ(schedule.begin(kFirstTick + 4ms).index, 4u);
 }
 
 TEST(TickSchedule, EndingExactlyAtTheNextTickSkipsNothing) {
-  TickSchedule schedule(kStart, 1000.0);
-  static_cast<void>(schedule.begin(kStart));
-  schedule.finish(kStart + 2ms);
-  EXPECT_EQ(schedule.next(), kStart + 2ms);
+  TickSchedule schedule(kFirstTick, 1000.0);
+  static_cast<void>(schedule.begin(kFirstTick));
+  schedule.finish(kFirstTick + 2ms);
+  EXPECT_EQ(schedule.next(), kFirstTick + 2ms);
   EXPECT_EQ(schedule.skipped(), 1u);
-  static_cast<void>(schedule.begin(kStart + 2ms));
-  schedule.finish(kStart + 3ms);
-  EXPECT_EQ(schedule.next(), kStart + 3ms);
+  static_cast<void>(schedule.begin(kFirstTick + 2ms));
+  schedule.finish(kFirstTick + 3ms);
+  EXPECT_EQ(schedule.next(), kFirstTick + 3ms);
   EXPECT_EQ(schedule.skipped(), 1u);
 }
 
 TEST(TickSchedule, NeverSkipsAFutureTick) {
   // overruns of every length, at rates whose period is not a whole number of nanoseconds
   for (const double rate : {3000.0, 7.0, 44100.0 / 7.0}) {
-    TickSchedule schedule(kStart, rate);
-    TimePoint now = kStart;
+    TickSchedule schedule(kFirstTick, rate);
+    TimePoint now = kFirstTick;
     Random random(4);
     for (int i = 0; i < 10'000; ++i) {
       static_cast<void>(schedule.begin(schedule.next()));
@@ -93,12 +93,13 @@ TEST(TickSchedule, NeverSkipsAFutureTick) {
 }
 
 TEST(TickSchedule, DoesNotDriftAtThreeKilohertz) {
-  TickSchedule schedule(kStart, 3000.0);
+  TickSchedule schedule(kFirstTick, 3000.0);
   for (int i = 0; i < 3000 * 600; ++i) {
     static_cast<void>(schedule.begin(schedule.next()));
     schedule.finish(schedule.next());
   }
-  EXPECT_EQ(schedule.next(), kStart + 600s);  // a period rounded to 333333 ns would be 0.6 ms off
+  EXPECT_EQ(schedule.next(),
+            kFirstTick + 600s);  // a period rounded to 333333 ns would be 0.6 ms off
 }
 
 // --- random -----------------------------------------------------------------------------------

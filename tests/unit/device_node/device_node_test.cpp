@@ -109,6 +109,39 @@ TEST(DeviceNode, AnAnswerAtTheDeadlineCountsAndOneAfterItDoesNot) {
   EXPECT_FALSE(bench.ticks[1].is_answered);
 }
 
+// The answer to state 1 comes before that state was sent, with the newest stamp that is known.
+TEST(DeviceNode, AnAnswerToAStateThatWasNotSentYetIsRefusedAndCounted) {
+  Bench bench(device_config());
+  bench.tick();
+  bench.send_answer(Bench::kSession, 1, Vector3(1, 0, 0));
+
+  bench.tick();
+
+  EXPECT_FALSE(bench.ticks[1].is_answered);
+  EXPECT_EQ(bench.ticks[1].force_on_hand_newton.norm(), 0.0);
+  EXPECT_EQ(bench.node.counters().force_command.ahead, 1u);
+  EXPECT_EQ(bench.node.counters().force_command.accepted, 0u);
+
+  // the next answer in time acts
+  bench.answer_with(Vector3(1, 0, 0));
+  bench.tick();
+  EXPECT_TRUE(bench.ticks[2].is_answered);
+}
+
+// 1 N, then 1.5 N the other way: 2.5 N; the lease ends, a drop of 1.5 N − f_co
+TEST(DeviceNode, CountsTheLargestJumpFromTickToTick) {
+  Bench bench(device_config());
+  bench.answer_with(Vector3(1, 0, 0));
+  bench.tick();
+  EXPECT_EQ(bench.node.counters().largest_jump_newton, 1.0);
+  bench.answer_with(Vector3(-1.5, 0, 0));
+  bench.tick();
+  bench.on_state = nullptr;
+  for (int i = 0; i < 5; ++i) bench.tick();
+
+  EXPECT_EQ(bench.node.counters().largest_jump_newton, 2.5);
+}
+
 // The process is stopped inside the wait; the node then finds the answer but must not use it.
 TEST(DeviceNode, AnAnswerThatIsReadTooLateIsDropped) {
   Bench bench(device_config());

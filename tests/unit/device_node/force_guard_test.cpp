@@ -255,6 +255,17 @@ TEST(ForceGuard, AfterItsLeaseAForceGrowsFromZero) {
   EXPECT_NEAR(after_gap.force_on_hand_newton.x(), 0.1, 1e-15);
 }
 
+// The lease ends while the answer is awaited, which then comes at once: it may grow by a period.
+TEST(ForceGuard, AFallbackOnTheWayDoesNotHoldTheGrowthBack) {
+  ForceGuard guard(slewing(), kDevicePeak_newton);
+  (void)guard.answered(command(Vector3(1, 0, 0)), kStart);
+  (void)guard.missed(kStart + 1ms, kStart + 2ms);
+
+  const GuardedForce after = guard.answered(command(Vector3(1, 0, 0)), kStart + 1ms);
+
+  EXPECT_NEAR(after.force_on_hand_newton.x(), 0.2, 1e-15);
+}
+
 TEST(ForceGuard, ANonFiniteCommandGivesNoForceAndIsCounted) {
   ForceGuard guard(config(), kDevicePeak_newton);
   const double inf = std::numeric_limits<double>::infinity();

@@ -13,7 +13,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-SimulatedDeviceConfig frictionless() {
+SimulatedDeviceConfig without_friction() {
   SimulatedDeviceConfig config;
   config.viscous_newton_s_per_m = 0.0;
   config.coulomb_newton = 0.0;
@@ -28,7 +28,7 @@ IdealRun::ForceField spring(double k) {
 // 300·x.
 TEST(IdealRun, ComesToRestWhereHandAndTissueBalance) {
   IdealRun run(
-      frictionless(), 3.3,
+      without_friction(), 3.3,
       {.stiffness_newton_per_m = 100,
        .damping_newton_s_per_m = 10,
        .path = RecordedPath{.samples = {{0.0, Vector3::Zero()}, {0.1, Vector3(0.01, 0, 0)}}}},
@@ -46,7 +46,7 @@ TEST(IdealRun, ComesToRestWhereHandAndTissueBalance) {
 TEST(IdealRun, FollowsAStiffDamperFasterThanAnySampling) {
   const double b = 150, B = 6, m = 0.3;
   IdealRun run(
-      frictionless(), 3.3,
+      without_friction(), 3.3,
       {.stiffness_newton_per_m = 0,
        .damping_newton_s_per_m = B,
        .path = RecordedPath{.samples = {{0.0, Vector3::Zero()}, {10.0, Vector3(0.1, 0, 0)}}}},
@@ -61,7 +61,7 @@ TEST(IdealRun, FollowsAStiffDamperFasterThanAnySampling) {
 }
 
 TEST(IdealRun, ForceIsLimitedToTheSmallerPeak) {
-  IdealRun run(frictionless(), 2.0, {}, 1, TimePoint{},
+  IdealRun run(without_friction(), 2.0, {}, 1, TimePoint{},
                [](double, const Vector3&, const Vector3&) { return Vector3(0, 30, 40); });
 
   run.advance_to(time_at(0.001));
@@ -92,7 +92,7 @@ TEST(IdealRun, GivesTheTissueTheTimeAndThePositionOfTheStep) {
   double step_end_s = -1.0;
   Vector3 step_end_m = Vector3::Constant(kNaN);
   IdealRun run(
-      frictionless(), 3.3,
+      without_friction(), 3.3,
       {.path = SinusoidPath{.amplitude_m = {0.01, 0, 0}, .frequency_hz = {1, 0, 0}}}, 1,
       TimePoint{},
       [&](double time_s, const Vector3&, const Vector3&) {

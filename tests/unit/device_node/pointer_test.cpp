@@ -88,14 +88,14 @@ HandConfig led_config() {
   return config;
 }
 
-constexpr double kStep_s = 50e-6;
+constexpr double kUpdate_s = 50e-6;
 
 TEST(LedHand, IsOnItsPathToTheBitUntilItIsLed) {
   HandConfig config = led_config();
   Hand led(config, {}, 1);
   config.pointer.reset();
   Hand plain(config, {}, 1);
-  for (double t = 0.0; t < 0.1; t += kStep_s) {
+  for (double t = 0.0; t < 0.1; t += kUpdate_s) {
     ASSERT_EQ(led.target(t, {}).position_m, plain.target(t, {}).position_m);
   }
 }
@@ -106,7 +106,7 @@ TEST(LedHand, WithoutPermissionKeepsToItsPath) {
   Hand hand(config, {}, 1);
   Hand other(config, {}, 1);
   hand.lead_to(Vector3(0, 0, 0.03));
-  for (double t = 0.0; t < 0.1; t += kStep_s) {
+  for (double t = 0.0; t < 0.1; t += kUpdate_s) {
     ASSERT_EQ(hand.target(t, {}).position_m, other.target(t, {}).position_m);
   }
 }
@@ -118,7 +118,7 @@ TEST(LedHand, GoesToItsGoalAndStays) {
   hand.lead_to(goal_m);
   Target target;
   // within 0.06 m: 0.3 s at full speed and some time constants of 50 ms
-  for (double t = 0.3 + kStep_s; t < 1.5; t += kStep_s) target = hand.target(t, {});
+  for (double t = 0.3 + kUpdate_s; t < 1.5; t += kUpdate_s) target = hand.target(t, {});
   EXPECT_LT((target.position_m - goal_m).norm(), 1e-6);
   EXPECT_LT(target.velocity_m_per_s.norm(), 1e-4);
 
@@ -130,8 +130,8 @@ TEST(LedHand, StartsWhereThePathWasWithoutAJump) {
   Hand hand(led_config(), {}, 1);
   const Vector3 on_path_m = hand.target(0.3, {}).position_m;
   hand.lead_to(Vector3(-0.03, 0, 0));
-  const Target first = hand.target(0.3 + kStep_s, {});
-  EXPECT_LT((first.position_m - on_path_m).norm(), 0.2 * kStep_s + 1e-12);
+  const Target first = hand.target(0.3 + kUpdate_s, {});
+  EXPECT_LT((first.position_m - on_path_m).norm(), 0.2 * kUpdate_s + 1e-12);
 }
 
 TEST(LedHand, IsNeverFasterNorFartherThanItsLimitsForAnyGoal) {
@@ -144,10 +144,10 @@ TEST(LedHand, IsNeverFasterNorFartherThanItsLimitsForAnyGoal) {
     // up to a kilometre away, the most that the wire accepts
     hand.lead_to(random.direction() * std::pow(10.0, random.uniform(-3.0, 3.0)));
     for (int i = 0; i < 200; ++i) {
-      t += kStep_s;
+      t += kUpdate_s;
       const Target target = hand.target(t, {});
       ASSERT_LE((target.position_m - config.pointer->center_m).norm(), 0.05 + 1e-12);
-      ASSERT_LE((target.position_m - previous_m).norm() / kStep_s, 0.2 + 1e-6);
+      ASSERT_LE((target.position_m - previous_m).norm() / kUpdate_s, 0.2 + 1e-6);
       ASSERT_LE(target.velocity_m_per_s.norm(), 0.2 + 1e-12);
       previous_m = target.position_m;
     }

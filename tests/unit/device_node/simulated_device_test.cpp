@@ -24,9 +24,9 @@ SimulatedDeviceConfig frictionless() {
 HandConfig free_hand() { return {.stiffness_newton_per_m = 0.0, .damping_newton_s_per_m = 0.0}; }
 
 /// A simulated device on a clock that the test moves.
-struct Bench {
-  explicit Bench(const SimulatedDeviceConfig& config = {}, const HandConfig& hand = {},
-                 std::uint64_t seed = 1)
+struct SimulatedBench {
+  explicit SimulatedBench(const SimulatedDeviceConfig& config = {}, const HandConfig& hand = {},
+                          std::uint64_t seed = 1)
       : device(config, hand, clock, seed) {}
 
   void apply(const Vector3& force_newton, Duration lease) {
@@ -50,7 +50,7 @@ struct Bench {
 
 // From rest, 1 N on 0.3 kg for 9 ms: v = F·t/m = 0.03 m/s, x = v·t/2.
 TEST(SimulatedDevice, ReachesTheHandComputedSpeedUnderConstantForce) {
-  Bench bench(frictionless(), free_hand());
+  SimulatedBench bench(frictionless(), free_hand());
   bench.apply(Vector3(1, 0, 0), 20ms);
 
   bench.read_after(9ms);
@@ -64,7 +64,7 @@ TEST(SimulatedDevice, ReachesTheHandComputedSpeedUnderConstantForce) {
 TEST(SimulatedDevice, TheWatchdogEndsTheForceAtTheExactInstant) {
   const double tau = 2.513e-3;
   for (const Duration poll : {Duration(10ms), Duration(1ms), Duration(70us)}) {
-    Bench bench(frictionless(), free_hand());
+    SimulatedBench bench(frictionless(), free_hand());
     bench.apply(Vector3(1.2, 0, 0), 2513us);
 
     for (Duration t{}; t < 10ms; t += poll) bench.read_after(std::min(poll, Duration(10ms) - t));
@@ -78,7 +78,7 @@ TEST(SimulatedDevice, TheWatchdogEndsTheForceAtTheExactInstant) {
 TEST(SimulatedDevice, TheLatchStoresThePositionAtWhichTheWatchdogEndedTheForce) {
   SimulatedDeviceConfig config = frictionless();
   config.has_position_latch = true;
-  Bench bench(config, free_hand());
+  SimulatedBench bench(config, free_hand());
   bench.apply(Vector3(1.2, 0, 0), 2513us);
   bench.read_after(5s);
 
@@ -91,7 +91,7 @@ TEST(SimulatedDevice, TheLatchStoresThePositionAtWhichTheWatchdogEndedTheForce) 
 
 // Stopped for 5 s with 1 N and a lease of 3 ms: the hand coasts at 10 mm/s, no faster.
 TEST(SimulatedDevice, TheWatchdogEndsTheForceAlsoWhenTheProcessWasStopped) {
-  Bench bench(frictionless(), free_hand());
+  SimulatedBench bench(frictionless(), free_hand());
   bench.apply(Vector3(1, 0, 0), 3ms);
 
   bench.read_after(5s);
@@ -101,7 +101,7 @@ TEST(SimulatedDevice, TheWatchdogEndsTheForceAlsoWhenTheProcessWasStopped) {
 }
 
 TEST(SimulatedDevice, AForceBelowStictionDoesNotMoveItAtAll) {
-  Bench bench({.position_resolution_m = 0.0}, free_hand());
+  SimulatedBench bench({.position_resolution_m = 0.0}, free_hand());
   bench.apply(Vector3(0.05, 0.05, 0.05), 10s);  // 0.087 N < 0.1 N
 
   bench.read_after(1s);
@@ -116,10 +116,10 @@ TEST(SimulatedDevice, FollowsAnOscillatingHandWithTheComputedAmplitudeAndPhase) 
   const double omega = 2 * std::numbers::pi * f;
   SimulatedDeviceConfig device = frictionless();
   device.viscous_newton_s_per_m = f_d;
-  Bench bench(device, {.stiffness_newton_per_m = K,
-                       .damping_newton_s_per_m = B,
-                       .path = SinusoidPath{.amplitude_m = Vector3(A, 0, 0),
-                                            .frequency_hz = Vector3(f, 0, 0)}});
+  SimulatedBench bench(device, {.stiffness_newton_per_m = K,
+                                .damping_newton_s_per_m = B,
+                                .path = SinusoidPath{.amplitude_m = Vector3(A, 0, 0),
+                                                     .frequency_hz = Vector3(f, 0, 0)}});
 
   bench.read_after(3s);
   const int n = 5'000;
@@ -142,8 +142,8 @@ TEST(SimulatedDevice, FollowsAnOscillatingHandWithTheComputedAmplitudeAndPhase) 
 
 TEST(SimulatedDevice, TheEncoderRoundsEachAxisToTheNearestMultiple) {
   const double q = 55e-6;
-  Bench bench({}, {.path = SinusoidPath{.amplitude_m = Vector3(0.01, 0.02, 0.005),
-                                        .frequency_hz = Vector3(1, 0.7, 1.3)}});
+  SimulatedBench bench({}, {.path = SinusoidPath{.amplitude_m = Vector3(0.01, 0.02, 0.005),
+                                                 .frequency_hz = Vector3(1, 0.7, 1.3)}});
   double worst_m = 0.0;
   for (int i = 0; i < 1'000; ++i) {
     const Vector3 measured_m = bench.read_after(1ms).hand_position_m;
@@ -157,7 +157,7 @@ TEST(SimulatedDevice, TheEncoderRoundsEachAxisToTheNearestMultiple) {
 }
 
 TEST(SimulatedDevice, WithoutResolutionTheEncoderIsExact) {
-  Bench bench(
+  SimulatedBench bench(
       {.position_resolution_m = 0.0},
       {.path = SinusoidPath{.amplitude_m = Vector3(0.01, 0, 0), .frequency_hz = Vector3(1, 0, 0)}});
 
@@ -167,7 +167,7 @@ TEST(SimulatedDevice, WithoutResolutionTheEncoderIsExact) {
 }
 
 TEST(SimulatedDevice, ButtonsFollowTheHandsPresses) {
-  Bench bench({}, {.presses = {{.button = 3, .from_s = 0.01, .until_s = 0.02}}});
+  SimulatedBench bench({}, {.presses = {{.button = 3, .from_s = 0.01, .until_s = 0.02}}});
 
   EXPECT_EQ(bench.read_after(9ms).buttons, 0u);
   EXPECT_EQ(bench.read_after(2ms).buttons, 8u);
@@ -181,7 +181,7 @@ struct WallRun {
   Duration length = 10s;
 
   void operator()(
-      Bench& bench, const std::function<void()>& after_each_period = [] {}) const {
+      SimulatedBench& bench, const std::function<void()>& after_each_period = [] {}) const {
     for (Duration t{}; t < length; t += period) {
       const double z_m = bench.read().hand_position_m.z();
       bench.apply(Vector3(0, 0, std::max(0.0, -stiffness_newton_per_m * z_m)), period);
@@ -200,7 +200,7 @@ TEST(SimulatedDevice, EnergyIsTheWorkOfTheHandLessTheKineticEnergy) {
   const SinusoidPath path{.center_m = Vector3(0, 0, 0.002),
                           .amplitude_m = Vector3(0.01, 0, 0.012),
                           .frequency_hz = Vector3(0.8, 0, 1.7)};
-  Bench bench({}, {.path = path});
+  SimulatedBench bench({}, {.path = path});
   double work_joule = 0.0;
   double worst_joule = 0.0;
 
@@ -231,7 +231,7 @@ TEST(SimulatedDevice, EnergyIsTheWorkOfTheHandLessTheKineticEnergy) {
 // A wall of 1 kN/m held for 20 ms gives back more than it takes: moving in at v it lags by v·10 ms.
 TEST(SimulatedDevice, AHostileHandDrawsEnergyOutOfAnUnclampedSlowWall) {
   for (const std::uint64_t seed : {1u, 2u, 3u, 4u, 5u}) {
-    Bench bench({}, {.path = HostilePath{}}, seed);
+    SimulatedBench bench({}, {.path = HostilePath{}}, seed);
 
     WallRun{}(bench);
 
@@ -240,7 +240,7 @@ TEST(SimulatedDevice, AHostileHandDrawsEnergyOutOfAnUnclampedSlowWall) {
 }
 
 TEST(SimulatedDevice, AHostileHandDrawsNothingWhereNothingIsRendered) {
-  Bench bench({}, {.path = HostilePath{}});
+  SimulatedBench bench({}, {.path = HostilePath{}});
 
   bench.read_after(10s);
 
@@ -250,7 +250,7 @@ TEST(SimulatedDevice, AHostileHandDrawsNothingWhereNothingIsRendered) {
 
 TEST(SimulatedDevice, TheMinimumEnergyIsThatOfTheInnerStepsNotOfTheReadings) {
   // Push 5 ms along the rendered force, then brake: the dip lies between the two readings.
-  Bench bench(frictionless(), free_hand());
+  SimulatedBench bench(frictionless(), free_hand());
   bench.apply(Vector3(1, 0, 0), 5ms);
   bench.clock.advance(5ms);
   bench.apply(Vector3(-1, 0, 0), 5ms);
@@ -263,7 +263,7 @@ TEST(SimulatedDevice, TheMinimumEnergyIsThatOfTheInnerStepsNotOfTheReadings) {
 }
 
 std::vector<double> trace(std::uint64_t seed) {
-  Bench bench({}, {.path = HostilePath{}}, seed);
+  SimulatedBench bench({}, {.path = HostilePath{}}, seed);
   std::vector<double> numbers;
   WallRun{.length = 2s}(bench, [&] {
     const TrueState s = bench.truth();

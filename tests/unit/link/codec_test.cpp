@@ -5,10 +5,16 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
 #include <functional>
+#include <iterator>
 #include <limits>
 #include <set>
+#include <span>
 #include <string>
+#include <vector>
 
 #include "tests/support/alloc_guard.h"
 #include "tests/unit/link/codec_test_support.h"
@@ -82,6 +88,28 @@ TYPED_TEST(CodecOf, RefusesTruncatedFramesOrReadsThemConsistently) {
     // accepted: only trailing fields that are optional or have a default are missing
     ASSERT_EQ(decoded(closed<TypeParam>(opened<TypeParam>(cut)), message), DecodeError::kNone);
   }
+}
+
+/// The fuzzer does not get past the rules of the contract by itself.
+TYPED_TEST(CodecOf, HasASeedInTheFuzzCorpusThatItAccepts) {
+  namespace fs = std::filesystem;
+  const fs::path corpus = PALPATE_SOURCE_DIR "/tests/fuzz/corpus/codec";
+  if (std::getenv("PALPATE_WRITE_CORPUS") != nullptr) {
+    const Frame frame = encoded(full_message<TypeParam>());
+    const int kind = static_cast<int>(kKindOf<TypeParam>);
+    std::ofstream(corpus / ("seed_" + std::to_string(kind)), std::ios::binary)
+        .write(reinterpret_cast<const char*>(frame.data()),
+               static_cast<std::streamsize>(frame.size()));
+  }
+  bool has_seed = false;
+  for (const fs::directory_entry& entry : fs::directory_iterator(corpus)) {
+    std::ifstream file(entry.path(), std::ios::binary);
+    const std::vector<char> bytes((std::istreambuf_iterator<char>(file)), {});
+    const auto span = std::as_bytes(std::span(bytes));
+    TypeParam message;
+    has_seed = has_seed || decoded(Frame(span.begin(), span.end()), message) == DecodeError::kNone;
+  }
+  EXPECT_TRUE(has_seed) << "write the seeds anew: PALPATE_WRITE_CORPUS=1 link_test";
 }
 
 TYPED_TEST(CodecOf, RefusesEveryOtherKind) {

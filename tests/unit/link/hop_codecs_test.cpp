@@ -167,11 +167,12 @@ TEST(InteractionCodec, RefusesWhatIsOutOfRange) {
   expect_range<Interaction>([](auto& m) { m.mutable_tool_position_world_m()->set_z(1000.1); },
                             false);
   expect_range<Interaction>([](auto& m) { m.mutable_tool_orientation_world()->set_w(2.0); }, false);
-  expect_range<Interaction>([](auto& m) { m.mutable_force_on_tool_newton()->set_z(1e6); }, true);
-  expect_range<Interaction>([](auto& m) { m.mutable_force_on_tool_newton()->set_z(1.01e6); },
+  expect_range<Interaction>([](auto& m) { m.mutable_force_on_tool_newton()->set_z(1e4); }, true);
+  expect_range<Interaction>([](auto& m) { m.mutable_force_on_tool_newton()->set_z(1.01e4); },
                             false);
   expect_range<Interaction>([](auto& m) { m.set_stored_energy_joule(0.0); }, true);
   expect_range<Interaction>([](auto& m) { m.set_stored_energy_joule(-1e-12); }, false);
+  expect_range<Interaction>([](auto& m) { m.set_stored_energy_joule(1001.0); }, false);
 }
 
 TEST(InteractionCodec, RefusesInvalidContacts) {
@@ -186,31 +187,33 @@ TEST(InteractionCodec, RefusesInvalidContacts) {
         c.mutable_normal_world()->set_z(1.0 + 1.1e-6);
       },
       false);
-  contact([](v1::Contact& c) { c.mutable_force_on_tool_newton()->set_x(-1.01e6); }, false);
-  contact([](v1::Contact& c) { c.mutable_elastic_force_on_tool_newton()->set_x(-1.01e12); }, false);
+  contact([](v1::Contact& c) { c.mutable_force_on_tool_newton()->set_x(-1.01e4); }, false);
+  contact([](v1::Contact& c) { c.mutable_elastic_force_on_tool_newton()->set_x(-1.01e4); }, false);
   contact([](v1::Contact& c) { c.set_curvature_per_m(4, 1.01e9); }, false);
   contact([](v1::Contact& c) { c.clear_curvature_per_m(); }, true);
   contact([](v1::Contact& c) { c.add_curvature_per_m(0.0); }, false);
-  contact([](v1::Contact& c) { c.set_d_force_d_position(8, -1.01e12); }, false);
+  contact([](v1::Contact& c) { c.set_d_force_d_position(8, -1.01e7); }, false);
   contact([](v1::Contact& c) { c.mutable_d_force_d_position()->RemoveLast(); }, false);
-  contact([](v1::Contact& c) { c.set_d_force_d_velocity(0, 1.01e12); }, false);
-  contact([](v1::Contact& c) { c.mutable_surface_velocity_world_m_per_s()->set_y(1001); }, false);
-  contact([](v1::Contact& c) { c.set_stiffening_newton_per_m2(1.01e18); }, false);
-  contact([](v1::Contact& c) { c.set_stiffening_newton_per_m3(-1.01e18); }, false);
+  contact([](v1::Contact& c) { c.set_d_force_d_velocity(0, 1.01e4); }, false);
+  contact([](v1::Contact& c) { c.mutable_surface_velocity_world_m_per_s()->set_y(10.1); }, false);
+  contact([](v1::Contact& c) { c.set_stiffening_newton_per_m2(1.01e10); }, false);
+  contact([](v1::Contact& c) { c.set_stiffening_newton_per_m3(-1.01e9); }, false);
   contact([](v1::Contact& c) { c.set_stored_energy_joule(-1e-12); }, false);
+  contact([](v1::Contact& c) { c.set_stored_energy_joule(1001.0); }, false);
   contact([](v1::Contact& c) { c.set_trust_radius_m(0.0); }, false);
   contact([](v1::Contact& c) { c.set_trust_radius_m(1000.1); }, false);
   contact([](v1::Contact& c) { c.set_hunt_crossley_exponent(0.99); }, false);
-  contact([](v1::Contact& c) { c.set_hunt_crossley_exponent(10.01); }, false);
+  contact([](v1::Contact& c) { c.set_hunt_crossley_exponent(5.01); }, false);
   contact([](v1::Contact& c) { c.clear_hunt_crossley_exponent(); }, true);
-  contact([](v1::Contact& c) { c.set_hunt_crossley_depth_m(0.9e-6); }, false);
-  contact([](v1::Contact& c) { c.set_hunt_crossley_depth_m(1001); }, false);
+  contact([](v1::Contact& c) { c.set_hunt_crossley_depth_m(0.9e-4); }, false);
+  contact([](v1::Contact& c) { c.set_hunt_crossley_depth_m(0.11); }, false);
   contact([](v1::Contact& c) { c.set_hunt_crossley_stiffness_newton_per_m(-1e-9); }, false);
-  contact([](v1::Contact& c) { c.set_hunt_crossley_damping_newton_s_per_m(1.01e12); }, false);
+  contact([](v1::Contact& c) { c.set_hunt_crossley_stiffness_newton_per_m(1.01e6); }, false);
+  contact([](v1::Contact& c) { c.set_hunt_crossley_damping_newton_s_per_m(1.01e4); }, false);
   contact([](v1::Contact& c) { c.set_friction_coefficient(-1e-9); }, false);
-  contact([](v1::Contact& c) { c.set_friction_coefficient(1000.1); }, false);
+  contact([](v1::Contact& c) { c.set_friction_coefficient(10.1); }, false);
   contact([](v1::Contact& c) { c.set_friction_stiffness_newton_per_m(-1e-9); }, false);
-  contact([](v1::Contact& c) { c.set_friction_stiffness_newton_per_m(1.01e12); }, false);
+  contact([](v1::Contact& c) { c.set_friction_stiffness_newton_per_m(1.01e6); }, false);
   contact([](v1::Contact& c) { c.mutable_stretch_m()->set_z(-1001); }, false);
 }
 

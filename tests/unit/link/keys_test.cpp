@@ -171,7 +171,7 @@ TEST_F(LoadKeys, FilesThatOthersMayReadOrChangeAreRefused) {
   const fs::path secret = keys_ / "physics.key_secret";
   for (const mode_t mode : {0644u, 0640u, 0604u, 0602u}) {
     chmod(secret.c_str(), mode);
-    EXPECT_THAT(error(), HasSubstr("others may read this secret key")) << std::oct << mode;
+    EXPECT_THAT(error(), HasSubstr("others may read this secret")) << std::oct << mode;
   }
   chmod(secret.c_str(), 0600);
   EXPECT_EQ(error(), "");

@@ -134,6 +134,55 @@ TEST(SurfaceCodec, RefusesALawThatDividesByZero) {
   refuse([](v1::TissueDescription& m) { m.set_stiffness_newton_per_m(-1.0); });
 }
 
+TEST(SurfaceCodec, RefusesTissueThatDoesNotExist) {
+  const auto description = [](const auto& alter, bool is_good) {
+    expect_range<Interaction>(
+        [&](v1::Interaction& m) { alter(*m.mutable_surface()->mutable_description()); }, is_good);
+  };
+  using Description = v1::TissueDescription;
+  const auto limit = [&](void (Description::*set)(double), double most) {
+    description([&](Description& m) { (m.*set)(most); }, true);
+    description([&](Description& m) { (m.*set)(1.001 * most); }, false);
+  };
+  limit(&Description::set_stiffness_newton_per_m, 1e6);
+  limit(&Description::set_damping_newton_s_per_m, 1e4);
+  limit(&Description::set_relaxing_stiffness_newton_per_m, 1e6);
+  limit(&Description::set_friction_stiffness_newton_per_m, 1e6);
+  limit(&Description::set_stiffening_newton_per_m3, 1e9);
+  limit(&Description::set_friction_coefficient, 10.0);
+  limit(&Description::set_relaxation_time_s, 1e3);
+  limit(&Description::set_puncture_newton, 1e4);
+  limit(&Description::set_cutting_newton, 1e4);
+  description([](Description& m) { m.set_relaxation_time_s(0.9e-3); }, false);
+  const auto power = [&](double exponent, double depth_m, bool is_good) {
+    description(
+        [&](Description& m) {
+          m.set_exponent(exponent);
+          m.set_exponent_depth_m(depth_m);
+        },
+        is_good);
+  };
+  power(5.0, 1e-4, true);
+  power(5.01, 1e-3, false);
+  power(2.0, 0.9e-4, false);
+  power(2.0, 0.11, false);
+  const auto moving = [&](double amplitude_m, double frequency_hz, bool is_good) {
+    description(
+        [&](Description& m) {
+          m.mutable_motion_amplitude_m()->set_y(amplitude_m);
+          m.set_motion_frequency_hz(frequency_hz);
+        },
+        is_good);
+  };
+  moving(0.07, 20.0, true);  // 8.8 m/s
+  moving(-0.09, 20.0, false);
+  moving(0.001, 20.1, false);
+  description([](Description& m) { m.mutable_inclusions(0)->set_stiffness_newton_per_m(1.01e6); },
+              false);
+  description([](Description& m) { m.mutable_inclusions(0)->set_damping_newton_s_per_m(1.01e4); },
+              false);
+}
+
 TEST(SurfaceCodec, RefusesAnAgeOfTheLoopBeyondTenSeconds) {
   const auto age = [](std::int64_t ns) {
     return [ns](v1::ToolMotion& m) { m.mutable_receipts()->set_loop_age_ns(ns); };

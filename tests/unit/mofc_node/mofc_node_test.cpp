@@ -63,13 +63,15 @@ class MofcNodeTest : public testing::Test {
     return command;
   }
 
+  /// Answers the newest state, or the one named; one that is not sent yet as the next tick.
   void physics_sends(const Vector3& force_newton, std::uint64_t device_session = 1,
                      std::optional<std::uint64_t> device_sequence = std::nullopt) {
     Interaction interaction;
     interaction.header = {9, physics_sequence_++, clock_.now()};
     interaction.device_session_id = device_session;
-    interaction.device_sequence = device_sequence.value_or(sequence_);
-    interaction.device_sampled_at = clock_.now() - 3ms;
+    interaction.device_sequence = device_sequence.value_or(sequence_ - 1);
+    interaction.device_sampled_at =
+        clock_.now() - (interaction.device_sequence >= sequence_ ? 0ms : 3ms);
     interaction.force_on_tool_newton = force_newton;
     interaction.contact_count = 1;
     ASSERT_EQ(interaction_link_.send(interaction), SendResult::kSent);
@@ -174,7 +176,7 @@ TEST_F(MofcNodeTest, PhysicsThatAnswersNoNewMotionGoesStale) {
   tick();
   physics_sends({0, 0, 2});
   ASSERT_EQ(tick().force_on_hand_newton.z(), 2.0);
-  const std::uint64_t answered = sequence_ - 1;
+  const std::uint64_t answered = sequence_ - 2;
   for (int i = 0; i < 80; ++i) {
     clock_.advance(1ms);
     physics_sends({0, 0, 2}, 1, answered);
@@ -183,6 +185,25 @@ TEST_F(MofcNodeTest, PhysicsThatAnswersNoNewMotionGoesStale) {
 
   EXPECT_EQ(records_.ticks.back().commanded_force_on_hand_newton, Vector3::Zero());
   EXPECT_EQ(records_.ticks.back().state, MofcState::kNoPhysics);
+}
+
+// as if it had seen the tool where it will be: refused, the earlier answer stays
+TEST_F(MofcNodeTest, RefusesAndCountsAnAnswerToAStateThatTheDeviceHasNotSent) {
+  tick();
+  physics_sends({0, 0, 1});
+  ASSERT_EQ(tick().force_on_hand_newton.z(), 1.0);
+
+  physics_sends({0, 0, 2}, 1, sequence_ + 1);
+  EXPECT_EQ(tick().force_on_hand_newton.z(), 1.0) << "ahead by one";
+  clock_.advance(1ms);
+  physics_sends({0, 0, 2}, 1, sequence_);
+  clock_.advance(1ms);
+  EXPECT_EQ(tick().force_on_hand_newton.z(), 1.0) << "its number, guessed; not its stamp";
+  EXPECT_EQ(node_.counters().interaction.ahead, 2u);
+  EXPECT_EQ(node_.counters().interaction.accepted, 1u);
+
+  physics_sends({0, 0, 2});
+  EXPECT_EQ(tick().force_on_hand_newton.z(), 2.0);
 }
 
 TEST_F(MofcNodeTest, ForgetsTheForceOfAnotherDeviceSession) {
@@ -342,7 +363,7 @@ class MofcNodeWaits : public MofcNodeTest {
 
 TEST_F(MofcNodeWaits, AnswersFromThePhysicsOfThisVeryTick) {
   tick();
-  physics_sends({0, 0, 2});  // answers sequence 1, the next tick
+  physics_sends({0, 0, 2}, 1, sequence_);
 
   EXPECT_EQ(tick().force_on_hand_newton.z(), 2.0);
   // the first tick, before the physics spoke, was late
@@ -351,7 +372,7 @@ TEST_F(MofcNodeWaits, AnswersFromThePhysicsOfThisVeryTick) {
 
 TEST_F(MofcNodeWaits, CommandsNoMoreThanFrictionAbsorbsWhenThePhysicsIsLate) {
   tick();
-  physics_sends({0, 0, 2});
+  physics_sends({0, 0, 2}, 1, sequence_);
   tick();
 
   const ForceCommand late = tick();  // nobody answered this one
@@ -388,6 +409,25 @@ TEST_F(MofcNodeGuards, AnEchoThatEndsBeforeItsReadingIsAGap) {
   node_.finish_turn();
 
   EXPECT_EQ(records_.ticks.back().ledger_energy_joule, 0.0);
+}
+
+TEST_F(MofcNodeGuards, AnEchoFromTheFutureIsAGap) {
+  tick();
+  clock_.advance(1ms);
+  position_m_ = {0.05, 0, 0};
+  tick();
+  ASSERT_GT(records_.ticks.back().ledger_energy_joule, 1e-3);
+
+  Received<DeviceState> state;
+  state.value.header = {1, sequence_, clock_.now() + 1ms};
+  state.value.hand_position_m = position_m_;
+  state.value.applied[0] = {Vector3::Zero(), clock_.now(), clock_.now() + 2ms, position_m_, true};
+  state.value.applied_count = 1;
+  (void)node_.answer(state);
+  node_.finish_turn();
+
+  EXPECT_EQ(records_.ticks.back().ledger_energy_joule, 0.0);
+  EXPECT_EQ(node_.counters().ledger_resets, 1u);
 }
 
 // Two readings with equal stamps: no time has passed, so nothing is unknown.

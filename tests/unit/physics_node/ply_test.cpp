@@ -7,10 +7,12 @@
 #include <bit>
 
 #include "common/core/check.h"
+#include "tests/support/text.h"
 
 namespace palpate::physics {
 namespace {
 
+using test::replaced;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::SizeIs;
@@ -28,13 +30,7 @@ std::string ascii(const std::string& more_header = "", const std::string& more_r
   return text;
 }
 
-std::string replaced(std::string text, const std::string& from, const std::string& to) {
-  const std::size_t at = text.find(from);
-  EXPECT_NE(at, std::string::npos) << from;
-  return text.replace(at, from.size(), to);
-}
-
-std::string complaint(const std::string& bytes, const std::string& property = "") {
+std::string ply_complaint(const std::string& bytes, const std::string& property = "") {
   try {
     static_cast<void>(parse_ply(bytes, "a.ply", property));
   } catch (const SetupError& error) {
@@ -65,7 +61,7 @@ TEST(Ply, ReadsTheNamedPropertyAsStiffness) {
 
   EXPECT_EQ(parse_ply(text, "a.ply", "firmness").stiffness_ratios[4], 7.0);
   EXPECT_THAT(parse_ply(text, "a.ply").stiffness_ratios, IsEmpty());
-  EXPECT_THAT(complaint(text, "softness"), HasSubstr("'softness'"));
+  EXPECT_THAT(ply_complaint(text, "softness"), HasSubstr("'softness'"));
 }
 
 template <class T>
@@ -101,7 +97,7 @@ TEST(Ply, ReadsBothByteOrdersAndSkipsWhatItDoesNotKnow) {
 
     // cut short anywhere inside the vertices: an error, not a crash
     for (std::size_t bytes = text.find("end_header"); bytes < text.size(); bytes += 7) {
-      EXPECT_NE(complaint(text.substr(0, bytes)), "none") << bytes;
+      EXPECT_NE(ply_complaint(text.substr(0, bytes)), "none") << bytes;
     }
   }
 }
@@ -121,37 +117,43 @@ TEST(Ply, ReadsWhatItWrites) {
 }
 
 TEST(Ply, ReportsFileLineAndRule) {
-  EXPECT_THAT(complaint("solid x"), HasSubstr("a.ply:1: must begin with 'ply'"));
-  EXPECT_THAT(complaint(replaced(ascii(), "ascii", "utf8")), HasSubstr("a.ply:2: format 'utf8'"));
-  EXPECT_THAT(complaint(replaced(ascii(), "format ascii 1.0\n", "")), HasSubstr("no 'format'"));
-  EXPECT_THAT(complaint(replaced(ascii(), "float y", "quad y")), HasSubstr("a.ply:6: type 'quad'"));
-  EXPECT_THAT(complaint(replaced(ascii(), "float y", "float q")), HasSubstr("no property 'y'"));
-  EXPECT_THAT(complaint(replaced(ascii(), "float y", "float x")), HasSubstr("'x': is given twice"));
-  EXPECT_THAT(complaint(replaced(ascii(), "float y", "list uchar float y")),
+  EXPECT_THAT(ply_complaint("solid x"), HasSubstr("a.ply:1: must begin with 'ply'"));
+  EXPECT_THAT(ply_complaint(replaced(ascii(), "ascii", "utf8")),
+              HasSubstr("a.ply:2: format 'utf8'"));
+  EXPECT_THAT(ply_complaint(replaced(ascii(), "format ascii 1.0\n", "")), HasSubstr("no 'format'"));
+  EXPECT_THAT(ply_complaint(replaced(ascii(), "float y", "quad y")),
+              HasSubstr("a.ply:6: type 'quad'"));
+  EXPECT_THAT(ply_complaint(replaced(ascii(), "float y", "float q")), HasSubstr("no property 'y'"));
+  EXPECT_THAT(ply_complaint(replaced(ascii(), "float y", "float x")),
+              HasSubstr("'x': is given twice"));
+  EXPECT_THAT(ply_complaint(replaced(ascii(), "float y", "list uchar float y")),
               HasSubstr("'y': is a list"));
-  EXPECT_THAT(complaint(replaced(ascii(), "vertex 10", "vertex -1")), HasSubstr("count = -1"));
-  EXPECT_THAT(complaint(replaced(ascii(), "vertex 10", "vertex 11")), HasSubstr("file ends here"));
-  EXPECT_THAT(complaint(replaced(ascii(), "vertex 10", "vertex 1000000")), HasSubstr("too short"));
-  EXPECT_THAT(complaint(replaced(ascii(), "vertex 10", "vertex 9")), HasSubstr("at least 10"));
-  EXPECT_THAT(complaint(replaced(ascii(), "element vertex", "element corner")),
+  EXPECT_THAT(ply_complaint(replaced(ascii(), "vertex 10", "vertex -1")), HasSubstr("count = -1"));
+  EXPECT_THAT(ply_complaint(replaced(ascii(), "vertex 10", "vertex 11")),
+              HasSubstr("file ends here"));
+  EXPECT_THAT(ply_complaint(replaced(ascii(), "vertex 10", "vertex 1000000")),
+              HasSubstr("too short"));
+  EXPECT_THAT(ply_complaint(replaced(ascii(), "vertex 10", "vertex 9")), HasSubstr("at least 10"));
+  EXPECT_THAT(ply_complaint(replaced(ascii(), "element vertex", "element corner")),
               HasSubstr("no element 'vertex'"));
-  EXPECT_THAT(complaint(replaced(ascii(), "end_header\n", "")), HasSubstr("is not a keyword"));
+  EXPECT_THAT(ply_complaint(replaced(ascii(), "end_header\n", "")), HasSubstr("is not a keyword"));
   // the header has 8 lines, so the row of vertex 3 is line 12
-  EXPECT_THAT(complaint(replaced(ascii(), "\n3 6 9", "\n3 6 nine")),
+  EXPECT_THAT(ply_complaint(replaced(ascii(), "\n3 6 9", "\n3 6 nine")),
               HasSubstr("a.ply:12: z = nine: must be a finite number"));
-  EXPECT_THAT(complaint(replaced(ascii(), "\n3 6 9", "\n3 nan 9")), HasSubstr("a.ply:12: y = nan"));
+  EXPECT_THAT(ply_complaint(replaced(ascii(), "\n3 6 9", "\n3 nan 9")),
+              HasSubstr("a.ply:12: y = nan"));
 }
 
 TEST(Ply, RefusesNormalsThatAreNone) {
   const std::string normals = "property float nx\nproperty float ny\nproperty float nz\n";
 
-  EXPECT_THAT(complaint(ascii(normals, " 0 0 0")), HasSubstr("vertex 0: its normal"));
-  EXPECT_THAT(complaint(ascii("property float nx\nproperty float nz\n", " 0 1")),
+  EXPECT_THAT(ply_complaint(ascii(normals, " 0 0 0")), HasSubstr("vertex 0: its normal"));
+  EXPECT_THAT(ply_complaint(ascii("property float nx\nproperty float nz\n", " 0 1")),
               HasSubstr("nx, ny and nz"));
 }
 
 TEST(Ply, RefusesAStiffnessBelowZero) {
-  EXPECT_THAT(complaint(ascii("property float s\n", " -0.5"), "s"), HasSubstr("vertex 0: 's'"));
+  EXPECT_THAT(ply_complaint(ascii("property float s\n", " -0.5"), "s"), HasSubstr("vertex 0: 's'"));
 }
 
 }  // namespace

@@ -17,7 +17,6 @@ namespace {
 
 using test::LedTool;
 
-const Vector3 kAtRest = Vector3::Zero();
 constexpr double kStiffness = 500.0;
 
 SceneConfig one_tissue(const Geometry& geometry, double tip_radius_m) {

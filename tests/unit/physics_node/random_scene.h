@@ -9,6 +9,8 @@
 
 namespace palpate::physics {
 
+inline const Vector3 kAtRest = Vector3::Zero();
+
 inline SceneConfig one_tissue(const Geometry& geometry, const Material& material,
                               double tip_radius_m = 0.0) {
   return {.tip_radius_m = tip_radius_m,

@@ -12,8 +12,6 @@
 namespace palpate::physics {
 namespace {
 
-const Vector3 kAtRest = Vector3::Zero();
-
 // k 200 and k₁ 400 N/m, τ 0.1 s, pressed 10 mm within 1 ms and held: 6 N less what k₁ relaxed on
 // the way (z(1 ms) = p − (p/T) τ (1 − e^(−T/τ)) = 0.0498 mm for T = 1 ms), then k₁ falls as
 // e^(−t/τ).

@@ -15,8 +15,6 @@
 namespace palpate::physics {
 namespace {
 
-const Vector3 kAtRest = Vector3::Zero();
-
 TEST(SceneProperty, BroadPhaseLosesNoContact) {
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
     SCOPED_TRACE(testing::Message() << "seed=" << seed);

@@ -11,8 +11,6 @@
 namespace palpate::physics {
 namespace {
 
-const Vector3 kAtRest = Vector3::Zero();
-
 // 500 N/m, 2 N·s/m below z = 0.
 Scene floor_scene(bool is_damping_isotropic, bool is_adhesive, double tip_radius_m = 0.0) {
   return Scene(one_tissue(HalfSpaceGeometry{},

@@ -63,8 +63,10 @@ inline TriangleMesh sheet_mesh(double half_edge_m, std::uint32_t cells) {
   TriangleMesh mesh;
   const std::uint32_t row = cells + 1;
   for (std::uint32_t i = 0; i < row * row; ++i) {
-    mesh.vertices_m.push_back(
-        half_edge_m * Vector3(2.0 * (i % row) / cells - 1.0, 2.0 * (i / row) / cells - 1.0, 0.0));
+    const std::uint32_t x = i % row;
+    const std::uint32_t y = i / row;
+    mesh.vertices_m.push_back(half_edge_m *
+                              Vector3(2.0 * x / cells - 1.0, 2.0 * y / cells - 1.0, 0.0));
   }
   for (std::uint32_t y = 0; y < cells; ++y) {
     for (std::uint32_t x = 0; x < cells; ++x) {

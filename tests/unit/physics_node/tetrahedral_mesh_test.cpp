@@ -8,11 +8,13 @@
 #include <filesystem>
 
 #include "common/core/check.h"
+#include "tests/support/text.h"
 #include "tests/unit/physics_node/test_meshes.h"
 
 namespace palpate::physics {
 namespace {
 
+using test::replaced;
 using ::testing::HasSubstr;
 using ::testing::SizeIs;
 
@@ -66,13 +68,7 @@ std::string vtk_binary() {
   return text + "\n";
 }
 
-std::string replaced(std::string text, const std::string& from, const std::string& to) {
-  const std::size_t at = text.find(from);
-  EXPECT_NE(at, std::string::npos) << from;
-  return text.replace(at, from.size(), to);
-}
-
-std::string complaint(const std::string& bytes, bool is_vtk = false) {
+std::string mesh_complaint(const std::string& bytes, bool is_vtk = false) {
   try {
     static_cast<void>(is_vtk ? parse_vtk(bytes, "a.vtk") : parse_msh(bytes, "a.msh"));
   } catch (const SetupError& error) {
@@ -130,46 +126,47 @@ TEST(Msh, TurnsOverAMeshThatIsInvertedAsAWhole) {
 TEST(Msh, ReportsFileLineAndRule) {
   const std::string good = version_1();
   // element 2 is in line 12, element 3 in line 13
-  EXPECT_THAT(complaint(replaced(good, "9 2 4 3\n", "2 9 4 3\n")),
+  EXPECT_THAT(mesh_complaint(replaced(good, "9 2 4 3\n", "2 9 4 3\n")),
               HasSubstr("a.msh:13: element 3: is inverted, as are 1 of 2"));
-  EXPECT_THAT(complaint(replaced(good, "1 2 3 4\n", "1 2 3 3\n")),
+  EXPECT_THAT(mesh_complaint(replaced(good, "1 2 3 4\n", "1 2 3 3\n")),
               HasSubstr("a.msh:12: element 2: has no volume"));
-  EXPECT_THAT(complaint(replaced(good, "1 2 3 4\n", "1 2 3 8\n")),
+  EXPECT_THAT(mesh_complaint(replaced(good, "1 2 3 4\n", "1 2 3 8\n")),
               HasSubstr("a.msh:12: element 2: node 8: does not exist"));
-  EXPECT_THAT(complaint(replaced(good, "9 1 1 1", "4 1 1 1")),
+  EXPECT_THAT(mesh_complaint(replaced(good, "9 1 1 1", "4 1 1 1")),
               HasSubstr("a.msh:7: node 4: is given twice"));
-  EXPECT_THAT(complaint(replaced(good, "9 1 1 1", "9 1 1e999 1")), HasSubstr("a.msh:7: y = 1e999"));
-  EXPECT_THAT(complaint(replaced(good, "$NOD\n5", "$NOD\n4")),
+  EXPECT_THAT(mesh_complaint(replaced(good, "9 1 1 1", "9 1 1e999 1")),
+              HasSubstr("a.msh:7: y = 1e999"));
+  EXPECT_THAT(mesh_complaint(replaced(good, "$NOD\n5", "$NOD\n4")),
               HasSubstr("must be $ENDNOD; does the count fit?"));
-  EXPECT_THAT(complaint(replaced(good, "$NOD\n5", "$NOD\n999999999")), HasSubstr("too short"));
-  EXPECT_THAT(complaint(replaced(good, "2 4 1 1 4 1", "2 5 1 1 4 1")),
+  EXPECT_THAT(mesh_complaint(replaced(good, "$NOD\n5", "$NOD\n999999999")), HasSubstr("too short"));
+  EXPECT_THAT(mesh_complaint(replaced(good, "2 4 1 1 4 1", "2 5 1 1 4 1")),
               HasSubstr("a.msh:12: element 2 of type 5: volumes must be tetrahedra"));
-  EXPECT_THAT(complaint(good.substr(0, good.find("$ELM"))),
+  EXPECT_THAT(mesh_complaint(good.substr(0, good.find("$ELM"))),
               HasSubstr("must have nodes and elements"));
-  EXPECT_THAT(complaint("ply\n"), HasSubstr("a.msh:1: 'ply': must begin a section"));
-  EXPECT_THAT(complaint(replaced(version_2(), "2.2 0", "2.2 1")), HasSubstr("is binary"));
-  EXPECT_THAT(complaint(replaced(version_2(), "2.2 0", "3.0 0")),
+  EXPECT_THAT(mesh_complaint("ply\n"), HasSubstr("a.msh:1: 'ply': must begin a section"));
+  EXPECT_THAT(mesh_complaint(replaced(version_2(), "2.2 0", "2.2 1")), HasSubstr("is binary"));
+  EXPECT_THAT(mesh_complaint(replaced(version_2(), "2.2 0", "3.0 0")),
               HasSubstr("must be 1, 2.2 or 4.1"));
-  EXPECT_THAT(complaint(replaced(version_2(), "$EndPhysicalNames", "$EndNames")),
+  EXPECT_THAT(mesh_complaint(replaced(version_2(), "$EndPhysicalNames", "$EndNames")),
               HasSubstr("$PhysicalNames: has no end"));
-  EXPECT_THAT(complaint("$NOD\n1\n1 0 0 0\n$ENDNOD\n$ELM\n0\n$ENDELM\n"),
+  EXPECT_THAT(mesh_complaint("$NOD\n1\n1 0 0 0\n$ENDNOD\n$ELM\n0\n$ENDELM\n"),
               HasSubstr("has no tetrahedra"));
 }
 
 TEST(Vtk, ReportsFileLineAndRule) {
-  EXPECT_THAT(complaint("ply\n", true), HasSubstr("a.vtk:1: must begin with"));
-  EXPECT_THAT(complaint(replaced(vtk(), "UNSTRUCTURED_GRID", "POLYDATA"), true),
+  EXPECT_THAT(mesh_complaint("ply\n", true), HasSubstr("a.vtk:1: must begin with"));
+  EXPECT_THAT(mesh_complaint(replaced(vtk(), "UNSTRUCTURED_GRID", "POLYDATA"), true),
               HasSubstr("a.vtk:4: DATASET POLYDATA"));
-  EXPECT_THAT(complaint(replaced(vtk(), "4 0 1 2 3", "99 0 1 2 3"), true),
+  EXPECT_THAT(mesh_complaint(replaced(vtk(), "4 0 1 2 3", "99 0 1 2 3"), true),
               HasSubstr("cell 0: has 99 nodes"));
-  EXPECT_THAT(complaint(replaced(vtk(), "4 0 1 2 3", "4 0 1 2 7"), true),
+  EXPECT_THAT(mesh_complaint(replaced(vtk(), "4 0 1 2 3", "4 0 1 2 7"), true),
               HasSubstr("does not exist"));
-  EXPECT_THAT(complaint(replaced(vtk(), "CELL_TYPES 3", "CELL_TYPES 2"), true),
+  EXPECT_THAT(mesh_complaint(replaced(vtk(), "CELL_TYPES 3", "CELL_TYPES 2"), true),
               HasSubstr("as many as CELLS"));
-  EXPECT_THAT(complaint(replaced(vtk_5(), "0 4 8", "0 4 9"), true), HasSubstr("OFFSETS"));
+  EXPECT_THAT(mesh_complaint(replaced(vtk_5(), "0 4 8", "0 4 9"), true), HasSubstr("OFFSETS"));
   const std::string binary = vtk_binary();
   for (std::size_t bytes = 30; bytes + 2 < binary.size(); ++bytes) {
-    EXPECT_NE(complaint(binary.substr(0, bytes), true), "none") << bytes;
+    EXPECT_NE(mesh_complaint(binary.substr(0, bytes), true), "none") << bytes;
   }
 }
 

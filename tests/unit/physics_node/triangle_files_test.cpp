@@ -7,11 +7,13 @@
 #include <bit>
 
 #include "common/core/check.h"
+#include "tests/support/text.h"
 #include "tests/unit/physics_node/test_meshes.h"
 
 namespace palpate::physics {
 namespace {
 
+using test::replaced;
 using ::testing::HasSubstr;
 using ::testing::SizeIs;
 
@@ -19,12 +21,6 @@ using ::testing::SizeIs;
 constexpr const char* kTetrahedronObj =
     "# by hand\nv 0 0 0\nv 1 0 0 1.0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1/1 2/2/2 4//3\nf -3 -2 -1\n"
     "usemtl steel\nf 1 4 3\n";
-
-std::string replaced(std::string text, const std::string& from, const std::string& to) {
-  const std::size_t at = text.find(from);
-  EXPECT_NE(at, std::string::npos) << from;
-  return text.replace(at, from.size(), to);
-}
 
 template <class Parse>
 std::string complaint(Parse parse, const std::string& bytes) {

@@ -13,7 +13,7 @@
 namespace palpate::physics {
 namespace {
 
-constexpr double kStiffness = 1000.0;
+constexpr double kSoft_newton_per_m = 1000.0;
 
 struct Trust {
   double worst_error_m = 0.0;  // |force − force of the surface itself| / k
@@ -26,7 +26,7 @@ struct Trust {
 template <class PlaceOf>
 Trust trust_in(const Surface& surface, const PlaceOf& place_m, double depth_m) {
   Random random(9);
-  const KelvinVoigtMaterial material{.stiffness_newton_per_m = kStiffness};
+  const KelvinVoigtMaterial material{.stiffness_newton_per_m = kSoft_newton_per_m};
   Trust trust;
   int compared = 0;
   while (compared < 3000) {
@@ -39,10 +39,10 @@ Trust trust_in(const Surface& surface, const PlaceOf& place_m, double depth_m) {
     const SurfaceView after = surface.view(x + d);
     if (!(after.distance_m < 0.0) || after.distance_m < -depth_m) continue;
     ++compared;
-    const Vector3 truth = -kStiffness * after.distance_m * after.normal;
+    const Vector3 truth = -kSoft_newton_per_m * after.distance_m * after.normal;
     const double error_m =
         (palpate::evaluate(contact, d, Vector3::Zero(), 0.0).force_on_tool_newton - truth).norm() /
-        kStiffness;
+        kSoft_newton_per_m;
     trust.worst_error_m = std::max(trust.worst_error_m, error_m);
     trust.rms_error_m += error_m * error_m;
     trust.mean_radius_m += seen.trust_radius_m;

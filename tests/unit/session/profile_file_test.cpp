@@ -18,7 +18,7 @@ using ::testing::HasSubstr;
 using ::testing::SizeIs;
 using ::testing::StartsWith;
 
-constexpr const char* kSession = "name: \"x\"\ndevice { profile_file: \"omni.txtpb\" }";
+constexpr const char* kWithProfile = "name: \"x\"\ndevice { profile_file: \"omni.txtpb\" }";
 constexpr const char* kProfile =
     "device { profile { viscous_newton_s_per_m: 0.04 coulomb_newton: 0.2 "
     "position_resolution_m: 2e-5 } }";
@@ -29,13 +29,13 @@ class ProfileFile : public ::testing::Test {
   void write(const std::string& text) const { temporary_.write("omni.txtpb", text); }
 
   [[nodiscard]] DeviceProfile load(const std::vector<std::string>& overrides = {}) const {
-    return parse_session(kSession, "x.txtpb", overrides, folder_).side().device.profile;
+    return parse_session(kWithProfile, "x.txtpb", overrides, folder_).side().device.profile;
   }
 
   /// Of the session with this profile, the folder's name left out.
   [[nodiscard]] std::vector<std::string> problems(const std::string& profile) const {
     write(profile);
-    std::vector<std::string> lines = complaints(kSession, {}, folder_);
+    std::vector<std::string> lines = complaints(kWithProfile, {}, folder_);
     const std::string prefix = folder_.string() + "/";
     for (std::string& line : lines) {
       if (line.starts_with(prefix)) line.erase(0, prefix.size());
@@ -174,12 +174,12 @@ TEST_F(ProfileFile, UnreadableTextIsReportedWithItsPlace) {
 }
 
 TEST_F(ProfileFile, MissingFileAndFolderAreRefused) {
-  EXPECT_THAT(complaints(kSession, {}, folder_).at(1), HasSubstr("omni.txtpb: no such file"));
-  EXPECT_THAT(complaints(kSession, {"device.profile_file=."}, folder_).at(1),
+  EXPECT_THAT(complaints(kWithProfile, {}, folder_).at(1), HasSubstr("omni.txtpb: no such file"));
+  EXPECT_THAT(complaints(kWithProfile, {"device.profile_file=."}, folder_).at(1),
               HasSubstr("is a folder"));
-  EXPECT_THAT(complaints(kSession, {"device.profile_file=/dev/zero"}, folder_).at(1),
+  EXPECT_THAT(complaints(kWithProfile, {"device.profile_file=/dev/zero"}, folder_).at(1),
               HasSubstr("is not a regular file"));
-  EXPECT_THAT(complaints(kSession, {"device.profile_file='a\\0'"}, folder_).at(1),
+  EXPECT_THAT(complaints(kWithProfile, {"device.profile_file='a\\0'"}, folder_).at(1),
               HasSubstr("must not contain control characters"));
 }
 
@@ -187,11 +187,11 @@ TEST_F(ProfileFile, HugeFileIsRefusedUnread) {
   write("");
   std::filesystem::resize_file(folder_ / "omni.txtpb", 100'001);  // sparse
 
-  EXPECT_THAT(complaints(kSession, {}, folder_).at(1), HasSubstr("more than 100000 bytes"));
+  EXPECT_THAT(complaints(kWithProfile, {}, folder_).at(1), HasSubstr("more than 100000 bytes"));
 }
 
 TEST(Profile, NoFileIsReadWithoutAFolder) {
-  EXPECT_THAT(complaints(kSession).at(1), HasSubstr("this session has no folder"));
+  EXPECT_THAT(complaints(kWithProfile).at(1), HasSubstr("this session has no folder"));
 }
 
 }  // namespace

@@ -19,7 +19,8 @@ using ::testing::IsEmpty;
 using ::testing::SizeIs;
 using ::testing::StartsWith;
 
-constexpr const char* kSession = "name: \"x\"\nhand { recorded { file: \"path.csv\" loop: true } }";
+constexpr const char* kWithPath =
+    "name: \"x\"\nhand { recorded { file: \"path.csv\" loop: true } }";
 
 /// A folder with path.csv in it, gone after the test.
 class RecordedPathFile : public ::testing::Test {
@@ -27,7 +28,7 @@ class RecordedPathFile : public ::testing::Test {
   void write(const std::string& csv) const { temporary_.write("path.csv", csv); }
   [[nodiscard]] std::vector<std::string> problems(const std::string& csv) const {
     write(csv);
-    std::vector<std::string> lines = complaints(kSession, {}, folder_);
+    std::vector<std::string> lines = complaints(kWithPath, {}, folder_);
     // the folder's name is random
     const std::string prefix = folder_.string() + "/";
     for (std::string& line : lines) {
@@ -42,7 +43,7 @@ class RecordedPathFile : public ::testing::Test {
 
 TEST_F(RecordedPathFile, SamplesAreRead) {
   write("t, x, y, z\r\n0,1,2,3\r\n\n 0.5 , -1e-3 ,0,0\r\n");
-  temporary_.write("s.txtpb", kSession);
+  temporary_.write("s.txtpb", kWithPath);
 
   const Session session = load_session(folder_ / "s.txtpb");
 
@@ -92,12 +93,12 @@ TEST_F(RecordedPathFile, EmptyPathIsRefused) {
 }
 
 TEST_F(RecordedPathFile, MissingFileAndFolderAreRefused) {
-  EXPECT_THAT(complaints(kSession, {}, folder_).at(1), HasSubstr("path.csv: no such file"));
-  EXPECT_THAT(complaints(kSession, {"hand.recorded.file=."}, folder_).at(1),
+  EXPECT_THAT(complaints(kWithPath, {}, folder_).at(1), HasSubstr("path.csv: no such file"));
+  EXPECT_THAT(complaints(kWithPath, {"hand.recorded.file=."}, folder_).at(1),
               HasSubstr("is a folder"));
-  EXPECT_THAT(complaints(kSession, {"hand.recorded.file=/dev/zero"}, folder_).at(1),
+  EXPECT_THAT(complaints(kWithPath, {"hand.recorded.file=/dev/zero"}, folder_).at(1),
               HasSubstr("is not a regular file"));
-  EXPECT_THAT(complaints(kSession, {"hand.recorded.file='path.csv\\0'"}, folder_).at(1),
+  EXPECT_THAT(complaints(kWithPath, {"hand.recorded.file='path.csv\\0'"}, folder_).at(1),
               HasSubstr("must not contain control characters"));
 }
 
@@ -105,12 +106,12 @@ TEST_F(RecordedPathFile, HugeFileIsRefusedUnread) {
   write("t,x,y,z\n");
   std::filesystem::resize_file(folder_ / "path.csv", 64'000'001);  // sparse
 
-  EXPECT_THAT(complaints(kSession, {}, folder_).at(1), HasSubstr("more than 64000000 bytes"));
+  EXPECT_THAT(complaints(kWithPath, {}, folder_).at(1), HasSubstr("more than 64000000 bytes"));
 }
 
 TEST(RecordedPath, NoFileIsReadWithoutAFolder) {
-  EXPECT_THAT(complaints(kSession).at(1), HasSubstr("this session has no folder"));
-  EXPECT_THAT(complaints(kSession, {"hand.recorded.file=/etc/passwd"}).at(1),
+  EXPECT_THAT(complaints(kWithPath).at(1), HasSubstr("this session has no folder"));
+  EXPECT_THAT(complaints(kWithPath, {"hand.recorded.file=/etc/passwd"}).at(1),
               HasSubstr("this session has no folder"));
 }
 

@@ -15,14 +15,14 @@ using ::testing::HasSubstr;
 using ::testing::SizeIs;
 using ::testing::StartsWith;
 
-constexpr const char* kSession =
+constexpr const char* kOverridden =
     "name: \"x\"\n"
     "hand { v { height_m: 0.1 } }\n"
     "scene { tissue { sphere { radius_m: 1 } kelvin_voigt { stiffness_newton_per_m: 5 } } }\n"
     "faults { interaction { outage { until_s: 1 } } }\n";
 
 Session overridden(const std::vector<std::string>& overrides) {
-  return parse_session(kSession, "x.txtpb", overrides);
+  return parse_session(kOverridden, "x.txtpb", overrides);
 }
 
 TEST(SessionOverride, SetsAFieldByItsPath) {
@@ -78,13 +78,13 @@ TEST(SessionOverride, ListGrowsAndItsElementsAreReplaced) {
 
 TEST(SessionOverride, ProblemIsLocatedAtTheOverride) {
   EXPECT_THAT(
-      complaints(kSession, {"seed=4", "device.rate_hz=-1"}),
+      complaints(kOverridden, {"seed=4", "device.rate_hz=-1"}),
       ElementsAre("x.txtpb: 1 problem",
                   "--set device.rate_hz=-1: device.rate_hz = -1: must be 10 … 10000; give the "
                   "ticks per second of the haptic loop"));
-  EXPECT_THAT(complaints(kSession, {"hand.press={ from_s: 2 until_s: 1 }"}).at(1),
+  EXPECT_THAT(complaints(kOverridden, {"hand.press={ from_s: 2 until_s: 1 }"}).at(1),
               StartsWith("--set hand.press={ from_s: 2 until_s: 1 }: hand.press[0].until_s = 1"));
-  EXPECT_THAT(complaints(kSession, {"hand.recorded.loop=true"}).at(1),
+  EXPECT_THAT(complaints(kOverridden, {"hand.recorded.loop=true"}).at(1),
               StartsWith("--set hand.recorded.loop=true: hand.recorded.file: required"));
 }
 
@@ -147,7 +147,7 @@ TEST(SessionOverride, ReportsWhyItCannotBeApplied) {
   };
   for (const BadOverride& row : rows) {
     SCOPED_TRACE(row.assignment);
-    const std::vector<std::string> lines = complaints(kSession, {row.assignment});
+    const std::vector<std::string> lines = complaints(kOverridden, {row.assignment});
 
     ASSERT_THAT(lines, SizeIs(2));
     EXPECT_THAT(lines[1], AllOf(StartsWith(std::string("--set ") + row.assignment + ": "),
@@ -159,7 +159,7 @@ TEST(SessionOverride, EndlessBracesAreRefused) {
   std::string assignment = "scene={ ";
   for (int i = 0; i < 200'000; ++i) assignment += "a {";
 
-  EXPECT_THAT(complaints(kSession, {assignment}).at(1),
+  EXPECT_THAT(complaints(kOverridden, {assignment}).at(1),
               HasSubstr("braces nested more than 32 deep"));
 }
 

@@ -93,6 +93,24 @@ TEST(SessionRules, TimesAreBoundedInTheirUnit) {
   EXPECT_THAT(complaints(kSession, {"hand.v.speed_m_per_s=1e7"}), SizeIs(0));
 }
 
+// Beyond them hop 1 or hop 3 would refuse the message.
+TEST(SessionRules, LengthsForcesAndCoefficientsOfTissueAreBounded) {
+  const auto bounded = [](const std::string& path, const std::string& good,
+                          const std::string& bad) {
+    EXPECT_THAT(complaints(kSession, {path + "=" + good}), SizeIs(0)) << path;
+    EXPECT_THAT(complaints(kSession, {path + "=" + bad}),
+                ::testing::ElementsAre(testing::_, HasSubstr("must be within")))
+        << path;
+  };
+  bounded("hand.hold.position_m.z", "-10", "-10.1");
+  bounded("device.workspace.offset_m.x", "10", "10.1");
+  bounded("device.peak_force_newton", "1000", "1001");
+  bounded("scene.tissue[0].kelvin_voigt.stiffness_newton_per_m", "1e6", "1.1e6");
+  bounded("scene.tissue[0].kelvin_voigt.damping_newton_s_per_m", "1e4", "1.1e4");
+  bounded("scene.tissue[0].kelvin_voigt.stiffening_newton_per_m3", "1e9", "1.1e9");
+  bounded("scene.tissue[0].kelvin_voigt.puncture_newton", "1000", "1001");
+}
+
 // --- ranges -----------------------------------------------------------------------------------
 
 struct Rule {
@@ -206,7 +224,7 @@ const Rule kRules[] = {
     {"device.peak_force_newton", {"0", "-1"}, {"0.1"}, "must be > 0"},
     {"device.slew_newton_per_s", {"-1"}, {"0"}, "must be ≥ 0"},
     {"device.v_fault_m_per_s", {"4.9", "0"}, {"5"}, "must be ≥ 5"},
-    {"device.workspace.scale_ratio", {"0", "-1"}, {"0.1"}, "must be > 0"},
+    {"device.workspace.scale_ratio", {"0", "-1", "50.1"}, {"0.1", "50"}, "must be > 0, ≤ 50"},
     {"device.workspace.force_ratio", {"-0.1"}, {"0"}, "must be ≥ 0"},
     {"device.workspace.clutch_button", {"32"}, {"0", "31"}, "must be 0 … 31"},
     {"device.profile.viscous_newton_s_per_m", {"-1"}, {"0"}, "must be ≥ 0"},
@@ -374,13 +392,13 @@ const Rule kRules[] = {
     {"scene.tissue[0].kelvin_voigt.stiffness_property", {"'k'"}, {}, "only a point_cloud has one"},
     {"scene.tissue[0].hunt_crossley", {"{}"}, {}, "stiffness_newton_per_m: required"},
     {"scene.tissue[0].hunt_crossley",
-     {"{ stiffness_newton_per_m: 5 exponent: 0.9 }", "{ stiffness_newton_per_m: 5 exponent: 11 }"},
-     {"{ stiffness_newton_per_m: 5 exponent: 1 }", "{ stiffness_newton_per_m: 5 exponent: 10 }"},
-     "must be 1 … 10"},
+     {"{ stiffness_newton_per_m: 5 exponent: 0.9 }", "{ stiffness_newton_per_m: 5 exponent: 5.1 }"},
+     {"{ stiffness_newton_per_m: 5 exponent: 1 }", "{ stiffness_newton_per_m: 5 exponent: 5 }"},
+     "must be 1 … 5"},
     {"scene.tissue[0].hunt_crossley",
-     {"{ stiffness_newton_per_m: 5 depth_m: 0 }"},
-     {"{ stiffness_newton_per_m: 5 depth_m: 1e-6 }"},
-     "must be 1e-06 … 1000"},
+     {"{ stiffness_newton_per_m: 5 depth_m: 9e-5 }"},
+     {"{ stiffness_newton_per_m: 5 depth_m: 1e-4 }"},
+     "must be 0.0001 … 0.1"},
     {"scene.tissue[0].kelvin_voigt", {"{}"}, {}, "stiffness_newton_per_m: required"},
     {"scene.tissue[0].kelvin_voigt.stiffness_newton_per_m", {"-1"}, {"0"}, "must be ≥ 0"},
     {"scene.tissue[0].kelvin_voigt.damping_newton_s_per_m", {"-1"}, {"0"}, "must be ≥ 0"},
@@ -392,6 +410,21 @@ const Rule kRules[] = {
      {"0"},
      {"1e-9"},
      "must be > 0"},
+    {"scene.tissue[0].kelvin_voigt",
+     {"{ friction_coefficient: 1 stiffness_newton_per_m: 0 }",
+      "{ puncture_newton: 1 stiffness_newton_per_m: 0 }"},
+     {"{ friction_coefficient: 1 stiffness_newton_per_m: 0 friction_stiffness_newton_per_m: 9 }"},
+     "friction_stiffness_newton_per_m: required with friction or a puncture"},
+    {"scene.tissue[0].kelvin_voigt.relaxation_time_ms",
+     {"0.9", "1000001"},
+     {"1", "1000000"},
+     "must be 1 … 1000000"},
+    {"scene.tissue[0].motion.frequency_hz", {"0", "20.1"}, {"20"}, "must be > 0, ≤ 20"},
+    {"scene.tissue[0].motion.amplitude_m.y",
+     {"-0.54"},  // 10.2 m/s
+     {"-0.53"},
+     "must be ≤ 10 m/s",
+     {"scene.tissue[0].motion.frequency_hz=3"}},
     {"scene.tissue[0].kelvin_voigt.puncture_newton", {"-1"}, {"0", "2"}, "must be ≥ 0"},
     {"scene.tissue[0].kelvin_voigt.cutting_newton",
      {"-0.1", "2.1"},

@@ -102,6 +102,14 @@ TEST_F(EventLogTest, ALateSwitchIsAWarning) {
   EXPECT_EQ(lines(), "warning event=switch_late count=1\n");
 }
 
+TEST_F(EventLogTest, AnAnswerAheadIsAWarningWithItsLink) {
+  EventLog<DeviceCounters> events(logger_);
+  DeviceCounters counters;
+  counters.force_command.ahead = 3;
+  events.note(counters, at(milliseconds(0)));
+  EXPECT_EQ(lines(), "warning event=answers_ahead link=force_command count=3\n");
+}
+
 // 100 limp ticks at the start, then answers; 5 + 3 fallback ticks that flutter; quiet from 60 ms
 // on.
 TEST_F(EventLogTest, AFlutteringFallbackIsOneEpisode) {

@@ -7,31 +7,31 @@ namespace {
 
 using std::chrono::milliseconds;
 
-TimePoint at(Duration since_start) { return TimePoint{} + since_start; }
+TimePoint since_start(Duration duration) { return TimePoint{} + duration; }
 
 TEST(EventThrottle, ReportsTheFirstOccurrenceAtOnce) {
   EventThrottle throttle;
-  EXPECT_EQ(throttle.note(at(milliseconds(0)), 0), 0u);
-  EXPECT_EQ(throttle.note(at(milliseconds(5)), 3), 3u);
+  EXPECT_EQ(throttle.note(since_start(milliseconds(0)), 0), 0u);
+  EXPECT_EQ(throttle.note(since_start(milliseconds(5)), 3), 3u);
 }
 
 // 2 + 4 occurrences are swallowed within the second after the first line, 1 comes at its end: 7.
 TEST(EventThrottle, ThenReportsAtMostOnceASecondWithWhatItSwallowed) {
   EventThrottle throttle;
-  ASSERT_EQ(throttle.note(at(milliseconds(0)), 1), 1u);
+  ASSERT_EQ(throttle.note(since_start(milliseconds(0)), 1), 1u);
 
-  EXPECT_EQ(throttle.note(at(milliseconds(1)), 2), 0u);
-  EXPECT_EQ(throttle.note(at(milliseconds(999)), 4), 0u);
-  EXPECT_EQ(throttle.note(at(milliseconds(1000)), 1), 7u);
+  EXPECT_EQ(throttle.note(since_start(milliseconds(1)), 2), 0u);
+  EXPECT_EQ(throttle.note(since_start(milliseconds(999)), 4), 0u);
+  EXPECT_EQ(throttle.note(since_start(milliseconds(1000)), 1), 7u);
 }
 
 TEST(EventThrottle, ReportsSwallowedOccurrencesAlsoWhenNoMoreCome) {
   EventThrottle throttle;
-  ASSERT_EQ(throttle.note(at(milliseconds(0)), 1), 1u);
-  ASSERT_EQ(throttle.note(at(milliseconds(500)), 2), 0u);
+  ASSERT_EQ(throttle.note(since_start(milliseconds(0)), 1), 1u);
+  ASSERT_EQ(throttle.note(since_start(milliseconds(500)), 2), 0u);
 
-  EXPECT_EQ(throttle.note(at(milliseconds(1500)), 0), 2u);
-  EXPECT_EQ(throttle.note(at(milliseconds(9000)), 0), 0u);
+  EXPECT_EQ(throttle.note(since_start(milliseconds(1500)), 0), 2u);
+  EXPECT_EQ(throttle.note(since_start(milliseconds(9000)), 0), 0u);
 }
 
 }  // namespace

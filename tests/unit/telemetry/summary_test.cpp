@@ -187,6 +187,7 @@ TEST(SummaryJson, HasTheKeysThatAreDocumented) {
                           "force_error_rms_ratio",
                           "min_true_energy_j",
                           "max_force_n",
+                          "largest_jump_n",
                           "velocity_reversals",
                           "clamp_ratio",
                           "fallbacks",
@@ -243,6 +244,7 @@ TEST(SummaryJson, CarriesTheFiguresOfTheRun) {
   pushed.mofc->is_clamped = true;
   pushed.is_truly_in_contact = true;
   report.statistics.add(pushed, {});
+  report.device.largest_jump_newton = 0.75;
   report.device.fallback_ticks = 3;
   report.device.limp_ticks = 2;
   report.mofc.motions_suppressed = 11;
@@ -258,6 +260,7 @@ TEST(SummaryJson, CarriesTheFiguresOfTheRun) {
   EXPECT_DOUBLE_EQ(json["transparency"]["z"], 0.5);
   EXPECT_DOUBLE_EQ(json["transparency"]["vector"], 0.5);
   EXPECT_DOUBLE_EQ(json["max_force_n"], 1.0);
+  EXPECT_DOUBLE_EQ(json["largest_jump_n"], 0.75);
   EXPECT_DOUBLE_EQ(json["clamp_ratio"], 1.0);
   EXPECT_EQ(json["velocity_reversals"]["x"], 1);
   EXPECT_EQ(json["velocity_reversals"]["ideal"]["x"], 0);

@@ -13,7 +13,8 @@ namespace {
 
 using namespace std::chrono_literals;
 
-const TimePoint kStart = time_at(100.0);  // the viewer's clock has nothing to do with the device's
+const TimePoint kArrival =
+    time_at(100.0);  // the viewer's clock has nothing to do with the device's
 
 struct Rows {
   explicit Rows(TelemetryMirror& mirror) {
@@ -39,7 +40,7 @@ TEST(TelemetryMirror, KnowsNothingBeforeTheFirstBatch) {
   const TelemetryMirror mirror;
 
   EXPECT_FALSE(mirror.device_link().is_heard());
-  EXPECT_FALSE(mirror.device_link().is_alive(kStart));
+  EXPECT_FALSE(mirror.device_link().is_alive(kArrival));
   const TelemetryFigures figures = mirror.figures();
   EXPECT_TRUE(std::isnan(figures.tick_rate_hz));
   EXPECT_TRUE(std::isnan(figures.transparency));
@@ -50,19 +51,19 @@ TEST(TelemetryMirror, KnowsNothingBeforeTheFirstBatch) {
 
 TEST(TelemetryMirror, TakesANodeForGoneAfterTwoSecondsOfItsOwnClock) {
   TelemetryMirror mirror;
-  mirror.take(mofc_batch(0, 0, 0), kStart);
+  mirror.take(mofc_batch(0, 0, 0), kArrival);
 
-  EXPECT_TRUE(mirror.mofc_link().is_alive(kStart + 2s));
-  EXPECT_FALSE(mirror.mofc_link().is_gone(kStart + 2s));
-  EXPECT_TRUE(mirror.mofc_link().is_gone(kStart + 2s + 1ns));
-  mirror.take(mofc_batch(1, 1, 1), kStart + 5s);
-  EXPECT_TRUE(mirror.mofc_link().is_alive(kStart + 5s));
+  EXPECT_TRUE(mirror.mofc_link().is_alive(kArrival + 2s));
+  EXPECT_FALSE(mirror.mofc_link().is_gone(kArrival + 2s));
+  EXPECT_TRUE(mirror.mofc_link().is_gone(kArrival + 2s + 1ns));
+  mirror.take(mofc_batch(1, 1, 1), kArrival + 5s);
+  EXPECT_TRUE(mirror.mofc_link().is_alive(kArrival + 5s));
 }
 
 TEST(TelemetryMirror, CountsLostBatchesByTheirSequence) {
   TelemetryMirror mirror;
   for (const std::uint64_t batch : {7U, 8U, 11U, 12U}) {  // joined at 7; 9 and 10 are lost
-    mirror.take(device_batch(batch, batch, batch), kStart);
+    mirror.take(device_batch(batch, batch, batch), kArrival);
   }
 
   EXPECT_EQ(mirror.device_link().batches_received, 4U);
@@ -72,7 +73,7 @@ TEST(TelemetryMirror, CountsLostBatchesByTheirSequence) {
 TEST(TelemetryMirror, TakesALossBackWhenTheBatchComesLate) {
   TelemetryMirror mirror;
   for (const std::uint64_t batch : {0U, 3U, 1U, 2U}) {
-    mirror.take(device_batch(batch, batch, batch), kStart);
+    mirror.take(device_batch(batch, batch, batch), kArrival);
   }
 
   EXPECT_EQ(mirror.device_link().batches_received, 4U);
@@ -83,7 +84,7 @@ TEST(TelemetryMirror, TakesALossBackWhenTheBatchComesLate) {
 TEST(TelemetryMirror, DoesNotCreditABatchFromBeforeItJoinedAgainstALoss) {
   TelemetryMirror mirror;
   for (const std::uint64_t batch : {5U, 7U, 4U}) {
-    mirror.take(device_batch(batch, batch, batch), kStart);
+    mirror.take(device_batch(batch, batch, batch), kArrival);
   }
 
   EXPECT_EQ(mirror.device_link().batches_lost, 1U);
@@ -92,7 +93,7 @@ TEST(TelemetryMirror, DoesNotCreditABatchFromBeforeItJoinedAgainstALoss) {
 TEST(TelemetryMirror, TakesABatchOnce) {
   TelemetryMirror mirror;
   for (const std::uint64_t batch : {0U, 1U, 1U, 0U, 100U, 1U}) {
-    mirror.take(physics_batch(batch, batch, batch), kStart);
+    mirror.take(physics_batch(batch, batch, batch), kArrival);
   }
 
   EXPECT_EQ(mirror.physics_link().batches_received, 3U);
@@ -101,17 +102,17 @@ TEST(TelemetryMirror, TakesABatchOnce) {
 
 TEST(TelemetryMirror, KeepsTheNewestCountersWhenBatchesChangePlaces) {
   TelemetryMirror mirror;
-  mirror.take(device_batch(1, 10, 19), kStart);
-  mirror.take(device_batch(0, 0, 9), kStart);
+  mirror.take(device_batch(1, 10, 19), kArrival);
+  mirror.take(device_batch(0, 0, 9), kArrival);
 
   EXPECT_EQ(mirror.device_counters().loop.ticks, 20U);
 }
 
 TEST(TelemetryMirror, StartsAgainWithARestartedNodeAndRefusesTheOldOne) {
   TelemetryMirror mirror;
-  mirror.take(device_batch(50, 500, 509), kStart);
-  mirror.take(device_batch(0, 0, 4, 12), kStart);
-  mirror.take(device_batch(51, 510, 519), kStart);  // a straggler of the session before
+  mirror.take(device_batch(50, 500, 509), kArrival);
+  mirror.take(device_batch(0, 0, 4, 12), kArrival);
+  mirror.take(device_batch(51, 510, 519), kArrival);  // a straggler of the session before
 
   EXPECT_EQ(mirror.device_link().sessions, 2U);
   EXPECT_EQ(mirror.device_link().batches_lost, 0U);
@@ -124,9 +125,9 @@ TEST(TelemetryMirror, StartsAgainWithARestartedNodeAndRefusesTheOldOne) {
 
 TEST(TelemetryMirror, JoinsBothHalvesOfATickInEitherOrder) {
   TelemetryMirror mirror;
-  mirror.take(device_batch(0, 0, 1), kStart);
-  mirror.take(mofc_batch(0, 0, 3), kStart);
-  mirror.take(device_batch(1, 2, 3), kStart);
+  mirror.take(device_batch(0, 0, 1), kArrival);
+  mirror.take(mofc_batch(0, 0, 3), kArrival);
+  mirror.take(device_batch(1, 2, 3), kArrival);
 
   ASSERT_EQ(mirror.ticks().size(), 4U);
   for (const auto& [sequence, tick] : mirror.ticks()) {
@@ -138,25 +139,25 @@ TEST(TelemetryMirror, JoinsBothHalvesOfATickInEitherOrder) {
 
 TEST(TelemetryMirror, NeverJoinsTicksOfDifferentDeviceSessions) {
   TelemetryMirror mirror;
-  mirror.take(device_batch(0, 0, 9), kStart);
+  mirror.take(device_batch(0, 0, 9), kArrival);
   // mofc is the first to speak of the new device session; its batch spans both
   MofcBatch both = mofc_batch(0, 0, 9);
   const MofcBatch later = mofc_batch(0, 0, 3, 12);
   both.records.insert(both.records.end(), later.records.begin(), later.records.end());
-  mirror.take(both, kStart);
-  mirror.take(mofc_batch(1, 10, 12), kStart);  // still about the old one
+  mirror.take(both, kArrival);
+  mirror.take(mofc_batch(1, 10, 12), kArrival);  // still about the old one
 
   ASSERT_EQ(mirror.ticks().size(), 4U);
   for (const auto& [sequence, tick] : mirror.ticks()) EXPECT_FALSE(tick.device);
-  mirror.take(device_batch(0, 0, 3, 12), kStart);
+  mirror.take(device_batch(0, 0, 3, 12), kArrival);
   for (const auto& [sequence, tick] : mirror.ticks()) EXPECT_TRUE(tick.device && tick.mofc);
 }
 
 TEST(TelemetryMirror, HoldsOneSecondOfTicks) {
   TelemetryMirror mirror;
   for (std::uint64_t batch = 0; batch < 500; ++batch) {
-    mirror.take(device_batch(batch, 10 * batch, 10 * batch + 9), kStart);
-    mirror.take(physics_batch(batch, 10 * batch, 10 * batch + 9), kStart);
+    mirror.take(device_batch(batch, 10 * batch, 10 * batch + 9), kArrival);
+    mirror.take(physics_batch(batch, 10 * batch, 10 * batch + 9), kArrival);
   }
 
   // newest 4999 ms, so 3999 … 4999 ms
@@ -169,11 +170,11 @@ TEST(TelemetryMirror, IsBoundedWhateverTheStampsSay) {
   TelemetryMirror mirror;
   for (std::uint64_t batch = 0; batch < 100; ++batch) {
     DeviceBatch device = device_batch(batch, 1000 * batch, 1000 * batch + 999);
-    for (DeviceTick& tick : device.records) tick.sampled_at = kStart;
-    mirror.take(device, kStart);
+    for (DeviceTick& tick : device.records) tick.sampled_at = kArrival;
+    mirror.take(device, kArrival);
     PhysicsBatch physics = physics_batch(batch, 1000 * batch, 1000 * batch + 999);
-    for (PhysicsTick& tick : physics.records) tick.stepped_at = kStart;
-    mirror.take(physics, kStart);
+    for (PhysicsTick& tick : physics.records) tick.stepped_at = kArrival;
+    mirror.take(physics, kArrival);
   }
 
   EXPECT_EQ(mirror.ticks().size(), kMaxTicksHeld);
@@ -182,8 +183,8 @@ TEST(TelemetryMirror, IsBoundedWhateverTheStampsSay) {
 
 TEST(TelemetryMirror, HoldsThePhysicsTicksOfOneSessionOnly) {
   TelemetryMirror mirror;
-  mirror.take(physics_batch(5, 100, 109), kStart);
-  mirror.take(physics_batch(0, 0, 2, 34), kStart);
+  mirror.take(physics_batch(5, 100, 109), kArrival);
+  mirror.take(physics_batch(0, 0, 2, 34), kArrival);
 
   EXPECT_EQ(mirror.physics_ticks().size(), 3U);
 }
@@ -195,8 +196,8 @@ TEST(TelemetryMirrorRows, ComeOnceEachInOrderAndJoined) {
   const Rows rows(mirror);
   for (std::uint64_t batch = 0; batch < 200; ++batch) {
     const std::uint64_t first = 10 * batch;
-    if (batch >= 3) mirror.take(mofc_batch(batch - 3, first - 30, first - 21), kStart);
-    mirror.take(device_batch(batch, first, first + 9), kStart);
+    if (batch >= 3) mirror.take(mofc_batch(batch - 3, first - 30, first - 21), kArrival);
+    mirror.take(device_batch(batch, first, first + 9), kArrival);
   }
 
   // mofc is 30 ticks behind: 0 … 1969 are joined, the rest still wait for their other half
@@ -216,8 +217,8 @@ TEST(TelemetryMirrorRows, ComeWithoutTheAnswerThatNeverCame) {
   TelemetryMirror mirror;
   const Rows rows(mirror);
   for (std::uint64_t batch = 0; batch < 100; ++batch) {
-    mirror.take(device_batch(batch, 10 * batch, 10 * batch + 9), kStart);
-    if (batch != 20) mirror.take(mofc_batch(batch, 10 * batch, 10 * batch + 9), kStart);
+    mirror.take(device_batch(batch, 10 * batch, 10 * batch + 9), kArrival);
+    if (batch != 20) mirror.take(mofc_batch(batch, 10 * batch, 10 * batch + 9), kArrival);
   }
 
   EXPECT_EQ(rows.sequences(), counting(0, 999));
@@ -230,8 +231,8 @@ TEST(TelemetryMirrorRows, LeaveOutTicksWhoseDeviceHalfIsLost) {
   TelemetryMirror mirror;
   const Rows rows(mirror);
   for (std::uint64_t batch = 0; batch < 100; ++batch) {
-    if (batch != 20) mirror.take(device_batch(batch, 10 * batch, 10 * batch + 9), kStart);
-    mirror.take(mofc_batch(batch, 10 * batch, 10 * batch + 9), kStart);
+    if (batch != 20) mirror.take(device_batch(batch, 10 * batch, 10 * batch + 9), kArrival);
+    mirror.take(mofc_batch(batch, 10 * batch, 10 * batch + 9), kArrival);
   }
   mirror.flush_rows();
 
@@ -271,9 +272,9 @@ TEST(TelemetryMirrorRows, AreInOrderAndWholeUnderLossAndReordering) {
     for (const Arrival& arrival : arrivals) {
       const std::uint64_t first = 10 * arrival.batch;
       if (arrival.is_device) {
-        mirror.take(device_batch(arrival.batch, first, first + 9), kStart);
+        mirror.take(device_batch(arrival.batch, first, first + 9), kArrival);
       } else {
-        mirror.take(mofc_batch(arrival.batch, first, first + 9), kStart);
+        mirror.take(mofc_batch(arrival.batch, first, first + 9), kArrival);
       }
     }
     mirror.flush_rows();
@@ -288,8 +289,8 @@ TEST(TelemetryMirrorRows, AreInOrderAndWholeUnderLossAndReordering) {
 TEST(TelemetryMirrorRows, OfTheOldSessionComeBeforeThoseOfTheNew) {
   TelemetryMirror mirror;
   const Rows rows(mirror);
-  mirror.take(device_batch(0, 0, 9), kStart);
-  mirror.take(device_batch(0, 0, 4, 12), kStart);
+  mirror.take(device_batch(0, 0, 9), kArrival);
+  mirror.take(device_batch(0, 0, 4, 12), kArrival);
   mirror.flush_rows();
 
   ASSERT_EQ(rows.all.size(), 15U);
@@ -303,8 +304,8 @@ TEST(TelemetryMirrorRows, OfTheOldSessionComeBeforeThoseOfTheNew) {
 TEST(TelemetryFigures, GiveTheTickRateDespiteLostBatches) {
   TelemetryMirror mirror;
   for (const std::uint64_t batch : {0U, 1U, 5U, 9U}) {
-    mirror.take(device_batch(batch, 10 * batch, 10 * batch + 9), kStart);
-    mirror.take(physics_batch(batch, 10 * batch, 10 * batch + 9), kStart);
+    mirror.take(device_batch(batch, 10 * batch, 10 * batch + 9), kArrival);
+    mirror.take(physics_batch(batch, 10 * batch, 10 * batch + 9), kArrival);
   }
 
   // 99 periods of 1 ms between tick 0 and tick 99
@@ -323,7 +324,7 @@ TEST(TelemetryFigures, GivePercentilesOfLatenessAndReplyTime) {
     tick.is_answered = i < 100;
   }
   TelemetryMirror mirror;
-  mirror.take(batch, kStart);
+  mirror.take(batch, kArrival);
 
   const TelemetryFigures figures = mirror.figures();
   EXPECT_EQ(figures.lateness_p99, Duration(198us));
@@ -344,26 +345,26 @@ TEST(TelemetryFigures, GiveTheShareOfScheduledTicksAnswered) {
     ++batch.header.sequence;
   };
 
-  take(100, 0, 50, kStart);
+  take(100, 0, 50, kArrival);
   EXPECT_TRUE(std::isnan(mirror.figures().answered_ratio)) << "one batch makes no difference";
-  take(900, 100, 540, kStart + 500ms);
+  take(900, 100, 540, kArrival + 500ms);
   // since start 540 / 1000; in the window 490 / 900
   EXPECT_DOUBLE_EQ(mirror.figures().answered_ratio_since_start, 0.54);
   EXPECT_DOUBLE_EQ(mirror.figures().answered_ratio, 490.0 / 900.0);
-  take(1900, 100, 1530, kStart + 1400ms);
+  take(1900, 100, 1530, kArrival + 1400ms);
   // the first batch has left the window: 990 / 1000
   EXPECT_DOUBLE_EQ(mirror.figures().answered_ratio, 0.99);
 }
 
 TEST(TelemetryFigures, CountAnsweredTicksOfOneDeviceSessionOnly) {
   TelemetryMirror mirror;
-  mirror.take(device_batch(0, 0, 999), kStart);
+  mirror.take(device_batch(0, 0, 999), kArrival);
   DeviceBatch restarted = device_batch(0, 0, 9, 12);
-  mirror.take(restarted, kStart);
+  mirror.take(restarted, kArrival);
   restarted.header.sequence = 1;
   restarted.counters.loop.ticks = 20;
   restarted.counters.answered_ticks = 15;
-  mirror.take(restarted, kStart);
+  mirror.take(restarted, kArrival);
 
   // of ten ticks since the first batch of the new session five were answered
   EXPECT_DOUBLE_EQ(mirror.figures().answered_ratio, 0.5);
@@ -377,8 +378,8 @@ TEST(TelemetryFigures, CompareTheForceAskedWithTheForceApplied) {
   mofc.records[1].asked_force_on_hand_newton = {0, 0, 4};
   mofc.records[0].is_clamped = true;
   TelemetryMirror mirror;
-  mirror.take(device, kStart);
-  mirror.take(mofc, kStart);
+  mirror.take(device, kArrival);
+  mirror.take(mofc, kArrival);
 
   const TelemetryFigures figures = mirror.figures();
   EXPECT_DOUBLE_EQ(figures.asked_newton, 4.0);
@@ -394,11 +395,11 @@ TEST(TelemetryFigures, TakeTheForceNowFromTheNewestTickThatBothSidesReported) {
   TelemetryMirror mirror;
   DeviceBatch device = device_batch(0, 0, 9);
   device.records[9].force_on_hand_newton = {0, 3, 0};
-  mirror.take(device, kStart);
+  mirror.take(device, kArrival);
   EXPECT_DOUBLE_EQ(mirror.figures().applied_newton, 3.0) << "nothing of mofc: the newest";
   EXPECT_TRUE(std::isnan(mirror.figures().asked_newton));
 
-  mirror.take(mofc_batch(0, 0, 5), kStart);
+  mirror.take(mofc_batch(0, 0, 5), kArrival);
 
   EXPECT_DOUBLE_EQ(mirror.figures().applied_newton, 1.0);
   EXPECT_DOUBLE_EQ(mirror.figures().asked_newton, 2.0);
@@ -413,8 +414,8 @@ TEST(TelemetryFigures, GiveTheNewestEnergiesAndStates) {
   mofc.records[9].state = MofcState::kFree;
   mofc.records[9].is_in_contact = false;
   TelemetryMirror mirror;
-  mirror.take(device, kStart);
-  mirror.take(mofc, kStart);
+  mirror.take(device, kArrival);
+  mirror.take(mofc, kArrival);
 
   const TelemetryFigures figures = mirror.figures();
   EXPECT_EQ(figures.true_energy_joule, 4e-3);
@@ -432,7 +433,7 @@ TEST(TelemetryFigures, TakeTheForceAgeWherePhysicsHasSpoken) {
   mofc.records[3].force_age = 5ms;
   mofc.records[4].force_age = 2ms;
   TelemetryMirror mirror;
-  mirror.take(mofc, kStart);
+  mirror.take(mofc, kArrival);
 
   EXPECT_EQ(mirror.figures().force_age_p50, Duration(2ms));
   EXPECT_EQ(mirror.figures().force_age_max, Duration(5ms));
@@ -441,8 +442,8 @@ TEST(TelemetryFigures, TakeTheForceAgeWherePhysicsHasSpoken) {
 TEST(TelemetryFigures, OfALateViewerAreThoseOfTheRunningNodes) {
   TelemetryMirror mirror;
   for (std::uint64_t batch = 100000; batch < 100010; ++batch) {
-    mirror.take(device_batch(batch, 10 * batch, 10 * batch + 9), kStart);
-    mirror.take(mofc_batch(batch, 10 * batch, 10 * batch + 9), kStart);
+    mirror.take(device_batch(batch, 10 * batch, 10 * batch + 9), kArrival);
+    mirror.take(mofc_batch(batch, 10 * batch, 10 * batch + 9), kArrival);
   }
 
   EXPECT_EQ(mirror.device_link().batches_lost, 0U);

@@ -21,13 +21,19 @@ export function launch(script = "chromium") {
 
 /**
  * A page of that server which has the scene; `problems` collects the console's errors and warnings.
- * @param scale  pixels of the canvas per CSS pixel; WebGL on the processor costs in proportion to their number
+ * Drawing on the processor takes most of a test's time:
+ * @param scale   pixels of the canvas per CSS pixel
+ * @param max_hz  pictures per second
  */
-export async function open(browser, url, { width = 1000, height = 700, dark = false, scale = 0.5, touch = false, wait = true } = {}) {
+export async function open(browser, url, {
+  width = 1000, height = 700, dark = false, scale = 0.5, touch = false, max_hz = 15, has_webgl = true, wait = true,
+} = {}) {
   const context = await browser.newContext({
     viewport: { width, height }, colorScheme: dark ? "dark" : "light", deviceScaleFactor: scale, hasTouch: touch,
   });
   const page = await context.newPage();
+  if (max_hz < 60) await page.addInitScript(draw_at_most, max_hz);
+  if (!has_webgl) await page.addInitScript(take_webgl_away);
   page.problems = [];
   page.requests = [];
   page.on("console", (message) => {
@@ -38,6 +44,17 @@ export async function open(browser, url, { width = 1000, height = 700, dark = fa
   await page.goto(url);
   if (wait) await until(page, (t) => t.scene && t.device_ticks > 0 && t.frames > 0, "the scene and the first ticks");
   return page;
+}
+
+function draw_at_most(max_hz) {
+  const request = window.requestAnimationFrame.bind(window);
+  window.requestAnimationFrame = (draw) => setTimeout(() => request(draw), 1000 / max_hz - 1000 / 60);
+}
+function take_webgl_away() {
+  const get = HTMLCanvasElement.prototype.getContext;
+  HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
+    return String(kind).startsWith("webgl") ? null : get.call(this, kind, ...rest);
+  };
 }
 
 // of the graphics driver on a machine without one
@@ -92,6 +109,10 @@ export async function until_text(page, id, pattern, deadline_ms = 30000) {
     await page.waitForTimeout(20);
   }
 }
+
+/** Returns when what the page knows now is drawn. */
+export const drawn = (page) =>
+  page.evaluate(() => new Promise((resolve) => requestAnimationFrame(() => requestAnimationFrame(resolve))));
 
 /** The canvas alone, as the compositor shows it. */
 export async function picture(page, selector = "#canvas") {

@@ -5,7 +5,9 @@
 #include "common/core/workspace_map.h"
 #include "common/session/device_profile.h"
 
-namespace palpate::mofc {
+namespace palpate {
+
+struct DeviceConfig;
 
 struct ClampedDevice {
   DeviceProfile profile{};
@@ -16,4 +18,6 @@ struct ClampedDevice {
   double peak_force_newton = 3.3;  ///< of this session
 };
 
-}  // namespace palpate::mofc
+[[nodiscard]] ClampedDevice clamped_device(const DeviceConfig& device);
+
+}  // namespace palpate

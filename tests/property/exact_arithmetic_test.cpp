@@ -1,0 +1,249 @@
+// The equations and the ledger in doubles beside the same in 100 digits: rounding never makes
+// credit.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <boost/multiprecision/cpp_bin_float.hpp>
+#include <boost/multiprecision/cpp_int.hpp>
+#include <cmath>
+#include <numbers>
+#include <vector>
+
+#include "common/core/random.h"
+#include "mofc_node/controllers/energy_ledger.h"
+#include "mofc_node/controllers/mofc_equations.h"
+#include "tests/property/controller_cases.h"
+
+namespace palpate::controllers {
+namespace {
+
+using Exact = boost::multiprecision::cpp_rational;
+using Digits100 = boost::multiprecision::cpp_bin_float_100;
+
+constexpr double kOfLargestTerm = 1e-14;
+
+/// Random magnitudes over twelve decades, extreme ones, and those of the lemmas' counterexamples,
+/// where one side of an inequality equals the other.
+double magnitude(Random& random) {
+  static const std::array<double, 9> special{0.0, 1e-12, 1e-6, 0.125, 0.5, 1.0, 2.0, 4.0, 1e6};
+  if (random.chance(0.4)) return special[random.below(special.size())];
+  return std::pow(10.0, random.uniform(-9.0, 3.0));
+}
+double number(Random& random) { return (random.chance(0.5) ? 1.0 : -1.0) * magnitude(random); }
+
+TEST(ExactArithmetic, TheEnergyOfAnIntervalIsRightToOneUnitIn1e14) {
+  Random random(1);
+  for (int i = 0; i < 20000; ++i) {
+    const double f_d = magnitude(random);
+    const double f_co = magnitude(random);
+    const double T = std::max(1e-9, magnitude(random));
+    const double d = number(random);
+    const double f = number(random);
+    const Exact viscous = Exact(f_d) * Exact(d) * Exact(d) / Exact(T);
+    const Exact coulomb = Exact(f_co) * abs(Exact(d));
+    const Exact work = Exact(f) * Exact(d);
+    const Exact largest = std::max({viscous, coulomb, Exact(abs(work))});
+    const Exact error =
+        abs(Exact(interval_energy_joule(f_d, f_co, T, d, f)) - Exact(viscous + coulomb + work));
+    EXPECT_LE(error, Exact(kOfLargestTerm) * largest) << f_d << ' ' << f_co << ' ' << T << ' ' << d;
+  }
+}
+
+// T D(f_max) ≤ E′ up to rounding, with and without a highest speed.
+TEST(ExactArithmetic, TheBoundDrainsNoMoreThanThereIs) {
+  Random random(2);
+  for (int i = 0; i < 20000; ++i) {
+    const MofcParameters p{.f_d = std::max(1e-9, magnitude(random)),
+                           .f_co = magnitude(random),
+                           .T = std::max(1e-9, magnitude(random))};
+    const double energy = magnitude(random);
+    const double v_max = std::max(1e-6, magnitude(random));
+    for (const bool is_bounded : {false, true}) {
+      const double f =
+          is_bounded ? maximum_force_newton(p, energy, v_max) : maximum_force_newton(p, energy);
+      // what f_max rounds off f_co is lost, and may come back as excess: count it with the largest
+      const Exact excess = std::max(Exact(0), Exact(Exact(f) - Exact(p.f_co)));
+      Exact drain = excess * excess / (4 * Exact(p.f_d));
+      if (is_bounded && excess > 2 * Exact(p.f_d) * Exact(v_max)) {
+        drain = Exact(v_max) * (excess - Exact(p.f_d) * Exact(v_max));
+      }
+      const Exact slope = is_bounded ? std::min(Exact(v_max), Exact(excess / (2 * Exact(p.f_d))))
+                                     : Exact(excess / (2 * Exact(p.f_d)));
+      const Exact largest = std::max(Exact(energy), Exact(Exact(p.T) * slope * Exact(f)));
+      EXPECT_LE(Exact(p.T) * drain, Exact(energy) + Exact(kOfLargestTerm) * largest)
+          << p.f_d << ' ' << p.f_co << ' ' << p.T << ' ' << energy << ' ' << v_max;
+    }
+  }
+}
+
+TEST(ExactArithmetic, TheDrainIsRightToOneUnitIn1e14) {
+  Random random(3);
+  for (int i = 0; i < 20000; ++i) {
+    const MofcParameters p{.f_d = std::max(1e-9, magnitude(random)), .f_co = magnitude(random)};
+    const double f = magnitude(random);
+    const double v_max = std::max(1e-6, magnitude(random));
+    const Exact excess = std::max(Exact(0), Exact(Exact(f) - Exact(p.f_co)));
+    Exact exact = excess * excess / (4 * Exact(p.f_d));
+    Exact largest = exact;
+    if (excess > 2 * Exact(p.f_d) * Exact(v_max)) {
+      exact = Exact(v_max) * (excess - Exact(p.f_d) * Exact(v_max));
+      largest = Exact(v_max) * excess;
+    }
+    EXPECT_LE(abs(Exact(drain_watt(p, f, v_max)) - exact), Exact(kOfLargestTerm) * largest);
+  }
+}
+
+/// The count of docs/theory.md §2.3 for isotropic friction, written from there in 100 digits. The
+/// encoder's resolution is a power of two, so that windows and spans close where they do in
+/// doubles.
+class LedgerIn100Digits {
+ public:
+  LedgerIn100Digits(double f_d, double f_co, double q, const Vector3& start)
+      : f_d_(f_d), f_co_(f_co), q_(q), at_(start) {
+    begin_span();
+    begin_window();
+  }
+
+  void book(double duration_s, const Vector3& force_on_hand, const Vector3& end) {
+    Digits100 change = 0;
+    for (int i = 0; i < 3; ++i) {
+      change += abs(-Digits100(force_on_hand[i]) - force_[index(i)]);
+      force_[index(i)] = -Digits100(force_on_hand[i]);
+      work_ += force_[index(i)] * (Digits100(end[i]) - Digits100(at_[i]));
+    }
+    variation_ += change;
+    for (int i = 0; i < 3; ++i) {
+      Digits100& output = play_[index(i)];
+      const Digits100 before = output;
+      const Digits100 h = Digits100(q_) / 2;
+      if (Digits100(end[i]) > output + h) output = Digits100(end[i]) - h;
+      if (Digits100(end[i]) < output - h) output = Digits100(end[i]) + h;
+      path_[index(i)] += abs(output - before);
+    }
+    at_ = end;
+    window_s_ += Digits100(duration_s);
+    const Digits100 span = span_path();
+    const bool ends_span = span >= 256 * Digits100(q_);
+    if (ends_span || window_length() >= 16 * Digits100(q_)) {
+      windows_path_ += window_path();
+      viscous_ += window_viscous();
+      begin_window();
+    }
+    if (ends_span) {
+      spans_path_ += span;
+      begin_span();
+    }
+  }
+
+  [[nodiscard]] Digits100 energy() const {
+    Digits100 force = 0;
+    for (const Digits100& f : force_) force += abs(f);
+    return work_ - Digits100(q_) / 2 * (force + variation_) +
+           Digits100(f_co_) * (spans_path_ + span_path()) + viscous_ + window_viscous();
+  }
+  /// Sum of the magnitudes of all that was ever added.
+  [[nodiscard]] Digits100 turnover() const {
+    return abs(work_) + Digits100(q_) * variation_ +
+           Digits100(f_co_) * (spans_path_ + span_path()) + viscous_ + window_viscous();
+  }
+
+ private:
+  static std::size_t index(int i) { return static_cast<std::size_t>(i); }
+  void begin_span() {
+    for (int i = 0; i < 3; ++i) play_[index(i)] = Digits100(at_[i]);
+    path_ = {};
+    windows_path_ = 0;
+  }
+  void begin_window() {
+    window_start_ = at_;
+    window_s_ = 0;
+  }
+  [[nodiscard]] Digits100 window_length() const {
+    Digits100 sum = 0;
+    for (int i = 0; i < 3; ++i) {
+      const Digits100 d = Digits100(at_[i]) - Digits100(window_start_[i]);
+      sum += d * d;
+    }
+    return sqrt(sum);
+  }
+  [[nodiscard]] Digits100 window_path() const {
+    const Digits100 path = window_length() - sqrt(Digits100(3)) * Digits100(q_);
+    return path > 0 ? path : Digits100(0);
+  }
+  [[nodiscard]] Digits100 window_viscous() const {
+    if (window_s_ == 0) return 0;
+    return Digits100(f_d_) * window_path() * window_path() / window_s_;
+  }
+  [[nodiscard]] Digits100 span_path() const {
+    Digits100 sum = 0;
+    for (const Digits100& path : path_) {
+      const Digits100 sure = path - Digits100(q_) / 2;
+      if (sure > 0) sum += sure * sure;
+    }
+    const Digits100 windows = windows_path_ + window_path();
+    const Digits100 axes = sqrt(sum);
+    return windows > axes ? windows : axes;
+  }
+
+  double f_d_, f_co_, q_;
+  Vector3 at_;
+  Digits100 work_ = 0, variation_ = 0, spans_path_ = 0, windows_path_ = 0, viscous_ = 0;
+  std::array<Digits100, 3> force_{}, play_{}, path_{};
+  Vector3 window_start_ = Vector3::Zero();
+  Digits100 window_s_ = 0;
+};
+
+// A hand that wanders in whole counts against changing forces.
+TEST(ExactArithmetic, TheLedgerIsNeverAboveTheExactOneAndStaysCloseToIt) {
+  for (std::uint64_t seed = 0; seed < 2; ++seed) {
+    Random random(seed);
+    const double q = std::ldexp(1.0, -14);  // 0.061 mm
+    const double f_d = random.uniform(0.0, 1.0);
+    const double f_co = random.uniform(0.0, 0.5);
+    Vector3 at = Vector3::Zero();
+    EnergyLedger ledger(f_d, f_co, q);
+    ledger.restart(at);
+    LedgerIn100Digits exact(f_d, f_co, q, at);
+    Vector3 force = Vector3::Zero();
+    Vector3 drift = Vector3::Zero();
+    for (int k = 1; k <= 10000; ++k) {
+      if (random.chance(0.02)) drift = 3.0 * random.direction();
+      if (random.chance(0.3)) force = random.uniform(0.0, 5.0) * random.direction();
+      Vector3 moved;
+      for (int i = 0; i < 3; ++i) moved[i] = q * std::round(drift[i] + random.uniform(-0.8, 0.8));
+      at += moved;
+      const double duration_s = random.uniform(1e-4, 2e-3);
+      ledger.book(duration_s, force, at);
+      exact.book(duration_s, force, at);
+      if (k % 100 != 0) continue;
+      const Digits100 credit = Digits100(ledger.energy_joule()) - exact.energy();
+      ASSERT_LE(credit, 0) << "seed " << seed << ", step " << k;
+      ASSERT_GE(credit, -Digits100(kOfLargestTerm) * k * exact.turnover()) << "seed " << seed;
+    }
+  }
+}
+
+// The figure of docs/theory.md §9.
+TEST(ExactArithmetic, AHeldForceLosesLessThanANanojouleIn1e5Steps) {
+  const double q = std::ldexp(1.0, -14);
+  EnergyLedger ledger(0.1, 0.1, q);
+  ledger.restart(Vector3::Zero());
+  const Vector3 force(1.0 / 3.0, -2.0 / 3.0, 0.7);
+  Exact work = 0;
+  Vector3 at = Vector3::Zero();
+  for (int k = 0; k < 100000; ++k) {
+    const Vector3 next = (k % 2 == 0 ? 0.5 * q : 0.0) * Vector3(1.0, 1.0, -1.0);
+    for (int i = 0; i < 3; ++i) work += Exact(-force[i]) * (Exact(next[i]) - Exact(at[i]));
+    ledger.book(1e-3, force, next);
+    at = next;
+  }
+  const Exact quantisation = Exact(q) * (Exact(1.0 / 3.0) + Exact(2.0 / 3.0) + Exact(0.7));
+  const double lost = static_cast<double>(work - quantisation) - ledger.energy_joule();
+  EXPECT_GE(lost, 0.0);
+  EXPECT_LT(lost, 1e-9);
+  std::printf("lost in 1e5 steps: %.3g J\n", lost);
+}
+
+}  // namespace
+}  // namespace palpate::controllers
