@@ -10,7 +10,6 @@ namespace palpate::physics {
 namespace {
 
 using test::Sampling;
-using test::Shape;
 
 constexpr double kDepth_m = 3e-3;
 constexpr double kDegree = std::numbers::pi / 180.0;
@@ -22,7 +21,8 @@ struct Errors {
 };
 
 /// Of the view from 2000 places, from the surface to `depth_m` below it.
-Errors errors_of(const CloudSurface& surface, const Shape& shape, double depth_m, Random& random) {
+Errors errors_of(const CloudSurface& surface, const test::Shape& shape, double depth_m,
+                 Random& random) {
   Errors sum;
   double curvature = 0.0;
   int count = 0;
@@ -45,7 +45,7 @@ Errors errors_of(const CloudSurface& surface, const Shape& shape, double depth_m
 
 // Force is stiffness times depth, so 1 % of the 3 mm force is 30 µm of distance.
 TEST(CloudSurface, IsTheSphereItWasSampledFrom) {
-  const Shape sphere = test::sphere_shape(0.05);
+  const test::Shape sphere = test::sphere_shape(0.05);
   for (const Sampling sampling : {Sampling::kEven, Sampling::kRandom}) {
     for (const bool has_normals : {true, false}) {
       Random random(1);
@@ -60,7 +60,7 @@ TEST(CloudSurface, IsTheSphereItWasSampledFrom) {
 }
 
 TEST(CloudSurface, EvensOutNoiseOfATenthOfTheSpacing) {
-  const Shape sphere = test::sphere_shape(0.05);
+  const test::Shape sphere = test::sphere_shape(0.05);
   for (const Sampling sampling : {Sampling::kEven, Sampling::kRandom}) {
     for (const bool has_normals : {true, false}) {
       Random random(2);
@@ -74,7 +74,7 @@ TEST(CloudSurface, EvensOutNoiseOfATenthOfTheSpacing) {
 }
 
 TEST(CloudSurface, FollowsSurfacesThatAreNotRound) {
-  for (const Shape& shape :
+  for (const test::Shape& shape :
        {test::plane_shape(0.03), test::torus_shape(0.03, 0.015), test::saddle_shape(0.1, 0.03)}) {
     SCOPED_TRACE(shape.name);
     Random random(3);
@@ -92,7 +92,7 @@ TEST(CloudSurface, FollowsSurfacesThatAreNotRound) {
 // A plane through the points of a cap of radius h lies h²/4R below its top: 45 µm for the 3 mm of
 // the reach on a sphere of 50 mm. The quadrics have no such bias.
 TEST(CloudSurface, DoesNotSinkIntoACurvedSurface) {
-  const Shape sphere = test::sphere_shape(0.05);
+  const test::Shape sphere = test::sphere_shape(0.05);
   Random random(4);
   const CloudSurface surface(test::sampled(sphere, 1e-3, 0.0, true, Sampling::kEven, random));
 
@@ -104,7 +104,7 @@ TEST(CloudSurface, DoesNotSinkIntoACurvedSurface) {
 }
 
 TEST(CloudSurface, SeesFarPlacesFromInsideAndOutside) {
-  const Shape sphere = test::sphere_shape(0.05);
+  const test::Shape sphere = test::sphere_shape(0.05);
   Random random(5);
   const CloudSurface surface(test::sampled(sphere, 1e-3, 0.0, true, Sampling::kEven, random));
 
@@ -119,7 +119,7 @@ TEST(CloudSurface, SeesFarPlacesFromInsideAndOutside) {
 }
 
 TEST(CloudSurface, NormalIsTheGradientOfTheDistance) {
-  const Shape torus = test::torus_shape(0.03, 0.015);
+  const test::Shape torus = test::torus_shape(0.03, 0.015);
   for (const double noise_m : {0.0, 1e-4}) {
     Random random(6);
     const CloudSurface surface(test::sampled(torus, 1e-3, noise_m, true, Sampling::kEven, random));
@@ -144,7 +144,7 @@ TEST(CloudSurface, NormalIsTheGradientOfTheDistance) {
 }
 
 TEST(CloudSurface, DistanceAndNormalDoNotJumpAlongAPath) {
-  const Shape sphere = test::sphere_shape(0.05);
+  const test::Shape sphere = test::sphere_shape(0.05);
   Random random(7);
   const CloudSurface surface(test::sampled(sphere, 1e-3, 1e-4, true, Sampling::kRandom, random));
 
@@ -161,7 +161,7 @@ TEST(CloudSurface, DistanceAndNormalDoNotJumpAlongAPath) {
 }
 
 TEST(CloudSurface, TheHintDoesNotChangeTheView) {
-  const Shape sphere = test::sphere_shape(0.02);
+  const test::Shape sphere = test::sphere_shape(0.02);
   Random random(8);
   const CloudSurface surface(test::sampled(sphere, 1e-3, 1e-4, true, Sampling::kRandom, random));
 

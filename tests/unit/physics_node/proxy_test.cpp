@@ -19,7 +19,7 @@ using test::LedTool;
 
 constexpr double kStiffness = 500.0;
 
-SceneConfig one_tissue(const Geometry& geometry, double tip_radius_m) {
+SceneConfig stiff_tissue(const Geometry& geometry, double tip_radius_m) {
   return physics::one_tissue(geometry, KelvinVoigtMaterial{.stiffness_newton_per_m = kStiffness},
                              tip_radius_m);
 }
@@ -94,7 +94,7 @@ TEST(Proxy, LetsNoPokeThroughThinTissue) {
 
 // A plate of 1 mm; a tip of 2 mm whose centre is 9 mm below its top: 500 · (9 + 2) mm.
 TEST(Proxy, HoldsAtAnyDepthAsTheLawSays) {
-  const Scene scene(one_tissue(BoxGeometry{.size_m = {0.1, 0.1, 0.001}}, 0.002));
+  const Scene scene(stiff_tissue(BoxGeometry{.size_m = {0.1, 0.1, 0.001}}, 0.002));
   LedTool tool(scene, kStiffness);
   tool.go_to({0, 0, 0.0105}, 1e-3);
   tool.lead_to({0, 0, -0.0085}, 0.5, 1e-3);
@@ -110,13 +110,13 @@ TEST(Proxy, HoldsAtAnyDepthAsTheLawSays) {
 
 // The view of the place itself, without memory, is that of the nearest face: the other one.
 TEST(Proxy, IsWhatKeepsTheSide) {
-  const Scene scene(one_tissue(BoxGeometry{.size_m = {0.1, 0.1, 0.001}}, 0.002));
+  const Scene scene(stiff_tissue(BoxGeometry{.size_m = {0.1, 0.1, 0.001}}, 0.002));
   EXPECT_LT(scene.evaluate({0, 0, -0.0015}, kAtRest).force_on_tool_newton.z(), 0.0);
 }
 
 TEST(Proxy, LeavesASheetFreeFromBehind) {
   const test::TempFolder folder;
-  const Scene scene(one_tissue(obj(folder, sheet_mesh(0.04, 4)), 0.002), 0.05);
+  const Scene scene(stiff_tissue(obj(folder, sheet_mesh(0.04, 4)), 0.002), 0.05);
   LedTool tool(scene, kStiffness);
   tool.go_to({0, 0, -0.02}, 1e-3);
   tool.lead_to({0, 0, -0.0021}, 0.5, 1e-3);
@@ -127,7 +127,7 @@ TEST(Proxy, LeavesASheetFreeFromBehind) {
 
 // A jump of more than 0.1 m is no motion.
 TEST(Proxy, BeginsAnewAfterATeleport) {
-  const Scene scene(one_tissue(BoxGeometry{.size_m = {0.1, 0.1, 0.001}}, 0.002));
+  const Scene scene(stiff_tissue(BoxGeometry{.size_m = {0.1, 0.1, 0.001}}, 0.002));
   LedTool tool(scene, kStiffness);
   tool.go_to({0, 0, 0.06}, 1e-3);
   tool.go_to({0, 0, -0.06}, 1e-3);
@@ -147,7 +147,7 @@ TEST(Proxy, SlidesOverEdgesAndGroovesWithoutAStepOfTheForce) {
         SCOPED_TRACE(slide.name);
         SCOPED_TRACE(tip_radius_m);
         SCOPED_TRACE(speed_m_per_s);
-        const Scene scene(one_tissue(slide.geometry, tip_radius_m));
+        const Scene scene(stiff_tissue(slide.geometry, tip_radius_m));
         LedTool tool(scene, kStiffness);
         tool.go_to(slide.way_m[0], dt_s);
         double largest_newton = 0.0;
@@ -167,7 +167,7 @@ TEST(Proxy, SlidesOverEdgesAndGroovesWithoutAStepOfTheForce) {
 // by the one it is pushed against too: (−0.5, 0.5) N.
 TEST(Proxy, LiesInAGrooveAgainstBothWalls) {
   const test::TempFolder folder;
-  const Scene scene(one_tissue(
+  const Scene scene(stiff_tissue(
       obj(folder,
           bar_mesh({{0, -0.01}, {0.01, 0}, {0.01, -0.02}, {-0.01, -0.02}, {-0.01, 0}}, 0.03)),
       0.003));
@@ -197,7 +197,7 @@ TEST(Proxy, NeverGivesEnergy) {
       folder,
       bar_mesh({{0, -0.005}, {0.01, 0.01}, {0.01, -0.01}, {-0.01, -0.01}, {-0.01, 0.01}}, 0.01)));
   for (const Geometry& geometry : geometries) {
-    const Scene scene(one_tissue(geometry, 0.001));
+    const Scene scene(stiff_tissue(geometry, 0.001));
     for (int path = 0; path < 20; ++path) {
       LedTool tool(scene, kStiffness);
       const double work_joule =
@@ -211,7 +211,7 @@ TEST(Proxy, NeverGivesEnergy) {
 
 TEST(Proxy, DoesNotAllocate) {
   const test::TempFolder folder;
-  SceneConfig config = one_tissue(obj(folder, cube_mesh(0.02)), 0.002);
+  SceneConfig config = stiff_tissue(obj(folder, cube_mesh(0.02)), 0.002);
   config.shaft_length_m = 0.1;
   config.shaft_radius_m = 0.001;
   const Scene scene(config);
@@ -260,7 +260,7 @@ TEST(Shaft, IsTouchedWhereItIsDeepest) {
          .position_m = under},
          1e-9}}) {
     SCOPED_TRACE(name);
-    const Scene scene(with_shaft(one_tissue(geometry, 0.001)));
+    const Scene scene(with_shaft(stiff_tissue(geometry, 0.001)));
     TissueMemory memory = scene.new_memory();
     const Vector3 tip(0, 0, 0.001);  // the shaft's lower side at −1 mm
     scene.step(memory, tip + Vector3(0, 0, 0.01), kAtRest, 0.0, Vector3::UnitX());
@@ -274,7 +274,7 @@ TEST(Shaft, IsTouchedWhereItIsDeepest) {
 
 TEST(Shaft, AddsToTheTip) {
   SceneConfig config = with_shaft(
-      one_tissue(BoxGeometry{.center_m = {0, 0, -0.01}, .size_m = {0.02, 0.02, 0.02}}, 0.003));
+      stiff_tissue(BoxGeometry{.center_m = {0, 0, -0.01}, .size_m = {0.02, 0.02, 0.02}}, 0.003));
   config.tissues.push_back(config.tissues[0]);
   config.tissues[1].geometry = SphereGeometry{.center_m = {0.05, 0, -0.02}, .radius_m = 0.02};
   const Scene scene(config);
@@ -293,7 +293,7 @@ TEST(Shaft, AddsToTheTip) {
 // On a floor the handle's end of a shaft that dips by 0.1 rad is deepest: 10 cm · sin 0.1 below the
 // tip.
 TEST(Shaft, ReachesToItsEnd) {
-  const Scene scene(with_shaft(one_tissue(HalfSpaceGeometry{}, 0.002)));
+  const Scene scene(with_shaft(stiff_tissue(HalfSpaceGeometry{}, 0.002)));
   const Vector3 shaft(std::cos(0.1), 0, -std::sin(0.1));
   const double dip_m = 0.1 * std::sin(0.1);
   const SceneForce force =
@@ -308,7 +308,7 @@ TEST(Shaft, IsNotPulledThroughThinTissue) {
   const test::TempFolder folder;
   for (const test::ThinThing& thing : test::thin_things(folder)) {
     SCOPED_TRACE(thing.name);
-    const Scene scene(with_shaft(one_tissue(thing.geometry, 0.001), 0.15));
+    const Scene scene(with_shaft(stiff_tissue(thing.geometry, 0.001), 0.15));
     TissueMemory memory = scene.new_memory();
     const Vector3 shaft = Vector3(0.02, 1, 0.03).normalized();
     SceneForce force;
@@ -322,7 +322,7 @@ TEST(Shaft, IsNotPulledThroughThinTissue) {
 
 // A step of the tool within the shaft's contact: what the model says and what the scene says.
 TEST(Shaft, IsDescribedForTheNextMessage) {
-  const Scene scene(with_shaft(one_tissue(
+  const Scene scene(with_shaft(stiff_tissue(
       CapsuleGeometry{
           .from_m = {0.05, -0.05, -0.02}, .to_m = {0.05, 0.05, -0.02}, .radius_m = 0.02},
       0.001)));
