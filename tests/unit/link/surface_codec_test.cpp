@@ -169,6 +169,7 @@ TEST(SurfaceCodec, RefusesTissueThatDoesNotExist) {
   const auto moving = [&](double amplitude_m, double frequency_hz, bool is_good) {
     description(
         [&](Description& m) {
+          m.clear_motion_amplitude_m();
           m.mutable_motion_amplitude_m()->set_y(amplitude_m);
           m.set_motion_frequency_hz(frequency_hz);
         },
