@@ -71,13 +71,12 @@ void TileSurface::except(const Vector3& center_m, double radius_m) noexcept {
   }
 }
 
-/// No unknown facet can be nearer than this distance.
-bool TileSurface::is_covered(const Vector3& point_m, double distance_m) const noexcept {
-  if (!((point_m - covered_center_m_).norm() + distance_m <= covered_radius_m_)) return false;
-  return std::none_of(gaps_.begin(), gaps_.begin() + gap_count_, [&](const Gap& gap) {
-    const double apart_m = distance_m + gap.radius_m;
-    return (point_m - gap.center_m).squaredNorm() < apart_m * apart_m;
-  });
+double TileSurface::unknown_m(const Vector3& point_m) const noexcept {
+  double least_m = covered_radius_m_ - (point_m - covered_center_m_).norm();
+  for (std::size_t i = 0; i < gap_count_; ++i) {
+    least_m = std::min(least_m, (point_m - gaps_[i].center_m).norm() - gaps_[i].radius_m);
+  }
+  return least_m;
 }
 
 /// The nearest foot so far, and the sum of the normals of the facets that meet there.
@@ -188,7 +187,7 @@ SurfaceView TileSurface::view(const Vector3& point_m, SurfaceHint& hint) const n
     for (const std::uint32_t slot : slots_) search.offer_all(held_[slot], slot);
   }
 
-  if (!is_covered(point_m, search.best_m)) ++hint.uncovered_views;
+  if (!(search.best_m <= unknown_m(point_m))) ++hint.uncovered_views;
   if (!(search.best.squared_distance < std::numeric_limits<double>::max())) {
     SurfaceView view;
     view.distance_m = std::numeric_limits<double>::infinity();

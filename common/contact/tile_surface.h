@@ -56,6 +56,8 @@ class TileSurface final : public Surface {
   }
   /// At most kMaxPendingTiles of them.
   void except(const Vector3& center_m, double radius_m) noexcept;
+  /// No unknown facet is nearer to the point than this; may be below 0.
+  [[nodiscard]] double unknown_m(const Vector3& point_m) const noexcept;
   /// Collects the tiles near the point; views near it are then fast. Once per tick.
   void gather(const Vector3& point_m) noexcept;
 
@@ -71,8 +73,6 @@ class TileSurface final : public Surface {
     Vector3 center_m = Vector3::Zero();
     double radius_m = 0.0;
   };
-  [[nodiscard]] bool is_covered(const Vector3& point_m, double distance_m) const noexcept;
-
   static constexpr std::size_t kMaxNear = 48;
 
   std::span<const HeldTile> held_;

@@ -69,6 +69,14 @@ Touch TissueStep::follow_tip(std::uint32_t tissue, const Touch* known) const noe
           .proxy = begun_at(surface_, radius_m, tip_m_, tip.proxy.hint)};
 }
 
+Touch TissueStep::free_tip(std::uint32_t tissue, const Touch* known,
+                            double radius_m) const noexcept {
+  Touch tip = known_or(known, {.tissue = tissue, .radius_m = tool_.tip_radius_m});
+  tip.proxy.point_m = tip.proxy.place_m = tip_m_;
+  tip.proxy.surface = {.distance_m = radius_m};
+  return tip;
+}
+
 bool TissueStep::follow_shaft(std::uint32_t tissue, const Touch* known, Touch& shaft,
                               Vector3& moved_m) const noexcept {
   shaft = known_or(known, {.tissue = tissue, .is_shaft = true, .radius_m = tool_.shaft_radius_m});

@@ -38,13 +38,19 @@ class TissueStep {
   /// The tip after the step, before settle(). Punctured tissue heals once the tool has left it.
   /// @param known  the touch at the last pose; nullptr: none
   [[nodiscard]] Touch follow_tip(std::uint32_t tissue, const Touch* known) const noexcept;
+  /// The same for a tip that nothing has held since the last pose, in a ball around it that nothing
+  /// of the tissue reaches into.
+  /// @param radius_m  of the ball, more than the clearance of the tip
+  [[nodiscard]] Touch free_tip(std::uint32_t tissue, const Touch* known,
+                                double radius_m) const noexcept;
   /// The shaft after the step, before settle(), at the place where it would be deepest with its
   /// last proxy. False if it is not near.
   /// @param moved_m  set to the motion of that place relative to the tissue
   [[nodiscard]] bool follow_shaft(std::uint32_t tissue, const Touch* known, Touch& shaft,
                                   Vector3& moved_m) const noexcept;
 
-  /// Motion of the tip relative to the tissue.
+  /// The tip relative to the displaced tissue, and its motion.
+  [[nodiscard]] const Vector3& tip_m() const noexcept { return tip_m_; }
   [[nodiscard]] Vector3 moved_m() const noexcept { return tip_m_ - last_tip_m_; }
 
  private:

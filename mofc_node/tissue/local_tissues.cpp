@@ -51,6 +51,9 @@ void LocalTissues::begin(const DescribedTissue& tissue, const Interaction& newes
     touch.proxy.point_m = newest.tool_position_world_m - moved_m;
     touch.proxy.place_m = touch.proxy.point_m + contact.held_m;
     touch.proxy.side = contact.is_behind ? -1.0 : 1.0;
+    if (!touch.has_hold()) {
+      memory.free = {touch.proxy.point_m, touch.radius_m - contact.penetration_m};
+    }
     memory.tip = touch;
     memory.relaxation = {.penetration_m = std::max(0.0, contact.penetration_m),
                          .relaxed_m = contact.relaxed_m};
@@ -64,7 +67,6 @@ LocalTissues::Result LocalTissues::advance(DescribedTissue& tissue, const ToolPo
   const double dt_s = memory.pose ? std::max(0.0, now.time_s - memory.pose->time_s) : 0.0;
   const auto add = [&](Touch& touch, const Vector3& moved_m, double relaxed_m) {
     settle(touch, moved_m, material, relaxed_m);
-    result.is_valid = result.is_valid && touch.proxy.hint.uncovered_views == 0;
     const Contact contact =
         acting_contact(touch, material, relaxed_m, tissue.motion(), velocity, now.time_s);
     if (!(contact.penetration_m > 0.0)) return;
@@ -74,7 +76,25 @@ LocalTissues::Result LocalTissues::advance(DescribedTissue& tissue, const ToolPo
   };
 
   const TissueStep step(tissue.surface(), tissue.motion(), tissue.tool(), now, memory.pose);
-  Touch tip = step.follow_tip(tissue.tissue(), memory.tip ? &*memory.tip : nullptr);
+  const Touch* const known = memory.tip ? &*memory.tip : nullptr;
+  const bool was_free = known != nullptr && !known->has_hold();
+  const double clearance = clearance_m(tissue.tool().tip_radius_m);
+  const double around_m = memory.free.around_m(step.tip_m());
+  Touch tip;
+  if (was_free && around_m > clearance) {
+    tip = step.free_tip(tissue.tissue(), known, around_m);
+  } else {
+    tip = step.follow_tip(tissue.tissue(), known);
+    result.is_valid = tip.proxy.hint.uncovered_views == 0;
+    memory.free = {};
+    if (!tip.has_hold()) {
+      memory.free = {step.tip_m(),
+                     std::min(tip.proxy.surface.distance_m, tissue.unknown_m(step.tip_m()))};
+      const bool has_stayed_free =
+          was_free && memory.free.radius_m > clearance + step.moved_m().norm();
+      result.is_valid = result.is_valid || has_stayed_free;
+    }
+  }
   if (material.relaxing_stiffness_newton_per_m > 0.0) {
     memory.relaxation.press(material.relaxation_time_s,
                             tip.is_punctured ? 0.0 : tip.penetration_m(), dt_s);

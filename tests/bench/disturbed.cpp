@@ -242,7 +242,8 @@ RunStatistics run(const test::TempFolder& folder, const Surface& surface,
 
 }  // namespace
 
-void run_disturbed(const BenchOptions& options, const std::vector<std::string>& meshes) {
+void run_disturbed(const BenchOptions& options, const std::vector<std::string>& meshes,
+                   const std::string& only) {
   const test::TempFolder folder;
   const double seconds = options.is_quick ? 4.0 : 10.0;
   Table table({{"surface", "surface", ""},
@@ -260,6 +261,7 @@ void run_disturbed(const BenchOptions& options, const std::vector<std::string>& 
   std::vector<Disturbance> all = disturbances(seconds);
   all.insert(all.begin(), {"none"});
   for (const Surface& surface : surfaces(folder, meshes)) {
+    if (surface.name.find(only) == std::string::npos) continue;
     std::optional<RunStatistics> undisturbed;
     for (const Disturbance& disturbance : all) {
       const RunStatistics s = run(folder, surface, disturbance, seconds);

@@ -233,9 +233,13 @@ int main(int argc, char** argv) {
   app.add_option("--mesh", meshes, "a tetrahedral mesh among those surfaces; repeatable")
       ->type_name("FILE")
       ->needs("--disturbed");
+  std::string only;
+  app.add_option("--only", only, "of these, surfaces whose name contains TEXT")
+      ->type_name("TEXT")
+      ->needs("--disturbed");
   return palpate::bench::run_bench(app, options, argc, argv, [&] {
     if (is_disturbed) {
-      palpate::bench::run_disturbed(options, meshes);
+      palpate::bench::run_disturbed(options, meshes, only);
     } else {
       palpate::bench::run(options);
     }
