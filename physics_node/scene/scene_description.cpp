@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <span>
 #include <type_traits>
 #include <utility>
 
@@ -39,17 +40,50 @@ std::size_t vertex_in(SurfaceTile& tile, const LatticePoint& vertex) {
   return index;
 }
 
-bool add_facet(SurfaceTile& tile, const std::array<LatticePoint, 3>& corners) {
-  if (tile.facet_count == kMaxTileFacets) return false;
-  SurfaceTile grown = tile;
-  for (std::size_t i = 0; i < 3; ++i) {
-    const std::size_t index = vertex_in(grown, corners[i]);
-    if (index == kMaxTileVertices) return false;
-    grown.facets[grown.facet_count][i] = static_cast<std::uint8_t>(index);
+using LatticeFacet = std::array<LatticePoint, 3>;
+
+/// False if they do not all fit.
+bool add_facets(std::span<const LatticeFacet> facets, SurfaceTile& tile) {
+  if (facets.size() > kMaxTileFacets) return false;
+  for (const LatticeFacet& facet : facets) {
+    for (std::size_t i = 0; i < 3; ++i) {
+      const std::size_t index = vertex_in(tile, facet[i]);
+      if (index == kMaxTileVertices) return false;
+      tile.facets[tile.facet_count][i] = static_cast<std::uint8_t>(index);
+    }
+    ++tile.facet_count;
   }
-  ++grown.facet_count;
-  tile = grown;
   return true;
+}
+
+/// Compact tiles: halves across the longest side until they fit, full ones where possible.
+void cut_facets(std::span<LatticeFacet> facets, const SurfaceTile& empty,
+                std::vector<SurfaceTile>& tiles) {
+  if (facets.empty()) return;
+  SurfaceTile tile = empty;
+  if (add_facets(facets, tile)) {
+    tiles.push_back(tile);
+    return;
+  }
+  const auto middle = [](const LatticeFacet& facet) {  // three times it
+    Vector3 sum = Vector3::Zero();
+    for (const auto& [x, y, z] : facet) sum += Vector3(x, y, z);
+    return sum;
+  };
+  Bounds bounds{middle(facets[0]), middle(facets[0])};
+  for (const LatticeFacet& facet : facets) bounds.include(middle(facet));
+  const int axis = bounds.longest_axis();
+  const std::size_t half = facets.size() / 2;
+  const std::size_t count =
+      facets.size() > kMaxTileFacets
+          ? (half + kMaxTileFacets - 1) / kMaxTileFacets * kMaxTileFacets
+          : half;
+  std::nth_element(facets.begin(), facets.begin() + static_cast<std::ptrdiff_t>(count),
+                   facets.end(), [&](const LatticeFacet& a, const LatticeFacet& b) {
+                     return middle(a)[axis] < middle(b)[axis];
+                   });
+  cut_facets(facets.first(count), empty, tiles);
+  cut_facets(facets.subspan(count), empty, tiles);
 }
 
 Bounds bounds_of(const SurfaceTile& tile) {
@@ -62,7 +96,6 @@ Bounds bounds_of(const SurfaceTile& tile) {
   return bounds;
 }
 
-/// Neighbours in the tree of the surface are neighbours in space.
 void cut(const TriangleSurface& surface, const PlacedSurface& placed, DescribedTissue& tissue) {
   std::vector<Vector3> vertices_m;
   vertices_m.reserve(surface.mesh().vertices_m.size());
@@ -83,15 +116,12 @@ void cut(const TriangleSurface& surface, const PlacedSurface& placed, DescribedT
     return point;
   };
 
-  SurfaceTile tile = empty;
+  std::vector<LatticeFacet> facets;
   for (const auto& [a, b, c] : surface.mesh().triangles) {
-    const std::array<LatticePoint, 3> corners{on_lattice(a), on_lattice(b), on_lattice(c)};
-    if (is_flat(corners[0], corners[1], corners[2])) continue;
-    if (add_facet(tile, corners)) continue;
-    tissue.tiles.push_back(std::exchange(tile, empty));
-    add_facet(tile, corners);
+    const LatticeFacet facet{on_lattice(a), on_lattice(b), on_lattice(c)};
+    if (!is_flat(facet[0], facet[1], facet[2])) facets.push_back(facet);
   }
-  if (tile.facet_count > 0) tissue.tiles.push_back(tile);
+  cut_facets(facets, empty, tissue.tiles);
 
   std::vector<BoxTree::Item> items;
   for (const SurfaceTile& one : tissue.tiles) {
