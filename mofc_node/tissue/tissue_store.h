@@ -56,7 +56,7 @@ class DescribedTissue {
   ToolShape tool_;
 };
 
-/// About 3 MB, allocated by the constructor. The other functions neither allocate nor throw.
+/// About 6 MB, allocated by the constructor. The other functions neither allocate nor throw.
 class TissueStore {
  public:
   /// @param session_id  mofc's; the first id of the store

@@ -122,6 +122,36 @@ std::string transparency_table(const std::vector<json>& outputs) {
                   table);
 }
 
+// --- surfaces and tissues over a disturbed network
+// ------------------------------------------------
+
+std::string disturbed_table(const std::vector<json>& outputs) {
+  const json& rows = outputs.at(0).at("rows");
+  std::vector<std::string> scenes;
+  for (const json& row : rows) {
+    const std::string scene = text(row, "surface");
+    if (scenes.empty() || scenes.back() != scene) scenes.push_back(scene);
+  }
+  std::vector<Cells> table;
+  for (const std::string& scene : scenes) {
+    Cells cells{scene};
+    for (const char* disturbance : {"none", "50 ms, 20 % lost, 50 Hz", "100 ms, 20 % lost, 50 Hz"}) {
+      const json& row = only(rows, [&](const json& r) {
+        return r.at("surface") == scene && r.at("disturbance") == disturbance;
+      });
+      cells.push_back(fmt::format("{}, {} %, {} mm, {}", fixed(row, "capped_transparency", 3),
+                                  fixed(row, "force_error_percent", 1),
+                                  fixed(row, "path_rms_mm", 2), fixed(row, "excess_reversals", 0)));
+    }
+    table.push_back(cells);
+  }
+  return markdown({"tissue",
+                   "undisturbed: transparency, force error rms, path deviation rms, excess "
+                   "reversals",
+                   "50 ms each way, 20 % lost, physics at 50 Hz", "100 ms, the same"},
+                  table);
+}
+
 // --- velocity estimators
 // --------------------------------------------------------------------------
 
@@ -292,6 +322,9 @@ std::vector<DocFigures> doc_figures() {
       {.name = "transparency",
        .commands = {"transparency_bench --quick"},
        .table = transparency_table},
+      {.name = "disturbed",
+       .commands = {"transparency_bench --disturbed --excerpt"},
+       .table = disturbed_table},
       {.name = "velocity", .commands = {"velocity_bench --quick"}, .table = velocity_table},
       {.name = "deadbands", .commands = {"deadband_bench"}, .table = deadband_table},
   };

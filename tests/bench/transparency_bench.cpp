@@ -13,7 +13,7 @@
 #include "common/telemetry/summary.h"
 #include "deploy/lockstep/loopback.h"
 #include "tests/bench/bench_output.h"
-#include "tests/bench/disturbed.h"
+#include "tests/bench/disturbed/disturbed.h"
 #include "tests/bench/tissue_scenes.h"
 
 namespace palpate::bench {
@@ -233,13 +233,15 @@ int main(int argc, char** argv) {
   app.add_option("--mesh", meshes, "a tetrahedral mesh among those surfaces; repeatable")
       ->type_name("FILE")
       ->needs("--disturbed");
-  std::string only;
-  app.add_option("--only", only, "of these, surfaces whose name contains TEXT")
+  palpate::bench::DisturbedRows rows;
+  app.add_option("--only", rows.only, "of these, scenes whose name contains TEXT")
       ->type_name("TEXT")
+      ->needs("--disturbed");
+  app.add_flag("--excerpt", rows.is_excerpt, "of these, the rows of the documents")
       ->needs("--disturbed");
   return palpate::bench::run_bench(app, options, argc, argv, [&] {
     if (is_disturbed) {
-      palpate::bench::run_disturbed(options, meshes, only);
+      palpate::bench::run_disturbed(options, meshes, rows);
     } else {
       palpate::bench::run(options);
     }
