@@ -65,7 +65,7 @@ bool add(std::span<const TilePoint> points, SurfaceTile& tile) {
 }
 
 /// Some place in it.
-Vector3 place_of(const LatticePoint& point) { return {point[0], point[1], point[2]}; }
+Vector3 place_of(const LatticePoint& point) { return Vector3(point[0], point[1], point[2]); }
 Vector3 place_of(const LatticeFacet& facet) {
   return place_of(facet[0]) + place_of(facet[1]) + place_of(facet[2]);
 }

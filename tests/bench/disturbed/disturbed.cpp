@@ -145,13 +145,14 @@ class CostMeter {
     without.surface.number = 0;
     without.surface.has_description = false;
     without.surface.tile_count = 0;
-    cost_.tile_bytes_per_s[second] +=
-        static_cast<double>(encode(interaction).size() - encode(without).size());
+    cost_.tile_bytes_per_s[second] += static_cast<double>(codec_.encode(interaction)) -
+                                      static_cast<double>(codec_.encode(without));
   }
 
  private:
   Cost& cost_;
   mofc::TissueModel tissue_;
+  Codec<Interaction> codec_;
   std::optional<TimePoint> last_;
 };
 
