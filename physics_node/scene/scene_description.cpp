@@ -94,13 +94,6 @@ void cut(std::span<Part> parts, std::size_t most, const SurfaceTile& empty,
   cut(parts.subspan(count), most, empty, tiles);
 }
 
-/// Of the facets, or of what the points reach.
-Bounds bounds_of(const SurfaceTile& tile) {
-  HeldTile held;
-  held.take(tile);
-  return held.bounds;
-}
-
 /// The lattice of a surface's tiles.
 class Lattice {
  public:
@@ -190,9 +183,20 @@ bool describe(const PlacedSurface& placed, DescribedTissue& tissue, TiledGeometr
   }
   std::vector<BoxTree::Item> items;
   for (const SurfaceTile& tile : tissue.tiles) {
-    const Bounds bounds = bounds_of(tile);
-    items.push_back({bounds, bounds.center_m(), static_cast<std::uint32_t>(items.size())});
-    tissue.bounds.push_back(bounds);
+    HeldTile held;
+    held.take(tile);
+    const Vector3 center_m = held.bounds.center_m();
+    double radius_m = 0.0;
+    for (std::size_t i = 0; i < tile.vertex_count; ++i) {
+      radius_m = std::max(radius_m, (held.vertices_m[i] - center_m).norm());
+    }
+    for (std::size_t i = 0; i < tile.point_count; ++i) {
+      const HeldTile::Point& point = held.points[i];
+      radius_m = std::max(radius_m, (point.place_m - center_m).norm() + point.reach_m);
+    }
+    items.push_back({held.bounds, center_m, static_cast<std::uint32_t>(items.size())});
+    tissue.bounds.push_back(held.bounds);
+    tissue.radii_m.push_back(radius_m);
   }
   tissue.tree = BoxTree(std::move(items), 1);
   return true;

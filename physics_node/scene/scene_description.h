@@ -18,6 +18,7 @@ struct DescribedTissue {
   std::optional<TissueDescription> description;  ///< without slot and version
   std::vector<SurfaceTile> tiles;                ///< without slots and version
   std::vector<Bounds> bounds;                    ///< of the tiles
+  std::vector<double> radii_m;                   ///< of spheres around the centres of these
   BoxTree tree;                                  ///< of the tiles
 };
 
