@@ -16,6 +16,7 @@
 #include <optional>
 #include <thread>
 
+#include "common/core/check.h"
 #include "common/link/exchange_client.h"
 #include "common/link/exchange_server.h"
 #include "common/link/telemetry_subscriber.h"

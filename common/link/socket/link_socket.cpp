@@ -49,7 +49,8 @@ LinkSocket::LinkSocket(ZmqContext& context, const LinkSettings& settings,
     }
   }
   if (settings.type == zmq::socket_type::router) socket_.set(zmq::sockopt::router_mandatory, true);
-  socket_.set(zmq::sockopt::immediate, true);  // no queue for a peer that is not connected
+  // no queue for a peer that is not connected; what it has sent is lost too when it disconnects
+  socket_.set(zmq::sockopt::immediate, !settings.keeps_unread);
 
   if (!is_inproc) {
     const LinkRoles* const roles = roles_of(attachment_.setting);
