@@ -56,10 +56,9 @@ bool Subscribers::accept(const zmq::message_t& from, const zmq::message_t& frame
 }
 
 bool Subscribers::has(MessageKind kind) const noexcept {
-  return std::any_of(peers_.begin(), peers_.begin() + static_cast<std::ptrdiff_t>(size_),
-                     [&](const Peer& peer) {
-                       return (peer.kinds & bit(static_cast<std::size_t>(kind))) != 0;
-                     });
+  return std::any_of(
+      peers_.begin(), peers_.begin() + static_cast<std::ptrdiff_t>(size_),
+      [&](const Peer& peer) { return (peer.kinds & bit(static_cast<std::size_t>(kind))) != 0; });
 }
 
 SendResult Subscribers::send(MessageKind kind, zmq::message_t& frame) noexcept {

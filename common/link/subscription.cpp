@@ -17,7 +17,8 @@ void Subscription::send_if_due() noexcept {
   std::array<char, kMessageKinds> bytes{static_cast<char>(MessageKind::kSubscription)};
   std::size_t size = 1;
   for (std::size_t kind = 0; kind < kMessageKinds; ++kind) {
-    if ((kinds_ & bit(static_cast<MessageKind>(kind))) != 0) bytes[size++] = static_cast<char>(kind);
+    if ((kinds_ & bit(static_cast<MessageKind>(kind))) != 0)
+      bytes[size++] = static_cast<char>(kind);
   }
   zmq::message_t frame(bytes.data(), size);  // short enough for libzmq not to allocate
   if (socket_.send(frame, 0) != SendResult::kSent) return;

@@ -322,9 +322,8 @@ const std::vector<BadPeer>& bad_peers() {
     peers.push_back({"an oversized frame", false, [](const char* type) {
                        return handshake(type) + zmtp_head(kLastPart, 20 << 20) + random_bytes(3000);
                      }});
-    peers.push_back({"random bytes after the handshake", false, [](const char* type) {
-                       return handshake(type) + random_bytes(300);
-                     }});
+    peers.push_back({"random bytes after the handshake", false,
+                     [](const char* type) { return handshake(type) + random_bytes(300); }});
     peers.push_back({"a node with keys", false, {}, false, BadPeer::Kind::kKeys});
     peers.push_back({"a node without keys", true, {}, false, BadPeer::Kind::kNoKeys});
     peers.push_back({"a node with other keys", true, {}, false, BadPeer::Kind::kKeys});
@@ -375,8 +374,7 @@ TEST_P(BadPeers, AreReplacedByTheNode) {
   const BadPeer& bad = GetParam();
   const LinkKeys keys = new_keys();
   const TcpRules good_rules = bad.with_keys ? rules(keys) : TcpRules{};
-  const TcpRules other_rules =
-      bad.kind == BadPeer::Kind::kKeys ? rules(new_keys()) : TcpRules{};
+  const TcpRules other_rules = bad.kind == BadPeer::Kind::kKeys ? rules(new_keys()) : TcpRules{};
   ZmqContext clients(kOrdinary, good_rules);
   ZmqContext nodes(kOrdinary, good_rules);
   const SteadyClock clock;

@@ -730,7 +730,8 @@ TEST_F(ForeignPeers, HalfWrittenMessagesAreRefused) {
   test::RawStream to_mofc(links.exchange);
   test::RawStream to_physics(links.tool_motion);
   for (test::RawStream* stream : {&to_mofc, &to_physics}) {  // stops inside a frame
-    EXPECT_TRUE(stream->write(test::zmtp_greeting() + test::zmtp_head(test::kCommand, 41) + "\5READY"));
+    EXPECT_TRUE(
+        stream->write(test::zmtp_greeting() + test::zmtp_head(test::kCommand, 41) + "\5READY"));
   }
   std::string state = frame_of(DeviceState{});
   std::string motion = frame_of(ToolMotion{});

@@ -21,10 +21,10 @@ constexpr const char* kWakeEndpoint = "inproc://palpate.monitor.wake";
 constexpr auto kRelaxed = std::memory_order_relaxed;
 
 /// MONITOR_STOPPED reports that a socket was closed, so that its monitor is removed.
-constexpr int kServerEvents =
-    ZMQ_EVENT_ACCEPTED | ZMQ_EVENT_DISCONNECTED | ZMQ_EVENT_HANDSHAKE_SUCCEEDED |
-    ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL | ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL |
-    ZMQ_EVENT_HANDSHAKE_FAILED_AUTH | ZMQ_EVENT_MONITOR_STOPPED;
+constexpr int kServerEvents = ZMQ_EVENT_ACCEPTED | ZMQ_EVENT_DISCONNECTED |
+                              ZMQ_EVENT_HANDSHAKE_SUCCEEDED | ZMQ_EVENT_HANDSHAKE_FAILED_NO_DETAIL |
+                              ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL |
+                              ZMQ_EVENT_HANDSHAKE_FAILED_AUTH | ZMQ_EVENT_MONITOR_STOPPED;
 constexpr int kClientEvents = kServerEvents | ZMQ_EVENT_CONNECTED | ZMQ_EVENT_CONNECT_RETRIED;
 
 /// Bytes received over a tcp connection so far; nullopt if the descriptor is none (any more).
@@ -50,7 +50,7 @@ struct ConnectionMonitor::Monitor {
   Watch what;
   std::shared_ptr<Connections> shared;
   bool has_ended = false;
-  std::uint64_t outcomes = 0;  // handshakes that succeeded or failed
+  std::uint64_t outcomes = 0;               // handshakes that succeeded or failed
   std::map<int, Connection> connections{};  // by descriptor
   std::uint32_t emptied = 0;                // until the last test
 
@@ -174,7 +174,8 @@ void ConnectionMonitor::take_event(Monitor& monitor, std::uint16_t event, std::u
     case ZMQ_EVENT_CONNECTED:
       monitor.connections[descriptor] = {
           .outcomes_before = monitor.outcomes,
-          .read = monitor.shared->read_from[value % monitor.shared->read_from.size()].load(kRelaxed)};
+          .read =
+              monitor.shared->read_from[value % monitor.shared->read_from.size()].load(kRelaxed)};
       monitor.given_up_at.reset();
       monitor.is_counted = false;
       if (binds && monitor.what.is_tcp && monitor.connections.size() > kMostConnections) {
@@ -218,7 +219,7 @@ void ConnectionMonitor::take_event(Monitor& monitor, std::uint16_t event, std::u
       break;
     case ZMQ_EVENT_HANDSHAKE_FAILED_PROTOCOL:
       ++monitor.outcomes;
-      refusal = !binds                                              ? Refusal::kOtherUnknown
+      refusal = !binds                                                ? Refusal::kOtherUnknown
                 : value == ZMQ_PROTOCOL_ERROR_ZMTP_MECHANISM_MISMATCH ? Refusal::kNoKey
                                                                       : Refusal::kBadHandshake;
       break;
@@ -239,9 +240,9 @@ void ConnectionMonitor::take_event(Monitor& monitor, std::uint16_t event, std::u
 }
 
 /// Once the socket has been read empty, a connection holds one incomplete frame at most, and what
-/// the kernel has not delivered. The parts of an incomplete message are neither readable nor counted
-/// by libzmq's queue limit. So the connection that holds most is ended if all together exceed the
-/// limit.
+/// the kernel has not delivered. The parts of an incomplete message are neither readable nor
+/// counted by libzmq's queue limit. So the connection that holds most is ended if all together
+/// exceed the limit.
 void ConnectionMonitor::limit_traffic(Monitor& monitor) {
   const std::uint32_t emptied = monitor.shared->emptied.load(kRelaxed);
   const bool is_empty = std::exchange(monitor.emptied, emptied) != emptied;
@@ -251,8 +252,8 @@ void ConnectionMonitor::limit_traffic(Monitor& monitor) {
     const auto bytes = bytes_received(descriptor);
     if (!bytes) continue;
     const std::uint32_t read =
-        monitor.shared->read_from[static_cast<std::size_t>(descriptor) %
-                                  monitor.shared->read_from.size()]
+        monitor.shared
+            ->read_from[static_cast<std::size_t>(descriptor) % monitor.shared->read_from.size()]
             .load(kRelaxed);
     const std::uint64_t before = std::exchange(connection.bytes, *bytes);
     if (std::exchange(connection.read, read) != read || *bytes < before) {

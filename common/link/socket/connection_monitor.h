@@ -1,8 +1,9 @@
-// connection_monitor.h — follows the connections of the sockets of one ZeroMQ context, in a thread of
-// ordinary priority, which also answers ZAP requests.
+// connection_monitor.h — follows the connections of the sockets of one ZeroMQ context, in a thread
+// of ordinary priority, which also answers ZAP requests.
 //
 // libzmq by itself
-//   - never connects again after the other end violated the protocol: the monitor makes the socket's
+//   - never connects again after the other end violated the protocol: the monitor makes the
+//   socket's
 //     thread do so;
 //   - stores the parts of an unfinished message without limit: the monitor ends a tcp connection
 //     that has sent too much of it;
@@ -42,8 +43,8 @@ struct Connections {
   // written by the monitor
   std::atomic<std::uint32_t> established{0};  ///< handshakes that succeeded so far
   std::atomic<bool> is_connected{false};      ///< for sockets with one peer
-  std::atomic<bool> is_lost{false};           ///< for sockets with one peer: the connection has ended
-  std::atomic<bool> must_reconnect{false};    ///< libzmq has given up; cleared by the socket's thread
+  std::atomic<bool> is_lost{false};         ///< for sockets with one peer: the connection has ended
+  std::atomic<bool> must_reconnect{false};  ///< libzmq has given up; cleared by the socket's thread
   // written by the socket's thread
   std::atomic<std::uint32_t> emptied{0};  ///< times that it found nothing more to read
   /// Messages read, by file descriptor of their connection modulo the size.

@@ -60,10 +60,8 @@ inline constexpr LinkSettings kExchangeClient{
 // Hops 2 and 6, where the receiver binds. Short queues and kernel buffers of the sender: messages
 // that wait in them are outdated on arrival. The receiver reads its whole queue at once; it holds
 // the motions of one step of a slow physics.
-inline constexpr LinkSettings kOneWayReceiver{.type = zmq::socket_type::pull,
-                                              .send_queue = 1,
-                                              .receive_queue = 256,
-                                              .buffer_bytes = 8 << 10};
+inline constexpr LinkSettings kOneWayReceiver{
+    .type = zmq::socket_type::pull, .send_queue = 1, .receive_queue = 256, .buffer_bytes = 8 << 10};
 inline constexpr LinkSettings kOneWaySender{.type = zmq::socket_type::push,
                                             .send_queue = 4,
                                             .receive_queue = 1,

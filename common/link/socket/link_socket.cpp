@@ -64,8 +64,8 @@ LinkSocket::LinkSocket(ZmqContext& context, const LinkSettings& settings,
          .most_unread_bytes = settings.largest_frame_bytes + kMostIncompleteBytes,
          .most_queued_bytes =
              settings.largest_frame_bytes * (settings.receive_queue + 1) + kMostIncompleteBytes,
-         .is_never_read = settings.type == zmq::socket_type::pub ||
-                          settings.type == zmq::socket_type::push},
+         .is_never_read =
+             settings.type == zmq::socket_type::pub || settings.type == zmq::socket_type::push},
         connections_);
   }
   protect(context);

@@ -87,8 +87,8 @@ class LinkSocket {
   Attachment attachment_;
   std::optional<IpcClaim> claim_;  // outlives the socket
   zmq::socket_t socket_;
-  std::shared_ptr<Connections> connections_;     // null over inproc
-  ConnectionMonitor::Watched watched_;  // destroyed before the socket
+  std::shared_ptr<Connections> connections_;  // null over inproc
+  ConnectionMonitor::Watched watched_;        // destroyed before the socket
   std::string endpoint_;
   int descriptor_ = -1;
   Alarm alarm_;

@@ -1,6 +1,7 @@
 // Peers that violate the protocol: whatever they send, no end of a link aborts, stops working or
 // grows without limit.
 #include <gtest/gtest.h>
+#include <malloc.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -247,39 +248,64 @@ TEST_P(HostilePeer, DoesNotDisturbTheEndsThatConnect) {
 
 class Swelling : public LinksTest {
  protected:
-  /// Repeats `bytes` after a handshake until the end has been sent `total`, over new connections
-  /// whenever one is ended, while `work` runs.
-  /// @return connections that were ended, and the largest growth of this process [MiB]
-  std::pair<int, double> attack(const std::string& endpoint, const char* type,
-                                const std::string& bytes, std::size_t total,
-                                const std::function<void()>& work) {
+  struct Attack {
+    const char* type;    ///< of the attacker's socket
+    std::string frames;  ///< repeated after the handshake
+    std::size_t mib;     ///< in all, over a new connection whenever one is ended
+  };
+  struct Effect {
+    int ended = 0;  ///< connections
+    double growth_mib = 0.0;
+  };
+
+  /// Attacks the endpoint while `work` runs and expects bounded growth. On a busy machine the
+  /// monitor may come late, so there are several attempts; without a limit each would fail.
+  Effect expect_bounded(const char* what, const std::string& endpoint, const Attack& attack,
+                        const std::function<void()>& work) {
+    constexpr int kMostAttempts = 4;
+    Effect effect;
+    for (int attempt = 0; attempt < kMostAttempts; ++attempt) {
+      effect = suffer(endpoint, attack, work);
+      if (effect.growth_mib < kMostGrowthMib) break;
+    }
+    std::printf("%s: %zu MiB sent, %d connections ended, grew by %.1f MiB\n", what, attack.mib,
+                effect.ended, effect.growth_mib);
+    EXPECT_LT(effect.growth_mib, kMostGrowthMib) << what;
+    return effect;
+  }
+  TimePoint at_;
+
+ private:
+  Effect suffer(const std::string& endpoint, const Attack& attack,
+                const std::function<void()>& work) {
+    const std::size_t total = attack.mib << 20;
     std::string block;
-    while (block.size() < (64 << 10)) block += bytes;
+    while (block.size() < (64 << 10)) block += attack.frames;
+    malloc_trim(0);  // what earlier attacks left
     const double before = resident_mib();
-    double most = before;
+    Effect effect;
     std::atomic<bool> is_done{false};
-    int ended = 0;
     std::thread attacker([&] {
-      std::size_t sent = 0;
-      while (sent < total) {
+      for (std::size_t sent = 0; sent < total;) {
         RawStream stream(endpoint);
-        if (!stream.write(zmtp_greeting() + zmtp_ready(type))) break;
-        while (sent < total && stream.write(block)) sent += block.size();
-        if (sent < total) ++ended;
-        sent += block.size();
+        if (!stream.write(zmtp_greeting() + zmtp_ready(attack.type))) break;
+        bool is_open = true;
+        while (is_open && sent < total) {
+          is_open = stream.write(block);
+          sent += block.size();
+        }
+        if (!is_open) ++effect.ended;
       }
       is_done = true;
     });
     while (!is_done) {
       work();
-      most = std::max(most, resident_mib());
+      effect.growth_mib = std::max(effect.growth_mib, resident_mib() - before);
       clock_.sleep_until(clock_.now() + 1ms);
     }
     attacker.join();
-    return {ended, most - before};
+    return effect;
   }
-  static constexpr std::size_t kTotal = std::size_t{100} << 20;
-  TimePoint at_;
 };
 
 // libzmq counts whole messages in its queues; the parts of an unfinished one are not limited.
@@ -289,36 +315,31 @@ TEST_F(Swelling, AnEndlessMessageEndsItsConnection) {
   ToolMotion motion;
   for (const std::size_t size : {0u, 30u, 1000u}) {
     const std::string part = zmtp_frame(kMoreParts, std::string(size, 'x'));
-    const auto [ended, growth] =
-        attack(motions.endpoint(), "PUSH", part, kTotal / (size == 0 ? 10 : 1),
-               [&] { static_cast<void>(motions.receive(motion, at_)); });
-    std::printf("PULL, parts of %zu bytes: %d connections ended, %.1f MiB\n", size, ended, growth);
-    EXPECT_GT(ended, 0);
-    EXPECT_LT(growth, kMostGrowthMib);
-    const auto [ended_too, growth_too] =
-        attack(interactions.endpoint(), "DEALER", part, kTotal / (size == 0 ? 10 : 1),
-               [&] { static_cast<void>(interactions.has_subscriber()); });
-    std::printf("ROUTER, parts of %zu bytes: %d connections ended, %.1f MiB\n", size, ended_too,
-                growth_too);
-    EXPECT_GT(ended_too, 0);
-    EXPECT_LT(growth_too, kMostGrowthMib);
+    const std::size_t mib = size == 0 ? 10 : 100;
+    const std::string parts = "parts of " + std::to_string(size) + " bytes to a ";
+    EXPECT_GT(expect_bounded((parts + "PULL").c_str(), motions.endpoint(), {"PUSH", part, mib},
+                             [&] { static_cast<void>(motions.receive(motion, at_)); })
+                  .ended,
+              0);
+    EXPECT_GT(
+        expect_bounded((parts + "ROUTER").c_str(), interactions.endpoint(), {"DEALER", part, mib},
+                       [&] { static_cast<void>(interactions.has_subscriber()); })
+            .ended,
+        0);
   }
   EXPECT_GT(context_.refused().total(), 0u);
 }
 
 TEST_F(Swelling, SubscriptionsTakeNoMemory) {
   ZmqSender<DeviceBatch> device(context_, bind_to("tcp://127.0.0.1:*", "links.x"));
-  for (const char* type : {"DEALER", "REQ"}) {
-    std::string frames;
-    for (int i = 0; i < 1000; ++i) {
-      frames += zmtp_frame(kLastPart, "\x0b" + std::to_string(i));
-      frames += zmtp_frame(kLastPart, "\1topic " + std::to_string(random_.bits()));
-    }
-    const auto [ended, growth] =
-        attack(device.endpoint(), type, frames, std::size_t{11} << 20,
-               [&] { static_cast<void>(device.has_subscriber()); });
-    std::printf("11 MiB of subscriptions of a %s: %.1f MiB\n", type, growth);
-    EXPECT_LT(growth, kMostGrowthMib);
+  std::string frames;
+  for (int i = 0; i < 1000; ++i) {
+    frames += zmtp_frame(kLastPart, "\x0b" + std::to_string(i));
+    frames += zmtp_frame(kLastPart, "\1topic " + std::to_string(random_.bits()));
+  }
+  for (const std::size_t mib : {11u, 100u}) {
+    expect_bounded("subscriptions", device.endpoint(), {"DEALER", frames, mib},
+                   [&] { static_cast<void>(device.has_subscriber()); });
   }
 }
 
@@ -329,11 +350,10 @@ TEST_F(Swelling, TopicsEndTheConnectionOfAPlottingTool) {
   for (int i = 0; i < 100'000; ++i) {
     frames += zmtp_frame(kLastPart, "\1" + std::to_string(random_.bits()));
   }
-  const auto [ended, growth] = attack(plot.endpoint(), "SUB", frames, kTotal,
-                                      [&] { plot.send(0, {}, {}, 1.0); });
-  std::printf("100 MiB of topics: %d connections ended, %.1f MiB\n", ended, growth);
-  EXPECT_GT(ended, 0);
-  EXPECT_LT(growth, kMostGrowthMib);
+  EXPECT_GT(expect_bounded("topics to PlotJuggler's port", plot.endpoint(), {"SUB", frames, 100},
+                           [&] { plot.send(0, {}, {}, 1.0); })
+                .ended,
+            0);
 }
 
 TEST_F(Swelling, OnlySoManySubscribersAreServed) {

@@ -60,7 +60,8 @@ TEST_P(OneWayLinkTransport, InteractionReachesTheReceiverThatConnects) {
 }
 
 TEST_P(OneWayLinkTransport, HandTargetsOfAllViewersReachTheDevice) {
-  ZmqSource<HandTarget> device(context_, clock_, bind_to(fresh_endpoint(GetParam()), "hand_target"));
+  ZmqSource<HandTarget> device(context_, clock_,
+                               bind_to(fresh_endpoint(GetParam()), "hand_target"));
   ZmqSender<HandTarget> first(context_, connect_to(device.endpoint(), "hand_target"));
   ZmqSender<HandTarget> second(context_, connect_to(device.endpoint(), "hand_target"));
   ASSERT_TRUE(meet(first, device));
@@ -98,8 +99,8 @@ TEST_P(OneWayLinkSocket, AReceiverQueuesWhatItHasNotRead) {
 }
 
 // Receivers that stall with full queues for longer than the time-outs of their connections, like a
-// suspended process. If heartbeats replaced the connections then, libzmq 4.3 would abort the process
-// when such a queue is read (libzmq issue 3937).
+// suspended process. If heartbeats replaced the connections then, libzmq 4.3 would abort the
+// process when such a queue is read (libzmq issue 3937).
 TEST_F(OneWayLink, ReceiversThatStallWithFullQueuesResume) {
   constexpr int kMoreThanFits = 1000;
   constexpr Duration kStall = Subscribers::kSilence + 200ms;

@@ -204,8 +204,7 @@ TEST_F(ProtectedLinks, ClosedSocketsAreNoLongerMonitored) {
   ZmqContext context(kOrdinary, rules(keys_));
   LinkSocket kept(context, kTelemetrySender, bind_to("tcp://127.0.0.1:*", "links.interaction"));
   for (int i = 0; i < 3; ++i) {
-    LinkSocket closed(context, kTelemetrySender,
-                      bind_to("tcp://127.0.0.1:*", "links.interaction"));
+    LinkSocket closed(context, kTelemetrySender, bind_to("tcp://127.0.0.1:*", "links.interaction"));
     EXPECT_GE(context.monitor().sockets(), 2);
   }
 
