@@ -8,11 +8,15 @@ namespace palpate {
 
 void Subscription::send_if_due() noexcept {
   const std::uint32_t established = socket_.established();
+  const bool is_connected = socket_.is_connected();
   bool is_due = is_changed_ || established != established_;
   if (socket_.is_inproc() && !is_due) return;
+  if (!is_connected) {
+    if (!socket_.keeps_queues() || (is_waiting_ && !is_due)) return;
+    is_due = true;
+  }
   const TimePoint now = SteadyClock().now();
-  is_due |= now >= next_at_;
-  if (!is_due || !socket_.is_connected()) return;
+  if (!is_due && now < next_at_) return;
 
   std::array<char, kMessageKinds> bytes{static_cast<char>(MessageKind::kSubscription)};
   std::size_t size = 1;
@@ -23,6 +27,7 @@ void Subscription::send_if_due() noexcept {
   zmq::message_t frame(bytes.data(), size);  // short enough for libzmq not to allocate
   if (socket_.send(frame, 0) != SendResult::kSent) return;
   is_changed_ = false;
+  is_waiting_ = !is_connected;
   established_ = established;
   next_at_ = now + kInterval;
 }

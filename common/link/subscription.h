@@ -12,8 +12,9 @@
 namespace palpate {
 
 /// Sends the subscription at once when it changes or the connection is new, then repeatedly: a
-/// sender forgets a receiver that is silent for Subscribers::kSilence. The frame consists of the
-/// byte MessageKind::kSubscription and one byte for each kind. Over inproc it is sent only when it
+/// sender forgets a receiver that is silent for Subscribers::kSilence. A socket whose queues
+/// outlast a connection sends it ahead of the next one. The frame consists of the byte
+/// MessageKind::kSubscription and one byte for each kind. Over inproc it is sent only when it
 /// changes, so that lockstep does not depend on real time.
 class Subscription {
  public:
@@ -40,6 +41,7 @@ class Subscription {
   LinkSocket& socket_;
   std::uint32_t kinds_ = 0;  // one bit each
   bool is_changed_ = true;
+  bool is_waiting_ = false;        // one waits for the next connection
   std::uint32_t established_ = 0;  // connections of the socket when it was sent last
   TimePoint next_at_{};            // of the steady clock
 };

@@ -44,8 +44,9 @@ struct LinkSettings {
   int receive_queue = 0;  ///< messages per peer; 0: no limit
   int buffer_bytes = 0;   ///< kernel buffer in each direction (tcp); 0: the system's default
   int linger_ms = 0;      ///< time for sending the last messages after closing
-  /// Connecting ends: what has arrived can be read after the connection has ended.
-  bool keeps_unread = false;
+  /// Connecting ends: the queues outlast the connection. What has arrived can be read after it has
+  /// ended, and what is sent without one waits for the next.
+  bool keeps_queues = false;
   std::int64_t largest_frame_bytes = kLargestFrameBytes;
 };
 
@@ -97,7 +98,7 @@ inline constexpr LinkSettings kTelemetryReceiver{.type = zmq::socket_type::deale
                                                  .send_queue = 4,
                                                  .receive_queue = 128,
                                                  .buffer_bytes = 64 << 10,
-                                                 .keeps_unread = true,
+                                                 .keeps_queues = true,
                                                  .largest_frame_bytes = kLargestFrameOfHop5Bytes};
 
 /// PlotJuggler's port: the ticks of four seconds at 1 kHz. A subscriber may send

@@ -24,7 +24,8 @@ LinkSocket::LinkSocket(ZmqContext& context, const LinkSettings& settings,
                        const Attachment& attachment)
     : attachment_(attachment),
       socket_(context.get(), settings.type),
-      spins_(context.wait() == WaitStrategy::kSpin) {
+      spins_(context.wait() == WaitStrategy::kSpin),
+      keeps_queues_(settings.keeps_queues) {
   const Scheme scheme = scheme_of(attachment_);
   const bool is_inproc = scheme == Scheme::kInproc;
   is_tcp_ = scheme == Scheme::kTcp;
@@ -49,8 +50,7 @@ LinkSocket::LinkSocket(ZmqContext& context, const LinkSettings& settings,
     }
   }
   if (settings.type == zmq::socket_type::router) socket_.set(zmq::sockopt::router_mandatory, true);
-  // no queue for a peer that is not connected; what it has sent is lost too when it disconnects
-  socket_.set(zmq::sockopt::immediate, !settings.keeps_unread);
+  socket_.set(zmq::sockopt::immediate, !settings.keeps_queues);
 
   if (!is_inproc) {
     const LinkRoles* const roles = roles_of(attachment_.setting);

@@ -58,6 +58,9 @@ class LinkSocket {
     return !is_inproc() && connections_->is_lost.load(std::memory_order_relaxed);
   }
 
+  /// See LinkSettings.
+  [[nodiscard]] bool keeps_queues() const noexcept { return keeps_queues_; }
+
   [[nodiscard]] void* handle() noexcept { return socket_.handle(); }
   /// Signals that the state may have changed; see is_ready().
   [[nodiscard]] int descriptor() const noexcept { return descriptor_; }
@@ -93,6 +96,7 @@ class LinkSocket {
   int descriptor_ = -1;
   Alarm alarm_;
   bool spins_;
+  bool keeps_queues_;
   bool is_tcp_ = false;
   bool has_rest_ = false;  // of a message of several parts, still to be dropped
   /// The last read() found nothing, so that the descriptor will signal the next message.
