@@ -28,7 +28,7 @@ class PointerInput {
   PointerInput(const Session& session, ZmqContext& side, NodeContext& context, HandGoals& goals)
       : log_(context.log),
         targets_(side, context.clock,
-                 bind_to(session.side().links.hand_target, "links.hand_target"), Delivery::kEvery),
+                 bind_to(session.side().links.hand_target, "links.hand_target")),
         refused_(context.log, "hand_target", targets_.rejections()),
         hold_(session.side().hand.pointer->holder_timeout),
         goals_(goals) {}

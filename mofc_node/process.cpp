@@ -38,8 +38,8 @@ class Clamp::Impl {
         state_in_(states, context.clock, session_.faults.device_state,
                   stream_seed(session_, side_, "device_state")),
         motion_out_(side, connect_to(side_.links.tool_motion, "links.tool_motion")),
-        interactions_(side, context.clock, connect_to(side_.links.interaction, "links.interaction"),
-                      session_.faults.interaction.any() ? Delivery::kEvery : Delivery::kNewest),
+        interactions_(side, context.clock,
+                      connect_to(side_.links.interaction, "links.interaction")),
         interaction_in_(interactions_, context.clock, session_.faults.interaction,
                         stream_seed(session_, side_, "interaction")),
         telemetry_(side, bind_to(side_.links.mofc_telemetry, "links.mofc_telemetry")),
@@ -51,7 +51,6 @@ class Clamp::Impl {
               ticks_, context.session_id),
         publisher_(context.session_id, context.clock, ticks_, counters_, telemetry_, context.log,
                    side_.name) {
-    interactions_.watch_peer();
     publisher_.record_to(recorder_);
     publisher_.peers_refused = [&side] { return side.refused().total(); };
     publisher_.on_pump = [this](TimePoint now) {
@@ -88,7 +87,7 @@ class Clamp::Impl {
   Sender<ForceCommand>& commands_;
   Inbox<DeviceState> state_in_;
 
-  // hops 2 and 3; a fault line must see every message, else the newest is enough
+  // hops 2 and 3
   ZmqSender<ToolMotion> motion_out_;
   ZmqSource<Interaction> interactions_;
   Inbox<Interaction> interaction_in_;

@@ -35,9 +35,7 @@ class Tool {
        NodeContext& context, ProcessLinks& links, SceneSender& telemetry)
       : clock_(context.clock),
         log_(context.log.clone(with_side(side.name, context.log.name()))),
-        // a fault line needs every message, else the newest suffices
-        motions_(links.side, context.clock, bind_to(side.links.tool_motion, "links.tool_motion"),
-                 session.faults.tool_motion.any() ? Delivery::kEvery : Delivery::kNewest),
+        motions_(links.side, context.clock, bind_to(side.links.tool_motion, "links.tool_motion")),
         motion_in_(motions_, context.clock, session.faults.tool_motion,
                    stream_seed(session, side, "tool_motion")),
         interaction_out_(links.side, bind_to(side.links.interaction, "links.interaction")),

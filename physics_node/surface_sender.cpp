@@ -76,7 +76,17 @@ void SurfaceSender::fill(const ToolMotion& motion, TimePoint now,
         .radius_m = std::clamp(reach_m + away_m, kLeastReach_m, kMostReach_m)};
   }
   const auto all = std::span(wanted).first(wanted_count);
-  for (const Wanted& one : all) describe(one.slot, now, news);
+  // the description that has waited longest
+  std::uint32_t next = kMaxDescribed;
+  for (const Wanted& one : all) {
+    const Described& described = described_[one.slot];
+    if (described.is_acknowledged) continue;
+    const auto sent_at = [&](std::uint32_t slot) {
+      return described_[slot].is_sent ? described_[slot].sent_at : TimePoint::min();
+    };
+    if (next == kMaxDescribed || sent_at(one.slot) < sent_at(next)) next = one.slot;
+  }
+  if (next != kMaxDescribed) describe(next, now, news);
   for (const Wanted& one : all) {
     if (tissues_[*described_[one.slot].tissue].tiles.empty()) continue;
     cover(one.slot, one.center_m, one.radius_m, now, news);
@@ -208,7 +218,6 @@ bool SurfaceSender::may_carry_tiles(std::uint32_t slot, const SurfaceNews& news)
 
 void SurfaceSender::describe(std::uint32_t slot, TimePoint now, SurfaceNews& news) noexcept {
   Described& described = described_[slot];
-  if (described.is_acknowledged || news.has_description) return;
   if (described.is_sent && now - described.sent_at < kLeastRepeat) return;
   news.has_description = true;
   news.description = *tissues_[*described.tissue].description;
@@ -294,14 +303,15 @@ void SurfaceSender::cover(std::uint32_t slot, const Vector3& center_m, double ra
       missing[place] = one;
     });
 
-    // nearest first; each time that a tile has been sent puts it back
+    // nearest middle first; each time that a tile has been sent puts it back
     const auto nearest = std::span(missing).first(count);
     const auto key_m = [&](const Missing& one) {
       const std::uint16_t index = slot_of(described, one.tile);
-      if (index == kNoSlot) return one.distance_m;
+      const double middle_m = (tissue.bounds[one.tile].center_m() - center_m).norm();
+      if (index == kNoSlot) return middle_m;
       const Slot& sent = slots_[index];
       const bool is_due = now - sent.sent_at >= repeat_after();
-      return is_due ? one.distance_m + kBackPerSending_m * sent.sendings : kWhole_m;
+      return is_due ? middle_m + kBackPerSending_m * sent.sendings : kWhole_m;
     };
     while (has_room(news) && may_carry_tiles(slot, news)) {
       const Missing* next = nullptr;
@@ -317,15 +327,14 @@ void SurfaceSender::cover(std::uint32_t slot, const Vector3& center_m, double ra
         break;
       }
       const bool is_sent = index != kNoSlot;
-      const Bounds& bounds = tissue.bounds[one.tile];
-      const Vector3 middle_m = bounds.center_m();
+      const Vector3 middle_m = tissue.bounds[one.tile].center_m();
       news.pending[news.pending_count++] = {
           .slot = is_sent ? std::uint32_t{index} : 0,
           .described_slot = slot,
           .version = is_sent ? slots_[index].version : 0,
           .center_m = {static_cast<float>(middle_m.x()), static_cast<float>(middle_m.y()),
                        static_cast<float>(middle_m.z())},
-          .radius_m = static_cast<float>((bounds.highest_m - middle_m).norm() + kFloatMargin_m)};
+          .radius_m = static_cast<float>(tissue.radii_m[one.tile] + kFloatMargin_m)};
     }
   }
   news.coverages[news.coverage_count++] = coverage;

@@ -26,7 +26,7 @@ namespace palpate::physics {
 /// time that it was sent; what is known is not sent again. The rest of the surface follows at 64
 /// tiles a second while there are free slots. A full store gives up the tiles farthest away.
 ///
-/// At most 1.6 kB of descriptions and tiles per message, and 1 kB about what is still missing. Only
+/// At most 2.2 kB of descriptions and tiles per message, and 1 kB about what is still missing. Only
 /// the constructor allocates; no lock, no throw.
 class SurfaceSender {
  public:

@@ -43,6 +43,10 @@ struct Bounds {
   [[nodiscard]] double squared_distance(const Vector3& point_m) const noexcept {
     return (lowest_m - point_m).cwiseMax(point_m - highest_m).cwiseMax(0.0).squaredNorm();
   }
+  /// From the point to the corner that is farthest away.
+  [[nodiscard]] double farthest_m(const Vector3& point_m) const noexcept {
+    return (point_m - lowest_m).cwiseAbs().cwiseMax((highest_m - point_m).cwiseAbs()).norm();
+  }
 };
 
 /// @param points_m  not empty

@@ -15,7 +15,6 @@ constexpr double kSlideRatio = kMostForcePerMotion - 1.0;
 constexpr double kStepRatio = 0.45;
 // Longest direct move to the nearest place, over the clearance.
 constexpr double kReachRatio = 0.9;
-constexpr int kMostViews = 96;
 constexpr int kMostPushes = 4;
 constexpr int kMostHalvings = 4;
 // Places nearer than this are the same [m]; and the share of the depth by which two views may
@@ -25,6 +24,7 @@ constexpr double kAgreementRatio = 0.01;
 
 /// The surface from the proxy's side.
 SurfaceView seen_from(const Surface& surface, const Vector3& point_m, Proxy& proxy) noexcept {
+  ++proxy.hint.views;
   const SurfaceView seen = surface.view(point_m, proxy.hint);
   return proxy.side < 0.0 ? seen.from_behind() : seen;
 }
@@ -84,13 +84,10 @@ Proxy begun_at(const Surface& surface, double radius_m, const Vector3& point_m,
 }
 
 void move(const Surface& surface, double radius_m, const Vector3& point_m, double dt_s,
-          Proxy& proxy) noexcept {
+          Proxy& proxy, std::uint32_t most_views) noexcept {
   const double clearance = clearance_m(radius_m);
-  int views = 0;
-  const auto look = [&](const Vector3& place) {
-    ++views;
-    return seen_from(surface, place, proxy);
-  };
+  const std::uint32_t views_before = proxy.hint.views;
+  const auto look = [&](const Vector3& place) { return seen_from(surface, place, proxy); };
   const SurfaceView here = look(point_m);
   const Vector3 from_m = proxy.place_m;
   const double motion_m = (point_m - proxy.point_m).norm();
@@ -127,7 +124,7 @@ void move(const Surface& surface, double radius_m, const Vector3& point_m, doubl
   push_out();
   double left_m = most_m;
   bool is_there = false;
-  while (!is_there && views < kMostViews) {
+  while (!is_there && proxy.hint.views - views_before < most_views) {
     Vector3 way = point_m - place_m;
     if (at.distance_m <= clearance + kThere_m) way -= std::min(0.0, way.dot(at.normal)) * at.normal;
     const double length_m = way.norm();
@@ -153,7 +150,7 @@ void move(const Surface& surface, double radius_m, const Vector3& point_m, doubl
       at = last;
     }
   }
-  if (!is_there) return;  // too many partial steps
+  if (!is_there && most_views >= kMostProxyViews) return;
   if (const double rest_m = (nearest_m - place_m).norm();
       nearest_m != point_m && rest_m <= left_m && is_within_reach(rest_m)) {
     return;

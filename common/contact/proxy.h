@@ -15,10 +15,12 @@
 // of view().
 //
 // The proxy starts anew at the tool after a motion of more than 0.1 m in one step (a teleport) and
-// after a slide along the surface that needs more partial steps than allowed (about 40 radii). A
+// after a slide along the surface that needs more views than allowed (about 40 radii). A
 // tip with a radius below 0.5 mm is kept 0.5 mm off the surface, so it cannot enter gaps narrower
 // than 1 mm.
 #pragma once
+
+#include <cstdint>
 
 #include "common/contact/surface.h"
 #include "common/core/vector.h"
@@ -42,6 +44,7 @@ inline constexpr double kCreep_m_per_s = 0.01;
 /// motion.
 inline constexpr double kMostForcePerMotion = 4.0;
 inline constexpr double kLongestMotion_m = 0.1;
+inline constexpr std::uint32_t kMostProxyViews = 96;
 
 /// Distance from the surface at which the proxy of a sphere is kept.
 [[nodiscard]] double clearance_m(double radius_m) noexcept;
@@ -55,8 +58,10 @@ inline constexpr double kLongestMotion_m = 0.1;
                             SurfaceHint hint) noexcept;
 
 /// Moves the tool to `point_m` within `dt_s` ≥ 0, and the proxy after it. Needs 1 to 3 views as a
-/// rule, at most about 100. No allocation, no throw.
+/// rule. No allocation, no throw.
+/// @param most_views  after which the proxy takes no further partial step, which itself needs up to
+///     20; with fewer than kMostProxyViews it goes on in the next call instead of starting anew
 void move(const Surface& surface, double radius_m, const Vector3& point_m, double dt_s,
-          Proxy& proxy) noexcept;
+          Proxy& proxy, std::uint32_t most_views = kMostProxyViews) noexcept;
 
 }  // namespace palpate

@@ -14,6 +14,7 @@ double nearest_along(const Surface& surface, const ShaftSegment& segment, SheetS
   const double last_m = segment.last_m;
   const double step_m = (last_m - first_m) / kCoarseSteps;
   const auto look = [&](double along_m) {
+    ++hint.views;
     const SurfaceView seen = surface.view(segment.at_m(along_m), hint);
     const bool is_behind =
         side == SheetSide::kBehind || (side == SheetSide::kEither && seen.distance_m < 0.0);

@@ -40,6 +40,7 @@ struct SurfaceHint {
   std::uint32_t cell = 0;
   std::uint32_t octree_cells_visited = 0;  ///< by the views since the caller last set it to 0
   std::uint32_t last_cell_hits = 0;        ///< views whose nearest point was in the last one's cell
+  std::uint32_t views = 0;                 ///< by the proxy and along the shaft, since then
   std::uint32_t uncovered_views = 0;       ///< views that another, unknown part may have changed
 };
 

@@ -13,8 +13,8 @@ namespace {
 constexpr double kSameDistance = 1e-9;
 // Tiles this much further away than the nearest facet are near, and the tool may move this far
 // before they are collected anew [m].
-constexpr double kNearMargin_m = 8e-3;
-constexpr double kNearStep_m = 3e-3;
+constexpr double kNearMargin_m = 12e-3;
+constexpr double kNearStep_m = 6e-3;
 
 }  // namespace
 
@@ -42,11 +42,32 @@ void HeldTile::take(const SurfaceTile& tile) noexcept {
     if (i == 0) bounds = facet;
     bounds.include(facet);
   }
+  point_count = tile.point_count;
+  for (std::size_t i = 0; i < point_count; ++i) {
+    const TilePoint& from = tile.points[i];
+    Point& to = points[i];
+    const auto& [x, y, z] = from.place;
+    to.place_m = tile.origin_m + tile.step_m * Vector3(x, y, z);
+    to.reach_m = tile.step_m * from.reach;
+    const auto reach = static_cast<float>(to.reach_m);
+    for (std::size_t k = 0; k < 3; ++k) {
+      to.quadric.normal[k] = static_cast<float>(from.normal[k]) / kTilePointScale;
+    }
+    to.quadric.offset = static_cast<float>(from.offset) / kTilePointScale * reach;
+    for (std::size_t k = 0; k < 6; ++k) {
+      to.quadric.curvature[k] = static_cast<float>(from.curvature[k]) / kTilePointScale / reach;
+    }
+    to.stiffness_ratio = static_cast<double>(from.stiffness_ratio);
+    Bounds reached{to.place_m, to.place_m};
+    reached.grow(Vector3::Constant(to.reach_m));
+    if (i == 0) bounds = reached;
+    bounds.include(reached);
+  }
 }
 
-void TileSurface::reset(bool is_sheet) noexcept {
+void TileSurface::reset(const TiledGeometry& geometry) noexcept {
   slots_.clear();
-  is_sheet_ = is_sheet;
+  geometry_ = geometry;
   covered_radius_m_ = 0.0;
   gap_count_ = 0;
   near_count_ = 0;
@@ -71,13 +92,12 @@ void TileSurface::except(const Vector3& center_m, double radius_m) noexcept {
   }
 }
 
-/// No unknown facet can be nearer than this distance.
-bool TileSurface::is_covered(const Vector3& point_m, double distance_m) const noexcept {
-  if (!((point_m - covered_center_m_).norm() + distance_m <= covered_radius_m_)) return false;
-  return std::none_of(gaps_.begin(), gaps_.begin() + gap_count_, [&](const Gap& gap) {
-    const double apart_m = distance_m + gap.radius_m;
-    return (point_m - gap.center_m).squaredNorm() < apart_m * apart_m;
-  });
+double TileSurface::unknown_m(const Vector3& point_m) const noexcept {
+  double least_m = covered_radius_m_ - (point_m - covered_center_m_).norm();
+  for (std::size_t i = 0; i < gap_count_; ++i) {
+    least_m = std::min(least_m, (point_m - gaps_[i].center_m).norm() - gaps_[i].radius_m);
+  }
+  return least_m;
 }
 
 /// The nearest foot so far, and the sum of the normals of the facets that meet there.
@@ -136,14 +156,33 @@ struct TileSurface::Search {
     }
   }
 
-  void offer_all(const HeldTile& tile, std::uint32_t slot) noexcept {
+  bool offer_all(const HeldTile& tile, std::uint32_t slot) noexcept {
     const double limit = best.squared_distance * (1.0 + kSameDistance);
-    if (!(tile.bounds.squared_distance(point_m) <= limit)) return;
+    if (!(tile.bounds.squared_distance(point_m) <= limit)) return false;
     for (std::size_t i = 0; i < tile.facet_count; ++i) {
       const double reach_m = best_m * (1.0 + kSameDistance) + tile.radii_m[i];
       if ((point_m - tile.centers_m[i]).squaredNorm() > reach_m * reach_m) continue;
       offer(tile, slot, i);
     }
+    return true;
+  }
+};
+
+/// The nearest point of a cloud.
+struct TileSurface::PointSearch {
+  Vector3 point_m;
+  double best_squared = std::numeric_limits<double>::max();
+  const HeldTile::Point* best = nullptr;
+
+  bool offer_all(const HeldTile& tile) noexcept {
+    if (!(tile.bounds.squared_distance(point_m) <= best_squared)) return false;
+    for (const HeldTile::Point& one : std::span(tile.points).first(tile.point_count)) {
+      const double squared = (point_m - one.place_m).squaredNorm();
+      if (!(squared < best_squared)) continue;
+      best_squared = squared;
+      best = &one;
+    }
+    return true;
   }
 };
 
@@ -153,50 +192,117 @@ void TileSurface::gather(const Vector3& point_m) noexcept {
   near_radius_m_ = 0.0;
   near_center_m_ = point_m;
   if (slots_.empty() || !point_m.allFinite()) return;
-  Search search(point_m);
-  for (const std::uint32_t slot : slots_) search.offer_all(held_[slot], slot);
-  const double radius_m = search.best_m + kNearMargin_m;
+  double radius_m = nearest_at_most_m(point_m) + kNearMargin_m;
+  std::array<double, kMaxNear> distances_m{};
   for (const std::uint32_t slot : slots_) {
-    if (!(held_[slot].bounds.squared_distance(point_m) <= radius_m * radius_m)) continue;
-    if (near_count_ == kMaxNear) return;  // too many: views search all
-    near_[near_count_++] = slot;
+    const double distance_m = std::sqrt(held_[slot].bounds.squared_distance(point_m));
+    if (!(distance_m < radius_m)) continue;
+    if (near_count_ == kMaxNear) radius_m = distances_m[--near_count_];
+    std::size_t place = near_count_++;
+    for (; place > 0 && distance_m < distances_m[place - 1]; --place) {
+      distances_m[place] = distances_m[place - 1];
+      near_[place] = near_[place - 1];
+    }
+    distances_m[place] = distance_m;
+    near_[place] = slot;
   }
   near_radius_m_ = radius_m;
 }
 
+double TileSurface::nearest_at_most_m(const Vector3& point_m) const noexcept {
+  double most_m = std::numeric_limits<double>::max();
+  for (const std::uint32_t slot : slots_) {
+    most_m = std::min(most_m, held_[slot].bounds.farthest_m(point_m));
+  }
+  return most_m;
+}
+
+std::span<const std::uint32_t> TileSurface::within(const Vector3& point_m,
+                                                   double distance_m) const noexcept {
+  const bool is_near = (point_m - near_center_m_).norm() + distance_m < near_radius_m_;
+  return is_near ? std::span(near_).first(near_count_) : std::span<const std::uint32_t>(slots_);
+}
+
+template <class Examine>
+bool TileSurface::visit(std::span<const std::uint32_t> slots,
+                        const Examine& examine) const noexcept {
+  int examined = 0;
+  for (const std::uint32_t slot : slots) {
+    if (examine(held_[slot], slot) && ++examined > kMostExamined) return false;
+  }
+  return true;
+}
+
 SurfaceView TileSurface::view(const Vector3& point_m, SurfaceHint& hint) const noexcept {
+  return geometry_.is_cloud ? view_of_points(point_m, hint) : view_of_facets(point_m, hint);
+}
+
+SurfaceView TileSurface::view_of_facets(const Vector3& point_m, SurfaceHint& hint) const noexcept {
   Search search(point_m);
   const auto hinted = static_cast<std::uint32_t>(hint.cell / kMaxTileFacets);
   const std::size_t hinted_facet = hint.cell % kMaxTileFacets;
+  const std::span<const std::uint32_t> near = within(near_center_m_, 0.0);
   if (hinted < held_.size() && held_[hinted].is_held &&
-      std::find(near_.begin(), near_.begin() + near_count_, hinted) !=
-          near_.begin() + near_count_ &&
+      std::find(near.begin(), near.end(), hinted) != near.end() &&
       hinted_facet < held_[hinted].facet_count) {
     search.offer(held_[hinted], hinted, hinted_facet);
   }
-  for (std::size_t i = 0; i < near_count_; ++i) search.offer_all(held_[near_[i]], near_[i]);
-  const double from_near_m = (point_m - near_center_m_).norm();
-  if (!(from_near_m + search.best_m <= near_radius_m_)) {
-    // an unknown tile may be nearer: once more, over all, within the distance found
+  const auto offer = [&](const HeldTile& tile, std::uint32_t slot) {
+    return search.offer_all(tile, slot);
+  };
+  bool is_complete = visit(near, offer);
+  if (const auto enough = within(point_m, search.best_m); enough.data() != near.data()) {
+    // a tile that is not near may be nearer: once more, over all, within the distance found
     Search all(point_m);
-    all.best.squared_distance = search.best.squared_distance;
-    if (search.best_m < std::numeric_limits<double>::max()) {
-      all.best.squared_distance *= 1.0 + 2.0 * kSameDistance;
-      all.best_m = std::sqrt(all.best.squared_distance);
-    }
+    all.best_m = (1.0 + kSameDistance) * std::min(search.best_m, nearest_at_most_m(point_m));
+    all.best.squared_distance = all.best_m * all.best_m;
     search = all;
-    for (const std::uint32_t slot : slots_) search.offer_all(held_[slot], slot);
+    is_complete = visit(enough, offer);
   }
 
-  if (!is_covered(point_m, search.best_m)) ++hint.uncovered_views;
-  if (!(search.best.squared_distance < std::numeric_limits<double>::max())) {
-    SurfaceView view;
-    view.distance_m = std::numeric_limits<double>::infinity();
-    return view;
+  if (!is_complete || !(search.best_m <= unknown_m(point_m))) ++hint.uncovered_views;
+  if (!is_complete || !(search.best.squared_distance < std::numeric_limits<double>::max())) {
+    return {.distance_m = std::numeric_limits<double>::infinity()};
   }
   hint.cell = search.cell;
   SurfaceView view = view_of_facet(search.best, search.side, search.face, search.along, point_m);
   view.trust_radius_m = kMinTrustRadiusM;
+  return view;
+}
+
+SurfaceView TileSurface::view_of_points(const Vector3& point_m, SurfaceHint& hint) const noexcept {
+  PointSearch search{.point_m = point_m};
+  const std::span<const std::uint32_t> near = within(near_center_m_, 0.0);
+  const auto offer = [&](const HeldTile& tile, std::uint32_t /*slot*/) {
+    return search.offer_all(tile);
+  };
+  bool is_complete = visit(near, offer);
+  const auto enough = within(point_m, std::sqrt(search.best_squared));
+  if (enough.data() != near.data()) {
+    const double most_m = (1.0 + kSameDistance) * nearest_at_most_m(point_m);
+    search.best_squared = std::min(search.best_squared, most_m * most_m);
+    is_complete = visit(enough, offer);
+  }
+  if (!is_complete || search.best == nullptr) {
+    ++hint.uncovered_views;
+    return {.distance_m = std::numeric_limits<double>::infinity()};
+  }
+  double farthest_m = std::sqrt(search.best_squared);
+  const auto& [x, y, z] = search.best->quadric.normal;
+  const SurfaceView view = view_of_cloud(
+      point_m, search.best->place_m, Vector3(x, y, z),
+      [&](const Vector3& place_m, CloudBlender& blender) {
+        farthest_m = std::max(farthest_m, (place_m - point_m).norm());
+        const auto add = [&](const HeldTile& tile, std::uint32_t /*slot*/) {
+          if (tile.bounds.squared_distance(place_m) > 0.0) return false;
+          for (const HeldTile::Point& one : std::span(tile.points).first(tile.point_count)) {
+            blender.add(one.place_m, one.reach_m, one.quadric, one.stiffness_ratio);
+          }
+          return true;
+        };
+        is_complete = visit(within(place_m, 0.0), add) && is_complete;
+      });
+  if (!is_complete || !(farthest_m <= unknown_m(point_m))) ++hint.uncovered_views;
   return view;
 }
 

@@ -15,6 +15,7 @@ Touch known_or(const Touch* known, const Touch& fresh) noexcept {
   Touch touch = known != nullptr ? *known : fresh;
   touch.proxy.hint.octree_cells_visited = 0;
   touch.proxy.hint.last_cell_hits = 0;
+  touch.proxy.hint.views = 0;
   touch.proxy.hint.uncovered_views = 0;
   return touch;
 }
@@ -23,7 +24,7 @@ Touch known_or(const Touch* known, const Touch& fresh) noexcept {
 
 TissueStep::TissueStep(const Surface& surface, const TissueMotionConfig& motion,
                        const ToolShape& tool, const ToolPose& now,
-                       const std::optional<ToolPose>& last) noexcept
+                       const std::optional<ToolPose>& last, std::uint32_t most_views) noexcept
     : surface_(surface),
       tool_(tool),
       shaft_(now.shaft),
@@ -32,7 +33,8 @@ TissueStep::TissueStep(const Surface& surface, const TissueMotionConfig& motion,
       last_tip_m_(last ? Vector3(last->tip_m - displacement(motion, last->time_s).position_m)
                        : tip_m_),
       dt_s_(last ? std::max(0.0, now.time_s - last->time_s) : 0.0),
-      is_start_(!last) {}
+      is_start_(!last),
+      most_views_(most_views) {}
 
 ShaftSegment TissueStep::shaft_at(const Vector3& tip_m, const Vector3& direction) const noexcept {
   return {.tip_m = tip_m,
@@ -49,7 +51,7 @@ Touch TissueStep::follow_tip(std::uint32_t tissue, const Touch* known) const noe
       tip.proxy = begun_at(surface_, radius_m, tip_m_, tip.proxy.hint);
     } else {
       if (known == nullptr) tip.proxy = free_at(surface_, last_tip_m_, tip.proxy.hint);
-      palpate::move(surface_, radius_m, tip_m_, dt_s_, tip.proxy);
+      palpate::move(surface_, radius_m, tip_m_, dt_s_, tip.proxy, most_views_);
     }
     return tip;
   }
@@ -67,6 +69,14 @@ Touch TissueStep::follow_tip(std::uint32_t tissue, const Touch* known) const noe
   return {.tissue = tissue,
           .radius_m = radius_m,
           .proxy = begun_at(surface_, radius_m, tip_m_, tip.proxy.hint)};
+}
+
+Touch TissueStep::free_tip(std::uint32_t tissue, const Touch* known,
+                           double radius_m) const noexcept {
+  Touch tip = known_or(known, {.tissue = tissue, .radius_m = tool_.tip_radius_m});
+  tip.proxy.point_m = tip.proxy.place_m = tip_m_;
+  tip.proxy.surface = {.distance_m = radius_m};
+  return tip;
 }
 
 bool TissueStep::follow_shaft(std::uint32_t tissue, const Touch* known, Touch& shaft,
@@ -93,7 +103,7 @@ bool TissueStep::follow_shaft(std::uint32_t tissue, const Touch* known, Touch& s
     if (known == nullptr) proxy = free_at(surface_, last_point_m, proxy.hint);
     proxy.point_m = last_point_m;
     proxy.place_m = last_point_m + held_m;
-    palpate::move(surface_, tool_.shaft_radius_m, point_m, dt_s_, proxy);
+    palpate::move(surface_, tool_.shaft_radius_m, point_m, dt_s_, proxy, most_views_);
   }
   // along the shaft, which may slide, the surface is taken as straight
   const double bend = shaft_.dot(proxy.surface.curvature_per_m * shaft_);

@@ -32,19 +32,27 @@ class TissueStep {
  public:
   /// @param surface  in the tissue's rest frame
   /// @param last     none: the tool starts here
+  /// @param most_views  of each proxy (@see move)
   TissueStep(const Surface& surface, const TissueMotionConfig& motion, const ToolShape& tool,
-             const ToolPose& now, const std::optional<ToolPose>& last) noexcept;
+             const ToolPose& now, const std::optional<ToolPose>& last,
+             std::uint32_t most_views = kMostProxyViews) noexcept;
 
   /// The tip after the step, before settle(). Punctured tissue heals once the tool has left it.
   /// @param known  the touch at the last pose; nullptr: none
   [[nodiscard]] Touch follow_tip(std::uint32_t tissue, const Touch* known) const noexcept;
+  /// The same for a tip that nothing has held since the last pose, in a ball around it that nothing
+  /// of the tissue reaches into.
+  /// @param radius_m  of the ball, more than the clearance of the tip
+  [[nodiscard]] Touch free_tip(std::uint32_t tissue, const Touch* known,
+                               double radius_m) const noexcept;
   /// The shaft after the step, before settle(), at the place where it would be deepest with its
   /// last proxy. False if it is not near.
   /// @param moved_m  set to the motion of that place relative to the tissue
   [[nodiscard]] bool follow_shaft(std::uint32_t tissue, const Touch* known, Touch& shaft,
                                   Vector3& moved_m) const noexcept;
 
-  /// Motion of the tip relative to the tissue.
+  /// The tip relative to the displaced tissue, and its motion.
+  [[nodiscard]] const Vector3& tip_m() const noexcept { return tip_m_; }
   [[nodiscard]] Vector3 moved_m() const noexcept { return tip_m_ - last_tip_m_; }
 
  private:
@@ -59,6 +67,7 @@ class TissueStep {
   Vector3 last_tip_m_;  // likewise
   double dt_s_;
   bool is_start_;
+  std::uint32_t most_views_;
 };
 
 /// The contact of a settled touch with its total force.

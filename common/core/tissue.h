@@ -106,13 +106,15 @@ inline constexpr std::size_t kMaxDescribed = 8;
 inline constexpr std::size_t kTileSlots = 1024;
 inline constexpr std::size_t kMaxTileFacets = 32;
 inline constexpr std::size_t kMaxTileVertices = 32;
+inline constexpr std::size_t kMaxTilePoints = 12;
 inline constexpr std::size_t kMaxTilesPerMessage = 4;
 inline constexpr std::size_t kMaxPendingTiles = 32;
 inline constexpr std::size_t kMaxDescribedInclusions = 8;
 
-/// A surface of triangles, sent in tiles.
+/// A surface of triangles, or a point cloud, sent in tiles.
 struct TiledGeometry {
-  bool is_sheet = false;  ///< open: it has no inside
+  bool is_sheet = false;  ///< open triangles: they have no inside
+  bool is_cloud = false;
 };
 using DescribedGeometry =
     std::variant<HalfSpaceGeometry, SphereGeometry, BoxGeometry, CapsuleGeometry, TiledGeometry>;
@@ -131,9 +133,24 @@ struct TissueDescription {
   ToolShape tool{};
 };
 
-/// Neighbouring triangles of one surface, sent with its description until that is acknowledged. A
-/// vertex is at `origin_m` + `step_m` · its three integers;
-/// all tiles of a surface have the same origin and step, so vertices that they share coincide.
+/// 1 in the integers of a TilePoint.
+inline constexpr float kTilePointScale = 32767.0F;
+/// A point of a cloud with its quadric (common/contact/cloud/cloud_blend.h).
+struct TilePoint {
+  std::array<std::uint16_t, 3> place{};     ///< as a vertex
+  std::uint16_t reach = 0;                  ///< ρ > 0, in steps of the lattice
+  std::array<std::int16_t, 3> normal{};     ///< n · 32767
+  std::int16_t offset = 0;                  ///< c / ρ · 32767
+  std::array<std::int16_t, 6> curvature{};  ///< H ρ · 32767: xx xy xz yy yz zz
+  float stiffness_ratio = 1.0F;             ///< ≥ 0
+
+  [[nodiscard]] bool operator==(const TilePoint&) const noexcept = default;
+};
+
+/// Neighbouring triangles of one surface, or neighbouring points of a cloud; sent with its
+/// description until that is acknowledged. A vertex is at `origin_m` + `step_m` · its three
+/// integers; all tiles of a surface have the same origin and step, so vertices that they share
+/// coincide.
 struct SurfaceTile {
   std::uint32_t slot = 0;            ///< < kTileSlots; replaces what was there
   std::uint32_t described_slot = 0;  ///< of the tissue
@@ -145,10 +162,12 @@ struct SurfaceTile {
   /// Indices of `vertices`, counter-clockwise seen from outside the tissue; no triangle is flat.
   std::array<std::array<std::uint8_t, 3>, kMaxTileFacets> facets{};
   std::uint32_t facet_count = 0;
+  std::array<TilePoint, kMaxTilePoints> points{};
+  std::uint32_t point_count = 0;  ///< > 0: a tile without triangles
 };
 
-/// Every facet of a described tissue within `radius_m` of `center_m` (in the tissue's rest frame)
-/// is in the store or in a pending tile.
+/// Every facet of a described tissue, or every point of a cloud that reaches, within `radius_m` of
+/// `center_m` (in the tissue's rest frame) is in the store or in a pending tile.
 struct SurfaceCoverage {
   std::uint32_t described_slot = 0;
   std::uint32_t description_version = 0;

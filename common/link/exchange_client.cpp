@@ -6,7 +6,7 @@ namespace palpate {
 
 ExchangeClient::ExchangeClient(ZmqContext& context, const Clock& clock,
                                const Attachment& attachment)
-    : clock_(clock), socket_(context, kExchangeClient, {attachment}) {}
+    : clock_(clock), socket_(context, kExchangeClient, attachment) {}
 
 SendResult ExchangeClient::send(const DeviceState& message) noexcept {
   if (++unanswered_ > kMaxUnanswered && unanswered_ % kSendOneIn != 0) {

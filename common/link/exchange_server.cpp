@@ -6,7 +6,7 @@ namespace palpate {
 
 ExchangeServer::ExchangeServer(ZmqContext& context, const Clock& clock,
                                const Attachment& attachment)
-    : clock_(clock), socket_(context, kExchangeServer, {attachment}) {}
+    : clock_(clock), socket_(context, kExchangeServer, attachment) {}
 
 bool ExchangeServer::admit(const DeviceState& message, TimePoint now) noexcept {
   const bool is_served =
@@ -29,12 +29,12 @@ bool ExchangeServer::has_left(TimePoint now) noexcept {
 }
 
 bool ExchangeServer::receive(DeviceState& message, TimePoint& received_at) noexcept {
-  for (int i = 0; i < kMaxRejectedPerCall && socket_.receive(peer_); ++i) {
-    // part 1: the connection, added by libzmq; part 2: the frame
-    const bool is_whole =
-        peer_.more() && socket_.receive(frame_) && !socket_.drop_more_parts(frame_);
-    const DecodeError error =
-        is_whole ? states_.decode(bytes_of(frame_), message) : DecodeError::kMalformed;
+  for (int i = 0; i < kMaxRejectedPerCall; ++i) {
+    const Reception reception = socket_.receive(frame_, &peer_);
+    if (reception == Reception::kNothing) return false;
+    const DecodeError error = reception == Reception::kMalformed
+                                  ? DecodeError::kMalformed
+                                  : states_.decode(bytes_of(frame_), message);
     if (error != DecodeError::kNone) {
       rejections_.count(error, states_.peer_major());
       continue;

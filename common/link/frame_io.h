@@ -9,28 +9,47 @@
 #include "common/link/rejections.h"
 #include "common/link/socket/frame_bytes.h"
 #include "common/link/socket/link_socket.h"
+#include "common/link/subscribers.h"
 
 namespace palpate {
 
 /// Refused frames per call of receive(): bounds the time that a flood of bad frames can take.
 inline constexpr int kMaxRejectedPerCall = 16;
 
+/// The frame of a message; empty if it is longer than kMaxFrameBytes.
+template <class T>
+zmq::message_t frame_of(Codec<T>& codec, const T& message) noexcept {
+  const std::size_t size = codec.encode(message);
+  if (size > kMaxFrameBytes<T>) return {};
+  zmq::message_t frame(size);
+  codec.write(static_cast<std::byte*>(frame.data()));
+  return frame;
+}
+
 /// kDropped: the frame is longer than kMaxFrameBytes, or the queue is full.
 template <class T>
 SendResult send_frame(LinkSocket& socket, Codec<T>& codec, const T& message) noexcept {
-  const std::size_t size = codec.encode(message);
-  if (size > kMaxFrameBytes<T>) return SendResult::kDropped;
-  zmq::message_t frame(size);
-  codec.write(static_cast<std::byte*>(frame.data()));
-  return socket.send(frame, 0);
+  zmq::message_t frame = frame_of(codec, message);
+  return frame.empty() ? SendResult::kDropped : socket.send(frame, 0);
 }
 
-/// The next valid message of a socket whose messages have one part; false if there is none.
+/// The same to all that want T. kNoPeer: none does; the message was not encoded.
+template <class T>
+SendResult send_frame(Subscribers& subscribers, Codec<T>& codec, const T& message) noexcept {
+  subscribers.take();
+  if (!subscribers.has(kKindOf<T>)) return SendResult::kNoPeer;
+  zmq::message_t frame = frame_of(codec, message);
+  return frame.empty() ? SendResult::kDropped : subscribers.send(kKindOf<T>, frame);
+}
+
+/// The next valid message of a socket; false if there is none.
 template <class T>
 bool receive_frame(LinkSocket& socket, Codec<T>& codec, zmq::message_t& frame,
                    Rejections& rejections, T& message) noexcept {
-  for (int i = 0; i < kMaxRejectedPerCall && socket.receive(frame); ++i) {
-    const DecodeError error = socket.drop_more_parts(frame)
+  for (int i = 0; i < kMaxRejectedPerCall; ++i) {
+    const Reception reception = socket.receive(frame);
+    if (reception == Reception::kNothing) return false;
+    const DecodeError error = reception == Reception::kMalformed
                                   ? DecodeError::kMalformed
                                   : codec.decode(bytes_of(frame), message);
     if (error == DecodeError::kNone) return true;

@@ -22,7 +22,7 @@ Attachment on_this_machine(const std::string& endpoint, const std::string& optio
 }  // namespace
 
 PlotSender::PlotSender(ZmqContext& context, const std::string& endpoint, const std::string& option)
-    : socket_(context, kPlotSender, {on_this_machine(endpoint, option)}) {}
+    : socket_(context, kPlotSender, on_this_machine(endpoint, option)) {}
 
 void PlotSender::send(std::uint64_t at_ns, const DeviceTick& device,
                       const std::optional<MofcTick>& mofc, double transparency) noexcept {

@@ -8,13 +8,13 @@
 #include "common/core/scene_messages.h"
 #include "common/link/codec/codec.h"
 #include "common/link/socket/link_socket.h"
-#include "common/link/socket/subscriptions.h"
+#include "common/link/subscribers.h"
 #include "common/telemetry/telemetry.h"
 
 namespace palpate {
 
-/// Publishes three kinds of message as three topics of one socket. A kind without subscribers is
-/// neither computed nor encoded.
+/// Sends three kinds of message through one socket to those that subscribe to them. A kind without
+/// subscribers is neither computed nor encoded.
 class SceneSender final : public Sender<PhysicsBatch>,
                           public Sender<SceneState>,
                           public Sender<MeshFrame> {
@@ -27,20 +27,20 @@ class SceneSender final : public Sender<PhysicsBatch>,
 
   template <class T>
   [[nodiscard]] bool has_subscriber() noexcept {
-    subscriptions_.take(socket_);
-    return subscriptions_.has(kKindOf<T>);
+    subscribers_.take();
+    return subscribers_.has(kKindOf<T>);
   }
   /// Number of subscriptions to T so far. If it has increased, a new subscriber needs all of T.
   template <class T>
   [[nodiscard]] std::uint64_t subscriptions() noexcept {
-    subscriptions_.take(socket_);
-    return subscriptions_.count(kKindOf<T>);
+    subscribers_.take();
+    return subscribers_.count(kKindOf<T>);
   }
   [[nodiscard]] const std::string& endpoint() const { return socket_.endpoint(); }
 
  private:
   LinkSocket socket_;
-  Subscriptions subscriptions_;
+  Subscribers subscribers_{socket_};
   Codec<PhysicsBatch> batches_;
   Codec<SceneState> scenes_;
   Codec<MeshFrame> meshes_;

@@ -1,8 +1,11 @@
 // telemetry_subscriber.h — a viewer's end of hop 5.
 #pragma once
 
+#include <poll.h>
+
 #include <cstddef>
 #include <cstdint>
+#include <list>
 #include <span>
 #include <vector>
 #include <zmq.hpp>
@@ -12,12 +15,13 @@
 #include "common/link/codec/codec.h"
 #include "common/link/rejections.h"
 #include "common/link/socket/link_socket.h"
+#include "common/link/subscription.h"
 #include "common/telemetry/telemetry_message.h"
 
 namespace palpate {
 
-/// Receives the messages of all nodes through one socket: the batches of every node, SceneState and
-/// MeshFrame after subscribe().
+/// Receives the messages of all nodes, each through a socket of its own: the batches of every node,
+/// SceneState and MeshFrame after subscribe().
 class TelemetrySubscriber final : public Source<TelemetryMessage> {
  public:
   TelemetrySubscriber(ZmqContext& context, const Clock& clock,
@@ -26,11 +30,13 @@ class TelemetrySubscriber final : public Source<TelemetryMessage> {
   /// Starts or stops receiving T, also from nodes that start later.
   template <class T>
   void subscribe() {
-    socket_.subscribe(kKindOf<T>);
+    for (Node& node : nodes_) node.subscription.add(kKindOf<T>);
+    send_subscriptions();
   }
   template <class T>
   void unsubscribe() {
-    socket_.unsubscribe(kKindOf<T>);
+    for (Node& node : nodes_) node.subscription.remove(kKindOf<T>);
+    send_subscriptions();
   }
 
   WaitHook on_wait;
@@ -44,11 +50,22 @@ class TelemetrySubscriber final : public Source<TelemetryMessage> {
   [[nodiscard]] const Rejections& rejections() const { return rejections_; }
 
  private:
+  struct Node {
+    Node(ZmqContext& context, const Attachment& attachment)
+        : socket(context, kTelemetryReceiver, attachment) {}
+    LinkSocket socket;
+    Subscription subscription{socket};
+  };
+
+  void send_subscriptions() noexcept;
+  [[nodiscard]] Reception receive_frame() noexcept;
   template <class T>
   [[nodiscard]] bool take(Codec<T>& codec, TelemetryMessage& message) noexcept;
 
   const Clock& clock_;
-  LinkSocket socket_;
+  std::list<Node> nodes_;
+  std::list<Node>::iterator next_;   // whose turn it is
+  std::vector<pollfd> descriptors_;  // of the nodes
   Codec<DeviceBatch> device_;
   Codec<MofcBatch> mofc_;
   Codec<PhysicsBatch> physics_;

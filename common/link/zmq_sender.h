@@ -1,16 +1,18 @@
 // zmq_sender.h — outgoing end of a one-way link: hops 2, 3, 5 and 6.
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "common/core/ports.h"
 #include "common/link/codec/codec.h"
 #include "common/link/socket/link_socket.h"
-#include "common/link/socket/subscriptions.h"
+#include "common/link/subscribers.h"
 
 namespace palpate {
 
-/// Publishes to every connected subscriber.
+/// Sends to the receiver to which it is connected or, if it binds, to every receiver that
+/// subscribes to T.
 template <class T>
 class ZmqSender final : public Sender<T> {
  public:
@@ -18,19 +20,20 @@ class ZmqSender final : public Sender<T> {
 
   SendHook on_send;
 
-  /// kNoPeer: there is no subscriber; the message was not encoded. kDropped: the frame is longer
-  /// than kMaxFrameBytes. A subscriber whose queue is full misses the message without notice.
+  /// kNoPeer: there is no receiver; the message was not encoded. kDropped: the frame is longer than
+  /// kMaxFrameBytes, or the queue to the only receiver is full. Of several receivers, one whose
+  /// queue is full misses the message without notice.
   SendResult send(const T& message) noexcept override;
 
   [[nodiscard]] bool has_subscriber() noexcept;
-  /// Waits in real time for a subscriber; false after `timeout`.
+  /// Waits in real time for a receiver; false after `timeout`.
   [[nodiscard]] bool wait_for_peer(Duration timeout) noexcept;
   [[nodiscard]] const std::string& endpoint() const { return socket_.endpoint(); }
 
  private:
   LinkSocket socket_;
   Codec<T> codec_;
-  Subscriptions subscriptions_;
+  std::optional<Subscribers> subscribers_;  // if it binds
 };
 
 }  // namespace palpate

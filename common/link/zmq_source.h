@@ -12,42 +12,40 @@
 #include "common/link/one_writer.h"
 #include "common/link/rejections.h"
 #include "common/link/socket/link_socket.h"
-#include "common/link/socket/peer_watch.h"
+#include "common/link/subscription.h"
 
 namespace palpate {
 
-/// Incoming end of a one-way link.
+/// Receives every message in a queue of bounded length, which the inbox reads whole. If it
+/// connects, it has one sender and subscribes to T there.
 template <class T>
 class ZmqSource final : public Source<T> {
  public:
-  ZmqSource(ZmqContext& context, const Clock& clock, const Attachment& attachment,
-            Delivery delivery = Delivery::kNewest);
+  ZmqSource(ZmqContext& context, const Clock& clock, const Attachment& attachment);
 
   WaitHook on_wait;
 
   /// From now on accepts one sender at a time; see OneWriter.
   void keep_to_one_writer() { writer_.emplace(); }
 
-  /// From now on has_lost_peer() is known; for sources with one peer.
-  void watch_peer() { watch_.emplace(context_, socket_); }
-
   [[nodiscard]] bool receive(T& message, TimePoint& received_at) noexcept override;
   void wait_until(TimePoint deadline) noexcept override;
-  [[nodiscard]] bool has_lost_peer() const noexcept override { return watch_ && watch_->is_lost(); }
+  [[nodiscard]] bool has_lost_peer() const noexcept override {
+    return subscription_ && socket_.has_lost_peer();
+  }
   [[nodiscard]] std::uint64_t rejected() const noexcept override { return rejections_.total(); }
 
   [[nodiscard]] const Rejections& rejections() const { return rejections_; }
   [[nodiscard]] const std::string& endpoint() const { return socket_.endpoint(); }
 
  private:
-  ZmqContext& context_;
   const Clock& clock_;
   LinkSocket socket_;
+  std::optional<Subscription> subscription_;  // if it connects
   Codec<T> codec_;
   zmq::message_t frame_;
   Rejections rejections_;
   std::optional<OneWriter> writer_;  // empty: every sender is accepted
-  std::optional<PeerWatch> watch_;   // destroyed before the socket
 };
 
 }  // namespace palpate

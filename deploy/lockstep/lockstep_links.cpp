@@ -36,13 +36,11 @@ struct InprocLinks final : Links {
   InprocLinks(const Clock& clock, const LinkHooks& hooks)
       : server(context, clock, bind_to("inproc://exchange", "lockstep")),
         client(context, clock, connect_to("inproc://exchange", "lockstep")),
-        motion_source(context, clock, bind_to("inproc://tool_motion", "lockstep"),
-                      Delivery::kEvery),
+        motion_source(context, clock, bind_to("inproc://tool_motion", "lockstep")),
         motion_sender(context, connect_to("inproc://tool_motion", "lockstep")),
         interaction_sender(context, bind_to("inproc://interaction", "lockstep")),
-        interaction_source(context, clock, connect_to("inproc://interaction", "lockstep"),
-                           Delivery::kEvery) {
-    // publishers drop what is sent before they know their subscriber
+        interaction_source(context, clock, connect_to("inproc://interaction", "lockstep")) {
+    // senders drop what is sent before they know their receiver
     motion_source.wait_until(clock.now());
     interaction_source.wait_until(clock.now());
     const bool is_wired = motion_sender.wait_for_peer(std::chrono::seconds(5)) &&

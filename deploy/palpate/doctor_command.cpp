@@ -119,8 +119,7 @@ void examine_links(const Session& session, std::vector<Finding>& findings) {
     Finding finding{setting, endpoint};
     try {
       ZmqContext context(RealtimeConfig{.priority = 0, .cpu = -1}, {.may_be_plain = true});
-      const LinkSocket socket(context, {.type = zmq::socket_type::sub},
-                              {bind_to(endpoint, setting)});
+      const LinkSocket socket(context, kOneWayReceiver, bind_to(endpoint, setting));
       finding.text += " is free";
     } catch (const SetupError& error) {
       const std::string why = error.what();

@@ -6,6 +6,13 @@
 #include "common/contact/tissue_motion.h"
 
 namespace palpate::mofc {
+namespace {
+
+constexpr std::uint32_t kViewsPerStep = 64;
+constexpr std::uint32_t kMostViewsPerProxy = 32;
+constexpr std::uint32_t kLeastViewsPerProxy = 8;
+
+}  // namespace
 
 void LocalTissues::reset() noexcept {
   for (Memory& memory : memories_) memory = {};
@@ -16,6 +23,7 @@ void LocalTissues::step(std::array<DescribedTissue, kMaxDescribed>& tissues,
                         const Interaction& newest, const ToolPose& now,
                         const Vector3& tool_velocity_world_m_per_s,
                         const std::array<double, kMaxDescribed>& shares) noexcept {
+  std::uint32_t views_left = kViewsPerStep;
   for (std::size_t i = 0; i < kMaxDescribed; ++i) {
     DescribedTissue& tissue = tissues[i];
     Memory& memory = memories_[i];
@@ -27,7 +35,7 @@ void LocalTissues::step(std::array<DescribedTissue, kMaxDescribed>& tissues,
     if (memory.version != tissue.version()) memory = {.version = tissue.version()};
     tissue.prepare(now.tip_m - displacement(tissue.motion(), now.time_s).position_m);
     if (!memory.is_begun) begin(tissue, newest, now, memory);
-    results_[i] = advance(tissue, now, tool_velocity_world_m_per_s, memory);
+    results_[i] = advance(tissue, now, tool_velocity_world_m_per_s, memory, views_left);
     memory.is_begun = results_[i].is_valid || shares[i] > 0.0;
   }
 }
@@ -51,6 +59,9 @@ void LocalTissues::begin(const DescribedTissue& tissue, const Interaction& newes
     touch.proxy.point_m = newest.tool_position_world_m - moved_m;
     touch.proxy.place_m = touch.proxy.point_m + contact.held_m;
     touch.proxy.side = contact.is_behind ? -1.0 : 1.0;
+    if (!touch.has_hold()) {
+      memory.free = {touch.proxy.point_m, touch.radius_m - contact.penetration_m};
+    }
     memory.tip = touch;
     memory.relaxation = {.penetration_m = std::max(0.0, contact.penetration_m),
                          .relaxed_m = contact.relaxed_m};
@@ -58,13 +69,13 @@ void LocalTissues::begin(const DescribedTissue& tissue, const Interaction& newes
 }
 
 LocalTissues::Result LocalTissues::advance(DescribedTissue& tissue, const ToolPose& now,
-                                           const Vector3& velocity, Memory& memory) noexcept {
+                                           const Vector3& velocity, Memory& memory,
+                                           std::uint32_t& views_left) noexcept {
   const KelvinVoigtMaterial& material = tissue.material();
   Result result{.is_stepped = true, .is_valid = true, .tissue = tissue.tissue()};
   const double dt_s = memory.pose ? std::max(0.0, now.time_s - memory.pose->time_s) : 0.0;
   const auto add = [&](Touch& touch, const Vector3& moved_m, double relaxed_m) {
     settle(touch, moved_m, material, relaxed_m);
-    result.is_valid = result.is_valid && touch.proxy.hint.uncovered_views == 0;
     const Contact contact =
         acting_contact(touch, material, relaxed_m, tissue.motion(), velocity, now.time_s);
     if (!(contact.penetration_m > 0.0)) return;
@@ -73,8 +84,31 @@ LocalTissues::Result LocalTissues::advance(DescribedTissue& tissue, const ToolPo
     result.force.is_touching = true;
   };
 
-  const TissueStep step(tissue.surface(), tissue.motion(), tissue.tool(), now, memory.pose);
-  Touch tip = step.follow_tip(tissue.tissue(), memory.tip ? &*memory.tip : nullptr);
+  const TissueStep step(tissue.surface(), tissue.motion(), tissue.tool(), now, memory.pose,
+                        std::clamp(views_left, kLeastViewsPerProxy, kMostViewsPerProxy));
+  const auto count = [&](const Touch& touch) {
+    views_left -= std::min(views_left, touch.proxy.hint.views);
+  };
+  const Touch* const known = memory.tip ? &*memory.tip : nullptr;
+  const bool was_free = known != nullptr && !known->has_hold();
+  const double clearance = clearance_m(tissue.tool().tip_radius_m);
+  const double around_m = memory.free.around_m(step.tip_m());
+  Touch tip;
+  if (was_free && around_m > clearance) {
+    tip = step.free_tip(tissue.tissue(), known, around_m);
+  } else {
+    tip = step.follow_tip(tissue.tissue(), known);
+    result.is_valid = tip.proxy.hint.uncovered_views == 0;
+    memory.free = {};
+    if (!tip.has_hold()) {
+      memory.free = {step.tip_m(),
+                     std::min(tip.proxy.surface.distance_m, tissue.unknown_m(step.tip_m()))};
+      const bool has_stayed_free =
+          was_free && memory.free.radius_m > clearance + step.moved_m().norm();
+      result.is_valid = result.is_valid || has_stayed_free;
+    }
+  }
+  count(tip);
   if (material.relaxing_stiffness_newton_per_m > 0.0) {
     memory.relaxation.press(material.relaxation_time_s,
                             tip.is_punctured ? 0.0 : tip.penetration_m(), dt_s);
@@ -89,6 +123,7 @@ LocalTissues::Result LocalTissues::advance(DescribedTissue& tissue, const ToolPo
     Vector3 moved_m = Vector3::Zero();
     has_shaft =
         step.follow_shaft(tissue.tissue(), memory.shaft ? &*memory.shaft : nullptr, shaft, moved_m);
+    count(shaft);
     result.is_valid = result.is_valid && shaft.proxy.hint.uncovered_views == 0;
     if (has_shaft) {
       add(shaft, moved_m, shaft.penetration_m());

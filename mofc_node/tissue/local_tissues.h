@@ -18,8 +18,13 @@ namespace palpate::mofc {
 /// puncture) and steps it with every DeviceState, as Scene::step() does with the whole surface. A
 /// tissue without memory continues from the newest Interaction.
 ///
-/// A step is valid if no part of the surface that is not known could have changed it. After an
-/// invalid step the tissue is only followed while it still has a share in the force.
+/// A step is valid if no part of the surface that is not known could have changed it: the views of
+/// the step do not depend on it, or the tool, which nothing held, stays in a ball around its last
+/// place, or around the reference of an Interaction, that no part of the tissue reaches into. After
+/// an invalid step the tissue is only followed while it still has a share in the force.
+///
+/// A step of all tissues takes at most about 64 views of their surfaces, 28 for each beyond that,
+/// and 30 more for each shaft; a proxy that needs more goes on in the next step.
 /// No allocation, no throw.
 class LocalTissues {
  public:
@@ -44,6 +49,16 @@ class LocalTissues {
   }
 
  private:
+  /// No part of the tissue reaches into this ball; in its rest frame.
+  struct FreeBall {
+    Vector3 center_m = Vector3::Zero();
+    double radius_m = 0.0;
+
+    /// How far from this place no part of the tissue can be.
+    [[nodiscard]] double around_m(const Vector3& point_m) const noexcept {
+      return radius_m - (point_m - center_m).norm();
+    }
+  };
   struct Memory {
     bool is_begun = false;
     std::uint32_t version = 0;  // of the description
@@ -51,11 +66,13 @@ class LocalTissues {
     std::optional<Touch> shaft{};
     RelaxationState relaxation{};
     std::optional<ToolPose> pose{};
+    FreeBall free{};
   };
   static void begin(const DescribedTissue& tissue, const Interaction& newest, const ToolPose& now,
                     Memory& memory) noexcept;
+  /// @param views_left  of this step of all tissues; reduced by those that this one needs
   static Result advance(DescribedTissue& tissue, const ToolPose& now, const Vector3& velocity,
-                        Memory& memory) noexcept;
+                        Memory& memory, std::uint32_t& views_left) noexcept;
 
   std::array<Memory, kMaxDescribed> memories_;
   std::array<Result, kMaxDescribed> results_;

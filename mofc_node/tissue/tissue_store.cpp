@@ -35,7 +35,7 @@ void DescribedTissue::take(const TissueDescription& description) noexcept {
       [&](const auto& shape) {
         if constexpr (std::is_same_v<std::decay_t<decltype(shape)>, TiledGeometry>) {
           is_tiled_ = true;
-          tiled_.reset(shape.is_sheet);
+          tiled_.reset(shape);
         } else {
           is_tiled_ = false;
           analytic_ = AnalyticSurface(shape);
@@ -53,7 +53,7 @@ void TissueStore::empty() noexcept {
   for (HeldTile& tile : held_) tile.is_held = false;
   for (DescribedTissue& tissue : tissues_) {
     tissue.is_known_ = false;
-    tissue.tiled_.reset(false);
+    tissue.tiled_.reset({});
   }
   ++receipts_.store_id;
   if (receipts_.store_id == 0) ++receipts_.store_id;

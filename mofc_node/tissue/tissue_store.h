@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -25,6 +26,10 @@ class DescribedTissue {
   [[nodiscard]] const Surface& surface() const noexcept {
     if (is_tiled_) return tiled_;
     return analytic_;
+  }
+  /// No part of the surface that is not known is nearer to the point than this.
+  [[nodiscard]] double unknown_m(const Vector3& point_m) const noexcept {
+    return is_tiled_ ? tiled_.unknown_m(point_m) : std::numeric_limits<double>::infinity();
   }
   [[nodiscard]] const KelvinVoigtMaterial& material() const noexcept { return material_; }
   [[nodiscard]] const TissueMotionConfig& motion() const noexcept { return motion_; }
@@ -51,7 +56,7 @@ class DescribedTissue {
   ToolShape tool_;
 };
 
-/// About 3 MB, allocated by the constructor. The other functions neither allocate nor throw.
+/// About 6 MB, allocated by the constructor. The other functions neither allocate nor throw.
 class TissueStore {
  public:
   /// @param session_id  mofc's; the first id of the store

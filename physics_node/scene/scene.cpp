@@ -53,11 +53,11 @@ void clear_unless_finite(SceneForce& sum) noexcept {
   static_cast<SceneCounts&>(sum) = counts;
 }
 
-void reduce(Vector3& v, double most) noexcept {
-  if (const double largest = v.lpNorm<Eigen::Infinity>(); largest > most) v *= most / largest;
-}
-void reduce(Matrix3& m, double most) noexcept {
-  if (const double largest = m.cwiseAbs().maxCoeff(); largest > most) m *= most / largest;
+/// Scales down to components within ±most; rounding may leave one just beyond, so it cuts too.
+template <class M>
+void reduce(M& m, double most) noexcept {
+  const double largest = m.cwiseAbs().maxCoeff();
+  if (largest > most) m = (most / largest * m).cwiseMax(-most).cwiseMin(most).eval();
 }
 
 /// Reduces what no real tissue has, as of a tool metres deep in stiffening tissue, to the ranges of

@@ -5,9 +5,12 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <span>
 #include <type_traits>
 #include <utility>
 
+#include "common/contact/tile_surface.h"
+#include "physics_node/surfaces/cloud_surface.h"
 #include "physics_node/surfaces/triangle_surface.h"
 
 namespace palpate::physics {
@@ -39,67 +42,164 @@ std::size_t vertex_in(SurfaceTile& tile, const LatticePoint& vertex) {
   return index;
 }
 
-bool add_facet(SurfaceTile& tile, const std::array<LatticePoint, 3>& corners) {
-  if (tile.facet_count == kMaxTileFacets) return false;
-  SurfaceTile grown = tile;
-  for (std::size_t i = 0; i < 3; ++i) {
-    const std::size_t index = vertex_in(grown, corners[i]);
-    if (index == kMaxTileVertices) return false;
-    grown.facets[grown.facet_count][i] = static_cast<std::uint8_t>(index);
+using LatticeFacet = std::array<LatticePoint, 3>;
+
+/// Adds what fits; false if that is not all.
+bool add(std::span<const LatticeFacet> facets, SurfaceTile& tile) {
+  if (facets.size() > kMaxTileFacets) return false;
+  for (const LatticeFacet& facet : facets) {
+    for (std::size_t i = 0; i < 3; ++i) {
+      const std::size_t index = vertex_in(tile, facet[i]);
+      if (index == kMaxTileVertices) return false;
+      tile.facets[tile.facet_count][i] = static_cast<std::uint8_t>(index);
+    }
+    ++tile.facet_count;
   }
-  ++grown.facet_count;
-  tile = grown;
+  return true;
+}
+bool add(std::span<const TilePoint> points, SurfaceTile& tile) {
+  if (points.size() > kMaxTilePoints) return false;
+  std::copy(points.begin(), points.end(), tile.points.begin());
+  tile.point_count = static_cast<std::uint32_t>(points.size());
   return true;
 }
 
-Bounds bounds_of(const SurfaceTile& tile) {
-  const auto place = [&](std::size_t i) {
-    const auto& [x, y, z] = tile.vertices[i];
-    return Vector3(tile.origin_m + tile.step_m * Vector3(x, y, z));
-  };
-  Bounds bounds{place(0), place(0)};
-  for (std::size_t i = 1; i < tile.vertex_count; ++i) bounds.include(place(i));
-  return bounds;
+/// Some place in it.
+Vector3 place_of(const LatticePoint& point) { return Vector3(point[0], point[1], point[2]); }
+Vector3 place_of(const LatticeFacet& facet) {
+  return place_of(facet[0]) + place_of(facet[1]) + place_of(facet[2]);
+}
+Vector3 place_of(const TilePoint& point) { return place_of(point.place); }
+
+/// Compact tiles: the parts are halved across the longest side until they fit, with as many full
+/// tiles as possible.
+template <class Part>
+void cut(std::span<Part> parts, std::size_t most, const SurfaceTile& empty,
+         std::vector<SurfaceTile>& tiles) {
+  if (parts.empty()) return;
+  SurfaceTile tile = empty;
+  if (add(std::span<const Part>(parts), tile)) {
+    tiles.push_back(tile);
+    return;
+  }
+  Bounds bounds{place_of(parts[0]), place_of(parts[0])};
+  for (const Part& part : parts) bounds.include(place_of(part));
+  const int axis = bounds.longest_axis();
+  const std::size_t half = parts.size() / 2;
+  const std::size_t count = parts.size() > most ? (half + most - 1) / most * most : half;
+  std::nth_element(
+      parts.begin(), parts.begin() + static_cast<std::ptrdiff_t>(count), parts.end(),
+      [&](const Part& a, const Part& b) { return place_of(a)[axis] < place_of(b)[axis]; });
+  cut(parts.first(count), most, empty, tiles);
+  cut(parts.subspan(count), most, empty, tiles);
 }
 
-/// Neighbours in the tree of the surface are neighbours in space.
+/// The lattice of a surface's tiles.
+class Lattice {
+ public:
+  explicit Lattice(const Bounds& bounds) {
+    empty_.origin_m = bounds.lowest_m;
+    empty_.step_m = bounds.longest_side_m() / kLatticeSteps;
+  }
+  [[nodiscard]] const SurfaceTile& empty_tile() const { return empty_; }
+  [[nodiscard]] std::uint16_t steps(double length_m) const {
+    return static_cast<std::uint16_t>(
+        std::clamp(std::round(length_m / empty_.step_m), 0.0, kLatticeSteps));
+  }
+  [[nodiscard]] LatticePoint point(const Vector3& place_m) const {
+    const Vector3 from_origin_m = place_m - empty_.origin_m;
+    return {steps(from_origin_m.x()), steps(from_origin_m.y()), steps(from_origin_m.z())};
+  }
+
+ private:
+  SurfaceTile empty_;
+};
+
 void cut(const TriangleSurface& surface, const PlacedSurface& placed, DescribedTissue& tissue) {
   std::vector<Vector3> vertices_m;
   vertices_m.reserve(surface.mesh().vertices_m.size());
   for (const Vector3& vertex_m : surface.mesh().vertices_m) {
     vertices_m.push_back(placed.rotation * vertex_m + placed.position_m);
   }
-  const Bounds all = palpate::bounds_of(vertices_m);
-  SurfaceTile empty;
-  empty.origin_m = all.lowest_m;
-  empty.step_m = all.longest_side_m() / kLatticeSteps;
-  const auto on_lattice = [&](std::uint32_t vertex) {
-    const Vector3 steps = (vertices_m[vertex] - empty.origin_m) / empty.step_m;
-    LatticePoint point{};
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      point[axis] = static_cast<std::uint16_t>(
-          std::clamp(std::round(steps[static_cast<Eigen::Index>(axis)]), 0.0, kLatticeSteps));
-    }
-    return point;
-  };
-
-  SurfaceTile tile = empty;
+  const Lattice lattice(palpate::bounds_of(vertices_m));
+  std::vector<LatticeFacet> facets;
   for (const auto& [a, b, c] : surface.mesh().triangles) {
-    const std::array<LatticePoint, 3> corners{on_lattice(a), on_lattice(b), on_lattice(c)};
-    if (is_flat(corners[0], corners[1], corners[2])) continue;
-    if (add_facet(tile, corners)) continue;
-    tissue.tiles.push_back(std::exchange(tile, empty));
-    add_facet(tile, corners);
+    const LatticeFacet facet{lattice.point(vertices_m[a]), lattice.point(vertices_m[b]),
+                             lattice.point(vertices_m[c])};
+    if (!is_flat(facet[0], facet[1], facet[2])) facets.push_back(facet);
   }
-  if (tile.facet_count > 0) tissue.tiles.push_back(tile);
+  cut(std::span(facets), kMaxTileFacets, lattice.empty_tile(), tissue.tiles);
+}
 
+void cut(const CloudSurface& surface, const PlacedSurface& placed, DescribedTissue& tissue) {
+  const std::span<const Octree::Point> points = surface.tree().points();
+  const Matrix3 R = placed.rotation.toRotationMatrix();
+  std::vector<Vector3> places_m;
+  Bounds bounds;
+  for (const Octree::Point& point : points) {
+    places_m.emplace_back(R * (surface.origin_m() + Vector3(point.x, point.y, point.z)) +
+                          placed.position_m);
+    Bounds reached{places_m.back(), places_m.back()};
+    reached.grow(Vector3::Constant(static_cast<double>(point.reach)));
+    if (places_m.size() == 1) bounds = reached;
+    bounds.include(reached);
+  }
+  const auto scaled = [](double value) {
+    constexpr double kScale = kTilePointScale;
+    return static_cast<std::int16_t>(std::round(std::clamp(value, -1.0, 1.0) * kScale));
+  };
+  const Lattice lattice(bounds);
+  std::vector<TilePoint> parts;
+  for (std::uint32_t i = 0; i < points.size(); ++i) {
+    const CloudQuadric& quadric = surface.quadric(i);
+    const double reach_m = points[i].reach;
+    const Vector3 n = R * surface.normal(i);
+    const auto& [xx, xy, xz, yy, yz, zz] = quadric.curvature;
+    Matrix3 own;
+    own << xx, xy, xz, xy, yy, yz, xz, yz, zz;
+    const Matrix3 H = reach_m * (R * own * R.transpose());
+    parts.push_back({.place = lattice.point(places_m[i]),
+                     .reach = std::max<std::uint16_t>(1, lattice.steps(reach_m)),
+                     .normal = {scaled(n.x()), scaled(n.y()), scaled(n.z())},
+                     .offset = scaled(static_cast<double>(quadric.offset) / reach_m),
+                     .curvature = {scaled(H(0, 0)), scaled(H(0, 1)), scaled(H(0, 2)),
+                                   scaled(H(1, 1)), scaled(H(1, 2)), scaled(H(2, 2))},
+                     .stiffness_ratio = static_cast<float>(surface.stiffness_ratio(i))});
+  }
+  cut(std::span(parts), kMaxTilePoints, lattice.empty_tile(), tissue.tiles);
+}
+
+/// False if the surface is of another kind, or too large.
+bool describe(const PlacedSurface& placed, DescribedTissue& tissue, TiledGeometry& geometry) {
+  if (!(placed.surface->bounds().longest_side_m() < kLongestSide_m)) return false;
+  if (const auto* mesh = dynamic_cast<const TriangleSurface*>(placed.surface.get())) {
+    geometry.is_sheet = mesh->is_sheet();
+    cut(*mesh, placed, tissue);
+  } else if (const auto* cloud = dynamic_cast<const CloudSurface*>(placed.surface.get())) {
+    geometry.is_cloud = true;
+    cut(*cloud, placed, tissue);
+  } else {
+    return false;
+  }
   std::vector<BoxTree::Item> items;
-  for (const SurfaceTile& one : tissue.tiles) {
-    const Bounds bounds = bounds_of(one);
-    items.push_back({bounds, bounds.center_m(), static_cast<std::uint32_t>(items.size())});
-    tissue.bounds.push_back(bounds);
+  for (const SurfaceTile& tile : tissue.tiles) {
+    HeldTile held;
+    held.take(tile);
+    const Vector3 center_m = held.bounds.center_m();
+    double radius_m = 0.0;
+    for (std::size_t i = 0; i < tile.vertex_count; ++i) {
+      radius_m = std::max(radius_m, (held.vertices_m[i] - center_m).norm());
+    }
+    for (std::size_t i = 0; i < tile.point_count; ++i) {
+      const HeldTile::Point& point = held.points[i];
+      radius_m = std::max(radius_m, (point.place_m - center_m).norm() + point.reach_m);
+    }
+    items.push_back({held.bounds, center_m, static_cast<std::uint32_t>(items.size())});
+    tissue.bounds.push_back(held.bounds);
+    tissue.radii_m.push_back(radius_m);
   }
   tissue.tree = BoxTree(std::move(items), 1);
+  return true;
 }
 
 }  // namespace
@@ -120,12 +220,9 @@ DescribedTissue described(const Shape& shape, const KelvinVoigtMaterial& materia
   const bool is_described = std::visit(
       [&](const auto& form) {
         if constexpr (std::is_same_v<std::decay_t<decltype(form)>, PlacedSurface>) {
-          const auto* surface = dynamic_cast<const TriangleSurface*>(form.surface.get());
-          if (surface == nullptr || !(surface->bounds().longest_side_m() < kLongestSide_m)) {
-            return false;
-          }
-          description.geometry = TiledGeometry{.is_sheet = surface->is_sheet()};
-          cut(*surface, form, tissue);
+          TiledGeometry tiled;
+          if (!describe(form, tissue, tiled)) return false;
+          description.geometry = tiled;
         } else {
           description.geometry = form;
         }

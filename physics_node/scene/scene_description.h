@@ -13,12 +13,12 @@
 
 namespace palpate::physics {
 
-/// One tissue. Without a description (a point cloud, too many inclusions) only contact models of it
-/// are sent.
+/// One tissue. Without a description (too many inclusions) only contact models of it are sent.
 struct DescribedTissue {
   std::optional<TissueDescription> description;  ///< without slot and version
   std::vector<SurfaceTile> tiles;                ///< without slots and version
   std::vector<Bounds> bounds;                    ///< of the tiles
+  std::vector<double> radii_m;                   ///< of spheres around the centres of these
   BoxTree tree;                                  ///< of the tiles
 };
 

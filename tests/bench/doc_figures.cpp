@@ -122,6 +122,37 @@ std::string transparency_table(const std::vector<json>& outputs) {
                   table);
 }
 
+// --- surfaces and tissues over a disturbed network
+// ------------------------------------------------
+
+std::string disturbed_table(const std::vector<json>& outputs) {
+  const json& rows = outputs.at(0).at("rows");
+  std::vector<std::string> scenes;
+  for (const json& row : rows) {
+    const std::string scene = text(row, "surface");
+    if (scenes.empty() || scenes.back() != scene) scenes.push_back(scene);
+  }
+  std::vector<Cells> table;
+  for (const std::string& scene : scenes) {
+    Cells cells{scene};
+    for (const char* disturbance :
+         {"none", "50 ms, 20 % lost, 50 Hz", "100 ms, 20 % lost, 50 Hz"}) {
+      const json& row = only(rows, [&](const json& r) {
+        return r.at("surface") == scene && r.at("disturbance") == disturbance;
+      });
+      cells.push_back(fmt::format("{}, {} %, {} mm, {}", fixed(row, "capped_transparency", 3),
+                                  fixed(row, "force_error_percent", 1),
+                                  fixed(row, "path_rms_mm", 2), fixed(row, "excess_reversals", 0)));
+    }
+    table.push_back(cells);
+  }
+  return markdown({"tissue",
+                   "undisturbed: transparency, force error rms, path deviation rms, excess "
+                   "reversals",
+                   "50 ms each way, 20 % lost, physics at 50 Hz", "100 ms, the same"},
+                  table);
+}
+
 // --- velocity estimators
 // --------------------------------------------------------------------------
 
@@ -233,7 +264,7 @@ DocFigures truth() {
 // --- disturbed sessions
 // -----------------------------------------------------------------------------
 
-std::string disturbed_table(const std::vector<json>& outputs) {
+std::string sessions_table(const std::vector<json>& outputs) {
   std::vector<std::string> sessions;
   std::vector<Cells> rows;
   for (const json& row : outputs.at(0).at("rows")) {
@@ -250,8 +281,72 @@ std::string disturbed_table(const std::vector<json>& outputs) {
                                  energy(number(row.at("min_true_energy_uj")))));
   }
   Cells head{"disturbance"};
-  for (const std::string& session : sessions) head.push_back("`" + session + "`");
+  for (const std::string& session : sessions) head.push_back(fmt::format("`{}`", session));
   return markdown(head, rows);
+}
+
+// --- real processes in real time
+// -----------------------------------------------------------------------------
+
+std::string joined(const json& row, const std::vector<const char*>& keys, int digits) {
+  std::string all;
+  for (const char* key : keys) {
+    if (!all.empty()) all += " / ";
+    all += fixed(row, key, digits);
+  }
+  return all;
+}
+
+std::string faults_table(const std::vector<json>& outputs) {
+  std::vector<Cells> rows;
+  for (const json& row : outputs.at(0).at("rows")) {
+    const auto ms = [&](const char* key) {
+      return row.at(key).is_null() ? std::string("–") : fixed(row, key, 1) + " ms";
+    };
+    std::string safe = ms("safe_after_ms");
+    if (safe != "–") safe += " (" + fixed(row, "safe_limit_ms", 0) + " ms)";
+    rows.push_back({text(row, "fault"), fixed(row, "noticed_newton", 2),
+                    fixed(row, "peak_newton", 2), energy(number(row.at("min_true_energy_uj"))),
+                    safe, ms("back_after_ms")});
+  }
+  return markdown({"fault while the hand presses", "N when noticed", "largest N after",
+                   "least true energy", "safe after (documented)", "tissue back after"},
+                  rows);
+}
+
+std::string realtime_table(const std::vector<json>& outputs) {
+  std::vector<Cells> rows;
+  for (const json& row : outputs.at(0).at("rows")) {
+    rows.push_back({fmt::format("`{}`", text(row, "session")), text(row, "conditions"),
+                    fmt::format("{} … {}", fixed(row, "rendered_percent", 1),
+                                fixed(row, "rendered_at_most_percent", 1)),
+                    fixed(row, "answered_percent", 2), fixed(row, "skipped_percent", 2),
+                    joined(row, {"reply_p50_us", "reply_p99_us", "reply_p999_us"}, 0),
+                    joined(row, {"lateness_p50_us", "lateness_p99_us", "lateness_p999_us"}, 0),
+                    joined(row, {"force_age_p50_ms", "force_age_p99_ms"}, 0),
+                    energy(number(row.at("min_true_energy_uj"))), fixed(row, "pictures_per_s", 0)});
+  }
+  return markdown({"session", "conditions", "rendered %", "answered %", "skipped %",
+                   "reply p50 / p99 / p99.9 µs", "lateness p50 / p99 / p99.9 µs",
+                   "force age p50 / p99 ms", "least true energy", "pictures/s"},
+                  rows);
+}
+
+std::string exchange_table(const std::vector<json>& outputs) {
+  const std::vector<const char*> us{"p50_us", "p99_us", "p999_us"};
+  std::vector<Cells> rows;
+  for (const json& row : outputs.at(0).at("rows")) {
+    const std::string link = text(row, "link");
+    if (link == "palpate, ipc") {
+      rows.push_back({text(row, "case"), joined(row, us, 0),
+                      joined(row, {"p50_to_raw", "p99_to_raw", "p999_to_raw"}, 2), "–", "–"});
+    }
+    if (link == "palpate, --together") rows.back()[3] = joined(row, us, 0);
+    if (link == "Gazebo Transport") rows.back()[4] = joined(row, us, 0);
+  }
+  return markdown({"case", "palpate, ipc", "times the ZeroMQ ipc echo", "`--together`",
+                   "Gazebo Transport echo"},
+                  rows);
 }
 
 // --- how safe
@@ -317,9 +412,32 @@ std::vector<DocFigures> doc_figures() {
        .commands = {"transparency_bench --quick"},
        .table = transparency_table},
       {.name = "disturbed",
+       .commands = {"transparency_bench --disturbed --excerpt"},
+       .table = disturbed_table},
+      {.name = "sessions",
        .commands = {"transparency_bench --disturbed=sessions"},
        .is_checked = false,
-       .table = disturbed_table},
+       .table = sessions_table},
+      {.name = "faults",
+       .commands = {"palpate_faults"},
+       .is_checked = false,
+       .is_of_real_time = true,
+       .table = faults_table},
+      {.name = "realtime",
+       .commands = {"realtime_bench"},
+       .is_checked = false,
+       .is_of_real_time = true,
+       .table = realtime_table},
+      {.name = "network",
+       .commands = {"realtime_bench --network"},
+       .is_checked = false,
+       .is_of_real_time = true,
+       .table = realtime_table},
+      {.name = "exchange",
+       .commands = {"exchange_bench"},
+       .is_checked = false,
+       .is_of_real_time = true,
+       .table = exchange_table},
       {.name = "velocity", .commands = {"velocity_bench --quick"}, .table = velocity_table},
       {.name = "deadbands", .commands = {"deadband_bench"}, .table = deadband_table},
   };

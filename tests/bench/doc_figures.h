@@ -16,6 +16,8 @@ struct DocFigures {
   std::vector<std::string> commands{};
   /// In lockstep, deterministic and short: a test compares the documents with a new run.
   bool is_checked = true;
+  /// Of real processes in real time, on a quiet machine: refreshed only when it is named.
+  bool is_of_real_time = false;
   /// The Markdown table. One JSON document per command, in their order.
   std::function<std::string(const std::vector<nlohmann::json>& outputs)> table{};
 

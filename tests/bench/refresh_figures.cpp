@@ -133,6 +133,7 @@ bool is_wanted(const DocFigures& figures, const Options& options) {
   if (!options.only.empty()) {
     return std::find(options.only.begin(), options.only.end(), figures.name) != options.only.end();
   }
+  if (figures.is_of_real_time) return false;
   return figures.is_checked || !options.is_check;
 }
 
@@ -185,8 +186,10 @@ int refresh(const Options& options) {
                     first_difference(documented, table).c_str());
         continue;
       }
-      const std::string marker = kBegin + block.name + ": " + figures->shown_commands() + "; " +
-                                 today() + "; " + machine() + " -->\n";
+      std::string marker = kBegin + block.name + ": " + figures->shown_commands() + "; " + today() +
+                           "; " + machine();
+      if (figures->is_of_real_time) marker += ", load average " + machine_load();
+      marker += " -->\n";
       text.replace(block.marker_begin, block.table_end - block.marker_begin, marker + table);
     }
     if (text != before) {

@@ -13,7 +13,7 @@
 #include "common/telemetry/summary.h"
 #include "deploy/lockstep/loopback.h"
 #include "tests/bench/bench_output.h"
-#include "tests/bench/disturbed.h"
+#include "tests/bench/disturbed/disturbed.h"
 #include "tests/bench/tissue_scenes.h"
 
 namespace palpate::bench {
@@ -235,11 +235,17 @@ int main(int argc, char** argv) {
   app.add_option("--mesh", meshes, "a tetrahedral mesh among those surfaces; repeatable")
       ->type_name("FILE")
       ->needs("--disturbed");
+  palpate::bench::DisturbedRows rows;
+  app.add_option("--only", rows.only, "of these, scenes whose name contains TEXT")
+      ->type_name("TEXT")
+      ->needs("--disturbed");
+  app.add_flag("--excerpt", rows.is_excerpt, "of these, the rows of the documents")
+      ->needs("--disturbed");
   return palpate::bench::run_bench(app, options, argc, argv, [&] {
     if (disturbed == "sessions") {
       palpate::bench::run_disturbed_sessions(options);
     } else if (disturbed == "surfaces") {
-      palpate::bench::run_disturbed(options, meshes);
+      palpate::bench::run_disturbed(options, meshes, rows);
     } else {
       palpate::bench::run(options);
     }

@@ -1,7 +1,7 @@
 // palpate_faults — the fault matrix: the force on a pressing hand when a process of the running
 // session is killed, suspended or restarted, or when something around it fails.
 //
-//   palpate_faults                                        runs every row and prints the table
+//   palpate_faults [--json FILE]                          runs every row and prints the table
 //   palpate_faults --gtest_filter='*physics*'             runs some rows
 //
 // Real processes under `palpate launch` with the default real-time settings and the simulated
@@ -16,6 +16,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
@@ -26,10 +27,13 @@
 #include <thread>
 #include <zmq.hpp>
 
+#include "common/core/files.h"
 #include "common/link/codec/codec.h"
 #include "device_node/simulation/hand.h"
 #include "device_node/simulation/plant.h"
 #include "tests/fault/pressing_session.h"
+#include "tests/support/port.h"
+#include "tests/support/raw_zmtp.h"
 #include "tests/support/run_folder.h"
 
 namespace palpate {
@@ -86,6 +90,25 @@ void print_table() {
                 row.safe_after ? (" (" + milliseconds(row.safe_limit) + ")").c_str() : "",
                 milliseconds(row.back_after).c_str(), row.is_ok ? "yes" : "NO");
   }
+}
+
+nlohmann::json json_of_table() {
+  const auto ms = [](const std::optional<Duration>& time) -> nlohmann::json {
+    if (!time) return nullptr;
+    return 1e3 * to_seconds(*time);
+  };
+  nlohmann::json rows = nlohmann::json::array();
+  for (const Figures& row : table()) {
+    rows.push_back({{"fault", row.fault},
+                    {"noticed_newton", row.noticed_newton},
+                    {"peak_newton", row.peak_newton},
+                    {"min_true_energy_uj", 1e6 * row.least_energy_joule},
+                    {"safe_after_ms", ms(row.safe_after)},
+                    {"safe_limit_ms", row.safe_after ? ms(row.safe_limit) : ms({})},
+                    {"back_after_ms", ms(row.back_after)},
+                    {"is_ok", row.is_ok}});
+  }
+  return {{"schema_version", 1}, {"rows", rows}};
 }
 
 // --- what holds in every row ----------------------------------------------------------------
@@ -680,7 +703,8 @@ TEST_F(Faults, ASecondOfEachNodeIsRefused) {
 class ForeignPeer {
  public:
   explicit ForeignPeer(const LinksConfig& links)
-      : to_mofc_(context_, zmq::socket_type::dealer), to_physics_(context_, zmq::socket_type::pub) {
+      : to_mofc_(context_, zmq::socket_type::dealer),
+        to_physics_(context_, zmq::socket_type::push) {
     to_mofc_.set(zmq::sockopt::linger, 0);
     to_physics_.set(zmq::sockopt::linger, 0);
     to_mofc_.connect(links.exchange);
@@ -719,25 +743,16 @@ class ForeignPeers : public Faults {
   }
 };
 
-/// Opens a ZeroMQ stream and stops inside a frame.
-int begin_a_frame(const std::string& endpoint) {
-  const int stream = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
-  sockaddr_un address{};
-  address.sun_family = AF_UNIX;
-  endpoint.copy(address.sun_path, sizeof(address.sun_path) - 1, std::string("ipc://").size());
-  EXPECT_EQ(connect(stream, reinterpret_cast<sockaddr*>(&address), sizeof(address)), 0);
-  std::string bytes("\xff\0\0\0\0\0\0\0\1\x7f\3\0NULL", 16);  // ZMTP 3.0 greeting, 64 bytes
-  bytes.resize(64, '\0');
-  bytes += std::string("\4\x29\5READY", 8);  // announces a command of 41 bytes, sends 6
-  EXPECT_EQ(write(stream, bytes.data(), bytes.size()), static_cast<ssize_t>(bytes.size()));
-  return stream;
-}
-
 TEST_F(ForeignPeers, HalfWrittenMessagesAreRefused) {
   press();
   const TimePoint from = session_->now();
   const LinksConfig& links = session_->session().side().links;
-  const int streams[] = {begin_a_frame(links.exchange), begin_a_frame(links.tool_motion)};
+  test::RawStream to_mofc(links.exchange);
+  test::RawStream to_physics(links.tool_motion);
+  for (test::RawStream* stream : {&to_mofc, &to_physics}) {  // stops inside a frame
+    EXPECT_TRUE(
+        stream->write(test::zmtp_greeting() + test::zmtp_head(test::kCommand, 41) + "\5READY"));
+  }
   std::string state = frame_of(DeviceState{});
   std::string motion = frame_of(ToolMotion{});
   state.resize(state.size() / 2);
@@ -746,7 +761,6 @@ TEST_F(ForeignPeers, HalfWrittenMessagesAreRefused) {
   send_until_refused(state, motion);
 
   finish_undisturbed("half-written messages", from);
-  for (const int stream : streams) close(stream);
 }
 
 TEST_F(ForeignPeers, MessagesOfAnotherVersionAreRefused) {
@@ -764,6 +778,199 @@ TEST_F(ForeignPeers, MessagesOfAnotherVersionAreRefused) {
 
   session_->launch().await_err("peer speaks protocol 2, this program speaks 1");
   finish_undisturbed("messages of another protocol version", from);
+}
+
+TEST_F(ForeignPeers, MessagesOfTwoPartsAreRefused) {
+  press();
+  const TimePoint from = session_->now();
+  const Session& session = session_->session();
+  const LinksConfig& links = session.side().links;
+  const std::string state = frame_of(DeviceState{});
+  const std::string motion = frame_of(ToolMotion{});
+  const std::string subscription("\x0b\5", 2);
+  struct Target {
+    std::string endpoint;
+    zmq::socket_type type;
+    std::string valid;
+  };
+  zmq::context_t context;
+  std::vector<zmq::socket_t> peers;
+  std::vector<std::string> valid;
+  for (const Target& target :
+       {Target{links.exchange, zmq::socket_type::dealer, state},
+        Target{links.tool_motion, zmq::socket_type::push, motion},
+        Target{links.interaction, zmq::socket_type::dealer, subscription},
+        Target{links.device_telemetry, zmq::socket_type::dealer, subscription},
+        Target{links.mofc_telemetry, zmq::socket_type::dealer, subscription},
+        Target{session.physics_telemetry, zmq::socket_type::dealer, subscription}}) {
+    zmq::socket_t& peer = peers.emplace_back(context, target.type);
+    peer.set(zmq::sockopt::linger, 0);
+    peer.connect(target.endpoint);
+    valid.push_back(target.valid);
+  }
+
+  const auto& mirror = session_->watcher().mirror();
+  int rounds = 0;
+  EXPECT_TRUE(session_->watcher().until([&] {
+    for (std::size_t i = 0; i < peers.size(); ++i) {
+      for (const std::size_t size : {std::size_t{20}, std::size_t{1'900'000}}) {
+        peers[i].send(zmq::buffer(valid[i]), zmq::send_flags::sndmore | zmq::send_flags::dontwait);
+        peers[i].send(zmq::buffer(std::string(size, 'x')), zmq::send_flags::dontwait);
+      }
+    }
+    return ++rounds >= 10 && mirror.mofc_counters().device_state.rejected > 10 &&
+           mirror.physics_counters().tool_motion.rejected > 10;
+  }));
+
+  finish_undisturbed("messages of two parts to every node", from);
+}
+
+/// Listens on the path of an ipc endpoint and writes zeros to everyone who connects.
+class Zeros {
+ public:
+  explicit Zeros(const std::string& endpoint)
+      : listener_(socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0)) {
+    sockaddr_un address{};
+    address.sun_family = AF_UNIX;
+    endpoint.copy(address.sun_path, sizeof(address.sun_path) - 1, std::string("ipc://").size());
+    unlink(address.sun_path);
+    EXPECT_EQ(bind(listener_, reinterpret_cast<sockaddr*>(&address), sizeof(address)), 0);
+    EXPECT_EQ(listen(listener_, 16), 0);
+  }
+  ~Zeros() {
+    for (const int peer : peers_) close(peer);
+    close(listener_);
+  }
+  Zeros(const Zeros&) = delete;
+  Zeros& operator=(const Zeros&) = delete;
+  void serve() {
+    const int peer = accept(listener_, nullptr, nullptr);
+    if (peer < 0) return;
+    const std::string zeros(300, '\0');
+    EXPECT_GT(write(peer, zeros.data(), zeros.size()), 0);
+    peers_.push_back(peer);
+  }
+  [[nodiscard]] std::size_t served() const { return peers_.size(); }
+
+ private:
+  int listener_;
+  std::vector<int> peers_;
+};
+
+// libzmq gives up connections whose other end violated the protocol.
+TEST_F(ForeignPeers, AnotherProgramInPlaceOfPhysicsIsReplacedByPhysics) {
+  press();
+  const LinksConfig& links = session_->session().side().links;
+  const std::size_t before = rows().size() - 1;
+  const TimePoint killed_at = stop_with(session_->node("physics"), SIGKILL);
+  {
+    Zeros motions(links.tool_motion);
+    Zeros interactions(links.interaction);
+    EXPECT_TRUE(session_->watcher().until([&] {
+      motions.serve();
+      interactions.serve();
+      return session_->now() >= killed_at + 80ms && motions.served() > 0 &&
+             interactions.served() > 0;
+    }));
+  }
+  EXPECT_GT(session_->node("physics", 2), 1);
+  const TimePoint healed_at = session_->now();
+  const auto is_back = [&](const TickRow& row) {
+    return row.device.sampled_at >= healed_at && is_fresh(row);
+  };
+  EXPECT_TRUE(session_->watcher().until(
+      [&] { return std::any_of(rows().begin(), rows().end(), is_back); }));
+  const auto back = std::find_if(rows().begin(), rows().end(), is_back);
+  ASSERT_NE(back, rows().end());
+  EXPECT_LT(back->device.sampled_at - healed_at, 2s);
+
+  finish({.fault = "physics_node killed, zeros at its links until it is restarted",
+          .noticed_newton = newton(rows()[before]),
+          .peak_newton = peak_newton(rows().begin() + static_cast<std::ptrdiff_t>(before), back),
+          .back_after = back->device.sampled_at - healed_at},
+         "physics");
+}
+
+/// Resident memory of a process [MiB].
+double resident_mib(pid_t process) {
+  std::ifstream file("/proc/" + std::to_string(process) + "/statm");
+  long pages = 0;
+  file >> pages >> pages;
+  return static_cast<double>(pages) * static_cast<double>(sysconf(_SC_PAGESIZE)) / (1 << 20);
+}
+
+/// Writes `total` bytes, over a new connection whenever one is ended.
+void flood(const std::string& endpoint, const char* type, const std::string& frames,
+           std::size_t total) {
+  for (std::size_t sent = 0; sent < total;) {
+    test::RawStream stream(endpoint);
+    if (!stream.write(test::zmtp_greeting() + test::zmtp_ready(type))) return;
+    do {
+      sent += frames.size();
+    } while (sent < total && stream.write(frames));
+  }
+}
+
+TEST_F(ForeignPeers, FloodsNeitherSwellANodeNorDisturbTheHand) {
+  constexpr double kMostGrowthMib = 32.0;
+  std::string tool_motion;
+  std::string interaction;
+  {
+    const test::HeldPort ports[2];
+    tool_motion = ports[0].endpoint();
+    interaction = ports[1].endpoint();
+  }
+  press({"--no-viewer", "--set", "links.tool_motion=" + tool_motion, "--set",
+         "links.interaction=" + interaction});
+  const Session& session = session_->session();
+  const LinksConfig& links = session.side().links;
+  std::string subscriptions;
+  for (int i = 0; i < 4000; ++i) {
+    subscriptions += test::zmtp_frame(test::kLastPart, "\x0b" + std::to_string(i));
+    subscriptions += test::zmtp_frame(test::kLastPart, "\1topic " + std::to_string(i));
+  }
+  std::string parts;
+  while (parts.size() < (64 << 10)) parts += test::zmtp_frame(test::kMoreParts, "0123456789");
+
+  std::map<std::string, pid_t> nodes;
+  std::map<std::string, double> before;
+  std::map<std::string, double> most;
+  for (const char* node : {"device", "mofc", "physics"}) {
+    nodes[node] = session_->node(node);
+    before[node] = most[node] = resident_mib(nodes[node]);
+  }
+  const TimePoint from = session_->now();
+  std::atomic<int> running{0};
+  std::vector<std::jthread> attackers;
+  const auto attack = [&](const std::string& endpoint, const char* type, const std::string& frames,
+                          std::size_t mib) {
+    ++running;
+    attackers.emplace_back([&running, endpoint, type, frames, mib] {
+      flood(endpoint, type, frames, mib << 20);
+      --running;
+    });
+  };
+  for (const std::string& endpoint :
+       {links.device_telemetry, links.mofc_telemetry, session.physics_telemetry, interaction}) {
+    attack(endpoint, "DEALER", subscriptions, 11);
+  }
+  attack(tool_motion, "PUSH", parts, 30);
+  attack(interaction, "DEALER", parts, 30);
+  EXPECT_TRUE(session_->watcher().until([&] {
+    for (const auto& [node, process] : nodes) {
+      most[node] = std::max(most[node], resident_mib(process));
+    }
+    return running == 0;
+  }));
+  attackers.clear();
+  for (const auto& [node, process] : nodes) {
+    std::printf("%s_node: %.1f MiB before the floods, at most %.1f MiB\n", node.c_str(),
+                before[node], most[node]);
+    EXPECT_LT(most[node] - before[node], kMostGrowthMib) << node;
+  }
+
+  finish_undisturbed("11 MB of subscriptions to every node, 30 MB of endless messages to physics",
+                     from);
 }
 
 // --- two devices ----------------------------------------------------------------------------
@@ -824,6 +1031,11 @@ class Quiet : public testing::EmptyTestEventListener {
 }  // namespace palpate
 
 int main(int argc, char** argv) {
+  std::string json_file;
+  if (argc == 3 && std::string(argv[1]) == "--json") {
+    json_file = argv[2];
+    argc = 1;
+  }
   const bool prints_table = argc == 1;
   testing::InitGoogleMock(&argc, argv);
   if (prints_table) {
@@ -833,5 +1045,10 @@ int main(int argc, char** argv) {
   }
   const int status = RUN_ALL_TESTS();
   if (!palpate::table().empty()) palpate::print_table();
-  return status;
+  if (json_file.empty()) return status;
+  const std::string complaint =
+      palpate::write_file(json_file, palpate::json_of_table().dump(2) + "\n");
+  if (complaint.empty()) return status;
+  std::fprintf(stderr, "palpate_faults: %s: %s\n", json_file.c_str(), complaint.c_str());
+  return 2;
 }

@@ -132,8 +132,11 @@ void hostile_motion(const ToolMotion& motion) {
     const KelvinVoigtMaterial power{.stiffness_newton_per_m = 500.0,
                                     .damping_newton_s_per_m = 5.0,
                                     .exponent = 1.5,
-                                    .puncture_newton = 3.0};
-    SceneConfig scene{.tip_radius_m = 0.002, .shaft_length_m = 0.1, .shaft_radius_m = 0.002};
+                                    .friction_stiffness_newton_per_m = 500.0,
+                                    .puncture_newton = 3.0,
+                                    .cutting_newton = 1.0};
+    SceneConfig scene{
+        .tip_radius_m = 0.002, .shaft_length_m = 0.1, .shaft_radius_m = 0.002, .tissues = {}};
     scene.tissues = {
         {.name = "floor", .geometry = HalfSpaceGeometry{}, .material = material},
         {.name = "ball", .geometry = SphereGeometry{.radius_m = 0.05}, .material = power},

@@ -11,8 +11,10 @@
 #include "common/session/session_file.h"
 #include "deploy/lockstep/lockstep.h"
 #include "deploy/lockstep/loopback.h"
+#include "tests/bench/disturbed/disturbed_scenes.h"
 #include "tests/bench/tissue_scenes.h"
 #include "tests/support/random_messages.h"
+#include "tests/support/temp_folder.h"
 
 namespace palpate {
 namespace {
@@ -54,9 +56,7 @@ std::vector<Disturbance> disturbances() {
                                          "faults.tool_motion.jitter_ms=20"})}};
 }
 
-void expect_undisturbed(const Overrides& scene, const Overrides& disturbance) {
-  const RunStatistics calm = run_liver(scene);
-  const RunStatistics rough = run_liver(joined(scene, disturbance));
+void expect_undisturbed(const RunStatistics& rough, const RunStatistics& calm) {
   EXPECT_GE(rough.ideal_transparency(), 0.99);
   EXPECT_NEAR(rough.ideal_transparency(), calm.ideal_transparency(), 0.005);
   EXPECT_LE(rough.force_error_rms_ratio(), calm.force_error_rms_ratio() + 0.01);
@@ -71,7 +71,7 @@ INSTANTIATE_TEST_SUITE_P(Networks, OrganUnderDisturbance, testing::ValuesIn(dist
                          [](const auto& param) { return std::string(param.param.name); });
 
 TEST_P(OrganUnderDisturbance, FeelsAsItDoesWithoutAnyNetwork) {
-  expect_undisturbed({}, GetParam().overrides);
+  expect_undisturbed(run_liver(GetParam().overrides), run_liver({}));
 }
 
 // Meshes that are not part of this repository: PALPATE_LIVERS names a folder with
@@ -81,9 +81,30 @@ TEST_P(OrganUnderDisturbance, SoDoesALiver) {
   if (folder == nullptr) GTEST_SKIP() << "PALPATE_LIVERS names no folder with liver meshes";
   const std::string file = std::string(folder) + "/liver2_507n_1493t.msh";
   ASSERT_TRUE(std::filesystem::exists(file)) << file;
-  expect_undisturbed({"scene.tissue[0].tetrahedral_mesh.file=" + file, "scene.tissue[0].unit_m=0.1",
-                      "scene.tissue[0].position_m={ x: 0.04 y: 0.006 z: -0.022 }"},
-                     GetParam().overrides);
+  const Overrides liver{"scene.tissue[0].tetrahedral_mesh.file=" + file,
+                        "scene.tissue[0].unit_m=0.1",
+                        "scene.tissue[0].position_m={ x: 0.04 y: 0.006 z: -0.022 }"};
+  expect_undisturbed(run_liver(joined(liver, GetParam().overrides)), run_liver(liver));
+}
+
+// Surfaces of which much is missing at the first press, clouds, and what no organ has.
+TEST(SceneFarAway, FeelsAsItDoesWithoutAnyNetwork) {
+  const test::TempFolder folder;
+  int found = 0;
+  for (const bench::DisturbedScene& scene : bench::disturbed_scenes(folder, {})) {
+    const auto is = [&](const char* text) { return scene.name.starts_with(text); };
+    if (!is("fine organ") && !is("ribbed plate") && !is("stiffness map") && !is("open sheet") &&
+        !is("several tissues")) {
+      continue;
+    }
+    ++found;
+    SCOPED_TRACE(scene.name);
+    const auto run = [&](const Overrides& overrides) {
+      return run_loopback(scene.session(overrides), {.seconds = 4.0}).statistics;
+    };
+    expect_undisturbed(run(joined(away("100"), kLossy)), run({}));
+  }
+  EXPECT_EQ(found, 5);
 }
 
 RunStatistics run_tissue(const std::string& name, const Overrides& overrides) {

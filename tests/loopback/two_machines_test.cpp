@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <csignal>
 #include <cstdlib>
 #include <memory>
@@ -178,6 +179,27 @@ TEST_F(TwoMachines, ACutCableEndsTheForceAndAMendedOneBringsItBack) {
   EXPECT_EQ(writers(), 1u);  // the same processes
   EXPECT_EQ(watcher_->mirror().mofc_counters().interaction.sessions, 1u);
   EXPECT_EQ(refused_by_physics(), 0u);
+}
+
+// A port where nobody listens refuses after one round trip.
+TEST_F(TwoMachines, ADisturbedCableDelaysEachPacket) {
+  constexpr Duration kDelay = 20ms;
+  if (const std::string why = networks_.connect(test::PacketDisturbance{.delay = kDelay});
+      !why.empty()) {
+    GTEST_SKIP() << why;
+  }
+  const int socket = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_port = htons(kMotionPort);
+  inet_pton(AF_INET, TwoNetworks::kWorkstation, &address.sin_addr);
+
+  const SteadyClock clock;
+  const TimePoint begin = clock.now();
+  EXPECT_NE(connect(socket, reinterpret_cast<sockaddr*>(&address), sizeof(address)), 0);
+  EXPECT_EQ(errno, ECONNREFUSED);
+  EXPECT_GE(clock.now() - begin, 2 * kDelay);
+  close(socket);
 }
 
 // --- supervised -----------------------------------------------------------------------------

@@ -10,6 +10,7 @@
 #include "common/core/clock.h"
 #include "common/core/inbox.h"
 #include "common/core/memory_link.h"
+#include "common/session/simulation_config.h"
 #include "device_node/device_node.h"
 #include "device_node/simulation/true_state_recorder.h"
 

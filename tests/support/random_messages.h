@@ -149,7 +149,7 @@ inline DescribedGeometry random_geometry(Random& random) {
                              .to_m = random_vector(random, 1.0),
                              .radius_m = random.uniform(0.0, 1.0)};
     default:
-      return TiledGeometry{.is_sheet = random.chance(0.5)};
+      return TiledGeometry{.is_sheet = random.chance(0.5), .is_cloud = random.chance(0.5)};
   }
 }
 
@@ -185,8 +185,31 @@ inline void randomise(TissueDescription& d, Random& random) {
   }
 }
 
+inline void randomise(TilePoint& point, Random& random) {
+  const auto some = [&] { return static_cast<std::int16_t>(random.bits()); };
+  const Vector3 normal = kTilePointScale * random_vector(random, 1.0).normalized();
+  for (std::uint16_t& x : point.place) x = static_cast<std::uint16_t>(random.bits());
+  point.reach = static_cast<std::uint16_t>(1 + random.below(65535));
+  for (std::size_t i = 0; i < 3; ++i) {
+    point.normal[i] = static_cast<std::int16_t>(normal[static_cast<Eigen::Index>(i)]);
+  }
+  point.offset = some();
+  for (std::int16_t& x : point.curvature) x = some();
+  point.stiffness_ratio = static_cast<float>(random.uniform(0.0, 10.0));
+}
+
 /// Random vertices: three of them are never on one line.
 inline void randomise(SurfaceTile& tile, Random& random) {
+  if (random.chance(0.5)) {
+    tile = {.slot = static_cast<std::uint32_t>(random.below(kTileSlots)),
+            .described_slot = static_cast<std::uint32_t>(random.below(kMaxDescribed)),
+            .version = static_cast<std::uint32_t>(random.bits()),
+            .origin_m = random_vector(random, 1.0),
+            .step_m = random.uniform(1e-9, 1e-3),
+            .point_count = 1 + static_cast<std::uint32_t>(random.below(kMaxTilePoints))};
+    for (std::uint32_t i = 0; i < tile.point_count; ++i) randomise(tile.points[i], random);
+    return;
+  }
   tile = {.slot = static_cast<std::uint32_t>(random.below(kTileSlots)),
           .described_slot = static_cast<std::uint32_t>(random.below(kMaxDescribed)),
           .version = static_cast<std::uint32_t>(random.bits()),
@@ -503,7 +526,7 @@ inline bool same(const CapsuleGeometry& a, const CapsuleGeometry& b) {
   return same(a.from_m, b.from_m) && same(a.to_m, b.to_m) && a.radius_m == b.radius_m;
 }
 inline bool same(const TiledGeometry& a, const TiledGeometry& b) {
-  return a.is_sheet == b.is_sheet;
+  return a.is_sheet == b.is_sheet && a.is_cloud == b.is_cloud;
 }
 inline bool same(const InclusionConfig& a, const InclusionConfig& b) {
   return same(a.center_m, b.center_m) && a.radius_m == b.radius_m &&
@@ -542,7 +565,8 @@ inline bool same(const TissueDescription& a, const TissueDescription& b) {
 inline bool same(const SurfaceTile& a, const SurfaceTile& b) {
   return a.slot == b.slot && a.described_slot == b.described_slot && a.version == b.version &&
          same(a.origin_m, b.origin_m) && a.step_m == b.step_m && a.vertex_count == b.vertex_count &&
-         a.facet_count == b.facet_count &&
+         a.facet_count == b.facet_count && a.point_count == b.point_count &&
+         std::equal(a.points.begin(), a.points.begin() + a.point_count, b.points.begin()) &&
          std::equal(a.vertices.begin(), a.vertices.begin() + a.vertex_count, b.vertices.begin()) &&
          std::equal(a.facets.begin(), a.facets.begin() + a.facet_count, b.facets.begin());
 }

@@ -95,7 +95,7 @@ std::string TwoNetworks::connect(const std::optional<PacketDisturbance>& disturb
     if (auto why = relay_->start("bedside", workstation_, "work", *disturbance); !why.empty()) {
       return "no netem in this kernel, and " + why;
     }
-    cable_ = "TUN, packets relayed (no netem in this kernel)";
+    cable_ = "TUN relay";
   }
   const std::string near = TwoNetworks::kBedside;
   const std::string far = TwoNetworks::kWorkstation;

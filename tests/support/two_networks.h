@@ -30,7 +30,7 @@ class TwoNetworks {
 
   /// Descriptor of its network namespace.
   [[nodiscard]] int workstation() const { return workstation_; }
-  /// What the cable is made of.
+  /// What the cable is made of: "veth", "veth, netem" or "TUN relay".
   [[nodiscard]] const std::string& cable() const { return cable_; }
   [[nodiscard]] bool cut() const;
   [[nodiscard]] bool mend() const;

@@ -33,8 +33,9 @@ enum class MessageKind : std::uint8_t {
   kSceneState = 8,
   kMeshFrame = 9,
   kHandTarget = 10,
+  kSubscription = 11,  ///< no protobuf message follows, but the kinds that the peer wants
 };
-inline constexpr std::size_t kMessageKinds = 11;  ///< largest value + 1
+inline constexpr std::size_t kMessageKinds = 12;  ///< largest value + 1
 
 template <class T>
 inline constexpr MessageKind kKindOf = MessageKind{};

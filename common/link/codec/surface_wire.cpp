@@ -1,9 +1,11 @@
 #include "common/link/codec/surface_wire.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <numbers>
+#include <span>
 #include <string>
 
 namespace palpate::wire {
@@ -13,6 +15,8 @@ constexpr double kMaxAngleRad = 1e6;
 constexpr double kMaxTileStepM = 1.0;
 constexpr std::size_t kVertexBytes = 6;
 constexpr std::size_t kFacetBytes = 3;
+constexpr std::size_t kPointBytes = 32;
+constexpr double kMaxStiffnessRatio = 1e6;
 
 // --- description ------------------------------------------------------------------------------
 
@@ -35,6 +39,7 @@ void put_geometry(const CapsuleGeometry& shape, v1::TissueDescription& to) {
 }
 void put_geometry(const TiledGeometry& shape, v1::TissueDescription& to) {
   to.mutable_tiles()->set_is_sheet(shape.is_sheet);
+  to.mutable_tiles()->set_is_cloud(shape.is_cloud);
 }
 
 void put_description(const TissueDescription& d, v1::TissueDescription& to) {
@@ -167,7 +172,8 @@ void read(const v1::TissueDescription& wire, TissueDescription& d) {
                                  .to_m = vector(wire.capsule().to_m()),
                                  .radius_m = wire.capsule().radius_m()};
   } else {
-    d.geometry = TiledGeometry{.is_sheet = wire.tiles().is_sheet()};
+    d.geometry =
+        TiledGeometry{.is_sheet = wire.tiles().is_sheet(), .is_cloud = wire.tiles().is_cloud()};
   }
   KelvinVoigtMaterial& m = d.material;
   m.stiffness_newton_per_m = wire.stiffness_newton_per_m();
@@ -203,6 +209,66 @@ void read(const v1::TissueDescription& wire, TissueDescription& d) {
 
 // --- tiles ------------------------------------------------------------------------------------
 
+void put_integer(std::uint32_t value, std::size_t bytes, std::string& to) {
+  for (std::size_t i = 0; i < bytes; ++i) {
+    to.push_back(static_cast<char>(static_cast<std::uint8_t>(value >> (8U * i))));
+  }
+}
+std::uint32_t integer(const std::string& from, std::size_t at, std::size_t bytes) {
+  std::uint32_t value = 0;
+  for (std::size_t i = 0; i < bytes; ++i) {
+    value |= std::uint32_t{static_cast<std::uint8_t>(from[at + i])} << (8U * i);
+  }
+  return value;
+}
+
+void put_points(const SurfaceTile& tile, std::string& to) {
+  const std::size_t count = std::min<std::size_t>(tile.point_count, kMaxTilePoints);
+  const auto put_signed = [&](std::int16_t x) {
+    put_integer(static_cast<std::uint16_t>(x), 2, to);
+  };
+  for (const TilePoint& point : std::span(tile.points).first(count)) {
+    for (const std::uint16_t x : point.place) put_integer(x, 2, to);
+    put_integer(point.reach, 2, to);
+    for (const std::int16_t x : point.normal) put_signed(x);
+    put_signed(point.offset);
+    for (const std::int16_t x : point.curvature) put_signed(x);
+    put_integer(std::bit_cast<std::uint32_t>(point.stiffness_ratio), 4, to);
+  }
+}
+
+/// @param at  its first byte
+TilePoint point_at(const std::string& points, std::size_t at) {
+  const auto next = [&] {
+    at += 2;
+    return static_cast<std::uint16_t>(integer(points, at - 2, 2));
+  };
+  const auto next_signed = [&] { return static_cast<std::int16_t>(next()); };
+  TilePoint point;
+  for (std::uint16_t& x : point.place) x = next();
+  point.reach = next();
+  for (std::int16_t& x : point.normal) x = next_signed();
+  point.offset = next_signed();
+  for (std::int16_t& x : point.curvature) x = next_signed();
+  point.stiffness_ratio = std::bit_cast<float>(integer(points, at, 4));
+  return point;
+}
+
+void check_points(const std::string& points, Verdict& verdict) {
+  const bool has_size = points.size() % kPointBytes == 0 && !points.empty() &&
+                        points.size() / kPointBytes <= kMaxTilePoints;
+  verdict.expect(has_size);
+  for (std::size_t at = 0; has_size && at < points.size(); at += kPointBytes) {
+    const TilePoint point = point_at(points, at);
+    verdict.expect(point.reach > 0);
+    const auto& [x, y, z] = point.normal;
+    constexpr double kScale = kTilePointScale;
+    const double norm = Vector3(x, y, z).norm() / kScale;
+    verdict.number(norm, 0.99, 1.01);
+    verdict.number(static_cast<double>(point.stiffness_ratio), 0.0, kMaxStiffnessRatio);
+  }
+}
+
 void put_tile(const SurfaceTile& tile, v1::SurfaceTile& to) {
   to.set_slot(tile.slot);
   to.set_described_slot(tile.described_slot);
@@ -212,11 +278,9 @@ void put_tile(const SurfaceTile& tile, v1::SurfaceTile& to) {
   std::string& vertices = *to.mutable_vertices();
   const std::size_t vertex_count = std::min<std::size_t>(tile.vertex_count, kMaxTileVertices);
   for (std::size_t i = 0; i < vertex_count; ++i) {
-    for (const std::uint16_t x : tile.vertices[i]) {
-      vertices.push_back(static_cast<char>(x & 0xffU));
-      vertices.push_back(static_cast<char>(x >> 8U));
-    }
+    for (const std::uint16_t x : tile.vertices[i]) put_integer(x, 2, vertices);
   }
+  put_points(tile, *to.mutable_points());
   std::string& facets = *to.mutable_facets();
   const std::size_t facet_count = std::min<std::size_t>(tile.facet_count, kMaxTileFacets);
   for (std::size_t i = 0; i < facet_count; ++i) {
@@ -227,10 +291,7 @@ void put_tile(const SurfaceTile& tile, v1::SurfaceTile& to) {
 std::array<std::int64_t, 3> lattice_point(const std::string& vertices, std::size_t index) {
   std::array<std::int64_t, 3> point{};
   for (std::size_t axis = 0; axis < 3; ++axis) {
-    const auto byte = [&](std::size_t i) {
-      return std::int64_t{static_cast<std::uint8_t>(vertices[kVertexBytes * index + 2 * axis + i])};
-    };
-    point[axis] = byte(0) | (byte(1) << 8);
+    point[axis] = integer(vertices, kVertexBytes * index + 2 * axis, 2);
   }
   return point;
 }
@@ -242,6 +303,11 @@ void check_tile(const v1::SurfaceTile& tile, Verdict& verdict) {
   verdict.expect(tile.step_m() > 0.0);
   const std::string& vertices = tile.vertices();
   const std::string& facets = tile.facets();
+  if (!tile.points().empty()) {
+    verdict.expect(vertices.empty() && facets.empty());
+    check_points(tile.points(), verdict);
+    return;
+  }
   const std::size_t vertex_count = vertices.size() / kVertexBytes;
   const std::size_t facet_count = facets.size() / kFacetBytes;
   const bool has_size = vertices.size() % kVertexBytes == 0 && facets.size() % kFacetBytes == 0 &&
@@ -288,6 +354,10 @@ void read(const v1::SurfaceTile& wire, SurfaceTile& tile) {
     for (std::size_t k = 0; k < 3; ++k) {
       tile.facets[i][k] = static_cast<std::uint8_t>(wire.facets()[kFacetBytes * i + k]);
     }
+  }
+  tile.point_count = static_cast<std::uint32_t>(wire.points().size() / kPointBytes);
+  for (std::size_t i = 0; i < tile.point_count; ++i) {
+    tile.points[i] = point_at(wire.points(), kPointBytes * i);
   }
 }
 

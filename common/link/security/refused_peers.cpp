@@ -21,6 +21,13 @@ const char* explain(Refusal refusal) {
              "allowed.keys";
     case Refusal::kRefusedByOther:
       return "the other end refuses this program's key; compare allowed.keys";
+    case Refusal::kOtherBroken:
+      return "the other end violated the protocol: not a Palpate node, or one of the two has no "
+             "security { }; this program keeps connecting";
+    case Refusal::kTooMuch:
+      return "disconnected: the peer sent more than this link allows without a complete message";
+    case Refusal::kTooMany:
+      return "disconnected: too many connections to this link; look for a program that opens them";
     case Refusal::kOtherUnknown:
       break;
   }

@@ -1,4 +1,4 @@
-// refused_peers.h — counters of the peers that links with keys refused.
+// refused_peers.h — counters of the peers that links refused.
 #pragma once
 
 #include <atomic>
@@ -21,6 +21,9 @@ enum class Refusal : std::uint8_t {
   kBadHandshake,  ///< the peer expects another server key or violates the protocol
   kRefusedByOther,  ///< the binding end refused the key of this program
   kOtherUnknown,    ///< the binding end does not have the key expected of it
+  kOtherBroken,     ///< the binding end violated the protocol; this end connects again
+  kTooMuch,         ///< the peer sent more bytes without a complete message than the link allows
+  kTooMany,         ///< more connections than kMostConnections
 };
 /// Cause and remedy for the log.
 [[nodiscard]] const char* explain(Refusal refusal);

@@ -7,14 +7,15 @@
 namespace palpate {
 
 // --- common to all links ----------------------------------------------------------------------
+//
+// No socket has heartbeats: libzmq up to 4.3.5 aborts the process if a heartbeat replaces a
+// connection whose receive queue is full and the queue is read then (libzmq issue 3937). No socket
+// conflates: libzmq aborts the process if a peer sends a message of several parts.
 
 inline constexpr int kReconnectMs = 10;
 /// A connection attempt or handshake that takes longer is aborted and repeated.
 inline constexpr int kConnectMs = 500;
 inline constexpr int kHandshakeMs = 2000;
-/// For sockets with heartbeats. A peer that misses three heartbeats is disconnected.
-inline constexpr int kHeartbeatMs = 100;
-inline constexpr int kHeartbeatTimeoutMs = 300;
 /// A TCP peer that acknowledges nothing for this long is disconnected.
 inline constexpr int kTcpMaxRetransmitMs = 500;
 /// TCP keepalive detects a vanished host: after one second of silence three probes.
@@ -27,81 +28,84 @@ inline constexpr int kInprocQueue = 1000;
 /// libzmq disconnects a peer that announces a longer frame before it allocates memory for it. The
 /// limits exceed kMaxFrameBytes, so that a moderately oversized frame reaches the codec, which
 /// counts and explains it.
-inline constexpr std::int64_t kLargestFrameBytes = std::int64_t{2} << 20;
+inline constexpr std::int64_t kLargestFrameBytes = std::int64_t{16} << 10;
 inline constexpr std::int64_t kLargestFrameOfHop5Bytes = std::int64_t{17} << 20;
+/// For sockets that receive subscriptions only. CURVE's handshake needs 400 bytes.
+inline constexpr std::int64_t kLargestSubscriptionBytes = std::int64_t{1} << 10;
+/// What a tcp connection may have sent beyond one incomplete frame since its last complete message:
+/// the kernel's buffers, and handshakes.
+inline constexpr std::int64_t kMostIncompleteBytes = std::int64_t{256} << 10;
 
 // --- options of one socket --------------------------------------------------------------------
 
 struct LinkSettings {
   zmq::socket_type type;
-  int send_queue = 0;      ///< messages per peer; 0: no limit
-  int receive_queue = 0;   ///< messages per peer; 0: no limit
-  int buffer_bytes = 0;    ///< kernel buffer in each direction (tcp); 0: the system's default
-  int linger_ms = 0;       ///< time for sending the last messages after closing
-  bool conflates = false;  ///< keeps only the newest message
-  bool heartbeats = false;
-  bool subscribes_to_all = true;  ///< subscriber: receives every kind of message from the start
-  /// Publisher: is notified of every subscription, not only of the first one to each topic.
-  bool reports_every_subscription = false;
+  int send_queue = 0;     ///< messages per peer; 0: no limit
+  int receive_queue = 0;  ///< messages per peer; 0: no limit
+  int buffer_bytes = 0;   ///< kernel buffer in each direction (tcp); 0: the system's default
+  int linger_ms = 0;      ///< time for sending the last messages after closing
+  /// Connecting ends: the queues outlast the connection. What has arrived can be read after it has
+  /// ended, and what is sent without one waits for the next.
+  bool keeps_queues = false;
   std::int64_t largest_frame_bytes = kLargestFrameBytes;
-};
-
-/// How an incoming one-way link treats messages that arrive faster than they are read.
-enum class Delivery : std::uint8_t {
-  kNewest,  ///< the socket keeps only the newest one
-  kEvery,   ///< they are queued, so that a fault line behind the socket receives each of them
 };
 
 // Hops 1 and 4. For every half queue of messages libzmq signals the other thread, which wakes a
 // waiting thread: with a queue of 8 every fourth answer took 20 µs longer. ExchangeClient keeps the
 // number of queued messages small.
 inline constexpr LinkSettings kExchangeServer{
-    .type = zmq::socket_type::router, .send_queue = 4096, .receive_queue = 4096};
+    .type = zmq::socket_type::router, .send_queue = 512, .receive_queue = 512};
 inline constexpr LinkSettings kExchangeClient{
-    .type = zmq::socket_type::dealer, .send_queue = 4096, .receive_queue = 4096};
+    .type = zmq::socket_type::dealer, .send_queue = 512, .receive_queue = 512};
 
-// Hops 2, 3 and 6. Short queues and kernel buffers: messages that wait in them are outdated on
-// arrival.
-inline constexpr LinkSettings kOneWaySender{
-    .type = zmq::socket_type::xpub, .send_queue = 4, .receive_queue = 4, .buffer_bytes = 8 << 10};
-/// kEvery has no heartbeats. libzmq up to 4.3.5 aborts the process if heartbeats replace a
-/// connection whose receive queue is full and the queue is read then (libzmq issue 3937). So
-/// receivers that may lag behind have no heartbeats, nor have publishers, since their peers may
-/// send them anything.
-[[nodiscard]] constexpr LinkSettings one_way_receiver(Delivery delivery) {
-  LinkSettings settings = kOneWaySender;
-  settings.type = zmq::socket_type::sub;
-  settings.conflates = delivery == Delivery::kNewest;
-  settings.heartbeats = delivery == Delivery::kNewest;
-  if (delivery == Delivery::kEvery) settings.receive_queue = 64;
-  return settings;
-}
+// Hops 2 and 6, where the receiver binds. Short queues and kernel buffers of the sender: messages
+// that wait in them are outdated on arrival. The receiver reads its whole queue at once; it holds
+// the motions of one step of a slow physics.
+inline constexpr LinkSettings kOneWayReceiver{
+    .type = zmq::socket_type::pull, .send_queue = 1, .receive_queue = 256, .buffer_bytes = 8 << 10};
+inline constexpr LinkSettings kOneWaySender{.type = zmq::socket_type::push,
+                                            .send_queue = 4,
+                                            .receive_queue = 1,
+                                            .buffer_bytes = 8 << 10,
+                                            .largest_frame_bytes = kLargestSubscriptionBytes};
 
-// Hop 5. A closing node lingers so that its last batch is sent. No heartbeats: see
-// one_way_receiver().
-inline constexpr LinkSettings kTelemetrySender{.type = zmq::socket_type::xpub,
+// Hop 3, where the sender binds.
+inline constexpr LinkSettings kInteractionSender{.type = zmq::socket_type::router,
+                                                 .send_queue = 4,
+                                                 .receive_queue = 4,
+                                                 .buffer_bytes = 8 << 10,
+                                                 .largest_frame_bytes = kLargestSubscriptionBytes};
+inline constexpr LinkSettings kInteractionReceiver{.type = zmq::socket_type::dealer,
+                                                   .send_queue = 4,
+                                                   .receive_queue = 256,
+                                                   .buffer_bytes = 8 << 10};
+
+// Hop 5. A closing node lingers so that its last batch is sent.
+inline constexpr LinkSettings kTelemetrySender{.type = zmq::socket_type::router,
                                                .send_queue = 8,
-                                               .receive_queue = 8,
+                                               .receive_queue = 4,
                                                .buffer_bytes = 64 << 10,
-                                               .linger_ms = 200};
+                                               .linger_ms = 200,
+                                               .largest_frame_bytes = kLargestSubscriptionBytes};
 /// physics_node. The queue holds the meshes of all tissues of a scene, which are sent at once.
 inline constexpr LinkSettings kSceneSender = [] {
   LinkSettings settings = kTelemetrySender;
   settings.send_queue = 32;
-  settings.reports_every_subscription = true;
   return settings;
 }();
-/// The queue holds 0.7 s of three nodes and a mesh, for the time in which a viewer starts.
-inline constexpr LinkSettings kTelemetrySubscriber = [] {
-  LinkSettings settings = kTelemetrySender;
-  settings.type = zmq::socket_type::sub;
-  settings.receive_queue = 128;
-  settings.subscribes_to_all = false;
-  settings.largest_frame_bytes = kLargestFrameOfHop5Bytes;
-  return settings;
-}();
+/// The queue holds 2 s of one node and its meshes, for the time in which a viewer starts.
+inline constexpr LinkSettings kTelemetryReceiver{.type = zmq::socket_type::dealer,
+                                                 .send_queue = 4,
+                                                 .receive_queue = 128,
+                                                 .buffer_bytes = 64 << 10,
+                                                 .keeps_queues = true,
+                                                 .largest_frame_bytes = kLargestFrameOfHop5Bytes};
 
-/// PlotJuggler's port: the ticks of four seconds at 1 kHz.
-inline constexpr LinkSettings kPlotSender{.type = zmq::socket_type::pub, .send_queue = 4000};
+/// PlotJuggler's port: the ticks of four seconds at 1 kHz. A subscriber may send
+/// kMostIncompleteBytes of topics.
+inline constexpr LinkSettings kPlotSender{.type = zmq::socket_type::pub,
+                                          .send_queue = 4000,
+                                          .receive_queue = 4,
+                                          .largest_frame_bytes = kLargestSubscriptionBytes};
 
 }  // namespace palpate

@@ -3,11 +3,9 @@
 #include <poll.h>
 #include <sched.h>
 
-#include <algorithm>
 #include <cerrno>
 
 #include "common/core/check.h"
-#include "common/link/codec/codec.h"
 
 namespace palpate {
 namespace {
@@ -23,14 +21,14 @@ std::string readable(std::string endpoint) {
 }  // namespace
 
 LinkSocket::LinkSocket(ZmqContext& context, const LinkSettings& settings,
-                       const std::vector<Attachment>& attachments)
-    : socket_(context.get(), settings.type), spins_(context.wait() == WaitStrategy::kSpin) {
-  PALPATE_REQUIRE(!attachments.empty());
-  const auto is_any = [&](Scheme scheme) {
-    return std::any_of(attachments.begin(), attachments.end(),
-                       [&](const Attachment& a) { return scheme_of(a) == scheme; });
-  };
-  const bool is_inproc = is_any(Scheme::kInproc);
+                       const Attachment& attachment)
+    : attachment_(attachment),
+      socket_(context.get(), settings.type),
+      spins_(context.wait() == WaitStrategy::kSpin),
+      keeps_queues_(settings.keeps_queues) {
+  const Scheme scheme = scheme_of(attachment_);
+  const bool is_inproc = scheme == Scheme::kInproc;
+  is_tcp_ = scheme == Scheme::kTcp;
 
   socket_.set(zmq::sockopt::ipv6, true);
   socket_.set(zmq::sockopt::linger, settings.linger_ms);
@@ -40,7 +38,7 @@ LinkSocket::LinkSocket(ZmqContext& context, const LinkSettings& settings,
   socket_.set(zmq::sockopt::reconnect_ivl, kReconnectMs);
   socket_.set(zmq::sockopt::connect_timeout, kConnectMs);
   socket_.set(zmq::sockopt::handshake_ivl, kHandshakeMs);
-  if (is_any(Scheme::kTcp)) {
+  if (is_tcp_) {
     socket_.set(zmq::sockopt::tcp_maxrt, kTcpMaxRetransmitMs);
     socket_.set(zmq::sockopt::tcp_keepalive, 1);
     socket_.set(zmq::sockopt::tcp_keepalive_idle, kTcpKeepaliveSeconds);
@@ -51,37 +49,34 @@ LinkSocket::LinkSocket(ZmqContext& context, const LinkSettings& settings,
       socket_.set(zmq::sockopt::rcvbuf, settings.buffer_bytes);
     }
   }
-  if (settings.heartbeats) {
-    socket_.set(zmq::sockopt::heartbeat_ivl, kHeartbeatMs);
-    socket_.set(zmq::sockopt::heartbeat_timeout, kHeartbeatTimeoutMs);
-  }
-  if (settings.conflates && !is_inproc) socket_.set(zmq::sockopt::conflate, true);
   if (settings.type == zmq::socket_type::router) socket_.set(zmq::sockopt::router_mandatory, true);
-  if (settings.reports_every_subscription) socket_.set(zmq::sockopt::xpub_verbose, 1);
-  if (settings.type == zmq::socket_type::sub) {
-    if (settings.subscribes_to_all) socket_.set(zmq::sockopt::subscribe, "");
-  } else {
-    socket_.set(zmq::sockopt::immediate, true);  // no queue for a peer that is not connected
-  }
+  socket_.set(zmq::sockopt::immediate, !settings.keeps_queues);
 
-  if (context.tcp().keys && is_any(Scheme::kTcp)) {
-    const Attachment& first = attachments.front();
-    const LinkRoles* roles = roles_of(first.setting);
-    watched_ = context.zap().watch(
-        socket_, attachments.size() > 1 || roles == nullptr ? "telemetry" : roles->link,
-        first.role == Attachment::Role::kBind);
+  if (!is_inproc) {
+    const LinkRoles* const roles = roles_of(attachment_.setting);
+    connections_ = std::make_shared<Connections>();
+    watched_ = context.monitor().watch(
+        socket_,
+        {.link = roles == nullptr ? "link" : roles->link,
+         .binds = attachment_.role == Attachment::Role::kBind,
+         .has_keys = is_tcp_ && roles != nullptr && context.tcp().keys != nullptr,
+         .is_tcp = is_tcp_,
+         .most_unread_bytes = settings.largest_frame_bytes + kMostIncompleteBytes,
+         .most_queued_bytes =
+             settings.largest_frame_bytes * (settings.receive_queue + 1) + kMostIncompleteBytes,
+         .is_never_read =
+             settings.type == zmq::socket_type::pub || settings.type == zmq::socket_type::push},
+        connections_);
   }
-  for (const Attachment& attachment : attachments) {
-    protect(context, attachment);
-    attach(attachment);
-  }
+  protect(context);
+  attach();
   endpoint_ = readable(socket_.get(zmq::sockopt::last_endpoint));
   descriptor_ = socket_.get(zmq::sockopt::fd);
 }
 
-void LinkSocket::protect(ZmqContext& context, const Attachment& a) {
-  socket_.set(zmq::sockopt::curve_server, false);  // unencrypted unless set below
-  if (scheme_of(a) != Scheme::kTcp) return;
+void LinkSocket::protect(ZmqContext& context) {
+  const Attachment& a = attachment_;
+  if (!is_tcp_) return;
   const LinkRoles* const roles = roles_of(a.setting);
   const LinkKeys* const keys = context.tcp().keys.get();
   if (keys == nullptr || roles == nullptr) {
@@ -113,7 +108,8 @@ void LinkSocket::protect(ZmqContext& context, const Attachment& a) {
   PALPATE_REQUIRE(zmq_setsockopt(handle(), kZapEnforceDomain, &yes, sizeof(yes)) == 0);
 }
 
-void LinkSocket::attach(const Attachment& a) {
+void LinkSocket::attach() {
+  const Attachment& a = attachment_;
   const Scheme scheme = scheme_of(a);
   const bool binds = a.role == Attachment::Role::kBind;
   if (scheme == Scheme::kIpc) require_private_folder(a);
@@ -138,25 +134,50 @@ void LinkSocket::attach(const Attachment& a) {
   }
 }
 
-bool LinkSocket::receive(zmq::message_t& part) noexcept {
+/// Disconnecting fails if libzmq has forgotten the connection; connecting again is right then too.
+void LinkSocket::reconnect_if_needed() noexcept {
+  if (is_inproc() || !connections_->must_reconnect.load(std::memory_order_relaxed)) return;
+  connections_->must_reconnect.store(false, std::memory_order_relaxed);
+  zmq_disconnect(handle(), attachment_.endpoint.c_str());
+  zmq_connect(handle(), attachment_.endpoint.c_str());
+}
+
+bool LinkSocket::read(zmq::message_t& part) noexcept {
   while (zmq_msg_recv(part.handle(), handle(), ZMQ_DONTWAIT) < 0) {
     if (zmq_errno() == EINTR) continue;
     is_empty_ = zmq_errno() == EAGAIN;
+    if (is_tcp_) connections_->emptied.fetch_add(1, std::memory_order_relaxed);
     return false;
   }
   is_empty_ = false;
   return true;
 }
 
-bool LinkSocket::drop_more_parts(const zmq::message_t& part) noexcept {
-  if (!part.more()) return false;
-  zmq::message_t rest;
-  while (receive(rest) && rest.more()) {
+bool LinkSocket::drop_rest() noexcept {
+  zmq::message_t part;
+  for (int i = 0; has_rest_ && i < kMostPartsPerCall; ++i) has_rest_ = read(part) && part.more();
+  return !has_rest_;
+}
+
+Reception LinkSocket::receive(zmq::message_t& frame, zmq::message_t* peer) noexcept {
+  reconnect_if_needed();
+  if (has_rest_ && !drop_rest()) return Reception::kNothing;
+  // a ROUTER puts the peer before the message
+  if (peer != nullptr && !read(*peer)) return Reception::kNothing;
+  if (!read(frame)) return Reception::kNothing;
+  if (is_tcp_) {
+    const auto from = static_cast<std::size_t>(zmq_msg_get(frame.handle(), ZMQ_SRCFD));
+    connections_->read_from[from % connections_->read_from.size()].fetch_add(
+        1, std::memory_order_relaxed);
   }
-  return true;
+  has_rest_ = frame.more();
+  if (!has_rest_) return Reception::kMessage;
+  static_cast<void>(drop_rest());
+  return Reception::kMalformed;
 }
 
 SendResult LinkSocket::send(zmq::message_t& part, int flags) noexcept {
+  reconnect_if_needed();
   is_empty_ = false;  // sending may consume the signal of the descriptor
   while (zmq_msg_send(part.handle(), handle(), ZMQ_DONTWAIT | flags) < 0) {
     if (zmq_errno() == EHOSTUNREACH) return SendResult::kNoPeer;
@@ -165,17 +186,8 @@ SendResult LinkSocket::send(zmq::message_t& part, int flags) noexcept {
   return SendResult::kSent;
 }
 
-void LinkSocket::subscribe(MessageKind kind) {
-  const auto topic = static_cast<char>(kind);
-  socket_.set(zmq::sockopt::subscribe, std::string_view(&topic, 1));
-}
-
-void LinkSocket::unsubscribe(MessageKind kind) {
-  const auto topic = static_cast<char>(kind);
-  socket_.set(zmq::sockopt::unsubscribe, std::string_view(&topic, 1));
-}
-
 bool LinkSocket::is_ready(int events) noexcept {
+  reconnect_if_needed();
   is_empty_ = false;  // the call below consumes the signal of the descriptor
   int present = 0;
   std::size_t size = sizeof(present);

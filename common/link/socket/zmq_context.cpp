@@ -30,4 +30,9 @@ ZmqContext::ZmqContext(const RealtimeConfig& realtime, TcpRules tcp)
   if (tcp_.keys) zap_.emplace(context_, tcp_.keys->allowed, *tcp_.refused);
 }
 
+ConnectionMonitor& ZmqContext::monitor() {
+  std::call_once(monitor_started_, [this] { monitor_.emplace(context_, *tcp_.refused, zap_); });
+  return *monitor_;
+}
+
 }  // namespace palpate

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <utility>
 #include <zmq.hpp>
@@ -10,6 +11,7 @@
 #include "common/link/security/keys.h"
 #include "common/link/security/refused_peers.h"
 #include "common/link/security/zap_handler.h"
+#include "common/link/socket/connection_monitor.h"
 #include "common/session/link_config.h"
 
 namespace palpate {
@@ -45,14 +47,16 @@ class ZmqContext {
   [[nodiscard]] WaitStrategy wait() const { return wait_; }
   [[nodiscard]] zmq::context_t& get() { return context_; }
   [[nodiscard]] const TcpRules& tcp() const { return tcp_; }
-  /// Present only with keys.
-  [[nodiscard]] ZapHandler& zap() { return *zap_; }
+  /// Starts its thread on the first call: sockets over inproc need none. Any thread.
+  [[nodiscard]] ConnectionMonitor& monitor();
   [[nodiscard]] const RefusedPeers& refused() const { return *tcp_.refused; }
 
  private:
   zmq::context_t context_;
   TcpRules tcp_;
-  std::optional<ZapHandler> zap_;
+  std::optional<ZapHandler> zap_;  // with keys
+  std::once_flag monitor_started_;
+  std::optional<ConnectionMonitor> monitor_;
   WaitStrategy wait_;
   bool is_realtime_ = false;
   bool is_pinned_ = false;

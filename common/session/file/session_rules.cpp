@@ -19,6 +19,7 @@ constexpr double kMaxSeconds = 1e6;
 double most_in(const std::string& unit) {
   if (unit == "m") return 10.0;
   if (unit == "N") return 1e3;
+  if (unit == "rad") return 1e6;
   if (unit == "N/m") return kMaxStiffnessNewtonPerM;
   if (unit == "N·s/m") return kMaxDampingNewtonSPerM;
   if (unit == "N/m³") return kMaxStiffeningNewtonPerM3;

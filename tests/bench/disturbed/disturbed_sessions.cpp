@@ -9,7 +9,7 @@
 
 #include "common/session/session_file.h"
 #include "deploy/lockstep/loopback.h"
-#include "tests/bench/disturbed.h"
+#include "tests/bench/disturbed/disturbed.h"
 
 namespace palpate::bench {
 namespace {

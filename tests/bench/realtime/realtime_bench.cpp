@@ -215,19 +215,20 @@ void measure_network(Table& table, Duration time) {
         std::printf("Skipped: %s.\n", why.c_str());
         return;
       }
-      const test::RunFolder run_folder;
+      const test::RunFolder bedside_folder;  // each machine has its own
+      const test::RunFolder workstation_folder;
       Program physics(
           "palpate",
           with_overrides({"launch", file_of(session), "--nodes", "physics", "--insecure"},
                          overrides),
           machines.workstation());
+      bedside_folder.use();
       Program bedside("palpate", with_overrides({"launch", file_of(session), "--nodes",
                                                  "device,mofc", "--insecure"},
                                                 overrides));
       Observer observer(session, overrides, {.may_be_plain = true});
       observer.await_nodes([&] { return physics.err() + bedside.err(); });
-      observer.measure(table, fmt::format("{} ({})", network.name, machines.cable()), time,
-                       nullptr);
+      observer.measure(table, fmt::format("{}, {}", network.name, machines.cable()), time, nullptr);
       for (Program* launch : {&bedside, &physics}) {
         launch->send_signal(SIGTERM);
         launch->wait();
@@ -258,7 +259,8 @@ int main(int argc, char** argv) {
         "\n%d s each. Rendered: of the requested force, weighted by time, skipped ticks included; "
         "at least and at most,\nbecause telemetry does not tell how long a lease was. Answered, "
         "skipped: of the scheduled ticks. Load: average of\nthe last minute.\n"
-        "Page: drawn by a headless Chromium with WebGL on the processor; busy: a loop on each "
+        "TUN relay: the kernel has no netem. Page: drawn by a headless Chromium with WebGL on the "
+        "processor; busy: a loop on each "
         "processor.\n",
         options.is_quick ? 4 : 20);
   });

@@ -62,11 +62,11 @@ class LinksTest : public testing::Test {
     return true;
   }
 
-  /// Waits until the sender knows its receiver, which accepts connections only while it is polled.
-  template <class T>
-  [[nodiscard]] bool meet(ZmqSender<T>& sender, ZmqSource<T>& source) {
+  /// Waits until the sender knows its receiver, which subscribes only while it is polled.
+  template <class T, class Receiver>
+  [[nodiscard]] bool meet(ZmqSender<T>& sender, Receiver& receiver) {
     return eventually([&] {
-      source.wait_until(clock_.now());
+      receiver.wait_until(clock_.now());
       return sender.has_subscriber();
     });
   }

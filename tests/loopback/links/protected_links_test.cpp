@@ -10,6 +10,7 @@
 #include "common/core/check.h"
 #include "common/core/clock.h"
 #include "common/link/socket/link_socket.h"
+#include "common/link/subscription.h"
 #include "tests/support/temp_folder.h"
 
 namespace palpate {
@@ -19,11 +20,23 @@ using namespace std::chrono_literals;
 using testing::HasSubstr;
 
 constexpr Duration kPatience = 5s;
-constexpr LinkSettings kPublisher{
-    .type = zmq::socket_type::xpub, .send_queue = 8, .receive_queue = 8};
-constexpr LinkSettings kSubscriber{
-    .type = zmq::socket_type::sub, .send_queue = 8, .receive_queue = 8};
 constexpr RealtimeConfig kOrdinary{.priority = 0, .cpu = -1};
+
+/// The connecting end of a link.
+struct Client {
+  Client(ZmqContext& context, const Attachment& attachment)
+      : socket(context, kTelemetryReceiver, attachment) {}
+  LinkSocket socket;
+  Subscription subscription{socket};
+};
+
+/// Whether the client's subscription has arrived.
+bool hears(LinkSocket& server, Client& client) {
+  client.subscription.send_if_due();
+  zmq::message_t from;
+  zmq::message_t frame;
+  return server.receive(frame, &from) == Reception::kMessage;
+}
 
 class ProtectedLinks : public testing::Test {
  protected:
@@ -76,15 +89,14 @@ TEST_F(ProtectedLinks, EachLinkAdmitsOnlyItsOwnRole) {
   ZmqContext servers(kOrdinary, rules(keys_));
   for (const LinkRoles& link : kLinkRoles) {
     const std::string name(link.link);
-    LinkSocket server(servers, kPublisher, {bind_to("tcp://127.0.0.1:*", name)});
+    LinkSocket server(servers, kTelemetrySender, bind_to("tcp://127.0.0.1:*", name));
     std::uint64_t expected = 0;
     for (std::size_t i = 0; i < kKeyRoles; ++i) {
       const auto role = static_cast<KeyRole>(i);
       ZmqContext clients(kOrdinary, rules(pretending(role)));
-      LinkSocket client(clients, kSubscriber, {connect_to(server.endpoint(), name)});
-      zmq::message_t notice;
+      Client client(clients, connect_to(server.endpoint(), name));
       if (role == link.client) {
-        EXPECT_TRUE(eventually([&] { return server.receive(notice); })) << name;
+        EXPECT_TRUE(eventually([&] { return hears(server, client); })) << name;
         continue;
       }
       expected = count(servers, link.link, Refusal::kWrongRole) + 1;
@@ -96,8 +108,7 @@ TEST_F(ProtectedLinks, EachLinkAdmitsOnlyItsOwnRole) {
         return count(clients, link.link, Refusal::kRefusedByOther) > 0;
       })) << name
           << " of " << name_of(role);
-      // only the end of the subscription of the admitted role, which has disconnected
-      while (server.receive(notice)) EXPECT_EQ(*notice.data<char>(), 0) << name;
+      EXPECT_EQ(client.socket.established(), 0u) << name;
     }
   }
 }
@@ -107,15 +118,15 @@ TEST_F(ProtectedLinks, AServerWithAnotherKeyGetsNoClient) {
   impostor_keys.own.fill(new_key_pair());
   ZmqContext impostors(kOrdinary, rules(impostor_keys));
   ZmqContext clients(kOrdinary, rules(keys_));
-  LinkSocket impostor(impostors, kPublisher, {bind_to("tcp://127.0.0.1:*", "links.interaction")});
-  LinkSocket client(clients, kSubscriber, {connect_to(impostor.endpoint(), "links.interaction")});
+  LinkSocket impostor(impostors, kTelemetrySender,
+                      bind_to("tcp://127.0.0.1:*", "links.interaction"));
+  Client client(clients, connect_to(impostor.endpoint(), "links.interaction"));
 
   EXPECT_TRUE(
       eventually([&] { return count(clients, "links.interaction", Refusal::kOtherUnknown) > 0; }));
   EXPECT_TRUE(eventually(
       [&] { return count(impostors, "links.interaction", Refusal::kBadHandshake) > 0; }));
-  zmq::message_t notice;
-  EXPECT_FALSE(impostor.receive(notice));
+  EXPECT_FALSE(hears(impostor, client));
 }
 
 TEST_F(ProtectedLinks, AViewerConnectsToEachNodeWithItsKeyAndToIpcWithoutOne) {
@@ -123,18 +134,17 @@ TEST_F(ProtectedLinks, AViewerConnectsToEachNodeWithItsKeyAndToIpcWithoutOne) {
   ZmqContext clients(kOrdinary, rules(keys_));
   const test::TempFolder folder;
   const std::string ipc = "ipc://" + (folder.path() / "telemetry.ipc").string();
-  LinkSocket device(servers, kPublisher, {bind_to("tcp://127.0.0.1:*", "links.device_telemetry")});
-  LinkSocket mofc(servers, kPublisher, {bind_to(ipc, "links.mofc_telemetry")});
-  LinkSocket physics(servers, kPublisher,
-                     {bind_to("tcp://127.0.0.1:*", "links.physics_telemetry")});
-  LinkSocket viewer(clients, kSubscriber,
-                    {connect_to(device.endpoint(), "links.device_telemetry"),
-                     connect_to(ipc, "links.mofc_telemetry"),
-                     connect_to(physics.endpoint(), "links.physics_telemetry")});
-  zmq::message_t notice;
-  for (LinkSocket* server : {&device, &mofc, &physics}) {
-    EXPECT_TRUE(eventually([&] { return server->receive(notice); })) << server->endpoint();
-  }
+  LinkSocket device(servers, kTelemetrySender,
+                    bind_to("tcp://127.0.0.1:*", "links.device_telemetry"));
+  LinkSocket mofc(servers, kTelemetrySender, bind_to(ipc, "links.mofc_telemetry"));
+  LinkSocket physics(servers, kTelemetrySender,
+                     bind_to("tcp://127.0.0.1:*", "links.physics_telemetry"));
+  Client of_device(clients, connect_to(device.endpoint(), "links.device_telemetry"));
+  Client of_mofc(clients, connect_to(ipc, "links.mofc_telemetry"));
+  Client of_physics(clients, connect_to(physics.endpoint(), "links.physics_telemetry"));
+  EXPECT_TRUE(eventually([&] { return hears(device, of_device); }));
+  EXPECT_TRUE(eventually([&] { return hears(mofc, of_mofc); }));
+  EXPECT_TRUE(eventually([&] { return hears(physics, of_physics); }));
   EXPECT_EQ(clients.refused().total(), 0u);
   EXPECT_EQ(servers.refused().total(), 0u);
 }
@@ -144,7 +154,7 @@ TEST_F(ProtectedLinks, AProgramWithoutTheKeyOfALinkReportsIt) {
   keys.own = {};
   ZmqContext context(kOrdinary, rules(keys));
   const std::string error = setup_error([&] {
-    LinkSocket socket(context, kSubscriber, {bind_to("tcp://127.0.0.1:*", "links.tool_motion")});
+    LinkSocket socket(context, kOneWayReceiver, bind_to("tcp://127.0.0.1:*", "links.tool_motion"));
   });
   EXPECT_THAT(error, HasSubstr("no key of physics"));
 }
@@ -158,7 +168,7 @@ TEST_F(ProtectedLinks, WithoutKeysOnlyLoopbackIsUsed) {
     for (const auto& attachment :
          {bind_to(elsewhere, "links.tool_motion"), connect_to(elsewhere, "links.tool_motion")}) {
       const std::string error =
-          setup_error([&] { LinkSocket socket(context, kSubscriber, {attachment}); });
+          setup_error([&] { LinkSocket socket(context, kOneWayReceiver, attachment); });
       EXPECT_THAT(error, HasSubstr("plain text")) << elsewhere;
       EXPECT_THAT(error, HasSubstr("palpate keygen DIR")) << elsewhere;
     }
@@ -167,7 +177,7 @@ TEST_F(ProtectedLinks, WithoutKeysOnlyLoopbackIsUsed) {
                            bind_to("tcp://127.1.2.3:*", "links.tool_motion"),
                            connect_to("tcp://localhost:5551", "links.tool_motion"),
                            connect_to("tcp://[::1]:5551", "links.tool_motion")}) {
-    EXPECT_EQ(setup_error([&] { LinkSocket socket(context, kSubscriber, {here}); }), "")
+    EXPECT_EQ(setup_error([&] { LinkSocket socket(context, kOneWayReceiver, here); }), "")
         << here.endpoint;
   }
 }
@@ -180,27 +190,25 @@ TEST_F(ProtectedLinks, SocketsOpenAndCloseWhileUnknownPeersConnect) {
   std::string endpoint = "tcp://127.0.0.1:*";
   std::uint64_t expected = 0;
   for (int i = 0; i < 5; ++i) {
-    LinkSocket server(servers, kPublisher, {bind_to(endpoint, "links.interaction")});
-    LinkSocket unknown_peer(unknown_peers, kSubscriber,
-                            {connect_to(server.endpoint(), "links.interaction")});
+    LinkSocket server(servers, kTelemetrySender, bind_to(endpoint, "links.interaction"));
+    Client unknown_peer(unknown_peers, connect_to(server.endpoint(), "links.interaction"));
     ++expected;
     EXPECT_TRUE(eventually(
         [&] { return count(servers, "links.interaction", Refusal::kUnknownKey) >= expected; }));
     expected = count(servers, "links.interaction", Refusal::kUnknownKey);
-    zmq::message_t notice;
-    EXPECT_FALSE(server.receive(notice));
+    EXPECT_FALSE(hears(server, unknown_peer));
   }
 }
 
-TEST_F(ProtectedLinks, MonitorsOfClosedSocketsAreRemoved) {
+TEST_F(ProtectedLinks, ClosedSocketsAreNoLongerMonitored) {
   ZmqContext context(kOrdinary, rules(keys_));
-  LinkSocket kept(context, kPublisher, {bind_to("tcp://127.0.0.1:*", "links.interaction")});
+  LinkSocket kept(context, kTelemetrySender, bind_to("tcp://127.0.0.1:*", "links.interaction"));
   for (int i = 0; i < 3; ++i) {
-    LinkSocket closed(context, kPublisher, {bind_to("tcp://127.0.0.1:*", "links.interaction")});
-    EXPECT_GE(context.zap().monitors(), 2);
+    LinkSocket closed(context, kTelemetrySender, bind_to("tcp://127.0.0.1:*", "links.interaction"));
+    EXPECT_GE(context.monitor().sockets(), 2);
   }
 
-  EXPECT_TRUE(eventually([&] { return context.zap().monitors() == 1; }));
+  EXPECT_TRUE(eventually([&] { return context.monitor().sockets() == 1; }));
 }
 
 }  // namespace

@@ -43,9 +43,9 @@ TEST_P(TelemetryLinkTransport, TelemetryOfAllNodesReachesEveryViewer) {
                                          connect_to(mofc.endpoint(), "mofc"),
                                          connect_to(physics.endpoint(), "physics")};
   TelemetrySubscriber first(context_, clock_, nodes);
-  ASSERT_TRUE(device.wait_for_peer(kPatience));
-  ASSERT_TRUE(mofc.wait_for_peer(kPatience));
-  ASSERT_TRUE(physics.wait_for_peer(kPatience));
+  ASSERT_TRUE(meet(device, first));
+  ASSERT_TRUE(meet(mofc, first));
+  ASSERT_TRUE(meet(physics, first));
   const auto device_batch = random_message<DeviceBatch>(random_);
   const auto mofc_batch = random_message<MofcBatch>(random_);
   const auto physics_batch = random_message<PhysicsBatch>(random_);
@@ -80,17 +80,34 @@ TEST_P(TelemetryLinkTransport, ASenderKnowsWhetherThereAreSubscribers) {
 
   auto viewer = std::make_unique<TelemetrySubscriber>(
       context_, clock_, std::vector{connect_to(device.endpoint(), "device")});
-  EXPECT_TRUE(device.wait_for_peer(kPatience));
+  EXPECT_TRUE(meet(device, *viewer));
   EXPECT_EQ(device.send(random_message<DeviceBatch>(random_)), SendResult::kSent);
 
   viewer.reset();
+  EXPECT_TRUE(eventually([&] {
+    static_cast<void>(device.send(random_message<DeviceBatch>(random_)));
+    return !device.has_subscriber();
+  }));
+}
+
+TEST_P(TelemetryLinkSocket, ASilentSubscriberIsForgottenAndComesBack) {
+  ZmqSender<DeviceBatch> device(context_, bind_to(fresh_endpoint(GetParam()), "device"));
+  TelemetrySubscriber viewer(context_, clock_, {connect_to(device.endpoint(), "device")});
+  ASSERT_TRUE(meet(device, viewer));
+  const TimePoint last = clock_.now();
+
   EXPECT_TRUE(eventually([&] { return !device.has_subscriber(); }));
+  EXPECT_GE(clock_.now() - last, Subscribers::kSilence - 2 * Subscription::kInterval);
+  EXPECT_TRUE(meet(device, viewer));
 }
 
 TEST_P(TelemetryLinkTransport, AViewerReceivesOnlyTheKindsItSubscribesTo) {
   SceneSender physics(context_, bind_to(fresh_endpoint(GetParam()), "physics"));
   TelemetrySubscriber viewer(context_, clock_, {connect_to(physics.endpoint(), "physics")});
-  ASSERT_TRUE(eventually([&] { return physics.has_subscriber<PhysicsBatch>(); }));
+  ASSERT_TRUE(eventually([&] {
+    viewer.wait_until(clock_.now());
+    return physics.has_subscriber<PhysicsBatch>();
+  }));
   EXPECT_FALSE(physics.has_subscriber<SceneState>());
   const auto scene = random_message<SceneState>(random_);
   const auto mesh = random_message<MeshFrame>(random_);
@@ -99,7 +116,10 @@ TEST_P(TelemetryLinkTransport, AViewerReceivesOnlyTheKindsItSubscribesTo) {
 
   viewer.subscribe<SceneState>();
   viewer.subscribe<MeshFrame>();
-  ASSERT_TRUE(eventually([&] { return physics.has_subscriber<MeshFrame>(); }));
+  ASSERT_TRUE(eventually([&] {
+    viewer.wait_until(clock_.now());
+    return physics.has_subscriber<MeshFrame>();
+  }));
   EXPECT_EQ(physics.send(scene), SendResult::kSent);
   EXPECT_EQ(physics.send(mesh), SendResult::kSent);
 
@@ -119,11 +139,17 @@ TEST_P(TelemetryLinkTransport, EachNewSubscriberOfASceneIsCounted) {
   const std::vector<Attachment> nodes = {connect_to(physics.endpoint(), "physics")};
   TelemetrySubscriber first(context_, clock_, nodes);
   first.subscribe<SceneState>();
-  ASSERT_TRUE(eventually([&] { return physics.subscriptions<SceneState>() == 1; }));
+  const auto count_becomes = [&](TelemetrySubscriber& viewer, std::uint64_t count) {
+    return eventually([&] {
+      viewer.wait_until(clock_.now());
+      return physics.subscriptions<SceneState>() == count;
+    });
+  };
+  ASSERT_TRUE(count_becomes(first, 1));
 
   auto second = std::make_unique<TelemetrySubscriber>(context_, clock_, nodes);
   second->subscribe<SceneState>();
-  EXPECT_TRUE(eventually([&] { return physics.subscriptions<SceneState>() == 2; }));
+  EXPECT_TRUE(count_becomes(*second, 2));
 
   // one of two disconnects: the other is still subscribed
   second.reset();
@@ -135,7 +161,10 @@ TEST_P(TelemetryLinkTransport, EachNewSubscriberOfASceneIsCounted) {
 TEST_P(TelemetryLinkTransport, AFrameCanBeForwardedUnchanged) {
   SceneSender physics(context_, bind_to(fresh_endpoint(GetParam()), "physics"));
   TelemetrySubscriber viewer(context_, clock_, {connect_to(physics.endpoint(), "physics")});
-  ASSERT_TRUE(eventually([&] { return physics.has_subscriber<PhysicsBatch>(); }));
+  ASSERT_TRUE(eventually([&] {
+    viewer.wait_until(clock_.now());
+    return physics.has_subscriber<PhysicsBatch>();
+  }));
   const auto sent = random_message<PhysicsBatch>(random_);
   EXPECT_EQ(physics.send(sent), SendResult::kSent);
   TelemetryMessage message;
@@ -152,7 +181,7 @@ TEST_P(TelemetryLinkSocket, TheLastBatchIsSentBeforeTheNodeEnds) {
   auto device = std::make_unique<ZmqSender<DeviceBatch>>(
       context_, bind_to(fresh_endpoint(GetParam()), "device"));
   TelemetrySubscriber viewer(context_, clock_, {connect_to(device->endpoint(), "device")});
-  ASSERT_TRUE(device->wait_for_peer(kPatience));
+  ASSERT_TRUE(meet(*device, viewer));
   auto batch = random_message<DeviceBatch>(random_);
   batch.records.assign(1000, DeviceTick{});  // 200 kB: more than the kernel buffers hold
 

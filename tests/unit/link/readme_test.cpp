@@ -11,7 +11,10 @@
 #include "common/link/exchange_server.h"
 #include "common/link/one_writer.h"
 #include "common/link/security/keys.h"
+#include "common/link/socket/connection_monitor.h"
 #include "common/link/socket/link_settings.h"
+#include "common/link/subscribers.h"
+#include "common/link/subscription.h"
 #include "tests/support/temp_folder.h"
 
 namespace palpate {
@@ -65,29 +68,23 @@ std::string buffers(const LinkSettings& settings) {
   return settings.buffer_bytes == 0 ? "system default"
                                     : std::to_string(settings.buffer_bytes >> 10) + " KiB";
 }
-std::string heartbeats(const LinkSettings& settings) {
-  return settings.heartbeats ? "every " + ms(kHeartbeatMs) + ", timeout " + ms(kHeartbeatTimeoutMs)
-                             : "none";
-}
-/// libzmq keeps one message of a conflated queue.
-std::string receive_queue(const LinkSettings& settings) {
-  return settings.conflates ? "1 (conflated)" : std::to_string(settings.receive_queue);
-}
-
-constexpr LinkSettings kNewest = one_way_receiver(Delivery::kNewest);
-constexpr LinkSettings kEvery = one_way_receiver(Delivery::kEvery);
+std::string kib(std::int64_t bytes) { return std::to_string(bytes >> 10) + " KiB"; }
 
 TEST(ProtoReadme, GivesTheQueues) {
-  const std::string one_way = std::to_string(kOneWaySender.send_queue);
+  const auto sends = [](const LinkSettings& settings) {
+    return std::to_string(settings.send_queue);
+  };
+  const auto receives = [](const LinkSettings& settings) {
+    return std::to_string(settings.receive_queue);
+  };
   EXPECT_EQ(row("send queue per peer (HWM)"),
-            (Row{std::to_string(kExchangeClient.send_queue), one_way, one_way,
-                 std::to_string(kTelemetrySender.send_queue) + "; physics_node " +
-                     std::to_string(kSceneSender.send_queue),
-                 one_way}));
-  const std::string newest = receive_queue(kNewest) + "; with `faults` " + receive_queue(kEvery);
-  EXPECT_EQ(row("receive queue per peer (HWM)"),
-            (Row{receive_queue(kExchangeServer), newest, newest,
-                 receive_queue(kTelemetrySubscriber), receive_queue(kEvery)}));
+            (Row{sends(kExchangeClient), sends(kOneWaySender), sends(kInteractionSender),
+                 sends(kTelemetrySender) + "; physics_node " + sends(kSceneSender),
+                 sends(kOneWaySender)}));
+  EXPECT_EQ(
+      row("receive queue per peer (HWM)"),
+      (Row{receives(kExchangeServer), receives(kOneWayReceiver), receives(kInteractionReceiver),
+           receives(kTelemetryReceiver), receives(kOneWayReceiver)}));
   EXPECT_EQ(row("queues over inproc"), (Row{std::to_string(kInprocQueue)}));
   EXPECT_EQ(kExchangeServer.send_queue, kExchangeClient.send_queue);
   EXPECT_EQ(kExchangeServer.receive_queue, kExchangeClient.receive_queue);
@@ -95,30 +92,39 @@ TEST(ProtoReadme, GivesTheQueues) {
 
 TEST(ProtoReadme, GivesTheKernelBuffersOfBothEnds) {
   EXPECT_EQ(row("kernel buffers (tcp)"),
-            (Row{buffers(kExchangeServer), buffers(kOneWaySender), buffers(kOneWaySender),
+            (Row{buffers(kExchangeServer), buffers(kOneWaySender), buffers(kInteractionSender),
                  buffers(kTelemetrySender), buffers(kOneWaySender)}));
   EXPECT_EQ(buffers(kExchangeClient), buffers(kExchangeServer));
-  EXPECT_EQ(buffers(kNewest), buffers(kOneWaySender));
-  EXPECT_EQ(buffers(kEvery), buffers(kOneWaySender));
+  EXPECT_EQ(buffers(kOneWayReceiver), buffers(kOneWaySender));
+  EXPECT_EQ(buffers(kInteractionReceiver), buffers(kInteractionSender));
   EXPECT_EQ(buffers(kSceneSender), buffers(kTelemetrySender));
-  EXPECT_EQ(buffers(kTelemetrySubscriber), buffers(kTelemetrySender));
+  EXPECT_EQ(buffers(kTelemetryReceiver), buffers(kTelemetrySender));
 }
 
-TEST(ProtoReadme, GivesTheHeartbeats) {
-  const std::string one_way = heartbeats(kOneWaySender);
-  EXPECT_EQ(row("heartbeats of the sender"), (Row{heartbeats(kExchangeClient), one_way, one_way,
-                                                  heartbeats(kTelemetrySender), one_way}));
-  const std::string newest = heartbeats(kNewest) + "; with `faults` " + heartbeats(kEvery);
-  EXPECT_EQ(row("heartbeats of the receiver"),
-            (Row{heartbeats(kExchangeServer), newest, newest, heartbeats(kTelemetrySubscriber),
-                 heartbeats(kEvery)}));
+TEST(ProtoReadme, GivesTheSubscription) {
+  EXPECT_EQ(row("kind byte of a subscription"),
+            (Row{std::to_string(static_cast<int>(MessageKind::kSubscription))}));
+  EXPECT_EQ(row("repeated every"), (Row{ms(Subscription::kInterval)}));
+  EXPECT_EQ(row("receiver is forgotten after silence of"), (Row{ms(Subscribers::kSilence)}));
+  EXPECT_EQ(row("receivers served by one sender"), (Row{std::to_string(Subscribers::kMost)}));
+  for (const LinkSettings& sender : {kInteractionSender, kTelemetrySender, kSceneSender}) {
+    EXPECT_EQ(row("libzmq disconnects its sender above"), (Row{kib(sender.largest_frame_bytes)}));
+  }
+}
+
+TEST(ProtoReadme, GivesTheLimitsOfConnections) {
+  EXPECT_EQ(row("an end that libzmq has given up connects again after"),
+            (Row{ms(kReconnectLeast) + ", doubled up to " + ms(kReconnectMost)}));
+  EXPECT_EQ(row("connections to one binding end (tcp)"), (Row{std::to_string(kMostConnections)}));
+  EXPECT_EQ(row("sent beyond one frame without a complete message (tcp)"),
+            (Row{kib(kMostIncompleteBytes)}));
 }
 
 TEST(ProtoReadme, GivesTheTimes) {
-  EXPECT_EQ(
-      row("linger when closing"),
-      (Row{ms(kExchangeServer.linger_ms), ms(kOneWaySender.linger_ms), ms(kOneWaySender.linger_ms),
-           ms(kTelemetrySender.linger_ms), ms(kOneWaySender.linger_ms)}));
+  EXPECT_EQ(row("linger when closing"),
+            (Row{ms(kExchangeServer.linger_ms), ms(kOneWaySender.linger_ms),
+                 ms(kInteractionSender.linger_ms), ms(kTelemetrySender.linger_ms),
+                 ms(kOneWaySender.linger_ms)}));
   EXPECT_EQ(row("another sender is accepted after silence of"),
             (Row{ms(ExchangeServer::kSilence), ms(OneWriter::kSilence), "–", "–", "–"}));
   EXPECT_EQ(row("reconnection interval"), (Row{ms(kReconnectMs)}));
@@ -140,22 +146,21 @@ TEST(ProtoReadme, GivesTheThrottlingOfTheExchange) {
 
 template <class T>
 Row frame_row(const LinkSettings& receiver) {
-  return {std::to_string(static_cast<int>(kKindOf<T>)),
-          std::to_string(kMaxFrameBytes<T> >> 10) + " KiB",
-          std::to_string(receiver.largest_frame_bytes >> 20) + " MiB"};
+  return {std::to_string(static_cast<int>(kKindOf<T>)), kib(kMaxFrameBytes<T>),
+          kib(receiver.largest_frame_bytes)};
 }
 
 TEST(ProtoReadme, GivesTheKindsAndLengthsOfFrames) {
   EXPECT_EQ(row("DeviceState"), frame_row<DeviceState>(kExchangeServer));
   EXPECT_EQ(row("ForceCommand"), frame_row<ForceCommand>(kExchangeClient));
-  EXPECT_EQ(row("ToolMotion"), frame_row<ToolMotion>(kNewest));
-  EXPECT_EQ(row("Interaction"), frame_row<Interaction>(kNewest));
-  EXPECT_EQ(row("DeviceTelemetry"), frame_row<DeviceBatch>(kTelemetrySubscriber));
-  EXPECT_EQ(row("MofcTelemetry"), frame_row<MofcBatch>(kTelemetrySubscriber));
-  EXPECT_EQ(row("PhysicsTelemetry"), frame_row<PhysicsBatch>(kTelemetrySubscriber));
-  EXPECT_EQ(row("SceneState"), frame_row<SceneState>(kTelemetrySubscriber));
-  EXPECT_EQ(row("MeshFrame"), frame_row<MeshFrame>(kTelemetrySubscriber));
-  EXPECT_EQ(row("HandTarget"), frame_row<HandTarget>(kEvery));
+  EXPECT_EQ(row("ToolMotion"), frame_row<ToolMotion>(kOneWayReceiver));
+  EXPECT_EQ(row("Interaction"), frame_row<Interaction>(kInteractionReceiver));
+  EXPECT_EQ(row("DeviceTelemetry"), frame_row<DeviceBatch>(kTelemetryReceiver));
+  EXPECT_EQ(row("MofcTelemetry"), frame_row<MofcBatch>(kTelemetryReceiver));
+  EXPECT_EQ(row("PhysicsTelemetry"), frame_row<PhysicsBatch>(kTelemetryReceiver));
+  EXPECT_EQ(row("SceneState"), frame_row<SceneState>(kTelemetryReceiver));
+  EXPECT_EQ(row("MeshFrame"), frame_row<MeshFrame>(kTelemetryReceiver));
+  EXPECT_EQ(row("HandTarget"), frame_row<HandTarget>(kOneWayReceiver));
 }
 
 TEST(ProtoReadme, GivesTheReasonsInTheOrderOfTheChecks) {

@@ -75,6 +75,46 @@ TEST(SurfaceCodec, RefusesMoreThanATileHolds) {
   expect_tile(tile_of(vertices, facets), false);
 }
 
+/// A point of 32 bytes with the given reach, normal (times 32767) and bytes of the stiffness ratio.
+std::string point_of(int reach, const std::array<int, 3>& normal, const std::string& ratio) {
+  std::string bytes(6, '\0');
+  const auto put = [&](int x) {
+    bytes.push_back(static_cast<char>(x & 0xff));
+    bytes.push_back(static_cast<char>(x >> 8 & 0xff));
+  };
+  put(reach);
+  for (const int x : normal) put(x);
+  return bytes + std::string(14, '\0') + ratio;
+}
+v1::SurfaceTile tile_of_points(const std::string& points) {
+  v1::SurfaceTile tile;
+  tile.mutable_origin_m()->set_x(0.1);
+  tile.set_step_m(1e-6);
+  tile.set_points(points);
+  return tile;
+}
+const std::string kOne("\0\0\x80\x3f", 4);  // 1.0F
+
+TEST(SurfaceCodec, RefusesPointsThatAreNone) {
+  const std::string good = point_of(1000, {0, 0, -32767}, kOne);
+  expect_tile(tile_of_points(good), true);
+  expect_tile(tile_of_points(point_of(0, {0, 0, -32767}, kOne)), false);
+  expect_tile(tile_of_points(point_of(1000, {0, 0, 0}, kOne)), false);
+  expect_tile(tile_of_points(point_of(1000, {0, 0, 30000}, kOne)), false);
+  expect_tile(tile_of_points(point_of(1000, {0, 0, 32767}, std::string("\0\0\xc0\x7f", 4))),
+              false);  // not a number
+  expect_tile(tile_of_points(point_of(1000, {0, 0, 32767}, std::string("\0\0\x80\xbf", 4))),
+              false);  // −1
+  expect_tile(tile_of_points(good.substr(1)), false);
+  std::string many;
+  for (std::size_t i = 0; i < kMaxTilePoints; ++i) many += good;
+  expect_tile(tile_of_points(many), true);
+  expect_tile(tile_of_points(many + good), false);
+  v1::SurfaceTile both = tile_of(kCorners, {{0, 1, 2}});
+  both.set_points(good);
+  expect_tile(both, false);
+}
+
 TEST(SurfaceCodec, RefusesSlotsThatDoNotExist) {
   const auto altered = [](const auto& alter) {
     return [alter](v1::Interaction& m) { alter(*m.mutable_surface()); };
@@ -169,6 +209,7 @@ TEST(SurfaceCodec, RefusesTissueThatDoesNotExist) {
   const auto moving = [&](double amplitude_m, double frequency_hz, bool is_good) {
     description(
         [&](Description& m) {
+          m.clear_motion_amplitude_m();
           m.mutable_motion_amplitude_m()->set_y(amplitude_m);
           m.set_motion_frequency_hz(frequency_hz);
         },

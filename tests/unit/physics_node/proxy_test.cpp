@@ -411,5 +411,28 @@ TEST(Puncture, TakesEnergyAndGivesNone) {
   }
 }
 
+// 20 mm over a sphere in one step: some 30 views
+TEST(ProxyViews, AProxyWithFewViewsGoesOnInTheNextStep) {
+  const Shape sphere(SphereGeometry{.radius_m = 0.05});
+  constexpr double kTip = 0.003;
+  const auto under = [](double angle) {
+    return Vector3(0.048 * std::sin(angle), 0.0, 0.048 * std::cos(angle));
+  };
+  Proxy free = begun_at(sphere, kTip, under(0.0), {});
+  Proxy capped = free;
+  move(sphere, kTip, under(0.4), 1e-3, free);
+  move(sphere, kTip, under(0.4), 1e-3, capped, 8);
+  EXPECT_GT(free.hint.views, 28u);
+  EXPECT_LE(capped.hint.views, 28u);
+  EXPECT_GT((capped.place_m - free.place_m).norm(), 1e-3);
+  EXPECT_GE(sphere.view(capped.place_m).distance_m, kTip - 1e-5);
+  for (int i = 0; i < 400; ++i) {
+    capped.hint.views = 0;
+    move(sphere, kTip, under(0.4 + (i % 2 == 0 ? 1e-3 : 0.0)), 1e-3, capped, 8);
+    ASSERT_LE(capped.hint.views, 28u);
+  }
+  EXPECT_LT((capped.place_m - free.place_m).norm(), 1e-5);
+}
+
 }  // namespace
 }  // namespace palpate::physics

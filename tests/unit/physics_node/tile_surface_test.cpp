@@ -1,4 +1,4 @@
-// A surface that is sent in tiles and evaluated from them, beside the surface itself.
+// A surface or a cloud that is sent in tiles and evaluated from them, beside the surface itself.
 #include "common/contact/tile_surface.h"
 
 #include <gtest/gtest.h>
@@ -10,6 +10,8 @@
 #include "common/core/random.h"
 #include "physics_node/scene/scene_description.h"
 #include "tests/support/alloc_guard.h"
+#include "tests/support/random_messages.h"
+#include "tests/support/sampled_clouds.h"
 #include "tests/unit/physics_node/test_meshes.h"
 
 namespace palpate::physics {
@@ -20,16 +22,15 @@ double lattice_error_m(const DescribedTissue& tissue) {
   return 0.5 * std::sqrt(3.0) * tissue.tiles.front().step_m;
 }
 
-class TiledMesh {
+class Tiled {
  public:
-  explicit TiledMesh(TriangleMesh mesh)
-      : shape_(PlacedSurface{std::make_shared<TriangleSurface>(std::move(mesh)),
-                             Vector3(0.01, -0.02, 0.03),
+  explicit Tiled(std::shared_ptr<const FileSurface> surface)
+      : shape_(PlacedSurface{std::move(surface), Vector3(0.01, -0.02, 0.03),
                              Quaternion(0.5, 0.5, -0.1, 0.7).normalized()}),
         tissue_(described(shape_, {}, {}, {}, 0)),
         held_(tissue_.tiles.size()),
         surface_(held_) {
-    surface_.reset(shape_.is_sheet());
+    surface_.reset(std::get<TiledGeometry>(tissue_.description->geometry));
     for (std::uint32_t i = 0; i < held_.size(); ++i) {
       held_[i].take(tissue_.tiles[i]);
       surface_.add(i);
@@ -46,6 +47,12 @@ class TiledMesh {
   DescribedTissue tissue_;
   std::vector<HeldTile> held_;
   TileSurface surface_;
+};
+
+class TiledMesh : public Tiled {
+ public:
+  explicit TiledMesh(TriangleMesh mesh)
+      : Tiled(std::make_shared<TriangleSurface>(std::move(mesh))) {}
 };
 
 Vector3 random_point(Random& random, const Bounds& bounds, double margin_m) {
@@ -124,10 +131,107 @@ TEST(TileSurface, CountsViewsThatAnUnknownTileMayChange) {
   EXPECT_EQ(uncovered(0.0075), 0u);
 }
 
+// of 32 facets each; a tile that spans distant parts of the surface would be nearly everywhere
+TEST(TileSurface, TilesAreCompact) {
+  const TiledMesh ball(ball_mesh(0.05, 40));
+  const double all_m = ball.shape().bounds()->longest_side_m();
+  ASSERT_LE(ball.tissue().tiles.size(), ball_mesh(0.05, 40).triangles.size() / 32 + 10);
+  for (const Bounds& bounds : ball.tissue().bounds) {
+    EXPECT_LT(bounds.longest_side_m(), 0.3 * all_m);
+  }
+}
+
+// 64 tiles may be examined for a view; more are only found where somebody wants to cost time
+TEST(TileSurface, ManyTilesInOnePlaceAreNotAllExamined) {
+  const TiledMesh one(cube_mesh(0.02));
+  ASSERT_EQ(one.tissue().tiles.size(), 1u);
+  std::vector<HeldTile> heap(100);
+  TileSurface surface(heap);
+  surface.reset({});
+  surface.cover(Vector3::Zero(), 1000.0);
+  for (std::uint32_t i = 0; i < heap.size(); ++i) {
+    heap[i].take(one.tissue().tiles[0]);
+    surface.add(i);
+  }
+  const Vector3 center_m = one.shape().bounds()->center_m();
+  surface.gather(center_m);
+  SurfaceHint hint;
+  EXPECT_TRUE(std::isinf(surface.view(center_m, hint).distance_m));
+  EXPECT_EQ(hint.uncovered_views, 1u);
+}
+
+// --- clouds -------------------------------------------------------------------------------------
+
+class TiledCloud : public Tiled {
+ public:
+  explicit TiledCloud(const PointCloud& cloud) : Tiled(std::make_shared<CloudSurface>(cloud)) {}
+};
+
+PointCloud sampled_sphere(double radius_m) {
+  Random random(1);
+  PointCloud cloud = test::sampled(test::sphere_shape(radius_m), 1.5e-3, 1e-4, true,
+                                   test::Sampling::kRandom, random);
+  for (const Vector3& point_m : cloud.points_m) {
+    cloud.stiffness_ratios.push_back(1.0 + 20.0 * std::abs(point_m.x()));
+  }
+  return cloud;
+}
+
+// what differs is the rounding of the points: 1.5 µm of place and 2e-5 of the normal
+TEST(TiledCloud, IsSeenAsTheWholeCloudIs) {
+  for (const bool has_gather : {true, false}) {
+    constexpr double kRadius = 0.03;
+    TiledCloud cloud(sampled_sphere(kRadius));
+    const Vector3 center_m = cloud.shape().bounds()->center_m();
+    Random random(2);
+    SurfaceHint hint;
+    SurfaceHint other;
+    for (int i = 0; i < 2000; ++i) {
+      const Vector3 outwards = test::random_vector(random, 1.0).normalized();
+      const Vector3 point_m = center_m + random.uniform(0.6, 1.2) * kRadius * outwards;
+      if (has_gather) cloud.surface().gather(point_m);
+      const SurfaceView part = cloud.surface().view(point_m, hint);
+      const SurfaceView whole = cloud.shape().view(point_m, other);
+      ASSERT_NEAR(part.distance_m, whole.distance_m, 5e-6) << "point " << i;
+      ASSERT_LT((part.normal - whole.normal).norm(), 1e-3) << "point " << i;
+      ASSERT_NEAR(part.stiffness_ratio, whole.stiffness_ratio, 1e-3) << "point " << i;
+    }
+    EXPECT_EQ(hint.uncovered_views, 0u);
+  }
+}
+
+TEST(TiledCloud, CountsViewsThatAnUnknownTileMayChange) {
+  TiledCloud cloud(sampled_sphere(0.03));
+  const Vector3 point_m = cloud.shape().bounds()->center_m() + Vector3(0.0, 0.0, 0.031);
+  const auto uncovered_around = [&](const Vector3& gap_m) {
+    cloud.surface().cover(point_m, 1000.0);
+    cloud.surface().except(gap_m, 0.008);
+    SurfaceHint hint;
+    static_cast<void>(cloud.surface().view(point_m, hint));
+    return hint.uncovered_views;
+  };
+  EXPECT_EQ(uncovered_around(point_m + Vector3(0.007, 0.0, 0.0)), 1u);
+  EXPECT_EQ(uncovered_around(point_m + Vector3(0.02, 0.0, 0.0)), 0u);
+}
+
+TEST(TiledCloud, ViewsDoNotAllocate) {
+  TiledCloud cloud(sampled_sphere(0.03));
+  Random random(3);
+  const Bounds bounds = *cloud.shape().bounds();
+  const test::AllocGuard guard;
+  SurfaceHint hint;
+  for (int i = 0; i < 200; ++i) {
+    const Vector3 point_m = random_point(random, bounds, 0.01);
+    cloud.surface().gather(point_m);
+    static_cast<void>(cloud.surface().view(point_m, hint));
+  }
+  EXPECT_EQ(guard.count(), 0u);
+}
+
 TEST(TileSurface, WithoutTilesIsInfinitelyFarAndUncovered) {
   std::vector<HeldTile> none;
   TileSurface surface(none);
-  surface.reset(false);
+  surface.reset({});
   surface.cover(Vector3::Zero(), 1000.0);
   surface.gather(Vector3::Zero());
   SurfaceHint hint;
@@ -150,7 +254,7 @@ TEST(TileSurface, NeverAllocatesAfterItsConstruction) {
     ball.held()[slot].take(ball.tissue().tiles[slot]);
     ball.surface().add(slot);
   }
-  ball.surface().reset(false);
+  ball.surface().reset({});
   EXPECT_EQ(guard.count(), 0u);
 }
 

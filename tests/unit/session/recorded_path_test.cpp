@@ -66,7 +66,7 @@ TEST_F(RecordedPathFile, ProblemsAreReportedWithTheirLines) {
               ElementsAre("x.txtpb: 4 problems",  //
                           "path.csv:3: 3 columns: must be 4, t,x,y,z",
                           "path.csv:4: 'a': must be a number, e.g. -0.0125",
-                          "path.csv:5: 'nan': must be a finite number within ±1e6; seconds and "
+                          "path.csv:5: 'nan': must be a finite number within ±10; x, y, z are in "
                           "metres",
                           "path.csv:6: t = 0: must be later than the line before"));
 }

@@ -420,9 +420,9 @@ const Rule kRules[] = {
      {"1", "1000000"},
      "must be 1 … 1000000"},
     {"scene.tissue[0].motion.frequency_hz", {"0", "20.1"}, {"20"}, "must be > 0, ≤ 20"},
-    {"scene.tissue[0].motion.amplitude_m.y",
-     {"-0.54"},  // 10.2 m/s
-     {"-0.53"},
+    {"scene.tissue[0].motion.amplitude_m",
+     {"{ y: -0.54 }"},  // 10.2 m/s
+     {"{ y: -0.53 }"},
      "must be ≤ 10 m/s",
      {"scene.tissue[0].motion.frequency_hz=3"}},
     {"scene.tissue[0].kelvin_voigt.puncture_newton", {"-1"}, {"0", "2"}, "must be ≥ 0"},

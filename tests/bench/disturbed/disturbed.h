@@ -1,5 +1,5 @@
-// disturbed.h — rows of transparency_bench: real and rough surfaces, disturbed links, disturbed
-// ticks.
+// disturbed.h — rows of transparency_bench: real and rough surfaces and each property of tissue,
+// disturbed links, disturbed ticks.
 #pragma once
 
 #include <string>
@@ -10,10 +10,16 @@
 
 namespace palpate::bench {
 
-/// Each row of a surface beside the surface's own undisturbed run, in mode guard with the defaults.
-/// @param meshes  tetrahedral meshes (.msh, .vtk), scaled to a largest extent of 120 mm
+struct DisturbedRows {
+  std::string only;         ///< scenes whose name contains this
+  bool is_excerpt = false;  ///< 4 s each: undisturbed, and 50 and 100 ms with loss
+};
+
+/// Each row of a scene beside the scene's own undisturbed run, in mode guard with the defaults.
+/// @param meshes  further scenes: tetrahedral meshes (.msh, .vtk), scaled to an extent of 120 mm
 /// @throws SetupError  if a mesh cannot be read
-void run_disturbed(const BenchOptions& options, const std::vector<std::string>& meshes);
+void run_disturbed(const BenchOptions& options, const std::vector<std::string>& meshes,
+                   const DisturbedRows& rows);
 
 /// The shipped sessions with holes in their ticks and with disturbed links, each beside a goal.
 void run_disturbed_sessions(const BenchOptions& options);

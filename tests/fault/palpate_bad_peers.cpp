@@ -1,0 +1,467 @@
+// palpate_bad_peers — a program that is no node, or has other keys, listens where a node connects,
+// and is then replaced by that node: how long until the link works.
+//
+//   palpate_bad_peers                        runs all and prints the table
+//   palpate_bad_peers --gtest_filter='*Keys*'  runs some
+//
+// Each row is also a test.
+#include <gtest/gtest.h>
+#include <poll.h>
+
+#include <array>
+#include <atomic>
+#include <cstdio>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <thread>
+
+#include "common/core/check.h"
+#include "common/link/exchange_client.h"
+#include "common/link/exchange_server.h"
+#include "common/link/telemetry_subscriber.h"
+#include "common/link/zmq_sender.h"
+#include "common/link/zmq_source.h"
+#include "tests/support/port.h"
+#include "tests/support/random_messages.h"
+#include "tests/support/raw_zmtp.h"
+
+namespace palpate {
+namespace {
+
+using namespace std::chrono_literals;
+using namespace test;
+
+constexpr Duration kLimit = 2s;
+/// Each bad peer listens for this long at least.
+constexpr Duration kPresent = 400ms;
+constexpr RealtimeConfig kOrdinary{.priority = 0, .cpu = -1};
+
+// --- keys -----------------------------------------------------------------------------------
+
+LinkKeys new_keys() {
+  LinkKeys keys;
+  std::string list;
+  for (std::size_t i = 0; i < kKeyRoles; ++i) {
+    keys.own[i] = new_key_pair();
+    list += std::string(name_of(static_cast<KeyRole>(i))) + " " + keys.own[i]->public_key + "\n";
+  }
+  keys.allowed = parse_allowed_keys(list, "test");
+  return keys;
+}
+TcpRules rules(const LinkKeys& keys) { return {.keys = std::make_shared<const LinkKeys>(keys)}; }
+
+// --- links ----------------------------------------------------------------------------------
+
+/// Both ends of a link; the connecting end lives throughout.
+struct Link {
+  virtual ~Link() = default;
+  virtual void connect(ZmqContext& context, const std::string& endpoint) = 0;
+  /// @return the endpoint with the actual port
+  virtual std::string bind(ZmqContext& context, const std::string& endpoint) = 0;
+  virtual void unbind() = 0;
+  /// Lets the connecting end work and, if the other end is bound, sends a message through.
+  virtual bool passes() = 0;
+
+  SteadyClock clock;
+  Random random{1};
+};
+
+template <class T>
+struct MessageLink : Link {
+  explicit MessageLink(std::string link) : name(std::move(link)) {}
+  const std::string name;
+  T message = random_message<T>(random);
+  TimePoint at;
+};
+
+struct ExchangeLink final : MessageLink<DeviceState> {
+  ExchangeLink() : MessageLink("links.exchange") {}
+  void connect(ZmqContext& context, const std::string& endpoint) override {
+    client.emplace(context, clock, connect_to(endpoint, name));
+  }
+  std::string bind(ZmqContext& context, const std::string& endpoint) override {
+    return server.emplace(context, clock, bind_to(endpoint, name)).endpoint();
+  }
+  void unbind() override { server.reset(); }
+  bool passes() override {
+    ++message.header.sequence;
+    static_cast<void>(client->send(message));
+    DeviceState state;
+    if (server && server->receive(state, at)) server->send(command);
+    ForceCommand answer;
+    return client->receive(answer, at);
+  }
+  ForceCommand command = random_message<ForceCommand>(random);
+  std::optional<ExchangeClient> client;
+  std::optional<ExchangeServer> server;
+};
+
+/// Hops 2 and 6: the sender connects.
+template <class T>
+struct OneWayLink final : MessageLink<T> {
+  using MessageLink<T>::MessageLink;
+  void connect(ZmqContext& context, const std::string& endpoint) override {
+    sender.emplace(context, connect_to(endpoint, this->name));
+  }
+  std::string bind(ZmqContext& context, const std::string& endpoint) override {
+    return source.emplace(context, this->clock, bind_to(endpoint, this->name)).endpoint();
+  }
+  void unbind() override { source.reset(); }
+  bool passes() override {
+    static_cast<void>(sender->send(this->message));
+    return source && source->receive(this->message, this->at);
+  }
+  std::optional<ZmqSender<T>> sender;
+  std::optional<ZmqSource<T>> source;
+};
+
+struct InteractionLink final : MessageLink<Interaction> {
+  InteractionLink() : MessageLink("links.interaction") {}
+  void connect(ZmqContext& context, const std::string& endpoint) override {
+    source.emplace(context, clock, connect_to(endpoint, name));
+  }
+  std::string bind(ZmqContext& context, const std::string& endpoint) override {
+    return sender.emplace(context, bind_to(endpoint, name)).endpoint();
+  }
+  void unbind() override { sender.reset(); }
+  bool passes() override {
+    if (sender) static_cast<void>(sender->send(message));
+    return source->receive(message, at);
+  }
+  std::optional<ZmqSource<Interaction>> source;
+  std::optional<ZmqSender<Interaction>> sender;
+};
+
+struct TelemetryLink final : MessageLink<PhysicsBatch> {
+  TelemetryLink() : MessageLink("links.physics_telemetry") {}
+  void connect(ZmqContext& context, const std::string& endpoint) override {
+    viewer.emplace(context, clock, std::vector{connect_to(endpoint, name)});
+  }
+  std::string bind(ZmqContext& context, const std::string& endpoint) override {
+    return node.emplace(context, bind_to(endpoint, name)).endpoint();
+  }
+  void unbind() override { node.reset(); }
+  bool passes() override {
+    if (node) static_cast<void>(node->send(message));
+    return viewer->receive(received, at);
+  }
+  TelemetryMessage received;
+  std::optional<TelemetrySubscriber> viewer;
+  std::optional<ZmqSender<PhysicsBatch>> node;
+};
+
+constexpr std::array kLinkNames{"exchange", "tool_motion", "interaction", "telemetry",
+                                "hand_target"};
+/// What the binding end is.
+constexpr std::array kBindingTypes{zmq::socket_type::router, zmq::socket_type::pull,
+                                   zmq::socket_type::router, zmq::socket_type::router,
+                                   zmq::socket_type::pull};
+std::unique_ptr<Link> make_link(std::size_t index) {
+  switch (index) {
+    case 0:
+      return std::make_unique<ExchangeLink>();
+    case 1:
+      return std::make_unique<OneWayLink<ToolMotion>>("links.tool_motion");
+    case 2:
+      return std::make_unique<InteractionLink>();
+    case 3:
+      return std::make_unique<TelemetryLink>();
+    default:
+      return std::make_unique<OneWayLink<HandTarget>>("links.hand_target");
+  }
+}
+
+// --- bad peers ------------------------------------------------------------------------------
+
+std::string random_bytes(std::size_t size) {
+  Random random(7);
+  std::string bytes;
+  while (bytes.size() < size) bytes += static_cast<char>(random.bits());
+  return bytes;
+}
+
+/// Listens on a port of 127.0.0.1 in a thread and writes the same bytes to each connection.
+class Listener {
+ public:
+  /// @param relay_to  endpoint of a true node to which all bytes are passed on and whose bytes
+  ///     precede `bytes`; "" for none
+  Listener(const std::string& endpoint, std::string bytes, bool closes, std::string relay_to = "")
+      : bytes_(std::move(bytes)), closes_(closes), relay_to_(std::move(relay_to)) {
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    address.sin_port =
+        htons(static_cast<std::uint16_t>(std::stoi(endpoint.substr(endpoint.rfind(':') + 1))));
+    socket_ = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+    const int yes = 1;
+    setsockopt(socket_, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof(yes));
+    is_listening_ = ::bind(socket_, reinterpret_cast<sockaddr*>(&address), sizeof(address)) == 0 &&
+                    listen(socket_, 16) == 0;
+    thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
+  }
+  ~Listener() {
+    thread_ = {};
+    close(socket_);
+  }
+  Listener(const Listener&) = delete;
+  Listener& operator=(const Listener&) = delete;
+
+  [[nodiscard]] bool is_listening() const { return is_listening_; }
+  [[nodiscard]] int served() const { return served_; }
+
+ private:
+  struct Peer {
+    int descriptor = -1;
+    int relay = -1;
+    TimePoint relayed_at{};
+    bool is_served = false;
+  };
+
+  void run(const std::stop_token& stop) {
+    std::vector<Peer> peers;
+    while (!stop.stop_requested()) {
+      std::vector<pollfd> items{{.fd = socket_, .events = POLLIN, .revents = 0}};
+      for (const Peer& peer : peers) {
+        items.push_back({.fd = peer.descriptor, .events = POLLIN, .revents = 0});
+        if (peer.relay >= 0) items.push_back({.fd = peer.relay, .events = POLLIN, .revents = 0});
+      }
+      poll(items.data(), items.size(), 5);
+      const int descriptor = accept4(socket_, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
+      if (descriptor >= 0) peers.push_back({.descriptor = descriptor, .relay = open_relay()});
+      std::erase_if(peers, [&](Peer& peer) {
+        const bool is_over = serve(peer);
+        if (is_over) finish(peer);
+        return is_over;
+      });
+    }
+    for (const Peer& peer : peers) finish(peer);
+  }
+  [[nodiscard]] int open_relay() const {
+    if (relay_to_.empty()) return -1;
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    address.sin_port =
+        htons(static_cast<std::uint16_t>(std::stoi(relay_to_.substr(relay_to_.rfind(':') + 1))));
+    const int relay = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    EXPECT_EQ(::connect(relay, reinterpret_cast<sockaddr*>(&address), sizeof(address)), 0);
+    return relay;
+  }
+  static void finish(const Peer& peer) {
+    close(peer.descriptor);
+    if (peer.relay >= 0) close(peer.relay);
+  }
+  /// Passes on what has arrived; false once `from` is closed.
+  static bool pass(int from, int to) {
+    char buffer[4096];
+    for (;;) {
+      const ssize_t n = recv(from, buffer, sizeof(buffer), MSG_DONTWAIT);
+      if (n == 0) return false;
+      if (n < 0) return errno == EAGAIN;
+      if (to >= 0) send(to, buffer, static_cast<std::size_t>(n), MSG_NOSIGNAL);
+    }
+  }
+  /// True once the connection is over.
+  bool serve(Peer& peer) {
+    if (!pass(peer.descriptor, peer.relay)) return true;
+    if (peer.relay >= 0) {
+      if (!pass(peer.relay, peer.descriptor)) return true;
+      constexpr Duration kGood = 100ms;
+      if (peer.relayed_at == TimePoint{}) peer.relayed_at = clock_.now();
+      if (clock_.now() - peer.relayed_at < kGood) return false;
+    }
+    if (peer.is_served) return false;
+    peer.is_served = true;
+    send(peer.descriptor, bytes_.data(), bytes_.size(), MSG_NOSIGNAL);
+    ++served_;
+    return closes_;
+  }
+
+  SteadyClock clock_;
+  std::string bytes_;
+  bool closes_;
+  std::string relay_to_;
+  int socket_ = -1;
+  bool is_listening_ = false;
+  std::atomic<int> served_{0};
+  std::jthread thread_;
+};
+
+struct BadPeer {
+  const char* name;
+  bool with_keys;
+  /// The bytes that it writes, for a binding end of this type.
+  std::function<std::string(const char* type)> bytes{};
+  bool closes = false;
+  enum class Kind { kBytes, kNoKeys, kKeys, kRelay } kind = Kind::kBytes;
+};
+void PrintTo(const BadPeer& peer, std::ostream* out) { *out << peer.name; }
+
+std::string handshake(const char* type) { return zmtp_greeting() + zmtp_ready(type); }
+
+const std::vector<BadPeer>& bad_peers() {
+  static const auto all = [] {
+    std::vector<BadPeer> peers;
+    for (const bool keys : {false, true}) {
+      const auto same = [](const std::string& bytes) { return [=](const char*) { return bytes; }; };
+      peers.push_back({"accepts and closes", keys, same(""), true});
+      peers.push_back({"accepts and is silent", keys, same("")});
+      peers.push_back({"zeros", keys, same(std::string(300, '\0'))});
+      peers.push_back({"random bytes", keys, same(random_bytes(300))});
+      peers.push_back({"HTTP", keys, same("HTTP/1.1 400 Bad Request\r\n\r\n")});
+      peers.push_back({"mechanism PLAIN", keys, same(zmtp_greeting("PLAIN"))});
+      peers.push_back({"READY garbage", keys,
+                       same(zmtp_greeting(keys ? "CURVE" : "NULL") +
+                            zmtp_frame(kCommand, "\5READY" + random_bytes(100)))});
+    }
+    peers.push_back({"wrong type of socket", false, [](const char*) { return handshake("PUB"); }});
+    peers.push_back({"a frame of 1 TiB", false, [](const char* type) {
+                       return handshake(type) + zmtp_head(kLastPart, std::uint64_t{1} << 40);
+                     }});
+    peers.push_back({"an oversized frame", false, [](const char* type) {
+                       return handshake(type) + zmtp_head(kLastPart, 20 << 20) + random_bytes(3000);
+                     }});
+    peers.push_back({"random bytes after the handshake", false,
+                     [](const char* type) { return handshake(type) + random_bytes(300); }});
+    peers.push_back({"a node with keys", false, {}, false, BadPeer::Kind::kKeys});
+    peers.push_back({"a node without keys", true, {}, false, BadPeer::Kind::kNoKeys});
+    peers.push_back({"a node with other keys", true, {}, false, BadPeer::Kind::kKeys});
+    peers.push_back({"300 random bytes in the stream", true,
+                     [](const char*) { return random_bytes(300); }, false, BadPeer::Kind::kRelay});
+    return peers;
+  }();
+  return all;
+}
+
+// --- the table ------------------------------------------------------------------------------
+
+struct Row {
+  std::string peer;
+  bool with_keys;
+  std::array<std::optional<Duration>, kLinkNames.size()> back{};
+};
+std::vector<Row>& table() {
+  static std::vector<Row> rows;
+  return rows;
+}
+void print_table() {
+  std::printf("| the other end was | keys |");
+  for (const char* link : kLinkNames) std::printf(" %s |", link);
+  std::printf("\n|---|---|---|---|---|---|---|\n");
+  for (const Row& row : table()) {
+    std::printf("| %s | %s |", row.peer.c_str(), row.with_keys ? "yes" : "no");
+    for (const auto& back : row.back) {
+      if (back) std::printf(" %.0f ms |", 1e3 * to_seconds(*back));
+      if (!back) std::printf(" NEVER |");
+    }
+    std::printf("\n");
+  }
+}
+
+class BadPeers : public testing::TestWithParam<BadPeer> {};
+
+std::string name_of_test(const testing::TestParamInfo<BadPeer>& peer) {
+  std::string name = peer.param.with_keys ? "Keys_" : "Plain_";
+  for (const char* c = peer.param.name; *c != '\0'; ++c) {
+    if (std::isalnum(static_cast<unsigned char>(*c)) != 0) name += *c;
+  }
+  return name;
+}
+INSTANTIATE_TEST_SUITE_P(Links, BadPeers, testing::ValuesIn(bad_peers()), name_of_test);
+
+TEST_P(BadPeers, AreReplacedByTheNode) {
+  const BadPeer& bad = GetParam();
+  const LinkKeys keys = new_keys();
+  const TcpRules good_rules = bad.with_keys ? rules(keys) : TcpRules{};
+  const TcpRules other_rules = bad.kind == BadPeer::Kind::kKeys ? rules(new_keys()) : TcpRules{};
+  ZmqContext clients(kOrdinary, good_rules);
+  ZmqContext nodes(kOrdinary, good_rules);
+  const SteadyClock clock;
+
+  struct Tested {
+    std::unique_ptr<Link> link;
+    std::string endpoint;
+    std::unique_ptr<Listener> listener{};
+    std::unique_ptr<Link> other_node{};
+  };
+  std::vector<Tested> tested;
+  {
+    std::array<HeldPort, kLinkNames.size()> ports;
+    for (std::size_t i = 0; i < kLinkNames.size(); ++i) {
+      tested.push_back({.link = make_link(i), .endpoint = ports[i].endpoint()});
+    }
+  }
+  // declared after the links that use it
+  ZmqContext others(kOrdinary, other_rules);
+  for (std::size_t i = 0; i < tested.size(); ++i) {
+    Tested& t = tested[i];
+    t.link->connect(clients, t.endpoint);
+    if (bad.kind == BadPeer::Kind::kKeys || bad.kind == BadPeer::Kind::kNoKeys) {
+      t.other_node = make_link(i);
+      t.other_node->bind(others, t.endpoint);
+      continue;
+    }
+    std::string relay_to;
+    if (bad.kind == BadPeer::Kind::kRelay) {
+      relay_to = t.link->bind(nodes, "tcp://127.0.0.1:*");
+    }
+    const char* type = kBindingTypes[i] == zmq::socket_type::pull ? "PULL" : "ROUTER";
+    t.listener = std::make_unique<Listener>(t.endpoint, bad.bytes(type), bad.closes, relay_to);
+    ASSERT_TRUE(t.listener->is_listening());
+  }
+  const auto run_until = [&](TimePoint deadline, const std::function<bool()>& is_done) {
+    while (clock.now() < deadline && !is_done()) std::this_thread::sleep_for(500us);
+  };
+  const TimePoint present_until = clock.now() + kPresent;
+  run_until(present_until + 5s, [&] {
+    bool is_done = clock.now() >= present_until;
+    for (Tested& t : tested) {
+      static_cast<void>(t.link->passes());
+      if (t.listener) is_done = is_done && t.listener->served() > 0;
+    }
+    return is_done;
+  });
+
+  Row row{.peer = bad.name, .with_keys = bad.with_keys};
+  for (Tested& t : tested) {
+    t.link->unbind();
+    t.listener.reset();
+    t.other_node.reset();
+  }
+  const TimePoint begin = clock.now();
+  for (std::size_t i = 0; i < tested.size(); ++i) {
+    // libzmq releases a port shortly after closing
+    run_until(begin + kLimit, [&] {
+      try {
+        tested[i].link->bind(nodes, tested[i].endpoint);
+        return true;
+      } catch (const SetupError&) {
+        return false;
+      }
+    });
+  }
+  run_until(begin + kLimit, [&] {
+    bool is_done = true;
+    for (std::size_t i = 0; i < tested.size(); ++i) {
+      if (!row.back[i] && tested[i].link->passes()) row.back[i] = clock.now() - begin;
+      is_done = is_done && row.back[i];
+    }
+    return is_done;
+  });
+
+  for (std::size_t i = 0; i < tested.size(); ++i) {
+    EXPECT_TRUE(row.back[i]) << kLinkNames[i] << " does not come back";
+  }
+  table().push_back(row);
+}
+
+}  // namespace
+}  // namespace palpate
+
+int main(int argc, char** argv) {
+  testing::InitGoogleTest(&argc, argv);
+  const int status = RUN_ALL_TESTS();
+  palpate::print_table();
+  return status;
+}

@@ -1,0 +1,377 @@
+// Peers that violate the protocol: whatever they send, no end of a link aborts, stops working or
+// grows without limit.
+#include <gtest/gtest.h>
+#include <malloc.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cstdio>
+#include <fstream>
+#include <memory>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "common/link/exchange_client.h"
+#include "common/link/exchange_server.h"
+#include "common/link/plot_sender.h"
+#include "common/link/scene_sender.h"
+#include "common/link/telemetry_subscriber.h"
+#include "tests/loopback/links/link_fixture.h"
+#include "tests/support/port.h"
+#include "tests/support/raw_zmtp.h"
+
+namespace palpate::test {
+namespace {
+
+using namespace std::chrono_literals;
+
+/// Resident memory of this process [MiB].
+double resident_mib() {
+  std::ifstream file("/proc/self/statm");
+  long pages = 0;
+  file >> pages >> pages;
+  return static_cast<double>(pages) * static_cast<double>(sysconf(_SC_PAGESIZE)) / (1 << 20);
+}
+constexpr double kMostGrowthMib = 32.0;
+
+class HostilePeer : public EveryTransport {
+ protected:
+  /// The endpoint where the attacked end connects, which this test binds.
+  std::string unused_endpoint() {
+    if (GetParam() != Transport::kTcp) return fresh_endpoint(GetParam());
+    return ports_.emplace_back(std::make_unique<HeldPort>())->endpoint();
+  }
+  template <class T>
+  std::string frame_of(const T& message) {
+    Codec<T> codec;
+    std::string frame(codec.encode(message), '\0');
+    codec.write(reinterpret_cast<std::byte*>(frame.data()));
+    return frame;
+  }
+  /// Two parts, a hundred, a long frame of no kind, and an empty one.
+  void send_malformed(zmq::socket_t& socket, const std::string& valid, const zmq::message_t* to) {
+    const auto part = [&](const std::string& bytes, bool is_last) {
+      static_cast<void>(socket.send(zmq::buffer(bytes),
+                                    (is_last ? zmq::send_flags::none : zmq::send_flags::sndmore) |
+                                        zmq::send_flags::dontwait));
+    };
+    const auto begin = [&] {
+      if (to == nullptr) return true;
+      zmq::message_t id;
+      id.copy(*const_cast<zmq::message_t*>(to));
+      try {
+        return socket.send(id, zmq::send_flags::sndmore | zmq::send_flags::dontwait).has_value();
+      } catch (const zmq::error_t&) {  // the other end has disconnected
+        return false;
+      }
+    };
+    if (begin()) {
+      part(valid, false);
+      part(std::string(static_cast<std::size_t>(largest_) - 10, 'x'), true);
+    }
+    if (begin()) {
+      for (int i = 0; i < 100; ++i) part(valid, false);
+      part("", true);
+    }
+    if (begin()) part(std::string(static_cast<std::size_t>(largest_) - 10, '\1'), true);
+    if (begin()) part("", true);
+  }
+
+  std::vector<std::unique_ptr<HeldPort>> ports_;  // held, so that each endpoint is another one
+  std::int64_t largest_ = kLargestFrameBytes;
+  zmq::context_t foreign_;
+  TimePoint at_;
+};
+INSTANTIATE_TEST_SUITE_P(Links, HostilePeer, kEverySocket, transport_name);
+
+// --- messages of several parts, too long ones, none at all ------------------------------------
+
+TEST_P(HostilePeer, DoesNotDisturbTheEndsThatBind) {
+  ExchangeServer exchange(context_, clock_, bind_to(fresh_endpoint(GetParam()), "links.exchange"));
+  ZmqSource<ToolMotion> motions(context_, clock_,
+                                bind_to(fresh_endpoint(GetParam()), "links.tool_motion"));
+  ZmqSource<HandTarget> targets(context_, clock_,
+                                bind_to(fresh_endpoint(GetParam()), "links.hand_target"));
+  ZmqSender<Interaction> interactions(context_,
+                                      bind_to(fresh_endpoint(GetParam()), "links.interaction"));
+  SceneSender scene(context_, bind_to(fresh_endpoint(GetParam()), "links.physics_telemetry"));
+  PlotSender plot(context_, fresh_endpoint(GetParam()), "--plotjuggler");
+  const auto state_message = state(4, 0);
+  const auto motion = random_message<ToolMotion>(random_);
+  const auto target = random_message<HandTarget>(random_);
+  struct Attack {
+    zmq::socket_type type;
+    std::string endpoint;
+    std::string valid;
+    std::int64_t largest = kLargestFrameBytes;
+  };
+  const std::string subscription("\x0b\4\7", 3);
+  std::vector<zmq::socket_t> attackers;
+  const std::vector<Attack> attacks{
+      {zmq::socket_type::dealer, exchange.endpoint(), frame_of(state_message)},
+      {zmq::socket_type::push, motions.endpoint(), frame_of(motion)},
+      {zmq::socket_type::push, targets.endpoint(), frame_of(target)},
+      {zmq::socket_type::dealer, interactions.endpoint(), subscription, kLargestSubscriptionBytes},
+      {zmq::socket_type::dealer, scene.endpoint(), subscription, kLargestSubscriptionBytes},
+      {zmq::socket_type::xsub, plot.endpoint(), subscription, kLargestSubscriptionBytes}};
+  for (const Attack& attack : attacks) {
+    zmq::socket_t& socket = attackers.emplace_back(foreign_, attack.type);
+    socket.set(zmq::sockopt::linger, 0);
+    socket.connect(attack.endpoint);
+  }
+  DeviceState received_state;
+  ToolMotion received_motion;
+  HandTarget received_target;
+  for (int i = 0; i < 200; ++i) {
+    for (std::size_t a = 0; a < attacks.size(); ++a) {
+      largest_ = attacks[a].largest;
+      send_malformed(attackers[a], attacks[a].valid, nullptr);
+    }
+    while (exchange.receive(received_state, at_)) {
+    }
+    while (motions.receive(received_motion, at_)) {
+    }
+    while (targets.receive(received_target, at_)) {
+    }
+    static_cast<void>(interactions.has_subscriber());
+    static_cast<void>(scene.has_subscriber<SceneState>());
+    plot.send(0, {}, {}, 1.0);
+  }
+  EXPECT_TRUE(eventually([&] {
+    static_cast<void>(exchange.receive(received_state, at_));
+    static_cast<void>(motions.receive(received_motion, at_));
+    static_cast<void>(targets.receive(received_target, at_));
+    return exchange.rejected() > 10 && motions.rejected() > 10 && targets.rejected() > 10;
+  }));
+
+  // the ends still serve their peers
+  ExchangeClient device(context_, clock_, connect_to(exchange.endpoint(), "links.exchange"));
+  ZmqSender<ToolMotion> motion_out(context_, connect_to(motions.endpoint(), "links.tool_motion"));
+  ZmqSource<Interaction> interaction_in(context_, clock_,
+                                        connect_to(interactions.endpoint(), "links.interaction"));
+  std::uint64_t sequence = 0;
+  EXPECT_TRUE(eventually([&] {
+    static_cast<void>(device.send(state(4, ++sequence)));
+    return exchange.receive(received_state, at_) && received_state.header.sequence > 0;
+  }));
+  EXPECT_TRUE(eventually([&] {
+    static_cast<void>(motion_out.send(motion));
+    return motions.receive(received_motion, at_);
+  }));
+  Interaction interaction = random_message<Interaction>(random_);
+  EXPECT_TRUE(eventually([&] {
+    static_cast<void>(interactions.send(interaction));
+    return interaction_in.receive(interaction, at_);
+  }));
+}
+
+TEST_P(HostilePeer, DoesNotDisturbTheEndsThatConnect) {
+  const std::array<std::string, 3> endpoints{unused_endpoint(), unused_endpoint(),
+                                             unused_endpoint()};
+  ports_.clear();
+  std::vector<zmq::socket_t> attackers;
+  for (const std::string& endpoint : endpoints) {
+    zmq::socket_t& socket = attackers.emplace_back(foreign_, zmq::socket_type::router);
+    socket.set(zmq::sockopt::linger, 0);
+    socket.set(zmq::sockopt::router_mandatory, true);
+    socket.bind(endpoint);
+  }
+  ExchangeClient device(context_, clock_, connect_to(endpoints[0], "links.exchange"));
+  ZmqSource<Interaction> interactions(context_, clock_,
+                                      connect_to(endpoints[1], "links.interaction"));
+  TelemetrySubscriber viewer(context_, clock_, {connect_to(endpoints[2], "physics")});
+  const std::array<std::string, 3> valid{frame_of(random_message<ForceCommand>(random_)),
+                                         frame_of(random_message<Interaction>(random_)),
+                                         frame_of(random_message<PhysicsBatch>(random_))};
+  std::array<zmq::message_t, 3> peers;
+  ForceCommand command;
+  Interaction interaction;
+  TelemetryMessage telemetry;
+  std::uint64_t sequence = 0;
+  EXPECT_TRUE(eventually([&] {
+    static_cast<void>(device.send(state(1, ++sequence)));
+    for (std::size_t i = 0; i < attackers.size(); ++i) {
+      zmq::message_t from;
+      zmq::message_t frame;
+      while (attackers[i].recv(from, zmq::recv_flags::dontwait)) {
+        static_cast<void>(attackers[i].recv(frame));
+        peers[i] = std::move(from);
+      }
+      if (peers[i].size() > 0) send_malformed(attackers[i], valid[i], &peers[i]);
+    }
+    static_cast<void>(device.receive(command, at_));
+    static_cast<void>(interactions.receive(interaction, at_));
+    static_cast<void>(viewer.receive(telemetry, at_));
+    return device.rejected() > 100 && interactions.rejected() > 100 && viewer.rejected() > 100;
+  })) << device.rejected()
+      << " " << interactions.rejected() << " " << viewer.rejected();
+
+  // true peers take over
+  attackers.clear();
+  std::optional<ExchangeServer> exchange;
+  std::optional<ZmqSender<Interaction>> interaction_out;
+  std::optional<ZmqSender<PhysicsBatch>> batch_out;
+  ASSERT_TRUE(eventually([&] {  // libzmq releases a port shortly after closing
+    try {
+      if (!exchange) exchange.emplace(context_, clock_, bind_to(endpoints[0], "links.exchange"));
+      if (!interaction_out) {
+        interaction_out.emplace(context_, bind_to(endpoints[1], "links.interaction"));
+      }
+      if (!batch_out) batch_out.emplace(context_, bind_to(endpoints[2], "physics"));
+    } catch (const SetupError&) {
+    }
+    return exchange && interaction_out && batch_out;
+  }));
+  DeviceState received_state;
+  EXPECT_TRUE(eventually([&] {
+    static_cast<void>(device.send(state(1, ++sequence)));
+    if (exchange->receive(received_state, at_)) {
+      exchange->send(random_message<ForceCommand>(random_));
+    }
+    return device.receive(command, at_);
+  }));
+  EXPECT_TRUE(eventually([&] {
+    static_cast<void>(interaction_out->send(random_message<Interaction>(random_)));
+    return interactions.receive(interaction, at_);
+  }));
+  EXPECT_TRUE(eventually([&] {
+    static_cast<void>(batch_out->send(random_message<PhysicsBatch>(random_)));
+    return viewer.receive(telemetry, at_);
+  }));
+}
+
+// --- memory -----------------------------------------------------------------------------------
+
+class Swelling : public LinksTest {
+ protected:
+  struct Attack {
+    const char* type;    ///< of the attacker's socket
+    std::string frames;  ///< repeated after the handshake
+    std::size_t mib;     ///< in all, over a new connection whenever one is ended
+  };
+  struct Effect {
+    int ended = 0;  ///< connections
+    double growth_mib = 0.0;
+  };
+
+  /// Attacks the endpoint while `work` runs and expects bounded growth. On a busy machine the
+  /// monitor may come late, so there are several attempts; without a limit each would fail.
+  Effect expect_bounded(const char* what, const std::string& endpoint, const Attack& attack,
+                        const std::function<void()>& work) {
+    constexpr int kMostAttempts = 4;
+    Effect effect;
+    for (int attempt = 0; attempt < kMostAttempts; ++attempt) {
+      effect = suffer(endpoint, attack, work);
+      if (effect.growth_mib < kMostGrowthMib) break;
+    }
+    std::printf("%s: %zu MiB sent, %d connections ended, grew by %.1f MiB\n", what, attack.mib,
+                effect.ended, effect.growth_mib);
+    EXPECT_LT(effect.growth_mib, kMostGrowthMib) << what;
+    return effect;
+  }
+  TimePoint at_;
+
+ private:
+  Effect suffer(const std::string& endpoint, const Attack& attack,
+                const std::function<void()>& work) {
+    const std::size_t total = attack.mib << 20;
+    std::string block;
+    while (block.size() < (64 << 10)) block += attack.frames;
+    malloc_trim(0);  // what earlier attacks left
+    const double before = resident_mib();
+    Effect effect;
+    std::atomic<bool> is_done{false};
+    std::thread attacker([&] {
+      for (std::size_t sent = 0; sent < total;) {
+        RawStream stream(endpoint);
+        if (!stream.write(zmtp_greeting() + zmtp_ready(attack.type))) break;
+        bool is_open = true;
+        while (is_open && sent < total) {
+          is_open = stream.write(block);
+          sent += block.size();
+        }
+        if (!is_open) ++effect.ended;
+      }
+      is_done = true;
+    });
+    while (!is_done) {
+      work();
+      effect.growth_mib = std::max(effect.growth_mib, resident_mib() - before);
+      clock_.sleep_until(clock_.now() + 1ms);
+    }
+    attacker.join();
+    return effect;
+  }
+};
+
+// libzmq counts whole messages in its queues; the parts of an unfinished one are not limited.
+TEST_F(Swelling, AnEndlessMessageEndsItsConnection) {
+  ZmqSource<ToolMotion> motions(context_, clock_, bind_to("tcp://127.0.0.1:*", "links.x"));
+  ZmqSender<Interaction> interactions(context_, bind_to("tcp://127.0.0.1:*", "links.x"));
+  ToolMotion motion;
+  for (const std::size_t size : {0u, 30u, 1000u}) {
+    const std::string part = zmtp_frame(kMoreParts, std::string(size, 'x'));
+    const std::size_t mib = size == 0 ? 10 : 100;
+    const std::string parts = "parts of " + std::to_string(size) + " bytes to a ";
+    EXPECT_GT(expect_bounded((parts + "PULL").c_str(), motions.endpoint(), {"PUSH", part, mib},
+                             [&] { static_cast<void>(motions.receive(motion, at_)); })
+                  .ended,
+              0);
+    EXPECT_GT(
+        expect_bounded((parts + "ROUTER").c_str(), interactions.endpoint(), {"DEALER", part, mib},
+                       [&] { static_cast<void>(interactions.has_subscriber()); })
+            .ended,
+        0);
+  }
+  EXPECT_GT(context_.refused().total(), 0u);
+}
+
+TEST_F(Swelling, SubscriptionsTakeNoMemory) {
+  ZmqSender<DeviceBatch> device(context_, bind_to("tcp://127.0.0.1:*", "links.x"));
+  std::string frames;
+  for (int i = 0; i < 1000; ++i) {
+    frames += zmtp_frame(kLastPart, "\x0b" + std::to_string(i));
+    frames += zmtp_frame(kLastPart, "\1topic " + std::to_string(random_.bits()));
+  }
+  for (const std::size_t mib : {11u, 100u}) {
+    expect_bounded("subscriptions", device.endpoint(), {"DEALER", frames, mib},
+                   [&] { static_cast<void>(device.has_subscriber()); });
+  }
+}
+
+// PlotJuggler needs libzmq's own subscriptions, whose topics libzmq stores.
+TEST_F(Swelling, TopicsEndTheConnectionOfAPlottingTool) {
+  PlotSender plot(context_, "tcp://127.0.0.1:*", "--plotjuggler");
+  std::string frames;
+  for (int i = 0; i < 100'000; ++i) {
+    frames += zmtp_frame(kLastPart, "\1" + std::to_string(random_.bits()));
+  }
+  EXPECT_GT(expect_bounded("topics to PlotJuggler's port", plot.endpoint(), {"SUB", frames, 100},
+                           [&] { plot.send(0, {}, {}, 1.0); })
+                .ended,
+            0);
+}
+
+TEST_F(Swelling, OnlySoManySubscribersAreServed) {
+  ZmqSender<DeviceBatch> device(context_, bind_to("inproc://device", "links.x"));
+  std::vector<zmq::socket_t> peers;
+  for (std::size_t i = 0; i <= Subscribers::kMost; ++i) {
+    peers.emplace_back(context_.get(), zmq::socket_type::dealer).connect("inproc://device");
+    peers.back().send(zmq::str_buffer("\x0b\5"));
+  }
+  ASSERT_TRUE(device.has_subscriber());
+  ASSERT_TRUE(device.has_subscriber());  // the second call reads the last one
+  EXPECT_EQ(device.send(random_message<DeviceBatch>(random_)), SendResult::kSent);
+  zmq::message_t frame;
+  for (std::size_t i = 0; i < Subscribers::kMost; ++i) {
+    EXPECT_TRUE(peers[i].recv(frame, zmq::recv_flags::dontwait)) << i;
+  }
+  EXPECT_FALSE(peers.back().recv(frame, zmq::recv_flags::dontwait));
+}
+
+}  // namespace
+}  // namespace palpate::test

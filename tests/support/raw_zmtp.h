@@ -1,0 +1,102 @@
+// raw_zmtp.h — ZMTP 3.0 byte by byte, for peers that violate it: greeting, handshake without keys,
+// frames, and a stream to an endpoint.
+#pragma once
+
+#include <arpa/inet.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+namespace palpate::test {
+
+/// 64 bytes. @param mechanism  "NULL", "PLAIN", "CURVE"
+inline std::string zmtp_greeting(std::string_view mechanism = "NULL") {
+  std::string bytes("\xff\0\0\0\0\0\0\0\1\x7f\3\0", 12);
+  bytes += mechanism;
+  bytes.resize(64, '\0');
+  return bytes;
+}
+
+/// Bits of the first byte of a frame.
+enum ZmtpFlags : std::uint8_t { kLastPart = 0, kMoreParts = 1, kCommand = 4 };
+
+/// The head of a frame of this length, which need not follow.
+inline std::string zmtp_head(std::uint8_t flags, std::uint64_t length) {
+  constexpr std::uint8_t kLong = 2;
+  std::string bytes;
+  if (length < 256) {
+    bytes += static_cast<char>(flags);
+    bytes += static_cast<char>(length);
+    return bytes;
+  }
+  bytes += static_cast<char>(flags | kLong);
+  for (int shift = 56; shift >= 0; shift -= 8) bytes += static_cast<char>(length >> shift);
+  return bytes;
+}
+inline std::string zmtp_frame(std::uint8_t flags, std::string_view body) {
+  return zmtp_head(flags, body.size()) + std::string(body);
+}
+
+/// The handshake of the mechanism NULL. @param type  of the socket: "PUSH", "DEALER"
+inline std::string zmtp_ready(std::string_view type) {
+  std::string body("\5READY\xbSocket-Type\0\0\0", 21);
+  body += static_cast<char>(type.size());
+  body += type;
+  return zmtp_frame(kCommand, body);
+}
+
+/// A stream of bytes to "ipc://…" or "tcp://127.0.0.1:…"; closed at its destruction.
+class RawStream {
+ public:
+  explicit RawStream(const std::string& endpoint) {
+    if (endpoint.starts_with("ipc://")) {
+      sockaddr_un address{};
+      address.sun_family = AF_UNIX;
+      endpoint.copy(address.sun_path, sizeof(address.sun_path) - 1, 6);
+      open(AF_UNIX, reinterpret_cast<sockaddr*>(&address), sizeof(address));
+    } else {
+      sockaddr_in address{};
+      address.sin_family = AF_INET;
+      address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+      address.sin_port =
+          htons(static_cast<std::uint16_t>(std::stoi(endpoint.substr(endpoint.rfind(':') + 1))));
+      open(AF_INET, reinterpret_cast<sockaddr*>(&address), sizeof(address));
+    }
+  }
+  ~RawStream() { close(descriptor_); }
+  RawStream(const RawStream&) = delete;
+  RawStream& operator=(const RawStream&) = delete;
+
+  [[nodiscard]] bool is_open() const { return is_open_; }
+  /// Blocks until everything is written; false once the other end has closed the connection.
+  bool write(std::string_view bytes) {
+    while (is_open_ && !bytes.empty()) {
+      const ssize_t n = ::send(descriptor_, bytes.data(), bytes.size(), MSG_NOSIGNAL);
+      if (n <= 0) {
+        is_open_ = false;
+      } else {
+        bytes.remove_prefix(static_cast<std::size_t>(n));
+      }
+    }
+    return is_open_;
+  }
+
+ private:
+  void open(int family, const sockaddr* address, socklen_t size) {
+    descriptor_ = socket(family, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    is_open_ = connect(descriptor_, address, size) == 0;
+    // write() of a connection that nobody reads ends
+    const timeval patience{.tv_sec = 0, .tv_usec = 200'000};
+    setsockopt(descriptor_, SOL_SOCKET, SO_SNDTIMEO, &patience, sizeof(patience));
+  }
+
+  int descriptor_ = -1;
+  bool is_open_ = false;
+};
+
+}  // namespace palpate::test
