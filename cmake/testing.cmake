@@ -1,6 +1,12 @@
 find_package(GTest REQUIRED)
 include(GoogleTest)
 
+# In one translation unit a local name may hide a name of another source.
+add_library(palpate_test_warnings INTERFACE)
+if(PALPATE_UNITY)
+  target_compile_options(palpate_test_warnings INTERFACE -Wno-shadow)
+endif()
+
 # Labels of the tests that ctest runs: under a sanitizer those that need no real time.
 set(labels_to_run ".")
 if(PALPATE_SANITIZE)
@@ -31,14 +37,10 @@ function(palpate_add_test name)
   add_executable(${name} ${arg_SOURCES})
   set_target_properties(${name} PROPERTIES UNITY_BUILD ${PALPATE_UNITY} UNITY_BUILD_BATCH_SIZE 8)
   target_link_libraries(${name} PRIVATE ${arg_LIBRARIES} GTest::gtest GTest::gmock GTest::gtest_main
-                                        palpate_warnings)
+                                        palpate_warnings palpate_test_warnings)
   target_include_directories(${name} PRIVATE ${CMAKE_SOURCE_DIR})
   # Half the compile time of a test; what it tests keeps the optimisation of its build type.
   target_compile_options(${name} PRIVATE -O1)
-  if(PALPATE_UNITY)
-    # a local name may hide a name of another source
-    target_compile_options(${name} PRIVATE -Wno-shadow)
-  endif()
   target_compile_definitions(${name} PRIVATE PALPATE_SOURCE_DIR="${CMAKE_SOURCE_DIR}"
                                              PALPATE_BINARY_DIR="${CMAKE_RUNTIME_OUTPUT_DIRECTORY}")
   if(NOT "${arg_LABELS}" MATCHES "${labels_to_run}")
