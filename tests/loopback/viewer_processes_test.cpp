@@ -195,8 +195,8 @@ TEST_F(ViewerProcesses, AFloodOfTargetsReachesTheDeviceAtMost120TimesASecondAndE
   ProcessLinks links({.priority = 0, .cpu = -1});
   const SteadyClock clock;
   ZmqSource<HandTarget> device(
-      links.side, clock, bind_to(load_session(file_).side().links.hand_target, "links.hand_target"),
-      Delivery::kEvery);
+      links.side, clock,
+      bind_to(load_session(file_).side().links.hand_target, "links.hand_target"));
   WebClient page(static_cast<std::uint16_t>(std::stoi(rest)));
   ASSERT_TRUE(page.open_web_socket());
   advertise(page);
