@@ -135,7 +135,8 @@ std::string disturbed_table(const std::vector<json>& outputs) {
   std::vector<Cells> table;
   for (const std::string& scene : scenes) {
     Cells cells{scene};
-    for (const char* disturbance : {"none", "50 ms, 20 % lost, 50 Hz", "100 ms, 20 % lost, 50 Hz"}) {
+    for (const char* disturbance :
+         {"none", "50 ms, 20 % lost, 50 Hz", "100 ms, 20 % lost, 50 Hz"}) {
       const json& row = only(rows, [&](const json& r) {
         return r.at("surface") == scene && r.at("disturbance") == disturbance;
       });
