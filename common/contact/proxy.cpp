@@ -129,7 +129,7 @@ void move(const Surface& surface, double radius_m, const Vector3& point_m, doubl
     if (at.distance_m <= clearance + kThere_m) way -= std::min(0.0, way.dot(at.normal)) * at.normal;
     const double length_m = way.norm();
     is_there = true;
-    if (length_m <= kThere_m || left_m <= 0.0) break;
+    if (length_m <= kThere_m || left_m <= kThere_m) break;  // no nearer than that
     double step_m = std::min({length_m, left_m, kStepRatio * at.distance_m});
     const Vector3 last_m = place_m;
     const SurfaceView last = at;

@@ -101,8 +101,8 @@ TEST(SurfaceCodec, RefusesPointsThatAreNone) {
   expect_tile(tile_of_points(point_of(0, {0, 0, -32767}, kOne)), false);
   expect_tile(tile_of_points(point_of(1000, {0, 0, 0}, kOne)), false);
   expect_tile(tile_of_points(point_of(1000, {0, 0, 30000}, kOne)), false);
-  expect_tile(tile_of_points(point_of(1000, {0, 0, 32767}, std::string("\0\0\xc0\x7f", 4))),
-              false);  // not a number
+  expect_tile(tile_of_points(point_of(1000, {0, 0, 32767}, std::string("\x80\x96\x18\x4b", 4))),
+              false);  // 1e7
   expect_tile(tile_of_points(point_of(1000, {0, 0, 32767}, std::string("\0\0\x80\xbf", 4))),
               false);  // −1
   expect_tile(tile_of_points(good.substr(1)), false);
