@@ -7,6 +7,45 @@
 #include "physics_node/interaction_deadband.h"
 
 namespace palpate::physics {
+namespace {
+
+// Of lengths in a contact, on the wire [m].
+constexpr double kLongest_m = 1e3;
+
+/// Scales down to components within ±most; rounding may leave one just beyond, so it cuts too.
+template <class M>
+void reduce(M& m, double most) noexcept {
+  const double largest = m.cwiseAbs().maxCoeff();
+  if (largest > most) m = (most / largest * m).cwiseMax(-most).cwiseMin(most).eval();
+}
+
+/// Reduces what no real tissue has, as of a tool metres deep in stiffening tissue, to the ranges of
+/// hop 3, so that mofc_node never refuses the message.
+void reduce_to_range(Interaction& interaction) noexcept {
+  for (std::size_t i = 0; i < interaction.listed_count; ++i) {
+    Contact& contact = interaction.contacts[i];
+    reduce(contact.force_on_tool_newton, kMaxTissueForceNewton);
+    reduce(contact.elastic_force_on_tool_newton, kMaxTissueForceNewton);
+    reduce(contact.curvature_per_m, kMaxCurvaturePerM);
+    reduce(contact.stretch_m, kLongest_m);
+    reduce(contact.held_m, kLongest_m);
+    contact.penetration_m = std::clamp(contact.penetration_m, -kLongest_m, kLongest_m);
+    contact.relaxed_m = std::clamp(contact.relaxed_m, -kLongest_m, kLongest_m);
+    reduce(contact.d_force_d_position, kMaxSlopeNewtonPerM);
+    reduce(contact.d_force_d_velocity, kMaxDampingNewtonSPerM);
+    contact.stiffening_newton_per_m2 = std::clamp(
+        contact.stiffening_newton_per_m2, -kMaxStiffeningNewtonPerM2, kMaxStiffeningNewtonPerM2);
+    // a stiffness map may multiply it
+    contact.hunt_crossley_stiffness_newton_per_m =
+        std::min(contact.hunt_crossley_stiffness_newton_per_m, kMaxStiffnessNewtonPerM);
+    contact.stored_energy_joule = std::min(contact.stored_energy_joule, kMaxStoredEnergyJoule);
+  }
+  reduce(interaction.force_on_tool_newton, kMaxTissueForceNewton);
+  interaction.stored_energy_joule =
+      std::min(interaction.stored_energy_joule, kMaxStoredEnergyJoule);
+}
+
+}  // namespace
 
 PhysicsNode::PhysicsNode(const SceneConfig& scene, const PhysicsConfig& physics, InteractionUse use,
                          const Clock& clock, Inbox<ToolMotion>& motion_in,
@@ -69,6 +108,7 @@ void PhysicsNode::step(const Tick& tick) noexcept {
   interaction.contacts = force.contacts;
   interaction.listed_count = force.listed_count;
   interaction.contact_count = force.contact_count;
+  reduce_to_range(interaction);
   surface_.fill(motion, tick.now, interaction);
   send(interaction, motion);
 

@@ -18,8 +18,6 @@ namespace {
 // Contacts with persistent state; further contacts are evaluated without history (no friction, no
 // puncture).
 constexpr std::size_t kMostTouches = 128;
-// Of lengths in a contact, on the wire [m].
-constexpr double kLongest_m = 1e3;
 
 /// Keeps `contact` if it is among the deepest. Of equally deep ones the first tissue comes first,
 /// so the order does not depend on the tree of the broad phase.
@@ -51,38 +49,6 @@ void clear_unless_finite(SceneForce& sum) noexcept {
   const SceneCounts counts = sum;
   sum = {};
   static_cast<SceneCounts&>(sum) = counts;
-}
-
-/// Scales down to components within ±most; rounding may leave one just beyond, so it cuts too.
-template <class M>
-void reduce(M& m, double most) noexcept {
-  const double largest = m.cwiseAbs().maxCoeff();
-  if (largest > most) m = (most / largest * m).cwiseMax(-most).cwiseMin(most).eval();
-}
-
-/// Reduces what no real tissue has, as of a tool metres deep in stiffening tissue, to the ranges of
-/// hop 3, so that mofc_node never refuses the message.
-void reduce_to_range(SceneForce& sum) noexcept {
-  for (std::size_t i = 0; i < sum.listed_count; ++i) {
-    Contact& contact = sum.contacts[i];
-    reduce(contact.force_on_tool_newton, kMaxTissueForceNewton);
-    reduce(contact.elastic_force_on_tool_newton, kMaxTissueForceNewton);
-    reduce(contact.curvature_per_m, kMaxCurvaturePerM);
-    reduce(contact.stretch_m, kLongest_m);
-    reduce(contact.held_m, kLongest_m);
-    contact.penetration_m = std::clamp(contact.penetration_m, -kLongest_m, kLongest_m);
-    contact.relaxed_m = std::clamp(contact.relaxed_m, -kLongest_m, kLongest_m);
-    reduce(contact.d_force_d_position, kMaxSlopeNewtonPerM);
-    reduce(contact.d_force_d_velocity, kMaxDampingNewtonSPerM);
-    contact.stiffening_newton_per_m2 = std::clamp(
-        contact.stiffening_newton_per_m2, -kMaxStiffeningNewtonPerM2, kMaxStiffeningNewtonPerM2);
-    // a stiffness map may multiply it
-    contact.hunt_crossley_stiffness_newton_per_m =
-        std::min(contact.hunt_crossley_stiffness_newton_per_m, kMaxStiffnessNewtonPerM);
-    contact.stored_energy_joule = std::min(contact.stored_energy_joule, kMaxStoredEnergyJoule);
-  }
-  reduce(sum.force_on_tool_newton, kMaxTissueForceNewton);
-  sum.stored_energy_joule = std::min(sum.stored_energy_joule, kMaxStoredEnergyJoule);
 }
 
 }  // namespace
@@ -248,7 +214,6 @@ SceneForce Scene::step(TissueMemory& memory, const Vector3& tip_position_world_m
     add(touch, memory, tip_velocity_world_m_per_s, time_s, sum);
   }
   clear_unless_finite(sum);
-  reduce_to_range(sum);
   return sum;
 }
 
@@ -273,7 +238,6 @@ SceneForce Scene::evaluate(const Vector3& tip_position_world_m,
         static_cast<std::uint32_t>(relaxation_times_s_.size() - memory.relaxation().awake_count());
   }
   clear_unless_finite(sum);
-  reduce_to_range(sum);
   return sum;
 }
 

@@ -54,8 +54,7 @@ class Scene {
   /// seen from the side where the proxy is. Forces of several contacts add up.
   ///
   /// Any finite or non-finite input gives a finite result: if a number overflows, as for a tool
-  /// teleported to 1e200 m, everything is zero as if nothing touched. What exceeds the ranges of
-  /// core/tissue.h is reduced to them.
+  /// teleported to 1e200 m, everything is zero as if nothing touched.
   [[nodiscard]] SceneForce evaluate(
       const Vector3& tip_position_world_m, const Vector3& tip_velocity_world_m_per_s, double time_s,
       const TissueMemory& memory, const Vector3& shaft_to_handle = Vector3::UnitZ()) const noexcept;
