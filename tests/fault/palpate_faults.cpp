@@ -32,6 +32,7 @@
 #include "device_node/simulation/hand.h"
 #include "device_node/simulation/plant.h"
 #include "tests/fault/pressing_session.h"
+#include "tests/support/peak_memory.h"
 #include "tests/support/port.h"
 #include "tests/support/raw_zmtp.h"
 #include "tests/support/run_folder.h"
@@ -891,14 +892,6 @@ TEST_F(ForeignPeers, AnotherProgramInPlaceOfPhysicsIsReplacedByPhysics) {
          "physics");
 }
 
-/// Resident memory of a process [MiB].
-double resident_mib(pid_t process) {
-  std::ifstream file("/proc/" + std::to_string(process) + "/statm");
-  long pages = 0;
-  file >> pages >> pages;
-  return static_cast<double>(pages) * static_cast<double>(sysconf(_SC_PAGESIZE)) / (1 << 20);
-}
-
 /// Writes `total` bytes, over a new connection whenever one is ended.
 void flood(const std::string& endpoint, const char* type, const std::string& frames,
            std::size_t total) {
@@ -934,10 +927,10 @@ TEST_F(ForeignPeers, FloodsNeitherSwellANodeNorDisturbTheHand) {
 
   std::map<std::string, pid_t> nodes;
   std::map<std::string, double> before;
-  std::map<std::string, double> most;
   for (const char* node : {"device", "mofc", "physics"}) {
     nodes[node] = session_->node(node);
-    before[node] = most[node] = resident_mib(nodes[node]);
+    test::restart_peak_memory(nodes[node]);
+    before[node] = test::peak_memory_mib(nodes[node]);
   }
   const TimePoint from = session_->now();
   std::atomic<int> running{0};
@@ -956,17 +949,13 @@ TEST_F(ForeignPeers, FloodsNeitherSwellANodeNorDisturbTheHand) {
   }
   attack(tool_motion, "PUSH", parts, 30);
   attack(interaction, "DEALER", parts, 30);
-  EXPECT_TRUE(session_->watcher().until([&] {
-    for (const auto& [node, process] : nodes) {
-      most[node] = std::max(most[node], resident_mib(process));
-    }
-    return running == 0;
-  }));
+  EXPECT_TRUE(session_->watcher().until([&] { return running == 0; }));
   attackers.clear();
   for (const auto& [node, process] : nodes) {
+    const double most = test::peak_memory_mib(process);
     std::printf("%s_node: %.1f MiB before the floods, at most %.1f MiB\n", node.c_str(),
-                before[node], most[node]);
-    EXPECT_LT(most[node] - before[node], kMostGrowthMib) << node;
+                before[node], most);
+    EXPECT_LT(most - before[node], kMostGrowthMib) << node;
   }
 
   finish_undisturbed("11 MB of subscriptions to every node, 30 MB of endless messages to physics",

@@ -4,11 +4,9 @@
 #include <malloc.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cstdio>
-#include <fstream>
 #include <memory>
 #include <optional>
 #include <string>
@@ -21,6 +19,7 @@
 #include "common/link/scene_sender.h"
 #include "common/link/telemetry_subscriber.h"
 #include "tests/loopback/links/link_fixture.h"
+#include "tests/support/peak_memory.h"
 #include "tests/support/port.h"
 #include "tests/support/raw_zmtp.h"
 
@@ -29,13 +28,6 @@ namespace {
 
 using namespace std::chrono_literals;
 
-/// Resident memory of this process [MiB].
-double resident_mib() {
-  std::ifstream file("/proc/self/statm");
-  long pages = 0;
-  file >> pages >> pages;
-  return static_cast<double>(pages) * static_cast<double>(sysconf(_SC_PAGESIZE)) / (1 << 20);
-}
 constexpr double kMostGrowthMib = 32.0;
 
 class HostilePeer : public EveryTransport {
@@ -282,7 +274,8 @@ class Swelling : public LinksTest {
     std::string block;
     while (block.size() < (64 << 10)) block += attack.frames;
     malloc_trim(0);  // what earlier attacks left
-    const double before = resident_mib();
+    restart_peak_memory(getpid());
+    const double before = peak_memory_mib(getpid());
     Effect effect;
     std::atomic<bool> is_done{false};
     std::thread attacker([&] {
@@ -300,10 +293,10 @@ class Swelling : public LinksTest {
     });
     while (!is_done) {
       work();
-      effect.growth_mib = std::max(effect.growth_mib, resident_mib() - before);
       clock_.sleep_until(clock_.now() + 1ms);
     }
     attacker.join();
+    effect.growth_mib = peak_memory_mib(getpid()) - before;
     return effect;
   }
 };
