@@ -42,6 +42,7 @@ void HeldTile::take(const SurfaceTile& tile) noexcept {
     if (i == 0) bounds = facet;
     bounds.include(facet);
   }
+  core = bounds;
   point_count = tile.point_count;
   for (std::size_t i = 0; i < point_count; ++i) {
     const TilePoint& from = tile.points[i];
@@ -60,8 +61,12 @@ void HeldTile::take(const SurfaceTile& tile) noexcept {
     to.stiffness_ratio = static_cast<double>(from.stiffness_ratio);
     Bounds reached{to.place_m, to.place_m};
     reached.grow(Vector3::Constant(to.reach_m));
-    if (i == 0) bounds = reached;
+    if (i == 0) {
+      bounds = reached;
+      core = {to.place_m, to.place_m};
+    }
     bounds.include(reached);
+    core.include(to.place_m);
   }
 }
 
@@ -175,7 +180,7 @@ struct TileSurface::PointSearch {
   const HeldTile::Point* best = nullptr;
 
   bool offer_all(const HeldTile& tile) noexcept {
-    if (!(tile.bounds.squared_distance(point_m) <= best_squared)) return false;
+    if (!(tile.core.squared_distance(point_m) <= best_squared)) return false;
     for (const HeldTile::Point& one : std::span(tile.points).first(tile.point_count)) {
       const double squared = (point_m - one.place_m).squaredNorm();
       if (!(squared < best_squared)) continue;
@@ -212,7 +217,7 @@ void TileSurface::gather(const Vector3& point_m) noexcept {
 double TileSurface::nearest_at_most_m(const Vector3& point_m) const noexcept {
   double most_m = std::numeric_limits<double>::max();
   for (const std::uint32_t slot : slots_) {
-    most_m = std::min(most_m, held_[slot].bounds.farthest_m(point_m));
+    most_m = std::min(most_m, held_[slot].core.farthest_m(point_m));
   }
   return most_m;
 }

@@ -42,6 +42,7 @@ struct HeldTile {
   std::uint32_t point_count = 0;
   std::array<Point, kMaxTilePoints> points;
   Bounds bounds;  ///< of the facets, or of what the points reach
+  Bounds core;    ///< of the facets, or of the points
 
   /// Takes a tile that the codec has checked. No allocation, no throw.
   void take(const SurfaceTile& tile) noexcept;
@@ -100,7 +101,7 @@ class TileSurface final : public Surface {
   template <class Examine>
   bool visit(std::span<const std::uint32_t> slots, const Examine& examine) const noexcept;
 
-  static constexpr int kMostExamined = 64;
+  static constexpr int kMostExamined = 128;
   static constexpr std::size_t kMaxNear = 48;
 
   std::span<const HeldTile> held_;

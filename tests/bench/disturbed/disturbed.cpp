@@ -175,7 +175,7 @@ std::vector<FaultWindow> wifi_stalls(double seconds) {
 void run_disturbed(const BenchOptions& options, const std::vector<std::string>& meshes,
                    const DisturbedRows& rows) {
   const test::TempFolder folder;
-  const double most_seconds = options.is_quick || rows.is_excerpt ? 4.0 : 10.0;
+  const double most_seconds = rows.is_excerpt ? 3.0 : options.is_quick ? 4.0 : 10.0;
   Table table({{"surface", "scene", ""},
                {"disturbance", "disturbance", ""},
                {"capped_transparency", "transp.", "{:.3f}"},
@@ -202,6 +202,7 @@ void run_disturbed(const BenchOptions& options, const std::vector<std::string>& 
   };
   for (const DisturbedScene& scene : disturbed_scenes(folder, meshes)) {
     if (scene.name.find(rows.only) == std::string::npos) continue;
+    if (rows.is_excerpt && !scene.is_in_excerpt) continue;
     const double seconds = std::min(most_seconds, scene.seconds);
     std::optional<RunStatistics> undisturbed;
     for (const Disturbance& disturbance : scene.has_all_disturbances ? all : few) {

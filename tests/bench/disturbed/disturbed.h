@@ -12,7 +12,7 @@ namespace palpate::bench {
 
 struct DisturbedRows {
   std::string only;         ///< scenes whose name contains this
-  bool is_excerpt = false;  ///< 4 s each: undisturbed, and 50 and 100 ms with loss
+  bool is_excerpt = false;  ///< 3 s each: undisturbed, and 50 and 100 ms with loss
 };
 
 /// Each row of a scene beside the scene's own undisturbed run, in mode guard with the defaults.

@@ -15,7 +15,8 @@ struct DisturbedScene {
   /// Throws SetupError.
   std::function<Session(const std::vector<std::string>& overrides)> session;
   bool has_all_disturbances = true;  ///< else only delays
-  double seconds = 10.0;             ///< at most
+  bool is_in_excerpt = true;
+  double seconds = 10.0;  ///< at most
 };
 
 /// Real and rough surfaces, then one scene for each property of tissue.

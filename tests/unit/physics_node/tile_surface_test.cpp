@@ -135,17 +135,17 @@ TEST(TileSurface, CountsViewsThatAnUnknownTileMayChange) {
 TEST(TileSurface, TilesAreCompact) {
   const TiledMesh ball(ball_mesh(0.05, 40));
   const double all_m = ball.shape().bounds()->longest_side_m();
-  ASSERT_LE(ball.tissue().tiles.size(), ball_mesh(0.05, 40).triangles.size() / 32 + 10);
+  ASSERT_LE(ball.tissue().tiles.size(), ball_mesh(0.05, 40).triangles.size() / 32 + 30);
   for (const Bounds& bounds : ball.tissue().bounds) {
     EXPECT_LT(bounds.longest_side_m(), 0.3 * all_m);
   }
 }
 
-// 64 tiles may be examined for a view; more are only found where somebody wants to cost time
+// 128 tiles may be examined for a view; more are only found where somebody wants to cost time
 TEST(TileSurface, ManyTilesInOnePlaceAreNotAllExamined) {
   const TiledMesh one(cube_mesh(0.02));
   ASSERT_EQ(one.tissue().tiles.size(), 1u);
-  std::vector<HeldTile> heap(100);
+  std::vector<HeldTile> heap(200);
   TileSurface surface(heap);
   surface.reset({});
   surface.cover(Vector3::Zero(), 1000.0);
@@ -188,7 +188,7 @@ TEST(TiledCloud, IsSeenAsTheWholeCloudIs) {
     SurfaceHint other;
     for (int i = 0; i < 2000; ++i) {
       const Vector3 outwards = test::random_vector(random, 1.0).normalized();
-      const Vector3 point_m = center_m + random.uniform(0.6, 1.2) * kRadius * outwards;
+      const Vector3 point_m = center_m + random.uniform(0.8, 1.2) * kRadius * outwards;
       if (has_gather) cloud.surface().gather(point_m);
       const SurfaceView part = cloud.surface().view(point_m, hint);
       const SurfaceView whole = cloud.shape().view(point_m, other);
@@ -206,6 +206,7 @@ TEST(TiledCloud, CountsViewsThatAnUnknownTileMayChange) {
   const auto uncovered_around = [&](const Vector3& gap_m) {
     cloud.surface().cover(point_m, 1000.0);
     cloud.surface().except(gap_m, 0.008);
+    cloud.surface().gather(point_m);
     SurfaceHint hint;
     static_cast<void>(cloud.surface().view(point_m, hint));
     return hint.uncovered_views;
