@@ -28,7 +28,11 @@ namespace {
 
 using namespace std::chrono_literals;
 
+#ifdef __SANITIZE_ADDRESS__
+constexpr double kMostGrowthMib = 512.0;  // freed memory is kept for a while
+#else
 constexpr double kMostGrowthMib = 32.0;
+#endif
 
 class HostilePeer : public EveryTransport {
  protected:
