@@ -47,7 +47,7 @@ class Source {
 /// Counters of one incoming link since the start; part of the telemetry.
 struct LinkCounters {
   std::uint64_t accepted = 0;
-  std::uint64_t skipped = 0;       ///< missing sequence numbers: lost, or replaced by conflation
+  std::uint64_t skipped = 0;       ///< missing sequence numbers: lost on the way
   std::uint64_t duplicates = 0;    ///< repeated sequence numbers
   std::uint64_t out_of_order = 0;  ///< older than a message already accepted; dropped
   std::uint64_t rejected = 0;      ///< refused by the codec

@@ -8,6 +8,7 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include <cerrno>
 #include <cstdint>
 #include <string>
 #include <string_view>
@@ -73,30 +74,48 @@ class RawStream {
   RawStream& operator=(const RawStream&) = delete;
 
   [[nodiscard]] bool is_open() const { return is_open_; }
-  /// Blocks until everything is written; false once the other end has closed the connection.
+  /// The other end has closed the connection.
+  [[nodiscard]] bool was_closed() const { return was_closed_; }
+  /// Blocks until everything is written; false if the other end closed the connection or has read
+  /// nothing for kPatienceSeconds.
   bool write(std::string_view bytes) {
     while (is_open_ && !bytes.empty()) {
       const ssize_t n = ::send(descriptor_, bytes.data(), bytes.size(), MSG_NOSIGNAL);
-      if (n <= 0) {
-        is_open_ = false;
-      } else {
-        bytes.remove_prefix(static_cast<std::size_t>(n));
-      }
+      is_open_ = n > 0;
+      was_closed_ = !is_open_ && errno != EAGAIN;
+      if (is_open_) bytes.remove_prefix(static_cast<std::size_t>(n));
     }
     return is_open_;
+  }
+  /// The whole handshake without keys. A frame that arrives before libzmq has sent its READY would
+  /// be an error.
+  bool shake_hands(std::string_view type) {
+    if (!write(zmtp_greeting() + zmtp_ready(type))) return false;
+    read(zmtp_greeting().size());
+    const std::string head = read(2);
+    return head.size() == 2 && !read(static_cast<unsigned char>(head[1])).empty();
   }
 
  private:
   void open(int family, const sockaddr* address, socklen_t size) {
     descriptor_ = socket(family, SOCK_STREAM | SOCK_CLOEXEC, 0);
     is_open_ = connect(descriptor_, address, size) == 0;
-    // write() of a connection that nobody reads ends
-    const timeval patience{.tv_sec = 0, .tv_usec = 200'000};
+    const timeval patience{.tv_sec = kPatienceSeconds, .tv_usec = 0};
     setsockopt(descriptor_, SOL_SOCKET, SO_SNDTIMEO, &patience, sizeof(patience));
+    setsockopt(descriptor_, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof(patience));
   }
+  std::string read(std::size_t size) {
+    std::string bytes(size, '\0');
+    const ssize_t n = recv(descriptor_, bytes.data(), size, MSG_WAITALL);
+    bytes.resize(n < 0 ? 0 : static_cast<std::size_t>(n));
+    return bytes;
+  }
+
+  static constexpr int kPatienceSeconds = 5;
 
   int descriptor_ = -1;
   bool is_open_ = false;
+  bool was_closed_ = false;
 };
 
 }  // namespace palpate::test
