@@ -112,9 +112,11 @@ Contact contact_of(const v1::Contact& wire) {
   contact.is_adhesive = wire.is_adhesive();
   contact.trust_radius_m = wire.trust_radius_m();
   contact.hunt_crossley_exponent = wire.hunt_crossley_exponent();
-  contact.hunt_crossley_depth_m = wire.hunt_crossley_depth_m();
-  contact.hunt_crossley_stiffness_newton_per_m = wire.hunt_crossley_stiffness_newton_per_m();
-  contact.hunt_crossley_damping_newton_s_per_m = wire.hunt_crossley_damping_newton_s_per_m();
+  if (contact.hunt_crossley_exponent > 0.0) {
+    contact.hunt_crossley_depth_m = wire.hunt_crossley_depth_m();
+    contact.hunt_crossley_stiffness_newton_per_m = wire.hunt_crossley_stiffness_newton_per_m();
+    contact.hunt_crossley_damping_newton_s_per_m = wire.hunt_crossley_damping_newton_s_per_m();
+  }
   contact.friction_coefficient = wire.friction_coefficient();
   contact.friction_stiffness_newton_per_m = wire.friction_stiffness_newton_per_m();
   if (wire.has_stretch_m()) contact.stretch_m = vector(wire.stretch_m());
