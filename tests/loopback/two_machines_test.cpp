@@ -20,10 +20,10 @@
 
 #include "common/link/security/keys.h"
 #include "common/session/session_file.h"
+#include "tests/support/network/two_networks.h"
 #include "tests/support/program.h"
 #include "tests/support/run_folder.h"
 #include "tests/support/temp_folder.h"
-#include "tests/support/two_networks.h"
 #include "tests/support/watcher.h"
 
 namespace palpate {

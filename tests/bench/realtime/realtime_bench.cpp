@@ -19,9 +19,9 @@
 #include "tests/bench/bench_output.h"
 #include "tests/bench/realtime/open_page.h"
 #include "tests/bench/realtime/rendered_share.h"
+#include "tests/support/network/two_networks.h"
 #include "tests/support/program.h"
 #include "tests/support/run_folder.h"
-#include "tests/support/two_networks.h"
 #include "tests/support/watcher.h"
 
 namespace palpate::bench {

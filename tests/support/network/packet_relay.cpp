@@ -1,4 +1,4 @@
-#include "tests/support/packet_relay.h"
+#include "tests/support/network/packet_relay.h"
 
 #include <fcntl.h>
 #include <linux/if_tun.h>

@@ -6,7 +6,7 @@
 #include <optional>
 #include <string>
 
-#include "tests/support/packet_relay.h"
+#include "tests/support/network/packet_relay.h"
 
 namespace palpate::test {
 

@@ -1,4 +1,4 @@
-#include "tests/support/two_networks.h"
+#include "tests/support/network/two_networks.h"
 
 #include <fcntl.h>
 #include <sched.h>
