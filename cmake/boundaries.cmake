@@ -15,7 +15,8 @@
 set(PALPATE_BOUNDARIES
   # core ← contact, session ← telemetry ← link ← process
   "common/core:"
-  "common/contact:common/core"
+  "common/contact:common/core,common/contact/cloud"
+  "common/contact/cloud:common/core,common/contact"
   "common/session:common/core"
   "common/session/file:common/core,common/session,@wire"
   "common/session/reference:common/session/file,@wire"
@@ -41,7 +42,7 @@ set(PALPATE_BOUNDARIES
 
   # surfaces ← files ← scene ← display; the step sees the scene only, and no lock
   "physics_node:common/core,common/contact,common/session/scene_config.h,common/telemetry/physics_telemetry.h,physics_node/scene"
-  "physics_node/surfaces:common/core,common/contact,common/session/scene_config.h,@threads"
+  "physics_node/surfaces:common/core,common/contact,common/contact/cloud,common/session/scene_config.h,@threads"
   "physics_node/files:common/core,common/contact,common/session/scene_config.h,physics_node/surfaces,@threads"
   "physics_node/scene:common/core,common/contact,common/session/scene_config.h,physics_node/surfaces,physics_node/files"
   "physics_node/display:common/core,common/contact,common/session,common/telemetry,physics_node/surfaces,physics_node/files,physics_node/scene"
