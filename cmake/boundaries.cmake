@@ -16,6 +16,7 @@ set(PALPATE_BOUNDARIES
   # core ← contact, session ← telemetry ← link ← process
   "common/core:"
   "common/contact:common/core,common/contact/cloud"
+  "common/contact/cloud:common/core,common/contact"
   "common/session:common/core"
   "common/session/file:common/core,common/session,@wire"
   "common/session/reference:common/session/file,@wire"
@@ -35,13 +36,13 @@ set(PALPATE_BOUNDARIES
   "device_node/drivers/simulated:common/core,common/session/simulation_config.h,device_node/device.h,device_node/simulation"
 
   # the clamp knows its own part of the session and no true state
-  "mofc_node:common/core,common/contact,common/session/clamped_device.h,common/session/device_profile.h,common/session/mofc_config.h,common/telemetry/mofc_telemetry.h,common/telemetry/metrics.h,mofc_node/controllers,mofc_node/tissue"
+  "mofc_node:common/core,common/contact,common/session/device_profile.h,common/session/mofc_config.h,common/telemetry/mofc_telemetry.h,common/telemetry/metrics.h,mofc_node/controllers,mofc_node/tissue"
   "mofc_node/tissue:common/core,common/contact"
   "mofc_node/controllers:"
 
   # surfaces ← files ← scene ← display; the step sees the scene only, and no lock
   "physics_node:common/core,common/contact,common/session/scene_config.h,common/telemetry/physics_telemetry.h,physics_node/scene"
-  "physics_node/surfaces:common/core,common/contact/*,common/session/scene_config.h,@threads"
+  "physics_node/surfaces:common/core,common/contact,common/contact/cloud,common/session/scene_config.h,@threads"
   "physics_node/files:common/core,common/contact,common/session/scene_config.h,physics_node/surfaces,@threads"
   "physics_node/scene:common/core,common/contact,common/session/scene_config.h,physics_node/surfaces,physics_node/files"
   "physics_node/display:common/core,common/contact,common/session,common/telemetry,physics_node/surfaces,physics_node/files,physics_node/scene"
