@@ -12,7 +12,7 @@ namespace {
 constexpr double kDefaultLongestLeaseUs = 10e3;
 /// From no force to the peak by default. Longer takes the edge off the contact with viscous tissue;
 /// shorter bounds little at 1 kHz.
-constexpr double kDefaultRiseS = 3e-3;
+constexpr double kDefaultRiseS = 2e-3;
 
 WorkspaceConfig to_workspace(const Fields& fields) {
   WorkspaceConfig config;

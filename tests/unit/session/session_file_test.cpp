@@ -101,7 +101,7 @@ TEST(SessionFile, AlmostEmptySessionHasEveryDefault) {
   EXPECT_EQ(device.fade, 50ms);
   EXPECT_EQ(device.start_ramp, 100ms);
   EXPECT_EQ(device.peak_force_newton, 3.3);
-  EXPECT_DOUBLE_EQ(device.slew_newton_per_s, 1100.0);  // 3.3 N in 3 ms
+  EXPECT_DOUBLE_EQ(device.slew_newton_per_s, 1650.0);  // 3.3 N in 2 ms
   EXPECT_EQ(device.v_fault_m_per_s, 10.0);
   EXPECT_EQ(device.workspace.scale_ratio, 1.0);
   EXPECT_EQ(device.workspace.force_ratio, 1.0);
