@@ -32,6 +32,7 @@
 #include "device_node/simulation/hand.h"
 #include "device_node/simulation/plant.h"
 #include "tests/fault/pressing_session.h"
+#include "tests/support/encoded_frame.h"
 #include "tests/support/peak_memory.h"
 #include "tests/support/port.h"
 #include "tests/support/raw_zmtp.h"
@@ -722,14 +723,6 @@ class ForeignPeer {
   zmq::socket_t to_physics_;
 };
 
-template <class T>
-std::string frame_of(const T& message) {
-  Codec<T> codec;
-  std::string frame(codec.encode(message), '\0');
-  codec.write(reinterpret_cast<std::byte*>(frame.data()));
-  return frame;
-}
-
 class ForeignPeers : public Faults {
  protected:
   /// Sends until both nodes have refused and counted more than 10 frames.
@@ -754,8 +747,8 @@ TEST_F(ForeignPeers, HalfWrittenMessagesAreRefused) {
     EXPECT_TRUE(
         stream->write(test::zmtp_greeting() + test::zmtp_head(test::kCommand, 41) + "\5READY"));
   }
-  std::string state = frame_of(DeviceState{});
-  std::string motion = frame_of(ToolMotion{});
+  std::string state = test::frame_of(DeviceState{});
+  std::string motion = test::frame_of(ToolMotion{});
   state.resize(state.size() / 2);
   motion.resize(motion.size() / 2);
 
@@ -775,7 +768,8 @@ TEST_F(ForeignPeers, MessagesOfAnotherVersionAreRefused) {
     return frame;
   };
 
-  send_until_refused(of_version_2(frame_of(DeviceState{})), of_version_2(frame_of(ToolMotion{})));
+  send_until_refused(of_version_2(test::frame_of(DeviceState{})),
+                     of_version_2(test::frame_of(ToolMotion{})));
 
   session_->launch().await_err("peer speaks protocol 2, this program speaks 1");
   finish_undisturbed("messages of another protocol version", from);
@@ -786,8 +780,8 @@ TEST_F(ForeignPeers, MessagesOfTwoPartsAreRefused) {
   const TimePoint from = session_->now();
   const Session& session = session_->session();
   const LinksConfig& links = session.side().links;
-  const std::string state = frame_of(DeviceState{});
-  const std::string motion = frame_of(ToolMotion{});
+  const std::string state = test::frame_of(DeviceState{});
+  const std::string motion = test::frame_of(ToolMotion{});
   const std::string subscription("\x0b\5", 2);
   struct Target {
     std::string endpoint;

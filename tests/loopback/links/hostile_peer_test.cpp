@@ -19,6 +19,7 @@
 #include "common/link/scene_sender.h"
 #include "common/link/telemetry_subscriber.h"
 #include "tests/loopback/links/link_fixture.h"
+#include "tests/support/encoded_frame.h"
 #include "tests/support/peak_memory.h"
 #include "tests/support/port.h"
 #include "tests/support/raw_zmtp.h"
@@ -40,13 +41,6 @@ class HostilePeer : public EveryTransport {
   std::string unused_endpoint() {
     if (GetParam() != Transport::kTcp) return fresh_endpoint(GetParam());
     return ports_.emplace_back(std::make_unique<HeldPort>())->endpoint();
-  }
-  template <class T>
-  std::string frame_of(const T& message) {
-    Codec<T> codec;
-    std::string frame(codec.encode(message), '\0');
-    codec.write(reinterpret_cast<std::byte*>(frame.data()));
-    return frame;
   }
   /// Two parts, a hundred, a long frame of no kind, and an empty one.
   void send_malformed(zmq::socket_t& socket, const std::string& valid, const zmq::message_t* to) {
@@ -108,9 +102,9 @@ TEST_P(HostilePeer, DoesNotDisturbTheEndsThatBind) {
   const std::string subscription("\x0b\4\7", 3);
   std::vector<zmq::socket_t> attackers;
   const std::vector<Attack> attacks{
-      {zmq::socket_type::dealer, exchange.endpoint(), frame_of(state_message)},
-      {zmq::socket_type::push, motions.endpoint(), frame_of(motion)},
-      {zmq::socket_type::push, targets.endpoint(), frame_of(target)},
+      {zmq::socket_type::dealer, exchange.endpoint(), test::frame_of(state_message)},
+      {zmq::socket_type::push, motions.endpoint(), test::frame_of(motion)},
+      {zmq::socket_type::push, targets.endpoint(), test::frame_of(target)},
       {zmq::socket_type::dealer, interactions.endpoint(), subscription, kLargestSubscriptionBytes},
       {zmq::socket_type::dealer, scene.endpoint(), subscription, kLargestSubscriptionBytes},
       {zmq::socket_type::xsub, plot.endpoint(), subscription, kLargestSubscriptionBytes}};
@@ -180,9 +174,9 @@ TEST_P(HostilePeer, DoesNotDisturbTheEndsThatConnect) {
   ZmqSource<Interaction> interactions(context_, clock_,
                                       connect_to(endpoints[1], "links.interaction"));
   TelemetrySubscriber viewer(context_, clock_, {connect_to(endpoints[2], "physics")});
-  const std::array<std::string, 3> valid{frame_of(random_message<ForceCommand>(random_)),
-                                         frame_of(random_message<Interaction>(random_)),
-                                         frame_of(random_message<PhysicsBatch>(random_))};
+  const std::array<std::string, 3> valid{test::frame_of(random_message<ForceCommand>(random_)),
+                                         test::frame_of(random_message<Interaction>(random_)),
+                                         test::frame_of(random_message<PhysicsBatch>(random_))};
   std::array<zmq::message_t, 3> peers;
   ForceCommand command;
   Interaction interaction;

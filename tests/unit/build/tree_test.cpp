@@ -103,7 +103,7 @@ std::string machine_path_in(const std::string& text) {
   for (const char* folder : {"home", "work", "root", "Users", "mnt", "media"}) {
     const std::string path = std::string("/") + folder + "/";
     for (std::size_t at = text.find(path); at != std::string::npos; at = text.find(path, at + 1)) {
-      // after a folder, "~" or a variable the path is relative, as in "net/work/" or "${X}/work/"
+      // after a folder, "~" or a variable the path is relative, as in "net/media"
       const char before = at > 0 ? text[at - 1] : ' ';
       const bool is_relative = std::isalnum(static_cast<unsigned char>(before)) != 0 ||
                                std::string("_.-~}/)*").find(before) != std::string::npos;

@@ -390,42 +390,35 @@ class MofcNodeGuards : public MofcNodeTest {
     return config;
   }
   MofcNodeGuards() : MofcNodeTest(clamping()) {}
+
+  /// After a motion that has earned credit: the next state, 1 ms later, with an echo of one
+  /// stretch.
+  void echo_after_motion(Duration from, Duration until) {
+    tick();
+    clock_.advance(1ms);
+    position_m_ = {0.05, 0, 0};
+    tick();
+    ASSERT_GT(records_.ticks.back().ledger_energy_joule, 1e-3);
+
+    Received<DeviceState> state;
+    state.value.header = {1, sequence_, clock_.now() + 1ms};
+    state.value.hand_position_m = position_m_;
+    state.value.applied[0] = {Vector3::Zero(), clock_.now() + from, clock_.now() + until,
+                              position_m_, true};
+    state.value.applied_count = 1;
+    (void)node_.answer(state);
+    node_.finish_turn();
+  }
 };
 
 // the same echo with a new header: nobody knows what acted since
 TEST_F(MofcNodeGuards, AnEchoThatEndsBeforeItsReadingIsAGap) {
-  tick();
-  clock_.advance(1ms);
-  position_m_ = {0.05, 0, 0};
-  tick();
-  ASSERT_GT(records_.ticks.back().ledger_energy_joule, 1e-3);
-
-  Received<DeviceState> state;
-  state.value.header = {1, sequence_, clock_.now() + 1ms};
-  state.value.hand_position_m = position_m_;
-  state.value.applied[0] = {Vector3::Zero(), clock_.now() - 1ms, clock_.now(), position_m_, true};
-  state.value.applied_count = 1;
-  (void)node_.answer(state);
-  node_.finish_turn();
-
+  ASSERT_NO_FATAL_FAILURE(echo_after_motion(-1ms, 0ms));
   EXPECT_EQ(records_.ticks.back().ledger_energy_joule, 0.0);
 }
 
 TEST_F(MofcNodeGuards, AnEchoFromTheFutureIsAGap) {
-  tick();
-  clock_.advance(1ms);
-  position_m_ = {0.05, 0, 0};
-  tick();
-  ASSERT_GT(records_.ticks.back().ledger_energy_joule, 1e-3);
-
-  Received<DeviceState> state;
-  state.value.header = {1, sequence_, clock_.now() + 1ms};
-  state.value.hand_position_m = position_m_;
-  state.value.applied[0] = {Vector3::Zero(), clock_.now(), clock_.now() + 2ms, position_m_, true};
-  state.value.applied_count = 1;
-  (void)node_.answer(state);
-  node_.finish_turn();
-
+  ASSERT_NO_FATAL_FAILURE(echo_after_motion(0ms, 2ms));
   EXPECT_EQ(records_.ticks.back().ledger_energy_joule, 0.0);
   EXPECT_EQ(node_.counters().ledger_resets, 2u) << "and the first state of the session";
 }
