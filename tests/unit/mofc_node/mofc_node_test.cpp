@@ -40,7 +40,8 @@ class MofcNodeTest : public testing::Test {
   }
   static ClampedDevice clamped_device() { return {.lease = 2ms}; }
 
-  explicit MofcNodeTest(MofcConfig mofc = mofc_config(), ClampedDevice device = clamped_device())
+  explicit MofcNodeTest(const MofcConfig& mofc = mofc_config(),
+                        const ClampedDevice& device = clamped_device())
       : node_(mofc, device, clock_, motion_link_, interaction_in_, records_, 77) {
     interaction_link_.on_wait = [this](TimePoint deadline) { clock_.sleep_until(deadline); };
   }
@@ -57,7 +58,7 @@ class MofcNodeTest : public testing::Test {
       state.value.applied_count = 1;
     }
     state.received_at = clock_.now();
-    const ForceCommand command = node_.answer(state);
+    ForceCommand command = node_.answer(state);
     node_.finish_turn();
     ++sequence_;
     return command;
