@@ -8,7 +8,7 @@ import type { DeviceTelemetry, Health, MofcTelemetry, PhysicsTelemetry } from ".
 
 const kDevice = 11n;
 const repeat = <T>(n: number, value: T): T[] => Array.from({ length: n }, () => value);
-const link = { accepted: 0n, skipped: 0n, duplicates: 0n, outOfOrder: 0n, rejected: 0n, sessions: 1n };
+const link = { accepted: 0n, skipped: 0n, duplicates: 0n, outOfOrder: 0n, rejected: 0n, ahead: 0n, sessions: 1n };
 
 // ticks first … first + rows − 1, one a millisecond
 function device(sequence: number, first: number, rows: number, more: Partial<DeviceTelemetry> = {}, session = kDevice): DeviceTelemetry {

@@ -230,7 +230,7 @@ export class Counters {
       ["hop4", "clamp → device", "hop 4"],
       ["hop2", "clamp → physics", "hop 2: only the newest counts; skipped messages are normal when physics is slower"],
       ["hop3", "physics → clamp", "hop 3: only the newest counts"],
-      ["refused", "refused", "malformed messages, all hops"],
+      ["refused", "refused", "malformed messages and answers to a state that was never sent, all hops"],
       ["telemetry", "telemetry", "batches and ticks that did not reach this page"],
     ]);
     card.append(head, groups);
@@ -264,8 +264,8 @@ export class Counters {
       this.set("hop3", count_words(mofc.interaction.skipped));
     }
     if (physics) this.set("hop2", count_words(physics.toolMotion.skipped));
-    const refused = (device?.forceCommand.rejected ?? 0n) + (mofc?.deviceState.rejected ?? 0n) +
-      (mofc?.interaction.rejected ?? 0n) + (physics?.toolMotion.rejected ?? 0n) + (health?.framesRejected ?? 0n);
+    const links = [device?.forceCommand, mofc?.deviceState, mofc?.interaction, physics?.toolMotion];
+    const refused = links.reduce((sum, link) => sum + (link ? link.rejected + link.ahead : 0n), health?.framesRejected ?? 0n);
     this.set("refused", count_words(refused), refused > 0n);
     const lost = telemetry_lost(telemetry);
     this.set("telemetry", count_words(lost), lost > 0);

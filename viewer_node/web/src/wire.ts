@@ -21,6 +21,7 @@ export interface LinkCounters {
   duplicates: bigint;
   outOfOrder: bigint;
   rejected: bigint;
+  ahead: bigint;
   sessions: bigint;
 }
 export interface LoopCounters {
