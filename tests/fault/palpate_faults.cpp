@@ -775,8 +775,13 @@ TEST_F(ForeignPeers, MessagesOfAnotherVersionAreRefused) {
   finish_undisturbed("messages of another protocol version", from);
 }
 
-TEST_F(ForeignPeers, MessagesOfTwoPartsAreRefused) {
-  press();
+class MessagesOfTwoParts : public ForeignPeers, public testing::WithParamInterface<bool> {};
+
+TEST_P(MessagesOfTwoParts, AreRefused) {
+  const bool is_together = GetParam();
+  std::vector<std::string> arguments{"--no-viewer"};
+  if (is_together) arguments.insert(arguments.end(), {"--together", "device,mofc"});
+  press(arguments);
   const TimePoint from = session_->now();
   const Session& session = session_->session();
   const LinksConfig& links = session.side().links;
@@ -791,13 +796,14 @@ TEST_F(ForeignPeers, MessagesOfTwoPartsAreRefused) {
   zmq::context_t context;
   std::vector<zmq::socket_t> peers;
   std::vector<std::string> valid;
-  for (const Target& target :
-       {Target{links.exchange, zmq::socket_type::dealer, state},
-        Target{links.tool_motion, zmq::socket_type::push, motion},
-        Target{links.interaction, zmq::socket_type::dealer, subscription},
-        Target{links.device_telemetry, zmq::socket_type::dealer, subscription},
-        Target{links.mofc_telemetry, zmq::socket_type::dealer, subscription},
-        Target{session.physics_telemetry, zmq::socket_type::dealer, subscription}}) {
+  std::vector<Target> targets{
+      Target{links.tool_motion, zmq::socket_type::push, motion},
+      Target{links.interaction, zmq::socket_type::dealer, subscription},
+      Target{links.device_telemetry, zmq::socket_type::dealer, subscription},
+      Target{links.mofc_telemetry, zmq::socket_type::dealer, subscription},
+      Target{session.physics_telemetry, zmq::socket_type::dealer, subscription}};
+  if (!is_together) targets.push_back({links.exchange, zmq::socket_type::dealer, state});
+  for (const Target& target : targets) {
     zmq::socket_t& peer = peers.emplace_back(context, target.type);
     peer.set(zmq::sockopt::linger, 0);
     peer.connect(target.endpoint);
@@ -813,12 +819,17 @@ TEST_F(ForeignPeers, MessagesOfTwoPartsAreRefused) {
         peers[i].send(zmq::buffer(std::string(size, 'x')), zmq::send_flags::dontwait);
       }
     }
-    return ++rounds >= 10 && mirror.mofc_counters().device_state.rejected > 10 &&
+    return ++rounds >= 10 && (is_together || mirror.mofc_counters().device_state.rejected > 10) &&
            mirror.physics_counters().tool_motion.rejected > 10;
   }));
 
-  finish_undisturbed("messages of two parts to every node", from);
+  finish_undisturbed(is_together ? "messages of two parts to every node, device and mofc together"
+                                 : "messages of two parts to every node",
+                     from);
 }
+INSTANTIATE_TEST_SUITE_P(Faults, MessagesOfTwoParts, testing::Bool(), [](const auto& info) {
+  return std::string(info.param ? "Together" : "FourProcesses");
+});
 
 /// Listens on the path of an ipc endpoint and writes zeros to everyone who connects.
 class Zeros {
