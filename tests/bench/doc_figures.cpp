@@ -184,6 +184,19 @@ std::string velocity_table(const std::vector<json>& outputs) {
                   table);
 }
 
+std::string velocity_cases_table(const std::vector<json>& outputs) {
+  std::vector<Cells> table;
+  for (const json& row : outputs.at(0).at("rows")) {
+    if (row.at("estimator") != "default") continue;
+    table.push_back({text(row, "motion"), fixed(row, "force_error_percent", 1),
+                     fixed(row, "beyond_jnd_percent", 1), fixed(row, "transparency_percent", 1),
+                     fixed(row, "path_deviation_mm", 2)});
+  }
+  return markdown({"case", "force error rms %", "samples beyond the JND %", "transparency %",
+                   "path deviation rms, mm"},
+                  table);
+}
+
 // --- deadbands
 // ------------------------------------------------------------------------------------
 
@@ -439,6 +452,7 @@ std::vector<DocFigures> doc_figures() {
        .is_of_real_time = true,
        .table = exchange_table},
       {.name = "velocity", .commands = {"velocity_bench --quick"}, .table = velocity_table},
+      {.name = "cases", .commands = {"velocity_bench --quick"}, .table = velocity_cases_table},
       {.name = "deadbands", .commands = {"deadband_bench"}, .table = deadband_table},
   };
 }
