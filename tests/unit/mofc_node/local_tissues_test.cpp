@@ -30,7 +30,7 @@ class PartOfAFloor : public testing::Test {
     tile.facets = {{{0, 1, 2}, {0, 2, 3}}};
     tile.facet_count = 2;
     news.tile_count = 1;
-    news.coverages[0] = {.radius_m = 1.0};
+    news.coverages[0].region.radius_m = 1.0;
     news.coverage_count = 1;
     news.pending[0] = {.version = 7, .center_m = {0.045F, 0.0F, 0.0F}, .radius_m = 0.04F};
     news.pending_count = 1;
