@@ -10,6 +10,9 @@
 namespace palpate {
 namespace {
 
+// A shaft that moves straight away from the surface is as far off it as it moved, but for rounding.
+constexpr double kSlack_m = 1e-5;
+
 /// The known touch, or a new one.
 Touch known_or(const Touch* known, const Touch& fresh) noexcept {
   Touch touch = known != nullptr ? *known : fresh;
@@ -89,7 +92,8 @@ bool TissueStep::follow_shaft(std::uint32_t tissue, const Touch* known, double r
   const double start_m = known != nullptr ? (proxy.point_m - last_tip_m_).dot(last_shaft_) : -1.0;
   const double along_m =
       nearest_along(surface_, shaft_segment(tool_, tip_m_ + held_m, shaft_), side,
-                    clearance_m(tool_.shaft_radius_m) + std::max(reach_m, travel_m), start_m,
+                    clearance_m(tool_.shaft_radius_m) + std::max(reach_m, travel_m + kSlack_m),
+                    start_m,
                     search, proxy.hint);
   if (along_m < 0.0) return false;
 
