@@ -60,8 +60,8 @@ double nearest_along(const Surface& surface, const ShaftSegment& segment, SheetS
   follow(segment, search);
   Seen best{.along_m = segment.first_m};
   if (start_m >= segment.first_m && start_m <= segment.last_m) best = look(start_m);
-  const std::uint32_t cell = hint.cell;
-  std::uint32_t best_cell = cell;
+  std::uint32_t best_cell = hint.cell;
+  double uncovered_at_least_m = std::numeric_limits<double>::infinity();
   for (std::size_t i = 0; i <= kShaftSteps; ++i) {
     double& at_least_m = search.at_least_m[i];
     const double enough_m = std::min(best.view.distance_m, limit_m + step_m);
@@ -82,7 +82,10 @@ double nearest_along(const Surface& surface, const ShaftSegment& segment, SheetS
     if (!std::isfinite(seen.view.distance_m)) {
       at_least_m = -std::numeric_limits<double>::infinity();
     }
-    if (at_least_m >= enough_m) hint.uncovered_views = uncovered_views;
+    if (hint.uncovered_views > uncovered_views) {
+      hint.uncovered_views = uncovered_views;
+      uncovered_at_least_m = std::min(uncovered_at_least_m, at_least_m);
+    }
     if (seen.view.distance_m < best.view.distance_m) {
       best = seen;
       best_cell = hint.cell;
@@ -93,6 +96,9 @@ double nearest_along(const Surface& surface, const ShaftSegment& segment, SheetS
     }
   }
   hint.cell = best_cell;
+  if (uncovered_at_least_m < std::min(best.view.distance_m, limit_m + step_m)) {
+    ++hint.uncovered_views;
+  }
   if (!(best.view.distance_m < limit_m + step_m)) return -1.0;
 
   // fine: Newton's method for the slope of the distance along the segment; on facets, where the
