@@ -210,8 +210,9 @@ struct TileSurface::PointSearch {
 
 /// Keeps the tile if it is within the radius; of too many the nearest, within a smaller one.
 void TileSurface::Near::offer(std::uint32_t slot, const Bounds& tile) noexcept {
-  const double distance_m = std::sqrt(tile.squared_distance(center_m));
-  if (!(distance_m < radius_m)) return;
+  const double squared = tile.squared_distance(center_m);
+  if (!(squared < radius_m * radius_m)) return;
+  const double distance_m = std::sqrt(squared);
   if (count == kMaxNear) {
     if (distance_m >= distances_m[count - 1]) {
       radius_m = distance_m;
