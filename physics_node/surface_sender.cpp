@@ -125,8 +125,8 @@ CapsuleGeometry SurfaceSender::region_of(const Contact& contact, const ToolMotio
   const double radius_m = contact.is_shaft ? tool.shaft_radius_m : tool.tip_radius_m;
   const double away_m = std::abs(radius_m - std::max(0.0, contact.penetration_m));
   CapsuleGeometry region;
-  region.from_m = motion.tool_position_world_m + ahead_m -
-                  displacement(description.motion, time_s).position_m;
+  region.from_m =
+      motion.tool_position_world_m + ahead_m - displacement(description.motion, time_s).position_m;
   if (!(tool.shaft_length_m > 0.0)) {
     // a tool above the surface will touch it below
     region.from_m -= gap_m * contact.normal_world;
@@ -321,11 +321,10 @@ void SurfaceSender::cover(std::uint32_t slot, const CapsuleGeometry& region, Tim
                           SurfaceNews& news) noexcept {
   Described& described = described_[slot];
   const DescribedTissue& tissue = tissues_[*described.tissue];
-  SurfaceCoverage coverage{.described_slot = slot,
-                           .description_version = described.version,
-                           .region = {.from_m = region.from_m,
-                                      .to_m = region.to_m,
-                                      .radius_m = kWhole_m}};
+  SurfaceCoverage coverage{
+      .described_slot = slot,
+      .description_version = described.version,
+      .region = {.from_m = region.from_m, .to_m = region.to_m, .radius_m = kWhole_m}};
   double& covered_m = coverage.region.radius_m;
   if (described.tiles_known < tissue.tiles.size()) {
     // the nearest tiles that are not known

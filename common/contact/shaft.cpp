@@ -13,9 +13,8 @@ constexpr double kLevel = 1e-6;
 /// What earlier searches know of the places on this segment.
 void follow(const ShaftSegment& segment, ShaftSearch& search) noexcept {
   const ShaftSegment& last = search.segment;
-  const double moved_m =
-      std::max((segment.at_m(segment.first_m) - last.at_m(last.first_m)).norm(),
-               (segment.at_m(segment.last_m) - last.at_m(last.last_m)).norm());
+  const double moved_m = std::max((segment.at_m(segment.first_m) - last.at_m(last.first_m)).norm(),
+                                  (segment.at_m(segment.last_m) - last.at_m(last.last_m)).norm());
   const bool is_same = search.is_begun && std::isfinite(moved_m) &&
                        segment.first_m == last.first_m && segment.last_m == last.last_m;
   for (double& at_least_m : search.at_least_m) {
@@ -66,8 +65,8 @@ double nearest_along(const Surface& surface, const ShaftSegment& segment, SheetS
     double& at_least_m = search.at_least_m[i];
     const double enough_m = std::min(best.view.distance_m, limit_m + step_m);
     if (at_least_m >= enough_m) continue;
-    const double along_m = i < kShaftSteps ? segment.first_m + static_cast<double>(i) * step_m
-                                           : segment.last_m;
+    const double along_m =
+        i < kShaftSteps ? segment.first_m + static_cast<double>(i) * step_m : segment.last_m;
     const Vector3 point_m = segment.at_m(along_m);
     const double unknown_m = surface.unknown_m(point_m);
     at_least_m = std::min(surface.known_at_least_m(point_m), unknown_m);

@@ -28,8 +28,8 @@ class Surface {
   [[nodiscard]] virtual double unknown_m(const Vector3& /*point_m*/) const noexcept {
     return std::numeric_limits<double>::infinity();
   }
-  /// What it knows is nowhere nearer than this, m ≥ 0: a lower bound of the distance that costs less
-  /// than a view.
+  /// What it knows is nowhere nearer than this, m ≥ 0: a lower bound of the distance that costs
+  /// less than a view.
   [[nodiscard]] virtual double known_at_least_m(const Vector3& /*point_m*/) const noexcept {
     return 0.0;
   }

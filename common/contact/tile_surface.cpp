@@ -266,8 +266,8 @@ const TileSurface::Near& TileSurface::near_to(const Vector3& point_m) const noex
   const Near* nearest = &near_[0];
   for (const Near& near : near_) {
     if (!(near.radius_m > 0.0)) continue;
-    const bool is_nearer = (point_m - near.center_m).squaredNorm() <
-                           (point_m - nearest->center_m).squaredNorm();
+    const bool is_nearer =
+        (point_m - near.center_m).squaredNorm() < (point_m - nearest->center_m).squaredNorm();
     if (!(nearest->radius_m > 0.0) || is_nearer) nearest = &near;
   }
   return *nearest;
@@ -377,7 +377,9 @@ SurfaceView TileSurface::view_of_points(const Vector3& point_m, SurfaceHint& hin
         };
         const Near& there = near_to(place_m);
         const Tiles tiles = has_all(there, place_m, 0.0) ? there.tiles() : all();
-        is_complete = visit(tiles, place_m, [] { return 0.0; }, add) && is_complete;
+        is_complete = visit(
+                          tiles, place_m, [] { return 0.0; }, add) &&
+                      is_complete;
       });
   if (!is_complete || !(farthest_m <= unknown_m(point_m))) ++hint.uncovered_views;
   return view;

@@ -78,8 +78,7 @@ Touch TissueStep::free_tip(std::uint32_t tissue, const Touch* known,
 }
 
 bool TissueStep::follow_shaft(std::uint32_t tissue, const Touch* known, double reach_m,
-                              ShaftSearch& search, Touch& shaft,
-                              Vector3& moved_m) const noexcept {
+                              ShaftSearch& search, Touch& shaft, Vector3& moved_m) const noexcept {
   shaft = known_or(known, {.tissue = tissue, .is_shaft = true, .radius_m = tool_.shaft_radius_m});
   Proxy& proxy = shaft.proxy;
   const Vector3 held_m = proxy.place_m - proxy.point_m;
@@ -93,8 +92,7 @@ bool TissueStep::follow_shaft(std::uint32_t tissue, const Touch* known, double r
   const double along_m =
       nearest_along(surface_, shaft_segment(tool_, tip_m_ + held_m, shaft_), side,
                     clearance_m(tool_.shaft_radius_m) + std::max(reach_m, travel_m + kSlack_m),
-                    start_m,
-                    search, proxy.hint);
+                    start_m, search, proxy.hint);
   if (along_m < 0.0) return false;
 
   const Vector3 point_m = tip_m_ + along_m * shaft_;

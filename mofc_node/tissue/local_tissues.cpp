@@ -98,7 +98,8 @@ LocalTissues::Result LocalTissues::advance(DescribedTissue& tissue, const ToolPo
     views_left -= std::min(views_left, touch.proxy.hint.views);
   };
   const Touch* const known = memory.tip ? &*memory.tip : nullptr;
-  const bool was_free = known != nullptr && !known->has_hold();
+  // physics_node lists the tip of a tool whose shaft is near only if the tip is near too
+  const bool was_free = known != nullptr ? !known->has_hold() : memory.pose.has_value();
   const double clearance = clearance_m(tissue.tool().tip_radius_m);
   const double around_m = memory.free.around_m(step.tip_m());
   Touch tip;
@@ -109,8 +110,8 @@ LocalTissues::Result LocalTissues::advance(DescribedTissue& tissue, const ToolPo
     result.is_valid = tip.proxy.hint.uncovered_views == 0;
     memory.free = {};
     if (!tip.has_hold()) {
-      memory.free = {step.tip_m(),
-                     std::min(tip.proxy.surface.distance_m, tissue.surface().unknown_m(step.tip_m()))};
+      memory.free = {step.tip_m(), std::min(tip.proxy.surface.distance_m,
+                                            tissue.surface().unknown_m(step.tip_m()))};
       const bool has_stayed_free =
           was_free && memory.free.radius_m > clearance + step.moved_m().norm();
       result.is_valid = result.is_valid || has_stayed_free;

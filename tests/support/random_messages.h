@@ -582,15 +582,14 @@ inline bool same(const SurfaceNews& a, const SurfaceNews& b) {
          a.pending_count == b.pending_count &&
          std::equal(a.tiles.begin(), a.tiles.begin() + a.tile_count, b.tiles.begin(),
                     [](const auto& x, const auto& y) { return same(x, y); }) &&
-         std::equal(a.coverages.begin(), a.coverages.begin() + a.coverage_count,
-                    b.coverages.begin(),
-                    [](const auto& x, const auto& y) {
-                      return x.described_slot == y.described_slot &&
-                             x.description_version == y.description_version &&
-                             same(x.region.from_m, y.region.from_m) &&
-                             same(x.region.to_m, y.region.to_m) &&
-                             x.region.radius_m == y.region.radius_m;
-                    }) &&
+         std::equal(
+             a.coverages.begin(), a.coverages.begin() + a.coverage_count, b.coverages.begin(),
+             [](const auto& x, const auto& y) {
+               return x.described_slot == y.described_slot &&
+                      x.description_version == y.description_version &&
+                      same(x.region.from_m, y.region.from_m) &&
+                      same(x.region.to_m, y.region.to_m) && x.region.radius_m == y.region.radius_m;
+             }) &&
          std::equal(a.pending.begin(), a.pending.begin() + a.pending_count, b.pending.begin(),
                     [](const auto& x, const auto& y) {
                       return x.slot == y.slot && x.described_slot == y.described_slot &&
