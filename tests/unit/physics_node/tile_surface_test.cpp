@@ -152,7 +152,7 @@ TEST(TileSurface, SeesTilesThatArriveAfterGathering) {
   TileSurface& surface = ball.surface();
   const Vector3 center_m = ball.shape().bounds()->center_m();
   const auto place = [&](std::size_t i) {
-    return center_m + Vector3(0.0, 0.0, i == 0 ? 0.034 : -0.034);
+    return Vector3(center_m + Vector3(0.0, 0.0, i == 0 ? 0.034 : -0.034));
   };
   const auto count = static_cast<std::uint32_t>(ball.held().size());
   for (std::uint32_t i = 0; i < count; ++i) surface.remove(i);
