@@ -237,8 +237,11 @@ inline void randomise(SurfaceNews& news, Random& random) {
   for (std::uint32_t i = 0; i < news.coverage_count; ++i) {
     news.coverages[i] = {.described_slot = static_cast<std::uint32_t>(random.below(kMaxDescribed)),
                          .description_version = static_cast<std::uint32_t>(random.bits()),
-                         .center_m = random_vector(random, 1.0),
-                         .radius_m = random.uniform(0.0, 1.0)};
+                         .region = {.from_m = random_vector(random, 1.0),
+                                    .to_m = random_vector(random, 1.0),
+                                    .radius_m = random.uniform(0.0, 1.0)}};
+    CapsuleGeometry& region = news.coverages[i].region;
+    if (random.chance(0.5)) region.to_m = region.from_m;
   }
   news.pending_count = 1 + static_cast<std::uint32_t>(random.below(kMaxPendingTiles));
   for (std::uint32_t i = 0; i < news.pending_count; ++i) {
@@ -579,13 +582,14 @@ inline bool same(const SurfaceNews& a, const SurfaceNews& b) {
          a.pending_count == b.pending_count &&
          std::equal(a.tiles.begin(), a.tiles.begin() + a.tile_count, b.tiles.begin(),
                     [](const auto& x, const auto& y) { return same(x, y); }) &&
-         std::equal(a.coverages.begin(), a.coverages.begin() + a.coverage_count,
-                    b.coverages.begin(),
-                    [](const auto& x, const auto& y) {
-                      return x.described_slot == y.described_slot &&
-                             x.description_version == y.description_version &&
-                             same(x.center_m, y.center_m) && x.radius_m == y.radius_m;
-                    }) &&
+         std::equal(
+             a.coverages.begin(), a.coverages.begin() + a.coverage_count, b.coverages.begin(),
+             [](const auto& x, const auto& y) {
+               return x.described_slot == y.described_slot &&
+                      x.description_version == y.description_version &&
+                      same(x.region.from_m, y.region.from_m) &&
+                      same(x.region.to_m, y.region.to_m) && x.region.radius_m == y.region.radius_m;
+             }) &&
          std::equal(a.pending.begin(), a.pending.begin() + a.pending_count, b.pending.begin(),
                     [](const auto& x, const auto& y) {
                       return x.slot == y.slot && x.described_slot == y.described_slot &&
