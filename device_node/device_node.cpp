@@ -104,13 +104,13 @@ FaultReason DeviceNode::exchange(TimePoint next_reading, DeviceTick& record) noe
   if (record.is_answered) record.reply_time = answer->received_at - sent_at;
 
   // switch: to the command, or to less
+  if (record.is_answered) monitor_.count_since(answer->value.counts_since);
   const GuardedForce guarded =
       record.is_answered ? guard_.answered(answer->value, now) : guard_.missed(now, next_reading);
   record.switched_at = now;
   record.force_on_hand_newton = guarded.force_on_hand_newton;
   record.guard = guarded.state;
   record.is_peak_limited = guarded.is_limited;
-  if (guarded.state == GuardState::kFading || guarded.state == GuardState::kLimp) monitor_.silent();
   return guarded.is_switch ? switch_to(guarded, deadline, record) : FaultReason::kNone;
 }
 

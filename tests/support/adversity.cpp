@@ -152,7 +152,7 @@ class Liar {
         return;
       }
       case Clamp::kMostlyRight:
-        if (std::fmod(t_s, 1.0) > 0.98) push(command);
+        if (std::fmod(t_s, 0.5) < 0.2) push(command);
         return;
     }
   }

@@ -31,7 +31,7 @@ enum class Clamp : std::uint8_t {
   kReplay,       ///< force and lease of 100 ms ago
   kNotANumber,   ///< every third answer is NaN, the others full force
   kDrift,        ///< as if its ledger drifted: 1 N more force and 1 ms more lease every second
-  kMostlyRight,  ///< honest, but for 20 ms in a second: then full force
+  kMostlyRight,  ///< honest, but for 0.2 s of every 0.5 s: then full force
 };
 
 /// One run. The session's `faults` are the network.

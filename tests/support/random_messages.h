@@ -80,6 +80,7 @@ inline void randomise(ForceCommand& m, Random& random) {
   m.answers_sampled_at = random_time(random);
   m.force_on_hand_newton = random_vector(random, 1000.0);
   m.valid_for = random_duration(random);
+  m.counts_since = random_time(random);
 }
 
 inline void randomise(ToolMotion& m, Random& random) {
@@ -507,7 +508,8 @@ inline bool same(const DeviceState& a, const DeviceState& b) {
 inline bool same(const ForceCommand& a, const ForceCommand& b) {
   return same(a.header, b.header) && a.answers_session_id == b.answers_session_id &&
          a.answers_sequence == b.answers_sequence && a.answers_sampled_at == b.answers_sampled_at &&
-         same(a.force_on_hand_newton, b.force_on_hand_newton) && a.valid_for == b.valid_for;
+         same(a.force_on_hand_newton, b.force_on_hand_newton) && a.valid_for == b.valid_for &&
+         a.counts_since == b.counts_since;
 }
 inline bool same(const ToolMotion& a, const ToolMotion& b) {
   return same(a.header, b.header) && a.device_session_id == b.device_session_id &&
