@@ -7,6 +7,7 @@ namespace palpate::device {
 namespace {
 
 constexpr double kRoundingJoule = 1e-9;
+constexpr double kHarmlessWatt = 1e-12;  // of |F| = f_co, rounded up
 constexpr double kLeaseRoundingS = 1e-9;  // leases travel in whole nanoseconds
 
 }  // namespace
@@ -160,7 +161,7 @@ void ForceMonitor::settle(TimePoint at, const Vector3& position_m) noexcept {
     harmless_count_ = 0;
   } else {
     account_.book(duration_s, acting_newton_, position_m);
-    if (worst_hand_.drain_watt(acting_newton_) > 0.0) harmless_count_ = 0;
+    if (worst_hand_.drain_watt(acting_newton_) > kHarmlessWatt) harmless_count_ = 0;
   }
   remember({.until = at, .position_m = position_m, .force_on_hand_newton = acting_newton_});
   since_ = at;
