@@ -2,12 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace palpate::device {
 namespace {
 
 constexpr double kRoundingJoule = 1e-9;
-constexpr double kHarmlessWatt = 1e-12;  // of |F| = f_co, rounded up
+/// Less than the rounding of a force that was scaled to f_co.
+constexpr double kExact = 1.0 - 4.0 * std::numeric_limits<double>::epsilon();
 constexpr double kLeaseRoundingS = 1e-9;  // leases travel in whole nanoseconds
 
 }  // namespace
@@ -27,11 +29,11 @@ double WorstHand::along_one_axis_watt(double excess_newton,
 
 double WorstHand::drain_watt(const Vector3& force_newton) const noexcept {
   if (!profile_.per_axis) {
-    return along_one_axis_watt(force_newton.norm() - profile_.coulomb_newton,
+    return along_one_axis_watt(kExact * force_newton.norm() - profile_.coulomb_newton,
                                profile_.viscous_newton_s_per_m);
   }
   const FrictionPerAxis& friction = *profile_.per_axis;
-  const Vector3 excess = (force_newton.cwiseAbs() - friction.coulomb_newton).cwiseMax(0.0);
+  const Vector3 excess = (kExact * force_newton.cwiseAbs() - friction.coulomb_newton).cwiseMax(0.0);
   double sum = 0.0;
   for (int i = 0; i < 3; ++i) {
     sum += along_one_axis_watt(excess[i], friction.viscous_newton_s_per_m[i]);
@@ -161,7 +163,7 @@ void ForceMonitor::settle(TimePoint at, const Vector3& position_m) noexcept {
     harmless_count_ = 0;
   } else {
     account_.book(duration_s, acting_newton_, position_m);
-    if (worst_hand_.drain_watt(acting_newton_) > kHarmlessWatt) harmless_count_ = 0;
+    if (worst_hand_.drain_watt(acting_newton_) > 0.0) harmless_count_ = 0;
   }
   remember({.until = at, .position_m = position_m, .force_on_hand_newton = acting_newton_});
   since_ = at;

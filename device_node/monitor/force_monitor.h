@@ -20,7 +20,8 @@ class WorstHand {
   WorstHand(const DeviceProfile& profile, double v_max_m_per_s) noexcept
       : profile_(profile), v_max_m_per_s_(v_max_m_per_s) {}
 
-  /// D(F), ≥ 0; infinite where neither viscous friction nor v_max bounds it. D(sF) grows with s.
+  /// D(F), ≥ 0; 0 for a force of f_co up to rounding; infinite where neither viscous friction nor
+  /// v_max bounds it. D(sF) grows with s.
   [[nodiscard]] double drain_watt(const Vector3& force_newton) const noexcept;
   /// Largest found s in 0 … 1 with D(sF) ≤ watt ≥ 0: exact for isotropic friction, else at most
   /// 1e-9 too small. Lemma: bound_bounded_speed.
@@ -42,7 +43,7 @@ class WorstHand {
 ///
 /// δ is the deadline of the answer, r the rest of the lease of the force that acts. Otherwise the
 /// lease becomes shorter, not below T_hold, and if that is not enough the force smaller, direction
-/// kept. So E(t) ≥ 0 whatever commands arrive, as in §2.5: lemmas hold_and_delay, residual_lease.
+/// kept. So E(t) ≥ 0 whatever commands arrive, as in §2.5. Lemmas: hold_and_delay, residual_lease.
 /// Up to 1 nJ and the drain of 1 ns, in which leases are counted, pass as rounding. One thread, no
 /// allocation, no throw.
 class ForceMonitor {

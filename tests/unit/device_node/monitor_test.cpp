@@ -162,7 +162,7 @@ TEST(MonitoredTick, AShorterLeaseEndsWhenItSays) {
   DeviceNodeBench<ScriptedDevice> bench(monitored_config());
   bench.answer_with(Vector3::Zero());
   for (int i = 0; i < 100; ++i) {
-    bench.device.position_m.x() += 1e-4;
+    bench.device.position_m = Vector3(1e-4 * (i + 1), 0, 0);
     bench.tick();
   }
   bench.answer_with(Vector3(0, 1, 0));  // covered for 2.6 ms of the 10 ms
@@ -192,9 +192,11 @@ TEST(MonitoredTick, DoesNotAllocate) {
   EXPECT_GT(bench.node.counters().monitor_reductions, 100u);
 }
 
-static_assert(noexcept(std::declval<ForceMonitor&>().read(TimePoint{}, Vector3{})));
-static_assert(noexcept(std::declval<ForceMonitor&>().cover(Vector3{}, Duration{})));
-static_assert(noexcept(std::declval<ForceMonitor&>().count_since(TimePoint{})));
+static_assert(noexcept(std::declval<ForceMonitor&>().read(std::declval<TimePoint>(),
+                                                          std::declval<const Vector3&>())));
+static_assert(noexcept(std::declval<ForceMonitor&>().cover(std::declval<const Vector3&>(),
+                                                           Duration{})));
+static_assert(noexcept(std::declval<ForceMonitor&>().count_since(std::declval<TimePoint>())));
 
 TEST(Unmonitored, ARealDeviceIsRefusedUnlessUnsafeIsGiven) {
   DeviceConfig config = monitored_config();
