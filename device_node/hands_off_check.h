@@ -10,16 +10,19 @@
 namespace palpate::device {
 
 struct CheckedProfile {
-  DeviceProfile profile;  ///< no value is above that of the profile that was checked
-  double ratio = 1.0;  ///< least of its friction values, as a share of the profile's; 1: it holds
+  DeviceProfile profile;    ///< no value is above that of the profile that was checked
+  bool is_lowered = false;  ///< the device contradicts the profile
+  /// Least friction found at 0.05 m/s, as a share of what the profile claims; 1 where it holds.
+  double ratio = 1.0;
 };
 
-/// Three lines through the middle of the workspace, along the axes of D; about 20 s.
+/// Three lines through the middle of the workspace, along the axes of D; about a minute.
 [[nodiscard]] SweepPlan hands_off_plan(const DeviceSpecification& specification);
 
-/// Compares a profile with what was measured along the axes of D. A friction value that the most
-/// likely one contradicts by more than 10 % becomes the measured lower bound; no value is raised.
-/// Isotropic friction is judged by the weakest line, friction per axis by that of its axis.
+/// Compares a profile with what was measured along the axes of D. It is contradicted where the
+/// friction at 0.05 m/s is less than 0.95 of what it claims, or the viscous part less than half;
+/// f_d and f_co then become the measured lower bounds. No value is raised. Isotropic friction is
+/// judged by every line, friction per axis by that of its axis.
 [[nodiscard]] CheckedProfile checked_profile(const DeviceProfile& profile,
                                              const FrictionReport& report);
 

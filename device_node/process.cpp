@@ -72,7 +72,7 @@ DeviceConfig checked_config(const Session& session, NodeContext& context, double
   const CheckedProfile checked = check_hands_off(*driver.open(clock), clock, config.profile);
   ratio = checked.ratio;
   config.profile = checked.profile;
-  if (ratio < 1.0) {
+  if (checked.is_lowered) {
     context.log.warn(
         "event=friction_below_profile ratio={:.2f}: the device relies on lower values now; "
         "identify its friction with `palpate identify`",

@@ -198,9 +198,9 @@ void examine_assumptions(const Session& session, std::vector<Finding>& findings)
 
   const device::CheckedProfile checked = device::check_hands_off(*device, clock, profile);
   Finding friction{"friction", "the device has what the profile claims"};
-  if (checked.ratio < 1.0) {
-    friction.text =
-        fmt::format("the device has {:.0f} % of what the profile claims", 100.0 * checked.ratio);
+  if (checked.is_lowered) {
+    friction.text = fmt::format("the device has {:.0f} % of what the profile claims at 0.05 m/s",
+                                100.0 * checked.ratio);
     friction.remedy =
         "palpate identify SESSION --output FILE, and device { profile_file: \"FILE\" }";
   }

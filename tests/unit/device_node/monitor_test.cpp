@@ -132,6 +132,7 @@ TEST(Monitor, LetsTheFrictionsOwnForcePassWithoutCredit) {
 
 TEST(MonitoredTick, ACommandWithoutEnergyIsReducedAndCounted) {
   DeviceNodeBench<ScriptedDevice> bench(monitored_config());
+  bench.device.position_m = Vector3::Zero();
   bench.answer_with(Vector3(3, 0, 0));
   for (int i = 0; i < 5; ++i) bench.tick();
 
@@ -247,20 +248,41 @@ TEST(AssumptionWatch, CountsStepsOfAnEncoderCoarserThanTheProfile) {
 }
 
 /// Checked against a simulated device of 0.1 N·s/m and 0.1 N that nobody holds.
-CheckedProfile checked(const DeviceProfile& profile) {
+CheckedProfile checked(const DeviceProfile& profile, const SimulatedDeviceConfig& simulated = {}) {
   ManualClock clock;
-  SimulatedDevice device({}, nobody(), clock, 1);
+  SimulatedDevice device(simulated, nobody(), clock, 1);
   return check_hands_off(device, clock, profile);
 }
 
 TEST(HandsOffCheck, LeavesAProfileThatHolds) {
-  EXPECT_EQ(checked({}).ratio, 1.0);
+  EXPECT_FALSE(checked({}).is_lowered);
   EXPECT_EQ(checked({}).profile.coulomb_newton, 0.1);
   // and does not raise one that claims less
   const CheckedProfile modest = checked({.viscous_newton_s_per_m = 0.05, .coulomb_newton = 0.02});
-  EXPECT_EQ(modest.ratio, 1.0);
+  EXPECT_FALSE(modest.is_lowered);
   EXPECT_EQ(modest.profile.viscous_newton_s_per_m, 0.05);
   EXPECT_EQ(modest.profile.coulomb_newton, 0.02);
+}
+
+TEST(HandsOffCheck, BelievesTheTrueProfileOfAnyDeviceUpToAHundredGrams) {
+  for (const double mass_kg : {0.02, 0.1}) {
+    for (const double q_m : {0.0, 110e-6}) {
+      for (const double f_d : {0.03, 0.3}) {
+        for (const double f_co : {0.03, 0.3}) {
+          SCOPED_TRACE(testing::Message()
+                       << mass_kg << " kg, " << q_m << " m, " << f_d << ", " << f_co);
+          EXPECT_FALSE(checked({.viscous_newton_s_per_m = f_d,
+                                .coulomb_newton = f_co,
+                                .position_resolution_m = q_m},
+                               {.mass_kg = mass_kg,
+                                .viscous_newton_s_per_m = f_d,
+                                .coulomb_newton = f_co,
+                                .position_resolution_m = q_m})
+                           .is_lowered);
+        }
+      }
+    }
+  }
 }
 
 TEST(HandsOffCheck, LowersWhatTheDeviceContradictsToALowerBound) {
@@ -269,7 +291,7 @@ TEST(HandsOffCheck, LowersWhatTheDeviceContradictsToALowerBound) {
   EXPECT_GT(both.profile.viscous_newton_s_per_m, 0.05);
   EXPECT_LE(both.profile.coulomb_newton, 0.1);
   EXPECT_GT(both.profile.coulomb_newton, 0.08);
-  EXPECT_NEAR(both.ratio, both.profile.coulomb_newton / 0.5, 1e-12);
+  EXPECT_NEAR(both.ratio, 0.105 / 0.51, 0.01);
 
   const CheckedProfile axes =
       checked({.coulomb_newton = 0.05,

@@ -178,12 +178,16 @@ std::set<std::string> keys_of(const nlohmann::ordered_json& json) {
 }
 
 TEST(MonitorText, SaysWhetherItIsOnAndWhatItDid) {
-  EXPECT_EQ(monitor_text({}), "on, 0 commands reduced");
-  EXPECT_EQ(monitor_text({.monitor_reductions = 7, .checked_friction_ratio = 0.5}),
+  DeviceCounters device;
+  EXPECT_EQ(monitor_text(device), "on, 0 commands reduced");
+  device.monitor_reductions = 7;
+  device.checked_friction_ratio = 1.0;
+  EXPECT_EQ(monitor_text(device), "on, 7 commands reduced");
+  device.checked_friction_ratio = 0.5;
+  EXPECT_EQ(monitor_text(device),
             "on, 7 commands reduced, friction lowered to 50 % of the profile");
-  EXPECT_EQ(monitor_text({.monitor_reductions = 7, .checked_friction_ratio = 1.0}),
-            "on, 7 commands reduced");
-  EXPECT_EQ(monitor_text({.is_monitor_off = true}), "off");
+  device.is_monitor_off = true;
+  EXPECT_EQ(monitor_text(device), "off");
 }
 
 // Other programs read these keys.
