@@ -56,6 +56,13 @@ void add_insecure_flag(CLI::App& app, bool& is_insecure) {
                "session and send messages to it");
 }
 
+void add_unsafe_flag(CLI::App& app, bool& is_unsafe) {
+  app.add_flag(
+      "--unsafe", is_unsafe,
+      "let a real device run with `device { monitor: off }`: nothing then stands between a "
+      "wrong clamp and the hand");
+}
+
 CLI::Validator is_start_time() { return is_time(true, "at least 0 and at most 1e9"); }
 
 }  // namespace palpate

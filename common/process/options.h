@@ -21,6 +21,8 @@ void add_record_options(CLI::App& app, std::string& file, bool& may_overwrite);
 void add_no_realtime_flag(CLI::App& app, bool& has_no_realtime);
 /// --insecure
 void add_insecure_flag(CLI::App& app, bool& is_insecure);
+/// --unsafe
+void add_unsafe_flag(CLI::App& app, bool& is_unsafe);
 
 /// A time in s: finite, at least 0.
 [[nodiscard]] CLI::Validator is_start_time();

@@ -136,6 +136,7 @@ int run_node(int argc, char** argv, const NodeInfo& info,
   std::optional<double> seconds;
   bool has_no_realtime = false;
   bool is_insecure = false;
+  bool is_unsafe = false;
   app.add_option("--session", session_file, "session file (*.txtpb), the same for every node")
       ->required()
       ->type_name("FILE");
@@ -147,6 +148,7 @@ int run_node(int argc, char** argv, const NodeInfo& info,
   add_seconds_option(app, seconds, "stop after this time in s (default: run until stopped)");
   add_no_realtime_flag(app, has_no_realtime);
   add_insecure_flag(app, is_insecure);
+  if (info.moves_device) add_unsafe_flag(app, is_unsafe);
   app.set_version_flag("--version", program + " " + version());
   std::string footer =
       "`palpate launch SESSION` starts all nodes of a session and restarts those that fail.";
@@ -183,7 +185,8 @@ int run_node(int argc, char** argv, const NodeInfo& info,
                         .clock = clock,
                         .log = log.logger(),
                         .stop = signals.token(),
-                        .requests = signals.requests()};
+                        .requests = signals.requests(),
+                        .is_unsafe = is_unsafe};
     context.log.info("event=start session={} session_id={:x} version={}", session.name,
                      context.session_id, version());
     body(context);

@@ -122,6 +122,7 @@ std::vector<ChildSpec> nodes_of(const LaunchOptions& options, const Session& ses
   }
   for (std::size_t i = 0; is_here("device") && i < sides.size(); ++i) {
     ChildSpec& child = add(options.is_together ? "device_mofc" : "device", sides[i].name);
+    if (options.is_unsafe) child.arguments.emplace_back("--unsafe");
     if (sides[i].device.start_ramp.count() > 0) continue;
     const std::string path = sides[i].name.empty() ? "" : "side[" + std::to_string(i) + "].";
     child.restart_arguments = {

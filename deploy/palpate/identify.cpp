@@ -17,15 +17,6 @@ namespace {
 
 using namespace palpate::device;
 
-/// Nobody holds the simulated device.
-HandConfig no_hand() {
-  HandConfig hand;
-  hand.mass_kg = 0.0;
-  hand.stiffness_newton_per_m = 0.0;
-  hand.damping_newton_s_per_m = 0.0;
-  return hand;
-}
-
 /// A lower bound is printed rounded down.
 double rounded_down(double bound) { return std::floor(1e4 * bound) / 1e4; }
 
@@ -61,7 +52,7 @@ void write_profile(const std::string& file, const DeviceProfile& profile,
 
 void run_identify(const Session& session, const IdentifyOptions& options) {
   const DriverRegistry drivers = all_drivers(
-      {.simulated = {.device = session.side().simulated, .hand = no_hand(), .seed = session.seed}});
+      {.simulated = {.device = session.side().simulated, .hand = nobody(), .seed = session.seed}});
   SteadyClock steady(session.side().realtime.wait);
   run_identify(session, options, drivers.at(kSimulatedDriver), steady);
 }

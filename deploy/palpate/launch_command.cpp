@@ -28,6 +28,7 @@ struct LaunchCommand {
   OutputOptions output;
   bool has_no_realtime = false;
   bool is_insecure = false;
+  bool is_unsafe = false;
   std::set<std::string> nodes = {"device", "mofc", "physics", "viewer"};  ///< run on this machine
   bool is_together = false;
 
@@ -44,6 +45,7 @@ void LaunchCommand::add_to(CLI::App& app) {
   output.add_to(app, "; with several sides one file each, run.SIDE.csv");
   add_no_realtime_flag(app, has_no_realtime);
   add_insecure_flag(app, is_insecure);
+  add_unsafe_flag(app, is_unsafe);
   const auto take_together = [this](const std::vector<std::string>& given) {
     const std::set<std::string> names(given.begin(), given.end());
     is_together = names == std::set<std::string>{"device", "mofc"} && given.size() == 2;
@@ -177,6 +179,7 @@ int LaunchCommand::run() const {
                                       .seconds = seconds,
                                       .is_realtime = !has_no_realtime,
                                       .is_insecure = is_insecure,
+                                      .is_unsafe = is_unsafe,
                                       .nodes = started,
                                       .is_together = is_together,
                                       .on_poll = [&] { observer.pump(); }});

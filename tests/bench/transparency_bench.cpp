@@ -32,11 +32,11 @@ struct Way {
   std::vector<std::string> overrides;
 };
 const Way kWays[] = {
-    {"held", "none", {"mofc.interaction=held", "mofc.controller=none"}},
-    {"held", "paper", {"mofc.interaction=held", "mofc.mode=paper"}},
+    {"held", "none", {"mofc.interaction=held", "mofc.controller=none", "device.monitor=off"}},
+    {"held", "paper", {"mofc.interaction=held", "mofc.mode=paper", "device.monitor=off"}},
     {"held", "guard", {"mofc.interaction=held", "mofc.mode=guard"}},
-    {"local", "none", {"mofc.interaction=local", "mofc.controller=none"}},
-    {"local", "paper", {"mofc.interaction=local", "mofc.mode=paper"}},
+    {"local", "none", {"mofc.interaction=local", "mofc.controller=none", "device.monitor=off"}},
+    {"local", "paper", {"mofc.interaction=local", "mofc.mode=paper", "device.monitor=off"}},
     {"local", "guard", {"mofc.interaction=local", "mofc.mode=guard"}},
 };
 

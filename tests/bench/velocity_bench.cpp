@@ -110,11 +110,11 @@ struct Sample {
 };
 
 std::vector<Sample> record(const Motion& motion, double rate_hz) {
-  const Session session = parse_session(
-      fmt::format(
-          "name: 'motion' device {{ rate_hz: {} }} hand {{ {} }} mofc {{ controller: none }}",
-          rate_hz, motion.hand),
-      "velocity_bench");
+  const Session session =
+      parse_session(fmt::format("name: 'motion' device {{ rate_hz: {} monitor: off }} hand {{ {} "
+                                "}} mofc {{ controller: none }}",
+                                rate_hz, motion.hand),
+                    "velocity_bench");
   std::vector<Sample> samples;
   Lockstep lockstep(session, {}, [&](const TickRow& row, const IdealState&) {
     samples.push_back({row.device.sampled_at, row.device.measured_tool_position_world_m,

@@ -80,6 +80,7 @@ inline void randomise(ForceCommand& m, Random& random) {
   m.answers_sampled_at = random_time(random);
   m.force_on_hand_newton = random_vector(random, 1000.0);
   m.valid_for = random_duration(random);
+  m.counts_since = random_time(random);
 }
 
 inline void randomise(ToolMotion& m, Random& random) {
@@ -290,6 +291,7 @@ inline void randomise(DeviceTick& r, Random& random) {
   r.is_answered = random.chance(0.5);
   r.is_peak_limited = random.chance(0.5);
   r.is_clutched = random.chance(0.5);
+  r.is_monitor_reduced = random.chance(0.5);
   if (random.chance(0.5)) {  // a simulated device: otherwise NaN
     r.true_tool_position_world_m = random_vector(random, 1.0);
     r.true_tool_velocity_world_m_per_s = random_vector(random, 1.0);
@@ -339,6 +341,11 @@ inline void randomise(DeviceCounters& c, Random& random) {
   c.last_fault = static_cast<FaultReason>(random.below(5));
   c.non_finite_commands = random.bits();
   c.late_switches = random.bits();
+  c.is_monitor_off = random.chance(0.5);
+  c.monitor_reductions = random.bits();
+  c.too_fast_readings = random.bits();
+  c.coarse_readings = random.bits();
+  c.checked_friction_ratio = random.uniform(0.0, 1.0);
   c.max_force_newton = random.uniform(0.0, 10.0);
   c.largest_jump_newton = random.uniform(0.0, 10.0);
   c.minimum_true_energy_joule = random.chance(0.5) ? random.uniform(-1.0, 1.0) : kNaN;
@@ -504,7 +511,8 @@ inline bool same(const DeviceState& a, const DeviceState& b) {
 inline bool same(const ForceCommand& a, const ForceCommand& b) {
   return same(a.header, b.header) && a.answers_session_id == b.answers_session_id &&
          a.answers_sequence == b.answers_sequence && a.answers_sampled_at == b.answers_sampled_at &&
-         same(a.force_on_hand_newton, b.force_on_hand_newton) && a.valid_for == b.valid_for;
+         same(a.force_on_hand_newton, b.force_on_hand_newton) && a.valid_for == b.valid_for &&
+         a.counts_since == b.counts_since;
 }
 inline bool same(const ToolMotion& a, const ToolMotion& b) {
   return same(a.header, b.header) && a.device_session_id == b.device_session_id &&
@@ -640,7 +648,7 @@ inline bool same(const DeviceTick& a, const DeviceTick& b) {
          same(a.measured_tool_orientation_world, b.measured_tool_orientation_world) &&
          same(a.force_on_hand_newton, b.force_on_hand_newton) && a.guard == b.guard &&
          a.is_answered == b.is_answered && a.is_peak_limited == b.is_peak_limited &&
-         a.is_clutched == b.is_clutched &&
+         a.is_clutched == b.is_clutched && a.is_monitor_reduced == b.is_monitor_reduced &&
          same(a.true_tool_position_world_m, b.true_tool_position_world_m) &&
          same(a.true_tool_velocity_world_m_per_s, b.true_tool_velocity_world_m_per_s) &&
          same(a.true_energy_joule, b.true_energy_joule) &&
@@ -670,7 +678,11 @@ inline bool same(const DeviceCounters& a, const DeviceCounters& b) {
          a.peak_limited_ticks == b.peak_limited_ticks && a.device_faults == b.device_faults &&
          a.fault_ticks == b.fault_ticks && a.fault_resets == b.fault_resets &&
          a.last_fault == b.last_fault && a.non_finite_commands == b.non_finite_commands &&
-         a.late_switches == b.late_switches && same(a.max_force_newton, b.max_force_newton) &&
+         a.late_switches == b.late_switches && a.is_monitor_off == b.is_monitor_off &&
+         a.monitor_reductions == b.monitor_reductions &&
+         a.too_fast_readings == b.too_fast_readings && a.coarse_readings == b.coarse_readings &&
+         same(a.checked_friction_ratio, b.checked_friction_ratio) &&
+         same(a.max_force_newton, b.max_force_newton) &&
          same(a.largest_jump_newton, b.largest_jump_newton) &&
          same(a.minimum_true_energy_joule, b.minimum_true_energy_joule);
 }

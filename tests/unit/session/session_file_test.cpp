@@ -7,6 +7,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <cmath>
 #include <cstdlib>
 #include <fstream>
 #include <numbers>
@@ -103,6 +104,9 @@ TEST(SessionFile, AlmostEmptySessionHasEveryDefault) {
   EXPECT_EQ(device.peak_force_newton, 3.3);
   EXPECT_DOUBLE_EQ(device.slew_newton_per_s, 1650.0);  // 3.3 N in 2 ms
   EXPECT_EQ(device.v_fault_m_per_s, 10.0);
+  EXPECT_TRUE(device.monitor.is_on);
+  EXPECT_EQ(device.monitor.v_max_m_per_s, 0.5);
+  EXPECT_FALSE(device.has_hands_off_check);
   EXPECT_EQ(device.workspace.scale_ratio, 1.0);
   EXPECT_EQ(device.workspace.force_ratio, 1.0);
   EXPECT_EQ(device.workspace.offset_m, Vector3(0, 0, 0));
@@ -148,6 +152,17 @@ TEST(SessionFile, AlmostEmptySessionHasEveryDefault) {
   EXPECT_FALSE(session.faults.force_command.any());
   EXPECT_FALSE(session.faults.tool_motion.any());
   EXPECT_FALSE(session.faults.interaction.any());
+}
+
+TEST(SessionFile, TheMonitorCanBeSwitchedOffAndAssumesOfTheHandWhatTheControllerDoes) {
+  const auto device = [](const std::string& text) {
+    return parse_session("name: \"x\" " + text, "x.txtpb").side().device;
+  };
+  EXPECT_FALSE(device("device { monitor: off }").monitor.is_on);
+  EXPECT_TRUE(device("device { monitor: on }").monitor.is_on);
+  EXPECT_TRUE(device("device { hands_off_check: true }").has_hands_off_check);
+  EXPECT_EQ(device("mofc { guard_settings { v_max_m_per_s: 0.7 } }").monitor.v_max_m_per_s, 0.7);
+  EXPECT_TRUE(std::isinf(device("mofc { mode: vector }").monitor.v_max_m_per_s));
 }
 
 TEST(SessionFile, DefaultsFollowTheRates) {

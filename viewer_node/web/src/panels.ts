@@ -220,6 +220,7 @@ export class Counters {
     group("Force", [
       ["transparency", "transparency", "rendered against requested force, over the session so far"],
       ["clamped", "clamped", "ticks in which the clamp reduced the force"],
+      ["monitor", "monitor", "the device’s own check of the energy: commands that it reduced"],
       ["peak", "peak-limited", "ticks reduced by the device’s own limit"],
       ["max_force", "largest", "largest force on the hand"],
       ["min_energy", "least energy", "minimum of the true energy, simulated devices only; never below −1 µJ"],
@@ -250,6 +251,8 @@ export class Counters {
       this.set("limp", count_words(device.limpTicks));
       this.set("skipped", count_words(device.loop.skippedTicks));
       this.set("lateness", time_words(1e-9 * Number(device.loop.worstLatenessNs)));
+      this.set("monitor", device.isMonitorOff ? "off" : `${count_words(device.monitorReductions)} reduced`,
+        device.isMonitorOff || device.monitorReductions > 0n);
       this.set("peak", count_words(device.peakLimitedTicks));
       this.set("max_force", `${device.maxForceNewton.toFixed(2)} N`);
       const least_uj = 1e6 * device.minimumTrueEnergyJoule;

@@ -45,6 +45,8 @@ export interface DeviceTelemetry {
     maxForceNewton: number;
     minimumTrueEnergyJoule: number;
     nonFiniteCommands: bigint;
+    isMonitorOff: boolean;
+    monitorReductions: bigint;
   };
   recordsLost: bigint;
   sampledAtNs: bigint[];
