@@ -9,7 +9,9 @@
 #include <boost/asio/post.hpp>
 #include <boost/asio/signal_set.hpp>
 #include <boost/asio/steady_timer.hpp>
+#include <boost/process/search_path.hpp>
 #include <csignal>
+#include <nlohmann/json.hpp>
 #include <span>
 #include <system_error>
 
@@ -85,6 +87,45 @@ class RunFolder {
   int folder_ = -1;
 };
 
+/// What a physics from elsewhere has to know, as docs/extending.md describes it.
+std::string physics_environment(const LaunchOptions& options, const Session& session) {
+  nlohmann::json sides = nlohmann::json::array();
+  for (const Side& side : session.sides) {
+    sides.push_back({{"name", side.name},
+                     {"tool_motion", side.links.tool_motion},
+                     {"interaction", side.links.interaction}});
+  }
+  nlohmann::json json{{"session", fs::absolute(options.session_file).lexically_normal().string()},
+                      {"overrides", options.overrides},
+                      {"rate_hz", session.physics.rate_hz},
+                      {"sides", sides},
+                      {"physics_telemetry", session.physics_telemetry},
+                      {"insecure", options.is_insecure}};
+  if (!session.security.key_folder.empty()) {
+    json["key_folder"] = fs::absolute(session.security.key_folder).lexically_normal().string();
+  }
+  return json.dump();
+}
+
+ChildSpec physics_from_elsewhere(const LaunchOptions& options, const Session& session) {
+  const std::vector<std::string>& command = session.physics_command;
+  const std::string& name = command.front();
+  const bool is_file = name.find('/') != std::string::npos;
+  const std::string program = is_file ? name : boost::process::search_path(name).string();
+  std::error_code error;
+  if (program.empty() || fs::is_directory(program, error) || access(program.c_str(), X_OK) != 0) {
+    throw SetupError(session.file + ": physics.command: " +
+                     (program.empty() ? name + ": no program of that name in PATH"
+                                      : program + ": is not a program that you may run") +
+                     "; install it, or give the path of its file");
+  }
+  return {.name = "physics",
+          .program = program,
+          .arguments = {command.begin() + 1, command.end()},
+          .environment = {{"PALPATE_PHYSICS", physics_environment(options, session)}},
+          .folder = fs::absolute(options.session_file).lexically_normal().parent_path()};
+}
+
 std::vector<ChildSpec> nodes_of(const LaunchOptions& options, const Session& session) {
   std::vector<std::string> arguments = {"--session", options.session_file.string()};
   for (const std::string& assignment : options.overrides) {
@@ -115,7 +156,13 @@ std::vector<ChildSpec> nodes_of(const LaunchOptions& options, const Session& ses
   };
 
   // nodes that bind start before nodes that connect
-  if (is_here("physics")) add("physics");
+  if (is_here("physics")) {
+    if (session.physics_command.empty()) {
+      add("physics");
+    } else {
+      children.push_back(physics_from_elsewhere(options, session));
+    }
+  }
   const std::vector<Side>& sides = session.sides;
   if (is_here("mofc") && !options.is_together) {
     for (const Side& side : sides) add("mofc", side.name);
