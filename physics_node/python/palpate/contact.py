@@ -53,12 +53,14 @@ class Contact:
         )
 
     def _friction_force(self, elastic: float) -> np.ndarray:
+        if self.friction_coefficient == 0.0:
+            return np.zeros(3)
         pull = self.friction_stiffness * np.asarray(self.stretch, float)
         most, length = self.friction_coefficient * max(elastic, 0.0), float(np.linalg.norm(pull))
         return pull if length <= most else most / length * pull
 
-    def fill(self, wire: interaction_pb2.Contact, velocity: ArrayLike) -> None:
-        """Writes itself into a message. ValueError if a value is out of range."""
+    def check(self) -> None:
+        """ValueError if a value is not finite or out of range."""
         normal = _vector("contact.normal", self.normal, 1.0 + 1e-6)
         if abs(float(normal @ normal) - 1.0) > 1e-6:
             raise ValueError(f"contact.normal = {normal}: must have length 1; divide it by its length")
@@ -68,30 +70,37 @@ class Contact:
         _number("contact.trust_radius", self.trust_radius, 1e-9, 1e3)
         _number("contact.friction_coefficient", self.friction_coefficient, 0.0, 10.0)
         _number("contact.friction_stiffness", self.friction_stiffness, 0.0, 1e6)
+        _vector("contact.stretch", self.stretch, 1e3)
+        _vector("contact.surface_velocity", self.surface_velocity, 10.0)
+        if self.curvature is not None:
+            curvature = np.asarray(self.curvature, float)
+            if curvature.shape != (3, 3) or not np.all(np.abs(curvature) <= 1e9):
+                raise ValueError("contact.curvature: must be 3×3 numbers, each within ±1e9 1/m")
+            if not np.allclose(curvature, curvature.T):
+                raise ValueError("contact.curvature: must be symmetric, as a Hessian is")
+
+    def fill(self, wire: interaction_pb2.Contact, velocity: ArrayLike) -> None:
+        """Writes itself, checked, into a message. ValueError if its force or energy is out of range."""
+        normal = np.asarray(self.normal, float)
         wire.tissue = self.tissue
         wire.penetration_m = self.penetration
         _put(wire.normal_world, normal)
         _put(wire.force_on_tool_newton, _vector("the force of a contact", self.force(velocity), 1e4))
         elastic = self.stiffness * self.penetration
         _put(wire.elastic_force_on_tool_newton, _vector("the force of a contact", elastic * normal, 1e4))
-        _put(wire.surface_velocity_world_m_per_s,
-             _vector("contact.surface_velocity", self.surface_velocity, 10.0))
+        _put(wire.surface_velocity_world_m_per_s, np.asarray(self.surface_velocity, float))
         along = np.outer(normal, normal)
         wire.d_force_d_position.extend((-self.stiffness * along).ravel())
         wire.d_force_d_velocity.extend((-self.damping * along).ravel())
         if self.curvature is not None:
             curvature = np.asarray(self.curvature, float)
-            if curvature.shape != (3, 3) or not np.allclose(curvature, curvature.T):
-                raise ValueError("contact.curvature: must be a symmetric 3×3 matrix in 1/m")
-            if not np.all(np.abs(curvature) <= 1e9):
-                raise ValueError("contact.curvature: must be finite, within ±1e9 1/m")
             wire.curvature_per_m.extend((0.5 * (curvature + curvature.T)).ravel())
         wire.stored_energy_joule = _number("the energy of a contact", self.stored_energy(), 0.0, 1e3)
         wire.trust_radius_m = self.trust_radius
         if self.friction_coefficient > 0.0:
             wire.friction_coefficient = self.friction_coefficient
             wire.friction_stiffness_newton_per_m = self.friction_stiffness
-            _put(wire.stretch_m, _vector("contact.stretch", self.stretch, 1e3))
+            _put(wire.stretch_m, np.asarray(self.stretch, float))
 
 
 def _number(name: str, value: float, least: float, most: float) -> float:

@@ -255,6 +255,8 @@ class Physics:
             raise RuntimeError("no motion to answer: call reply() in the loop over the motions")
         if len(contacts) > MAX_CONTACTS:
             raise ValueError(f"{len(contacts)} contacts: must be at most {MAX_CONTACTS}; give the deepest")
+        for one in contacts:
+            one.check()
         motion = side.motion
         total = _vector(
             "force",

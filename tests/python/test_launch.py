@@ -1,0 +1,90 @@
+"""A Python program as the physics of `palpate launch`: it renders, dies, stops and refuses like
+physics_node."""
+
+import os
+import signal
+import subprocess
+import sys
+
+import palpate
+from support import BIN, DEADLINE_S, RESTING, TestCase, force_z_until, is_limp, rests
+
+
+class Launch(TestCase):
+    def test_renders_ends_the_force_when_killed_and_renders_again_when_restarted(self) -> None:
+        session = self.python_session()
+        with palpate.Telemetry(session) as telemetry, self.running(
+            "palpate", "launch", session, "--no-realtime", "--no-viewer"
+        ) as launch:
+            self.assertIsNotNone(force_z_until(telemetry, rests), launch.err)
+
+            os.kill(launch.node("physics"), signal.SIGKILL)
+            self.assertIsNotNone(force_z_until(telemetry, is_limp), "force without physics")
+            launch.node("physics", 2)
+            self.assertIsNotNone(force_z_until(telemetry, rests), launch.err)
+
+            # silent but connected: limp as well, until it goes on
+            physics = launch.node("physics", 2)
+            os.kill(physics, signal.SIGSTOP)
+            self.assertIsNotNone(force_z_until(telemetry, is_limp), "force of a stopped physics")
+            os.kill(physics, signal.SIGCONT)
+            self.assertIsNotNone(force_z_until(telemetry, rests), launch.err)
+
+            self.assertEqual(launch.stop(), 0, launch.err)
+            self.assertIn('event=node_stopped node=physics how="exit status 0"', launch.err)
+        self.assertEqual(list((self.folder / "run").iterdir()), [], "files are left")
+
+    def test_a_refused_set_up_ends_the_launch(self) -> None:
+        program = self.folder / "wrong.py"
+        program.write_text(
+            "import palpate\ndef main(): raise palpate.SetupError('no such organ; give one')\npalpate.run(main)\n"
+        )
+        with self.running(
+            "palpate", "launch", self.python_session(program=program), "--no-realtime", "--no-viewer"
+        ) as launch:
+            self.assertEqual(launch.process.wait(DEADLINE_S), 2)
+            self.assertIn("no such organ; give one", launch.err)
+
+    def test_the_program_gets_links_session_and_folder_of_the_session(self) -> None:
+        program = self.folder / "show.py"
+        program.write_text(
+            "import os, sys\n"
+            "print('given', sys.argv[1:], os.getcwd(), os.environ['PALPATE_PHYSICS'], file=sys.stderr)\n"
+            "sys.exit(2)\n"
+        )
+        session = self.session(
+            f'{RESTING}physics {{ command: ["{sys.executable}", "show.py", "a b", "$HOME"] }}\n'
+            'side { name: "left" } side { name: "right" links { tool_motion: "tcp://127.0.0.1:17171" } }\n'
+        )
+        with self.running(
+            "palpate", "launch", session, "--no-realtime", "--no-viewer", "--set", "physics.rate_hz=250"
+        ) as launch:
+            self.assertEqual(launch.process.wait(DEADLINE_S), 2)
+            self.assertIn(f"given ['a b', '$HOME'] {self.folder} ", launch.err)
+            for part in (
+                '"rate_hz":250.0', '"overrides":["physics.rate_hz=250"]', f'"session":"{session}"',
+                '"tool_motion":"tcp://127.0.0.1:17171"', '"name":"left"', '"insecure":false',
+            ):
+                self.assertIn(part, launch.err)
+
+    def test_a_program_that_does_not_exist_is_refused(self) -> None:
+        for command, complaint in (
+            ("no-such-program", "no program of that name in PATH"),
+            ("./no-such-file", "is not a program that you may run"),
+            ("./", "is not a program that you may run"),
+        ):
+            session = self.session(f'physics {{ command: ["{command}"] }}')
+            with self.running("palpate", "launch", session, "--no-viewer") as launch:
+                self.assertEqual(launch.process.wait(DEADLINE_S), 2)
+                self.assertIn(complaint, launch.err)
+
+    def test_only_launch_starts_it(self) -> None:
+        session = self.python_session()
+        for program, *arguments in (
+            ("palpate", "loopback", session), ("physics_node", "--session", session)
+        ):
+            ended = subprocess.run(
+                [BIN / program, *arguments], capture_output=True, text=True, timeout=DEADLINE_S
+            )
+            self.assertEqual(ended.returncode, 2)
+            self.assertIn("physics.command", ended.stderr)
