@@ -1,16 +1,30 @@
 """A Python program as the physics of `palpate launch`: it renders, dies, stops and refuses like
 physics_node."""
 
+import json
 import os
 import signal
 import subprocess
 import sys
 
 import palpate
-from support import BIN, DEADLINE_S, RESTING, TestCase, force_z_until, is_limp, rests
+from support import BIN, DEADLINE_S, EXAMPLE, RESTING, TestCase, force_z_until, is_limp, rests
 
 
 class Launch(TestCase):
+    def test_the_example_runs_as_documented(self) -> None:
+        summary = self.folder / "run.json"
+        session = EXAMPLE.with_suffix(".txtpb")
+        with self.running(
+            "palpate", "launch", session, "--no-realtime", "--no-viewer", "--seconds", "2", "--json", summary
+        ) as launch:
+            self.assertEqual(launch.process.wait(DEADLINE_S), 0, launch.err)
+        run = json.loads(summary.read_text())
+        self.assertGreater(run["in_contact_ticks"], 100)
+        self.assertGreater(run["max_force_n"], 0.5)
+        self.assertGreaterEqual(run["min_true_energy_j"], -1e-6)
+        self.assertEqual(run["restarts"]["physics"], 0)
+
     def test_renders_ends_the_force_when_killed_and_renders_again_when_restarted(self) -> None:
         session = self.python_session()
         with palpate.Telemetry(session) as telemetry, self.running(
