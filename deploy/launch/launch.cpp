@@ -87,6 +87,32 @@ class RunFolder {
   int folder_ = -1;
 };
 
+/// The fields of SceneState that follow from the session.
+nlohmann::json scene_of(const Session& session) {
+  constexpr std::size_t kLongestText = 64 << 10;  // Linux allows 128 KiB for one variable
+  const Side& side = session.side();
+  nlohmann::json scene{
+      {"session_name", session.name},
+      {"session_text", session.text.size() > kLongestText ? "" : session.text},
+      {"controller", controller_text(side.mofc)},
+      {"device_rate_hz", side.device.rate_hz},
+      {"physics_rate_hz", session.physics.rate_hz},
+      {"peak_force_newton", side.device.peak_force_newton},
+      {"tip_radius_m", session.scene.tip_radius_m},
+      {"shaft_length_m", session.scene.shaft_length_m},
+      {"shaft_radius_m", session.scene.shaft_radius_m},
+      {"workspace_scale_ratio", side.device.workspace.scale_ratio}};
+  if (const auto& pointer = side.hand.pointer) {
+    const Vector3& center_m = pointer->center_m;
+    scene["pointer"] = {
+        {"center_m", {{"x", center_m.x()}, {"y", center_m.y()}, {"z", center_m.z()}}},
+        {"reach_m", pointer->reach_m},
+        {"speed_m_per_s", pointer->speed_m_per_s},
+        {"holder_timeout_ns", pointer->holder_timeout.count()}};
+  }
+  return scene;
+}
+
 /// What a physics from elsewhere has to know, as docs/extending.md describes it.
 std::string physics_environment(const LaunchOptions& options, const Session& session) {
   nlohmann::json sides = nlohmann::json::array();
@@ -100,7 +126,8 @@ std::string physics_environment(const LaunchOptions& options, const Session& ses
                       {"rate_hz", session.physics.rate_hz},
                       {"sides", sides},
                       {"physics_telemetry", session.physics_telemetry},
-                      {"insecure", options.is_insecure}};
+                      {"insecure", options.is_insecure},
+                      {"scene", scene_of(session)}};
   if (!session.security.key_folder.empty()) {
     json["key_folder"] = fs::absolute(session.security.key_folder).lexically_normal().string();
   }

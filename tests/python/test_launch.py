@@ -7,7 +7,10 @@ import signal
 import subprocess
 import sys
 
+import numpy as np
+
 import palpate
+from palpate.v1.scene_pb2 import TissueSurface
 from support import BIN, DEADLINE_S, EXAMPLE, RESTING, TestCase, force_z_until, is_limp, rests
 
 
@@ -47,6 +50,43 @@ class Launch(TestCase):
             self.assertEqual(launch.stop(), 0, launch.err)
             self.assertIn('event=node_stopped node=physics how="exit status 0"', launch.err)
         self.assertEqual(list((self.folder / "run").iterdir()), [], "files are left")
+
+    def test_viewers_draw_its_surfaces_as_they_move(self) -> None:
+        program = self.folder / "moves.py"
+        program.write_text(
+            "import palpate\n"
+            "corners = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]\n"
+            "with palpate.Physics(surfaces=[palpate.Surface('sheet', corners, [(0, 1, 2)])]) as physics:\n"
+            "    for motion in physics:\n"
+            "        physics.show(0, [(0, 0, -0.25), (1, 0, 0), (0, 1, 0)])\n"
+            "        physics.reply(force=(0, 0, 0))\n"
+        )
+        record = self.folder / "run.mcap"
+        session = self.python_session("scene { tool { tip_radius_m: 0.003 } }", program)
+        with self.running(
+            "palpate", "launch", session, "--no-realtime", "--no-viewer", "--seconds", "1", "--record", record
+        ) as launch:
+            self.assertEqual(launch.process.wait(DEADLINE_S), 0, launch.err)
+        recording = palpate.Recording(record)
+        scene = next(message for _, message in recording.messages("scene_state"))
+        self.assertEqual((scene.session_name, scene.tip_radius_m), ("test", 0.003))
+        self.assertEqual(scene.device_rate_hz, 200)
+        self.assertIn("tip_radius_m: 0.003", scene.session_text)
+        self.assertEqual(scene.tissues[0].name, "sheet")
+        self.assertEqual(np.frombuffer(scene.tissues[0].triangles, "<u4").tolist(), [0, 1, 2])
+        frames = [message for _, message in recording.messages("mesh")]
+        self.assertLessEqual(len(frames), 31)
+        self.assertEqual(np.frombuffer(frames[0].vertices_m, "<f4")[2], -0.25)
+
+    def test_surfaces_that_cannot_be_drawn_are_refused(self) -> None:
+        for surface, complaint in (
+            (palpate.Surface("s", [(0, 0)], []), "must be \\(n, 3\\)"),
+            (palpate.Surface("s", [(0, 0, 1e9)], []), "within ±1000 m"),
+            (palpate.Surface("s", np.zeros((3, 3)), [(0, 1, 3)]), "does not exist"),
+            (palpate.Surface("s", np.zeros((3, 3)), [(0.0, 1, 2)]), "integers"),
+        ):
+            with self.assertRaisesRegex(palpate.SetupError, complaint):
+                surface.fill(TissueSurface())
 
     def test_a_refused_set_up_ends_the_launch(self) -> None:
         program = self.folder / "wrong.py"

@@ -4,16 +4,16 @@ import sys
 
 import palpate
 
-STIFFNESS, DAMPING = 400.0, 1.0  # N/m, N·s/m
+PATCH = palpate.Surface(  # what viewers draw, m
+    "half-space", [(-0.1, -0.1, 0), (0.1, -0.1, 0), (0.1, 0.1, 0), (-0.1, 0.1, 0)], [(0, 1, 2), (0, 2, 3)]
+)
 
 
 def main() -> None:
-    with palpate.Physics(sys.argv[1] if len(sys.argv) > 1 else None) as physics:
+    with palpate.Physics(sys.argv[1] if len(sys.argv) > 1 else None, surfaces=[PATCH]) as physics:
         for motion in physics:
             depth = -motion.position[2]
-            physics.reply(
-                contacts=[palpate.Contact((0, 0, 1), depth, stiffness=STIFFNESS, damping=DAMPING)]
-            )
+            physics.reply(contacts=[palpate.Contact((0, 0, 1), depth, stiffness=400, damping=1)])
 
 
 palpate.run(main)

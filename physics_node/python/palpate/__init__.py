@@ -9,6 +9,7 @@ from .errors import SetupError, run
 from .physics import Motion, Physics
 from .recording import Recording
 from .loopback_run import loopback
+from .scene import Surface
 from .telemetry import Batch, Telemetry
 
-__all__ = ["Batch", "Contact", "Motion", "Physics", "Recording", "SetupError", "Telemetry", "loopback", "run"]
+__all__ = ["Batch", "Contact", "Motion", "Physics", "Recording", "SetupError", "Surface", "Telemetry", "loopback", "run"]

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Optional
+from typing import Any, Optional
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from .v1 import interaction_pb2
 
@@ -33,7 +33,7 @@ class Contact:
     trust_radius: float = 1.0  # m, how far from the pose the model holds; > 0, ≤ 1000
     tissue: int = 0  # index in the session's scene
 
-    def force(self, velocity: ArrayLike) -> np.ndarray:
+    def force(self, velocity: ArrayLike) -> NDArray[Any]:
         """N on the tool at the pose of the motion, moving at `velocity` m/s, W; 0 without touch."""
         normal = np.asarray(self.normal, float)
         if self.penetration <= 0.0:
@@ -43,7 +43,8 @@ class Contact:
         total = (elastic - self.damping * (normal @ relative)) * normal
         total -= self._friction_force(elastic)
         along = normal @ total
-        return total - min(along, 0.0) * normal
+        on_tool: NDArray[Any] = total - min(along, 0.0) * normal
+        return on_tool
 
     def stored_energy(self) -> float:
         """J, elastic."""
@@ -52,7 +53,7 @@ class Contact:
             self.stiffness * self.penetration**2 + self.friction_stiffness * float(stretch @ stretch)
         )
 
-    def _friction_force(self, elastic: float) -> np.ndarray:
+    def _friction_force(self, elastic: float) -> NDArray[Any]:
         if self.friction_coefficient == 0.0:
             return np.zeros(3)
         pull = self.friction_stiffness * np.asarray(self.stretch, float)
@@ -109,7 +110,7 @@ def _number(name: str, value: float, least: float, most: float) -> float:
     return value
 
 
-def _vector(name: str, value: ArrayLike, most: float) -> np.ndarray:
+def _vector(name: str, value: ArrayLike, most: float) -> NDArray[Any]:
     vector = np.asarray(value, float)
     if vector.shape != (3,):
         raise ValueError(f"{name}: must be 3 numbers, x, y, z, not of shape {vector.shape}")
@@ -118,5 +119,5 @@ def _vector(name: str, value: ArrayLike, most: float) -> np.ndarray:
     return vector
 
 
-def _put(wire: interaction_pb2.Contact, vector: np.ndarray) -> None:
+def _put(wire: interaction_pb2.Contact, vector: NDArray[Any]) -> None:
     wire.x, wire.y, wire.z = vector.tolist()

@@ -112,10 +112,10 @@ class Links:
         self._context = zmq.Context()
         self._keys, self._insecure = keys, insecure
         self._claims: list[tuple[IO[str], Path]] = []
-        self._sockets: list[zmq.Socket] = []
+        self._sockets: list[zmq.Socket[bytes]] = []
         self._zap: Optional[zmq.auth.thread.ThreadAuthenticator] = None
 
-    def open(self, link: str, endpoint: str, binds: bool) -> zmq.Socket:
+    def open(self, link: str, endpoint: str, binds: bool) -> zmq.Socket[bytes]:
         """Binds or connects `link`. Raises SetupError."""
         kind, send_queue, receive_queue, buffers, linger, longest = _SETTINGS[link, binds]
         socket = self._context.socket(kind)
@@ -156,7 +156,7 @@ class Links:
             ) from None
         return socket
 
-    def _protect(self, socket: zmq.Socket, link: str, endpoint: str, binds: bool) -> None:
+    def _protect(self, socket: zmq.Socket[bytes], link: str, endpoint: str, binds: bool) -> None:
         server, client = ROLES[link]
         if self._keys is None:
             if self._insecure or _is_loopback(endpoint):
@@ -238,9 +238,10 @@ class Subscribers:
     MOST = 32
     SILENCE_S = 1.0
 
-    def __init__(self, socket: zmq.Socket) -> None:
+    def __init__(self, socket: zmq.Socket[bytes]) -> None:
         self._socket = socket
         self._peers: dict[bytes, tuple[frozenset[int], float]] = {}
+        self._news: set[int] = set()
 
     def take(self) -> None:
         """Reads the subscriptions that have arrived."""
@@ -252,12 +253,19 @@ class Subscribers:
                 break
             kinds = subscribed_kinds(frames[0]) if len(frames) == 1 else None
             if kinds is not None and (peer in self._peers or len(self._peers) < self.MOST):
+                self._news |= kinds - self._peers.get(peer, (frozenset(), 0.0))[0]
                 self._peers[peer] = (kinds, now)
         for peer in [p for p, (_, at) in self._peers.items() if now - at >= self.SILENCE_S]:
             del self._peers[peer]
 
     def has(self, kind: Kind) -> bool:
         return any(kind in kinds for kinds, _ in self._peers.values())
+
+    def has_new(self, kind: Kind) -> bool:
+        """Whether somebody has subscribed to it since the last call."""
+        is_new = kind in self._news
+        self._news.discard(kind)
+        return is_new
 
     def send(self, kind: Kind, frame: bytes) -> bool:
         """To all that want the kind; one whose queue is full misses it. False: none wants it."""
@@ -279,7 +287,7 @@ class Subscription:
 
     INTERVAL_S = 0.1
 
-    def __init__(self, socket: zmq.Socket, kinds: Iterable[Kind]) -> None:
+    def __init__(self, socket: zmq.Socket[bytes], kinds: Iterable[Kind]) -> None:
         self._socket, self._frame = socket, subscription(kinds)
         self._due = 0.0
 

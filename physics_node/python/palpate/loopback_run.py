@@ -32,7 +32,7 @@ def loopback(
     """
     if program is None:
         folder = os.environ.get("PALPATE_BIN")
-        program = Path(folder) / "palpate" if folder else shutil.which("palpate")
+        program = f"{folder}/palpate" if folder else shutil.which("palpate")
     if program is None:
         raise SetupError("no program `palpate` in PATH; install Palpate, or set PALPATE_BIN to its folder")
     command = [str(program), "loopback", str(session), "--json", "-"]

@@ -16,11 +16,12 @@ from typing import Any, AsyncIterator, Iterator, Optional, Sequence, Type, Union
 import numpy as np
 import zmq
 import zmq.asyncio
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from .contact import Contact, _number, _put, _vector
 from .errors import SetupError
 from .links import Keys, Links, Subscribers
+from .scene import SceneDisplay, Surface
 from .session import SideLinks, session_links
 from .v1 import interaction_pb2, telemetry_pb2, tool_motion_pb2
 from .wire import MAX_FORCE_NEWTON, Kind, Refused, check_motion, decode, encode, fill_header
@@ -36,9 +37,9 @@ _BATCH_MOST = 1000
 class Motion:
     """Pose and velocity of the tool, as mofc_node knows them. Frame W."""
 
-    position: np.ndarray  # (3,) m, tool tip
-    orientation: np.ndarray  # (4,) unit quaternion w, x, y, z: W from T
-    velocity: np.ndarray  # (3,) m/s
+    position: NDArray[Any]  # (3,) m, tool tip
+    orientation: NDArray[Any]  # (4,) unit quaternion w, x, y, z: W from T
+    velocity: NDArray[Any]  # (3,) m/s
     buttons: int  # bit i: button i is held
     is_new: bool  # False: no motion arrived for one period, this one is to be answered again
     side: str  # of the session; "" with one device
@@ -155,11 +156,18 @@ class Physics:
     The iteration, plain or `async for`, ends at SIGTERM, SIGINT or stop(); a second signal kills.
 
     :param session: session file; None: what `palpate launch` gave (physics.command)
+    :param surfaces: what viewers draw, under `palpate launch` only
     :param insecure: allow tcp beyond loopback without keys
     :raises SetupError: wrong session, endpoint in use, keys that do not fit
     """
 
-    def __init__(self, session: Union[str, Path, None] = None, *, insecure: bool = False) -> None:
+    def __init__(
+        self,
+        session: Union[str, Path, None] = None,
+        *,
+        surfaces: Sequence[Surface] = (),
+        insecure: bool = False,
+    ) -> None:
         config = session_links(session, insecure)
         self.rate_hz = config.rate_hz
         if not 0.0 < self.rate_hz < 1e5:
@@ -174,6 +182,7 @@ class Physics:
             self._viewers = Subscribers(
                 self._links.open("physics_telemetry", config.physics_telemetry, binds=True)
             )
+            self._display = SceneDisplay(config.scene, surfaces, self._viewers, self._session_id)
         except BaseException:
             self._links.close()
             raise
@@ -289,6 +298,11 @@ class Physics:
         side.sequence += 1
         self._note(side, motion, message, total, now)
 
+    def show(self, surface: int, vertices: ArrayLike) -> None:
+        """What viewers draw from now on: index in `surfaces`, (n, 3) m in W. At most 30 times a second
+        it is sent, and only if somebody watches."""
+        self._display.show(surface, vertices)
+
     def stop(self) -> None:
         """Ends the iteration. May be called from any thread."""
         self._is_stopped = True
@@ -310,7 +324,7 @@ class Physics:
         side: _Side,
         motion: Motion,
         message: interaction_pb2.Interaction,
-        force: np.ndarray,
+        force: NDArray[Any],
         now_ns: int,
     ) -> None:
         compute_ns = now_ns - side.offered_at_ns
@@ -337,6 +351,8 @@ class Physics:
             return
         self._batch_due_ns = now_ns + _BATCH_NS
         self._viewers.take()
+        newest = self._sides[0].newest
+        self._display.publish(now_ns, 0 if newest is None else newest.device.sequence)
         for side in self._sides:
             side.receivers.take()
             if self._viewers.has(Kind.PHYSICS_TELEMETRY):

@@ -9,14 +9,16 @@ from pathlib import Path
 from typing import Any, Iterator, Union
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .errors import SetupError
 from .telemetry import NODES, columns_of
-from .wire import MESSAGES
+from .wire import MESSAGES, Kind
 
 _MAGIC = b"\x89MCAP0\r\n"
 _CHANNEL, _MESSAGE, _CHUNK, _METADATA = 0x04, 0x05, 0x06, 0x0C
 _DATA_END = 0x0F
+_TOPICS = {**NODES, "scene_state": Kind.SCENE_STATE, "mesh": Kind.MESH_FRAME}
 
 
 class Recording:
@@ -90,17 +92,19 @@ class Recording:
         channel, _, log_time = struct.unpack_from("<HIQ", content)
         self._messages.setdefault(self._topics.get(channel, ""), []).append((log_time, content[22:]))
 
-    def batches(self, node: str) -> Iterator[tuple[int, Any]]:
-        """Time of the recorder in ns, and message, of each batch of a node."""
-        if node not in NODES:
-            raise ValueError(f"node = {node!r}: must be one of {', '.join(NODES)}")
-        kind = NODES[node]
-        for time_ns, payload in self._messages.get(f"/{node}", ()):
-            message = MESSAGES[kind]()
+    def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
+        """Time of the recorder in ns, and protobuf message, of everything recorded on a topic.
+
+        :param topic: device, mofc, physics, scene_state or mesh
+        """
+        if topic not in _TOPICS:
+            raise ValueError(f"{topic!r}: must be one of {', '.join(_TOPICS)}")
+        for time_ns, payload in self._messages.get(f"/{topic}", ()):
+            message = MESSAGES[_TOPICS[topic]]()
             message.ParseFromString(bytes(payload))
             yield time_ns, message
 
-    def columns(self, node: str, side: str = "") -> dict[str, np.ndarray]:
+    def columns(self, node: str, side: str = "") -> dict[str, NDArray[Any]]:
         """All ticks of a node: columns by field of telemetry.proto, in the units of their names.
 
         :param node: device, mofc or physics
@@ -108,7 +112,9 @@ class Recording:
         """
         if side not in self.sides:
             raise ValueError(f"side = {side!r}: this recording has {', '.join(map(repr, self.sides))}")
-        parts = [columns_of(message) for _, message in self.batches(node) if message.side == side]
+        if node not in NODES:
+            raise ValueError(f"node = {node!r}: must be one of {', '.join(NODES)}")
+        parts = [columns_of(message) for _, message in self.messages(node) if message.side == side]
         parts = [part for part in parts if next(iter(part.values())).size]
         if not parts:
             return columns_of(MESSAGES[NODES[node]]())
@@ -120,7 +126,7 @@ class Recording:
             import pandas
         except ImportError:
             raise SetupError("pandas is not installed; apt-get install python3-pandas, or use columns()") from None
-        flat: dict[str, np.ndarray] = {}
+        flat: dict[str, NDArray[Any]] = {}
         for name, column in self.columns(node, side).items():
             if column.ndim == 1:
                 flat[name] = column
@@ -130,7 +136,7 @@ class Recording:
         return pandas.DataFrame({name: column for name, column in flat.items() if column.size})
 
 
-def _joined(parts: list[np.ndarray]) -> np.ndarray:
+def _joined(parts: list[NDArray[Any]]) -> NDArray[Any]:
     given = [part for part in parts if part.size]
     return np.concatenate(given) if given else parts[0]
 

@@ -6,7 +6,7 @@ import json
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Optional, Union
+from typing import Any, Optional, Union
 
 from google.protobuf import text_format
 
@@ -40,6 +40,7 @@ class SessionLinks:
     physics_telemetry: str
     key_folder: Optional[Path]
     insecure: bool
+    scene: Optional[dict[str, Any]] = None  # fields of SceneState; only from `palpate launch`
 
 
 def session_links(session: Union[str, Path, None], insecure: bool) -> SessionLinks:
@@ -67,6 +68,7 @@ def _from_launch(insecure: bool) -> SessionLinks:
             physics_telemetry=str(values["physics_telemetry"]),
             key_folder=None if folder is None else Path(folder),
             insecure=insecure or bool(values["insecure"]),
+            scene=dict(values["scene"]),
         )
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise SetupError(

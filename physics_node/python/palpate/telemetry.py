@@ -6,9 +6,10 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Iterator, Optional, Type, Union
+from typing import Any, Iterator, Optional, Type, Union
 
 import numpy as np
+from numpy.typing import NDArray
 import zmq
 from google.protobuf.message import Message
 
@@ -24,7 +25,7 @@ NODES = {
 _NAME = {kind: node for node, kind in NODES.items()}
 
 
-def columns_of(batch: Message) -> dict[str, np.ndarray]:
+def columns_of(batch: Message) -> dict[str, NDArray[Any]]:
     """The columns of a batch by field name, in the units of the name. Row i belongs to tick i.
 
     Vectors have shape (ticks, 3), orientations (ticks, 4), all others (ticks,). A column that the
@@ -34,7 +35,7 @@ def columns_of(batch: Message) -> dict[str, np.ndarray]:
     ticks = len(getattr(batch, repeated[0].name))
     columns = {}
     for field in repeated:
-        values = np.array(getattr(batch, field.name), dtype=_DTYPES[field.cpp_type])
+        values: NDArray[Any] = np.array(getattr(batch, field.name), dtype=_DTYPES[field.cpp_type])
         width = len(values) // ticks if ticks else 1
         columns[field.name] = values.reshape(ticks, width) if width > 1 else values
     return columns
@@ -62,7 +63,7 @@ class Batch:
 
     node: str  # device, mofc or physics
     side: str  # of the session; "" with one device
-    columns: dict[str, np.ndarray]  # see columns_of(); the fields of telemetry.proto
+    columns: dict[str, NDArray[Any]]  # see columns_of(); the fields of telemetry.proto
     counters: Message  # since the start of the node; see telemetry.proto
     session_id: int  # another one: the node was restarted
     message: Message  # as received
@@ -122,7 +123,7 @@ class Telemetry:
         except BaseException:
             self._links.close()
             raise
-        self._ready: list[zmq.Socket] = []
+        self._ready: list[zmq.Socket[bytes]] = []
 
     def receive(self, timeout_s: float) -> Optional[Batch]:
         """The next batch, or None if none arrives in time."""
@@ -132,7 +133,7 @@ class Telemetry:
                 subscription.send_if_due()
             if not self._ready:
                 left_ms = (deadline - time.monotonic()) * 1e3
-                self._ready = [s for s, _ in self._poller.poll(max(0.0, min(50.0, left_ms)))]
+                self._ready = [s for s, _ in self._poller.poll(round(max(0.0, min(50.0, left_ms))))]
             if batch := self._read():
                 return batch
             if not self._ready and time.monotonic() >= deadline:

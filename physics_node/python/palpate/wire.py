@@ -57,7 +57,7 @@ class Refused(Exception):
 
 def encode(kind: Kind, message: Message) -> bytes:
     """The frame of a message. ValueError if it is longer than the receiver accepts."""
-    frame = bytes((kind,)) + message.SerializeToString()
+    frame: bytes = bytes((kind,)) + message.SerializeToString()
     if len(frame) > LONGEST_FRAME[kind]:
         raise ValueError(f"{kind.name}: {len(frame)} bytes; at most {LONGEST_FRAME[kind]}")
     return frame
@@ -111,8 +111,8 @@ def check_motion(motion: tool_motion_pb2.ToolMotion) -> None:
     if (
         motion.device.session_id == 0
         or abs(motion.device.sampled_at_ns) > MAX_TIME_NS
-        or max(map(abs, position)) > MAX_POSITION_M
-        or max(map(abs, velocity)) > MAX_VELOCITY_M_PER_S
+        or any(abs(x) > MAX_POSITION_M for x in position)
+        or any(abs(x) > MAX_VELOCITY_M_PER_S for x in velocity)
         or abs(math.hypot(*turn) - 1.0) > UNIT_TOLERANCE
     ):
         raise Refused("out_of_range")

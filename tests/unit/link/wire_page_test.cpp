@@ -1,4 +1,5 @@
-// The numbers in the tables of docs/wire.md are those of the code, and its example frames are frames.
+// The numbers in the tables of docs/wire.md are those of the code, and its example frames are
+// frames.
 #include <gtest/gtest.h>
 
 #include <map>
