@@ -3,6 +3,7 @@ rate."""
 
 import asyncio
 import contextlib
+import dataclasses
 import os
 import signal
 import socket
@@ -304,6 +305,22 @@ class Motions(PhysicsCase):
         self.assertGreater(beats, 2)
 
 
+class Sides(PhysicsCase):
+    def test_are_served_by_one_physics_each_by_its_own_links(self) -> None:
+        self.file = self.session('physics { rate_hz: 100 } side { name: "left" } side { name: "right" }')
+        config = palpate.session.session_links(self.file, False)
+        self.assertIn("left.tool_motion.ipc", config.sides[0].tool_motion)
+
+        def answer(physics: palpate.Physics, motion: palpate.Motion) -> None:
+            physics.reply(force=(1, 0, 0) if motion.side == "left" else (2, 0, 0))
+
+        with self.serving(answer):
+            for side, newton in zip(config.sides, (1.0, 2.0)):
+                mofc = Mofc(dataclasses.replace(config, sides=(side,)))
+                self.addCleanup(mofc.close)
+                self.assertEqual(mofc.answer_to(mofc.motion()).force_on_tool_newton.x, newton)
+
+
 class Ends(PhysicsCase):
     def test_a_signal_ends_the_program_with_status_0_and_leaves_no_file(self) -> None:
         for number in (signal.SIGTERM, signal.SIGINT):
@@ -320,6 +337,14 @@ class Ends(PhysicsCase):
             with self.assertRaisesRegex(palpate.SetupError, f"in use by process {os.getpid()}"):
                 palpate.Physics(self.file)
         palpate.Physics(self.file).close()
+
+    def test_a_folder_that_others_may_write_is_refused(self) -> None:
+        shared = self.folder / "shared"
+        shared.mkdir()
+        shared.chmod(0o777)
+        session = self.session(f'links {{ tool_motion: "ipc://{shared}/own/motion.ipc" }}')
+        with self.assertRaisesRegex(palpate.SetupError, "another user may replace what is in .*shared"):
+            palpate.Physics(session)
 
     def test_wrong_sessions_are_refused_with_place_and_remedy(self) -> None:
         for text, complaint in (

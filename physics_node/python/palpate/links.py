@@ -183,14 +183,23 @@ class Links:
     def _claim(self, path: Path, name: str) -> None:
         """libzmq takes over an ipc path in use without a word: hold a lock beside it."""
         lock_path = Path(f"{path}.lock")
-        descriptor = os.open(lock_path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
-        lock = os.fdopen(descriptor, "r+")
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            holder = lock.read().strip() or "?"
-            lock.close()
-            raise SetupError(f"{name}: in use by process {holder}; stop it or give another endpoint") from None
+        while True:
+            descriptor = os.open(lock_path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
+            lock = os.fdopen(descriptor, "r+")
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError:
+                holder = lock.read().strip() or "?"
+                lock.close()
+                raise SetupError(
+                    f"{name}: in use by process {holder}; stop it or give another endpoint"
+                ) from None
+            try:
+                if os.path.samestat(os.fstat(descriptor), lock_path.stat()):
+                    break
+            except FileNotFoundError:
+                pass
+            lock.close()  # its last holder removed it between opening and locking
         lock.truncate(0)
         lock.write(str(os.getpid()))
         lock.flush()
@@ -230,6 +239,11 @@ def _make_private(folder: Path, name: str) -> None:
         raise SetupError(f"{name}: {error}; give a path in a folder of your own") from None
     if not stat.S_ISDIR(status.st_mode) or status.st_uid != os.geteuid() or status.st_mode & 0o022:
         raise SetupError(f"{name}: {folder} is not a folder that you alone may write; give another")
+    for above in folder.resolve().parents:
+        status = above.stat()
+        is_open = status.st_mode & 0o022 and not status.st_mode & stat.S_ISVTX
+        if is_open or status.st_uid not in (0, os.geteuid()):
+            raise SetupError(f"{name}: another user may replace what is in {above}; give a folder of your own")
 
 
 class Subscribers:

@@ -28,6 +28,7 @@ from .wire import MAX_FORCE_NEWTON, Kind, Refused, check_motion, decode, encode,
 
 MAX_CONTACTS = 8
 _WRITER_SILENCE_NS = 100_000_000
+_QUEUE = 256
 _IDLE_MS = 50
 _BATCH_NS = 20_000_000
 _BATCH_MOST = 1000
@@ -74,11 +75,11 @@ class _Side:
     def take(self, now_ns: int) -> bool:
         """Reads the whole queue and keeps the newest motion; true if there is a new one."""
         is_new = False
-        while True:
+        for _ in range(_QUEUE):  # a flood does not hold up the physics
             try:
                 parts = self.motions.recv_multipart(zmq.NOBLOCK)
             except zmq.Again:
-                return is_new
+                break
             try:
                 if len(parts) != 1:
                     raise Refused("malformed")
@@ -88,6 +89,7 @@ class _Side:
             except Refused as refused:
                 self.refused[refused.args[0]] += 1
                 self.link.rejected += 1
+        return is_new
 
     def _accept(self, message: tool_motion_pb2.ToolMotion, now_ns: int) -> bool:
         header = message.header
@@ -291,7 +293,7 @@ class Physics:
         _put(message.force_on_tool_newton, total)
         message.stored_energy_joule = energy
         now = time.monotonic_ns()
-        fill_header(message.header, self._session_id, side.sequence, now)
+        fill_header(message.header, self._session_id, side.sequence, side.offered_at_ns)
         side.receivers.take()
         if side.receivers.has(Kind.INTERACTION):
             side.receivers.send(Kind.INTERACTION, encode(Kind.INTERACTION, message))

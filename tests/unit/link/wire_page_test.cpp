@@ -16,6 +16,8 @@
 #include "common/link/socket/link_settings.h"
 #include "common/link/subscribers.h"
 #include "common/link/subscription.h"
+#include "common/telemetry/device_telemetry.h"
+#include "common/telemetry/mofc_telemetry.h"
 #include "tests/support/temp_folder.h"
 
 namespace palpate {
@@ -223,6 +225,22 @@ TEST(WirePage, ItsInteractionIsWhatTheCodecWritesAndReads) {
   ASSERT_EQ(interaction.listed_count, 1u);
   EXPECT_EQ(interaction.contacts[0].penetration_m, 0.002);
   EXPECT_EQ(interaction.contacts[0].d_force_d_position(2, 2), -400.0);
+}
+
+/// "0 limp, 1 answered, …" up to `last`.
+template <class State>
+std::string values_up_to(State last) {
+  std::string text;
+  for (int i = 0; i <= static_cast<int>(last); ++i) {
+    text += (i > 0 ? ", " : "") + std::to_string(i) + " " + name(static_cast<State>(i));
+  }
+  return text;
+}
+
+TEST(WirePage, GivesTheNumbersOfTheStates) {
+  EXPECT_EQ(row("DeviceTelemetry.guard"), (Row{values_up_to(GuardState::kFault)}));
+  EXPECT_EQ(row("MofcTelemetry.state"), (Row{values_up_to(MofcState::kClutched)}));
+  EXPECT_EQ(row("DeviceCounters.last_fault"), (Row{values_up_to(FaultReason::kWriteFailed)}));
 }
 
 TEST(WirePage, GivesTheRolesOfEveryLink) {
