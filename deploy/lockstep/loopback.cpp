@@ -3,6 +3,7 @@
 #include <memory>
 #include <stdexcept>
 
+#include "common/core/check.h"
 #include "common/core/clock.h"
 #include "common/telemetry/csv_writer.h"
 #include "deploy/lockstep/lockstep_recorder.h"
@@ -10,6 +11,11 @@
 namespace palpate {
 
 RunReport run_loopback(const Session& session, const LoopbackOptions& options) {
+  if (!session.physics_command.empty()) {
+    throw SetupError(session.file +
+                     ": physics.command names a program that runs in real time only; use `palpate "
+                     "launch`, or take the field out to simulate the tissue of the session");
+  }
   std::unique_ptr<CsvWriter> csv;
   if (!options.csv_file.empty()) csv = std::make_unique<CsvWriter>(options.csv_file);
 

@@ -55,6 +55,7 @@ Session to_shared(const SessionText& text, const std::filesystem::path& base_dir
   session.faults = to_faults(fields.message("faults"));
   if (fields.has("security")) session.security = to_security(fields.message("security"), base_dir);
   session.physics = to_physics(fields.message("physics"));
+  session.physics_command = to_physics_command(fields.message("physics"), base_dir);
   session.viewer = to_viewer(fields.message("viewer"));
   session.scene = to_scene(fields.message("scene"), base_dir);
   session.sides.clear();
