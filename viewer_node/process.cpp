@@ -9,10 +9,11 @@
 #include <optional>
 #include <stdexcept>
 
-#include "common/core/files.h"
+#include "common/core/output_file.h"
 #include "common/link/plot_sender.h"
 #include "common/process/heap_trim.h"
 #include "common/process/refused_peers_log.h"
+#include "common/session/session_file.h"
 #include "common/telemetry/csv_writer.h"
 #include "viewer_node/feed/status_line.h"
 
@@ -50,6 +51,18 @@ std::vector<Attachment> telemetry_of(const Session& session) {
   }
   attachments.push_back(connect_to(session.physics_telemetry, "links.physics_telemetry"));
   return attachments;
+}
+
+/// Throws SetupError if an output is also read, exists or is named twice.
+void check_files(const Session& session, const ViewerOptions& options) {
+  std::vector<std::string> inputs = files_of(session);
+  inputs.push_back(options.web.token_file);
+  std::vector<NamedOutput> outputs{{"--record", options.record.file}};
+  for (const Side& side : session.sides) {
+    if (options.csv_file.empty()) break;
+    outputs.push_back({"--csv", csv_file_of(options.csv_file, side.name)});
+  }
+  check_outputs(outputs, inputs, options.record.may_overwrite);
 }
 
 /// Publishes rows for PlotJuggler.
@@ -108,8 +121,8 @@ void TelemetryFeed::pump(std::span<TelemetryMirror> mirrors, TimePoint deadline)
 }
 
 void run_process(NodeContext& context, ProcessLinks& links, const ViewerOptions& options) {
-  refuse_shared_file({{"--csv", options.csv_file}, {"--record", options.record.file}});
   const std::vector<Side>& sides = context.session.sides;
+  check_files(context.session, options);
   std::vector<TelemetryMirror> mirrors(sides.size());
   std::vector<std::unique_ptr<CsvWriter>> csvs;
   std::optional<Plot> plot;
@@ -122,7 +135,8 @@ void run_process(NodeContext& context, ProcessLinks& links, const ViewerOptions&
     CsvWriter* csv = nullptr;
     if (!options.csv_file.empty()) {
       const std::string file = csv_file_of(options.csv_file, sides[i].name);
-      csv = csvs.emplace_back(std::make_unique<CsvWriter>(file)).get();
+      csv =
+          csvs.emplace_back(std::make_unique<CsvWriter>(file, options.record.may_overwrite)).get();
     }
     Plot* shown = i == 0 && plot ? &*plot : nullptr;
     if (csv == nullptr && shown == nullptr) continue;
@@ -160,7 +174,7 @@ void run_process(NodeContext& context, ProcessLinks& links, const ViewerOptions&
   };
   RefusedPeersLog refused_peers(context.log, links.side.refused());
   HeapTrim heap;
-  bool is_quiet = options.is_quiet;
+  bool is_quiet = context.is_quiet;
   TimePoint next_status = context.clock.now() + context.session.viewer.status_interval;
   while (!context.stop.stop_requested()) {
     const Duration interval = web ? kWebPumpInterval : kPumpInterval;

@@ -209,7 +209,7 @@ Command add_doctor_command(CLI::App& app) {
   options->add_to(command);
   command.get_option("SESSION")->required(false)->description(
       "session file: check its rate, links, ports and keys too");
-  return {&command, [options] { return run_doctor(*options); }};
+  return {&command, [options](const Verbosity&) { return run_doctor(*options); }};
 }
 
 }  // namespace palpate

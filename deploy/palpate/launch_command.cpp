@@ -8,7 +8,6 @@
 #include <string>
 #include <vector>
 
-#include "common/core/files.h"
 #include "common/process/heap_trim.h"
 #include "common/process/options.h"
 #include "common/process/run_node.h"
@@ -35,7 +34,7 @@ struct LaunchCommand {
   /// Runs until the time is up or a signal arrives. If the session has keys and this machine lacks
   /// the viewer's, the run has no figures. Throws SetupError.
   /// @return exit status
-  [[nodiscard]] int run() const;
+  [[nodiscard]] int run(const Verbosity& verbosity) const;
 };
 
 void LaunchCommand::add_to(CLI::App& app) {
@@ -69,6 +68,14 @@ void LaunchCommand::add_to(CLI::App& app) {
       ->excludes(chosen);
 }
 
+/// One for each side, or none.
+std::vector<std::string> tables_of(const Session& session, const OutputOptions& output) {
+  std::vector<std::string> tables;
+  if (output.csv_file.empty()) return tables;
+  for (const Side& side : session.sides) tables.push_back(csv_file_of(output.csv_file, side.name));
+  return tables;
+}
+
 /// `palpate launch` as a viewer of its own run: figures, tables and the recording.
 class RunObserver {
  public:
@@ -78,14 +85,13 @@ class RunObserver {
       : links_({.priority = 0, .cpu = -1}, tcp),
         mirrors_(session.sides.size()),
         figures_(mirrors_.size()) {
-    for (const Side& side : session.sides) {
-      if (output.csv_file.empty()) break;
-      csvs_.push_back(std::make_unique<CsvWriter>(csv_file_of(output.csv_file, side.name)));
+    for (const std::string& table : tables_of(session, output)) {
+      csvs_.push_back(std::make_unique<CsvWriter>(table, output.may_overwrite));
     }
     if (!may_observe) return;
     feed_.emplace(session, clock_, links_);
-    if (!output.record.file.empty()) {
-      recording_.emplace(output.record, session, "palpate launch", feed_->subscriber());
+    if (!output.record_file.empty()) {
+      recording_.emplace(output.record(), session, "palpate launch", feed_->subscriber());
       feed_->on_message = [this](const TelemetryMessage& message,
                                  std::span<const std::byte> payload) {
         recording_->take(message, payload);
@@ -151,16 +157,15 @@ class RunObserver {
   HeapTrim heap_;
 };
 
-int LaunchCommand::run() const {
-  Session loaded = session.load();
+int LaunchCommand::run(const Verbosity& verbosity) const {
+  Session loaded = session.load(verbosity);
   if (is_insecure) allow_plain_tcp(loaded);
-  refuse_shared_file(
-      {{"--csv", output.csv_file}, {"--json", output.json_file}, {"--record", output.record.file}});
-  const JsonOutput json(output.json_file);
+  output.check(loaded, tables_of(loaded, output));
+  JsonOutput json(output);
 
   // a viewer, a table and a recording need the viewer's key; the summary uses it if it is there
   const bool must_observe =
-      nodes.contains("viewer") || !output.csv_file.empty() || !output.record.file.empty();
+      nodes.contains("viewer") || !output.csv_file.empty() || !output.record_file.empty();
   const TcpRules tcp = must_observe ? tcp_rules(loaded.security, {KeyRole::kViewer})
                                     : tcp_rules(loaded.security, {}, {KeyRole::kViewer});
   const bool may_observe = tcp.keys == nullptr || tcp.keys->of(KeyRole::kViewer).has_value();
@@ -170,14 +175,13 @@ int LaunchCommand::run() const {
   }
   RunObserver observer(loaded, output, tcp, may_observe);
 
-  std::set<std::string> started = nodes;
-  if (json.is_standard_output()) started.erase("viewer");  // it prints there too
   const LaunchResult result = launch({.session_file = session.file,
                                       .overrides = session.overrides,
                                       .seconds = seconds,
                                       .is_realtime = !has_no_realtime,
                                       .is_insecure = is_insecure,
-                                      .nodes = started,
+                                      .is_quiet = verbosity.is_quiet,
+                                      .nodes = nodes,
                                       .is_together = is_together,
                                       .on_poll = [&] { observer.pump(); }});
   observer.finish();
@@ -188,9 +192,8 @@ int LaunchCommand::run() const {
                  node.name.c_str());
   }
 
-  if (!json.is_standard_output()) {
+  if (!verbosity.is_quiet)
     std::fputs(launch_text(loaded.name, observer.devices(), result).c_str(), stdout);
-  }
   json.write(launch_json(loaded.name, observer.devices(), result));
   observer.close_files();
   return result.exit_status();
