@@ -1,7 +1,5 @@
 #include "viewer_node/process.h"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
@@ -13,6 +11,7 @@
 #include "common/link/plot_sender.h"
 #include "common/process/heap_trim.h"
 #include "common/process/refused_peers_log.h"
+#include "common/process/terminal.h"
 #include "common/session/session_file.h"
 #include "common/telemetry/csv_writer.h"
 #include "viewer_node/feed/status_line.h"
@@ -25,13 +24,17 @@ constexpr Duration kPumpInterval = std::chrono::milliseconds(50);
 constexpr Duration kWebPumpInterval =
     std::chrono::milliseconds(20);  // longest delay of a client's request
 
-/// Prints one line per side; on a terminal, over the previous ones. False if stdout is closed.
+/// Prints one line per side; on a terminal, over the previous ones and no wider than it: a line
+/// that wraps could not be rewritten. False if stdout is closed.
 bool print_status(const Session& session, std::span<const TelemetryMirror> mirrors, TimePoint now) {
-  const bool is_terminal = isatty(STDOUT_FILENO) == 1;
+  const std::size_t terminal = terminal_columns(STDOUT_FILENO);
+  const bool is_terminal = terminal > 0;
+  const std::size_t columns = is_terminal ? std::min(terminal - 1, kStatusColumns) : kStatusColumns;
   const std::vector<Side>& sides = session.sides;
   for (std::size_t i = 0; i < sides.size(); ++i) {
-    const std::string& name = sides[i].name;
-    const std::string line = (name.empty() ? "" : name + ": ") + status_line(mirrors[i], now);
+    const std::string name = sides[i].name.empty() ? "" : sides[i].name + ": ";
+    const std::size_t left = columns - std::min(columns, columns_of(name));
+    const std::string line = fitted(name, columns) + status_line(mirrors[i], now, left);
     if (is_terminal) {
       std::printf("\r\033[K%s%s", line.c_str(), i + 1 < sides.size() ? "\n" : "");
     } else {

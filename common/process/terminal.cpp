@@ -38,6 +38,8 @@ std::size_t terminal_columns(int descriptor) {
   return size.ws_col;
 }
 
+std::string line_start(int descriptor) { return isatty(descriptor) == 1 ? "\r\033[K" : ""; }
+
 std::string coloured(const std::string& text, Colour colour, int descriptor) {
   // NOLINTNEXTLINE(concurrency-mt-unsafe): nothing sets the environment
   const char* refusal = std::getenv("NO_COLOR");

@@ -15,6 +15,10 @@ namespace palpate {
 /// Columns of the terminal at this descriptor; 0: not a terminal.
 [[nodiscard]] std::size_t terminal_columns(int descriptor);
 
+/// What begins a line at this descriptor: on a terminal it removes a status line or progress that
+/// is there, which is written again below.
+[[nodiscard]] std::string line_start(int descriptor);
+
 enum class Colour { kGood, kBad };
 /// The text in green or red if the descriptor is a terminal and $NO_COLOR is not set.
 [[nodiscard]] std::string coloured(const std::string& text, Colour colour,

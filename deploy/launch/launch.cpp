@@ -128,7 +128,12 @@ std::vector<ChildSpec> nodes_of(const LaunchOptions& options, const Session& ses
     child.restart_arguments = {
         "--set", path + "device.start_ramp_ms=" + std::to_string(kRestartRampMilliseconds)};
   }
-  if (is_here("viewer")) add("viewer");
+  if (is_here("viewer")) {
+    ChildSpec& viewer = add("viewer");
+    if (!options.page_address.empty()) {
+      viewer.arguments.insert(viewer.arguments.end(), {"--listen", options.page_address});
+    }
+  }
   return children;
 }
 

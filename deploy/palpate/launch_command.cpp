@@ -11,15 +11,23 @@
 #include "common/process/heap_trim.h"
 #include "common/process/options.h"
 #include "common/process/run_node.h"
+#include "common/process/tcp_port.h"
+#include "common/process/terminal.h"
 #include "common/telemetry/csv_writer.h"
 #include "deploy/launch/launch.h"
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/launch_figures.h"
 #include "deploy/palpate/options.h"
+#include "deploy/palpate/screen/verdict.h"
 #include "viewer_node/process.h"
 
 namespace palpate {
 namespace {
+
+/// On standard error, on a line of its own.
+void say(const std::string& text) {
+  std::fprintf(stderr, "%spalpate: %s\n", line_start(STDERR_FILENO).c_str(), text.c_str());
+}
 
 struct LaunchCommand {
   SessionOptions session;
@@ -68,6 +76,22 @@ void LaunchCommand::add_to(CLI::App& app) {
       ->excludes(chosen);
 }
 
+/// Prints the address of the page, alone on its line, before anything else is printed. If another
+/// program uses the session's port, the page gets a free one, and keeps it when the viewer
+/// restarts.
+/// @return --listen of the viewer; empty: the session's own port
+std::string announce_page(const WebConfig& web) {
+  const auto own = web.port != 0 ? free_port(web.port) : std::nullopt;
+  const auto port = own ? own : free_port(0);
+  if (!port) return {};  // viewer_node reports it
+  const std::string address = "127.0.0.1:" + std::to_string(*port);
+  std::printf("http://%s/\n", address.c_str());
+  std::fflush(stdout);
+  if (own) return {};
+  if (web.port != 0) say("port " + std::to_string(web.port) + " is in use; the page has another");
+  return address;
+}
+
 /// One for each side, or none.
 std::vector<std::string> tables_of(const Session& session, const OutputOptions& output) {
   std::vector<std::string> tables;
@@ -92,11 +116,12 @@ class RunObserver {
     feed_.emplace(session, clock_, links_);
     if (!output.record_file.empty()) {
       recording_.emplace(output.record(), session, "palpate launch", feed_->subscriber());
-      feed_->on_message = [this](const TelemetryMessage& message,
-                                 std::span<const std::byte> payload) {
-        recording_->take(message, payload);
-      };
     }
+    feed_->on_message = [this](const TelemetryMessage& message,
+                               std::span<const std::byte> payload) {
+      if (const auto* physics = std::get_if<PhysicsBatch>(&message)) warn_of_start(*physics);
+      if (recording_) recording_->take(message, payload);
+    };
     for (std::size_t i = 0; i < mirrors_.size(); ++i) {
       devices_.push_back({session.sides[i], mirrors_[i], figures_[i]});
       mirrors_[i].on_row = [this, i](const TickRow& row) {
@@ -137,11 +162,19 @@ class RunObserver {
   [[nodiscard]] const std::vector<ObservedDevice>& devices() const { return devices_; }
 
  private:
+  /// Tissue deforms for each tool separately: each side has its own first step.
+  void warn_of_start(const PhysicsBatch& batch) {
+    if (batch.records.empty() || !started_.insert(batch.side).second) return;
+    const PhysicsTick& first = batch.records.front();
+    if (first.sequence != 0) return;  // the batch with the first step is lost
+    const std::string warning = start_warning(first);
+    if (!warning.empty()) say(warning);
+  }
   /// Reports an error at once; the run continues.
   void check_recording() {
     const auto error = recording_ ? recording_->take_error() : std::nullopt;
     if (!error) return;
-    std::fprintf(stderr, "palpate: %s\n", error->c_str());
+    say(*error);
     has_lost_recording_ = true;
   }
 
@@ -153,6 +186,7 @@ class RunObserver {
   std::vector<ObservedDevice> devices_;
   std::vector<std::unique_ptr<CsvWriter>> csvs_;
   std::optional<viewer::Recording> recording_;
+  std::set<std::string> started_;  // sides whose physics was heard
   bool has_lost_recording_ = false;
   HeapTrim heap_;
 };
@@ -175,12 +209,16 @@ int LaunchCommand::run(const Verbosity& verbosity) const {
   }
   RunObserver observer(loaded, output, tcp, may_observe);
 
+  const WebConfig& web = loaded.viewer.web;
+  const bool has_page = nodes.contains("viewer") && web.is_on && !verbosity.is_quiet;
+  const std::string page_address = has_page ? announce_page(web) : "";
   const LaunchResult result = launch({.session_file = session.file,
                                       .overrides = session.overrides,
                                       .seconds = seconds,
                                       .is_realtime = !has_no_realtime,
                                       .is_insecure = is_insecure,
                                       .is_quiet = verbosity.is_quiet,
+                                      .page_address = page_address,
                                       .nodes = nodes,
                                       .is_together = is_together,
                                       .on_poll = [&] { observer.pump(); }});

@@ -9,6 +9,7 @@
 #include "deploy/lockstep/loopback.h"
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/options.h"
+#include "deploy/palpate/screen/verdict.h"
 #include "viewer_node/recording/recording_file.h"
 
 namespace palpate {
@@ -52,6 +53,11 @@ struct LoopbackCommand {
       loaded.side().hand.path = std::move(path);
     }
     JsonOutput json(output);
+    const auto warn_of_start = [is_first = true](const PhysicsTick& tick) mutable {
+      if (!std::exchange(is_first, false)) return;
+      const std::string warning = start_warning(tick);
+      if (!warning.empty()) std::fprintf(stderr, "palpate: %s\n", warning.c_str());
+    };
     const StopSignal stop;
     std::optional<BusyLine> loading(std::in_place, "loading the session", verbosity.is_quiet);
     std::optional<Progress> progress;
@@ -63,7 +69,8 @@ struct LoopbackCommand {
          .record = output.record(),
          .recorded_by = "palpate loopback" + (hand_file.empty() ? "" : " --hand " + hand_file),
          .lockstep = {.links = is_inproc ? LockstepLinks::kInproc : LockstepLinks::kMemory,
-                      .has_ideal = !has_no_ideal},
+                      .has_ideal = !has_no_ideal,
+                      .on_physics_tick = warn_of_start},
          .may_go_on = [&](double done) {
            if (loading) progress.emplace("loopback", verbosity.is_quiet);
            loading.reset();
@@ -75,7 +82,11 @@ struct LoopbackCommand {
       std::fprintf(stderr, "palpate: stopped after %.2f s of %.2f s\n", report.simulated_s,
                    length_s.value_or(loaded.duration_s));
     }
-    if (!verbosity.is_quiet) std::fputs(summary_text(loaded, report).c_str(), stdout);
+    if (!verbosity.is_quiet) {
+      const std::string verdict =
+          verdict_text(verdicts_of(loaded.side(), report.device, report.mofc, false));
+      std::fputs((summary_text(loaded, report) + verdict).c_str(), stdout);
+    }
     json.write(summary_json(loaded, report));
     return 0;
   }

@@ -9,6 +9,7 @@
 #include "common/core/version.h"
 #include "common/process/run_node.h"
 #include "deploy/palpate/commands.h"
+#include "deploy/palpate/screen/help.h"
 
 namespace palpate {
 namespace {
@@ -26,16 +27,20 @@ int run(int argc, char** argv) {
       add_launch_command(app),   add_loopback_command(app),    add_info_command(app),
       add_export_command(app),   add_replay_command(app),      add_report_command(app),
       add_identify_command(app), add_scene_check_command(app), add_doctor_command(app),
-      add_keygen_command(app),   add_make_organ_command(app)};
+      add_keygen_command(app),   add_make_organ_command(app),  add_explain_command(app),
+      add_help_command(app),     add_man_command(app),         add_completion_command(app)};
   // set last: subcommands that exist later would inherit it
   app.footer(
       "Try:  palpate launch deploy/sessions/default.txtpb --seconds 10\n"
-      "Each command has its own --help.");
+      "Each command has its own --help, or: palpate help launch. Terms: palpate explain clamp");
 
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? 0 : kExitSetupError;
+    const int status = app.exit(error);
+    if (status == 0) return 0;
+    std::fputs(did_you_mean(app).c_str(), stderr);
+    return kExitSetupError;
   }
   try {
     for (const Command& command : commands) {
