@@ -35,8 +35,11 @@ namespace palpate {
   std::string best;
   std::size_t best_distance = std::max<std::size_t>(2, word.size() / 3) + 1;
   for (const std::string& candidate : candidates) {
-    const bool is_beginning = candidate.starts_with(word) || word.starts_with(candidate);
-    const std::size_t distance = is_beginning ? 0 : edit_distance(word, candidate);
+    std::size_t distance = edit_distance(word, candidate);
+    if (candidate.starts_with(word)) distance = 0;
+    if (word.starts_with(candidate) && 2 * candidate.size() >= word.size()) {
+      distance = std::min<std::size_t>(distance, 2);
+    }
     if (distance >= best_distance) continue;
     best_distance = distance;
     best = candidate;

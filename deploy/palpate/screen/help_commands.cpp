@@ -101,7 +101,11 @@ Command add_help_command(CLI::App& app) {
   auto words = std::make_shared<std::vector<std::string>>();
   command.add_option("COMMAND", *words, "e.g. launch, scene check")->type_name("");
   return {&command, [&app, words](const Verbosity&) {
-            print(command_of(app, *words).help());
+            const CLI::App& named = command_of(app, *words);
+            std::string name = app.get_name();
+            for (const std::string& word : *words) name += " " + word;
+            // App::help() of palpate would be that of this command, which was parsed
+            print(named.get_formatter()->make_help(&named, name, CLI::AppFormatMode::Normal));
             return 0;
           }};
 }

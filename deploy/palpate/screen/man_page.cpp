@@ -49,7 +49,7 @@ std::string options_of(const CLI::App& command, bool is_positional) {
   for (const CLI::Option* option : command.get_options(kAll)) {
     if (option->nonpositional() == is_positional) continue;
     const std::string value = option->get_type_name();
-    text += ".TP\n\\fB" + roff(option->get_name(is_positional)) + "\\fR";
+    text += ".TP\n\\fB" + roff(option->get_name(is_positional, !is_positional)) + "\\fR";
     if (!is_positional && option->get_items_expected_max() > 0 && !value.empty()) {
       text += " \\fI" + roff(value) + "\\fR";
     }

@@ -102,7 +102,7 @@ class Outputs : public testing::Test {
       name: "outputs"
       duration_s: 0.05
       device { profile_file: "omni.txtpb" start_ramp_ms: 0 simulated {} }
-      hand { hold { position_m { z: 0.02 } } }
+      hand { hold { position_m { z: 0.1 } } }
       viewer { web { disabled: true } }
       scene { tissue {
         name: "organ" tetrahedral_mesh { file: "organ.msh" }
@@ -227,7 +227,9 @@ TEST_F(Outputs, AFullDiskIsAnErrorWithAReason) {
     const Outcome outcome = run_program("/bin/bash", arguments);
     EXPECT_EQ(outcome.status, 1);
     EXPECT_THAT(outcome.out, HasSubstr(file + ": File too large"));
-    if (output.is_whole) EXPECT_EQ(text_of(file), kPrecious);
+    if (output.is_whole) {
+      EXPECT_EQ(text_of(file), kPrecious);
+    }
     EXPECT_EQ(file_count(), files);
   }
 }
@@ -250,7 +252,9 @@ TEST_F(Outputs, AFullDiskIsAnErrorOfALaunchWithAReason) {
     const Outcome outcome = run(output, file, {"--overwrite"});
     EXPECT_EQ(outcome.status, 1);
     EXPECT_THAT(outcome.err, HasSubstr(file + ": No space left on device"));
-    if (output.is_whole) EXPECT_EQ(text_of(file), kPrecious);
+    if (output.is_whole) {
+      EXPECT_EQ(text_of(file), kPrecious);
+    }
   }
   EXPECT_EQ(umount2(disk.c_str(), MNT_DETACH), 0);
 }
@@ -313,7 +317,7 @@ TEST_F(Outputs, APipeWithoutAReaderIsAnnounced) {
 
 TEST_F(Outputs, TextThatStandardOutputLosesIsAnError) {
   const std::string palpate = std::string(PALPATE_BINARY_DIR) + "/palpate";
-  for (const std::string& arguments : {"--help", "--version", "doctor", "launch --help"}) {
+  for (const char* arguments : {"--help", "--version", "doctor", "launch --help"}) {
     SCOPED_TRACE(arguments);
     const Outcome outcome =
         run_program("/bin/bash", {"-c", palpate + " " + arguments + " > /dev/full"});

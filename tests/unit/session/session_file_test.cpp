@@ -653,14 +653,14 @@ TEST_F(SessionFolder, AByteOrderMarkIsNoText) {
 }
 
 TEST_F(SessionFolder, TenThousandTissuesAreAnOrdinaryFile) {
-  std::string text = "name: \"many\"\n";
+  std::string text = "name: \"many\"\nscene {\n";
   for (int i = 0; i < 10'000; ++i) {
-    text += "scene {\n  tissue {\n    name: \"tissue_of_the_abdomen_" + std::to_string(i) +
+    text += "  tissue {\n    name: \"tissue_of_the_abdomen_" + std::to_string(i) +
             "\"\n    sphere { center_m { x: " + std::to_string(1e-3 * i) +
             " y: 0.0125 z: -0.0375 } radius_m: 0.0125 }\n    kelvin_voigt {\n"
-            "      stiffness_newton_per_m: 300.0\n      damping_newton_s_per_m: 1.5\n    }\n"
-            "  }\n}\n";
+            "      stiffness_newton_per_m: 300.0\n      damping_newton_s_per_m: 1.5\n    }\n  }\n";
   }
+  text += "}\n";
   EXPECT_GT(text.size(), 1'000'000u);
   EXPECT_THAT(load_session(write("many.txtpb", text)).scene.tissues, SizeIs(10'000));
 }
