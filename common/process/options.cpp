@@ -35,14 +35,19 @@ void add_seconds_option(CLI::App& app, std::optional<double>& seconds, const std
 }
 
 void add_csv_option(CLI::App& app, std::string& file, const std::string& more) {
-  app.add_option("--csv", file, "write one row per device tick to this file" + more)
+  app.add_option("--csv", file,
+                 "write one row per device tick to this file, - for standard output" + more)
       ->type_name("FILE");
 }
 
-void add_record_options(CLI::App& app, std::string& file, bool& may_overwrite) {
+void add_record_option(CLI::App& app, std::string& file) {
   app.add_option("--record", file, "record every tick, the scene and the session to this MCAP file")
       ->type_name("FILE");
-  app.add_flag("--overwrite", may_overwrite, "let --record replace an existing file");
+}
+
+void add_overwrite_flag(CLI::App& app, bool& may_overwrite) {
+  app.add_flag("--overwrite", may_overwrite,
+               "replace existing files; a file that is read is never replaced");
 }
 
 void add_no_realtime_flag(CLI::App& app, bool& has_no_realtime) {

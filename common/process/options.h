@@ -15,8 +15,10 @@ void add_seconds_option(CLI::App& app, std::optional<double>& seconds, const std
 /// --csv: one row per device tick.
 /// @param more  appended to the help text
 void add_csv_option(CLI::App& app, std::string& file, const std::string& more = {});
-/// --record and --overwrite.
-void add_record_options(CLI::App& app, std::string& file, bool& may_overwrite);
+/// --record: an MCAP file.
+void add_record_option(CLI::App& app, std::string& file);
+/// --overwrite, for every file that the program writes.
+void add_overwrite_flag(CLI::App& app, bool& may_overwrite);
 /// --no-realtime
 void add_no_realtime_flag(CLI::App& app, bool& has_no_realtime);
 /// --insecure

@@ -160,6 +160,7 @@ std::vector<ChildSpec> nodes_of(const LaunchOptions& options, const Session& ses
   }
   if (!options.is_realtime) arguments.emplace_back("--no-realtime");
   if (options.is_insecure) arguments.emplace_back("--insecure");
+  if (options.is_quiet) arguments.emplace_back("--quiet");
 
   const auto is_here = [&](const char* node) { return options.nodes.contains(node); };
   if (options.is_together && !(is_here("device") && is_here("mofc"))) {
@@ -202,7 +203,12 @@ std::vector<ChildSpec> nodes_of(const LaunchOptions& options, const Session& ses
     child.restart_arguments = {
         "--set", path + "device.start_ramp_ms=" + std::to_string(kRestartRampMilliseconds)};
   }
-  if (is_here("viewer")) add("viewer");
+  if (is_here("viewer")) {
+    ChildSpec& viewer = add("viewer");
+    if (!options.page_address.empty()) {
+      viewer.arguments.insert(viewer.arguments.end(), {"--listen", options.page_address});
+    }
+  }
   return children;
 }
 
@@ -343,6 +349,7 @@ LaunchResult launch(const LaunchOptions& options, const std::stop_token& stop) {
   const Session session = load_session(options.session_file, options.overrides);
   const RunFolder run_folder(session.name);
   const Log log("palpate");
+  if (options.is_quiet) log.logger().set_level(spdlog::level::warn);
   return Run(options, nodes_of(options, session), stop_order(session), log.logger()).run(stop);
 }
 

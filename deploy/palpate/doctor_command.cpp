@@ -25,6 +25,8 @@
 #include "common/process/endpoints.h"
 #include "common/process/realtime.h"
 #include "common/process/run_node.h"
+#include "common/process/tcp_port.h"
+#include "common/process/terminal.h"
 #include "common/session/session_file.h"
 #include "common/telemetry/quantile.h"
 #include "deploy/palpate/commands.h"
@@ -137,6 +139,16 @@ void examine_links(const Session& session, std::vector<Finding>& findings) {
   }
 }
 
+/// The page moves to another port, where a bookmark or a tunnel does not find it.
+Finding examine_page(const WebConfig& web) {
+  if (!web.is_on) return {"page", "the session has none"};
+  if (web.port == 0) return {"page", "any free port"};
+  const std::string address = "127.0.0.1:" + std::to_string(web.port);
+  if (free_port(web.port)) return {"page", address + " is free"};
+  return {"page", address + " is in use",
+          "end the program there (ss -ltnp), or choose another port: --set viewer.web.port=8766"};
+}
+
 void examine_keys(const Session& session, std::vector<Finding>& findings) {
   const fs::path folder = session.security.key_folder;
   if (folder.empty()) {
@@ -232,6 +244,7 @@ std::vector<Finding> examine_machine(const std::optional<Session>& session) {
       examine_clock_source()};
   if (session) {
     examine_links(*session, findings);
+    findings.push_back(examine_page(session->viewer.web));
     examine_keys(*session, findings);
     examine_assumptions(*session, findings);
   }
@@ -247,9 +260,10 @@ int run_doctor(const SessionOptions& options) {
   for (const Finding& finding : examine_machine(session)) {
     const bool is_well = finding.remedy.empty();
     if (!is_well) status = kExitFailure;
-    const std::string line =
-        fmt::format("{}  {:<24} {}{}{}\n", is_well ? "ok   " : "TO DO", finding.what, finding.text,
-                    is_well ? "" : ": ", finding.remedy);
+    const std::string mark =
+        is_well ? coloured("ok   ", Colour::kGood) : coloured("TO DO", Colour::kBad);
+    const std::string line = fmt::format("{}  {:<24} {}{}{}\n", mark, finding.what, finding.text,
+                                         is_well ? "" : ": ", finding.remedy);
     std::fputs(line.c_str(), stdout);
   }
   return status;
@@ -266,7 +280,7 @@ Command add_doctor_command(CLI::App& app) {
   options->add_to(command);
   command.get_option("SESSION")->required(false)->description(
       "session file: check its rate, links, ports, keys and assumptions too");
-  return {&command, [options] { return run_doctor(*options); }};
+  return {&command, [options](const Verbosity&) { return run_doctor(*options); }};
 }
 
 }  // namespace palpate

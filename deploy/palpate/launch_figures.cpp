@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "common/telemetry/summary.h"
+#include "deploy/palpate/screen/verdict.h"
 
 namespace palpate {
 namespace {
@@ -141,6 +142,7 @@ std::string launch_text(const std::string& name, const std::vector<ObservedDevic
     line("without an answer",
          fmt::format("{} ticks on the lease, {} in fallback, {} limp", device.leased_ticks,
                      device.fallback_ticks, device.limp_ticks));
+    text += verdict_text(verdicts_of(side, device, mofc, true));
   }
   for (const auto& node : result.restarts) {
     if (node.count == 0) continue;

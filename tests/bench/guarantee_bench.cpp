@@ -607,7 +607,7 @@ void run(const GuaranteeOptions& options) {
         "\nEffect: the run without a controller loses more than 1 mJ.\n",
         adversity.text().c_str());
     std::fflush(stdout);
-    if (!bench.csv_file.empty()) write_file(bench.csv_file, adversity.csv());
+    write_table(bench, adversity.csv());
     json["adversity"] = adversity.json();
   }
   if (is_wanted("monitor")) {
@@ -635,7 +635,7 @@ void run(const GuaranteeOptions& options) {
         history.text().c_str());
     json["history"] = history.json();
   }
-  if (!bench.json_file.empty()) write_file(bench.json_file, json.dump(2) + "\n");
+  write_json(bench, json);
 }
 
 }  // namespace

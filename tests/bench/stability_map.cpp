@@ -199,8 +199,8 @@ void run(const BenchOptions& options) {
       "period T, delay each way.\nPeak to peak in the last 0.5 s: stable below 0.2 mm, unstable "
       "from 5 mm or where the hand extracted more than 10 mJ.\nMean force: the force held; zero "
       "force is stable, too. --csv has every point.\n");
-  if (!options.csv_file.empty()) write_file(options.csv_file, all.csv());
-  if (!options.json_file.empty()) write_file(options.json_file, all.json().dump(2) + "\n");
+  write_table(options, all.csv());
+  write_json(options, all.json());
   if (options.plot_folder.empty()) return;
   const std::filesystem::path folder = options.plot_folder;
   std::filesystem::create_directories(folder);

@@ -155,7 +155,8 @@ void draw_traces(const std::filesystem::path& folder) {
       static_cast<void>(run_loopback(
           session_of(scene, link, way, 1),
           {.seconds = scene.seconds,
-           .csv_file = (folder / fmt::format("{}_{}.csv", name, way.interaction)).string()}));
+           .csv_file = (folder / fmt::format("{}_{}.csv", name, way.interaction)).string(),
+           .may_overwrite = true}));
     }
     draw_figure(folder, name,
                 fmt::format(R"(set datafile separator ','

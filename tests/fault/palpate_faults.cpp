@@ -1,7 +1,7 @@
 // palpate_faults — the fault matrix: the force on a pressing hand when a process of the running
 // session is killed, suspended or restarted, or when something around it fails.
 //
-//   palpate_faults [--json FILE]                          runs every row and prints the table
+//   palpate_faults [--json FILE [--overwrite]]             runs every row and prints the table
 //   palpate_faults --gtest_filter='*physics*'             runs some rows
 //
 // Real processes under `palpate launch` with the default real-time settings and the simulated
@@ -27,7 +27,7 @@
 #include <thread>
 #include <zmq.hpp>
 
-#include "common/core/files.h"
+#include "common/core/output_file.h"
 #include "common/link/codec/codec.h"
 #include "device_node/simulation/hand.h"
 #include "device_node/simulation/plant.h"
@@ -1027,8 +1027,10 @@ class Quiet : public testing::EmptyTestEventListener {
 
 int main(int argc, char** argv) {
   std::string json_file;
-  if (argc == 3 && std::string(argv[1]) == "--json") {
+  bool may_overwrite = false;
+  if (argc >= 3 && std::string(argv[1]) == "--json") {
     json_file = argv[2];
+    may_overwrite = argc == 4 && std::string(argv[3]) == "--overwrite";
     argc = 1;
   }
   const bool prints_table = argc == 1;
@@ -1041,9 +1043,12 @@ int main(int argc, char** argv) {
   const int status = RUN_ALL_TESTS();
   if (!palpate::table().empty()) palpate::print_table();
   if (json_file.empty()) return status;
-  const std::string complaint =
-      palpate::write_file(json_file, palpate::json_of_table().dump(2) + "\n");
-  if (complaint.empty()) return status;
-  std::fprintf(stderr, "palpate_faults: %s: %s\n", json_file.c_str(), complaint.c_str());
-  return 2;
+  try {
+    palpate::write_file("json file", json_file, palpate::json_of_table().dump(2) + "\n",
+                        may_overwrite);
+    return status;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "palpate_faults: %s\n", error.what());
+    return 2;
+  }
 }

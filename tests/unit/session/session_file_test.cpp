@@ -660,6 +660,26 @@ TEST_F(SessionFolder, SessionIsReadFromAFile) {
   EXPECT_EQ(session.seed, 7u);
 }
 
+TEST_F(SessionFolder, AByteOrderMarkIsNoText) {
+  const Session session = load_session(write("s.txtpb", "\xEF\xBB\xBFname: \"x\""));
+  EXPECT_EQ(session.name, "x");
+  EXPECT_THAT(complaint_of_file(write("wrong.txtpb", "\xEF\xBB\xBFname: \"x\" seet: 1")),
+              HasSubstr("wrong.txtpb:1:11"));
+}
+
+TEST_F(SessionFolder, TenThousandTissuesAreAnOrdinaryFile) {
+  std::string text = "name: \"many\"\nscene {\n";
+  for (int i = 0; i < 10'000; ++i) {
+    text += "  tissue {\n    name: \"tissue_of_the_abdomen_" + std::to_string(i) +
+            "\"\n    sphere { center_m { x: " + std::to_string(1e-3 * i) +
+            " y: 0.0125 z: -0.0375 } radius_m: 0.0125 }\n    kelvin_voigt {\n"
+            "      stiffness_newton_per_m: 300.0\n      damping_newton_s_per_m: 1.5\n    }\n  }\n";
+  }
+  text += "}\n";
+  EXPECT_GT(text.size(), 1'000'000u);
+  EXPECT_THAT(load_session(write("many.txtpb", text)).scene.tissues, SizeIs(10'000));
+}
+
 TEST_F(SessionFolder, TheKeyFolderIsRelativeToTheSession) {
   const auto file = write("s.txtpb", "name: \"x\" security { key_folder: \"keys\" }");
 
@@ -679,8 +699,8 @@ TEST_F(SessionFolder, UnreadableFilesAreReportedWithTheReason) {
   EXPECT_THAT(complaint_of_file(folder_ / "none.txtpb"), HasSubstr("none.txtpb: no such file"));
   EXPECT_THAT(complaint_of_file(folder_), HasSubstr("is a folder"));
   EXPECT_THAT(complaint_of_file(folder_ / "pipe"), HasSubstr("is not a regular file"));
-  EXPECT_THAT(complaint_of_file(write("big", std::string(1'000'001, ' '))),
-              HasSubstr("has more than 1000000 bytes"));
+  EXPECT_THAT(complaint_of_file(write("big", std::string(16'000'001, ' '))),
+              HasSubstr("has more than 16000000 bytes"));
 }
 
 TEST_F(SessionFolder, FileWithoutPermissionIsReported) {
@@ -755,6 +775,26 @@ TEST(RunFolder, TooLongForASocketIsAProblem) {
   EXPECT_THAT(lines.back(), AllOf(HasSubstr("links.physics_telemetry"), HasSubstr("111 bytes"),
                                   HasSubstr("PALPATE_RUN_DIR")));
   EXPECT_THAT(lines, ::testing::Not(::testing::Contains(HasSubstr("links.exchange"))));
+}
+
+TEST(FilesOf, AreTheSessionAndEveryFileAndFolderItNames) {
+  const test::TempFolder folder;
+  const auto path = [&](const char* name) { return (folder.path() / name).string(); };
+  folder.write("omni.txtpb",
+               "device { profile { viscous_newton_s_per_m: 0.1 coulomb_newton: 0.1 "
+               "position_resolution_m: 5e-5 } }\n");
+  folder.write("path.csv", "t,x,y,z\n0,0,0,0.01\n2,0,0,0\n");
+  const std::string file = folder.write("session.txtpb", R"(
+      name: "files"
+      security { key_folder: "keys" }
+      device { profile_file: "omni.txtpb" simulated {} }
+      hand { recorded { file: "path.csv" } }
+      scene { tissue { tetrahedral_mesh { file: "organ.msh" }
+                       kelvin_voigt { stiffness_newton_per_m: 300 } } })");
+
+  EXPECT_THAT(files_of(load_session(file)),
+              ::testing::UnorderedElementsAre(file, path("keys"), path("omni.txtpb"),
+                                              path("path.csv"), path("organ.msh")));
 }
 
 }  // namespace
