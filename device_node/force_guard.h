@@ -133,7 +133,6 @@ class ForceGuard {
   void withdraw_answer() noexcept {
     answer_newton_.setZero();
     acting_newton_.setZero();
-    acting_until_ = acting_from_;
     answer_lease_end_ = answered_at_;
   }
 
@@ -148,7 +147,6 @@ class ForceGuard {
  private:
   void acts_from(TimePoint now, const GuardedForce& force) noexcept {
     acting_newton_ = force.force_on_hand_newton;
-    acting_from_ = now;
     acting_until_ = now + force.lease;
   }
 
@@ -177,8 +175,7 @@ class ForceGuard {
   TimePoint ramp_from_{};
   Duration ramp_{};
   Vector3 answer_newton_ = Vector3::Zero();  ///< the last answer, after the limits
-  Vector3 acting_newton_ = Vector3::Zero();  ///< in [acting_from_, acting_until_)
-  TimePoint acting_from_{};
+  Vector3 acting_newton_ = Vector3::Zero();  ///< until acting_until_
   TimePoint acting_until_{};
   std::uint64_t non_finite_commands_ = 0;
 };

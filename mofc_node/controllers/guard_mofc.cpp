@@ -48,8 +48,7 @@ ControlOutput GuardMofc::step(const ControlInput& input) noexcept {
   update_gate(input, elapsed_s);
 
   // the bound, closed by the gate
-  const double gate =
-      gate_store_joule_ > 0.0 ? std::min(1.0, gate_store_joule_ / p_.gate_joule) : 0.0;
+  const double gate = std::max(0.0, gate_store_joule_ / p_.gate_joule);  // the store is ≤ S_g
   ControlOutput output = pool_.grant(input, gate);
   output.is_too_fast = is_too_fast;
   return output;

@@ -275,5 +275,113 @@ TEST(ForceGuard, ANonFiniteCommandGivesNoForceAndIsCounted) {
   EXPECT_EQ(guard.non_finite_commands(), 2u);
 }
 
+// Silence of limp_after + fade = 70 ms, to the nanosecond: a limp start over all of start_ramp. One
+// less: the force was gone for 68 ms only, since its lease of 2 ms ended.
+TEST(ForceGuard, ALimpStartBeginsExactlyWhereTheFadeEnds) {
+  for (const Duration early : {Duration(0), Duration(1)}) {
+    DeviceConfig c = config();
+    c.start_ramp = 100ms;
+    ForceGuard guard(c, kDevicePeak_newton);
+    Duration at = 0ms;
+    EXPECT_EQ(x_answered_until(guard, at, 120ms), 2.0);
+
+    at = 120ms + 70ms - early;
+    EXPECT_EQ(x_answered_until(guard, at, at), 0.0);
+    EXPECT_NEAR(x_answered_until(guard, at, at + 34ms), early == Duration(0) ? 0.68 : 1.0, 1e-6);
+  }
+}
+
+// An answer that acts for ½ ms only: the next one, a lease and a period later, needs no ramp.
+TEST(ForceGuard, AShortLeaseIsNoSilence) {
+  DeviceConfig c = config();
+  c.start_ramp = 100ms;
+  ForceGuard guard(c, kDevicePeak_newton);
+  Duration at = 0ms;
+  EXPECT_EQ(x_answered_until(guard, at, 120ms), 2.0);
+  (void)guard.answered(command(Vector3(2, 0, 0), 500us), kStart + 121ms);
+
+  EXPECT_EQ(guard.answered(command(Vector3(2, 0, 0)), kStart + 124ms).force_on_hand_newton.x(),
+            2.0);
+}
+
+// Silence from 120 ms, the lease over at 122; fallback of 0.1 N each ms, at last at 125 ms for 2
+// ms. The answer at 126 ms starts from it, at 127 ms nothing acts any more; then over the 4 or 5 ms
+// since 122.
+TEST(ForceGuard, AfterAFallbackTheForceGrowsFromTheFallback) {
+  for (const int ms : {126, 127}) {
+    DeviceConfig c = config();
+    c.start_ramp = 100ms;
+    ForceGuard guard(c, kDevicePeak_newton);
+    Duration at = 0ms;
+    EXPECT_EQ(x_answered_until(guard, at, 120ms), 2.0);
+    for (int late = 122; late <= 125; ++late) (void)missed(guard, kStart + late * 1ms);
+
+    const TimePoint now = kStart + ms * 1ms;
+    const auto x_at = [&](TimePoint t) {
+      return guard.answered(command(Vector3(2, 0, 0)), t).force_on_hand_newton.x();
+    };
+    EXPECT_NEAR(x_at(now), ms == 126 ? 0.1 : 0.0, 1e-12);
+    EXPECT_NEAR(x_at(now + 2ms), 2.0 * 2.0 / (ms - 122), 1e-9);
+  }
+}
+
+// 0.1 N in a period of 1 ms; at the very end of the lease nothing acts any more.
+TEST(ForceGuard, AtTheEndOfItsLeaseAForceGrowsFromZero) {
+  ForceGuard guard(slewing(), kDevicePeak_newton);
+  (void)guard.answered(command(Vector3(1, 0, 0)), kStart);
+  (void)guard.answered(command(Vector3(1, 0, 0)), kStart + 1ms);
+
+  EXPECT_NEAR(guard.answered(command(Vector3(1, 0, 0)), kStart + 3ms).force_on_hand_newton.x(), 0.1,
+              1e-15);
+}
+
+TEST(ForceGuard, ASlewLimitBelowOneNewtonPerSecondHoldsToo) {
+  DeviceConfig c = slewing();
+  c.slew_newton_per_s = 0.5;
+  ForceGuard guard(c, kDevicePeak_newton);
+  (void)guard.answered(command(Vector3::Zero()), kStart);
+
+  const GuardedForce out = guard.answered(command(Vector3(1, 0, 0)), kStart + 1ms);
+  EXPECT_NEAR(out.force_on_hand_newton.x(), 0.5e-3, 1e-15);
+  EXPECT_TRUE(out.is_limited);
+}
+
+TEST(ForceGuard, AForceOfExactlyThePeakIsNotLimited) {
+  ForceGuard guard(config(), kDevicePeak_newton);
+  EXPECT_FALSE(guard.answered(command(Vector3(0, kDevicePeak_newton, 0)), kStart).is_limited);
+  EXPECT_TRUE(guard.answered(command(Vector3(0, 3.4, 0)), kStart).is_limited);
+  EXPECT_FALSE(missed(guard, kStart + 1s).is_limited);
+}
+
+TEST(ForceGuard, ACommandWithoutALeaseIsNotCountedAsNotFinite) {
+  ForceGuard guard(config(), kDevicePeak_newton);
+  (void)guard.answered(command(Vector3(1, 0, 0), Duration(0)), kStart);
+  EXPECT_EQ(guard.non_finite_commands(), 0u);
+}
+
+TEST(ForceGuard, AfterAResetTheLeaseOfTheLastAnswerIsOver) {
+  ForceGuard guard(config(), kDevicePeak_newton);
+  (void)guard.answered(command(Vector3(1, 0, 0)), kStart);
+  guard.reset();
+
+  const GuardedForce out = missed(guard, kStart + 1ms);
+  EXPECT_EQ(out.state, GuardState::kLimp);
+  EXPECT_EQ(out.force_on_hand_newton.norm(), 0.0);
+}
+
+// The motors were released at once: the next force grows from zero, though the lease of the one
+// that was withdrawn would still run.
+TEST(ForceGuard, AWithdrawnAnswerDoesNotAct) {
+  ForceGuard guard(slewing(), kDevicePeak_newton);
+  for (int i = 0; i < 10; ++i) {
+    (void)guard.answered(command(Vector3(1, 0, 0)), kStart + i * 1ms);
+  }
+  guard.withdraw_answer();
+
+  EXPECT_EQ(missed(guard, kStart + 9ms + 500us).force_on_hand_newton.norm(), 0.0);
+  EXPECT_NEAR(guard.answered(command(Vector3(1, 0, 0)), kStart + 10ms).force_on_hand_newton.x(),
+              0.1, 1e-15);
+}
+
 }  // namespace
 }  // namespace palpate::device

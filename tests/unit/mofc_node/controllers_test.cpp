@@ -405,6 +405,7 @@ TEST(PassThrough, GivesTheRequestedForceAndReportsNoBound) {
   EXPECT_EQ(out.force_on_hand_newton, Vector3(5, -6, 7));
   EXPECT_FALSE(out.is_clamped);
   EXPECT_TRUE(std::isnan(out.ledger_energy_joule));
+  EXPECT_TRUE(out.f_max_newton.array().isNaN().all());
 }
 
 // A press of 2 N through quantised positions, held and released without motion: work 0, path 0; the
