@@ -222,7 +222,7 @@ int LaunchCommand::run(const Verbosity& verbosity) const {
                                       .is_unsafe = is_unsafe,
                                       .is_quiet = verbosity.is_quiet,
                                       .page_address = page_address,
-                                      .nodes = started,
+                                      .nodes = nodes,
                                       .is_together = is_together,
                                       .on_poll = [&] { observer.pump(); }});
   observer.finish();
