@@ -38,7 +38,6 @@ struct NodeContext {
   spdlog::logger& log;   ///< not for the tick thread
   std::stop_token stop;  ///< SIGINT, SIGTERM, SIGHUP or the end of --seconds
   const SignalRequests& requests = kNoRequests;
-  bool is_quiet = false;  ///< only warnings and errors
 };
 
 /// For --insecure: allows tcp beyond loopback without keys. Throws SetupError if the session has
