@@ -160,7 +160,7 @@ std::vector<ChildSpec> nodes_of(const LaunchOptions& options, const Session& ses
   }
   if (!options.is_realtime) arguments.emplace_back("--no-realtime");
   if (options.is_insecure) arguments.emplace_back("--insecure");
-  if (options.is_quiet) arguments.emplace_back("--quiet");
+  if (options.is_quiet) arguments.insert(arguments.end(), {"--log-level", "warn"});
 
   const auto is_here = [&](const char* node) { return options.nodes.contains(node); };
   if (options.is_together && !(is_here("device") && is_here("mofc"))) {
@@ -205,8 +205,10 @@ std::vector<ChildSpec> nodes_of(const LaunchOptions& options, const Session& ses
   }
   if (is_here("viewer")) {
     ChildSpec& viewer = add("viewer");
-    if (!options.page_address.empty()) {
-      viewer.arguments.insert(viewer.arguments.end(), {"--listen", options.page_address});
+    if (options.is_quiet) viewer.arguments.emplace_back("--quiet");
+    const std::string address = options.on_page ? options.on_page() : "";
+    if (!address.empty()) {
+      viewer.arguments.insert(viewer.arguments.end(), {"--listen", address});
     }
   }
   return children;
