@@ -29,7 +29,9 @@ set(PALPATE_BOUNDARIES
   "common/process:common/core,common/session,common/telemetry,common/link/*,@log,@cli,@threads"
 
   # the tick knows the interface of a device, no driver and no simulation
-  "device_node:common/core,common/session/device_config.h,common/telemetry/device_telemetry.h"
+  "device_node:common/core,common/session/device_config.h,common/session/device_profile.h,common/telemetry/device_telemetry.h,device_node/monitor"
+  # the monitor of the energy shares nothing with the clamp that it watches
+  "device_node/monitor:common/core,common/session/device_config.h,common/session/device_profile.h"
   "device_node/simulation:common/core,common/session/simulation_config.h,device_node/device.h,device_node/reading_observer.h"
   # simulation ← drivers, one folder a driver
   "device_node/drivers:common/core,device_node/device.h,device_node/drivers/*"

@@ -9,8 +9,12 @@ endif()
 
 # Labels of the tests that ctest runs: under a sanitizer those that need no real time.
 set(labels_to_run ".")
+# Optimisation of the sources of tests: half the compile time. What they test keeps that of its
+# build type.
+set(test_optimization -O1)
 if(PALPATE_SANITIZE)
   set(labels_to_run "unit|property|lockstep|fuzz|sockets")
+  set(test_optimization -O0)
 endif()
 # Their programs, and nothing that they do not need.
 add_custom_target(tests_to_run)
@@ -39,8 +43,7 @@ function(palpate_add_test name)
   target_link_libraries(${name} PRIVATE ${arg_LIBRARIES} GTest::gtest GTest::gmock GTest::gtest_main
                                         palpate_warnings palpate_test_warnings)
   target_include_directories(${name} PRIVATE ${CMAKE_SOURCE_DIR})
-  # Half the compile time of a test; what it tests keeps the optimisation of its build type.
-  target_compile_options(${name} PRIVATE -O1)
+  target_compile_options(${name} PRIVATE ${test_optimization})
   target_compile_definitions(${name} PRIVATE PALPATE_SOURCE_DIR="${CMAKE_SOURCE_DIR}"
                                              PALPATE_BINARY_DIR="${CMAKE_RUNTIME_OUTPUT_DIRECTORY}")
   if(NOT "${arg_LABELS}" MATCHES "${labels_to_run}")

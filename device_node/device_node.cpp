@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/core/check.h"
+
 namespace palpate::device {
 
 namespace {
@@ -12,6 +14,14 @@ bool is_finite(const DeviceSample& sample) {
 }
 
 }  // namespace
+
+void refuse_unmonitored(const DeviceConfig& config, const DeviceSpecification& specification,
+                        bool is_unsafe) {
+  if (config.monitor.is_on || specification.is_simulated || is_unsafe) return;
+  throw SetupError("device.monitor: off: device \"" + specification.model_name +
+                   "\" is real, and a clamp that fails could move the hand with full force; leave "
+                   "the field out, or give --unsafe");
+}
 
 DeviceNode::DeviceNode(const DeviceConfig& config, HapticDevice& device, const Clock& clock,
                        Sender<DeviceState>& state_out, Inbox<ForceCommand>& force_in,
@@ -27,6 +37,8 @@ DeviceNode::DeviceNode(const DeviceConfig& config, HapticDevice& device, const C
       observer_(observer),
       workspace_(config.workspace),
       guard_(config, device.specification().peak_force_newton),
+      monitor_(config),
+      watch_(config),
       rounding_m_(std::sqrt(3.0) * std::max(config.profile.position_resolution_m,
                                             device.specification().position_resolution_m)) {}
 
@@ -92,6 +104,7 @@ FaultReason DeviceNode::exchange(TimePoint next_reading, DeviceTick& record) noe
   if (record.is_answered) record.reply_time = answer->received_at - sent_at;
 
   // switch: to the command, or to less
+  if (record.is_answered) monitor_.count_since(answer->value.counts_since);
   const GuardedForce guarded =
       record.is_answered ? guard_.answered(answer->value, now) : guard_.missed(now, next_reading);
   record.switched_at = now;
@@ -101,8 +114,9 @@ FaultReason DeviceNode::exchange(TimePoint next_reading, DeviceTick& record) noe
   return guarded.is_switch ? switch_to(guarded, deadline, record) : FaultReason::kNone;
 }
 
-FaultReason DeviceNode::switch_to(const GuardedForce& guarded, TimePoint deadline,
+FaultReason DeviceNode::switch_to(const GuardedForce& commanded, TimePoint deadline,
                                   DeviceTick& record) noexcept {
+  const GuardedForce guarded = monitored(commanded, record);
   DeviceSample at_switch;
   const bool is_applied = device_.apply(guarded.force_on_hand_newton, guarded.lease, at_switch);
   const FaultReason reason = is_applied ? judge_with_latched(at_switch) : FaultReason::kWriteFailed;
@@ -113,9 +127,26 @@ FaultReason DeviceNode::switch_to(const GuardedForce& guarded, TimePoint deadlin
   }
   applied_.switched(at_switch.sampled_at, at_switch.hand_position_m, guarded.force_on_hand_newton,
                     guarded.lease);
+  monitor_.switched(at_switch.sampled_at, at_switch.hand_position_m, guarded.force_on_hand_newton,
+                    guarded.lease);
   record.switched_at = at_switch.sampled_at;
   if (record.is_answered && at_switch.sampled_at > deadline) withdraw_late_answer(record);
   return FaultReason::kNone;
+}
+
+/// What the monitor lets through of a force.
+GuardedForce DeviceNode::monitored(const GuardedForce& guarded, DeviceTick& record) noexcept {
+  if (!config_.monitor.is_on) return guarded;
+  const ForceMonitor::Covered covered = monitor_.cover(guarded.force_on_hand_newton, guarded.lease);
+  if (!covered.is_reduced) return guarded;
+  GuardedForce less = guarded;
+  less.force_on_hand_newton = covered.force_on_hand_newton;
+  less.lease = covered.lease;
+  guard_.reduced(less);
+  ++counters_.monitor_reductions;
+  record.is_monitor_reduced = true;
+  record.force_on_hand_newton = less.force_on_hand_newton;
+  return less;
 }
 
 /// The clamp paid in advance for the whole lease of the force that acted before the switch, and for
@@ -124,6 +155,7 @@ void DeviceNode::withdraw_late_answer(DeviceTick& record) noexcept {
   device_.release();
   const TimePoint released_at = clock_.now();
   applied_.released(released_at);
+  monitor_.released(released_at);
   guard_.withdraw_answer();
   ++counters_.late_switches;
   count_force(record.force_on_hand_newton);
@@ -152,6 +184,9 @@ FaultReason DeviceNode::judge(const DeviceSample& sample) noexcept {
   const double possible_m =
       config_.v_fault_m_per_s * to_seconds(sample.sampled_at - last_reading_at_) + rounding_m_;
   const bool is_jump = has_reading_ && moved_m > possible_m;
+  if (has_reading_) {
+    watch_.moved(sample.hand_position_m - last_position_m_, sample.sampled_at - last_reading_at_);
+  }
   last_position_m_ = sample.hand_position_m;
   last_orientation_ = sample.orientation;
   last_reading_at_ = sample.sampled_at;
@@ -168,6 +203,7 @@ FaultReason DeviceNode::judge_with_latched(const DeviceSample& sample) noexcept 
     const FaultReason reason = judge(latched);
     if (reason != FaultReason::kNone) return reason;
     applied_.ran_out(latched.hand_position_m);
+    monitor_.ended(latched.hand_position_m);
   }
   return judge(sample);
 }
@@ -198,6 +234,7 @@ DeviceState DeviceNode::make_state(const DeviceSample& sample, std::uint64_t seq
     applied_.begin(sample.sampled_at);
   }
   applied_.report_in(state);
+  monitor_.read(sample.sampled_at, sample.hand_position_m);
   return state;
 }
 
@@ -277,19 +314,26 @@ void DeviceNode::reset_fault() noexcept {
   // what the encoder did meanwhile is not known: the echo begins anew, which mofc_node takes as a
   // gap
   applied_ = {};
+  monitor_.lost();
   ++counters_.fault_resets;
 }
 
 void DeviceNode::release_motors() noexcept {
   device_.release();
   guard_.reset();
-  if (applied_.has_begun()) applied_.released(clock_.now());
+  if (!applied_.has_begun()) return;
+  const TimePoint now = clock_.now();
+  applied_.released(now);
+  monitor_.released(now);
 }
 
 DeviceCounters DeviceNode::counters() const noexcept {
   DeviceCounters counters = counters_;
   counters.force_command = force_in_.counters();
   counters.non_finite_commands = guard_.non_finite_commands();
+  counters.is_monitor_off = !config_.monitor.is_on;
+  counters.too_fast_readings = watch_.too_fast_readings();
+  counters.coarse_readings = watch_.coarse_readings();
   return counters;
 }
 

@@ -11,7 +11,9 @@
 // never sent is counted besides. If the process is preempted between that check and the switch, the
 // stamp of the switch shows that the answer began to act too late: the motors are released at once,
 // the echo reports what acted, and the switch is counted. So no answer acts that began later than
-// `reply` after the reading it answers, except until the release takes effect. Fault: no reading; a
+// `reply` after the reading it answers, except until the release takes effect. Every force passes
+// the monitor before it is applied: force_monitor.h reduces what the energy that the hand has put
+// in does not cover, whoever commanded it. Fault: no reading; a
 // reading that is not finite, or that only a hand faster than v_fault could have made; motors that
 // refuse a force. A fault is latched: the motors are released and nothing is sent. The node keeps
 // reading and leaves records until reset_fault(). Thread: everything runs on the caller's thread.
@@ -31,9 +33,15 @@
 #include "device_node/applied_forces.h"
 #include "device_node/device.h"
 #include "device_node/force_guard.h"
+#include "device_node/monitor/assumption_watch.h"
+#include "device_node/monitor/force_monitor.h"
 #include "device_node/reading_observer.h"
 
 namespace palpate::device {
+
+/// @throws SetupError  a real device without the monitor, unless `is_unsafe`
+void refuse_unmonitored(const DeviceConfig& config, const DeviceSpecification& specification,
+                        bool is_unsafe);
 
 class DeviceNode {
  public:
@@ -59,13 +67,17 @@ class DeviceNode {
   /// Does nothing without a fault.
   void reset_fault() noexcept;
 
+  /// The result of a hands-off check, for the counters.
+  void report_checked_friction(double ratio) noexcept { counters_.checked_friction_ratio = ratio; }
+
   [[nodiscard]] DeviceCounters counters() const noexcept;
 
  private:
   void count_appointment(const Tick& tick) noexcept;
   [[nodiscard]] FaultReason exchange(TimePoint next_reading, DeviceTick& record) noexcept;
-  [[nodiscard]] FaultReason switch_to(const GuardedForce& guarded, TimePoint deadline,
+  [[nodiscard]] FaultReason switch_to(const GuardedForce& commanded, TimePoint deadline,
                                       DeviceTick& record) noexcept;
+  [[nodiscard]] GuardedForce monitored(const GuardedForce& guarded, DeviceTick& record) noexcept;
   void withdraw_late_answer(DeviceTick& record) noexcept;
   void record_without_exchange(DeviceTick& record) noexcept;
   [[nodiscard]] FaultReason judge(const DeviceSample& sample) noexcept;
@@ -91,6 +103,8 @@ class DeviceNode {
 
   WorkspaceMap workspace_;
   ForceGuard guard_;
+  ForceMonitor monitor_;
+  AssumptionWatch watch_;
   AppliedForces applied_;
   double rounding_m_;  // largest error of the distance of two readings
   std::uint64_t sequence_ = 0;

@@ -119,6 +119,15 @@ class ForceGuard {
     return out;
   }
 
+  /// The monitor reduced the force or the lease just given, at the same instant.
+  void reduced(const GuardedForce& less) noexcept {
+    if (less.state == GuardState::kAnswered) {
+      answer_newton_ = less.force_on_hand_newton;
+      answer_lease_end_ = acting_from_ + less.lease;
+    }
+    acts_from(acting_from_, less);
+  }
+
   /// The answer just given began to act too late and the motors were released: nothing acts until
   /// the next answer. No limp start, since answers keep coming. Lemma: late_switch.
   void withdraw_answer() noexcept {

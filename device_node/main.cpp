@@ -9,7 +9,8 @@ int main(int argc, char** argv) {
        .description = "Owns the haptic device and its motors.",
        .signals = "SIGUSR1 writes the last ticks to a file (the log names it).\n"
                   "SIGUSR2 resets a latched fault; the force then grows from zero.",
-       .is_of_one_side = true},
+       .is_of_one_side = true,
+       .moves_device = true},
       [](palpate::NodeContext& context) {
         palpate::ProcessLinks links(
             context.session.side().realtime,

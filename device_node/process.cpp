@@ -14,6 +14,7 @@
 #include "common/telemetry/telemetry_publisher.h"
 #include "device_node/device_node.h"
 #include "device_node/drivers/driver_registry.h"
+#include "device_node/hands_off_check.h"
 #include "device_node/simulation/pointer_hold.h"
 #include "device_node/simulation/true_state_recorder.h"
 
@@ -56,6 +57,32 @@ class PointerInput {
   bool was_held_ = false;
 };
 
+/// The session's configuration, its profile lowered where the device has less friction.
+/// @param ratio  receives CheckedProfile::ratio; 0 without a check
+DeviceConfig checked_config(const Session& session, NodeContext& context, double& ratio) {
+  DeviceConfig config = session.side().device;
+  ratio = 0.0;
+  if (!config.has_hands_off_check) return config;
+  const Driver driver =
+      all_drivers({.simulated = {.device = session.side().simulated, .hand = nobody()}})
+          .at(kSimulatedDriver);
+  ManualClock virtual_time;
+  Clock& clock = driver.is_simulated ? static_cast<Clock&>(virtual_time) : context.clock;
+  context.log.info("event=hands_off_check_began: nobody may hold the device");
+  const CheckedProfile checked = check_hands_off(*driver.open(clock), clock, config.profile);
+  ratio = checked.ratio;
+  config.profile = checked.profile;
+  if (checked.is_lowered) {
+    context.log.warn(
+        "event=friction_below_profile ratio={:.2f}: the device relies on lower values now; "
+        "identify its friction with `palpate identify`",
+        ratio);
+  } else {
+    context.log.info("event=hands_off_check_ended: the profile holds");
+  }
+  return config;
+}
+
 }  // namespace
 
 void run_process(NodeContext& context, ProcessLinks& links) {
@@ -72,7 +99,13 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
                                  .hand = session.side().hand,
                                  .seed = stream_seed(session, session.side(), "hand"),
                                  .goals = &goals}});
+  double friction_ratio = 0.0;
+  const DeviceConfig config = checked_config(session, context, friction_ratio);
   const auto device = drivers.at(kSimulatedDriver).open(context.clock);
+  refuse_unmonitored(config, device->specification(), context.is_unsafe);
+  if (!config.monitor.is_on) {
+    context.log.warn("event=monitor_off: nothing checks the energy of the commands");
+  }
   if (!device->specification().has_motor_watchdog) {
     context.log.warn("event=no_motor_watchdog device=\"{}\": the guarantee is not available",
                      device->specification().model_name);
@@ -107,8 +140,9 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
 
   // the tick
   TrueStateRecorder true_state(*device);
-  DeviceNode node(session.side().device, *device, context.clock, exchange.states, force_in, ticks,
+  DeviceNode node(config, *device, context.clock, exchange.states, force_in, ticks,
                   context.session_id, &true_state);
+  node.report_checked_friction(friction_ratio);
   context.log.info("event=realtime {}", enter_realtime(session.side().realtime).text);
   SteadyClock appointments(session.side().realtime.wait);
   RateLoop loop(appointments, session.side().device.rate_hz);

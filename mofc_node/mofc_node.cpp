@@ -20,12 +20,18 @@ MofcNode::MofcNode(const MofcConfig& mofc, const ClampedDevice& device, const Cl
 
 ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
   const DeviceState& state = received.value;
-  if (state.header.session_id != device_session_) begin_device_session();
+  if (state.header.session_id != device_session_) {
+    begin_device_session();
+    ledger_since_ = state.header.sampled_at;
+  }
   device_session_ = state.header.session_id;
 
   // what acted since the previous state
   const DeviceEcho::Report echo = echo_.take(state);
-  if (echo.has_gap) ++counters_.ledger_resets;
+  if (echo.has_gap) {
+    ++counters_.ledger_resets;
+    ledger_since_ = state.header.sampled_at;
+  }
 
   // what the tissue requests, perhaps computed for this very tick
   relay_.update(state, echo.mean_force_newton);
@@ -136,7 +142,8 @@ ForceCommand MofcNode::make_command(const DeviceState& state, const Vector3& for
           .answers_sequence = state.header.sequence,
           .answers_sampled_at = state.header.sampled_at,
           .force_on_hand_newton = force_newton,
-          .valid_for = lease};
+          .valid_for = lease,
+          .counts_since = ledger_since_};
 }
 
 void MofcNode::count(const MofcTick& turn, const PhysicsAnswer& physics,

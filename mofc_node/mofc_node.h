@@ -88,6 +88,7 @@ class MofcNode {
   SilenceFade fade_;
 
   std::optional<std::uint64_t> device_session_;
+  TimePoint ledger_since_{};  // reading at which the controller's ledger began
   std::uint64_t next_command_ = 1;
   std::optional<std::uint64_t> used_interaction_;  // sequence of the last one that was evaluated
   std::optional<MofcTick> turn_;                   // its record, until finish_turn()

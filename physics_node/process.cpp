@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/core/check.h"
 #include "common/core/inbox.h"
 #include "common/link/scene_sender.h"
 #include "common/link/zmq_sender.h"
@@ -84,6 +85,11 @@ class Tool {
 
 void run_process(NodeContext& context, ProcessLinks& links) {
   const Session& session = context.session;
+  if (!session.physics_command.empty()) {
+    throw SetupError(session.file +
+                     ": physics.command names another program as the physics of this session; "
+                     "start it with `palpate launch`, or take the field out");
+  }
   const std::vector<Side>& sides = session.sides;
   const bool is_any_local = std::any_of(sides.begin(), sides.end(), [](const Side& side) {
     return side.mofc.interaction == InteractionUse::kLocal;

@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/contact/analytic_surfaces.h"
+#include "common/contact/proxy.h"
+#include "common/contact/shaft.h"
 #include "common/contact/tissue_motion.h"
 
 namespace palpate::physics {
@@ -19,6 +22,14 @@ constexpr Duration kSpeedBin = std::chrono::milliseconds(50);
 constexpr Duration kLeastRepeat = std::chrono::milliseconds(5);
 constexpr Duration kFirstRepeat = std::chrono::milliseconds(40);  // while the loop's age is unknown
 
+/// The tile is no nearer than this to the line in the middle of the region.
+double at_least_m(const DescribedTissue& tissue, std::uint32_t tile,
+                  const CapsuleGeometry& region) noexcept {
+  const Bounds& bounds = tissue.bounds[tile];
+  if (region.from_m == region.to_m) return std::sqrt(bounds.squared_distance(region.from_m));
+  return std::max(0.0, distance_to_axis_m(region, bounds.center_m()) - tissue.radii_m[tile]);
+}
+
 }  // namespace
 
 SurfaceSender::SurfaceSender(std::span<const DescribedTissue> tissues, double rate_hz)
@@ -28,6 +39,7 @@ SurfaceSender::SurfaceSender(std::span<const DescribedTissue> tissues, double ra
   free_.reserve(kTileSlots);
   for (const DescribedTissue& tissue : tissues_) {
     slot_of_tile_.emplace_back(tissue.tiles.size(), kNoSlot);
+    if (tissue.description) shaft_length_m_ = tissue.description->tool.shaft_length_m;
   }
 }
 
@@ -46,34 +58,30 @@ void SurfaceSender::fill(const ToolMotion& motion, TimePoint now,
   const double reach_m = motion.receipts.newest > 0 ? this->reach_m() : kMostReach_m;
   const Vector3 ahead_m =
       limited_to_norm(age_s * motion.tool_velocity_world_m_per_s, 0.5 * reach_m);
-  const Vector3 place_m = motion.tool_position_world_m + ahead_m;
-  if (!place_m.allFinite()) return;
+  if (!(motion.tool_position_world_m + ahead_m).allFinite()) return;
   const double time_s = to_seconds(now.time_since_epoch());
 
   // the listed tissues, deepest first
   struct Wanted {
     std::uint32_t slot = 0;
-    Vector3 center_m = Vector3::Zero();
-    double radius_m = 0.0;
+    CapsuleGeometry region{};
   };
   std::array<Wanted, kMaxDescribed> wanted{};
   std::size_t wanted_count = 0;
   for (std::uint32_t i = 0; i < interaction.listed_count; ++i) {
     const Contact& contact = interaction.contacts[i];
-    const std::uint32_t tissue = contact.tissue;
-    if (contact.is_shaft || !tissues_[tissue].description) continue;
-    const std::uint32_t slot = slot_for(tissue, now);
+    if (!tissues_[contact.tissue].description) continue;
+    const std::uint32_t slot = slot_for(contact.tissue, now);
     if (slot == kMaxDescribed) continue;
-    // a tool above the surface will touch it below
-    const TissueDescription& description = *tissues_[tissue].description;
-    const double gap_m = std::max(0.0, -contact.penetration_m + contact.normal_world.dot(ahead_m));
-    const double away_m =
-        std::abs(description.tool.tip_radius_m - std::max(0.0, contact.penetration_m));
-    wanted[wanted_count++] = {
-        .slot = slot,
-        .center_m = place_m - displacement(description.motion, time_s).position_m -
-                    gap_m * contact.normal_world,
-        .radius_m = std::clamp(reach_m + away_m, kLeastReach_m, kMostReach_m)};
+    const CapsuleGeometry region = region_of(contact, motion, ahead_m, reach_m, time_s);
+    const auto end = wanted.begin() + static_cast<std::ptrdiff_t>(wanted_count);
+    const auto known =
+        std::find_if(wanted.begin(), end, [&](const Wanted& one) { return one.slot == slot; });
+    if (known == end) {
+      wanted[wanted_count++] = {.slot = slot, .region = region};
+    } else if (contact.penetration_m > 0.0) {  // tip and shaft
+      known->region.radius_m = std::max(known->region.radius_m, region.radius_m);
+    }
   }
   const auto all = std::span(wanted).first(wanted_count);
   // the description that has waited longest
@@ -89,11 +97,11 @@ void SurfaceSender::fill(const ToolMotion& motion, TimePoint now,
   if (next != kMaxDescribed) describe(next, now, news);
   for (const Wanted& one : all) {
     if (tissues_[*described_[one.slot].tissue].tiles.empty()) continue;
-    cover(one.slot, one.center_m, one.radius_m, now, news);
+    cover(one.slot, one.region, now, news);
   }
   rest_ = std::min(1.0, rest_ + kRestTilesPerS * to_seconds(now - rest_at_));
   rest_at_ = now;
-  for (const Wanted& one : all) send_rest(one.slot, one.center_m, now, news);
+  for (const Wanted& one : all) send_rest(one.slot, one.region, now, news);
 
   if (!news.has_description && news.tile_count == 0) return;
   news.number = next_number_++;
@@ -105,6 +113,35 @@ void SurfaceSender::fill(const ToolMotion& motion, TimePoint now,
   for (std::uint32_t i = 0; i < news.tile_count; ++i) {
     carry.tiles[i] = {.slot = news.tiles[i].slot, .version = news.tiles[i].version};
   }
+}
+
+/// Where the tissue must be known, in its rest frame.
+CapsuleGeometry SurfaceSender::region_of(const Contact& contact, const ToolMotion& motion,
+                                         const Vector3& ahead_m, double reach_m,
+                                         double time_s) const noexcept {
+  const TissueDescription& description = *tissues_[contact.tissue].description;
+  const ToolShape& tool = description.tool;
+  const double gap_m = std::max(0.0, -contact.penetration_m + contact.normal_world.dot(ahead_m));
+  const double radius_m = contact.is_shaft ? tool.shaft_radius_m : tool.tip_radius_m;
+  const double away_m = std::abs(radius_m - std::max(0.0, contact.penetration_m));
+  CapsuleGeometry region;
+  region.from_m =
+      motion.tool_position_world_m + ahead_m - displacement(description.motion, time_s).position_m;
+  if (!(tool.shaft_length_m > 0.0)) {
+    // a tool above the surface will touch it below
+    region.from_m -= gap_m * contact.normal_world;
+    region.to_m = region.from_m;
+    region.radius_m = std::clamp(reach_m + away_m, kLeastReach_m, kMostReach_m);
+    return region;
+  }
+  const Vector3 along = motion.tool_orientation_world * Vector3::UnitZ();
+  const ShaftSegment shaft = shaft_segment(tool, region.from_m, along);
+  const double step_m = (shaft.last_m - shaft.first_m) / static_cast<double>(kShaftSteps);
+  const double least_m = clearance_m(tool.shaft_radius_m) + step_m + kReachMargin_m;
+  region.to_m = region.from_m + tool.shaft_length_m * along;
+  region.radius_m = std::clamp(reach_m + away_m + gap_m,
+                               std::clamp(least_m, kLeastReach_m, kMostReach_m), kMostReach_m);
+  return region;
 }
 
 // --- what mofc_node has -------------------------------------------------------------------------
@@ -153,6 +190,15 @@ void SurfaceSender::note_speed(const ToolMotion& motion, TimePoint now) noexcept
   speed_bin_ = bin;
   double& highest = speeds_[static_cast<std::size_t>(bin % count)];
   highest = std::max(highest, motion.tool_velocity_world_m_per_s.norm());
+  if (!(shaft_length_m_ > 0.0) || motion.device_sampled_at == shaft_at_) return;
+  const Vector3 shaft_m = shaft_length_m_ * (motion.tool_orientation_world * Vector3::UnitZ());
+  const double dt_s = to_seconds(motion.device_sampled_at - shaft_at_);
+  if (dt_s > 0.0 && shaft_at_ > TimePoint{}) {
+    const Vector3 turn_m_per_s = (shaft_m - shaft_m_) / dt_s;
+    highest = std::max(highest, (motion.tool_velocity_world_m_per_s + turn_m_per_s).norm());
+  }
+  shaft_m_ = shaft_m;
+  shaft_at_ = motion.device_sampled_at;
 }
 
 double SurfaceSender::reach_m() const noexcept {
@@ -195,11 +241,6 @@ void SurfaceSender::release(std::uint16_t index) noexcept {
   free_.push_back(index);
 }
 
-double SurfaceSender::distance_m(const Slot& slot, const Vector3& center_m) const noexcept {
-  const DescribedTissue& tissue = tissues_[*described_[slot.described].tissue];
-  return std::sqrt(tissue.bounds[slot.tile].squared_distance(center_m));
-}
-
 // --- what this message carries ------------------------------------------------------------------
 
 Duration SurfaceSender::repeat_after() const noexcept {
@@ -228,13 +269,14 @@ void SurfaceSender::describe(std::uint32_t slot, TimePoint now, SurfaceNews& new
 }
 
 /// A slot that is free, or whose tile is farther away than this one.
-std::uint16_t SurfaceSender::take_slot(const Vector3& center_m, double wanted_m,
+std::uint16_t SurfaceSender::take_slot(const CapsuleGeometry& region, double wanted_m,
                                        SurfaceNews& news) noexcept {
   if (free_.empty()) {
     std::uint16_t farthest = kNoSlot;
     double farthest_m = wanted_m;
     for (std::size_t i = 0; i < slots_.size(); ++i) {
-      const double away_m = distance_m(slots_[i], center_m);
+      const DescribedTissue& tissue = tissues_[*described_[slots_[i].described].tissue];
+      const double away_m = at_least_m(tissue, slots_[i].tile, region);
       if (away_m <= farthest_m) continue;
       farthest_m = away_m;
       farthest = static_cast<std::uint16_t>(i);
@@ -254,11 +296,12 @@ std::uint16_t SurfaceSender::take_slot(const Vector3& center_m, double wanted_m,
 }
 
 /// False if there is no slot for it.
-bool SurfaceSender::carry(std::uint32_t described, std::uint32_t tile, const Vector3& center_m,
-                          double away_m, TimePoint now, SurfaceNews& news) noexcept {
+bool SurfaceSender::carry(std::uint32_t described, std::uint32_t tile,
+                          const CapsuleGeometry& region, double away_m, TimePoint now,
+                          SurfaceNews& news) noexcept {
   std::uint16_t& index = slot_of(described_[described], tile);
   if (index == kNoSlot) {
-    const std::uint16_t taken = take_slot(center_m, away_m, news);
+    const std::uint16_t taken = take_slot(region, away_m, news);
     if (taken == kNoSlot) return false;
     slots_[taken] = {.described = described, .tile = tile, .version = next_version_++};
     index = taken;
@@ -274,28 +317,26 @@ bool SurfaceSender::carry(std::uint32_t described, std::uint32_t tile, const Vec
   return true;
 }
 
-void SurfaceSender::cover(std::uint32_t slot, const Vector3& center_m, double radius_m,
-                          TimePoint now, SurfaceNews& news) noexcept {
+void SurfaceSender::cover(std::uint32_t slot, const CapsuleGeometry& region, TimePoint now,
+                          SurfaceNews& news) noexcept {
   Described& described = described_[slot];
   const DescribedTissue& tissue = tissues_[*described.tissue];
-  SurfaceCoverage coverage{.described_slot = slot,
-                           .description_version = described.version,
-                           .center_m = center_m,
-                           .radius_m = kWhole_m};
+  SurfaceCoverage coverage{
+      .described_slot = slot,
+      .description_version = described.version,
+      .region = {.from_m = region.from_m, .to_m = region.to_m, .radius_m = kWhole_m}};
+  double& covered_m = coverage.region.radius_m;
   if (described.tiles_known < tissue.tiles.size()) {
     // the nearest tiles that are not known
     std::array<Missing, kMaxMissing> missing;
     std::size_t count = 0;
-    coverage.radius_m = radius_m;
-    Bounds near{center_m, center_m};
-    near.grow(Vector3::Constant(radius_m));
-    tissue.tree.visit_near(near, [&](std::uint32_t tile) {
+    covered_m = region.radius_m;
+    tissue.tree.visit_near(bounds_of(region), [&](std::uint32_t tile) {
       const std::uint16_t index = slot_of(described, tile);
       if (index != kNoSlot && slots_[index].is_acknowledged) return;
-      const Missing one{.distance_m = std::sqrt(tissue.bounds[tile].squared_distance(center_m)),
-                        .tile = tile};
-      if (one.distance_m > coverage.radius_m) return;
-      if (count == kMaxMissing) coverage.radius_m = missing[--count].distance_m;
+      const Missing one{.distance_m = at_least_m(tissue, tile, region), .tile = tile};
+      if (one.distance_m > covered_m) return;
+      if (count == kMaxMissing) covered_m = missing[--count].distance_m;
       std::size_t place = count++;
       for (; place > 0 && one.distance_m < missing[place - 1].distance_m; --place) {
         missing[place] = missing[place - 1];
@@ -307,7 +348,7 @@ void SurfaceSender::cover(std::uint32_t slot, const Vector3& center_m, double ra
     const auto nearest = std::span(missing).first(count);
     const auto key_m = [&](const Missing& one) {
       const std::uint16_t index = slot_of(described, one.tile);
-      const double middle_m = (tissue.bounds[one.tile].center_m() - center_m).norm();
+      const double middle_m = distance_to_axis_m(region, tissue.bounds[one.tile].center_m());
       if (index == kNoSlot) return middle_m;
       const Slot& sent = slots_[index];
       const bool is_due = now - sent.sent_at >= repeat_after();
@@ -318,12 +359,12 @@ void SurfaceSender::cover(std::uint32_t slot, const Vector3& center_m, double ra
       for (const Missing& one : nearest) {
         if (key_m(one) < (next != nullptr ? key_m(*next) : kWhole_m)) next = &one;
       }
-      if (next == nullptr || !carry(slot, next->tile, center_m, next->distance_m, now, news)) break;
+      if (next == nullptr || !carry(slot, next->tile, region, next->distance_m, now, news)) break;
     }
     for (const Missing& one : nearest) {
       const std::uint16_t index = slot_of(described, one.tile);
       if (news.pending_count == kMaxPendingTiles) {
-        coverage.radius_m = std::min(coverage.radius_m, one.distance_m);
+        covered_m = std::min(covered_m, one.distance_m);
         break;
       }
       const bool is_sent = index != kNoSlot;
@@ -341,7 +382,7 @@ void SurfaceSender::cover(std::uint32_t slot, const Vector3& center_m, double ra
 }
 
 /// One tile that the tool will not reach soon, in spare room.
-void SurfaceSender::send_rest(std::uint32_t slot, const Vector3& center_m, TimePoint now,
+void SurfaceSender::send_rest(std::uint32_t slot, const CapsuleGeometry& region, TimePoint now,
                               SurfaceNews& news) noexcept {
   Described& described = described_[slot];
   const DescribedTissue& tissue = tissues_[*described.tissue];
@@ -357,7 +398,7 @@ void SurfaceSender::send_rest(std::uint32_t slot, const Vector3& center_m, TimeP
                                now - slots_[index].sent_at < 2 * loop_age_ + kLeastRepeat) {
       continue;
     }
-    if (carry(slot, tile, center_m, kWhole_m, now, news)) rest_ -= 1.0;
+    if (carry(slot, tile, region, kWhole_m, now, news)) rest_ -= 1.0;
     return;
   }
 }

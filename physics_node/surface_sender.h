@@ -21,7 +21,9 @@ namespace palpate::physics {
 ///
 /// of the predicted place, or of where the tool would touch below it, with v̂ the highest speed of
 /// the last half second, A the age of the loop that mofc_node reports (ρ is 40 mm until it does), f
-/// the rate of the physics and d the distance of the tip's centre from the surface. Nearest first;
+/// the rate of the physics and d the distance of the tip's centre from the surface. Of a tool with
+/// a shaft within ρ of the whole shaft, with v̂ that of its faster end and d that of the nearest
+/// part; then at least 3 mm more than a search along the shaft needs. Nearest first;
 /// what is not acknowledged is repeated after A/3, behind tiles up to 6 mm farther away for each
 /// time that it was sent; what is known is not sent again. The rest of the surface follows at 64
 /// tiles a second while there are free slots. A full store gives up the tiles farthest away.
@@ -79,26 +81,29 @@ class SurfaceSender {
   void empty(std::uint64_t store_id) noexcept;
   void acknowledge(const SurfaceReceipts& receipts) noexcept;
   void note_speed(const ToolMotion& motion, TimePoint now) noexcept;
+  [[nodiscard]] CapsuleGeometry region_of(const Contact& contact, const ToolMotion& motion,
+                                          const Vector3& ahead_m, double reach_m,
+                                          double time_s) const noexcept;
   [[nodiscard]] double reach_m() const noexcept;
   [[nodiscard]] std::uint32_t slot_for(std::uint32_t tissue, TimePoint now) noexcept;
   void describe(std::uint32_t slot, TimePoint now, SurfaceNews& news) noexcept;
-  void cover(std::uint32_t slot, const Vector3& center_m, double radius_m, TimePoint now,
+  void cover(std::uint32_t slot, const CapsuleGeometry& region, TimePoint now,
              SurfaceNews& news) noexcept;
-  void send_rest(std::uint32_t slot, const Vector3& center_m, TimePoint now,
+  void send_rest(std::uint32_t slot, const CapsuleGeometry& region, TimePoint now,
                  SurfaceNews& news) noexcept;
   [[nodiscard]] bool has_room(const SurfaceNews& news) const noexcept;
   [[nodiscard]] bool may_carry_tiles(std::uint32_t slot, const SurfaceNews& news) const noexcept;
   [[nodiscard]] std::uint16_t& slot_of(const Described& described, std::uint32_t tile) noexcept;
-  bool carry(std::uint32_t described, std::uint32_t tile, const Vector3& center_m,
+  bool carry(std::uint32_t described, std::uint32_t tile, const CapsuleGeometry& region,
              double distance_m, TimePoint now, SurfaceNews& news) noexcept;
-  [[nodiscard]] std::uint16_t take_slot(const Vector3& center_m, double distance_m,
+  [[nodiscard]] std::uint16_t take_slot(const CapsuleGeometry& region, double distance_m,
                                         SurfaceNews& news) noexcept;
   void release(std::uint16_t slot) noexcept;
-  [[nodiscard]] double distance_m(const Slot& slot, const Vector3& center_m) const noexcept;
   [[nodiscard]] Duration repeat_after() const noexcept;
 
   std::span<const DescribedTissue> tissues_;
   double period_s_;
+  double shaft_length_m_ = 0.0;
   std::uint64_t store_id_ = 0;
   std::uint64_t next_number_ = 1;
   std::uint32_t next_version_ = 1;
@@ -110,6 +115,8 @@ class SurfaceSender {
   std::array<Carry, kCarries> carries_{};
   std::array<double, kSpeedBins> speeds_{};  // highest of each 50 ms
   std::int64_t speed_bin_ = 0;
+  Vector3 shaft_m_ = Vector3::Zero();  // from the tip to the handle, at the last DeviceState
+  TimePoint shaft_at_{};
   double rest_ = 0.0;  // tiles of the rest that may be sent
   TimePoint rest_at_{};
 };

@@ -16,7 +16,8 @@ int main(int argc, char** argv) {
            [&](CLI::App& app) {
              palpate::add_csv_option(app, options.csv_file,
                                      "; with several sides, one file per side, run.SIDE.csv");
-             palpate::add_record_options(app, options.record.file, options.record.may_overwrite);
+             palpate::add_record_option(app, options.record.file);
+             palpate::add_overwrite_flag(app, options.record.may_overwrite);
              app.add_option("--plotjuggler", options.plotjuggler,
                             "publish every tick for PlotJuggler's ZMQ Subscriber, with the schema "
                             "proto/palpate/v1/plot.proto, on this machine only; with several "
@@ -24,7 +25,6 @@ int main(int argc, char** argv) {
                  ->type_name("[ENDPOINT]")
                  ->expected(0, 1)
                  ->default_str(palpate::kPlotEndpoint);
-             app.add_flag("--quiet", options.is_quiet, "no status line");
              palpate::viewer::WebOptions& web = options.web;
              app.add_option(
                     "--listen", web.listen,

@@ -1,7 +1,5 @@
 #include "viewer_node/process.h"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
@@ -9,10 +7,12 @@
 #include <optional>
 #include <stdexcept>
 
-#include "common/core/files.h"
+#include "common/core/output_file.h"
 #include "common/link/plot_sender.h"
 #include "common/process/heap_trim.h"
 #include "common/process/refused_peers_log.h"
+#include "common/process/terminal.h"
+#include "common/session/session_file.h"
 #include "common/telemetry/csv_writer.h"
 #include "viewer_node/feed/status_line.h"
 
@@ -24,13 +24,17 @@ constexpr Duration kPumpInterval = std::chrono::milliseconds(50);
 constexpr Duration kWebPumpInterval =
     std::chrono::milliseconds(20);  // longest delay of a client's request
 
-/// Prints one line per side; on a terminal, over the previous ones. False if stdout is closed.
+/// Prints one line per side; on a terminal, over the previous ones and no wider than it: a line
+/// that wraps could not be rewritten. False if stdout is closed.
 bool print_status(const Session& session, std::span<const TelemetryMirror> mirrors, TimePoint now) {
-  const bool is_terminal = isatty(STDOUT_FILENO) == 1;
+  const std::size_t terminal = terminal_columns(STDOUT_FILENO);
+  const bool is_terminal = terminal > 0;
+  const std::size_t columns = is_terminal ? std::min(terminal - 1, kStatusColumns) : kStatusColumns;
   const std::vector<Side>& sides = session.sides;
   for (std::size_t i = 0; i < sides.size(); ++i) {
-    const std::string& name = sides[i].name;
-    const std::string line = (name.empty() ? "" : name + ": ") + status_line(mirrors[i], now);
+    const std::string name = sides[i].name.empty() ? "" : sides[i].name + ": ";
+    const std::size_t left = columns - std::min(columns, columns_of(name));
+    const std::string line = fitted(name, columns) + status_line(mirrors[i], now, left);
     if (is_terminal) {
       std::printf("\r\033[K%s%s", line.c_str(), i + 1 < sides.size() ? "\n" : "");
     } else {
@@ -50,6 +54,18 @@ std::vector<Attachment> telemetry_of(const Session& session) {
   }
   attachments.push_back(connect_to(session.physics_telemetry, "links.physics_telemetry"));
   return attachments;
+}
+
+/// Throws SetupError if an output is also read, exists or is named twice.
+void check_files(const Session& session, const ViewerOptions& options) {
+  std::vector<std::string> inputs = files_of(session);
+  inputs.push_back(options.web.token_file);
+  std::vector<NamedOutput> outputs{{"--record", options.record.file}};
+  for (const Side& side : session.sides) {
+    if (options.csv_file.empty()) break;
+    outputs.push_back({"--csv", csv_file_of(options.csv_file, side.name)});
+  }
+  check_outputs(outputs, inputs, options.record.may_overwrite);
 }
 
 /// Publishes rows for PlotJuggler.
@@ -108,8 +124,8 @@ void TelemetryFeed::pump(std::span<TelemetryMirror> mirrors, TimePoint deadline)
 }
 
 void run_process(NodeContext& context, ProcessLinks& links, const ViewerOptions& options) {
-  refuse_shared_file({{"--csv", options.csv_file}, {"--record", options.record.file}});
   const std::vector<Side>& sides = context.session.sides;
+  check_files(context.session, options);
   std::vector<TelemetryMirror> mirrors(sides.size());
   std::vector<std::unique_ptr<CsvWriter>> csvs;
   std::optional<Plot> plot;
@@ -122,7 +138,8 @@ void run_process(NodeContext& context, ProcessLinks& links, const ViewerOptions&
     CsvWriter* csv = nullptr;
     if (!options.csv_file.empty()) {
       const std::string file = csv_file_of(options.csv_file, sides[i].name);
-      csv = csvs.emplace_back(std::make_unique<CsvWriter>(file)).get();
+      csv =
+          csvs.emplace_back(std::make_unique<CsvWriter>(file, options.record.may_overwrite)).get();
     }
     Plot* shown = i == 0 && plot ? &*plot : nullptr;
     if (csv == nullptr && shown == nullptr) continue;
@@ -160,7 +177,7 @@ void run_process(NodeContext& context, ProcessLinks& links, const ViewerOptions&
   };
   RefusedPeersLog refused_peers(context.log, links.side.refused());
   HeapTrim heap;
-  bool is_quiet = options.is_quiet;
+  bool is_quiet = context.is_quiet;
   TimePoint next_status = context.clock.now() + context.session.viewer.status_interval;
   while (!context.stop.stop_requested()) {
     const Duration interval = web ? kWebPumpInterval : kPumpInterval;

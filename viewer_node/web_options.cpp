@@ -43,7 +43,7 @@ void read_listen(const std::string& listen, WebServerConfig& config) {
 }
 
 std::string read_token(const std::string& file) {
-  const FileContent content = read_regular_file(file, kMaxTokenFileBytes);
+  const FileContent content = read_text_file(file, kMaxTokenFileBytes);
   if (!content.complaint.empty()) {
     throw SetupError("--token-file " + file + ": " + content.complaint);
   }

@@ -113,6 +113,14 @@ SurfaceView view(const CapsuleGeometry& capsule, const Vector3& point_m) noexcep
   return surface;
 }
 
+double distance_to_axis_m(const CapsuleGeometry& capsule, const Vector3& point_m) noexcept {
+  const Vector3 axis = capsule.to_m - capsule.from_m;
+  const Vector3 from_start = point_m - capsule.from_m;
+  const double length2 = axis.squaredNorm();
+  const double along = length2 > 0.0 ? from_start.dot(axis) / length2 : 0.0;
+  return (from_start - std::clamp(along, 0.0, 1.0) * axis).norm();
+}
+
 Bounds bounds_of(const SphereGeometry& sphere) noexcept {
   const Vector3 radius_m = Vector3::Constant(sphere.radius_m);
   return {sphere.center_m - radius_m, sphere.center_m + radius_m};

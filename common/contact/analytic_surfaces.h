@@ -31,6 +31,10 @@ namespace palpate {
 /// curvature is zero. The trust radius ends where the rounded ends begin, and at the axis.
 [[nodiscard]] SurfaceView view(const CapsuleGeometry& capsule, const Vector3& point_m) noexcept;
 
+/// From the point to the line between the capsule's ends, m ≥ 0.
+[[nodiscard]] double distance_to_axis_m(const CapsuleGeometry& capsule,
+                                        const Vector3& point_m) noexcept;
+
 /// The smallest box around the tissue.
 [[nodiscard]] Bounds bounds_of(const SphereGeometry& sphere) noexcept;
 [[nodiscard]] Bounds bounds_of(const BoxGeometry& box) noexcept;

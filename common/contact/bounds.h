@@ -44,8 +44,8 @@ struct Bounds {
     return (lowest_m - point_m).cwiseMax(point_m - highest_m).cwiseMax(0.0).squaredNorm();
   }
   /// From the point to the corner that is farthest away.
-  [[nodiscard]] double farthest_m(const Vector3& point_m) const noexcept {
-    return (point_m - lowest_m).cwiseAbs().cwiseMax((highest_m - point_m).cwiseAbs()).norm();
+  [[nodiscard]] double farthest_squared(const Vector3& point_m) const noexcept {
+    return (point_m - lowest_m).cwiseAbs().cwiseMax((highest_m - point_m).cwiseAbs()).squaredNorm();
   }
 };
 

@@ -1,6 +1,8 @@
 // surface.h — the interface through which the contact sees a surface.
 #pragma once
 
+#include <limits>
+
 #include "common/contact/surface_view.h"
 #include "common/core/vector.h"
 
@@ -19,6 +21,17 @@ class Surface {
   [[nodiscard]] SurfaceView view(const Vector3& point_m) const noexcept {
     SurfaceHint none;
     return view(point_m, none);
+  }
+
+  /// What view() does not know of the surface is nowhere nearer to the point than this, m; may be
+  /// below 0.
+  [[nodiscard]] virtual double unknown_m(const Vector3& /*point_m*/) const noexcept {
+    return std::numeric_limits<double>::infinity();
+  }
+  /// What it knows is nowhere nearer than this, m ≥ 0: a lower bound of the distance that costs
+  /// less than a view.
+  [[nodiscard]] virtual double known_at_least_m(const Vector3& /*point_m*/) const noexcept {
+    return 0.0;
   }
 
   /// True of an open surface: it has no inside, and a tool may be on either side of it.

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "common/contact/analytic_surfaces.h"
 #include "common/contact/facet.h"
 
 namespace palpate {
@@ -72,33 +73,43 @@ void HeldTile::take(const SurfaceTile& tile) noexcept {
 
 void TileSurface::reset(const TiledGeometry& geometry) noexcept {
   slots_.clear();
+  bounds_.clear();
   geometry_ = geometry;
-  covered_radius_m_ = 0.0;
+  covered_ = {.radius_m = 0.0};
   gap_count_ = 0;
-  near_count_ = 0;
-  near_radius_m_ = 0.0;
+  for (Near& near : near_) {
+    near.radius_m = 0.0;
+    near.count = 0;
+  }
 }
 
 void TileSurface::add(std::uint32_t slot) noexcept {
-  near_radius_m_ = 0.0;
-  if (std::find(slots_.begin(), slots_.end(), slot) == slots_.end()) slots_.push_back(slot);
+  remove(slot);
+  slots_.push_back(slot);
+  bounds_.push_back(held_[slot].bounds);
+  for (Near& near : near_) near.offer(slot, held_[slot].bounds);
 }
 
 void TileSurface::remove(std::uint32_t slot) noexcept {
-  near_radius_m_ = 0.0;
-  std::erase(slots_, slot);
+  const auto found = std::find(slots_.begin(), slots_.end(), slot);
+  if (found == slots_.end()) return;
+  bounds_[static_cast<std::size_t>(found - slots_.begin())] = bounds_.back();
+  *found = slots_.back();
+  slots_.pop_back();
+  bounds_.pop_back();
+  for (Near& near : near_) near.remove(slot);
 }
 
 void TileSurface::except(const Vector3& center_m, double radius_m) noexcept {
   if (gap_count_ < gaps_.size()) {
     gaps_[gap_count_++] = {center_m, radius_m};
   } else {
-    covered_radius_m_ = 0.0;
+    covered_.radius_m = 0.0;
   }
 }
 
 double TileSurface::unknown_m(const Vector3& point_m) const noexcept {
-  double least_m = covered_radius_m_ - (point_m - covered_center_m_).norm();
+  double least_m = covered_.radius_m - distance_to_axis_m(covered_, point_m);
   for (std::size_t i = 0; i < gap_count_; ++i) {
     least_m = std::min(least_m, (point_m - gaps_[i].center_m).norm() - gaps_[i].radius_m);
   }
@@ -162,14 +173,19 @@ struct TileSurface::Search {
   }
 
   bool offer_all(const HeldTile& tile, std::uint32_t slot) noexcept {
-    const double limit = best.squared_distance * (1.0 + kSameDistance);
-    if (!(tile.bounds.squared_distance(point_m) <= limit)) return false;
     for (std::size_t i = 0; i < tile.facet_count; ++i) {
-      const double reach_m = best_m * (1.0 + kSameDistance) + tile.radii_m[i];
-      if ((point_m - tile.centers_m[i]).squaredNorm() > reach_m * reach_m) continue;
+      // nearer than neither its sphere nor its plane
+      const double most_m = best_m * (1.0 + kSameDistance);
+      const Vector3 from_center_m = point_m - tile.centers_m[i];
+      const double reach_m = most_m + tile.radii_m[i];
+      if (from_center_m.squaredNorm() > reach_m * reach_m) continue;
+      if (std::abs(tile.normals[i].dot(from_center_m)) > most_m) continue;
       offer(tile, slot, i);
     }
     return true;
+  }
+  [[nodiscard]] double limit() const noexcept {
+    return best.squared_distance * (1.0 + kSameDistance);
   }
 };
 
@@ -179,7 +195,7 @@ struct TileSurface::PointSearch {
   double best_squared = std::numeric_limits<double>::max();
   const HeldTile::Point* best = nullptr;
 
-  bool offer_all(const HeldTile& tile) noexcept {
+  bool offer_all(const HeldTile& tile, std::uint32_t /*slot*/) noexcept {
     if (!(tile.core.squared_distance(point_m) <= best_squared)) return false;
     for (const HeldTile::Point& one : std::span(tile.points).first(tile.point_count)) {
       const double squared = (point_m - one.place_m).squaredNorm();
@@ -189,50 +205,101 @@ struct TileSurface::PointSearch {
     }
     return true;
   }
+  [[nodiscard]] double limit() const noexcept { return best_squared; }
 };
 
-void TileSurface::gather(const Vector3& point_m) noexcept {
-  if (near_radius_m_ > 0.0 && (point_m - near_center_m_).norm() < kNearStep_m) return;
-  near_count_ = 0;
-  near_radius_m_ = 0.0;
-  near_center_m_ = point_m;
-  if (slots_.empty() || !point_m.allFinite()) return;
-  double radius_m = nearest_at_most_m(point_m) + kNearMargin_m;
-  std::array<double, kMaxNear> distances_m{};
-  for (const std::uint32_t slot : slots_) {
-    const double distance_m = std::sqrt(held_[slot].bounds.squared_distance(point_m));
-    if (!(distance_m < radius_m)) continue;
-    if (near_count_ == kMaxNear) radius_m = distances_m[--near_count_];
-    std::size_t place = near_count_++;
-    for (; place > 0 && distance_m < distances_m[place - 1]; --place) {
-      distances_m[place] = distances_m[place - 1];
-      near_[place] = near_[place - 1];
+/// Keeps the tile if it is within the radius; of too many the nearest, within a smaller one.
+void TileSurface::Near::offer(std::uint32_t slot, const Bounds& tile) noexcept {
+  const double squared = tile.squared_distance(center_m);
+  if (!(squared < radius_m * radius_m)) return;
+  const double distance_m = std::sqrt(squared);
+  if (count == kMaxNear) {
+    if (distance_m >= distances_m[count - 1]) {
+      radius_m = distance_m;
+      return;
     }
-    distances_m[place] = distance_m;
-    near_[place] = slot;
+    radius_m = distances_m[--count];
   }
-  near_radius_m_ = radius_m;
+  std::size_t place = count++;
+  for (; place > 0 && distance_m < distances_m[place - 1]; --place) {
+    distances_m[place] = distances_m[place - 1];
+    slots[place] = slots[place - 1];
+    bounds[place] = bounds[place - 1];
+  }
+  distances_m[place] = distance_m;
+  slots[place] = slot;
+  bounds[place] = tile;
+}
+
+void TileSurface::Near::remove(std::uint32_t slot) noexcept {
+  const auto end = slots.begin() + static_cast<std::ptrdiff_t>(count);
+  const auto found = std::find(slots.begin(), end, slot);
+  if (found == end) return;
+  --count;
+  for (auto i = static_cast<std::size_t>(found - slots.begin()); i < count; ++i) {
+    slots[i] = slots[i + 1];
+    bounds[i] = bounds[i + 1];
+    distances_m[i] = distances_m[i + 1];
+  }
+}
+
+void TileSurface::gather(const Vector3& point_m, std::size_t place) noexcept {
+  Near& near = near_[place];
+  if (near.radius_m > 0.0 && (point_m - near.center_m).norm() < kNearStep_m) return;
+  near.count = 0;
+  near.radius_m = 0.0;
+  near.center_m = point_m;
+  if (slots_.empty() || !point_m.allFinite()) return;
+  near.radius_m = nearest_at_most_m(point_m) + kNearMargin_m;
+  for (std::size_t i = 0; i < slots_.size(); ++i) near.offer(slots_[i], bounds_[i]);
 }
 
 double TileSurface::nearest_at_most_m(const Vector3& point_m) const noexcept {
-  double most_m = std::numeric_limits<double>::max();
-  for (const std::uint32_t slot : slots_) {
-    most_m = std::min(most_m, held_[slot].core.farthest_m(point_m));
+  double most_squared = std::numeric_limits<double>::max();
+  for (const Bounds& bounds : bounds_) {
+    most_squared = std::min(most_squared, bounds.farthest_squared(point_m));
   }
-  return most_m;
+  return std::sqrt(most_squared);
 }
 
-std::span<const std::uint32_t> TileSurface::within(const Vector3& point_m,
-                                                   double distance_m) const noexcept {
-  const bool is_near = (point_m - near_center_m_).norm() + distance_m < near_radius_m_;
-  return is_near ? std::span(near_).first(near_count_) : std::span<const std::uint32_t>(slots_);
+const TileSurface::Near& TileSurface::near_to(const Vector3& point_m) const noexcept {
+  const Near* nearest = &near_[0];
+  for (const Near& near : near_) {
+    if (!(near.radius_m > 0.0)) continue;
+    const bool is_nearer =
+        (point_m - near.center_m).squaredNorm() < (point_m - nearest->center_m).squaredNorm();
+    if (!(nearest->radius_m > 0.0) || is_nearer) nearest = &near;
+  }
+  return *nearest;
 }
 
-template <class Examine>
-bool TileSurface::visit(std::span<const std::uint32_t> slots,
+bool TileSurface::has_all(const Near& near, const Vector3& point_m, double distance_m) noexcept {
+  return (point_m - near.center_m).norm() + distance_m < near.radius_m;
+}
+
+double TileSurface::known_at_least_m(const Vector3& point_m) const noexcept {
+  if (geometry_.is_cloud) return 0.0;
+  const Near& near = near_to(point_m);
+  const double to_others_m = near.radius_m - (point_m - near.center_m).norm();
+  double least_squared = std::numeric_limits<double>::max();
+  const auto take = [&](const Tiles& tiles) {
+    for (const Bounds& bounds : tiles.bounds) {
+      least_squared = std::min(least_squared, bounds.squared_distance(point_m));
+    }
+  };
+  take(near.tiles());
+  if (const double near_m = std::sqrt(least_squared); near_m <= to_others_m) return near_m;
+  take(all());
+  return std::sqrt(least_squared);
+}
+
+template <class Limit, class Examine>
+bool TileSurface::visit(const Tiles& tiles, const Vector3& point_m, const Limit& limit,
                         const Examine& examine) const noexcept {
   int examined = 0;
-  for (const std::uint32_t slot : slots) {
+  for (std::size_t i = 0; i < tiles.slots.size(); ++i) {
+    if (!(tiles.bounds[i].squared_distance(point_m) <= limit())) continue;
+    const std::uint32_t slot = tiles.slots[i];
     if (examine(held_[slot], slot) && ++examined > kMostExamined) return false;
   }
   return true;
@@ -244,25 +311,29 @@ SurfaceView TileSurface::view(const Vector3& point_m, SurfaceHint& hint) const n
 
 SurfaceView TileSurface::view_of_facets(const Vector3& point_m, SurfaceHint& hint) const noexcept {
   Search search(point_m);
+  const Near& near = near_to(point_m);
   const auto hinted = static_cast<std::uint32_t>(hint.cell / kMaxTileFacets);
   const std::size_t hinted_facet = hint.cell % kMaxTileFacets;
-  const std::span<const std::uint32_t> near = within(near_center_m_, 0.0);
+  const std::span<const std::uint32_t> near_slots = near.tiles().slots;
   if (hinted < held_.size() && held_[hinted].is_held &&
-      std::find(near.begin(), near.end(), hinted) != near.end() &&
+      std::find(near_slots.begin(), near_slots.end(), hinted) != near_slots.end() &&
       hinted_facet < held_[hinted].facet_count) {
     search.offer(held_[hinted], hinted, hinted_facet);
   }
+  const auto limit = [&] { return search.limit(); };
   const auto offer = [&](const HeldTile& tile, std::uint32_t slot) {
     return search.offer_all(tile, slot);
   };
-  bool is_complete = visit(near, offer);
-  if (const auto enough = within(point_m, search.best_m); enough.data() != near.data()) {
+  bool is_complete = visit(near.tiles(), point_m, limit, offer);
+  if (!has_all(near, point_m, search.best_m)) {
     // a tile that is not near may be nearer: once more, over all, within the distance found
-    Search all(point_m);
-    all.best_m = (1.0 + kSameDistance) * std::min(search.best_m, nearest_at_most_m(point_m));
-    all.best.squared_distance = all.best_m * all.best_m;
-    search = all;
-    is_complete = visit(enough, offer);
+    Search all_of_them(point_m);
+    const bool is_found = search.best_m < std::numeric_limits<double>::max();
+    all_of_them.best_m =
+        (1.0 + kSameDistance) * (is_found ? search.best_m : nearest_at_most_m(point_m));
+    all_of_them.best.squared_distance = all_of_them.best_m * all_of_them.best_m;
+    search = all_of_them;
+    is_complete = visit(all(), point_m, limit, offer);
   }
 
   if (!is_complete || !(search.best_m <= unknown_m(point_m))) ++hint.uncovered_views;
@@ -277,16 +348,16 @@ SurfaceView TileSurface::view_of_facets(const Vector3& point_m, SurfaceHint& hin
 
 SurfaceView TileSurface::view_of_points(const Vector3& point_m, SurfaceHint& hint) const noexcept {
   PointSearch search{.point_m = point_m};
-  const std::span<const std::uint32_t> near = within(near_center_m_, 0.0);
-  const auto offer = [&](const HeldTile& tile, std::uint32_t /*slot*/) {
-    return search.offer_all(tile);
+  const Near& near = near_to(point_m);
+  const auto limit = [&] { return search.limit(); };
+  const auto offer = [&](const HeldTile& tile, std::uint32_t slot) {
+    return search.offer_all(tile, slot);
   };
-  bool is_complete = visit(near, offer);
-  const auto enough = within(point_m, std::sqrt(search.best_squared));
-  if (enough.data() != near.data()) {
+  bool is_complete = visit(near.tiles(), point_m, limit, offer);
+  if (!has_all(near, point_m, std::sqrt(search.best_squared))) {
     const double most_m = (1.0 + kSameDistance) * nearest_at_most_m(point_m);
     search.best_squared = std::min(search.best_squared, most_m * most_m);
-    is_complete = visit(enough, offer);
+    is_complete = visit(all(), point_m, limit, offer);
   }
   if (!is_complete || search.best == nullptr) {
     ++hint.uncovered_views;
@@ -299,13 +370,16 @@ SurfaceView TileSurface::view_of_points(const Vector3& point_m, SurfaceHint& hin
       [&](const Vector3& place_m, CloudBlender& blender) {
         farthest_m = std::max(farthest_m, (place_m - point_m).norm());
         const auto add = [&](const HeldTile& tile, std::uint32_t /*slot*/) {
-          if (tile.bounds.squared_distance(place_m) > 0.0) return false;
           for (const HeldTile::Point& one : std::span(tile.points).first(tile.point_count)) {
             blender.add(one.place_m, one.reach_m, one.quadric, one.stiffness_ratio);
           }
           return true;
         };
-        is_complete = visit(within(place_m, 0.0), add) && is_complete;
+        const Near& there = near_to(place_m);
+        const Tiles tiles = has_all(there, place_m, 0.0) ? there.tiles() : all();
+        is_complete = visit(
+                          tiles, place_m, [] { return 0.0; }, add) &&
+                      is_complete;
       });
   if (!is_complete || !(farthest_m <= unknown_m(point_m))) ++hint.uncovered_views;
   return view;

@@ -53,25 +53,27 @@ class TileSurface final : public Surface {
   /// @param held  the slots of the store, which must outlive the surface
   explicit TileSurface(std::span<const HeldTile> held) : held_(held) {
     slots_.reserve(held.size());
+    bounds_.reserve(held.size());
   }
 
   /// Nothing is known of the surface. The other functions do not allocate.
   void reset(const TiledGeometry& geometry) noexcept;
-  /// A slot now holds a tile of this surface, or no longer does.
+  /// A slot now holds a tile of this surface, or no longer does. At most as many as held.
   void add(std::uint32_t slot) noexcept;
   void remove(std::uint32_t slot) noexcept;
-  /// All facets within this ball are held, except those within the spheres that follow.
-  void cover(const Vector3& center_m, double radius_m) noexcept {
-    covered_center_m_ = center_m;
-    covered_radius_m_ = radius_m;
+  /// All facets within this region are held, except those within the spheres that follow.
+  void cover(const CapsuleGeometry& region) noexcept {
+    covered_ = region;
     gap_count_ = 0;
   }
   /// At most kMaxPendingTiles of them.
   void except(const Vector3& center_m, double radius_m) noexcept;
-  /// No unknown facet is nearer to the point than this; may be below 0.
-  [[nodiscard]] double unknown_m(const Vector3& point_m) const noexcept;
+  [[nodiscard]] double unknown_m(const Vector3& point_m) const noexcept override;
+  [[nodiscard]] double known_at_least_m(const Vector3& point_m) const noexcept override;
   /// Collects the tiles near the point; views near it are then fast. Once per tick.
-  void gather(const Vector3& point_m) noexcept;
+  /// @param place  < kPlaces, at which the tool touches: of each the last point counts
+  void gather(const Vector3& point_m, std::size_t place = 0) noexcept;
+  static constexpr std::size_t kPlaces = 2;
 
   /// Counts hint.uncovered_views, among them those that would have to examine more than
   /// kMostExamined tiles. Without tiles the distance is infinite. The trust radius is the
@@ -91,31 +93,51 @@ class TileSurface final : public Surface {
                                            SurfaceHint& hint) const noexcept;
   [[nodiscard]] SurfaceView view_of_points(const Vector3& point_m,
                                            SurfaceHint& hint) const noexcept;
-  /// The nearest facet or point is no farther than this; the largest double without tiles.
-  [[nodiscard]] double nearest_at_most_m(const Vector3& point_m) const noexcept;
-  /// Slots with all held tiles within this distance of the point: the near ones, or all.
-  [[nodiscard]] std::span<const std::uint32_t> within(const Vector3& point_m,
-                                                      double distance_m) const noexcept;
-  /// Calls examine(tile, slot), which returns whether the tile is worth it. False if there are too
-  /// many of these.
-  template <class Examine>
-  bool visit(std::span<const std::uint32_t> slots, const Examine& examine) const noexcept;
-
+  /// Some of the slots, each with the bounds of its tile: memory that a search reads in order.
+  struct Tiles {
+    std::span<const std::uint32_t> slots;
+    std::span<const Bounds> bounds;
+  };
   static constexpr int kMostExamined = 128;
   static constexpr std::size_t kMaxNear = 48;
+  /// All tiles within a distance of a point, nearest first.
+  struct Near {
+    Vector3 center_m = Vector3::Zero();
+    double radius_m = 0.0;
+    std::size_t count = 0;
+    std::array<std::uint32_t, kMaxNear> slots{};
+    std::array<Bounds, kMaxNear> bounds;
+    std::array<double, kMaxNear> distances_m{};
+
+    [[nodiscard]] Tiles tiles() const noexcept {
+      return {std::span(slots).first(count), std::span(bounds).first(count)};
+    }
+    void offer(std::uint32_t slot, const Bounds& tile) noexcept;
+    void remove(std::uint32_t slot) noexcept;
+  };
+
+  [[nodiscard]] Tiles all() const noexcept { return {slots_, bounds_}; }
+  /// The nearest facet or point is no farther than this; the largest double without tiles.
+  [[nodiscard]] double nearest_at_most_m(const Vector3& point_m) const noexcept;
+  /// The collected tiles whose middle is nearest.
+  [[nodiscard]] const Near& near_to(const Vector3& point_m) const noexcept;
+  /// All held tiles within this distance of the point are among the collected ones.
+  [[nodiscard]] static bool has_all(const Near& near, const Vector3& point_m,
+                                    double distance_m) noexcept;
+  /// Calls examine(tile, slot), which returns whether the tile was worth it, for each whose bounds
+  /// are within limit() (squared) of the point. False if there are too many of these.
+  template <class Limit, class Examine>
+  bool visit(const Tiles& tiles, const Vector3& point_m, const Limit& limit,
+             const Examine& examine) const noexcept;
 
   std::span<const HeldTile> held_;
   std::vector<std::uint32_t> slots_;
+  std::vector<Bounds> bounds_;  // of the same tiles
   TiledGeometry geometry_;
-  Vector3 covered_center_m_ = Vector3::Zero();
-  double covered_radius_m_ = 0.0;
+  CapsuleGeometry covered_{.radius_m = 0.0};
   std::array<Gap, kMaxPendingTiles> gaps_;
   std::size_t gap_count_ = 0;
-  // all tiles within near_radius_m_ of near_center_m_, nearest first
-  std::array<std::uint32_t, kMaxNear> near_{};
-  std::size_t near_count_ = 0;
-  Vector3 near_center_m_ = Vector3::Zero();
-  double near_radius_m_ = 0.0;
+  std::array<Near, kPlaces> near_;
 };
 
 }  // namespace palpate

@@ -10,6 +10,9 @@
 namespace palpate {
 namespace {
 
+// A shaft that moves straight away from the surface is as far off it as it moved, but for rounding.
+constexpr double kSlack_m = 1e-5;
+
 /// The known touch, or a new one.
 Touch known_or(const Touch* known, const Touch& fresh) noexcept {
   Touch touch = known != nullptr ? *known : fresh;
@@ -36,13 +39,6 @@ TissueStep::TissueStep(const Surface& surface, const TissueMotionConfig& motion,
       is_start_(!last),
       most_views_(most_views) {}
 
-ShaftSegment TissueStep::shaft_at(const Vector3& tip_m, const Vector3& direction) const noexcept {
-  return {.tip_m = tip_m,
-          .direction = direction,
-          .first_m = std::min(tool_.tip_radius_m + tool_.tip_radius_m, tool_.shaft_length_m),
-          .last_m = tool_.shaft_length_m};
-}
-
 Touch TissueStep::follow_tip(std::uint32_t tissue, const Touch* known) const noexcept {
   const double radius_m = tool_.tip_radius_m;
   Touch tip = known_or(known, {.tissue = tissue, .radius_m = radius_m});
@@ -60,11 +56,13 @@ Touch TissueStep::follow_tip(std::uint32_t tissue, const Touch* known) const noe
   const bool is_sheet = surface_.is_sheet();
   const double distance_m =
       is_sheet ? std::abs(tip.proxy.surface.distance_m) : tip.proxy.surface.distance_m;
-  const bool is_inside = distance_m <= clearance_m(radius_m) ||
-                         (tool_.shaft_length_m > 0.0 &&
-                          nearest_along(surface_, shaft_at(tip_m_, shaft_),
-                                        is_sheet ? SheetSide::kEither : SheetSide::kFront,
-                                        clearance_m(tool_.shaft_radius_m), tip.proxy.hint) >= 0.0);
+  ShaftSearch search;
+  const bool is_inside =
+      distance_m <= clearance_m(radius_m) ||
+      (tool_.shaft_length_m > 0.0 &&
+       nearest_along(surface_, shaft_segment(tool_, tip_m_, shaft_),
+                     is_sheet ? SheetSide::kEither : SheetSide::kFront,
+                     clearance_m(tool_.shaft_radius_m), -1.0, search, tip.proxy.hint) >= 0.0);
   if (is_inside) return tip;
   return {.tissue = tissue,
           .radius_m = radius_m,
@@ -79,8 +77,8 @@ Touch TissueStep::free_tip(std::uint32_t tissue, const Touch* known,
   return tip;
 }
 
-bool TissueStep::follow_shaft(std::uint32_t tissue, const Touch* known, Touch& shaft,
-                              Vector3& moved_m) const noexcept {
+bool TissueStep::follow_shaft(std::uint32_t tissue, const Touch* known, double reach_m,
+                              ShaftSearch& search, Touch& shaft, Vector3& moved_m) const noexcept {
   shaft = known_or(known, {.tissue = tissue, .is_shaft = true, .radius_m = tool_.shaft_radius_m});
   Proxy& proxy = shaft.proxy;
   const Vector3 held_m = proxy.place_m - proxy.point_m;
@@ -90,8 +88,11 @@ bool TissueStep::follow_shaft(std::uint32_t tissue, const Touch* known, Touch& s
   const SheetSide side = known == nullptr && surface_.is_sheet() ? SheetSide::kEither
                          : proxy.side < 0.0                      ? SheetSide::kBehind
                                                                  : SheetSide::kFront;
-  const double along_m = nearest_along(surface_, shaft_at(tip_m_ + held_m, shaft_), side,
-                                       clearance_m(tool_.shaft_radius_m) + travel_m, proxy.hint);
+  const double start_m = known != nullptr ? (proxy.point_m - last_tip_m_).dot(last_shaft_) : -1.0;
+  const double along_m =
+      nearest_along(surface_, shaft_segment(tool_, tip_m_ + held_m, shaft_), side,
+                    clearance_m(tool_.shaft_radius_m) + std::max(reach_m, travel_m + kSlack_m),
+                    start_m, search, proxy.hint);
   if (along_m < 0.0) return false;
 
   const Vector3 point_m = tip_m_ + along_m * shaft_;

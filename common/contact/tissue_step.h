@@ -46,9 +46,11 @@ class TissueStep {
   [[nodiscard]] Touch free_tip(std::uint32_t tissue, const Touch* known,
                                double radius_m) const noexcept;
   /// The shaft after the step, before settle(), at the place where it would be deepest with its
-  /// last proxy. False if it is not near.
+  /// last proxy. False if it is not near: farther away than `reach_m` ≥ 0, and than it moves.
+  /// @param search   of the same tissue at the last step, or a new one
   /// @param moved_m  set to the motion of that place relative to the tissue
-  [[nodiscard]] bool follow_shaft(std::uint32_t tissue, const Touch* known, Touch& shaft,
+  [[nodiscard]] bool follow_shaft(std::uint32_t tissue, const Touch* known, double reach_m,
+                                  ShaftSearch& search, Touch& shaft,
                                   Vector3& moved_m) const noexcept;
 
   /// The tip relative to the displaced tissue, and its motion.
@@ -56,9 +58,6 @@ class TissueStep {
   [[nodiscard]] Vector3 moved_m() const noexcept { return tip_m_ - last_tip_m_; }
 
  private:
-  [[nodiscard]] ShaftSegment shaft_at(const Vector3& tip_m,
-                                      const Vector3& direction) const noexcept;
-
   const Surface& surface_;
   const ToolShape& tool_;
   Vector3 shaft_;

@@ -6,9 +6,8 @@
 #include <array>
 #include <cerrno>
 #include <fstream>
+#include <string_view>
 #include <system_error>
-
-#include "common/core/check.h"
 
 namespace palpate {
 namespace {
@@ -79,6 +78,13 @@ FileContent read_regular_file(const std::filesystem::path& file, std::uintmax_t 
   return content;
 }
 
+FileContent read_text_file(const std::filesystem::path& file, std::uintmax_t max_bytes) {
+  constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
+  FileContent content = read_regular_file(file, max_bytes);
+  if (content.bytes.starts_with(kByteOrderMark)) content.bytes.erase(0, kByteOrderMark.size());
+  return content;
+}
+
 std::string why_exposed(const std::filesystem::path& path, bool is_secret) {
   struct stat status {};
   if (stat(path.c_str(), &status) != 0) return std::generic_category().message(errno);
@@ -94,32 +100,6 @@ std::string why_exposed(const std::filesystem::path& path, bool is_secret) {
     return "others may change it; chmod go-w " + path.string();
   }
   return {};
-}
-
-std::string write_file(const std::filesystem::path& file, const std::string& text) {
-  errno = 0;
-  std::ofstream stream(file, std::ios::binary);
-  stream << text;
-  stream.close();
-  if (stream) return {};
-  return "cannot be written (" + std::generic_category().message(errno) + "); choose another place";
-}
-
-void refuse_shared_file(std::initializer_list<std::pair<const char*, std::string>> outputs) {
-  for (const auto* a = outputs.begin(); a != outputs.end(); ++a) {
-    if (a->second.empty() || a->second == "-") continue;
-    for (const auto* b = a + 1; b != outputs.end(); ++b) {
-      std::error_code error;
-      const auto whole = [&](const std::string& file) {
-        return std::filesystem::weakly_canonical(std::filesystem::absolute(file, error), error);
-      };
-      if (b->second.empty() || whole(a->second) != whole(b->second)) {
-        continue;
-      }
-      throw SetupError(std::string(a->first) + " and " + b->first + ": both name " + a->second +
-                       "; give each a file of its own");
-    }
-  }
 }
 
 std::string make_private_folder(const std::filesystem::path& given) {

@@ -1,12 +1,9 @@
-// files.h — reading files that the user names, checks on the files to be written, and folders that
-// no other user can replace.
+// files.h — reading files that the user names, and folders that no other user can replace.
 #pragma once
 
 #include <cstdint>
 #include <filesystem>
-#include <initializer_list>
 #include <string>
-#include <utility>
 
 namespace palpate {
 
@@ -19,17 +16,13 @@ struct FileContent {
 [[nodiscard]] FileContent read_regular_file(const std::filesystem::path& file,
                                             std::uintmax_t max_bytes);
 
+/// The same for text: without the byte order mark that some editors write first.
+[[nodiscard]] FileContent read_text_file(const std::filesystem::path& file,
+                                         std::uintmax_t max_bytes);
+
 /// Checks that no other user but root can change the file or folder or, if it is secret, read it.
 /// @return what is wrong and what to do; empty if nothing is
 [[nodiscard]] std::string why_exposed(const std::filesystem::path& path, bool is_secret);
-
-/// Replaces the content of `file`.
-/// @return what is wrong and what to do; empty if the text was written
-[[nodiscard]] std::string write_file(const std::filesystem::path& file, const std::string& text);
-
-/// Throws SetupError if two options name the same file. Empty names and "-" are ignored.
-/// @param outputs  pairs of option and file
-void refuse_shared_file(std::initializer_list<std::pair<const char*, std::string>> outputs);
 
 /// Creates the folder and its parents, if absent, for this user only (mode 0700), and checks that
 /// no other user can put anything in its place: it is a folder, not a link, of the effective user,

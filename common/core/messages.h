@@ -68,7 +68,8 @@ struct ForceCommand {
   TimePoint answers_sampled_at{};  ///< its t_k, device's clock: what ended by then is booked
 
   Vector3 force_on_hand_newton = Vector3::Zero();  ///< D, after controller and fade
-  Duration valid_for{};  ///< the lease: the longest time for which this force may be applied
+  Duration valid_for{};      ///< the lease: the longest time for which this force may be applied
+  TimePoint counts_since{};  ///< t of the reading, device's clock, at which the ledger began
 };
 
 /// Hop 2, mofc → physics.

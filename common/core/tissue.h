@@ -166,13 +166,12 @@ struct SurfaceTile {
   std::uint32_t point_count = 0;  ///< > 0: a tile without triangles
 };
 
-/// Every facet of a described tissue, or every point of a cloud that reaches, within `radius_m` of
-/// `center_m` (in the tissue's rest frame) is in the store or in a pending tile.
+/// Every facet of a described tissue, or every point of a cloud that reaches, into this region
+/// around the tool (in the tissue's rest frame) is in the store or in a pending tile.
 struct SurfaceCoverage {
   std::uint32_t described_slot = 0;
   std::uint32_t description_version = 0;
-  Vector3 center_m = Vector3::Zero();
-  double radius_m = 0.0;
+  CapsuleGeometry region{.radius_m = 0.0};
 };
 /// A tile that the store may lack: until it arrives nothing is known within this sphere, in the
 /// tissue's rest frame.

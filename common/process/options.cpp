@@ -35,14 +35,19 @@ void add_seconds_option(CLI::App& app, std::optional<double>& seconds, const std
 }
 
 void add_csv_option(CLI::App& app, std::string& file, const std::string& more) {
-  app.add_option("--csv", file, "write one row per device tick to this file" + more)
+  app.add_option("--csv", file,
+                 "write one row per device tick to this file, - for standard output" + more)
       ->type_name("FILE");
 }
 
-void add_record_options(CLI::App& app, std::string& file, bool& may_overwrite) {
+void add_record_option(CLI::App& app, std::string& file) {
   app.add_option("--record", file, "record every tick, the scene and the session to this MCAP file")
       ->type_name("FILE");
-  app.add_flag("--overwrite", may_overwrite, "let --record replace an existing file");
+}
+
+void add_overwrite_flag(CLI::App& app, bool& may_overwrite) {
+  app.add_flag("--overwrite", may_overwrite,
+               "replace existing files; a file that is read is never replaced");
 }
 
 void add_no_realtime_flag(CLI::App& app, bool& has_no_realtime) {
@@ -54,6 +59,13 @@ void add_insecure_flag(CLI::App& app, bool& is_insecure) {
   app.add_flag("--insecure", is_insecure,
                "allow tcp beyond loopback without keys: anyone on the network can then observe the "
                "session and send messages to it");
+}
+
+void add_unsafe_flag(CLI::App& app, bool& is_unsafe) {
+  app.add_flag(
+      "--unsafe", is_unsafe,
+      "let a real device run with `device { monitor: off }`: nothing then stands between a "
+      "wrong clamp and the hand");
 }
 
 CLI::Validator is_start_time() { return is_time(true, "at least 0 and at most 1e9"); }

@@ -15,12 +15,16 @@ void add_seconds_option(CLI::App& app, std::optional<double>& seconds, const std
 /// --csv: one row per device tick.
 /// @param more  appended to the help text
 void add_csv_option(CLI::App& app, std::string& file, const std::string& more = {});
-/// --record and --overwrite.
-void add_record_options(CLI::App& app, std::string& file, bool& may_overwrite);
+/// --record: an MCAP file.
+void add_record_option(CLI::App& app, std::string& file);
+/// --overwrite, for every file that the program writes.
+void add_overwrite_flag(CLI::App& app, bool& may_overwrite);
 /// --no-realtime
 void add_no_realtime_flag(CLI::App& app, bool& has_no_realtime);
 /// --insecure
 void add_insecure_flag(CLI::App& app, bool& is_insecure);
+/// --unsafe
+void add_unsafe_flag(CLI::App& app, bool& is_unsafe);
 
 /// A time in s: finite, at least 0.
 [[nodiscard]] CLI::Validator is_start_time();

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "common/core/check.h"
+#include "common/core/output_file.h"
 #include "common/core/version.h"
 #include "common/process/endpoints.h"
 #include "common/process/options.h"
@@ -136,6 +137,7 @@ int run_node(int argc, char** argv, const NodeInfo& info,
   std::optional<double> seconds;
   bool has_no_realtime = false;
   bool is_insecure = false;
+  bool is_unsafe = false;
   app.add_option("--session", session_file, "session file (*.txtpb), the same for every node")
       ->required()
       ->type_name("FILE");
@@ -147,6 +149,9 @@ int run_node(int argc, char** argv, const NodeInfo& info,
   add_seconds_option(app, seconds, "stop after this time in s (default: run until stopped)");
   add_no_realtime_flag(app, has_no_realtime);
   add_insecure_flag(app, is_insecure);
+  if (info.moves_device) add_unsafe_flag(app, is_unsafe);
+  bool is_quiet = false;
+  app.add_flag("-q,--quiet", is_quiet, "print only warnings and errors");
   app.set_version_flag("--version", program + " " + version());
   std::string footer =
       "`palpate launch SESSION` starts all nodes of a session and restarts those that fail.";
@@ -156,7 +161,7 @@ int run_node(int argc, char** argv, const NodeInfo& info,
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : kExitSetupError;
+    return status_with_output(app.exit(e) == 0 ? 0 : kExitSetupError, program);
   }
 
   try {
@@ -172,6 +177,7 @@ int run_node(int argc, char** argv, const NodeInfo& info,
 
     request_short_slices();  // before the first thread starts
     const Log log(with_side(side, info.name));
+    if (is_quiet) log.logger().set_level(spdlog::level::warn);
     Signals signals(seconds);
     if (is_insecure) {
       signals.each_minute(
@@ -183,12 +189,14 @@ int run_node(int argc, char** argv, const NodeInfo& info,
                         .clock = clock,
                         .log = log.logger(),
                         .stop = signals.token(),
-                        .requests = signals.requests()};
+                        .requests = signals.requests(),
+                        .is_unsafe = is_unsafe,
+                        .is_quiet = is_quiet};
     context.log.info("event=start session={} session_id={:x} version={}", session.name,
                      context.session_id, version());
     body(context);
     context.log.info("event=stop");
-    return 0;
+    return status_with_output(0, program);
   } catch (const SetupError& e) {
     std::fprintf(stderr, "%s: %s\n", program.c_str(), e.what());
     return kExitSetupError;

@@ -26,6 +26,7 @@ struct NodeInfo {
   std::string description;      ///< one sentence for --help
   std::string signals = {};     ///< for --help: effect of SIGUSR1 and SIGUSR2; empty: none
   bool is_of_one_side = false;  ///< takes --side and gets the session of that side only
+  bool moves_device = false;    ///< takes --unsafe
   /// Adds options of this node to the common ones; may be empty.
   std::function<void(CLI::App&)> add_options = {};
 };
@@ -38,6 +39,8 @@ struct NodeContext {
   spdlog::logger& log;   ///< not for the tick thread
   std::stop_token stop;  ///< SIGINT, SIGTERM, SIGHUP or the end of --seconds
   const SignalRequests& requests = kNoRequests;
+  bool is_unsafe = false;  ///< --unsafe: a real device may run without the monitor of the energy
+  bool is_quiet = false;  ///< only warnings and errors
 };
 
 /// For --insecure: allows tcp beyond loopback without keys. Throws SetupError if the session has

@@ -7,6 +7,13 @@
 
 namespace palpate {
 
+/// The independent monitor of the energy: device_node/monitor.
+struct MonitorConfig {
+  bool is_on = true;
+  /// Fastest hand that the session's controller assumes; infinite: it assumes none.
+  double v_max_m_per_s = 0.5;
+};
+
 struct DeviceConfig {
   double rate_hz = 1000.0;
   Duration reply{};                ///< deadline for the answer, after the reading
@@ -20,6 +27,8 @@ struct DeviceConfig {
   double v_fault_m_per_s = 10.0;   ///< faster motion is an encoder fault
   WorkspaceConfig workspace;
   DeviceProfile profile;
+  MonitorConfig monitor;
+  bool has_hands_off_check = false;  ///< at the start: device_node/hands_off_check.h
 };
 
 }  // namespace palpate

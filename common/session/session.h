@@ -36,6 +36,9 @@ struct Session {
   std::uint64_t seed = 1;
   std::string physics_telemetry;  ///< endpoint: physics → viewers, hop 5
   PhysicsConfig physics;
+  /// Physics from elsewhere: a program, absolute or to be found in PATH, and its arguments, which
+  /// `palpate launch` starts instead of physics_node. Empty: none.
+  std::vector<std::string> physics_command;
   SceneConfig scene;
   ViewerConfig viewer;
   FaultsConfig faults;

@@ -29,6 +29,10 @@ namespace palpate {
                                     const std::vector<std::string>& overrides = {},
                                     const std::filesystem::path& base_dir = {});
 
+/// The file of the session and every file and folder that it names, whether or not this process
+/// reads them.
+[[nodiscard]] std::vector<std::string> files_of(const Session& session);
+
 /// Folder of the session's ipc files: a folder with the name of the session in `$PALPATE_RUN_DIR`,
 /// else in `$XDG_RUNTIME_DIR/palpate`, else in `/tmp/palpate-<uid>`. Not created here.
 [[nodiscard]] std::filesystem::path run_folder(const std::string& session_name);

@@ -1,7 +1,6 @@
 #include "common/telemetry/csv_writer.h"
 
 #include <array>
-#include <cerrno>
 #include <charconv>
 #include <cstring>
 #include <filesystem>
@@ -60,25 +59,24 @@ bool has_force_of_physics(const MofcTick& mofc) {
 
 std::string csv_file_of(const std::string& file, const std::string& side) {
   if (side.empty()) return file;
+  if (file == kStandardOutput) {
+    throw SetupError("--csv -: several sides make several tables; give a file name");
+  }
   std::filesystem::path path(file);
   const std::string extension = path.extension().string();
   return path.replace_extension(side + extension).string();
 }
 
-CsvWriter::CsvWriter(const std::string& path) : path_(path), file_(std::fopen(path.c_str(), "wb")) {
-  if (file_ == nullptr) {
-    throw SetupError("csv file " + path + ": " + std::strerror(errno) +
-                     ": give a path in a folder that exists and is writable");
-  }
-  std::setvbuf(file_.get(), nullptr, _IONBF, 0);  // this class buffers
+CsvWriter::CsvWriter(const std::string& path, bool may_overwrite, OutputFile::Kind kind)
+    : file_("csv file", path, kind, may_overwrite) {
   buffer_.reserve(kBufferBytes + kMaxRowBytes);
   buffer_ = kHeader;
 }
 
-CsvWriter::~CsvWriter() { close(); }
+CsvWriter::~CsvWriter() { flush(); }
 
 void CsvWriter::write(const TickRow& row) {
-  if (file_ == nullptr) return;
+  if (!file_.is_open()) return;
   if (row.device_session_id != device_session_id_) {
     device_session_id_ = row.device_session_id;
     was_answered_ = false;
@@ -110,22 +108,18 @@ void CsvWriter::write(const TickRow& row) {
 }
 
 void CsvWriter::flush() {
-  if (file_ == nullptr) return;
-  if (std::fwrite(buffer_.data(), 1, buffer_.size(), file_.get()) != buffer_.size()) fail();
+  file_.write(buffer_);
   buffer_.clear();
 }
 
 void CsvWriter::close() {
   flush();
-  if (file_ != nullptr && std::fclose(file_.release()) != 0) fail();
+  file_.close();
 }
 
-void CsvWriter::fail() {
-  error_ =
-      "csv file " + path_ + ": " + std::strerror(errno) + ": the rows from here on are missing";
-  file_.reset();
+std::optional<std::string> CsvWriter::take_error() {
+  if (file_.complaint().empty() || std::exchange(has_given_error_, true)) return std::nullopt;
+  return file_.complaint() + ": the rows from here on are missing";
 }
-
-std::optional<std::string> CsvWriter::take_error() { return std::exchange(error_, std::nullopt); }
 
 }  // namespace palpate

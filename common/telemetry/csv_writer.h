@@ -3,16 +3,15 @@
 #pragma once
 
 #include <cstdint>
-#include <cstdio>
-#include <memory>
 #include <optional>
 #include <string>
 
+#include "common/core/output_file.h"
 #include "common/telemetry/tick_row.h"
 
 namespace palpate {
 
-/// "run.csv"; for a side "run.left.csv".
+/// "run.csv"; for a side "run.left.csv". Throws SetupError for a side and standard output.
 [[nodiscard]] std::string csv_file_of(const std::string& file, const std::string& side);
 
 /// Columns, in this order; SI units, forces on the hand, nan where a value is unknown:
@@ -34,9 +33,10 @@ namespace palpate {
 /// Numbers are the shortest text that parses to the same double; independent of the locale.
 class CsvWriter {
  public:
-  /// Creates or overwrites `path` and writes the header row. Throws SetupError if it cannot.
-  explicit CsvWriter(const std::string& path);
-  /// Writes the rest of the buffer; call close() first to detect errors.
+  /// Begins with the header row. Throws SetupError like OutputFile.
+  explicit CsvWriter(const std::string& path, bool may_overwrite = false,
+                     OutputFile::Kind kind = OutputFile::Kind::kStream);
+  /// Writes the rest of the buffer to a kStream; call close() first to detect errors.
   ~CsvWriter();
   CsvWriter(const CsvWriter&) = delete;
   CsvWriter& operator=(const CsvWriter&) = delete;
@@ -52,15 +52,9 @@ class CsvWriter {
   [[nodiscard]] std::optional<std::string> take_error();
 
  private:
-  void fail();
-
-  struct Close {
-    void operator()(std::FILE* file) const { std::fclose(file); }
-  };
-  std::string path_;
-  std::unique_ptr<std::FILE, Close> file_;  // null after an error or close()
+  OutputFile file_;
   std::string buffer_;
-  std::optional<std::string> error_;
+  bool has_given_error_ = false;
   std::uint64_t device_session_id_ = 0;
   bool was_answered_ = false;  // in that session
 };

@@ -45,8 +45,9 @@ struct DeviceTick {
   Quaternion measured_tool_orientation_world = Quaternion::Identity();  ///< W from T; likewise
   Vector3 force_on_hand_newton = Vector3::Zero();  ///< D, acting from switched_at on
   GuardState guard = GuardState::kLimp;
-  bool is_answered = false;      ///< within this tick's deadline
-  bool is_peak_limited = false;  ///< reduced by the device's peak or slew limit
+  bool is_answered = false;         ///< within this tick's deadline
+  bool is_peak_limited = false;     ///< reduced by the device's peak or slew limit
+  bool is_monitor_reduced = false;  ///< force or lease reduced by the monitor of the energy
   bool is_clutched = false;
 
   /// Simulated devices only; NaN otherwise. The controller never sees these.
@@ -72,6 +73,13 @@ struct DeviceCounters {
   /// Answers that began to act after the deadline although they were accepted before it: withdrawn
   /// at once.
   std::uint64_t late_switches = 0;
+  bool is_monitor_off = false;
+  std::uint64_t monitor_reductions = 0;  ///< commands that the monitor reduced, force or lease
+  std::uint64_t too_fast_readings = 0;   ///< certainly faster than the monitor's v_max
+  std::uint64_t coarse_readings = 0;     ///< steps of an encoder coarser than the profile says
+  /// Friction found by the hands-off check, as a share of the session's profile: 1 where the
+  /// profile holds, less where it was lowered; 0: no check.
+  double checked_friction_ratio = 0.0;
   double max_force_newton = 0.0;
   double largest_jump_newton = 0.0;  ///< change of the force from one tick to the next, its norm
   double minimum_true_energy_joule = kNaN;

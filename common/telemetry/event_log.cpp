@@ -51,6 +51,9 @@ EventLog<DeviceCounters>::EventLog(spdlog::logger& log)
       log_(log),
       non_finite_commands_(log, spdlog::level::err, "command_not_finite"),
       late_switches_(log, spdlog::level::warn, "switch_late"),
+      monitor_reductions_(log, spdlog::level::err, "monitor_reduced"),
+      too_fast_(log, spdlog::level::warn, "hand_faster_than_assumed"),
+      coarse_readings_(log, spdlog::level::warn, "encoder_coarser_than_profile"),
       overruns_(log, spdlog::level::warn, "ticks_skipped"),
       fallback_(log, "fallback") {}
 
@@ -69,6 +72,9 @@ void EventLog<DeviceCounters>::note(const DeviceCounters& counters, TimePoint no
   }
   non_finite_commands_.note(counters.non_finite_commands, now);
   late_switches_.note(counters.late_switches, now);
+  monitor_reductions_.note(counters.monitor_reductions, now);
+  too_fast_.note(counters.too_fast_readings, now);
+  coarse_readings_.note(counters.coarse_readings, now);
   overruns_.note(counters.loop.skipped_ticks, now);
 
   // before the first answer, limp is the initial state; after it, the end of a fallback

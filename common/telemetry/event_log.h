@@ -71,6 +71,9 @@ class EventLog<DeviceCounters> {
   std::uint64_t fault_resets_ = 0;
   GrowthEvent non_finite_commands_;
   GrowthEvent late_switches_;
+  GrowthEvent monitor_reductions_;
+  GrowthEvent too_fast_;
+  GrowthEvent coarse_readings_;
   GrowthEvent overruns_;
   EpisodeEvent fallback_;
   bool was_answered_ = false;

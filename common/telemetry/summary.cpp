@@ -118,6 +118,8 @@ nlohmann::ordered_json summary_json(const Session& session, const RunReport& rep
   json["min_true_energy_j"] = number_or_null(s.minimum_true_energy_joule());
   json["max_force_n"] = number_or_null(s.maximum_force_newton());
   json["largest_jump_n"] = number_or_null(report.device.largest_jump_newton);
+  json["monitor"] = report.device.is_monitor_off ? "off" : "on";
+  json["monitor_reductions"] = report.device.monitor_reductions;
   json["velocity_reversals"] = {{"x", reversals[0]}, {"y", reversals[1]}, {"z", reversals[2]}};
   if (has_ideal) {
     json["velocity_reversals"]["ideal"] = {{"x", ideal[0]}, {"y", ideal[1]}, {"z", ideal[2]}};
@@ -137,6 +139,16 @@ nlohmann::ordered_json summary_json(const Session& session, const RunReport& rep
   json["ticks_per_wall_s"] =
       number_or_null(static_cast<double>(s.ticks()) / std::max(report.wall_s, 1e-9));
   return json;
+}
+
+std::string monitor_text(const DeviceCounters& device) {
+  if (device.is_monitor_off) return "off";
+  std::string text = fmt::format("on, {} commands reduced", device.monitor_reductions);
+  if (device.checked_friction_ratio > 0.0 && device.checked_friction_ratio < 1.0) {
+    text += fmt::format(", friction lowered to {:.0f} % of the profile",
+                        100.0 * device.checked_friction_ratio);
+  }
+  return text;
 }
 
 std::string figure(double value, const char* format) {
@@ -170,6 +182,7 @@ std::string summary_text(const Session& session, const RunReport& report) {
   line("largest force",
        figure(s.maximum_force_newton(), "{:.3f} N") +
            figure(report.device.largest_jump_newton, ", largest jump from tick to tick {:.3f} N"));
+  line("monitor", monitor_text(report.device));
   line("least true energy", figure(1e6 * s.minimum_true_energy_joule(), "{:.3f} µJ"));
   line("velocity reversals",
        has_ideal ? fmt::format("{}, {} more than the ideal run", total, s.excess_reversals())

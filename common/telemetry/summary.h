@@ -82,6 +82,9 @@ struct RunReport {
 /// A dozen lines for a terminal.
 [[nodiscard]] std::string summary_text(const Session& session, const RunReport& report);
 
+/// "off", or the commands that the monitor reduced.
+[[nodiscard]] std::string monitor_text(const DeviceCounters& device);
+
 /// A number in an fmt format, such as "{:.3f} N"; – where it is not finite.
 [[nodiscard]] std::string figure(double value, const char* format);
 /// null for NaN and infinity, which JSON does not have.

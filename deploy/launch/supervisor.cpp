@@ -7,9 +7,12 @@
 #include <algorithm>
 #include <boost/process/args.hpp>
 #include <boost/process/child.hpp>
+#include <boost/process/env.hpp>
+#include <boost/process/environment.hpp>
 #include <boost/process/exe.hpp>
 #include <boost/process/extend.hpp>
 #include <boost/process/io.hpp>
+#include <boost/process/start_dir.hpp>
 #include <csignal>
 #include <cstring>
 
@@ -69,8 +72,12 @@ void Supervisor::spawn(Child& child) {
     prctl(PR_SET_PDEATHSIG, SIGKILL);
     if (getppid() != supervisor) _exit(kExitFailure);  // it had ended before prctl
   };
+  process::environment environment = boost::this_process::environment();
+  for (const auto& [name, value] : child.spec.environment) environment[name] = value;
+  const std::string folder = child.spec.folder.empty() ? "." : child.spec.folder.string();
   try {
     process::child started(process::exe = child.spec.program.string(), process::args = arguments,
+                           process::env = environment, process::start_dir = folder,
                            process::std_in < process::null,
                            process::extend::on_exec_setup = in_child);
     child.pid = started.id();

@@ -11,6 +11,7 @@
 #include <filesystem>
 #include <functional>
 #include <list>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -21,7 +22,9 @@ struct ChildSpec {
   std::string name;               ///< for reports: "device"
   std::filesystem::path program;  ///< absolute, or relative to the working directory
   std::vector<std::string> arguments;
-  std::vector<std::string> restart_arguments = {};  ///< appended from the second start on
+  std::vector<std::string> restart_arguments = {};      ///< appended from the second start on
+  std::map<std::string, std::string> environment = {};  ///< added to that of the supervisor
+  std::filesystem::path folder = {};  ///< its working directory; empty: that of the supervisor
 };
 
 struct SupervisorTiming {

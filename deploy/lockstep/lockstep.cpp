@@ -11,6 +11,7 @@
 #include "deploy/lockstep/ideal.h"
 #include "deploy/lockstep/virtual_time.h"
 #include "device_node/device_node.h"
+#include "device_node/hands_off_check.h"
 #include "device_node/simulation/simulated_device.h"
 #include "device_node/simulation/true_state_recorder.h"
 #include "mofc_node/mofc_node.h"
@@ -53,6 +54,18 @@ class TamperedSender final : public Sender<Interaction> {
   std::function<void(Interaction&)> tamper_;
 };
 
+/// Session::device, after the hands-off check if the session has one.
+DeviceConfig checked_config(const Session& session, double& ratio) {
+  DeviceConfig config = session.side().device;
+  if (!config.has_hands_off_check) return config;
+  ManualClock clock;
+  device::SimulatedDevice let_go(session.side().simulated, device::nobody(), clock, session.seed);
+  const device::CheckedProfile checked = device::check_hands_off(let_go, clock, config.profile);
+  ratio = checked.ratio;
+  config.profile = checked.profile;
+  return config;
+}
+
 }  // namespace
 
 class Lockstep::Impl {
@@ -61,6 +74,7 @@ class Lockstep::Impl {
       : session_(session),
         on_row_(std::move(on_row)),
         device_lateness_(options.device_lateness),
+        tamper_with_command_(options.tamper_with_command),
         links_(make_links(options.links, time_, link_hooks())),
         tampered_interaction_out_(*links_->interaction_out, options.tamper_with_interaction),
         device_(session.side().simulated, session.side().hand, time_,
@@ -79,8 +93,8 @@ class Lockstep::Impl {
         device_tick_(options.on_device_tick),
         mofc_tick_(options.on_mofc_tick),
         physics_tick_(options.on_physics_tick),
-        device_node_(session.side().device, preempted_device_, time_, *links_->state_out,
-                     command_in_, device_tick_, kLockstepDevice, &true_state_),
+        device_node_(checked_config(session, friction_ratio_), preempted_device_, time_,
+                     *links_->state_out, command_in_, device_tick_, kLockstepDevice, &true_state_),
         mofc_node_(session.side().mofc, clamped_device(session.side().device), time_,
                    *links_->motion_out, interaction_in_, mofc_tick_, kLockstepMofc),
         physics_node_(session.scene, session.physics, session.side().mofc.interaction, time_,
@@ -88,6 +102,7 @@ class Lockstep::Impl {
         device_schedule_(TimePoint{}, session.side().device.rate_hz),
         physics_schedule_(TimePoint{}, session.physics.rate_hz),
         steps_on_arrival_(session.side().mofc.wait_for_physics.count() > 0) {
+    device_node_.report_checked_friction(friction_ratio_);
     if (options.has_ideal) ideal_.emplace(session_);
     schedule_device();
     if (!steps_on_arrival_) {
@@ -143,7 +158,9 @@ class Lockstep::Impl {
     if (is_mofc_busy_) return;  // a turn is waiting for physics; it takes the new state too
     is_mofc_busy_ = true;
     while (const Received<DeviceState>* state = state_in_.next()) {
-      links_->command_out->send(mofc_node_.answer(*state));
+      ForceCommand command = mofc_node_.answer(*state);
+      if (tamper_with_command_) tamper_with_command_(state->value, command);
+      links_->command_out->send(command);
       mofc_node_.finish_turn();
     }
     is_mofc_busy_ = false;
@@ -186,6 +203,8 @@ class Lockstep::Impl {
   Session session_;
   RowConsumer on_row_;
   std::function<Duration()> device_lateness_;
+  std::function<void(const DeviceState&, ForceCommand&)> tamper_with_command_;
+  double friction_ratio_ = 0.0;  // of the hands-off check
   VirtualTime time_;
   std::unique_ptr<Links> links_;
   TamperedSender tampered_interaction_out_;

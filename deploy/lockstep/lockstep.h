@@ -25,6 +25,8 @@ struct LockstepOptions {
   bool has_ideal = false;
   /// Changes each Interaction as it leaves physics_node, as a faulty physics would. Empty: none.
   std::function<void(Interaction&)> tamper_with_interaction{};
+  /// Changes each ForceCommand as it leaves mofc_node, as a faulty clamp would. Empty: none.
+  std::function<void(const DeviceState&, ForceCommand&)> tamper_with_command{};
   /// Lateness of the next device tick. Empty: on time.
   std::function<Duration()> device_lateness{};
   /// Called with every record of a node; may be empty.

@@ -28,7 +28,8 @@ class LockstepRecorder::Impl final : public Sender<SceneState>, public Sender<Me
   void listen_to(LockstepOptions& options) {
     options.on_device_tick = [this](const DeviceTick& tick) { device_.records.push_back(tick); };
     options.on_mofc_tick = [this](const MofcTick& tick) { mofc_.records.push_back(tick); };
-    options.on_physics_tick = [this](const PhysicsTick& tick) {
+    options.on_physics_tick = [this, before = options.on_physics_tick](const PhysicsTick& tick) {
+      if (before) before(tick);
       physics_.records.push_back(tick);
       newest_.assign(1, tick);
     };

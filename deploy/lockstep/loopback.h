@@ -1,6 +1,7 @@
 // loopback.h — a whole run of a session in lockstep, with its figures and files.
 #pragma once
 
+#include <functional>
 #include <optional>
 #include <string>
 
@@ -14,9 +15,13 @@ namespace palpate {
 struct LoopbackOptions {
   std::optional<double> seconds = {};  ///< simulated; none: duration_s of the session
   std::string csv_file = {};           ///< empty: none
+  bool may_overwrite = false;          ///< the table
   viewer::RecordOptions record{};
   std::string recorded_by = "palpate loopback";
   LockstepOptions lockstep{.has_ideal = true};
+  /// Called every 10 ms of simulated time with the share of the run that is done, 0 … 1; false ends
+  /// the run, whose figures and files then cover the time so far. May be empty.
+  std::function<bool(double)> may_go_on{};
 };
 
 /// Runs the session. Throws SetupError if a file cannot be created, std::runtime_error if writing

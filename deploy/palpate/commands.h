@@ -9,21 +9,34 @@
 
 namespace palpate {
 
+/// How much a command tells on standard error and in its summary.
+struct Verbosity {
+  bool is_quiet = false;    ///< warnings, errors and what the command is asked to print
+  bool is_verbose = false;  ///< the files that are read, too
+};
+
 struct Command {
   CLI::App* parser;  ///< parsed() is true if the user named this command
   /// Called after parsing. Returns the exit status; throws SetupError for mistakes of the user, any
   /// other exception for failures.
-  std::function<int()> run;
+  std::function<int(const Verbosity&)> run;
 };
 
-/// Adds a subcommand to `app`. @tparam Work  has add_to(CLI::App&) for its options and int run()
+/// Adds a subcommand to `app`.
+/// @tparam Work  has add_to(CLI::App&) for its options and int run() or int run(const Verbosity&)
 template <class Work>
 [[nodiscard]] Command add_command(CLI::App& app, const std::string& name,
                                   const std::string& description) {
   CLI::App& parser = *app.add_subcommand(name, description);
   auto work = std::make_shared<Work>();
   work->add_to(parser);
-  return {&parser, [work] { return work->run(); }};
+  return {&parser, [work](const Verbosity& verbosity) {
+            if constexpr (requires { work->run(verbosity); }) {
+              return work->run(verbosity);
+            } else {
+              return work->run();
+            }
+          }};
 }
 
 // Each adds its subcommand to `app`, which must outlive the result.
@@ -38,5 +51,10 @@ template <class Work>
 [[nodiscard]] Command add_doctor_command(CLI::App& app);
 [[nodiscard]] Command add_keygen_command(CLI::App& app);
 [[nodiscard]] Command add_make_organ_command(CLI::App& app);
+// They print what is made from the definitions of the other commands: add them last.
+[[nodiscard]] Command add_explain_command(CLI::App& app);
+[[nodiscard]] Command add_help_command(CLI::App& app);
+[[nodiscard]] Command add_man_command(CLI::App& app);
+[[nodiscard]] Command add_completion_command(CLI::App& app);
 
 }  // namespace palpate

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
@@ -12,6 +13,7 @@
 #include <string>
 #include <thread>
 #include <utility>
+#include <variant>
 #include <vector>
 
 #include "common/core/check.h"
@@ -23,10 +25,14 @@
 #include "common/process/endpoints.h"
 #include "common/process/realtime.h"
 #include "common/process/run_node.h"
+#include "common/process/tcp_port.h"
+#include "common/process/terminal.h"
 #include "common/session/session_file.h"
 #include "common/telemetry/quantile.h"
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/options.h"
+#include "device_node/drivers/driver_registry.h"
+#include "device_node/hands_off_check.h"
 
 namespace palpate {
 namespace {
@@ -133,6 +139,16 @@ void examine_links(const Session& session, std::vector<Finding>& findings) {
   }
 }
 
+/// The page moves to another port, where a bookmark or a tunnel does not find it.
+Finding examine_page(const WebConfig& web) {
+  if (!web.is_on) return {"page", "the session has none"};
+  if (web.port == 0) return {"page", "any free port"};
+  const std::string address = "127.0.0.1:" + std::to_string(web.port);
+  if (free_port(web.port)) return {"page", address + " is free"};
+  return {"page", address + " is in use",
+          "end the program there (ss -ltnp), or choose another port: --set viewer.web.port=8766"};
+}
+
 void examine_keys(const Session& session, std::vector<Finding>& findings) {
   const fs::path folder = session.security.key_folder;
   if (folder.empty()) {
@@ -166,6 +182,58 @@ void examine_keys(const Session& session, std::vector<Finding>& findings) {
   findings.push_back({"keys", "this machine has the roles " + here});
 }
 
+std::string in_micrometres(double metres) { return fmt::format("{:.0f} µm", 1e6 * metres); }
+
+/// What the guarantee assumes (docs/theory.md §1), as far as it can be examined without a hand. A
+/// simulated device is moved for the friction, on virtual time.
+void examine_assumptions(const Session& session, std::vector<Finding>& findings) {
+  const Side& side = session.side();
+  const DeviceProfile& profile = side.device.profile;
+  findings.push_back(side.device.monitor.is_on
+                         ? Finding{"monitor", "on: checks every command on the device's side"}
+                         : Finding{"monitor", "off: nothing checks what the clamp commands",
+                                   "leave device.monitor out, unless the session shows an "
+                                   "unprotected controller"});
+
+  const device::DriverRegistry drivers =
+      device::all_drivers({.simulated = {.device = side.simulated, .hand = device::nobody()}});
+  const device::Driver& driver = drivers.at(device::kSimulatedDriver);
+  ManualClock clock;
+  const auto device = driver.open(clock);
+  const double step_m = device->specification().position_resolution_m;
+  Finding encoder{"encoder", fmt::format("steps of {}, the profile says {}", in_micrometres(step_m),
+                                         in_micrometres(profile.position_resolution_m))};
+  if (step_m > profile.position_resolution_m) {
+    encoder.remedy = "give the larger one in device.profile.position_resolution_m";
+  }
+  findings.push_back(encoder);
+
+  const device::CheckedProfile checked = device::check_hands_off(*device, clock, profile);
+  Finding friction{"friction", "the device has what the profile claims"};
+  if (checked.is_lowered) {
+    friction.text = fmt::format("the device has {:.0f} % of what the profile claims at 0.05 m/s",
+                                100.0 * checked.ratio);
+    friction.remedy =
+        "palpate identify SESSION --output FILE, and device { profile_file: \"FILE\" }";
+  }
+  findings.push_back(friction);
+
+  // a session without v_max has nothing to exceed
+  const double v_max = side.device.monitor.v_max_m_per_s;
+  if (!std::isfinite(v_max)) return;
+  const auto* hostile = std::get_if<HostilePath>(&side.hand.path);
+  Finding speed{"hand speed", fmt::format("up to {:g} m/s is assumed; more is counted and logged "
+                                          "(event=hand_faster_than_assumed)",
+                                          v_max)};
+  if (hostile != nullptr && hostile->v_max_m_per_s > v_max) {
+    speed.remedy = fmt::format(
+        "the session's hand reaches {:g} m/s: raise "
+        "mofc.guard_settings.v_max_m_per_s",
+        hostile->v_max_m_per_s);
+  }
+  findings.push_back(speed);
+}
+
 /// With a session also its links and keys, as far as they concern this machine. Takes about a
 /// second.
 std::vector<Finding> examine_machine(const std::optional<Session>& session) {
@@ -176,7 +244,9 @@ std::vector<Finding> examine_machine(const std::optional<Session>& session) {
       examine_clock_source()};
   if (session) {
     examine_links(*session, findings);
+    findings.push_back(examine_page(session->viewer.web));
     examine_keys(*session, findings);
+    examine_assumptions(*session, findings);
   }
   return findings;
 }
@@ -190,9 +260,10 @@ int run_doctor(const SessionOptions& options) {
   for (const Finding& finding : examine_machine(session)) {
     const bool is_well = finding.remedy.empty();
     if (!is_well) status = kExitFailure;
-    const std::string line =
-        fmt::format("{}  {:<24} {}{}{}\n", is_well ? "ok   " : "TO DO", finding.what, finding.text,
-                    is_well ? "" : ": ", finding.remedy);
+    const std::string mark =
+        is_well ? coloured("ok   ", Colour::kGood) : coloured("TO DO", Colour::kBad);
+    const std::string line = fmt::format("{}  {:<24} {}{}{}\n", mark, finding.what, finding.text,
+                                         is_well ? "" : ": ", finding.remedy);
     std::fputs(line.c_str(), stdout);
   }
   return status;
@@ -208,8 +279,8 @@ Command add_doctor_command(CLI::App& app) {
   auto options = std::make_shared<SessionOptions>();
   options->add_to(command);
   command.get_option("SESSION")->required(false)->description(
-      "session file: check its rate, links, ports and keys too");
-  return {&command, [options] { return run_doctor(*options); }};
+      "session file: check its rate, links, ports, keys and assumptions too");
+  return {&command, [options](const Verbosity&) { return run_doctor(*options); }};
 }
 
 }  // namespace palpate

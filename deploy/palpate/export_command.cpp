@@ -1,6 +1,8 @@
 #include <string>
 
-#include "common/core/files.h"
+#include "common/core/output_file.h"
+#include "common/process/options.h"
+#include "common/process/terminal.h"
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/options.h"
 #include "deploy/palpate/recording_info.h"
@@ -12,21 +14,25 @@ struct ExportCommand {
   std::string file;
   std::string side;
   std::string csv_file;
+  bool may_overwrite = false;
 
   void add_to(CLI::App& app) {
     add_recording_argument(app, file);
     add_side_option(app, side);
     app.add_option("--csv", csv_file,
-                   "write one row per device tick to this file, with the columns of launch and "
+                   "write one row per device tick to this file, - for standard output, with the "
+                   "columns of launch and "
                    "loopback")
         ->required()
         ->type_name("FILE");
+    add_overwrite_flag(app, may_overwrite);
   }
-  int run() const {
-    refuse_shared_file({{"FILE", file}, {"--csv", csv_file}});
+  int run(const Verbosity& verbosity) const {
+    check_outputs({{"--csv", csv_file}}, {file}, may_overwrite);
     RecordingFile recording(file);
     recording.choose_side(side);
-    export_csv(recording, csv_file);
+    Progress progress("export", verbosity.is_quiet);
+    export_csv(recording, csv_file, may_overwrite, [&](double ratio) { progress.show(ratio); });
     return 0;
   }
 };

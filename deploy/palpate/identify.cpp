@@ -2,12 +2,13 @@
 
 #include <cmath>
 #include <cstdio>
-#include <filesystem>
+#include <optional>
+#include <stdexcept>
 
-#include "common/core/check.h"
 #include "common/core/clock.h"
-#include "common/core/files.h"
+#include "common/core/output_file.h"
 #include "common/session/file/profile_file.h"
+#include "common/session/session_file.h"
 #include "device_node/drivers/driver_registry.h"
 #include "device_node/friction_identification.h"
 
@@ -16,15 +17,6 @@ namespace palpate {
 namespace {
 
 using namespace palpate::device;
-
-/// Nobody holds the simulated device.
-HandConfig no_hand() {
-  HandConfig hand;
-  hand.mass_kg = 0.0;
-  hand.stiffness_newton_per_m = 0.0;
-  hand.damping_newton_s_per_m = 0.0;
-  return hand;
-}
 
 /// A lower bound is printed rounded down.
 double rounded_down(double bound) { return std::floor(1e4 * bound) / 1e4; }
@@ -47,30 +39,30 @@ void print_line(const LineFriction& friction) {
   std::fflush(stdout);
 }
 
-void write_profile(const std::string& file, const DeviceProfile& profile,
-                   const DeviceSpecification& specification, std::size_t lines) {
-  const std::string text = profile_text(
+std::string text_of(const DeviceProfile& profile, const DeviceSpecification& specification,
+                    std::size_t lines) {
+  return profile_text(
       profile, {"Friction of device \"" + specification.model_name + "\": lower bounds over " +
                     std::to_string(lines) + " lines, by palpate identify.",
                 "A session includes it: device { profile_file: \"FILE\" }"});
-  const std::string complaint = write_file(file, text);
-  if (!complaint.empty()) throw SetupError(file + ": " + complaint);
 }
 
 }  // namespace
 
 void run_identify(const Session& session, const IdentifyOptions& options) {
   const DriverRegistry drivers = all_drivers(
-      {.simulated = {.device = session.side().simulated, .hand = no_hand(), .seed = session.seed}});
+      {.simulated = {.device = session.side().simulated, .hand = nobody(), .seed = session.seed}});
   SteadyClock steady(session.side().realtime.wait);
   run_identify(session, options, drivers.at(kSimulatedDriver), steady);
 }
 
 void run_identify(const Session& session, const IdentifyOptions& options, const Driver& driver,
                   Clock& steady) {
-  std::error_code ignored;  // of a file that does not exist
-  if (std::filesystem::equivalent(session.file, options.profile_file, ignored)) {
-    throw SetupError(options.profile_file + ": is the session; choose another place for --output");
+  check_outputs({{"--output", options.profile_file}}, files_of(session), options.may_overwrite);
+  std::optional<OutputFile> profile;
+  if (!options.profile_file.empty()) {
+    profile.emplace("profile", options.profile_file, OutputFile::Kind::kWhole,
+                    options.may_overwrite);
   }
 
   // virtual time for a simulation; hardware has to be waited for
@@ -88,12 +80,12 @@ void run_identify(const Session& session, const IdentifyOptions& options, const 
               rounded_down(report.viscous_bound_newton_s_per_m),
               rounded_down(report.coulomb_bound_newton), to_seconds(clock.now() - start));
 
-  if (options.profile_file.empty()) return;
-  write_profile(options.profile_file,
-                {.viscous_newton_s_per_m = report.viscous_bound_newton_s_per_m,
-                 .coulomb_newton = report.coulomb_bound_newton,
-                 .position_resolution_m = specification.position_resolution_m},
-                specification, report.lines.size());
+  if (!profile) return;
+  const std::string text = text_of({.viscous_newton_s_per_m = report.viscous_bound_newton_s_per_m,
+                                    .coulomb_newton = report.coulomb_bound_newton,
+                                    .position_resolution_m = specification.position_resolution_m},
+                                   specification, report.lines.size());
+  if (!profile->write(text) || !profile->close()) throw std::runtime_error(profile->complaint());
   std::printf("wrote %s\n", options.profile_file.c_str());
 }
 

@@ -12,6 +12,7 @@ namespace palpate {
 
 struct IdentifyOptions {
   std::string profile_file = {};   ///< empty: none is written
+  bool may_overwrite = false;      ///< the profile
   bool may_move_hardware = false;  ///< the user agreed that the device moves by itself
 };
 

@@ -1,4 +1,4 @@
-
+#include "common/process/options.h"
 #include "common/session/session_file.h"
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/identify.h"
@@ -16,8 +16,10 @@ struct IdentifyCommand {
     session.add_to(app);
     add_side_option(app, side);
     app.add_option("--output", options.profile_file,
-                   "write the bounds to this file, for device.profile_file of a session")
+                   "write the bounds to this file, - for standard output, for device.profile_file "
+                   "of a session")
         ->type_name("FILE");
+    add_overwrite_flag(app, options.may_overwrite);
     app.add_flag("--i-understand-this-moves-the-device", options.may_move_hardware,
                  "required for real hardware: the device moves by itself, with up to 1 N");
   }

@@ -25,7 +25,7 @@ Command add_keygen_command(CLI::App& app) {
   command.add_option("DIR", *folder, "folder for the keys; created if absent")
       ->required()
       ->type_name("");
-  return {&command, [folder] { return make_keys(*folder); }};
+  return {&command, [folder](const Verbosity&) { return make_keys(*folder); }};
 }
 
 }  // namespace palpate

@@ -8,19 +8,26 @@
 #include <string>
 #include <vector>
 
-#include "common/core/files.h"
 #include "common/process/heap_trim.h"
 #include "common/process/options.h"
 #include "common/process/run_node.h"
+#include "common/process/tcp_port.h"
+#include "common/process/terminal.h"
 #include "common/telemetry/csv_writer.h"
 #include "deploy/launch/launch.h"
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/launch_figures.h"
 #include "deploy/palpate/options.h"
+#include "deploy/palpate/screen/verdict.h"
 #include "viewer_node/process.h"
 
 namespace palpate {
 namespace {
+
+/// On standard error, on a line of its own.
+void say(const std::string& text) {
+  std::fprintf(stderr, "%spalpate: %s\n", line_start(STDERR_FILENO).c_str(), text.c_str());
+}
 
 struct LaunchCommand {
   SessionOptions session;
@@ -28,6 +35,7 @@ struct LaunchCommand {
   OutputOptions output;
   bool has_no_realtime = false;
   bool is_insecure = false;
+  bool is_unsafe = false;
   std::set<std::string> nodes = {"device", "mofc", "physics", "viewer"};  ///< run on this machine
   bool is_together = false;
 
@@ -35,7 +43,7 @@ struct LaunchCommand {
   /// Runs until the time is up or a signal arrives. If the session has keys and this machine lacks
   /// the viewer's, the run has no figures. Throws SetupError.
   /// @return exit status
-  [[nodiscard]] int run() const;
+  [[nodiscard]] int run(const Verbosity& verbosity) const;
 };
 
 void LaunchCommand::add_to(CLI::App& app) {
@@ -44,6 +52,7 @@ void LaunchCommand::add_to(CLI::App& app) {
   output.add_to(app, "; with several sides one file each, run.SIDE.csv");
   add_no_realtime_flag(app, has_no_realtime);
   add_insecure_flag(app, is_insecure);
+  add_unsafe_flag(app, is_unsafe);
   const auto take_together = [this](const std::vector<std::string>& given) {
     const std::set<std::string> names(given.begin(), given.end());
     is_together = names == std::set<std::string>{"device", "mofc"} && given.size() == 2;
@@ -69,6 +78,30 @@ void LaunchCommand::add_to(CLI::App& app) {
       ->excludes(chosen);
 }
 
+/// Prints the address of the page, alone on its line, before anything else is printed. If another
+/// program uses the session's port, the page gets a free one, and keeps it when the viewer
+/// restarts.
+/// @return --listen of the viewer; empty: the session's own port
+std::string announce_page(const WebConfig& web) {
+  const auto own = web.port != 0 ? free_port(web.port) : std::nullopt;
+  const auto port = own ? own : free_port(0);
+  if (!port) return {};  // viewer_node reports it
+  const std::string address = "127.0.0.1:" + std::to_string(*port);
+  std::printf("http://%s/\n", address.c_str());
+  std::fflush(stdout);
+  if (own) return {};
+  if (web.port != 0) say("port " + std::to_string(web.port) + " is in use; the page has another");
+  return address;
+}
+
+/// One for each side, or none.
+std::vector<std::string> tables_of(const Session& session, const OutputOptions& output) {
+  std::vector<std::string> tables;
+  if (output.csv_file.empty()) return tables;
+  for (const Side& side : session.sides) tables.push_back(csv_file_of(output.csv_file, side.name));
+  return tables;
+}
+
 /// `palpate launch` as a viewer of its own run: figures, tables and the recording.
 class RunObserver {
  public:
@@ -78,19 +111,19 @@ class RunObserver {
       : links_({.priority = 0, .cpu = -1}, tcp),
         mirrors_(session.sides.size()),
         figures_(mirrors_.size()) {
-    for (const Side& side : session.sides) {
-      if (output.csv_file.empty()) break;
-      csvs_.push_back(std::make_unique<CsvWriter>(csv_file_of(output.csv_file, side.name)));
+    for (const std::string& table : tables_of(session, output)) {
+      csvs_.push_back(std::make_unique<CsvWriter>(table, output.may_overwrite));
     }
     if (!may_observe) return;
     feed_.emplace(session, clock_, links_);
-    if (!output.record.file.empty()) {
-      recording_.emplace(output.record, session, "palpate launch", feed_->subscriber());
-      feed_->on_message = [this](const TelemetryMessage& message,
-                                 std::span<const std::byte> payload) {
-        recording_->take(message, payload);
-      };
+    if (!output.record_file.empty()) {
+      recording_.emplace(output.record(), session, "palpate launch", feed_->subscriber());
     }
+    feed_->on_message = [this](const TelemetryMessage& message,
+                               std::span<const std::byte> payload) {
+      if (const auto* physics = std::get_if<PhysicsBatch>(&message)) warn_of_start(*physics);
+      if (recording_) recording_->take(message, payload);
+    };
     for (std::size_t i = 0; i < mirrors_.size(); ++i) {
       devices_.push_back({session.sides[i], mirrors_[i], figures_[i]});
       mirrors_[i].on_row = [this, i](const TickRow& row) {
@@ -131,11 +164,19 @@ class RunObserver {
   [[nodiscard]] const std::vector<ObservedDevice>& devices() const { return devices_; }
 
  private:
+  /// Tissue deforms for each tool separately: each side has its own first step.
+  void warn_of_start(const PhysicsBatch& batch) {
+    if (batch.records.empty() || !started_.insert(batch.side).second) return;
+    const PhysicsTick& first = batch.records.front();
+    if (first.sequence != 0) return;  // the batch with the first step is lost
+    const std::string warning = start_warning(first);
+    if (!warning.empty()) say(warning);
+  }
   /// Reports an error at once; the run continues.
   void check_recording() {
     const auto error = recording_ ? recording_->take_error() : std::nullopt;
     if (!error) return;
-    std::fprintf(stderr, "palpate: %s\n", error->c_str());
+    say(*error);
     has_lost_recording_ = true;
   }
 
@@ -147,20 +188,20 @@ class RunObserver {
   std::vector<ObservedDevice> devices_;
   std::vector<std::unique_ptr<CsvWriter>> csvs_;
   std::optional<viewer::Recording> recording_;
+  std::set<std::string> started_;  // sides whose physics was heard
   bool has_lost_recording_ = false;
   HeapTrim heap_;
 };
 
-int LaunchCommand::run() const {
-  Session loaded = session.load();
+int LaunchCommand::run(const Verbosity& verbosity) const {
+  Session loaded = session.load(verbosity);
   if (is_insecure) allow_plain_tcp(loaded);
-  refuse_shared_file(
-      {{"--csv", output.csv_file}, {"--json", output.json_file}, {"--record", output.record.file}});
-  const JsonOutput json(output.json_file);
+  output.check(loaded, tables_of(loaded, output));
+  JsonOutput json(output);
 
   // a viewer, a table and a recording need the viewer's key; the summary uses it if it is there
   const bool must_observe =
-      nodes.contains("viewer") || !output.csv_file.empty() || !output.record.file.empty();
+      nodes.contains("viewer") || !output.csv_file.empty() || !output.record_file.empty();
   const TcpRules tcp = must_observe ? tcp_rules(loaded.security, {KeyRole::kViewer})
                                     : tcp_rules(loaded.security, {}, {KeyRole::kViewer});
   const bool may_observe = tcp.keys == nullptr || tcp.keys->of(KeyRole::kViewer).has_value();
@@ -170,14 +211,18 @@ int LaunchCommand::run() const {
   }
   RunObserver observer(loaded, output, tcp, may_observe);
 
-  std::set<std::string> started = nodes;
-  if (json.is_standard_output()) started.erase("viewer");  // it prints there too
+  const WebConfig& web = loaded.viewer.web;
+  const bool has_page = nodes.contains("viewer") && web.is_on && !verbosity.is_quiet;
+  const std::string page_address = has_page ? announce_page(web) : "";
   const LaunchResult result = launch({.session_file = session.file,
                                       .overrides = session.overrides,
                                       .seconds = seconds,
                                       .is_realtime = !has_no_realtime,
                                       .is_insecure = is_insecure,
-                                      .nodes = started,
+                                      .is_unsafe = is_unsafe,
+                                      .is_quiet = verbosity.is_quiet,
+                                      .page_address = page_address,
+                                      .nodes = nodes,
                                       .is_together = is_together,
                                       .on_poll = [&] { observer.pump(); }});
   observer.finish();
@@ -188,9 +233,8 @@ int LaunchCommand::run() const {
                  node.name.c_str());
   }
 
-  if (!json.is_standard_output()) {
+  if (!verbosity.is_quiet)
     std::fputs(launch_text(loaded.name, observer.devices(), result).c_str(), stdout);
-  }
   json.write(launch_json(loaded.name, observer.devices(), result));
   observer.close_files();
   return result.exit_status();

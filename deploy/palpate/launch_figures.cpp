@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "common/telemetry/summary.h"
+#include "deploy/palpate/screen/verdict.h"
 
 namespace palpate {
 namespace {
@@ -47,6 +48,8 @@ nlohmann::ordered_json figures_json(const ObservedDevice& observed, const Launch
   json["min_true_energy_j"] = number_or_null(figures.minimum_true_energy_joule);
   json["max_force_n"] = figures.max_force_newton;
   json["largest_jump_n"] = figures.largest_jump_newton;
+  json["monitor"] = device.is_monitor_off ? "off" : "on";
+  json["monitor_reductions"] = device.monitor_reductions;
   json["clamped_ticks"] = mofc.clamped_ticks;
   json["clamp_ratio"] = number_or_null(ratio(mofc.clamped_ticks, mofc.contact_ticks));
   json["answered_ratio"] = number_or_null(answered_ratio(device));
@@ -125,6 +128,7 @@ std::string launch_text(const std::string& name, const std::vector<ObservedDevic
          figure(mean_transparency(mofc), "{:.3f}") + " (rendered / requested force)");
     line("largest force", fmt::format("{:.3f} N, largest jump from tick to tick {:.3f} N",
                                       figures.max_force_newton, figures.largest_jump_newton));
+    line("monitor", monitor_text(device));
     if (!std::isnan(figures.minimum_true_energy_joule)) {
       line("least true energy",
            fmt::format("{:.3f} µJ (0 or more: passive)", 1e6 * figures.minimum_true_energy_joule));
@@ -138,6 +142,7 @@ std::string launch_text(const std::string& name, const std::vector<ObservedDevic
     line("without an answer",
          fmt::format("{} ticks on the lease, {} in fallback, {} limp", device.leased_ticks,
                      device.fallback_ticks, device.limp_ticks));
+    text += verdict_text(verdicts_of(side, device, mofc, true));
   }
   for (const auto& node : result.restarts) {
     if (node.count == 0) continue;

@@ -3,12 +3,13 @@
 #include <optional>
 #include <utility>
 
-#include "common/core/files.h"
 #include "common/process/options.h"
+#include "common/process/terminal.h"
 #include "common/telemetry/summary.h"
 #include "deploy/lockstep/loopback.h"
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/options.h"
+#include "deploy/palpate/screen/verdict.h"
 #include "viewer_node/recording/recording_file.h"
 
 namespace palpate {
@@ -38,14 +39,11 @@ struct LoopbackCommand {
                  "pass the messages through ZeroMQ inproc sockets instead of memory");
   }
 
-  int run() const {
+  int run(const Verbosity& verbosity) const {
     // tissue deforms for each tool separately, so one side alone gets the same forces as beside
     // others
-    Session loaded = with_only_side(session.load(), side);
-    refuse_shared_file({{"--csv", output.csv_file},
-                        {"--json", output.json_file},
-                        {"--record", output.record.file},
-                        {"--hand", hand_file}});
+    Session loaded = with_only_side(session.load(verbosity), side);
+    output.check(loaded, {output.csv_file}, hand_file);
     std::optional<double> length_s = seconds;
     if (!hand_file.empty()) {
       RecordingFile recording(hand_file);
@@ -54,16 +52,41 @@ struct LoopbackCommand {
       if (!length_s) length_s = recording.length_s();
       loaded.side().hand.path = std::move(path);
     }
-    const JsonOutput json(output.json_file);
+    JsonOutput json(output);
+    const auto warn_of_start = [is_first = true](const PhysicsTick& tick) mutable {
+      if (!std::exchange(is_first, false)) return;
+      const std::string warning = start_warning(tick);
+      if (!warning.empty()) std::fprintf(stderr, "palpate: %s\n", warning.c_str());
+    };
+    const StopSignal stop;
+    std::optional<BusyLine> loading(std::in_place, "loading the session", verbosity.is_quiet);
+    std::optional<Progress> progress;
     const RunReport report = run_loopback(
         loaded,
         {.seconds = length_s,
          .csv_file = output.csv_file,
-         .record = output.record,
+         .may_overwrite = output.may_overwrite,
+         .record = output.record(),
          .recorded_by = "palpate loopback" + (hand_file.empty() ? "" : " --hand " + hand_file),
          .lockstep = {.links = is_inproc ? LockstepLinks::kInproc : LockstepLinks::kMemory,
-                      .has_ideal = !has_no_ideal}});
-    if (!json.is_standard_output()) std::fputs(summary_text(loaded, report).c_str(), stdout);
+                      .has_ideal = !has_no_ideal,
+                      .on_physics_tick = warn_of_start},
+         .may_go_on = [&](double done) {
+           if (loading) progress.emplace("loopback", verbosity.is_quiet);
+           loading.reset();
+           progress->show(done);
+           return !StopSignal::is_requested();
+         }});
+    progress.reset();
+    if (StopSignal::is_requested()) {
+      std::fprintf(stderr, "palpate: stopped after %.2f s of %.2f s\n", report.simulated_s,
+                   length_s.value_or(loaded.duration_s));
+    }
+    if (!verbosity.is_quiet) {
+      const std::string verdict =
+          verdict_text(verdicts_of(loaded.side(), report.device, report.mofc, false));
+      std::fputs((summary_text(loaded, report) + verdict).c_str(), stdout);
+    }
     json.write(summary_json(loaded, report));
     return 0;
   }

@@ -2,7 +2,9 @@
 #include <string>
 
 #include "common/core/check.h"
-#include "common/core/files.h"
+#include "common/core/output_file.h"
+#include "common/process/options.h"
+#include "common/process/terminal.h"
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/organ.h"
 #include "physics_node/files/ply.h"
@@ -16,31 +18,39 @@ struct MakeOrganCommand {
   std::string mesh_file;
   std::uint32_t points = 3000;
   std::uint32_t subdivisions = 2;
+  bool may_overwrite = false;
 
   void add_to(CLI::App& app) {
-    app.add_option("--cloud", cloud_file, "write a point cloud to this file (PLY)")
+    app.add_option("--cloud", cloud_file,
+                   "write a point cloud to this file (PLY), - for standard output")
         ->type_name("FILE");
     app.add_option("--points", points, "number of points of the cloud (default 3000)")
         ->type_name("N")
         ->check(CLI::Range(10, 100'000'000));
-    app.add_option("--mesh", mesh_file, "write a tetrahedral mesh to this file (Gmsh 2.2)")
+    app.add_option("--mesh", mesh_file,
+                   "write a tetrahedral mesh to this file (Gmsh 2.2), - for standard output")
         ->type_name("FILE");
     app.add_option("--subdivisions", subdivisions,
                    "subdivisions of the mesh surface (default 2: 2240 tetrahedra)")
         ->type_name("N")
         ->check(CLI::Range(0, 6));
+    add_overwrite_flag(app, may_overwrite);
   }
 
-  int run() const {
-    const auto write = [](const std::string& file, const std::string& text) {
-      const std::string complaint = write_file(file, text);
-      if (!complaint.empty()) throw SetupError(file + ": " + complaint);
-    };
+  int run(const Verbosity& verbosity) const {
     if (cloud_file.empty() && mesh_file.empty()) {
       throw SetupError("make-organ: nothing to write; give --cloud FILE or --mesh FILE");
     }
-    if (!cloud_file.empty()) write(cloud_file, physics::ply_text(organ_cloud(points)));
-    if (!mesh_file.empty()) write(mesh_file, physics::msh_text(organ_mesh(subdivisions)));
+    check_outputs({{"--cloud", cloud_file}, {"--mesh", mesh_file}}, {}, may_overwrite);
+    if (!cloud_file.empty()) {
+      Progress progress("make-organ", verbosity.is_quiet);
+      const auto cloud = organ_cloud(points, [&](double ratio) { progress.show(ratio); });
+      write_file("cloud", cloud_file, physics::ply_text(cloud), may_overwrite);
+    }
+    if (!mesh_file.empty()) {
+      const BusyLine busy("make-organ", verbosity.is_quiet);
+      write_file("mesh", mesh_file, physics::msh_text(organ_mesh(subdivisions)), may_overwrite);
+    }
     return 0;
   }
 };

@@ -1,14 +1,9 @@
 #include "deploy/palpate/options.h"
 
-#include <cerrno>
 #include <cstdio>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
-#include <system_error>
 
-#include "common/core/check.h"
-#include "common/core/files.h"
 #include "common/process/options.h"
 #include "common/session/session_file.h"
 
@@ -19,7 +14,15 @@ void SessionOptions::add_to(CLI::App& app) {
   add_override_option(app, overrides);
 }
 
-Session SessionOptions::load() const { return load_session(file, overrides); }
+Session SessionOptions::load(const Verbosity& verbosity) const {
+  Session session = load_session(file, overrides);
+  if (verbosity.is_verbose) {
+    for (const std::string& read : files_of(session)) {
+      std::fprintf(stderr, "palpate: reads %s\n", read.c_str());
+    }
+  }
+  return session;
+}
 
 void add_recording_argument(CLI::App& app, std::string& file) {
   app.add_option("FILE", file, "recording (*.mcap)")->required()->type_name("");
@@ -34,26 +37,29 @@ void OutputOptions::add_to(CLI::App& app, const std::string& more_on_csv) {
   add_csv_option(app, csv_file, more_on_csv);
   app.add_option("--json", json_file, "write the summary to this file; - for standard output")
       ->type_name("FILE");
-  add_record_options(app, record.file, record.may_overwrite);
+  add_record_option(app, record_file);
+  add_overwrite_flag(app, may_overwrite);
 }
 
-JsonOutput::JsonOutput(const std::string& path) : path_(path) {
-  if (path_.empty() || is_standard_output()) return;
-  if (!std::ofstream(path_, std::ios::app)) {
-    throw SetupError("json file " + path_ + ": " + std::generic_category().message(errno) +
-                     ": give a path in a folder that exists and is writable");
-  }
+void OutputOptions::check(const Session& session, const std::vector<std::string>& tables,
+                          const std::string& input) const {
+  std::vector<std::string> inputs = files_of(session);
+  inputs.push_back(input);
+  std::vector<NamedOutput> outputs{{"--json", json_file}, {"--record", record_file}};
+  for (const std::string& table : tables) outputs.push_back({"--csv", table});
+  check_outputs(outputs, inputs, may_overwrite);
 }
 
-void JsonOutput::write(const nlohmann::ordered_json& json) const {
-  if (path_.empty()) return;
-  const std::string text = json.dump(2) + "\n";
-  if (is_standard_output()) {
-    std::fputs(text.c_str(), stdout);
-    return;
+JsonOutput::JsonOutput(const OutputOptions& options) {
+  if (options.json_file.empty()) return;
+  file_.emplace("json file", options.json_file, OutputFile::Kind::kWhole, options.may_overwrite);
+}
+
+void JsonOutput::write(const nlohmann::ordered_json& json) {
+  if (!file_) return;
+  if (!file_->write(json.dump(2) + "\n") || !file_->close()) {
+    throw std::runtime_error(file_->complaint());
   }
-  const std::string complaint = write_file(path_, text);
-  if (!complaint.empty()) throw std::runtime_error("json file " + path_ + ": " + complaint);
 }
 
 }  // namespace palpate

@@ -3,10 +3,13 @@
 
 #include <CLI/CLI.hpp>
 #include <nlohmann/json_fwd.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "common/core/output_file.h"
 #include "common/session/session.h"
+#include "deploy/palpate/commands.h"
 #include "viewer_node/recording/recording.h"
 
 namespace palpate {
@@ -18,7 +21,7 @@ struct SessionOptions {
 
   void add_to(CLI::App& app);
   /// Throws SetupError.
-  [[nodiscard]] Session load() const;
+  [[nodiscard]] Session load(const Verbosity& verbosity = {}) const;
 };
 
 /// FILE: a recording to read.
@@ -30,25 +33,33 @@ void add_side_option(CLI::App& app, std::string& side);
 struct OutputOptions {
   std::string csv_file;   ///< empty: none
   std::string json_file;  ///< empty: none; "-": standard output
-  viewer::RecordOptions record{};
+  std::string record_file;
+  bool may_overwrite = false;
 
   /// @param more_on_csv  appended to the help text of --csv
   void add_to(CLI::App& app, const std::string& more_on_csv = {});
+  /// check_outputs() of a run. Throws SetupError.
+  /// @param tables  the files of --csv
+  /// @param input   what the command reads beside the session; empty: nothing
+  void check(const Session& session, const std::vector<std::string>& tables,
+             const std::string& input = {}) const;
+  [[nodiscard]] viewer::RecordOptions record() const {
+    return {.file = record_file, .may_overwrite = may_overwrite};
+  }
 };
 
-/// Where --json goes: a file, "-" for standard output, or nowhere.
+/// Where --json goes: a file, standard output, or nowhere.
 class JsonOutput {
  public:
   /// Construct it before the run: a path that cannot be written then fails before the run, not
   /// after it. The file keeps its content until write(). Throws SetupError.
-  explicit JsonOutput(const std::string& path);
+  explicit JsonOutput(const OutputOptions& options);
 
-  [[nodiscard]] bool is_standard_output() const { return path_ == "-"; }
   /// Throws std::runtime_error if the file cannot be written.
-  void write(const nlohmann::ordered_json& json) const;
+  void write(const nlohmann::ordered_json& json);
 
  private:
-  std::string path_;  // empty: nowhere
+  std::optional<OutputFile> file_;
 };
 
 }  // namespace palpate

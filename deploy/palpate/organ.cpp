@@ -39,11 +39,13 @@ double stiffness_ratio_at(const Vector3& point_m) {
 
 }  // namespace
 
-physics::PointCloud organ_cloud(std::uint32_t points) {
+physics::PointCloud organ_cloud(std::uint32_t points,
+                                const std::function<void(double)>& on_progress) {
   physics::PointCloud cloud;
   // a spiral from pole to pole in steps of the golden angle
   constexpr double kGoldenAngle = 2.0 * std::numbers::pi * (1.0 - 1.0 / std::numbers::phi);
   for (std::uint32_t i = 0; i < points; ++i) {
+    if (on_progress) on_progress(static_cast<double>(i) / points);
     const double z = 1.0 - (2.0 * i + 1.0) / points;
     const double r = std::sqrt(1.0 - z * z);
     const Vector3 n(r * std::cos(kGoldenAngle * i), r * std::sin(kGoldenAngle * i), z);

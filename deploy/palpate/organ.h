@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 
 #include "physics_node/surfaces/cloud_surface.h"
 #include "physics_node/surfaces/tetrahedral_mesh.h"
@@ -12,7 +13,9 @@ namespace palpate {
 /// About 120 × 80 × 50 mm around the origin, in metres; stiffness_ratios rise from 1 to 2.9 over
 /// the lump.
 /// @param points  ≥ CloudSurface::kMinPoints; 3000 are 2.7 mm apart
-[[nodiscard]] physics::PointCloud organ_cloud(std::uint32_t points);
+/// @param on_progress  called with the share that is done, 0 … 1; may be empty
+[[nodiscard]] physics::PointCloud organ_cloud(std::uint32_t points,
+                                              const std::function<void(double)>& on_progress = {});
 
 /// The same body. Its surface is an icosahedron subdivided `subdivisions` times; inside are two
 /// layers and a core. 2 subdivisions give 2240 tetrahedra, each further one four times as many.

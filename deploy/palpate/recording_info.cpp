@@ -103,9 +103,13 @@ std::string info_text(RecordingFile& recording) {
   return text;
 }
 
-void export_csv(RecordingFile& recording, const std::string& csv_file) {
-  CsvWriter csv(csv_file);
-  for_each_row(recording, [&](const TickRow& row) { csv.write(row); });
+void export_csv(RecordingFile& recording, const std::string& csv_file, bool may_overwrite,
+                const std::function<void(double)>& on_progress) {
+  CsvWriter csv(csv_file, may_overwrite, OutputFile::Kind::kWhole);
+  for_each_row(recording, [&](const TickRow& row) {
+    if (on_progress) on_progress(recording.passed_ratio());
+    csv.write(row);
+  });
   csv.close();
   if (const auto error = csv.take_error()) throw std::runtime_error(*error);
 }

@@ -1,6 +1,7 @@
 // recording_info.h — what a recording contains, and its ticks as a table.
 #pragma once
 
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <string>
 
@@ -13,7 +14,10 @@ namespace palpate {
 [[nodiscard]] std::string info_text(RecordingFile& recording);
 
 /// One row per device tick with the columns of CsvWriter; nan where the recording has no value.
-/// Throws SetupError if the file cannot be created, std::runtime_error if writing fails.
-void export_csv(RecordingFile& recording, const std::string& csv_file);
+/// The file appears when it is complete. Throws SetupError if it cannot be created or exists and
+/// `may_overwrite` is false, std::runtime_error if writing fails.
+/// @param on_progress  called for every row with the share that is read, 0 … 1; may be empty
+void export_csv(RecordingFile& recording, const std::string& csv_file, bool may_overwrite = false,
+                const std::function<void(double)>& on_progress = {});
 
 }  // namespace palpate

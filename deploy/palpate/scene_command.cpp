@@ -1,6 +1,7 @@
 #include <cstdio>
 #include <memory>
 
+#include "common/process/terminal.h"
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/options.h"
 #include "physics_node/scene/scene.h"
@@ -8,9 +9,12 @@
 namespace palpate {
 namespace {
 
-int check_scene(const SessionOptions& options) {
-  const Session session = options.load();
-  static_cast<void>(physics::Scene(session.scene));  // reads the geometry files
+int check_scene(const SessionOptions& options, const Verbosity& verbosity) {
+  const Session session = options.load(verbosity);
+  {
+    const BusyLine loading("reading the geometry", verbosity.is_quiet);
+    static_cast<void>(physics::Scene(session.scene));
+  }
   for (const Side& side : session.sides) {
     std::printf("%s: ok (%s%zu tissues, device %g Hz, physics %g Hz, controller %s)\n",
                 options.file.c_str(), side.name.empty() ? "" : (side.name + ", ").c_str(),
@@ -29,7 +33,8 @@ Command add_scene_check_command(CLI::App& app) {
       "check", "validate a session and its files; exit status 0 if valid, 2 if not");
   auto options = std::make_shared<SessionOptions>();
   options->add_to(check);
-  return {&check, [options] { return check_scene(*options); }};
+  return {&check,
+          [options](const Verbosity& verbosity) { return check_scene(*options, verbosity); }};
 }
 
 }  // namespace palpate

@@ -47,6 +47,7 @@ int main(int argc, char** argv) {
                    .description = "Owns the haptic device, its motors and the clamp before them.",
                    .signals = "SIGUSR1 writes the last ticks to files (the log names them).\n"
                               "SIGUSR2 resets a latched fault; the force then grows from zero.",
-                   .is_of_one_side = true},
+                   .is_of_one_side = true,
+                   .moves_device = true},
                   run_together);
 }

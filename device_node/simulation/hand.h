@@ -10,6 +10,15 @@
 
 namespace palpate::device {
 
+/// Of a simulated device that nobody holds.
+[[nodiscard]] inline HandConfig nobody() {
+  HandConfig hand;
+  hand.mass_kg = 0.0;
+  hand.stiffness_newton_per_m = 0.0;
+  hand.damping_newton_s_per_m = 0.0;
+  return hand;
+}
+
 /// What a hand perceives. D.
 struct Sensed {
   Vector3 force_on_hand_newton = Vector3::Zero();  ///< rendered

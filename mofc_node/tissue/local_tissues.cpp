@@ -33,7 +33,8 @@ void LocalTissues::step(std::array<DescribedTissue, kMaxDescribed>& tissues,
       continue;
     }
     if (memory.version != tissue.version()) memory = {.version = tissue.version()};
-    tissue.prepare(now.tip_m - displacement(tissue.motion(), now.time_s).position_m);
+    tissue.prepare(now.tip_m - displacement(tissue.motion(), now.time_s).position_m, false);
+    if (memory.shaft) tissue.prepare(memory.shaft->proxy.point_m, true);
     if (!memory.is_begun) begin(tissue, newest, now, memory);
     results_[i] = advance(tissue, now, tool_velocity_world_m_per_s, memory, views_left);
     memory.is_begun = results_[i].is_valid || shares[i] > 0.0;
@@ -48,17 +49,24 @@ void LocalTissues::begin(const DescribedTissue& tissue, const Interaction& newes
   const Vector3 moved_m = displacement(tissue.motion(), std::min(then_s, now.time_s)).position_m;
   for (std::uint32_t i = 0; i < newest.listed_count; ++i) {
     const Contact& contact = newest.contacts[i];
-    if (contact.tissue != tissue.tissue() || contact.is_shaft) continue;
+    if (contact.tissue != tissue.tissue()) continue;
     memory.pose = {.tip_m = newest.tool_position_world_m,
                    .shaft = newest.tool_orientation_world * Vector3::UnitZ(),
                    .time_s = std::min(then_s, now.time_s)};
-    Touch touch{.tissue = contact.tissue, .radius_m = tissue.tool().tip_radius_m};
+    const ToolShape& tool = tissue.tool();
+    Touch touch{.tissue = contact.tissue,
+                .is_shaft = contact.is_shaft,
+                .radius_m = contact.is_shaft ? tool.shaft_radius_m : tool.tip_radius_m};
     touch.is_punctured = contact.is_punctured;
     touch.is_rubbed = contact.penetration_m > 0.0 && !contact.is_punctured;
     touch.stretch_m = contact.stretch_m;
     touch.proxy.point_m = newest.tool_position_world_m - moved_m;
     touch.proxy.place_m = touch.proxy.point_m + contact.held_m;
     touch.proxy.side = contact.is_behind ? -1.0 : 1.0;
+    if (touch.is_shaft) {
+      memory.shaft = touch;
+      continue;
+    }
     if (!touch.has_hold()) {
       memory.free = {touch.proxy.point_m, touch.radius_m - contact.penetration_m};
     }
@@ -90,7 +98,8 @@ LocalTissues::Result LocalTissues::advance(DescribedTissue& tissue, const ToolPo
     views_left -= std::min(views_left, touch.proxy.hint.views);
   };
   const Touch* const known = memory.tip ? &*memory.tip : nullptr;
-  const bool was_free = known != nullptr && !known->has_hold();
+  // physics_node lists the tip of a tool whose shaft is near only if the tip is near too
+  const bool was_free = known != nullptr ? !known->has_hold() : memory.pose.has_value();
   const double clearance = clearance_m(tissue.tool().tip_radius_m);
   const double around_m = memory.free.around_m(step.tip_m());
   Touch tip;
@@ -101,8 +110,8 @@ LocalTissues::Result LocalTissues::advance(DescribedTissue& tissue, const ToolPo
     result.is_valid = tip.proxy.hint.uncovered_views == 0;
     memory.free = {};
     if (!tip.has_hold()) {
-      memory.free = {step.tip_m(),
-                     std::min(tip.proxy.surface.distance_m, tissue.unknown_m(step.tip_m()))};
+      memory.free = {step.tip_m(), std::min(tip.proxy.surface.distance_m,
+                                            tissue.surface().unknown_m(step.tip_m()))};
       const bool has_stayed_free =
           was_free && memory.free.radius_m > clearance + step.moved_m().norm();
       result.is_valid = result.is_valid || has_stayed_free;
@@ -121,8 +130,8 @@ LocalTissues::Result LocalTissues::advance(DescribedTissue& tissue, const ToolPo
   if (!tip.is_punctured && tissue.tool().shaft_length_m > 0.0) {
     Touch shaft;
     Vector3 moved_m = Vector3::Zero();
-    has_shaft =
-        step.follow_shaft(tissue.tissue(), memory.shaft ? &*memory.shaft : nullptr, shaft, moved_m);
+    has_shaft = step.follow_shaft(tissue.tissue(), memory.shaft ? &*memory.shaft : nullptr, 0.0,
+                                  memory.shaft_search, shaft, moved_m);
     count(shaft);
     result.is_valid = result.is_valid && shaft.proxy.hint.uncovered_views == 0;
     if (has_shaft) {

@@ -64,6 +64,7 @@ class LocalTissues {
     std::uint32_t version = 0;  // of the description
     std::optional<Touch> tip{};
     std::optional<Touch> shaft{};
+    ShaftSearch shaft_search{};
     RelaxationState relaxation{};
     std::optional<ToolPose> pose{};
     FreeBall free{};

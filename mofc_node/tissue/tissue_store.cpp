@@ -103,7 +103,7 @@ void TissueStore::take(const SurfaceTile& tile) noexcept {
   if (held.is_held) {
     TileSurface& before = tissues_[held.described_slot].tiled_;
     before.remove(tile.slot);
-    before.cover(Vector3::Zero(), 0.0);
+    before.cover({.radius_m = 0.0});
   }
   held.take(tile);
   tissues_[tile.described_slot].tiled_.add(tile.slot);
@@ -114,7 +114,7 @@ void TissueStore::cover(const SurfaceNews& news) noexcept {
     const SurfaceCoverage& coverage = news.coverages[i];
     DescribedTissue& tissue = tissues_[coverage.described_slot];
     if (!tissue.is_known_ || tissue.version_ != coverage.description_version) continue;
-    tissue.tiled_.cover(coverage.center_m, coverage.radius_m);
+    tissue.tiled_.cover(coverage.region);
     for (std::uint32_t k = 0; k < news.pending_count; ++k) {
       const PendingTile& pending = news.pending[k];
       if (pending.described_slot != coverage.described_slot) continue;

@@ -4,7 +4,6 @@
 
 #include <array>
 #include <cstdint>
-#include <limits>
 #include <span>
 #include <vector>
 
@@ -27,18 +26,14 @@ class DescribedTissue {
     if (is_tiled_) return tiled_;
     return analytic_;
   }
-  /// No part of the surface that is not known is nearer to the point than this.
-  [[nodiscard]] double unknown_m(const Vector3& point_m) const noexcept {
-    return is_tiled_ ? tiled_.unknown_m(point_m) : std::numeric_limits<double>::infinity();
-  }
   [[nodiscard]] const KelvinVoigtMaterial& material() const noexcept { return material_; }
   [[nodiscard]] const TissueMotionConfig& motion() const noexcept { return motion_; }
   [[nodiscard]] const ToolShape& tool() const noexcept { return tool_; }
   [[nodiscard]] std::uint32_t version() const noexcept { return version_; }
 
-  /// The tool is about to be near this point of the tissue's rest frame.
-  void prepare(const Vector3& point_m) noexcept {
-    if (is_tiled_) tiled_.gather(point_m);
+  /// The tip, or the shaft, is about to touch near this point of the tissue's rest frame.
+  void prepare(const Vector3& point_m, bool is_shaft) noexcept {
+    if (is_tiled_) tiled_.gather(point_m, is_shaft ? 1 : 0);
   }
 
  private:

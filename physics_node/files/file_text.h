@@ -49,9 +49,9 @@ class FileText {
   T binary(const char* what, std::endian endian) {
     static_assert(std::is_arithmetic_v<T>);
     std::array<char, sizeof(T)> raw;
-    if (left() < raw.size()) fail_at_byte(std::string(what) + ": the file ends here");
-    std::memcpy(raw.data(), bytes_.data() + at_, raw.size());
-    at_ += raw.size();
+    const std::size_t at = at_;
+    skip_bytes(raw.size(), what);
+    std::memcpy(raw.data(), bytes_.data() + at, raw.size());
     if (endian != std::endian::native) {
       for (std::size_t i = 0; i < raw.size() / 2; ++i) std::swap(raw[i], raw[raw.size() - 1 - i]);
     }

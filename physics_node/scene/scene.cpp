@@ -81,9 +81,8 @@ Scene::Scene(const SceneConfig& config, double reach_m)
       unbounded_.push_back(index);
       continue;
     }
-    Vector3 margin_m = Vector3::Constant(
-        std::max(clearance_m(tool_.tip_radius_m) + reach_m_,
-                 tool_.shaft_length_m > 0.0 ? clearance_m(tool_.shaft_radius_m) : 0.0));
+    const double radius_m = std::max(tool_.tip_radius_m, tool_.shaft_radius_m);
+    Vector3 margin_m = Vector3::Constant(clearance_m(radius_m) + reach_m_);
     if (is_moving(tissue.motion)) margin_m += tissue.motion.amplitude_m.cwiseAbs();
     bounds->grow(margin_m);
     items.push_back({*bounds, bounds->center_m(), index});
@@ -154,8 +153,9 @@ SceneCounts Scene::visit_touches(const ToolPose& now, const TissueMemory& memory
     // in punctured tissue the shaft is in the hole
     if (tip.is_punctured || !(tool_.shaft_length_m > 0.0)) return;
     Touch shaft;
+    ShaftSearch search;
     Vector3 moved_m = Vector3::Zero();
-    if (step.follow_shaft(index, memory.find(index, true), shaft, moved_m)) {
+    if (step.follow_shaft(index, memory.find(index, true), reach_m_, search, shaft, moved_m)) {
       take_and_count(shaft, moved_m);
     }
   });
@@ -176,8 +176,7 @@ void Scene::add(const Touch& touch, const TissueMemory& memory,
                 const Vector3& tip_velocity_world_m_per_s, double time_s,
                 SceneForce& sum) const noexcept {
   const double penetration_m = touch.penetration_m();
-  const double reach_m = touch.is_shaft ? 0.0 : reach_m_;
-  if (!touch.is_punctured && !(penetration_m > 0.0) && !(penetration_m > -reach_m)) return;
+  if (!touch.is_punctured && !(penetration_m > 0.0) && !(penetration_m > -reach_m_)) return;
   const Tissue& tissue = tissues_[touch.tissue];
   const Contact contact = acting_contact(touch, tissue.material, relaxed_m(touch, memory),
                                          tissue.motion, tip_velocity_world_m_per_s, time_s);

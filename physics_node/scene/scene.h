@@ -22,13 +22,13 @@ namespace palpate::physics {
 ///
 /// The shaft touches each tissue where a sphere of its radius would be deepest, from one diameter
 /// of the tip behind the tip on. The forces on tip and shaft add up; the torque of the shaft is not
-/// rendered. Contacts of the shaft are not described before they touch.
+/// rendered.
 ///
 /// Thread-safe. Real-time safe, except the constructor and new_memory(): no allocation, no lock, no
 /// throw.
 class Scene {
  public:
-  /// @param reach_m  ≥ 0; tissues this near to the tip are described before they are touched
+  /// @param reach_m  ≥ 0; tissues this near to the tool are described before they are touched
   /// @throws SetupError  if a file that a tissue's geometry names cannot be used
   explicit Scene(const SceneConfig& config, double reach_m = 0.0);
 

@@ -4,12 +4,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <csignal>
 #include <cstdio>
 #include <cstdlib>
+#include <stdexcept>
 #include <thread>
 
 #include "common/core/check.h"
-#include "common/core/files.h"
+#include "common/core/output_file.h"
 
 namespace palpate::bench {
 namespace {
@@ -103,13 +105,22 @@ nlohmann::ordered_json Table::json() const {
 
 void Table::publish(const BenchOptions& options) const {
   std::fputs(text().c_str(), stdout);
-  if (!options.csv_file.empty()) write_file(options.csv_file, csv());
-  if (!options.json_file.empty()) write_file(options.json_file, json().dump(2) + "\n");
+  write_table(options, csv());
+  write_json(options, json());
+}
+
+void write_table(const BenchOptions& options, const std::string& csv) {
+  if (options.csv_file.empty()) return;
+  palpate::write_file("csv file", options.csv_file, csv, options.may_overwrite);
+}
+
+void write_json(const BenchOptions& options, const nlohmann::ordered_json& json) {
+  if (options.json_file.empty()) return;
+  palpate::write_file("json file", options.json_file, json.dump(2) + "\n", options.may_overwrite);
 }
 
 void write_file(const std::filesystem::path& file, const std::string& text) {
-  const std::string complaint = palpate::write_file(file, text);
-  if (!complaint.empty()) throw SetupError(file.string() + ": " + complaint);
+  palpate::write_file("file", file.string(), text, true);
 }
 
 void draw_figure(const std::filesystem::path& folder, const std::string& name,
@@ -137,13 +148,22 @@ int run_bench(CLI::App& app, BenchOptions& options, int argc, char** argv,
   app.add_option("--plot", options.plot_folder,
                  "draw the figures into this folder (needs gnuplot)");
   app.add_flag("--quick", options.is_quick, "the same rows with fewer repeats, a minute at most");
-  CLI11_PARSE(app, argc, argv);
+  app.add_flag("--overwrite", options.may_overwrite, "let --json and --csv replace existing files");
+  std::signal(SIGPIPE, SIG_IGN);
   try {
+    app.parse(argc, argv);
+    check_outputs({{"--json", options.json_file}, {"--csv", options.csv_file}}, {},
+                  options.may_overwrite);
     run();
-    return 0;
+    return status_with_output(0, app.get_name());
+  } catch (const CLI::ParseError& error) {
+    return status_with_output(app.exit(error), app.get_name());
   } catch (const SetupError& error) {
     std::fprintf(stderr, "%s\n", error.what());
     return 2;
+  } catch (const std::runtime_error& error) {
+    std::fprintf(stderr, "%s\n", error.what());
+    return 1;
   }
 }
 

@@ -17,6 +17,7 @@ struct BenchOptions {
   std::string csv_file;
   std::string plot_folder;  ///< empty: no plots
   bool is_quick = false;
+  bool may_overwrite = false;  ///< --json and --csv
 };
 
 /// Rows of text and numbers under named columns. Numbers that are not finite are shown as –, as an
@@ -48,7 +49,11 @@ class Table {
   std::vector<std::vector<Cell>> rows_;  // an empty row is a gap
 };
 
-/// palpate::write_file; throws SetupError if the file cannot be written.
+/// What --csv and --json name, if they are given. They throw like palpate::write_file.
+void write_table(const BenchOptions& options, const std::string& csv);
+void write_json(const BenchOptions& options, const nlohmann::ordered_json& json);
+
+/// Writes a file of a folder of figures, or replaces it. Throws like palpate::write_file.
 void write_file(const std::filesystem::path& file, const std::string& text);
 
 /// Writes NAME.gp into `folder` and runs gnuplot on it there; prints the result, or why there is no

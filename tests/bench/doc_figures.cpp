@@ -184,6 +184,19 @@ std::string velocity_table(const std::vector<json>& outputs) {
                   table);
 }
 
+std::string velocity_cases_table(const std::vector<json>& outputs) {
+  std::vector<Cells> table;
+  for (const json& row : outputs.at(0).at("rows")) {
+    if (row.at("estimator") != "default") continue;
+    table.push_back({text(row, "motion"), fixed(row, "force_error_percent", 1),
+                     fixed(row, "beyond_jnd_percent", 1), fixed(row, "transparency_percent", 1),
+                     fixed(row, "path_deviation_mm", 2)});
+  }
+  return markdown({"case", "force error rms %", "samples beyond the JND %", "transparency %",
+                   "path deviation rms, mm"},
+                  table);
+}
+
 // --- deadbands
 // ------------------------------------------------------------------------------------
 
@@ -390,6 +403,26 @@ std::string safety_table(const std::vector<json>& outputs) {
                   rows);
 }
 
+/// Rows come in pairs, without and with the protection.
+std::string monitor_table(const std::vector<json>& outputs) {
+  const json& all = outputs.at(0).at("monitor").at("rows");
+  std::vector<Cells> rows;
+  for (std::size_t i = 0; i + 1 < all.size(); i += 2) {
+    const json& without = all.at(i);
+    const json& with = all.at(i + 1);
+    const auto negative = [](const json& row) {
+      return fmt::format("{} of {}", number(row.at("negative_runs")), number(row.at("seeds")));
+    };
+    rows.push_back({text(without, "case"), text(without, "friction"), negative(without),
+                    energy(number(without.at("min_true_energy_uj"))), text(with, "protection"),
+                    negative(with), energy(number(with.at("min_true_energy_uj"))),
+                    fixed(with, "monitor_reductions", 0)});
+  }
+  return markdown({"case", "friction", "without: below −1 µJ", "least true energy", "with",
+                   "below −1 µJ", "least true energy", "commands reduced"},
+                  rows);
+}
+
 }  // namespace
 
 std::string DocFigures::shown_commands() const {
@@ -405,6 +438,10 @@ std::vector<DocFigures> doc_figures() {
        .commands = {"guarantee_bench --quick --only adversity"},
        .is_checked = false,
        .table = safety_table},
+      {.name = "monitor",
+       .commands = {"guarantee_bench --only monitor"},
+       .is_checked = false,
+       .table = monitor_table},
       {.name = "controllers",
        .commands = {"paper_experiments --excerpt"},
        .table = controllers_table},
@@ -439,6 +476,7 @@ std::vector<DocFigures> doc_figures() {
        .is_of_real_time = true,
        .table = exchange_table},
       {.name = "velocity", .commands = {"velocity_bench --quick"}, .table = velocity_table},
+      {.name = "cases", .commands = {"velocity_bench --quick"}, .table = velocity_cases_table},
       {.name = "deadbands", .commands = {"deadband_bench"}, .table = deadband_table},
   };
 }

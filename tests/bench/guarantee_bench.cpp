@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <exception>
@@ -18,6 +19,7 @@
 #include "common/core/check.h"
 #include "common/session/session_file.h"
 #include "deploy/lockstep/loopback.h"
+#include "device_node/monitor/force_monitor.h"
 #include "tests/bench/bench_output.h"
 #include "tests/support/adversity.h"
 
@@ -37,10 +39,11 @@ struct Mode {
   const char* label;
   std::vector<std::string> overrides;
 };
-const Mode kNone{"none", {"mofc.controller=none"}};
-const Mode kPaper{"paper", {"mofc.mode=paper"}};
-const Mode kPaperIsotropic{"paper/√3",
-                           {"mofc.mode=paper", "mofc.paper_settings.friction=isotropic"}};
+const Mode kNone{"none", {"mofc.controller=none", "device.monitor=off"}};
+const Mode kPaper{"paper", {"mofc.mode=paper", "device.monitor=off"}};
+const Mode kPaperIsotropic{
+    "paper/√3",
+    {"mofc.mode=paper", "mofc.paper_settings.friction=isotropic", "device.monitor=off"}};
 const Mode kVector{"vector", {"mofc.mode=vector"}};
 const Mode kGuard{"guard", {"mofc.mode=guard"}};
 
@@ -190,6 +193,7 @@ struct Summary {
   double longest_fallback_s = 0.0;
   double top_speed_m_per_s = 0.0;
   std::uint64_t too_fast_ticks = 0;
+  std::uint64_t monitor_reductions = 0;
   double transparency_sum = 0.0;
   int transparency_runs = 0;
   double clamped_sum = 0.0;
@@ -205,6 +209,7 @@ struct Summary {
     longest_fallback_s = std::max(longest_fallback_s, result.longest_fallback_s);
     top_speed_m_per_s = std::max(top_speed_m_per_s, result.top_speed_m_per_s);
     too_fast_ticks += result.mofc.too_fast_ticks;
+    monitor_reductions += result.device.monitor_reductions;
     add_mean(s.vector_transparency(), transparency_sum, transparency_runs);
     add_mean(s.clamp_ratio(), clamped_sum, clamped_runs);
   }
@@ -308,6 +313,126 @@ Table adversity_table(int seeds, const std::vector<std::string>& more_overrides)
                                                         : "no")});
   }
   return table;
+}
+
+// --- monitor ------------------------------------------------------------------------------------
+
+/// Clamps that lie, without and with the monitor; friction that the profile overestimates, without
+/// and with a hands-off check at the start. Mode guard, physics at 1 kHz.
+Table monitor_table(int seeds, const std::vector<std::string>& more_overrides) {
+  struct Lie {
+    const char* label;
+    test::Clamp clamp;
+    std::vector<std::string> overrides = {};
+  };
+  using test::Clamp;
+  const Lie kLies[] = {{"honest clamp", Clamp::kHonest},
+                       {"full force, for an hour", Clamp::kFullForce},
+                       {"honest force, for an hour; no tick for 9 ms, 50/s",
+                        Clamp::kWrongLease,
+                        {"faults.device.skip={until_s: 0.009 every_s: 0.02}"}},
+                       {"full force, one tick ahead", Clamp::kAhead},
+                       {"commands of 100 ms ago", Clamp::kReplay},
+                       {"full force, a third NaN", Clamp::kNotANumber},
+                       {"ledger that drifts", Clamp::kDrift},
+                       {"full force 0.2 s of every 0.5 s", Clamp::kMostlyRight}};
+  struct Row {
+    std::string label;
+    const Friction* friction;
+    const char* protection;
+    AdverseRun run;
+    Summary summary;
+  };
+  std::vector<Row> rows;
+  const auto add = [&](const std::string& label, const Friction& friction, double profile_ratio,
+                       const char* protection, AdverseRun run) {
+    for (const std::string& override :
+         overrides_of(friction, {.label = label, .run = {}, .profile_ratio = profile_ratio})) {
+      run.overrides.push_back(override);
+    }
+    for (const auto* more : {&kGuard.overrides, &more_overrides}) {
+      run.overrides.insert(run.overrides.end(), more->begin(), more->end());
+    }
+    rows.push_back({label, &friction, protection, std::move(run), {}});
+  };
+  for (const Lie& lie : kLies) {
+    for (const Friction& friction : kFrictions) {
+      const AdverseRun run{
+          .overrides = lie.overrides, .physics = Physics::kPushAlong, .clamp = lie.clamp};
+      AdverseRun without = run;
+      without.overrides.emplace_back("device.monitor=off");
+      add(lie.label, friction, 1.0, "–", without);
+      add(lie.label, friction, 1.0, "monitor", run);
+    }
+  }
+  for (const int factor : {1, 2, 5}) {
+    for (const Friction& friction : kFrictions) {
+      const std::string label = fmt::format("profile friction {}× the true", factor);
+      const AdverseRun run{.overrides = {}, .physics = Physics::kEverything};
+      AdverseRun checked = run;
+      checked.overrides.emplace_back("device.hands_off_check=true");
+      add(label, friction, factor, "monitor", run);
+      add(label, friction, factor, "monitor, hands-off check", checked);
+    }
+  }
+  in_parallel(rows.size(), [&](std::size_t i) {
+    for (int seed = 1; seed <= seeds; ++seed) {
+      rows[i].summary.add(test::run_adverse(rows[i].run, static_cast<std::uint64_t>(seed)));
+    }
+  });
+
+  Table table({{"case", "case", ""},
+               {"friction", "friction", ""},
+               {"protection", "beside the clamp", ""},
+               {"seeds", "seeds", "{:.0f}"},
+               {"negative_runs", "below −1 µJ", "{:.0f}"},
+               {"min_true_energy_uj", "min energy µJ", "{:.1f}"},
+               {"peak_force_n", "peak N", "{:.2f}"},
+               {"transparency_percent", "transp. %", "{:.2f}"},
+               {"monitor_reductions", "reduced", "{:.0f}"}});
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const auto& [label, friction, protection, run, s] = rows[i];
+    if (i > 0 && label != rows[i - 1].label) table.add_gap();
+    table.add({label, std::string(friction->label), std::string(protection),
+               static_cast<double>(s.seeds), static_cast<double>(s.negative), 1e6 * s.least_joule,
+               s.peak_newton, Summary::mean_percent(s.transparency_sum, s.transparency_runs),
+               static_cast<double>(s.monitor_reductions)});
+  }
+  return table;
+}
+
+/// Time of one tick of the monitor [µs]: a reading, a command, a switch. The best of 20 rounds.
+double monitor_tick_us(bool is_per_axis) {
+  constexpr int kTicks = 50'000;
+  DeviceConfig config;
+  config.reply = std::chrono::microseconds(500);
+  config.lease = std::chrono::milliseconds(2);
+  if (is_per_axis) {
+    config.profile.per_axis = FrictionPerAxis{.viscous_newton_s_per_m = {0.05, 0.1, 0.2},
+                                              .coulomb_newton = {0.05, 0.1, 0.2}};
+  }
+  double best_us = 1e9;
+  for (int round = 0; round < 20; ++round) {
+    device::ForceMonitor monitor(config);
+    TimePoint now{};
+    Vector3 force = Vector3::Zero();
+    const auto begin = std::chrono::steady_clock::now();
+    for (int i = 0; i < kTicks; ++i) {
+      const double t_s = 1e-3 * i;
+      const double x_m = config.profile.position_resolution_m * std::round(200.0 * std::sin(t_s));
+      now += std::chrono::microseconds(900);
+      monitor.read(now, {x_m, -x_m, 0.5 * x_m});
+      now += std::chrono::microseconds(100);
+      const auto covered =
+          monitor.cover({0.01 * (i % 300), 0.0, 1.0}, std::chrono::milliseconds(3));
+      monitor.switched(now, {x_m, -x_m, 0.5 * x_m}, covered.force_on_hand_newton, covered.lease);
+      force += covered.force_on_hand_newton;
+    }
+    const std::chrono::duration<double, std::micro> elapsed =
+        std::chrono::steady_clock::now() - begin;
+    if (std::isfinite(force.norm())) best_us = std::min(best_us, elapsed.count() / kTicks);
+  }
+  return best_us;
 }
 
 // --- history ------------------------------------------------------------------------------------
@@ -457,13 +582,16 @@ Table history_table(bool is_quick, const std::vector<std::string>& more_override
 struct GuaranteeOptions {
   BenchOptions bench;
   std::vector<std::string> overrides;  // of every session
-  std::string only;                    // adversity, history or both ("")
+  std::string only;                    // adversity, monitor, history or all ("")
 };
 
 void run(const GuaranteeOptions& options) {
   const BenchOptions& bench = options.bench;
   nlohmann::ordered_json json;
-  if (options.only != "history") {
+  const auto is_wanted = [&](const char* table) {
+    return options.only.empty() || options.only == table;
+  };
+  if (is_wanted("adversity")) {
     const Table adversity = adversity_table(bench.is_quick ? 3 : 50, options.overrides);
     std::printf(
         "%s\nEach run: 2 s, device at 1 kHz, a hand that tries to extract energy, 0.3 m/s at most "
@@ -479,10 +607,21 @@ void run(const GuaranteeOptions& options) {
         "\nEffect: the run without a controller loses more than 1 mJ.\n",
         adversity.text().c_str());
     std::fflush(stdout);
-    if (!bench.csv_file.empty()) write_file(bench.csv_file, adversity.csv());
+    write_table(bench, adversity.csv());
     json["adversity"] = adversity.json();
   }
-  if (options.only != "adversity") {
+  if (is_wanted("monitor")) {
+    const Table monitor = monitor_table(bench.is_quick ? 5 : 50, options.overrides);
+    std::printf(
+        "\n%s\nMode guard, physics that pushes along the motion or changes its law; else as "
+        "above."
+        "\nReduced: commands that the monitor of device_node reduced."
+        "\nOne tick of the monitor: %.2f µs with isotropic friction, %.2f µs per axis.\n",
+        monitor.text().c_str(), monitor_tick_us(false), monitor_tick_us(true));
+    std::fflush(stdout);
+    json["monitor"] = monitor.json();
+  }
+  if (is_wanted("history")) {
     const Table history = history_table(bench.is_quick, options.overrides);
     std::printf(
         "\n%s\nThe paper's tissues after t_free of free motion; means over the phases of the "
@@ -496,7 +635,7 @@ void run(const GuaranteeOptions& options) {
         history.text().c_str());
     json["history"] = history.json();
   }
-  if (!bench.json_file.empty()) write_file(bench.json_file, json.dump(2) + "\n");
+  write_json(bench, json);
 }
 
 }  // namespace
@@ -506,8 +645,8 @@ int main(int argc, char** argv) {
   CLI::App app(
       "Energy extracted by the hand, for every controller mode and adversity, in lockstep.");
   palpate::bench::GuaranteeOptions options;
-  app.add_option("--only", options.only, "one of the two tables")
-      ->check(CLI::IsMember({"adversity", "history"}));
+  app.add_option("--only", options.only, "one of the three tables")
+      ->check(CLI::IsMember({"adversity", "monitor", "history"}));
   app.add_option("--set", options.overrides, "path=value: overrides a field of every session");
   return palpate::bench::run_bench(app, options.bench, argc, argv,
                                    [&] { palpate::bench::run(options); });

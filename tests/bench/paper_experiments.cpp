@@ -205,8 +205,9 @@ void draw_figures(const BenchOptions& options) {
   for (const Figure& figure : figures) {
     const std::string name = figure.file;
     const Session session = session_of(figure.tissue, figure.controller, 14.0, true);
-    static_cast<void>(run_loopback(
-        session, {.seconds = 14.0 + kVSeconds, .csv_file = (folder / (name + ".csv")).string()}));
+    static_cast<void>(run_loopback(session, {.seconds = 14.0 + kVSeconds,
+                                             .csv_file = (folder / (name + ".csv")).string(),
+                                             .may_overwrite = true}));
     // only the V, not the free motion before it
     draw_figure(folder, name,
                 fmt::format(R"(set datafile separator ','

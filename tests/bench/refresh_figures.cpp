@@ -80,12 +80,16 @@ nlohmann::json output_of(const std::string& command) {
   return nlohmann::json::parse(text);
 }
 
-std::string new_table(const DocFigures& figures) {
+/// @param[in,out] known the output of each command that has run
+std::string new_table(const DocFigures& figures, std::map<std::string, nlohmann::json>& known) {
   std::vector<nlohmann::json> outputs;
   for (const std::string& command : figures.commands) {
-    std::printf("running %s\n", command.c_str());
-    std::fflush(stdout);
-    outputs.push_back(output_of(command));
+    if (!known.contains(command)) {
+      std::printf("running %s\n", command.c_str());
+      std::fflush(stdout);
+      known[command] = output_of(command);
+    }
+    outputs.push_back(known[command]);
   }
   return figures.table(outputs);
 }
@@ -156,6 +160,7 @@ std::string first_difference(const std::string& documented, const std::string& m
 int refresh(const Options& options) {
   const std::vector<DocFigures> all = doc_figures();
   std::map<std::string, std::string> tables;  // by name, made when first needed
+  std::map<std::string, nlohmann::json> outputs;
   int status = 0;
   std::map<std::string, int> uses;
   for (const fs::path& file : documents(options.root)) {
@@ -173,7 +178,7 @@ int refresh(const Options& options) {
       ++uses[block.name];
       if (!is_wanted(*figures, options)) continue;
       if (!tables.contains(block.name)) {
-        tables[block.name] = new_table(*figures);
+        tables[block.name] = new_table(*figures, outputs);
       }
       const std::string& table = tables[block.name];
       const std::string documented =

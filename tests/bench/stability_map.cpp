@@ -21,13 +21,16 @@ namespace {
 struct Way {
   const char* interaction;
   const char* controller;
-  const char* override_text;
+  std::vector<std::string> overrides;
 };
-const Way kWays[] = {
-    {"held", "none", "mofc.controller=none"},  {"held", "paper", "mofc.mode=paper"},
-    {"held", "vector", "mofc.mode=vector"},    {"held", "guard", "mofc.mode=guard"},
-    {"local", "none", "mofc.controller=none"}, {"local", "paper", "mofc.mode=paper"},
-    {"local", "vector", "mofc.mode=vector"},   {"local", "guard", "mofc.mode=guard"}};
+const Way kWays[] = {{"held", "none", {"mofc.controller=none", "device.monitor=off"}},
+                     {"held", "paper", {"mofc.mode=paper", "device.monitor=off"}},
+                     {"held", "vector", {"mofc.mode=vector"}},
+                     {"held", "guard", {"mofc.mode=guard"}},
+                     {"local", "none", {"mofc.controller=none", "device.monitor=off"}},
+                     {"local", "paper", {"mofc.mode=paper", "device.monitor=off"}},
+                     {"local", "vector", {"mofc.mode=vector"}},
+                     {"local", "guard", {"mofc.mode=guard"}}};
 
 struct Point {
   double period_ms;
@@ -61,7 +64,7 @@ faults {{ tool_motion {{ delay_ms: {} }} interaction {{ delay_ms: {} }} }}
 )",
       1e3 / point.period_ms, 0.15 * point.mass_kg, 0.85 * point.mass_kg, 1e3 / point.period_ms,
       way.interaction, point.stiffness, point.damping, point.delay_ms, point.delay_ms);
-  Session session = parse_session(text, "press", {way.override_text});
+  Session session = parse_session(text, "press", way.overrides);
   RecordedPath path;
   path.samples = {{0.0, {0, 0, 0.003}}, {0.1, {0, 0, 0.003}}, {0.4, {0, 0, -0.01}}};
   session.side().hand.path = path;
@@ -196,8 +199,8 @@ void run(const BenchOptions& options) {
       "period T, delay each way.\nPeak to peak in the last 0.5 s: stable below 0.2 mm, unstable "
       "from 5 mm or where the hand extracted more than 10 mJ.\nMean force: the force held; zero "
       "force is stable, too. --csv has every point.\n");
-  if (!options.csv_file.empty()) write_file(options.csv_file, all.csv());
-  if (!options.json_file.empty()) write_file(options.json_file, all.json().dump(2) + "\n");
+  write_table(options, all.csv());
+  write_json(options, all.json());
   if (options.plot_folder.empty()) return;
   const std::filesystem::path folder = options.plot_folder;
   std::filesystem::create_directories(folder);

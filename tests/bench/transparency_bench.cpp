@@ -32,11 +32,11 @@ struct Way {
   std::vector<std::string> overrides;
 };
 const Way kWays[] = {
-    {"held", "none", {"mofc.interaction=held", "mofc.controller=none"}},
-    {"held", "paper", {"mofc.interaction=held", "mofc.mode=paper"}},
+    {"held", "none", {"mofc.interaction=held", "mofc.controller=none", "device.monitor=off"}},
+    {"held", "paper", {"mofc.interaction=held", "mofc.mode=paper", "device.monitor=off"}},
     {"held", "guard", {"mofc.interaction=held", "mofc.mode=guard"}},
-    {"local", "none", {"mofc.interaction=local", "mofc.controller=none"}},
-    {"local", "paper", {"mofc.interaction=local", "mofc.mode=paper"}},
+    {"local", "none", {"mofc.interaction=local", "mofc.controller=none", "device.monitor=off"}},
+    {"local", "paper", {"mofc.interaction=local", "mofc.mode=paper", "device.monitor=off"}},
     {"local", "guard", {"mofc.interaction=local", "mofc.mode=guard"}},
 };
 
@@ -155,7 +155,8 @@ void draw_traces(const std::filesystem::path& folder) {
       static_cast<void>(run_loopback(
           session_of(scene, link, way, 1),
           {.seconds = scene.seconds,
-           .csv_file = (folder / fmt::format("{}_{}.csv", name, way.interaction)).string()}));
+           .csv_file = (folder / fmt::format("{}_{}.csv", name, way.interaction)).string(),
+           .may_overwrite = true}));
     }
     draw_figure(folder, name,
                 fmt::format(R"(set datafile separator ','

@@ -1,7 +1,7 @@
 // palpate_faults — the fault matrix: the force on a pressing hand when a process of the running
 // session is killed, suspended or restarted, or when something around it fails.
 //
-//   palpate_faults [--json FILE]                          runs every row and prints the table
+//   palpate_faults [--json FILE [--overwrite]]             runs every row and prints the table
 //   palpate_faults --gtest_filter='*physics*'             runs some rows
 //
 // Real processes under `palpate launch` with the default real-time settings and the simulated
@@ -27,7 +27,7 @@
 #include <thread>
 #include <zmq.hpp>
 
-#include "common/core/files.h"
+#include "common/core/output_file.h"
 #include "common/link/codec/codec.h"
 #include "device_node/simulation/hand.h"
 #include "device_node/simulation/plant.h"
@@ -775,8 +775,13 @@ TEST_F(ForeignPeers, MessagesOfAnotherVersionAreRefused) {
   finish_undisturbed("messages of another protocol version", from);
 }
 
-TEST_F(ForeignPeers, MessagesOfTwoPartsAreRefused) {
-  press();
+class MessagesOfTwoParts : public ForeignPeers, public testing::WithParamInterface<bool> {};
+
+TEST_P(MessagesOfTwoParts, AreRefused) {
+  const bool is_together = GetParam();
+  std::vector<std::string> arguments{"--no-viewer"};
+  if (is_together) arguments.insert(arguments.end(), {"--together", "device,mofc"});
+  press(arguments);
   const TimePoint from = session_->now();
   const Session& session = session_->session();
   const LinksConfig& links = session.side().links;
@@ -791,13 +796,14 @@ TEST_F(ForeignPeers, MessagesOfTwoPartsAreRefused) {
   zmq::context_t context;
   std::vector<zmq::socket_t> peers;
   std::vector<std::string> valid;
-  for (const Target& target :
-       {Target{links.exchange, zmq::socket_type::dealer, state},
-        Target{links.tool_motion, zmq::socket_type::push, motion},
-        Target{links.interaction, zmq::socket_type::dealer, subscription},
-        Target{links.device_telemetry, zmq::socket_type::dealer, subscription},
-        Target{links.mofc_telemetry, zmq::socket_type::dealer, subscription},
-        Target{session.physics_telemetry, zmq::socket_type::dealer, subscription}}) {
+  std::vector<Target> targets{
+      Target{links.tool_motion, zmq::socket_type::push, motion},
+      Target{links.interaction, zmq::socket_type::dealer, subscription},
+      Target{links.device_telemetry, zmq::socket_type::dealer, subscription},
+      Target{links.mofc_telemetry, zmq::socket_type::dealer, subscription},
+      Target{session.physics_telemetry, zmq::socket_type::dealer, subscription}};
+  if (!is_together) targets.push_back({links.exchange, zmq::socket_type::dealer, state});
+  for (const Target& target : targets) {
     zmq::socket_t& peer = peers.emplace_back(context, target.type);
     peer.set(zmq::sockopt::linger, 0);
     peer.connect(target.endpoint);
@@ -813,12 +819,17 @@ TEST_F(ForeignPeers, MessagesOfTwoPartsAreRefused) {
         peers[i].send(zmq::buffer(std::string(size, 'x')), zmq::send_flags::dontwait);
       }
     }
-    return ++rounds >= 10 && mirror.mofc_counters().device_state.rejected > 10 &&
+    return ++rounds >= 10 && (is_together || mirror.mofc_counters().device_state.rejected > 10) &&
            mirror.physics_counters().tool_motion.rejected > 10;
   }));
 
-  finish_undisturbed("messages of two parts to every node", from);
+  finish_undisturbed(is_together ? "messages of two parts to every node, device and mofc together"
+                                 : "messages of two parts to every node",
+                     from);
 }
+INSTANTIATE_TEST_SUITE_P(Faults, MessagesOfTwoParts, testing::Bool(), [](const auto& info) {
+  return std::string(info.param ? "Together" : "FourProcesses");
+});
 
 /// Listens on the path of an ipc endpoint and writes zeros to everyone who connects.
 class Zeros {
@@ -1016,8 +1027,10 @@ class Quiet : public testing::EmptyTestEventListener {
 
 int main(int argc, char** argv) {
   std::string json_file;
-  if (argc == 3 && std::string(argv[1]) == "--json") {
+  bool may_overwrite = false;
+  if (argc >= 3 && std::string(argv[1]) == "--json") {
     json_file = argv[2];
+    may_overwrite = argc == 4 && std::string(argv[3]) == "--overwrite";
     argc = 1;
   }
   const bool prints_table = argc == 1;
@@ -1030,9 +1043,12 @@ int main(int argc, char** argv) {
   const int status = RUN_ALL_TESTS();
   if (!palpate::table().empty()) palpate::print_table();
   if (json_file.empty()) return status;
-  const std::string complaint =
-      palpate::write_file(json_file, palpate::json_of_table().dump(2) + "\n");
-  if (complaint.empty()) return status;
-  std::fprintf(stderr, "palpate_faults: %s: %s\n", json_file.c_str(), complaint.c_str());
-  return 2;
+  try {
+    palpate::write_file("json file", json_file, palpate::json_of_table().dump(2) + "\n",
+                        may_overwrite);
+    return status;
+  } catch (const std::exception& error) {
+    std::fprintf(stderr, "palpate_faults: %s\n", error.what());
+    return 2;
+  }
 }

@@ -20,7 +20,7 @@ constexpr double kStiffness_newton_per_m = 400.0;
 /// physics at 1 kHz, encoder 0.055 mm.
 constexpr const char* kPressing = R"(
 name: "pressing"
-device { simulated {} start_ramp_ms: 0 }
+device { monitor: off simulated {} start_ramp_ms: 0 }
 hand { stiffness_newton_per_m: 400 }
 mofc { controller: none interaction: held }
 scene { tissue { half_space {} kelvin_voigt { stiffness_newton_per_m: 400 } } }

@@ -1,10 +1,13 @@
 // The guarantee of mode guard over whole runs in lockstep: no physics, network or scheduler gives
 // the hand net energy. Measured by the simulated device's true energy, which no controller sees.
-// PALPATE_SEEDS=10 in the environment makes ten times as many runs.
+// PALPATE_SEEDS=10 in the environment makes ten times as many runs; PALPATE_SEED_OFFSET=N skips N
+// of each shard, to divide many runs between machines. Each shard prints the least energy and what
+// the monitor reduced.
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cstdint>
+#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -27,20 +30,67 @@ std::uint64_t runs_per_shard() {
   return kRunsPerShard * (factor != nullptr ? std::strtoull(factor, nullptr, 10) : 1);
 }
 
+/// Lying clamps take the same code; a tenth of the runs is enough by default.
+std::uint64_t lying_runs_per_shard() { return std::max<std::uint64_t>(10, runs_per_shard() / 10); }
+
+std::uint64_t seed_of(std::uint64_t shard, std::uint64_t i) {
+  const char* offset = std::getenv("PALPATE_SEED_OFFSET");
+  return 1 + shard + kShards * (i + (offset != nullptr ? std::strtoull(offset, nullptr, 10) : 0));
+}
+
+/// Of one shard.
+struct Tally {
+  std::uint64_t runs = 0;
+  std::uint64_t too_fast = 0;  // hand faster than v_max: beyond what is promised
+  std::uint64_t reductions = 0;
+  double least_joule = 0.0;
+
+  /// False: not to be judged.
+  bool add(const AdverseResult& result) {
+    ++runs;
+    if (result.top_speed_m_per_s > result.v_max_m_per_s) {
+      ++too_fast;
+      return false;
+    }
+    reductions += result.device.monitor_reductions;
+    least_joule = std::min(least_joule, result.statistics.minimum_true_energy_joule());
+    return true;
+  }
+  void print(const char* what, std::uint64_t shard) const {
+    std::printf(
+        "%s, shard %llu: %llu runs, %llu with too fast a hand left out, least true energy %.3g µJ, "
+        "%llu commands reduced by the monitor\n",
+        what, static_cast<unsigned long long>(shard), static_cast<unsigned long long>(runs),
+        static_cast<unsigned long long>(too_fast), 1e6 * least_joule,
+        static_cast<unsigned long long>(reductions));
+  }
+};
+
 class Guarantee : public testing::TestWithParam<std::uint64_t> {};
 
 TEST_P(Guarantee, NoHandWithinVMaxIsGivenEnergyByAnyPhysicsNetworkOrScheduler) {
-  std::uint64_t too_fast = 0;
+  Tally tally;
   for (std::uint64_t i = 0; i < runs_per_shard(); ++i) {
-    const std::uint64_t seed = 1 + GetParam() + kShards * i;
+    const std::uint64_t seed = seed_of(GetParam(), i);
     const AdverseResult result = run_adverse(random_adverse_run(seed), seed);
-    if (result.top_speed_m_per_s > result.v_max_m_per_s) {
-      ++too_fast;  // beyond what is promised
-      continue;
-    }
+    if (!tally.add(result)) continue;
+    EXPECT_GE(result.statistics.minimum_true_energy_joule(), -kRoundingJoule) << "seed=" << seed;
+    EXPECT_EQ(result.device.monitor_reductions, 0U) << "seed=" << seed;
+  }
+  EXPECT_LE(tally.too_fast, runs_per_shard() / 20);
+  tally.print("honest clamp", GetParam());
+}
+
+TEST_P(Guarantee, NoHandWithinVMaxIsGivenEnergyByAClampThatLies) {
+  Tally tally;
+  for (std::uint64_t i = 0; i < lying_runs_per_shard(); ++i) {
+    const std::uint64_t seed = seed_of(GetParam(), i);
+    const AdverseResult result = run_adverse(random_lying_run(seed), seed);
+    if (!tally.add(result)) continue;
     EXPECT_GE(result.statistics.minimum_true_energy_joule(), -kRoundingJoule) << "seed=" << seed;
   }
-  EXPECT_LE(too_fast, runs_per_shard() / 20);
+  EXPECT_GT(tally.reductions, 0U);
+  tally.print("lying clamp", GetParam());
 }
 
 bool has_friction_per_axis(const AdverseRun& run) {
@@ -68,9 +118,20 @@ TEST(GuaranteeTwin, WithoutTheControllerEnergyIsDrawnInMostRuns) {
   for (std::uint64_t seed = 1; seed <= 100; ++seed) {
     AdverseRun run = random_adverse_run(seed);
     run.overrides.emplace_back("mofc.controller=none");
+    run.overrides.emplace_back("device.monitor=off");
     if (run_adverse(run, seed).statistics.minimum_true_energy_joule() < -1e-3) ++drawn;
   }
   EXPECT_GT(drawn, 50);
+}
+
+TEST(GuaranteeTwin, WithoutTheMonitorALyingClampGivesEnergyInMostRuns) {
+  int drawn = 0;
+  for (std::uint64_t seed = 1; seed <= 100; ++seed) {
+    AdverseRun run = random_lying_run(seed);
+    run.overrides.emplace_back("device.monitor=off");
+    if (run_adverse(run, seed).statistics.minimum_true_energy_joule() < -1e-3) ++drawn;
+  }
+  EXPECT_GT(drawn, 30);
 }
 
 TEST(GuaranteeTwin, WithTheEncoderTreatedAsExactEnergyIsDrawn) {
@@ -88,6 +149,25 @@ TEST(GuaranteeTwin, WithFrictionOverestimatedEnergyIsDrawn) {
   EXPECT_LT(
       least_energy_joule(200, true, "device.profile.coulomb_per_axis_newton={ x: 1 y: 1 z: 1 }"),
       -1e-3);
+}
+
+// The profile claims five times the friction of the device. The same runs without the check lose
+// energy.
+TEST(HandsOffCheck, LowersAProfileThatClaimsTooMuchFrictionAndNoEnergyIsDrawn) {
+  double least_without = 0.0;
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    AdverseRun run{.overrides = {"device.profile.viscous_newton_s_per_m=0.5",
+                                 "device.profile.coulomb_newton=0.5"},
+                   .physics = Physics::kEverything};
+    least_without =
+        std::min(least_without, run_adverse(run, seed).statistics.minimum_true_energy_joule());
+    run.overrides.emplace_back("device.hands_off_check=true");
+    const AdverseResult checked = run_adverse(run, seed);
+    EXPECT_GE(checked.statistics.minimum_true_energy_joule(), -kRoundingJoule) << "seed=" << seed;
+    EXPECT_LT(checked.device.checked_friction_ratio, 0.25);
+    EXPECT_GT(checked.device.checked_friction_ratio, 0.1);
+  }
+  EXPECT_LT(least_without, -1e-3);
 }
 
 // A third of 2000 answers is NaN: through the codec none of them gets to the clamp.

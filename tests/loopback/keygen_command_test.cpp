@@ -88,6 +88,27 @@ TEST_F(KeygenCommand, DoctorReportsAPortInUseWithTheRemedy) {
   EXPECT_THAT(outcome.out, HasSubstr("none needed"));
 }
 
+TEST_F(KeygenCommand, DoctorExaminesTheAssumptionsOfTheGuarantee) {
+  const std::string fit = doctor("").out;
+  for (const char* what : {"monitor", "encoder", "friction", "hand speed"}) {
+    EXPECT_THAT(fit, ContainsRegex(std::string("ok     ") + what + " "));
+  }
+  const std::string wrong = files_.write("wrong.txtpb", R"(
+name: "doctor"
+device {
+  monitor: off
+  profile { coulomb_newton: 0.5 position_resolution_m: 10e-6 }
+}
+hand { hostile { v_max_m_per_s: 1 } }
+)");
+  const Outcome outcome = run_program("palpate", {"doctor", wrong});
+  EXPECT_EQ(outcome.status, 1);
+  EXPECT_THAT(outcome.out,
+              AllOf(ContainsRegex("TO DO  monitor .*off"), ContainsRegex("TO DO  encoder .*55 µm"),
+                    ContainsRegex("TO DO  friction .*palpate identify"),
+                    ContainsRegex("TO DO  hand speed .*1 m/s")));
+}
+
 TEST_F(KeygenCommand, DoctorReportsTheRolesOfThisMachine) {
   const std::string far = "links { tool_motion: \"tcp://192.0.2.1:5551\" }\n";
   EXPECT_THAT(doctor(far).out,

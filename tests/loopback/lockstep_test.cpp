@@ -30,7 +30,7 @@ using namespace std::chrono_literals;
 /// A hand that rests 5 mm inside a 400 N/m block, device and physics at 1 kHz, everything exact.
 constexpr const char* kPressing = R"(
 name: "pressing"
-device { simulated { position_resolution_m: 0 } profile { position_resolution_m: 0 } start_ramp_ms: 0 }
+device { monitor: off simulated { position_resolution_m: 0 } profile { position_resolution_m: 0 } start_ramp_ms: 0 }
 hand { stiffness_newton_per_m: 400 hold { position_m { z: -0.005 } } }
 mofc { controller: none }
 scene { tissue { half_space {} kelvin_voigt { stiffness_newton_per_m: 400 } } }

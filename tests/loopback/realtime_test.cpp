@@ -34,7 +34,7 @@ using test::Watcher;
 constexpr const char* kPressing = R"(
 name: "realtime_test"
 realtime { priority: 0 cpu: -1 }
-device { simulated { position_resolution_m: 0 } profile { position_resolution_m: 0 } }
+device { monitor: off simulated { position_resolution_m: 0 } profile { position_resolution_m: 0 } }
 hand {
   stiffness_newton_per_m: 400
   damping_newton_s_per_m: 10

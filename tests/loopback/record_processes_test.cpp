@@ -28,6 +28,7 @@ using testing::HasSubstr;
 constexpr const char* kSession = R"(
 name: "recorded"
 realtime { priority: 0 cpu: -1 }
+device { monitor: off }
 hand { hold { position_m { z: -0.005 } } }
 mofc { controller: none stale_after_ms: 200 }
 scene { tissue { half_space {} kelvin_voigt { stiffness_newton_per_m: 200 } } }

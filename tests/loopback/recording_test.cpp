@@ -152,6 +152,7 @@ TEST_F(Recordings, AHandThatIsPushedMeantToGoFurther) {
   const Session session = parse_session(R"(
       name: "pressing"
       hand { hold { position_m { z: -0.01 } } }
+      device { monitor: off }
       mofc { controller: none }
       scene { tissue { half_space {} kelvin_voigt { stiffness_newton_per_m: 250 } } })",
                                         "test.txtpb");

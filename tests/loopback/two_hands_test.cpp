@@ -36,6 +36,7 @@ constexpr const char* kBoth = R"(
 name: "both"
 realtime { priority: 0 cpu: -1 }
 device {
+  monitor: off
   rate_hz: 200
   lease_us: 12500
   simulated { position_resolution_m: 0 }

@@ -32,7 +32,7 @@ using testing::HasSubstr;
 constexpr const char* kSession = R"(
 name: "page"
 realtime { priority: 0 cpu: -1 }
-device { rate_hz: 200 lease_us: 12500 }
+device { monitor: off rate_hz: 200 lease_us: 12500 }
 hand { pointer { speed_m_per_s: 0.5 } hold { position_m { z: 0.02 } } }
 mofc { controller: none stale_after_ms: 200 }
 scene {

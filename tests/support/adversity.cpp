@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <deque>
 #include <limits>
 #include <memory>
 #include <optional>
@@ -109,6 +110,69 @@ class Tamperer {
   std::uint64_t count_ = 0;
 };
 
+/// The clamp of one run: changes what mofc_node answers.
+class Liar {
+ public:
+  explicit Liar(Clamp law) : law_(law) {}
+
+  void tamper(const DeviceState& state, ForceCommand& command) {
+    const Vector3 moved = state.hand_position_m - position_m_;
+    position_m_ = state.hand_position_m;
+    if (moved.norm() > 0.0) along_ = moved.normalized();
+    const double t_s = seconds_of(state.header.sampled_at);
+    switch (law_) {
+      case Clamp::kHonest:
+        return;
+      case Clamp::kFullForce:
+        return push(command);
+      case Clamp::kWrongLease:
+        command.valid_for = kForever;
+        return;
+      case Clamp::kAhead:
+        push(command);
+        ++command.answers_sequence;
+        return;
+      case Clamp::kReplay:
+        history_.push_back(command);
+        command.force_on_hand_newton = history_.front().force_on_hand_newton;
+        command.valid_for = history_.front().valid_for;
+        if (history_.size() > kReplayed) history_.pop_front();
+        return;
+      case Clamp::kNotANumber:
+        push(command);
+        if (++count_ % 3 == 0) {
+          command.force_on_hand_newton.setConstant(std::numeric_limits<double>::quiet_NaN());
+        }
+        return;
+      case Clamp::kDrift: {
+        const double honest = command.force_on_hand_newton.norm();
+        if (honest == 0.0) return;
+        command.force_on_hand_newton *= (honest + t_s) / honest;
+        command.valid_for += from_seconds(1e-3 * t_s);
+        return;
+      }
+      case Clamp::kMostlyRight:
+        if (std::fmod(t_s, 0.5) < 0.2) push(command);
+        return;
+    }
+  }
+
+ private:
+  static constexpr Duration kForever = std::chrono::hours(1);
+  static constexpr std::size_t kReplayed = 100;
+
+  void push(ForceCommand& command) const {
+    command.force_on_hand_newton = kHostileNewton * along_;
+    command.valid_for = kForever;
+  }
+
+  Clamp law_;
+  Vector3 position_m_ = Vector3::Zero();
+  Vector3 along_ = Vector3::UnitZ();
+  std::deque<ForceCommand> history_;
+  std::uint64_t count_ = 0;
+};
+
 /// Figures of one run.
 class Observer {
  public:
@@ -170,6 +234,12 @@ AdverseResult run_adverse(const AdverseRun& run, std::uint64_t seed) {
   LockstepOptions options{.links = run.links};
   if (run.physics != Physics::kHonest) {
     options.tamper_with_interaction = [tamperer](Interaction& i) { tamperer->tamper(i); };
+  }
+  if (run.clamp != Clamp::kHonest) {
+    options.tamper_with_command = [liar = Liar(run.clamp)](const DeviceState& state,
+                                                           ForceCommand& command) mutable {
+      liar.tamper(state, command);
+    };
   }
   if (run.tick_jitter > 0.0 || run.late_tick_ratio > 0.0) {
     options.device_lateness = [&run, random, period_s] {
@@ -356,6 +426,13 @@ AdverseRun random_adverse_run(std::uint64_t seed) {
     set_axes("device.simulated.viscous_per_axis_newton_s_per_m", profile_f_d.cwiseProduct(more));
     set_axes("device.simulated.coulomb_per_axis_newton", profile_f_co.cwiseProduct(more));
   }
+  return run;
+}
+
+AdverseRun random_lying_run(std::uint64_t seed) {
+  AdverseRun run = random_adverse_run(seed);
+  Random random(stream_seed(seed, "lying clamp"));
+  run.clamp = static_cast<Clamp>(1 + random.below(static_cast<std::uint64_t>(Clamp::kMostlyRight)));
   return run;
 }
 

@@ -22,10 +22,23 @@ enum class Physics : std::uint8_t {
   kEverything,    ///< any of the above force laws, changing at random times
 };
 
+/// What the clamp answers to the device.
+enum class Clamp : std::uint8_t {
+  kHonest,
+  kFullForce,    ///< more than the peak along the motion last measured, for an hour
+  kWrongLease,   ///< the honest force, for an hour
+  kAhead,        ///< full force, as the answer to a state that was never sent, after the honest one
+  kReplay,       ///< force and lease of 100 ms ago
+  kNotANumber,   ///< every third answer is NaN, the others full force
+  kDrift,        ///< as if its ledger drifted: 1 N more force and 1 ms more lease every second
+  kMostlyRight,  ///< honest, but for 0.2 s of every 0.5 s: then full force
+};
+
 /// One run. The session's `faults` are the network.
 struct AdverseRun {
   std::vector<std::string> overrides;  ///< on hostile_session()
   Physics physics = Physics::kHonest;
+  Clamp clamp = Clamp::kHonest;
   double tick_jitter = 0.0;      ///< each tick begins up to this share of a period late, 0 … 0.5
   double late_tick_ratio = 0.0;  ///< share of ticks that begin 1 … 5 periods late
   LockstepLinks links = LockstepLinks::kMemory;
@@ -52,5 +65,7 @@ struct AdverseResult {
 /// encoder, workspace, scene, network, scheduler and physics, true friction at or above the
 /// profile.
 [[nodiscard]] AdverseRun random_adverse_run(std::uint64_t seed);
+/// The same, with a clamp that lies.
+[[nodiscard]] AdverseRun random_lying_run(std::uint64_t seed);
 
 }  // namespace palpate::test

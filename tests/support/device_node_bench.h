@@ -18,13 +18,15 @@ namespace palpate::test {
 
 using namespace std::chrono_literals;
 
-/// 1 kHz; answers within 0.5 ms, leases of 2 ms, fallback for 20 ms, fade of 50 ms, f_co 0.1 N.
+/// 1 kHz; answers within 0.5 ms, leases of 2 ms, fallback for 20 ms, fade of 50 ms, f_co 0.1 N. No
+/// monitor, because the scripted answers have no clamp.
 inline DeviceConfig device_config() {
   DeviceConfig config;
   config.reply = 500us;
   config.lease = 2ms;
   config.limp_after = 20ms;
   config.fade = 50ms;
+  config.monitor.is_on = false;
   return config;
 }
 

@@ -80,6 +80,7 @@ inline void randomise(ForceCommand& m, Random& random) {
   m.answers_sampled_at = random_time(random);
   m.force_on_hand_newton = random_vector(random, 1000.0);
   m.valid_for = random_duration(random);
+  m.counts_since = random_time(random);
 }
 
 inline void randomise(ToolMotion& m, Random& random) {
@@ -237,8 +238,11 @@ inline void randomise(SurfaceNews& news, Random& random) {
   for (std::uint32_t i = 0; i < news.coverage_count; ++i) {
     news.coverages[i] = {.described_slot = static_cast<std::uint32_t>(random.below(kMaxDescribed)),
                          .description_version = static_cast<std::uint32_t>(random.bits()),
-                         .center_m = random_vector(random, 1.0),
-                         .radius_m = random.uniform(0.0, 1.0)};
+                         .region = {.from_m = random_vector(random, 1.0),
+                                    .to_m = random_vector(random, 1.0),
+                                    .radius_m = random.uniform(0.0, 1.0)}};
+    CapsuleGeometry& region = news.coverages[i].region;
+    if (random.chance(0.5)) region.to_m = region.from_m;
   }
   news.pending_count = 1 + static_cast<std::uint32_t>(random.below(kMaxPendingTiles));
   for (std::uint32_t i = 0; i < news.pending_count; ++i) {
@@ -287,6 +291,7 @@ inline void randomise(DeviceTick& r, Random& random) {
   r.is_answered = random.chance(0.5);
   r.is_peak_limited = random.chance(0.5);
   r.is_clutched = random.chance(0.5);
+  r.is_monitor_reduced = random.chance(0.5);
   if (random.chance(0.5)) {  // a simulated device: otherwise NaN
     r.true_tool_position_world_m = random_vector(random, 1.0);
     r.true_tool_velocity_world_m_per_s = random_vector(random, 1.0);
@@ -336,6 +341,11 @@ inline void randomise(DeviceCounters& c, Random& random) {
   c.last_fault = static_cast<FaultReason>(random.below(5));
   c.non_finite_commands = random.bits();
   c.late_switches = random.bits();
+  c.is_monitor_off = random.chance(0.5);
+  c.monitor_reductions = random.bits();
+  c.too_fast_readings = random.bits();
+  c.coarse_readings = random.bits();
+  c.checked_friction_ratio = random.uniform(0.0, 1.0);
   c.max_force_newton = random.uniform(0.0, 10.0);
   c.largest_jump_newton = random.uniform(0.0, 10.0);
   c.minimum_true_energy_joule = random.chance(0.5) ? random.uniform(-1.0, 1.0) : kNaN;
@@ -501,7 +511,8 @@ inline bool same(const DeviceState& a, const DeviceState& b) {
 inline bool same(const ForceCommand& a, const ForceCommand& b) {
   return same(a.header, b.header) && a.answers_session_id == b.answers_session_id &&
          a.answers_sequence == b.answers_sequence && a.answers_sampled_at == b.answers_sampled_at &&
-         same(a.force_on_hand_newton, b.force_on_hand_newton) && a.valid_for == b.valid_for;
+         same(a.force_on_hand_newton, b.force_on_hand_newton) && a.valid_for == b.valid_for &&
+         a.counts_since == b.counts_since;
 }
 inline bool same(const ToolMotion& a, const ToolMotion& b) {
   return same(a.header, b.header) && a.device_session_id == b.device_session_id &&
@@ -579,13 +590,14 @@ inline bool same(const SurfaceNews& a, const SurfaceNews& b) {
          a.pending_count == b.pending_count &&
          std::equal(a.tiles.begin(), a.tiles.begin() + a.tile_count, b.tiles.begin(),
                     [](const auto& x, const auto& y) { return same(x, y); }) &&
-         std::equal(a.coverages.begin(), a.coverages.begin() + a.coverage_count,
-                    b.coverages.begin(),
-                    [](const auto& x, const auto& y) {
-                      return x.described_slot == y.described_slot &&
-                             x.description_version == y.description_version &&
-                             same(x.center_m, y.center_m) && x.radius_m == y.radius_m;
-                    }) &&
+         std::equal(
+             a.coverages.begin(), a.coverages.begin() + a.coverage_count, b.coverages.begin(),
+             [](const auto& x, const auto& y) {
+               return x.described_slot == y.described_slot &&
+                      x.description_version == y.description_version &&
+                      same(x.region.from_m, y.region.from_m) &&
+                      same(x.region.to_m, y.region.to_m) && x.region.radius_m == y.region.radius_m;
+             }) &&
          std::equal(a.pending.begin(), a.pending.begin() + a.pending_count, b.pending.begin(),
                     [](const auto& x, const auto& y) {
                       return x.slot == y.slot && x.described_slot == y.described_slot &&
@@ -636,7 +648,7 @@ inline bool same(const DeviceTick& a, const DeviceTick& b) {
          same(a.measured_tool_orientation_world, b.measured_tool_orientation_world) &&
          same(a.force_on_hand_newton, b.force_on_hand_newton) && a.guard == b.guard &&
          a.is_answered == b.is_answered && a.is_peak_limited == b.is_peak_limited &&
-         a.is_clutched == b.is_clutched &&
+         a.is_clutched == b.is_clutched && a.is_monitor_reduced == b.is_monitor_reduced &&
          same(a.true_tool_position_world_m, b.true_tool_position_world_m) &&
          same(a.true_tool_velocity_world_m_per_s, b.true_tool_velocity_world_m_per_s) &&
          same(a.true_energy_joule, b.true_energy_joule) &&
@@ -666,7 +678,11 @@ inline bool same(const DeviceCounters& a, const DeviceCounters& b) {
          a.peak_limited_ticks == b.peak_limited_ticks && a.device_faults == b.device_faults &&
          a.fault_ticks == b.fault_ticks && a.fault_resets == b.fault_resets &&
          a.last_fault == b.last_fault && a.non_finite_commands == b.non_finite_commands &&
-         a.late_switches == b.late_switches && same(a.max_force_newton, b.max_force_newton) &&
+         a.late_switches == b.late_switches && a.is_monitor_off == b.is_monitor_off &&
+         a.monitor_reductions == b.monitor_reductions &&
+         a.too_fast_readings == b.too_fast_readings && a.coarse_readings == b.coarse_readings &&
+         same(a.checked_friction_ratio, b.checked_friction_ratio) &&
+         same(a.max_force_newton, b.max_force_newton) &&
          same(a.largest_jump_newton, b.largest_jump_newton) &&
          same(a.minimum_true_energy_joule, b.minimum_true_energy_joule);
 }

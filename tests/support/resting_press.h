@@ -12,6 +12,7 @@ namespace palpate::test {
 /// comes to rest there too. The test adds the rest of the session.
 inline constexpr const char* kRestingPress = R"(
 device {
+  monitor: off
   rate_hz: 200
   lease_us: 12500
   simulated { position_resolution_m: 0 }

@@ -145,6 +145,17 @@ void add_device(Page& page, const DeviceCounters& c) {
   page.counter("device_late_switches",
                "Answers that began to act after the deadline and were withdrawn at once.",
                {{"", c.late_switches}});
+  page.gauge("device_monitor_up", "1: the monitor of the energy is on.", "",
+             c.is_monitor_off ? 0.0 : 1.0);
+  page.counter("device_monitor_reductions", "Commands that the monitor of the energy reduced.",
+               {{"", c.monitor_reductions}});
+  page.counter("device_assumption_violations",
+               "Readings that contradict an assumption of the guarantee.",
+               {{label("assumption", "hand_speed"), c.too_fast_readings},
+                {label("assumption", "resolution"), c.coarse_readings}});
+  page.gauge("device_checked_friction_ratio",
+             "Friction found by the hands-off check, as a share of the profile; 0: no check.", "",
+             c.checked_friction_ratio);
   page.gauge("device_max_force_newtons", "Largest force since the start.", "", c.max_force_newton);
   page.gauge("device_largest_jump_newtons",
              "Largest change of the force from one tick to the next since the start.", "",

@@ -35,7 +35,7 @@ std::string absence(const char* node, const NodeLink& link, TimePoint now) {
 }
 
 // Characters, not bytes.
-std::size_t columns(const std::string& text) {
+std::size_t columns_of(const std::string& text) {
   return static_cast<std::size_t>(std::count_if(text.begin(), text.end(), [](char c) {
     return (static_cast<unsigned char>(c) & 0xC0U) != 0x80U;
   }));
@@ -43,11 +43,11 @@ std::size_t columns(const std::string& text) {
 
 }  // namespace
 
-std::string status_line(const TelemetryMirror& mirror, TimePoint now) {
+std::string status_line(const TelemetryMirror& mirror, TimePoint now, std::size_t columns) {
   std::string line;
-  const auto add = [&line](const std::string& part) {
+  const auto add = [&line, columns](const std::string& part) {
     const std::string extended = line + (line.empty() || part.empty() ? "" : "  ") + part;
-    if (columns(extended) <= kStatusColumns) line = extended;
+    if (columns_of(extended) <= columns) line = extended;
   };
   add(absence("device", mirror.device_link(), now));
   add(absence("mofc", mirror.mofc_link(), now));

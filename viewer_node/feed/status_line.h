@@ -20,8 +20,9 @@ inline constexpr std::size_t kStatusColumns = 160;
 /// physics, or of the device while it applies no answer. Unknown figures are "-". A node that is
 /// gone or was never heard is reported in words, without its figures.
 ///
-/// UTF-8, no line end, at most kStatusColumns characters; figures that do not fit are omitted.
+/// UTF-8, no line end, at most `columns` characters; figures that do not fit are omitted.
 /// @param now  viewer's clock
-[[nodiscard]] std::string status_line(const TelemetryMirror& mirror, TimePoint now);
+[[nodiscard]] std::string status_line(const TelemetryMirror& mirror, TimePoint now,
+                                      std::size_t columns = kStatusColumns);
 
 }  // namespace palpate::viewer

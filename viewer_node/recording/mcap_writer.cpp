@@ -1,13 +1,7 @@
 #include "viewer_node/recording/mcap_writer.h"
 
-#include <fcntl.h>
-#include <unistd.h>
-
 #include <algorithm>
-#include <cerrno>
-#include <cstring>
-
-#include "common/core/check.h"
+#include <utility>
 
 namespace palpate::viewer {
 
@@ -15,20 +9,6 @@ using mcap::Bytes;
 using mcap::Opcode;
 
 namespace {
-
-constexpr int kModeOfFiles = 0666;  // less the umask
-
-std::FILE* create(const std::string& path, bool may_overwrite) {
-  const int exclusive = may_overwrite ? O_TRUNC : O_EXCL;
-  const int descriptor =
-      open(path.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | exclusive, kModeOfFiles);
-  if (descriptor >= 0) return fdopen(descriptor, "wb");
-  if (errno == EEXIST) {
-    throw SetupError("recording " + path + ": exists; give another name, or --overwrite");
-  }
-  throw SetupError("recording " + path + ": " + std::strerror(errno) +
-                   ": give a path in a folder that exists and is writable");
-}
 
 std::string record(Opcode opcode, const std::string& content) {
   std::string bytes;
@@ -40,10 +20,7 @@ std::string record(Opcode opcode, const std::string& content) {
 
 McapWriter::McapWriter(std::string path, bool may_overwrite,
                        const std::vector<mcap::Channel>& channels)
-    : path_(std::move(path)), file_(create(path_, may_overwrite)) {
-  if (file_ == nullptr) throw SetupError("recording " + path_ + ": " + std::strerror(errno));
-  std::setvbuf(file_.get(), nullptr, _IONBF, 0);  // chunk_ is the buffer
-
+    : file_("recording", std::move(path), OutputFile::Kind::kStream, may_overwrite) {
   std::string schemas;
   std::string topics;
   for (const mcap::Channel& channel : channels) {
@@ -76,7 +53,7 @@ void McapWriter::add_metadata(const std::string& name, const mcap::Strings& stri
 }
 
 void McapWriter::write(std::size_t channel, std::uint64_t log_time_ns, std::string_view payload) {
-  if (file_ == nullptr) return;
+  if (!file_.is_open()) return;
   const bool is_over =
       log_time_ns >= chunk_begin_ns_ + kChunkSpan_ns || log_time_ns < chunk_begin_ns_;
   if (!chunk_.empty() && is_over) end_chunk();
@@ -96,7 +73,7 @@ void McapWriter::write(std::size_t channel, std::uint64_t log_time_ns, std::stri
 }
 
 void McapWriter::end_chunk() {
-  if (file_ == nullptr || chunk_.empty()) return;
+  if (!file_.is_open() || chunk_.empty()) return;
   begin_ns_ = chunks_ == 0 ? chunk_begin_ns_ : std::min(begin_ns_, chunk_begin_ns_);
   end_ns_ = std::max(end_ns_, chunk_end_ns_);
 
@@ -146,12 +123,12 @@ void McapWriter::flush() { end_chunk(); }
 
 void McapWriter::close() {
   end_chunk();
-  if (file_ == nullptr) return;
+  if (!file_.is_open()) return;
   std::string end;
   Bytes(end).number(data_crc_);
   put(record(Opcode::kDataEnd, end));
   put(summary());
-  if (file_ != nullptr && std::fclose(file_.release()) != 0) fail();
+  file_.close();
 }
 
 std::string McapWriter::summary() const {
@@ -212,22 +189,14 @@ std::string McapWriter::summary() const {
 }
 
 void McapWriter::put(const std::string& bytes) {
-  if (file_ == nullptr) return;
-  if (std::fwrite(bytes.data(), 1, bytes.size(), file_.get()) != bytes.size()) return fail();
+  if (!file_.write(bytes)) return;
   offset_ += bytes.size();
   data_crc_ = mcap::crc_of(bytes, data_crc_);
 }
 
-void McapWriter::fail() {
-  error_ = "recording " + path_ + ": " + std::strerror(errno) +
-           ": recording stopped here; earlier data can be read";
-  file_.reset();
-}
-
 std::optional<std::string> McapWriter::take_error() {
-  std::optional<std::string> told;
-  told.swap(error_);
-  return told;
+  if (file_.complaint().empty() || std::exchange(has_given_error_, true)) return std::nullopt;
+  return file_.complaint() + ": recording stopped here; earlier data can be read";
 }
 
 }  // namespace palpate::viewer

@@ -3,8 +3,6 @@
 #pragma once
 
 #include <cstdint>
-#include <cstdio>
-#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -12,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/core/output_file.h"
 #include "viewer_node/recording/mcap_format.h"
 
 namespace palpate::viewer {
@@ -58,15 +57,10 @@ class McapWriter {
 
   void end_chunk();
   void put(const std::string& bytes);
-  void fail();
   [[nodiscard]] std::string summary() const;
 
-  struct Close {
-    void operator()(std::FILE* file) const { std::fclose(file); }
-  };
-  std::string path_;
-  std::unique_ptr<std::FILE, Close> file_;  // null after an error or close()
-  std::uint64_t offset_ = 0;                // of the end of the file
+  OutputFile file_;
+  std::uint64_t offset_ = 0;  // of the end of the file
   std::uint32_t data_crc_ = 0;
   std::string definitions_;                                 // Schema and Channel records
   std::pair<std::size_t, std::size_t> definition_bytes_{};  // of the schemas, of the channels
@@ -79,7 +73,7 @@ class McapWriter {
   std::string chunk_indexes_;  // ChunkIndex records: some 150 bytes a chunk until close()
   std::uint32_t chunks_ = 0;
   std::vector<MetadataPlace> metadata_;
-  std::optional<std::string> error_;
+  bool has_given_error_ = false;
 };
 
 }  // namespace palpate::viewer

@@ -48,6 +48,11 @@ double RecordingFile::length_s() const {
   return static_cast<double>(mcap_.end_ns() - mcap_.begin_ns()) * 1e-9;
 }
 
+double RecordingFile::passed_ratio() const {
+  const double passed_s = static_cast<double>(item_.log_time_ns - mcap_.begin_ns()) * 1e-9;
+  return item_.log_time_ns > mcap_.begin_ns() ? passed_s / length_s() : 0.0;
+}
+
 void RecordingFile::choose_side(const std::string& side) {
   const std::string names = about("sides");
   const bool has_one = names.find(',') == std::string::npos;

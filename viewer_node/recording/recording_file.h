@@ -40,6 +40,8 @@ class RecordingFile {
   /// Names of the session and of the chosen side: "two_hands, left".
   [[nodiscard]] std::string name() const;
   [[nodiscard]] double length_s() const;
+  /// Share of the recording that next() has passed, 0 … 1.
+  [[nodiscard]] double passed_ratio() const;
 
  private:
   [[nodiscard]] bool is_of_chosen_side() const;

@@ -5,10 +5,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <stdexcept>
 #include <vector>
 
-#include "common/core/files.h"
 #include "common/telemetry/metrics.h"
 #include "common/telemetry/quantile.h"
 #include "common/telemetry/summary.h"
@@ -268,11 +266,12 @@ struct Columns {
   std::uint64_t unanswered_ticks = 0;
 };
 
-Columns columns_of(RecordingFile& recording) {
+Columns columns_of(RecordingFile& recording, const std::function<void(double)>& on_progress) {
   Columns c;
   std::optional<TimePoint> begin;
   ProjectedTransparency transparency;
   for_each_row(recording, [&](const TickRow& row) {
+    if (on_progress) on_progress(recording.passed_ratio());
     const DeviceTick& device = row.device;
     if (!begin) begin = device.sampled_at;
     c.statistics.add(row, {});
@@ -336,8 +335,8 @@ std::string table(const RecordingFile& recording, const Columns& c) {
 
 }  // namespace
 
-std::string report_html(RecordingFile& recording) {
-  const Columns c = columns_of(recording);
+std::string report_html(RecordingFile& recording, const std::function<void(double)>& on_progress) {
+  const Columns c = columns_of(recording, on_progress);
   const std::string title = "Palpate: " + recording.name() + ", " + recording.about("controller");
   std::string html =
       "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\n"
@@ -390,12 +389,6 @@ std::string report_html(RecordingFile& recording) {
 
   return html + "<h2>Session</h2>\n<pre>" + escaped(recording.about("session")) +
          "</pre>\n</body></html>\n";
-}
-
-void write_report(RecordingFile& recording, const std::string& file) {
-  const std::string html = report_html(recording);
-  const std::string complaint = write_file(file, html);
-  if (!complaint.empty()) throw std::runtime_error("report " + file + ": " + complaint);
 }
 
 }  // namespace palpate

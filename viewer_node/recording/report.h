@@ -2,6 +2,7 @@
 // no other resource and runs no script.
 #pragma once
 
+#include <functional>
 #include <string>
 
 #include "viewer_node/recording/recording_file.h"
@@ -9,9 +10,8 @@
 namespace palpate {
 
 /// Position, force before and after the clamp, energy, transparency, latency, and a table.
-[[nodiscard]] std::string report_html(RecordingFile& recording);
-
-/// Throws std::runtime_error if the file cannot be written.
-void write_report(RecordingFile& recording, const std::string& file);
+/// @param on_progress  called for every tick with the share that is read, 0 … 1; may be empty
+[[nodiscard]] std::string report_html(RecordingFile& recording,
+                                      const std::function<void(double)>& on_progress = {});
 
 }  // namespace palpate

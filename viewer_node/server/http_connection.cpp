@@ -60,7 +60,9 @@ void HttpConnection::on_header(const error_code& error) {
   if (error) {
     ++server_.refused;
     // malformed requests get an HTTP answer; a broken connection gets none
-    if (error.category() == http::make_error_code(http::error::bad_method).category()) {
+    if (error == http::error::header_limit) {
+      answer(too_long(), true);
+    } else if (error.category() == http::make_error_code(http::error::bad_method).category()) {
       answer({.status = 400, .text = "not an HTTP request\n", .closes = true}, true);
     }
     return;
@@ -85,6 +87,17 @@ WebRequest HttpConnection::request() const {
           .subprotocols = field(http::field::sec_websocket_protocol),
           .is_upgrade = websocket::is_upgrade(request),
           .has_body = parser_->chunked() || parser_->content_length().value_or(0) > 0};
+}
+
+/// The request line alone, or all header fields together. The parser leaves an unfinished header in
+/// the buffer.
+WebDecision HttpConnection::too_long() const {
+  const auto bytes = buffer_.data();
+  const std::string_view header(static_cast<const char*>(bytes.data()), bytes.size());
+  if (header.find('\n') == std::string_view::npos) {
+    return {.status = 414, .text = "the address is too long\n", .closes = true};
+  }
+  return {.status = 431, .text = "the header fields are too long\n", .closes = true};
 }
 
 void HttpConnection::become_client(std::string_view subprotocol) {
@@ -112,6 +125,7 @@ void HttpConnection::answer(const WebDecision& decision, bool is_malformed) {
   response_.set("Cross-Origin-Resource-Policy", "same-origin");
   response_.set("Content-Security-Policy", kContentSecurityPolicy);
   response_.set(http::field::cache_control, "no-cache");
+  if (decision.status == 405) response_.set(http::field::allow, "GET, HEAD");
   std::string_view body = decision.text;
   response_.set(http::field::content_type, "text/plain; charset=utf-8");
   if (decision.is_metrics) {

@@ -33,6 +33,7 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
  private:
   void on_header(const boost::system::error_code& error);
   [[nodiscard]] WebRequest request() const;
+  [[nodiscard]] WebDecision too_long() const;
   void become_client(std::string_view subprotocol);
   void answer(const WebDecision& decision, bool is_malformed);
   void on_written(const boost::system::error_code& error);

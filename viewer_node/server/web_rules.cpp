@@ -96,6 +96,9 @@ bool equal_in_constant_time(std::string_view a, std::string_view b) {
 }
 
 WebDecision decide(const WebRequest& request, const WebRules& rules) {
+  if (request.method != "GET" && request.method != "HEAD") {
+    return refusal(405, "GET and HEAD only\n");
+  }
   if (request.has_body) return refusal(400, "requests with a body are not supported\n");
   if (!is_known_host(request.host, rules)) {
     return refusal(403, "this host name is not served: viewer_node --allow-host NAME\n");
@@ -119,9 +122,6 @@ WebDecision decide(const WebRequest& request, const WebRules& rules) {
     return {.status = 101, .subprotocol = *subprotocol};
   }
 
-  if (request.method != "GET" && request.method != "HEAD") {
-    return refusal(405, "GET and HEAD only\n");
-  }
   if (path == "/healthz") return {.status = 200, .text = "ok\n"};
   if (path == "/metrics") {
     if (!is_known_origin(request, rules))

@@ -107,6 +107,7 @@ struct WireFormat<ForceCommand> {
               *wire.mutable_answers());
     put(m.force_on_hand_newton, *wire.mutable_force_on_hand_newton());
     wire.set_valid_for_ns(m.valid_for.count());
+    wire.set_counts_since_ns(ns(m.counts_since));
   }
 
   static void check(const v1::ForceCommand& wire, Verdict& verdict) {
@@ -114,6 +115,7 @@ struct WireFormat<ForceCommand> {
     verdict.vector(wire.has_force_on_hand_newton(), wire.force_on_hand_newton(),
                    kMaxForceOnHandNewton);
     verdict.expect(wire.valid_for_ns() >= 0 && wire.valid_for_ns() <= kMaxLeaseNs);
+    verdict.time(wire.counts_since_ns());
   }
 
   static void read(const v1::ForceCommand& wire, ForceCommand& m) {
@@ -122,6 +124,7 @@ struct WireFormat<ForceCommand> {
     m.answers_sampled_at = time(wire.answers().sampled_at_ns());
     m.force_on_hand_newton = vector(wire.force_on_hand_newton());
     m.valid_for = Duration(wire.valid_for_ns());
+    m.counts_since = time(wire.counts_since_ns());
   }
 };
 template class Codec<ForceCommand>;

@@ -375,8 +375,10 @@ void put(const SurfaceNews& news, v1::SurfaceNews& to) {
   for (std::size_t i = 0; i < coverages; ++i) {
     v1::SurfaceCoverage& wire = *to.add_coverages();
     wire.set_described_slot(news.coverages[i].described_slot);
-    put(news.coverages[i].center_m, *wire.mutable_center_m());
-    wire.set_radius_m(news.coverages[i].radius_m);
+    const CapsuleGeometry& region = news.coverages[i].region;
+    put(region.from_m, *wire.mutable_center_m());
+    if (region.to_m != region.from_m) put(region.to_m, *wire.mutable_to_m());
+    wire.set_radius_m(region.radius_m);
     wire.set_description_version(news.coverages[i].description_version);
   }
   const std::size_t pending = std::min<std::size_t>(news.pending_count, kMaxPendingTiles);
@@ -404,6 +406,7 @@ void check_surface(const v1::SurfaceNews& news, Verdict& verdict) {
   for (const v1::SurfaceCoverage& one : news.coverages()) {
     verdict.expect(one.described_slot() < kMaxDescribed);
     verdict.vector(one.has_center_m(), one.center_m(), kMaxPositionM);
+    if (one.has_to_m()) verdict.vector(true, one.to_m(), kMaxPositionM);
     verdict.number(one.radius_m(), 0.0, kMaxPositionM);
   }
   for (const v1::PendingTile& one : news.pending()) {
@@ -429,8 +432,9 @@ void read_surface(const v1::SurfaceNews& wire, SurfaceNews& news) {
     const v1::SurfaceCoverage& one = wire.coverages(static_cast<int>(i));
     news.coverages[i] = {.described_slot = one.described_slot(),
                          .description_version = one.description_version(),
-                         .center_m = vector(one.center_m()),
-                         .radius_m = one.radius_m()};
+                         .region = {.from_m = vector(one.center_m()),
+                                    .to_m = vector(one.has_to_m() ? one.to_m() : one.center_m()),
+                                    .radius_m = one.radius_m()}};
   }
   news.pending_count = static_cast<std::uint32_t>(wire.pending_size());
   for (std::uint32_t i = 0; i < news.pending_count; ++i) {

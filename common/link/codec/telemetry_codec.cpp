@@ -57,6 +57,11 @@ void put(const DeviceCounters& c, v1::DeviceCounters& to) {
   to.set_device_faults(c.device_faults);
   to.set_fault_resets(c.fault_resets);
   to.set_late_switches(c.late_switches);
+  to.set_is_monitor_off(c.is_monitor_off);
+  to.set_monitor_reductions(c.monitor_reductions);
+  to.set_too_fast_readings(c.too_fast_readings);
+  to.set_coarse_readings(c.coarse_readings);
+  to.set_checked_friction_ratio(c.checked_friction_ratio);
   to.set_last_fault(static_cast<std::uint32_t>(c.last_fault));
   to.set_non_finite_commands(c.non_finite_commands);
   to.set_max_force_newton(c.max_force_newton);
@@ -70,6 +75,7 @@ void check_counters(const v1::DeviceCounters& c, Verdict& verdict) {
   verdict.expect(c.last_fault() <= static_cast<std::uint32_t>(FaultReason::kWriteFailed));
   verdict.finite(c.max_force_newton());
   verdict.finite(c.largest_jump_newton());
+  verdict.finite(c.checked_friction_ratio());
   verdict.finite_or_nan(c.minimum_true_energy_joule());
 }
 DeviceCounters counters(const v1::DeviceCounters& c) {
@@ -86,6 +92,11 @@ DeviceCounters counters(const v1::DeviceCounters& c) {
           .last_fault = static_cast<FaultReason>(c.last_fault()),
           .non_finite_commands = c.non_finite_commands(),
           .late_switches = c.late_switches(),
+          .is_monitor_off = c.is_monitor_off(),
+          .monitor_reductions = c.monitor_reductions(),
+          .too_fast_readings = c.too_fast_readings(),
+          .coarse_readings = c.coarse_readings(),
+          .checked_friction_ratio = c.checked_friction_ratio(),
           .max_force_newton = c.max_force_newton(),
           .largest_jump_newton = c.largest_jump_newton(),
           .minimum_true_energy_joule = c.minimum_true_energy_joule()};
@@ -203,7 +214,12 @@ void check_times(const Times& column, int rows, Verdict& verdict) {
   for (const std::int64_t t : column) verdict.time(t);
 }
 
-enum DeviceFlags : std::uint32_t { kAnswered = 1, kPeakLimited = 2, kClutched = 4 };
+enum DeviceFlags : std::uint32_t {
+  kAnswered = 1,
+  kPeakLimited = 2,
+  kClutched = 4,
+  kMonitorReduced = 8
+};
 
 bool is_turned(const DeviceTick& r) {
   return r.measured_tool_orientation_world.coeffs() != Quaternion::Identity().coeffs();
@@ -222,7 +238,8 @@ void fill_records(const std::vector<DeviceTick>& records, v1::DeviceTelemetry& w
     append(r.force_on_hand_newton, *wire.mutable_force_on_hand_newton());
     wire.add_guard(static_cast<std::uint32_t>(r.guard));
     wire.add_flags((r.is_answered ? kAnswered : 0U) | (r.is_peak_limited ? kPeakLimited : 0U) |
-                   (r.is_clutched ? kClutched : 0U));
+                   (r.is_clutched ? kClutched : 0U) |
+                   (r.is_monitor_reduced ? kMonitorReduced : 0U));
     append(r.true_tool_position_world_m, *wire.mutable_true_tool_position_world_m());
     append(r.true_tool_velocity_world_m_per_s, *wire.mutable_true_tool_velocity_world_m_per_s());
     wire.add_true_energy_joule(r.true_energy_joule);
@@ -269,6 +286,7 @@ void read_record(const v1::DeviceTelemetry& wire, int i, DeviceTick& r) {
   r.is_answered = (wire.flags(i) & kAnswered) != 0;
   r.is_peak_limited = (wire.flags(i) & kPeakLimited) != 0;
   r.is_clutched = (wire.flags(i) & kClutched) != 0;
+  r.is_monitor_reduced = (wire.flags(i) & kMonitorReduced) != 0;
   r.true_tool_position_world_m = vector(wire.true_tool_position_world_m(), i);
   r.true_tool_velocity_world_m_per_s = vector(wire.true_tool_velocity_world_m_per_s(), i);
   r.true_energy_joule = wire.true_energy_joule(i);

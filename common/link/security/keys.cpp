@@ -72,7 +72,7 @@ void check_rights(const fs::path& path, bool is_secret) {
 }
 
 std::string read(const fs::path& path) {
-  FileContent content = read_regular_file(path, kMaxFileBytes);
+  FileContent content = read_text_file(path, kMaxFileBytes);
   if (!content.complaint.empty()) throw SetupError(path.string() + ": " + content.complaint);
   return std::move(content.bytes);
 }

@@ -1,4 +1,4 @@
-// link_settings.h — socket options of every link, as listed in proto/README.md.
+// link_settings.h — socket options of every link, as listed in docs/wire.md.
 #pragma once
 
 #include <cstdint>

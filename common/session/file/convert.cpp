@@ -1,6 +1,7 @@
 #include "common/session/file/convert.h"
 
 #include <algorithm>
+#include <limits>
 #include <vector>
 
 namespace palpate {
@@ -54,6 +55,7 @@ Session to_shared(const SessionText& text, const std::filesystem::path& base_dir
   session.faults = to_faults(fields.message("faults"));
   if (fields.has("security")) session.security = to_security(fields.message("security"), base_dir);
   session.physics = to_physics(fields.message("physics"));
+  session.physics_command = to_physics_command(fields.message("physics"), base_dir);
   session.viewer = to_viewer(fields.message("viewer"));
   session.scene = to_scene(fields.message("scene"), base_dir);
   session.sides.clear();
@@ -91,6 +93,10 @@ void add_side(const SessionText& text, const std::string& name,
   side.device =
       to_device(device, rate_hz, wait_ms, side.simulated.peak_force_newton, base_dir, problems);
   side.mofc = to_mofc(mofc, wait_ms, session.physics, side.device);
+  // the monitor assumes of the hand what the controller does
+  side.device.monitor.v_max_m_per_s = side.mofc.mode == MofcMode::kVector
+                                          ? std::numeric_limits<double>::infinity()
+                                          : side.mofc.guard.v_max_m_per_s;
   session.sides.push_back(std::move(side));
 }
 

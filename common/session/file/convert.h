@@ -78,6 +78,9 @@ void refuse_if_waiting(const Fields& fields, const char* deadband, double wait_f
                                  const PhysicsConfig& physics, const DeviceConfig& device);
 
 [[nodiscard]] PhysicsConfig to_physics(const Fields& physics);
+/// @param base_dir  to which a program with '/' in its name is relative
+[[nodiscard]] std::vector<std::string> to_physics_command(const Fields& physics,
+                                                          const std::filesystem::path& base_dir);
 [[nodiscard]] SceneConfig to_scene(const Fields& scene, const std::filesystem::path& base_dir);
 
 }  // namespace palpate

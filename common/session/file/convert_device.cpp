@@ -152,6 +152,8 @@ DeviceConfig to_device(const Fields& device, double rate_hz, double wait_for_phy
       device.number("slew_newton_per_s",
                     std::min(config.peak_force_newton, device_peak_force_newton) / kDefaultRiseS);
   config.v_fault_m_per_s = device.number("v_fault_m_per_s");
+  config.monitor.is_on = device.enumerator("monitor") != v1::Device::off;
+  config.has_hands_off_check = device.flag("hands_off_check");
   return config;
 }
 

@@ -146,6 +146,39 @@ PhysicsConfig to_physics(const Fields& physics) {
   return config;
 }
 
+std::vector<std::string> to_physics_command(const Fields& physics,
+                                            const std::filesystem::path& base_dir) {
+  constexpr std::size_t kMostArguments = 64;
+  constexpr std::size_t kLongestArgument = 4096;
+  const char* const name = "command";
+  std::vector<std::string> command = physics.texts(name);
+  const auto problem = [&](int index, const std::string& rule) {
+    physics.problem_at(name, index, rule);
+    return std::vector<std::string>{};
+  };
+  if (command.empty()) return command;
+  if (command.size() > kMostArguments) {
+    return problem(static_cast<int>(kMostArguments),
+                   "must be at most 64 words; put further arguments into a file");
+  }
+  for (std::size_t i = 0; i < command.size(); ++i) {
+    const std::string& word = command[i];
+    if (word.size() > kLongestArgument || word.find('\0') != std::string::npos) {
+      return problem(static_cast<int>(i),
+                     "must be at most 4096 bytes, none of them zero; give a shorter argument");
+    }
+  }
+  if (command.front().empty()) {
+    return problem(0, "must name a program; give its file or its name in PATH");
+  }
+  if (command.front().find('/') == std::string::npos) return command;
+  if (base_dir.empty()) {
+    return problem(0, "this session has no folder; give the name of a program in PATH");
+  }
+  command.front() = std::filesystem::absolute(base_dir / command.front()).lexically_normal();
+  return command;
+}
+
 SceneConfig to_scene(const Fields& scene, const std::filesystem::path& base_dir) {
   SceneConfig config;
   const Fields tool = scene.message("tool");

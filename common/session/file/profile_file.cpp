@@ -80,7 +80,7 @@ void check_isotropic_bound(const Fields& profile_fields, const DeviceProfile& pr
 
 DeviceProfile load_profile(const std::filesystem::path& file, const Place& place,
                            Problems& problems) {
-  const FileContent content = read_regular_file(file, kMaxProfileFileBytes);
+  const FileContent content = read_text_file(file, kMaxProfileFileBytes);
   if (!content.complaint.empty()) {
     problems.add_elsewhere(place, file.string(), content.complaint);
     return {};

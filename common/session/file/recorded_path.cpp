@@ -95,7 +95,7 @@ std::vector<RecordedPath::Sample> parse_recorded_path(std::string_view text,
 
 std::vector<RecordedPath::Sample> load_recorded_path(const std::filesystem::path& file,
                                                      const Place& place, Problems& problems) {
-  const FileContent content = read_regular_file(file, kMaxPathFileBytes);
+  const FileContent content = read_text_file(file, kMaxPathFileBytes);
   if (!content.complaint.empty()) {
     problems.add_elsewhere(place, file.string(), content.complaint);
     return {};

@@ -127,6 +127,16 @@ std::string Fields::text(const char* name) const {
   return message_->GetReflection()->GetString(*message_, field(name));
 }
 
+std::vector<std::string> Fields::texts(const char* name) const {
+  const pb::Reflection& reflection = *message_->GetReflection();
+  const pb::FieldDescriptor* list = field(name);
+  std::vector<std::string> result;
+  for (int i = 0; i < reflection.FieldSize(*message_, list); ++i) {
+    result.push_back(reflection.GetRepeatedString(*message_, list, i));
+  }
+  return result;
+}
+
 std::filesystem::path Fields::file(const char* name, const std::filesystem::path& base_dir) const {
   const std::string file = text(name);
   if (base_dir.empty()) {
@@ -180,6 +190,11 @@ void Fields::problem(const char* name, const std::string& rule) const {
 
 void Fields::problem(const std::string& rule) const {
   problems_->add(text_->place(path_), text_->written_path(path_) + ": " + rule);
+}
+
+void Fields::problem_at(const char* name, int index, const std::string& rule) const {
+  const std::string path = child_path(path_, name, index);
+  problems_->add(text_->place(path), text_->written_path(path) + ": " + rule);
 }
 
 Duration to_duration(double s) {

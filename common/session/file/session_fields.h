@@ -48,6 +48,7 @@ class Fields {
   [[nodiscard]] int enumerator(const char* name) const;
   [[nodiscard]] bool flag(const char* name) const;
   [[nodiscard]] std::string text(const char* name) const;
+  [[nodiscard]] std::vector<std::string> texts(const char* name) const;  ///< of a repeated field
 
   /// The file that the field names, relative to `base_dir`; empty, with a problem, if it cannot be
   /// one.
@@ -65,6 +66,8 @@ class Fields {
   /// "path.name = value: rule", at the place of the field; no value if it is left out.
   void problem(const char* name, const std::string& rule) const;
   void problem(const std::string& rule) const;  ///< of the message itself
+  /// Of one text of a repeated field.
+  void problem_at(const char* name, int index, const std::string& rule) const;
 
   [[nodiscard]] std::string path(const char* name) const { return child_path(path_, name, -1); }
   /// Path of the field in the file: below the side that gives it.

@@ -16,12 +16,35 @@ namespace palpate {
 
 namespace {
 
-constexpr std::uintmax_t kMaxSessionFileBytes = 1'000'000;
+constexpr std::uintmax_t kMaxSessionFileBytes = 16'000'000;  // 10,000 tissues take 2 MB
+
+/// Appends the fields that name a file: those are called …file or …folder.
+void collect_files(const google::protobuf::Message& message, const std::filesystem::path& folder,
+                   std::vector<std::string>& files) {
+  using google::protobuf::FieldDescriptor;
+  const auto& reflection = *message.GetReflection();
+  std::vector<const FieldDescriptor*> fields;
+  reflection.ListFields(message, &fields);
+  for (const FieldDescriptor* field : fields) {
+    if (field->type() == FieldDescriptor::TYPE_MESSAGE) {
+      if (!field->is_repeated()) {
+        collect_files(reflection.GetMessage(message, field), folder, files);
+        continue;
+      }
+      for (int i = 0; i < reflection.FieldSize(message, field); ++i) {
+        collect_files(reflection.GetRepeatedMessage(message, field, i), folder, files);
+      }
+    } else if (field->name().ends_with("file") || field->name().ends_with("folder")) {
+      const std::string file = reflection.GetString(message, field);
+      if (!file.empty()) files.push_back((folder / file).string());
+    }
+  }
+}
 
 }  // namespace
 
 Session load_session(const std::filesystem::path& file, const std::vector<std::string>& overrides) {
-  const FileContent content = read_regular_file(file, kMaxSessionFileBytes);
+  const FileContent content = read_text_file(file, kMaxSessionFileBytes);
   if (!content.complaint.empty()) {
     throw SetupError("session " + one_line(file.string()) + ": " + content.complaint);
   }
@@ -46,6 +69,14 @@ Session parse_session(std::string_view text, const std::string& file_name,
   session.file = file_name;
   google::protobuf::TextFormat::PrintToString(written.message(), &session.text);
   return session;
+}
+
+std::vector<std::string> files_of(const Session& session) {
+  std::vector<std::string> files{session.file};
+  v1::Session message;
+  google::protobuf::TextFormat::ParseFromString(session.text, &message);
+  collect_files(message, std::filesystem::path(session.file).parent_path(), files);
+  return files;
 }
 
 std::filesystem::path run_folder(const std::string& session_name) {

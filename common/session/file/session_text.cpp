@@ -8,8 +8,8 @@
 #include <algorithm>
 #include <charconv>
 #include <memory>
-#include <numeric>
 
+#include "common/core/nearest.h"
 #include "common/session/file/session_outline.h"
 #include "common/session/file/session_rules.h"
 
@@ -20,7 +20,6 @@ namespace {
 namespace pb = google::protobuf;
 
 constexpr int kTokenizerTabWidth = 8;
-constexpr std::size_t kMaxNameBytes = 64;  // longer names are not compared
 
 // The parser skips unknown fields by recursion: endless braces would overflow its stack.
 static_assert(SessionOutline::kMaxDepth == 32);
@@ -55,48 +54,28 @@ pb::TextFormat::Parser make_parser(ParserMessages& messages) {
   return parser;
 }
 
-/// Fewest insertions, deletions and replacements from one word to the other.
-std::size_t edit_distance(std::string_view a, std::string_view b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  std::iota(row.begin(), row.end(), std::size_t{0});
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    std::size_t diagonal = row[0];
-    row[0] = i + 1;
-    for (std::size_t j = 0; j < b.size(); ++j) {
-      const std::size_t replaced = diagonal + (a[i] == b[j] ? 0 : 1);
-      diagonal = row[j + 1];
-      row[j + 1] = std::min({replaced, row[j] + 1, diagonal + 1});
-    }
-  }
-  return row.back();
-}
-
 /// The field that the user may have meant, or a list of all fields.
 std::string suggestion(const pb::Descriptor& message, std::string_view name) {
   std::string all;
-  std::string best;
-  std::size_t best_distance = std::max<std::size_t>(2, name.size() / 3) + 1;
+  std::vector<std::string> fields;
   for (int i = 0; i < message.field_count(); ++i) {
-    const std::string& field = message.field(i)->name();
-    all += (all.empty() ? "" : ", ") + field;
-    if (name.empty() || name.size() > kMaxNameBytes) continue;
-    // the most common mistake is a missing unit: "mass" for "mass_kg"
-    const bool is_beginning = field.starts_with(name) || name.starts_with(field);
-    const std::size_t distance = is_beginning ? 0 : edit_distance(name, field);
-    if (distance < best_distance) {
-      best_distance = distance;
-      best = field;
-    }
+    fields.push_back(message.field(i)->name());
+    all += (all.empty() ? "" : ", ") + fields.back();
   }
-  return best.empty() ? "it has " + all : "did you mean '" + best + "'?";
+  const std::string meant = nearest(name, fields);
+  return meant.empty() ? "it has " + all : "did you mean '" + meant + "'?";
 }
 
-std::string names_of(const pb::EnumDescriptor& type) {
-  std::string names;
+/// "none, mofc", and the one that the user may have meant.
+std::string names_of(const pb::EnumDescriptor& type, const std::string& written) {
+  std::string all;
+  std::vector<std::string> names;
   for (int i = 0; i < type.value_count(); ++i) {
-    names += (names.empty() ? "" : ", ") + type.value(i)->name();
+    names.push_back(type.value(i)->name());
+    all += (all.empty() ? "" : ", ") + names.back();
   }
-  return names;
+  const std::string meant = nearest(written, names);
+  return meant.empty() ? all : all + "; did you mean '" + meant + "'?";
 }
 
 /// An error of the parser, which ends the reading, with what can be done about it.
@@ -104,7 +83,7 @@ std::string error_text(const ParserMessages::Message& error, const SessionOutlin
                        const char* remedy) {
   if (const auto wrong = outline.wrong_enumerator_before(error.position)) {
     return wrong->field->name() + " = " + one_line(wrong->value) + ": must be one of " +
-           names_of(*wrong->field->enum_type());
+           names_of(*wrong->field->enum_type(), wrong->value);
   }
   return "cannot be read: " + one_line(error.text) + "; " + remedy;
 }

@@ -185,7 +185,6 @@ std::vector<std::string> broken_links(const std::string& document, const fs::pat
 TEST(Documents, LinksLeadSomewhere) {
   std::vector<fs::path> files{"README.md",
                               "CHANGELOG.md",
-                              "proto/README.md",
                               "deploy/README.md",
                               "tests/bench/README.md",
                               "deploy/systemd/README.md",

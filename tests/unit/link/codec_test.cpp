@@ -272,6 +272,7 @@ TYPED_TEST(CodecOf, RefusesEachMissingMessageField) {
         if (path == "applied.hand_position_at_end_m" || path == "pointer" ||
             path == "displacement_world_m" || path == "receipts" || path == "contacts.held_m" ||
             path == "surface" || path == "surface.description" ||
+            path == "surface.coverages.to_m" ||
             path == "surface.description.motion_amplitude_m") {  // optional
           TypeParam message;
           EXPECT_EQ(decoded(frame, message), DecodeError::kNone);

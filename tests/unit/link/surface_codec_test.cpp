@@ -124,6 +124,7 @@ TEST(SurfaceCodec, RefusesSlotsThatDoNotExist) {
   refuse([](v1::SurfaceNews& m) { m.mutable_tiles(0)->set_described_slot(kMaxDescribed); });
   refuse([](v1::SurfaceNews& m) { m.mutable_description()->set_slot(kMaxDescribed); });
   refuse([](v1::SurfaceNews& m) { m.mutable_coverages(0)->set_described_slot(kMaxDescribed); });
+  refuse([](v1::SurfaceNews& m) { m.mutable_coverages(0)->mutable_to_m()->set_x(2e3); });
   refuse([](v1::SurfaceNews& m) { m.mutable_pending(0)->set_slot(kTileSlots); });
   refuse([](v1::SurfaceNews& m) { m.mutable_pending(0)->set_described_slot(kMaxDescribed); });
 }

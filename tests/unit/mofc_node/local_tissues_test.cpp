@@ -30,7 +30,7 @@ class PartOfAFloor : public testing::Test {
     tile.facets = {{{0, 1, 2}, {0, 2, 3}}};
     tile.facet_count = 2;
     news.tile_count = 1;
-    news.coverages[0] = {.radius_m = 1.0};
+    news.coverages[0].region.radius_m = 1.0;
     news.coverage_count = 1;
     news.pending[0] = {.version = 7, .center_m = {0.045F, 0.0F, 0.0F}, .radius_m = 0.04F};
     news.pending_count = 1;
@@ -86,6 +86,35 @@ TEST_F(PartOfAFloor, ABallOfPhysicsEndsWhereItDoes) {
   anew.step(store_.tissues(), interaction_, {.tip_m = {0.03, 0.0, 0.005}, .time_s = 1.0},
             Vector3::Zero(), {});
   EXPECT_FALSE(anew.results()[0].is_valid);
+}
+
+// the handle's end lies on the floor, over what is missing or away from it
+TEST_F(PartOfAFloor, IsFeltByAShaftWhereItIsKnown) {
+  const auto is_felt = [&](double away_x) {
+    interaction_.surface.description.tool = {
+        .tip_radius_m = kTip_m, .shaft_length_m = 0.03, .shaft_radius_m = 0.002};
+    interaction_.surface.description.version += 1;
+    interaction_.surface.coverages[0].description_version += 1;
+    interaction_.surface.number += 1;
+    interaction_.contacts[0].is_shaft = true;
+    interaction_.contacts[0].penetration_m = -0.03;
+    const Vector3 shaft = Vector3(away_x, 0.0, -1.0).normalized();
+    interaction_.tool_position_world_m = {0.0, 0.0, 0.062};
+    interaction_.tool_orientation_world = Quaternion::FromTwoVectors(Vector3::UnitZ(), shaft);
+    store_.take(interaction_, {});
+    LocalTissues local;
+    for (double z_m = 0.06; z_m > 0.0285; z_m -= 1e-4) {
+      time_s_ += 1e-3;
+      local.step(store_.tissues(), interaction_,
+                 {.tip_m = {0.0, 0.0, z_m}, .shaft = shaft, .time_s = time_s_}, Vector3::Zero(),
+                 {});
+    }
+    const LocalTissues::Result& result = local.results()[0];
+    EXPECT_GT(result.force.force_on_tool_newton.z(), 0.1 * kStiffness * 1e-3);
+    return result.is_valid;
+  };
+  EXPECT_TRUE(is_felt(-0.2));
+  EXPECT_FALSE(is_felt(0.2));
 }
 
 TEST_F(PartOfAFloor, StepsDoNotAllocate) {

@@ -35,7 +35,7 @@ class Tiled {
       held_[i].take(tissue_.tiles[i]);
       surface_.add(i);
     }
-    surface_.cover(Vector3::Zero(), 1000.0);
+    surface_.cover({.radius_m = 1000.0});
   }
   [[nodiscard]] const Shape& shape() const { return shape_; }
   [[nodiscard]] const DescribedTissue& tissue() const { return tissue_; }
@@ -122,13 +122,56 @@ TEST(TileSurface, CountsViewsThatAnUnknownTileMayChange) {
   const Vector3 center_m = ball.shape().bounds()->center_m();
   const Vector3 point_m = center_m + Vector3(0.0, 0.0, 0.035);  // 5 mm off
   const auto uncovered = [&](double radius_m) {
-    ball.surface().cover(point_m + Vector3(0.002, 0.0, 0.0), radius_m);
+    const Vector3 beside_m = point_m + Vector3(0.002, 0.0, 0.0);
+    ball.surface().cover({.from_m = beside_m, .to_m = beside_m, .radius_m = radius_m});
     SurfaceHint hint;
     static_cast<void>(ball.surface().view(point_m, hint));
     return hint.uncovered_views;
   };
   EXPECT_EQ(uncovered(0.0065), 1u);  // 2 mm + 5 mm
   EXPECT_EQ(uncovered(0.0075), 0u);
+}
+
+// along a shaft: as far from the line as from a point
+TEST(TileSurface, IsCoveredAlongALine) {
+  TiledMesh ball(ball_mesh(0.03, 12));
+  const Vector3 center_m = ball.shape().bounds()->center_m();
+  const Vector3 point_m = center_m + Vector3(0.0, 0.0, 0.035);
+  const Vector3 along_m(0.05, 0.0, 0.0);
+  ball.surface().cover({.from_m = point_m - along_m, .to_m = point_m + along_m, .radius_m = 0.01});
+  EXPECT_NEAR(ball.surface().unknown_m(point_m + Vector3(0.04, 0.003, 0.0)), 0.007, 1e-12);
+  EXPECT_NEAR(ball.surface().unknown_m(point_m + Vector3(0.07, 0.0, 0.0)), -0.01, 1e-12);
+  SurfaceHint hint;
+  static_cast<void>(ball.surface().view(point_m, hint));
+  EXPECT_EQ(hint.uncovered_views, 0u);
+}
+
+// tiles come and go without a new look at all of them
+TEST(TileSurface, SeesTilesThatArriveAfterGathering) {
+  TiledMesh ball(ball_mesh(0.03, 20));
+  TileSurface& surface = ball.surface();
+  const Vector3 center_m = ball.shape().bounds()->center_m();
+  const auto place = [&](std::size_t i) {
+    return Vector3(center_m + Vector3(0.0, 0.0, i == 0 ? 0.034 : -0.034));
+  };
+  const auto count = static_cast<std::uint32_t>(ball.held().size());
+  for (std::uint32_t i = 0; i < count; ++i) surface.remove(i);
+  Random random(9);
+  for (std::uint32_t i = 0; i < count; ++i) {
+    surface.add(i);
+    surface.gather(place(0), 0);
+    surface.gather(place(1), 1);
+  }
+  for (std::uint32_t i = 0; i < count; i += 2) {  // and again
+    surface.remove(i);
+    surface.add(i);
+  }
+  const double error_m = 2.0 * lattice_error_m(ball.tissue());
+  for (int i = 0; i < 500; ++i) {
+    const Vector3 point_m = place(random.below(2)) + random.uniform(0.0, 0.01) * random.direction();
+    ASSERT_NEAR(surface.view(point_m).distance_m, ball.shape().view(point_m).distance_m, error_m);
+    ASSERT_LE(surface.known_at_least_m(point_m), std::abs(surface.view(point_m).distance_m));
+  }
 }
 
 // of 32 facets each; a tile that spans distant parts of the surface would be nearly everywhere
@@ -148,7 +191,7 @@ TEST(TileSurface, ManyTilesInOnePlaceAreNotAllExamined) {
   std::vector<HeldTile> heap(200);
   TileSurface surface(heap);
   surface.reset({});
-  surface.cover(Vector3::Zero(), 1000.0);
+  surface.cover({.radius_m = 1000.0});
   for (std::uint32_t i = 0; i < heap.size(); ++i) {
     heap[i].take(one.tissue().tiles[0]);
     surface.add(i);
@@ -204,7 +247,7 @@ TEST(TiledCloud, CountsViewsThatAnUnknownTileMayChange) {
   TiledCloud cloud(sampled_sphere(0.03));
   const Vector3 point_m = cloud.shape().bounds()->center_m() + Vector3(0.0, 0.0, 0.031);
   const auto uncovered_around = [&](const Vector3& gap_m) {
-    cloud.surface().cover(point_m, 1000.0);
+    cloud.surface().cover({.radius_m = 1000.0});
     cloud.surface().except(gap_m, 0.008);
     cloud.surface().gather(point_m);
     SurfaceHint hint;
@@ -233,7 +276,7 @@ TEST(TileSurface, WithoutTilesIsInfinitelyFarAndUncovered) {
   std::vector<HeldTile> none;
   TileSurface surface(none);
   surface.reset({});
-  surface.cover(Vector3::Zero(), 1000.0);
+  surface.cover({.radius_m = 1000.0});
   surface.gather(Vector3::Zero());
   SurfaceHint hint;
   EXPECT_TRUE(std::isinf(surface.view(Vector3::Zero(), hint).distance_m));

@@ -7,6 +7,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <cmath>
 #include <cstdlib>
 #include <fstream>
 #include <numbers>
@@ -103,6 +104,9 @@ TEST(SessionFile, AlmostEmptySessionHasEveryDefault) {
   EXPECT_EQ(device.peak_force_newton, 3.3);
   EXPECT_DOUBLE_EQ(device.slew_newton_per_s, 1650.0);  // 3.3 N in 2 ms
   EXPECT_EQ(device.v_fault_m_per_s, 10.0);
+  EXPECT_TRUE(device.monitor.is_on);
+  EXPECT_EQ(device.monitor.v_max_m_per_s, 0.5);
+  EXPECT_FALSE(device.has_hands_off_check);
   EXPECT_EQ(device.workspace.scale_ratio, 1.0);
   EXPECT_EQ(device.workspace.force_ratio, 1.0);
   EXPECT_EQ(device.workspace.offset_m, Vector3(0, 0, 0));
@@ -148,6 +152,17 @@ TEST(SessionFile, AlmostEmptySessionHasEveryDefault) {
   EXPECT_FALSE(session.faults.force_command.any());
   EXPECT_FALSE(session.faults.tool_motion.any());
   EXPECT_FALSE(session.faults.interaction.any());
+}
+
+TEST(SessionFile, TheMonitorCanBeSwitchedOffAndAssumesOfTheHandWhatTheControllerDoes) {
+  const auto device = [](const std::string& text) {
+    return parse_session("name: \"x\" " + text, "x.txtpb").side().device;
+  };
+  EXPECT_FALSE(device("device { monitor: off }").monitor.is_on);
+  EXPECT_TRUE(device("device { monitor: on }").monitor.is_on);
+  EXPECT_TRUE(device("device { hands_off_check: true }").has_hands_off_check);
+  EXPECT_EQ(device("mofc { guard_settings { v_max_m_per_s: 0.7 } }").monitor.v_max_m_per_s, 0.7);
+  EXPECT_TRUE(std::isinf(device("mofc { mode: vector }").monitor.v_max_m_per_s));
 }
 
 TEST(SessionFile, DefaultsFollowTheRates) {
@@ -561,9 +576,9 @@ TEST(SessionFile, AllUnknownFieldsAreReportedBeforeASyntaxError) {
 }
 
 TEST(SessionFile, UnknownFieldUnlikeAnyOtherIsAnsweredWithAllFields) {
-  EXPECT_THAT(
-      complaints("name: \"x\" physics { quality: 3 }").at(1),
-      EndsWith("physics.quality: no such field; it has rate_hz, interaction_deadband, reach_m"));
+  EXPECT_THAT(complaints("name: \"x\" physics { quality: 3 }").at(1),
+              EndsWith("physics.quality: no such field; it has rate_hz, interaction_deadband, "
+                       "reach_m, command"));
 }
 
 // The places follow from the tokens: comments, tabs, text with braces and lists stand between.
@@ -645,6 +660,26 @@ TEST_F(SessionFolder, SessionIsReadFromAFile) {
   EXPECT_EQ(session.seed, 7u);
 }
 
+TEST_F(SessionFolder, AByteOrderMarkIsNoText) {
+  const Session session = load_session(write("s.txtpb", "\xEF\xBB\xBFname: \"x\""));
+  EXPECT_EQ(session.name, "x");
+  EXPECT_THAT(complaint_of_file(write("wrong.txtpb", "\xEF\xBB\xBFname: \"x\" seet: 1")),
+              HasSubstr("wrong.txtpb:1:11"));
+}
+
+TEST_F(SessionFolder, TenThousandTissuesAreAnOrdinaryFile) {
+  std::string text = "name: \"many\"\nscene {\n";
+  for (int i = 0; i < 10'000; ++i) {
+    text += "  tissue {\n    name: \"tissue_of_the_abdomen_" + std::to_string(i) +
+            "\"\n    sphere { center_m { x: " + std::to_string(1e-3 * i) +
+            " y: 0.0125 z: -0.0375 } radius_m: 0.0125 }\n    kelvin_voigt {\n"
+            "      stiffness_newton_per_m: 300.0\n      damping_newton_s_per_m: 1.5\n    }\n  }\n";
+  }
+  text += "}\n";
+  EXPECT_GT(text.size(), 1'000'000u);
+  EXPECT_THAT(load_session(write("many.txtpb", text)).scene.tissues, SizeIs(10'000));
+}
+
 TEST_F(SessionFolder, TheKeyFolderIsRelativeToTheSession) {
   const auto file = write("s.txtpb", "name: \"x\" security { key_folder: \"keys\" }");
 
@@ -664,8 +699,8 @@ TEST_F(SessionFolder, UnreadableFilesAreReportedWithTheReason) {
   EXPECT_THAT(complaint_of_file(folder_ / "none.txtpb"), HasSubstr("none.txtpb: no such file"));
   EXPECT_THAT(complaint_of_file(folder_), HasSubstr("is a folder"));
   EXPECT_THAT(complaint_of_file(folder_ / "pipe"), HasSubstr("is not a regular file"));
-  EXPECT_THAT(complaint_of_file(write("big", std::string(1'000'001, ' '))),
-              HasSubstr("has more than 1000000 bytes"));
+  EXPECT_THAT(complaint_of_file(write("big", std::string(16'000'001, ' '))),
+              HasSubstr("has more than 16000000 bytes"));
 }
 
 TEST_F(SessionFolder, FileWithoutPermissionIsReported) {
@@ -740,6 +775,26 @@ TEST(RunFolder, TooLongForASocketIsAProblem) {
   EXPECT_THAT(lines.back(), AllOf(HasSubstr("links.physics_telemetry"), HasSubstr("111 bytes"),
                                   HasSubstr("PALPATE_RUN_DIR")));
   EXPECT_THAT(lines, ::testing::Not(::testing::Contains(HasSubstr("links.exchange"))));
+}
+
+TEST(FilesOf, AreTheSessionAndEveryFileAndFolderItNames) {
+  const test::TempFolder folder;
+  const auto path = [&](const char* name) { return (folder.path() / name).string(); };
+  folder.write("omni.txtpb",
+               "device { profile { viscous_newton_s_per_m: 0.1 coulomb_newton: 0.1 "
+               "position_resolution_m: 5e-5 } }\n");
+  folder.write("path.csv", "t,x,y,z\n0,0,0,0.01\n2,0,0,0\n");
+  const std::string file = folder.write("session.txtpb", R"(
+      name: "files"
+      security { key_folder: "keys" }
+      device { profile_file: "omni.txtpb" simulated {} }
+      hand { recorded { file: "path.csv" } }
+      scene { tissue { tetrahedral_mesh { file: "organ.msh" }
+                       kelvin_voigt { stiffness_newton_per_m: 300 } } })");
+
+  EXPECT_THAT(files_of(load_session(file)),
+              ::testing::UnorderedElementsAre(file, path("keys"), path("omni.txtpb"),
+                                              path("path.csv"), path("organ.msh")));
 }
 
 }  // namespace

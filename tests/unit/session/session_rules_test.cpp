@@ -471,6 +471,39 @@ TEST(SessionRules, SceneWithoutTissueIsAllowed) {
   EXPECT_THAT(complaints("name: \"x\" scene {}"), SizeIs(0));
 }
 
+// --- the program of the physics ---------------------------------------------------------------
+
+std::vector<std::string> command_of(const std::string& list, const std::string& folder = "") {
+  return parse_session("name: \"x\" physics { command: " + list + " }", "x.txtpb", {}, folder)
+      .physics_command;
+}
+
+TEST(SessionRules, AProgramWithASlashIsRelativeToTheSessionAndAnyOtherIsANameInPath) {
+  EXPECT_EQ(command_of(R"(["./p.py", "./a"])", "/srv/lab"),
+            (std::vector<std::string>{"/srv/lab/p.py", "./a"}));
+  EXPECT_EQ(command_of(R"("/usr/bin/env")", "/srv/lab"), std::vector<std::string>{"/usr/bin/env"});
+  EXPECT_EQ(command_of(R"(["python3", ""])"), (std::vector<std::string>{"python3", ""}));
+  EXPECT_EQ(parse_session("name: \"x\"", "x.txtpb").physics_command, std::vector<std::string>{});
+}
+
+TEST(SessionRules, AProgramThatCannotBeStartedIsRefusedWithItsPlace) {
+  const auto complaint = [](const std::string& list) {
+    const auto lines = complaints("name: \"x\"\nphysics { command: " + list + " }");
+    return lines.empty() ? "" : lines.back();
+  };
+  EXPECT_THAT(complaint(R"([""])"),
+              AllOf(HasSubstr("x.txtpb:2"), HasSubstr("physics.command[0]: must name a program")));
+  EXPECT_THAT(complaint(R"(["./p"])"), HasSubstr("this session has no folder"));
+  EXPECT_THAT(complaint(R"(["p", "a\000b"])"),
+              HasSubstr("physics.command[1]: must be at most 4096 bytes, none of them zero"));
+  EXPECT_THAT(complaint("[\"p\", \"" + std::string(4097, 'a') + "\"]"), HasSubstr("command[1]"));
+  EXPECT_EQ(complaint("[\"p\", \"" + std::string(4096, 'a') + "\"]"), "");
+  std::string many = "\"p\"";
+  for (int i = 1; i < 64; ++i) many += ", \"a\"";
+  EXPECT_EQ(complaint("[" + many + "]"), "");
+  EXPECT_THAT(complaint("[" + many + ", \"a\"]"), HasSubstr("must be at most 64 words"));
+}
+
 TEST(SessionRules, NameIsRequired) {
   EXPECT_THAT(complaints("").at(1), StartsWith("x.txtpb:1:1: name: required"));
 }

@@ -102,6 +102,19 @@ TEST_F(EventLogTest, ALateSwitchIsAWarning) {
   EXPECT_EQ(lines(), "warning event=switch_late count=1\n");
 }
 
+TEST_F(EventLogTest, TellsWhatTheMonitorReducedAndWhichAssumptionsReadingsContradict) {
+  EventLog<DeviceCounters> events(logger_);
+  DeviceCounters counters;
+  counters.monitor_reductions = 1;
+  counters.too_fast_readings = 2;
+  counters.coarse_readings = 3;
+  events.note(counters, at(milliseconds(0)));
+  EXPECT_EQ(lines(),
+            "error event=monitor_reduced count=1\n"
+            "warning event=hand_faster_than_assumed count=2\n"
+            "warning event=encoder_coarser_than_profile count=3\n");
+}
+
 TEST_F(EventLogTest, AnAnswerAheadIsAWarningWithItsLink) {
   EventLog<DeviceCounters> events(logger_);
   DeviceCounters counters;

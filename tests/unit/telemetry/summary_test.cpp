@@ -177,6 +177,19 @@ std::set<std::string> keys_of(const nlohmann::ordered_json& json) {
   return keys;
 }
 
+TEST(MonitorText, SaysWhetherItIsOnAndWhatItDid) {
+  DeviceCounters device;
+  EXPECT_EQ(monitor_text(device), "on, 0 commands reduced");
+  device.monitor_reductions = 7;
+  device.checked_friction_ratio = 1.0;
+  EXPECT_EQ(monitor_text(device), "on, 7 commands reduced");
+  device.checked_friction_ratio = 0.5;
+  EXPECT_EQ(monitor_text(device),
+            "on, 7 commands reduced, friction lowered to 50 % of the profile");
+  device.is_monitor_off = true;
+  EXPECT_EQ(monitor_text(device), "off");
+}
+
 // Other programs read these keys.
 TEST(SummaryJson, HasTheKeysThatAreDocumented) {
   const nlohmann::ordered_json json = summary_json(Session{}, RunReport{});
@@ -188,6 +201,8 @@ TEST(SummaryJson, HasTheKeysThatAreDocumented) {
                           "min_true_energy_j",
                           "max_force_n",
                           "largest_jump_n",
+                          "monitor",
+                          "monitor_reductions",
                           "velocity_reversals",
                           "clamp_ratio",
                           "fallbacks",
@@ -245,6 +260,7 @@ TEST(SummaryJson, CarriesTheFiguresOfTheRun) {
   pushed.is_truly_in_contact = true;
   report.statistics.add(pushed, {});
   report.device.largest_jump_newton = 0.75;
+  report.device.monitor_reductions = 13;
   report.device.fallback_ticks = 3;
   report.device.limp_ticks = 2;
   report.mofc.motions_suppressed = 11;
@@ -261,6 +277,8 @@ TEST(SummaryJson, CarriesTheFiguresOfTheRun) {
   EXPECT_DOUBLE_EQ(json["transparency"]["vector"], 0.5);
   EXPECT_DOUBLE_EQ(json["max_force_n"], 1.0);
   EXPECT_DOUBLE_EQ(json["largest_jump_n"], 0.75);
+  EXPECT_EQ(json["monitor"], "on");
+  EXPECT_EQ(json["monitor_reductions"], 13);
   EXPECT_DOUBLE_EQ(json["clamp_ratio"], 1.0);
   EXPECT_EQ(json["velocity_reversals"]["x"], 1);
   EXPECT_EQ(json["velocity_reversals"]["ideal"]["x"], 0);

@@ -68,6 +68,11 @@ TEST(WebRules, RefuseWhatIsNotServed) {
     EXPECT_EQ(status(page(), [&](auto& r) { r.method = method; }), 405u) << method;
   }
   EXPECT_EQ(status(page(), [](auto& r) { r.has_body = true; }), 400u);
+  const auto post = [](auto& r) {
+    r.method = "POST";
+    r.has_body = true;
+  };
+  EXPECT_EQ(status(page(), post), 405u);
 }
 
 TEST(WebRules, AnswerToNamesOfThisMachineOnly) {

@@ -165,7 +165,7 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
     return depth * kStiffness[0] + Math.max(0, depth - 0.001) * kStiffness[1] * over_ball;
   }
 
-  const counters = (fields = {}) => ({ accepted: tick, skipped: 0n, duplicates: 0n, outOfOrder: 0n, rejected: 0n, sessions: 1n, ...fields });
+  const counters = (fields = {}) => ({ accepted: tick, skipped: 0n, duplicates: 0n, outOfOrder: 0n, rejected: 0n, ahead: 0n, sessions: 1n, ...fields });
   const loop = () => ({ ticks: tick, skippedTicks: 0n, worstLatenessNs: 412000n });
 
   // 20 ticks, as the nodes would send them

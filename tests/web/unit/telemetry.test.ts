@@ -8,7 +8,7 @@ import type { DeviceTelemetry, Health, MofcTelemetry, PhysicsTelemetry } from ".
 
 const kDevice = 11n;
 const repeat = <T>(n: number, value: T): T[] => Array.from({ length: n }, () => value);
-const link = { accepted: 0n, skipped: 0n, duplicates: 0n, outOfOrder: 0n, rejected: 0n, sessions: 1n };
+const link = { accepted: 0n, skipped: 0n, duplicates: 0n, outOfOrder: 0n, rejected: 0n, ahead: 0n, sessions: 1n };
 
 // ticks first … first + rows − 1, one a millisecond
 function device(sequence: number, first: number, rows: number, more: Partial<DeviceTelemetry> = {}, session = kDevice): DeviceTelemetry {
@@ -18,6 +18,7 @@ function device(sequence: number, first: number, rows: number, more: Partial<Dev
       loop: { ticks: BigInt(first + rows), skippedTicks: 0n, worstLatenessNs: 0n }, forceCommand: link,
       answeredTicks: 0n, leasedTicks: 0n, fallbackTicks: 0n, limpTicks: 0n, peakLimitedTicks: 0n, faultTicks: 0n,
       lastFault: 0, maxForceNewton: 0, minimumTrueEnergyJoule: NaN, nonFiniteCommands: 0n,
+      isMonitorOff: false, monitorReductions: 0n,
     },
     recordsLost: 0n,
     sampledAtNs: Array.from({ length: rows }, (_, i) => BigInt(first + i) * 1000000n + 5000000000n),

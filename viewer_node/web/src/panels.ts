@@ -220,6 +220,7 @@ export class Counters {
     group("Force", [
       ["transparency", "transparency", "rendered against requested force, over the session so far"],
       ["clamped", "clamped", "ticks in which the clamp reduced the force"],
+      ["monitor", "monitor", "the device’s own check of the energy: commands that it reduced"],
       ["peak", "peak-limited", "ticks reduced by the device’s own limit"],
       ["max_force", "largest", "largest force on the hand"],
       ["min_energy", "least energy", "minimum of the true energy, simulated devices only; never below −1 µJ"],
@@ -230,7 +231,7 @@ export class Counters {
       ["hop4", "clamp → device", "hop 4"],
       ["hop2", "clamp → physics", "hop 2: only the newest counts; skipped messages are normal when physics is slower"],
       ["hop3", "physics → clamp", "hop 3: only the newest counts"],
-      ["refused", "refused", "malformed messages, all hops"],
+      ["refused", "refused", "malformed messages and answers to a state that was never sent, all hops"],
       ["telemetry", "telemetry", "batches and ticks that did not reach this page"],
     ]);
     card.append(head, groups);
@@ -250,6 +251,8 @@ export class Counters {
       this.set("limp", count_words(device.limpTicks));
       this.set("skipped", count_words(device.loop.skippedTicks));
       this.set("lateness", time_words(1e-9 * Number(device.loop.worstLatenessNs)));
+      this.set("monitor", device.isMonitorOff ? "off" : `${count_words(device.monitorReductions)} reduced`,
+        device.isMonitorOff || device.monitorReductions > 0n);
       this.set("peak", count_words(device.peakLimitedTicks));
       this.set("max_force", `${device.maxForceNewton.toFixed(2)} N`);
       const least_uj = 1e6 * device.minimumTrueEnergyJoule;
@@ -264,8 +267,8 @@ export class Counters {
       this.set("hop3", count_words(mofc.interaction.skipped));
     }
     if (physics) this.set("hop2", count_words(physics.toolMotion.skipped));
-    const refused = (device?.forceCommand.rejected ?? 0n) + (mofc?.deviceState.rejected ?? 0n) +
-      (mofc?.interaction.rejected ?? 0n) + (physics?.toolMotion.rejected ?? 0n) + (health?.framesRejected ?? 0n);
+    const links = [device?.forceCommand, mofc?.deviceState, mofc?.interaction, physics?.toolMotion];
+    const refused = links.reduce((sum, link) => sum + (link ? link.rejected + link.ahead : 0n), health?.framesRejected ?? 0n);
     this.set("refused", count_words(refused), refused > 0n);
     const lost = telemetry_lost(telemetry);
     this.set("telemetry", count_words(lost), lost > 0);

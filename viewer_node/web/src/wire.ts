@@ -21,6 +21,7 @@ export interface LinkCounters {
   duplicates: bigint;
   outOfOrder: bigint;
   rejected: bigint;
+  ahead: bigint;
   sessions: bigint;
 }
 export interface LoopCounters {
@@ -44,6 +45,8 @@ export interface DeviceTelemetry {
     maxForceNewton: number;
     minimumTrueEnergyJoule: number;
     nonFiniteCommands: bigint;
+    isMonitorOff: boolean;
+    monitorReductions: bigint;
   };
   recordsLost: bigint;
   sampledAtNs: bigint[];

@@ -1,4 +1,5 @@
-// The numbers in the tables of proto/README.md are those of the code.
+// The numbers in the tables of docs/wire.md are those of the code, and its example frames are
+// frames.
 #include <gtest/gtest.h>
 
 #include <map>
@@ -15,6 +16,8 @@
 #include "common/link/socket/link_settings.h"
 #include "common/link/subscribers.h"
 #include "common/link/subscription.h"
+#include "common/telemetry/device_telemetry.h"
+#include "common/telemetry/mofc_telemetry.h"
 #include "tests/support/temp_folder.h"
 
 namespace palpate {
@@ -36,11 +39,12 @@ Row cells_of(const std::string& line) {
   return cells;
 }
 
-/// The rows of all tables by their first cell, without that cell.
+/// The rows of all tables but those of fields by their first cell, without that cell.
 const std::map<std::string, Row>& rows() {
   static const std::map<std::string, Row> all = [] {
     std::map<std::string, Row> found;
-    std::istringstream lines(test::text_of(PALPATE_SOURCE_DIR "/proto/README.md"));
+    const std::string page = test::text_of(PALPATE_SOURCE_DIR "/docs/wire.md");
+    std::istringstream lines(page.substr(0, page.find("\n## Messages\n")));
     for (std::string line; std::getline(lines, line);) {
       if (!line.starts_with('|')) continue;
       Row row = cells_of(line);
@@ -70,7 +74,7 @@ std::string buffers(const LinkSettings& settings) {
 }
 std::string kib(std::int64_t bytes) { return std::to_string(bytes >> 10) + " KiB"; }
 
-TEST(ProtoReadme, GivesTheQueues) {
+TEST(WirePage, GivesTheQueues) {
   const auto sends = [](const LinkSettings& settings) {
     return std::to_string(settings.send_queue);
   };
@@ -90,7 +94,7 @@ TEST(ProtoReadme, GivesTheQueues) {
   EXPECT_EQ(kExchangeServer.receive_queue, kExchangeClient.receive_queue);
 }
 
-TEST(ProtoReadme, GivesTheKernelBuffersOfBothEnds) {
+TEST(WirePage, GivesTheKernelBuffersOfBothEnds) {
   EXPECT_EQ(row("kernel buffers (tcp)"),
             (Row{buffers(kExchangeServer), buffers(kOneWaySender), buffers(kInteractionSender),
                  buffers(kTelemetrySender), buffers(kOneWaySender)}));
@@ -101,7 +105,7 @@ TEST(ProtoReadme, GivesTheKernelBuffersOfBothEnds) {
   EXPECT_EQ(buffers(kTelemetryReceiver), buffers(kTelemetrySender));
 }
 
-TEST(ProtoReadme, GivesTheSubscription) {
+TEST(WirePage, GivesTheSubscription) {
   EXPECT_EQ(row("kind byte of a subscription"),
             (Row{std::to_string(static_cast<int>(MessageKind::kSubscription))}));
   EXPECT_EQ(row("repeated every"), (Row{ms(Subscription::kInterval)}));
@@ -112,7 +116,7 @@ TEST(ProtoReadme, GivesTheSubscription) {
   }
 }
 
-TEST(ProtoReadme, GivesTheLimitsOfConnections) {
+TEST(WirePage, GivesTheLimitsOfConnections) {
   EXPECT_EQ(row("an end that libzmq has given up connects again after"),
             (Row{ms(kReconnectLeast) + ", doubled up to " + ms(kReconnectMost)}));
   EXPECT_EQ(row("connections to one binding end (tcp)"), (Row{std::to_string(kMostConnections)}));
@@ -120,7 +124,7 @@ TEST(ProtoReadme, GivesTheLimitsOfConnections) {
             (Row{kib(kMostIncompleteBytes)}));
 }
 
-TEST(ProtoReadme, GivesTheTimes) {
+TEST(WirePage, GivesTheTimes) {
   EXPECT_EQ(row("linger when closing"),
             (Row{ms(kExchangeServer.linger_ms), ms(kOneWaySender.linger_ms),
                  ms(kInteractionSender.linger_ms), ms(kTelemetrySender.linger_ms),
@@ -136,8 +140,8 @@ TEST(ProtoReadme, GivesTheTimes) {
                  std::to_string(kTcpKeepaliveProbes) + " probes"}));
 }
 
-TEST(ProtoReadme, GivesTheThrottlingOfTheExchange) {
-  const std::string text = test::text_of(PALPATE_SOURCE_DIR "/proto/README.md");
+TEST(WirePage, GivesTheThrottlingOfTheExchange) {
+  const std::string text = test::text_of(PALPATE_SOURCE_DIR "/docs/wire.md");
   EXPECT_NE(text.find("After " + std::to_string(ExchangeClient::kMaxUnanswered) +
                       " unanswered states, device_node sends\nonly one of " +
                       std::to_string(ExchangeClient::kSendOneIn) + " until"),
@@ -150,7 +154,7 @@ Row frame_row(const LinkSettings& receiver) {
           kib(receiver.largest_frame_bytes)};
 }
 
-TEST(ProtoReadme, GivesTheKindsAndLengthsOfFrames) {
+TEST(WirePage, GivesTheKindsAndLengthsOfFrames) {
   EXPECT_EQ(row("DeviceState"), frame_row<DeviceState>(kExchangeServer));
   EXPECT_EQ(row("ForceCommand"), frame_row<ForceCommand>(kExchangeClient));
   EXPECT_EQ(row("ToolMotion"), frame_row<ToolMotion>(kOneWayReceiver));
@@ -163,8 +167,8 @@ TEST(ProtoReadme, GivesTheKindsAndLengthsOfFrames) {
   EXPECT_EQ(row("HandTarget"), frame_row<HandTarget>(kOneWayReceiver));
 }
 
-TEST(ProtoReadme, GivesTheReasonsInTheOrderOfTheChecks) {
-  const std::string text = test::text_of(PALPATE_SOURCE_DIR "/proto/README.md");
+TEST(WirePage, GivesTheReasonsInTheOrderOfTheChecks) {
+  const std::string text = test::text_of(PALPATE_SOURCE_DIR "/docs/wire.md");
   std::size_t at = 0;
   for (std::size_t i = 1; i < kDecodeErrors; ++i) {
     at = text.find("| `" + std::string(name(static_cast<DecodeError>(i))) + "` |", at);
@@ -174,7 +178,72 @@ TEST(ProtoReadme, GivesTheReasonsInTheOrderOfTheChecks) {
             (Row{name(DecodeError::kWrongVersion)}));
 }
 
-TEST(ProtoReadme, GivesTheRolesOfEveryLink) {
+/// The bytes of the example frame of a message: hexadecimal, up to the ';' of each line.
+std::vector<std::byte> example(const std::string& message) {
+  const std::string page = test::text_of(PALPATE_SOURCE_DIR "/docs/wire.md");
+  const std::size_t begin = page.find("\n```\n", page.find("\n`" + message + "`, "));
+  if (begin == std::string::npos) return {};
+  std::istringstream lines(page.substr(begin + 5, page.find("\n```\n", begin + 1) - begin - 4));
+  std::vector<std::byte> frame;
+  for (std::string line; std::getline(lines, line);) {
+    std::istringstream bytes(line.substr(0, line.find(';')));
+    for (std::string byte; bytes >> byte;) {
+      frame.push_back(static_cast<std::byte>(std::stoi(byte, nullptr, 16)));
+    }
+  }
+  return frame;
+}
+
+template <class T>
+T decoded_example(const std::string& message) {
+  const std::vector<std::byte> frame = example(message);
+  Codec<T> codec;
+  T decoded;
+  EXPECT_EQ(codec.decode(frame, decoded), DecodeError::kNone) << message;
+  std::vector<std::byte> again(codec.encode(decoded));
+  codec.write(again.data());
+  EXPECT_EQ(again, frame) << message;
+  EXPECT_EQ(decoded.header.session_id, 0x0807060504030201u);
+  EXPECT_EQ(decoded.header.sequence, 5u);
+  EXPECT_EQ(decoded.device_session_id, 0x1817161514131211u);
+  EXPECT_EQ(decoded.device_sequence, 42u);
+  EXPECT_EQ(decoded.device_sampled_at, TimePoint(std::chrono::seconds(2)));
+  EXPECT_EQ(decoded.tool_position_world_m, Vector3(0, 0, -0.002));
+  return decoded;
+}
+
+TEST(WirePage, ItsToolMotionIsWhatTheCodecWritesAndReads) {
+  const auto motion = decoded_example<ToolMotion>("ToolMotion");
+  EXPECT_EQ(motion.tool_velocity_world_m_per_s, Vector3(0, 0, -0.1));
+  EXPECT_EQ(motion.buttons, 1u);
+}
+
+TEST(WirePage, ItsInteractionIsWhatTheCodecWritesAndReads) {
+  const auto interaction = decoded_example<Interaction>("Interaction");
+  EXPECT_EQ(interaction.force_on_tool_newton, Vector3(0, 0, 0.8));
+  EXPECT_EQ(interaction.stored_energy_joule, 0.0008);
+  ASSERT_EQ(interaction.listed_count, 1u);
+  EXPECT_EQ(interaction.contacts[0].penetration_m, 0.002);
+  EXPECT_EQ(interaction.contacts[0].d_force_d_position(2, 2), -400.0);
+}
+
+/// "0 limp, 1 answered, …" up to `last`.
+template <class State>
+std::string values_up_to(State last) {
+  std::string text;
+  for (int i = 0; i <= static_cast<int>(last); ++i) {
+    text += (i > 0 ? ", " : "") + std::to_string(i) + " " + name(static_cast<State>(i));
+  }
+  return text;
+}
+
+TEST(WirePage, GivesTheNumbersOfTheStates) {
+  EXPECT_EQ(row("DeviceTelemetry.guard"), (Row{values_up_to(GuardState::kFault)}));
+  EXPECT_EQ(row("MofcTelemetry.state"), (Row{values_up_to(MofcState::kClutched)}));
+  EXPECT_EQ(row("DeviceCounters.last_fault"), (Row{values_up_to(FaultReason::kWriteFailed)}));
+}
+
+TEST(WirePage, GivesTheRolesOfEveryLink) {
   for (const LinkRoles& link : kLinkRoles) {
     EXPECT_EQ(row(std::string(link.link)), (Row{name_of(link.server), name_of(link.client)}));
   }

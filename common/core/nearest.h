@@ -1,0 +1,50 @@
+// nearest.h — the word that somebody meant who wrote another one.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <numeric>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace palpate {
+
+/// Fewest insertions, deletions and replacements from one word to the other.
+[[nodiscard]] inline std::size_t edit_distance(std::string_view a, std::string_view b) {
+  std::vector<std::size_t> row(b.size() + 1);
+  std::iota(row.begin(), row.end(), std::size_t{0});
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    std::size_t diagonal = row[0];
+    row[0] = i + 1;
+    for (std::size_t j = 0; j < b.size(); ++j) {
+      const std::size_t replaced = diagonal + (a[i] == b[j] ? 0 : 1);
+      diagonal = row[j + 1];
+      row[j + 1] = std::min({replaced, row[j] + 1, diagonal + 1});
+    }
+  }
+  return row.back();
+}
+
+/// The candidate that is most like the word; "" if none is like it. A beginning counts most, as
+/// "mass" of "mass_kg".
+[[nodiscard]] inline std::string nearest(std::string_view word,
+                                         const std::vector<std::string>& candidates) {
+  constexpr std::size_t kMaxBytes = 64;  // longer words are not compared
+  if (word.empty() || word.size() > kMaxBytes) return {};
+  std::string best;
+  std::size_t best_distance = std::max<std::size_t>(2, word.size() / 3) + 1;
+  for (const std::string& candidate : candidates) {
+    std::size_t distance = edit_distance(word, candidate);
+    if (candidate.starts_with(word)) distance = 0;
+    if (word.starts_with(candidate) && 2 * candidate.size() >= word.size()) {
+      distance = std::min<std::size_t>(distance, 2);
+    }
+    if (distance >= best_distance) continue;
+    best_distance = distance;
+    best = candidate;
+  }
+  return best;
+}
+
+}  // namespace palpate

@@ -1,0 +1,141 @@
+#include "common/process/terminal.h"
+
+#include <spdlog/fmt/fmt.h>
+#include <sys/ioctl.h>
+
+#include <algorithm>
+#include <array>
+#include <condition_variable>
+#include <csignal>
+#include <cstdlib>
+#include <mutex>
+#include <utility>
+
+namespace palpate {
+namespace {
+
+constexpr std::size_t kUsualColumns = 80;
+constexpr double kUnknown = -1.0;  // share of the work
+constexpr std::array kStopSignals{SIGINT, SIGTERM, SIGHUP};
+
+volatile std::sig_atomic_t is_stop_requested = 0;
+
+bool begins_character(char byte) { return (static_cast<unsigned char>(byte) & 0xC0U) != 0x80U; }
+
+std::string time_text(double seconds) {
+  if (seconds < 60.0) return fmt::format("{:.0f} s", seconds);
+  const auto minutes = static_cast<int>(seconds / 60.0);
+  if (minutes < 60) return fmt::format("{} min {:02.0f} s", minutes, seconds - 60.0 * minutes);
+  return fmt::format("{} h {:02} min", minutes / 60, minutes % 60);
+}
+
+}  // namespace
+
+std::size_t terminal_columns(int descriptor) {
+  if (isatty(descriptor) != 1) return 0;
+  winsize size{};
+  if (ioctl(descriptor, TIOCGWINSZ, &size) != 0 || size.ws_col == 0) return kUsualColumns;
+  return size.ws_col;
+}
+
+std::string line_start(int descriptor) { return isatty(descriptor) == 1 ? "\r\033[K" : ""; }
+
+std::string coloured(const std::string& text, Colour colour, int descriptor) {
+  // NOLINTNEXTLINE(concurrency-mt-unsafe): nothing sets the environment
+  const char* refusal = std::getenv("NO_COLOR");
+  if (isatty(descriptor) != 1 || (refusal != nullptr && *refusal != '\0')) return text;
+  return (colour == Colour::kGood ? "\033[32m" : "\033[31m") + text + "\033[0m";
+}
+
+std::size_t columns_of(const std::string& text) {
+  return static_cast<std::size_t>(std::count_if(text.begin(), text.end(), begins_character));
+}
+
+std::string fitted(const std::string& text, std::size_t columns) {
+  if (columns_of(text) <= columns) return text;
+  if (columns == 0) return {};
+  std::size_t kept = 0;
+  std::size_t bytes = 0;
+  for (; bytes < text.size(); ++bytes) {
+    if (begins_character(text[bytes]) && ++kept == columns) break;
+  }
+  return text.substr(0, bytes) + "…";
+}
+
+const Clock& Progress::steady_clock() {
+  static const SteadyClock clock;
+  return clock;
+}
+
+Progress::Progress(std::string what, bool is_quiet, int descriptor, const Clock& clock)
+    : what_(std::move(what)),
+      descriptor_(descriptor),
+      is_shown_(!is_quiet && isatty(descriptor) == 1),
+      clock_(clock),
+      begin_(clock.now()),
+      next_(begin_ + kPatience) {}
+
+Progress::~Progress() {
+  if (has_line_) static_cast<void>(!::write(descriptor_, "\r\033[K", 4));
+}
+
+void Progress::show(double ratio) {
+  if (!is_shown_) return;
+  const TimePoint now = clock_.now();
+  if (now < next_) return;
+  next_ = now + kInterval;
+  const double elapsed_s = to_seconds(now - begin_);
+  std::string line = what_ + ": ";
+  if (ratio > 0.0 && ratio <= 1.0) {
+    line += fmt::format("{:.0f} %, {} left", 100.0 * ratio,
+                        time_text(elapsed_s * (1.0 - ratio) / ratio));
+  } else {
+    line += time_text(elapsed_s);
+  }
+  const std::size_t columns = terminal_columns(descriptor_);
+  const std::string text = "\r\033[K" + fitted(line, columns > 1 ? columns - 1 : 0);
+  // a terminal that went away ends the display, not the work
+  is_shown_ = ::write(descriptor_, text.data(), text.size()) >= 0;
+  has_line_ = is_shown_;
+}
+
+BusyLine::BusyLine(std::string what, bool is_quiet) {
+  if (is_quiet || isatty(STDERR_FILENO) != 1) return;
+  thread_ = std::jthread([what = std::move(what)](const std::stop_token& stop) {
+    Progress progress(what);
+    std::mutex mutex;
+    std::condition_variable_any stopped;
+    std::unique_lock lock(mutex);
+    while (!stopped.wait_for(lock, stop, Progress::kInterval, [] { return false; }) &&
+           !stop.stop_requested()) {
+      progress.show(kUnknown);
+    }
+  });
+}
+
+StopSignal::StopSignal() {
+  is_stop_requested = 0;
+  struct sigaction action {};
+  action.sa_handler = [](int) {
+    is_stop_requested = 1;
+    for (const int signal : kStopSignals) std::signal(signal, SIG_DFL);
+  };
+  action.sa_flags = SA_RESTART;
+  for (const int signal : kStopSignals) {
+    struct sigaction before {};
+    sigaction(signal, nullptr, &before);
+    if (before.sa_handler != SIG_IGN) sigaction(signal, &action, nullptr);  // nohup stays
+  }
+}
+
+StopSignal::~StopSignal() {
+  for (const int signal : kStopSignals) {
+    struct sigaction now {};
+    sigaction(signal, nullptr, &now);
+    if (now.sa_handler != SIG_IGN) std::signal(signal, SIG_DFL);
+  }
+}
+
+bool StopSignal::is_requested() { return is_stop_requested != 0; }
+
+}  // namespace palpate

@@ -1,0 +1,82 @@
+// terminal.h — what is shown to a person at a terminal, and only there: progress, colour, width.
+#pragma once
+
+#include <unistd.h>
+
+#include <cstddef>
+#include <functional>
+#include <string>
+#include <thread>
+
+#include "common/core/clock.h"
+
+namespace palpate {
+
+/// Columns of the terminal at this descriptor; 0: not a terminal.
+[[nodiscard]] std::size_t terminal_columns(int descriptor);
+
+/// What begins a line at this descriptor: on a terminal it removes a status line or progress that
+/// is there, which is written again below.
+[[nodiscard]] std::string line_start(int descriptor);
+
+enum class Colour { kGood, kBad };
+/// The text in green or red if the descriptor is a terminal and $NO_COLOR is not set.
+[[nodiscard]] std::string coloured(const std::string& text, Colour colour,
+                                   int descriptor = STDOUT_FILENO);
+
+/// Characters of UTF-8 text.
+[[nodiscard]] std::size_t columns_of(const std::string& text);
+/// The text without the characters that do not fit, the last one kept is "…".
+[[nodiscard]] std::string fitted(const std::string& text, std::size_t columns);
+
+/// The progress of long work in one line, rewritten in place: "loopback: 34 %, 12 s left". Nothing
+/// is written before 2 s, without a terminal or if it is quiet; the destructor removes the line.
+class Progress {
+ public:
+  static constexpr Duration kPatience = std::chrono::seconds(2);
+  static constexpr Duration kInterval = std::chrono::milliseconds(250);
+
+  explicit Progress(std::string what, bool is_quiet = false, int descriptor = STDERR_FILENO,
+                    const Clock& clock = steady_clock());
+  ~Progress();
+  Progress(const Progress&) = delete;
+  Progress& operator=(const Progress&) = delete;
+
+  /// @param ratio  done so far, 0 … 1; any other value: not known, only the time is shown
+  void show(double ratio);
+
+ private:
+  [[nodiscard]] static const Clock& steady_clock();
+
+  std::string what_;
+  int descriptor_;
+  bool is_shown_;
+  bool has_line_ = false;
+  const Clock& clock_;
+  TimePoint begin_;
+  TimePoint next_;
+};
+
+/// Progress of work that cannot say how far it is: the time that has passed, "reading: 4 s", by a
+/// thread of its own.
+class BusyLine {
+ public:
+  explicit BusyLine(std::string what, bool is_quiet = false);
+
+ private:
+  std::jthread thread_;
+};
+
+/// Ctrl-C, SIGTERM and SIGHUP as a request while an object exists: the first one is noted, a second
+/// one has its default effect and kills. One object at a time.
+class StopSignal {
+ public:
+  StopSignal();
+  ~StopSignal();
+  StopSignal(const StopSignal&) = delete;
+  StopSignal& operator=(const StopSignal&) = delete;
+
+  [[nodiscard]] static bool is_requested();
+};
+
+}  // namespace palpate

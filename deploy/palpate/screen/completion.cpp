@@ -1,0 +1,200 @@
+#include <algorithm>
+#include <cctype>
+
+#include "common/core/check.h"
+#include "deploy/palpate/screen/help.h"
+
+namespace palpate {
+namespace {
+
+const auto kAll = [](const auto*) { return true; };
+
+/// The value of an option, as far as a shell can complete it.
+enum class Value { kNone, kFile, kOther };
+
+Value value_of(const CLI::Option& option) {
+  if (option.get_items_expected_max() == 0) return Value::kNone;
+  const std::string type = option.get_type_name();
+  return type.starts_with("FILE") ? Value::kFile : Value::kOther;
+}
+
+/// "a, b" in the quotes of a shell: without what ends them or is expanded inside.
+std::string quoted(const std::string& text, const std::string& forbidden = "'") {
+  std::string out;
+  for (const char c : text) {
+    if (forbidden.find(c) == std::string::npos) out += c;
+  }
+  return out;
+}
+
+std::vector<std::string> names_of(const CLI::Option& option) {
+  std::vector<std::string> names;
+  for (const std::string& name : option.get_snames()) names.push_back("-" + name);
+  for (const std::string& name : option.get_lnames()) names.push_back("--" + name);
+  return names;
+}
+
+/// Options of a command and those of palpate that may follow it.
+std::vector<const CLI::Option*> options_of(const CLI::App& app, const CLI::App& command) {
+  std::vector<const CLI::Option*> options = command.get_options(kAll);
+  if (&command == &app) return options;
+  for (const CLI::Option* option : app.get_options(kAll)) {
+    const auto has_it = [&](const CLI::Option* own) {
+      return own->get_lnames() == option->get_lnames();
+    };
+    if (std::none_of(options.begin(), options.end(), has_it)) options.push_back(option);
+  }
+  return options;
+}
+
+std::string words_of(const CLI::App& app, const CLI::App& command) {
+  std::string words;
+  for (const CLI::App* sub : command.get_subcommands(kAll)) words += sub->get_name() + " ";
+  for (const CLI::Option* option : options_of(app, command)) {
+    for (const std::string& name : names_of(*option)) words += name + " ";
+  }
+  if (!words.empty()) words.pop_back();
+  return words;
+}
+
+std::string bash(const CLI::App& app) {
+  std::string commands;
+  std::string cases = "    '') words='" + words_of(app, app) + "' ;;\n";
+  std::string files;
+  std::string others;
+  const auto note_values = [&](const CLI::App& command) {
+    for (const CLI::Option* option : command.get_options(kAll)) {
+      const Value value = value_of(*option);
+      if (value == Value::kNone) continue;
+      for (const std::string& name : names_of(*option)) {
+        std::string& list = value == Value::kFile ? files : others;
+        if (("|" + list + "|").find("|" + name + "|") == std::string::npos) {
+          list += (list.empty() ? "" : "|") + name;
+        }
+      }
+    }
+  };
+  for (const CLI::App* command : app.get_subcommands(kAll)) {
+    commands += (commands.empty() ? "" : "|") + command->get_name();
+    cases += "    " + command->get_name() + ") words='" + words_of(app, *command) + "' ;;\n";
+    note_values(*command);
+    for (const CLI::App* sub : command->get_subcommands(kAll)) note_values(*sub);
+  }
+  return "# Completion of palpate for bash, made by `palpate completion bash`.\n"
+         "_palpate() {\n"
+         "  local current=${COMP_WORDS[COMP_CWORD]} previous=${COMP_WORDS[COMP_CWORD-1]}\n"
+         "  local command='' words='' word\n"
+         "  COMPREPLY=()\n"
+         "  for word in \"${COMP_WORDS[@]:1:COMP_CWORD-1}\"; do\n"
+         "    case $word in " +
+         commands +
+         ") command=$word; break ;; esac\n"
+         "  done\n"
+         "  case $previous in\n"
+         "    " +
+         files +
+         ") mapfile -t COMPREPLY < <(compgen -f -- \"$current\"); return ;;\n"
+         "    " +
+         others +
+         ") return ;;\n"
+         "  esac\n"
+         "  case $command in\n" +
+         cases +
+         "  esac\n"
+         "  mapfile -t COMPREPLY < <(compgen -W \"$words\" -- \"$current\")\n"
+         "  if [[ -n $command && $current != -* ]]; then\n"
+         "    mapfile -t -O ${#COMPREPLY[@]} COMPREPLY < <(compgen -f -- \"$current\")\n"
+         "  fi\n"
+         "}\n"
+         "complete -o filenames -F _palpate palpate\n";
+}
+
+std::string zsh(const CLI::App& app) {
+  constexpr const char* kForbidden = "'[]:";
+  const auto arguments = [&](const CLI::App& command) {
+    std::string text;
+    for (const CLI::Option* option : options_of(app, command)) {
+      for (const std::string& name : names_of(*option)) {
+        text += " \\\n        '" + name + "[" + quoted(option->get_description(), kForbidden) + "]";
+        const Value value = value_of(*option);
+        if (value != Value::kNone) {
+          text += ":" + quoted(option->get_type_name(), kForbidden) + ":" +
+                  (value == Value::kFile ? "_files" : "");
+        }
+        text += "'";
+      }
+    }
+    return text;
+  };
+  std::string commands;
+  std::string cases;
+  for (const CLI::App* command : app.get_subcommands(kAll)) {
+    commands += "    '" + command->get_name() + ":" +
+                quoted(command->get_description(), kForbidden) + "'\n";
+    std::string subcommands;
+    for (const CLI::App* sub : command->get_subcommands(kAll)) {
+      subcommands += (subcommands.empty() ? "" : " ") + sub->get_name();
+    }
+    cases += "      " + command->get_name() + ")\n        _arguments" + arguments(*command) +
+             (subcommands.empty() ? "" : " \\\n        '1:command:(" + subcommands + ")'") +
+             " \\\n        '*:file:_files' ;;\n";
+  }
+  return "#compdef palpate\n# Completion of palpate for zsh, made by `palpate completion zsh`.\n"
+         "_palpate() {\n"
+         "  local context state state_descr line\n"
+         "  typeset -A opt_args\n"
+         "  local -a commands=(\n" +
+         commands +
+         "  )\n"
+         "  _arguments -C" +
+         arguments(app) +
+         " \\\n        '1:command:->command' \\\n        '*::argument:->argument'\n"
+         "  case $state in\n"
+         "    command) _describe command commands ;;\n"
+         "    argument) case $words[1] in\n" +
+         cases +
+         "      esac ;;\n"
+         "  esac\n"
+         "}\n"
+         "_palpate \"$@\"\n";
+}
+
+std::string fish(const CLI::App& app) {
+  std::string text = "# Completion of palpate for fish, made by `palpate completion fish`.\n";
+  const auto add = [&](const CLI::Option& option, const std::string& when) {
+    text += "complete -c palpate";
+    if (!when.empty()) text += " -n '" + when + "'";
+    for (const std::string& name : option.get_snames()) text += " -s " + name;
+    for (const std::string& name : option.get_lnames()) text += " -l " + name;
+    const Value value = value_of(option);
+    if (value == Value::kFile) text += " -r -F";
+    if (value == Value::kOther) text += " -x";
+    text += " -d '" + quoted(option.get_description()) + "'\n";
+  };
+  text += "complete -c palpate -n __fish_use_subcommand -f\n";
+  for (const CLI::Option* option : app.get_options(kAll)) add(*option, "");
+  for (const CLI::App* command : app.get_subcommands(kAll)) {
+    text += "complete -c palpate -n __fish_use_subcommand -a " + command->get_name() + " -d '" +
+            quoted(command->get_description()) + "'\n";
+    const std::string when = "__fish_seen_subcommand_from " + command->get_name();
+    for (const CLI::App* sub : command->get_subcommands(kAll)) {
+      text += "complete -c palpate -n '" + when + "' -a " + sub->get_name() + " -d '" +
+              quoted(sub->get_description()) + "'\n";
+    }
+    for (const CLI::Option* option : command->get_options(kAll)) {
+      if (option->nonpositional()) add(*option, when);
+    }
+  }
+  return text;
+}
+
+}  // namespace
+
+std::string completion(const CLI::App& app, const std::string& shell) {
+  if (shell == "bash") return bash(app);
+  if (shell == "zsh") return zsh(app);
+  if (shell == "fish") return fish(app);
+  throw SetupError("completion: \"" + shell + "\": must be one of bash, zsh, fish");
+}
+
+}  // namespace palpate

@@ -1,0 +1,39 @@
+// help.h — help that is made from the definitions of the commands and from docs/glossary.md:
+// suggestions, man pages, completion for shells, explanations of terms.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace palpate {
+
+/// For words of the command line that no command takes: "lunch: did you mean launch?"; "" if
+/// nothing is like them. Call it after app.parse() threw.
+[[nodiscard]] std::string did_you_mean(const CLI::App& app);
+
+/// The page of one command, or of all of it, in the format of man(1).
+/// @param app      palpate itself
+/// @param command  app or a subcommand of it
+[[nodiscard]] std::string man_page(const CLI::App& app, const CLI::App& command);
+
+/// The completion of every command and option. @param shell  bash, zsh or fish
+[[nodiscard]] std::string completion(const CLI::App& app, const std::string& shell);
+
+/// An entry of docs/glossary.md, without its marks.
+struct GlossaryEntry {
+  std::string term;                ///< as written: "f_d, f_co"
+  std::vector<std::string> names;  ///< by which it is found, in lower case: "f_d", "f_co"
+  std::string section;             ///< "Terms", "CSV columns"
+  std::string meaning;
+};
+/// The tables of the glossary in order.
+[[nodiscard]] std::vector<GlossaryEntry> glossary_entries(std::string_view markdown);
+/// The glossary as it was when this program was built.
+[[nodiscard]] std::string_view glossary();
+/// The entries with that name, else those whose term contains it.
+[[nodiscard]] std::vector<GlossaryEntry> explain(const std::vector<GlossaryEntry>& entries,
+                                                 const std::string& term);
+
+}  // namespace palpate

@@ -1,0 +1,57 @@
+#include "device_node/hands_off_check.h"
+
+#include <algorithm>
+
+namespace palpate::device {
+namespace {
+
+// What so short a measurement is good for, with masses up to 0.1 kg: the whole friction at a speed
+// to a few percent, its viscous part alone to a factor of 2.
+constexpr double kSpeed_m_per_s = 0.05;
+constexpr double kContradicted = 0.95;
+constexpr double kViscousContradicted = 0.5;
+
+}  // namespace
+
+SweepPlan hands_off_plan(const DeviceSpecification& specification) {
+  SweepPlan plan = default_sweep_plan(specification);
+  plan.lines.clear();
+  for (int i = 0; i < 3; ++i) {
+    plan.lines.push_back({.middle_m = Vector3::Zero(), .direction = Vector3::Unit(i)});
+  }
+  plan.repeats = 2;
+  return plan;
+}
+
+CheckedProfile checked_profile(const DeviceProfile& profile, const FrictionReport& report) {
+  CheckedProfile checked{.profile = profile};
+  // lowers the pair if the line contradicts it
+  const auto check = [&](const FrictionFit& fit, double& viscous, double& coulomb) {
+    const double claimed = coulomb + viscous * kSpeed_m_per_s;
+    const double measured = fit.coulomb_newton + fit.viscous_newton_s_per_m * kSpeed_m_per_s;
+    if (measured >= kContradicted * claimed &&
+        fit.viscous_newton_s_per_m >= kViscousContradicted * viscous) {
+      return;
+    }
+    viscous = std::min(viscous, fit.viscous_bound_newton_s_per_m);
+    coulomb = std::min(coulomb, fit.coulomb_bound_newton);
+    checked.ratio = std::min(checked.ratio, std::max(0.01 * claimed, measured) / claimed);
+    checked.is_lowered = true;
+  };
+  for (std::size_t i = 0; i < report.lines.size(); ++i) {
+    const FrictionFit& fit = report.lines[i].fit;
+    DeviceProfile& lower = checked.profile;
+    if (lower.per_axis) {
+      const auto axis = static_cast<int>(i);
+      check(fit, lower.per_axis->viscous_newton_s_per_m[axis],
+            lower.per_axis->coulomb_newton[axis]);
+      // the fallback relies on |F| ≤ f_co
+      lower.coulomb_newton = std::min(lower.coulomb_newton, lower.per_axis->coulomb_newton[axis]);
+    } else {
+      check(fit, lower.viscous_newton_s_per_m, lower.coulomb_newton);
+    }
+  }
+  return checked;
+}
+
+}  // namespace palpate::device

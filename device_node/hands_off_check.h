@@ -1,0 +1,37 @@
+// hands_off_check.h — a short look at the friction before a session starts: does the device have
+// what its profile claims? Nobody may hold it.
+#pragma once
+
+#include "common/core/clock.h"
+#include "common/session/device_profile.h"
+#include "device_node/device.h"
+#include "device_node/friction_identification.h"
+
+namespace palpate::device {
+
+struct CheckedProfile {
+  DeviceProfile profile;    ///< no value is above that of the profile that was checked
+  bool is_lowered = false;  ///< the device contradicts the profile
+  /// Least friction found at 0.05 m/s, as a share of what the profile claims; 1 where it holds.
+  double ratio = 1.0;
+};
+
+/// Three lines through the middle of the workspace, along the axes of D; about a minute.
+[[nodiscard]] SweepPlan hands_off_plan(const DeviceSpecification& specification);
+
+/// Compares a profile with what was measured along the axes of D. It is contradicted where the
+/// friction at 0.05 m/s is less than 0.95 of what it claims, or the viscous part less than half;
+/// f_d and f_co then become the measured lower bounds. No value is raised. Isotropic friction is
+/// judged by every line, friction per axis by that of its axis.
+[[nodiscard]] CheckedProfile checked_profile(const DeviceProfile& profile,
+                                             const FrictionReport& report);
+
+/// The check: moves the device with its own motors, within the bounds of identify_friction(), and
+/// returns with the motors limp. Throws as identify_friction() does.
+[[nodiscard]] inline CheckedProfile check_hands_off(HapticDevice& device, Clock& clock,
+                                                    const DeviceProfile& profile) {
+  return checked_profile(
+      profile, identify_friction(device, clock, hands_off_plan(device.specification()), true));
+}
+
+}  // namespace palpate::device

@@ -1,0 +1,62 @@
+// assumption_watch.h — readings that contradict what the guarantee assumes of hand and encoder. It
+// only counts.
+#pragma once
+
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+
+#include "common/core/time.h"
+#include "common/core/vector.h"
+#include "common/session/device_config.h"
+
+namespace palpate::device {
+
+/// A6: two readings that only a hand faster than v_max can have made, whatever the encoder rounded.
+///
+/// A2: steps of an encoder that is coarser than the profile's q. An encoder of step g reads
+/// multiples of g, so the smallest change of an axis that ever occurs is g, and it recurs; the
+/// readings of a finer one have smaller changes. Counts, once the smallest change of an axis has
+/// occurred 100 times and is more than q, each further one. No allocation, no throw.
+class AssumptionWatch {
+ public:
+  explicit AssumptionWatch(const DeviceConfig& config) noexcept
+      : v_max_m_per_s_(config.monitor.v_max_m_per_s),
+        resolution_m_(config.profile.position_resolution_m) {}
+
+  /// From one reading to the next.
+  void moved(const Vector3& moved_m, Duration elapsed) noexcept {
+    const double surely_m = moved_m.norm() - std::sqrt(3.0) * resolution_m_;
+    if (surely_m > v_max_m_per_s_ * to_seconds(elapsed)) ++too_fast_;
+    for (int i = 0; i < 3; ++i) step(axes_[static_cast<std::size_t>(i)], std::abs(moved_m[i]));
+  }
+
+  [[nodiscard]] std::uint64_t too_fast_readings() const noexcept { return too_fast_; }
+  [[nodiscard]] std::uint64_t coarse_readings() const noexcept { return coarse_; }
+
+ private:
+  static constexpr std::uint64_t kEnough = 100;
+  static constexpr double kSame = 1e-6;  // of a change: rounding of the differences of two readings
+  static constexpr double kCoarser = 1.01;
+
+  struct Axis {
+    double smallest_m = std::numeric_limits<double>::infinity();
+    std::uint64_t occurred = 0;
+  };
+
+  void step(Axis& axis, double step_m) noexcept {
+    if (step_m == 0.0) return;
+    if (step_m < (1.0 - kSame) * axis.smallest_m) axis = {.smallest_m = step_m};
+    if (step_m > (1.0 + kSame) * axis.smallest_m) return;
+    if (++axis.occurred > kEnough && axis.smallest_m > kCoarser * resolution_m_) ++coarse_;
+  }
+
+  double v_max_m_per_s_;
+  double resolution_m_;
+  std::array<Axis, 3> axes_{};
+  std::uint64_t too_fast_ = 0;
+  std::uint64_t coarse_ = 0;
+};
+
+}  // namespace palpate::device

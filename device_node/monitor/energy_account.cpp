@@ -1,0 +1,191 @@
+#include "device_node/monitor/energy_account.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace palpate::device {
+namespace {
+
+// As many resolutions of motion as close a window, and of path as close a span.
+constexpr double kWindowResolutions = 16.0;
+constexpr double kSpanResolutions = 256.0;
+
+/// More than the rounding error of the few operations of one sum, relative to its largest term.
+constexpr double kUlps = 4.0 * std::numeric_limits<double>::epsilon();
+
+/// a + b, not more than that of the exact values.
+double below(double a, double b) { return a + b - kUlps * (std::abs(a) + std::abs(b)); }
+
+}  // namespace
+
+EnergyAccount::EnergyAccount(const DeviceProfile& profile) noexcept
+    : resolution_m_(profile.position_resolution_m),
+      isotropic_coulomb_newton_(profile.per_axis ? 0.0 : profile.coulomb_newton),
+      used_(profile.per_axis ? 3 : 1) {
+  if (!profile.per_axis) {
+    paths_[0] = {.viscous_newton_s_per_m = profile.viscous_newton_s_per_m,
+                 .coulomb_newton = profile.coulomb_newton,
+                 .w_m = std::sqrt(3.0) * resolution_m_};
+    return;
+  }
+  for (int i = 0; i < 3; ++i) {
+    paths_[static_cast<std::size_t>(i)] = {
+        .first = i,
+        .count = 1,
+        .viscous_newton_s_per_m = profile.per_axis->viscous_newton_s_per_m[i],
+        .coulomb_newton = profile.per_axis->coulomb_newton[i],
+        .w_m = resolution_m_};
+  }
+}
+
+void EnergyAccount::restart(const Vector3& position_m, double joule) noexcept {
+  carried_joule_ = joule;
+  work_joule_ = 0.0;
+  last_force_newton_.setZero();
+  force_change_newton_ = 0.0;
+  position_m_ = position_m;
+  for (std::size_t i = 0; i < used_; ++i) {
+    Path& path = paths_[i];
+    path.closed_spans_m = path.closed_windows_m = path.closed_viscous_joule = 0.0;
+    begin_span(path);
+    begin_window(path);
+  }
+}
+
+void EnergyAccount::book(double duration_s, const Vector3& force_on_hand_newton,
+                         const Vector3& position_at_end_m) noexcept {
+  change_force(force_on_hand_newton);
+  const Vector3 moved = position_at_end_m - position_m_;
+  work_joule_ -= force_on_hand_newton.dot(moved);
+  work_joule_ -=
+      kUlps * (std::abs(work_joule_) + force_on_hand_newton.cwiseAbs().dot(moved.cwiseAbs()));
+  follow(position_at_end_m, duration_s);
+}
+
+void EnergyAccount::book_release(const Release& release) noexcept {
+  const double before = joule();
+  const double least = below(before, -release.most_drawn_joule);
+  if (std::isfinite(release.v_max_m_per_s)) {
+    const double released = least_release_joule(release);
+    change_force(release.force_on_hand_newton);
+    last_force_newton_.setZero();  // no position was read where it ended
+    follow(release.position_at_end_m, release.duration_s);
+    carried_joule_ = below(carried_joule_, released);
+    if (joule() >= least) return;
+  }
+  restart(release.position_at_end_m, std::isfinite(least) ? least : std::min(before, 0.0));
+}
+
+/// Work of the force, which ended where nobody read the position. docs/theory.md §2.5: u, Δ, b, c.
+double EnergyAccount::least_release_joule(const Release& release) const noexcept {
+  const Vector3& F = release.force_on_hand_newton;
+  const double newton = F.norm();
+  const Vector3 moved = release.position_at_end_m - position_m_;
+  const double along = F.dot(moved) / newton;
+  const double reach = release.v_max_m_per_s * release.acted_s;
+  const double way_back = release.v_max_m_per_s * (release.duration_s - release.acted_s);
+  const double b = std::min(reach, along + way_back);
+  const double c = 0.5 * resolution_m_ * F.lpNorm<1>() / newton;
+  double joule = -newton * (b + c);
+  if (newton >= 2.0 * isotropic_coulomb_newton_) {
+    // there and back again
+    const double hidden = 2.0 * b - along - moved.norm() - std::sqrt(3.0) * resolution_m_;
+    joule += isotropic_coulomb_newton_ * std::max(0.0, hidden);
+  }
+  return joule - kUlps * newton * (c + moved.norm() + reach + way_back);
+}
+
+double EnergyAccount::joule() const noexcept {
+  double sum = carried_joule_;
+  double magnitude = std::abs(carried_joule_);
+  const auto add = [&](double term) {
+    sum += term;
+    magnitude += std::abs(term);
+  };
+  add(work_joule_);
+  add(-0.5 * resolution_m_ * (last_force_newton_.lpNorm<1>() + force_change_newton_));
+  for (std::size_t i = 0; i < used_; ++i) {
+    const Path& path = paths_[i];
+    add(path.coulomb_newton * (path.closed_spans_m + span_m(path)));
+    add(path.closed_viscous_joule + path.viscous_joule(window_moved_m()));
+  }
+  return sum - kUlps * magnitude;
+}
+
+void EnergyAccount::change_force(const Vector3& force_newton) noexcept {
+  if (force_newton == last_force_newton_) return;
+  force_change_newton_ += (force_newton - last_force_newton_).lpNorm<1>();
+  force_change_newton_ *= 1.0 + kUlps;
+  last_force_newton_ = force_newton;
+}
+
+void EnergyAccount::follow(const Vector3& position_m, double duration_s) noexcept {
+  const double half_width = 0.5 * resolution_m_;
+  for (int i = 0; i < 3; ++i) {
+    const double held =
+        std::clamp(play_m_[i], position_m[i] - half_width, position_m[i] + half_width);
+    if (held != play_m_[i]) {
+      play_path_m_[i] = (play_path_m_[i] + std::abs(held - play_m_[i])) * (1.0 - kUlps);
+    }
+    play_m_[i] = held;
+  }
+  position_m_ = position_m;
+  for (std::size_t i = 0; i < used_; ++i) {
+    Path& path = paths_[i];
+    path.window_s = (path.window_s + duration_s) * (1.0 + kUlps);
+    if (!(path.window_s > 0.0)) continue;
+    const double span = span_m(path);
+    const bool ends_span = span >= kSpanResolutions * resolution_m_;
+    if (ends_span || path.norm_m(window_moved_m()) >= kWindowResolutions * resolution_m_) {
+      path.closed_windows_m =
+          (path.closed_windows_m + path.moved_m(window_moved_m())) * (1.0 - kUlps);
+      path.closed_viscous_joule =
+          (path.closed_viscous_joule + path.viscous_joule(window_moved_m())) * (1.0 - kUlps);
+      begin_window(path);
+    }
+    if (ends_span) {
+      path.closed_spans_m = (path.closed_spans_m + span) * (1.0 - kUlps);
+      path.closed_windows_m = 0.0;
+      begin_span(path);
+    }
+  }
+}
+
+void EnergyAccount::begin_span(const Path& path) noexcept {
+  for (int i = path.first; i < path.first + path.count; ++i) {
+    play_m_[i] = position_m_[i];
+    play_path_m_[i] = 0.0;
+  }
+}
+
+void EnergyAccount::begin_window(Path& path) noexcept {
+  for (int i = path.first; i < path.first + path.count; ++i) window_start_m_[i] = position_m_[i];
+  path.window_s = 0.0;
+}
+
+double EnergyAccount::span_m(const Path& path) const noexcept {
+  double squares = 0.0;
+  for (int i = path.first; i < path.first + path.count; ++i) {
+    const double length = std::max(0.0, below(play_path_m_[i], -0.5 * resolution_m_));
+    squares += length * length;
+  }
+  const double windows = path.closed_windows_m + path.moved_m(window_moved_m());
+  return std::max(windows, std::sqrt(squares)) * (1.0 - kUlps);
+}
+
+double EnergyAccount::Path::norm_m(const Vector3& moved_m) const noexcept {
+  return count == 1 ? std::abs(moved_m[first]) : moved_m.norm();
+}
+
+double EnergyAccount::Path::moved_m(const Vector3& window_moved_m) const noexcept {
+  return std::max(0.0, below(norm_m(window_moved_m), -w_m));
+}
+
+double EnergyAccount::Path::viscous_joule(const Vector3& window_moved_m) const noexcept {
+  if (!(window_s > 0.0)) return 0.0;
+  const double moved = moved_m(window_moved_m);
+  return viscous_newton_s_per_m * moved * moved / window_s;
+}
+
+}  // namespace palpate::device

@@ -1,0 +1,93 @@
+// energy_account.h — the monitor's own lower bound of the energy that the hand has put in
+// (docs/theory.md §2.3, §2.5). Written from the equations; shares no code with the controllers.
+#pragma once
+
+#include <array>
+#include <cstdint>
+
+#include "common/core/vector.h"
+#include "common/session/device_profile.h"
+
+namespace palpate::device {
+
+/// M ≤ E(t) = ∫ (friction + rendered force, both resisting the hand)·v dt, from readings within
+/// ±q/2 per axis and from the forces that acted between them. F is the force on the hand.
+///
+///   M = carried − Σ F·Δx̂ − (q/2) (|F(k−1)|₁ + |F(0)|₁ + Σ |ΔF|₁)
+///       + Σ over paths (f_co · length + f_d Σ (|Δx̂| − w)₊²/Δt)
+///
+/// One path in space with w = √3 q for isotropic friction, or one on each axis with w = q. The
+/// length is the sum over spans of the larger of Σ (|Δx̂| − w)₊ over windows and
+/// √(Σᵢ (Pᵢ − q/2)₊²), Pᵢ the path of the play operator of half-width q/2 on axis i. All sums are
+/// rounded down. Lemmas: telescoping, quantised_path, play_operator, play_axes. No allocation, no
+/// throw.
+class EnergyAccount {
+ public:
+  explicit EnergyAccount(const DeviceProfile& profile) noexcept;
+
+  /// M = joule at this reading; what was before no longer counts.
+  void restart(const Vector3& position_m, double joule) noexcept;
+
+  /// One force acted for `duration_s` > 0 and the position at the end was read.
+  void book(double duration_s, const Vector3& force_on_hand_newton,
+            const Vector3& position_at_end_m) noexcept;
+
+  /// A force that ended by itself, and no force until the reading.
+  struct Release {
+    Vector3 force_on_hand_newton = Vector3::Zero();  ///< not zero
+    double acted_s = 0.0;
+    double duration_s = 0.0;                      ///< ≥ acted_s: until the reading
+    Vector3 position_at_end_m = Vector3::Zero();  ///< the reading
+    double v_max_m_per_s = 0.0;                   ///< may be infinite: unknown
+    double most_drawn_joule = 0.0;                ///< upper bound of the loss; may be infinite
+  };
+  /// Lemmas: release_reach, release_energy.
+  void book_release(const Release& release) noexcept;
+
+  [[nodiscard]] double joule() const noexcept;
+  /// Last reading.
+  [[nodiscard]] const Vector3& position_m() const noexcept { return position_m_; }
+
+ private:
+  /// Friction along one path, on the axes first … first + count − 1.
+  struct Path {
+    int first = 0;
+    int count = 3;
+    double viscous_newton_s_per_m = 0.0;
+    double coulomb_newton = 0.0;
+    double w_m = 0.0;
+
+    double closed_spans_m = 0.0;
+    double closed_windows_m = 0.0;  // of the open span
+    double closed_viscous_joule = 0.0;
+    double window_s = 0.0;
+
+    [[nodiscard]] double norm_m(const Vector3& moved_m) const noexcept;
+    [[nodiscard]] double moved_m(const Vector3& window_moved_m) const noexcept;
+    [[nodiscard]] double viscous_joule(const Vector3& window_moved_m) const noexcept;
+  };
+
+  void change_force(const Vector3& force_newton) noexcept;
+  void follow(const Vector3& position_m, double duration_s) noexcept;
+  void begin_span(const Path& path) noexcept;
+  void begin_window(Path& path) noexcept;
+  [[nodiscard]] double span_m(const Path& path) const noexcept;
+  [[nodiscard]] Vector3 window_moved_m() const noexcept { return position_m_ - window_start_m_; }
+  [[nodiscard]] double least_release_joule(const Release& release) const noexcept;
+
+  double resolution_m_;
+  double isotropic_coulomb_newton_;  // 0 with friction per axis
+  std::array<Path, 3> paths_;
+  std::size_t used_;
+
+  double carried_joule_ = 0.0;
+  double work_joule_ = 0.0;  // −Σ F·Δx̂
+  Vector3 last_force_newton_ = Vector3::Zero();
+  double force_change_newton_ = 0.0;  // |F(0)|₁ + Σ |ΔF|₁
+  Vector3 position_m_ = Vector3::Zero();
+  Vector3 window_start_m_ = Vector3::Zero();  // of each axis
+  Vector3 play_m_ = Vector3::Zero();          // outputs of the play operators
+  Vector3 play_path_m_ = Vector3::Zero();     // and their paths in the open span
+};
+
+}  // namespace palpate::device

@@ -1,0 +1,172 @@
+#include "device_node/monitor/force_monitor.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace palpate::device {
+namespace {
+
+constexpr double kRoundingJoule = 1e-9;
+/// Less than the rounding of a force that was scaled to f_co.
+constexpr double kExact = 1.0 - 4.0 * std::numeric_limits<double>::epsilon();
+constexpr double kLeaseRoundingS = 1e-9;  // leases travel in whole nanoseconds
+
+}  // namespace
+
+// --- the worst hand
+// -------------------------------------------------------------------------------
+
+/// Maximum of e v − f_d v² over 0 ≤ v ≤ v_max.
+double WorstHand::along_one_axis_watt(double excess_newton,
+                                      double viscous_newton_s_per_m) const noexcept {
+  if (!(excess_newton > 0.0)) return 0.0;
+  const double fastest =
+      std::min(v_max_m_per_s_, 0.5 * excess_newton / viscous_newton_s_per_m);  // f_d = 0: v_max
+  if (!std::isfinite(fastest)) return fastest;
+  return (excess_newton - viscous_newton_s_per_m * fastest) * fastest;
+}
+
+double WorstHand::drain_watt(const Vector3& force_newton) const noexcept {
+  if (!profile_.per_axis) {
+    return along_one_axis_watt(kExact * force_newton.norm() - profile_.coulomb_newton,
+                               profile_.viscous_newton_s_per_m);
+  }
+  const FrictionPerAxis& friction = *profile_.per_axis;
+  const Vector3 excess = (kExact * force_newton.cwiseAbs() - friction.coulomb_newton).cwiseMax(0.0);
+  double sum = 0.0;
+  for (int i = 0; i < 3; ++i) {
+    sum += along_one_axis_watt(excess[i], friction.viscous_newton_s_per_m[i]);
+  }
+  return std::min(sum,
+                  along_one_axis_watt(excess.norm(), friction.viscous_newton_s_per_m.minCoeff()));
+}
+
+double WorstHand::largest_scale(const Vector3& force_newton, double watt) const noexcept {
+  if (drain_watt(force_newton) <= watt) return 1.0;
+  if (!profile_.per_axis) {
+    // e²/(4 f_d) = watt, or (e − f_d v_max) v_max = watt
+    const double viscous = profile_.viscous_newton_s_per_m;
+    const bool is_at_v_max = watt > viscous * v_max_m_per_s_ * v_max_m_per_s_;
+    const double excess = is_at_v_max ? viscous * v_max_m_per_s_ + watt / v_max_m_per_s_
+                                      : 2.0 * std::sqrt(viscous * watt);
+    return std::min(1.0, (profile_.coulomb_newton + excess) / force_newton.norm());
+  }
+  constexpr int kHalvings = 30;
+  double covered = 0.0;
+  double uncovered = 1.0;
+  for (int i = 0; i < kHalvings; ++i) {
+    const double middle = 0.5 * (covered + uncovered);
+    (drain_watt(middle * force_newton) <= watt ? covered : uncovered) = middle;
+  }
+  return covered;
+}
+
+// --- the monitor
+// ----------------------------------------------------------------------------------
+
+void ForceMonitor::read(TimePoint at, const Vector3& position_m) noexcept {
+  settle(at, position_m);
+  begin_credit(at);
+}
+
+/// What is left of M once the acting force has drawn all it can until it is replaced.
+void ForceMonitor::begin_credit(TimePoint at) noexcept {
+  credit_joule_ = account_.joule();
+  const double rest_s = to_seconds(std::min(reply_, lease_end_ - at));
+  if (rest_s > 0.0 && !acting_newton_.isZero(0.0)) {
+    credit_joule_ -= rest_s * worst_hand_.drain_watt(acting_newton_);
+  }
+}
+
+void ForceMonitor::ended(const Vector3& position_m) noexcept {
+  settle(lease_end_, position_m);
+  acting_newton_.setZero();
+}
+
+void ForceMonitor::switched(TimePoint at, const Vector3& position_m,
+                            const Vector3& force_on_hand_newton, Duration lease) noexcept {
+  settle(at, position_m);
+  acting_newton_ = force_on_hand_newton;
+  lease_end_ = at + lease;
+}
+
+void ForceMonitor::released(TimePoint at) noexcept {
+  lease_end_ = std::max(since_, std::min(lease_end_, at));
+}
+
+void ForceMonitor::count_since(TimePoint reading) noexcept {
+  if (reading == claimed_) return;
+  claimed_ = reading;
+  const auto at = [&](std::size_t i) -> const Stretch& {
+    return harmless_[(harmless_next_ + kHarmless - harmless_count_ + i) % kHarmless];
+  };
+  std::size_t i = 0;
+  while (i < harmless_count_ && at(i).until != reading) ++i;
+  if (i == harmless_count_) return;
+  account_.restart(at(i).position_m, 0.0);
+  for (++i; i < harmless_count_; ++i) {
+    account_.book(to_seconds(at(i).until - at(i - 1).until), at(i).force_on_hand_newton,
+                  at(i).position_m);
+  }
+  begin_credit(since_);
+}
+
+void ForceMonitor::remember(const Stretch& stretch) noexcept {
+  harmless_[harmless_next_] = stretch;
+  harmless_next_ = (harmless_next_ + 1) % kHarmless;
+  harmless_count_ = std::min(kHarmless, harmless_count_ + 1);
+}
+
+ForceMonitor::Covered ForceMonitor::cover(const Vector3& force_on_hand_newton,
+                                          Duration lease) noexcept {
+  Covered covered{.force_on_hand_newton = force_on_hand_newton, .lease = lease};
+  double drain = worst_hand_.drain_watt(force_on_hand_newton);
+  if (drain <= 0.0) return covered;
+
+  const double left = std::max(0.0, credit_joule_);
+  if ((to_seconds(lease) - kLeaseRoundingS) * drain > left + kRoundingJoule) {
+    covered.is_reduced = true;
+    covered.lease =
+        std::max(std::min(lease, hold_), Duration(static_cast<std::int64_t>(1e9 * (left / drain))));
+    const double lease_s = to_seconds(covered.lease);
+    covered.force_on_hand_newton *= worst_hand_.largest_scale(force_on_hand_newton, left / lease_s);
+    drain = worst_hand_.drain_watt(covered.force_on_hand_newton);
+  }
+  credit_joule_ -= to_seconds(covered.lease) * drain;
+  return covered;
+}
+
+/// Books what acted up to this reading.
+void ForceMonitor::settle(TimePoint at, const Vector3& position_m) noexcept {
+  if (is_lost_) {
+    is_lost_ = false;
+    account_.restart(position_m, std::min(0.0, account_.joule()));
+    acting_newton_.setZero();
+    since_ = at;
+    harmless_count_ = 0;
+    remember({.until = at, .position_m = position_m});
+    return;
+  }
+  if (at <= since_) return;
+  if (lease_end_ <= since_) acting_newton_.setZero();
+  const double duration_s = to_seconds(at - since_);
+  if (lease_end_ < at && !acting_newton_.isZero(0.0)) {
+    const double acted_s = to_seconds(lease_end_ - since_);
+    account_.book_release({.force_on_hand_newton = acting_newton_,
+                           .acted_s = acted_s,
+                           .duration_s = duration_s,
+                           .position_at_end_m = position_m,
+                           .v_max_m_per_s = worst_hand_.v_max_m_per_s(),
+                           .most_drawn_joule = acted_s * worst_hand_.drain_watt(acting_newton_)});
+    acting_newton_.setZero();
+    harmless_count_ = 0;
+  } else {
+    account_.book(duration_s, acting_newton_, position_m);
+    if (worst_hand_.drain_watt(acting_newton_) > 0.0) harmless_count_ = 0;
+  }
+  remember({.until = at, .position_m = position_m, .force_on_hand_newton = acting_newton_});
+  since_ = at;
+}
+
+}  // namespace palpate::device

@@ -1,0 +1,115 @@
+// force_monitor.h — the last gate before the motors: an independent check that the energy which the
+// hand has put in covers each command for its whole lease (docs/theory.md §3.1).
+#pragma once
+
+#include <array>
+#include <cstddef>
+
+#include "common/core/time.h"
+#include "common/core/vector.h"
+#include "common/session/device_config.h"
+#include "device_node/monitor/energy_account.h"
+
+namespace palpate::device {
+
+/// Most power that a hand no faster than v_max draws while a force acts. Lemmas: drain,
+/// drain_bounded_speed, drain_per_axis.
+class WorstHand {
+ public:
+  /// @param v_max_m_per_s  > 0, may be infinite
+  WorstHand(const DeviceProfile& profile, double v_max_m_per_s) noexcept
+      : profile_(profile), v_max_m_per_s_(v_max_m_per_s) {}
+
+  /// D(F), ≥ 0; 0 for a force of f_co up to rounding; infinite where neither viscous friction nor
+  /// v_max bounds it. D(sF) grows with s.
+  [[nodiscard]] double drain_watt(const Vector3& force_newton) const noexcept;
+  /// Largest found s in 0 … 1 with D(sF) ≤ watt ≥ 0: exact for isotropic friction, else at most
+  /// 1e-9 too small. Lemma: bound_bounded_speed.
+  [[nodiscard]] double largest_scale(const Vector3& force_newton, double watt) const noexcept;
+  [[nodiscard]] double v_max_m_per_s() const noexcept { return v_max_m_per_s_; }
+
+ private:
+  [[nodiscard]] double along_one_axis_watt(double excess_newton,
+                                           double viscous_newton_s_per_m) const noexcept;
+
+  DeviceProfile profile_;
+  double v_max_m_per_s_;
+};
+
+/// Follows what acted and what was read on this device, and nothing else: neither the echo nor any
+/// message of mofc_node. A command F with lease τ passes if
+///
+///   τ D(F) + min(δ, r) D(F_acting) ≤ M     at the reading of its tick
+///
+/// δ is the deadline of the answer, r the rest of the lease of the force that acts. Otherwise the
+/// lease becomes shorter, not below T_hold, and if that is not enough the force smaller, direction
+/// kept. So E(t) ≥ 0 whatever commands arrive, as in §2.5. Lemmas: hold_and_delay, residual_lease.
+/// Up to 1 nJ and the drain of 1 ns, in which leases are counted, pass as rounding. One thread, no
+/// allocation, no throw.
+class ForceMonitor {
+ public:
+  explicit ForceMonitor(const DeviceConfig& config) noexcept
+      : account_(config.profile),
+        worst_hand_(config.profile, config.monitor.v_max_m_per_s),
+        reply_(config.reply),
+        hold_(config.lease) {}
+
+  /// The reading of a tick. What follows in the tick is paid from the credit at this reading.
+  void read(TimePoint at, const Vector3& position_m) noexcept;
+  /// The force that acted ended by itself and the device latched this position.
+  void ended(const Vector3& position_m) noexcept;
+  /// A force begins to act, with the reading at that instant.
+  void switched(TimePoint at, const Vector3& position_m, const Vector3& force_on_hand_newton,
+                Duration lease) noexcept;
+  /// The motors were released without a reading.
+  void released(TimePoint at) noexcept;
+  /// The clamp has counted since the reading of that time, from 0. Because E ≥ 0 was kept, counting
+  /// from 0 at any past reading gives a lower bound, whatever the clamp claims. It is the sharper
+  /// one where the clamp started later than this monitor, so an honest clamp is never reduced. Done
+  /// once for a claim, and only if no force has acted since that needs credit, so that nothing
+  /// drawn outside the assumptions is forgiven; else without effect. Takes up to 20 µs.
+  void count_since(TimePoint reading) noexcept;
+  /// What happens from now until the next read() is not known: no credit is left, a debt stays.
+  void lost() noexcept { is_lost_ = true; }
+
+  struct Covered {
+    Vector3 force_on_hand_newton = Vector3::Zero();
+    Duration lease{};
+    bool is_reduced = false;
+  };
+  /// What is covered of a command that would begin to act in this tick.
+  [[nodiscard]] Covered cover(const Vector3& force_on_hand_newton, Duration lease) noexcept;
+
+  /// M at the last reading [J].
+  [[nodiscard]] double joule() const noexcept { return account_.joule(); }
+
+ private:
+  /// A reading, and what acted before it.
+  struct Stretch {
+    TimePoint until{};
+    Vector3 position_m = Vector3::Zero();
+    Vector3 force_on_hand_newton = Vector3::Zero();
+  };
+  static constexpr std::size_t kHarmless = 128;
+
+  void settle(TimePoint at, const Vector3& position_m) noexcept;
+  void remember(const Stretch& stretch) noexcept;
+  void begin_credit(TimePoint at) noexcept;
+
+  EnergyAccount account_;
+  WorstHand worst_hand_;
+  Duration reply_;
+  Duration hold_;
+
+  bool is_lost_ = true;
+  TimePoint since_{};                          ///< of the last reading
+  Vector3 acting_newton_ = Vector3::Zero();    ///< since then,
+  TimePoint lease_end_{};                      ///< until then
+  std::array<Stretch, kHarmless> harmless_{};  ///< ring: the newest, in all of which D(F) = 0
+  std::size_t harmless_count_ = 0;             ///< ≤ kHarmless; the first counts as reading only
+  std::size_t harmless_next_ = 0;
+  TimePoint claimed_{TimePoint::min()};  ///< last claim of count_since()
+  double credit_joule_ = 0.0;            ///< left in this tick
+};
+
+}  // namespace palpate::device

@@ -1,0 +1,15 @@
+"""Palpate from Python: physics for its haptic loop, live telemetry, recordings and loopback runs.
+
+SI units throughout; frame W (world) unless a name says otherwise; a force is named by what it
+pushes. The wire is described in docs/wire.md, the use of this package in docs/extending.md.
+"""
+
+from .contact import Contact
+from .errors import SetupError, run
+from .physics import Motion, Physics
+from .recording import Recording
+from .loopback_run import loopback
+from .scene import Surface
+from .telemetry import Batch, Telemetry
+
+__all__ = ["Batch", "Contact", "Motion", "Physics", "Recording", "SetupError", "Surface", "Telemetry", "loopback", "run"]

@@ -1,0 +1,153 @@
+// The monitor's account against the clamp's ledger, which shares no code with it, and the monitor
+// against every hand: what it passes is covered.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "common/core/random.h"
+#include "device_node/monitor/force_monitor.h"
+#include "mofc_node/controllers/energy_ledger.h"
+#include "mofc_node/controllers/one_pool_clamp.h"
+
+namespace palpate::device {
+namespace {
+
+/// Isotropic friction or friction per axis, some of it 0; an encoder that is exact or not.
+DeviceProfile random_profile(Random& random) {
+  const auto any = [&] { return random.chance(0.1) ? 0.0 : random.uniform(0.02, 0.3); };
+  DeviceProfile profile{
+      .viscous_newton_s_per_m = any(),
+      .coulomb_newton = any(),
+      .position_resolution_m = random.chance(0.2) ? 0.0 : random.uniform(5e-6, 5e-4)};
+  if (random.chance(0.5)) {
+    profile.per_axis = FrictionPerAxis{.viscous_newton_s_per_m = {any(), any(), any()},
+                                       .coulomb_newton = {any(), any(), any()}};
+  }
+  return profile;
+}
+
+std::optional<controllers::AxisFriction> axes_of(const DeviceProfile& profile) {
+  if (!profile.per_axis) return {};
+  return controllers::AxisFriction{.f_d = profile.per_axis->viscous_newton_s_per_m,
+                                   .f_co = profile.per_axis->coulomb_newton};
+}
+
+controllers::MofcParameters parameters_of(const DeviceProfile& profile) {
+  return {.f_d = profile.viscous_newton_s_per_m, .f_co = profile.coulomb_newton, .T = 0.002};
+}
+
+Vector3 quantised(const Vector3& position_m, double q) {
+  return q > 0.0 ? Vector3((position_m / q).array().round() * q) : position_m;
+}
+
+// So the monitor never reduces what an honest clamp grants, and never trusts more than it.
+TEST(MonitorLaws, TheAccountIsTheClampsLedgerToRoundingAndNotBelowIt) {
+  for (std::uint64_t seed = 1; seed <= 100; ++seed) {
+    SCOPED_TRACE(testing::Message() << "seed=" << seed);
+    Random random(seed);
+    const DeviceProfile profile = random_profile(random);
+    const double q = profile.position_resolution_m;
+    const bool has_v_max = random.chance(0.5);
+    const double v_max = has_v_max ? 0.5 : std::numeric_limits<double>::infinity();
+    EnergyAccount account(profile);
+    controllers::EnergyLedger ledger(parameters_of(profile), axes_of(profile), q);
+    const controllers::OnePoolClamp clamp(parameters_of(profile), axes_of(profile), v_max);
+    const WorstHand worst_hand(profile, v_max);
+
+    Vector3 hand = Vector3::Zero();
+    Vector3 velocity = Vector3::Zero();
+    Vector3 force = Vector3::Zero();
+    account.restart(quantised(hand, q), 0.0);
+    ledger.restart(quantised(hand, q));
+    double largest = 1e-3;
+    for (int k = 0; k < 2000; ++k) {
+      const double T = random.uniform(1e-4, 2e-3);
+      if (random.chance(0.05)) velocity = random.uniform(0.0, 0.4) * random.direction();
+      if (random.chance(0.5)) force = random.uniform(0.0, 3.3) * random.direction();
+      if (random.chance(0.1)) force.setZero();
+      hand += T * velocity;
+      const Vector3 reading = quantised(hand, q);
+      const double drain = worst_hand.drain_watt(force);
+      EXPECT_TRUE(drain == clamp.drain_watt(force) ||
+                  std::abs(drain - clamp.drain_watt(force)) < 1e-9 * drain + 1e-12);
+      if (random.chance(0.1) && !force.isZero(0.0)) {
+        const double acted = random.uniform() * T;
+        account.book_release({.force_on_hand_newton = force,
+                              .acted_s = acted,
+                              .duration_s = T,
+                              .position_at_end_m = reading,
+                              .v_max_m_per_s = v_max,
+                              .most_drawn_joule = acted * drain});
+        if (!std::isfinite(drain)) {
+          ledger.forfeit(reading);
+        } else if (has_v_max) {
+          ledger.book_release({.force_on_hand_newton = force,
+                               .acted_s = acted,
+                               .duration_s = T,
+                               .hand_position_at_end_m = reading,
+                               .v_max_m_per_s = v_max,
+                               .most_drawn_joule = acted * drain});
+        } else {
+          ledger.book_unread(acted * drain, reading);
+        }
+      } else {
+        account.book(T, force, reading);
+        ledger.book(T, force, reading);
+      }
+      largest = std::max(largest, std::abs(ledger.energy_joule()));
+      ASSERT_NEAR(account.joule(), ledger.energy_joule(), 1e-11 * largest) << "step " << k;
+      ASSERT_GE(account.joule(), ledger.energy_joule() - 1e-14 * largest) << "step " << k;
+    }
+  }
+}
+
+TEST(MonitorLaws, WhatIsLeftOfACommandIsCoveredAndNoSmallerThanItMust) {
+  int reduced = 0;
+  for (std::uint64_t seed = 1; seed <= 300; ++seed) {
+    SCOPED_TRACE(testing::Message() << "seed=" << seed);
+    Random random(seed);
+    DeviceConfig config;
+    config.profile = random_profile(random);
+    config.reply = std::chrono::microseconds(500);
+    config.lease = std::chrono::milliseconds(2);
+    config.monitor.v_max_m_per_s =
+        random.chance(0.5) ? 0.5 : std::numeric_limits<double>::infinity();
+    ForceMonitor monitor(config);
+    const WorstHand worst_hand(config.profile, config.monitor.v_max_m_per_s);
+    const double q = config.profile.position_resolution_m;
+    TimePoint now{};
+    Vector3 hand = Vector3::Zero();
+    Vector3 velocity = Vector3::Zero();
+    for (int k = 0; k < 300; ++k) {
+      now += std::chrono::milliseconds(1);
+      if (random.chance(0.05)) velocity = random.uniform(0.0, 0.4) * random.direction();
+      hand += 1e-3 * velocity;
+      monitor.read(now, quantised(hand, q));
+      const Vector3 asked = random.uniform(0.0, 20.0) * random.direction();
+      const Duration asked_lease = std::chrono::microseconds(random.below(20000) + 1);
+      const ForceMonitor::Covered covered = monitor.cover(asked, asked_lease);
+      const Vector3& F = covered.force_on_hand_newton;
+      const double drain = worst_hand.drain_watt(F);
+
+      EXPECT_LE(covered.lease, asked_lease);
+      EXPECT_GE(covered.lease, std::min(asked_lease, config.lease));
+      EXPECT_LE(F.norm(), asked.norm() * (1.0 + 1e-12));
+      if (drain > 0.0) {
+        EXPECT_LE(to_seconds(covered.lease) * drain,
+                  std::max(0.0, monitor.joule()) * (1.0 + 1e-9) + 1e-9 * (1.0 + drain));
+      }
+      if (covered.is_reduced && F.norm() < 0.99 * asked.norm()) {
+        ++reduced;
+        const double more = to_seconds(covered.lease) * worst_hand.drain_watt(1.001 * F);
+        EXPECT_TRUE(more == 0.0 || more > to_seconds(covered.lease) * drain);
+      }
+      monitor.switched(now, quantised(hand, q), F, covered.lease);
+    }
+  }
+  EXPECT_GT(reduced, 10000);
+}
+
+}  // namespace
+}  // namespace palpate::device

@@ -1,0 +1,89 @@
+"""Loopback runs, recordings and live telemetry as Python data."""
+
+import importlib.util
+import unittest
+
+import numpy as np
+
+import palpate
+from support import RESTING, TestCase, force_z_until, rests
+
+TISSUE = "scene { tissue { half_space {} kelvin_voigt { stiffness_newton_per_m: 400 } } }\n"
+
+
+class Data(TestCase):
+    def setUp(self) -> None:
+        super().setUp()
+        self.file = self.session(RESTING + TISSUE)
+
+    def test_loopback_gives_figures_and_a_recording(self) -> None:
+        record = self.folder / "run.mcap"
+        figures = palpate.loopback(self.file, {"mofc.controller": "none"}, seconds=2, record=record)
+        self.assertEqual(figures["ticks"], 400)
+        again = palpate.loopback(self.file, {"mofc.controller": "none"}, seconds=2)
+        self.assertEqual(figures["max_force_n"], again["max_force_n"])
+
+        recording = palpate.Recording(record)
+        self.assertTrue(recording.is_complete)
+        self.assertEqual(recording.sides, [""])
+        self.assertIn("controller: none", recording.session)
+        device = recording.columns("device")
+        self.assertEqual(device["sequence"].tolist(), list(range(400)))
+        self.assertEqual(device["force_on_hand_newton"].shape, (400, 3))
+        self.assertAlmostEqual(
+            float(np.linalg.norm(device["force_on_hand_newton"], axis=1).max()), figures["max_force_n"], 9
+        )
+        self.assertTrue(rests(device["force_on_hand_newton"][-50:, 2]))
+        self.assertEqual(len(recording.columns("mofc")["device_sequence"]), 400)
+        with self.assertRaisesRegex(ValueError, "device, mofc, physics"):
+            recording.columns("organ")
+        with self.assertRaisesRegex(ValueError, "side = 'left'"):
+            recording.columns("device", "left")
+
+    @unittest.skipUnless(importlib.util.find_spec("pandas"), "no pandas")
+    def test_a_recording_is_a_frame_of_pandas(self) -> None:
+        record = self.folder / "run.mcap"
+        palpate.loopback(self.file, seconds=0.1, record=record)
+        self.assertEqual(len(palpate.Recording(record).frame("device")["force_on_hand_newton_z"]), 20)
+
+    def test_recordings_cut_or_damaged(self) -> None:
+        record = self.folder / "run.mcap"
+        palpate.loopback(self.file, seconds=6, record=record)
+        whole = record.read_bytes()
+
+        cut = self.folder / "cut.mcap"
+        cut.write_bytes(whole[: len(whole) // 2])
+        recording = palpate.Recording(cut)
+        self.assertFalse(recording.is_complete)
+        ticks = recording.columns("device")["sequence"].size
+        self.assertGreater(ticks, 0)
+        self.assertLess(ticks, 1200)
+
+        at = len(whole) // 3
+        cut.write_bytes(whole[:at] + bytes([whole[at] ^ 0xFF]) + whole[at + 1 :])
+        with self.assertRaisesRegex(palpate.SetupError, "damaged"):
+            palpate.Recording(cut)
+        cut.write_bytes(b"no recording")
+        with self.assertRaisesRegex(palpate.SetupError, "is not an MCAP file"):
+            palpate.Recording(cut)
+
+    def test_a_refused_loopback_says_why(self) -> None:
+        with self.assertRaisesRegex(palpate.SetupError, "must be > 0"):
+            palpate.loopback(self.file, {"duration_s": -1})
+        with self.assertRaisesRegex(palpate.SetupError, "cannot be started"):
+            palpate.loopback(self.file, program=self.folder / "none")
+
+    def test_live_telemetry_of_the_nodes_of_a_launch(self) -> None:
+        with palpate.Telemetry(self.file) as telemetry, self.running(
+            "palpate", "launch", self.file, "--no-realtime", "--no-viewer"
+        ) as launch:
+            nodes = set()
+            self.assertIsNotNone(force_z_until(telemetry, rests), launch.err)
+            for batch in telemetry:
+                nodes.add(batch.node)
+                self.assertEqual(batch.side, "")
+                if batch.node == "physics" and batch.columns["sequence"].size:
+                    self.assertEqual(batch.columns["force_on_tool_newton"].shape[1], 3)
+                if nodes == {"device", "mofc", "physics"}:
+                    break
+            self.assertEqual(telemetry.refused, 0)
