@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <chrono>
 #include <limits>
 
@@ -90,6 +91,8 @@ TEST(ForceGuard, GivesUpALeaseThatWouldEndBeforeTheNextReading) {
   const GuardedForce out = guard.missed(kStart + 1500us, kStart + 2100us);
   EXPECT_EQ(out.state, GuardState::kFallback);
   EXPECT_TRUE(out.is_switch);
+  // and it stays given up
+  EXPECT_EQ(guard.missed(kStart + 1600us, kStart + 1900us).state, GuardState::kFallback);
 }
 
 // f_co = 0.1 N of the profile, along (3, 4, 0)/5.
@@ -200,6 +203,7 @@ TEST(ForceGuard, AHoleUpToAPeriodLongerThanItsLeaseNeedsNoRamp) {
 
 TEST(ForceGuard, TheSmallerPeakHoldsAndTheDirectionIsKept) {
   DeviceConfig c = config();
+  c.peak_force_newton = 5.0;
   ForceGuard by_device(c, kDevicePeak_newton);
   c.peak_force_newton = 2.0;
   ForceGuard by_session(c, kDevicePeak_newton);
@@ -372,15 +376,35 @@ TEST(ForceGuard, AfterAResetTheLeaseOfTheLastAnswerIsOver) {
 // The motors were released at once: the next force grows from zero, though the lease of the one
 // that was withdrawn would still run.
 TEST(ForceGuard, AWithdrawnAnswerDoesNotAct) {
-  ForceGuard guard(slewing(), kDevicePeak_newton);
-  for (int i = 0; i < 10; ++i) {
-    (void)guard.answered(command(Vector3(1, 0, 0)), kStart + i * 1ms);
-  }
-  guard.withdraw_answer();
+  for (const bool is_missed : {false, true}) {
+    ForceGuard guard(slewing(), kDevicePeak_newton);
+    for (int i = 0; i < 10; ++i) {
+      (void)guard.answered(command(Vector3(1, 0, 0)), kStart + i * 1ms);
+    }
+    guard.withdraw_answer();
 
-  EXPECT_EQ(missed(guard, kStart + 9ms + 500us).force_on_hand_newton.norm(), 0.0);
-  EXPECT_NEAR(guard.answered(command(Vector3(1, 0, 0)), kStart + 10ms).force_on_hand_newton.x(),
-              0.1, 1e-15);
+    if (is_missed) {
+      const GuardedForce out = missed(guard, kStart + 9ms + 500us);
+      EXPECT_EQ(out.force_on_hand_newton.norm(), 0.0);
+      EXPECT_EQ(out.state, GuardState::kFallback);
+    }
+    const GuardedForce next = guard.answered(command(Vector3(1, 0, 0)), kStart + 10ms);
+    EXPECT_NEAR(next.force_on_hand_newton.x(), 0.1, 1e-15);
+  }
+}
+
+TEST(ForceGuard, BeforeTheFirstAnswerItIsLimpHoweverYoungTheClock) {
+  ForceGuard guard(config(), kDevicePeak_newton);
+  EXPECT_EQ(missed(guard, time_at(0.005)).state, GuardState::kLimp);
+}
+
+// 0.1 N a millisecond towards 20 N: 0.1 k N after k answers, 3.3 N from the 33rd on.
+TEST(ForceGuard, AGrowingForceEndsAtThePeak) {
+  ForceGuard guard(slewing(), kDevicePeak_newton);
+  for (int k = 1; k <= 40; ++k) {
+    const GuardedForce out = guard.answered(command(Vector3(0, 0, 20)), kStart + k * 1ms);
+    EXPECT_NEAR(out.force_on_hand_newton.z(), std::min(0.1 * k, kDevicePeak_newton), 1e-12);
+  }
 }
 
 }  // namespace

@@ -486,6 +486,77 @@ TEST(EnergyLedger, ASpanThatEndsInsideAWindowIsNotCountedTwice) {
   EXPECT_NEAR(ledger.dissipated_joule(), 259.0 * q, 1e-9);
 }
 
+// 2 mm along the force, all the time that it acted: there is no path back. Work 2·2.05 mm, Coulomb
+// 1.9 mm, quantisation 0.1 mJ.
+TEST(EnergyLedger, AReleaseWithoutAWayBackCountsNoPathForIt) {
+  EnergyLedger ledger(0.0, 1.0, 1e-4);
+  ledger.restart(Vector3::Zero());
+  ledger.book_release({.force_on_hand_newton = {2, 0, 0},
+                       .acted_s = 4e-3,
+                       .duration_s = 4e-3,
+                       .hand_position_at_end_m = {2e-3, 0, 0},
+                       .v_max_m_per_s = 0.5,
+                       .most_drawn_joule = 1.0});
+  EXPECT_NEAR(ledger.energy_joule(), -4.1e-3 + 1.9e-3 - 0.1e-3, 1e-8);
+}
+
+// Fifteen steps of 20 q by turns along x and y are a span, 15 (20 − √3) q by its windows; to and
+// fro by 10 q ten times is 9.5 + 9·9 − 0.5 = 90 q by the play in the next. In one span, the play
+// would be √(250² + 139²) = 286 q for both.
+TEST(EnergyLedger, EachSpanCountsItsOwnLongerPath) {
+  const double q = 1e-4;
+  EnergyLedger ledger(0.0, 1.0, q);
+  ledger.restart(Vector3::Zero());
+  Vector3 x = Vector3::Zero();
+  for (int i = 0; i < 15; ++i) {
+    x[i % 2] += 20.0 * q;
+    ledger.book(0.1, Vector3::Zero(), x);
+  }
+  for (int i = 1; i <= 10; ++i) {
+    ledger.book(0.1, Vector3::Zero(), x + Vector3(i % 2 * 10.0 * q, 0, 0));
+  }
+  EXPECT_NEAR(ledger.dissipated_joule() / q, 15.0 * (20.0 - std::numbers::sqrt3) + 90.0, 1e-6);
+}
+
+// To and fro by 8 q as above: 14 q, along each axis, for both kinds of friction.
+TEST(EnergyLedger, EveryAxisCounts) {
+  const double q = std::ldexp(1.0, -10);
+  const AxisFriction friction{.f_d = Vector3::Zero(), .f_co = Vector3::Ones()};
+  for (EnergyLedger ledger : {EnergyLedger(0.0, 1.0, q), EnergyLedger(friction, q)}) {
+    for (int axis = 0; axis < 3; ++axis) {
+      ledger.restart(Vector3::Zero());
+      ledger.book(1.0, Vector3::Zero(), 8.0 * q * Vector3::Unit(axis));
+      ledger.book(1.0, Vector3::Zero(), Vector3::Zero());
+      EXPECT_NEAR(ledger.dissipated_joule(), 14.0 * q, 1e-12);
+    }
+  }
+}
+
+TEST(EnergyLedger, ATremorWithinHalfAResolutionCountsNothing) {
+  EnergyLedger ledger(0.0, 1.0, 1e-4);
+  ledger.restart(Vector3::Zero());
+  for (int i = 0; i < 100; ++i) {
+    ledger.book(1e-3, Vector3::Zero(), (i % 2 == 0 ? 0.4e-4 : -0.4e-4) * Vector3::Ones());
+  }
+  EXPECT_EQ(ledger.dissipated_joule(), 0.0);
+}
+
+// Exactly the bound is not clamped; f_max = f_co = 0.1 N without energy.
+TEST(ControllerOutput, IsClampedOnlyBeyondTheBound) {
+  EXPECT_FALSE(output_within({0, 2, 0}, 2.0).is_clamped);
+  EXPECT_TRUE(output_within({0, 2.1, 0}, 2.0).is_clamped);
+  const auto is_clamped = [](const Vector3& asked) {
+    return PaperMofc(kPhantom)
+        .step({.hand_position_m = Vector3::Zero(),
+               .applied = {},
+               .asked_force_on_hand_newton = asked})
+        .is_clamped;
+  };
+  EXPECT_FALSE(is_clamped({0.1, -0.1, 0.05}));
+  EXPECT_TRUE(is_clamped({0, 0.11, 0}));
+  EXPECT_TRUE(is_clamped({0, 0, -0.11}));
+}
+
 /// Rounding units, 2⁻⁵² of `of`, by which `value` is below `exact`.
 double units_below(double exact, double value, double of = 1.0) {
   return (exact - value) / (of * std::numeric_limits<double>::epsilon());
@@ -551,18 +622,20 @@ TEST(LedgerRounding, ThePlayIsLoweredBy632UnitsOfAResolutionHoweverLongTheHandRe
   EXPECT_NEAR(units_below(14.0 * q, ledger.energy_joule(), q), 632.0, 40.0);
 }
 
-// 2 N for ½ s, 1 m/s at most, 0.25 m in 1 s: 1 J, 8·2·(0.25 + 1) = 20 units; k booked, k in the
-// sum.
+// 2 N for ½ s, 1 m/s at most. 0.25 m along it in 1 s: −1 J, 8·2·(0.25 + 1) = 20 units; k booked, k
+// in the sum. 0.75 m against it: at least 0.25 m of them while it acted, +½ J, 8·2·(0.75 + 1) = 28.
 TEST(LedgerRounding, AReleaseIsLoweredBy36Units) {
-  EnergyLedger ledger(0.0, 0.0, 0.0);
-  ledger.restart(Vector3::Zero());
-  ledger.book_release({.force_on_hand_newton = {2, 0, 0},
-                       .acted_s = 0.5,
-                       .duration_s = 1.0,
-                       .hand_position_at_end_m = {0.25, 0, 0},
-                       .v_max_m_per_s = 1.0,
-                       .most_drawn_joule = 100.0});
-  EXPECT_NEAR(units_below(-1.0, ledger.energy_joule()), 36.0, 3.0);
+  for (const double moved_m : {0.25, -0.75}) {
+    EnergyLedger ledger(0.0, 0.0, 0.0);
+    ledger.restart(Vector3::Zero());
+    ledger.book_release({.force_on_hand_newton = {2, 0, 0},
+                         .acted_s = 0.5,
+                         .duration_s = 1.0,
+                         .hand_position_at_end_m = {moved_m, 0, 0},
+                         .v_max_m_per_s = 1.0,
+                         .most_drawn_joule = 100.0});
+    EXPECT_NEAR(units_below(moved_m > 0.0 ? -1.0 : 0.5, ledger.energy_joule()), 36.0, 3.0);
+  }
 }
 
 TEST(ControllerDefaults, AreThoseOfTheHeaders) {

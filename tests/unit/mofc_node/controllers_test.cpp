@@ -79,9 +79,11 @@ TEST(MofcEquations, TheBoundIsTight) {
 }
 
 // A hand of 0.5 m/s at most. 1 N: v* = 0.9/0.2 = 4.5 m/s is cut to 0.5: (0.9 − 0.1·0.5)·0.5
-// = 0.425 W. 0.15 N: v* = 0.25 m/s, as without: 0.05²/0.4 = 6.25 mW. f_d = 0: 0.9·0.5 = 0.45 W
+// = 0.425 W. 0.25 N: 0.75 m/s is cut too: (0.15 − 0.05)·0.5 = 0.05 W.
+// 0.15 N: v* = 0.25 m/s, as without: 0.05²/0.4 = 6.25 mW. f_d = 0: 0.9·0.5 = 0.45 W
 TEST(MofcEquations, DrainOfAHandOfBoundedSpeed) {
   EXPECT_NEAR(drain_watt(kOmni, 1.0, 0.5), 0.425, 1e-15);
+  EXPECT_NEAR(drain_watt(kOmni, 0.25, 0.5), 0.05, 1e-15);
   EXPECT_NEAR(drain_watt(kOmni, 0.15, 0.5), 6.25e-3, 1e-15);
   EXPECT_EQ(drain_watt(kOmni, 0.1, 0.5), 0.0);
   EXPECT_NEAR(drain_watt({.f_d = 0.0, .f_co = 0.1, .T = 0.02}, 1.0, 0.5), 0.45, 1e-15);
