@@ -91,17 +91,16 @@ class RunFolder {
 nlohmann::json scene_of(const Session& session) {
   constexpr std::size_t kLongestText = 64 << 10;  // Linux allows 128 KiB for one variable
   const Side& side = session.side();
-  nlohmann::json scene{
-      {"session_name", session.name},
-      {"session_text", session.text.size() > kLongestText ? "" : session.text},
-      {"controller", controller_text(side.mofc)},
-      {"device_rate_hz", side.device.rate_hz},
-      {"physics_rate_hz", session.physics.rate_hz},
-      {"peak_force_newton", side.device.peak_force_newton},
-      {"tip_radius_m", session.scene.tip_radius_m},
-      {"shaft_length_m", session.scene.shaft_length_m},
-      {"shaft_radius_m", session.scene.shaft_radius_m},
-      {"workspace_scale_ratio", side.device.workspace.scale_ratio}};
+  nlohmann::json scene{{"session_name", session.name},
+                       {"session_text", session.text.size() > kLongestText ? "" : session.text},
+                       {"controller", controller_text(side.mofc)},
+                       {"device_rate_hz", side.device.rate_hz},
+                       {"physics_rate_hz", session.physics.rate_hz},
+                       {"peak_force_newton", side.device.peak_force_newton},
+                       {"tip_radius_m", session.scene.tip_radius_m},
+                       {"shaft_length_m", session.scene.shaft_length_m},
+                       {"shaft_radius_m", session.scene.shaft_radius_m},
+                       {"workspace_scale_ratio", side.device.workspace.scale_ratio}};
   if (const auto& pointer = side.hand.pointer) {
     const Vector3& center_m = pointer->center_m;
     scene["pointer"] = {
