@@ -18,15 +18,15 @@ set(PALPATE_BOUNDARIES
   "common/contact:common/core,common/contact/cloud"
   "common/contact/cloud:common/core,common/contact"
   "common/session:common/core"
-  "common/session/file:common/core,common/session,@wire"
+  "common/session/file:common/core,common/core/user,common/session,@wire"
   "common/session/reference:common/session/file,@wire"
-  "common/telemetry:common/core,common/session,@log,@threads"
+  "common/telemetry:common/core,common/core/user,common/session,@log,@threads"
   # in link: codec, security ← socket ← the ends
   "common/link/codec:common/core,common/telemetry,@wire"
   "common/link/security:common/core,@zmq,@threads"
   "common/link/socket:common/core,common/session,common/link/codec,common/link/security,@zmq,@threads"
   "common/link:common/core,common/telemetry,common/link/*,@zmq"
-  "common/process:common/core,common/session,common/telemetry,common/link/*,@log,@cli,@threads"
+  "common/process:common/core,common/core/user,common/session,common/telemetry,common/link/*,@log,@cli,@threads"
 
   # the tick knows the interface of a device, no driver and no simulation
   "device_node:common/core,common/session/device_config.h,common/session/device_profile.h,common/telemetry/device_telemetry.h,device_node/monitor"
@@ -58,7 +58,7 @@ set(PALPATE_BOUNDARIES
   # lockstep, launch ← palpate
   "deploy/lockstep:common/*,device_node/*,mofc_node/*,physics_node/*,viewer_node/recording,@zmq,@log,@threads"
   "deploy/launch:common/*,@log,@threads"
-  "deploy/palpate:common/*,deploy/lockstep,deploy/launch,device_node/*,physics_node/*,viewer_node/process.h,viewer_node/feed,viewer_node/recording,@log,@cli,@threads")
+  "deploy/palpate:common/*,deploy/palpate/*,deploy/lockstep,deploy/launch,device_node/*,physics_node/*,viewer_node/process.h,viewer_node/feed,viewer_node/recording,@log,@cli,@threads")
 
 # Every library a target links to, directly or not.
 function(palpate_links_of target result)

@@ -25,6 +25,7 @@ int main(int argc, char** argv) {
                  ->type_name("[ENDPOINT]")
                  ->expected(0, 1)
                  ->default_str(palpate::kPlotEndpoint);
+             app.add_flag("--quiet", options.is_quiet, "no status line");
              palpate::viewer::WebOptions& web = options.web;
              app.add_option(
                     "--listen", web.listen,

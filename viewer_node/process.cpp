@@ -7,7 +7,7 @@
 #include <optional>
 #include <stdexcept>
 
-#include "common/core/output_file.h"
+#include "common/core/user/output_file.h"
 #include "common/link/plot_sender.h"
 #include "common/process/heap_trim.h"
 #include "common/process/refused_peers_log.h"
@@ -177,7 +177,7 @@ void run_process(NodeContext& context, ProcessLinks& links, const ViewerOptions&
   };
   RefusedPeersLog refused_peers(context.log, links.side.refused());
   HeapTrim heap;
-  bool is_quiet = context.is_quiet;
+  bool is_quiet = options.is_quiet;
   TimePoint next_status = context.clock.now() + context.session.viewer.status_interval;
   while (!context.stop.stop_requested()) {
     const Duration interval = web ? kWebPumpInterval : kPumpInterval;

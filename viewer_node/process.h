@@ -21,6 +21,7 @@ struct ViewerOptions {
   std::string csv_file;       ///< empty: none; one file per side, see csv_file_of()
   RecordOptions record{};     ///< its may_overwrite is the table's, too
   std::string plotjuggler{};  ///< endpoint; empty: none. Shows the first side only
+  bool is_quiet = false;      ///< no status line
   WebOptions web{};
 };
 

@@ -15,7 +15,7 @@
 #include <vector>
 
 #include "common/core/check.h"
-#include "common/core/output_file.h"
+#include "common/core/user/output_file.h"
 #include "common/core/version.h"
 #include "common/process/endpoints.h"
 #include "common/process/options.h"
@@ -150,8 +150,10 @@ int run_node(int argc, char** argv, const NodeInfo& info,
   add_no_realtime_flag(app, has_no_realtime);
   add_insecure_flag(app, is_insecure);
   if (info.moves_device) add_unsafe_flag(app, is_unsafe);
-  bool is_quiet = false;
-  app.add_flag("-q,--quiet", is_quiet, "print only warnings and errors");
+  std::string log_level = "info";
+  app.add_option("--log-level", log_level, "least severe lines of the log (default: info)")
+      ->type_name("LEVEL")
+      ->check(CLI::IsMember({"info", "warn", "error"}));
   app.set_version_flag("--version", program + " " + version());
   std::string footer =
       "`palpate launch SESSION` starts all nodes of a session and restarts those that fail.";
@@ -177,7 +179,7 @@ int run_node(int argc, char** argv, const NodeInfo& info,
 
     request_short_slices();  // before the first thread starts
     const Log log(with_side(side, info.name));
-    if (is_quiet) log.logger().set_level(spdlog::level::warn);
+    log.logger().set_level(spdlog::level::from_str(log_level));
     Signals signals(seconds);
     if (is_insecure) {
       signals.each_minute(
@@ -190,8 +192,7 @@ int run_node(int argc, char** argv, const NodeInfo& info,
                         .log = log.logger(),
                         .stop = signals.token(),
                         .requests = signals.requests(),
-                        .is_unsafe = is_unsafe,
-                        .is_quiet = is_quiet};
+                        .is_unsafe = is_unsafe};
     context.log.info("event=start session={} session_id={:x} version={}", session.name,
                      context.session_id, version());
     body(context);

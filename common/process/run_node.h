@@ -40,7 +40,6 @@ struct NodeContext {
   std::stop_token stop;  ///< SIGINT, SIGTERM, SIGHUP or the end of --seconds
   const SignalRequests& requests = kNoRequests;
   bool is_unsafe = false;  ///< --unsafe: a real device may run without the monitor of the energy
-  bool is_quiet = false;  ///< only warnings and errors
 };
 
 /// For --insecure: allows tcp beyond loopback without keys. Throws SetupError if the session has

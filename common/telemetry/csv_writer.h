@@ -6,7 +6,7 @@
 #include <optional>
 #include <string>
 
-#include "common/core/output_file.h"
+#include "common/core/user/output_file.h"
 #include "common/telemetry/tick_row.h"
 
 namespace palpate {

@@ -91,17 +91,16 @@ class RunFolder {
 nlohmann::json scene_of(const Session& session) {
   constexpr std::size_t kLongestText = 64 << 10;  // Linux allows 128 KiB for one variable
   const Side& side = session.side();
-  nlohmann::json scene{
-      {"session_name", session.name},
-      {"session_text", session.text.size() > kLongestText ? "" : session.text},
-      {"controller", controller_text(side.mofc)},
-      {"device_rate_hz", side.device.rate_hz},
-      {"physics_rate_hz", session.physics.rate_hz},
-      {"peak_force_newton", side.device.peak_force_newton},
-      {"tip_radius_m", session.scene.tip_radius_m},
-      {"shaft_length_m", session.scene.shaft_length_m},
-      {"shaft_radius_m", session.scene.shaft_radius_m},
-      {"workspace_scale_ratio", side.device.workspace.scale_ratio}};
+  nlohmann::json scene{{"session_name", session.name},
+                       {"session_text", session.text.size() > kLongestText ? "" : session.text},
+                       {"controller", controller_text(side.mofc)},
+                       {"device_rate_hz", side.device.rate_hz},
+                       {"physics_rate_hz", session.physics.rate_hz},
+                       {"peak_force_newton", side.device.peak_force_newton},
+                       {"tip_radius_m", session.scene.tip_radius_m},
+                       {"shaft_length_m", session.scene.shaft_length_m},
+                       {"shaft_radius_m", session.scene.shaft_radius_m},
+                       {"workspace_scale_ratio", side.device.workspace.scale_ratio}};
   if (const auto& pointer = side.hand.pointer) {
     const Vector3& center_m = pointer->center_m;
     scene["pointer"] = {
@@ -160,7 +159,7 @@ std::vector<ChildSpec> nodes_of(const LaunchOptions& options, const Session& ses
   }
   if (!options.is_realtime) arguments.emplace_back("--no-realtime");
   if (options.is_insecure) arguments.emplace_back("--insecure");
-  if (options.is_quiet) arguments.emplace_back("--quiet");
+  if (options.is_quiet) arguments.insert(arguments.end(), {"--log-level", "warn"});
 
   const auto is_here = [&](const char* node) { return options.nodes.contains(node); };
   if (options.is_together && !(is_here("device") && is_here("mofc"))) {
@@ -205,8 +204,10 @@ std::vector<ChildSpec> nodes_of(const LaunchOptions& options, const Session& ses
   }
   if (is_here("viewer")) {
     ChildSpec& viewer = add("viewer");
-    if (!options.page_address.empty()) {
-      viewer.arguments.insert(viewer.arguments.end(), {"--listen", options.page_address});
+    if (options.is_quiet) viewer.arguments.emplace_back("--quiet");
+    const std::string address = options.on_page ? options.on_page() : "";
+    if (!address.empty()) {
+      viewer.arguments.insert(viewer.arguments.end(), {"--listen", address});
     }
   }
   return children;

@@ -22,8 +22,10 @@ struct LaunchOptions {
   bool is_realtime = true;                  ///< false: nodes are started with --no-realtime
   bool is_insecure = false;                 ///< nodes are started with --insecure
   bool is_unsafe = false;                   ///< device nodes are started with --unsafe
-  bool is_quiet = false;                    ///< nodes are started with --quiet
-  std::string page_address = {};            ///< --listen of the viewer; empty: the session's port
+  bool is_quiet = false;                    ///< nodes print warnings and errors only
+  /// Called before the first node starts, if the viewer is among them. Returns --listen of the
+  /// viewer; empty: the session's port.
+  std::function<std::string()> on_page = {};
   /// Nodes to run on this machine: some of device, mofc, physics and viewer.
   std::set<std::string> nodes = {"device", "mofc", "physics"};
   bool is_together = false;                   ///< device and mofc in one process: device_mofc_node

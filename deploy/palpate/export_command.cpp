@@ -1,6 +1,6 @@
 #include <string>
 
-#include "common/core/output_file.h"
+#include "common/core/user/output_file.h"
 #include "common/process/options.h"
 #include "common/process/terminal.h"
 #include "deploy/palpate/commands.h"

@@ -6,7 +6,7 @@
 #include <stdexcept>
 
 #include "common/core/clock.h"
-#include "common/core/output_file.h"
+#include "common/core/user/output_file.h"
 #include "common/session/file/profile_file.h"
 #include "common/session/session_file.h"
 #include "device_node/drivers/driver_registry.h"

@@ -24,11 +24,6 @@
 namespace palpate {
 namespace {
 
-/// On standard error, on a line of its own.
-void say(const std::string& text) {
-  std::fprintf(stderr, "%spalpate: %s\n", line_start(STDERR_FILENO).c_str(), text.c_str());
-}
-
 struct LaunchCommand {
   SessionOptions session;
   std::optional<double> seconds;
@@ -213,7 +208,6 @@ int LaunchCommand::run(const Verbosity& verbosity) const {
 
   const WebConfig& web = loaded.viewer.web;
   const bool has_page = nodes.contains("viewer") && web.is_on && !verbosity.is_quiet;
-  const std::string page_address = has_page ? announce_page(web) : "";
   const LaunchResult result = launch({.session_file = session.file,
                                       .overrides = session.overrides,
                                       .seconds = seconds,
@@ -221,7 +215,7 @@ int LaunchCommand::run(const Verbosity& verbosity) const {
                                       .is_insecure = is_insecure,
                                       .is_unsafe = is_unsafe,
                                       .is_quiet = verbosity.is_quiet,
-                                      .page_address = page_address,
+                                      .on_page = [&] { return has_page ? announce_page(web) : ""; },
                                       .nodes = nodes,
                                       .is_together = is_together,
                                       .on_poll = [&] { observer.pump(); }});

@@ -1,3 +1,5 @@
+#include <spdlog/fmt/fmt.h>
+
 #include <cstdio>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -56,7 +58,7 @@ struct LoopbackCommand {
     const auto warn_of_start = [is_first = true](const PhysicsTick& tick) mutable {
       if (!std::exchange(is_first, false)) return;
       const std::string warning = start_warning(tick);
-      if (!warning.empty()) std::fprintf(stderr, "palpate: %s\n", warning.c_str());
+      if (!warning.empty()) say(warning);
     };
     const StopSignal stop;
     std::optional<BusyLine> loading(std::in_place, "loading the session", verbosity.is_quiet);
@@ -79,8 +81,8 @@ struct LoopbackCommand {
          }});
     progress.reset();
     if (StopSignal::is_requested()) {
-      std::fprintf(stderr, "palpate: stopped after %.2f s of %.2f s\n", report.simulated_s,
-                   length_s.value_or(loaded.duration_s));
+      say(fmt::format("stopped after {:.2f} s of {:.2f} s", report.simulated_s,
+                      length_s.value_or(loaded.duration_s)));
     }
     if (!verbosity.is_quiet) {
       const std::string verdict =

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "common/core/check.h"
-#include "common/core/output_file.h"
+#include "common/core/user/output_file.h"
 #include "common/core/version.h"
 #include "common/process/run_node.h"
 #include "deploy/palpate/commands.h"

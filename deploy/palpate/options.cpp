@@ -5,9 +5,14 @@
 #include <stdexcept>
 
 #include "common/process/options.h"
+#include "common/process/terminal.h"
 #include "common/session/session_file.h"
 
 namespace palpate {
+
+void say(const std::string& text) {
+  std::fprintf(stderr, "%spalpate: %s\n", line_start(STDERR_FILENO).c_str(), text.c_str());
+}
 
 void SessionOptions::add_to(CLI::App& app) {
   app.add_option("SESSION", file, "session file (*.txtpb)")->required()->type_name("");
@@ -18,7 +23,7 @@ Session SessionOptions::load(const Verbosity& verbosity) const {
   Session session = load_session(file, overrides);
   if (verbosity.is_verbose) {
     for (const std::string& read : files_of(session)) {
-      std::fprintf(stderr, "palpate: reads %s\n", read.c_str());
+      say("reads " + read);
     }
   }
   return session;

@@ -7,12 +7,15 @@
 #include <string>
 #include <vector>
 
-#include "common/core/output_file.h"
+#include "common/core/user/output_file.h"
 #include "common/session/session.h"
 #include "deploy/palpate/commands.h"
 #include "viewer_node/recording/recording.h"
 
 namespace palpate {
+
+/// A line on standard error, of its own also where a status line or progress is shown.
+void say(const std::string& text);
 
 /// SESSION and --set.
 struct SessionOptions {

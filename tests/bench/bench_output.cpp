@@ -11,7 +11,7 @@
 #include <thread>
 
 #include "common/core/check.h"
-#include "common/core/output_file.h"
+#include "common/core/user/output_file.h"
 
 namespace palpate::bench {
 namespace {
@@ -107,6 +107,11 @@ void Table::publish(const BenchOptions& options) const {
   std::fputs(text().c_str(), stdout);
   write_table(options, csv());
   write_json(options, json());
+}
+
+void Steps::next() {
+  const std::lock_guard lock(mutex_);
+  progress_.show(static_cast<double>(++done_) / static_cast<double>(count_));
 }
 
 void write_table(const BenchOptions& options, const std::string& csv) {

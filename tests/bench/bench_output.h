@@ -5,10 +5,13 @@
 #include <CLI/CLI.hpp>
 #include <filesystem>
 #include <functional>
+#include <mutex>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <variant>
 #include <vector>
+
+#include "common/process/terminal.h"
 
 namespace palpate::bench {
 
@@ -47,6 +50,21 @@ class Table {
  private:
   std::vector<Column> columns_;
   std::vector<std::vector<Cell>> rows_;  // an empty row is a gap
+};
+
+/// The progress of a table on a terminal, while the object exists: print nothing meanwhile.
+class Steps {
+ public:
+  /// @param count  how often next() will be called
+  explicit Steps(std::size_t count) : count_(count), progress_("measuring") {}
+  /// One more is done. Thread-safe.
+  void next();
+
+ private:
+  std::mutex mutex_;
+  std::size_t count_;
+  std::size_t done_ = 0;
+  Progress progress_;
 };
 
 /// What --csv and --json name, if they are given. They throw like palpate::write_file.

@@ -3,7 +3,9 @@
 
 #include <cstdio>
 #include <filesystem>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/core/check.h"
@@ -59,6 +61,8 @@ void run(const BenchOptions& options) {
   const Hops kHops[] = {
       {"none", false, false}, {"2", true, false}, {"3", false, true}, {"2, 3", true, true}};
   std::string data;
+  // without thinning k has no effect: one run instead of four
+  std::optional<Steps> steps(std::in_place, std::size(kTissues) * 2 * (1 + 3 * 4));
   for (const Tissue& tissue : kTissues) {
     for (const char* interaction : {"held", "local"}) {
       for (const Hops& hops : kHops) {
@@ -75,6 +79,7 @@ void run(const BenchOptions& options) {
           const Session session =
               load_session(kSessions / (std::string(tissue.session) + ".txtpb"), overrides);
           const RunReport report = run_loopback(session, {.seconds = tissue.seconds});
+          steps->next();
           const RunStatistics& s = report.statistics;
           const double motions = saved_percent(report.mofc.motions_suppressed, report.mofc.ticks);
           const double interactions =
@@ -97,6 +102,7 @@ void run(const BenchOptions& options) {
     }
     table.add_gap();
   }
+  steps.reset();
   table.publish(options);
   std::printf(
       "\nDevice and physics 1 kHz, no network faults, floors and keep-alive as by default (0.1 mm,"

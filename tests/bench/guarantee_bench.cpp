@@ -223,12 +223,16 @@ struct Summary {
 
 /// Runs all jobs on as many threads as there are processors; rethrows an exception of a job.
 void in_parallel(std::size_t jobs, const std::function<void(std::size_t)>& job) {
+  Steps steps(jobs);
   std::atomic<std::size_t> next{0};
   std::exception_ptr failure;
   std::mutex failure_mutex;
   const auto work = [&] {
     try {
-      for (std::size_t i = next++; i < jobs; i = next++) job(i);
+      for (std::size_t i = next++; i < jobs; i = next++) {
+        job(i);
+        steps.next();
+      }
     } catch (...) {
       const std::lock_guard lock(failure_mutex);
       failure = std::current_exception();

@@ -96,12 +96,14 @@ void add_experiments(Table& table, bool is_excerpt) {
       is_excerpt ? Controllers{&kNone, &kPaper, &kVector, &kGuard}
                  : Controllers{&kNone, &kPaper, &kPaperIsotropic, &kVector, &kGuard};
   const Seconds free_motions_s = is_excerpt ? Seconds{14.0} : Seconds{0.0, 2.0, 14.0, 40.0};
+  Steps steps(std::size(kTissues) * dampers.size() * controllers.size() * free_motions_s.size());
   for (const Tissue& tissue : kTissues) {
     for (const bool is_two_way : dampers) {
       for (const Controller* controller : controllers) {
         for (const double free_s : free_motions_s) {
           const Session session = session_of(tissue, *controller, free_s, is_two_way);
           const RunReport report = run_loopback(session, {.seconds = free_s + kVSeconds});
+          steps.next();
           const bool is_papers = controller == &kPaper && is_two_way && free_s == 14.0;
           add_row(table, tissue.label, is_two_way ? "two-way" : "one-way", *controller, free_s,
                   report, is_papers ? tissue.printed : "");

@@ -6,7 +6,9 @@
 #include <algorithm>
 #include <cstdio>
 #include <exception>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/core/check.h"
@@ -162,6 +164,9 @@ void run(const BenchOptions& options) {
                 {"largest_swing_mm", "largest swing mm", "{:.1f}"},
                 {"mean_force_n", "mean force N", "{:.2f}"},
                 {"min_true_energy_uj", "min energy µJ", "{:.1f}"}});
+  std::optional<Steps> steps(std::in_place, std::size(kWays) * grid.delays_ms.size() *
+                                                grid.periods_ms.size() * grid.masses_kg.size() *
+                                                grid.stiffnesses.size() * grid.dampings.size());
   for (const Way& way : kWays) {
     for (const double delay_ms : grid.delays_ms) {
       double count[3] = {0, 0, 0};
@@ -174,6 +179,7 @@ void run(const BenchOptions& options) {
             for (const double b : grid.dampings) {
               const Point point{period_ms, mass_kg, k, b, delay_ms};
               const Outcome outcome = press(point, way);
+              steps->next();
               const auto verdict = static_cast<std::size_t>(outcome.verdict);
               ++count[verdict];
               largest_m = std::max(largest_m, outcome.swing_m);
@@ -193,6 +199,7 @@ void run(const BenchOptions& options) {
     }
     counts.add_gap();
   }
+  steps.reset();
   std::printf("%s", counts.text().c_str());
   std::printf(
       "\nA hand of 150 N/m and 6 N·s/m goes 10 mm into the wall and stays: device and physics with "

@@ -5,8 +5,10 @@
 #include <cstdio>
 #include <exception>
 #include <map>
+#include <optional>
 #include <string>
 #include <tuple>
+#include <utility>
 #include <vector>
 
 #include "common/core/check.h"
@@ -185,10 +187,13 @@ void run(const BenchOptions& options) {
                                             : std::vector<double>{0, 5, 20, 50, 100, 200};
   Table table = make_table();
   Table against_delay = make_table();
+  std::optional<Steps> steps(std::in_place, tissue_scenes().size() * rates_hz.size() *
+                                                delays_ms.size() * 2 * std::size(kWays));
   for (const TissueScene& scene : tissue_scenes()) {
     const auto add = [&](const Link& link) {
       for (const Way& way : kWays) {
         const Figures figures = run(scene, link, way, seeds);
+        steps->next();
         add_row(table, scene, link, way, figures);
         if (link.physics_hz == 50.0 && link.loss_ratio > 0.0 && !link.is_frozen &&
             std::string(way.controller) == "guard") {
@@ -204,6 +209,7 @@ void run(const BenchOptions& options) {
     if (std::string(scene.name) == "moves, relaxes") add({50.0, 0.0, 0.0, true});
     table.add_gap();
   }
+  steps.reset();
   table.publish(options);
   std::printf(
       "\nDelay and loss on hops 2 and 3 each. Transparency: projected, capped, of the force acting "

@@ -27,7 +27,7 @@
 #include <thread>
 #include <zmq.hpp>
 
-#include "common/core/output_file.h"
+#include "common/core/user/output_file.h"
 #include "common/link/codec/codec.h"
 #include "device_node/simulation/hand.h"
 #include "device_node/simulation/plant.h"

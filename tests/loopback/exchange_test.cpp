@@ -235,9 +235,10 @@ TEST_F(Together, WhenItIsKilledItIsReportedAndRestarted) {
 TEST_F(Together, FaultsOfTheExchangeActAsBetweenProcesses) {
   const auto run = [&](const std::string& delay_ms) {
     const Outcome launch = run_program(
-        "palpate", {"launch", press_, "--together", "device,mofc", "--no-viewer", "--seconds", "1",
-                    "--set", "device.reply_us=2000", "--set", "mofc.delta_max_ms=2", "--set",
-                    "faults.device_state.delay_ms=" + delay_ms, "--json", json_file()});
+        "palpate",
+        {"launch", press_, "--together", "device,mofc", "--no-viewer", "--seconds", "1", "--set",
+         "device.reply_us=2000", "--set", "mofc.delta_max_ms=2", "--set",
+         "faults.device_state.delay_ms=" + delay_ms, "--json", json_file(), "--overwrite"});
     EXPECT_EQ(launch.status, 0) << launch.err;
     return summary()["answered_ratio"].get<double>();
   };

@@ -650,9 +650,9 @@ TEST_F(Processes, ASummaryOnStandardOutputIsTheOnlyOutput) {
 
 TEST_F(Processes, LoopbackGivesTheSameBytesForTheSameSeed) {
   const auto csv_of = [&](const Arguments& more) {
-    Arguments arguments{
-        "loopback", kDefault,        "--seconds", "2",
-        "--csv",    file("run.csv"), "--set",     "faults.interaction.loss_ratio=0.2"};
+    Arguments arguments{"loopback",    kDefault, "--seconds",
+                        "2",           "--csv",  file("run.csv"),
+                        "--overwrite", "--set",  "faults.interaction.loss_ratio=0.2"};
     arguments.insert(arguments.end(), more.begin(), more.end());
     const Outcome loopback = run_program("palpate", arguments);
     EXPECT_EQ(loopback.status, 0) << loopback.err;

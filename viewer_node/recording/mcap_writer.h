@@ -10,7 +10,7 @@
 #include <utility>
 #include <vector>
 
-#include "common/core/output_file.h"
+#include "common/core/user/output_file.h"
 #include "viewer_node/recording/mcap_format.h"
 
 namespace palpate::viewer {

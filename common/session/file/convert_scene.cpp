@@ -117,9 +117,9 @@ Material to_material(const Fields& tissue) {
 TissueMotionConfig to_motion(const Fields& tissue) {
   if (!tissue.has("motion")) return {};
   const Fields fields = tissue.message("motion");
-  const TissueMotionConfig motion{.amplitude_m = fields.vector("amplitude_m"),
-                                  .frequency_hz = fields.number("frequency_hz"),
-                                  .phase_rad = fields.number("phase_rad")};
+  TissueMotionConfig motion{.amplitude_m = fields.vector("amplitude_m"),
+                            .frequency_hz = fields.number("frequency_hz"),
+                            .phase_rad = fields.number("phase_rad")};
   const double fastest_m_per_s =
       2.0 * std::numbers::pi * motion.frequency_hz * motion.amplitude_m.lpNorm<Eigen::Infinity>();
   if (fastest_m_per_s > kMaxTissueSpeedMPerS) {

@@ -9,7 +9,7 @@
 #include <charconv>
 #include <memory>
 
-#include "common/core/nearest.h"
+#include "common/core/user/nearest.h"
 #include "common/session/file/session_outline.h"
 #include "common/session/file/session_rules.h"
 

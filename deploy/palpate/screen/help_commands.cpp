@@ -2,7 +2,7 @@
 #include <memory>
 
 #include "common/core/check.h"
-#include "common/core/nearest.h"
+#include "common/core/user/nearest.h"
 #include "common/process/terminal.h"
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/screen/help.h"

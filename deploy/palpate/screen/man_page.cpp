@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <cctype>
 
-#include "common/core/nearest.h"
+#include "common/core/user/nearest.h"
 #include "common/core/version.h"
 #include "deploy/palpate/screen/help.h"
 
@@ -34,7 +34,7 @@ std::string upper(std::string text) {
 
 /// "palpate-scene-check"
 std::string page_name(const CLI::App& command) {
-  const std::string name = command.get_name();
+  const std::string& name = command.get_name();
   return command.get_parent() == nullptr ? name : page_name(*command.get_parent()) + "-" + name;
 }
 
@@ -82,7 +82,8 @@ std::string did_you_mean(const CLI::App& app) {
   for (const std::string& word : app.remaining(true)) {
     const std::string name = word.substr(0, word.find('='));
     const std::string meant = nearest(name, name.starts_with('-') ? options : commands);
-    if (!meant.empty() && meant != name) text += name + ": did you mean " + meant + "?\n";
+    if (meant.empty() || meant == name) continue;
+    text.append(name).append(": did you mean ").append(meant).append("?\n");
   }
   return text;
 }

@@ -1,4 +1,4 @@
-#include "common/core/output_file.h"
+#include "common/core/user/output_file.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

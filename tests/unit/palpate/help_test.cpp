@@ -7,7 +7,7 @@
 #include <memory>
 
 #include "common/core/check.h"
-#include "common/core/nearest.h"
+#include "common/core/user/nearest.h"
 
 namespace palpate {
 namespace {

@@ -144,5 +144,14 @@ TEST(StatusLine, LeavesOutAFigureThatDoesNotFit) {
   EXPECT_THAT(line, testing::EndsWith("  lost 0"));
 }
 
+TEST(StatusLine, FitsANarrowTerminal) {
+  const TelemetryMirror mirror = healthy();
+  for (const std::size_t width : {0U, 10U, 40U, 80U, 100U}) {
+    const std::string line = status_line(mirror, kStart, width);
+    EXPECT_LE(columns(line), width);
+    EXPECT_EQ(line.empty(), width < 10U);
+  }
+}
+
 }  // namespace
 }  // namespace palpate::viewer

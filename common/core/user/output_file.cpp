@@ -1,4 +1,4 @@
-#include "common/core/output_file.h"
+#include "common/core/user/output_file.h"
 
 #include <fcntl.h>
 #include <poll.h>
