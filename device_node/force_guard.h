@@ -147,6 +147,7 @@ class ForceGuard {
  private:
   void acts_from(TimePoint now, const GuardedForce& force) noexcept {
     acting_newton_ = force.force_on_hand_newton;
+    acting_from_ = now;
     acting_until_ = now + force.lease;
   }
 
@@ -175,7 +176,8 @@ class ForceGuard {
   TimePoint ramp_from_{};
   Duration ramp_{};
   Vector3 answer_newton_ = Vector3::Zero();  ///< the last answer, after the limits
-  Vector3 acting_newton_ = Vector3::Zero();  ///< until acting_until_
+  Vector3 acting_newton_ = Vector3::Zero();  ///< in [acting_from_, acting_until_)
+  TimePoint acting_from_{};
   TimePoint acting_until_{};
   std::uint64_t non_finite_commands_ = 0;
 };

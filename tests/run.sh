@@ -3,7 +3,8 @@
 # summary, of the first build that fails or of the last.
 #
 #   tests/run.sh                   the release build, every test
-#   tests/run.sh --ci              besides, before it: format and clang-tidy of what changed; after
+#   tests/run.sh --ci              besides, before it: format and clang-tidy of what changed, mutation
+#                                  testing of the controllers and the force guard; after
 #                                  it: the tests that need no real time once more, with assertions
 #                                  and under the address and undefined behaviour sanitizers
 #   tests/run.sh --all             --ci, the thread sanitizer too, and ten times as many seeds in
@@ -54,6 +55,7 @@ if $has_lint; then
   # clang-tidy reads the generated headers too
   cmake --build --preset release --parallel "$(nproc)" --target palpate_proto
   tests/lint.sh
+  tests/mutation/run --quick
 fi
 
 for preset in "${presets[@]}"; do
