@@ -138,7 +138,7 @@ for (const subprotocol of ["foxglove.sdk.v1", "foxglove.websocket.v1"]) {
 
     // the log has something to say when the clamp dies; the supervisor starts it again
     await once(socket, "message");
-    process.kill(pid_of("mofc_node"), "SIGKILL");
+    process.kill(await pid_of("mofc_node"), "SIGKILL");
 
     const late = setTimeout(() => { throw new Error(`never right: ${[...wanted].map((topic) => `${topic}: ${JSON.stringify(last_seen.get(topic))?.slice(0, 500)}`)}`); }, 40000);
     await all_read;
@@ -148,8 +148,12 @@ for (const subprotocol of ["foxglove.sdk.v1", "foxglove.websocket.v1"]) {
   });
 }
 
-/** The child of palpate launch with that name. */
-function pid_of(name) {
-  const children = readFileSync(`/proc/${launch.pid}/task/${launch.pid}/children`, "utf8").trim().split(" ");
-  return Number(children.find((pid) => readFileSync(`/proc/${pid}/comm`, "utf8").trim() === name));
+/** The child of palpate launch with that name; one that is being restarted is waited for. */
+async function pid_of(name) {
+  for (;;) {
+    const children = readFileSync(`/proc/${launch.pid}/task/${launch.pid}/children`, "utf8").trim().split(" ");
+    const found = children.find((pid) => existsSync(`/proc/${pid}/comm`) && readFileSync(`/proc/${pid}/comm`, "utf8").trim() === name);
+    if (found) return Number(found);
+    await new Promise((resolve) => setTimeout(resolve, 10));
+  }
 }
