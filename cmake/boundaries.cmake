@@ -15,6 +15,7 @@
 set(PALPATE_BOUNDARIES
   # core ← contact, session ← telemetry ← link ← process
   "common/core:"
+  "common/core/user:common/core"
   "common/contact:common/core,common/contact/cloud"
   "common/contact/cloud:common/core,common/contact"
   "common/session:common/core"

@@ -365,7 +365,7 @@ SurfaceView TileSurface::view_of_points(const Vector3& point_m, SurfaceHint& hin
   }
   double farthest_m = std::sqrt(search.best_squared);
   const auto& [x, y, z] = search.best->quadric.normal;
-  const SurfaceView view = view_of_cloud(
+  SurfaceView view = view_of_cloud(
       point_m, search.best->place_m, Vector3(x, y, z),
       [&](const Vector3& place_m, CloudBlender& blender) {
         farthest_m = std::max(farthest_m, (place_m - point_m).norm());

@@ -23,7 +23,8 @@ class LockstepRecorder {
   LockstepRecorder(const LockstepRecorder&) = delete;
   LockstepRecorder& operator=(const LockstepRecorder&) = delete;
 
-  /// Sets the callbacks of the run; on_physics_tick keeps its own. Call it before the run is constructed.
+  /// Sets the callbacks of the run; on_physics_tick keeps its own. Call it before the run is
+  /// constructed.
   void listen_to(LockstepOptions& options);
   /// Writes a batch of every node for each 20 ms of the run.
   /// @param now  time since the start; must not decrease

@@ -52,8 +52,10 @@ Fields Fields::message(const char* name) const {
 std::vector<Fields> Fields::messages(const char* name) const {
   const pb::Reflection& reflection = *message_->GetReflection();
   const pb::FieldDescriptor* list = field(name);
+  const int size = reflection.FieldSize(*message_, list);
   std::vector<Fields> result;
-  for (int i = 0; i < reflection.FieldSize(*message_, list); ++i) {
+  result.reserve(static_cast<std::size_t>(size));
+  for (int i = 0; i < size; ++i) {
     result.push_back(Fields(*text_, *problems_, reflection.GetRepeatedMessage(*message_, list, i),
                             child_path(path_, name, i)));
   }
@@ -130,8 +132,10 @@ std::string Fields::text(const char* name) const {
 std::vector<std::string> Fields::texts(const char* name) const {
   const pb::Reflection& reflection = *message_->GetReflection();
   const pb::FieldDescriptor* list = field(name);
+  const int size = reflection.FieldSize(*message_, list);
   std::vector<std::string> result;
-  for (int i = 0; i < reflection.FieldSize(*message_, list); ++i) {
+  result.reserve(static_cast<std::size_t>(size));
+  for (int i = 0; i < size; ++i) {
     result.push_back(reflection.GetRepeatedString(*message_, list, i));
   }
   return result;

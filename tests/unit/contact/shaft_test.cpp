@@ -104,7 +104,7 @@ class HalfKnownBar final : public Surface {
   explicit HalfKnownBar(double known_below_m) : known_below_m_(known_below_m) {}
   [[nodiscard]] SurfaceView view(const Vector3& point_m,
                                  SurfaceHint& hint) const noexcept override {
-    const SurfaceView seen = bar_.view(point_m, hint);
+    SurfaceView seen = bar_.view(point_m, hint);
     if (!(std::abs(seen.distance_m) <= unknown_m(point_m))) ++hint.uncovered_views;
     return seen;
   }

@@ -67,10 +67,13 @@ TEST(SessionRules, EveryNumberOfTheSchemaMustBeFinite) {
 
   for (const std::string& path : numbers) {
     for (const std::string value : {"nan", "-nan", "inf", "-inf", "1e999"}) {
-      const std::string assignment = path + "=" + value;
-      EXPECT_THAT(complaints(kTwoSides, {assignment}),
-                  ::testing::Contains(AllOf(StartsWith("--set " + assignment + ": " + path + " = "),
-                                            HasSubstr("must be a finite number"))));
+      std::string assignment = path;
+      assignment.append("=").append(value);
+      std::string begin = "--set ";
+      begin.append(assignment).append(": ").append(path).append(" = ");
+      EXPECT_THAT(
+          complaints(kTwoSides, {assignment}),
+          ::testing::Contains(AllOf(StartsWith(begin), HasSubstr("must be a finite number"))));
     }
   }
 }
