@@ -206,7 +206,11 @@ class Source:
             semicolons = [i for i in range(open_paren, close_paren) if self.bytes[i:i + 1] == b";"]
             head = [c for c in head if len(semicolons) == 2 and
                     semicolons[0] < c.extent.start.offset < semicolons[1]]
-        if head and head[-1].kind.is_expression():
+        # of `if (auto x = …)` the parser names x as the condition
+        ends_at = semicolons[1] if cursor.kind == K.FOR_STMT and len(semicolons) == 2 \
+            else close_paren
+        if head and head[-1].kind.is_expression() and \
+                not self.text(head[-1].extent.end.offset, ends_at).strip():
             self.condition(head[-1], inside)
 
     def closing(self, open_paren):

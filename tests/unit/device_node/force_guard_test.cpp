@@ -407,5 +407,43 @@ TEST(ForceGuard, AGrowingForceEndsAtThePeak) {
   }
 }
 
+// 1 N for 2 ms, reduced to 0.4 N for 1 ms: that acts, to the end of its own lease, and the growth
+// of 0.1 N in the next millisecond begins there.
+TEST(ForceGuard, WhatAnAnswerWasReducedToActsForTheReducedLease) {
+  ForceGuard guard(slewing(), kDevicePeak_newton);
+  for (int i = 0; i < 10; ++i) {
+    (void)guard.answered(command(Vector3(1, 0, 0)), kStart + i * 1ms);
+  }
+  const TimePoint now = kStart + 9ms;
+  guard.reduced(
+      {.force_on_hand_newton = {0.4, 0, 0}, .lease = 1ms, .state = GuardState::kAnswered});
+
+  const GuardedForce leased = missed(guard, now + 1ms - 1ns);
+  EXPECT_EQ(leased.state, GuardState::kLeased);
+  EXPECT_EQ(leased.force_on_hand_newton, Vector3(0.4, 0, 0));
+  ForceGuard later = guard;
+  EXPECT_NEAR(guard.answered(command(Vector3(1, 0, 0)), now + 1ms - 1ns).force_on_hand_newton.x(),
+              0.5, 1e-6);
+  EXPECT_EQ(missed(later, now + 1ms).state, GuardState::kFallback);
+}
+
+// A fallback of 0.1 N, reduced to 0.05 N, after an answer of 1 N: the next fallback is that of the
+// answer again, and the answer after the reduced one grows from 0.05 N.
+TEST(ForceGuard, AReducedFallbackLeavesTheLastAnswerAsItWas) {
+  ForceGuard guard(slewing(), kDevicePeak_newton);
+  for (int i = 0; i < 10; ++i) {
+    (void)guard.answered(command(Vector3(1, 0, 0)), kStart + i * 1ms);
+  }
+  GuardedForce fallback = missed(guard, kStart + 12ms);
+  ASSERT_EQ(fallback.state, GuardState::kFallback);
+  fallback.force_on_hand_newton *= 0.5;
+  guard.reduced(fallback);
+
+  ForceGuard answered = guard;
+  EXPECT_NEAR(missed(guard, kStart + 13ms).force_on_hand_newton.x(), 0.1, 1e-12);
+  EXPECT_NEAR(answered.answered(command(Vector3(1, 0, 0)), kStart + 13ms).force_on_hand_newton.x(),
+              0.15, 1e-12);
+}
+
 }  // namespace
 }  // namespace palpate::device
