@@ -104,7 +104,9 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
   const auto device = drivers.at(kSimulatedDriver).open(context.clock);
   refuse_unmonitored(config, device->specification(), context.is_unsafe);
   if (!config.monitor.is_on) {
-    context.log.warn("event=monitor_off: nothing checks the energy of the commands");
+    context.log.log(
+        device->specification().is_simulated ? spdlog::level::info : spdlog::level::warn,
+        "event=monitor_off: nothing checks the energy of the commands");
   }
   if (!device->specification().has_motor_watchdog) {
     context.log.warn("event=no_motor_watchdog device=\"{}\": the guarantee is not available",
