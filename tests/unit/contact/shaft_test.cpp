@@ -58,16 +58,22 @@ class LedShaft {
 // its proxy is then exactly as far off the surface as the shaft has moved, but for rounding
 TEST(ShaftTouch, IsKeptWhileTheShaftMovesStraightAway) {
   const AnalyticSurface surface = bar();
-  for (const double retreat_m : {1e-9, 1e-7, 1e-6, 3e-5, 1e-4}) {
-    SCOPED_TRACE(retreat_m);
+  Random random(2);
+  for (int i = 0; i < 300; ++i) {
+    const double angle = random.uniform(0.0, 6.28);
+    const Vector3 outwards(std::cos(angle), 0.0, std::sin(angle));
+    const Vector3 direction(-std::sin(angle), 0.0, std::cos(angle));
+    const double pressed_m = random.uniform(0.016, 0.02);
+    const double retreat_m = std::pow(10.0, random.uniform(-9.0, -5.0));
+    const auto tip_m = [&](double r_m) { return Vector3(r_m * outwards - 0.04 * direction); };
     LedShaft shaft(surface);
-    double x_m = 0.0225;
-    for (; x_m > 0.016; x_m -= 1e-4) shaft.step_to({x_m, 0.001, -0.04}, Vector3::UnitZ());
-    for (; x_m < 0.0219; x_m += retreat_m) {
-      const std::optional<Touch>& touch = shaft.step_to({x_m, 0.001, -0.04}, Vector3::UnitZ());
-      ASSERT_TRUE(touch) << x_m;
-      ASSERT_NEAR(touch->penetration_m(), kBar_m + kTool.shaft_radius_m - x_m, 1e-6) << x_m;
-      if (retreat_m < 1e-6 && x_m > 0.016 + 1000.0 * retreat_m) break;
+    for (double r_m = 0.0225; r_m > pressed_m; r_m -= 5e-4) shaft.step_to(tip_m(r_m), direction);
+    shaft.step_to(tip_m(pressed_m), direction);
+    for (int k = 1; k <= 4; ++k) {
+      const double r_m = pressed_m + k * retreat_m;
+      const std::optional<Touch>& touch = shaft.step_to(tip_m(r_m), direction);
+      ASSERT_TRUE(touch) << i << ", " << retreat_m;
+      ASSERT_NEAR(touch->penetration_m(), kBar_m + kTool.shaft_radius_m - r_m, 1e-6) << i;
     }
   }
 }
