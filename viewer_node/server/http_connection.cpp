@@ -57,8 +57,7 @@ void HttpConnection::on_header(const error_code& error) {
     end();
     return;
   }
-  // the body of a request is an error, too; decide() knows why it is refused
-  if (error && !parser_->is_header_done()) {
+  if (error) {
     ++server_.refused;
     // malformed requests get an HTTP answer; a broken connection gets none
     if (error == http::error::header_limit) {
