@@ -164,7 +164,7 @@ TEST_F(Processes, TheStiffnessInTheSessionOfPhysicsAloneChangesTheRenderedForce)
     Program physics("physics_node", physics_arguments);
     Program mofc("mofc_node", {"--session", press_});
     Program device("device_node", {"--session", press_});
-    Program viewer("viewer_node", {"--session", press_, "--csv", csv, "--quiet"});
+    Program viewer("viewer_node", {"--session", press_, "--csv", csv, "--overwrite", "--quiet"});
 
     // at rest: oscillations have decayed after 1 s (2 m / b = 0.06 s)
     const Session session = load_session(press_);
@@ -355,7 +355,8 @@ TEST_F(Processes, ALaunchAfterAKilledOneStartsAsUsual) {
 
 TEST_F(Processes, ANormalRunLogsNoWarning) {
   const Outcome launch =
-      run_program("palpate", {"launch", press_, "--seconds", "1", "--no-viewer"});
+      run_program("palpate", {"launch", kDefault, "--seconds", "1", "--no-viewer", "--set",
+                              "realtime={ priority: 0 cpu: -1 }"});
 
   ASSERT_EQ(launch.status, 0) << launch.err;
   for (const std::string& line : lines_of(launch.err)) {

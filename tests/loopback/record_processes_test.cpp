@@ -152,7 +152,7 @@ TEST_F(RecordProcesses, FilesAreNotWrittenOverEachOther) {
   const auto same = run_program("palpate", {"loopback", session_, "--seconds", "1", "--csv",
                                             path("out"), "--json", path("out")});
   EXPECT_EQ(same.status, 2);
-  EXPECT_THAT(same.err, HasSubstr("--csv and --json: both name"));
+  EXPECT_THAT(same.err, HasSubstr("--json and --csv: both name"));
 
   const std::vector<std::string> record = {"loopback", session_,   "--seconds",
                                            "1",        "--record", path("run.mcap")};
