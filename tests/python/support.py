@@ -28,6 +28,7 @@ RESTING_NEWTON = 1.0
 STICTION_NEWTON = 0.05
 RESTING = """
 device {
+  monitor: off
   rate_hz: 200
   lease_us: 12500
   simulated { position_resolution_m: 0 }

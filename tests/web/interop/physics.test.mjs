@@ -15,7 +15,7 @@ const kLimit = { timeout: 60000, skip: existsSync(join(bin, "palpate")) ? false 
 
 // Two springs in series, hand and tissue 400 N/m each, 5 mm apart: 1 N, and 0.05 N of stiction.
 const kSession = `name: "node"
-device { rate_hz: 200 lease_us: 12500 simulated { position_resolution_m: 0 } profile { position_resolution_m: 0 } }
+device { monitor: off rate_hz: 200 lease_us: 12500 simulated { position_resolution_m: 0 } profile { position_resolution_m: 0 } }
 hand { stiffness_newton_per_m: 400 damping_newton_s_per_m: 10 hold { position_m { z: -0.005 } } }
 mofc { controller: none stale_after_ms: 200 }
 physics { rate_hz: 1000 command: [${["node", join(root, "tests/web/support/physics_node.mjs"), join(root, "proto")].map((word) => JSON.stringify(word)).join()}] }

@@ -130,7 +130,7 @@ test("of a file that is cut off, at most one second is lost", kLimit, () => {
     const messages = stream(cut).records.filter((record) => record.type === "Message");
     const file = join(folder, "cut.mcap");
     writeFileSync(file, cut);
-    execFileSync(join(bin, "palpate"), ["export", file, "--csv", join(folder, "cut.csv")]);
+    execFileSync(join(bin, "palpate"), ["export", file, "--csv", join(folder, "cut.csv"), "--overwrite"]);
     const rows = readFileSync(join(folder, "cut.csv"), "utf8").trim().split("\n").length - 1;
     const device = messages.filter((message) => channels.get(message.channelId).topic === "/device");
     const decode = decoder(schemas.get(channels.get(device[0].channelId).schemaId));
