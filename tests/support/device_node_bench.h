@@ -13,6 +13,7 @@
 #include "common/session/simulation_config.h"
 #include "device_node/device_node.h"
 #include "device_node/simulation/true_state_recorder.h"
+#include "tests/support/alloc_guard.h"
 
 namespace palpate::test {
 
@@ -80,6 +81,20 @@ class DeviceNodeBench {
   void step(const Tick& tick) {
     is_pending_ = false;
     node.step(tick);
+  }
+
+  /// Allocations of 1000 ticks, the second half of them without answers.
+  std::uint64_t allocations_of_ticks() {
+    states.reserve(2'000);
+    ticks.reserve(2'000);
+    std::uint64_t allocations = 0;
+    for (int i = 0; i < 1'000; ++i) {
+      if (i == 500) on_state = nullptr;
+      const AllocGuard guard;
+      tick();
+      allocations += guard.count();
+    }
+    return allocations;
   }
 
   /// The pending answer arrives if it is due.

@@ -10,8 +10,8 @@ import time
 from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import FrameType, TracebackType
-from typing import Any, AsyncIterator, Iterator, Optional, Sequence, Type, Union
+from types import FrameType
+from typing import Any, AsyncIterator, Iterator, Optional, Sequence, Union
 
 import numpy as np
 import zmq
@@ -195,9 +195,7 @@ class Physics:
     # --- motions
 
     def __iter__(self) -> Iterator[Motion]:
-        poller = zmq.Poller()
-        for side in self._sides:
-            poller.register(side.motions, zmq.POLLIN)
+        poller = self._watching(zmq.Poller())
         previous = self._watch_signals()
         try:
             while not self._is_stopped:
@@ -209,10 +207,13 @@ class Physics:
         finally:
             self._restore_signals(previous)
 
-    async def __aiter__(self) -> AsyncIterator[Motion]:
-        poller = zmq.asyncio.Poller()
+    def _watching(self, poller: Any) -> Any:
         for side in self._sides:
             poller.register(side.motions, zmq.POLLIN)
+        return poller
+
+    async def __aiter__(self) -> AsyncIterator[Motion]:
+        poller = self._watching(zmq.asyncio.Poller())
         previous = self._watch_signals()
         try:
             while not self._is_stopped:
@@ -405,10 +406,5 @@ class Physics:
     def __enter__(self) -> "Physics":
         return self
 
-    def __exit__(
-        self,
-        kind: Optional[Type[BaseException]],
-        error: Optional[BaseException],
-        trace: Optional[TracebackType],
-    ) -> None:
+    def __exit__(self, *exception: object) -> None:
         self.close()
