@@ -90,7 +90,7 @@ class ForceMonitor {
     Vector3 position_m = Vector3::Zero();
     Vector3 force_on_hand_newton = Vector3::Zero();
   };
-  static constexpr std::size_t kHarmless = 128;
+  static constexpr std::size_t kHarmless = 512;
 
   void settle(TimePoint at, const Vector3& position_m) noexcept;
   void remember(const Stretch& stretch) noexcept;

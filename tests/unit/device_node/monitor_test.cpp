@@ -110,6 +110,13 @@ TEST_F(MonitorWith1100MicroJoule, CountsFromWhereTheClampDoes) {
   EXPECT_NEAR(monitor_.joule(), 0.66e-3, 1e-12);
 }
 
+// A clamp that hears nothing for 0.3 s counts from a reading that is older still.
+TEST_F(MonitorWith1100MicroJoule, CountsFromALongPastReading) {
+  move(400);
+  monitor_.count_since(now_ - 450ms);
+  EXPECT_NEAR(monitor_.joule(), 4.95e-3, 1e-11);
+}
+
 TEST_F(MonitorWith1100MicroJoule, KeepsItsCountThroughAForceThatNeedsCredit) {
   monitor_.switched(now_, hand_m_, {1, 0, 0}, 1h);
   move(100);
