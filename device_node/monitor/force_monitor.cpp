@@ -14,8 +14,7 @@ constexpr double kLeaseRoundingS = 1e-9;  // leases travel in whole nanoseconds
 
 }  // namespace
 
-// --- the worst hand
-// -------------------------------------------------------------------------------
+// --- the worst hand -------------------------------------------------------------------------
 
 /// Maximum of e v − f_d v² over 0 ≤ v ≤ v_max.
 double WorstHand::along_one_axis_watt(double excess_newton,
@@ -62,8 +61,7 @@ double WorstHand::largest_scale(const Vector3& force_newton, double watt) const 
   return covered;
 }
 
-// --- the monitor
-// ----------------------------------------------------------------------------------
+// --- the monitor ----------------------------------------------------------------------------
 
 void ForceMonitor::read(TimePoint at, const Vector3& position_m) noexcept {
   settle(at, position_m);

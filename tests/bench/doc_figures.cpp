@@ -68,8 +68,7 @@ const json& only(const json& rows, const std::function<bool(const json&)>& is_wa
   return *found;
 }
 
-// --- the controllers on the sessions of the paper
-// -------------------------------------------------
+// --- the controllers on the sessions of the paper -------------------------------------------
 
 std::string controllers_table(const std::vector<json>& outputs) {
   std::vector<Cells> rows;
@@ -87,8 +86,7 @@ std::string controllers_table(const std::vector<json>& outputs) {
                   rows);
 }
 
-// --- held force and contact model
-// -----------------------------------------------------------------
+// --- held force and contact model -----------------------------------------------------------
 
 std::string transparency_table(const std::vector<json>& outputs) {
   const json& rows = outputs.at(0).at("rows");
@@ -122,8 +120,7 @@ std::string transparency_table(const std::vector<json>& outputs) {
                   table);
 }
 
-// --- surfaces and tissues over a disturbed network
-// ------------------------------------------------
+// --- surfaces and tissues over a disturbed network ------------------------------------------
 
 std::string disturbed_table(const std::vector<json>& outputs) {
   const json& rows = outputs.at(0).at("rows");
@@ -153,8 +150,7 @@ std::string disturbed_table(const std::vector<json>& outputs) {
                   table);
 }
 
-// --- velocity estimators
-// --------------------------------------------------------------------------
+// --- velocity estimators --------------------------------------------------------------------
 
 std::string velocity_table(const std::vector<json>& outputs) {
   const json& rows = outputs.at(0).at("rows");
@@ -197,8 +193,7 @@ std::string velocity_cases_table(const std::vector<json>& outputs) {
                   table);
 }
 
-// --- deadbands
-// ------------------------------------------------------------------------------------
+// --- deadbands ------------------------------------------------------------------------------
 
 std::string deadband_table(const std::vector<json>& outputs) {
   const json& rows = outputs.at(0).at("rows");
@@ -221,8 +216,7 @@ std::string deadband_table(const std::vector<json>& outputs) {
                   table);
 }
 
-// --- how true
-// -------------------------------------------------------------------------------------
+// --- how true -------------------------------------------------------------------------------
 
 struct TruthRow {
   const char* label;
@@ -274,8 +268,7 @@ DocFigures truth() {
   return figures;
 }
 
-// --- disturbed sessions
-// -----------------------------------------------------------------------------
+// --- disturbed sessions ---------------------------------------------------------------------
 
 std::string sessions_table(const std::vector<json>& outputs) {
   std::vector<std::string> sessions;
@@ -298,8 +291,7 @@ std::string sessions_table(const std::vector<json>& outputs) {
   return markdown(head, rows);
 }
 
-// --- real processes in real time
-// -----------------------------------------------------------------------------
+// --- real processes in real time ------------------------------------------------------------
 
 std::string joined(const json& row, const std::vector<const char*>& keys, int digits) {
   std::string all;
@@ -362,8 +354,7 @@ std::string exchange_table(const std::vector<json>& outputs) {
                   rows);
 }
 
-// --- how safe
-// -------------------------------------------------------------------------------------
+// --- how safe -------------------------------------------------------------------------------
 
 /// The adversities that break an assumption of the guarantee (docs/theory.md §1).
 bool is_outside(const std::string& adversity) {

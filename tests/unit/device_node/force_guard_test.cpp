@@ -138,13 +138,13 @@ TEST(ForceGuard, AnAnswerEndsTheFallback) {
   EXPECT_EQ(out.force_on_hand_newton, Vector3(2, 0, 0));
 }
 
-// Ramp of 100 ms: nothing at first, 30 % after 30 ms, all after 100 ms.
 /// 2 N along x, answered every millisecond from `at` up to `until`: the force after the limits.
 double x_answered_until(ForceGuard& guard, Duration& at, Duration until) {
   for (; at < until; at += 1ms) (void)guard.answered(command(Vector3(2, 0, 0)), kStart + at);
   return guard.answered(command(Vector3(2, 0, 0)), kStart + until).force_on_hand_newton.x();
 }
 
+// Ramp of 100 ms: nothing at first, 30 % after 30 ms, all after 100 ms.
 TEST(ForceGuard, ALimpStartGrowsFromZero) {
   DeviceConfig c = config();
   c.start_ramp = 100ms;
