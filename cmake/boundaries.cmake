@@ -44,6 +44,9 @@ set(PALPATE_BOUNDARIES
   "mofc_node/controllers:"
 
   # surfaces ← files ← scene ← display; the step sees the scene only, and no lock
+  # foreign: an engine from elsewhere, of which the scene knows nothing ← sdk: its process
+  "physics_node/foreign:common/core,common/contact,common/session,physics_node,physics_node/display/display.h,physics_node/sdk/physics.h,@threads"
+  "physics_node/sdk:common/*,physics_node,physics_node/display/display.h,physics_node/foreign,@log,@cli"
   "physics_node:common/core,common/contact,common/session/scene_config.h,common/telemetry/physics_telemetry.h,physics_node/scene"
   "physics_node/surfaces:common/core,common/contact,common/contact/cloud,common/session/scene_config.h,@threads"
   "physics_node/files:common/core,common/contact,common/session/scene_config.h,physics_node/surfaces,@threads"
