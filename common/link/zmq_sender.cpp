@@ -61,5 +61,7 @@ template class ZmqSender<DeviceBatch>;
 template class ZmqSender<MofcBatch>;
 template class ZmqSender<PhysicsBatch>;
 template class ZmqSender<HandTarget>;
+template class ZmqSender<RunState>;
+template class ZmqSender<RunRequest>;
 
 }  // namespace palpate

@@ -46,5 +46,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   decode<palpate::SceneState>(frame);
   decode<palpate::MeshFrame>(frame);
   decode<palpate::HandTarget>(frame);
+  decode<palpate::RunState>(frame);
+  decode<palpate::RunRequest>(frame);
   return 0;
 }

@@ -14,6 +14,7 @@
 
 #include "common/core/messages.h"
 #include "common/core/scene_messages.h"
+#include "common/telemetry/run_messages.h"
 #include "common/telemetry/telemetry.h"
 
 namespace palpate {
@@ -34,8 +35,10 @@ enum class MessageKind : std::uint8_t {
   kMeshFrame = 9,
   kHandTarget = 10,
   kSubscription = 11,  ///< no protobuf message follows, but the kinds that the peer wants
+  kRunState = 12,
+  kRunRequest = 13,
 };
-inline constexpr std::size_t kMessageKinds = 12;  ///< largest value + 1
+inline constexpr std::size_t kMessageKinds = 14;  ///< largest value + 1
 
 template <class T>
 inline constexpr MessageKind kKindOf = MessageKind{};
@@ -60,11 +63,16 @@ template <>
 inline constexpr MessageKind kKindOf<MeshFrame> = MessageKind::kMeshFrame;
 template <>
 inline constexpr MessageKind kKindOf<HandTarget> = MessageKind::kHandTarget;
+template <>
+inline constexpr MessageKind kKindOf<RunState> = MessageKind::kRunState;
+template <>
+inline constexpr MessageKind kKindOf<RunRequest> = MessageKind::kRunRequest;
 
 /// Whether T belongs to hop 5.
 template <class T>
 inline constexpr bool kIsTelemetry =
-    kKindOf<T> >= MessageKind::kDeviceBatch&& kKindOf<T> <= MessageKind::kMeshFrame;
+    kKindOf<T> == MessageKind::kRunState ||
+    (kKindOf<T> >= MessageKind::kDeviceBatch && kKindOf<T> <= MessageKind::kMeshFrame);
 
 /// Larger frames are refused before they are parsed. An Interaction of eight contacts with friction
 /// takes 4 kB, its surface 3.5 kB more; a DeviceState of 64 applied forces takes 7 kB; the other

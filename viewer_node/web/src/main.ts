@@ -101,8 +101,8 @@ const client = new FoxgloveClient(
       is_open = false;
       hand.forget();
     },
-    server_info({ capabilities, metadata }) {
-      hand.can_publish = capabilities.includes("clientPublish");
+    server_info({ metadata }) {
+      hand.can_publish = (metadata.client_topics ?? "").split(" ").includes("/hand_target");
       hand.client_id = BigInt(metadata.client_id ?? 0);
     },
     status({ level, id, message }) {
