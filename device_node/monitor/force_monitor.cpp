@@ -75,9 +75,7 @@ void ForceMonitor::begin_credit(TimePoint at) noexcept {
   if (rest_s > 0.0) credit_joule_ -= rest_s * worst_hand_.drain_watt(acting_newton_);
 }
 
-void ForceMonitor::ended(const Vector3& position_m) noexcept {
-  settle(lease_end_, position_m);
-}
+void ForceMonitor::ended(const Vector3& position_m) noexcept { settle(lease_end_, position_m); }
 
 void ForceMonitor::switched(TimePoint at, const Vector3& position_m,
                             const Vector3& force_on_hand_newton, Duration lease) noexcept {
@@ -86,9 +84,7 @@ void ForceMonitor::switched(TimePoint at, const Vector3& position_m,
   lease_end_ = at + lease;
 }
 
-void ForceMonitor::released(TimePoint at) noexcept {
-  lease_end_ = std::min(lease_end_, at);
-}
+void ForceMonitor::released(TimePoint at) noexcept { lease_end_ = std::min(lease_end_, at); }
 
 void ForceMonitor::count_since(TimePoint reading) noexcept {
   if (reading == claimed_) return;
