@@ -8,7 +8,9 @@
 #include <functional>
 #include <iterator>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <set>
+#include <sstream>
 #include <string>
 
 #include "common/link/telemetry_subscriber.h"
@@ -70,6 +72,25 @@ TEST_F(RecordProcesses, LaunchRecordsWhatItsTableSays) {
   EXPECT_EQ(told["loss"]["messages_dropped"], "0");
   EXPECT_EQ(told["nodes"]["device_node_sessions"], "1");
   EXPECT_GT(told["ticks"]["physics"], 500);
+
+  // one run has one set of figures
+  nlohmann::json run_figures = nlohmann::json::parse(text_of(path("run.json")));
+  for (const auto& [key, value] : told["figures"].items()) EXPECT_EQ(run_figures[key], value) << key;
+  ASSERT_EQ(run_program("palpate", {"report", path("run.mcap"), "-o", path("run.html")}).status, 0);
+  const std::string report = text_of(path("run.html"));
+  std::istringstream summary(run.out);
+  int lines = 0;
+  for (std::string line; std::getline(summary, line);) {
+    if (!line.starts_with("  transparency ") && !line.starts_with("  largest force ") &&
+        !line.starts_with("  answered in time ") && !line.starts_with("  reply time ")) {
+      continue;
+    }
+    ++lines;
+    const std::string value = line.substr(line.find_first_not_of(' ', 21));
+    EXPECT_THAT(report, HasSubstr("<td>" + value + "</td>"));
+    EXPECT_THAT(run_program("palpate", {"info", path("run.mcap")}).out, HasSubstr(value));
+  }
+  EXPECT_EQ(lines, 4) << run.out;
 }
 
 TEST_F(RecordProcesses, AKilledRecorderLosesNoMoreThanItsLastSecond) {
@@ -87,8 +108,10 @@ TEST_F(RecordProcesses, AKilledRecorderLosesNoMoreThanItsLastSecond) {
   const nlohmann::json told = info(path("run.mcap"));
   EXPECT_FALSE(told["is_whole"]);
   EXPECT_EQ(told["messages"]["/scene_state"], 1);
-  ASSERT_EQ(run_program("palpate", {"export", path("run.mcap"), "--csv", path("run.csv")}).status,
-            0);
+  const auto exported =
+      run_program("palpate", {"export", path("run.mcap"), "--csv", path("run.csv")});
+  EXPECT_EQ(exported.status, 1);
+  EXPECT_THAT(exported.err, HasSubstr("missing: its end: the file was not closed"));
   const std::string table = text_of(path("run.csv"));
   const auto rows = std::count(table.begin(), table.end(), '\n') - 1;
   // both began to look at about the same time; a row of the watcher may be a batch behind
@@ -198,31 +221,35 @@ TEST_F(RecordProcesses, AReplayObeysItsViewers) {
       return is_so();
     });
   };
-  const auto request = [&](const RunRequest& what) {
-    RunRequest sent = what;
-    sent.header.session_id = 1;
-    ASSERT_EQ(requests.send(sent), SendResult::kSent);
+  const auto request = [&](std::optional<double> seek_s, std::optional<bool> is_paused,
+                           std::optional<double> speed_ratio = {}) {
+    RunRequest request;
+    request.header.session_id = 1;
+    request.seek_s = seek_s;
+    request.is_paused = is_paused;
+    request.speed_ratio = speed_ratio;
+    ASSERT_EQ(requests.send(request), SendResult::kSent);
   };
   ASSERT_TRUE(until([&] { return state.position_s > 0.0; })) << replay.out() << replay.err();
   EXPECT_EQ(state.file, file);
   EXPECT_NEAR(state.length_s, 20.0, 0.1);
   EXPECT_FALSE(state.is_paused);
 
-  request({.is_paused = true});
+  request({}, true);
   ASSERT_TRUE(until([&] { return state.is_paused; }));
-  request({.seek_s = 15.0});
+  request(15.0, {});
   ASSERT_TRUE(until([&] { return state.position_s == 15.0; })) << "it stands still there";
   const auto sequence = [&] { return watcher.rows().back().device.sequence; };
-  request({.is_paused = false, .speed_ratio = 2.0});
+  request({}, false, 2.0);
   ASSERT_TRUE(until([&] { return sequence() > 15000; })) << "ticks of the 16th second";
   EXPECT_EQ(state.speed_ratio, 2.0);
 
-  request({.seek_s = 1.0});
+  request(1.0, {});
   ASSERT_TRUE(until([&] { return sequence() < 3000; }));
-  request({.seek_s = 19.5});
+  request(19.5, {});
   ASSERT_TRUE(until([&] { return state.is_paused && state.position_s == state.length_s; }))
       << "it stays at its end";
-  request({.is_paused = false});
+  request({}, false);
   ASSERT_TRUE(until([&] { return !state.is_paused && sequence() < 3000; })) << "from the beginning";
   replay.send_signal(SIGINT);
   EXPECT_EQ(replay.wait(), 0) << replay.err();

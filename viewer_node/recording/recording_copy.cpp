@@ -204,7 +204,7 @@ class Copy {
       return;
     }
     write_state_of_begin(writer);
-    if (sources_.size() > 1 &&
+    if (sources_.size() > 1 && !options_.is_sequence &&
         !written_.insert({channel, std::hash<std::string_view>()(payload)}).second) {
       ++result_.duplicates;
       return;

@@ -30,7 +30,8 @@ struct CopyOptions {
 
 struct CopyResult {
   std::uint64_t messages = 0;
-  std::uint64_t duplicates = 0;  ///< messages that two recordings contain; written once
+  std::uint64_t duplicates = 0;  ///< messages that two recordings contain; written once, unless
+                                 ///< one recording follows the other
   std::uint64_t damaged_chunks = 0;
 };
 

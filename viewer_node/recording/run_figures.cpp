@@ -57,7 +57,6 @@ nlohmann::ordered_json figures_json(const std::string& controller,
   json["controller"] = controller;
   json["ticks"] = device.loop.ticks;
   json["skipped_ticks"] = device.loop.skipped_ticks;
-  json["received_ticks"] = figures.statistics.ticks();
   json["in_contact_ticks"] = mofc.contact_ticks;
   json["transparency"] = {{"vector", number_or_null(mean_transparency(mofc))}};
   json["min_true_energy_j"] = number_or_null(figures.minimum_true_energy_joule);
@@ -75,6 +74,10 @@ nlohmann::ordered_json figures_json(const std::string& controller,
   json["fallbacks"] = device.fallback_ticks + device.limp_ticks;
   json["reply_time"] = percentiles_json(figures.reply_time);
   json["lateness"] = percentiles_json(figures.lateness);
+  const RunStatistics& received = figures.statistics;
+  json["received"] = {{"ticks", received.ticks()},
+                      {"transparency", number_or_null(received.vector_transparency())},
+                      {"clamp_ratio", number_or_null(received.clamp_ratio())}};
   return json;
 }
 

@@ -45,7 +45,8 @@ struct OutputCase {
   }
   [[nodiscard]] Arguments with(const std::string& file, const Arguments& more = {}) const {
     Arguments all = arguments;
-    all.insert(all.end(), {option, file});
+    if (option != "OUT") all.push_back(option);
+    all.push_back(file);
     all.insert(all.end(), more.begin(), more.end());
     return all;
   }
@@ -121,6 +122,11 @@ class Outputs : public testing::Test {
                  {"palpate", {"export", path("run.mcap")}, "--csv", path("run.mcap"), true},
                  {"palpate", {"report", path("run.mcap")}, "--output", path("run.mcap"), true},
                  {"palpate", {"report", path("run.mcap")}, "-o", path("run.mcap"), true},
+                 {"palpate", {"export", path("run.mcap")}, "--foxglove", path("run.mcap"), true},
+                 {"palpate", {"cut", path("run.mcap")}, "OUT", path("run.mcap"), true},
+                 {"palpate", {"recover", path("run.mcap")}, "OUT", path("run.mcap"), true},
+                 {"palpate", {"merge", path("run.mcap"), path("run.mcap")}, "OUT",
+                  path("run.mcap"), true},
                  {"palpate", {"identify", session_}, "--output", path("organ.msh"), true},
                  {"palpate", {"make-organ", "--points", "50"}, "--cloud", "", true},
                  {"palpate", {"make-organ", "--subdivisions", "0"}, "--mesh", "", true},

@@ -32,7 +32,9 @@ using Arguments = std::vector<std::string>;
 constexpr const char* kDefault = PALPATE_SOURCE_DIR "/deploy/sessions/default.txtpb";
 
 /// Everything that palpate writes to a terminal of so many columns.
-std::string on_terminal(const Arguments& arguments, unsigned short columns) {
+/// @param key     pressed once `prompt` was shown
+std::string on_terminal(const Arguments& arguments, unsigned short columns,
+                        const std::string& prompt = {}, char key = 0) {
   winsize size{.ws_row = 24, .ws_col = columns, .ws_xpixel = 0, .ws_ypixel = 0};
   const std::string program = PALPATE_BINARY_DIR "/palpate";
   std::vector<char*> argv{const_cast<char*>(program.c_str())};
@@ -48,6 +50,10 @@ std::string on_terminal(const Arguments& arguments, unsigned short columns) {
   std::array<char, 4096> bytes{};
   for (ssize_t got = 0; (got = read(terminal, bytes.data(), bytes.size())) > 0;) {
     text.append(bytes.data(), static_cast<std::size_t>(got));
+    if (key != 0 && text.find(prompt) != std::string::npos) {
+      EXPECT_EQ(write(terminal, &key, 1), 1);
+      key = 0;
+    }
   }
   close(terminal);
   int status = 0;
@@ -99,6 +105,17 @@ TEST_F(Screen, OfALaunchBeginsWithThePageAndItsStatusFits) {
     if (line.find("event=") == std::string::npos) continue;
     EXPECT_THAT(line, StartsWith("20")) << "a log line begins with its date";
   }
+}
+
+TEST_F(Screen, OfALaunchTakesMarkers) {
+  const test::TempFolder folder;
+  const std::string file = (folder.path() / "run.mcap").string();
+  const std::string text =
+      on_terminal({"launch", kDefault, "--no-realtime", "--no-viewer", "--seconds", "3", "--record",
+                   file},
+                  80, "press m to set a marker in the run", 'm');
+  EXPECT_THAT(text, HasSubstr("marker set: marker 1"));
+  EXPECT_THAT(run_program("palpate", {"info", file}).out, HasSubstr(": marker 1 (terminal)"));
 }
 
 TEST_F(Screen, OfALaunchNamesAnotherPageIfThePortIsInUse) {

@@ -1,7 +1,7 @@
 // recording.test.mjs: independent readers of what Palpate writes: @mcap/core for recordings, zeromq
 // and protobufjs for PlotJuggler's port. $PALPATE_BIN names the folder of the programs.
 import assert from "node:assert/strict";
-import { execFileSync, spawn } from "node:child_process";
+import { execFileSync, spawn, spawnSync } from "node:child_process";
 import { once } from "node:events";
 import { existsSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
@@ -59,7 +59,7 @@ function ticks(messages) {
 test("the indexed reader finds every tick, the scene and the session", kLimit, async () => {
   const reader = await McapIndexedReader.Initialize({ readable: readable(bytes) });
   const topics = [...reader.channelsById.values()].map((channel) => channel.topic);
-  assert.deepEqual(topics.sort(), ["/device", "/mesh", "/mofc", "/physics", "/scene_state"]);
+  assert.deepEqual(topics.sort(), ["/device", "/markers", "/mesh", "/mofc", "/physics", "/scene_state"]);
 
   const messages = new Map(topics.map((topic) => [topic, []]));
   let last = 0n;
@@ -130,7 +130,8 @@ test("of a file that is cut off, at most one second is lost", kLimit, () => {
     const messages = stream(cut).records.filter((record) => record.type === "Message");
     const file = join(folder, "cut.mcap");
     writeFileSync(file, cut);
-    execFileSync(join(bin, "palpate"), ["export", file, "--csv", join(folder, "cut.csv"), "--overwrite"]);
+    const exported = spawnSync(join(bin, "palpate"), ["export", file, "--csv", join(folder, "cut.csv"), "--overwrite"]);
+    assert.equal(exported.status, 1, "it is said to be damaged");
     const rows = readFileSync(join(folder, "cut.csv"), "utf8").trim().split("\n").length - 1;
     const device = messages.filter((message) => channels.get(message.channelId).topic === "/device");
     const decode = decoder(schemas.get(channels.get(device[0].channelId).schemaId));

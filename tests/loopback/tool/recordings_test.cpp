@@ -1,0 +1,182 @@
+// Recordings made of recordings, and what a damaged one is said to be.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "tests/support/program.h"
+#include "tests/support/temp_folder.h"
+
+namespace palpate {
+namespace {
+
+using nlohmann::json;
+using test::Outcome;
+using test::run_program;
+using test::text_of;
+using testing::HasSubstr;
+using testing::Not;
+
+/// Tissue that moves, so that there are meshes all the time.
+constexpr const char* kMoving = R"(
+name: "moving"
+device { monitor: off }
+hand { hold { position_m { z: -0.005 } } }
+mofc { controller: none }
+scene { tissue { half_space {} kelvin_voigt { stiffness_newton_per_m: 200 }
+                 motion { amplitude_m { z: 0.001 } frequency_hz: 1 } } }
+viewer { web { disabled: true } }
+)";
+
+class RecordingTools : public testing::Test {
+ protected:
+  RecordingTools() {
+    session_ = files_.write("moving.txtpb", kMoving);
+    EXPECT_EQ(palpate({"loopback", session_, "--seconds", "3", "--no-ideal", "--record",
+                       path("run.mcap"), "--csv", path("run.csv"), "--json", path("run.json")})
+                  .status,
+              0);
+  }
+  [[nodiscard]] std::string path(const std::string& name) const {
+    return (files_.path() / name).string();
+  }
+  static Outcome palpate(const std::vector<std::string>& arguments) {
+    return run_program("palpate", arguments);
+  }
+  [[nodiscard]] json info(const std::string& name) const {
+    return json::parse(palpate({"info", path(name), "--json"}).out);
+  }
+  [[nodiscard]] std::string table(const std::string& name) const {
+    const Outcome outcome = palpate({"export", path(name), "--csv", "-"});
+    EXPECT_EQ(outcome.status, 0) << outcome.err;
+    return outcome.out;
+  }
+  /// The recording with one byte changed in the middle of a chunk.
+  void damage(const std::string& name) const {
+    std::string bytes = text_of(path("run.mcap"));
+    bytes[bytes.size() / 2] = static_cast<char>(bytes[bytes.size() / 2] ^ 1);
+    std::ofstream(path(name), std::ios::binary) << bytes;
+  }
+
+  test::TempFolder files_;
+  std::string session_;
+};
+
+TEST_F(RecordingTools, APartBeginsWithTheSceneAsItWas) {
+  ASSERT_EQ(palpate({"cut", path("run.mcap"), path("part.mcap"), "--from", "1", "--to", "2"}).status,
+            0);
+  const json part = info("part.mcap");
+  EXPECT_TRUE(part["is_whole"]);
+  EXPECT_NEAR(part["length_s"], 1.0, 0.05);
+  EXPECT_EQ(part["messages"]["/scene_state"], 1);
+  EXPECT_NEAR(part["ticks"]["device"], 1000, 25);
+  EXPECT_EQ(part["copy"]["command"], "cut");
+  EXPECT_EQ(part["begin_ns"], 1'000'000'000);
+  // its rows are rows of the whole
+  const std::string rows = table("part.mcap");
+  const std::size_t first = rows.find('\n') + 1;
+  EXPECT_THAT(text_of(path("run.csv")), HasSubstr(rows.substr(first)));
+}
+
+TEST_F(RecordingTools, OnlyTheChosenTopicsAreCopied) {
+  ASSERT_EQ(
+      palpate({"cut", path("run.mcap"), path("few.mcap"), "--topics", "/device,mofc"}).status, 0);
+  const json few = info("few.mcap");
+  EXPECT_EQ(few["messages"].size(), 2u);
+  EXPECT_EQ(table("few.mcap"), text_of(path("run.csv")));
+
+  const Outcome none = palpate({"cut", path("run.mcap"), path("x.mcap"), "--topics", "/devices"});
+  EXPECT_EQ(none.status, 2);
+  EXPECT_THAT(none.err, HasSubstr("has none of them; it has /device, /mofc"));
+  const Outcome empty = palpate({"cut", path("run.mcap"), path("x.mcap"), "--from", "2", "--to", "1"});
+  EXPECT_EQ(empty.status, 2);
+  EXPECT_THAT(empty.err, HasSubstr("--to 1: is not after --from 2"));
+  EXPECT_EQ(palpate({"cut", path("run.mcap"), path("x.mcap"), "--from", "4"}).status, 2);
+  EXPECT_FALSE(std::filesystem::exists(path("x.mcap")));
+}
+
+TEST_F(RecordingTools, TwoPartsTogetherAreTheWhole) {
+  ASSERT_EQ(palpate({"cut", path("run.mcap"), path("a.mcap"), "--to", "1.5"}).status, 0);
+  ASSERT_EQ(palpate({"cut", path("run.mcap"), path("b.mcap"), "--from", "1.2"}).status, 0);
+  const Outcome merged =
+      palpate({"merge", path("b.mcap"), path("a.mcap"), path("all.mcap")});
+  EXPECT_EQ(merged.status, 0) << merged.err;
+  EXPECT_THAT(merged.err, HasSubstr("messages were in two recordings, and are written once"));
+  EXPECT_EQ(table("all.mcap"), text_of(path("run.csv")));
+
+  ASSERT_EQ(palpate({"merge", path("a.mcap"), path("b.mcap"), path("row.mcap"), "--append"}).status,
+            0);
+  EXPECT_NEAR(info("row.mcap")["length_s"], 1.5 + 1.8, 0.05);
+}
+
+TEST_F(RecordingTools, RecordingsOfDifferentSessionsAreNotMerged) {
+  ASSERT_EQ(palpate({"loopback", session_, "--seconds", "1", "--no-ideal", "--set", "seed=2",
+                     "--record", path("other.mcap")})
+                .status,
+            0);
+  const Outcome outcome =
+      palpate({"merge", path("run.mcap"), path("other.mcap"), path("all.mcap")});
+  EXPECT_EQ(outcome.status, 2);
+  EXPECT_THAT(outcome.err, HasSubstr("of different sessions"));
+}
+
+TEST_F(RecordingTools, ADamagedRecordingIsSaidToBeDamaged) {
+  damage("damaged.mcap");
+  for (const std::vector<std::string>& command :
+       {std::vector<std::string>{"export", path("damaged.mcap"), "--csv", path("damaged.csv")},
+        {"export", path("damaged.mcap"), "--foxglove", path("damaged_foxglove.mcap")},
+        {"report", path("damaged.mcap"), "-o", path("damaged.html")},
+        {"info", path("damaged.mcap")}}) {
+    const Outcome outcome = palpate(command);
+    EXPECT_EQ(outcome.status, 1) << command.front();
+    EXPECT_THAT(outcome.err, HasSubstr("is damaged; missing: 1 damaged chunks; `palpate recover`"));
+  }
+  EXPECT_THAT(text_of(path("damaged.html")), HasSubstr("is damaged; missing: 1 damaged chunks"));
+  ASSERT_EQ(palpate({"report", path("run.mcap"), "-o", path("run.html")}).status, 0);
+  EXPECT_THAT(text_of(path("run.html")), Not(HasSubstr("is damaged")));
+
+  const Outcome recovered =
+      palpate({"recover", path("damaged.mcap"), path("recovered.mcap")});
+  EXPECT_EQ(recovered.status, 0) << recovered.err;
+  EXPECT_THAT(recovered.err, HasSubstr("1 damaged chunks left out"));
+  const json whole = info("recovered.mcap");
+  EXPECT_TRUE(whole["is_whole"]);
+  EXPECT_EQ(whole["damaged_chunks"], 0);
+  EXPECT_EQ(whole["copy"]["damaged_chunks"], "1");
+  EXPECT_EQ(table("recovered.mcap"), text_of(path("damaged.csv")));
+}
+
+TEST_F(RecordingTools, OneRunHasOneSetOfFigures) {
+  const json run = json::parse(text_of(path("run.json")));
+  const json recorded = info("run.mcap")["figures"];
+  for (const char* key :
+       {"controller", "ticks", "min_true_energy_j", "max_force_n", "largest_jump_n", "monitor",
+        "monitor_reductions", "answered_ratio", "motions_suppressed", "interactions_suppressed",
+        "fallbacks"}) {
+    EXPECT_EQ(run[key], recorded[key]) << key;
+  }
+  // what the loopback counts otherwise has another name
+  EXPECT_EQ(run["transparency"]["vector"], recorded["received"]["transparency"]);
+  EXPECT_EQ(run["clamp_ratio"], recorded["received"]["clamp_ratio"]);
+}
+
+TEST_F(RecordingTools, AReportShowsTwoRunsSideBySide) {
+  ASSERT_EQ(palpate({"cut", path("run.mcap"), path("part.mcap"), "--from", "1"}).status, 0);
+  ASSERT_EQ(
+      palpate({"report", path("run.mcap"), path("part.mcap"), "-o", path("both.html")}).status, 0);
+  const std::string html = text_of(path("both.html"));
+  EXPECT_THAT(html, HasSubstr("--runs: 2"));
+  for (const std::string& name : {path("run.mcap"), path("part.mcap")}) {
+    EXPECT_THAT(html, HasSubstr("<td>" + name + "</td>"));
+  }
+  const Outcome three = palpate({"report", "a", "b", "c", "-o", path("x.html")});
+  EXPECT_EQ(three.status, 2);
+}
+
+}  // namespace
+}  // namespace palpate
