@@ -45,6 +45,10 @@ void reduce_to_range(Interaction& interaction) noexcept {
       std::min(interaction.stored_energy_joule, kMaxStoredEnergyJoule);
 }
 
+double stiffness_along_normal(const Contact& contact) noexcept {
+  return -contact.normal_world.dot(contact.d_force_d_position * contact.normal_world);
+}
+
 }  // namespace
 
 PhysicsNode::PhysicsNode(const SceneConfig& scene, const PhysicsConfig& physics, InteractionUse use,
@@ -121,6 +125,8 @@ void PhysicsNode::step(const Tick& tick) noexcept {
   counters_.octree_last_cell_hits += force.octree_last_cell_hits;
   counters_.tissues_asleep += force.tissues_asleep;
   if (force.contact_count > 0) ++counters_.contact_steps;
+  const bool is_touching = force.contact_count > 0;
+  const Contact& deepest = force.contacts.front();
   ticks_out_.keep({.sequence = next_step_++,
                    .stepped_at = tick.now,
                    .device_sequence = motion.device_sequence,
@@ -128,7 +134,9 @@ void PhysicsNode::step(const Tick& tick) noexcept {
                    .force_on_tool_newton = force.force_on_tool_newton,
                    .stored_energy_joule = force.stored_energy_joule,
                    .contact_count = force.contact_count,
-                   .compute_time = compute_time});
+                   .compute_time = compute_time,
+                   .penetration_m = is_touching ? deepest.penetration_m : 0.0,
+                   .stiffness_newton_per_m = is_touching ? stiffness_along_normal(deepest) : 0.0});
 }
 
 void PhysicsNode::send(Interaction& interaction, const ToolMotion& motion) noexcept {

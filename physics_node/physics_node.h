@@ -54,6 +54,9 @@ class PhysicsNode {
   /// No allocation, no lock, no throw.
   void step(const Tick& tick) noexcept;
 
+  /// The material of a tissue has changed (Scene::set_material). Real-time safe.
+  void note_changed(std::uint32_t tissue) noexcept { surface_.forget(tissue); }
+
   /// A motion has arrived that no step has used yet.
   [[nodiscard]] bool has_new_motion() noexcept;
 

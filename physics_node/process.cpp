@@ -4,6 +4,7 @@
 #include <chrono>
 #include <list>
 #include <memory>
+#include <optional>
 #include <span>
 #include <utility>
 #include <vector>
@@ -21,6 +22,7 @@
 #include "common/telemetry/telemetry_publisher.h"
 #include "physics_node/display/scene_display.h"
 #include "physics_node/physics_node.h"
+#include "physics_node/tissue_changes.h"
 
 namespace palpate::physics {
 namespace {
@@ -57,6 +59,7 @@ class Tool {
     node_.step(tick);
     counters_.store(node_.counters());
   }
+  void note_changed(std::uint32_t tissue) noexcept { node_.note_changed(tissue); }
   /// Waits for a motion that no step has used; false if there is none yet.
   [[nodiscard]] bool wait_for_motion() {
     motion_in_.wait_until(clock_.now() + kIdleWait);
@@ -81,6 +84,46 @@ class Tool {
   PhysicsNode node_;
 };
 
+/// Hop 7.
+class Control {
+ public:
+  Control(const Session& session, NodeContext& context, ZmqContext& side)
+      : log_(context.log),
+        source_(side, context.clock, bind_to(session.tissue_change, "viewer.control")),
+        refused_(context.log, "tissue_change", source_.rejections()),
+        changes_(session.scene, source_),
+        tissues_(session.scene.tissues) {}
+
+  /// On the publisher's thread.
+  void pump(SceneDisplay& display, TimePoint now) {
+    changes_.receive([&](const TissueChange& change) {
+      display.set_material(change.tissue, change.stiffness_newton_per_m,
+                           change.damping_newton_s_per_m);
+      log_.info("event=tissue_changed tissue=\"{}\" stiffness_newton_per_m={} damping_newton_s_per_m={}",
+                tissues_[change.tissue].name, change.stiffness_newton_per_m,
+                change.damping_newton_s_per_m);
+    });
+    refused_.note(now);
+  }
+  /// On the thread of the steps, between two of them. Real-time safe.
+  void apply(Scene& scene, std::list<Tool>& tools) noexcept {
+    TissueChange change;
+    while (changes_.next(change)) {
+      scene.set_material(change.tissue, change.stiffness_newton_per_m,
+                         change.damping_newton_s_per_m);
+      for (Tool& tool : tools) tool.note_changed(change.tissue);
+    }
+  }
+  void count_into(PhysicsCounters& counters) const { changes_.count_into(counters); }
+
+ private:
+  spdlog::logger& log_;
+  ZmqSource<TissueChange> source_;
+  RejectionLog refused_;
+  TissueChanges changes_;
+  const std::vector<TissueConfig>& tissues_;
+};
+
 }  // namespace
 
 void run_process(NodeContext& context, ProcessLinks& links) {
@@ -95,17 +138,22 @@ void run_process(NodeContext& context, ProcessLinks& links) {
     return side.mofc.interaction == InteractionUse::kLocal;
   });
   const auto scene =
-      std::make_shared<const Scene>(session.scene, is_any_local ? session.physics.reach_m : 0.0);
+      std::make_shared<Scene>(session.scene, is_any_local ? session.physics.reach_m : 0.0);
 
   // hop 5: one socket, so the publisher of the first tool sends for all
   SceneSender telemetry(links.side, bind_to(session.physics_telemetry, "links.physics_telemetry"));
   SceneDisplay display(session, context.session_id, telemetry, telemetry);
   RefusedPeersLog refused_peers(context.log, links.side.refused());
   HeapTrim heap;
+  std::optional<Control> control;
+  if (session.viewer.has_control) control.emplace(session, context, links.side);
   std::list<Tool> tools;
   for (const Side& side : sides) {
     Tool& tool = tools.emplace_back(session, side, scene, context, links, telemetry);
-    tool.publisher.add_counts = [&](PhysicsCounters& counts) { display.count_into(counts); };
+    tool.publisher.add_counts = [&](PhysicsCounters& counts) {
+      display.count_into(counts);
+      if (control) control->count_into(counts);
+    };
   }
   auto& publisher = tools.front().publisher;
   std::vector<PhysicsTick> newest;
@@ -119,6 +167,7 @@ void run_process(NodeContext& context, ProcessLinks& links) {
       if (tool.publisher.newest()) newest.push_back(*tool.publisher.newest());
       tool.note_refused(now);
     }
+    if (control) control->pump(display, now);
     display.publish({.scene_subscriptions = telemetry.subscriptions<SceneState>(),
                      .mesh_subscriptions = telemetry.subscriptions<MeshFrame>(),
                      .has_mesh_watcher = telemetry.has_subscriber<MeshFrame>()},
@@ -133,6 +182,7 @@ void run_process(NodeContext& context, ProcessLinks& links) {
 
   if (session.side().mofc.wait_for_physics.count() == 0) {
     RateLoop(context.clock, session.physics.rate_hz).run(context.stop, [&](Tick tick) {
+      if (control) control->apply(*scene, tools);
       for (Tool& tool : tools) {
         tool.step(tick);
         tick.now = context.clock.now();
@@ -142,6 +192,7 @@ void run_process(NodeContext& context, ProcessLinks& links) {
     std::uint64_t index = 0;
     while (!context.stop.stop_requested()) {
       if (!tools.front().wait_for_motion()) continue;
+      if (control) control->apply(*scene, tools);
       const TimePoint now = context.clock.now();
       tools.front().step({.index = index++, .scheduled_at = now, .now = now});
     }

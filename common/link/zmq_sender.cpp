@@ -61,5 +61,6 @@ template class ZmqSender<DeviceBatch>;
 template class ZmqSender<MofcBatch>;
 template class ZmqSender<PhysicsBatch>;
 template class ZmqSender<HandTarget>;
+template class ZmqSender<TissueChange>;
 
 }  // namespace palpate

@@ -45,5 +45,6 @@ void ZmqSource<T>::wait_until(TimePoint deadline) noexcept {
 template class ZmqSource<ToolMotion>;
 template class ZmqSource<Interaction>;
 template class ZmqSource<HandTarget>;
+template class ZmqSource<TissueChange>;
 
 }  // namespace palpate

@@ -46,5 +46,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   decode<palpate::SceneState>(frame);
   decode<palpate::MeshFrame>(frame);
   decode<palpate::HandTarget>(frame);
+  decode<palpate::TissueChange>(frame);
   return 0;
 }

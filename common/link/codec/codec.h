@@ -34,8 +34,9 @@ enum class MessageKind : std::uint8_t {
   kMeshFrame = 9,
   kHandTarget = 10,
   kSubscription = 11,  ///< no protobuf message follows, but the kinds that the peer wants
+  kTissueChange = 12,
 };
-inline constexpr std::size_t kMessageKinds = 12;  ///< largest value + 1
+inline constexpr std::size_t kMessageKinds = 13;  ///< largest value + 1
 
 template <class T>
 inline constexpr MessageKind kKindOf = MessageKind{};
@@ -60,6 +61,8 @@ template <>
 inline constexpr MessageKind kKindOf<MeshFrame> = MessageKind::kMeshFrame;
 template <>
 inline constexpr MessageKind kKindOf<HandTarget> = MessageKind::kHandTarget;
+template <>
+inline constexpr MessageKind kKindOf<TissueChange> = MessageKind::kTissueChange;
 
 /// Whether T belongs to hop 5.
 template <class T>
