@@ -111,6 +111,11 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
     orientation: null, // w, x, y, z of the tool, if it is turned
     targets: [], // every HandTarget received
     changes: [], // every TissueChange received
+    refuses_changes: false,
+    requests: [], // every RunRequest received
+    recorder: { isPossible: true, isRecording: false, file: "", lengthS: 0, problem: "" },
+    markers: [],
+    replay: undefined, // as in palpate.v1.Health
     stiffness: [...kStiffness], damping: [1, 60], // of the tissues
     holder: 0,
     tool: { x: -0.012, y: 0, z: 0.015 },
@@ -262,6 +267,7 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
     return encode("palpate.v1.Health", {
       nodes: Object.keys(heard_ms).map((name) => ({ name, isHeard: silence_s(name) < 1, silenceS: silence_s(name), sessions: 1n })),
       clients: sockets.clients.size, handHolder: BigInt(world.holder), version: "mock",
+      recorder: world.recorder, markers: world.markers, ...(world.replay ? { replay: world.replay } : {}),
     });
   }
 
@@ -306,14 +312,25 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
     send_all("/scene_state", scene_state());
   }
 
+  function take_request({ marker, seekS, isPaused, speedRatio, isRecording }) {
+    world.requests.push({ marker, seekS, isPaused, speedRatio, isRecording });
+    if (isRecording !== undefined) world.recorder = { ...world.recorder, isRecording, file: "mock.mcap", lengthS: 0 };
+    if (marker !== undefined) write_log("run", `event=marker origin=page text="${marker || "marker 1"}"`);
+    if (!world.replay) return;
+    if (seekS !== undefined) world.replay.positionS = seekS;
+    if (isPaused !== undefined) world.replay.isPaused = isPaused;
+    if (speedRatio !== undefined) world.replay.speedRatio = speedRatio;
+    send_all("/health", health());
+  }
+
   sockets.on("connection", (socket) => {
     const topics = Object.keys(kTopics);
     socket.subscriptions = new Map();
     socket.client_id = next_client++;
     socket.published = new Map();
     socket.send(JSON.stringify({
-      op: "serverInfo", name: "mock", capabilities: has_pointer || has_control ? ["clientPublish"] : [], supportedEncodings: ["protobuf"],
-      sessionId: String(begin_ms), metadata: { client_id: String(socket.client_id), session: "mock", accepts: [...(has_pointer ? ["/hand_target"] : []), ...(has_control ? ["/tissue_change"] : [])].join(" ") },
+      op: "serverInfo", name: "mock", capabilities: ["clientPublish"], supportedEncodings: ["protobuf"],
+      sessionId: String(begin_ms), metadata: { client_id: String(socket.client_id), session: "mock", client_topics: [...(has_pointer ? ["/hand_target"] : []), ...(has_control ? ["/tissue_change"] : []), "/run_request"].join(" ") },
     }));
     socket.send(JSON.stringify({
       op: "advertise",
@@ -340,6 +357,10 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
         take_change(fromBinary(schema(published), data.subarray(5)));
         return;
       }
+      if (data[0] === 1 && published === "palpate.v1.RunRequest") {
+        take_request(fromBinary(schema(published), data.subarray(5)));
+        return;
+      }
       if (data[0] !== 1 || published !== "palpate.v1.HandTarget") throw new Error("not a HandTarget");
       const message = fromBinary(schema("palpate.v1.HandTarget"), data.subarray(5));
       if (world.holder !== 0 && world.holder !== socket.client_id) {
@@ -360,7 +381,10 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
   const timers = [
     setInterval(() => {
       // as many batches as are due, whatever the timer does
-      while (Number(tick) < performance.now() - begin_ms) step();
+      while (Number(tick) < performance.now() - begin_ms) {
+        if (world.replay?.isPaused) tick += 20n;
+        else step();
+      }
     }, 20),
     setInterval(() => {
       if (!world.alive.physics) return;

@@ -120,7 +120,7 @@ const client = new FoxgloveClient(
       hand.forget();
     },
     server_info({ capabilities, metadata }) {
-      const accepted = capabilities.includes("clientPublish") ? (metadata.accepts ?? "").split(" ") : [];
+      const accepted = capabilities.includes("clientPublish") ? (metadata.client_topics ?? "").split(" ") : [];
       hand.can_publish = accepted.includes("/hand_target");
       control.can_publish = accepted.includes("/tissue_change");
       run.can_publish = accepted.includes("/run_request");

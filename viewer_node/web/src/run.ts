@@ -46,6 +46,7 @@ export class RunControl {
 
     this.play.type = "button";
     this.play.id = "play";
+    this.play.title = "Play or pause the replay (P)";
     this.play.addEventListener("click", () => this.toggle());
     this.scrubber.type = "range";
     this.scrubber.min = "0";
