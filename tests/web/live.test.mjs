@@ -9,7 +9,7 @@ import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { fileURLToPath } from "node:url";
 import { after, afterEach, before, test } from "node:test";
-import { at_most, hold_when, late_pages, launch, open, picture, screenshot, status, until, until_pixels_change, until_text } from "./support/browser.mjs";
+import { at_most, hold_when, kSkipScreenshots, late_pages, launch, open, picture, screenshot, status, until, until_pixels_change, until_text } from "./support/browser.mjs";
 
 const root = fileURLToPath(new URL("../..", import.meta.url));
 const bin = process.env.PALPATE_BIN ?? join(root, "build/release/bin");
@@ -228,6 +228,23 @@ test_on_default("a drag takes the hand from its script, presses, and releases it
   await until(page, (t) => !t.hand.is_mine && !t.hand.is_others, "a free hand");
 });
 
+test("a page changes the stiffness of the tissue that is pressed", kLimit, async () => {
+  nodes = await Nodes.start(["viewer.control=true"]);
+  const page = await open(browser, nodes.url, kSmall);
+  await until(page, (t) => t.contact.stiffness_newton_per_m > 100, "a press");
+  const { stiffness_newton_per_m } = (await status(page)).scene.tissues[0];
+  const field = page.getByRole("spinbutton", { name: "Stiffness, N/m, of block" });
+  await field.fill(String(2 * stiffness_newton_per_m), { timeout: 60000 });
+  await field.press("Enter");
+
+  await until(page, (t) => t.scene.tissues[0].stiffness_newton_per_m === 2 * stiffness_newton_per_m && t.scene.revision === 2, "the scene with the new stiffness");
+  await until(page, (t) => t.events.some(({ text }) => text.startsWith(`block: ${2 * stiffness_newton_per_m} N/m`)), "the change among the events");
+  const pressed = await until(page, (t) => Math.abs(t.contact.stiffness_newton_per_m - 2 * stiffness_newton_per_m) < 0.01 * stiffness_newton_per_m && t.state.id === "contact", "a press of the stiffer tissue");
+  assert.ok(pressed.contact.depth_m > 0);
+  assert.match(nodes.output, /event=tissue_changed tissue="block"/);
+  assert.deepEqual(page.problems, []);
+});
+
 test("two hands: both tools are in one scene, and either one's figures can be shown", kLimit, async () => {
   nodes = await Nodes.start([], "two_hands", ["left", "right"]);
   const page = await open(browser, nodes.url, kSmall);
@@ -243,9 +260,9 @@ test("two hands: both tools are in one scene, and either one's figures can be sh
   assert.deepEqual(page.problems, []);
 });
 
-test("screenshots", { ...kLimit, skip: kLimit.skip || !process.env.PALPATE_SCREENSHOTS && "PALPATE_SCREENSHOTS names no folder" }, async () => {
+test("screenshots of a session", { ...kLimit, skip: kLimit.skip || kSkipScreenshots }, async () => {
   nodes = await Nodes.start();
-  const views = [["viewer_light", { width: 1080, height: 680 }], ["viewer_phone", { width: 390, height: 844, dark: true, touch: true }]];
+  const views = [["viewer_light", { width: 1000, height: 640 }], ["viewer_phone", { width: 390, height: 844, dark: true, touch: true }]];
   for (const [name, options] of views) {
     const page = await open(browser, nodes.url, { scale: 1, ...options });
     await until(page, (t) => t.now_s > 10.5, "a full window");

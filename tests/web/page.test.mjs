@@ -80,6 +80,10 @@ async function rest_tool_at(page, z) {
   server.world.is_still = true;
   server.world.tool = { x: 0.01, y: -0.01, z };
   await until(page, (t) => Math.abs(t.tool_m.z - z) < 1e-6, "the resting tool");
+  if (z < 0.003) return;
+  // the words over the picture rest, too
+  await until_text(page, "state-title", /^Free$/);
+  await until_text(page, "force-applied", /^0\.00$/);
 }
 
 // first: on a new page the curves still grow
