@@ -33,6 +33,10 @@ int main(int argc, char** argv) {
                     "loopback need --token-file (default: 127.0.0.1, port of the session)")
                  ->type_name("ADDRESS:PORT");
              app.add_flag("--no-web", web.is_off, "serve no page");
+             app.add_option("--record-folder", web.record_folder,
+                            "folder of recordings that a page begins (default: the current one on "
+                            "loopback, none elsewhere)")
+                 ->type_name("FOLDER");
              app.add_option("--token-file", web.token_file,
                             "require the token in this file from clients: http://…/?token=TOKEN")
                  ->type_name("FILE");

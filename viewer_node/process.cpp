@@ -11,6 +11,7 @@
 #include "common/link/plot_sender.h"
 #include "common/process/heap_trim.h"
 #include "common/process/refused_peers_log.h"
+#include "common/process/run_host.h"
 #include "common/process/terminal.h"
 #include "common/session/session_file.h"
 #include "common/telemetry/csv_writer.h"
@@ -53,6 +54,7 @@ std::vector<Attachment> telemetry_of(const Session& session) {
     attachments.push_back(connect_to(side.links.mofc_telemetry, "links.mofc_telemetry"));
   }
   attachments.push_back(connect_to(session.physics_telemetry, "links.physics_telemetry"));
+  attachments.push_back(run_state_of(session, Attachment::Role::kConnect));
   return attachments;
 }
 
@@ -79,10 +81,7 @@ class Plot {
     const std::int64_t sampled_ns = row.device.sampled_at.time_since_epoch().count();
     if (row.device_session_id != device_session_id_) {
       device_session_id_ = row.device_session_id;
-      offset_ns_ = std::chrono::duration_cast<std::chrono::nanoseconds>(
-                       std::chrono::system_clock::now().time_since_epoch())
-                       .count() -
-                   sampled_ns;
+      offset_ns_ = static_cast<std::int64_t>(wall_clock_ns()) - sampled_ns;
     }
     const MofcCounters& mofc = mirror_.mofc_counters();
     sender_.send(static_cast<std::uint64_t>(sampled_ns + offset_ns_), row.device, row.mofc,

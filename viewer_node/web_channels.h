@@ -1,7 +1,6 @@
 // web_channels.h — the channels that the web server advertises: topics, schemas, and their order.
 #pragma once
 
-#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -32,12 +31,5 @@ enum class WebChannel : std::uint8_t {
 /// Index of a channel in web_channels(). @param side  index in session.sides; ignored by
 /// channels that all sides share
 [[nodiscard]] std::size_t index_of(WebChannel channel, std::size_t side = 0);
-
-/// Time stamp of a message of these channels: nanoseconds since 1970.
-[[nodiscard]] inline std::uint64_t wall_clock_ns() {
-  return static_cast<std::uint64_t>(std::chrono::duration_cast<std::chrono::nanoseconds>(
-                                        std::chrono::system_clock::now().time_since_epoch())
-                                        .count());
-}
 
 }  // namespace palpate::viewer

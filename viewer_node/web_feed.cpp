@@ -14,7 +14,8 @@ ServerDescription description_of(const NodeContext& context, const ProcessLinks&
           .session_id = fmt::format("{:x}", context.session_id),
           .session_name = context.session.name,
           .channels = web_channels(context.session),
-          .accepts_hand_targets = may_lead_hand(context.session, links)};
+          .accepts_hand_targets = may_lead_hand(context.session, links),
+          .accepts_requests = true};
 }
 
 }  // namespace
@@ -26,6 +27,7 @@ WebFeed::WebFeed(NodeContext& context, ProcessLinks& links, const WebOptions& op
       log_(context.session, server_),
       scene_(subscriber, server_),
       hand_(context, links, server_),
+      run_(context, links, subscriber, page_record_folder(options), scene_.mirror(), server_, log_),
       health_(context.session, mirrors, subscriber, server_, log_),
       foxglove_(context.session, mirrors, scene_, server_) {
   const WebConfig& configured = context.session.viewer.web;
@@ -46,9 +48,10 @@ void WebFeed::take(const TelemetryMessage& message, std::span<const std::byte> p
     take_batch(*mofc, WebChannel::kMofc, payload);
   } else if (const auto* physics = std::get_if<PhysicsBatch>(&message)) {
     take_batch(*physics, WebChannel::kPhysics, payload);
-  } else {
-    take_batch(std::get<DeviceBatch>(message), WebChannel::kDevice, payload);
+  } else if (const auto* device = std::get_if<DeviceBatch>(&message)) {
+    take_batch(*device, WebChannel::kDevice, payload);
   }
+  run_.take(message, payload, context_.clock.now());
 }
 
 template <class Batch>
@@ -70,7 +73,10 @@ void WebFeed::pump(TimePoint now) {
   scene_.pump();
   for (const WebServer::Event& event : server_.take_events()) handle(event, now);
   hand_.pump(now);
-  health_.pump(now, hand_.holder());
+  run_.pump(now);
+  health_.pump(now, {.hand_holder = hand_.holder(),
+                     .recorder = run_.recorder(now),
+                     .run = run_.state()});
   foxglove_.pump(now);
 }
 
@@ -82,7 +88,10 @@ void WebFeed::handle(const WebServer::Event& event, TimePoint now) {
       if (event.channel == index_of(WebChannel::kPoints)) foxglove_.repeat_points();
       return;
     case WebServer::Event::Kind::kHandTarget:
-      hand_.take(event.client, event.hand_target, now);
+      hand_.take(event.client, event.payload, now);
+      return;
+    case WebServer::Event::Kind::kRunRequest:
+      run_.request(event.client, event.payload, now);
       return;
     case WebServer::Event::Kind::kLeft:
       hand_.client_left(event.client, now);

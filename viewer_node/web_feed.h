@@ -1,8 +1,9 @@
-// web_feed.h — serves a running session to web clients, and passes on the one thing that they may
-// send: hand targets.
+// web_feed.h — serves a running session to web clients, and passes on what they may send: hand
+// targets, and requests to the run.
 //
-//   in   hop 5  telemetry of all nodes, SceneState, MeshFrame
+//   in   hop 5  telemetry of all nodes, SceneState, MeshFrame, RunState
 //   out  hop 6  HandTarget  see web_hand.h
+//        hop 7  RunRequest  see web_run.h
 //
 // Thread: the viewer's; the server has its own.
 #pragma once
@@ -22,6 +23,7 @@
 #include "viewer_node/web_health.h"
 #include "viewer_node/web_log.h"
 #include "viewer_node/web_options.h"
+#include "viewer_node/web_run.h"
 #include "viewer_node/web_scene.h"
 
 namespace palpate::viewer {
@@ -48,6 +50,7 @@ class WebFeed {
   WebLog log_;
   WebScene scene_;
   WebHand hand_;
+  WebRun run_;
   WebHealth health_;
   WebFoxglove foxglove_;
 };

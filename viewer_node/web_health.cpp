@@ -23,16 +23,16 @@ WebHealth::WebHealth(const Session& session, std::span<const TelemetryMirror> mi
       log_(log),
       metrics_(session) {}
 
-void WebHealth::pump(TimePoint now, std::uint64_t hand_holder) {
+void WebHealth::pump(TimePoint now, ViewerHealth own) {
   if (now < next_) return;
   next_ = now + kInterval;
 
   const WebServer::Counters counters = server_.counters();
-  ViewerHealth health{.clients = counters.clients,
-                      .messages_dropped = counters.dropped,
-                      .frames_rejected = subscriber_.rejected(),
-                      .hand_holder = hand_holder,
-                      .version = version()};
+  ViewerHealth& health = own;
+  health.clients = counters.clients;
+  health.messages_dropped = counters.dropped;
+  health.frames_rejected = subscriber_.rejected();
+  health.version = version();
   const std::vector<Side>& sides = session_.sides;
   for (std::size_t i = 0; i < sides.size(); ++i) {
     add_node(health, with_side(sides[i].name, "device"), mirrors_[i].device_link(), now);

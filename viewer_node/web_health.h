@@ -29,8 +29,8 @@ class WebHealth {
     metrics_.note(side, batch);
   }
   /// Five times a second: publishes /health, updates /metrics, and logs nodes that start or stop
-  /// sending. @param hand_holder  client that leads the hand; 0: none
-  void pump(TimePoint now, std::uint64_t hand_holder);
+  /// sending. @param own  what this viewer knows: hand_holder, recorder, run
+  void pump(TimePoint now, ViewerHealth own);
 
  private:
   void add_node(ViewerHealth& health, const std::string& name, const NodeLink& link, TimePoint now);

@@ -84,4 +84,11 @@ WebServerConfig web_config(const WebOptions& options, const WebConfig& session) 
   return config;
 }
 
+std::string page_record_folder(const WebOptions& options) {
+  if (options.record_folder) return *options.record_folder;
+  WebServerConfig config;
+  if (!options.listen.empty()) read_listen(options.listen, config);
+  return is_loopback(config.address) ? "." : "";
+}
+
 }  // namespace palpate::viewer

@@ -2,6 +2,7 @@
 // session.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -17,6 +18,7 @@ struct WebOptions {
   std::vector<std::string> origins{};
   std::vector<std::string> hosts{};
   std::vector<std::string> proxies{};
+  std::optional<std::string> record_folder{};  ///< of recordings that pages begin
   bool is_off = false;
 
   /// Whether to serve the page in this session.
@@ -32,5 +34,9 @@ struct WebOptions {
 /// than loopback without a token, a token file that is unreadable, open to other users or holds
 /// less than 16 characters.
 [[nodiscard]] WebServerConfig web_config(const WebOptions& options, const WebConfig& session);
+
+/// Where pages may record: as given, else the current folder if the server is on loopback; empty:
+/// nowhere.
+[[nodiscard]] std::string page_record_folder(const WebOptions& options);
 
 }  // namespace palpate::viewer

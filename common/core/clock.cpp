@@ -1,5 +1,7 @@
 #include "common/core/clock.h"
 
+#include <chrono>
+
 #include <sched.h>
 
 #include <cerrno>
@@ -25,6 +27,12 @@ void SteadyClock::sleep_until(TimePoint deadline) {
   }
   while (now() < deadline) {
   }
+}
+
+std::uint64_t wall_clock_ns() noexcept {
+  return static_cast<std::uint64_t>(std::chrono::duration_cast<std::chrono::nanoseconds>(
+                                        std::chrono::system_clock::now().time_since_epoch())
+                                        .count());
 }
 
 }  // namespace palpate

@@ -36,6 +36,9 @@ class SteadyClock final : public Clock {
   WaitStrategy wait_;
 };
 
+/// Wall clock, nanoseconds since 1970: for people and files, never for the loop.
+[[nodiscard]] std::uint64_t wall_clock_ns() noexcept;
+
 /// Advances only by sleep_until() and advance().
 class ManualClock final : public Clock {
  public:

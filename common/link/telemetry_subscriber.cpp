@@ -23,6 +23,7 @@ TelemetrySubscriber::TelemetrySubscriber(ZmqContext& context, const Clock& clock
   subscribe<DeviceBatch>();
   subscribe<MofcBatch>();
   subscribe<PhysicsBatch>();
+  subscribe<RunState>();
 }
 
 template <class T>
@@ -83,6 +84,9 @@ bool TelemetrySubscriber::receive(TelemetryMessage& message, TimePoint& received
         break;
       case MessageKind::kMeshFrame:
         is_good = take(meshes_, message);
+        break;
+      case MessageKind::kRunState:
+        is_good = take(runs_, message);
         break;
       default:
         rejections_.count(DecodeError::kWrongKind);

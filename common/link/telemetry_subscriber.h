@@ -3,6 +3,7 @@
 
 #include <poll.h>
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <list>
@@ -20,21 +21,24 @@
 
 namespace palpate {
 
-/// Receives the messages of all nodes, each through a socket of its own: the batches of every node,
-/// SceneState and MeshFrame after subscribe().
+/// Receives the messages of all nodes, each through a socket of its own: the batches of every node
+/// and RunState, SceneState and MeshFrame after subscribe().
 class TelemetrySubscriber final : public Source<TelemetryMessage> {
  public:
   TelemetrySubscriber(ZmqContext& context, const Clock& clock,
                       const std::vector<Attachment>& attachments);
 
-  /// Starts or stops receiving T, also from nodes that start later.
+  /// Starts receiving T, also from nodes that start later.
   template <class T>
   void subscribe() {
+    ++users_[static_cast<std::size_t>(kKindOf<T>)];
     for (Node& node : nodes_) node.subscription.add(kKindOf<T>);
     send_subscriptions();
   }
+  /// Ends what one subscribe() began: T is received as long as one user of it is left.
   template <class T>
   void unsubscribe() {
+    if (--users_[static_cast<std::size_t>(kKindOf<T>)] > 0) return;
     for (Node& node : nodes_) node.subscription.remove(kKindOf<T>);
     send_subscriptions();
   }
@@ -66,11 +70,13 @@ class TelemetrySubscriber final : public Source<TelemetryMessage> {
   std::list<Node> nodes_;
   std::list<Node>::iterator next_;   // whose turn it is
   std::vector<pollfd> descriptors_;  // of the nodes
+  std::array<int, kMessageKinds> users_{};  // by kind: calls of subscribe() without their end
   Codec<DeviceBatch> device_;
   Codec<MofcBatch> mofc_;
   Codec<PhysicsBatch> physics_;
   Codec<SceneState> scenes_;
   Codec<MeshFrame> meshes_;
+  Codec<RunState> runs_;
   zmq::message_t frame_;
   Rejections rejections_;
 };

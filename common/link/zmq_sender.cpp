@@ -61,6 +61,8 @@ template class ZmqSender<DeviceBatch>;
 template class ZmqSender<MofcBatch>;
 template class ZmqSender<PhysicsBatch>;
 template class ZmqSender<HandTarget>;
+template class ZmqSender<RunState>;
+template class ZmqSender<RunRequest>;
 template class ZmqSender<TissueChange>;
 
 }  // namespace palpate

@@ -45,6 +45,7 @@ void ZmqSource<T>::wait_until(TimePoint deadline) noexcept {
 template class ZmqSource<ToolMotion>;
 template class ZmqSource<Interaction>;
 template class ZmqSource<HandTarget>;
+template class ZmqSource<RunRequest>;
 template class ZmqSource<TissueChange>;
 
 }  // namespace palpate

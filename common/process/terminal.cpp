@@ -113,6 +113,30 @@ BusyLine::BusyLine(std::string what, bool is_quiet) {
   });
 }
 
+TerminalKeys::TerminalKeys(int descriptor) : descriptor_(descriptor) {
+  termios settings{};
+  if (isatty(descriptor) != 1 || tcgetpgrp(descriptor) != getpgrp() ||
+      tcgetattr(descriptor, &settings) != 0) {
+    return;
+  }
+  before_ = settings;
+  settings.c_lflag &= ~static_cast<tcflag_t>(ICANON | ECHO);
+  settings.c_cc[VMIN] = 0;  // read() returns at once
+  settings.c_cc[VTIME] = 0;
+  if (tcsetattr(descriptor, TCSANOW, &settings) != 0) before_.reset();
+}
+
+TerminalKeys::~TerminalKeys() {
+  if (is_on() && tcgetpgrp(descriptor_) == getpgrp()) tcsetattr(descriptor_, TCSANOW, &*before_);
+}
+
+char TerminalKeys::take() {
+  char key = 0;
+  // a program in the background would be stopped by reading
+  if (!is_on() || tcgetpgrp(descriptor_) != getpgrp()) return 0;
+  return read(descriptor_, &key, 1) == 1 ? key : '\0';
+}
+
 StopSignal::StopSignal() {
   is_stop_requested = 0;
   struct sigaction action {};

@@ -1,10 +1,12 @@
 // terminal.h — what is shown to a person at a terminal, and only there: progress, colour, width.
 #pragma once
 
+#include <termios.h>
 #include <unistd.h>
 
 #include <cstddef>
 #include <functional>
+#include <optional>
 #include <string>
 #include <thread>
 
@@ -65,6 +67,26 @@ class BusyLine {
 
  private:
   std::jthread thread_;
+};
+
+/// Single keys of the terminal at standard input, without Enter and without echo, while an object
+/// exists; one at a time. Without a terminal, or in the background, there are none. Ctrl-C keeps its
+/// meaning.
+class TerminalKeys {
+ public:
+  explicit TerminalKeys(int descriptor = STDIN_FILENO);
+  /// Restores the terminal.
+  ~TerminalKeys();
+  TerminalKeys(const TerminalKeys&) = delete;
+  TerminalKeys& operator=(const TerminalKeys&) = delete;
+
+  [[nodiscard]] bool is_on() const { return before_.has_value(); }
+  /// The next key that was pressed; 0: none. Does not block.
+  [[nodiscard]] char take();
+
+ private:
+  int descriptor_;
+  std::optional<termios> before_;  // settings of the terminal; empty: not used
 };
 
 /// Ctrl-C, SIGTERM and SIGHUP as a request while an object exists: the first one is noted, a second

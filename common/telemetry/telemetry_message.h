@@ -4,10 +4,12 @@
 #include <variant>
 
 #include "common/core/scene_messages.h"
+#include "common/telemetry/run_messages.h"
 #include "common/telemetry/telemetry.h"
 
 namespace palpate {
 
-using TelemetryMessage = std::variant<DeviceBatch, MofcBatch, PhysicsBatch, SceneState, MeshFrame>;
+using TelemetryMessage =
+    std::variant<DeviceBatch, MofcBatch, PhysicsBatch, SceneState, MeshFrame, RunState>;
 
 }  // namespace palpate

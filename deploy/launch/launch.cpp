@@ -273,9 +273,11 @@ class Run {
       supervisor_.kill();
       io_.restart();
       io_.run();
+      if (options_.on_end) options_.on_end();
       throw;
     }
     if (options_.on_poll) options_.on_poll();
+    if (options_.on_end) options_.on_end();
     return {.end = supervisor_.was_refused() ? LaunchEnd::kRefused : end_,
             .restarts = supervisor_.restarts(),
             .wall = std::chrono::steady_clock::now() - begin};

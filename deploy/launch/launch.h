@@ -35,6 +35,9 @@ struct LaunchOptions {
   /// ended. Use it to read telemetry.
   std::function<void()> on_poll = {};
   std::chrono::milliseconds poll_interval{20};
+  /// Called on launch()'s thread after the last on_poll(), before the run folder is removed: close
+  /// what is in it.
+  std::function<void()> on_end = {};
 };
 
 enum class LaunchEnd : std::uint8_t {

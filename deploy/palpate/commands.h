@@ -45,6 +45,9 @@ template <class Work>
 [[nodiscard]] Command add_info_command(CLI::App& app);
 [[nodiscard]] Command add_export_command(CLI::App& app);
 [[nodiscard]] Command add_replay_command(CLI::App& app);
+[[nodiscard]] Command add_cut_command(CLI::App& app);
+[[nodiscard]] Command add_merge_command(CLI::App& app);
+[[nodiscard]] Command add_recover_command(CLI::App& app);
 [[nodiscard]] Command add_report_command(CLI::App& app);
 [[nodiscard]] Command add_identify_command(CLI::App& app);
 [[nodiscard]] Command add_scene_check_command(CLI::App& app);

@@ -10,6 +10,7 @@
 
 #include "common/process/heap_trim.h"
 #include "common/process/options.h"
+#include "common/process/run_host.h"
 #include "common/process/run_node.h"
 #include "common/process/tcp_port.h"
 #include "common/process/terminal.h"
@@ -97,13 +98,15 @@ std::vector<std::string> tables_of(const Session& session, const OutputOptions& 
   return tables;
 }
 
-/// `palpate launch` as a viewer of its own run: figures, tables and the recording.
+/// `palpate launch` as a viewer of its own run, and its markers: figures, tables and the recording.
 class RunObserver {
  public:
   /// Throws SetupError.
   RunObserver(const Session& session, const OutputOptions& output, const TcpRules& tcp,
-              bool may_observe)
-      : links_({.priority = 0, .cpu = -1}, tcp),
+              bool may_observe, bool is_quiet)
+      : session_(session),
+        is_quiet_(is_quiet),
+        links_({.priority = 0, .cpu = -1}, tcp),
         mirrors_(session.sides.size()),
         figures_(mirrors_.size()) {
     for (const std::string& table : tables_of(session, output)) {
@@ -117,6 +120,7 @@ class RunObserver {
     feed_->on_message = [this](const TelemetryMessage& message,
                                std::span<const std::byte> payload) {
       if (const auto* physics = std::get_if<PhysicsBatch>(&message)) warn_of_start(*physics);
+      if (const auto* device = std::get_if<DeviceBatch>(&message)) add_counters(*device);
       if (recording_) recording_->take(message, payload);
     };
     for (std::size_t i = 0; i < mirrors_.size(); ++i) {
@@ -128,15 +132,19 @@ class RunObserver {
     }
   }
 
-  /// Takes the telemetry that has arrived.
+  /// Takes the telemetry that has arrived, and markers: `m` in the terminal, or from a page.
   void pump() {
+    pump_markers();
     if (!feed_) return;
     feed_->pump(mirrors_, clock_.now());
-    for (std::size_t i = 0; i < mirrors_.size(); ++i) {
-      figures_[i].add(mirrors_[i].device_counters());
-    }
     check_recording();
     heap_.note(clock_.now());
+  }
+
+  /// Call it at the end of the run: closes what is in the run folder.
+  void leave_run_folder() {
+    keys_.reset();
+    host_.reset();
   }
 
   /// Call it after the run: completes the rows and closes the recording.
@@ -159,6 +167,11 @@ class RunObserver {
   [[nodiscard]] const std::vector<ObservedDevice>& devices() const { return devices_; }
 
  private:
+  void add_counters(const DeviceBatch& batch) {
+    for (std::size_t i = 0; i < devices_.size(); ++i) {
+      if (devices_[i].side.name == batch.side) figures_[i].add(batch.counters);
+    }
+  }
   /// Tissue deforms for each tool separately: each side has its own first step.
   void warn_of_start(const PhysicsBatch& batch) {
     if (batch.records.empty() || !started_.insert(batch.side).second) return;
@@ -166,6 +179,31 @@ class RunObserver {
     if (first.sequence != 0) return;  // the batch with the first step is lost
     const std::string warning = start_warning(first);
     if (!warning.empty()) say(warning);
+  }
+  void pump_markers() {
+    if (!host_) {
+      host_.emplace(links_.side, clock_, session_);
+      keys_.emplace();
+      if (keys_->is_on() && !is_quiet_) say("press m to set a marker in the run");
+    }
+    bool is_new = false;
+    while (const char key = keys_->take()) {
+      if (key != 'm') continue;
+      markers_.add(wall_clock_ns(), "", "terminal");
+      is_new = true;
+    }
+    while (const auto request = host_->take()) {
+      if (!request->marker) continue;
+      markers_.add(wall_clock_ns(), *request->marker, "page");
+      is_new = true;
+    }
+    if (is_new) {
+      run_.markers = markers_.newest();
+      const Marker& marker = run_.markers.back();
+      if (!is_quiet_) say("marker set: " + marker.text);
+      if (recording_) recording_->take(TelemetryMessage(run_), {});
+    }
+    host_->publish(run_, is_new);
   }
   /// Reports an error at once; the run continues.
   void check_recording() {
@@ -175,11 +213,17 @@ class RunObserver {
     has_lost_recording_ = true;
   }
 
+  const Session& session_;
+  bool is_quiet_;
   SteadyClock clock_;
   ProcessLinks links_;
+  std::optional<RunHost> host_;  // while the run folder exists
+  std::optional<TerminalKeys> keys_;
+  MarkerLog markers_;
+  RunState run_;
   std::optional<viewer::TelemetryFeed> feed_;
   std::vector<viewer::TelemetryMirror> mirrors_;
-  std::vector<ObservedFigures> figures_;
+  std::vector<RunFigures> figures_;
   std::vector<ObservedDevice> devices_;
   std::vector<std::unique_ptr<CsvWriter>> csvs_;
   std::optional<viewer::Recording> recording_;
@@ -204,7 +248,7 @@ int LaunchCommand::run(const Verbosity& verbosity) const {
     std::fprintf(stderr, "palpate: no figures of this run: %s has no viewer.key_secret\n",
                  loaded.security.key_folder.c_str());
   }
-  RunObserver observer(loaded, output, tcp, may_observe);
+  RunObserver observer(loaded, output, tcp, may_observe, verbosity.is_quiet);
 
   const WebConfig& web = loaded.viewer.web;
   const bool has_page = nodes.contains("viewer") && web.is_on && !verbosity.is_quiet;
@@ -218,7 +262,8 @@ int LaunchCommand::run(const Verbosity& verbosity) const {
                                       .on_page = [&] { return has_page ? announce_page(web) : ""; },
                                       .nodes = nodes,
                                       .is_together = is_together,
-                                      .on_poll = [&] { observer.pump(); }});
+                                      .on_poll = [&] { observer.pump(); },
+                                      .on_end = [&] { observer.leave_run_folder(); }});
   observer.finish();
   if (result.end == LaunchEnd::kRefused) return result.exit_status();
   for (const auto& node : result.restarts) {

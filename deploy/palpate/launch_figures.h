@@ -6,33 +6,17 @@
 #include <vector>
 
 #include "common/session/session.h"
-#include "common/telemetry/metrics.h"
-#include "common/telemetry/telemetry.h"
 #include "deploy/launch/launch.h"
 #include "viewer_node/feed/telemetry_mirror.h"
+#include "viewer_node/recording/run_figures.h"
 
 namespace palpate {
-
-/// Figures of one device over the whole run: unlike the counters of a node, they do not start again
-/// at 0 when the node is restarted.
-struct ObservedFigures {
-  DurationHistogram reply_time;
-  DurationHistogram lateness;
-  double minimum_true_energy_joule = kNaN;  ///< NaN: not reported, as with real hardware
-  double max_force_newton = 0.0;
-  double largest_jump_newton = 0.0;
-
-  /// Call it for every row.
-  void add(const TickRow& row);
-  /// Call it after each batch of telemetry.
-  void add(const DeviceCounters& device);
-};
 
 /// One device of the run.
 struct ObservedDevice {
   const Side& side;
   const viewer::TelemetryMirror& mirror;
-  const ObservedFigures& figures;
+  const RunFigures& figures;
 };
 
 /// Keys: docs/glossary.md. With several devices each has its figures under `sides`, by name.

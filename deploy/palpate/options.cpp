@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "common/process/options.h"
+#include "common/process/run_node.h"
 #include "common/process/terminal.h"
 #include "common/session/session_file.h"
 
@@ -31,6 +32,14 @@ Session SessionOptions::load(const Verbosity& verbosity) const {
 
 void add_recording_argument(CLI::App& app, std::string& file) {
   app.add_option("FILE", file, "recording (*.mcap)")->required()->type_name("");
+}
+
+int status_of_damage(const RecordingFile& recording) {
+  const std::string damage = recording.damage();
+  if (damage.empty()) return 0;
+  say("recording " + recording.mcap().path() + " is damaged; missing: " + damage +
+      "; `palpate recover` writes the rest as a whole recording");
+  return kExitFailure;
 }
 
 void add_side_option(CLI::App& app, std::string& side) {

@@ -11,6 +11,7 @@
 #include "common/session/session.h"
 #include "deploy/palpate/commands.h"
 #include "viewer_node/recording/recording.h"
+#include "viewer_node/recording/recording_file.h"
 
 namespace palpate {
 
@@ -29,6 +30,9 @@ struct SessionOptions {
 
 /// FILE: a recording to read.
 void add_recording_argument(CLI::App& app, std::string& file);
+/// Exit status of a command that has read the recording; 1 and a line on standard error if it is
+/// damaged.
+[[nodiscard]] int status_of_damage(const RecordingFile& recording);
 /// --side, of a session or a recording with several devices.
 void add_side_option(CLI::App& app, std::string& side);
 

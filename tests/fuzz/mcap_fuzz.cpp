@@ -8,7 +8,7 @@
 #include <string>
 
 #include "common/core/check.h"
-#include "deploy/palpate/recording_info.h"
+#include "deploy/palpate/recordings/recording_info.h"
 #include "viewer_node/recording/recording_file.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {

@@ -58,7 +58,7 @@ void request(std::string_view text) {
 /// The lines of the input are messages of one client, each as a text and as a binary.
 void messages(std::string_view text) {
   palpate::viewer::ServerDescription server{
-      .name = "fuzz", .session_id = "1", .session_name = "fuzz", .accepts_hand_targets = true};
+      .name = "fuzz", .session_id = "1", .session_name = "fuzz", .accepts_hand_targets = true, .accepts_requests = true};
   for (const char* topic : {"/a", "/b", "/c"}) server.channels.push_back({topic, "p.A", ""});
   FoxgloveClient client(server, 1);
   std::set<std::size_t> subscribed;
@@ -73,9 +73,11 @@ void messages(std::string_view text) {
     for (std::size_t channel = 0; channel < server.channels.size(); ++channel) {
       PALPATE_REQUIRE(client.subscription(channel).has_value() == subscribed.contains(channel));
     }
-    if (!outcome.hand_target) return;
-    const auto target = palpate::decode_page_target(*outcome.hand_target);
+    if (!outcome.published) return;
+    const auto target = palpate::decode_page_target(outcome.payload);
     PALPATE_REQUIRE(!target || target->hand_position_m.allFinite());
+    const auto request = palpate::decode_page_request(outcome.payload);
+    PALPATE_REQUIRE(!request || !request->seek_s || *request->seek_s >= 0.0);
   };
   while (!text.empty()) {
     const std::string_view line = text.substr(0, text.find('\n'));
@@ -92,5 +94,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   request(text);
   messages(text);
   static_cast<void>(palpate::decode_page_target(text));
+  static_cast<void>(palpate::decode_page_request(text));
+  static_cast<void>(palpate::decode_marker(text));
   return 0;
 }

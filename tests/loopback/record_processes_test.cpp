@@ -5,11 +5,15 @@
 #include <algorithm>
 #include <csignal>
 #include <fstream>
+#include <functional>
 #include <iterator>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <string>
 
+#include "common/link/telemetry_subscriber.h"
+#include "common/link/zmq_sender.h"
+#include "common/process/run_host.h"
 #include "common/session/session_file.h"
 #include "tests/support/program.h"
 #include "tests/support/run_folder.h"
@@ -112,9 +116,13 @@ TEST_F(RecordProcesses, AReplayIsSeenAsItWasRecorded) {
       0);
 
   Program replay("palpate", {"replay", file, "--speed", "2", "--start", "1"});
+  ASSERT_TRUE(test::await([&] {
+    return replay.out().find("waiting for a viewer: viewer_node --session " + session_) !=
+           std::string::npos;
+  })) << replay.out();
   Program late("viewer_node", {"--session", session_, "--quiet", "--record", path("seen.mcap")});
   EXPECT_EQ(replay.wait(), 0) << replay.err();
-  EXPECT_THAT(replay.out(), HasSubstr("starts with the first viewer"));
+  EXPECT_THAT(replay.out(), HasSubstr("\nplaying\n"));
   late.send_signal(SIGTERM);
   ASSERT_EQ(late.wait(), 0) << late.err();
 
@@ -144,6 +152,78 @@ TEST_F(RecordProcesses, ALoopBeginsAnewWithNewNodes) {
   test::Watcher watcher(load_session(session_), links);
   Program replay("palpate", {"replay", file, "--speed", "5", "--loop"});
   EXPECT_TRUE(watcher.until([&] { return watcher.mirror().device_link().sessions >= 3; }));
+  replay.send_signal(SIGINT);
+  EXPECT_EQ(replay.wait(), 0) << replay.err();
+}
+
+TEST_F(RecordProcesses, AReplayNeedsNoViewerIfItDoesNotWait) {
+  const std::string file = path("run.mcap");
+  ASSERT_EQ(run_program("palpate",
+                        {"loopback", session_, "--seconds", "1", "--no-ideal", "--record", file})
+                .status,
+            0);
+  const auto alone = run_program("palpate", {"replay", file, "--speed", "20", "--wait", "0"});
+  EXPECT_EQ(alone.status, 0) << alone.err;
+  EXPECT_THAT(alone.out, testing::Not(HasSubstr("waiting")));
+
+  const auto wrong = run_program("palpate", {"replay", file, "--wait", "-1"});
+  EXPECT_EQ(wrong.status, 2);
+}
+
+TEST_F(RecordProcesses, AReplayObeysItsViewers) {
+  const std::string file = path("run.mcap");
+  ASSERT_EQ(run_program("palpate",
+                        {"loopback", session_, "--seconds", "20", "--no-ideal", "--record", file})
+                .status,
+            0);
+  const Session session = load_session(session_);
+  ProcessLinks links({.priority = 0, .cpu = -1});
+  const SteadyClock clock;
+  TelemetrySubscriber states(links.side, clock,
+                             {run_state_of(session, Attachment::Role::kConnect)});
+  ZmqSender<RunRequest> requests(links.side, run_requests_of(session, Attachment::Role::kConnect));
+  test::Watcher watcher(session, links);
+  watcher.subscriber().subscribe<SceneState>();
+  Program replay("palpate", {"replay", file});
+
+  ReplayState state;
+  const auto until = [&](const std::function<bool()>& is_so) {
+    return watcher.until([&] {
+      TelemetryMessage message;
+      TimePoint received_at;
+      while (states.receive(message, received_at)) {
+        const auto* run = std::get_if<RunState>(&message);
+        if (run != nullptr && run->replay) state = *run->replay;
+      }
+      return is_so();
+    });
+  };
+  const auto request = [&](const RunRequest& what) {
+    RunRequest sent = what;
+    sent.header.session_id = 1;
+    ASSERT_EQ(requests.send(sent), SendResult::kSent);
+  };
+  ASSERT_TRUE(until([&] { return state.position_s > 0.0; })) << replay.out() << replay.err();
+  EXPECT_EQ(state.file, file);
+  EXPECT_NEAR(state.length_s, 20.0, 0.1);
+  EXPECT_FALSE(state.is_paused);
+
+  request({.is_paused = true});
+  ASSERT_TRUE(until([&] { return state.is_paused; }));
+  request({.seek_s = 15.0});
+  ASSERT_TRUE(until([&] { return state.position_s == 15.0; })) << "it stands still there";
+  const auto sequence = [&] { return watcher.rows().back().device.sequence; };
+  request({.is_paused = false, .speed_ratio = 2.0});
+  ASSERT_TRUE(until([&] { return sequence() > 15000; })) << "ticks of the 16th second";
+  EXPECT_EQ(state.speed_ratio, 2.0);
+
+  request({.seek_s = 1.0});
+  ASSERT_TRUE(until([&] { return sequence() < 3000; }));
+  request({.seek_s = 19.5});
+  ASSERT_TRUE(until([&] { return state.is_paused && state.position_s == state.length_s; }))
+      << "it stays at its end";
+  request({.is_paused = false});
+  ASSERT_TRUE(until([&] { return !state.is_paused && sequence() < 3000; })) << "from the beginning";
   replay.send_signal(SIGINT);
   EXPECT_EQ(replay.wait(), 0) << replay.err();
 }

@@ -3,6 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <memory>
+#include <vector>
+
 #include <cmath>
 #include <fstream>
 #include <iterator>
@@ -14,7 +17,7 @@
 #include "common/process/run_node.h"
 #include "common/session/session_file.h"
 #include "deploy/lockstep/loopback.h"
-#include "deploy/palpate/recording_info.h"
+#include "deploy/palpate/recordings/recording_info.h"
 #include "tests/support/temp_folder.h"
 #include "viewer_node/recording/recording_file.h"
 #include "viewer_node/recording/report.h"
@@ -207,14 +210,17 @@ TEST_F(Recordings, AnotherControllerIsTriedOnTheSameHand) {
 TEST_F(Recordings, TheReportStandsOnItsOwn) {
   Session session = shipped();
   session.text += "# a<b\n";
-  RecordingFile recording(record("run.mcap", session, 2.0));
-  const std::string html = report_html(recording);
+  std::vector<std::unique_ptr<RecordingFile>> recordings;
+  recordings.push_back(std::make_unique<RecordingFile>(record("run.mcap", session, 2.0)));
+  const std::string html = report_html(recordings);
   for (const char* part : {"Tool position", "before and after the clamp", "Energy", "Transparency",
                            "Latency", "2000 ticks", "mofc guard", "a&lt;b"}) {
     EXPECT_THAT(html, HasSubstr(part));
   }
-  // nothing is fetched and nothing is run
-  for (const char* part : {"<script", "http:", "https:", "src=", "href=", "url(", "a<b", "nan"}) {
+  // nothing is fetched; no text of the session is read as HTML
+  EXPECT_THAT(html, HasSubstr("content=\"default-src 'none'; style-src 'unsafe-inline'; "
+                              "script-src 'unsafe-inline'\""));
+  for (const char* part : {" src=", " href=", "url(", "@import", "a<b", "NaN,"}) {
     EXPECT_THAT(html, Not(HasSubstr(part)));
   }
 }

@@ -391,5 +391,45 @@ TEST_F(ViewerProcesses, ListensElsewhereOnlyWithAToken) {
   }
 }
 
+// What a page marks is in the recording of launch, in its own, and on every page.
+TEST_F(ViewerProcesses, APageSetsMarkersAndRecords) {
+  const std::string run = (files_.path() / "run.mcap").string();
+  const auto info = [](const std::string& file) {
+    return test::run_program("palpate", {"info", file, "--json"}).out;
+  };
+  launch({"--record", run});
+  WebClient page(port_);
+  ASSERT_TRUE(page.open_web_socket());
+  page.send_text(R"({"op":"advertise","channels":[{"id":1,"topic":"/run_request",)"
+                 R"("encoding":"protobuf","schemaName":"palpate.v1.RunRequest"}]})");
+  // RunRequest, written by hand: field 2 a text, field 6 a bool
+  const auto request = [&](const std::string& fields) {
+    page.send_raw(WebClient::frame(2, std::string("\x01\x01\0\0\0", 5) + fields));
+  };
+  subscribe(page, kHealth);
+  const auto health_has = [&](const std::string& text) {
+    return test::await([&] {
+      const auto health = page.await_data(kHealth);
+      return health && health->find(text) != std::string::npos;
+    });
+  };
+  request("\x30\x01");
+  ASSERT_TRUE(health_has("page-")) << launch_->err();
+  ASSERT_TRUE(test::await([&] { return launch_->err().find("event=recording_begun") != std::string::npos; }));
+  const std::string begun = launch_->err();
+  const std::string own = begun.substr(begun.find("file=") + 5, begun.find(".mcap", begun.find("file=")) - begun.find("file="));
+  request("\x12\x05touch");
+  ASSERT_TRUE(health_has("touch")) << launch_->err();
+  ASSERT_TRUE(test::await([&] { return launch_->err().find("marker set: touch") != std::string::npos; }));
+  request(std::string("\x30\0", 2));
+  launch_->await_err("event=recording_ended");
+  stop();
+
+  EXPECT_THAT(info(run), HasSubstr("\"/markers\": 1"));
+  EXPECT_THAT(info(own), HasSubstr("\"/markers\": 1"));
+  EXPECT_THAT(info(own), HasSubstr("\"/scene_state\": 1")) << "sent before this recording began";
+  std::filesystem::remove(own);
+}
+
 }  // namespace
 }  // namespace palpate

@@ -158,7 +158,7 @@ TEST_F(WebServerTest, HandsOnOnlyTheNewestHandTargetOfAClient) {
 
   ASSERT_EQ(events.size(), 1u);
   EXPECT_EQ(events[0].kind, WebServer::Event::Kind::kHandTarget);
-  EXPECT_EQ(events[0].hand_target, "999");
+  EXPECT_EQ(events[0].payload, "999");
 }
 
 TEST_F(WebServerTest, ASlowClientLosesItsOldestDataIsToldAndHoldsUpNobody) {

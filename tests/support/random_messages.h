@@ -470,6 +470,35 @@ inline void randomise(HandTarget& m, Random& random) {
   m.is_released = random.chance(0.5);
 }
 
+inline std::string random_line(Random& random, std::size_t most) {
+  std::string line(random.below(most + 1), ' ');
+  for (char& letter : line) letter = static_cast<char>('a' + random.below(26));
+  return line;
+}
+inline void randomise(RunState& m, Random& random) {
+  m = RunState{.header = random_header(random)};
+  m.markers.resize(random.below(RunState::kMostMarkers + 1));
+  for (Marker& marker : m.markers) {
+    marker = {.at_ns = random.bits(),
+              .text = random_line(random, Marker::kMostTextBytes),
+              .origin = random_line(random, Marker::kMostOriginBytes)};
+  }
+  if (random.chance(0.5)) return;
+  m.replay = {.file = random_line(random, 20),
+              .position_s = random.uniform(0.0, 10.0),
+              .length_s = random.uniform(0.0, 10.0),
+              .speed_ratio = random.uniform(0.1, 10.0),
+              .is_paused = random.chance(0.5),
+              .begin_ns = random.bits()};
+}
+inline void randomise(RunRequest& m, Random& random) {
+  m = RunRequest{.header = random_header(random)};
+  if (random.chance(0.5)) m.marker = random_line(random, Marker::kMostTextBytes);
+  if (random.chance(0.5)) m.seek_s = random.uniform(0.0, RunRequest::kLongest_s);
+  if (random.chance(0.5)) m.is_paused = random.chance(0.5);
+  if (random.chance(0.5)) m.speed_ratio = random.uniform(0.1, RunRequest::kFastest_ratio);
+  if (random.chance(0.5)) m.is_recording = random.chance(0.5);
+}
 inline void randomise(TissueChange& m, Random& random) {
   m.header = random_header(random);
   m.tissue = static_cast<std::uint32_t>(random.bits());
@@ -757,6 +786,14 @@ inline bool same(const MeshFrame& a, const MeshFrame& b) {
 inline bool same(const HandTarget& a, const HandTarget& b) {
   return same(a.header, b.header) && a.holder_id == b.holder_id &&
          same(a.hand_position_m, b.hand_position_m) && a.is_released == b.is_released;
+}
+inline bool same(const RunState& a, const RunState& b) {
+  return same(a.header, b.header) && a.markers == b.markers && a.replay == b.replay;
+}
+inline bool same(const RunRequest& a, const RunRequest& b) {
+  return same(a.header, b.header) && a.marker == b.marker && a.seek_s == b.seek_s &&
+         a.is_paused == b.is_paused && a.speed_ratio == b.speed_ratio &&
+         a.is_recording == b.is_recording;
 }
 inline bool same(const TissueChange& a, const TissueChange& b) {
   return same(a.header, b.header) && a.tissue == b.tissue &&

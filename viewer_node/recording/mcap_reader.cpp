@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
+#include <tuple>
+#include <utility>
 
 #include "common/core/check.h"
 
@@ -124,13 +126,15 @@ bool McapReader::take(Opcode opcode, std::string_view content) {
   switch (opcode) {
     case Opcode::kSchema: {
       const auto id = fields.number<std::uint16_t>();
-      schemas_[id] = std::string(fields.text());
+      const std::string name(fields.text());
+      fields.text();  // encoding
+      schemas_[id] = {name, std::string(fields.text())};
       break;
     }
     case Opcode::kChannel: {
       Topic topic;
       topic.id = fields.number<std::uint16_t>();
-      topic.schema_name = schemas_[fields.number<std::uint16_t>()];
+      std::tie(topic.schema_name, topic.schema) = schemas_[fields.number<std::uint16_t>()];
       topic.topic = std::string(fields.text());
       const bool is_known = std::any_of(topics_.begin(), topics_.end(),
                                         [&](const Topic& t) { return t.id == topic.id; });
@@ -236,9 +240,10 @@ std::optional<McapReader::Message> McapReader::next() {
   while (true) {
     while (rest_.empty()) {
       if (next_chunk_ == chunks_.size()) return std::nullopt;
-      const Chunk& chunk = chunks_[next_chunk_++];
+      Chunk& chunk = chunks_[next_chunk_++];
       if (chunk.end_ns < from_ns_) continue;
-      if (!load(chunk)) ++damaged_chunks_;
+      // counted once, however often the file is read
+      if (!load(chunk) && !std::exchange(chunk.is_damaged, true)) ++damaged_chunks_;
     }
     Fields fields(rest_);
     const auto opcode = static_cast<Opcode>(fields.number<std::uint8_t>());

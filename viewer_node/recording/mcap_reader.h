@@ -27,6 +27,7 @@ class McapReader {
     std::uint16_t id = 0;
     std::string topic;
     std::string schema_name;
+    std::string schema;          ///< binary FileDescriptorSet
     std::uint64_t messages = 0;  ///< 0 where the summary is missing
   };
 
@@ -37,6 +38,7 @@ class McapReader {
   [[nodiscard]] std::uint64_t file_bytes() const { return file_bytes_; }
   /// Whether the file was closed properly; otherwise its last second may be missing.
   [[nodiscard]] bool is_whole() const { return is_whole_; }
+  /// Chunks that could not be read so far: all of them once next() has come to the end.
   [[nodiscard]] std::uint64_t damaged_chunks() const { return damaged_chunks_; }
   [[nodiscard]] const std::vector<Topic>& topics() const { return topics_; }
   [[nodiscard]] std::size_t chunk_count() const { return chunks_.size(); }
@@ -57,6 +59,7 @@ class McapReader {
     std::uint64_t end_ns = 0;
     std::uint64_t offset = 0;  // of the record
     std::uint64_t length = 0;  // with its head
+    bool is_damaged = false;   // found while reading
   };
 
   [[nodiscard]] bool read(std::uint64_t offset, std::uint64_t length, std::string& bytes) const;
@@ -75,7 +78,7 @@ class McapReader {
   std::unique_ptr<std::FILE, Close> file_;
   std::uint64_t file_bytes_ = 0;
   bool is_whole_ = false;
-  std::map<std::uint16_t, std::string> schemas_;  // names
+  std::map<std::uint16_t, std::pair<std::string, std::string>> schemas_;  // names, content
   std::vector<Topic> topics_;
   std::vector<Chunk> chunks_;
   std::vector<std::pair<std::string, mcap::Strings>> metadata_;

@@ -19,8 +19,8 @@ std::string record(Opcode opcode, const std::string& content) {
 }  // namespace
 
 McapWriter::McapWriter(std::string path, bool may_overwrite,
-                       const std::vector<mcap::Channel>& channels)
-    : file_("recording", std::move(path), OutputFile::Kind::kStream, may_overwrite) {
+                       const std::vector<mcap::Channel>& channels, OutputFile::Kind kind)
+    : file_("recording", std::move(path), kind, may_overwrite), kind_(kind) {
   std::string schemas;
   std::string topics;
   for (const mcap::Channel& channel : channels) {
@@ -41,7 +41,9 @@ McapWriter::McapWriter(std::string path, bool may_overwrite,
   put(std::string(mcap::kMagic) + record(Opcode::kHeader, header) + definitions_);
 }
 
-McapWriter::~McapWriter() { close(); }
+McapWriter::~McapWriter() {
+  if (kind_ == OutputFile::Kind::kStream) close();
+}
 
 void McapWriter::add_metadata(const std::string& name, const mcap::Strings& strings) {
   end_chunk();
@@ -54,10 +56,12 @@ void McapWriter::add_metadata(const std::string& name, const mcap::Strings& stri
 
 void McapWriter::write(std::size_t channel, std::uint64_t log_time_ns, std::string_view payload) {
   if (!file_.is_open()) return;
+  // ticks are a little older than the messages that brought them
   const bool is_over =
-      log_time_ns >= chunk_begin_ns_ + kChunkSpan_ns || log_time_ns < chunk_begin_ns_;
+      log_time_ns >= chunk_begin_ns_ + kChunkSpan_ns || log_time_ns + kChunkSpan_ns < chunk_end_ns_;
   if (!chunk_.empty() && is_over) end_chunk();
   if (chunk_.empty()) chunk_begin_ns_ = chunk_end_ns_ = log_time_ns;
+  chunk_begin_ns_ = std::min(chunk_begin_ns_, log_time_ns);
   chunk_end_ns_ = std::max(chunk_end_ns_, log_time_ns);
 
   Topic& topic = topics_[channel];

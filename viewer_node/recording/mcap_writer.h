@@ -24,8 +24,10 @@ class McapWriter {
  public:
   /// Creates `path`. Throws SetupError if it cannot, or if it exists and `may_overwrite` is false.
   /// @param channels  topic i is channel i of write()
-  McapWriter(std::string path, bool may_overwrite, const std::vector<mcap::Channel>& channels);
-  /// Closes; call close() first to detect errors.
+  /// @param kind  kWhole: the file appears at close(), for copies
+  McapWriter(std::string path, bool may_overwrite, const std::vector<mcap::Channel>& channels,
+             OutputFile::Kind kind = OutputFile::Kind::kStream);
+  /// Closes a stream; call close() first to detect errors.
   ~McapWriter();
   McapWriter(const McapWriter&) = delete;
   McapWriter& operator=(const McapWriter&) = delete;
@@ -60,6 +62,7 @@ class McapWriter {
   [[nodiscard]] std::string summary() const;
 
   OutputFile file_;
+  OutputFile::Kind kind_;
   std::uint64_t offset_ = 0;  // of the end of the file
   std::uint32_t data_crc_ = 0;
   std::string definitions_;                                 // Schema and Channel records

@@ -3,6 +3,7 @@
 #include <chrono>
 #include <utility>
 
+#include "common/core/clock.h"
 #include "common/core/version.h"
 #include "common/link/codec/viewer_codec.h"
 
@@ -13,12 +14,6 @@ namespace {
 constexpr std::size_t kMaxQueuedBytes = std::size_t{64} << 20;
 // Maximum time that a message waits for its chunk.
 constexpr auto kFlushInterval = std::chrono::milliseconds(500);
-
-std::uint64_t wall_ns() {
-  return static_cast<std::uint64_t>(std::chrono::duration_cast<std::chrono::nanoseconds>(
-                                        std::chrono::system_clock::now().time_since_epoch())
-                                        .count());
-}
 
 const char* node_of(const DeviceBatch&) { return "device_node"; }
 const char* node_of(const MofcBatch&) { return "mofc_node"; }
@@ -32,7 +27,8 @@ std::vector<mcap::Channel> recorded_channels() {
                                       std::pair("/mofc", "palpate.v1.MofcTelemetry"),
                                       std::pair("/physics", "palpate.v1.PhysicsTelemetry"),
                                       std::pair("/scene_state", "palpate.v1.SceneState"),
-                                      std::pair("/mesh", "palpate.v1.MeshFrame")}) {
+                                      std::pair("/mesh", "palpate.v1.MeshFrame"),
+                                      std::pair("/markers", "palpate.v1.Marker")}) {
     channels.push_back({topic, schema, schema_of(schema)});
   }
   return channels;
@@ -85,7 +81,9 @@ mcap::Strings NodeVersions::metadata() const {
 
 Recording::Recording(const RecordOptions& options, const Session& session,
                      const std::string& recorded_by, TelemetrySubscriber& subscriber)
-    : writer_(options.file, options.may_overwrite, recorded_channels()) {
+    : writer_(options.file, options.may_overwrite, recorded_channels()),
+      subscriber_(subscriber),
+      newest_marker_ns_(wall_clock_ns()) {
   writer_.add_metadata(kRunMetadata, run_metadata(session, recorded_by));
   subscriber.subscribe<SceneState>();
   subscriber.subscribe<MeshFrame>();
@@ -96,10 +94,23 @@ Recording::~Recording() { close(); }
 
 void Recording::take(const TelemetryMessage& message, std::span<const std::byte> payload) {
   if (is_known_scene(message)) return;
+  if (const auto* run = std::get_if<RunState>(&message)) return take_markers(*run);
   push({.channel = message.index(),
-        .log_time_ns = wall_ns(),
+        .log_time_ns = wall_clock_ns(),
         .payload = {reinterpret_cast<const char*>(payload.data()), payload.size()}});
   if (versions_.note(message)) push({.nodes = versions_.metadata()});
+}
+
+/// Those that are new since the recording began; the markers of a replay belong to its recording.
+void Recording::take_markers(const RunState& run) {
+  if (run.replay) return;
+  for (const Marker& marker : run.markers) {
+    if (marker.at_ns <= newest_marker_ns_) continue;
+    newest_marker_ns_ = marker.at_ns;
+    push({.channel = TelemetryMessage(std::in_place_type<RunState>).index(),
+          .log_time_ns = marker.at_ns,
+          .payload = encode_marker(marker)});
+  }
 }
 
 /// physics_node sends its scene again whenever another viewer subscribes to it.
@@ -153,6 +164,8 @@ void Recording::close() {
   if (!thread_.joinable()) return;
   thread_.request_stop();
   thread_.join();
+  subscriber_.unsubscribe<SceneState>();
+  subscriber_.unsubscribe<MeshFrame>();
   write(queue_);
   writer_.add_metadata(kLossMetadata, {{"messages_dropped", std::to_string(dropped_)}});
   writer_.close();

@@ -32,7 +32,8 @@ struct RecordOptions {
 };
 
 /// /device, /mofc, /physics, /scene_state, /mesh: protobuf messages of hop 5 without the kind byte;
-/// in the order of TelemetryMessage's alternatives. A batch names its side.
+/// in the order of TelemetryMessage's alternatives. A batch names its side. /markers instead of
+/// RunState.
 [[nodiscard]] std::vector<mcap::Channel> recorded_channels();
 
 /// Metadata of this name: session (text with its overrides), session_name, session_file,
@@ -66,7 +67,9 @@ class NodeVersions {
 /// messages are dropped and counted; a full disk ends the recording and nothing else.
 class Recording {
  public:
-  /// Throws SetupError if the file cannot be created.
+  /// Subscribes to SceneState and MeshFrame until close(). Throws SetupError if the file cannot be
+  /// created.
+  /// @param subscriber  must outlive it
   Recording(const RecordOptions& options, const Session& session, const std::string& recorded_by,
             TelemetrySubscriber& subscriber);
   /// Closes.
@@ -91,13 +94,16 @@ class Recording {
   };
 
   [[nodiscard]] bool is_known_scene(const TelemetryMessage& message);
+  void take_markers(const RunState& run);
   void push(Item&& item);
   void write_until(const std::stop_token& stop);
   void write(std::vector<Item>& items);
 
   McapWriter writer_;
+  TelemetrySubscriber& subscriber_;
   NodeVersions versions_;
   std::optional<std::pair<std::uint64_t, std::uint64_t>> scene_;  // newest: session id, revision
+  std::uint64_t newest_marker_ns_;
 
   std::mutex mutex_;
   std::condition_variable_any filled_;

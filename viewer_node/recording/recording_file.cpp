@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "common/core/check.h"
+#include "common/link/codec/viewer_codec.h"
 #include "viewer_node/feed/telemetry_mirror.h"
 #include "viewer_node/recording/recording.h"
 
@@ -25,7 +26,11 @@ RecordingFile::RecordingFile(const std::string& path)
   for (const viewer::McapReader::Topic& topic : mcap_.topics()) {
     for (std::size_t kind = 0; kind < channels.size(); ++kind) {
       if (topic.topic == channels[kind].topic && topic.schema_name == channels[kind].schema_name) {
-        kinds_[topic.id] = kind;
+        if (kind == TelemetryMessage(std::in_place_type<RunState>).index()) {
+          marker_channel_ = topic.id;
+        } else {
+          kinds_[topic.id] = kind;
+        }
       }
     }
   }
@@ -40,8 +45,43 @@ std::string RecordingFile::about(const std::string& key) const {
   return it != about_.end() ? it->second : "";
 }
 
+std::vector<std::string> RecordingFile::sides() const {
+  std::vector<std::string> sides(1);
+  for (const char letter : about("sides")) {
+    if (letter == ',') {
+      sides.emplace_back();
+    } else {
+      sides.back() += letter;
+    }
+  }
+  return sides;
+}
+
 std::string RecordingFile::name() const {
   return about("session_name") + (side_.value_or("").empty() ? "" : ", " + *side_);
+}
+
+const std::vector<Marker>& RecordingFile::markers() {
+  if (markers_) return *markers_;
+  markers_.emplace();
+  if (!marker_channel_) return *markers_;
+  mcap_.seek(0);
+  while (const auto message = mcap_.next()) {
+    if (message->channel_id != *marker_channel_) continue;
+    auto marker = decode_marker(message->payload);
+    if (marker && markers_->size() < RunState::kMostMarkers) markers_->push_back(*marker);
+  }
+  mcap_.seek(0);
+  return *markers_;
+}
+
+std::string RecordingFile::damage() const {
+  std::string text;
+  const auto add = [&](const std::string& what) { text += (text.empty() ? "" : ", ") + what; };
+  if (mcap_.damaged_chunks() > 0) add(fmt::format("{} damaged chunks", mcap_.damaged_chunks()));
+  if (refused_ > 0) add(fmt::format("{} unreadable messages", refused_));
+  if (!mcap_.is_whole()) add("its end: the file was not closed");
+  return text;
 }
 
 double RecordingFile::length_s() const {

@@ -6,6 +6,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "common/session/session.h"
 #include "common/telemetry/csv_writer.h"
@@ -31,12 +32,23 @@ class RecordingFile {
   /// From now on reads batches of this side only; "" for a recording of one device. Throws
   /// SetupError, naming the recorded sides, for any other name.
   void choose_side(const std::string& side);
+  /// What is missing of the recording, as far as it has been read: "2 damaged chunks, its end";
+  /// empty: nothing.
+  [[nodiscard]] std::string damage() const;
   /// Continues with the first message at or after this time.
-  void seek(std::uint64_t log_time_ns) { mcap_.seek(log_time_ns); }
+  void seek(std::uint64_t log_time_ns) {
+    if (log_time_ns == 0) refused_ = 0;  // counted once, however often the file is read
+    mcap_.seek(log_time_ns);
+  }
+
+  /// Reads the whole file the first time; next() then starts at its beginning.
+  [[nodiscard]] const std::vector<Marker>& markers();
 
   [[nodiscard]] const viewer::McapReader& mcap() const { return mcap_; }
   /// Metadata of the recording program, see kRunMetadata; "" if missing.
   [[nodiscard]] std::string about(const std::string& key) const;
+  /// Names of the recorded sides; "" for one device.
+  [[nodiscard]] std::vector<std::string> sides() const;
   /// Names of the session and of the chosen side: "two_hands, left".
   [[nodiscard]] std::string name() const;
   [[nodiscard]] double length_s() const;
@@ -52,6 +64,8 @@ class RecordingFile {
   viewer::mcap::Strings about_;
   std::optional<std::string> side_;             // none: all
   std::map<std::uint16_t, std::size_t> kinds_;  // channel → alternative of TelemetryMessage
+  std::optional<std::uint16_t> marker_channel_;
+  std::optional<std::vector<Marker>> markers_;  // once they are read
   std::string frame_;
   Item item_;
   std::uint64_t refused_ = 0;

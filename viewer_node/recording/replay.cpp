@@ -4,6 +4,7 @@
 #include <signal.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <cstdio>
 #include <ctime>
@@ -15,6 +16,7 @@
 #include "common/link/scene_sender.h"
 #include "common/link/zmq_sender.h"
 #include "common/process/process_links.h"
+#include "common/process/run_host.h"
 #include "common/process/run_node.h"
 #include "common/session/session_file.h"
 #include "viewer_node/feed/scene_mirror.h"
@@ -24,6 +26,8 @@ namespace palpate {
 namespace {
 
 constexpr Duration kPollInterval = std::chrono::milliseconds(20);
+/// Time in which a viewer that runs already subscribes.
+constexpr Duration kNoticeAfter = std::chrono::milliseconds(300);
 
 /// Waits for SIGINT, SIGTERM and SIGHUP. Construct it before any thread, so that all block them.
 class StopSignals {
@@ -97,6 +101,7 @@ class Stage {
   }
   void show(SceneState scene) {
     renew(scene.header);
+    scene.pointer.reset();  // no hand to lead
     scene_.take(scene);
     physics_.send(scene);
   }
@@ -104,6 +109,8 @@ class Stage {
     renew(frame.header);
     if (scene_.take(frame)) physics_.send(frame);
   }
+
+  [[nodiscard]] ZmqContext& context() { return links_.side; }
 
   /// Whether a viewer subscribes to all of them.
   [[nodiscard]] bool has_viewer() {
@@ -164,6 +171,200 @@ std::optional<SceneState> first_scene(RecordingFile& recording) {
   return std::nullopt;
 }
 
+/// The position of a replay on the recording's own time, which viewers move, stop and speed up.
+class Playhead {
+ public:
+  Playhead(ReplayState& state, const Clock& clock) : state_(state), clock_(clock) { restart(); }
+
+  /// Now, seconds since the beginning of the recording.
+  [[nodiscard]] double position_s() const {
+    if (state_.is_paused) return anchor_s_;
+    const double moved_s = to_seconds(clock_.now() - anchored_at_) * state_.speed_ratio;
+    return std::min(anchor_s_ + moved_s, state_.length_s);
+  }
+  /// Real time until the playhead is there; for a replay that is not paused.
+  [[nodiscard]] Duration until(double position_s) const {
+    return from_seconds((position_s - this->position_s()) / state_.speed_ratio);
+  }
+
+  void move_to(double position_s) {
+    state_.position_s = std::clamp(position_s, 0.0, state_.length_s);
+    restart();
+  }
+  void set_paused(bool is_paused) {
+    state_.position_s = position_s();
+    state_.is_paused = is_paused;
+    restart();
+  }
+  void set_speed(double ratio) {
+    state_.position_s = position_s();
+    state_.speed_ratio = ratio;
+    restart();
+  }
+
+ private:
+  void restart() {
+    anchor_s_ = state_.position_s;
+    anchored_at_ = clock_.now();
+  }
+
+  ReplayState& state_;
+  const Clock& clock_;
+  double anchor_s_ = 0.0;
+  TimePoint anchored_at_;
+};
+
+/// One replay: the recording, what is published of it, and the viewers' requests.
+class Replay {
+ public:
+  Replay(const ReplayOptions& options, RecordingFile& recording, Session session)
+      : options_(options),
+        recording_(recording),
+        session_(std::move(session)),
+        stage_(session_),
+        scene_(first_scene(recording)),
+        host_(stage_.context(), clock_, session_),
+        run_{.header = {},
+             .markers = recording.markers(),
+             .replay = ReplayState{.file = options.file,
+                                   .position_s = options.start_s,
+                                   .length_s = recording.length_s(),
+                                   .speed_ratio = options.speed_ratio,
+                                   .begin_ns = recording.mcap().begin_ns()}},
+        playhead_(*run_.replay, clock_) {}
+
+  void run() {
+    if (!wait_for_viewer()) return;
+    seek(options_.start_s);
+    for (;;) {
+      const RecordingFile::Item* item = recording_.next();
+      if (item == nullptr) {
+        if (!come_to_end()) return;
+        continue;
+      }
+      switch (wait_for(seconds_of(*item))) {
+        case Wait::kDue:
+          std::visit([&](const auto& message) { show(message); }, item->message);
+          has_shown_ = true;
+          break;
+        case Wait::kMoved:
+          break;  // next() continues elsewhere
+        case Wait::kStopped:
+          return;
+      }
+    }
+  }
+
+ private:
+  enum class Wait { kDue, kMoved, kStopped };
+
+  void show(const RunState&) {}  // of the recorded run: its markers are in run_
+  template <class T>
+  void show(const T& message) {
+    stage_.show(message);
+  }
+
+  [[nodiscard]] double seconds_of(const RecordingFile::Item& item) const {
+    return static_cast<double>(item.log_time_ns - recording_.mcap().begin_ns()) * 1e-9;
+  }
+
+  /// False: stopped.
+  bool wait_for_viewer() {
+    const std::string viewer =
+        "viewer_node --session " + (options_.session_file.empty() ? recording_.about("session_file")
+                                                                  : options_.session_file);
+    std::printf("%s: %s, %.3f s\n", options_.file.c_str(), session_.name.c_str(),
+                recording_.length_s() - options_.start_s);
+    const TimePoint deadline = options_.wait_s ? clock_.now() + from_seconds(*options_.wait_s)
+                                               : TimePoint::max();
+    bool has_said = false;
+    while (!stage_.has_viewer() && clock_.now() < deadline) {
+      // a viewer that runs already needs two intervals to subscribe
+      if (!has_said && clock_.now() - began_ > kNoticeAfter) {
+        std::printf("waiting for a viewer: %s\n(--wait 0 does not wait)\n", viewer.c_str());
+        std::fflush(stdout);
+        has_said = true;
+      }
+      if (stop_.came_within(kPollInterval)) return false;
+    }
+    std::printf("playing\n");
+    std::fflush(stdout);
+    return true;
+  }
+
+  /// A new pass from there: like a restart of all nodes, with the scene of the beginning.
+  void seek(double position_s) {
+    playhead_.move_to(position_s);
+    stage_.begin(scene_ ? &*scene_ : nullptr);
+    recording_.seek(recording_.mcap().begin_ns() +
+                    static_cast<std::uint64_t>(std::llround(run_.replay->position_s * 1e9)));
+  }
+
+  /// At the end: true if it goes on, by itself or because a viewer moved the playhead.
+  bool come_to_end() {
+    if (options_.loops && has_shown_) {
+      seek(options_.start_s);
+      has_shown_ = false;
+      return true;
+    }
+    if (!is_controlled_) return false;
+    playhead_.set_paused(true);
+    for (;;) {
+      const Wait wait = poll(kPollInterval);
+      if (wait == Wait::kStopped) return false;
+      if (wait == Wait::kMoved) return true;
+      if (!run_.replay->is_paused) {  // "play" at the end begins again
+        seek(0.0);
+        return true;
+      }
+    }
+  }
+
+  Wait wait_for(double position_s) {
+    for (;;) {
+      const bool is_paused = run_.replay->is_paused;
+      const Duration left = is_paused ? kPollInterval : playhead_.until(position_s);
+      const Wait wait = poll(std::min(left, kPollInterval));
+      if (wait != Wait::kDue) return wait;
+      if (!run_.replay->is_paused && playhead_.until(position_s) <= Duration::zero()) return wait;
+    }
+  }
+
+  /// Serves viewers for this time. kDue: nothing but time has changed.
+  Wait poll(Duration time) {
+    stage_.serve_newcomers();
+    bool is_new = false;
+    bool has_moved = false;
+    while (const auto request = host_.take()) {
+      is_controlled_ = is_new = true;
+      if (request->speed_ratio) playhead_.set_speed(*request->speed_ratio);
+      if (request->is_paused) playhead_.set_paused(*request->is_paused);
+      if (request->seek_s) {
+        seek(*request->seek_s);
+        has_moved = true;
+      }
+    }
+    run_.replay->position_s = playhead_.position_s();
+    host_.publish(run_, is_new);
+    if (has_moved) return Wait::kMoved;
+    return stop_.came_within(time) ? Wait::kStopped : Wait::kDue;
+  }
+
+  const ReplayOptions& options_;
+  RecordingFile& recording_;
+  Session session_;
+  SteadyClock clock_;
+  const TimePoint began_ = clock_.now();
+  StopSignals stop_;  // before the threads of stage_
+  Stage stage_;
+  std::optional<SceneState> scene_;
+  RunHost host_;
+  RunState run_;
+  Playhead playhead_;
+  bool is_controlled_ = false;  // by a viewer
+  bool has_shown_ = false;      // anything in this pass
+};
+
 }  // namespace
 
 void run_replay(const ReplayOptions& options) {
@@ -175,37 +376,7 @@ void run_replay(const ReplayOptions& options) {
   }
   Session session = session_of(options, recording);
   if (options.is_insecure) allow_plain_tcp(session);
-  const StopSignals stop;
-  Stage stage(session);
-  const auto scene = first_scene(recording);
-  const SteadyClock clock;
-  const std::uint64_t begin_ns =
-      recording.mcap().begin_ns() + static_cast<std::uint64_t>(options.start_s * 1e9);
-  std::printf("%s: %s, %.3f s; starts with the first viewer: viewer_node --session %s\n",
-              options.file.c_str(), session.name.c_str(), recording.length_s() - options.start_s,
-              options.session_file.empty() ? recording.about("session_file").c_str()
-                                           : options.session_file.c_str());
-  std::fflush(stdout);
-  while (!stage.has_viewer()) {
-    if (stop.came_within(kPollInterval)) return;
-  }
-
-  bool has_shown = false;
-  do {
-    stage.begin(scene ? &*scene : nullptr);
-    recording.seek(begin_ns);
-    const TimePoint began = clock.now();
-    while (const RecordingFile::Item* item = recording.next()) {
-      const double after_s = static_cast<double>(item->log_time_ns - begin_ns) * 1e-9;
-      const TimePoint due = began + from_seconds(after_s / options.speed_ratio);
-      do {
-        stage.serve_newcomers();
-        if (stop.came_within(std::min(due - clock.now(), kPollInterval))) return;
-      } while (clock.now() < due);
-      std::visit([&](const auto& message) { stage.show(message); }, item->message);
-      has_shown = true;
-    }
-  } while (options.loops && has_shown);
+  Replay(options, recording, std::move(session)).run();
 }
 
 }  // namespace palpate

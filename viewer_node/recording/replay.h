@@ -1,6 +1,7 @@
 // replay.h — `palpate replay`: publishes a recording as a live session, for any number of viewers.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -12,13 +13,16 @@ struct ReplayOptions {
   std::vector<std::string> overrides;
   double speed_ratio = 1.0;  ///< > 0
   double start_s = 0.0;      ///< ≥ 0
+  std::optional<double> wait_s{};  ///< for a viewer, then starts without; empty: until there is one
   bool is_insecure = false;  ///< allows tcp beyond loopback without keys
   bool loops = false;
 };
 
-/// Publishes hop 5 at the nodes' endpoints. Starts with the first viewer; ends with the recording
-/// or on SIGINT, SIGTERM or SIGHUP. Each pass uses new session ids, like restarted nodes. Throws
-/// SetupError, for example while nodes of that session run.
+/// Publishes hop 5 at the nodes' endpoints, and the state of the replay; viewers may pause it, move
+/// it and change its speed (hop 7). Starts with the first viewer. Ends on SIGINT, SIGTERM or
+/// SIGHUP, and with the recording, unless a viewer has controlled it: then it pauses at the end.
+/// Each pass, also after a move, uses new session ids, like restarted nodes. Throws SetupError, for
+/// example while nodes of that session run.
 void run_replay(const ReplayOptions& options);
 
 }  // namespace palpate

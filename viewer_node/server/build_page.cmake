@@ -1,6 +1,7 @@
 # cmake -DSOURCE=<web folder> -DWORK=<folder> -DOUT=<folder> -DNPM=<npm> -DGZIP=<gzip>
 #       -DREQUIRED=<ON|OFF> -DNOTICE=<html> -P build_page.cmake
-# Builds the page in WORK and leaves index.html, app.js.gz and app.css.gz in OUT. If npm fails and
+# Builds the page in WORK and leaves index.html, app.js.gz, app.css.gz, report.js and report.css in
+# OUT. If npm fails and
 # the page is not REQUIRED, OUT gets the notice instead.
 
 function(run)
@@ -36,9 +37,13 @@ if(failed)
   configure_file(${NOTICE} ${OUT}/index.html COPYONLY)
   file(WRITE ${OUT}/app.js.gz "")
   file(WRITE ${OUT}/app.css.gz "")
+  file(WRITE ${OUT}/report.js "")
+  file(WRITE ${OUT}/report.css "")
   return()
 endif()
-configure_file(${WORK}/dist/index.html ${OUT}/index.html COPYONLY)
+foreach(file index.html report.js report.css)
+  configure_file(${WORK}/dist/${file} ${OUT}/${file} COPYONLY)
+endforeach()
 foreach(file app.js app.css)
   execute_process(COMMAND ${GZIP} -9nc ${WORK}/dist/${file} OUTPUT_FILE ${OUT}/${file}.gz
                   COMMAND_ERROR_IS_FATAL ANY)

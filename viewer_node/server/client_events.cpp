@@ -7,13 +7,19 @@ namespace palpate::viewer {
 
 void ClientEvents::add(ClientEvent event) {
   const std::lock_guard lock(mutex_);
-  if (event.kind != ClientEvent::Kind::kLeft) {
+  if (event.kind == ClientEvent::Kind::kRunRequest) {
+    const auto waiting =
+        std::count_if(waiting_.begin(), waiting_.end(), [&](const ClientEvent& other) {
+          return other.kind == event.kind && other.client == event.client;
+        });
+    if (waiting >= kMostRequests) return;
+  } else if (event.kind != ClientEvent::Kind::kLeft) {
     const auto same = std::find_if(waiting_.begin(), waiting_.end(), [&](const ClientEvent& other) {
       return other.kind == event.kind && other.client == event.client &&
              other.channel == event.channel;
     });
     if (same != waiting_.end()) {
-      same->hand_target = std::move(event.hand_target);
+      same->payload = std::move(event.payload);
       return;
     }
   }

@@ -10,16 +10,19 @@
 namespace palpate::viewer {
 
 struct ClientEvent {
-  enum class Kind : std::uint8_t { kSubscribed, kHandTarget, kLeft };
+  enum class Kind : std::uint8_t { kSubscribed, kHandTarget, kRunRequest, kLeft };
   Kind kind = Kind::kLeft;
   std::uint64_t client = 0;
   std::size_t channel = 0;    ///< kSubscribed
-  std::string hand_target{};  ///< kHandTarget: the client's newest, a protobuf message
+  std::string payload{};  ///< kHandTarget, kRunRequest: a protobuf message
 };
 
 /// Bounded by the number of clients and channels, whatever the clients send. Any thread.
 class ClientEvents {
  public:
+  /// Requests of one client that wait for take(); further ones are dropped.
+  static constexpr int kMostRequests = 16;
+
   /// Appends; replaces a waiting hand target of the same client, ignores a repeated subscription.
   void add(ClientEvent event);
   /// All events since the last call, in order.

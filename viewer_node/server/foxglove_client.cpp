@@ -10,8 +10,24 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr std::string_view kHandTopic = "/hand_target";
-constexpr std::string_view kHandSchema = "palpate.v1.HandTarget";
+struct AcceptedTopic {
+  ClientTopic topic;
+  bool ServerDescription::*is_accepted;
+  std::string_view name;
+  std::string_view schema;
+};
+constexpr std::array kAcceptedTopics{
+    AcceptedTopic{ClientTopic::kHandTarget, &ServerDescription::accepts_hand_targets,
+                  "/hand_target", "palpate.v1.HandTarget"},
+    AcceptedTopic{ClientTopic::kRunRequest, &ServerDescription::accepts_requests, "/run_request",
+                  "palpate.v1.RunRequest"},
+};
+constexpr std::size_t kMostClientChannels = 8;
+
+bool accepts_any(const ServerDescription& server) {
+  return std::any_of(kAcceptedTopics.begin(), kAcceptedTopics.end(),
+                     [&](const AcceptedTopic& topic) { return server.*topic.is_accepted; });
+}
 constexpr std::size_t kMaxComplaints = 8;  // per message
 constexpr std::size_t kMaxQuotedBytes = 40;
 constexpr char kClientData = 1;  // opcode
@@ -80,6 +96,30 @@ class Complaints {
   std::size_t count_ = 0;
 };
 
+/// A channel that the client wants to publish on.
+void advertise(const Json& offered, const ServerDescription& server,
+               std::map<std::uint32_t, ClientTopic>& topic_of, Complaints& complaints) {
+  const auto id = number(offered, "id");
+  const std::string name = text_of(offered, "topic");
+  const auto* const topic = std::find_if(
+      kAcceptedTopics.begin(), kAcceptedTopics.end(), [&](const AcceptedTopic& accepted) {
+        return server.*accepted.is_accepted && name == accepted.name &&
+               text_of(offered, "schemaName") == accepted.schema;
+      });
+  if (id && topic != kAcceptedTopics.end() && text_of(offered, "encoding") == "protobuf" &&
+      (topic_of.contains(*id) || topic_of.size() < kMostClientChannels)) {
+    topic_of[*id] = topic->topic;
+    return;
+  }
+  std::string accepted;
+  for (const AcceptedTopic& one : kAcceptedTopics) {
+    if (!(server.*one.is_accepted)) continue;
+    accepted += (accepted.empty() ? "" : " and ") + std::string(one.name) + ", protobuf " +
+                std::string(one.schema);
+  }
+  complaints.add("advertise: only " + accepted + " is accepted");
+}
+
 }  // namespace
 
 std::string status_text(StatusLevel level, std::string_view message, std::string_view id) {
@@ -107,9 +147,14 @@ std::vector<std::string> FoxgloveClient::greeting() const {
       {"capabilities", Json::array()},
       {"sessionId", server_.session_id},
       {"metadata", {{"client_id", std::to_string(id_)}, {"session", server_.session_name}}}};
-  if (server_.accepts_hand_targets) {
+  if (accepts_any(server_)) {
     info["capabilities"].push_back("clientPublish");
     info["supportedEncodings"] = Json::array({"protobuf"});
+    std::string topics;
+    for (const AcceptedTopic& topic : kAcceptedTopics) {
+      if (server_.*topic.is_accepted) topics += (topics.empty() ? "" : " ") + std::string(topic.name);
+    }
+    info["metadata"]["client_topics"] = topics;
   }
   Json channels = Json::array();
   for (std::size_t i = 0; i < server_.channels.size(); ++i) {
@@ -168,21 +213,15 @@ FoxgloveClient::Outcome FoxgloveClient::take_text(std::string_view text) {
       outcome.unsubscribed.push_back(it->second);
       channel_of_.erase(it);
     }
-  } else if (op == "advertise" && server_.accepts_hand_targets) {
+  } else if (op == "advertise" && accepts_any(server_)) {
     for (const Json& offered : list(message, "channels")) {
-      const auto id = number(offered, "id");
-      if (!id || text_of(offered, "topic") != kHandTopic ||
-          text_of(offered, "encoding") != "protobuf" ||
-          text_of(offered, "schemaName") != kHandSchema) {
-        complaints.add("advertise: only " + std::string(kHandTopic) + " is accepted, protobuf " +
-                       std::string(kHandSchema));
-      } else {
-        hand_channel_ = id;
-      }
+      advertise(offered, server_, topic_of_, complaints);
     }
-  } else if (op == "unadvertise" && server_.accepts_hand_targets) {
+  } else if (op == "unadvertise" && accepts_any(server_)) {
     for (const Json& id : list(message, "channelIds")) {
-      if (hand_channel_ && id == *hand_channel_) hand_channel_.reset();
+      if (id.is_number_unsigned() && id.get<std::uint64_t>() <= ~std::uint32_t{0}) {
+        topic_of_.erase(id.get<std::uint32_t>());
+      }
     }
   } else {
     complaints.add("op " + in_quotes(op) + " is not supported");
@@ -199,12 +238,13 @@ FoxgloveClient::Outcome FoxgloveClient::take_binary(std::string_view bytes) {
       channel = (channel << 8) | static_cast<unsigned char>(bytes[i]);
     }
   }
-  if (bytes.size() < kHeaderBytes || bytes[0] != kClientData || !hand_channel_ ||
-      channel != *hand_channel_) {
+  const auto topic = topic_of_.find(channel);
+  if (bytes.size() < kHeaderBytes || bytes[0] != kClientData || topic == topic_of_.end()) {
     Complaints(outcome.replies).add("a binary message must be data of an advertised channel");
     return outcome;
   }
-  outcome.hand_target = bytes.substr(kHeaderBytes);
+  outcome.published = topic->second;
+  outcome.payload = bytes.substr(kHeaderBytes);
   return outcome;
 }
 

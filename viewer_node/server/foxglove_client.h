@@ -23,13 +23,18 @@ struct Channel {
   std::string schema;       ///< FileDescriptorSet, binary
 };
 
-/// The server, as described to every client.
+/// What a client may publish.
+enum class ClientTopic : std::uint8_t { kHandTarget, kRunRequest };
+
+/// The server, as described to every client. With a topic that it accepts it has the capability
+/// clientPublish.
 struct ServerDescription {
   std::string name;
   std::string session_id;    ///< changes at each server start
   std::string session_name;  ///< of the deployment
   std::vector<Channel> channels{};
-  bool accepts_hand_targets = false;  ///< capability clientPublish, topic /hand_target
+  bool accepts_hand_targets = false;  ///< topic /hand_target
+  bool accepts_requests = false;      ///< topic /run_request
 };
 
 enum class StatusLevel : std::uint8_t { kInfo = 0, kWarning = 1, kError = 2 };
@@ -58,7 +63,8 @@ class FoxgloveClient {
     std::vector<std::string> replies;     ///< texts
     std::vector<std::size_t> subscribed;  ///< channels, newly
     std::vector<std::size_t> unsubscribed;
-    std::optional<std::string> hand_target{};  ///< a protobuf message, not decoded
+    std::optional<ClientTopic> published{};
+    std::string payload{};  ///< of what was published: a protobuf message, not decoded
   };
   [[nodiscard]] Outcome take_text(std::string_view text);
   [[nodiscard]] Outcome take_binary(std::string_view bytes);
@@ -70,7 +76,7 @@ class FoxgloveClient {
   const ServerDescription& server_;
   std::uint64_t id_;
   std::map<std::uint32_t, std::size_t> channel_of_;  // by subscription
-  std::optional<std::uint32_t> hand_channel_;        // the client's id of /hand_target
+  std::map<std::uint32_t, ClientTopic> topic_of_;    // by the client's id of its channel
 };
 
 }  // namespace palpate::viewer

@@ -85,10 +85,12 @@ void SocketClient::take(FoxgloveClient::Outcome outcome) {
     server_.events.add(
         {.kind = ClientEvent::Kind::kSubscribed, .client = id(), .channel = channel});
   }
-  if (outcome.hand_target) {
-    server_.events.add({.kind = ClientEvent::Kind::kHandTarget,
+  if (outcome.published) {
+    server_.events.add({.kind = *outcome.published == ClientTopic::kHandTarget
+                                    ? ClientEvent::Kind::kHandTarget
+                                    : ClientEvent::Kind::kRunRequest,
                         .client = id(),
-                        .hand_target = std::move(*outcome.hand_target)});
+                        .payload = std::move(outcome.payload)});
   }
 }
 

@@ -1,6 +1,7 @@
-// build.mjs: src/ → dist/index.html, dist/app.js, dist/app.css: all that the page consists of.
+// build.mjs: src/ → dist/index.html, dist/app.js, dist/app.css: all that the page consists of; and
+// dist/report.js, dist/report.css for `palpate report`.
 import { build } from "esbuild";
-import { copyFile, mkdir, readFile, rm } from "node:fs/promises";
+import { copyFile, mkdir, readFile, rm, writeFile } from "node:fs/promises";
 import { gzipSync } from "node:zlib";
 import { fileURLToPath } from "node:url";
 
@@ -31,9 +32,24 @@ await build({
   outdir: out,
   logLevel: "warning",
 });
+await build({
+  entryPoints: { report: "src/report.ts" },
+  bundle: true,
+  format: "iife",
+  target: "es2022",
+  minify: true,
+  legalComments: "none",
+  footer: { js: `/*! Bundled code and its licences:\n\n${await licence_of("uplot")}\n*/` },
+  outdir: out,
+  logLevel: "warning",
+});
+// the page's colours by day and by night
+const [day, night] = [...(await readFile("src/style.css", "utf8")).matchAll(/^:root[^{]*(\{[^}]*\})/gm)].map(([, body]) => body);
+const colours = `:root${day}@media (prefers-color-scheme: dark){:root${night}}`.replaceAll(/\s+/g, " ");
+await writeFile(`${out}/report.css`, `${colours}\n${await readFile(`${out}/report.css`, "utf8")}`);
 await copyFile("src/index.html", `${out}/index.html`);
 
-for (const file of ["index.html", "app.css", "app.js"]) {
+for (const file of ["index.html", "app.css", "app.js", "report.css", "report.js"]) {
   const bytes = await readFile(`${out}/${file}`);
   const kilobytes = (n) => (n / 1000).toFixed(1).padStart(6);
   console.log(`${file.padEnd(10)} ${kilobytes(bytes.length)} kB, ${kilobytes(gzipSync(bytes, { level: 9 }).length)} kB gzip`);

@@ -14,6 +14,7 @@
 
 #include "common/core/messages.h"
 #include "common/core/scene_messages.h"
+#include "common/telemetry/run_messages.h"
 #include "common/telemetry/telemetry.h"
 
 namespace palpate {
@@ -34,9 +35,11 @@ enum class MessageKind : std::uint8_t {
   kMeshFrame = 9,
   kHandTarget = 10,
   kSubscription = 11,  ///< no protobuf message follows, but the kinds that the peer wants
-  kTissueChange = 12,
+  kRunState = 12,
+  kRunRequest = 13,
+  kTissueChange = 14,
 };
-inline constexpr std::size_t kMessageKinds = 13;  ///< largest value + 1
+inline constexpr std::size_t kMessageKinds = 15;  ///< largest value + 1
 
 template <class T>
 inline constexpr MessageKind kKindOf = MessageKind{};
@@ -62,12 +65,17 @@ inline constexpr MessageKind kKindOf<MeshFrame> = MessageKind::kMeshFrame;
 template <>
 inline constexpr MessageKind kKindOf<HandTarget> = MessageKind::kHandTarget;
 template <>
+inline constexpr MessageKind kKindOf<RunState> = MessageKind::kRunState;
+template <>
+inline constexpr MessageKind kKindOf<RunRequest> = MessageKind::kRunRequest;
+template <>
 inline constexpr MessageKind kKindOf<TissueChange> = MessageKind::kTissueChange;
 
 /// Whether T belongs to hop 5.
 template <class T>
 inline constexpr bool kIsTelemetry =
-    kKindOf<T> >= MessageKind::kDeviceBatch&& kKindOf<T> <= MessageKind::kMeshFrame;
+    kKindOf<T> == MessageKind::kRunState ||
+    (kKindOf<T> >= MessageKind::kDeviceBatch && kKindOf<T> <= MessageKind::kMeshFrame);
 
 /// Larger frames are refused before they are parsed. An Interaction of eight contacts with friction
 /// takes 4 kB, its surface 3.5 kB more; a DeviceState of 64 applied forces takes 7 kB; the other

@@ -10,6 +10,7 @@
 #include <span>
 
 #include "common/core/check.h"
+#include "common/link/codec/run_wire.h"
 #include "foxglove/foxglove_subset.pb.h"
 #include "palpate/v1/hand_target.pb.h"
 #include "palpate/v1/plot.pb.h"
@@ -27,7 +28,6 @@ constexpr double kArrowMPerNewton = 0.02;  // 3 N, a device's peak, is 6 cm
 constexpr double kArrowWidth_m = 0.002;
 constexpr double kSmallestTip_m = 0.001;  // a point would be invisible
 constexpr double kShortestArrow_m = 1e-5;
-constexpr std::size_t kMostTargetBytes = kMaxFrameBytes<HandTarget>;
 
 void add_file(const pb::FileDescriptor* file, std::set<std::string>& seen,
               pb::FileDescriptorSet& set) {
@@ -95,7 +95,7 @@ std::string schema_of(std::string_view message) {
   const std::array published{
       v1::DeviceTelemetry::descriptor(),   v1::MofcTelemetry::descriptor(),
       v1::PhysicsTelemetry::descriptor(),  v1::SceneState::descriptor(),
-      v1::MeshFrame::descriptor(),         v1::Health::descriptor(),
+      v1::MeshFrame::descriptor(),         v1::Health::descriptor(),             v1::Marker::descriptor(),
       v1::Telemetry::descriptor(),         foxglove::PointCloud::descriptor(),
       foxglove::SceneUpdate::descriptor(), foxglove::FrameTransforms::descriptor(),
       foxglove::Log::descriptor()};
@@ -125,6 +125,13 @@ std::string encode_health(const ViewerHealth& health) {
   wire.set_frames_rejected(health.frames_rejected);
   wire.set_hand_holder(health.hand_holder);
   wire.set_version(health.version);
+  v1::Health::Recorder& recorder = *wire.mutable_recorder();
+  recorder.set_is_possible(health.recorder.is_possible);
+  recorder.set_is_recording(health.recorder.is_recording);
+  recorder.set_file(health.recorder.file);
+  recorder.set_length_s(health.recorder.length_s);
+  recorder.set_problem(health.recorder.problem);
+  palpate::wire::put(health.run, wire);
   return wire.SerializeAsString();
 }
 
@@ -227,22 +234,36 @@ std::string encode_log(std::uint64_t at_ns, LogLevel level, const std::string& n
   return wire.SerializeAsString();
 }
 
-std::optional<HandTarget> decode_page_target(std::string_view payload) {
-  v1::HandTarget wire;
-  if (payload.size() > kMostTargetBytes ||
+namespace {
+
+/// Message T of a page, whose header viewer_node sets; the codec checks the result.
+template <class T, class Wire>
+std::optional<T> decode_of_page(std::string_view payload, void (*complete)(Wire&)) {
+  Wire wire;
+  if (payload.size() > kMaxFrameBytes<T> ||
       !wire.ParseFromArray(payload.data(), static_cast<int>(payload.size()))) {
     return std::nullopt;
   }
-  // viewer_node sets the fields that a page leaves out; the codec checks the result
   wire.mutable_header()->set_protocol_major(kProtocolMajor);
   wire.mutable_header()->set_session_id(1);
   wire.mutable_header()->set_sampled_at_ns(0);
-  wire.set_holder_id(1);
-  std::string frame = static_cast<char>(kKindOf<HandTarget>) + wire.SerializeAsString();
-  HandTarget target;
+  complete(wire);
+  const std::string frame = static_cast<char>(kKindOf<T>) + wire.SerializeAsString();
+  T message;
   const auto bytes = std::as_bytes(std::span(frame));
-  if (Codec<HandTarget>().decode(bytes, target) != DecodeError::kNone) return std::nullopt;
-  return target;
+  if (Codec<T>().decode(bytes, message) != DecodeError::kNone) return std::nullopt;
+  return message;
+}
+
+}  // namespace
+
+std::optional<HandTarget> decode_page_target(std::string_view payload) {
+  return decode_of_page<HandTarget, v1::HandTarget>(
+      payload, [](v1::HandTarget& wire) { wire.set_holder_id(1); });
+}
+
+std::optional<RunRequest> decode_page_request(std::string_view payload) {
+  return decode_of_page<RunRequest, v1::RunRequest>(payload, [](v1::RunRequest&) {});
 }
 
 }  // namespace palpate

@@ -43,7 +43,16 @@ struct ViewerHealth {
   std::uint64_t messages_dropped = 0;
   std::uint64_t frames_rejected = 0;
   std::uint64_t hand_holder = 0;
-  std::string version;
+  std::string version{};
+  struct Recorder {
+    bool is_possible = false;
+    bool is_recording = false;
+    std::string file{};
+    double length_s = 0.0;
+    std::string problem{};
+  };
+  Recorder recorder{};
+  RunState run{};
 };
 [[nodiscard]] std::string encode_health(const ViewerHealth& health);
 
@@ -78,5 +87,11 @@ enum class LogLevel : std::uint8_t { kInfo = 2, kWarning = 3, kError = 4 };
 [[nodiscard]] std::optional<HandTarget> decode_page_target(std::string_view payload);
 /// The TissueChange that a page sent; empty if it is not valid.
 [[nodiscard]] std::optional<TissueChange> decode_page_change(std::string_view payload);
+/// The RunRequest that a page sent; empty if it is not valid.
+[[nodiscard]] std::optional<RunRequest> decode_page_request(std::string_view payload);
+
+/// palpate.v1.Marker, as recorded. Of decoding: empty if it is not valid.
+[[nodiscard]] std::string encode_marker(const Marker& marker);
+[[nodiscard]] std::optional<Marker> decode_marker(std::string_view payload);
 
 }  // namespace palpate

@@ -134,6 +134,26 @@ TEST_P(TelemetryLinkTransport, AViewerReceivesOnlyTheKindsItSubscribesTo) {
   EXPECT_TRUE(physics.has_subscriber<SceneState>());
 }
 
+// The recording of a viewer goes on when the last page has closed.
+TEST_P(TelemetryLinkTransport, AKindIsReceivedUntilItsLastUserLeaves) {
+  SceneSender physics(context_, bind_to(fresh_endpoint(GetParam()), "physics"));
+  TelemetrySubscriber viewer(context_, clock_, {connect_to(physics.endpoint(), "physics")});
+  viewer.subscribe<MeshFrame>();
+  viewer.subscribe<MeshFrame>();
+  viewer.unsubscribe<MeshFrame>();
+  ASSERT_TRUE(eventually([&] {
+    viewer.wait_until(clock_.now());
+    return physics.has_subscriber<PhysicsBatch>();
+  }));
+  EXPECT_TRUE(physics.has_subscriber<MeshFrame>());
+
+  viewer.unsubscribe<MeshFrame>();
+  EXPECT_TRUE(eventually([&] {
+    viewer.wait_until(clock_.now());
+    return !physics.has_subscriber<MeshFrame>();
+  }));
+}
+
 TEST_P(TelemetryLinkTransport, EachNewSubscriberOfASceneIsCounted) {
   SceneSender physics(context_, bind_to(fresh_endpoint(GetParam()), "physics"));
   const std::vector<Attachment> nodes = {connect_to(physics.endpoint(), "physics")};

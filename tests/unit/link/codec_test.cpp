@@ -36,7 +36,8 @@ using test::Wire;
 template <class T>
 class CodecOf : public testing::Test {};
 using Messages = testing::Types<DeviceState, ForceCommand, ToolMotion, Interaction, DeviceBatch,
-                                MofcBatch, PhysicsBatch, SceneState, MeshFrame, HandTarget, TissueChange>;
+                                MofcBatch, PhysicsBatch, SceneState, MeshFrame, HandTarget,
+                                RunState, RunRequest, TissueChange>;
 TYPED_TEST_SUITE(CodecOf, Messages);
 
 TYPED_TEST(CodecOf, DecodesWhatWasEncodedBitByBit) {

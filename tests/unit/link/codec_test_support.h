@@ -12,6 +12,7 @@
 #include "palpate/v1/exchange.pb.h"
 #include "palpate/v1/hand_target.pb.h"
 #include "palpate/v1/interaction.pb.h"
+#include "palpate/v1/run.pb.h"
 #include "palpate/v1/scene.pb.h"
 #include "palpate/v1/telemetry.pb.h"
 #include "palpate/v1/tissue_change.pb.h"
@@ -73,6 +74,14 @@ struct Wire<SceneState> {
 template <>
 struct Wire<MeshFrame> {
   using Message = v1::MeshFrame;
+};
+template <>
+struct Wire<RunState> {
+  using Message = v1::RunState;
+};
+template <>
+struct Wire<RunRequest> {
+  using Message = v1::RunRequest;
 };
 template <>
 struct Wire<HandTarget> {

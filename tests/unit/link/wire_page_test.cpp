@@ -165,6 +165,8 @@ TEST(WirePage, GivesTheKindsAndLengthsOfFrames) {
   EXPECT_EQ(row("SceneState"), frame_row<SceneState>(kTelemetryReceiver));
   EXPECT_EQ(row("MeshFrame"), frame_row<MeshFrame>(kTelemetryReceiver));
   EXPECT_EQ(row("HandTarget"), frame_row<HandTarget>(kOneWayReceiver));
+  EXPECT_EQ(row("RunState"), frame_row<RunState>(kTelemetryReceiver));
+  EXPECT_EQ(row("RunRequest"), frame_row<RunRequest>(kOneWayReceiver));
   EXPECT_EQ(row("TissueChange"), frame_row<TissueChange>(kOneWayReceiver));
 }
 

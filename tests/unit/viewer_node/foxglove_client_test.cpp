@@ -139,10 +139,12 @@ TEST_F(FoxgloveClientTest, SendsHandTargetsOnTheChannelItAdvertised) {
   // 258 = 02 01 00 00, little-endian
   const std::string data("\x01\x02\x01\x00\x00xyz", 8);
 
-  EXPECT_EQ(client_.take_binary(data).hand_target, "xyz");
+  const auto outcome = client_.take_binary(data);
+  EXPECT_EQ(outcome.published, ClientTopic::kHandTarget);
+  EXPECT_EQ(outcome.payload, "xyz");
 
   EXPECT_THAT(client_.take_text(R"({"op":"unadvertise","channelIds":[258]})").replies, IsEmpty());
-  EXPECT_FALSE(client_.take_binary(data).hand_target.has_value());
+  EXPECT_FALSE(client_.take_binary(data).published.has_value());
 }
 
 TEST_F(FoxgloveClientTest, MayAdvertiseNothingElse) {
@@ -163,7 +165,7 @@ TEST_F(FoxgloveClientTest, MaySendNothingUnlessTheSessionSaysSo) {
                        R"("encoding":"protobuf","schemaName":"palpate.v1.HandTarget"}]})");
   ASSERT_THAT(outcome.replies, SizeIs(1));
   EXPECT_THAT(outcome.replies[0], HasSubstr("not supported"));
-  EXPECT_FALSE(client.take_binary(std::string("\x01\x01\0\0\0x", 6)).hand_target.has_value());
+  EXPECT_FALSE(client.take_binary(std::string("\x01\x01\0\0\0x", 6)).published.has_value());
 }
 
 TEST_F(FoxgloveClientTest, GetsAStatusForBytesThatAreNoData) {
@@ -172,7 +174,7 @@ TEST_F(FoxgloveClientTest, GetsAStatusForBytesThatAreNoData) {
         std::string("\x02\0\0\0\0", 5), std::string("\x01\x09\0\0\0", 5)}) {
     const auto outcome = client_.take_binary(bytes);
     EXPECT_THAT(outcome.replies, SizeIs(1));
-    EXPECT_FALSE(outcome.hand_target.has_value());
+    EXPECT_FALSE(outcome.published.has_value());
   }
 }
 

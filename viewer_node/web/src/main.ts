@@ -119,8 +119,8 @@ const client = new FoxgloveClient(
       is_open = false;
       hand.forget();
     },
-    server_info({ capabilities, metadata }) {
-      const accepted = capabilities.includes("clientPublish") ? (metadata.client_topics ?? "").split(" ") : [];
+    server_info({ metadata }) {
+      const accepted = (metadata.client_topics ?? "").split(" ");
       hand.can_publish = accepted.includes("/hand_target");
       control.can_publish = accepted.includes("/tissue_change");
       run.can_publish = accepted.includes("/run_request");

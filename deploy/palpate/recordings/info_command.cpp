@@ -3,7 +3,7 @@
 
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/options.h"
-#include "deploy/palpate/recording_info.h"
+#include "deploy/palpate/recordings/recording_info.h"
 
 namespace palpate {
 namespace {
@@ -20,7 +20,7 @@ struct InfoCommand {
     RecordingFile recording(file);
     const std::string text = is_json ? info_json(recording).dump(2) + "\n" : info_text(recording);
     std::fputs(text.c_str(), stdout);
-    return 0;
+    return status_of_damage(recording);
   }
 };
 

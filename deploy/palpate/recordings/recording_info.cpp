@@ -1,12 +1,15 @@
-#include "deploy/palpate/recording_info.h"
+#include "deploy/palpate/recordings/recording_info.h"
 
 #include <spdlog/fmt/fmt.h>
 
+#include <algorithm>
 #include <stdexcept>
 #include <type_traits>
 
 #include "common/telemetry/summary.h"
 #include "viewer_node/recording/recording.h"
+#include "viewer_node/recording/recording_copy.h"
+#include "viewer_node/recording/run_figures.h"
 
 namespace palpate {
 namespace {
@@ -36,7 +39,27 @@ Content content_of(RecordingFile& recording) {
         item->message);
   }
   for (const auto& [node, count] : lost) content.records_lost += count;
+  content.messages["/markers"] = recording.markers().size();
+  if (content.messages["/markers"] == 0) content.messages.erase("/markers");
   return content;
+}
+
+/// Controller of one side: "left: mofc guard, right: none" names those of all.
+std::string controller_of(const RecordingFile& recording, const std::string& side) {
+  const std::string all = recording.about("controller");
+  const std::size_t begin = side.empty() ? 0 : all.find(side + ": ");
+  if (side.empty() || begin == std::string::npos) return all;
+  const std::size_t text = begin + side.size() + 2;
+  std::size_t end = all.size();
+  for (const std::string& other : recording.sides()) {
+    end = std::min(end, all.find(", " + other + ": ", text));
+  }
+  return all.substr(text, end - text);
+}
+
+double seconds_of(const RecordingFile& recording, const Marker& marker) {
+  return (static_cast<double>(marker.at_ns) - static_cast<double>(recording.mcap().begin_ns())) *
+         1e-9;
 }
 
 }  // namespace
@@ -60,9 +83,28 @@ nlohmann::ordered_json info_json(RecordingFile& recording) {
   }
   json["nodes"] = mcap.metadata(viewer::kNodesMetadata);
   json["loss"] = mcap.metadata(viewer::kLossMetadata);
+  json["copy"] = mcap.metadata(viewer::kCopyMetadata);
   json["records_lost"] = content.records_lost;
   json["messages"] = content.messages;
   json["ticks"] = content.ticks;
+  for (const std::string& side : recording.sides()) {
+    recording.choose_side(side);
+    RecordedRun run;
+    read_run(recording, run);
+    nlohmann::ordered_json figures =
+        figures_json(controller_of(recording, side), run.mirror, run.figures);
+    if (side.empty()) {
+      json["figures"] = std::move(figures);
+    } else {
+      json["figures"]["sides"][side] = std::move(figures);
+    }
+  }
+  json["markers"] = nlohmann::ordered_json::array();
+  for (const Marker& marker : recording.markers()) {
+    json["markers"].push_back({{"t_s", seconds_of(recording, marker)},
+                               {"text", marker.text},
+                               {"origin", marker.origin}});
+  }
   json["session"] = recording.about("session");
   return json;
 }
@@ -96,10 +138,26 @@ std::string info_text(RecordingFile& recording) {
     line("lost",
          fmt::format("{} ticks, before the nodes could publish them", content.records_lost));
   }
-  if (recording.refused() > 0) line("refused", fmt::format("{} messages", recording.refused()));
-  if (mcap.damaged_chunks() > 0) line("damaged", fmt::format("{} chunks", mcap.damaged_chunks()));
-  if (!mcap.is_whole())
-    line("incomplete", "the file was not closed; up to its last second is missing");
+  for (const Marker& marker : recording.markers()) {
+    line("marker", fmt::format("{:.3f} s: {} ({})", seconds_of(recording, marker), marker.text,
+                               marker.origin));
+  }
+  const auto copy = mcap.metadata(viewer::kCopyMetadata);
+  if (copy.contains("command")) line(copy.at("command"), "of " + copy.at("sources"));
+  const std::vector<std::string> sides = recording.sides();
+  for (const std::string& side : sides) {
+    recording.choose_side(side);
+    RecordedRun run;
+    read_run(recording, run);
+    if (!side.empty()) text += "  " + side + ":\n";
+    for (const auto& [label, value] :
+         figure_lines(controller_of(recording, side), run.mirror, run.figures)) {
+      line(label, value);
+    }
+  }
+  if (const std::string damage = recording.damage(); !damage.empty()) {
+    line("damaged", "missing: " + damage);
+  }
   return text;
 }
 

@@ -24,6 +24,11 @@ struct ReplayCommand {
         ->type_name("S")
         ->check(is_start_time());
     app.add_flag("--loop", replay.loops, "repeat until Ctrl-C");
+    app.add_option("--wait", replay.wait_s,
+                   "wait at most this many seconds for a viewer; 0 does not wait (default: until "
+                   "there is one)")
+        ->type_name("S")
+        ->check(CLI::Range(0.0, 1e6));
     add_insecure_flag(app, replay.is_insecure);
   }
   int run() const {

@@ -1,0 +1,141 @@
+// run_codec.cpp — RunState of hop 5, hop 7: RunRequest, and markers as recorded.
+#include <algorithm>
+#include <string>
+
+#include "common/link/codec/run_wire.h"
+#include "common/link/codec/viewer_codec.h"
+#include "common/link/codec/wire_format.h"
+#include "palpate/v1/run.pb.h"
+#include "palpate/v1/viewer.pb.h"
+
+namespace palpate {
+
+using namespace wire;
+
+namespace {
+
+void expect_line(const std::string& text, std::size_t most_bytes, Verdict& verdict) {
+  verdict.expect(text.size() <= most_bytes &&
+                 std::none_of(text.begin(), text.end(), [](unsigned char byte) {
+                   return byte < 0x20 || byte == 0x7F;
+                 }));
+}
+
+void put(const Marker& m, v1::Marker& to) {
+  to.set_at_ns(m.at_ns);
+  to.set_text(m.text);
+  to.set_origin(m.origin);
+}
+void check(const v1::Marker& m, Verdict& verdict) {
+  expect_line(m.text(), Marker::kMostTextBytes, verdict);
+  expect_line(m.origin(), Marker::kMostOriginBytes, verdict);
+}
+Marker marker(const v1::Marker& m) {
+  return {.at_ns = m.at_ns(), .text = m.text(), .origin = m.origin()};
+}
+
+void put(const ReplayState& replay, v1::ReplayState& to) {
+  to.set_file(replay.file);
+  to.set_position_s(replay.position_s);
+  to.set_length_s(replay.length_s);
+  to.set_speed_ratio(replay.speed_ratio);
+  to.set_is_paused(replay.is_paused);
+  to.set_begin_ns(replay.begin_ns);
+}
+ReplayState replay(const v1::ReplayState& replay) {
+  return {.file = replay.file(),
+          .position_s = replay.position_s(),
+          .length_s = replay.length_s(),
+          .speed_ratio = replay.speed_ratio(),
+          .is_paused = replay.is_paused(),
+          .begin_ns = replay.begin_ns()};
+}
+
+}  // namespace
+
+void wire::put(const RunState& run, v1::Health& to) {
+  for (const Marker& marker : run.markers) palpate::put(marker, *to.add_markers());
+  if (run.replay) palpate::put(*run.replay, *to.mutable_replay());
+}
+
+std::string encode_marker(const Marker& marker) {
+  v1::Marker wire;
+  put(marker, wire);
+  return wire.SerializeAsString();
+}
+
+std::optional<Marker> decode_marker(std::string_view payload) {
+  v1::Marker wire;
+  if (payload.size() > kMaxFrameBytes<RunRequest> ||
+      !wire.ParseFromArray(payload.data(), static_cast<int>(payload.size()))) {
+    return std::nullopt;
+  }
+  Verdict verdict;
+  check(wire, verdict);
+  if (verdict.error() != DecodeError::kNone) return std::nullopt;
+  return marker(wire);
+}
+
+template <>
+struct WireFormat<RunState> {
+  using Message = v1::RunState;
+
+  static void fill(const RunState& m, v1::RunState& wire) {
+    for (const Marker& one : m.markers) palpate::put(one, *wire.add_markers());
+    if (m.replay) palpate::put(*m.replay, *wire.mutable_replay());
+  }
+
+  static void check(const v1::RunState& wire, Verdict& verdict) {
+    verdict.expect(wire.markers_size() <= static_cast<int>(RunState::kMostMarkers));
+    for (const v1::Marker& one : wire.markers()) palpate::check(one, verdict);
+    if (!wire.has_replay()) return;
+    const v1::ReplayState& replay = wire.replay();
+    for (const double time_s : {replay.position_s(), replay.length_s()}) {
+      verdict.number(time_s, 0.0, RunRequest::kLongest_s);
+    }
+    verdict.number(replay.speed_ratio(), RunRequest::kSlowest_ratio, RunRequest::kFastest_ratio);
+  }
+
+  static void read(const v1::RunState& wire, RunState& m) {
+    m.markers.clear();
+    for (const v1::Marker& one : wire.markers()) m.markers.push_back(marker(one));
+    m.replay.reset();
+    if (wire.has_replay()) m.replay = replay(wire.replay());
+  }
+};
+template class Codec<RunState>;
+
+template <>
+struct WireFormat<RunRequest> {
+  using Message = v1::RunRequest;
+
+  static void fill(const RunRequest& m, v1::RunRequest& wire) {
+    if (m.marker) wire.set_marker(*m.marker);
+    if (m.seek_s) wire.set_seek_s(*m.seek_s);
+    if (m.is_paused) wire.set_is_paused(*m.is_paused);
+    if (m.speed_ratio) wire.set_speed_ratio(*m.speed_ratio);
+    if (m.is_recording) wire.set_is_recording(*m.is_recording);
+  }
+
+  static void check(const v1::RunRequest& wire, Verdict& verdict) {
+    if (wire.has_marker()) expect_line(wire.marker(), Marker::kMostTextBytes, verdict);
+    if (wire.has_seek_s()) verdict.number(wire.seek_s(), 0.0, RunRequest::kLongest_s);
+    if (wire.has_speed_ratio()) {
+      verdict.number(wire.speed_ratio(), RunRequest::kSlowest_ratio, RunRequest::kFastest_ratio);
+    }
+  }
+
+  static void read(const v1::RunRequest& wire, RunRequest& m) {
+    const auto given = [](bool has, auto value) {
+      return has ? std::optional(std::move(value)) : std::nullopt;
+    };
+    m.marker = given(wire.has_marker(), wire.marker());
+    m.seek_s = given(wire.has_seek_s(), wire.seek_s());
+    m.is_paused = given(wire.has_is_paused(), wire.is_paused());
+    m.speed_ratio = given(wire.has_speed_ratio(), wire.speed_ratio());
+    m.is_recording = given(wire.has_is_recording(), wire.is_recording());
+  }
+};
+template class Codec<RunRequest>;
+
+}  // namespace palpate

@@ -1,0 +1,87 @@
+// run_messages.h — what the program that runs a session tells the viewers of its machine (hop 5),
+// and what they ask of it (hop 7), as plain structs. Wire form: run.proto in proto/palpate/v1. Not
+// for the haptic loop: these structs allocate.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/core/messages.h"
+
+namespace palpate {
+
+/// A moment that somebody marked in a run.
+struct Marker {
+  static constexpr std::size_t kMostTextBytes = 200;
+  static constexpr std::size_t kMostOriginBytes = 64;
+
+  std::uint64_t at_ns = 0;  ///< wall clock, since 1970
+  std::string text;         ///< UTF-8 without control characters
+  std::string origin;       ///< "terminal", "page"
+
+  bool operator==(const Marker&) const = default;
+};
+
+/// State of `palpate replay`.
+struct ReplayState {
+  std::string file;
+  double position_s = 0.0;  ///< since the beginning of the recording
+  double length_s = 0.0;
+  double speed_ratio = 1.0;  ///< multiple of real time, also while paused
+  bool is_paused = false;
+  std::uint64_t begin_ns = 0;  ///< wall clock at the beginning of the recording
+
+  bool operator==(const ReplayState&) const = default;
+};
+
+/// Hop 5: the state of `palpate launch` or `palpate replay`.
+struct RunState {
+  static constexpr std::size_t kMostMarkers = 200;
+
+  Header header;
+  std::vector<Marker> markers;        ///< oldest first, the newest kMostMarkers
+  std::optional<ReplayState> replay;  ///< empty: a run, not a replay
+};
+
+/// Hop 7: a viewer's request. Empty fields change nothing.
+struct RunRequest {
+  static constexpr double kLongest_s = 1e9;
+  static constexpr double kSlowest_ratio = 0.001;
+  static constexpr double kFastest_ratio = 1000.0;
+
+  Header header;
+  std::optional<std::string> marker;  ///< set one now; empty text: "marker 1", …
+  std::optional<double> seek_s;       ///< of a replay
+  std::optional<bool> is_paused;      ///< of a replay
+  std::optional<double> speed_ratio;  ///< of a replay
+  std::optional<bool> is_recording;   ///< of viewer_node, which does not forward it
+
+  /// Whether anything but `is_recording` is asked for.
+  [[nodiscard]] bool is_for_run() const { return marker || seek_s || is_paused || speed_ratio; }
+};
+
+/// The markers of a run, for its RunState.
+class MarkerLog {
+ public:
+  /// Appends a marker at this time or just after the previous one, and forgets the oldest beyond
+  /// RunState::kMostMarkers. @param text  empty: "marker 1", …
+  void add(std::uint64_t at_ns, const std::string& text, const char* origin) {
+    ++count_;
+    newest_.push_back(
+        {.at_ns = newest_.empty() ? at_ns : std::max(at_ns, newest_.back().at_ns + 1),
+         .text = text.empty() ? "marker " + std::to_string(count_) : text,
+         .origin = origin});
+    if (newest_.size() > RunState::kMostMarkers) newest_.erase(newest_.begin());
+  }
+  [[nodiscard]] const std::vector<Marker>& newest() const { return newest_; }
+
+ private:
+  std::vector<Marker> newest_;
+  std::uint64_t count_ = 0;
+};
+
+}  // namespace palpate

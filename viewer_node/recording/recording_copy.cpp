@@ -1,0 +1,295 @@
+#include "viewer_node/recording/recording_copy.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <map>
+#include <optional>
+#include <set>
+#include <stdexcept>
+#include <string_view>
+#include <utility>
+
+#include "common/core/check.h"
+#include "common/link/codec/viewer_codec.h"
+#include "viewer_node/recording/mcap_writer.h"
+#include "viewer_node/recording/recording.h"
+
+namespace palpate::viewer {
+namespace {
+
+constexpr std::string_view kSceneTopic = "/scene_state";
+constexpr std::string_view kMeshTopic = "/mesh";
+constexpr std::string_view kMarkerTopic = "/markers";
+
+bool is_wanted(const std::string& topic, const std::vector<std::string>& wanted) {
+  return wanted.empty() || std::any_of(wanted.begin(), wanted.end(), [&](const std::string& name) {
+           return topic == name || topic.ends_with(name[0] == '/' ? name : "/" + name);
+         });
+}
+
+/// One source with its place in the copy.
+struct Source {
+  McapReader& reader;
+  std::map<std::uint16_t, std::size_t> channel_of{};  // in the copy, by id in the source
+  std::uint64_t shift_ns = 0;                         // added to its times
+  std::optional<McapReader::Message> head{};          // next message
+
+  [[nodiscard]] std::uint64_t time_ns() const { return head->log_time_ns + shift_ns; }
+  void advance() {
+    do {
+      head = reader.next();
+    } while (head && !channel_of.contains(head->channel_id));
+  }
+};
+
+class Copy {
+ public:
+  Copy(const std::vector<std::unique_ptr<McapReader>>& sources, const CopyOptions& options)
+      : options_(options) {
+    for (const auto& source : sources) sources_.push_back({*source});
+    refuse_other_sessions();
+    place_in_time();
+    choose_channels();
+    begin_ns_ = sources_.front().reader.begin_ns();
+    for (const Source& source : sources_) {
+      begin_ns_ = std::min(begin_ns_, source.reader.begin_ns() + source.shift_ns);
+      end_ns_ = std::max(end_ns_, source.reader.end_ns() + source.shift_ns);
+    }
+    const double length_s = static_cast<double>(end_ns_ - begin_ns_) * 1e-9;
+    if (options.from_s >= length_s && options.from_s > 0.0) {
+      throw SetupError(fmt::format("--from {:g}: the recording is {:.3f} s long; give less",
+                                   options.from_s, length_s));
+    }
+    from_ns_ = begin_ns_ + static_cast<std::uint64_t>(std::llround(options.from_s * 1e9));
+    to_ns_ = options.to_s < length_s
+                 ? begin_ns_ + static_cast<std::uint64_t>(std::llround(options.to_s * 1e9))
+                 : end_ns_;
+  }
+
+  CopyResult run(const std::function<void(double)>& on_progress) {
+    McapWriter writer(options_.file, options_.may_overwrite, channels_, OutputFile::Kind::kWhole);
+    for (Source& source : sources_) {
+      source.reader.seek(0);
+      source.advance();
+    }
+    while (Source* const source = earliest()) {
+      const std::uint64_t at_ns = source->time_ns();
+      if (at_ns > to_ns_) {
+        source->head.reset();
+        continue;
+      }
+      if (on_progress && end_ns_ > begin_ns_) {
+        on_progress(static_cast<double>(at_ns - begin_ns_) /
+                    static_cast<double>(end_ns_ - begin_ns_));
+      }
+      take(*source, writer);
+      source->advance();
+    }
+    write_state_of_begin(writer);  // if the copy contains nothing else
+    write_metadata(writer);
+    writer.close();
+    if (const auto error = writer.take_error()) throw std::runtime_error(*error);
+    return result_;
+  }
+
+ private:
+  void refuse_other_sessions() const {
+    const auto about = [](const Source& source, const char* key) {
+      const mcap::Strings run = source.reader.metadata(kRunMetadata);
+      const auto it = run.find(key);
+      return it != run.end() ? it->second : std::string();
+    };
+    const Source& first = sources_.front();
+    for (const Source& source : sources_) {
+      if (about(source, "session") == about(first, "session")) continue;
+      throw SetupError(fmt::format(
+          "recordings {} and {}: of different sessions ({} and {}); merge those of one session",
+          first.reader.path(), source.reader.path(), about(first, "session_name"),
+          about(source, "session_name")));
+    }
+  }
+
+  void place_in_time() {
+    for (std::size_t i = 1; i < sources_.size(); ++i) {
+      const Source& before = sources_[i - 1];
+      Source& source = sources_[i];
+      if (options_.is_sequence) {
+        // modular arithmetic: the shift may be negative
+        source.shift_ns = before.reader.end_ns() + before.shift_ns + 1 - source.reader.begin_ns();
+        continue;
+      }
+      for (std::size_t k = 0; k < i; ++k) refuse_two_runs_at_once(sources_[k].reader, source.reader);
+    }
+  }
+
+  /// Two runs of a session at the same time: one of them has another clock.
+  static void refuse_two_runs_at_once(McapReader& a, McapReader& b) {
+    if (a.begin_ns() > b.end_ns() || b.begin_ns() > a.end_ns()) return;
+    const auto a_runs = runs_of(a);
+    for (const auto& [node, ids] : runs_of(b)) {
+      const auto same = a_runs.find(node);
+      if (same == a_runs.end()) continue;
+      const bool is_one_run = std::any_of(ids.begin(), ids.end(), [&](std::uint64_t id) {
+        return same->second.contains(id);
+      });
+      if (is_one_run) continue;
+      throw SetupError(fmt::format(
+          "recordings {} and {}: two runs of {} at the same time; --append puts one after the "
+          "other",
+          a.path(), b.path(), node));
+    }
+  }
+
+  /// Process starts of each device node in a recording.
+  static std::map<std::string, std::set<std::uint64_t>> runs_of(McapReader& reader) {
+    std::map<std::uint16_t, std::string> node_of;
+    for (const McapReader::Topic& topic : reader.topics()) node_of[topic.id] = topic.topic;
+    std::map<std::string, std::set<std::uint64_t>> runs;
+    Codec<DeviceBatch> codec;
+    DeviceBatch batch;
+    reader.seek(0);
+    while (const auto message = reader.next()) {
+      if (node_of[message->channel_id] != "/device") continue;
+      std::string frame(1, static_cast<char>(kKindOf<DeviceBatch>));
+      frame += message->payload;
+      if (codec.decode(std::as_bytes(std::span(frame)), batch) != DecodeError::kNone) continue;
+      runs[with_side(batch.side, "device_node")].insert(batch.header.session_id);
+    }
+    reader.seek(0);
+    return runs;
+  }
+
+  void choose_channels() {
+    for (Source& source : sources_) {
+      for (const McapReader::Topic& topic : source.reader.topics()) {
+        if (!is_wanted(topic.topic, options_.topics)) continue;
+        const auto same =
+            std::find_if(channels_.begin(), channels_.end(), [&](const mcap::Channel& channel) {
+              return channel.topic == topic.topic && channel.schema_name == topic.schema_name;
+            });
+        source.channel_of[topic.id] = static_cast<std::size_t>(same - channels_.begin());
+        if (same == channels_.end()) {
+          channels_.push_back({topic.topic, topic.schema_name, topic.schema});
+        }
+      }
+    }
+    if (!channels_.empty()) return;
+    std::string names;
+    for (const McapReader::Topic& topic : sources_.front().reader.topics()) {
+      names += (names.empty() ? "" : ", ") + topic.topic;
+    }
+    throw SetupError("--topics: recording " + sources_.front().reader.path() +
+                     " has none of them; it has " + names);
+  }
+
+  Source* earliest() {
+    Source* first = nullptr;
+    for (Source& source : sources_) {
+      if (source.head && (first == nullptr || source.time_ns() < first->time_ns())) {
+        first = &source;
+      }
+    }
+    return first;
+  }
+
+  void take(const Source& source, McapWriter& writer) {
+    const std::size_t channel = source.channel_of.at(source.head->channel_id);
+    const std::string_view payload = source.head->payload;
+    const std::uint64_t at_ns = source.time_ns();
+    if (at_ns < from_ns_) {
+      keep_state(channel, payload);
+      return;
+    }
+    write_state_of_begin(writer);
+    if (sources_.size() > 1 &&
+        !written_.insert({channel, std::hash<std::string_view>()(payload)}).second) {
+      ++result_.duplicates;
+      return;
+    }
+    ++result_.messages;
+    if (source.shift_ns != 0 && channels_[channel].topic == kMarkerTopic) {
+      auto marker = decode_marker(payload);
+      if (!marker) return;
+      marker->at_ns += source.shift_ns;
+      writer.write(channel, at_ns, encode_marker(*marker));
+    } else {
+      writer.write(channel, at_ns, payload);
+    }
+  }
+
+  /// The scene, and the last frame of each tissue, of the time before the copy begins.
+  void keep_state(std::size_t channel, std::string_view payload) {
+    if (channels_[channel].topic == kSceneTopic) {
+      scene_ = {channel, std::string(payload)};
+      frames_.clear();
+    } else if (channels_[channel].topic == kMeshTopic) {
+      std::string frame(1, static_cast<char>(kKindOf<MeshFrame>));
+      frame += payload;
+      MeshFrame mesh;
+      if (meshes_.decode(std::as_bytes(std::span(frame)), mesh) == DecodeError::kNone) {
+        frames_[mesh.tissue] = {channel, std::string(payload)};
+      }
+    }
+  }
+  void write_state_of_begin(McapWriter& writer) {
+    const auto write = [&](const auto& kept) {
+      ++result_.messages;
+      writer.write(kept.first, from_ns_, kept.second);
+    };
+    if (scene_) write(*scene_);
+    for (const auto& [tissue, kept] : frames_) write(kept);
+    scene_.reset();
+    frames_.clear();
+  }
+
+  void write_metadata(McapWriter& writer) {
+    std::string files;
+    std::uint64_t dropped = 0;
+    for (const Source& source : sources_) {
+      files += (files.empty() ? "" : ", ") + source.reader.path();
+      result_.damaged_chunks += source.reader.damaged_chunks();
+      const mcap::Strings loss = source.reader.metadata(kLossMetadata);
+      const auto it = loss.find("messages_dropped");
+      if (it != loss.end()) dropped += std::strtoull(it->second.c_str(), nullptr, 10);
+    }
+    writer.add_metadata(kRunMetadata, sources_.front().reader.metadata(kRunMetadata));
+    for (const Source& source : sources_) {
+      writer.add_metadata(kNodesMetadata, source.reader.metadata(kNodesMetadata));
+    }
+    writer.add_metadata(kLossMetadata, {{"messages_dropped", std::to_string(dropped)}});
+    writer.add_metadata(
+        kCopyMetadata,
+        {{"command", options_.command},
+         {"sources", files},
+         {"topics", fmt::format("{}", fmt::join(options_.topics, ","))},
+         {"from_s", fmt::format("{:.9g}", static_cast<double>(from_ns_ - begin_ns_) * 1e-9)},
+         {"to_s", fmt::format("{:.9g}", static_cast<double>(to_ns_ - begin_ns_) * 1e-9)},
+         {"damaged_chunks", std::to_string(result_.damaged_chunks)}});
+  }
+
+  const CopyOptions& options_;
+  std::vector<Source> sources_;
+  std::vector<mcap::Channel> channels_;  // of the copy
+  std::uint64_t begin_ns_ = 0;
+  std::uint64_t end_ns_ = 0;
+  std::uint64_t from_ns_ = 0;
+  std::uint64_t to_ns_ = 0;
+  std::optional<std::pair<std::size_t, std::string>> scene_;  // channel, payload
+  std::map<std::uint32_t, std::pair<std::size_t, std::string>> frames_;  // by tissue
+  Codec<MeshFrame> meshes_;
+  std::set<std::pair<std::size_t, std::size_t>> written_;  // channel, hash of the payload
+  CopyResult result_;
+};
+
+}  // namespace
+
+CopyResult copy_recordings(const std::vector<std::unique_ptr<McapReader>>& sources,
+                           const CopyOptions& options,
+                           const std::function<void(double)>& on_progress) {
+  return Copy(sources, options).run(on_progress);
+}
+
+}  // namespace palpate::viewer

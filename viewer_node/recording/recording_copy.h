@@ -1,0 +1,47 @@
+// recording_copy.h — a part of one recording, or several together, as a new recording:
+// `palpate cut`, `recover` and `merge`. The messages stay as they are, byte by byte.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <limits>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "viewer_node/recording/mcap_reader.h"
+
+namespace palpate::viewer {
+
+/// Metadata of this name in a copy: what was done ("cut", "recover", "merge"), from_s and to_s,
+/// topics, damaged_chunks of the sources, and their files.
+inline constexpr const char* kCopyMetadata = "palpate_copy";
+
+struct CopyOptions {
+  std::string command{};  ///< for kCopyMetadata
+  std::string file{};
+  bool may_overwrite = false;
+  double from_s = 0.0;  ///< since the beginning of the recording
+  double to_s = std::numeric_limits<double>::infinity();
+  std::vector<std::string> topics{};  ///< empty: all. "/mesh" is also that of every side
+  /// Each recording begins when the previous one ends. Otherwise all keep their times.
+  bool is_sequence = false;
+};
+
+struct CopyResult {
+  std::uint64_t messages = 0;
+  std::uint64_t duplicates = 0;  ///< messages that two recordings contain; written once
+  std::uint64_t damaged_chunks = 0;
+};
+
+/// Copies the messages of all sources in order of time. A copy that begins later than its source
+/// starts with the scene and the meshes of that moment. The file appears when it is complete.
+///
+/// Throws SetupError: no such topic, nothing in that time, recordings of different sessions, or of
+/// two runs at the same time; std::runtime_error if writing fails.
+/// @param on_progress  called with the share that is copied, 0 … 1; may be empty
+CopyResult copy_recordings(const std::vector<std::unique_ptr<McapReader>>& sources,
+                           const CopyOptions& options,
+                           const std::function<void(double)>& on_progress = {});
+
+}  // namespace palpate::viewer

@@ -1,0 +1,16 @@
+// The script and the style of `palpate report`, found on the include path by the assembler.
+  .section .rodata
+
+  .global palpate_report_js, palpate_report_js_end
+palpate_report_js:
+  .incbin "report.js"
+palpate_report_js_end:
+  .byte 0
+
+  .global palpate_report_css, palpate_report_css_end
+palpate_report_css:
+  .incbin "report.css"
+palpate_report_css_end:
+  .byte 0
+
+  .section .note.GNU-stack, "", %progbits

@@ -1,0 +1,59 @@
+// run_figures.h — the figures of a run as a viewer sees it: of `palpate launch` while it runs, and
+// of its recording afterwards. Both come from here, so they agree.
+//
+// Two populations: counters of the nodes, over all of their ticks since their last start; and the
+// ticks whose telemetry was received, which are fewer if telemetry was lost.
+#pragma once
+
+#include <functional>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "common/telemetry/metrics.h"
+#include "common/telemetry/summary.h"
+#include "common/telemetry/telemetry.h"
+#include "viewer_node/feed/telemetry_mirror.h"
+#include "viewer_node/recording/recording_file.h"
+
+namespace palpate {
+
+/// Figures of one device over the whole run: unlike the counters of a node, they do not start again
+/// at 0 when the node is restarted.
+struct RunFigures {
+  DurationHistogram reply_time;
+  DurationHistogram lateness;
+  RunStatistics statistics;                 ///< of the ticks received
+  double minimum_true_energy_joule = kNaN;  ///< NaN: not reported, as with real hardware
+  double max_force_newton = 0.0;
+  double largest_jump_newton = 0.0;
+
+  /// Call it for every row.
+  void add(const TickRow& row);
+  /// Call it for every batch.
+  void add(const DeviceCounters& device);
+};
+
+/// Keys: docs/glossary.md. @param controller  as controller_text() gives it
+[[nodiscard]] nlohmann::ordered_json figures_json(const std::string& controller,
+                                                  const viewer::TelemetryMirror& mirror,
+                                                  const RunFigures& figures);
+/// The same for people: label and value.
+[[nodiscard]] std::vector<std::pair<std::string, std::string>> figure_lines(
+    const std::string& controller, const viewer::TelemetryMirror& mirror,
+    const RunFigures& figures);
+
+/// One device of a recording.
+struct RecordedRun {
+  viewer::TelemetryMirror mirror;
+  RunFigures figures;
+};
+/// Reads the chosen side of the recording into `run`.
+/// @param on_row   called for every device tick, in order; may be empty
+/// @param on_item  called for every message; may be empty
+void read_run(RecordingFile& recording, RecordedRun& run,
+              const std::function<void(const TickRow&)>& on_row = {},
+              const std::function<void(const RecordingFile::Item&)>& on_item = {});
+
+}  // namespace palpate
