@@ -84,7 +84,7 @@ class Tool {
   PhysicsNode node_;
 };
 
-/// Hop 7.
+/// Hop 8.
 class Control {
  public:
   Control(const Session& session, NodeContext& context, ZmqContext& side)

@@ -1,6 +1,6 @@
-// tissue_changes.h — hop 7: changes of tissues that viewers ask for, checked and handed to the step.
+// tissue_changes.h — hop 8: changes of tissues that viewers ask for, checked and handed to the step.
 //
-//   in   hop 7  TissueChange  viewer → physics   only with viewer.control
+//   in   hop 8  TissueChange  viewer → physics   only with viewer.control
 //
 // Threads: receive() on the publisher's, apply() on the thread of the steps.
 #pragma once

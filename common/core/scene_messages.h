@@ -1,5 +1,5 @@
 // scene_messages.h — the scene that physics_node publishes to viewers (hop 5), and the hand target
-// (hop 6) and the change of a tissue (hop 7) that a viewer sends, as plain structs in SI units. Wire
+// (hop 6) and the change of a tissue (hop 8) that a viewer sends, as plain structs in SI units. Wire
 // form: scene.proto, hand_target.proto and tissue_change.proto in proto/palpate/v1. Not for the
 // haptic loop: these structs allocate.
 #pragma once
@@ -82,7 +82,7 @@ struct HandTarget {
   bool is_released = false;                   ///< the client releases the hand, which stays
 };
 
-/// Hop 7: other material constants for a tissue.
+/// Hop 8: other material constants for a tissue.
 struct TissueChange {
   Header header;                        ///< viewer_node's
   std::uint32_t tissue = 0;             ///< index in SceneState::tissues

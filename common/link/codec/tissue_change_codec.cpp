@@ -1,4 +1,4 @@
-// tissue_change_codec.cpp — hop 7: TissueChange.
+// tissue_change_codec.cpp — hop 8: TissueChange.
 #include "common/link/codec/wire_format.h"
 #include "palpate/v1/tissue_change.pb.h"
 
