@@ -16,6 +16,7 @@
 #include "device_node/simulation/true_state_recorder.h"
 #include "mofc_node/mofc_node.h"
 #include "physics_node/physics_node.h"
+#include "physics_node/scene_engine.h"
 
 namespace palpate {
 namespace {
@@ -97,8 +98,12 @@ class Lockstep::Impl {
                      *links_->state_out, command_in_, device_tick_, kLockstepDevice, &true_state_),
         mofc_node_(session.side().mofc, clamped_device(session.side().device), time_,
                    *links_->motion_out, interaction_in_, mofc_tick_, kLockstepMofc),
-        physics_node_(session.scene, session.physics, session.side().mofc.interaction, time_,
-                      motion_in_, tampered_interaction_out_, physics_tick_, kLockstepPhysics),
+        engine_(options.make_engine
+                    ? options.make_engine(session)
+                    : std::make_unique<physics::SceneEngine>(session.scene, session.physics,
+                                                             session.side().mofc.interaction)),
+        physics_node_(*engine_, session.physics, session.side().mofc.interaction, time_, motion_in_,
+                      tampered_interaction_out_, physics_tick_, kLockstepPhysics),
         device_schedule_(TimePoint{}, session.side().device.rate_hz),
         physics_schedule_(TimePoint{}, session.physics.rate_hz),
         steps_on_arrival_(session.side().mofc.wait_for_physics.count() > 0) {
@@ -220,6 +225,7 @@ class Lockstep::Impl {
   LastTick<PhysicsTick> physics_tick_;
   device::DeviceNode device_node_;
   mofc::MofcNode mofc_node_;
+  std::unique_ptr<physics::Engine> engine_;
   physics::PhysicsNode physics_node_;
   TickSchedule device_schedule_;
   TickSchedule physics_schedule_;

@@ -10,6 +10,7 @@
 #include "common/telemetry/telemetry.h"
 #include "common/telemetry/tick_row.h"
 #include "deploy/lockstep/lockstep_links.h"
+#include "physics_node/engine.h"
 
 namespace palpate {
 
@@ -23,6 +24,8 @@ struct LockstepOptions {
   /// Compute the ideal force and the ideal run (docs/theory.md §7.1); costs about as much time as
   /// the run itself.
   bool has_ideal = false;
+  /// The tissue instead of the session's scene, which the ideal keeps. Empty: that scene.
+  std::function<std::unique_ptr<physics::Engine>(const Session&)> make_engine{};
   /// Changes each Interaction as it leaves physics_node, as a faulty physics would. Empty: none.
   std::function<void(Interaction&)> tamper_with_interaction{};
   /// Changes each ForceCommand as it leaves mofc_node, as a faulty clamp would. Empty: none.

@@ -12,7 +12,6 @@
 namespace palpate::physics {
 namespace {
 
-constexpr Duration kFrameInterval = std::chrono::nanoseconds(1'000'000'000 / 30);
 constexpr Duration kChangeInterval = std::chrono::milliseconds(200);  // a scene may have megabytes
 constexpr std::size_t kVerticesPerFrame = 100'000;  // 1.2 MB; a larger range is sent in parts
 constexpr double kSceneVertices = 3e5;      // 11 MB with triangles; a message has at most 16 MiB
@@ -50,8 +49,10 @@ DisplayArea area_of(const Session& session) {
 
 SceneDisplay::SceneDisplay(const Session& session, std::uint64_t session_id,
                            Sender<SceneState>& scene_out, Sender<MeshFrame>& mesh_out)
-    : session_(session), scene_out_(scene_out), mesh_out_(mesh_out) {
-  scene_.header.session_id = session_id;
+    : session_(session),
+      scene_out_(scene_out),
+      mesh_out_(mesh_out),
+      scene_(scene_of(session, session_id)) {
   frame_.header.session_id = session_id;
   for (const TissueConfig& tissue : session.scene.tissues) {
     shapes_.push_back(to_shape(tissue.geometry));
@@ -60,21 +61,8 @@ SceneDisplay::SceneDisplay(const Session& session, std::uint64_t session_id,
 
 void SceneDisplay::build() {
   if (scene_.revision > 0) return;
-  const WorkspaceConfig& workspace = session_.side().device.workspace;
   scene_.revision = 1;
-  scene_.session_name = session_.name;
-  scene_.session_text = session_.text;
-  scene_.controller = controller_text(session_.side().mofc);
-  scene_.device_rate_hz = session_.side().device.rate_hz;
-  scene_.physics_rate_hz = session_.physics.rate_hz;
-  scene_.peak_force_newton = session_.side().device.peak_force_newton;
-  scene_.tip_radius_m = session_.scene.tip_radius_m;
-  scene_.shaft_length_m = session_.scene.shaft_length_m;
-  scene_.shaft_radius_m = session_.scene.shaft_radius_m;
-  scene_.workspace_scale_ratio = workspace.scale_ratio;
-  scene_.pointer = session_.side().hand.pointer;
   scene_.accepts_changes = session_.viewer.has_control;
-
   const DisplayArea area = area_of(session_);
   for (std::size_t i = 0; i < shapes_.size(); ++i) {
     const TissueConfig& tissue = session_.scene.tissues[i];

@@ -23,39 +23,27 @@
 #include "common/core/ports.h"
 #include "common/core/scene_messages.h"
 #include "common/session/session.h"
-#include "common/telemetry/telemetry.h"
 #include "physics_node/display/dented_surface.h"
+#include "physics_node/display/display.h"
 #include "physics_node/surfaces/shape.h"
 
 namespace palpate::physics {
 
-/// The subscriptions of the connected viewers.
-struct Watchers {
-  std::uint64_t scene_subscriptions = 0;  ///< since the start
-  std::uint64_t mesh_subscriptions = 0;   ///< since the start
-  bool has_mesh_watcher = false;          ///< at present
-};
-
-class SceneDisplay {
+class SceneDisplay final : public Display {
  public:
   /// All references must outlive it. @param session_id  physics_node's
   /// @throws SetupError  if a file that a tissue's geometry names cannot be used
   SceneDisplay(const Session& session, std::uint64_t session_id, Sender<SceneState>& scene_out,
                Sender<MeshFrame>& mesh_out);
 
-  /// Sends the scene to new subscribers, and what has moved since the last frame.
-  /// @param newest  newest physics step of each tool; none before its first motion
-  void publish(const Watchers& watchers, std::span<const PhysicsTick> newest, TimePoint now);
+  void publish(const Watchers& watchers, std::span<const PhysicsTick> newest,
+               TimePoint now) override;
+  [[nodiscard]] bool is_too_large() const override { return is_too_large_; }
+  void count_into(PhysicsCounters& counters) const override;
 
   /// Another k and b of a tissue; the next publish() sends the scene.
   void set_material(std::size_t tissue, double stiffness_newton_per_m,
                     double damping_newton_s_per_m);
-
-  /// The link dropped the scene because it exceeds the message size: viewers have none.
-  [[nodiscard]] bool is_too_large() const { return is_too_large_; }
-
-  /// Sets the counters of mesh frames made and skipped.
-  void count_into(PhysicsCounters& counters) const;
 
  private:
   struct Constants {

@@ -14,6 +14,7 @@
 #include <string>
 
 #include "common/session/session_file.h"
+#include "tests/property/seeds.h"
 #include "tests/support/adversity.h"
 
 namespace palpate::test {
@@ -25,10 +26,7 @@ constexpr double kRoundingJoule = 1e-6;
 constexpr std::uint64_t kShards = 10;
 constexpr std::uint64_t kRunsPerShard = 100;
 
-std::uint64_t runs_per_shard() {
-  const char* factor = std::getenv("PALPATE_SEEDS");
-  return kRunsPerShard * (factor != nullptr ? std::strtoull(factor, nullptr, 10) : 1);
-}
+std::uint64_t runs_per_shard() { return seed_count(kRunsPerShard); }
 
 /// Lying clamps take the same code; a tenth of the runs is enough by default.
 std::uint64_t lying_runs_per_shard() { return std::max<std::uint64_t>(10, runs_per_shard() / 10); }

@@ -79,6 +79,9 @@ void refuse_if_waiting(const Fields& fields, const char* deadband, double wait_f
 [[nodiscard]] MofcConfig to_mofc(const Fields& mofc, double wait_for_physics_ms,
                                  const PhysicsConfig& physics, const DeviceConfig& device);
 
+/// @param mofc  with `controller` and `safety_net`
+[[nodiscard]] RivalsConfig to_rivals(const Fields& mofc);
+
 [[nodiscard]] PhysicsConfig to_physics(const Fields& physics);
 /// @param base_dir  to which a program with '/' in its name is relative
 [[nodiscard]] std::vector<std::string> to_physics_command(const Fields& physics,

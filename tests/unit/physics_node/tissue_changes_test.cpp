@@ -10,6 +10,7 @@
 #include "common/core/memory_link.h"
 #include "physics_node/display/scene_display.h"
 #include "physics_node/physics_node.h"
+#include "physics_node/scene_engine.h"
 #include "tests/support/alloc_guard.h"
 
 namespace palpate::physics {
@@ -81,7 +82,8 @@ TEST(TissueChanges, AChangedTissueIsDescribedAnewAndRecorded) {
   Inbox<ToolMotion> inbox{motions, clock};
   NoTicks ticks;
   const auto scene = std::make_shared<Scene>(floor_and_ghost(), 0.05);
-  PhysicsNode node(scene, {}, InteractionUse::kLocal, clock, inbox, interactions, ticks, 7);
+  SceneEngine engine(scene, 1000.0, InteractionUse::kLocal);
+  PhysicsNode node(engine, {}, InteractionUse::kLocal, clock, inbox, interactions, ticks, 7);
   ToolMotion motion;
   motion.header.session_id = 5;
   motion.device_session_id = 9;
@@ -115,7 +117,7 @@ TEST(TissueChanges, AChangedTissueIsDescribedAnewAndRecorded) {
   EXPECT_NEAR(ticks.newest.stiffness_newton_per_m, 500.0, 1e-9);
 
   scene->set_material(0, 800.0, 0.0);
-  node.note_changed(0);
+  engine.note_changed(0);
 
   const std::vector<TissueDescription> after = described();
   ASSERT_FALSE(after.empty());
