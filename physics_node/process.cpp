@@ -74,21 +74,20 @@ void run_process(NodeContext& context, ProcessLinks& links) {
       std::make_shared<Scene>(session.scene, is_any_local ? session.physics.reach_m : 0.0);
   std::vector<SceneEngine*> engines;
   SceneDisplay* display = nullptr;
-  PhysicsProgram program{
-      .make_engine =
-          [&](const Side& side) {
-            auto engine = std::make_unique<SceneEngine>(scene, session.physics.rate_hz,
-                                                        side.mofc.interaction);
-            engines.push_back(engine.get());
-            return engine;
-          },
-      .make_display =
-          [&](Sender<SceneState>& scene_out, Sender<MeshFrame>& mesh_out) {
-            auto made = std::make_unique<SceneDisplay>(session, context.session_id, scene_out,
-                                                       mesh_out);
-            display = made.get();
-            return made;
-          }};
+  PhysicsProgram program{.make_engine =
+                             [&](const Side& side) {
+                               auto engine = std::make_unique<SceneEngine>(
+                                   scene, session.physics.rate_hz, side.mofc.interaction);
+                               engines.push_back(engine.get());
+                               return engine;
+                             },
+                         .make_display =
+                             [&](Sender<SceneState>& scene_out, Sender<MeshFrame>& mesh_out) {
+                               auto made = std::make_unique<SceneDisplay>(
+                                   session, context.session_id, scene_out, mesh_out);
+                               display = made.get();
+                               return made;
+                             }};
   std::optional<Control> control;
   if (session.viewer.has_control) {
     control.emplace(session, context, links.side);

@@ -13,9 +13,9 @@ TissueChanges::TissueChanges(const SceneConfig& scene, Source<TissueChange>& sou
     : source_(source), accepted_(kMostWaiting) {
   for (const TissueConfig& tissue : scene.tissues) {
     const auto* material = std::get_if<KelvinVoigtMaterial>(&tissue.material);
-    is_changeable_.push_back(
-        material != nullptr &&
-        material->stiffness_newton_per_m + material->damping_newton_s_per_m > 0.0);
+    is_changeable_.push_back(material != nullptr &&
+                             material->stiffness_newton_per_m + material->damping_newton_s_per_m >
+                                 0.0);
   }
 }
 

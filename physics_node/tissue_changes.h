@@ -1,4 +1,5 @@
-// tissue_changes.h — hop 8: changes of tissues that viewers ask for, checked and handed to the step.
+// tissue_changes.h — hop 8: changes of tissues that viewers ask for, checked and handed to the
+// step.
 //
 //   in   hop 8  TissueChange  viewer → physics   only with viewer.control
 //

@@ -106,9 +106,8 @@ void WebFeed::pump(TimePoint now) {
   hand_.pump(now);
   run_.pump(now);
   log_.pump(now);
-  health_.pump(now, {.hand_holder = hand_.holder(),
-                     .recorder = run_.recorder(now),
-                     .run = run_.state()});
+  health_.pump(
+      now, {.hand_holder = hand_.holder(), .recorder = run_.recorder(now), .run = run_.state()});
   foxglove_.pump(now);
 }
 

@@ -1,7 +1,7 @@
 // scene_messages.h — the scene that physics_node publishes to viewers (hop 5), and the hand target
-// (hop 6) and the change of a tissue (hop 8) that a viewer sends, as plain structs in SI units. Wire
-// form: scene.proto, hand_target.proto and tissue_change.proto in proto/palpate/v1. Not for the
-// haptic loop: these structs allocate.
+// (hop 6) and the change of a tissue (hop 8) that a viewer sends, as plain structs in SI units.
+// Wire form: scene.proto, hand_target.proto and tissue_change.proto in proto/palpate/v1. Not for
+// the haptic loop: these structs allocate.
 #pragma once
 
 #include <cstdint>

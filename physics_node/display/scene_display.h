@@ -62,7 +62,7 @@ class SceneDisplay final : public Display {
   std::vector<Shape> shapes_;  // one per tissue
   Sender<SceneState>& scene_out_;
   Sender<MeshFrame>& mesh_out_;
-  SceneState scene_;  // revision 0: not built yet; then from 1
+  SceneState scene_;                          // revision 0: not built yet; then from 1
   std::map<std::size_t, Constants> changed_;  // by tissue: other than the session's
   bool is_change_due_ = false;                // not sent yet
   TimePoint next_change_at_{};

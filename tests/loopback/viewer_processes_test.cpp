@@ -382,8 +382,7 @@ TEST_F(ViewerProcesses, APageChangesATissueAndAllPagesLearnOfIt) {
   page.send_text(R"({"op":"advertise","channels":[{"id":1,"topic":"/tissue_change",)"
                  R"("encoding":"protobuf","schemaName":"palpate.v1.TissueChange"}]})");
   const auto change = [&](unsigned char tissue, double k, double b) {
-    page.send_raw(
-        WebClient::frame(2, std::string("\x01\x01\0\0\0", 5) + change_of(tissue, k, b)));
+    page.send_raw(WebClient::frame(2, std::string("\x01\x01\0\0\0", 5) + change_of(tissue, k, b)));
   };
   subscribe(page, kScene);
   const auto first = page.await_data(kScene);
@@ -418,8 +417,8 @@ TEST_F(ViewerProcesses, WithControlServesPagesOfThisMachineOnly) {
   const std::string token = files_.write("token", "0123456789abcdef0123\n");
   std::filesystem::permissions(token, std::filesystem::perms(0600));
   const auto status_of = [&](const std::vector<std::string>& more, const char* why) {
-    std::vector<std::string> arguments = {"--session", file_, "--seconds", "1",
-                                          "--set",     "viewer.control=true"};
+    std::vector<std::string> arguments = {"--session", file_,   "--seconds",
+                                          "1",         "--set", "viewer.control=true"};
     arguments.insert(arguments.end(), more.begin(), more.end());
     const auto viewer = test::run_program("viewer_node", arguments);
     EXPECT_THAT(viewer.err, HasSubstr(why));
@@ -480,12 +479,15 @@ TEST_F(ViewerProcesses, APageSetsMarkersAndRecords) {
   };
   request("\x30\x01");
   ASSERT_TRUE(health_has("page-")) << launch_->err();
-  ASSERT_TRUE(test::await([&] { return launch_->err().find("event=recording_begun") != std::string::npos; }));
+  ASSERT_TRUE(test::await(
+      [&] { return launch_->err().find("event=recording_begun") != std::string::npos; }));
   const std::string begun = launch_->err();
-  const std::string own = begun.substr(begun.find("file=") + 5, begun.find(".mcap", begun.find("file=")) - begun.find("file="));
+  const std::string own = begun.substr(
+      begun.find("file=") + 5, begun.find(".mcap", begun.find("file=")) - begun.find("file="));
   request("\x12\x05touch");
   ASSERT_TRUE(health_has("touch")) << launch_->err();
-  ASSERT_TRUE(test::await([&] { return launch_->err().find("marker set: touch") != std::string::npos; }));
+  ASSERT_TRUE(
+      test::await([&] { return launch_->err().find("marker set: touch") != std::string::npos; }));
   request(std::string("\x30\0", 2));
   launch_->await_err("event=recording_ended");
   stop();

@@ -21,8 +21,7 @@ using testing::HasSubstr;
 class WebLogTest : public testing::Test {
  protected:
   WebLogTest()
-      : server_({.port = 0},
-                {.name = "v", .session_id = "s", .channels = web_channels(session_)}),
+      : server_({.port = 0}, {.name = "v", .session_id = "s", .channels = web_channels(session_)}),
         log_(session_, server_) {}
 
   /// `count` lines that a page receives which subscribes only now.
