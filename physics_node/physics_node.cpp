@@ -5,6 +5,14 @@
 #include "physics_node/interaction_deadband.h"
 
 namespace palpate::physics {
+namespace {
+
+double stiffness_along_normal(const Contact& contact) noexcept {
+  return -contact.normal_world.dot(contact.d_force_d_position * contact.normal_world);
+}
+
+}  // namespace
+
 PhysicsNode::PhysicsNode(Engine& engine, const PhysicsConfig& physics, InteractionUse use,
                          const Clock& clock, Inbox<ToolMotion>& motion_in,
                          Sender<Interaction>& interaction_out, TickSink<PhysicsTick>& ticks_out,
@@ -52,6 +60,8 @@ void PhysicsNode::step(const Tick& tick) noexcept {
   // record: hop 5
   const Duration compute_time = clock_.now() - tick.now;
   counters_.worst_compute_time = std::max(counters_.worst_compute_time, compute_time);
+  const bool is_touching = interaction.contact_count > 0 && interaction.listed_count > 0;
+  const Contact& deepest = interaction.contacts.front();
   if (interaction.contact_count > 0) ++counters_.contact_steps;
   ticks_out_.keep({.sequence = next_step_++,
                    .stepped_at = tick.now,
@@ -60,7 +70,9 @@ void PhysicsNode::step(const Tick& tick) noexcept {
                    .force_on_tool_newton = interaction.force_on_tool_newton,
                    .stored_energy_joule = interaction.stored_energy_joule,
                    .contact_count = interaction.contact_count,
-                   .compute_time = compute_time});
+                   .compute_time = compute_time,
+                   .penetration_m = is_touching ? deepest.penetration_m : 0.0,
+                   .stiffness_newton_per_m = is_touching ? stiffness_along_normal(deepest) : 0.0});
 }
 
 void PhysicsNode::send(Interaction& interaction, const ToolMotion& motion) noexcept {

@@ -2,13 +2,63 @@
 
 #include <algorithm>
 #include <memory>
+#include <optional>
+#include <vector>
 
 #include "common/core/check.h"
+#include "common/link/zmq_source.h"
+#include "common/process/rejection_log.h"
 #include "physics_node/display/scene_display.h"
 #include "physics_node/scene_engine.h"
 #include "physics_node/sdk/process.h"
+#include "physics_node/tissue_changes.h"
 
 namespace palpate::physics {
+namespace {
+
+/// Hop 8.
+class Control {
+ public:
+  Control(const Session& session, NodeContext& context, ZmqContext& side)
+      : log_(context.log),
+        source_(side, context.clock, bind_to(session.tissue_change, "viewer.control")),
+        refused_(context.log, "tissue_change", source_.rejections()),
+        changes_(session.scene, source_),
+        tissues_(session.scene.tissues) {}
+
+  /// On the publisher's thread.
+  void pump(SceneDisplay& display, TimePoint now) {
+    changes_.receive([&](const TissueChange& change) {
+      display.set_material(change.tissue, change.stiffness_newton_per_m,
+                           change.damping_newton_s_per_m);
+      log_.info(
+          "event=tissue_changed tissue=\"{}\" stiffness_newton_per_m={} "
+          "damping_newton_s_per_m={}",
+          tissues_[change.tissue].name, change.stiffness_newton_per_m,
+          change.damping_newton_s_per_m);
+    });
+    refused_.note(now);
+  }
+  /// On the thread of the steps, between two of them. Real-time safe.
+  void apply(Scene& scene, const std::vector<SceneEngine*>& engines) noexcept {
+    TissueChange change;
+    while (changes_.next(change)) {
+      scene.set_material(change.tissue, change.stiffness_newton_per_m,
+                         change.damping_newton_s_per_m);
+      for (SceneEngine* engine : engines) engine->note_changed(change.tissue);
+    }
+  }
+  void count_into(PhysicsCounters& counters) const { changes_.count_into(counters); }
+
+ private:
+  spdlog::logger& log_;
+  ZmqSource<TissueChange> source_;
+  RejectionLog refused_;
+  TissueChanges changes_;
+  const std::vector<TissueConfig>& tissues_;
+};
+
+}  // namespace
 
 void run_process(NodeContext& context, ProcessLinks& links) {
   const Session& session = context.session;
@@ -21,18 +71,31 @@ void run_process(NodeContext& context, ProcessLinks& links) {
       std::any_of(session.sides.begin(), session.sides.end(),
                   [](const Side& side) { return side.mofc.interaction == InteractionUse::kLocal; });
   const auto scene =
-      std::make_shared<const Scene>(session.scene, is_any_local ? session.physics.reach_m : 0.0);
-  run_process(context, links,
-              {.make_engine =
-                   [&](const Side& side) {
-                     return std::make_unique<SceneEngine>(scene, session.physics.rate_hz,
-                                                          side.mofc.interaction);
-                   },
-               .make_display =
-                   [&](Sender<SceneState>& scene_out, Sender<MeshFrame>& mesh_out) {
-                     return std::make_unique<SceneDisplay>(session, context.session_id, scene_out,
-                                                           mesh_out);
-                   }});
+      std::make_shared<Scene>(session.scene, is_any_local ? session.physics.reach_m : 0.0);
+  std::vector<SceneEngine*> engines;
+  SceneDisplay* display = nullptr;
+  PhysicsProgram program{.make_engine =
+                             [&](const Side& side) {
+                               auto engine = std::make_unique<SceneEngine>(
+                                   scene, session.physics.rate_hz, side.mofc.interaction);
+                               engines.push_back(engine.get());
+                               return engine;
+                             },
+                         .make_display =
+                             [&](Sender<SceneState>& scene_out, Sender<MeshFrame>& mesh_out) {
+                               auto made = std::make_unique<SceneDisplay>(
+                                   session, context.session_id, scene_out, mesh_out);
+                               display = made.get();
+                               return made;
+                             }};
+  std::optional<Control> control;
+  if (session.viewer.has_control) {
+    control.emplace(session, context, links.side);
+    program.on_pump = [&](TimePoint now) { control->pump(*display, now); };
+    program.before_step = [&] { control->apply(*scene, engines); };
+    program.count_into = [&](PhysicsCounters& counts) { control->count_into(counts); };
+  }
+  run_process(context, links, program);
 }
 
 }  // namespace palpate::physics

@@ -26,6 +26,9 @@ class SceneEngine final : public Engine {
             Interaction& answer) noexcept override;
   void count_into(PhysicsCounters& counters) const noexcept override;
 
+  /// The material of a tissue has changed (Scene::set_material). Real-time safe.
+  void note_changed(std::uint32_t tissue) noexcept { surface_.forget(tissue); }
+
  private:
   std::shared_ptr<const Scene> scene_;
   TissueMemory memory_;

@@ -35,6 +35,8 @@ struct Session {
   double duration_s = 10.0;
   std::uint64_t seed = 1;
   std::string physics_telemetry;  ///< endpoint: physics → viewers, hop 5
+  /// Endpoint: physics ← viewers, hop 8; always an ipc file, used only with viewer.has_control.
+  std::string tissue_change;
   PhysicsConfig physics;
   /// Physics from elsewhere: a program, absolute or to be found in PATH, and its arguments, which
   /// `palpate launch` starts instead of physics_node. Empty: none.

@@ -99,7 +99,10 @@ void run_process(NodeContext& context, ProcessLinks& links, const PhysicsProgram
   std::list<Tool> tools;
   for (std::size_t i = 0; i < sides.size(); ++i) {
     Tool& tool = tools.emplace_back(session, sides[i], *engines[i], context, links, telemetry);
-    tool.publisher.add_counts = [&](PhysicsCounters& counts) { display->count_into(counts); };
+    tool.publisher.add_counts = [&](PhysicsCounters& counts) {
+      display->count_into(counts);
+      if (program.count_into) program.count_into(counts);
+    };
   }
   TelemetryPublisher<PhysicsTick, PhysicsCounters>& publisher = tools.front().publisher;
   std::vector<PhysicsTick> newest;
@@ -113,6 +116,7 @@ void run_process(NodeContext& context, ProcessLinks& links, const PhysicsProgram
       if (tool.publisher.newest()) newest.push_back(*tool.publisher.newest());
       tool.note_refused(now);
     }
+    if (program.on_pump) program.on_pump(now);
     display->publish({.scene_subscriptions = telemetry.subscriptions<SceneState>(),
                       .mesh_subscriptions = telemetry.subscriptions<MeshFrame>(),
                       .has_mesh_watcher = telemetry.has_subscriber<MeshFrame>()},
@@ -127,6 +131,7 @@ void run_process(NodeContext& context, ProcessLinks& links, const PhysicsProgram
 
   if (session.side().mofc.wait_for_physics.count() == 0) {
     RateLoop(context.clock, session.physics.rate_hz).run(context.stop, [&](Tick tick) {
+      if (program.before_step) program.before_step();
       for (Tool& tool : tools) {
         tool.step(tick);
         tick.now = context.clock.now();
@@ -136,6 +141,7 @@ void run_process(NodeContext& context, ProcessLinks& links, const PhysicsProgram
     std::uint64_t index = 0;
     while (!context.stop.stop_requested()) {
       if (!tools.front().wait_for_motion()) continue;
+      if (program.before_step) program.before_step();
       const TimePoint now = context.clock.now();
       tools.front().step({.index = index++, .scheduled_at = now, .now = now});
     }

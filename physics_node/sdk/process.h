@@ -19,6 +19,12 @@ struct PhysicsProgram {
   std::function<std::unique_ptr<Display>(Sender<SceneState>& scene_out,
                                          Sender<MeshFrame>& mesh_out)>
       make_display;
+  /// Optional: on the publisher's thread, before the display publishes.
+  std::function<void(TimePoint now)> on_pump{};
+  /// Optional: on the thread of the steps, before each of them. Must be real-time safe.
+  std::function<void()> before_step{};
+  /// Optional: sets counters, on the publisher's thread.
+  std::function<void(PhysicsCounters& counters)> count_into{};
 };
 
 /// Runs until context.stop: at physics.rate_hz, or, where mofc waits for this tick's physics, when

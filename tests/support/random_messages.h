@@ -325,6 +325,8 @@ inline void randomise(PhysicsTick& r, Random& random) {
   r.stored_energy_joule = random.uniform(0.0, 1.0);
   r.contact_count = static_cast<std::uint32_t>(random.bits());
   r.compute_time = random_duration(random);
+  r.penetration_m = random.chance(0.9) ? random.uniform(0.0, 0.1) : kNaN;
+  r.stiffness_newton_per_m = random.chance(0.9) ? random.uniform(-10.0, 1e6) : kNaN;
 }
 
 inline void randomise(DeviceCounters& c, Random& random) {
@@ -380,6 +382,8 @@ inline void randomise(PhysicsCounters& c, Random& random) {
   c.interactions_suppressed = random.bits();
   c.mesh_frames = random.bits();
   c.meshes_skipped = random.bits();
+  c.tissue_changes = random.bits();
+  c.tissue_changes_refused = random.bits();
   c.worst_compute_time = random_duration(random);
 }
 
@@ -438,6 +442,7 @@ inline void randomise(SceneState& m, Random& random) {
   m.shaft_length_m = random.uniform(0.0, 0.5);
   m.shaft_radius_m = random.uniform(0.0, 0.1);
   m.workspace_scale_ratio = random.uniform(0.1, 10.0);
+  m.accepts_changes = random.chance(0.5);
   m.tissues.resize(random.below(5));
   for (TissueSurface& tissue : m.tissues) randomise(tissue, random);
   if (random.chance(0.5)) {
@@ -493,6 +498,12 @@ inline void randomise(RunRequest& m, Random& random) {
   if (random.chance(0.5)) m.is_paused = random.chance(0.5);
   if (random.chance(0.5)) m.speed_ratio = random.uniform(0.1, RunRequest::kFastest_ratio);
   if (random.chance(0.5)) m.is_recording = random.chance(0.5);
+}
+inline void randomise(TissueChange& m, Random& random) {
+  m.header = random_header(random);
+  m.tissue = static_cast<std::uint32_t>(random.bits());
+  m.stiffness_newton_per_m = random.uniform(1.0, 1e6);
+  m.damping_newton_s_per_m = random.uniform(0.0, 1e4);
 }
 
 template <class T>
@@ -699,7 +710,8 @@ inline bool same(const PhysicsTick& a, const PhysicsTick& b) {
          same(a.tool_position_world_m, b.tool_position_world_m) &&
          same(a.force_on_tool_newton, b.force_on_tool_newton) &&
          same(a.stored_energy_joule, b.stored_energy_joule) && a.contact_count == b.contact_count &&
-         a.compute_time == b.compute_time;
+         a.compute_time == b.compute_time && same(a.penetration_m, b.penetration_m) &&
+         same(a.stiffness_newton_per_m, b.stiffness_newton_per_m);
 }
 inline bool same(const DeviceCounters& a, const DeviceCounters& b) {
   return same(a.loop, b.loop) && same(a.force_command, b.force_command) &&
@@ -734,7 +746,9 @@ inline bool same(const PhysicsCounters& a, const PhysicsCounters& b) {
          a.octree_last_cell_hits == b.octree_last_cell_hits &&
          a.tissues_asleep == b.tissues_asleep && a.surfaces_shared == b.surfaces_shared &&
          a.interactions_suppressed == b.interactions_suppressed && a.mesh_frames == b.mesh_frames &&
-         a.meshes_skipped == b.meshes_skipped && a.worst_compute_time == b.worst_compute_time;
+         a.meshes_skipped == b.meshes_skipped && a.tissue_changes == b.tissue_changes &&
+         a.tissue_changes_refused == b.tissue_changes_refused &&
+         a.worst_compute_time == b.worst_compute_time;
 }
 inline bool same(const std::vector<float>& a, const std::vector<float>& b) {
   return a.size() == b.size() &&
@@ -760,7 +774,7 @@ inline bool same(const SceneState& a, const SceneState& b) {
          same(a.workspace_scale_ratio, b.workspace_scale_ratio) &&
          std::equal(a.tissues.begin(), a.tissues.end(), b.tissues.begin(), b.tissues.end(),
                     [](const auto& x, const auto& y) { return same(x, y); }) &&
-         a.pointer.has_value() == b.pointer.has_value() &&
+         a.accepts_changes == b.accepts_changes && a.pointer.has_value() == b.pointer.has_value() &&
          (!a.pointer || same(*a.pointer, *b.pointer));
 }
 inline bool same(const MeshFrame& a, const MeshFrame& b) {
@@ -780,6 +794,11 @@ inline bool same(const RunRequest& a, const RunRequest& b) {
   return same(a.header, b.header) && a.marker == b.marker && a.seek_s == b.seek_s &&
          a.is_paused == b.is_paused && a.speed_ratio == b.speed_ratio &&
          a.is_recording == b.is_recording;
+}
+inline bool same(const TissueChange& a, const TissueChange& b) {
+  return same(a.header, b.header) && a.tissue == b.tissue &&
+         same(a.stiffness_newton_per_m, b.stiffness_newton_per_m) &&
+         same(a.damping_newton_s_per_m, b.damping_newton_s_per_m);
 }
 template <class Record, class Counters>
 bool same(const TelemetryBatch<Record, Counters>& a, const TelemetryBatch<Record, Counters>& b) {

@@ -21,6 +21,8 @@ constexpr std::array kAcceptedTopics{
                   "/hand_target", "palpate.v1.HandTarget"},
     AcceptedTopic{ClientTopic::kRunRequest, &ServerDescription::accepts_requests, "/run_request",
                   "palpate.v1.RunRequest"},
+    AcceptedTopic{ClientTopic::kTissueChange, &ServerDescription::accepts_changes, "/tissue_change",
+                  "palpate.v1.TissueChange"},
 };
 constexpr std::size_t kMostClientChannels = 8;
 
@@ -152,7 +154,8 @@ std::vector<std::string> FoxgloveClient::greeting() const {
     info["supportedEncodings"] = Json::array({"protobuf"});
     std::string topics;
     for (const AcceptedTopic& topic : kAcceptedTopics) {
-      if (server_.*topic.is_accepted) topics += (topics.empty() ? "" : " ") + std::string(topic.name);
+      if (server_.*topic.is_accepted)
+        topics += (topics.empty() ? "" : " ") + std::string(topic.name);
     }
     info["metadata"]["client_topics"] = topics;
   }

@@ -16,6 +16,7 @@
 #include "palpate/v1/plot.pb.h"
 #include "palpate/v1/scene.pb.h"
 #include "palpate/v1/telemetry.pb.h"
+#include "palpate/v1/tissue_change.pb.h"
 #include "palpate/v1/viewer.pb.h"
 
 namespace palpate {
@@ -92,13 +93,18 @@ void add_arrow(const Vector3& from_m, const Vector3& force_newton, const Rgba& c
 
 std::string schema_of(std::string_view message) {
   // referred to by name so that a static link keeps each of them
-  const std::array published{
-      v1::DeviceTelemetry::descriptor(),   v1::MofcTelemetry::descriptor(),
-      v1::PhysicsTelemetry::descriptor(),  v1::SceneState::descriptor(),
-      v1::MeshFrame::descriptor(),         v1::Health::descriptor(),             v1::Marker::descriptor(),
-      v1::Telemetry::descriptor(),         foxglove::PointCloud::descriptor(),
-      foxglove::SceneUpdate::descriptor(), foxglove::FrameTransforms::descriptor(),
-      foxglove::Log::descriptor()};
+  const std::array published{v1::DeviceTelemetry::descriptor(),
+                             v1::MofcTelemetry::descriptor(),
+                             v1::PhysicsTelemetry::descriptor(),
+                             v1::SceneState::descriptor(),
+                             v1::MeshFrame::descriptor(),
+                             v1::Health::descriptor(),
+                             v1::Marker::descriptor(),
+                             v1::Telemetry::descriptor(),
+                             foxglove::PointCloud::descriptor(),
+                             foxglove::SceneUpdate::descriptor(),
+                             foxglove::FrameTransforms::descriptor(),
+                             foxglove::Log::descriptor()};
   const auto* const found = std::find_if(
       published.begin(), published.end(),
       [&](const pb::Descriptor* descriptor) { return descriptor->full_name() == message; });
@@ -260,6 +266,10 @@ std::optional<T> decode_of_page(std::string_view payload, void (*complete)(Wire&
 std::optional<HandTarget> decode_page_target(std::string_view payload) {
   return decode_of_page<HandTarget, v1::HandTarget>(
       payload, [](v1::HandTarget& wire) { wire.set_holder_id(1); });
+}
+
+std::optional<TissueChange> decode_page_change(std::string_view payload) {
+  return decode_of_page<TissueChange, v1::TissueChange>(payload, [](v1::TissueChange&) {});
 }
 
 std::optional<RunRequest> decode_page_request(std::string_view payload) {

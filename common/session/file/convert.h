@@ -39,6 +39,8 @@ class LinkRules {
   [[nodiscard]] LinksConfig of_side(const std::string& side) const;
   /// The only endpoint that all sides share.
   [[nodiscard]] std::string physics_telemetry() const;
+  /// Of all sides, too; not a setting, so that it never leaves this machine.
+  [[nodiscard]] std::string tissue_change() const;
 
  private:
   struct Endpoint {

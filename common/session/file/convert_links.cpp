@@ -140,6 +140,10 @@ std::string LinkRules::physics_telemetry() const {
   return endpoint.text;
 }
 
+std::string LinkRules::tissue_change() const {
+  return "ipc://" + (folder_ / "tissue_change.ipc").string();
+}
+
 LinkRules::Endpoint LinkRules::read(const char* name, const std::string& default_file) const {
   std::string text = links_.text(name);
   if (!text.empty()) return {std::move(text), ""};

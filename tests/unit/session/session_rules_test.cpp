@@ -535,6 +535,16 @@ TEST(SessionRules, AProgramThatCannotBeStartedIsRefusedWithItsPlace) {
   EXPECT_THAT(complaint("[" + many + ", \"a\"]"), HasSubstr("must be at most 64 words"));
 }
 
+TEST(SessionRules, OnlyThePhysicsOfPalpateTakesChangesOfTissues) {
+  EXPECT_TRUE(parse_session("name: \"x\" viewer { control: true }", "x.txtpb").viewer.has_control);
+  EXPECT_FALSE(parse_session("name: \"x\"", "x.txtpb").viewer.has_control);
+  const auto lines =
+      complaints("name: \"x\"\nviewer { control: true }\nphysics { command: \"other\" }");
+  ASSERT_FALSE(lines.empty());
+  EXPECT_THAT(lines.back(), AllOf(HasSubstr("x.txtpb:2"), HasSubstr("viewer.control"),
+                                  HasSubstr("needs physics_node")));
+}
+
 TEST(SessionRules, NameIsRequired) {
   EXPECT_THAT(complaints("").at(1), StartsWith("x.txtpb:1:1: name: required"));
 }
