@@ -50,6 +50,8 @@ set(PALPATE_BOUNDARIES
   "physics_node/sdk:common/*,physics_node,physics_node/display/display.h,physics_node/foreign,@log,@cli"
   "physics_node:common/core,common/contact,common/session/scene_config.h,common/telemetry/physics_telemetry.h,physics_node/scene"
   "physics_node/surfaces:common/core,common/contact,common/contact/cloud,common/session/scene_config.h,@threads"
+  # elastic bodies by themselves: no session, no wire
+  "physics_node/elastic:@threads"
   "physics_node/files:common/core,common/contact,common/session/scene_config.h,physics_node/surfaces,@threads"
   "physics_node/scene:common/core,common/contact,common/session/scene_config.h,physics_node/surfaces,physics_node/files"
   "physics_node/display:common/core,common/contact,common/session,common/telemetry,physics_node/surfaces,physics_node/files,physics_node/scene"

@@ -10,6 +10,8 @@ namespace {
 // nothing touched it.
 constexpr int kQuietSteps = 50;
 constexpr double kQuiet_m_per_s = 1e-6;
+// A part of a step becomes longer when it could have been twice as long for so many parts.
+constexpr int kCoarseSteps = 100;
 // Energy that rounding and the tolerance of the search may add in a step, relative.
 constexpr double kEnergyRounding = 1e-12;
 
@@ -130,8 +132,8 @@ SearchReport Dynamics::balance(double h_s, const Obstacle* obstacle) {
 }
 
 StepReport Dynamics::step(double dt_s, const Obstacle* obstacle) {
-  StepReport report;
   ++counters_.steps;
+  StepReport report;
   if (is_asleep_ && obstacle == nullptr) {
     ++counters_.skipped;
     report.search.is_converged = true;
@@ -140,6 +142,33 @@ StepReport Dynamics::step(double dt_s, const Obstacle* obstacle) {
   }
   is_asleep_ = false;
   if (!settings_.is_exact) take_factor();
+  const int parts = substeps_;
+  const double h = dt_s / parts;
+  for (int part = 0; part < parts; ++part) {
+    report = single_step(h, obstacle);
+    report.substeps = parts;
+    choose_substeps(h);
+  }
+  return report;
+}
+
+void Dynamics::choose_substeps(double h_s) {
+  if (!(settings_.accuracy_m > 0.0)) return;
+  const double error = h_s * h_s * acceleration_change_m_per_s2_ / 12.0;
+  // the error of a part goes with the third power of its length
+  const double wanted = substeps_ * std::cbrt(error / settings_.accuracy_m);
+  coarse_steps_ = wanted < 0.5 * substeps_ ? coarse_steps_ + 1 : 0;
+  // another length needs another factor: not for a passing reason
+  if (wanted > 1.1 * substeps_) {
+    substeps_ = static_cast<int>(std::min<double>(std::ceil(wanted), settings_.most_substeps));
+  } else if (coarse_steps_ > kCoarseSteps) {
+    substeps_ = std::max(1, substeps_ / 2);
+    coarse_steps_ = 0;
+  }
+}
+
+StepReport Dynamics::single_step(double dt_s, const Obstacle* obstacle) {
+  StepReport report;
   if (!is_energy_known_) {
     const Goal here{};
     energy_joule_ = search_.evaluate(here, x_) + kinetic_joule(v_);
@@ -156,7 +185,14 @@ StepReport Dynamics::step(double dt_s, const Obstacle* obstacle) {
     counters_.iterations += static_cast<std::uint64_t>(report.search.iterations);
     // x and v where the forces balance, and on to the end of the step
     next_ = start_ + (found_ - start_) / theta;
-    acceleration_ = (found_ - inertial_) / (h * h);
+    const double per_h2 = 1.0 / (h * h);
+    double change = 0.0;
+    for (Eigen::Index i = 0; settings_.accuracy_m > 0.0 && i < body_.mass_kg().size(); ++i) {
+      const Vector3d now = per_h2 * (found_.segment<3>(3 * i) - inertial_.segment<3>(3 * i));
+      change += body_.mass_kg()[i] * (now - acceleration_.segment<3>(3 * i)).squaredNorm();
+    }
+    acceleration_change_m_per_s2_ = std::sqrt(change / body_.mass_kg().sum());
+    acceleration_ = per_h2 * (found_ - inertial_);
     inertial_ = v_ + dt_s * acceleration_;  // the velocity at the end
     const Goal here{};
     report.kinetic_joule = kinetic_joule(inertial_);

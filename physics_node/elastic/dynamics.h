@@ -23,11 +23,17 @@ struct DynamicsSettings {
   /// deterministic. False: factors are made on a thread of their own.
   bool is_exact = true;
   double slow_ratio = 0.3;  ///< see SearchLimits
+  /// Step control: a step is divided, at most into most_substeps, so that the estimated error of a
+  /// part, h²|Δa|/12 (root mean square over the mass), stays below this. 0: steps are never
+  /// divided.
+  double accuracy_m = 0.0;
+  int most_substeps = 8;
 };
 
 struct StepReport {
   SearchReport search;
-  bool is_damped = false;      ///< the step gained energy and was made again with θ = 1
+  bool is_damped = false;  ///< the step gained energy and was made again with θ = 1
+  int substeps = 1;
   bool is_factor_due = false;  ///< the factor is no longer good: a new one has been asked for
   double kinetic_joule = 0.0;
   double elastic_joule = 0.0;
@@ -71,6 +77,8 @@ class Dynamics {
   [[nodiscard]] EquilibriumSearch& search() noexcept { return search_; }
 
  private:
+  StepReport single_step(double dt_s, const Obstacle* obstacle);
+  void choose_substeps(double h_s);
   SearchReport balance(double h_s, const Obstacle* obstacle);
   [[nodiscard]] bool make_factor(const VectorXd& x_m, const Body::Shift& shift,
                                  const Obstacle* obstacle);
@@ -95,6 +103,9 @@ class Dynamics {
   bool is_energy_known_ = false;
   bool is_asleep_ = false;
   int quiet_steps_ = 0;
+  int substeps_ = 1;
+  int coarse_steps_ = 0;  // in which half as many would have done
+  double acceleration_change_m_per_s2_ = 0.0;
   DynamicsCounters counters_;
 
   // The factor that is being made.
