@@ -11,6 +11,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <string>
 
 #include "common/session/session_file.h"
@@ -89,6 +90,39 @@ TEST_P(Guarantee, NoHandWithinVMaxIsGivenEnergyByAClampThatLies) {
   }
   EXPECT_GT(tally.reductions, 0U);
   tally.print("lying clamp", GetParam());
+}
+
+/// A run whose controller is one published by others, another one with each seed; the monitor off.
+AdverseRun run_of_others(std::uint64_t seed, bool has_net) {
+  constexpr const char* kControllers[] = {"none",           "virtual_coupling",  "energy_bounding",
+                                          "force_bounding", "passivity_control", "memory_based",
+                                          "output_limiter", "input_to_state",    "two_port",
+                                          "energy_tank",    "lyapunov"};
+  AdverseRun run = random_adverse_run(seed);
+  run.overrides.insert(
+      run.overrides.end(),
+      {std::string("mofc.controller=") + kControllers[(seed / kShards) % std::size(kControllers)],
+       "mofc.interaction=local", "device.monitor=off",
+       std::string("mofc.safety_net=") + (has_net ? "true" : "false")});
+  return run;
+}
+
+TEST_P(Guarantee, NoControllerBehindTheSafetyNetGivesTheHandEnergy) {
+  Tally tally;
+  double least_alone_joule = 0.0;
+  const std::uint64_t runs = std::max<std::uint64_t>(11, runs_per_shard() / 10);
+  for (std::uint64_t i = 0; i < runs; ++i) {
+    const std::uint64_t seed = seed_of(GetParam(), i);
+    const AdverseResult result = run_adverse(run_of_others(seed, true), seed);
+    if (!tally.add(result)) continue;
+    EXPECT_GE(result.statistics.minimum_true_energy_joule(), -kRoundingJoule) << "seed=" << seed;
+    if (i % 4 != 0) continue;
+    least_alone_joule = std::min(
+        least_alone_joule,
+        run_adverse(run_of_others(seed, false), seed).statistics.minimum_true_energy_joule());
+  }
+  EXPECT_LT(least_alone_joule, -1e-3) << "nothing to protect from";
+  tally.print("safety net", GetParam());
 }
 
 bool has_friction_per_axis(const AdverseRun& run) {

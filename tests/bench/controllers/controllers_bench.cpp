@@ -17,6 +17,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/core/check.h"
 #include "common/session/session_file.h"
 #include "deploy/lockstep/loopback.h"
 #include "tests/bench/bench_output.h"
