@@ -4,6 +4,7 @@
 #include <span>
 #include <utility>
 
+#include "common/core/message_copy.h"
 #include "physics_node/interaction_deadband.h"
 
 namespace palpate::physics {
@@ -43,6 +44,14 @@ void reduce_to_range(Interaction& interaction) noexcept {
   reduce(interaction.force_on_tool_newton, kMaxTissueForceNewton);
   interaction.stored_energy_joule =
       std::min(interaction.stored_energy_joule, kMaxStoredEnergyJoule);
+}
+
+/// What the last step filled in.
+void clear(SurfaceNews& news) noexcept {
+  news.store_id = 0;
+  news.number = 0;
+  news.has_description = false;
+  news.tile_count = news.coverage_count = news.pending_count = 0;
 }
 
 }  // namespace
@@ -96,7 +105,7 @@ void PhysicsNode::step(const Tick& tick) noexcept {
                    time_s, shaft_to_handle);
 
   // send: hop 3. A message that the link drops shows as skipped at the receiver.
-  Interaction interaction;
+  Interaction& interaction = interaction_;
   interaction.header = {.session_id = session_id_, .sampled_at = tick.now};
   interaction.device_session_id = motion.device_session_id;
   interaction.device_sequence = motion.device_sequence;
@@ -105,10 +114,11 @@ void PhysicsNode::step(const Tick& tick) noexcept {
   interaction.tool_orientation_world = motion.tool_orientation_world;
   interaction.force_on_tool_newton = force.force_on_tool_newton;
   interaction.stored_energy_joule = force.stored_energy_joule;
-  interaction.contacts = force.contacts;
+  std::copy_n(force.contacts.begin(), force.listed_count, interaction.contacts.begin());
   interaction.listed_count = force.listed_count;
   interaction.contact_count = force.contact_count;
   reduce_to_range(interaction);
+  clear(interaction.surface);
   surface_.fill(motion, tick.now, interaction);
   send(interaction, motion);
 
@@ -140,7 +150,7 @@ void PhysicsNode::send(Interaction& interaction, const ToolMotion& motion) noexc
   }
   interaction.header.sequence = next_interaction_sequence_++;
   if (interaction_out_.send(interaction) != SendResult::kSent) return;
-  sent_ = interaction;
+  if (deadband_) copy_message(interaction, sent_);
   sent_to_session_id_ = motion.header.session_id;
 }
 

@@ -28,7 +28,6 @@ namespace {
 
 using test::AdverseResult;
 using test::AdverseRun;
-using test::Physics;
 
 /// A run fails below this true energy: more than the rounding of the inner steps.
 constexpr double kNegativeJoule = -1e-6;
@@ -101,8 +100,9 @@ std::vector<std::string> on_physics_hops(const std::string& field) {
 std::vector<Adversity> adversities() {
   std::vector<Adversity> all;
   const auto add = [&](const std::string& label, std::vector<std::string> overrides,
-                       Physics physics = Physics::kHonest) {
-    all.push_back({label, {.overrides = std::move(overrides), .physics = physics}});
+                       const char* physics = "honest") {
+    overrides.push_back(std::string("adversary.physics=") + physics);
+    all.push_back({label, {.overrides = std::move(overrides)}});
   };
   const auto both = [](std::initializer_list<const char*> fields) {
     std::vector<std::string> overrides;
@@ -128,58 +128,56 @@ std::vector<Adversity> adversities() {
   add("physics killed and back",
       {"faults.interaction.outage={from_s: 0.6 until_s: 0.9 every_s: 0.9}",
        "faults.tool_motion.outage={from_s: 0.6 until_s: 0.9 every_s: 0.9}"},
-      Physics::kNewSessions);
+      "new_sessions");
 
   // what physics answers
-  add("±peak square wave", {}, Physics::kSquareWave);
-  add("the same, no slew limit", {"device.slew_newton_per_s=0"}, Physics::kSquareWave);
-  add("peak along the velocity", {}, Physics::kPushAlong);
-  add("the same, a third NaN (inproc)", {}, Physics::kNotANumber);
+  add("±peak square wave", {}, "square_wave");
+  add("the same, no slew limit", {"device.slew_newton_per_s=0"}, "square_wave");
+  add("peak along the velocity", {}, "push_along");
+  add("the same, a third NaN (inproc)", {}, "not_a_number");
   all.back().run.links = LockstepLinks::kInproc;
 
   // hops 1 and 4, inside the tick, answers due within 0.5 ms; with hostile physics they matter
   add("answers 0.2…0.6 ms late",
-      {"faults.force_command.delay_ms=0.2", "faults.force_command.jitter_ms=0.4"},
-      Physics::kPushAlong);
-  add("answers lost 30 %", {"faults.force_command.loss_ratio=0.3"}, Physics::kPushAlong);
-  add("states lost 30 %", {"faults.device_state.loss_ratio=0.3"}, Physics::kPushAlong);
-  add("states 0…0.7 ms late", {"faults.device_state.jitter_ms=0.7"}, Physics::kPushAlong);
+      {"faults.force_command.delay_ms=0.2", "faults.force_command.jitter_ms=0.4"}, "push_along");
+  add("answers lost 30 %", {"faults.force_command.loss_ratio=0.3"}, "push_along");
+  add("states lost 30 %", {"faults.device_state.loss_ratio=0.3"}, "push_along");
+  add("states 0…0.7 ms late", {"faults.device_state.jitter_ms=0.7"}, "push_along");
 
   // scheduler
-  add("interval 0.5…1.5 T", {}, Physics::kPushAlong);
-  all.back().run.tick_jitter = 0.5;
-  add("2 % of ticks 1…5 T late", {}, Physics::kPushAlong);
-  all.back().run.late_tick_ratio = 0.02;
+  add("interval 0.5…1.5 T", {}, "push_along");
+  all.back().run.overrides.emplace_back("adversary.tick_jitter_ratio=0.5");
+  add("2 % of ticks 1…5 T late", {}, "push_along");
+  all.back().run.overrides.emplace_back("adversary.late_tick_ratio=0.02");
   add("ticks skipped for 6 ms, 20/s", {"faults.device.skip={until_s: 0.006 every_s: 0.05}"},
-      Physics::kPushAlong);
+      "push_along");
   add("2 % of switches 0…2 ms late",
-      {"faults.device.late_switch_ratio=0.02", "faults.device.late_switch_us=2000"},
-      Physics::kPushAlong);
+      {"faults.device.late_switch_ratio=0.02", "faults.device.late_switch_us=2000"}, "push_along");
 
   // encoder
   for (const char* q_m : {"0", "55e-6", "5e-4"}) {
     add(fmt::format("encoder {:g} mm", 1e3 * std::stod(q_m)),
         {fmt::format("device.simulated.position_resolution_m={}", q_m),
          fmt::format("device.profile.position_resolution_m={}", q_m)},
-        Physics::kPushAlong);
+        "push_along");
   }
 
   // outside the assumptions
   for (const int factor : {1, 2, 5}) {
-    add(fmt::format("profile friction {}× the true", factor), {}, Physics::kEverything);
+    add(fmt::format("profile friction {}× the true", factor), {}, "everything");
     all.back().profile_ratio = factor;
   }
-  add("profile with the other kind of friction", {}, Physics::kEverything);
+  add("profile with the other kind of friction", {}, "everything");
   all.back().is_other_kind = true;
   add("hand of 1 m/s, v_max 0.5",
       {"hand.hostile.v_max_m_per_s=1", "device.profile.position_resolution_m=0",
        "device.simulated.position_resolution_m=0", "mofc.guard_settings.credit_cap_joule=10"},
-      Physics::kEverything);
+      "everything");
   add("hand of 2 m/s, v_max 0.25",
       {"hand.hostile.v_max_m_per_s=2", "mofc.guard_settings.v_max_m_per_s=0.25",
        "device.profile.position_resolution_m=0", "device.simulated.position_resolution_m=0",
        "mofc.guard_settings.credit_cap_joule=10"},
-      Physics::kEverything);
+      "everything");
   return all;
 }
 
@@ -206,7 +204,7 @@ struct Summary {
     least_joule = std::min(least_joule, s.minimum_true_energy_joule());
     peak_newton = std::max(peak_newton, s.maximum_force_newton());
     largest_jump_newton = std::max(largest_jump_newton, result.device.largest_jump_newton);
-    longest_fallback_s = std::max(longest_fallback_s, result.longest_fallback_s);
+    longest_fallback_s = std::max(longest_fallback_s, s.longest_fallback_s());
     top_speed_m_per_s = std::max(top_speed_m_per_s, result.top_speed_m_per_s);
     too_fast_ticks += result.mofc.too_fast_ticks;
     monitor_reductions += result.device.monitor_reductions;
@@ -326,20 +324,19 @@ Table adversity_table(int seeds, const std::vector<std::string>& more_overrides)
 Table monitor_table(int seeds, const std::vector<std::string>& more_overrides) {
   struct Lie {
     const char* label;
-    test::Clamp clamp;
+    const char* clamp;
     std::vector<std::string> overrides = {};
   };
-  using test::Clamp;
-  const Lie kLies[] = {{"honest clamp", Clamp::kHonest},
-                       {"full force, for an hour", Clamp::kFullForce},
+  const Lie kLies[] = {{"honest clamp", "truthful"},
+                       {"full force, for an hour", "full_force"},
                        {"honest force, for an hour; no tick for 9 ms, 50/s",
-                        Clamp::kWrongLease,
+                        "wrong_lease",
                         {"faults.device.skip={until_s: 0.009 every_s: 0.02}"}},
-                       {"full force, one tick ahead", Clamp::kAhead},
-                       {"commands of 100 ms ago", Clamp::kReplay},
-                       {"full force, a third NaN", Clamp::kNotANumber},
-                       {"ledger that drifts", Clamp::kDrift},
-                       {"full force 0.2 s of every 0.5 s", Clamp::kMostlyRight}};
+                       {"full force, one tick ahead", "ahead"},
+                       {"commands of 100 ms ago", "replay"},
+                       {"full force, a third NaN", "full_force_not_a_number"},
+                       {"ledger that drifts", "drift"},
+                       {"full force 0.2 s of every 0.5 s", "mostly_right"}};
   struct Row {
     std::string label;
     const Friction* friction;
@@ -361,8 +358,9 @@ Table monitor_table(int seeds, const std::vector<std::string>& more_overrides) {
   };
   for (const Lie& lie : kLies) {
     for (const Friction& friction : kFrictions) {
-      const AdverseRun run{
-          .overrides = lie.overrides, .physics = Physics::kPushAlong, .clamp = lie.clamp};
+      AdverseRun run{.overrides = lie.overrides};
+      run.overrides.emplace_back("adversary.physics=push_along");
+      run.overrides.push_back(std::string("adversary.clamp=") + lie.clamp);
       AdverseRun without = run;
       without.overrides.emplace_back("device.monitor=off");
       add(lie.label, friction, 1.0, "–", without);
@@ -372,7 +370,7 @@ Table monitor_table(int seeds, const std::vector<std::string>& more_overrides) {
   for (const int factor : {1, 2, 5}) {
     for (const Friction& friction : kFrictions) {
       const std::string label = fmt::format("profile friction {}× the true", factor);
-      const AdverseRun run{.overrides = {}, .physics = Physics::kEverything};
+      const AdverseRun run{.overrides = {"adversary.physics=everything"}};
       AdverseRun checked = run;
       checked.overrides.emplace_back("device.hands_off_check=true");
       add(label, friction, factor, "monitor", run);
