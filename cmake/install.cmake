@@ -4,7 +4,7 @@ include(CMakePackageConfigHelpers)
 
 # launch starts the nodes that lie beside it
 install(TARGETS palpate device_node mofc_node device_mofc_node physics_node viewer_node)
-install(DIRECTORY deploy/sessions proto DESTINATION ${CMAKE_INSTALL_DATADIR}/palpate
+install(DIRECTORY deploy/campaigns deploy/sessions proto DESTINATION ${CMAKE_INSTALL_DATADIR}/palpate
         FILES_MATCHING PATTERN "*.txtpb" PATTERN "*.proto" PATTERN "organ.*")
 install(FILES README.md CHANGELOG.md DESTINATION ${CMAKE_INSTALL_DOCDIR})
 install(DIRECTORY docs/ DESTINATION ${CMAKE_INSTALL_DOCDIR}/docs)

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "common/core/message_copy.h"
 #include "physics_node/interaction_deadband.h"
 
 namespace palpate::physics {
@@ -9,6 +10,17 @@ namespace {
 
 double stiffness_along_normal(const Contact& contact) noexcept {
   return -contact.normal_world.dot(contact.d_force_d_position * contact.normal_world);
+}
+
+/// What the engine filled in at the last step.
+void clear(Interaction& answer) noexcept {
+  answer.force_on_tool_newton.setZero();
+  answer.stored_energy_joule = 0.0;
+  answer.listed_count = answer.contact_count = 0;
+  SurfaceNews& news = answer.surface;
+  news.store_id = news.number = 0;
+  news.has_description = false;
+  news.tile_count = news.coverage_count = news.pending_count = 0;
 }
 
 }  // namespace
@@ -45,13 +57,14 @@ void PhysicsNode::step(const Tick& tick) noexcept {
   const ToolMotion& motion = received->value;
 
   // send: hop 3. A message that the link drops shows as skipped at the receiver.
-  Interaction interaction;
+  Interaction& interaction = interaction_;
   interaction.header = {.session_id = session_id_, .sampled_at = tick.now};
   interaction.device_session_id = motion.device_session_id;
   interaction.device_sequence = motion.device_sequence;
   interaction.device_sampled_at = motion.device_sampled_at;
   interaction.tool_position_world_m = motion.tool_position_world_m;
   interaction.tool_orientation_world = motion.tool_orientation_world;
+  clear(interaction);
   const bool has_answer = engine_.step(motion, is_new, tick.now, interaction);
   engine_.count_into(counters_);
   if (!has_answer) return;
@@ -84,7 +97,7 @@ void PhysicsNode::send(Interaction& interaction, const ToolMotion& motion) noexc
   }
   interaction.header.sequence = next_interaction_sequence_++;
   if (interaction_out_.send(interaction) != SendResult::kSent) return;
-  sent_ = interaction;
+  if (deadband_) copy_message(interaction, sent_);
   sent_to_session_id_ = motion.header.session_id;
 }
 

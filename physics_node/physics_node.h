@@ -59,7 +59,8 @@ class PhysicsNode {
   TickSink<PhysicsTick>& ticks_out_;
   std::uint64_t session_id_;
   std::optional<InteractionDeadband> deadband_;
-  Interaction sent_;                      // the last one that was sent
+  Interaction interaction_;               // of this step; kilobytes, so it is not made anew
+  Interaction sent_;                      // the last one that was sent; with a deadband only
   std::uint64_t sent_to_session_id_ = 0;  // session of the mofc_node it was for; 0: none yet
   std::uint64_t next_interaction_sequence_ = 0;
   std::uint64_t next_step_ = 0;         // sequence of the next record

@@ -68,7 +68,7 @@ bool SceneEngine::step(const ToolMotion& motion, bool /*is_new*/, TimePoint now,
                    time_s, shaft_to_handle);
   answer.force_on_tool_newton = force.force_on_tool_newton;
   answer.stored_energy_joule = force.stored_energy_joule;
-  answer.contacts = force.contacts;
+  std::copy_n(force.contacts.begin(), force.listed_count, answer.contacts.begin());
   answer.listed_count = force.listed_count;
   answer.contact_count = force.contact_count;
   reduce_to_range(answer);

@@ -107,6 +107,16 @@ void allow_plain_tcp(Session& session) {
   session.security.may_be_plain = true;
 }
 
+void leave_adversary_out(Session& session, bool has_no_adversary) {
+  if (session.adversary.is_any() && !has_no_adversary) {
+    throw SetupError(
+        session.file +
+        ": adversary attacks the clamp, in simulation only; use `palpate loopback`, or "
+        "give --no-adversary to run the session without it");
+  }
+  session.adversary = {};
+}
+
 void ignore_output_signals() {
   std::signal(SIGPIPE, SIG_IGN);
   std::signal(SIGXFSZ, SIG_IGN);
@@ -149,6 +159,8 @@ int run_node(int argc, char** argv, const NodeInfo& info,
   add_seconds_option(app, seconds, "stop after this time in s (default: run until stopped)");
   add_no_realtime_flag(app, has_no_realtime);
   add_insecure_flag(app, is_insecure);
+  bool has_no_adversary = false;
+  add_no_adversary_flag(app, has_no_adversary);
   if (info.moves_device) add_unsafe_flag(app, is_unsafe);
   std::string log_level = "info";
   app.add_option("--log-level", log_level, "least severe lines of the log (default: info)")
@@ -179,6 +191,7 @@ int run_node(int argc, char** argv, const NodeInfo& info,
       is_insecure = is_insecure || launched->is_insecure;
     }
     Session session = load_session(session_file, overrides);
+    leave_adversary_out(session, has_no_adversary);
     if (info.is_of_one_side) session = with_only_side(std::move(session), side);
     for (const Side& each : session.sides) refuse_inproc(session, each);
     if (is_insecure) allow_plain_tcp(session);

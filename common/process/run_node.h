@@ -59,6 +59,10 @@ struct NodeContext {
 /// keys.
 void allow_plain_tcp(Session& session);
 
+/// Leaves the adversary of the session out if `has_no_adversary`, which is --no-adversary. Throws
+/// SetupError if it has one otherwise: it is for lockstep, nothing of it reaches a device.
+void leave_adversary_out(Session& session, bool has_no_adversary);
+
 /// Makes writing to a closed pipe or beyond the file size limit an error of that write instead of a
 /// signal that kills the process.
 void ignore_output_signals();

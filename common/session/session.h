@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "common/session/adversary_config.h"
 #include "common/session/device_config.h"
 #include "common/session/link_config.h"
 #include "common/session/mofc_config.h"
@@ -45,6 +46,7 @@ struct Session {
   ViewerConfig viewer;
   FaultsConfig faults;
   SecurityConfig security;
+  AdversaryConfig adversary;                       ///< lockstep only
   std::vector<Side> sides = std::vector<Side>(1);  ///< never empty
 
   /// The only side; with several devices the first.

@@ -189,8 +189,8 @@ TEST(HandsOffCheck, LowersAProfileThatClaimsTooMuchFrictionAndNoEnergyIsDrawn) {
   double least_without = 0.0;
   for (std::uint64_t seed = 1; seed <= 6; ++seed) {
     AdverseRun run{.overrides = {"device.profile.viscous_newton_s_per_m=0.5",
-                                 "device.profile.coulomb_newton=0.5"},
-                   .physics = Physics::kEverything};
+                                 "device.profile.coulomb_newton=0.5",
+                                 "adversary.physics=everything"}};
     least_without =
         std::min(least_without, run_adverse(run, seed).statistics.minimum_true_energy_joule());
     run.overrides.emplace_back("device.hands_off_check=true");
@@ -204,8 +204,8 @@ TEST(HandsOffCheck, LowersAProfileThatClaimsTooMuchFrictionAndNoEnergyIsDrawn) {
 
 // A third of 2000 answers is NaN: through the codec none of them gets to the clamp.
 TEST(GuaranteeOnTheWire, AForceThatIsNotANumberIsRefusedByTheCodecAndNoEnergyIsDrawn) {
-  const AdverseRun run{
-      .overrides = {}, .physics = Physics::kNotANumber, .links = LockstepLinks::kInproc};
+  const AdverseRun run{.overrides = {"adversary.physics=not_a_number"},
+                       .links = LockstepLinks::kInproc};
   const AdverseResult result = run_adverse(run, 1);
   EXPECT_NEAR(static_cast<double>(result.mofc.interaction.rejected), 2000.0 / 3.0, 5.0);
   EXPECT_GE(result.statistics.minimum_true_energy_joule(), -kRoundingJoule);

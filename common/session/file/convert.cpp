@@ -54,6 +54,7 @@ Session to_shared(const SessionText& text, const std::filesystem::path& base_dir
   session.seed = written.has_seed() ? written.seed()
                                     : static_cast<std::uint64_t>(fields.default_number("seed"));
   session.faults = to_faults(fields.message("faults"));
+  session.adversary = to_adversary(fields.message("adversary"));
   if (fields.has("security")) session.security = to_security(fields.message("security"), base_dir);
   session.physics = to_physics(fields.message("physics"));
   session.physics_command = to_physics_command(fields.message("physics"), base_dir);

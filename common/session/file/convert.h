@@ -59,6 +59,7 @@ class LinkRules {
 [[nodiscard]] SecurityConfig to_security(const Fields& security,
                                          const std::filesystem::path& base_dir);
 [[nodiscard]] FaultsConfig to_faults(const Fields& faults);
+[[nodiscard]] AdversaryConfig to_adversary(const Fields& adversary);
 
 [[nodiscard]] SimulatedDeviceConfig to_simulated_device(const Fields& simulated);
 /// @param wait_for_physics_ms  checked; NaN if it has a problem, as the rate of the device

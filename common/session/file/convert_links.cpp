@@ -151,7 +151,7 @@ LinkRules::Endpoint LinkRules::read(const char* name, const std::string& default
   return {text, one_line(text) + ": "};
 }
 
-// --- real time, security, faults --------------------------------------------------------------
+// --- real time, security, faults, adversary ---------------------------------------------------
 
 RealtimeConfig to_realtime(const Fields& realtime) {
   RealtimeConfig config;
@@ -184,6 +184,17 @@ FaultsConfig to_faults(const Fields& faults) {
           .tool_motion = to_link_faults(faults.message("tool_motion")),
           .interaction = to_link_faults(faults.message("interaction")),
           .device = to_device_faults(faults.message("device"))};
+}
+
+AdversaryConfig to_adversary(const Fields& adversary) {
+  // an enumerator left out, 0, stands for the honest law, 1
+  const auto law_of = [&](const char* name) {
+    return static_cast<std::uint8_t>(std::max(adversary.enumerator(name), 1) - 1);
+  };
+  return {.physics = static_cast<HostilePhysics>(law_of("physics")),
+          .clamp = static_cast<LyingClamp>(law_of("clamp")),
+          .tick_jitter_ratio = adversary.number("tick_jitter_ratio"),
+          .late_tick_ratio = adversary.number("late_tick_ratio")};
 }
 
 }  // namespace palpate

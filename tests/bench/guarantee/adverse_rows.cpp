@@ -64,7 +64,7 @@ void Summary::add(const test::AdverseResult& result) {
   least_joule = std::min(least_joule, s.minimum_true_energy_joule());
   peak_newton = std::max(peak_newton, s.maximum_force_newton());
   largest_jump_newton = std::max(largest_jump_newton, result.device.largest_jump_newton);
-  longest_fallback_s = std::max(longest_fallback_s, result.longest_fallback_s);
+  longest_fallback_s = std::max(longest_fallback_s, s.longest_fallback_s());
   top_speed_m_per_s = std::max(top_speed_m_per_s, result.top_speed_m_per_s);
   too_fast_ticks += result.mofc.too_fast_ticks;
   monitor_reductions += result.device.monitor_reductions;

@@ -12,7 +12,6 @@ namespace palpate::bench {
 namespace {
 
 using test::AdverseRun;
-using test::Physics;
 
 /// The adversity has an effect if the run without a controller falls below this true energy.
 constexpr double kBiteJoule = -1e-3;
@@ -30,8 +29,9 @@ std::vector<std::string> on_physics_hops(const std::string& field) {
 std::vector<Adversity> adversities() {
   std::vector<Adversity> all;
   const auto add = [&](const std::string& label, std::vector<std::string> overrides,
-                       Physics physics = Physics::kHonest) {
-    all.push_back({label, {.overrides = std::move(overrides), .physics = physics}});
+                       const char* physics = "honest") {
+    overrides.push_back(std::string("adversary.physics=") + physics);
+    all.push_back({label, {.overrides = std::move(overrides)}});
   };
   const auto both = [](std::initializer_list<const char*> fields) {
     std::vector<std::string> overrides;
@@ -57,58 +57,56 @@ std::vector<Adversity> adversities() {
   add("physics killed and back",
       {"faults.interaction.outage={from_s: 0.6 until_s: 0.9 every_s: 0.9}",
        "faults.tool_motion.outage={from_s: 0.6 until_s: 0.9 every_s: 0.9}"},
-      Physics::kNewSessions);
+      "new_sessions");
 
   // what physics answers
-  add("±peak square wave", {}, Physics::kSquareWave);
-  add("the same, no slew limit", {"device.slew_newton_per_s=0"}, Physics::kSquareWave);
-  add("peak along the velocity", {}, Physics::kPushAlong);
-  add("the same, a third NaN (inproc)", {}, Physics::kNotANumber);
+  add("±peak square wave", {}, "square_wave");
+  add("the same, no slew limit", {"device.slew_newton_per_s=0"}, "square_wave");
+  add("peak along the velocity", {}, "push_along");
+  add("the same, a third NaN (inproc)", {}, "not_a_number");
   all.back().run.links = LockstepLinks::kInproc;
 
   // hops 1 and 4, inside the tick, answers due within 0.5 ms; with hostile physics they matter
   add("answers 0.2…0.6 ms late",
-      {"faults.force_command.delay_ms=0.2", "faults.force_command.jitter_ms=0.4"},
-      Physics::kPushAlong);
-  add("answers lost 30 %", {"faults.force_command.loss_ratio=0.3"}, Physics::kPushAlong);
-  add("states lost 30 %", {"faults.device_state.loss_ratio=0.3"}, Physics::kPushAlong);
-  add("states 0…0.7 ms late", {"faults.device_state.jitter_ms=0.7"}, Physics::kPushAlong);
+      {"faults.force_command.delay_ms=0.2", "faults.force_command.jitter_ms=0.4"}, "push_along");
+  add("answers lost 30 %", {"faults.force_command.loss_ratio=0.3"}, "push_along");
+  add("states lost 30 %", {"faults.device_state.loss_ratio=0.3"}, "push_along");
+  add("states 0…0.7 ms late", {"faults.device_state.jitter_ms=0.7"}, "push_along");
 
   // scheduler
-  add("interval 0.5…1.5 T", {}, Physics::kPushAlong);
-  all.back().run.tick_jitter = 0.5;
-  add("2 % of ticks 1…5 T late", {}, Physics::kPushAlong);
-  all.back().run.late_tick_ratio = 0.02;
+  add("interval 0.5…1.5 T", {}, "push_along");
+  all.back().run.overrides.emplace_back("adversary.tick_jitter_ratio=0.5");
+  add("2 % of ticks 1…5 T late", {}, "push_along");
+  all.back().run.overrides.emplace_back("adversary.late_tick_ratio=0.02");
   add("ticks skipped for 6 ms, 20/s", {"faults.device.skip={until_s: 0.006 every_s: 0.05}"},
-      Physics::kPushAlong);
+      "push_along");
   add("2 % of switches 0…2 ms late",
-      {"faults.device.late_switch_ratio=0.02", "faults.device.late_switch_us=2000"},
-      Physics::kPushAlong);
+      {"faults.device.late_switch_ratio=0.02", "faults.device.late_switch_us=2000"}, "push_along");
 
   // encoder
   for (const char* q_m : {"0", "55e-6", "5e-4"}) {
     add(fmt::format("encoder {:g} mm", 1e3 * std::stod(q_m)),
         {fmt::format("device.simulated.position_resolution_m={}", q_m),
          fmt::format("device.profile.position_resolution_m={}", q_m)},
-        Physics::kPushAlong);
+        "push_along");
   }
 
   // outside the assumptions
   for (const int factor : {1, 2, 5}) {
-    add(fmt::format("profile friction {}× the true", factor), {}, Physics::kEverything);
+    add(fmt::format("profile friction {}× the true", factor), {}, "everything");
     all.back().profile.ratio = factor;
   }
-  add("profile with the other kind of friction", {}, Physics::kEverything);
+  add("profile with the other kind of friction", {}, "everything");
   all.back().profile.is_other_kind = true;
   add("hand of 1 m/s, v_max 0.5",
       {"hand.hostile.v_max_m_per_s=1", "device.profile.position_resolution_m=0",
        "device.simulated.position_resolution_m=0", "mofc.guard_settings.credit_cap_joule=10"},
-      Physics::kEverything);
+      "everything");
   add("hand of 2 m/s, v_max 0.25",
       {"hand.hostile.v_max_m_per_s=2", "mofc.guard_settings.v_max_m_per_s=0.25",
        "device.profile.position_resolution_m=0", "device.simulated.position_resolution_m=0",
        "mofc.guard_settings.credit_cap_joule=10"},
-      Physics::kEverything);
+      "everything");
   return all;
 }
 

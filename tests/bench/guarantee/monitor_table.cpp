@@ -14,25 +14,23 @@
 namespace palpate::bench {
 
 using test::AdverseRun;
-using test::Physics;
 
 Table monitor_table(int seeds, const std::vector<std::string>& more_overrides) {
   struct Lie {
     const char* label;
-    test::Clamp clamp;
+    const char* clamp;
     std::vector<std::string> overrides = {};
   };
-  using test::Clamp;
-  const Lie kLies[] = {{"honest clamp", Clamp::kHonest},
-                       {"full force, for an hour", Clamp::kFullForce},
+  const Lie kLies[] = {{"honest clamp", "truthful"},
+                       {"full force, for an hour", "full_force"},
                        {"honest force, for an hour; no tick for 9 ms, 50/s",
-                        Clamp::kWrongLease,
+                        "wrong_lease",
                         {"faults.device.skip={until_s: 0.009 every_s: 0.02}"}},
-                       {"full force, one tick ahead", Clamp::kAhead},
-                       {"commands of 100 ms ago", Clamp::kReplay},
-                       {"full force, a third NaN", Clamp::kNotANumber},
-                       {"ledger that drifts", Clamp::kDrift},
-                       {"full force 0.2 s of every 0.5 s", Clamp::kMostlyRight}};
+                       {"full force, one tick ahead", "ahead"},
+                       {"commands of 100 ms ago", "replay"},
+                       {"full force, a third NaN", "full_force_not_a_number"},
+                       {"ledger that drifts", "drift"},
+                       {"full force 0.2 s of every 0.5 s", "mostly_right"}};
   std::vector<AdverseRow> rows;
   const auto add = [&](const std::string& label, const Friction& friction, double profile_ratio,
                        const char* protection, AdverseRun run) {
@@ -43,8 +41,9 @@ Table monitor_table(int seeds, const std::vector<std::string>& more_overrides) {
   };
   for (const Lie& lie : kLies) {
     for (const Friction& friction : kFrictions) {
-      const AdverseRun run{
-          .overrides = lie.overrides, .physics = Physics::kPushAlong, .clamp = lie.clamp};
+      AdverseRun run{.overrides = lie.overrides};
+      run.overrides.emplace_back("adversary.physics=push_along");
+      run.overrides.push_back(std::string("adversary.clamp=") + lie.clamp);
       AdverseRun without = run;
       without.overrides.emplace_back("device.monitor=off");
       add(lie.label, friction, 1.0, "–", without);
@@ -54,7 +53,7 @@ Table monitor_table(int seeds, const std::vector<std::string>& more_overrides) {
   for (const int factor : {1, 2, 5}) {
     for (const Friction& friction : kFrictions) {
       const std::string label = fmt::format("profile friction {}× the true", factor);
-      const AdverseRun run{.overrides = {}, .physics = Physics::kEverything};
+      const AdverseRun run{.overrides = {"adversary.physics=everything"}};
       AdverseRun checked = run;
       checked.overrides.emplace_back("device.hands_off_check=true");
       add(label, friction, factor, "monitor", run);

@@ -699,6 +699,20 @@ TEST(SessionFile, EndlessBracesAreRefused) {
   EXPECT_THAT(complaints(text).at(1), HasSubstr("braces nested more than 32 deep"));
 }
 
+TEST(SessionFile, AdversaryIsHonestByDefaultAndReadByName) {
+  const Session honest = parse_session("name: \"x\" adversary { physics: honest }", "x", {});
+  EXPECT_FALSE(honest.adversary.is_any());
+  const Session hostile =
+      parse_session("name: \"x\"", "x",
+                    {"adversary.physics=everything", "adversary.clamp=mostly_right",
+                     "adversary.tick_jitter_ratio=0.5"});
+  EXPECT_EQ(hostile.adversary.physics, HostilePhysics::kEverything);
+  EXPECT_EQ(hostile.adversary.clamp, LyingClamp::kMostlyRight);
+  EXPECT_EQ(hostile.adversary.tick_jitter_ratio, 0.5);
+  EXPECT_THAT(complaints("name: \"x\" adversary { tick_jitter_ratio: 0.6 }").at(1),
+              HasSubstr("adversary.tick_jitter_ratio = 0.6: must be 0 … 0.5"));
+}
+
 TEST(SessionFile, WritesNothingToStandardError) {
   ::testing::internal::CaptureStderr();
 
