@@ -6,6 +6,7 @@
 #include <cerrno>
 
 #include "common/core/check.h"
+#include "common/link/socket/tsan_handover.h"
 
 namespace palpate {
 namespace {
@@ -150,6 +151,7 @@ bool LinkSocket::read(zmq::message_t& part) noexcept {
     return false;
   }
   is_empty_ = false;
+  acquire_from_sender(part);
   return true;
 }
 
@@ -179,6 +181,7 @@ Reception LinkSocket::receive(zmq::message_t& frame, zmq::message_t* peer) noexc
 SendResult LinkSocket::send(zmq::message_t& part, int flags) noexcept {
   reconnect_if_needed();
   is_empty_ = false;  // sending may consume the signal of the descriptor
+  release_to_receiver(part);
   while (zmq_msg_send(part.handle(), handle(), ZMQ_DONTWAIT | flags) < 0) {
     if (zmq_errno() == EHOSTUNREACH) return SendResult::kNoPeer;
     if (zmq_errno() != EINTR) return SendResult::kDropped;

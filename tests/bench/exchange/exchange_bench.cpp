@@ -230,6 +230,7 @@ class Deployment {
         fmt::format("realtime.wait={}", c.placement.priority > 0 ? "hybrid" : "block")};
     const Session session = load_session(session_file_, settings);
     std::vector<std::unique_ptr<Child>> children;
+    children.reserve(static_cast<std::size_t>(wanted.viewers) + 3);
     for (int i = 0; i < wanted.viewers; ++i) {
       children.push_back(std::make_unique<Child>([&] { look_on(session); }));
     }
