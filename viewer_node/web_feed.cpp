@@ -74,9 +74,8 @@ void WebFeed::pump(TimePoint now) {
   for (const WebServer::Event& event : server_.take_events()) handle(event, now);
   hand_.pump(now);
   run_.pump(now);
-  health_.pump(now, {.hand_holder = hand_.holder(),
-                     .recorder = run_.recorder(now),
-                     .run = run_.state()});
+  health_.pump(
+      now, {.hand_holder = hand_.holder(), .recorder = run_.recorder(now), .run = run_.state()});
   foxglove_.pump(now);
 }
 

@@ -57,8 +57,11 @@ void request(std::string_view text) {
 
 /// The lines of the input are messages of one client, each as a text and as a binary.
 void messages(std::string_view text) {
-  palpate::viewer::ServerDescription server{
-      .name = "fuzz", .session_id = "1", .session_name = "fuzz", .accepts_hand_targets = true, .accepts_requests = true};
+  palpate::viewer::ServerDescription server{.name = "fuzz",
+                                            .session_id = "1",
+                                            .session_name = "fuzz",
+                                            .accepts_hand_targets = true,
+                                            .accepts_requests = true};
   for (const char* topic : {"/a", "/b", "/c"}) server.channels.push_back({topic, "p.A", ""});
   FoxgloveClient client(server, 1);
   std::set<std::size_t> subscribed;

@@ -415,12 +415,15 @@ TEST_F(ViewerProcesses, APageSetsMarkersAndRecords) {
   };
   request("\x30\x01");
   ASSERT_TRUE(health_has("page-")) << launch_->err();
-  ASSERT_TRUE(test::await([&] { return launch_->err().find("event=recording_begun") != std::string::npos; }));
+  ASSERT_TRUE(test::await(
+      [&] { return launch_->err().find("event=recording_begun") != std::string::npos; }));
   const std::string begun = launch_->err();
-  const std::string own = begun.substr(begun.find("file=") + 5, begun.find(".mcap", begun.find("file=")) - begun.find("file="));
+  const std::string own = begun.substr(
+      begun.find("file=") + 5, begun.find(".mcap", begun.find("file=")) - begun.find("file="));
   request("\x12\x05touch");
   ASSERT_TRUE(health_has("touch")) << launch_->err();
-  ASSERT_TRUE(test::await([&] { return launch_->err().find("marker set: touch") != std::string::npos; }));
+  ASSERT_TRUE(
+      test::await([&] { return launch_->err().find("marker set: touch") != std::string::npos; }));
   request(std::string("\x30\0", 2));
   launch_->await_err("event=recording_ended");
   stop();

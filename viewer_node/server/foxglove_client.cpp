@@ -152,7 +152,8 @@ std::vector<std::string> FoxgloveClient::greeting() const {
     info["supportedEncodings"] = Json::array({"protobuf"});
     std::string topics;
     for (const AcceptedTopic& topic : kAcceptedTopics) {
-      if (server_.*topic.is_accepted) topics += (topics.empty() ? "" : " ") + std::string(topic.name);
+      if (server_.*topic.is_accepted)
+        topics += (topics.empty() ? "" : " ") + std::string(topic.name);
     }
     info["metadata"]["client_topics"] = topics;
   }

@@ -70,9 +70,9 @@ inline constexpr MessageKind kKindOf<RunRequest> = MessageKind::kRunRequest;
 
 /// Whether T belongs to hop 5.
 template <class T>
-inline constexpr bool kIsTelemetry =
-    kKindOf<T> == MessageKind::kRunState ||
-    (kKindOf<T> >= MessageKind::kDeviceBatch && kKindOf<T> <= MessageKind::kMeshFrame);
+inline constexpr bool kIsTelemetry = kKindOf<T> == MessageKind::kRunState ||
+                                     (kKindOf<T> >= MessageKind::kDeviceBatch &&
+                                      kKindOf<T> <= MessageKind::kMeshFrame);
 
 /// Larger frames are refused before they are parsed. An Interaction of eight contacts with friction
 /// takes 4 kB, its surface 3.5 kB more; a DeviceState of 64 applied forces takes 7 kB; the other

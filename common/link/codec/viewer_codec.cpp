@@ -92,13 +92,18 @@ void add_arrow(const Vector3& from_m, const Vector3& force_newton, const Rgba& c
 
 std::string schema_of(std::string_view message) {
   // referred to by name so that a static link keeps each of them
-  const std::array published{
-      v1::DeviceTelemetry::descriptor(),   v1::MofcTelemetry::descriptor(),
-      v1::PhysicsTelemetry::descriptor(),  v1::SceneState::descriptor(),
-      v1::MeshFrame::descriptor(),         v1::Health::descriptor(),             v1::Marker::descriptor(),
-      v1::Telemetry::descriptor(),         foxglove::PointCloud::descriptor(),
-      foxglove::SceneUpdate::descriptor(), foxglove::FrameTransforms::descriptor(),
-      foxglove::Log::descriptor()};
+  const std::array published{v1::DeviceTelemetry::descriptor(),
+                             v1::MofcTelemetry::descriptor(),
+                             v1::PhysicsTelemetry::descriptor(),
+                             v1::SceneState::descriptor(),
+                             v1::MeshFrame::descriptor(),
+                             v1::Health::descriptor(),
+                             v1::Marker::descriptor(),
+                             v1::Telemetry::descriptor(),
+                             foxglove::PointCloud::descriptor(),
+                             foxglove::SceneUpdate::descriptor(),
+                             foxglove::FrameTransforms::descriptor(),
+                             foxglove::Log::descriptor()};
   const auto* const found = std::find_if(
       published.begin(), published.end(),
       [&](const pb::Descriptor* descriptor) { return descriptor->full_name() == message; });
