@@ -39,13 +39,19 @@ set(PALPATE_BOUNDARIES
   "device_node/drivers/simulated:common/core,common/session/simulation_config.h,device_node/device.h,device_node/simulation"
 
   # the clamp knows its own part of the session and no true state
-  "mofc_node:common/core,common/contact,common/session/clamped_device.h,common/session/device_profile.h,common/session/mofc_config.h,common/telemetry/mofc_telemetry.h,common/telemetry/metrics.h,mofc_node/controllers,mofc_node/tissue"
+  "mofc_node:common/core,common/contact,common/session/clamped_device.h,common/session/device_profile.h,common/session/mofc_config.h,common/session/rivals_config.h,common/telemetry/mofc_telemetry.h,common/telemetry/metrics.h,mofc_node/controllers,mofc_node/controllers/rivals,mofc_node/tissue"
   "mofc_node/tissue:common/core,common/contact"
   "mofc_node/controllers:"
+  "mofc_node/controllers/rivals:mofc_node/controllers"
 
   # surfaces ← files ← scene ← display; the step sees the scene only, and no lock
+  # foreign: an engine from elsewhere, of which the scene knows nothing ← sdk: its process
+  "physics_node/foreign:common/core,common/contact,common/session,physics_node,physics_node/display/display.h,physics_node/sdk/physics.h,@threads"
+  "physics_node/sdk:common/*,physics_node,physics_node/display/display.h,physics_node/foreign,@log,@cli"
   "physics_node:common/core,common/contact,common/session/scene_config.h,common/telemetry/physics_telemetry.h,physics_node/scene"
   "physics_node/surfaces:common/core,common/contact,common/contact/cloud,common/session/scene_config.h,@threads"
+  # elastic bodies by themselves: no session, no wire
+  "physics_node/elastic:@threads"
   "physics_node/files:common/core,common/contact,common/session/scene_config.h,physics_node/surfaces,@threads"
   "physics_node/scene:common/core,common/contact,common/session/scene_config.h,physics_node/surfaces,physics_node/files"
   "physics_node/display:common/core,common/contact,common/session,common/telemetry,physics_node/surfaces,physics_node/files,physics_node/scene"
@@ -56,10 +62,11 @@ set(PALPATE_BOUNDARIES
   "viewer_node/recording:common/*,viewer_node/feed,@log,@threads"
   "viewer_node/server:common/core,@threads"
 
-  # lockstep, launch ← palpate
+  # lockstep ← campaign; campaign, launch ← palpate
   "deploy/lockstep:common/*,device_node/*,mofc_node/*,physics_node/*,viewer_node/recording,@zmq,@log,@threads"
+  "deploy/campaign:common/*,deploy/lockstep,@wire,@log,@threads"
   "deploy/launch:common/*,@log,@threads"
-  "deploy/palpate:common/*,deploy/palpate/*,deploy/lockstep,deploy/launch,device_node/*,physics_node/*,viewer_node/process.h,viewer_node/feed,viewer_node/recording,@log,@cli,@threads")
+  "deploy/palpate:common/*,deploy/palpate/*,deploy/lockstep,deploy/campaign,deploy/launch,device_node/*,physics_node/*,viewer_node/process.h,viewer_node/feed,viewer_node/recording,@log,@cli,@threads")
 
 # Every library a target links to, directly or not.
 function(palpate_links_of target result)

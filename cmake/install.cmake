@@ -4,7 +4,7 @@ include(CMakePackageConfigHelpers)
 
 # launch starts the nodes that lie beside it
 install(TARGETS palpate device_node mofc_node device_mofc_node physics_node viewer_node)
-install(DIRECTORY deploy/sessions proto DESTINATION ${CMAKE_INSTALL_DATADIR}/palpate
+install(DIRECTORY deploy/campaigns deploy/sessions proto DESTINATION ${CMAKE_INSTALL_DATADIR}/palpate
         FILES_MATCHING PATTERN "*.txtpb" PATTERN "*.proto" PATTERN "organ.*")
 install(FILES README.md CHANGELOG.md DESTINATION ${CMAKE_INSTALL_DOCDIR})
 install(DIRECTORY docs/ DESTINATION ${CMAKE_INSTALL_DOCDIR}/docs)
@@ -30,8 +30,18 @@ install(EXPORT palpateTargets NAMESPACE palpate:: DESTINATION ${package_folder}
         COMPONENT controllers)
 write_basic_package_version_file(${CMAKE_BINARY_DIR}/palpateConfigVersion.cmake
                                  COMPATIBILITY SameMinorVersion)
-install(FILES cmake/palpateConfig.cmake ${CMAKE_BINARY_DIR}/palpateConfigVersion.cmake
-        DESTINATION ${package_folder} COMPONENT controllers)
+set(package_files cmake/palpateConfig.cmake ${CMAKE_BINARY_DIR}/palpateConfigVersion.cmake)
+install(FILES ${package_files} DESTINATION ${package_folder} COMPONENT controllers)
+
+# To bring a physics of one's own: cmake --install BUILD --component physics --prefix FOLDER
+install(FILES physics_node/sdk/physics.h DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/palpate
+        COMPONENT physics)
+install(FILES ${CMAKE_BINARY_DIR}/physics_node/libpalpate_physics.a
+        DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT physics)
+install(FILES ${package_files} cmake/palpatePhysics.cmake DESTINATION ${package_folder}
+        COMPONENT physics)
+install(DIRECTORY physics_node/sdk/examples DESTINATION ${CMAKE_INSTALL_DATADIR}/palpate
+        COMPONENT physics)
 
 # The service: its files name /usr/bin and /etc/palpate.
 option(PALPATE_SERVICE "Install the systemd units and /etc/palpate; for a package with prefix /usr" OFF)
@@ -50,7 +60,8 @@ set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_SECTION science)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_PACKAGE_DEPENDS adduser)
-set(CPACK_DEBIAN_PACKAGE_SUGGESTS "libeigen3-dev")
+set(CPACK_DEBIAN_PACKAGE_SUGGESTS
+    "cmake, libeigen3-dev, libprotobuf-dev, libzmq3-dev, cppzmq-dev, libspdlog-dev")
 foreach(script conffiles postinst prerm postrm)
   list(APPEND CPACK_DEBIAN_PACKAGE_CONTROL_EXTRA ${CMAKE_SOURCE_DIR}/deploy/debian/${script})
 endforeach()

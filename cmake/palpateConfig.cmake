@@ -1,4 +1,23 @@
-# find_package(palpate) gives palpate::controllers.
+# find_package(palpate)                       palpate::controllers
+# find_package(palpate COMPONENTS physics)    palpate::physics; both may be named
 include(CMakeFindDependencyMacro)
 find_dependency(Eigen3)
-include(${CMAKE_CURRENT_LIST_DIR}/palpateTargets.cmake)
+set(palpate_controllers_file palpateTargets.cmake)
+set(palpate_physics_file palpatePhysics.cmake)
+set(palpate_components ${palpate_FIND_COMPONENTS})
+if(NOT palpate_components)
+  set(palpate_components controllers)
+  set(palpate_FIND_REQUIRED_controllers TRUE)
+endif()
+foreach(component IN LISTS palpate_components)
+  set(file ${CMAKE_CURRENT_LIST_DIR}/${palpate_${component}_file})
+  if(palpate_${component}_file AND EXISTS ${file})
+    include(${file})
+    set(palpate_${component}_FOUND TRUE)
+  elseif(palpate_FIND_REQUIRED_${component})
+    set(palpate_FOUND FALSE)
+    set(palpate_NOT_FOUND_MESSAGE
+        "palpate: component ${component} is not installed here; there are controllers and physics, "
+        "each installed by: cmake --install BUILD --component NAME --prefix FOLDER")
+  endif()
+endforeach()

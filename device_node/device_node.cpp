@@ -73,7 +73,7 @@ FaultReason DeviceNode::exchange(TimePoint next_reading, DeviceTick& record) noe
   const FaultReason reading = judge_with_latched(sample);
   record.sampled_at = sample.sampled_at;
   if (reading != FaultReason::kNone) return reading;
-  const DeviceState state = make_state(sample, record.sequence);
+  const DeviceState& state = make_state(sample, record.sequence);
   record.measured_hand_position_m = state.hand_position_m;
   record.measured_tool_position_world_m = state.tool_position_world_m;
   record.measured_tool_orientation_world = state.tool_orientation_world;
@@ -216,18 +216,19 @@ void DeviceNode::count_appointment(const Tick& tick) noexcept {
   loop.worst_lateness = std::max(loop.worst_lateness, tick.now - tick.scheduled_at);
 }
 
-DeviceState DeviceNode::make_state(const DeviceSample& sample, std::uint64_t sequence) noexcept {
+const DeviceState& DeviceNode::make_state(const DeviceSample& sample,
+                                          std::uint64_t sequence) noexcept {
   const auto& clutch = config_.workspace.clutch_button;
   workspace_.update(sample.hand_position_m,
                     clutch.has_value() && ((sample.buttons >> *clutch) & 1U) != 0);
 
-  DeviceState state{
-      .header = {.session_id = session_id_, .sequence = sequence, .sampled_at = sample.sampled_at},
-      .hand_position_m = sample.hand_position_m,
-      .tool_position_world_m = workspace_.tool_position_world_m(sample.hand_position_m),
-      .tool_orientation_world = sample.orientation,
-      .buttons = sample.buttons,
-      .is_clutched = workspace_.is_clutched()};
+  DeviceState& state = state_;
+  state.header = {.session_id = session_id_, .sequence = sequence, .sampled_at = sample.sampled_at};
+  state.hand_position_m = sample.hand_position_m;
+  state.tool_position_world_m = workspace_.tool_position_world_m(sample.hand_position_m);
+  state.tool_orientation_world = sample.orientation;
+  state.buttons = sample.buttons;
+  state.is_clutched = workspace_.is_clutched();
   if (applied_.has_begun()) {
     applied_.read(sample.sampled_at, sample.hand_position_m);
   } else {

@@ -82,7 +82,8 @@ class DeviceNode {
   void record_without_exchange(DeviceTick& record) noexcept;
   [[nodiscard]] FaultReason judge(const DeviceSample& sample) noexcept;
   [[nodiscard]] FaultReason judge_with_latched(const DeviceSample& sample) noexcept;
-  [[nodiscard]] DeviceState make_state(const DeviceSample& sample, std::uint64_t sequence) noexcept;
+  [[nodiscard]] const DeviceState& make_state(const DeviceSample& sample,
+                                              std::uint64_t sequence) noexcept;
   [[nodiscard]] const Received<ForceCommand>* wait_for_answer(std::uint64_t sequence,
                                                               TimePoint until) noexcept;
   void record_last_reading(DeviceTick& record) const noexcept;
@@ -106,7 +107,8 @@ class DeviceNode {
   ForceMonitor monitor_;
   AssumptionWatch watch_;
   AppliedForces applied_;
-  double rounding_m_;  // largest error of the distance of two readings
+  double rounding_m_;    // largest error of the distance of two readings
+  DeviceState state_{};  // of this tick; kilobytes, so it is not made anew
   std::uint64_t sequence_ = 0;
   std::uint64_t next_index_ = 0;
   FaultReason fault_ = FaultReason::kNone;

@@ -2,6 +2,7 @@
 
 #include <optional>
 
+#include "common/core/check.h"
 #include "common/core/inbox.h"
 #include "common/link/exchange_client.h"
 #include "common/link/zmq_sender.h"
@@ -103,6 +104,10 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
   const DeviceConfig config = checked_config(session, context, friction_ratio);
   const auto device = drivers.at(kSimulatedDriver).open(context.clock);
   refuse_unmonitored(config, device->specification(), context.is_unsafe);
+  if (session.viewer.has_control && !device->specification().is_simulated) {
+    throw SetupError(session.file +
+                     ": viewer.control: only with the simulated device; leave it out");
+  }
   if (!config.monitor.is_on) {
     context.log.log(
         device->specification().is_simulated ? spdlog::level::info : spdlog::level::warn,

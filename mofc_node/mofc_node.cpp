@@ -1,6 +1,7 @@
 #include "mofc_node/mofc_node.h"
 
 #include "mofc_node/make_controller.h"
+#include "mofc_node/model_probe.h"
 
 namespace palpate::mofc {
 
@@ -44,18 +45,26 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
   const WorkspaceConfig& workspace = device_.workspace;
   const Vector3 requested = workspace.force_ratio * wanted.tissue.force_on_tool_newton;
 
+  // what controllers with a model of the tissue may ask
+  const ModelProbe probe(physics.interaction, state, relay_.tool_position_world_m(), workspace);
+  const bool has_model = interaction_use_ == InteractionUse::kLocal;
+
   // the clamp; the tissue's energy as the hand would get it: force × force_ratio, motion ÷
   // scale_ratio
-  const controllers::ControlOutput output =
-      controller_->step({.hand_position_m = state.hand_position_m,
-                         .applied = echo.applied,
-                         .has_gap = echo.has_gap,
-                         .acting_force_on_hand_newton = state.acting_force_on_hand_newton,
-                         .acting_lease_s = to_seconds(state.acting_until - state.header.sampled_at),
-                         .asked_force_on_hand_newton = requested,
-                         .is_asked_fresh = is_fresh(physics.interaction),
-                         .stored_energy_joule = wanted.tissue.stored_energy_joule *
-                                                workspace.force_ratio / workspace.scale_ratio});
+  const controllers::ControlOutput output = controller_->step(
+      {.hand_position_m = state.hand_position_m,
+       .applied = echo.applied,
+       .has_gap = echo.has_gap,
+       .acting_force_on_hand_newton = state.acting_force_on_hand_newton,
+       .acting_lease_s = to_seconds(state.acting_until - state.header.sampled_at),
+       .asked_force_on_hand_newton = requested,
+       .is_asked_fresh = is_fresh(physics.interaction),
+       .stored_energy_joule =
+           wanted.tissue.stored_energy_joule * workspace.force_ratio / workspace.scale_ratio,
+       .hand_velocity_m_per_s = relay_.tool_velocity_world_m_per_s() / workspace.scale_ratio,
+       .evaluated_at_m = has_model ? state.hand_position_m : probe.evaluated_at_m(),
+       .surface_normal = probe.surface_normal(),
+       .tissue = has_model ? &probe : nullptr});
 
   // late physics: no more than the device's own friction absorbs; then the fade. Both only reduce
   const Vector3 punctual =

@@ -1,4 +1,4 @@
-// physics_node.h — simulates the tissue: computes the force on the tool for its motion.
+// physics_node.h — answers the motion of the tool with the force that an engine computes for it.
 //
 //   in   hop 2  ToolMotion   mofc → physics   the newest counts
 //   out  hop 3  Interaction  physics → mofc   every step after the first motion; with a deadband
@@ -10,14 +10,11 @@
 // Before the first motion: sends nothing.
 // No new motion since the last step: sends the force for the newest motion again with a new header,
 // so that mofc_node can distinguish a slow hand from a stopped physics_node.
-// Motion from a restarted mofc_node: accepted at once. The state between two steps is the
-// TissueMemory: proxies, friction, punctures and relaxation. The position of moving tissue follows
-// from this node's clock.
-// Thread: everything runs on the caller's thread. step() is real-time safe.
+// Motion from a restarted mofc_node: accepted at once.
+// Thread: everything runs on the caller's thread. step() is real-time safe if its engine's is.
 #pragma once
 
 #include <cstdint>
-#include <memory>
 #include <optional>
 
 #include "common/core/clock.h"
@@ -27,54 +24,43 @@
 #include "common/core/tick_schedule.h"
 #include "common/session/scene_config.h"
 #include "common/telemetry/physics_telemetry.h"
-#include "physics_node/scene/scene.h"
-#include "physics_node/surface_sender.h"
+#include "physics_node/engine.h"
 
 namespace palpate::physics {
 
 class PhysicsNode {
  public:
   /// All references must outlive the node.
-  /// @param use         how mofc_node uses an Interaction: only for a local model the near tissue
-  ///                    is described before it is touched
+  /// @param use         how mofc_node uses an Interaction
   /// @param session_id  random, not 0
-  PhysicsNode(const SceneConfig& scene, const PhysicsConfig& physics, InteractionUse use,
-              const Clock& clock, Inbox<ToolMotion>& motion_in,
-              Sender<Interaction>& interaction_out, TickSink<PhysicsTick>& ticks_out,
-              std::uint64_t session_id);
-  /// In a scene shared with the tools of other nodes. The tools do not interact: each has its own
-  /// TissueMemory.
-  PhysicsNode(std::shared_ptr<const Scene> scene, const PhysicsConfig& physics, InteractionUse use,
-              const Clock& clock, Inbox<ToolMotion>& motion_in,
-              Sender<Interaction>& interaction_out, TickSink<PhysicsTick>& ticks_out,
-              std::uint64_t session_id);
+  PhysicsNode(Engine& engine, const PhysicsConfig& physics, InteractionUse use, const Clock& clock,
+              Inbox<ToolMotion>& motion_in, Sender<Interaction>& interaction_out,
+              TickSink<PhysicsTick>& ticks_out, std::uint64_t session_id);
 
   /// Newest motion → force → hop 3. Called at the physics rate, or on arrival of a motion
   /// (has_new_motion).
-  /// No allocation, no lock, no throw.
+  /// No allocation, no lock, no throw but in the engine.
   void step(const Tick& tick) noexcept;
 
   /// A motion has arrived that no step has used yet.
   [[nodiscard]] bool has_new_motion() noexcept;
 
   [[nodiscard]] const PhysicsCounters& counters() const noexcept { return counters_; }
-  [[nodiscard]] const Scene& scene() const noexcept { return *scene_; }
 
  private:
   void count_turn(const Tick& tick) noexcept;
   void send(Interaction& interaction, const ToolMotion& motion) noexcept;
 
-  std::shared_ptr<const Scene> scene_;
-  TissueMemory memory_;
+  Engine& engine_;
   InteractionUse use_;
   const Clock& clock_;
   Inbox<ToolMotion>& motion_in_;
   Sender<Interaction>& interaction_out_;
   TickSink<PhysicsTick>& ticks_out_;
   std::uint64_t session_id_;
-  SurfaceSender surface_;
   std::optional<InteractionDeadband> deadband_;
-  Interaction sent_;                      // the last one that was sent
+  Interaction interaction_;               // of this step; kilobytes, so it is not made anew
+  Interaction sent_;                      // the last one that was sent; with a deadband only
   std::uint64_t sent_to_session_id_ = 0;  // session of the mofc_node it was for; 0: none yet
   std::uint64_t next_interaction_sequence_ = 0;
   std::uint64_t next_step_ = 0;         // sequence of the next record

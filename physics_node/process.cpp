@@ -1,84 +1,61 @@
 #include "physics_node/process.h"
 
 #include <algorithm>
-#include <chrono>
-#include <list>
 #include <memory>
-#include <span>
-#include <utility>
+#include <optional>
 #include <vector>
 
 #include "common/core/check.h"
-#include "common/core/inbox.h"
-#include "common/link/scene_sender.h"
-#include "common/link/zmq_sender.h"
 #include "common/link/zmq_source.h"
-#include "common/process/heap_trim.h"
-#include "common/process/rate_loop.h"
-#include "common/process/refused_peers_log.h"
 #include "common/process/rejection_log.h"
-#include "common/telemetry/flight_recorder.h"
-#include "common/telemetry/telemetry_publisher.h"
 #include "physics_node/display/scene_display.h"
-#include "physics_node/physics_node.h"
+#include "physics_node/scene_engine.h"
+#include "physics_node/sdk/process.h"
+#include "physics_node/tissue_changes.h"
 
 namespace palpate::physics {
 namespace {
 
-// Longest delay until a stop is noticed while no motion arrives.
-constexpr auto kIdleWait = std::chrono::milliseconds(50);
-
-/// One tool: hops 2 and 3 of one device, and their telemetry.
-class Tool {
+/// Hop 8.
+class Control {
  public:
-  /// @param side  of that device
-  Tool(const Session& session, const Side& side, std::shared_ptr<const Scene> scene,
-       NodeContext& context, ProcessLinks& links, SceneSender& telemetry)
-      : clock_(context.clock),
-        log_(context.log.clone(with_side(side.name, context.log.name()))),
-        motions_(links.side, context.clock, bind_to(side.links.tool_motion, "links.tool_motion")),
-        motion_in_(motions_, context.clock, session.faults.tool_motion,
-                   stream_seed(session, side, "tool_motion")),
-        interaction_out_(links.side, bind_to(side.links.interaction, "links.interaction")),
-        recorder_(flight_files(context, with_side(side.name, "physics"))),
-        refused_(*log_, "tool_motion", motions_.rejections()),
-        publisher(context.session_id, context.clock, ticks_, counters_, telemetry, *log_,
-                  side.name),
-        node_(std::move(scene), session.physics, side.mofc.interaction, context.clock, motion_in_,
-              interaction_out_, ticks_, context.session_id) {
-    motions_.keep_to_one_writer();
-    publisher.record_to(recorder_);
-    publisher.peers_refused = [&links] { return links.side.refused().total(); };
-  }
+  Control(const Session& session, NodeContext& context, ZmqContext& side)
+      : log_(context.log),
+        source_(side, context.clock, bind_to(session.tissue_change, "viewer.control")),
+        refused_(context.log, "tissue_change", source_.rejections()),
+        changes_(session.scene, source_),
+        tissues_(session.scene.tissues) {}
 
-  void note_refused(TimePoint now) { refused_.note(now); }
-
-  void step(const Tick& tick) noexcept {
-    node_.step(tick);
-    counters_.store(node_.counters());
+  /// On the publisher's thread.
+  void pump(SceneDisplay& display, TimePoint now) {
+    changes_.receive([&](const TissueChange& change) {
+      display.set_material(change.tissue, change.stiffness_newton_per_m,
+                           change.damping_newton_s_per_m);
+      log_.info(
+          "event=tissue_changed tissue=\"{}\" stiffness_newton_per_m={} "
+          "damping_newton_s_per_m={}",
+          tissues_[change.tissue].name, change.stiffness_newton_per_m,
+          change.damping_newton_s_per_m);
+    });
+    refused_.note(now);
   }
-  /// Waits for a motion that no step has used; false if there is none yet.
-  [[nodiscard]] bool wait_for_motion() {
-    motion_in_.wait_until(clock_.now() + kIdleWait);
-    return node_.has_new_motion();
+  /// On the thread of the steps, between two of them. Real-time safe.
+  void apply(Scene& scene, const std::vector<SceneEngine*>& engines) noexcept {
+    TissueChange change;
+    while (changes_.next(change)) {
+      scene.set_material(change.tissue, change.stiffness_newton_per_m,
+                         change.damping_newton_s_per_m);
+      for (SceneEngine* engine : engines) engine->note_changed(change.tissue);
+    }
   }
+  void count_into(PhysicsCounters& counters) const { changes_.count_into(counters); }
 
  private:
-  SteadyClock& clock_;
-  std::shared_ptr<spdlog::logger> log_;
-  ZmqSource<ToolMotion> motions_;
-  Inbox<ToolMotion> motion_in_;
-  ZmqSender<Interaction> interaction_out_;
-  RingSink<PhysicsTick> ticks_;
-  Snapshot<PhysicsCounters> counters_;
-  FlightRecorder<PhysicsTick> recorder_;
+  spdlog::logger& log_;
+  ZmqSource<TissueChange> source_;
   RejectionLog refused_;
-
- public:
-  TelemetryPublisher<PhysicsTick, PhysicsCounters> publisher;
-
- private:
-  PhysicsNode node_;
+  TissueChanges changes_;
+  const std::vector<TissueConfig>& tissues_;
 };
 
 }  // namespace
@@ -90,63 +67,35 @@ void run_process(NodeContext& context, ProcessLinks& links) {
                      ": physics.command names another program as the physics of this session; "
                      "start it with `palpate launch`, or take the field out");
   }
-  const std::vector<Side>& sides = session.sides;
-  const bool is_any_local = std::any_of(sides.begin(), sides.end(), [](const Side& side) {
-    return side.mofc.interaction == InteractionUse::kLocal;
-  });
+  const bool is_any_local =
+      std::any_of(session.sides.begin(), session.sides.end(),
+                  [](const Side& side) { return side.mofc.interaction == InteractionUse::kLocal; });
   const auto scene =
-      std::make_shared<const Scene>(session.scene, is_any_local ? session.physics.reach_m : 0.0);
-
-  // hop 5: one socket, so the publisher of the first tool sends for all
-  SceneSender telemetry(links.side, bind_to(session.physics_telemetry, "links.physics_telemetry"));
-  SceneDisplay display(session, context.session_id, telemetry, telemetry);
-  RefusedPeersLog refused_peers(context.log, links.side.refused());
-  HeapTrim heap;
-  std::list<Tool> tools;
-  for (const Side& side : sides) {
-    Tool& tool = tools.emplace_back(session, side, scene, context, links, telemetry);
-    tool.publisher.add_counts = [&](PhysicsCounters& counts) { display.count_into(counts); };
+      std::make_shared<Scene>(session.scene, is_any_local ? session.physics.reach_m : 0.0);
+  std::vector<SceneEngine*> engines;
+  SceneDisplay* display = nullptr;
+  PhysicsProgram program{.make_engine =
+                             [&](const Side& side) {
+                               auto engine = std::make_unique<SceneEngine>(
+                                   scene, session.physics.rate_hz, side.mofc.interaction);
+                               engines.push_back(engine.get());
+                               return engine;
+                             },
+                         .make_display =
+                             [&](Sender<SceneState>& scene_out, Sender<MeshFrame>& mesh_out) {
+                               auto made = std::make_unique<SceneDisplay>(
+                                   session, context.session_id, scene_out, mesh_out);
+                               display = made.get();
+                               return made;
+                             }};
+  std::optional<Control> control;
+  if (session.viewer.has_control) {
+    control.emplace(session, context, links.side);
+    program.on_pump = [&](TimePoint now) { control->pump(*display, now); };
+    program.before_step = [&] { control->apply(*scene, engines); };
+    program.count_into = [&](PhysicsCounters& counts) { control->count_into(counts); };
   }
-  auto& publisher = tools.front().publisher;
-  std::vector<PhysicsTick> newest;
-  bool has_warned = false;
-  publisher.on_pump = [&](TimePoint now) {
-    refused_peers.note(now);
-    heap.note(now);
-    newest.clear();
-    for (Tool& tool : tools) {
-      if (&tool != &tools.front()) tool.publisher.pump();
-      if (tool.publisher.newest()) newest.push_back(*tool.publisher.newest());
-      tool.note_refused(now);
-    }
-    display.publish({.scene_subscriptions = telemetry.subscriptions<SceneState>(),
-                     .mesh_subscriptions = telemetry.subscriptions<MeshFrame>(),
-                     .has_mesh_watcher = telemetry.has_subscriber<MeshFrame>()},
-                    newest, now);
-    if (display.is_too_large() && !std::exchange(has_warned, true)) {
-      context.log.warn(
-          "event=scene_not_sent reason=\"longer than 16 MiB: viewers show no tissue; use fewer or "
-          "smaller meshes\"");
-    }
-  };
-  publisher.start();
-
-  if (session.side().mofc.wait_for_physics.count() == 0) {
-    RateLoop(context.clock, session.physics.rate_hz).run(context.stop, [&](Tick tick) {
-      for (Tool& tool : tools) {
-        tool.step(tick);
-        tick.now = context.clock.now();
-      }
-    });
-  } else {  // one device only
-    std::uint64_t index = 0;
-    while (!context.stop.stop_requested()) {
-      if (!tools.front().wait_for_motion()) continue;
-      const TimePoint now = context.clock.now();
-      tools.front().step({.index = index++, .scheduled_at = now, .now = now});
-    }
-  }
-  publisher.stop();  // before the destruction of the tools whose publishers it drives
+  run_process(context, links, program);
 }
 
 }  // namespace palpate::physics

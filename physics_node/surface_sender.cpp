@@ -221,11 +221,23 @@ std::uint32_t SurfaceSender::slot_for(std::uint32_t tissue, TimePoint now) noexc
     if (age_of(i) > age_of(oldest)) oldest = i;
   }
   if (described_[oldest].tissue && described_[oldest].wanted_at == now) return kMaxDescribed;
-  for (std::size_t i = 0; i < slots_.size(); ++i) {
-    if (slots_[i].described == oldest) release(static_cast<std::uint16_t>(i));
-  }
-  described_[oldest] = {.tissue = tissue, .version = next_version_++, .wanted_at = now};
+  begin(oldest, tissue, now);
   return oldest;
+}
+
+/// A new version of the slot, without tiles.
+void SurfaceSender::begin(std::uint32_t slot, std::uint32_t tissue, TimePoint now) noexcept {
+  for (std::size_t i = 0; i < slots_.size(); ++i) {
+    if (slots_[i].described == slot) release(static_cast<std::uint16_t>(i));
+  }
+  described_[slot] = {.tissue = tissue, .version = next_version_++, .wanted_at = now};
+}
+
+void SurfaceSender::forget(std::uint32_t tissue) noexcept {
+  for (std::uint32_t slot = 0; slot < kMaxDescribed; ++slot) {
+    const Described& described = described_[slot];
+    if (described.tissue == tissue) begin(slot, tissue, described.wanted_at);
+  }
 }
 
 std::uint16_t& SurfaceSender::slot_of(const Described& described, std::uint32_t tile) noexcept {

@@ -39,6 +39,9 @@ class SurfaceSender {
   /// @param now  physics' clock, time of this step
   void fill(const ToolMotion& motion, TimePoint now, Interaction& interaction) noexcept;
 
+  /// The description of a tissue has changed: it is sent again, with its tiles.
+  void forget(std::uint32_t tissue) noexcept;
+
  private:
   static constexpr std::uint16_t kNoSlot = 0xffff;
   static constexpr std::size_t kCarries = 256;
@@ -86,6 +89,7 @@ class SurfaceSender {
                                           double time_s) const noexcept;
   [[nodiscard]] double reach_m() const noexcept;
   [[nodiscard]] std::uint32_t slot_for(std::uint32_t tissue, TimePoint now) noexcept;
+  void begin(std::uint32_t slot, std::uint32_t tissue, TimePoint now) noexcept;
   void describe(std::uint32_t slot, TimePoint now, SurfaceNews& news) noexcept;
   void cover(std::uint32_t slot, const CapsuleGeometry& region, TimePoint now,
              SurfaceNews& news) noexcept;

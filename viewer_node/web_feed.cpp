@@ -15,7 +15,31 @@ ServerDescription description_of(const NodeContext& context, const ProcessLinks&
           .session_name = context.session.name,
           .channels = web_channels(context.session),
           .accepts_hand_targets = may_lead_hand(context.session, links),
-          .accepts_requests = true};
+          .accepts_requests = true,
+          .accepts_changes = context.session.viewer.has_control};
+}
+
+/// The log's lines for the tissues whose constants differ; empty if the scenes differ otherwise.
+std::vector<std::string> changes_between(const SceneState& before, const SceneState& after) {
+  std::vector<std::string> lines;
+  if (before.header.session_id != after.header.session_id ||
+      before.tissues.size() != after.tissues.size()) {
+    return lines;
+  }
+  for (std::size_t i = 0; i < after.tissues.size(); ++i) {
+    const TissueSurface& was = before.tissues[i];
+    const TissueSurface& is = after.tissues[i];
+    if (was.stiffness_newton_per_m == is.stiffness_newton_per_m &&
+        was.damping_newton_s_per_m == is.damping_newton_s_per_m) {
+      continue;
+    }
+    std::string name = is.name;
+    std::replace(name.begin(), name.end(), '"', '\'');
+    lines.push_back(fmt::format(
+        "event=tissue_changed tissue=\"{}\" stiffness_newton_per_m={} damping_newton_s_per_m={}",
+        name, is.stiffness_newton_per_m, is.damping_newton_s_per_m));
+  }
+  return lines;
 }
 
 }  // namespace
@@ -23,10 +47,13 @@ ServerDescription description_of(const NodeContext& context, const ProcessLinks&
 WebFeed::WebFeed(NodeContext& context, ProcessLinks& links, const WebOptions& options,
                  TelemetrySubscriber& subscriber, std::span<const TelemetryMirror> mirrors)
     : context_(context),
-      server_(web_config(options, context.session.viewer.web), description_of(context, links)),
+      server_((check_control(context.session, options),
+               web_config(options, context.session.viewer.web)),
+              description_of(context, links)),
       log_(context.session, server_),
       scene_(subscriber, server_),
       hand_(context, links, server_),
+      tissue_(context, links, server_),
       run_(context, links, subscriber, page_record_folder(options), scene_.mirror(), server_, log_),
       health_(context.session, mirrors, subscriber, server_, log_),
       foxglove_(context.session, mirrors, scene_, server_) {
@@ -39,8 +66,12 @@ WebFeed::WebFeed(NodeContext& context, ProcessLinks& links, const WebOptions& op
 
 void WebFeed::take(const TelemetryMessage& message, std::span<const std::byte> payload) {
   if (const auto* scene = std::get_if<SceneState>(&message)) {
+    const std::optional<SceneState>& known = scene_.mirror().scene();
+    std::vector<std::string> lines;
+    if (known) lines = changes_between(*known, *scene);
     if (scene_.take(*scene, payload)) {
-      log_.write(LogLevel::kInfo, "physics_node", "event=scene_sent_anew");
+      if (lines.empty()) lines.emplace_back("event=scene_sent_anew");
+      for (const std::string& line : lines) log_.write(LogLevel::kInfo, "physics_node", line);
     }
   } else if (const auto* frame = std::get_if<MeshFrame>(&message)) {
     scene_.take(*frame, payload);
@@ -74,6 +105,7 @@ void WebFeed::pump(TimePoint now) {
   for (const WebServer::Event& event : server_.take_events()) handle(event, now);
   hand_.pump(now);
   run_.pump(now);
+  log_.pump(now);
   health_.pump(
       now, {.hand_holder = hand_.holder(), .recorder = run_.recorder(now), .run = run_.state()});
   foxglove_.pump(now);
@@ -85,12 +117,16 @@ void WebFeed::handle(const WebServer::Event& event, TimePoint now) {
       if (event.channel == index_of(WebChannel::kScene)) scene_.send_scene_to(event.client);
       if (event.channel == index_of(WebChannel::kMesh)) scene_.send_meshes_to(event.client);
       if (event.channel == index_of(WebChannel::kPoints)) foxglove_.repeat_points();
+      if (event.channel == index_of(WebChannel::kLog)) log_.send_history_to(event.client);
       return;
     case WebServer::Event::Kind::kHandTarget:
       hand_.take(event.client, event.payload, now);
       return;
     case WebServer::Event::Kind::kRunRequest:
       run_.request(event.client, event.payload, now);
+      return;
+    case WebServer::Event::Kind::kTissueChange:
+      tissue_.take(event.client, event.payload, now);
       return;
     case WebServer::Event::Kind::kLeft:
       hand_.client_left(event.client, now);

@@ -1,9 +1,10 @@
 // web_feed.h — serves a running session to web clients, and passes on what they may send: hand
-// targets, and requests to the run.
+// targets, changes of tissues, and requests to the run.
 //
 //   in   hop 5  telemetry of all nodes, SceneState, MeshFrame, RunState
 //   out  hop 6  HandTarget  see web_hand.h
 //        hop 7  RunRequest  see web_run.h
+//        hop 8  TissueChange  see web_tissue.h
 //
 // Thread: the viewer's; the server has its own.
 #pragma once
@@ -25,6 +26,7 @@
 #include "viewer_node/web_options.h"
 #include "viewer_node/web_run.h"
 #include "viewer_node/web_scene.h"
+#include "viewer_node/web_tissue.h"
 
 namespace palpate::viewer {
 
@@ -50,6 +52,7 @@ class WebFeed {
   WebLog log_;
   WebScene scene_;
   WebHand hand_;
+  WebTissue tissue_;
   WebRun run_;
   WebHealth health_;
   WebFoxglove foxglove_;

@@ -60,10 +60,20 @@ void WebHealth::add_node(ViewerHealth& health, const std::string& name, const No
                           .sessions = link.sessions,
                           .batches_lost = link.batches_lost,
                           .records_lost = link.records_lost});
-  if (is_heard == std::exchange(was_heard_[name], is_heard)) return;
-  log_.write(is_heard ? LogLevel::kInfo : LogLevel::kWarning, "viewer_node",
-             std::string("event=") + (is_heard ? "node_heard" : "node_silent") + " node=" + name +
-                 "_node");
+  // a replay stands still and begins anew as viewers like; its nodes are not silent then
+  if (!health.run.replay) note_node(name, is_heard, link.sessions);
+}
+
+void WebHealth::note_node(const std::string& name, bool is_heard, std::uint64_t sessions) {
+  const auto write = [&](LogLevel level, const char* event) {
+    log_.write(level, "viewer_node", std::string("event=") + event + " node=" + name + "_node");
+  };
+  const Seen before = std::exchange(seen_[name], {is_heard, sessions});
+  if (before.sessions > 0 && sessions > before.sessions) {
+    write(LogLevel::kWarning, "node_restarted");
+  }
+  if (is_heard == before.is_heard) return;
+  write(is_heard ? LogLevel::kInfo : LogLevel::kWarning, is_heard ? "node_heard" : "node_silent");
 }
 
 }  // namespace palpate::viewer

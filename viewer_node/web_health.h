@@ -34,6 +34,7 @@ class WebHealth {
 
  private:
   void add_node(ViewerHealth& health, const std::string& name, const NodeLink& link, TimePoint now);
+  void note_node(const std::string& name, bool is_heard, std::uint64_t sessions);
 
   const Session& session_;
   std::span<const TelemetryMirror> mirrors_;
@@ -41,7 +42,11 @@ class WebHealth {
   WebServer& server_;
   WebLog& log_;
   MetricsText metrics_;
-  std::map<std::string, bool> was_heard_;  // by node
+  struct Seen {
+    bool is_heard = false;
+    std::uint64_t sessions = 0;
+  };
+  std::map<std::string, Seen> seen_;  // by node
   TimePoint next_{};
 };
 

@@ -16,12 +16,6 @@ namespace {
 constexpr std::size_t kMinTokenBytes = 16;
 constexpr std::uintmax_t kMaxTokenFileBytes = 4096;
 
-bool is_loopback(const std::string& address) {
-  in_addr v4{};
-  if (inet_pton(AF_INET, address.c_str(), &v4) == 1) return (ntohl(v4.s_addr) >> 24) == 127;
-  return address == "::1";
-}
-
 /// "127.0.0.1:8765", "[::1]:0", "localhost:8765".
 void read_listen(const std::string& listen, WebServerConfig& config) {
   const std::size_t colon = listen.rfind(':');
@@ -65,6 +59,12 @@ std::string read_token(const std::string& file) {
 }
 
 }  // namespace
+
+bool is_loopback(const std::string& address) {
+  in_addr v4{};
+  if (inet_pton(AF_INET, address.c_str(), &v4) == 1) return (ntohl(v4.s_addr) >> 24) == 127;
+  return address == "::1";
+}
 
 WebServerConfig web_config(const WebOptions& options, const WebConfig& session) {
   WebServerConfig config{.port = session.port, .may_move = true};

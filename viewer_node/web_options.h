@@ -27,6 +27,9 @@ struct WebOptions {
   }
 };
 
+/// A numeric address of this machine alone.
+[[nodiscard]] bool is_loopback(const std::string& address);
+
 /// Combines the options with the session. Throws SetupError: a malformed address, an address other
 /// than loopback without a token, a token file that is unreadable, open to other users or holds
 /// less than 16 characters.

@@ -9,6 +9,7 @@
 #include <optional>
 #include <vector>
 
+#include "common/core/message_copy.h"
 #include "common/core/random.h"
 #include "common/core/time.h"
 
@@ -60,7 +61,9 @@ class FaultLine {
  public:
   FaultLine(const LinkFaults& faults, std::uint64_t seed, TimePoint start)
       : faults_(faults), random_(seed), start_(start) {
-    pending_.reserve(64);
+    pending_.reserve(kReady);
+    messages_.reserve(kReady);
+    free_.reserve(kReady);
   }
 
   void push(const T& message, TimePoint now) {
@@ -74,15 +77,11 @@ class FaultLine {
     if (is_lost || is_in_burst || window(FaultWindow::Kind::kOutage, now)) return;
 
     // frozen content with a new header
-    T delivered = message;
-    if (window(FaultWindow::Kind::kFreeze, now)) {
-      if (!is_frozen_) frozen_ = message;
-      is_frozen_ = true;
-      delivered = frozen_;
-      delivered.header = message.header;
-    } else {
-      is_frozen_ = false;
-    }
+    const bool is_frozen = window(FaultWindow::Kind::kFreeze, now).has_value();
+    if (is_frozen && !is_frozen_) copy_message(message, frozen_);
+    if (is_frozen) frozen_.header = message.header;
+    is_frozen_ = is_frozen;
+    const T& delivered = is_frozen ? frozen_ : message;
 
     // delay: constant, random, until the end of a stall
     TimePoint due = now + faults_.delay;
@@ -109,7 +108,8 @@ class FaultLine {
   [[nodiscard]] bool pop(TimePoint now, T& message, TimePoint& due) {
     if (pending_.empty() || pending_.front().due > now) return false;
     std::pop_heap(pending_.begin(), pending_.end(), Later{});
-    message = pending_.back().message;
+    copy_message(messages_[pending_.back().slot], message);
+    free_.push_back(pending_.back().slot);
     due = pending_.back().due;
     pending_.pop_back();
     return true;
@@ -121,10 +121,12 @@ class FaultLine {
   }
 
  private:
+  static constexpr std::size_t kReady = 64;  // messages that need no further allocation
+
   struct Pending {
-    T message;
     TimePoint due;
     std::uint64_t order;
+    std::size_t slot;  // of messages_
   };
   struct Later {
     bool operator()(const Pending& a, const Pending& b) const {
@@ -133,7 +135,14 @@ class FaultLine {
   };
 
   void insert(const T& message, TimePoint due) {
-    pending_.push_back({message, due, order_++});
+    if (free_.empty()) {
+      free_.push_back(messages_.size());
+      messages_.emplace_back();
+    }
+    const std::size_t slot = free_.back();
+    free_.pop_back();
+    copy_message(message, messages_[slot]);
+    pending_.push_back({due, order_++, slot});
     std::push_heap(pending_.begin(), pending_.end(), Later{});
   }
 
@@ -149,7 +158,9 @@ class FaultLine {
   LinkFaults faults_;
   Random random_;
   TimePoint start_;
-  std::vector<Pending> pending_;  // heap, earliest due first
+  std::vector<Pending> pending_;   // heap, earliest due first
+  std::vector<T> messages_;        // kilobytes each: they stay where they are
+  std::vector<std::size_t> free_;  // slots of messages_
   std::uint64_t order_ = 0;
   TimePoint newest_due_{};
   std::uint32_t burst_left_ = 0;

@@ -1,6 +1,7 @@
-// scene_messages.h — the scene that physics_node publishes to viewers (hop 5) and the hand target
-// that a viewer sends (hop 6), as plain structs in SI units. Wire form: scene.proto and
-// hand_target.proto in proto/palpate/v1. Not for the haptic loop: these structs allocate.
+// scene_messages.h — the scene that physics_node publishes to viewers (hop 5), and the hand target
+// (hop 6) and the change of a tissue (hop 8) that a viewer sends, as plain structs in SI units.
+// Wire form: scene.proto, hand_target.proto and tissue_change.proto in proto/palpate/v1. Not for
+// the haptic loop: these structs allocate.
 #pragma once
 
 #include <cstdint>
@@ -59,6 +60,7 @@ struct SceneState {
   double workspace_scale_ratio = 1.0;  ///< tool displacement / hand displacement
   std::vector<TissueSurface> tissues;
   std::optional<PointerConfig> pointer;  ///< empty: HandTarget is not accepted
+  bool accepts_changes = false;          ///< of tissues: TissueChange
 };
 
 /// Hop 5: deformed vertices of one tissue, and the displacement of the whole tissue.
@@ -78,6 +80,14 @@ struct HandTarget {
   std::uint64_t holder_id = 0;                ///< one client of that viewer_node; not 0
   Vector3 hand_position_m = Vector3::Zero();  ///< D
   bool is_released = false;                   ///< the client releases the hand, which stays
+};
+
+/// Hop 8: other material constants for a tissue.
+struct TissueChange {
+  Header header;                        ///< viewer_node's
+  std::uint32_t tissue = 0;             ///< index in SceneState::tissues
+  double stiffness_newton_per_m = 0.0;  ///< k ≥ 0; with b not both 0
+  double damping_newton_s_per_m = 0.0;  ///< b ≥ 0
 };
 
 }  // namespace palpate

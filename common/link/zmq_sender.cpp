@@ -63,5 +63,6 @@ template class ZmqSender<PhysicsBatch>;
 template class ZmqSender<HandTarget>;
 template class ZmqSender<RunState>;
 template class ZmqSender<RunRequest>;
+template class ZmqSender<TissueChange>;
 
 }  // namespace palpate

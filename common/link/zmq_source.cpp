@@ -46,5 +46,6 @@ template class ZmqSource<ToolMotion>;
 template class ZmqSource<Interaction>;
 template class ZmqSource<HandTarget>;
 template class ZmqSource<RunRequest>;
+template class ZmqSource<TissueChange>;
 
 }  // namespace palpate

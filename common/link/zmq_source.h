@@ -1,4 +1,4 @@
-// zmq_source.h — incoming end of a one-way link: hops 2, 3 and 6.
+// zmq_source.h — incoming end of a one-way link: hops 2, 3, 6 and 7.
 #pragma once
 
 #include <cstdint>

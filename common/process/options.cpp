@@ -61,6 +61,11 @@ void add_insecure_flag(CLI::App& app, bool& is_insecure) {
                "session and send messages to it");
 }
 
+void add_no_adversary_flag(CLI::App& app, bool& has_no_adversary) {
+  app.add_flag("--no-adversary", has_no_adversary,
+               "leave out `adversary { … }` of the session, which is for lockstep only");
+}
+
 void add_unsafe_flag(CLI::App& app, bool& is_unsafe) {
   app.add_flag(
       "--unsafe", is_unsafe,

@@ -23,6 +23,8 @@ void add_overwrite_flag(CLI::App& app, bool& may_overwrite);
 void add_no_realtime_flag(CLI::App& app, bool& has_no_realtime);
 /// --insecure
 void add_insecure_flag(CLI::App& app, bool& is_insecure);
+/// --no-adversary
+void add_no_adversary_flag(CLI::App& app, bool& has_no_adversary);
 /// --unsafe
 void add_unsafe_flag(CLI::App& app, bool& is_unsafe);
 

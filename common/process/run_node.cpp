@@ -107,6 +107,16 @@ void allow_plain_tcp(Session& session) {
   session.security.may_be_plain = true;
 }
 
+void leave_adversary_out(Session& session, bool has_no_adversary) {
+  if (session.adversary.is_any() && !has_no_adversary) {
+    throw SetupError(
+        session.file +
+        ": adversary attacks the clamp, in simulation only; use `palpate loopback`, or "
+        "give --no-adversary to run the session without it");
+  }
+  session.adversary = {};
+}
+
 void ignore_output_signals() {
   std::signal(SIGPIPE, SIG_IGN);
   std::signal(SIGXFSZ, SIG_IGN);
@@ -128,7 +138,7 @@ FlightFiles flight_files(const NodeContext& context, const std::string& node) {
 
 int run_node(int argc, char** argv, const NodeInfo& info,
              const std::function<void(NodeContext&)>& body) {
-  const std::string program = info.name + "_node";
+  const std::string program = info.program.empty() ? info.name + "_node" : info.program;
   ignore_output_signals();
   CLI::App app(info.description, program);
   std::filesystem::path session_file;
@@ -138,9 +148,9 @@ int run_node(int argc, char** argv, const NodeInfo& info,
   bool has_no_realtime = false;
   bool is_insecure = false;
   bool is_unsafe = false;
-  app.add_option("--session", session_file, "session file (*.txtpb), the same for every node")
-      ->required()
-      ->type_name("FILE");
+  CLI::Option* const session_option =
+      app.add_option("--session", session_file, "session file (*.txtpb), the same for every node")
+          ->type_name("FILE");
   add_override_option(app, overrides);
   if (info.is_of_one_side) {
     app.add_option("--side", side, "which device to serve, if the session has several")
@@ -149,6 +159,8 @@ int run_node(int argc, char** argv, const NodeInfo& info,
   add_seconds_option(app, seconds, "stop after this time in s (default: run until stopped)");
   add_no_realtime_flag(app, has_no_realtime);
   add_insecure_flag(app, is_insecure);
+  bool has_no_adversary = false;
+  add_no_adversary_flag(app, has_no_adversary);
   if (info.moves_device) add_unsafe_flag(app, is_unsafe);
   std::string log_level = "info";
   app.add_option("--log-level", log_level, "least severe lines of the log (default: info)")
@@ -160,14 +172,26 @@ int run_node(int argc, char** argv, const NodeInfo& info,
   if (!info.signals.empty()) footer += "\n\n" + info.signals;
   app.footer(footer);
   if (info.add_options) info.add_options(app);
+  std::optional<LaunchedSession> launched;
   try {
+    if (info.launched) launched = info.launched();
+    session_option->required(!launched);
     app.parse(argc, argv);
+  } catch (const SetupError& e) {
+    std::fprintf(stderr, "%s: %s\n", program.c_str(), e.what());
+    return kExitSetupError;
   } catch (const CLI::ParseError& e) {
     return status_with_output(app.exit(e) == 0 ? 0 : kExitSetupError, program);
   }
 
   try {
+    if (launched && session_file.empty()) {
+      session_file = launched->file;
+      overrides.insert(overrides.begin(), launched->overrides.begin(), launched->overrides.end());
+      is_insecure = is_insecure || launched->is_insecure;
+    }
     Session session = load_session(session_file, overrides);
+    leave_adversary_out(session, has_no_adversary);
     if (info.is_of_one_side) session = with_only_side(std::move(session), side);
     for (const Side& each : session.sides) refuse_inproc(session, each);
     if (is_insecure) allow_plain_tcp(session);

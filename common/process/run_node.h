@@ -3,8 +3,10 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <stop_token>
 #include <string>
+#include <vector>
 
 #include "common/core/clock.h"
 #include "common/process/log.h"
@@ -21,12 +23,23 @@ namespace palpate {
 inline constexpr int kExitFailure = 1;
 inline constexpr int kExitSetupError = 2;  ///< the user must act; a restart would not help
 
+/// The session of a program that `palpate launch` started without arguments of its own.
+struct LaunchedSession {
+  std::string file;
+  std::vector<std::string> overrides;
+  bool is_insecure = false;
+};
+
 struct NodeInfo {
-  std::string name;             ///< "device"; the program is device_node
+  std::string name;             ///< "device"
+  std::string program = {};     ///< empty: "device_node"
   std::string description;      ///< one sentence for --help
   std::string signals = {};     ///< for --help: effect of SIGUSR1 and SIGUSR2; empty: none
   bool is_of_one_side = false;  ///< takes --side and gets the session of that side only
   bool moves_device = false;    ///< takes --unsafe
+  /// Where --session is not given, the session that counts; none: --session is required. May be
+  /// empty. May throw SetupError.
+  std::function<std::optional<LaunchedSession>()> launched = {};
   /// Adds options of this node to the common ones; may be empty.
   std::function<void(CLI::App&)> add_options = {};
 };
@@ -45,6 +58,10 @@ struct NodeContext {
 /// For --insecure: allows tcp beyond loopback without keys. Throws SetupError if the session has
 /// keys.
 void allow_plain_tcp(Session& session);
+
+/// Leaves the adversary of the session out if `has_no_adversary`, which is --no-adversary. Throws
+/// SetupError if it has one otherwise: it is for lockstep, nothing of it reaches a device.
+void leave_adversary_out(Session& session, bool has_no_adversary);
 
 /// Makes writing to a closed pipe or beyond the file size limit an error of that write instead of a
 /// signal that kills the process.

@@ -9,10 +9,25 @@
 #include "common/core/messages.h"
 #include "common/core/time.h"
 #include "common/core/vector.h"
+#include "common/session/rivals_config.h"
 
 namespace palpate {
 
-enum class ControllerKind : std::uint8_t { kNone, kMofc };
+enum class ControllerKind : std::uint8_t {
+  kNone,
+  kMofc,
+  // published by others: mofc_node/controllers/rivals
+  kVirtualCoupling,
+  kEnergyBounding,
+  kForceBounding,
+  kPassivityControl,
+  kMemoryBased,
+  kOutputLimiter,
+  kInputToState,
+  kTwoPort,
+  kEnergyTank,
+  kLyapunov,
+};
 enum class MofcMode : std::uint8_t { kPaper, kVector, kGuard };
 /// Mode paper: the Coulomb friction credited to each axis.
 enum class PaperFriction : std::uint8_t {
@@ -66,6 +81,8 @@ struct MofcConfig {
   MofcMode mode = MofcMode::kGuard;
   GuardConfig guard;
   PaperFriction paper_friction = PaperFriction::kAsPublished;
+  RivalsConfig rivals{};
+  bool has_safety_net = false;  ///< mode guard limits what the controller requests
   Duration
       wait_for_physics{};  ///< 0: never wait; else answer from the Interaction of the same tick
   Duration delta_max{};    ///< longest time from reading to switch; not in mode paper
@@ -78,7 +95,7 @@ struct MofcConfig {
   std::optional<MotionDeadband> motion_deadband{};  ///< none: every motion is sent
 };
 
-/// "none", "mofc paper", "mofc vector", "mofc guard".
+/// "none", "mofc guard", "force_bounding", …; with the safety net "none behind guard".
 [[nodiscard]] std::string controller_text(const MofcConfig& config);
 
 }  // namespace palpate

@@ -50,8 +50,35 @@ ClampedDevice clamped_device(const DeviceConfig& device) {
           .peak_force_newton = device.peak_force_newton};
 }
 
-std::string controller_text(const MofcConfig& config) {
-  if (config.controller == ControllerKind::kNone) return "none";
+namespace {
+
+const char* controller_name(const MofcConfig& config) {
+  switch (config.controller) {
+    case ControllerKind::kNone:
+      return "none";
+    case ControllerKind::kMofc:
+      break;
+    case ControllerKind::kVirtualCoupling:
+      return "virtual_coupling";
+    case ControllerKind::kEnergyBounding:
+      return "energy_bounding";
+    case ControllerKind::kForceBounding:
+      return "force_bounding";
+    case ControllerKind::kPassivityControl:
+      return "passivity_control";
+    case ControllerKind::kMemoryBased:
+      return "memory_based";
+    case ControllerKind::kOutputLimiter:
+      return "output_limiter";
+    case ControllerKind::kInputToState:
+      return "input_to_state";
+    case ControllerKind::kTwoPort:
+      return "two_port";
+    case ControllerKind::kEnergyTank:
+      return "energy_tank";
+    case ControllerKind::kLyapunov:
+      return "lyapunov";
+  }
   switch (config.mode) {
     case MofcMode::kPaper:
       return "mofc paper";
@@ -61,6 +88,12 @@ std::string controller_text(const MofcConfig& config) {
       return "mofc guard";
   }
   return "?";
+}
+
+}  // namespace
+
+std::string controller_text(const MofcConfig& config) {
+  return std::string(controller_name(config)) + (config.has_safety_net ? " behind guard" : "");
 }
 
 }  // namespace palpate

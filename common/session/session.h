@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "common/session/adversary_config.h"
 #include "common/session/device_config.h"
 #include "common/session/link_config.h"
 #include "common/session/mofc_config.h"
@@ -35,6 +36,8 @@ struct Session {
   double duration_s = 10.0;
   std::uint64_t seed = 1;
   std::string physics_telemetry;  ///< endpoint: physics → viewers, hop 5
+  /// Endpoint: physics ← viewers, hop 8; always an ipc file, used only with viewer.has_control.
+  std::string tissue_change;
   PhysicsConfig physics;
   /// Physics from elsewhere: a program, absolute or to be found in PATH, and its arguments, which
   /// `palpate launch` starts instead of physics_node. Empty: none.
@@ -43,6 +46,7 @@ struct Session {
   ViewerConfig viewer;
   FaultsConfig faults;
   SecurityConfig security;
+  AdversaryConfig adversary;                       ///< lockstep only
   std::vector<Side> sides = std::vector<Side>(1);  ///< never empty
 
   /// The only side; with several devices the first.

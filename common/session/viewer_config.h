@@ -16,6 +16,7 @@ struct WebConfig {
 struct ViewerConfig {
   Duration status_interval = std::chrono::milliseconds(500);
   WebConfig web;
+  bool has_control = false;  ///< a page may change stiffness and damping of tissues
 };
 
 }  // namespace palpate

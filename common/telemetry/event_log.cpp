@@ -103,11 +103,14 @@ void EventLog<MofcCounters>::note(const MofcCounters& counters, TimePoint now) {
 }
 
 EventLog<PhysicsCounters>::EventLog(spdlog::logger& log)
-    : tool_motion_(log, "tool_motion"), overruns_(log, spdlog::level::warn, "ticks_skipped") {}
+    : tool_motion_(log, "tool_motion"),
+      overruns_(log, spdlog::level::warn, "ticks_skipped"),
+      tissue_changes_refused_(log, spdlog::level::warn, "tissue_change_refused") {}
 
 void EventLog<PhysicsCounters>::note(const PhysicsCounters& counters, TimePoint now) {
   tool_motion_.note(counters.tool_motion, now);
   overruns_.note(counters.loop.skipped_ticks, now);
+  tissue_changes_refused_.note(counters.tissue_changes_refused, now);
 }
 
 }  // namespace palpate

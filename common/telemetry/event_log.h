@@ -105,6 +105,7 @@ class EventLog<PhysicsCounters> {
  private:
   LinkEvents tool_motion_;
   GrowthEvent overruns_;
+  GrowthEvent tissue_changes_refused_;
 };
 
 }  // namespace palpate

@@ -62,14 +62,15 @@ void write_flight_row(std::ostream& out, const MofcTick& t) {
 void write_flight_header(std::ostream& out, const PhysicsTick&) {
   out << "sequence,stepped_at_ns,device_sequence," << vector_columns("tool_position_world_m") << ','
       << vector_columns("force_on_tool_newton")
-      << ",stored_energy_joule,contact_count,compute_time_ns\n";
+      << ",stored_energy_joule,contact_count,compute_time_ns,penetration_m,"
+         "stiffness_newton_per_m\n";
 }
 
 void write_flight_row(std::ostream& out, const PhysicsTick& t) {
   out << t.sequence << ',' << ns(t.stepped_at) << ',' << t.device_sequence << ','
       << vector(t.tool_position_world_m) << ',' << vector(t.force_on_tool_newton) << ','
       << number(t.stored_energy_joule) << ',' << t.contact_count << ',' << t.compute_time.count()
-      << '\n';
+      << ',' << number(t.penetration_m) << ',' << number(t.stiffness_newton_per_m) << '\n';
 }
 
 std::string new_flight_file(const FlightFiles& files) {

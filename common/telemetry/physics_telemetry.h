@@ -21,6 +21,8 @@ struct PhysicsTick {
   double stored_energy_joule = 0.0;
   std::uint32_t contact_count = 0;
   Duration compute_time{};
+  double penetration_m = 0.0;           ///< of the deepest contact; 0 without one; NaN: unknown
+  double stiffness_newton_per_m = 0.0;  ///< along its normal, −n·∂f/∂x·n; NaN: unknown
 };
 
 struct PhysicsCounters {
@@ -36,6 +38,8 @@ struct PhysicsCounters {
   std::uint64_t interactions_suppressed = 0;  ///< not sent: within physics.interaction_deadband
   std::uint64_t mesh_frames = 0;              ///< computed for viewers; all tools
   std::uint64_t meshes_skipped = 0;           ///< due at 30 Hz, not computed: no subscriber
+  std::uint64_t tissue_changes = 0;           ///< applied; all tools
+  std::uint64_t tissue_changes_refused = 0;   ///< no such tissue, or it cannot be changed
   Duration worst_compute_time{};
 };
 

@@ -36,12 +36,15 @@ void RunStatistics::add(const TickRow& row, const IdealState& ideal) {
 
   // safety
   maximum_force_newton_ = std::max(maximum_force_newton_, fs.norm());
+  add_fallback(device);
   if (!std::isnan(device.minimum_true_energy_joule)) {
     minimum_true_energy_joule_ = device.minimum_true_energy_joule;
   }
 
   // the path, and the path of the ideal run
   if (device.true_tool_position_world_m.allFinite()) {
+    top_tool_speed_m_per_s_ =
+        std::max(top_tool_speed_m_per_s_, device.true_tool_velocity_world_m_per_s.norm());
     reversals_.add(device.true_tool_position_world_m);
     if (ideal.tool_position_world_m.allFinite()) {
       ++deviation_samples_;
@@ -52,6 +55,18 @@ void RunStatistics::add(const TickRow& row, const IdealState& ideal) {
       deviation_peak_m_ = std::max(deviation_peak_m_, std::sqrt(deviation2));
     }
   }
+}
+
+void RunStatistics::add_fallback(const DeviceTick& tick) {
+  if (tick.guard == GuardState::kAnswered) was_answered_ = true;
+  if (tick.guard == GuardState::kAnswered || tick.guard == GuardState::kLeased) {
+    fallback_from_.reset();
+    return;
+  }
+  if (!was_answered_) return;
+  if (!fallback_from_) fallback_from_ = tick.switched_at;
+  longest_fallback_s_ =
+      std::max(longest_fallback_s_, to_seconds(tick.switched_at - *fallback_from_));
 }
 
 std::uint64_t RunStatistics::excess_reversals() const {

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstdint>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 
 #include "common/session/session.h"
@@ -37,6 +38,10 @@ class RunStatistics {
   [[nodiscard]] double beyond_jnd_ratio() const;
   [[nodiscard]] double minimum_true_energy_joule() const { return minimum_true_energy_joule_; }
   [[nodiscard]] double maximum_force_newton() const { return maximum_force_newton_; }
+  /// Of a simulated device: the true speed of the tool at the ticks.
+  [[nodiscard]] double top_tool_speed_m_per_s() const { return top_tool_speed_m_per_s_; }
+  /// Without the force of an answer, after the first one.
+  [[nodiscard]] double longest_fallback_s() const { return longest_fallback_s_; }
   [[nodiscard]] std::array<std::uint64_t, 3> reversals() const { return reversals_.reversals(); }
   [[nodiscard]] std::array<std::uint64_t, 3> ideal_reversals() const {
     return ideal_reversals_.reversals();
@@ -50,6 +55,8 @@ class RunStatistics {
   [[nodiscard]] double clamp_ratio() const;
 
  private:
+  void add_fallback(const DeviceTick& tick);
+
   std::uint64_t ticks_ = 0;
   std::uint64_t contact_ticks_ = 0;
   std::uint64_t asked_ticks_ = 0;
@@ -61,6 +68,10 @@ class RunStatistics {
   std::uint64_t beyond_jnd_ = 0;
   double minimum_true_energy_joule_ = kNaN;
   double maximum_force_newton_ = 0.0;
+  double top_tool_speed_m_per_s_ = 0.0;
+  bool was_answered_ = false;
+  std::optional<TimePoint> fallback_from_;
+  double longest_fallback_s_ = 0.0;
   ReversalCounter reversals_;
   ReversalCounter ideal_reversals_;
   std::uint64_t deviation_samples_ = 0;

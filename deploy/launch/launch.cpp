@@ -159,6 +159,7 @@ std::vector<ChildSpec> nodes_of(const LaunchOptions& options, const Session& ses
   }
   if (!options.is_realtime) arguments.emplace_back("--no-realtime");
   if (options.is_insecure) arguments.emplace_back("--insecure");
+  if (options.has_no_adversary) arguments.emplace_back("--no-adversary");
   if (options.is_quiet) arguments.insert(arguments.end(), {"--log-level", "warn"});
 
   const auto is_here = [&](const char* node) { return options.nodes.contains(node); };

@@ -5,8 +5,10 @@
 #include <utility>
 
 #include "common/core/inbox.h"
+#include "common/core/message_copy.h"
 #include "common/core/random.h"
 #include "common/core/tick_schedule.h"
+#include "deploy/lockstep/adversary.h"
 #include "deploy/lockstep/device_faults.h"
 #include "deploy/lockstep/ideal.h"
 #include "deploy/lockstep/virtual_time.h"
@@ -16,6 +18,7 @@
 #include "device_node/simulation/true_state_recorder.h"
 #include "mofc_node/mofc_node.h"
 #include "physics_node/physics_node.h"
+#include "physics_node/scene_engine.h"
 
 namespace palpate {
 namespace {
@@ -38,20 +41,29 @@ class LastTick final : public TickSink<Record> {
   std::function<void(const Record&)> on_tick_;
 };
 
-/// Hop 3 with LockstepOptions::tamper_with_interaction.
+/// Hop 3 with the session's adversary and LockstepOptions::tamper_with_interaction.
 class TamperedSender final : public Sender<Interaction> {
  public:
-  TamperedSender(Sender<Interaction>& out, std::function<void(Interaction&)> tamper)
-      : out_(out), tamper_(std::move(tamper)) {}
+  TamperedSender(Sender<Interaction>& out, HostilePhysics physics, std::uint64_t seed,
+                 std::function<void(Interaction&)> tamper)
+      : out_(out),
+        is_honest_(physics == HostilePhysics::kHonest && !tamper),
+        tamperer_(physics, seed),
+        tamper_(std::move(tamper)) {}
   SendResult send(const Interaction& interaction) noexcept override {
-    Interaction changed = interaction;
-    if (tamper_) tamper_(changed);
-    return out_.send(changed);
+    if (is_honest_) return out_.send(interaction);
+    copy_message(interaction, changed_);
+    tamperer_.tamper(changed_);
+    if (tamper_) tamper_(changed_);
+    return out_.send(changed_);
   }
 
  private:
   Sender<Interaction>& out_;
+  bool is_honest_;
+  PhysicsTamperer tamperer_;
   std::function<void(Interaction&)> tamper_;
+  Interaction changed_{};
 };
 
 /// Session::device, after the hands-off check if the session has one.
@@ -74,9 +86,13 @@ class Lockstep::Impl {
       : session_(session),
         on_row_(std::move(on_row)),
         device_lateness_(options.device_lateness),
-        tamper_with_command_(options.tamper_with_command),
+        late_ticks_(session.adversary, session.side().device.rate_hz,
+                    stream_seed(session, session.side(), "tick jitter")),
+        clamp_tamperer_(session.adversary.clamp),
         links_(make_links(options.links, time_, link_hooks())),
-        tampered_interaction_out_(*links_->interaction_out, options.tamper_with_interaction),
+        tampered_interaction_out_(*links_->interaction_out, session.adversary.physics,
+                                  stream_seed(session, session.side(), "hostile physics"),
+                                  options.tamper_with_interaction),
         device_(session.side().simulated, session.side().hand, time_,
                 stream_seed(session, session.side(), "hand")),
         preempted_device_(device_, session.faults.device, time_,
@@ -97,8 +113,12 @@ class Lockstep::Impl {
                      *links_->state_out, command_in_, device_tick_, kLockstepDevice, &true_state_),
         mofc_node_(session.side().mofc, clamped_device(session.side().device), time_,
                    *links_->motion_out, interaction_in_, mofc_tick_, kLockstepMofc),
-        physics_node_(session.scene, session.physics, session.side().mofc.interaction, time_,
-                      motion_in_, tampered_interaction_out_, physics_tick_, kLockstepPhysics),
+        engine_(options.make_engine
+                    ? options.make_engine(session)
+                    : std::make_unique<physics::SceneEngine>(session.scene, session.physics,
+                                                             session.side().mofc.interaction)),
+        physics_node_(*engine_, session.physics, session.side().mofc.interaction, time_, motion_in_,
+                      tampered_interaction_out_, physics_tick_, kLockstepPhysics),
         device_schedule_(TimePoint{}, session.side().device.rate_hz),
         physics_schedule_(TimePoint{}, session.physics.rate_hz),
         steps_on_arrival_(session.side().mofc.wait_for_physics.count() > 0) {
@@ -142,6 +162,7 @@ class Lockstep::Impl {
   void schedule_device() {
     const TimePoint next = device_schedule_.next();
     Duration lateness = preempted_device_.lateness(next, device_schedule_.period());
+    lateness += late_ticks_.next();
     if (device_lateness_) lateness += device_lateness_();
     time_.schedule(next + lateness, kDeviceRank, [this] { device_turn(); });
   }
@@ -159,7 +180,7 @@ class Lockstep::Impl {
     is_mofc_busy_ = true;
     while (const Received<DeviceState>* state = state_in_.next()) {
       ForceCommand command = mofc_node_.answer(*state);
-      if (tamper_with_command_) tamper_with_command_(state->value, command);
+      clamp_tamperer_.tamper(state->value, command);
       links_->command_out->send(command);
       mofc_node_.finish_turn();
     }
@@ -203,7 +224,8 @@ class Lockstep::Impl {
   Session session_;
   RowConsumer on_row_;
   std::function<Duration()> device_lateness_;
-  std::function<void(const DeviceState&, ForceCommand&)> tamper_with_command_;
+  LateTicks late_ticks_;
+  ClampTamperer clamp_tamperer_;
   double friction_ratio_ = 0.0;  // of the hands-off check
   VirtualTime time_;
   std::unique_ptr<Links> links_;
@@ -220,6 +242,7 @@ class Lockstep::Impl {
   LastTick<PhysicsTick> physics_tick_;
   device::DeviceNode device_node_;
   mofc::MofcNode mofc_node_;
+  std::unique_ptr<physics::Engine> engine_;
   physics::PhysicsNode physics_node_;
   TickSchedule device_schedule_;
   TickSchedule physics_schedule_;

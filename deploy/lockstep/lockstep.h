@@ -10,6 +10,7 @@
 #include "common/telemetry/telemetry.h"
 #include "common/telemetry/tick_row.h"
 #include "deploy/lockstep/lockstep_links.h"
+#include "physics_node/engine.h"
 
 namespace palpate {
 
@@ -23,11 +24,12 @@ struct LockstepOptions {
   /// Compute the ideal force and the ideal run (docs/theory.md §7.1); costs about as much time as
   /// the run itself.
   bool has_ideal = false;
-  /// Changes each Interaction as it leaves physics_node, as a faulty physics would. Empty: none.
+  /// The tissue instead of the session's scene, which the ideal keeps. Empty: that scene.
+  std::function<std::unique_ptr<physics::Engine>(const Session&)> make_engine{};
+  /// Changes each Interaction as it leaves physics_node, after the session's adversary. Empty:
+  /// none.
   std::function<void(Interaction&)> tamper_with_interaction{};
-  /// Changes each ForceCommand as it leaves mofc_node, as a faulty clamp would. Empty: none.
-  std::function<void(const DeviceState&, ForceCommand&)> tamper_with_command{};
-  /// Lateness of the next device tick. Empty: on time.
+  /// More lateness of the next device tick. Empty: none.
   std::function<Duration()> device_lateness{};
   /// Called with every record of a node; may be empty.
   std::function<void(const DeviceTick&)> on_device_tick{};

@@ -54,6 +54,7 @@ template <class Work>
 [[nodiscard]] Command add_doctor_command(CLI::App& app);
 [[nodiscard]] Command add_keygen_command(CLI::App& app);
 [[nodiscard]] Command add_make_organ_command(CLI::App& app);
+[[nodiscard]] Command add_sweep_command(CLI::App& app);
 // They print what is made from the definitions of the other commands: add them last.
 [[nodiscard]] Command add_explain_command(CLI::App& app);
 [[nodiscard]] Command add_help_command(CLI::App& app);

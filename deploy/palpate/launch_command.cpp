@@ -32,6 +32,7 @@ struct LaunchCommand {
   bool has_no_realtime = false;
   bool is_insecure = false;
   bool is_unsafe = false;
+  bool has_no_adversary = false;
   std::set<std::string> nodes = {"device", "mofc", "physics", "viewer"};  ///< run on this machine
   bool is_together = false;
 
@@ -49,6 +50,7 @@ void LaunchCommand::add_to(CLI::App& app) {
   add_no_realtime_flag(app, has_no_realtime);
   add_insecure_flag(app, is_insecure);
   add_unsafe_flag(app, is_unsafe);
+  add_no_adversary_flag(app, has_no_adversary);
   const auto take_together = [this](const std::vector<std::string>& given) {
     const std::set<std::string> names(given.begin(), given.end());
     is_together = names == std::set<std::string>{"device", "mofc"} && given.size() == 2;
@@ -235,6 +237,7 @@ class RunObserver {
 int LaunchCommand::run(const Verbosity& verbosity) const {
   Session loaded = session.load(verbosity);
   if (is_insecure) allow_plain_tcp(loaded);
+  leave_adversary_out(loaded, has_no_adversary);
   output.check(loaded, tables_of(loaded, output));
   JsonOutput json(output);
 
@@ -258,6 +261,7 @@ int LaunchCommand::run(const Verbosity& verbosity) const {
                                       .is_realtime = !has_no_realtime,
                                       .is_insecure = is_insecure,
                                       .is_unsafe = is_unsafe,
+                                      .has_no_adversary = has_no_adversary,
                                       .is_quiet = verbosity.is_quiet,
                                       .on_page = [&] { return has_page ? announce_page(web) : ""; },
                                       .nodes = nodes,

@@ -134,7 +134,6 @@ void EnergyAccount::follow(const Vector3& position_m, double duration_s) noexcep
   for (std::size_t i = 0; i < used_; ++i) {
     Path& path = paths_[i];
     path.window_s = (path.window_s + duration_s) * (1.0 + kUlps);
-    if (!(path.window_s > 0.0)) continue;
     const double span = span_m(path);
     const bool ends_span = span >= kSpanResolutions * resolution_m_;
     if (ends_span || path.norm_m(window_moved_m()) >= kWindowResolutions * resolution_m_) {

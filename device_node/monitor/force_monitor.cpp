@@ -72,15 +72,10 @@ void ForceMonitor::read(TimePoint at, const Vector3& position_m) noexcept {
 void ForceMonitor::begin_credit(TimePoint at) noexcept {
   credit_joule_ = account_.joule();
   const double rest_s = to_seconds(std::min(reply_, lease_end_ - at));
-  if (rest_s > 0.0 && !acting_newton_.isZero(0.0)) {
-    credit_joule_ -= rest_s * worst_hand_.drain_watt(acting_newton_);
-  }
+  if (rest_s > 0.0) credit_joule_ -= rest_s * worst_hand_.drain_watt(acting_newton_);
 }
 
-void ForceMonitor::ended(const Vector3& position_m) noexcept {
-  settle(lease_end_, position_m);
-  acting_newton_.setZero();
-}
+void ForceMonitor::ended(const Vector3& position_m) noexcept { settle(lease_end_, position_m); }
 
 void ForceMonitor::switched(TimePoint at, const Vector3& position_m,
                             const Vector3& force_on_hand_newton, Duration lease) noexcept {
@@ -89,9 +84,7 @@ void ForceMonitor::switched(TimePoint at, const Vector3& position_m,
   lease_end_ = at + lease;
 }
 
-void ForceMonitor::released(TimePoint at) noexcept {
-  lease_end_ = std::max(since_, std::min(lease_end_, at));
-}
+void ForceMonitor::released(TimePoint at) noexcept { lease_end_ = std::min(lease_end_, at); }
 
 void ForceMonitor::count_since(TimePoint reading) noexcept {
   if (reading == claimed_) return;
@@ -119,19 +112,18 @@ void ForceMonitor::remember(const Stretch& stretch) noexcept {
 ForceMonitor::Covered ForceMonitor::cover(const Vector3& force_on_hand_newton,
                                           Duration lease) noexcept {
   Covered covered{.force_on_hand_newton = force_on_hand_newton, .lease = lease};
-  double drain = worst_hand_.drain_watt(force_on_hand_newton);
-  if (drain <= 0.0) return covered;
-
+  const double drain = worst_hand_.drain_watt(force_on_hand_newton);
   const double left = std::max(0.0, credit_joule_);
-  if ((to_seconds(lease) - kLeaseRoundingS) * drain > left + kRoundingJoule) {
-    covered.is_reduced = true;
-    covered.lease =
-        std::max(std::min(lease, hold_), Duration(static_cast<std::int64_t>(1e9 * (left / drain))));
-    const double lease_s = to_seconds(covered.lease);
-    covered.force_on_hand_newton *= worst_hand_.largest_scale(force_on_hand_newton, left / lease_s);
-    drain = worst_hand_.drain_watt(covered.force_on_hand_newton);
+  if ((to_seconds(lease) - kLeaseRoundingS) * drain <= left + kRoundingJoule) {
+    credit_joule_ -= to_seconds(lease) * drain;
+    return covered;
   }
-  credit_joule_ -= to_seconds(covered.lease) * drain;
+  covered.is_reduced = true;
+  covered.lease =
+      std::max(std::min(lease, hold_), Duration(static_cast<std::int64_t>(1e9 * (left / drain))));
+  covered.force_on_hand_newton *=
+      worst_hand_.largest_scale(force_on_hand_newton, left / to_seconds(covered.lease));
+  credit_joule_ = 0.0;  // all of it is spent
   return covered;
 }
 
@@ -157,7 +149,6 @@ void ForceMonitor::settle(TimePoint at, const Vector3& position_m) noexcept {
                            .position_at_end_m = position_m,
                            .v_max_m_per_s = worst_hand_.v_max_m_per_s(),
                            .most_drawn_joule = acted_s * worst_hand_.drain_watt(acting_newton_)});
-    acting_newton_.setZero();
     harmless_count_ = 0;
   } else {
     account_.book(duration_s, acting_newton_, position_m);

@@ -22,6 +22,21 @@ struct AppliedStretch {
   bool has_position_at_end = true;
 };
 
+/// The tissue near the tool as the contact model of hop 3 describes it, at places where the tool is
+/// not: for controllers that couple the hand to a proxy or predict the next step. No allocation, no
+/// throw.
+class TissueProbe {
+ public:
+  struct Force {
+    Vector3 force_on_hand_newton = Vector3::Zero();
+    double stored_energy_joule = 0.0;  ///< ≥ 0, as the hand would get it
+  };
+  virtual ~TissueProbe() = default;
+  /// For a hand at this place, moving at this velocity, now.
+  [[nodiscard]] virtual Force at(const Vector3& hand_position_m,
+                                 const Vector3& hand_velocity_m_per_s) const noexcept = 0;
+};
+
 /// One control step at t_k.
 struct ControlInput {
   Vector3 hand_position_m = Vector3::Zero();  ///< x(k), measured
@@ -38,10 +53,17 @@ struct ControlInput {
   bool is_asked_fresh = true;
   /// Elastic energy in the environment that it may give back to the hand; 0 where unknown.
   double stored_energy_joule = 0.0;
+
+  // used by the rivals alone
+  Vector3 hand_velocity_m_per_s = Vector3::Zero();  ///< v(k), estimated
+  Vector3 evaluated_at_m = Vector3::Zero();  ///< where the hand was for the physics at F_e(k)
+  Vector3 surface_normal = Vector3::Zero();  ///< of the deepest contact, out of the tissue; or 0
+  const TissueProbe* tissue = nullptr;       ///< nullptr: there is no contact model
 };
 
 struct ControlOutput {
-  Vector3 force_on_hand_newton = Vector3::Zero();  ///< F(k), never larger than requested
+  /// F(k). Never larger than requested, but for controllers of others that inject damping.
+  Vector3 force_on_hand_newton = Vector3::Zero();
   /// Bound per axis: |F_i| ≤ f_max,i. All equal if one bound serves all axes; with one pool and
   /// friction per axis, the bound of a force along that axis alone.
   Vector3 f_max_newton = Vector3::Zero();

@@ -43,6 +43,9 @@ class DentedSurface {
   /// Presses with the tip of another tool at the time of the last advance().
   void press(const Vector3& tip_position_world_m);
 
+  /// @param relaxation_s  as for the constructor
+  void set_relaxation(double relaxation_s) { relaxation_s_ = relaxation_s; }
+
   /// The vertices that moved since they were last taken, by more than 10 µm or back to rest.
   [[nodiscard]] std::optional<VertexRange> take_moved();
   /// All vertices that are not at rest; they count as taken.

@@ -12,15 +12,13 @@
 namespace palpate::physics {
 namespace {
 
-constexpr Duration kFrameInterval = std::chrono::nanoseconds(1'000'000'000 / 30);
+constexpr Duration kChangeInterval = std::chrono::milliseconds(200);  // a scene may have megabytes
 constexpr std::size_t kVerticesPerFrame = 100'000;  // 1.2 MB; a larger range is sent in parts
 constexpr double kSceneVertices = 3e5;      // 11 MB with triangles; a message has at most 16 MiB
 constexpr std::size_t kMovedAtOnce = 12;    // with some dents, within the link's high-water mark
 constexpr double kPatchHalfExtent_m = 0.1;  // workspace of the hand, about that of an Omni
 
-double relaxation_s(const KelvinVoigtMaterial& material) {
-  const double k = material.stiffness_newton_per_m;
-  const double b = material.damping_newton_s_per_m;
+double relaxation_s(double k, double b) {
   if (b == 0.0) return 0.0;
   return k > 0.0 ? b / k : std::numeric_limits<double>::infinity();
 }
@@ -51,8 +49,10 @@ DisplayArea area_of(const Session& session) {
 
 SceneDisplay::SceneDisplay(const Session& session, std::uint64_t session_id,
                            Sender<SceneState>& scene_out, Sender<MeshFrame>& mesh_out)
-    : session_(session), scene_out_(scene_out), mesh_out_(mesh_out) {
-  scene_.header.session_id = session_id;
+    : session_(session),
+      scene_out_(scene_out),
+      mesh_out_(mesh_out),
+      scene_(scene_of(session, session_id)) {
   frame_.header.session_id = session_id;
   for (const TissueConfig& tissue : session.scene.tissues) {
     shapes_.push_back(to_shape(tissue.geometry));
@@ -61,20 +61,8 @@ SceneDisplay::SceneDisplay(const Session& session, std::uint64_t session_id,
 
 void SceneDisplay::build() {
   if (scene_.revision > 0) return;
-  const WorkspaceConfig& workspace = session_.side().device.workspace;
   scene_.revision = 1;
-  scene_.session_name = session_.name;
-  scene_.session_text = session_.text;
-  scene_.controller = controller_text(session_.side().mofc);
-  scene_.device_rate_hz = session_.side().device.rate_hz;
-  scene_.physics_rate_hz = session_.physics.rate_hz;
-  scene_.peak_force_newton = session_.side().device.peak_force_newton;
-  scene_.tip_radius_m = session_.scene.tip_radius_m;
-  scene_.shaft_length_m = session_.scene.shaft_length_m;
-  scene_.shaft_radius_m = session_.scene.shaft_radius_m;
-  scene_.workspace_scale_ratio = workspace.scale_ratio;
-  scene_.pointer = session_.side().hand.pointer;
-
+  scene_.accepts_changes = session_.viewer.has_control;
   const DisplayArea area = area_of(session_);
   for (std::size_t i = 0; i < shapes_.size(); ++i) {
     const TissueConfig& tissue = session_.scene.tissues[i];
@@ -90,27 +78,65 @@ void SceneDisplay::build() {
     surface.stiffness_newton_per_m = material->stiffness_newton_per_m;
     surface.damping_newton_s_per_m = material->damping_newton_s_per_m;
     if (surface.stiffness_newton_per_m + surface.damping_newton_s_per_m == 0.0) continue;
-    const auto* file = std::get_if<FileGeometry>(&tissue.geometry);
-    if (file != nullptr && !file->stiffness_property.empty()) {
-      for (std::size_t v = 0; v < surface.mesh.vertices_m.size(); v += 3) {
-        const float* at = &surface.mesh.vertices_m[v];
-        surface.vertex_stiffness_newton_per_m.push_back(
-            static_cast<float>(material->stiffness_newton_per_m *
-                               view_of(Vector3(at[0], at[1], at[2])).stiffness_ratio));
-      }
-    }
-    dent.emplace(surface.mesh, view_of, session_.scene.tip_radius_m, relaxation_s(*material));
+    map_stiffness(i);
+    dent.emplace(surface.mesh, view_of, session_.scene.tip_radius_m,
+                 relaxation_s(surface.stiffness_newton_per_m, surface.damping_newton_s_per_m));
   }
   frame_.scene_revision = scene_.revision;
+  for (const auto& [tissue, constants] : changed_) update_material(tissue);
+}
+
+void SceneDisplay::set_material(std::size_t tissue, double stiffness_newton_per_m,
+                                double damping_newton_s_per_m) {
+  changed_[tissue] = {stiffness_newton_per_m, damping_newton_s_per_m};
+  if (scene_.revision == 0) return;
+  update_material(tissue);
+  is_change_due_ = true;
+}
+
+void SceneDisplay::update_material(std::size_t tissue) {
+  const Constants& now = changed_.at(tissue);
+  TissueSurface& surface = scene_.tissues[tissue];
+  surface.stiffness_newton_per_m = now.stiffness_newton_per_m;
+  surface.damping_newton_s_per_m = now.damping_newton_s_per_m;
+  map_stiffness(tissue);
+  if (!dents_[tissue]) return;
+  dents_[tissue]->set_relaxation(
+      relaxation_s(now.stiffness_newton_per_m, now.damping_newton_s_per_m));
+}
+
+/// The stiffness of each vertex, where a property of the file varies it.
+void SceneDisplay::map_stiffness(std::size_t tissue) {
+  const auto* file = std::get_if<FileGeometry>(&session_.scene.tissues[tissue].geometry);
+  if (file == nullptr || file->stiffness_property.empty()) return;
+  TissueSurface& surface = scene_.tissues[tissue];
+  surface.vertex_stiffness_newton_per_m.clear();
+  for (std::size_t v = 0; v < surface.mesh.vertices_m.size(); v += 3) {
+    const float* at = &surface.mesh.vertices_m[v];
+    surface.vertex_stiffness_newton_per_m.push_back(
+        static_cast<float>(surface.stiffness_newton_per_m *
+                           shapes_[tissue].view(Vector3(at[0], at[1], at[2])).stiffness_ratio));
+  }
+}
+
+void SceneDisplay::send_scene(TimePoint now) {
+  scene_.header.sampled_at = now;
+  is_too_large_ = scene_out_.send(scene_) == SendResult::kDropped;
+  ++scene_.header.sequence;
 }
 
 void SceneDisplay::publish(const Watchers& watchers, std::span<const PhysicsTick> newest,
                            TimePoint now) {
-  if (watchers.scene_subscriptions > served_.scene_subscriptions) {
+  bool is_new_watcher = watchers.mesh_subscriptions > served_.mesh_subscriptions;
+  if (is_change_due_ && now >= next_change_at_) {
+    is_change_due_ = false;
+    next_change_at_ = now + kChangeInterval;
+    frame_.scene_revision = ++scene_.revision;
+    send_scene(now);
+    is_new_watcher = true;  // a new revision begins at rest
+  } else if (watchers.scene_subscriptions > served_.scene_subscriptions) {
     build();
-    scene_.header.sampled_at = now;
-    is_too_large_ = scene_out_.send(scene_) == SendResult::kDropped;
-    ++scene_.header.sequence;
+    send_scene(now);
   }
   served_.scene_subscriptions = watchers.scene_subscriptions;
 
@@ -118,7 +144,6 @@ void SceneDisplay::publish(const Watchers& watchers, std::span<const PhysicsTick
     forget();
     served_.mesh_subscriptions = watchers.mesh_subscriptions;
   }
-  const bool is_new_watcher = watchers.mesh_subscriptions > served_.mesh_subscriptions;
   if (newest.empty() || (now < next_frames_at_ && !is_new_watcher)) return;
   next_frames_at_ = std::max(next_frames_at_ + kFrameInterval, now);
   if (!watchers.has_mesh_watcher) {

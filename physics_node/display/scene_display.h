@@ -1,8 +1,8 @@
 // scene_display.h — sends the scene to viewers: the complete scene once, then what moves.
 //
-//   out  hop 5  SceneState  physics → viewers  on every subscription, always with the same
-//   revision:
-//                                              viewers that have it can ignore the repetition
+//   out  hop 5  SceneState  physics → viewers  on every subscription with the same revision:
+//                                              viewers that have it can ignore the repetition;
+//                                              with a higher one if a tissue has changed, ≤ 5 Hz
 //   out  hop 5  MeshFrame   physics → viewers  ≤ 30 Hz per tissue, of tissue that is dented or has
 //   a
 //                                              motion of its own; of many moving tissues some in
@@ -13,7 +13,9 @@
 // Thread: the publisher's. The haptic step does not depend on it.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <map>
 #include <optional>
 #include <span>
 #include <vector>
@@ -21,38 +23,38 @@
 #include "common/core/ports.h"
 #include "common/core/scene_messages.h"
 #include "common/session/session.h"
-#include "common/telemetry/telemetry.h"
 #include "physics_node/display/dented_surface.h"
+#include "physics_node/display/display.h"
 #include "physics_node/surfaces/shape.h"
 
 namespace palpate::physics {
 
-/// The subscriptions of the connected viewers.
-struct Watchers {
-  std::uint64_t scene_subscriptions = 0;  ///< since the start
-  std::uint64_t mesh_subscriptions = 0;   ///< since the start
-  bool has_mesh_watcher = false;          ///< at present
-};
-
-class SceneDisplay {
+class SceneDisplay final : public Display {
  public:
   /// All references must outlive it. @param session_id  physics_node's
   /// @throws SetupError  if a file that a tissue's geometry names cannot be used
   SceneDisplay(const Session& session, std::uint64_t session_id, Sender<SceneState>& scene_out,
                Sender<MeshFrame>& mesh_out);
 
-  /// Sends the scene to new subscribers, and what has moved since the last frame.
-  /// @param newest  newest physics step of each tool; none before its first motion
-  void publish(const Watchers& watchers, std::span<const PhysicsTick> newest, TimePoint now);
+  void publish(const Watchers& watchers, std::span<const PhysicsTick> newest,
+               TimePoint now) override;
+  [[nodiscard]] bool is_too_large() const override { return is_too_large_; }
+  void count_into(PhysicsCounters& counters) const override;
 
-  /// The link dropped the scene because it exceeds the message size: viewers have none.
-  [[nodiscard]] bool is_too_large() const { return is_too_large_; }
-
-  /// Sets the counters of mesh frames made and skipped.
-  void count_into(PhysicsCounters& counters) const;
+  /// Another k and b of a tissue; the next publish() sends the scene.
+  void set_material(std::size_t tissue, double stiffness_newton_per_m,
+                    double damping_newton_s_per_m);
 
  private:
+  struct Constants {
+    double stiffness_newton_per_m;
+    double damping_newton_s_per_m;
+  };
+
   void build();
+  void send_scene(TimePoint now);
+  void update_material(std::size_t tissue);
+  void map_stiffness(std::size_t tissue);
   void forget();
   void send(std::size_t tissue, const VertexRange& range, const PhysicsTick& tick, TimePoint now);
 
@@ -60,7 +62,10 @@ class SceneDisplay {
   std::vector<Shape> shapes_;  // one per tissue
   Sender<SceneState>& scene_out_;
   Sender<MeshFrame>& mesh_out_;
-  SceneState scene_;  // revision 0: not built yet; then 1
+  SceneState scene_;                          // revision 0: not built yet; then from 1
+  std::map<std::size_t, Constants> changed_;  // by tissue: other than the session's
+  bool is_change_due_ = false;                // not sent yet
+  TimePoint next_change_at_{};
   MeshFrame frame_;
   std::vector<std::optional<DentedSurface>> dents_;  // none: the tissue is never dented
   Watchers served_;

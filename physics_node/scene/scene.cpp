@@ -90,6 +90,18 @@ Scene::Scene(const SceneConfig& config, double reach_m)
   bounded_ = BoxTree(std::move(items), 1);
 }
 
+void Scene::set_material(std::size_t tissue, double stiffness_newton_per_m,
+                         double damping_newton_s_per_m) noexcept {
+  const auto set = [&](KelvinVoigtMaterial& material) {
+    material.stiffness_newton_per_m = stiffness_newton_per_m;
+    material.damping_newton_s_per_m = damping_newton_s_per_m;
+  };
+  set(tissues_[tissue].material);
+  if (!descriptions_.empty() && descriptions_[tissue].description) {
+    set(descriptions_[tissue].description->material);
+  }
+}
+
 TissueMemory Scene::new_memory() const {
   return TissueMemory(std::min(2 * tissues_.size(), kMostTouches), Relaxation(relaxation_times_s_));
 }

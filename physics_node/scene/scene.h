@@ -17,15 +17,16 @@
 namespace palpate::physics {
 
 /// Tissues, and a tool: a spherical tip, optionally with a straight shaft behind it. The scene is
-/// immutable: the state of the tissues is in a TissueMemory, their position follows from the time.
+/// immutable but for set_material(): the state of the tissues is in a TissueMemory, their position
+/// follows from the time.
 /// The physics step, the ideal force and the ideal run use the same functions.
 ///
 /// The shaft touches each tissue where a sphere of its radius would be deepest, from one diameter
 /// of the tip behind the tip on. The forces on tip and shaft add up; the torque of the shaft is not
 /// rendered.
 ///
-/// Thread-safe. Real-time safe, except the constructor and new_memory(): no allocation, no lock, no
-/// throw.
+/// Thread-safe, except set_material(). Real-time safe, except the constructor and new_memory(): no
+/// allocation, no lock, no throw.
 class Scene {
  public:
   /// @param reach_m  ≥ 0; tissues this near to the tool are described before they are touched
@@ -63,6 +64,12 @@ class Scene {
                                     const Vector3& tip_velocity_world_m_per_s) const noexcept {
     return evaluate(tip_position_world_m, tip_velocity_world_m_per_s, 0.0, TissueMemory{});
   }
+
+  /// Replaces k and b of a tissue, from the next step on. Not while another thread uses the scene;
+  /// SurfaceSenders have to forget() the tissue.
+  /// @param tissue  < tissue_count()
+  void set_material(std::size_t tissue, double stiffness_newton_per_m,
+                    double damping_newton_s_per_m) noexcept;
 
   [[nodiscard]] std::size_t tissue_count() const noexcept { return tissues_.size(); }
   /// What mofc_node may get to know of the tissues; empty without reach.

@@ -48,5 +48,6 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   decode<palpate::HandTarget>(frame);
   decode<palpate::RunState>(frame);
   decode<palpate::RunRequest>(frame);
+  decode<palpate::TissueChange>(frame);
   return 0;
 }

@@ -15,6 +15,7 @@
 #include "common/link/codec/codec.h"
 #include "mofc_node/mofc_node.h"
 #include "physics_node/physics_node.h"
+#include "physics_node/scene_engine.h"
 #include "tests/support/device_node_bench.h"
 #include "tests/support/scripted_device.h"
 
@@ -152,7 +153,8 @@ void hostile_motion(const ToolMotion& motion) {
   MemoryLink<Interaction> interactions{clock};
   Inbox<ToolMotion> in{motions, clock};
   NoTicks<PhysicsTick> ticks;
-  physics::PhysicsNode node(kScene, {}, InteractionUse::kLocal, clock, in, interactions, ticks, 3);
+  physics::SceneEngine engine(kScene, {}, InteractionUse::kLocal);
+  physics::PhysicsNode node(engine, {}, InteractionUse::kLocal, clock, in, interactions, ticks, 3);
   ToolMotion next = motion;
   for (std::uint64_t i = 0; i < 6; ++i) {
     clock.advance(1ms);

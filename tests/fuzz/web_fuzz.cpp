@@ -61,7 +61,8 @@ void messages(std::string_view text) {
                                             .session_id = "1",
                                             .session_name = "fuzz",
                                             .accepts_hand_targets = true,
-                                            .accepts_requests = true};
+                                            .accepts_requests = true,
+                                            .accepts_changes = true};
   for (const char* topic : {"/a", "/b", "/c"}) server.channels.push_back({topic, "p.A", ""});
   FoxgloveClient client(server, 1);
   std::set<std::size_t> subscribed;
@@ -98,6 +99,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   messages(text);
   static_cast<void>(palpate::decode_page_target(text));
   static_cast<void>(palpate::decode_page_request(text));
+  static_cast<void>(palpate::decode_page_change(text));
   static_cast<void>(palpate::decode_marker(text));
   return 0;
 }

@@ -11,9 +11,11 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <string>
 
 #include "common/session/session_file.h"
+#include "tests/property/seeds.h"
 #include "tests/support/adversity.h"
 
 namespace palpate::test {
@@ -25,10 +27,7 @@ constexpr double kRoundingJoule = 1e-6;
 constexpr std::uint64_t kShards = 10;
 constexpr std::uint64_t kRunsPerShard = 100;
 
-std::uint64_t runs_per_shard() {
-  const char* factor = std::getenv("PALPATE_SEEDS");
-  return kRunsPerShard * (factor != nullptr ? std::strtoull(factor, nullptr, 10) : 1);
-}
+std::uint64_t runs_per_shard() { return seed_count(kRunsPerShard); }
 
 /// Lying clamps take the same code; a tenth of the runs is enough by default.
 std::uint64_t lying_runs_per_shard() { return std::max<std::uint64_t>(10, runs_per_shard() / 10); }
@@ -91,6 +90,39 @@ TEST_P(Guarantee, NoHandWithinVMaxIsGivenEnergyByAClampThatLies) {
   }
   EXPECT_GT(tally.reductions, 0U);
   tally.print("lying clamp", GetParam());
+}
+
+/// A run whose controller is one published by others, another one with each seed; the monitor off.
+AdverseRun run_of_others(std::uint64_t seed, bool has_net) {
+  constexpr const char* kControllers[] = {"none",           "virtual_coupling",  "energy_bounding",
+                                          "force_bounding", "passivity_control", "memory_based",
+                                          "output_limiter", "input_to_state",    "two_port",
+                                          "energy_tank",    "lyapunov"};
+  AdverseRun run = random_adverse_run(seed);
+  run.overrides.insert(
+      run.overrides.end(),
+      {std::string("mofc.controller=") + kControllers[(seed / kShards) % std::size(kControllers)],
+       "mofc.interaction=local", "device.monitor=off",
+       std::string("mofc.safety_net=") + (has_net ? "true" : "false")});
+  return run;
+}
+
+TEST_P(Guarantee, NoControllerBehindTheSafetyNetGivesTheHandEnergy) {
+  Tally tally;
+  double least_alone_joule = 0.0;
+  const std::uint64_t runs = std::max<std::uint64_t>(11, runs_per_shard() / 10);
+  for (std::uint64_t i = 0; i < runs; ++i) {
+    const std::uint64_t seed = seed_of(GetParam(), i);
+    const AdverseResult result = run_adverse(run_of_others(seed, true), seed);
+    if (!tally.add(result)) continue;
+    EXPECT_GE(result.statistics.minimum_true_energy_joule(), -kRoundingJoule) << "seed=" << seed;
+    if (i % 4 != 0) continue;
+    least_alone_joule = std::min(
+        least_alone_joule,
+        run_adverse(run_of_others(seed, false), seed).statistics.minimum_true_energy_joule());
+  }
+  EXPECT_LT(least_alone_joule, -1e-3) << "nothing to protect from";
+  tally.print("safety net", GetParam());
 }
 
 bool has_friction_per_axis(const AdverseRun& run) {
@@ -157,8 +189,8 @@ TEST(HandsOffCheck, LowersAProfileThatClaimsTooMuchFrictionAndNoEnergyIsDrawn) {
   double least_without = 0.0;
   for (std::uint64_t seed = 1; seed <= 6; ++seed) {
     AdverseRun run{.overrides = {"device.profile.viscous_newton_s_per_m=0.5",
-                                 "device.profile.coulomb_newton=0.5"},
-                   .physics = Physics::kEverything};
+                                 "device.profile.coulomb_newton=0.5",
+                                 "adversary.physics=everything"}};
     least_without =
         std::min(least_without, run_adverse(run, seed).statistics.minimum_true_energy_joule());
     run.overrides.emplace_back("device.hands_off_check=true");
@@ -172,8 +204,8 @@ TEST(HandsOffCheck, LowersAProfileThatClaimsTooMuchFrictionAndNoEnergyIsDrawn) {
 
 // A third of 2000 answers is NaN: through the codec none of them gets to the clamp.
 TEST(GuaranteeOnTheWire, AForceThatIsNotANumberIsRefusedByTheCodecAndNoEnergyIsDrawn) {
-  const AdverseRun run{
-      .overrides = {}, .physics = Physics::kNotANumber, .links = LockstepLinks::kInproc};
+  const AdverseRun run{.overrides = {"adversary.physics=not_a_number"},
+                       .links = LockstepLinks::kInproc};
   const AdverseResult result = run_adverse(run, 1);
   EXPECT_NEAR(static_cast<double>(result.mofc.interaction.rejected), 2000.0 / 3.0, 5.0);
   EXPECT_GE(result.statistics.minimum_true_energy_joule(), -kRoundingJoule);

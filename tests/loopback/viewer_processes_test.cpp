@@ -46,6 +46,7 @@ viewer { web { port: 0 } }
 constexpr int kScene = 1;
 constexpr int kMesh = 2;
 constexpr int kHealth = 6;
+constexpr int kLog = 11;
 
 class ViewerProcesses : public testing::Test {
  protected:
@@ -330,9 +331,9 @@ TEST_F(ViewerProcesses, WithoutPermissionAPageOnlyLooks) {
   launch();
   WebClient page(port_);
   ASSERT_TRUE(page.open_web_socket());
-  EXPECT_THAT(page.await_text("serverInfo"), HasSubstr("\"capabilities\":[]"));
+  EXPECT_THAT(page.await_text("serverInfo"), HasSubstr("\"client_topics\":\"/run_request\""));
   advertise(page);
-  EXPECT_THAT(page.await_text("status"), HasSubstr("not supported"));
+  EXPECT_THAT(page.await_text("status"), HasSubstr("advertise: only /run_request"));
   lead(page, 0.05);
   EXPECT_THAT(page.await_text("status"), HasSubstr("advertised channel"));
   stop();
@@ -363,6 +364,69 @@ TEST_F(ViewerProcesses, AKilledNodeIsToldOfWithinTwoSeconds) {
   EXPECT_TRUE(is_told);
   kill(std::stoi(pid), SIGCONT);
   stop();
+}
+
+// TissueChange, written by hand: field 2 an integer, fields 3 and 4 doubles.
+std::string change_of(unsigned char tissue, double k, double b) {
+  const auto number = [](char tag, double value) {
+    const auto bits = std::bit_cast<std::array<char, 8>>(value);
+    return tag + std::string(bits.data(), 8);
+  };
+  return std::string("\x10") + static_cast<char>(tissue) + number('\x19', k) + number('\x21', b);
+}
+
+TEST_F(ViewerProcesses, APageChangesATissueAndAllPagesLearnOfIt) {
+  launch({"--set", "viewer.control=true"});
+  WebClient page(port_);
+  ASSERT_TRUE(page.open_web_socket());
+  page.send_text(R"({"op":"advertise","channels":[{"id":1,"topic":"/tissue_change",)"
+                 R"("encoding":"protobuf","schemaName":"palpate.v1.TissueChange"}]})");
+  const auto change = [&](unsigned char tissue, double k, double b) {
+    page.send_raw(WebClient::frame(2, std::string("\x01\x01\0\0\0", 5) + change_of(tissue, k, b)));
+  };
+  subscribe(page, kScene);
+  const auto first = page.await_data(kScene);
+  ASSERT_TRUE(first.has_value());
+  EXPECT_TRUE(decoded<SceneState>(*first).accepts_changes);
+
+  change(0, 350.0, 2.0);
+  const auto second = page.await_data(kScene);
+  ASSERT_TRUE(second.has_value()) << launch_->err();
+  const auto scene = decoded<SceneState>(*second);
+  EXPECT_EQ(scene.revision, 2u);
+  EXPECT_EQ(scene.tissues[0].stiffness_newton_per_m, 350.0);
+  EXPECT_EQ(scene.tissues[0].damping_newton_s_per_m, 2.0);
+
+  change(0, 2e6, 2.0);  // refused here
+  EXPECT_THAT(page.await_text("status"), HasSubstr("not a valid palpate.v1.TissueChange"));
+  change(7, 300.0, 2.0);  // refused by physics_node: there is no such tissue
+  WebClient late(port_);
+  ASSERT_TRUE(late.open_web_socket());
+  subscribe(late, kLog);
+  std::string log;
+  while (log.find("event=tissue_change_refused") == std::string::npos) {
+    const auto line = late.await_data(kLog);
+    ASSERT_TRUE(line.has_value()) << log;
+    log += *line + "\n";
+  }
+  EXPECT_THAT(log, HasSubstr("stiffness_newton_per_m=350 damping_newton_s_per_m=2"));
+  stop();
+}
+
+TEST_F(ViewerProcesses, WithControlServesPagesOfThisMachineOnly) {
+  const std::string token = files_.write("token", "0123456789abcdef0123\n");
+  std::filesystem::permissions(token, std::filesystem::perms(0600));
+  const auto status_of = [&](const std::vector<std::string>& more, const char* why) {
+    std::vector<std::string> arguments = {"--session", file_,   "--seconds",
+                                          "1",         "--set", "viewer.control=true"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const auto viewer = test::run_program("viewer_node", arguments);
+    EXPECT_THAT(viewer.err, HasSubstr(why));
+    return viewer.status;
+  };
+  EXPECT_EQ(status_of({"--listen", "0.0.0.0:0", "--token-file", token}, "viewer.control"), 2);
+  EXPECT_EQ(status_of({"--proxy", "192.0.2.1"}, "viewer.control"), 2);
+  EXPECT_EQ(status_of({"--listen", "127.0.0.1:0"}, "event=web url="), 0);
 }
 
 TEST_F(ViewerProcesses, ListensElsewhereOnlyWithAToken) {

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <cstdlib>
 #include <limits>
 #include <optional>
 #include <vector>
@@ -14,19 +13,14 @@
 #include "mofc_node/controllers/guard_mofc.h"
 #include "mofc_node/controllers/mofc_equations.h"
 #include "mofc_node/controllers/vector_mofc.h"
+#include "tests/property/seeds.h"
 
 namespace palpate::controllers {
 
 // Sums of up to some hundred joules in double precision.
 inline constexpr double kRoundingJoule = 1e-9;
 
-inline std::vector<std::uint64_t> seeds(std::uint64_t count) {
-  const char* factor = std::getenv("PALPATE_SEEDS");
-  if (factor != nullptr) count *= std::strtoull(factor, nullptr, 10);
-  std::vector<std::uint64_t> all;
-  for (std::uint64_t seed = 1; seed <= count; ++seed) all.push_back(seed);
-  return all;
-}
+using test::seeds;
 
 inline Vector3 quantised(const Vector3& x, double q) {
   if (q <= 0.0) return x;

@@ -3,12 +3,12 @@
 #include <gtest/gtest.h>
 
 #include <chrono>
-#include <cstdlib>
 #include <vector>
 
 #include "common/core/random.h"
 #include "device_node/force_guard.h"
 #include "device_node/simulation/simulated_device.h"
+#include "tests/property/seeds.h"
 #include "tests/support/device_node_bench.h"
 #include "tests/support/scripted_device.h"
 
@@ -19,14 +19,7 @@ using namespace std::chrono_literals;
 using test::device_config;
 using test::DeviceNodeBench;
 using test::ScriptedDevice;
-
-std::vector<std::uint64_t> seeds(std::uint64_t count) {
-  const char* factor = std::getenv("PALPATE_SEEDS");
-  if (factor != nullptr) count *= std::strtoull(factor, nullptr, 10);
-  std::vector<std::uint64_t> all;
-  for (std::uint64_t seed = 1; seed <= count; ++seed) all.push_back(seed);
-  return all;
-}
+using test::seeds;
 
 Duration random_duration(Random& random, Duration longest) {
   return Duration(

@@ -6,11 +6,11 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <cstdlib>
 #include <numbers>
 
 #include "common/core/random.h"
 #include "mofc_node/velocity_estimator.h"
+#include "tests/property/seeds.h"
 
 namespace palpate::mofc {
 namespace {
@@ -61,15 +61,10 @@ class SmoothMotion {
   std::array<std::array<Term, 3>, 3> terms_;
 };
 
-std::uint64_t runs() {
-  const char* factor = std::getenv("PALPATE_SEEDS");
-  return 100 * (factor != nullptr ? std::strtoull(factor, nullptr, 10) : 1);
-}
-
 /// Largest share of the bound c_q q/W + c_a A W that an error reached, over all runs.
 double worst_share(bool is_best_fit, double c_q, double c_a, double jitter) {
   double worst = 0.0;
-  for (std::uint64_t seed = 1; seed <= runs(); ++seed) {
+  for (const std::uint64_t seed : test::seeds(100)) {
     Random random(seed);
     const SmoothMotion motion(random);
     const Vector3 a = motion.most_acceleration_m_per_s2();

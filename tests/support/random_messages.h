@@ -9,18 +9,18 @@
 #include "common/core/random.h"
 #include "common/core/scene_messages.h"
 #include "common/telemetry/telemetry.h"
+#include "deploy/lockstep/random_surface.h"
 
 namespace palpate::test {
+
+using palpate::random_vector;
+using palpate::randomise;
 
 inline TimePoint random_time(Random& random) {
   return TimePoint(Duration(static_cast<std::int64_t>(random.below(1ULL << 60))));
 }
 inline Duration random_duration(Random& random) {
   return Duration(static_cast<std::int64_t>(random.below(1'000'000'001)));
-}
-inline Vector3 random_vector(Random& random, double limit) {
-  return {random.uniform(-limit, limit), random.uniform(-limit, limit),
-          random.uniform(-limit, limit)};
 }
 inline Quaternion random_orientation(Random& random) {
   Quaternion q(random.normal(), random.normal(), random.normal(), random.normal());
@@ -134,128 +134,6 @@ inline void randomise(Contact& c, Random& random) {
        .relaxed_m = random.uniform(-1.0, 1.0)};
 }
 
-inline DescribedGeometry random_geometry(Random& random) {
-  switch (random.below(5)) {
-    case 0:
-      return HalfSpaceGeometry{.point_m = random_vector(random, 1.0),
-                               .normal = random_vector(random, 1.0).normalized()};
-    case 1:
-      return SphereGeometry{.center_m = random_vector(random, 1.0),
-                            .radius_m = random.uniform(0.0, 1.0)};
-    case 2:
-      return BoxGeometry{.center_m = random_vector(random, 1.0),
-                         .size_m = random_vector(random, 1.0).cwiseAbs()};
-    case 3:
-      return CapsuleGeometry{.from_m = random_vector(random, 1.0),
-                             .to_m = random_vector(random, 1.0),
-                             .radius_m = random.uniform(0.0, 1.0)};
-    default:
-      return TiledGeometry{.is_sheet = random.chance(0.5), .is_cloud = random.chance(0.5)};
-  }
-}
-
-inline void randomise(TissueDescription& d, Random& random) {
-  d = {.slot = static_cast<std::uint32_t>(random.below(kMaxDescribed)),
-       .version = static_cast<std::uint32_t>(random.bits()),
-       .tissue = static_cast<std::uint32_t>(random.bits()),
-       .geometry = random_geometry(random),
-       .material = {.stiffness_newton_per_m = random.uniform(0.0, 1e6),
-                    .damping_newton_s_per_m = random.uniform(0.0, 1e3),
-                    .is_damping_isotropic = random.chance(0.5),
-                    .is_adhesive = random.chance(0.5),
-                    .stiffening_newton_per_m3 = random.uniform(0.0, 1e9),
-                    .relaxing_stiffness_newton_per_m = random.uniform(0.0, 1e6),
-                    .relaxation_time_s = random.uniform(0.1, 1e3),
-                    .friction_coefficient = random.uniform(0.0, 2.0),
-                    .friction_stiffness_newton_per_m = random.uniform(1.0, 1e6),
-                    .puncture_newton = random.uniform(0.0, 10.0),
-                    .cutting_newton = random.uniform(0.0, 10.0)},
-       .inclusion_count = 1 + static_cast<std::uint32_t>(random.below(kMaxDescribedInclusions)),
-       .motion = {.amplitude_m = random_vector(random, 1.0),
-                  .frequency_hz = random.uniform(0.0, 1.0),
-                  .phase_rad = random.uniform(-10.0, 10.0)},
-       .tool = {.tip_radius_m = random.uniform(0.0, 1.0),
-                .shaft_length_m = random.uniform(0.0, 1.0),
-                .shaft_radius_m = random.uniform(0.0, 1.0)}};
-  for (std::uint32_t i = 0; i < d.inclusion_count; ++i) {
-    d.inclusions[i] = {.center_m = random_vector(random, 1.0),
-                       .radius_m = random.uniform(0.0, 1.0),
-                       .transition_m = random.uniform(1e-3, 1.0),
-                       .stiffness_newton_per_m = random.uniform(0.0, 1e6),
-                       .damping_newton_s_per_m = random.uniform(0.0, 1e3)};
-  }
-}
-
-inline void randomise(TilePoint& point, Random& random) {
-  const auto some = [&] { return static_cast<std::int16_t>(random.bits()); };
-  const Vector3 normal = kTilePointScale * random_vector(random, 1.0).normalized();
-  for (std::uint16_t& x : point.place) x = static_cast<std::uint16_t>(random.bits());
-  point.reach = static_cast<std::uint16_t>(1 + random.below(65535));
-  for (std::size_t i = 0; i < 3; ++i) {
-    point.normal[i] = static_cast<std::int16_t>(normal[static_cast<Eigen::Index>(i)]);
-  }
-  point.offset = some();
-  for (std::int16_t& x : point.curvature) x = some();
-  point.stiffness_ratio = static_cast<float>(random.uniform(0.0, 10.0));
-}
-
-/// Random vertices: three of them are never on one line.
-inline void randomise(SurfaceTile& tile, Random& random) {
-  if (random.chance(0.5)) {
-    tile = {.slot = static_cast<std::uint32_t>(random.below(kTileSlots)),
-            .described_slot = static_cast<std::uint32_t>(random.below(kMaxDescribed)),
-            .version = static_cast<std::uint32_t>(random.bits()),
-            .origin_m = random_vector(random, 1.0),
-            .step_m = random.uniform(1e-9, 1e-3),
-            .point_count = 1 + static_cast<std::uint32_t>(random.below(kMaxTilePoints))};
-    for (std::uint32_t i = 0; i < tile.point_count; ++i) randomise(tile.points[i], random);
-    return;
-  }
-  tile = {.slot = static_cast<std::uint32_t>(random.below(kTileSlots)),
-          .described_slot = static_cast<std::uint32_t>(random.below(kMaxDescribed)),
-          .version = static_cast<std::uint32_t>(random.bits()),
-          .origin_m = random_vector(random, 1.0),
-          .step_m = random.uniform(1e-9, 1e-3),
-          .vertex_count = 3 + static_cast<std::uint32_t>(random.below(kMaxTileVertices - 2)),
-          .facet_count = 1 + static_cast<std::uint32_t>(random.below(kMaxTileFacets))};
-  for (std::uint32_t i = 0; i < tile.vertex_count; ++i) {
-    for (std::uint16_t& x : tile.vertices[i]) x = static_cast<std::uint16_t>(random.bits());
-  }
-  for (std::uint32_t i = 0; i < tile.facet_count; ++i) {
-    const auto first = random.below(tile.vertex_count);
-    for (std::size_t k = 0; k < 3; ++k) {
-      tile.facets[i][k] = static_cast<std::uint8_t>((first + k) % tile.vertex_count);
-    }
-  }
-}
-
-inline void randomise(SurfaceNews& news, Random& random) {
-  news = {.store_id = random.bits() | 1, .number = random.bits() | 1, .has_description = true};
-  randomise(news.description, random);
-  news.tile_count = 1 + static_cast<std::uint32_t>(random.below(kMaxTilesPerMessage));
-  for (std::uint32_t i = 0; i < news.tile_count; ++i) randomise(news.tiles[i], random);
-  news.coverage_count = 1 + static_cast<std::uint32_t>(random.below(kMaxDescribed));
-  for (std::uint32_t i = 0; i < news.coverage_count; ++i) {
-    news.coverages[i] = {.described_slot = static_cast<std::uint32_t>(random.below(kMaxDescribed)),
-                         .description_version = static_cast<std::uint32_t>(random.bits()),
-                         .region = {.from_m = random_vector(random, 1.0),
-                                    .to_m = random_vector(random, 1.0),
-                                    .radius_m = random.uniform(0.0, 1.0)}};
-    CapsuleGeometry& region = news.coverages[i].region;
-    if (random.chance(0.5)) region.to_m = region.from_m;
-  }
-  news.pending_count = 1 + static_cast<std::uint32_t>(random.below(kMaxPendingTiles));
-  for (std::uint32_t i = 0; i < news.pending_count; ++i) {
-    news.pending[i] = {.slot = static_cast<std::uint32_t>(random.below(kTileSlots)),
-                       .described_slot = static_cast<std::uint32_t>(random.below(kMaxDescribed)),
-                       .version = static_cast<std::uint32_t>(random.bits()),
-                       .center_m = {static_cast<float>(random.uniform(-1.0, 1.0)),
-                                    static_cast<float>(random.uniform(-1.0, 1.0)),
-                                    static_cast<float>(random.uniform(-1.0, 1.0))},
-                       .radius_m = static_cast<float>(random.uniform(0.0, 1.0))};
-  }
-}
-
 inline void randomise(Interaction& m, Random& random) {
   m = Interaction{};
   m.header = random_header(random);
@@ -325,6 +203,8 @@ inline void randomise(PhysicsTick& r, Random& random) {
   r.stored_energy_joule = random.uniform(0.0, 1.0);
   r.contact_count = static_cast<std::uint32_t>(random.bits());
   r.compute_time = random_duration(random);
+  r.penetration_m = random.chance(0.9) ? random.uniform(0.0, 0.1) : kNaN;
+  r.stiffness_newton_per_m = random.chance(0.9) ? random.uniform(-10.0, 1e6) : kNaN;
 }
 
 inline void randomise(DeviceCounters& c, Random& random) {
@@ -380,6 +260,8 @@ inline void randomise(PhysicsCounters& c, Random& random) {
   c.interactions_suppressed = random.bits();
   c.mesh_frames = random.bits();
   c.meshes_skipped = random.bits();
+  c.tissue_changes = random.bits();
+  c.tissue_changes_refused = random.bits();
   c.worst_compute_time = random_duration(random);
 }
 
@@ -438,6 +320,7 @@ inline void randomise(SceneState& m, Random& random) {
   m.shaft_length_m = random.uniform(0.0, 0.5);
   m.shaft_radius_m = random.uniform(0.0, 0.1);
   m.workspace_scale_ratio = random.uniform(0.1, 10.0);
+  m.accepts_changes = random.chance(0.5);
   m.tissues.resize(random.below(5));
   for (TissueSurface& tissue : m.tissues) randomise(tissue, random);
   if (random.chance(0.5)) {
@@ -471,7 +354,8 @@ inline std::string random_line(Random& random, std::size_t most) {
   return line;
 }
 inline void randomise(RunState& m, Random& random) {
-  m = RunState{.header = random_header(random)};
+  m = {};
+  m.header = random_header(random);
   m.markers.resize(random.below(RunState::kMostMarkers + 1));
   for (Marker& marker : m.markers) {
     marker = {.at_ns = random.bits(),
@@ -487,12 +371,19 @@ inline void randomise(RunState& m, Random& random) {
               .begin_ns = random.bits()};
 }
 inline void randomise(RunRequest& m, Random& random) {
-  m = RunRequest{.header = random_header(random)};
+  m = {};
+  m.header = random_header(random);
   if (random.chance(0.5)) m.marker = random_line(random, Marker::kMostTextBytes);
   if (random.chance(0.5)) m.seek_s = random.uniform(0.0, RunRequest::kLongest_s);
   if (random.chance(0.5)) m.is_paused = random.chance(0.5);
   if (random.chance(0.5)) m.speed_ratio = random.uniform(0.1, RunRequest::kFastest_ratio);
   if (random.chance(0.5)) m.is_recording = random.chance(0.5);
+}
+inline void randomise(TissueChange& m, Random& random) {
+  m.header = random_header(random);
+  m.tissue = static_cast<std::uint32_t>(random.bits());
+  m.stiffness_newton_per_m = random.uniform(1.0, 1e6);
+  m.damping_newton_s_per_m = random.uniform(0.0, 1e4);
 }
 
 template <class T>
@@ -699,7 +590,8 @@ inline bool same(const PhysicsTick& a, const PhysicsTick& b) {
          same(a.tool_position_world_m, b.tool_position_world_m) &&
          same(a.force_on_tool_newton, b.force_on_tool_newton) &&
          same(a.stored_energy_joule, b.stored_energy_joule) && a.contact_count == b.contact_count &&
-         a.compute_time == b.compute_time;
+         a.compute_time == b.compute_time && same(a.penetration_m, b.penetration_m) &&
+         same(a.stiffness_newton_per_m, b.stiffness_newton_per_m);
 }
 inline bool same(const DeviceCounters& a, const DeviceCounters& b) {
   return same(a.loop, b.loop) && same(a.force_command, b.force_command) &&
@@ -734,7 +626,9 @@ inline bool same(const PhysicsCounters& a, const PhysicsCounters& b) {
          a.octree_last_cell_hits == b.octree_last_cell_hits &&
          a.tissues_asleep == b.tissues_asleep && a.surfaces_shared == b.surfaces_shared &&
          a.interactions_suppressed == b.interactions_suppressed && a.mesh_frames == b.mesh_frames &&
-         a.meshes_skipped == b.meshes_skipped && a.worst_compute_time == b.worst_compute_time;
+         a.meshes_skipped == b.meshes_skipped && a.tissue_changes == b.tissue_changes &&
+         a.tissue_changes_refused == b.tissue_changes_refused &&
+         a.worst_compute_time == b.worst_compute_time;
 }
 inline bool same(const std::vector<float>& a, const std::vector<float>& b) {
   return a.size() == b.size() &&
@@ -760,7 +654,7 @@ inline bool same(const SceneState& a, const SceneState& b) {
          same(a.workspace_scale_ratio, b.workspace_scale_ratio) &&
          std::equal(a.tissues.begin(), a.tissues.end(), b.tissues.begin(), b.tissues.end(),
                     [](const auto& x, const auto& y) { return same(x, y); }) &&
-         a.pointer.has_value() == b.pointer.has_value() &&
+         a.accepts_changes == b.accepts_changes && a.pointer.has_value() == b.pointer.has_value() &&
          (!a.pointer || same(*a.pointer, *b.pointer));
 }
 inline bool same(const MeshFrame& a, const MeshFrame& b) {
@@ -780,6 +674,11 @@ inline bool same(const RunRequest& a, const RunRequest& b) {
   return same(a.header, b.header) && a.marker == b.marker && a.seek_s == b.seek_s &&
          a.is_paused == b.is_paused && a.speed_ratio == b.speed_ratio &&
          a.is_recording == b.is_recording;
+}
+inline bool same(const TissueChange& a, const TissueChange& b) {
+  return same(a.header, b.header) && a.tissue == b.tissue &&
+         same(a.stiffness_newton_per_m, b.stiffness_newton_per_m) &&
+         same(a.damping_newton_s_per_m, b.damping_newton_s_per_m);
 }
 template <class Record, class Counters>
 bool same(const TelemetryBatch<Record, Counters>& a, const TelemetryBatch<Record, Counters>& b) {

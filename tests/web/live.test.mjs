@@ -9,7 +9,7 @@ import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { fileURLToPath } from "node:url";
 import { after, afterEach, before, test } from "node:test";
-import { at_most, hold_when, late_pages, launch, open, picture, screenshot, status, until, until_pixels_change, until_text } from "./support/browser.mjs";
+import { at_most, drawn, hold_when, kSkipScreenshots, late_pages, launch, open, picture, screenshot, status, until, until_pixels_change, until_text } from "./support/browser.mjs";
 
 const root = fileURLToPath(new URL("../..", import.meta.url));
 const bin = process.env.PALPATE_BIN ?? join(root, "build/release/bin");
@@ -31,6 +31,26 @@ async function free_port() {
 /** The programs of a session, each its own process; what they say is shown when a test fails. */
 class Nodes {
   static async start(settings = [], session = "default", sides = [""]) {
+    const nodes = await Nodes.none(settings, session);
+    for (const name of kNodes) {
+      for (const side of ["device", "mofc"].includes(name) ? sides : [""]) nodes.run(name, side);
+    }
+    await nodes.serves();
+    return nodes;
+  }
+
+  /** A lockstep run of the session, recorded and replayed for one viewer. */
+  static async replay(session, seconds) {
+    const nodes = await Nodes.none([], session);
+    const file = join(nodes.folder, `${session}.mcap`);
+    await once(nodes.spawn("palpate", ["loopback", nodes.session, "-q", "--seconds", String(seconds), "--set", "hand.pointer={}", "--record", file], "loopback"), "exit");
+    nodes.spawn("palpate", ["replay", file], "replay");
+    nodes.run("viewer");
+    await nodes.serves();
+    return nodes;
+  }
+
+  static async none(settings, session) {
     const nodes = new Nodes();
     nodes.folder = mkdtempSync(join(tmpdir(), "palpate-web-"));
     nodes.port = await free_port();
@@ -39,19 +59,20 @@ class Nodes {
     nodes.session = join(root, `deploy/sessions/${session}.txtpb`);
     nodes.processes = {};
     nodes.output = "";
-    for (const name of kNodes) {
-      for (const side of ["device", "mofc"].includes(name) ? sides : [""]) nodes.run(name, side);
-    }
-    await nodes.serves();
     return nodes;
   }
 
   run(name, side = "", settings = [], key = side + name) {
-    const child = spawn(join(bin, `${name}_node`),
-      ["--session", this.session, ...(side ? ["--side", side] : []), ...[...this.settings, ...settings].flatMap((one) => ["--set", one])],
-      { env: { ...process.env, PALPATE_RUN_DIR: this.folder }, stdio: ["ignore", "pipe", "pipe"] });
+    this.spawn(`${name}_node`,
+      ["--session", this.session, ...(side ? ["--side", side] : []), ...[...this.settings, ...settings].flatMap((one) => ["--set", one])], key);
+  }
+
+  spawn(program, args, key) {
+    const child = spawn(join(bin, program), args,
+      { env: { ...process.env, PALPATE_RUN_DIR: this.folder }, stdio: ["ignore", "pipe", "pipe"], cwd: this.folder });
     for (const stream of [child.stdout, child.stderr]) stream.on("data", (text) => { this.output += text; });
     this.processes[key] = child;
+    return child;
   }
 
   async kill(name) {
@@ -228,6 +249,44 @@ test_on_default("a drag takes the hand from its script, presses, and releases it
   await until(page, (t) => !t.hand.is_mine && !t.hand.is_others, "a free hand");
 });
 
+test("a page changes the stiffness of the tissue that is pressed", kLimit, async () => {
+  nodes = await Nodes.start(["viewer.control=true"]);
+  const page = await open(browser, nodes.url, kSmall);
+  await until(page, (t) => t.contact.stiffness_newton_per_m > 100, "a press");
+  const { stiffness_newton_per_m } = (await status(page)).scene.tissues[0];
+  const field = page.getByRole("spinbutton", { name: "Stiffness, N/m, of block" });
+  await field.fill(String(2 * stiffness_newton_per_m), { timeout: 60000 });
+  await field.press("Enter");
+
+  await until(page, (t) => t.scene.tissues[0].stiffness_newton_per_m === 2 * stiffness_newton_per_m && t.scene.revision === 2, "the scene with the new stiffness");
+  await until(page, (t) => t.events.some(({ text }) => text.startsWith(`block: ${2 * stiffness_newton_per_m} N/m`)), "the change among the events");
+  const pressed = await until(page, (t) => Math.abs(t.contact.stiffness_newton_per_m - 2 * stiffness_newton_per_m) < 0.01 * stiffness_newton_per_m && t.state.id === "contact", "a press of the stiffer tissue");
+  assert.ok(pressed.contact.depth_m > 0);
+  assert.match(nodes.output, /event=tissue_changed tissue="block"/);
+  assert.deepEqual(page.problems, []);
+});
+
+test("a replay is led from the page, and nobody can touch it", kLimit, async () => {
+  nodes = await Nodes.replay("default", 6);
+  const page = await open(browser, nodes.url, kSmall);
+  await until(page, (t) => t.replay?.lengthS > 5 && !t.hand.is_allowed, "the replay");
+  await page.locator("#touch").waitFor({ state: "hidden" });
+  const click = (name) => page.locator("#replay").getByRole("button", { name, exact: true }).dispatchEvent("click", {}, { timeout: 60000 });
+
+  if (!(await status(page)).replay.isPaused) await click("Pause the replay");
+  await until(page, (t) => t.replay.isPaused, "a pause");
+  await page.getByRole("slider", { name: "Position in the recording" }).fill("2", { timeout: 60000 });
+  await until(page, (t) => t.replay.isPaused && Math.abs(t.replay.positionS - 2) < 0.02, "the place sought");
+  await page.waitForTimeout(1500); // longer than a node may be silent
+  await until(page, (t) => t.state.id !== "no_device" && t.state.id !== "disconnected" && t.nodes.device.is_alive, "nodes that are not gone");
+  await until_text(page, "banners", /^$/);
+  assert.deepEqual((await status(page)).events.filter(({ lane }) => lane === "nodes"), []);
+
+  await click("Play");
+  await until(page, (t) => !t.replay.isPaused && t.replay.positionS > 2.5, "motion");
+  assert.deepEqual(page.problems, []);
+});
+
 test("two hands: both tools are in one scene, and either one's figures can be shown", kLimit, async () => {
   nodes = await Nodes.start([], "two_hands", ["left", "right"]);
   const page = await open(browser, nodes.url, kSmall);
@@ -243,9 +302,9 @@ test("two hands: both tools are in one scene, and either one's figures can be sh
   assert.deepEqual(page.problems, []);
 });
 
-test("screenshots", { ...kLimit, skip: kLimit.skip || !process.env.PALPATE_SCREENSHOTS && "PALPATE_SCREENSHOTS names no folder" }, async () => {
+test("screenshots of a session", { ...kLimit, skip: kLimit.skip || kSkipScreenshots }, async () => {
   nodes = await Nodes.start();
-  const views = [["viewer_light", { width: 1080, height: 680 }], ["viewer_phone", { width: 390, height: 844, dark: true, touch: true }]];
+  const views = [["viewer_light", { width: 1000, height: 640 }], ["viewer_phone", { width: 390, height: 844, dark: true, touch: true }]];
   for (const [name, options] of views) {
     const page = await open(browser, nodes.url, { scale: 1, ...options });
     await until(page, (t) => t.now_s > 10.5, "a full window");
@@ -254,4 +313,17 @@ test("screenshots", { ...kLimit, skip: kLimit.skip || !process.env.PALPATE_SCREE
     await screenshot(page, name);
     await page.context().close();
   }
+});
+
+test("screenshot of a replay", { ...kLimit, skip: kLimit.skip || kSkipScreenshots }, async () => {
+  nodes = await Nodes.replay("liver", 12);
+  const page = await open(browser, nodes.url, { scale: 1, width: 1000, height: 640, dark: true });
+  await until(page, (t) => t.replay?.positionS > 5, "five seconds");
+  await until(page, (t) => t.applied_newton > 0.5, "a press");
+  await page.locator("#replay").getByRole("button", { name: "Pause the replay" }).dispatchEvent("click");
+  await until(page, (t) => t.replay.isPaused, "a pause");
+  await page.getByRole("button", { name: "Tool", exact: true }).click();
+  await drawn(page);
+  await page.waitForTimeout(400);
+  await screenshot(page, "viewer_replay");
 });

@@ -211,6 +211,10 @@ void add_physics(Page& page, const PhysicsCounters& c) {
   page.counter("physics_meshes_skipped",
                "Mesh frames due but not computed for lack of a subscriber.",
                {{"", c.meshes_skipped}});
+  page.counter("physics_tissue_changes", "Changes of stiffness and damping applied.",
+               {{"", c.tissue_changes}});
+  page.counter("physics_tissue_changes_refused", "Changes of stiffness and damping refused.",
+               {{"", c.tissue_changes_refused}});
   page.gauge("physics_worst_compute_time_seconds", "Longest step since the start.", "",
              to_seconds(c.worst_compute_time));
 }

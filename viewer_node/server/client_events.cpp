@@ -7,7 +7,8 @@ namespace palpate::viewer {
 
 void ClientEvents::add(ClientEvent event) {
   const std::lock_guard lock(mutex_);
-  if (event.kind == ClientEvent::Kind::kRunRequest) {
+  if (event.kind == ClientEvent::Kind::kRunRequest ||
+      event.kind == ClientEvent::Kind::kTissueChange) {
     const auto waiting =
         std::count_if(waiting_.begin(), waiting_.end(), [&](const ClientEvent& other) {
           return other.kind == event.kind && other.client == event.client;

@@ -10,11 +10,11 @@
 namespace palpate::viewer {
 
 struct ClientEvent {
-  enum class Kind : std::uint8_t { kSubscribed, kHandTarget, kRunRequest, kLeft };
+  enum class Kind : std::uint8_t { kSubscribed, kHandTarget, kRunRequest, kTissueChange, kLeft };
   Kind kind = Kind::kLeft;
   std::uint64_t client = 0;
   std::size_t channel = 0;  ///< kSubscribed
-  std::string payload{};    ///< kHandTarget, kRunRequest: a protobuf message
+  std::string payload{};    ///< kHandTarget, kRunRequest, kTissueChange: a protobuf message
 };
 
 /// Bounded by the number of clients and channels, whatever the clients send. Any thread.

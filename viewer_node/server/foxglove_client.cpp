@@ -21,6 +21,8 @@ constexpr std::array kAcceptedTopics{
                   "/hand_target", "palpate.v1.HandTarget"},
     AcceptedTopic{ClientTopic::kRunRequest, &ServerDescription::accepts_requests, "/run_request",
                   "palpate.v1.RunRequest"},
+    AcceptedTopic{ClientTopic::kTissueChange, &ServerDescription::accepts_changes, "/tissue_change",
+                  "palpate.v1.TissueChange"},
 };
 constexpr std::size_t kMostClientChannels = 8;
 

@@ -24,7 +24,7 @@ struct Channel {
 };
 
 /// What a client may publish.
-enum class ClientTopic : std::uint8_t { kHandTarget, kRunRequest };
+enum class ClientTopic : std::uint8_t { kHandTarget, kRunRequest, kTissueChange };
 
 /// The server, as described to every client. With a topic that it accepts it has the capability
 /// clientPublish.
@@ -35,6 +35,7 @@ struct ServerDescription {
   std::vector<Channel> channels{};
   bool accepts_hand_targets = false;  ///< topic /hand_target
   bool accepts_requests = false;      ///< topic /run_request
+  bool accepts_changes = false;       ///< topic /tissue_change
 };
 
 enum class StatusLevel : std::uint8_t { kInfo = 0, kWarning = 1, kError = 2 };

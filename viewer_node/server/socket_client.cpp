@@ -21,6 +21,18 @@ constexpr auto kIdleTimeout = std::chrono::seconds(30);
 constexpr int kSendBufferBytes = 256 << 10;
 constexpr auto kDropNoticeInterval = std::chrono::seconds(1);
 
+ClientEvent::Kind event_of(ClientTopic topic) {
+  switch (topic) {
+    case ClientTopic::kHandTarget:
+      return ClientEvent::Kind::kHandTarget;
+    case ClientTopic::kRunRequest:
+      return ClientEvent::Kind::kRunRequest;
+    case ClientTopic::kTissueChange:
+      break;
+  }
+  return ClientEvent::Kind::kTissueChange;
+}
+
 }  // namespace
 
 void SocketClient::run(const Request& request, std::string_view subprotocol) {
@@ -86,9 +98,7 @@ void SocketClient::take(FoxgloveClient::Outcome outcome) {
         {.kind = ClientEvent::Kind::kSubscribed, .client = id(), .channel = channel});
   }
   if (outcome.published) {
-    server_.events.add({.kind = *outcome.published == ClientTopic::kHandTarget
-                                    ? ClientEvent::Kind::kHandTarget
-                                    : ClientEvent::Kind::kRunRequest,
+    server_.events.add({.kind = event_of(*outcome.published),
                         .client = id(),
                         .payload = std::move(outcome.payload)});
   }

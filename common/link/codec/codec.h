@@ -37,8 +37,9 @@ enum class MessageKind : std::uint8_t {
   kSubscription = 11,  ///< no protobuf message follows, but the kinds that the peer wants
   kRunState = 12,
   kRunRequest = 13,
+  kTissueChange = 14,
 };
-inline constexpr std::size_t kMessageKinds = 14;  ///< largest value + 1
+inline constexpr std::size_t kMessageKinds = 15;  ///< largest value + 1
 
 template <class T>
 inline constexpr MessageKind kKindOf = MessageKind{};
@@ -67,6 +68,8 @@ template <>
 inline constexpr MessageKind kKindOf<RunState> = MessageKind::kRunState;
 template <>
 inline constexpr MessageKind kKindOf<RunRequest> = MessageKind::kRunRequest;
+template <>
+inline constexpr MessageKind kKindOf<TissueChange> = MessageKind::kTissueChange;
 
 /// Whether T belongs to hop 5.
 template <class T>

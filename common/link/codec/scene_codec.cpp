@@ -99,6 +99,7 @@ struct WireFormat<SceneState> {
     wire.set_tip_radius_m(m.tip_radius_m);
     wire.set_shaft_length_m(m.shaft_length_m);
     wire.set_shaft_radius_m(m.shaft_radius_m);
+    wire.set_accepts_changes(m.accepts_changes);
     wire.set_workspace_scale_ratio(m.workspace_scale_ratio);
     for (const TissueSurface& surface : m.tissues) put_tissue(surface, *wire.add_tissues());
     if (m.pointer) {
@@ -145,6 +146,7 @@ struct WireFormat<SceneState> {
     m.physics_rate_hz = wire.physics_rate_hz();
     m.peak_force_newton = wire.peak_force_newton();
     m.tip_radius_m = wire.tip_radius_m();
+    m.accepts_changes = wire.accepts_changes();
     m.shaft_length_m = wire.shaft_length_m();
     m.shaft_radius_m = wire.shaft_radius_m();
     m.workspace_scale_ratio = wire.workspace_scale_ratio();

@@ -151,6 +151,8 @@ void put(const PhysicsCounters& c, v1::PhysicsCounters& to) {
   to.set_interactions_suppressed(c.interactions_suppressed);
   to.set_mesh_frames(c.mesh_frames);
   to.set_meshes_skipped(c.meshes_skipped);
+  to.set_tissue_changes(c.tissue_changes);
+  to.set_tissue_changes_refused(c.tissue_changes_refused);
   to.set_worst_compute_time_ns(c.worst_compute_time.count());
 }
 void check_counters(const v1::PhysicsCounters& c, Verdict& verdict) {
@@ -172,6 +174,8 @@ PhysicsCounters counters(const v1::PhysicsCounters& c) {
           .interactions_suppressed = c.interactions_suppressed(),
           .mesh_frames = c.mesh_frames(),
           .meshes_skipped = c.meshes_skipped(),
+          .tissue_changes = c.tissue_changes(),
+          .tissue_changes_refused = c.tissue_changes_refused(),
           .worst_compute_time = Duration(c.worst_compute_time_ns())};
 }
 
@@ -348,6 +352,8 @@ void fill_records(const std::vector<PhysicsTick>& records, v1::PhysicsTelemetry&
     wire.add_stored_energy_joule(r.stored_energy_joule);
     wire.add_contact_count(r.contact_count);
     wire.add_compute_time_ns(r.compute_time.count());
+    wire.add_penetration_m(r.penetration_m);
+    wire.add_stiffness_newton_per_m(r.stiffness_newton_per_m);
   }
 }
 void check_records(const v1::PhysicsTelemetry& wire, Verdict& verdict) {
@@ -359,6 +365,9 @@ void check_records(const v1::PhysicsTelemetry& wire, Verdict& verdict) {
   check_finite(wire.stored_energy_joule(), rows, 1, verdict);
   check_length(wire.contact_count(), rows, 1, verdict);
   check_times(wire.compute_time_ns(), rows, verdict);
+  for (const Doubles* column : {&wire.penetration_m(), &wire.stiffness_newton_per_m()}) {
+    if (!column->empty()) check_finite_or_nan(*column, rows, 1, verdict);
+  }
 }
 void read_record(const v1::PhysicsTelemetry& wire, int i, PhysicsTick& r) {
   r.sequence = wire.sequence(i);
@@ -369,6 +378,9 @@ void read_record(const v1::PhysicsTelemetry& wire, int i, PhysicsTick& r) {
   r.stored_energy_joule = wire.stored_energy_joule(i);
   r.contact_count = wire.contact_count(i);
   r.compute_time = Duration(wire.compute_time_ns(i));
+  r.penetration_m = wire.penetration_m().empty() ? kNaN : wire.penetration_m(i);
+  r.stiffness_newton_per_m =
+      wire.stiffness_newton_per_m().empty() ? kNaN : wire.stiffness_newton_per_m(i);
 }
 
 int rows(const v1::DeviceTelemetry& wire) { return wire.sequence_size(); }

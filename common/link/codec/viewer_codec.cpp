@@ -16,6 +16,7 @@
 #include "palpate/v1/plot.pb.h"
 #include "palpate/v1/scene.pb.h"
 #include "palpate/v1/telemetry.pb.h"
+#include "palpate/v1/tissue_change.pb.h"
 #include "palpate/v1/viewer.pb.h"
 
 namespace palpate {
@@ -265,6 +266,10 @@ std::optional<T> decode_of_page(std::string_view payload, void (*complete)(Wire&
 std::optional<HandTarget> decode_page_target(std::string_view payload) {
   return decode_of_page<HandTarget, v1::HandTarget>(
       payload, [](v1::HandTarget& wire) { wire.set_holder_id(1); });
+}
+
+std::optional<TissueChange> decode_page_change(std::string_view payload) {
+  return decode_of_page<TissueChange, v1::TissueChange>(payload, [](v1::TissueChange&) {});
 }
 
 std::optional<RunRequest> decode_page_request(std::string_view payload) {

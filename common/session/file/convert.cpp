@@ -17,7 +17,8 @@ ViewerConfig to_viewer(const Fields& viewer) {
   const Fields web = viewer.message("web");
   return {.status_interval = viewer.milliseconds("status_interval_ms"),
           .web = {.is_on = !web.flag("disabled"),
-                  .port = static_cast<std::uint16_t>(web.integer("port"))}};
+                  .port = static_cast<std::uint16_t>(web.integer("port"))},
+          .has_control = viewer.flag("control")};
 }
 
 /// "" with a problem if the name cannot be part of a file name; `max_bytes` ≥ 1.
@@ -53,10 +54,15 @@ Session to_shared(const SessionText& text, const std::filesystem::path& base_dir
   session.seed = written.has_seed() ? written.seed()
                                     : static_cast<std::uint64_t>(fields.default_number("seed"));
   session.faults = to_faults(fields.message("faults"));
+  session.adversary = to_adversary(fields.message("adversary"));
   if (fields.has("security")) session.security = to_security(fields.message("security"), base_dir);
   session.physics = to_physics(fields.message("physics"));
   session.physics_command = to_physics_command(fields.message("physics"), base_dir);
   session.viewer = to_viewer(fields.message("viewer"));
+  if (session.viewer.has_control && !session.physics_command.empty()) {
+    fields.message("viewer").problem("control",
+                                     "needs physics_node; leave it out with physics.command");
+  }
   session.scene = to_scene(fields.message("scene"), base_dir);
   session.sides.clear();
   return session;
@@ -75,6 +81,7 @@ void add_side(const SessionText& text, const std::string& name,
   const LinkRules link_rules(links, session.name.empty() ? "session" : session.name, endpoints);
   side.links = link_rules.of_side(name);
   session.physics_telemetry = link_rules.physics_telemetry();
+  session.tissue_change = link_rules.tissue_change();
   side.realtime = to_realtime(fields.message("realtime"));
   side.hand = to_hand(fields.message("hand"), base_dir, problems);
 

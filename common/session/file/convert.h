@@ -39,6 +39,8 @@ class LinkRules {
   [[nodiscard]] LinksConfig of_side(const std::string& side) const;
   /// The only endpoint that all sides share.
   [[nodiscard]] std::string physics_telemetry() const;
+  /// Of all sides, too; not a setting, so that it never leaves this machine.
+  [[nodiscard]] std::string tissue_change() const;
 
  private:
   struct Endpoint {
@@ -57,6 +59,7 @@ class LinkRules {
 [[nodiscard]] SecurityConfig to_security(const Fields& security,
                                          const std::filesystem::path& base_dir);
 [[nodiscard]] FaultsConfig to_faults(const Fields& faults);
+[[nodiscard]] AdversaryConfig to_adversary(const Fields& adversary);
 
 [[nodiscard]] SimulatedDeviceConfig to_simulated_device(const Fields& simulated);
 /// @param wait_for_physics_ms  checked; NaN if it has a problem, as the rate of the device
@@ -76,6 +79,9 @@ class LinkRules {
 void refuse_if_waiting(const Fields& fields, const char* deadband, double wait_for_physics_ms);
 [[nodiscard]] MofcConfig to_mofc(const Fields& mofc, double wait_for_physics_ms,
                                  const PhysicsConfig& physics, const DeviceConfig& device);
+
+/// @param mofc  with `controller` and `safety_net`
+[[nodiscard]] RivalsConfig to_rivals(const Fields& mofc);
 
 [[nodiscard]] PhysicsConfig to_physics(const Fields& physics);
 /// @param base_dir  to which a program with '/' in its name is relative

@@ -140,6 +140,10 @@ std::string LinkRules::physics_telemetry() const {
   return endpoint.text;
 }
 
+std::string LinkRules::tissue_change() const {
+  return "ipc://" + (folder_ / "tissue_change.ipc").string();
+}
+
 LinkRules::Endpoint LinkRules::read(const char* name, const std::string& default_file) const {
   std::string text = links_.text(name);
   if (!text.empty()) return {std::move(text), ""};
@@ -147,7 +151,7 @@ LinkRules::Endpoint LinkRules::read(const char* name, const std::string& default
   return {text, one_line(text) + ": "};
 }
 
-// --- real time, security, faults --------------------------------------------------------------
+// --- real time, security, faults, adversary ---------------------------------------------------
 
 RealtimeConfig to_realtime(const Fields& realtime) {
   RealtimeConfig config;
@@ -180,6 +184,17 @@ FaultsConfig to_faults(const Fields& faults) {
           .tool_motion = to_link_faults(faults.message("tool_motion")),
           .interaction = to_link_faults(faults.message("interaction")),
           .device = to_device_faults(faults.message("device"))};
+}
+
+AdversaryConfig to_adversary(const Fields& adversary) {
+  // an enumerator left out, 0, stands for the honest law, 1
+  const auto law_of = [&](const char* name) {
+    return static_cast<std::uint8_t>(std::max(adversary.enumerator(name), 1) - 1);
+  };
+  return {.physics = static_cast<HostilePhysics>(law_of("physics")),
+          .clamp = static_cast<LyingClamp>(law_of("clamp")),
+          .tick_jitter_ratio = adversary.number("tick_jitter_ratio"),
+          .late_tick_ratio = adversary.number("late_tick_ratio")};
 }
 
 }  // namespace palpate

@@ -114,6 +114,52 @@ Duration to_stale_after(const Fields& mofc, const PhysicsConfig& physics, Intera
   return to_milliseconds(stale_after_ms);
 }
 
+ControllerKind to_controller(const Fields& mofc) {
+  switch (mofc.enumerator("controller")) {
+    case v1::Mofc::none:
+      return ControllerKind::kNone;
+    case v1::Mofc::virtual_coupling:
+      return ControllerKind::kVirtualCoupling;
+    case v1::Mofc::energy_bounding:
+      return ControllerKind::kEnergyBounding;
+    case v1::Mofc::force_bounding:
+      return ControllerKind::kForceBounding;
+    case v1::Mofc::passivity_control:
+      return ControllerKind::kPassivityControl;
+    case v1::Mofc::memory_based:
+      return ControllerKind::kMemoryBased;
+    case v1::Mofc::output_limiter:
+      return ControllerKind::kOutputLimiter;
+    case v1::Mofc::input_to_state:
+      return ControllerKind::kInputToState;
+    case v1::Mofc::two_port:
+      return ControllerKind::kTwoPort;
+    case v1::Mofc::energy_tank:
+      return ControllerKind::kEnergyTank;
+    case v1::Mofc::lyapunov:
+      return ControllerKind::kLyapunov;
+    default:
+      return ControllerKind::kMofc;
+  }
+}
+
+void refuse_contradictions(const Fields& mofc, const MofcConfig& config) {
+  const bool is_guard =
+      config.controller == ControllerKind::kMofc && config.mode == MofcMode::kGuard;
+  if (config.has_safety_net && is_guard) {
+    mofc.problem("safety_net",
+                 "mode guard is the safety net itself; leave safety_net out, or give "
+                 "another controller or mode");
+  }
+  const bool needs_model = config.controller == ControllerKind::kVirtualCoupling ||
+                           config.controller == ControllerKind::kLyapunov;
+  if (needs_model && config.interaction == InteractionUse::kHeld) {
+    mofc.problem("interaction",
+                 "controller " + controller_text(config) +
+                     " evaluates the contact model; leave interaction out for local");
+  }
+}
+
 }  // namespace
 
 double to_wait_for_physics_ms(const Fields& mofc, double device_rate_hz, double physics_rate_hz) {
@@ -144,7 +190,9 @@ void refuse_if_waiting(const Fields& fields, const char* deadband, double wait_f
 MofcConfig to_mofc(const Fields& mofc, double wait_for_physics_ms, const PhysicsConfig& physics,
                    const DeviceConfig& device) {
   MofcConfig config;
-  if (mofc.enumerator("controller") == v1::Mofc::none) config.controller = ControllerKind::kNone;
+  config.controller = to_controller(mofc);
+  config.rivals = to_rivals(mofc);
+  config.has_safety_net = mofc.flag("safety_net");
   const int mode = mofc.enumerator("mode");
   if (mode == v1::Mofc::paper) config.mode = MofcMode::kPaper;
   if (mode == v1::Mofc::vector) config.mode = MofcMode::kVector;
@@ -153,6 +201,7 @@ MofcConfig to_mofc(const Fields& mofc, double wait_for_physics_ms, const Physics
   config.wait_for_physics = to_milliseconds(wait_for_physics_ms);
   config.motion_deadband = to_motion_deadband(mofc, wait_for_physics_ms);
   if (mofc.enumerator("interaction") == v1::Mofc::held) config.interaction = InteractionUse::kHeld;
+  refuse_contradictions(mofc, config);
   config.stale_after = to_stale_after(mofc, physics, config.interaction, config.motion_deadband);
   config.fade = mofc.milliseconds("fade_ms");
   config.handover_newton_per_s = mofc.number("handover_newton_per_s");

@@ -16,6 +16,18 @@ constexpr double kManyClamped = 0.05;
 
 std::string percent(double ratio) { return fmt::format("{:.2f} %", 100.0 * ratio); }
 
+const char* energy_remedy(const MofcConfig& mofc) {
+  const bool is_limited = mofc.controller == ControllerKind::kMofc || mofc.has_safety_net;
+  if (mofc.controller == ControllerKind::kNone && !is_limited) {
+    return "no controller limits the force; try --set mofc.controller=mofc";
+  }
+  if (!is_limited) {
+    return "this controller does not prevent it here; try --set mofc.safety_net=true";
+  }
+  return "use mode guard or vector, and a device profile that is a lower bound (`palpate "
+         "identify`)";
+}
+
 }  // namespace
 
 std::vector<Verdict> verdicts_of(const Side& side, const DeviceCounters& device,
@@ -40,12 +52,8 @@ std::vector<Verdict> verdicts_of(const Side& side, const DeviceCounters& device,
 
   const double energy_joule = device.minimum_true_energy_joule;
   if (energy_joule < kLeastEnergy_joule) {
-    verdicts.push_back(
-        {false, fmt::format("the hand extracted {:.3g} mJ: {}", -1e3 * energy_joule,
-                            side.mofc.controller == ControllerKind::kNone
-                                ? "no controller limits the force; try --set mofc.controller=mofc"
-                                : "use mode guard or vector, and a device profile that is a lower "
-                                  "bound (`palpate identify`)")});
+    verdicts.push_back({false, fmt::format("the hand extracted {:.3g} mJ: {}", -1e3 * energy_joule,
+                                           energy_remedy(side.mofc))});
   } else if (std::isfinite(energy_joule)) {
     verdicts.push_back({true, "the hand extracted no energy"});
   }
@@ -56,7 +64,8 @@ std::vector<Verdict> verdicts_of(const Side& side, const DeviceCounters& device,
                         "places of the tissues"});
     return verdicts;
   }
-  if (side.mofc.controller == ControllerKind::kNone) return verdicts;
+  // other controllers change every force
+  if (side.mofc.controller != ControllerKind::kMofc) return verdicts;
   const double clamped =
       static_cast<double>(mofc.clamped_ticks) / static_cast<double>(mofc.contact_ticks);
   if (clamped > kManyClamped) {

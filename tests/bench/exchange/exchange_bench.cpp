@@ -218,8 +218,7 @@ class Deployment {
 
   struct Wanted {
     bool is_together = false;
-    int viewers = 0;         ///< beside the one that measures
-    fs::path programs = {};  ///< folder of another build; empty: this one
+    int viewers = 0;  ///< beside the one that measures
   };
 
   Measured measure(const Case& c, const Wanted& wanted, double seconds) const {
@@ -234,9 +233,7 @@ class Deployment {
     for (int i = 0; i < wanted.viewers; ++i) {
       children.push_back(std::make_unique<Child>([&] { look_on(session); }));
     }
-    const fs::path programs = wanted.programs.empty()
-                                  ? fs::read_symlink("/proc/self/exe").parent_path()
-                                  : wanted.programs;
+    const fs::path programs = fs::read_symlink("/proc/self/exe").parent_path();
     const auto start = [&](const std::string& name, int cpu) {
       std::vector<std::string> arguments = {"--session", session_file_.string()};
       for (const std::string& setting : settings) {
@@ -362,7 +359,6 @@ Spread quotient(const Rounds& rounds, const Rounds& of, double q) {
 constexpr const char* kExchange = "palpate, ipc";
 constexpr const char* kViewed = "palpate, ipc, 8 viewers";
 constexpr const char* kTogether = "palpate, --together";
-constexpr const char* kOther = "palpate, ipc, other build";
 constexpr const char* kRaw = "ZeroMQ ipc";
 constexpr const char* kRawInproc = "ZeroMQ inproc";
 constexpr const char* kGazebo = "Gazebo Transport";
@@ -424,7 +420,6 @@ struct Plan {
   int rounds = 0;
   double seconds = 0.0;  ///< of each measurement
   bool has_goals_only = false;
-  fs::path other_programs = {};  ///< of another build, to compare with; empty: none
 };
 
 std::vector<Link> links_of(const Case& c, const Deployment& deployment, const fs::path& folder,
@@ -442,7 +437,6 @@ std::vector<Link> links_of(const Case& c, const Deployment& deployment, const fs
                      }});
   };
   add_exchange(kExchange, {});
-  if (!plan.other_programs.empty()) add_exchange(kOther, {.programs = plan.other_programs});
   add_echo(kRaw, [bytes, folder] { return zmq_ipc_echo(bytes, folder.string()); });
   if (!plan.has_goals_only || !c.is_loaded) add_exchange(kViewed, {.viewers = 8});
 #ifdef PALPATE_HAS_GAZEBO_TRANSPORT
@@ -519,13 +513,6 @@ void print_goals(const CaseResults& idle, const CaseResults& loaded) {
   }
   line("idle: 8 viewers / none, p50", quotient(*idle.find(kViewed), exchange, 0.5), 1.15);
   line("loaded / idle exchange, p99", quotient(*loaded.find(kExchange), exchange, 0.99), 1.5);
-  if (const Rounds* other = loaded.find(kOther)) {
-    std::printf("This build / the other one, loaded:\n");
-    for (std::size_t k = 0; k < 3; ++k) {
-      const Spread is = quotient(*loaded.find(kExchange), *other, kQuantiles[k]);
-      std::printf("  %-42s %5.2f (%.2f … %.2f)\n", kQuantileNames[k], is.middle, is.low, is.high);
-    }
-  }
 }
 
 // --- parts ------------------------------------------------------------------------------------
@@ -632,7 +619,7 @@ plot 'exchange.txt' using 2:xtic(1) title 'p50', '' using 3 title 'p99', '' usin
 )");
 }
 
-void run(const BenchOptions& options, const fs::path& other_programs) {
+void run(const BenchOptions& options) {
   const test::RunFolder folder;  // the endpoints of the nodes and echoes
   const Deployment deployment(fs::path(PALPATE_SOURCE_DIR) / "deploy/sessions/default.txtpb",
                               folder.path());
@@ -652,10 +639,8 @@ void run(const BenchOptions& options, const fs::path& other_programs) {
   if (!has_fifo || !options.is_quick) {
     wanted.insert(wanted.end(), {{kOrdinary, 1000.0, false}, {kOrdinary, 1000.0, true}});
   }
-  const Plan plan{.rounds = options.is_quick ? 6 : 9,
-                  .seconds = 1.0,
-                  .has_goals_only = options.is_quick,
-                  .other_programs = other_programs};
+  const Plan plan{
+      .rounds = options.is_quick ? 6 : 9, .seconds = 1.0, .has_goals_only = options.is_quick};
 
   const EchoBytes bytes = exchange_bytes();
   std::printf("%zu bytes there, %zu back; %d rounds of %g s; medians over the rounds; load %s\n\n",
@@ -705,11 +690,5 @@ int main(int argc, char** argv) {
       "Round trip device, mofc, device compared with plain echoes of the same bytes. With --quick "
       "only what the goals compare.");
   palpate::bench::BenchOptions options;
-  std::string other_programs;
-  app.add_option("--against", other_programs,
-                 "folder of the programs of another build, measured in the same rounds")
-      ->type_name("DIR")
-      ->check(CLI::ExistingDirectory);
-  return palpate::bench::run_bench(app, options, argc, argv,
-                                   [&] { palpate::bench::run(options, other_programs); });
+  return palpate::bench::run_bench(app, options, argc, argv, [&] { palpate::bench::run(options); });
 }

@@ -46,9 +46,10 @@ bool is_number(const std::string& type) {
 }
 
 bool ends_with_unit(const std::string& name) {
-  for (const char* unit : {"_m", "_m_per_s", "_newton", "_newton_per_m", "_newton_per_m3",
-                           "_newton_s_per_m", "_newton_per_s", "_joule", "_m2_per_s3", "_m2_per_s5",
-                           "_kg", "_rad", "_hz", "_s", "_ms", "_us", "_ns", "_ratio"}) {
+  for (const char* unit :
+       {"_m", "_m_per_s", "_newton", "_newton_per_m", "_newton_per_m3", "_newton_s_per_m",
+        "_newton_per_s", "_joule", "_watt", "_m2_per_s3", "_m2_per_s5", "_kg", "_rad", "_hz", "_s",
+        "_ms", "_us", "_ns", "_ratio"}) {
     if (name.ends_with(unit)) return true;
   }
   return false;

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "common/core/memory_link.h"
+#include "tests/support/random_messages.h"
 
 namespace palpate {
 namespace {
@@ -167,6 +168,43 @@ TEST(MemoryLink, DropsNewMessagesWhenItIsFull) {
   ASSERT_TRUE(link.receive(message, at));
   EXPECT_EQ(message.header.sequence, 2u);
   EXPECT_FALSE(link.receive(message, at));
+}
+
+TEST(MemoryLink, KeepsTheOrderOfMessagesWhileItGrows) {
+  ManualClock clock;
+  MemoryLink<ToolMotion> link(clock, 50);
+  ToolMotion message;
+  TimePoint at;
+  std::uint64_t sent = 0;
+  const auto send = [&] {
+    message.header.sequence = sent++;
+    return link.send(message);
+  };
+  for (int i = 0; i < 5; ++i) ASSERT_EQ(send(), SendResult::kSent);
+  for (int i = 0; i < 3; ++i) ASSERT_TRUE(link.receive(message, at));  // the ring begins within
+  for (int i = 0; i < 48; ++i) ASSERT_EQ(send(), SendResult::kSent);
+  EXPECT_EQ(send(), SendResult::kDropped);
+
+  for (std::uint64_t i = 3; i < 53; ++i) {
+    ASSERT_TRUE(link.receive(message, at));
+    EXPECT_EQ(message.header.sequence, i);
+  }
+  EXPECT_FALSE(link.receive(message, at));
+}
+
+// A field that copy_message forgets differs: every field of a random message is random.
+TEST(CopyMessage, CopiesEveryFieldOverAnotherMessage) {
+  const auto check = [](auto from, auto to, Random& random) {
+    for (int i = 0; i < 50; ++i) {
+      test::randomise(from, random);
+      copy_message(from, to);
+      ASSERT_TRUE(test::same(from, to)) << i;
+    }
+  };
+  Random random(1);
+  check(DeviceState{}, DeviceState{}, random);
+  check(Interaction{}, Interaction{}, random);
+  check(ForceCommand{}, ForceCommand{}, random);
 }
 
 TEST(MemoryLink, CallsItsHooks) {

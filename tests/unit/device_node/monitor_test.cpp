@@ -1,5 +1,6 @@
-// The monitor of the energy on its own, and in the tick. Friction 0.1 N·s/m and 0.1 N, exact
-// encoder, v_max 0.5 m/s: D(F) = (F − 0.15 N) 0.5 m/s for F ≥ 0.2 N.
+// The monitor of the energy in the tick, the assumptions that are watched, and the check of the
+// friction. Friction 0.1 N·s/m and 0.1 N, exact encoder, v_max 0.5 m/s: D(F) = (F − 0.15 N) 0.5 m/s
+// for F ≥ 0.2 N.
 #include <gtest/gtest.h>
 
 #include <chrono>
@@ -26,112 +27,6 @@ DeviceConfig monitored_config() {
   config.longest_lease = 10ms;
   config.start_ramp = {};
   return config;
-}
-
-/// After 10 mm of free motion at 0.1 m/s: 0.1 N · 10 mm + 0.1 N·s/m · 0.1 m/s · 10 mm = 1.1 mJ.
-class MonitorWith1100MicroJoule : public testing::Test {
- protected:
-  MonitorWith1100MicroJoule() { move(100); }
-  /// @param ticks  1 ms each, +x
-  void move(int ticks) {
-    for (int i = 0; i <= ticks; ++i) {
-      if (i > 0) {
-        now_ += 1ms;
-        hand_m_.x() += 1e-4;
-      }
-      monitor_.read(now_, hand_m_);
-    }
-  }
-  ForceMonitor monitor_{monitored_config()};
-  TimePoint now_{};
-  Vector3 hand_m_ = Vector3::Zero();
-};
-
-TEST_F(MonitorWith1100MicroJoule, PassesWhatTheEnergyCoversUnchanged) {
-  EXPECT_NEAR(monitor_.joule(), 1.1e-3, 1e-12);
-  // 1 N: 0.425 W, 2.58 ms
-  const auto covered = monitor_.cover({0, 1, 0}, 2500us);
-  EXPECT_FALSE(covered.is_reduced);
-  EXPECT_EQ(covered.force_on_hand_newton, Vector3(0, 1, 0));
-  EXPECT_EQ(covered.lease, 2500us);
-}
-
-TEST_F(MonitorWith1100MicroJoule, ShortensALeaseThatIsTooLong) {
-  const auto covered = monitor_.cover({0, 1, 0}, 10ms);
-  EXPECT_TRUE(covered.is_reduced);
-  EXPECT_EQ(covered.force_on_hand_newton, Vector3(0, 1, 0));
-  EXPECT_NEAR(to_seconds(covered.lease), 1.1e-3 / 0.425, 1e-8);
-}
-
-// 1.1 mJ over the 2 ms of every command: 0.55 W, 1.25 N.
-TEST_F(MonitorWith1100MicroJoule, ReducesAForceThatIsTooLarge) {
-  const auto covered = monitor_.cover({0, 0, -20}, 10ms);
-  EXPECT_TRUE(covered.is_reduced);
-  EXPECT_EQ(covered.lease, 2ms);
-  EXPECT_NEAR((covered.force_on_hand_newton - Vector3(0, 0, -1.25)).norm(), 0.0, 1e-9);
-}
-
-TEST_F(MonitorWith1100MicroJoule, PaysNothingTwiceInATick) {
-  EXPECT_FALSE(monitor_.cover({0, 1, 0}, 2500us).is_reduced);
-  const auto again = monitor_.cover({0, 1, 0}, 2500us);
-  EXPECT_TRUE(again.is_reduced);
-  EXPECT_LT(again.force_on_hand_newton.norm(), 0.4);
-}
-
-// 1 N may act for 0.5 ms more, until the answer's deadline: 0.2125 mJ.
-TEST_F(MonitorWith1100MicroJoule, ReservesWhatTheActingForceMayStillDraw) {
-  monitor_.switched(now_, hand_m_, {0, 1, 0}, 2ms);
-  move(0);
-  const auto covered = monitor_.cover({0, 0, -20}, 2ms);
-  EXPECT_NEAR(covered.force_on_hand_newton.norm(), 0.15 + (1.1e-3 - 0.2125e-3) / 2e-3 / 0.5, 1e-9);
-}
-
-TEST_F(MonitorWith1100MicroJoule, ForgetsItsCreditButNoDebtWhenItDoesNotKnowWhatHappened) {
-  monitor_.lost();
-  move(0);
-  EXPECT_EQ(monitor_.joule(), 0.0);
-
-  // 1 N along 10 mm draws 10 mJ, less friction
-  monitor_.switched(now_, hand_m_, {1, 0, 0}, 1h);
-  move(100);
-  const double debt = monitor_.joule();
-  EXPECT_LT(debt, -8e-3);
-  monitor_.lost();
-  move(0);
-  EXPECT_NEAR(monitor_.joule(), debt, 1e-15);
-}
-
-TEST_F(MonitorWith1100MicroJoule, CountsFromWhereTheClampDoes) {
-  monitor_.count_since(now_ - 50ms);
-  EXPECT_NEAR(monitor_.joule(), 0.55e-3, 1e-12);
-  // once for each claim
-  move(10);
-  monitor_.count_since(now_ - 60ms);
-  EXPECT_NEAR(monitor_.joule(), 0.66e-3, 1e-12);
-}
-
-// A clamp that hears nothing for 0.3 s counts from a reading that is older still.
-TEST_F(MonitorWith1100MicroJoule, CountsFromALongPastReading) {
-  move(400);
-  monitor_.count_since(now_ - 450ms);
-  EXPECT_NEAR(monitor_.joule(), 4.95e-3, 1e-11);
-}
-
-TEST_F(MonitorWith1100MicroJoule, KeepsItsCountThroughAForceThatNeedsCredit) {
-  monitor_.switched(now_, hand_m_, {1, 0, 0}, 1h);
-  move(100);
-  const double debt = monitor_.joule();
-  monitor_.count_since(now_ - 150ms);
-  EXPECT_EQ(monitor_.joule(), debt);
-  monitor_.count_since(now_ - 50ms);
-  EXPECT_EQ(monitor_.joule(), debt);
-}
-
-TEST(Monitor, LetsTheFrictionsOwnForcePassWithoutCredit) {
-  ForceMonitor monitor{monitored_config()};
-  monitor.read(TimePoint(1ms), Vector3::Zero());
-  EXPECT_FALSE(monitor.cover({0.1, 0, 0}, 1h).is_reduced);
-  EXPECT_TRUE(monitor.cover({0.11, 0, 0}, 1h).is_reduced);
 }
 
 // --- in the tick ----------------------------------------------------------------------------
@@ -219,6 +114,36 @@ TEST(AssumptionWatch, CountsReadingsThatOnlyATooFastHandCanHaveMade) {
   EXPECT_EQ(watch.too_fast_readings(), 0u);
   watch.moved({1.001 * step_m, 0, 0}, 1ms);
   EXPECT_EQ(watch.too_fast_readings(), 1u);
+}
+
+TEST(AssumptionWatch, AHandAtVMaxIsNotTooFast) {
+  DeviceConfig config;
+  config.profile.position_resolution_m = 0.0;
+  AssumptionWatch watch(config);
+  watch.moved({config.monitor.v_max_m_per_s * to_seconds(1ms), 0, 0}, 1ms);
+  EXPECT_EQ(watch.too_fast_readings(), 0u);
+}
+
+/// After `count` changes of each of these lengths in turn; the profile says 1 µm.
+std::uint64_t coarse_after(int count, std::initializer_list<double> changes_m) {
+  DeviceConfig config;
+  config.profile.position_resolution_m = 1e-6;
+  AssumptionWatch watch(config);
+  for (int i = 0; i < count; ++i) {
+    for (const double change_m : changes_m) watch.moved({0, change_m, 0}, 1ms);
+  }
+  return watch.coarse_readings();
+}
+
+TEST(AssumptionWatch, CountsTheSmallestChangeOnceItHasOccurred100Times) {
+  EXPECT_EQ(coarse_after(100, {1e-4}), 0u);
+  EXPECT_EQ(coarse_after(101, {1e-4}), 1u);
+  EXPECT_EQ(coarse_after(150, {1.5e-4, 1e-4}), 50u);
+  // changes within 1e-6 of each other are the same
+  EXPECT_EQ(coarse_after(100, {1e-4, (1.0 - 0.8e-6) * 1e-4}), 100u);
+  EXPECT_EQ(coarse_after(100, {1e-4, (1.0 + 0.8e-6) * 1e-4}), 100u);
+  EXPECT_EQ(coarse_after(100, {1e-4, (1.0 + 1.2e-6) * 1e-4}), 0u);
+  EXPECT_EQ(coarse_after(60, {1e-4, (1.0 - 1.2e-6) * 1e-4}), 0u);
 }
 
 /// Readings of a slow sinusoid of 10 mm by an encoder of this step.

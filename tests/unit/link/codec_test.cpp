@@ -35,9 +35,9 @@ using test::Wire;
 
 template <class T>
 class CodecOf : public testing::Test {};
-using Messages =
-    testing::Types<DeviceState, ForceCommand, ToolMotion, Interaction, DeviceBatch, MofcBatch,
-                   PhysicsBatch, SceneState, MeshFrame, HandTarget, RunState, RunRequest>;
+using Messages = testing::Types<DeviceState, ForceCommand, ToolMotion, Interaction, DeviceBatch,
+                                MofcBatch, PhysicsBatch, SceneState, MeshFrame, HandTarget,
+                                RunState, RunRequest, TissueChange>;
 TYPED_TEST_SUITE(CodecOf, Messages);
 
 TYPED_TEST(CodecOf, DecodesWhatWasEncodedBitByBit) {

@@ -15,6 +15,7 @@
 #include "palpate/v1/run.pb.h"
 #include "palpate/v1/scene.pb.h"
 #include "palpate/v1/telemetry.pb.h"
+#include "palpate/v1/tissue_change.pb.h"
 #include "palpate/v1/tool_motion.pb.h"
 #include "tests/support/random_messages.h"
 
@@ -85,6 +86,10 @@ struct Wire<RunRequest> {
 template <>
 struct Wire<HandTarget> {
   using Message = v1::HandTarget;
+};
+template <>
+struct Wire<TissueChange> {
+  using Message = v1::TissueChange;
 };
 
 /// The protobuf message of a frame, to be altered.
@@ -170,6 +175,27 @@ template <>
 inline HandTarget full_message() {
   Random random(7);
   return random_message<HandTarget>(random);
+}
+template <>
+inline RunState full_message() {
+  Random random(7);
+  RunState m;
+  do m = random_message<RunState>(random);
+  while (m.markers.empty() || !m.replay);
+  return m;
+}
+template <>
+inline RunRequest full_message() {
+  Random random(7);
+  RunRequest m;
+  do m = random_message<RunRequest>(random);
+  while (!m.marker || !m.seek_s || !m.is_paused || !m.speed_ratio || !m.is_recording);
+  return m;
+}
+template <>
+inline TissueChange full_message() {
+  Random random(7);
+  return random_message<TissueChange>(random);
 }
 
 /// Expects that the frame is refused with `error` and leaves the message unchanged.

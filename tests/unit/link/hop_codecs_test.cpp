@@ -409,5 +409,23 @@ TEST(HandTargetCodec, RefusesATargetWithoutHolderOrTooFar) {
   expect_range<HandTarget>([](auto& t) { t.mutable_hand_position_m()->set_x(1001.0); }, false);
 }
 
+TEST(TissueChangeCodec, RefusesConstantsThatNoTissueHas) {
+  const auto change = [](double k, double b, bool is_accepted) {
+    expect_range<TissueChange>(
+        [&](auto& c) {
+          c.set_stiffness_newton_per_m(k);
+          c.set_damping_newton_s_per_m(b);
+        },
+        is_accepted);
+  };
+  change(1e6, 1e4, true);
+  change(0.0, 1e-3, true);
+  change(0.0, 0.0, false);
+  change(-1.0, 1.0, false);
+  change(1.0, -1.0, false);
+  change(1.001e6, 0.0, false);
+  change(1.0, 1.001e4, false);
+}
+
 }  // namespace
 }  // namespace palpate

@@ -167,6 +167,7 @@ TEST(WirePage, GivesTheKindsAndLengthsOfFrames) {
   EXPECT_EQ(row("HandTarget"), frame_row<HandTarget>(kOneWayReceiver));
   EXPECT_EQ(row("RunState"), frame_row<RunState>(kTelemetryReceiver));
   EXPECT_EQ(row("RunRequest"), frame_row<RunRequest>(kOneWayReceiver));
+  EXPECT_EQ(row("TissueChange"), frame_row<TissueChange>(kOneWayReceiver));
 }
 
 TEST(WirePage, GivesTheReasonsInTheOrderOfTheChecks) {

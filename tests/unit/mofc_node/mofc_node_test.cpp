@@ -12,6 +12,7 @@
 
 #include "common/core/memory_link.h"
 #include "mofc_node/make_controller.h"
+#include "mofc_node/model_probe.h"
 #include "mofc_node/motion_deadband.h"
 #include "tests/support/alloc_guard.h"
 
@@ -762,6 +763,85 @@ TEST(MakeController, EveryModeUsesTheFrictionOfTheProfile) {
   for (const MofcMode mode : {MofcMode::kPaper, MofcMode::kVector, MofcMode::kGuard}) {
     EXPECT_EQ(f_max_at_first_newton({.mode = mode, .guard = {}}, device), per_axis);
   }
+}
+
+// 10 mm in a wall of 100 N/m, in the local model of the last Interaction.
+struct ProbedWall {
+  ProbedWall() {
+    interaction.tool_position_world_m = {0.02, 0, -0.01};
+    interaction.listed_count = interaction.contact_count = 1;
+    interaction.contacts[0] = {.penetration_m = 0.01,
+                               .elastic_force_on_tool_newton = Vector3(0, 0, 1),
+                               .d_force_d_position = Vector3(0, 0, -100).asDiagonal(),
+                               .stored_energy_joule = 0.5 * 100 * 1e-4,
+                               .trust_radius_m = 1.0,
+                               .force_on_tool_newton = Vector3(0, 0, 1)};
+    // the tool moves twice as far as the hand, which gets half the force
+    state.hand_position_m = {0.001, 0, 0};
+    state.tool_position_world_m = {0.03, 0, -0.01};
+  }
+  Interaction interaction;
+  DeviceState state;
+  WorkspaceConfig workspace{.scale_ratio = 2.0, .force_ratio = 0.5};
+};
+
+TEST(ModelProbe, AsksTheContactModelWhereTheHandIsNot) {
+  ProbedWall wall;
+  const ModelProbe probe(&wall.interaction, wall.state, wall.state.tool_position_world_m,
+                         wall.workspace);
+
+  const auto here = probe.at(wall.state.hand_position_m, Vector3::Zero());
+  EXPECT_NEAR(here.force_on_hand_newton.z(), 0.5, 1e-12);
+  EXPECT_NEAR(here.stored_energy_joule, 5e-3 * 0.5 / 2.0, 1e-12);
+  // 1 mm deeper with the hand, 2 mm with the tool
+  const auto deeper = probe.at({0.001, 0, -0.001}, Vector3::Zero());
+  EXPECT_NEAR(deeper.force_on_hand_newton.z(), 0.6, 1e-12);
+  EXPECT_EQ(probe.surface_normal(), Vector3::UnitZ());
+  // physics_node had the tool 10 mm beside, the hand 5 mm
+  EXPECT_NEAR((probe.evaluated_at_m() - Vector3(-0.004, 0, 0)).norm(), 0.0, 1e-12);
+}
+
+TEST(ModelProbe, WithoutTissueOrWithTheClutchHeldThereIsNoForce) {
+  ProbedWall wall;
+  const ModelProbe none(nullptr, wall.state, Vector3::Zero(), wall.workspace);
+  EXPECT_EQ(none.at(Vector3::Zero(), Vector3::Zero()).force_on_hand_newton, Vector3::Zero());
+  EXPECT_EQ(none.surface_normal(), Vector3::Zero());
+  EXPECT_EQ(none.evaluated_at_m(), wall.state.hand_position_m);
+  wall.state.is_clutched = true;
+  const ModelProbe clutched(&wall.interaction, wall.state, wall.state.tool_position_world_m,
+                            wall.workspace);
+  EXPECT_EQ(clutched.at(wall.state.hand_position_m, Vector3::Zero()).force_on_hand_newton,
+            Vector3::Zero());
+}
+
+// At rest in tissue that requests 9 N: what each controller of others answers at first.
+TEST(MakeController, EveryControllerOfOthersIsMadeWithItsSettings) {
+  const ClampedDevice device{.lease = 2ms};
+  const auto first = [&](MofcConfig config, ControllerKind kind, bool has_net = false) {
+    config.controller = kind;
+    config.has_safety_net = has_net;
+    return make_controller(config, device)
+        ->step({.hand_position_m = Vector3::Zero(),
+                .applied = {},
+                .asked_force_on_hand_newton = Vector3(0, 0, 9)});
+  };
+  const MofcConfig plain;
+  // no friction is credited yet
+  EXPECT_EQ(first(plain, ControllerKind::kEnergyBounding).force_on_hand_newton.z(), 0.0);
+  EXPECT_EQ(first(plain, ControllerKind::kForceBounding).force_on_hand_newton.z(), 0.0);
+  EXPECT_EQ(first(plain, ControllerKind::kOutputLimiter).force_on_hand_newton.z(), 0.1);
+  // these have nothing against a first force
+  for (const ControllerKind kind :
+       {ControllerKind::kPassivityControl, ControllerKind::kMemoryBased,
+        ControllerKind::kInputToState, ControllerKind::kTwoPort, ControllerKind::kEnergyTank,
+        ControllerKind::kVirtualCoupling, ControllerKind::kLyapunov}) {
+    EXPECT_EQ(first(plain, kind).force_on_hand_newton.z(), 9.0);
+    EXPECT_NEAR(first(plain, kind, true).force_on_hand_newton.z(), 0.1, 1e-12);
+  }
+  EXPECT_EQ(first(plain, ControllerKind::kEnergyTank).ledger_energy_joule, 0.02);
+  MofcConfig less;
+  less.rivals.force_bounding.is_more_conservative = false;
+  EXPECT_EQ(first(less, ControllerKind::kForceBounding).ledger_energy_joule, 0.0);
 }
 
 static_assert(

@@ -45,7 +45,7 @@ Errors errors_of(const CloudSurface& surface, const test::Shape& shape, double d
 
 // Force is stiffness times depth, so 1 % of the 3 mm force is 30 µm of distance.
 TEST(CloudSurface, IsTheSphereItWasSampledFrom) {
-  const test::Shape sphere = test::sphere_shape(0.05);
+  const test::Shape sphere = test::sphere_shape(0.03);
   for (const Sampling sampling : {Sampling::kEven, Sampling::kRandom}) {
     for (const bool has_normals : {true, false}) {
       Random random(1);
@@ -60,7 +60,7 @@ TEST(CloudSurface, IsTheSphereItWasSampledFrom) {
 }
 
 TEST(CloudSurface, EvensOutNoiseOfATenthOfTheSpacing) {
-  const test::Shape sphere = test::sphere_shape(0.05);
+  const test::Shape sphere = test::sphere_shape(0.03);
   for (const Sampling sampling : {Sampling::kEven, Sampling::kRandom}) {
     for (const bool has_normals : {true, false}) {
       Random random(2);

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "common/core/memory_link.h"
+#include "physics_node/scene_engine.h"
 #include "tests/support/alloc_guard.h"
 
 namespace palpate::physics {
@@ -49,10 +50,12 @@ struct Bench {
   explicit Bench(const SceneConfig& scene = floor_and_far_sphere(),
                  const std::optional<InteractionDeadband>& deadband = {},
                  InteractionUse use = InteractionUse::kHeld)
-      : node(scene, {.interaction_deadband = deadband}, use, clock, inbox, interactions, ticks,
+      : engine(scene, {}, use),
+        node(engine, {.interaction_deadband = deadband}, use, clock, inbox, interactions, ticks,
              kPhysicsSession) {}
   explicit Bench(std::shared_ptr<const Scene> scene)
-      : node(std::move(scene), {}, InteractionUse::kHeld, clock, inbox, interactions, ticks,
+      : engine(std::move(scene), PhysicsConfig{}.rate_hz, InteractionUse::kHeld),
+        node(engine, {}, InteractionUse::kHeld, clock, inbox, interactions, ticks,
              kPhysicsSession) {}
 
   void send_motion(double z_m, std::uint64_t mofc_session = 5) {
@@ -82,6 +85,7 @@ struct Bench {
   MemoryLink<Interaction> interactions{clock};
   Inbox<ToolMotion> inbox{motions, clock};
   TickList ticks;
+  SceneEngine engine;
   PhysicsNode node;
   std::uint64_t next_sequence = 0;
   std::uint64_t next_index = 0;
@@ -267,8 +271,8 @@ TEST(PhysicsNode, LeavesARecordOfEveryStep) {
 TEST(PhysicsNode, TakesItsComputeTimeFromTheClockHandedIn) {
   Bench bench;
   BusyClock busy;
-  PhysicsNode node(floor_and_far_sphere(), {}, InteractionUse::kHeld, busy, bench.inbox,
-                   bench.interactions, bench.ticks, 1);
+  PhysicsNode node(bench.engine, {}, InteractionUse::kHeld, busy, bench.inbox, bench.interactions,
+                   bench.ticks, 1);
   bench.send_motion(-0.01);
 
   const TimePoint now = busy.now();

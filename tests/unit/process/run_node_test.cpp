@@ -47,6 +47,20 @@ class RunNode : public testing::Test {
   int extra_ = 0;
 };
 
+TEST_F(RunNode, AnAdversaryIsRefusedOrLeftOutAndNeverReachesTheBody) {
+  const std::vector<std::string> attack{"--session", session_, "--set",
+                                        "adversary.clamp=full_force"};
+  EXPECT_EQ(run(attack, must_not_run), kExitSetupError);
+  EXPECT_THAT(err, testing::AllOf(HasSubstr("adversary"), HasSubstr("--no-adversary")));
+
+  std::vector<std::string> without = attack;
+  without.emplace_back("--no-adversary");
+  bool is_any = true;
+  EXPECT_EQ(
+      run(without, [&](NodeContext& context) { is_any = context.session.adversary.is_any(); }), 0);
+  EXPECT_FALSE(is_any);
+}
+
 TEST_F(RunNode, GivesTheBodyItsSessionAndEndsWithStatusZero) {
   std::string name;
   std::uint64_t session_id = 0;

@@ -406,6 +406,63 @@ TEST(SessionFile, ReadsFieldsWithoutDefaults) {
   EXPECT_EQ(session.side().mofc.fade, 9ms);
 }
 
+TEST(SessionFile, ControllersOfOthersHaveTheirSettings) {
+  const auto mofc = [](const std::string& text) {
+    return parse_session("name: 'x' mofc { " + text + " }", "x.txtpb").side().mofc;
+  };
+  const std::pair<const char*, ControllerKind> kinds[] = {
+      {"virtual_coupling", ControllerKind::kVirtualCoupling},
+      {"energy_bounding", ControllerKind::kEnergyBounding},
+      {"force_bounding", ControllerKind::kForceBounding},
+      {"passivity_control", ControllerKind::kPassivityControl},
+      {"memory_based", ControllerKind::kMemoryBased},
+      {"output_limiter", ControllerKind::kOutputLimiter},
+      {"input_to_state", ControllerKind::kInputToState},
+      {"two_port", ControllerKind::kTwoPort},
+      {"energy_tank", ControllerKind::kEnergyTank},
+      {"lyapunov", ControllerKind::kLyapunov}};
+  for (const auto& [name, kind] : kinds) {
+    const MofcConfig config = mofc(std::string("controller: ") + name);
+    EXPECT_EQ(config.controller, kind) << name;
+    EXPECT_EQ(controller_text(config), name);
+    EXPECT_FALSE(config.has_safety_net);
+    EXPECT_EQ(controller_text(mofc(std::string("safety_net: true controller: ") + name)),
+              std::string(name) + " behind guard");
+  }
+  const RivalsConfig defaults = mofc("").rivals;
+  EXPECT_TRUE(defaults.force_bounding.is_more_conservative);
+  EXPECT_EQ(defaults.passivity_control.observer, PassivityControlConfig::Observer::kSampled);
+  EXPECT_EQ(defaults.passivity_control.most_damping_newton_s_per_m, 30.0);
+  EXPECT_EQ(defaults.energy_tank.initial_joule, 0.02);
+  EXPECT_EQ(defaults.lyapunov.slack_watt, 1e-3);
+  const RivalsConfig given =
+      mofc(
+          "virtual_coupling_settings { criterion: sampled_data stiffness_newton_per_m: 200 "
+          "damping_newton_s_per_m: 0.5 } force_bounding_settings { variant: less_conservative } "
+          "passivity_control_settings { observer: reference most_damping_newton_s_per_m: 9 "
+          "least_speed_m_per_s: 0.02 } input_to_state_settings { time_constant_ms: 4 } "
+          "energy_tank_settings { initial_joule: 0 most_joule: 1 valve_joule: 0.5 "
+          "damping_newton_s_per_m: 3 } lyapunov_settings { least_mass_kg: 0.2 most_mass_kg: 0.4 "
+          "hand_force_newton: 7 slack_watt: 0 }")
+          .rivals;
+  EXPECT_EQ(given.virtual_coupling.criterion, VirtualCouplingConfig::Criterion::kSampledData);
+  EXPECT_EQ(given.virtual_coupling.stiffness_newton_per_m, 200.0);
+  EXPECT_EQ(given.virtual_coupling.damping_newton_s_per_m, 0.5);
+  EXPECT_FALSE(given.force_bounding.is_more_conservative);
+  EXPECT_EQ(given.passivity_control.observer, PassivityControlConfig::Observer::kReference);
+  EXPECT_EQ(given.passivity_control.most_damping_newton_s_per_m, 9.0);
+  EXPECT_EQ(given.passivity_control.least_speed_m_per_s, 0.02);
+  EXPECT_EQ(given.input_to_state.time_constant, 4ms);
+  EXPECT_EQ(given.energy_tank.initial_joule, 0.0);
+  EXPECT_EQ(given.energy_tank.most_joule, 1.0);
+  EXPECT_EQ(given.energy_tank.valve_joule, 0.5);
+  EXPECT_EQ(given.energy_tank.damping_newton_s_per_m, 3.0);
+  EXPECT_EQ(given.lyapunov.least_mass_kg, 0.2);
+  EXPECT_EQ(given.lyapunov.most_mass_kg, 0.4);
+  EXPECT_EQ(given.lyapunov.hand_force_newton, 7.0);
+  EXPECT_EQ(given.lyapunov.slack_watt, 0.0);
+}
+
 // silence that the deadbands allow: 150 ms and 3 keep-alives of each deadband
 TEST(SessionFile, DeadbandsAreOffUnlessGivenAndCountInStaleAfter) {
   const Session plain = parse_session("name: 'x'", "x.txtpb");
@@ -640,6 +697,20 @@ TEST(SessionFile, EndlessBracesAreRefused) {
   for (int i = 0; i < 200'000; ++i) text += "a {";
 
   EXPECT_THAT(complaints(text).at(1), HasSubstr("braces nested more than 32 deep"));
+}
+
+TEST(SessionFile, AdversaryIsHonestByDefaultAndReadByName) {
+  const Session honest = parse_session("name: \"x\" adversary { physics: honest }", "x", {});
+  EXPECT_FALSE(honest.adversary.is_any());
+  const Session hostile =
+      parse_session("name: \"x\"", "x",
+                    {"adversary.physics=everything", "adversary.clamp=mostly_right",
+                     "adversary.tick_jitter_ratio=0.5"});
+  EXPECT_EQ(hostile.adversary.physics, HostilePhysics::kEverything);
+  EXPECT_EQ(hostile.adversary.clamp, LyingClamp::kMostlyRight);
+  EXPECT_EQ(hostile.adversary.tick_jitter_ratio, 0.5);
+  EXPECT_THAT(complaints("name: \"x\" adversary { tick_jitter_ratio: 0.6 }").at(1),
+              HasSubstr("adversary.tick_jitter_ratio = 0.6: must be 0 … 0.5"));
 }
 
 TEST(SessionFile, WritesNothingToStandardError) {

@@ -125,7 +125,10 @@ TEST(SessionOverride, ReportsWhyItCannotBeApplied) {
       {"device=3", "device: cannot be read"},
       {"mofc.mode=fast", "mode = fast: must be one of mode_default, paper, vector"},
       {"mofc.mode=7", "mofc.mode = 7: must be paper, vector or guard"},
-      {"mofc.controller=7", "mofc.controller = 7: must be none or mofc"},
+      {"mofc.controller=99",
+       "mofc.controller = 99: must be none, mofc, virtual_coupling, energy_bounding, "
+       "force_bounding, passivity_control, memory_based, output_limiter, input_to_state, two_port, "
+       "energy_tank or lyapunov"},
       {"seed=-1", "seed: cannot be read"},
       {"scene.tissue[1].name=a",
        "scene.tissue[1]: there are only 1, counted from [0]; "

@@ -80,6 +80,7 @@ TEST(SessionSchema, UnitsAreThoseOfTheNames) {
                                                        {"_m2_per_s5", "m²/s⁵"},
                                                        {"_m_per_s", "m/s"},
                                                        {"_joule", "J"},
+                                                       {"_watt", "W"},
                                                        {"_kg", "kg"},
                                                        {"_hz", "Hz"},
                                                        {"_rad", "rad"},

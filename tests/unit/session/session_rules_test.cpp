@@ -284,6 +284,34 @@ const Rule kRules[] = {
     {"hand.hostile.v_max_m_per_s", {"0"}, {"0.1"}, "must be > 0"},
 
     {"mofc.wait_for_physics_ms", {"-1"}, {"0"}, "must be ≥ 0"},
+    {"mofc.safety_net", {"true"}, {"false"}, "mode guard is the safety net itself"},
+    {"mofc.safety_net", {}, {"true"}, "", {"mofc.mode=vector"}},
+    {"mofc.safety_net", {}, {"true"}, "", {"mofc.controller=none"}},
+    {"mofc.interaction",
+     {"held"},
+     {"local"},
+     "controller virtual_coupling evaluates the contact model",
+     {"mofc.controller=virtual_coupling"}},
+    {"mofc.interaction",
+     {"held"},
+     {"local"},
+     "controller lyapunov evaluates the contact model",
+     {"mofc.controller=lyapunov"}},
+    {"mofc.virtual_coupling_settings.stiffness_newton_per_m", {"-1"}, {"0"}, "must be ≥ 0"},
+    {"mofc.virtual_coupling_settings.damping_newton_s_per_m",
+     {"1"},
+     {"0"},
+     "needs stiffness_newton_per_m > 0"},
+    {"mofc.passivity_control_settings.most_damping_newton_s_per_m",
+     {"0", "-1"},
+     {"0.1"},
+     "must be > 0"},
+    {"mofc.passivity_control_settings.least_speed_m_per_s", {"0"}, {"0.01"}, "must be > 0"},
+    {"mofc.input_to_state_settings.time_constant_ms", {"0"}, {"0.1"}, "must be > 0"},
+    {"mofc.energy_tank_settings.initial_joule", {"0.11"}, {"0.1"}, "must be ≤ most_joule, 0.1 J"},
+    {"mofc.energy_tank_settings.valve_joule", {"0.11"}, {"0.1"}, "must be ≤ most_joule, 0.1 J"},
+    {"mofc.lyapunov_settings.most_mass_kg", {"0.09"}, {"0.1"}, "must be ≥ least_mass_kg, 0.1 kg"},
+    {"mofc.lyapunov_settings.slack_watt", {"-1"}, {"0"}, "must be ≥ 0"},
     {"mofc.wait_for_physics_ms", {"20", "30"}, {"19.9"}, "must be < 1 period", k50Hz},
     {"mofc.wait_for_physics_ms",
      {"1"},
@@ -505,6 +533,16 @@ TEST(SessionRules, AProgramThatCannotBeStartedIsRefusedWithItsPlace) {
   for (int i = 1; i < 64; ++i) many += ", \"a\"";
   EXPECT_EQ(complaint("[" + many + "]"), "");
   EXPECT_THAT(complaint("[" + many + ", \"a\"]"), HasSubstr("must be at most 64 words"));
+}
+
+TEST(SessionRules, OnlyThePhysicsOfPalpateTakesChangesOfTissues) {
+  EXPECT_TRUE(parse_session("name: \"x\" viewer { control: true }", "x.txtpb").viewer.has_control);
+  EXPECT_FALSE(parse_session("name: \"x\"", "x.txtpb").viewer.has_control);
+  const auto lines =
+      complaints("name: \"x\"\nviewer { control: true }\nphysics { command: \"other\" }");
+  ASSERT_FALSE(lines.empty());
+  EXPECT_THAT(lines.back(), AllOf(HasSubstr("x.txtpb:2"), HasSubstr("viewer.control"),
+                                  HasSubstr("needs physics_node")));
 }
 
 TEST(SessionRules, NameIsRequired) {

@@ -1,6 +1,6 @@
 // browser.mjs: Debian's Chromium without a display or a GPU; waits for events with a deadline.
 import assert from "node:assert/strict";
-import { mkdirSync } from "node:fs";
+import { mkdirSync, writeFileSync } from "node:fs";
 import { join } from "node:path";
 import { fileURLToPath } from "node:url";
 import { chromium } from "playwright-core";
@@ -135,7 +135,7 @@ export function hold_when(page, depth_m, newton) {
   return page.evaluate(([depth_m, newton]) => new Promise((resolve) => {
     const look = () => {
       const t = window.__test;
-      const is_contact = ['contact', 'clamped'].includes(t.state.id);
+      const is_contact = ['contact', 'clamped', 'exhausted'].includes(t.state.id);
       if (!is_contact || t.scene.tissues[0].displacement_m < depth_m || t.applied_newton < newton) return void setTimeout(look, 4);
       document.getElementById("pause").click();
       resolve();
@@ -144,10 +144,14 @@ export function hold_when(page, depth_m, newton) {
   }), [depth_m, newton]);
 }
 
-/** Into the folder $PALPATE_SCREENSHOTS, if it is set. */
+/** Whether this run writes the pictures of the documents: tests/web/run --screenshots. */
+export const kSkipScreenshots = process.env.PALPATE_SCREENSHOTS ? false : "written by tests/web/run --screenshots only";
+const kMostBytes = 150000;
+
 export async function screenshot(page, name) {
   const folder = process.env.PALPATE_SCREENSHOTS;
-  if (!folder) return;
   mkdirSync(folder, { recursive: true });
-  await page.screenshot({ path: join(folder, `${name}.png`) });
+  const png = await page.screenshot();
+  assert.ok(png.length <= kMostBytes, `${name}.png has ${png.length} bytes, more than ${kMostBytes}`);
+  writeFileSync(join(folder, `${name}.png`), png);
 }

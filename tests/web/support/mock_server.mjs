@@ -19,7 +19,7 @@ export const kContentSecurityPolicy =
 
 const kTopics = {
   "/scene_state": "palpate.v1.SceneState", "/mesh": "palpate.v1.MeshFrame", "/device": "palpate.v1.DeviceTelemetry",
-  "/mofc": "palpate.v1.MofcTelemetry", "/physics": "palpate.v1.PhysicsTelemetry", "/health": "palpate.v1.Health",
+  "/mofc": "palpate.v1.MofcTelemetry", "/physics": "palpate.v1.PhysicsTelemetry", "/health": "palpate.v1.Health", "/log": "foxglove.Log",
 };
 const kSessions = { device: 11n, mofc: 22n, physics: 33n };
 const kTip_m = 0.003;
@@ -35,7 +35,7 @@ function descriptor_set() {
 function compile_descriptors() {
   const folder = mkdtempSync(join(tmpdir(), "palpate-"));
   try {
-    const files = ["scene", "telemetry", "viewer"].map((name) => `palpate/v1/${name}.proto`);
+    const files = [...["scene", "telemetry", "viewer"].map((name) => `palpate/v1/${name}.proto`), "foxglove/foxglove_subset.proto"];
     execFileSync("protoc", ["-I", join(root, "proto"), "--include_imports", `--descriptor_set_out=${folder}/set`, ...files]);
     return readFileSync(`${folder}/set`);
   } finally {
@@ -88,9 +88,11 @@ const bytes_of = (array) => new Uint8Array(array.buffer, array.byteOffset, array
  * @param options.port      0: any
  * @param options.vertices  of the block's top, about
  * @param options.has_pointer  whether a page may move the hand
+ * @param options.has_control  whether a page may change the tissues
+ * @param options.names        of the tissues
  * @param options.shaft_m      length of the tool's shaft; 0: only a tip
  */
-export async function start_mock_server({ port = 0, vertices = 2600, has_pointer = true, shaft_m = 0, page = join(root, "viewer_node/web/dist") } = {}) {
+export async function start_mock_server({ port = 0, vertices = 2600, has_pointer = true, has_control = false, names = ["block", "inclusion"], shaft_m = 0, page = join(root, "viewer_node/web/dist") } = {}) {
   const set = descriptor_set();
   const registry = createFileRegistry(fromBinary(FileDescriptorSetSchema, set));
   const schema = (name) => registry.getMessage(name);
@@ -108,6 +110,13 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
     offset: null, // of the block as a whole
     orientation: null, // w, x, y, z of the tool, if it is turned
     targets: [], // every HandTarget received
+    changes: [], // every TissueChange received
+    refuses_changes: false,
+    requests: [], // every RunRequest received
+    recorder: { isPossible: true, isRecording: false, file: "", lengthS: 0, problem: "" },
+    markers: [],
+    replay: undefined, // as in palpate.v1.Health
+    stiffness: [...kStiffness], damping: [1, 60], // of the tissues
     holder: 0,
     tool: { x: -0.012, y: 0, z: 0.015 },
     refused: 0,
@@ -118,6 +127,7 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
   let next_client = 1;
   const sequences = { device: 0n, mofc: 0n, physics: 0n };
   let tick = 0n;
+  let last_z = 1;
   let energy = 0;
   let transparency_sum = 0;
   let transparency_samples = 0n;
@@ -136,9 +146,10 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
       deviceRateHz: 1000, physicsRateHz: 1000, peakForceNewton: 3.3, tipRadiusM: kTip_m, shaftLengthM: shaft_m, shaftRadiusM: 0.002,
       workspaceScaleRatio: 1,
       tissues: [
-        { name: "block", shape: 3, verticesM: bytes_of(block.vertices), triangles: bytes_of(block.triangles), stiffnessNewtonPerM: kStiffness[0], dampingNewtonSPerM: 1 },
-        { name: "inclusion", shape: 2, verticesM: bytes_of(ball.vertices), triangles: bytes_of(ball.triangles), stiffnessNewtonPerM: kStiffness[1], dampingNewtonSPerM: 60 },
+        { name: names[0], shape: 3, verticesM: bytes_of(block.vertices), triangles: bytes_of(block.triangles), stiffnessNewtonPerM: world.stiffness[0], dampingNewtonSPerM: world.damping[0] },
+        { name: names[1], shape: 2, verticesM: bytes_of(ball.vertices), triangles: bytes_of(ball.triangles), stiffnessNewtonPerM: world.stiffness[1], dampingNewtonSPerM: world.damping[1] },
       ],
+      acceptsChanges: has_control,
       ...(has_pointer ? { pointer: { centerM: { x: 0, y: 0, z: 0 }, reachM: 0.09, speedMPerS: 0.25, holderTimeoutNs: BigInt(kHolderTimeout_ms) * 1000000n } } : {}),
     });
   }
@@ -162,7 +173,7 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
   function force_at({ x, y, z }) {
     const depth = Math.max(0, kTip_m - z);
     const over_ball = Math.exp(-(x * x + y * y) / 0.008 ** 2);
-    return depth * kStiffness[0] + Math.max(0, depth - 0.001) * kStiffness[1] * over_ball;
+    return depth * world.stiffness[0] + Math.max(0, depth - 0.001) * world.stiffness[1] * over_ball;
   }
 
   const counters = (fields = {}) => ({ accepted: tick, skipped: 0n, duplicates: 0n, outOfOrder: 0n, rejected: 0n, ahead: 0n, sessions: 1n, ...fields });
@@ -172,6 +183,7 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
   function step() {
     const rows = 20;
     const device = { seq: [], at: [], late: [], reply: [], hand: [], tool: [], force: [], guard: [], flags: [], energy: [] };
+    const physics = { seq: [], at: [], tool: [], force: [], contacts: [], depth: [], stiffness: [] };
     const mofc = { session: [], seq: [], at: [], asked: [], commanded: [], bound: [], ledger: [], age: [], state: [], flags: [] };
     for (let i = 0; i < rows; ++i) {
       const t = Number(tick) * 1e-3;
@@ -201,6 +213,12 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
       const wobble = Math.abs(Math.sin(12.9898 * Number(tick)) * 43758.5453) % 1;
       device.seq.push(tick); device.at.push(at);
       device.late.push(BigInt(Math.round(8000 / (1.003 - wobble)))); device.reply.push(BigInt(Math.round(55000 + 12000 / (1.01 - wobble))));
+      const depth = Math.max(0, kTip_m - world.tool.z);
+      // a little more force inward than outward
+      const damped = depth > 0 ? asked * (world.tool.z < last_z ? 1.1 : 0.9) : 0;
+      last_z = world.tool.z;
+      physics.seq.push(tick); physics.at.push(at); physics.tool.push(...tool); physics.force.push(...vector(damped));
+      physics.contacts.push(depth > 0 ? 1 : 0); physics.depth.push(depth); physics.stiffness.push(depth > 0 ? world.stiffness[0] : 0);
       device.hand.push(...tool); device.tool.push(...tool); device.force.push(...vector(applied));
       device.guard.push(world.alive.mofc ? 1 : 0); device.flags.push(world.alive.mofc ? 1 : 0); device.energy.push(0.8 * energy);
       mofc.session.push(kSessions.device); mofc.seq.push(tick); mofc.at.push(at);
@@ -229,7 +247,17 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
     }));
     if (world.alive.physics) send_all("/physics", encode("palpate.v1.PhysicsTelemetry", {
       header: header("physics"), counters: { loop: loop(), toolMotion: counters({ skipped: 12n }), worstComputeTimeNs: 90000n },
+      sequence: physics.seq, steppedAtNs: physics.at, deviceSequence: physics.seq, toolPositionWorldM: physics.tool, forceOnToolNewton: physics.force,
+      storedEnergyJoule: physics.depth, contactCount: physics.contacts, computeTimeNs: physics.at, penetrationM: physics.depth, stiffnessNewtonPerM: physics.stiffness,
     }));
+  }
+
+  // as the server keeps them
+  const log = [];
+  function write_log(name, message, level = 2) {
+    const now_ms = Date.now();
+    log.push(encode("foxglove.Log", { timestamp: { seconds: BigInt(Math.floor(1e-3 * now_ms)), nanos: 1e6 * (now_ms % 1000) + log.length }, level, message, name }));
+    send_all("/log", log.at(-1));
   }
 
   const heard_ms = { device: performance.now(), mofc: performance.now(), physics: performance.now() };
@@ -239,6 +267,7 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
     return encode("palpate.v1.Health", {
       nodes: Object.keys(heard_ms).map((name) => ({ name, isHeard: silence_s(name) < 1, silenceS: silence_s(name), sessions: 1n })),
       clients: sockets.clients.size, handHolder: BigInt(world.holder), version: "mock",
+      recorder: world.recorder, markers: world.markers, ...(world.replay ? { replay: world.replay } : {}),
     });
   }
 
@@ -270,14 +299,38 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
     for (const socket of sockets.clients) send(socket, topic, payload);
   }
 
+  function take_change({ tissue, stiffnessNewtonPerM, dampingNewtonSPerM }) {
+    world.changes.push({ tissue, stiffness: stiffnessNewtonPerM, damping: dampingNewtonSPerM });
+    if (world.refuses_changes) {
+      write_log("physics_node", "event=tissue_change_refused count=1", 3);
+      return;
+    }
+    world.stiffness[tissue] = stiffnessNewtonPerM;
+    world.damping[tissue] = dampingNewtonSPerM;
+    world.revision += 1n;
+    write_log("physics_node", `event=tissue_changed tissue="${names[tissue]}" stiffness_newton_per_m=${stiffnessNewtonPerM} damping_newton_s_per_m=${dampingNewtonSPerM}`);
+    send_all("/scene_state", scene_state());
+  }
+
+  function take_request({ marker, seekS, isPaused, speedRatio, isRecording }) {
+    world.requests.push({ marker, seekS, isPaused, speedRatio, isRecording });
+    if (isRecording !== undefined) world.recorder = { ...world.recorder, isRecording, file: "mock.mcap", lengthS: 0 };
+    if (marker !== undefined) write_log("run", `event=marker origin=page text="${marker || "marker 1"}"`);
+    if (!world.replay) return;
+    if (seekS !== undefined) world.replay.positionS = seekS;
+    if (isPaused !== undefined) world.replay.isPaused = isPaused;
+    if (speedRatio !== undefined) world.replay.speedRatio = speedRatio;
+    send_all("/health", health());
+  }
+
   sockets.on("connection", (socket) => {
     const topics = Object.keys(kTopics);
     socket.subscriptions = new Map();
     socket.client_id = next_client++;
     socket.published = new Map();
     socket.send(JSON.stringify({
-      op: "serverInfo", name: "mock", capabilities: has_pointer ? ["clientPublish"] : [], supportedEncodings: ["protobuf"],
-      sessionId: String(begin_ms), metadata: { client_id: String(socket.client_id), session: "mock" },
+      op: "serverInfo", name: "mock", capabilities: ["clientPublish"], supportedEncodings: ["protobuf"],
+      sessionId: String(begin_ms), metadata: { client_id: String(socket.client_id), session: "mock", client_topics: [...(has_pointer ? ["/hand_target"] : []), ...(has_control ? ["/tissue_change"] : []), "/run_request"].join(" ") },
     }));
     socket.send(JSON.stringify({
       op: "advertise",
@@ -291,6 +344,7 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
             const topic = topics[channelId - 1];
             socket.subscriptions.set(topic, id);
             if (topic === "/scene_state" && world.alive.physics) send(socket, topic, scene_state());
+            if (topic === "/log") for (const line of log) send(socket, topic, line);
             if (topic === "/mesh" && world.alive.physics) send(socket, topic, mesh_frame());
           }
         } else if (message.op === "advertise") {
@@ -298,7 +352,16 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
         }
         return;
       }
-      if (data[0] !== 1 || socket.published.get(data.readUInt32LE(1)) !== "palpate.v1.HandTarget") throw new Error("not a HandTarget");
+      const published = socket.published.get(data.readUInt32LE(1));
+      if (data[0] === 1 && published === "palpate.v1.TissueChange") {
+        take_change(fromBinary(schema(published), data.subarray(5)));
+        return;
+      }
+      if (data[0] === 1 && published === "palpate.v1.RunRequest") {
+        take_request(fromBinary(schema(published), data.subarray(5)));
+        return;
+      }
+      if (data[0] !== 1 || published !== "palpate.v1.HandTarget") throw new Error("not a HandTarget");
       const message = fromBinary(schema("palpate.v1.HandTarget"), data.subarray(5));
       if (world.holder !== 0 && world.holder !== socket.client_id) {
         world.refused += 1;
@@ -318,7 +381,10 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
   const timers = [
     setInterval(() => {
       // as many batches as are due, whatever the timer does
-      while (Number(tick) < performance.now() - begin_ms) step();
+      while (Number(tick) < performance.now() - begin_ms) {
+        if (world.replay?.isPaused) tick += 20n;
+        else step();
+      }
     }, 20),
     setInterval(() => {
       if (!world.alive.physics) return;
@@ -330,6 +396,7 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
   return {
     world,
     url: `http://127.0.0.1:${http.address().port}/`,
+    write_log,
     send_scene: () => send_all("/scene_state", scene_state()),
     /** The world as at the start; pages, clock and revision stay. */
     reset: () => {

@@ -1,8 +1,8 @@
 import assert from "node:assert/strict";
 import test from "node:test";
-import { state_words, duration_words, time_words } from "../../../viewer_node/web/src/state";
+import { forces_of, state_words, duration_words, time_words } from "../../../viewer_node/web/src/state";
 import {
-  bin_of, kAskedNorm, kBoundNorm, kForceAge, kForceNorm, kLatenessBins, kReplyTime, kTransparency, Telemetry,
+  bin_of, kAskedNorm, kBoundNorm, kForceAge, kForceNorm, kLatenessBins, kReplyTime, kTissueForce, kTransparency, Telemetry,
 } from "../../../viewer_node/web/src/telemetry";
 import type { DeviceTelemetry, Health, MofcTelemetry, PhysicsTelemetry } from "../../../viewer_node/web/src/wire";
 
@@ -45,11 +45,12 @@ function mofc(sequence: number, first: number, rows: number, more: Partial<MofcT
     ...more,
   };
 }
-function physics(sequence: number): PhysicsTelemetry {
+function physics(sequence: number, more: Partial<PhysicsTelemetry> = {}): PhysicsTelemetry {
   return {
     header: { sessionId: 33n, sequence: BigInt(sequence), sampledAtNs: 0n },
     counters: { loop: { ticks: 0n, skippedTicks: 0n, worstLatenessNs: 0n }, toolMotion: link, worstComputeTimeNs: 0n },
-    recordsLost: 0n, steppedAtNs: [], toolPositionWorldM: [], contactCount: [],
+    recordsLost: 0n, steppedAtNs: [], toolPositionWorldM: [], forceOnToolNewton: [], contactCount: [], penetrationM: [], stiffnessNewtonPerM: [],
+    ...more,
   };
 }
 function running(now_s = 1): Telemetry {
@@ -231,4 +232,82 @@ test("durations read easily", () => {
   assert.equal(time_words(62e-6), "62 µs");
   assert.equal(time_words(1.25e-3), "1.3 ms");
   assert.equal(time_words(NaN), "–");
+});
+
+test("the rate of a node is its own count over its own clock, whenever its batches arrive", () => {
+  const telemetry = new Telemetry();
+  const at = (sequence: number, own_s: number, ticks: number, heard_s: number) => telemetry.take_physics(physics(sequence, {
+    header: { sessionId: 33n, sequence: BigInt(sequence), sampledAtNs: BigInt(Math.round(1e9 * own_s)) },
+    counters: { loop: { ticks: BigInt(ticks), skippedTicks: 0n, worstLatenessNs: 0n }, toolMotion: link, worstComputeTimeNs: 0n },
+  }), heard_s);
+  at(0, 50, 7000, 1);
+  assert.ok(Number.isNaN(telemetry.nodes.physics.rate_hz));
+  at(1, 52, 8000, 9); // 6 s late: over the time of arrival it would be 125 Hz
+  assert.equal(telemetry.nodes.physics.rate_hz, 500);
+});
+
+test("depth, stiffness and the loop come from physics, and are unknown if it does not tell", () => {
+  const telemetry = running();
+  assert.ok(Number.isNaN(telemetry.depth_m));
+  const two = { steppedAtNs: [1000000n, 2000000n], toolPositionWorldM: repeat(6, 0), contactCount: [1, 1] };
+  telemetry.take_physics(physics(1, { ...two, forceOnToolNewton: [0, 0, 1, 3, 0, 4], penetrationM: [0.001, 0.002], stiffnessNewtonPerM: [500, 800] }), 1);
+  assert.equal(telemetry.depth_m, 0.002);
+  assert.equal(telemetry.stiffness_newton_per_m, 800);
+  assert.equal(telemetry.physics.length, 2);
+  assert.equal(telemetry.physics.value(kTissueForce, 1), 5);
+
+  telemetry.take_physics(physics(2, { ...two, forceOnToolNewton: repeat(6, 0) }), 1); // as from the Python package
+  assert.ok(Number.isNaN(telemetry.depth_m));
+  assert.throws(() => telemetry.take_physics(physics(3, { ...two, forceOnToolNewton: repeat(6, 0), penetrationM: [1], stiffnessNewtonPerM: [1, 2] }), 1), /differ in length/);
+});
+
+// 0.1 mm a tick of 1 ms: 100 mm/s
+test("the speed is that over 50 ms", () => {
+  const telemetry = new Telemetry();
+  for (let batch = 0; batch < 6; ++batch) {
+    const place = Array.from({ length: 60 }, (_, i) => (i % 3 === 0 ? 1e-4 * (20 * batch + Math.floor(i / 3)) : 0));
+    telemetry.take_device(device(batch, 20 * batch, 20, { measuredToolPositionWorldM: place }), 1);
+  }
+  assert.ok(Math.abs(telemetry.speed_m_per_s - 0.1) < 1e-9, `${telemetry.speed_m_per_s}`);
+});
+
+test("a clamp that leaves less than half of the force for half a second says what to do", () => {
+  const telemetry = running(); // 10 N requested
+  const clamped = (batch: number, bound: number) => {
+    telemetry.take_device(device(batch, 20 * batch, 20), 1);
+    telemetry.take_mofc(mofc(batch, 20 * batch, 20, { fMaxNewton: repeat(60, bound), flags: repeat(20, 3) }), 1);
+  };
+  for (let batch = 1; batch < 20; ++batch) clamped(batch, 4);
+  assert.equal(state_words(telemetry, true, 1).id, "clamped");
+  for (let batch = 20; batch < 30; ++batch) clamped(batch, 4);
+  assert.equal(state_words(telemetry, true, 1).id, "exhausted");
+  assert.match(state_words(telemetry, true, 1).detail, /lift off and press again/);
+  clamped(30, 6);
+  assert.equal(state_words(telemetry, true, 1).id, "clamped");
+});
+
+test("no words contradict the force beside them", () => {
+  const telemetry = running();
+  telemetry.take_mofc(mofc(1, 20, 20, { state: repeat(20, 0), askedForceOnHandNewton: repeat(60, 2) }), 1);
+  assert.doesNotMatch(state_words(telemetry, true, 1).detail, /no force/);
+  assert.match(state_words(telemetry, true, 1).detail, /fades/);
+  telemetry.take_mofc(mofc(2, 40, 20, { state: repeat(20, 0), askedForceOnHandNewton: repeat(60, 0) }), 1);
+  assert.match(state_words(telemetry, true, 1).detail, /no force is requested/);
+  // of a node that is gone no force is known
+  telemetry.take_device(device(2, 40, 20), 9);
+  assert.equal(forces_of(telemetry, true, 9).asked, null);
+  assert.ok(forces_of(telemetry, true, 9).applied);
+  assert.equal(forces_of(telemetry, false, 9).applied, null);
+});
+
+test("the nodes of a paused replay are not gone", () => {
+  const telemetry = running();
+  const health = (isPaused: boolean) => ({
+    nodes: [], clients: 1, messagesDropped: 0n, framesRejected: 0n, handHolder: 0n, version: "", markers: [],
+    replay: { file: "run.mcap", positionS: 1, lengthS: 9, speedRatio: 1, isPaused, beginNs: 0n },
+  });
+  for (let now_s = 1; now_s < 20; now_s += 0.2) telemetry.take_health(health(true), now_s);
+  assert.ok(telemetry.nodes.device.is_alive(20));
+  telemetry.take_health(health(false), 30);
+  assert.ok(!telemetry.nodes.device.is_alive(30));
 });

@@ -143,7 +143,7 @@ export class HandControl {
   }
 
   private get is_allowed(): boolean {
-    return this.can_publish && this.scene?.pointer !== undefined && Number.isFinite(this.telemetry.tool_m.x);
+    return this.can_publish && !this.telemetry.health?.replay && this.scene?.pointer !== undefined && Number.isFinite(this.telemetry.tool_m.x);
   }
 
   private pointer_down(event: PointerEvent): void {

@@ -1,22 +1,28 @@
 // main.ts: connects the stream to the 3-D view, the plots and the texts.
 import "uplot/dist/uPlot.min.css";
 import "./style.css";
+import { make, write, type Palette } from "./card";
+import { TissueControl } from "./control";
+import { Timeline } from "./events";
 import { FoxgloveClient } from "./foxglove";
 import { HandControl } from "./hand";
 import {
   announcement, banner_lines, by_id, Counters, Measure, NodeChips, segments, telemetry_lost, write_banners, write_hand, write_scale,
   write_session, write_state, write_tissues,
 } from "./panels";
-import { make, Plots, write, type ForceAxis, type Palette } from "./plots";
+import { Plots, type ForceAxis } from "./plots";
+import { RunControl } from "./run";
 import { SceneView } from "./scene_view";
-import { state_words } from "./state";
+import { forces_of, kNoForce, state_words } from "./state";
 import { scene_signature, Surface, type ColourMode } from "./surface";
 import { kNodes, norm, Telemetry } from "./telemetry";
-import type { DeviceTelemetry, Health, MeshFrame, MofcTelemetry, PhysicsTelemetry, SceneState } from "./wire";
+import { TimelineCard } from "./timeline";
+import type { DeviceTelemetry, Health, Log, MeshFrame, MofcTelemetry, PhysicsTelemetry, SceneState } from "./wire";
 
 // About the time in which a curve moves by a pixel.
 const kPlotPeriod_s = (window_s: number) => Math.min(Math.max(window_s / 300, 1 / 15), 1 / 5);
 const kWordsPeriod_s = 1 / 8;
+const kTimelinePeriod_s = 1;
 const kStatusShown_s = 6;
 const kMostEarly = 256; // frames
 const kServerSilence_s = 1.5; // /health comes five times a second
@@ -33,6 +39,12 @@ const force_axis = make("div", "segments");
 force_axis.setAttribute("role", "radiogroup");
 force_axis.setAttribute("aria-label", "Component of the force");
 const plots = new Plots(by_id("plots"), force_axis);
+const timeline = new Timeline();
+const timeline_card = new TimelineCard(by_id("plots"), timeline);
+const control = new TissueControl(by_id("plots"),
+  (change) => client.publish("/tissue_change", "palpate.v1.TissueChange", { ...change }));
+const run = new RunControl(by_id("tools"), by_id("replay"),
+  (request) => client.publish("/run_request", "palpate.v1.RunRequest", { ...request }));
 const counters = new Counters(by_id("plots"));
 const chips = new NodeChips(by_id("nodes"));
 const measure = new Measure(by_id<SVGSVGElement>("triad"));
@@ -47,6 +59,7 @@ let mode: ColourMode = "material";
 let window_s = 10;
 let is_paused = false;
 let paused_s = NaN; // device's clock
+let paused_physics_s = NaN; // physics' clock
 let is_open = false;
 const begun_s = seconds();
 let has_been_connected = false;
@@ -60,7 +73,11 @@ let plot_draws = 0;
 const handlers: Record<string, (message: never) => void> = {
   "/scene_state": (message: SceneState) => take_scene(message),
   "/mesh": (message: MeshFrame) => take_mesh(message),
-  "/health": (message: Health) => sides.forEach((one, side) => one.take_health(message, seconds(), side)),
+  "/log": (message: Log) => timeline.take(message),
+  "/health": (message: Health) => {
+    sides.forEach((one, side) => one.take_health(message, seconds(), side));
+    run.take(message);
+  },
 };
 
 /** "/device", or "/left/device" of a side. */
@@ -84,6 +101,7 @@ function add_side(side: string): Telemetry {
   segments<string>(list, [...sides.keys()].map((name) => [name, name]), [...sides.keys()][0], (chosen) => {
     telemetry = sides.get(chosen)!;
     paused_s = telemetry.now_s;
+    paused_physics_s = telemetry.physics.newest_s;
     plots_due_s = words_due_s = 0;
   });
   return one;
@@ -102,7 +120,10 @@ const client = new FoxgloveClient(
       hand.forget();
     },
     server_info({ metadata }) {
-      hand.can_publish = (metadata.client_topics ?? "").split(" ").includes("/hand_target");
+      const accepted = (metadata.client_topics ?? "").split(" ");
+      hand.can_publish = accepted.includes("/hand_target");
+      control.can_publish = accepted.includes("/tissue_change");
+      run.can_publish = accepted.includes("/run_request");
       hand.client_id = BigInt(metadata.client_id ?? 0);
     },
     status({ level, id, message }) {
@@ -130,12 +151,12 @@ function take_scene(message: SceneState): void {
   signature = scene_signature(surfaces);
   view.set_surfaces(surfaces, scene, scene.peakForceNewton);
   hand.set_scene(scene);
+  control.set_scene(scene);
   write_hand(hand.status, hand.is_touching);
   write_session(scene);
   write_tissues(surfaces, mode);
   write_scale(view, mode);
   measure.write(view);
-  by_id("inside").hidden = !view.has_inside;
   const waiting = early;
   early = [];
   for (const frame of waiting) take_mesh(frame);
@@ -171,17 +192,20 @@ segments<ColourMode>(by_id("colours"), [["material", "Material"], ["stiffness", 
 });
 
 function set_tools(): void {
-  [...sides.values()].forEach(({ tool_m, tool_orientation, asked_newton, applied_newton }, index) =>
-    view.set_tool(tool_m, tool_orientation, asked_newton, applied_newton, index));
+  [...sides.values()].forEach((one, index) => {
+    const { asked, applied } = forces_of(one, is_connected(), seconds());
+    view.set_tool(one.tool_m, one.tool_orientation, asked ?? kNoForce, applied ?? kNoForce, index);
+  });
 }
 
 function pause(does: boolean): void {
   if (does) { // freeze all displays at the same instant
     set_tools();
-    write_state(state_words(telemetry, is_connected(), seconds()), telemetry);
+    write_state(telemetry, is_connected(), seconds());
   }
   is_paused = does;
   paused_s = telemetry.now_s;
+  paused_physics_s = telemetry.physics.newest_s;
   by_id("pause").setAttribute("aria-pressed", String(does));
   by_id("pause").querySelector("span")!.textContent = does ? "Resume" : "Pause";
   by_id("scene").classList.toggle("is-paused", does);
@@ -197,6 +221,7 @@ by_id("inside").addEventListener("click", (event) => {
   view.see_inside(does);
 });
 by_id("reset-view").addEventListener("click", () => view.frame());
+by_id("to-tool").addEventListener("click", () => view.orbit_tool());
 
 function touch(does: boolean): void {
   hand.is_touching = does;
@@ -240,12 +265,16 @@ canvas.addEventListener("keydown", (event) => {
   if (hand.key(event.key)) { /* the hand's */ }
   else if (event.key in turns) view.orbit(...turns[event.key]);
   else if (event.key === "Home") view.frame();
+  else if (event.key === "End") view.orbit_tool();
   else return;
   event.preventDefault();
 });
 document.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.altKey || event.metaKey) return;
+  if (event.target instanceof HTMLInputElement || event.target instanceof HTMLSelectElement) return;
+  if (run.key(event.key)) return;
   if (event.key === "p") pause(!is_paused);
+  else if (event.key === "m") run.mark();
   else if (event.key === "t" && hand.status.is_allowed) touch(!hand.is_touching);
 });
 
@@ -263,6 +292,7 @@ new ResizeObserver(() => {
 
 let plots_due_s = 0;
 let words_due_s = 0;
+let timeline_due_s = 0;
 let frame_s = 1 / 60; // between pictures, smoothed
 let picture_s = seconds();
 function picture(): void {
@@ -275,19 +305,25 @@ function picture(): void {
   if (now_s >= plots_due_s) {
     plots_due_s = now_s + (is_paused ? Infinity : Math.max(kPlotPeriod_s(window_s), 3 * frame_s)); // on a slow machine the 3-D view has priority
     const end_s = is_paused ? paused_s : telemetry.now_s;
-    for (const plot of plots.all) plot.draw({ telemetry, end_s, window_s });
+    const physics_end_s = is_paused ? paused_physics_s : telemetry.physics.newest_s;
+    for (const plot of plots.all) plot.draw({ telemetry, end_s, physics_end_s, window_s });
     plot_draws += 1;
   }
   if (now_s >= words_due_s) {
     words_due_s = now_s + kWordsPeriod_s;
     say(now_s);
   }
+  if (now_s >= timeline_due_s) {
+    timeline_due_s = now_s + kTimelinePeriod_s;
+    timeline_card.write();
+  }
 }
 
 function say(now_s: number): void {
   // before the first connection, nothing is reported as lost
   const is_waiting = !has_been_connected && now_s < 2;
-  if (!is_waiting && !is_paused) write_state(state_words(telemetry, is_connected(), now_s), telemetry);
+  if (!is_waiting && !is_paused) write_state(telemetry, is_connected(), now_s);
+  if (!is_paused) plots.loop.tell(telemetry, is_connected() && telemetry.nodes.physics.is_alive(now_s));
   chips.write(telemetry, is_connected(), now_s);
   const status_text = now_s < status.until_s ? status.text : "";
   write_banners(by_id("banners"), is_waiting ? [] : banners(status_text, now_s));
@@ -325,7 +361,7 @@ Object.defineProperty(window, "__test", {
       scene: scene && {
         revision: Number(scene.revision), name: scene.sessionName, signature,
         tissues: surfaces.map((s) => ({
-          name: s.name, vertices: s.vertex_count, displacement_m: s.max_displacement_m, offset_m: { ...s.offset_m },
+          name: s.name, vertices: s.vertex_count, stiffness_newton_per_m: s.stiffness_newton_per_m, displacement_m: s.max_displacement_m, offset_m: { ...s.offset_m },
         })),
         has_pointer: scene.pointer !== undefined,
       },
@@ -338,9 +374,13 @@ Object.defineProperty(window, "__test", {
       plots: {
         force: plots.force.status, energy: plots.energy.status, transparency: plots.transparency.status,
         timing: plots.timing.status, lateness_total: plots.lateness.total,
+        loop: { points: plots.loop.points, ...plots.loop.most },
       },
+      contact: { depth_m: telemetry.depth_m, speed_m_per_s: telemetry.speed_m_per_s, stiffness_newton_per_m: telemetry.stiffness_newton_per_m },
+      events: timeline.events.map(({ at_s, lane, node, text }) => ({ at_s, lane, node, text })),
       tool_m: { ...telemetry.tool_m }, tool_px: view.project(telemetry.tool_m), target_m: { ...hand.target },
       applied_newton: norm(telemetry.applied_newton), asked_newton: norm(telemetry.asked_newton),
+      replay: run.replay && { ...run.replay, beginNs: Number(run.replay.beginNs) }, recorder: telemetry.health?.recorder,
       hand: { ...hand.status, sent: hand.sent_count, client_id: Number(hand.client_id) },
       is_paused, window_s, mode,
       scale: { low: view.scale_low, high: view.scale_high },

@@ -1,9 +1,9 @@
 // panels.ts: texts and numbers beside the 3-D view and the plots.
+import { make, write } from "./card";
 import { css_gradient, tissue_colour } from "./colours";
 import type { HandStatus } from "./hand";
-import { make, write } from "./plots";
 import type { SceneView } from "./scene_view";
-import { count_words, duration_words, kNodeTasks, time_words, type StateWords } from "./state";
+import { count_words, duration_words, forces_of, kNodeTasks, state_words, time_words } from "./state";
 import { kNodes, norm, type NodeName, type Telemetry } from "./telemetry";
 import type { ColourMode, Surface } from "./surface";
 import type { SceneState } from "./wire";
@@ -80,6 +80,8 @@ export function banner_lines(
   const lines = kNodes
     .filter((name) => !Number.isNaN(telemetry.nodes[name].heard_s) && !telemetry.nodes[name].is_alive(now_s))
     .map((name) => `${name}_node (${kNodeTasks[name]}) is gone: last heard ${duration_words(telemetry.nodes[name].silence_s(now_s))} ago.`);
+  const recorder = telemetry.health?.recorder;
+  if (recorder?.problem) lines.push(`The recording failed: ${recorder.problem}`);
   if (status) lines.push(status);
   return lines;
 }
@@ -98,13 +100,14 @@ export function write_banners(element: HTMLElement, lines: string[]): void {
   lines.forEach((text, i) => write(element.children[i], text));
 }
 
-export function write_state(words: StateWords, telemetry: Telemetry): void {
+export function write_state(telemetry: Telemetry, is_connected: boolean, now_s: number): void {
+  const words = state_words(telemetry, is_connected, now_s);
   by_id("state").dataset.tone = words.tone;
   write(by_id("state-title"), words.title);
   write(by_id("state-detail"), words.detail);
-  const is_known = words.tone !== "absent";
-  write(by_id("force-applied"), is_known ? norm(telemetry.applied_newton).toFixed(2) : "–");
-  write(by_id("force-asked"), is_known ? norm(telemetry.asked_newton).toFixed(2) : "–");
+  const { asked, applied } = forces_of(telemetry, is_connected, now_s);
+  write(by_id("force-applied"), applied ? norm(applied).toFixed(2) : "–");
+  write(by_id("force-asked"), asked ? norm(asked).toFixed(2) : "–");
 }
 
 export function write_hand({ is_allowed, is_mine, is_others, is_held }: HandStatus, is_touching: boolean): void {
@@ -127,7 +130,9 @@ export function write_tissues(surfaces: Surface[], mode: ColourMode): void {
     const item = make("li");
     const swatch = make("i");
     swatch.style.background = tissue_colour(index);
-    item.append(swatch, surface.name);
+    const name = make("span", "name", surface.name);
+    name.title = surface.name;
+    item.append(swatch, name);
     if (surface.stiffness_newton_per_m > 0) item.append(make("small", "", `${count_words(surface.stiffness_newton_per_m)} N/m`));
     return item;
   }));
@@ -159,7 +164,6 @@ export class Measure {
       const line = document.createElementNS("http://www.w3.org/2000/svg", "line");
       const text = document.createElementNS("http://www.w3.org/2000/svg", "text");
       line.setAttribute("stroke", colour);
-      text.setAttribute("fill", colour);
       text.textContent = "xyz"[i];
       triad.append(line, text);
       return { line, text };
@@ -288,6 +292,7 @@ export function telemetry_lost(telemetry: Telemetry): number {
 export function write_session(scene: SceneState): void {
   const name = make("b", "", scene.sessionName);
   by_id("session").replaceChildren(name, scene.controller);
+  by_id("session").title = `${scene.sessionName}, ${scene.controller}`;
   document.title = `${scene.sessionName} – Palpate`;
 }
 

@@ -1,11 +1,13 @@
 // plots.ts: the plots. Each plot reduces the rings to its resolution and draws them; its legend
 // shows the newest value, or the value under the cursor.
 import uPlot from "uplot";
+import { Card, fixed, write, type Palette, type View } from "./card";
+import { Loop } from "./loop";
 import { cell_times, cells_of, reduce } from "./ring";
 import { time_words } from "./state";
 import {
   kAskedNorm, kAskedX, kBoundNorm, kBoundX, kForceAge, kForceNorm, kForceX, kLatenessBins, kLedger, kReplyTime,
-  kTransparency, kTrueEnergy, upper_border_s, type Telemetry,
+  kTransparency, kTrueEnergy, upper_border_s,
 } from "./telemetry";
 
 /** Curves between samples further apart than this have a gap. */
@@ -34,56 +36,6 @@ interface PlotSpec {
   is_logarithmic?: boolean;
   show: (value: number) => string;
   axis?: (value: number) => string;
-}
-
-export interface Palette {
-  ink: string;
-  faint: string;
-  line: string;
-  of: (name: string) => string;
-}
-
-/** Data and time window on display. */
-export interface View {
-  telemetry: Telemetry;
-  end_s: number;
-  window_s: number;
-}
-
-class Card {
-  readonly element: HTMLElement;
-  readonly body: HTMLElement;
-  readonly values: HTMLElement[] = [];
-
-  constructor(parent: HTMLElement, id: string, title: string, unit: string, help: string, series: { label: string; colour: string; dash?: boolean }[], extra?: HTMLElement) {
-    this.element = make("section", "card");
-    this.element.id = `plot-${id}`;
-    const head = make("header", "card-head");
-    const heading = make("h2", "", title);
-    heading.id = `title-${id}`;
-    heading.title = help;
-    if (unit) heading.append(make("span", "unit", unit));
-    this.element.setAttribute("aria-labelledby", heading.id);
-    head.append(heading);
-    if (extra) head.append(extra);
-    const legend = make("dl", "legend");
-    for (const { label, colour, dash } of series) {
-      const item = make("div", "key");
-      const term = make("dt", "", label);
-      const swatch = make("i", dash ? "swatch dashed" : "swatch");
-      swatch.style.color = `var(${colour})`;
-      term.prepend(swatch);
-      const value = make("dd", "", "–");
-      this.values.push(value);
-      item.append(term, value);
-      legend.append(item);
-    }
-    this.body = make("div", "plot");
-    this.body.setAttribute("role", "img");
-    this.body.setAttribute("aria-label", `${title}. ${help}`);
-    this.element.append(head, legend, this.body);
-    parent.append(this.element);
-  }
 }
 
 export class TimePlot {
@@ -279,6 +231,7 @@ export class Plots {
   readonly transparency: TimePlot;
   readonly timing: TimePlot;
   readonly lateness: Histogram;
+  readonly loop: Loop;
 
   constructor(parent: HTMLElement, force_axis: HTMLElement) {
     const newton = (value: number) => `${value.toFixed(2)} N`;
@@ -292,6 +245,7 @@ export class Plots {
       ],
       range: from_zero(0.5), show: newton,
     }, force_axis);
+    this.loop = new Loop(parent);
     const millijoule = (value: number) => `${Math.abs(value) < 9.95 ? value.toFixed(2) : value.toFixed(1)} mJ`;
     this.energy = new TimePlot(parent, {
       id: "energy", title: "Energy from the hand", unit: "mJ",
@@ -322,8 +276,8 @@ export class Plots {
     this.lateness = new Histogram(parent);
   }
 
-  get all(): (TimePlot | Histogram)[] {
-    return [this.force, this.energy, this.transparency, this.timing, this.lateness];
+  get all(): (TimePlot | Histogram | Loop)[] {
+    return [this.force, this.loop, this.energy, this.transparency, this.timing, this.lateness];
   }
 
   set_force_axis(axis: ForceAxis): void {
@@ -358,9 +312,6 @@ function decades_only(_: uPlot, splits: number[]): (number | null)[] {
   return splits.map((value) => (Math.abs(Math.log10(value) - Math.round(Math.log10(value))) < 1e-6 ? value : null));
 }
 
-function fixed(value: number): string {
-  return String(Number(value.toPrecision(4))).replace("-", "\u2212");
-}
 function thousands(value: number): string {
   return value >= 1e6 ? `${value / 1e6}M` : value >= 1e3 ? `${value / 1e3}k` : String(value);
 }
@@ -369,16 +320,4 @@ function last_of(column: Column): number | null {
     if (column[i] !== null && column[i] !== undefined) return column[i];
   }
   return null;
-}
-
-/** An element with a class and text. */
-export function make<K extends keyof HTMLElementTagNameMap>(tag: K, class_name = "", text = ""): HTMLElementTagNameMap[K] {
-  const element = document.createElement(tag);
-  if (class_name) element.className = class_name;
-  if (text) element.textContent = text;
-  return element;
-}
-/** Sets text only if it differs, to avoid layout. */
-export function write(element: Element, text: string): void {
-  if (element.textContent !== text) element.textContent = text;
 }

@@ -1,6 +1,6 @@
 // state.ts: the state of the whole system as text.
 import { kNodes, norm, type Telemetry } from "./telemetry";
-import { Guard, kFaultReasons, Mofc } from "./wire";
+import { Guard, kFaultReasons, Mofc, type Vector3 } from "./wire";
 
 export type Tone = "calm" | "active" | "notice" | "alarm" | "absent";
 export interface StateWords {
@@ -10,7 +10,22 @@ export interface StateWords {
   tone: Tone;
 }
 
+/** Smaller forces show as 0.00 N. */
+const kShown_newton = 0.005;
+
 export const kNodeTasks = { device: "the motors", mofc: "the clamp", physics: "the tissue" };
+
+export const kNoForce: Vector3 = { x: 0, y: 0, z: 0 };
+
+/** Requested and rendered force; null where the node that tells it is gone. */
+export function forces_of(telemetry: Telemetry, is_connected: boolean, now_s: number): { asked: Vector3 | null; applied: Vector3 | null } {
+  const { device, mofc } = telemetry.nodes;
+  const is_known = is_connected && device.is_alive(now_s);
+  return {
+    asked: is_known && mofc.is_alive(now_s) ? telemetry.asked_newton : null,
+    applied: is_known ? telemetry.applied_newton : null,
+  };
+}
 
 export function state_words(telemetry: Telemetry, is_connected: boolean, now_s: number): StateWords {
   if (!is_connected) return words("disconnected", "No connection", "The viewer's server does not answer.", "absent");
@@ -30,7 +45,9 @@ export function state_words(telemetry: Telemetry, is_connected: boolean, now_s: 
   }
   if (telemetry.guard === Guard.limp) return words("limp", "Limp", "The motors apply no force.", "notice");
   if (!physics.is_alive(now_s) || telemetry.mofc_state === Mofc.no_physics) {
-    return words("no_physics", "No physics", "No node simulates the tissue: no force is requested.", "alarm");
+    return words("no_physics", "No physics", norm(telemetry.asked_newton) > kShown_newton
+      ? "No node simulates the tissue: the force fades to zero."
+      : "No node simulates the tissue: no force is requested.", "alarm");
   }
   if (telemetry.is_fallback) {
     return words("fallback", "Fallback", "Answers are late: the force stays within the device’s own friction.", "notice");
@@ -42,13 +59,16 @@ export function state_words(telemetry: Telemetry, is_connected: boolean, now_s: 
       return words("clutched", "Clutched", "Hand and tool are uncoupled.", "calm");
     case Mofc.contact:
       return telemetry.is_clamped
-        ? words("clamped", "Contact, clamped", "The clamp reduces the force.", "notice")
+        ? telemetry.is_exhausted
+          ? words("exhausted", "Contact, clamped", "The energy credit is exhausted: lift off and press again.", "notice")
+          : words("clamped", "Contact, clamped", "The clamp reduces the force.", "notice")
         : words("contact", "Contact", "The force of the tissue is rendered.", "active");
     default:
       if (telemetry.is_clamped && norm(telemetry.asked_newton) > 0) {
         return words("clamped", "Clamped", "The clamp reduces the force.", "notice");
       }
-      return words("free", "Free", "The tool touches nothing.", "calm");
+      return words("free", "Free", norm(telemetry.asked_newton) > kShown_newton
+        ? "The tool has left the tissue: the force fades to zero." : "The tool touches nothing.", "calm");
   }
 }
 

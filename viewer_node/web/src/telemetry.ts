@@ -9,12 +9,20 @@ import {
 
 /** A minute at 4 kHz. */
 const kRingCapacity = 1 << 18;
+/** A minute at 1 kHz. */
+const kPhysicsCapacity = 1 << 16;
 /** A minute of batches, 50 a second. */
 const kBatchCapacity = 4096;
 /** Nodes send a batch every 20 ms, with or without ticks. */
 export const kGoneAfter_s = 1.2;
+/** Slower replays may send a batch less than every second. */
+const kSlowReplay = 0.1;
 const kTransparencyWindow_s = 1;
 const kRateWindow_s = 2;
+/** The speed of the tool is that over this time: finer, the encoder's steps would show. */
+const kSpeedWindow_s = 0.05;
+/** The clamp renders less than half of the force for so long: the credit is exhausted. */
+const kExhausted_s = 0.5;
 /** A tick's clamp or fallback is displayed for this long, so that it can be read. */
 const kWordsHold_s = 0.25;
 
@@ -31,6 +39,9 @@ const kMofcColumns = 10;
 const kTransparencySum = 0, kTransparencySamples = 1;
 export const kTransparency = 2;
 const kBatchColumns = 3;
+// of physics': the deepest contact, and the force of the tissue
+export const kDepth = 0, kTissueForce = 1;
+const kPhysicsColumns = 2;
 
 /** One node, as received through the server. */
 export class NodeLink {
@@ -41,11 +52,12 @@ export class NodeLink {
   batches_lost = 0;
   /** Within the node. */
   records_lost = 0;
+  /** Of its loop, by its own count and clock. */
   rate_hz = NaN;
   private session = 0n;
   private sequence = 0n;
   private rate_ticks = 0n;
-  private rate_s = NaN;
+  private rate_ns = 0n;
 
   /** True if the node was restarted. */
   note(header: Header, records_lost: bigint, ticks: bigint, now_s: number): boolean {
@@ -54,12 +66,12 @@ export class NodeLink {
     if (this.session === header.sessionId && header.sequence > this.sequence + 1n) {
       this.batches_lost += Number(header.sequence - this.sequence - 1n);
     }
-    if (is_restart || !(now_s - this.rate_s < kRateWindow_s)) {
-      const elapsed_s = now_s - this.rate_s;
-      this.rate_hz = is_restart || !(elapsed_s < 2 * kRateWindow_s)
-        ? NaN : Number(ticks - this.rate_ticks) / elapsed_s;
+    const is_new = header.sessionId !== this.session;
+    const elapsed_s = 1e-9 * Number(header.sampledAtNs - this.rate_ns);
+    if (is_new || elapsed_s >= kRateWindow_s) {
+      this.rate_hz = is_new ? NaN : Number(ticks - this.rate_ticks) / elapsed_s;
       this.rate_ticks = ticks;
-      this.rate_s = now_s;
+      this.rate_ns = header.sampledAtNs;
     }
     this.session = header.sessionId;
     this.sequence = header.sequence;
@@ -83,6 +95,8 @@ export class Telemetry {
   readonly device = new Ring(kDeviceColumns, kRingCapacity);
   readonly mofc = new Ring(kMofcColumns, kRingCapacity);
   readonly batches = new Ring(kBatchColumns, kBatchCapacity, Float64Array);
+  /** By the clock of physics_node. */
+  readonly physics = new Ring(kPhysicsColumns, kPhysicsCapacity);
 
   device_batch: DeviceTelemetry | null = null; // newest
   mofc_batch: MofcTelemetry | null = null;
@@ -95,13 +109,22 @@ export class Telemetry {
   readonly tool_orientation: Quaternion = { w: 1, x: 0, y: 0, z: 0 }; // W from T, likewise
   readonly applied_newton: Vector3 = { x: 0, y: 0, z: 0 }; // on the hand
   readonly asked_newton: Vector3 = { x: 0, y: 0, z: 0 };
+  /** Of the tool, W; NaN while unknown. */
+  speed_m_per_s = NaN;
+  /** Of the deepest contact; 0 without one, NaN if physics does not tell. */
+  depth_m = NaN;
+  stiffness_newton_per_m = NaN;
   guard: Guard = Guard.limp;
   mofc_state: Mofc = Mofc.no_physics;
   is_in_contact = false;
   // device's clock
   private clamped_s = -Infinity;
   private fallback_s = -Infinity;
+  private rendered_s = -Infinity; // at least half of the requested force
+  private places: { at_s: number; tool_m: Vector3 }[] = []; // of the tool, oldest first
 
+  private physics_session = 0n;
+  private physics_base_ns = 0n;
   private device_session = 0n;
   private base_ns = 0n; // of the device's clock: where the page's seconds begin
 
@@ -111,6 +134,10 @@ export class Telemetry {
   }
   get is_clamped(): boolean {
     return this.now_s - this.clamped_s < kWordsHold_s;
+  }
+  /** The clamp has rendered less than half of the requested force for a while. */
+  get is_exhausted(): boolean {
+    return this.is_clamped && this.now_s - this.rendered_s > kExhausted_s;
   }
   get is_fallback(): boolean {
     return this.now_s - this.fallback_s < kWordsHold_s;
@@ -149,6 +176,7 @@ export class Telemetry {
     copy_vector(batch.measuredHandPositionM, rows - 1, this.hand_m);
     copy_vector(batch.measuredToolPositionWorldM, rows - 1, this.tool_m);
     copy_vector(batch.forceOnHandNewton, rows - 1, this.applied_newton);
+    this.measure_speed(ring.newest_s);
     const [w, x, y, z] = orientations.length > 0 ? orientations.slice(-4) : [1, 0, 0, 0];
     Object.assign(this.tool_orientation, { w, x, y, z });
   }
@@ -171,6 +199,7 @@ export class Telemetry {
       last = i;
       put_vector(ring, kAskedX, batch.askedForceOnHandNewton, i);
       put_bound(ring, batch.fMaxNewton, i);
+      if (!(ring.value(kBoundNorm, ring.length - 1) < 0.5 * ring.value(kAskedNorm, ring.length - 1))) this.rendered_s = t_s;
       ring.set(kLedger, batch.ledgerEnergyJoule[i]);
       const age_s = 1e-9 * Number(batch.forceAgeNs[i]);
       if (age_s > 0) ring.set(kForceAge, age_s);
@@ -185,14 +214,35 @@ export class Telemetry {
 
   take_physics(batch: PhysicsTelemetry, now_s: number): void {
     require_columns(columns_agree(batch.steppedAtNs.length, [batch.contactCount], [batch.toolPositionWorldM]));
+    const rows = batch.steppedAtNs.length;
+    const { penetrationM: depth, stiffnessNewtonPerM: stiffness } = batch;
+    const is_told = depth.length > 0 && stiffness.length > 0;
+    require_columns(!is_told || columns_agree(rows, [depth, stiffness], [batch.forceOnToolNewton]));
     this.nodes.physics.note(batch.header, batch.recordsLost, batch.counters.loop.ticks, now_s);
     this.physics_batch = batch;
+    if (rows === 0) return;
+    if (batch.header.sessionId !== this.physics_session) {
+      this.physics_session = batch.header.sessionId;
+      this.physics_base_ns = batch.steppedAtNs[0];
+      this.physics.clear();
+    }
+    this.depth_m = is_told ? depth[rows - 1] : NaN;
+    this.stiffness_newton_per_m = is_told ? stiffness[rows - 1] : NaN;
+    for (let i = 0; is_told && i < rows; ++i) {
+      if (!this.physics.append(1e-9 * Number(batch.steppedAtNs[i] - this.physics_base_ns))) continue;
+      this.physics.set(kDepth, depth[i]);
+      this.physics.set(kTissueForce, Math.hypot(...batch.forceOnToolNewton.slice(3 * i, 3 * i + 3)));
+    }
   }
 
   /** Includes what the server received before this page connected. @param side  "" where there is one device */
   take_health(health: Health, now_s: number, side = ""): void {
     this.health = health;
     const prefix = side ? `${side}.` : "";
+    // a replay that stands still or creeps sends no batches; its nodes are not gone
+    if (health.replay && (health.replay.isPaused || health.replay.speedRatio < kSlowReplay)) {
+      for (const name of kNodes) if (this.nodes[name].is_alive(now_s)) this.nodes[name].heard_s = now_s;
+    }
     for (const { name, silenceS } of health.nodes) {
       const node = name.startsWith(prefix) ? this.nodes[name.slice(prefix.length) as NodeName] : undefined;
       if (node && Number.isNaN(node.heard_s) && silenceS >= 0) node.heard_s = now_s - silenceS;
@@ -210,13 +260,24 @@ export class Telemetry {
     }
   }
 
+  private measure_speed(now_s: number): void {
+    const { places, tool_m } = this;
+    places.push({ at_s: now_s, tool_m: { ...tool_m } });
+    while (places.length > 2 && now_s - places[1].at_s >= kSpeedWindow_s) places.shift();
+    const elapsed_s = now_s - places[0].at_s;
+    const from = places[0].tool_m;
+    this.speed_m_per_s = elapsed_s > 0
+      ? norm({ x: tool_m.x - from.x, y: tool_m.y - from.y, z: tool_m.z - from.z }) / elapsed_s : NaN;
+  }
+
   private begin_device_session(session: bigint, first_ns: bigint): void {
     this.device_session = session;
     this.base_ns = first_ns;
     this.device.clear();
     this.mofc.clear();
     this.batches.clear();
-    this.clamped_s = this.fallback_s = -Infinity;
+    this.clamped_s = this.fallback_s = this.rendered_s = -Infinity;
+    this.places = [];
   }
 
   private seconds(device_ns: bigint): number {

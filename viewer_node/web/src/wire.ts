@@ -98,7 +98,18 @@ export interface PhysicsTelemetry {
   recordsLost: bigint;
   steppedAtNs: bigint[];
   toolPositionWorldM: number[];
+  forceOnToolNewton: number[];
   contactCount: number[];
+  penetrationM: number[]; // empty: unknown
+  stiffnessNewtonPerM: number[]; // likewise
+}
+
+/** foxglove.Log, one event of a node: event=NAME key=value … */
+export interface Log {
+  timestamp?: { seconds: bigint; nanos: number };
+  level: number; // 2 information, 3 warning, 4 error
+  message: string;
+  name: string; // of the node
 }
 
 export interface TissueSurface {
@@ -124,6 +135,7 @@ export interface SceneState {
   shaftRadiusM: number;
   workspaceScaleRatio: number;
   tissues: TissueSurface[];
+  acceptsChanges: boolean;
   pointer?: {
     centerM: Vector3;
     reachM: number;
@@ -155,6 +167,31 @@ export interface Health {
   framesRejected: bigint;
   handHolder: bigint;
   version: string;
+  recorder?: {
+    isPossible: boolean;
+    isRecording: boolean;
+    file: string;
+    lengthS: number;
+    problem: string;
+  };
+  markers: { atNs: bigint; text: string; origin: string }[];
+  replay?: ReplayState; // absent: a live session
+}
+export interface ReplayState {
+  file: string;
+  positionS: number;
+  lengthS: number;
+  speedRatio: number;
+  isPaused: boolean;
+  beginNs: bigint;
+}
+/** From the page; fields that are left out change nothing. */
+export interface RunRequest {
+  marker?: string;
+  seekS?: number;
+  isPaused?: boolean;
+  speedRatio?: number;
+  isRecording?: boolean;
 }
 
 // common/telemetry/telemetry.h

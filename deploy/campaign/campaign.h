@@ -1,0 +1,106 @@
+// campaign.h — many runs of one session, as plain structs, checked; read from a file
+// (proto/palpate/v1/campaign.proto). And each of its runs: what it overrides, whether it is within
+// the limits. A run is determined by its number alone.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "deploy/campaign/quantities.h"
+
+namespace palpate::campaign {
+
+/// One of the cartesian values of a dimension.
+struct Value {
+  std::string label;
+  std::vector<std::string> overrides;
+};
+
+struct Dimension {
+  enum class Kind : std::uint8_t { kCartesian, kChoice, kUniform, kLogUniform };
+  std::string name;   ///< column of the results
+  std::string field;  ///< of the session; empty for options
+  Kind kind = Kind::kCartesian;
+  std::vector<Value> values;  ///< cartesian and choice
+  double low = 0.0;
+  double high = 0.0;
+};
+
+/// Bounds of one quantity. NaN satisfies them.
+struct Bounds {
+  std::size_t quantity = 0;  ///< index in Campaign::quantities
+  std::optional<double> at_least{};
+  std::optional<double> at_most{};
+
+  [[nodiscard]] bool hold(std::span<const double> figures) const {
+    const double value = figures[quantity];
+    return !(at_least && value < *at_least) && !(at_most && value > *at_most);
+  }
+  [[nodiscard]] std::string text(const std::vector<const Quantity*>& quantities) const;
+};
+
+struct Limit {
+  Bounds bounds;
+  std::vector<Bounds> where;
+
+  [[nodiscard]] bool applies(std::span<const double> figures) const;
+  [[nodiscard]] bool is_violated(std::span<const double> figures) const {
+    return applies(figures) && !bounds.hold(figures);
+  }
+};
+
+struct Campaign {
+  std::string name;
+  std::filesystem::path file;
+  std::filesystem::path session_file;
+  std::vector<std::string> overrides;
+  double seconds = 0.0;
+  std::vector<Dimension> dimensions;
+  bool is_hostile = false;
+  bool has_lying_clamp = false;
+  std::uint64_t runs_per_cell = 1;
+  std::uint64_t first_seed = 1;
+  std::vector<const Quantity*> quantities;  ///< those to report, then those that only limits use
+  std::size_t reported = 0;                 ///< of `quantities`
+  std::vector<Limit> limits;
+  bool stops_at_violation = false;
+  /// Of everything that determines the figures: the campaign, the session, the files that it names
+  /// and this program.
+  std::uint64_t fingerprint = 0;
+
+  [[nodiscard]] std::uint64_t cells() const;
+  [[nodiscard]] std::uint64_t run_count() const { return cells() * runs_per_cell; }
+  [[nodiscard]] bool needs_ideal() const;
+  [[nodiscard]] bool is_violated(std::span<const double> figures) const;
+};
+
+/// Reads and checks the campaign and the session of its first run in every cell (of the first 1000
+/// cells). Throws SetupError.
+/// @param runs  instead of those of the file
+[[nodiscard]] Campaign load_campaign(const std::filesystem::path& file,
+                                     std::optional<std::uint64_t> runs = {});
+
+/// What distinguishes one run.
+struct Plan {
+  std::uint64_t run = 0;  ///< cell · runs_per_cell + i
+  std::uint64_t seed = 0;
+  std::vector<std::string> overrides;  ///< all that differ from the session file
+  std::vector<std::string> labels;     ///< of each dimension
+};
+[[nodiscard]] Plan plan_of(const Campaign& campaign, std::uint64_t run);
+
+/// "palpate loopback SESSION --seconds 2 --set …", which repeats the run.
+[[nodiscard]] std::string command_line(const Campaign& campaign, const Plan& plan);
+
+/// The figures of a run, in the order of Campaign::quantities. Throws SetupError if the session of
+/// the run is refused.
+/// @param mcap_file  records the run; empty: not
+[[nodiscard]] std::vector<double> compute(const Campaign& campaign, const Plan& plan,
+                                          const std::string& mcap_file = {},
+                                          bool may_overwrite = false);
+
+}  // namespace palpate::campaign

@@ -1,0 +1,192 @@
+#include "deploy/campaign/slurm.h"
+
+#include <spdlog/fmt/fmt.h>
+#include <sys/wait.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <fstream>
+#include <memory>
+#include <stdexcept>
+#include <thread>
+
+#include "common/core/check.h"
+#include "common/core/user/output_file.h"
+#include "deploy/campaign/shell_word.h"
+
+namespace palpate::campaign {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr auto kPollInterval = std::chrono::milliseconds(500);
+constexpr int kQueuePolls = 4;     // the queue is asked every so many polls
+constexpr int kFruitlessJobs = 3;  // that ended without a new result
+constexpr std::size_t kShownBytes = 2000;
+
+struct Output {
+  int status = -1;
+  std::string text;  ///< standard output and error
+};
+
+Output run(const std::string& command) {
+  Output output;
+  const std::unique_ptr<FILE, int (*)(FILE*)> pipe(::popen((command + " 2>&1").c_str(), "re"),
+                                                   [](FILE*) { return 0; });
+  if (pipe == nullptr) return output;
+  char block[4096];
+  while (const std::size_t size = std::fread(block, 1, sizeof block, pipe.get())) {
+    output.text.append(block, size);
+  }
+  const int status = ::pclose(pipe.get());
+  output.status = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+  return output;
+}
+
+enum class JobState : std::uint8_t { kThere, kGone, kUnknown };
+
+/// Unknown while slurmctld does not answer: it may be starting again.
+JobState state_of(const std::string& job) {
+  const Output queue = run("squeue --noheader --states=all --format=%T --jobs=" + job);
+  if (queue.text.find("Invalid job id") != std::string::npos) return JobState::kGone;
+  if (queue.status != 0) return JobState::kUnknown;
+  for (const char* alive : {"PENDING", "RUNNING", "COMPLETING", "CONFIGURING", "SUSPENDED",
+                            "REQUEUED", "RESIZING", "STAGE_OUT", "SIGNALING"}) {
+    if (queue.text.find(alive) != std::string::npos) return JobState::kThere;
+  }
+  return JobState::kGone;
+}
+
+/// The job of an earlier call, and the division that its tasks use: it stays that of the folder.
+struct Job {
+  std::string id;
+  std::uint64_t shares = 0;
+};
+
+class JobFile {
+ public:
+  explicit JobFile(const Folder& folder) : file_(folder.path() / "slurm.job") {}
+  [[nodiscard]] Job read() const {
+    Job job;
+    std::ifstream(file_) >> job.id >> job.shares;
+    return job;
+  }
+  void write(const Job& job) const {
+    write_file("job", file_.string(), fmt::format("{} {}\n", job.id, job.shares), true);
+  }
+
+ private:
+  fs::path file_;
+};
+
+/// "0,3,7": the shares that lack a result.
+std::string array_of(const Results& results, std::uint64_t shares) {
+  std::vector<bool> is_open(shares);
+  for (const std::uint64_t one : results.missing()) is_open[one % shares] = true;
+  std::string array;
+  for (std::uint64_t share = 0; share < shares; ++share) {
+    if (is_open[share]) array += fmt::format("{}{}", array.empty() ? "" : ",", share);
+  }
+  return array;
+}
+
+std::string submit(const Campaign& campaign, const Folder& folder, const Results& results,
+                   std::uint64_t shares, const SlurmOptions& options) {
+  const fs::path home = fs::absolute(folder.path());
+  const std::string script_file = (home / "sweep.sbatch").string();
+  std::string script = fmt::format(
+      "#!/bin/sh\n#SBATCH --job-name=palpate-{}\n#SBATCH --array={}\n#SBATCH --ntasks=1\n"
+      "#SBATCH --cpus-per-task=1\n#SBATCH --requeue\n#SBATCH --open-mode=append\n"
+      "#SBATCH --output={}/slurm-%a.out\nexec {} sweep",
+      campaign.name, array_of(results, shares), home.string(),
+      shell_word(fs::read_symlink("/proc/self/exe").string()));
+  for (const std::string& argument : options.arguments)
+    script += fmt::format(" {}", shell_word(argument));
+  script += fmt::format(" --quiet --folder {} --share \"$SLURM_ARRAY_TASK_ID/{}\"\n",
+                        shell_word(home.string()), shares);
+  write_file("job script", script_file, script, true);
+  std::string command = "sbatch --parsable";
+  for (const std::string& argument : options.sbatch)
+    command += fmt::format(" {}", shell_word(argument));
+  const Output answer = run(fmt::format("{} {}", command, shell_word(script_file)));
+  const std::string id = answer.text.substr(0, answer.text.find_first_not_of("0123456789"));
+  if (answer.status != 0 || id.empty()) {
+    throw SetupError("sbatch: " + answer.text.substr(0, kShownBytes) +
+                     (answer.status == 127 ? "install Slurm's client (Debian: slurm-client), or "
+                                             "leave --slurm out"
+                                           : ""));
+  }
+  return id;
+}
+
+/// The ends of what the tasks printed.
+std::string printed_by_tasks(const Folder& folder) {
+  std::string text;
+  for (const auto& entry : fs::directory_iterator(folder.path())) {
+    if (entry.path().extension() != ".out") continue;
+    std::ifstream in(entry.path());
+    const std::string all((std::istreambuf_iterator<char>(in)), std::istreambuf_iterator<char>());
+    if (all.empty()) continue;
+    text += fmt::format("\n{}: {}", entry.path().string(),
+                        all.substr(all.size() - std::min(all.size(), kShownBytes)));
+    break;
+  }
+  return text;
+}
+
+}  // namespace
+
+bool compute_with_slurm(const Campaign& campaign, const Folder& folder, Results& results,
+                        const SlurmOptions& options) {
+  results.refresh(folder.path());
+  const std::uint64_t known = results.known();
+  const JobFile file(folder);
+  Job job = file.read();
+  if (job.shares == 0) job.shares = options.shares;
+  std::uint64_t known_at_submission = known;
+  int fruitless = 0;
+  bool is_unknown = false;
+  if (!job.id.empty()) options.say(fmt::format("follows Slurm job {} of an earlier call", job.id));
+  for (int poll = 0; !results.is_complete(); ++poll) {
+    if (!job.id.empty() && poll % kQueuePolls == 0) {
+      const JobState state = state_of(job.id);
+      if (state == JobState::kUnknown && !is_unknown) options.say("Slurm does not answer; waits");
+      is_unknown = state == JobState::kUnknown;
+      if (state == JobState::kGone) {
+        results.refresh(folder.path());
+        if (results.is_complete()) break;
+        options.say(fmt::format("Slurm job {} has ended with {} runs left", job.id,
+                                results.needed() - results.known()));
+        fruitless = results.known() > known_at_submission ? 0 : fruitless + 1;
+        if (fruitless == kFruitlessJobs) {
+          throw std::runtime_error(fmt::format("{} jobs of Slurm have ended without a result{}",
+                                               kFruitlessJobs, printed_by_tasks(folder)));
+        }
+        job.id.clear();
+      }
+    }
+    if (job.id.empty()) {
+      known_at_submission = results.known();
+      job.id = submit(campaign, folder, results, job.shares, options);
+      file.write(job);
+      options.say(fmt::format("submitted Slurm job {} with tasks {} of {}", job.id,
+                              array_of(results, job.shares), job.shares));
+    }
+    if (!options.may_go_on(results.known() - known, results.needed() - known)) {
+      options.say(
+          fmt::format("Slurm job {} goes on; the same command collects it, scancel {} "
+                      "ends it",
+                      job.id, job.id));
+      return false;
+    }
+    std::this_thread::sleep_for(kPollInterval);
+    results.refresh(folder.path());
+  }
+  // tasks that compute what stop_at_violation does not need
+  if (!job.id.empty() && results.needed() < campaign.run_count()) {
+    static_cast<void>(run("scancel " + job.id));
+  }
+  return true;
+}
+
+}  // namespace palpate::campaign

@@ -1,0 +1,151 @@
+#include "deploy/lockstep/adversary.h"
+
+#include <cmath>
+#include <iterator>
+#include <limits>
+
+#include "deploy/lockstep/random_surface.h"
+
+namespace palpate {
+namespace {
+
+// More than any motor gives, and more stored energy than any cap.
+constexpr double kHostileNewton = 20.0;
+constexpr double kHostileStoreJoule = 1e3;
+constexpr std::uint32_t kHostileTissue = 1000;  // not the wall, which mofc_node steps itself
+constexpr double kRestartPeriod_s = 0.9;
+
+constexpr Duration kForever = std::chrono::hours(1);
+constexpr std::size_t kReplayedTicks = 100;
+
+Contact force_everywhere(const Vector3& force_newton) {
+  return {.penetration_m = 1.0,
+          .elastic_force_on_tool_newton = force_newton,
+          .stored_energy_joule = kHostileStoreJoule,
+          .is_adhesive = true,
+          .trust_radius_m = 1.0,
+          .force_on_tool_newton = force_newton};
+}
+
+Contact active_tissue() {
+  return {.penetration_m = 1.0,
+          .d_force_d_position = 2000.0 * Matrix3::Identity(),
+          .d_force_d_velocity = 100.0 * Matrix3::Identity(),
+          .stored_energy_joule = kHostileStoreJoule,
+          .is_adhesive = true,
+          .trust_radius_m = 1.0};
+}
+
+}  // namespace
+
+// --- physics ------------------------------------------------------------------------------------
+
+void PhysicsTamperer::tamper(Interaction& interaction) {
+  if (physics_ == HostilePhysics::kHonest) return;
+  const double t_s = seconds_of(interaction.header.sampled_at);
+  if (physics_ == HostilePhysics::kNewSessions) {
+    interaction.header.session_id += static_cast<std::uint64_t>(t_s / kRestartPeriod_s);
+    return;
+  }
+  if (physics_ == HostilePhysics::kEverything && t_s >= until_s_) change_law(t_s);
+  if (law_ == HostilePhysics::kHonest) return;
+
+  const Vector3 moved = interaction.tool_position_world_m - position_m_;
+  position_m_ = interaction.tool_position_world_m;
+  if (moved.norm() > 0.0) along_ = moved.normalized();
+  Vector3 force = kHostileNewton * along_;
+  if (law_ == HostilePhysics::kSquareWave) force = square_wave(t_s);
+  if (law_ == HostilePhysics::kNotANumber && ++count_ % 3 == 0) {
+    force.setConstant(std::numeric_limits<double>::quiet_NaN());
+  }
+  interaction.force_on_tool_newton = force;
+  interaction.stored_energy_joule = kHostileStoreJoule;
+  interaction.contact_count = interaction.listed_count = 1;
+  interaction.contacts[0] =
+      law_ == HostilePhysics::kActiveTissue ? active_tissue() : force_everywhere(force);
+  interaction.contacts[0].tissue = kHostileTissue;
+  lie_about_the_surface(interaction.surface);
+}
+
+/// Valid descriptions, tiles and coverage of a tissue that does not exist.
+void PhysicsTamperer::lie_about_the_surface(SurfaceNews& news) {
+  if (news.store_id == 0 || !random_.chance(0.1)) return;
+  const std::uint64_t store_id = news.store_id;
+  randomise(news, random_);
+  news.store_id = store_id;
+}
+
+void PhysicsTamperer::change_law(double t_s) {
+  constexpr HostilePhysics kLaws[] = {HostilePhysics::kHonest, HostilePhysics::kSquareWave,
+                                      HostilePhysics::kPushAlong, HostilePhysics::kActiveTissue};
+  law_ = kLaws[random_.below(std::size(kLaws))];
+  until_s_ = t_s + random_.uniform(0.005, 0.5);
+}
+
+Vector3 PhysicsTamperer::square_wave(double t_s) {
+  if (t_s >= turn_s_) {
+    turn_s_ = t_s + random_.uniform(0.001, 0.05);
+    sign_ = -sign_;
+    if (random_.chance(0.2)) axis_ = random_.direction();
+  }
+  return sign_ * kHostileNewton * axis_;
+}
+
+// --- clamp --------------------------------------------------------------------------------------
+
+void ClampTamperer::tamper(const DeviceState& state, ForceCommand& command) {
+  const Vector3 moved = state.hand_position_m - position_m_;
+  position_m_ = state.hand_position_m;
+  if (moved.norm() > 0.0) along_ = moved.normalized();
+  const double t_s = seconds_of(state.header.sampled_at);
+  switch (law_) {
+    case LyingClamp::kTruthful:
+      return;
+    case LyingClamp::kFullForce:
+      return push(command);
+    case LyingClamp::kWrongLease:
+      command.valid_for = kForever;
+      return;
+    case LyingClamp::kAhead:
+      push(command);
+      ++command.answers_sequence;
+      return;
+    case LyingClamp::kReplay:
+      history_.push_back(command);
+      command.force_on_hand_newton = history_.front().force_on_hand_newton;
+      command.valid_for = history_.front().valid_for;
+      if (history_.size() > kReplayedTicks) history_.pop_front();
+      return;
+    case LyingClamp::kNotANumber:
+      push(command);
+      if (++count_ % 3 == 0) {
+        command.force_on_hand_newton.setConstant(std::numeric_limits<double>::quiet_NaN());
+      }
+      return;
+    case LyingClamp::kDrift: {
+      const double honest = command.force_on_hand_newton.norm();
+      if (honest == 0.0) return;
+      command.force_on_hand_newton *= (honest + t_s) / honest;
+      command.valid_for += from_seconds(1e-3 * t_s);
+      return;
+    }
+    case LyingClamp::kMostlyRight:
+      if (std::fmod(t_s, 0.5) < 0.2) push(command);
+      return;
+  }
+}
+
+void ClampTamperer::push(ForceCommand& command) const {
+  command.force_on_hand_newton = kHostileNewton * along_;
+  command.valid_for = kForever;
+}
+
+// --- scheduler ----------------------------------------------------------------------------------
+
+Duration LateTicks::next() {
+  if (jitter_ratio_ == 0.0 && late_ratio_ == 0.0) return {};
+  if (random_.chance(late_ratio_)) return from_seconds(random_.uniform(1.0, 5.0) * period_s_);
+  return from_seconds(random_.uniform(0.0, jitter_ratio_) * period_s_);
+}
+
+}  // namespace palpate

@@ -1,0 +1,74 @@
+// adversary.h — the attacks of `adversary { … }` in a session, simulated in lockstep.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+
+#include "common/core/messages.h"
+#include "common/core/random.h"
+#include "common/session/adversary_config.h"
+
+namespace palpate {
+
+/// A hostile physics: changes what physics_node sends.
+class PhysicsTamperer {
+ public:
+  PhysicsTamperer(HostilePhysics physics, std::uint64_t seed)
+      : physics_(physics), law_(physics), random_(seed) {}
+
+  void tamper(Interaction& interaction);
+
+ private:
+  void lie_about_the_surface(SurfaceNews& news);
+  void change_law(double t_s);
+  [[nodiscard]] Vector3 square_wave(double t_s);
+
+  HostilePhysics physics_;
+  HostilePhysics law_;
+  Random random_;
+  Vector3 position_m_ = Vector3::Zero();
+  Vector3 along_ = Vector3::UnitZ();
+  Vector3 axis_ = Vector3::UnitZ();
+  double sign_ = 1.0;
+  double turn_s_ = 0.0;
+  double until_s_ = 0.0;
+  std::uint64_t count_ = 0;
+};
+
+/// A clamp that lies: changes what mofc_node answers.
+class ClampTamperer {
+ public:
+  explicit ClampTamperer(LyingClamp law) : law_(law) {}
+
+  void tamper(const DeviceState& state, ForceCommand& command);
+
+ private:
+  void push(ForceCommand& command) const;
+
+  LyingClamp law_;
+  Vector3 position_m_ = Vector3::Zero();
+  Vector3 along_ = Vector3::UnitZ();
+  std::deque<ForceCommand> history_;
+  std::uint64_t count_ = 0;
+};
+
+/// A scheduler that begins ticks of the device late.
+class LateTicks {
+ public:
+  LateTicks(const AdversaryConfig& config, double rate_hz, std::uint64_t seed)
+      : period_s_(1.0 / rate_hz),
+        jitter_ratio_(config.tick_jitter_ratio),
+        late_ratio_(config.late_tick_ratio),
+        random_(seed) {}
+
+  /// How late the next tick begins.
+  [[nodiscard]] Duration next();
+
+ private:
+  double period_s_;
+  double jitter_ratio_;
+  double late_ratio_;
+  Random random_;
+};
+
+}  // namespace palpate

@@ -1,0 +1,24 @@
+#include "mofc_node/controllers/rivals/input_to_state.h"
+
+#include <limits>
+
+namespace palpate::controllers {
+
+ControlOutput InputToState::step(const ControlInput& input) noexcept {
+  const Interval interval = interval_.read(input);
+  const Vector3& asked = input.asked_force_on_hand_newton;
+  since_evaluation_s_ += interval.duration_s;
+  if (input.is_asked_fresh) {
+    lead_newton_.setZero();
+    if (has_evaluation_ && since_evaluation_s_ > 0.0) {
+      lead_newton_ = tau_s_ / since_evaluation_s_ * (asked - evaluated_newton_);
+    }
+    evaluated_newton_ = asked;
+    since_evaluation_s_ = 0.0;
+    has_evaluation_ = true;
+  }
+  const Vector3 force = asked.isZero(0.0) ? asked : Vector3(asked + lead_newton_);
+  return unbounded_output(input, force, std::numeric_limits<double>::quiet_NaN());
+}
+
+}  // namespace palpate::controllers

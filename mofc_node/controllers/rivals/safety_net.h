@@ -1,0 +1,37 @@
+// safety_net.h — any controller with mode guard behind it.
+#pragma once
+
+#include <memory>
+#include <utility>
+
+#include "guard_mofc.h"
+
+namespace palpate::controllers {
+
+/// What the inner controller answers is what `guard` is asked for: its guarantee holds whatever the
+/// inner one does, NaN included.
+class SafetyNet final : public ForceController {
+ public:
+  SafetyNet(std::unique_ptr<ForceController> inner, const GuardParameters& parameters)
+      : inner_(std::move(inner)), guard_(parameters) {}
+  void reset() noexcept override {
+    inner_->reset();
+    guard_.reset();
+  }
+  [[nodiscard]] ControlOutput step(const ControlInput& input) noexcept override {
+    const ControlOutput inner = inner_->step(input);
+    ControlInput asked = input;
+    asked.asked_force_on_hand_newton = inner.force_on_hand_newton.allFinite()
+                                           ? inner.force_on_hand_newton
+                                           : Vector3(Vector3::Zero());
+    ControlOutput output = guard_.step(asked);
+    output.is_clamped = output.force_on_hand_newton != input.asked_force_on_hand_newton;
+    return output;
+  }
+
+ private:
+  std::unique_ptr<ForceController> inner_;
+  GuardMofc guard_;
+};
+
+}  // namespace palpate::controllers

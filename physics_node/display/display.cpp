@@ -1,0 +1,23 @@
+#include "physics_node/display/display.h"
+
+namespace palpate::physics {
+
+SceneState scene_of(const Session& session, std::uint64_t session_id) {
+  const Side& side = session.side();
+  SceneState scene;
+  scene.header.session_id = session_id;
+  scene.session_name = session.name;
+  scene.session_text = session.text;
+  scene.controller = controller_text(side.mofc);
+  scene.device_rate_hz = side.device.rate_hz;
+  scene.physics_rate_hz = session.physics.rate_hz;
+  scene.peak_force_newton = side.device.peak_force_newton;
+  scene.tip_radius_m = session.scene.tip_radius_m;
+  scene.shaft_length_m = session.scene.shaft_length_m;
+  scene.shaft_radius_m = session.scene.shaft_radius_m;
+  scene.workspace_scale_ratio = side.device.workspace.scale_ratio;
+  scene.pointer = side.hand.pointer;
+  return scene;
+}
+
+}  // namespace palpate::physics

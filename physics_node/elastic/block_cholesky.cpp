@@ -1,0 +1,166 @@
+#include "physics_node/elastic/block_cholesky.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "physics_node/elastic/dense_kernels.h"
+
+namespace palpate::elastic {
+namespace {
+
+int rows_of(const Supernode& node) {
+  return 3 * static_cast<int>(node.columns + node.rows_below.size());
+}
+
+// A child's Schur complement: the lower half of a square over 3 per row of its supernode.
+struct Update {
+  std::size_t supernode = 0;
+  std::vector<double> values;  // column-major, leading dimension 3 × rows below
+};
+
+}  // namespace
+
+template <class Scalar>
+BlockCholesky<Scalar>::BlockCholesky(const BlockPattern& pattern,
+                                     std::shared_ptr<const SymbolicFactor> symbolic)
+    : pattern_(&pattern), symbolic_(std::move(symbolic)) {
+  std::size_t size = 0;
+  int widest = 0;
+  for (const Supernode& node : symbolic_->supernodes) {
+    panel_starts_.push_back(size);
+    const int rows = padded(rows_of(node));
+    size += static_cast<std::size_t>(rows) * 3 * node.columns;
+    widest = std::max(widest, rows);
+  }
+  panels_.resize(size);
+  solution_.resize(3 * pattern.size() + kPadding);
+  work_.resize(2 * static_cast<std::size_t>(widest));
+}
+
+template <class Scalar>
+bool BlockCholesky<Scalar>::factor(const BlockValues& values) {
+  std::vector<Update> updates;  // of children whose parents have not come yet: a stack
+  std::vector<std::int32_t> place(pattern_->size(), -1);  // block row in the front
+  std::vector<double> front;
+  for (std::size_t s = 0; s < symbolic_->supernodes.size(); ++s) {
+    const Supernode& node = symbolic_->supernodes[s];
+    const int n = rows_of(node);
+    const int pivots = static_cast<int>(3 * node.columns);
+    const auto ld = static_cast<std::size_t>(padded(n));
+    front.assign(ld * static_cast<std::size_t>(n), 0.0);
+    std::int32_t next = 0;
+    for (std::uint32_t c = 0; c < node.columns; ++c) place[node.first + c] = next++;
+    for (const std::uint32_t row : node.rows_below) place[row] = next++;
+
+    // the matrix's own blocks
+    for (std::uint32_t c = 0; c < node.columns; ++c) {
+      const std::uint32_t j = symbolic_->order[node.first + c];
+      const auto add = [&](std::uint32_t i, std::uint32_t slot, bool is_transposed) {
+        const std::uint32_t row = symbolic_->position[i];
+        if (row < node.first + c) return;  // was taken when that column was
+        double* to = front.data() + 3 * c * ld + 3 * static_cast<std::size_t>(place[row]);
+        const double* block = values.data() + 9 * std::size_t{slot};
+        for (std::size_t b = 0; b < 3; ++b) {
+          for (std::size_t a = 0; a < 3; ++a) {
+            to[b * ld + a] = is_transposed ? block[3 * b + a] : block[3 * a + b];
+          }
+        }
+      };
+      for (std::uint32_t slot = pattern_->starts[j]; slot < pattern_->starts[j + 1]; ++slot) {
+        add(pattern_->rows[slot], slot, false);
+      }
+      for (std::uint32_t k = symbolic_->row_starts[j]; k < symbolic_->row_starts[j + 1]; ++k) {
+        add(symbolic_->row_columns[k], symbolic_->row_slots[k], true);
+      }
+    }
+
+    // what its children leave
+    while (!updates.empty() &&
+           symbolic_->supernodes[updates.back().supernode].parent == static_cast<std::int32_t>(s)) {
+      const Update& update = updates.back();
+      const auto& rows = symbolic_->supernodes[update.supernode].rows_below;
+      const std::size_t m = 3 * rows.size();
+      for (std::size_t bj = 0; bj < rows.size(); ++bj) {
+        for (std::size_t b = 0; b < 3; ++b) {
+          const double* from = update.values.data() + (3 * bj + b) * m;
+          double* to = front.data() + (3 * static_cast<std::size_t>(place[rows[bj]]) + b) * ld;
+          for (std::size_t bi = bj; bi < rows.size(); ++bi) {
+            double* at = to + 3 * static_cast<std::size_t>(place[rows[bi]]);
+            at[0] += from[3 * bi];
+            at[1] += from[3 * bi + 1];
+            at[2] += from[3 * bi + 2];
+          }
+        }
+      }
+      updates.pop_back();
+    }
+
+    if (!partial_cholesky(front.data(), n, pivots)) return false;
+    if (!node.rows_below.empty()) {
+      Update update{.supernode = s, .values = {}};
+      const auto m = static_cast<std::size_t>(n - pivots);
+      update.values.resize(m * m);
+      for (std::size_t j = 0; j < m; ++j) {
+        const double* from = front.data() + (static_cast<std::size_t>(pivots) + j) * ld +
+                             static_cast<std::size_t>(pivots);
+        std::copy(from + j / 3 * 3, from + m, update.values.data() + j * m + j / 3 * 3);
+      }
+      updates.push_back(std::move(update));
+    }
+    invert_pivots(front.data(), n, pivots);
+    std::transform(front.begin(), front.begin() + static_cast<std::ptrdiff_t>(ld) * pivots,
+                   panel(s), [](double value) { return static_cast<Scalar>(value); });
+  }
+  return true;
+}
+
+template <class Scalar>
+void BlockCholesky<Scalar>::solve(const double* b, double* x) {
+  const std::size_t blocks = pattern_->size();
+  for (std::size_t k = 0; k < blocks; ++k) {
+    const double* from = b + 3 * std::size_t{symbolic_->order[k]};
+    for (std::size_t i = 0; i < 3; ++i) solution_[3 * k + i] = static_cast<Scalar>(from[i]);
+  }
+  const std::size_t count = symbolic_->supernodes.size();
+  for (std::size_t s = 0; s < count; ++s) {
+    const Supernode& node = symbolic_->supernodes[s];
+    Scalar* mine = solution_.data() + 3 * std::size_t{node.first};
+    const int pivots = static_cast<int>(3 * node.columns);
+    multiply(panel(s), rows_of(node), pivots, mine, work_.data());
+    std::copy(work_.begin(), work_.begin() + pivots, mine);
+    const Scalar* change = work_.data() + pivots;
+    for (const std::uint32_t row : node.rows_below) {
+      Scalar* to = solution_.data() + 3 * std::size_t{row};
+      to[0] -= change[0];
+      to[1] -= change[1];
+      to[2] -= change[2];
+      change += 3;
+    }
+  }
+  for (std::size_t s = count; s-- > 0;) {
+    const Supernode& node = symbolic_->supernodes[s];
+    Scalar* mine = solution_.data() + 3 * std::size_t{node.first};
+    const int pivots = static_cast<int>(3 * node.columns);
+    const int n = rows_of(node);
+    std::copy(mine, mine + pivots, work_.begin());
+    Scalar* right = work_.data() + pivots;
+    for (const std::uint32_t row : node.rows_below) {
+      const Scalar* from = solution_.data() + 3 * std::size_t{row};
+      right[0] = -from[0];
+      right[1] = -from[1];
+      right[2] = -from[2];
+      right += 3;
+    }
+    std::fill(right, work_.data() + padded(n), Scalar{0});
+    multiply_transposed(panel(s), n, pivots, work_.data(), mine);
+  }
+  for (std::size_t k = 0; k < blocks; ++k) {
+    double* to = x + 3 * std::size_t{symbolic_->order[k]};
+    for (std::size_t i = 0; i < 3; ++i) to[i] = static_cast<double>(solution_[3 * k + i]);
+  }
+}
+
+template class BlockCholesky<float>;
+template class BlockCholesky<double>;
+
+}  // namespace palpate::elastic

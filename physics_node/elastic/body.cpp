@@ -1,0 +1,307 @@
+#include "physics_node/elastic/body.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
+#include "physics_node/elastic/point_laws.h"
+#include "physics_node/elastic/point_tangent.h"
+
+namespace palpate::elastic {
+namespace {
+
+using Eigen::Matrix3d;
+
+void require(bool is_so, const std::string& rule) {
+  if (!is_so) throw std::invalid_argument("elastic body: " + rule);
+}
+
+void check(const BodyDescription& body) {
+  const Mesh& mesh = body.mesh;
+  require(mesh.nodes_per_element == 4 || mesh.nodes_per_element == 10,
+          "elements have 4 or 10 nodes");
+  require(!mesh.elements.empty() &&
+              mesh.elements.size() % static_cast<std::size_t>(mesh.nodes_per_element) == 0,
+          "the list of elements must not be empty or end within an element");
+  const std::size_t nodes = mesh.nodes_m.size();
+  require(std::all_of(mesh.elements.begin(), mesh.elements.end(),
+                      [&](std::uint32_t node) { return node < nodes; }),
+          "an element names a node that does not exist");
+  require(std::all_of(mesh.nodes_m.begin(), mesh.nodes_m.end(),
+                      [](const Vector3d& node) { return node.allFinite(); }),
+          "a node has a coordinate that is not finite");
+  require(mesh.regions.empty() || mesh.regions.size() == mesh.element_count(),
+          "regions must be given for all elements or for none");
+  require(!body.materials.empty() &&
+              std::all_of(mesh.regions.begin(), mesh.regions.end(),
+                          [&](std::uint8_t region) { return region < body.materials.size(); }),
+          "every region needs a material");
+  for (const Material& material : body.materials) {
+    require(material.young_modulus_pa > 0.0 && std::isfinite(material.young_modulus_pa),
+            "young_modulus_pa must be above 0");
+    require(material.poisson_ratio > -1.0 && material.poisson_ratio < 0.5,
+            "poisson_ratio must be above -1 and below 0.5");
+    require(material.density_kg_per_m3 > 0.0 && std::isfinite(material.density_kg_per_m3),
+            "density_kg_per_m3 must be above 0");
+    require(material.mass_damping_per_s >= 0.0 && material.stiffness_damping_s >= 0.0,
+            "damping must not be below 0");
+  }
+  const MeshQuality quality = quality_of(mesh);
+  require(quality.inverted == 0, std::to_string(quality.inverted) +
+                                     " elements are inverted or flat, the worst is number " +
+                                     std::to_string(quality.worst_element));
+  require(quality.unused_nodes == 0,
+          std::to_string(quality.unused_nodes) + " nodes belong to no element");
+  require(!body.fixed_nodes.empty(), "at least one node must be fixed");
+  require(std::all_of(body.fixed_nodes.begin(), body.fixed_nodes.end(),
+                      [&](std::uint32_t node) { return node < nodes; }),
+          "a fixed node does not exist");
+}
+
+// ∂yₖ/∂xₐ of a quadratic element's point: the rest of the chain is F = Σ yₖ ⊗ ∇Lₖ.
+Eigen::Matrix<double, 10, 4> chain_at(std::size_t point) {
+  constexpr double kNear = 0.58541019662496845446;
+  constexpr double kFar = 0.13819660112501051518;
+  const auto at = [&](std::size_t k) { return k == point ? kNear : kFar; };
+  Eigen::Matrix<double, 10, 4> chain = Eigen::Matrix<double, 10, 4>::Zero();
+  for (std::size_t k = 0; k < 4; ++k) {
+    chain(static_cast<int>(k), static_cast<int>(k)) = 4.0 * at(k) - 1.0;
+  }
+  for (std::size_t edge = 0; edge < 6; ++edge) {
+    const auto row = static_cast<int>(4 + edge);
+    chain(row, kEdges[edge][0]) = 4.0 * at(static_cast<std::size_t>(kEdges[edge][1]));
+    chain(row, kEdges[edge][1]) = 4.0 * at(static_cast<std::size_t>(kEdges[edge][0]));
+  }
+  return chain;
+}
+
+// Calls add(a, b, block) for the nodes a, b of an element whose block is stored.
+template <class Add>
+void for_blocks(const BlockPattern& pattern, std::span<const std::uint32_t> nodes,
+                BlockValues& values, Add add) {
+  for (std::size_t a = 0; a < nodes.size(); ++a) {
+    const std::int32_t i = pattern.row_of[nodes[a]];
+    if (i < 0) continue;
+    for (std::size_t b = 0; b < nodes.size(); ++b) {
+      const std::int32_t j = pattern.row_of[nodes[b]];
+      if (j < 0 || j > i) continue;
+      add(a, b,
+          values.data() + 9 * std::size_t{pattern.slot(static_cast<std::uint32_t>(i),
+                                                       static_cast<std::uint32_t>(j))});
+    }
+  }
+}
+
+double dilatation(Law law, const Matrix3<double>& F, const double* q) {
+  switch (law) {
+    case Law::kCorotational:
+      return dilatation<Law::kCorotational>(F, q);
+    case Law::kStVenantKirchhoff:
+      return dilatation<Law::kStVenantKirchhoff>(F, q);
+    case Law::kStableNeoHookean:
+      break;
+  }
+  return dilatation<Law::kStableNeoHookean>(F, q);
+}
+
+}  // namespace
+
+Body::Body(BodyDescription description) : description_(std::move(description)) {
+  check(description_);
+  const Mesh& mesh = description_.mesh;
+  std::vector<bool> is_fixed(mesh.nodes_m.size(), false);
+  for (const std::uint32_t node : description_.fixed_nodes) is_fixed[node] = true;
+  pattern_ = pattern_of(mesh, is_fixed);
+  SymbolicFactor dissected = analyse(pattern_, dissection_order(pattern_, mesh.nodes_m));
+  SymbolicFactor least_degree = analyse(pattern_, minimum_degree_order(pattern_));
+  symbolic_ = std::make_shared<const SymbolicFactor>(
+      dissected.stored_blocks < least_degree.stored_blocks ? std::move(dissected)
+                                                           : std::move(least_degree));
+
+  const auto nodes = static_cast<Eigen::Index>(mesh.nodes_m.size());
+  rest_m_.resize(3 * nodes);
+  for (Eigen::Index i = 0; i < nodes; ++i) {
+    rest_m_.segment<3>(3 * i) = mesh.nodes_m[static_cast<std::size_t>(i)];
+  }
+  mass_kg_ = VectorXd::Zero(nodes);
+  mass_damping_ = VectorXd::Zero(nodes);
+  const bool has_gravity = !description_.gravity_m_per_s2.isZero(0.0);
+  if (has_gravity) load_ = VectorXd::Zero(3 * nodes);
+  for (std::size_t e = 0; e < mesh.element_count(); ++e) {
+    const auto t = mesh.element(e);
+    const Material& material = description_.materials[mesh.regions.empty() ? 0 : mesh.regions[e]];
+    Matrix3d edges;
+    for (int k = 0; k < 3; ++k) {
+      edges.col(k) = mesh.nodes_m[t[static_cast<std::size_t>(k + 1)]] - mesh.nodes_m[t[0]];
+    }
+    const double mass = edges.determinant() / 6.0 * material.density_kg_per_m3;
+    for (std::size_t a = 0; a < t.size(); ++a) {
+      const bool is_corner = a < 4;
+      const bool is_linear = t.size() == 4;
+      const double share = is_linear ? 0.25 : is_corner ? 1.0 / 36.0 : 4.0 / 27.0;
+      const double weight = is_linear ? 0.25 : is_corner ? -1.0 / 20.0 : 1.0 / 5.0;
+      mass_kg_[t[a]] += share * mass;
+      mass_damping_[t[a]] += share * mass * material.mass_damping_per_s;
+      if (has_gravity) {
+        load_.segment<3>(3 * Eigen::Index{t[a]}) += weight * mass * description_.gravity_m_per_s2;
+      }
+    }
+  }
+  for (const Material& material : description_.materials) {
+    is_viscous_ = is_viscous_ || material.stiffness_damping_s > 0.0;
+    has_mass_damping_ = has_mass_damping_ || material.mass_damping_per_s > 0.0;
+  }
+}
+
+void Body::stiffness(const VectorXd& x_m, const std::vector<double>& rotations, const Shift& shift,
+                     bool is_projected, BlockValues& values) const {
+  const Mesh& mesh = description_.mesh;
+  values.assign(9 * pattern_.rows.size(), 0.0);
+  const bool is_linear = mesh.nodes_per_element == 4;
+  const std::size_t points = is_linear ? 1 : 4;
+  std::array<Eigen::Matrix<double, 10, 4>, 4> chains;
+  for (std::size_t point = 0; point < points; ++point) chains[point] = chain_at(point);
+
+  using Gradients = Eigen::Matrix<double, 10, 3>;
+  std::array<Gradients, 4> gradients;
+  std::array<Matrix3d, 4> deformations;
+  std::array<std::array<double, 4>, 4> quaternions{};
+  std::array<Eigen::Matrix<double, 9, 3>, 10> forces;  // ∂P/∂x of each node
+  for (std::size_t e = 0; e < mesh.element_count(); ++e) {
+    const auto t = mesh.element(e);
+    const Material& material = description_.materials[mesh.regions.empty() ? 0 : mesh.regions[e]];
+    const double mu = material.mu();
+    const double lambda = material.lambda();
+    const double rate = shift.per_viscosity * material.stiffness_damping_s;
+    Matrix3d edges;
+    for (int k = 0; k < 3; ++k) {
+      edges.col(k) = mesh.nodes_m[t[static_cast<std::size_t>(k + 1)]] - mesh.nodes_m[t[0]];
+    }
+    const double volume = edges.determinant() / 6.0 / static_cast<double>(points);
+    Eigen::Matrix<double, 4, 3> barycentric;
+    barycentric.bottomRows<3>() = edges.inverse();
+    barycentric.row(0) = -barycentric.bottomRows<3>().colwise().sum();
+    const double bulk = bulk_stiffness(description_.law, mu, lambda);
+    // the change of volume is that of the whole element
+    double dilatation_sum = 0.0;
+    for (std::size_t point = 0; point < points; ++point) {
+      Gradients& g = gradients[point];
+      g.setZero();
+      if (is_linear) {
+        g.topRows<4>() = barycentric;
+      } else {
+        g = chains[point] * barycentric;
+      }
+      Matrix3d& F = deformations[point];
+      F.setZero();
+      for (std::size_t a = 0; a < t.size(); ++a) {
+        F += x_m.segment<3>(3 * Eigen::Index{t[a]}) * g.row(static_cast<Eigen::Index>(a));
+      }
+      Matrix3<double> f;
+      for (int i = 0; i < 9; ++i) f.a[i] = F(i / 3, i % 3);
+      double* q = quaternions[point].data();
+      if (description_.law == Law::kCorotational) {
+        std::copy_n(rotations.begin() + 4 * std::ptrdiff_t{t[0]}, 4, q);
+        for (int n = 0; n < 40 && improve_rotation(f, q) > 1e-14; ++n) {
+        }
+      }
+      dilatation_sum += dilatation(description_.law, f, q);
+    }
+    const double pressure = bulk * dilatation_sum / static_cast<double>(points);
+    Eigen::Matrix<double, 3, 10> widening = Eigen::Matrix<double, 3, 10>::Zero();
+    for (std::size_t point = 0; point < points; ++point) {
+      const Gradients& g = gradients[point];
+      PointTangent at =
+          tangent(description_.law, deformations[point], mu, pressure, quaternions[point].data());
+      if (rate > 0.0) at.stiffness += viscous_tangent(deformations[point], mu, lambda, rate);
+      if (is_linear) {
+        at.stiffness += bulk * at.dilatation * at.dilatation.transpose();
+      } else {
+        for (std::size_t a = 0; a < t.size(); ++a) {
+          const auto column = static_cast<Eigen::Index>(a);
+          for (int i = 0; i < 3; ++i) {
+            widening(i, column) += g.row(column).dot(at.dilatation.segment<3>(3 * i)) * volume;
+          }
+        }
+      }
+      if (is_projected) make_semidefinite(at.stiffness);
+      for (std::size_t a = 0; a < t.size(); ++a) {
+        for (int k = 0; k < 3; ++k) {
+          forces[a].col(k) = at.stiffness.middleCols<3>(3 * k) *
+                             g.row(static_cast<Eigen::Index>(a)).transpose() * volume;
+        }
+      }
+      for_blocks(pattern_, t, values, [&](std::size_t a, std::size_t b, double* block) {
+        const auto row = g.row(static_cast<Eigen::Index>(a));
+        for (int r = 0; r < 3; ++r) {
+          for (int k = 0; k < 3; ++k) {
+            block[3 * r + k] += row[0] * forces[b](3 * r, k) + row[1] * forces[b](3 * r + 1, k) +
+                                row[2] * forces[b](3 * r + 2, k);
+          }
+        }
+      });
+    }
+    if (is_linear) continue;
+    const double per_volume = bulk / (volume * static_cast<double>(points));
+    for_blocks(pattern_, t, values, [&](std::size_t a, std::size_t b, double* block) {
+      const auto i = static_cast<Eigen::Index>(a);
+      const auto j = static_cast<Eigen::Index>(b);
+      for (int r = 0; r < 3; ++r) {
+        for (int k = 0; k < 3; ++k)
+          block[3 * r + k] += per_volume * widening(r, i) * widening(k, j);
+      }
+    });
+  }
+  for (std::size_t j = 0; j < pattern_.size(); ++j) {
+    const std::uint32_t node = pattern_.nodes[j];
+    const double add = shift.per_mass * mass_kg_[node] + shift.per_damping * mass_damping_[node];
+    double* block = values.data() + 9 * std::size_t{pattern_.starts[j]};
+    for (int i = 0; i < 9; i += 4) block[i] += add;
+  }
+}
+
+std::vector<double> no_rotations(std::size_t nodes) {
+  std::vector<double> rotations(4 * nodes, 0.0);
+  for (std::size_t i = 0; i < rotations.size(); i += 4) rotations[i] = 1.0;
+  return rotations;
+}
+
+void update_node_rotations(ElementBatches& batches, const VectorXd& x_m,
+                           std::vector<double>& rotations, std::vector<double>& work) {
+  const Pack* quaternions = update_rotations(batches, x_m.data());
+  std::fill(work.begin(), work.end(), 0.0);
+  const auto per = static_cast<std::size_t>(batches.nodes_per_element);
+  for (std::size_t b = 0; b < batches.batches; ++b) {
+    const Pack* q = quaternions + 4 * b;
+    const std::uint32_t* nodes = batches.nodes.data() + b * per * kLanes;
+    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+      const double w = q[0].v[lane];
+      const double x = q[1].v[lane];
+      const double y = q[2].v[lane];
+      const double z = q[3].v[lane];
+      for (std::size_t a = 0; a < per; ++a) {
+        const std::size_t node = 4 * std::size_t{nodes[a * kLanes + lane]};
+        const double* old = rotations.data() + node;
+        double* sum = work.data() + node;
+        // a quaternion and its opposite are the same rotation
+        const double side = old[0] * w + old[1] * x + old[2] * y + old[3] * z;
+        const double sign = side < 0.0 ? -1.0 : 1.0;
+        sum[0] += sign * w;
+        sum[1] += sign * x;
+        sum[2] += sign * y;
+        sum[3] += sign * z;
+      }
+    }
+  }
+  for (std::size_t i = 0; i < work.size(); i += 4) {
+    const double* s = work.data() + i;
+    const double length = std::sqrt(s[0] * s[0] + s[1] * s[1] + s[2] * s[2] + s[3] * s[3]);
+    if (!(length > 1e-3)) continue;
+    for (std::size_t k = 0; k < 4; ++k) rotations[i + k] = s[k] / length;
+  }
+}
+
+}  // namespace palpate::elastic

@@ -1,0 +1,85 @@
+// body.h — an elastic body: mesh, materials, support; its masses, loads and stiffness.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "physics_node/elastic/block_matrix.h"
+#include "physics_node/elastic/element_batches.h"
+#include "physics_node/elastic/elimination_order.h"
+#include "physics_node/elastic/mesh.h"
+
+namespace palpate::elastic {
+
+using Eigen::VectorXd;
+
+struct BodyDescription {
+  Mesh mesh;
+  std::vector<Material> materials = {{}};  ///< one per region of the mesh
+  Law law = Law::kCorotational;
+  std::vector<std::uint32_t> fixed_nodes;
+  Vector3d gravity_m_per_s2 = Vector3d::Zero();
+};
+
+/// What does not change while a body moves. Positions are vectors of 3 per node.
+class Body {
+ public:
+  /// @throws std::invalid_argument  mesh not usable (quality_of), no fixed node, a node, region or
+  ///     material out of range
+  explicit Body(BodyDescription description);
+
+  [[nodiscard]] const Mesh& mesh() const noexcept { return description_.mesh; }
+  [[nodiscard]] const BodyDescription& description() const noexcept { return description_; }
+  [[nodiscard]] const BlockPattern& pattern() const noexcept { return pattern_; }
+  [[nodiscard]] const std::shared_ptr<const SymbolicFactor>& symbolic() const noexcept {
+    return symbolic_;
+  }
+  [[nodiscard]] std::size_t node_count() const noexcept { return description_.mesh.nodes_m.size(); }
+  [[nodiscard]] const VectorXd& rest_m() const noexcept { return rest_m_; }
+  /// Lumped mass per node [kg] (quadratic elements: proportional to the diagonal of the consistent
+  /// mass matrix, so that none is negative [Hinton 1976]).
+  [[nodiscard]] const VectorXd& mass_kg() const noexcept { return mass_kg_; }
+  /// α times mass, per node [kg/s].
+  [[nodiscard]] const VectorXd& mass_damping_kg_per_s() const noexcept { return mass_damping_; }
+  /// Gravity, consistent with the shape functions [N]. Empty without gravity.
+  [[nodiscard]] const VectorXd& load_newton() const noexcept { return load_; }
+  [[nodiscard]] bool is_viscous() const noexcept { return is_viscous_; }
+  [[nodiscard]] bool has_mass_damping() const noexcept { return has_mass_damping_; }
+
+  /// Elements and their state for one simulation of this body.
+  [[nodiscard]] ElementBatches new_batches() const {
+    return batches_of(description_.mesh, description_.materials, description_.law);
+  }
+
+  struct Shift {
+    double per_mass = 0.0;       ///< added times the mass of each node
+    double per_damping = 0.0;    ///< added times its mass damping
+    double per_viscosity = 0.0;  ///< 1/h: with the viscous stiffness β/h
+  };
+  /// Stiffness at x. With `is_projected` every point's tangent is made positive semidefinite.
+  /// @param rotations  start of the search for the elements' rotations: a quaternion per node
+  void stiffness(const VectorXd& x_m, const std::vector<double>& rotations, const Shift& shift,
+                 bool is_projected, BlockValues& values) const;
+
+ private:
+  BodyDescription description_;
+  BlockPattern pattern_;
+  std::shared_ptr<const SymbolicFactor> symbolic_;
+  VectorXd rest_m_;
+  VectorXd mass_kg_;
+  VectorXd mass_damping_;
+  VectorXd load_;
+  bool is_viscous_ = false;
+  bool has_mass_damping_ = false;
+};
+
+/// No rotation: w, x, y, z = 1, 0, 0, 0 for each node.
+[[nodiscard]] std::vector<double> no_rotations(std::size_t nodes);
+
+/// Mean rotation of the elements around every node. `rotations` is the previous one. No allocation.
+void update_node_rotations(ElementBatches& batches, const VectorXd& x_m,
+                           std::vector<double>& rotations, std::vector<double>& work);
+
+}  // namespace palpate::elastic

@@ -1,0 +1,29 @@
+// dense_kernels.h — dense pieces of the sparse factorisation, for any vector width. No allocation.
+#pragma once
+
+namespace palpate::elastic {
+
+/// Rows of dense blocks are padded to a multiple of this with zeros, and blocks begin on a multiple
+/// of 64 bytes.
+inline constexpr int kPadding = 16;
+/// Most columns that are eliminated together.
+inline constexpr int kMostPivots = 192;
+[[nodiscard]] constexpr int padded(int rows) { return (rows + kPadding - 1) / kPadding * kPadding; }
+
+/// Eliminates the first `pivots` ≤ kMostPivots columns of a symmetric n × n matrix, lower half,
+/// column-major with leading dimension padded(n): they become L, the rest the Schur complement. The
+/// upper half and the padding are scratch. False if a pivot is not positive.
+[[nodiscard]] bool partial_cholesky(double* a, int n, int pivots);
+
+/// [L₁₁; L₂₁] of `pivots` columns and n rows becomes [L₁₁⁻¹; L₂₁ L₁₁⁻¹], with zeros above the
+/// diagonal and in the padding.
+void invert_pivots(double* a, int n, int pivots);
+
+/// y = M x, n × columns, leading dimension padded(n); y is padded(n) long.
+void multiply(const float* m, int n, int columns, const float* x, float* y);
+void multiply(const double* m, int n, int columns, const double* x, double* y);
+/// y = Mᵀ x, x is padded(n) long with finite numbers in the padding.
+void multiply_transposed(const float* m, int n, int columns, const float* x, float* y);
+void multiply_transposed(const double* m, int n, int columns, const double* x, double* y);
+
+}  // namespace palpate::elastic

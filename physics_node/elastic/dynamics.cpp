@@ -1,0 +1,259 @@
+#include "physics_node/elastic/dynamics.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace palpate::elastic {
+namespace {
+
+// A body sleeps after this many steps in which no node moved faster than the limit below and
+// nothing touched it.
+constexpr int kQuietSteps = 50;
+constexpr double kQuiet_m_per_s = 1e-6;
+// A part of a step becomes longer when it could have been twice as long for so many parts.
+constexpr int kCoarseSteps = 100;
+// Energy that rounding and the tolerance of the search may add in a step, relative.
+constexpr double kEnergyRounding = 1e-12;
+
+bool is_same(const Body::Shift& a, const Body::Shift& b) {
+  return std::abs(a.per_mass - b.per_mass) <= 1e-9 * std::abs(b.per_mass);
+}
+
+}  // namespace
+
+Dynamics::Dynamics(const Body& body, const DynamicsSettings& settings)
+    : body_(body),
+      settings_(settings),
+      search_(body),
+      factor_(std::make_unique<WarpedFactor>(body, Precision::kFloat)),
+      x_(body.rest_m()) {
+  v_ = VectorXd::Zero(x_.size());
+  acceleration_ = v_;
+  start_ = inertial_ = found_ = next_ = x_;
+  if (!settings_.is_exact) {
+    next_factor_ = std::make_unique<WarpedFactor>(body, Precision::kFloat);
+    order_.x_m = x_;
+    order_.rotations = search_.rotations();
+    worker_ = std::jthread([this](const std::stop_token& stop) { work(stop); });
+  }
+}
+
+Dynamics::~Dynamics() {
+  if (worker_.joinable()) {
+    worker_.request_stop();
+    ordered_.notify_all();
+  }
+}
+
+void Dynamics::set_state(const VectorXd& x_m, const VectorXd& v_m_per_s) {
+  x_ = x_m;
+  v_ = v_m_per_s;
+  for (const std::uint32_t node : body_.description().fixed_nodes) {
+    v_.segment<3>(3 * Eigen::Index{node}).setZero();
+  }
+  acceleration_.setZero();
+  is_energy_known_ = false;
+  is_asleep_ = false;
+  quiet_steps_ = 0;
+}
+
+double Dynamics::kinetic_joule(const VectorXd& v_m_per_s) const {
+  double sum = 0.0;
+  const VectorXd& mass = body_.mass_kg();
+  for (Eigen::Index i = 0; i < mass.size(); ++i) {
+    sum += mass[i] * v_m_per_s.segment<3>(3 * i).squaredNorm();
+  }
+  return 0.5 * sum;
+}
+
+bool Dynamics::make_factor(const VectorXd& x_m, const Body::Shift& shift,
+                           const Obstacle* obstacle) {
+  ++counters_.factorisations;
+  return factor_->factor(x_m, search_.rotations(), shift, obstacle);
+}
+
+void Dynamics::work(const std::stop_token& stop) {
+  std::unique_lock lock(mutex_);
+  while (ordered_.wait(lock, stop, [this] { return stage_ == Stage::kOrdered; })) {
+    lock.unlock();
+    const bool is_made =
+        next_factor_->factor(order_.x_m, order_.rotations, order_.shift, order_.obstacle);
+    lock.lock();
+    stage_ = is_made ? Stage::kMade : Stage::kFailed;
+  }
+}
+
+void Dynamics::ask_for_factor(const Body::Shift& shift, const Obstacle* obstacle) {
+  std::unique_lock lock(mutex_, std::try_to_lock);
+  if (!lock || stage_ == Stage::kOrdered || stage_ == Stage::kMade) return;
+  order_.x_m = x_;
+  order_.rotations = search_.rotations();
+  order_.shift = shift;
+  order_.obstacle = obstacle;
+  stage_ = Stage::kOrdered;
+  lock.unlock();
+  ordered_.notify_one();
+}
+
+void Dynamics::take_factor() {
+  std::unique_lock lock(mutex_, std::try_to_lock);
+  if (!lock) return;
+  if (stage_ == Stage::kMade) {
+    std::swap(factor_, next_factor_);
+    ++counters_.factorisations;
+    stage_ = Stage::kIdle;
+  } else if (stage_ == Stage::kFailed) {
+    stage_ = Stage::kIdle;
+  }
+}
+
+// From start_ and v_ to found_, where the forces balance after h.
+SearchReport Dynamics::balance(double h_s, const Obstacle* obstacle) {
+  inertial_ = start_ + h_s * v_;
+  found_ = inertial_ + (h_s * h_s) * acceleration_;
+  const Goal goal{.step_s = h_s,
+                  .inertial_m = inertial_.data(),
+                  .before_m = start_.data(),
+                  .obstacle = obstacle};
+  const bool is_other_step = !is_same(goal.shift(), factor_->shift());
+  if (!factor_->is_ready() || (is_other_step && settings_.is_exact)) {
+    search_.update_rotations(start_);
+    static_cast<void>(make_factor(start_, goal.shift(), obstacle));
+  }
+  factor_->turn_to(search_.rotations());
+  SearchLimits limits{.tolerance_m = settings_.tolerance_m,
+                      .most_iterations = settings_.is_exact ? 300 : settings_.most_iterations,
+                      .slow_ratio = settings_.slow_ratio};
+  return search_.search(goal, limits, *factor_, found_, [&](const VectorXd& at_m) {
+    if (!settings_.is_exact) return false;
+    search_.update_rotations(at_m);
+    return make_factor(at_m, goal.shift(), obstacle);
+  });
+}
+
+StepReport Dynamics::step(double dt_s, const Obstacle* obstacle) {
+  ++counters_.steps;
+  StepReport report;
+  if (is_asleep_ && obstacle == nullptr) {
+    ++counters_.skipped;
+    report.search.is_converged = true;
+    report.elastic_joule = energy_joule_;
+    return report;
+  }
+  is_asleep_ = false;
+  if (!settings_.is_exact) take_factor();
+  const int parts = substeps_;
+  const double h = dt_s / parts;
+  for (int part = 0; part < parts; ++part) {
+    report = single_step(h, obstacle);
+    report.substeps = parts;
+    choose_substeps(h);
+  }
+  return report;
+}
+
+void Dynamics::choose_substeps(double h_s) {
+  if (!(settings_.accuracy_m > 0.0)) return;
+  const double error = h_s * h_s * acceleration_change_m_per_s2_ / 12.0;
+  // the error of a part goes with the third power of its length
+  const double wanted = substeps_ * std::cbrt(error / settings_.accuracy_m);
+  coarse_steps_ = wanted < 0.5 * substeps_ ? coarse_steps_ + 1 : 0;
+  // another length needs another factor: not for a passing reason
+  if (wanted > 1.1 * substeps_) {
+    substeps_ = static_cast<int>(std::min<double>(std::ceil(wanted), settings_.most_substeps));
+  } else if (coarse_steps_ > kCoarseSteps) {
+    substeps_ = std::max(1, substeps_ / 2);
+    coarse_steps_ = 0;
+  }
+}
+
+StepReport Dynamics::single_step(double dt_s, const Obstacle* obstacle) {
+  StepReport report;
+  if (!is_energy_known_) {
+    const Goal here{};
+    energy_joule_ = search_.evaluate(here, x_) + kinetic_joule(v_);
+    search_.update_rotations(x_);
+    is_energy_known_ = true;
+  }
+  start_ = x_;
+  remember(search_.batches(), x_.data());
+
+  double theta = obstacle == nullptr ? settings_.theta : 1.0;
+  while (true) {
+    const double h = theta * dt_s;
+    report.search = balance(h, obstacle);
+    counters_.iterations += static_cast<std::uint64_t>(report.search.iterations);
+    // x and v where the forces balance, and on to the end of the step
+    next_ = start_ + (found_ - start_) / theta;
+    const double per_h2 = 1.0 / (h * h);
+    double change = 0.0;
+    for (Eigen::Index i = 0; settings_.accuracy_m > 0.0 && i < body_.mass_kg().size(); ++i) {
+      const Vector3d now = per_h2 * (found_.segment<3>(3 * i) - inertial_.segment<3>(3 * i));
+      change += body_.mass_kg()[i] * (now - acceleration_.segment<3>(3 * i)).squaredNorm();
+    }
+    acceleration_change_m_per_s2_ = std::sqrt(change / body_.mass_kg().sum());
+    acceleration_ = per_h2 * (found_ - inertial_);
+    inertial_ = v_ + dt_s * acceleration_;  // the velocity at the end
+    const Goal here{};
+    report.kinetic_joule = kinetic_joule(inertial_);
+    report.gravity_joule = body_.load_newton().size() > 0 ? -body_.load_newton().dot(next_) : 0.0;
+    if (theta == 1.0) {
+      report.elastic_joule = report.search.elastic_joule;
+      break;
+    }
+    search_.evaluate(here, next_);
+    report.elastic_joule = search_.elastic_joule();
+    const double gain = report.energy_joule() - energy_joule_;
+    const double scale =
+        report.kinetic_joule + report.elastic_joule + std::abs(report.gravity_joule);
+    if (gain <= kEnergyRounding * scale) break;
+    // What is too much is taken from the motion; if that is not enough the step is made again.
+    if (gain < 0.05 * report.kinetic_joule) {
+      inertial_ *= std::sqrt(1.0 - gain / report.kinetic_joule);
+      report.kinetic_joule -= gain;
+      break;
+    }
+    report.is_damped = true;
+    ++counters_.damped;
+    theta = 1.0;
+  }
+  if (!report.search.is_finite) {
+    // nothing that is not a number enters the state
+    next_ = start_;
+    inertial_.setZero();
+    acceleration_.setZero();
+  }
+  std::swap(x_, next_);
+  std::swap(v_, inertial_);
+  energy_joule_ = report.energy_joule();
+  counters_.unconverged += report.search.is_converged ? 0 : 1;
+
+  search_.update_rotations(x_);
+  if (!settings_.is_exact) {
+    const Goal goal{.step_s = theta * dt_s};
+    report.is_factor_due =
+        report.search.is_factor_stale || !is_same(goal.shift(), factor_->shift());
+    if (report.is_factor_due) ask_for_factor(goal.shift(), nullptr);
+  }
+  if (obstacle == nullptr) {
+    watch_for_rest(report, dt_s);
+  } else {
+    quiet_steps_ = 0;
+    is_energy_known_ = false;
+  }
+  return report;
+}
+
+void Dynamics::watch_for_rest(const StepReport& report, double dt_s) {
+  const double fastest = v_.cwiseAbs().maxCoeff();
+  const bool is_quiet = report.search.is_converged && fastest < kQuiet_m_per_s &&
+                        dt_s * acceleration_.cwiseAbs().maxCoeff() < kQuiet_m_per_s;
+  quiet_steps_ = is_quiet ? quiet_steps_ + 1 : 0;
+  if (quiet_steps_ < kQuietSteps) return;
+  is_asleep_ = true;
+  v_.setZero();
+  acceleration_.setZero();
+  is_energy_known_ = false;
+}
+
+}  // namespace palpate::elastic

@@ -1,0 +1,127 @@
+// dynamics.h — the motion of an elastic body over time, one implicit step after the other.
+#pragma once
+
+#include <condition_variable>
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <thread>
+
+#include "physics_node/elastic/equilibrium.h"
+
+namespace palpate::elastic {
+
+struct DynamicsSettings {
+  /// In [½, 1]. Over a step dt the forces balance at t + θ dt (backward Euler over θ dt, the rest
+  /// extrapolated). ½ keeps the energy of small oscillations, 1 damps strongly (backward Euler).
+  double theta = 0.51;
+  /// Of the remaining correction of any node in a step.
+  double tolerance_m = 2e-6;
+  /// Most iterations of a step that must be ready in time; what is left is reported.
+  int most_iterations = 8;
+  /// True: a step is iterated until it converges, and new factors are made within it:
+  /// deterministic. False: factors are made on a thread of their own.
+  bool is_exact = true;
+  double slow_ratio = 0.3;  ///< see SearchLimits
+  /// Step control: a step is divided, at most into most_substeps, so that the estimated error of a
+  /// part, h²|Δa|/12 (root mean square over the mass), stays below this. 0: steps are never
+  /// divided.
+  double accuracy_m = 0.0;
+  int most_substeps = 8;
+};
+
+struct StepReport {
+  SearchReport search;
+  bool is_damped = false;  ///< the step gained energy and was made again with θ = 1
+  int substeps = 1;
+  bool is_factor_due = false;  ///< the factor is no longer good: a new one has been asked for
+  double kinetic_joule = 0.0;
+  double elastic_joule = 0.0;
+  double gravity_joule = 0.0;  ///< −gravity·x
+  [[nodiscard]] double energy_joule() const noexcept {
+    return kinetic_joule + elastic_joule + gravity_joule;
+  }
+};
+
+/// Counts since construction.
+struct DynamicsCounters {
+  std::uint64_t steps = 0;
+  std::uint64_t skipped = 0;  ///< steps of a body at rest that nothing touches
+  std::uint64_t iterations = 0;
+  std::uint64_t unconverged = 0;
+  std::uint64_t damped = 0;
+  std::uint64_t factorisations = 0;
+};
+
+/// Unconditionally stable: every step ends at a lower value of its function than where its search
+/// began, and without obstacle no step ends with more energy than it began with. One thread calls
+/// it. step() allocates only where it factorises on its own (is_exact).
+class Dynamics {
+ public:
+  Dynamics(const Body& body, const DynamicsSettings& settings);
+  ~Dynamics();
+  Dynamics(const Dynamics&) = delete;
+  Dynamics& operator=(const Dynamics&) = delete;
+
+  /// @param dt_s > 0   @param obstacle  may be null
+  StepReport step(double dt_s, const Obstacle* obstacle = nullptr);
+
+  [[nodiscard]] const VectorXd& x_m() const noexcept { return x_; }
+  [[nodiscard]] const VectorXd& v_m_per_s() const noexcept { return v_; }
+  /// A new state; fixed nodes stay where the positions say.
+  void set_state(const VectorXd& x_m, const VectorXd& v_m_per_s);
+  [[nodiscard]] bool is_asleep() const noexcept { return is_asleep_; }
+  [[nodiscard]] const DynamicsCounters& counters() const noexcept { return counters_; }
+  [[nodiscard]] const Body& body() const noexcept { return body_; }
+  [[nodiscard]] WarpedFactor& factor() noexcept { return *factor_; }
+  [[nodiscard]] EquilibriumSearch& search() noexcept { return search_; }
+
+ private:
+  StepReport single_step(double dt_s, const Obstacle* obstacle);
+  void choose_substeps(double h_s);
+  SearchReport balance(double h_s, const Obstacle* obstacle);
+  [[nodiscard]] bool make_factor(const VectorXd& x_m, const Body::Shift& shift,
+                                 const Obstacle* obstacle);
+  void ask_for_factor(const Body::Shift& shift, const Obstacle* obstacle);
+  void take_factor();
+  void work(const std::stop_token& stop);
+  [[nodiscard]] double kinetic_joule(const VectorXd& v_m_per_s) const;
+  void watch_for_rest(const StepReport& report, double dt_s);
+
+  const Body& body_;
+  DynamicsSettings settings_;
+  EquilibriumSearch search_;
+  std::unique_ptr<WarpedFactor> factor_;
+  VectorXd x_;
+  VectorXd v_;
+  VectorXd acceleration_;
+  VectorXd start_;     // positions at the start of the step
+  VectorXd inertial_;  // where inertia alone would lead
+  VectorXd found_;     // positions where the forces balance
+  VectorXd next_;
+  double energy_joule_ = 0.0;
+  bool is_energy_known_ = false;
+  bool is_asleep_ = false;
+  int quiet_steps_ = 0;
+  int substeps_ = 1;
+  int coarse_steps_ = 0;  // in which half as many would have done
+  double acceleration_change_m_per_s2_ = 0.0;
+  DynamicsCounters counters_;
+
+  // The factor that is being made.
+  struct Order {
+    VectorXd x_m;
+    std::vector<double> rotations;
+    Body::Shift shift;
+    const Obstacle* obstacle = nullptr;
+  };
+  enum class Stage : std::uint8_t { kIdle, kOrdered, kMade, kFailed };
+  std::mutex mutex_;
+  std::condition_variable_any ordered_;
+  Stage stage_ = Stage::kIdle;
+  Order order_;
+  std::unique_ptr<WarpedFactor> next_factor_;
+  std::jthread worker_;
+};
+
+}  // namespace palpate::elastic

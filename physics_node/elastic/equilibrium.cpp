@@ -1,0 +1,231 @@
+#include "physics_node/elastic/equilibrium.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace palpate::elastic {
+namespace {
+
+constexpr int kMostHalvings = 40;
+constexpr double kArmijo = 1e-4;
+// Rounding of the function, relative to its parts.
+constexpr double kRounding = 1e-13;
+
+double largest_component(const VectorXd& v) { return v.cwiseAbs().maxCoeff(); }
+
+}  // namespace
+
+EquilibriumSearch::EquilibriumSearch(const Body& body)
+    : body_(&body),
+      batches_(body.new_batches()),
+      rotations_(no_rotations(body.node_count())),
+      rotation_work_(rotations_.size()) {
+  const Eigen::Index size = body.rest_m().size();
+  gradient_ = VectorXd::Zero(size);
+  old_gradient_ = VectorXd::Zero(size);
+  direction_ = VectorXd::Zero(size);
+  trial_ = VectorXd::Zero(size);
+  for (int i = 0; i < kMemory; ++i) {
+    steps_[i] = VectorXd::Zero(size);
+    changes_[i] = VectorXd::Zero(size);
+  }
+}
+
+void EquilibriumSearch::update_rotations(const VectorXd& x_m) {
+  update_node_rotations(batches_, x_m, rotations_, rotation_work_);
+}
+
+double EquilibriumSearch::evaluate(const Goal& goal, const VectorXd& x_m) {
+  gradient_.setZero();
+  double value = add_gradient(batches_, x_m.data(), goal.step_s, gradient_.data());
+  elastic_joule_ = value;
+  magnitude_joule_ = std::abs(value);
+  double squares = gradient_.squaredNorm();
+  if (goal.obstacle != nullptr) {
+    const double more = goal.obstacle->add_gradient(x_m.data(), gradient_.data());
+    value += more;
+    magnitude_joule_ += std::abs(more);
+  }
+  const VectorXd& load = body_->load_newton();
+  if (load.size() > 0) {
+    gradient_ -= load;
+    const double work = load.dot(x_m);
+    value -= work;
+    magnitude_joule_ += std::abs(work);
+    squares += load.squaredNorm();
+  }
+  if (goal.step_s > 0.0) {
+    const double per_mass = 1.0 / (goal.step_s * goal.step_s);
+    double kinetic = 0.0;
+    const VectorXd& mass = body_->mass_kg();
+    for (Eigen::Index i = 0; i < mass.size(); ++i) {
+      const double m = per_mass * mass[i];
+      for (Eigen::Index k = 3 * i; k < 3 * i + 3; ++k) {
+        const double away = x_m[k] - goal.inertial_m[k];
+        kinetic += m * away * away;
+        gradient_[k] += m * away;
+        squares += m * away * m * away;
+      }
+    }
+    value += 0.5 * kinetic;
+    magnitude_joule_ += 0.5 * kinetic;
+    if (body_->has_mass_damping()) {
+      double lost = 0.0;
+      const VectorXd& damping = body_->mass_damping_kg_per_s();
+      for (Eigen::Index i = 0; i < damping.size(); ++i) {
+        const double c = damping[i] / goal.step_s;
+        for (Eigen::Index k = 3 * i; k < 3 * i + 3; ++k) {
+          const double way = x_m[k] - goal.before_m[k];
+          lost += c * way * way;
+          gradient_[k] += c * way;
+        }
+      }
+      value += 0.5 * lost;
+    }
+  }
+  for (const std::uint32_t node : body_->description().fixed_nodes) {
+    gradient_.segment<3>(3 * Eigen::Index{node}).setZero();
+  }
+  force_scale_ = std::sqrt(squares);
+  return value;
+}
+
+void EquilibriumSearch::direction(WarpedFactor& factor) {
+  // two-loop recursion [Nocedal 2006] algorithm 7.4, the factor for the first approximation
+  double weights[kMemory];  // NOLINT
+  trial_ = gradient_;
+  for (int k = 0; k < remembered_; ++k) {
+    const int i = (newest_ - k + kMemory) % kMemory;
+    weights[i] = steps_[i].dot(trial_) / curvatures_[i];
+    trial_ -= weights[i] * changes_[i];
+  }
+  factor.solve(trial_.data(), direction_.data());
+  for (int k = remembered_ - 1; k >= 0; --k) {
+    const int i = (newest_ - k + kMemory) % kMemory;
+    const double weight = changes_[i].dot(direction_) / curvatures_[i];
+    direction_ += (weights[i] - weight) * steps_[i];
+  }
+  direction_ = -direction_;
+}
+
+SearchReport EquilibriumSearch::search(const Goal& goal, const SearchLimits& limits,
+                                       WarpedFactor& factor, VectorXd& x_m,
+                                       const std::function<bool(const VectorXd&)>& refactor) {
+  SearchReport report;
+  remembered_ = 0;
+  double value = evaluate(goal, x_m);
+  ++report.evaluations;
+  bool is_factor_new = false;
+  if (!factor.is_ready()) {
+    is_factor_new = refactor(x_m);
+    report.factorisations += is_factor_new ? 1 : 0;
+    if (!is_factor_new) {
+      report.is_finite = std::isfinite(value);
+      return report;
+    }
+  }
+  const auto finish = [&] {
+    report.value_joule = value;
+    report.elastic_joule = elastic_joule_;
+    report.residual_ratio = force_scale_ > 0.0 ? gradient_.norm() / force_scale_ : 0.0;
+    report.is_finite = std::isfinite(value) && std::isfinite(report.residual_ratio);
+  };
+  double norm = gradient_.norm();
+  while (report.iterations < limits.most_iterations) {
+    if (norm <= kRounding * force_scale_) {
+      report.is_converged = true;
+      break;
+    }
+    ++report.iterations;
+    direction(factor);
+    double slope = gradient_.dot(direction_);
+    if (!(slope < 0.0)) {
+      // what was learnt does not fit here
+      remembered_ = 0;
+      direction(factor);
+      slope = gradient_.dot(direction_);
+      if (!(slope < 0.0)) break;
+    }
+    double correction = largest_component(direction_);
+    if (correction > limits.longest_correction_m) {
+      const double shrink = limits.longest_correction_m / correction;
+      direction_ *= shrink;
+      slope *= shrink;
+      correction = limits.longest_correction_m;
+    }
+    old_gradient_ = gradient_;
+    const double old_value = value;
+    const double rounding = kRounding * magnitude_joule_;
+    double fraction = 1.0;
+    bool is_lower = false;
+    for (int halving = 0; halving < kMostHalvings; ++halving) {
+      trial_ = x_m + fraction * direction_;
+      value = evaluate(goal, trial_);
+      ++report.evaluations;
+      if (value <= old_value + kArmijo * fraction * slope + rounding) {
+        is_lower = true;
+        break;
+      }
+      // the parabola through the two values and the slope, within bounds
+      const double bend = value - old_value - fraction * slope;
+      const double best = bend > 0.0 ? -0.5 * slope * fraction * fraction / bend : 0.0;
+      fraction =
+          std::isfinite(best) ? std::clamp(best, 0.1 * fraction, 0.5 * fraction) : 0.1 * fraction;
+    }
+    if (!is_lower) {
+      // no lower place within rounding
+      value = evaluate(goal, x_m);
+      report.is_converged = correction <= limits.tolerance_m;
+      report.remaining_m = correction;
+      if (is_factor_new || report.is_converged || !refactor(x_m)) break;
+      ++report.factorisations;
+      is_factor_new = true;
+      remembered_ = 0;
+      continue;
+    }
+    const double new_norm = gradient_.norm();
+    const double ratio = new_norm / norm;
+    norm = new_norm;
+    x_m = trial_;
+    const double moved = fraction * correction;
+    report.remaining_m =
+        ratio < 0.99 && fraction == 1.0 ? moved * ratio / (1.0 - ratio) : 100.0 * moved;
+    if (report.remaining_m <= limits.tolerance_m) {
+      report.is_converged = true;
+      break;
+    }
+    if (ratio > limits.slow_ratio || fraction < 1.0) {
+      report.is_factor_stale = true;
+      if (refactor(x_m)) {
+        ++report.factorisations;
+        is_factor_new = true;
+        remembered_ = 0;
+        continue;
+      }
+    }
+    is_factor_new = false;
+    // remember what this step told of the curvature
+    const int next = (newest_ + 1) % kMemory;
+    steps_[next] = fraction * direction_;
+    changes_[next] = gradient_ - old_gradient_;
+    const double curvature = steps_[next].dot(changes_[next]);
+    if (curvature > 1e-12 * steps_[next].norm() * changes_[next].norm()) {
+      curvatures_[next] = curvature;
+      newest_ = next;
+      remembered_ = std::min(remembered_ + 1, kMemory);
+    }
+  }
+  finish();
+  return report;
+}
+
+SearchReport find_rest(EquilibriumSearch& search, WarpedFactor& factor, const Obstacle* obstacle,
+                       const SearchLimits& limits, VectorXd& x_m) {
+  const Goal goal{.step_s = 0.0, .obstacle = obstacle};
+  return search.search(goal, limits, factor, x_m, [&](const VectorXd& at_m) {
+    search.update_rotations(at_m);
+    return factor.factor(at_m, search.rotations(), goal.shift(), obstacle);
+  });
+}
+
+}  // namespace palpate::elastic

@@ -1,0 +1,87 @@
+#include "physics_node/elastic/warped_factor.h"
+
+#include <algorithm>
+
+namespace palpate::elastic {
+namespace {
+
+std::variant<BlockCholesky<float>, BlockCholesky<double>> new_cholesky(const Body& body,
+                                                                       Precision precision) {
+  if (precision == Precision::kFloat) return BlockCholesky<float>(body.pattern(), body.symbolic());
+  return BlockCholesky<double>(body.pattern(), body.symbolic());
+}
+
+}  // namespace
+
+WarpedFactor::WarpedFactor(const Body& body, Precision precision)
+    : body_(&body), cholesky_(new_cholesky(body, precision)) {
+  reference_ = no_rotations(body.node_count());
+  turns_.assign(9 * body.pattern().size(), 0.0);
+  for (std::size_t i = 0; i < turns_.size(); i += 9) {
+    turns_[i] = turns_[i + 4] = turns_[i + 8] = 1.0;
+  }
+  packed_.resize(3 * body.pattern().size());
+}
+
+bool WarpedFactor::factor(const VectorXd& x_m, const std::vector<double>& rotations,
+                          const Body::Shift& shift, const Obstacle* obstacle) {
+  body_->stiffness(x_m, rotations, shift, true, values_);
+  if (obstacle != nullptr) obstacle->add_stiffness(x_m.data(), body_->pattern(), values_);
+  is_ready_ = std::visit([&](auto& cholesky) { return cholesky.factor(values_); }, cholesky_);
+  shift_ = shift;
+  reference_ = rotations;
+  turn_to(rotations);
+  return is_ready_;
+}
+
+void WarpedFactor::turn_to(const std::vector<double>& rotations) {
+  const auto& nodes = body_->pattern().nodes;
+  for (std::size_t j = 0; j < nodes.size(); ++j) {
+    const double* a = rotations.data() + 4 * std::size_t{nodes[j]};
+    const double* b = reference_.data() + 4 * std::size_t{nodes[j]};
+    // a b̄
+    const double w = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3];
+    const double x = a[1] * b[0] - a[0] * b[1] - a[2] * b[3] + a[3] * b[2];
+    const double y = a[2] * b[0] - a[0] * b[2] - a[3] * b[1] + a[1] * b[3];
+    const double z = a[3] * b[0] - a[0] * b[3] - a[1] * b[2] + a[2] * b[1];
+    double* r = turns_.data() + 9 * j;
+    r[0] = 1.0 - 2.0 * (y * y + z * z);
+    r[1] = 2.0 * (x * y - w * z);
+    r[2] = 2.0 * (x * z + w * y);
+    r[3] = 2.0 * (x * y + w * z);
+    r[4] = 1.0 - 2.0 * (x * x + z * z);
+    r[5] = 2.0 * (y * z - w * x);
+    r[6] = 2.0 * (x * z - w * y);
+    r[7] = 2.0 * (y * z + w * x);
+    r[8] = 1.0 - 2.0 * (x * x + y * y);
+  }
+}
+
+void WarpedFactor::solve(const double* gradient, double* direction) {
+  const auto& nodes = body_->pattern().nodes;
+  for (std::size_t j = 0; j < nodes.size(); ++j) {
+    const double* g = gradient + 3 * std::size_t{nodes[j]};
+    const double* r = turns_.data() + 9 * j;
+    for (std::size_t i = 0; i < 3; ++i) {
+      packed_[3 * j + i] = r[i] * g[0] + r[3 + i] * g[1] + r[6 + i] * g[2];
+    }
+  }
+  std::visit([&](auto& cholesky) { cholesky.solve(packed_.data(), packed_.data()); }, cholesky_);
+  for (const std::uint32_t node : body_->description().fixed_nodes) {
+    std::fill_n(direction + 3 * std::size_t{node}, 3, 0.0);
+  }
+  for (std::size_t j = 0; j < nodes.size(); ++j) {
+    const double* d = packed_.data() + 3 * j;
+    const double* r = turns_.data() + 9 * j;
+    double* to = direction + 3 * std::size_t{nodes[j]};
+    for (std::size_t i = 0; i < 3; ++i) {
+      to[i] = r[3 * i] * d[0] + r[3 * i + 1] * d[1] + r[3 * i + 2] * d[2];
+    }
+  }
+}
+
+std::size_t WarpedFactor::stored_bytes() const {
+  return std::visit([](const auto& cholesky) { return cholesky.stored_bytes(); }, cholesky_);
+}
+
+}  // namespace palpate::elastic

@@ -1,0 +1,48 @@
+// warped_factor.h — a factorised stiffness that turns with the body.
+#pragma once
+
+#include <optional>
+#include <variant>
+#include <vector>
+
+#include "physics_node/elastic/block_cholesky.h"
+#include "physics_node/elastic/body.h"
+#include "physics_node/elastic/obstacle.h"
+
+namespace palpate::elastic {
+
+enum class Precision : std::uint8_t { kFloat, kDouble };
+
+/// A⁻¹ ≈ R A₀⁻¹ Rᵀ with A₀ factorised at one configuration and R what every node has turned since
+/// [Müller 2004]. Symmetric positive definite whatever the configuration: a descent direction
+/// always.
+class WarpedFactor {
+ public:
+  WarpedFactor(const Body& body, Precision precision);
+
+  /// Factorises at x. Allocates. False: failed; the factor cannot be used.
+  [[nodiscard]] bool factor(const VectorXd& x_m, const std::vector<double>& rotations,
+                            const Body::Shift& shift, const Obstacle* obstacle);
+
+  /// What the nodes have turned now. No allocation.
+  void turn_to(const std::vector<double>& rotations);
+
+  /// direction = A⁻¹ gradient, 3 per node, 0 at fixed nodes. No allocation.
+  void solve(const double* gradient, double* direction);
+
+  [[nodiscard]] bool is_ready() const noexcept { return is_ready_; }
+  [[nodiscard]] const Body::Shift& shift() const noexcept { return shift_; }
+  [[nodiscard]] std::size_t stored_bytes() const;
+
+ private:
+  const Body* body_;
+  std::variant<BlockCholesky<float>, BlockCholesky<double>> cholesky_;
+  BlockValues values_;
+  Body::Shift shift_;
+  bool is_ready_ = false;
+  std::vector<double> reference_;  // rotations where it was factorised
+  std::vector<double> turns_;      // 9 per free node
+  std::vector<double> packed_;     // 3 per free node
+};
+
+}  // namespace palpate::elastic

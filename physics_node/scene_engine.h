@@ -1,0 +1,39 @@
+// scene_engine.h — the tissue of the session: the scene, and what it remembers of one tool.
+#pragma once
+
+#include <memory>
+
+#include "common/session/scene_config.h"
+#include "physics_node/engine.h"
+#include "physics_node/scene/scene.h"
+#include "physics_node/surface_sender.h"
+
+namespace palpate::physics {
+
+/// The state between two steps is the TissueMemory: proxies, friction, punctures and relaxation.
+/// The position of moving tissue follows from the time of the step. step() is real-time safe: no
+/// allocation, no lock, no throw.
+class SceneEngine final : public Engine {
+ public:
+  /// @param use  how mofc_node uses an Interaction: only for a local model the near tissue is
+  ///             described before it is touched
+  SceneEngine(const SceneConfig& scene, const PhysicsConfig& physics, InteractionUse use);
+  /// In a scene shared with the tools of other engines. The tools do not interact: each has its own
+  /// TissueMemory.
+  SceneEngine(std::shared_ptr<const Scene> scene, double rate_hz, InteractionUse use);
+
+  bool step(const ToolMotion& motion, bool is_new, TimePoint now,
+            Interaction& answer) noexcept override;
+  void count_into(PhysicsCounters& counters) const noexcept override;
+
+  /// The material of a tissue has changed (Scene::set_material). Real-time safe.
+  void note_changed(std::uint32_t tissue) noexcept { surface_.forget(tissue); }
+
+ private:
+  std::shared_ptr<const Scene> scene_;
+  TissueMemory memory_;
+  SurfaceSender surface_;
+  PhysicsCounters counters_;  // of these only what count_into() sets
+};
+
+}  // namespace palpate::physics

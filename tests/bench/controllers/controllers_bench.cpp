@@ -1,0 +1,451 @@
+// controllers_bench — every controller on the same hand and tissue, in lockstep: is it safe, is the
+// force true, what does a step cost. Exit status 1 if mode guard or a controller behind the safety
+// net gives energy to the hand, or if nothing does so without a controller.
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <cstdio>
+#include <exception>
+#include <functional>
+#include <map>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <tuple>
+#include <utility>
+#include <vector>
+
+#include "common/core/check.h"
+#include "common/session/session_file.h"
+#include "deploy/lockstep/loopback.h"
+#include "tests/bench/bench_output.h"
+#include "tests/bench/controllers/step_times.h"
+
+namespace palpate::bench {
+namespace {
+
+/// Below it a run counts as unsafe: more than the rounding of the inner steps.
+constexpr double kNegativeJoule = -1e-6;
+/// Transparencies that differ by less count as equal.
+constexpr double kEqualTransparency = 0.005;
+constexpr const char* kSession = "tests/bench/controllers/compare.txtpb";
+
+using Overrides = std::vector<std::string>;
+
+struct Choice {
+  std::string label;
+  Overrides overrides;
+};
+
+struct Conditions {
+  std::vector<Choice> tissues;
+  std::vector<Choice> ways;
+  std::vector<double> delays_ms;
+  std::vector<double> losses;
+  std::vector<double> resolutions_m;
+  std::uint64_t seeds = 1;
+};
+
+std::string tissue(const char* surface, double stiffness, double damping, bool is_isotropic) {
+  return fmt::format(
+      "scene={{ tissue {{ name: 'wall' {} kelvin_voigt {{ stiffness_newton_per_m: {} "
+      "damping_newton_s_per_m: {} isotropic_damping: {} adhesive: {} }} }} }}",
+      surface, stiffness, damping, is_isotropic, is_isotropic);
+}
+
+Conditions conditions(bool is_quick) {
+  Conditions all{
+      .tissues = {{"paper soft", {tissue("half_space {}", 6, 15, true)}},
+                  {"paper rigid", {tissue("half_space {}", 45, 150, true)}},
+                  {"500 N/m", {tissue("half_space {}", 500, 1, false)}},
+                  {"2000 N/m", {tissue("half_space {}", 2000, 1, false)}},
+                  {"damper", {tissue("half_space {}", 1, 30, true)}},
+                  {"sphere",
+                   {tissue("sphere { center_m { z: -0.03 } radius_m: 0.03 }", 1000, 1, false)}}},
+      .ways = {{"50 Hz held", {"physics.rate_hz=50", "mofc.interaction=held"}},
+               {"1 kHz held", {"physics.rate_hz=1000", "mofc.interaction=held"}},
+               {"1 kHz local", {"physics.rate_hz=1000", "mofc.interaction=local"}}},
+      .delays_ms = {0, 5, 20, 50, 100},
+      .losses = {0.0, 0.2},
+      .resolutions_m = {0.0, 55e-6},
+      .seeds = 5};
+  if (is_quick) {
+    all.tissues = {all.tissues[0], all.tissues[1], all.tissues[3]};
+    all.delays_ms = {0, 20};
+    all.losses = {0.0};
+    all.resolutions_m = {55e-6};
+    all.seeds = 1;
+  }
+  return all;
+}
+
+struct Contender {
+  std::string label;
+  Overrides overrides;
+  bool needs_model = false;
+};
+
+std::vector<Contender> contenders() {
+  const auto of = [](const char* controller) {
+    return Overrides{std::string("mofc.controller=") + controller};
+  };
+  const auto with = [&](const char* controller, const char* setting) {
+    Overrides overrides = of(controller);
+    overrides.emplace_back(setting);
+    return overrides;
+  };
+  return {{"none", of("none")},
+          {"mofc paper, output limiter", {"mofc.mode=paper"}},
+          {"mofc vector", {"mofc.mode=vector"}},
+          {"mofc guard", {"mofc.mode=guard"}},
+          {"virtual coupling", of("virtual_coupling"), true},
+          {"virtual coupling, sampled data",
+           with("virtual_coupling", "mofc.virtual_coupling_settings.criterion=sampled_data"), true},
+          {"energy bounding", of("energy_bounding")},
+          {"force bounding, less",
+           with("force_bounding", "mofc.force_bounding_settings.variant=less_conservative")},
+          {"force bounding, more", of("force_bounding")},
+          {"PO/PC, product",
+           with("passivity_control", "mofc.passivity_control_settings.observer=product")},
+          {"PO/PC, sampled", of("passivity_control")},
+          {"PO/PC, reference",
+           with("passivity_control", "mofc.passivity_control_settings.observer=reference")},
+          {"memory based", of("memory_based")},
+          {"input to state", of("input_to_state")},
+          {"two ports", of("two_port")},
+          {"energy tank", of("energy_tank")},
+          {"Lyapunov", of("lyapunov"), true}};
+}
+
+/// What the hand does: presses and releases, or tries to extract energy.
+const Choice kCalm{"calm", {}};
+const Choice kHostile{
+    "hostile",
+    {"hand={ stiffness_newton_per_m: 2000 damping_newton_s_per_m: 40 hostile { radius_m: 0.02 "
+     "v_max_m_per_s: 0.3 } }"}};
+
+struct Run {
+  const Contender* contender = nullptr;
+  std::string tissue, way, hand;
+  double delay_ms = 0.0, loss = 0.0, resolution_m = 0.0;
+  std::uint64_t seed = 1;
+  bool has_net = false;
+  Overrides overrides;
+  RunStatistics statistics{};
+
+  [[nodiscard]] bool is_negative() const {
+    return statistics.minimum_true_energy_joule() < kNegativeJoule;
+  }
+  /// Everything but controller, hand and seed.
+  [[nodiscard]] auto condition() const {
+    return std::tuple(tissue, way, delay_ms, loss, resolution_m);
+  }
+};
+
+std::vector<Run> all_runs(const std::vector<Contender>& contenders, const Conditions& c) {
+  std::vector<Run> runs;
+  const auto add = [&](const Contender& contender, const Choice& tissue, const Choice& way,
+                       const Choice& hand, double delay_ms, double loss, double resolution_m,
+                       std::uint64_t seed, bool has_net) {
+    Run run{&contender, tissue.label, way.label, hand.label, delay_ms,
+            loss,       resolution_m, seed,      has_net,    {}};
+    for (const Overrides* more :
+         {&tissue.overrides, &way.overrides, &hand.overrides, &contender.overrides}) {
+      run.overrides.insert(run.overrides.end(), more->begin(), more->end());
+    }
+    for (const char* hop : {"tool_motion", "interaction"}) {
+      run.overrides.push_back(fmt::format("faults.{}.delay_ms={}", hop, delay_ms));
+      run.overrides.push_back(fmt::format("faults.{}.loss_ratio={}", hop, loss));
+    }
+    for (const char* path : {"device.profile", "device.simulated"}) {
+      run.overrides.push_back(fmt::format("{}.position_resolution_m={}", path, resolution_m));
+    }
+    run.overrides.push_back(fmt::format("seed={}", seed));
+    if (has_net) run.overrides.emplace_back("mofc.safety_net=true");
+    runs.push_back(std::move(run));
+  };
+  for (const Contender& contender : contenders) {
+    for (const Choice& tissue : c.tissues) {
+      for (const Choice& way : c.ways) {
+        if (contender.needs_model && way.label.ends_with("held")) continue;
+        for (const double delay : c.delays_ms) {
+          for (const double loss : c.losses) {
+            for (const double q : c.resolutions_m) {
+              for (std::uint64_t seed = 1; seed <= c.seeds; ++seed) {
+                const auto both = [&](const Choice& hand, bool has_net) {
+                  add(contender, tissue, way, hand, delay, loss, q, seed, has_net);
+                };
+                both(kCalm, false);
+                both(kHostile, false);
+                if (contender.label != "mofc guard") both(kHostile, true);
+              }
+            }
+          }
+        }
+      }
+    }
+  }
+  return runs;
+}
+
+void compute(std::vector<Run>& runs) {
+  Steps steps(runs.size());
+  std::atomic<std::size_t> next{0};
+  std::exception_ptr failure;
+  std::mutex failure_mutex;
+  const auto work = [&] {
+    try {
+      for (std::size_t i = next++; i < runs.size(); i = next++) {
+        Run& run = runs[i];
+        const Session session =
+            load_session(std::filesystem::path(PALPATE_SOURCE_DIR) / kSession, run.overrides);
+        LoopbackOptions options;
+        // the hostile hand has no ideal path
+        options.lockstep.has_ideal = run.hand == kCalm.label;
+        run.statistics = run_loopback(session, options).statistics;
+        steps.next();
+      }
+    } catch (...) {
+      const std::lock_guard lock(failure_mutex);
+      failure = std::current_exception();
+      next = runs.size();
+    }
+  };
+  {
+    std::vector<std::jthread> threads;
+    for (unsigned i = std::max(1U, std::thread::hardware_concurrency()); i > 0; --i) {
+      threads.emplace_back(work);
+    }
+  }
+  if (failure) std::rethrow_exception(failure);
+}
+
+/// Runs below −1 µJ, and the least energy.
+struct Safety {
+  int runs = 0;
+  int negative = 0;
+  double least_joule = 0.0;
+  void add(const Run& run) {
+    ++runs;
+    if (run.is_negative()) ++negative;
+    least_joule = std::min(least_joule, run.statistics.minimum_true_energy_joule());
+  }
+  [[nodiscard]] std::string text() const { return fmt::format("{} of {}", negative, runs); }
+};
+
+Table safety_table(const std::vector<Contender>& contenders, const std::vector<Run>& runs) {
+  Table table({{"controller", "controller", ""},
+               {"calm_negative", "calm hand: below −1 µJ", ""},
+               {"calm_least_mj", "least mJ", "{:.3f}"},
+               {"hostile_negative", "hostile hand", ""},
+               {"hostile_least_mj", "least mJ", "{:.3f}"},
+               {"net_negative", "hostile, safety net", ""},
+               {"net_least_uj", "least µJ", "{:.3f}"}});
+  for (const Contender& contender : contenders) {
+    Safety calm, hostile, net;
+    for (const Run& run : runs) {
+      if (run.contender != &contender) continue;
+      (run.has_net ? net : run.hand == kCalm.label ? calm : hostile).add(run);
+    }
+    table.add({contender.label, calm.text(), 1e3 * calm.least_joule, hostile.text(),
+               1e3 * hostile.least_joule, net.runs > 0 ? net.text() : std::string("–"),
+               net.runs > 0 ? 1e6 * net.least_joule : kNaN});
+  }
+  return table;
+}
+
+/// Mean over the runs of the calm hand.
+struct Truth {
+  int runs = 0;
+  double transparency = 0.0, error = 0.0, path_m = 0.0, reversals = 0.0, clamped = 0.0;
+  void add(const RunStatistics& s) {
+    ++runs;
+    const auto number = [](double value) { return std::isfinite(value) ? value : 0.0; };
+    transparency += number(s.ideal_transparency());
+    error += number(s.force_error_rms_ratio());
+    path_m += number(s.path_deviation_rms_m());
+    reversals += static_cast<double>(s.excess_reversals());
+    clamped += number(s.clamp_ratio());
+  }
+  [[nodiscard]] double mean(double sum) const { return runs > 0 ? sum / runs : kNaN; }
+};
+
+Table truth_table(const std::vector<Contender>& contenders, const std::vector<Run>& runs,
+                  const Conditions& c) {
+  Table table({{"way", "physics", ""},
+               {"controller", "controller", ""},
+               {"transparency_percent", "transp. %", "{:.1f}"},
+               {"force_error_percent", "force error %", "{:.1f}"},
+               {"path_deviation_mm", "path mm", "{:.3f}"},
+               {"excess_reversals", "excess rev.", "{:.1f}"},
+               {"changed_percent", "force changed %", "{:.1f}"}});
+  for (const Choice& way : c.ways) {
+    if (&way != c.ways.data()) table.add_gap();
+    for (const Contender& contender : contenders) {
+      Truth truth;
+      for (const Run& run : runs) {
+        const bool counts = run.contender == &contender && run.way == way.label;
+        if (counts && run.hand == kCalm.label) truth.add(run.statistics);
+      }
+      if (truth.runs == 0) continue;
+      table.add({way.label, contender.label, 100.0 * truth.mean(truth.transparency),
+                 100.0 * truth.mean(truth.error), 1e3 * truth.mean(truth.path_m),
+                 truth.mean(truth.reversals), 100.0 * truth.mean(truth.clamped)});
+    }
+  }
+  return table;
+}
+
+/// Of one controller under one condition.
+struct Point {
+  bool is_safe = true;  // with both hands and all seeds
+  double transparency = 0.0;
+  int seeds = 0;
+};
+
+/// In how many conditions a controller is safe, and no safe one is truer.
+Table front_table(const std::vector<Contender>& contenders, const std::vector<Run>& runs) {
+  using Condition = decltype(std::declval<Run>().condition());
+  std::map<Condition, std::map<const Contender*, Point>> points;
+  for (const Run& run : runs) {
+    if (run.has_net) continue;
+    Point& point = points[run.condition()][run.contender];
+    point.is_safe = point.is_safe && !run.is_negative();
+    if (run.hand != kCalm.label) continue;
+    point.transparency += run.statistics.ideal_transparency();
+    ++point.seeds;
+  }
+  std::map<const Contender*, std::tuple<int, int, int>> counts;  // rows, safe, on the front
+  for (auto& [condition, row] : points) {
+    double best = 0.0;
+    for (auto& [contender, point] : row) {
+      point.transparency /= std::max(1, point.seeds);
+      if (point.is_safe) best = std::max(best, point.transparency);
+    }
+    for (const auto& [contender, point] : row) {
+      auto& [rows, safe, front] = counts[contender];
+      ++rows;
+      if (!point.is_safe) continue;
+      ++safe;
+      if (point.transparency > best - kEqualTransparency) ++front;
+    }
+  }
+  Table table({{"controller", "controller", ""},
+               {"conditions", "conditions", "{:.0f}"},
+               {"safe", "safe", "{:.0f}"},
+               {"front", "and none truer", "{:.0f}"}});
+  for (const Contender& contender : contenders) {
+    const auto& [rows, safe, front] = counts[&contender];
+    table.add({contender.label, static_cast<double>(rows), static_cast<double>(safe),
+               static_cast<double>(front)});
+  }
+  return table;
+}
+
+Table row_table(const std::vector<Run>& runs) {
+  Table table({{"controller", "", ""},
+               {"safety_net", "", "{:.0f}"},
+               {"tissue", "", ""},
+               {"physics", "", ""},
+               {"delay_ms", "", "{:g}"},
+               {"loss", "", "{:g}"},
+               {"resolution_m", "", "{:g}"},
+               {"hand", "", ""},
+               {"seed", "", "{:.0f}"},
+               {"least_true_energy_joule", "", "{:g}"},
+               {"transparency", "", "{:g}"},
+               {"force_error", "", "{:g}"},
+               {"path_deviation_m", "", "{:g}"},
+               {"excess_reversals", "", "{:.0f}"},
+               {"changed", "", "{:g}"},
+               {"command", "", ""}});
+  for (const Run& run : runs) {
+    const RunStatistics& s = run.statistics;
+    std::string command = std::string("palpate loopback ") + kSession;
+    for (const std::string& override : run.overrides) {
+      command += fmt::format(" --set \"{}\"", override);
+    }
+    table.add({run.contender->label, run.has_net ? 1.0 : 0.0, run.tissue, run.way, run.delay_ms,
+               run.loss, run.resolution_m, run.hand, static_cast<double>(run.seed),
+               s.minimum_true_energy_joule(), s.ideal_transparency(), s.force_error_rms_ratio(),
+               s.path_deviation_rms_m(), static_cast<double>(s.excess_reversals()), s.clamp_ratio(),
+               command});
+  }
+  return table;
+}
+
+/// Whether the claims hold; each that does not is printed.
+bool holds(const std::vector<Run>& runs) {
+  bool bites = false;
+  bool is_safe = true;
+  for (const Run& run : runs) {
+    bites = bites || (run.contender->label == "none" && !run.has_net && run.is_negative());
+    const bool is_protected = run.has_net || run.contender->label == "mofc guard";
+    if (!is_protected || !run.is_negative()) continue;
+    is_safe = false;
+    std::printf("FAILED: %s%s draws energy: %s, %s, %g ms, seed %llu\n",
+                run.contender->label.c_str(), run.has_net ? " behind guard" : "",
+                run.tissue.c_str(), run.way.c_str(), run.delay_ms,
+                static_cast<unsigned long long>(run.seed));
+  }
+  if (!bites)
+    std::printf("FAILED: no run without a controller is negative: the bench shows nothing\n");
+  return bites && is_safe;
+}
+
+struct ControllersOptions {
+  BenchOptions bench;
+  std::string shard = "1/1";
+};
+
+/// Every n-th run from the i-th on, for --shard i/n.
+std::vector<Run> shard_of(std::vector<Run> runs, const std::string& shard) {
+  unsigned i = 1;
+  unsigned n = 1;
+  if (std::sscanf(shard.c_str(), "%u/%u", &i, &n) != 2 || n == 0 || i == 0 || i > n) {
+    throw SetupError("--shard = " + shard + ": must be I/N with 1 ≤ I ≤ N, such as 1/8");
+  }
+  std::vector<Run> part;
+  for (std::size_t k = i - 1; k < runs.size(); k += n) part.push_back(std::move(runs[k]));
+  return part;
+}
+
+bool run(const ControllersOptions& options) {
+  const std::vector<Contender> all = contenders();
+  const Conditions c = conditions(options.bench.is_quick);
+  std::vector<Run> runs = shard_of(all_runs(all, c), options.shard);
+  compute(runs);
+  nlohmann::ordered_json json;
+  const auto show = [&](const char* key, const char* title, const Table& table) {
+    std::printf("%s\n%s\n", title, table.text().c_str());
+    json[key] = table.json();
+  };
+  std::printf("%zu runs of 2 s, device at 1 kHz; delay each way.\n\n", runs.size());
+  show("safety", "Is it safe? Least true energy of the device's port.", safety_table(all, runs));
+  show("truth", "Is it true? Calm hand, means over tissues, delays and losses; against the ideal.",
+       truth_table(all, runs, c));
+  show("front",
+       "Both? Conditions in which it is safe with both hands, and none of the safe is truer.",
+       front_table(all, runs));
+  show("step", "What does a step cost? Processor time of one step.", step_time_table());
+  const Table rows = row_table(runs);
+  write_table(options.bench, rows.csv());
+  json["rows"] = rows.json();
+  write_json(options.bench, json);
+  return holds(runs);
+}
+
+}  // namespace
+}  // namespace palpate::bench
+
+int main(int argc, char** argv) {
+  CLI::App app("Every controller side by side: safety, truth, cost.");
+  palpate::bench::ControllersOptions options;
+  app.add_option("--shard", options.shard, "I/N: the I-th of N parts of the runs");
+  bool is_good = true;
+  const int status = palpate::bench::run_bench(app, options.bench, argc, argv,
+                                               [&] { is_good = palpate::bench::run(options); });
+  return status != 0 ? status : (is_good ? 0 : 1);
+}

@@ -1,0 +1,318 @@
+// elastic_bench: elastic bodies, run time against error. A beam of 0.1 × 0.025 × 0.025 m clamped at
+// one end (E 100 kPa, ν 0.45, 1,000 kg/m³), and a block of 0.1 × 0.1 × 0.05 m (E 10 kPa, ν 0.45)
+// into which a sphere of 5 mm radius is pressed; ours are measured in this run, one thread; those
+// of other programs were recorded (recorded_peers.h).
+#include <ctime>
+
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <string>
+#include <vector>
+
+#include "physics_node/elastic/condensed_contact.h"
+#include "physics_node/elastic/dynamics.h"
+#include "tests/bench/bench_output.h"
+#include "tests/bench/elastic/elastic_problems.h"
+#include "tests/bench/elastic/recorded_peers.h"
+
+namespace {
+
+using namespace palpate;
+using namespace palpate::elastic;
+using bench::BenchOptions;
+using bench::PeerRow;
+using bench::Table;
+
+double seconds(clockid_t clock) {
+  timespec now{};
+  clock_gettime(clock, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+double cpu_s() { return seconds(CLOCK_THREAD_CPUTIME_ID); }
+double wall_s() { return seconds(CLOCK_MONOTONIC); }
+
+struct Samples {
+  std::vector<double> values;
+  double at(double quantile) {
+    std::sort(values.begin(), values.end());
+    return values[static_cast<std::size_t>(quantile * static_cast<double>(values.size() - 1))];
+  }
+};
+
+struct Row {
+  PeerRow figures;
+  double cpu_median_us = NAN;
+  double megabytes = NAN;
+  bool is_recorded = false;
+};
+
+struct BeamSize {
+  const char* name;
+  int along;
+  int across;
+};
+constexpr BeamSize kBeams[] = {
+    {"1,280 tets", 16, 4}, {"10,240 tets", 32, 8}, {"54,880 tets", 56, 14}};
+
+// The beam is let go and steps of 1 ms are taken in real-time mode; beside it a run that converges
+// every step.
+Row step_row(const BeamSize& size, int steps) {
+  const Body body(
+      bench::hanging_beam(beam_mesh(size.along, size.across), Law::kCorotational, 100e3, 0.45));
+  const Eigen::Index tip = bench::tip_of(body.mesh());
+  Dynamics fast(body, {.theta = 1.0, .most_iterations = 2, .is_exact = false});
+  Dynamics converged(body, {.theta = 1.0, .tolerance_m = 1e-9});
+  Samples wall;
+  Samples cpu;
+  double error_m = 0.0;
+  double way_m = 0.0;
+  for (int i = 0; i < steps; ++i) {
+    const double from_wall = wall_s();
+    const double from_cpu = cpu_s();
+    fast.step(1e-3);
+    cpu.values.push_back(1e6 * (cpu_s() - from_cpu));
+    wall.values.push_back(1e6 * (wall_s() - from_wall));
+    converged.step(1e-3);
+    error_m = std::max(error_m, std::abs(fast.x_m()[tip] - converged.x_m()[tip]));
+    way_m = std::max(way_m, std::abs(converged.x_m()[tip] - body.rest_m()[tip]));
+  }
+  return {.figures = {.problem = "step 1 ms",
+                      .mesh = size.name,
+                      .solver = "palpate",
+                      .median_us = wall.at(0.5),
+                      .p99_us = wall.at(0.99),
+                      .error_ratio = error_m / way_m},
+          .cpu_median_us = cpu.at(0.5),
+          .megabytes = 1e-6 * static_cast<double>(fast.factor().stored_bytes())};
+}
+
+Row static_row(const char* name, const char* solver, Mesh mesh, Law law, double reference_m) {
+  const double from = wall_s();
+  const Body body(bench::hanging_beam(std::move(mesh), law, 100e3, 0.45));
+  EquilibriumSearch search(body);
+  WarpedFactor factor(body, Precision::kDouble);
+  VectorXd x = body.rest_m();
+  const SearchReport report = find_rest(search, factor, nullptr, {.tolerance_m = 1e-6}, x);
+  const double total = wall_s() - from;
+  const Eigen::Index tip = bench::tip_of(body.mesh());
+  const double way = body.rest_m()[tip] - x[tip];
+  return {.figures = {.problem = "static",
+                      .mesh = name,
+                      .solver = solver,
+                      .total_s = total,
+                      .error_ratio = report.is_converged ? way / reference_m - 1.0 : NAN},
+          .megabytes = 1e-6 * static_cast<double>(factor.stored_bytes())};
+}
+
+// First minimum and first return of the tip of a beam that is let go, by parabolas through samples.
+struct Swing {
+  double amplitude_m = 0.0;
+  double period_s = 0.0;
+};
+Swing swing(const Body& body, double dt_s, const DynamicsSettings& settings) {
+  Dynamics dynamics(body, settings);
+  const Eigen::Index tip = bench::tip_of(body.mesh());
+  std::vector<double> z = {0.0};
+  for (double t = 0.0; t < 0.3; t += dt_s) {
+    dynamics.step(dt_s);
+    z.push_back(dynamics.x_m()[tip] - body.rest_m()[tip]);
+  }
+  const auto peak = [&](double from_s, double to_s, double sign) {
+    auto best = static_cast<std::size_t>(from_s / dt_s);
+    for (std::size_t i = best; static_cast<double>(i) * dt_s < to_s; ++i) {
+      if (sign * z[i] > sign * z[best]) best = i;
+    }
+    const double bend = z[best - 1] - 2.0 * z[best] + z[best + 1];
+    const double slope = z[best - 1] - z[best + 1];
+    return std::pair((static_cast<double>(best) + 0.5 * slope / bend) * dt_s,
+                     z[best] - 0.125 * slope * slope / bend);
+  };
+  const auto low = peak(0.06, 0.17, -1.0);
+  const auto high = peak(0.18, 0.28, 1.0);
+  return {.amplitude_m = high.second - low.second, .period_s = high.first};
+}
+
+void released_rows(std::vector<Row>& rows) {
+  const Body body(bench::hanging_beam(beam_mesh(16, 4), Law::kCorotational, 100e3, 0.45));
+  const Swing reference = swing(body, 0.25e-3, {.theta = 0.5, .tolerance_m = 1e-9});
+  struct Case {
+    const char* name;
+    DynamicsSettings settings;
+  };
+  for (const Case& one : {Case{"palpate, theta 0.51", {.tolerance_m = 1e-7}},
+                          Case{"palpate, step control", {.tolerance_m = 1e-7, .accuracy_m = 3e-7}},
+                          Case{"palpate, backward Euler", {.theta = 1.0, .tolerance_m = 1e-7}}}) {
+    const Swing found = swing(body, 5e-3, one.settings);
+    rows.push_back({.figures = {.problem = "released 5 ms",
+                                .mesh = "1,280 tets",
+                                .solver = one.name,
+                                .error_ratio = found.period_s / reference.period_s - 1.0,
+                                .kept_ratio = found.amplitude_m / reference.amplitude_m}});
+  }
+  std::printf("released beam, 1,280 tets, dt 0.25 ms: return after %.5f s\n", reference.period_s);
+}
+
+void press_rows(const BenchOptions& options, std::vector<Row>& rows) {
+  const Body body(
+      bench::standing_block(quadratic(block_mesh(4, 5, 0.0016)), Law::kStableNeoHookean));
+  SphereContact contact(bench::top_points(body.mesh(), 0.015, 4), 4e7);
+  EquilibriumSearch search(body);
+  WarpedFactor factor(body, Precision::kDouble);
+  VectorXd x = body.rest_m();
+  const std::string mesh = std::to_string(body.node_count()) + " nodes quadratic";
+  const double from = wall_s();
+  const double step_m = 0.5e-3;
+  const int steps = options.is_quick ? 6 : 20;
+  for (int i = 1; i <= steps; ++i) {
+    contact.set_sphere({0.05, 0.05, 0.055 - i * step_m}, 0.005);
+    for (int round = 0; round < 3; ++round) {
+      static_cast<void>(
+          find_rest(search, factor, &contact, {.tolerance_m = 1e-6, .most_iterations = 60}, x));
+      contact.update_multipliers(x.data());
+    }
+    const double force = contact.force_on_sphere_newton(x.data()).z();
+    for (const auto& [at, newton, name] : {std::tuple{2, 37.7e-3, "press 1 mm"},
+                                           {6, 189.4e-3, "press 3 mm"},
+                                           {20, 859e-3, "press 10 mm"}}) {
+      if (i != at) continue;
+      std::printf("%s: %.1f mN on %zu points\n", name, 1e3 * force, contact.touching(x.data()));
+      rows.push_back({.figures = {.problem = name,
+                                  .mesh = mesh.c_str(),
+                                  .solver = "palpate NH",
+                                  .total_s = wall_s() - from,
+                                  .error_ratio = force / newton - 1.0}});
+    }
+  }
+  for (Row& row : rows) {
+    if (row.figures.mesh == mesh.c_str()) row.figures.mesh = "quadratic, <= 3,179 nodes";
+  }
+}
+
+// The sphere goes 1 mm deep over 0.2 s; at the end the same points are pressed in a full solution.
+Row condensed_row(const BenchOptions& options) {
+  const Body body(bench::standing_block(
+      options.is_quick ? block_mesh(8, 10, 1.25e-3) : block_mesh(12, 15, 0.833e-3),
+      Law::kStableNeoHookean));
+  const std::vector<SurfacePoint> points = bench::top_points(body.mesh(), 0.004, 1);
+  std::vector<std::uint32_t> surface;
+  {
+    std::vector<bool> is_surface(body.node_count(), false);
+    for (const Face& face : surface_of(body.mesh())) {
+      for (std::size_t k = 0; k < 3; ++k) is_surface[face.nodes[k]] = true;
+    }
+    for (std::uint32_t i = 0; i < is_surface.size(); ++i) {
+      if (is_surface[i] && body.mesh().nodes_m[i].z() > 0.01) surface.push_back(i);
+    }
+    std::sort(surface.begin(), surface.end(), [&](std::uint32_t a, std::uint32_t b) {
+      const Vector3d middle(0.05, 0.05, 0.05);
+      return (body.mesh().nodes_m[a] - middle).norm() < (body.mesh().nodes_m[b] - middle).norm();
+    });
+    surface.resize(std::min<std::size_t>(surface.size(), 2000));
+  }
+  WarpedFactor factor(body, Precision::kFloat);
+  const double from = wall_s();
+  static_cast<void>(factor.factor(body.rest_m(), no_rotations(body.node_count()), {}, nullptr));
+  SurfaceCompliance compliance(body, factor, surface);
+  CondensedContact condensed(compliance, 0.0);
+  condensed.prepare(points, body.rest_m(), {}, {0.05, 0.05, 0.055}, 30);
+  const double prepare_s = wall_s() - from;
+  std::vector<float> moved(condensed.surface_size());
+
+  Samples wall;
+  Samples cpu;
+  CondensedReport report;
+  for (int i = 1; i <= 1000; ++i) {
+    const double depth = 1e-3 * std::min(1.0, i / 200.0);
+    const double from_wall = wall_s();
+    const double from_cpu = cpu_s();
+    report = condensed.step({0.05, 0.05, 0.055 - depth}, 0.005, 40, 1e-8);
+    condensed.move_surface(moved.data());
+    cpu.values.push_back(1e6 * (cpu_s() - from_cpu));
+    wall.values.push_back(1e6 * (wall_s() - from_wall));
+  }
+  std::vector<SurfacePoint> same;
+  for (const std::size_t i : condensed.chosen()) same.push_back(points[i]);
+  SphereContact contact(std::move(same), 4e7);
+  EquilibriumSearch search(body);
+  VectorXd x = body.rest_m();
+  WarpedFactor full(body, Precision::kDouble);
+  for (const double depth : {0.5e-3, 1e-3}) {
+    contact.set_sphere({0.05, 0.05, 0.055 - depth}, 0.005);
+    for (int round = 0; round < 6; ++round) {
+      static_cast<void>(find_rest(search, full, &contact, {.tolerance_m = 1e-7}, x));
+      contact.update_multipliers(x.data());
+    }
+  }
+  const double newton = contact.force_on_sphere_newton(x.data()).z();
+  std::printf(
+      "condensed: %d points, %zu surface nodes, %zu tets, prepared in %.2f s; %.2f mN, full "
+      "solution %.2f mN\n",
+      condensed.point_count(), surface.size(), body.mesh().element_count(), prepare_s,
+      1e3 * report.force_on_sphere_newton.z(), 1e3 * newton);
+  return {.figures = {.problem = "condensed 1 mm",
+                      .mesh = options.is_quick ? "12,800 tets" : "43,200 tets",
+                      .solver = "palpate",
+                      .median_us = wall.at(0.5),
+                      .p99_us = wall.at(0.99),
+                      .error_ratio = report.force_on_sphere_newton.z() / newton - 1.0},
+          .cpu_median_us = cpu.at(0.5)};
+}
+
+void run(const BenchOptions& options) {
+  std::vector<Row> rows;
+  for (const BeamSize& size : kBeams) {
+    if (options.is_quick && size.along > 32) continue;
+    rows.push_back(step_row(size, options.is_quick ? 300 : size.along > 32 ? 300 : 1000));
+  }
+  rows.push_back(static_row("393 nodes", "palpate, quadratic", quadratic(beam_mesh(8, 2)),
+                            Law::kCorotational, 23.19e-3));
+  rows.push_back(static_row("2,417 nodes", "palpate, quadratic", quadratic(beam_mesh(16, 4)),
+                            Law::kCorotational, 23.19e-3));
+  rows.push_back(static_row("2,417 nodes", "palpate NH, quadratic", quadratic(beam_mesh(16, 4)),
+                            Law::kStableNeoHookean, 23.24e-3));
+  rows.push_back(
+      static_row("1,280 tets", "palpate, linear", beam_mesh(16, 4), Law::kCorotational, 23.19e-3));
+  rows.push_back(
+      static_row("10,240 tets", "palpate, linear", beam_mesh(32, 8), Law::kCorotational, 23.19e-3));
+  released_rows(rows);
+  press_rows(options, rows);
+  rows.push_back(condensed_row(options));
+  for (const PeerRow& peer : bench::kPeers) rows.push_back({.figures = peer, .is_recorded = true});
+  std::stable_sort(rows.begin(), rows.end(), [](const Row& a, const Row& b) {
+    return std::string_view(a.figures.problem) < std::string_view(b.figures.problem);
+  });
+
+  Table table({{"problem", "problem", ""},
+               {"mesh", "mesh", ""},
+               {"solver", "solver", ""},
+               {"source", "source", ""},
+               {"median_us", "step [us]", "{:.0f}"},
+               {"p99_us", "p99 [us]", "{:.0f}"},
+               {"cpu_median_us", "CPU [us]", "{:.0f}"},
+               {"total_s", "total [s]", "{:.3g}"},
+               {"error_ratio", "error", "{:+.4f}"},
+               {"kept_ratio", "kept", "{:.3f}"},
+               {"factor_mb", "factor [MB]", "{:.1f}"}});
+  const char* last = "";
+  for (const Row& row : rows) {
+    if (std::string_view(last) != row.figures.problem && *last != 0) table.add_gap();
+    last = row.figures.problem;
+    table.add({row.figures.problem, row.figures.mesh, row.figures.solver,
+               row.is_recorded ? "recorded" : "measured", row.figures.median_us, row.figures.p99_us,
+               row.cpu_median_us, row.figures.total_s, row.figures.error_ratio,
+               row.figures.kept_ratio, row.megabytes});
+  }
+  table.publish(options);
+  std::printf("%s\n", bench::machine_load().c_str());
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app("Elastic bodies: run time against error, beside other programs' recorded figures.",
+               "elastic_bench");
+  BenchOptions options;
+  return bench::run_bench(app, options, argc, argv, [&] { run(options); });
+}

@@ -1,0 +1,172 @@
+// `palpate sweep --slurm` with a Slurm of one node, started and stopped by the test: the table is
+// that of a local run, also if a task, slurmd and slurmctld are killed in the middle.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <csignal>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <optional>
+#include <random>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "tests/loopback/campaign/campaign_support.h"
+#include "tests/support/port.h"
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+using test::logged_lines;
+using test::Program;
+using test::run_program;
+using test::text_of;
+using testing::HasSubstr;
+
+std::string own_host() {
+  char name[256] = {};
+  ::gethostname(name, sizeof name - 1);
+  const std::string host(name);
+  return host.substr(0, host.find('.'));
+}
+
+std::pair<std::string, std::string> free_ports() {
+  const test::HeldPort first;
+  const test::HeldPort second;
+  const auto number = [](const test::HeldPort& port) {
+    return port.endpoint().substr(port.endpoint().rfind(':') + 1);
+  };
+  return {number(first), number(second)};
+}
+
+/// munged, slurmctld and slurmd in the foreground, with everything in one folder.
+class Slurm {
+ public:
+  /// Why Slurm cannot run here; empty: it can.
+  static std::string obstacle() {
+    for (const char* program : {"/usr/sbin/munged", "/usr/sbin/slurmctld", "/usr/sbin/slurmd",
+                                "/usr/bin/sbatch", "/usr/bin/squeue"}) {
+      if (!fs::exists(program)) return std::string(program) + " is not installed (slurm-wlm)";
+    }
+    if (::geteuid() != 0) return "slurmd needs root";
+    return {};
+  }
+
+  explicit Slurm(const fs::path& folder) : folder_(folder) {
+    std::random_device random;
+    std::string key;
+    for (int i = 0; i < 1024; ++i) key += static_cast<char>(random());
+    std::ofstream(folder_ / "munge.key", std::ios::binary) << key;
+    fs::permissions(folder_ / "munge.key", fs::perms::owner_read | fs::perms::owner_write);
+    fs::create_directories(folder_ / "state");
+    fs::create_directories(folder_ / "spool");
+    const std::string host = own_host();
+    const auto [first_port, second_port] = free_ports();
+    std::ofstream(folder_ / "slurm.conf")
+        << "ClusterName=t\nSlurmctldHost=" << host << "(127.0.0.1)\nSlurmUser=root\n"
+        << "AuthType=auth/munge\nCredType=cred/munge\nAuthInfo=socket=" << file("munge.socket")
+        << "\nStateSaveLocation=" << file("state") << "\nSlurmdSpoolDir=" << file("spool")
+        << "\nSlurmctldPidFile=" << file("ctld.pid") << "\nSlurmdPidFile=" << file("d.pid")
+        << "\nSlurmctldPort=" << first_port << "\nSlurmdPort=" << second_port
+        << "\nProctrackType=proctrack/pgid\nTaskPlugin=task/none\nSelectType=select/cons_tres\n"
+        << "ReturnToService=2\nMpiDefault=none\nSwitchType=switch/none\n"
+        << "SlurmctldTimeout=30\nSlurmdTimeout=30\nKillWait=1\n"
+        << "NodeName=" << host << " NodeAddr=127.0.0.1 CPUs=2 State=UNKNOWN\n"
+        << "PartitionName=p Nodes=ALL Default=YES MaxTime=INFINITE State=UP\n";
+    ::setenv("SLURM_CONF", file("slurm.conf").c_str(), 1);
+    munged_.emplace("/usr/sbin/munged",
+                    std::vector<std::string>{
+                        "--foreground", "--force", "--key-file=" + file("munge.key"),
+                        "--socket=" + file("munge.socket"), "--pid-file=" + file("munged.pid"),
+                        "--log-file=" + file("munged.log"), "--seed-file=" + file("munged.seed")});
+    start_controller();
+    start_node();
+  }
+
+  [[nodiscard]] bool is_ready() const {
+    return test::await([] {
+      return run_program("/usr/bin/sinfo", {"--noheader", "--format=%T"}).out.find("idle") !=
+             std::string::npos;
+    });
+  }
+  void kill_controller() {
+    controller_->send_signal(SIGKILL);
+    controller_->wait();
+  }
+  void kill_node() {
+    node_->send_signal(SIGKILL);
+    node_->wait();
+  }
+  void start_controller() {
+    controller_.emplace("/usr/sbin/slurmctld",
+                        std::vector<std::string>{"-D", "-f", file("slurm.conf")});
+  }
+  void start_node() {
+    node_.emplace("/usr/sbin/slurmd", std::vector<std::string>{"-D", "-f", file("slurm.conf")});
+  }
+  [[nodiscard]] std::string messages() const {
+    return controller_->err() + node_->err() + munged_->err() + text_of(folder_ / "munged.log");
+  }
+
+ private:
+  [[nodiscard]] std::string file(const std::string& name) const {
+    return (folder_ / name).string();
+  }
+
+  fs::path folder_;
+  std::optional<Program> munged_;
+  std::optional<Program> controller_;
+  std::optional<Program> node_;
+};
+
+/// The tasks of the job: processes with the folder of the sweep and --share in their command line.
+std::vector<pid_t> tasks_of(const std::string& folder) {
+  std::vector<pid_t> tasks;
+  for (const auto& entry : fs::directory_iterator("/proc")) {
+    const std::string name = entry.path().filename();
+    if (name.find_first_not_of("0123456789") != std::string::npos) continue;
+    const std::string command = text_of(entry.path() / "cmdline");
+    if (command.find(folder) != std::string::npos && command.find("--share") != std::string::npos &&
+        command.find("sweep.sbatch") == std::string::npos) {
+      tasks.push_back(std::stoi(name));
+    }
+  }
+  return tasks;
+}
+
+using SlurmSweep = test::CampaignFolder;
+
+TEST_F(SlurmSweep, GivesTheTableOfALocalRunWhateverIsKilledInTheMiddle) {
+  if (const std::string obstacle = Slurm::obstacle(); !obstacle.empty()) {
+    GTEST_SKIP() << obstacle;
+  }
+  const test::TempFolder home;
+  Slurm slurm(home.path());
+  ASSERT_TRUE(slurm.is_ready()) << slurm.messages();
+
+  Program sweep("palpate", SlurmSweep::sweep("cluster", {"--slurm", "--workers", "2"}));
+  const auto lines_reach = [&](int lines) {
+    return test::await([&] { return logged_lines(path("cluster")) >= lines; });
+  };
+  ASSERT_TRUE(lines_reach(10)) << sweep.err() << slurm.messages();
+  const std::vector<pid_t> tasks = tasks_of(path("cluster"));
+  for (const pid_t task : tasks) ::kill(task, SIGSTOP);
+  slurm.kill_controller();
+  if (!tasks.empty()) ::kill(tasks.front(), SIGKILL);
+  for (const pid_t task : tasks) ::kill(task, SIGCONT);
+  slurm.start_controller();
+  slurm.kill_node();
+  slurm.start_node();
+
+  EXPECT_EQ(sweep.wait(std::chrono::seconds(100)), 0) << sweep.err() << slurm.messages();
+  EXPECT_FALSE(tasks.empty());
+  EXPECT_THAT(sweep.err(), HasSubstr("submitted Slurm job"));
+  EXPECT_EQ(text_of(path("cluster.csv")), undisturbed());
+}
+
+}  // namespace
+}  // namespace palpate

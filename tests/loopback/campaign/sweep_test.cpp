@@ -1,0 +1,219 @@
+// `palpate sweep` as a user runs it: what is killed loses nothing and repeats nothing, the table is
+// the same whoever computes it, and a violation comes with the line that repeats it.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <chrono>
+#include <csignal>
+#include <nlohmann/json.hpp>
+#include <random>
+#include <thread>
+
+#include "tests/loopback/campaign/campaign_support.h"
+#include "tests/support/text.h"
+
+namespace palpate {
+namespace {
+
+using test::children_of;
+using test::kSmallRuns;
+using test::logged_lines;
+using test::Outcome;
+using test::Program;
+using test::run_program;
+using test::text_of;
+using testing::AllOf;
+using testing::HasSubstr;
+
+using Sweep = test::CampaignFolder;
+
+TEST_F(Sweep, WorkersKilledAtRandomLoseNothingAndNothingIsComputedTwice) {
+  std::mt19937 random(7);
+  Program sweep("palpate", Sweep::sweep("killed", {"--workers", "2"}));
+  int kills = 0;
+  // a worker dies whenever a few more runs are done
+  for (int lines = 3; lines < kSmallRuns - 20; lines += 10 + static_cast<int>(random() % 15)) {
+    ASSERT_TRUE(test::await([&] { return logged_lines(path("killed")) >= lines; }));
+    const std::vector<pid_t> workers = children_of(sweep.pid());
+    if (workers.empty()) continue;
+    ::kill(workers[random() % workers.size()], SIGKILL);
+    ++kills;
+  }
+  EXPECT_EQ(sweep.wait(), 0) << sweep.err();
+
+  EXPECT_GT(kills, 0);
+  EXPECT_EQ(text_of(path("killed.csv")), undisturbed());
+  EXPECT_THAT(sweep.out(), HasSubstr("160 runs"));
+  // a line that was cut by a kill has no sum and counts as one more
+  EXPECT_LE(logged_lines(path("killed")), kSmallRuns + kills);
+}
+
+TEST_F(Sweep, ASweepKilledAtRandomGoesOnWhereItWas) {
+  test::adopt_orphans();
+  for (int lines : {5, 40, 41, 110}) {
+    Program sweep("palpate", Sweep::sweep("killed", {"--workers", "2"}));
+    ASSERT_TRUE(test::await([&] { return logged_lines(path("killed")) >= lines; }));
+    sweep.send_signal(SIGKILL);
+    EXPECT_EQ(sweep.wait(), 128 + SIGKILL);
+    EXPECT_TRUE(test::all_children_end());
+  }
+  const int before = logged_lines(path("killed"));
+
+  const Outcome last = run_program("palpate", Sweep::sweep("killed"));
+
+  EXPECT_EQ(last.status, 0) << last.err;
+  EXPECT_THAT(last.out, HasSubstr(std::to_string(before) + " from before"));
+  EXPECT_EQ(text_of(path("killed.csv")), undisturbed());
+}
+
+TEST_F(Sweep, CtrlCEndsItAndTheSameCommandGoesOn) {
+  {
+    Program sweep("palpate", Sweep::sweep("stopped", {"--workers", "2"}));
+    ASSERT_TRUE(test::await([&] { return logged_lines(path("stopped")) >= 10; }));
+    sweep.send_signal(SIGINT);
+    EXPECT_EQ(sweep.wait(), 1);
+    EXPECT_THAT(sweep.err(), HasSubstr("the same command goes on"));
+  }
+  EXPECT_EQ(run_program("palpate", Sweep::sweep("stopped")).status, 0);
+  EXPECT_EQ(text_of(path("stopped.csv")), undisturbed());
+  EXPECT_EQ(logged_lines(path("stopped")), kSmallRuns);
+}
+
+TEST_F(Sweep, ALineThatIsCutOrChangedIsNoResult) {
+  const std::string whole = undisturbed();
+  const auto log = files_.path() / "undisturbed" / "worker-0.log";
+  std::string text = text_of(log);
+  text[text.find(' ', text.find('\n')) + 3] ^= 1;  // a figure of the second line
+  text.resize(text.size() - 9);                    // the last sum
+  std::ofstream(log, std::ios::binary) << text;
+
+  const Outcome again =
+      run_program("palpate", Sweep::sweep("undisturbed", {"--overwrite", "--workers", "1"}));
+
+  EXPECT_EQ(again.status, 0) << again.err;
+  EXPECT_THAT(again.out, HasSubstr("2 runs computed"));
+  EXPECT_EQ(text_of(path("undisturbed.csv")), whole);
+}
+
+TEST_F(Sweep, SharesComputedApartGiveTheSameTable) {
+  for (const char* share : {"1/3", "0/3", "2/3"}) {
+    const Outcome outcome =
+        run_program("palpate", {"sweep", campaign_, "--folder", path("shared"), "--share", share});
+    EXPECT_EQ(outcome.status, 0) << outcome.err;
+  }
+  const Outcome collected = run_program("palpate", Sweep::sweep("shared"));
+
+  EXPECT_THAT(collected.out, HasSubstr("0 runs computed"));
+  EXPECT_EQ(text_of(path("shared.csv")), undisturbed());
+}
+
+// Without a controller some early run draws energy.
+TEST_F(Sweep, TheFirstViolationEndsItAndItsLineRepeatsIt) {
+  std::string text = test::replaced(test::kSmallCampaign, "at_least: -1\n", "at_least: -1e-6\n");
+  campaign_ = files_.write("stop.txtpb", text + "stop_at_violation: true\n");
+  const Outcome outcome =
+      run_program("palpate", Sweep::sweep("stop", {"--workers", "2", "--json", path("stop.json")}));
+  EXPECT_EQ(outcome.status, 1) << outcome.err;
+  EXPECT_THAT(outcome.out, HasSubstr("the first that violates a limit"));
+  const Outcome alone = run_program("palpate", {"sweep", campaign_, "--folder", path("alone"),
+                                                "--csv", path("alone.csv"), "--workers", "1"});
+  EXPECT_EQ(alone.status, 1);
+  EXPECT_EQ(text_of(path("stop.csv")), text_of(path("alone.csv")));
+
+  // the line, run by a shell
+  const std::size_t begin = outcome.out.find("palpate loopback");
+  ASSERT_NE(begin, std::string::npos);
+  const std::string line = outcome.out.substr(begin, outcome.out.find('\n', begin) - begin);
+  const Outcome repeated =
+      run_program("/bin/sh", {"-c", PALPATE_BINARY_DIR "/" + line + " -q --no-ideal --json -"});
+  const std::string rows = text_of(path("stop.json"));
+  const auto last = nlohmann::json::parse(rows.substr(rows.rfind('\n', rows.size() - 2) + 1));
+  EXPECT_TRUE(last.at("violates").get<bool>());
+  EXPECT_EQ(nlohmann::json::parse(repeated.out).at("min_true_energy_j"),
+            last.at("min_true_energy_j"));
+}
+
+TEST_F(Sweep, ReportDrawsMapsOfCells) {
+  campaign_ = files_.write("map.txtpb", R"(
+name: "map"
+session: ")" PALPATE_SOURCE_DIR R"(/deploy/sessions/hostile.txtpb"
+seconds: 0.1
+vary { name: "rate" field: "physics.rate_hz" values { value: "50" value: "1000" } }
+vary { name: "stiffness" field: "scene.tissue[0].kelvin_voigt.stiffness_newton_per_m"
+       values { value: "100" value: "200" value: "400" } }
+report: "max_force_n"
+report: "ticks"
+)");
+  ASSERT_EQ(run_program("palpate", Sweep::sweep("map")).status, 0);
+  const Outcome report =
+      run_program("palpate", {"sweep", "report", campaign_, "--folder", path("map"), "--quantity",
+                              "ticks", "--svg", path("map.svg")});
+
+  EXPECT_EQ(report.status, 0) << report.err;
+  EXPECT_THAT(report.out, AllOf(HasSubstr("stiffness"), HasSubstr("rate       100       200"),
+                                HasSubstr("1000       100       100       100")));
+  EXPECT_THAT(text_of(path("map.svg")), AllOf(HasSubstr("<svg"), HasSubstr(">1000<")));
+  EXPECT_EQ(run_program("palpate",
+                        {"sweep", "report", campaign_, "--folder", path("map"), "--across", "mass"})
+                .status,
+            2);
+}
+
+TEST_F(Sweep, WhatCannotBeComputedIsRefusedWithPlaceRuleAndRemedy) {
+  const auto complaint = [&](const std::string& text) {
+    const Outcome outcome = run_program(
+        "palpate", {"sweep", files_.write("wrong.txtpb", text), "--folder", path("wrong")});
+    EXPECT_EQ(outcome.status, 2) << outcome.out;
+    return outcome.err;
+  };
+  EXPECT_THAT(complaint(test::replaced(test::kSmallCampaign, "uniform", "unifrm")),
+              HasSubstr("wrong.txtpb:15:"));
+  EXPECT_THAT(complaint(test::replaced(test::kSmallCampaign, "low: 0.05", "low: 5")),
+              AllOf(HasSubstr("wrong.txtpb:15:"), HasSubstr("high must be above low")));
+  EXPECT_THAT(complaint(test::replaced(test::kSmallCampaign, "max_force_n", "max_force")),
+              AllOf(HasSubstr("wrong.txtpb:17:"), HasSubstr("is no quantity; give one of")));
+  EXPECT_THAT(complaint(test::replaced(test::kSmallCampaign, "runs: 80", "runs: 0")),
+              AllOf(HasSubstr("wrong.txtpb:6:"), HasSubstr("≥ 1")));
+  EXPECT_THAT(complaint(test::replaced(test::kSmallCampaign, "mofc.controller=none", "mofc.x=1")),
+              HasSubstr("mofc.x"));
+  EXPECT_THAT(complaint("name: \"x\" session: \"nowhere.txtpb\" report: \"ticks\""),
+              HasSubstr("nowhere.txtpb"));
+}
+
+TEST_F(Sweep, AFolderBelongsToOneCampaignAndATableIsNotReplaced) {
+  static_cast<void>(undisturbed());
+  const Outcome twice = run_program("palpate", Sweep::sweep("undisturbed"));
+  EXPECT_EQ(twice.status, 2);
+  EXPECT_THAT(twice.err, HasSubstr("--overwrite"));
+  campaign_ = files_.write("other.txtpb",
+                           test::replaced(test::kSmallCampaign, "seconds: 1\n", "seconds: 0.3\n"));
+  const Outcome other =
+      run_program("palpate", {"sweep", campaign_, "--folder", path("undisturbed")});
+  EXPECT_EQ(other.status, 2);
+  EXPECT_THAT(other.err, HasSubstr("has the results of another campaign"));
+}
+
+// --- adversary ----------------------------------------------------------------------------------
+
+TEST_F(Sweep, AdversaryIsForLockstepOnlyUnlessItIsLeftOut) {
+  const std::string session = PALPATE_SOURCE_DIR "/deploy/sessions/hostile.txtpb";
+  const std::vector<std::string> attack{"--set", "adversary.physics=push_along"};
+  for (const char* node : {"device_node", "mofc_node", "physics_node"}) {
+    const Outcome refused = run_program(node, {"--session", session, attack[0], attack[1]});
+    EXPECT_EQ(refused.status, 2);
+    EXPECT_THAT(refused.err, AllOf(HasSubstr("adversary"), HasSubstr("--no-adversary")));
+  }
+  const Outcome launch = run_program("palpate", {"launch", session, attack[0], attack[1]});
+  EXPECT_EQ(launch.status, 2);
+  EXPECT_THAT(launch.err, HasSubstr("--no-adversary"));
+  const Outcome attacked = run_program(
+      "palpate", {"loopback", session, "--seconds", "0.5", "--json", "-", attack[0], attack[1]});
+  const Outcome honest =
+      run_program("palpate", {"loopback", session, "--seconds", "0.5", "--json", "-"});
+  EXPECT_NE(nlohmann::json::parse(attacked.out).at("transparency"),
+            nlohmann::json::parse(honest.out).at("transparency"));
+}
+
+}  // namespace
+}  // namespace palpate

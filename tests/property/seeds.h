@@ -1,0 +1,28 @@
+// seeds.h — how many random runs a test makes.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <cstdlib>
+#include <vector>
+
+namespace palpate::test {
+
+/// `usual` runs, times PALPATE_SEEDS of the environment. A quarter of them under a sanitizer, which
+/// looks for other errors and is tens of times slower.
+inline std::uint64_t seed_count(std::uint64_t usual) {
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+  usual = std::max<std::uint64_t>(1, usual / 4);
+#endif
+  const char* factor = std::getenv("PALPATE_SEEDS");
+  return usual * (factor != nullptr ? std::strtoull(factor, nullptr, 10) : 1);
+}
+
+/// 1 to seed_count(usual).
+inline std::vector<std::uint64_t> seeds(std::uint64_t usual) {
+  std::vector<std::uint64_t> all;
+  for (std::uint64_t seed = 1; seed <= seed_count(usual); ++seed) all.push_back(seed);
+  return all;
+}
+
+}  // namespace palpate::test

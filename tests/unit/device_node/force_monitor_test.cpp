@@ -1,0 +1,388 @@
+// The monitor of the energy on its own. Friction 0.1 N·s/m and 0.1 N, exact encoder, v_max 0.5 m/s:
+// D(F) = (F − 0.15 N) 0.5 m/s for F ≥ 0.2 N.
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cmath>
+#include <limits>
+
+#include "common/core/random.h"
+#include "device_node/monitor/force_monitor.h"
+
+namespace palpate::device {
+namespace {
+
+using namespace std::chrono_literals;
+
+/// T_hold 2 ms, answers due within 0.5 ms.
+DeviceConfig exact_config() {
+  DeviceConfig config;
+  config.reply = 500us;
+  config.lease = 2ms;
+  config.profile.position_resolution_m = 0.0;
+  return config;
+}
+
+/// After 10 mm of free motion at 0.1 m/s: 0.1 N · 10 mm + 0.1 N·s/m · 0.1 m/s · 10 mm = 1.1 mJ.
+class MonitorWith1100MicroJoule : public testing::Test {
+ protected:
+  MonitorWith1100MicroJoule() { move(100); }
+  /// @param ticks  1 ms each, +x
+  void move(int ticks) {
+    for (int i = 0; i <= ticks; ++i) {
+      if (i > 0) {
+        now_ += 1ms;
+        hand_m_.x() += 1e-4;
+      }
+      monitor_.read(now_, hand_m_);
+    }
+  }
+  ForceMonitor monitor_{exact_config()};
+  TimePoint now_{};
+  Vector3 hand_m_ = Vector3::Zero();
+};
+
+TEST_F(MonitorWith1100MicroJoule, PassesWhatTheEnergyCoversUnchanged) {
+  EXPECT_NEAR(monitor_.joule(), 1.1e-3, 1e-12);
+  // 1 N: 0.425 W, 2.58 ms
+  const auto covered = monitor_.cover({0, 1, 0}, 2500us);
+  EXPECT_FALSE(covered.is_reduced);
+  EXPECT_EQ(covered.force_on_hand_newton, Vector3(0, 1, 0));
+  EXPECT_EQ(covered.lease, 2500us);
+}
+
+TEST_F(MonitorWith1100MicroJoule, ShortensALeaseThatIsTooLong) {
+  const auto covered = monitor_.cover({0, 1, 0}, 10ms);
+  EXPECT_TRUE(covered.is_reduced);
+  EXPECT_EQ(covered.force_on_hand_newton, Vector3(0, 1, 0));
+  EXPECT_NEAR(to_seconds(covered.lease), 1.1e-3 / 0.425, 1e-8);
+}
+
+// 1.1 mJ over the 2 ms of every command: 0.55 W, 1.25 N.
+TEST_F(MonitorWith1100MicroJoule, ReducesAForceThatIsTooLarge) {
+  const auto covered = monitor_.cover({0, 0, -20}, 10ms);
+  EXPECT_TRUE(covered.is_reduced);
+  EXPECT_EQ(covered.lease, 2ms);
+  EXPECT_NEAR((covered.force_on_hand_newton - Vector3(0, 0, -1.25)).norm(), 0.0, 1e-9);
+}
+
+TEST_F(MonitorWith1100MicroJoule, PaysNothingTwiceInATick) {
+  EXPECT_FALSE(monitor_.cover({0, 1, 0}, 2500us).is_reduced);
+  const auto again = monitor_.cover({0, 1, 0}, 2500us);
+  EXPECT_TRUE(again.is_reduced);
+  EXPECT_LT(again.force_on_hand_newton.norm(), 0.4);
+}
+
+// 1 N may act for 0.5 ms more, until the answer's deadline: 0.2125 mJ.
+TEST_F(MonitorWith1100MicroJoule, ReservesWhatTheActingForceMayStillDraw) {
+  monitor_.switched(now_, hand_m_, {0, 1, 0}, 2ms);
+  move(0);
+  const auto covered = monitor_.cover({0, 0, -20}, 2ms);
+  EXPECT_NEAR(covered.force_on_hand_newton.norm(), 0.15 + (1.1e-3 - 0.2125e-3) / 2e-3 / 0.5, 1e-9);
+}
+
+TEST_F(MonitorWith1100MicroJoule, ForgetsItsCreditButNoDebtWhenItDoesNotKnowWhatHappened) {
+  monitor_.lost();
+  move(0);
+  EXPECT_EQ(monitor_.joule(), 0.0);
+
+  // 1 N along 10 mm draws 10 mJ, less friction
+  monitor_.switched(now_, hand_m_, {1, 0, 0}, 1h);
+  move(100);
+  const double debt = monitor_.joule();
+  EXPECT_LT(debt, -8e-3);
+  monitor_.lost();
+  move(0);
+  EXPECT_NEAR(monitor_.joule(), debt, 1e-15);
+}
+
+TEST_F(MonitorWith1100MicroJoule, CountsFromWhereTheClampDoes) {
+  monitor_.count_since(now_ - 50ms);
+  EXPECT_NEAR(monitor_.joule(), 0.55e-3, 1e-12);
+  // once for each claim
+  move(10);
+  monitor_.count_since(now_ - 60ms);
+  EXPECT_NEAR(monitor_.joule(), 0.66e-3, 1e-12);
+}
+
+// A clamp that hears nothing for 0.3 s counts from a reading that is older still.
+TEST_F(MonitorWith1100MicroJoule, CountsFromALongPastReading) {
+  move(400);
+  monitor_.count_since(now_ - 450ms);
+  EXPECT_NEAR(monitor_.joule(), 4.95e-3, 1e-11);
+}
+
+TEST_F(MonitorWith1100MicroJoule, KeepsItsCountThroughAForceThatNeedsCredit) {
+  monitor_.switched(now_, hand_m_, {1, 0, 0}, 1h);
+  move(100);
+  const double debt = monitor_.joule();
+  monitor_.count_since(now_ - 150ms);
+  EXPECT_EQ(monitor_.joule(), debt);
+  monitor_.count_since(now_ - 50ms);
+  EXPECT_EQ(monitor_.joule(), debt);
+}
+
+TEST(Monitor, LetsTheFrictionsOwnForcePassWithoutCredit) {
+  ForceMonitor monitor{exact_config()};
+  monitor.read(TimePoint(1ms), Vector3::Zero());
+  EXPECT_FALSE(monitor.cover({0.1, 0, 0}, 1h).is_reduced);
+  EXPECT_TRUE(monitor.cover({0.11, 0, 0}, 1h).is_reduced);
+}
+
+// --- forces that end ------------------------------------------------------------------------
+
+// The force acts for 0.2 ms, less than the deadline of the answer: 0.085 mJ.
+TEST_F(MonitorWith1100MicroJoule, ReservesNoMoreThanTheRestOfTheLease) {
+  monitor_.switched(now_, hand_m_, {0, 1, 0}, 200us);
+  move(0);
+  const auto covered = monitor_.cover({0, 0, -20}, 2ms);
+  EXPECT_NEAR(covered.force_on_hand_newton.norm(), 0.15 + (1.1e-3 - 0.085e-3) / 2e-3 / 0.5, 1e-9);
+}
+
+/// What 0.1 N·s/m and 0.1 N dissipate.
+double friction_joule(double moved_m, double duration_s) {
+  return 0.1 * moved_m + 0.1 * moved_m * moved_m / duration_s;
+}
+
+TEST_F(MonitorWith1100MicroJoule, BooksAForceFromTheSwitchOn) {
+  monitor_.switched(now_ + 500us, hand_m_ + Vector3(2e-4, 0, 0), {1, 0, 0}, 10ms);
+  monitor_.read(now_ + 1ms, hand_m_ + Vector3(3e-4, 0, 0));
+  const double free = friction_joule(2e-4, 5e-4);
+  const double acting = friction_joule(1e-4, 5e-4) - 1e-4;
+  EXPECT_NEAR(monitor_.joule(), 1.1e-3 + free + acting, 1e-12);
+}
+
+TEST_F(MonitorWith1100MicroJoule, BooksALatchedEndExactly) {
+  monitor_.switched(now_, hand_m_, {1, 0, 0}, 500us);
+  monitor_.ended(hand_m_ + Vector3(1e-4, 0, 0));
+  monitor_.read(now_ + 1ms, hand_m_ + Vector3(3e-4, 0, 0));
+  const double acting = friction_joule(1e-4, 5e-4) - 1e-4;
+  const double free = friction_joule(2e-4, 5e-4);
+  EXPECT_NEAR(monitor_.joule(), 1.1e-3 + acting + free, 1e-12);
+}
+
+// Not read where it ended: the hand can have gone v_max · 0.2 ms along the force.
+TEST_F(MonitorWith1100MicroJoule, BooksTheWorstOfAnUnreadEnd) {
+  const double expected = 1.1e-3 - 0.5 * 2e-4 + friction_joule(3e-4, 1e-3);
+  const auto joule_after = [&](Duration lease, Duration released) {
+    ForceMonitor monitor = monitor_;
+    monitor.switched(now_, hand_m_, {1, 0, 0}, lease);
+    if (released > 0s) monitor.released(now_ + released);
+    monitor.read(now_ + 1ms, hand_m_ + Vector3(3e-4, 0, 0));
+    return monitor.joule();
+  };
+  EXPECT_NEAR(joule_after(200us, 0s), expected, 1e-12);
+  EXPECT_NEAR(joule_after(10ms, 200us), expected, 1e-12);
+  EXPECT_NEAR(joule_after(200us, 800us), expected, 1e-12);
+}
+
+// Too weak to draw as much: D(0.15 N) = 0.05²/0.4 W for 0.2 ms.
+TEST_F(MonitorWith1100MicroJoule, AnUnreadEndCostsAtMostTheDrain) {
+  monitor_.switched(now_, hand_m_, {0, 0.15, 0}, 200us);
+  monitor_.read(now_ + 1ms, hand_m_);
+  EXPECT_NEAR(monitor_.joule(), 1.1e-3 - 2e-4 * 0.05 * 0.05 / 0.4, 1e-12);
+}
+
+// Which a reading beyond the reach of any hand shows.
+TEST_F(MonitorWith1100MicroJoule, AForceThatEndsAtAReadingIsBookedAsRead) {
+  monitor_.switched(now_, hand_m_, {1, 0, 0}, 1ms);
+  monitor_.read(now_ + 1ms, hand_m_ + Vector3(6e-4, 0, 0));
+  EXPECT_NEAR(monitor_.joule(), 1.1e-3 - 6e-4 + friction_joule(6e-4, 1e-3), 1e-12);
+}
+
+TEST(Monitor, AForceReleasedAtItsSwitchCostsNothing) {
+  DeviceConfig config = exact_config();
+  config.profile.position_resolution_m = 55e-6;
+  ForceMonitor monitor(config);
+  monitor.read(TimePoint(1ms), Vector3::Zero());
+  monitor.read(TimePoint(2ms), Vector3(1e-3, 0, 0));
+  const double before = monitor.joule();
+  monitor.switched(TimePoint(2ms), Vector3(1e-3, 0, 0), {1, 0, 0}, 10ms);
+  monitor.released(TimePoint(2ms));
+  monitor.read(TimePoint(3ms), Vector3(1e-3, 0, 0));
+  EXPECT_EQ(monitor.joule(), before);
+}
+
+TEST_F(MonitorWith1100MicroJoule, IgnoresAReadingThatIsNotNewer) {
+  monitor_.read(now_, hand_m_ + Vector3(1e-3, 0, 0));
+  monitor_.read(now_ - 1ms, hand_m_ - Vector3(1e-3, 0, 0));
+  EXPECT_NEAR(monitor_.joule(), 1.1e-3, 1e-12);
+  move(1);
+  move(0);
+  EXPECT_NEAR(monitor_.joule(), 1.1e-3 + friction_joule(1e-4, 1e-3), 1e-12);
+}
+
+TEST_F(MonitorWith1100MicroJoule, AForceThatActedBeforeItLostTrackIsForgotten) {
+  monitor_.switched(now_, hand_m_, {1, 0, 0}, 1h);
+  monitor_.lost();
+  monitor_.read(now_ + 1ms, hand_m_);
+  monitor_.read(now_ + 2ms, hand_m_ + Vector3(1e-4, 0, 0));
+  EXPECT_NEAR(monitor_.joule(), friction_joule(1e-4, 1e-3), 1e-12);
+}
+
+TEST(Monitor, BeginsAtItsFirstReadingWithoutCredit) {
+  DeviceConfig config = exact_config();
+  config.profile.position_resolution_m = 55e-6;
+  ForceMonitor monitor(config);
+  EXPECT_NEAR(monitor.cover({0, 1, 0}, 2ms).force_on_hand_newton.norm(), 0.1, 1e-3);
+  monitor.read(TimePoint(1s), Vector3(0.1, 0, 0));
+  EXPECT_EQ(monitor.joule(), 0.0);
+}
+
+// --- the reading from which the clamp counts ------------------------------------------------
+
+TEST_F(MonitorWith1100MicroJoule, PaysNothingTwiceAfterTheSameClaim) {
+  monitor_.count_since(now_ - 50ms);  // 0.55 mJ
+  EXPECT_FALSE(monitor_.cover({0, 1, 0}, 1ms).is_reduced);
+  monitor_.count_since(now_ - 50ms);
+  EXPECT_TRUE(monitor_.cover({0, 1, 0}, 1ms).is_reduced);
+}
+
+TEST_F(MonitorWith1100MicroJoule, PaysFromWhatItCountsSince) {
+  monitor_.count_since(now_ - 50ms);
+  EXPECT_TRUE(monitor_.cover({0, 1, 0}, 2ms).is_reduced);  // 0.85 mJ
+}
+
+TEST_F(MonitorWith1100MicroJoule, Remembers512Readings) {
+  move(600);
+  const double before = monitor_.joule();
+  monitor_.count_since(now_ - 512ms);
+  EXPECT_EQ(monitor_.joule(), before);
+  monitor_.count_since(now_ - 511ms);
+  EXPECT_NEAR(monitor_.joule(), 511 * friction_joule(1e-4, 1e-3), 1e-11);
+  monitor_.count_since(now_);
+  EXPECT_EQ(monitor_.joule(), 0.0);
+}
+
+TEST(Monitor, NoReadingIsNoPlaceToCountFrom) {
+  ForceMonitor monitor(exact_config());
+  for (int i = 0; i < 3; ++i) monitor.read(TimePoint(1s + i * 1ms), Vector3(0.1 + 1e-4 * i, 0, 0));
+  const double before = monitor.joule();
+  monitor.count_since(TimePoint{});
+  EXPECT_EQ(monitor.joule(), before);
+}
+
+// A clamp that begins anew with the monitor owes nothing. What was before is not known.
+TEST_F(MonitorWith1100MicroJoule, CountsFromTheFirstReadingAfterItLostTrackAndFromNoneBefore) {
+  monitor_.switched(now_, hand_m_, {1, 0, 0}, 2ms);
+  move(1);
+  monitor_.switched(now_, hand_m_, Vector3::Zero(), 2ms);
+  move(20);
+  monitor_.switched(now_, hand_m_, {1, 0, 0}, 100ms);
+  move(30);
+  monitor_.switched(now_, hand_m_, Vector3::Zero(), 2ms);
+  move(2);
+  const TimePoint before = now_;
+  const double debt = monitor_.joule();
+  EXPECT_LT(debt, 0.0);
+  monitor_.lost();
+  now_ += 1ms;
+  move(0);
+  monitor_.count_since(before);
+  EXPECT_NEAR(monitor_.joule(), debt, 1e-15);
+  monitor_.count_since(now_);
+  EXPECT_EQ(monitor_.joule(), 0.0);
+}
+
+TEST_F(MonitorWith1100MicroJoule, CountsFromNoReadingBeforeAForceThatNeedsCredit) {
+  ForceMonitor unread = monitor_;
+  monitor_.switched(now_, hand_m_, {1, 0, 0}, 2ms);
+  unread.switched(now_, hand_m_, {1, 0, 0}, 500us);
+  for (ForceMonitor* monitor : {&monitor_, &unread}) {
+    monitor->read(now_ + 1ms, hand_m_);
+    const double before = monitor->joule();
+    monitor->count_since(now_);
+    EXPECT_EQ(monitor->joule(), before);
+  }
+}
+
+// --- rounding -------------------------------------------------------------------------------
+
+/// |F| with D(F) = this for little power, where D is (|F| − 0.1 N)²/(0.4 N·s/m).
+Vector3 force_of_drain(double watt) { return {0, 0.1 + std::sqrt(0.4 * watt), 0}; }
+
+TEST(Monitor, LetsANanojoulePassAsRounding) {
+  ForceMonitor monitor(exact_config());
+  monitor.read(TimePoint(1ms), Vector3::Zero());
+  EXPECT_FALSE(ForceMonitor(monitor).cover(force_of_drain(0.9e-6), 1ms).is_reduced);
+  EXPECT_TRUE(ForceMonitor(monitor).cover(force_of_drain(1.1e-6), 1ms).is_reduced);
+}
+
+// 1.1 mJ pay for 400 N, 199.925 W, for 5502.06 ns.
+TEST_F(MonitorWith1100MicroJoule, LetsTheDrainOfANanosecondPassAsRounding) {
+  EXPECT_FALSE(ForceMonitor(monitor_).cover({0, 400, 0}, 5503ns).is_reduced);
+  EXPECT_TRUE(ForceMonitor(monitor_).cover({0, 400, 0}, 5504ns).is_reduced);
+}
+
+// 0.425 mJ of 1.1 mJ, then as much again, then what is left.
+TEST_F(MonitorWith1100MicroJoule, SubtractsWhatItCovers) {
+  EXPECT_FALSE(monitor_.cover({0, 1, 0}, 1ms).is_reduced);
+  EXPECT_FALSE(monitor_.cover({0, 1, 0}, 1ms).is_reduced);
+  const auto rest = monitor_.cover({0, 1, 0}, 10ms);
+  EXPECT_NEAR(rest.force_on_hand_newton.norm(), 0.15 + 0.25e-3 / 2e-3 / 0.5, 1e-9);
+  EXPECT_LE(monitor_.cover({0, 1, 0}, 1ms).force_on_hand_newton.norm(), 0.1 + 1e-9);
+}
+
+// --- the worst hand -------------------------------------------------------------------------
+
+constexpr double kAnySpeed = std::numeric_limits<double>::infinity();
+
+TEST(WorstHand, DrawsNothingFromTheForceThatFrictionAbsorbs) {
+  Random random(1);
+  for (int i = 0; i < 1000; ++i) {
+    const Vector3 coulomb(random.uniform(0.01, 1), random.uniform(0.01, 1),
+                          random.uniform(0.01, 1));
+    const WorstHand isotropic({.coulomb_newton = coulomb.x()}, kAnySpeed);
+    EXPECT_EQ(isotropic.drain_watt(coulomb.x() * random.direction()), 0.0);
+    const WorstHand per_axis({.per_axis = FrictionPerAxis{.coulomb_newton = coulomb}}, kAnySpeed);
+    EXPECT_EQ(per_axis.drain_watt(coulomb), 0.0);
+    EXPECT_EQ(per_axis.drain_watt(-coulomb), 0.0);
+  }
+}
+
+TEST(WorstHand, TheLargestScaleIsPaidAndNoLargerOneIs) {
+  constexpr double kPrecise = 1e-9;
+  int at_v_max = 0;
+  for (std::uint64_t seed = 1; seed <= 2000; ++seed) {
+    SCOPED_TRACE(testing::Message() << "seed=" << seed);
+    Random random(seed);
+    const auto any = [&] { return random.uniform(0.02, 0.3); };
+    DeviceProfile profile{.viscous_newton_s_per_m = any(), .coulomb_newton = any()};
+    const bool is_per_axis = random.chance(0.5);
+    if (is_per_axis) {
+      profile.per_axis = FrictionPerAxis{.viscous_newton_s_per_m = {any(), any(), any()},
+                                         .coulomb_newton = {any(), any(), any()}};
+    }
+    const double v_max = random.chance(0.3) ? kAnySpeed : random.uniform(0.05, 3.0);
+    const WorstHand hand(profile, v_max);
+    const Vector3 force = random.uniform(0.5, 5.0) * random.direction();
+    const double drain = hand.drain_watt(force);
+    EXPECT_EQ(hand.largest_scale(force, drain), 1.0);
+    EXPECT_EQ(hand.largest_scale(force, 1.1 * drain), 1.0);
+
+    const double watt = drain * std::pow(10.0, random.uniform(-6.0, -0.01));
+    const double scale = hand.largest_scale(force, watt);
+    EXPECT_LT(scale, 1.0);
+    EXPECT_LE(hand.drain_watt(scale * force), watt * (1.0 + 1e-9));
+    EXPECT_GT(hand.drain_watt((scale + kPrecise) * force), watt);
+    if (!is_per_axis && watt > profile.viscous_newton_s_per_m * v_max * v_max) ++at_v_max;
+  }
+  EXPECT_GT(at_v_max, 100);
+}
+
+// Along x nothing bounds the drain: nothing may be reserved for a lease that is over.
+TEST(Monitor, AnUnboundedDrainThatIsOverIsNotReserved) {
+  DeviceConfig config = exact_config();
+  config.monitor.v_max_m_per_s = kAnySpeed;
+  config.profile.per_axis =
+      FrictionPerAxis{.viscous_newton_s_per_m = {0, 0.1, 0.1}, .coulomb_newton = {0.1, 0.1, 0.1}};
+  ForceMonitor monitor(config);
+  monitor.read(TimePoint(1ms), Vector3::Zero());
+  monitor.read(TimePoint(2ms), Vector3(1e-2, 0, 0));  // 1 mJ
+  monitor.switched(TimePoint(2ms), Vector3(1e-2, 0, 0), {1, 0, 0}, 1ms);
+  monitor.read(TimePoint(3ms), Vector3(1e-2, 0, 0));
+  EXPECT_FALSE(monitor.cover({0, 1, 0}, 400us).is_reduced);  // D = 0.9²/0.4 W
+}
+
+}  // namespace
+}  // namespace palpate::device
