@@ -2,9 +2,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <functional>
-
 #include <array>
+#include <functional>
 #include <memory>
 #include <variant>
 #include <vector>
