@@ -1,10 +1,9 @@
 #include "common/core/clock.h"
 
-#include <chrono>
-
 #include <sched.h>
 
 #include <cerrno>
+#include <chrono>
 #include <ctime>
 
 namespace palpate {

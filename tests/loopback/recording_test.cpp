@@ -3,14 +3,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <memory>
-#include <vector>
-
 #include <cmath>
 #include <fstream>
 #include <iterator>
+#include <memory>
 #include <numbers>
 #include <string>
+#include <vector>
 
 #include "common/core/check.h"
 #include "common/core/version.h"

@@ -354,7 +354,8 @@ inline std::string random_line(Random& random, std::size_t most) {
   return line;
 }
 inline void randomise(RunState& m, Random& random) {
-  m = RunState{.header = random_header(random)};
+  m = {};
+  m.header = random_header(random);
   m.markers.resize(random.below(RunState::kMostMarkers + 1));
   for (Marker& marker : m.markers) {
     marker = {.at_ns = random.bits(),
@@ -370,7 +371,8 @@ inline void randomise(RunState& m, Random& random) {
               .begin_ns = random.bits()};
 }
 inline void randomise(RunRequest& m, Random& random) {
-  m = RunRequest{.header = random_header(random)};
+  m = {};
+  m.header = random_header(random);
   if (random.chance(0.5)) m.marker = random_line(random, Marker::kMostTextBytes);
   if (random.chance(0.5)) m.seek_s = random.uniform(0.0, RunRequest::kLongest_s);
   if (random.chance(0.5)) m.is_paused = random.chance(0.5);

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <functional>
 #include <memory>
 #include <variant>
 #include <vector>
@@ -138,20 +139,22 @@ TEST_P(TelemetryLinkTransport, AViewerReceivesOnlyTheKindsItSubscribesTo) {
 TEST_P(TelemetryLinkTransport, AKindIsReceivedUntilItsLastUserLeaves) {
   SceneSender physics(context_, bind_to(fresh_endpoint(GetParam()), "physics"));
   TelemetrySubscriber viewer(context_, clock_, {connect_to(physics.endpoint(), "physics")});
+  const auto becomes = [&](const std::function<bool()>& is_so) {
+    return eventually([&] {
+      viewer.wait_until(clock_.now());
+      return is_so();
+    });
+  };
   viewer.subscribe<MeshFrame>();
   viewer.subscribe<MeshFrame>();
+  ASSERT_TRUE(becomes([&] { return physics.has_subscriber<MeshFrame>(); }));
   viewer.unsubscribe<MeshFrame>();
-  ASSERT_TRUE(eventually([&] {
-    viewer.wait_until(clock_.now());
-    return physics.has_subscriber<PhysicsBatch>();
-  }));
+  viewer.subscribe<SceneState>();  // sent later: once it has arrived, the end would have, too
+  ASSERT_TRUE(becomes([&] { return physics.has_subscriber<SceneState>(); }));
   EXPECT_TRUE(physics.has_subscriber<MeshFrame>());
 
   viewer.unsubscribe<MeshFrame>();
-  EXPECT_TRUE(eventually([&] {
-    viewer.wait_until(clock_.now());
-    return !physics.has_subscriber<MeshFrame>();
-  }));
+  EXPECT_TRUE(becomes([&] { return !physics.has_subscriber<MeshFrame>(); }));
 }
 
 TEST_P(TelemetryLinkTransport, EachNewSubscriberOfASceneIsCounted) {

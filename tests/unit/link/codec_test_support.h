@@ -177,6 +177,22 @@ inline HandTarget full_message() {
   return random_message<HandTarget>(random);
 }
 template <>
+inline RunState full_message() {
+  Random random(7);
+  RunState m;
+  do m = random_message<RunState>(random);
+  while (m.markers.empty() || !m.replay);
+  return m;
+}
+template <>
+inline RunRequest full_message() {
+  Random random(7);
+  RunRequest m;
+  do m = random_message<RunRequest>(random);
+  while (!m.marker || !m.seek_s || !m.is_paused || !m.speed_ratio || !m.is_recording);
+  return m;
+}
+template <>
 inline TissueChange full_message() {
   Random random(7);
   return random_message<TissueChange>(random);

@@ -147,6 +147,33 @@ TEST_F(FoxgloveClientTest, SendsHandTargetsOnTheChannelItAdvertised) {
   EXPECT_FALSE(client_.take_binary(data).published.has_value());
 }
 
+TEST_F(FoxgloveClientTest, SendsRequestsBesideHandTargets) {
+  ServerDescription server = description(true);
+  server.accepts_requests = true;
+  FoxgloveClient client(server, 7);
+  EXPECT_EQ(json::parse(client.greeting()[0])["metadata"]["client_topics"],
+            "/hand_target /run_request");
+  const auto advertise = [&](const char* id, const char* topic, const char* schema) {
+    return client
+        .take_text(std::string(R"({"op":"advertise","channels":[{"id":)") + id + R"(,"topic":")" +
+                   topic + R"(","encoding":"protobuf","schemaName":")" + schema + R"("}]})")
+        .replies;
+  };
+  EXPECT_THAT(advertise("1", "/hand_target", "palpate.v1.HandTarget"), IsEmpty());
+  EXPECT_THAT(advertise("2", "/run_request", "palpate.v1.RunRequest"), IsEmpty());
+  const auto outcome = client.take_binary(std::string("\x01\x02\0\0\0z", 6));
+  EXPECT_EQ(outcome.published, ClientTopic::kRunRequest);
+  EXPECT_EQ(outcome.payload, "z");
+  EXPECT_EQ(client.take_binary(std::string("\x01\x01\0\0\0z", 6)).published,
+            ClientTopic::kHandTarget);
+  // a client cannot take memory with channels
+  for (int id = 10; id < 16; ++id) {
+    EXPECT_THAT(advertise(std::to_string(id).c_str(), "/run_request", "palpate.v1.RunRequest"),
+                IsEmpty());
+  }
+  EXPECT_THAT(advertise("99", "/run_request", "palpate.v1.RunRequest"), SizeIs(1));
+}
+
 TEST_F(FoxgloveClientTest, MayAdvertiseNothingElse) {
   for (const char* wrong :
        {R"("topic":"/cmd","encoding":"protobuf","schemaName":"palpate.v1.HandTarget")",
