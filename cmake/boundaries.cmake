@@ -42,7 +42,8 @@ set(PALPATE_BOUNDARIES
   "mofc_node:common/core,common/contact,common/session/clamped_device.h,common/session/device_profile.h,common/session/mofc_config.h,common/session/rivals_config.h,common/telemetry/mofc_telemetry.h,common/telemetry/metrics.h,mofc_node/controllers,mofc_node/controllers/rivals,mofc_node/tissue"
   "mofc_node/tissue:common/core,common/contact"
   "mofc_node/controllers:"
-  "mofc_node/controllers/rivals:mofc_node/controllers"
+  # installed into one folder with the headers of controllers/, which it names without theirs
+  "mofc_node/controllers/rivals:mofc_node/controllers,force_controller.h,guard_mofc.h"
 
   # surfaces ← files ← scene ← display; the step sees the scene only, and no lock
   # foreign: an engine from elsewhere, of which the scene knows nothing ← sdk: its process

@@ -1,5 +1,6 @@
 #include "mofc_node/controllers/rivals/virtual_coupling.h"
 
+#include <Eigen/LU>
 #include <cmath>
 #include <limits>
 
@@ -7,7 +8,9 @@ namespace palpate::controllers {
 
 namespace {
 
-constexpr int kMostIterations = 12;
+constexpr int kMostIterations = 6;
+constexpr int kMostHalvings = 5;
+constexpr double kDifference_m = 1e-8;
 constexpr double kTolerance_newton = 1e-7;
 constexpr int kFrequencies = 400;
 constexpr int kDampings = 60;
@@ -50,7 +53,6 @@ VirtualCouplingParameters sampled_data_coupling(double b, double T) noexcept {
 void VirtualCoupling::reset() noexcept {
   interval_.reset();
   has_proxy_ = false;
-  inverse_slope_ = Eigen::Matrix3d::Identity() / (p_.K_c + p_.B_c / p_.T);
 }
 
 ControlOutput VirtualCoupling::step(const ControlInput& input) noexcept {
@@ -80,30 +82,30 @@ void VirtualCoupling::solve(const TissueProbe& tissue, const Vector3& x,
     return Vector3(tissue.at(p, (p - proxy_m_) / p_.T).force_on_hand_newton +
                    coupling_newton(x, v, p));
   };
-  // without tissue the answer is exact
+  // without tissue the first answer is exact; with it, Newton's method, its steps halved until they
+  // help, because the force has a kink at the surface
   const double slope = p_.K_c + p_.B_c / p_.T;
-  Vector3 at = proxy_m_ + (p_.K_c * (x - proxy_m_) + p_.B_c * v) / slope;
-  Vector3 r = residual(at);
-  solution_m_ = at;
-  double least = r.norm();
-  for (int i = 0; i < kMostIterations && least > kTolerance_newton; ++i) {
-    const Vector3 moved = inverse_slope_ * r;
-    at += moved;
-    const Vector3 next = residual(at);
-    // G ← G + (s − G y) sᵀG / (sᵀG y), y the fall of the residual
-    const Vector3 fall = r - next;
-    const Vector3 expected = inverse_slope_ * fall;
-    const double scale = moved.dot(expected);
-    if (scale > 1e-6 * moved.squaredNorm()) {
-      inverse_slope_ += (moved - expected) * (moved.transpose() * inverse_slope_) / scale;
-    } else {
-      inverse_slope_ = Eigen::Matrix3d::Identity() / slope;
+  solution_m_ = proxy_m_ + (p_.K_c * (x - proxy_m_) + p_.B_c * v) / slope;
+  Vector3 r = residual(solution_m_);
+  for (int i = 0; i < kMostIterations && r.norm() > kTolerance_newton; ++i) {
+    Eigen::Matrix3d fall;  // −∂r/∂p
+    for (int axis = 0; axis < 3; ++axis) {
+      const Vector3 beside = solution_m_ + kDifference_m * Vector3::Unit(axis);
+      fall.col(axis) = (r - residual(beside)) / kDifference_m;
     }
-    r = next;
-    if (const double norm = r.norm(); norm < least) {
-      least = norm;
-      solution_m_ = at;
+    Vector3 moved = r / slope;
+    if (std::abs(fall.determinant()) > 1e-3 * slope * slope * slope) moved = fall.inverse() * r;
+    bool has_improved = false;
+    for (int k = 0; k < kMostHalvings && !has_improved; ++k) {
+      const Vector3 next = residual(solution_m_ + moved);
+      has_improved = next.norm() < r.norm();
+      if (has_improved) {
+        solution_m_ += moved;
+        r = next;
+      }
+      moved *= 0.5;
     }
+    if (!has_improved) break;
   }
 }
 

@@ -33,7 +33,7 @@ struct VirtualCouplingParameters {
 ///   F_tissue(p′, (p′ − p)/T) + K_c (x − p′) + B_c (v − (p′ − p)/T) = 0,   v = Δx/T
 ///   F = −K_c (x − p′) − B_c (v − (p′ − p)/T)
 ///
-/// solved by a few steps of Broyden's method; what remains is carried by the proxy, not by F.
+/// solved by a few steps of Newton's method; what remains is carried by the proxy, not by F.
 ///
 /// Property: unconditionally stable with passive tissue, whatever its stiffness. Broken by: tissue
 /// that is active, and so by any that is late, lost or hostile; a friction below b. Always softer
@@ -41,9 +41,7 @@ struct VirtualCouplingParameters {
 /// Source: [Colgate95], [Adams99]. Needs the contact model; without one F = F_e.
 class VirtualCoupling final : public ForceController {
  public:
-  explicit VirtualCoupling(const VirtualCouplingParameters& parameters) : p_(parameters) {
-    reset();
-  }
+  explicit VirtualCoupling(const VirtualCouplingParameters& parameters) : p_(parameters) {}
   void reset() noexcept override;
   [[nodiscard]] ControlOutput step(const ControlInput& input) noexcept override;
 
@@ -59,7 +57,6 @@ class VirtualCoupling final : public ForceController {
   bool has_proxy_ = false;
   Vector3 proxy_m_ = Vector3::Zero();     // p
   Vector3 solution_m_ = Vector3::Zero();  // p′
-  Eigen::Matrix3d inverse_slope_;         // Broyden's estimate, kept from step to step
 };
 
 }  // namespace palpate::controllers

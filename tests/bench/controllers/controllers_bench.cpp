@@ -302,10 +302,12 @@ Table truth_table(const std::vector<Contender>& contenders, const std::vector<Ru
 struct Point {
   bool is_safe = true;  // with both hands and all seeds
   double transparency = 0.0;
+  double error = 0.0;
   int seeds = 0;
 };
 
-/// In how many conditions a controller is safe, and no safe one is truer.
+/// In how many conditions a controller is safe; and no safe one is truer, by transparency alone or
+/// by transparency and force error together.
 Table front_table(const std::vector<Contender>& contenders, const std::vector<Run>& runs) {
   using Condition = decltype(std::declval<Run>().condition());
   std::map<Condition, std::map<const Contender*, Point>> points;
@@ -315,31 +317,51 @@ Table front_table(const std::vector<Contender>& contenders, const std::vector<Ru
     point.is_safe = point.is_safe && !run.is_negative();
     if (run.hand != kCalm.label) continue;
     point.transparency += run.statistics.ideal_transparency();
+    point.error += run.statistics.force_error_rms_ratio();
     ++point.seeds;
   }
-  std::map<const Contender*, std::tuple<int, int, int>> counts;  // rows, safe, on the front
+  struct Count {
+    int rows = 0, safe = 0, truest = 0, undominated = 0, local = 0, local_truest = 0;
+  };
+  std::map<const Contender*, Count> counts;
   for (auto& [condition, row] : points) {
-    double best = 0.0;
     for (auto& [contender, point] : row) {
       point.transparency /= std::max(1, point.seeds);
-      if (point.is_safe) best = std::max(best, point.transparency);
+      point.error /= std::max(1, point.seeds);
     }
+    const bool is_local = std::get<1>(condition).ends_with("local");
     for (const auto& [contender, point] : row) {
-      auto& [rows, safe, front] = counts[contender];
-      ++rows;
+      Count& count = counts[contender];
+      ++count.rows;
+      if (is_local) ++count.local;
       if (!point.is_safe) continue;
-      ++safe;
-      if (point.transparency > best - kEqualTransparency) ++front;
+      ++count.safe;
+      bool is_truest = true;
+      bool is_dominated = false;
+      for (const auto& [other, rival] : row) {
+        if (!rival.is_safe) continue;
+        const bool is_truer = rival.transparency >= point.transparency + kEqualTransparency;
+        is_truest = is_truest && !is_truer;
+        is_dominated =
+            is_dominated || (is_truer && rival.error <= point.error - kEqualTransparency);
+      }
+      if (is_truest) ++count.truest;
+      if (is_truest && is_local) ++count.local_truest;
+      if (!is_dominated) ++count.undominated;
     }
   }
   Table table({{"controller", "controller", ""},
                {"conditions", "conditions", "{:.0f}"},
                {"safe", "safe", "{:.0f}"},
-               {"front", "and none truer", "{:.0f}"}});
+               {"truest", "none truer", "{:.0f}"},
+               {"undominated", "none truer with less error", "{:.0f}"},
+               {"local", "local", "{:.0f}"},
+               {"local_truest", "none truer", "{:.0f}"}});
   for (const Contender& contender : contenders) {
-    const auto& [rows, safe, front] = counts[&contender];
-    table.add({contender.label, static_cast<double>(rows), static_cast<double>(safe),
-               static_cast<double>(front)});
+    const Count& count = counts[&contender];
+    table.add({contender.label, static_cast<double>(count.rows), static_cast<double>(count.safe),
+               static_cast<double>(count.truest), static_cast<double>(count.undominated),
+               static_cast<double>(count.local), static_cast<double>(count.local_truest)});
   }
   return table;
 }

@@ -482,9 +482,16 @@ TEST(VirtualCoupling, StabilisesAnyPassiveWallAndRendersItSofter) {
 }
 
 TEST(VirtualCoupling, ActiveTissueGivesTheHandEnergyThroughIt) {
-  const SpringDamper active(200.0, -3.0, true);
+  // twice as stiff on the way out
+  struct Active final : TissueProbe {
+    [[nodiscard]] Force at(const Vector3& x, const Vector3& v) const noexcept override {
+      const double stiffness = v.z() > 0.0 ? 400.0 : 200.0;
+      return {.force_on_hand_newton = {0.0, 0.0, std::max(0.0, -stiffness * x.z())},
+              .stored_energy_joule = 0.0};
+    }
+  } active;
   VirtualCoupling controller(sampled_data_coupling(0.1, 0.001));
-  EXPECT_LT(least_of_strokes(controller, active, {.T = 0.001, .f_d = 0.1}, 0.5, 3000), -5e-3);
+  EXPECT_LT(least_of_strokes(controller, active, {.T = 0.001, .f_d = 0.1}, 0.5, 3000), -2e-3);
 }
 
 TEST(VirtualCoupling, TheProxySolvesItsEquation) {
@@ -503,6 +510,48 @@ TEST(VirtualCoupling, TheProxySolvesItsEquation) {
     EXPECT_NEAR(rig.output.force_on_hand_newton.z(), tissue, 1e-5);
     proxy = now;
   }
+}
+
+// A stiff damper that resists in all directions, entered and left again. Its force begins at once
+// at the surface: there, and only there, no place of the proxy balances it.
+TEST(VirtualCoupling, TheProxyOfAViscousTissueFindsItsWayInAndOut) {
+  struct Viscous final : TissueProbe {
+    [[nodiscard]] Force at(const Vector3& x, const Vector3& v) const noexcept override {
+      if (x.z() >= 0.0) return {};
+      return {.force_on_hand_newton = -45.0 * x.z() * Vector3::UnitZ() - 150.0 * v,
+              .stored_energy_joule = 22.5 * x.z() * x.z()};
+    }
+  } tissue;
+  constexpr VirtualCouplingParameters p{.K_c = 200.0, .B_c = 0.0, .T = 0.001};
+  VirtualCoupling controller(p);
+  Vector3 proxy = Vector3::Zero();
+  Vector3 before = Vector3::Zero();
+  Vector3 acting = Vector3::Zero();
+  double work_joule = 0.0;
+  int unbalanced = 0;
+  for (int k = 0; k < 3000; ++k) {
+    const double t = p.T * k;
+    ControlInput input;
+    input.hand_position_m = {0.01 * std::sin(3.0 * t), 0.005 * std::sin(5.0 * t),
+                             0.002 - 0.01 * std::sin(4.0 * t)};
+    const AppliedStretch stretch{p.T, acting, input.hand_position_m, true};
+    if (k > 0) input.applied = {&stretch, 1};
+    input.tissue = &tissue;
+    if (k > 0) work_joule -= acting.dot(input.hand_position_m - before);
+    before = input.hand_position_m;
+    acting = controller.step(input).force_on_hand_newton;
+    const Vector3 now = controller.proxy_m();
+    if (k > 0) {
+      const Vector3 force = tissue.at(now, (now - proxy) / p.T).force_on_hand_newton;
+      if ((acting - force).norm() > 1e-6) {
+        ++unbalanced;
+        EXPECT_NEAR(now.z(), 0.0, 1e-5);
+      }
+    }
+    proxy = now;
+  }
+  EXPECT_LT(unbalanced, 30);
+  EXPECT_GT(work_joule, 0.0);
 }
 
 }  // namespace
