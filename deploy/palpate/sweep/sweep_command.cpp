@@ -1,6 +1,7 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <cstdio>
+#include <filesystem>
 #include <functional>
 #include <map>
 #include <memory>
@@ -98,6 +99,11 @@ struct ReportCommand {
 
   [[nodiscard]] int run() const {
     const Campaign loaded = campaign.load();
+    if (!std::filesystem::exists(campaign.folder_of(loaded))) {
+      throw SetupError(campaign.folder_of(loaded) +
+                       ": no results yet; compute some with `palpate sweep`, or name their folder "
+                       "with --folder");
+    }
     const Folder folder(campaign.folder_of(loaded), loaded, true);
     Results results(loaded);
     results.refresh(folder.path());
