@@ -137,8 +137,9 @@ std::string json_lines(const Campaign& campaign, const Results& results) {
 }
 
 std::string summary_text(const Campaign& campaign, const Results& results) {
-  std::string text = fmt::format("{}: {} runs of {:g} s, {} cells\n", campaign.name,
-                                 results.known(), campaign.seconds, campaign.cells());
+  std::string text =
+      fmt::format("{}: {} runs of {:g} s, {} cell{}\n", campaign.name, results.known(),
+                  campaign.seconds, campaign.cells(), campaign.cells() == 1 ? "" : "s");
   if (results.needed() < campaign.run_count()) {
     text +=
         fmt::format("  ended at run {}, the first that violates a limit\n", results.needed() - 1);

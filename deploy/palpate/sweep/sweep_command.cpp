@@ -1,14 +1,19 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <cstdio>
+#include <filesystem>
+#include <functional>
+#include <map>
 #include <memory>
 #include <optional>
+#include <stdexcept>
 #include <string>
 #include <thread>
 #include <utility>
 #include <vector>
 
 #include "common/core/check.h"
+#include "common/core/user/output_file.h"
 #include "common/process/options.h"
 #include "common/process/run_node.h"
 #include "common/process/terminal.h"
@@ -52,11 +57,21 @@ struct CampaignOptions {
   }
 };
 
-/// Writes a file that is complete or not there; nothing without a name.
-void write_output(const char* what, const std::string& file, const std::string& text,
-                  bool may_overwrite) {
-  if (!file.empty()) write_file(what, file, text, may_overwrite);
-}
+/// A file that is complete or not there. Construct it before anything is printed: then other text
+/// keeps out of standard output if that is the file. Without a name it is nothing.
+class WholeFile {
+ public:
+  WholeFile(const char* what, const std::string& file, bool may_overwrite) {
+    if (!file.empty()) file_.emplace(what, file, OutputFile::Kind::kWhole, may_overwrite);
+  }
+  void write(const std::function<std::string()>& text) {
+    if (!file_) return;
+    if (!file_->write(text()) || !file_->close()) throw std::runtime_error(file_->complaint());
+  }
+
+ private:
+  std::optional<OutputFile> file_;
+};
 
 // --- report -------------------------------------------------------------------------------------
 
@@ -84,17 +99,21 @@ struct ReportCommand {
 
   [[nodiscard]] int run() const {
     const Campaign loaded = campaign.load();
+    if (!std::filesystem::exists(campaign.folder_of(loaded))) {
+      throw SetupError(campaign.folder_of(loaded) +
+                       ": no results yet; compute some with `palpate sweep`, or name their folder "
+                       "with --folder");
+    }
     const Folder folder(campaign.folder_of(loaded), loaded, true);
     Results results(loaded);
     results.refresh(folder.path());
-    std::string svg;
-    if (!svg_file.empty()) svg = map_svg(loaded, results, map);
+    WholeFile svg("map", svg_file, campaign.may_overwrite);
     std::fputs((map_text(loaded, results, map) + summary_text(loaded, results)).c_str(), stdout);
     if (!results.is_complete()) {
       say(fmt::format("{} of {} runs are missing; `palpate sweep` computes them",
                       results.needed() - results.known(), results.needed()));
     }
-    write_output("map", svg_file, svg, campaign.may_overwrite);
+    svg.write([&] { return map_svg(loaded, results, map); });
     return 0;
   }
 };
@@ -215,6 +234,8 @@ int SweepCommand::run(const Verbosity& verbosity) const {
   check_outputs({{"--csv", csv_file}, {"--json", json_file}},
                 {campaign.file, loaded.session_file.string()}, campaign.may_overwrite);
 
+  WholeFile csv("csv file", csv_file, campaign.may_overwrite);
+  WholeFile json("json file", json_file, campaign.may_overwrite);
   const Folder folder(campaign.folder_of(loaded), loaded, share.second > 0);
   Results results(loaded);
   results.refresh(folder.path());
@@ -239,12 +260,8 @@ int SweepCommand::run(const Verbosity& verbosity) const {
                 static_cast<unsigned long long>(known));
   }
   if (worst > 0) record_worst(loaded, folder, results);
-  if (!csv_file.empty()) {
-    write_output("csv file", csv_file, csv_text(loaded, results), campaign.may_overwrite);
-  }
-  if (!json_file.empty()) {
-    write_output("json file", json_file, json_lines(loaded, results), campaign.may_overwrite);
-  }
+  csv.write([&] { return csv_text(loaded, results); });
+  json.write([&] { return json_lines(loaded, results); });
   return violations(loaded, results) > 0 ? kExitFailure : 0;
 }
 

@@ -68,8 +68,8 @@ class CampaignFolder : public testing::Test {
     return (files_.path() / name).string();
   }
   /// Arguments of a sweep into `folder`, with its table beside it.
-  [[nodiscard]] std::vector<std::string> sweep(const std::string& folder,
-                                               const std::vector<std::string>& more = {}) const {
+  [[nodiscard]] std::vector<std::string> arguments_of(
+      const std::string& folder, const std::vector<std::string>& more = {}) const {
     std::vector<std::string> arguments{"sweep",      campaign_, "--folder",
                                        path(folder), "--csv",   path(folder + ".csv")};
     arguments.insert(arguments.end(), more.begin(), more.end());
@@ -77,7 +77,7 @@ class CampaignFolder : public testing::Test {
   }
   /// The table of a sweep that nothing disturbs.
   [[nodiscard]] std::string undisturbed() const {
-    const Outcome outcome = run_program("palpate", sweep("undisturbed", {"--workers", "1"}));
+    const Outcome outcome = run_program("palpate", arguments_of("undisturbed", {"--workers", "1"}));
     EXPECT_EQ(outcome.status, 0) << outcome.out << outcome.err;
     return text_of(path("undisturbed.csv"));
   }

@@ -73,6 +73,7 @@ class Slurm {
         << "\nSlurmctldPidFile=" << file("ctld.pid") << "\nSlurmdPidFile=" << file("d.pid")
         << "\nSlurmctldPort=" << first_port << "\nSlurmdPort=" << second_port
         << "\nProctrackType=proctrack/pgid\nTaskPlugin=task/none\nSelectType=select/cons_tres\n"
+        << "SelectTypeParameters=CR_Core\n"
         << "ReturnToService=2\nMpiDefault=none\nSwitchType=switch/none\n"
         << "SlurmctldTimeout=30\nSlurmdTimeout=30\nKillWait=1\n"
         << "NodeName=" << host << " NodeAddr=127.0.0.1 CPUs=2 State=UNKNOWN\n"
@@ -148,11 +149,11 @@ TEST_F(SlurmSweep, GivesTheTableOfALocalRunWhateverIsKilledInTheMiddle) {
   Slurm slurm(home.path());
   ASSERT_TRUE(slurm.is_ready()) << slurm.messages();
 
-  Program sweep("palpate", SlurmSweep::sweep("cluster", {"--slurm", "--workers", "2"}));
+  Program collector("palpate", arguments_of("cluster", {"--slurm", "--workers", "2"}));
   const auto lines_reach = [&](int lines) {
     return test::await([&] { return logged_lines(path("cluster")) >= lines; });
   };
-  ASSERT_TRUE(lines_reach(10)) << sweep.err() << slurm.messages();
+  ASSERT_TRUE(lines_reach(10)) << collector.err() << slurm.messages();
   const std::vector<pid_t> tasks = tasks_of(path("cluster"));
   for (const pid_t task : tasks) ::kill(task, SIGSTOP);
   slurm.kill_controller();
@@ -162,9 +163,9 @@ TEST_F(SlurmSweep, GivesTheTableOfALocalRunWhateverIsKilledInTheMiddle) {
   slurm.kill_node();
   slurm.start_node();
 
-  EXPECT_EQ(sweep.wait(std::chrono::seconds(100)), 0) << sweep.err() << slurm.messages();
+  EXPECT_EQ(collector.wait(std::chrono::seconds(100)), 0) << collector.err() << slurm.messages();
   EXPECT_FALSE(tasks.empty());
-  EXPECT_THAT(sweep.err(), HasSubstr("submitted Slurm job"));
+  EXPECT_THAT(collector.err(), HasSubstr("submitted Slurm job"));
   EXPECT_EQ(text_of(path("cluster.csv")), undisturbed());
 }
 

@@ -30,7 +30,7 @@ using Sweep = test::CampaignFolder;
 
 TEST_F(Sweep, WorkersKilledAtRandomLoseNothingAndNothingIsComputedTwice) {
   std::mt19937 random(7);
-  Program sweep("palpate", Sweep::sweep("killed", {"--workers", "2"}));
+  Program sweep("palpate", arguments_of("killed", {"--workers", "2"}));
   int kills = 0;
   // a worker dies whenever a few more runs are done
   for (int lines = 3; lines < kSmallRuns - 20; lines += 10 + static_cast<int>(random() % 15)) {
@@ -52,7 +52,7 @@ TEST_F(Sweep, WorkersKilledAtRandomLoseNothingAndNothingIsComputedTwice) {
 TEST_F(Sweep, ASweepKilledAtRandomGoesOnWhereItWas) {
   test::adopt_orphans();
   for (int lines : {5, 40, 41, 110}) {
-    Program sweep("palpate", Sweep::sweep("killed", {"--workers", "2"}));
+    Program sweep("palpate", arguments_of("killed", {"--workers", "2"}));
     ASSERT_TRUE(test::await([&] { return logged_lines(path("killed")) >= lines; }));
     sweep.send_signal(SIGKILL);
     EXPECT_EQ(sweep.wait(), 128 + SIGKILL);
@@ -60,7 +60,7 @@ TEST_F(Sweep, ASweepKilledAtRandomGoesOnWhereItWas) {
   }
   const int before = logged_lines(path("killed"));
 
-  const Outcome last = run_program("palpate", Sweep::sweep("killed"));
+  const Outcome last = run_program("palpate", arguments_of("killed"));
 
   EXPECT_EQ(last.status, 0) << last.err;
   EXPECT_THAT(last.out, HasSubstr(std::to_string(before) + " from before"));
@@ -69,13 +69,13 @@ TEST_F(Sweep, ASweepKilledAtRandomGoesOnWhereItWas) {
 
 TEST_F(Sweep, CtrlCEndsItAndTheSameCommandGoesOn) {
   {
-    Program sweep("palpate", Sweep::sweep("stopped", {"--workers", "2"}));
+    Program sweep("palpate", arguments_of("stopped", {"--workers", "2"}));
     ASSERT_TRUE(test::await([&] { return logged_lines(path("stopped")) >= 10; }));
     sweep.send_signal(SIGINT);
     EXPECT_EQ(sweep.wait(), 1);
     EXPECT_THAT(sweep.err(), HasSubstr("the same command goes on"));
   }
-  EXPECT_EQ(run_program("palpate", Sweep::sweep("stopped")).status, 0);
+  EXPECT_EQ(run_program("palpate", arguments_of("stopped")).status, 0);
   EXPECT_EQ(text_of(path("stopped.csv")), undisturbed());
   EXPECT_EQ(logged_lines(path("stopped")), kSmallRuns);
 }
@@ -89,7 +89,7 @@ TEST_F(Sweep, ALineThatIsCutOrChangedIsNoResult) {
   std::ofstream(log, std::ios::binary) << text;
 
   const Outcome again =
-      run_program("palpate", Sweep::sweep("undisturbed", {"--overwrite", "--workers", "1"}));
+      run_program("palpate", arguments_of("undisturbed", {"--overwrite", "--workers", "1"}));
 
   EXPECT_EQ(again.status, 0) << again.err;
   EXPECT_THAT(again.out, HasSubstr("2 runs computed"));
@@ -102,7 +102,7 @@ TEST_F(Sweep, SharesComputedApartGiveTheSameTable) {
         run_program("palpate", {"sweep", campaign_, "--folder", path("shared"), "--share", share});
     EXPECT_EQ(outcome.status, 0) << outcome.err;
   }
-  const Outcome collected = run_program("palpate", Sweep::sweep("shared"));
+  const Outcome collected = run_program("palpate", arguments_of("shared"));
 
   EXPECT_THAT(collected.out, HasSubstr("0 runs computed"));
   EXPECT_EQ(text_of(path("shared.csv")), undisturbed());
@@ -113,7 +113,7 @@ TEST_F(Sweep, TheFirstViolationEndsItAndItsLineRepeatsIt) {
   std::string text = test::replaced(test::kSmallCampaign, "at_least: -1\n", "at_least: -1e-6\n");
   campaign_ = files_.write("stop.txtpb", text + "stop_at_violation: true\n");
   const Outcome outcome =
-      run_program("palpate", Sweep::sweep("stop", {"--workers", "2", "--json", path("stop.json")}));
+      run_program("palpate", arguments_of("stop", {"--workers", "2", "--json", path("stop.json")}));
   EXPECT_EQ(outcome.status, 1) << outcome.err;
   EXPECT_THAT(outcome.out, HasSubstr("the first that violates a limit"));
   const Outcome alone = run_program("palpate", {"sweep", campaign_, "--folder", path("alone"),
@@ -145,7 +145,7 @@ vary { name: "stiffness" field: "scene.tissue[0].kelvin_voigt.stiffness_newton_p
 report: "max_force_n"
 report: "ticks"
 )");
-  ASSERT_EQ(run_program("palpate", Sweep::sweep("map")).status, 0);
+  ASSERT_EQ(run_program("palpate", arguments_of("map")).status, 0);
   const Outcome report =
       run_program("palpate", {"sweep", "report", campaign_, "--folder", path("map"), "--quantity",
                               "ticks", "--svg", path("map.svg")});
@@ -168,13 +168,13 @@ TEST_F(Sweep, WhatCannotBeComputedIsRefusedWithPlaceRuleAndRemedy) {
     return outcome.err;
   };
   EXPECT_THAT(complaint(test::replaced(test::kSmallCampaign, "uniform", "unifrm")),
-              HasSubstr("wrong.txtpb:15:"));
+              HasSubstr("wrong.txtpb:14:"));
   EXPECT_THAT(complaint(test::replaced(test::kSmallCampaign, "low: 0.05", "low: 5")),
-              AllOf(HasSubstr("wrong.txtpb:15:"), HasSubstr("high must be above low")));
+              AllOf(HasSubstr("wrong.txtpb:14:"), HasSubstr("high must be above low")));
   EXPECT_THAT(complaint(test::replaced(test::kSmallCampaign, "max_force_n", "max_force")),
-              AllOf(HasSubstr("wrong.txtpb:17:"), HasSubstr("is no quantity; give one of")));
+              AllOf(HasSubstr("wrong.txtpb:16:"), HasSubstr("is no quantity; give one of")));
   EXPECT_THAT(complaint(test::replaced(test::kSmallCampaign, "runs: 80", "runs: 0")),
-              AllOf(HasSubstr("wrong.txtpb:6:"), HasSubstr("≥ 1")));
+              AllOf(HasSubstr("wrong.txtpb:6:"), HasSubstr("must be 1 …")));
   EXPECT_THAT(complaint(test::replaced(test::kSmallCampaign, "mofc.controller=none", "mofc.x=1")),
               HasSubstr("mofc.x"));
   EXPECT_THAT(complaint("name: \"x\" session: \"nowhere.txtpb\" report: \"ticks\""),
@@ -183,7 +183,7 @@ TEST_F(Sweep, WhatCannotBeComputedIsRefusedWithPlaceRuleAndRemedy) {
 
 TEST_F(Sweep, AFolderBelongsToOneCampaignAndATableIsNotReplaced) {
   static_cast<void>(undisturbed());
-  const Outcome twice = run_program("palpate", Sweep::sweep("undisturbed"));
+  const Outcome twice = run_program("palpate", arguments_of("undisturbed"));
   EXPECT_EQ(twice.status, 2);
   EXPECT_THAT(twice.err, HasSubstr("--overwrite"));
   campaign_ = files_.write("other.txtpb",
