@@ -52,6 +52,7 @@ constexpr double kJumpNewton = 0.5;  // and the steepest tissue that is rendered
 constexpr double kJumpNewtonPerM = 1e4;
 constexpr double kEnergyRatio = 0.05;  // of the work done by and on the tissue
 constexpr double kEnergyJoule = 20e-6;
+constexpr std::uint64_t kHopeless = 50;  // refused frames
 constexpr auto kStop = std::chrono::milliseconds(3000);
 
 /// A folder for the session and the ipc files, which $PALPATE_RUN_DIR names from then on.
@@ -152,7 +153,9 @@ class Suite {
   bool start() {
     const TimePoint begin = clock_.now();
     bool has_answer = false;
-    while (!has_answer && engine_->is_running() &&
+    // what cannot be understood will not become better
+    while (!has_answer && engine_->is_running() && mofc_->wrong_stamp().empty() &&
+           mofc_->rejections().total() < kHopeless &&
            to_seconds(clock_.now() - begin) < options_.seconds_to_start) {
       has_answer = mofc_->await_answer(options_.clear_m, 0.1);
     }
@@ -268,7 +271,7 @@ class Suite {
     if (in_the_air > kFreeNewton) {
       problem = fmt::format("{:.3g} N on a tool that touches nothing", in_the_air);
     } else if (force <= kFreeNewton) {
-      problem = "no force where the tool should press: nothing else was tried";
+      problem = "no force where the tool should press, so the other checks say little";
     } else if (range > kRestNewton + kRestRatio * force) {
       problem = fmt::format(
           "the force varies by {:.3g} N on a tool at rest, pressing with {:.3g} N", range, force);

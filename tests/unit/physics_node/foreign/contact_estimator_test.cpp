@@ -43,9 +43,10 @@ TEST(ContactEstimator, KnowsAHalfSpaceAtItsThirdTouch) {
   ASSERT_TRUE(contact);
   EXPECT_NEAR(estimator.stiffness_newton_per_m(), 500.0, 10.0);
   EXPECT_NEAR(contact->penetration_m, 1.7e-3, 0.05e-3);
-  // 5 mm further on
-  const ModelForce ahead = evaluate(*contact, {0, 0, -5e-3}, {0, 0, -0.05}, 0.0);
-  EXPECT_NEAR(ahead.force_on_tool_newton.z(), 500.0 * 6.7e-3, 0.1);
+  // a step further on
+  EXPECT_GT(contact->trust_radius_m, 1e-3);
+  const ModelForce ahead = evaluate(*contact, {0, 0, -1e-3}, {0, 0, -0.05}, 0.0);
+  EXPECT_NEAR(ahead.force_on_tool_newton.z(), 500.0 * 2.7e-3, 0.05);
 }
 
 // The surface is within the last step: half of it, so k is right to a factor of 2.
@@ -77,12 +78,12 @@ TEST(ContactEstimator, FollowsTheCurvatureOfASphere) {
         sphere(Vector3(0.046 * std::sin(angle), 0.0, 0.046 * std::cos(angle)), 0.09 * along));
   }
   ASSERT_TRUE(contact);
-  EXPECT_NEAR(contact->curvature_per_m(1, 1), 1.0 / 0.046, 1.0);
+  EXPECT_NEAR(contact->curvature_per_m(1, 1), 1.0 / 0.046, 2.0);
 }
 
 TEST(ContactEstimator, ExpectsTheSurfaceThatItHasLeft) {
   ContactEstimator estimator;
-  for (const double z_mm : {0.5, -0.2, -0.9, -1.7, -0.8, 0.1}) {
+  for (const double z_mm : {0.5, -0.2, -0.9, -1.7, -2.6, -3.4, -2.7, -2.0, -1.4, -0.8, 0.1}) {
     static_cast<void>(estimator.step(half_space({0, 0, 1e-3 * z_mm}, Vector3::Zero(), 500.0, 0.0)));
   }
   const auto contact = estimator.step(half_space({0.003, 0, 4e-3}, Vector3::Zero(), 500.0, 0.0));
