@@ -1,7 +1,12 @@
 #include "tests/support/adversity.h"
 
+#include <memory>
+#include <utility>
+
+#include "common/core/random.h"
 #include "common/session/session_file.h"
 #include "deploy/campaign/hostile_design.h"
+#include "deploy/lockstep/adversary.h"
 #include "deploy/lockstep/loopback.h"
 
 namespace palpate::test {
@@ -10,8 +15,18 @@ AdverseResult run_adverse(const AdverseRun& run, std::uint64_t seed) {
   Session session =
       load_session(PALPATE_SOURCE_DIR "/deploy/sessions/hostile.txtpb", run.overrides);
   session.seed = seed;
-  const RunReport report = run_loopback(
-      session, {.seconds = run.seconds, .lockstep = {.links = run.links, .has_ideal = false}});
+  LockstepOptions options{.links = run.links, .has_ideal = false};
+  if (run.told) {
+    // the lies are what the engine tells
+    const auto tamperer = std::make_shared<PhysicsTamperer>(
+        std::exchange(session.adversary.physics, HostilePhysics::kHonest),
+        stream_seed(seed, "hostile physics"));
+    options.make_engine = [told = *run.told, tamperer](const Session& of) {
+      return black_box(of, told, [tamperer](Interaction& i) { tamperer->tamper(i); });
+    };
+  }
+  const RunReport report =
+      run_loopback(session, {.seconds = run.seconds, .lockstep = std::move(options)});
   const Side& side = session.side();
   return {.statistics = report.statistics,
           .device = report.device,
@@ -23,6 +38,13 @@ AdverseResult run_adverse(const AdverseRun& run, std::uint64_t seed) {
 
 AdverseRun random_adverse_run(std::uint64_t seed) {
   return {.overrides = campaign::hostile_overrides(seed)};
+}
+
+AdverseRun random_black_box_run(std::uint64_t seed) {
+  AdverseRun run = random_adverse_run(seed);
+  run.told = seed % 2 == 0 ? Told::kForce : Told::kPoints;
+  run.overrides.emplace_back("mofc.interaction=local");
+  return run;
 }
 
 AdverseRun random_lying_run(std::uint64_t seed) {

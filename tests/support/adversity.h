@@ -3,17 +3,22 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "common/telemetry/summary.h"
 #include "deploy/lockstep/lockstep.h"
+#include "tests/support/black_box/black_box.h"
 
 namespace palpate::test {
 
 /// One run. The session's `adversary` attacks, its `faults` are the network.
 struct AdverseRun {
   std::vector<std::string> overrides;  ///< on deploy/sessions/hostile.txtpb
+  /// The physics is an engine from elsewhere that tells this much; the contact models are estimated
+  /// from it. None: physics_node's own.
+  std::optional<Told> told{};
   LockstepLinks links = LockstepLinks::kMemory;
   double seconds = 2.0;
 };
@@ -31,6 +36,8 @@ struct AdverseResult {
 
 /// Of the random design hostile {} (deploy/campaign/hostile_design.h).
 [[nodiscard]] AdverseRun random_adverse_run(std::uint64_t seed);
+/// The same, with a physics from elsewhere, of which only forces, or contact points, are known.
+[[nodiscard]] AdverseRun random_black_box_run(std::uint64_t seed);
 /// The same, with a clamp that lies.
 [[nodiscard]] AdverseRun random_lying_run(std::uint64_t seed);
 

@@ -21,15 +21,38 @@ struct Scene {
   double seconds;
 };
 
+// Pressed to 10 mm and left every 0.7 s: the surface is known after the first touch.
+constexpr const char* kPalpated = R"(
+name: "palpated"
+device { simulated {} }
+hand {
+  sinusoid {
+    amplitude_m { z: 0.01 }
+    frequency_hz { z: 1.5 }
+    phase_rad { z: 1.57 }
+  }
+}
+scene {
+  tissue {
+    half_space {}
+    kelvin_voigt { stiffness_newton_per_m: 500 damping_newton_s_per_m: 1 }
+  }
+}
+)";
+
 std::vector<Scene> scenes() {
-  std::vector<Scene> all;
+  std::vector<Scene> all{{"half-space 500 N/m, 1.5 Hz",
+                          [](const std::vector<std::string>& overrides) {
+                            return parse_session(kPalpated, "palpated", overrides);
+                          },
+                          10.0}};
   for (const TissueScene& scene : tissue_scenes()) {
     const std::string name = scene.name;
     if (name != "500 N/m" && name != "2000 N/m" && name != "stiffening" && name != "sphere 50 mm" &&
         name != "soft/stiff edge") {
       continue;
     }
-    all.push_back({name == "500 N/m" || name == "2000 N/m" ? "half-space " + name : name,
+    all.push_back({name == "500 N/m" || name == "2000 N/m" ? "half-space " + name + ", once" : name,
                    [scene](const std::vector<std::string>& overrides) {
                      return session_of(scene, overrides);
                    },
@@ -58,9 +81,9 @@ constexpr Way kWays[] = {{"force, held", "held", true, Told::kForce},
                          {"own model", "local", false, Told::kForce}};
 
 RunReport run(const Scene& scene, const Way& way) {
-  const Session session = scene.session(
-      {"physics.rate_hz=100", "faults.tool_motion.delay_ms=20", "faults.interaction.delay_ms=20",
-       std::string("mofc.interaction=") + way.interaction});
+  const Session session = scene.session({"physics.rate_hz=100", "faults.tool_motion.delay_ms=20",
+                                         "faults.interaction.delay_ms=20",
+                                         std::string("mofc.interaction=") + way.interaction});
   LoopbackOptions options{.seconds = scene.seconds};
   if (way.is_black_box) {
     options.lockstep.make_engine = [told = way.told](const Session& of) {
