@@ -627,6 +627,13 @@ TEST(DeviceNode, AfterAResetTheDeviceContinuesFromWhereItIs) {
   EXPECT_EQ(bench.node.counters().fault_resets, 1u);
 }
 
+TEST(DeviceNode, TheRecordOfATickSaysWhenItsReadingWasTaken) {
+  Bench bench(device_config());
+  bench.answer_with(Vector3(1, 0, 0));
+  for (int i = 0; i < 3; ++i) bench.tick();
+  EXPECT_EQ(bench.ticks.back().sampled_at, TimePoint(2ms));
+}
+
 TEST(DeviceNode, AResetWithoutAFaultDoesNothing) {
   Bench bench(device_config());
   bench.tick();

@@ -77,6 +77,33 @@ TEST(MonitoredTick, AShorterLeaseEndsWhenItSays) {
   EXPECT_EQ(bench.ticks.back().guard, GuardState::kFallback);
 }
 
+// 1.1 mJ pay for 0.3 N, 0.075 W, for 10 ms; after a fault nothing does.
+TEST(MonitoredTick, AFaultTakesTheCredit) {
+  for (const bool has_fault : {false, true}) {
+    DeviceNodeBench<ScriptedDevice> bench(monitored_config());
+    bench.answer_with(Vector3::Zero());
+    for (int i = 0; i < 100; ++i) {
+      bench.device.position_m = Vector3(1e-4 * (i + 1), 0, 0);
+      bench.tick();
+    }
+    bench.device.fails_to_read = has_fault;
+    bench.tick();
+    bench.device.fails_to_read = false;
+    bench.node.reset_fault();
+    bench.answer_with(Vector3(0, 0.3, 0));
+    bench.tick();
+    EXPECT_EQ(bench.node.counters().monitor_reductions, has_fault ? 1u : 0u);
+  }
+}
+
+// The scripted hand moves at 1 m/s, v_max is 0.5 m/s.
+TEST(MonitoredTick, CountsTheReadingsOfATooFastHand) {
+  DeviceNodeBench<ScriptedDevice> bench(monitored_config());
+  bench.answer_with(Vector3::Zero());
+  for (int i = 0; i < 5; ++i) bench.tick();
+  EXPECT_EQ(bench.node.counters().too_fast_readings, 4u);
+}
+
 TEST(MonitoredTick, DoesNotAllocate) {
   DeviceNodeBench<SimulatedDevice> bench(monitored_config(), SimulatedDeviceConfig{},
                                          HandConfig{.path = HostilePath{}}, 1);
