@@ -93,7 +93,7 @@ struct ReportCommand {
                                                         {"greatest", campaign::Merge::kGreatest}};
     app.add_option("--of", map.merge, "of several runs: mean, least or greatest (default: mean)")
         ->type_name("WHICH")
-        ->transform(CLI::CheckedTransformer(merges));
+        ->transform(CLI::CheckedTransformer(merges).description(""));
     app.add_option("--svg", svg_file, "draw the maps to this file, too")->type_name("FILE");
   }
 
