@@ -133,16 +133,23 @@ std::string physics_environment(const LaunchOptions& options, const Session& ses
   return json.dump();
 }
 
-ChildSpec physics_from_elsewhere(const LaunchOptions& options, const Session& session) {
+/// @param folder  of the nodes
+ChildSpec physics_from_elsewhere(const LaunchOptions& options, const Session& session,
+                                 const fs::path& folder) {
   const std::vector<std::string>& command = session.physics_command;
   const std::string& name = command.front();
-  const bool is_file = name.find('/') != std::string::npos;
-  const std::string program = is_file ? name : boost::process::search_path(name).string();
   std::error_code error;
+  std::string program = name;
+  if (name.find('/') == std::string::npos) {
+    program = fs::is_regular_file(folder / name, error)
+                  ? (folder / name).string()
+                  : boost::process::search_path(name).string();
+  }
   if (program.empty() || fs::is_directory(program, error) || access(program.c_str(), X_OK) != 0) {
     throw SetupError(session.file + ": physics.command: " +
-                     (program.empty() ? name + ": no program of that name in PATH"
-                                      : program + ": is not a program that you may run") +
+                     (program.empty()
+                          ? name + ": no program of that name in PATH or in " + folder.string()
+                          : program + ": is not a program that you may run") +
                      "; install it, or give the path of its file");
   }
   return {.name = "physics",
@@ -187,7 +194,7 @@ std::vector<ChildSpec> nodes_of(const LaunchOptions& options, const Session& ses
     if (session.physics_command.empty()) {
       add("physics");
     } else {
-      children.push_back(physics_from_elsewhere(options, session));
+      children.push_back(physics_from_elsewhere(options, session, folder));
     }
   }
   const std::vector<Side>& sides = session.sides;
