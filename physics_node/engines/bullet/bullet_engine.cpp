@@ -42,8 +42,9 @@ BulletEngine::BulletEngine(const sdk::Setup& setup, const BlockMaterial& materia
   // lengths of Bullet's own scenes are metres: these settings make millimetres work
   world_.getWorldInfo().m_sparsesdf.setDefaultVoxelsz(kVoxel_m);
   world_.getWorldInfo().m_sparsesdf.Reset();
-  world_.setImplicit(true);
-  world_.setLineSearch(false);
+  // of the solver: with that of the world too, contacts would give no impulse
+  deformable_solver_.setImplicit(true);
+  deformable_solver_.setLineSearch(false);
   world_.setUseProjection(true);
   world_.getSolverInfo().m_deformable_erp = 0.2F;
   world_.getSolverInfo().m_deformable_cfm = 0;

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <iterator>
 #include <stdexcept>
 
 namespace palpate::engines {
@@ -114,6 +115,35 @@ std::optional<sdk::Contact> MujocoEngine::contact_of(int contact) const {
                       .force_on_tool_newton = force};
 }
 
+std::vector<sdk::Contact> MujocoEngine::contacts() const {
+  std::vector<sdk::Contact> touching;
+  std::vector<sdk::Contact> nearest;  // of each tissue, without force
+  const auto of_tissue = [](std::vector<sdk::Contact>& list, std::uint32_t tissue) {
+    return std::find_if(list.begin(), list.end(),
+                        [&](const sdk::Contact& contact) { return contact.tissue == tissue; });
+  };
+  for (int i = 0; i < data_->ncon; ++i) {
+    const std::optional<sdk::Contact> contact = contact_of(i);
+    if (!contact) continue;
+    if (!contact->force_on_tool_newton->isZero(0.0)) {
+      touching.push_back(*contact);
+      continue;
+    }
+    const auto known = of_tissue(nearest, contact->tissue);
+    if (known == nearest.end()) {
+      nearest.push_back(*contact);
+    } else if (contact->penetration_m > known->penetration_m) {
+      *known = *contact;
+    }
+  }
+  const auto touches = [&](const sdk::Contact& contact) {
+    return of_tissue(touching, contact.tissue) != touching.end();
+  };
+  std::vector<sdk::Contact> all = touching;
+  std::remove_copy_if(nearest.begin(), nearest.end(), std::back_inserter(all), touches);
+  return all;
+}
+
 sdk::Answer MujocoEngine::step(const sdk::Motion& motion) {
   move_tool(motion);
   for (int i = 0; i < steps_; ++i) mj_step(model_.get(), data_.get());
@@ -122,13 +152,7 @@ sdk::Answer MujocoEngine::step(const sdk::Motion& motion) {
       throw std::runtime_error("the scene has diverged; give it a smaller timestep");
     }
   }
-  sdk::Answer answer;
-  for (int i = 0; i < data_->ncon; ++i) {
-    if (const std::optional<sdk::Contact> contact = contact_of(i)) {
-      answer.contacts.push_back(*contact);
-    }
-  }
-  return answer;
+  return {.contacts = contacts()};
 }
 
 std::vector<sdk::Surface> MujocoEngine::surfaces() { return surfaces_->at_rest(); }

@@ -22,7 +22,8 @@ struct DeleteMujoco {
 /// The scene must have one mocap body named `tool`, with the tip at its origin and the shaft along
 /// its z axis. Its geoms, and those of the body (`probe`) that a weld or connect constraint ties to
 /// it, are the tool; all contacts of these with other geoms are reported with position, normal,
-/// depth and MuJoCo's force. A tool without a probe touches only bodies that can move: MuJoCo
+/// depth and MuJoCo's force. Give these geoms margin = gap = 0.03, so that a tissue is known before
+/// it is touched. A tool without a probe touches only bodies that can move: MuJoCo
 /// computes no force between bodies that cannot.
 ///
 /// A contact model is estimated from the forces: MuJoCo's constraints have no stiffness of their
@@ -42,6 +43,8 @@ class MujocoEngine final : public sdk::Engine {
   void move_tool(const sdk::Motion& motion);
   void place_probe(const sdk::Motion& motion);
   [[nodiscard]] bool is_tool(int geom) const;
+  /// All with force; of each tissue without, the nearest within the margin of the tool's geoms.
+  [[nodiscard]] std::vector<sdk::Contact> contacts() const;
   [[nodiscard]] std::optional<sdk::Contact> contact_of(int contact) const;
   /// Contacts of one tissue share a contact model: the bodies that hang together, or one geom of
   /// the world.
