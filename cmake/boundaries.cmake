@@ -61,10 +61,11 @@ set(PALPATE_BOUNDARIES
   "viewer_node/recording:common/*,viewer_node/feed,@log,@threads"
   "viewer_node/server:common/core,@threads"
 
-  # lockstep, launch ← palpate
+  # lockstep, launch ← conform ← palpate
   "deploy/lockstep:common/*,device_node/*,mofc_node/*,physics_node/*,viewer_node/recording,@zmq,@log,@threads"
   "deploy/launch:common/*,@log,@threads"
-  "deploy/palpate:common/*,deploy/palpate/*,deploy/lockstep,deploy/launch,device_node/*,physics_node/*,viewer_node/process.h,viewer_node/feed,viewer_node/recording,@log,@cli,@threads")
+  "deploy/conform:common/*,deploy/launch,@log,@zmq,@threads"
+  "deploy/palpate:common/*,deploy/palpate/*,deploy/lockstep,deploy/launch,deploy/conform,device_node/*,physics_node/*,viewer_node/process.h,viewer_node/feed,viewer_node/recording,@log,@cli,@threads")
 
 # Every library a target links to, directly or not.
 function(palpate_links_of target result)

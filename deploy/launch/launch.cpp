@@ -9,9 +9,7 @@
 #include <boost/asio/post.hpp>
 #include <boost/asio/signal_set.hpp>
 #include <boost/asio/steady_timer.hpp>
-#include <boost/process/search_path.hpp>
 #include <csignal>
-#include <nlohmann/json.hpp>
 #include <span>
 #include <system_error>
 
@@ -22,6 +20,7 @@
 #include "common/process/run_node.h"
 #include "common/session/session.h"
 #include "common/session/session_file.h"
+#include "deploy/launch/physics_command.h"
 
 namespace palpate {
 namespace {
@@ -87,78 +86,6 @@ class RunFolder {
   int folder_ = -1;
 };
 
-/// The fields of SceneState that follow from the session.
-nlohmann::json scene_of(const Session& session) {
-  constexpr std::size_t kLongestText = 64 << 10;  // Linux allows 128 KiB for one variable
-  const Side& side = session.side();
-  nlohmann::json scene{{"session_name", session.name},
-                       {"session_text", session.text.size() > kLongestText ? "" : session.text},
-                       {"controller", controller_text(side.mofc)},
-                       {"device_rate_hz", side.device.rate_hz},
-                       {"physics_rate_hz", session.physics.rate_hz},
-                       {"peak_force_newton", side.device.peak_force_newton},
-                       {"tip_radius_m", session.scene.tip_radius_m},
-                       {"shaft_length_m", session.scene.shaft_length_m},
-                       {"shaft_radius_m", session.scene.shaft_radius_m},
-                       {"workspace_scale_ratio", side.device.workspace.scale_ratio}};
-  if (const auto& pointer = side.hand.pointer) {
-    const Vector3& center_m = pointer->center_m;
-    scene["pointer"] = {
-        {"center_m", {{"x", center_m.x()}, {"y", center_m.y()}, {"z", center_m.z()}}},
-        {"reach_m", pointer->reach_m},
-        {"speed_m_per_s", pointer->speed_m_per_s},
-        {"holder_timeout_ns", pointer->holder_timeout.count()}};
-  }
-  return scene;
-}
-
-/// What a physics from elsewhere has to know, as docs/extending.md describes it.
-std::string physics_environment(const LaunchOptions& options, const Session& session) {
-  nlohmann::json sides = nlohmann::json::array();
-  for (const Side& side : session.sides) {
-    sides.push_back({{"name", side.name},
-                     {"tool_motion", side.links.tool_motion},
-                     {"interaction", side.links.interaction}});
-  }
-  nlohmann::json json{{"session", fs::absolute(options.session_file).lexically_normal().string()},
-                      {"overrides", options.overrides},
-                      {"rate_hz", session.physics.rate_hz},
-                      {"sides", sides},
-                      {"physics_telemetry", session.physics_telemetry},
-                      {"insecure", options.is_insecure},
-                      {"scene", scene_of(session)}};
-  if (!session.security.key_folder.empty()) {
-    json["key_folder"] = fs::absolute(session.security.key_folder).lexically_normal().string();
-  }
-  return json.dump();
-}
-
-/// @param folder  of the nodes
-ChildSpec physics_from_elsewhere(const LaunchOptions& options, const Session& session,
-                                 const fs::path& folder) {
-  const std::vector<std::string>& command = session.physics_command;
-  const std::string& name = command.front();
-  std::error_code error;
-  std::string program = name;
-  if (name.find('/') == std::string::npos) {
-    program = fs::is_regular_file(folder / name, error)
-                  ? (folder / name).string()
-                  : boost::process::search_path(name).string();
-  }
-  if (program.empty() || fs::is_directory(program, error) || access(program.c_str(), X_OK) != 0) {
-    throw SetupError(session.file + ": physics.command: " +
-                     (program.empty()
-                          ? name + ": no program of that name in PATH or in " + folder.string()
-                          : program + ": is not a program that you may run") +
-                     "; install it, or give the path of its file");
-  }
-  return {.name = "physics",
-          .program = program,
-          .arguments = {command.begin() + 1, command.end()},
-          .environment = {{"PALPATE_PHYSICS", physics_environment(options, session)}},
-          .folder = fs::absolute(options.session_file).lexically_normal().parent_path()};
-}
-
 std::vector<ChildSpec> nodes_of(const LaunchOptions& options, const Session& session) {
   std::vector<std::string> arguments = {"--session", options.session_file.string()};
   for (const std::string& assignment : options.overrides) {
@@ -194,7 +121,8 @@ std::vector<ChildSpec> nodes_of(const LaunchOptions& options, const Session& ses
     if (session.physics_command.empty()) {
       add("physics");
     } else {
-      children.push_back(physics_from_elsewhere(options, session, folder));
+      children.push_back(physics_from_elsewhere(session, options.session_file, options.overrides,
+                                                options.is_insecure));
     }
   }
   const std::vector<Side>& sides = session.sides;

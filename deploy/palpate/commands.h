@@ -48,6 +48,7 @@ template <class Work>
 [[nodiscard]] Command add_report_command(CLI::App& app);
 [[nodiscard]] Command add_identify_command(CLI::App& app);
 [[nodiscard]] Command add_scene_check_command(CLI::App& app);
+[[nodiscard]] Command add_conform_command(CLI::App& app);
 [[nodiscard]] Command add_doctor_command(CLI::App& app);
 [[nodiscard]] Command add_keygen_command(CLI::App& app);
 [[nodiscard]] Command add_make_organ_command(CLI::App& app);

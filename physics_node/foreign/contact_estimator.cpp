@@ -103,9 +103,6 @@ std::optional<Contact> ContactEstimator::touch(const Observation& seen, const Ve
   last_ = here;
   if (is_compared) place_ = here;
   free_at_m_.reset();
-  if (compared_ >= kProbation && slope_error_newton_per_m() > kNoModel * k_) {
-    return held_contact(seen.force_on_tool_newton);
-  }
   return contact;
 }
 
@@ -131,11 +128,14 @@ void ContactEstimator::compare(const Observation& seen, const Place& here) noexc
   const Vector3 slid = moved - mean_normal.dot(moved) * mean_normal;
   const double deeper_m = here.depth_m - place_.depth_m;
 
+  place_.model.trust_radius_m = moved.norm();  // the law itself, however far
   const ModelForce predicted = evaluate(place_.model, moved, seen.velocity_m_per_s, 0.0);
   const double error = (seen.force_on_tool_newton - predicted.force_on_tool_newton).squaredNorm() /
                        moved.squaredNorm();
-  error2_ += kErrorWeight * (error - error2_);
-  mean_newton_ += kErrorWeight * (here.newton - mean_newton_);
+  // the first one replaces the guess
+  const double weight = std::max(kErrorWeight, 1.0 / static_cast<double>(compared_ + 1));
+  error2_ += weight * (error - error2_);
+  mean_newton_ += weight * (here.newton - mean_newton_);
 
   const double kept = std::exp(-std::abs(deeper_m) / kDepthMemory_m - slid.norm() / kSlideMemory_m);
   const double p = deeper_m / kDepthUnit_m;
@@ -213,8 +213,10 @@ Contact ContactEstimator::model(const Vector3& normal, double penetration_m) con
 }
 
 double ContactEstimator::trust_radius_m() const noexcept {
-  return std::clamp(kTrustedError * mean_newton_ / std::max(slope_error_newton_per_m(), 1e-3),
-                    kLeastTrust_m, kMostTrust_m);
+  const double error = slope_error_newton_per_m();
+  if (error > kNoModel * k_) return kLeastTrust_m;
+  const double newton = std::max(mean_newton_, last_.newton);
+  return std::clamp(kTrustedError * newton / std::max(error, 1e-3), kLeastTrust_m, kMostTrust_m);
 }
 
 }  // namespace palpate::physics

@@ -122,6 +122,18 @@ std::string transparency_table(const std::vector<json>& outputs) {
 
 // --- surfaces and tissues over a disturbed network ------------------------------------------
 
+std::string black_box_table(const std::vector<json>& outputs) {
+  std::vector<Cells> rows;
+  for (const json& row : outputs.at(0)) {
+    const std::string tissue = text(row, "tissue");
+    if (rows.empty() || rows.back().front() != tissue) rows.push_back({tissue});
+    rows.back().push_back(fixed(row, "capped_transparency", 3));
+  }
+  return markdown({"transparency", "force, held", "force, model estimated",
+                   "points, model estimated", "its own model"},
+                  rows);
+}
+
 std::string disturbed_table(const std::vector<json>& outputs) {
   const json& rows = outputs.at(0).at("rows");
   std::vector<std::string> scenes;
@@ -439,6 +451,9 @@ std::vector<DocFigures> doc_figures() {
       {.name = "transparency",
        .commands = {"transparency_bench --quick"},
        .table = transparency_table},
+      {.name = "black_box",
+       .commands = {"transparency_bench --black-box"},
+       .table = black_box_table},
       {.name = "disturbed",
        .commands = {"transparency_bench --disturbed --excerpt"},
        .table = disturbed_table},

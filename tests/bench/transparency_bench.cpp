@@ -15,6 +15,7 @@
 #include "common/telemetry/summary.h"
 #include "deploy/lockstep/loopback.h"
 #include "tests/bench/bench_output.h"
+#include "tests/bench/black_box/black_box_rows.h"
 #include "tests/bench/disturbed/disturbed.h"
 #include "tests/bench/tissue_scenes.h"
 
@@ -248,8 +249,14 @@ int main(int argc, char** argv) {
       ->needs("--disturbed");
   app.add_flag("--excerpt", rows.is_excerpt, "of these, the rows of the documents")
       ->needs("--disturbed");
+  bool is_black_box = false;
+  app.add_flag("--black-box", is_black_box,
+               "instead: physics of which only the force is known, 100 Hz, 20 ms each way")
+      ->excludes("--disturbed");
   return palpate::bench::run_bench(app, options, argc, argv, [&] {
-    if (disturbed == "sessions") {
+    if (is_black_box) {
+      palpate::bench::run_black_box(options);
+    } else if (disturbed == "sessions") {
       palpate::bench::run_disturbed_sessions(options);
     } else if (disturbed == "surfaces") {
       palpate::bench::run_disturbed(options, meshes, rows);

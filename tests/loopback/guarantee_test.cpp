@@ -93,6 +93,18 @@ TEST_P(Guarantee, NoHandWithinVMaxIsGivenEnergyByAClampThatLies) {
   tally.print("lying clamp", GetParam());
 }
 
+TEST_P(Guarantee, NoHandWithinVMaxIsGivenEnergyByAModelEstimatedFromAnEngineThatLies) {
+  Tally tally;
+  for (std::uint64_t i = 0; i < lying_runs_per_shard(); ++i) {
+    const std::uint64_t seed = seed_of(GetParam(), i);
+    const AdverseResult result = run_adverse(random_black_box_run(seed), seed);
+    if (!tally.add(result)) continue;
+    EXPECT_GE(result.statistics.minimum_true_energy_joule(), -kRoundingJoule) << "seed=" << seed;
+    EXPECT_EQ(result.device.monitor_reductions, 0U) << "seed=" << seed;
+  }
+  tally.print("lying engine", GetParam());
+}
+
 bool has_friction_per_axis(const AdverseRun& run) {
   return std::any_of(run.overrides.begin(), run.overrides.end(), [](const std::string& override) {
     return override.find("per_axis") != std::string::npos;

@@ -28,6 +28,10 @@ class Launch(TestCase):
         self.assertGreaterEqual(run["min_true_energy_j"], -1e-6)
         self.assertEqual(run["restarts"]["physics"], 0)
 
+    def test_the_example_conforms(self) -> None:
+        with self.running("palpate", "conform", "physics", "--", EXAMPLE) as conform:
+            self.assertEqual(conform.process.wait(2 * DEADLINE_S), 0, conform.err)
+
     def test_renders_ends_the_force_when_killed_and_renders_again_when_restarted(self) -> None:
         session = self.python_session()
         with palpate.Telemetry(session) as telemetry, self.running(

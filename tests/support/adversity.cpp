@@ -232,7 +232,11 @@ AdverseResult run_adverse(const AdverseRun& run, std::uint64_t seed) {
   const double period_s = 1.0 / session.side().device.rate_hz;
 
   LockstepOptions options{.links = run.links};
-  if (run.physics != Physics::kHonest) {
+  if (run.told) {
+    options.make_engine = [told = *run.told, tamperer](const Session& of) {
+      return black_box(of, told, [tamperer](Interaction& i) { tamperer->tamper(i); });
+    };
+  } else if (run.physics != Physics::kHonest) {
     options.tamper_with_interaction = [tamperer](Interaction& i) { tamperer->tamper(i); };
   }
   if (run.clamp != Clamp::kHonest) {
@@ -426,6 +430,13 @@ AdverseRun random_adverse_run(std::uint64_t seed) {
     set_axes("device.simulated.viscous_per_axis_newton_s_per_m", profile_f_d.cwiseProduct(more));
     set_axes("device.simulated.coulomb_per_axis_newton", profile_f_co.cwiseProduct(more));
   }
+  return run;
+}
+
+AdverseRun random_black_box_run(std::uint64_t seed) {
+  AdverseRun run = random_adverse_run(seed);
+  run.told = seed % 2 == 0 ? Told::kForce : Told::kPoints;
+  run.overrides.emplace_back("mofc.interaction=local");
   return run;
 }
 

@@ -3,11 +3,13 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "common/telemetry/summary.h"
 #include "deploy/lockstep/lockstep.h"
+#include "tests/support/black_box/black_box.h"
 
 namespace palpate::test {
 
@@ -39,6 +41,9 @@ struct AdverseRun {
   std::vector<std::string> overrides;  ///< on hostile_session()
   Physics physics = Physics::kHonest;
   Clamp clamp = Clamp::kHonest;
+  /// The physics is an engine from elsewhere that tells this much; the contact models are estimated
+  /// from it. None: physics_node's own.
+  std::optional<Told> told{};
   double tick_jitter = 0.0;      ///< each tick begins up to this share of a period late, 0 … 0.5
   double late_tick_ratio = 0.0;  ///< share of ticks that begin 1 … 5 periods late
   LockstepLinks links = LockstepLinks::kMemory;
@@ -65,6 +70,8 @@ struct AdverseResult {
 /// encoder, workspace, scene, network, scheduler and physics, true friction at or above the
 /// profile.
 [[nodiscard]] AdverseRun random_adverse_run(std::uint64_t seed);
+/// The same, with a physics from elsewhere, of which only forces, or contact points, are known.
+[[nodiscard]] AdverseRun random_black_box_run(std::uint64_t seed);
 /// The same, with a clamp that lies.
 [[nodiscard]] AdverseRun random_lying_run(std::uint64_t seed);
 

@@ -6,10 +6,24 @@ pushes. The wire is described in docs/wire.md, the use of this package in docs/e
 
 from .contact import Contact
 from .errors import SetupError, run
+from .estimator import ContactEstimator, Estimate
 from .physics import Motion, Physics
 from .recording import Recording
 from .loopback_run import loopback
 from .scene import Surface
 from .telemetry import Batch, Telemetry
 
-__all__ = ["Batch", "Contact", "Motion", "Physics", "Recording", "SetupError", "Surface", "Telemetry", "loopback", "run"]
+__all__ = [
+    "Batch",
+    "Contact",
+    "ContactEstimator",
+    "Estimate",
+    "Motion",
+    "Physics",
+    "Recording",
+    "SetupError",
+    "Surface",
+    "Telemetry",
+    "loopback",
+    "run",
+]

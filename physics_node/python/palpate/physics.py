@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .contact import Contact, _number, _put, _vector
 from .errors import SetupError
+from .estimator import ContactEstimator
 from .links import Keys, Links, Subscribers
 from .scene import SceneDisplay, Surface
 from .session import SideLinks, session_links
@@ -57,6 +58,7 @@ class _Side:
         self.motions = links.open("tool_motion", side.tool_motion, binds=True)
         interactions = links.open("interaction", side.interaction, binds=True)
         self.receivers = Subscribers(interactions)
+        self.estimator = ContactEstimator()
         self.newest: Optional[tool_motion_pb2.ToolMotion] = None
         self.motion: Optional[Motion] = None
         self.session_id = 0
@@ -160,6 +162,7 @@ class Physics:
     :param session: session file; None: what `palpate launch` gave (physics.command)
     :param surfaces: what viewers draw, under `palpate launch` only
     :param insecure: allow tcp beyond loopback without keys
+    :param estimate: make a contact model of what reply() gives as a force alone
     :raises SetupError: wrong session, endpoint in use, keys that do not fit
     """
 
@@ -169,6 +172,7 @@ class Physics:
         *,
         surfaces: Sequence[Surface] = (),
         insecure: bool = False,
+        estimate: bool = True,
     ) -> None:
         config = session_links(session, insecure)
         self.rate_hz = config.rate_hz
@@ -177,6 +181,7 @@ class Physics:
         self._period_ns = round(1e9 / self.rate_hz)
         self._session_id = secrets.randbits(64) or 1
         self._is_stopped = False
+        self._has_estimate = estimate
         keys = Keys(config.key_folder, "physics") if config.key_folder is not None else None
         self._links = Links(keys, config.insecure)
         try:
@@ -257,8 +262,8 @@ class Physics:
         """Answers the motion that was yielded last.
 
         :param force: (3,) N on the tool, W, of all tissues, ±1e4; None: the sum of the contacts
-        :param contacts: models of the tissues touched or near, at most 8. Without them the force is
-            held until the next reply: give the session mofc { interaction: held }
+        :param contacts: models of the tissues touched or near, at most 8. Without them one is
+            estimated from the forces so far (docs/extending.md)
         :param stored_energy: J, elastic, of all tissues, 0 … 1000; None: the sum of the contacts
         :raises ValueError: a value is not finite or out of range; nothing was sent
         """
@@ -288,6 +293,13 @@ class Physics:
         for one in sorted(contacts, key=lambda contact: -contact.penetration):
             one.fill(message.contacts.add(), motion.velocity)
         message.contact_count = sum(one.penetration > 0.0 for one in contacts)
+        if not contacts and self._has_estimate:
+            estimate = side.estimator.step(motion.position, motion.velocity, total)
+            if estimate is not None:
+                estimate.fill(message.contacts.add(), total)
+                message.contact_count = int(estimate.penetration > 0.0)
+                if stored_energy is None and message.contact_count:
+                    energy = message.contacts[0].stored_energy_joule
         message.answers.CopyFrom(side.newest.device)
         message.tool_position_world_m.CopyFrom(side.newest.tool_position_world_m)
         message.tool_orientation_world.CopyFrom(side.newest.tool_orientation_world)

@@ -52,5 +52,41 @@ TEST(Install, TheControllersByThemselvesServeAnotherProject) {
   EXPECT_EQ(built.status, 0) << built.output;
 }
 
+// The example as a project of its own, out of the installed tree alone.
+TEST(Install, APhysicsOfOnesOwnIsBuiltAndConforms) {
+  const test::TempFolder files;
+  const std::string prefix = (files.path() / "prefix").string();
+  const CommandResult installed = run_cmake(
+      "--install '" PALPATE_BUILD_DIR "' --component physics --prefix '" + prefix + "'");
+  ASSERT_EQ(installed.status, 0) << installed.output;
+  const std::string source = prefix + "/share/palpate/examples/half_space";
+  const std::string build = (files.path() / "build").string();
+
+  const CommandResult configured = run_cmake("-G Ninja -S '" + source + "' -B '" + build +
+                                             "' -DCMAKE_PREFIX_PATH='" + prefix + "'");
+  ASSERT_EQ(configured.status, 0) << configured.output;
+  const CommandResult built = run_cmake("--build '" + build + "'");
+  ASSERT_EQ(built.status, 0) << built.output;
+  const CommandResult conforms = test::run_command(
+      "'" PALPATE_BUILD_DIR "/bin/palpate' conform physics -- '" + build + "/half_space'");
+
+  EXPECT_EQ(conforms.status, 0) << conforms.output;
+}
+
+TEST(Install, SaysWhichComponentIsNotThere) {
+  const test::TempFolder files;
+  const std::string prefix = (files.path() / "prefix").string();
+  const CommandResult installed = run_cmake(
+      "--install '" PALPATE_BUILD_DIR "' --component controllers --prefix '" + prefix + "'");
+  ASSERT_EQ(installed.status, 0) << installed.output;
+  const std::string project = PALPATE_SOURCE_DIR "/physics_node/sdk/examples/half_space";
+  const CommandResult configured =
+      run_cmake("-S '" + project + "' -B '" + (files.path() / "build").string() +
+                "' -DCMAKE_PREFIX_PATH='" + prefix + "'");
+  EXPECT_NE(configured.status, 0);
+  EXPECT_NE(configured.output.find("component physics is not installed here"), std::string::npos)
+      << configured.output;
+}
+
 }  // namespace
 }  // namespace palpate

@@ -51,3 +51,12 @@ test("a physics in Node.js renders its tissue, is restarted when killed, and end
     rmSync(folder, { recursive: true, force: true });
   }
 });
+
+test("a physics in Node.js conforms", kLimit, async () => {
+  const conform = spawn(join(bin, "palpate"), ["conform", "physics", "--", "node", join(root, "tests/web/support/physics_node.mjs"),
+    join(root, "proto")], { stdio: ["ignore", "pipe", "pipe"] });
+  let found = "";
+  conform.stdout.on("data", (data) => { found += data; });
+  conform.stderr.on("data", (data) => { found += data; });
+  assert.deepEqual(await once(conform, "exit"), [0, null], found);
+});

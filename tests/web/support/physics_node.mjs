@@ -61,6 +61,7 @@ async function answer(motion) {
 
 // --- hop 2: the newest motion counts
 let newest;
+let heard_at = 0; // ms, the session of the newest
 let is_busy = false;
 let answered_at = 0;
 async function answer_newest() {
@@ -77,6 +78,8 @@ async function follow() {
       const motion = ToolMotion.decode(frames[0].subarray(1));
       if (motion.header?.protocol_major !== 1 || !motion.device || !Number.isFinite(motion.tool_position_world_m?.z)) continue;
       const is_same = newest?.header.session_id.equals(motion.header.session_id);
+      if (newest && !is_same && performance.now() - heard_at < 100) continue; // a second mofc_node
+      heard_at = performance.now();
       if (is_same && motion.header.sequence.lessThanOrEqual(newest.header.sequence)) continue;
       newest = motion;
       setImmediate(answer_newest);

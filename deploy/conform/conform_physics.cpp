@@ -1,0 +1,447 @@
+#include "deploy/conform/conform_physics.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <csignal>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <numbers>
+#include <optional>
+#include <utility>
+#include <zmq.hpp>
+
+#include "common/core/check.h"
+#include "common/process/process_links.h"
+#include "common/process/run_node.h"
+#include "common/session/session_file.h"
+#include "deploy/conform/engine_process.h"
+#include "deploy/conform/mofc_side.h"
+#include "deploy/launch/physics_command.h"
+
+namespace palpate {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kSession = R"(# what `palpate conform physics` gives to the physics
+name: "conform"
+device { simulated {} }
+physics { rate_hz: 500 }
+scene {
+  tissue {
+    name: "half-space"
+    half_space {}
+    kelvin_voigt { stiffness_newton_per_m: 400 damping_newton_s_per_m: 1 }
+  }
+}
+)";
+
+constexpr double kPress_s = 0.3;  // from clear to pressed
+constexpr double kCircleRadius_m = 3e-3;
+constexpr double kLongestSilence_s = 0.15;  // mofc.stale_after_ms at its least
+constexpr double kMostDelay_s = 0.02;       // or three periods
+constexpr double kFreeNewton = 0.01;
+constexpr double kRestNewton = 0.02;  // and 5 % of the force
+constexpr double kRestRatio = 0.05;
+constexpr double kJumpNewton = 0.5;  // and the steepest tissue that is rendered well
+constexpr double kJumpNewtonPerM = 1e4;
+constexpr double kEnergyRatio = 0.05;  // of the work done by and on the tissue
+constexpr double kEnergyJoule = 20e-6;
+constexpr std::uint64_t kHopeless = 50;  // refused frames
+constexpr auto kStop = std::chrono::milliseconds(3000);
+
+/// A folder for the session and the ipc files, which $PALPATE_RUN_DIR names from then on.
+class Workplace {
+ public:
+  Workplace() {
+    std::string name = (fs::temp_directory_path() / "palpate_conform_XXXXXX").string();
+    if (mkdtemp(name.data()) == nullptr) throw SetupError(name + ": no such folder can be made");
+    path_ = name;
+    setenv("PALPATE_RUN_DIR", name.c_str(), 1);  // NOLINT(concurrency-mt-unsafe): one thread yet
+  }
+  ~Workplace() {
+    std::error_code error;
+    fs::remove_all(path_, error);
+  }
+  Workplace(const Workplace&) = delete;
+  Workplace& operator=(const Workplace&) = delete;
+  [[nodiscard]] const fs::path& path() const { return path_; }
+
+ private:
+  fs::path path_;
+};
+
+double smooth(double share) {
+  const double s = std::clamp(share, 0.0, 1.0);
+  return 0.5 - 0.5 * std::cos(std::numbers::pi * s);
+}
+
+class Suite {
+ public:
+  explicit Suite(const ConformOptions& options) : options_(options) {
+    fs::path file = options.session_file;
+    if (file.empty()) {
+      file = workplace_.path() / "conform.txtpb";
+      std::ofstream(file) << kSession;
+    }
+    session_ = load_session(file, options.overrides);
+    for (std::string word : options.command) {
+      if (word == "{session}") word = fs::absolute(file).string();
+      session_.physics_command.push_back(std::move(word));
+    }
+    std::vector<std::string>& command = session_.physics_command;
+    command.erase(command.begin(),
+                  command.end() - static_cast<std::ptrdiff_t>(options.command.size()));
+    if (command.front().find('/') != std::string::npos) {
+      command.front() = fs::absolute(command.front()).string();
+    }
+    fs::create_directories(run_folder(session_.name));
+    program_ =
+        physics_from_elsewhere(session_, file, options.overrides, session_.security.may_be_plain);
+    program_.folder = fs::current_path();
+    context_ = std::make_unique<ZmqContext>(tcp_rules(session_.security, {KeyRole::kDevice}));
+  }
+
+  std::vector<ConformFinding> run() {
+    engine_ = std::make_unique<EngineProcess>(program_);
+    connect();
+    if (!start()) return findings_;
+    move();
+    rest();
+    silence();
+    motion_findings();
+    peers();
+    restart_of_mofc();
+    restart_of_physics();
+    stop();
+    return findings_;
+  }
+
+ private:
+  void find(const std::string& check, const std::string& problem, const std::string& good,
+            const std::string& remedy) {
+    findings_.push_back({.check = check,
+                         .is_good = problem.empty(),
+                         .text = problem.empty() ? good : problem,
+                         .remedy = problem.empty() ? "" : remedy});
+    if (options_.on_finding) options_.on_finding(findings_.back());
+  }
+
+  void find_stamps() {
+    find("stamps", mofc_->wrong_stamp(), "every answer echoes a motion, in order",
+         "see Interaction in docs/wire.md");
+  }
+  void find_frames() {
+    const Rejections& refused = mofc_->rejections();
+    find("frames",
+         refused.total() == 0
+             ? ""
+             : fmt::format("{} frames refused: {}", refused.total(), explain(refused.latest())),
+         "every frame is within the ranges of the wire", "see the ranges in docs/wire.md");
+  }
+
+  void connect() {
+    mofc_.reset();  // one writer at a time
+    mofc_ = std::make_unique<MofcSide>(*context_, session_.side(), clock_, random_session_id());
+  }
+
+  bool start() {
+    const TimePoint begin = clock_.now();
+    bool has_answer = false;
+    // what cannot be understood will not become better
+    while (!has_answer && engine_->is_running() && mofc_->wrong_stamp().empty() &&
+           mofc_->rejections().total() < kHopeless &&
+           to_seconds(clock_.now() - begin) < options_.seconds_to_start) {
+      has_answer = mofc_->await_answer(options_.clear_m, 0.1);
+    }
+    std::string problem;
+    if (!engine_->is_running()) {
+      const int status = engine_->wait(std::chrono::milliseconds(0)).value_or(0);
+      problem = fmt::format("it ended with status {} before its first answer", status);
+    } else if (!has_answer) {
+      problem = fmt::format("no answer within {:g} s", options_.seconds_to_start);
+      // it speaks, but not so that it is understood
+      if (mofc_->rejections().total() > 0) {
+        find_frames();
+        return false;
+      }
+      if (!mofc_->wrong_stamp().empty()) {
+        find_stamps();
+        return false;
+      }
+    }
+    find("start", problem,
+         fmt::format("first answer after {:.1f} s", to_seconds(clock_.now() - begin)),
+         "bind links.tool_motion and links.interaction of PALPATE_PHYSICS, read its message above, "
+         "see docs/wire.md");
+    return problem.empty();
+  }
+
+  /// Between the clear place (0) and the pressed one (1).
+  [[nodiscard]] Vector3 between(double share) const {
+    return options_.clear_m + share * (options_.press_m - options_.clear_m);
+  }
+
+  void move() {
+    static_cast<void>(mofc_->take_trace());
+    for (int i = 0; i < 2; ++i) {
+      mofc_->follow(
+          [this](double t_s) {
+            return between(t_s < kPress_s ? smooth(t_s / kPress_s)
+                                          : smooth((2.0 * kPress_s - t_s) / kPress_s));
+          },
+          2.0 * kPress_s);
+    }
+    press_ = mofc_->take_trace();
+
+    mofc_->follow([this](double t_s) { return between(smooth(t_s / kPress_s)); }, kPress_s + 0.1);
+    std::vector<AnsweredPlace> down = mofc_->take_trace();
+    // round, across the direction of the press, back to where it began
+    const Vector3 axis = (options_.press_m - options_.clear_m).normalized();
+    const Vector3 x = axis.unitOrthogonal();
+    const Vector3 y = axis.cross(x);
+    mofc_->follow(
+        [&](double t_s) {
+          const double angle = 2.0 * std::numbers::pi * smooth(t_s / 0.5);
+          return Vector3(options_.press_m +
+                         kCircleRadius_m * ((std::cos(angle) - 1.0) * x + std::sin(angle) * y));
+        },
+        0.6);
+    circle_ = mofc_->take_trace();
+    for (const auto* trace : {&press_, &down, &circle_}) {
+      std::optional<AnsweredPlace> before;
+      for (const AnsweredPlace& now : *trace) {
+        if (before) note_jump(*before, now);
+        before = now;
+      }
+    }
+  }
+
+  void note_jump(const AnsweredPlace& before, const AnsweredPlace& now) {
+    const double jump = (now.force_newton - before.force_newton).norm();
+    const double moved = (now.position_m - before.position_m).norm();
+    if (jump <= kJumpNewton + kJumpNewtonPerM * moved || jump <= worst_jump_newton_) return;
+    worst_jump_newton_ = jump;
+    worst_jump_m_ = moved;
+  }
+
+  /// Work of the tissue on the tool along the trace, and of both signs together.
+  static std::pair<double, double> work_joule(const std::vector<AnsweredPlace>& trace) {
+    double sum = 0.0;
+    double size = 0.0;
+    for (std::size_t i = 1; i < trace.size(); ++i) {
+      const double work = 0.5 * (trace[i].force_newton + trace[i - 1].force_newton)
+                                    .dot(trace[i].position_m - trace[i - 1].position_m);
+      sum += work;
+      size += std::abs(work);
+    }
+    return {sum, size};
+  }
+
+  void rest() {
+    mofc_->follow([this](double) { return options_.press_m; }, 0.4);
+    std::vector<AnsweredPlace> pressed = mofc_->take_trace();
+    pressed.erase(pressed.begin(),
+                  pressed.begin() + static_cast<std::ptrdiff_t>(pressed.size() / 3));
+    mofc_->follow([this](double t_s) { return between(1.0 - smooth(t_s / kPress_s)); },
+                  kPress_s + 0.1);
+    static_cast<void>(mofc_->take_trace());
+    mofc_->follow([this](double) { return options_.clear_m; }, 0.2);
+    const std::vector<AnsweredPlace> free = mofc_->take_trace();
+
+    Vector3 least = Vector3::Constant(1e9);
+    Vector3 most = -least;
+    double force = 0.0;
+    for (const AnsweredPlace& one : pressed) {
+      least = least.cwiseMin(one.force_newton);
+      most = most.cwiseMax(one.force_newton);
+      force = std::max(force, one.force_newton.norm());
+    }
+    pressed_newton_ = force;
+    const double range = pressed.empty() ? 0.0 : (most - least).norm();
+    double in_the_air = 0.0;
+    for (const AnsweredPlace& one : free)
+      in_the_air = std::max(in_the_air, one.force_newton.norm());
+    std::string problem;
+    if (in_the_air > kFreeNewton) {
+      problem = fmt::format("{:.3g} N on a tool that touches nothing", in_the_air);
+    } else if (force <= kFreeNewton) {
+      problem = "no force where the tool should press, so the other checks say little";
+    } else if (range > kRestNewton + kRestRatio * force) {
+      problem = fmt::format(
+          "the force varies by {:.3g} N on a tool at rest, pressing with {:.3g} N", range, force);
+    }
+    find("rest", problem, fmt::format("{:.3g} N pressed, 0 N free, steady", force),
+         in_the_air > kFreeNewton || force <= kFreeNewton
+             ? "send the force of the tissue alone; say where it is: --clear X Y Z --press X Y Z"
+             : "let the engine come to rest: more iterations or damping, no random forces");
+  }
+
+  void silence() {
+    // what moves on without motions
+    const std::size_t answers = mofc_->listen(0.3);
+    find("silence",
+         answers >= 2 ? "" : fmt::format("{} answers in 0.3 s without a motion", answers),
+         fmt::format("{} answers in 0.3 s without a motion", answers),
+         "answer the newest motion again once per period: mofc_node takes silence for a dead "
+         "physics");
+  }
+
+  void motion_findings() {
+    const double period_s = 1.0 / session_.physics.rate_hz;
+    find(
+        "answers",
+        mofc_->longest_silence_s() <= kLongestSilence_s
+            ? ""
+            : fmt::format("{:.0f} ms without an answer while the tool moved",
+                          1e3 * mofc_->longest_silence_s()),
+        fmt::format("at most {:.0f} ms apart", 1e3 * mofc_->longest_silence_s()),
+        "step at physics.rate_hz, or set it to what the engine can do; mofc.stale_after_ms must be "
+        "longer than its pauses");
+    std::vector<double> delays = mofc_->delays_s();
+    std::sort(delays.begin(), delays.end());
+    const double median = delays.empty() ? 0.0 : delays[delays.size() / 2];
+    const double most = std::max(kMostDelay_s, 3.0 * period_s);
+    find("delay",
+         median <= most ? "" : fmt::format("answers are {:.1f} ms late (median)", 1e3 * median),
+         fmt::format("{:.1f} ms (median)", 1e3 * median),
+         fmt::format("answer the newest motion, not a queue of old ones, within {:.0f} ms",
+                     1e3 * most));
+    find_stamps();
+    find_frames();
+    find("jumps",
+         worst_jump_newton_ == 0.0
+             ? ""
+             : fmt::format("the force jumps by {:.3g} N while the tool moves by {:.3g} mm",
+                           worst_jump_newton_, 1e3 * worst_jump_m_),
+         "the force follows the motion without a jump",
+         "look for contacts that come and go, a solver that does not converge, or stiffness beyond "
+         "10 kN/m");
+    std::string problem;
+    for (const auto& [name, trace] : {std::pair{"pressing and leaving", &press_},
+                                      std::pair{"circling in the tissue", &circle_}}) {
+      const auto [work, size] = work_joule(*trace);
+      if (problem.empty() && work > kEnergyJoule + kEnergyRatio * size) {
+        problem = fmt::format("{} gives the hand {:.3g} mJ", name, 1e3 * work);
+      }
+    }
+    find("energy", problem, "closed paths give the hand no energy",
+         "let the force be the gradient of a stored energy, less damping; a force that lags behind "
+         "the motion gives energy too: answer with the force of the pose that is answered");
+  }
+
+  void peers() {
+    const std::string& endpoint = session_.side().links.tool_motion;
+    if (!session_.security.key_folder.empty()) return;  // nobody without keys gets in
+    zmq::socket_t rude(context_->get(), zmq::socket_type::push);
+    rude.set(zmq::sockopt::linger, 0);
+    rude.connect(endpoint);
+    Codec<ToolMotion> codec;
+    ToolMotion motion;
+    motion.header.session_id = 77;
+    motion.device_session_id = 78;
+    motion.tool_position_world_m = Vector3::Constant(std::nan(""));
+    std::vector<std::byte> valid(codec.encode(motion));
+    codec.write(valid.data());
+    std::vector<std::vector<std::byte>> frames{{}, {std::byte{3}}, valid};
+    frames.emplace_back(100, std::byte{0xff});
+    frames.emplace_back(std::vector<std::byte>(5000, std::byte{3}));
+    frames.push_back(valid);
+    frames.back().resize(valid.size() / 2);
+    frames.push_back(valid);
+    frames.back().front() = std::byte{4};
+    const Vector3 place = options_.clear_m;
+    for (int round = 0; round < 5; ++round) {
+      for (const auto& frame : frames) {
+        rude.send(zmq::buffer(frame), zmq::send_flags::dontwait);
+      }
+      mofc_->follow([&](double) { return place; }, 0.04);
+    }
+    // a second mofc_node, elsewhere, while the first one is served
+    MofcSide second(*context_, session_.side(), clock_, random_session_id());
+    std::string problem;
+    for (int round = 0; round < 20; ++round) {
+      static_cast<void>(second.await_answer(options_.press_m, 0.004));
+      mofc_->follow([&](double) { return place; }, 0.008);
+    }
+    // the second one gets a copy of the answers to the first: those are no fault
+    if (!second.delays_s().empty()) {
+      problem = "a second sender of motions was served beside the first one";
+    } else if (!engine_->is_running()) {
+      problem = "it ended after malformed motions";
+    } else if (!mofc_->await_answer(place, 2.0)) {
+      problem = "no answer after malformed motions and a second sender";
+    }
+    find(
+        "peers", problem, "malformed motions and a second sender change nothing",
+        "refuse a frame as a whole, and another session while the first one speaks (docs/wire.md)");
+  }
+
+  void restart_of_mofc() {
+    mofc_.reset();
+    clock_.sleep_until(clock_.now() + std::chrono::milliseconds(300));
+    connect();
+    const bool has_answer = mofc_->await_answer(options_.clear_m, 3.0);
+    find("mofc restart", has_answer ? "" : "no answer to a mofc_node that was started again",
+         "a mofc_node that was started again is served",
+         "accept a new session_id when the old one has been silent for 100 ms, and its "
+         "subscription");
+  }
+
+  void restart_of_physics() {
+    const std::uint64_t before = mofc_->physics_session();
+    engine_->send_signal(SIGKILL);
+    static_cast<void>(engine_->wait(kStop));
+    engine_ = std::make_unique<EngineProcess>(program_);
+    const bool has_answer = mofc_->await_answer(options_.clear_m, options_.seconds_to_start);
+    std::string problem;
+    if (!has_answer) {
+      problem = "no answer after it was killed and started again";
+    } else if (mofc_->physics_session() == before) {
+      problem = "the same header.session_id after a restart";
+    }
+    find("restart", problem, "it answers again after it was killed",
+         "draw a random header.session_id at every start, and bind to endpoints that a killed "
+         "program has left");
+  }
+
+  void stop() {
+    engine_->send_signal(SIGTERM);
+    const std::optional<int> status = engine_->wait(kStop);
+    std::string problem;
+    if (!status) {
+      problem = "it still runs 3 s after SIGTERM";
+    } else if (*status != 0) {
+      problem = fmt::format("status {} after SIGTERM", *status);
+    }
+    find("stop", problem, "status 0 after SIGTERM", "end with status 0 on SIGTERM, within 2 s");
+  }
+
+  const ConformOptions& options_;
+  Workplace workplace_;
+  Session session_;
+  ChildSpec program_;
+  SteadyClock clock_;
+  std::unique_ptr<ZmqContext> context_;
+  std::unique_ptr<EngineProcess> engine_;
+  std::unique_ptr<MofcSide> mofc_;
+  std::vector<AnsweredPlace> press_;
+  std::vector<AnsweredPlace> circle_;
+  double worst_jump_newton_ = 0.0;
+  double worst_jump_m_ = 0.0;
+  double pressed_newton_ = 0.0;
+  std::vector<ConformFinding> findings_;
+};
+
+}  // namespace
+
+std::vector<ConformFinding> conform_physics(const ConformOptions& options) {
+  return Suite(options).run();
+}
+
+}  // namespace palpate

@@ -1,0 +1,82 @@
+#include <cstdio>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "common/process/options.h"
+#include "common/process/run_node.h"
+#include "deploy/conform/conform_physics.h"
+#include "deploy/palpate/commands.h"
+#include "deploy/palpate/options.h"
+#include "deploy/palpate/screen/verdict.h"
+
+namespace palpate {
+namespace {
+
+struct ConformPhysics {
+  ConformOptions options;
+  std::vector<double> clear_m;
+  std::vector<double> press_m;
+  OutputOptions output;
+
+  void add_to(CLI::App& app) {
+    app.add_option("COMMAND", options.command,
+                   "the program and its arguments, behind --; {session} names the session file")
+        ->required()
+        ->type_name("");
+    app.add_option("--session", options.session_file,
+                   "a session whose tissue the program has (default: a half-space below z = 0)")
+        ->type_name("FILE");
+    app.add_option("--set", options.overrides, "override a field of the session")
+        ->type_name("PATH=VALUE")
+        ->allow_extra_args(false);
+    app.add_option("--clear", clear_m, "a place in W where nothing is touched (default: 0 0 0.005)")
+        ->expected(3)
+        ->type_name("M");
+    app.add_option("--press", press_m,
+                   "a place in W, straight below, where the tool presses (default: 0 0 -0.005)")
+        ->expected(3)
+        ->type_name("M");
+    app.add_option("--json", output.json_file,
+                   "write the findings to this file, - for standard output")
+        ->type_name("FILE");
+    add_overwrite_flag(app, output.may_overwrite);
+    app.footer(
+        "Exit status: 0 if all is good, 1 if something falls short, 2 if it cannot be tried.");
+  }
+
+  int run() {
+    if (!clear_m.empty()) options.clear_m = Vector3(clear_m[0], clear_m[1], clear_m[2]);
+    if (!press_m.empty()) options.press_m = Vector3(press_m[0], press_m[1], press_m[2]);
+    JsonOutput json(output);
+    nlohmann::ordered_json list = nlohmann::ordered_json::array();
+    bool is_good = true;
+    options.on_finding = [&](const ConformFinding& found) {
+      std::string text = found.check + ": " + found.text;
+      if (!found.remedy.empty()) text += "; " + found.remedy;
+      std::FILE* const out = output.json_file == "-" ? stderr : stdout;
+      std::fputs(verdict_text({{.is_good = found.is_good, .text = text}}).c_str(), out);
+      std::fflush(out);
+      is_good = is_good && found.is_good;
+      list.push_back({{"check", found.check},
+                      {"is_good", found.is_good},
+                      {"text", found.text},
+                      {"remedy", found.remedy}});
+    };
+    static_cast<void>(conform_physics(options));
+    json.write({{"is_good", is_good}, {"findings", list}});
+    return is_good ? 0 : kExitFailure;
+  }
+};
+
+}  // namespace
+
+Command add_conform_command(CLI::App& app) {
+  CLI::App& conform =
+      *app.add_subcommand("conform", "check what others bring against what Palpate relies on");
+  conform.require_subcommand(1);
+  return add_command<ConformPhysics>(
+      conform, "physics", "check a physics from elsewhere: palpate conform physics -- ./mine");
+}
+
+}  // namespace palpate

@@ -1,0 +1,97 @@
+// wrong_physics — a physics with one fault, for `palpate conform physics`. Its argument names it.
+#include <chrono>
+#include <cmath>
+#include <csignal>
+#include <cstdio>
+#include <deque>
+#include <memory>
+#include <numbers>
+#include <string>
+#include <thread>
+#include <utility>
+
+#include "common/core/check.h"
+#include "physics_node/display/display.h"
+#include "physics_node/engine.h"
+#include "physics_node/sdk/process.h"
+
+namespace palpate {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr double kStiffness = 400.0;
+
+class WrongEngine final : public physics::Engine {
+ public:
+  explicit WrongEngine(std::string fault) : fault_(std::move(fault)) {}
+
+  bool step(const ToolMotion& motion, bool is_new, TimePoint now,
+            Interaction& answer) noexcept override {
+    ++steps_;
+    const double depth_m = -motion.tool_position_world_m.z();
+    Vector3 force = std::max(0.0, kStiffness * depth_m) * Vector3::UnitZ();
+    if (fault_ == "silence" && !is_new) return false;
+    if (fault_ == "answers" && steps_ % 300 > 150) return false;
+    if (fault_ == "rest" && depth_m > 0.0) force.z() += 0.1 * std::sin(70.0 * seconds_of(now));
+    if (fault_ == "air") force.z() += 0.5;
+    if (fault_ == "jumps" && depth_m > 0.003) force.z() += 3.0;
+    // round the circle it pushes ahead; up and down it presses harder on the way up
+    if (fault_ == "energy" && depth_m > 0.0) force += 20.0 * motion.tool_velocity_world_m_per_s;
+    if (fault_ == "stamps") answer.device_sequence += 1;
+    if (fault_ == "pose") answer.tool_position_world_m.x() += 0.001;
+    if (fault_ == "frames" && depth_m > 0.002) answer.stored_energy_joule = -1.0;
+    answer.force_on_tool_newton = force;
+    if (fault_ == "delay") return delay(answer, now);
+    if (fault_ == "dies" && !std::isfinite(depth_m)) std::abort();
+    return true;
+  }
+
+ private:
+  /// The answer of 60 ms ago.
+  bool delay(Interaction& answer, TimePoint now) {
+    answers_.emplace_back(now, answer);
+    if (now - answers_.front().first < 60ms) return false;
+    const Header header = answer.header;
+    answer = answers_.front().second;
+    answer.header = header;
+    answers_.pop_front();
+    return true;
+  }
+
+  std::string fault_;
+  std::uint64_t steps_ = 0;
+  std::deque<std::pair<TimePoint, Interaction>> answers_;
+};
+
+class NoDisplay final : public physics::Display {
+ public:
+  void publish(const physics::Watchers& /*watchers*/, std::span<const PhysicsTick> /*newest*/,
+               TimePoint /*now*/) override {}
+  [[nodiscard]] bool is_too_large() const override { return false; }
+  void count_into(PhysicsCounters& /*counters*/) const override {}
+};
+
+}  // namespace
+}  // namespace palpate
+
+int main(int argc, char** argv) {
+  using namespace palpate;
+  const std::string fault = argc > 1 ? argv[1] : "";
+  --argc;
+  ++argv;
+  if (fault == "start") return 3;
+  const int status = run_node(
+      argc, argv, {.name = "physics", .program = "wrong_physics", .description = "Wrong."},
+      [&](NodeContext& context) {
+        ProcessLinks links(context.session.side().realtime);
+        // a fixed one is not that of a restarted program
+        if (fault == "restart") context.session_id = 7;
+        physics::run_process(
+            context, links,
+            {.make_engine = [&](const Side&) { return std::make_unique<WrongEngine>(fault); },
+             .make_display = [](Sender<SceneState>&,
+                                Sender<MeshFrame>&) { return std::make_unique<NoDisplay>(); }});
+      });
+  return fault == "stop" ? 5 : status;
+}

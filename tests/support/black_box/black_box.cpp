@@ -1,0 +1,56 @@
+#include "tests/support/black_box/black_box.h"
+
+#include <utility>
+
+#include "common/core/time.h"
+#include "physics_node/foreign/foreign_engine.h"
+#include "physics_node/scene/scene.h"
+
+namespace palpate::test {
+namespace {
+
+class SceneBehind final : public sdk::Engine {
+ public:
+  SceneBehind(const Session& session, Told told, std::function<void(Interaction&)> lie)
+      : scene_(session.scene), memory_(scene_.new_memory()), told_(told), lie_(std::move(lie)) {}
+
+  sdk::Answer step(const sdk::Motion& motion) override {
+    const physics::SceneForce force =
+        scene_.step(memory_, motion.position_m, motion.velocity_m_per_s, motion.time_s,
+                    motion.orientation * Vector3::UnitZ());
+    Interaction told;
+    told.header.sampled_at = time_at(motion.time_s);
+    told.tool_position_world_m = motion.position_m;
+    told.force_on_tool_newton = force.force_on_tool_newton;
+    if (lie_) lie_(told);
+    if (!told.force_on_tool_newton.allFinite()) told.force_on_tool_newton.setZero();
+    sdk::Answer answer{.force_on_tool_newton = told.force_on_tool_newton};
+    if (told_ == Told::kForce) return answer;
+    for (std::uint32_t i = 0; i < force.listed_count; ++i) {
+      const Contact& contact = force.contacts[i];
+      answer.contacts.push_back({.normal = contact.normal_world,
+                                 .penetration_m = contact.penetration_m,
+                                 .tissue = contact.tissue,
+                                 .force_on_tool_newton = lie_ ? told.force_on_tool_newton
+                                                              : contact.force_on_tool_newton});
+    }
+    return answer;
+  }
+
+ private:
+  physics::Scene scene_;
+  physics::TissueMemory memory_;
+  Told told_;
+  std::function<void(Interaction&)> lie_;
+};
+
+}  // namespace
+
+std::unique_ptr<physics::Engine> black_box(const Session& session, Told told,
+                                           std::function<void(Interaction&)> lie) {
+  return std::make_unique<physics::ForeignEngine>(
+      std::make_unique<SceneBehind>(session, told, std::move(lie)),
+      session.side().mofc.interaction == InteractionUse::kLocal);
+}
+
+}  // namespace palpate::test
