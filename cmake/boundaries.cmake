@@ -49,6 +49,8 @@ set(PALPATE_BOUNDARIES
   # foreign: an engine from elsewhere, of which the scene knows nothing ← sdk: its process
   "physics_node/foreign:common/core,common/contact,common/session,physics_node,physics_node/display/display.h,physics_node/sdk/physics.h,@threads"
   "physics_node/sdk:common/*,physics_node,physics_node/display/display.h,physics_node/foreign,@log,@cli"
+  "physics_node/engines/bullet:physics_node/sdk/physics.h"
+  "physics_node/engines/mujoco:physics_node/sdk/physics.h"
   "physics_node:common/core,common/contact,common/session/scene_config.h,common/telemetry/physics_telemetry.h,physics_node/scene"
   "physics_node/surfaces:common/core,common/contact,common/contact/cloud,common/session/scene_config.h,@threads"
   # elastic bodies by themselves: no session, no wire

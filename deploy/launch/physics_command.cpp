@@ -66,13 +66,19 @@ ChildSpec physics_from_elsewhere(const Session& session, const fs::path& session
                                  const std::vector<std::string>& overrides, bool is_insecure) {
   const std::vector<std::string>& command = session.physics_command;
   const std::string& name = command.front();
-  const bool is_file = name.find('/') != std::string::npos;
-  const std::string program = is_file ? name : boost::process::search_path(name).string();
   std::error_code error;
+  const fs::path folder = fs::read_symlink("/proc/self/exe", error).parent_path();
+  std::string program = name;
+  if (name.find('/') == std::string::npos) {
+    program = fs::is_regular_file(folder / name, error)
+                  ? (folder / name).string()
+                  : boost::process::search_path(name).string();
+  }
   if (program.empty() || fs::is_directory(program, error) || access(program.c_str(), X_OK) != 0) {
     throw SetupError(session.file + ": physics.command: " +
-                     (program.empty() ? name + ": no program of that name in PATH"
-                                      : program + ": is not a program that you may run") +
+                     (program.empty()
+                          ? name + ": no program of that name in PATH or in " + folder.string()
+                          : program + ": is not a program that you may run") +
                      "; install it, or give the path of its file");
   }
   return {.name = "physics",
