@@ -35,11 +35,13 @@ enum class Opcode : std::uint8_t {
 /// One metadata record.
 using Strings = std::map<std::string, std::string>;
 
-/// A topic and the protobuf message on it.
+/// A topic and the message on it.
 struct Channel {
   std::string topic;
   std::string schema_name;  ///< full name of the message
-  std::string schema;       ///< binary FileDescriptorSet
+  std::string schema;       ///< of protobuf: binary FileDescriptorSet
+  std::string encoding = "protobuf";
+  std::string schema_encoding = "protobuf";
 };
 
 /// IEEE CRC-32. @param crc  of the preceding bytes

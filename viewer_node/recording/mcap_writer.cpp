@@ -27,10 +27,14 @@ McapWriter::McapWriter(std::string path, bool may_overwrite,
     const auto id = static_cast<std::uint16_t>(topics_.size() + 1);
     topics_.push_back({.id = id, .sequence = 0, .index = {}});
     std::string schema;
-    Bytes(schema).number(id).text(channel.schema_name).text("protobuf").text(channel.schema);
+    Bytes(schema)
+        .number(id)
+        .text(channel.schema_name)
+        .text(channel.schema_encoding)
+        .text(channel.schema);
     schemas += record(Opcode::kSchema, schema);
     std::string topic;
-    Bytes(topic).number(id).number(id).text(channel.topic).text("protobuf").strings({});
+    Bytes(topic).number(id).number(id).text(channel.topic).text(channel.encoding).strings({});
     topics += record(Opcode::kChannel, topic);
   }
   definition_bytes_ = {schemas.size(), topics.size()};
