@@ -75,7 +75,7 @@ class WholeFile {
 
 // --- report -------------------------------------------------------------------------------------
 
-struct ReportCommand {
+struct SweepReportCommand {
   CampaignOptions campaign;
   campaign::MapRequest map;
   std::string svg_file;
@@ -274,7 +274,7 @@ Command add_sweep_command(CLI::App& app) {
   sweep->add_to(parser);
   CLI::App& report =
       *parser.add_subcommand("report", "maps and figures of what a sweep has computed");
-  auto report_command = std::make_shared<ReportCommand>();
+  auto report_command = std::make_shared<SweepReportCommand>();
   report_command->add_to(report);
   return {&parser, [&report, sweep, report_command](const Verbosity& verbosity) {
             return report.parsed() ? report_command->run() : sweep->run(verbosity);

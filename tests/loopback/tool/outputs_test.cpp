@@ -123,6 +123,7 @@ class Outputs : public testing::Test {
                  {"palpate", {"report", path("run.mcap")}, "--output", path("run.mcap"), true},
                  {"palpate", {"report", path("run.mcap")}, "-o", path("run.mcap"), true},
                  {"palpate", {"export", path("run.mcap")}, "--foxglove", path("run.mcap"), true},
+                 {"palpate", {"export", path("run.mcap")}, "--ros", path("run.mcap"), true},
                  {"palpate", {"cut", path("run.mcap")}, "OUT", path("run.mcap"), true},
                  {"palpate", {"recover", path("run.mcap")}, "OUT", path("run.mcap"), true},
                  {"palpate", {"merge", path("run.mcap"), path("run.mcap")}, "OUT",
