@@ -68,8 +68,8 @@ class TelemetrySubscriber final : public Source<TelemetryMessage> {
 
   const Clock& clock_;
   std::list<Node> nodes_;
-  std::list<Node>::iterator next_;   // whose turn it is
-  std::vector<pollfd> descriptors_;  // of the nodes
+  std::list<Node>::iterator next_;          // whose turn it is
+  std::vector<pollfd> descriptors_;         // of the nodes
   std::array<int, kMessageKinds> users_{};  // by kind: calls of subscribe() without their end
   Codec<DeviceBatch> device_;
   Codec<MofcBatch> mofc_;

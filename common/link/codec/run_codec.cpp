@@ -16,9 +16,8 @@ namespace {
 
 void expect_line(const std::string& text, std::size_t most_bytes, Verdict& verdict) {
   verdict.expect(text.size() <= most_bytes &&
-                 std::none_of(text.begin(), text.end(), [](unsigned char byte) {
-                   return byte < 0x20 || byte == 0x7F;
-                 }));
+                 std::none_of(text.begin(), text.end(),
+                              [](unsigned char byte) { return byte < 0x20 || byte == 0x7F; }));
 }
 
 void put(const Marker& m, v1::Marker& to) {
@@ -30,10 +29,6 @@ void check(const v1::Marker& m, Verdict& verdict) {
   expect_line(m.text(), Marker::kMostTextBytes, verdict);
   expect_line(m.origin(), Marker::kMostOriginBytes, verdict);
 }
-Marker marker(const v1::Marker& m) {
-  return {.at_ns = m.at_ns(), .text = m.text(), .origin = m.origin()};
-}
-
 void put(const ReplayState& replay, v1::ReplayState& to) {
   to.set_file(replay.file);
   to.set_position_s(replay.position_s);
@@ -42,13 +37,30 @@ void put(const ReplayState& replay, v1::ReplayState& to) {
   to.set_is_paused(replay.is_paused);
   to.set_begin_ns(replay.begin_ns);
 }
-ReplayState replay(const v1::ReplayState& replay) {
-  return {.file = replay.file(),
-          .position_s = replay.position_s(),
-          .length_s = replay.length_s(),
-          .speed_ratio = replay.speed_ratio(),
-          .is_paused = replay.is_paused(),
-          .begin_ns = replay.begin_ns()};
+/// In place, so that strings keep their memory.
+void read(const v1::Marker& m, Marker& to) {
+  to.at_ns = m.at_ns();
+  to.text = m.text();
+  to.origin = m.origin();
+}
+void read(const v1::ReplayState& replay, ReplayState& to) {
+  to.file = replay.file();
+  to.position_s = replay.position_s();
+  to.length_s = replay.length_s();
+  to.speed_ratio = replay.speed_ratio();
+  to.is_paused = replay.is_paused();
+  to.begin_ns = replay.begin_ns();
+}
+/// Empty if the field is left out.
+template <class T>
+void read(bool has, const T& value, std::optional<T>& to) {
+  if (!has) {
+    to.reset();
+  } else if (to) {
+    *to = value;
+  } else {
+    to = value;
+  }
 }
 
 }  // namespace
@@ -73,7 +85,9 @@ std::optional<Marker> decode_marker(std::string_view payload) {
   Verdict verdict;
   check(wire, verdict);
   if (verdict.error() != DecodeError::kNone) return std::nullopt;
-  return marker(wire);
+  Marker marker;
+  read(wire, marker);
+  return marker;
 }
 
 template <>
@@ -97,10 +111,16 @@ struct WireFormat<RunState> {
   }
 
   static void read(const v1::RunState& wire, RunState& m) {
-    m.markers.clear();
-    for (const v1::Marker& one : wire.markers()) m.markers.push_back(marker(one));
-    m.replay.reset();
-    if (wire.has_replay()) m.replay = replay(wire.replay());
+    m.markers.resize(static_cast<std::size_t>(wire.markers_size()));
+    for (int i = 0; i < wire.markers_size(); ++i) {
+      palpate::read(wire.markers(i), m.markers[static_cast<std::size_t>(i)]);
+    }
+    if (!wire.has_replay()) {
+      m.replay.reset();
+      return;
+    }
+    if (!m.replay) m.replay.emplace();
+    palpate::read(wire.replay(), *m.replay);
   }
 };
 template class Codec<RunState>;
@@ -126,14 +146,11 @@ struct WireFormat<RunRequest> {
   }
 
   static void read(const v1::RunRequest& wire, RunRequest& m) {
-    const auto given = [](bool has, auto value) {
-      return has ? std::optional(std::move(value)) : std::nullopt;
-    };
-    m.marker = given(wire.has_marker(), wire.marker());
-    m.seek_s = given(wire.has_seek_s(), wire.seek_s());
-    m.is_paused = given(wire.has_is_paused(), wire.is_paused());
-    m.speed_ratio = given(wire.has_speed_ratio(), wire.speed_ratio());
-    m.is_recording = given(wire.has_is_recording(), wire.is_recording());
+    palpate::read(wire.has_marker(), wire.marker(), m.marker);
+    palpate::read(wire.has_seek_s(), wire.seek_s(), m.seek_s);
+    palpate::read(wire.has_is_paused(), wire.is_paused(), m.is_paused);
+    palpate::read(wire.has_speed_ratio(), wire.speed_ratio(), m.speed_ratio);
+    palpate::read(wire.has_is_recording(), wire.is_recording(), m.is_recording);
   }
 };
 template class Codec<RunRequest>;

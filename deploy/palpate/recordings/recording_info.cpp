@@ -46,7 +46,7 @@ Content content_of(RecordingFile& recording) {
 
 /// Controller of one side: "left: mofc guard, right: none" names those of all.
 std::string controller_of(const RecordingFile& recording, const std::string& side) {
-  const std::string all = recording.about("controller");
+  std::string all = recording.about("controller");
   const std::size_t begin = side.empty() ? 0 : all.find(side + ": ");
   if (side.empty() || begin == std::string::npos) return all;
   const std::size_t text = begin + side.size() + 2;
