@@ -5,7 +5,8 @@ include(CMakePackageConfigHelpers)
 # launch starts the nodes that lie beside it
 install(TARGETS palpate device_node mofc_node device_mofc_node physics_node viewer_node)
 install(DIRECTORY deploy/campaigns deploy/sessions proto DESTINATION ${CMAKE_INSTALL_DATADIR}/palpate
-        FILES_MATCHING PATTERN "*.txtpb" PATTERN "*.proto" PATTERN "organ.*")
+        FILES_MATCHING PATTERN "*.txtpb" PATTERN "*.proto" PATTERN "organ.*"
+        PATTERN "engines" EXCLUDE)
 install(FILES README.md CHANGELOG.md DESTINATION ${CMAKE_INSTALL_DOCDIR})
 install(DIRECTORY docs/ DESTINATION ${CMAKE_INSTALL_DOCDIR}/docs)
 install(FILES deploy/README.md DESTINATION ${CMAKE_INSTALL_DOCDIR}/deploy)
@@ -42,6 +43,15 @@ install(FILES ${package_files} cmake/palpatePhysics.cmake DESTINATION ${package_
         COMPONENT physics)
 install(DIRECTORY physics_node/sdk/examples DESTINATION ${CMAKE_INSTALL_DATADIR}/palpate
         COMPONENT physics)
+
+# With MuJoCo and Bullet: cmake --install BUILD --component engines --prefix FOLDER
+foreach(program mujoco_physics_node bullet_physics_node)
+  if(TARGET ${program})
+    install(TARGETS ${program} COMPONENT engines EXCLUDE_FROM_ALL)
+  endif()
+endforeach()
+install(DIRECTORY deploy/sessions/engines DESTINATION ${CMAKE_INSTALL_DATADIR}/palpate/sessions
+        COMPONENT engines EXCLUDE_FROM_ALL)
 
 # The service: its files name /usr/bin and /etc/palpate.
 option(PALPATE_SERVICE "Install the systemd units and /etc/palpate; for a package with prefix /usr" OFF)

@@ -8,6 +8,7 @@
 #include "common/core/messages.h"
 #include "common/core/random.h"
 #include "common/core/scene_messages.h"
+#include "common/telemetry/run_messages.h"
 #include "common/telemetry/telemetry.h"
 #include "deploy/lockstep/random_surface.h"
 
