@@ -52,8 +52,7 @@ struct ExportCommand {
 }  // namespace
 
 Command add_export_command(CLI::App& app) {
-  return add_command<ExportCommand>(app, "export",
-                                    "write a recording as a table, or for Foxglove");
+  return add_command<ExportCommand>(app, "export", "write a recording as a table, or for Foxglove");
 }
 
 }  // namespace palpate
