@@ -87,7 +87,7 @@ class WebRun {
   PageRecorder recorder_;
   RunState state_;  // the host's newest, or of this viewer alone
   TimePoint heard_at_{};
-  MarkerLog own_;                  // without a host
+  MarkerLog own_;  // without a host
   std::uint64_t newest_marker_ns_ = 0;
 };
 

@@ -70,8 +70,8 @@ class BusyLine {
 };
 
 /// Single keys of the terminal at standard input, without Enter and without echo, while an object
-/// exists; one at a time. Without a terminal, or in the background, there are none. Ctrl-C keeps its
-/// meaning.
+/// exists; one at a time. Without a terminal, or in the background, there are none. Ctrl-C keeps
+/// its meaning.
 class TerminalKeys {
  public:
   explicit TerminalKeys(int descriptor = STDIN_FILENO);

@@ -71,10 +71,9 @@ class MarkerLog {
   /// RunState::kMostMarkers. @param text  empty: "marker 1", …
   void add(std::uint64_t at_ns, const std::string& text, const char* origin) {
     ++count_;
-    newest_.push_back(
-        {.at_ns = newest_.empty() ? at_ns : std::max(at_ns, newest_.back().at_ns + 1),
-         .text = text.empty() ? "marker " + std::to_string(count_) : text,
-         .origin = origin});
+    newest_.push_back({.at_ns = newest_.empty() ? at_ns : std::max(at_ns, newest_.back().at_ns + 1),
+                       .text = text.empty() ? "marker " + std::to_string(count_) : text,
+                       .origin = origin});
     if (newest_.size() > RunState::kMostMarkers) newest_.erase(newest_.begin());
   }
   [[nodiscard]] const std::vector<Marker>& newest() const { return newest_; }

@@ -13,9 +13,8 @@ namespace {
 nlohmann::ordered_json device_json(const ObservedDevice& observed, const LaunchResult& result) {
   nlohmann::ordered_json json =
       figures_json(controller_text(observed.side.mofc), observed.mirror, observed.figures);
-  json["ticks_per_wall_s"] =
-      number_or_null(static_cast<double>(observed.mirror.device_counters().loop.ticks) /
-                     result.wall.count());
+  json["ticks_per_wall_s"] = number_or_null(
+      static_cast<double>(observed.mirror.device_counters().loop.ticks) / result.wall.count());
   return json;
 }
 

@@ -23,12 +23,12 @@ const char* node_of(const PhysicsBatch&) { return "physics_node"; }
 
 std::vector<mcap::Channel> recorded_channels() {
   std::vector<mcap::Channel> channels;
-  for (const auto& [topic, schema] : {std::pair("/device", "palpate.v1.DeviceTelemetry"),
-                                      std::pair("/mofc", "palpate.v1.MofcTelemetry"),
-                                      std::pair("/physics", "palpate.v1.PhysicsTelemetry"),
-                                      std::pair("/scene_state", "palpate.v1.SceneState"),
-                                      std::pair("/mesh", "palpate.v1.MeshFrame"),
-                                      std::pair("/markers", "palpate.v1.Marker")}) {
+  for (const auto& [topic, schema] :
+       {std::pair("/device", "palpate.v1.DeviceTelemetry"),
+        std::pair("/mofc", "palpate.v1.MofcTelemetry"),
+        std::pair("/physics", "palpate.v1.PhysicsTelemetry"),
+        std::pair("/scene_state", "palpate.v1.SceneState"),
+        std::pair("/mesh", "palpate.v1.MeshFrame"), std::pair("/markers", "palpate.v1.Marker")}) {
     channels.push_back({topic, schema, schema_of(schema)});
   }
   return channels;

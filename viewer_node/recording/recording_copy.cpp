@@ -121,7 +121,8 @@ class Copy {
         source.shift_ns = before.reader.end_ns() + before.shift_ns + 1 - source.reader.begin_ns();
         continue;
       }
-      for (std::size_t k = 0; k < i; ++k) refuse_two_runs_at_once(sources_[k].reader, source.reader);
+      for (std::size_t k = 0; k < i; ++k)
+        refuse_two_runs_at_once(sources_[k].reader, source.reader);
     }
   }
 
@@ -132,9 +133,8 @@ class Copy {
     for (const auto& [node, ids] : runs_of(b)) {
       const auto same = a_runs.find(node);
       if (same == a_runs.end()) continue;
-      const bool is_one_run = std::any_of(ids.begin(), ids.end(), [&](std::uint64_t id) {
-        return same->second.contains(id);
-      });
+      const bool is_one_run = std::any_of(
+          ids.begin(), ids.end(), [&](std::uint64_t id) { return same->second.contains(id); });
       if (is_one_run) continue;
       throw SetupError(fmt::format(
           "recordings {} and {}: two runs of {} at the same time; --append puts one after the "
@@ -277,7 +277,7 @@ class Copy {
   std::uint64_t end_ns_ = 0;
   std::uint64_t from_ns_ = 0;
   std::uint64_t to_ns_ = 0;
-  std::optional<std::pair<std::size_t, std::string>> scene_;  // channel, payload
+  std::optional<std::pair<std::size_t, std::string>> scene_;             // channel, payload
   std::map<std::uint32_t, std::pair<std::size_t, std::string>> frames_;  // by tissue
   Codec<MeshFrame> meshes_;
   std::set<std::pair<std::size_t, std::size_t>> written_;  // channel, hash of the payload

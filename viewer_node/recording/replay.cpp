@@ -271,12 +271,12 @@ class Replay {
   /// False: stopped.
   bool wait_for_viewer() {
     const std::string viewer =
-        "viewer_node --session " + (options_.session_file.empty() ? recording_.about("session_file")
-                                                                  : options_.session_file);
+        "viewer_node --session " +
+        (options_.session_file.empty() ? recording_.about("session_file") : options_.session_file);
     std::printf("%s: %s, %.3f s\n", options_.file.c_str(), session_.name.c_str(),
                 recording_.length_s() - options_.start_s);
-    const TimePoint deadline = options_.wait_s ? clock_.now() + from_seconds(*options_.wait_s)
-                                               : TimePoint::max();
+    const TimePoint deadline =
+        options_.wait_s ? clock_.now() + from_seconds(*options_.wait_s) : TimePoint::max();
     bool has_said = false;
     while (!stage_.has_viewer() && clock_.now() < deadline) {
       // a viewer that runs already needs two intervals to subscribe

@@ -11,10 +11,10 @@ struct ReplayOptions {
   std::string file;
   std::string session_file;  ///< whose links are used; empty: those of the recorded session
   std::vector<std::string> overrides;
-  double speed_ratio = 1.0;  ///< > 0
-  double start_s = 0.0;      ///< ≥ 0
+  double speed_ratio = 1.0;        ///< > 0
+  double start_s = 0.0;            ///< ≥ 0
   std::optional<double> wait_s{};  ///< for a viewer, then starts without; empty: until there is one
-  bool is_insecure = false;  ///< allows tcp beyond loopback without keys
+  bool is_insecure = false;        ///< allows tcp beyond loopback without keys
   bool loops = false;
 };
 

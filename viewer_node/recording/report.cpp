@@ -69,11 +69,11 @@ std::string table(const Run& run) {
   }
   line("transparency, ticks received",
        figure(s.vector_transparency(), "{:.3f}") + " (rendered / requested, projected)");
-  line("ideal force",
-       std::isfinite(s.ideal_transparency())
-           ? figure(s.ideal_transparency(), "{:.3f}") + " (rendered / ideal, projected), error " +
-                 figure(100.0 * s.force_error_rms_ratio(), "{:.1f} %") + " rms"
-           : "not recorded; palpate loopback SESSION --hand RECORDING computes one");
+  line("ideal force", std::isfinite(s.ideal_transparency())
+                          ? figure(s.ideal_transparency(), "{:.3f}") +
+                                " (rendered / ideal, projected), error " +
+                                figure(100.0 * s.force_error_rms_ratio(), "{:.1f} %") + " rms"
+                          : "not recorded; palpate loopback SESSION --hand RECORDING computes one");
   line("velocity reversals",
        fmt::format("{}, {}, {} (x, y, z)", reversals[0], reversals[1], reversals[2]));
   return html + "</table>\n";
@@ -131,9 +131,9 @@ std::string report_html(const std::vector<std::unique_ptr<RecordingFile>>& recor
       "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
       "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; "
       "style-src 'unsafe-inline'; script-src 'unsafe-inline'\">\n<title>" +
-      escaped(title) + "</title>\n<style>" + std::string(kStyle) + "</style></head>\n<body class=\"" +
-      (runs.size() > 1 ? "pair" : "") + fmt::format("\" style=\"--runs: {}\">\n<h1>", runs.size()) +
-      escaped(title) + "</h1>\n";
+      escaped(title) + "</title>\n<style>" + std::string(kStyle) +
+      "</style></head>\n<body class=\"" + (runs.size() > 1 ? "pair" : "") +
+      fmt::format("\" style=\"--runs: {}\">\n<h1>", runs.size()) + escaped(title) + "</h1>\n";
   const auto row = [&](const auto& cell_of) {
     html += "<div class=\"row\">\n";
     for (const Run& run : runs) html += "<div>" + cell_of(run) + "</div>\n";
@@ -153,16 +153,14 @@ std::string report_html(const std::vector<std::unique_ptr<RecordingFile>>& recor
   } else {
     html += "<p>Drag over a figure to zoom in, double-click to zoom out.</p>\n";
     for (std::size_t i = 0; i < report_titles().size(); ++i) {
-      html += fmt::format("<section data-figure=\"{}\"><h2>{}</h2>\n", i,
-                          escaped(report_titles()[i]));
+      html +=
+          fmt::format("<section data-figure=\"{}\"><h2>{}</h2>\n", i, escaped(report_titles()[i]));
       row([](const Run&) { return std::string("<div class=\"plot\"></div>"); });
       html += "</section>\n";
     }
   }
   html += "<h2>Session</h2>\n";
-  row([](const Run& run) {
-    return "<pre>" + escaped(run.recording.about("session")) + "</pre>";
-  });
+  row([](const Run& run) { return "<pre>" + escaped(run.recording.about("session")) + "</pre>"; });
   if (!kScript.empty()) {
     html += "<script type=\"application/json\" id=\"data\">" + data_of(runs) +
             "</script>\n<script>" + std::string(kScript) + "</script>\n";

@@ -14,8 +14,8 @@ namespace {
 
 using nlohmann::json;
 
-constexpr double kMicro = 1e-3;           // of nanoseconds
-constexpr double kShortest_us = 1.0;      // lower end of the axis of durations
+constexpr double kMicro = 1e-3;       // of nanoseconds
+constexpr double kShortest_us = 1.0;  // lower end of the axis of durations
 constexpr std::size_t kDurationSteps = 240;
 
 struct Series {
@@ -111,8 +111,13 @@ class Reduction {
 };
 
 json figure_of(std::size_t index, const char* x, const char* y) {
-  return {{"title", report_titles()[index]}, {"x", x},         {"y", y}, {"is_time", true},
-          {"range", nullptr},                {"series", json::array()}, {"data", json::array()}};
+  return {{"title", report_titles()[index]},
+          {"x", x},
+          {"y", y},
+          {"is_time", true},
+          {"range", nullptr},
+          {"series", json::array()},
+          {"data", json::array()}};
 }
 
 void add_series(json& figure, const Series& series, json column) {
@@ -132,8 +137,8 @@ json durations_of(std::size_t index, Columns& c) {
   }
   std::vector<double> x;
   for (std::size_t i = 0; i < kDurationSteps; ++i) {
-    x.push_back(kShortest_us * std::pow(longest_us / kShortest_us,
-                                        static_cast<double>(i) / (kDurationSteps - 1)));
+    x.push_back(kShortest_us *
+                std::pow(longest_us / kShortest_us, static_cast<double>(i) / (kDurationSteps - 1)));
   }
   json times = json::array();
   for (const double time_us : x) times.push_back(value(time_us));
@@ -181,7 +186,8 @@ json figures_of(Columns& c) {
               {kIdeal, &c.ideal_newton[i]}});
   }
   add("N", {{{"f_max", "bound"}, &c.f_max_newton}});
-  add("mJ", {{{"ledger", "ledger"}, &c.ledger_millijoule}, {{"true", "truth"}, &c.true_millijoule}});
+  add("mJ",
+      {{{"ledger", "ledger"}, &c.ledger_millijoule}, {{"true", "truth"}, &c.true_millijoule}});
   add("ratio", {{{"transparency", "applied"}, &c.transparency}});
   figures.back()["range"] = {0.0, 1.05};
   figures.push_back(durations_of(figures.size(), c));

@@ -26,8 +26,8 @@ struct ReportRun {
   nlohmann::json figures;           ///< for the script: see web/src/report.ts
 };
 
-/// Points of a figure over time: longer recordings are reduced to the smallest and the largest value
-/// of equal parts, so that peaks stay.
+/// Points of a figure over time: longer recordings are reduced to the smallest and the largest
+/// value of equal parts, so that peaks stay.
 inline constexpr std::size_t kMostReportPoints = 8000;
 
 /// Reads the chosen side of the recording. @param on_progress  see report_html()

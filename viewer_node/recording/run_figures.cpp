@@ -94,8 +94,7 @@ std::vector<std::pair<std::string, std::string>> figure_lines(const std::string&
   if (!controller.starts_with("none")) {
     line("clamped by MOFC", fmt::format("{} ticks", mofc.clamped_ticks));
   }
-  line("transparency",
-       figure(mean_transparency(mofc), "{:.3f}") + " (rendered / requested force)");
+  line("transparency", figure(mean_transparency(mofc), "{:.3f}") + " (rendered / requested force)");
   line("largest force", fmt::format("{:.3f} N, largest jump from tick to tick {:.3f} N",
                                     figures.max_force_newton, figures.largest_jump_newton));
   line("monitor", monitor_text(device));
@@ -107,8 +106,8 @@ std::vector<std::pair<std::string, std::string>> figure_lines(const std::string&
        figure(100.0 * answered_ratio(device), "{:.3f} %") +
            fmt::format(" of {} scheduled ticks ({} skipped)",
                        device.loop.ticks + device.loop.skipped_ticks, device.loop.skipped_ticks));
-  line("telemetry", fmt::format("{} of {} ticks received", figures.statistics.ticks(),
-                                device.loop.ticks));
+  line("telemetry",
+       fmt::format("{} of {} ticks received", figures.statistics.ticks(), device.loop.ticks));
   line("reply time", percentiles_text(figures.reply_time) + " of the ticks received");
   line("tick lateness", percentiles_text(figures.lateness) + " of the ticks received");
   line("without an answer",

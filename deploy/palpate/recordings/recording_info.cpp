@@ -101,9 +101,8 @@ nlohmann::ordered_json info_json(RecordingFile& recording) {
   }
   json["markers"] = nlohmann::ordered_json::array();
   for (const Marker& marker : recording.markers()) {
-    json["markers"].push_back({{"t_s", seconds_of(recording, marker)},
-                               {"text", marker.text},
-                               {"origin", marker.origin}});
+    json["markers"].push_back(
+        {{"t_s", seconds_of(recording, marker)}, {"text", marker.text}, {"origin", marker.origin}});
   }
   json["session"] = recording.about("session");
   return json;

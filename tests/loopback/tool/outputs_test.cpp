@@ -116,23 +116,23 @@ class Outputs : public testing::Test {
               0);
     const Arguments loopback{"loopback", session_, "--no-ideal"};
     const Arguments viewer{"--session", session_, "--seconds", "0.1"};
-    lockstep_ = {{"palpate", loopback, "--json", session_, true},
-                 {"palpate", loopback, "--csv", path("organ.msh"), false},
-                 {"palpate", loopback, "--record", path("omni.txtpb"), false},
-                 {"palpate", {"export", path("run.mcap")}, "--csv", path("run.mcap"), true},
-                 {"palpate", {"report", path("run.mcap")}, "--output", path("run.mcap"), true},
-                 {"palpate", {"report", path("run.mcap")}, "-o", path("run.mcap"), true},
-                 {"palpate", {"export", path("run.mcap")}, "--foxglove", path("run.mcap"), true},
-                 {"palpate", {"export", path("run.mcap")}, "--ros", path("run.mcap"), true},
-                 {"palpate", {"cut", path("run.mcap")}, "OUT", path("run.mcap"), true},
-                 {"palpate", {"recover", path("run.mcap")}, "OUT", path("run.mcap"), true},
-                 {"palpate", {"merge", path("run.mcap"), path("run.mcap")}, "OUT",
-                  path("run.mcap"), true},
-                 {"palpate", {"identify", session_}, "--output", path("organ.msh"), true},
-                 {"palpate", {"make-organ", "--points", "50"}, "--cloud", "", true},
-                 {"palpate", {"make-organ", "--subdivisions", "0"}, "--mesh", "", true},
-                 {"viewer_node", viewer, "--csv", session_, false},
-                 {"viewer_node", viewer, "--record", path("omni.txtpb"), false}};
+    lockstep_ = {
+        {"palpate", loopback, "--json", session_, true},
+        {"palpate", loopback, "--csv", path("organ.msh"), false},
+        {"palpate", loopback, "--record", path("omni.txtpb"), false},
+        {"palpate", {"export", path("run.mcap")}, "--csv", path("run.mcap"), true},
+        {"palpate", {"report", path("run.mcap")}, "--output", path("run.mcap"), true},
+        {"palpate", {"report", path("run.mcap")}, "-o", path("run.mcap"), true},
+        {"palpate", {"export", path("run.mcap")}, "--foxglove", path("run.mcap"), true},
+        {"palpate", {"export", path("run.mcap")}, "--ros", path("run.mcap"), true},
+        {"palpate", {"cut", path("run.mcap")}, "OUT", path("run.mcap"), true},
+        {"palpate", {"recover", path("run.mcap")}, "OUT", path("run.mcap"), true},
+        {"palpate", {"merge", path("run.mcap"), path("run.mcap")}, "OUT", path("run.mcap"), true},
+        {"palpate", {"identify", session_}, "--output", path("organ.msh"), true},
+        {"palpate", {"make-organ", "--points", "50"}, "--cloud", "", true},
+        {"palpate", {"make-organ", "--subdivisions", "0"}, "--mesh", "", true},
+        {"viewer_node", viewer, "--csv", session_, false},
+        {"viewer_node", viewer, "--record", path("omni.txtpb"), false}};
     const Arguments launch{"launch", session_, "--no-realtime", "--seconds", "0.3", "--no-viewer"};
     launch_ = {{"palpate", launch, "--json", session_, true},
                {"palpate", launch, "--csv", path("organ.msh"), false},

@@ -68,8 +68,8 @@ class RecordingTools : public testing::Test {
 };
 
 TEST_F(RecordingTools, APartBeginsWithTheSceneAsItWas) {
-  ASSERT_EQ(palpate({"cut", path("run.mcap"), path("part.mcap"), "--from", "1", "--to", "2"}).status,
-            0);
+  ASSERT_EQ(
+      palpate({"cut", path("run.mcap"), path("part.mcap"), "--from", "1", "--to", "2"}).status, 0);
   const json part = info("part.mcap");
   EXPECT_TRUE(part["is_whole"]);
   EXPECT_NEAR(part["length_s"], 1.0, 0.05);
@@ -84,8 +84,8 @@ TEST_F(RecordingTools, APartBeginsWithTheSceneAsItWas) {
 }
 
 TEST_F(RecordingTools, OnlyTheChosenTopicsAreCopied) {
-  ASSERT_EQ(
-      palpate({"cut", path("run.mcap"), path("few.mcap"), "--topics", "/device,mofc"}).status, 0);
+  ASSERT_EQ(palpate({"cut", path("run.mcap"), path("few.mcap"), "--topics", "/device,mofc"}).status,
+            0);
   const json few = info("few.mcap");
   EXPECT_EQ(few["messages"].size(), 2u);
   EXPECT_EQ(table("few.mcap"), text_of(path("run.csv")));
@@ -93,7 +93,8 @@ TEST_F(RecordingTools, OnlyTheChosenTopicsAreCopied) {
   const Outcome none = palpate({"cut", path("run.mcap"), path("x.mcap"), "--topics", "/devices"});
   EXPECT_EQ(none.status, 2);
   EXPECT_THAT(none.err, HasSubstr("has none of them; it has /device, /mofc"));
-  const Outcome empty = palpate({"cut", path("run.mcap"), path("x.mcap"), "--from", "2", "--to", "1"});
+  const Outcome empty =
+      palpate({"cut", path("run.mcap"), path("x.mcap"), "--from", "2", "--to", "1"});
   EXPECT_EQ(empty.status, 2);
   EXPECT_THAT(empty.err, HasSubstr("--to 1: is not after --from 2"));
   EXPECT_EQ(palpate({"cut", path("run.mcap"), path("x.mcap"), "--from", "4"}).status, 2);
@@ -103,8 +104,7 @@ TEST_F(RecordingTools, OnlyTheChosenTopicsAreCopied) {
 TEST_F(RecordingTools, TwoPartsTogetherAreTheWhole) {
   ASSERT_EQ(palpate({"cut", path("run.mcap"), path("a.mcap"), "--to", "1.5"}).status, 0);
   ASSERT_EQ(palpate({"cut", path("run.mcap"), path("b.mcap"), "--from", "1.2"}).status, 0);
-  const Outcome merged =
-      palpate({"merge", path("b.mcap"), path("a.mcap"), path("all.mcap")});
+  const Outcome merged = palpate({"merge", path("b.mcap"), path("a.mcap"), path("all.mcap")});
   EXPECT_EQ(merged.status, 0) << merged.err;
   EXPECT_THAT(merged.err, HasSubstr("messages were in two recordings, and are written once"));
   EXPECT_EQ(table("all.mcap"), text_of(path("run.csv")));
@@ -140,8 +140,7 @@ TEST_F(RecordingTools, ADamagedRecordingIsSaidToBeDamaged) {
   ASSERT_EQ(palpate({"report", path("run.mcap"), "-o", path("run.html")}).status, 0);
   EXPECT_THAT(text_of(path("run.html")), Not(HasSubstr("is damaged")));
 
-  const Outcome recovered =
-      palpate({"recover", path("damaged.mcap"), path("recovered.mcap")});
+  const Outcome recovered = palpate({"recover", path("damaged.mcap"), path("recovered.mcap")});
   EXPECT_EQ(recovered.status, 0) << recovered.err;
   EXPECT_THAT(recovered.err, HasSubstr("1 damaged chunks left out"));
   const json whole = info("recovered.mcap");
@@ -154,10 +153,9 @@ TEST_F(RecordingTools, ADamagedRecordingIsSaidToBeDamaged) {
 TEST_F(RecordingTools, OneRunHasOneSetOfFigures) {
   const json run = json::parse(text_of(path("run.json")));
   const json recorded = info("run.mcap")["figures"];
-  for (const char* key :
-       {"controller", "ticks", "min_true_energy_j", "max_force_n", "largest_jump_n", "monitor",
-        "monitor_reductions", "answered_ratio", "motions_suppressed", "interactions_suppressed",
-        "fallbacks"}) {
+  for (const char* key : {"controller", "ticks", "min_true_energy_j", "max_force_n",
+                          "largest_jump_n", "monitor", "monitor_reductions", "answered_ratio",
+                          "motions_suppressed", "interactions_suppressed", "fallbacks"}) {
     EXPECT_EQ(run[key], recorded[key]) << key;
   }
   // what the loopback counts otherwise has another name

@@ -110,10 +110,9 @@ TEST_F(Screen, OfALaunchBeginsWithThePageAndItsStatusFits) {
 TEST_F(Screen, OfALaunchTakesMarkers) {
   const test::TempFolder folder;
   const std::string file = (folder.path() / "run.mcap").string();
-  const std::string text =
-      on_terminal({"launch", kDefault, "--no-realtime", "--no-viewer", "--seconds", "3", "--record",
-                   file},
-                  80, "press m to set a marker in the run", 'm');
+  const std::string text = on_terminal(
+      {"launch", kDefault, "--no-realtime", "--no-viewer", "--seconds", "3", "--record", file}, 80,
+      "press m to set a marker in the run", 'm');
   EXPECT_THAT(text, HasSubstr("marker set: marker 1"));
   EXPECT_THAT(run_program("palpate", {"info", file}).out, HasSubstr(": marker 1 (terminal)"));
 }
