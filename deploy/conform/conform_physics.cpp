@@ -355,26 +355,25 @@ class Suite {
     frames.back().resize(valid.size() / 2);
     frames.push_back(valid);
     frames.back().front() = std::byte{4};
-    const Vector3 place = options_.clear_m;
     for (int round = 0; round < 5; ++round) {
       for (const auto& frame : frames) {
         rude.send(zmq::buffer(frame), zmq::send_flags::dontwait);
       }
-      mofc_->follow([&](double) { return place; }, 0.04);
+      mofc_->follow([this](double) { return options_.clear_m; }, 0.04);
     }
     // a second mofc_node, elsewhere, while the first one is served
     MofcSide second(*context_, session_.side(), clock_, random_session_id());
     std::string problem;
     for (int round = 0; round < 20; ++round) {
       static_cast<void>(second.await_answer(options_.press_m, 0.004));
-      mofc_->follow([&](double) { return place; }, 0.008);
+      mofc_->follow([this](double) { return options_.clear_m; }, 0.008);
     }
     // the second one gets a copy of the answers to the first: those are no fault
     if (!second.delays_s().empty()) {
       problem = "a second sender of motions was served beside the first one";
     } else if (!engine_->is_running()) {
       problem = "it ended after malformed motions";
-    } else if (!mofc_->await_answer(place, 2.0)) {
+    } else if (!mofc_->await_answer(options_.clear_m, 2.0)) {
       problem = "no answer after malformed motions and a second sender";
     }
     find(

@@ -26,9 +26,13 @@ EngineProcess::EngineProcess(const ChildSpec& program) {
   words.insert(words.end(), program.arguments.begin(), program.arguments.end());
   std::vector<std::string> variables;
   for (char** one = environ; *one != nullptr; ++one) variables.emplace_back(*one);
-  for (const auto& [name, value] : program.environment) variables.push_back(name + "=" + value);
+  for (const auto& [name, value] : program.environment) {
+    variables.push_back(name);
+    variables.back().append("=").append(value);
+  }
   const auto pointers = [](std::vector<std::string>& texts) {
     std::vector<char*> all;
+    all.reserve(texts.size() + 1);
     for (std::string& text : texts) all.push_back(text.data());
     all.push_back(nullptr);
     return all;

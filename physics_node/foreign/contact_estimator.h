@@ -12,9 +12,9 @@
 //   surface     p = (N − b w) / k,  Δn = κ Δx along the surface, least squares over 20 mm
 //   error       s² = mean of |f − model of the place before|² / |Δx|², the latest of weight 0.2
 //
-// The first touch guesses k = 2 N / d, d the last step into the tissue: the surface was half-way. Where
-// the tool leaves the tissue, the last surface stays as the one expected. The trust radius is that
-// where the expected error s r reaches 30 % of the force; 0.5 mm if s exceeds 0.7 k. Beyond it
+// The first touch guesses k = 2 N / d, d the last step into the tissue: the surface was half-way.
+// Where the tool leaves the tissue, the last surface stays as the one expected. The trust radius is
+// that where the expected error s r reaches 30 % of the force; 0.5 mm if s exceeds 0.7 k. Beyond it
 // mofc_node holds the force of its edge, so far as the surface lets it. A force that pulls into the
 // tissue follows no such law: it is held.
 #pragma once

@@ -1,5 +1,4 @@
-// palpate conform physics: what keeps the rules passes, each fault is named. With other bad luck
-// than a busy machine a fault is not mistaken for another.
+// palpate conform physics: what keeps the rules passes, each fault of wrong_physics is named.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -39,7 +38,8 @@ class Conform {
     Report report{.status = program_->wait(std::chrono::seconds(60)), .text = program_->out()};
     const std::filesystem::path file = folder_.path() / "found.json";
     if (!std::filesystem::exists(file)) return report;
-    for (const json& one : json::parse(test::text_of(file)).at("findings")) {
+    const json found = json::parse(test::text_of(file));
+    for (const json& one : found.at("findings")) {
       report.is_good[one.at("check").get<std::string>()] = one.at("is_good").get<bool>();
     }
     return report;

@@ -56,8 +56,8 @@ TEST(Install, TheControllersByThemselvesServeAnotherProject) {
 TEST(Install, APhysicsOfOnesOwnIsBuiltAndConforms) {
   const test::TempFolder files;
   const std::string prefix = (files.path() / "prefix").string();
-  const CommandResult installed = run_cmake(
-      "--install '" PALPATE_BUILD_DIR "' --component physics --prefix '" + prefix + "'");
+  const CommandResult installed =
+      run_cmake("--install '" PALPATE_BUILD_DIR "' --component physics --prefix '" + prefix + "'");
   ASSERT_EQ(installed.status, 0) << installed.output;
   const std::string source = prefix + "/share/palpate/examples/half_space";
   const std::string build = (files.path() / "build").string();
