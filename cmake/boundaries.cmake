@@ -53,8 +53,9 @@ set(PALPATE_BOUNDARIES
   "physics_node/engines/mujoco:physics_node/sdk/physics.h"
   "physics_node:common/core,common/contact,common/session/scene_config.h,common/telemetry/physics_telemetry.h,physics_node/scene"
   "physics_node/surfaces:common/core,common/contact,common/contact/cloud,common/session/scene_config.h,@threads"
-  # elastic bodies by themselves: no session, no wire
-  "physics_node/elastic:@threads"
+  # elastic bodies by themselves: linear ← elastic; no session, no wire
+  "physics_node/elastic:physics_node/elastic/linear,@threads"
+  "physics_node/elastic/linear:physics_node/elastic/mesh.h"
   "physics_node/files:common/core,common/contact,common/session/scene_config.h,physics_node/surfaces,@threads"
   "physics_node/scene:common/core,common/contact,common/session/scene_config.h,physics_node/surfaces,physics_node/files"
   "physics_node/display:common/core,common/contact,common/session,common/telemetry,physics_node/surfaces,physics_node/files,physics_node/scene"

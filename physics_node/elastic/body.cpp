@@ -184,7 +184,6 @@ void Body::stiffness(const VectorXd& x_m, const std::vector<double>& rotations, 
     Eigen::Matrix<double, 4, 3> barycentric;
     barycentric.bottomRows<3>() = edges.inverse();
     barycentric.row(0) = -barycentric.bottomRows<3>().colwise().sum();
-    const double bulk = bulk_stiffness(description_.law, mu, lambda);
     // the change of volume is that of the whole element
     double dilatation_sum = 0.0;
     for (std::size_t point = 0; point < points; ++point) {
@@ -210,7 +209,7 @@ void Body::stiffness(const VectorXd& x_m, const std::vector<double>& rotations, 
       }
       dilatation_sum += dilatation(description_.law, f, q);
     }
-    const double pressure = bulk * dilatation_sum / static_cast<double>(points);
+    const double pressure = lambda * dilatation_sum / static_cast<double>(points);
     Eigen::Matrix<double, 3, 10> widening = Eigen::Matrix<double, 3, 10>::Zero();
     for (std::size_t point = 0; point < points; ++point) {
       const Gradients& g = gradients[point];
@@ -218,7 +217,7 @@ void Body::stiffness(const VectorXd& x_m, const std::vector<double>& rotations, 
           tangent(description_.law, deformations[point], mu, pressure, quaternions[point].data());
       if (rate > 0.0) at.stiffness += viscous_tangent(deformations[point], mu, lambda, rate);
       if (is_linear) {
-        at.stiffness += bulk * at.dilatation * at.dilatation.transpose();
+        at.stiffness += lambda * at.dilatation * at.dilatation.transpose();
       } else {
         for (std::size_t a = 0; a < t.size(); ++a) {
           const auto column = static_cast<Eigen::Index>(a);
@@ -245,7 +244,7 @@ void Body::stiffness(const VectorXd& x_m, const std::vector<double>& rotations, 
       });
     }
     if (is_linear) continue;
-    const double per_volume = bulk / (volume * static_cast<double>(points));
+    const double per_volume = lambda / (volume * static_cast<double>(points));
     for_blocks(pattern_, t, values, [&](std::size_t a, std::size_t b, double* block) {
       const auto i = static_cast<Eigen::Index>(a);
       const auto j = static_cast<Eigen::Index>(b);

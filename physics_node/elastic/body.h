@@ -6,9 +6,9 @@
 #include <memory>
 #include <vector>
 
-#include "physics_node/elastic/block_matrix.h"
 #include "physics_node/elastic/element_batches.h"
-#include "physics_node/elastic/elimination_order.h"
+#include "physics_node/elastic/linear/block_matrix.h"
+#include "physics_node/elastic/linear/elimination_order.h"
 #include "physics_node/elastic/mesh.h"
 
 namespace palpate::elastic {
@@ -29,6 +29,8 @@ class Body {
   /// @throws std::invalid_argument  mesh not usable (quality_of), no fixed node, a node, region or
   ///     material out of range
   explicit Body(BodyDescription description);
+  Body(const Body&) = delete;  // factors and simulations refer to it
+  Body& operator=(const Body&) = delete;
 
   [[nodiscard]] const Mesh& mesh() const noexcept { return description_.mesh; }
   [[nodiscard]] const BodyDescription& description() const noexcept { return description_; }
@@ -39,7 +41,7 @@ class Body {
   [[nodiscard]] std::size_t node_count() const noexcept { return description_.mesh.nodes_m.size(); }
   [[nodiscard]] const VectorXd& rest_m() const noexcept { return rest_m_; }
   /// Lumped mass per node [kg] (quadratic elements: proportional to the diagonal of the consistent
-  /// mass matrix, so that none is negative [Hinton 1976]).
+  /// mass matrix, so that none is negative [Hinton76]).
   [[nodiscard]] const VectorXd& mass_kg() const noexcept { return mass_kg_; }
   /// α times mass, per node [kg/s].
   [[nodiscard]] const VectorXd& mass_damping_kg_per_s() const noexcept { return mass_damping_; }

@@ -6,7 +6,7 @@
 #include <numeric>
 #include <utility>
 
-#include "physics_node/elastic/dense_kernels.h"
+#include "physics_node/elastic/linear/dense_kernels.h"
 
 namespace palpate::elastic {
 

@@ -11,9 +11,9 @@
 namespace palpate::elastic {
 
 /// How the surface of a body gives way to forces at a few of its points, without its interior:
-/// u = C f for nodes of the surface, C = the rows and columns of the inverse stiffness [Cotin 1999,
-/// James 1999]. Columns are made when their node is first touched and turn with the body
-/// [Saupin 2008].
+/// u = C f for nodes of the surface, C = the rows and columns of the inverse stiffness [Cotin99,
+/// James99]. Columns are made when their node is first touched and turn with the body
+/// [Saupin08].
 class SurfaceCompliance {
  public:
   /// @param factor  of the static stiffness; is used by require()   @param surface_nodes  of C's

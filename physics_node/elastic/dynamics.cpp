@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 
 namespace palpate::elastic {
 namespace {
@@ -124,11 +125,13 @@ SearchReport Dynamics::balance(double h_s, const Obstacle* obstacle) {
   SearchLimits limits{.tolerance_m = settings_.tolerance_m,
                       .most_iterations = settings_.is_exact ? 300 : settings_.most_iterations,
                       .slow_ratio = settings_.slow_ratio};
-  return search_.search(goal, limits, *factor_, found_, [&](const VectorXd& at_m) {
+  const auto refactor = [&](const VectorXd& at_m) {
     if (!settings_.is_exact) return false;
     search_.update_rotations(at_m);
     return make_factor(at_m, goal.shift(), obstacle);
-  });
+  };
+  // by reference: a copy of what it captures would be allocated
+  return search_.search(goal, limits, *factor_, found_, std::ref(refactor));
 }
 
 StepReport Dynamics::step(double dt_s, const Obstacle* obstacle) {
@@ -197,20 +200,23 @@ StepReport Dynamics::single_step(double dt_s, const Obstacle* obstacle) {
     const Goal here{};
     report.kinetic_joule = kinetic_joule(inertial_);
     report.gravity_joule = body_.load_newton().size() > 0 ? -body_.load_newton().dot(next_) : 0.0;
-    if (theta == 1.0) {
+    if (theta < 1.0 || body_.is_viscous()) {
+      search_.evaluate(here, next_);
+      report.elastic_joule = search_.elastic_joule();
+    } else {
       report.elastic_joule = report.search.elastic_joule;
-      break;
     }
-    search_.evaluate(here, next_);
-    report.elastic_joule = search_.elastic_joule();
+    if (obstacle != nullptr) break;  // it may do work
     const double gain = report.energy_joule() - energy_joule_;
     const double scale =
         report.kinetic_joule + report.elastic_joule + std::abs(report.gravity_joule);
     if (gain <= kEnergyRounding * scale) break;
-    // What is too much is taken from the motion; if that is not enough the step is made again.
-    if (gain < 0.05 * report.kinetic_joule) {
-      inertial_ *= std::sqrt(1.0 - gain / report.kinetic_joule);
-      report.kinetic_joule -= gain;
+    // What is too much is taken from the motion; if that is not enough the step is made again. With
+    // θ = 1 it is always enough: V(x₁) is at most the energy before.
+    if (theta == 1.0 || gain < 0.05 * report.kinetic_joule) {
+      const double left = std::max(0.0, report.kinetic_joule - gain);
+      inertial_ *= report.kinetic_joule > 0.0 ? std::sqrt(left / report.kinetic_joule) : 0.0;
+      report.kinetic_joule = left;
       break;
     }
     report.is_damped = true;

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cstring>
 
-#include "physics_node/elastic/clones.h"
+#include "physics_node/elastic/linear/clones.h"
 #include "physics_node/elastic/point_laws.h"
 
 namespace palpate::elastic {
@@ -145,9 +145,8 @@ PALPATE_INLINE Lanes batch_gradient(ElementBatches& elements, std::size_t b, dou
     }
     dilatations += dilatation<kLaw>(F, q);
   }
-  const Lanes bulk = bulk_stiffness(kLaw, mu, lambda);
   const Lanes theta = (1.0 / kPoints) * dilatations;
-  const Lanes pressure = bulk * theta;
+  const Lanes pressure = lambda * theta;
   energy += 0.5 * kPoints * volume * pressure * theta;
   for (int point = 0; point < kPoints; ++point) {
     const Matrix3<Lanes>& F = deformations[point];

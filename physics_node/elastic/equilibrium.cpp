@@ -91,7 +91,7 @@ double EquilibriumSearch::evaluate(const Goal& goal, const VectorXd& x_m) {
 }
 
 void EquilibriumSearch::direction(WarpedFactor& factor) {
-  // two-loop recursion [Nocedal 2006] algorithm 7.4, the factor for the first approximation
+  // two-loop recursion [Nocedal06] algorithm 7.4, the factor for the first approximation
   double weights[kMemory];  // NOLINT
   trial_ = gradient_;
   for (int k = 0; k < remembered_; ++k) {

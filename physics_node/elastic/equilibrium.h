@@ -12,7 +12,7 @@ namespace palpate::elastic {
 
 /// The function whose minimum is sought,
 ///   V(x) − gravity·x + obstacle(x) [+ ½ Σ m |x − x̃|² / h² + dissipation over h],
-/// the part in brackets for a step of length h > 0 of backward Euler [Gast 2015].
+/// the part in brackets for a step of length h > 0 of backward Euler [Gast15].
 struct Goal {
   double step_s = 0.0;                 ///< h; 0: the static balance
   const double* inertial_m = nullptr;  ///< x̃ = x₀ + h v₀, where inertia alone would lead
@@ -49,7 +49,7 @@ struct SearchReport {
   double elastic_joule = 0.0;
 };
 
-/// Quasi-Newton search (L-BFGS over the warped factor [Liu 2017], line search on the function): it
+/// Quasi-Newton search (L-BFGS over the warped factor [Liu17], line search on the function): it
 /// never ends above where it began. Buffers belong to the object: search() does not allocate unless
 /// it factorises.
 class EquilibriumSearch {

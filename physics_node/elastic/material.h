@@ -13,7 +13,7 @@ enum class Law : std::uint8_t {
   /// µ |E|² + λ/2 tr²E. Softens when compressed beyond 42 % in one direction, and an element that
   /// is turned inside out may rest there: not for strong indentation
   kStVenantKirchhoff,
-  /// µ/2 (|F|² − 3) − µ (J − 1) + (λ + µ)/2 (J − 1)²: [Smith 2018] eq. (13), finite for every F
+  /// µ/2 (|F|² − 3) − µ (J − 1) + (λ + µ)/2 (J − 1)²: [Smith18] eq. (13), finite for every F
   kStableNeoHookean,
 };
 

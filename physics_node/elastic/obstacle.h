@@ -1,7 +1,7 @@
 // obstacle.h — what pushes on an elastic body from outside.
 #pragma once
 
-#include "physics_node/elastic/block_matrix.h"
+#include "physics_node/elastic/linear/block_matrix.h"
 
 namespace palpate::elastic {
 

@@ -80,7 +80,7 @@ PALPATE_INLINE void rotation_of(const T* q, Matrix3<T>& R) {
 }
 
 /// One Newton step of the quaternion q towards the rotation R that maximises tr(RᵀF), the rotation
-/// of F's polar decomposition: ω = (tr(B) I − sym B)⁻¹ axial(B − Bᵀ), B = RᵀF [Kugelstadt 2018].
+/// of F's polar decomposition: ω = (tr(B) I − sym B)⁻¹ axial(B − Bᵀ), B = RᵀF [Kugelstadt18].
 /// Where the matrix is not positive definite (F near inversion) a step along the gradient.
 /// Returns |ω|² of the step: a Newton step leaves an error of the order of |ω|³.
 template <class T>
@@ -134,13 +134,9 @@ PALPATE_INLINE T improve_rotation(const Matrix3<T>& F, T* q) {
   return step;
 }
 
-/// The energy density of every law is a part without λ plus ½ κ θ² with κ = bulk_stiffness and the
+/// The energy density of every law is a part that does not depend on λ plus ½ λ θ² with the
 /// dilatation θ = tr S − 3 (corotational), tr E (St. Venant–Kirchhoff) or J − 1 (neo-Hookean).
 /// Quadratic elements take for θ the mean of the element, so that they do not lock near ν = ½.
-template <class T>
-PALPATE_INLINE T bulk_stiffness(Law law, const T& mu, const T& lambda) {
-  return law == Law::kStableNeoHookean ? lambda + mu : lambda;
-}
 
 /// θ of F. For the corotational law `q` is the rotation of F.
 template <Law kLaw, class T>
@@ -162,8 +158,8 @@ PALPATE_INLINE T dilatation(const Matrix3<T>& F, const T* q) {
   }
 }
 
-/// First Piola-Kirchhoff stress P of F under the pressure κ θ, and the energy density without its
-/// part ½ κ θ². `q` as above.
+/// First Piola-Kirchhoff stress P of F under the pressure λ θ, and the energy density without its
+/// part ½ λ θ². `q` as above.
 template <Law kLaw, class T>
 PALPATE_INLINE T stress(const Matrix3<T>& F, const T& mu, const T& pressure, const T* q,
                         Matrix3<T>& P) {
@@ -194,8 +190,9 @@ PALPATE_INLINE T stress(const Matrix3<T>& F, const T& mu, const T& pressure, con
     const T volume = F.a[0] * C.a[0] + F.a[1] * C.a[1] + F.a[2] * C.a[2] - 1.0;
     T norm2 = F.a[0] * F.a[0] - 3.0;
     for (int i = 1; i < 9; ++i) norm2 += F.a[i] * F.a[i];
-    for (int i = 0; i < 9; ++i) P.a[i] = mu * F.a[i] + (pressure - mu) * C.a[i];
-    return 0.5 * mu * norm2 - mu * volume;
+    const T sum = pressure + mu * (volume - 1.0);
+    for (int i = 0; i < 9; ++i) P.a[i] = mu * F.a[i] + sum * C.a[i];
+    return mu * (0.5 * norm2 - volume + 0.5 * volume * volume);
   }
 }
 

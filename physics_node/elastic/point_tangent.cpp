@@ -67,7 +67,8 @@ PointTangent tangent(Law law, const Matrix3d& F, double mu, double pressure, con
       const Matrix3d C = F.transpose() * D;
       change = D * S + mu * F * (C + C.transpose());
     } else {
-      change = mu * D + (pressure - mu) * cofactor_change(F, D);
+      change = mu * D + mu * widening.cwiseProduct(D).sum() * widening +
+               (pressure + mu * (F.determinant() - 2.0)) * cofactor_change(F, D);
     }
     for (int row = 0; row < 9; ++row) {
       result.stiffness(row, column) = change(row / 3, row % 3);

@@ -13,8 +13,8 @@ using Vector9d = Eigen::Matrix<double, 9, 1>;
 
 /// Rows and columns in the order of a row-major 3 × 3 matrix.
 struct PointTangent {
-  Matrix9d stiffness;  ///< ∂P/∂F with the pressure κ θ held [Pa]
-  Vector9d dilatation;  ///< ∂θ/∂F: with the point's own θ, ∂P/∂F has κ times its square more
+  Matrix9d stiffness;  ///< ∂P/∂F with the pressure λ θ held [Pa]
+  Vector9d dilatation;  ///< ∂θ/∂F: with the point's own θ, ∂P/∂F has λ times its square more
 };
 /// `q`: the rotation of F, for the corotational law.
 [[nodiscard]] PointTangent tangent(Law law, const Eigen::Matrix3d& F, double mu, double pressure,

@@ -112,9 +112,19 @@ Vector3d SphereContact::force_on_sphere_newton(const double* x_m) const {
   return force;
 }
 
+std::vector<Vector3d> SphereContact::forces_on_body_newton(const double* x_m) const {
+  std::vector<Vector3d> forces;
+  for (std::size_t i = 0; i < points_.size(); ++i) {
+    const Touch at = touch(i, x_m);
+    forces.emplace_back(points_[i].area_m2 * at.pressure_pa * at.normal);
+  }
+  return forces;
+}
+
 std::size_t SphereContact::touching(const double* x_m) const {
   std::size_t count = 0;
-  for (std::size_t i = 0; i < points_.size(); ++i) count += touch(i, x_m).pressure_pa > 0.0 ? 1 : 0;
+  for (std::size_t i = 0; i < points_.size(); ++i)
+    count += static_cast<std::size_t>(touch(i, x_m).pressure_pa > 0.0);
   return count;
 }
 

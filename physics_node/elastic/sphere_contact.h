@@ -50,6 +50,8 @@ class SphereContact : public Obstacle {
   /// Returns the deepest penetration [m].
   double update_multipliers(const double* x_m);
   [[nodiscard]] Vector3d force_on_sphere_newton(const double* x_m) const;
+  /// Of every point, on the body.
+  [[nodiscard]] std::vector<Vector3d> forces_on_body_newton(const double* x_m) const;
   [[nodiscard]] std::size_t touching(const double* x_m) const;
   [[nodiscard]] const std::vector<SurfacePoint>& points() const noexcept { return points_; }
 

@@ -5,8 +5,8 @@
 #include <variant>
 #include <vector>
 
-#include "physics_node/elastic/block_cholesky.h"
 #include "physics_node/elastic/body.h"
+#include "physics_node/elastic/linear/block_cholesky.h"
 #include "physics_node/elastic/obstacle.h"
 
 namespace palpate::elastic {
@@ -14,7 +14,7 @@ namespace palpate::elastic {
 enum class Precision : std::uint8_t { kFloat, kDouble };
 
 /// A⁻¹ ≈ R A₀⁻¹ Rᵀ with A₀ factorised at one configuration and R what every node has turned since
-/// [Müller 2004]. Symmetric positive definite whatever the configuration: a descent direction
+/// [Mueller04]. Symmetric positive definite whatever the configuration: a descent direction
 /// always.
 class WarpedFactor {
  public:

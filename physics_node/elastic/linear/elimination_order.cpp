@@ -1,4 +1,4 @@
-#include "physics_node/elastic/elimination_order.h"
+#include "physics_node/elastic/linear/elimination_order.h"
 
 #include <Eigen/OrderingMethods>
 #include <Eigen/SparseCore>
@@ -6,7 +6,7 @@
 #include <iterator>
 #include <numeric>
 
-#include "physics_node/elastic/dense_kernels.h"
+#include "physics_node/elastic/linear/dense_kernels.h"
 
 namespace palpate::elastic {
 namespace {
@@ -88,9 +88,9 @@ class Dissection {
     std::size_t right_cut = 0;
     for (std::size_t i = 0; i < rows.size(); ++i) {
       if (i < middle) {
-        left_cut += touches(rows[i], right) ? 1 : 0;
+        left_cut += static_cast<std::size_t>(touches(rows[i], right));
       } else {
-        right_cut += touches(rows[i], left) ? 1 : 0;
+        right_cut += static_cast<std::size_t>(touches(rows[i], left));
       }
     }
     const bool is_left_cut = left_cut < right_cut;

@@ -1,4 +1,4 @@
-#include "physics_node/elastic/block_matrix.h"
+#include "physics_node/elastic/linear/block_matrix.h"
 
 namespace palpate::elastic {
 

@@ -1,9 +1,9 @@
-#include "physics_node/elastic/block_cholesky.h"
+#include "physics_node/elastic/linear/block_cholesky.h"
 
 #include <algorithm>
 #include <utility>
 
-#include "physics_node/elastic/dense_kernels.h"
+#include "physics_node/elastic/linear/dense_kernels.h"
 
 namespace palpate::elastic {
 namespace {

@@ -1,11 +1,11 @@
-#include "physics_node/elastic/dense_kernels.h"
+#include "physics_node/elastic/linear/dense_kernels.h"
 
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <cstring>
 
-#include "physics_node/elastic/clones.h"
+#include "physics_node/elastic/linear/clones.h"
 
 namespace palpate::elastic {
 namespace {

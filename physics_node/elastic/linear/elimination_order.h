@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "physics_node/elastic/block_matrix.h"
+#include "physics_node/elastic/linear/block_matrix.h"
 
 namespace palpate::elastic {
 

@@ -5,8 +5,8 @@
 #include <memory>
 #include <vector>
 
-#include "physics_node/elastic/block_matrix.h"
-#include "physics_node/elastic/elimination_order.h"
+#include "physics_node/elastic/linear/block_matrix.h"
+#include "physics_node/elastic/linear/elimination_order.h"
 
 namespace palpate::elastic {
 
