@@ -109,8 +109,8 @@ Maps maps_of(const Campaign& campaign, const Results& results, const MapRequest&
       } else if (i == down) {
         row = value;
       } else {
-        title = dimension.name + " " + dimension.values[value].label + (title.empty() ? "" : ", ") +
-                title;
+        title = fmt::format("{} {}{}{}", dimension.name, dimension.values[value].label,
+                            title.empty() ? "" : ", ", title);
       }
     }
     const auto [place, is_new] = index_of.emplace(title, maps.maps.size());
@@ -222,7 +222,8 @@ std::string map_svg(const Campaign& campaign, const Results& results, const MapR
       const int top = y + (3 + row) * kLine;
       write(kLeft - 6, top + kLine - 6, "end", "black", maps.rows[static_cast<std::size_t>(row)]);
       for (int column = 0; column < columns; ++column) {
-        const double number = map.numbers[static_cast<std::size_t>(row * columns + column)];
+        const double number = map.numbers[static_cast<std::size_t>(row) * maps.columns.size() +
+                                          static_cast<std::size_t>(column)];
         if (!std::isfinite(number)) continue;
         const bool is_dark = number < 0.5 * (least + greatest);
         body += fmt::format("<rect x='{}' y='{}' width='{}' height='{}' fill='{}'/>\n",

@@ -109,7 +109,7 @@ std::string submit(const Campaign& campaign, const Folder& folder, const Results
   for (const std::string& argument : options.sbatch)
     command += fmt::format(" {}", shell_word(argument));
   const Output answer = run(fmt::format("{} {}", command, shell_word(script_file)));
-  const std::string id = answer.text.substr(0, answer.text.find_first_not_of("0123456789"));
+  std::string id = answer.text.substr(0, answer.text.find_first_not_of("0123456789"));
   if (answer.status != 0 || id.empty()) {
     throw SetupError("sbatch: " + answer.text.substr(0, kShownBytes) +
                      (answer.status == 127 ? "install Slurm's client (Debian: slurm-client), or "
