@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "tests/support/program.h"
 #include "tests/support/web_client.h"
 #include "viewer_node/web_channels.h"
 
