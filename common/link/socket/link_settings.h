@@ -44,8 +44,7 @@ struct LinkSettings {
   int receive_queue = 0;  ///< messages per peer; 0: no limit
   int buffer_bytes = 0;   ///< kernel buffer in each direction (tcp); 0: the system's default
   int linger_ms = 0;      ///< time for sending the last messages after closing
-  /// Connecting ends: the queues outlast the connection. What has arrived can be read after it has
-  /// ended, and what is sent without one waits for the next.
+  /// Connecting ends: what is sent without a connection waits for the next.
   bool keeps_queues = false;
   std::int64_t largest_frame_bytes = kLargestFrameBytes;
 };

@@ -26,7 +26,9 @@ LinkSocket::LinkSocket(ZmqContext& context, const LinkSettings& settings,
     : attachment_(attachment),
       socket_(context.get(), settings.type),
       spins_(context.wait() == WaitStrategy::kSpin),
-      keeps_queues_(settings.keeps_queues) {
+      keeps_queues_(settings.keeps_queues),
+      must_be_connected_(attachment.role == Attachment::Role::kConnect && !settings.keeps_queues &&
+                         settings.type != zmq::socket_type::push) {
   const Scheme scheme = scheme_of(attachment_);
   const bool is_inproc = scheme == Scheme::kInproc;
   is_tcp_ = scheme == Scheme::kTcp;
@@ -51,7 +53,10 @@ LinkSocket::LinkSocket(ZmqContext& context, const LinkSettings& settings,
     }
   }
   if (settings.type == zmq::socket_type::router) socket_.set(zmq::sockopt::router_mandatory, true);
-  socket_.set(zmq::sockopt::immediate, !settings.keeps_queues);
+  // A connecting socket with this option discards its queue in the moment in which a connection
+  // ends; if it has read a part of a message, libzmq then aborts. So only for those that never
+  // read.
+  socket_.set(zmq::sockopt::immediate, settings.type == zmq::socket_type::push);
 
   if (!is_inproc) {
     const LinkRoles* const roles = roles_of(attachment_.setting);
@@ -138,6 +143,7 @@ void LinkSocket::attach() {
 /// Disconnecting fails if libzmq has forgotten the connection; connecting again is right then too.
 void LinkSocket::reconnect_if_needed() noexcept {
   if (is_inproc() || !connections_->must_reconnect.load(std::memory_order_relaxed)) return;
+  if (has_rest_) return;  // disconnecting discards the queue too
   connections_->must_reconnect.store(false, std::memory_order_relaxed);
   zmq_disconnect(handle(), attachment_.endpoint.c_str());
   zmq_connect(handle(), attachment_.endpoint.c_str());
@@ -162,8 +168,8 @@ bool LinkSocket::drop_rest() noexcept {
 }
 
 Reception LinkSocket::receive(zmq::message_t& frame, zmq::message_t* peer) noexcept {
-  reconnect_if_needed();
   if (has_rest_ && !drop_rest()) return Reception::kNothing;
+  reconnect_if_needed();
   // a ROUTER puts the peer before the message
   if (peer != nullptr && !read(*peer)) return Reception::kNothing;
   if (!read(frame)) return Reception::kNothing;
@@ -180,6 +186,7 @@ Reception LinkSocket::receive(zmq::message_t& frame, zmq::message_t* peer) noexc
 
 SendResult LinkSocket::send(zmq::message_t& part, int flags) noexcept {
   reconnect_if_needed();
+  if (!may_send()) return SendResult::kDropped;
   is_empty_ = false;  // sending may consume the signal of the descriptor
   release_to_receiver(part);
   while (zmq_msg_send(part.handle(), handle(), ZMQ_DONTWAIT | flags) < 0) {
@@ -194,14 +201,20 @@ bool LinkSocket::is_ready(int events) noexcept {
   is_empty_ = false;  // the call below consumes the signal of the descriptor
   int present = 0;
   std::size_t size = sizeof(present);
-  return zmq_getsockopt(handle(), ZMQ_EVENTS, &present, &size) == 0 && (present & events) != 0;
+  if (zmq_getsockopt(handle(), ZMQ_EVENTS, &present, &size) != 0) return false;
+  if (!may_send()) present &= ~ZMQ_POLLOUT;
+  return (present & events) != 0;
 }
 
 void LinkSocket::wait_until(int events, const Clock& clock, TimePoint deadline) noexcept {
   // The descriptor signals changes, not states, and is_ready() consumes the signal: so the state is
   // checked before and after each wait.
   while (!is_ready(events)) {
-    if (!sleep_until(clock, deadline)) return;
+    // the descriptor does not signal a connection
+    const TimePoint now = clock.now();
+    const bool polls =
+        (events & ZMQ_POLLOUT) != 0 && !may_send() && deadline - now > kConnectionPoll;
+    if (!sleep_until(clock, polls ? now + kConnectionPoll : deadline) && !polls) return;
   }
 }
 

@@ -79,10 +79,12 @@ class LinkSocket {
 
  private:
   static constexpr int kMostPartsPerCall = 256;
+  static constexpr Duration kConnectionPoll = std::chrono::milliseconds(1);
 
   void protect(ZmqContext& context);
   void attach();
   void reconnect_if_needed() noexcept;
+  [[nodiscard]] bool may_send() const noexcept { return !must_be_connected_ || is_connected(); }
   [[nodiscard]] bool read(zmq::message_t& part) noexcept;
   [[nodiscard]] bool drop_rest() noexcept;
   bool sleep_until(const Clock& clock, TimePoint deadline) noexcept;
@@ -97,6 +99,7 @@ class LinkSocket {
   Alarm alarm_;
   bool spins_;
   bool keeps_queues_;
+  bool must_be_connected_;  // to send; libzmq would queue
   bool is_tcp_ = false;
   bool has_rest_ = false;  // of a message of several parts, still to be dropped
   /// The last read() found nothing, so that the descriptor will signal the next message.

@@ -17,6 +17,7 @@
 #include "common/link/exchange_server.h"
 #include "common/link/plot_sender.h"
 #include "common/link/scene_sender.h"
+#include "common/link/socket/link_socket.h"
 #include "common/link/telemetry_subscriber.h"
 #include "tests/loopback/links/link_fixture.h"
 #include "tests/support/encoded_frame.h"
@@ -232,6 +233,52 @@ TEST_P(HostilePeer, DoesNotDisturbTheEndsThatConnect) {
     static_cast<void>(batch_out->send(random_message<PhysicsBatch>(random_)));
     return viewer.receive(telemetry, at_);
   }));
+}
+
+// The socket has read a part of the message when its connection ends.
+TEST_P(HostilePeer, MayHangUpWithinAMessageOfManyParts) {
+  for (const LinkSettings& settings : {kExchangeClient, kInteractionReceiver, kTelemetryReceiver}) {
+    const std::string endpoint = unused_endpoint();
+    ports_.clear();
+    LinkSocket end(context_, settings, connect_to(endpoint, "links.interaction"));
+    std::optional<zmq::socket_t> peer;
+    zmq::message_t id;
+    const auto find_end = [&] {
+      return eventually([&] {
+        try {
+          if (!peer) {
+            peer.emplace(foreign_, zmq::socket_type::router);
+            peer->set(zmq::sockopt::linger, 0);
+            peer->bind(endpoint);
+          }
+        } catch (const zmq::error_t&) {  // libzmq releases a port shortly after closing
+          peer.reset();
+          return false;
+        }
+        zmq::message_t hello("?", 1);
+        static_cast<void>(end.send(hello, 0));
+        return peer->recv(id, zmq::recv_flags::dontwait).has_value();
+      });
+    };
+    const auto send = [&](int parts) {
+      zmq::message_t to;
+      to.copy(id);
+      peer->send(to, zmq::send_flags::sndmore);
+      for (int i = 1; i < parts; ++i) peer->send(zmq::str_buffer("x"), zmq::send_flags::sndmore);
+      peer->send(zmq::str_buffer("x"), zmq::send_flags::none);
+    };
+    ASSERT_TRUE(find_end());
+    send(5000);
+    zmq::message_t frame;
+    ASSERT_TRUE(eventually([&] { return end.receive(frame) == Reception::kMalformed; }));
+    peer.reset();
+    ASSERT_TRUE(eventually([&] { return end.has_lost_peer(); }));
+    for (int i = 0; i < 100; ++i) EXPECT_EQ(end.receive(frame), Reception::kNothing);
+
+    ASSERT_TRUE(find_end());
+    send(1);
+    EXPECT_TRUE(eventually([&] { return end.receive(frame) == Reception::kMessage; }));
+  }
 }
 
 // --- memory -----------------------------------------------------------------------------------
