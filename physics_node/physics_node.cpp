@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "common/core/message_copy.h"
+#include "common/core/messages.h"
 #include "physics_node/interaction_deadband.h"
 
 namespace palpate::physics {

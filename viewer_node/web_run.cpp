@@ -5,6 +5,7 @@
 #include <chrono>
 #include <ctime>
 #include <filesystem>
+#include <utility>
 
 #include "common/core/check.h"
 #include "viewer_node/web_channels.h"
@@ -92,7 +93,8 @@ WebRun::WebRun(NodeContext& context, ProcessLinks& links, TelemetrySubscriber& s
       scene_(scene),
       out_(links.side, run_requests_of(context.session, Attachment::Role::kConnect)),
       header_{.session_id = context.session_id},
-      recorder_(context, subscriber, record_folder) {}
+      recorder_(context, subscriber, record_folder),
+      began_at_(context.clock.now()) {}
 
 void WebRun::take(const TelemetryMessage& message, std::span<const std::byte> payload,
                   TimePoint now) {
@@ -106,6 +108,7 @@ void WebRun::take(const TelemetryMessage& message, std::span<const std::byte> pa
 
 void WebRun::pump(TimePoint now) {
   recorder_.pump(now);
+  hand_over_markers(now);
   if (!has_host(now)) state_.replay.reset();
 }
 
@@ -118,6 +121,31 @@ void WebRun::note_markers(const RunState& run) {
     log_.write(LogLevel::kInfo, "run",
                fmt::format("event=marker origin={} text=\"{}\"", marker.origin, marker.text));
   }
+}
+
+/// To the host, once it is heard and connected. Nodes that were started by hand have none: then
+/// this viewer alone knows the markers.
+void WebRun::hand_over_markers(TimePoint now) {
+  for (; !markers_.empty(); markers_.pop_front()) {
+    if (has_host(now)) {
+      if (send({.marker = markers_.front()}, now) != SendResult::kSent) return;
+      continue;
+    }
+    if (now - began_at_ < RunHost::kGoneAfter) return;
+    own_.add(wall_clock_ns(), markers_.front(), "page");
+    state_ = {};
+    state_.markers = own_.newest();
+    note_markers(state_);
+    recorder_.take(TelemetryMessage(state_), {});
+  }
+}
+
+SendResult WebRun::send(RunRequest&& request, TimePoint now) {
+  header_.sampled_at = now;
+  request.header = header_;
+  const SendResult result = out_.send(request);
+  if (result == SendResult::kSent) ++header_.sequence;
+  return result;
 }
 
 void WebRun::request(std::uint64_t client, const std::string& payload, TimePoint now) {
@@ -135,21 +163,15 @@ void WebRun::request(std::uint64_t client, const std::string& payload, TimePoint
   } else if (request->is_recording) {
     complain("this viewer_node has no folder for recordings; start it with --record-folder");
   }
-  if (!request->is_for_run()) return;
-  if (has_host(now)) {
-    header_.sampled_at = now;
-    request->header = header_;
-    if (out_.send(*request) != SendResult::kSent) return complain("the run does not take requests");
-    ++header_.sequence;
-    return;
+  if (request->marker && markers_.size() < RunState::kMostMarkers) {
+    markers_.push_back(*std::exchange(request->marker, std::nullopt));
+    hand_over_markers(now);
   }
-  if (!request->marker) return complain("there is no replay to control");
-  // nodes started by hand: the marker is known to this viewer only
-  own_.add(wall_clock_ns(), *request->marker, "page");
-  state_ = {};
-  state_.markers = own_.newest();
-  note_markers(state_);
-  recorder_.take(TelemetryMessage(state_), {});
+  if (!request->is_for_run()) return;
+  if (!has_host(now)) return complain("there is no replay to control");
+  if (send(std::move(*request), now) != SendResult::kSent) {
+    complain("the run does not take requests");
+  }
 }
 
 }  // namespace palpate::viewer

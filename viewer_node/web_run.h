@@ -8,6 +8,7 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <optional>
 #include <span>
 #include <string>
@@ -77,6 +78,8 @@ class WebRun {
     return state_.header.session_id != 0 && now - heard_at_ <= RunHost::kGoneAfter;
   }
   void note_markers(const RunState& run);
+  void hand_over_markers(TimePoint now);
+  [[nodiscard]] SendResult send(RunRequest&& request, TimePoint now);
 
   NodeContext& context_;
   WebServer& server_;
@@ -87,7 +90,9 @@ class WebRun {
   PageRecorder recorder_;
   RunState state_;  // the host's newest, or of this viewer alone
   TimePoint heard_at_{};
-  MarkerLog own_;  // without a host
+  TimePoint began_at_;
+  std::deque<std::string> markers_;  // set by pages, not handed over yet
+  MarkerLog own_;                    // without a host
   std::uint64_t newest_marker_ns_ = 0;
 };
 

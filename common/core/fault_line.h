@@ -9,7 +9,7 @@
 #include <optional>
 #include <vector>
 
-#include "common/core/message_copy.h"
+#include "common/core/messages.h"
 #include "common/core/random.h"
 #include "common/core/time.h"
 

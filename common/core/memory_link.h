@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "common/core/clock.h"
-#include "common/core/message_copy.h"
+#include "common/core/messages.h"
 #include "common/core/ports.h"
 
 namespace palpate {

@@ -34,6 +34,8 @@ class MofcSide {
   void follow(const Path& path, double seconds);
   /// Takes answers without sending; returns their number.
   std::size_t listen(double seconds);
+  /// Every motion has its first answer.
+  [[nodiscard]] bool has_all_answers() const { return last_answered_ + 1 == next_sequence_; }
   /// Sends this position until an answer to a motion sent from now on arrives; false at the end.
   [[nodiscard]] bool await_answer(const Vector3& position_m, double seconds);
 

@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "common/core/inbox.h"
-#include "common/core/message_copy.h"
+#include "common/core/messages.h"
 #include "common/core/random.h"
 #include "common/core/tick_schedule.h"
 #include "deploy/lockstep/adversary.h"

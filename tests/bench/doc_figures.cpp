@@ -124,7 +124,7 @@ std::string transparency_table(const std::vector<json>& outputs) {
 
 std::string black_box_table(const std::vector<json>& outputs) {
   std::vector<Cells> rows;
-  for (const json& row : outputs.at(0)) {
+  for (const json& row : outputs.at(0).at("rows")) {
     const std::string tissue = text(row, "tissue");
     if (rows.empty() || rows.back().front() != tissue) rows.push_back({tissue});
     rows.back().push_back(fixed(row, "capped_transparency", 3));

@@ -386,7 +386,7 @@ TEST_F(ViewerProcesses, APageChangesATissueAndAllPagesLearnOfIt) {
   };
   subscribe(page, kScene);
   const auto first = page.await_data(kScene);
-  ASSERT_TRUE(first.has_value());
+  ASSERT_TRUE(first.has_value()) << launch_->err();
   EXPECT_TRUE(decoded<SceneState>(*first).accepts_changes);
 
   change(0, 350.0, 2.0);

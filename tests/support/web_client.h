@@ -90,9 +90,10 @@ class WebClient {
     const int mask_bit = is_masked ? 0x80 : 0;
     if (payload.size() < 126) {
       bytes += static_cast<char>(mask_bit | static_cast<int>(payload.size()));
-    } else {
-      bytes += static_cast<char>(mask_bit | 127);
-      for (int shift = 56; shift >= 0; shift -= 8) {
+    } else {  // the shortest form is required
+      const bool is_long = payload.size() >= 65536;
+      bytes += static_cast<char>(mask_bit | (is_long ? 127 : 126));
+      for (int shift = is_long ? 56 : 8; shift >= 0; shift -= 8) {
         bytes += static_cast<char>(payload.size() >> shift);
       }
     }
