@@ -461,7 +461,10 @@ TEST_F(ViewerProcesses, APageSetsMarkersAndRecords) {
   const auto info = [](const std::string& file) {
     return test::run_program("palpate", {"info", file, "--json"}).out;
   };
+  const auto here = std::filesystem::current_path();
+  std::filesystem::current_path(files_.path());  // pages record there
   launch({"--record", run});
+  std::filesystem::current_path(here);
   WebClient page(port_);
   ASSERT_TRUE(page.open_web_socket());
   page.send_text(R"({"op":"advertise","channels":[{"id":1,"topic":"/run_request",)"
@@ -482,8 +485,9 @@ TEST_F(ViewerProcesses, APageSetsMarkersAndRecords) {
   ASSERT_TRUE(test::await(
       [&] { return launch_->err().find("event=recording_begun") != std::string::npos; }));
   const std::string begun = launch_->err();
-  const std::string own = begun.substr(
+  const std::string name = begun.substr(
       begun.find("file=") + 5, begun.find(".mcap", begun.find("file=")) - begun.find("file="));
+  const std::string own = (files_.path() / name).string();
   request("\x12\x05touch");
   ASSERT_TRUE(health_has("touch")) << launch_->err();
   ASSERT_TRUE(
@@ -495,7 +499,6 @@ TEST_F(ViewerProcesses, APageSetsMarkersAndRecords) {
   EXPECT_THAT(info(run), HasSubstr("\"/markers\": 1"));
   EXPECT_THAT(info(own), HasSubstr("\"/markers\": 1"));
   EXPECT_THAT(info(own), HasSubstr("\"/scene_state\": 1")) << "sent before this recording began";
-  std::filesystem::remove(own);
 }
 
 }  // namespace
