@@ -128,7 +128,9 @@ void WebRun::note_markers(const RunState& run) {
 void WebRun::hand_over_markers(TimePoint now) {
   for (; !markers_.empty(); markers_.pop_front()) {
     if (has_host(now)) {
-      if (send({.marker = markers_.front()}, now) != SendResult::kSent) return;
+      RunRequest request;
+      request.marker = markers_.front();
+      if (send(std::move(request), now) != SendResult::kSent) return;
       continue;
     }
     if (now - began_at_ < RunHost::kGoneAfter) return;

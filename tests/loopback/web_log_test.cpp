@@ -19,11 +19,17 @@ using namespace std::chrono_literals;
 using testing::ElementsAre;
 using testing::HasSubstr;
 
+ServerDescription description_of(const Session& session) {
+  ServerDescription description;
+  description.name = "v";
+  description.session_id = "s";
+  description.channels = web_channels(session);
+  return description;
+}
+
 class WebLogTest : public testing::Test {
  protected:
-  WebLogTest()
-      : server_({.port = 0}, {.name = "v", .session_id = "s", .channels = web_channels(session_)}),
-        log_(session_, server_) {}
+  WebLogTest() : server_({.port = 0}, description_of(session_)), log_(session_, server_) {}
 
   /// `count` lines that a page receives which subscribes only now.
   std::vector<std::string> history(std::size_t count) {

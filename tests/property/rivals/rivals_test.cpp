@@ -86,7 +86,6 @@ double least_of_random_motion(Controller& controller, std::uint64_t seed, const 
 }
 
 TEST(EnergyBounding, NoHandAndNoTissueDrawEnergyIfEveryForceActsForOnePeriod) {
-  double least_lost = 0.0;
   for (std::uint64_t seed = 1; seed <= 50; ++seed) {
     EnergyBounding controller(kBounding);
     EXPECT_GE(least_of_random_motion(controller, seed, {.f_d = 0.1}, [](const MotionRig&) {}),
@@ -359,7 +358,7 @@ TEST(InputToState, IsNotPassiveButLeaksABoundedAmountPerStroke) {
 // --- two ports ----------------------------------------------------------------------------------
 
 TEST(TwoPort, TheHandReceivesNoMoreThanTheTissueGaveAtAnyDelay) {
-  for (const std::size_t delay : {5, 20, 50}) {
+  for (const std::size_t delay : {5U, 20U, 50U}) {
     const SpringDamper wall(300.0, 0.0);
     const RigOptions o{.T = 0.001, .delay = delay};
     PassThrough none;

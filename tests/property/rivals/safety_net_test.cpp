@@ -142,8 +142,9 @@ TEST(SafetyNet, AForceThatIsNotANumberCountsAsNone) {
     }
   };
   SafetyNet net(std::make_unique<Broken>(), {.mofc = {.f_d = 0.1, .f_co = 0.1, .T = 0.001}});
-  EXPECT_EQ(net.step({.asked_force_on_hand_newton = {1.0, 0.0, 0.0}}).force_on_hand_newton,
-            Vector3::Zero());
+  ControlInput input;
+  input.asked_force_on_hand_newton = {1.0, 0.0, 0.0};
+  EXPECT_EQ(net.step(input).force_on_hand_newton, Vector3::Zero());
 }
 
 TEST(Rivals, NoneAllocatesInAStep) {
@@ -184,7 +185,8 @@ TEST(Rivals, AResetControllerAnswersAsANewOne) {
       for (std::size_t k = 0; k < 200; ++k) {
         x += 1e-4 * random.direction();
         const AppliedStretch stretch{a_case.assumed.T, random.direction(), x, true};
-        ControlInput input{.hand_position_m = x};
+        ControlInput input;
+        input.hand_position_m = x;
         if (k > 0) input.applied = {&stretch, 1};
         input.asked_force_on_hand_newton = random.direction();
         const Vector3 F = same.step(input).force_on_hand_newton;

@@ -779,10 +779,12 @@ struct ProbedWall {
     // the tool moves twice as far as the hand, which gets half the force
     state.hand_position_m = {0.001, 0, 0};
     state.tool_position_world_m = {0.03, 0, -0.01};
+    workspace.scale_ratio = 2.0;
+    workspace.force_ratio = 0.5;
   }
   Interaction interaction;
   DeviceState state;
-  WorkspaceConfig workspace{.scale_ratio = 2.0, .force_ratio = 0.5};
+  WorkspaceConfig workspace;
 };
 
 TEST(ModelProbe, AsksTheContactModelWhereTheHandIsNot) {

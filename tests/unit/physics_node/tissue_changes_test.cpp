@@ -29,7 +29,11 @@ SceneConfig floor_and_ghost() {
 }
 
 TissueChange change_of(std::uint32_t tissue, double k, double b) {
-  return {.tissue = tissue, .stiffness_newton_per_m = k, .damping_newton_s_per_m = b};
+  TissueChange change;
+  change.tissue = tissue;
+  change.stiffness_newton_per_m = k;
+  change.damping_newton_s_per_m = b;
+  return change;
 }
 
 class NoTicks final : public TickSink<PhysicsTick> {
