@@ -8,14 +8,19 @@
 
 namespace palpate::test {
 
-/// `usual` runs, times PALPATE_SEEDS of the environment. A quarter of them under a sanitizer, which
-/// looks for other errors and is tens of times slower.
+/// `usual` runs, times PALPATE_SEEDS of the environment.
 inline std::uint64_t seed_count(std::uint64_t usual) {
+  const char* factor = std::getenv("PALPATE_SEEDS");
+  return usual * (factor != nullptr ? std::strtoull(factor, nullptr, 10) : 1);
+}
+
+/// The same for runs of the whole system: a quarter of them under a sanitizer, which looks for
+/// other errors and is tens of times slower.
+inline std::uint64_t run_count(std::uint64_t usual) {
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
   usual = std::max<std::uint64_t>(1, usual / 4);
 #endif
-  const char* factor = std::getenv("PALPATE_SEEDS");
-  return usual * (factor != nullptr ? std::strtoull(factor, nullptr, 10) : 1);
+  return seed_count(usual);
 }
 
 /// 1 to seed_count(usual).
