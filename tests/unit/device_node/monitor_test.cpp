@@ -10,6 +10,7 @@
 #include "device_node/monitor/assumption_watch.h"
 #include "device_node/monitor/force_monitor.h"
 #include "device_node/simulation/simulated_device.h"
+#include "tests/property/seeds.h"
 #include "tests/support/device_node_bench.h"
 #include "tests/support/scripted_device.h"
 
@@ -205,8 +206,9 @@ CheckedProfile checked(const DeviceProfile& profile, const SimulatedDeviceConfig
 }
 
 TEST(HandsOffCheck, LeavesAProfileThatHolds) {
-  EXPECT_FALSE(checked({}).is_lowered);
-  EXPECT_EQ(checked({}).profile.coulomb_newton, 0.1);
+  const CheckedProfile same = checked({});
+  EXPECT_FALSE(same.is_lowered);
+  EXPECT_EQ(same.profile.coulomb_newton, 0.1);
   // and does not raise one that claims less
   const CheckedProfile modest = checked({.viscous_newton_s_per_m = 0.05, .coulomb_newton = 0.02});
   EXPECT_FALSE(modest.is_lowered);
@@ -215,23 +217,22 @@ TEST(HandsOffCheck, LeavesAProfileThatHolds) {
 }
 
 TEST(HandsOffCheck, BelievesTheTrueProfileOfAnyDeviceUpToAHundredGrams) {
-  for (const double mass_kg : {0.02, 0.1}) {
-    for (const double q_m : {0.0, 110e-6}) {
-      for (const double f_d : {0.03, 0.3}) {
-        for (const double f_co : {0.03, 0.3}) {
-          SCOPED_TRACE(testing::Message()
-                       << mass_kg << " kg, " << q_m << " m, " << f_d << ", " << f_co);
-          EXPECT_FALSE(checked({.viscous_newton_s_per_m = f_d,
-                                .coulomb_newton = f_co,
-                                .position_resolution_m = q_m},
-                               {.mass_kg = mass_kg,
-                                .viscous_newton_s_per_m = f_d,
-                                .coulomb_newton = f_co,
-                                .position_resolution_m = q_m})
-                           .is_lowered);
-        }
-      }
-    }
+  // each of four quantities small or large
+  for (std::uint64_t run = 0; run < test::run_count(16); ++run) {
+    const std::uint64_t corner = run * 16 / test::run_count(16);
+    const double mass_kg = (corner & 1) != 0 ? 0.1 : 0.02;
+    const double q_m = (corner & 2) != 0 ? 110e-6 : 0.0;
+    const double f_d = (corner & 4) != 0 ? 0.3 : 0.03;
+    const double f_co = (corner & 8) != 0 ? 0.3 : 0.03;
+    SCOPED_TRACE(testing::Message() << mass_kg << " kg, " << q_m << " m, " << f_d << ", " << f_co);
+    EXPECT_FALSE(
+        checked(
+            {.viscous_newton_s_per_m = f_d, .coulomb_newton = f_co, .position_resolution_m = q_m},
+            {.mass_kg = mass_kg,
+             .viscous_newton_s_per_m = f_d,
+             .coulomb_newton = f_co,
+             .position_resolution_m = q_m})
+            .is_lowered);
   }
 }
 

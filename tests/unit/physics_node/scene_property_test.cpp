@@ -10,13 +10,14 @@
 #include "common/contact/contact_model.h"
 #include "common/core/random.h"
 #include "physics_node/scene/scene.h"
+#include "tests/property/seeds.h"
 #include "tests/unit/physics_node/random_scene.h"
 
 namespace palpate::physics {
 namespace {
 
 TEST(SceneProperty, BroadPhaseLosesNoContact) {
-  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+  for (std::uint64_t seed = 1; seed <= test::run_count(20); ++seed) {
     SCOPED_TRACE(testing::Message() << "seed=" << seed);
     Random random(seed);
     const SceneConfig config = random_scene(random, 60);

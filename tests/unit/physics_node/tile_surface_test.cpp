@@ -9,6 +9,7 @@
 
 #include "common/core/random.h"
 #include "physics_node/scene/scene_description.h"
+#include "tests/property/seeds.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/support/random_messages.h"
 #include "tests/support/sampled_clouds.h"
@@ -229,7 +230,7 @@ TEST(TiledCloud, IsSeenAsTheWholeCloudIs) {
     Random random(2);
     SurfaceHint hint;
     SurfaceHint other;
-    for (int i = 0; i < 2000; ++i) {
+    for (std::uint64_t i = 0; i < test::run_count(2000); ++i) {
       const Vector3 outwards = test::random_vector(random, 1.0).normalized();
       const Vector3 point_m = center_m + random.uniform(0.8, 1.2) * kRadius * outwards;
       if (has_gather) cloud.surface().gather(point_m);
