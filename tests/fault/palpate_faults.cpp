@@ -22,6 +22,7 @@
 #include <cstdlib>
 #include <fstream>
 #include <map>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <thread>
@@ -37,6 +38,7 @@
 #include "tests/support/port.h"
 #include "tests/support/raw_zmtp.h"
 #include "tests/support/run_folder.h"
+#include "tests/support/web_client.h"
 
 namespace palpate {
 namespace {
@@ -73,6 +75,19 @@ std::vector<Figures>& table() {
   return rows;
 }
 
+/// Resident memory that no program exceeds in any row [MiB]; docs/benchmarks.md has the figures.
+const std::map<std::string, double> kMostMib{{"device_node", 64.0},
+                                             {"mofc_node", 64.0},
+                                             {"device_mofc_node", 64.0},
+                                             {"physics_node", 64.0},
+                                             {"viewer_node", 128.0}};
+
+/// The largest of all rows, by program [MiB].
+std::map<std::string, double>& most_memory_mib() {
+  static std::map<std::string, double> most;
+  return most;
+}
+
 std::string milliseconds(const std::optional<Duration>& time) {
   if (!time) return "–";
   char text[32];
@@ -91,6 +106,10 @@ void print_table() {
                 milliseconds(row.safe_after).c_str(),
                 row.safe_after ? (" (" + milliseconds(row.safe_limit) + ")").c_str() : "",
                 milliseconds(row.back_after).c_str(), row.is_ok ? "yes" : "NO");
+  }
+  std::printf("\n| program | largest resident memory in any row | bound |\n|---|---|---|\n");
+  for (const auto& [program, mib] : most_memory_mib()) {
+    std::printf("| %s | %.1f MiB | %.0f MiB |\n", program.c_str(), mib, kMostMib.at(program));
   }
 }
 
@@ -209,6 +228,7 @@ class Faults : public testing::Test {
   void finish(Figures figures, const std::string& restarted) {
     EXPECT_TRUE(session_->until_pressing()) << "the force does not return";
     expect_harmless(rows(), session_->session());
+    expect_bounded_memory();
     figures.least_energy_joule =
         std::min(std::isnan(figures.least_energy_joule) ? 0.0 : figures.least_energy_joule,
                  least_energy_joule(rows()));
@@ -217,6 +237,17 @@ class Faults : public testing::Test {
     }
     figures.is_ok = !HasFailure();
     table().push_back(std::move(figures));
+  }
+
+  /// Of all nodes, whatever they suffered.
+  void expect_bounded_memory() {
+    const auto peaks = test::peak_memory_of_children_mib(session_->launch().pid());
+    EXPECT_GE(peaks.size(), 2u) << "two nodes at least";
+    for (const auto& [program, mib] : peaks) {
+      if (!kMostMib.contains(program)) continue;
+      EXPECT_LT(mib, kMostMib.at(program)) << program;
+      most_memory_mib()[program] = std::max(most_memory_mib()[program], mib);
+    }
   }
 
   /// Whether the device did not go limp in the 0.5 s after that time.
@@ -911,17 +942,48 @@ void flood(const std::string& endpoint, const char* type, const std::string& fra
   }
 }
 
+/// Sixteen viewers that want all and read nothing, and connections that never finish a request, for
+/// as long as it exists.
+class FloodOfThePage {
+ public:
+  explicit FloodOfThePage(std::uint16_t port) {
+    for (int i = 0; i < 16; ++i) {
+      auto& viewer = *clients_.emplace_back(std::make_unique<test::WebClient>(port));
+      viewer.read_slowly();
+      EXPECT_TRUE(viewer.open_web_socket());
+      std::string subscriptions;
+      for (int channel = 1; channel <= 8; ++channel) {
+        const std::string id = std::to_string(channel);
+        subscriptions +=
+            (channel > 1 ? "," : "") + (R"({"id":)" + id + R"(,"channelId":)") + id + "}";
+      }
+      EXPECT_TRUE(
+          viewer.send_text(R"({"op":"subscribe","subscriptions":[)" + subscriptions + "]}"));
+    }
+    for (int i = 0; i < 300; ++i) {
+      clients_.emplace_back(std::make_unique<test::WebClient>(port))
+          ->send_raw("GET / HTTP/1.1\r\nHost: loc");
+    }
+  }
+
+ private:
+  std::vector<std::unique_ptr<test::WebClient>> clients_;
+};
+
 TEST_F(ForeignPeers, FloodsNeitherSwellANodeNorDisturbTheHand) {
   constexpr double kMostGrowthMib = 32.0;
   std::string tool_motion;
   std::string interaction;
+  std::string exchange;
   {
-    const test::HeldPort ports[2];
+    const test::HeldPort ports[3];
     tool_motion = ports[0].endpoint();
     interaction = ports[1].endpoint();
+    exchange = ports[2].endpoint();
   }
-  press({"--no-viewer", "--set", "links.tool_motion=" + tool_motion, "--set",
-         "links.interaction=" + interaction});
+  press({"--set", "links.tool_motion=" + tool_motion, "--set", "links.interaction=" + interaction,
+         "--set", "links.exchange=" + exchange});
+  const int page = std::stoi(session_->launch().await_err("event=web url=http://127.0.0.1:"));
   const Session& session = session_->session();
   const LinksConfig& links = session.side().links;
   std::string subscriptions;
@@ -934,7 +996,7 @@ TEST_F(ForeignPeers, FloodsNeitherSwellANodeNorDisturbTheHand) {
 
   std::map<std::string, pid_t> nodes;
   std::map<std::string, double> before;
-  for (const char* node : {"device", "mofc", "physics"}) {
+  for (const char* node : {"device", "mofc", "physics", "viewer"}) {
     nodes[node] = session_->node(node);
     test::restart_peak_memory(nodes[node]);
     before[node] = test::peak_memory_mib(nodes[node]);
@@ -956,6 +1018,8 @@ TEST_F(ForeignPeers, FloodsNeitherSwellANodeNorDisturbTheHand) {
   }
   attack(tool_motion, "PUSH", parts, 30);
   attack(interaction, "DEALER", parts, 30);
+  attack(exchange, "DEALER", parts, 30);
+  const FloodOfThePage flood_of_the_page(static_cast<std::uint16_t>(page));
   EXPECT_TRUE(session_->watcher().until([&] { return running == 0; }));
   attackers.clear();
   for (const auto& [node, process] : nodes) {
@@ -965,7 +1029,7 @@ TEST_F(ForeignPeers, FloodsNeitherSwellANodeNorDisturbTheHand) {
     EXPECT_LT(most - before[node], kMostGrowthMib) << node;
   }
 
-  finish_undisturbed("floods: subscriptions to every node, endless messages to physics", from);
+  finish_undisturbed("floods: subscriptions to every node, endless messages, silent pages", from);
 }
 
 // --- two devices ----------------------------------------------------------------------------

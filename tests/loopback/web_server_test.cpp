@@ -3,7 +3,11 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <net/if.h>
+#include <sched.h>
+#include <sys/ioctl.h>
 
+#include <cstring>
 #include <functional>
 #include <memory>
 #include <thread>
@@ -367,6 +371,61 @@ TEST_F(WebServerTest, HundredsOfIdleConnectionsDoNotKeepAViewerOut) {
   EXPECT_TRUE(eventually([&] {
     return answer("GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n").find("200 OK") < 20;
   }));
+}
+
+// --- one address --------------------------------------------------------------------------------
+
+constexpr std::uint32_t kOther = 0x0a'4d'00'03;  // 10.77.0.3
+constexpr const char* kOtherText = "10.77.0.3";
+
+/// A network for the calling thread alone and those that it starts, whose one device has the
+/// addresses 127.0.0.1 and 10.77.0.3. False if that is not permitted.
+bool enter_network_of_its_own() {
+  if (unshare(CLONE_NEWNET) != 0) return false;
+  const int socket = ::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+  ifreq up{};
+  std::memcpy(up.ifr_name, "lo", sizeof("lo"));
+  up.ifr_flags = static_cast<short>(IFF_UP | IFF_LOOPBACK);
+  ifreq second{};
+  std::memcpy(second.ifr_name, "lo:1", sizeof("lo:1"));
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_addr.s_addr = htonl(kOther);
+  std::memcpy(&second.ifr_addr, &address, sizeof(address));
+  const bool is_there =
+      ioctl(socket, SIOCSIFFLAGS, &up) == 0 && ioctl(socket, SIOCSIFADDR, &second) == 0;
+  close(socket);
+  return is_there;
+}
+
+/// Of 40 connections from 10.77.0.3, those that are served.
+std::size_t served_of_40(const std::vector<std::string>& proxies) {
+  const WebServer server(WebServerConfig{.address = "0.0.0.0", .port = 0, .proxies = proxies}, {});
+  std::vector<std::unique_ptr<WebClient>> clients;
+  for (int i = 0; i < 40; ++i) {
+    clients.push_back(std::make_unique<WebClient>(server.port(), kOther));
+    clients.back()->send_raw("GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n");
+  }
+  std::size_t served = 0;
+  for (const auto& client : clients) {
+    if (client->read_head().find("200 OK") != std::string::npos) ++served;
+  }
+  WebClient at_home(server.port());
+  at_home.send_raw("GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n");
+  EXPECT_THAT(at_home.read_head(), HasSubstr("200 OK"));
+  return served;
+}
+
+TEST(WebServerNetwork, OneAddressGets24ConnectionsAndAProxyAsManyAsThereAre) {
+  bool is_permitted = false;
+  std::thread([&] {
+    is_permitted = enter_network_of_its_own();
+    if (!is_permitted) return;
+    EXPECT_EQ(served_of_40({}), 24u);
+    EXPECT_EQ(served_of_40({kOtherText}), 40u);
+    EXPECT_EQ(served_of_40({"10.77.0.4"}), 24u);
+  }).join();
+  if (!is_permitted) GTEST_SKIP() << "no network namespace permitted here";
 }
 
 // --- listening -----------------------------------------------------------------------------------

@@ -1,5 +1,5 @@
-// The equations and the ledger in doubles beside the same in 100 digits: rounding never makes
-// credit.
+// The equations, the ledger, what is granted, and the monitor's own count in doubles beside the
+// same in rational numbers or 100 digits: rounding never makes credit.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -11,7 +11,9 @@
 #include <vector>
 
 #include "common/core/random.h"
+#include "device_node/monitor/force_monitor.h"
 #include "mofc_node/controllers/energy_ledger.h"
+#include "mofc_node/controllers/leased_pool.h"
 #include "mofc_node/controllers/mofc_equations.h"
 #include "tests/property/controller_cases.h"
 
@@ -92,6 +94,12 @@ TEST(ExactArithmetic, TheDrainIsRightToOneUnitIn1e14) {
     }
     EXPECT_LE(abs(Exact(drain_watt(p, f, v_max)) - exact), Exact(kOfLargestTerm) * largest);
   }
+}
+
+Digits100 length_of(const Vector3& v) {
+  Digits100 sum = 0;
+  for (int i = 0; i < 3; ++i) sum += Digits100(v[i]) * Digits100(v[i]);
+  return sqrt(sum);
 }
 
 /// The count of docs/theory.md §2.3 for isotropic friction, written from there in 100 digits. The
@@ -195,7 +203,7 @@ class LedgerIn100Digits {
 };
 
 // A hand that wanders in whole counts against changing forces.
-TEST(ExactArithmetic, TheLedgerIsNeverAboveTheExactOneAndStaysCloseToIt) {
+TEST(ExactArithmetic, LedgerAndMonitorAreNeverAboveTheExactCountAndStayCloseToIt) {
   for (std::uint64_t seed = 0; seed < 2; ++seed) {
     Random random(seed);
     const double q = std::ldexp(1.0, -14);  // 0.061 mm
@@ -204,6 +212,9 @@ TEST(ExactArithmetic, TheLedgerIsNeverAboveTheExactOneAndStaysCloseToIt) {
     Vector3 at = Vector3::Zero();
     EnergyLedger ledger(f_d, f_co, q);
     ledger.restart(at);
+    device::EnergyAccount account(
+        {.viscous_newton_s_per_m = f_d, .coulomb_newton = f_co, .position_resolution_m = q});
+    account.restart(at, 0.0);
     LedgerIn100Digits exact(f_d, f_co, q, at);
     Vector3 force = Vector3::Zero();
     Vector3 drift = Vector3::Zero();
@@ -215,13 +226,100 @@ TEST(ExactArithmetic, TheLedgerIsNeverAboveTheExactOneAndStaysCloseToIt) {
       at += moved;
       const double duration_s = random.uniform(1e-4, 2e-3);
       ledger.book(duration_s, force, at);
+      account.book(duration_s, force, at);
       exact.book(duration_s, force, at);
       if (k % 100 != 0) continue;
-      const Digits100 credit = Digits100(ledger.energy_joule()) - exact.energy();
-      ASSERT_LE(credit, 0) << "seed " << seed << ", step " << k;
-      ASSERT_GE(credit, -Digits100(kOfLargestTerm) * k * exact.turnover()) << "seed " << seed;
+      for (const double joule : {ledger.energy_joule(), account.joule()}) {
+        const Digits100 credit = Digits100(joule) - exact.energy();
+        ASSERT_LE(credit, 0) << "seed " << seed << ", step " << k;
+        ASSERT_GE(credit, -Digits100(kOfLargestTerm) * k * exact.turnover()) << "seed " << seed;
+      }
     }
   }
+}
+
+/// D(F) for isotropic friction, docs/theory.md §2.6.
+Digits100 exact_drain_watt(double f_d, double f_co, double v_max, const Vector3& force) {
+  const Digits100 excess = length_of(force) - Digits100(f_co);
+  if (excess <= 0) return 0;
+  const Digits100 fastest = f_d > 0 ? Digits100(excess / (2 * Digits100(f_d))) : Digits100(v_max);
+  const Digits100 v = std::min(fastest, Digits100(v_max));
+  return (excess - Digits100(f_d) * v) * v;
+}
+
+// (★): what the granted force and the acting one can draw in their leases. A rounding of |F| counts
+// as much as the hand makes of it, v_max.
+TEST(ExactArithmetic, WhatClampAndMonitorGrantIsCovered) {
+  constexpr double kReplyS = 0.0005;
+  constexpr double kHoldS = 0.002;
+  Random random(4);
+  int granted = 0;
+  int covered = 0;
+  for (int run = 0; run < 2000; ++run) {
+    const double f_d = random.chance(0.2) ? 0.0 : random.uniform(0.01, 1.0);
+    const double f_co = random.chance(0.2) ? 0.0 : random.uniform(0.01, 0.5);
+    const double v_max = random.chance(0.2) ? std::ldexp(1.0, -10) : random.uniform(0.1, 2.0);
+    const Vector3 hand = random.uniform(0.0, 0.1) * random.direction();
+    const Vector3 acting = random.uniform(0.0, 2.0 * f_co + 0.2) * random.direction();
+    const Vector3 asked = magnitude(random) * random.direction();
+    const double acting_s = random.uniform(0.0, 0.002);
+    const auto is_covered = [&](double lease_s, const Vector3& force, double delta_s, double joule,
+                                double passes_joule) {
+      const Digits100 drawn = Digits100(lease_s) * exact_drain_watt(f_d, f_co, v_max, force);
+      const Digits100 spent = Digits100(delta_s) * exact_drain_watt(f_d, f_co, v_max, acting);
+      const Digits100 left = std::max(Digits100(0), Digits100(Digits100(joule) - spent));
+      const Digits100 largest =
+          Digits100(std::abs(joule)) + spent + Digits100(lease_s * v_max) * length_of(force);
+      return drawn <= left + Digits100(kOfLargestTerm) * largest + Digits100(passes_joule);
+    };
+
+    LeasedPool pool({.mofc = {.f_d = f_d, .f_co = f_co, .T = kHoldS},
+                     .delta_max_s = kReplyS,
+                     .longest_lease_s = 0.01,
+                     .v_max_m_per_s = v_max});
+    static_cast<void>(pool.book({}));
+    const std::array<AppliedStretch, 1> free_motion{
+        AppliedStretch{.duration_s = 0.1, .hand_position_at_end_m = hand}};
+    ControlInput moved;
+    moved.hand_position_m = hand;
+    moved.applied = free_motion;
+    static_cast<void>(pool.book(moved));
+    ControlInput input;
+    input.hand_position_m = hand;
+    input.acting_force_on_hand_newton = acting;
+    input.acting_lease_s = acting_s;
+    input.asked_force_on_hand_newton = asked;
+    const ControlOutput output = pool.grant(input);
+    granted += output.force_on_hand_newton.norm() > f_co ? 1 : 0;
+    EXPECT_TRUE(is_covered(output.lease_s, output.force_on_hand_newton, std::min(acting_s, kReplyS),
+                           output.ledger_energy_joule, 0.0))
+        << "run " << run << ", asked " << asked.norm() << " N";
+
+    DeviceConfig config;
+    config.profile = {
+        .viscous_newton_s_per_m = f_d, .coulomb_newton = f_co, .position_resolution_m = 0.0};
+    config.reply = from_seconds(kReplyS);
+    config.lease = from_seconds(kHoldS);
+    config.monitor.v_max_m_per_s = v_max;
+    device::ForceMonitor monitor(config);
+    monitor.read(TimePoint{}, Vector3::Zero());
+    const TimePoint now{std::chrono::milliseconds(100)};
+    const Duration acting_lease = from_seconds(acting_s);
+    monitor.switched(now, hand, acting, acting_lease);
+    monitor.read(now, hand);
+    const auto passed = monitor.cover(asked, std::chrono::milliseconds(10));
+    const double lease_s = to_seconds(passed.lease);
+    // 1 nJ and the drain of 1 ns pass
+    const double passes_joule = 1e-9 + 1e-9 * static_cast<double>(exact_drain_watt(
+                                                  f_d, f_co, v_max, passed.force_on_hand_newton));
+    covered += passed.force_on_hand_newton.norm() > f_co ? 1 : 0;
+    EXPECT_TRUE(is_covered(lease_s, passed.force_on_hand_newton,
+                           std::min(to_seconds(acting_lease), kReplyS), monitor.joule(),
+                           passes_joule))
+        << "run " << run << ", asked " << asked.norm() << " N";
+  }
+  EXPECT_GT(granted, 500);
+  EXPECT_GT(covered, 500);
 }
 
 // The figure of docs/theory.md §9.

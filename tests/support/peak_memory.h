@@ -3,7 +3,10 @@
 
 #include <sys/types.h>
 
+#include <algorithm>
+#include <filesystem>
 #include <fstream>
+#include <map>
 #include <string>
 
 namespace palpate::test {
@@ -20,6 +23,26 @@ inline double peak_memory_mib(pid_t process) {
     if (word == "VmHWM:" && status >> kib) return kib / 1024;
   }
   return 0.0;
+}
+
+/// Of the living children of a process: by program, the largest resident memory so far [MiB].
+inline std::map<std::string, double> peak_memory_of_children_mib(pid_t parent) {
+  namespace fs = std::filesystem;
+  std::map<std::string, double> peaks;
+  for (const fs::directory_entry& entry : fs::directory_iterator("/proc")) {
+    const std::string name = entry.path().filename();
+    if (name.find_first_not_of("0123456789") != std::string::npos) continue;
+    std::ifstream status(entry.path() / "status");
+    pid_t found = 0;
+    for (std::string word; status >> word;) {
+      if (word == "PPid:" && status >> found) break;
+    }
+    std::error_code gone;
+    const std::string program = fs::read_symlink(entry.path() / "exe", gone).filename();
+    if (gone || found != parent) continue;
+    peaks[program] = std::max(peaks[program], peak_memory_mib(std::stoi(name)));
+  }
+  return peaks;
 }
 
 }  // namespace palpate::test

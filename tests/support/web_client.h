@@ -20,11 +20,11 @@ class WebClient {
  public:
   static constexpr auto kDeadline = std::chrono::seconds(10);
 
-  explicit WebClient(std::uint16_t port)
+  explicit WebClient(std::uint16_t port, std::uint32_t host = INADDR_LOOPBACK)
       : socket_(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
     sockaddr_in address{};
     address.sin_family = AF_INET;
-    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    address.sin_addr.s_addr = htonl(host);
     address.sin_port = htons(port);
     is_connected_ = connect(socket_, reinterpret_cast<sockaddr*>(&address), sizeof(address)) == 0;
   }

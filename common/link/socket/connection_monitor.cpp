@@ -2,6 +2,8 @@
 
 #include <linux/tcp.h>
 #include <netinet/in.h>
+#include <pthread.h>
+#include <sched.h>
 #include <sys/socket.h>
 
 #include <algorithm>
@@ -66,7 +68,7 @@ void ConnectionMonitor::StopWatching::operator()(void* socket) const noexcept {
 }
 
 ConnectionMonitor::ConnectionMonitor(zmq::context_t& context, RefusedPeers& refused,
-                                     std::optional<ZapHandler>& zap)
+                                     std::optional<ZapHandler>& zap, bool is_realtime)
     : context_(context),
       refused_(refused),
       zap_(zap),
@@ -75,7 +77,11 @@ ConnectionMonitor::ConnectionMonitor(zmq::context_t& context, RefusedPeers& refu
   for (zmq::socket_t* socket : {&wake_, &woken_}) socket->set(zmq::sockopt::linger, 0);
   woken_.bind(kWakeEndpoint);
   wake_.connect(kWakeEndpoint);
-  thread_ = std::thread([this] { run(); });
+  thread_ = std::thread([this, is_realtime] {
+    const sched_param least{.sched_priority = sched_get_priority_min(SCHED_FIFO)};
+    if (is_realtime) pthread_setschedparam(pthread_self(), SCHED_FIFO, &least);
+    run();
+  });
 }
 
 ConnectionMonitor::~ConnectionMonitor() {

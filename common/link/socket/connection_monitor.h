@@ -1,5 +1,5 @@
 // connection_monitor.h — follows the connections of the sockets of one ZeroMQ context, in a thread
-// of ordinary priority, which also answers ZAP requests.
+// of its own, which also answers ZAP requests.
 //
 // libzmq by itself
 //   - never connects again after the other end violated the protocol: the monitor makes the
@@ -65,8 +65,11 @@ class ConnectionMonitor {
     bool is_never_read = false;  ///< the first limit always applies
   };
 
-  /// @param zap  null without keys
-  ConnectionMonitor(zmq::context_t& context, RefusedPeers& refused, std::optional<ZapHandler>& zap);
+  /// @param zap          null without keys
+  /// @param is_realtime  libzmq reads in a SCHED_FIFO thread: takes the least of those priorities,
+  ///                     so that ordinary programs do not delay the end of a flood
+  ConnectionMonitor(zmq::context_t& context, RefusedPeers& refused, std::optional<ZapHandler>& zap,
+                    bool is_realtime);
   ~ConnectionMonitor();
   ConnectionMonitor(const ConnectionMonitor&) = delete;
   ConnectionMonitor& operator=(const ConnectionMonitor&) = delete;

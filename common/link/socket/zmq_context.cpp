@@ -31,7 +31,8 @@ ZmqContext::ZmqContext(const RealtimeConfig& realtime, TcpRules tcp)
 }
 
 ConnectionMonitor& ZmqContext::monitor() {
-  std::call_once(monitor_started_, [this] { monitor_.emplace(context_, *tcp_.refused, zap_); });
+  std::call_once(monitor_started_,
+                 [this] { monitor_.emplace(context_, *tcp_.refused, zap_, is_realtime_); });
   return *monitor_;
 }
 

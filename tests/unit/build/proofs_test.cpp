@@ -219,5 +219,38 @@ TEST(Lemmas, StandAtTheFunctionsThatRelyOnThem) {
   EXPECT_GE(in_folder.size(), 15u);
 }
 
+/// `TEST(Suite, Name` and the like in the tests: "Suite.Name".
+std::set<std::string> names_of_tests() {
+  static const std::regex test(R"(\bTEST(?:_F|_P)?\(\s*(\w+),\s*(\w+)\))");
+  std::set<std::string> names;
+  for (const std::string& file : test::sources_below({"tests"})) {
+    std::ifstream in(kSourceTree / file);
+    const std::string text{std::istreambuf_iterator<char>(in), {}};
+    for (std::sregex_iterator it(text.begin(), text.end(), test), end; it != end; ++it) {
+      names.insert((*it)[1].str() + "." + (*it)[2].str());
+    }
+  }
+  return names;
+}
+
+// Rows | `lemma` | ms | ms | counterexample | `Suite.Test` | of docs/theory.md §9.
+TEST(Lemmas, HaveTimesACounterexampleAndATestThatExists) {
+  static const std::regex row(
+      R"(\n\| `(\w+)` \| (\d+) \| (\d+) \| (\w+ [^|]+) \| `(\w+\.\w+)` \|)");
+  std::ifstream in(kSourceTree / "docs/theory.md");
+  const std::string theory{std::istreambuf_iterator<char>(in), {}};
+  const std::set<std::string> tests = names_of_tests();
+  EXPECT_TRUE(tests.contains("Lemmas.HaveTimesACounterexampleAndATestThatExists"));
+
+  std::set<std::string> in_table;
+  for (std::sregex_iterator it(theory.begin(), theory.end(), row), end; it != end; ++it) {
+    in_table.insert((*it)[1]);
+    EXPECT_TRUE(tests.contains((*it)[5])) << (*it)[5];
+  }
+  std::set<std::string> in_folder;
+  for (const Lemma& lemma : lemmas()) in_folder.insert(lemma.name);
+  EXPECT_EQ(in_table, in_folder);
+}
+
 }  // namespace
 }  // namespace palpate
