@@ -20,8 +20,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from .contact import Contact, _number, _put, _vector
 from .errors import SetupError
-from .estimator import ContactEstimator
 from .links import Keys, Links, Subscribers
+from .points import TissueEstimators
 from .scene import SceneDisplay, Surface
 from .session import SideLinks, session_links
 from .v1 import interaction_pb2, telemetry_pb2, tool_motion_pb2
@@ -58,7 +58,7 @@ class _Side:
         self.motions = links.open("tool_motion", side.tool_motion, binds=True)
         interactions = links.open("interaction", side.interaction, binds=True)
         self.receivers = Subscribers(interactions)
-        self.estimator = ContactEstimator()
+        self.estimators = TissueEstimators()
         self.newest: Optional[tool_motion_pb2.ToolMotion] = None
         self.motion: Optional[Motion] = None
         self.session_id = 0
@@ -262,8 +262,8 @@ class Physics:
         """Answers the motion that was yielded last.
 
         :param force: (3,) N on the tool, W, of all tissues, ±1e4; None: the sum of the contacts
-        :param contacts: models of the tissues touched or near, at most 8. Without them one is
-            estimated from the forces so far (docs/extending.md)
+        :param contacts: models of the tissues touched or near, or an engine's contact points, at most
+            8. What has no stiffness is estimated from the forces so far (docs/extending.md)
         :param stored_energy: J, elastic, of all tissues, 0 … 1000; None: the sum of the contacts
         :raises ValueError: a value is not finite or out of range; nothing was sent
         """
@@ -275,31 +275,32 @@ class Physics:
         for one in contacts:
             one.check()
         motion = side.motion
-        total = _vector(
-            "force",
-            sum((one.force(motion.velocity) for one in contacts), np.zeros(3)) if force is None else force,
-            MAX_FORCE_NEWTON,
+        given = None if force is None else _vector("force", force, MAX_FORCE_NEWTON)
+        points = (one.force(motion.velocity) for one in contacts)
+        total = _vector("force", sum(points, np.zeros(3)), MAX_FORCE_NEWTON) if given is None else given
+        if stored_energy is not None:
+            _number("stored_energy", stored_energy, 0.0, 1e3)
+        modelled = (
+            side.estimators.step(motion.position, motion.velocity, contacts, given)
+            if self._has_estimate
+            else []
         )
-        energy = _number(
-            "stored_energy",
-            sum(one.stored_energy() for one in contacts if one.penetration > 0.0)
-            if stored_energy is None
-            else stored_energy,
-            0.0,
-            1e3,
-        )
+        wires: list[interaction_pb2.Contact] = []
+        for contact in contacts:
+            if contact.stiffness is not None:
+                wires.append(interaction_pb2.Contact())
+                contact.fill(wires[-1], motion.velocity)
+        for one in modelled:
+            wires.append(interaction_pb2.Contact(tissue=one.tissue))
+            one.model.fill(wires[-1], one.force)
+        touching = [wire for wire in wires if wire.penetration_m > 0.0]
+        energy = stored_energy
+        if energy is None:
+            energy = _number("stored_energy", sum(wire.stored_energy_joule for wire in touching), 0.0, 1e3)
         message = side.interaction
         message.Clear()
-        for one in sorted(contacts, key=lambda contact: -contact.penetration):
-            one.fill(message.contacts.add(), motion.velocity)
-        message.contact_count = sum(one.penetration > 0.0 for one in contacts)
-        if not contacts and self._has_estimate:
-            estimate = side.estimator.step(motion.position, motion.velocity, total)
-            if estimate is not None:
-                estimate.fill(message.contacts.add(), total)
-                message.contact_count = int(estimate.penetration > 0.0)
-                if stored_energy is None and message.contact_count:
-                    energy = message.contacts[0].stored_energy_joule
+        message.contacts.extend(sorted(wires, key=lambda wire: -wire.penetration_m)[:MAX_CONTACTS])
+        message.contact_count = len(touching)
         message.answers.CopyFrom(side.newest.device)
         message.tool_position_world_m.CopyFrom(side.newest.tool_position_world_m)
         message.tool_orientation_world.CopyFrom(side.newest.tool_orientation_world)
