@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from .contact import Contact, _number, _put, _vector
 from .errors import SetupError
 from .links import Keys, Links, Subscribers
+from .look_ahead import ForceAt
 from .points import TissueEstimators
 from .scene import SceneDisplay, Surface
 from .session import SideLinks, session_links
@@ -53,12 +54,12 @@ class Motion:
 class _Side:
     """Hops 2 and 3 of one device."""
 
-    def __init__(self, links: Links, side: SideLinks) -> None:
+    def __init__(self, links: Links, side: SideLinks, force_at: Optional[ForceAt]) -> None:
         self.name = side.name
         self.motions = links.open("tool_motion", side.tool_motion, binds=True)
         interactions = links.open("interaction", side.interaction, binds=True)
         self.receivers = Subscribers(interactions)
-        self.estimators = TissueEstimators()
+        self.estimators = TissueEstimators(force_at)
         self.newest: Optional[tool_motion_pb2.ToolMotion] = None
         self.motion: Optional[Motion] = None
         self.session_id = 0
@@ -163,6 +164,8 @@ class Physics:
     :param surfaces: what viewers draw, under `palpate launch` only
     :param insecure: allow tcp beyond loopback without keys
     :param estimate: make a contact model of what reply() gives as a force alone
+    :param force_at: for forces alone: N on a tool that would rest at a place, (3,) m → (3,) N, W, without
+        an effect on what reply() gives. Tissue is then known before it is touched
     :raises SetupError: wrong session, endpoint in use, keys that do not fit
     """
 
@@ -173,6 +176,7 @@ class Physics:
         surfaces: Sequence[Surface] = (),
         insecure: bool = False,
         estimate: bool = True,
+        force_at: Optional[ForceAt] = None,
     ) -> None:
         config = session_links(session, insecure)
         self.rate_hz = config.rate_hz
@@ -185,7 +189,7 @@ class Physics:
         keys = Keys(config.key_folder, "physics") if config.key_folder is not None else None
         self._links = Links(keys, config.insecure)
         try:
-            self._sides = [_Side(self._links, side) for side in config.sides]
+            self._sides = [_Side(self._links, side, force_at) for side in config.sides]
             self._viewers = Subscribers(
                 self._links.open("physics_telemetry", config.physics_telemetry, binds=True)
             )

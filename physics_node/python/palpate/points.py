@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .contact import Contact
-from .estimator import ContactEstimator, Estimate
+from .estimator import ContactEstimator, ContactLaw, Estimate
+from .look_ahead import ForceAt, law_of, look_ahead
 
 _Array = NDArray[Any]
 _MOST_TISSUES = 8
@@ -53,7 +54,8 @@ class Modelled:
 class TissueEstimators:
     """One estimator for each tissue that was ever told without a stiffness."""
 
-    def __init__(self) -> None:
+    def __init__(self, force_at: Optional[ForceAt] = None) -> None:
+        self._force_at = force_at
         self._estimators: dict[int, ContactEstimator] = {}
 
     def step(
@@ -65,17 +67,32 @@ class TissueEstimators:
         :raises ValueError: the force of a tissue is not known
         """
         groups = _groups_of(contacts, force)
-        return list(self._models(position, velocity, groups))
+        return list(self._models(position, velocity, groups, not contacts))
+
+    def _look(
+        self, estimator: ContactEstimator, position: _Array, velocity: _Array, force: _Array
+    ) -> Optional[ContactLaw]:
+        """What force_at says: of the tissue ahead, or of that which is touched."""
+        if self._force_at is None:
+            return None
+        if force.any():
+            return law_of(self._force_at, position, velocity, force)
+        ahead = look_ahead(self._force_at, position, velocity)
+        if ahead is not None:
+            estimator.foresee(ahead)
+        return None
 
     def _models(
-        self, position: _Array, velocity: _Array, groups: dict[int, _Group]
+        self, position: _Array, velocity: _Array, groups: dict[int, _Group], is_force_alone: bool
     ) -> Iterator[Modelled]:
         for tissue in groups:
             if len(self._estimators) < _MOST_TISSUES:
                 self._estimators.setdefault(tissue, ContactEstimator())
+        is_force_alone = is_force_alone and len(self._estimators) == 1
         for tissue, estimator in self._estimators.items():
             seen = groups.get(tissue, _Group())
-            model = estimator.step(position, velocity, seen.force, seen.normal, seen.penetration)
+            law = self._look(estimator, position, velocity, seen.force) if is_force_alone else None
+            model = estimator.step(position, velocity, seen.force, seen.normal, seen.penetration, law)
             if model is not None:
                 yield Modelled(tissue, model, seen.force)
 
