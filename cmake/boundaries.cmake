@@ -33,6 +33,8 @@ set(PALPATE_BOUNDARIES
   "device_node:common/core,common/session/device_config.h,common/session/device_profile.h,common/telemetry/device_telemetry.h,device_node/monitor"
   # the monitor of the energy shares nothing with the clamp that it watches
   "device_node/monitor:common/core,common/session/device_config.h,common/session/device_profile.h"
+  # what drivers are checked for: the interface of a device and nothing else
+  "device_node/conformance:common/core,device_node/device.h,@log"
   "device_node/simulation:common/core,common/session/simulation_config.h,device_node/device.h,device_node/reading_observer.h"
   # simulation ← drivers, one folder a driver
   "device_node/drivers:common/core,device_node/device.h,device_node/drivers/*"
@@ -70,7 +72,7 @@ set(PALPATE_BOUNDARIES
   "deploy/lockstep:common/*,device_node/*,mofc_node/*,physics_node/*,viewer_node/recording,@zmq,@log,@threads"
   "deploy/campaign:common/*,deploy/lockstep,@wire,@log,@threads"
   "deploy/launch:common/*,@log,@threads"
-  "deploy/conform:common/*,deploy/launch,@log,@zmq,@threads"
+  "deploy/conform:common/*,deploy/launch,device_node/device.h,device_node/conformance,device_node/drivers,device_node/simulation/hand.h,@log,@zmq,@threads"
   "deploy/palpate:common/*,deploy/palpate/*,deploy/lockstep,deploy/campaign,deploy/launch,deploy/conform,device_node/*,physics_node/*,viewer_node/process.h,viewer_node/feed,viewer_node/recording,@log,@cli,@threads")
 
 # Every library a target links to, directly or not.

@@ -1,6 +1,6 @@
 // device.h — what a haptic device is to device_node: a position that can be read and motors that
-// can be written. Every driver passes tests/support/device_conformance.h. Frame D throughout; a
-// driver converts its own axes and units once, here.
+// can be written. Every driver passes device_node/conformance/device_checks.h. Frame D throughout;
+// a driver converts its own axes and units once, here.
 #pragma once
 
 #include <cstdint>
@@ -63,6 +63,14 @@ class HapticDevice {
 
   /// Motors limp, at once. A later apply() applies a force again.
   virtual void release() noexcept = 0;
+};
+
+/// A device that knows what its motors do: by current sensors, or as a simulation.
+class MotorForceSource {
+ public:
+  virtual ~MotorForceSource() = default;
+  /// As of the last reading or switch [N], D.
+  [[nodiscard]] virtual Vector3 motor_force_on_hand_newton() const noexcept = 0;
 };
 
 }  // namespace palpate::device

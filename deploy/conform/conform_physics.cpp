@@ -90,20 +90,16 @@ class Suite {
       std::ofstream(file) << kSession;
     }
     session_ = load_session(file, options.overrides);
-    for (std::string word : options.command) {
-      if (word == "{session}") word = fs::absolute(file).string();
-      session_.physics_command.push_back(std::move(word));
-    }
-    std::vector<std::string>& command = session_.physics_command;
-    command.erase(command.begin(),
-                  command.end() - static_cast<std::ptrdiff_t>(options.command.size()));
-    if (command.front().find('/') != std::string::npos) {
-      command.front() = fs::absolute(command.front()).string();
+    if (!options.command.empty()) take_command(file);
+    if (session_.physics_command.empty()) {
+      throw SetupError((options.session_file.empty() ? "no command" : options.session_file) +
+                       ": which physics? Give its program and arguments behind --, or a session "
+                       "with physics.command");
     }
     fs::create_directories(run_folder(session_.name));
     program_ =
         physics_from_elsewhere(session_, file, options.overrides, session_.security.may_be_plain);
-    program_.folder = fs::current_path();
+    if (!options.command.empty()) program_.folder = fs::current_path();
     context_ = std::make_unique<ZmqContext>(tcp_rules(session_.security, {KeyRole::kDevice}));
   }
 
@@ -123,6 +119,16 @@ class Suite {
   }
 
  private:
+  /// The command of the options instead of that of the session.
+  void take_command(const fs::path& session_file) {
+    session_.physics_command = options_.command;
+    for (std::string& word : session_.physics_command) {
+      if (word == "{session}") word = fs::absolute(session_file).string();
+    }
+    std::string& program = session_.physics_command.front();
+    if (program.find('/') != std::string::npos) program = fs::absolute(program).string();
+  }
+
   void find(const std::string& check, const std::string& problem, const std::string& good,
             const std::string& remedy) {
     findings_.push_back({.check = check,

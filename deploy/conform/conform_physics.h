@@ -1,29 +1,23 @@
 // conform_physics.h — does a physics from elsewhere keep what mofc_node and the hand rely on?
 #pragma once
 
-#include <functional>
 #include <string>
 #include <vector>
 
 #include "common/core/vector.h"
+#include "deploy/conform/finding.h"
 
 namespace palpate {
 
-struct ConformFinding {
-  std::string check;  ///< "stamps"
-  bool is_good = false;
-  std::string text;    ///< what was found
-  std::string remedy;  ///< empty if it is good
-};
-
 struct ConformOptions {
-  std::vector<std::string> command;  ///< program and arguments; {session} is the session file
+  /// Program and arguments, {session} is the session file; empty: physics.command of the session.
+  std::vector<std::string> command = {};
   std::string session_file = {};  ///< empty: one with a half-space below z = 0, physics at 500 Hz
   std::vector<std::string> overrides = {};
   Vector3 clear_m{0.0, 0.0, 0.005};   ///< W, a place where the tool touches nothing
   Vector3 press_m{0.0, 0.0, -0.005};  ///< W, a place where it presses the tissue
   double seconds_to_start = 20.0;
-  std::function<void(const ConformFinding&)> on_finding = {};  ///< called for each, in order
+  OnFinding on_finding = {};
 };
 
 /// Starts the program, plays mofc_node to it along scripted motions, ends and restarts it, all in

@@ -5,6 +5,8 @@
 
 #include "common/process/options.h"
 #include "common/process/run_node.h"
+#include "common/session/session.h"
+#include "deploy/conform/conform_device.h"
 #include "deploy/conform/conform_physics.h"
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/options.h"
@@ -12,6 +14,50 @@
 
 namespace palpate {
 namespace {
+
+/// Prints the findings of a suite as they come, and writes them at its end.
+class Findings {
+ public:
+  explicit Findings(const OutputOptions& output)
+      : json_(output), out_(output.json_file == "-" ? stderr : stdout) {}
+
+  void add(const ConformFinding& found) {
+    std::string text = found.check + ": " + found.text;
+    if (!found.remedy.empty()) text += "; " + found.remedy;
+    if (found.is_checked) {
+      text = verdict_text({{.is_good = found.is_good, .text = text}});
+      is_good_ = is_good_ && found.is_good;
+    } else {
+      text = "  -     " + text + "\n";
+    }
+    std::fputs(text.c_str(), out_);
+    std::fflush(out_);
+    list_.push_back({{"check", found.check},
+                     {"is_checked", found.is_checked},
+                     {"is_good", found.is_good},
+                     {"text", found.text},
+                     {"remedy", found.remedy}});
+  }
+  /// @return the exit status
+  int write() {
+    json_.write({{"is_good", is_good_}, {"findings", list_}});
+    return is_good_ ? 0 : kExitFailure;
+  }
+
+ private:
+  JsonOutput json_;
+  std::FILE* out_;
+  bool is_good_ = true;
+  nlohmann::ordered_json list_ = nlohmann::ordered_json::array();
+};
+
+void add_output_options(CLI::App& app, OutputOptions& output) {
+  app.add_option("--json", output.json_file,
+                 "write the findings to this file, - for standard output")
+      ->type_name("FILE");
+  add_overwrite_flag(app, output.may_overwrite);
+  app.footer("Exit status: 0 if all is good, 1 if something falls short, 2 if it cannot be tried.");
+}
 
 struct ConformPhysics {
   ConformOptions options;
@@ -21,8 +67,8 @@ struct ConformPhysics {
 
   void add_to(CLI::App& app) {
     app.add_option("COMMAND", options.command,
-                   "the program and its arguments, behind --; {session} names the session file")
-        ->required()
+                   "the program and its arguments, behind --; {session} names the session file "
+                   "(default: physics.command of --session)")
         ->type_name("");
     app.add_option("--session", options.session_file,
                    "a session whose tissue the program has (default: a half-space below z = 0)")
@@ -37,35 +83,41 @@ struct ConformPhysics {
                    "a place in W, straight below, where the tool presses (default: 0 0 -0.005)")
         ->expected(3)
         ->type_name("M");
-    app.add_option("--json", output.json_file,
-                   "write the findings to this file, - for standard output")
-        ->type_name("FILE");
-    add_overwrite_flag(app, output.may_overwrite);
-    app.footer(
-        "Exit status: 0 if all is good, 1 if something falls short, 2 if it cannot be tried.");
+    add_output_options(app, output);
   }
 
   int run() {
     if (!clear_m.empty()) options.clear_m = Vector3(clear_m[0], clear_m[1], clear_m[2]);
     if (!press_m.empty()) options.press_m = Vector3(press_m[0], press_m[1], press_m[2]);
-    JsonOutput json(output);
-    nlohmann::ordered_json list = nlohmann::ordered_json::array();
-    bool is_good = true;
-    options.on_finding = [&](const ConformFinding& found) {
-      std::string text = found.check + ": " + found.text;
-      if (!found.remedy.empty()) text += "; " + found.remedy;
-      std::FILE* const out = output.json_file == "-" ? stderr : stdout;
-      std::fputs(verdict_text({{.is_good = found.is_good, .text = text}}).c_str(), out);
-      std::fflush(out);
-      is_good = is_good && found.is_good;
-      list.push_back({{"check", found.check},
-                      {"is_good", found.is_good},
-                      {"text", found.text},
-                      {"remedy", found.remedy}});
-    };
+    Findings findings(output);
+    options.on_finding = [&](const ConformFinding& found) { findings.add(found); };
     static_cast<void>(conform_physics(options));
-    json.write({{"is_good", is_good}, {"findings", list}});
-    return is_good ? 0 : kExitFailure;
+    return findings.write();
+  }
+};
+
+struct ConformDevice {
+  SessionOptions session;
+  std::string side;
+  ConformDeviceOptions options;
+  OutputOptions output;
+
+  void add_to(CLI::App& app) {
+    session.add_to(app);
+    add_side_option(app, side);
+    app.add_flag("--i-understand-this-moves-the-device", options.may_move_hardware,
+                 "required for real hardware: the device moves by itself, with up to a third of "
+                 "its continuous force");
+    add_output_options(app, output);
+  }
+
+  int run(const Verbosity& verbosity) {
+    const Session loaded = with_only_side(session.load(verbosity), side);
+    output.check(loaded, {});
+    Findings findings(output);
+    options.on_finding = [&](const ConformFinding& found) { findings.add(found); };
+    static_cast<void>(conform_device(loaded, options));
+    return findings.write();
   }
 };
 
@@ -75,8 +127,13 @@ Command add_conform_command(CLI::App& app) {
   CLI::App& conform =
       *app.add_subcommand("conform", "check what others bring against what Palpate relies on");
   conform.require_subcommand(1);
-  return add_command<ConformPhysics>(
+  const Command physics = add_command<ConformPhysics>(
       conform, "physics", "check a physics from elsewhere: palpate conform physics -- ./mine");
+  const Command device = add_command<ConformDevice>(
+      conform, "device", "check the driver of a session's device; hands off");
+  return {&conform, [physics, device](const Verbosity& verbosity) {
+            return (physics.parser->parsed() ? physics : device).run(verbosity);
+          }};
 }
 
 }  // namespace palpate

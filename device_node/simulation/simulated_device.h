@@ -26,7 +26,7 @@ using HandGoals = SpscRing<Vector3>;
 /// The encoder rounds each axis to the nearest multiple of the resolution. The workspace is
 /// specified but has no walls. Motors have no thermal model: the continuous force is the peak
 /// force.
-class SimulatedDevice final : public HapticDevice, public TrueStateSource {
+class SimulatedDevice final : public HapticDevice, public MotorForceSource, public TrueStateSource {
  public:
   /// The hand rests on its path's start; its time starts now.
   /// @param goals  optional, must outlive the device: where a pointer leads the hand, D; read by
@@ -44,8 +44,7 @@ class SimulatedDevice final : public HapticDevice, public TrueStateSource {
   void release() noexcept override;
   [[nodiscard]] TrueState true_state() const noexcept override { return plant_.state(); }
 
-  /// Force of the motors as of the last reading or switch [N], D.
-  [[nodiscard]] const Vector3& motor_force_on_hand_newton() const noexcept {
+  [[nodiscard]] Vector3 motor_force_on_hand_newton() const noexcept override {
     return force_on_hand_newton_;
   }
 

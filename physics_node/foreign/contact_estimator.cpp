@@ -90,6 +90,7 @@ std::optional<Contact> ContactEstimator::touch(const Observation& seen, const Ve
     here.depth_m -= mean_normal.dot(seen.position_m - last_.position_m);
     if ((seen.position_m - place_.position_m).norm() >= kPlace_m) compare(seen, here);
   }
+  if (seen.law) adopt(*seen.law);
   const bool is_compared = is_first || place_.position_m == here.position_m;
 
   // the model, through what was observed; what damping does not explain is elastic
@@ -172,6 +173,24 @@ void ContactEstimator::solve() noexcept {
   }
   k_ = std::clamp(k / kDepthUnit_m, kLeastStiffness, kMostStiffness);
   b_ = b / kSpeedUnit_m_per_s;
+}
+
+/// k and b as measured instead.
+void ContactEstimator::adopt(const ContactLaw& law) noexcept {
+  k_ = std::clamp(law.stiffness_newton_per_m, kLeastStiffness, kMostStiffness);
+  b_ = std::clamp(law.damping_newton_s_per_m, 0.0, kMostDamping);
+}
+
+void ContactEstimator::foresee(const Foreseen& tissue) noexcept {
+  k_ = std::clamp(tissue.stiffness_newton_per_m, kLeastStiffness, kMostStiffness);
+  if (first_k_ == 0.0) {
+    first_k_ = k_;
+    mean_newton_ = tissue.newton;
+    error2_ = tissue.slope_error_newton_per_m * tissue.slope_error_newton_per_m;
+  }
+  last_ = {.position_m = tissue.surface_m, .normal = tissue.normal, .model = {}};
+  last_.model = model(tissue.normal, 0.0);
+  is_touching_ = false;
 }
 
 /// Without force: the surface of the last touch, as it is seen from here.

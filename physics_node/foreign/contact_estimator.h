@@ -16,7 +16,8 @@
 // Where the tool leaves the tissue, the last surface stays as the one expected. The trust radius is
 // that where the expected error s r reaches 30 % of the force; 0.5 mm if s exceeds 0.7 k. Beyond it
 // mofc_node holds the force of its edge, so far as the surface lets it. A force that pulls into the
-// tissue follows no such law: it is held.
+// tissue follows no such law: it is held. An engine that can be asked elsewhere (look_ahead.h)
+// gives k, b and the surface itself.
 #pragma once
 
 #include <cstdint>
@@ -27,6 +28,21 @@
 
 namespace palpate::physics {
 
+/// Spring and damper along the normal, as an engine was asked for them; bounded by the estimator.
+struct ContactLaw {
+  double stiffness_newton_per_m = 0.0;
+  double damping_newton_s_per_m = 0.0;
+};
+
+/// Tissue that the tool has not touched yet. W.
+struct Foreseen {
+  Vector3 surface_m = Vector3::Zero();  ///< where the tool will touch
+  Vector3 normal = Vector3::UnitZ();    ///< unit, out of the tissue
+  double stiffness_newton_per_m = 0.0;
+  double slope_error_newton_per_m = 0.0;  ///< s
+  double newton = 0.0;                    ///< a force at which that was found
+};
+
 /// What an engine tells of one tissue for one pose of the tool; W.
 struct Observation {
   Vector3 position_m = Vector3::Zero();
@@ -34,6 +50,7 @@ struct Observation {
   Vector3 force_on_tool_newton = Vector3::Zero();
   std::optional<Vector3> normal = {};        ///< unit, out of the tissue; none: that of the force
   std::optional<double> penetration_m = {};  ///< as the engine's contacts have it; < 0: distance
+  std::optional<ContactLaw> law = {};        ///< at this place; none: estimated
 };
 
 /// Contact model of one tissue for one tool. No allocation, no throw; no assumption about the rate.
@@ -43,6 +60,9 @@ class ContactEstimator {
   /// predicted. Where nothing is known, none; where the force follows no model, a contact that
   /// holds it. The force at the observation is exactly that observed.
   [[nodiscard]] std::optional<Contact> step(const Observation& seen) noexcept;
+
+  /// The surface to expect until the tool touches; before step().
+  void foresee(const Foreseen& tissue) noexcept;
 
   /// Estimated so far [N/m], [N·s/m]; 0 before the first touch.
   [[nodiscard]] double stiffness_newton_per_m() const noexcept { return k_; }
@@ -67,6 +87,7 @@ class ContactEstimator {
   void begin(const Observation& seen, const Vector3& normal, double newton) noexcept;
   void compare(const Observation& seen, const Place& here) noexcept;
   void solve() noexcept;
+  void adopt(const ContactLaw& law) noexcept;
   [[nodiscard]] Contact model(const Vector3& normal, double penetration_m) const noexcept;
   [[nodiscard]] double trust_radius_m() const noexcept;
 

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "common/contact/contact_model.h"
+#include "physics_node/foreign/look_ahead.h"
 
 namespace palpate::physics {
 namespace {
@@ -254,12 +255,20 @@ std::vector<ForeignEngine::Group> ForeignEngine::groups_of(const sdk::Answer& an
 
 void ForeignEngine::estimate(const sdk::Answer& answer, const ToolMotion& motion,
                              std::vector<Contact>& contacts) {
-  const std::vector<Group> groups = groups_of(answer, motion);
+  std::vector<Group> groups = groups_of(answer, motion);
   const auto add = [&](std::uint32_t tissue, const std::optional<Contact>& contact) {
     if (!contact) return;
     contacts.push_back(*contact);
     contacts.back().tissue = tissue;
   };
+  for (const Group& group : groups) {
+    const bool is_known =
+        std::any_of(estimated_.begin(), estimated_.end(),
+                    [&](const Estimated& known) { return known.tissue == group.tissue; });
+    if (is_known || estimated_.size() == kMaxContacts) continue;
+    estimated_.emplace_back().tissue = group.tissue;
+  }
+  if (answer.contacts.empty() && estimated_.size() == 1) look(estimated_[0], groups[0].seen);
   for (Estimated& known : estimated_) {
     const auto named = std::find_if(groups.begin(), groups.end(), [&](const Group& group) {
       return group.tissue == known.tissue;
@@ -268,14 +277,20 @@ void ForeignEngine::estimate(const sdk::Answer& answer, const ToolMotion& motion
                                 .velocity_m_per_s = motion.tool_velocity_world_m_per_s};
     add(known.tissue, known.estimator.step(named != groups.end() ? named->seen : untouched));
   }
-  for (const Group& group : groups) {
-    const bool is_known =
-        std::any_of(estimated_.begin(), estimated_.end(),
-                    [&](const Estimated& known) { return known.tissue == group.tissue; });
-    if (is_known || estimated_.size() == kMaxContacts) continue;
-    Estimated& added = estimated_.emplace_back();
-    added.tissue = group.tissue;
-    add(group.tissue, added.estimator.step(group.seen));
+}
+
+void ForeignEngine::look(Estimated& tissue, Observation& seen) {
+  if (!engine_->force_at(seen.position_m)) return;
+  const ForceAt force_at = [this](const Vector3& position_m) -> Vector3 {
+    const Vector3 force = engine_->force_at(position_m).value_or(Vector3::Zero());
+    check("force_at", force, kMaxTissueForceNewton);
+    return force;
+  };
+  if (seen.force_on_tool_newton.isZero(0.0)) {
+    const auto ahead = look_ahead(force_at, seen.position_m, seen.velocity_m_per_s);
+    if (ahead) tissue.estimator.foresee(*ahead);
+  } else {
+    seen.law = law_of(force_at, seen);
   }
 }
 

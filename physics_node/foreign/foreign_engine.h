@@ -68,6 +68,8 @@ class ForeignEngine final : public Engine {
                                              const ToolMotion& motion) const;
   void estimate(const sdk::Answer& answer, const ToolMotion& motion,
                 std::vector<Contact>& contacts);
+  /// What force_at() says of the tissue of an engine that tells only forces.
+  void look(Estimated& tissue, Observation& seen);
 
   std::unique_ptr<sdk::Engine> engine_;
   bool has_estimate_;

@@ -84,6 +84,14 @@ class Engine {
   /// from the first motion on; if it takes longer than a period, turns are skipped and counted.
   virtual Answer step(const Motion& motion) = 0;
 
+  /// The force on a tool that would rest at this place [N], W: asked a few times after a step that
+  /// gives only a force, so that tissue is known before it is touched. Must change nothing that
+  /// step() depends on. None (the default): it cannot be told.
+  virtual std::optional<Vector3> force_at(const Vector3& position_m) {
+    static_cast<void>(position_m);
+    return std::nullopt;
+  }
+
   /// What viewers draw; asked once, of the engine of the first side.
   virtual std::vector<Surface> surfaces() { return {}; }
   /// The vertices of one of these as they are now. Asked after a step, at most 30 times a second,

@@ -129,7 +129,7 @@ std::string black_box_table(const std::vector<json>& outputs) {
     if (rows.empty() || rows.back().front() != tissue) rows.push_back({tissue});
     rows.back().push_back(fixed(row, "capped_transparency", 3));
   }
-  return markdown({"transparency", "force, held", "force, model estimated",
+  return markdown({"transparency", "force, held", "force, model estimated", "force anywhere",
                    "points, model estimated", "its own model"},
                   rows);
 }

@@ -142,6 +142,27 @@ TEST_P(Failing, EndsTheForceAndRendersAgain) {
 INSTANTIATE_TEST_SUITE_P(Engines, Failing, testing::Values("mujoco_needle", "bullet_block"),
                          [](const auto& session) { return std::string(session.param); });
 
+struct Place {
+  const char* session;
+  std::vector<std::string> where;
+};
+// Three attempts: the limits of time are those of a machine with nothing else to do.
+TEST(EnginesConform, ToWhatMofcNodeAndTheHandRelyOn) {
+  const std::vector<Place> places{
+      {"mujoco_needle", {}},
+      {"bullet_block", {"--clear", "0", "0", "0.02", "--press", "0", "0", "0"}}};
+  for (const Place& place : places) {
+    std::vector<std::string> arguments{"conform", "physics", "--session",
+                                       session_file(place.session)};
+    arguments.insert(arguments.end(), place.where.begin(), place.where.end());
+    test::Outcome ended;
+    for (int attempt = 0; attempt < 3 && ended.status != 0; ++attempt) {
+      ended = test::run_program("palpate", arguments);
+    }
+    EXPECT_EQ(ended.status, 0) << place.session << "\n" << ended.out << ended.err;
+  }
+}
+
 struct Refusal {
   const char* program;
   const char* session;

@@ -40,5 +40,36 @@ class Estimator(unittest.TestCase):
         self.assertEqual(wire.elastic_force_on_tool_newton.z, -2.0)
 
 
+class Ahead(unittest.TestCase):
+    """As tests/unit/physics_node/foreign/foreign_engine_test.cpp: 2 kN/m below z = 0."""
+
+    @staticmethod
+    def force_at(position: np.ndarray) -> np.ndarray:
+        return np.array((0.0, 0.0, 2000.0 * max(0.0, -position[2])))
+
+    def test_tissue_is_known_before_it_is_touched(self) -> None:
+        estimators = palpate.points.TissueEstimators(self.force_at)
+        down = np.array((0.0, 0.0, -0.1))
+        [ahead] = estimators.step(np.array((0.0, 0.0, 0.005)), down, [], np.zeros(3))
+        self.assertAlmostEqual(ahead.model.penetration, -0.005, delta=0.05e-3)
+        self.assertAlmostEqual(ahead.model.stiffness, 2000.0, delta=40.0)
+        self.assertGreater(ahead.model.trust_radius, 0.01)
+        # 3 N·s/m that no force at rest has
+        place = np.array((0.0, 0.0, -0.004))
+        [touched] = estimators.step(place, down, [], self.force_at(place) + (0.0, 0.0, 0.3))
+        self.assertAlmostEqual(touched.model.stiffness, 2000.0)
+        self.assertAlmostEqual(touched.model.damping, 3.0)
+
+    def test_nothing_is_foreseen_where_nothing_is(self) -> None:
+        estimators = palpate.points.TissueEstimators(self.force_at)
+        up = np.array((0.0, 0.0, 0.1))
+        self.assertEqual(estimators.step(np.array((0.0, 0.0, 0.005)), up, [], np.zeros(3)), [])
+
+    def test_a_force_that_is_not_finite_is_refused(self) -> None:
+        estimators = palpate.points.TissueEstimators(lambda _: (0.0, 0.0, float("nan")))
+        with self.assertRaisesRegex(ValueError, "force_at"):
+            estimators.step(np.zeros(3), np.array((0.0, 0.0, -0.1)), [], np.zeros(3))
+
+
 if __name__ == "__main__":
     unittest.main()

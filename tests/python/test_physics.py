@@ -167,9 +167,35 @@ class Replies(PhysicsCase):
         self.assertAlmostEqual(got.stored_energy_joule, 0.5 * 400 * 0.002**2)
         self.assertEqual(got.contacts[1].force_on_tool_newton.x, 0.0)
 
+    def test_model_contact_points_without_stiffness(self) -> None:
+        """Two points of a tissue of 400 N/m, pressed 1 and 2 mm; then out of it, where it is expected."""
+        mofc = self.mofc()
+
+        def answer(physics: palpate.Physics, motion: palpate.Motion) -> None:
+            depth = -motion.position[2]
+            force = (0, 0, 200 * max(0.0, depth))
+            physics.reply(contacts=[
+                palpate.Contact((0, 0, 1), depth, tissue=3, force_on_tool=force),
+                palpate.Contact((0, 0, 1), depth, tissue=3, force_on_tool=force),
+            ])
+
+        with self.serving(answer):
+            for depth_m in (-0.001, 0.001, 0.002):
+                got = mofc.answer_to(mofc.motion(z=-depth_m))
+            near = mofc.answer_to(mofc.motion(z=0.001))
+        [contact] = got.contacts
+        self.assertEqual((contact.tissue, got.contact_count), (3, 1))
+        self.assertAlmostEqual(got.force_on_tool_newton.z, 0.8)
+        self.assertAlmostEqual(contact.force_on_tool_newton.z, 0.8)
+        self.assertAlmostEqual(contact.d_force_d_position[8], -400, delta=1)
+        self.assertAlmostEqual(contact.penetration_m, 0.002, delta=1e-5)
+        [contact] = near.contacts
+        self.assertEqual((near.contact_count, near.force_on_tool_newton.z), (0, 0.0))
+        self.assertAlmostEqual(contact.penetration_m, -0.001)
+
     def test_refuse_what_the_wire_would_refuse(self) -> None:
         mofc, errors = self.mofc(), []
-        flat = palpate.Contact((0, 0, 1), 0.001)
+        flat = palpate.Contact((0, 0, 1), 0.001, stiffness=0)
 
         def answer(physics: palpate.Physics, motion: palpate.Motion) -> None:
             for arguments in (
@@ -179,6 +205,10 @@ class Replies(PhysicsCase):
                 {"contacts": [palpate.Contact((0, 0, 1), float("inf"))]},
                 {"contacts": [palpate.Contact((0, 0, 1), 0.001, stiffness=2e6)]},
                 {"contacts": [palpate.Contact((0, 0, 1), 0.001, curvature=np.ones((2, 2)))]},
+                {"contacts": [palpate.Contact((0, 0, 1), 0.001)]},  # neither stiffness nor force
+                {"force": (0, 0, 1), "contacts": [flat, palpate.Contact((0, 0, 1), 0.001)]},
+                {"contacts": [palpate.Contact((0, 0, 1), 0.001, force_on_tool=(0, 0, 2e4))]},
+                {"contacts": [palpate.Contact((0, 0, 1), 0.001, stiffness=1, force_on_tool=(0, 0, 1))]},
             ):
                 try:
                     physics.reply(**arguments)
@@ -189,7 +219,7 @@ class Replies(PhysicsCase):
         with self.serving(answer):
             mofc.send(mofc.motion())
             self.assertIsNone(mofc.receive(300), "a refused reply was sent")
-        self.assertEqual(len(errors), 9, errors)
+        self.assertEqual(len(errors), 13, errors)
         self.assertIn("±10000", errors[1])
 
     def test_sustain_500_per_second_and_say_the_rate(self) -> None:

@@ -1,5 +1,6 @@
 #include "tests/support/adversity.h"
 
+#include <array>
 #include <memory>
 #include <utility>
 
@@ -42,7 +43,8 @@ AdverseRun random_adverse_run(std::uint64_t seed) {
 
 AdverseRun random_black_box_run(std::uint64_t seed) {
   AdverseRun run = random_adverse_run(seed);
-  run.told = seed % 2 == 0 ? Told::kForce : Told::kPoints;
+  constexpr std::array kTold{Told::kForce, Told::kPoints, Told::kField};
+  run.told = kTold.at(seed % kTold.size());
   run.overrides.emplace_back("mofc.interaction=local");
   return run;
 }

@@ -22,14 +22,14 @@ class ScriptedDevice final : public device::HapticDevice {
     TimePoint until{};
   };
 
-  explicit ScriptedDevice(const Clock& clock) : clock_(clock) {
+  explicit ScriptedDevice(const Clock& clock, bool is_simulated = true) : clock_(clock) {
     specification_ = {.model_name = "scripted",
                       .workspace_half_extent_m = Vector3::Ones(),
                       .peak_force_newton = 3.3,
                       .continuous_force_newton = 0.88,
                       .position_resolution_m = 0.0,
                       .button_count = 2,
-                      .is_simulated = true,
+                      .is_simulated = is_simulated,
                       .has_motor_watchdog = true};
     writes.reserve(20'000);
   }

@@ -101,13 +101,21 @@ Vector3 BulletEngine::coupling_newton(const Vector3& position_m,
 }
 
 sdk::Answer BulletEngine::step(const sdk::Motion& motion) {
-  if (!is_placed_) place_tip(motion.position_m);
+  if (!is_placed_) {
+    place_tip(motion.position_m);
+    tool_m_ = motion.position_m;
+  }
   is_placed_ = true;
+  // Each step begins with tip and tool at the same time. A tool that stands where it will be at the
+  // end lets the tip run ahead of it: K v h / 2 less force on the way in, more on the way out.
+  const Vector3 moved_m = (motion.position_m - tool_m_) / steps_;
   for (int i = 0; i < steps_; ++i) {
     tip_->clearForces();
-    tip_->applyCentralForce(bullet(-coupling_newton(motion.position_m, motion.velocity_m_per_s)));
+    tip_->applyCentralForce(bullet(-coupling_newton(tool_m_, motion.velocity_m_per_s)));
     world_.stepSimulation(period_s_, 0);
+    tool_m_ += moved_m;
   }
+  tool_m_ = motion.position_m;
   const bool is_touching = block_->m_faceRigidContacts.size() > 0;
   return {.force_on_tool_newton = is_touching
                                       ? coupling_newton(motion.position_m, motion.velocity_m_per_s)

@@ -59,6 +59,7 @@ class BulletEngine final : public sdk::Engine {
   int steps_ = 1;  // of Bullet for one of physics
   btScalar period_s_ = 0;
   bool is_placed_ = false;
+  sdk::Vector3 tool_m_ = sdk::Vector3::Zero();  // where it was
 };
 
 }  // namespace palpate::engines

@@ -19,11 +19,15 @@ class Contact:
     normal, at least 0. mofc_node evaluates it between two messages, at the rate of the device, as
     the tool moves on by up to `trust_radius`. Report a tissue before it is touched too, with a
     negative penetration: then the contact begins where it should.
+
+    Without a stiffness it is a contact point of an engine: give its `force_on_tool`, or the force of
+    all points of one tissue to `reply(force=…)`. The model is then estimated, one for all points of a
+    `tissue`; of a point only normal, penetration and force count.
     """
 
     normal: ArrayLike  # unit, out of the tissue, W
     penetration: float  # m; > 0: touching, else the negative distance; ±1000
-    stiffness: float = 0.0  # N/m; 0 … 1e6
+    stiffness: Optional[float] = None  # N/m; 0 … 1e6; None: estimated
     damping: float = 0.0  # N·s/m, along the normal; 0 … 1e4
     curvature: Optional[ArrayLike] = None  # 1/m, Hessian of the distance, 3×3, W; None: flat
     surface_velocity: ArrayLike = (0.0, 0.0, 0.0)  # m/s, W; ±10
@@ -32,9 +36,12 @@ class Contact:
     stretch: ArrayLike = (0.0, 0.0, 0.0)  # m, of that spring, W
     trust_radius: float = 1.0  # m, how far from the pose the model holds; > 0, ≤ 1000
     tissue: int = 0  # index in the session's scene
+    force_on_tool: Optional[ArrayLike] = None  # N, W, ±1e4, of this point; without a stiffness only
 
     def force(self, velocity: ArrayLike) -> NDArray[Any]:
         """N on the tool at the pose of the motion, moving at `velocity` m/s, W; 0 without touch."""
+        if self.stiffness is None:
+            return np.zeros(3) if self.force_on_tool is None else np.asarray(self.force_on_tool, float)
         normal = np.asarray(self.normal, float)
         if self.penetration <= 0.0:
             return np.zeros(3)
@@ -50,7 +57,7 @@ class Contact:
         """J, elastic."""
         stretch = np.asarray(self.stretch, float)
         return 0.5 * (
-            self.stiffness * self.penetration**2 + self.friction_stiffness * float(stretch @ stretch)
+            (self.stiffness or 0.0) * self.penetration**2 + self.friction_stiffness * float(stretch @ stretch)
         )
 
     def _friction_force(self, elastic: float) -> NDArray[Any]:
@@ -66,7 +73,11 @@ class Contact:
         if abs(float(normal @ normal) - 1.0) > 1e-6:
             raise ValueError(f"contact.normal = {normal}: must have length 1; divide it by its length")
         _number("contact.penetration", self.penetration, -1e3, 1e3)
-        _number("contact.stiffness", self.stiffness, 0.0, 1e6)
+        _number("contact.stiffness", self.stiffness or 0.0, 0.0, 1e6)
+        if self.force_on_tool is not None:
+            _vector("contact.force_on_tool", self.force_on_tool, 1e4)
+            if self.stiffness is not None:
+                raise ValueError("contact.force_on_tool: the force follows from the stiffness; leave one out")
         _number("contact.damping", self.damping, 0.0, 1e4)
         _number("contact.trust_radius", self.trust_radius, 1e-9, 1e3)
         _number("contact.friction_coefficient", self.friction_coefficient, 0.0, 10.0)
@@ -87,11 +98,12 @@ class Contact:
         wire.penetration_m = self.penetration
         _put(wire.normal_world, normal)
         _put(wire.force_on_tool_newton, _vector("the force of a contact", self.force(velocity), 1e4))
-        elastic = self.stiffness * self.penetration
+        stiffness = self.stiffness or 0.0
+        elastic = stiffness * self.penetration
         _put(wire.elastic_force_on_tool_newton, _vector("the force of a contact", elastic * normal, 1e4))
         _put(wire.surface_velocity_world_m_per_s, np.asarray(self.surface_velocity, float))
         along = np.outer(normal, normal)
-        wire.d_force_d_position.extend((-self.stiffness * along).ravel())
+        wire.d_force_d_position.extend((-stiffness * along).ravel())
         wire.d_force_d_velocity.extend((-self.damping * along).ravel())
         if self.curvature is not None:
             curvature = np.asarray(self.curvature, float)

@@ -33,6 +33,25 @@ _LEAST_TURN_COSINE = -0.0175
 
 
 @dataclass
+class ContactLaw:
+    """Spring and damper along the normal, as an engine was asked for them."""
+
+    stiffness: float  # N/m
+    damping: float  # N·s/m
+
+
+@dataclass
+class Foreseen:
+    """Tissue that the tool has not touched yet. Frame W."""
+
+    surface: _Array  # m, where the tool will touch
+    normal: _Array  # unit, out of the tissue
+    stiffness: float  # N/m
+    slope_error: float  # N/m, s
+    newton: float  # N, a force at which that was found
+
+
+@dataclass
 class Estimate:
     """What is known of the tissue at one pose of the tool. SI, frame W."""
 
@@ -113,6 +132,7 @@ class ContactEstimator:
         force: ArrayLike,
         normal: Optional[ArrayLike] = None,
         penetration: Optional[float] = None,
+        law: Optional[ContactLaw] = None,
     ) -> Optional[Estimate]:
         """The model at this pose; None where nothing is known.
 
@@ -121,6 +141,7 @@ class ContactEstimator:
         :param force: (3,) N on the tool
         :param normal: unit, out of the tissue, if the engine knows it; None: that of the force
         :param penetration: m, as the engine has it; < 0: the distance
+        :param law: at this place; None: estimated
         """
         x, v, f = (np.asarray(one, float) for one in (position, velocity, force))
         given = None if normal is None else np.asarray(normal, float)
@@ -132,10 +153,28 @@ class ContactEstimator:
         if newton <= 0.5 * magnitude:
             self._is_touching = False
             return Estimate(f / magnitude, 1.0, f, 0.0, 0.0, 0.0, 1.0, True)
-        return self._touch(x, v, f, n, newton, penetration)
+        return self._touch(x, v, f, n, newton, penetration, law)
+
+    def foresee(self, tissue: Foreseen) -> None:
+        """The surface to expect until the tool touches; before step()."""
+        self.stiffness = float(np.clip(tissue.stiffness, *_STIFFNESS))
+        if self._first_stiffness == 0.0:
+            self._first_stiffness = self.stiffness
+            self._mean_newton = tissue.newton
+            self._error2 = tissue.slope_error**2
+        n = tissue.normal
+        self._last = _Place(tissue.surface, n, 0.0, 0.0, 0.0, self._model(n, 0.0, np.zeros(3)))
+        self._is_touching = False
 
     def _touch(
-        self, x: _Array, v: _Array, f: _Array, n: _Array, newton: float, penetration: Optional[float]
+        self,
+        x: _Array,
+        v: _Array,
+        f: _Array,
+        n: _Array,
+        newton: float,
+        penetration: Optional[float],
+        law: Optional[ContactLaw],
     ) -> Estimate:
         last = self._last
         is_first = not self._is_touching or last is None or float(n @ last.normal) < _ONE_PATCH
@@ -154,6 +193,9 @@ class ContactEstimator:
                 is_compared = True
             else:
                 is_compared = not moved.any()
+        if law is not None:
+            self.stiffness = float(np.clip(law.stiffness, *_STIFFNESS))
+            self.damping = float(np.clip(law.damping, 0.0, _MOST_DAMPING))
         elastic = max(newton - self.damping * here.approach, 0.02 * newton)
         elastic_force = f + self.damping * float(n @ v) * n
         here.model = self._model(n, elastic / self.stiffness, elastic_force)

@@ -20,8 +20,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from .contact import Contact, _number, _put, _vector
 from .errors import SetupError
-from .estimator import ContactEstimator
 from .links import Keys, Links, Subscribers
+from .look_ahead import ForceAt
+from .points import TissueEstimators
 from .scene import SceneDisplay, Surface
 from .session import SideLinks, session_links
 from .v1 import interaction_pb2, telemetry_pb2, tool_motion_pb2
@@ -53,12 +54,12 @@ class Motion:
 class _Side:
     """Hops 2 and 3 of one device."""
 
-    def __init__(self, links: Links, side: SideLinks) -> None:
+    def __init__(self, links: Links, side: SideLinks, force_at: Optional[ForceAt]) -> None:
         self.name = side.name
         self.motions = links.open("tool_motion", side.tool_motion, binds=True)
         interactions = links.open("interaction", side.interaction, binds=True)
         self.receivers = Subscribers(interactions)
-        self.estimator = ContactEstimator()
+        self.estimators = TissueEstimators(force_at)
         self.newest: Optional[tool_motion_pb2.ToolMotion] = None
         self.motion: Optional[Motion] = None
         self.session_id = 0
@@ -163,6 +164,8 @@ class Physics:
     :param surfaces: what viewers draw, under `palpate launch` only
     :param insecure: allow tcp beyond loopback without keys
     :param estimate: make a contact model of what reply() gives as a force alone
+    :param force_at: for forces alone: N on a tool that would rest at a place, (3,) m → (3,) N, W, without
+        an effect on what reply() gives. Tissue is then known before it is touched
     :raises SetupError: wrong session, endpoint in use, keys that do not fit
     """
 
@@ -173,6 +176,7 @@ class Physics:
         surfaces: Sequence[Surface] = (),
         insecure: bool = False,
         estimate: bool = True,
+        force_at: Optional[ForceAt] = None,
     ) -> None:
         config = session_links(session, insecure)
         self.rate_hz = config.rate_hz
@@ -185,7 +189,7 @@ class Physics:
         keys = Keys(config.key_folder, "physics") if config.key_folder is not None else None
         self._links = Links(keys, config.insecure)
         try:
-            self._sides = [_Side(self._links, side) for side in config.sides]
+            self._sides = [_Side(self._links, side, force_at) for side in config.sides]
             self._viewers = Subscribers(
                 self._links.open("physics_telemetry", config.physics_telemetry, binds=True)
             )
@@ -262,8 +266,8 @@ class Physics:
         """Answers the motion that was yielded last.
 
         :param force: (3,) N on the tool, W, of all tissues, ±1e4; None: the sum of the contacts
-        :param contacts: models of the tissues touched or near, at most 8. Without them one is
-            estimated from the forces so far (docs/extending.md)
+        :param contacts: models of the tissues touched or near, or an engine's contact points, at most
+            8. What has no stiffness is estimated from the forces so far (docs/extending.md)
         :param stored_energy: J, elastic, of all tissues, 0 … 1000; None: the sum of the contacts
         :raises ValueError: a value is not finite or out of range; nothing was sent
         """
@@ -275,31 +279,32 @@ class Physics:
         for one in contacts:
             one.check()
         motion = side.motion
-        total = _vector(
-            "force",
-            sum((one.force(motion.velocity) for one in contacts), np.zeros(3)) if force is None else force,
-            MAX_FORCE_NEWTON,
+        given = None if force is None else _vector("force", force, MAX_FORCE_NEWTON)
+        points = (one.force(motion.velocity) for one in contacts)
+        total = _vector("force", sum(points, np.zeros(3)), MAX_FORCE_NEWTON) if given is None else given
+        if stored_energy is not None:
+            _number("stored_energy", stored_energy, 0.0, 1e3)
+        modelled = (
+            side.estimators.step(motion.position, motion.velocity, contacts, given)
+            if self._has_estimate
+            else []
         )
-        energy = _number(
-            "stored_energy",
-            sum(one.stored_energy() for one in contacts if one.penetration > 0.0)
-            if stored_energy is None
-            else stored_energy,
-            0.0,
-            1e3,
-        )
+        wires: list[interaction_pb2.Contact] = []
+        for contact in contacts:
+            if contact.stiffness is not None:
+                wires.append(interaction_pb2.Contact())
+                contact.fill(wires[-1], motion.velocity)
+        for one in modelled:
+            wires.append(interaction_pb2.Contact(tissue=one.tissue))
+            one.model.fill(wires[-1], one.force)
+        touching = [wire for wire in wires if wire.penetration_m > 0.0]
+        energy = stored_energy
+        if energy is None:
+            energy = _number("stored_energy", sum(wire.stored_energy_joule for wire in touching), 0.0, 1e3)
         message = side.interaction
         message.Clear()
-        for one in sorted(contacts, key=lambda contact: -contact.penetration):
-            one.fill(message.contacts.add(), motion.velocity)
-        message.contact_count = sum(one.penetration > 0.0 for one in contacts)
-        if not contacts and self._has_estimate:
-            estimate = side.estimator.step(motion.position, motion.velocity, total)
-            if estimate is not None:
-                estimate.fill(message.contacts.add(), total)
-                message.contact_count = int(estimate.penetration > 0.0)
-                if stored_energy is None and message.contact_count:
-                    energy = message.contacts[0].stored_energy_joule
+        message.contacts.extend(sorted(wires, key=lambda wire: -wire.penetration_m)[:MAX_CONTACTS])
+        message.contact_count = len(touching)
         message.answers.CopyFrom(side.newest.device)
         message.tool_position_world_m.CopyFrom(side.newest.tool_position_world_m)
         message.tool_orientation_world.CopyFrom(side.newest.tool_orientation_world)

@@ -77,6 +77,7 @@ struct Way {
 };
 constexpr Way kWays[] = {{"force, held", "held", true, Told::kForce},
                          {"force, estimated", "local", true, Told::kForce},
+                         {"force anywhere, estimated", "local", true, Told::kField},
                          {"points, estimated", "local", true, Told::kPoints},
                          {"own model", "local", false, Told::kForce}};
 

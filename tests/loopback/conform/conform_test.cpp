@@ -1,4 +1,6 @@
-// palpate conform physics: what keeps the rules passes, each fault of wrong_physics is named.
+// palpate conform: what keeps the rules passes, each fault of wrong_physics is named, and so are
+// those of a driver (device_checks_test.cpp has each).
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -9,7 +11,13 @@
 #include <string>
 #include <vector>
 
+#include "common/core/check.h"
+#include "common/core/clock.h"
+#include "deploy/conform/conform_device.h"
+#include "device_node/conformance/device_checks.h"
 #include "tests/support/program.h"
+#include "tests/support/scripted_device.h"
+#include "tests/support/temp_folder.h"
 #include "tests/support/text.h"
 
 namespace palpate {
@@ -18,6 +26,7 @@ namespace {
 using nlohmann::json;
 using test::Program;
 using test::TempFolder;
+using ::testing::HasSubstr;
 
 struct Report {
   int status = -1;
@@ -28,14 +37,18 @@ struct Report {
 /// A run of the suite, whose findings go to a file.
 class Conform {
  public:
-  explicit Conform(const std::vector<std::string>& command) {
-    std::vector<std::string> arguments{"conform", "physics", "--json",
-                                       (folder_.path() / "found.json").string(), "--"};
-    arguments.insert(arguments.end(), command.begin(), command.end());
+  /// @param more  behind `palpate conform`
+  explicit Conform(const std::vector<std::string>& more) {
+    std::vector<std::string> arguments{"conform"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const std::vector<std::string> output{"--json", (folder_.path() / "found.json").string()};
+    arguments.insert(arguments.begin() + 2, output.begin(), output.end());
     program_ = std::make_unique<Program>("palpate", arguments);
   }
   Report report() {
-    Report report{.status = program_->wait(std::chrono::seconds(60)), .text = program_->out()};
+    Report report{.status = program_->wait(std::chrono::seconds(60)),
+                  .is_good = {},
+                  .text = program_->out()};
     const std::filesystem::path file = folder_.path() / "found.json";
     if (!std::filesystem::exists(file)) return report;
     const json found = json::parse(test::text_of(file));
@@ -51,10 +64,12 @@ class Conform {
   std::unique_ptr<Program> program_;
 };
 
+const std::string kDefaultSession = PALPATE_SOURCE_DIR "/deploy/sessions/default.txtpb";
+
 std::string bin(const char* name) { return std::string(PALPATE_BINARY_DIR "/") + name; }
 
 TEST(ConformPhysics, OurOwnPhysicsPassesEveryCheck) {
-  Conform run({bin("physics_node"), "--session", "{session}"});
+  Conform run({"physics", "--", bin("physics_node"), "--session", "{session}"});
   const Report report = run.report();
   EXPECT_EQ(report.status, 0) << report.text << run.err();
   EXPECT_GE(report.is_good.size(), 13U);
@@ -69,8 +84,8 @@ TEST(ConformPhysics, NamesEachFault) {
       {"stop", "stop"}};
   std::map<std::string, std::unique_ptr<Conform>> runs;
   for (const auto& [fault, check] : check_of) {
-    runs[fault] = std::make_unique<Conform>(
-        std::vector<std::string>{bin("wrong_physics"), fault, "--session", "{session}"});
+    runs[fault] = std::make_unique<Conform>(std::vector<std::string>{
+        "physics", "--", bin("wrong_physics"), fault, "--session", "{session}"});
   }
   for (auto& [fault, run] : runs) {
     const Report report = run->report();
@@ -82,9 +97,74 @@ TEST(ConformPhysics, NamesEachFault) {
 }
 
 TEST(ConformPhysics, RefusesAProgramThatIsNotThere) {
-  Conform run({"./no_such_physics"});
+  Conform run({"physics", "--", "./no_such_physics"});
   EXPECT_EQ(run.report().status, 2);
   EXPECT_NE(run.err().find("no_such_physics"), std::string::npos) << run.err();
+}
+
+TEST(ConformPhysics, RefusesToCheckNothing) {
+  Conform run({"physics", "--session", kDefaultSession});
+  EXPECT_EQ(run.report().status, 2);
+  EXPECT_NE(run.err().find("physics.command"), std::string::npos) << run.err();
+}
+
+TEST(ConformDevice, TheSimulatedDevicePassesEveryCheck) {
+  Conform run({"device", kDefaultSession, "--set", "device.simulated.position_latch=true"});
+  const Report report = run.report();
+  EXPECT_EQ(report.status, 0) << report.text << run.err();
+  EXPECT_EQ(report.is_good.size(), device::device_checks().size());
+  for (const auto& [check, is_good] : report.is_good) {
+    // a program does not count its allocations
+    EXPECT_EQ(is_good, check != "allocation") << check << "\n" << report.text;
+  }
+}
+
+TEST(ConformDevice, RefusesASessionThatIsNotThere) {
+  Conform run({"device", "no_such_session.txtpb"});
+  EXPECT_EQ(run.report().status, 2);
+  EXPECT_NE(run.err().find("no_such_session.txtpb"), std::string::npos) << run.err();
+}
+
+// A device that stands, with an orientation that is none.
+device::Driver driver_of(bool is_simulated) {
+  return {.open =
+              [is_simulated](const Clock& clock) {
+                auto opened = std::make_unique<test::ScriptedDevice>(clock, is_simulated);
+                opened->position_m = Vector3::Zero();
+                opened->orientation.coeffs() *= 2.0;
+                return opened;
+              },
+          .is_simulated = is_simulated};
+}
+
+TEST(ConformDevice, NamesWhatFallsShortWithARemedy) {
+  ManualClock clock;
+  std::vector<std::string> told;
+  const std::vector<ConformFinding> found =
+      conform_device(driver_of(true), std::chrono::milliseconds(1), clock,
+                     {.on_finding = [&](const ConformFinding& one) { told.push_back(one.check); }});
+  ASSERT_EQ(found.size(), told.size());
+  const auto reading = std::find_if(
+      found.begin(), found.end(), [](const ConformFinding& one) { return one.check == "reading"; });
+  ASSERT_NE(reading, found.end());
+  EXPECT_TRUE(reading->is_checked);
+  EXPECT_FALSE(reading->is_good);
+  EXPECT_THAT(reading->text, HasSubstr("norm 2"));
+  EXPECT_THAT(reading->remedy, HasSubstr("unit quaternions"));
+}
+
+TEST(ConformDevice, MovesHardwareOnlyIfToldTo) {
+  ManualClock clock;
+  const device::Driver driver = driver_of(false);
+  try {
+    static_cast<void>(conform_device(driver, std::chrono::milliseconds(1), clock, {}));
+    FAIL() << "it moved";
+  } catch (const SetupError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("--i-understand-this-moves-the-device"));
+  }
+  const auto found =
+      conform_device(driver, std::chrono::milliseconds(1), clock, {.may_move_hardware = true});
+  EXPECT_EQ(found.size(), device::device_checks().size());
 }
 
 }  // namespace

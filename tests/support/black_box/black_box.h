@@ -12,6 +12,7 @@ namespace palpate::test {
 
 enum class Told : std::uint8_t {
   kForce,   ///< the sum of the forces
+  kField,   ///< that, and what it would be at other places
   kPoints,  ///< normal, penetration and force of each contact
 };
 

@@ -9,7 +9,6 @@
 #include <numbers>
 #include <vector>
 
-#include "tests/support/device_conformance.h"
 
 namespace palpate::device {
 namespace {
@@ -278,25 +277,5 @@ TEST(SimulatedDevice, RepeatsItselfToTheBitForASeed) {
   EXPECT_NE(trace(7), trace(8));
 }
 
-/// The fixture of the conformance suite.
-struct SimulatedUnderTest {
-  ManualClock manual_clock;
-  SimulatedDevice simulated{{}, {}, manual_clock, 1};
-
-  HapticDevice& device() { return simulated; }
-  const Clock& clock() { return manual_clock; }
-  void pass(Duration d) { manual_clock.advance(d); }
-  Duration stamp_tolerance() { return {}; }
-  std::optional<Vector3> motor_force() {
-    DeviceSample sample;
-    EXPECT_TRUE(simulated.read(sample));
-    return simulated.motor_force_on_hand_newton();
-  }
-};
-
 }  // namespace
 }  // namespace palpate::device
-
-namespace palpate::test {
-INSTANTIATE_TYPED_TEST_SUITE_P(Simulated, DeviceConformance, device::SimulatedUnderTest);
-}  // namespace palpate::test

@@ -24,6 +24,89 @@ class Scripted final : public sdk::Engine {
   std::function<sdk::Answer(const sdk::Motion&)> law_;
 };
 
+/// A half-space of 2 kN/m and 3 N·s/m below z = 0 that tells only forces, but anywhere.
+class Field final : public sdk::Engine {
+ public:
+  explicit Field(double slope_newton_per_m2 = 0.0) : slope_(slope_newton_per_m2) {}
+  sdk::Answer step(const sdk::Motion& motion) override {
+    sdk::Vector3 force = elastic(motion.position_m);
+    if (force.z() > 0.0) force.z() = std::max(0.0, force.z() - 3.0 * motion.velocity_m_per_s.z());
+    return {.force_on_tool_newton = force};
+  }
+  std::optional<sdk::Vector3> force_at(const sdk::Vector3& position_m) override {
+    ++calls;
+    return elastic(position_m);
+  }
+  int calls = 0;
+
+ private:
+  [[nodiscard]] sdk::Vector3 elastic(const sdk::Vector3& x) const {
+    const double depth_m = std::max(0.0, -x.z());
+    return depth_m * (2000.0 + slope_ * depth_m) * sdk::Vector3::UnitZ();
+  }
+  double slope_;  // [N/m²]
+};
+
+ToolMotion moving(double z_m, double z_m_per_s) {
+  ToolMotion motion;
+  motion.tool_position_world_m.z() = z_m;
+  motion.tool_velocity_world_m_per_s.z() = z_m_per_s;
+  return motion;
+}
+
+// 0.1 m/s straight down from 5 mm above the surface, which no step has touched.
+TEST(ForeignEngine, KnowsTissueBeforeItIsTouchedIfTheEngineCanTellItsForceAnywhere) {
+  auto field = std::make_unique<Field>();
+  Field& asked = *field;
+  ForeignEngine engine(std::move(field), true);
+  Interaction answer;
+  ASSERT_TRUE(engine.step(moving(0.005, -0.1), true, TimePoint{}, answer));
+
+  ASSERT_EQ(answer.listed_count, 1U);
+  EXPECT_EQ(answer.contact_count, 0U);
+  EXPECT_EQ(answer.force_on_tool_newton, Vector3::Zero().eval());
+  EXPECT_NEAR(answer.contacts[0].penetration_m, -0.005, 0.05e-3);
+  EXPECT_NEAR(answer.contacts[0].d_force_d_position(2, 2), -2000.0, 40.0);
+  EXPECT_GT(answer.contacts[0].trust_radius_m, 0.01);
+  EXPECT_LE(asked.calls, 13);  // and one to see whether it can
+
+  // where there is nothing ahead, one call
+  asked.calls = 0;
+  ASSERT_TRUE(engine.step(moving(0.1, 0.1), true, TimePoint{}, answer));
+  EXPECT_EQ(asked.calls, 2);
+}
+
+TEST(ForeignEngine, TakesStiffnessAndDampingFromTheForceElsewhere) {
+  ForeignEngine engine(std::make_unique<Field>(1e5), true);
+  Interaction answer;
+  ASSERT_TRUE(engine.step(moving(-0.004, -0.05), true, TimePoint{}, answer));
+  ASSERT_EQ(answer.listed_count, 1U);
+  // d/dp (2000 p + 1e5 p²) at 4.25 mm, the middle of the difference
+  EXPECT_NEAR(answer.contacts[0].d_force_d_position(2, 2), -2850.0, 1.0);
+  EXPECT_NEAR(answer.contacts[0].d_force_d_velocity(2, 2), -3.0, 1e-6);
+}
+
+TEST(ForeignEngine, RefusesAForceElsewhereThatIsNotFinite) {
+  class Wild final : public sdk::Engine {
+   public:
+    sdk::Answer step(const sdk::Motion&) override {
+      return {.force_on_tool_newton = sdk::Vector3(0, 0, 1)};
+    }
+    std::optional<sdk::Vector3> force_at(const sdk::Vector3&) override {
+      return sdk::Vector3(0, 0, std::numeric_limits<double>::quiet_NaN());
+    }
+  };
+  ForeignEngine engine(std::make_unique<Wild>(), true);
+  Interaction answer;
+  EXPECT_FALSE(engine.step(moving(0.0, -0.05), true, TimePoint{}, answer));
+  try {
+    engine.rethrow();
+    FAIL();
+  } catch (const std::exception& error) {
+    EXPECT_NE(std::string(error.what()).find("force_at"), std::string::npos);
+  }
+}
+
 struct Stepped {
   bool has_answer = false;
   Interaction answer;

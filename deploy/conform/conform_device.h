@@ -1,0 +1,30 @@
+// conform_device.h — does a device keep what device_node and the hand rely on?
+#pragma once
+
+#include <vector>
+
+#include "common/core/clock.h"
+#include "common/session/session.h"
+#include "deploy/conform/finding.h"
+#include "device_node/drivers/driver_registry.h"
+
+namespace palpate {
+
+struct ConformDeviceOptions {
+  bool may_move_hardware = false;  ///< the device is clear, and nobody holds it
+  OnFinding on_finding = {};
+};
+
+/// Opens the device of the session's first side, as device_node does, and runs device_checks(): a
+/// simulation on virtual time and held by nobody, hardware on this host's clock in about 20 s.
+/// @throws SetupError  the device is absent, or real and may not be moved
+[[nodiscard]] std::vector<ConformFinding> conform_device(const Session& session,
+                                                         const ConformDeviceOptions& options);
+
+/// The same with a driver, at that period of the tick.
+/// @param steady  for hardware
+[[nodiscard]] std::vector<ConformFinding> conform_device(const device::Driver& driver,
+                                                         Duration period, Clock& steady,
+                                                         const ConformDeviceOptions& options);
+
+}  // namespace palpate

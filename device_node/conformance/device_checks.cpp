@@ -1,0 +1,442 @@
+#include "device_node/conformance/device_checks.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <utility>
+#include <vector>
+
+namespace palpate::device {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr const char* kNoReading = "read() gave nothing";
+constexpr const char* kRefused = "apply() refused a force of a third of continuous_force_newton";
+constexpr const char* kNoForceSeen = "the driver does not tell the force of its motors";
+
+constexpr double kForceTolerance = 0.02;   // of the force …
+constexpr double kForceFloorNewton = 0.1;  // … and of this
+constexpr int kExchanges = 200;            // whose median is the pace
+constexpr double kPush_m = 1e-3;           // a push along one axis ends here …
+constexpr Duration kLongestPush = 60ms;    // … or after this time
+constexpr Duration kCoast = 20ms;          // between two looks at a device that coasts
+constexpr Duration kLongestCoast = 1s;
+constexpr double kSeenToMove_m = 0.2e-3;  // and four steps of the encoder
+constexpr double kLeastAlong = 0.5;       // cosine of motion and force
+constexpr double kSpedUp = 1.5;           // the ratio of speeds after a lease that did not end
+constexpr double kSpedUp_m_per_s = 0.01;
+
+CheckOutcome good(std::string text) { return {CheckVerdict::kGood, std::move(text)}; }
+CheckOutcome failed(std::string text) { return {CheckVerdict::kFailed, std::move(text)}; }
+CheckOutcome not_observable(std::string text) {
+  return {CheckVerdict::kNotObservable, std::move(text)};
+}
+
+std::string text_of(const Vector3& v, double scale, const char* unit) {
+  return fmt::format("({:.3g}, {:.3g}, {:.3g}) {}", scale * v.x(), scale * v.y(), scale * v.z(),
+                     unit);
+}
+
+/// Motors limp at the end of a check, however it ends.
+class Limp {
+ public:
+  explicit Limp(HapticDevice& device) : device_(device) {}
+  Limp(const Limp&) = delete;
+  Limp& operator=(const Limp&) = delete;
+  ~Limp() { device_.release(); }
+
+ private:
+  HapticDevice& device_;
+};
+
+/// A third of the continuous force: no driver has a reason to limit it.
+double gentle_newton(DeviceBench& bench) {
+  return bench.device().specification().continuous_force_newton / 3.0;
+}
+Vector3 gentle_force_newton(DeviceBench& bench) {
+  return Vector3(2, -1, 2) / 3.0 * gentle_newton(bench);
+}
+
+bool apply(DeviceBench& bench, const Vector3& force_newton, Duration lease) {
+  DeviceSample at_switch;
+  return bench.device().apply(force_newton, lease, at_switch);
+}
+
+/// Compares the motors with what they should do; good() if they cannot be seen.
+CheckOutcome expect_motors(DeviceBench& bench, const Vector3& wanted_newton, const char* when) {
+  const std::optional<Vector3> force = bench.motor_force_newton();
+  if (!force) return not_observable(kNoForceSeen);
+  const double tolerance = kForceTolerance * (wanted_newton.norm() + kForceFloorNewton);
+  if ((*force - wanted_newton).norm() < tolerance) {
+    return good(text_of(*force, 1.0, "N ") + when);
+  }
+  return failed(text_of(*force, 1.0, "N ") + when + ", not " + text_of(wanted_newton, 1.0, "N"));
+}
+
+// --- without a force
+
+CheckOutcome check_start(DeviceBench& bench) {
+  return expect_motors(bench, Vector3::Zero(), "before the first force");
+}
+
+CheckOutcome check_specification(DeviceBench& bench) {
+  const DeviceSpecification& s = bench.device().specification();
+  if (s.model_name.empty()) return failed("model_name is empty");
+  if (!(s.workspace_half_extent_m.minCoeff() > 0.0) || !s.workspace_half_extent_m.allFinite()) {
+    return failed("workspace_half_extent_m = " + text_of(s.workspace_half_extent_m, 1.0, "m"));
+  }
+  if (!(s.continuous_force_newton > 0.0)) {
+    return failed(fmt::format("continuous_force_newton = {:g}", s.continuous_force_newton));
+  }
+  if (!(s.peak_force_newton >= s.continuous_force_newton) || !std::isfinite(s.peak_force_newton)) {
+    return failed(fmt::format("peak_force_newton = {:g}, below continuous_force_newton = {:g}",
+                              s.peak_force_newton, s.continuous_force_newton));
+  }
+  if (!(s.position_resolution_m >= 0.0) || !(s.position_resolution_m < 1e-2)) {
+    return failed(fmt::format("position_resolution_m = {:g}", s.position_resolution_m));
+  }
+  if (s.button_count > 32) return failed(fmt::format("button_count = {}", s.button_count));
+  return good(s.model_name + fmt::format(": {:.3g} N, {:.3g} N at peak, encoder steps of {:.3g} µm",
+                                         s.continuous_force_newton, s.peak_force_newton,
+                                         1e6 * s.position_resolution_m));
+}
+
+/// What is wrong with a reading of between `before` and now; empty if nothing.
+std::string wrong_reading(DeviceBench& bench, const DeviceSample& sample, TimePoint before) {
+  const Vector3& p = sample.hand_position_m;
+  if (!p.allFinite()) return "a position that is not finite";
+  // mm taken for m: no device reaches ten times as far as it says
+  const Vector3& reach = bench.device().specification().workspace_half_extent_m;
+  if ((p.cwiseAbs().array() > 10.0 * reach.array()).any()) {
+    return "a position of " + text_of(p, 1e3, "mm") + " in a workspace of ±" +
+           text_of(reach, 1e3, "mm");
+  }
+  if (!(std::abs(sample.orientation.norm() - 1.0) <= 1e-6)) {
+    return fmt::format("an orientation of norm {:.6g}", sample.orientation.norm());
+  }
+  const TimePoint now = bench.clock().now();
+  if (sample.sampled_at < before - bench.stamp_tolerance() || sample.sampled_at > now) {
+    return fmt::format("a stamp {:.3f} ms before the call and {:.3f} ms before its return",
+                       1e3 * to_seconds(before - sample.sampled_at),
+                       1e3 * to_seconds(now - sample.sampled_at));
+  }
+  return {};
+}
+
+CheckOutcome check_reading(DeviceBench& bench) {
+  const TimePoint before = bench.clock().now();
+  DeviceSample sample;
+  if (!bench.device().read(sample)) return failed(kNoReading);
+  const std::string wrong = wrong_reading(bench, sample, before);
+  if (!wrong.empty()) return failed(wrong);
+  return good(text_of(sample.hand_position_m, 1e3, "mm") + ", stamped when it was taken");
+}
+
+CheckOutcome check_buttons(DeviceBench& bench) {
+  DeviceSample sample;
+  if (!bench.device().read(sample)) return failed(kNoReading);
+  const std::uint32_t count = bench.device().specification().button_count;
+  if (count < 32 && sample.buttons >> count != 0) {
+    return failed(fmt::format("buttons 0x{:x} of a device with {}", sample.buttons, count));
+  }
+  return good(fmt::format("{}", count));
+}
+
+CheckOutcome check_stamps(DeviceBench& bench) {
+  TimePoint previous = bench.clock().now() - bench.stamp_tolerance();
+  for (int i = 0; i < 20; ++i) {
+    DeviceSample reading;
+    DeviceSample at_switch;
+    if (!bench.device().read(reading)) return failed(kNoReading);
+    if (!bench.device().apply(Vector3::Zero(), 1ms, at_switch)) return failed("apply() failed");
+    if (reading.sampled_at < previous || at_switch.sampled_at < reading.sampled_at) {
+      return failed("a stamp is older than the one before it");
+    }
+    previous = at_switch.sampled_at;
+    bench.pass(100us);
+  }
+  return good("in order over 20 readings and switches");
+}
+
+// --- forces
+
+CheckOutcome check_switch(DeviceBench& bench) {
+  const Limp at_the_end(bench.device());
+  const TimePoint before = bench.clock().now();
+  DeviceSample at_switch;
+  if (!bench.device().apply(gentle_force_newton(bench), 1ms, at_switch)) return failed(kRefused);
+  const std::string wrong = wrong_reading(bench, at_switch, before);
+  return wrong.empty() ? good("apply() returns the reading at which the force changed")
+                       : failed(wrong);
+}
+
+CheckOutcome check_force(DeviceBench& bench) {
+  const Limp at_the_end(bench.device());
+  if (!apply(bench, gentle_force_newton(bench), 20ms)) return failed(kRefused);
+  bench.pass(5ms);
+  return expect_motors(bench, gentle_force_newton(bench), "while the lease runs");
+}
+
+/// Waits until friction has stopped the device, a second at most.
+/// @return the velocity it still has [m/s]; none: it cannot be read
+std::optional<Vector3> come_to_rest(DeviceBench& bench, double still_m) {
+  DeviceSample before;
+  DeviceSample now;
+  if (!bench.device().read(now)) return std::nullopt;
+  for (Duration t{}; t < kLongestCoast; t += kCoast) {
+    before = now;
+    bench.pass(kCoast);
+    if (!bench.device().read(now)) return std::nullopt;
+    if ((now.hand_position_m - before.hand_position_m).norm() <= still_m) break;
+  }
+  return Vector3((now.hand_position_m - before.hand_position_m) / to_seconds(kCoast));
+}
+
+struct Coasting {
+  double early_m_per_s = 0.0;  // just after the lease
+  double late_m_per_s = 0.0;
+};
+/// A push with a lease of 10 ms, and how the device moves afterwards.
+std::optional<Coasting> coast(DeviceBench& bench) {
+  std::array<Vector3, 4> places;
+  const std::array<Duration, 4> pauses{12ms, 15ms, 60ms, 15ms};
+  if (!apply(bench, gentle_force_newton(bench), 10ms)) return std::nullopt;
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    bench.pass(pauses[i]);
+    DeviceSample sample;
+    if (!bench.device().read(sample)) return std::nullopt;
+    places[i] = sample.hand_position_m;
+  }
+  return Coasting{(places[1] - places[0]).norm() / to_seconds(pauses[1]),
+                  (places[3] - places[2]).norm() / to_seconds(pauses[3])};
+}
+
+/// By the force of the motors, or by the motion of a device that nobody holds.
+CheckOutcome check_lease(DeviceBench& bench) {
+  if (!bench.device().specification().has_motor_watchdog) {
+    return not_observable("no motor-side watchdog: the guarantee is not available");
+  }
+  const Limp at_the_end(bench.device());
+  if (bench.motor_force_newton()) {
+    if (!apply(bench, gentle_force_newton(bench), 5ms)) return failed(kRefused);
+    bench.pass(6ms);
+    return expect_motors(bench, Vector3::Zero(), "1 ms after the lease");
+  }
+  const double step_m = bench.device().specification().position_resolution_m;
+  if (!come_to_rest(bench, step_m)) return failed(kNoReading);
+  const std::optional<Coasting> moved = coast(bench);
+  if (!moved) return failed("read() or apply() failed");
+  if (moved->late_m_per_s > kSpedUp * moved->early_m_per_s + kSpedUp_m_per_s) {
+    return failed(
+        fmt::format("after a lease of 10 ms the device goes on from {:.0f} to {:.0f} mm/s",
+                    1e3 * moved->early_m_per_s, 1e3 * moved->late_m_per_s));
+  }
+  if (moved->early_m_per_s < kSpedUp_m_per_s + step_m / 15e-3) {
+    return not_observable("a push of 10 ms does not move the device: does somebody hold it?");
+  }
+  return good(fmt::format("after a lease of 10 ms the device slows down from {:.0f} to {:.0f} mm/s",
+                          1e3 * moved->early_m_per_s, 1e3 * moved->late_m_per_s));
+}
+
+CheckOutcome check_latch(DeviceBench& bench) {
+  const Limp at_the_end(bench.device());
+  HapticDevice& device = bench.device();
+  DeviceSample earlier;
+  static_cast<void>(device.read(earlier));
+  static_cast<void>(device.take_latched(earlier));
+  DeviceSample at_switch;
+  if (!device.apply(gentle_force_newton(bench), 5ms, at_switch)) return failed(kRefused);
+  bench.pass(20ms);
+  DeviceSample sample;
+  if (!device.read(sample)) return failed(kNoReading);
+
+  DeviceSample latched;
+  const bool has_latch = device.specification().has_position_latch;
+  if (device.take_latched(latched) != has_latch) {
+    return failed(has_latch ? "has_position_latch, but take_latched() gave nothing"
+                            : "take_latched() gave a position without has_position_latch");
+  }
+  DeviceSample again;
+  if (device.take_latched(again)) return failed("take_latched() gave the same end twice");
+  if (!has_latch) return good("none");
+  if (!latched.hand_position_m.allFinite()) return failed("a latched position is not finite");
+  const Duration age = latched.sampled_at - at_switch.sampled_at;
+  if (age < Duration::zero() || age > 5ms + bench.stamp_tolerance()) {
+    return failed(fmt::format("latched {:.1f} ms after the switch, at a lease of 5 ms",
+                              1e3 * to_seconds(age)));
+  }
+  return good("the position at the end of the lease, once");
+}
+
+CheckOutcome check_renewal(DeviceBench& bench) {
+  const Limp at_the_end(bench.device());
+  for (int i = 0; i < 2; ++i) {
+    if (!apply(bench, gentle_force_newton(bench), 10ms)) return failed(kRefused);
+    bench.pass(6ms);
+  }
+  return expect_motors(bench, gentle_force_newton(bench), "6 ms after a lease was renewed");
+}
+
+CheckOutcome check_no_lease(DeviceBench& bench) {
+  const Limp at_the_end(bench.device());
+  if (!apply(bench, gentle_force_newton(bench), 20ms)) return failed(kRefused);
+  if (!apply(bench, gentle_force_newton(bench), Duration(-1))) {
+    return failed("apply() refused a lease below zero: it means no force");
+  }
+  return expect_motors(bench, Vector3::Zero(), "with a lease below zero");
+}
+
+CheckOutcome check_peak(DeviceBench& bench) {
+  if (!bench.motor_force_newton()) return not_observable(kNoForceSeen);
+  const Limp at_the_end(bench.device());
+  const double peak_newton = bench.device().specification().peak_force_newton;
+  if (!apply(bench, Vector3(3, 0, -4) * peak_newton, 20ms)) {
+    return failed("apply() refused five times the peak force: it is to be limited");
+  }
+  return expect_motors(bench, Vector3(0.6, 0, -0.8) * peak_newton,
+                       "of a command of five times the peak");
+}
+
+CheckOutcome check_release(DeviceBench& bench) {
+  const Limp at_the_end(bench.device());
+  if (!apply(bench, gentle_force_newton(bench), 20ms)) return failed(kRefused);
+  bench.device().release();
+  const CheckOutcome after = expect_motors(bench, Vector3::Zero(), "after release()");
+  if (after.verdict == CheckVerdict::kFailed) return after;
+  if (!apply(bench, gentle_force_newton(bench), 20ms)) {
+    return failed("apply() refused a force after release()");
+  }
+  return expect_motors(bench, gentle_force_newton(bench), "applied after release()");
+}
+
+CheckOutcome check_not_finite(DeviceBench& bench) {
+  const Limp at_the_end(bench.device());
+  CheckOutcome after;
+  for (const double bad :
+       {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
+    if (!apply(bench, gentle_force_newton(bench), 20ms)) return failed(kRefused);
+    if (apply(bench, Vector3(0, bad, 0), 20ms)) {
+      return failed(fmt::format("apply() accepted a force of {:g} N", bad));
+    }
+    after = expect_motors(bench, Vector3::Zero(), "after a force that was refused");
+    if (after.verdict == CheckVerdict::kFailed) return after;
+  }
+  return after.verdict == CheckVerdict::kGood ? good("refused, motors limp")
+                                              : good("refused");  // the motors cannot be seen
+}
+
+CheckOutcome check_direction(DeviceBench& bench) {
+  const Limp at_the_end(bench.device());
+  const double step_m = bench.device().specification().position_resolution_m;
+  const double seen_m = kSeenToMove_m + 4.0 * step_m;
+  int seen = 0;
+  for (int i = 0; i < 6; ++i) {
+    const Vector3 along = (i % 2 == 0 ? 1.0 : -1.0) * Vector3::Unit(i / 2);
+    const std::optional<Vector3> coasting_m_per_s = come_to_rest(bench, step_m);
+    DeviceSample from;
+    if (!coasting_m_per_s || !bench.device().read(from)) return failed(kNoReading);
+    Vector3 moved_m = Vector3::Zero();
+    for (Duration t{}; t < kLongestPush && moved_m.norm() < kPush_m + seen_m; t += 1ms) {
+      if (!apply(bench, gentle_newton(bench) * along, 3ms)) return failed(kRefused);
+      bench.pass(1ms);
+      DeviceSample now;
+      if (!bench.device().read(now)) return failed(kNoReading);
+      moved_m = now.hand_position_m - from.hand_position_m -
+                to_seconds(now.sampled_at - from.sampled_at) * *coasting_m_per_s;
+    }
+    bench.device().release();
+    if (moved_m.norm() < seen_m) continue;
+    ++seen;
+    if (moved_m.dot(along) < kLeastAlong * moved_m.norm()) {
+      return failed("a force of " + text_of(gentle_newton(bench) * along, 1.0, "N") +
+                    " moves it by " + text_of(moved_m, 1e3, "mm"));
+    }
+  }
+  if (seen == 0) return not_observable("it does not move: does somebody hold it?");
+  return good(fmt::format("{} of 6 pushes moved it, each along the force", seen));
+}
+
+CheckOutcome check_allocation(DeviceBench& bench) {
+  if (!bench.allocations()) return not_observable("counted by the test suite of a driver only");
+  const Vector3 force_newton = gentle_force_newton(bench);
+  const Limp at_the_end(bench.device());
+  DeviceSample sample;
+  bool is_ok = true;
+  const std::uint64_t before = *bench.allocations();
+  for (int i = 0; i < 10; ++i) {
+    is_ok = bench.device().read(sample) && is_ok;
+    is_ok = bench.device().apply(force_newton, 2ms, sample) && is_ok;
+    static_cast<void>(bench.device().take_latched(sample));
+    bench.pass(1ms);
+  }
+  bench.device().release();
+  const std::uint64_t count = *bench.allocations() - before;
+  if (!is_ok) return failed("read() or apply() failed");
+  return count == 0 ? good("none in 10 ticks") : failed(fmt::format("{} in 10 ticks", count));
+}
+
+/// Of the steady clock, whatever clock the device is on.
+CheckOutcome check_pace(DeviceBench& bench) {
+  const Limp at_the_end(bench.device());
+  const SteadyClock steady;
+  std::vector<double> tick_s;
+  tick_s.reserve(kExchanges);
+  for (int i = 0; i < kExchanges; ++i) {
+    DeviceSample sample;
+    const TimePoint begin = steady.now();
+    const bool is_ok = bench.device().read(sample) &&
+                       bench.device().apply(Vector3::Zero(), bench.period(), sample);
+    tick_s.push_back(to_seconds(steady.now() - begin));
+    if (!is_ok) return failed("read() or apply() failed");
+  }
+  std::nth_element(tick_s.begin(), tick_s.begin() + kExchanges / 2, tick_s.end());
+  const double median_s = tick_s[kExchanges / 2];
+  const std::string found =
+      fmt::format("{:.2g} µs (median) for read() and apply(), of a period of {:.0f} µs",
+                  1e6 * median_s, 1e6 * to_seconds(bench.period()));
+  return median_s < to_seconds(bench.period()) ? good(found) : failed(found);
+}
+
+constexpr std::array kChecks{
+    DeviceCheck{"start", "open the device with its motors at zero", check_start},
+    DeviceCheck{"specification", "fill in DeviceSpecification; SI units", check_specification},
+    DeviceCheck{"reading",
+                "convert to metres, unit quaternions and the given clock; stamp a reading when it "
+                "is taken",
+                check_reading},
+    DeviceCheck{"buttons", "mask what the device does not have, or raise button_count",
+                check_buttons},
+    DeviceCheck{"stamps", "stamp readings with the given clock, which does not go back",
+                check_stamps},
+    DeviceCheck{"pace", "shorten the transfers, or lower device.rate_hz", check_pace},
+    DeviceCheck{"switch", "return from apply() the reading of when the force changed",
+                check_switch},
+    DeviceCheck{"direction",
+                "give positions and forces in one frame, D of common/core/messages.h; mind the "
+                "signs and the order of the axes",
+                check_direction},
+    DeviceCheck{"force", "convert to newtons at the tool tip", check_force},
+    DeviceCheck{"renewal", "each apply() begins a new lease", check_renewal},
+    DeviceCheck{"lease",
+                "hand the lease to the amplifier; without a watchdog there, has_motor_watchdog = "
+                "false",
+                check_lease},
+    DeviceCheck{"latch", "see take_latched() in device_node/device.h", check_latch},
+    DeviceCheck{"no lease", "a lease of 0 or less is no force", check_no_lease},
+    DeviceCheck{"peak", "limit the force to peak_force_newton along its direction", check_peak},
+    DeviceCheck{"release", "release() is zero force at once, until the next apply()",
+                check_release},
+    DeviceCheck{"not finite", "return false for a force that is not finite, motors limp",
+                check_not_finite},
+    DeviceCheck{"allocation", "allocate when the device is opened, not in a tick",
+                check_allocation}};
+
+}  // namespace
+
+std::span<const DeviceCheck> device_checks() { return kChecks; }
+
+}  // namespace palpate::device

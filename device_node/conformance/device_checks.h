@@ -1,0 +1,77 @@
+// device_checks.h — what every driver must do, as checks that a test and `palpate conform device`
+// run. The device moves by up to a third of its continuous force; nobody needs to hold it.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+
+#include "common/core/clock.h"
+#include "device_node/device.h"
+
+namespace palpate::device {
+
+/// A device under test, its clock, and what can be seen of it from outside.
+class DeviceBench {
+ public:
+  virtual ~DeviceBench() = default;
+  /// Opened, limp, held by nobody or by a still hand.
+  [[nodiscard]] virtual HapticDevice& device() = 0;
+  /// The one that the device stamps with.
+  [[nodiscard]] virtual const Clock& clock() const = 0;
+  /// Returns after that time on clock().
+  virtual void pass(Duration time) = 0;
+  /// The time of a transfer; zero on a clock that stands.
+  [[nodiscard]] virtual Duration stamp_tolerance() const = 0;
+  /// Of the tick that the device is for.
+  [[nodiscard]] virtual Duration period() const = 0;
+  /// What the motors do now [N], D; none: not observable.
+  [[nodiscard]] virtual std::optional<Vector3> motor_force_newton() = 0;
+  /// Allocations of this thread so far; none: not counted.
+  [[nodiscard]] virtual std::optional<std::uint64_t> allocations() const { return std::nullopt; }
+};
+
+/// A device on the clock that it was opened with. Both must outlive it.
+class OpenedDevice : public DeviceBench {
+ public:
+  OpenedDevice(HapticDevice& device, Clock& clock, Duration period, Duration stamp_tolerance)
+      : device_(device), clock_(clock), period_(period), stamp_tolerance_(stamp_tolerance) {}
+
+  [[nodiscard]] HapticDevice& device() override { return device_; }
+  [[nodiscard]] const Clock& clock() const override { return clock_; }
+  void pass(Duration time) override { clock_.sleep_until(clock_.now() + time); }
+  [[nodiscard]] Duration stamp_tolerance() const override { return stamp_tolerance_; }
+  [[nodiscard]] Duration period() const override { return period_; }
+  [[nodiscard]] std::optional<Vector3> motor_force_newton() override {
+    const auto* motors = dynamic_cast<const MotorForceSource*>(&device_);
+    DeviceSample sample;
+    if (motors == nullptr || !device_.read(sample)) return std::nullopt;
+    return motors->motor_force_on_hand_newton();
+  }
+
+ private:
+  HapticDevice& device_;
+  Clock& clock_;
+  Duration period_;
+  Duration stamp_tolerance_;
+};
+
+enum class CheckVerdict : std::uint8_t { kGood, kNotObservable, kFailed };
+
+struct CheckOutcome {
+  CheckVerdict verdict = CheckVerdict::kGood;
+  std::string text = {};  ///< what was found
+};
+
+struct DeviceCheck {
+  const char* name;    ///< "lease"
+  const char* remedy;  ///< where it fails
+  CheckOutcome (*run)(DeviceBench& bench);
+};
+
+/// In the order in which one device can go through all of them; the first needs one that was just
+/// opened. Each leaves the motors limp.
+[[nodiscard]] std::span<const DeviceCheck> device_checks();
+
+}  // namespace palpate::device

@@ -1,0 +1,211 @@
+// What every driver must do: the simulated device does it, and each fault of a wrong one is named.
+#include "device_node/conformance/device_checks.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <map>
+#include <string>
+#include <thread>
+
+#include "device_node/simulation/simulated_device.h"
+#include "tests/support/alloc_guard.h"
+#include "tests/support/device_conformance.h"
+
+namespace palpate::device {
+namespace {
+
+using namespace std::chrono_literals;
+
+/// What a device under test is made of, on a clock that stands.
+struct Parts {
+  explicit Parts(const HandConfig& hand, const SimulatedDeviceConfig& config = {})
+      : simulated(config, hand, time, 1) {}
+  ManualClock time;
+  SimulatedDevice simulated;
+};
+
+class SimulatedUnderTest : private Parts, public OpenedDevice {
+ public:
+  SimulatedUnderTest() : Parts(HandConfig{}), OpenedDevice(simulated, time, 1ms, {}) {}
+  [[nodiscard]] std::optional<std::uint64_t> allocations() const override {
+    return test::allocations_of_this_thread();
+  }
+};
+std::unique_ptr<DeviceBench> open_simulated() { return std::make_unique<SimulatedUnderTest>(); }
+
+/// A simulated device with one fault.
+class WrongDevice final : public HapticDevice, public MotorForceSource {
+ public:
+  WrongDevice(HapticDevice& device, MotorForceSource& motors, std::string fault)
+      : device_(device),
+        motors_(motors),
+        specification_(device.specification()),
+        fault_(std::move(fault)) {
+    specification_.button_count = 2;
+    if (is("no name")) specification_.model_name.clear();
+    if (is("peak in millinewtons")) specification_.peak_force_newton = 3.3e-3;
+    if (is("a latch that is not there")) specification_.has_position_latch = true;
+  }
+
+  [[nodiscard]] const DeviceSpecification& specification() const noexcept override {
+    return specification_;
+  }
+  [[nodiscard]] bool read(DeviceSample& sample) noexcept override {
+    if (is("slow transfers")) std::this_thread::sleep_for(2ms);
+    return device_.read(sample) && falsify(sample);
+  }
+  [[nodiscard]] bool apply(const Vector3& force, Duration lease,
+                           DeviceSample& at_switch) noexcept override {
+    if (is("allocates")) history_ = std::string(100 + force_.size(), 'x');
+    Vector3 sent = force;
+    if (is("millinewtons")) sent *= 1e3;
+    if (is("no limit at the peak")) over_ = std::max(1.0, force.norm() / 3.3);
+    if (is("wrong axis")) std::swap(sent.x(), sent.y());
+    if (is("wrong sign")) sent.x() = -sent.x();
+    if (is("no watchdog")) lease = lease > Duration::zero() ? 10s : lease;
+    if (is("lease below zero")) lease = std::max(lease, Duration(1ms));
+    if (is("first lease only") && is_on_ && sent.norm() > 0.0) {
+      return device_.read(at_switch);  // goes on, until the first lease ends
+    }
+    if (is("NaN as the force before") && !force.allFinite()) return false;
+    if (is("NaN accepted") && !force.allFinite()) sent.setZero();
+    is_on_ = sent.norm() > 0.0 && lease > Duration::zero();
+    return device_.apply(sent, lease, at_switch) &&
+           (!is("a switch without a reading") || falsify(at_switch));
+  }
+  [[nodiscard]] bool take_latched(DeviceSample& at_end) noexcept override {
+    return is("a latch that is not named") ? device_.read(at_end) : device_.take_latched(at_end);
+  }
+  void release() noexcept override {
+    if (!is("does not release")) device_.release();
+    is_on_ = false;
+  }
+  [[nodiscard]] Vector3 motor_force_on_hand_newton() const noexcept override {
+    return over_ * motors_.motor_force_on_hand_newton();
+  }
+
+ private:
+  [[nodiscard]] bool is(const char* fault) const noexcept { return fault_ == fault; }
+  bool falsify(DeviceSample& sample) noexcept {
+    sample.buttons = is("buttons") ? 4 : 0;
+    if (is("NaN") || is("a switch without a reading")) sample.hand_position_m.z() = std::nan("");
+    if (is("millimetres")) sample.hand_position_m = 1e3 * Vector3(0.02, 0.0, 0.0);
+    if (is("no unit quaternion")) sample.orientation.coeffs() *= 2.0;
+    if (is("a clock of its own")) sample.sampled_at -= 5s;
+    if (is("stamps go back")) sample.sampled_at -= std::chrono::microseconds(200 * ++reads_);
+    return true;
+  }
+
+  HapticDevice& device_;
+  MotorForceSource& motors_;
+  DeviceSpecification specification_;
+  std::string fault_;
+  std::string history_;
+  std::string force_;
+  double over_ = 1.0;
+  bool is_on_ = false;
+  int reads_ = 0;
+};
+
+/// A free device with a fault; with motors that can be seen, or not.
+class WrongUnderTest : public DeviceBench {
+ public:
+  WrongUnderTest(const std::string& fault, bool shows_motors)
+      : parts_(free_hand()),
+        wrong_(parts_.simulated, parts_.simulated, fault),
+        opened_(wrong_, parts_.time, 1ms, fault == "stamps go back" ? Duration(1s) : Duration{}),
+        shows_motors_(shows_motors) {
+    if (fault != "force at the start") return;
+    DeviceSample sample;
+    EXPECT_TRUE(parts_.simulated.apply(Vector3(0, 0, 1), 10s, sample));
+  }
+  HapticDevice& device() override { return wrong_; }
+  [[nodiscard]] const Clock& clock() const override { return parts_.time; }
+  void pass(Duration time) override { parts_.time.advance(time); }
+  [[nodiscard]] Duration stamp_tolerance() const override { return opened_.stamp_tolerance(); }
+  [[nodiscard]] Duration period() const override { return 1ms; }
+  std::optional<Vector3> motor_force_newton() override {
+    return shows_motors_ ? opened_.motor_force_newton() : std::nullopt;
+  }
+  [[nodiscard]] std::optional<std::uint64_t> allocations() const override {
+    return test::allocations_of_this_thread();
+  }
+
+ private:
+  static HandConfig free_hand() {
+    return {.mass_kg = 0.1, .stiffness_newton_per_m = 0.0, .damping_newton_s_per_m = 0.0};
+  }
+  Parts parts_;
+  WrongDevice wrong_;
+  OpenedDevice opened_;
+  bool shows_motors_;
+};
+
+std::map<std::string, CheckOutcome> outcomes_of(const std::string& fault, bool shows_motors) {
+  std::map<std::string, CheckOutcome> outcomes;
+  WrongUnderTest bench(fault, shows_motors);  // as in the command: one device for all
+  for (const DeviceCheck& check : device_checks()) outcomes[check.name] = check.run(bench);
+  return outcomes;
+}
+
+TEST(DeviceChecks, AreGoodOneAfterTheOtherWithoutAFault) {
+  for (const auto& [name, outcome] : outcomes_of("none", true)) {
+    EXPECT_EQ(outcome.verdict, CheckVerdict::kGood) << name << ": " << outcome.text;
+  }
+}
+
+TEST(DeviceChecks, NameEachFault) {
+  const std::map<std::string, std::string> check_of{{"force at the start", "start"},
+                                                    {"no name", "specification"},
+                                                    {"peak in millinewtons", "specification"},
+                                                    {"NaN", "reading"},
+                                                    {"millimetres", "reading"},
+                                                    {"no unit quaternion", "reading"},
+                                                    {"a clock of its own", "reading"},
+                                                    {"stamps go back", "stamps"},
+                                                    {"buttons", "buttons"},
+                                                    {"slow transfers", "pace"},
+                                                    {"a switch without a reading", "switch"},
+                                                    {"wrong axis", "direction"},
+                                                    {"wrong sign", "direction"},
+                                                    {"millinewtons", "force"},
+                                                    {"first lease only", "renewal"},
+                                                    {"no watchdog", "lease"},
+                                                    {"a latch that is not there", "latch"},
+                                                    {"a latch that is not named", "latch"},
+                                                    {"lease below zero", "no lease"},
+                                                    {"no limit at the peak", "peak"},
+                                                    {"does not release", "release"},
+                                                    {"NaN as the force before", "not finite"},
+                                                    {"NaN accepted", "not finite"},
+                                                    {"allocates", "allocation"}};
+  for (const auto& [fault, check] : check_of) {
+    const CheckOutcome found = outcomes_of(fault, true)[check];
+    EXPECT_EQ(found.verdict, CheckVerdict::kFailed) << fault << ": " << found.text;
+    EXPECT_FALSE(found.text.empty()) << fault;
+  }
+}
+
+// Hardware whose motors cannot be seen: by how it moves.
+TEST(DeviceChecks, SeeAWrongSignAndALeaseThatDoesNotEndByTheMotionAlone) {
+  EXPECT_EQ(outcomes_of("wrong sign", false)["direction"].verdict, CheckVerdict::kFailed);
+  EXPECT_EQ(outcomes_of("no watchdog", false)["lease"].verdict, CheckVerdict::kFailed);
+}
+
+TEST(DeviceChecks, SayWhatTheyCannotSee) {
+  std::map<std::string, CheckOutcome> outcomes = outcomes_of("none", false);
+  for (const char* name : {"start", "force", "renewal", "no lease", "peak", "release"}) {
+    EXPECT_EQ(outcomes[name].verdict, CheckVerdict::kNotObservable) << name;
+  }
+  for (const char* name : {"direction", "lease", "not finite"}) {
+    EXPECT_EQ(outcomes[name].verdict, CheckVerdict::kGood) << name << outcomes[name].text;
+  }
+}
+
+}  // namespace
+}  // namespace palpate::device
+
+namespace palpate::test {
+PALPATE_DEVICE_CONFORMANCE(Simulated, device::open_simulated);
+}  // namespace palpate::test
