@@ -3,8 +3,10 @@
 #include <string>
 #include <vector>
 
+#include "common/core/user/output_file.h"
 #include "common/process/options.h"
 #include "common/process/run_node.h"
+#include "common/session/session_file.h"
 #include "deploy/conform/conform_physics.h"
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/options.h"
@@ -32,10 +34,12 @@ struct ConformPhysics {
         ->allow_extra_args(false);
     app.add_option("--clear", clear_m, "a place in W where nothing is touched (default: 0 0 0.005)")
         ->expected(3)
+        ->allow_extra_args(false)
         ->type_name("M");
     app.add_option("--press", press_m,
                    "a place in W, straight below, where the tool presses (default: 0 0 -0.005)")
         ->expected(3)
+        ->allow_extra_args(false)  // else it would take the -- before the command
         ->type_name("M");
     app.add_option("--json", output.json_file,
                    "write the findings to this file, - for standard output")
@@ -48,6 +52,12 @@ struct ConformPhysics {
   int run() {
     if (!clear_m.empty()) options.clear_m = Vector3(clear_m[0], clear_m[1], clear_m[2]);
     if (!press_m.empty()) options.press_m = Vector3(press_m[0], press_m[1], press_m[2]);
+    std::vector<std::string> inputs = options.command;
+    if (!options.session_file.empty()) {
+      const auto read = files_of(load_session(options.session_file, options.overrides));
+      inputs.insert(inputs.end(), read.begin(), read.end());
+    }
+    check_outputs({{"--json", output.json_file}}, inputs, output.may_overwrite);
     JsonOutput json(output);
     nlohmann::ordered_json list = nlohmann::ordered_json::array();
     bool is_good = true;

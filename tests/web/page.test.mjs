@@ -6,7 +6,7 @@ import { start_mock_server } from "./support/mock_server.mjs";
 import { changed_pixels } from "./support/png.mjs";
 
 const kLimit = { timeout: 90000 };
-const kReplay = { file: "a_recording_with_a_long_name_of_its_own.mcap", positionS: 12, lengthS: 63, speedRatio: 1, isPaused: false, beginNs: 1000000000n };
+const kReplay = { file: "/tmp/runs/a_recording_with_a_long_name_of_its_own.mcap", positionS: 12, lengthS: 63, speedRatio: 1, isPaused: false, beginNs: 1000000000n };
 const kLong = "left_lobe_of_the_liver_with_a_stiff_metastasis_near_the_falciform_ligament";
 const kPicture = { scale: 1 }; // for tests that compare pictures
 const kSmall = { width: 480, height: 360 }; // several pages share a processor that draws them all
@@ -455,6 +455,7 @@ page_test("a replay has a badge, time, speed and scrubber, and offers no touch",
   await until(page, (t) => t.replay?.positionS === 12, "the replay");
   await until_shown(page, "#replay", /Replay[^]*0:12 \/ 1:03/);
   for (const hidden of ["#touch", "#record", "#marker", "#control"]) await page.locator(hidden).waitFor({ state: "hidden" });
+  assert.equal(await page.locator("#replay .name").innerText(), "a_recording_with_a_long_name_of_its_own.mcap");
   assert.equal(await page.locator("#replay .name").getAttribute("title"), kReplay.file);
   await page.locator('#replay .ticks i[title="0:21 first cut"]').waitFor();
 
