@@ -1,3 +1,4 @@
+#include <array>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -17,8 +18,9 @@ namespace {
 
 struct ConformPhysics {
   ConformOptions options;
-  std::vector<double> clear_m;
-  std::vector<double> press_m;
+  // arrays: behind the values of a vector, the parser would take the -- before the command
+  std::array<double, 3> clear_m{0.0, 0.0, 0.005};
+  std::array<double, 3> press_m{0.0, 0.0, -0.005};
   OutputOptions output;
 
   void add_to(CLI::App& app) {
@@ -33,14 +35,10 @@ struct ConformPhysics {
         ->type_name("PATH=VALUE")
         ->allow_extra_args(false);
     app.add_option("--clear", clear_m, "a place in W where nothing is touched (default: 0 0 0.005)")
-        ->expected(3)
-        ->allow_extra_args(false)
-        ->type_name("M");
+        ->type_name("X Y Z");
     app.add_option("--press", press_m,
                    "a place in W, straight below, where the tool presses (default: 0 0 -0.005)")
-        ->expected(3)
-        ->allow_extra_args(false)  // else it would take the -- before the command
-        ->type_name("M");
+        ->type_name("X Y Z");
     app.add_option("--json", output.json_file,
                    "write the findings to this file, - for standard output")
         ->type_name("FILE");
@@ -50,8 +48,8 @@ struct ConformPhysics {
   }
 
   int run() {
-    if (!clear_m.empty()) options.clear_m = Vector3(clear_m[0], clear_m[1], clear_m[2]);
-    if (!press_m.empty()) options.press_m = Vector3(press_m[0], press_m[1], press_m[2]);
+    options.clear_m = Vector3(clear_m[0], clear_m[1], clear_m[2]);
+    options.press_m = Vector3(press_m[0], press_m[1], press_m[2]);
     std::vector<std::string> inputs = options.command;
     if (!options.session_file.empty()) {
       const auto read = files_of(load_session(options.session_file, options.overrides));
