@@ -82,6 +82,9 @@ FileContent read_text_file(const std::filesystem::path& file, std::uintmax_t max
   constexpr std::string_view kByteOrderMark = "\xEF\xBB\xBF";
   FileContent content = read_regular_file(file, max_bytes);
   if (content.bytes.starts_with(kByteOrderMark)) content.bytes.erase(0, kByteOrderMark.size());
+  if (content.bytes.find('\0') != std::string::npos) {
+    return {.complaint = "contains zero bytes, so it is not UTF-8 text; is it the right file?"};
+  }
   return content;
 }
 

@@ -16,7 +16,8 @@ struct FileContent {
 [[nodiscard]] FileContent read_regular_file(const std::filesystem::path& file,
                                             std::uintmax_t max_bytes);
 
-/// The same for text: without the byte order mark that some editors write first.
+/// The same for text: without the byte order mark that some editors write first. A file with zero
+/// bytes is refused.
 [[nodiscard]] FileContent read_text_file(const std::filesystem::path& file,
                                          std::uintmax_t max_bytes);
 

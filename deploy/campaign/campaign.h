@@ -57,6 +57,7 @@ struct Campaign {
   std::string name;
   std::filesystem::path file;
   std::filesystem::path session_file;
+  std::vector<std::string> files;  ///< all that are read: the campaign, the session, what it names
   std::vector<std::string> overrides;
   double seconds = 0.0;
   std::vector<Dimension> dimensions;

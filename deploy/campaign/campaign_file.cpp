@@ -292,6 +292,8 @@ Campaign load_campaign(const fs::path& file, std::optional<std::uint64_t> runs) 
     const Plan plan = plan_of(campaign, cell * campaign.runs_per_cell);
     static_cast<void>(load_session(campaign.session_file, plan.overrides));
   }
+  campaign.files = files_of(first);
+  campaign.files.push_back(file.string());
   campaign.fingerprint = fingerprint_of(written, campaign, first);
   return campaign;
 }

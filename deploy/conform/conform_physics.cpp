@@ -16,6 +16,7 @@
 #include <zmq.hpp>
 
 #include "common/core/check.h"
+#include "common/core/user/temp_folder.h"
 #include "common/process/process_links.h"
 #include "common/process/run_node.h"
 #include "common/session/session_file.h"
@@ -55,27 +56,6 @@ constexpr double kEnergyJoule = 20e-6;
 constexpr std::uint64_t kHopeless = 50;  // refused frames
 constexpr auto kStop = std::chrono::milliseconds(3000);
 
-/// A folder for the session and the ipc files, which $PALPATE_RUN_DIR names from then on.
-class Workplace {
- public:
-  Workplace() {
-    std::string name = (fs::temp_directory_path() / "palpate_conform_XXXXXX").string();
-    if (mkdtemp(name.data()) == nullptr) throw SetupError(name + ": no such folder can be made");
-    path_ = name;
-    setenv("PALPATE_RUN_DIR", name.c_str(), 1);  // NOLINT(concurrency-mt-unsafe): one thread yet
-  }
-  ~Workplace() {
-    std::error_code error;
-    fs::remove_all(path_, error);
-  }
-  Workplace(const Workplace&) = delete;
-  Workplace& operator=(const Workplace&) = delete;
-  [[nodiscard]] const fs::path& path() const { return path_; }
-
- private:
-  fs::path path_;
-};
-
 double smooth(double share) {
   const double s = std::clamp(share, 0.0, 1.0);
   return 0.5 - 0.5 * std::cos(std::numbers::pi * s);
@@ -84,23 +64,23 @@ double smooth(double share) {
 class Suite {
  public:
   explicit Suite(const ConformOptions& options) : options_(options) {
-    fs::path file = options.session_file;
-    if (file.empty()) {
-      file = workplace_.path() / "conform.txtpb";
-      std::ofstream(file) << kSession;
+    // for the ipc files; NOLINTNEXTLINE(concurrency-mt-unsafe): one thread yet
+    setenv("PALPATE_RUN_DIR", workplace_.path().c_str(), 1);
+    if (!options.session_file.empty()) {
+      prepare(options.session_file);
+      return;
     }
-    session_ = load_session(file, options.overrides);
-    if (!options.command.empty()) take_command(file);
-    if (session_.physics_command.empty()) {
-      throw SetupError((options.session_file.empty() ? "no command" : options.session_file) +
-                       ": which physics? Give its program and arguments behind --, or a session "
-                       "with physics.command");
+    const std::string file = workplace_.write("conform.txtpb", kSession);
+    try {
+      prepare(file);
+    } catch (const SetupError& error) {
+      // the user does not know that file
+      std::string text = error.what();
+      for (std::size_t at = 0; (at = text.find(file, at)) != std::string::npos;) {
+        text.replace(at, file.size(), "palpate conform");
+      }
+      throw SetupError(text);
     }
-    fs::create_directories(run_folder(session_.name));
-    program_ =
-        physics_from_elsewhere(session_, file, options.overrides, session_.security.may_be_plain);
-    if (!options.command.empty()) program_.folder = fs::current_path();
-    context_ = std::make_unique<ZmqContext>(tcp_rules(session_.security, {KeyRole::kDevice}));
   }
 
   std::vector<ConformFinding> run() {
@@ -119,6 +99,21 @@ class Suite {
   }
 
  private:
+  void prepare(const fs::path& file) {
+    session_ = load_session(file, options_.overrides);
+    if (!options_.command.empty()) take_command(file);
+    if (session_.physics_command.empty()) {
+      throw SetupError((options_.session_file.empty() ? "no command" : options_.session_file) +
+                       ": which physics? Give its program and arguments behind --, or a session "
+                       "with physics.command");
+    }
+    fs::create_directories(run_folder(session_.name));
+    program_ =
+        physics_from_elsewhere(session_, file, options_.overrides, session_.security.may_be_plain);
+    if (!options_.command.empty()) program_.folder = fs::current_path();
+    context_ = std::make_unique<ZmqContext>(tcp_rules(session_.security, {KeyRole::kDevice}));
+  }
+
   /// The command of the options instead of that of the session.
   void take_command(const fs::path& session_file) {
     session_.physics_command = options_.command;
@@ -429,7 +424,7 @@ class Suite {
   }
 
   const ConformOptions& options_;
-  Workplace workplace_;
+  TempFolder workplace_;
   Session session_;
   ChildSpec program_;
   SteadyClock clock_;

@@ -9,17 +9,30 @@
 #include "physics_node/display/scene_display.h"
 
 namespace palpate {
+namespace {
+
+constexpr std::size_t kIdealChannel = std::variant_size_v<TelemetryMessage>;
+
+/// kIdealChannel follows the alternatives of TelemetryMessage.
+std::vector<viewer::mcap::Channel> lockstep_channels() {
+  std::vector<viewer::mcap::Channel> channels = viewer::recorded_channels();
+  channels.push_back(viewer::ideal_channel());
+  return channels;
+}
+
+}  // namespace
 
 class LockstepRecorder::Impl final : public Sender<SceneState>, public Sender<MeshFrame> {
  public:
   Impl(const viewer::RecordOptions& options, const Session& session, const std::string& recorded_by)
-      : writer_(options.file, options.may_overwrite, viewer::recorded_channels()),
+      : writer_(options.file, options.may_overwrite, lockstep_channels()),
         display_(session, kLockstepPhysics, *this, *this) {
     writer_.add_metadata(viewer::kRunMetadata, viewer::run_metadata(session, recorded_by));
     const std::string all_nodes = version();
     writer_.add_metadata(
         viewer::kNodesMetadata,
         {{"device_node", all_nodes}, {"mofc_node", all_nodes}, {"physics_node", all_nodes}});
+    ideal_.side = session.side().name;
     begin(device_, kLockstepDevice, session.side().name);
     begin(mofc_, kLockstepMofc, session.side().name);
     begin(physics_, kLockstepPhysics, session.side().name);
@@ -35,7 +48,13 @@ class LockstepRecorder::Impl final : public Sender<SceneState>, public Sender<Me
     };
   }
 
-  void pump(const Lockstep& lockstep, TimePoint now) {
+  void pump(const Lockstep& lockstep, const TickRow& row) {
+    const TimePoint now = row.device.sampled_at;
+    if (row.ideal_force_on_hand_newton.allFinite()) {
+      ideal_.records.push_back({.sampled_at = now,
+                                .force_on_hand_newton = row.ideal_force_on_hand_newton,
+                                .is_in_contact = row.is_truly_in_contact.value_or(false)});
+    }
     if (now < next_at_) return;
     next_at_ = now + kPublishInterval;
     write_all(lockstep, now);
@@ -66,6 +85,11 @@ class LockstepRecorder::Impl final : public Sender<SceneState>, public Sender<Me
     mofc_.counters = lockstep.mofc_counters();
     physics_.counters = lockstep.physics_counters();
     display_.count_into(physics_.counters);
+    // first: a reader has it before the row that it belongs to is complete
+    if (!ideal_.records.empty()) {
+      writer_.write(kIdealChannel, now_ns(), encode_ideal(ideal_));
+      ideal_.records.clear();
+    }
     write_batch(device_codec_, device_);
     write_batch(mofc_codec_, mofc_);
     write_batch(physics_codec_, physics_);
@@ -82,9 +106,12 @@ class LockstepRecorder::Impl final : public Sender<SceneState>, public Sender<Me
   template <class T>
   SendResult write(Codec<T>& codec, const T& message) {
     static const std::size_t channel = TelemetryMessage(std::in_place_type<T>).index();
-    writer_.write(channel, static_cast<std::uint64_t>(now_.time_since_epoch().count()),
-                  payload_of(codec, message));
+    writer_.write(channel, now_ns(), payload_of(codec, message));
     return SendResult::kSent;
+  }
+
+  [[nodiscard]] std::uint64_t now_ns() const {
+    return static_cast<std::uint64_t>(now_.time_since_epoch().count());
   }
 
   viewer::McapWriter writer_;
@@ -94,6 +121,7 @@ class LockstepRecorder::Impl final : public Sender<SceneState>, public Sender<Me
   DeviceBatch device_;
   MofcBatch mofc_;
   PhysicsBatch physics_;
+  IdealForces ideal_;
   std::vector<PhysicsTick> newest_;  // none or one
   Codec<DeviceBatch> device_codec_;
   Codec<MofcBatch> mofc_codec_;
@@ -107,7 +135,9 @@ LockstepRecorder::LockstepRecorder(const viewer::RecordOptions& options, const S
     : impl_(std::make_unique<Impl>(options, session, recorded_by)) {}
 LockstepRecorder::~LockstepRecorder() = default;
 void LockstepRecorder::listen_to(LockstepOptions& options) { impl_->listen_to(options); }
-void LockstepRecorder::pump(const Lockstep& lockstep, TimePoint now) { impl_->pump(lockstep, now); }
+void LockstepRecorder::pump(const Lockstep& lockstep, const TickRow& row) {
+  impl_->pump(lockstep, row);
+}
 void LockstepRecorder::finish(const Lockstep& lockstep, TimePoint now) {
   impl_->finish(lockstep, now);
 }

@@ -26,9 +26,9 @@ class LockstepRecorder {
   /// Sets the callbacks of the run; on_physics_tick keeps its own. Call it before the run is
   /// constructed.
   void listen_to(LockstepOptions& options);
-  /// Writes a batch of every node for each 20 ms of the run.
-  /// @param now  time since the start; must not decrease
-  void pump(const Lockstep& lockstep, TimePoint now);
+  /// Writes a batch of every node for each 20 ms of the run, and the ideal force if there is one.
+  /// Call it for every row.
+  void pump(const Lockstep& lockstep, const TickRow& row);
   /// Writes the rest and closes the file. Throws std::runtime_error if anything was not written.
   void finish(const Lockstep& lockstep, TimePoint now);
 

@@ -39,7 +39,7 @@ RunReport run_loopback(const Session& session, const LoopbackOptions& options) {
   Lockstep lockstep(session, lockstep_options, [&](const TickRow& row, const IdealState& ideal) {
     report.statistics.add(row, ideal);
     if (csv) csv->write(row);
-    if (recorder) recorder->pump(*running, row.device.sampled_at);
+    if (recorder) recorder->pump(*running, row);
   });
   running = &lockstep;
 

@@ -1,11 +1,13 @@
+#include <array>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
+#include "common/core/user/output_file.h"
 #include "common/process/options.h"
 #include "common/process/run_node.h"
-#include "common/session/session.h"
+#include "common/session/session_file.h"
 #include "deploy/conform/conform_device.h"
 #include "deploy/conform/conform_physics.h"
 #include "deploy/palpate/commands.h"
@@ -61,8 +63,9 @@ void add_output_options(CLI::App& app, OutputOptions& output) {
 
 struct ConformPhysics {
   ConformOptions options;
-  std::vector<double> clear_m;
-  std::vector<double> press_m;
+  // arrays: behind the values of a vector, the parser would take the -- before the command
+  std::array<double, 3> clear_m{0.0, 0.0, 0.005};
+  std::array<double, 3> press_m{0.0, 0.0, -0.005};
   OutputOptions output;
 
   void add_to(CLI::App& app) {
@@ -77,18 +80,22 @@ struct ConformPhysics {
         ->type_name("PATH=VALUE")
         ->allow_extra_args(false);
     app.add_option("--clear", clear_m, "a place in W where nothing is touched (default: 0 0 0.005)")
-        ->expected(3)
-        ->type_name("M");
+        ->type_name("X Y Z");
     app.add_option("--press", press_m,
                    "a place in W, straight below, where the tool presses (default: 0 0 -0.005)")
-        ->expected(3)
-        ->type_name("M");
+        ->type_name("X Y Z");
     add_output_options(app, output);
   }
 
   int run() {
-    if (!clear_m.empty()) options.clear_m = Vector3(clear_m[0], clear_m[1], clear_m[2]);
-    if (!press_m.empty()) options.press_m = Vector3(press_m[0], press_m[1], press_m[2]);
+    options.clear_m = Vector3(clear_m[0], clear_m[1], clear_m[2]);
+    options.press_m = Vector3(press_m[0], press_m[1], press_m[2]);
+    std::vector<std::string> inputs = options.command;
+    if (!options.session_file.empty()) {
+      const auto read = files_of(load_session(options.session_file, options.overrides));
+      inputs.insert(inputs.end(), read.begin(), read.end());
+    }
+    check_outputs({{"--json", output.json_file}}, inputs, output.may_overwrite);
     Findings findings(output);
     options.on_finding = [&](const ConformFinding& found) { findings.add(found); };
     static_cast<void>(conform_physics(options));

@@ -1,7 +1,6 @@
 #include "viewer_node/recording/foxglove_export.h"
 
 #include <list>
-#include <map>
 #include <optional>
 #include <stdexcept>
 #include <utility>
@@ -85,7 +84,6 @@ class FoxgloveExport {
 
     std::size_t first_channel;
     viewer::TelemetryMirror mirror;
-    std::map<std::uint64_t, std::uint64_t> offset_ns;  // by device session: its clock → log time
     std::uint64_t next_tool_ns = 0;
     RemoteEvents<DeviceTick, DeviceCounters> device;
     RemoteEvents<MofcTick, MofcCounters> mofc;
@@ -106,12 +104,6 @@ class FoxgloveExport {
   void take(const DeviceBatch& batch) {
     Side* const side = side_of(batch.side);
     if (side == nullptr) return;
-    if (!batch.records.empty()) {
-      const auto newest = batch.records.back().sampled_at.time_since_epoch().count();
-      // modular arithmetic: the clock of a device may be ahead of that of a lockstep recording
-      side->offset_ns.try_emplace(batch.header.session_id,
-                                  now_ns_ - static_cast<std::uint64_t>(newest));
-    }
     side->device.note(batch, now());
     side->mirror.take(batch, now());
   }
@@ -132,11 +124,10 @@ class FoxgloveExport {
   void take(const RunState&) {}
 
   void write(Side& side, const TickRow& row) {
-    const auto offset = side.offset_ns.find(row.device_session_id);
-    if (offset == side.offset_ns.end()) return;
-    const std::uint64_t at_ns =
-        offset->second +
-        static_cast<std::uint64_t>(row.device.sampled_at.time_since_epoch().count());
+    const auto log_time_ns =
+        recording_.log_time_of(row.device_session_id, row.device.sampled_at);
+    if (!log_time_ns) return;
+    const std::uint64_t at_ns = *log_time_ns;
     const MofcCounters& mofc = side.mirror.mofc_counters();
     const double transparency =
         mofc.transparency_samples > 0

@@ -34,6 +34,11 @@ std::vector<mcap::Channel> recorded_channels() {
   return channels;
 }
 
+mcap::Channel ideal_channel() {
+  constexpr const char* kSchema = "palpate.v1.IdealForces";
+  return {"/ideal", kSchema, schema_of(kSchema)};
+}
+
 mcap::Strings run_metadata(const Session& session, const std::string& recorded_by) {
   std::string sides;
   std::string controllers;

@@ -35,6 +35,8 @@ struct RecordOptions {
 /// in the order of TelemetryMessage's alternatives. A batch names its side. /markers instead of
 /// RunState.
 [[nodiscard]] std::vector<mcap::Channel> recorded_channels();
+/// /ideal: the ideal force and the true contact, which only lockstep runs know.
+[[nodiscard]] mcap::Channel ideal_channel();
 
 /// Metadata of this name: session (text with its overrides), session_name, session_file,
 /// controller, seed, sides (comma-separated names; "" for one device), recorded_by, version (of the

@@ -10,6 +10,7 @@
 #include <set>
 #include <stdexcept>
 #include <string_view>
+#include <type_traits>
 #include <utility>
 
 #include "common/core/check.h"
@@ -20,6 +21,7 @@
 namespace palpate::viewer {
 namespace {
 
+constexpr std::uint64_t kNextRun = std::uint64_t{1} << 32U;
 constexpr std::string_view kSceneTopic = "/scene_state";
 constexpr std::string_view kMeshTopic = "/mesh";
 constexpr std::string_view kMarkerTopic = "/markers";
@@ -35,6 +37,7 @@ struct Source {
   McapReader& reader;
   std::map<std::uint16_t, std::size_t> channel_of{};  // in the copy, by id in the source
   std::uint64_t shift_ns = 0;                         // added to its times
+  std::uint64_t shift_id = 0;                         // added to the session ids of its nodes
   std::optional<McapReader::Message> head{};          // next message
 
   [[nodiscard]] std::uint64_t time_ns() const { return head->log_time_ns + shift_ns; }
@@ -44,6 +47,32 @@ struct Source {
     } while (head && !channel_of.contains(head->channel_id));
   }
 };
+
+/// The message as one of another run of its nodes; as it is if it cannot be read.
+template <class T>
+std::string of_other_run(std::string_view payload, std::uint64_t shift_id) {
+  Codec<T> codec;
+  T message;
+  std::string frame(1, static_cast<char>(kKindOf<T>));
+  frame += payload;
+  if (codec.decode(std::as_bytes(std::span(frame)), message) != DecodeError::kNone) {
+    return std::string(payload);
+  }
+  message.header.session_id += shift_id;
+  if constexpr (std::is_same_v<T, MofcBatch>) {
+    for (MofcTick& tick : message.records) tick.device_session_id += shift_id;
+  }
+  return payload_of(codec, message);
+}
+std::string of_other_run(const std::string& topic, std::string_view payload,
+                         std::uint64_t shift_id) {
+  if (topic == "/device") return of_other_run<DeviceBatch>(payload, shift_id);
+  if (topic == "/mofc") return of_other_run<MofcBatch>(payload, shift_id);
+  if (topic == "/physics") return of_other_run<PhysicsBatch>(payload, shift_id);
+  if (topic == kSceneTopic) return of_other_run<SceneState>(payload, shift_id);
+  if (topic == kMeshTopic) return of_other_run<MeshFrame>(payload, shift_id);
+  return std::string(payload);
+}
 
 class Copy {
  public:
@@ -112,29 +141,65 @@ class Copy {
     }
   }
 
+  /// Process starts of each device node in a recording, with the sequences of the first and the
+  /// last tick.
+  using Starts = std::map<std::uint64_t, std::pair<std::uint64_t, std::uint64_t>>;
+  using Runs = std::map<std::string, Starts>;
+
   void place_in_time() {
-    for (std::size_t i = 1; i < sources_.size(); ++i) {
-      const Source& before = sources_[i - 1];
+    std::vector<Runs> runs;
+    for (std::size_t i = 0; i < sources_.size() && sources_.size() > 1; ++i) {
       Source& source = sources_[i];
-      if (options_.is_sequence) {
+      runs.push_back(runs_of(source.reader));
+      if (i > 0 && options_.is_sequence) {
+        const Source& before = sources_[i - 1];
         // modular arithmetic: the shift may be negative
         source.shift_ns = before.reader.end_ns() + before.shift_ns + 1 - source.reader.begin_ns();
+        tell_runs_apart(runs);
         continue;
       }
-      for (std::size_t k = 0; k < i; ++k)
-        refuse_two_runs_at_once(sources_[k].reader, source.reader);
+      for (std::size_t k = 0; k < i; ++k) {
+        refuse_two_runs_at_once(sources_[k].reader, runs[k], source.reader, runs[i]);
+      }
     }
   }
 
+  /// In lockstep the nodes of every run have the same ids: a run that does not continue the ones
+  /// before it becomes a restart of its nodes. @param runs  of the sources so far
+  void tell_runs_apart(const std::vector<Runs>& runs) {
+    Source& newest = sources_[runs.size() - 1];
+    for (std::size_t k = 0; k + 1 < runs.size();) {
+      if (does_continue(runs[k], runs.back(), newest.shift_id - sources_[k].shift_id)) {
+        ++k;
+      } else {
+        newest.shift_id += kNextRun;
+        k = 0;
+      }
+    }
+  }
+  /// Whether every process start that is in both goes on in `after`.
+  static bool does_continue(const Runs& before, const Runs& after, std::uint64_t shift_id) {
+    for (const auto& [node, starts] : after) {
+      const auto same = before.find(node);
+      if (same == before.end()) continue;
+      for (const auto& [id, ticks] : starts) {
+        const auto earlier = same->second.find(id + shift_id);
+        if (earlier != same->second.end() && earlier->second.second >= ticks.first) return false;
+      }
+    }
+    return true;
+  }
+
   /// Two runs of a session at the same time: one of them has another clock.
-  static void refuse_two_runs_at_once(McapReader& a, McapReader& b) {
+  static void refuse_two_runs_at_once(const McapReader& a, const Runs& a_runs, const McapReader& b,
+                                      const Runs& b_runs) {
     if (a.begin_ns() > b.end_ns() || b.begin_ns() > a.end_ns()) return;
-    const auto a_runs = runs_of(a);
-    for (const auto& [node, ids] : runs_of(b)) {
+    for (const auto& [node, starts] : b_runs) {
       const auto same = a_runs.find(node);
       if (same == a_runs.end()) continue;
-      const bool is_one_run = std::any_of(
-          ids.begin(), ids.end(), [&](std::uint64_t id) { return same->second.contains(id); });
+      const bool is_one_run = std::any_of(starts.begin(), starts.end(), [&](const auto& start) {
+        return same->second.contains(start.first);
+      });
       if (is_one_run) continue;
       throw SetupError(fmt::format(
           "recordings {} and {}: two runs of {} at the same time; --append puts one after the "
@@ -143,11 +208,10 @@ class Copy {
     }
   }
 
-  /// Process starts of each device node in a recording.
-  static std::map<std::string, std::set<std::uint64_t>> runs_of(McapReader& reader) {
+  static Runs runs_of(McapReader& reader) {
     std::map<std::uint16_t, std::string> node_of;
     for (const McapReader::Topic& topic : reader.topics()) node_of[topic.id] = topic.topic;
-    std::map<std::string, std::set<std::uint64_t>> runs;
+    Runs runs;
     Codec<DeviceBatch> codec;
     DeviceBatch batch;
     reader.seek(0);
@@ -156,7 +220,10 @@ class Copy {
       std::string frame(1, static_cast<char>(kKindOf<DeviceBatch>));
       frame += message->payload;
       if (codec.decode(std::as_bytes(std::span(frame)), batch) != DecodeError::kNone) continue;
-      runs[with_side(batch.side, "device_node")].insert(batch.header.session_id);
+      if (batch.records.empty()) continue;
+      const auto [start, is_new] = runs[with_side(batch.side, "device_node")].try_emplace(
+          batch.header.session_id, batch.records.front().sequence, 0);
+      start->second.second = batch.records.back().sequence;
     }
     reader.seek(0);
     return runs;
@@ -177,6 +244,10 @@ class Copy {
       }
     }
     if (!channels_.empty()) return;
+    if (options_.topics.empty()) {
+      throw SetupError("recording " + sources_.front().reader.path() +
+                       ": has no topic that can be read, so there is nothing to copy");
+    }
     std::string names;
     for (const McapReader::Topic& topic : sources_.front().reader.topics()) {
       names += (names.empty() ? "" : ", ") + topic.topic;
@@ -215,6 +286,9 @@ class Copy {
       if (!marker) return;
       marker->at_ns += source.shift_ns;
       writer.write(channel, at_ns, encode_marker(*marker));
+    } else if (source.shift_id != 0) {
+      writer.write(channel, at_ns,
+                   of_other_run(channels_[channel].topic, payload, source.shift_id));
     } else {
       writer.write(channel, at_ns, payload);
     }

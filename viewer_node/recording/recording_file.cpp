@@ -9,7 +9,6 @@
 #include <vector>
 
 #include "common/core/check.h"
-#include "common/link/codec/viewer_codec.h"
 #include "viewer_node/feed/telemetry_mirror.h"
 #include "viewer_node/recording/recording.h"
 
@@ -17,13 +16,19 @@ namespace palpate {
 namespace {
 
 constexpr Duration kPathStep = std::chrono::milliseconds(10);
+/// Ideal forces are kept for the rows that wait for their other half.
+constexpr Duration kIdealKept = 2 * viewer::kJoinWait;
 
 }  // namespace
 
 RecordingFile::RecordingFile(const std::string& path)
     : mcap_(path), about_(mcap_.metadata(viewer::kRunMetadata)) {
   const auto channels = viewer::recorded_channels();
+  const viewer::mcap::Channel ideal = viewer::ideal_channel();
   for (const viewer::McapReader::Topic& topic : mcap_.topics()) {
+    if (topic.topic == ideal.topic && topic.schema_name == ideal.schema_name) {
+      ideal_channel_ = topic.id;
+    }
     for (std::size_t kind = 0; kind < channels.size(); ++kind) {
       if (topic.topic == channels[kind].topic && topic.schema_name == channels[kind].schema_name) {
         if (kind == TelemetryMessage(std::in_place_type<RunState>).index()) {
@@ -116,6 +121,40 @@ bool RecordingFile::is_of_chosen_side() const {
                        item_.message);
 }
 
+void RecordingFile::note_clock(const DeviceBatch& batch) {
+  if (batch.records.empty()) return;
+  const auto newest = batch.records.back().sampled_at.time_since_epoch().count();
+  // modular arithmetic: the clock of a device may be ahead of that of a lockstep recording
+  clock_offset_ns_.try_emplace(batch.header.session_id,
+                               item_.log_time_ns - static_cast<std::uint64_t>(newest));
+}
+
+void RecordingFile::take_ideal(std::string_view payload) {
+  const auto ideal = decode_ideal(payload);
+  if (!ideal) {
+    ++refused_;
+    return;
+  }
+  ++ideal_messages_;
+  if (ideal->records.empty() || (side_ && ideal->side != *side_)) return;
+  ideal_.erase(ideal_.begin(), ideal_.lower_bound(ideal->records.front().sampled_at - kIdealKept));
+  for (const IdealForce& force : ideal->records) ideal_.insert_or_assign(force.sampled_at, force);
+}
+
+void RecordingFile::complete(TickRow& row) const {
+  const auto ideal = ideal_.find(row.device.sampled_at);
+  if (ideal == ideal_.end()) return;
+  row.ideal_force_on_hand_newton = ideal->second.force_on_hand_newton;
+  row.is_truly_in_contact = ideal->second.is_in_contact;
+}
+
+std::optional<std::uint64_t> RecordingFile::log_time_of(std::uint64_t device_session_id,
+                                                        TimePoint at) const {
+  const auto offset = clock_offset_ns_.find(device_session_id);
+  if (offset == clock_offset_ns_.end()) return std::nullopt;
+  return offset->second + static_cast<std::uint64_t>(at.time_since_epoch().count());
+}
+
 template <class T>
 bool RecordingFile::decode(std::string_view payload) {
   frame_.assign(1, static_cast<char>(kKindOf<T>));
@@ -127,6 +166,7 @@ bool RecordingFile::decode(std::string_view payload) {
 
 const RecordingFile::Item* RecordingFile::next() {
   while (const auto message = mcap_.next()) {
+    if (ideal_channel_ == message->channel_id) take_ideal(message->payload);
     const auto kind = kinds_.find(message->channel_id);
     if (kind == kinds_.end()) continue;
     item_.log_time_ns = message->log_time_ns;
@@ -134,6 +174,7 @@ const RecordingFile::Item* RecordingFile::next() {
     switch (kind->second) {
       case 0:
         is_good = decode<DeviceBatch>(message->payload);
+        if (is_good) note_clock(std::get<DeviceBatch>(item_.message));
         break;
       case 1:
         is_good = decode<MofcBatch>(message->payload);
@@ -159,7 +200,10 @@ const RecordingFile::Item* RecordingFile::next() {
 
 void for_each_row(RecordingFile& recording, const std::function<void(const TickRow&)>& on_row) {
   viewer::TelemetryMirror mirror;
-  mirror.on_row = on_row;
+  mirror.on_row = [&](TickRow row) {
+    recording.complete(row);
+    on_row(row);
+  };
   recording.seek(0);
   while (const RecordingFile::Item* item = recording.next()) {
     const TimePoint at{Duration(static_cast<std::int64_t>(item->log_time_ns))};

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "common/link/codec/viewer_codec.h"
 #include "common/session/session.h"
 #include "common/telemetry/csv_writer.h"
 #include "common/telemetry/telemetry_message.h"
@@ -32,12 +33,20 @@ class RecordingFile {
   /// From now on reads batches of this side only; "" for a recording of one device. Throws
   /// SetupError, naming the recorded sides, for any other name.
   void choose_side(const std::string& side);
+  /// Log time of an instant on the clock of a device, given the first batch of this session that
+  /// next() has read; empty before that batch.
+  [[nodiscard]] std::optional<std::uint64_t> log_time_of(std::uint64_t device_session_id,
+                                                         TimePoint at) const;
+  /// Adds to a row the ideal force and the true contact, if they are recorded: loopback only.
+  void complete(TickRow& row) const;
+  [[nodiscard]] std::uint64_t ideal_messages() const { return ideal_messages_; }
   /// What is missing of the recording, as far as it has been read: "2 damaged chunks, its end";
   /// empty: nothing.
   [[nodiscard]] std::string damage() const;
   /// Continues with the first message at or after this time.
   void seek(std::uint64_t log_time_ns) {
-    if (log_time_ns == 0) refused_ = 0;  // counted once, however often the file is read
+    if (log_time_ns == 0) refused_ = ideal_messages_ = 0;  // counted once, however often it is read
+    ideal_.clear();
     mcap_.seek(log_time_ns);
   }
 
@@ -57,6 +66,8 @@ class RecordingFile {
 
  private:
   [[nodiscard]] bool is_of_chosen_side() const;
+  void note_clock(const DeviceBatch& batch);
+  void take_ideal(std::string_view payload);
   template <class T>
   [[nodiscard]] bool decode(std::string_view payload);
 
@@ -65,9 +76,13 @@ class RecordingFile {
   std::optional<std::string> side_;             // none: all
   std::map<std::uint16_t, std::size_t> kinds_;  // channel → alternative of TelemetryMessage
   std::optional<std::uint16_t> marker_channel_;
+  std::optional<std::uint16_t> ideal_channel_;
   std::optional<std::vector<Marker>> markers_;  // once they are read
   std::string frame_;
   Item item_;
+  std::map<std::uint64_t, std::uint64_t> clock_offset_ns_;  // by device session: to log time
+  std::map<TimePoint, IdealForce> ideal_;                   // of the ticks read last
+  std::uint64_t ideal_messages_ = 0;
   std::uint64_t refused_ = 0;
 };
 

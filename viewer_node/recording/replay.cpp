@@ -273,8 +273,10 @@ class Replay {
     const std::string viewer =
         "viewer_node --session " +
         (options_.session_file.empty() ? recording_.about("session_file") : options_.session_file);
-    std::printf("%s: %s, %.3f s\n", options_.file.c_str(), session_.name.c_str(),
-                recording_.length_s() - options_.start_s);
+    if (!options_.is_quiet) {
+      std::printf("%s: %s, %.3f s\n", options_.file.c_str(), session_.name.c_str(),
+                  recording_.length_s() - options_.start_s);
+    }
     const TimePoint deadline =
         options_.wait_s ? clock_.now() + from_seconds(*options_.wait_s) : TimePoint::max();
     bool has_said = false;
@@ -287,7 +289,7 @@ class Replay {
       }
       if (stop_.came_within(kPollInterval)) return false;
     }
-    std::printf("playing\n");
+    if (!options_.is_quiet) std::printf("playing\n");
     std::fflush(stdout);
     return true;
   }

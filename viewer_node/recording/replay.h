@@ -16,6 +16,7 @@ struct ReplayOptions {
   std::optional<double> wait_s{};  ///< for a viewer, then starts without; empty: until there is one
   bool is_insecure = false;        ///< allows tcp beyond loopback without keys
   bool loops = false;
+  bool is_quiet = false;  ///< prints only that it waits
 };
 
 /// Publishes hop 5 at the nodes' endpoints, and the state of the replay; viewers may pause it, move

@@ -73,7 +73,7 @@ std::string table(const Run& run) {
                           ? figure(s.ideal_transparency(), "{:.3f}") +
                                 " (rendered / ideal, projected), error " +
                                 figure(100.0 * s.force_error_rms_ratio(), "{:.1f} %") + " rms"
-                          : "not recorded; palpate loopback SESSION --hand RECORDING computes one");
+                          : "not recorded; palpate loopback SESSION --hand RECORDING --record NEW records one");
   line("velocity reversals",
        fmt::format("{}, {}, {} (x, y, z)", reversals[0], reversals[1], reversals[2]));
   return html + "</table>\n";

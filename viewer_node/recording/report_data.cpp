@@ -250,16 +250,15 @@ void read_report(RecordingFile& recording, ReportRun& report,
   NodeLog<DeviceTick, DeviceCounters> device("device_node", events);
   NodeLog<MofcTick, MofcCounters> mofc("mofc_node", events);
   NodeLog<PhysicsTick, PhysicsCounters> physics("physics_node", events);
-  std::uint64_t first_tick_ns = 0;  // log time of the first recorded tick
+  std::optional<std::uint64_t> first_tick_ns;  // log time of the first recorded tick
   read_run(
       recording, report.run, [&](const TickRow& row) { columns.add(row); },
       [&](const RecordingFile::Item& item) {
         if (on_progress) on_progress(recording.passed_ratio());
         if (const auto* batch = std::get_if<DeviceBatch>(&item.message)) {
-          if (first_tick_ns == 0 && !batch->records.empty()) {
-            const Duration span =
-                batch->records.back().sampled_at - batch->records.front().sampled_at;
-            first_tick_ns = item.log_time_ns - static_cast<std::uint64_t>(span.count());
+          if (!first_tick_ns && !batch->records.empty()) {
+            first_tick_ns = recording.log_time_of(batch->header.session_id,
+                                                  batch->records.front().sampled_at);
           }
           device.note(*batch, item.log_time_ns);
         } else if (const auto* answers = std::get_if<MofcBatch>(&item.message)) {
@@ -273,8 +272,9 @@ void read_report(RecordingFile& recording, ReportRun& report,
   }
   std::stable_sort(events.begin(), events.end(),
                    [](const auto& a, const auto& b) { return a.first < b.first; });
+  const std::uint64_t begin_ns = first_tick_ns.value_or(recording.mcap().begin_ns());
   for (auto& [at_ns, event] : events) {
-    event.t_s = (static_cast<double>(at_ns) - static_cast<double>(first_tick_ns)) * 1e-9;
+    event.t_s = (static_cast<double>(at_ns) - static_cast<double>(begin_ns)) * 1e-9;
     report.events.push_back(std::move(event));
   }
   report.figures = figures_of(columns);

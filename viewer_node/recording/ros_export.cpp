@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <bit>
-#include <map>
 #include <stdexcept>
 #include <utility>
 #include <vector>
@@ -107,7 +106,7 @@ class RosExport {
   void run(const std::function<void(double)>& on_progress) {
     recording_.seek(0);
     while (const RecordingFile::Item* item = recording_.next()) {
-      std::visit([&](const auto& message) { take(message, item->log_time_ns); }, item->message);
+      std::visit([&](const auto& message) { take(message); }, item->message);
       if (on_progress) on_progress(recording_.passed_ratio());
     }
     writer_.close();
@@ -116,33 +115,26 @@ class RosExport {
 
  private:
   template <class T>
-  void take(const T& /*message*/, std::uint64_t /*log_time_ns*/) {}
+  void take(const T& /*message*/) {}
 
-  void take(const DeviceBatch& batch, std::uint64_t log_time_ns) {
-    if (batch.records.empty()) return;
-    // modular arithmetic: the clock of a device may be ahead of that of a lockstep recording
-    offset_ns_.try_emplace(batch.header.session_id,
-                           log_time_ns - ns_of(batch.records.back().sampled_at));
+  void take(const DeviceBatch& batch) {
     for (const DeviceTick& tick : batch.records) {
-      const std::uint64_t at_ns = offset_ns_[batch.header.session_id] + ns_of(tick.sampled_at);
-      write(batch.side, kPose, at_ns,
-            ros::pose_stamped({at_ns, "world"}, tick.measured_tool_position_world_m,
+      const auto at_ns = recording_.log_time_of(batch.header.session_id, tick.sampled_at);
+      if (!at_ns) continue;
+      write(batch.side, kPose, *at_ns,
+            ros::pose_stamped({*at_ns, "world"}, tick.measured_tool_position_world_m,
                               tick.measured_tool_orientation_world));
-      write_force(batch.side, kApplied, at_ns, tick.force_on_hand_newton);
+      write_force(batch.side, kApplied, *at_ns, tick.force_on_hand_newton);
     }
   }
-  void take(const MofcBatch& batch, std::uint64_t /*log_time_ns*/) {
+  void take(const MofcBatch& batch) {
     for (const MofcTick& tick : batch.records) {
-      const auto offset = offset_ns_.find(tick.device_session_id);
-      if (offset == offset_ns_.end()) continue;
-      write_force(batch.side, kCommanded, offset->second + ns_of(tick.device_sampled_at),
-                  tick.commanded_force_on_hand_newton);
+      const auto at_ns = recording_.log_time_of(tick.device_session_id, tick.device_sampled_at);
+      if (!at_ns) continue;
+      write_force(batch.side, kCommanded, *at_ns, tick.commanded_force_on_hand_newton);
     }
   }
 
-  static std::uint64_t ns_of(TimePoint time) {
-    return static_cast<std::uint64_t>(time.time_since_epoch().count());
-  }
   void write_force(const std::string& side, std::size_t channel, std::uint64_t at_ns,
                    const Vector3& force_newton) {
     const std::string frame = side.empty() ? "device_base" : side + "_device_base";
@@ -159,7 +151,6 @@ class RosExport {
   RecordingFile& recording_;
   std::vector<std::string> sides_;
   viewer::McapWriter writer_;
-  std::map<std::uint64_t, std::uint64_t> offset_ns_;  // by device session: its clock → log time
 };
 
 }  // namespace

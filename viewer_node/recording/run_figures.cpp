@@ -119,7 +119,8 @@ std::vector<std::pair<std::string, std::string>> figure_lines(const std::string&
 void read_run(RecordingFile& recording, RecordedRun& run,
               const std::function<void(const TickRow&)>& on_row,
               const std::function<void(const RecordingFile::Item&)>& on_item) {
-  run.mirror.on_row = [&](const TickRow& row) {
+  run.mirror.on_row = [&](TickRow row) {
+    recording.complete(row);
     run.figures.add(row);
     if (on_row) on_row(row);
   };

@@ -1,4 +1,4 @@
-// run_codec.cpp — RunState of hop 5, hop 7: RunRequest, and markers as recorded.
+// run_codec.cpp — RunState of hop 5, hop 7: RunRequest; markers and ideal forces as recorded.
 #include <algorithm>
 #include <string>
 
@@ -88,6 +88,39 @@ std::optional<Marker> decode_marker(std::string_view payload) {
   Marker marker;
   read(wire, marker);
   return marker;
+}
+
+std::string encode_ideal(const IdealForces& ideal) {
+  v1::IdealForces wire;
+  wire.set_side(ideal.side);
+  for (const IdealForce& force : ideal.records) {
+    v1::IdealForce& to = *wire.add_records();
+    to.set_sampled_at_ns(ns(force.sampled_at));
+    wire::put(force.force_on_hand_newton, *to.mutable_force_on_hand_newton());
+    to.set_is_in_contact(force.is_in_contact);
+  }
+  return wire.SerializeAsString();
+}
+
+std::optional<IdealForces> decode_ideal(std::string_view payload) {
+  v1::IdealForces wire;
+  if (payload.size() > kMaxFrameBytes<DeviceBatch> ||
+      !wire.ParseFromArray(payload.data(), static_cast<int>(payload.size()))) {
+    return std::nullopt;
+  }
+  Verdict verdict;
+  IdealForces ideal{.side = wire.side()};
+  for (const v1::IdealForce& force : wire.records()) {
+    verdict.time(force.sampled_at_ns());
+    verdict.require(force.has_force_on_hand_newton());
+    const Vector3 newton = vector(force.force_on_hand_newton());
+    for (const double component : newton) verdict.finite(component);
+    ideal.records.push_back({.sampled_at = time(force.sampled_at_ns()),
+                             .force_on_hand_newton = newton,
+                             .is_in_contact = force.is_in_contact()});
+  }
+  if (verdict.error() != DecodeError::kNone) return std::nullopt;
+  return ideal;
 }
 
 template <>

@@ -100,6 +100,7 @@ std::string schema_of(std::string_view message) {
                              v1::MeshFrame::descriptor(),
                              v1::Health::descriptor(),
                              v1::Marker::descriptor(),
+                             v1::IdealForces::descriptor(),
                              v1::Telemetry::descriptor(),
                              foxglove::PointCloud::descriptor(),
                              foxglove::SceneUpdate::descriptor(),

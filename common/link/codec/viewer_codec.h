@@ -90,6 +90,21 @@ enum class LogLevel : std::uint8_t { kInfo = 2, kWarning = 3, kError = 4 };
 /// The RunRequest that a page sent; empty if it is not valid.
 [[nodiscard]] std::optional<RunRequest> decode_page_request(std::string_view payload);
 
+/// The force of the continuous tissue at one device tick, as TickRow has it.
+struct IdealForce {
+  TimePoint sampled_at{};  ///< of the tick, device's clock
+  Vector3 force_on_hand_newton = Vector3::Zero();
+  bool is_in_contact = false;
+};
+/// Of consecutive ticks of one device.
+struct IdealForces {
+  std::string side{};
+  std::vector<IdealForce> records{};
+};
+/// palpate.v1.IdealForces, as recorded. Of decoding: empty if it is not valid.
+[[nodiscard]] std::string encode_ideal(const IdealForces& ideal);
+[[nodiscard]] std::optional<IdealForces> decode_ideal(std::string_view payload);
+
 /// palpate.v1.Marker, as recorded. Of decoding: empty if it is not valid.
 [[nodiscard]] std::string encode_marker(const Marker& marker);
 [[nodiscard]] std::optional<Marker> decode_marker(std::string_view payload);

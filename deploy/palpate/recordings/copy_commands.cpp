@@ -95,13 +95,16 @@ struct MergeCommand {
     app.add_option("FILES", files,
                    "recordings of one session, and last the one to write; - for standard output")
         ->required()
-        ->expected(3, 1000)
+        ->expected(1, 1000)
         ->type_name("FILE FILE … OUT");
     app.add_flag("--append", options.is_sequence,
                  "one after the other (default: each message at the time when it was recorded)");
     add_overwrite_flag(app, options.may_overwrite);
   }
   int run(const Verbosity& verbosity) {
+    if (files.size() < 3) {
+      throw SetupError("merge: give two recordings or more, and last the file to write");
+    }
     const std::vector<std::string> inputs(files.begin(), files.end() - 1);
     options.file = files.back();
     const viewer::CopyResult result = copy(inputs, options, verbosity);

@@ -39,6 +39,7 @@ Content content_of(RecordingFile& recording) {
         item->message);
   }
   for (const auto& [node, count] : lost) content.records_lost += count;
+  if (recording.ideal_messages() > 0) content.messages["/ideal"] = recording.ideal_messages();
   content.messages["/markers"] = recording.markers().size();
   if (content.messages["/markers"] == 0) content.messages.erase("/markers");
   return content;

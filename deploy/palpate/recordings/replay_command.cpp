@@ -31,7 +31,8 @@ struct ReplayCommand {
         ->check(CLI::Range(0.0, 1e6));
     add_insecure_flag(app, replay.is_insecure);
   }
-  int run() const {
+  int run(const Verbosity& verbosity) {
+    replay.is_quiet = verbosity.is_quiet;
     run_replay(replay);
     return 0;
   }

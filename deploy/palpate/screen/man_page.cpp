@@ -82,7 +82,7 @@ std::string did_you_mean(const CLI::App& app) {
   for (const std::string& word : app.remaining(true)) {
     const std::string name = word.substr(0, word.find('='));
     const std::string meant = nearest(name, name.starts_with('-') ? options : commands);
-    if (meant.empty() || meant == name) continue;
+    if (meant.empty() || meant == name || name == "--") continue;
     text.append(name).append(": did you mean ").append(meant).append("?\n");
   }
   return text;

@@ -55,6 +55,12 @@ struct CampaignOptions {
   [[nodiscard]] std::string folder_of(const Campaign& campaign) const {
     return folder.empty() ? default_folder(campaign).string() : folder;
   }
+  /// check_outputs(), also against the results. Throws SetupError.
+  void check(const std::vector<NamedOutput>& outputs, const Campaign& campaign) const {
+    std::vector<std::string> inputs = campaign.files;
+    inputs.push_back(folder_of(campaign));
+    check_outputs(outputs, inputs, may_overwrite);
+  }
 };
 
 /// A file that is complete or not there. Construct it before anything is printed: then other text
@@ -107,6 +113,7 @@ struct SweepReportCommand {
     const Folder folder(campaign.folder_of(loaded), loaded, true);
     Results results(loaded);
     results.refresh(folder.path());
+    campaign.check({{"--svg", svg_file}}, loaded);
     WholeFile svg("map", svg_file, campaign.may_overwrite);
     std::fputs((map_text(loaded, results, map) + summary_text(loaded, results)).c_str(), stdout);
     if (!results.is_complete()) {
@@ -231,8 +238,7 @@ int SweepCommand::run(const Verbosity& verbosity) const {
   if (worst > 0 && loaded.limits.empty()) {
     throw SetupError("--worst: the campaign has no limit { … }, so no run is worse than another");
   }
-  check_outputs({{"--csv", csv_file}, {"--json", json_file}},
-                {campaign.file, loaded.session_file.string()}, campaign.may_overwrite);
+  campaign.check({{"--csv", csv_file}, {"--json", json_file}}, loaded);
 
   WholeFile csv("csv file", csv_file, campaign.may_overwrite);
   WholeFile json("json file", json_file, campaign.may_overwrite);

@@ -68,6 +68,16 @@ const std::string kDefaultSession = PALPATE_SOURCE_DIR "/deploy/sessions/default
 
 std::string bin(const char* name) { return std::string(PALPATE_BINARY_DIR "/") + name; }
 
+TEST(ConformPhysics, AProgramThatCannotBeStartedIsNamedAfterOptionsWithSeveralValues) {
+  Program conform("palpate", {"conform", "physics", "--press", "0", "0", "-0.004", "--", "./none",
+                              "--session", "{session}"});
+  EXPECT_EQ(conform.wait(), 2);
+  EXPECT_EQ(conform.err(), "palpate conform: physics.command: " +
+                               std::filesystem::absolute("./none").string() +
+                               ": is not a program that you may run; install it, or give the path "
+                               "of its file\n");
+}
+
 TEST(ConformPhysics, OurOwnPhysicsPassesEveryCheck) {
   Conform run({"physics", "--", bin("physics_node"), "--session", "{session}"});
   const Report report = run.report();

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -11,6 +12,7 @@
 
 #include "tests/support/program.h"
 #include "tests/support/temp_folder.h"
+#include "viewer_node/recording/mcap_reader.h"
 
 namespace palpate {
 namespace {
@@ -19,6 +21,7 @@ using nlohmann::json;
 using test::Outcome;
 using test::run_program;
 using test::text_of;
+using testing::AllOf;
 using testing::HasSubstr;
 using testing::Not;
 
@@ -112,6 +115,54 @@ TEST_F(RecordingTools, TwoPartsTogetherAreTheWhole) {
   ASSERT_EQ(palpate({"merge", path("a.mcap"), path("b.mcap"), path("row.mcap"), "--append"}).status,
             0);
   EXPECT_NEAR(info("row.mcap")["length_s"], 1.5 + 1.8, 0.05);
+}
+
+TEST_F(RecordingTools, TwoRunsInARowAreARestart) {
+  ASSERT_EQ(palpate({"loopback", session_, "--seconds", "1", "--record", path("again.mcap"),
+                     "--csv", path("again.csv")})
+                .status,
+            0);
+  ASSERT_EQ(
+      palpate({"merge", path("run.mcap"), path("again.mcap"), path("row.mcap"), "--append"}).status,
+      0);
+  const std::string again = text_of(path("again.csv"));
+  EXPECT_EQ(table("row.mcap"), text_of(path("run.csv")) + again.substr(again.find('\n') + 1));
+  // the times of the second run follow those of the first
+  ASSERT_EQ(palpate({"export", path("row.mcap"), "--ros", path("row_ros.mcap")}).status, 0);
+  viewer::McapReader ros(path("row_ros.mcap"));
+  EXPECT_NEAR(static_cast<double>(ros.end_ns()) * 1e-9, 4.0, 0.05);
+}
+
+TEST_F(RecordingTools, TheIdealForceIsRecordedByLoopback) {
+  ASSERT_EQ(palpate({"loopback", session_, "--seconds", "1", "--record", path("ideal.mcap"),
+                     "--csv", path("ideal.csv"), "--json", path("ideal.json")})
+                .status,
+            0);
+  EXPECT_EQ(table("ideal.mcap"), text_of(path("ideal.csv")));
+  ASSERT_EQ(palpate({"report", path("ideal.mcap"), "-o", path("ideal.html")}).status, 0);
+  const json run = json::parse(text_of(path("ideal.json")));
+  char figure[32];
+  std::snprintf(figure, sizeof(figure), "%.3f", run["transparency"]["ideal"].get<double>());
+  EXPECT_THAT(text_of(path("ideal.html")),
+              AllOf(HasSubstr("<th>ideal force</th><td>" + std::string(figure)),
+                    HasSubstr(R"("name":"ideal")")));
+  // without: neither a column nor a claim
+  ASSERT_EQ(palpate({"report", path("run.mcap"), "-o", path("none.html")}).status, 0);
+  EXPECT_THAT(text_of(path("none.html")),
+              AllOf(HasSubstr("<th>ideal force</th><td>not recorded"),
+                    Not(HasSubstr(R"("name":"ideal")"))));
+}
+
+TEST_F(RecordingTools, WhatCannotBeCopiedIsSaid) {
+  std::ofstream(path("begin.mcap"), std::ios::binary) << text_of(path("run.mcap")).substr(0, 100);
+  const Outcome recovered = palpate({"recover", path("begin.mcap"), path("x.mcap")});
+  EXPECT_EQ(recovered.status, 2);
+  EXPECT_THAT(recovered.err, HasSubstr("has no topic that can be read"));
+  const Outcome merged = palpate({"merge", path("run.mcap"), path("x.mcap")});
+  EXPECT_EQ(merged.status, 2);
+  EXPECT_THAT(merged.err, HasSubstr("give two recordings or more, and last the file to write"));
+  // a recording is no session
+  EXPECT_THAT(palpate({"loopback", path("run.mcap")}).err, HasSubstr("it is not UTF-8 text"));
 }
 
 TEST_F(RecordingTools, RecordingsOfDifferentSessionsAreNotMerged) {

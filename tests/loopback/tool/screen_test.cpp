@@ -197,6 +197,8 @@ TEST(Help, SuggestsCommandsOptionsAndValues) {
               HasSubstr("--secnds: did you mean --seconds?"));
   EXPECT_THAT(run_program("palpate", {"loopback", kDefault, "--set", "mofc.mode=gaurd"}).err,
               HasSubstr("did you mean 'guard'?"));
+  EXPECT_THAT(run_program("palpate", {"conform", "physics", "--"}).err,
+              Not(HasSubstr("did you mean")));
 }
 
 TEST(Help, ExplainsTerms) {

@@ -59,7 +59,7 @@ function ticks(messages) {
 test("the indexed reader finds every tick, the scene and the session", kLimit, async () => {
   const reader = await McapIndexedReader.Initialize({ readable: readable(bytes) });
   const topics = [...reader.channelsById.values()].map((channel) => channel.topic);
-  assert.deepEqual(topics.sort(), ["/device", "/markers", "/mesh", "/mofc", "/physics", "/scene_state"]);
+  assert.deepEqual(topics.sort(), ["/device", "/ideal", "/markers", "/mesh", "/mofc", "/physics", "/scene_state"]);
 
   const messages = new Map(topics.map((topic) => [topic, []]));
   let last = 0n;

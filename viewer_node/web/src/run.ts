@@ -110,7 +110,7 @@ export class RunControl {
       this.scrubber.value = String(replay.positionS);
       this.tell_time(replay.positionS);
     }
-    write(this.file, replay.file);
+    write(this.file, replay.file.slice(replay.file.lastIndexOf("/") + 1));
     this.file.title = replay.file;
     if (!kSpeeds.includes(replay.speedRatio)) kSpeeds.push(replay.speedRatio);
     if (this.speed.childElementCount !== kSpeeds.length) {
