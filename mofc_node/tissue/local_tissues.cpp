@@ -36,8 +36,9 @@ void LocalTissues::step(std::array<DescribedTissue, kMaxDescribed>& tissues,
     tissue.prepare(now.tip_m - displacement(tissue.motion(), now.time_s).position_m, false);
     if (memory.shaft) tissue.prepare(memory.shaft->proxy.point_m, true);
     if (!memory.is_begun) begin(tissue, newest, now, memory);
-    results_[i] = advance(tissue, now, tool_velocity_world_m_per_s, memory, views_left);
-    memory.is_begun = results_[i].is_valid || shares[i] > 0.0;
+    const bool has_share = shares[i] > 0.0;
+    results_[i] = advance(tissue, now, tool_velocity_world_m_per_s, has_share, memory, views_left);
+    memory.is_begun = results_[i].is_valid || has_share;
   }
 }
 
@@ -77,7 +78,7 @@ void LocalTissues::begin(const DescribedTissue& tissue, const Interaction& newes
 }
 
 LocalTissues::Result LocalTissues::advance(DescribedTissue& tissue, const ToolPose& now,
-                                           const Vector3& velocity, Memory& memory,
+                                           const Vector3& velocity, bool has_share, Memory& memory,
                                            std::uint32_t& views_left) noexcept {
   const KelvinVoigtMaterial& material = tissue.material();
   Result result{.is_stepped = true, .is_valid = true, .tissue = tissue.tissue()};
@@ -118,6 +119,11 @@ LocalTissues::Result LocalTissues::advance(DescribedTissue& tissue, const ToolPo
     }
   }
   count(tip);
+  // nobody uses the rest of an invalid step, and the next one begins anew
+  if (!result.is_valid && !has_share) {
+    memory = {.version = memory.version};
+    return result;
+  }
   if (material.relaxing_stiffness_newton_per_m > 0.0) {
     memory.relaxation.press(material.relaxation_time_s,
                             tip.is_punctured ? 0.0 : tip.penetration_m(), dt_s);
