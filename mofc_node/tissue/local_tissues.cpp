@@ -29,10 +29,11 @@ void LocalTissues::step(std::array<DescribedTissue, kMaxDescribed>& tissues,
     Memory& memory = memories_[i];
     results_[i] = {};
     if (!tissue.is_known()) {
-      memory = {};
+      if (memory.is_used) memory = {};
       continue;
     }
-    if (memory.version != tissue.version()) memory = {.version = tissue.version()};
+    memory.is_used = true;
+    if (memory.version != tissue.version()) memory = {.is_used = true, .version = tissue.version()};
     tissue.prepare(now.tip_m - displacement(tissue.motion(), now.time_s).position_m, false);
     if (memory.shaft) tissue.prepare(memory.shaft->proxy.point_m, true);
     if (!memory.is_begun) begin(tissue, newest, now, memory);
@@ -45,7 +46,7 @@ void LocalTissues::step(std::array<DescribedTissue, kMaxDescribed>& tissues,
 /// Continues from what the tissue remembered when physics_node looked, or begins anew.
 void LocalTissues::begin(const DescribedTissue& tissue, const Interaction& newest,
                          const ToolPose& now, Memory& memory) noexcept {
-  memory = {.version = tissue.version()};
+  memory = {.is_used = true, .version = tissue.version()};
   const double then_s = to_seconds(newest.header.sampled_at.time_since_epoch());
   const Vector3 moved_m = displacement(tissue.motion(), std::min(then_s, now.time_s)).position_m;
   for (std::uint32_t i = 0; i < newest.listed_count; ++i) {
@@ -121,7 +122,7 @@ LocalTissues::Result LocalTissues::advance(DescribedTissue& tissue, const ToolPo
   count(tip);
   // nobody uses the rest of an invalid step, and the next one begins anew
   if (!result.is_valid && !has_share) {
-    memory = {.version = memory.version};
+    memory = {.is_used = true, .version = memory.version};
     return result;
   }
   if (material.relaxing_stiffness_newton_per_m > 0.0) {
@@ -149,7 +150,7 @@ LocalTissues::Result LocalTissues::advance(DescribedTissue& tissue, const ToolPo
   memory.pose = now;
   if (!result.force.force_on_tool_newton.allFinite() ||
       !std::isfinite(result.force.stored_energy_joule)) {
-    memory = {.version = memory.version};
+    memory = {.is_used = true, .version = memory.version};
     return {.is_stepped = true, .tissue = tissue.tissue()};
   }
   return result;

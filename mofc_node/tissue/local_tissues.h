@@ -60,6 +60,7 @@ class LocalTissues {
     }
   };
   struct Memory {
+    bool is_used = false;  // since it was last emptied
     bool is_begun = false;
     std::uint32_t version = 0;  // of the description
     std::optional<Touch> tip{};
