@@ -77,8 +77,12 @@ Proxy free_at(const Surface& surface, const Vector3& point_m, SurfaceHint hint) 
 
 Proxy begun_at(const Surface& surface, double radius_m, const Vector3& point_m,
                SurfaceHint hint) noexcept {
-  Proxy proxy = free_at(surface, point_m, hint);
+  Proxy proxy{.point_m = point_m, .hint = hint};
   proxy.surface = seen_from(surface, point_m, proxy);
+  if (surface.is_sheet() && proxy.surface.distance_m < 0.0) {
+    proxy.side = -1.0;
+    proxy.surface = proxy.surface.from_behind();
+  }
   proxy.place_m = nearest_place(proxy.surface, point_m, clearance_m(radius_m));
   return proxy;
 }

@@ -3,7 +3,7 @@
 // time.
 #pragma once
 
-#include <cstdint>
+#include <cstddef>
 #include <functional>
 #include <vector>
 
@@ -32,17 +32,14 @@ class VirtualTime final : public Clock {
   struct Event {
     TimePoint when;
     int rank;
-    std::uint64_t order;
-    Action action;
-  };
-  struct Later {
-    bool operator()(const Event& a, const Event& b) const;
+    std::size_t action;  // index
   };
   bool run_next(TimePoint deadline);
 
   TimePoint now_{};
-  std::uint64_t order_ = 0;
-  std::vector<Event> events_;  // heap, earliest first
+  std::vector<Event> events_;  // the next one last; few, so new ones are sorted in
+  std::vector<Action> actions_;
+  std::vector<std::size_t> free_actions_;
 };
 
 }  // namespace palpate

@@ -104,23 +104,14 @@ HostileHand::HostileHand(const HostilePath& path, const SimulatedDeviceConfig& d
       coulomb_newton_(device.coulomb_newton),
       per_axis_(device.per_axis),
       random_(seed),
-      position_m_(path.center_m) {}
+      position_m_(path.center_m),
+      surely_inside_m2_(path.radius_m * path.radius_m * (1.0 - 1e-12)) {}
 
-Target HostileHand::target(double t_s, const Sensed& sensed) noexcept {
-  const double dt_s = t_s - t_s_;
-  if (!(dt_s > 0.0)) return {position_m_, Vector3::Zero()};
-  t_s_ = t_s;
-
-  const double sensed_newton = sensed.force_on_hand_newton.norm();
-  if (sensed_newton > 0.0) last_force_direction_ = sensed.force_on_hand_newton / sensed_newton;
-  if (t_s >= until_s_) choose(t_s);
-
-  // move, but stay inside the ball: at its surface the outward part of the motion is removed
-  const Vector3 moved = position_m_ + dt_s * wanted_velocity(t_s, sensed);
-  const Vector3 next = path_.center_m + limited_to_norm(moved - path_.center_m, path_.radius_m);
-  const Vector3 velocity = (next - position_m_) / dt_s;
-  position_m_ = next;
-  return {next, velocity};
+void HostileHand::sense(const Vector3& force_on_hand_newton) noexcept {
+  sensed_newton_ = force_on_hand_newton;
+  const double newton = force_on_hand_newton.norm();
+  if (newton > 0.0) last_force_direction_ = force_on_hand_newton / newton;
+  most_draining_m_per_s_ = most_draining_velocity(force_on_hand_newton);
 }
 
 void HostileHand::choose(double t_s) noexcept {
@@ -145,20 +136,6 @@ void HostileHand::choose(double t_s) noexcept {
     speed_m_per_s_ = path_.v_max_m_per_s * random_.uniform(0.2, 1.0);
     direction_ = has_sensed ? last_force_direction_ : random_.direction();
   }
-}
-
-Vector3 HostileHand::wanted_velocity(double t_s, const Sensed& sensed) const noexcept {
-  switch (way_) {
-    case Way::kDrain:
-      return most_draining_velocity(sensed.force_on_hand_newton);
-    case Way::kPress:
-      return speed_m_per_s_ * direction_;
-    case Way::kShake: {
-      const bool is_back = std::fmod(t_s - since_s_, 2.0 * half_period_s_) >= half_period_s_;
-      return (is_back ? -speed_m_per_s_ : speed_m_per_s_) * direction_;
-    }
-  }
-  return Vector3::Zero();
 }
 
 Vector3 HostileHand::most_draining_velocity(const Vector3& force_on_hand_newton) const noexcept {
@@ -203,17 +180,18 @@ Target LedHand::target(double t_s) noexcept {
 
 Hand::Hand(const HandConfig& config, const SimulatedDeviceConfig& device, std::uint64_t seed)
     : config_(config),
+      is_hostile_(std::holds_alternative<HostilePath>(config.path)),
       hostile_(hostile_part(config.path), device, seed),
       intended_m_(Vector3::Zero()) {
-  start_position_m_ = target(0.0, Sensed{}).position_m;
+  start_position_m_ = target(0.0, Vector3::Zero()).position_m;
 }
 
-Target Hand::target(double t_s, const Sensed& sensed) noexcept {
+Target Hand::target_without_sense(double t_s) noexcept {
   if (led_) return led_->target(t_s);
   const Target target = std::visit(
       [&](const auto& path) -> Target {
         if constexpr (std::is_same_v<std::decay_t<decltype(path)>, HostilePath>) {
-          return hostile_.target(t_s, sensed);
+          return {path.center_m, Vector3::Zero()};  // not called for it
         } else {
           return target_on(path, t_s);
         }

@@ -1,6 +1,7 @@
 // hand.h — hands that hold a simulated device: their intended position, and the buttons they press.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <optional>
 
@@ -18,13 +19,6 @@ namespace palpate::device {
   hand.damping_newton_s_per_m = 0.0;
   return hand;
 }
-
-/// What a hand perceives. D.
-struct Sensed {
-  Vector3 force_on_hand_newton = Vector3::Zero();  ///< rendered
-  Vector3 hand_position_m = Vector3::Zero();
-  Vector3 hand_velocity_m_per_s = Vector3::Zero();
-};
 
 /// Intended point at `t_s` ≥ 0 seconds after the start.
 ///
@@ -56,12 +50,43 @@ class HostileHand {
   HostileHand(const HostilePath& path, const SimulatedDeviceConfig& device, std::uint64_t seed);
 
   /// Call with growing `t_s`.
-  [[nodiscard]] Target target(double t_s, const Sensed& sensed) noexcept;
+  /// @param force_on_hand_newton  rendered, D
+  [[nodiscard]] Target target(double t_s, const Vector3& force_on_hand_newton) noexcept {
+    const double dt_s = t_s - t_s_;
+    if (!(dt_s > 0.0)) return {position_m_, Vector3::Zero()};
+    t_s_ = t_s;
+    if (force_on_hand_newton != sensed_newton_) sense(force_on_hand_newton);
+    if (t_s >= until_s_) choose(t_s);
+
+    // move, but stay inside the ball: at its surface the outward part of the motion is removed
+    const Vector3 moved = position_m_ + dt_s * wanted_velocity(t_s);
+    Vector3 from_center = moved - path_.center_m;
+    if (from_center.squaredNorm() > surely_inside_m2_) {
+      from_center = limited_to_norm(from_center, path_.radius_m);
+    }
+    const Vector3 next = path_.center_m + from_center;
+    const Vector3 velocity = (next - position_m_) / dt_s;
+    position_m_ = next;
+    return {next, velocity};
+  }
 
  private:
   enum class Way : std::uint8_t { kDrain, kPress, kShake };
+  void sense(const Vector3& force_on_hand_newton) noexcept;
   void choose(double t_s) noexcept;
-  [[nodiscard]] Vector3 wanted_velocity(double t_s, const Sensed& sensed) const noexcept;
+  [[nodiscard]] Vector3 wanted_velocity(double t_s) const noexcept {
+    switch (way_) {
+      case Way::kDrain:
+        return most_draining_m_per_s_;
+      case Way::kPress:
+        return speed_m_per_s_ * direction_;
+      case Way::kShake: {
+        const bool is_back = std::fmod(t_s - since_s_, 2.0 * half_period_s_) >= half_period_s_;
+        return (is_back ? -speed_m_per_s_ : speed_m_per_s_) * direction_;
+      }
+    }
+    return Vector3::Zero();
+  }
   [[nodiscard]] Vector3 most_draining_velocity(const Vector3& force_on_hand_newton) const noexcept;
 
   HostilePath path_;
@@ -76,8 +101,11 @@ class HostileHand {
   double half_period_s_ = 0.0;
   double speed_m_per_s_ = 0.0;
   Vector3 direction_ = Vector3::UnitZ();
+  Vector3 sensed_newton_ = Vector3::Zero();         ///< the force now
   Vector3 last_force_direction_ = Vector3::Zero();  ///< zero: no force rendered yet
+  Vector3 most_draining_m_per_s_ = Vector3::Zero();
   Vector3 position_m_;
+  double surely_inside_m2_;  ///< squared distance from the centre, less than radius² by rounding
 };
 
 /// A hand that a pointer leads: the intended point follows the goal with a time constant of 50 ms,
@@ -112,7 +140,14 @@ class Hand {
   [[nodiscard]] const Vector3& start_position_m() const noexcept { return start_position_m_; }
   /// Call once per inner step, in order, with the time of its middle since the device's start.
   /// No allocation, no throw.
-  [[nodiscard]] Target target(double t_s, const Sensed& sensed) noexcept;
+  /// @param force_on_hand_newton  rendered, D
+  [[nodiscard]] Target target(double t_s, const Vector3& force_on_hand_newton) noexcept {
+    if (!is_hostile_ || led_) return target_without_sense(t_s);
+    const Target target = hostile_.target(t_s, force_on_hand_newton);
+    intended_m_ = target.position_m;
+    t_s_ = t_s;
+    return target;
+  }
   /// From now on the hand moves to this goal (D) and stays there; it leaves its path for good. Does
   /// nothing without hand.pointer in the session.
   void lead_to(const Vector3& goal_m) noexcept;
@@ -120,7 +155,10 @@ class Hand {
   [[nodiscard]] std::uint32_t buttons(double t_s) const noexcept;
 
  private:
+  [[nodiscard]] Target target_without_sense(double t_s) noexcept;
+
   HandConfig config_;
+  bool is_hostile_;
   HostileHand hostile_;  ///< at rest unless the path is a hostile one
   Vector3 start_position_m_;
   Vector3 intended_m_;  ///< by the path, at t_s_

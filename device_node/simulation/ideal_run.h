@@ -55,9 +55,7 @@ class IdealRun {
   /// 150 N·s/m on 0.3 kg at 50 µs, so three leave less than 2e-6 of it.
   void step(double middle_s, double h_s) {
     const TrueState before = plant_.state();
-    const Sensed sensed{force_on_hand_newton_, before.hand_position_m,
-                        before.hand_velocity_m_per_s};
-    const Target target = hand_.target(middle_s, sensed);
+    const Target target = hand_.target(middle_s, force_on_hand_newton_);
     Vector3 mean_velocity = before.hand_velocity_m_per_s;
     for (int pass = 0; pass < 3; ++pass) {
       const Vector3 middle_m = before.hand_position_m + 0.5 * h_s * mean_velocity;

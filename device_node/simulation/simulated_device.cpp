@@ -72,12 +72,14 @@ void SimulatedDevice::catch_up() noexcept {
 }
 
 void SimulatedDevice::integrate_until(TimePoint until) noexcept {
-  in_equal_steps(
-      start_, integrated_until_, until, config_.inner_step, [this](double middle_s, double h_s) {
-        const TrueState& now = plant_.state();
-        const Sensed sensed{force_on_hand_newton_, now.hand_position_m, now.hand_velocity_m_per_s};
-        plant_.step(h_s, hand_.target(middle_s, sensed), force_on_hand_newton_);
-      });
+  if (until <= integrated_until_) return;
+  // a copy, so that its state stays in registers
+  Plant plant = plant_;
+  in_equal_steps(start_, integrated_until_, until, config_.inner_step,
+                 [&, force = force_on_hand_newton_](double middle_s, double h_s) {
+                   plant.step(h_s, hand_.target(middle_s, force), force);
+                 });
+  plant_ = plant;
   integrated_until_ = std::max(integrated_until_, until);
 }
 

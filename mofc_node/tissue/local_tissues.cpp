@@ -29,22 +29,24 @@ void LocalTissues::step(std::array<DescribedTissue, kMaxDescribed>& tissues,
     Memory& memory = memories_[i];
     results_[i] = {};
     if (!tissue.is_known()) {
-      memory = {};
+      if (memory.is_used) memory = {};
       continue;
     }
-    if (memory.version != tissue.version()) memory = {.version = tissue.version()};
+    memory.is_used = true;
+    if (memory.version != tissue.version()) memory = {.is_used = true, .version = tissue.version()};
     tissue.prepare(now.tip_m - displacement(tissue.motion(), now.time_s).position_m, false);
     if (memory.shaft) tissue.prepare(memory.shaft->proxy.point_m, true);
     if (!memory.is_begun) begin(tissue, newest, now, memory);
-    results_[i] = advance(tissue, now, tool_velocity_world_m_per_s, memory, views_left);
-    memory.is_begun = results_[i].is_valid || shares[i] > 0.0;
+    const bool has_share = shares[i] > 0.0;
+    results_[i] = advance(tissue, now, tool_velocity_world_m_per_s, has_share, memory, views_left);
+    memory.is_begun = results_[i].is_valid || has_share;
   }
 }
 
 /// Continues from what the tissue remembered when physics_node looked, or begins anew.
 void LocalTissues::begin(const DescribedTissue& tissue, const Interaction& newest,
                          const ToolPose& now, Memory& memory) noexcept {
-  memory = {.version = tissue.version()};
+  memory = {.is_used = true, .version = tissue.version()};
   const double then_s = to_seconds(newest.header.sampled_at.time_since_epoch());
   const Vector3 moved_m = displacement(tissue.motion(), std::min(then_s, now.time_s)).position_m;
   for (std::uint32_t i = 0; i < newest.listed_count; ++i) {
@@ -77,7 +79,7 @@ void LocalTissues::begin(const DescribedTissue& tissue, const Interaction& newes
 }
 
 LocalTissues::Result LocalTissues::advance(DescribedTissue& tissue, const ToolPose& now,
-                                           const Vector3& velocity, Memory& memory,
+                                           const Vector3& velocity, bool has_share, Memory& memory,
                                            std::uint32_t& views_left) noexcept {
   const KelvinVoigtMaterial& material = tissue.material();
   Result result{.is_stepped = true, .is_valid = true, .tissue = tissue.tissue()};
@@ -118,6 +120,11 @@ LocalTissues::Result LocalTissues::advance(DescribedTissue& tissue, const ToolPo
     }
   }
   count(tip);
+  // nobody uses the rest of an invalid step, and the next one begins anew
+  if (!result.is_valid && !has_share) {
+    memory = {.is_used = true, .version = memory.version};
+    return result;
+  }
   if (material.relaxing_stiffness_newton_per_m > 0.0) {
     memory.relaxation.press(material.relaxation_time_s,
                             tip.is_punctured ? 0.0 : tip.penetration_m(), dt_s);
@@ -143,7 +150,7 @@ LocalTissues::Result LocalTissues::advance(DescribedTissue& tissue, const ToolPo
   memory.pose = now;
   if (!result.force.force_on_tool_newton.allFinite() ||
       !std::isfinite(result.force.stored_energy_joule)) {
-    memory = {.version = memory.version};
+    memory = {.is_used = true, .version = memory.version};
     return {.is_stepped = true, .tissue = tissue.tissue()};
   }
   return result;

@@ -60,6 +60,7 @@ class LocalTissues {
     }
   };
   struct Memory {
+    bool is_used = false;  // since it was last emptied
     bool is_begun = false;
     std::uint32_t version = 0;  // of the description
     std::optional<Touch> tip{};
@@ -71,9 +72,10 @@ class LocalTissues {
   };
   static void begin(const DescribedTissue& tissue, const Interaction& newest, const ToolPose& now,
                     Memory& memory) noexcept;
+  /// @param has_share   an invalid result counts too
   /// @param views_left  of this step of all tissues; reduced by those that this one needs
   static Result advance(DescribedTissue& tissue, const ToolPose& now, const Vector3& velocity,
-                        Memory& memory, std::uint32_t& views_left) noexcept;
+                        bool has_share, Memory& memory, std::uint32_t& views_left) noexcept;
 
   std::array<Memory, kMaxDescribed> memories_;
   std::array<Result, kMaxDescribed> results_;

@@ -152,7 +152,7 @@ TEST(HostileHand, StaysInItsBallBelowItsSpeedAndUsesBoth) {
     // a force that grows, turns and vanishes
     const double t = 50e-6 * i;
     const Vector3 force(std::sin(7 * t), 2 * std::cos(11 * t), t > 5 ? 0.0 : 3.0);
-    const Target target = hand.target(t, {force, previous, Vector3::Zero()});
+    const Target target = hand.target(t, force);
     ASSERT_LT((target.position_m - previous - 50e-6 * target.velocity_m_per_s).norm(), 1e-12);
     farthest_m = std::max(farthest_m, (target.position_m - path.center_m).norm());
     fastest_m_per_s = std::max(fastest_m_per_s, target.velocity_m_per_s.norm());
@@ -170,7 +170,7 @@ std::vector<Vector3> hostile_velocities(const SimulatedDeviceConfig& device, con
   HostileHand hand({.radius_m = 100.0, .v_max_m_per_s = 0.5}, device, 3);
   std::vector<Vector3> velocities;
   for (int i = 1; i <= 20'000; ++i) {
-    velocities.push_back(hand.target(50e-6 * i, {force, {}, {}}).velocity_m_per_s);
+    velocities.push_back(hand.target(50e-6 * i, force).velocity_m_per_s);
   }
   return velocities;
 }
@@ -197,7 +197,7 @@ Vector3 hostile_position_after_5_s(std::uint64_t seed) {
   Target target;
   for (int i = 1; i <= 100'000; ++i) {
     const Vector3 force = -100.0 * target.position_m;
-    target = hand.target(50e-6 * i, {force, target.position_m, target.velocity_m_per_s});
+    target = hand.target(50e-6 * i, force);
   }
   return target.position_m;
 }

@@ -96,7 +96,7 @@ TEST(LedHand, IsOnItsPathToTheBitUntilItIsLed) {
   config.pointer.reset();
   Hand plain(config, {}, 1);
   for (double t = 0.0; t < 0.1; t += kUpdate_s) {
-    ASSERT_EQ(led.target(t, {}).position_m, plain.target(t, {}).position_m);
+    ASSERT_EQ(led.target(t, Vector3::Zero()).position_m, plain.target(t, Vector3::Zero()).position_m);
   }
 }
 
@@ -107,37 +107,37 @@ TEST(LedHand, WithoutPermissionKeepsToItsPath) {
   Hand other(config, {}, 1);
   hand.lead_to(Vector3(0, 0, 0.03));
   for (double t = 0.0; t < 0.1; t += kUpdate_s) {
-    ASSERT_EQ(hand.target(t, {}).position_m, other.target(t, {}).position_m);
+    ASSERT_EQ(hand.target(t, Vector3::Zero()).position_m, other.target(t, Vector3::Zero()).position_m);
   }
 }
 
 TEST(LedHand, GoesToItsGoalAndStays) {
   Hand hand(led_config(), {}, 1);
-  static_cast<void>(hand.target(0.3, {}));
+  static_cast<void>(hand.target(0.3, Vector3::Zero()));
   const Vector3 goal_m(0.02, 0.01, -0.01);
   hand.lead_to(goal_m);
   Target target;
   // within 0.06 m: 0.3 s at full speed and some time constants of 50 ms
-  for (double t = 0.3 + kUpdate_s; t < 1.5; t += kUpdate_s) target = hand.target(t, {});
+  for (double t = 0.3 + kUpdate_s; t < 1.5; t += kUpdate_s) target = hand.target(t, Vector3::Zero());
   EXPECT_LT((target.position_m - goal_m).norm(), 1e-6);
   EXPECT_LT(target.velocity_m_per_s.norm(), 1e-4);
 
-  for (double t = 1.5; t < 5.0; t += 1e-3) target = hand.target(t, {});
+  for (double t = 1.5; t < 5.0; t += 1e-3) target = hand.target(t, Vector3::Zero());
   EXPECT_LT((target.position_m - goal_m).norm(), 1e-9);
 }
 
 TEST(LedHand, StartsWhereThePathWasWithoutAJump) {
   Hand hand(led_config(), {}, 1);
-  const Vector3 on_path_m = hand.target(0.3, {}).position_m;
+  const Vector3 on_path_m = hand.target(0.3, Vector3::Zero()).position_m;
   hand.lead_to(Vector3(-0.03, 0, 0));
-  const Target first = hand.target(0.3 + kUpdate_s, {});
+  const Target first = hand.target(0.3 + kUpdate_s, Vector3::Zero());
   EXPECT_LT((first.position_m - on_path_m).norm(), 0.2 * kUpdate_s + 1e-12);
 }
 
 TEST(LedHand, IsNeverFasterNorFartherThanItsLimitsForAnyGoal) {
   const HandConfig config = led_config();
   Hand hand(config, {}, 1);
-  Vector3 previous_m = hand.target(0.0, {}).position_m;
+  Vector3 previous_m = hand.target(0.0, Vector3::Zero()).position_m;
   Random random(5);
   double t = 0.0;
   for (int goal = 0; goal < 200; ++goal) {
@@ -145,7 +145,7 @@ TEST(LedHand, IsNeverFasterNorFartherThanItsLimitsForAnyGoal) {
     hand.lead_to(random.direction() * std::pow(10.0, random.uniform(-3.0, 3.0)));
     for (int i = 0; i < 200; ++i) {
       t += kUpdate_s;
-      const Target target = hand.target(t, {});
+      const Target target = hand.target(t, Vector3::Zero());
       ASSERT_LE((target.position_m - config.pointer->center_m).norm(), 0.05 + 1e-12);
       ASSERT_LE((target.position_m - previous_m).norm() / kUpdate_s, 0.2 + 1e-6);
       ASSERT_LE(target.velocity_m_per_s.norm(), 0.2 + 1e-12);
