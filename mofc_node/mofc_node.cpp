@@ -7,7 +7,8 @@ namespace palpate::mofc {
 
 MofcNode::MofcNode(const MofcConfig& mofc, const ClampedDevice& device, const Clock& clock,
                    Sender<ToolMotion>& motion_out, Inbox<Interaction>& interaction_in,
-                   TickSink<MofcTick>& ticks, std::uint64_t session_id)
+                   TickSink<MofcTick>& ticks, std::uint64_t session_id,
+                   std::optional<StandbyLinks> standby)
     : interaction_use_(mofc.interaction),
       device_(device),
       clock_(clock),
@@ -15,9 +16,14 @@ MofcNode::MofcNode(const MofcConfig& mofc, const ClampedDevice& device, const Cl
       session_id_(session_id),
       relay_(mofc, device, clock, motion_out, session_id),
       physics_(interaction_in, clock, mofc.wait_for_physics),
-      tissue_(mofc.interaction == InteractionUse::kLocal, mofc.handover_newton_per_s, session_id),
+      choice_(mofc.standby_after.value_or(Duration::max())),
+      tissue_(mofc.interaction, standby.has_value(), mofc.handover_newton_per_s, session_id),
       controller_(make_controller(mofc, device)),
-      fade_(mofc.stale_after, mofc.fade) {}
+      fade_(mofc.stale_after, mofc.fade) {
+  if (!standby) return;
+  standby_.emplace(standby->interaction_in, clock, Duration::zero());
+  relay_.relay_to_standby(standby->motion_out);
+}
 
 ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
   const DeviceState& state = received.value;
@@ -38,9 +44,7 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
   relay_.update(state, echo.mean_force_newton);
   if (physics_.waits()) relay_.send();
   const TimePoint now = clock_.now();
-  const PhysicsAnswer physics = physics_.take(
-      state, now, [&](const Interaction& interaction) { tissue_.receive(interaction, state); });
-  relay_.acknowledge(tissue_.receipts());
+  const PhysicsAnswer physics = take_physics(state, now);
   const Request wanted = request(state, physics.interaction, echo.since_previous);
   const WorkspaceConfig& workspace = device_.workspace;
   const Vector3 requested = workspace.force_ratio * wanted.tissue.force_on_tool_newton;
@@ -89,7 +93,8 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
                             : Duration{},
            .state = after_fade,
            .is_clamped = output.is_clamped,
-           .is_in_contact = wanted.tissue.is_touching};
+           .is_in_contact = wanted.tissue.is_touching,
+           .is_from_standby = choice_.in_use() == PhysicsRole::kStandby};
   count(*turn_, physics, output, faded.phase);
   const Duration lease = output.lease_s > 0.0 ? from_seconds(output.lease_s) : device_.lease;
   return make_command(state, faded.force_newton, lease, now);
@@ -107,6 +112,11 @@ MofcCounters MofcNode::counters() const noexcept {
   counters.interaction = physics_.counters();
   counters.motions_dropped = relay_.dropped();
   counters.motions_suppressed = relay_.suppressed();
+  if (standby_) {
+    counters.standby_interaction = standby_->counters();
+    counters.physics_term = choice_.term();
+    counters.physics_switches = choice_.switches();
+  }
   counters.transparency_sum = echo_.transparency().sum();
   counters.transparency_samples = echo_.transparency().samples();
   return counters;
@@ -115,9 +125,40 @@ MofcCounters MofcNode::counters() const noexcept {
 void MofcNode::begin_device_session() noexcept {
   controller_->reset();
   relay_.reset();
+  choice_.begin_session();
   tissue_.reset();
   echo_.reset();
   ++counters_.ledger_resets;
+}
+
+/// The answer of the physics in use.
+PhysicsAnswer MofcNode::take_physics(const DeviceState& state, TimePoint now) noexcept {
+  const auto take = [&](PhysicsInput& input, PhysicsRole role) {
+    return input.take(state, now, [&](const Interaction& interaction) {
+      tissue_.receive(role, interaction, state);
+    });
+  };
+  std::array<PhysicsAnswer, kPhysicsRoles> answers{take(physics_, PhysicsRole::kFirst), {}};
+  relay_.say(PhysicsRole::kFirst, {.receipts = tissue_.receipts(PhysicsRole::kFirst)});
+  newest_ = {answers[0].interaction, nullptr};
+  if (!standby_) return answers[0];
+
+  answers[1] = take(*standby_, PhysicsRole::kStandby);
+  newest_[1] = answers[1].interaction;
+  std::array<HeardPhysics, kPhysicsRoles> heard{};
+  for (std::size_t i = 0; i < kPhysicsRoles; ++i) {
+    heard[i] = {.has_answered = newest_[i] != nullptr,
+                .is_lost = answers[i].lost_for > Duration::zero(),
+                .silence = answers[i].silence,
+                .term = newest_[i] != nullptr ? newest_[i]->physics_term : 0};
+  }
+  const PhysicsRole in_use = choice_.step(heard, now);
+  relay_.use(in_use, choice_.term());
+  for (const PhysicsRole role : {PhysicsRole::kFirst, PhysicsRole::kStandby}) {
+    relay_.say(role, {.receipts = tissue_.receipts(role),
+                      .scene_time = tissue_.scene_time(role, in_use, state.header.sampled_at)});
+  }
+  return answers[index_of(in_use)];
 }
 
 MofcNode::Request MofcNode::request(const DeviceState& state, const Interaction* interaction,
@@ -128,10 +169,8 @@ MofcNode::Request MofcNode::request(const DeviceState& state, const Interaction*
             .state = interaction == nullptr ? MofcState::kNoPhysics : MofcState::kClutched};
   }
   const ModelForce tissue =
-      interaction_use_ == InteractionUse::kHeld
-          ? held(*interaction)
-          : tissue_.step(*interaction, state, relay_.tool_position_world_m(),
-                         relay_.tool_velocity_world_m_per_s(), to_seconds(since_previous));
+      tissue_.step(newest_, choice_.in_use(), state, relay_.tool_position_world_m(),
+                   relay_.tool_velocity_world_m_per_s(), to_seconds(since_previous));
   return {.tissue = tissue, .state = tissue.is_touching ? MofcState::kContact : MofcState::kFree};
 }
 
@@ -159,6 +198,7 @@ void MofcNode::count(const MofcTick& turn, const PhysicsAnswer& physics,
                      const controllers::ControlOutput& output, SilenceFade::Phase phase) noexcept {
   ++counters_.ticks;
   if (turn.is_in_contact) ++counters_.contact_ticks;
+  if (turn.is_from_standby) ++counters_.standby_ticks;
   if (turn.is_clamped) ++counters_.clamped_ticks;
   if (output.is_too_fast) ++counters_.too_fast_ticks;
   if (physics.is_late) ++counters_.late_physics_ticks;

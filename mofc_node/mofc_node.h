@@ -17,11 +17,14 @@
 // New device session: ledger 0. An echo that does not continue the last one answered: no credit is
 //   left. New physics session: its first Interaction replaces the model as any next one does,
 //   without a jump; the ledger stays.
+// With `standby_after` there are two physics: both get every motion, both are heard, one is used
+//   (PhysicsChoice); the force passes from one to the other as between two contact models.
 // `wait_for_physics` > 0: answers from the Interaction that answers this very DeviceState; if that
 //   does not come in time the force is at most f_co, which friction absorbs.
 // Thread: everything runs on the caller's thread; no allocation, lock, log or throw.
 #pragma once
 
+#include <array>
 #include <memory>
 #include <optional>
 
@@ -34,20 +37,29 @@
 #include "common/telemetry/mofc_telemetry.h"
 #include "mofc_node/controllers/force_controller.h"
 #include "mofc_node/device_echo.h"
+#include "mofc_node/failover/physics_choice.h"
+#include "mofc_node/failover/tissue_pair.h"
 #include "mofc_node/motion_relay.h"
 #include "mofc_node/physics_input.h"
 #include "mofc_node/silence_fade.h"
-#include "mofc_node/tissue/tissue_model.h"
 
 namespace palpate::mofc {
+
+/// Hops 2 and 3 of physics.standby.
+struct StandbyLinks {
+  Sender<ToolMotion>& motion_out;
+  Inbox<Interaction>& interaction_in;
+};
 
 class MofcNode {
  public:
   /// All references must outlive the node.
   /// @param session_id  random per process start, ≠ 0
+  /// @param standby     with mofc.standby_after
   MofcNode(const MofcConfig& mofc, const ClampedDevice& device, const Clock& clock,
            Sender<ToolMotion>& motion_out, Inbox<Interaction>& interaction_in,
-           TickSink<MofcTick>& ticks, std::uint64_t session_id);
+           TickSink<MofcTick>& ticks, std::uint64_t session_id,
+           std::optional<StandbyLinks> standby = std::nullopt);
 
   /// The answer to one DeviceState; send it at once, then call finish_turn().
   [[nodiscard]] ForceCommand answer(const Received<DeviceState>& state) noexcept;
@@ -66,6 +78,7 @@ class MofcNode {
   };
 
   void begin_device_session() noexcept;
+  [[nodiscard]] PhysicsAnswer take_physics(const DeviceState& state, TimePoint now) noexcept;
   [[nodiscard]] Request request(const DeviceState& state, const Interaction* interaction,
                                 Duration since_previous) noexcept;
   [[nodiscard]] bool is_fresh(const Interaction* interaction) noexcept;
@@ -83,7 +96,10 @@ class MofcNode {
   DeviceEcho echo_;
   MotionRelay relay_;
   PhysicsInput physics_;
-  TissueModel tissue_;
+  std::optional<PhysicsInput> standby_;
+  PhysicsChoice choice_;
+  std::array<const Interaction*, kPhysicsRoles> newest_{};  // of this turn
+  TissuePair tissue_;
   std::unique_ptr<controllers::ForceController> controller_;
   SilenceFade fade_;
 

@@ -32,14 +32,25 @@ void MotionRelay::update(const DeviceState& state, const Vector3& mean_force_new
 void MotionRelay::send() noexcept {
   if (!is_pending_) return;
   is_pending_ = false;
-  if (deadband_ && sent_ && !is_worth_sending(*sent_, motion_, *deadband_)) {
+  if (deadband_ && sent_ && sent_->physics_term == motion_.physics_term &&
+      !is_worth_sending(*sent_, motion_, *deadband_)) {
     ++suppressed_;
     return;
   }
   motion_.header.sequence = next_sequence_++;
-  const SendResult result = out_.send(motion_);
+  const SendResult first = send_to(PhysicsRole::kFirst);
+  const SendResult standby =
+      standby_out_ != nullptr ? send_to(PhysicsRole::kStandby) : SendResult::kNoPeer;
+  const SendResult result = in_use_ == PhysicsRole::kFirst ? first : standby;
   if (result == SendResult::kDropped) ++dropped_;
   if (result == SendResult::kSent) sent_ = motion_;
+}
+
+SendResult MotionRelay::send_to(PhysicsRole receiver) noexcept {
+  const Said& said = said_[index_of(receiver)];
+  motion_.receipts = said.receipts;
+  motion_.scene_time = said.scene_time;
+  return (receiver == PhysicsRole::kFirst ? out_ : *standby_out_).send(motion_);
 }
 
 }  // namespace palpate::mofc

@@ -1,12 +1,14 @@
 // motion_relay.h — hop 2: the tool's motion, from the device to the physics.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <optional>
 
 #include "common/core/clock.h"
 #include "common/core/messages.h"
+#include "common/core/physics_term.h"
 #include "common/core/ports.h"
 #include "common/session/clamped_device.h"
 #include "common/session/mofc_config.h"
@@ -27,8 +29,19 @@ class MotionRelay {
   /// Makes the motion of this state; send() sends it.
   /// @param mean_force_newton  time average of the force on the hand since the previous state
   void update(const DeviceState& state, const Vector3& mean_force_newton) noexcept;
-  /// What the next motions acknowledge of hop 3.
-  void acknowledge(const SurfaceReceipts& receipts) noexcept { motion_.receipts = receipts; }
+  /// Every motion goes to this physics too; it must outlive the relay.
+  void relay_to_standby(Sender<ToolMotion>& out) noexcept { standby_out_ = &out; }
+  /// What the next motions to one physics say, beside the motion.
+  struct Said {
+    SurfaceReceipts receipts{};
+    std::optional<TimePoint> scene_time{};
+  };
+  void say(PhysicsRole receiver, const Said& said) noexcept { said_[index_of(receiver)] = said; }
+  /// What the next motions say of who speaks; the deadband never suppresses a new term.
+  void use(PhysicsRole role, std::uint64_t term) noexcept {
+    in_use_ = role;
+    motion_.physics_term = term;
+  }
   /// Sends the motion of the last update() unless that was done or the deadband suppresses it.
   void send() noexcept;
 
@@ -44,13 +57,18 @@ class MotionRelay {
   [[nodiscard]] std::uint64_t suppressed() const noexcept { return suppressed_; }
 
  private:
+  [[nodiscard]] SendResult send_to(PhysicsRole receiver) noexcept;
+
   const Clock& clock_;
   Sender<ToolMotion>& out_;
+  Sender<ToolMotion>* standby_out_ = nullptr;
+  std::array<Said, kPhysicsRoles> said_{};
+  PhysicsRole in_use_ = PhysicsRole::kFirst;
   std::optional<MotionDeadband> deadband_;
   std::unique_ptr<VelocityEstimator> velocity_;
   ToolMotion motion_;
   bool is_pending_ = false;         // motion_ waits for send()
-  std::optional<ToolMotion> sent_;  // the last one that the link took
+  std::optional<ToolMotion> sent_;  // the last one that the link to the physics in use took
   std::uint64_t next_sequence_ = 0;
   std::uint64_t dropped_ = 0;
   std::uint64_t suppressed_ = 0;

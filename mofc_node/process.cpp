@@ -26,6 +26,30 @@ RealtimeConfig below_device(RealtimeConfig realtime) {
   return realtime;
 }
 
+/// Hops 2 and 3 of physics.standby.
+class StandbyEnds {
+ public:
+  StandbyEnds(NodeContext& context, ZmqContext& context_of_links, const Side& side)
+      : motion_out_(context_of_links,
+                    connect_to(side.links.standby_tool_motion, "links.standby_tool_motion")),
+        interactions_(context_of_links, context.clock,
+                      connect_to(side.links.standby_interaction, "links.standby_interaction")),
+        interaction_in_(interactions_, context.clock, context.session.faults.standby_interaction,
+                        stream_seed(context.session, side, "standby_interaction")),
+        refused_(context.log, "standby_interaction", interactions_.rejections()) {}
+
+  [[nodiscard]] std::optional<StandbyLinks> links() {
+    return StandbyLinks{.motion_out = motion_out_, .interaction_in = interaction_in_};
+  }
+  void note_refused(TimePoint now) { refused_.note(now); }
+
+ private:
+  ZmqSender<ToolMotion> motion_out_;
+  ZmqSource<Interaction> interactions_;
+  Inbox<Interaction> interaction_in_;
+  RejectionLog refused_;
+};
+
 }  // namespace
 
 class Clamp::Impl {
@@ -42,13 +66,15 @@ class Clamp::Impl {
                       connect_to(side_.links.interaction, "links.interaction")),
         interaction_in_(interactions_, context.clock, session_.faults.interaction,
                         stream_seed(session_, side_, "interaction")),
+        standby_(session_.physics.standby ? std::make_unique<StandbyEnds>(context, side, side_)
+                                          : nullptr),
         telemetry_(side, bind_to(side_.links.mofc_telemetry, "links.mofc_telemetry")),
         recorder_(flight_files(context, with_side(side_.name, "mofc"))),
         refused_peers_(context.log, side.refused()),
         refused_states_(context.log, "device_state", refused),
         refused_interactions_(context.log, "interaction", interactions_.rejections()),
         node_(side_.mofc, clamped_device(side_.device), context.clock, motion_out_, interaction_in_,
-              ticks_, context.session_id),
+              ticks_, context.session_id, standby_ ? standby_->links() : std::nullopt),
         publisher_(context.session_id, context.clock, ticks_, counters_, telemetry_, context.log,
                    side_.name) {
     publisher_.record_to(recorder_);
@@ -57,6 +83,7 @@ class Clamp::Impl {
       refused_peers_.note(now);
       refused_states_.note(now);
       refused_interactions_.note(now);
+      if (standby_) standby_->note_refused(now);
     };
     publisher_.start();
   }
@@ -91,6 +118,8 @@ class Clamp::Impl {
   ZmqSender<ToolMotion> motion_out_;
   ZmqSource<Interaction> interactions_;
   Inbox<Interaction> interaction_in_;
+
+  std::unique_ptr<StandbyEnds> standby_;  // null: none
 
   // hop 5
   ZmqSender<MofcBatch> telemetry_;

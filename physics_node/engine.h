@@ -15,7 +15,8 @@ class Engine {
 
   /// The action of the tissue on the tool.
   /// @param motion  the newest; `is_new` if no step has used it
-  /// @param now     physics' clock, time of this step
+  /// @param now     physics' clock, time of this step; moving tissue is where it is at
+  ///                now + answer.scene_ahead, which may go back while a standby does not speak
   /// @param answer  force, energy, contacts and surface are to be filled, within the ranges of
   ///                hop 3; the rest is there
   /// @return false: no answer, the receiver keeps what it has

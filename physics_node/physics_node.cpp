@@ -28,7 +28,7 @@ void clear(Interaction& answer) noexcept {
 PhysicsNode::PhysicsNode(Engine& engine, const PhysicsConfig& physics, InteractionUse use,
                          const Clock& clock, Inbox<ToolMotion>& motion_in,
                          Sender<Interaction>& interaction_out, TickSink<PhysicsTick>& ticks_out,
-                         std::uint64_t session_id)
+                         std::uint64_t session_id, Speaker* speaker)
     : engine_(engine),
       use_(use),
       clock_(clock),
@@ -36,6 +36,7 @@ PhysicsNode::PhysicsNode(Engine& engine, const PhysicsConfig& physics, Interacti
       interaction_out_(interaction_out),
       ticks_out_(ticks_out),
       session_id_(session_id),
+      speaker_(speaker),
       deadband_(physics.interaction_deadband) {
   engine_.count_into(counters_);
 }
@@ -56,6 +57,8 @@ void PhysicsNode::step(const Tick& tick) noexcept {
   motions_answered_ = counters_.tool_motion.accepted;
   const ToolMotion& motion = received->value;
 
+  if (speaker_ != nullptr && is_new) speaker_->hear(*received);
+
   // send: hop 3. A message that the link drops shows as skipped at the receiver.
   Interaction& interaction = interaction_;
   interaction.header = {.session_id = session_id_, .sampled_at = tick.now};
@@ -64,6 +67,10 @@ void PhysicsNode::step(const Tick& tick) noexcept {
   interaction.device_sampled_at = motion.device_sampled_at;
   interaction.tool_position_world_m = motion.tool_position_world_m;
   interaction.tool_orientation_world = motion.tool_orientation_world;
+  if (speaker_ != nullptr) {
+    interaction.physics_term = speaker_->term();
+    interaction.scene_ahead = speaker_->scene_ahead();
+  }
   clear(interaction);
   const bool has_answer = engine_.step(motion, is_new, tick.now, interaction);
   engine_.count_into(counters_);
@@ -90,6 +97,7 @@ void PhysicsNode::step(const Tick& tick) noexcept {
 
 void PhysicsNode::send(Interaction& interaction, const ToolMotion& motion) noexcept {
   if (deadband_ && interaction.surface.number == 0 &&
+      interaction.physics_term == sent_.physics_term &&
       motion.header.session_id == sent_to_session_id_ &&
       !is_worth_sending(sent_, interaction, motion.tool_velocity_world_m_per_s, *deadband_, use_)) {
     ++counters_.interactions_suppressed;

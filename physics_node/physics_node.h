@@ -25,6 +25,7 @@
 #include "common/session/scene_config.h"
 #include "common/telemetry/physics_telemetry.h"
 #include "physics_node/engine.h"
+#include "physics_node/speaker.h"
 
 namespace palpate::physics {
 
@@ -33,9 +34,11 @@ class PhysicsNode {
   /// All references must outlive the node.
   /// @param use         how mofc_node uses an Interaction
   /// @param session_id  random, not 0
+  /// @param speaker     of this physics, shared by its tools; null: there is no standby
   PhysicsNode(Engine& engine, const PhysicsConfig& physics, InteractionUse use, const Clock& clock,
               Inbox<ToolMotion>& motion_in, Sender<Interaction>& interaction_out,
-              TickSink<PhysicsTick>& ticks_out, std::uint64_t session_id);
+              TickSink<PhysicsTick>& ticks_out, std::uint64_t session_id,
+              Speaker* speaker = nullptr);
 
   /// Newest motion → force → hop 3. Called at the physics rate, or on arrival of a motion
   /// (has_new_motion).
@@ -58,6 +61,7 @@ class PhysicsNode {
   Sender<Interaction>& interaction_out_;
   TickSink<PhysicsTick>& ticks_out_;
   std::uint64_t session_id_;
+  Speaker* speaker_;
   std::optional<InteractionDeadband> deadband_;
   Interaction interaction_;               // of this step; kilobytes, so it is not made anew
   Interaction sent_;                      // the last one that was sent; with a deadband only

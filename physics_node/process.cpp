@@ -60,8 +60,13 @@ class Control {
 
 }  // namespace
 
-void run_process(NodeContext& context, ProcessLinks& links) {
+void run_process(NodeContext& context, ProcessLinks& links, PhysicsRole role) {
   const Session& session = context.session;
+  if (role == PhysicsRole::kStandby && !session.physics.standby) {
+    throw SetupError(session.file +
+                     ": --standby: the session has no physics.standby; give physics { standby {} }, "
+                     "or leave --standby out");
+  }
   if (!session.physics_command.empty()) {
     throw SetupError(session.file +
                      ": physics.command names another program as the physics of this session; "
@@ -88,6 +93,7 @@ void run_process(NodeContext& context, ProcessLinks& links) {
                                display = made.get();
                                return made;
                              }};
+  program.role = role;
   std::optional<Control> control;
   if (session.viewer.has_control) {
     control.emplace(session, context, links.side);

@@ -61,7 +61,7 @@ SceneEngine::SceneEngine(std::shared_ptr<const Scene> scene, double rate_hz, Int
 
 bool SceneEngine::step(const ToolMotion& motion, bool /*is_new*/, TimePoint now,
                        Interaction& answer) noexcept {
-  const double time_s = to_seconds(now.time_since_epoch());
+  const double time_s = to_seconds((now + answer.scene_ahead).time_since_epoch());
   const Vector3 shaft_to_handle = motion.tool_orientation_world * Vector3::UnitZ();
   const SceneForce force =
       scene_->step(memory_, motion.tool_position_world_m, motion.tool_velocity_world_m_per_s,

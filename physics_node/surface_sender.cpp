@@ -59,7 +59,7 @@ void SurfaceSender::fill(const ToolMotion& motion, TimePoint now,
   const Vector3 ahead_m =
       limited_to_norm(age_s * motion.tool_velocity_world_m_per_s, 0.5 * reach_m);
   if (!(motion.tool_position_world_m + ahead_m).allFinite()) return;
-  const double time_s = to_seconds(now.time_since_epoch());
+  const double time_s = to_seconds((now + interaction.scene_ahead).time_since_epoch());
 
   // the listed tissues, deepest first
   struct Wanted {

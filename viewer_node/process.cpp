@@ -54,6 +54,9 @@ std::vector<Attachment> telemetry_of(const Session& session) {
     attachments.push_back(connect_to(side.links.mofc_telemetry, "links.mofc_telemetry"));
   }
   attachments.push_back(connect_to(session.physics_telemetry, "links.physics_telemetry"));
+  if (session.physics.standby) {
+    attachments.push_back(connect_to(session.standby_telemetry, "links.standby_telemetry"));
+  }
   attachments.push_back(run_state_of(session, Attachment::Role::kConnect));
   return attachments;
 }

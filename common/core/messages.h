@@ -14,6 +14,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <optional>
 
 #include "common/core/time.h"
 #include "common/core/tissue.h"
@@ -86,6 +87,10 @@ struct ToolMotion {
   Vector3 tool_velocity_world_m_per_s = Vector3::Zero();  ///< estimated by mofc
   std::uint32_t buttons = 0;
   SurfaceReceipts receipts{};  ///< of what hop 3 has carried
+
+  std::uint64_t physics_term = 0;  ///< which physics all sides use: physics_term.h
+  /// Time of moving tissue in the physics in use when this arrives, as far as mofc knows.
+  std::optional<TimePoint> scene_time{};
 };
 
 /// Local contact model of one tissue that the tool touches or is close to: the force at the
@@ -148,6 +153,9 @@ struct Interaction {
   std::uint32_t listed_count = 0;   ///< entries of `contacts`
   std::uint32_t contact_count = 0;  ///< tissues touched; may exceed the size of the array
   SurfaceNews surface{};
+
+  std::uint64_t physics_term = 0;  ///< highest heard of on hop 2
+  Duration scene_ahead{};          ///< time of moving tissue less header.sampled_at
 };
 
 /// How mofc_node uses an Interaction until the next one arrives.
@@ -213,6 +221,8 @@ inline void copy_message(const Interaction& from, Interaction& to) noexcept {
   to.listed_count = from.listed_count;
   to.contact_count = from.contact_count;
   copy_message(from.surface, to.surface);
+  to.physics_term = from.physics_term;
+  to.scene_ahead = from.scene_ahead;
 }
 
 }  // namespace palpate

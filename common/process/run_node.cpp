@@ -202,7 +202,7 @@ int run_node(int argc, char** argv, const NodeInfo& info,
     }
 
     request_short_slices();  // before the first thread starts
-    const Log log(with_side(side, info.name));
+    const Log log(with_side(side, info.name_in_log ? info.name_in_log() : info.name));
     log.logger().set_level(spdlog::level::from_str(log_level));
     Signals signals(seconds);
     if (is_insecure) {

@@ -42,6 +42,8 @@ struct NodeInfo {
   std::function<std::optional<LaunchedSession>()> launched = {};
   /// Adds options of this node to the common ones; may be empty.
   std::function<void(CLI::App&)> add_options = {};
+  /// Asked after the options are parsed; empty: `name`.
+  std::function<std::string()> name_in_log = {};
 };
 
 /// What run_node passes to the body of a node.

@@ -17,6 +17,8 @@ struct LinksConfig {
   std::string device_telemetry;  ///< device → viewers, hop 5
   std::string mofc_telemetry;    ///< mofc → viewers, hop 5
   std::string hand_target;       ///< device ← viewers, hop 6
+  std::string standby_tool_motion{};  ///< of physics.standby, hop 2; empty without
+  std::string standby_interaction{};  ///< of physics.standby, hop 3; empty without
 };
 
 /// SCHED_FIFO for the tick threads: used where permitted, reported, never required.
@@ -40,6 +42,8 @@ struct FaultsConfig {
   LinkFaults force_command;
   LinkFaults tool_motion;
   LinkFaults interaction;
+  LinkFaults standby_tool_motion{};
+  LinkFaults standby_interaction{};
   DeviceFaults device;
 };
 

@@ -93,6 +93,8 @@ struct MofcConfig {
   Duration fade{};
   VelocityEstimatorConfig velocity_estimator = KalmanVelocity{};
   std::optional<MotionDeadband> motion_deadband{};  ///< none: every motion is sent
+  /// Silence of the physics in use before the other takes over; none: there is no standby.
+  std::optional<Duration> standby_after{};
 };
 
 /// "none", "mofc guard", "force_bounding", …; with the safety net "none behind guard".

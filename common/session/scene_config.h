@@ -55,10 +55,16 @@ struct InteractionDeadband {
   Duration keep_alive = std::chrono::milliseconds(20);
 };
 
+/// physics.standby.
+struct StandbyConfig {
+  std::optional<Duration> silence{};  ///< after which it takes over; none: half of stale_after
+};
+
 struct PhysicsConfig {
   double rate_hz = 1000.0;
   double reach_m = 0.05;  ///< tissues this close to the tip are described before contact
   std::optional<InteractionDeadband> interaction_deadband{};  ///< none: every step sends one
+  std::optional<StandbyConfig> standby{};
 };
 
 }  // namespace palpate

@@ -38,6 +38,8 @@ struct Session {
   std::string physics_telemetry;  ///< endpoint: physics → viewers, hop 5
   /// Endpoint: physics ← viewers, hop 8; always an ipc file, used only with viewer.has_control.
   std::string tissue_change;
+  /// Endpoint: physics.standby → viewers, hop 5; empty without.
+  std::string standby_telemetry;
   PhysicsConfig physics;
   /// Physics from elsewhere: a program, absolute or to be found in PATH, and its arguments, which
   /// `palpate launch` starts instead of physics_node. Empty: none.

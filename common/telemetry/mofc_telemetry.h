@@ -34,6 +34,7 @@ struct MofcTick {
   MofcState state = MofcState::kNoPhysics;
   bool is_clamped = false;
   bool is_in_contact = false;  ///< as physics last reported
+  bool is_from_standby = false;  ///< the request is that of physics.standby
 };
 
 struct MofcCounters {
@@ -52,6 +53,11 @@ struct MofcCounters {
   /// projected and capped (docs/theory.md §7.2), from the force that the device applied.
   double transparency_sum = 0.0;
   std::uint64_t transparency_samples = 0;
+  // with physics.standby; else 0
+  LinkCounters standby_interaction;
+  std::uint64_t physics_term = 0;      ///< odd: the standby speaks
+  std::uint64_t standby_ticks = 0;     ///< answered from the standby
+  std::uint64_t physics_switches = 0;  ///< of this side, between the two
 };
 
 }  // namespace palpate

@@ -126,6 +126,11 @@ std::vector<ChildSpec> nodes_of(const LaunchOptions& options, const Session& ses
                                                 options.is_insecure));
     }
   }
+  if (is_here("standby") && session.physics.standby) {
+    ChildSpec& child = add("physics");
+    child.name = "standby";
+    child.arguments.emplace_back("--standby");
+  }
   const std::vector<Side>& sides = session.sides;
   if (is_here("mofc") && !options.is_together) {
     for (const Side& side : sides) add("mofc", side.name);
@@ -154,7 +159,7 @@ std::vector<std::string> stop_order(const Session& session) {
   for (const char* node : {"device_mofc", "device", "mofc"}) {
     for (const Side& side : session.sides) names.push_back(with_side(side.name, node));
   }
-  names.insert(names.end(), {"physics", "viewer"});
+  names.insert(names.end(), {"physics", "standby", "viewer"});
   return names;
 }
 

@@ -27,8 +27,9 @@ struct LaunchOptions {
   /// Called before the first node starts, if the viewer is among them. Returns --listen of the
   /// viewer; empty: the session's port.
   std::function<std::string()> on_page = {};
-  /// Nodes to run on this machine: some of device, mofc, physics and viewer.
-  std::set<std::string> nodes = {"device", "mofc", "physics"};
+  /// Nodes to run on this machine: some of device, mofc, physics, standby and viewer. The standby
+  /// runs only if the session has one.
+  std::set<std::string> nodes = {"device", "mofc", "physics", "standby"};
   bool is_together = false;                   ///< device and mofc in one process: device_mofc_node
   std::filesystem::path program_folder = {};  ///< of the nodes; empty: beside this executable
   SupervisorTiming timing = {};
@@ -60,7 +61,7 @@ struct LaunchResult {
 
 /// Starts `nodes`, with one device and one mofc for each side of the session (one process for both
 /// if `is_together`), restarts those that die and ends all in the order device, mofc, physics,
-/// viewer. No node waits for another. A restarted device ramps its force up from 0, even if the
+/// standby, viewer. No node waits for another. A restarted device ramps its force up from 0, even if the
 /// session has no start ramp. When launch() returns, no process and no ipc file of the session is
 /// left; if its own process is killed, the kernel kills the nodes.
 ///

@@ -6,17 +6,17 @@
 
 namespace palpate {
 
-Ideal::Ideal(const Session& session)
+Ideal::Ideal(const Session& session, const Side& side)
     : scene_(session.scene),
-      device_(session.side().device),
-      peak_force_newton_(std::min(session.side().device.peak_force_newton,
-                                  session.side().simulated.peak_force_newton)),
+      device_(side.device),
+      peak_force_newton_(std::min(side.device.peak_force_newton,
+                                  side.simulated.peak_force_newton)),
       memory_(scene_.new_memory()),
-      run_map_(session.side().device.workspace),
+      run_map_(side.device.workspace),
       run_memory_(scene_.new_memory()),
       run_(
-          session.side().simulated, session.side().device.peak_force_newton, session.side().hand,
-          stream_seed(session, session.side(), "hand"), TimePoint{},
+          side.simulated, side.device.peak_force_newton, side.hand,
+          stream_seed(session, side, "hand"), TimePoint{},
           [this](double time_s, const Vector3& hand_m, const Vector3& hand_m_per_s) {
             return force_on_hand(run_map_.is_clutched(),
                                  scene_.evaluate(run_map_.tool_position_world_m(hand_m),

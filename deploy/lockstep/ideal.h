@@ -13,7 +13,7 @@ namespace palpate {
 /// and the run it would have given (docs/theory.md §7.1).
 class Ideal {
  public:
-  explicit Ideal(const Session& session);
+  Ideal(const Session& session, const Side& side);
   Ideal(const Ideal&) = delete;  // its run refers to it
   Ideal& operator=(const Ideal&) = delete;
 

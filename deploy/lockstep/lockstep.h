@@ -2,10 +2,12 @@
 // bit-identical for a seed, as fast as the machine allows.
 #pragma once
 
+#include <cstddef>
 #include <functional>
 #include <memory>
 
 #include "common/core/messages.h"
+#include "common/core/physics_term.h"
 #include "common/session/session.h"
 #include "common/telemetry/telemetry.h"
 #include "common/telemetry/tick_row.h"
@@ -18,6 +20,7 @@ namespace palpate {
 inline constexpr std::uint64_t kLockstepDevice = 1;
 inline constexpr std::uint64_t kLockstepMofc = 2;
 inline constexpr std::uint64_t kLockstepPhysics = 3;
+inline constexpr std::uint64_t kLockstepStandby = 4;
 
 struct LockstepOptions {
   LockstepLinks links = LockstepLinks::kMemory;
@@ -31,19 +34,28 @@ struct LockstepOptions {
   std::function<void(Interaction&)> tamper_with_interaction{};
   /// More lateness of the next device tick. Empty: none.
   std::function<Duration()> device_lateness{};
-  /// Called with every record of a node; may be empty.
+  /// Called after every device tick of every side; may be empty.
+  std::function<void(std::size_t side, const TickRow&, const IdealState&)> on_side_row{};
+  // --- with physics.standby
+  /// Whether hops 2 and 3 between a side and a physics are cut at present; may be empty.
+  std::function<bool(std::size_t side, PhysicsRole, TimePoint now)> is_cut{};
+  /// Whether the process of a physics is suspended; may be empty.
+  std::function<bool(PhysicsRole, TimePoint now)> is_stopped{};
+  /// The clock of the standby's host before that of the others.
+  Duration standby_clock_ahead{};
+  /// Called with every record of a node of the first side and the first physics; may be empty.
   std::function<void(const DeviceTick&)> on_device_tick{};
   std::function<void(const MofcTick&)> on_mofc_tick{};
   std::function<void(const PhysicsTick&)> on_physics_tick{};
 };
 
-/// Device, mofc and physics of a session and their links. Events of one instant run in the order
+/// All sides of a session, its physics and their links. Events of one instant run in the order
 /// device tick, mofc's answer, physics step.
 class Lockstep {
  public:
   using RowConsumer = std::function<void(const TickRow&, const IdealState&)>;
 
-  /// @param on_row  called after every device tick; may be empty
+  /// @param on_row  called after every device tick of the first side; may be empty
   Lockstep(const Session& session, const LockstepOptions& options, RowConsumer on_row);
   ~Lockstep();
   Lockstep(const Lockstep&) = delete;
@@ -53,9 +65,9 @@ class Lockstep {
   /// on.
   void run_until(Duration end);
 
-  [[nodiscard]] DeviceCounters device_counters() const;
-  [[nodiscard]] MofcCounters mofc_counters() const;
-  [[nodiscard]] PhysicsCounters physics_counters() const;
+  [[nodiscard]] DeviceCounters device_counters(std::size_t side = 0) const;
+  [[nodiscard]] MofcCounters mofc_counters(std::size_t side = 0) const;
+  [[nodiscard]] PhysicsCounters physics_counters(std::size_t side = 0) const;
 
  private:
   class Impl;

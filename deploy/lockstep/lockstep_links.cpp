@@ -11,8 +11,8 @@ namespace palpate {
 namespace {
 
 struct MemoryLinks final : Links {
-  MemoryLinks(const Clock& clock, const LinkHooks& hooks)
-      : state(clock), command(clock), motion(clock), interaction(clock) {
+  MemoryLinks(const Clock& clock, const Clock& physics_clock, const LinkHooks& hooks)
+      : state(clock), command(clock), motion(physics_clock), interaction(clock) {
     state.on_send = hooks.on_state_sent;
     motion.on_send = hooks.on_motion_sent;
     command.on_wait = hooks.on_wait;
@@ -33,10 +33,10 @@ struct MemoryLinks final : Links {
 };
 
 struct InprocLinks final : Links {
-  InprocLinks(const Clock& clock, const LinkHooks& hooks)
+  InprocLinks(const Clock& clock, const Clock& physics_clock, const LinkHooks& hooks)
       : server(context, clock, bind_to("inproc://exchange", "lockstep")),
         client(context, clock, connect_to("inproc://exchange", "lockstep")),
-        motion_source(context, clock, bind_to("inproc://tool_motion", "lockstep")),
+        motion_source(context, physics_clock, bind_to("inproc://tool_motion", "lockstep")),
         motion_sender(context, connect_to("inproc://tool_motion", "lockstep")),
         interaction_sender(context, bind_to("inproc://interaction", "lockstep")),
         interaction_source(context, clock, connect_to("inproc://interaction", "lockstep")) {
@@ -72,9 +72,10 @@ struct InprocLinks final : Links {
 
 }  // namespace
 
-std::unique_ptr<Links> make_links(LockstepLinks kind, const Clock& clock, const LinkHooks& hooks) {
-  if (kind == LockstepLinks::kMemory) return std::make_unique<MemoryLinks>(clock, hooks);
-  return std::make_unique<InprocLinks>(clock, hooks);
+std::unique_ptr<Links> make_links(LockstepLinks kind, const Clock& clock,
+                                  const Clock& physics_clock, const LinkHooks& hooks) {
+  if (kind == LockstepLinks::kMemory) return std::make_unique<MemoryLinks>(clock, physics_clock, hooks);
+  return std::make_unique<InprocLinks>(clock, physics_clock, hooks);
 }
 
 }  // namespace palpate

@@ -37,8 +37,9 @@ struct LinkHooks {
   std::function<void(TimePoint deadline)> on_wait;  ///< a node waits for a message
 };
 
-/// @param clock  must outlive the result
+/// @param physics_clock  of the host of the physics; both clocks must outlive the result
 [[nodiscard]] std::unique_ptr<Links> make_links(LockstepLinks kind, const Clock& clock,
+                                                const Clock& physics_clock,
                                                 const LinkHooks& hooks);
 
 }  // namespace palpate

@@ -8,6 +8,8 @@
 #include <string>
 #include <vector>
 
+#include "common/core/check.h"
+#include "common/link/socket/endpoint.h"
 #include "common/process/heap_trim.h"
 #include "common/process/options.h"
 #include "common/process/run_host.h"
@@ -33,10 +35,14 @@ struct LaunchCommand {
   bool is_insecure = false;
   bool is_unsafe = false;
   bool has_no_adversary = false;
-  std::set<std::string> nodes = {"device", "mofc", "physics", "viewer"};  ///< run on this machine
+  /// Run on this machine.
+  std::set<std::string> nodes = {"device", "mofc", "physics", "standby", "viewer"};
+  bool are_chosen = false;  ///< by --nodes
   bool is_together = false;
 
   void add_to(CLI::App& app);
+  /// The session has a standby that --nodes names or whose links do not leave this machine.
+  [[nodiscard]] bool has_standby_here(const Session& session) const;
   /// Runs until the time is up or a signal arrives. If the session has keys and this machine lacks
   /// the viewer's, the run has no figures. Throws SetupError.
   /// @return exit status
@@ -69,7 +75,8 @@ void LaunchCommand::add_to(CLI::App& app) {
           ->type_name("NODE,…")
           ->delimiter(',')
           ->allow_extra_args(false)
-          ->check(CLI::IsMember(nodes));
+          ->check(CLI::IsMember(nodes))
+          ->each([this](const std::string&) { are_chosen = true; });
   app.add_flag_callback(
          "--no-viewer", [this] { nodes.erase("viewer"); },
          "do not start viewer_node: no page, no status line")
@@ -234,12 +241,25 @@ class RunObserver {
   HeapTrim heap_;
 };
 
+bool LaunchCommand::has_standby_here(const Session& loaded) const {
+  if (are_chosen && nodes.contains("standby") && !loaded.physics.standby) {
+    throw SetupError("--nodes standby: " + loaded.file +
+                     " has no physics.standby; leave standby out, or give physics { standby {} }");
+  }
+  if (!loaded.physics.standby || are_chosen) return nodes.contains("standby");
+  const std::string& endpoint = loaded.side().links.standby_tool_motion;
+  return !endpoint.starts_with("tcp://") ||
+         is_on_loopback(bind_to(endpoint, "links.standby_tool_motion"));
+}
+
 int LaunchCommand::run(const Verbosity& verbosity) const {
   Session loaded = session.load(verbosity);
   if (is_insecure) allow_plain_tcp(loaded);
   leave_adversary_out(loaded, has_no_adversary);
   output.check(loaded, tables_of(loaded, output));
   JsonOutput json(output);
+  std::set<std::string> here = nodes;
+  if (!has_standby_here(loaded)) here.erase("standby");
 
   // a viewer, a table and a recording need the viewer's key; the summary uses it if it is there
   const bool must_observe =
@@ -264,7 +284,7 @@ int LaunchCommand::run(const Verbosity& verbosity) const {
                                       .has_no_adversary = has_no_adversary,
                                       .is_quiet = verbosity.is_quiet,
                                       .on_page = [&] { return has_page ? announce_page(web) : ""; },
-                                      .nodes = nodes,
+                                      .nodes = here,
                                       .is_together = is_together,
                                       .on_poll = [&] { observer.pump(); },
                                       .on_end = [&] { observer.leave_run_folder(); }});

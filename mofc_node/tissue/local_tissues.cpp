@@ -47,7 +47,8 @@ void LocalTissues::step(std::array<DescribedTissue, kMaxDescribed>& tissues,
 void LocalTissues::begin(const DescribedTissue& tissue, const Interaction& newest,
                          const ToolPose& now, Memory& memory) noexcept {
   memory = {.is_used = true, .version = tissue.version()};
-  const double then_s = to_seconds(newest.header.sampled_at.time_since_epoch());
+  const double then_s =
+      to_seconds((newest.header.sampled_at + newest.scene_ahead).time_since_epoch());
   const Vector3 moved_m = displacement(tissue.motion(), std::min(then_s, now.time_s)).position_m;
   for (std::uint32_t i = 0; i < newest.listed_count; ++i) {
     const Contact& contact = newest.contacts[i];

@@ -1,5 +1,4 @@
-// physics_clock.h — physics' time, estimated on the device's side: moving tissue is where it is at
-// that time.
+// physics_clock.h — the time of moving tissue in physics, estimated on the device's side.
 #pragma once
 
 #include <algorithm>
@@ -28,7 +27,14 @@ class PhysicsClock {
     if (best_ && age > best_->age + (now - best_->at) / kForget) return;
     best_ = {.age = age,
              .at = now,
-             .ahead = interaction.header.sampled_at - interaction.device_sampled_at - age / 2};
+             .ahead = interaction.header.sampled_at + interaction.scene_ahead -
+                      interaction.device_sampled_at - age / 2};
+  }
+
+  /// The estimate without that bound; none before the first Interaction.
+  [[nodiscard]] std::optional<TimePoint> best(TimePoint now) const noexcept {
+    if (!best_) return std::nullopt;
+    return now + best_->ahead;
   }
 
   /// Once per DeviceState, in order. None before the first Interaction.

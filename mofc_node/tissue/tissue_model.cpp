@@ -11,11 +11,12 @@ TissueModel::TissueModel(bool has_store, double handover_newton_per_s, std::uint
       store_(has_store ? std::make_unique<TissueStore>(session_id) : nullptr) {}
 
 void TissueModel::receive(const Interaction& interaction, const DeviceState& state) noexcept {
-  if (!store_) return;
   const bool is_of_this_session = interaction.device_session_id == state.header.session_id;
   const TimePoint now = state.header.sampled_at;
-  store_->take(interaction,
-               is_of_this_session ? now - interaction.device_sampled_at : Duration::zero());
+  if (store_) {
+    store_->take(interaction,
+                 is_of_this_session ? now - interaction.device_sampled_at : Duration::zero());
+  }
   if (is_of_this_session) clock_.note(interaction, now);
 }
 

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <memory>
+#include <optional>
 
 #include "common/contact/contact_model.h"
 #include "common/core/messages.h"
@@ -30,6 +31,11 @@ class TissueModel {
   /// What to acknowledge on hop 2.
   [[nodiscard]] SurfaceReceipts receipts() const noexcept {
     return store_ ? store_->receipts() : SurfaceReceipts{};
+  }
+
+  /// Time of moving tissue in this physics, as far as its answers tell; none before the first.
+  [[nodiscard]] std::optional<TimePoint> scene_time(TimePoint now) const noexcept {
+    return clock_.best(now);
   }
 
   /// The force starts again from zero, and no tissue remembers the tool.

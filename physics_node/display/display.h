@@ -23,7 +23,8 @@ class Display {
   virtual ~Display() = default;
 
   /// Sends the scene to new subscribers, and what has moved since the last frame.
-  /// @param newest  newest physics step of each tool; none before its first motion
+  /// @param newest  newest physics step of each tool, at the time of moving tissue; none before its
+  ///                first motion
   virtual void publish(const Watchers& watchers, std::span<const PhysicsTick> newest,
                        TimePoint now) = 0;
   /// The link dropped the scene because it exceeds the message size: viewers have none.

@@ -4,6 +4,7 @@
 #include <functional>
 #include <memory>
 
+#include "common/core/physics_term.h"
 #include "common/process/process_links.h"
 #include "common/process/run_node.h"
 #include "physics_node/display/display.h"
@@ -23,6 +24,7 @@ struct PhysicsProgram {
   std::function<void(TimePoint now)> on_pump{};
   /// Optional: on the thread of the steps, before each of them. Must be real-time safe.
   std::function<void()> before_step{};
+  PhysicsRole role = PhysicsRole::kFirst;  ///< of physics.standby: which of the two
   /// Optional: sets counters, on the publisher's thread.
   std::function<void(PhysicsCounters& counters)> count_into{};
 };

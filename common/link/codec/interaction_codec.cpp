@@ -1,6 +1,7 @@
 // interaction_codec.cpp — hop 3: Interaction and its contacts.
 #include <algorithm>
 
+#include "common/core/physics_term.h"
 #include "common/link/codec/surface_wire.h"
 #include "common/link/codec/wire_format.h"
 #include "palpate/v1/interaction.pb.h"
@@ -141,6 +142,8 @@ struct WireFormat<Interaction> {
     put(m.force_on_tool_newton, *wire.mutable_force_on_tool_newton());
     wire.set_stored_energy_joule(m.stored_energy_joule);
     wire.set_contact_count(m.contact_count);
+    wire.set_physics_term(m.physics_term);
+    wire.set_scene_ahead_ns(m.scene_ahead.count());
     const std::size_t count = std::min<std::size_t>(m.listed_count, kMaxContacts);
     for (std::size_t i = 0; i < count; ++i) put_contact(m.contacts[i], *wire.add_contacts());
     if (m.surface.store_id != 0) put(m.surface, *wire.mutable_surface());
@@ -153,6 +156,8 @@ struct WireFormat<Interaction> {
     verdict.vector(wire.has_force_on_tool_newton(), wire.force_on_tool_newton(),
                    kMaxTissueForceNewton);
     verdict.number(wire.stored_energy_joule(), 0.0, kMaxStoredEnergyJoule);
+    verdict.expect(wire.physics_term() <= kMaxPhysicsTerm);
+    verdict.time(wire.scene_ahead_ns());
     // contacts that touch are listed first, as far as there is room; then near ones
     const auto listed = static_cast<std::uint32_t>(wire.contacts_size());
     const auto touching = static_cast<std::uint32_t>(
@@ -177,6 +182,8 @@ struct WireFormat<Interaction> {
     for (std::uint32_t i = 0; i < m.listed_count; ++i) {
       m.contacts[i] = contact_of(wire.contacts(static_cast<int>(i)));
     }
+    m.physics_term = wire.physics_term();
+    m.scene_ahead = Duration(wire.scene_ahead_ns());
     m.surface.store_id = 0;
     if (wire.has_surface()) read_surface(wire.surface(), m.surface);
   }

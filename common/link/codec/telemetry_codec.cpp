@@ -116,6 +116,10 @@ void put(const MofcCounters& c, v1::MofcCounters& to) {
   to.set_transparency_sum(c.transparency_sum);
   to.set_transparency_samples(c.transparency_samples);
   to.set_too_fast_ticks(c.too_fast_ticks);
+  put(c.standby_interaction, *to.mutable_standby_interaction());
+  to.set_physics_term(c.physics_term);
+  to.set_standby_ticks(c.standby_ticks);
+  to.set_physics_switches(c.physics_switches);
 }
 void check_counters(const v1::MofcCounters& c, Verdict& verdict) {
   verdict.require(c.has_device_state());
@@ -135,7 +139,11 @@ MofcCounters counters(const v1::MofcCounters& c) {
           .motions_dropped = c.motions_dropped(),
           .motions_suppressed = c.motions_suppressed(),
           .transparency_sum = c.transparency_sum(),
-          .transparency_samples = c.transparency_samples()};
+          .transparency_samples = c.transparency_samples(),
+          .standby_interaction = link(c.standby_interaction()),
+          .physics_term = c.physics_term(),
+          .standby_ticks = c.standby_ticks(),
+          .physics_switches = c.physics_switches()};
 }
 
 void put(const PhysicsCounters& c, v1::PhysicsCounters& to) {
@@ -297,7 +305,7 @@ void read_record(const v1::DeviceTelemetry& wire, int i, DeviceTick& r) {
   r.minimum_true_energy_joule = wire.minimum_true_energy_joule(i);
 }
 
-enum MofcFlags : std::uint32_t { kClamped = 1, kInContact = 2 };
+enum MofcFlags : std::uint32_t { kClamped = 1, kInContact = 2, kFromStandby = 4 };
 
 void fill_records(const std::vector<MofcTick>& records, v1::MofcTelemetry& wire) {
   for (const MofcTick& r : records) {
@@ -310,7 +318,8 @@ void fill_records(const std::vector<MofcTick>& records, v1::MofcTelemetry& wire)
     wire.add_ledger_energy_joule(r.ledger_energy_joule);
     wire.add_force_age_ns(r.force_age.count());
     wire.add_state(static_cast<std::uint32_t>(r.state));
-    wire.add_flags((r.is_clamped ? kClamped : 0U) | (r.is_in_contact ? kInContact : 0U));
+    wire.add_flags((r.is_clamped ? kClamped : 0U) | (r.is_in_contact ? kInContact : 0U) |
+                   (r.is_from_standby ? kFromStandby : 0U));
   }
 }
 void check_records(const v1::MofcTelemetry& wire, Verdict& verdict) {

@@ -1,4 +1,5 @@
 // tool_motion_codec.cpp — hop 2: ToolMotion.
+#include "common/core/physics_term.h"
 #include "common/link/codec/wire_format.h"
 #include "palpate/v1/tool_motion.pb.h"
 
@@ -20,6 +21,8 @@ struct WireFormat<ToolMotion> {
     put(m.tool_orientation_world, *wire.mutable_tool_orientation_world());
     put(m.tool_velocity_world_m_per_s, *wire.mutable_tool_velocity_world_m_per_s());
     wire.set_buttons(m.buttons);
+    wire.set_physics_term(m.physics_term);
+    if (m.scene_time) wire.set_scene_time_ns(ns(*m.scene_time));
     if (m.receipts.store_id == 0) return;
     v1::SurfaceReceipts& receipts = *wire.mutable_receipts();
     receipts.set_store_id(m.receipts.store_id);
@@ -34,6 +37,8 @@ struct WireFormat<ToolMotion> {
     verdict.orientation(wire.has_tool_orientation_world(), wire.tool_orientation_world());
     verdict.vector(wire.has_tool_velocity_world_m_per_s(), wire.tool_velocity_world_m_per_s(),
                    kMaxVelocityMPerS);
+    verdict.expect(wire.physics_term() <= kMaxPhysicsTerm);
+    verdict.time(wire.scene_time_ns());
     if (!wire.has_receipts()) return;
     const v1::SurfaceReceipts& receipts = wire.receipts();
     verdict.expect(receipts.store_id() != 0);
@@ -52,6 +57,9 @@ struct WireFormat<ToolMotion> {
                   .newest = wire.receipts().newest(),
                   .received = wire.receipts().received(),
                   .loop_age = Duration(wire.receipts().loop_age_ns())};
+    m.physics_term = wire.physics_term();
+    m.scene_time.reset();
+    if (wire.has_scene_time_ns()) m.scene_time = time(wire.scene_time_ns());
   }
 };
 template class Codec<ToolMotion>;

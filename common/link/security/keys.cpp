@@ -19,7 +19,8 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::array<KeyRole, kKeyRoles> kAllRoles{KeyRole::kDevice, KeyRole::kPhysics,
-                                                   KeyRole::kViewer, KeyRole::kPointer};
+                                                   KeyRole::kViewer, KeyRole::kPointer,
+                                                   KeyRole::kStandby};
 constexpr const char* kAllowedFile = "allowed.keys";
 constexpr std::size_t kKeyBytes = 32;
 constexpr std::size_t kKeyText = 40;
@@ -97,6 +98,8 @@ const char* name_of(KeyRole role) {
       return "physics";
     case KeyRole::kViewer:
       return "viewer";
+    case KeyRole::kStandby:
+      return "standby";
     case KeyRole::kPointer:
       break;
   }
@@ -127,7 +130,10 @@ std::optional<KeyRole> AllowedKeys::role_of(std::string_view public_key) const {
 const std::string& AllowedKeys::server_key(KeyRole role) const {
   const auto found =
       std::find_if(keys_.begin(), keys_.end(), [&](const auto& key) { return key.first == role; });
-  PALPATE_REQUIRE(found != keys_.end());
+  if (found == keys_.end()) {
+    throw SetupError(std::string("no key of ") + name_of(role) +
+                     " is listed among the allowed keys; make a new folder with `palpate keygen`");
+  }
   return found->second;
 }
 
@@ -140,7 +146,7 @@ AllowedKeys parse_allowed_keys(std::string_view text, const std::string& file) {
                                     [&](KeyRole r) { return words.front() == name_of(r); });
     if (role == kAllRoles.end()) {
       problems.add({.line = line, .column = 0},
-                   "must begin with device, physics, viewer or pointer; correct the role");
+                   "must begin with device, physics, viewer, pointer or standby; correct the role");
     } else if (words.size() != 2) {
       problems.add({.line = line, .column = 0},
                    "must be a role and a key; put comments on separate lines that begin with #");
@@ -161,6 +167,9 @@ AllowedKeys parse_allowed_keys(std::string_view text, const std::string& file) {
                    std::string("must list exactly one good key of ") + name_of(role) +
                        ": only one program may write forces; copy the file of `palpate keygen`");
     }
+  }
+  if (count[static_cast<std::size_t>(KeyRole::kStandby)] > 1) {
+    problems.add(kWholeFile, "must list at most one key of standby; remove the others");
   }
   problems.throw_if_any();
   return allowed;

@@ -21,9 +21,9 @@
 namespace palpate {
 
 /// The role of a key determines which links it may use. device_node and mofc_node share one.
-enum class KeyRole : std::uint8_t { kDevice, kPhysics, kViewer, kPointer };
-inline constexpr std::size_t kKeyRoles = 4;
-/// "device", "physics", "viewer", "pointer".
+enum class KeyRole : std::uint8_t { kDevice, kPhysics, kViewer, kPointer, kStandby };
+inline constexpr std::size_t kKeyRoles = 5;
+/// "device", "physics", "viewer", "pointer", "standby".
 [[nodiscard]] const char* name_of(KeyRole role);
 
 /// The roles of the end that binds a link and of those that may connect to it.
@@ -32,7 +32,7 @@ struct LinkRoles {
   KeyRole server;
   KeyRole client;
 };
-inline constexpr std::array<LinkRoles, 7> kLinkRoles{{
+inline constexpr std::array<LinkRoles, 10> kLinkRoles{{
     {"links.exchange", KeyRole::kDevice, KeyRole::kDevice},
     {"links.tool_motion", KeyRole::kPhysics, KeyRole::kDevice},
     {"links.interaction", KeyRole::kPhysics, KeyRole::kDevice},
@@ -40,6 +40,9 @@ inline constexpr std::array<LinkRoles, 7> kLinkRoles{{
     {"links.mofc_telemetry", KeyRole::kDevice, KeyRole::kViewer},
     {"links.physics_telemetry", KeyRole::kPhysics, KeyRole::kViewer},
     {"links.hand_target", KeyRole::kDevice, KeyRole::kPointer},
+    {"links.standby_tool_motion", KeyRole::kStandby, KeyRole::kDevice},
+    {"links.standby_interaction", KeyRole::kStandby, KeyRole::kDevice},
+    {"links.standby_telemetry", KeyRole::kStandby, KeyRole::kViewer},
 }};
 /// nullptr if a session has no such link.
 [[nodiscard]] const LinkRoles* roles_of(std::string_view link);
@@ -53,12 +56,12 @@ struct KeyPair {
 [[nodiscard]] KeyPair new_key_pair();
 
 /// Public keys by role: exactly one device key and one physics key, which connecting ends require
-/// of the binding end, and any number of viewer and pointer keys.
+/// of the binding end, at most one standby key, and any number of viewer and pointer keys.
 class AllowedKeys {
  public:
   /// nullopt: the key is not listed.
   [[nodiscard]] std::optional<KeyRole> role_of(std::string_view public_key) const;
-  /// @param role  kDevice or kPhysics
+  /// @param role  kDevice, kPhysics or kStandby. Throws SetupError if no key of it is listed.
   [[nodiscard]] const std::string& server_key(KeyRole role) const;
 
  private:

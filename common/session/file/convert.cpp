@@ -11,7 +11,7 @@ namespace {
 constexpr std::uint32_t kSchemaVersion = 1;
 constexpr std::size_t kMaxNameBytes = 64;
 constexpr std::size_t kMaxSideNameBytes = 16;
-constexpr std::size_t kMaxSides = 4;
+constexpr std::size_t kMaxSides = 64;
 
 ViewerConfig to_viewer(const Fields& viewer) {
   const Fields web = viewer.message("web");
@@ -63,6 +63,13 @@ Session to_shared(const SessionText& text, const std::filesystem::path& base_dir
     fields.message("viewer").problem("control",
                                      "needs physics_node; leave it out with physics.command");
   }
+  if (session.physics.standby && !session.physics_command.empty()) {
+    fields.message("physics").problem("standby", "needs physics_node; leave it out with command");
+  }
+  if (session.physics.standby && session.viewer.has_control) {
+    fields.message("viewer").problem(
+        "control", "reaches one physics_node only; leave it out with physics.standby");
+  }
   session.scene = to_scene(fields.message("scene"), base_dir);
   session.sides.clear();
   return session;
@@ -79,8 +86,10 @@ void add_side(const SessionText& text, const std::string& name,
   const Fields links = fields.message("links");
   // an unusable session name is reported once, not again in the default endpoints
   const LinkRules link_rules(links, session.name.empty() ? "session" : session.name, endpoints);
-  side.links = link_rules.of_side(name);
-  session.physics_telemetry = link_rules.physics_telemetry();
+  const bool has_standby = session.physics.standby.has_value();
+  side.links = link_rules.of_side(name, has_standby);
+  session.physics_telemetry = link_rules.shared("physics_telemetry");
+  if (has_standby) session.standby_telemetry = link_rules.shared("standby_telemetry");
   session.tissue_change = link_rules.tissue_change();
   side.realtime = to_realtime(fields.message("realtime"));
   side.hand = to_hand(fields.message("hand"), base_dir, problems);
@@ -109,7 +118,8 @@ void add_side(const SessionText& text, const std::string& name,
 
 std::vector<std::string> to_side_names(const std::vector<Fields>& sides) {
   if (sides.size() == 1 || sides.size() > kMaxSides) {
-    sides.back().problem("must be 2 … 4 sides; for one device leave side out");
+    sides.back().problem("must be 2 … " + std::to_string(kMaxSides) +
+                            " sides; for one device leave side out");
   }
   std::vector<std::string> names;
   for (const Fields& side : sides) {

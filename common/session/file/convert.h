@@ -35,10 +35,11 @@ class LinkRules {
   /// @param owner_of     of all sides so far; grows
   LinkRules(const Fields& links, const std::string& session_name, Endpoints& owner_of);
 
-  /// @param side  its name; "" in a session with one device
-  [[nodiscard]] LinksConfig of_side(const std::string& side) const;
-  /// The only endpoint that all sides share.
-  [[nodiscard]] std::string physics_telemetry() const;
+  /// @param side         its name; "" in a session with one device
+  /// @param has_standby  else the links of physics.standby stay empty
+  [[nodiscard]] LinksConfig of_side(const std::string& side, bool has_standby) const;
+  /// An endpoint that all sides share: "physics_telemetry" or "standby_telemetry".
+  [[nodiscard]] std::string shared(const char* name) const;
   /// Of all sides, too; not a setting, so that it never leaves this machine.
   [[nodiscard]] std::string tissue_change() const;
 

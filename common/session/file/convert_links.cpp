@@ -102,13 +102,18 @@ LinkFaults to_link_faults(const Fields& fields) {
 LinkRules::LinkRules(const Fields& links, const std::string& session_name, Endpoints& owner_of)
     : links_(links), folder_(run_folder(session_name)), owner_of_(owner_of) {}
 
-LinksConfig LinkRules::of_side(const std::string& side) const {
+LinksConfig LinkRules::of_side(const std::string& side, bool has_standby) const {
+  const auto of_standby = [&](const char* name) {
+    return has_standby ? own_endpoint(name, side) : std::string();
+  };
   return {.exchange = own_endpoint("exchange", side),
           .tool_motion = own_endpoint("tool_motion", side),
           .interaction = own_endpoint("interaction", side),
           .device_telemetry = own_endpoint("device_telemetry", side),
           .mofc_telemetry = own_endpoint("mofc_telemetry", side),
-          .hand_target = own_endpoint("hand_target", side)};
+          .hand_target = own_endpoint("hand_target", side),
+          .standby_tool_motion = of_standby("standby_tool_motion"),
+          .standby_interaction = of_standby("standby_interaction")};
 }
 
 std::string LinkRules::own_endpoint(const char* name, const std::string& side) const {
@@ -125,8 +130,7 @@ std::string LinkRules::own_endpoint(const char* name, const std::string& side) c
   return endpoint.text;
 }
 
-std::string LinkRules::physics_telemetry() const {
-  const char* const name = "physics_telemetry";
+std::string LinkRules::shared(const char* name) const {
   const Endpoint endpoint = read(name, name);
   const std::string path = links_.path(name);
   std::string complaint = endpoint_complaint(endpoint.text);
@@ -183,6 +187,8 @@ FaultsConfig to_faults(const Fields& faults) {
           .force_command = to_link_faults(faults.message("force_command")),
           .tool_motion = to_link_faults(faults.message("tool_motion")),
           .interaction = to_link_faults(faults.message("interaction")),
+          .standby_tool_motion = to_link_faults(faults.message("standby_tool_motion")),
+          .standby_interaction = to_link_faults(faults.message("standby_interaction")),
           .device = to_device_faults(faults.message("device"))};
 }
 

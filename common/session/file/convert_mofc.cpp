@@ -114,6 +114,22 @@ Duration to_stale_after(const Fields& mofc, const PhysicsConfig& physics, Intera
   return to_milliseconds(stale_after_ms);
 }
 
+std::optional<Duration> to_standby_after(const Fields& mofc, const PhysicsConfig& physics,
+                                         Duration stale_after, double wait_for_physics_ms) {
+  if (!physics.standby) return std::nullopt;
+  if (wait_for_physics_ms > 0.0) {
+    mofc.problem("wait_for_physics_ms", "needs a session without physics.standby; give 0");
+  }
+  const Duration silence = physics.standby->silence.value_or(stale_after / 2);
+  if (silence >= stale_after) {
+    mofc.problem("stale_after_ms", "must be > physics.standby.silence_ms, " +
+                                       shown(1e3 * to_seconds(silence)) +
+                                       " ms, or the force fades before the standby speaks; leave "
+                                       "silence_ms out");
+  }
+  return silence;
+}
+
 ControllerKind to_controller(const Fields& mofc) {
   switch (mofc.enumerator("controller")) {
     case v1::Mofc::none:
@@ -203,6 +219,8 @@ MofcConfig to_mofc(const Fields& mofc, double wait_for_physics_ms, const Physics
   if (mofc.enumerator("interaction") == v1::Mofc::held) config.interaction = InteractionUse::kHeld;
   refuse_contradictions(mofc, config);
   config.stale_after = to_stale_after(mofc, physics, config.interaction, config.motion_deadband);
+  config.standby_after =
+      to_standby_after(mofc, physics, config.stale_after, wait_for_physics_ms);
   config.fade = mofc.milliseconds("fade_ms");
   config.handover_newton_per_s = mofc.number("handover_newton_per_s");
   config.velocity_estimator = to_velocity_estimator(mofc.message("velocity_estimator"));

@@ -143,6 +143,11 @@ PhysicsConfig to_physics(const Fields& physics) {
                             .floor_newton = fields.number("floor_newton"),
                             .keep_alive = fields.milliseconds("keep_alive_ms")};
   }
+  if (physics.has("standby")) {
+    const Fields standby = physics.message("standby");
+    config.standby.emplace();
+    if (standby.has("silence_ms")) config.standby->silence = standby.milliseconds("silence_ms");
+  }
   return config;
 }
 

@@ -1,0 +1,58 @@
+// tissue_pair.h — the tissue of one or two physics: what the one in use requests, and the transition
+// from one to the other.
+#pragma once
+
+#include <array>
+#include <memory>
+
+#include "common/contact/contact_model.h"
+#include "common/core/messages.h"
+#include "common/core/physics_term.h"
+#include "mofc_node/tissue/tissue_model.h"
+
+namespace palpate::mofc {
+
+/// Evaluates the tissue of both physics with every DeviceState, so that the one that is not in use is
+/// ready: its store is filled, its proxies follow the tool. When the one in use changes, the share of
+/// the other grows by bound / |Δ| per step, as between two contact models, so that the change alone
+/// never moves the force by more than `handover_newton_per_s` · dt. No allocation, no throw.
+class TissuePair {
+ public:
+  /// @param has_standby  else the first is the only one
+  /// @param session_id   mofc's
+  TissuePair(InteractionUse use, bool has_standby, double handover_newton_per_s,
+             std::uint64_t session_id);
+
+  /// Once per Interaction of that physics, in order.
+  void receive(PhysicsRole role, const Interaction& interaction, const DeviceState& state) noexcept {
+    models_[index_of(role)]->receive(interaction, state);
+  }
+  /// The force starts again from zero, and no tissue remembers the tool.
+  void reset() noexcept;
+
+  /// @param newest  of each physics; null: it has not answered this device session
+  /// @param dt_s    ≥ 0, since the step before
+  [[nodiscard]] ModelForce step(const std::array<const Interaction*, kPhysicsRoles>& newest,
+                                PhysicsRole in_use, const DeviceState& state,
+                                const Vector3& tool_position_world_m,
+                                const Vector3& tool_velocity_world_m_per_s, double dt_s) noexcept;
+
+  /// What motions to that physics acknowledge, and the time of the scene in use when they arrive.
+  [[nodiscard]] SurfaceReceipts receipts(PhysicsRole role) const noexcept {
+    return models_[index_of(role)]->receipts();
+  }
+  [[nodiscard]] std::optional<TimePoint> scene_time(PhysicsRole receiver, PhysicsRole in_use,
+                                                    TimePoint now) const noexcept;
+
+  /// Change of the force by the transition between the two in the last step [N]; at most the bound.
+  [[nodiscard]] double last_step_newton() const noexcept { return last_step_newton_; }
+
+ private:
+  InteractionUse use_;
+  double newton_per_s_;
+  std::array<std::unique_ptr<TissueModel>, kPhysicsRoles> models_;
+  double standby_share_ = 0.0;
+  double last_step_newton_ = 0.0;
+};
+
+}  // namespace palpate::mofc
