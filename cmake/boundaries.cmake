@@ -41,12 +41,15 @@ set(PALPATE_BOUNDARIES
   "device_node/drivers/simulated:common/core,common/session/simulation_config.h,device_node/device.h,device_node/simulation"
 
   # the clamp knows its own part of the session and no true state
-  "mofc_node:common/core,common/contact,common/session/clamped_device.h,common/session/device_profile.h,common/session/mofc_config.h,common/session/rivals_config.h,common/telemetry/mofc_telemetry.h,common/telemetry/metrics.h,mofc_node/controllers,mofc_node/controllers/rivals,mofc_node/failover,mofc_node/tissue"
+  "mofc_node:common/core,common/contact,common/session/clamped_device.h,common/session/device_profile.h,common/session/mofc_config.h,common/session/rivals_config.h,common/telemetry/mofc_telemetry.h,common/telemetry/metrics.h,mofc_node/controllers,mofc_node/controllers/named,mofc_node/failover,mofc_node/tissue"
   "mofc_node/failover:common/core,common/contact,mofc_node/tissue"
   "mofc_node/tissue:common/core,common/contact"
   "mofc_node/controllers:"
   # installed into one folder with the headers of controllers/, which it names without theirs
   "mofc_node/controllers/rivals:mofc_node/controllers,force_controller.h,guard_mofc.h"
+  "mofc_node/controllers/named:mofc_node/controllers/rivals,axis_friction.h,force_controller.h,guard_mofc.h,paper_mofc.h,vector_mofc.h"
+  # a project of its own, against stubs
+  "mofc_node/controllers/examples:"
 
   # surfaces ← files ← scene ← display; the step sees the scene only, and no lock
   # foreign: an engine from elsewhere, of which the scene knows nothing ← sdk: its process

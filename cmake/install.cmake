@@ -26,6 +26,16 @@ install(TARGETS palpate_controllers EXPORT palpateTargets
         PUBLIC_HEADER DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/palpate/controllers
                       COMPONENT controllers
         INCLUDES DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
+install(TARGETS palpate_controllers_c EXPORT palpateTargets
+        LIBRARY COMPONENT controllers NAMELINK_COMPONENT controllers
+        PUBLIC_HEADER DESTINATION ${CMAKE_INSTALL_INCLUDEDIR} COMPONENT controllers
+        INCLUDES DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
+# in share/, from where the prefix is two folders up whatever the library's folder is called
+configure_file(mofc_node/controllers/palpate_controllers.pc.in palpate_controllers.pc @ONLY)
+install(FILES ${CMAKE_BINARY_DIR}/palpate_controllers.pc
+        DESTINATION ${CMAKE_INSTALL_DATADIR}/pkgconfig COMPONENT controllers)
+install(DIRECTORY mofc_node/controllers/examples/ COMPONENT controllers
+        DESTINATION ${CMAKE_INSTALL_DATADIR}/palpate/examples/controllers)
 set(package_folder ${CMAKE_INSTALL_LIBDIR}/cmake/palpate)
 install(EXPORT palpateTargets NAMESPACE palpate:: DESTINATION ${package_folder}
         COMPONENT controllers)

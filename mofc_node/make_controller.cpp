@@ -1,100 +1,118 @@
 #include "mofc_node/make_controller.h"
 
-#include <algorithm>
-#include <optional>
-#include <utility>
-
-#include "mofc_node/controllers/guard_mofc.h"
-#include "mofc_node/controllers/paper_mofc.h"
-#include "mofc_node/controllers/rivals/safety_net.h"
-#include "mofc_node/controllers/vector_mofc.h"
-#include "mofc_node/make_rival.h"
+#include "common/core/check.h"
+#include "mofc_node/controllers/named/catalogue.h"
 
 namespace palpate::mofc {
 
-using controllers::AxisFriction;
-using controllers::MofcParameters;
-using controllers::PaperMofc;
-
 namespace {
 
-std::optional<AxisFriction> axis_friction(const DeviceProfile& profile) {
-  if (!profile.per_axis) return std::nullopt;
-  return AxisFriction{.f_d = profile.per_axis->viscous_newton_s_per_m,
-                      .f_co = profile.per_axis->coulomb_newton};
-}
+using controllers::ControllerSettings;
 
-MofcParameters leased_parameters(const ClampedDevice& device) {
-  return {.f_d = device.profile.viscous_newton_s_per_m,
-          .f_co = device.profile.coulomb_newton,
-          .T = to_seconds(device.lease)};
-}
-
-std::unique_ptr<controllers::ForceController> make_paper(const MofcConfig& mofc,
-                                                         const ClampedDevice& device) {
-  MofcParameters parameters = leased_parameters(device);
-  parameters.T = 1.0 / device.rate_hz;
-  if (const auto per_axis = axis_friction(device.profile)) {
-    return std::make_unique<PaperMofc>(*per_axis, parameters.T);
+ControllerSettings settings_of(const MofcConfig& mofc, const ClampedDevice& device) {
+  const DeviceProfile& profile = device.profile;
+  const RivalsConfig& rivals = mofc.rivals;
+  ControllerSettings settings{
+      .rate_hz = device.rate_hz,
+      .viscous_newton_s_per_m = profile.viscous_newton_s_per_m,
+      .coulomb_newton = profile.coulomb_newton,
+      .position_resolution_m = profile.position_resolution_m,
+      .peak_force_newton = device.peak_force_newton,
+      .lease_s = to_seconds(device.lease),
+      .longest_lease_s = to_seconds(device.longest_lease),
+      .delta_max_s = to_seconds(mofc.delta_max),
+      .safety_net = mofc.has_safety_net ? 1.0 : 0.0,
+      .v_max_m_per_s = mofc.guard.v_max_m_per_s,
+      .credit_cap_joule = mofc.guard.credit_cap_joule,
+      .gate_joule = mofc.guard.gate_joule,
+      .gate_recovery_s = to_seconds(mofc.guard.gate_recovery),
+      .coupling_stiffness_newton_per_m = rivals.virtual_coupling.stiffness_newton_per_m,
+      .coupling_damping_newton_s_per_m = rivals.virtual_coupling.damping_newton_s_per_m,
+      .most_damping_newton_s_per_m = rivals.passivity_control.most_damping_newton_s_per_m,
+      .least_speed_m_per_s = rivals.passivity_control.least_speed_m_per_s,
+      .time_constant_s = to_seconds(rivals.input_to_state.time_constant),
+      .tank_initial_joule = rivals.energy_tank.initial_joule,
+      .tank_most_joule = rivals.energy_tank.most_joule,
+      .tank_valve_joule = rivals.energy_tank.valve_joule,
+      .tank_damping_newton_s_per_m = rivals.energy_tank.damping_newton_s_per_m,
+      .least_mass_kg = rivals.lyapunov.least_mass_kg,
+      .most_mass_kg = rivals.lyapunov.most_mass_kg,
+      .hand_force_newton = rivals.lyapunov.hand_force_newton,
+      .slack_watt = rivals.lyapunov.slack_watt};
+  if (profile.per_axis) {
+    settings.per_axis = controllers::AxisFriction{.f_d = profile.per_axis->viscous_newton_s_per_m,
+                                                  .f_co = profile.per_axis->coulomb_newton};
   }
-  return std::make_unique<PaperMofc>(mofc.paper_friction == PaperFriction::kIsotropic
-                                         ? PaperMofc::isotropic(parameters)
-                                         : PaperMofc(parameters));
+  return settings;
 }
 
-controllers::GuardParameters guard_parameters(const MofcConfig& mofc, const ClampedDevice& device) {
-  const MofcParameters parameters = leased_parameters(device);
-  // what one hold of the largest force can leak: at low rates more than the gate's and the cap's
-  // own
-  const double hold_joule =
-      parameters.T *
-      controllers::drain_watt(parameters, device.peak_force_newton, mofc.guard.v_max_m_per_s);
-  const double cap_joule = mofc.guard.credit_cap_joule;
-  return {.mofc = parameters,
-          .per_axis = axis_friction(device.profile),
-          .resolution_m = device.profile.position_resolution_m,
-          .delta_max_s = to_seconds(mofc.delta_max),
-          .longest_lease_s = to_seconds(device.longest_lease),
-          .v_max_m_per_s = mofc.guard.v_max_m_per_s,
-          .credit_cap_joule = cap_joule,
-          .contact_credit_joule = hold_joule > cap_joule ? hold_joule : 0.0,
-          .gate_joule = std::max(mofc.guard.gate_joule, hold_joule),
-          .gate_recovery_s = to_seconds(mofc.guard.gate_recovery)};
-}
-
-std::unique_ptr<controllers::ForceController> make_mofc(const MofcConfig& mofc,
-                                                        const ClampedDevice& device) {
-  if (mofc.mode == MofcMode::kPaper) return make_paper(mofc, device);
-  if (mofc.mode == MofcMode::kVector) {
-    return std::make_unique<controllers::VectorMofc>(
-        leased_parameters(device), device.profile.position_resolution_m, to_seconds(mofc.delta_max),
-        axis_friction(device.profile), to_seconds(device.longest_lease));
+const char* mofc_name(const MofcConfig& mofc) {
+  switch (mofc.mode) {
+    case MofcMode::kPaper:
+      return mofc.paper_friction == PaperFriction::kIsotropic ? "paper_isotropic" : "paper";
+    case MofcMode::kVector:
+      return "vector";
+    case MofcMode::kGuard:
+      break;
   }
-  return std::make_unique<controllers::GuardMofc>(guard_parameters(mofc, device));
+  return "guard";
 }
 
-std::unique_ptr<controllers::ForceController> make_alone(const MofcConfig& mofc,
-                                                         const ClampedDevice& device) {
+const char* passivity_name(const PassivityControlConfig& config) {
+  switch (config.observer) {
+    case PassivityControlConfig::Observer::kProduct:
+      return "passivity_control_product";
+    case PassivityControlConfig::Observer::kReference:
+      return "passivity_control_reference";
+    case PassivityControlConfig::Observer::kSampled:
+      break;
+  }
+  return "passivity_control";
+}
+
+/// In the catalogue of the controllers.
+const char* catalogue_name(const MofcConfig& mofc) {
+  const RivalsConfig& rivals = mofc.rivals;
   switch (mofc.controller) {
     case ControllerKind::kNone:
-      return std::make_unique<controllers::PassThrough>();
+      break;
     case ControllerKind::kMofc:
-      return make_mofc(mofc, device);
+      return mofc_name(mofc);
     case ControllerKind::kOutputLimiter:
-      return make_paper(mofc, device);
-    default:
-      return make_rival(mofc, device);
+      return mofc.paper_friction == PaperFriction::kIsotropic ? "paper_isotropic"
+                                                              : "output_limiter";
+    case ControllerKind::kVirtualCoupling:
+      return rivals.virtual_coupling.criterion == VirtualCouplingConfig::Criterion::kSampledData
+                 ? "virtual_coupling_sampled_data"
+                 : "virtual_coupling";
+    case ControllerKind::kEnergyBounding:
+      return "energy_bounding";
+    case ControllerKind::kForceBounding:
+      return rivals.force_bounding.is_more_conservative ? "force_bounding"
+                                                        : "force_bounding_less_conservative";
+    case ControllerKind::kPassivityControl:
+      return passivity_name(rivals.passivity_control);
+    case ControllerKind::kMemoryBased:
+      return "memory_based";
+    case ControllerKind::kInputToState:
+      return "input_to_state";
+    case ControllerKind::kTwoPort:
+      return "two_port";
+    case ControllerKind::kEnergyTank:
+      return "energy_tank";
+    case ControllerKind::kLyapunov:
+      return "lyapunov";
   }
+  return "none";
 }
 
 }  // namespace
 
 std::unique_ptr<controllers::ForceController> make_controller(const MofcConfig& mofc,
                                                               const ClampedDevice& device) {
-  auto controller = make_alone(mofc, device);
-  if (!mofc.has_safety_net) return controller;
-  return std::make_unique<controllers::SafetyNet>(std::move(controller),
-                                                  guard_parameters(mofc, device));
+  auto controller = controllers::make_named(catalogue_name(mofc), settings_of(mofc, device));
+  PALPATE_REQUIRE(controller != nullptr);
+  return controller;
 }
 
 }  // namespace palpate::mofc

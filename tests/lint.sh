@@ -14,7 +14,9 @@ base="${1:-}"
 if [[ -z "$base" ]]; then
   base=$(git rev-parse --verify --quiet HEAD~1 || git rev-parse HEAD)
 fi
-mapfile -t changed < <(git diff --name-only --diff-filter=d "$base" -- '*.cpp')
+# the examples of the controllers are a project of their own, which install_test builds
+mapfile -t changed < <(git diff --name-only --diff-filter=d "$base" -- '*.cpp' \
+  ':!mofc_node/controllers/examples')
 [[ ${#changed[@]} -gt 0 ]] || exit 0
 
 # One command per file, without GCC's precompiled headers; generated headers are those of
