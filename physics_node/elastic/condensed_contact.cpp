@@ -1,14 +1,26 @@
 #include "physics_node/elastic/condensed_contact.h"
 
-#include <Eigen/LU>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
+#include <stdexcept>
 #include <utility>
 
 #include "physics_node/elastic/linear/dense_kernels.h"
 
 namespace palpate::elastic {
+namespace {
+
+// Of the compliance: beyond, another factor is due.
+constexpr double kMostScale = 2.0;
+// Error of the compliance beyond the last equilibrium, where new points begin to touch.
+constexpr double kLeastBeyondRatio = 0.2;
+
+using RowMajor3f = Eigen::Matrix<float, 3, 3, Eigen::RowMajor>;
+
+}  // namespace
 
 SurfaceCompliance::SurfaceCompliance(const Body& body, WarpedFactor& factor,
                                      std::vector<std::uint32_t> surface_nodes)
@@ -17,19 +29,36 @@ SurfaceCompliance::SurfaceCompliance(const Body& body, WarpedFactor& factor,
   for (std::size_t i = 0; i < nodes_.size(); ++i) {
     row_of_[nodes_[i]] = static_cast<std::int32_t>(i);
   }
+  turns_.resize(9 * body.node_count());
+  turn_to(no_rotations(body.node_count()));
   load_ = VectorXd::Zero(body.rest_m().size());
   answer_ = load_;
 }
 
-void SurfaceCompliance::clear() { columns_.clear(); }
+void SurfaceCompliance::clear() {
+  columns_.clear();
+  turn_to(no_rotations(body_.node_count()));
+}
+
+void SurfaceCompliance::turn_to(const std::vector<double>& rotations) {
+  for (std::size_t node = 0; node < body_.node_count(); ++node) {
+    const Eigen::Quaterniond turn(rotations[4 * node], rotations[4 * node + 1],
+                                  rotations[4 * node + 2], rotations[4 * node + 3]);
+    Eigen::Map<RowMajor3f>(turns_.data() + 9 * node) = turn.toRotationMatrix().cast<float>();
+  }
+}
 
 void SurfaceCompliance::require(std::uint32_t node) {
-  const auto [entry, is_new] = columns_.try_emplace(node);
-  if (!is_new) return;
-  std::vector<float>& values = entry->second;
+  if (columns_.contains(node)) return;
+  if (!factor_.is_ready() &&
+      !factor_.factor(body_.rest_m(), no_rotations(body_.node_count()), {}, nullptr)) {
+    throw std::runtime_error("elastic body: the stiffness at rest is not positive definite");
+  }
+  std::vector<float>& values = columns_[node];
   values.assign(9 * nodes_.size(), 0.0F);
   if (body_.pattern().row_of[node] < 0) return;  // a fixed node gives way to nothing
   ++made_;
+  factor_.turn_back();
   for (Eigen::Index axis = 0; axis < 3; ++axis) {
     load_[3 * Eigen::Index{node} + axis] = 1.0;
     factor_.solve(load_.data(), answer_.data());
@@ -52,8 +81,11 @@ void CondensedContact::prepare(const std::vector<SurfacePoint>& points, const Ve
   std::vector<std::size_t> order(points.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
   std::vector<double> distances;
-  for (const SurfacePoint& point : points) {
-    distances.push_back((point.position_m(x_m.data()) - centre_m).norm());
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    // a force that is there must be able to go
+    const bool is_pressed = !forces_on_body_newton.empty() && !forces_on_body_newton[i].isZero(0.0);
+    const double distance_m = (points[i].position_m(x_m.data()) - centre_m).norm();
+    distances.push_back(is_pressed ? -1.0 / std::max(distance_m, 1e-9) : distance_m);
   }
   const std::size_t count = std::min({points.size(), static_cast<std::size_t>(most_points),
                                       static_cast<std::size_t>(kMostPoints)});
@@ -69,21 +101,27 @@ void CondensedContact::prepare(const std::vector<SurfacePoint>& points, const Ve
   onto_surface_.assign(surface_stride_ * 3 * count, 0.0F);
   displacements_m_.assign(stride_, 0.0F);
   positions_m_.clear();
-  full_forces_newton_.clear();
+  forces_newton_.clear();
   for (std::size_t j = 0; j < count; ++j) {
     const SurfacePoint& at = points[chosen_[j]];
     positions_m_.push_back(at.position_m(x_m.data()));
-    full_forces_newton_.push_back(
-        forces_on_body_newton.empty() ? Vector3d::Zero() : forces_on_body_newton[chosen_[j]]);
+    forces_newton_.push_back(forces_on_body_newton.empty() ? Vector3d::Zero()
+                                                           : forces_on_body_newton[chosen_[j]]);
     for (std::size_t b = 0; b < static_cast<std::size_t>(at.count); ++b) {
       compliance_.require(at.nodes[b]);
       const float* columns = compliance_.columns(at.nodes[b]);
-      const auto weight = static_cast<float>(at.weights[b]);
-      for (std::size_t axis = 0; axis < 3; ++axis) {
-        float* to = onto_surface_.data() + (3 * j + axis) * surface_stride_;
-        for (std::size_t row = 0; row < surface; ++row) {
+      // of the unit forces, in the frame of the columns
+      const RowMajor3f turned =
+          static_cast<float>(at.weights[b]) *
+          Eigen::Map<const RowMajor3f>(compliance_.turn_of(at.nodes[b])).transpose();
+      for (std::size_t row = 0; row < surface; ++row) {
+        const RowMajor3f block =
+            Eigen::Map<const RowMajor3f>(compliance_.turn_of(compliance_.surface_nodes()[row])) *
+            (Eigen::Map<const RowMajor3f>(columns + 9 * row) * turned);
+        for (std::size_t axis = 0; axis < 3; ++axis) {
+          float* to = onto_surface_.data() + (3 * j + axis) * surface_stride_ + 3 * row;
           for (std::size_t i = 0; i < 3; ++i) {
-            to[3 * row + i] += weight * columns[9 * row + 3 * i + axis];
+            to[i] += block(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(axis));
           }
         }
       }
@@ -100,8 +138,122 @@ void CondensedContact::prepare(const std::vector<SurfacePoint>& points, const Ve
       }
     }
   }
-  forces_newton_ = full_forces_newton_;
+  reached_m_ = positions_m_;
+  base_forces_newton_ = forces_newton_;
+  first_m_ = x_m;
+  equilibria_.assign(1, {.sum_newton = sum_of_forces_newton(),
+                         .positions_m = positions_m_,
+                         .forces_newton = forces_newton_,
+                         .surface_m = std::vector<float>(surface_stride_, 0.0F)});
+  lower_ = 0;
+  share_ = 0.0;
   has_centre_ = false;
+  checked_ratio_ = 0.0;
+  scale_ = 1.0;
+  last_way_newton_ = 0.0;
+}
+
+double CondensedContact::sum_of_forces_newton() const noexcept {
+  double sum = 0.0;
+  for (const Vector3d& force : forces_newton_) sum += force.norm();
+  return sum;
+}
+
+bool CondensedContact::is_usable(const std::vector<Vector3d>& forces_on_body_newton) const {
+  if (forces_on_body_newton.empty()) return true;
+  const auto is_pressed = [](const Vector3d& force) { return !force.isZero(0.0); };
+  const auto all =
+      std::count_if(forces_on_body_newton.begin(), forces_on_body_newton.end(), is_pressed);
+  return all == std::count_if(chosen_.begin(), chosen_.end(), [&](std::size_t point) {
+           return is_pressed(forces_on_body_newton[point]);
+         });
+}
+
+void CondensedContact::add_equilibrium(const std::vector<SurfacePoint>& points, const VectorXd& x_m,
+                                       const std::vector<Vector3d>& forces_on_body_newton) {
+  if (!is_usable(forces_on_body_newton)) return;
+  Equilibrium more;
+  for (const std::size_t point : chosen_) {
+    more.positions_m.push_back(points[point].position_m(x_m.data()));
+    more.forces_newton.push_back(forces_on_body_newton.empty() ? Vector3d::Zero()
+                                                               : forces_on_body_newton[point]);
+    more.sum_newton += more.forces_newton.back().norm();
+  }
+  const auto place = std::lower_bound(
+      equilibria_.begin(), equilibria_.end(), more.sum_newton,
+      [](const Equilibrium& one, double sum_newton) { return one.sum_newton < sum_newton; });
+  constexpr double kSame = 1e-3;  // relative
+  const auto is_same = [&](const Equilibrium& one) {
+    return std::abs(one.sum_newton - more.sum_newton) <= kSame * more.sum_newton;
+  };
+  if ((place != equilibria_.end() && is_same(*place)) ||
+      (place != equilibria_.begin() && is_same(*std::prev(place)))) {
+    return;
+  }
+  more.surface_m.assign(surface_stride_, 0.0F);
+  const auto& nodes = compliance_.surface_nodes();
+  for (std::size_t row = 0; row < nodes.size(); ++row) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      const auto from = static_cast<Eigen::Index>(3 * std::size_t{nodes[row]} + k);
+      more.surface_m[3 * row + k] = static_cast<float>(x_m[from] - first_m_[from]);
+    }
+  }
+  equilibria_.insert(place, std::move(more));
+  scale_compliance();
+  start_between(sum_of_forces_newton());
+}
+
+// Between the last two equilibria C shall do the work that the forces did.
+void CondensedContact::scale_compliance() {
+  const Equilibrium& last = equilibria_.back();
+  const Equilibrium& other = equilibria_[equilibria_.size() - 2];
+  const Eigen::Index size = 3 * Eigen::Index{count_};
+  Eigen::VectorXd force(size);
+  Eigen::VectorXd way(size);
+  for (Eigen::Index i = 0; i < count_; ++i) {
+    const auto point = static_cast<std::size_t>(i);
+    force.segment<3>(3 * i) = last.forces_newton[point] - other.forces_newton[point];
+    way.segment<3>(3 * i) = last.positions_m[point] - other.positions_m[point];
+  }
+  const Eigen::Map<const Eigen::MatrixXf, 0, Eigen::OuterStride<>> among(
+      among_.data(), size, size, Eigen::OuterStride<>(static_cast<Eigen::Index>(stride_)));
+  const double expected = force.dot(among.cast<double>() * force);
+  const double found = force.dot(way);
+  if (!(expected > 0.0 && found > 0.0)) return;
+  const double scale = std::clamp(scale_ * found / expected, 1.0 / kMostScale, kMostScale);
+  const auto change = static_cast<float>(scale / scale_);
+  for (float& value : among_) value *= change;
+  for (float& value : onto_surface_) value *= change;
+  scale_ = scale;
+  last_way_newton_ = last.sum_newton - other.sum_newton;
+}
+
+void CondensedContact::start_between(double sum_newton) noexcept {
+  if (equilibria_.size() < 2) return;
+  std::size_t upper = 1;
+  while (upper + 1 < equilibria_.size() && equilibria_[upper].sum_newton < sum_newton) ++upper;
+  lower_ = upper - 1;
+  const Equilibrium& a = equilibria_[lower_];
+  const Equilibrium& b = equilibria_[upper];
+  share_ = std::clamp((sum_newton - a.sum_newton) / (b.sum_newton - a.sum_newton), 0.0, 1.0);
+  std::array<float, std::size_t{3} * kMostPoints> change{};
+  for (std::size_t i = 0; i < static_cast<std::size_t>(count_); ++i) {
+    positions_m_[i] = (1.0 - share_) * a.positions_m[i] + share_ * b.positions_m[i];
+    base_forces_newton_[i] = (1.0 - share_) * a.forces_newton[i] + share_ * b.forces_newton[i];
+    Eigen::Map<Eigen::Vector3f>(change.data() + 3 * i) =
+        (forces_newton_[i] - base_forces_newton_[i]).cast<float>();
+  }
+  multiply(among_.data(), 3 * count_, 3 * count_, change.data(), displacements_m_.data());
+}
+
+void CondensedContact::bound_by(double error_ratio) noexcept {
+  checked_ratio_ = std::max(kLeastErrorRatio, std::abs(error_ratio));
+}
+
+void CondensedContact::read(Snapshot& snapshot) const {
+  snapshot.points.assign(chosen_.begin(), chosen_.end());
+  snapshot.forces_on_body_newton.assign(forces_newton_.begin(), forces_newton_.end());
+  snapshot.positions_m.assign(reached_m_.begin(), reached_m_.end());
 }
 
 CondensedReport CondensedContact::step(const Vector3d& centre_m, double radius_m, int most_sweeps,
@@ -111,11 +263,7 @@ CondensedReport CondensedContact::step(const Vector3d& centre_m, double radius_m
   const bool has_friction = friction_coefficient_ > 0.0;
   centre_m_ = centre_m;
   has_centre_ = true;
-  // where the points were at the end of the last step: friction acts on what they slide since
-  std::array<Vector3d, kMostPoints> before;
-  for (std::size_t i = 0; has_friction && i < static_cast<std::size_t>(count_); ++i) {
-    before[i] = Eigen::Map<const Eigen::Vector3f>(displacements_m_.data() + 3 * i).cast<double>();
-  }
+  start_between(sum_of_forces_newton());
   for (; report.sweeps < most_sweeps; ++report.sweeps) {
     double largest_m = 0.0;
     for (std::size_t i = 0; i < static_cast<std::size_t>(count_); ++i) {
@@ -137,7 +285,8 @@ CondensedReport CondensedContact::step(const Vector3d& centre_m, double radius_m
       const double press = std::max(0.0, force.dot(normal) - gap / give);
       Vector3d wanted = press * normal;
       if (has_friction && press > 0.0) {
-        const Vector3d slide = moved - before[i] - way;
+        // since the end of the last step
+        const Vector3d slide = positions_m_[i] + moved - reached_m_[i] - way;
         Vector3d tangential = force - force.dot(normal) * normal;
         const Vector3d sliding = slide - slide.dot(normal) * normal;
         tangential -= sliding / std::max(1e-30, own.trace() / 3.0);
@@ -158,12 +307,22 @@ CondensedReport CondensedContact::step(const Vector3d& centre_m, double radius_m
     if (largest_m <= tolerance_m) break;
   }
   for (std::size_t i = 0; i < static_cast<std::size_t>(count_); ++i) {
-    const Vector3d moved =
+    reached_m_[i] =
+        positions_m_[i] +
         Eigen::Map<const Eigen::Vector3f>(displacements_m_.data() + 3 * i).cast<double>();
-    report.deepest_m =
-        std::max(report.deepest_m, radius_m - (positions_m_[i] + moved - centre_m).norm());
+    report.deepest_m = std::max(report.deepest_m, radius_m - (reached_m_[i] - centre_m).norm());
     report.touching += forces_newton_[i].isZero(0.0) ? 0 : 1;
     report.force_on_sphere_newton -= forces_newton_[i];
+  }
+  const double sum_newton = sum_of_forces_newton();
+  if (checked_ratio_ > 0.0) {
+    const double beyond_newton = std::max(0.0, sum_newton - equilibria_.back().sum_newton);
+    report.error_bound_newton =
+        checked_ratio_ * sum_newton +
+        std::max(std::abs(scale_ - 1.0), kLeastBeyondRatio) * beyond_newton *
+            std::max(1.0, last_way_newton_ > 0.0 ? beyond_newton / last_way_newton_ : 1.0);
+  } else if (sum_newton > 0.0) {
+    report.error_bound_newton = std::numeric_limits<double>::infinity();
   }
   return report;
 }
@@ -172,13 +331,18 @@ void CondensedContact::move_surface(float* displacements_m) const noexcept {
   // the columns of the points that press, as one dense product
   std::array<float, std::size_t{3} * kMostPoints> change{};
   for (std::size_t i = 0; i < static_cast<std::size_t>(count_); ++i) {
-    const Vector3d more = forces_newton_[i] - full_forces_newton_[i];
-    for (std::size_t k = 0; k < 3; ++k) {
-      change[3 * i + k] = static_cast<float>(more[static_cast<Eigen::Index>(k)]);
-    }
+    Eigen::Map<Eigen::Vector3f>(change.data() + 3 * i) =
+        (forces_newton_[i] - base_forces_newton_[i]).cast<float>();
   }
   multiply(onto_surface_.data(), static_cast<int>(3 * compliance_.surface_nodes().size()),
            3 * count_, change.data(), displacements_m);
+  if (equilibria_.size() < 2) return;
+  const float* a = equilibria_[lower_].surface_m.data();
+  const float* b = equilibria_[lower_ + 1].surface_m.data();
+  const auto share = static_cast<float>(share_);
+  for (std::size_t i = 0; i < surface_stride_; ++i) {
+    displacements_m[i] += (1.0F - share) * a[i] + share * b[i];
+  }
 }
 
 }  // namespace palpate::elastic

@@ -2,7 +2,8 @@
 #pragma once
 
 #include <cstdint>
-#include <unordered_map>
+#include <map>
+#include <utility>
 #include <vector>
 
 #include "physics_node/elastic/sphere_contact.h"
@@ -12,34 +13,52 @@ namespace palpate::elastic {
 
 /// How the surface of a body gives way to forces at a few of its points, without its interior:
 /// u = C f for nodes of the surface, C = the rows and columns of the inverse stiffness [Cotin99,
-/// James99]. Columns are made when their node is first touched and turn with the body
-/// [Saupin08].
+/// James99]. Columns are made when their node is first touched, can be kept in a file
+/// (compliance_file.h) and turn with the body [Saupin08].
 class SurfaceCompliance {
  public:
-  /// @param factor  of the static stiffness; is used by require()   @param surface_nodes  of C's
-  /// rows
+  /// @param factor  of the static stiffness; require() uses it, and factorises the undeformed body
+  ///     if it is not ready   @param surface_nodes  of C's rows
   SurfaceCompliance(const Body& body, WarpedFactor& factor,
                     std::vector<std::uint32_t> surface_nodes);
 
   /// Makes the columns of a node unless they are there: three solutions. Allocates.
+  /// @throws std::runtime_error  the stiffness could not be factorised
   void require(std::uint32_t node);
-  /// Forgets all columns: the factor is another one.
+  /// Forgets all columns: the factor is another one. What turned since is nothing.
   void clear();
+  /// What every node has turned since the factor was made: a quaternion per node of the body; for
+  /// a factor of the undeformed body EquilibriumSearch::rotations(). Columns stay as they are;
+  /// blocks are turned where they are used.
+  void turn_to(const std::vector<double>& rotations);
 
   /// Displacement of surface node `row` (an index of surface_nodes()) under a unit force at `node`
-  /// along each axis, 3 × 3 row-major at the returned place + 9 × row. @pre require(node)
+  /// along each axis, 3 × 3 row-major at the returned place + 9 × row, not turned.
+  /// @pre require(node)
   [[nodiscard]] const float* columns(std::uint32_t node) const { return columns_.at(node).data(); }
+  /// 3 × 3, row-major.
+  [[nodiscard]] const float* turn_of(std::uint32_t node) const {
+    return turns_.data() + 9 * std::size_t{node};
+  }
   [[nodiscard]] const std::vector<std::uint32_t>& surface_nodes() const noexcept { return nodes_; }
   /// Index in surface_nodes(), −1: none.
   [[nodiscard]] std::int32_t row_of(std::uint32_t node) const { return row_of_[node]; }
+  /// By solutions, since construction.
   [[nodiscard]] std::size_t columns_made() const noexcept { return made_; }
+
+  [[nodiscard]] const Body& body() const noexcept { return body_; }
+  using Columns = std::map<std::uint32_t, std::vector<float>>;  ///< 9 per surface node
+  [[nodiscard]] const Columns& all_columns() const noexcept { return columns_; }
+  /// Columns made earlier of the same body, in the same configuration.
+  void set_columns(Columns columns) { columns_ = std::move(columns); }
 
  private:
   const Body& body_;
   WarpedFactor& factor_;
   std::vector<std::uint32_t> nodes_;
   std::vector<std::int32_t> row_of_;
-  std::unordered_map<std::uint32_t, std::vector<float>> columns_;
+  Columns columns_;
+  std::vector<float> turns_;  // 9 per node of the body
   VectorXd load_;
   VectorXd answer_;
   std::size_t made_ = 0;
@@ -50,21 +69,47 @@ struct CondensedReport {
   int touching = 0;
   int sweeps = 0;
   double deepest_m = 0.0;  ///< penetration that is left
+  /// Bound of the force's error against the full solution: the ratio of bound_by(), at least
+  /// kLeastErrorRatio, times the sum of forces; and the share by which the compliance was
+  /// wrong between the last two equilibria, times what came beyond the last. It does not include
+  /// the tolerance of the full solutions. Infinite without bound_by().
+  double error_bound_newton = 0.0;
 };
 
-/// Quasi-static contact of a rigid sphere with at most kMostPoints points of a surface, from the
-/// state of a full solution and the forces in it: unilateral, Coulomb friction.
+/// Quasi-static contact of a rigid sphere with at most kMostPoints points of a surface, from one or
+/// several full solutions with the forces in them: unilateral, Coulomb friction.
 class CondensedContact {
  public:
   static constexpr int kMostPoints = 64;
+  static constexpr double kLeastErrorRatio = 0.01;
 
   CondensedContact(SurfaceCompliance& compliance, double friction_coefficient);
 
-  /// The points nearest to the sphere, their compliance among one another and onto the surface; the
-  /// full solution x_m with the forces of `points` in it. On the slow thread. Allocates.
+  /// The points that carry a force and those nearest to the sphere, their compliance among one
+  /// another and onto the surface; the full solution x_m with the forces of `points` in it. On the
+  /// slow thread. Allocates.
   void prepare(const std::vector<SurfacePoint>& points, const VectorXd& x_m,
                const std::vector<Vector3d>& forces_on_body_newton, const Vector3d& centre_m,
                int most_points);
+
+  /// One more equilibrium, with its forces, beside that of prepare(): a step starts from between
+  /// the two whose sums of forces are the nearest, and the compliance is scaled so that it gives
+  /// the work between the last two. On the slow thread, after prepare(). Allocates. Left out if it
+  /// has a force on a point that was not chosen, or as much force as one that is there.
+  void add_equilibrium(const std::vector<SurfacePoint>& points, const VectorXd& x_m,
+                       const std::vector<Vector3d>& forces_on_body_newton);
+
+  /// The relative error of the way of the points that a ContactCheck found: reports bound the error
+  /// of the force with it.
+  void bound_by(double error_ratio) noexcept;
+
+  /// What the last step found, for a ContactCheck. No allocation after the first call.
+  struct Snapshot {
+    std::vector<std::size_t> points;  ///< of prepare()'s list
+    std::vector<Vector3d> forces_on_body_newton;
+    std::vector<Vector3d> positions_m;
+  };
+  void read(Snapshot& snapshot) const;
 
   /// Forces for the sphere there; warm start from the last call. No allocation, lock or throw.
   CondensedReport step(const Vector3d& centre_m, double radius_m, int most_sweeps,
@@ -82,18 +127,38 @@ class CondensedContact {
  private:
   SurfaceCompliance& compliance_;
   double friction_coefficient_;
+  // A full solution: the points and the surface in it.
+  struct Equilibrium {
+    double sum_newton = 0.0;  // of the forces' sizes
+    std::vector<Vector3d> positions_m;
+    std::vector<Vector3d> forces_newton;  // on the body
+    std::vector<float> surface_m;         // moved since that of prepare()
+  };
+  [[nodiscard]] bool is_usable(const std::vector<Vector3d>& forces_on_body_newton) const;
+  [[nodiscard]] double sum_of_forces_newton() const noexcept;
+  void start_between(double sum_newton) noexcept;
+  void scale_compliance();
+
   int count_ = 0;
   std::size_t stride_ = 0;  // floats per column of among_
   std::vector<std::size_t> chosen_;
-  std::vector<Vector3d> positions_m_;    // in the full solution
+  std::vector<Equilibrium> equilibria_;  // by ascending sum
+  VectorXd first_m_;                     // all nodes in that of prepare()
+  std::size_t lower_ = 0;                // the step is between this one and the next,
+  double share_ = 0.0;                   // so far from it to the next
+  std::vector<Vector3d> positions_m_;    // there, without what the compliance adds
+  std::vector<Vector3d> base_forces_newton_;
   std::vector<Vector3d> forces_newton_;  // on the body
-  std::vector<Vector3d> full_forces_newton_;
-  std::vector<float> displacements_m_;  // of the points, 3 each
-  std::vector<float> among_;            // column-major 3n × 3n
-  std::vector<float> onto_surface_;     // column-major, 3 rows per surface node
+  std::vector<Vector3d> reached_m_;      // the points at the end of the last step
+  std::vector<float> displacements_m_;   // that the compliance adds, 3 each
+  std::vector<float> among_;             // column-major 3n × 3n
+  std::vector<float> onto_surface_;      // column-major, 3 rows per surface node
   std::size_t surface_stride_ = 0;
   Vector3d centre_m_ = Vector3d::Zero();
   bool has_centre_ = false;
+  double checked_ratio_ = 0.0;    // of bound_by(); 0: nothing was checked
+  double scale_ = 1.0;            // of the compliance
+  double last_way_newton_ = 0.0;  // sum of forces between the last two equilibria
 };
 
 }  // namespace palpate::elastic

@@ -130,6 +130,10 @@ SearchReport EquilibriumSearch::search(const Goal& goal, const SearchLimits& lim
     report.residual_ratio = force_scale_ > 0.0 ? gradient_.norm() / force_scale_ : 0.0;
     report.is_finite = std::isfinite(value) && std::isfinite(report.residual_ratio);
   };
+  const double longest_m =
+      goal.obstacle == nullptr
+          ? limits.longest_correction_m
+          : std::min(limits.longest_correction_m, goal.obstacle->longest_correction_m());
   double norm = gradient_.norm();
   while (report.iterations < limits.most_iterations) {
     if (norm <= kRounding * force_scale_) {
@@ -147,11 +151,11 @@ SearchReport EquilibriumSearch::search(const Goal& goal, const SearchLimits& lim
       if (!(slope < 0.0)) break;
     }
     double correction = largest_component(direction_);
-    if (correction > limits.longest_correction_m) {
-      const double shrink = limits.longest_correction_m / correction;
+    if (correction > longest_m) {
+      const double shrink = longest_m / correction;
       direction_ *= shrink;
       slope *= shrink;
-      correction = limits.longest_correction_m;
+      correction = longest_m;
     }
     old_gradient_ = gradient_;
     const double old_value = value;

@@ -1,6 +1,8 @@
 // obstacle.h — what pushes on an elastic body from outside.
 #pragma once
 
+#include <limits>
+
 #include "physics_node/elastic/linear/block_matrix.h"
 
 namespace palpate::elastic {
@@ -14,6 +16,15 @@ class Obstacle {
   /// Adds a positive semidefinite stiffness to the blocks.
   virtual void add_stiffness(const double* x_m, const BlockPattern& pattern,
                              BlockValues& values) const = 0;
+  /// Adds the second derivative of the potential, also where it is negative.
+  virtual void add_exact_stiffness(const double* x_m, const BlockPattern& pattern,
+                                   BlockValues& values) const {
+    add_stiffness(x_m, pattern, values);
+  }
+  /// No node moves further in one iteration of a search, so that none jumps across the obstacle.
+  [[nodiscard]] virtual double longest_correction_m() const {
+    return std::numeric_limits<double>::infinity();
+  }
 };
 
 }  // namespace palpate::elastic

@@ -47,6 +47,7 @@ SphereContact::Touch SphereContact::touch(std::size_t point, const double* x_m) 
   const double distance = away.norm();
   Touch touch{.normal = distance > 0.0 ? Vector3d(away / distance) : Vector3d(Vector3d::UnitZ()),
               .gap_m = distance - radius_m_,
+              .distance_m = distance,
               .pressure_pa = 0.0};
   touch.pressure_pa = std::max(0.0, multipliers_pa_[point] - stiffness_pa_per_m_ * touch.gap_m);
   return touch;
@@ -71,13 +72,27 @@ double SphereContact::add_gradient(const double* x_m, double* gradient) const {
 
 void SphereContact::add_stiffness(const double* x_m, const BlockPattern& pattern,
                                   BlockValues& values) const {
+  add_blocks(x_m, pattern, false, values);
+}
+
+void SphereContact::add_exact_stiffness(const double* x_m, const BlockPattern& pattern,
+                                        BlockValues& values) const {
+  add_blocks(x_m, pattern, true, values);
+}
+
+void SphereContact::add_blocks(const double* x_m, const BlockPattern& pattern, bool is_exact,
+                               BlockValues& values) const {
   for (std::size_t i = 0; i < points_.size(); ++i) {
     const Touch at = touch(i, x_m);
     if (at.pressure_pa == 0.0) continue;
     const SurfacePoint& point = points_[i];
-    // the part that turns the normal is negative and left out
-    const Eigen::Matrix3d stiffness =
+    Eigen::Matrix3d stiffness =
         point.area_m2 * stiffness_pa_per_m_ * at.normal * at.normal.transpose();
+    // the normal turns when the point slides: that part is negative
+    if (is_exact && at.distance_m > 0.0) {
+      stiffness -= point.area_m2 * at.pressure_pa / at.distance_m *
+                   (Eigen::Matrix3d::Identity() - at.normal * at.normal.transpose());
+    }
     for (std::size_t a = 0; a < static_cast<std::size_t>(point.count); ++a) {
       const std::int32_t row = pattern.row_of[point.nodes[a]];
       for (std::size_t b = 0; b < static_cast<std::size_t>(point.count) && row >= 0; ++b) {

@@ -46,6 +46,9 @@ class SphereContact : public Obstacle {
   double add_gradient(const double* x_m, double* gradient) const override;
   void add_stiffness(const double* x_m, const BlockPattern& pattern,
                      BlockValues& values) const override;
+  void add_exact_stiffness(const double* x_m, const BlockPattern& pattern,
+                           BlockValues& values) const override;
+  [[nodiscard]] double longest_correction_m() const override { return 0.2 * radius_m_; }
 
   /// Returns the deepest penetration [m].
   double update_multipliers(const double* x_m);
@@ -59,8 +62,11 @@ class SphereContact : public Obstacle {
   struct Touch {
     Vector3d normal;  // out of the sphere
     double gap_m;
+    double distance_m;  // from the centre
     double pressure_pa;
   };
+  void add_blocks(const double* x_m, const BlockPattern& pattern, bool is_exact,
+                  BlockValues& values) const;
   [[nodiscard]] Touch touch(std::size_t point, const double* x_m) const noexcept;
 
   std::vector<SurfacePoint> points_;

@@ -5,6 +5,9 @@
 namespace palpate::elastic {
 namespace {
 
+// Calls of factor() that leave out the exact stiffness after it has failed again and again.
+constexpr int kMostLeftOut = 8;
+
 std::variant<BlockCholesky<float>, BlockCholesky<double>> new_cholesky(const Body& body,
                                                                        Precision precision) {
   if (precision == Precision::kFloat) return BlockCholesky<float>(body.pattern(), body.symbolic());
@@ -16,21 +19,36 @@ std::variant<BlockCholesky<float>, BlockCholesky<double>> new_cholesky(const Bod
 WarpedFactor::WarpedFactor(const Body& body, Precision precision)
     : body_(&body), cholesky_(new_cholesky(body, precision)) {
   reference_ = no_rotations(body.node_count());
-  turns_.assign(9 * body.pattern().size(), 0.0);
-  for (std::size_t i = 0; i < turns_.size(); i += 9) {
-    turns_[i] = turns_[i + 4] = turns_[i + 8] = 1.0;
-  }
+  turns_.resize(9 * body.pattern().size());
+  turn_back();
   packed_.resize(3 * body.pattern().size());
 }
 
 bool WarpedFactor::factor(const VectorXd& x_m, const std::vector<double>& rotations,
                           const Body::Shift& shift, const Obstacle* obstacle) {
-  body_->stiffness(x_m, rotations, shift, true, values_);
-  if (obstacle != nullptr) obstacle->add_stiffness(x_m.data(), body_->pattern(), values_);
-  is_ready_ = std::visit([&](auto& cholesky) { return cholesky.factor(values_); }, cholesky_);
+  const auto try_factor = [&](bool is_exact) {
+    body_->stiffness(x_m, rotations, shift, !is_exact, values_);
+    if (obstacle != nullptr && is_exact) {
+      obstacle->add_exact_stiffness(x_m.data(), body_->pattern(), values_);
+    } else if (obstacle != nullptr) {
+      obstacle->add_stiffness(x_m.data(), body_->pattern(), values_);
+    }
+    return std::visit([&](auto& cholesky) { return cholesky.factor(values_); }, cholesky_);
+  };
+  is_exact_ = false;
+  if (left_out_ > 0) {
+    --left_out_;
+  } else if (try_factor(true)) {
+    is_exact_ = true;
+    next_left_out_ = 1;
+  } else {
+    left_out_ = next_left_out_;
+    next_left_out_ = std::min(2 * next_left_out_, kMostLeftOut);
+  }
+  is_ready_ = is_exact_ || try_factor(false);
   shift_ = shift;
   reference_ = rotations;
-  turn_to(rotations);
+  turn_back();
   return is_ready_;
 }
 
@@ -54,6 +72,13 @@ void WarpedFactor::turn_to(const std::vector<double>& rotations) {
     r[6] = 2.0 * (x * z - w * y);
     r[7] = 2.0 * (y * z + w * x);
     r[8] = 1.0 - 2.0 * (x * x + y * y);
+  }
+}
+
+void WarpedFactor::turn_back() {
+  std::fill(turns_.begin(), turns_.end(), 0.0);
+  for (std::size_t i = 0; i < turns_.size(); i += 9) {
+    turns_[i] = turns_[i + 4] = turns_[i + 8] = 1.0;
   }
 }
 

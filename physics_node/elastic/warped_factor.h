@@ -20,17 +20,24 @@ class WarpedFactor {
  public:
   WarpedFactor(const Body& body, Precision precision);
 
-  /// Factorises at x. Allocates. False: failed; the factor cannot be used.
+  /// Factorises at x: the exact stiffness if it is positive definite, so that a search converges
+  /// quadratically; otherwise that of projected tangents, which always is. After the exact one has
+  /// failed it is left out for some calls. Allocates. False: failed; the factor cannot be used.
   [[nodiscard]] bool factor(const VectorXd& x_m, const std::vector<double>& rotations,
                             const Body::Shift& shift, const Obstacle* obstacle);
 
   /// What the nodes have turned now. No allocation.
   void turn_to(const std::vector<double>& rotations);
 
+  /// As where it was factorised. No allocation.
+  void turn_back();
+
   /// direction = A⁻¹ gradient, 3 per node, 0 at fixed nodes. No allocation.
   void solve(const double* gradient, double* direction);
 
   [[nodiscard]] bool is_ready() const noexcept { return is_ready_; }
+  /// The last factor is that of the exact stiffness.
+  [[nodiscard]] bool is_exact() const noexcept { return is_exact_; }
   [[nodiscard]] const Body::Shift& shift() const noexcept { return shift_; }
   [[nodiscard]] std::size_t stored_bytes() const;
 
@@ -40,6 +47,9 @@ class WarpedFactor {
   BlockValues values_;
   Body::Shift shift_;
   bool is_ready_ = false;
+  bool is_exact_ = false;
+  int left_out_ = 0;               // calls for which the exact stiffness will not be tried
+  int next_left_out_ = 1;          // after another failure
   std::vector<double> reference_;  // rotations where it was factorised
   std::vector<double> turns_;      // 9 per free node
   std::vector<double> packed_;     // 3 per free node
