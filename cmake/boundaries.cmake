@@ -57,14 +57,15 @@ set(PALPATE_BOUNDARIES
   "physics_node/sdk:common/*,physics_node,physics_node/display/display.h,physics_node/foreign,@log,@cli"
   "physics_node/engines/bullet:physics_node/sdk/physics.h"
   "physics_node/engines/mujoco:physics_node/sdk/physics.h"
-  "physics_node:common/core,common/contact,common/session/scene_config.h,common/telemetry/physics_telemetry.h,physics_node/scene"
+  "physics_node:common/core,common/contact,common/session/scene_config.h,common/telemetry/physics_telemetry.h,physics_node/scene,physics_node/elastic_tissue"
   "physics_node/surfaces:common/core,common/contact,common/contact/cloud,common/session/scene_config.h,@threads"
   # elastic bodies by themselves: linear ← elastic; no session, no wire
   "physics_node/elastic:physics_node/elastic/linear,@threads"
   "physics_node/elastic/linear:physics_node/elastic/mesh.h"
   "physics_node/files:common/core,common/contact,common/session/scene_config.h,physics_node/surfaces,@threads"
   "physics_node/scene:common/core,common/contact,common/session/scene_config.h,physics_node/surfaces,physics_node/files"
-  "physics_node/display:common/core,common/contact,common/session,common/telemetry,physics_node/surfaces,physics_node/files,physics_node/scene"
+  "physics_node/elastic_tissue:common/core,common/contact,common/session/scene_config.h,common/telemetry/physics_telemetry.h,physics_node/surfaces,physics_node/files,physics_node/scene,physics_node/elastic,@threads"
+  "physics_node/display:common/core,common/contact,common/session,common/telemetry,physics_node/surfaces,physics_node/files,physics_node/scene,physics_node/elastic_tissue"
 
   # feed ← recording, server ← process (the files of viewer_node itself)
   "viewer_node:common/*,viewer_node/feed,viewer_node/recording,viewer_node/server,@log"

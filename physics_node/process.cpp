@@ -75,21 +75,24 @@ void run_process(NodeContext& context, ProcessLinks& links, PhysicsRole role) {
   const bool is_any_local =
       std::any_of(session.sides.begin(), session.sides.end(),
                   [](const Side& side) { return side.mofc.interaction == InteractionUse::kLocal; });
-  const auto scene =
-      std::make_shared<Scene>(session.scene, is_any_local ? session.physics.reach_m : 0.0);
+  const double reach_m = is_any_local ? session.physics.reach_m : 0.0;
+  const auto scene = std::make_shared<Scene>(session.scene, reach_m);
+  const std::shared_ptr<ElasticTissues> elastic =
+      ElasticTissues::of(session.scene, session.sides.size(), ElasticPace::kThread);
   std::vector<SceneEngine*> engines;
   SceneDisplay* display = nullptr;
   PhysicsProgram program{.make_engine =
                              [&](const Side& side) {
                                auto engine = std::make_unique<SceneEngine>(
-                                   scene, session.physics.rate_hz, side.mofc.interaction);
+                                   scene, session.physics.rate_hz, side.mofc.interaction, reach_m,
+                                   elastic, engines.size());
                                engines.push_back(engine.get());
                                return engine;
                              },
                          .make_display =
                              [&](Sender<SceneState>& scene_out, Sender<MeshFrame>& mesh_out) {
                                auto made = std::make_unique<SceneDisplay>(
-                                   session, context.session_id, scene_out, mesh_out);
+                                   session, context.session_id, scene_out, mesh_out, elastic);
                                display = made.get();
                                return made;
                              }};

@@ -48,10 +48,15 @@ void reduce_to_range(Interaction& interaction) noexcept {
 SceneEngine::SceneEngine(const SceneConfig& scene, const PhysicsConfig& physics, InteractionUse use)
     : SceneEngine(std::make_shared<const Scene>(
                       scene, use == InteractionUse::kLocal ? physics.reach_m : 0.0),
-                  physics.rate_hz, use) {}
+                  physics.rate_hz, use, use == InteractionUse::kLocal ? physics.reach_m : 0.0,
+                  ElasticTissues::of(scene, 1, ElasticPace::kVirtual), 0) {}
 
-SceneEngine::SceneEngine(std::shared_ptr<const Scene> scene, double rate_hz, InteractionUse use)
+SceneEngine::SceneEngine(std::shared_ptr<const Scene> scene, double rate_hz, InteractionUse use,
+                         double reach_m, std::shared_ptr<ElasticTissues> elastic, std::size_t tool)
     : scene_(std::move(scene)),
+      reach_m_(reach_m),
+      elastic_(std::move(elastic)),
+      tool_(tool),
       memory_(scene_->new_memory()),
       surface_(use == InteractionUse::kLocal ? scene_->descriptions()
                                              : std::span<const DescribedTissue>{},
@@ -63,9 +68,10 @@ bool SceneEngine::step(const ToolMotion& motion, bool /*is_new*/, TimePoint now,
                        Interaction& answer) noexcept {
   const double time_s = to_seconds((now + answer.scene_ahead).time_since_epoch());
   const Vector3 shaft_to_handle = motion.tool_orientation_world * Vector3::UnitZ();
-  const SceneForce force =
+  SceneForce force =
       scene_->step(memory_, motion.tool_position_world_m, motion.tool_velocity_world_m_per_s,
                    time_s, shaft_to_handle);
+  if (elastic_) elastic_->step(tool_, motion.tool_position_world_m, time_s, reach_m_, force);
   answer.force_on_tool_newton = force.force_on_tool_newton;
   answer.stored_energy_joule = force.stored_energy_joule;
   std::copy_n(force.contacts.begin(), force.listed_count, answer.contacts.begin());
@@ -89,6 +95,9 @@ void SceneEngine::count_into(PhysicsCounters& counters) const noexcept {
   counters.octree_last_cell_hits = counters_.octree_last_cell_hits;
   counters.tissues_asleep = counters_.tissues_asleep;
   counters.surfaces_shared = counters_.surfaces_shared;
+  if (!elastic_) return;
+  elastic_->count_into(counters);
+  elastic_->count_tool_into(tool_, counters);
 }
 
 }  // namespace palpate::physics

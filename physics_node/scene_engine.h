@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "common/session/scene_config.h"
+#include "physics_node/elastic_tissue/elastic_tissues.h"
 #include "physics_node/engine.h"
 #include "physics_node/scene/scene.h"
 #include "physics_node/surface_sender.h"
@@ -12,15 +13,17 @@ namespace palpate::physics {
 
 /// The state between two steps is the TissueMemory: proxies, friction, punctures and relaxation.
 /// The position of moving tissue follows from the time of the step. step() is real-time safe: no
-/// allocation, no lock, no throw.
+/// allocation, no lock, no throw; except with elastic tissue at ElasticPace::kVirtual.
 class SceneEngine final : public Engine {
  public:
   /// @param use  how mofc_node uses an Interaction: only for a local model the near tissue is
-  ///             described before it is touched
+  ///             described before it is touched. Elastic tissue is solved within step()
   SceneEngine(const SceneConfig& scene, const PhysicsConfig& physics, InteractionUse use);
-  /// In a scene shared with the tools of other engines. The tools do not interact: each has its own
-  /// TissueMemory.
-  SceneEngine(std::shared_ptr<const Scene> scene, double rate_hz, InteractionUse use);
+  /// In a scene shared with the tools of other engines. The tools meet only in elastic tissue; of
+  /// the others each has its own TissueMemory.
+  /// @param reach_m  the scene's   @param elastic  may be null   @param tool  index in it
+  SceneEngine(std::shared_ptr<const Scene> scene, double rate_hz, InteractionUse use,
+              double reach_m, std::shared_ptr<ElasticTissues> elastic, std::size_t tool);
 
   bool step(const ToolMotion& motion, bool is_new, TimePoint now,
             Interaction& answer) noexcept override;
@@ -31,6 +34,9 @@ class SceneEngine final : public Engine {
 
  private:
   std::shared_ptr<const Scene> scene_;
+  double reach_m_;
+  std::shared_ptr<ElasticTissues> elastic_;
+  std::size_t tool_;
   TissueMemory memory_;
   SurfaceSender surface_;
   PhysicsCounters counters_;  // of these only what count_into() sets

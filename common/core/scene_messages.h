@@ -72,6 +72,8 @@ struct MeshFrame {
   std::vector<float> vertices_m;   ///< W, deformed, before `displacement_world_m` is added
   Vector3 displacement_world_m = Vector3::Zero();  ///< of the tissue from its place in SceneState
   std::uint64_t device_sequence = 0;               ///< of the DeviceState that set the tool pose
+  /// Equivalent strain of an elastic body, per vertex of the range, ≥ 0; empty: none.
+  std::vector<float> vertex_strain{};
 };
 
 /// Hop 6: the intended position of the simulated hand.

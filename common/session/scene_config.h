@@ -31,7 +31,32 @@ struct FileGeometry {
 using Geometry =
     std::variant<HalfSpaceGeometry, SphereGeometry, BoxGeometry, CapsuleGeometry, FileGeometry>;
 
-using Material = std::variant<KelvinVoigtMaterial>;
+/// A part of space; W.
+using RegionGeometry = std::variant<HalfSpaceGeometry, SphereGeometry, BoxGeometry>;
+
+/// An elastic solid on the tetrahedra of a mesh (docs/elastic.md).
+struct ElasticMaterial {
+  enum class Law : std::uint8_t { kNeoHookean, kCorotational, kStVenantKirchhoff };
+  struct Part {
+    RegionGeometry where{};
+    double young_pa = 0.0;
+    double poisson_ratio = 0.0;
+    double density_kg_per_m3 = 0.0;
+  };
+  double young_pa = 10e3;
+  double poisson_ratio = 0.45;
+  double density_kg_per_m3 = 1000.0;
+  Law law = Law::kNeoHookean;
+  double viscosity_s = 0.0;         ///< Rayleigh's β
+  double mass_damping_per_s = 0.0;  ///< Rayleigh's α
+  Vector3 gravity_m_per_s2 = Vector3::Zero();
+  std::vector<RegionGeometry> fixed{};  ///< nodes in any of these are held
+  std::vector<Part> parts{};   ///< the last one that contains an element's centroid counts
+  double solve_rate_hz = 50.0;
+  bool is_linear = false;  ///< elements as in the file; else made quadratic
+};
+
+using Material = std::variant<KelvinVoigtMaterial, ElasticMaterial>;
 
 struct TissueConfig {
   std::string name;

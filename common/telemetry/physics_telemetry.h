@@ -40,6 +40,16 @@ struct PhysicsCounters {
   std::uint64_t meshes_skipped = 0;           ///< due at 30 Hz, not computed: no subscriber
   std::uint64_t tissue_changes = 0;           ///< applied; all tools
   std::uint64_t tissue_changes_refused = 0;   ///< no such tissue, or it cannot be changed
+  // elastic bodies, of all tools but for the steps skipped
+  std::uint64_t elastic_solves = 0;          ///< full solutions
+  std::uint64_t elastic_solves_skipped = 0;  ///< not needed: at rest and untouched
+  std::uint64_t elastic_solves_late = 0;     ///< took longer than their period
+  std::uint64_t elastic_steps_skipped = 0;   ///< steps out of reach of an elastic body
+  /// Unbalanced force of the last full solution over all its forces.
+  double elastic_residual_ratio = 0.0;
+  /// Of the condensed model, measured at the last full solution in contact [N].
+  double elastic_error_newton = 0.0;
+  double elastic_bound_newton = 0.0;  ///< stated bound of it, at the last step in contact
   Duration worst_compute_time{};
 };
 

@@ -5,12 +5,14 @@
 #include "common/session/session.h"
 #include "common/telemetry/tick_row.h"
 #include "device_node/simulation/ideal_run.h"
+#include "physics_node/elastic_tissue/elastic_reference.h"
 #include "physics_node/scene/scene.h"
 
 namespace palpate {
 
 /// The tissue in continuous time, without sampling and delay: its force on the hand in this run,
-/// and the run it would have given (docs/theory.md §7.1).
+/// and the run it would have given (docs/theory.md §7.1). Elastic tissue: full solutions a
+/// millisecond apart at the true position, in the run continued between two of them.
 class Ideal {
  public:
   Ideal(const Session& session, const Side& side);
@@ -24,9 +26,12 @@ class Ideal {
 
  private:
   /// 0 while clutched.
-  [[nodiscard]] Vector3 force_on_hand(bool is_clutched, const physics::SceneForce& touch) const;
+  [[nodiscard]] Vector3 force_on_hand(bool is_clutched, const Vector3& force_on_tool) const;
+  void step_run(double time_s, const Vector3& hand_m);
 
   physics::Scene scene_;
+  physics::ElasticReference elastic_;      // under the run's own tool
+  physics::ElasticReference run_elastic_;  // under that of the ideal run
   DeviceConfig device_;
   double peak_force_newton_;      // the smaller of the session's and the device's own
   physics::TissueMemory memory_;  // of the run's own tool

@@ -6,6 +6,7 @@
 #include <numbers>
 #include <utility>
 
+#include "physics_node/elastic/mesh.h"
 #include "physics_node/surfaces/subdivision.h"
 
 namespace palpate {
@@ -86,6 +87,21 @@ physics::TetrahedralMesh organ_mesh(std::uint32_t subdivisions) {
       add({low + a, low + b, high + b, high + c});
       add({low + a, high + a, high + b, high + c});
     }
+  }
+  return mesh;
+}
+
+physics::TetrahedralMesh block_mesh(std::uint32_t cells) {
+  constexpr double kFirst_m = 0.028;  // over the number of cells
+  const auto count = static_cast<int>(cells);
+  const elastic::Mesh block = elastic::block_mesh(count, count, kFirst_m / count);
+  physics::TetrahedralMesh mesh;
+  for (const Vector3& node_m : block.nodes_m) {
+    mesh.nodes_m.emplace_back(node_m - Vector3(0.05, 0.05, 0.05));
+  }
+  for (std::size_t e = 0; e < block.element_count(); ++e) {
+    const auto corners = block.element(e);
+    mesh.tetrahedra.push_back({corners[0], corners[1], corners[2], corners[3]});
   }
   return mesh;
 }

@@ -22,4 +22,9 @@ namespace palpate {
 /// @param subdivisions  0 … 6
 [[nodiscard]] physics::TetrahedralMesh organ_mesh(std::uint32_t subdivisions);
 
+/// A block of 100 × 100 × 50 mm below z = 0, finest around the middle of its top, of
+/// 20 `cells`³ tetrahedra.
+/// @param cells  2 … 16
+[[nodiscard]] physics::TetrahedralMesh block_mesh(std::uint32_t cells);
+
 }  // namespace palpate

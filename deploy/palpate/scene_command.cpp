@@ -1,9 +1,12 @@
 #include <cstdio>
 #include <memory>
+#include <string>
+#include <vector>
 
 #include "common/process/terminal.h"
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/options.h"
+#include "physics_node/elastic_tissue/elastic_body.h"
 #include "physics_node/scene/scene.h"
 
 namespace palpate {
@@ -11,9 +14,14 @@ namespace {
 
 int check_scene(const SessionOptions& options, const Verbosity& verbosity) {
   const Session session = options.load(verbosity);
+  std::vector<std::string> reports;  // of elastic bodies
   {
     const BusyLine loading("reading the geometry", verbosity.is_quiet);
     static_cast<void>(physics::Scene(session.scene));
+    for (const auto& body : physics::elastic_bodies_of(session.scene)) {
+      reports.push_back(session.scene.tissues[body->tissue].name + ": " +
+                        physics::mesh_report(*body));
+    }
   }
   for (const Side& side : session.sides) {
     std::printf("%s: ok (%s%zu tissues, device %g Hz, physics %g Hz, controller %s)\n",
@@ -21,6 +29,7 @@ int check_scene(const SessionOptions& options, const Verbosity& verbosity) {
                 session.scene.tissues.size(), side.device.rate_hz, session.physics.rate_hz,
                 controller_text(side.mofc).c_str());
   }
+  for (const std::string& report : reports) std::printf("%s\n", report.c_str());
   return 0;
 }
 

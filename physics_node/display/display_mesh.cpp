@@ -183,6 +183,21 @@ SurfaceMesh display_mesh(const Shape& shape, const DisplayArea& area) {
   return std::visit([&](const auto& form) { return display_mesh(form, area); }, shape.form());
 }
 
+SurfaceMesh display_mesh(const ElasticBody& body) {
+  SurfaceMesh mesh;
+  std::vector<std::uint32_t> vertex_of(body.body->node_count(), 0);
+  for (const std::uint32_t node : body.surface_nodes) {
+    vertex_of[node] = static_cast<std::uint32_t>(mesh.vertex_count());
+    for (Eigen::Index i = 0; i < 3; ++i) {
+      mesh.vertices_m.push_back(static_cast<float>(body.start_m[3 * Eigen::Index{node} + i]));
+    }
+  }
+  for (const auto& corners : triangles_of(body)) {
+    for (const std::uint32_t node : corners) mesh.triangles.push_back(vertex_of[node]);
+  }
+  return mesh;
+}
+
 TissueShape shape_of(const Geometry& geometry) {
   struct Shapes {
     TissueShape operator()(const HalfSpaceGeometry&) const { return TissueShape::kHalfSpace; }

@@ -4,6 +4,7 @@
 #include "common/core/scene_messages.h"
 #include "common/core/vector.h"
 #include "common/session/scene_config.h"
+#include "physics_node/elastic_tissue/elastic_body.h"
 #include "physics_node/surfaces/shape.h"
 
 namespace palpate::physics {
@@ -32,6 +33,9 @@ struct DisplayArea {
 [[nodiscard]] SurfaceMesh display_mesh(const CapsuleGeometry& capsule, const DisplayArea& area);
 /// The mesh of its FileSurface (file_surface_mesh.h), at its place.
 [[nodiscard]] SurfaceMesh display_mesh(const PlacedSurface& placed, const DisplayArea& area);
+
+/// The surface of an elastic body where it rests; vertices are its surface nodes.
+[[nodiscard]] SurfaceMesh display_mesh(const ElasticBody& body);
 
 [[nodiscard]] TissueShape shape_of(const Geometry& geometry);
 

@@ -48,15 +48,27 @@ DisplayArea area_of(const Session& session) {
 }  // namespace
 
 SceneDisplay::SceneDisplay(const Session& session, std::uint64_t session_id,
-                           Sender<SceneState>& scene_out, Sender<MeshFrame>& mesh_out)
+                           Sender<SceneState>& scene_out, Sender<MeshFrame>& mesh_out,
+                           std::shared_ptr<ElasticTissues> elastic)
     : session_(session),
+      elastic_(std::move(elastic)),
       scene_out_(scene_out),
       mesh_out_(mesh_out),
       scene_(scene_of(session, session_id)) {
   frame_.header.session_id = session_id;
   for (const TissueConfig& tissue : session.scene.tissues) {
-    shapes_.push_back(to_shape(tissue.geometry));
+    const ElasticTissue* const body = this->elastic(shapes_.size());
+    shapes_.push_back(body != nullptr ? body->body().shape : to_shape(tissue.geometry));
   }
+}
+
+/// nullptr: it is not elastic.
+ElasticTissue* SceneDisplay::elastic(std::size_t tissue) const {
+  if (!elastic_) return nullptr;
+  for (const auto& one : elastic_->tissues()) {
+    if (one->body().tissue == tissue) return one.get();
+  }
+  return nullptr;
 }
 
 void SceneDisplay::build() {
@@ -71,7 +83,8 @@ void SceneDisplay::build() {
     TissueSurface& surface = scene_.tissues.emplace_back();
     surface.name = tissue.name;
     surface.shape = shape_of(tissue.geometry);
-    surface.mesh = display_mesh(shape, area);
+    const ElasticTissue* const body = elastic(i);
+    surface.mesh = body != nullptr ? display_mesh(body->body()) : display_mesh(shape, area);
     std::optional<DentedSurface>& dent = dents_.emplace_back();
     const auto* material = std::get_if<KelvinVoigtMaterial>(&tissue.material);
     if (material == nullptr) continue;
@@ -155,6 +168,7 @@ void SceneDisplay::publish(const Watchers& watchers, std::span<const PhysicsTick
   build();
   const double elapsed_s = advanced_at_ ? to_seconds(now - *advanced_at_) : 0.0;
   advanced_at_ = now;
+  send_elastic(is_new_watcher, newest.front(), now);
   std::size_t moved = 0;  // tissues sent that moved without a dent
   const std::size_t first = next_turn_;
   for (std::size_t k = 0; k < dents_.size(); ++k) {
@@ -180,6 +194,16 @@ void SceneDisplay::publish(const Watchers& watchers, std::span<const PhysicsTick
   }
 }
 
+void SceneDisplay::send_elastic(bool is_new_watcher, const PhysicsTick& tick, TimePoint now) {
+  for (std::size_t i = 0; elastic_ && i < elastic_->tissues().size(); ++i) {
+    ElasticTissue& body = *elastic_->tissues()[i];
+    Deformed& newest = deformed_[body.body().tissue];
+    const bool is_new = body.take_surface(newest.vertices_m, newest.strain);
+    if (newest.vertices_m.empty() || !(is_new || is_new_watcher)) continue;
+    send(body.body().tissue, {0, newest.strain.size()}, tick, now);
+  }
+}
+
 /// After the last subscriber has left, the next one starts with tissue at rest.
 void SceneDisplay::forget() {
   if (!advanced_at_) return;
@@ -199,7 +223,18 @@ void SceneDisplay::send(std::size_t tissue, const VertexRange& range, const Phys
   do {
     const VertexRange part{range.first + range.count - left, std::min(kVerticesPerFrame, left)};
     frame_.first_vertex = static_cast<std::uint32_t>(part.first);
-    frame_.vertices_m = part.count > 0 ? dents_[tissue]->vertices_m(part) : std::vector<float>{};
+    const auto deformed = deformed_.find(tissue);
+    frame_.vertex_strain.clear();
+    if (deformed != deformed_.end()) {
+      const auto first = static_cast<std::ptrdiff_t>(part.first);
+      const auto end = first + static_cast<std::ptrdiff_t>(part.count);
+      const Deformed& newest = deformed->second;
+      frame_.vertices_m.assign(newest.vertices_m.begin() + 3 * first,
+                               newest.vertices_m.begin() + 3 * end);
+      frame_.vertex_strain.assign(newest.strain.begin() + first, newest.strain.begin() + end);
+    } else {
+      frame_.vertices_m = part.count > 0 ? dents_[tissue]->vertices_m(part) : std::vector<float>{};
+    }
     mesh_out_.send(frame_);
     ++frame_.header.sequence;
     ++frames_made_;

@@ -3,10 +3,9 @@
 //   out  hop 5  SceneState  physics → viewers  on every subscription with the same revision:
 //                                              viewers that have it can ignore the repetition;
 //                                              with a higher one if a tissue has changed, ≤ 5 Hz
-//   out  hop 5  MeshFrame   physics → viewers  ≤ 30 Hz per tissue, of tissue that is dented or has
-//   a
-//                                              motion of its own; of many moving tissues some in
-//                                              turn
+//   out  hop 5  MeshFrame   physics → viewers  ≤ 30 Hz per tissue, of tissue that is dented,
+//                                              deformed or has a motion of its own; of many moving
+//                                              tissues some in turn
 //
 // Without subscribers no surface is meshed, no vertex computed and nothing encoded; the counters
 // show what was skipped.
@@ -16,6 +15,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <map>
+#include <memory>
 #include <optional>
 #include <span>
 #include <vector>
@@ -25,6 +25,7 @@
 #include "common/session/session.h"
 #include "physics_node/display/dented_surface.h"
 #include "physics_node/display/display.h"
+#include "physics_node/elastic_tissue/elastic_tissues.h"
 #include "physics_node/surfaces/shape.h"
 
 namespace palpate::physics {
@@ -32,9 +33,10 @@ namespace palpate::physics {
 class SceneDisplay final : public Display {
  public:
   /// All references must outlive it. @param session_id  physics_node's
+  /// @param elastic  the session's elastic tissues, null if it has none
   /// @throws SetupError  if a file that a tissue's geometry names cannot be used
   SceneDisplay(const Session& session, std::uint64_t session_id, Sender<SceneState>& scene_out,
-               Sender<MeshFrame>& mesh_out);
+               Sender<MeshFrame>& mesh_out, std::shared_ptr<ElasticTissues> elastic = {});
 
   void publish(const Watchers& watchers, std::span<const PhysicsTick> newest,
                TimePoint now) override;
@@ -57,9 +59,17 @@ class SceneDisplay final : public Display {
   void map_stiffness(std::size_t tissue);
   void forget();
   void send(std::size_t tissue, const VertexRange& range, const PhysicsTick& tick, TimePoint now);
+  [[nodiscard]] ElasticTissue* elastic(std::size_t tissue) const;
+  void send_elastic(bool is_new_watcher, const PhysicsTick& tick, TimePoint now);
 
   const Session& session_;
-  std::vector<Shape> shapes_;  // one per tissue
+  std::shared_ptr<ElasticTissues> elastic_;
+  struct Deformed {
+    std::vector<float> vertices_m;
+    std::vector<float> strain;
+  };
+  std::map<std::size_t, Deformed> deformed_;  // by tissue: the newest of elastic ones
+  std::vector<Shape> shapes_;                 // one per tissue
   Sender<SceneState>& scene_out_;
   Sender<MeshFrame>& mesh_out_;
   SceneState scene_;                          // revision 0: not built yet; then from 1

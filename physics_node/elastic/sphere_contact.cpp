@@ -3,6 +3,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <utility>
 
 namespace palpate::elastic {
@@ -40,7 +41,22 @@ std::vector<SurfacePoint> surface_points(const Mesh& mesh, const std::vector<Fac
 SphereContact::SphereContact(std::vector<SurfacePoint> points, double stiffness_pa_per_m)
     : points_(std::move(points)),
       multipliers_pa_(points_.size(), 0.0),
-      stiffness_pa_per_m_(stiffness_pa_per_m) {}
+      near_(points_.size()),
+      stiffness_pa_per_m_(stiffness_pa_per_m) {
+  std::iota(near_.begin(), near_.end(), 0U);
+}
+
+void SphereContact::choose_near(const double* x_m, double margin_m) {
+  near_.clear();
+  const double reach_m = radius_m_ + margin_m;
+  for (std::uint32_t i = 0; i < points_.size(); ++i) {
+    if ((points_[i].position_m(x_m) - centre_m_).squaredNorm() < reach_m * reach_m) {
+      near_.push_back(i);
+    } else {
+      multipliers_pa_[i] = 0.0;
+    }
+  }
+}
 
 SphereContact::Touch SphereContact::touch(std::size_t point, const double* x_m) const noexcept {
   const Vector3d away = points_[point].position_m(x_m) - centre_m_;
@@ -55,7 +71,7 @@ SphereContact::Touch SphereContact::touch(std::size_t point, const double* x_m) 
 
 double SphereContact::add_gradient(const double* x_m, double* gradient) const {
   double energy = 0.0;
-  for (std::size_t i = 0; i < points_.size(); ++i) {
+  for (const std::uint32_t i : near_) {
     const Touch at = touch(i, x_m);
     const SurfacePoint& point = points_[i];
     const double multiplier = multipliers_pa_[i];
@@ -82,7 +98,7 @@ void SphereContact::add_exact_stiffness(const double* x_m, const BlockPattern& p
 
 void SphereContact::add_blocks(const double* x_m, const BlockPattern& pattern, bool is_exact,
                                BlockValues& values) const {
-  for (std::size_t i = 0; i < points_.size(); ++i) {
+  for (const std::uint32_t i : near_) {
     const Touch at = touch(i, x_m);
     if (at.pressure_pa == 0.0) continue;
     const SurfacePoint& point = points_[i];
@@ -110,7 +126,7 @@ void SphereContact::add_blocks(const double* x_m, const BlockPattern& pattern, b
 
 double SphereContact::update_multipliers(const double* x_m) {
   double deepest_m = 0.0;
-  for (std::size_t i = 0; i < points_.size(); ++i) {
+  for (const std::uint32_t i : near_) {
     const Touch at = touch(i, x_m);
     deepest_m = std::max(deepest_m, -at.gap_m);
     multipliers_pa_[i] = at.pressure_pa;
@@ -120,7 +136,7 @@ double SphereContact::update_multipliers(const double* x_m) {
 
 Vector3d SphereContact::force_on_sphere_newton(const double* x_m) const {
   Vector3d force = Vector3d::Zero();
-  for (std::size_t i = 0; i < points_.size(); ++i) {
+  for (const std::uint32_t i : near_) {
     const Touch at = touch(i, x_m);
     force -= points_[i].area_m2 * at.pressure_pa * at.normal;
   }
@@ -128,17 +144,17 @@ Vector3d SphereContact::force_on_sphere_newton(const double* x_m) const {
 }
 
 std::vector<Vector3d> SphereContact::forces_on_body_newton(const double* x_m) const {
-  std::vector<Vector3d> forces;
-  for (std::size_t i = 0; i < points_.size(); ++i) {
+  std::vector<Vector3d> forces(points_.size(), Vector3d::Zero());
+  for (const std::uint32_t i : near_) {
     const Touch at = touch(i, x_m);
-    forces.emplace_back(points_[i].area_m2 * at.pressure_pa * at.normal);
+    forces[i] = points_[i].area_m2 * at.pressure_pa * at.normal;
   }
   return forces;
 }
 
 std::size_t SphereContact::touching(const double* x_m) const {
   std::size_t count = 0;
-  for (std::size_t i = 0; i < points_.size(); ++i)
+  for (const std::uint32_t i : near_)
     count += static_cast<std::size_t>(touch(i, x_m).pressure_pa > 0.0);
   return count;
 }

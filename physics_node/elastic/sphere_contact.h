@@ -43,6 +43,9 @@ class SphereContact : public Obstacle {
     centre_m_ = centre_m;
     radius_m_ = radius_m;
   }
+  /// From now on only points this near to the sphere may touch it; others lose their multipliers. At
+  /// first all may.
+  void choose_near(const double* x_m, double margin_m);
   double add_gradient(const double* x_m, double* gradient) const override;
   void add_stiffness(const double* x_m, const BlockPattern& pattern,
                      BlockValues& values) const override;
@@ -50,6 +53,7 @@ class SphereContact : public Obstacle {
                            BlockValues& values) const override;
   [[nodiscard]] double longest_correction_m() const override { return 0.2 * radius_m_; }
 
+  [[nodiscard]] std::size_t near_count() const noexcept { return near_.size(); }
   /// Returns the deepest penetration [m].
   double update_multipliers(const double* x_m);
   [[nodiscard]] Vector3d force_on_sphere_newton(const double* x_m) const;
@@ -71,6 +75,7 @@ class SphereContact : public Obstacle {
 
   std::vector<SurfacePoint> points_;
   std::vector<double> multipliers_pa_;
+  std::vector<std::uint32_t> near_;  // points that may touch
   double stiffness_pa_per_m_;
   Vector3d centre_m_ = Vector3d::Zero();
   double radius_m_ = 0.0;

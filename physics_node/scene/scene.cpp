@@ -53,6 +53,15 @@ void clear_unless_finite(SceneForce& sum) noexcept {
 
 }  // namespace
 
+void add_contact(const Contact& contact, SceneForce& sum) noexcept {
+  if (contact.penetration_m > 0.0) {
+    sum.force_on_tool_newton += contact.force_on_tool_newton;
+    sum.stored_energy_joule += contact.stored_energy_joule;
+    ++sum.contact_count;
+  }
+  keep_deepest(contact, sum);
+}
+
 Scene::Scene(const SceneConfig& config, double reach_m)
     : tool_{.tip_radius_m = config.tip_radius_m,
             .shaft_length_m = config.shaft_length_m,
@@ -62,6 +71,12 @@ Scene::Scene(const SceneConfig& config, double reach_m)
   std::set<const FileSurface*> surfaces;
   for (const TissueConfig& tissue : config.tissues) {
     const auto index = static_cast<std::uint32_t>(tissues_.size());
+    if (!std::holds_alternative<KelvinVoigtMaterial>(tissue.material)) {
+      ++elastic_;
+      tissues_.push_back({.shape = Shape(SphereGeometry{}), .material = {}, .motion = {}});
+      if (reach_m_ > 0.0) descriptions_.emplace_back();
+      continue;
+    }
     const auto& material = std::get<KelvinVoigtMaterial>(tissue.material);
     const bool is_relaxing = material.relaxing_stiffness_newton_per_m > 0.0;
     tissues_.push_back({.shape = to_shape(tissue.geometry),
@@ -171,7 +186,7 @@ SceneCounts Scene::visit_touches(const ToolPose& now, const TissueMemory& memory
       take_and_count(shaft, moved_m);
     }
   });
-  counts.tissues_skipped = static_cast<std::uint32_t>(tissues_.size()) - counts.tissues_visited;
+  counts.tissues_skipped = static_cast<std::uint32_t>(tissues_.size() - elastic_) - counts.tissues_visited;
   return counts;
 }
 
@@ -192,12 +207,7 @@ void Scene::add(const Touch& touch, const TissueMemory& memory,
   const Tissue& tissue = tissues_[touch.tissue];
   const Contact contact = acting_contact(touch, tissue.material, relaxed_m(touch, memory),
                                          tissue.motion, tip_velocity_world_m_per_s, time_s);
-  if (contact.penetration_m > 0.0) {
-    sum.force_on_tool_newton += contact.force_on_tool_newton;
-    sum.stored_energy_joule += contact.stored_energy_joule;
-    ++sum.contact_count;
-  }
-  keep_deepest(contact, sum);
+  add_contact(contact, sum);
 }
 
 SceneForce Scene::step(TissueMemory& memory, const Vector3& tip_position_world_m,

@@ -16,6 +16,10 @@
 
 namespace palpate::physics {
 
+/// Adds a contact to the sum: its force and energy if it touches, and itself if it is among the
+/// deepest. No allocation.
+void add_contact(const Contact& contact, SceneForce& sum) noexcept;
+
 /// Tissues, and a tool: a spherical tip, optionally with a straight shaft behind it. The scene is
 /// immutable but for set_material(): the state of the tissues is in a TissueMemory, their position
 /// follows from the time.
@@ -23,7 +27,7 @@ namespace palpate::physics {
 ///
 /// The shaft touches each tissue where a sphere of its radius would be deepest, from one diameter
 /// of the tip behind the tip on. The forces on tip and shaft add up; the torque of the shaft is not
-/// rendered.
+/// rendered. Elastic tissues keep their index but are not part of it (elastic_tissue/).
 ///
 /// Thread-safe, except set_material(). Real-time safe, except the constructor and new_memory(): no
 /// allocation, no lock, no throw.
@@ -102,6 +106,7 @@ class Scene {
   ToolShape tool_;
   double reach_m_;
   std::size_t shared_surfaces_ = 0;
+  std::size_t elastic_ = 0;  // tissues that are elsewhere
   std::vector<Tissue> tissues_;
   std::vector<double> relaxation_times_s_;  // of the relaxing tissues
   std::vector<std::uint32_t> unbounded_;    // half-spaces: their own distance is the cheapest test

@@ -263,6 +263,13 @@ inline void randomise(PhysicsCounters& c, Random& random) {
   c.meshes_skipped = random.bits();
   c.tissue_changes = random.bits();
   c.tissue_changes_refused = random.bits();
+  c.elastic_solves = random.bits();
+  c.elastic_solves_skipped = random.bits();
+  c.elastic_solves_late = random.bits();
+  c.elastic_steps_skipped = random.bits();
+  c.elastic_residual_ratio = random.uniform(0.0, 1.0);
+  c.elastic_error_newton = random.uniform(0.0, 10.0);
+  c.elastic_bound_newton = random.uniform(0.0, 10.0);
   c.worst_compute_time = random_duration(random);
 }
 
@@ -340,6 +347,9 @@ inline void randomise(MeshFrame& m, Random& random) {
   m.vertices_m = random_floats(random, 3 * random.below(100), -1000.0, 1000.0);
   m.device_sequence = random.bits();
   m.displacement_world_m = random_vector(random, 1.0);
+  if (random.chance(0.5)) {
+    m.vertex_strain = random_floats(random, m.vertices_m.size() / 3, 0.0, 2.0);
+  }
 }
 
 inline void randomise(HandTarget& m, Random& random) {
@@ -629,6 +639,13 @@ inline bool same(const PhysicsCounters& a, const PhysicsCounters& b) {
          a.interactions_suppressed == b.interactions_suppressed && a.mesh_frames == b.mesh_frames &&
          a.meshes_skipped == b.meshes_skipped && a.tissue_changes == b.tissue_changes &&
          a.tissue_changes_refused == b.tissue_changes_refused &&
+         a.elastic_solves == b.elastic_solves &&
+         a.elastic_solves_skipped == b.elastic_solves_skipped &&
+         a.elastic_solves_late == b.elastic_solves_late &&
+         a.elastic_steps_skipped == b.elastic_steps_skipped &&
+         same(a.elastic_residual_ratio, b.elastic_residual_ratio) &&
+         same(a.elastic_error_newton, b.elastic_error_newton) &&
+         same(a.elastic_bound_newton, b.elastic_bound_newton) &&
          a.worst_compute_time == b.worst_compute_time;
 }
 inline bool same(const std::vector<float>& a, const std::vector<float>& b) {
@@ -662,7 +679,8 @@ inline bool same(const MeshFrame& a, const MeshFrame& b) {
   return same(a.header, b.header) && a.scene_revision == b.scene_revision && a.tissue == b.tissue &&
          a.first_vertex == b.first_vertex && same(a.vertices_m, b.vertices_m) &&
          a.device_sequence == b.device_sequence &&
-         same(a.displacement_world_m, b.displacement_world_m);
+         same(a.displacement_world_m, b.displacement_world_m) &&
+         same(a.vertex_strain, b.vertex_strain);
 }
 inline bool same(const HandTarget& a, const HandTarget& b) {
   return same(a.header, b.header) && a.holder_id == b.holder_id &&

@@ -215,6 +215,21 @@ void add_physics(Page& page, const PhysicsCounters& c) {
                {{"", c.tissue_changes}});
   page.counter("physics_tissue_changes_refused", "Changes of stiffness and damping refused.",
                {{"", c.tissue_changes_refused}});
+  page.counter("physics_elastic_solves", "Full solutions of elastic bodies.",
+               {{label("result", "made"), c.elastic_solves},
+                {label("result", "skipped"), c.elastic_solves_skipped},
+                {label("result", "late"), c.elastic_solves_late}});
+  page.counter("physics_elastic_steps_skipped", "Steps out of reach of an elastic body.",
+               {{"", c.elastic_steps_skipped}});
+  page.gauge("physics_elastic_residual_ratio",
+             "Unbalanced force of the last full solution over all its forces.", "",
+             c.elastic_residual_ratio);
+  page.gauge("physics_elastic_error_newton",
+             "Measured error of the condensed model at the last full solution in contact.", "",
+             c.elastic_error_newton);
+  page.gauge("physics_elastic_bound_newton",
+             "Stated bound of that error at the last step in contact.", "",
+             c.elastic_bound_newton);
   page.gauge("physics_worst_compute_time_seconds", "Longest step since the start.", "",
              to_seconds(c.worst_compute_time));
 }

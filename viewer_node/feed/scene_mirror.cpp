@@ -36,6 +36,11 @@ bool SceneMirror::take(const MeshFrame& frame) {
   newest.displacement_world_m = frame.displacement_world_m;
   std::copy(frame.vertices_m.begin(), frame.vertices_m.end(),
             newest.vertices_m.begin() + static_cast<std::ptrdiff_t>(first));
+  if (!frame.vertex_strain.empty()) {
+    newest.vertex_strain.resize(rest_m.size() / 3);
+    std::copy(frame.vertex_strain.begin(), frame.vertex_strain.end(),
+              newest.vertex_strain.begin() + static_cast<std::ptrdiff_t>(frame.first_vertex));
+  }
   return true;
 }
 

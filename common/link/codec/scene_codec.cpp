@@ -43,6 +43,14 @@ void check_vertices(const std::string& bytes, Verdict& verdict) {
     verdict.number(static_cast<double>(x), -kMaxPositionM, kMaxPositionM);
   });
 }
+void check_strain(const v1::MeshFrame& wire, Verdict& verdict) {
+  const std::string& strain = wire.vertex_strain();
+  verdict.expect(strain.empty() || 3 * strain.size() == wire.vertices_m().size());
+  for_each_number<float>(strain, 1, verdict, [&](float e) {
+    verdict.finite(static_cast<double>(e));
+    verdict.expect(e >= 0.0F);
+  });
+}
 
 void put_tissue(const TissueSurface& surface, v1::TissueSurface& to) {
   to.set_name(surface.name);
@@ -175,6 +183,7 @@ struct WireFormat<MeshFrame> {
     wire.set_first_vertex(m.first_vertex);
     put_packed(m.vertices_m, *wire.mutable_vertices_m());
     wire.set_device_sequence(m.device_sequence);
+    if (!m.vertex_strain.empty()) put_packed(m.vertex_strain, *wire.mutable_vertex_strain());
     if (!m.displacement_world_m.isZero(0.0)) {
       put(m.displacement_world_m, *wire.mutable_displacement_world_m());
     }
@@ -184,6 +193,7 @@ struct WireFormat<MeshFrame> {
     verdict.expect(wire.scene_revision() > 0);
     check_vertices(wire.vertices_m(), verdict);
     verdict.vector(true, wire.displacement_world_m(), kMaxPositionM);
+    check_strain(wire, verdict);
   }
 
   static void read(const v1::MeshFrame& wire, MeshFrame& m) {
@@ -193,6 +203,7 @@ struct WireFormat<MeshFrame> {
     read_packed(wire.vertices_m(), m.vertices_m);
     m.device_sequence = wire.device_sequence();
     m.displacement_world_m = vector(wire.displacement_world_m());
+    read_packed(wire.vertex_strain(), m.vertex_strain);
   }
 };
 template class Codec<MeshFrame>;

@@ -161,6 +161,13 @@ void put(const PhysicsCounters& c, v1::PhysicsCounters& to) {
   to.set_meshes_skipped(c.meshes_skipped);
   to.set_tissue_changes(c.tissue_changes);
   to.set_tissue_changes_refused(c.tissue_changes_refused);
+  to.set_elastic_solves(c.elastic_solves);
+  to.set_elastic_solves_skipped(c.elastic_solves_skipped);
+  to.set_elastic_solves_late(c.elastic_solves_late);
+  to.set_elastic_steps_skipped(c.elastic_steps_skipped);
+  to.set_elastic_residual_ratio(c.elastic_residual_ratio);
+  to.set_elastic_error_newton(c.elastic_error_newton);
+  to.set_elastic_bound_newton(c.elastic_bound_newton);
   to.set_worst_compute_time_ns(c.worst_compute_time.count());
 }
 void check_counters(const v1::PhysicsCounters& c, Verdict& verdict) {
@@ -168,6 +175,9 @@ void check_counters(const v1::PhysicsCounters& c, Verdict& verdict) {
   verdict.require(c.has_tool_motion());
   verdict.time(c.loop().worst_lateness_ns());
   verdict.time(c.worst_compute_time_ns());
+  verdict.finite(c.elastic_residual_ratio());
+  verdict.finite(c.elastic_error_newton());
+  verdict.finite(c.elastic_bound_newton());
 }
 PhysicsCounters counters(const v1::PhysicsCounters& c) {
   return {.loop = loop(c.loop()),
@@ -184,6 +194,13 @@ PhysicsCounters counters(const v1::PhysicsCounters& c) {
           .meshes_skipped = c.meshes_skipped(),
           .tissue_changes = c.tissue_changes(),
           .tissue_changes_refused = c.tissue_changes_refused(),
+          .elastic_solves = c.elastic_solves(),
+          .elastic_solves_skipped = c.elastic_solves_skipped(),
+          .elastic_solves_late = c.elastic_solves_late(),
+          .elastic_steps_skipped = c.elastic_steps_skipped(),
+          .elastic_residual_ratio = c.elastic_residual_ratio(),
+          .elastic_error_newton = c.elastic_error_newton(),
+          .elastic_bound_newton = c.elastic_bound_newton(),
           .worst_compute_time = Duration(c.worst_compute_time_ns())};
 }
 

@@ -3,6 +3,7 @@
 #include <set>
 
 #include "common/session/file/convert.h"
+#include "palpate/v1/session.pb.h"
 
 namespace palpate {
 
@@ -16,7 +17,7 @@ FileGeometry to_file_geometry(const Fields& tissue, const char* message, FileGeo
   const Fields fields = tissue.message(message);
   if (fields.has_required("file")) geometry.file = fields.file("file", base_dir).string();
   const std::string material = tissue.given_member("material");
-  if (!material.empty()) {
+  if (!material.empty() && material != "elastic") {
     geometry.stiffness_property = tissue.message(material.c_str()).text("stiffness_property");
   }
   geometry.unit_m = tissue.number("unit_m");
@@ -65,12 +66,82 @@ Geometry to_geometry(const Fields& tissue, const std::filesystem::path& base_dir
                            .normal = fields.direction("normal")};
 }
 
-Material to_material(const Fields& tissue) {
+RegionGeometry to_region(const Fields& place) {
+  const std::string kind = place.given_member("place");
+  const Fields fields = place.message(kind.empty() ? "half_space" : kind.c_str());
+  if (kind == "sphere") {
+    return SphereGeometry{.center_m = fields.vector("center_m"),
+                          .radius_m = fields.number("radius_m")};
+  }
+  if (kind == "box") {
+    return BoxGeometry{.center_m = fields.vector("center_m"), .size_m = fields.vector("size_m")};
+  }
+  if (kind.empty()) {
+    place.problem("a place is required; give half_space { … }, sphere { … } or box { … }");
+  }
+  return HalfSpaceGeometry{.point_m = fields.vector("point_m"),
+                           .normal = fields.direction("normal")};
+}
+
+ElasticMaterial to_elastic(const Fields& tissue, double tip_radius_m) {
+  constexpr double kSmallestTip_m = 1e-3;
+  constexpr std::size_t kMostParts = 64;
+  const Fields fields = tissue.message("elastic");
+  if (tissue.given_member("geometry") != "tetrahedral_mesh") {
+    tissue.problem("elastic",
+                   "needs the inside of the body; give tetrahedral_mesh { … } as its geometry");
+  }
+  if (tissue.has("motion")) {
+    tissue.problem("motion", "an elastic body is held by its fixed places; leave it out");
+  }
+  if (tip_radius_m < kSmallestTip_m) {
+    tissue.problem("elastic", "is touched by a sphere of at least 1 mm; set scene.tool.tip_radius_m");
+  }
+  ElasticMaterial material{.young_pa = fields.number("young_pa"),
+                           .poisson_ratio = fields.number("poisson_ratio"),
+                           .density_kg_per_m3 = fields.number("density_kg_per_m3"),
+                           .viscosity_s = 1e-3 * fields.number("viscosity_ms"),
+                           .mass_damping_per_s = fields.number("mass_damping_per_s"),
+                           .gravity_m_per_s2 = fields.vector("gravity_m_per_s2"),
+                           .solve_rate_hz = fields.number("solve_rate_hz"),
+                           .is_linear = fields.flag("linear_elements")};
+  switch (fields.enumerator("law")) {
+    case v1::Scene::Elastic::corotational:
+      material.law = ElasticMaterial::Law::kCorotational;
+      break;
+    case v1::Scene::Elastic::st_venant_kirchhoff:
+      material.law = ElasticMaterial::Law::kStVenantKirchhoff;
+      break;
+    default:
+      break;
+  }
+  for (const Fields& place : fields.messages("fixed")) material.fixed.push_back(to_region(place));
+  if (material.fixed.empty()) {
+    fields.problem("fixed",
+                   "the body would fall; give where it is held, e.g. fixed { half_space { point_m { "
+                   "z: -0.04 } } }");
+  }
+  for (const Fields& part : fields.messages("part")) {
+    material.parts.push_back(
+        {.where = to_region(part.message("where")),
+         .young_pa = part.number("young_pa"),
+         .poisson_ratio = part.number("poisson_ratio", material.poisson_ratio),
+         .density_kg_per_m3 = part.number("density_kg_per_m3", material.density_kg_per_m3)});
+  }
+  if (material.parts.size() > kMostParts) {
+    fields.problem_at("part", static_cast<int>(kMostParts),
+                      "at most 64 parts; merge those of one material");
+  }
+  return material;
+}
+
+Material to_material(const Fields& tissue, double tip_radius_m) {
   const std::string kind = tissue.given_member("material");
   if (kind.empty()) {
     tissue.problem("a material is required; give kelvin_voigt { stiffness_newton_per_m: … }");
     return {};
   }
+  if (kind == "elastic") return to_elastic(tissue, tip_radius_m);
   const Fields fields = tissue.message(kind.c_str());
   if (fields.has("stiffness_property") && tissue.given_member("geometry") != "point_cloud") {
     fields.problem("stiffness_property", "only a point_cloud has one; leave it out");
@@ -207,7 +278,7 @@ SceneConfig to_scene(const Fields& scene, const std::filesystem::path& base_dir)
     }
     config.tissues.push_back({.name = std::move(name),
                               .geometry = to_geometry(tissue, base_dir),
-                              .material = to_material(tissue),
+                              .material = to_material(tissue, config.tip_radius_m),
                               .motion = to_motion(tissue)});
   }
   return config;

@@ -1,0 +1,41 @@
+// handover.h — hands the newest of large objects from one thread to another, without locks.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+
+namespace palpate {
+
+/// Three objects: the writer fills one, the reader uses one, the third is the newest that the
+/// reader has not taken, or spare. Neither ever waits; nothing is copied.
+template <class T>
+class Handover {
+ public:
+  /// The writer's object; what it was when it was last written, two or three hand-overs ago.
+  [[nodiscard]] T& draft() noexcept { return objects_[draft_]; }
+  /// The draft becomes the newest.
+  void publish() noexcept {
+    draft_ = kIndex & middle_.exchange(static_cast<std::uint8_t>(draft_ | kFresh),
+                                       std::memory_order_acq_rel);
+  }
+  /// The newest published object, for the reader until its next call; nullptr: none yet.
+  [[nodiscard]] T* newest() noexcept {
+    if ((middle_.load(std::memory_order_acquire) & kFresh) != 0) {
+      taken_ = kIndex & middle_.exchange(taken_, std::memory_order_acq_rel);
+      has_taken_ = true;
+    }
+    return has_taken_ ? &objects_[taken_] : nullptr;
+  }
+
+ private:
+  static constexpr std::uint8_t kFresh = 4;
+  static constexpr std::uint8_t kIndex = 3;
+  std::array<T, 3> objects_{};
+  std::atomic<std::uint8_t> middle_{1};
+  std::uint8_t draft_ = 0;  // the writer's
+  std::uint8_t taken_ = 2;  // the reader's
+  bool has_taken_ = false;  // the reader's
+};
+
+}  // namespace palpate

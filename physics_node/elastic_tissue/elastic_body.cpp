@@ -1,0 +1,236 @@
+#include "physics_node/elastic_tissue/elastic_body.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <stdexcept>
+#include <utility>
+#include <variant>
+
+#include "common/core/check.h"
+#include "physics_node/elastic/equilibrium.h"
+#include "physics_node/files/surface_files.h"
+#include "physics_node/surfaces/triangle_surface.h"
+
+namespace palpate::physics {
+namespace {
+
+constexpr double kRestTolerance_m = 1e-7;
+constexpr int kMostPointsPerEdge = 8;
+constexpr std::size_t kMostElements = 200'000;
+
+bool is_within(const RegionGeometry& region, const Vector3& point_m) {
+  struct Inside {
+    const Vector3& point_m;
+    bool operator()(const HalfSpaceGeometry& h) const {
+      return h.normal.dot(point_m - h.point_m) <= 0.0;
+    }
+    bool operator()(const SphereGeometry& s) const {
+      return (point_m - s.center_m).norm() <= s.radius_m;
+    }
+    bool operator()(const BoxGeometry& b) const {
+      return ((point_m - b.center_m).cwiseAbs().array() <= 0.5 * b.size_m.array()).all();
+    }
+  };
+  return std::visit(Inside{point_m}, region);
+}
+
+elastic::Law law_of(ElasticMaterial::Law law) {
+  switch (law) {
+    case ElasticMaterial::Law::kCorotational:
+      return elastic::Law::kCorotational;
+    case ElasticMaterial::Law::kStVenantKirchhoff:
+      return elastic::Law::kStVenantKirchhoff;
+    case ElasticMaterial::Law::kNeoHookean:
+      break;
+  }
+  return elastic::Law::kStableNeoHookean;
+}
+
+elastic::Material material_of(const ElasticMaterial& given, double young_pa, double poisson_ratio,
+                              double density_kg_per_m3) {
+  return {.young_modulus_pa = young_pa,
+          .poisson_ratio = poisson_ratio,
+          .density_kg_per_m3 = density_kg_per_m3,
+          .mass_damping_per_s = given.mass_damping_per_s,
+          .stiffness_damping_s = given.viscosity_s};
+}
+
+/// The mesh in W, its elements in their parts.
+elastic::Mesh mesh_of(const FileGeometry& geometry, const ElasticMaterial& material) {
+  const TetrahedralMesh read = load_tetrahedral_mesh(geometry);
+  elastic::Mesh mesh;
+  for (const Vector3& node_m : read.nodes_m) {
+    mesh.nodes_m.emplace_back(geometry.position_m + geometry.rotation * node_m);
+  }
+  for (const auto& corners : read.tetrahedra) {
+    mesh.elements.insert(mesh.elements.end(), corners.begin(), corners.end());
+    Vector3 centroid_m = Vector3::Zero();
+    for (const std::uint32_t corner : corners) centroid_m += 0.25 * mesh.nodes_m[corner];
+    std::uint8_t region = 0;
+    for (std::size_t i = 0; i < material.parts.size(); ++i) {
+      if (is_within(material.parts[i].where, centroid_m)) region = static_cast<std::uint8_t>(i + 1);
+    }
+    mesh.regions.push_back(region);
+  }
+  return material.is_linear ? mesh : elastic::quadratic(mesh);
+}
+
+/// As many points on each face as the tip needs to touch several of them.
+std::vector<elastic::SurfacePoint> contact_points(const elastic::Mesh& mesh,
+                                                  const std::vector<elastic::Face>& faces,
+                                                  double tip_radius_m) {
+  std::vector<elastic::SurfacePoint> points;
+  for (const elastic::Face& face : faces) {
+    double longest_m = 0.0;
+    for (std::size_t i = 0; i < 3; ++i) {
+      longest_m = std::max(
+          longest_m,
+          (mesh.nodes_m[face.nodes[i]] - mesh.nodes_m[face.nodes[(i + 1) % 3]]).norm());
+    }
+    const int per_edge =
+        std::clamp(static_cast<int>(std::ceil(3.0 * longest_m / tip_radius_m)), 1,
+                   kMostPointsPerEdge);
+    const auto more = elastic::surface_points(mesh, {face}, per_edge);
+    points.insert(points.end(), more.begin(), more.end());
+  }
+  return points;
+}
+
+}  // namespace
+
+std::shared_ptr<const ElasticBody> make_elastic_body(const TissueConfig& tissue,
+                                                     std::uint32_t index, double tip_radius_m) {
+  const auto& geometry = std::get<FileGeometry>(tissue.geometry);
+  const auto& material = std::get<ElasticMaterial>(tissue.material);
+  const std::string name = geometry.file + ": as the elastic body \"" + tissue.name + "\": ";
+
+  elastic::BodyDescription description{.mesh = mesh_of(geometry, material),
+                                       .materials = {material_of(material, material.young_pa,
+                                                                 material.poisson_ratio,
+                                                                 material.density_kg_per_m3)},
+                                       .law = law_of(material.law),
+                                       .fixed_nodes = {},
+                                       .gravity_m_per_s2 = material.gravity_m_per_s2};
+  for (const ElasticMaterial::Part& part : material.parts) {
+    description.materials.push_back(
+        material_of(material, part.young_pa, part.poisson_ratio, part.density_kg_per_m3));
+  }
+  description.fixed_nodes =
+      elastic::nodes_where(description.mesh, [&](const elastic::Vector3d& node_m) {
+        return std::any_of(
+            material.fixed.begin(), material.fixed.end(),
+            [&](const RegionGeometry& region) { return is_within(region, node_m); });
+      });
+  if (description.fixed_nodes.empty()) {
+    throw SetupError(name + "no node lies in a fixed place; give elastic.fixed where the body is "
+                            "held, in metres in W");
+  }
+  if (description.fixed_nodes.size() == description.mesh.nodes_m.size()) {
+    throw SetupError(name + "all nodes are fixed; make elastic.fixed smaller");
+  }
+  if (description.mesh.element_count() > kMostElements) {
+    throw SetupError(name + std::to_string(description.mesh.element_count()) +
+                     " tetrahedra; must be at most " + std::to_string(kMostElements) +
+                     "; coarsen the mesh");
+  }
+
+  auto made = std::make_shared<ElasticBody>(ElasticBody{
+      .tissue = index, .shape = Shape(SphereGeometry{}), .bounds = {}, .body = nullptr});
+  made->faces = elastic::surface_of(description.mesh);
+  made->points = contact_points(description.mesh, made->faces, tip_radius_m);
+  std::vector<char> is_surface(description.mesh.nodes_m.size(), 0);
+  const auto per_face = static_cast<std::size_t>(material.is_linear ? 3 : 6);
+  for (const elastic::Face& face : made->faces) {
+    for (std::size_t i = 0; i < per_face; ++i) is_surface[face.nodes[i]] = 1;
+  }
+  for (std::uint32_t i = 0; i < is_surface.size(); ++i) {
+    if (is_surface[i] != 0) made->surface_nodes.push_back(i);
+  }
+  made->contact_stiffness_pa_per_m = 10.0 * material.young_pa / tip_radius_m;
+  made->hertz_newton = 4.0 / 3.0 * material.young_pa /
+                       (1.0 - material.poisson_ratio * material.poisson_ratio) *
+                       std::sqrt(tip_radius_m) * std::pow(1e-3, 1.5);
+  made->solve_rate_hz = material.solve_rate_hz;
+  try {
+    made->body = std::make_unique<const elastic::Body>(std::move(description));
+  } catch (const std::invalid_argument& error) {
+    throw SetupError(name + error.what());
+  }
+
+  made->start_m = made->body->rest_m();
+  if (!material.gravity_m_per_s2.isZero(0.0)) {
+    elastic::EquilibriumSearch search(*made->body);
+    elastic::WarpedFactor factor(*made->body, elastic::Precision::kDouble);
+    const elastic::SearchReport report =
+        elastic::find_rest(search, factor, nullptr, {.tolerance_m = kRestTolerance_m},
+                           made->start_m);
+    if (!report.is_converged || !report.is_finite) {
+      throw SetupError(name + "finds no rest position under gravity; is the mesh in metres "
+                              "(unit_m), is young_pa in Pa, are enough places fixed?");
+    }
+    for (Eigen::Index i = 0; i < made->start_m.size(); i += 3) {
+      made->sag_m = std::max(
+          made->sag_m, (made->start_m.segment<3>(i) - made->body->rest_m().segment<3>(i)).norm());
+    }
+  }
+  TriangleMesh surface;
+  std::vector<std::uint32_t> vertex_of(made->body->node_count(), 0);
+  for (const std::uint32_t node : made->surface_nodes) {
+    vertex_of[node] = static_cast<std::uint32_t>(surface.vertices_m.size());
+    surface.vertices_m.emplace_back(made->start_m.segment<3>(3 * Eigen::Index{node}));
+  }
+  for (const auto& [a, b, c] : triangles_of(*made)) {
+    surface.triangles.push_back({vertex_of[a], vertex_of[b], vertex_of[c]});
+  }
+  const std::string complaint = complaint_about(surface);
+  if (!complaint.empty()) throw SetupError(name + "its surface: " + complaint);
+  made->shape = Shape(PlacedSurface{.surface = std::make_shared<TriangleSurface>(surface)});
+  made->bounds = made->shape.bounds().value_or(Bounds{});
+  return made;
+}
+
+std::vector<std::shared_ptr<const ElasticBody>> elastic_bodies_of(const SceneConfig& scene) {
+  std::vector<std::shared_ptr<const ElasticBody>> bodies;
+  for (std::size_t i = 0; i < scene.tissues.size(); ++i) {
+    if (!std::holds_alternative<ElasticMaterial>(scene.tissues[i].material)) continue;
+    bodies.push_back(make_elastic_body(scene.tissues[i], static_cast<std::uint32_t>(i),
+                                       scene.tip_radius_m));
+  }
+  return bodies;
+}
+
+std::vector<std::array<std::uint32_t, 3>> triangles_of(const ElasticBody& body) {
+  std::vector<std::array<std::uint32_t, 3>> triangles;
+  for (const elastic::Face& face : body.faces) {
+    const auto& [a, b, c, ab, bc, ca] = face.nodes;
+    if (body.body->mesh().nodes_per_element == 4) {
+      triangles.push_back({a, b, c});
+    } else {
+      triangles.insert(triangles.end(), {{a, ab, ca}, {ab, b, bc}, {ca, bc, c}, {ab, bc, ca}});
+    }
+  }
+  return triangles;
+}
+
+std::string mesh_report(const ElasticBody& body) {
+  const elastic::MeshQuality quality = elastic::quality_of(body.body->mesh());
+  const std::vector<std::uint8_t>& regions = body.body->mesh().regions;
+  const auto in_parts = std::count_if(regions.begin(), regions.end(),
+                                      [](std::uint8_t region) { return region > 0; });
+  char text[400];  // NOLINT: for snprintf
+  std::snprintf(text, sizeof text,
+                "elastic: %zu tetrahedra, %zu nodes (%zu fixed), %td tetrahedra in parts; least "
+                "quality %.2f, %zu slivers; edges %.2g to %.2g mm; %zu contact points; sags %.2g mm",
+                quality.elements, quality.nodes, body.body->description().fixed_nodes.size(),
+                in_parts, quality.least_quality, quality.slivers, 1e3 * quality.shortest_edge_m,
+                1e3 * quality.longest_edge_m, body.points.size(), 1e3 * body.sag_m);
+  std::string report = text;
+  if (quality.is_scale_doubtful()) {
+    report += "; WARNING: extends over " + std::to_string(quality.extent_m) +
+              " m, which no organ does: check unit_m";
+  }
+  return report;
+}
+
+}  // namespace palpate::physics

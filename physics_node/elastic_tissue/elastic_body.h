@@ -1,0 +1,54 @@
+// elastic_body.h — the elastic body of a tissue: its mesh, material and support from the session.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "common/contact/bounds.h"
+#include "common/core/vector.h"
+#include "common/session/scene_config.h"
+#include "physics_node/elastic/body.h"
+#include "physics_node/elastic/sphere_contact.h"
+#include "physics_node/surfaces/shape.h"
+
+namespace palpate::physics {
+
+/// What does not change while the tool deforms the body; shared by all its simulations. Positions
+/// are in W.
+struct ElasticBody {
+  std::uint32_t tissue = 0;  ///< index in the scene
+  Shape shape;               ///< the surface where it rests under gravity, untouched
+  Bounds bounds;             ///< of that surface
+  std::unique_ptr<const elastic::Body> body;
+  std::vector<elastic::Face> faces;
+  std::vector<elastic::SurfacePoint> points;  ///< of the contact, at most a third of a tip apart
+  std::vector<std::uint32_t> surface_nodes;
+  elastic::VectorXd start_m;  ///< at rest under gravity, untouched
+  double sag_m = 0.0;         ///< largest displacement under gravity
+  double contact_stiffness_pa_per_m = 0.0;
+  double hertz_newton = 0.0;  ///< of the tip 1 mm deep in much of the material [Hertz]
+  double solve_rate_hz = 50.0;
+};
+
+/// The faces as triangles between nodes of the mesh; quadratic ones as four.
+[[nodiscard]] std::vector<std::array<std::uint32_t, 3>> triangles_of(const ElasticBody& body);
+
+/// Reads the mesh and finds the rest position under gravity. Takes up to seconds.
+/// @param tip_radius_m  > 0
+/// @throws SetupError  if the file or the body cannot be used: inverted elements, no node in a
+///     fixed place, no rest position
+[[nodiscard]] std::shared_ptr<const ElasticBody> make_elastic_body(const TissueConfig& tissue,
+                                                                   std::uint32_t index,
+                                                                   double tip_radius_m);
+
+/// The elastic bodies of a scene; empty: it has none. @throws SetupError  @see make_elastic_body
+[[nodiscard]] std::vector<std::shared_ptr<const ElasticBody>> elastic_bodies_of(
+    const SceneConfig& scene);
+
+/// One line on the mesh of an elastic tissue for a person: size, quality, fixed nodes, parts.
+[[nodiscard]] std::string mesh_report(const ElasticBody& body);
+
+}  // namespace palpate::physics

@@ -1,0 +1,56 @@
+#include "physics_node/elastic_tissue/elastic_contact.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "common/contact/contact_model.h"
+
+namespace palpate::physics {
+namespace {
+
+constexpr double kHertzExponent = 1.5;
+constexpr double kHertzDepth_m = 1e-3;
+constexpr double kLeastForce_newton = 1e-3;
+constexpr double kLeastCosine = 0.7;
+
+}  // namespace
+
+double elastic_stiffness(double newton, double penetration_m) noexcept {
+  const double k = newton / (penetration_m * std::sqrt(penetration_m / kHertzDepth_m));
+  return std::isfinite(k) ? std::clamp(k, 0.0, kMaxStiffnessNewtonPerM) : 0.0;
+}
+
+Contact elastic_contact(std::uint32_t tissue, const SurfaceView& view, double penetration_m,
+                        const Vector3& normal, double stiffness_newton_per_m) noexcept {
+  const Matrix3 along_surface = Matrix3::Identity() - normal * normal.transpose();
+  const Matrix3 curvature = along_surface * view.curvature_per_m * along_surface;
+  Contact contact{.tissue = tissue,
+                  .penetration_m = penetration_m,
+                  .normal_world = normal,
+                  .curvature_per_m = 0.5 * (curvature + curvature.transpose()),
+                  .hunt_crossley_exponent = kHertzExponent,
+                  .hunt_crossley_depth_m = kHertzDepth_m,
+                  .hunt_crossley_stiffness_newton_per_m = stiffness_newton_per_m,
+                  .trust_radius_m = view.trust_radius_m};
+  const HuntCrossleyForce law = hunt_crossley(contact, penetration_m);
+  contact.elastic_force_on_tool_newton = law.elastic_newton * normal;
+  contact.d_force_d_position = -law.stiffness_newton_per_m * normal * normal.transpose();
+  contact.stored_energy_joule = law.stored_energy_joule;
+  if (penetration_m > 0.0) {
+    contact.force_on_tool_newton = contact.elastic_force_on_tool_newton;
+    contact.held_m = penetration_m * normal;
+  }
+  return contact;
+}
+
+Vector3 contact_normal(const Vector3& force_on_tool_newton,
+                       const Vector3& surface_normal) noexcept {
+  const double newton = force_on_tool_newton.norm();
+  if (!(newton > kLeastForce_newton) ||
+      force_on_tool_newton.dot(surface_normal) < kLeastCosine * newton) {
+    return surface_normal;
+  }
+  return force_on_tool_newton / newton;
+}
+
+}  // namespace palpate::physics

@@ -1,0 +1,31 @@
+// elastic_contact.h — the contact model of an elastic body on hop 3.
+#pragma once
+
+#include "common/contact/surface_view.h"
+#include "common/core/messages.h"
+#include "common/core/vector.h"
+
+namespace palpate::physics {
+
+/// A sphere on an elastic body follows Hertz's law within its limits, k p (p/1 mm)^½, and large
+/// indentation of soft tissue follows it with a k that varies slowly: so this is the law that is
+/// sent, with the k of the present depth. A depth of at least this is used to find k.
+inline constexpr double kLeastDepth_m = 0.5e-3;
+
+/// k from a force at a depth [N/m].
+/// @param penetration_m > 0
+[[nodiscard]] double elastic_stiffness(double newton, double penetration_m) noexcept;
+
+/// The contact along `normal` with Hertz's law; no allocation.
+/// @param view            of the surface where no tool touches it, from the centre of the tip
+/// @param penetration_m   of the tip into that surface, moved by what other tools do
+/// @param normal          unit, direction of the force
+[[nodiscard]] Contact elastic_contact(std::uint32_t tissue, const SurfaceView& view,
+                                      double penetration_m, const Vector3& normal,
+                                      double stiffness_newton_per_m) noexcept;
+
+/// The force's direction, or the surface's normal where the force is small or against it.
+[[nodiscard]] Vector3 contact_normal(const Vector3& force_on_tool_newton,
+                                     const Vector3& surface_normal) noexcept;
+
+}  // namespace palpate::physics

@@ -1,0 +1,49 @@
+// elastic_reference.h — what an elastic body does to one tool without condensed model and delay: a
+// full solution at every step, for comparison.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "physics_node/elastic_tissue/elastic_simulation.h"
+#include "physics_node/scene/scene_force.h"
+
+namespace palpate::physics {
+
+/// The elastic bodies of a scene under one tip. Not for the haptic step: milliseconds a step.
+class ElasticReference {
+ public:
+  /// @param bodies  may be empty   @param step_s  > 0
+  ElasticReference(std::vector<std::shared_ptr<const ElasticBody>> bodies, double tip_radius_m,
+                   double step_s);
+
+  /// Makes a step with the tip there whenever one is due, and adds the contacts: at a step the
+  /// force is that of the full solution, between two it follows Hertz's law.
+  /// @param time_s  not before that of the last call
+  void advance(double time_s, const Vector3& tip_m, SceneForce& sum);
+
+  /// The force on a tip elsewhere since the last step, by that law.
+  [[nodiscard]] Vector3 force_at(const Vector3& tip_m) const noexcept;
+
+  [[nodiscard]] std::vector<std::shared_ptr<const ElasticBody>> bodies() const;
+
+ private:
+  struct One {
+    std::shared_ptr<const ElasticBody> body;
+    std::unique_ptr<ElasticSimulation> simulation;
+    SurfaceHint hint{};
+    double stiffness_newton_per_m = 0.0;
+    Contact contact{};
+    Vector3 full_newton = Vector3::Zero();  // on the tool
+  };
+  void step(One& one, const Vector3& tip_m) const;
+
+  double tip_radius_m_;
+  double step_s_;
+  std::optional<double> next_s_;
+  std::vector<One> bodies_;
+  Vector3 tip_m_ = Vector3::Zero();  // of the last step
+};
+
+}  // namespace palpate::physics

@@ -1,0 +1,214 @@
+#include "physics_node/elastic_tissue/elastic_tissue.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "physics_node/elastic_tissue/elastic_contact.h"
+
+namespace palpate::physics {
+namespace {
+
+constexpr int kMostPoints = elastic::CondensedContact::kMostPoints;
+constexpr int kMostSweeps = 40;
+constexpr double kSweepTolerance_m = 1e-7;
+// A motion since the last full solution that is too short to tell an error per metre.
+constexpr double kShortWay_m = 2e-5;
+// The measured error is forgotten by this factor per solution in contact.
+constexpr double kErrorMemory = 0.95;
+// An error of this share of the force in so many solutions makes the compliance anew.
+constexpr double kPoorShare = 0.15;
+constexpr double kPoorNewton = 0.01;
+constexpr int kPoorSolves = 5;
+
+}  // namespace
+
+ElasticTissue::ElasticTissue(std::shared_ptr<const ElasticBody> body, std::size_t tools,
+                             double tip_radius_m)
+    : body_(std::move(body)),
+      tip_radius_m_(tip_radius_m),
+      simulation_(*body_, tools, tip_radius_m, 1.0 / body_->solve_rate_hz),
+      factor_(*body_->body, elastic::Precision::kFloat),
+      tips_m_(tools) {
+  for (std::size_t i = 0; i < tools; ++i) {
+    tools_.push_back(std::make_unique<Tool>());
+    tools_.back()->stiffness_newton_per_m = elastic_stiffness(body_->hertz_newton, 1e-3);
+  }
+}
+
+// --- the steps of a tool -------------------------------------------------------------------------
+
+void ElasticTissue::note(std::size_t tool, const Vector3& tip_m) noexcept {
+  tools_[tool]->tip.store(
+      {.x_m = tip_m.x(), .y_m = tip_m.y(), .z_m = tip_m.z(), .is_known = true});
+}
+
+bool ElasticTissue::touch(std::size_t tool, const Vector3& tip_m, double reach_m,
+                          Contact& contact) noexcept {
+  Tool& own = *tools_[tool];
+  const double near_m = tip_radius_m_ + reach_m;
+  if (!(body_->bounds.squared_distance(tip_m) <= near_m * near_m)) return false;
+  Prepared* const prepared = own.prepared.newest();
+  const SurfaceView view = body_->shape.view(tip_m, own.hint);
+  const double penetration_m =
+      tip_radius_m_ - view.distance_m + (prepared != nullptr ? prepared->raised_m : 0.0);
+  if (!(penetration_m > -reach_m)) return false;
+
+  const double way_m =
+      prepared != nullptr ? (tip_m - prepared->centre_m).norm() : 2.0 * tip_radius_m_;
+  own.normal = view.normal;
+  if (way_m < tip_radius_m_ && penetration_m > -tip_radius_m_) {
+    // as deep as the law needs to be known, if the tip is not
+    const double depth_m = std::max(penetration_m, kLeastDepth_m);
+    const Vector3 centre_m = tip_m - (depth_m - penetration_m) * view.normal;
+    const Vector3 force =
+        prepared->contact->step(centre_m, tip_radius_m_, kMostSweeps, kSweepTolerance_m)
+            .force_on_sphere_newton;
+    if (force.allFinite()) {
+      own.normal = contact_normal(force, view.normal);
+      own.stiffness_newton_per_m = elastic_stiffness(std::max(0.0, force.dot(own.normal)), depth_m);
+    }
+  }
+  if (prepared != nullptr) {
+    own.bound_newton = prepared->error_newton + prepared->error_newton_per_m * way_m;
+  }
+  contact = elastic_contact(body_->tissue, view, penetration_m, own.normal,
+                            own.stiffness_newton_per_m);
+  return contact.force_on_tool_newton.allFinite();
+}
+
+// --- the slow thread -----------------------------------------------------------------------------
+
+void ElasticTissue::note_late() { ++figures_.late; }
+
+void ElasticTissue::solve() {
+  for (std::size_t i = 0; i < tools_.size(); ++i) {
+    const Tip tip = tools_[i]->tip.load();
+    tips_m_[i] = tip.is_known ? std::optional(Vector3(tip.x_m, tip.y_m, tip.z_m)) : std::nullopt;
+  }
+  const bool has_stepped = simulation_.step(tips_m_);
+  has_moved_ = has_moved_ || has_stepped;
+  if (has_stepped) {
+    ++figures_.solves;
+    figures_.residual_ratio = simulation_.report().search.residual_ratio;
+    for (auto& tool : tools_) {
+      measure(*tool, simulation_.touch(static_cast<std::size_t>(&tool - tools_.data())));
+    }
+  } else {
+    ++figures_.skipped;
+  }
+  for (std::size_t i = 0; i < tools_.size(); ++i) {
+    // an untouched body at rest is prepared once
+    if (simulation_.touch(i).is_near && (has_stepped || !tools_[i]->last)) prepare(i);
+  }
+  figures_out_.store(figures_);
+  show();
+}
+
+/// Compares the full solution with what the model prepared before it says for the same place.
+void ElasticTissue::measure(Tool& tool, const ElasticSimulation::Touch& touch) {
+  const double newton = touch.force_on_tool_newton.norm();
+  const double way_m = (touch.centre_m - tool.last_centre_m).norm();
+  if (!touch.is_near || !tool.last || !(newton > 0.0) || way_m > tip_radius_m_) return;
+  const Vector3 expected =
+      tool.last->step(touch.centre_m, tip_radius_m_, kMostSweeps, kSweepTolerance_m)
+          .force_on_sphere_newton;
+  const double error_newton = (expected - touch.force_on_tool_newton).norm();
+  figures_.error_newton = error_newton;
+  tool.error_newton = std::max(error_newton, kErrorMemory * tool.error_newton);
+  tool.error_newton_per_m *= kErrorMemory;
+  if (way_m > kShortWay_m) {
+    tool.error_newton_per_m = std::max(tool.error_newton_per_m, error_newton / way_m);
+  }
+  const bool is_poor = error_newton > kPoorShare * newton + kPoorNewton;
+  poor_solves_ = is_poor ? poor_solves_ + 1 : 0;
+  if (poor_solves_ >= kPoorSolves) renew_compliance();
+}
+
+void ElasticTissue::renew_compliance() {
+  poor_solves_ = 0;
+  if (!compliance_) return;
+  compliance_->clear();
+  is_factored_ = false;
+}
+
+void ElasticTissue::prepare(std::size_t index) {
+  Tool& tool = *tools_[index];
+  const ElasticSimulation::Touch& touch = simulation_.touch(index);
+  if (!is_factored_) {
+    is_factored_ =
+        factor_.factor(simulation_.x_m(), simulation_.search().rotations(), {}, nullptr);
+    if (!is_factored_) return;
+  }
+  if (!compliance_) compliance_.emplace(*body_->body, factor_, body_->surface_nodes);
+  factor_.turn_to(simulation_.search().rotations());
+  Prepared& draft = tool.prepared.draft();
+  draft.contact.emplace(*compliance_, 0.0);
+  draft.contact->prepare(body_->points, simulation_.x_m(), touch.forces_on_body_newton,
+                         touch.centre_m, kMostPoints);
+  const Vector3 normal = body_->shape.view(touch.centre_m, tool.slow_hint).normal;
+  draft.raised_m = raised_m(index, draft.contact->chosen().front(), normal);
+  draft.centre_m = touch.centre_m;
+  draft.error_newton_per_m = tool.error_newton_per_m;
+  draft.error_newton = tool.error_newton;
+  tool.last.emplace(*draft.contact);
+  tool.last_centre_m = touch.centre_m;
+  tool.is_prepared = true;
+}
+
+/// How far the forces of the other tools raise a point along the normal.
+double ElasticTissue::raised_m(std::size_t tool, std::size_t nearest_point, const Vector3& normal) {
+  const elastic::SurfacePoint& at = body_->points[nearest_point];
+  double raised = 0.0;
+  for (std::size_t other = 0; other < tools_.size(); ++other) {
+    const std::vector<elastic::Vector3d>& forces = simulation_.touch(other).forces_on_body_newton;
+    if (other == tool || forces.empty()) continue;
+    for (std::size_t p = 0; p < forces.size(); ++p) {
+      if (forces[p].isZero(0.0)) continue;
+      const elastic::SurfacePoint& from = body_->points[p];
+      for (std::size_t b = 0; b < static_cast<std::size_t>(from.count); ++b) {
+        compliance_->require(from.nodes[b]);
+        const float* columns = compliance_->columns(from.nodes[b]);
+        for (std::size_t a = 0; a < static_cast<std::size_t>(at.count); ++a) {
+          const auto row = static_cast<std::size_t>(compliance_->row_of(at.nodes[a]));
+          const Eigen::Map<const Eigen::Matrix<float, 3, 3, Eigen::RowMajor>> give(columns +
+                                                                                   9 * row);
+          raised += at.weights[a] * from.weights[b] * normal.dot(give.cast<double>() * forces[p]);
+        }
+      }
+    }
+  }
+  return raised;
+}
+
+void ElasticTissue::publish() {
+  for (auto& tool : tools_) {
+    if (std::exchange(tool->is_prepared, false)) tool->prepared.publish();
+  }
+}
+
+void ElasticTissue::show() {
+  const std::unique_lock lock(shown_mutex_, std::try_to_lock);
+  if (!lock || !is_wanted_ || !has_moved_) return;
+  is_wanted_ = has_moved_ = false;
+  const elastic::VectorXd& x = simulation_.x_m();
+  vertices_m_.clear();
+  for (const std::uint32_t node : body_->surface_nodes) {
+    for (Eigen::Index i = 0; i < 3; ++i) {
+      vertices_m_.push_back(static_cast<float>(x[3 * Eigen::Index{node} + i]));
+    }
+  }
+  simulation_.surface_strain(strain_);
+  is_new_ = true;
+}
+
+bool ElasticTissue::take_surface(std::vector<float>& vertices_m, std::vector<float>& strain) {
+  const std::scoped_lock lock(shown_mutex_);
+  is_wanted_ = true;
+  if (!std::exchange(is_new_, false)) return false;
+  vertices_m = vertices_m_;
+  strain = strain_;
+  return true;
+}
+
+}  // namespace palpate::physics

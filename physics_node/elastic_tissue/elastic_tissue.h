@@ -1,0 +1,124 @@
+// elastic_tissue.h — one elastic body for all tools: full solutions on a slow thread, and between
+// them the force on each tool at the physics rate from a condensed model.
+//
+//   slow thread   solve()   the body as a whole (elastic_simulation.h); then for each tool the
+//                           compliance of the points of the surface near its tip, handed over
+//   tool's step   touch()   contact of the sphere with these points, whatever the size of the mesh
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <vector>
+
+#include "common/core/handover.h"
+#include "common/core/messages.h"
+#include "common/core/snapshot.h"
+#include "physics_node/elastic/condensed_contact.h"
+#include "physics_node/elastic_tissue/elastic_simulation.h"
+
+namespace palpate::physics {
+
+/// What the slow thread knows; @see PhysicsCounters.
+struct ElasticFigures {
+  std::uint64_t solves = 0;
+  std::uint64_t skipped = 0;
+  std::uint64_t late = 0;
+  double residual_ratio = 0.0;
+  double error_newton = 0.0;
+};
+
+class ElasticTissue {
+ public:
+  ElasticTissue(std::shared_ptr<const ElasticBody> body, std::size_t tools, double tip_radius_m);
+
+  // --- the thread of the steps of a tool: no allocation, lock or throw ---
+
+  /// Where the tip is, for the next full solution.
+  void note(std::size_t tool, const Vector3& tip_m) noexcept;
+  /// The contact of the tip; false if the surface is not within reach.
+  bool touch(std::size_t tool, const Vector3& tip_m, double reach_m, Contact& contact) noexcept;
+  /// Stated bound of the error of the last contact's force, from the errors measured so far [N].
+  [[nodiscard]] double bound_newton(std::size_t tool) const noexcept {
+    return tools_[tool]->bound_newton;
+  }
+
+  // --- the slow thread ---
+
+  /// One full solution for where the tools are now. What the tools' steps may use of it is kept
+  /// until publish().
+  void solve();
+  void publish();
+  void note_late();
+
+  // --- any thread ---
+
+  [[nodiscard]] const ElasticBody& body() const noexcept { return *body_; }
+  [[nodiscard]] ElasticFigures figures() const noexcept { return figures_out_.load(); }
+
+  /// Exchanges these for the newest displaced surface nodes and their strain, and asks for the
+  /// next; false if there is none since the last call.
+  bool take_surface(std::vector<float>& vertices_m, std::vector<float>& strain);
+
+ private:
+  struct Tip {
+    double x_m = 0.0;
+    double y_m = 0.0;
+    double z_m = 0.0;
+    bool is_known = false;
+  };
+  /// What a full solution leaves to the steps of a tool.
+  struct Prepared {
+    std::optional<elastic::CondensedContact> contact;
+    Vector3 centre_m = Vector3::Zero();  // of the sphere in the full solution
+    double raised_m = 0.0;               // of the surface by other tools, along its normal
+    double error_newton_per_m = 0.0;     // of the force, by the way from that centre
+    double error_newton = 0.0;           // at that centre
+  };
+  struct Tool {
+    Snapshot<Tip> tip;
+    Handover<Prepared> prepared;
+    // of the steps
+    SurfaceHint hint{};
+    double stiffness_newton_per_m = 0.0;
+    Vector3 normal = Vector3::UnitZ();
+    double bound_newton = 0.0;
+    // of the slow thread
+    SurfaceHint slow_hint{};
+    bool is_prepared = false;  // a draft waits to be published
+    std::optional<elastic::CondensedContact> last;
+    Vector3 last_centre_m = Vector3::Zero();
+    double error_newton_per_m = 0.0;
+    double error_newton = 0.0;
+  };
+
+  void measure(Tool& tool, const ElasticSimulation::Touch& touch);
+  void prepare(std::size_t tool);
+  void renew_compliance();
+  [[nodiscard]] double raised_m(std::size_t tool, std::size_t nearest_point,
+                                const Vector3& normal);
+  void show();
+
+  std::shared_ptr<const ElasticBody> body_;
+  double tip_radius_m_;
+  ElasticSimulation simulation_;
+  elastic::WarpedFactor factor_;  // of the static stiffness
+  bool is_factored_ = false;
+  std::optional<elastic::SurfaceCompliance> compliance_;
+  int poor_solves_ = 0;
+  std::vector<std::unique_ptr<Tool>> tools_;
+  std::vector<std::optional<Vector3>> tips_m_;
+  ElasticFigures figures_;
+  Snapshot<ElasticFigures> figures_out_;
+
+  std::mutex shown_mutex_;
+  bool is_wanted_ = false;
+  bool is_new_ = false;
+  bool has_moved_ = true;  // since it was last shown; slow thread
+  std::vector<float> vertices_m_;
+  std::vector<float> strain_;
+};
+
+}  // namespace palpate::physics

@@ -1,0 +1,111 @@
+#include "physics_node/elastic_tissue/elastic_tissues.h"
+
+#include <algorithm>
+#include <chrono>
+#include <condition_variable>
+#include <limits>
+#include <mutex>
+#include <utility>
+
+#include "physics_node/scene/scene.h"
+
+namespace palpate::physics {
+namespace {
+
+/// Solves at the body's rate until stopped. A solution that takes longer than its period delays the
+/// next one: the body's time then runs slower.
+void solve_in_real_time(const std::stop_token& stop, ElasticTissue& tissue) {
+  using Clock = std::chrono::steady_clock;
+  const auto period = std::chrono::duration_cast<Clock::duration>(
+      std::chrono::duration<double>(1.0 / tissue.body().solve_rate_hz));
+  std::mutex mutex;
+  std::condition_variable_any stopped;
+  std::unique_lock lock(mutex);
+  Clock::time_point next = Clock::now();
+  while (!stop.stop_requested()) {
+    tissue.solve();
+    tissue.publish();
+    next += period;
+    if (const Clock::time_point now = Clock::now(); now > next) {
+      tissue.note_late();
+      next = now;
+    }
+    stopped.wait_until(lock, stop, next, [] { return false; });
+  }
+}
+
+}  // namespace
+
+std::shared_ptr<ElasticTissues> ElasticTissues::of(const SceneConfig& scene, std::size_t tools,
+                                                   ElasticPace pace) {
+  std::vector<std::shared_ptr<const ElasticBody>> bodies = elastic_bodies_of(scene);
+  if (bodies.empty()) return nullptr;
+  return std::make_shared<ElasticTissues>(std::move(bodies), tools, scene.tip_radius_m, pace);
+}
+
+ElasticTissues::ElasticTissues(std::vector<std::shared_ptr<const ElasticBody>> bodies,
+                               std::size_t tools, double tip_radius_m, ElasticPace pace)
+    : pace_(pace),
+      counts_(tools),
+      next_solve_s_(bodies.size(), -std::numeric_limits<double>::infinity()) {
+  for (auto& body : bodies) {
+    tissues_.push_back(std::make_unique<ElasticTissue>(std::move(body), tools, tip_radius_m));
+  }
+  if (pace_ == ElasticPace::kVirtual) return;
+  for (auto& tissue : tissues_) {
+    threads_.emplace_back(
+        [&own = *tissue](const std::stop_token& stop) { solve_in_real_time(stop, own); });
+  }
+}
+
+ElasticTissues::~ElasticTissues() = default;
+
+void ElasticTissues::step(std::size_t tool, const Vector3& tip_m, double time_s, double reach_m,
+                          SceneForce& sum) noexcept {
+  for (auto& tissue : tissues_) tissue->note(tool, tip_m);
+  if (pace_ == ElasticPace::kVirtual) solve_until(time_s);
+  Counts& counts = counts_[tool];
+  double bound_newton = 0.0;
+  for (auto& tissue : tissues_) {
+    Contact contact;
+    if (!tissue->touch(tool, tip_m, reach_m, contact)) {
+      ++counts.skipped;
+      continue;
+    }
+    add_contact(contact, sum);
+    if (contact.penetration_m > 0.0) bound_newton += tissue->bound_newton(tool);
+  }
+  if (bound_newton > 0.0) counts.bound_newton = bound_newton;
+}
+
+void ElasticTissues::solve_until(double time_s) {
+  for (std::size_t i = 0; i < tissues_.size(); ++i) {
+    double& next_s = next_solve_s_[i];
+    if (time_s < next_s) continue;
+    const double period_s = 1.0 / tissues_[i]->body().solve_rate_hz;
+    tissues_[i]->publish();
+    tissues_[i]->solve();
+    next_s = std::max(next_s + period_s, time_s + 0.5 * period_s);
+  }
+}
+
+void ElasticTissues::count_into(PhysicsCounters& counters) const noexcept {
+  counters.elastic_solves = counters.elastic_solves_skipped = counters.elastic_solves_late = 0;
+  counters.elastic_residual_ratio = counters.elastic_error_newton = 0.0;
+  for (const auto& tissue : tissues_) {
+    const ElasticFigures figures = tissue->figures();
+    counters.elastic_solves += figures.solves;
+    counters.elastic_solves_skipped += figures.skipped;
+    counters.elastic_solves_late += figures.late;
+    counters.elastic_residual_ratio =
+        std::max(counters.elastic_residual_ratio, figures.residual_ratio);
+    counters.elastic_error_newton = std::max(counters.elastic_error_newton, figures.error_newton);
+  }
+}
+
+void ElasticTissues::count_tool_into(std::size_t tool, PhysicsCounters& counters) const noexcept {
+  counters.elastic_steps_skipped = counts_[tool].skipped;
+  counters.elastic_bound_newton = counts_[tool].bound_newton;
+}
+
+}  // namespace palpate::physics

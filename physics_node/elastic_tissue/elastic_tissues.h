@@ -1,0 +1,67 @@
+// elastic_tissues.h — the elastic bodies of a scene, shared by its tools, and when they are solved.
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <thread>
+#include <vector>
+
+#include "common/session/scene_config.h"
+#include "common/telemetry/physics_telemetry.h"
+#include "physics_node/elastic_tissue/elastic_tissue.h"
+#include "physics_node/scene/scene_force.h"
+
+namespace palpate::physics {
+
+/// When full solutions are computed.
+enum class ElasticPace : std::uint8_t {
+  kThread,  ///< on a thread of their own, in real time; step() is real-time safe
+  /// Within step(), by its time: a solution of one period is used from the next one on.
+  /// Deterministic
+  kVirtual,
+};
+
+/// Two tools that press on one body feel each other through it.
+class ElasticTissues {
+ public:
+  /// nullptr if the scene has no elastic tissue: then nothing of all this is made.
+  /// @throws SetupError  @see make_elastic_body
+  [[nodiscard]] static std::shared_ptr<ElasticTissues> of(const SceneConfig& scene,
+                                                          std::size_t tools, ElasticPace pace);
+  ElasticTissues(std::vector<std::shared_ptr<const ElasticBody>> bodies, std::size_t tools,
+                 double tip_radius_m, ElasticPace pace);
+  ~ElasticTissues();
+  ElasticTissues(const ElasticTissues&) = delete;
+  ElasticTissues& operator=(const ElasticTissues&) = delete;
+
+  /// Adds the contacts of one tool.
+  /// @param reach_m  bodies this near are described before they are touched
+  void step(std::size_t tool, const Vector3& tip_m, double time_s, double reach_m,
+            SceneForce& sum) noexcept;
+
+  /// All but the steps skipped and the bound, which are the tool's. Any thread.
+  void count_into(PhysicsCounters& counters) const noexcept;
+  /// Of one tool, on its thread.
+  void count_tool_into(std::size_t tool, PhysicsCounters& counters) const noexcept;
+
+  [[nodiscard]] const std::vector<std::unique_ptr<ElasticTissue>>& tissues() const noexcept {
+    return tissues_;
+  }
+
+ private:
+  struct Counts {
+    std::uint64_t skipped = 0;
+    double bound_newton = 0.0;
+  };
+  void solve_until(double time_s);
+
+  std::vector<std::unique_ptr<ElasticTissue>> tissues_;
+  ElasticPace pace_;
+  std::vector<Counts> counts_;        // by tool
+  std::vector<double> next_solve_s_;  // by tissue; virtual
+  std::vector<std::jthread> threads_;
+};
+
+}  // namespace palpate::physics
