@@ -70,7 +70,7 @@ DeviceConfig checked_config(const Session& session, NodeContext& context, double
   ManualClock virtual_time;
   Clock& clock = driver.is_simulated ? static_cast<Clock&>(virtual_time) : context.clock;
   context.log.info("event=hands_off_check_began: nobody may hold the device");
-  const CheckedProfile checked = check_hands_off(*driver.open(clock), clock, config.profile);
+  const CheckedProfile checked = check_hands_off(*driver.open(clock, {}), clock, config.profile);
   ratio = checked.ratio;
   config.profile = checked.profile;
   if (checked.is_lowered) {
@@ -102,7 +102,7 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
                                  .goals = &goals}});
   double friction_ratio = 0.0;
   const DeviceConfig config = checked_config(session, context, friction_ratio);
-  const auto device = drivers.at(kSimulatedDriver).open(context.clock);
+  const auto device = drivers.at(kSimulatedDriver).open(context.clock, {});
   refuse_unmonitored(config, device->specification(), context.is_unsafe);
   if (session.viewer.has_control && !device->specification().is_simulated) {
     throw SetupError(session.file +

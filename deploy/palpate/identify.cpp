@@ -69,7 +69,7 @@ void run_identify(const Session& session, const IdentifyOptions& options, const 
   ManualClock virtual_time;
   Clock& clock = driver.is_simulated ? virtual_time : steady;
   const TimePoint start = clock.now();
-  const auto device = driver.open(clock);
+  const auto device = driver.open(clock, {});
   const DeviceSpecification& specification = device->specification();
   const SweepPlan plan = default_sweep_plan(specification);
 
