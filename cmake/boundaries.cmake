@@ -38,9 +38,10 @@ set(PALPATE_BOUNDARIES
   "device_node/drivers:common/core,common/session/driver_config.h,device_node/device.h,device_node/drivers/*"
   "device_node/drivers/transport:common/core"
   "device_node/drivers/haply:common/core,common/session/driver_config.h,device_node/device.h,device_node/drivers,device_node/drivers/transport"
+  "device_node/drivers/hapi:common/core,common/session/driver_config.h,device_node/device.h,device_node/drivers,device_node/drivers/transport"
   "device_node/drivers/plugin:common/core,common/session/driver_config.h,device_node/device.h,device_node/drivers"
   # what stands in for a device at the other end of its wire
-  "device_node/emulators:common/core,common/session/simulation_config.h,device_node/simulation,device_node/drivers/transport,@threads"
+  "device_node/emulators:common/core,common/session/driver_config.h,common/session/simulation_config.h,device_node/simulation,device_node/drivers/*,@threads"
   "device_node/drivers/simulated:common/core,common/session/simulation_config.h,device_node/device.h,device_node/simulation"
 
   # the clamp knows its own part of the session and no true state

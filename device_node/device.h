@@ -17,6 +17,8 @@ struct DeviceSpecification {
   double peak_force_newton = 0.0;                     ///< |F| for moments
   double continuous_force_newton = 0.0;               ///< |F| without a time limit
   double position_resolution_m = 0.0;                 ///< per axis; 0: exact
+  /// What the motors can give of a force, D: a projection onto the axes that have motors.
+  Matrix3 force_axes = Matrix3::Identity();
   std::uint32_t button_count = 0;                     ///< bits used of DeviceSample::buttons
   bool is_simulated = false;
   /// False: the motors keep pushing when this process stops. The passivity guarantee is then not

@@ -1,6 +1,7 @@
 #include "device_node/drivers/driver_registry.h"
 
 #include "common/core/check.h"
+#include "device_node/drivers/hapi/hapi_driver.h"
 #include "device_node/drivers/haply/haply_driver.h"
 #include "device_node/drivers/plugin/plugin_driver.h"
 
@@ -28,6 +29,7 @@ Config settings(const DriverConfig& driver) {
 
 const char* driver_name(const DriverConfig& driver) {
   if (std::holds_alternative<HaplyConfig>(driver)) return kHaplyDriver;
+  if (std::holds_alternative<HapiConfig>(driver)) return kHapiDriver;
   if (std::holds_alternative<PluginConfig>(driver)) return kPluginDriver;
   return kSimulatedDriver;
 }
@@ -42,6 +44,10 @@ DriverRegistry all_drivers(const DriverOptions& options) {
   drivers.add(kHaplyDriver, {.open = [config = settings<HaplyConfig>(options.driver)](
                                          const Clock& clock, const StartUp& start_up) {
                 return open_haply(config, clock, start_up);
+              }});
+  drivers.add(kHapiDriver, {.open = [config = settings<HapiConfig>(options.driver)](
+                                        const Clock& clock, const StartUp& start_up) {
+                return open_hapi(config, clock, start_up);
               }});
   drivers.add(kPluginDriver, {.open = [config = settings<PluginConfig>(options.driver)](
                                           const Clock& clock, const StartUp& start_up) {

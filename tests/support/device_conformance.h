@@ -44,7 +44,9 @@ class DeviceConformance : public testing::Test {
     EXPECT_LE(sample.sampled_at, fixture_.clock().now());
   }
   /// Ends the test where the motors cannot be observed.
-  void expect_motor_force(const Vector3& expected_newton) {
+  /// @param asked_newton  of which the motors give what their axes can
+  void expect_motor_force(const Vector3& asked_newton) {
+    const Vector3 expected_newton = device().specification().force_axes * asked_newton;
     const std::optional<Vector3> force = fixture_.motor_force();
     if (!force) GTEST_SKIP() << "motor force cannot be observed";
     EXPECT_LT((*force - expected_newton).norm(), 0.02 * (expected_newton.norm() + 0.1));
@@ -107,6 +109,18 @@ TYPED_TEST_P(DeviceConformance, ASwitchLatchesAReading) {
 
   EXPECT_TRUE(at_switch.hand_position_m.allFinite());
   this->expect_stamped_now(at_switch, before);
+}
+
+TYPED_TEST_P(DeviceConformance, ASwitchNamesTheForceThatActs) {
+  const device::DeviceSpecification& s = this->device().specification();
+  device::DeviceSample at_switch;
+  const Vector3 strongest_newton = Vector3(0.6, 0, -0.8) * s.peak_force_newton;
+  ASSERT_TRUE(this->device().apply(5.0 * strongest_newton, 20ms, at_switch));
+  EXPECT_LT((at_switch.applied_force_newton - s.force_axes * strongest_newton).norm(),
+            0.02 * s.peak_force_newton);
+
+  ASSERT_TRUE(this->device().apply(this->gentle_force_newton(), Duration(-1), at_switch));
+  EXPECT_EQ(at_switch.applied_force_newton, Vector3(0, 0, 0));
 }
 
 TYPED_TEST_P(DeviceConformance, IsLimpBeforeTheFirstForce) {
@@ -208,9 +222,9 @@ TYPED_TEST_P(DeviceConformance, ReadingAndWritingDoNotAllocate) {
 REGISTER_TYPED_TEST_SUITE_P(
     DeviceConformance, SpecificationIsFilledIn, AReadingIsFiniteAndStampedWhenItWasTaken,
     ButtonsItDoesNotHaveAreNeverPressed, StampsNeverGoBack, ASwitchLatchesAReading,
-    IsLimpBeforeTheFirstForce, AForceActsWhileItsLeaseRuns, AForceEndsByItselfWithItsLease,
-    ALatchedPositionIsThatOfTheEndOfTheForceAndGivenOnce, ANewForceRenewsTheLease,
-    ALeaseOfNothingIsNoForce, ForceIsCutAtThePeakAndKeepsItsDirection,
+    ASwitchNamesTheForceThatActs, IsLimpBeforeTheFirstForce, AForceActsWhileItsLeaseRuns,
+    AForceEndsByItselfWithItsLease, ALatchedPositionIsThatOfTheEndOfTheForceAndGivenOnce,
+    ANewForceRenewsTheLease, ALeaseOfNothingIsNoForce, ForceIsCutAtThePeakAndKeepsItsDirection,
     ReleaseIsLimpAtOnceAndALaterForceActsAgain, ANonFiniteForceIsRefusedAndLeavesTheMotorsLimp,
     ReadingAndWritingDoNotAllocate);
 

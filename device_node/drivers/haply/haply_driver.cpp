@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "common/core/check.h"
+#include "device_node/drivers/device_error.h"
 #include "device_node/drivers/haply/haply_wire.h"
 #include "device_node/drivers/motor_force.h"
 #include "device_node/drivers/transport/web_socket.h"
@@ -18,20 +19,6 @@ using namespace std::chrono_literals;
 
 constexpr Duration kReopenLimit = 500ms;
 constexpr std::string_view kFullFrame = R"({"session":{"force_render_full_state":{}}})";
-
-DeviceError error_of(Transfer transfer) {
-  switch (transfer) {
-    case Transfer::kDone:
-      return DeviceError::kNone;
-    case Transfer::kTimeout:
-      return DeviceError::kTimeout;
-    case Transfer::kClosed:
-      return DeviceError::kUnplugged;
-    case Transfer::kCorrupt:
-      return DeviceError::kCorrupt;
-  }
-  return DeviceError::kFailed;
-}
 
 class HaplyDevice final : public HapticDevice {
  public:
@@ -188,7 +175,7 @@ class HaplyDevice final : public HapticDevice {
   /// A message without its answer: which answer belongs to which message is lost, and so is the
   /// connection.
   bool fails(Transfer transfer) noexcept {
-    error_ = error_of(transfer);
+    error_ = device_error(transfer);
     socket_.reset();
     return false;
   }

@@ -38,8 +38,9 @@ TEST(DriverRegistry, OpensADriverThatWasAddedOnTheGivenClock) {
   ManualClock clock;
   clock.advance(std::chrono::milliseconds(7));
   DriverRegistry drivers = all_drivers({});
-  drivers.add("scripted",
-              {.open = [](const Clock& c, const StartUp&) { return std::make_unique<test::ScriptedDevice>(c); }});
+  drivers.add("scripted", {.open = [](const Clock& c, const StartUp&) {
+                return std::make_unique<test::ScriptedDevice>(c);
+              }});
 
   const auto device = drivers.at("scripted").open(clock, {});
 
