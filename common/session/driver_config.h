@@ -65,4 +65,9 @@ struct PluginConfig {
 /// monostate: the simulated device.
 using DriverConfig = std::variant<std::monostate, HaplyConfig, HapiConfig, PluginConfig>;
 
+/// Whether the driver is one of a real device.
+[[nodiscard]] inline bool is_real(const DriverConfig& driver) {
+  return !std::holds_alternative<std::monostate>(driver);
+}
+
 }  // namespace palpate

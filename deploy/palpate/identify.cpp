@@ -51,9 +51,10 @@ std::string text_of(const DeviceProfile& profile, const DeviceSpecification& spe
 
 void run_identify(const Session& session, const IdentifyOptions& options) {
   const DriverRegistry drivers = all_drivers(
-      {.simulated = {.device = session.side().simulated, .hand = nobody(), .seed = session.seed}});
+      {.simulated = {.device = session.side().simulated, .hand = nobody(), .seed = session.seed},
+       .driver = session.side().driver});
   SteadyClock steady(session.side().realtime.wait);
-  run_identify(session, options, drivers.at(kSimulatedDriver), steady);
+  run_identify(session, options, drivers.at(driver_name(session.side().driver)), steady);
 }
 
 void run_identify(const Session& session, const IdentifyOptions& options, const Driver& driver,

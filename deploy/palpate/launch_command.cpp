@@ -35,6 +35,7 @@ struct LaunchCommand {
   bool has_no_adversary = false;
   std::set<std::string> nodes = {"device", "mofc", "physics", "viewer"};  ///< run on this machine
   bool is_together = false;
+  bool is_emulated = false;
 
   void add_to(CLI::App& app);
   /// Runs until the time is up or a signal arrives. If the session has keys and this machine lacks
@@ -70,6 +71,8 @@ void LaunchCommand::add_to(CLI::App& app) {
           ->delimiter(',')
           ->allow_extra_args(false)
           ->check(CLI::IsMember(nodes));
+  app.add_flag("--emulate", is_emulated,
+               "start a stand-in for the session's real device, too: palpate emulate");
   app.add_flag_callback(
          "--no-viewer", [this] { nodes.erase("viewer"); },
          "do not start viewer_node: no page, no status line")
@@ -261,6 +264,7 @@ int LaunchCommand::run(const Verbosity& verbosity) const {
                                       .is_realtime = !has_no_realtime,
                                       .is_insecure = is_insecure,
                                       .is_unsafe = is_unsafe,
+                                      .is_emulated = is_emulated,
                                       .has_no_adversary = has_no_adversary,
                                       .is_quiet = verbosity.is_quiet,
                                       .on_page = [&] { return has_page ? announce_page(web) : ""; },

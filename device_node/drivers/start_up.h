@@ -14,7 +14,7 @@ struct StartUp {
   /// Tells the person what to do, or what the driver found: one line.
   std::function<void(const std::string& text)> prompt = [](const std::string&) {};
   /// Longest time until the device is ready.
-  Duration limit = std::chrono::seconds(60);
+  Duration limit = std::chrono::seconds(20);
   /// Ends the wait.
   std::stop_token stop = {};
 };

@@ -15,6 +15,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
+constexpr Duration kRetry = 100ms;
 constexpr double kRadPerDeg = std::numbers::pi / 180.0;
 
 class HapiDevice final : public HapticDevice {
@@ -33,15 +34,22 @@ class HapiDevice final : public HapticDevice {
                        .force_axes = config.rotation.toRotationMatrix() *
                                      Vector3(1, 1, 0).asDiagonal() *
                                      config.rotation.toRotationMatrix().transpose()} {
+    // the board may be plugged in while this program starts
     const TimePoint until = clock_.now() + start_up.limit;
-    connect();
-    DeviceSample passed;
-    while (!exchange(Vector2::Zero(), passed)) {
-      if (clock_.now() >= until || start_up.stop.stop_requested()) {
-        throw std::runtime_error(config.port + ": the board did not answer");
+    for (bool was_prompted = false;; was_prompted = true) {
+      std::string why = config.port + ": the board does not answer";
+      try {
+        connect();
+        DeviceSample passed;
+        if (exchange(Vector2::Zero(), passed)) return;
+      } catch (const std::exception& error) {
+        why = error.what();
       }
-      std::this_thread::sleep_for(100ms);
-      connect();
+      if (clock_.now() + kRetry >= until || start_up.stop.stop_requested()) {
+        throw std::runtime_error(why);
+      }
+      if (!was_prompted) start_up.prompt("waits for the board: " + why);
+      std::this_thread::sleep_for(kRetry);
     }
   }
   ~HapiDevice() override { HapiDevice::release(); }

@@ -18,6 +18,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr Duration kReopenLimit = 500ms;
+constexpr Duration kRetry = 100ms;
 constexpr std::string_view kFullFrame = R"({"session":{"force_render_full_state":{}}})";
 
 class HaplyDevice final : public HapticDevice {
@@ -28,7 +29,7 @@ class HaplyDevice final : public HapticDevice {
         dialect_(config.writes_values ? HaplyDialect::kValues : HaplyDialect::kVector),
         motors_(config.limits) {
     const TimePoint until = clock_.now() + start_up.limit;
-    HaplySnapshot snapshot = connect(start_up.limit);
+    HaplySnapshot snapshot = find_service(until, start_up);
     // chosen once: a later connection asks for the same ones
     config_.device_id = snapshot.device_id;
     config_.grip_id = snapshot.grip_id;
@@ -90,6 +91,19 @@ class HaplyDevice final : public HapticDevice {
   }
 
  private:
+  /// The service may start together with this program.
+  HaplySnapshot find_service(TimePoint until, const StartUp& start_up) {
+    for (bool was_prompted = false;; was_prompted = true) {
+      try {
+        return connect(std::max<Duration>(until - clock_.now(), 1ms));
+      } catch (const std::exception& error) {
+        if (clock_.now() + kRetry >= until || start_up.stop.stop_requested()) throw;
+        if (!was_prompted) start_up.prompt(std::string("waits for the service: ") + error.what());
+        std::this_thread::sleep_for(kRetry);
+      }
+    }
+  }
+
   HaplySnapshot connect(Duration within) {
     const TimePoint until = clock_.now() + within;
     socket_ = WebSocket::connect(config_.host, config_.port, within);

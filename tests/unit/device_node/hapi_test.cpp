@@ -175,7 +175,7 @@ TEST(HapiDriver, AFileThatIsNoPortIsRefused) {
   HapiConfig config = upright_pantograph();
   config.port = "/dev/null";
   try {
-    static_cast<void>(open_hapi(config, clock, {}));
+    static_cast<void>(open_hapi(config, clock, {.limit = Duration::zero()}));
     FAIL();
   } catch (const SetupError& error) {
     EXPECT_THAT(error.what(), HasSubstr("/dev/null is no serial port"));

@@ -225,7 +225,7 @@ TEST(HaplyDriver, WithoutAServiceThereIsAnErrorThatSaysSo) {
   HaplyConfig config;
   config.port = 1;
   try {
-    static_cast<void>(open_haply(config, clock, {.limit = std::chrono::seconds(1)}));
+    static_cast<void>(open_haply(config, clock, {.limit = std::chrono::milliseconds(300)}));
     FAIL();
   } catch (const SetupError& error) {
     EXPECT_THAT(error.what(), HasSubstr("127.0.0.1:1: Connection refused"));
