@@ -17,6 +17,8 @@ struct DeviceSpecification {
   double peak_force_newton = 0.0;                     ///< |F| for moments
   double continuous_force_newton = 0.0;               ///< |F| without a time limit
   double position_resolution_m = 0.0;                 ///< per axis; 0: exact
+  /// What the motors can give of a force, D: a projection onto the axes that have motors.
+  Matrix3 force_axes = Matrix3::Identity();
   std::uint32_t button_count = 0;                     ///< bits used of DeviceSample::buttons
   bool is_simulated = false;
   /// False: the motors keep pushing when this process stops. The passivity guarantee is then not
@@ -32,6 +34,18 @@ struct DeviceSample {
   Quaternion orientation = Quaternion::Identity();  ///< D from T, unit
   std::uint32_t buttons = 0;                        ///< bit i set while button i is held
   TimePoint sampled_at{};                           ///< this host's clock
+  /// Of a switch: the force that acts from this reading on [N], D, as the motors realise it, limited
+  /// and quantised; the energy is counted with it.
+  Vector3 applied_force_newton = Vector3::Zero();
+};
+
+/// Why a transfer failed.
+enum class DeviceError : std::uint8_t {
+  kNone = 0,
+  kFailed = 1,     ///< no more is known
+  kTimeout = 2,    ///< no answer in time
+  kUnplugged = 3,  ///< the device, or the program that owns it, is gone
+  kCorrupt = 4,    ///< the answer breaks the rules of the wire
 };
 
 /// One thread. read(), apply() and release() do not allocate, lock, log or throw; they may block
@@ -50,7 +64,8 @@ class HapticDevice {
   /// A lease ≤ 0 means no force. |force| is limited to the device's peak; its direction is kept.
   ///
   /// `at_switch` is the reading latched as the force changes; it separates the energies of the two
-  /// forces exactly. Returns false, motors limp, for a non-finite force or if the device failed.
+  /// forces exactly, and names the force that acts now. Returns false, motors limp, for a non-finite
+  /// force or if the device failed.
   [[nodiscard]] virtual bool apply(const Vector3& force_on_hand_newton, Duration lease,
                                    DeviceSample& at_switch) noexcept = 0;
 
@@ -63,6 +78,13 @@ class HapticDevice {
 
   /// Motors limp, at once. A later apply() applies a force again.
   virtual void release() noexcept = 0;
+
+  /// Why the last read() or apply() returned false.
+  [[nodiscard]] virtual DeviceError last_error() const noexcept { return DeviceError::kFailed; }
+
+  /// After a fault, before the next reading: opens the device once more if it has to be. Motors
+  /// limp. May take up to a second; false: not yet, the fault stays.
+  [[nodiscard]] virtual bool reopen() noexcept { return true; }
 };
 
 /// A device that knows what its motors do: by current sensors, or as a simulation.

@@ -10,7 +10,24 @@ namespace palpate::device {
 namespace {
 
 bool is_finite(const DeviceSample& sample) {
-  return sample.hand_position_m.allFinite() && sample.orientation.coeffs().allFinite();
+  return sample.hand_position_m.allFinite() && sample.orientation.coeffs().allFinite() &&
+         sample.applied_force_newton.allFinite();
+}
+
+/// @param otherwise  where the driver knows no more than that it failed
+FaultReason reason_of(DeviceError error, FaultReason otherwise) {
+  switch (error) {
+    case DeviceError::kTimeout:
+      return FaultReason::kDeviceSilent;
+    case DeviceError::kUnplugged:
+      return FaultReason::kDeviceGone;
+    case DeviceError::kCorrupt:
+      return FaultReason::kDeviceCorrupt;
+    case DeviceError::kNone:
+    case DeviceError::kFailed:
+      break;
+  }
+  return otherwise;
 }
 
 }  // namespace
@@ -69,7 +86,7 @@ void DeviceNode::step(const Tick& tick) noexcept {
 FaultReason DeviceNode::exchange(TimePoint next_reading, DeviceTick& record) noexcept {
   // read: t_k
   DeviceSample sample;
-  if (!device_.read(sample)) return FaultReason::kReadFailed;
+  if (!device_.read(sample)) return reason_of(device_.last_error(), FaultReason::kReadFailed);
   const FaultReason reading = judge_with_latched(sample);
   record.sampled_at = sample.sampled_at;
   if (reading != FaultReason::kNone) return reading;
@@ -116,14 +133,21 @@ FaultReason DeviceNode::exchange(TimePoint next_reading, DeviceTick& record) noe
 
 FaultReason DeviceNode::switch_to(const GuardedForce& commanded, TimePoint deadline,
                                   DeviceTick& record) noexcept {
-  const GuardedForce guarded = monitored(commanded, record);
+  GuardedForce guarded = monitored(commanded, record);
   DeviceSample at_switch;
   const bool is_applied = device_.apply(guarded.force_on_hand_newton, guarded.lease, at_switch);
-  const FaultReason reason = is_applied ? judge_with_latched(at_switch) : FaultReason::kWriteFailed;
+  const FaultReason reason = is_applied ? judge_with_latched(at_switch)
+                                        : reason_of(device_.last_error(), FaultReason::kWriteFailed);
   if (reason != FaultReason::kNone) {
     record.force_on_hand_newton.setZero();
     record.is_peak_limited = false;
     return reason;
+  }
+  if (at_switch.applied_force_newton != guarded.force_on_hand_newton) {
+    // limited or quantised by the motors
+    guarded.force_on_hand_newton = at_switch.applied_force_newton;
+    guard_.reduced(guarded);
+    record.force_on_hand_newton = guarded.force_on_hand_newton;
   }
   applied_.switched(at_switch.sampled_at, at_switch.hand_position_m, guarded.force_on_hand_newton,
                     guarded.lease);
@@ -309,7 +333,7 @@ void DeviceNode::latch(FaultReason reason, DeviceTick& record) noexcept {
 }
 
 void DeviceNode::reset_fault() noexcept {
-  if (!has_fault()) return;
+  if (!has_fault() || !device_.reopen()) return;
   fault_ = FaultReason::kNone;
   has_reading_ = false;
   // what the encoder did meanwhile is not known: the echo begins anew, which mofc_node takes as a

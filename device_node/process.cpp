@@ -58,6 +58,13 @@ class PointerInput {
   bool was_held_ = false;
 };
 
+/// Prompts of a driver go through the log.
+StartUp start_up_of(NodeContext& context) {
+  return {.prompt = [&log = context.log](
+                        const std::string& text) { log.warn("event=device_prompt: {}", text); },
+          .stop = context.stop};
+}
+
 /// The session's configuration, its profile lowered where the device has less friction.
 /// @param ratio  receives CheckedProfile::ratio; 0 without a check
 DeviceConfig checked_config(const Session& session, NodeContext& context, double& ratio) {
@@ -65,12 +72,14 @@ DeviceConfig checked_config(const Session& session, NodeContext& context, double
   ratio = 0.0;
   if (!config.has_hands_off_check) return config;
   const Driver driver =
-      all_drivers({.simulated = {.device = session.side().simulated, .hand = nobody()}})
-          .at(kSimulatedDriver);
+      all_drivers({.simulated = {.device = session.side().simulated, .hand = nobody()},
+                   .driver = session.side().driver})
+          .at(driver_name(session.side().driver));
   ManualClock virtual_time;
   Clock& clock = driver.is_simulated ? static_cast<Clock&>(virtual_time) : context.clock;
   context.log.info("event=hands_off_check_began: nobody may hold the device");
-  const CheckedProfile checked = check_hands_off(*driver.open(clock), clock, config.profile);
+  const CheckedProfile checked =
+      check_hands_off(*driver.open(clock, start_up_of(context)), clock, config.profile);
   ratio = checked.ratio;
   config.profile = checked.profile;
   if (checked.is_lowered) {
@@ -99,10 +108,12 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
       all_drivers({.simulated = {.device = session.side().simulated,
                                  .hand = session.side().hand,
                                  .seed = stream_seed(session, session.side(), "hand"),
-                                 .goals = &goals}});
+                                 .goals = &goals},
+                   .driver = session.side().driver});
   double friction_ratio = 0.0;
   const DeviceConfig config = checked_config(session, context, friction_ratio);
-  const auto device = drivers.at(kSimulatedDriver).open(context.clock);
+  const auto device =
+      drivers.at(driver_name(session.side().driver)).open(context.clock, start_up_of(context));
   refuse_unmonitored(config, device->specification(), context.is_unsafe);
   if (session.viewer.has_control && !device->specification().is_simulated) {
     throw SetupError(session.file +

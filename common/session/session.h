@@ -9,6 +9,7 @@
 
 #include "common/session/adversary_config.h"
 #include "common/session/device_config.h"
+#include "common/session/driver_config.h"
 #include "common/session/link_config.h"
 #include "common/session/mofc_config.h"
 #include "common/session/scene_config.h"
@@ -23,6 +24,8 @@ struct Side {
   LinksConfig links;
   RealtimeConfig realtime;
   DeviceConfig device;
+  DriverConfig driver;
+  /// The simulated device: the driver's own, or one with the limits of another driver's.
   SimulatedDeviceConfig simulated;
   HandConfig hand;
   MofcConfig mofc;

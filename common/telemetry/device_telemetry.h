@@ -30,6 +30,9 @@ enum class FaultReason : std::uint8_t {
   kReadingNotFinite = 2,  ///< the reading contained NaN or infinity
   kPositionJumped = 3,    ///< two readings further apart than v_fault allows
   kWriteFailed = 4,       ///< the device did not accept the force
+  kDeviceSilent = 5,      ///< no answer of the device in time
+  kDeviceGone = 6,        ///< unplugged, or the program that owns it ended
+  kDeviceCorrupt = 7,     ///< the answer broke the rules of the device's wire
 };
 [[nodiscard]] const char* name(FaultReason reason);
 

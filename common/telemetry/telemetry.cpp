@@ -32,6 +32,12 @@ const char* name(FaultReason reason) {
       return "position jumped";
     case FaultReason::kWriteFailed:
       return "write failed";
+    case FaultReason::kDeviceSilent:
+      return "device silent";
+    case FaultReason::kDeviceGone:
+      return "device gone";
+    case FaultReason::kDeviceCorrupt:
+      return "device corrupt";
   }
   return "?";
 }

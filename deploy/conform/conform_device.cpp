@@ -11,9 +11,10 @@ using namespace palpate::device;
 std::vector<ConformFinding> conform_device(const Session& session,
                                            const ConformDeviceOptions& options) {
   const DriverRegistry drivers = all_drivers(
-      {.simulated = {.device = session.side().simulated, .hand = nobody(), .seed = session.seed}});
+      {.simulated = {.device = session.side().simulated, .hand = nobody(), .seed = session.seed},
+       .driver = session.side().driver});
   SteadyClock steady(session.side().realtime.wait);
-  return conform_device(drivers.at(kSimulatedDriver),
+  return conform_device(drivers.at(driver_name(session.side().driver)),
                         from_seconds(1.0 / session.side().device.rate_hz), steady, options);
 }
 
@@ -21,7 +22,7 @@ std::vector<ConformFinding> conform_device(const Driver& driver, Duration period
                                            const ConformDeviceOptions& options) {
   ManualClock virtual_time;
   Clock& clock = driver.is_simulated ? virtual_time : steady;
-  const auto device = driver.open(clock);
+  const auto device = driver.open(clock, {});
   const DeviceSpecification& specification = device->specification();
   if (!specification.is_simulated && !options.may_move_hardware) {
     throw SetupError("device \"" + specification.model_name +

@@ -86,6 +86,27 @@ class RunFolder {
   int folder_ = -1;
 };
 
+/// A stand-in for each real device; the device_nodes wait for it.
+void add_emulators(const LaunchOptions& options, const Session& session, const fs::path& program,
+                   std::vector<ChildSpec>& children) {
+  for (const Side& side : session.sides) {
+    if (!is_real(side.driver)) continue;
+    ChildSpec& child =
+        children.emplace_back(ChildSpec{.name = with_side(side.name, "emulator"),
+                                        .program = program,
+                                        .arguments = {"emulate", options.session_file.string()}});
+    for (const std::string& assignment : options.overrides) {
+      child.arguments.insert(child.arguments.end(), {"--set", assignment});
+    }
+    if (!side.name.empty()) child.arguments.insert(child.arguments.end(), {"--side", side.name});
+  }
+  if (children.empty()) {
+    throw SetupError(session.file +
+                     ": --emulate: the session's device is simulated already; leave "
+                     "the option out");
+  }
+}
+
 std::vector<ChildSpec> nodes_of(const LaunchOptions& options, const Session& session) {
   std::vector<std::string> arguments = {"--session", options.session_file.string()};
   for (const std::string& assignment : options.overrides) {
@@ -116,6 +137,8 @@ std::vector<ChildSpec> nodes_of(const LaunchOptions& options, const Session& ses
     if (!side.empty()) child.arguments.insert(child.arguments.end(), {"--side", side});
     return child;
   };
+
+  if (options.is_emulated) add_emulators(options, session, folder / "palpate", children);
 
   // nodes that bind start before nodes that connect
   if (is_here("physics")) {

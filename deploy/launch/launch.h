@@ -22,6 +22,7 @@ struct LaunchOptions {
   bool is_realtime = true;                  ///< false: nodes are started with --no-realtime
   bool is_insecure = false;                 ///< nodes are started with --insecure
   bool is_unsafe = false;                   ///< device nodes are started with --unsafe
+  bool is_emulated = false;                 ///< real devices are emulated: `palpate emulate`
   bool has_no_adversary = false;            ///< nodes are started with --no-adversary
   bool is_quiet = false;                    ///< nodes print warnings and errors only
   /// Called before the first node starts, if the viewer is among them. Returns --listen of the

@@ -50,6 +50,10 @@ class PreemptedDevice final : public device::HapticDevice {
     return device_.take_latched(at_end);
   }
   void release() noexcept override { device_.release(); }
+  [[nodiscard]] device::DeviceError last_error() const noexcept override {
+    return device_.last_error();
+  }
+  [[nodiscard]] bool reopen() noexcept override { return device_.reopen(); }
 
  private:
   device::HapticDevice& device_;

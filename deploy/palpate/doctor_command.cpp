@@ -199,7 +199,7 @@ void examine_assumptions(const Session& session, std::vector<Finding>& findings)
       device::all_drivers({.simulated = {.device = side.simulated, .hand = device::nobody()}});
   const device::Driver& driver = drivers.at(device::kSimulatedDriver);
   ManualClock clock;
-  const auto device = driver.open(clock);
+  const auto device = driver.open(clock, {});
   const double step_m = device->specification().position_resolution_m;
   Finding encoder{"encoder", fmt::format("steps of {}, the profile says {}", in_micrometres(step_m),
                                          in_micrometres(profile.position_resolution_m))};

@@ -51,9 +51,10 @@ std::string text_of(const DeviceProfile& profile, const DeviceSpecification& spe
 
 void run_identify(const Session& session, const IdentifyOptions& options) {
   const DriverRegistry drivers = all_drivers(
-      {.simulated = {.device = session.side().simulated, .hand = nobody(), .seed = session.seed}});
+      {.simulated = {.device = session.side().simulated, .hand = nobody(), .seed = session.seed},
+       .driver = session.side().driver});
   SteadyClock steady(session.side().realtime.wait);
-  run_identify(session, options, drivers.at(kSimulatedDriver), steady);
+  run_identify(session, options, drivers.at(driver_name(session.side().driver)), steady);
 }
 
 void run_identify(const Session& session, const IdentifyOptions& options, const Driver& driver,
@@ -69,7 +70,7 @@ void run_identify(const Session& session, const IdentifyOptions& options, const 
   ManualClock virtual_time;
   Clock& clock = driver.is_simulated ? virtual_time : steady;
   const TimePoint start = clock.now();
-  const auto device = driver.open(clock);
+  const auto device = driver.open(clock, {});
   const DeviceSpecification& specification = device->specification();
   const SweepPlan plan = default_sweep_plan(specification);
 

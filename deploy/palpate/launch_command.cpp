@@ -39,6 +39,7 @@ struct LaunchCommand {
   std::set<std::string> nodes = {"device", "mofc", "physics", "standby", "viewer"};
   bool are_chosen = false;  ///< by --nodes
   bool is_together = false;
+  bool is_emulated = false;
 
   void add_to(CLI::App& app);
   /// The session has a standby that --nodes names or whose links do not leave this machine.
@@ -77,6 +78,8 @@ void LaunchCommand::add_to(CLI::App& app) {
           ->allow_extra_args(false)
           ->check(CLI::IsMember(nodes))
           ->each([this](const std::string&) { are_chosen = true; });
+  app.add_flag("--emulate", is_emulated,
+               "start a stand-in for the session's real device, too: palpate emulate");
   app.add_flag_callback(
          "--no-viewer", [this] { nodes.erase("viewer"); },
          "do not start viewer_node: no page, no status line")
@@ -281,6 +284,7 @@ int LaunchCommand::run(const Verbosity& verbosity) const {
                                       .is_realtime = !has_no_realtime,
                                       .is_insecure = is_insecure,
                                       .is_unsafe = is_unsafe,
+                                      .is_emulated = is_emulated,
                                       .has_no_adversary = has_no_adversary,
                                       .is_quiet = verbosity.is_quiet,
                                       .on_page = [&] { return has_page ? announce_page(web) : ""; },

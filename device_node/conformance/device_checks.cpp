@@ -67,7 +67,9 @@ bool apply(DeviceBench& bench, const Vector3& force_newton, Duration lease) {
 }
 
 /// Compares the motors with what they should do; good() if they cannot be seen.
-CheckOutcome expect_motors(DeviceBench& bench, const Vector3& wanted_newton, const char* when) {
+/// @param asked_newton  of which the motors give what their axes can
+CheckOutcome expect_motors(DeviceBench& bench, const Vector3& asked_newton, const char* when) {
+  const Vector3 wanted_newton = bench.device().specification().force_axes * asked_newton;
   const std::optional<Vector3> force = bench.motor_force_newton();
   if (!force) return not_observable(kNoForceSeen);
   const double tolerance = kForceTolerance * (wanted_newton.norm() + kForceFloorNewton);
@@ -172,6 +174,28 @@ CheckOutcome check_switch(DeviceBench& bench) {
   const std::string wrong = wrong_reading(bench, at_switch, before);
   return wrong.empty() ? good("apply() returns the reading at which the force changed")
                        : failed(wrong);
+}
+
+/// The energy is counted with the force that apply() names.
+CheckOutcome check_applied(DeviceBench& bench) {
+  const Limp at_the_end(bench.device());
+  const DeviceSpecification& s = bench.device().specification();
+  DeviceSample at_switch;
+  const Vector3 strongest_newton = Vector3(0.6, 0, -0.8) * s.peak_force_newton;
+  for (const Vector3& asked_newton : {gentle_force_newton(bench), strongest_newton}) {
+    if (!bench.device().apply(asked_newton, 20ms, at_switch)) return failed(kRefused);
+    const double tolerance = kForceTolerance * (asked_newton.norm() + kForceFloorNewton);
+    const Vector3 wanted_newton = s.force_axes * asked_newton;
+    if (!((at_switch.applied_force_newton - wanted_newton).norm() < tolerance)) {
+      return failed("apply() names " + text_of(at_switch.applied_force_newton, 1.0, "N") +
+                    " as the force that acts, of " + text_of(wanted_newton, 1.0, "N"));
+    }
+  }
+  if (!bench.device().apply(strongest_newton, Duration(-1), at_switch)) return failed(kRefused);
+  if (!at_switch.applied_force_newton.isZero(0.0)) {
+    return failed("apply() names a force where a lease below zero means none");
+  }
+  return good("apply() names the force that acts");
 }
 
 CheckOutcome check_force(DeviceBench& bench) {
@@ -420,6 +444,9 @@ constexpr std::array kChecks{
                 "signs and the order of the axes",
                 check_direction},
     DeviceCheck{"force", "convert to newtons at the tool tip", check_force},
+    DeviceCheck{"applied",
+                "give applied_force_newton of a switch, as the motors limit and quantise it",
+                check_applied},
     DeviceCheck{"renewal", "each apply() begins a new lease", check_renewal},
     DeviceCheck{"lease",
                 "hand the lease to the amplifier; without a watchdog there, has_motor_watchdog = "

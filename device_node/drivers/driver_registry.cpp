@@ -1,6 +1,9 @@
 #include "device_node/drivers/driver_registry.h"
 
 #include "common/core/check.h"
+#include "device_node/drivers/hapi/hapi_driver.h"
+#include "device_node/drivers/haply/haply_driver.h"
+#include "device_node/drivers/plugin/plugin_driver.h"
 
 namespace palpate::device {
 
@@ -13,12 +16,43 @@ const Driver& DriverRegistry::at(const std::string& name) const {
                    (known.empty() ? "none" : known));
 }
 
+namespace {
+
+/// The session's settings of a driver, or its defaults.
+template <class Config>
+Config settings(const DriverConfig& driver) {
+  const Config* const own = std::get_if<Config>(&driver);
+  return own != nullptr ? *own : Config{};
+}
+
+}  // namespace
+
+const char* driver_name(const DriverConfig& driver) {
+  if (std::holds_alternative<HaplyConfig>(driver)) return kHaplyDriver;
+  if (std::holds_alternative<HapiConfig>(driver)) return kHapiDriver;
+  if (std::holds_alternative<PluginConfig>(driver)) return kPluginDriver;
+  return kSimulatedDriver;
+}
+
 DriverRegistry all_drivers(const DriverOptions& options) {
   DriverRegistry drivers;
   drivers.add(kSimulatedDriver,
               {.open = [simulated = options.simulated](
-                           const Clock& clock) { return open_simulated_device(simulated, clock); },
+                           const Clock& clock,
+                           const StartUp&) { return open_simulated_device(simulated, clock); },
                .is_simulated = true});
+  drivers.add(kHaplyDriver, {.open = [config = settings<HaplyConfig>(options.driver)](
+                                         const Clock& clock, const StartUp& start_up) {
+                return open_haply(config, clock, start_up);
+              }});
+  drivers.add(kHapiDriver, {.open = [config = settings<HapiConfig>(options.driver)](
+                                        const Clock& clock, const StartUp& start_up) {
+                return open_hapi(config, clock, start_up);
+              }});
+  drivers.add(kPluginDriver, {.open = [config = settings<PluginConfig>(options.driver)](
+                                          const Clock& clock, const StartUp& start_up) {
+                return open_plugin(config, clock, start_up);
+              }});
   return drivers;
 }
 

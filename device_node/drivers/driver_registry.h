@@ -8,16 +8,18 @@
 #include <utility>
 
 #include "common/core/clock.h"
+#include "common/session/driver_config.h"
 #include "device_node/device.h"
 #include "device_node/drivers/simulated/simulated_driver.h"
+#include "device_node/drivers/start_up.h"
 
 namespace palpate::device {
 
 /// One kind of device.
 struct Driver {
   /// Opens the device: ready to be read, motors limp. The clock must outlive it and stamps its
-  /// readings. Throws SetupError if the device is absent.
-  std::function<std::unique_ptr<HapticDevice>(const Clock&)> open;
+  /// readings. Throws SetupError if the device is absent or does not become ready.
+  std::function<std::unique_ptr<HapticDevice>(const Clock&, const StartUp&)> open;
   /// True: a simulation, which runs on any clock, virtual ones too. False: hardware, which runs on
   /// the steady clock of this host only.
   bool is_simulated = false;
@@ -34,12 +36,16 @@ class DriverRegistry {
   std::map<std::string, Driver> drivers_;
 };
 
-/// What the drivers need from a session; each driver reads its own member only.
+/// What the drivers need from a session; each driver reads its own part only.
 struct DriverOptions {
   SimulatedDriverOptions simulated;
+  DriverConfig driver = {};  ///< of the session's own driver, if it is another one
 };
 
-/// All drivers of this build.
+/// The name of the driver that a session asks for.
+[[nodiscard]] const char* driver_name(const DriverConfig& driver);
+
+/// All drivers of this build, with these options.
 [[nodiscard]] DriverRegistry all_drivers(const DriverOptions& options);
 
 }  // namespace palpate::device

@@ -41,6 +41,7 @@ bool SimulatedDevice::apply(const Vector3& force_on_hand_newton, Duration lease,
     force_on_hand_newton_ = limited_to_norm(force_on_hand_newton, config_.peak_force_newton);
     lease_end_ = integrated_until_ + lease;
   }
+  at_switch.applied_force_newton = force_on_hand_newton_;
   return true;
 }
 

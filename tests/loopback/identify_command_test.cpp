@@ -166,7 +166,7 @@ TEST(Identify, SweepsOfHardwareWaitForTheSteadyClock) {
       .open =
           [&](const Clock& clock) {
             opened_on = &clock;
-            return std::make_unique<SeeminglyReal>(handless_driver().open(clock));
+            return std::make_unique<SeeminglyReal>(handless_driver().open(clock, {}));
           },
       .is_simulated = false};
 

@@ -40,6 +40,10 @@ class ScriptedDevice final : public device::HapticDevice {
   std::uint32_t buttons = 0;
   std::optional<device::DeviceSample> latched = {};  ///< as a force ended by itself
   bool fails_to_read = false;
+  device::DeviceError error = device::DeviceError::kFailed;  ///< why it fails
+  bool reopens = true;
+  /// What becomes of a force, limited or quantised.
+  std::function<Vector3(const Vector3&)> motors = [](const Vector3& force) { return force; };
   bool fails_to_apply = false;
   std::function<void()> before_switch = {};  ///< called in apply(), before the force changes
   std::function<void()> before_release = {};
@@ -60,7 +64,8 @@ class ScriptedDevice final : public device::HapticDevice {
                            device::DeviceSample& at_switch) noexcept override {
     if (before_switch) before_switch();
     if (fails_to_apply || !read(at_switch)) return false;
-    writes.push_back({clock_.now(), force_on_hand_newton, clock_.now() + lease});
+    at_switch.applied_force_newton = motors(force_on_hand_newton);
+    writes.push_back({clock_.now(), at_switch.applied_force_newton, clock_.now() + lease});
     return true;
   }
   [[nodiscard]] bool take_latched(device::DeviceSample& at_end) noexcept override {
@@ -73,6 +78,9 @@ class ScriptedDevice final : public device::HapticDevice {
     ++releases;
     writes.push_back({clock_.now(), Vector3::Zero(), clock_.now()});
   }
+
+  [[nodiscard]] device::DeviceError last_error() const noexcept override { return error; }
+  [[nodiscard]] bool reopen() noexcept override { return reopens; }
 
   /// What the motors did at `t`, from the writes alone.
   [[nodiscard]] Vector3 motor_force_newton(TimePoint t) const {

@@ -72,7 +72,7 @@ void check_counters(const v1::DeviceCounters& c, Verdict& verdict) {
   verdict.require(c.has_loop());
   verdict.require(c.has_force_command());
   verdict.time(c.loop().worst_lateness_ns());
-  verdict.expect(c.last_fault() <= static_cast<std::uint32_t>(FaultReason::kWriteFailed));
+  verdict.expect(c.last_fault() <= static_cast<std::uint32_t>(FaultReason::kDeviceCorrupt));
   verdict.finite(c.max_force_newton());
   verdict.finite(c.largest_jump_newton());
   verdict.finite(c.checked_friction_ratio());

@@ -105,9 +105,13 @@ void add_side(const SessionText& text, const std::string& name,
   if (session.physics.interaction_deadband) {
     refuse_if_waiting(fields.message("physics"), "interaction_deadband", wait_ms);
   }
-  side.simulated = to_simulated_device(device.message("simulated"));
+  side.driver = to_driver(device, base_dir);
+  side.simulated = simulated_as(side.driver, to_simulated_device(device.message("simulated")));
   side.device =
       to_device(device, rate_hz, wait_ms, side.simulated.peak_force_newton, base_dir, problems);
+  if (is_real(side.driver)) {
+    side.simulated = with_friction_of(side.device.profile, side.simulated);
+  }
   side.mofc = to_mofc(mofc, wait_ms, session.physics, side.device);
   // the monitor assumes of the hand what the controller does
   side.device.monitor.v_max_m_per_s = side.mofc.mode == MofcMode::kVector

@@ -63,6 +63,14 @@ class LinkRules {
 [[nodiscard]] AdversaryConfig to_adversary(const Fields& adversary);
 
 [[nodiscard]] SimulatedDeviceConfig to_simulated_device(const Fields& simulated);
+/// The driver that `device` names.
+[[nodiscard]] DriverConfig to_driver(const Fields& device, const std::filesystem::path& base_dir);
+/// What stands in for a real device, as far as its driver knows it; the friction is added by
+/// with_friction_of().
+[[nodiscard]] SimulatedDeviceConfig simulated_as(const DriverConfig& driver,
+                                                 const SimulatedDeviceConfig& simulated);
+[[nodiscard]] SimulatedDeviceConfig with_friction_of(const DeviceProfile& profile,
+                                                     SimulatedDeviceConfig simulated);
 /// @param wait_for_physics_ms  checked; NaN if it has a problem, as the rate of the device
 [[nodiscard]] DeviceConfig to_device(const Fields& device, double rate_hz,
                                      double wait_for_physics_ms, double device_peak_force_newton,

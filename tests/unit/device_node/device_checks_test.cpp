@@ -71,8 +71,10 @@ class WrongDevice final : public HapticDevice, public MotorForceSource {
     if (is("NaN as the force before") && !force.allFinite()) return false;
     if (is("NaN accepted") && !force.allFinite()) sent.setZero();
     is_on_ = sent.norm() > 0.0 && lease > Duration::zero();
-    return device_.apply(sent, lease, at_switch) &&
-           (!is("a switch without a reading") || falsify(at_switch));
+    const bool is_applied = device_.apply(sent, lease, at_switch) &&
+                            (!is("a switch without a reading") || falsify(at_switch));
+    if (is("a force that is not named")) at_switch.applied_force_newton.setZero();
+    return is_applied;
   }
   [[nodiscard]] bool take_latched(DeviceSample& at_end) noexcept override {
     return is("a latch that is not named") ? device_.read(at_end) : device_.take_latched(at_end);
@@ -179,7 +181,8 @@ TEST(DeviceChecks, NameEachFault) {
                                                     {"does not release", "release"},
                                                     {"NaN as the force before", "not finite"},
                                                     {"NaN accepted", "not finite"},
-                                                    {"allocates", "allocation"}};
+                                                    {"allocates", "allocation"},
+                                                    {"a force that is not named", "applied"}};
   for (const auto& [fault, check] : check_of) {
     const CheckOutcome found = outcomes_of(fault, true)[check];
     EXPECT_EQ(found.verdict, CheckVerdict::kFailed) << fault << ": " << found.text;

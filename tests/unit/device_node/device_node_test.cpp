@@ -693,6 +693,48 @@ TEST(DeviceNode, AWriteFailureIsAFault) {
   EXPECT_EQ(bench.device.releases, 1);
 }
 
+TEST(DeviceNode, AFaultTellsWhatTheDriverKnowsOfIt) {
+  for (const auto& [error, reason] : {std::pair{DeviceError::kTimeout, FaultReason::kDeviceSilent},
+                                      {DeviceError::kUnplugged, FaultReason::kDeviceGone},
+                                      {DeviceError::kCorrupt, FaultReason::kDeviceCorrupt}}) {
+    Bench bench(device_config());
+    bench.tick();
+    bench.device.fails_to_read = true;
+    bench.device.error = error;
+    bench.tick();
+    EXPECT_EQ(bench.node.counters().last_fault, reason);
+  }
+}
+
+TEST(DeviceNode, AFaultStaysUntilTheDeviceOpensAgain) {
+  Bench bench(device_config());
+  bench.tick();
+  bench.device.fails_to_read = true;
+  bench.tick();
+  bench.device.fails_to_read = false;
+  bench.device.reopens = false;
+  bench.node.reset_fault();
+  EXPECT_TRUE(bench.node.has_fault());
+
+  bench.device.reopens = true;
+  bench.node.reset_fault();
+  EXPECT_FALSE(bench.node.has_fault());
+}
+
+// Motors with steps of 0.25 N, that round towards zero.
+TEST(DeviceNode, TheEchoTellsWhatTheMotorsMadeOfAForce) {
+  Bench bench(device_config());
+  bench.device.motors = [](const Vector3& force) {
+    return Vector3(0.25 * std::trunc(4.0 * force.x()), 0, 0);
+  };
+  bench.answer_with(Vector3(0.9, 0, 0));
+  bench.tick();
+  bench.tick();
+
+  EXPECT_EQ(bench.ticks.front().force_on_hand_newton, Vector3(0.75, 0, 0));
+  EXPECT_EQ(bench.states.back().applied[0].force_on_hand_newton, Vector3(0.75, 0, 0));
+}
+
 TEST(DeviceNode, AfterAFaultTheForceGrowsFromZero) {
   DeviceConfig config = device_config();
   config.start_ramp = 10ms;

@@ -23,7 +23,7 @@ TEST(DriverRegistry, OpensTheSimulatedDeviceOfTheSession) {
                                  .seed = 1}});
 
   const Driver& driver = drivers.at("simulated");
-  const auto device = driver.open(clock);
+  const auto device = driver.open(clock, {});
 
   EXPECT_TRUE(driver.is_simulated);
   DeviceSample sample;
@@ -38,10 +38,11 @@ TEST(DriverRegistry, OpensADriverThatWasAddedOnTheGivenClock) {
   ManualClock clock;
   clock.advance(std::chrono::milliseconds(7));
   DriverRegistry drivers = all_drivers({});
-  drivers.add("scripted",
-              {.open = [](const Clock& c) { return std::make_unique<test::ScriptedDevice>(c); }});
+  drivers.add("scripted", {.open = [](const Clock& c, const StartUp&) {
+                return std::make_unique<test::ScriptedDevice>(c);
+              }});
 
-  const auto device = drivers.at("scripted").open(clock);
+  const auto device = drivers.at("scripted").open(clock, {});
 
   DeviceSample sample;
   ASSERT_TRUE(device->read(sample));
@@ -56,7 +57,7 @@ TEST(DriverRegistry, AnUnknownNameIsASetupErrorThatListsTheKnownOnes) {
     static_cast<void>(drivers.at("omni"));
     FAIL() << "no exception";
   } catch (const SetupError& error) {
-    EXPECT_THAT(error.what(), AllOf(HasSubstr("\"omni\""), HasSubstr("other, simulated")));
+    EXPECT_THAT(error.what(), AllOf(HasSubstr("\"omni\""), HasSubstr("other, plugin, simulated")));
   }
 }
 

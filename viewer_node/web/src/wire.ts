@@ -199,7 +199,8 @@ export enum Guard { limp, answered, leased, fallback, fading, fault }
 export enum Mofc { no_physics, free, contact, fading, clutched }
 export const kFaultReasons =
   ["none", "the device gave no reading", "a reading was not finite", "the position jumped",
-    "the motors did not take their force"];
+    "the motors did not take their force", "the device gave no answer in time",
+    "the device is gone", "an answer of the device was corrupt"];
 
 export const kDeviceAnswered = 1;
 export const kDevicePeakLimited = 2;

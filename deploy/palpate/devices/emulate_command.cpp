@@ -1,0 +1,124 @@
+#include <chrono>
+#include <filesystem>
+#include <thread>
+
+#include "common/core/check.h"
+#include "common/core/clock.h"
+#include "common/process/terminal.h"
+#include "deploy/palpate/commands.h"
+#include "deploy/palpate/options.h"
+#include "device_node/drivers/driver_registry.h"
+#include "device_node/emulators/hapi_emulator.h"
+#include "device_node/emulators/haply_emulator.h"
+
+namespace palpate {
+namespace {
+
+using namespace std::chrono_literals;
+namespace fs = std::filesystem;
+
+/// The force of a real device goes on for some time when its messages stop; nothing is documented.
+constexpr Duration kEmulatedWatchdog = 20ms;
+
+/// A name for a pseudo-terminal, as long as the object exists.
+class TerminalLink {
+ public:
+  TerminalLink(const std::string& terminal, const std::string& name) : name_(name) {
+    const fs::file_status status = fs::symlink_status(name_);
+    const bool is_old =
+        fs::is_symlink(status) && fs::read_symlink(name_).string().starts_with("/dev/pts/");
+    if (fs::exists(status) && !is_old) {
+      throw SetupError(
+          "device.hapi.port: \"" + name +
+          "\" exists, and no emulator made it; give the emulator a new name with --set "
+          "device.hapi.port=/tmp/NAME");
+    }
+    std::error_code error;
+    fs::remove(name_, error);
+    fs::create_symlink(terminal, name_, error);
+    if (error) {
+      throw SetupError("device.hapi.port: \"" + name + "\": " + error.message() +
+                       "; give the emulator a new name with --set device.hapi.port=/tmp/NAME");
+    }
+  }
+  ~TerminalLink() {
+    std::error_code passed;
+    fs::remove(name_, passed);
+  }
+  TerminalLink(const TerminalLink&) = delete;
+  TerminalLink& operator=(const TerminalLink&) = delete;
+
+ private:
+  fs::path name_;
+};
+
+struct EmulateCommand {
+  SessionOptions session;
+  std::string side;
+  std::vector<std::string> faults;
+  double seconds = 0.0;
+
+  void add_to(CLI::App& app) {
+    session.add_to(app);
+    add_side_option(app, side);
+    app.add_option(
+           "--fault", faults,
+           "KIND@SECONDS:MILLISECONDS, a fault of the wire, such as unplugged@2:500; kinds: "
+           "unplugged, silent, delayed, garbage, short, wrong_id, stuck")
+        ->type_name("FAULT");
+    app.add_option("--seconds", seconds, "end after this time; without it at Ctrl-C")
+        ->check(CLI::PositiveNumber);
+  }
+
+  int run(const Verbosity& verbosity) const {
+    const Session whole = with_only_side(session.load(verbosity), side);
+    const Side& emulated = whole.side();
+    std::vector<device::PlannedFault> planned;
+    for (const std::string& fault : faults) planned.push_back(device::parse_fault(fault));
+    const SteadyClock clock;
+    device::EmulatedDevice device(emulated.simulated, emulated.hand, clock,
+                                  stream_seed(whole, emulated, "hand"), kEmulatedWatchdog, planned);
+    if (const auto* haply = std::get_if<HaplyConfig>(&emulated.driver)) {
+      device::HaplyEmulator emulator(device, haply->port);
+      serve(emulator, device, "127.0.0.1:" + std::to_string(emulator.port()));
+      return 0;
+    }
+    if (const auto* hapi = std::get_if<HapiConfig>(&emulated.driver)) {
+      device::HapiEmulator emulator(device, *hapi);
+      const TerminalLink link(emulator.port(), hapi->port);
+      serve(emulator, device, hapi->port);
+      return 0;
+    }
+    throw SetupError(whole.file + ": device: there is no emulator of driver \"" +
+                     device::driver_name(emulated.driver) +
+                     "\"; emulators are of haply_inverse and hapi");
+  }
+
+ private:
+  template <class Emulator>
+  void serve(Emulator& emulator, const device::EmulatedDevice& device,
+             const std::string& address) const {
+    const StopSignal signal;
+    say("emulates the device at " + address);
+    std::jthread server([&](const std::stop_token& stop) { emulator.run(stop); });
+    const auto begin = std::chrono::steady_clock::now();
+    while (!StopSignal::is_requested() &&
+           (seconds == 0.0 ||
+            std::chrono::steady_clock::now() - begin < std::chrono::duration<double>(seconds))) {
+      std::this_thread::sleep_for(10ms);
+    }
+    server.request_stop();
+    server.join();
+    say("emulated device: " + std::to_string(device.messages()) + " messages, least true energy " +
+        std::to_string(1e6 * device.least_energy_joule()) + " uJ");
+  }
+};
+
+}  // namespace
+
+Command add_emulate_command(CLI::App& app) {
+  return add_command<EmulateCommand>(
+      app, "emulate", "stand in for the real device of a session, at the other end of its wire");
+}
+
+}  // namespace palpate

@@ -1,0 +1,205 @@
+#include "device_node/drivers/plugin/plugin_driver.h"
+
+#include <dlfcn.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <utility>
+
+#include "common/core/check.h"
+#include "device_node/drivers/plugin/palpate_device.h"
+
+namespace palpate::device {
+namespace {
+
+struct CloseLibrary {
+  void operator()(void* library) const noexcept { dlclose(library); }
+};
+using Library = std::unique_ptr<void, CloseLibrary>;
+
+[[noreturn]] void refuse(const PluginConfig& config, const std::string& why) {
+  throw SetupError("device.plugin.library: \"" + config.library + "\": " + why);
+}
+
+const palpate_device_driver& driver_in(const Library& library, const PluginConfig& config) {
+  const auto entry = reinterpret_cast<palpate_device_driver_of_function>(
+      dlsym(library.get(), PALPATE_DEVICE_ENTRY));
+  if (entry == nullptr) {
+    refuse(config, "no function " PALPATE_DEVICE_ENTRY "; is it a driver for Palpate?");
+  }
+  const palpate_device_driver* const driver = entry(PALPATE_DEVICE_ABI);
+  if (driver == nullptr || driver->abi != PALPATE_DEVICE_ABI ||
+      driver->size < sizeof(palpate_device_driver)) {
+    refuse(config, "made for another version of palpate_device.h; this program has version " +
+                       std::to_string(PALPATE_DEVICE_ABI) + ": build it again");
+  }
+  if (driver->open == nullptr || driver->close == nullptr || driver->specification == nullptr ||
+      driver->read == nullptr || driver->apply == nullptr || driver->release == nullptr) {
+    refuse(config, "lacks open, close, specification, read, apply or release");
+  }
+  return *driver;
+}
+
+Vector3 vector_of(const double (&values)[3]) { return {values[0], values[1], values[2]}; }
+
+/// What the library's functions see of this program.
+class Host {
+ public:
+  Host(const Clock& clock, const StartUp& start_up) : clock_(clock), start_up_(start_up) {}
+  Host(const Host&) = delete;
+  Host& operator=(const Host&) = delete;
+
+  [[nodiscard]] const palpate_device_host* interface() const { return &interface_; }
+
+ private:
+  static int64_t clock_ns(void* context) {
+    return static_cast<Host*>(context)->clock_.now().time_since_epoch().count();
+  }
+  static void prompt(void* context, const char* text) {
+    if (text != nullptr) static_cast<Host*>(context)->start_up_.prompt(text);
+  }
+  static int is_stopped(void* context) {
+    return static_cast<Host*>(context)->start_up_.stop.stop_requested() ? 1 : 0;
+  }
+
+  const Clock& clock_;
+  StartUp start_up_;
+  palpate_device_host interface_{.size = sizeof(palpate_device_host),
+                                 .reserved = 0,
+                                 .context = this,
+                                 .clock_ns = clock_ns,
+                                 .prompt = prompt,
+                                 .is_stopped = is_stopped,
+                                 .start_limit_s = to_seconds(start_up_.limit)};
+};
+
+class PluginDevice final : public HapticDevice {
+ public:
+  PluginDevice(const PluginConfig& config, const Clock& clock, const StartUp& start_up)
+      : host_(clock, start_up), clock_(clock) {
+    library_.reset(dlopen(config.library.c_str(), RTLD_NOW | RTLD_LOCAL));
+    if (!library_) refuse(config, dlerror());
+    driver_ = &driver_in(library_, config);
+    std::array<char, 512> error{};
+    device_ = driver_->open(config.options.c_str(), host_.interface(), error.data(), error.size());
+    error.back() = '\0';
+    if (device_ == nullptr) {
+      refuse(config, error[0] != '\0' ? error.data() : "the device could not be opened");
+    }
+    take_specification(config);
+  }
+  ~PluginDevice() override {
+    if (device_ != nullptr) driver_->close(device_);
+  }
+  PluginDevice(const PluginDevice&) = delete;
+  PluginDevice& operator=(const PluginDevice&) = delete;
+
+  [[nodiscard]] const DeviceSpecification& specification() const noexcept override {
+    return specification_;
+  }
+  [[nodiscard]] bool read(DeviceSample& sample) noexcept override {
+    palpate_device_reading reading = blank();
+    return is_ok(driver_->read(device_, &reading)) && convert(reading, sample);
+  }
+  [[nodiscard]] bool apply(const Vector3& force_on_hand_newton, Duration lease,
+                           DeviceSample& at_switch) noexcept override {
+    if (!force_on_hand_newton.allFinite()) {
+      release();
+      error_ = DeviceError::kFailed;
+      return false;
+    }
+    const Vector3 limited = limited_to_norm(force_on_hand_newton, specification_.peak_force_newton);
+    palpate_device_reading reading = blank();
+    return is_ok(driver_->apply(device_, limited.data(), lease.count(), &reading)) &&
+           convert(reading, at_switch);
+  }
+  [[nodiscard]] bool take_latched(DeviceSample& at_end) noexcept override {
+    palpate_device_reading reading = blank();
+    return driver_->take_latched != nullptr && driver_->take_latched(device_, &reading) == 1 &&
+           convert(reading, at_end);
+  }
+  void release() noexcept override { driver_->release(device_); }
+  [[nodiscard]] DeviceError last_error() const noexcept override { return error_; }
+  [[nodiscard]] bool reopen() noexcept override {
+    return driver_->reopen == nullptr || driver_->reopen(device_) == 1;
+  }
+
+ private:
+  static palpate_device_reading blank() noexcept {
+    palpate_device_reading reading{};
+    reading.size = sizeof(reading);
+    reading.orientation_wxyz[0] = 1.0;
+    return reading;
+  }
+
+  void take_specification(const PluginConfig& config) {
+    palpate_device_specification s{};
+    s.size = sizeof(s);
+    driver_->specification(device_, &s);
+    s.model_name[sizeof(s.model_name) - 1] = '\0';
+    const Vector3 workspace = vector_of(s.workspace_half_extent_m);
+    // negated: a NaN is refused too
+    if (!(workspace.minCoeff() > 0.0) || !workspace.allFinite() ||
+        !(s.continuous_force_newton > 0.0) || !(s.peak_force_newton >= s.continuous_force_newton) ||
+        !std::isfinite(s.peak_force_newton) || !(s.position_resolution_m >= 0.0) ||
+        !(s.position_resolution_m < 0.01) || s.button_count > 32) {
+      driver_->close(std::exchange(device_, nullptr));
+      refuse(config,
+             "its specification needs a workspace > 0, 0 < continuous force ≤ peak force, a "
+             "resolution of 0 … 0.01 m and at most 32 buttons");
+    }
+    specification_ = {.model_name = s.model_name[0] != '\0' ? s.model_name : "plug-in",
+                      .workspace_half_extent_m = workspace,
+                      .peak_force_newton = s.peak_force_newton,
+                      .continuous_force_newton = s.continuous_force_newton,
+                      .position_resolution_m = s.position_resolution_m,
+                      .button_count = s.button_count,
+                      .has_motor_watchdog = (s.flags & PALPATE_DEVICE_HAS_WATCHDOG) != 0,
+                      .has_position_latch = (s.flags & PALPATE_DEVICE_HAS_LATCH) != 0};
+  }
+
+  bool is_ok(int error) noexcept {
+    error_ = error >= 0 && error <= PALPATE_DEVICE_CORRUPT ? static_cast<DeviceError>(error)
+                                                           : DeviceError::kFailed;
+    return error_ == DeviceError::kNone;
+  }
+
+  /// False for a stamp in the future: device_node judges positions, but takes stamps as they are.
+  bool convert(const palpate_device_reading& reading, DeviceSample& sample) noexcept {
+    const TimePoint stamp{Duration(reading.sampled_at_ns)};
+    const double* const q = reading.orientation_wxyz;
+    const Quaternion orientation(q[0], q[1], q[2], q[3]);
+    const double norm = orientation.norm();
+    const Vector3 applied = vector_of(reading.applied_force_newton);
+    if (stamp > clock_.now() || !(norm > 0.5 && norm < 2.0) || !applied.allFinite()) {
+      driver_->release(device_);
+      error_ = DeviceError::kCorrupt;
+      return false;
+    }
+    sample = {.hand_position_m = vector_of(reading.position_m),
+              .orientation = orientation.normalized(),
+              .buttons = reading.buttons,
+              .sampled_at = stamp,
+              .applied_force_newton = applied};
+    return true;
+  }
+
+  Host host_;
+  const Clock& clock_;
+  Library library_;  // outlives the device
+  const palpate_device_driver* driver_ = nullptr;
+  palpate_device* device_ = nullptr;
+  DeviceSpecification specification_;
+  DeviceError error_ = DeviceError::kNone;
+};
+
+}  // namespace
+
+std::unique_ptr<HapticDevice> open_plugin(const PluginConfig& config, const Clock& clock,
+                                          const StartUp& start_up) {
+  return std::make_unique<PluginDevice>(config, clock, start_up);
+}
+
+}  // namespace palpate::device

@@ -1,0 +1,15 @@
+// transfer.h — how a transfer over a wire went.
+#pragma once
+
+#include <cstdint>
+
+namespace palpate::device {
+
+enum class Transfer : std::uint8_t {
+  kDone,
+  kTimeout,  ///< nothing, or not all of it, within the time allowed
+  kClosed,   ///< the other end is gone: unplugged, or its program ended
+  kCorrupt,  ///< what came breaks the rules of the wire
+};
+
+}  // namespace palpate::device

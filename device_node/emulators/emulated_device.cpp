@@ -1,0 +1,97 @@
+#include "device_node/emulators/emulated_device.h"
+
+#include <array>
+#include <charconv>
+#include <string_view>
+#include <utility>
+
+#include "common/core/check.h"
+
+namespace palpate::device {
+namespace {
+
+constexpr std::array<std::pair<std::string_view, WireFault>, 7> kWireFaults{
+    {{"unplugged", WireFault::kUnplugged},
+     {"silent", WireFault::kSilent},
+     {"delayed", WireFault::kDelayed},
+     {"garbage", WireFault::kGarbage},
+     {"short", WireFault::kShort},
+     {"wrong_id", WireFault::kWrongId},
+     {"stuck", WireFault::kStuck}}};
+
+bool read_number(std::string_view text, double& value) {
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  return error == std::errc() && end == text.data() + text.size() && value >= 0.0 && value < 1e6;
+}
+
+}  // namespace
+
+PlannedFault parse_fault(const std::string& text) {
+  const std::string_view all = text;
+  const std::size_t at = all.find('@');
+  const std::size_t colon = all.find(':');
+  if (at != std::string_view::npos && colon != std::string_view::npos && at < colon) {
+    for (const auto& [name, kind] : kWireFaults) {
+      PlannedFault fault{.kind = kind};
+      double length_ms = 0.0;
+      if (all.substr(0, at) == name &&
+          read_number(all.substr(at + 1, colon - at - 1), fault.from_s) &&
+          read_number(all.substr(colon + 1), length_ms)) {
+        fault.length_s = 1e-3 * length_ms;
+        return fault;
+      }
+    }
+  }
+  std::string kinds;
+  for (const auto& [name, kind] : kWireFaults) {
+    kinds += (kinds.empty() ? "" : ", ") + std::string(name);
+  }
+  throw SetupError("--fault \"" + text +
+                   "\": give KIND@SECONDS:MILLISECONDS, such as "
+                   "unplugged@2:500; kinds are " +
+                   kinds);
+}
+
+EmulatedDevice::EmulatedDevice(const SimulatedDeviceConfig& device, const HandConfig& hand,
+                               const Clock& clock, std::uint64_t seed, Duration watchdog,
+                               std::vector<PlannedFault> faults)
+    : clock_(clock),
+      start_(clock.now()),
+      device_(device, hand, clock, seed),
+      watchdog_(watchdog),
+      faults_(std::move(faults)) {}
+
+WireFault EmulatedDevice::fault() const noexcept {
+  const double now_s = to_seconds(clock_.now() - start_);
+  for (const PlannedFault& fault : faults_) {
+    if (now_s >= fault.from_s && now_s < fault.from_s + fault.length_s) return fault.kind;
+  }
+  return WireFault::kNone;
+}
+
+DeviceSample EmulatedDevice::switch_to(const Vector3& force_on_hand_newton) noexcept {
+  DeviceSample sample;
+  static_cast<void>(device_.apply(force_on_hand_newton, watchdog_, sample));
+  ++messages_;
+  return seen(sample);
+}
+
+DeviceSample EmulatedDevice::read() noexcept {
+  DeviceSample sample;
+  static_cast<void>(device_.read(sample));
+  ++messages_;
+  return seen(sample);
+}
+
+void EmulatedDevice::let_go() noexcept { device_.release(); }
+
+DeviceSample EmulatedDevice::seen(const DeviceSample& sample) noexcept {
+  least_energy_joule_ = device_.true_state().minimum_energy_joule;
+  if (fault() == WireFault::kStuck)
+    last_.sampled_at = sample.sampled_at;
+  else
+    last_ = sample;
+  return last_;
+}
+
+}  // namespace palpate::device

@@ -1,0 +1,77 @@
+// emulated_device.h — what stands behind every emulator: the simulated device with its hand, and
+// faults of the wire on request.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "common/core/clock.h"
+#include "device_node/simulation/simulated_device.h"
+
+namespace palpate::device {
+
+/// What goes wrong on the wire, while it does.
+enum class WireFault : std::uint8_t {
+  kNone,
+  kUnplugged,  ///< the connection breaks, and none is accepted
+  kSilent,     ///< no answer
+  kDelayed,    ///< each answer comes 5 ms late
+  kGarbage,    ///< answers are no messages of the protocol
+  kShort,      ///< answers end in the middle
+  kWrongId,    ///< answers are those of another device
+  kStuck,      ///< the encoders stand still
+};
+
+struct PlannedFault {
+  WireFault kind = WireFault::kNone;
+  double from_s = 0.0;  ///< since the emulator's start
+  double length_s = 0.0;
+};
+
+/// "unplugged@2:500": from 2 s on, for 500 ms.
+/// @throws SetupError  another form; the text lists the kinds
+[[nodiscard]] PlannedFault parse_fault(const std::string& text);
+
+/// One thread, except energy().
+class EmulatedDevice {
+ public:
+  /// @param watchdog  after which the motors end their force if no message comes
+  EmulatedDevice(const SimulatedDeviceConfig& device, const HandConfig& hand, const Clock& clock,
+                 std::uint64_t seed, Duration watchdog, std::vector<PlannedFault> faults);
+
+  [[nodiscard]] WireFault fault() const noexcept;
+
+  /// The force that a message asks for, from now on.
+  /// @return  the reading at the switch; frozen while the encoders stand still
+  DeviceSample switch_to(const Vector3& force_on_hand_newton) noexcept;
+  /// A reading; the force goes on within the watchdog's time.
+  DeviceSample read() noexcept;
+  /// The client is gone: the force ends.
+  void let_go() noexcept;
+
+  [[nodiscard]] const Vector3& force_newton() const noexcept {
+    return device_.motor_force_on_hand_newton();
+  }
+  [[nodiscard]] Vector3 velocity_m_per_s() const noexcept {
+    return device_.true_state().hand_velocity_m_per_s;
+  }
+  /// Least energy that the hand has put in so far [J]; below zero it has received energy.
+  [[nodiscard]] double least_energy_joule() const noexcept { return least_energy_joule_; }
+  [[nodiscard]] std::uint64_t messages() const noexcept { return messages_; }
+
+ private:
+  DeviceSample seen(const DeviceSample& sample) noexcept;
+
+  const Clock& clock_;
+  TimePoint start_;
+  SimulatedDevice device_;
+  Duration watchdog_;
+  std::vector<PlannedFault> faults_;
+  DeviceSample last_;
+  std::atomic<double> least_energy_joule_ = 0.0;
+  std::atomic<std::uint64_t> messages_ = 0;
+};
+
+}  // namespace palpate::device

@@ -1,0 +1,105 @@
+#include "device_node/emulators/hapi_emulator.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <array>
+#include <bit>
+#include <chrono>
+#include <cmath>
+#include <cstdlib>
+#include <numbers>
+#include <optional>
+#include <span>
+#include <thread>
+
+#include "common/core/check.h"
+#include "device_node/drivers/hapi/hapi_driver.h"
+
+namespace palpate::device {
+namespace {
+
+using namespace std::chrono_literals;
+
+int open_pseudo_terminal() {
+  const int terminal = ::posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC);
+  if (terminal < 0 || ::grantpt(terminal) != 0 || ::unlockpt(terminal) != 0) {
+    throw SetupError("no pseudo-terminal to be had: is /dev/pts mounted?");
+  }
+  return terminal;
+}
+
+float number_at(const std::byte* bytes) {
+  std::uint32_t bits = 0;
+  for (unsigned b = 0; b < 4; ++b) bits |= std::to_integer<std::uint32_t>(bytes[b]) << (8 * b);
+  return std::bit_cast<float>(bits);
+}
+
+}  // namespace
+
+HapiEmulator::HapiEmulator(EmulatedDevice& device, const HapiConfig& config)
+    : device_(device),
+      config_(config),
+      links_(pantograph_geometry(config)),
+      line_([this] {
+        const int terminal = open_pseudo_terminal();
+        port_ = ::ptsname(terminal);
+        client_end_ = ::open(port_.c_str(), O_RDWR | O_NOCTTY | O_CLOEXEC);
+        return terminal;
+      }()),
+      angles_rad_(Vector2(std::numbers::pi, 0.0)) {}
+
+HapiEmulator::~HapiEmulator() { ::close(client_end_); }
+
+void HapiEmulator::run(const std::stop_token& stop) {
+  std::array<std::byte, kHapiSetUpBytes> message{};
+  while (!stop.stop_requested()) {
+    if (line_.read(std::span(message).first(1), 50ms) != Transfer::kDone) continue;
+    const auto type = std::to_integer<unsigned>(message[0]);
+    const std::size_t size = type == 1 ? kHapiSetUpBytes : type == 2 ? kHapiTorqueBytes : 1;
+    // without frame or check sum: what does not come in time is forgotten
+    if (line_.read(std::span(message).subspan(1, size - 1), 50ms) != Transfer::kDone) continue;
+    if (type == 2) answer(message.data());
+  }
+}
+
+void HapiEmulator::answer(const std::byte* message) {
+  const WireFault fault = device_.fault();
+  const auto id = std::to_integer<std::uint8_t>(message[1]);
+  // as if it were not there
+  if (id != config_.device_id || fault == WireFault::kUnplugged || fault == WireFault::kSilent)
+    return;
+
+  const Vector2 torque_newton_m =
+      Vector2(number_at(message + 2), number_at(message + 6)) / config_.torque_gain;
+  Vector3 force_newton = Vector3::Zero();
+  if (const std::optional<Matrix2> jacobian = links_.jacobian(angles_rad_);
+      jacobian && torque_newton_m.allFinite() && std::abs(jacobian->determinant()) > 1e-9) {
+    const Vector2 force = jacobian->transpose().inverse() * torque_newton_m;
+    force_newton = config_.rotation * Vector3(force.x(), force.y(), 0.0);
+  }
+  const DeviceSample sample = device_.switch_to(force_newton);
+
+  const Vector3 handle_m = config_.rotation.conjugate() * sample.hand_position_m + config_.origin_m;
+  if (const std::optional<Vector2> angles = links_.angles_rad(handle_m.head<2>())) {
+    const double count_rad = 2.0 * std::numbers::pi / config_.encoder_resolution;
+    for (Eigen::Index i = 0; i < 2; ++i) {
+      angles_rad_[i] = count_rad * std::round((*angles)[i] / count_rad);
+    }
+  }
+  std::array<float, kHapiMotors> angles_deg{};
+  for (std::size_t i = 0; i < kHapiMotors; ++i) {
+    angles_deg[i] =
+        static_cast<float>(angles_rad_[static_cast<Eigen::Index>(i)] * 180.0 / std::numbers::pi);
+  }
+  std::array<std::byte, kHapiReadingBytes> reading{};
+  const std::array<std::byte, kHapiTorqueBytes> numbers = hapi_torques(id, angles_deg);
+  reading[0] = fault == WireFault::kWrongId ? std::byte{0xEE} : std::byte{id};
+  std::copy(numbers.begin() + 2, numbers.end(), reading.begin() + 1);
+  if (fault == WireFault::kGarbage) reading.fill(std::byte{0xFF});
+  if (fault == WireFault::kDelayed) std::this_thread::sleep_for(5ms);
+  const std::size_t size = fault == WireFault::kShort ? reading.size() / 2 : reading.size();
+  static_cast<void>(line_.write(std::span(reading).first(size), 50ms));
+}
+
+}  // namespace palpate::device

@@ -1,0 +1,40 @@
+// hapi_emulator.h — stands in for a pantograph on a hAPI board, behind a pseudo-terminal.
+#pragma once
+
+#include <stop_token>
+#include <string>
+
+#include "common/session/driver_config.h"
+#include "device_node/drivers/hapi/pantograph.h"
+#include "device_node/drivers/transport/serial_port.h"
+#include "device_node/emulators/emulated_device.h"
+
+namespace palpate::device {
+
+class HapiEmulator {
+ public:
+  /// @param config  geometry, encoders, gain and frame of the board; its port is not read
+  /// @throws SetupError  no pseudo-terminal to be had
+  HapiEmulator(EmulatedDevice& device, const HapiConfig& config);
+  ~HapiEmulator();
+  HapiEmulator(const HapiEmulator&) = delete;
+  HapiEmulator& operator=(const HapiEmulator&) = delete;
+
+  /// What a driver opens.
+  [[nodiscard]] const std::string& port() const noexcept { return port_; }
+  /// Serves until the stop.
+  void run(const std::stop_token& stop);
+
+ private:
+  void answer(const std::byte* message);
+
+  EmulatedDevice& device_;
+  HapiConfig config_;
+  Pantograph links_;
+  int client_end_ = -1;  // kept open, so that the line does not hang up between two clients
+  std::string port_;
+  SerialPort line_;
+  Vector2 angles_rad_;  // as last sent
+};
+
+}  // namespace palpate::device

@@ -1,0 +1,213 @@
+// Pantographs on hAPI boards: the messages byte by byte, the links, and the driver through the
+// emulator.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <numbers>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "common/core/check.h"
+#include "common/core/random.h"
+#include "device_node/drivers/hapi/hapi_driver.h"
+#include "device_node/emulators/hapi_emulator.h"
+#include "tests/support/alloc_guard.h"
+#include "tests/support/device_conformance.h"
+
+namespace palpate::device {
+namespace {
+
+using ::testing::HasSubstr;
+
+template <class Bytes>
+std::string hex(const Bytes& bytes) {
+  std::string text;
+  for (const std::byte b : bytes) {
+    text += "0123456789abcdef"[std::to_integer<unsigned>(b) >> 4U];
+    text += "0123456789abcdef"[std::to_integer<unsigned>(b) & 15U];
+  }
+  return text;
+}
+
+// [1][id 5], ports 1 and 2: mask 3 and their directions, twice; no sensors, no PWM; 180 and 13824,
+// 0 and 13824 as little-endian float32.
+TEST(HapiWire, SetsThePantographUp) {
+  EXPECT_EQ(hex(hapi_set_up({})),
+            "0105030001030001"
+            "0000"
+            "0000344300005846"
+            "0000000000005846");
+}
+
+TEST(HapiWire, ListsPortsInTheirOrderWhateverTheOrderOfTheMotors) {
+  HapiBoard board;
+  board.motor_ports = {4, 2};
+  board.motor_directions = {1, 0};
+  EXPECT_EQ(hex(hapi_set_up(board)).substr(0, 10), "01050a0001");
+}
+
+TEST(HapiWire, WritesTorques) {
+  EXPECT_EQ(hex(hapi_torques(5, {0.5F, -0.25F})), "02050000003f000080be");
+}
+
+TEST(HapiWire, ReadsAnglesAndRefusesWhatIsNone) {
+  std::array<std::byte, kHapiReadingBytes> bytes{};
+  const auto set = [&](std::size_t i, float value) { std::memcpy(&bytes[1 + 4 * i], &value, 4); };
+  bytes[0] = std::byte{5};
+  set(0, 121.5F);
+  set(1, -3.25F);
+  std::array<float, kHapiMotors> angles{};
+  ASSERT_TRUE(read_hapi_angles(bytes, 5, angles));
+  EXPECT_EQ(angles[0], 121.5F);
+  EXPECT_EQ(angles[1], -3.25F);
+
+  EXPECT_FALSE(read_hapi_angles(bytes, 4, angles));
+  set(1, std::numeric_limits<float>::quiet_NaN());
+  EXPECT_FALSE(read_hapi_angles(bytes, 5, angles));
+  set(1, 1e9F);
+  EXPECT_FALSE(read_hapi_angles(bytes, 5, angles));
+}
+
+// Arms straight outwards: elbows 12 cm apart, the handle √(7² − 6²) cm above their middle.
+TEST(Pantograph, HasItsHandleWhereTheRodsMeet) {
+  const Pantograph links({});
+  const Vector2 handle = *links.handle_m(Vector2(std::numbers::pi, 0.0));
+  EXPECT_NEAR(handle.x(), 0.01, 1e-12);
+  EXPECT_NEAR(handle.y(), std::sqrt(0.07 * 0.07 - 0.06 * 0.06), 1e-12);
+}
+
+TEST(Pantograph, AnglesLeadBackToTheHandleAndTheJacobianIsTheDerivative) {
+  const Pantograph links({});
+  Random random(1);
+  for (int i = 0; i < 200; ++i) {
+    const Vector2 handle(random.uniform(-0.03, 0.05), random.uniform(0.05, 0.09));
+    const std::optional<Vector2> angles = links.angles_rad(handle);
+    ASSERT_TRUE(angles);
+    EXPECT_LT((*links.handle_m(*angles) - handle).norm(), 1e-12);
+    const Matrix2 jacobian = *links.jacobian(*angles);
+    for (Eigen::Index axis = 0; axis < 2; ++axis) {
+      Vector2 step = Vector2::Zero();
+      step[axis] = 1e-6;
+      const Vector2 slope =
+          (*links.handle_m(*angles + step) - *links.handle_m(*angles - step)) / 2e-6;
+      EXPECT_LT((jacobian.col(axis) - slope).norm(), 1e-7);
+    }
+  }
+}
+
+TEST(Pantograph, OutOfReachThereIsNoAnswer) {
+  const Pantograph links({});
+  EXPECT_FALSE(links.angles_rad(Vector2(0.01, 0.2)));
+  EXPECT_FALSE(Pantograph({.base_m = 0.1}).handle_m(Vector2(std::numbers::pi, 0.0)));
+}
+
+/// A pantograph in the vertical plane x, z of D, its origin in the middle of its reach.
+HapiConfig upright_pantograph() {
+  HapiConfig config;
+  config.torque_gain = 0.1;
+  config.origin_m = Vector3(0.01, 0.07, 0.0);
+  config.rotation = Quaternion(Eigen::AngleAxisd(std::numbers::pi / 2, Vector3::UnitX()));
+  config.workspace_half_extent_m = Vector3(0.03, 1e-3, 0.02);
+  config.limits = {.peak_force_newton = 3.0, .continuous_force_newton = 2.0};
+  config.position_resolution_m = 50e-6;
+  config.transfer_limit = std::chrono::seconds(5);
+  return config;
+}
+
+class EmulatedHapi {
+ public:
+  explicit EmulatedHapi(const Clock& clock, const Vector3& hand_m = Vector3::Zero(),
+                        std::vector<PlannedFault> faults = {})
+      : device_({}, {.path = HoldPath{.position_m = hand_m}}, clock, 1,
+                std::chrono::milliseconds(20), std::move(faults)),
+        emulator_(device_, upright_pantograph()),
+        thread_([this](const std::stop_token& stop) { emulator_.run(stop); }) {}
+
+  [[nodiscard]] HapiConfig config() const {
+    HapiConfig config = upright_pantograph();
+    config.port = emulator_.port();
+    return config;
+  }
+  [[nodiscard]] Vector3 motor_force_newton() const { return device_.force_newton(); }
+
+ private:
+  EmulatedDevice device_;
+  HapiEmulator emulator_;
+  std::jthread thread_;
+};
+
+TEST(HapiDriver, ReadsThePlaneAndPushesInIt) {
+  const ManualClock clock;
+  EmulatedHapi emulated(clock, Vector3(0.01, 0.02, -0.005));
+  const auto device = open_hapi(emulated.config(), clock, {});
+  DeviceSample sample;
+  ASSERT_TRUE(device->read(sample));
+  EXPECT_LT((sample.hand_position_m - Vector3(0.01, 0, -0.005)).norm(), 50e-6);
+
+  ASSERT_TRUE(device->apply({0.5, 1.0, -1.0}, std::chrono::seconds(1), sample));
+
+  EXPECT_LT((sample.applied_force_newton - Vector3(0.5, 0, -1.0)).norm(), 1e-12);
+  EXPECT_LT((emulated.motor_force_newton() - Vector3(0.5, 0, -1.0)).norm(), 1e-5);
+}
+
+TEST(HapiDriver, SaysHowATransferFailed) {
+  const auto first_error = [](WireFault kind) {
+    const SteadyClock clock;
+    EmulatedHapi emulated(clock, Vector3::Zero(), {{.kind = kind, .from_s = 0.2, .length_s = 1e3}});
+    HapiConfig config = emulated.config();
+    config.transfer_limit = std::chrono::milliseconds(300);
+    const auto device = open_hapi(config, clock, {});
+    DeviceSample sample;
+    const TimePoint until = clock.now() + std::chrono::seconds(20);
+    while (device->read(sample) && clock.now() < until) {
+    }
+    return device->last_error();
+  };
+  EXPECT_EQ(first_error(WireFault::kSilent), DeviceError::kTimeout);
+  EXPECT_EQ(first_error(WireFault::kShort), DeviceError::kTimeout);
+  EXPECT_EQ(first_error(WireFault::kGarbage), DeviceError::kCorrupt);
+  EXPECT_EQ(first_error(WireFault::kWrongId), DeviceError::kCorrupt);
+}
+
+TEST(HapiDriver, AFileThatIsNoPortIsRefused) {
+  const ManualClock clock;
+  HapiConfig config = upright_pantograph();
+  config.port = "/dev/null";
+  try {
+    static_cast<void>(open_hapi(config, clock, {.limit = Duration::zero()}));
+    FAIL();
+  } catch (const SetupError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("/dev/null is no serial port"));
+  }
+}
+
+/// What the driver under test is made of. Time stands between the messages.
+struct HapiParts {
+  ManualClock time;
+  EmulatedHapi emulated{time};
+  std::unique_ptr<HapticDevice> hapi = open_hapi(emulated.config(), time, {});
+};
+
+class HapiUnderTest : private HapiParts, public OpenedDevice {
+ public:
+  // the emulator is a thread of a busy machine: its pace is not that of the driver
+  HapiUnderTest() : OpenedDevice(*hapi, time, std::chrono::seconds(1), {}) {}
+  [[nodiscard]] std::optional<Vector3> motor_force_newton() override {
+    DeviceSample sample;
+    EXPECT_TRUE(hapi->read(sample));
+    return emulated.motor_force_newton();
+  }
+  [[nodiscard]] std::optional<std::uint64_t> allocations() const override {
+    return test::allocations_of_this_thread();
+  }
+};
+std::unique_ptr<DeviceBench> open_emulated_hapi() { return std::make_unique<HapiUnderTest>(); }
+
+}  // namespace
+}  // namespace palpate::device
+
+namespace palpate::test {
+PALPATE_DEVICE_CONFORMANCE(HapiPantograph, device::open_emulated_hapi);
+}  // namespace palpate::test

@@ -1,0 +1,274 @@
+// Haply Inverse3: the messages byte by byte, and the driver through the emulator.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <array>
+#include <numbers>
+#include <string>
+#include <thread>
+
+#include "common/core/check.h"
+#include "common/core/random.h"
+#include "device_node/drivers/haply/haply_driver.h"
+#include "device_node/drivers/haply/haply_wire.h"
+#include "device_node/drivers/haply/json_reader.h"
+#include "device_node/emulators/haply_emulator.h"
+#include "tests/support/alloc_guard.h"
+#include "tests/support/device_conformance.h"
+
+namespace palpate::device {
+namespace {
+
+using ::testing::HasSubstr;
+
+constexpr const char* kUpdate =
+    R"({"inverse3":[{"device_id":"0001","state":{"cursor_position":{"x":9,"y":9,"z":9}}},)"
+    R"({"state":{"cursor_velocity":{"x":0,"y":-1.5e-2,"z":0},"control_mode":"idle","transform":{},)"
+    R"("cursor_position":{"z":0.03,"x":0.01,"y":-0.02}},"device_id":"049D"}],)"
+    R"("wireless_verse_grip":[{"device_id":"61576","state":{"orientation":{"w":0,"x":0,"y":0,"z":1},)"
+    R"("buttons":{"a":false,"b":true,"c":true}}}],"verse_grip":[]})";
+
+TEST(HaplyWire, ReadsTheUpdateOfItsOwnDeviceAndGrip) {
+  HaplyState state;
+  ASSERT_TRUE(read_haply_state(kUpdate, "049D", "61576", state));
+
+  EXPECT_EQ(state.cursor_position_m, Vector3(0.01, -0.02, 0.03));
+  EXPECT_EQ(state.cursor_velocity_m_per_s, Vector3(0, -0.015, 0));
+  EXPECT_EQ(state.orientation->coeffs(), Quaternion(0, 0, 0, 1).coeffs());
+  EXPECT_EQ(state.buttons, 6u);
+}
+
+TEST(HaplyWire, AnUpdateWithoutTheDeviceOrItsPositionIsRefused) {
+  HaplyState state;
+  EXPECT_FALSE(read_haply_state(kUpdate, "FFFF", "", state));
+  EXPECT_FALSE(
+      read_haply_state(R"({"inverse3":[{"device_id":"049D","state":{}}]})", "049D", "", state));
+  EXPECT_FALSE(read_haply_state(R"({"inverse3":[]})", "049D", "", state));
+  EXPECT_FALSE(read_haply_state(
+      R"({"inverse3":[{"device_id":"049D","state":{"cursor_position":{"x":0,"y":0}}}]})", "049D",
+      "", state));
+}
+
+TEST(HaplyWire, EveryTruncatedUpdateIsRefused) {
+  const std::string whole = kUpdate;
+  HaplyState state;
+  for (std::size_t size = 0; size < whole.size(); ++size) {
+    EXPECT_FALSE(read_haply_state(whole.substr(0, size), "049D", "61576", state)) << size;
+  }
+}
+
+TEST(HaplyWire, DamagedUpdatesGiveFiniteReadingsOrNone) {
+  Random random(1);
+  HaplyState state;
+  int refused = 0;
+  for (int i = 0; i < 5000; ++i) {
+    std::string text = kUpdate;
+    for (int n = 0; n < 3; ++n) {
+      text[static_cast<std::size_t>(random.uniform() * static_cast<double>(text.size()))] =
+          static_cast<char>(random.uniform(0, 256));
+    }
+    if (!read_haply_state(text, "049D", "61576", state)) {
+      ++refused;
+      continue;
+    }
+    EXPECT_TRUE(state.cursor_position_m->allFinite());
+  }
+  EXPECT_GT(refused, 2000);
+}
+
+TEST(HaplyWire, NestingWithoutEndIsRefused) {
+  HaplyState state;
+  EXPECT_FALSE(read_haply_state(R"({"a":)" + std::string(100'000, '['), "049D", "", state));
+}
+
+TEST(HaplyWire, ReadsWithoutAllocation) {
+  HaplyState state;
+  const test::AllocGuard guard;
+  const bool is_read = read_haply_state(kUpdate, "049D", "61576", state);
+  EXPECT_EQ(guard.count(), 0u);
+  EXPECT_TRUE(is_read);
+}
+
+TEST(HaplyWire, WritesAForceInEitherDialect) {
+  std::array<char, kHaplyCommandBytes> out{};
+  const auto written = [&](HaplyDialect dialect) {
+    return std::string(out.data(), write_haply_force("049D", dialect, {0, -0.25, 1.5}, out));
+  };
+  EXPECT_EQ(written(HaplyDialect::kVector),
+            R"({"inverse3":[{"device_id":"049D","commands":{"set_cursor_force":{"vector":)"
+            R"({"x":0.000000,"y":-0.250000,"z":1.500000}}}}]})");
+  EXPECT_THAT(written(HaplyDialect::kValues), HasSubstr(R"("set_cursor_force":{"values":{"x":)"));
+}
+
+TEST(HaplyWire, ASnapshotNamesTheOnlyDeviceAndGripAndTheFilters) {
+  const HaplySnapshot snapshot = read_haply_snapshot(
+      R"({"session_id":7,"inverse3":[{"device_id":"049D","status":{"calibrated":false,"ready":true},)"
+      R"("config":{"filters":{"force_gate":{"gain":0.3},"damping":{"scalar":0.1}}}}],)"
+      R"("verse_grip":[{"device_id":"ab"}]})",
+      "", "");
+
+  EXPECT_EQ(snapshot.device_id, "049D");
+  EXPECT_EQ(snapshot.grip_id, "ab");
+  EXPECT_FALSE(snapshot.is_wireless_grip);
+  EXPECT_EQ(snapshot.is_calibrated, false);
+  EXPECT_EQ(snapshot.is_ready, true);
+  EXPECT_EQ(snapshot.is_powered, std::nullopt);
+  EXPECT_EQ(snapshot.force_gate_gain, 0.3);
+  EXPECT_EQ(snapshot.damping, 0.1);
+}
+
+TEST(HaplyWire, OfSeveralDevicesOneHasToBeChosen) {
+  const std::string two = R"({"inverse3":[{"device_id":"A"},{"device_id":"B"}]})";
+  EXPECT_EQ(read_haply_snapshot(two, "B", "").device_id, "B");
+  const auto text_of = [&](const std::string& id) -> std::string {
+    try {
+      static_cast<void>(read_haply_snapshot(two, id, ""));
+    } catch (const std::runtime_error& error) {
+      return error.what();
+    }
+    return "";
+  };
+  EXPECT_THAT(text_of(""), HasSubstr("A, B"));
+  EXPECT_THAT(text_of("C"), HasSubstr("there is no Inverse3 \"C\""));
+}
+
+/// An emulator on a thread of its own.
+class EmulatedHaply {
+ public:
+  explicit EmulatedHaply(const Clock& clock, std::vector<PlannedFault> faults = {})
+      : device_({}, {.path = HoldPath{}}, clock, 1, std::chrono::milliseconds(20),
+                std::move(faults)),
+        emulator_(device_, 0),
+        thread_([this](const std::stop_token& stop) { emulator_.run(stop); }) {}
+
+  [[nodiscard]] HaplyConfig config() const {
+    HaplyConfig config;
+    config.port = emulator_.port();
+    config.workspace_half_extent_m = Vector3(0.08, 0.06, 0.035);
+    config.limits = {.peak_force_newton = 3.0, .continuous_force_newton = 2.0};
+    config.position_resolution_m = 55e-6;
+    config.transfer_limit = std::chrono::seconds(5);
+    return config;
+  }
+  /// What the motors do, as of the last answer.
+  [[nodiscard]] Vector3 motor_force_newton() const { return device_.force_newton(); }
+
+ private:
+  EmulatedDevice device_;
+  HaplyEmulator emulator_;
+  std::jthread thread_;
+};
+
+TEST(HaplyDriver, ReportsTheForceThatItApplies) {
+  const ManualClock clock;
+  EmulatedHaply emulated(clock);
+  const auto device = open_haply(emulated.config(), clock, {});
+  DeviceSample at_switch;
+
+  ASSERT_TRUE(device->apply({0, 0, 9}, std::chrono::seconds(1), at_switch));
+
+  EXPECT_EQ(at_switch.applied_force_newton, Vector3(0, 0, 3));
+}
+
+TEST(HaplyDriver, TurnsTheServicesFrameIntoTheDevices) {
+  const ManualClock clock;
+  EmulatedHaply emulated(clock);
+  HaplyConfig config = emulated.config();
+  config.origin_m = Vector3(0.01, 0.02, 0.03);
+  // x forward becomes y forward
+  config.rotation = Quaternion(Eigen::AngleAxisd(std::numbers::pi / 2, Vector3::UnitZ()));
+  const auto device = open_haply(config, clock, {});
+  DeviceSample sample;
+  ASSERT_TRUE(device->read(sample));
+
+  EXPECT_LT((sample.hand_position_m - Vector3(0.02, -0.01, -0.03)).norm(), 1e-3);
+}
+
+TEST(HaplyDriver, SaysHowATransferFailed) {
+  const auto first_error = [](WireFault kind) {
+    const SteadyClock clock;
+    EmulatedHaply emulated(clock, {{.kind = kind, .from_s = 0.2, .length_s = 1000.0}});
+    HaplyConfig config = emulated.config();
+    config.transfer_limit = std::chrono::milliseconds(300);
+    const auto device = open_haply(config, clock, {});
+    DeviceSample sample;
+    const TimePoint until = clock.now() + std::chrono::seconds(20);
+    while (device->read(sample) && clock.now() < until) {
+    }
+    return device->last_error();
+  };
+  EXPECT_EQ(first_error(WireFault::kUnplugged), DeviceError::kUnplugged);
+  EXPECT_EQ(first_error(WireFault::kSilent), DeviceError::kTimeout);
+  EXPECT_EQ(first_error(WireFault::kGarbage), DeviceError::kCorrupt);
+  EXPECT_EQ(first_error(WireFault::kShort), DeviceError::kCorrupt);
+  EXPECT_EQ(first_error(WireFault::kWrongId), DeviceError::kCorrupt);
+}
+
+TEST(HaplyDriver, OpensAgainAfterItWasUnplugged) {
+  const SteadyClock clock;
+  EmulatedHaply emulated(clock, {{.kind = WireFault::kUnplugged, .from_s = 0.2, .length_s = 0.3}});
+  const auto device = open_haply(emulated.config(), clock, {});
+  DeviceSample sample;
+  const TimePoint until = clock.now() + std::chrono::seconds(20);
+  while (device->read(sample) && clock.now() < until) {
+  }
+  ASSERT_EQ(device->last_error(), DeviceError::kUnplugged);
+
+  bool is_open = false;
+  while (!is_open && clock.now() < until) is_open = device->reopen() && device->read(sample);
+
+  EXPECT_TRUE(is_open);
+}
+
+TEST(HaplyDriver, WithoutAServiceThereIsAnErrorThatSaysSo) {
+  const SteadyClock clock;
+  HaplyConfig config;
+  config.port = 1;
+  try {
+    static_cast<void>(open_haply(config, clock, {.limit = std::chrono::milliseconds(300)}));
+    FAIL();
+  } catch (const SetupError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("127.0.0.1:1: Connection refused"));
+    EXPECT_THAT(error.what(), HasSubstr("Inverse Service"));
+  }
+}
+
+TEST(EmulatedFaults, AreReadFromTheCommandLine) {
+  const PlannedFault fault = parse_fault("wrong_id@2.5:500");
+  EXPECT_EQ(fault.kind, WireFault::kWrongId);
+  EXPECT_EQ(fault.from_s, 2.5);
+  EXPECT_EQ(fault.length_s, 0.5);
+  for (const char* bad :
+       {"", "stuck", "stuck@1", "stuck:5@1", "broken@1:5", "stuck@-1:5", "stuck@1:5x"}) {
+    EXPECT_THROW(static_cast<void>(parse_fault(bad)), SetupError) << bad;
+  }
+}
+
+/// What the driver under test is made of. Time stands between the messages.
+struct HaplyParts {
+  ManualClock time;
+  EmulatedHaply emulated{time};
+  std::unique_ptr<HapticDevice> haply = open_haply(emulated.config(), time, {});
+};
+
+class HaplyUnderTest : private HaplyParts, public OpenedDevice {
+ public:
+  // the emulator is a thread of a busy machine: its pace is not that of the driver
+  HaplyUnderTest() : OpenedDevice(*haply, time, std::chrono::seconds(1), {}) {}
+  [[nodiscard]] std::optional<Vector3> motor_force_newton() override {
+    DeviceSample sample;
+    EXPECT_TRUE(haply->read(sample));
+    return emulated.motor_force_newton();
+  }
+  [[nodiscard]] std::optional<std::uint64_t> allocations() const override {
+    return test::allocations_of_this_thread();
+  }
+};
+std::unique_ptr<DeviceBench> open_emulated_haply() { return std::make_unique<HaplyUnderTest>(); }
+
+}  // namespace
+}  // namespace palpate::device
+
+namespace palpate::test {
+PALPATE_DEVICE_CONFORMANCE(HaplyInverse3, device::open_emulated_haply);
+}  // namespace palpate::test

@@ -1,0 +1,72 @@
+// The limits of real motors: peak, continuous force, lease.
+#include "device_node/drivers/motor_force.h"
+
+#include <gtest/gtest.h>
+
+namespace palpate::device {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr MotorLimits kLimits{
+    .peak_force_newton = 8.0, .continuous_force_newton = 2.0, .thermal_time_s = 10.0};
+
+TEST(MotorForce, GivesThePeakWhileColdAndTheContinuousForceInTheEnd) {
+  MotorForce motors(kLimits);
+  TimePoint now{};
+  EXPECT_EQ(motors.set({0, 9, 0}, 2ms, now), Vector3(0, 8, 0));
+
+  double least_newton = 8.0;
+  double previous_newton = 8.0;
+  for (int i = 0; i < 60'000; ++i) {
+    now += 1ms;
+    const double newton = motors.set({0, 9, 0}, 2ms, now).norm();
+    EXPECT_LE(newton, previous_newton + 1e-9);  // saturates, is not cut
+    EXPECT_LE(motors.heat(), 1.0 + 1e-12);
+    previous_newton = newton;
+    least_newton = std::min(least_newton, newton);
+  }
+
+  EXPECT_NEAR(least_newton, 2.0, 1e-3);
+}
+
+// (F/Fc)² (1 − e^(−t/τ)) = 1: 16 times the heat of the continuous force lasts 0.645 s.
+TEST(MotorForce, ThePeakLastsAsLongAsTheWindingsTakeIt) {
+  MotorForce motors(kLimits);
+  TimePoint now{};
+  while (motors.set({8, 0, 0}, 1ms, now).x() == 8.0) now += 1ms;
+
+  EXPECT_NEAR(seconds_of(now), -10.0 * std::log(1.0 - 1.0 / 16.0), 2e-3);
+}
+
+TEST(MotorForce, CoolsWhileItRests) {
+  MotorForce motors(kLimits);
+  TimePoint now{};
+  while (motors.set({8, 0, 0}, 1ms, now).x() == 8.0) now += 1ms;
+  motors.set({0, 0, 0}, 0ms, now);
+
+  now += 60s;
+
+  EXPECT_EQ(motors.set({8, 0, 0}, 1ms, now).x(), 8.0);
+}
+
+TEST(MotorForce, EndsWithItsLeaseAndHeatsNoLonger) {
+  MotorForce motors(kLimits);
+  motors.set({0, 0, 1}, 5ms, TimePoint{});
+
+  EXPECT_EQ(motors.at(TimePoint(5ms - 1ns)), Vector3(0, 0, 1));
+  EXPECT_EQ(motors.at(TimePoint(5ms)), Vector3(0, 0, 0));
+  const double heat = motors.heat();
+  EXPECT_NEAR(heat, 0.25 * -std::expm1(-0.005 / 10.0), 1e-12);
+  motors.at(TimePoint(100ms));
+  EXPECT_LT(motors.heat(), heat);
+}
+
+TEST(MotorForce, ALeaseOfNothingIsNoForce) {
+  MotorForce motors(kLimits);
+  EXPECT_EQ(motors.set({0, 0, 1}, 0ms, TimePoint{}), Vector3(0, 0, 0));
+  EXPECT_EQ(motors.at(TimePoint{}), Vector3(0, 0, 0));
+}
+
+}  // namespace
+}  // namespace palpate::device
