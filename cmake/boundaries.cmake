@@ -39,8 +39,9 @@ set(PALPATE_BOUNDARIES
   # simulation ← drivers, one folder a driver
   "device_node/drivers:common/core,common/session/driver_config.h,device_node/device.h,device_node/drivers/*"
   "device_node/drivers/transport:common/core"
-  "device_node/drivers/haply:common/core,common/session/driver_config.h,device_node/device.h,device_node/drivers,device_node/drivers/transport"
-  "device_node/drivers/hapi:common/core,common/session/driver_config.h,device_node/device.h,device_node/drivers,device_node/drivers/transport"
+  # they wait while they open a device, never in the tick
+  "device_node/drivers/haply:common/core,common/session/driver_config.h,device_node/device.h,device_node/drivers,device_node/drivers/transport,@threads"
+  "device_node/drivers/hapi:common/core,common/session/driver_config.h,device_node/device.h,device_node/drivers,device_node/drivers/transport,@threads"
   "device_node/drivers/plugin:common/core,common/session/driver_config.h,device_node/device.h,device_node/drivers"
   # what stands in for a device at the other end of its wire
   "device_node/emulators:common/core,common/session/driver_config.h,common/session/simulation_config.h,device_node/simulation,device_node/drivers/*,@threads"
@@ -66,7 +67,7 @@ set(PALPATE_BOUNDARIES
   "physics_node:common/core,common/contact,common/session/scene_config.h,common/telemetry/physics_telemetry.h,physics_node/scene,physics_node/elastic_tissue"
   "physics_node/surfaces:common/core,common/contact,common/contact/cloud,common/session/scene_config.h,@threads"
   # elastic bodies by themselves: linear ← elastic; no session, no wire
-  "physics_node/elastic:physics_node/elastic/linear,@threads"
+  "physics_node/elastic:physics_node/elastic/linear,physics_node/elastic/condensed,@threads"
   "physics_node/elastic/linear:physics_node/elastic/mesh.h"
   "physics_node/files:common/core,common/contact,common/session/scene_config.h,physics_node/surfaces,@threads"
   "physics_node/scene:common/core,common/contact,common/session/scene_config.h,physics_node/surfaces,physics_node/files"
