@@ -17,8 +17,7 @@ Ideal::Ideal(const Session& session, const Side& side)
                kElasticStep_s),
       run_elastic_(elastic_.bodies(), session.scene.tip_radius_m, kElasticStep_s),
       device_(side.device),
-      peak_force_newton_(
-          std::min(side.device.peak_force_newton, side.simulated.peak_force_newton)),
+      peak_force_newton_(std::min(side.device.peak_force_newton, side.simulated.peak_force_newton)),
       memory_(scene_.new_memory()),
       run_map_(side.device.workspace),
       run_memory_(scene_.new_memory()),
@@ -29,9 +28,8 @@ Ideal::Ideal(const Session& session, const Side& side)
             const Vector3 tool_m = run_map_.tool_position_world_m(hand_m);
             return force_on_hand(
                 run_map_.is_clutched(),
-                scene_
-                        .evaluate(tool_m, run_map_.tool_velocity_world_m_per_s(hand_m_per_s),
-                                  time_s, run_memory_)
+                scene_.evaluate(tool_m, run_map_.tool_velocity_world_m_per_s(hand_m_per_s), time_s,
+                                run_memory_)
                         .force_on_tool_newton +
                     run_elastic_.force_at(tool_m));
           },

@@ -12,6 +12,7 @@
 #include "common/core/tick_schedule.h"
 #include "common/session/session.h"
 #include "deploy/lockstep/virtual_time.h"
+#include "physics_node/elastic_tissue/elastic_tissues.h"
 #include "physics_node/physics_node.h"
 #include "physics_node/speaker.h"
 
@@ -41,12 +42,17 @@ class PhysicsHost {
         clock_(time, ahead),
         ahead_(ahead),
         is_stopped_(std::move(is_stopped)),
-        schedule_(TimePoint{}, session.physics.rate_hz) {
+        schedule_(TimePoint{}, session.physics.rate_hz),
+        elastic_(physics::ElasticTissues::of(session.scene, session.sides.size(),
+                                             physics::ElasticPace::kVirtual)) {
     if (session.physics.standby) speaker_.emplace(role);
   }
 
   [[nodiscard]] const Clock& clock() const { return clock_; }
   [[nodiscard]] physics::Speaker* speaker() { return speaker_ ? &*speaker_ : nullptr; }
+
+  /// Of all tools; null in a scene without elastic tissue.
+  [[nodiscard]] const std::shared_ptr<physics::ElasticTissues>& elastic() const { return elastic_; }
 
   void add(physics::PhysicsNode& tool) { tools_.push_back(&tool); }
 
@@ -74,6 +80,7 @@ class PhysicsHost {
   Duration ahead_;
   std::function<bool(TimePoint)> is_stopped_;
   TickSchedule schedule_;
+  std::shared_ptr<physics::ElasticTissues> elastic_;
   std::optional<physics::Speaker> speaker_;
   std::vector<physics::PhysicsNode*> tools_;
 };
