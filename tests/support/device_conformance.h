@@ -28,21 +28,24 @@ class DeviceConformance
     }
     return name;
   }
+
+ protected:
+  void passes() {
+    const auto& [open, check] = GetParam();
+    const auto bench = open();
+
+    const device::CheckOutcome outcome = check.run(*bench);
+
+    if (outcome.verdict == device::CheckVerdict::kNotObservable) GTEST_SKIP() << outcome.text;
+    EXPECT_EQ(outcome.verdict, device::CheckVerdict::kGood) << outcome.text << "; " << check.remedy;
+  }
 };
-
-TEST_P(DeviceConformance, Passes) {
-  const auto& [open, check] = GetParam();
-  const auto bench = open();
-
-  const device::CheckOutcome outcome = check.run(*bench);
-
-  if (outcome.verdict == device::CheckVerdict::kNotObservable) GTEST_SKIP() << outcome.text;
-  EXPECT_EQ(outcome.verdict, device::CheckVerdict::kGood) << outcome.text << "; " << check.remedy;
-}
 
 /// In namespace palpate::test.
 #define PALPATE_DEVICE_CONFORMANCE(driver, open)                                         \
-  INSTANTIATE_TEST_SUITE_P(driver, DeviceConformance,                                    \
+  class driver##Conformance : public DeviceConformance {};                               \
+  TEST_P(driver##Conformance, Passes) { passes(); }                                      \
+  INSTANTIATE_TEST_SUITE_P(Each, driver##Conformance,                                    \
                            testing::Combine(testing::Values(OpenBench(open)),            \
                                             testing::ValuesIn(device::device_checks())), \
                            DeviceConformance::name_of)
