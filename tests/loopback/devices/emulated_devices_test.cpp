@@ -1,0 +1,109 @@
+// The whole loop through the wire of a real device: hand → emulator → driver → clamp → tissue.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <unistd.h>
+
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "tests/support/port.h"
+#include "tests/support/program.h"
+#include "tests/support/run_folder.h"
+#include "tests/support/temp_folder.h"
+
+namespace palpate {
+namespace {
+
+using nlohmann::json;
+using test::Outcome;
+using test::Program;
+using test::TempFolder;
+using testing::HasSubstr;
+
+const std::string kHaplySession = PALPATE_SOURCE_DIR "/deploy/sessions/haply.txtpb";
+const std::string kHapiSession = PALPATE_SOURCE_DIR "/deploy/sessions/hapi.txtpb";
+
+class EmulatedDevices : public testing::Test {
+ protected:
+  /// Of the line that the emulator ends with.
+  static double least_energy_microjoule(const std::string& err) {
+    static const std::string kBefore = "least true energy ";
+    const std::size_t at = err.find(kBefore);
+    return at == std::string::npos ? -1e9 : std::stod(err.substr(at + kBefore.size()));
+  }
+  static std::string haply_port() {
+    const std::string endpoint = test::HeldPort().endpoint();
+    return "device.haply_inverse.port=" + endpoint.substr(endpoint.rfind(':') + 1);
+  }
+
+  TempFolder folder_;
+  test::RunFolder run_folder_;
+};
+
+TEST_F(EmulatedDevices, AreFeltThroughTheirWiresAndStayPassive) {
+  const std::vector<std::pair<std::string, std::string>> runs{
+      {kHaplySession, haply_port()},
+      {kHapiSession, "device.hapi.port=" + (folder_.path() / "board").string()}};
+  for (const auto& [session, setting] : runs) {
+    SCOPED_TRACE(session);
+    const Outcome run = test::run_program(
+        "palpate", {"launch", session, "--emulate", "--set", setting, "--no-viewer",
+                    "--no-realtime", "--seconds", "3", "--json", "-"});
+
+    EXPECT_EQ(run.status, 0) << run.err;
+    EXPECT_GE(least_energy_microjoule(run.err), -1.0) << run.err;
+    EXPECT_THAT(run.err, HasSubstr("event=no_motor_watchdog"));
+    const json summary = json::parse(run.out, nullptr, false);
+    ASSERT_FALSE(summary.is_discarded()) << run.out;
+    EXPECT_GT(summary.at("peak_force_newton").get<double>(), 0.3) << summary;
+  }
+}
+
+TEST_F(EmulatedDevices, AnUnpluggedDeviceIsAFaultThatAResetEnds) {
+  const std::string port = haply_port();
+  Program emulator("palpate",
+                   {"emulate", kHaplySession, "--set", port, "--fault", "unplugged@4:300"});
+  emulator.await_err("emulates the device at");
+  Program launch("palpate",
+                 {"launch", kHaplySession, "--set", port, "--no-viewer", "--no-realtime"});
+  const std::string started = launch.await_err("event=node_started node=device pid=");
+  const pid_t device = std::stoi(started);
+
+  launch.await_err("event=device_fault reason=\"device gone\"");
+  // until the emulator accepts connections again
+  const bool is_reset = test::await([&] {
+    kill(device, SIGUSR2);
+    usleep(50'000);
+    return launch.err().find("event=device_fault_reset") != std::string::npos;
+  });
+
+  EXPECT_TRUE(is_reset) << launch.err();
+  launch.send_signal(SIGINT);
+  EXPECT_EQ(launch.wait(), 0);
+  emulator.send_signal(SIGINT);
+  EXPECT_EQ(emulator.wait(), 0);
+  EXPECT_GE(least_energy_microjoule(emulator.err()), -1.0);
+}
+
+TEST_F(EmulatedDevices, ASimulatedDeviceNeedsNoEmulator) {
+  const Outcome run = test::run_program(
+      "palpate", {"emulate", PALPATE_SOURCE_DIR "/deploy/sessions/default.txtpb"});
+  EXPECT_EQ(run.status, 2);
+  EXPECT_THAT(run.err, HasSubstr("emulators are of haply_inverse and hapi"));
+}
+
+TEST_F(EmulatedDevices, AFileInTheWayOfThePortIsNotReplaced) {
+  const std::filesystem::path file = folder_.path() / "mine";
+  std::ofstream(file) << "precious";
+  const Outcome run = test::run_program(
+      "palpate", {"emulate", kHapiSession, "--set", "device.hapi.port=" + file.string()});
+  EXPECT_EQ(run.status, 2);
+  EXPECT_THAT(run.err, HasSubstr("no emulator made it"));
+  EXPECT_TRUE(std::filesystem::is_regular_file(file));
+}
+
+}  // namespace
+}  // namespace palpate
