@@ -173,6 +173,7 @@ TEST(DeviceNode, AnAnswerThatBeginsToActAfterTheDeadlineIsWithdrawnAtOnceAndCoun
   EXPECT_EQ(tick.force_on_hand_newton, Vector3(0, 0, 0));
   EXPECT_EQ(tick.switched_at, TimePoint(2300us));
   EXPECT_EQ(bench.node.counters().late_switches, 1u);
+  EXPECT_EQ(bench.node.counters().max_force_newton, 2.0) << "it has acted";
   EXPECT_FALSE(bench.node.has_fault());
 
   // answers that come in time act again, without a limp start
@@ -193,6 +194,7 @@ TEST(DeviceNode, TheEchoReportsALateAnswerWithoutAPositionAtItsEnd) {
   bench.device.before_switch = nullptr;
   bench.device.before_release = nullptr;
   bench.tick();
+  EXPECT_EQ(bench.ticks[1].switched_at, TimePoint(1720us));
 
   const DeviceState& state = bench.states[2];
   ASSERT_EQ(state.applied_count, 3u);
@@ -661,6 +663,7 @@ TEST(DeviceNode, EveryTickOfALatchedFaultLeavesARecordAndNoForceActs) {
     EXPECT_EQ(tick.guard, GuardState::kFault);
     EXPECT_EQ(tick.force_on_hand_newton, Vector3(0, 0, 0));
     EXPECT_NEAR(tick.measured_hand_position_m.x(), 1e-3 * static_cast<double>(i), 1e-12);
+    EXPECT_EQ(tick.measured_tool_position_world_m, tick.measured_hand_position_m);
     EXPECT_EQ(tick.measured_tool_orientation_world.coeffs(), Quaternion(0.6, 0.8, 0, 0).coeffs());
   }
   const DeviceCounters c = bench.node.counters();
@@ -803,6 +806,143 @@ TEST(DeviceNode, CountsItsTicksByWhatTheMotorsDid) {
   EXPECT_EQ(c.fallback_ticks, 68u);
   EXPECT_EQ(c.limp_ticks, 1u + 33u);
   EXPECT_EQ(c.force_command.accepted, 2u);
+  EXPECT_EQ(c.fault_ticks, 0u);
+  EXPECT_EQ(c.peak_limited_ticks, 0u);
+  EXPECT_EQ(c.max_force_newton, 1.0);
+}
+
+// The switch takes 0.1 ms; without an answer there is none.
+TEST(DeviceNode, TheRecordSaysWhenTheForceWasDecided) {
+  Bench bench(device_config());
+  bench.answer_with(Vector3(1, 0, 0));
+  bench.device.before_switch = [&] { bench.clock.advance(100us); };
+  bench.tick();
+  EXPECT_EQ(bench.ticks[0].switched_at, TimePoint(100us));
+  bench.on_state = nullptr;
+  bench.tick();
+  EXPECT_EQ(bench.ticks[1].guard, GuardState::kLeased);
+  EXPECT_EQ(bench.ticks[1].switched_at, TimePoint(1500us));
+
+  // a tick that began 2 ms after it was woken
+  Bench late(device_config());
+  late.clock.advance(3ms);
+  late.step({.index = 0, .scheduled_at = TimePoint(1ms), .now = TimePoint(1ms)});
+  EXPECT_EQ(late.ticks[0].sampled_at, TimePoint(3ms));
+  late.device.fails_to_read = true;
+  late.clock.advance(2ms);
+  const TimePoint now = late.clock.now();
+  late.step({.index = 1, .scheduled_at = TimePoint(2ms), .now = TimePoint(2ms)});
+  EXPECT_EQ(late.ticks[1].switched_at, now);
+}
+
+TEST(DeviceNode, AForceThatDidNotActIsNotRecordedAsLimited) {
+  for (const bool is_late : {true, false}) {
+    Bench bench(device_config());
+    bench.answer_with(Vector3(5, 0, 0));
+    bench.device.fails_to_apply = !is_late;
+    if (is_late) bench.device.before_switch = [&] { bench.clock.advance(1ms); };
+    bench.tick();
+    EXPECT_FALSE(bench.ticks[0].is_peak_limited);
+    EXPECT_EQ(bench.ticks[0].force_on_hand_newton, Vector3(0, 0, 0));
+  }
+}
+
+TEST(DeviceNode, AFallbackWithinATickThatCannotBeWrittenIsAFault) {
+  Bench bench(elastic_config());
+  bench.answer_with(Vector3(1, 0, 0), 3300us);
+  bench.tick();
+  bench.on_state = nullptr;
+  bench.tick();
+  bench.tick();
+  bench.device.before_switch = [&] {
+    bench.device.fails_to_apply = bench.clock.now() == TimePoint(3300us);
+  };
+  bench.reply_delay = 400us;
+  bench.answer_with(Vector3(2, 0, 0), 3300us);
+  bench.tick();
+  EXPECT_EQ(bench.node.counters().last_fault, FaultReason::kWriteFailed);
+  EXPECT_EQ(bench.ticks[3].force_on_hand_newton, Vector3(0, 0, 0));
+}
+
+TEST(DeviceNode, AStopIsEchoedByALaterStep) {
+  Bench bench(device_config());
+  bench.answer_with(Vector3(1, 0, 0));
+  bench.tick();
+  bench.clock.advance(200us);
+  bench.node.stop();
+  bench.tick();
+  const DeviceState& state = bench.states[1];
+  ASSERT_EQ(state.applied_count, 2u);
+  expect_segment(state.applied[0], Vector3(1, 0, 0), 0us, 200us);
+  EXPECT_FALSE(state.applied[0].has_position_at_end);
+  expect_segment(state.applied[1], Vector3::Zero(), 200us, 1000us);
+}
+
+TEST(DeviceNode, AnOrientationThatIsNotFiniteIsAFault) {
+  Bench bench(device_config());
+  bench.device.orientation = Quaternion(kNaN, 0, 0, 0);
+  bench.tick();
+  EXPECT_EQ(bench.node.counters().last_fault, FaultReason::kReadingNotFinite);
+}
+
+TEST(DeviceNode, OnlyTheConfiguredButtonIsTheClutch) {
+  DeviceConfig config = device_config();
+  Bench none(config);
+  none.device.buttons = ~0U;
+  none.tick();
+  EXPECT_FALSE(none.states[0].is_clutched);
+  config.workspace.clutch_button = 1;
+  Bench second(config);
+  second.device.buttons = 1;
+  second.tick();
+  EXPECT_FALSE(second.states[0].is_clutched);
+  second.device.buttons = 2;
+  second.tick();
+  EXPECT_TRUE(second.states[1].is_clutched);
+  // also in the record of a fault
+  second.device.fails_to_apply = true;
+  second.answer_with(Vector3(1, 0, 0));
+  second.tick();
+  second.tick();
+  EXPECT_EQ(second.ticks[3].guard, GuardState::kFault);
+  EXPECT_TRUE(second.ticks[3].is_clutched);
+}
+
+TEST(DeviceNode, TheTrueStateIsRecordedInAFaultToo) {
+  DeviceConfig config = device_config();
+  config.v_fault_m_per_s = 1e-6;
+  config.profile.position_resolution_m = 0.0;
+  SimulatedDeviceConfig simulated;
+  simulated.position_resolution_m = 0.0;
+  DeviceNodeBench<SimulatedDevice> bench(
+      config, simulated,
+      HandConfig{.path = SinusoidPath{.amplitude_m = Vector3(0.01, 0, 0),
+                                      .frequency_hz = Vector3(1, 0, 0)}},
+      1);
+  for (int i = 0; i < 20; ++i) bench.tick();
+  ASSERT_TRUE(bench.node.has_fault());
+  for (const DeviceTick& tick : bench.ticks) {
+    EXPECT_TRUE(tick.true_tool_position_world_m.allFinite()) << tick.sequence;
+  }
+}
+
+TEST(DeviceNode, TheFirstReadingIsNoMotion) {
+  Bench bench(device_config());
+  bench.device.position_m = Vector3(0.5, 0, 0);
+  bench.clock.advance(1ms);
+  bench.tick();
+  EXPECT_EQ(bench.node.counters().too_fast_readings, 0u);
+}
+
+TEST(DeviceNode, CountsTheReadingsOfACoarseEncoder) {
+  DeviceConfig config = device_config();
+  config.profile.position_resolution_m = 1e-5;
+  Bench bench(config);
+  for (int i = 0; i < 200; ++i) {
+    bench.device.position_m = Vector3(1e-4 * (i % 2), 0, 0);
+    bench.tick();
+  }
+  EXPECT_GT(bench.node.counters().coarse_readings, 10u);
 }
 
 TEST(DeviceNode, CountsLatenessAndSkippedAppointments) {
@@ -814,6 +954,9 @@ TEST(DeviceNode, CountsLatenessAndSkippedAppointments) {
   EXPECT_EQ(bench.node.counters().loop.skipped_ticks, 3u);
   EXPECT_EQ(bench.node.counters().loop.worst_lateness, Duration(1ms));
   EXPECT_EQ(bench.ticks[1].lateness, Duration(1ms));
+  bench.clock.advance(1ms);
+  bench.step({.index = 15, .scheduled_at = bench.clock.now(), .now = bench.clock.now()});
+  EXPECT_EQ(bench.node.counters().loop.worst_lateness, Duration(1ms));
 }
 
 TEST(DeviceNode, TheRecordHasTheTrueStateOfASimulatedDeviceInTheToolsFrame) {

@@ -97,6 +97,26 @@ TEST(MonitoredTick, AFaultTakesTheCredit) {
   }
 }
 
+// 1.1 mJ, of which the hand draws 19 mW along a force of 0.3 N.
+TEST(MonitoredTick, AForceThatActedIsBooked) {
+  DeviceNodeBench<ScriptedDevice> bench(monitored_config());
+  bench.answer_with(Vector3::Zero());
+  const auto move = [&](int ticks) {
+    for (int i = 0; i < ticks; ++i) {
+      bench.device.position_m =
+          bench.device.position_m.value_or(Vector3::Zero()) + Vector3(1e-4, 0, 0);
+      bench.tick();
+    }
+  };
+  move(100);
+  bench.answer_with(Vector3(0.3, 0, 0), 3ms);
+  move(10);
+  EXPECT_EQ(bench.node.counters().monitor_reductions, 0u);
+  EXPECT_EQ(bench.states.back().acting_force_on_hand_newton, Vector3(0.3, 0, 0));
+  move(90);
+  EXPECT_GT(bench.node.counters().monitor_reductions, 10u);
+}
+
 // The scripted hand moves at 1 m/s, v_max is 0.5 m/s.
 TEST(MonitoredTick, CountsTheReadingsOfATooFastHand) {
   DeviceNodeBench<ScriptedDevice> bench(monitored_config());

@@ -1,7 +1,9 @@
 // Tiles and descriptions on hop 3: a hostile one is refused with its whole message.
 #include <gtest/gtest.h>
 
+#include <functional>
 #include <string>
+#include <vector>
 
 #include "tests/unit/link/codec_test_support.h"
 
@@ -151,6 +153,28 @@ TEST(SurfaceCodec, RefusesMoreThanAMessageHolds) {
   });
 }
 
+// Number 0 is news that carries nothing but what is known; its receiver books no gap.
+TEST(SurfaceCodec, NumbersTheNewsThatCarryADescriptionOrTilesAndNoOther) {
+  const auto news = [](std::uint64_t number, bool has_description, bool has_tiles, bool is_good) {
+    expect_range<Interaction>(
+        [=](v1::Interaction& m) {
+          v1::SurfaceNews& surface = *m.mutable_surface();
+          surface.set_number(number);
+          if (!has_description) surface.clear_description();
+          if (!has_tiles) surface.clear_tiles();
+        },
+        is_good);
+  };
+  for (const bool is_numbered : {false, true}) {
+    news(is_numbered ? 1 : 0, true, true, is_numbered);
+    news(is_numbered ? 1 : 0, true, false, is_numbered);
+    news(is_numbered ? 1 : 0, false, true, is_numbered);
+    news(is_numbered ? 1 : 0, false, false, !is_numbered);
+  }
+  expect_range<Interaction>([](v1::Interaction& m) { m.mutable_surface()->set_store_id(0); },
+                            false);
+}
+
 TEST(SurfaceCodec, RefusesADescriptionWithTwoShapes) {
   expect_range<Interaction>(
       [](v1::Interaction& m) {
@@ -159,6 +183,126 @@ TEST(SurfaceCodec, RefusesADescriptionWithTwoShapes) {
         description.mutable_tiles();
       },
       false);
+}
+
+/// Sets one of the numbers of a valid description, which has no shape.
+using SetNumber = std::function<void(v1::TissueDescription&, double)>;
+
+void expect_range_of(const SetNumber& set, double low, double high) {
+  const auto expect = [&](double x, bool is_good) {
+    expect_range<Interaction>(
+        [&](v1::Interaction& m) {
+          v1::TissueDescription& d = *m.mutable_surface()->mutable_description();
+          d.clear_half_space();
+          d.clear_sphere();
+          d.clear_box();
+          d.clear_capsule();
+          d.clear_tiles();
+          set(d, x);
+          const bool has_shape =
+              d.has_half_space() || d.has_sphere() || d.has_box() || d.has_capsule();
+          if (!has_shape) d.mutable_tiles();
+        },
+        is_good);
+  };
+  expect(low, true);
+  expect(high, true);
+  expect(low - 1e-3, false);
+  expect(high + 1e-3, false);
+}
+
+TEST(SurfaceCodec, RefusesNumbersOfADescriptionThatAreOutOfRange) {
+  using Description = v1::TissueDescription;
+  const double km = 1e3;
+  const auto space = [](Description& d) -> v1::DescribedHalfSpace& {
+    d.mutable_half_space()->mutable_point_m();
+    d.mutable_half_space()->mutable_normal()->set_z(1.0);
+    return *d.mutable_half_space();
+  };
+  const auto sphere = [](Description& d) -> v1::DescribedSphere& {
+    d.mutable_sphere()->mutable_center_m();
+    return *d.mutable_sphere();
+  };
+  const auto box = [](Description& d) -> v1::DescribedBox& {
+    d.mutable_box()->mutable_center_m();
+    d.mutable_box()->mutable_size_m();
+    return *d.mutable_box();
+  };
+  const auto capsule = [](Description& d) -> v1::DescribedCapsule& {
+    d.mutable_capsule()->mutable_from_m();
+    d.mutable_capsule()->mutable_to_m();
+    return *d.mutable_capsule();
+  };
+  const std::vector<SetNumber> places{
+      [&](Description& d, double x) { space(d).mutable_point_m()->set_x(x); },
+      [&](Description& d, double x) { sphere(d).mutable_center_m()->set_y(x); },
+      [&](Description& d, double x) { box(d).mutable_center_m()->set_z(x); },
+      [&](Description& d, double x) { capsule(d).mutable_from_m()->set_x(x); },
+      [&](Description& d, double x) { capsule(d).mutable_to_m()->set_y(x); },
+      [](Description& d, double x) { d.mutable_inclusions(0)->mutable_center_m()->set_x(x); },
+      [](Description& d, double x) {
+        d.set_motion_frequency_hz(0.0);
+        d.mutable_motion_amplitude_m()->set_x(x);
+      }};
+  for (const SetNumber& set : places) expect_range_of(set, -km, km);
+  const std::vector<SetNumber> lengths{
+      [&](Description& d, double x) { sphere(d).set_radius_m(x); },
+      [&](Description& d, double x) { box(d).mutable_size_m()->set_x(x); },
+      [&](Description& d, double x) { box(d).mutable_size_m()->set_y(x); },
+      [&](Description& d, double x) { box(d).mutable_size_m()->set_z(x); },
+      [&](Description& d, double x) { capsule(d).set_radius_m(x); },
+      [](Description& d, double x) { d.mutable_inclusions(0)->set_radius_m(x); },
+      [](Description& d, double x) { d.set_tip_radius_m(x); },
+      [](Description& d, double x) { d.set_shaft_length_m(x); },
+      [](Description& d, double x) { d.set_shaft_radius_m(x); }};
+  for (const SetNumber& set : lengths) expect_range_of(set, 0.0, km);
+  expect_range_of([](Description& d, double x) { d.mutable_inclusions(0)->set_transition_m(x); },
+                  1e-4, km);
+  expect_range_of([](Description& d, double x) { d.set_motion_phase_rad(x); }, -1e6, 1e6);
+  expect_range_of(
+      [](Description& d, double x) { d.mutable_inclusions(0)->set_stiffness_newton_per_m(x); }, 0.0,
+      1e6);
+  expect_range_of(
+      [](Description& d, double x) { d.mutable_inclusions(0)->set_damping_newton_s_per_m(x); }, 0.0,
+      1e4);
+  expect_range_of([](Description& d, double x) { d.set_damping_newton_s_per_m(x); }, 0.0, 1e4);
+  expect_range_of([](Description& d, double x) { d.set_puncture_newton(x); }, 0.0, 1e4);
+  expect_range_of([](Description& d, double x) { d.set_cutting_newton(x); }, 0.0, 1e4);
+  expect_range_of([&](Description& d, double x) { space(d).mutable_normal()->set_z(x); },
+                  1.0 - 0.9e-6, 1.0 + 0.9e-6);
+}
+
+TEST(SurfaceCodec, RefusesNumbersOfTilesAndCoverageThatAreOutOfRange) {
+  const auto range = [](const std::function<void(v1::SurfaceNews&, double)>& set, double low,
+                        double high) {
+    const auto expect = [&](double x, bool is_good) {
+      expect_range<Interaction>([&](v1::Interaction& m) { set(*m.mutable_surface(), x); }, is_good);
+    };
+    expect(low, true);
+    expect(high, true);
+    expect(low - 1e-3, false);
+    expect(high + 1e-3, false);
+  };
+  using News = v1::SurfaceNews;
+  const auto tile = [](News& m) -> v1::SurfaceTile& {
+    *m.mutable_tiles(0) = tile_of(kCorners, {{0, 1, 2}});
+    return *m.mutable_tiles(0);
+  };
+  range([&](News& m, double x) { tile(m).mutable_origin_m()->set_x(x); }, -1e3, 1e3);
+  range([&](News& m, double x) { tile(m).set_step_m(x); }, 1e-9, 1.0);
+  expect_tile(
+      [&] {
+        v1::SurfaceTile flat = tile_of(kCorners, {{0, 1, 2}});
+        flat.set_step_m(0.0);
+        return flat;
+      }(),
+      false);
+  range([](News& m, double x) { m.mutable_coverages(0)->mutable_center_m()->set_y(x); }, -1e3, 1e3);
+  range([](News& m, double x) { m.mutable_coverages(0)->set_radius_m(x); }, 0.0, 1e3);
+  range([](News& m, double x) { m.mutable_pending(0)->set_center_x_m(x); }, -1e3, 1e3);
+  range([](News& m, double x) { m.mutable_pending(0)->set_center_y_m(x); }, -1e3, 1e3);
+  range([](News& m, double x) { m.mutable_pending(0)->set_center_z_m(x); }, -1e3, 1e3);
+  range([](News& m, double x) { m.mutable_pending(0)->set_radius_m(x); }, 0.0, 1e3);
 }
 
 TEST(SurfaceCodec, RefusesALawThatDividesByZero) {
