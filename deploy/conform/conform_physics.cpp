@@ -113,6 +113,7 @@ class Suite {
     motion_findings();
     peers();
     restart_of_mofc();
+    suspension();
     restart_of_physics();
     stop();
     return findings_;
@@ -397,6 +398,16 @@ class Suite {
          "a mofc_node that was started again is served",
          "accept a new session_id when the old one has been silent for 100 ms, and its "
          "subscription");
+  }
+
+  void suspension() {
+    engine_->send_signal(SIGSTOP);
+    mofc_->follow([this](double) { return options_.clear_m; }, 0.4);
+    engine_->send_signal(SIGCONT);
+    const bool has_answer = mofc_->await_answer(options_.clear_m, 3.0);
+    find("suspension", has_answer ? "" : "no answer after it was suspended for 0.4 s",
+         "it answers again after it was suspended",
+         "go on with the newest motion after a pause, as after SIGSTOP and SIGCONT");
   }
 
   void restart_of_physics() {
