@@ -26,7 +26,7 @@ std::optional<Ahead> look_ahead(const ForceAt& force_at, const Vector3& position
   const Vector3 along = velocity_m_per_s / speed;
   const double reach_m = std::min(speed * kAhead_s, kFarthest_m);
   const Vector3 as_far_as_m = position_m + reach_m * along;
-  if (force_at(as_far_as_m).norm() <= kFeltNewton) return Ahead{{}, as_far_as_m};
+  if (force_at(as_far_as_m).norm() <= kFeltNewton) return Ahead{std::nullopt, as_far_as_m};
 
   // the surface, between a place without force and one with
   double free_m = 0.0;
@@ -47,12 +47,13 @@ std::optional<Ahead> look_ahead(const ForceAt& force_at, const Vector3& position
   const double shallow = outwards.norm() / shallow_m;
   const double deep = normal.dot(force_at(surface_m - kDeep_m * normal)) / kDeep_m;
   if (deep <= 0.0) return std::nullopt;  // through it
-  return Foreseen{
+  const Foreseen tissue{
       .surface_m = surface_m,
       .normal = normal,
       .stiffness_newton_per_m = deep,
       .slope_error_newton_per_m = std::max(kLeastError * deep, std::abs(deep - shallow)),
       .newton = deep * kDeep_m};
+  return Ahead{tissue, as_far_as_m};
 }
 
 ContactLaw law_of(const ForceAt& force_at, const Observation& seen) {
