@@ -101,8 +101,8 @@ TEST(ForeignEngine, ExpectsNoSurfaceWhereTheEngineSaysThatThereIsNone) {
 
    private:
     static sdk::Vector3 force(const sdk::Vector3& x) {
-      return x.x() < 0.0 ? std::max(0.0, -500.0 * x.z()) * sdk::Vector3::UnitZ()
-                         : sdk::Vector3::Zero();
+      const double newton = x.x() < 0.0 ? std::max(0.0, -500.0 * x.z()) : 0.0;
+      return newton * sdk::Vector3::UnitZ();
     }
     bool is_field_;
   };
