@@ -49,6 +49,7 @@ constexpr double kMostDelay_s = 0.02;       // or three periods
 constexpr double kFreeNewton = 0.01;
 constexpr double kRestNewton = 0.02;  // and 5 % of the force
 constexpr double kRestRatio = 0.05;
+constexpr int kRests = 5;            // of 0.4 s, the longest time to come to rest
 constexpr double kJumpNewton = 0.5;  // and the steepest tissue that is rendered well
 constexpr double kJumpNewtonPerM = 1e4;
 constexpr double kEnergyRatio = 0.05;  // of the work done by and on the tissue
@@ -93,6 +94,7 @@ class Suite {
     motion_findings();
     peers();
     restart_of_mofc();
+    suspension();
     restart_of_physics();
     stop();
     return findings_;
@@ -244,27 +246,39 @@ class Suite {
     return {sum, size};
   }
 
+  struct Variation {
+    double range_newton = 0.0;
+    double most_newton = 0.0;
+  };
+  /// Of the last two thirds.
+  static Variation variation_of(const std::vector<AnsweredPlace>& trace) {
+    Vector3 least = Vector3::Constant(1e9);
+    Vector3 most = -least;
+    Variation variation;
+    for (std::size_t i = trace.size() / 3; i < trace.size(); ++i) {
+      least = least.cwiseMin(trace[i].force_newton);
+      most = most.cwiseMax(trace[i].force_newton);
+      variation.range_newton = (most - least).norm();
+      variation.most_newton = std::max(variation.most_newton, trace[i].force_newton.norm());
+    }
+    return variation;
+  }
+
   void rest() {
-    mofc_->follow([this](double) { return options_.press_m; }, 0.4);
-    std::vector<AnsweredPlace> pressed = mofc_->take_trace();
-    pressed.erase(pressed.begin(),
-                  pressed.begin() + static_cast<std::ptrdiff_t>(pressed.size() / 3));
+    Variation pressed;
+    for (int i = 0; i < kRests; ++i) {  // until the engine has come to rest
+      mofc_->follow([this](double) { return options_.press_m; }, 0.4);
+      pressed = variation_of(mofc_->take_trace());
+      if (pressed.range_newton <= kRestNewton + kRestRatio * pressed.most_newton) break;
+    }
     mofc_->follow([this](double t_s) { return between(1.0 - smooth(t_s / kPress_s)); },
                   kPress_s + 0.1);
     static_cast<void>(mofc_->take_trace());
     mofc_->follow([this](double) { return options_.clear_m; }, 0.2);
     const std::vector<AnsweredPlace> free = mofc_->take_trace();
 
-    Vector3 least = Vector3::Constant(1e9);
-    Vector3 most = -least;
-    double force = 0.0;
-    for (const AnsweredPlace& one : pressed) {
-      least = least.cwiseMin(one.force_newton);
-      most = most.cwiseMax(one.force_newton);
-      force = std::max(force, one.force_newton.norm());
-    }
-    pressed_newton_ = force;
-    const double range = pressed.empty() ? 0.0 : (most - least).norm();
+    const double force = pressed.most_newton;
+    const double range = pressed.range_newton;
     double in_the_air = 0.0;
     for (const AnsweredPlace& one : free)
       in_the_air = std::max(in_the_air, one.force_newton.norm());
@@ -394,6 +408,16 @@ class Suite {
          "subscription");
   }
 
+  void suspension() {
+    engine_->send_signal(SIGSTOP);
+    mofc_->follow([this](double) { return options_.clear_m; }, 0.4);
+    engine_->send_signal(SIGCONT);
+    const bool has_answer = mofc_->await_answer(options_.clear_m, 3.0);
+    find("suspension", has_answer ? "" : "no answer after it was suspended for 0.4 s",
+         "it answers again after it was suspended",
+         "go on with the newest motion after a pause, as after SIGSTOP and SIGCONT");
+  }
+
   void restart_of_physics() {
     const std::uint64_t before = mofc_->physics_session();
     engine_->send_signal(SIGKILL);
@@ -435,7 +459,6 @@ class Suite {
   std::vector<AnsweredPlace> circle_;
   double worst_jump_newton_ = 0.0;
   double worst_jump_m_ = 0.0;
-  double pressed_newton_ = 0.0;
   std::vector<ConformFinding> findings_;
 };
 

@@ -21,8 +21,8 @@ struct ConformOptions {
 };
 
 /// Starts the program, plays mofc_node to it along scripted motions, ends and restarts it, all in
-/// about 5 s. Checks: start, answers, stamps, silence, delay, rest, jumps, energy, peers, restart,
-/// stop.
+/// about 6 s. Checks: start, answers, stamps, silence, delay, rest, jumps, energy, peers, restarts,
+/// suspension, stop.
 /// @return a finding for each; those after a physics that never answers are missing
 /// @throws SetupError  if the command or the session cannot be used
 [[nodiscard]] std::vector<ConformFinding> conform_physics(const ConformOptions& options);

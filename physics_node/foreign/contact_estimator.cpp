@@ -101,6 +101,7 @@ std::optional<Contact> ContactEstimator::touch(const Observation& seen, const Ve
   contact.force_on_tool_newton = seen.force_on_tool_newton;
   contact.trust_radius_m = trust_radius_m();
   here.model = contact;
+  has_surface_ = true;
   last_ = here;
   if (is_compared) place_ = here;
   free_at_m_.reset();
@@ -190,14 +191,22 @@ void ContactEstimator::foresee(const Foreseen& tissue) noexcept {
   }
   last_ = {.position_m = tissue.surface_m, .normal = tissue.normal, .model = {}};
   last_.model = model(tissue.normal, 0.0);
+  has_surface_ = true;
   is_touching_ = false;
+}
+
+void ContactEstimator::foresee_none(const Vector3& as_far_as_m) noexcept {
+  const Contact& surface = last_.model;
+  const Sphere there = seen_from(as_far_as_m - last_.position_m, surface.penetration_m,
+                                 surface.normal_world, curvature_per_m_);
+  if (there.penetration_m > 0.0) has_surface_ = false;
 }
 
 /// Without force: the surface of the last touch, as it is seen from here.
 std::optional<Contact> ContactEstimator::expect(const Observation& seen) noexcept {
   is_touching_ = false;
   free_at_m_ = seen.position_m;
-  if (k_ == 0.0) return std::nullopt;
+  if (!has_surface_) return std::nullopt;
   Contact& surface = last_.model;
   const Vector3 d = seen.position_m - last_.position_m;
   Sphere here = seen_from(d, surface.penetration_m, surface.normal_world, curvature_per_m_);

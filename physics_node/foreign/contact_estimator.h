@@ -64,6 +64,9 @@ class ContactEstimator {
   /// The surface to expect until the tool touches; before step().
   void foresee(const Foreseen& tissue) noexcept;
 
+  /// There is no tissue between here and that place, W: a surface that is expected there is not.
+  void foresee_none(const Vector3& as_far_as_m) noexcept;
+
   /// Estimated so far [N/m], [N·s/m]; 0 before the first touch.
   [[nodiscard]] double stiffness_newton_per_m() const noexcept { return k_; }
   [[nodiscard]] double damping_newton_s_per_m() const noexcept { return b_; }
@@ -92,6 +95,7 @@ class ContactEstimator {
   [[nodiscard]] double trust_radius_m() const noexcept;
 
   bool is_touching_ = false;
+  bool has_surface_ = false;          // one to expect: last_.model
   std::optional<Vector3> free_at_m_;  // the last place without force
   Place last_;                        // of the last step in contact
   Place place_;                       // the last one that was compared

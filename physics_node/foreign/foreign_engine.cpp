@@ -288,7 +288,12 @@ void ForeignEngine::look(Estimated& tissue, Observation& seen) {
   };
   if (seen.force_on_tool_newton.isZero(0.0)) {
     const auto ahead = look_ahead(force_at, seen.position_m, seen.velocity_m_per_s);
-    if (ahead) tissue.estimator.foresee(*ahead);
+    if (!ahead) return;
+    if (ahead->tissue) {
+      tissue.estimator.foresee(*ahead->tissue);
+    } else {
+      tissue.estimator.foresee_none(ahead->as_far_as_m);
+    }
   } else {
     seen.law = law_of(force_at, seen);
   }

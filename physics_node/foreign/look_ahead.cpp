@@ -19,13 +19,14 @@ constexpr double kMeasurable_m_per_s = 5e-3;  // slower, damping is lost in the 
 
 }  // namespace
 
-std::optional<Foreseen> look_ahead(const ForceAt& force_at, const Vector3& position_m,
-                                   const Vector3& velocity_m_per_s) {
+std::optional<Ahead> look_ahead(const ForceAt& force_at, const Vector3& position_m,
+                                const Vector3& velocity_m_per_s) {
   const double speed = velocity_m_per_s.norm();
   if (speed < kStill_m_per_s) return std::nullopt;
   const Vector3 along = velocity_m_per_s / speed;
   const double reach_m = std::min(speed * kAhead_s, kFarthest_m);
-  if (force_at(position_m + reach_m * along).norm() <= kFeltNewton) return std::nullopt;
+  const Vector3 as_far_as_m = position_m + reach_m * along;
+  if (force_at(as_far_as_m).norm() <= kFeltNewton) return Ahead{std::nullopt, as_far_as_m};
 
   // the surface, between a place without force and one with
   double free_m = 0.0;
@@ -46,12 +47,13 @@ std::optional<Foreseen> look_ahead(const ForceAt& force_at, const Vector3& posit
   const double shallow = outwards.norm() / shallow_m;
   const double deep = normal.dot(force_at(surface_m - kDeep_m * normal)) / kDeep_m;
   if (deep <= 0.0) return std::nullopt;  // through it
-  return Foreseen{
+  const Foreseen tissue{
       .surface_m = surface_m,
       .normal = normal,
       .stiffness_newton_per_m = deep,
       .slope_error_newton_per_m = std::max(kLeastError * deep, std::abs(deep - shallow)),
       .newton = deep * kDeep_m};
+  return Ahead{tissue, as_far_as_m};
 }
 
 ContactLaw law_of(const ForceAt& force_at, const Observation& seen) {

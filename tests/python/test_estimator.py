@@ -65,6 +65,16 @@ class Ahead(unittest.TestCase):
         up = np.array((0.0, 0.0, 0.1))
         self.assertEqual(estimators.step(np.array((0.0, 0.0, 0.005)), up, [], np.zeros(3)), [])
 
+    def test_a_surface_is_not_expected_where_there_is_none(self) -> None:
+        down = np.array((0.0, 0.0, -0.1))
+        for force_at in (None, lambda x: self.force_at(x) * (x[0] < 0.0)):  # a table that ends at x = 0
+            estimators = palpate.points.TissueEstimators(force_at)
+            for z in (0.001, -0.001, -0.002, -0.001, 0.001):
+                place = np.array((-0.003, 0.0, z))
+                self.assertIn(len(estimators.step(place, down, [], self.force_at(place))), (0, 1))
+            beside = estimators.step(np.array((0.003, 0.0, 0.001)), down, [], np.zeros(3))
+            self.assertEqual(len(beside), 1 if force_at is None else 0)
+
     def test_a_force_that_is_not_finite_is_refused(self) -> None:
         estimators = palpate.points.TissueEstimators(lambda _: (0.0, 0.0, float("nan")))
         with self.assertRaisesRegex(ValueError, "force_at"):

@@ -115,6 +115,7 @@ class ContactEstimator:
         self.damping = 0.0  # N·s/m
         self.curvature = 0.0  # 1/m
         self._is_touching = False
+        self._has_surface = False
         self._free_at: Optional[_Array] = None
         self._last: Optional[_Place] = None
         self._place: Optional[_Place] = None
@@ -164,7 +165,16 @@ class ContactEstimator:
             self._error2 = tissue.slope_error**2
         n = tissue.normal
         self._last = _Place(tissue.surface, n, 0.0, 0.0, 0.0, self._model(n, 0.0, np.zeros(3)))
+        self._has_surface = True
         self._is_touching = False
+
+    def foresee_none(self, as_far_as: _Array) -> None:
+        """There is no tissue between here and that place: a surface that is expected there is not."""
+        if self._last is not None:
+            surface = self._last.model
+            moved = as_far_as - self._last.position
+            p, _ = _seen_from(moved, surface.penetration, surface.normal, self.curvature)
+            self._has_surface = self._has_surface and p <= 0.0
 
     def _touch(
         self,
@@ -200,6 +210,7 @@ class ContactEstimator:
         elastic_force = f + self.damping * float(n @ v) * n
         here.model = self._model(n, elastic / self.stiffness, elastic_force)
         self._last = here
+        self._has_surface = True
         here.model.trust_radius = self._trust_radius_before(last)
         if is_compared:
             self._place = here
@@ -267,7 +278,7 @@ class ContactEstimator:
         self._is_touching = False
         self._free_at = x
         last = self._last
-        if last is None:
+        if last is None or not self._has_surface:
             return None
         moved = x - last.position
         p, n = _seen_from(moved, last.model.penetration, last.model.normal, self.curvature)

@@ -3,6 +3,7 @@ of the law where it touches: physics_node/foreign/look_ahead.h in numpy."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any, Callable, Optional
 
 import numpy as np
@@ -22,8 +23,17 @@ _LEAST_ERROR = 0.05
 _MEASURABLE = 5e-3
 
 
-def look_ahead(force_at: ForceAt, position: _Array, velocity: _Array) -> Optional[Foreseen]:
-    """The tissue that the tool reaches within 0.15 s, at most 30 mm away, if it goes on as it does."""
+@dataclass
+class Ahead:
+    """Tissue, or none between here and a place."""
+
+    tissue: Optional[Foreseen]
+    as_far_as: _Array  # m
+
+
+def look_ahead(force_at: ForceAt, position: _Array, velocity: _Array) -> Optional[Ahead]:
+    """The tissue that the tool reaches within 0.15 s, at most 30 mm away, if it goes on as it does. None:
+    not to be told, as of a tool at rest."""
     speed = float(np.linalg.norm(velocity))
     if speed < _STILL:
         return None
@@ -33,8 +43,9 @@ def look_ahead(force_at: ForceAt, position: _Array, velocity: _Array) -> Optiona
     def is_felt(distance: float) -> bool:
         return float(np.linalg.norm(_force(force_at, position + distance * along))) > _FELT_NEWTON
 
+    as_far_as = position + reach * along
     if not is_felt(reach):
-        return None
+        return Ahead(None, as_far_as)
     free, felt = 0.0, reach
     while felt - free > _SURFACE_M:
         middle = 0.5 * (free + felt)
@@ -52,7 +63,7 @@ def look_ahead(force_at: ForceAt, position: _Array, velocity: _Array) -> Optiona
     if deep <= 0.0:  # through it
         return None
     error = max(_LEAST_ERROR * deep, abs(deep - newton / shallow_m))
-    return Foreseen(surface, normal, deep, error, deep * _DEEP_M)
+    return Ahead(Foreseen(surface, normal, deep, error, deep * _DEEP_M), as_far_as)
 
 
 def law_of(force_at: ForceAt, position: _Array, velocity: _Array, force: _Array) -> ContactLaw:

@@ -78,8 +78,10 @@ class TissueEstimators:
         if force.any():
             return law_of(self._force_at, position, velocity, force)
         ahead = look_ahead(self._force_at, position, velocity)
-        if ahead is not None:
-            estimator.foresee(ahead)
+        if ahead is not None and ahead.tissue is not None:
+            estimator.foresee(ahead.tissue)
+        elif ahead is not None:
+            estimator.foresee_none(ahead.as_far_as)
         return None
 
     def _models(

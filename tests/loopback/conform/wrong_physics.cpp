@@ -31,6 +31,10 @@ class WrongEngine final : public physics::Engine {
     ++steps_;
     const double depth_m = -motion.tool_position_world_m.z();
     Vector3 force = std::max(0.0, kStiffness * depth_m) * Vector3::UnitZ();
+    // a step comes once a period, if nothing stops the process
+    is_dead_ = is_dead_ || (steps_ > 1 && now - stepped_at_ > 300ms);
+    stepped_at_ = now;
+    if (fault_ == "suspension" && is_dead_) return false;
     if (fault_ == "silence" && !is_new) return false;
     if (fault_ == "answers" && steps_ % 300 > 150) return false;
     if (fault_ == "rest" && depth_m > 0.0) force.z() += 0.1 * std::sin(70.0 * seconds_of(now));
@@ -61,6 +65,8 @@ class WrongEngine final : public physics::Engine {
 
   std::string fault_;
   std::uint64_t steps_ = 0;
+  TimePoint stepped_at_{};
+  bool is_dead_ = false;
   std::deque<std::pair<TimePoint, Interaction>> answers_;
 };
 

@@ -9,7 +9,6 @@
 #include <numbers>
 #include <vector>
 
-
 namespace palpate::device {
 namespace {
 

@@ -86,6 +86,42 @@ TEST(ForeignEngine, TakesStiffnessAndDampingFromTheForceElsewhere) {
   EXPECT_NEAR(answer.contacts[0].d_force_d_velocity(2, 2), -3.0, 1e-6);
 }
 
+// A table that ends at x = 0, touched and left; then down beside it, where its plane would be.
+TEST(ForeignEngine, ExpectsNoSurfaceWhereTheEngineSaysThatThereIsNone) {
+  class Table final : public sdk::Engine {
+   public:
+    explicit Table(bool is_field) : is_field_(is_field) {}
+    sdk::Answer step(const sdk::Motion& motion) override {
+      return {.force_on_tool_newton = force(motion.position_m)};
+    }
+    std::optional<sdk::Vector3> force_at(const sdk::Vector3& x) override {
+      if (!is_field_) return std::nullopt;
+      return force(x);
+    }
+
+   private:
+    static sdk::Vector3 force(const sdk::Vector3& x) {
+      const double newton = x.x() < 0.0 ? std::max(0.0, -500.0 * x.z()) : 0.0;
+      return newton * sdk::Vector3::UnitZ();
+    }
+    bool is_field_;
+  };
+  for (const bool is_field : {false, true}) {
+    ForeignEngine engine(std::make_unique<Table>(is_field), true);
+    Interaction answer;
+    for (const double z_m : {0.001, -0.001, -0.002, -0.001, 0.001}) {
+      ToolMotion motion = moving(z_m, -0.1);
+      motion.tool_position_world_m.x() = -0.003;
+      ASSERT_TRUE(engine.step(motion, true, TimePoint{}, answer));
+    }
+    EXPECT_EQ(answer.listed_count, 1U) << "expected above the table";
+    ToolMotion beside = moving(0.001, -0.1);
+    beside.tool_position_world_m.x() = 0.003;
+    ASSERT_TRUE(engine.step(beside, true, TimePoint{}, answer));
+    EXPECT_EQ(answer.listed_count, is_field ? 0U : 1U) << is_field;
+  }
+}
+
 TEST(ForeignEngine, RefusesAForceElsewhereThatIsNotFinite) {
   class Wild final : public sdk::Engine {
    public:
