@@ -319,9 +319,14 @@ test("screenshot of a replay", { ...kLimit, skip: kLimit.skip || kSkipScreenshot
   nodes = await Nodes.replay("liver", 12);
   const page = await open(browser, nodes.url, { scale: 1, width: 1000, height: 640, dark: true });
   await until(page, (t) => t.replay?.positionS > 5, "five seconds");
-  await until(page, (t) => t.applied_newton > 0.5, "a press");
   await page.locator("#replay").getByRole("button", { name: "Pause the replay" }).dispatchEvent("click");
   await until(page, (t) => t.replay.isPaused, "a pause");
+  // to a press
+  for (let at_s = 6; (await status(page)).applied_newton < 0.5 && at_s < 9; at_s += 0.2) {
+    await page.getByRole("slider", { name: "Position in the recording" }).fill(at_s.toFixed(2));
+    await until(page, (t) => Math.abs(t.replay.positionS - at_s) < 0.02, "the place sought");
+    await page.waitForTimeout(300);
+  }
   await page.getByRole("button", { name: "Tool", exact: true }).click();
   await drawn(page);
   await page.waitForTimeout(400);

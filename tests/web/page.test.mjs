@@ -698,7 +698,7 @@ page_test("without WebGL the figures still run, and the page says so", { page: {
   assert.match(page.problems.join(), /^THREE\S+ THREE\S+ Error creating WebGL context\.$/);
 });
 
-page_test("20 000 deforming vertices at 30 Hz are taken as fast as they come", { world: { vertices: 20000 }, page: { max_hz: 60 } }, async (page) => {
+page_test("20 000 deforming vertices at 30 Hz are taken as fast as they come", { world: { vertices: 20000 }, page: { ...kSmall, max_hz: 60 } }, async (page) => {
   await until(page, (t) => t.mesh_frames > 5, "mesh frames");
   await at_most(0.010, async () => { // a third of the period
     const begin = await status(page);

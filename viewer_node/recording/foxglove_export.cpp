@@ -124,8 +124,7 @@ class FoxgloveExport {
   void take(const RunState&) {}
 
   void write(Side& side, const TickRow& row) {
-    const auto log_time_ns =
-        recording_.log_time_of(row.device_session_id, row.device.sampled_at);
+    const auto log_time_ns = recording_.log_time_of(row.device_session_id, row.device.sampled_at);
     if (!log_time_ns) return;
     const std::uint64_t at_ns = *log_time_ns;
     const MofcCounters& mofc = side.mirror.mofc_counters();

@@ -69,11 +69,11 @@ std::string table(const Run& run) {
   }
   line("transparency, ticks received",
        figure(s.vector_transparency(), "{:.3f}") + " (rendered / requested, projected)");
-  line("ideal force", std::isfinite(s.ideal_transparency())
-                          ? figure(s.ideal_transparency(), "{:.3f}") +
-                                " (rendered / ideal, projected), error " +
-                                figure(100.0 * s.force_error_rms_ratio(), "{:.1f} %") + " rms"
-                          : "not recorded; palpate loopback SESSION --hand RECORDING --record NEW records one");
+  line("ideal force",
+       std::isfinite(s.ideal_transparency())
+           ? figure(s.ideal_transparency(), "{:.3f}") + " (rendered / ideal, projected), error " +
+                 figure(100.0 * s.force_error_rms_ratio(), "{:.1f} %") + " rms"
+           : "not recorded; palpate loopback SESSION --hand RECORDING --record NEW records one");
   line("velocity reversals",
        fmt::format("{}, {}, {} (x, y, z)", reversals[0], reversals[1], reversals[2]));
   return html + "</table>\n";

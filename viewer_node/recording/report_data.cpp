@@ -257,8 +257,8 @@ void read_report(RecordingFile& recording, ReportRun& report,
         if (on_progress) on_progress(recording.passed_ratio());
         if (const auto* batch = std::get_if<DeviceBatch>(&item.message)) {
           if (!first_tick_ns && !batch->records.empty()) {
-            first_tick_ns = recording.log_time_of(batch->header.session_id,
-                                                  batch->records.front().sampled_at);
+            first_tick_ns =
+                recording.log_time_of(batch->header.session_id, batch->records.front().sampled_at);
           }
           device.note(*batch, item.log_time_ns);
         } else if (const auto* answers = std::get_if<MofcBatch>(&item.message)) {

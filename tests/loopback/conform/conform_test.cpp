@@ -71,10 +71,10 @@ TEST(ConformPhysics, AProgramThatCannotBeStartedIsNamedAfterOptionsWithSeveralVa
   Program conform("palpate", {"conform", "physics", "--press", "0", "0", "-0.004", "--", "./none",
                               "--session", "{session}"});
   EXPECT_EQ(conform.wait(), 2);
-  EXPECT_EQ(conform.err(), "palpate conform: physics.command: " +
-                               std::filesystem::absolute("./none").string() +
-                               ": is not a program that you may run; install it, or give the path "
-                               "of its file\n");
+  EXPECT_EQ(conform.err(),
+            "palpate conform: physics.command: " + std::filesystem::absolute("./none").string() +
+                ": is not a program that you may run; install it, or give the path "
+                "of its file\n");
 }
 
 TEST(ConformPhysics, OurOwnPhysicsPassesEveryCheck) {

@@ -148,9 +148,8 @@ TEST_F(RecordingTools, TheIdealForceIsRecordedByLoopback) {
                     HasSubstr(R"("name":"ideal")")));
   // without: neither a column nor a claim
   ASSERT_EQ(palpate({"report", path("run.mcap"), "-o", path("none.html")}).status, 0);
-  EXPECT_THAT(text_of(path("none.html")),
-              AllOf(HasSubstr("<th>ideal force</th><td>not recorded"),
-                    Not(HasSubstr(R"("name":"ideal")"))));
+  EXPECT_THAT(text_of(path("none.html")), AllOf(HasSubstr("<th>ideal force</th><td>not recorded"),
+                                                Not(HasSubstr(R"("name":"ideal")"))));
 }
 
 TEST_F(RecordingTools, WhatCannotBeCopiedIsSaid) {
