@@ -21,29 +21,31 @@
 
 namespace palpate {
 
-/// A SurfaceTile as it is evaluated.
+/// A SurfaceTile as it is evaluated. Only the entries in use have values: a store has a thousand.
 struct HeldTile {
-  std::uint32_t version = 0;
-  std::uint32_t described_slot = 0;
-  bool is_held = false;
-  std::uint32_t facet_count = 0;
+  std::uint32_t version;
+  std::uint32_t described_slot;
+  bool is_held;
+  std::uint32_t facet_count;
   std::array<Vector3, kMaxTileVertices> vertices_m;
-  std::array<std::uint64_t, kMaxTileVertices> keys{};  ///< equal for vertices that coincide
-  std::array<std::array<std::uint8_t, 3>, kMaxTileFacets> facets{};
+  std::array<std::uint64_t, kMaxTileVertices> keys;  ///< equal for vertices that coincide
+  std::array<std::array<std::uint8_t, 3>, kMaxTileFacets> facets;
   std::array<Vector3, kMaxTileFacets> normals;  ///< unit
   std::array<Vector3, kMaxTileFacets> centers_m;
-  std::array<double, kMaxTileFacets> radii_m{};  ///< of the spheres around the facets
+  std::array<double, kMaxTileFacets> radii_m;  ///< of the spheres around the facets
   struct Point {
     Vector3 place_m;
-    double reach_m = 0.0;
+    double reach_m;
     CloudQuadric quadric;
-    double stiffness_ratio = 1.0;
+    double stiffness_ratio;
   };
-  std::uint32_t point_count = 0;
+  std::uint32_t point_count;
   std::array<Point, kMaxTilePoints> points;
   Bounds bounds;  ///< of the facets, or of what the points reach
   Bounds core;    ///< of the facets, or of the points
 
+  HeldTile() noexcept
+      : version(0), described_slot(0), is_held(false), facet_count(0), point_count(0) {}
   /// Takes a tile that the codec has checked. No allocation, no throw.
   void take(const SurfaceTile& tile) noexcept;
 };

@@ -35,9 +35,9 @@ struct Tangents {
 
 /// Of one point.
 struct CloudQuadric {
-  std::array<float, 3> normal{};     ///< n
-  float offset = 0.0F;               ///< c [m]
-  std::array<float, 6> curvature{};  ///< H [1/m]: xx xy xz yy yz zz
+  std::array<float, 3> normal;     ///< n
+  float offset;                    ///< c [m]
+  std::array<float, 6> curvature;  ///< H [1/m]: xx xy xz yy yz zz
 };
 
 /// f and its derivatives at one place.
