@@ -65,6 +65,20 @@ std::string Table::text() const {
   return out;
 }
 
+namespace {
+
+/// RFC 4180: quotes within are doubled.
+std::string quoted(const std::string& text) {
+  std::string out = "\"";
+  for (const char c : text) {
+    if (c == '"') out += '"';
+    out += c;
+  }
+  return out + "\"";
+}
+
+}  // namespace
+
 std::string Table::csv() const {
   std::string out;
   for (std::size_t i = 0; i < columns_.size(); ++i) out += (i > 0 ? "," : "") + columns_[i].name;
@@ -74,7 +88,7 @@ std::string Table::csv() const {
     for (std::size_t i = 0; i < row.size(); ++i) {
       if (i > 0) out += ",";
       if (const auto* text = std::get_if<std::string>(&row[i])) {
-        out += "\"" + *text + "\"";
+        out += quoted(*text);
       } else if (std::isfinite(std::get<double>(row[i]))) {
         out += fmt::format("{}", std::get<double>(row[i]));
       }

@@ -14,6 +14,7 @@
 #include "common/telemetry/summary.h"
 #include "deploy/lockstep/loopback.h"
 #include "tests/bench/bench_output.h"
+#include "tests/bench/paper/paper_fit.h"
 
 namespace palpate::bench {
 namespace {
@@ -243,6 +244,7 @@ unset multiplot
 struct PaperOptions {
   BenchOptions bench;
   bool is_excerpt = false;
+  bool is_fit = false;
 };
 
 void run(const PaperOptions& options) {
@@ -274,6 +276,11 @@ int main(int argc, char** argv) {
   palpate::bench::PaperOptions options;
   app.add_flag("--excerpt", options.is_excerpt,
                "only the rows of docs/benchmarks.md: the sessions as shipped, and a hostile hand");
-  return palpate::bench::run_bench(app, options.bench, argc, argv,
-                                   [&] { palpate::bench::run(options); });
+  app.add_flag("--fit", options.is_fit,
+               "instead: parameters that the paper does not state, chosen so that all its "
+               "statements hold, and how much each matters (--quick: the statements)")
+      ->excludes("--excerpt");
+  return palpate::bench::run_bench(app, options.bench, argc, argv, [&] {
+    options.is_fit ? palpate::bench::run_paper_fit(options.bench) : palpate::bench::run(options);
+  });
 }

@@ -16,23 +16,38 @@
 #include "common/telemetry/summary.h"
 #include "deploy/lockstep/lockstep.h"
 #include "tests/bench/bench_output.h"
+#include "tests/bench/controllers/contenders.h"
 
 namespace palpate::bench {
 namespace {
 
 struct Way {
-  const char* interaction;
-  const char* controller;
-  std::vector<std::string> overrides;
+  std::string interaction;
+  std::string controller;
+  Overrides overrides;
 };
-const Way kWays[] = {{"held", "none", {"mofc.controller=none", "device.monitor=off"}},
-                     {"held", "paper", {"mofc.mode=paper", "device.monitor=off"}},
-                     {"held", "vector", {"mofc.mode=vector"}},
-                     {"held", "guard", {"mofc.mode=guard"}},
-                     {"local", "none", {"mofc.controller=none", "device.monitor=off"}},
-                     {"local", "paper", {"mofc.mode=paper", "device.monitor=off"}},
-                     {"local", "vector", {"mofc.mode=vector"}},
-                     {"local", "guard", {"mofc.mode=guard"}}};
+const std::vector<Way> kModes{{"held", "none", {"mofc.controller=none", "device.monitor=off"}},
+                              {"held", "paper", {"mofc.mode=paper", "device.monitor=off"}},
+                              {"held", "vector", {"mofc.mode=vector"}},
+                              {"held", "guard", {"mofc.mode=guard"}},
+                              {"local", "none", {"mofc.controller=none", "device.monitor=off"}},
+                              {"local", "paper", {"mofc.mode=paper", "device.monitor=off"}},
+                              {"local", "vector", {"mofc.mode=vector"}},
+                              {"local", "guard", {"mofc.mode=guard"}}};
+
+/// Every controller, alone.
+std::vector<Way> rivals() {
+  std::vector<Way> ways;
+  for (const char* interaction : {"held", "local"}) {
+    for (const Contender& contender : contenders()) {
+      if (contender.needs_model && interaction == std::string("held")) continue;
+      Way way{interaction, contender.label, contender.overrides};
+      way.overrides.emplace_back("device.monitor=off");
+      ways.push_back(std::move(way));
+    }
+  }
+  return ways;
+}
 
 struct Point {
   double period_ms;
@@ -48,7 +63,8 @@ struct Outcome {
   Verdict verdict = Verdict::kStable;
   double swing_m = 0.0;  // peak to peak along the normal, last 0.5 s
   double minimum_true_energy_joule = 0.0;
-  double force_newton = 0.0;  // mean along the normal, last 0.5 s
+  double force_newton = 0.0;            // mean along the normal, last 0.5 s
+  double stiffness_newton_per_m = 0.0;  // rendered: mean force over mean depth, last 0.5 s
 };
 
 /// The hand goes 10 mm into the wall within 0.3 s and stays for 2 s (docs/theory.md §7.5). In the
@@ -75,6 +91,7 @@ faults {{ tool_motion {{ delay_ms: {} }} interaction {{ delay_ms: {} }} }}
   double low = 1e9;
   double high = -1e9;
   double force_sum = 0.0;
+  double depth_sum_m = 0.0;
   std::uint64_t rows = 0;
   Lockstep lockstep(session, {}, [&](const TickRow& row, const IdealState&) {
     outcome.minimum_true_energy_joule = row.device.minimum_true_energy_joule;
@@ -82,11 +99,13 @@ faults {{ tool_motion {{ delay_ms: {} }} interaction {{ delay_ms: {} }} }}
     low = std::min(low, row.device.true_tool_position_world_m.z());
     high = std::max(high, row.device.true_tool_position_world_m.z());
     force_sum += row.device.force_on_hand_newton.z();
+    depth_sum_m -= row.device.true_tool_position_world_m.z();
     ++rows;
   });
   lockstep.run_until(from_seconds(2.4));
   outcome.swing_m = high - low;
   outcome.force_newton = force_sum / static_cast<double>(std::max<std::uint64_t>(rows, 1));
+  outcome.stiffness_newton_per_m = depth_sum_m > 0.0 ? force_sum / depth_sum_m : 0.0;
   if (outcome.swing_m >= 5e-3 || outcome.minimum_true_energy_joule < -10e-3) {
     outcome.verdict = Verdict::kUnstable;
   } else if (outcome.swing_m >= 0.2e-3) {
@@ -108,6 +127,25 @@ struct Grid {
   std::vector<double> delays_ms{0, 5, 20};
 };
 
+struct MapOptions {
+  BenchOptions bench;
+  bool has_rivals = false;
+};
+
+Grid grid_of(const MapOptions& options) {
+  Grid grid;
+  if (options.bench.is_quick) {
+    grid.masses_kg = {0.3};
+    grid.dampings = {0, 50};
+    grid.delays_ms = {0, 5};
+  }
+  if (options.has_rivals) {  // stiffness, damping and delay
+    grid.periods_ms = {1};
+    grid.masses_kg = {0.3};
+  }
+  return grid;
+}
+
 /// One panel for each variant: period across, stiffness up, at 0.3 kg without damping or delay, and
 /// with 5 ms of delay.
 void draw(const std::filesystem::path& folder) {
@@ -125,7 +163,7 @@ set xlabel 'period, ms'
 set ylabel 'stiffness, N/m'
 unset key
 )";
-  for (const Way& way : kWays) {
+  for (const Way& way : kModes) {
     script += fmt::format(
         "set title '{0}, {1}'\nplot 'stability.csv' using (strcol('interaction') eq '{0}' && "
         "strcol('controller') eq '{1}' && column('mass_kg') == 0.3 && "
@@ -136,13 +174,10 @@ unset key
   draw_figure(folder, "stability", script + "unset multiplot\n");
 }
 
-void run(const BenchOptions& options) {
-  Grid grid;
-  if (options.is_quick) {
-    grid.masses_kg = {0.3};
-    grid.dampings = {0, 50};
-    grid.delays_ms = {0, 5};
-  }
+void run(const MapOptions& map) {
+  const BenchOptions& options = map.bench;
+  const Grid grid = grid_of(map);
+  const std::vector<Way> ways = map.has_rivals ? rivals() : kModes;
   Table all({{"interaction", "force", ""},
              {"controller", "MOFC", ""},
              {"period_ms", "T ms", "{:g}"},
@@ -154,6 +189,7 @@ void run(const BenchOptions& options) {
              {"verdict_number", "", "{:.0f}"},
              {"swing_mm", "swing mm", "{:.3f}"},
              {"force_n", "force N", "{:.2f}"},
+             {"rendered_n_per_m", "rendered N/m", "{:.1f}"},
              {"min_true_energy_uj", "min energy µJ", "{:.1f}"}});
   Table counts({{"interaction", "force", ""},
                 {"controller", "MOFC", ""},
@@ -163,16 +199,18 @@ void run(const BenchOptions& options) {
                 {"unstable", "unstable", "{:.0f}"},
                 {"largest_swing_mm", "largest swing mm", "{:.1f}"},
                 {"mean_force_n", "mean force N", "{:.2f}"},
+                {"rendered_ratio", "rendered / nominal k", "{:.2f}"},
                 {"min_true_energy_uj", "min energy µJ", "{:.1f}"}});
-  std::optional<Steps> steps(std::in_place, std::size(kWays) * grid.delays_ms.size() *
+  std::optional<Steps> steps(std::in_place, ways.size() * grid.delays_ms.size() *
                                                 grid.periods_ms.size() * grid.masses_kg.size() *
                                                 grid.stiffnesses.size() * grid.dampings.size());
-  for (const Way& way : kWays) {
+  for (const Way& way : ways) {
     for (const double delay_ms : grid.delays_ms) {
       double count[3] = {0, 0, 0};
       double largest_m = 0.0;
       double force = 0.0;
       double least_joule = 0.0;
+      double rendered_ratio = 0.0;
       for (const double period_ms : grid.periods_ms) {
         for (const double mass_kg : grid.masses_kg) {
           for (const double k : grid.stiffnesses) {
@@ -184,18 +222,19 @@ void run(const BenchOptions& options) {
               ++count[verdict];
               largest_m = std::max(largest_m, outcome.swing_m);
               force += outcome.force_newton;
+              rendered_ratio += outcome.stiffness_newton_per_m / k;
               least_joule = std::min(least_joule, outcome.minimum_true_energy_joule);
-              all.add({std::string(way.interaction), std::string(way.controller), period_ms,
-                       mass_kg, k, b, delay_ms, std::string(name(outcome.verdict)),
-                       static_cast<double>(verdict), 1e3 * outcome.swing_m, outcome.force_newton,
+              all.add({way.interaction, way.controller, period_ms, mass_kg, k, b, delay_ms,
+                       std::string(name(outcome.verdict)), static_cast<double>(verdict),
+                       1e3 * outcome.swing_m, outcome.force_newton, outcome.stiffness_newton_per_m,
                        1e6 * outcome.minimum_true_energy_joule});
             }
           }
         }
       }
-      counts.add({std::string(way.interaction), std::string(way.controller), delay_ms, count[0],
-                  count[1], count[2], 1e3 * largest_m, force / (count[0] + count[1] + count[2]),
-                  1e6 * least_joule});
+      const double points = count[0] + count[1] + count[2];
+      counts.add({way.interaction, way.controller, delay_ms, count[0], count[1], count[2],
+                  1e3 * largest_m, force / points, rendered_ratio / points, 1e6 * least_joule});
     }
     counts.add_gap();
   }
@@ -205,10 +244,10 @@ void run(const BenchOptions& options) {
       "\nA hand of 150 N/m and 6 N·s/m goes 10 mm into the wall and stays: device and physics with "
       "period T, delay each way.\nPeak to peak in the last 0.5 s: stable below 0.2 mm, unstable "
       "from 5 mm or where the hand extracted more than 10 mJ.\nMean force: the force held; zero "
-      "force is stable, too. --csv has every point.\n");
+      "force is stable, too. Rendered: mean force over mean depth. --csv has every point.\n");
   write_table(options, all.csv());
   write_json(options, all.json());
-  if (options.plot_folder.empty()) return;
+  if (options.plot_folder.empty() || map.has_rivals) return;
   const std::filesystem::path folder = options.plot_folder;
   std::filesystem::create_directories(folder);
   write_file(folder / "stability.csv", all.csv());
@@ -220,6 +259,9 @@ void run(const BenchOptions& options) {
 
 int main(int argc, char** argv) {
   CLI::App app("Which walls can be pressed and held, in lockstep.");
-  palpate::bench::BenchOptions options;
-  return palpate::bench::run_bench(app, options, argc, argv, [&] { palpate::bench::run(options); });
+  palpate::bench::MapOptions options;
+  app.add_flag("--rivals", options.has_rivals,
+               "every controller of controllers_bench, at 1 kHz and 0.3 kg");
+  return palpate::bench::run_bench(app, options.bench, argc, argv,
+                                   [&] { palpate::bench::run(options); });
 }

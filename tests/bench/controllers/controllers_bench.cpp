@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstdio>
 #include <exception>
+#include <filesystem>
 #include <functional>
 #include <map>
 #include <mutex>
@@ -21,6 +22,7 @@
 #include "common/session/session_file.h"
 #include "deploy/lockstep/loopback.h"
 #include "tests/bench/bench_output.h"
+#include "tests/bench/controllers/contenders.h"
 #include "tests/bench/controllers/step_times.h"
 
 namespace palpate::bench {
@@ -31,8 +33,6 @@ constexpr double kNegativeJoule = -1e-6;
 /// Transparencies that differ by less count as equal.
 constexpr double kEqualTransparency = 0.005;
 constexpr const char* kSession = "tests/bench/controllers/compare.txtpb";
-
-using Overrides = std::vector<std::string>;
 
 struct Choice {
   std::string label;
@@ -45,7 +45,8 @@ struct Conditions {
   std::vector<double> delays_ms;
   std::vector<double> losses;
   std::vector<double> resolutions_m;
-  std::uint64_t seeds = 1;
+  std::uint64_t seeds = 1;       ///< of the hostile hands
+  std::uint64_t calm_seeds = 1;  ///< of the calm one, and of runs with the safety net
 };
 
 std::string tissue(const char* surface, double stiffness, double damping, bool is_isotropic) {
@@ -55,76 +56,60 @@ std::string tissue(const char* surface, double stiffness, double damping, bool i
       surface, stiffness, damping, is_isotropic, is_isotropic);
 }
 
+/// Soft where x < 0, rigid where x > 0: one leg of the V each.
+constexpr const char* kMixed =
+    "scene={ tissue { name: 'soft' box { center_m { x: -0.1 z: -0.1 } size_m { x: 0.2 y: 0.4 z: "
+    "0.2 "
+    "} } kelvin_voigt { stiffness_newton_per_m: 6 damping_newton_s_per_m: 15 isotropic_damping: "
+    "true "
+    "adhesive: true } } tissue { name: 'rigid' box { center_m { x: 0.1 z: -0.1 } size_m { x: 0.2 "
+    "y: "
+    "0.4 z: 0.2 } } kelvin_voigt { stiffness_newton_per_m: 45 damping_newton_s_per_m: 150 "
+    "isotropic_damping: true adhesive: true } } }";
+
 Conditions conditions(bool is_quick) {
   Conditions all{
       .tissues = {{"paper soft", {tissue("half_space {}", 6, 15, true)}},
                   {"paper rigid", {tissue("half_space {}", 45, 150, true)}},
                   {"500 N/m", {tissue("half_space {}", 500, 1, false)}},
                   {"2000 N/m", {tissue("half_space {}", 2000, 1, false)}},
+                  {"paper mixed", {kMixed}},
                   {"damper", {tissue("half_space {}", 1, 30, true)}},
                   {"sphere",
-                   {tissue("sphere { center_m { z: -0.03 } radius_m: 0.03 }", 1000, 1, false)}}},
+                   {tissue("sphere { center_m { z: -0.03 } radius_m: 0.03 }", 1000, 1, false)}},
+                  {"active",
+                   {tissue("half_space {}", 500, 1, false), "adversary.physics=active_tissue"}}},
       .ways = {{"50 Hz held", {"physics.rate_hz=50", "mofc.interaction=held"}},
                {"1 kHz held", {"physics.rate_hz=1000", "mofc.interaction=held"}},
                {"1 kHz local", {"physics.rate_hz=1000", "mofc.interaction=local"}}},
       .delays_ms = {0, 5, 20, 50, 100},
       .losses = {0.0, 0.2},
       .resolutions_m = {0.0, 55e-6},
-      .seeds = 5};
+      .seeds = 5,
+      .calm_seeds = 3};
   if (is_quick) {
     all.tissues = {all.tissues[0], all.tissues[1], all.tissues[3]};
     all.delays_ms = {0, 20};
     all.losses = {0.0};
     all.resolutions_m = {55e-6};
-    all.seeds = 1;
+    all.seeds = 3;
+    all.calm_seeds = 1;
   }
   return all;
 }
 
-struct Contender {
-  std::string label;
-  Overrides overrides;
-  bool needs_model = false;
-};
-
-std::vector<Contender> contenders() {
-  const auto of = [](const char* controller) {
-    return Overrides{std::string("mofc.controller=") + controller};
-  };
-  const auto with = [&](const char* controller, const char* setting) {
-    Overrides overrides = of(controller);
-    overrides.emplace_back(setting);
-    return overrides;
-  };
-  return {{"none", of("none")},
-          {"mofc paper, output limiter", {"mofc.mode=paper"}},
-          {"mofc vector", {"mofc.mode=vector"}},
-          {"mofc guard", {"mofc.mode=guard"}},
-          {"virtual coupling", of("virtual_coupling"), true},
-          {"virtual coupling, sampled data",
-           with("virtual_coupling", "mofc.virtual_coupling_settings.criterion=sampled_data"), true},
-          {"energy bounding", of("energy_bounding")},
-          {"force bounding, less",
-           with("force_bounding", "mofc.force_bounding_settings.variant=less_conservative")},
-          {"force bounding, more", of("force_bounding")},
-          {"PO/PC, product",
-           with("passivity_control", "mofc.passivity_control_settings.observer=product")},
-          {"PO/PC, sampled", of("passivity_control")},
-          {"PO/PC, reference",
-           with("passivity_control", "mofc.passivity_control_settings.observer=reference")},
-          {"memory based", of("memory_based")},
-          {"input to state", of("input_to_state")},
-          {"two ports", of("two_port")},
-          {"energy tank", of("energy_tank")},
-          {"Lyapunov", of("lyapunov"), true}};
-}
-
 /// What the hand does: presses and releases, or tries to extract energy.
 const Choice kCalm{"calm", {}};
-const Choice kHostile{
-    "hostile",
-    {"hand={ stiffness_newton_per_m: 2000 damping_newton_s_per_m: 40 hostile { radius_m: 0.02 "
-     "v_max_m_per_s: 0.3 } }"}};
+
+Choice hostile(const char* label, double stiffness, double radius_m, double v_max_m_per_s) {
+  return {label,
+          {fmt::format("hand={{ stiffness_newton_per_m: {} damping_newton_s_per_m: 40 hostile {{ "
+                       "radius_m: {} v_max_m_per_s: {} }} }}",
+                       stiffness, radius_m, v_max_m_per_s)}};
+}
+const Choice kHostile[] = {hostile("hostile", 2000, 0.02, 0.3),
+                           hostile("hostile, fast", 2000, 0.02, 0.5),
+                           hostile("hostile, loose grip", 500, 0.05, 0.5)};
 
 struct Run {
   const Contender* contender = nullptr;
@@ -174,12 +159,14 @@ std::vector<Run> all_runs(const std::vector<Contender>& contenders, const Condit
           for (const double loss : c.losses) {
             for (const double q : c.resolutions_m) {
               for (std::uint64_t seed = 1; seed <= c.seeds; ++seed) {
-                const auto both = [&](const Choice& hand, bool has_net) {
+                const auto with = [&](const Choice& hand, bool has_net) {
                   add(contender, tissue, way, hand, delay, loss, q, seed, has_net);
                 };
-                both(kCalm, false);
-                both(kHostile, false);
-                if (contender.label != "mofc guard") both(kHostile, true);
+                if (seed <= c.calm_seeds) with(kCalm, false);
+                for (const Choice& hand : kHostile) with(hand, false);
+                if (contender.label != "mofc guard" && seed <= c.calm_seeds) {
+                  with(kHostile[0], true);
+                }
               }
             }
           }
@@ -239,7 +226,7 @@ Table safety_table(const std::vector<Contender>& contenders, const std::vector<R
   Table table({{"controller", "controller", ""},
                {"calm_negative", "calm hand: below −1 µJ", ""},
                {"calm_least_mj", "least mJ", "{:.3f}"},
-               {"hostile_negative", "hostile hand", ""},
+               {"hostile_negative", "hostile hands", ""},
                {"hostile_least_mj", "least mJ", "{:.3f}"},
                {"net_negative", "hostile, safety net", ""},
                {"net_least_uj", "least µJ", "{:.3f}"}});
@@ -434,6 +421,54 @@ std::vector<Run> shard_of(std::vector<Run> runs, const std::string& shard) {
   return part;
 }
 
+/// Safety against truth: a point per controller and kind of physics, the least energy of all runs
+/// against the mean transparency of the calm hand.
+void draw_pareto(const std::filesystem::path& folder, const std::vector<Contender>& contenders,
+                 const std::vector<Run>& runs, const Conditions& c) {
+  std::filesystem::create_directories(folder);
+  Table table({{"way", "", ""},
+               {"controller", "", ""},
+               {"lost_mj", "", "{:g}"},
+               {"transparency_percent", "", "{:g}"}});
+  for (const Choice& way : c.ways) {
+    for (const Contender& contender : contenders) {
+      Safety safety;
+      Truth truth;
+      for (const Run& run : runs) {
+        if (run.contender != &contender || run.way != way.label || run.has_net) continue;
+        safety.add(run);
+        if (run.hand == kCalm.label) truth.add(run.statistics);
+      }
+      if (truth.runs == 0) continue;
+      // on a logarithmic axis; what counts as safe is drawn at its limit
+      table.add({way.label, contender.label, 1e3 * std::max(-kNegativeJoule, -safety.least_joule),
+                 100.0 * truth.mean(truth.transparency)});
+    }
+  }
+  write_file(folder / "pareto.csv", table.csv());
+  std::string script = R"(set datafile separator ','
+set terminal svg size 1300,620 dynamic background rgb 'white' font 'sans,11'
+set output 'pareto.svg'
+set multiplot layout 1,3 title 'Safety against truth: up and to the left is better; at the left edge the hand never gains energy'
+set logscale x
+set xrange [6e-4:2e3]
+set yrange [0:105]
+set grid
+unset key
+set xlabel 'most energy that the hand gained, mJ'
+set ylabel 'transparency of the calm hand, %'
+)";
+  for (const Choice& way : c.ways) {
+    script += fmt::format(
+        "set title '{0}'\nplot 'pareto.csv' using (strcol('way') eq '{0}' ? column('lost_mj') : "
+        "NaN):'transparency_percent' with points pt 7 ps 0.7 lc rgb '#1f618d', '' using "
+        "(strcol('way') eq '{0}' ? column('lost_mj') : NaN):'transparency_percent':'controller' "
+        "with labels left offset 0.6,0.2 font 'sans,8'\n",
+        way.label);
+  }
+  draw_figure(folder, "pareto", script + "unset multiplot\n");
+}
+
 bool run(const ControllersOptions& options) {
   const std::vector<Contender> all = contenders();
   const Conditions c = conditions(options.bench.is_quick);
@@ -456,6 +491,7 @@ bool run(const ControllersOptions& options) {
   write_table(options.bench, rows.csv());
   json["rows"] = rows.json();
   write_json(options.bench, json);
+  if (!options.bench.plot_folder.empty()) draw_pareto(options.bench.plot_folder, all, runs, c);
   return holds(runs);
 }
 
