@@ -1,8 +1,12 @@
 // elastic_problems.h — the bodies that elastic_bench, elastic_stress and elastic_test share.
 #pragma once
 
+#include <Eigen/LU>
+#include <array>
 #include <cmath>
 #include <cstdint>
+#include <map>
+#include <utility>
 #include <vector>
 
 #include "physics_node/elastic/body.h"
@@ -42,6 +46,83 @@ inline elastic::BodyDescription standing_block(const elastic::Mesh& mesh, elasti
           .law = law,
           .fixed_nodes =
               elastic::nodes_where(mesh, [](const elastic::Vector3d& x) { return x.z() < 1e-9; })};
+}
+
+/// The block of standing_block() as cubes nested around the middle of its top: the innermost
+/// reaches `inner_m` to each side and down and has `cells` cells on each half edge, each further
+/// one is larger by the same ratio, the last is the block. Its cells are nowhere stretched, so that
+/// it needs fewer nodes than one graded along each axis.
+inline elastic::Mesh nested_block(int cells, double inner_m, int shells) {
+  elastic::Mesh mesh;
+  std::map<std::array<int, 4>, std::uint32_t> places;
+  const double ratio = std::pow(0.05 / inner_m, 1.0 / shells);
+  // grid point of the innermost cube, i, j = −cells…cells, k = −cells…0, moved out to a shell
+  const auto node = [&](const std::array<int, 3>& at, int shell) {
+    const auto [entry, is_new] = places.try_emplace(
+        {at[0], at[1], at[2], shell}, static_cast<std::uint32_t>(mesh.nodes_m.size()));
+    if (is_new) {
+      const double scale_m = inner_m * std::pow(ratio, shell) / cells;
+      mesh.nodes_m.emplace_back(0.05 + scale_m * at[0], 0.05 + scale_m * at[1],
+                                0.05 + scale_m * at[2]);
+    }
+    return entry->second;
+  };
+  // Five tetrahedra. Which diagonals they have depends on whether corner 0 is an even grid point,
+  // so that those of neighbours meet.
+  using Corners = std::array<std::uint32_t, 8>;  // bit 0, 1, 2 of the index: along which edge
+  const auto add = [&](const Corners& corners, bool is_even) {
+    constexpr int kCuts[2][5][4] = {
+        // NOLINT
+        {{0, 3, 5, 6}, {1, 0, 3, 5}, {2, 0, 3, 6}, {4, 0, 5, 6}, {7, 3, 5, 6}},
+        {{1, 2, 4, 7}, {0, 1, 2, 4}, {3, 1, 2, 7}, {5, 1, 4, 7}, {6, 2, 4, 7}}};
+    for (const auto& cut : kCuts[is_even ? 0 : 1]) {
+      std::array<std::uint32_t, 4> nodes{};
+      for (std::size_t i = 0; i < 4; ++i) nodes[i] = corners[static_cast<std::size_t>(cut[i])];
+      Eigen::Matrix3d edges;
+      for (Eigen::Index i = 0; i < 3; ++i) {
+        edges.col(i) =
+            mesh.nodes_m[nodes[static_cast<std::size_t>(i) + 1]] - mesh.nodes_m[nodes[0]];
+      }
+      if (edges.determinant() < 0.0) std::swap(nodes[2], nodes[3]);
+      mesh.elements.insert(mesh.elements.end(), nodes.begin(), nodes.end());
+    }
+  };
+  const auto is_even = [](int number) { return number % 2 == 0; };
+  for (int i = -cells; i < cells; ++i) {
+    for (int j = -cells; j < cells; ++j) {
+      for (int k = -cells; k < 0; ++k) {
+        Corners corners{};
+        for (int c = 0; c < 8; ++c) {
+          corners[static_cast<std::size_t>(c)] =
+              node({i + (c & 1), j + ((c >> 1) & 1), k + (c >> 2)}, 0);
+        }
+        add(corners, is_even(i + j + k));
+      }
+    }
+  }
+  for (int shell = 0; shell < shells; ++shell) {
+    // a face of the grid and the same face one shell further out
+    const auto add_between = [&](auto at) {
+      Corners corners{};
+      for (int c = 0; c < 8; ++c) {
+        corners[static_cast<std::size_t>(c)] = node(at(c & 1, (c >> 1) & 1), shell + (c >> 2));
+      }
+      const std::array<int, 3> first = at(0, 0);
+      add(corners, is_even(first[0] + first[1] + first[2] + shell));
+    };
+    for (int i = -cells; i < cells; ++i) {
+      for (int j = -cells; j < cells; ++j) {
+        add_between([&](int u, int v) { return std::array{i + u, j + v, -cells}; });
+      }
+      for (int k = -cells; k < 0; ++k) {
+        for (const int side : {-cells, cells}) {
+          add_between([&](int u, int v) { return std::array{i + u, side, k + v}; });
+          add_between([&](int u, int v) { return std::array{side, i + u, k + v}; });
+        }
+      }
+    }
+  }
+  return mesh;
 }
 
 /// Points of the block's top within `radius_m` of its middle.
