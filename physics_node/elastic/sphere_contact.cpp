@@ -49,8 +49,19 @@ SphereContact::SphereContact(std::vector<SurfacePoint> points, double stiffness_
 void SphereContact::choose_near(const double* x_m, double margin_m) {
   near_.clear();
   const double reach_m = radius_m_ + margin_m;
+  const auto corner = [&](std::uint32_t i, std::size_t k) {
+    return Eigen::Map<const Vector3d>(x_m + 3 * std::size_t{points_[i].nodes[k]});
+  };
+  bool is_face_near = false;
   for (std::uint32_t i = 0; i < points_.size(); ++i) {
-    if ((points_[i].position_m(x_m) - centre_m_).squaredNorm() < reach_m * reach_m) {
+    if (i == 0 || points_[i].nodes != points_[i - 1].nodes) {  // a face's points are together
+      const double longest_m = std::max({(corner(i, 1) - corner(i, 0)).norm(),
+                                         (corner(i, 2) - corner(i, 1)).norm(),
+                                         (corner(i, 0) - corner(i, 2)).norm()});
+      is_face_near = (corner(i, 0) - centre_m_).norm() < reach_m + 1.5 * longest_m;
+    }
+    if (is_face_near &&
+        (points_[i].position_m(x_m) - centre_m_).squaredNorm() < reach_m * reach_m) {
       near_.push_back(i);
     } else {
       multipliers_pa_[i] = 0.0;

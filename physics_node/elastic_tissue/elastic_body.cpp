@@ -1,5 +1,6 @@
 #include "physics_node/elastic_tissue/elastic_body.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -16,7 +17,9 @@ namespace palpate::physics {
 namespace {
 
 constexpr double kRestTolerance_m = 1e-7;
-constexpr int kMostPointsPerEdge = 8;
+constexpr int kMostPointsPerEdge = 16;
+// Of the surface that a point stands for, over the square of the tip's radius.
+constexpr double kPointArea = 0.09;
 constexpr std::size_t kMostElements = 200'000;
 
 bool is_within(const RegionGeometry& region, const Vector3& point_m) {
@@ -76,21 +79,19 @@ elastic::Mesh mesh_of(const FileGeometry& geometry, const ElasticMaterial& mater
   return material.is_linear ? mesh : elastic::quadratic(mesh);
 }
 
-/// As many points on each face as the tip needs to touch several of them.
+/// Points so dense that those of a condensed contact cover half of the tip.
 std::vector<elastic::SurfacePoint> contact_points(const elastic::Mesh& mesh,
                                                   const std::vector<elastic::Face>& faces,
                                                   double tip_radius_m) {
+  const double area_m2 = kPointArea * tip_radius_m * tip_radius_m;
   std::vector<elastic::SurfacePoint> points;
   for (const elastic::Face& face : faces) {
-    double longest_m = 0.0;
-    for (std::size_t i = 0; i < 3; ++i) {
-      longest_m = std::max(
-          longest_m,
-          (mesh.nodes_m[face.nodes[i]] - mesh.nodes_m[face.nodes[(i + 1) % 3]]).norm());
-    }
-    const int per_edge =
-        std::clamp(static_cast<int>(std::ceil(3.0 * longest_m / tip_radius_m)), 1,
-                   kMostPointsPerEdge);
+    const elastic::Vector3d& corner_m = mesh.nodes_m[face.nodes[0]];
+    const double face_m2 = 0.5 * (mesh.nodes_m[face.nodes[1]] - corner_m)
+                                     .cross(mesh.nodes_m[face.nodes[2]] - corner_m)
+                                     .norm();
+    const int per_edge = std::clamp(static_cast<int>(std::round(std::sqrt(face_m2 / area_m2))), 1,
+                                    kMostPointsPerEdge);
     const auto more = elastic::surface_points(mesh, {face}, per_edge);
     points.insert(points.end(), more.begin(), more.end());
   }

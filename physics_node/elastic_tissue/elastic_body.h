@@ -24,7 +24,7 @@ struct ElasticBody {
   Bounds bounds;             ///< of that surface
   std::unique_ptr<const elastic::Body> body;
   std::vector<elastic::Face> faces;
-  std::vector<elastic::SurfacePoint> points;  ///< of the contact, at most a third of a tip apart
+  std::vector<elastic::SurfacePoint> points;  ///< of the contact
   std::vector<std::uint32_t> surface_nodes;
   elastic::VectorXd start_m;  ///< at rest under gravity, untouched
   double sag_m = 0.0;         ///< largest displacement under gravity

@@ -63,7 +63,8 @@ bool ElasticTissue::touch(std::size_t tool, const Vector3& tip_m, double reach_m
     const Vector3 centre_m = tip_m - (depth_m - penetration_m) * view.normal;
     const Vector3 force =
         prepared->contact->step(centre_m, tip_radius_m_, kMostSweeps, kSweepTolerance_m)
-            .force_on_sphere_newton;
+            .force_on_sphere_newton +
+        prepared->other_newton;
     if (force.allFinite()) {
       own.normal = contact_normal(force, view.normal);
       own.stiffness_newton_per_m = elastic_stiffness(std::max(0.0, force.dot(own.normal)), depth_m);
@@ -112,7 +113,8 @@ void ElasticTissue::measure(Tool& tool, const ElasticSimulation::Touch& touch) {
   if (!touch.is_near || !tool.last || !(newton > 0.0) || way_m > tip_radius_m_) return;
   const Vector3 expected =
       tool.last->step(touch.centre_m, tip_radius_m_, kMostSweeps, kSweepTolerance_m)
-          .force_on_sphere_newton;
+          .force_on_sphere_newton +
+      tool.last_other_newton;
   const double error_newton = (expected - touch.force_on_tool_newton).norm();
   figures_.error_newton = error_newton;
   tool.error_newton = std::max(error_newton, kErrorMemory * tool.error_newton);
@@ -148,10 +150,17 @@ void ElasticTissue::prepare(std::size_t index) {
                          touch.centre_m, kMostPoints);
   const Vector3 normal = body_->shape.view(touch.centre_m, tool.slow_hint).normal;
   draft.raised_m = raised_m(index, draft.contact->chosen().front(), normal);
+  draft.other_newton = touch.force_on_tool_newton;
+  for (const std::size_t point : draft.contact->chosen()) {
+    if (!touch.forces_on_body_newton.empty()) {
+      draft.other_newton += touch.forces_on_body_newton[point];
+    }
+  }
   draft.centre_m = touch.centre_m;
   draft.error_newton_per_m = tool.error_newton_per_m;
   draft.error_newton = tool.error_newton;
   tool.last.emplace(*draft.contact);
+  tool.last_other_newton = draft.other_newton;
   tool.last_centre_m = touch.centre_m;
   tool.is_prepared = true;
 }

@@ -73,6 +73,7 @@ class ElasticTissue {
   struct Prepared {
     std::optional<elastic::CondensedContact> contact;
     Vector3 centre_m = Vector3::Zero();  // of the sphere in the full solution
+    Vector3 other_newton = Vector3::Zero();  // on the tool, from points that are not among these
     double raised_m = 0.0;               // of the surface by other tools, along its normal
     double error_newton_per_m = 0.0;     // of the force, by the way from that centre
     double error_newton = 0.0;           // at that centre
@@ -90,6 +91,7 @@ class ElasticTissue {
     bool is_prepared = false;  // a draft waits to be published
     std::optional<elastic::CondensedContact> last;
     Vector3 last_centre_m = Vector3::Zero();
+    Vector3 last_other_newton = Vector3::Zero();
     double error_newton_per_m = 0.0;
     double error_newton = 0.0;
   };
