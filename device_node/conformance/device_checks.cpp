@@ -329,7 +329,7 @@ CheckOutcome check_release(DeviceBench& bench) {
   const Limp at_the_end(bench.device());
   if (!apply(bench, gentle_force_newton(bench), 20ms)) return failed(kRefused);
   bench.device().release();
-  const CheckOutcome after = expect_motors(bench, Vector3::Zero(), "after release()");
+  CheckOutcome after = expect_motors(bench, Vector3::Zero(), "after release()");
   if (after.verdict == CheckVerdict::kFailed) return after;
   if (!apply(bench, gentle_force_newton(bench), 20ms)) {
     return failed("apply() refused a force after release()");

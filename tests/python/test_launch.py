@@ -19,11 +19,11 @@ class Launch(TestCase):
         summary = self.folder / "run.json"
         session = EXAMPLE.with_suffix(".txtpb")
         with self.running(
-            "palpate", "launch", session, "--no-realtime", "--no-viewer", "--seconds", "1.5", "--json", summary
+            "palpate", "launch", session, "--no-realtime", "--no-viewer", "--seconds", "3", "--json", summary
         ) as launch:
             self.assertEqual(launch.process.wait(DEADLINE_S), 0, launch.err)
         run = json.loads(summary.read_text())
-        self.assertGreater(run["in_contact_ticks"], 50)
+        self.assertGreater(run["in_contact_ticks"], 20)
         self.assertGreater(run["max_force_n"], 0.5)
         self.assertGreaterEqual(run["min_true_energy_j"], -1e-6)
         self.assertEqual(run["restarts"]["physics"], 0)
@@ -68,7 +68,7 @@ class Launch(TestCase):
         record = self.folder / "run.mcap"
         session = self.python_session("scene { tool { tip_radius_m: 0.003 } }", program)
         with self.running(
-            "palpate", "launch", session, "--no-realtime", "--no-viewer", "--seconds", "1", "--record", record
+            "palpate", "launch", session, "--no-realtime", "--no-viewer", "--seconds", "3", "--record", record
         ) as launch:
             self.assertEqual(launch.process.wait(DEADLINE_S), 0, launch.err)
         recording = palpate.Recording(record)
@@ -79,7 +79,7 @@ class Launch(TestCase):
         self.assertEqual(scene.tissues[0].name, "sheet")
         self.assertEqual(np.frombuffer(scene.tissues[0].triangles, "<u4").tolist(), [0, 1, 2])
         frames = [message for _, message in recording.messages("mesh")]
-        self.assertLessEqual(len(frames), 31)
+        self.assertLessEqual(len(frames), 91)
         self.assertEqual(np.frombuffer(frames[0].vertices_m, "<f4")[2], -0.25)
 
     def test_surfaces_that_cannot_be_drawn_are_refused(self) -> None:

