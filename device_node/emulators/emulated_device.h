@@ -51,7 +51,7 @@ class EmulatedDevice {
   /// The client is gone: the force ends.
   void let_go() noexcept;
 
-  [[nodiscard]] const Vector3& force_newton() const noexcept {
+  [[nodiscard]] Vector3 force_newton() const noexcept {
     return device_.motor_force_on_hand_newton();
   }
   [[nodiscard]] Vector3 velocity_m_per_s() const noexcept {
