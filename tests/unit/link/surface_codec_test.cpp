@@ -299,10 +299,14 @@ TEST(SurfaceCodec, RefusesNumbersOfTilesAndCoverageThatAreOutOfRange) {
       false);
   range([](News& m, double x) { m.mutable_coverages(0)->mutable_center_m()->set_y(x); }, -1e3, 1e3);
   range([](News& m, double x) { m.mutable_coverages(0)->set_radius_m(x); }, 0.0, 1e3);
-  range([](News& m, double x) { m.mutable_pending(0)->set_center_x_m(x); }, -1e3, 1e3);
-  range([](News& m, double x) { m.mutable_pending(0)->set_center_y_m(x); }, -1e3, 1e3);
-  range([](News& m, double x) { m.mutable_pending(0)->set_center_z_m(x); }, -1e3, 1e3);
-  range([](News& m, double x) { m.mutable_pending(0)->set_radius_m(x); }, 0.0, 1e3);
+  range([](News& m, double x) { m.mutable_pending(0)->set_center_x_m(static_cast<float>(x)); },
+        -1e3, 1e3);
+  range([](News& m, double x) { m.mutable_pending(0)->set_center_y_m(static_cast<float>(x)); },
+        -1e3, 1e3);
+  range([](News& m, double x) { m.mutable_pending(0)->set_center_z_m(static_cast<float>(x)); },
+        -1e3, 1e3);
+  range([](News& m, double x) { m.mutable_pending(0)->set_radius_m(static_cast<float>(x)); }, 0.0,
+        1e3);
 }
 
 TEST(SurfaceCodec, RefusesALawThatDividesByZero) {
