@@ -35,8 +35,7 @@ class Conform {
     program_ = std::make_unique<Program>("palpate", arguments);
   }
   Report report() {
-    Report report{.status = program_->wait(std::chrono::seconds(60)), .is_good = {}, .text = {}};
-    report.text = program_->out();
+    Report report{.status = program_->wait(std::chrono::seconds(60)), .text = program_->out()};
     const std::filesystem::path file = folder_.path() / "found.json";
     if (!std::filesystem::exists(file)) return report;
     const json found = json::parse(test::text_of(file));
