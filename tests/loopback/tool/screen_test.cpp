@@ -176,7 +176,8 @@ std::vector<std::string> options_in(const std::string& text) {
   std::vector<std::string> options;
   for (std::size_t at = 0; (at = text.find("--", at)) != std::string::npos;) {
     const std::size_t end = text.find_first_not_of("abcdefghijklmnopqrstuvwxyz-", at);
-    if (end - at > 3) options.push_back(text.substr(at, end - at));
+    const bool is_value = at > 0 && text[at - 1] == '=';  // "--sbatch=--partition=long"
+    if (end - at > 3 && !is_value) options.push_back(text.substr(at, end - at));
     at = end;
   }
   return options;
