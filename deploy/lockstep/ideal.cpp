@@ -29,9 +29,8 @@ Ideal::Ideal(const Session& session)
             const Vector3 tool_m = run_map_.tool_position_world_m(hand_m);
             return force_on_hand(
                 run_map_.is_clutched(),
-                scene_
-                        .evaluate(tool_m, run_map_.tool_velocity_world_m_per_s(hand_m_per_s),
-                                  time_s, run_memory_)
+                scene_.evaluate(tool_m, run_map_.tool_velocity_world_m_per_s(hand_m_per_s), time_s,
+                                run_memory_)
                         .force_on_tool_newton +
                     run_elastic_.force_at(tool_m));
           },
