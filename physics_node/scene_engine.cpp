@@ -68,9 +68,8 @@ bool SceneEngine::step(const ToolMotion& motion, bool /*is_new*/, TimePoint now,
                        Interaction& answer) noexcept {
   const double time_s = to_seconds((now + answer.scene_ahead).time_since_epoch());
   const Vector3 shaft_to_handle = motion.tool_orientation_world * Vector3::UnitZ();
-  SceneForce force =
-      scene_->step(memory_, motion.tool_position_world_m, motion.tool_velocity_world_m_per_s,
-                   time_s, shaft_to_handle);
+  SceneForce force = scene_->step(memory_, motion.tool_position_world_m,
+                                  motion.tool_velocity_world_m_per_s, time_s, shaft_to_handle);
   if (elastic_) elastic_->step(tool_, motion.tool_position_world_m, time_s, reach_m_, force);
   answer.force_on_tool_newton = force.force_on_tool_newton;
   answer.stored_energy_joule = force.stored_energy_joule;

@@ -51,7 +51,7 @@ struct ElasticMaterial {
   double mass_damping_per_s = 0.0;  ///< Rayleigh's α
   Vector3 gravity_m_per_s2 = Vector3::Zero();
   std::vector<RegionGeometry> fixed{};  ///< nodes in any of these are held
-  std::vector<Part> parts{};   ///< the last one that contains an element's centroid counts
+  std::vector<Part> parts{};            ///< the last one that contains an element's centroid counts
   double solve_rate_hz = 50.0;
   bool is_linear = false;  ///< elements as in the file; else made quadratic
 };

@@ -36,11 +36,13 @@ struct MakeOrganCommand {
                    "subdivisions of the mesh surface (default 2: 2240 tetrahedra)")
         ->type_name("N")
         ->check(CLI::Range(0, 6));
-    app.add_option("--block", block_file,
-                   "write a block of 100 x 100 x 50 mm in tetrahedra to this file (Gmsh 2.2), - for "
-                   "standard output")
+    app.add_option(
+           "--block", block_file,
+           "write a block of 100 x 100 x 50 mm in tetrahedra to this file (Gmsh 2.2), - for "
+           "standard output")
         ->type_name("FILE");
-    app.add_option("--cells", cells, "cells of the block from top to bottom (default 4: 1280 tetrahedra)")
+    app.add_option("--cells", cells,
+                   "cells of the block from top to bottom (default 4: 1280 tetrahedra)")
         ->type_name("N")
         ->check(CLI::Range(2, 16));
     add_overwrite_flag(app, may_overwrite);

@@ -123,10 +123,12 @@ SearchReport Dynamics::balance(double h_s, const Obstacle* obstacle) {
   }
   factor_->turn_to(search_.rotations());
   SearchLimits limits{.tolerance_m = settings_.tolerance_m,
-                      .most_iterations = settings_.is_exact ? 300 : settings_.most_iterations,
+                      .most_iterations = settings_.is_exact ? settings_.most_exact_iterations
+                                                            : settings_.most_iterations,
                       .slow_ratio = settings_.slow_ratio};
+  int factors = 0;
   const auto refactor = [&](const VectorXd& at_m) {
-    if (!settings_.is_exact) return false;
+    if (!settings_.is_exact || ++factors > settings_.most_factors) return false;
     search_.update_rotations(at_m);
     return make_factor(at_m, goal.shift(), obstacle);
   };

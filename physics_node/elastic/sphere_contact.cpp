@@ -55,9 +55,9 @@ void SphereContact::choose_near(const double* x_m, double margin_m) {
   bool is_face_near = false;
   for (std::uint32_t i = 0; i < points_.size(); ++i) {
     if (i == 0 || points_[i].nodes != points_[i - 1].nodes) {  // a face's points are together
-      const double longest_m = std::max({(corner(i, 1) - corner(i, 0)).norm(),
-                                         (corner(i, 2) - corner(i, 1)).norm(),
-                                         (corner(i, 0) - corner(i, 2)).norm()});
+      const double longest_m =
+          std::max({(corner(i, 1) - corner(i, 0)).norm(), (corner(i, 2) - corner(i, 1)).norm(),
+                    (corner(i, 0) - corner(i, 2)).norm()});
       is_face_near = (corner(i, 0) - centre_m_).norm() < reach_m + 1.5 * longest_m;
     }
     if (is_face_near &&

@@ -106,26 +106,26 @@ std::shared_ptr<const ElasticBody> make_elastic_body(const TissueConfig& tissue,
   const auto& material = std::get<ElasticMaterial>(tissue.material);
   const std::string name = geometry.file + ": as the elastic body \"" + tissue.name + "\": ";
 
-  elastic::BodyDescription description{.mesh = mesh_of(geometry, material),
-                                       .materials = {material_of(material, material.young_pa,
-                                                                 material.poisson_ratio,
-                                                                 material.density_kg_per_m3)},
-                                       .law = law_of(material.law),
-                                       .fixed_nodes = {},
-                                       .gravity_m_per_s2 = material.gravity_m_per_s2};
+  elastic::BodyDescription description{
+      .mesh = mesh_of(geometry, material),
+      .materials = {material_of(material, material.young_pa, material.poisson_ratio,
+                                material.density_kg_per_m3)},
+      .law = law_of(material.law),
+      .fixed_nodes = {},
+      .gravity_m_per_s2 = material.gravity_m_per_s2};
   for (const ElasticMaterial::Part& part : material.parts) {
     description.materials.push_back(
         material_of(material, part.young_pa, part.poisson_ratio, part.density_kg_per_m3));
   }
   description.fixed_nodes =
       elastic::nodes_where(description.mesh, [&](const elastic::Vector3d& node_m) {
-        return std::any_of(
-            material.fixed.begin(), material.fixed.end(),
-            [&](const RegionGeometry& region) { return is_within(region, node_m); });
+        return std::any_of(material.fixed.begin(), material.fixed.end(),
+                           [&](const RegionGeometry& region) { return is_within(region, node_m); });
       });
   if (description.fixed_nodes.empty()) {
-    throw SetupError(name + "no node lies in a fixed place; give elastic.fixed where the body is "
-                            "held, in metres in W");
+    throw SetupError(name +
+                     "no node lies in a fixed place; give elastic.fixed where the body is "
+                     "held, in metres in W");
   }
   if (description.fixed_nodes.size() == description.mesh.nodes_m.size()) {
     throw SetupError(name + "all nodes are fixed; make elastic.fixed smaller");
@@ -163,12 +163,12 @@ std::shared_ptr<const ElasticBody> make_elastic_body(const TissueConfig& tissue,
   if (!material.gravity_m_per_s2.isZero(0.0)) {
     elastic::EquilibriumSearch search(*made->body);
     elastic::WarpedFactor factor(*made->body, elastic::Precision::kDouble);
-    const elastic::SearchReport report =
-        elastic::find_rest(search, factor, nullptr, {.tolerance_m = kRestTolerance_m},
-                           made->start_m);
+    const elastic::SearchReport report = elastic::find_rest(
+        search, factor, nullptr, {.tolerance_m = kRestTolerance_m}, made->start_m);
     if (!report.is_converged || !report.is_finite) {
-      throw SetupError(name + "finds no rest position under gravity; is the mesh in metres "
-                              "(unit_m), is young_pa in Pa, are enough places fixed?");
+      throw SetupError(name +
+                       "finds no rest position under gravity; is the mesh in metres "
+                       "(unit_m), is young_pa in Pa, are enough places fixed?");
     }
     for (Eigen::Index i = 0; i < made->start_m.size(); i += 3) {
       made->sag_m = std::max(
@@ -195,8 +195,8 @@ std::vector<std::shared_ptr<const ElasticBody>> elastic_bodies_of(const SceneCon
   std::vector<std::shared_ptr<const ElasticBody>> bodies;
   for (std::size_t i = 0; i < scene.tissues.size(); ++i) {
     if (!std::holds_alternative<ElasticMaterial>(scene.tissues[i].material)) continue;
-    bodies.push_back(make_elastic_body(scene.tissues[i], static_cast<std::uint32_t>(i),
-                                       scene.tip_radius_m));
+    bodies.push_back(
+        make_elastic_body(scene.tissues[i], static_cast<std::uint32_t>(i), scene.tip_radius_m));
   }
   return bodies;
 }
@@ -217,15 +217,16 @@ std::vector<std::array<std::uint32_t, 3>> triangles_of(const ElasticBody& body) 
 std::string mesh_report(const ElasticBody& body) {
   const elastic::MeshQuality quality = elastic::quality_of(body.body->mesh());
   const std::vector<std::uint8_t>& regions = body.body->mesh().regions;
-  const auto in_parts = std::count_if(regions.begin(), regions.end(),
-                                      [](std::uint8_t region) { return region > 0; });
+  const auto in_parts =
+      std::count_if(regions.begin(), regions.end(), [](std::uint8_t region) { return region > 0; });
   char text[400];  // NOLINT: for snprintf
-  std::snprintf(text, sizeof text,
-                "elastic: %zu tetrahedra, %zu nodes (%zu fixed), %td tetrahedra in parts; least "
-                "quality %.2f, %zu slivers; edges %.2g to %.2g mm; %zu contact points; sags %.2g mm",
-                quality.elements, quality.nodes, body.body->description().fixed_nodes.size(),
-                in_parts, quality.least_quality, quality.slivers, 1e3 * quality.shortest_edge_m,
-                1e3 * quality.longest_edge_m, body.points.size(), 1e3 * body.sag_m);
+  std::snprintf(
+      text, sizeof text,
+      "elastic: %zu tetrahedra, %zu nodes (%zu fixed), %td tetrahedra in parts; least "
+      "quality %.2f, %zu slivers; edges %.2g to %.2g mm; %zu contact points; sags %.2g mm",
+      quality.elements, quality.nodes, body.body->description().fixed_nodes.size(), in_parts,
+      quality.least_quality, quality.slivers, 1e3 * quality.shortest_edge_m,
+      1e3 * quality.longest_edge_m, body.points.size(), 1e3 * body.sag_m);
   std::string report = text;
   if (quality.is_scale_doubtful()) {
     report += "; WARNING: extends over " + std::to_string(quality.extent_m) +

@@ -21,17 +21,20 @@ double elastic_stiffness(double newton, double penetration_m) noexcept {
 }
 
 Contact elastic_contact(std::uint32_t tissue, const SurfaceView& view, double penetration_m,
-                        const Vector3& normal, double stiffness_newton_per_m) noexcept {
+                        const Vector3& normal, double stiffness_newton_per_m,
+                        double tip_radius_m) noexcept {
   const Matrix3 along_surface = Matrix3::Identity() - normal * normal.transpose();
   const Matrix3 curvature = along_surface * view.curvature_per_m * along_surface;
-  Contact contact{.tissue = tissue,
-                  .penetration_m = penetration_m,
-                  .normal_world = normal,
-                  .curvature_per_m = 0.5 * (curvature + curvature.transpose()),
-                  .hunt_crossley_exponent = kHertzExponent,
-                  .hunt_crossley_depth_m = kHertzDepth_m,
-                  .hunt_crossley_stiffness_newton_per_m = stiffness_newton_per_m,
-                  .trust_radius_m = view.trust_radius_m};
+  Contact contact{
+      .tissue = tissue,
+      .penetration_m = penetration_m,
+      .normal_world = normal,
+      .curvature_per_m = 0.5 * (curvature + curvature.transpose()),
+      .hunt_crossley_exponent = kHertzExponent,
+      .hunt_crossley_depth_m = kHertzDepth_m,
+      .hunt_crossley_stiffness_newton_per_m = stiffness_newton_per_m,
+      .trust_radius_m = std::min(view.trust_radius_m + tip_radius_m + std::max(0.0, -penetration_m),
+                                 kMaxTrustRadiusM)};
   const HuntCrossleyForce law = hunt_crossley(contact, penetration_m);
   contact.elastic_force_on_tool_newton = law.elastic_newton * normal;
   contact.d_force_d_position = -law.stiffness_newton_per_m * normal * normal.transpose();

@@ -16,13 +16,15 @@ inline constexpr double kLeastDepth_m = 0.5e-3;
 /// @param penetration_m > 0
 [[nodiscard]] double elastic_stiffness(double newton, double penetration_m) noexcept;
 
-/// The contact along `normal` with Hertz's law; no allocation.
+/// The contact along `normal` with Hertz's law; no allocation. It is trusted farther than the view
+/// is, by the radius of the tip, over which soft tissue evens out its facets, and, before the tip
+/// touches, by its distance from the surface: the way there changes nothing of the surface.
 /// @param view            of the surface where no tool touches it, from the centre of the tip
 /// @param penetration_m   of the tip into that surface, moved by what other tools do
 /// @param normal          unit, direction of the force
 [[nodiscard]] Contact elastic_contact(std::uint32_t tissue, const SurfaceView& view,
                                       double penetration_m, const Vector3& normal,
-                                      double stiffness_newton_per_m) noexcept;
+                                      double stiffness_newton_per_m, double tip_radius_m) noexcept;
 
 /// The force's direction, or the surface's normal where the force is small or against it.
 [[nodiscard]] Vector3 contact_normal(const Vector3& force_on_tool_newton,

@@ -57,7 +57,7 @@ void ElasticReference::step(One& one, const Vector3& tip_m) const {
         elastic_stiffness(std::max(0.0, one.full_newton.dot(normal)), penetration_m);
   }
   one.contact = elastic_contact(one.body->tissue, view, penetration_m, normal,
-                                one.stiffness_newton_per_m);
+                                one.stiffness_newton_per_m, tip_radius_m_);
 }
 
 Vector3 ElasticReference::force_at(const Vector3& tip_m) const noexcept {

@@ -12,7 +12,11 @@ constexpr double kNear_m = 0.02;
 
 elastic::DynamicsSettings settings() {
   // backward Euler: one factor serves steps with and without contact
-  return {.theta = 1.0, .tolerance_m = 2e-6, .is_exact = true};
+  return {.theta = 1.0,
+          .tolerance_m = 2e-6,
+          .is_exact = true,
+          .most_exact_iterations = 60,
+          .most_factors = 2};
 }
 
 }  // namespace
@@ -64,7 +68,8 @@ Vector3 ElasticSimulation::follow(std::size_t tool, const Vector3& tip_m) {
   double share = 1.0;
   if (there.distance_m < least_m) share = (before_m - least_m) / (before_m - there.distance_m);
   const Vector3 way = tip_m - touch.centre_m;
-  if (std::min(before_m, there.distance_m) < r) share = std::min(share, r / std::max(r, way.norm()));
+  if (std::min(before_m, there.distance_m) < r)
+    share = std::min(share, r / std::max(r, way.norm()));
   return touch.centre_m + share * way;
 }
 
@@ -116,8 +121,8 @@ void ElasticSimulation::surface_strain(std::vector<float>& strain) const {
     for (Eigen::Index k = 0; k < 3; ++k) {
       const std::uint32_t corner = nodes[static_cast<std::size_t>(k) + 1];
       rest.col(k) = mesh.nodes_m[corner] - mesh.nodes_m[nodes[0]];
-      now.col(k) = x.segment<3>(3 * Eigen::Index{corner}) -
-                   x.segment<3>(3 * Eigen::Index{nodes[0]});
+      now.col(k) =
+          x.segment<3>(3 * Eigen::Index{corner}) - x.segment<3>(3 * Eigen::Index{nodes[0]});
     }
     const Eigen::Matrix3d F = now * rest.inverse();
     Eigen::Matrix3d E = 0.5 * (F.transpose() * F - Eigen::Matrix3d::Identity());

@@ -39,8 +39,7 @@ ElasticTissue::ElasticTissue(std::shared_ptr<const ElasticBody> body, std::size_
 // --- the steps of a tool -------------------------------------------------------------------------
 
 void ElasticTissue::note(std::size_t tool, const Vector3& tip_m) noexcept {
-  tools_[tool]->tip.store(
-      {.x_m = tip_m.x(), .y_m = tip_m.y(), .z_m = tip_m.z(), .is_known = true});
+  tools_[tool]->tip.store({.x_m = tip_m.x(), .y_m = tip_m.y(), .z_m = tip_m.z(), .is_known = true});
 }
 
 bool ElasticTissue::touch(std::size_t tool, const Vector3& tip_m, double reach_m,
@@ -74,7 +73,7 @@ bool ElasticTissue::touch(std::size_t tool, const Vector3& tip_m, double reach_m
     own.bound_newton = prepared->error_newton + prepared->error_newton_per_m * way_m;
   }
   contact = elastic_contact(body_->tissue, view, penetration_m, own.normal,
-                            own.stiffness_newton_per_m);
+                            own.stiffness_newton_per_m, tip_radius_m_);
   return contact.force_on_tool_newton.allFinite();
 }
 
@@ -138,8 +137,7 @@ void ElasticTissue::prepare(std::size_t index) {
   Tool& tool = *tools_[index];
   const ElasticSimulation::Touch& touch = simulation_.touch(index);
   if (!is_factored_) {
-    is_factored_ =
-        factor_.factor(simulation_.x_m(), simulation_.search().rotations(), {}, nullptr);
+    is_factored_ = factor_.factor(simulation_.x_m(), simulation_.search().rotations(), {}, nullptr);
     if (!is_factored_) return;
   }
   if (!compliance_) compliance_.emplace(*body_->body, factor_, body_->surface_nodes);

@@ -72,11 +72,11 @@ class ElasticTissue {
   /// What a full solution leaves to the steps of a tool.
   struct Prepared {
     std::optional<elastic::CondensedContact> contact;
-    Vector3 centre_m = Vector3::Zero();  // of the sphere in the full solution
+    Vector3 centre_m = Vector3::Zero();      // of the sphere in the full solution
     Vector3 other_newton = Vector3::Zero();  // on the tool, from points that are not among these
-    double raised_m = 0.0;               // of the surface by other tools, along its normal
-    double error_newton_per_m = 0.0;     // of the force, by the way from that centre
-    double error_newton = 0.0;           // at that centre
+    double raised_m = 0.0;                   // of the surface by other tools, along its normal
+    double error_newton_per_m = 0.0;         // of the force, by the way from that centre
+    double error_newton = 0.0;               // at that centre
   };
   struct Tool {
     Snapshot<Tip> tip;
@@ -99,8 +99,7 @@ class ElasticTissue {
   void measure(Tool& tool, const ElasticSimulation::Touch& touch);
   void prepare(std::size_t tool);
   void renew_compliance();
-  [[nodiscard]] double raised_m(std::size_t tool, std::size_t nearest_point,
-                                const Vector3& normal);
+  [[nodiscard]] double raised_m(std::size_t tool, std::size_t nearest_point, const Vector3& normal);
   void show();
 
   std::shared_ptr<const ElasticBody> body_;

@@ -81,11 +81,11 @@ void ElasticTissues::step(std::size_t tool, const Vector3& tip_m, double time_s,
 void ElasticTissues::solve_until(double time_s) {
   for (std::size_t i = 0; i < tissues_.size(); ++i) {
     double& next_s = next_solve_s_[i];
-    if (time_s < next_s) continue;
     const double period_s = 1.0 / tissues_[i]->body().solve_rate_hz;
+    if (time_s < next_s - 1e-6 * period_s) continue;
     tissues_[i]->publish();
     tissues_[i]->solve();
-    next_s = std::max(next_s + period_s, time_s + 0.5 * period_s);
+    next_s = next_s + period_s > time_s ? next_s + period_s : time_s + period_s;
   }
 }
 

@@ -186,7 +186,8 @@ SceneCounts Scene::visit_touches(const ToolPose& now, const TissueMemory& memory
       take_and_count(shaft, moved_m);
     }
   });
-  counts.tissues_skipped = static_cast<std::uint32_t>(tissues_.size() - elastic_) - counts.tissues_visited;
+  counts.tissues_skipped =
+      static_cast<std::uint32_t>(tissues_.size() - elastic_) - counts.tissues_visited;
   return counts;
 }
 

@@ -228,8 +228,7 @@ void add_physics(Page& page, const PhysicsCounters& c) {
              "Measured error of the condensed model at the last full solution in contact.", "",
              c.elastic_error_newton);
   page.gauge("physics_elastic_bound_newton",
-             "Stated bound of that error at the last step in contact.", "",
-             c.elastic_bound_newton);
+             "Stated bound of that error at the last step in contact.", "", c.elastic_bound_newton);
   page.gauge("physics_worst_compute_time_seconds", "Longest step since the start.", "",
              to_seconds(c.worst_compute_time));
 }

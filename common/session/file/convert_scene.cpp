@@ -95,7 +95,8 @@ ElasticMaterial to_elastic(const Fields& tissue, double tip_radius_m) {
     tissue.problem("motion", "an elastic body is held by its fixed places; leave it out");
   }
   if (tip_radius_m < kSmallestTip_m) {
-    tissue.problem("elastic", "is touched by a sphere of at least 1 mm; set scene.tool.tip_radius_m");
+    tissue.problem("elastic",
+                   "is touched by a sphere of at least 1 mm; set scene.tool.tip_radius_m");
   }
   ElasticMaterial material{.young_pa = fields.number("young_pa"),
                            .poisson_ratio = fields.number("poisson_ratio"),
@@ -117,9 +118,10 @@ ElasticMaterial to_elastic(const Fields& tissue, double tip_radius_m) {
   }
   for (const Fields& place : fields.messages("fixed")) material.fixed.push_back(to_region(place));
   if (material.fixed.empty()) {
-    fields.problem("fixed",
-                   "the body would fall; give where it is held, e.g. fixed { half_space { point_m { "
-                   "z: -0.04 } } }");
+    fields.problem(
+        "fixed",
+        "the body would fall; give where it is held, e.g. fixed { half_space { point_m { "
+        "z: -0.04 } } }");
   }
   for (const Fields& part : fields.messages("part")) {
     material.parts.push_back(

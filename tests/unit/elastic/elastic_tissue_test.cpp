@@ -1,0 +1,272 @@
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "common/core/check.h"
+#include "physics_node/elastic_tissue/elastic_reference.h"
+#include "physics_node/elastic_tissue/elastic_tissues.h"
+#include "physics_node/files/tetrahedral_files.h"
+#include "physics_node/scene_engine.h"
+#include "tests/support/alloc_guard.h"
+
+namespace palpate::physics {
+namespace {
+
+constexpr double kTip_m = 0.006;
+constexpr double kReach_m = 0.05;
+constexpr double kTick_s = 1e-3;
+
+/// 100 × 100 × 50 mm, its top at z = 0, of 540 linear tetrahedra.
+std::string elastic_block_file() {
+  const elastic::Mesh block = elastic::block_mesh(3, 3, 9e-3);
+  TetrahedralMesh mesh;
+  for (const Vector3& node_m : block.nodes_m) {
+    mesh.nodes_m.emplace_back(node_m - Vector3(0.05, 0.05, 0.05));
+  }
+  for (std::size_t e = 0; e < block.element_count(); ++e) {
+    const auto corners = block.element(e);
+    mesh.tetrahedra.push_back({corners[0], corners[1], corners[2], corners[3]});
+  }
+  const std::string file = testing::TempDir() + "elastic_block_" +
+                           testing::UnitTest::GetInstance()->current_test_info()->name() + ".msh";
+  std::ofstream(file) << msh_text(mesh);
+  return file;
+}
+
+SceneConfig elastic_scene(const std::string& file, ElasticMaterial material = {}) {
+  material.young_pa = 15e3;
+  material.is_linear = true;
+  material.fixed = {HalfSpaceGeometry{.point_m = {0, 0, -0.0499}}};
+  return {.tip_radius_m = kTip_m,
+          .tissues = {
+              {.name = "block",
+               .geometry = FileGeometry{.kind = FileGeometry::Kind::kTetrahedralMesh, .file = file},
+               .material = material}}};
+}
+
+/// The centre of a tip this deep in the block.
+Vector3 tip_at(double depth_m, double x_m = 0.0) { return {x_m, 0.0, kTip_m - depth_m}; }
+
+/// Presses at 25 mm/s to 3 mm and stays there for a while.
+Vector3 pressing(double time_s) { return tip_at(std::min(0.003, 0.025 * time_s - 0.001)); }
+
+class ElasticScene : public testing::Test {
+ protected:
+  std::string file_ = elastic_block_file();
+  SceneConfig scene_ = elastic_scene(file_);
+
+  [[nodiscard]] std::shared_ptr<ElasticTissues> tissues(std::size_t tools = 1) const {
+    return ElasticTissues::of(scene_, tools, ElasticPace::kVirtual);
+  }
+  void TearDown() override { std::filesystem::remove(file_); }
+};
+
+// The same model with a full solution every millisecond is the reference; 50 Hz in between.
+TEST_F(ElasticScene, TheForceBetweenFullSolutionsIsThatOfTheFullSolution) {
+  const auto elastic = tissues();
+  ElasticReference reference(elastic_bodies_of(scene_), kTip_m, kTick_s);
+  double error2 = 0.0;
+  double held2 = 0.0;  // of the force of the last full solution, held
+  double force2 = 0.0;
+  double held = 0.0;
+  for (int tick = 0; tick < 220; ++tick) {
+    const double time_s = kTick_s * tick;
+    SceneForce force;
+    elastic->step(0, pressing(time_s), time_s, kReach_m, force);
+    SceneForce ideal;
+    reference.advance(time_s, pressing(time_s), ideal);
+    const double wanted = ideal.force_on_tool_newton.z();
+    if (tick % 20 == 0) held = wanted;
+    error2 += std::pow(force.force_on_tool_newton.z() - wanted, 2);
+    held2 += std::pow(held - wanted, 2);
+    force2 += wanted * wanted;
+  }
+  const double error = std::sqrt(error2 / force2);
+  EXPECT_LT(error, 0.08);
+  EXPECT_LT(error, 0.7 * std::sqrt(held2 / force2));
+
+  PhysicsCounters counters;
+  elastic->count_into(counters);
+  elastic->count_tool_into(0, counters);
+  EXPECT_EQ(counters.elastic_solves + counters.elastic_solves_skipped, 11U);
+  EXPECT_LT(counters.elastic_residual_ratio, 1e-2);
+  EXPECT_GT(counters.elastic_bound_newton, 0.0);
+  EXPECT_GE(counters.elastic_bound_newton, counters.elastic_error_newton);
+}
+
+TEST_F(ElasticScene, OutOfReachAndAtRestNothingIsComputed) {
+  const auto elastic = tissues();
+  const Vector3 far(0.0, 0.0, 0.3);
+  for (int tick = 0; tick < 3000; ++tick) {
+    SceneForce force;
+    elastic->step(0, far, kTick_s * tick, kReach_m, force);
+    ASSERT_EQ(force.listed_count, 0U);
+  }
+  PhysicsCounters before;
+  elastic->count_into(before);
+  std::vector<double> micros;
+  for (int tick = 3000; tick < 4000; ++tick) {
+    SceneForce force;
+    const auto start = std::chrono::steady_clock::now();
+    elastic->step(0, far, kTick_s * tick, kReach_m, force);
+    micros.push_back(
+        std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - start)
+            .count());
+  }
+  PhysicsCounters after;
+  elastic->count_into(after);
+  elastic->count_tool_into(0, after);
+  EXPECT_EQ(after.elastic_solves, before.elastic_solves);
+  EXPECT_EQ(after.elastic_solves_skipped, before.elastic_solves_skipped + 50);
+  EXPECT_EQ(after.elastic_steps_skipped, 4000U);
+  std::nth_element(micros.begin(), micros.begin() + 500, micros.end());
+  EXPECT_LT(micros[500], 5.0);  // the median: the machine may be busy
+}
+
+TEST_F(ElasticScene, AStepOfTheToolAllocatesNothing) {
+  ElasticTissue tissue(elastic_bodies_of(scene_).front(), 1, kTip_m);
+  tissue.note(0, tip_at(0.002));
+  for (int i = 0; i < 5; ++i) {
+    tissue.solve();
+    tissue.publish();
+  }
+  Contact contact;
+  ASSERT_TRUE(tissue.touch(0, tip_at(0.002), kReach_m, contact));
+  tissue.solve();
+  tissue.publish();
+  const test::AllocGuard guard;
+  for (int i = 0; i < 20; ++i) {
+    tissue.note(0, tip_at(0.002 + 1e-5 * i));
+    ASSERT_TRUE(tissue.touch(0, tip_at(0.002 + 1e-5 * i), kReach_m, contact));
+  }
+  EXPECT_EQ(guard.count(), 0U);
+  EXPECT_GT(contact.force_on_tool_newton.z(), 0.05);
+}
+
+// One presses 6 mm deep, 14 mm beside the other that only rests on the surface.
+TEST_F(ElasticScene, TwoHandsFeelEachOtherThroughTheBody) {
+  const auto scene = std::make_shared<const Scene>(scene_, kReach_m);
+  const auto elastic = tissues(2);
+  SceneEngine resting(scene, 1000.0, InteractionUse::kLocal, kReach_m, elastic, 0);
+  SceneEngine pressing_hand(scene, 1000.0, InteractionUse::kLocal, kReach_m, elastic, 1);
+  double alone = 0.0;
+  double together = 0.0;
+  Interaction answer;
+  for (int tick = 0; tick < 800; ++tick) {
+    const TimePoint now{std::chrono::milliseconds(tick)};
+    ToolMotion motion;
+    motion.tool_position_world_m = tip_at(0.002);
+    resting.step(motion, true, now, answer);
+    const double newton = answer.force_on_tool_newton.z();
+    if (tick == 399) alone = newton;
+    if (tick == 799) together = newton;
+    motion.tool_position_world_m = tip_at(tick < 400 ? -0.04 : 0.006, 0.014);
+    pressing_hand.step(motion, true, now, answer);
+  }
+  EXPECT_GT(alone, 0.05);
+  EXPECT_LT(together, 0.8 * alone);  // the other has pressed the surface away from it
+}
+
+TEST_F(ElasticScene, AHardPartIsFelt) {
+  const auto force_with = [&](double part_pa) {
+    ElasticMaterial material;
+    material.parts = {{.where = SphereGeometry{.center_m = {0, 0, -0.015}, .radius_m = 0.014},
+                       .young_pa = part_pa,
+                       .poisson_ratio = 0.45,
+                       .density_kg_per_m3 = 1000.0}};
+    const SceneConfig scene = elastic_scene(file_, material);
+    ElasticReference reference(elastic_bodies_of(scene), kTip_m, 0.02);
+    SceneForce force;
+    for (int i = 0; i < 12; ++i) {
+      force = {};
+      reference.advance(0.02 * i, tip_at(0.001 + 0.0005 * std::min(i, 8)), force);
+    }
+    return force.force_on_tool_newton.z();
+  };
+  EXPECT_GT(force_with(150e3), 1.1 * force_with(15e3));
+}
+
+TEST_F(ElasticScene, AToolThatAppearsInsideIsPushedOutAndTheBodyComesToRestAgain) {
+  const auto elastic = tissues();
+  double largest = 0.0;
+  SceneForce force;
+  for (int tick = 0; tick < 600; ++tick) {
+    force = {};
+    elastic->step(0, tick < 300 ? tip_at(0.025) : tip_at(-0.1), kTick_s * tick, kReach_m, force);
+    ASSERT_TRUE(force.force_on_tool_newton.allFinite());
+    largest = std::max(largest, force.force_on_tool_newton.z());
+  }
+  EXPECT_GT(largest, 0.5);
+  EXPECT_EQ(force.listed_count, 0U);
+  std::vector<float> vertices_m;
+  std::vector<float> strain;
+  ElasticTissue& tissue = *elastic->tissues().front();
+  EXPECT_FALSE(tissue.take_surface(vertices_m, strain));  // asks for it
+  elastic->step(0, tip_at(-0.1), 0.7, kReach_m, force);
+  ASSERT_TRUE(tissue.take_surface(vertices_m, strain));
+  EXPECT_LT(*std::max_element(strain.begin(), strain.end()), 0.02F);
+}
+
+TEST_F(ElasticScene, TheSurfaceForViewersIsTheComputedOne) {
+  const auto elastic = tissues();
+  ElasticTissue& tissue = *elastic->tissues().front();
+  std::vector<float> vertices_m;
+  std::vector<float> strain;
+  EXPECT_FALSE(tissue.take_surface(vertices_m, strain));
+  for (int tick = 0; tick < 300; ++tick) {
+    SceneForce force;
+    elastic->step(0, pressing(kTick_s * tick), kTick_s * tick, kReach_m, force);
+    if (tick % 33 == 0) tissue.take_surface(vertices_m, strain);
+  }
+  ASSERT_EQ(vertices_m.size(), 3 * tissue.body().surface_nodes.size());
+  ASSERT_EQ(strain.size(), tissue.body().surface_nodes.size());
+  float lowest_of_top_m = 0.0F;
+  for (std::size_t i = 0; i < vertices_m.size(); i += 3) {
+    if (vertices_m[i + 2] > -0.005F) {
+      lowest_of_top_m = std::min(lowest_of_top_m, vertices_m[i + 2]);
+    }
+  }
+  EXPECT_LT(lowest_of_top_m, -0.002F);
+  EXPECT_GT(lowest_of_top_m, -0.0035F);
+  EXPECT_GT(*std::max_element(strain.begin(), strain.end()), 0.05F);
+}
+
+TEST_F(ElasticScene, InRealTimeAThreadSolvesAndTheToolFeelsIt) {
+  const auto elastic = ElasticTissues::of(scene_, 1, ElasticPace::kThread);
+  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+  PhysicsCounters counters;
+  SceneForce force;
+  while (counters.elastic_solves < 5 || !(force.force_on_tool_newton.z() > 0.05)) {
+    ASSERT_LT(std::chrono::steady_clock::now(), deadline);
+    force = {};
+    elastic->step(0, tip_at(0.003), 0.0, kReach_m, force);
+    elastic->count_into(counters);
+    std::this_thread::yield();
+  }
+}
+
+TEST_F(ElasticScene, ABodyThatIsNotHeldIsRefused) {
+  SceneConfig scene = scene_;
+  std::get<ElasticMaterial>(scene.tissues[0].material).fixed = {
+      HalfSpaceGeometry{.point_m = {0, 0, -1.0}}};
+  try {
+    static_cast<void>(elastic_bodies_of(scene));
+    FAIL();
+  } catch (const SetupError& error) {
+    EXPECT_NE(std::string(error.what()).find("no node lies in a fixed place"), std::string::npos);
+  }
+}
+
+TEST_F(ElasticScene, ASceneWithoutElasticTissueMakesNothing) {
+  EXPECT_EQ(ElasticTissues::of({.tip_radius_m = 0.0, .tissues = {}}, 1, ElasticPace::kThread),
+            nullptr);
+}
+
+}  // namespace
+}  // namespace palpate::physics
