@@ -164,7 +164,7 @@ TEST(Identify, SweepsOfHardwareWaitForTheSteadyClock) {
   const Clock* opened_on = nullptr;
   const device::Driver hardware{
       .open =
-          [&](const Clock& clock) {
+          [&](const Clock& clock, const device::StartUp&) {
             opened_on = &clock;
             return std::make_unique<SeeminglyReal>(handless_driver().open(clock, {}));
           },

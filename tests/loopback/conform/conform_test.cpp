@@ -146,7 +146,7 @@ TEST(ConformDevice, RefusesASessionThatIsNotThere) {
 // A device that stands, with an orientation that is none.
 device::Driver driver_of(bool is_simulated) {
   return {.open =
-              [is_simulated](const Clock& clock) {
+              [is_simulated](const Clock& clock, const device::StartUp&) {
                 auto opened = std::make_unique<test::ScriptedDevice>(clock, is_simulated);
                 opened->position_m = Vector3::Zero();
                 opened->orientation.coeffs() *= 2.0;
