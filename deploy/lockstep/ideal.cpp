@@ -9,8 +9,7 @@ namespace palpate {
 Ideal::Ideal(const Session& session, const Side& side)
     : scene_(session.scene),
       device_(side.device),
-      peak_force_newton_(std::min(side.device.peak_force_newton,
-                                  side.simulated.peak_force_newton)),
+      peak_force_newton_(std::min(side.device.peak_force_newton, side.simulated.peak_force_newton)),
       memory_(scene_.new_memory()),
       run_map_(side.device.workspace),
       run_memory_(scene_.new_memory()),

@@ -130,8 +130,7 @@ class PhysicsTool {
                     : std::make_unique<physics::SceneEngine>(
                           std::move(scene), setup.session.physics.rate_hz, setup.use)),
         node_(*engine_, setup.session.physics, setup.use, host.clock(), motion_in_, tampered_out_,
-              ticks_,
-              setup.role == PhysicsRole::kFirst ? kLockstepPhysics : kLockstepStandby,
+              ticks_, setup.role == PhysicsRole::kFirst ? kLockstepPhysics : kLockstepStandby,
               host.speaker()) {
     host.add(node_);
   }
@@ -355,10 +354,9 @@ class Lockstep::Impl {
     }
     std::shared_ptr<const physics::Scene> scene;
     if (!options.make_engine) {
-      const bool is_any_local =
-          std::any_of(session_.sides.begin(), session_.sides.end(), [](const Side& side) {
-            return side.mofc.interaction == InteractionUse::kLocal;
-          });
+      const bool is_any_local = std::any_of(
+          session_.sides.begin(), session_.sides.end(),
+          [](const Side& side) { return side.mofc.interaction == InteractionUse::kLocal; });
       scene = std::make_shared<const physics::Scene>(session_.scene,
                                                      is_any_local ? session_.physics.reach_m : 0.0);
     }

@@ -67,7 +67,9 @@ class RealTime : public testing::TestWithParam<const char*> {
   ~RealTime() override { stop(); }
 
   void start() {
-    start("physics", physics::run_process);
+    start("physics", [](NodeContext& context, ProcessLinks& links) {
+      physics::run_process(context, links, PhysicsRole::kFirst);
+    });
     start("mofc", mofc::run_process);
     start("device", device::run_process);
   }
