@@ -63,9 +63,10 @@ class Control {
 void run_process(NodeContext& context, ProcessLinks& links, PhysicsRole role) {
   const Session& session = context.session;
   if (role == PhysicsRole::kStandby && !session.physics.standby) {
-    throw SetupError(session.file +
-                     ": --standby: the session has no physics.standby; give physics { standby {} }, "
-                     "or leave --standby out");
+    throw SetupError(
+        session.file +
+        ": --standby: the session has no physics.standby; give physics { standby {} }, "
+        "or leave --standby out");
   }
   if (!session.physics_command.empty()) {
     throw SetupError(session.file +

@@ -1,5 +1,5 @@
-// speaker.h — whether this physics speaks, and the time of its moving tissue: shared by all tools of
-// one physics_node.
+// speaker.h — whether this physics speaks, and the time of its moving tissue: shared by all tools
+// of one physics_node.
 #pragma once
 
 #include <algorithm>
@@ -16,9 +16,9 @@
 namespace palpate::physics {
 
 /// Keeps the highest term that any tool's motions have named, which every Interaction repeats
-/// (theory.md §5.9), so that all sides hear of it. A physics that does not speak sets its scene to the
-/// time of the one that does: at once if it is off by more than 0.1 s, else by 1/64 of the difference
-/// per motion. The one that speaks never changes its own.
+/// (theory.md §5.1), so that all sides hear of it. A physics that does not speak sets its scene to
+/// the time of the one that does: at once if it is off by more than 0.1 s, else by 1/64 of the
+/// difference per motion. The one that speaks never changes its own.
 ///
 /// hear() on the thread of the steps; the rest on any thread. No allocation, no lock, no throw.
 class Speaker {

@@ -20,7 +20,7 @@ inline constexpr std::size_t kPhysicsRoles = 2;
 }
 
 /// A term is a number that only grows; every side and both physics keep the highest that they have
-/// heard of and repeat it in every message (docs/theory.md §5.9).
+/// heard of and repeat it in every message (docs/theory.md §5.1).
 inline constexpr std::uint64_t kMaxPhysicsTerm = (std::uint64_t{1} << 62) - 1;
 /// The physics that a term names.
 [[nodiscard]] inline constexpr PhysicsRole speaker_of(std::uint64_t term) noexcept {

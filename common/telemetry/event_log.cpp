@@ -86,6 +86,8 @@ void EventLog<DeviceCounters>::note(const DeviceCounters& counters, TimePoint no
 EventLog<MofcCounters>::EventLog(spdlog::logger& log)
     : device_state_(log, "device_state"),
       interaction_(log, "interaction"),
+      standby_interaction_(log, "standby_interaction"),
+      log_(log),
       late_physics_(log, spdlog::level::warn, "physics_late"),
       too_fast_(log, spdlog::level::warn, "hand_faster_than_assumed"),
       motions_dropped_(log, spdlog::level::warn, "motions_dropped"),
@@ -95,6 +97,13 @@ EventLog<MofcCounters>::EventLog(spdlog::logger& log)
 void EventLog<MofcCounters>::note(const MofcCounters& counters, TimePoint now) {
   device_state_.note(counters.device_state, now);
   interaction_.note(counters.interaction, now);
+  standby_interaction_.note(counters.standby_interaction, now);
+  if (counters.physics_switches != physics_switches_) {
+    const bool is_standby = counters.physics_term % 2 == 1;
+    log_.warn("event=physics_switched term={} speaks={} count={}", counters.physics_term,
+              is_standby ? "standby" : "first", counters.physics_switches - physics_switches_);
+    physics_switches_ = counters.physics_switches;
+  }
   late_physics_.note(counters.late_physics_ticks, now);
   too_fast_.note(counters.too_fast_ticks, now);
   motions_dropped_.note(counters.motions_dropped, now);

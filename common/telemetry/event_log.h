@@ -89,6 +89,9 @@ class EventLog<MofcCounters> {
  private:
   LinkEvents device_state_;
   LinkEvents interaction_;
+  LinkEvents standby_interaction_;
+  spdlog::logger& log_;
+  std::uint64_t physics_switches_ = 0;
   GrowthEvent late_physics_;
   GrowthEvent too_fast_;
   GrowthEvent motions_dropped_;

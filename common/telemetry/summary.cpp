@@ -148,6 +148,9 @@ nlohmann::ordered_json summary_json(const Session& session, const RunReport& rep
   json["clamp_ratio"] = number_or_null(s.clamp_ratio());
   json["answered_ratio"] = number_or_null(answered_ratio(report.device));
   json["motions_suppressed"] = report.mofc.motions_suppressed;
+  json["physics_term"] = report.mofc.physics_term;
+  json["standby_ticks"] = report.mofc.standby_ticks;
+  json["physics_switches"] = report.mofc.physics_switches;
   json["interactions_suppressed"] = report.physics.interactions_suppressed;
   json["fallbacks"] = report.device.fallback_ticks + report.device.limp_ticks;
   json["wall_s"] = number_or_null(report.wall_s);
@@ -164,6 +167,12 @@ std::string monitor_text(const DeviceCounters& device) {
                         100.0 * device.checked_friction_ratio);
   }
   return text;
+}
+
+std::string speaker_text(const MofcCounters& mofc) {
+  return fmt::format("{} speaks (term {}); {} of {} ticks from the standby, {} switches",
+                     mofc.physics_term % 2 == 1 ? "the standby" : "the first", mofc.physics_term,
+                     mofc.standby_ticks, mofc.ticks, mofc.physics_switches);
 }
 
 std::string figure(double value, const char* format) {
@@ -208,6 +217,7 @@ std::string summary_text(const Session& session, const RunReport& report) {
        figure(100.0 * answered_ratio(report.device), "{:.3f} %") +
            fmt::format(" of {} scheduled ticks",
                        report.device.loop.ticks + report.device.loop.skipped_ticks));
+  if (session.physics.standby) line("physics", speaker_text(report.mofc));
   line("speed", fmt::format("{:.0f} ticks/s, {:.0f} times real time",
                             static_cast<double>(s.ticks()) / std::max(report.wall_s, 1e-9),
                             report.simulated_s / std::max(report.wall_s, 1e-9)));

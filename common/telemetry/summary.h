@@ -93,6 +93,8 @@ struct RunReport {
 /// A dozen lines for a terminal.
 [[nodiscard]] std::string summary_text(const Session& session, const RunReport& report);
 
+/// With physics.standby: which of the two speaks, and how much it has.
+[[nodiscard]] std::string speaker_text(const MofcCounters& mofc);
 /// "off", or the commands that the monitor reduced.
 [[nodiscard]] std::string monitor_text(const DeviceCounters& device);
 

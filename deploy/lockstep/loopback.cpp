@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <memory>
 #include <stdexcept>
+#include <tuple>
+#include <utility>
 
 #include "common/core/check.h"
 #include "common/core/clock.h"
@@ -14,14 +16,38 @@ namespace {
 
 constexpr double kSlice_s = 0.01;  // simulated, between two calls of may_go_on
 
+/// Runs to the end, or until may_go_on says no.
+/// @return seconds simulated and seconds of wall time
+std::pair<double, double> run_slices(Lockstep& lockstep, const Session& session,
+                                     const LoopbackOptions& options) {
+  const SteadyClock wall;
+  const TimePoint begin = wall.now();
+  const double whole_s = options.seconds.value_or(session.duration_s);
+  double simulated_s = 0.0;
+  for (int slices = 1; simulated_s < whole_s; ++slices) {
+    simulated_s = options.may_go_on ? std::min(slices * kSlice_s, whole_s) : whole_s;
+    lockstep.run_until(from_seconds(simulated_s));
+    if (options.may_go_on && !options.may_go_on(simulated_s / whole_s)) break;
+  }
+  return {simulated_s, to_seconds(wall.now() - begin)};
+}
+
+void refuse_other_programs(const Session& session) {
+  if (session.physics_command.empty()) return;
+  throw SetupError(session.file +
+                   ": physics.command names a program that runs in real time only; use `palpate "
+                   "launch`, or take the field out to simulate the tissue of the session");
+}
+
+void close(CsvWriter& csv) {
+  csv.close();
+  if (const auto error = csv.take_error()) throw std::runtime_error(*error);
+}
+
 }  // namespace
 
 RunReport run_loopback(const Session& session, const LoopbackOptions& options) {
-  if (!session.physics_command.empty()) {
-    throw SetupError(session.file +
-                     ": physics.command names a program that runs in real time only; use `palpate "
-                     "launch`, or take the field out to simulate the tissue of the session");
-  }
+  refuse_other_programs(session);
   std::unique_ptr<CsvWriter> csv;
   if (!options.csv_file.empty()) {
     csv = std::make_unique<CsvWriter>(options.csv_file, options.may_overwrite);
@@ -42,26 +68,42 @@ RunReport run_loopback(const Session& session, const LoopbackOptions& options) {
     if (recorder) recorder->pump(*running, row);
   });
   running = &lockstep;
-
-  const SteadyClock wall;
-  const TimePoint begin = wall.now();
-  const double whole_s = options.seconds.value_or(session.duration_s);
-  for (int slices = 1; report.simulated_s < whole_s; ++slices) {
-    report.simulated_s = options.may_go_on ? std::min(slices * kSlice_s, whole_s) : whole_s;
-    lockstep.run_until(from_seconds(report.simulated_s));
-    if (options.may_go_on && !options.may_go_on(report.simulated_s / whole_s)) break;
-  }
-  report.wall_s = to_seconds(wall.now() - begin);
+  std::tie(report.simulated_s, report.wall_s) = run_slices(lockstep, session, options);
   if (recorder) recorder->finish(lockstep, TimePoint(from_seconds(report.simulated_s)));
 
-  if (csv) {
-    csv->close();
-    if (const auto error = csv->take_error()) throw std::runtime_error(*error);
-  }
+  if (csv) close(*csv);
   report.device = lockstep.device_counters();
   report.mofc = lockstep.mofc_counters();
   report.physics = lockstep.physics_counters();
   return report;
+}
+
+std::vector<RunReport> run_all_sides(const Session& session, const LoopbackOptions& options) {
+  refuse_other_programs(session);
+  std::vector<std::unique_ptr<CsvWriter>> tables;
+  for (const Side& side : session.sides) {
+    if (options.csv_file.empty()) break;
+    tables.push_back(std::make_unique<CsvWriter>(csv_file_of(options.csv_file, side.name),
+                                                 options.may_overwrite));
+  }
+  std::vector<RunReport> reports(session.sides.size());
+  LockstepOptions lockstep_options = options.lockstep;
+  lockstep_options.on_side_row = [&](std::size_t side, const TickRow& row,
+                                     const IdealState& ideal) {
+    reports[side].statistics.add(row, ideal);
+    if (!tables.empty()) tables[side]->write(row);
+  };
+  Lockstep lockstep(session, lockstep_options, {});
+  const auto [simulated_s, wall_s] = run_slices(lockstep, session, options);
+  for (const auto& table : tables) close(*table);
+  for (std::size_t i = 0; i < reports.size(); ++i) {
+    reports[i].simulated_s = simulated_s;
+    reports[i].wall_s = wall_s;
+    reports[i].device = lockstep.device_counters(i);
+    reports[i].mofc = lockstep.mofc_counters(i);
+    reports[i].physics = lockstep.physics_counters(i);
+  }
+  return reports;
 }
 
 }  // namespace palpate

@@ -4,6 +4,7 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "common/session/session.h"
 #include "common/telemetry/summary.h"
@@ -27,5 +28,11 @@ struct LoopbackOptions {
 /// Runs the session. Throws SetupError if a file cannot be created, std::runtime_error if writing
 /// it fails later.
 [[nodiscard]] RunReport run_loopback(const Session& session, const LoopbackOptions& options);
+
+/// Runs all sides of the session together. `csv_file` gives one table for each, run.SIDE.csv.
+/// Cannot record; `lockstep` may not have on_side_row. Throws as run_loopback.
+/// @return one report for each side
+[[nodiscard]] std::vector<RunReport> run_all_sides(const Session& session,
+                                                   const LoopbackOptions& options);
 
 }  // namespace palpate

@@ -3,10 +3,14 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <type_traits>
 #include <utility>
+#include <vector>
 
+#include "common/core/check.h"
 #include "common/process/options.h"
 #include "common/process/terminal.h"
+#include "common/telemetry/csv_writer.h"
 #include "common/telemetry/summary.h"
 #include "deploy/lockstep/loopback.h"
 #include "deploy/palpate/commands.h"
@@ -42,9 +46,11 @@ struct LoopbackCommand {
   }
 
   int run(const Verbosity& verbosity) const {
+    Session loaded = session.load(verbosity);
+    if (side.empty() && loaded.sides.size() > 1) return run_all(loaded, verbosity);
     // tissue deforms for each tool separately, so one side alone gets the same forces as beside
     // others
-    Session loaded = with_only_side(session.load(verbosity), side);
+    loaded = with_only_side(std::move(loaded), side);
     output.check(loaded, {output.csv_file}, hand_file);
     std::optional<double> length_s = seconds;
     if (!hand_file.empty()) {
@@ -60,30 +66,13 @@ struct LoopbackCommand {
       const std::string warning = start_warning(tick);
       if (!warning.empty()) say(warning);
     };
-    const StopSignal stop;
-    std::optional<BusyLine> loading(std::in_place, "loading the session", verbosity.is_quiet);
-    std::optional<Progress> progress;
-    const RunReport report = run_loopback(
-        loaded,
-        {.seconds = length_s,
-         .csv_file = output.csv_file,
-         .may_overwrite = output.may_overwrite,
-         .record = output.record(),
-         .recorded_by = "palpate loopback" + (hand_file.empty() ? "" : " --hand " + hand_file),
-         .lockstep = {.links = is_inproc ? LockstepLinks::kInproc : LockstepLinks::kMemory,
-                      .has_ideal = !has_no_ideal,
-                      .on_physics_tick = warn_of_start},
-         .may_go_on = [&](double done) {
-           if (loading) progress.emplace("loopback", verbosity.is_quiet);
-           loading.reset();
-           progress->show(done);
-           return !StopSignal::is_requested();
-         }});
-    progress.reset();
-    if (StopSignal::is_requested()) {
-      say(fmt::format("stopped after {:.2f} s of {:.2f} s", report.simulated_s,
-                      length_s.value_or(loaded.duration_s)));
-    }
+    LoopbackOptions options = loopback_options(length_s);
+    options.record = output.record();
+    options.recorded_by = "palpate loopback" + (hand_file.empty() ? "" : " --hand " + hand_file);
+    options.lockstep.on_physics_tick = warn_of_start;
+    const RunReport report =
+        watched(options, verbosity, [&] { return run_loopback(loaded, options); });
+    say_if_stopped(report, length_s.value_or(loaded.duration_s));
     if (!verbosity.is_quiet) {
       const std::string verdict =
           verdict_text(verdicts_of(loaded.side(), report.device, report.mofc, false));
@@ -91,6 +80,71 @@ struct LoopbackCommand {
     }
     json.write(summary_json(loaded, report));
     return 0;
+  }
+
+ private:
+  /// All sides together.
+  int run_all(const Session& loaded, const Verbosity& verbosity) const {
+    if (!hand_file.empty() || !output.record_file.empty()) {
+      throw SetupError(std::string(hand_file.empty() ? "--record" : "--hand") +
+                       ": needs one side of the session; give --side NAME");
+    }
+    std::vector<std::string> tables;
+    for (const Side& one : loaded.sides) {
+      if (!output.csv_file.empty()) tables.push_back(csv_file_of(output.csv_file, one.name));
+    }
+    output.check(loaded, tables);
+    JsonOutput json(output);
+    LoopbackOptions options = loopback_options(seconds);
+    const std::vector<RunReport> reports =
+        watched(options, verbosity, [&] { return run_all_sides(loaded, options); });
+    say_if_stopped(reports.front(), seconds.value_or(loaded.duration_s));
+    nlohmann::ordered_json all;
+    all["schema_version"] = 1;
+    all["session"] = loaded.name;
+    for (std::size_t i = 0; i < reports.size(); ++i) {
+      const std::string& name = loaded.sides[i].name;
+      Session one = with_only_side(loaded, name);
+      all["sides"][name] = summary_json(one, reports[i]);
+      if (verbosity.is_quiet) continue;
+      one.name += ", " + name;
+      const std::string verdict =
+          verdict_text(verdicts_of(one.side(), reports[i].device, reports[i].mofc, false));
+      std::fputs((summary_text(one, reports[i]) + verdict).c_str(), stdout);
+    }
+    json.write(all);
+    return 0;
+  }
+
+  [[nodiscard]] LoopbackOptions loopback_options(std::optional<double> length_s) const {
+    return {.seconds = length_s,
+            .csv_file = output.csv_file,
+            .may_overwrite = output.may_overwrite,
+            .lockstep = {.links = is_inproc ? LockstepLinks::kInproc : LockstepLinks::kMemory,
+                         .has_ideal = !has_no_ideal}};
+  }
+
+  /// Runs with a progress line until the end or a signal.
+  template <class Run>
+  static std::invoke_result_t<Run> watched(LoopbackOptions& options, const Verbosity& verbosity,
+                                           const Run& run) {
+    const StopSignal stop;
+    std::optional<BusyLine> loading(std::in_place, "loading the session", verbosity.is_quiet);
+    std::optional<Progress> progress;
+    options.may_go_on = [&](double done) {
+      if (loading) progress.emplace("loopback", verbosity.is_quiet);
+      loading.reset();
+      progress->show(done);
+      return !StopSignal::is_requested();
+    };
+    std::invoke_result_t<Run> result = run();
+    progress.reset();
+    return result;
+  }
+
+  static void say_if_stopped(const RunReport& report, double whole_s) {
+    if (report.simulated_s >= whole_s) return;
+    say(fmt::format("stopped after {:.2f} s of {:.2f} s", report.simulated_s, whole_s));
   }
 };
 

@@ -1,4 +1,4 @@
-// physics_choice.h — which of two physics a side uses: the rule of theory.md §5.9.
+// physics_choice.h — which of two physics a side uses: the rule of theory.md §5.1.
 #pragma once
 
 #include <array>
@@ -20,13 +20,14 @@ struct HeardPhysics {
 
 /// 1. The term grows to the highest one heard of.
 /// 2. The physics that the term names is used as soon as it is heard.
-/// 3. If the physics in use is silent and the other is heard, that one is used; if the term does not
+/// 3. If the physics in use is silent and the other is heard, that one is used; if the term does
+/// not
 ///    name it, the term grows by one.
 ///
-/// Heard: it answered a newer motion within half of `silence`. Silent: no such answer for `silence`,
-/// or its connection has ended; of one that has never answered, for two seconds. Between the two
-/// nothing changes, so that a pause of a network that both share changes nothing.
-/// Only this host's clock is used. No allocation, no throw.
+/// Heard: it answered a newer motion within half of `silence`. Silent: no such answer for
+/// `silence`, or its connection has ended; of one that has never answered, for two seconds. Between
+/// the two nothing changes, so that a pause of a network that both share changes nothing. Only this
+/// host's clock is used. No allocation, no throw.
 class PhysicsChoice {
  public:
   explicit PhysicsChoice(Duration silence) : silence_(silence) {}

@@ -217,9 +217,9 @@ TEST_F(TwoHands, ANodeNeedsItsSide) {
   const Outcome unknown = run_program("mofc_node", {"--session", file_, "--side", "up"});
   EXPECT_EQ(unknown.status, 2);
   EXPECT_THAT(unknown.err, AllOf(HasSubstr("--side up"), HasSubstr("left, right")));
-  const Outcome lockstep = run_program("palpate", {"loopback", file_});
-  EXPECT_EQ(lockstep.status, 2);
-  EXPECT_THAT(lockstep.err, HasSubstr("give --side with one of left, right"));
+  const Outcome recorded = run_program("palpate", {"loopback", file_, "--record", file("x.mcap")});
+  EXPECT_EQ(recorded.status, 2);
+  EXPECT_THAT(recorded.err, HasSubstr("give --side NAME"));
 }
 
 // 5 mm, half the depth, at 400 N/m as above; on virtual time.
@@ -228,6 +228,14 @@ TEST_F(TwoHands, OneSideAloneRunsOnVirtualTime) {
       "palpate", {"loopback", file_, "--side", "right", "--seconds", "2", "--json", "-"});
   ASSERT_EQ(run.status, 0) << run.err;
   EXPECT_NEAR(json::parse(run.out)["max_force_n"], kForceNewton[kRight], 0.5);
+  // beside the other one it gets the same forces
+  const Outcome both = run_program(
+      "palpate", {"loopback", file_, "--seconds", "2", "--json", "-", "--csv", file("v.csv")});
+  ASSERT_EQ(both.status, 0) << both.err;
+  const json sides = json::parse(both.out)["sides"];
+  EXPECT_EQ(sides["right"]["max_force_n"], json::parse(run.out)["max_force_n"]);
+  EXPECT_GT(sides["left"]["in_contact_ticks"], 0);
+  EXPECT_GT(std::filesystem::file_size(file("v.left.csv")), 1000u);
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "common/core/messages.h"
+#include "common/core/physics_term.h"
 #include "common/core/random.h"
 #include "common/core/scene_messages.h"
 #include "common/telemetry/run_messages.h"
@@ -97,6 +98,9 @@ inline void randomise(ToolMotion& m, Random& random) {
                 .newest = random.bits(),
                 .received = random.bits(),
                 .loop_age = random_duration(random)};
+  m.physics_term = random.below(kMaxPhysicsTerm + 1);
+  m.scene_time.reset();
+  if (random.chance(0.5)) m.scene_time = random_time(random);
 }
 
 inline Matrix3 random_matrix(Random& random, double limit) {
@@ -154,6 +158,8 @@ inline void randomise(Interaction& m, Random& random) {
     if (i >= touching) m.contacts[i].penetration_m *= -1.0;
   }
   randomise(m.surface, random);
+  m.physics_term = random.below(kMaxPhysicsTerm + 1);
+  m.scene_ahead = random_time(random).time_since_epoch();
 }
 
 inline void randomise(DeviceTick& r, Random& random) {
@@ -246,6 +252,10 @@ inline void randomise(MofcCounters& c, Random& random) {
   c.motions_suppressed = random.bits();
   c.transparency_sum = random.uniform(0.0, 1e6);
   c.transparency_samples = random.bits();
+  c.standby_interaction = random_link_counters(random);
+  c.physics_term = random.bits();
+  c.standby_ticks = random.bits();
+  c.physics_switches = random.bits();
 }
 
 inline void randomise(PhysicsCounters& c, Random& random) {
@@ -454,7 +464,8 @@ inline bool same(const ToolMotion& a, const ToolMotion& b) {
          same(a.tool_velocity_world_m_per_s, b.tool_velocity_world_m_per_s) &&
          a.buttons == b.buttons && a.receipts.store_id == b.receipts.store_id &&
          a.receipts.newest == b.receipts.newest && a.receipts.received == b.receipts.received &&
-         a.receipts.loop_age == b.receipts.loop_age;
+         a.receipts.loop_age == b.receipts.loop_age && a.physics_term == b.physics_term &&
+         a.scene_time == b.scene_time;
 }
 inline bool same(const HalfSpaceGeometry& a, const HalfSpaceGeometry& b) {
   return same(a.point_m, b.point_m) && same(a.normal, b.normal);
@@ -568,6 +579,7 @@ inline bool same(const Interaction& a, const Interaction& b) {
          same(a.force_on_tool_newton, b.force_on_tool_newton) &&
          same(a.stored_energy_joule, b.stored_energy_joule) && a.contact_count == b.contact_count &&
          a.listed_count == b.listed_count && same(a.surface, b.surface) &&
+         a.physics_term == b.physics_term && a.scene_ahead == b.scene_ahead &&
          std::equal(a.contacts.begin(), a.contacts.begin() + listed, b.contacts.begin(),
                     [](const auto& x, const auto& y) { return same(x, y); });
 }
@@ -627,7 +639,9 @@ inline bool same(const MofcCounters& a, const MofcCounters& b) {
          a.ledger_resets == b.ledger_resets && a.motions_dropped == b.motions_dropped &&
          a.motions_suppressed == b.motions_suppressed &&
          same(a.transparency_sum, b.transparency_sum) &&
-         a.transparency_samples == b.transparency_samples;
+         a.transparency_samples == b.transparency_samples &&
+         same(a.standby_interaction, b.standby_interaction) && a.physics_term == b.physics_term &&
+         a.standby_ticks == b.standby_ticks && a.physics_switches == b.physics_switches;
 }
 inline bool same(const PhysicsCounters& a, const PhysicsCounters& b) {
   return same(a.loop, b.loop) && same(a.tool_motion, b.tool_motion) &&

@@ -168,13 +168,19 @@ void add_device(Page& page, const DeviceCounters& c) {
 void add_mofc(Page& page, const MofcCounters& c) {
   add_link(page, "device_state", c.device_state);
   add_link(page, "interaction", c.interaction);
+  add_link(page, "standby_interaction", c.standby_interaction);
   page.counter("mofc_ticks", "DeviceStates answered.", {{"", c.ticks}});
   page.counter("mofc_ticks_in", "Of these, ticks in each condition.",
                {{label("condition", "contact"), c.contact_ticks},
                 {label("condition", "clamped"), c.clamped_ticks},
                 {label("condition", "too_fast"), c.too_fast_ticks},
                 {label("condition", "stale"), c.stale_ticks},
-                {label("condition", "late_physics"), c.late_physics_ticks}});
+                {label("condition", "late_physics"), c.late_physics_ticks},
+                {label("condition", "standby"), c.standby_ticks}});
+  page.gauge("mofc_physics_term", "Term of the physics that speaks; odd: the standby.", "",
+             static_cast<double>(c.physics_term));
+  page.counter("mofc_physics_switches", "Switches between the physics and its standby.",
+               {{"", c.physics_switches}});
   page.counter("mofc_ledger_resets", "Resets of the energy ledger.", {{"", c.ledger_resets}});
   page.counter("mofc_motions_dropped", "Motions that the link to physics refused.",
                {{"", c.motions_dropped}});

@@ -39,7 +39,11 @@ double ratio(std::uint64_t part, std::uint64_t whole) {
 TelemetryMirror::BatchLog::Place TelemetryMirror::BatchLog::note(const Header& header,
                                                                  TimePoint now) {
   const bool is_first = link.sessions == 0;
-  if (!is_first && header.session_id == superseded_session_id) return Place::kRefused;
+  // late messages of a session that has ended; after a silence it is the one that speaks again, as
+  // a physics that takes over from its standby
+  if (!is_first && header.session_id == superseded_session_id && !link.is_gone(now)) {
+    return Place::kRefused;
+  }
   if (is_first || header.session_id != session_id) {
     superseded_session_id = session_id;
     session_id = header.session_id;

@@ -68,6 +68,9 @@ nlohmann::ordered_json figures_json(const std::string& controller,
   json["clamp_ratio"] = number_or_null(ratio(mofc.clamped_ticks, mofc.contact_ticks));
   json["answered_ratio"] = number_or_null(answered_ratio(device));
   json["motions_suppressed"] = mofc.motions_suppressed;
+  json["physics_term"] = mofc.physics_term;
+  json["standby_ticks"] = mofc.standby_ticks;
+  json["physics_switches"] = mofc.physics_switches;
   json["interactions_suppressed"] = physics.interactions_suppressed;
   json["mesh_frames"] = physics.mesh_frames;
   json["meshes_skipped"] = physics.meshes_skipped;
@@ -102,6 +105,7 @@ std::vector<std::pair<std::string, std::string>> figure_lines(const std::string&
     line("least true energy",
          fmt::format("{:.3f} µJ (0 or more: passive)", 1e6 * figures.minimum_true_energy_joule));
   }
+  if (mofc.standby_interaction.sessions > 0) line("physics", speaker_text(mofc));
   line("answered in time",
        figure(100.0 * answered_ratio(device), "{:.3f} %") +
            fmt::format(" of {} scheduled ticks ({} skipped)",

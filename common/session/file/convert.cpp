@@ -123,7 +123,7 @@ void add_side(const SessionText& text, const std::string& name,
 std::vector<std::string> to_side_names(const std::vector<Fields>& sides) {
   if (sides.size() == 1 || sides.size() > kMaxSides) {
     sides.back().problem("must be 2 … " + std::to_string(kMaxSides) +
-                            " sides; for one device leave side out");
+                         " sides; for one device leave side out");
   }
   std::vector<std::string> names;
   for (const Fields& side : sides) {

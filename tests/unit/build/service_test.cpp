@@ -47,7 +47,8 @@ class Service : public testing::Test {
   test::TempFolder files_;
   const std::string nodes_ =
       " palpate-device@default.service palpate-mofc@default.service"
-      " palpate-physics@default.service palpate-viewer@default.service";
+      " palpate-physics@default.service palpate-viewer@default.service"
+      " palpate-standby@default.service";
 };
 
 TEST_F(Service, TheUnitsAreValid) {
@@ -72,8 +73,11 @@ TEST_F(Service, TheNodesAreShutIn) {
 
 // The real-time limits of the tick are for the two nodes that have one.
 TEST_F(Service, OnlyTheTickMayHaveRealTime) {
-  for (const auto& [node, is_realtime] :
-       {std::pair("device", true), {"mofc", true}, {"physics", false}, {"viewer", false}}) {
+  for (const auto& [node, is_realtime] : {std::pair("device", true),
+                                          {"mofc", true},
+                                          {"physics", false},
+                                          {"standby", false},
+                                          {"viewer", false}}) {
     EXPECT_EQ(says(node, "LimitRTPRIO=80"), is_realtime) << node;
     EXPECT_EQ(says(node, "RestrictRealtime=yes"), !is_realtime) << node;
   }
@@ -81,7 +85,7 @@ TEST_F(Service, OnlyTheTickMayHaveRealTime) {
 
 // Ten starts, half a second apart, take less than 30 s.
 TEST_F(Service, ANodeThatEndsAtEveryStartIsLeftAlone) {
-  for (const char* node : {"device", "mofc", "physics", "viewer"}) {
+  for (const char* node : {"device", "mofc", "physics", "standby", "viewer"}) {
     EXPECT_TRUE(says(node, "RestartSec=500ms")) << node;
     EXPECT_TRUE(says(node, "StartLimitIntervalSec=30")) << node;
     EXPECT_TRUE(says(node, "StartLimitBurst=10")) << node;
@@ -90,9 +94,18 @@ TEST_F(Service, ANodeThatEndsAtEveryStartIsLeftAlone) {
 
 // libzmq ends the process if it may not list the interfaces when it binds tcp.
 TEST_F(Service, ANodeMayBindTcp) {
-  for (const char* node : {"device", "mofc", "physics", "viewer"}) {
+  for (const char* node : {"device", "mofc", "physics", "standby", "viewer"}) {
     EXPECT_TRUE(says(node, "RestrictAddressFamilies=AF_UNIX AF_INET AF_INET6 AF_NETLINK")) << node;
   }
+}
+
+TEST(Prometheus, AcceptsTheRulesAndTheConfiguration) {
+  if (run_command("promtool --version").status != 0) {
+    GTEST_SKIP() << "no promtool here (Debian: prometheus)";
+  }
+  const std::string folder = PALPATE_SOURCE_DIR "/deploy/prometheus";
+  EXPECT_EQ(run_command("promtool check rules " + folder + "/palpate_rules.yml").status, 0);
+  EXPECT_EQ(run_command("promtool check config " + folder + "/prometheus.yml").status, 0);
 }
 
 }  // namespace

@@ -738,6 +738,57 @@ TEST_P(MofcNodeInMode, AnswerAndFinishTurnDoNotAllocate) {
 INSTANTIATE_TEST_SUITE_P(Modes, MofcNodeInMode,
                          testing::Values(MofcMode::kPaper, MofcMode::kVector, MofcMode::kGuard));
 
+TEST(MofcNodeWithStandby, TheStandbySpeaksBeforeTheForceFadesWithoutAllocation) {
+  ManualClock clock;
+  MemoryLink<ToolMotion> motions(clock, 8);
+  MemoryLink<ToolMotion> standby_motions(clock, 8);
+  MemoryLink<Interaction> interactions(clock);
+  MemoryLink<Interaction> standby_interactions(clock);
+  Inbox<Interaction> first_in(interactions, clock);
+  Inbox<Interaction> standby_in(standby_interactions, clock);
+  KeepAll records;
+  records.ticks.reserve(400);
+  MofcConfig config;
+  config.stale_after = 150ms;
+  config.standby_after = 75ms;
+  config.fade = 50ms;
+  const ClampedDevice device{.lease = 2ms};
+  MofcNode node(config, device, clock, motions, first_in, records, 77,
+                StandbyLinks{standby_motions, standby_in});
+  std::uint64_t allocations = 0;
+  Received<DeviceState> state;
+  for (std::uint64_t k = 0; k < 400; ++k) {
+    clock.advance(1ms);
+    if (k > 0) {
+      Interaction answer;
+      answer.device_session_id = 1;
+      answer.device_sequence = k - 1;
+      answer.device_sampled_at = clock.now() - 1ms;
+      answer.header = {9, k, clock.now()};
+      if (k < 200) interactions.send(answer);  // then it is silent
+      answer.header.session_id = 10;
+      standby_interactions.send(answer);
+    }
+    state.value.header = {1, k, clock.now()};
+    state.received_at = clock.now();
+    const test::AllocGuard guard;
+    static_cast<void>(node.answer(state));
+    node.finish_turn();
+    allocations += guard.count();
+  }
+  EXPECT_EQ(allocations, 0u);
+  EXPECT_EQ(node.counters().physics_term, 1u);
+  EXPECT_EQ(node.counters().physics_switches, 1u);
+  EXPECT_EQ(node.counters().stale_ticks, 0u);
+  EXPECT_FALSE(records.ticks[200].is_from_standby);
+  EXPECT_TRUE(records.ticks[280].is_from_standby);
+  ToolMotion motion;
+  TimePoint at;
+  while (standby_motions.receive(motion, at)) {
+  }
+  EXPECT_EQ(motion.header.session_id, 77u);
+}
+
 /// The bound of a controller without any energy, per axis.
 Vector3 f_max_at_first_newton(const MofcConfig& mofc, const ClampedDevice& device) {
   return make_controller(mofc, device)

@@ -164,12 +164,12 @@ TEST(SessionSides, HaveNamesThatDiffer) {
   EXPECT_THAT(named("a", std::string(16, 'b')), IsEmpty());
 }
 
-TEST(SessionSides, AreTwoToFour) {
+TEST(SessionSides, AreTwoToSixtyFour) {
   std::string text = "name: \"x\"";
-  for (int count = 1; count <= 5; ++count) {
+  for (int count = 1; count <= 65; ++count) {
     text += " side { name: \"s" + std::to_string(count) + "\" }";
-    if (count == 1 || count == 5) {
-      EXPECT_THAT(complaints(text), ElementsAre("x.txtpb: 1 problem", HasSubstr("2 … 4 sides")));
+    if (count == 1 || count == 65) {
+      EXPECT_THAT(complaints(text), ElementsAre("x.txtpb: 1 problem", HasSubstr("2 … 64 sides")));
     } else {
       EXPECT_THAT(complaints(text), IsEmpty());
     }
@@ -192,6 +192,35 @@ TEST(SessionSides, NeverWaitForPhysics) {
   EXPECT_THAT(complaints(kTwoHands, {"device.rate_hz=50", "side[1].device.rate_hz=50",
                                      "mofc.wait_for_physics_ms=5"}),
               ElementsAre("x.txtpb: 1 problem", HasSubstr("needs a session without sides")));
+}
+
+TEST(SessionSides, HaveLinksOfTheirOwnToTheStandby) {
+  const Session session = two_hands({"physics.standby={}"});
+  EXPECT_THAT(session.sides[0].links.standby_tool_motion, EndsWith("left.standby_tool_motion.ipc"));
+  EXPECT_THAT(session.sides[1].links.standby_interaction,
+              EndsWith("right.standby_interaction.ipc"));
+  EXPECT_THAT(session.standby_telemetry, EndsWith("/standby_telemetry.ipc"));
+  // half of stale_after, 150 ms
+  EXPECT_EQ(session.sides[0].mofc.standby_after,
+            std::optional<Duration>(session.sides[0].mofc.stale_after / 2));
+  EXPECT_EQ(two_hands({"physics.standby={silence_ms: 30}"}).sides[0].mofc.standby_after,
+            std::optional<Duration>(std::chrono::milliseconds(30)));
+  const Session none = two_hands();
+  EXPECT_EQ(none.sides[0].links.standby_tool_motion, "");
+  EXPECT_FALSE(none.sides[0].mofc.standby_after);
+}
+
+TEST(SessionSides, AStandbyThatComesTooLateOrCannotFollowIsRefused) {
+  EXPECT_THAT(complaints("name: \"x\" physics { standby { silence_ms: 5000 } }").at(1),
+              HasSubstr("must be > physics.standby.silence_ms"));
+  EXPECT_THAT(complaints("name: \"x\" physics { standby {} command: \"mine\" }").at(1),
+              HasSubstr("needs physics_node"));
+  EXPECT_THAT(complaints("name: \"x\" physics { standby {} } viewer { control: true }").at(1),
+              HasSubstr("reaches one physics_node only"));
+  EXPECT_THAT(complaints("name: \"x\" physics { standby {} } device { rate_hz: 50 } mofc { "
+                         "wait_for_physics_ms: 5 }")
+                  .at(1),
+              HasSubstr("needs a session without physics.standby"));
 }
 
 }  // namespace

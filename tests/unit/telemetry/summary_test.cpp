@@ -218,6 +218,9 @@ TEST(SummaryJson, HasTheKeysThatAreDocumented) {
                           "path_deviation_peak_m",
                           "motions_suppressed",
                           "interactions_suppressed",
+                          "physics_switches",
+                          "standby_ticks",
+                          "physics_term",
                           "ideal_run_force_error_rms_ratio",
                           "beyond_jnd_ratio"}) {
     EXPECT_TRUE(json.contains(key)) << key;

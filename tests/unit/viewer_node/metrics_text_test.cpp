@@ -88,6 +88,20 @@ TEST_F(MetricsTextTest, CountersAreThoseOfTheNodes) {
 }
 
 // Lateness: 20 µs belongs to its bucket, 21 µs to the next, 2 s to none but the last, seven are 0.
+TEST_F(MetricsTextTest, TheAlertRulesNameMetricsThatExist) {
+  take_all();
+  const std::string page = text();
+  const std::string rules =
+      test::text_of(PALPATE_SOURCE_DIR "/deploy/prometheus/palpate_rules.yml");
+  const std::regex metric("expr:[^\n]*?(palpate_[a-z_]+)");
+  int count = 0;
+  for (std::sregex_iterator at(rules.begin(), rules.end(), metric), end; at != end; ++at) {
+    EXPECT_THAT(page, HasSubstr("\n" + (*at)[1].str())) << "of an alert";
+    ++count;
+  }
+  EXPECT_GE(count, 6);
+}
+
 TEST_F(MetricsTextTest, HistogramsCountUpToAndWithTheirBounds) {
   take_all();
   EXPECT_THAT(text(), HasSubstr("palpate_tick_lateness_seconds_bucket{le=\"1e-05\"} 7\n"));

@@ -108,6 +108,20 @@ TEST(TelemetryMirror, KeepsTheNewestCountersWhenBatchesChangePlaces) {
   EXPECT_EQ(mirror.device_counters().loop.ticks, 20U);
 }
 
+// Two physics that take over from each other: the one that is back counts once the other is gone.
+TEST(TelemetryMirror, ANodeThatSpeaksAgainIsHeardOnceTheOtherIsGone) {
+  TelemetryMirror mirror;
+  DeviceBatch first = device_batch(0, 0, 9);
+  mirror.take(first, kArrival);
+  mirror.take(device_batch(0, 0, 9, 12), kArrival + std::chrono::seconds(1));
+  first.header.sequence = 1;
+  mirror.take(first, kArrival + std::chrono::milliseconds(2900));
+  EXPECT_EQ(mirror.device_link().sessions, 2U);
+  first.header.sequence = 2;
+  mirror.take(first, kArrival + std::chrono::milliseconds(3100));
+  EXPECT_EQ(mirror.device_link().sessions, 3U);
+}
+
 TEST(TelemetryMirror, StartsAgainWithARestartedNodeAndRefusesTheOldOne) {
   TelemetryMirror mirror;
   mirror.take(device_batch(50, 500, 509), kArrival);
