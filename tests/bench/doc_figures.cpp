@@ -86,6 +86,44 @@ std::string controllers_table(const std::vector<json>& outputs) {
                   rows);
 }
 
+// --- the fit of the paper ---------------------------------------------------------------------
+
+std::string fit_table(const std::vector<json>& outputs) {
+  std::vector<Cells> rows;
+  for (const json& row : outputs.at(0).at("statements").at("rows")) {
+    rows.push_back(
+        {text(row, "experiment"), text(row, "printed"),
+         fmt::format("{} / {} / {}", fixed(row, "transparency_x_percent", 1),
+                     fixed(row, "transparency_y_percent", 1),
+                     fixed(row, "transparency_z_percent", 1)),
+         fmt::format("{} to {}", fixed(row, "first_sample", 0), fixed(row, "last_sample", 0)),
+         fmt::format("{} / {} / {}", fixed(row, "limited_x", 0), fixed(row, "limited_y", 0),
+                     fixed(row, "limited_z", 0)),
+         fixed(row, "at_peak", 0), fixed(row, "excess_reversals", 0),
+         energy(number(row.at("min_true_energy_uj")))});
+  }
+  return markdown({"experiment", "the paper", "transparency x / y / z %", "samples in contact",
+                   "limited x / y / z", "at 3.3 N", "excess reversals", "least true energy"},
+                  rows);
+}
+
+std::string sensitivity_table(const std::vector<json>& outputs) {
+  const auto axes = [](const json& row, const std::string& prefix) {
+    return fmt::format("{} / {} / {}", fixed(row, (prefix + "x_percent").c_str(), 0),
+                       fixed(row, (prefix + "y_percent").c_str(), 0),
+                       fixed(row, (prefix + "z_percent").c_str(), 0));
+  };
+  std::vector<Cells> rows;
+  for (const json& row : outputs.at(0).at("sensitivity").at("rows")) {
+    rows.push_back({text(row, "change"), axes(row, ""), fixed(row, "excess_reversals", 1),
+                    fixed(row, "samples", 1), axes(row, "without_"),
+                    fixed(row, "without_excess_reversals", 1)});
+  }
+  return markdown({"changed", "with: x / y / z %", "excess reversals", "samples in contact",
+                   "without: x / y / z %", "excess reversals"},
+                  rows);
+}
+
 // --- held force and contact model -----------------------------------------------------------
 
 std::string transparency_table(const std::vector<json>& outputs) {
@@ -448,6 +486,11 @@ std::vector<DocFigures> doc_figures() {
       {.name = "controllers",
        .commands = {"paper_experiments --excerpt"},
        .table = controllers_table},
+      {.name = "paper_fit", .commands = {"paper_experiments --fit --quick"}, .table = fit_table},
+      {.name = "paper_sensitivity",
+       .commands = {"paper_experiments --fit"},
+       .is_checked = false,
+       .table = sensitivity_table},
       {.name = "transparency",
        .commands = {"transparency_bench --quick"},
        .table = transparency_table},

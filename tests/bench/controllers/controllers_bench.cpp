@@ -287,7 +287,7 @@ Table truth_table(const std::vector<Contender>& contenders, const std::vector<Ru
 
 /// Of one controller under one condition.
 struct Point {
-  bool is_safe = true;  // with both hands and all seeds
+  bool is_safe = true;  // with all hands and seeds
   double transparency = 0.0;
   double error = 0.0;
   int seeds = 0;
@@ -484,7 +484,7 @@ bool run(const ControllersOptions& options) {
   show("truth", "Is it true? Calm hand, means over tissues, delays and losses; against the ideal.",
        truth_table(all, runs, c));
   show("front",
-       "Both? Conditions in which it is safe with both hands, and none of the safe is truer.",
+       "Both? Conditions in which it is safe with every hand, and none of the safe is truer.",
        front_table(all, runs));
   show("step", "What does a step cost? Processor time of one step.", step_time_table());
   const Table rows = row_table(runs);
