@@ -15,8 +15,8 @@ elastic::DynamicsSettings settings() {
   return {.theta = 1.0,
           .tolerance_m = 2e-6,
           .is_exact = true,
-          .most_exact_iterations = 60,
-          .most_factors = 2};
+          .most_exact_iterations = 100,
+          .most_factors = 4};
 }
 
 }  // namespace

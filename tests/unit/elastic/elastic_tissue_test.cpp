@@ -149,7 +149,7 @@ TEST_F(ElasticScene, AStepOfTheToolAllocatesNothing) {
   EXPECT_GT(contact.force_on_tool_newton.z(), 0.05);
 }
 
-// One presses 6 mm deep, 14 mm beside the other that only rests on the surface.
+// One presses 6 mm deep, 25 mm beside the other that only rests on the surface.
 TEST_F(ElasticScene, TwoHandsFeelEachOtherThroughTheBody) {
   const auto scene = std::make_shared<const Scene>(scene_, kReach_m);
   const auto elastic = tissues(2);
@@ -166,7 +166,7 @@ TEST_F(ElasticScene, TwoHandsFeelEachOtherThroughTheBody) {
     const double newton = answer.force_on_tool_newton.z();
     if (tick == 399) alone = newton;
     if (tick == 799) together = newton;
-    motion.tool_position_world_m = tip_at(tick < 400 ? -0.04 : 0.006, 0.014);
+    motion.tool_position_world_m = tip_at(tick < 400 ? -0.04 : 0.006, 0.025);
     pressing_hand.step(motion, true, now, answer);
   }
   EXPECT_GT(alone, 0.05);
