@@ -156,6 +156,19 @@ Body::Body(BodyDescription description) : description_(std::move(description)) {
   }
 }
 
+bool Body::has_inverted_element(const VectorXd& x_m) const {
+  for (std::size_t e = 0; e < mesh().element_count(); ++e) {
+    const auto t = mesh().element(e);
+    Matrix3d edges;
+    for (Eigen::Index k = 0; k < 3; ++k) {
+      edges.col(k) = x_m.segment<3>(3 * Eigen::Index{t[static_cast<std::size_t>(k + 1)]}) -
+                     x_m.segment<3>(3 * Eigen::Index{t[0]});
+    }
+    if (!(edges.determinant() > 0.0)) return true;
+  }
+  return false;
+}
+
 void Body::stiffness(const VectorXd& x_m, const std::vector<double>& rotations, const Shift& shift,
                      bool is_projected, BlockValues& values) const {
   const Mesh& mesh = description_.mesh;

@@ -50,6 +50,9 @@ class Body {
   [[nodiscard]] bool is_viscous() const noexcept { return is_viscous_; }
   [[nodiscard]] bool has_mass_damping() const noexcept { return has_mass_damping_; }
 
+  /// Whether the corners of an element stand inside out at x, or are in one plane.
+  [[nodiscard]] bool has_inverted_element(const VectorXd& x_m) const;
+
   /// Elements and their state for one simulation of this body.
   [[nodiscard]] ElementBatches new_batches() const {
     return batches_of(description_.mesh, description_.materials, description_.law);

@@ -298,11 +298,9 @@ CondensedReport CondensedContact::step(const Vector3d& centre_m, double radius_m
       if (change.isZero(0.0)) continue;
       force = wanted;
       largest_m = std::max(largest_m, give * change.norm());
-      for (std::size_t k = 0; k < 3; ++k) {
-        const auto amount = static_cast<float>(change[static_cast<Eigen::Index>(k)]);
-        const float* column = among_.data() + (3 * i + k) * stride_;
-        for (std::size_t r = 0; r < stride_; ++r) displacements_m_[r] += amount * column[r];
-      }
+      const Eigen::Vector3f amount = change.cast<float>();
+      add_three(among_.data() + 3 * i * stride_, 3 * count_, amount.data(),
+                displacements_m_.data());
     }
     if (largest_m <= tolerance_m) break;
   }
@@ -328,14 +326,14 @@ CondensedReport CondensedContact::step(const Vector3d& centre_m, double radius_m
 }
 
 void CondensedContact::move_surface(float* displacements_m) const noexcept {
-  // the columns of the points that press, as one dense product
-  std::array<float, std::size_t{3} * kMostPoints> change{};
+  // the columns of the points whose force changed
+  const auto rows = static_cast<int>(3 * compliance_.surface_nodes().size());
+  std::fill_n(displacements_m, surface_stride_, 0.0F);
   for (std::size_t i = 0; i < static_cast<std::size_t>(count_); ++i) {
-    Eigen::Map<Eigen::Vector3f>(change.data() + 3 * i) =
-        (forces_newton_[i] - base_forces_newton_[i]).cast<float>();
+    const Eigen::Vector3f change = (forces_newton_[i] - base_forces_newton_[i]).cast<float>();
+    if (change.isZero(0.0F)) continue;
+    add_three(onto_surface_.data() + 3 * i * surface_stride_, rows, change.data(), displacements_m);
   }
-  multiply(onto_surface_.data(), static_cast<int>(3 * compliance_.surface_nodes().size()),
-           3 * count_, change.data(), displacements_m);
   if (equilibria_.size() < 2) return;
   const float* a = equilibria_[lower_].surface_m.data();
   const float* b = equilibria_[lower_ + 1].surface_m.data();

@@ -11,6 +11,8 @@ namespace {
 // nothing touched it.
 constexpr int kQuietSteps = 50;
 constexpr double kQuiet_m_per_s = 1e-6;
+// A body that rests this near to its undeformed shape is not tangled.
+constexpr double kTangled_m = 1e-3;
 // A part of a step becomes longer when it could have been twice as long for so many parts.
 constexpr int kCoarseSteps = 100;
 // Energy that rounding and the tolerance of the search may add in a step, relative.
@@ -252,12 +254,28 @@ StepReport Dynamics::single_step(double dt_s, const Obstacle* obstacle) {
   return report;
 }
 
+bool Dynamics::untangle(double energy_joule) {
+  next_ = body_.rest_m();
+  for (const std::uint32_t node : body_.description().fixed_nodes) {
+    next_.segment<3>(3 * Eigen::Index{node}) = x_.segment<3>(3 * Eigen::Index{node});
+  }
+  if ((x_ - next_).cwiseAbs().maxCoeff() < kTangled_m) return false;
+  const Goal here{};
+  if (!(search_.evaluate(here, next_) < energy_joule)) return false;
+  const VectorXd& rest = next_;
+  set_state(rest, VectorXd::Zero(rest.size()));
+  search_.rotations() = no_rotations(body_.node_count());
+  ++counters_.untangled;
+  return true;
+}
+
 void Dynamics::watch_for_rest(const StepReport& report, double dt_s) {
   const double fastest = v_.cwiseAbs().maxCoeff();
   const bool is_quiet = report.search.is_converged && fastest < kQuiet_m_per_s &&
                         dt_s * acceleration_.cwiseAbs().maxCoeff() < kQuiet_m_per_s;
   quiet_steps_ = is_quiet ? quiet_steps_ + 1 : 0;
   if (quiet_steps_ < kQuietSteps) return;
+  if (untangle(report.energy_joule())) return;
   is_asleep_ = true;
   v_.setZero();
   acceleration_.setZero();

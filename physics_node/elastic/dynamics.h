@@ -52,6 +52,9 @@ struct DynamicsCounters {
   std::uint64_t iterations = 0;
   std::uint64_t unconverged = 0;
   std::uint64_t damped = 0;
+  /// Times that a body came to rest where it has more energy than undeformed: folded or inside out,
+  /// because it was started so. It begins again from its undeformed shape.
+  std::uint64_t untangled = 0;
   std::uint64_t factorisations = 0;
 };
 
@@ -88,6 +91,7 @@ class Dynamics {
   void take_factor();
   void work(const std::stop_token& stop);
   [[nodiscard]] double kinetic_joule(const VectorXd& v_m_per_s) const;
+  [[nodiscard]] bool untangle(double energy_joule);
   void watch_for_rest(const StepReport& report, double dt_s);
 
   const Body& body_;

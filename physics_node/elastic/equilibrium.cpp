@@ -8,6 +8,8 @@ namespace {
 
 constexpr int kMostHalvings = 40;
 constexpr double kArmijo = 1e-4;
+// Share of a correction that is thought to be left at least, at rest.
+constexpr double kLeastRatioAtRest = 0.01;
 // Rounding of the function, relative to its parts.
 constexpr double kRounding = 1e-13;
 
@@ -192,8 +194,10 @@ SearchReport EquilibriumSearch::search(const Goal& goal, const SearchLimits& lim
     norm = new_norm;
     x_m = trial_;
     const double moved = fraction * correction;
+    // at rest the residual of stiff modes may vanish while a soft one has a way to go
+    const double counted = goal.step_s > 0.0 ? ratio : std::max(ratio, kLeastRatioAtRest);
     report.remaining_m =
-        ratio < 0.99 && fraction == 1.0 ? moved * ratio / (1.0 - ratio) : 100.0 * moved;
+        ratio < 0.99 && fraction == 1.0 ? moved * counted / (1.0 - ratio) : 100.0 * moved;
     if (report.remaining_m <= limits.tolerance_m) {
       report.is_converged = true;
       break;

@@ -36,7 +36,10 @@ bool WarpedFactor::factor(const VectorXd& x_m, const std::vector<double>& rotati
     return std::visit([&](auto& cholesky) { return cholesky.factor(values_); }, cholesky_);
   };
   is_exact_ = false;
-  if (left_out_ > 0) {
+  if (body_->description().law == Law::kCorotational || body_->has_inverted_element(x_m)) {
+    // from inside out the exact stiffness leads to the nearest equilibrium, inside out, and with
+    // the corotational law also from beside it
+  } else if (left_out_ > 0) {
     --left_out_;
   } else if (try_factor(true)) {
     is_exact_ = true;

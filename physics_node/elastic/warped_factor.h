@@ -21,8 +21,9 @@ class WarpedFactor {
   WarpedFactor(const Body& body, Precision precision);
 
   /// Factorises at x: the exact stiffness if it is positive definite, so that a search converges
-  /// quadratically; otherwise that of projected tangents, which always is. After the exact one has
-  /// failed it is left out for some calls. Allocates. False: failed; the factor cannot be used.
+  /// quadratically; otherwise that of projected tangents, which always is. The exact one is left
+  /// out where an element is inverted, and for some calls after it has failed. Allocates. False:
+  /// failed; the factor cannot be used.
   [[nodiscard]] bool factor(const VectorXd& x_m, const std::vector<double>& rotations,
                             const Body::Shift& shift, const Obstacle* obstacle);
 

@@ -199,6 +199,15 @@ PALPATE_CLONES void multiply_double(const double* m, int n, int columns, const d
                                     double* y) {
   multiply_any(m, n, columns, x, y);
 }
+PALPATE_CLONES void add_three_float(const float* m, int n, const float* x, float* y) {
+  using Vector = typename VectorOf<float>::Type;
+  const auto ld = static_cast<std::ptrdiff_t>(padded(n));
+  for (std::ptrdiff_t r = 0; r < ld; r += kPadding) {
+    store(Vector(load<Vector>(y + r) + load<Vector>(m + r) * x[0] +
+                 load<Vector>(m + ld + r) * x[1] + load<Vector>(m + 2 * ld + r) * x[2]),
+          y + r);
+  }
+}
 PALPATE_CLONES void transposed_float(const float* m, int n, int columns, const float* x, float* y) {
   multiply_transposed_any(m, n, columns, x, y);
 }
@@ -217,6 +226,7 @@ void multiply(const float* m, int n, int columns, const float* x, float* y) {
 void multiply(const double* m, int n, int columns, const double* x, double* y) {
   multiply_double(m, n, columns, x, y);
 }
+void add_three(const float* m, int n, const float* x, float* y) { add_three_float(m, n, x, y); }
 void multiply_transposed(const float* m, int n, int columns, const float* x, float* y) {
   transposed_float(m, n, columns, x, y);
 }

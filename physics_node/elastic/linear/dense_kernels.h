@@ -22,6 +22,8 @@ void invert_pivots(double* a, int n, int pivots);
 /// y = M x, n × columns, leading dimension padded(n); y is padded(n) long.
 void multiply(const float* m, int n, int columns, const float* x, float* y);
 void multiply(const double* m, int n, int columns, const double* x, double* y);
+/// y += M x, M has three columns.
+void add_three(const float* m, int n, const float* x, float* y);
 /// y = Mᵀ x, x is padded(n) long with finite numbers in the padding.
 void multiply_transposed(const float* m, int n, int columns, const float* x, float* y);
 void multiply_transposed(const double* m, int n, int columns, const double* x, double* y);

@@ -208,5 +208,24 @@ TEST(ElasticBody, RefusesWhatCannotBeSimulated) {
   refuses([](BodyDescription& b) { b.mesh.nodes_per_element = 5; });
 }
 
+// Converged from the undeformed shape in one search, and again from there with new rotations: the
+// same place, so the first search did not end too early.
+TEST(ElasticBody, ASearchForTheRestEndsWhereAnotherOneFindsNothingLeft) {
+  for (const Law law : {Law::kCorotational, Law::kStVenantKirchhoff, Law::kStableNeoHookean}) {
+    const Body body(bench::hanging_beam(beam_mesh(16, 4), law, 100e3, 0.45));
+    EquilibriumSearch search(body);
+    WarpedFactor factor(body, Precision::kDouble);
+    VectorXd x = body.rest_m();
+    ASSERT_TRUE(find_rest(search, factor, nullptr, {.tolerance_m = 1e-6}, x).is_converged);
+    VectorXd again = x;
+    EquilibriumSearch other(body);
+    WarpedFactor fresh(body, Precision::kDouble);
+    for (int round = 0; round < 3; ++round) {
+      ASSERT_TRUE(find_rest(other, fresh, nullptr, {.tolerance_m = 1e-8}, again).is_converged);
+    }
+    EXPECT_LT((again - x).cwiseAbs().maxCoeff(), 2e-5) << static_cast<int>(law);
+  }
+}
+
 }  // namespace
 }  // namespace palpate::elastic

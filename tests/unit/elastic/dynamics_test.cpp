@@ -160,5 +160,24 @@ TEST(ElasticDynamics, StepControlDividesStepsUntilThePeriodIsRight) {
   EXPECT_LT(std::abs(divided_m - right_m), 0.5 * std::abs(plain_m - right_m));
 }
 
+TEST(ElasticDynamics, ABodyThatRestsFoldedBeginsAgainAndEndsWhereItShould) {
+  BodyDescription beam = bench::hanging_beam(beam_mesh(8, 2), Law::kStableNeoHookean, 100e3, 0.45);
+  beam.materials[0].mass_damping_per_s = 52.0;  // critical
+  const Body body(beam);
+  Dynamics dynamics(body, {.theta = 1.0});
+  VectorXd x = body.rest_m();
+  for (Eigen::Index i = 0; i < x.size(); i += 3) x[i] = -x[i];
+  dynamics.set_state(x, VectorXd::Zero(x.size()));
+  EXPECT_TRUE(body.has_inverted_element(dynamics.x_m()));
+  for (int i = 0; i < 300; ++i) ASSERT_TRUE(dynamics.step(10e-3).search.is_finite);
+
+  EXPECT_EQ(dynamics.counters().untangled, 1U);
+  EquilibriumSearch search(body);
+  WarpedFactor factor(body, Precision::kDouble);
+  VectorXd wanted = body.rest_m();
+  ASSERT_TRUE(find_rest(search, factor, nullptr, {.tolerance_m = 1e-7}, wanted).is_converged);
+  EXPECT_LT((dynamics.x_m() - wanted).cwiseAbs().maxCoeff(), 1e-5);
+}
+
 }  // namespace
 }  // namespace palpate::elastic
