@@ -21,7 +21,8 @@ namespace palpate::mofc {
 /// A step is valid if no part of the surface that is not known could have changed it: the views of
 /// the step do not depend on it, or the tool, which nothing held, stays in a ball around its last
 /// place, or around the reference of an Interaction, that no part of the tissue reaches into. After
-/// an invalid step the tissue is only followed while it still has a share in the force.
+/// an invalid step the tissue is only followed while it still has a share in the force; without
+/// one a step that is invalid at the tip ends there, and the other tissues have its views.
 ///
 /// A step of all tissues takes at most about 64 views of their surfaces, 28 for each beyond that,
 /// and 30 more for each shaft; a proxy that needs more goes on in the next step.

@@ -8,7 +8,10 @@
 #include <csignal>
 #include <nlohmann/json.hpp>
 #include <random>
+#include <sstream>
+#include <string>
 #include <thread>
+#include <vector>
 
 #include "tests/loopback/campaign/campaign_support.h"
 #include "tests/support/text.h"
@@ -116,8 +119,9 @@ TEST_F(Sweep, TheFirstViolationEndsItAndItsLineRepeatsIt) {
       run_program("palpate", arguments_of("stop", {"--workers", "2", "--json", path("stop.json")}));
   EXPECT_EQ(outcome.status, 1) << outcome.err;
   EXPECT_THAT(outcome.out, HasSubstr("the first that violates a limit"));
-  const Outcome alone = run_program("palpate", {"sweep", campaign_, "--folder", path("alone"),
-                                                "--csv", path("alone.csv"), "--workers", "1"});
+  const Outcome alone =
+      run_program("palpate", {"sweep", campaign_, "--folder", path("alone"), "--csv",
+                              path("alone.csv"), "--workers", "1", "--worst", "1"});
   EXPECT_EQ(alone.status, 1);
   EXPECT_EQ(text_of(path("stop.csv")), text_of(path("alone.csv")));
 
@@ -132,6 +136,46 @@ TEST_F(Sweep, TheFirstViolationEndsItAndItsLineRepeatsIt) {
   EXPECT_TRUE(last.at("violates").get<bool>());
   EXPECT_EQ(nlohmann::json::parse(repeated.out).at("min_true_energy_j"),
             last.at("min_true_energy_j"));
+
+  // its recording
+  const std::string recording = path("alone") + "/worst-1.mcap";
+  EXPECT_THAT(alone.out, HasSubstr(recording + ": run " + last.at("run").dump() + "\n"));
+  const Outcome info = run_program("palpate", {"info", recording});
+  EXPECT_EQ(info.status, 0) << info.err;
+  EXPECT_THAT(info.out, HasSubstr("hostile"));
+}
+
+TEST_F(Sweep, TheTableAndItsJsonLinesSayTheSame) {
+  ASSERT_EQ(run_program("palpate", arguments_of("both", {"--json", path("both.json")})).status, 0);
+  std::istringstream csv(text_of(path("both.csv")));
+  std::istringstream json(text_of(path("both.json")));
+  const auto cells_of = [](const std::string& line) {
+    std::vector<std::string> cells;
+    std::istringstream in(line);
+    for (std::string cell; std::getline(in, cell, ',');) cells.push_back(cell);
+    return cells;
+  };
+  std::string line;
+  ASSERT_TRUE(std::getline(csv, line));
+  const std::vector<std::string> names = cells_of(line);
+  int rows = 0;
+  for (std::string object_text; std::getline(json, object_text); ++rows) {
+    const auto object = nlohmann::json::parse(object_text);
+    ASSERT_TRUE(std::getline(csv, line)) << "row " << rows;
+    const std::vector<std::string> cells = cells_of(line);
+    ASSERT_EQ(cells.size(), names.size()) << line;
+    ASSERT_EQ(object.size(), names.size()) << object_text;
+    for (std::size_t i = 0; i < names.size(); ++i) {
+      const nlohmann::json& value = object.at(names[i]);
+      if (value.is_number()) {
+        EXPECT_EQ(std::stod(cells[i]), value.get<double>()) << names[i] << ", row " << rows;
+      } else if (value.is_string()) {
+        EXPECT_EQ(cells[i], value.get<std::string>()) << names[i] << ", row " << rows;
+      }
+    }
+  }
+  EXPECT_EQ(rows, kSmallRuns);
+  EXPECT_FALSE(std::getline(csv, line));
 }
 
 TEST_F(Sweep, ReportDrawsMapsOfCells) {
