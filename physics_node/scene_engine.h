@@ -21,7 +21,8 @@ class SceneEngine final : public Engine {
   SceneEngine(const SceneConfig& scene, const PhysicsConfig& physics, InteractionUse use);
   /// In a scene shared with the tools of other engines. The tools meet only in elastic tissue; of
   /// the others each has its own TissueMemory.
-  /// @param reach_m  the scene's   @param elastic  may be null   @param tool  index in it
+  /// @param reach_m  the scene's; needed with elastic tissue only   @param elastic  may be null
+  /// @param tool  index in it
   SceneEngine(std::shared_ptr<const Scene> scene, double rate_hz, InteractionUse use,
               double reach_m = 0.0, std::shared_ptr<ElasticTissues> elastic = {},
               std::size_t tool = 0);
