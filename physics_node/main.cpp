@@ -19,11 +19,10 @@ int main(int argc, char** argv) {
            },
        .name_in_log = [&] { return std::string(is_standby ? "standby" : "physics"); }},
       [&](palpate::NodeContext& context) {
-        palpate::ProcessLinks links(
-            context.session.side().realtime,
-            palpate::tcp_rules(
-                context.session.security,
-                {is_standby ? palpate::KeyRole::kStandby : palpate::KeyRole::kPhysics}));
+        palpate::ProcessLinks links(context.session.side().realtime,
+                                    palpate::tcp_rules(context.session.security,
+                                                       {is_standby ? palpate::KeyRole::kStandby
+                                                                   : palpate::KeyRole::kPhysics}));
         palpate::physics::run_process(
             context, links,
             is_standby ? palpate::PhysicsRole::kStandby : palpate::PhysicsRole::kFirst);

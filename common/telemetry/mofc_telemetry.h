@@ -33,7 +33,7 @@ struct MofcTick {
   Duration force_age{};  ///< device time since the DeviceState that physics answered; 0 if none
   MofcState state = MofcState::kNoPhysics;
   bool is_clamped = false;
-  bool is_in_contact = false;  ///< as physics last reported
+  bool is_in_contact = false;    ///< as physics last reported
   bool is_from_standby = false;  ///< the request is that of physics.standby
 };
 

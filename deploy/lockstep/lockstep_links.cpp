@@ -74,7 +74,8 @@ struct InprocLinks final : Links {
 
 std::unique_ptr<Links> make_links(LockstepLinks kind, const Clock& clock,
                                   const Clock& physics_clock, const LinkHooks& hooks) {
-  if (kind == LockstepLinks::kMemory) return std::make_unique<MemoryLinks>(clock, physics_clock, hooks);
+  if (kind == LockstepLinks::kMemory)
+    return std::make_unique<MemoryLinks>(clock, physics_clock, hooks);
   return std::make_unique<InprocLinks>(clock, physics_clock, hooks);
 }
 

@@ -39,7 +39,6 @@ struct LinkHooks {
 
 /// @param physics_clock  of the host of the physics; both clocks must outlive the result
 [[nodiscard]] std::unique_ptr<Links> make_links(LockstepLinks kind, const Clock& clock,
-                                                const Clock& physics_clock,
-                                                const LinkHooks& hooks);
+                                                const Clock& physics_clock, const LinkHooks& hooks);
 
 }  // namespace palpate

@@ -1,5 +1,5 @@
-// tissue_pair.h — the tissue of one or two physics: what the one in use requests, and the transition
-// from one to the other.
+// tissue_pair.h — the tissue of one or two physics: what the one in use requests, and the
+// transition from one to the other.
 #pragma once
 
 #include <array>
@@ -12,10 +12,11 @@
 
 namespace palpate::mofc {
 
-/// Evaluates the tissue of both physics with every DeviceState, so that the one that is not in use is
-/// ready: its store is filled, its proxies follow the tool. When the one in use changes, the share of
-/// the other grows by bound / |Δ| per step, as between two contact models, so that the change alone
-/// never moves the force by more than `handover_newton_per_s` · dt. No allocation, no throw.
+/// Evaluates the tissue of both physics with every DeviceState, so that the one that is not in use
+/// is ready: its store is filled, its proxies follow the tool. When the one in use changes, the
+/// share of the other grows by bound / |Δ| per step, as between two contact models, so that the
+/// change alone never moves the force by more than `handover_newton_per_s` · dt. No allocation, no
+/// throw.
 class TissuePair {
  public:
   /// @param has_standby  else the first is the only one
@@ -24,7 +25,8 @@ class TissuePair {
              std::uint64_t session_id);
 
   /// Once per Interaction of that physics, in order.
-  void receive(PhysicsRole role, const Interaction& interaction, const DeviceState& state) noexcept {
+  void receive(PhysicsRole role, const Interaction& interaction,
+               const DeviceState& state) noexcept {
     models_[index_of(role)]->receive(interaction, state);
   }
   /// The force starts again from zero, and no tissue remembers the tool.

@@ -88,8 +88,7 @@ class Tool {
   /// @param side  of that device
   /// @param ends  of its links here
   Tool(const Session& session, const Side& side, const Ends& ends, Engine& engine,
-       NodeContext& context, ProcessLinks& links, Sender<PhysicsBatch>& telemetry,
-       Speaker* speaker)
+       NodeContext& context, ProcessLinks& links, Sender<PhysicsBatch>& telemetry, Speaker* speaker)
       : clock_(context.clock),
         log_(context.log.clone(with_side(side.name, context.log.name()))),
         motions_(links.side, context.clock, ends.tool_motion),

@@ -18,9 +18,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::array<KeyRole, kKeyRoles> kAllRoles{KeyRole::kDevice, KeyRole::kPhysics,
-                                                   KeyRole::kViewer, KeyRole::kPointer,
-                                                   KeyRole::kStandby};
+constexpr std::array<KeyRole, kKeyRoles> kAllRoles{
+    KeyRole::kDevice, KeyRole::kPhysics, KeyRole::kViewer, KeyRole::kPointer, KeyRole::kStandby};
 constexpr const char* kAllowedFile = "allowed.keys";
 constexpr std::size_t kKeyBytes = 32;
 constexpr std::size_t kKeyText = 40;
