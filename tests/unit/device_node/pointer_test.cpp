@@ -96,7 +96,8 @@ TEST(LedHand, IsOnItsPathToTheBitUntilItIsLed) {
   config.pointer.reset();
   Hand plain(config, {}, 1);
   for (double t = 0.0; t < 0.1; t += kUpdate_s) {
-    ASSERT_EQ(led.target(t, Vector3::Zero()).position_m, plain.target(t, Vector3::Zero()).position_m);
+    ASSERT_EQ(led.target(t, Vector3::Zero()).position_m,
+              plain.target(t, Vector3::Zero()).position_m);
   }
 }
 
@@ -107,7 +108,8 @@ TEST(LedHand, WithoutPermissionKeepsToItsPath) {
   Hand other(config, {}, 1);
   hand.lead_to(Vector3(0, 0, 0.03));
   for (double t = 0.0; t < 0.1; t += kUpdate_s) {
-    ASSERT_EQ(hand.target(t, Vector3::Zero()).position_m, other.target(t, Vector3::Zero()).position_m);
+    ASSERT_EQ(hand.target(t, Vector3::Zero()).position_m,
+              other.target(t, Vector3::Zero()).position_m);
   }
 }
 
@@ -118,7 +120,8 @@ TEST(LedHand, GoesToItsGoalAndStays) {
   hand.lead_to(goal_m);
   Target target;
   // within 0.06 m: 0.3 s at full speed and some time constants of 50 ms
-  for (double t = 0.3 + kUpdate_s; t < 1.5; t += kUpdate_s) target = hand.target(t, Vector3::Zero());
+  for (double t = 0.3 + kUpdate_s; t < 1.5; t += kUpdate_s)
+    target = hand.target(t, Vector3::Zero());
   EXPECT_LT((target.position_m - goal_m).norm(), 1e-6);
   EXPECT_LT(target.velocity_m_per_s.norm(), 1e-4);
 
