@@ -24,8 +24,8 @@ set(PALPATE_BOUNDARIES
   "common/telemetry:common/core,common/core/user,common/session,@log,@threads"
   # in link: codec, security ← socket ← the ends
   "common/link/codec:common/core,common/telemetry,@wire"
-  "common/link/security:common/core,@zmq,@threads"
-  "common/link/socket:common/core,common/session,common/link/codec,common/link/security,@zmq,@threads"
+  "common/link/security:common/core,common/core/user,@zmq,@threads"
+  "common/link/socket:common/core,common/core/user,common/session,common/link/codec,common/link/security,@zmq,@threads"
   "common/link:common/core,common/telemetry,common/link/*,@zmq"
   "common/process:common/core,common/core/user,common/session,common/telemetry,common/link/*,@log,@cli,@threads"
 
@@ -69,7 +69,7 @@ set(PALPATE_BOUNDARIES
   # elastic bodies by themselves: linear ← elastic; no session, no wire
   "physics_node/elastic:physics_node/elastic/linear,physics_node/elastic/condensed,@threads"
   "physics_node/elastic/linear:physics_node/elastic/mesh.h"
-  "physics_node/files:common/core,common/contact,common/session/scene_config.h,physics_node/surfaces,@threads"
+  "physics_node/files:common/core,common/core/user,common/contact,common/session/scene_config.h,physics_node/surfaces,@threads"
   "physics_node/scene:common/core,common/contact,common/session/scene_config.h,physics_node/surfaces,physics_node/files"
   "physics_node/elastic_tissue:common/core,common/contact,common/session/scene_config.h,common/telemetry/physics_telemetry.h,physics_node/surfaces,physics_node/files,physics_node/scene,physics_node/elastic,@threads"
   "physics_node/display:common/core,common/contact,common/session,common/telemetry,physics_node/surfaces,physics_node/files,physics_node/scene,physics_node/elastic_tissue"

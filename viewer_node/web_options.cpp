@@ -8,7 +8,7 @@
 #include <system_error>
 
 #include "common/core/check.h"
-#include "common/core/files.h"
+#include "common/core/user/files.h"
 
 namespace palpate::viewer {
 namespace {

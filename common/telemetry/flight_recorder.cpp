@@ -10,7 +10,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "common/core/files.h"
+#include "common/core/user/files.h"
 
 namespace palpate {
 namespace {

@@ -8,9 +8,9 @@
 #include <set>
 
 #include "common/core/check.h"
-#include "common/core/files.h"
 #include "common/core/problems.h"
 #include "common/core/random.h"
+#include "common/core/user/files.h"
 #include "common/core/user/nearest.h"
 #include "common/session/file/session_rules.h"
 #include "common/session/session_file.h"

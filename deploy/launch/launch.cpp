@@ -14,8 +14,8 @@
 #include <system_error>
 
 #include "common/core/check.h"
-#include "common/core/files.h"
 #include "common/core/time.h"
+#include "common/core/user/files.h"
 #include "common/process/log.h"
 #include "common/process/run_node.h"
 #include "common/session/session.h"

@@ -13,7 +13,7 @@
 
 #include "common/contact/bounds.h"
 #include "common/core/check.h"
-#include "common/core/files.h"
+#include "common/core/user/files.h"
 #include "physics_node/files/ply.h"
 #include "physics_node/files/tetrahedral_files.h"
 #include "physics_node/files/triangle_files.h"

@@ -10,8 +10,8 @@
 #include <cstring>
 
 #include "common/core/check.h"
-#include "common/core/files.h"
 #include "common/core/problems.h"
+#include "common/core/user/files.h"
 
 namespace palpate {
 namespace {

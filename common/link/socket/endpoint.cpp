@@ -13,7 +13,7 @@
 #include <system_error>
 
 #include "common/core/check.h"
-#include "common/core/files.h"
+#include "common/core/user/files.h"
 
 namespace palpate {
 namespace {

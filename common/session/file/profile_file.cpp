@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "common/core/files.h"
+#include "common/core/user/files.h"
 #include "common/session/file/session_fields.h"
 #include "common/session/file/session_text.h"
 

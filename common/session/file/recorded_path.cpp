@@ -1,5 +1,5 @@
 #include "common/session/file/recorded_path.h"
-#include "common/core/files.h"
+#include "common/core/user/files.h"
 
 #include <algorithm>
 #include <array>

@@ -7,8 +7,8 @@
 #include <cstdlib>
 
 #include "common/core/check.h"
-#include "common/core/files.h"
 #include "common/core/problems.h"
+#include "common/core/user/files.h"
 #include "common/session/file/convert.h"
 #include "common/session/file/session_text.h"
 

@@ -1,4 +1,4 @@
-#include "common/core/files.h"
+#include "common/core/user/files.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "common/core/files.h"
+#include "common/core/user/files.h"
 
 #include <sys/stat.h>
 #include <unistd.h>
