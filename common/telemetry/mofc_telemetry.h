@@ -54,7 +54,7 @@ struct MofcCounters {
   double transparency_sum = 0.0;
   std::uint64_t transparency_samples = 0;
   // with physics.standby; else 0
-  LinkCounters standby_interaction;
+  LinkCounters standby_interaction = {};
   std::uint64_t physics_term = 0;      ///< odd: the standby speaks
   std::uint64_t standby_ticks = 0;     ///< answered from the standby
   std::uint64_t physics_switches = 0;  ///< of this side, between the two

@@ -22,12 +22,12 @@ struct ElasticBody {
   std::uint32_t tissue = 0;  ///< index in the scene
   Shape shape;               ///< the surface where it rests under gravity, untouched
   Bounds bounds;             ///< of that surface
-  std::unique_ptr<const elastic::Body> body;
-  std::vector<elastic::Face> faces;
-  std::vector<elastic::SurfacePoint> points;  ///< of the contact
-  std::vector<std::uint32_t> surface_nodes;
-  elastic::VectorXd start_m;  ///< at rest under gravity, untouched
-  double sag_m = 0.0;         ///< largest displacement under gravity
+  std::unique_ptr<const elastic::Body> body = {};
+  std::vector<elastic::Face> faces = {};
+  std::vector<elastic::SurfacePoint> points = {};  ///< of the contact
+  std::vector<std::uint32_t> surface_nodes = {};
+  elastic::VectorXd start_m = {};  ///< at rest under gravity, untouched
+  double sag_m = 0.0;              ///< largest displacement under gravity
   double contact_stiffness_pa_per_m = 0.0;
   double hertz_newton = 0.0;  ///< of the tip 1 mm deep in much of the material [Hertz]
   double solve_rate_hz = 50.0;
