@@ -555,7 +555,7 @@ TEST_F(WrongSetUp, UnknownNodesAndConflictingOptionsAreRefused) {
     return command;
   };
   expect_refused(launch({"--nodes", "device,moffc"}),
-                 "--nodes: moffc not in {device,mofc,physics,viewer}");
+                 "--nodes: moffc not in {device,mofc,physics,standby,viewer}");
   expect_refused(launch({"--nodes"}), "--nodes");
   expect_refused(launch({"--nodes", ""}), "--nodes");
   expect_refused(launch({"--nodes", "device", "--together", "device,mofc"}),

@@ -198,6 +198,7 @@ inline void randomise(MofcTick& r, Random& random) {
   r.force_age = random_duration(random);
   r.state = static_cast<MofcState>(random.below(5));
   r.is_clamped = random.chance(0.5);
+  r.is_from_standby = random.chance(0.5);
   r.is_in_contact = random.chance(0.5);
 }
 
@@ -605,7 +606,8 @@ inline bool same(const MofcTick& a, const MofcTick& b) {
          same(a.commanded_force_on_hand_newton, b.commanded_force_on_hand_newton) &&
          same(a.f_max_newton, b.f_max_newton) &&
          same(a.ledger_energy_joule, b.ledger_energy_joule) && a.force_age == b.force_age &&
-         a.state == b.state && a.is_clamped == b.is_clamped && a.is_in_contact == b.is_in_contact;
+         a.state == b.state && a.is_clamped == b.is_clamped && a.is_in_contact == b.is_in_contact &&
+         a.is_from_standby == b.is_from_standby;
 }
 inline bool same(const PhysicsTick& a, const PhysicsTick& b) {
   return a.sequence == b.sequence && a.stepped_at == b.stepped_at &&

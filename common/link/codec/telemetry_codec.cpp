@@ -366,6 +366,7 @@ void read_record(const v1::MofcTelemetry& wire, int i, MofcTick& r) {
   r.state = static_cast<MofcState>(wire.state(i));
   r.is_clamped = (wire.flags(i) & kClamped) != 0;
   r.is_in_contact = (wire.flags(i) & kInContact) != 0;
+  r.is_from_standby = (wire.flags(i) & kFromStandby) != 0;
 }
 
 void fill_records(const std::vector<PhysicsTick>& records, v1::PhysicsTelemetry& wire) {

@@ -35,7 +35,10 @@ const pb::FieldDescriptor* Fields::field(const char* name) const {
 }
 
 bool Fields::has(const char* name) const {
-  return message_->GetReflection()->HasField(*message_, field(name));
+  const pb::FieldDescriptor* const given = field(name);
+  const pb::Reflection& reflection = *message_->GetReflection();
+  return given->is_repeated() ? reflection.FieldSize(*message_, given) > 0
+                              : reflection.HasField(*message_, given);
 }
 
 bool Fields::has_required(const char* name) const {

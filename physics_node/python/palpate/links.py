@@ -26,7 +26,7 @@ ROLES = {
     "mofc_telemetry": ("device", "viewer"),
     "physics_telemetry": ("physics", "viewer"),
 }
-_ROLES = ("device", "physics", "viewer", "pointer")
+_ROLES = ("device", "physics", "standby", "viewer", "pointer")
 _ZAP_ENFORCE_DOMAIN = 93
 _SUBSCRIPTION_BYTES = 1 << 10
 _Z85 = re.compile(r"[0-9a-zA-Z.\-:+=^!/*?&<>()\[\]{}@%$#]{40}")
@@ -54,8 +54,8 @@ class Keys:
                 continue
             if len(words) != 2 or words[0] not in _ROLES or not _Z85.fullmatch(words[1]):
                 raise SetupError(
-                    f"{allowed}:{number}: must be device, physics, viewer or pointer and a key of 40 "
-                    "characters; copy the line of `palpate keygen`"
+                    f"{allowed}:{number}: must be {', '.join(_ROLES[:-1])} or {_ROLES[-1]} and a "
+                    "key of 40 characters; copy the line of `palpate keygen`"
                 )
             self.allowed[words[1]] = words[0]
         secret = folder / f"{role}.key_secret"

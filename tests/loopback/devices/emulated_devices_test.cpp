@@ -58,7 +58,7 @@ TEST_F(EmulatedDevices, AreFeltThroughTheirWiresAndStayPassive) {
     EXPECT_THAT(run.err, HasSubstr("event=no_motor_watchdog"));
     const json summary = json::parse(run.out, nullptr, false);
     ASSERT_FALSE(summary.is_discarded()) << run.out;
-    EXPECT_GT(summary.at("peak_force_newton").get<double>(), 0.3) << summary;
+    EXPECT_GT(summary.at("max_force_n").get<double>(), 0.3) << summary;
   }
 }
 

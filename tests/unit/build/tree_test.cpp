@@ -46,10 +46,30 @@ bool is_number(const std::string& type) {
 }
 
 bool ends_with_unit(const std::string& name) {
-  for (const char* unit :
-       {"_m", "_m_per_s", "_newton", "_newton_per_m", "_newton_per_m3", "_newton_s_per_m",
-        "_newton_per_s", "_joule", "_watt", "_m2_per_s3", "_m2_per_s5", "_kg", "_rad", "_hz", "_s",
-        "_ms", "_us", "_ns", "_ratio"}) {
+  for (const char* unit : {"_m",
+                           "_m_per_s",
+                           "_newton",
+                           "_newton_per_m",
+                           "_newton_per_m3",
+                           "_newton_s_per_m",
+                           "_newton_per_s",
+                           "_joule",
+                           "_watt",
+                           "_m2_per_s3",
+                           "_m2_per_s5",
+                           "_kg",
+                           "_rad",
+                           "_hz",
+                           "_s",
+                           "_ms",
+                           "_us",
+                           "_ns",
+                           "_ratio",
+                           "_deg",
+                           "_pa",
+                           "_kg_per_m3",
+                           "_per_s",
+                           "_m_per_s2"}) {
     if (name.ends_with(unit)) return true;
   }
   return false;
@@ -75,10 +95,15 @@ TEST(SessionFormat, EveryNumberSaysItsUnitInItsName) {
       "ratio",
       "friction_coefficient",
       "exponent",
+      "device_id",
+      "motor_port",
+      "encoder_port",
+      "encoder_resolution",
+      "torque_gain",
   };
   std::string schema;
-  for (const char* file : {"session", "session_device", "session_hand", "session_mofc",
-                           "session_scene", "session_vector"}) {
+  for (const char* file : {"session", "session_device", "session_drivers", "session_hand",
+                           "session_mofc", "session_scene", "session_vector"}) {
     schema += text_of(fs::path(PALPATE_SOURCE_DIR "/proto/palpate/v1") / file += ".proto");
   }
   const std::vector<Field> fields = fields_of(schema);

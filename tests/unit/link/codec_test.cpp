@@ -274,7 +274,7 @@ TYPED_TEST(CodecOf, RefusesEachMissingMessageField) {
         if (path == "applied.hand_position_at_end_m" || path == "pointer" || path == "replay" ||
             path == "displacement_world_m" || path == "receipts" || path == "contacts.held_m" ||
             path == "surface" || path == "surface.description" ||
-            path == "surface.coverages.to_m" ||
+            path == "surface.coverages.to_m" || path == "counters.standby_interaction" ||
             path == "surface.description.motion_amplitude_m") {  // optional
           TypeParam message;
           EXPECT_EQ(decoded(frame, message), DecodeError::kNone);

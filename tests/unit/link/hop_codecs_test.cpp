@@ -264,8 +264,8 @@ TEST(InteractionCodec, FitsItsFrameWithEveryContactFull) {
 TEST(TelemetryCodec, RefusesUnknownStates) {
   expect_range<DeviceBatch>([](auto& m) { m.set_guard(0, 5); }, true);
   expect_range<DeviceBatch>([](auto& m) { m.set_guard(0, 6); }, false);
-  expect_range<DeviceBatch>([](auto& m) { m.mutable_counters()->set_last_fault(4); }, true);
-  expect_range<DeviceBatch>([](auto& m) { m.mutable_counters()->set_last_fault(5); }, false);
+  expect_range<DeviceBatch>([](auto& m) { m.mutable_counters()->set_last_fault(7); }, true);
+  expect_range<DeviceBatch>([](auto& m) { m.mutable_counters()->set_last_fault(8); }, false);
   expect_range<MofcBatch>([](auto& m) { m.set_state(1, 4); }, true);
   expect_range<MofcBatch>([](auto& m) { m.set_state(1, 5); }, false);
 }
@@ -315,7 +315,10 @@ TEST(SceneCodec, RefusesVerticesThatAreNotFiniteOrTooFar) {
     expect_refused<MeshFrame>(closed<MeshFrame>(wire), DecodeError::kNotFinite);
   }
   const auto at = [](float x) {
-    return [x](auto& mesh) { mesh.set_vertices_m(packed(x) + packed(0.0F) + packed(0.0F)); };
+    return [x](auto& mesh) {
+      mesh.set_vertices_m(packed(x) + packed(0.0F) + packed(0.0F));
+      mesh.set_vertex_strain(packed(0.1F));
+    };
   };
   expect_range<MeshFrame>(at(1000.0F), true);
   expect_range<MeshFrame>(at(1001.0F), false);

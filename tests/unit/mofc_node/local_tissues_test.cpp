@@ -110,7 +110,10 @@ TEST_F(PartOfAFloor, IsFeltByAShaftWhereItIsKnown) {
                  {});
     }
     const LocalTissues::Result& result = local.results()[0];
-    EXPECT_GT(result.force.force_on_tool_newton.z(), 0.1 * kStiffness * 1e-3);
+    // an invalid step that has no share in the force ends early
+    if (result.is_valid) {
+      EXPECT_GT(result.force.force_on_tool_newton.z(), 0.1 * kStiffness * 1e-3);
+    }
     return result.is_valid;
   };
   EXPECT_TRUE(is_felt(-0.2));

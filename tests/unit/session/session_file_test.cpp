@@ -635,7 +635,7 @@ TEST(SessionFile, AllUnknownFieldsAreReportedBeforeASyntaxError) {
 TEST(SessionFile, UnknownFieldUnlikeAnyOtherIsAnsweredWithAllFields) {
   EXPECT_THAT(complaints("name: \"x\" physics { quality: 3 }").at(1),
               EndsWith("physics.quality: no such field; it has rate_hz, interaction_deadband, "
-                       "reach_m, command"));
+                       "reach_m, standby, command"));
 }
 
 // The places follow from the tokens: comments, tabs, text with braces and lists stand between.
