@@ -6,7 +6,7 @@ namespace palpate {
 namespace {
 
 // Below this length a direction is rounding, not geometry [m].
-constexpr double kShortestDirection = 1e-12;
+constexpr double kShortestOffset = 1e-12;
 
 }  // namespace
 
@@ -63,7 +63,7 @@ SurfaceView view_of_facet(const FacetFoot& foot, const Vector3& side, const Vect
   const double sign = from_foot.dot(side) < 0.0 ? -1.0 : 1.0;
   SurfaceView view;
   view.distance_m = sign * distance_m;
-  if (distance_m <= kShortestDirection) {
+  if (distance_m <= kShortestOffset) {
     const double length = side.norm();
     view.normal = length > 0.0 ? Vector3(side / length) : face;
     return view;

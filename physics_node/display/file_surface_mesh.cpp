@@ -32,7 +32,7 @@ Key key_of(const Cell& cell) {
   return key;
 }
 
-void add_vertex(const Vector3& p, SurfaceMesh& mesh) {
+void append_vertex(const Vector3& p, SurfaceMesh& mesh) {
   for (const double x : p) mesh.vertices_m.push_back(static_cast<float>(x));
 }
 
@@ -90,7 +90,7 @@ class SurfaceNet {
       if (!vertex_m) continue;
       vertices_.emplace(key_of(cell), static_cast<std::uint32_t>(crossed.size()));
       crossed.push_back(cell);
-      add_vertex(*vertex_m, mesh);
+      append_vertex(*vertex_m, mesh);
     }
     for (const Cell& cell : crossed) {
       for (int axis = 0; axis < 3; ++axis) add_face(cell, axis, mesh);
@@ -197,7 +197,7 @@ SurfaceMesh mesh_of(const TriangleSurface& surface) {
   std::vector<std::uint32_t> becomes(count);
   if (count <= kMostVertices) {
     for (std::size_t i = 0; i < count; ++i) {
-      add_vertex(given.vertices_m[i], mesh);
+      append_vertex(given.vertices_m[i], mesh);
       becomes[i] = static_cast<std::uint32_t>(i);
     }
   } else {
@@ -210,7 +210,7 @@ SurfaceMesh mesh_of(const TriangleSurface& surface) {
     for (std::size_t i = 0; i < count; ++i) {
       const auto [it, is_new] = kept.emplace(key_of(grid.cell_of(given.vertices_m[i])),
                                              static_cast<std::uint32_t>(mesh.vertex_count()));
-      if (is_new) add_vertex(given.vertices_m[i], mesh);
+      if (is_new) append_vertex(given.vertices_m[i], mesh);
       becomes[i] = it->second;
     }
   }

@@ -12,7 +12,7 @@
 namespace palpate::physics {
 namespace {
 
-constexpr std::int64_t kMaxCount = 1'000'000'000;
+constexpr std::int64_t kMostListed = 1'000'000'000;
 constexpr std::int64_t kMaxTag = std::numeric_limits<std::int64_t>::max() - 1;
 // Six volumes over the cube of the longest edge; 0.7 for a regular tetrahedron.
 constexpr double kFlattestElement = 1e-9;
@@ -115,7 +115,7 @@ Vector3 read_place(FileText& text) {
 }
 
 std::int64_t read_count(FileText& text, const char* what) {
-  const std::int64_t count = text.integer(what, 0, kMaxCount);
+  const std::int64_t count = text.integer(what, 0, kMostListed);
   if (count > static_cast<std::int64_t>(text.left())) {
     text.fail(std::string(what) + ": the file is too short for " + std::to_string(count));
   }
@@ -368,7 +368,7 @@ TetrahedralMesh parse_vtk(std::string_view bytes, const std::string& file_name) 
     } else if (keyword == "CELLS") {
       cells = read_cells(text, values, count);
     } else if (keyword == "CELL_TYPES") {
-      const std::int64_t types = text.integer("number of cell types", 0, kMaxCount);
+      const std::int64_t types = text.integer("number of cell types", 0, kMostListed);
       if (types != count) text.fail("CELL_TYPES: must be as many as CELLS, and follow them");
       text.rest_of_line();
       break;

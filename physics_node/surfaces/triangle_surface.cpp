@@ -108,7 +108,7 @@ TriangleSurface::TriangleSurface(TriangleMesh mesh) : mesh_(std::move(mesh)) {
     const auto& [a, b, c] = mesh_.triangles[t];
     const std::array<Vector3, 3> corners{mesh_.vertices_m[a], mesh_.vertices_m[b],
                                          mesh_.vertices_m[c]};
-    items[t] = {bounds_of(corners), corners[0] + corners[1] + corners[2], t};
+    items[t] = {palpate::bounds_of(corners), corners[0] + corners[1] + corners[2], t};
   }
   tree_ = BoxTree(std::move(items), kLeafTriangles);
   std::vector<std::array<std::uint32_t, 3>> triangles;
