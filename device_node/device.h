@@ -19,7 +19,7 @@ struct DeviceSpecification {
   double position_resolution_m = 0.0;                 ///< per axis; 0: exact
   /// What the motors can give of a force, D: a projection onto the axes that have motors.
   Matrix3 force_axes = Matrix3::Identity();
-  std::uint32_t button_count = 0;                     ///< bits used of DeviceSample::buttons
+  std::uint32_t button_count = 0;  ///< bits used of DeviceSample::buttons
   bool is_simulated = false;
   /// False: the motors keep pushing when this process stops. The passivity guarantee is then not
   /// available, which is reported.
@@ -34,8 +34,8 @@ struct DeviceSample {
   Quaternion orientation = Quaternion::Identity();  ///< D from T, unit
   std::uint32_t buttons = 0;                        ///< bit i set while button i is held
   TimePoint sampled_at{};                           ///< this host's clock
-  /// Of a switch: the force that acts from this reading on [N], D, as the motors realise it, limited
-  /// and quantised; the energy is counted with it.
+  /// Of a switch: the force that acts from this reading on [N], D, as the motors realise it,
+  /// limited and quantised; the energy is counted with it.
   Vector3 applied_force_newton = Vector3::Zero();
 };
 
@@ -64,8 +64,8 @@ class HapticDevice {
   /// A lease ≤ 0 means no force. |force| is limited to the device's peak; its direction is kept.
   ///
   /// `at_switch` is the reading latched as the force changes; it separates the energies of the two
-  /// forces exactly, and names the force that acts now. Returns false, motors limp, for a non-finite
-  /// force or if the device failed.
+  /// forces exactly, and names the force that acts now. Returns false, motors limp, for a
+  /// non-finite force or if the device failed.
   [[nodiscard]] virtual bool apply(const Vector3& force_on_hand_newton, Duration lease,
                                    DeviceSample& at_switch) noexcept = 0;
 

@@ -136,8 +136,9 @@ FaultReason DeviceNode::switch_to(const GuardedForce& commanded, TimePoint deadl
   GuardedForce guarded = monitored(commanded, record);
   DeviceSample at_switch;
   const bool is_applied = device_.apply(guarded.force_on_hand_newton, guarded.lease, at_switch);
-  const FaultReason reason = is_applied ? judge_with_latched(at_switch)
-                                        : reason_of(device_.last_error(), FaultReason::kWriteFailed);
+  const FaultReason reason = is_applied
+                                 ? judge_with_latched(at_switch)
+                                 : reason_of(device_.last_error(), FaultReason::kWriteFailed);
   if (reason != FaultReason::kNone) {
     record.force_on_hand_newton.setZero();
     record.is_peak_limited = false;

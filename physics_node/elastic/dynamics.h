@@ -24,7 +24,7 @@ struct DynamicsSettings {
   bool is_exact = true;
   int most_exact_iterations = 300;  ///< of an exact step
   int most_factors = 300;           ///< made within an exact step
-  double slow_ratio = 0.3;  ///< see SearchLimits
+  double slow_ratio = 0.3;          ///< see SearchLimits
   /// Step control: a step is divided, at most into most_substeps, so that the estimated error of a
   /// part, h²|Δa|/12 (root mean square over the mass), stays below this. 0: steps are never
   /// divided.

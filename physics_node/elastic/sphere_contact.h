@@ -43,8 +43,8 @@ class SphereContact : public Obstacle {
     centre_m_ = centre_m;
     radius_m_ = radius_m;
   }
-  /// From now on only points this near to the sphere may touch it; others lose their multipliers. At
-  /// first all may.
+  /// From now on only points this near to the sphere may touch it; others lose their multipliers.
+  /// At first all may.
   void choose_near(const double* x_m, double margin_m);
   double add_gradient(const double* x_m, double* gradient) const override;
   void add_stiffness(const double* x_m, const BlockPattern& pattern,
