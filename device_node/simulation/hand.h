@@ -143,7 +143,7 @@ class Hand {
   /// @param force_on_hand_newton  rendered, D
   [[nodiscard]] Target target(double t_s, const Vector3& force_on_hand_newton) noexcept {
     if (!is_hostile_ || led_) return target_without_sense(t_s);
-    const Target target = hostile_.target(t_s, force_on_hand_newton);
+    Target target = hostile_.target(t_s, force_on_hand_newton);
     intended_m_ = target.position_m;
     t_s_ = t_s;
     return target;

@@ -954,8 +954,8 @@ class FloodOfThePage {
       std::string subscriptions;
       for (int channel = 1; channel <= 8; ++channel) {
         const std::string id = std::to_string(channel);
-        subscriptions +=
-            (channel > 1 ? "," : "") + (R"({"id":)" + id + R"(,"channelId":)") + id + "}";
+        if (channel > 1) subscriptions += ',';
+        subscriptions.append(R"({"id":)").append(id).append(R"(,"channelId":)").append(id) += '}';
       }
       EXPECT_TRUE(
           viewer.send_text(R"({"op":"subscribe","subscriptions":[)" + subscriptions + "]}"));
