@@ -15,18 +15,12 @@ MotorLimits to_motors(const Fields& motors) {
   return limits;
 }
 
-Quaternion to_rotation(const Fields& mount) {
-  const Vector3 turn = mount.vector("rotation_rad");
-  if (!(turn.norm() > 0.0)) return Quaternion::Identity();
-  return Quaternion(Eigen::AngleAxisd(turn.norm(), turn.normalized()));
-}
-
 /// Fields that the drivers share by name.
 template <class Config>
 void read_common(const Fields& driver, Config& config) {
   const Fields mount = driver.message("mount");
   config.origin_m = mount.vector("origin_m");
-  config.rotation = to_rotation(mount);
+  config.rotation = mount.rotation("rotation_rad");
   config.workspace_half_extent_m = mount.vector("workspace_half_extent_m");
   config.limits = to_motors(driver.message("motors"));
   config.position_resolution_m = driver.number("position_resolution_m");

@@ -22,10 +22,7 @@ FileGeometry to_file_geometry(const Fields& tissue, const char* message, FileGeo
   }
   geometry.unit_m = tissue.number("unit_m");
   geometry.position_m = tissue.vector("position_m");
-  const Vector3 turn = tissue.vector("rotation_rad");
-  if (turn.norm() > 0.0) {
-    geometry.rotation = Quaternion(Eigen::AngleAxisd(turn.norm(), turn.normalized()));
-  }
+  geometry.rotation = tissue.rotation("rotation_rad");
   return geometry;
 }
 

@@ -169,6 +169,12 @@ Vector3 Fields::vector(const char* name) const {
   return {component("x"), component("y"), component("z")};
 }
 
+Quaternion Fields::rotation(const char* name) const {
+  const Vector3 turn = vector(name);
+  if (!(turn.norm() > 0.0)) return Quaternion::Identity();
+  return Quaternion(Eigen::AngleAxisd(turn.norm(), turn.normalized()));
+}
+
 Vector3 Fields::direction(const char* name) const {
   const Vector3 given = vector(name);
   if (given.norm() < kShortestDirection) {

@@ -59,6 +59,8 @@ class Fields {
   [[nodiscard]] Vector3 vector(const char* name) const;
   /// Scaled to length 1.
   [[nodiscard]] Vector3 direction(const char* name) const;
+  /// Of a vector axis · angle; none for 0.
+  [[nodiscard]] Quaternion rotation(const char* name) const;
 
   [[nodiscard]] Duration milliseconds(const char* name) const;  ///< of a field in ms
   [[nodiscard]] Duration microseconds(const char* name) const;  ///< of a field in µs

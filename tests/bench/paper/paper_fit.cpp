@@ -1,7 +1,6 @@
 #include "tests/bench/paper/paper_fit.h"
 
 #include <spdlog/fmt/fmt.h>
-#include <unistd.h>
 
 #include <array>
 #include <atomic>
@@ -9,6 +8,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
+#include <filesystem>
 #include <fstream>
 #include <map>
 #include <mutex>
@@ -18,7 +18,7 @@
 #include <utility>
 #include <vector>
 
-#include "common/core/check.h"
+#include "common/core/user/temp_folder.h"
 #include "common/session/session_file.h"
 #include "deploy/lockstep/loopback.h"
 
@@ -82,26 +82,15 @@ void read_samples(const std::filesystem::path& file, Contact& contact) {
   }
 }
 
-/// A folder for the tables of runs, removed at the end.
+/// Names for the tables of runs, in a folder that is removed at the end.
 class Scratch {
  public:
-  Scratch() {
-    std::string pattern = (std::filesystem::temp_directory_path() / "palpate_fit_XXXXXX").string();
-    if (mkdtemp(pattern.data()) == nullptr) throw SetupError("cannot create " + pattern);
-    folder_ = pattern;
-  }
-  Scratch(const Scratch&) = delete;
-  Scratch& operator=(const Scratch&) = delete;
-  ~Scratch() {
-    std::error_code ignored;
-    std::filesystem::remove_all(folder_, ignored);
-  }
   [[nodiscard]] std::filesystem::path next() {
-    return folder_ / fmt::format("{}.csv", count_.fetch_add(1));
+    return folder_.path() / fmt::format("{}.csv", count_.fetch_add(1));
   }
 
  private:
-  std::filesystem::path folder_;
+  TempFolder folder_;
   std::atomic<int> count_{0};
 };
 
@@ -332,6 +321,7 @@ void run_paper_fit(const BenchOptions& options) {
   std::vector<Phases> sensitivity;
   if (!options.is_quick) sensitivity = phases_of_all(kPhases);
   std::vector<Trial*> trials;
+  trials.reserve(trials.size() + statements.size());
   for (Experiment& row : statements) trials.push_back(&row.trial);
   for (Phases& phases : sensitivity) {
     for (Trial& trial : phases.with) trials.push_back(&trial);
