@@ -27,7 +27,7 @@ constexpr double kRoundingJoule = 1e-6;
 constexpr std::uint64_t kShards = 10;
 constexpr std::uint64_t kRunsPerShard = 100;
 
-std::uint64_t runs_per_shard() { return run_count(kRunsPerShard); }
+std::uint64_t runs_per_shard() { return seed_count(kRunsPerShard); }
 
 /// Lying clamps take the same code; a tenth of the runs is enough by default.
 std::uint64_t lying_runs_per_shard() { return std::max<std::uint64_t>(10, runs_per_shard() / 10); }

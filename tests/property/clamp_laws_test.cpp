@@ -98,8 +98,8 @@ TEST(BoundedSpeedLaws, TheWorstNextIntervalEndsAtZeroAtTheBoundAndAboveItInside)
     EXPECT_LT(after(-d_star, 1.01 * bound), 0.0);
   }
   // both branches were tried
-  EXPECT_GT(capped, 100);
-  EXPECT_GT(uncapped, 20);
+  EXPECT_GT(capped, 40);
+  EXPECT_GT(uncapped, 5);
 }
 
 TEST(BoundedSpeedLaws, TheBoundIsNeverBelowThePapersAndMeetsItAtTheSeam) {
@@ -155,7 +155,7 @@ TEST(AxisClampLaws, TheWorstNextIntervalEndsAtZeroAtTheBoundAndAboveItInside) {
     }
     EXPECT_LT(after(hand.most_draining_velocity(1.01 * F), 1.01 * F), 0.0);
   }
-  EXPECT_GT(clamped, 200);
+  EXPECT_GT(clamped, 60);
 }
 
 TEST(AxisClampLaws, NoHandWithinVMaxDrainsMoreThanIsComputed) {

@@ -338,7 +338,7 @@ struct Case {
 template <class Change>
 double least_energy_joule(std::uint64_t count, Change&& change) {
   double least = 0.0;
-  for (std::uint64_t seed = 1; seed <= count; ++seed) {
+  for (std::uint64_t seed = 1; seed <= test::seed_count(count); ++seed) {
     Case a_case(seed);
     change(a_case);
     least = std::min(least, a_case.least_energy_joule());

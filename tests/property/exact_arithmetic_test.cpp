@@ -16,6 +16,7 @@
 #include "mofc_node/controllers/leased_pool.h"
 #include "mofc_node/controllers/mofc_equations.h"
 #include "tests/property/controller_cases.h"
+#include "tests/property/seeds.h"
 
 namespace palpate::controllers {
 namespace {
@@ -36,7 +37,7 @@ double number(Random& random) { return (random.chance(0.5) ? 1.0 : -1.0) * magni
 
 TEST(ExactArithmetic, TheEnergyOfAnIntervalIsRightToOneUnitIn1e14) {
   Random random(1);
-  for (int i = 0; i < 20000; ++i) {
+  for (std::uint64_t i = 0; i < test::seed_count(20000); ++i) {
     const double f_d = magnitude(random);
     const double f_co = magnitude(random);
     const double T = std::max(1e-9, magnitude(random));
@@ -55,7 +56,7 @@ TEST(ExactArithmetic, TheEnergyOfAnIntervalIsRightToOneUnitIn1e14) {
 // T D(f_max) ≤ E′ up to rounding, with and without a highest speed.
 TEST(ExactArithmetic, TheBoundDrainsNoMoreThanThereIs) {
   Random random(2);
-  for (int i = 0; i < 20000; ++i) {
+  for (std::uint64_t i = 0; i < test::seed_count(20000); ++i) {
     const MofcParameters p{.f_d = std::max(1e-9, magnitude(random)),
                            .f_co = magnitude(random),
                            .T = std::max(1e-9, magnitude(random))};
@@ -81,7 +82,7 @@ TEST(ExactArithmetic, TheBoundDrainsNoMoreThanThereIs) {
 
 TEST(ExactArithmetic, TheDrainIsRightToOneUnitIn1e14) {
   Random random(3);
-  for (int i = 0; i < 20000; ++i) {
+  for (std::uint64_t i = 0; i < test::seed_count(20000); ++i) {
     const MofcParameters p{.f_d = std::max(1e-9, magnitude(random)), .f_co = magnitude(random)};
     const double f = magnitude(random);
     const double v_max = std::max(1e-6, magnitude(random));
@@ -218,7 +219,7 @@ TEST(ExactArithmetic, LedgerAndMonitorAreNeverAboveTheExactCountAndStayCloseToIt
     LedgerIn100Digits exact(f_d, f_co, q, at);
     Vector3 force = Vector3::Zero();
     Vector3 drift = Vector3::Zero();
-    for (int k = 1; k <= 10000; ++k) {
+    for (std::uint64_t k = 1; k <= test::seed_count(10000); ++k) {
       if (random.chance(0.02)) drift = 3.0 * random.direction();
       if (random.chance(0.3)) force = random.uniform(0.0, 5.0) * random.direction();
       Vector3 moved;
@@ -255,7 +256,7 @@ TEST(ExactArithmetic, WhatClampAndMonitorGrantIsCovered) {
   Random random(4);
   int granted = 0;
   int covered = 0;
-  for (int run = 0; run < 2000; ++run) {
+  for (std::uint64_t run = 0; run < test::seed_count(2000); ++run) {
     const double f_d = random.chance(0.2) ? 0.0 : random.uniform(0.01, 1.0);
     const double f_co = random.chance(0.2) ? 0.0 : random.uniform(0.01, 0.5);
     const double v_max = random.chance(0.2) ? std::ldexp(1.0, -10) : random.uniform(0.1, 2.0);
@@ -318,8 +319,8 @@ TEST(ExactArithmetic, WhatClampAndMonitorGrantIsCovered) {
                            passes_joule))
         << "run " << run << ", asked " << asked.norm() << " N";
   }
-  EXPECT_GT(granted, 500);
-  EXPECT_GT(covered, 500);
+  EXPECT_GT(granted, 100);
+  EXPECT_GT(covered, 100);
 }
 
 // The figure of docs/theory.md §9.

@@ -8,11 +8,10 @@
 #include "common/core/random.h"
 #include "device_node/friction_identification.h"
 #include "device_node/simulation/simulated_device.h"
+#include "tests/property/seeds.h"
 
 namespace palpate::device {
 namespace {
-
-constexpr std::uint64_t kSeeds = 50;
 
 double median(std::vector<double> values) {
   std::sort(values.begin(), values.end());
@@ -38,7 +37,7 @@ Vector3 in_box(Random& random, const Vector3& half_m) {
 TEST(FrictionIdentification, NeverMeasuresMoreThanThereIsAndRarelyMuchLess) {
   std::vector<double> viscous_ratio;
   std::vector<double> coulomb_ratio;
-  for (std::uint64_t seed = 1; seed <= kSeeds; ++seed) {
+  for (std::uint64_t seed = 1; seed <= test::seed_count(50); ++seed) {
     SCOPED_TRACE("seed " + std::to_string(seed));
     Random random(seed);
     SimulatedDeviceConfig config;

@@ -8,19 +8,18 @@
 
 namespace palpate::test {
 
-/// `usual` runs, times PALPATE_SEEDS of the environment.
+/// Under a sanitizer, which looks for other errors and is tens of times slower.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+inline constexpr bool kIsSanitized = true;
+#else
+inline constexpr bool kIsSanitized = false;
+#endif
+
+/// `usual` runs, a quarter of them under a sanitizer, times PALPATE_SEEDS of the environment.
 inline std::uint64_t seed_count(std::uint64_t usual) {
+  if (kIsSanitized) usual = std::max<std::uint64_t>(1, usual / 4);
   const char* factor = std::getenv("PALPATE_SEEDS");
   return usual * (factor != nullptr ? std::strtoull(factor, nullptr, 10) : 1);
-}
-
-/// The same for runs of the whole system: a quarter of them under a sanitizer, which looks for
-/// other errors and is tens of times slower.
-inline std::uint64_t run_count(std::uint64_t usual) {
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-  usual = std::max<std::uint64_t>(1, usual / 4);
-#endif
-  return seed_count(usual);
 }
 
 /// 1 to seed_count(usual).

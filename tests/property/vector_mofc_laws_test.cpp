@@ -102,7 +102,7 @@ TEST(VectorMofcLaws, WithUnnoticedGapsEnergyIsDrawn) {
     VectorMofc controller_;
   };
   double least_joule = 0.0;
-  for (std::uint64_t seed = 1; seed <= 50; ++seed) {
+  for (std::uint64_t seed = 1; seed <= test::seed_count(50); ++seed) {
     Case c(seed);
     c.timing.lost_echoes = 0.05;
     Blind controller{VectorMofc(c.assumed, c.assumed_q, c.assumed_delay_s)};

@@ -285,7 +285,7 @@ TEST(Failover, TheWireCarriesTheTerm) {
 TEST(Failover, TwoLyingPhysicsGiveTheHandNoEnergy) {
   double least_joule = 0.0;
   std::uint64_t switches = 0;
-  const std::uint64_t runs = test::run_count(5);
+  const std::uint64_t runs = test::seed_count(5);
   for (std::uint64_t seed = 1; seed <= runs; ++seed) {
     const Session session =
         failover_session(kTwo, {"adversary.physics=everything", "seed=" + std::to_string(seed)});

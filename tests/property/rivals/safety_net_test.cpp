@@ -116,7 +116,7 @@ double least_energy(ForceController& controller, GuardCase& a_case, std::uint64_
 TEST(SafetyNet, NoHandDrawsEnergyBehindItWhateverTheControllerDoes) {
   for (const Rival& rival : rivals()) {
     double least_alone = 0.0;
-    for (const std::uint64_t seed : seeds(6)) {
+    for (const std::uint64_t seed : seeds(24)) {
       SCOPED_TRACE(testing::Message() << rival.name << ", seed " << seed);
       GuardCase a_case(seed);
       SafetyNet net(rival.make(a_case.assumed), a_case.parameters());

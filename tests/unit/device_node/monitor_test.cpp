@@ -238,8 +238,7 @@ TEST(HandsOffCheck, LeavesAProfileThatHolds) {
 
 TEST(HandsOffCheck, BelievesTheTrueProfileOfAnyDeviceUpToAHundredGrams) {
   // each of four quantities small or large
-  for (std::uint64_t run = 0; run < test::run_count(16); ++run) {
-    const std::uint64_t corner = run * 16 / test::run_count(16);
+  for (std::uint64_t corner = 0; corner < 16; corner += test::kIsSanitized ? 9 : 1) {
     const double mass_kg = (corner & 1) != 0 ? 0.1 : 0.02;
     const double q_m = (corner & 2) != 0 ? 110e-6 : 0.0;
     const double f_d = (corner & 4) != 0 ? 0.3 : 0.03;

@@ -190,7 +190,7 @@ TEST(SceneFriction, NeverGivesEnergy) {
         Geometry(SphereGeometry{.center_m = {0, 0, -0.03}, .radius_m = 0.03}),
         Geometry(CapsuleGeometry{
             .from_m = {-0.1, 0, -0.02}, .to_m = {0.1, 0, -0.02}, .radius_m = 0.02})}) {
-    for (std::uint64_t path = 0; path < test::run_count(20); ++path) {
+    for (std::uint64_t path = 0; path < test::seed_count(20); ++path) {
       Rubbed tissue(geometry);
       Vector3 x(0, 0, 0.001);
       Vector3 force = tissue.go_to(x).force_on_tool_newton;

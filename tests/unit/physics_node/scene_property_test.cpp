@@ -17,7 +17,7 @@ namespace palpate::physics {
 namespace {
 
 TEST(SceneProperty, BroadPhaseLosesNoContact) {
-  for (std::uint64_t seed = 1; seed <= test::run_count(20); ++seed) {
+  for (std::uint64_t seed = 1; seed <= test::seed_count(20); ++seed) {
     SCOPED_TRACE(testing::Message() << "seed=" << seed);
     Random random(seed);
     const SceneConfig config = random_scene(random, 60);

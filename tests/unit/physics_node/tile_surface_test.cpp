@@ -230,7 +230,7 @@ TEST(TiledCloud, IsSeenAsTheWholeCloudIs) {
     Random random(2);
     SurfaceHint hint;
     SurfaceHint other;
-    for (std::uint64_t i = 0; i < test::run_count(2000); ++i) {
+    for (std::uint64_t i = 0; i < test::seed_count(2000); ++i) {
       const Vector3 outwards = test::random_vector(random, 1.0).normalized();
       const Vector3 point_m = center_m + random.uniform(0.8, 1.2) * kRadius * outwards;
       if (has_gather) cloud.surface().gather(point_m);
