@@ -406,18 +406,14 @@ bool holds(const std::vector<Run>& runs) {
 
 struct ControllersOptions {
   BenchOptions bench;
-  std::string shard = "1/1";
+  Shard shard;
 };
 
-/// Every n-th run from the i-th on, for --shard i/n.
-std::vector<Run> shard_of(std::vector<Run> runs, const std::string& shard) {
-  unsigned i = 1;
-  unsigned n = 1;
-  if (std::sscanf(shard.c_str(), "%u/%u", &i, &n) != 2 || n == 0 || i == 0 || i > n) {
-    throw SetupError("--shard = " + shard + ": must be I/N with 1 ≤ I ≤ N, such as 1/8");
-  }
+std::vector<Run> shard_of(std::vector<Run> runs, const Shard& shard) {
   std::vector<Run> part;
-  for (std::size_t k = i - 1; k < runs.size(); k += n) part.push_back(std::move(runs[k]));
+  for (std::size_t i = 0; i < runs.size(); ++i) {
+    if (shard.has(i)) part.push_back(std::move(runs[i]));
+  }
   return part;
 }
 
@@ -501,7 +497,7 @@ bool run(const ControllersOptions& options) {
 int main(int argc, char** argv) {
   CLI::App app("Every controller side by side: safety, truth, cost.");
   palpate::bench::ControllersOptions options;
-  app.add_option("--shard", options.shard, "I/N: the I-th of N parts of the runs");
+  palpate::bench::add_shard_option(app, options.shard);
   bool is_good = true;
   const int status = palpate::bench::run_bench(app, options.bench, argc, argv,
                                                [&] { is_good = palpate::bench::run(options); });
