@@ -883,6 +883,8 @@ TEST(MakeController, EveryControllerOfOthersIsMadeWithItsSettings) {
   EXPECT_EQ(first(plain, ControllerKind::kEnergyBounding).force_on_hand_newton.z(), 0.0);
   EXPECT_EQ(first(plain, ControllerKind::kForceBounding).force_on_hand_newton.z(), 0.0);
   EXPECT_EQ(first(plain, ControllerKind::kOutputLimiter).force_on_hand_newton.z(), 0.1);
+  // there is no channel
+  EXPECT_EQ(first(plain, ControllerKind::kWaveVariables).force_on_hand_newton.z(), 0.0);
   // these have nothing against a first force
   for (const ControllerKind kind :
        {ControllerKind::kPassivityControl, ControllerKind::kMemoryBased,
