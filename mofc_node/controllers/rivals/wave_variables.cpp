@@ -30,8 +30,9 @@ ControlOutput WaveVariables::step(const ControlInput& input) noexcept {
   }
   const Vector3 part = receiver_.take(p_.T);
   spent_ += part;
-  ControlOutput output = unbounded_output(
-      input, std::sqrt(2.0 * p_.b) / p_.T * part - p_.b * input.hand_velocity_m_per_s, kNone);
+  const Vector3 force = std::sqrt(2.0 * p_.b) / p_.T * part - p_.b * input.hand_velocity_m_per_s;
+  ControlOutput output =
+      unbounded_output(input, returned.is_present() ? force : Vector3(Vector3::Zero()), kNone);
   output.sent_wave = sender_.wave();
   return output;
 }

@@ -21,7 +21,7 @@ struct WaveVariablesParameters {
 /// slow physics, whose end reflects; a receiver that holds a wave instead of what wave_channel.h
 /// does. A wall of K
 /// is felt as 1/(1/K + D/b) at a delay of D each way, and b in free motion.
-/// Source: [Niemeyer91], [Niemeyer98]. Needs the other end; without a channel F = 0.
+/// Source: [Niemeyer91], [Niemeyer98]. Needs the other end; F = 0 until it has answered.
 class WaveVariables final : public ForceController {
  public:
   explicit WaveVariables(const WaveVariablesParameters& parameters) : p_(parameters) {}
