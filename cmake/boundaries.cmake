@@ -14,7 +14,9 @@
 # the world.
 set(PALPATE_BOUNDARIES
   # core ← contact, session ← telemetry ← link ← process
-  "common/core:"
+  # coupling: Eigen only, installed with the controllers
+  "common/coupling:"
+  "common/core:common/coupling"
   "common/core/user:common/core"
   "common/contact:common/core,common/contact/cloud"
   "common/contact/cloud:common/core,common/contact"
@@ -23,7 +25,7 @@ set(PALPATE_BOUNDARIES
   "common/session/reference:common/session/file,@wire"
   "common/telemetry:common/core,common/core/user,common/session,@log,@threads"
   # in link: codec, security ← socket ← the ends
-  "common/link/codec:common/core,common/telemetry,@wire"
+  "common/link/codec:common/core,common/coupling,common/telemetry,@wire"
   "common/link/security:common/core,common/core/user,@zmq,@threads"
   "common/link/socket:common/core,common/core/user,common/session,common/link/codec,common/link/security,@zmq,@threads"
   "common/link:common/core,common/telemetry,common/link/*,@zmq"
@@ -48,12 +50,12 @@ set(PALPATE_BOUNDARIES
   "device_node/drivers/simulated:common/core,common/session/simulation_config.h,device_node/device.h,device_node/simulation"
 
   # the clamp knows its own part of the session and no true state
-  "mofc_node:common/core,common/contact,common/session/clamped_device.h,common/session/device_profile.h,common/session/mofc_config.h,common/session/rivals_config.h,common/telemetry/mofc_telemetry.h,common/telemetry/metrics.h,mofc_node/controllers,mofc_node/controllers/named,mofc_node/failover,mofc_node/tissue"
+  "mofc_node:common/core,common/coupling,common/contact,common/session/clamped_device.h,common/session/device_profile.h,common/session/mofc_config.h,common/session/rivals_config.h,common/telemetry/mofc_telemetry.h,common/telemetry/metrics.h,mofc_node/controllers,mofc_node/controllers/named,mofc_node/failover,mofc_node/tissue"
   "mofc_node/failover:common/core,common/contact,mofc_node/tissue"
   "mofc_node/tissue:common/core,common/contact"
-  "mofc_node/controllers:"
+  "mofc_node/controllers:wave_channel.h"
   # installed into one folder with the headers of controllers/, which it names without theirs
-  "mofc_node/controllers/rivals:mofc_node/controllers,force_controller.h,guard_mofc.h"
+  "mofc_node/controllers/rivals:mofc_node/controllers,force_controller.h,guard_mofc.h,implicit_step.h,wave_channel.h"
   "mofc_node/controllers/named:mofc_node/controllers/rivals,axis_friction.h,force_controller.h,guard_mofc.h,paper_mofc.h,vector_mofc.h"
   # a project of its own, against stubs
   "mofc_node/controllers/examples:"
@@ -64,7 +66,7 @@ set(PALPATE_BOUNDARIES
   "physics_node/sdk:common/*,physics_node,physics_node/display/display.h,physics_node/foreign,@log,@cli"
   "physics_node/engines/bullet:physics_node/sdk/physics.h"
   "physics_node/engines/mujoco:physics_node/sdk/physics.h"
-  "physics_node:common/core,common/contact,common/session/scene_config.h,common/telemetry/physics_telemetry.h,physics_node/scene,physics_node/elastic_tissue"
+  "physics_node:common/core,common/coupling,common/contact,common/session/scene_config.h,common/telemetry/physics_telemetry.h,physics_node/scene,physics_node/elastic_tissue"
   "physics_node/surfaces:common/core,common/contact,common/contact/cloud,common/session/scene_config.h,@threads"
   # elastic bodies by themselves: linear ← elastic; no session, no wire
   "physics_node/elastic:physics_node/elastic/linear,physics_node/elastic/condensed,@threads"

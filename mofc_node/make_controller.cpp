@@ -38,7 +38,8 @@ ControllerSettings settings_of(const MofcConfig& mofc, const ClampedDevice& devi
       .least_mass_kg = rivals.lyapunov.least_mass_kg,
       .most_mass_kg = rivals.lyapunov.most_mass_kg,
       .hand_force_newton = rivals.lyapunov.hand_force_newton,
-      .slack_watt = rivals.lyapunov.slack_watt};
+      .slack_watt = rivals.lyapunov.slack_watt,
+      .wave_impedance_newton_s_per_m = rivals.wave_variables.impedance_newton_s_per_m};
   if (profile.per_axis) {
     settings.per_axis = controllers::AxisFriction{.f_d = profile.per_axis->viscous_newton_s_per_m,
                                                   .f_co = profile.per_axis->coulomb_newton};
@@ -102,6 +103,8 @@ const char* catalogue_name(const MofcConfig& mofc) {
       return "energy_tank";
     case ControllerKind::kLyapunov:
       return "lyapunov";
+    case ControllerKind::kWaveVariables:
+      return "wave_variables";
   }
   return "none";
 }

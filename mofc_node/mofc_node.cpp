@@ -1,9 +1,24 @@
 #include "mofc_node/mofc_node.h"
 
+#include <cmath>
+
 #include "mofc_node/make_controller.h"
 #include "mofc_node/model_probe.h"
 
 namespace palpate::mofc {
+namespace {
+
+/// A wave for a tool that moves scale_ratio times as far with 1/force_ratio of the force; the
+/// inverse with both ratios inverted.
+Wave scaled(Wave wave, double scale_ratio, double force_ratio) noexcept {
+  const double power = scale_ratio / force_ratio;
+  wave.sum *= std::sqrt(power);
+  wave.energy_joule *= power;
+  wave.impedance_newton_s_per_m /= scale_ratio * force_ratio;
+  return wave;
+}
+
+}  // namespace
 
 MofcNode::MofcNode(const MofcConfig& mofc, const ClampedDevice& device, const Clock& clock,
                    Sender<ToolMotion>& motion_out, Inbox<Interaction>& interaction_in,
@@ -53,6 +68,10 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
   const ModelProbe probe(physics.interaction, state, relay_.tool_position_world_m(), workspace);
   const bool has_model = interaction_use_ == InteractionUse::kLocal;
 
+  // the channel of wave variables is closed while the hand moves without the tool
+  const Wave returned = returned_wave(physics.interaction);
+  if (state.is_clutched) ++wave_stream_;
+
   // the clamp; the tissue's energy as the hand would get it: force × force_ratio, motion ÷
   // scale_ratio
   const controllers::ControlOutput output = controller_->step(
@@ -68,7 +87,11 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
        .hand_velocity_m_per_s = relay_.tool_velocity_world_m_per_s() / workspace.scale_ratio,
        .evaluated_at_m = has_model ? state.hand_position_m : probe.evaluated_at_m(),
        .surface_normal = probe.surface_normal(),
-       .tissue = has_model ? &probe : nullptr});
+       .tissue = has_model ? &probe : nullptr,
+       .returned_wave = state.is_clutched ? nullptr : &returned});
+  Wave sent = scaled(output.sent_wave, workspace.scale_ratio, workspace.force_ratio);
+  sent.stream = wave_stream_;
+  relay_.carry(sent);
 
   // late physics: no more than the device's own friction absorbs; then the fade. Both only reduce
   const Vector3 punctual =
@@ -129,6 +152,18 @@ void MofcNode::begin_device_session() noexcept {
   tissue_.reset();
   echo_.reset();
   ++counters_.ledger_resets;
+}
+
+/// In the frame of the hand; none unless it answers the present stream.
+Wave MofcNode::returned_wave(const Interaction* interaction) const noexcept {
+  if (interaction == nullptr || !interaction->wave.is_present() ||
+      interaction->wave.stream != wave_stream_) {
+    return {};
+  }
+  const WorkspaceConfig& workspace = device_.workspace;
+  Wave wave = scaled(interaction->wave, 1.0 / workspace.scale_ratio, 1.0 / workspace.force_ratio);
+  wave.stream += interaction->header.session_id;  // its sums begin anew with each physics
+  return wave;
 }
 
 /// The answer of the physics in use.

@@ -78,6 +78,7 @@ class MofcNode {
   };
 
   void begin_device_session() noexcept;
+  [[nodiscard]] Wave returned_wave(const Interaction* interaction) const noexcept;
   [[nodiscard]] PhysicsAnswer take_physics(const DeviceState& state, TimePoint now) noexcept;
   [[nodiscard]] Request request(const DeviceState& state, const Interaction* interaction,
                                 Duration since_previous) noexcept;
@@ -107,6 +108,7 @@ class MofcNode {
   TimePoint ledger_since_{};  // reading at which the controller's ledger began
   std::uint64_t next_command_ = 1;
   std::optional<std::uint64_t> used_interaction_;  // sequence of the last one that was evaluated
+  std::uint64_t wave_stream_ = 0;                  // a new one after every clutch
   std::optional<MofcTick> turn_;                   // its record, until finish_turn()
   MofcCounters counters_;
 };

@@ -42,6 +42,8 @@ class MotionRelay {
     in_use_ = role;
     motion_.physics_term = term;
   }
+  /// Wave variables: what the next motions carry, W.
+  void carry(const Wave& wave) noexcept { motion_.wave = wave; }
   /// Sends the motion of the last update() unless that was done or the deadband suppresses it.
   void send() noexcept;
 

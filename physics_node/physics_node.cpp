@@ -55,7 +55,9 @@ void PhysicsNode::step(const Tick& tick) noexcept {
   if (received == nullptr) return;
   const bool is_new = counters_.tool_motion.accepted > motions_answered_;
   motions_answered_ = counters_.tool_motion.accepted;
-  const ToolMotion& motion = received->value;
+
+  // with wave variables the tool is elsewhere
+  const ToolMotion& motion = waves_.advance(received->value, interaction_, tick.now);
 
   if (speaker_ != nullptr && is_new) speaker_->hear(*received);
 
@@ -75,6 +77,7 @@ void PhysicsNode::step(const Tick& tick) noexcept {
   const bool has_answer = engine_.step(motion, is_new, tick.now, interaction);
   engine_.count_into(counters_);
   if (!has_answer) return;
+  waves_.answer(interaction);
   send(interaction, motion);
 
   // record: hop 5

@@ -11,6 +11,7 @@
 // No new motion since the last step: sends the force for the newest motion again with a new header,
 // so that mofc_node can distinguish a slow hand from a stopped physics_node.
 // Motion from a restarted mofc_node: accepted at once.
+// Motion with wave variables: the waves move the tool in the tissue, and a wave goes back.
 // Thread: everything runs on the caller's thread. step() is real-time safe if its engine's is.
 #pragma once
 
@@ -26,6 +27,7 @@
 #include "common/telemetry/physics_telemetry.h"
 #include "physics_node/engine.h"
 #include "physics_node/speaker.h"
+#include "physics_node/wave_end.h"
 
 namespace palpate::physics {
 
@@ -63,6 +65,7 @@ class PhysicsNode {
   std::uint64_t session_id_;
   Speaker* speaker_;
   std::optional<InteractionDeadband> deadband_;
+  WaveEnd waves_;
   Interaction interaction_;               // of this step; kilobytes, so it is not made anew
   Interaction sent_;                      // the last one that was sent; with a deadband only
   std::uint64_t sent_to_session_id_ = 0;  // session of the mofc_node it was for; 0: none yet

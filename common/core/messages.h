@@ -19,6 +19,7 @@
 #include "common/core/time.h"
 #include "common/core/tissue.h"
 #include "common/core/vector.h"
+#include "common/coupling/wave_channel.h"
 
 namespace palpate {
 
@@ -91,6 +92,8 @@ struct ToolMotion {
   std::uint64_t physics_term = 0;  ///< which physics all sides use: physics_term.h
   /// Time of moving tissue in the physics in use when this arrives, as far as mofc knows.
   std::optional<TimePoint> scene_time{};
+
+  Wave wave{};  ///< with wave variables: towards the tissue, W
 };
 
 /// Local contact model of one tissue that the tool touches or is close to: the force at the
@@ -156,6 +159,8 @@ struct Interaction {
 
   std::uint64_t physics_term = 0;  ///< highest heard of on hop 2
   Duration scene_ahead{};          ///< time of moving tissue less header.sampled_at
+
+  Wave wave{};  ///< with wave variables: back to the hand, W; of the stream that it answers
 };
 
 /// How mofc_node uses an Interaction until the next one arrives.
@@ -223,6 +228,7 @@ inline void copy_message(const Interaction& from, Interaction& to) noexcept {
   copy_message(from.surface, to.surface);
   to.physics_term = from.physics_term;
   to.scene_ahead = from.scene_ahead;
+  to.wave = from.wave;
 }
 
 }  // namespace palpate

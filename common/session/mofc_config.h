@@ -27,6 +27,7 @@ enum class ControllerKind : std::uint8_t {
   kTwoPort,
   kEnergyTank,
   kLyapunov,
+  kWaveVariables,
 };
 enum class MofcMode : std::uint8_t { kPaper, kVector, kGuard };
 /// Mode paper: the Coulomb friction credited to each axis.

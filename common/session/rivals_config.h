@@ -45,6 +45,10 @@ struct LyapunovConfig {
   double slack_watt = 1e-3;        ///< ε/T
 };
 
+struct WaveVariablesConfig {
+  double impedance_newton_s_per_m = 2.0;  ///< b, at the hand
+};
+
 struct RivalsConfig {
   VirtualCouplingConfig virtual_coupling;
   ForceBoundingConfig force_bounding;
@@ -52,6 +56,7 @@ struct RivalsConfig {
   InputToStateConfig input_to_state;
   EnergyTankConfig energy_tank;
   LyapunovConfig lyapunov;
+  WaveVariablesConfig wave_variables;
 };
 
 }  // namespace palpate

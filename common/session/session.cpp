@@ -78,6 +78,8 @@ const char* controller_name(const MofcConfig& config) {
       return "energy_tank";
     case ControllerKind::kLyapunov:
       return "lyapunov";
+    case ControllerKind::kWaveVariables:
+      return "wave_variables";
   }
   switch (config.mode) {
     case MofcMode::kPaper:

@@ -9,6 +9,8 @@
 #include <limits>
 #include <span>
 
+#include "wave_channel.h"
+
 namespace palpate::controllers {
 
 using Vector3 = Eigen::Vector3d;
@@ -59,6 +61,9 @@ struct ControlInput {
   Vector3 evaluated_at_m = Vector3::Zero();  ///< where the hand was for the physics at F_e(k)
   Vector3 surface_normal = Vector3::Zero();  ///< of the deepest contact, out of the tissue; or 0
   const TissueProbe* tissue = nullptr;       ///< nullptr: there is no contact model
+  /// What the other end of wave variables sends, in the hand's frame; nullptr: no channel. Not
+  /// present: the channel is open, nothing has come yet.
+  const Wave* returned_wave = nullptr;
 };
 
 struct ControlOutput {
@@ -72,6 +77,7 @@ struct ControlOutput {
   double lease_s = 0.0;
   bool is_clamped = false;   ///< F differs from F_e
   bool is_too_fast = false;  ///< the hand moved faster than the controller assumes
+  Wave sent_wave{};          ///< wave variables: for the other end, in the hand's frame; else none
 };
 
 /// One bound for all directions: F = F_e min(1, f_max / |F_e|), direction kept. The caller sets

@@ -3,11 +3,13 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
 #include <stdexcept>
+#include <system_error>
 #include <thread>
 
 #include "common/core/check.h"
@@ -158,6 +160,21 @@ std::string machine_load() {
   double load = 0.0;
   if (getloadavg(&load, 1) != 1) return "unknown";
   return fmt::format("{:.1f} on {} processors", load, std::thread::hardware_concurrency());
+}
+
+void add_shard_option(CLI::App& app, Shard& shard) {
+  const auto read = [&shard](const std::string& text) {
+    const char* const end = text.data() + text.size();
+    Shard given{.part = 0, .of = 0};
+    const auto [slash, part_error] = std::from_chars(text.data(), end, given.part);
+    const bool has_both = part_error == std::errc{} && slash != end && *slash == '/';
+    const auto [rest, of_error] = std::from_chars(has_both ? slash + 1 : end, end, given.of);
+    if (of_error != std::errc{} || rest != end || given.part == 0 || given.part > given.of) {
+      throw SetupError("--shard = " + text + ": must be I/N with 1 ≤ I ≤ N, such as 1/8");
+    }
+    shard = given;
+  };
+  app.add_option_function<std::string>("--shard", read, "I/N: the I-th of N parts of the runs");
 }
 
 int run_bench(CLI::App& app, BenchOptions& options, int argc, char** argv,

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <cstddef>
 #include <filesystem>
 #include <functional>
 #include <mutex>
@@ -22,6 +23,16 @@ struct BenchOptions {
   bool is_quick = false;
   bool may_overwrite = false;  ///< --json and --csv
 };
+
+/// A part of the runs of a long bench: the parts are disjoint and all of them together are whole.
+struct Shard {
+  std::size_t part = 1;  ///< 1 … of
+  std::size_t of = 1;
+  /// Whether the i-th run, from 0, belongs to it: the runs are dealt out in turn.
+  [[nodiscard]] bool has(std::size_t i) const noexcept { return i % of == part - 1; }
+};
+/// Adds --shard I/N. Anything else ends run_bench() with status 2.
+void add_shard_option(CLI::App& app, Shard& shard);
 
 /// Rows of text and numbers under named columns. Numbers that are not finite are shown as –, as an
 /// empty field in CSV and as null in JSON.

@@ -174,6 +174,17 @@ unset key
   draw_figure(folder, "stability", script + "unset multiplot\n");
 }
 
+/// Rendered stiffness under the nominal one, of walls without damping; – where it is not stable.
+Table rendered_table(const Grid& grid) {
+  std::vector<Table::Column> columns{{"interaction", "force", ""},
+                                     {"controller", "controller", ""},
+                                     {"delay_ms", "delay ms", "{:g}"}};
+  for (const double k : grid.stiffnesses) {
+    columns.push_back({fmt::format("rendered_at_{:g}", k), fmt::format("{:g} N/m", k), "{:.0f}"});
+  }
+  return Table(std::move(columns));
+}
+
 void run(const MapOptions& map) {
   const BenchOptions& options = map.bench;
   const Grid grid = grid_of(map);
@@ -201,6 +212,7 @@ void run(const MapOptions& map) {
                 {"mean_force_n", "mean force N", "{:.2f}"},
                 {"rendered_ratio", "rendered / nominal k", "{:.2f}"},
                 {"min_true_energy_uj", "min energy µJ", "{:.1f}"}});
+  Table rendered = rendered_table(grid);
   std::optional<Steps> steps(std::in_place, ways.size() * grid.delays_ms.size() *
                                                 grid.periods_ms.size() * grid.masses_kg.size() *
                                                 grid.stiffnesses.size() * grid.dampings.size());
@@ -211,6 +223,7 @@ void run(const MapOptions& map) {
       double force = 0.0;
       double least_joule = 0.0;
       double rendered_ratio = 0.0;
+      std::vector<Table::Cell> rendered_row{way.interaction, way.controller, delay_ms};
       for (const double period_ms : grid.periods_ms) {
         for (const double mass_kg : grid.masses_kg) {
           for (const double k : grid.stiffnesses) {
@@ -223,6 +236,10 @@ void run(const MapOptions& map) {
               largest_m = std::max(largest_m, outcome.swing_m);
               force += outcome.force_newton;
               rendered_ratio += outcome.stiffness_newton_per_m / k;
+              if (b == 0.0) {
+                const bool is_stable = outcome.verdict == Verdict::kStable;
+                rendered_row.emplace_back(is_stable ? outcome.stiffness_newton_per_m : kNaN);
+              }
               least_joule = std::min(least_joule, outcome.minimum_true_energy_joule);
               all.add({way.interaction, way.controller, period_ms, mass_kg, k, b, delay_ms,
                        std::string(name(outcome.verdict)), static_cast<double>(verdict),
@@ -235,11 +252,16 @@ void run(const MapOptions& map) {
       const double points = count[0] + count[1] + count[2];
       counts.add({way.interaction, way.controller, delay_ms, count[0], count[1], count[2],
                   1e3 * largest_m, force / points, rendered_ratio / points, 1e6 * least_joule});
+      if (map.has_rivals) rendered.add(std::move(rendered_row));
     }
     counts.add_gap();
   }
   steps.reset();
   std::printf("%s", counts.text().c_str());
+  if (map.has_rivals) {
+    std::printf("\nRendered stiffness of walls without damping, N/m; – where it is not stable:\n%s",
+                rendered.text().c_str());
+  }
   std::printf(
       "\nA hand of 150 N/m and 6 N·s/m goes 10 mm into the wall and stays: device and physics with "
       "period T, delay each way.\nPeak to peak in the last 0.5 s: stable below 0.2 mm, unstable "

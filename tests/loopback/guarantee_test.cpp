@@ -97,7 +97,7 @@ AdverseRun run_of_others(std::uint64_t seed, bool has_net) {
   constexpr const char* kControllers[] = {"none",           "virtual_coupling",  "energy_bounding",
                                           "force_bounding", "passivity_control", "memory_based",
                                           "output_limiter", "input_to_state",    "two_port",
-                                          "energy_tank",    "lyapunov"};
+                                          "energy_tank",    "lyapunov",          "wave_variables"};
   AdverseRun run = random_adverse_run(seed);
   run.overrides.insert(
       run.overrides.end(),
@@ -109,7 +109,7 @@ AdverseRun run_of_others(std::uint64_t seed, bool has_net) {
 
 TEST_P(Guarantee, NoControllerBehindTheSafetyNetGivesTheHandEnergy) {
   Tally tally;
-  const std::uint64_t runs = std::max<std::uint64_t>(11, runs_per_shard() / 10);
+  const std::uint64_t runs = std::max<std::uint64_t>(12, runs_per_shard() / 10);
   for (std::uint64_t i = 0; i < runs; ++i) {
     const std::uint64_t seed = seed_of(GetParam(), i);
     const AdverseResult result = run_adverse(run_of_others(seed, true), seed);
@@ -121,7 +121,7 @@ TEST_P(Guarantee, NoControllerBehindTheSafetyNetGivesTheHandEnergy) {
 
 TEST(GuaranteeTwin, WithoutTheSafetyNetControllersGiveTheHandEnergy) {
   double least_joule = 0.0;
-  for (std::uint64_t seed = kShards; seed < kShards * 12; seed += kShards) {
+  for (std::uint64_t seed = kShards; seed < kShards * 13; seed += kShards) {
     least_joule = std::min(
         least_joule,
         run_adverse(run_of_others(seed, false), seed).statistics.minimum_true_energy_joule());

@@ -85,6 +85,14 @@ inline void randomise(ForceCommand& m, Random& random) {
   m.counts_since = random_time(random);
 }
 
+inline Wave random_wave(Random& random) {
+  if (random.chance(0.5)) return {};
+  return {.stream = random.bits(),
+          .sum = random_vector(random, 1e6),
+          .energy_joule = random.uniform(0.0, 1e9),
+          .impedance_newton_s_per_m = random.uniform(1e-3, 1e4)};
+}
+
 inline void randomise(ToolMotion& m, Random& random) {
   m.header = random_header(random);
   m.device_session_id = random.bits() | 1;
@@ -101,6 +109,7 @@ inline void randomise(ToolMotion& m, Random& random) {
   m.physics_term = random.below(kMaxPhysicsTerm + 1);
   m.scene_time.reset();
   if (random.chance(0.5)) m.scene_time = random_time(random);
+  m.wave = random_wave(random);
 }
 
 inline Matrix3 random_matrix(Random& random, double limit) {
@@ -160,6 +169,7 @@ inline void randomise(Interaction& m, Random& random) {
   randomise(m.surface, random);
   m.physics_term = random.below(kMaxPhysicsTerm + 1);
   m.scene_ahead = random_time(random).time_since_epoch();
+  m.wave = random_wave(random);
 }
 
 inline void randomise(DeviceTick& r, Random& random) {
@@ -457,6 +467,10 @@ inline bool same(const ForceCommand& a, const ForceCommand& b) {
          same(a.force_on_hand_newton, b.force_on_hand_newton) && a.valid_for == b.valid_for &&
          a.counts_since == b.counts_since;
 }
+inline bool same(const Wave& a, const Wave& b) {
+  return a.stream == b.stream && same(a.sum, b.sum) && a.energy_joule == b.energy_joule &&
+         a.impedance_newton_s_per_m == b.impedance_newton_s_per_m;
+}
 inline bool same(const ToolMotion& a, const ToolMotion& b) {
   return same(a.header, b.header) && a.device_session_id == b.device_session_id &&
          a.device_sequence == b.device_sequence && a.device_sampled_at == b.device_sampled_at &&
@@ -466,7 +480,7 @@ inline bool same(const ToolMotion& a, const ToolMotion& b) {
          a.buttons == b.buttons && a.receipts.store_id == b.receipts.store_id &&
          a.receipts.newest == b.receipts.newest && a.receipts.received == b.receipts.received &&
          a.receipts.loop_age == b.receipts.loop_age && a.physics_term == b.physics_term &&
-         a.scene_time == b.scene_time;
+         a.scene_time == b.scene_time && same(a.wave, b.wave);
 }
 inline bool same(const HalfSpaceGeometry& a, const HalfSpaceGeometry& b) {
   return same(a.point_m, b.point_m) && same(a.normal, b.normal);
@@ -581,6 +595,7 @@ inline bool same(const Interaction& a, const Interaction& b) {
          same(a.stored_energy_joule, b.stored_energy_joule) && a.contact_count == b.contact_count &&
          a.listed_count == b.listed_count && same(a.surface, b.surface) &&
          a.physics_term == b.physics_term && a.scene_ahead == b.scene_ahead &&
+         same(a.wave, b.wave) &&
          std::equal(a.contacts.begin(), a.contacts.begin() + listed, b.contacts.begin(),
                     [](const auto& x, const auto& y) { return same(x, y); });
 }

@@ -144,6 +144,7 @@ struct WireFormat<Interaction> {
     wire.set_contact_count(m.contact_count);
     wire.set_physics_term(m.physics_term);
     wire.set_scene_ahead_ns(m.scene_ahead.count());
+    if (m.wave.is_present()) put(m.wave, *wire.mutable_wave());
     const std::size_t count = std::min<std::size_t>(m.listed_count, kMaxContacts);
     for (std::size_t i = 0; i < count; ++i) put_contact(m.contacts[i], *wire.add_contacts());
     if (m.surface.store_id != 0) put(m.surface, *wire.mutable_surface());
@@ -158,6 +159,7 @@ struct WireFormat<Interaction> {
     verdict.number(wire.stored_energy_joule(), 0.0, kMaxStoredEnergyJoule);
     verdict.expect(wire.physics_term() <= kMaxPhysicsTerm);
     verdict.time(wire.scene_ahead_ns());
+    if (wire.has_wave()) check_wave(wire.wave(), verdict);
     // contacts that touch are listed first, as far as there is room; then near ones
     const auto listed = static_cast<std::uint32_t>(wire.contacts_size());
     const auto touching = static_cast<std::uint32_t>(
@@ -184,6 +186,7 @@ struct WireFormat<Interaction> {
     }
     m.physics_term = wire.physics_term();
     m.scene_ahead = Duration(wire.scene_ahead_ns());
+    m.wave = wire.has_wave() ? wave(wire.wave()) : Wave{};
     m.surface.store_id = 0;
     if (wire.has_surface()) read_surface(wire.surface(), m.surface);
   }

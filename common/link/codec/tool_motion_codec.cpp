@@ -23,6 +23,7 @@ struct WireFormat<ToolMotion> {
     wire.set_buttons(m.buttons);
     wire.set_physics_term(m.physics_term);
     if (m.scene_time) wire.set_scene_time_ns(ns(*m.scene_time));
+    if (m.wave.is_present()) put(m.wave, *wire.mutable_wave());
     if (m.receipts.store_id == 0) return;
     v1::SurfaceReceipts& receipts = *wire.mutable_receipts();
     receipts.set_store_id(m.receipts.store_id);
@@ -39,6 +40,7 @@ struct WireFormat<ToolMotion> {
                    kMaxVelocityMPerS);
     verdict.expect(wire.physics_term() <= kMaxPhysicsTerm);
     verdict.time(wire.scene_time_ns());
+    if (wire.has_wave()) check_wave(wire.wave(), verdict);
     if (!wire.has_receipts()) return;
     const v1::SurfaceReceipts& receipts = wire.receipts();
     verdict.expect(receipts.store_id() != 0);
@@ -60,6 +62,7 @@ struct WireFormat<ToolMotion> {
     m.physics_term = wire.physics_term();
     m.scene_time.reset();
     if (wire.has_scene_time_ns()) m.scene_time = time(wire.scene_time_ns());
+    m.wave = wire.has_wave() ? wave(wire.wave()) : Wave{};
   }
 };
 template class Codec<ToolMotion>;

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdint>
 
+#include "common/coupling/wave_channel.h"
 #include "common/link/codec/codec.h"
 #include "palpate/v1/common.pb.h"
 
@@ -122,6 +123,32 @@ class Verdict {
   bool is_not_finite_ = false;
   bool is_out_of_range_ = false;
 };
+
+// --- wave variables, on hops 2 and 3 ----------------------------------------------------------
+
+inline constexpr double kMaxWaveSum = 1e6;
+inline constexpr double kMaxWaveJoule = 1e9;
+inline constexpr double kMinImpedanceNewtonSPerM = 1e-3;
+inline constexpr double kMaxImpedanceNewtonSPerM = 1e4;
+
+inline void put(const Wave& wave, v1::Wave& to) {
+  to.set_stream(wave.stream);
+  put(wave.sum, *to.mutable_sum());
+  to.set_energy_joule(wave.energy_joule);
+  to.set_impedance_newton_s_per_m(wave.impedance_newton_s_per_m);
+}
+inline void check_wave(const v1::Wave& wave, Verdict& verdict) {
+  verdict.vector(wave.has_sum(), wave.sum(), kMaxWaveSum);
+  verdict.number(wave.energy_joule(), 0.0, kMaxWaveJoule);
+  verdict.number(wave.impedance_newton_s_per_m(), kMinImpedanceNewtonSPerM,
+                 kMaxImpedanceNewtonSPerM);
+}
+inline Wave wave(const v1::Wave& wave) {
+  return {.stream = wave.stream(),
+          .sum = vector(wave.sum()),
+          .energy_joule = wave.energy_joule(),
+          .impedance_newton_s_per_m = wave.impedance_newton_s_per_m()};
+}
 
 }  // namespace wire
 

@@ -154,6 +154,8 @@ ControllerKind to_controller(const Fields& mofc) {
       return ControllerKind::kEnergyTank;
     case v1::Mofc::lyapunov:
       return ControllerKind::kLyapunov;
+    case v1::Mofc::wave_variables:
+      return ControllerKind::kWaveVariables;
     default:
       return ControllerKind::kMofc;
   }
@@ -168,7 +170,8 @@ void refuse_contradictions(const Fields& mofc, const MofcConfig& config) {
                  "another controller or mode");
   }
   const bool needs_model = config.controller == ControllerKind::kVirtualCoupling ||
-                           config.controller == ControllerKind::kLyapunov;
+                           config.controller == ControllerKind::kLyapunov ||
+                           config.controller == ControllerKind::kWaveVariables;
   if (needs_model && config.interaction == InteractionUse::kHeld) {
     mofc.problem("interaction",
                  "controller " + controller_text(config) +

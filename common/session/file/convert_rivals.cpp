@@ -68,6 +68,8 @@ RivalsConfig to_rivals(const Fields& mofc) {
       mofc.message("input_to_state_settings").milliseconds("time_constant_ms");
   config.energy_tank = to_energy_tank(mofc.message("energy_tank_settings"));
   config.lyapunov = to_lyapunov(mofc.message("lyapunov_settings"));
+  config.wave_variables.impedance_newton_s_per_m =
+      mofc.message("wave_variables_settings").number("impedance_newton_s_per_m");
   return config;
 }
 

@@ -14,6 +14,7 @@
 #include "mofc_node/controllers/rivals/safety_net.h"
 #include "mofc_node/controllers/rivals/two_port.h"
 #include "mofc_node/controllers/rivals/virtual_coupling.h"
+#include "mofc_node/controllers/rivals/wave_variables.h"
 #include "paper_mofc.h"
 #include "vector_mofc.h"
 
@@ -235,8 +236,13 @@ std::span<const ControllerEntry> controller_catalogue() noexcept { return kContr
 std::unique_ptr<ForceController> make_named(std::string_view name, const Settings& settings) {
   const auto entry = std::find_if(kControllers.begin(), kControllers.end(),
                                   [&](const ControllerEntry& e) { return e.name == name; });
-  if (entry == kControllers.end()) return nullptr;
-  Made made = entry->make(settings);
+  Made made;
+  if (entry != kControllers.end()) made = entry->make(settings);
+  if (name == "wave_variables") {
+    made = std::make_unique<WaveVariables>(WaveVariablesParameters{
+        .b = settings.wave_impedance_newton_s_per_m, .T = period_s(settings)});
+  }
+  if (made == nullptr) return nullptr;
   if (settings.safety_net == 0.0) return made;
   return std::make_unique<SafetyNet>(std::move(made), guard_parameters(settings));
 }

@@ -51,6 +51,8 @@ struct ControllerSettings {
   double most_mass_kg = 1.0;
   double hand_force_newton = 5.0;
   double slack_watt = 1e-3;
+  // wave variables; no setting by name, as the controller is not in the catalogue
+  double wave_impedance_newton_s_per_m = 2.0;
 };
 
 /// One field of the settings, by name.
@@ -74,7 +76,9 @@ struct ControllerEntry {
 [[nodiscard]] std::span<const SettingEntry> setting_catalogue() noexcept;
 [[nodiscard]] std::span<const ControllerEntry> controller_catalogue() noexcept;
 
-/// @param name  one of the catalogue; nullptr is returned for any other
+/// @param name  one of the catalogue, or "wave_variables", which needs the physics' end and so is
+/// no
+///              controller to choose by name alone; nullptr is returned for any other
 [[nodiscard]] std::unique_ptr<ForceController> make_named(std::string_view name,
                                                           const ControllerSettings& settings);
 

@@ -25,6 +25,7 @@ class SafetyNet final : public ForceController {
                                            ? inner.force_on_hand_newton
                                            : Vector3(Vector3::Zero());
     ControlOutput output = guard_.step(asked);
+    output.sent_wave = inner.sent_wave;
     output.is_clamped = output.force_on_hand_newton != input.asked_force_on_hand_newton;
     return output;
   }

@@ -1,17 +1,13 @@
 #include "mofc_node/controllers/rivals/virtual_coupling.h"
 
-#include <Eigen/LU>
-#include <cmath>
 #include <limits>
+
+#include "implicit_step.h"
 
 namespace palpate::controllers {
 
 namespace {
 
-constexpr int kMostIterations = 6;
-constexpr int kMostHalvings = 5;
-constexpr double kDifference_m = 1e-8;
-constexpr double kTolerance_newton = 1e-7;
 constexpr int kFrequencies = 400;
 constexpr int kDampings = 60;
 constexpr int kHalvings = 40;
@@ -82,31 +78,9 @@ void VirtualCoupling::solve(const TissueProbe& tissue, const Vector3& x,
     return Vector3(tissue.at(p, (p - proxy_m_) / p_.T).force_on_hand_newton +
                    coupling_newton(x, v, p));
   };
-  // without tissue the first answer is exact; with it, Newton's method, its steps halved until they
-  // help, because the force has a kink at the surface
   const double slope = p_.K_c + p_.B_c / p_.T;
-  solution_m_ = proxy_m_ + (p_.K_c * (x - proxy_m_) + p_.B_c * v) / slope;
-  Vector3 r = residual(solution_m_);
-  for (int i = 0; i < kMostIterations && r.norm() > kTolerance_newton; ++i) {
-    Eigen::Matrix3d fall;  // −∂r/∂p
-    for (int axis = 0; axis < 3; ++axis) {
-      const Vector3 beside = solution_m_ + kDifference_m * Vector3::Unit(axis);
-      fall.col(axis) = (r - residual(beside)) / kDifference_m;
-    }
-    Vector3 moved = r / slope;
-    if (std::abs(fall.determinant()) > 1e-3 * slope * slope * slope) moved = fall.inverse() * r;
-    bool has_improved = false;
-    for (int k = 0; k < kMostHalvings && !has_improved; ++k) {
-      const Vector3 next = residual(solution_m_ + moved);
-      has_improved = next.norm() < r.norm();
-      if (has_improved) {
-        solution_m_ += moved;
-        r = next;
-      }
-      moved *= 0.5;
-    }
-    if (!has_improved) break;
-  }
+  solution_m_ =
+      implicit_step(residual, proxy_m_ + (p_.K_c * (x - proxy_m_) + p_.B_c * v) / slope, slope);
 }
 
 }  // namespace palpate::controllers

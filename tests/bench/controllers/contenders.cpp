@@ -31,7 +31,8 @@ std::vector<Contender> contenders() {
           {"input to state", of("input_to_state")},
           {"two ports", of("two_port")},
           {"energy tank", of("energy_tank")},
-          {"Lyapunov", of("lyapunov"), true}};
+          {"Lyapunov", of("lyapunov"), true},
+          {"wave variables", of("wave_variables"), true}};
 }
 
 }  // namespace palpate::bench

@@ -406,18 +406,18 @@ bool holds(const std::vector<Run>& runs) {
 
 struct ControllersOptions {
   BenchOptions bench;
-  std::string shard = "1/1";
+  Shard shard;
+  std::uint64_t seeds = 0;  ///< of each hostile hand; 0: as many as the conditions say
 };
 
-/// Every n-th run from the i-th on, for --shard i/n.
-std::vector<Run> shard_of(std::vector<Run> runs, const std::string& shard) {
-  unsigned i = 1;
-  unsigned n = 1;
-  if (std::sscanf(shard.c_str(), "%u/%u", &i, &n) != 2 || n == 0 || i == 0 || i > n) {
-    throw SetupError("--shard = " + shard + ": must be I/N with 1 ≤ I ≤ N, such as 1/8");
-  }
+/// Whole conditions, so that a part has its own front.
+std::vector<Run> shard_of(std::vector<Run> runs, const Shard& shard) {
+  std::map<decltype(std::declval<Run>().condition()), std::size_t> numbers;
   std::vector<Run> part;
-  for (std::size_t k = i - 1; k < runs.size(); k += n) part.push_back(std::move(runs[k]));
+  for (Run& run : runs) {
+    const std::size_t number = numbers.try_emplace(run.condition(), numbers.size()).first->second;
+    if (shard.has(number)) part.push_back(std::move(run));
+  }
   return part;
 }
 
@@ -471,7 +471,8 @@ set ylabel 'transparency of the calm hand, %'
 
 bool run(const ControllersOptions& options) {
   const std::vector<Contender> all = contenders();
-  const Conditions c = conditions(options.bench.is_quick);
+  Conditions c = conditions(options.bench.is_quick);
+  if (options.seeds > 0) c.seeds = options.seeds;
   std::vector<Run> runs = shard_of(all_runs(all, c), options.shard);
   compute(runs);
   nlohmann::ordered_json json;
@@ -501,7 +502,8 @@ bool run(const ControllersOptions& options) {
 int main(int argc, char** argv) {
   CLI::App app("Every controller side by side: safety, truth, cost.");
   palpate::bench::ControllersOptions options;
-  app.add_option("--shard", options.shard, "I/N: the I-th of N parts of the runs");
+  palpate::bench::add_shard_option(app, options.shard);
+  app.add_option("--seeds", options.seeds, "runs of each hostile hand under each condition");
   bool is_good = true;
   const int status = palpate::bench::run_bench(app, options.bench, argc, argv,
                                                [&] { is_good = palpate::bench::run(options); });

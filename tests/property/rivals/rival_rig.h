@@ -34,6 +34,7 @@ struct RigOptions {
   std::size_t delay = 0;  ///< the tissue's force is that many periods old
   std::size_t late = 0;   ///< each answer acts that many periods later
   std::size_t lost = 0;   ///< number of the answer that is lost: the force acts on; 0: none
+  double ramp_s = 0.0;    ///< at the start the device renders a growing share of each answer
 };
 
 /// A motion source: the hand goes where it is told, in straight lines, whatever the force.
@@ -96,6 +97,8 @@ class MotionRig {
     const bool is_lost = places_.size() == o_.lost;
     answers_.push_back(is_lost ? acting_ : output.force_on_hand_newton.z());
     acting_ = answers_.size() > o_.late ? answers_[answers_.size() - 1 - o_.late] : 0.0;
+    const double since_start_s = o_.T * static_cast<double>(answers_.size());
+    if (since_start_s < o_.ramp_s) acting_ *= since_start_s / o_.ramp_s;
   }
   void move_to(double z) {
     const double d = z - z_;

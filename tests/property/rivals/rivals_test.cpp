@@ -493,6 +493,22 @@ TEST(VirtualCoupling, ActiveTissueGivesTheHandEnergyThroughIt) {
   EXPECT_LT(least_of_strokes(controller, active, {.T = 0.001, .f_d = 0.1}, 0.5, 3000), -2e-3);
 }
 
+TEST(VirtualCoupling, ADeviceThatBeginsWithAShareOfTheForceGivesBackWhatItDidNotTake) {
+  const SpringDamper wall(2000.0, 0.0);
+  for (const double ramp_s : {0.0, 0.1}) {
+    VirtualCoupling controller(sampled_data_coupling(0.1, 0.001));
+    MotionRig rig(controller, wall, {.f_d = 0.1, .ramp_s = ramp_s});
+    rig.go_to(-0.01, 50);
+    rig.go_to(-0.01, 100);
+    rig.go_to(0.0, 400);
+    if (ramp_s > 0.0) {
+      EXPECT_LT(rig.least_joule, -1e-3);
+    } else {
+      EXPECT_GE(rig.least_joule, -kRounding);
+    }
+  }
+}
+
 TEST(VirtualCoupling, TheProxySolvesItsEquation) {
   // pressed and pulled sideways on a wall with a damper: spring and damper in series, exactly
   const SpringDamper wall(1000.0, 2.0, true);

@@ -17,6 +17,7 @@
 #include "mofc_node/controllers/rivals/safety_net.h"
 #include "mofc_node/controllers/rivals/two_port.h"
 #include "mofc_node/controllers/rivals/virtual_coupling.h"
+#include "mofc_node/controllers/rivals/wave_variables.h"
 #include "tests/property/controller_cases.h"
 #include "tests/support/alloc_guard.h"
 
@@ -70,13 +71,17 @@ std::vector<Rival> rivals() {
        }},
       {"energy tank",
        [](const MofcParameters&) { return std::make_unique<EnergyTank>(EnergyTankParameters{}); }},
-      {"Lyapunov", [](const MofcParameters& p) {
+      {"Lyapunov",
+       [](const MofcParameters& p) {
          return std::make_unique<LyapunovLimiter>(LyapunovParameters{.T = p.T});
+       }},
+      {"wave variables", [](const MofcParameters& p) {
+         return std::make_unique<WaveVariables>(WaveVariablesParameters{.b = 2.0, .T = p.T});
        }}};
 }
 
 /// Adds what only these controllers use, all of it wrong: a tissue that pushes along any motion,
-/// any velocity, normal and place.
+/// any velocity, normal and place; waves with energy from nowhere.
 class HostileProbe final : public ForceController, public TissueProbe {
  public:
   HostileProbe(ForceController& inner, std::uint64_t seed) : inner_(inner), random_(seed) {}
@@ -88,6 +93,11 @@ class HostileProbe final : public ForceController, public TissueProbe {
     input.surface_normal = random_.chance(0.3) ? Vector3(Vector3::Zero()) : random_.direction();
     input.tissue = random_.chance(0.9) ? this : nullptr;
     asked_newton_ = input.asked_force_on_hand_newton;
+    wave_.impedance_newton_s_per_m = 2.0;
+    wave_.stream = random_.chance(0.01) ? wave_.stream + 1 : wave_.stream;
+    wave_.sum += 1e-3 * random_.direction();
+    wave_.energy_joule += random_.uniform(0.0, 0.01);
+    input.returned_wave = &wave_;
     return inner_.step(input);
   }
   [[nodiscard]] Force at(const Vector3& x, const Vector3& v) const noexcept override {
@@ -99,6 +109,7 @@ class HostileProbe final : public ForceController, public TissueProbe {
   ForceController& inner_;
   Random random_;
   Vector3 asked_newton_ = Vector3::Zero();
+  Wave wave_;
 };
 
 /// The least energy of a hostile run, which the seed determines.

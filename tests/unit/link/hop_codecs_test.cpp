@@ -151,6 +151,28 @@ TEST(ForceCommandCodec, RefusesAnAnswerToSessionZero) {
   expect_range<ForceCommand>([](auto& m) { m.mutable_answers()->set_session_id(0); }, false);
 }
 
+template <class T>
+void expect_wave_ranges() {
+  const auto expect = [](auto&& change, bool is_allowed) {
+    expect_range<T>(
+        [&](auto& m) {
+          auto& wave = *m.mutable_wave();
+          wave.mutable_sum()->set_x(1.0);
+          wave.set_energy_joule(1.0);
+          wave.set_impedance_newton_s_per_m(2.0);
+          change(wave);
+        },
+        is_allowed);
+  };
+  expect([](auto&) {}, true);
+  expect([](auto& wave) { wave.mutable_sum()->set_y(-1e6); }, true);
+  expect([](auto& wave) { wave.mutable_sum()->set_y(-1.1e6); }, false);
+  expect([](auto& wave) { wave.set_energy_joule(-1e-12); }, false);
+  expect([](auto& wave) { wave.set_energy_joule(1.1e9); }, false);
+  expect([](auto& wave) { wave.set_impedance_newton_s_per_m(0.0); }, false);
+  expect([](auto& wave) { wave.set_impedance_newton_s_per_m(1.1e4); }, false);
+}
+
 TEST(ToolMotionCodec, RefusesWhatIsOutOfRange) {
   expect_range<ToolMotion>([](auto& m) { m.mutable_device()->set_session_id(0); }, false);
   expect_range<ToolMotion>([](auto& m) { m.mutable_tool_position_world_m()->set_x(1000.1); },
@@ -160,6 +182,7 @@ TEST(ToolMotionCodec, RefusesWhatIsOutOfRange) {
   expect_range<ToolMotion>([](auto& m) { m.mutable_tool_velocity_world_m_per_s()->set_x(-1000.0); },
                            true);
   expect_range<ToolMotion>([](auto& m) { m.mutable_tool_orientation_world()->set_w(2.0); }, false);
+  expect_wave_ranges<ToolMotion>();
 }
 
 TEST(InteractionCodec, RefusesWhatIsOutOfRange) {
@@ -173,6 +196,7 @@ TEST(InteractionCodec, RefusesWhatIsOutOfRange) {
   expect_range<Interaction>([](auto& m) { m.set_stored_energy_joule(0.0); }, true);
   expect_range<Interaction>([](auto& m) { m.set_stored_energy_joule(-1e-12); }, false);
   expect_range<Interaction>([](auto& m) { m.set_stored_energy_joule(1001.0); }, false);
+  expect_wave_ranges<Interaction>();
 }
 
 TEST(InteractionCodec, RefusesInvalidContacts) {

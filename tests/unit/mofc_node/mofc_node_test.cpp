@@ -629,6 +629,80 @@ TEST_F(MofcNodeLocal, RequestsNoForceWhileClutchedAndStartsAgainFromTheNewModel)
   EXPECT_NEAR(tick().force_on_hand_newton.z(), 0.8, 1e-12);
 }
 
+/// Twice the motion at the tool, half of its force at the hand.
+class MofcNodeWaves : public MofcNodeTest {
+ protected:
+  static MofcConfig waves() {
+    MofcConfig config = mofc_config();
+    config.controller = ControllerKind::kWaveVariables;
+    config.interaction = InteractionUse::kLocal;
+    config.rivals.wave_variables.impedance_newton_s_per_m = 2.0;
+    return config;
+  }
+  static ClampedDevice scaled_device() {
+    ClampedDevice device = clamped_device();
+    device.workspace.scale_ratio = 2.0;
+    device.workspace.force_ratio = 0.5;
+    return device;
+  }
+  MofcNodeWaves() : MofcNodeTest(waves(), scaled_device()) {}
+
+  void physics_returns(std::uint64_t stream, double sum, std::uint64_t physics_session = 9) {
+    Interaction interaction;
+    interaction.header = {physics_session, physics_sequence_++, clock_.now()};
+    interaction.device_session_id = 1;
+    interaction.device_sequence = sequence_ - 1;
+    interaction.device_sampled_at = clock_.now();
+    interaction.wave = {
+        .stream = stream, .sum = {0, 0, sum}, .energy_joule = 1.0, .impedance_newton_s_per_m = 2.0};
+    ASSERT_EQ(interaction_link_.send(interaction), SendResult::kSent);
+    clock_.advance(1ms);
+  }
+};
+
+TEST_F(MofcNodeWaves, SendsTheWaveOfTheToolAndFeelsTheOneThatReturns) {
+  tick();
+  clock_.advance(1ms);
+  position_m_ = {0, 0, -1e-3};
+  EXPECT_EQ(tick().force_on_hand_newton, Vector3::Zero()) << "nothing has answered";
+  const Wave sent = last_motion().wave;
+  // at the hand √(2b) Δx = 2e-3 √W·s and its square / (2 T) = 2e-3 J; at the tool 4 times the
+  // energy
+  EXPECT_NEAR(sent.sum.z(), -4e-3, 1e-12);
+  EXPECT_NEAR(sent.energy_joule, 8e-3, 1e-12);
+  EXPECT_NEAR(sent.impedance_newton_s_per_m, 2.0, 1e-12);
+
+  physics_returns(sent.stream, 4e-4);
+  // 2e-4 √W·s at the hand: √(2b) w = 0.4 N, and it rests
+  EXPECT_NEAR(tick().force_on_hand_newton.z(), 0.4, 1e-9);
+  // the sums of another physics begin anew
+  physics_returns(sent.stream, 2e-4, 10);
+  EXPECT_NEAR(tick().force_on_hand_newton.z(), 0.2, 1e-9);
+  // a wave of another stream is none
+  physics_returns(sent.stream + 1, 9.0, 10);
+  EXPECT_EQ(tick().force_on_hand_newton, Vector3::Zero());
+}
+
+TEST_F(MofcNodeWaves, AClutchBeginsANewStream) {
+  tick();
+  clock_.advance(1ms);
+  tick();
+  const Wave before = last_motion().wave;
+  physics_returns(before.stream, 4e-4);
+  is_clutched_ = true;
+  EXPECT_EQ(tick().force_on_hand_newton, Vector3::Zero());
+  EXPECT_FALSE(last_motion().wave.is_present());
+  is_clutched_ = false;
+  clock_.advance(1ms);
+  position_m_ = {0, 0, 0.1};
+  tick();
+  clock_.advance(1ms);
+  EXPECT_EQ(tick().force_on_hand_newton, Vector3::Zero()) << "what returned was of the old stream";
+  const Wave after = last_motion().wave;
+  EXPECT_NE(after.stream, before.stream);
+  EXPECT_TRUE(after.sum.isZero(1e-12)) << "the way during the clutch is no motion of the tool";
+}
+
 class MofcNodeSlowHandover : public MofcNodeLocal {
  protected:
   static MofcConfig slow_config() {
@@ -883,6 +957,8 @@ TEST(MakeController, EveryControllerOfOthersIsMadeWithItsSettings) {
   EXPECT_EQ(first(plain, ControllerKind::kEnergyBounding).force_on_hand_newton.z(), 0.0);
   EXPECT_EQ(first(plain, ControllerKind::kForceBounding).force_on_hand_newton.z(), 0.0);
   EXPECT_EQ(first(plain, ControllerKind::kOutputLimiter).force_on_hand_newton.z(), 0.1);
+  // there is no channel
+  EXPECT_EQ(first(plain, ControllerKind::kWaveVariables).force_on_hand_newton.z(), 0.0);
   // these have nothing against a first force
   for (const ControllerKind kind :
        {ControllerKind::kPassivityControl, ControllerKind::kMemoryBased,

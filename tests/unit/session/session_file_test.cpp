@@ -420,7 +420,8 @@ TEST(SessionFile, ControllersOfOthersHaveTheirSettings) {
       {"input_to_state", ControllerKind::kInputToState},
       {"two_port", ControllerKind::kTwoPort},
       {"energy_tank", ControllerKind::kEnergyTank},
-      {"lyapunov", ControllerKind::kLyapunov}};
+      {"lyapunov", ControllerKind::kLyapunov},
+      {"wave_variables", ControllerKind::kWaveVariables}};
   for (const auto& [name, kind] : kinds) {
     const MofcConfig config = mofc(std::string("controller: ") + name);
     EXPECT_EQ(config.controller, kind) << name;
