@@ -8,20 +8,27 @@
 
 namespace palpate::test {
 
+/// Whether this is a build with a sanitizer, which looks for other errors and is tens of times
+/// slower: there tests compute smaller examples.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+inline constexpr bool kIsSanitized = true;
+#else
+inline constexpr bool kIsSanitized = false;
+#endif
+
 /// `usual` runs, times PALPATE_SEEDS of the environment.
 inline std::uint64_t seed_count(std::uint64_t usual) {
   const char* factor = std::getenv("PALPATE_SEEDS");
   return usual * (factor != nullptr ? std::strtoull(factor, nullptr, 10) : 1);
 }
 
-/// The same for runs of the whole system: a quarter of them under a sanitizer, which looks for
-/// other errors and is tens of times slower.
+/// The same for runs of the whole system: a quarter of them under a sanitizer.
 inline std::uint64_t run_count(std::uint64_t usual) {
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-  usual = std::max<std::uint64_t>(1, usual / 4);
-#endif
-  return seed_count(usual);
+  return seed_count(kIsSanitized ? std::max<std::uint64_t>(1, usual / 4) : usual);
 }
+
+/// How many random places a test looks at: a tenth of `usual` under a sanitizer.
+constexpr int place_count(int usual) { return kIsSanitized ? usual / 10 : usual; }
 
 /// 1 to seed_count(usual).
 inline std::vector<std::uint64_t> seeds(std::uint64_t usual) {
