@@ -8,7 +8,8 @@
 
 namespace palpate::test {
 
-/// Under a sanitizer, which looks for other errors and is tens of times slower.
+/// Whether this is a build with a sanitizer, which looks for other errors and is tens of times
+/// slower: there tests compute smaller examples.
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
 inline constexpr bool kIsSanitized = true;
 #else
@@ -21,6 +22,9 @@ inline std::uint64_t seed_count(std::uint64_t usual) {
   const char* factor = std::getenv("PALPATE_SEEDS");
   return usual * (factor != nullptr ? std::strtoull(factor, nullptr, 10) : 1);
 }
+
+/// How many random places a test looks at: a tenth of `usual` under a sanitizer.
+constexpr int place_count(int usual) { return kIsSanitized ? usual / 10 : usual; }
 
 /// 1 to seed_count(usual).
 inline std::vector<std::uint64_t> seeds(std::uint64_t usual) {

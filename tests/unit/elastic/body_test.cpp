@@ -10,6 +10,7 @@
 
 #include "physics_node/elastic/equilibrium.h"
 #include "tests/bench/elastic/elastic_problems.h"
+#include "tests/property/seeds.h"
 #include "tests/unit/elastic/random_shape.h"
 
 namespace palpate::elastic {
@@ -176,6 +177,7 @@ TEST(ElasticBody, QuadraticElementsDoNotLock) {
   const Mesh coarse = quadratic(beam_mesh(8, 2));
   EXPECT_EQ(coarse.nodes_m.size(), 393U);
   EXPECT_NEAR(sag_m(coarse, 0.45), 23.19e-3, 0.02 * 23.19e-3);
+  if (test::kIsSanitized) return;
   EXPECT_NEAR(sag_m(coarse, 0.30), 23.65e-3, 0.02 * 23.65e-3);
   EXPECT_NEAR(sag_m(beam_mesh(16, 4), 0.45), 0.84 * 23.19e-3, 0.01 * 23.19e-3);
   // nearly incompressible: a few per cent less than at 0.45, not half
@@ -211,8 +213,9 @@ TEST(ElasticBody, RefusesWhatCannotBeSimulated) {
 // Converged from the undeformed shape in one search, and again from there with new rotations: the
 // same place, so the first search did not end too early.
 TEST(ElasticBody, ASearchForTheRestEndsWhereAnotherOneFindsNothingLeft) {
-  for (const Law law : {Law::kCorotational, Law::kStVenantKirchhoff, Law::kStableNeoHookean}) {
-    const Body body(bench::hanging_beam(beam_mesh(16, 4), law, 100e3, 0.45));
+  const Mesh beam = test::kIsSanitized ? beam_mesh(8, 2) : beam_mesh(16, 4);
+  for (const Law law : kAllLaws) {
+    const Body body(bench::hanging_beam(beam, law, 100e3, 0.45));
     EquilibriumSearch search(body);
     WarpedFactor factor(body, Precision::kDouble);
     VectorXd x = body.rest_m();

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include "tests/property/seeds.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/support/sampled_clouds.h"
 
@@ -20,14 +21,14 @@ struct Errors {
   double curvature_rms_ratio = 0.0;
 };
 
-/// Of the view from 2000 places, from the surface to `depth_m` below it.
+/// Of the view from random places, from the surface to `depth_m` below it.
 Errors errors_of(const CloudSurface& surface, const test::Shape& shape, double depth_m,
                  Random& random) {
   Errors sum;
   double curvature = 0.0;
   int count = 0;
   SurfaceHint hint;
-  while (count < 2000) {
+  while (count < static_cast<int>(test::seed_count(2000))) {
     const Vector3 on_surface = shape.point(random.uniform(), random.uniform());
     if (!shape.is_inside_border(on_surface)) continue;
     ++count;
@@ -151,7 +152,7 @@ TEST(CloudSurface, DistanceAndNormalDoNotJumpAlongAPath) {
   // 2 µm a step, 2 mm deep: along the surface the normal may turn by 2e-6/48e-3 and as much again
   // as the noise bends it (curvature up to 1/reach = 330 /m: 7e-4)
   SurfaceView last = surface.view({0.048, 0, 0});
-  for (int i = 1; i < 5000; ++i) {
+  for (int i = 1; i < test::place_count(5000); ++i) {
     const double angle = i * 2e-6 / 0.048;
     const SurfaceView now = surface.view(0.048 * Vector3(std::cos(angle), std::sin(angle), 0));
     EXPECT_LT(std::abs(now.distance_m - last.distance_m), 1e-6);
@@ -166,7 +167,7 @@ TEST(CloudSurface, TheHintDoesNotChangeTheView) {
   const CloudSurface surface(test::sampled(sphere, 1e-3, 1e-4, true, Sampling::kRandom, random));
 
   SurfaceHint hint;
-  for (int i = 0; i < 1000; ++i) {
+  for (int i = 0; i < test::place_count(1000); ++i) {
     const Vector3 place = random.uniform(0, 0.2) * random.direction();
     const SurfaceView warm = surface.view(place, hint);
     const SurfaceView cold = surface.view(place);

@@ -84,10 +84,11 @@ TEST(Proxy, NeedsOnlyTheViewOfASurface) {
 TEST(Proxy, LetsNoPokeThroughThinTissue) {
   const test::TempFolder folder;
   Random random(1);
+  const auto pokes = static_cast<std::uint64_t>(test::place_count(400));
   for (const test::ThinThing& thing : test::thin_things(folder)) {
     SCOPED_TRACE(thing.name);
-    const test::PokeFindings findings = test::poke(thing, 400, random);
-    EXPECT_EQ(findings.pokes, 400U);
+    const test::PokeFindings findings = test::poke(thing, pokes, random);
+    EXPECT_EQ(findings.pokes, pokes);
     EXPECT_EQ(findings.popped_through, 0U);
     EXPECT_LE(findings.largest_step_over_bound, 1.0 + 1e-6);
   }
@@ -145,7 +146,11 @@ TEST(Proxy, SlidesOverEdgesAndGroovesWithoutAStepOfTheForce) {
     for (const double tip_radius_m : {0.0, 0.003}) {
       // the slow way has by far the most steps
       std::vector<std::pair<double, double>> speeds{{0.08, 1e-3}, {1.0, 1e-3}, {0.2, 10e-3}};
-      if (!test::kIsSanitized) speeds.emplace_back(0.01, 1e-3);
+      if (test::kIsSanitized) {
+        speeds.erase(speeds.begin());
+      } else {
+        speeds.emplace_back(0.01, 1e-3);
+      }
       for (const auto& [speed_m_per_s, dt_s] : speeds) {
         SCOPED_TRACE(slide.name);
         SCOPED_TRACE(tip_radius_m);

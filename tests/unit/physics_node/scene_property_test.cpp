@@ -53,7 +53,7 @@ TEST(SceneProperty, DescribedContactIsTheTissueAsFarAsItIsTrusted) {
   int compared = 0;
   int not_yet_touching = 0;
   double furthest_m = 0.0;
-  for (int i = 0; i < 20000; ++i) {
+  for (int i = 0; i < test::place_count(20000); ++i) {
     SCOPED_TRACE(testing::Message() << "sample " << i);
     const Scene scene(random_scene(random, 1), 0.05);
     const Vector3 x = random_in_cube(random, 0.06);
@@ -78,8 +78,8 @@ TEST(SceneProperty, DescribedContactIsTheTissueAsFarAsItIsTrusted) {
     not_yet_touching += here.contact_count == 0 ? 1 : 0;
     furthest_m = std::max(furthest_m, d.norm());
   }
-  EXPECT_GT(compared, 4000);
-  EXPECT_GT(not_yet_touching, 300);
+  EXPECT_GT(compared, test::place_count(4000));
+  EXPECT_GT(not_yet_touching, test::place_count(300));
   EXPECT_GT(furthest_m, 0.05);
 }
 
@@ -159,7 +159,7 @@ TEST(SceneProperty, ElasticForceDoesNoWorkRoundAClosedPath) {
 TEST(SceneProperty, DampingOnlyTakesPower) {
   Random random(3);
   int touched = 0;
-  for (int i = 0; i < 20000; ++i) {
+  for (int i = 0; i < test::place_count(20000); ++i) {
     const SceneConfig config = random_scene(random, 1);
     const Vector3 v = random_in_cube(random, 2.0);
     const SceneForce force = Scene(config).evaluate(random_in_cube(random, 0.06), v);
@@ -180,7 +180,7 @@ TEST(SceneProperty, DampingOnlyTakesPower) {
       EXPECT_GE(force.force_on_tool_newton.dot(contact.normal_world), -1e-12);
     }
   }
-  EXPECT_GT(touched, 3000);
+  EXPECT_GT(touched, test::place_count(3000));
 }
 
 // A scene turned and moved together with the tool gives the turned force. Boxes have their axes
@@ -188,7 +188,7 @@ TEST(SceneProperty, DampingOnlyTakesPower) {
 TEST(SceneProperty, TurnsWithTheFrame) {
   Random random(11);
   int touched = 0;
-  for (int i = 0; i < 3000; ++i) {
+  for (int i = 0; i < test::place_count(3000); ++i) {
     SceneConfig config = random_scene(random, 1);
     const bool is_box = std::holds_alternative<BoxGeometry>(config.tissues[0].geometry);
     const double angle = is_box ? 0.5 * std::numbers::pi * static_cast<double>(random.below(4))
@@ -221,7 +221,7 @@ TEST(SceneProperty, TurnsWithTheFrame) {
     EXPECT_LT((after.force_on_tool_newton - turn * before.force_on_tool_newton).norm(), 1e-8);
     EXPECT_NEAR(after.stored_energy_joule, before.stored_energy_joule, 1e-9);
   }
-  EXPECT_GT(touched, 500);
+  EXPECT_GT(touched, test::place_count(500));
 }
 
 // Magnitudes from 1e-320 to 1e308, signs, zeros, infinities and NaN.
@@ -242,7 +242,7 @@ TEST(SceneProperty, NothingNonFiniteComesOut) {
     }
   };
   int touched = 0;
-  for (int i = 0; i < 50000; ++i) {
+  for (int i = 0; i < test::place_count(50000); ++i) {
     const Scene scene(random_scene(random, 3), 0.01);
     const Vector3 position(wild(), wild(), wild());
     const Vector3 velocity(wild(), wild(), wild());
@@ -260,7 +260,7 @@ TEST(SceneProperty, NothingNonFiniteComesOut) {
       ASSERT_NEAR(force.contacts[c].normal_world.norm(), 1.0, 1e-9);
     }
   }
-  EXPECT_GT(touched, 100);
+  EXPECT_GT(touched, test::place_count(100));
 }
 
 }  // namespace

@@ -69,7 +69,7 @@ void expect_same_views(TiledMesh& mesh, std::uint64_t seed, bool has_gather) {
   const double error_m = lattice_error_m(mesh.tissue()) * 2.0;
   SurfaceHint hint;
   SurfaceHint other;
-  for (int i = 0; i < 2000; ++i) {
+  for (int i = 0; i < test::place_count(2000); ++i) {
     const Vector3 point_m = random_point(random, *mesh.shape().bounds(), 0.01);
     if (has_gather) mesh.surface().gather(point_m);
     const SurfaceView part = mesh.surface().view(point_m, hint);

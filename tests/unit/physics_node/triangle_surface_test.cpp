@@ -7,6 +7,7 @@
 
 #include "common/contact/analytic_surfaces.h"
 #include "common/core/random.h"
+#include "tests/property/seeds.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/unit/physics_node/test_meshes.h"
 
@@ -23,7 +24,7 @@ TEST(TriangleSurface, OfACubeIsTheBox) {
   Random random(1);
 
   SurfaceHint hint;
-  for (int i = 0; i < 5000; ++i) {
+  for (int i = 0; i < test::place_count(5000); ++i) {
     const Vector3 place =
         0.02 * Vector3(random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1));
     const SurfaceView seen = surface.view(place, hint);
@@ -39,7 +40,7 @@ TEST(TriangleSurface, FindsTheNearestLikeBruteForce) {
   const TriangleMesh mesh = ball_mesh(0.03, 12);
   const TriangleSurface surface(mesh);
   Random random(2);
-  for (int i = 0; i < 30; ++i) {
+  for (int i = 0; i < test::place_count(30); ++i) {
     const Vector3 place = random.uniform(0, 0.06) * random.direction();
 
     // the oracle: each triangle as a surface of its own
@@ -56,7 +57,7 @@ TEST(TriangleSurface, SignsItsDistanceEverywhere) {
   // inscribed in a ball of 30 mm, within 1.1 mm of it
   const TriangleSurface surface(ball_mesh(0.03, 12));
   Random random(3);
-  for (int i = 0; i < 2000; ++i) {
+  for (int i = 0; i < test::place_count(2000); ++i) {
     const double radius_m = random.uniform(0, 0.06);
     const double distance_m = surface.view(radius_m * random.direction()).distance_m;
     EXPECT_NEAR(distance_m, radius_m - 0.03, 1.2e-3);
@@ -68,7 +69,7 @@ TEST(TriangleSurface, IsTheSameWithAndWithoutAHint) {
   const TriangleSurface surface(ball_mesh(0.03, 12));
   Random random(4);
   SurfaceHint hint;
-  for (int i = 0; i < 2000; ++i) {
+  for (int i = 0; i < test::place_count(2000); ++i) {
     const Vector3 place = random.uniform(0, 0.05) * random.direction();
     const SurfaceView warm = surface.view(place, hint);
     const SurfaceView cold = surface.view(place);

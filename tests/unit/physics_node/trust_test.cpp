@@ -6,6 +6,7 @@
 
 #include "common/contact/contact_model.h"
 #include "common/contact/material.h"
+#include "tests/property/seeds.h"
 #include "tests/support/sampled_clouds.h"
 #include "tests/unit/physics_node/random_scene.h"
 #include "tests/unit/physics_node/test_meshes.h"
@@ -29,7 +30,7 @@ Trust trust_in(const Surface& surface, const PlaceOf& place_m, double depth_m) {
   const KelvinVoigtMaterial material{.stiffness_newton_per_m = kSoft_newton_per_m};
   Trust trust;
   int compared = 0;
-  while (compared < 3000) {
+  while (compared < test::place_count(3000)) {
     const Vector3 on_surface = place_m(random);
     const SurfaceView there = surface.view(on_surface);
     const Vector3 x = on_surface + depth_m * random.uniform(-1, 0.5) * there.normal;
