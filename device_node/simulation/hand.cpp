@@ -13,6 +13,7 @@ namespace {
 constexpr double kTwoPi = 2.0 * std::numbers::pi;
 /// Of a led hand: longer than the 16 ms between a pointer's steps, short enough to follow promptly.
 constexpr double kLeadTimeConstant_s = 0.05;
+constexpr double kTimeRounding_s = 1e-9;  // of hours
 
 /// The path if it is a hostile one; else the defaults, which are not used.
 HostilePath hostile_part(const PathConfig& path) {
@@ -112,6 +113,29 @@ void HostileHand::sense(const Vector3& force_on_hand_newton) noexcept {
   const double newton = force_on_hand_newton.norm();
   if (newton > 0.0) last_force_direction_ = force_on_hand_newton / newton;
   most_draining_m_per_s_ = most_draining_velocity(force_on_hand_newton);
+  turns_s_ = 0.0;
+}
+
+void HostileHand::turn(double t_s) noexcept {
+  if (t_s >= until_s_) choose(t_s);
+  turns_s_ = until_s_;
+  switch (way_) {
+    case Way::kDrain:
+      wanted_m_per_s_ = most_draining_m_per_s_;
+      break;
+    case Way::kPress:
+      wanted_m_per_s_ = speed_m_per_s_ * direction_;
+      break;
+    case Way::kShake: {
+      const double phase_s = std::fmod(t_s - since_s_, 2.0 * half_period_s_);
+      const bool is_back = phase_s >= half_period_s_;
+      wanted_m_per_s_ = (is_back ? -speed_m_per_s_ : speed_m_per_s_) * direction_;
+      // not before; less more than the rounding of the times
+      const double left_s = (is_back ? 2.0 : 1.0) * half_period_s_ - phase_s;
+      turns_s_ = std::min(until_s_, t_s + left_s - kTimeRounding_s);
+      break;
+    }
+  }
 }
 
 void HostileHand::choose(double t_s) noexcept {
@@ -204,7 +228,10 @@ Target Hand::target_without_sense(double t_s) noexcept {
 
 void Hand::lead_to(const Vector3& goal_m) noexcept {
   if (!config_.pointer) return;
-  if (!led_) led_.emplace(*config_.pointer, intended_m_, t_s_);
+  if (!led_) {
+    led_.emplace(*config_.pointer, is_hostile_ ? hostile_.position_m() : intended_m_,
+                 is_hostile_ ? hostile_.t_s() : t_s_);
+  }
   led_->lead_to(goal_m);
 }
 

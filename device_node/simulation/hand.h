@@ -49,17 +49,20 @@ class HostileHand {
   /// @param device  the hand knows its true friction
   HostileHand(const HostilePath& path, const SimulatedDeviceConfig& device, std::uint64_t seed);
 
-  /// Call with growing `t_s`.
+  /// The force that the hand feels from now on.
   /// @param force_on_hand_newton  rendered, D
-  [[nodiscard]] Target target(double t_s, const Vector3& force_on_hand_newton) noexcept {
+  void feel(const Vector3& force_on_hand_newton) noexcept {
+    if (force_on_hand_newton != sensed_newton_) sense(force_on_hand_newton);
+  }
+  /// Call with growing `t_s`.
+  [[nodiscard]] Target target(double t_s) noexcept {
     const double dt_s = t_s - t_s_;
     if (!(dt_s > 0.0)) return {position_m_, Vector3::Zero()};
     t_s_ = t_s;
-    if (force_on_hand_newton != sensed_newton_) sense(force_on_hand_newton);
-    if (t_s >= until_s_) choose(t_s);
+    if (t_s >= turns_s_) turn(t_s);
 
     // move, but stay inside the ball: at its surface the outward part of the motion is removed
-    const Vector3 moved = position_m_ + dt_s * wanted_velocity(t_s);
+    const Vector3 moved = position_m_ + dt_s * wanted_m_per_s_;
     Vector3 from_center = moved - path_.center_m;
     if (from_center.squaredNorm() > surely_inside_m2_) {
       from_center = limited_to_norm(from_center, path_.radius_m);
@@ -69,24 +72,15 @@ class HostileHand {
     position_m_ = next;
     return {next, velocity};
   }
+  /// Intended at t_s().
+  [[nodiscard]] const Vector3& position_m() const noexcept { return position_m_; }
+  [[nodiscard]] double t_s() const noexcept { return t_s_; }
 
  private:
   enum class Way : std::uint8_t { kDrain, kPress, kShake };
   void sense(const Vector3& force_on_hand_newton) noexcept;
   void choose(double t_s) noexcept;
-  [[nodiscard]] Vector3 wanted_velocity(double t_s) const noexcept {
-    switch (way_) {
-      case Way::kDrain:
-        return most_draining_m_per_s_;
-      case Way::kPress:
-        return speed_m_per_s_ * direction_;
-      case Way::kShake: {
-        const bool is_back = std::fmod(t_s - since_s_, 2.0 * half_period_s_) >= half_period_s_;
-        return (is_back ? -speed_m_per_s_ : speed_m_per_s_) * direction_;
-      }
-    }
-    return Vector3::Zero();
-  }
+  void turn(double t_s) noexcept;
   [[nodiscard]] Vector3 most_draining_velocity(const Vector3& force_on_hand_newton) const noexcept;
 
   HostilePath path_;
@@ -104,6 +98,8 @@ class HostileHand {
   Vector3 sensed_newton_ = Vector3::Zero();         ///< the force now
   Vector3 last_force_direction_ = Vector3::Zero();  ///< zero: no force rendered yet
   Vector3 most_draining_m_per_s_ = Vector3::Zero();
+  Vector3 wanted_m_per_s_ = Vector3::Zero();
+  double turns_s_ = 0.0;  ///< when wanted_m_per_s_ may change
   Vector3 position_m_;
   double surely_inside_m2_;  ///< squared distance from the centre, less than radius² by rounding
 };
@@ -138,16 +134,22 @@ class Hand {
 
   /// Position of the hand before it starts.
   [[nodiscard]] const Vector3& start_position_m() const noexcept { return start_position_m_; }
+  /// The hand as a hostile one that feels this force from now on; null if it is none.
+  /// @param force_on_hand_newton  rendered, D
+  [[nodiscard]] HostileHand* hostile(const Vector3& force_on_hand_newton) noexcept {
+    if (!is_hostile_ || led_) return nullptr;
+    hostile_.feel(force_on_hand_newton);
+    return &hostile_;
+  }
   /// Call once per inner step, in order, with the time of its middle since the device's start.
   /// No allocation, no throw.
   /// @param force_on_hand_newton  rendered, D
   [[nodiscard]] Target target(double t_s, const Vector3& force_on_hand_newton) noexcept {
-    if (!is_hostile_ || led_) return target_without_sense(t_s);
-    Target target = hostile_.target(t_s, force_on_hand_newton);
-    intended_m_ = target.position_m;
-    t_s_ = t_s;
-    return target;
+    HostileHand* const hostile_hand = hostile(force_on_hand_newton);
+    return hostile_hand != nullptr ? hostile_hand->target(t_s) : target_without_sense(t_s);
   }
+  /// The same for a hand that is no hostile one.
+  [[nodiscard]] Target target_without_sense(double t_s) noexcept;
   /// From now on the hand moves to this goal (D) and stays there; it leaves its path for good. Does
   /// nothing without hand.pointer in the session.
   void lead_to(const Vector3& goal_m) noexcept;
@@ -155,13 +157,11 @@ class Hand {
   [[nodiscard]] std::uint32_t buttons(double t_s) const noexcept;
 
  private:
-  [[nodiscard]] Target target_without_sense(double t_s) noexcept;
-
   HandConfig config_;
   bool is_hostile_;
   HostileHand hostile_;  ///< at rest unless the path is a hostile one
   Vector3 start_position_m_;
-  Vector3 intended_m_;  ///< by the path, at t_s_
+  Vector3 intended_m_;  ///< by the path, at t_s_; a hostile hand has its own
   double t_s_ = 0.0;
   std::optional<LedHand> led_;
 };

@@ -74,12 +74,18 @@ void SimulatedDevice::catch_up() noexcept {
 
 void SimulatedDevice::integrate_until(TimePoint until) noexcept {
   if (until <= integrated_until_) return;
-  // a copy, so that its state stays in registers
+  // copies, so that their values stay in registers
   Plant plant = plant_;
-  in_equal_steps(start_, integrated_until_, until, config_.inner_step,
-                 [&, force = force_on_hand_newton_](double middle_s, double h_s) {
-                   plant.step(h_s, hand_.target(middle_s, force), force);
-                 });
+  const auto follow = [&, force = force_on_hand_newton_](auto target_at) {
+    in_equal_steps(
+        start_, integrated_until_, until, config_.inner_step,
+        [&](double middle_s, double h_s) { plant.step(h_s, target_at(middle_s), force); });
+  };
+  if (HostileHand* const hostile = hand_.hostile(force_on_hand_newton_); hostile != nullptr) {
+    follow([hostile](double t_s) { return hostile->target(t_s); });
+  } else {
+    follow([this](double t_s) { return hand_.target_without_sense(t_s); });
+  }
   plant_ = plant;
   integrated_until_ = std::max(integrated_until_, until);
 }

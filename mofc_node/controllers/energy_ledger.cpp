@@ -149,6 +149,7 @@ void EnergyLedger::Count::restart(const Vector3& position_m) noexcept {
   closed_windows_viscous_joule_ = 0.0;
   begin_span();
   begin_window();
+  sum_up();
 }
 
 void EnergyLedger::Count::begin_span() noexcept {
@@ -204,6 +205,7 @@ void EnergyLedger::Count::move_to(const Vector3& position_m, double duration_s) 
     closed_spans_path_m_ = sum_from_below(closed_spans_path_m_, span_m);
     begin_span();
   }
+  sum_up();
 }
 
 double EnergyLedger::Count::window_path_m() const noexcept {
@@ -226,16 +228,13 @@ double EnergyLedger::Count::span_path_m() const noexcept {
                   std::sqrt(play_path2) * (1.0 - kRounding));
 }
 
-double EnergyLedger::Count::dissipated_joule() const noexcept {
-  return f_co_ * (closed_spans_path_m_ + span_path_m()) + closed_windows_viscous_joule_ +
-         window_viscous_joule();
-}
-
-double EnergyLedger::Count::energy_joule() const noexcept {
+/// Once for each booking: the sums are read more often.
+void EnergyLedger::Count::sum_up() noexcept {
+  dissipated_joule_ = f_co_ * (closed_spans_path_m_ + span_path_m()) +
+                      closed_windows_viscous_joule_ + window_viscous_joule();
   const double quantisation = 0.5 * q_ * (last_force_newton_.lpNorm<1>() + force_variation_newton_);
-  const double friction = dissipated_joule();
-  return work_joule_ - quantisation + friction -
-         kRounding * (std::abs(work_joule_) + quantisation + friction);
+  energy_joule_ = work_joule_ - quantisation + dissipated_joule_ -
+                  kRounding * (std::abs(work_joule_) + quantisation + dissipated_joule_);
 }
 
 }  // namespace palpate::controllers

@@ -103,10 +103,11 @@ class EnergyLedger {
     /// The same without the work: the force ended on the way, where nothing was read.
     void book_release(double duration_s, const Vector3& f,
                       const Vector3& position_at_end_m) noexcept;
-    [[nodiscard]] double energy_joule() const noexcept;
-    [[nodiscard]] double dissipated_joule() const noexcept;
+    [[nodiscard]] double energy_joule() const noexcept { return energy_joule_; }
+    [[nodiscard]] double dissipated_joule() const noexcept { return dissipated_joule_; }
 
    private:
+    void sum_up() noexcept;
     void change_force(const Vector3& f) noexcept;
     void move_to(const Vector3& position_m, double duration_s) noexcept;
     void begin_span() noexcept;    // at position_m_
@@ -131,6 +132,10 @@ class EnergyLedger {
     double closed_windows_viscous_joule_ = 0.0;
     Vector3 window_start_m_ = Vector3::Zero();
     double window_s_ = 0.0;
+
+    // of all that is booked
+    double dissipated_joule_ = 0.0;
+    double energy_joule_ = 0.0;
   };
 
   /// One, or one per axis.

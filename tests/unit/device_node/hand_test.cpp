@@ -152,7 +152,8 @@ TEST(HostileHand, StaysInItsBallBelowItsSpeedAndUsesBoth) {
     // a force that grows, turns and vanishes
     const double t = 50e-6 * i;
     const Vector3 force(std::sin(7 * t), 2 * std::cos(11 * t), t > 5 ? 0.0 : 3.0);
-    const Target target = hand.target(t, force);
+    hand.feel(force);
+    const Target target = hand.target(t);
     ASSERT_LT((target.position_m - previous - 50e-6 * target.velocity_m_per_s).norm(), 1e-12);
     farthest_m = std::max(farthest_m, (target.position_m - path.center_m).norm());
     fastest_m_per_s = std::max(fastest_m_per_s, target.velocity_m_per_s.norm());
@@ -168,9 +169,10 @@ TEST(HostileHand, StaysInItsBallBelowItsSpeedAndUsesBoth) {
 /// Intended velocities of a hostile hand under a constant force, for one second.
 std::vector<Vector3> hostile_velocities(const SimulatedDeviceConfig& device, const Vector3& force) {
   HostileHand hand({.radius_m = 100.0, .v_max_m_per_s = 0.5}, device, 3);
+  hand.feel(force);
   std::vector<Vector3> velocities;
   for (int i = 1; i <= 20'000; ++i) {
-    velocities.push_back(hand.target(50e-6 * i, force).velocity_m_per_s);
+    velocities.push_back(hand.target(50e-6 * i).velocity_m_per_s);
   }
   return velocities;
 }
