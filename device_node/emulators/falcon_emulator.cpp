@@ -37,12 +37,15 @@ void FalconEmulator::serve(PacketPort& client, const std::stop_token& stop) {
   to_host_.clear();
   command_.clear();
   std::array<std::byte, 1 + kUsbPacketBytes> packet{};
-  while (!stop.stop_requested() && device_.fault() != WireFault::kUnplugged) {
+  while (!stop.stop_requested()) {
     const Duration wait = is_asked_ ? Duration(flushed_at_ + latency_ - Steady::now()) : 20ms;
     std::size_t size = 0;
     const Transfer outcome = client.read(packet, size, std::clamp<Duration>(wait, 0ms, 20ms));
     if (outcome == Transfer::kClosed) return;
-    if (outcome == Transfer::kDone && !take(client, std::span(packet).first(size))) return;
+    if (outcome == Transfer::kDone && (device_.fault() == WireFault::kUnplugged ||
+                                       !take(client, std::span(packet).first(size)))) {
+      return;
+    }
     flush(client);
   }
 }

@@ -30,7 +30,7 @@ void WoodenEmulator::run(const std::stop_token& stop) {
 void WoodenEmulator::serve(PacketPort& client, const std::stop_token& stop) {
   was_button_pressed_ = !config_.is_calibrated;
   std::array<std::byte, 2 * kWoodenReportBytes> packet{};
-  while (!stop.stop_requested() && device_.fault() != WireFault::kUnplugged) {
+  while (!stop.stop_requested()) {
     std::size_t size = 0;
     const Transfer outcome = client.read(packet, size, 20ms);
     if (outcome == Transfer::kClosed) return;
@@ -38,6 +38,7 @@ void WoodenEmulator::serve(PacketPort& client, const std::stop_token& stop) {
     WoodenCommand command;
     if (!read_wooden_command(std::span(packet).first(size), command)) continue;
     const WireFault fault = device_.fault();
+    if (fault == WireFault::kUnplugged) return;
     if (fault == WireFault::kSilent) continue;
     take(command);
     WoodenReportBytes report = wooden_report(reading());

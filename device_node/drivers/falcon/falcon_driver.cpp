@@ -33,6 +33,11 @@ class FalconDevice final : public WireDevice {
     connect_within(start_up, "the Falcon");
     if (!answers(2)) load_firmware(start_up);
     await_homing(until, start_up);
+    // the angles, for the first force
+    DeviceSample passed;
+    if (exchange(Vector3::Zero(), passed) != Transfer::kDone) {
+      throw std::runtime_error("the Falcon's encoders are at no position of its legs");
+    }
   }
   ~FalconDevice() override { release(); }
   FalconDevice(const FalconDevice&) = delete;

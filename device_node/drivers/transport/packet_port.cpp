@@ -109,7 +109,7 @@ UsbIds PacketPort::emulated_ids(Duration within) {
   std::array<std::byte, 4> packet{};
   std::size_t size = 0;
   if (read(packet, size, within) != Transfer::kDone || size != packet.size()) {
-    throw std::runtime_error("what listens there is no emulator of a device");
+    throw std::runtime_error("the emulator does not say what it is: its device is unplugged");
   }
   const auto number = [&](std::size_t at) {
     return static_cast<std::uint16_t>(std::to_integer<unsigned>(packet[at]) |

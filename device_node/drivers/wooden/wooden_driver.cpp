@@ -47,10 +47,10 @@ std::string find_wooden() {
   throw std::runtime_error("several boards, give one as port:" + all);
 }
 
-UsbIds hid_ids(const PacketPort& port) {
+UsbIds hid_ids(const PacketPort& port, const std::string& path) {
   hidraw_devinfo info{};
   if (::ioctl(port.file(), HIDIOCGRAWINFO, &info) < 0)
-    throw std::runtime_error("is no hidraw file");
+    throw std::runtime_error(path + " is no hidraw file");
   return {.vendor = static_cast<std::uint16_t>(info.vendor),
           .product = static_cast<std::uint16_t>(info.product)};
 }
@@ -80,7 +80,7 @@ class WoodenDevice final : public WireDevice {
     disconnect();
     const std::string path = config_.port.empty() ? find_wooden() : config_.port;
     port_.emplace(path);
-    const UsbIds ids = is_emulated(path) ? port_->emulated_ids(1s) : hid_ids(*port_);
+    const UsbIds ids = is_emulated(path) ? port_->emulated_ids(1s) : hid_ids(*port_, path);
     if (ids != kWoodenIds) {
       throw std::runtime_error(path + " is " + to_text(ids) + ", not " + to_text(kWoodenIds));
     }
