@@ -38,12 +38,13 @@ set(PALPATE_BOUNDARIES
   # what drivers are checked for: the interface of a device and nothing else
   "device_node/conformance:common/core,device_node/device.h,@log"
   "device_node/simulation:common/core,common/session/simulation_config.h,device_node/device.h,device_node/reading_observer.h"
-  # simulation ← drivers, one folder a driver
-  "device_node/drivers:common/core,common/session/driver_config.h,device_node/device.h,device_node/drivers/*"
+  # simulation ← drivers, one folder a driver; they wait while they open a device, never in the tick
+  "device_node/drivers:common/core,common/session/driver_config.h,device_node/device.h,device_node/drivers/*,@threads"
   "device_node/drivers/transport:common/core"
-  # they wait while they open a device, never in the tick
+  "device_node/drivers/falcon:common/core,common/session/driver_config.h,device_node/device.h,device_node/drivers,device_node/drivers/transport,@threads"
   "device_node/drivers/haply:common/core,common/session/driver_config.h,device_node/device.h,device_node/drivers,device_node/drivers/transport,@threads"
-  "device_node/drivers/hapi:common/core,common/session/driver_config.h,device_node/device.h,device_node/drivers,device_node/drivers/transport,@threads"
+  "device_node/drivers/hapi:common/core,common/session/driver_config.h,device_node/device.h,device_node/drivers,device_node/drivers/transport"
+  "device_node/drivers/wooden:common/core,common/session/driver_config.h,device_node/device.h,device_node/drivers,device_node/drivers/transport,@threads"
   "device_node/drivers/plugin:common/core,common/session/driver_config.h,device_node/device.h,device_node/drivers"
   # what stands in for a device at the other end of its wire
   "device_node/emulators:common/core,common/session/driver_config.h,common/session/simulation_config.h,device_node/simulation,device_node/drivers/*,@threads"

@@ -56,6 +56,43 @@ struct HapiConfig {
   Duration transfer_limit = std::chrono::milliseconds(20);  ///< a later answer is a fault
 };
 
+/// Novint Falcon by USB.
+struct FalconConfig {
+  std::string port;           ///< "": the only one
+  std::string firmware_file;  ///< absolute; "": it is loaded already
+  double torque_gain = 0.0;   ///< what a motor is sent per N·m; may be negative, not 0
+  int largest_torque = 4096;
+  double encoder_offset_deg = 35.0;
+  Vector3 origin_m = Vector3::Zero();            ///< of D, in the frame of the device
+  Quaternion rotation = Quaternion::Identity();  ///< of the device's frame, in D
+  Vector3 workspace_half_extent_m = Vector3::Zero();
+  MotorLimits limits;
+  double position_resolution_m = 0.0;
+  Duration transfer_limit = std::chrono::milliseconds(20);  ///< a later answer is a fault
+};
+
+/// WoodenHaptics by HID. Axes a, b, c.
+struct WoodenConfig {
+  std::string port;  ///< "": the only one
+  std::array<double, 3> torque_constants_newton_m_per_a{};
+  std::array<bool, 3> are_reversed{};
+  std::array<double, 3> capstans_m{0.01, 0.01, 0.01};
+  std::array<double, 3> drums_m{0.16, 0.12, 0.12};
+  std::array<double, 3> encoder_resolutions{2000.0, 2000.0, 2000.0};  ///< counts a turn
+  std::array<std::int16_t, 3> calibration_counts{};
+  double base_m = 0.08;
+  double arm_m = 0.205;
+  double rod_m = 0.245;
+  double largest_current_a = 0.0;
+  bool is_calibrated = false;                    ///< the counters are set already
+  Vector3 origin_m = Vector3::Zero();            ///< of D, in the frame of the device
+  Quaternion rotation = Quaternion::Identity();  ///< of the device's frame, in D
+  Vector3 workspace_half_extent_m = Vector3::Zero();
+  MotorLimits limits;
+  double position_resolution_m = 0.0;
+  Duration transfer_limit = std::chrono::milliseconds(20);  ///< a later answer is a fault
+};
+
 /// A driver in a shared library: device_node/drivers/plugin/palpate_device.h.
 struct PluginConfig {
   std::string library;  ///< absolute
@@ -63,7 +100,8 @@ struct PluginConfig {
 };
 
 /// monostate: the simulated device.
-using DriverConfig = std::variant<std::monostate, HaplyConfig, HapiConfig, PluginConfig>;
+using DriverConfig =
+    std::variant<std::monostate, HaplyConfig, HapiConfig, FalconConfig, WoodenConfig, PluginConfig>;
 
 /// Whether the driver is one of a real device.
 [[nodiscard]] inline bool is_real(const DriverConfig& driver) {

@@ -1,9 +1,11 @@
 #include "device_node/drivers/driver_registry.h"
 
 #include "common/core/check.h"
+#include "device_node/drivers/falcon/falcon_driver.h"
 #include "device_node/drivers/hapi/hapi_driver.h"
 #include "device_node/drivers/haply/haply_driver.h"
 #include "device_node/drivers/plugin/plugin_driver.h"
+#include "device_node/drivers/wooden/wooden_driver.h"
 
 namespace palpate::device {
 
@@ -30,6 +32,8 @@ Config settings(const DriverConfig& driver) {
 const char* driver_name(const DriverConfig& driver) {
   if (std::holds_alternative<HaplyConfig>(driver)) return kHaplyDriver;
   if (std::holds_alternative<HapiConfig>(driver)) return kHapiDriver;
+  if (std::holds_alternative<FalconConfig>(driver)) return kFalconDriver;
+  if (std::holds_alternative<WoodenConfig>(driver)) return kWoodenDriver;
   if (std::holds_alternative<PluginConfig>(driver)) return kPluginDriver;
   return kSimulatedDriver;
 }
@@ -49,9 +53,17 @@ DriverRegistry all_drivers(const DriverOptions& options) {
                                         const Clock& clock, const StartUp& start_up) {
                 return open_hapi(config, clock, start_up);
               }});
+  drivers.add(kFalconDriver, {.open = [config = settings<FalconConfig>(options.driver)](
+                                          const Clock& clock, const StartUp& start_up) {
+                return open_falcon(config, clock, start_up);
+              }});
   drivers.add(kPluginDriver, {.open = [config = settings<PluginConfig>(options.driver)](
                                           const Clock& clock, const StartUp& start_up) {
                 return open_plugin(config, clock, start_up);
+              }});
+  drivers.add(kWoodenDriver, {.open = [config = settings<WoodenConfig>(options.driver)](
+                                          const Clock& clock, const StartUp& start_up) {
+                return open_wooden(config, clock, start_up);
               }});
   return drivers;
 }

@@ -10,14 +10,15 @@
 namespace palpate::device {
 namespace {
 
-constexpr std::array<std::pair<std::string_view, WireFault>, 7> kWireFaults{
+constexpr std::array<std::pair<std::string_view, WireFault>, 8> kWireFaults{
     {{"unplugged", WireFault::kUnplugged},
      {"silent", WireFault::kSilent},
      {"delayed", WireFault::kDelayed},
      {"garbage", WireFault::kGarbage},
      {"short", WireFault::kShort},
      {"wrong_id", WireFault::kWrongId},
-     {"stuck", WireFault::kStuck}}};
+     {"stuck", WireFault::kStuck},
+     {"echo", WireFault::kEcho}}};
 
 bool read_number(std::string_view text, double& value) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);

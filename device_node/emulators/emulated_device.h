@@ -22,6 +22,7 @@ enum class WireFault : std::uint8_t {
   kShort,      ///< answers end in the middle
   kWrongId,    ///< answers are those of another device
   kStuck,      ///< the encoders stand still
+  kEcho,       ///< wrong echoes while firmware is loaded
 };
 
 struct PlannedFault {

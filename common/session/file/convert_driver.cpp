@@ -1,3 +1,5 @@
+#include <cmath>
+
 #include "common/session/file/convert.h"
 
 namespace palpate {
@@ -77,6 +79,51 @@ HapiConfig to_hapi(const Fields& hapi) {
   return config;
 }
 
+FalconConfig to_falcon(const Fields& falcon, const std::filesystem::path& base_dir) {
+  FalconConfig config;
+  read_common(falcon, config);
+  config.port = falcon.text("port");
+  if (falcon.has("firmware_file")) {
+    config.firmware_file = falcon.file("firmware_file", base_dir).string();
+  }
+  config.torque_gain = falcon.number("torque_gain");
+  if (config.torque_gain == 0.0) {
+    falcon.problem("torque_gain", "must not be 0; measure it with a known weight on the grip");
+  }
+  config.largest_torque = static_cast<int>(falcon.integer("largest_torque"));
+  config.encoder_offset_deg = falcon.number("encoder_offset_deg");
+  return config;
+}
+
+WoodenConfig to_wooden(const Fields& wooden) {
+  WoodenConfig config;
+  read_common(wooden, config);
+  config.port = wooden.text("port");
+  std::size_t i = 0;
+  for (const char* name : {"a", "b", "c"}) {
+    const Fields axis = wooden.message(name);
+    config.torque_constants_newton_m_per_a[i] = axis.number("torque_constant_newton_m_per_a");
+    config.are_reversed[i] = axis.flag("reversed");
+    config.capstans_m[i] = axis.number("capstan_m");
+    config.drums_m[i] = axis.number("drum_m");
+    config.encoder_resolutions[i] = axis.number("encoder_resolution");
+    // NaN: a problem already
+    const double count = axis.number("calibration_count");
+    if (count == std::round(count)) {
+      config.calibration_counts[i] = static_cast<std::int16_t>(count);
+    } else if (!std::isnan(count)) {
+      axis.problem("calibration_count", "must be a whole number; round it");
+    }
+    ++i;
+  }
+  config.base_m = wooden.number("base_m");
+  config.arm_m = wooden.number("arm_m");
+  config.rod_m = wooden.number("rod_m");
+  config.largest_current_a = wooden.number("largest_current_a");
+  config.is_calibrated = wooden.flag("is_calibrated");
+  return config;
+}
+
 PluginConfig to_plugin(const Fields& plugin, const std::filesystem::path& base_dir) {
   PluginConfig config;
   if (plugin.has_required("library")) {
@@ -101,6 +148,8 @@ DriverConfig to_driver(const Fields& device, const std::filesystem::path& base_d
   const std::string name = device.given_member("driver");
   if (name == "haply_inverse") return to_haply(device.message("haply_inverse"));
   if (name == "hapi") return to_hapi(device.message("hapi"));
+  if (name == "falcon") return to_falcon(device.message("falcon"), base_dir);
+  if (name == "wooden") return to_wooden(device.message("wooden"));
   if (name == "plugin") return to_plugin(device.message("plugin"), base_dir);
   return {};
 }
@@ -108,8 +157,11 @@ DriverConfig to_driver(const Fields& device, const std::filesystem::path& base_d
 SimulatedDeviceConfig simulated_as(const DriverConfig& driver,
                                    const SimulatedDeviceConfig& simulated) {
   SimulatedDeviceConfig config = simulated;
-  if (const auto* haply = std::get_if<HaplyConfig>(&driver)) limit_as(*haply, config);
-  if (const auto* hapi = std::get_if<HapiConfig>(&driver)) limit_as(*hapi, config);
+  std::visit(
+      [&](const auto& own) {
+        if constexpr (requires { own.limits; }) limit_as(own, config);
+      },
+      driver);
   return config;
 }
 

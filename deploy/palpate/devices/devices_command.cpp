@@ -73,8 +73,9 @@ void find_usb(std::vector<FoundDevice>& found) {
     const char* how;
   };
   static constexpr Known kKnown[] = {
-      {"0403", "cb48", "Novint Falcon", "no driver yet: docs/extending.md#a-driver"},
-      {"16c0", "0486", "WoodenHaptics / Polhem board", "no driver yet: docs/extending.md#a-driver"},
+      {"0403", "cb48", "Novint Falcon", "device { falcon { motors { … } mount { … } … } }"},
+      {"16c0", "0486", "WoodenHaptics / Polhem board",
+       "device { wooden { motors { … } mount { … } … } } if its firmware is the open one"},
       {"2988", "0301", "Force Dimension device",
        "a plug-in for the vendor's library: device { plugin { library: … } }"}};
   std::error_code error;
@@ -91,7 +92,9 @@ void find_usb(std::vector<FoundDevice>& found) {
 
 struct DevicesCommand {
   static void add_to(CLI::App& app) {
-    app.footer("Drivers: simulated, haply_inverse, hapi, plugin. None has been run on hardware.");
+    app.footer(
+        "Drivers: simulated, haply_inverse, hapi, falcon, wooden, plugin. None has been run on "
+        "hardware.");
   }
 
   static int run() {

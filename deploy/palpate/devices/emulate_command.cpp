@@ -8,8 +8,10 @@
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/options.h"
 #include "device_node/drivers/driver_registry.h"
+#include "device_node/emulators/falcon_emulator.h"
 #include "device_node/emulators/hapi_emulator.h"
 #include "device_node/emulators/haply_emulator.h"
+#include "device_node/emulators/wooden_emulator.h"
 
 namespace palpate {
 namespace {
@@ -64,7 +66,7 @@ struct EmulateCommand {
     app.add_option(
            "--fault", faults,
            "KIND@SECONDS:MILLISECONDS, a fault of the wire, such as unplugged@2:500; kinds: "
-           "unplugged, silent, delayed, garbage, short, wrong_id, stuck")
+           "unplugged, silent, delayed, garbage, short, wrong_id, stuck, echo")
         ->type_name("FAULT");
     app.add_option("--seconds", seconds, "end after this time; without it at Ctrl-C")
         ->check(CLI::PositiveNumber);
@@ -75,29 +77,61 @@ struct EmulateCommand {
     const Side& emulated = whole.side();
     std::vector<device::PlannedFault> planned;
     for (const std::string& fault : faults) planned.push_back(device::parse_fault(fault));
-    const SteadyClock clock;
-    device::EmulatedDevice device(emulated.simulated, emulated.hand, clock,
-                                  stream_seed(whole, emulated, "hand"), kEmulatedWatchdog, planned);
-    if (const auto* haply = std::get_if<HaplyConfig>(&emulated.driver)) {
-      device::HaplyEmulator emulator(device, haply->port);
-      serve(emulator, device, "127.0.0.1:" + std::to_string(emulator.port()));
-      return 0;
-    }
-    if (const auto* hapi = std::get_if<HapiConfig>(&emulated.driver)) {
-      device::HapiEmulator emulator(device, *hapi);
-      const TerminalLink link(emulator.port(), hapi->port);
-      serve(emulator, device, hapi->port);
-      return 0;
-    }
-    throw SetupError(whole.file + ": device: there is no emulator of driver \"" +
-                     device::driver_name(emulated.driver) +
-                     "\"; emulators are of haply_inverse and hapi");
+    return std::visit([&](const auto& config) { return emulate(config, whole, planned); },
+                      emulated.driver);
   }
 
  private:
+  /// The simulated device behind the wire.
+  struct Stand {
+    Stand(const Session& session, const SimulatedDeviceConfig& simulated, Duration watchdog,
+          const std::vector<device::PlannedFault>& faults)
+        : device(simulated, session.side().hand, clock,
+                 stream_seed(session, session.side(), "hand"), watchdog, faults) {}
+    SteadyClock clock;
+    device::EmulatedDevice device;
+  };
+  using Faults = std::vector<device::PlannedFault>;
+
+  int emulate(const HaplyConfig& haply, const Session& session, const Faults& faults) const {
+    Stand stand(session, session.side().simulated, kEmulatedWatchdog, faults);
+    device::HaplyEmulator emulator(stand.device, haply.port);
+    return serve(emulator, stand.device, "127.0.0.1:" + std::to_string(emulator.port()));
+  }
+  int emulate(const HapiConfig& hapi, const Session& session, const Faults& faults) const {
+    Stand stand(session, session.side().simulated, kEmulatedWatchdog, faults);
+    device::HapiEmulator emulator(stand.device, hapi);
+    const TerminalLink link(emulator.port(), hapi.port);
+    return serve(emulator, stand.device, hapi.port);
+  }
+  int emulate(const FalconConfig& falcon, const Session& session, const Faults& faults) const {
+    Stand stand(session, exact(session), kEmulatedWatchdog, faults);
+    device::FalconEmulator emulator(stand.device, falcon,
+                                    {.is_loaded = falcon.firmware_file.empty(), .homing = 300ms});
+    return serve(emulator, stand.device, falcon.port);
+  }
+  int emulate(const WoodenConfig& wooden, const Session& session, const Faults& faults) const {
+    Stand stand(session, exact(session), device::WoodenEmulator::kWatchdog, faults);
+    device::WoodenEmulator emulator(stand.device, wooden);
+    return serve(emulator, stand.device, wooden.port);
+  }
+  template <class Config>
+  int emulate(const Config& /*config*/, const Session& session, const Faults& /*faults*/) const {
+    throw SetupError(session.file + ": device: there is no emulator of driver \"" +
+                     device::driver_name(session.side().driver) +
+                     "\"; emulators are of haply_inverse, hapi, falcon and wooden");
+  }
+
+  /// The encoders of the emulated legs or motors round, not the simulated device.
+  static SimulatedDeviceConfig exact(const Session& session) {
+    SimulatedDeviceConfig simulated = session.side().simulated;
+    simulated.position_resolution_m = 0.0;
+    return simulated;
+  }
+
   template <class Emulator>
-  void serve(Emulator& emulator, const device::EmulatedDevice& device,
-             const std::string& address) const {
+  int serve(Emulator& emulator, const device::EmulatedDevice& device,
+            const std::string& address) const {
     const StopSignal signal;
     say("emulates the device at " + address);
     std::jthread server([&](const std::stop_token& stop) { emulator.run(stop); });
@@ -111,6 +145,7 @@ struct EmulateCommand {
     server.join();
     say("emulated device: " + std::to_string(device.messages()) + " messages, least true energy " +
         std::to_string(1e6 * device.least_energy_joule()) + " uJ");
+    return 0;
   }
 };
 

@@ -1,21 +1,18 @@
 #include "device_node/drivers/transport/serial_port.h"
 
 #include <fcntl.h>
-#include <poll.h>
 #include <sys/ioctl.h>
 #include <termios.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <cerrno>
-#include <chrono>
 #include <cstring>
 #include <stdexcept>
 
+#include "device_node/drivers/transport/wait_for.h"
+
 namespace palpate::device {
 namespace {
-
-using Steady = std::chrono::steady_clock;
 
 void make_raw(int terminal) {
   termios settings{};
@@ -28,27 +25,11 @@ void make_raw(int terminal) {
   tcsetattr(terminal, TCSANOW, &settings);
 }
 
-/// Waits until `events` or the deadline.
-Transfer wait_for(int terminal, short events, Steady::time_point deadline) noexcept {
-  for (;;) {
-    const auto left = std::max(deadline - Steady::now(), Steady::duration::zero());
-    const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(left);
-    const timespec wait{.tv_sec = seconds.count(),
-                        .tv_nsec = std::chrono::nanoseconds(left - seconds).count()};
-    pollfd entry{.fd = terminal, .events = events, .revents = 0};
-    const int ready = ::ppoll(&entry, 1, &wait, nullptr);
-    if (ready > 0) return (entry.revents & events) != 0 ? Transfer::kDone : Transfer::kClosed;
-    if (ready == 0) return Transfer::kTimeout;
-    if (errno != EINTR) return Transfer::kClosed;
-  }
-}
-
 /// Moves all bytes with `move(from, size)`, which returns what it moved.
 template <class Move>
 Transfer transfer_all(int terminal, short events, std::size_t size, Duration within,
                       const Move& move) noexcept {
-  const Steady::time_point deadline =
-      Steady::now() + std::chrono::duration_cast<Steady::duration>(within);
+  const WireClock::time_point deadline = wire_deadline(within);
   for (std::size_t done = 0; done < size;) {
     const ssize_t moved = move(done, size - done);
     if (moved > 0) {

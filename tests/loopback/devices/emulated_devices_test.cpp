@@ -25,6 +25,8 @@ using testing::HasSubstr;
 
 const std::string kHaplySession = PALPATE_SOURCE_DIR "/deploy/sessions/haply.txtpb";
 const std::string kHapiSession = PALPATE_SOURCE_DIR "/deploy/sessions/hapi.txtpb";
+const std::string kFalconSession = PALPATE_SOURCE_DIR "/deploy/sessions/falcon.txtpb";
+const std::string kWoodenSession = PALPATE_SOURCE_DIR "/deploy/sessions/wooden.txtpb";
 
 class EmulatedDevices : public testing::Test {
  protected:
@@ -46,12 +48,14 @@ class EmulatedDevices : public testing::Test {
 TEST_F(EmulatedDevices, AreFeltThroughTheirWiresAndStayPassive) {
   const std::vector<std::pair<std::string, std::string>> runs{
       {kHaplySession, haply_port()},
-      {kHapiSession, "device.hapi.port=" + (folder_.path() / "board").string()}};
+      {kHapiSession, "device.hapi.port=" + (folder_.path() / "board").string()},
+      {kFalconSession, "device.falcon.port=" + (folder_.path() / "usb").string()},
+      {kWoodenSession, "device.wooden.port=" + (folder_.path() / "hidraw").string()}};
   for (const auto& [session, setting] : runs) {
     SCOPED_TRACE(session);
     const Outcome run = test::run_program(
         "palpate", {"launch", session, "--emulate", "--set", setting, "--no-viewer",
-                    "--no-realtime", "--seconds", "3", "--json", "-"});
+                    "--no-realtime", "--seconds", "2", "--json", "-"});
 
     EXPECT_EQ(run.status, 0) << run.err;
     EXPECT_GE(least_energy_microjoule(run.err), -1.0) << run.err;
@@ -92,7 +96,7 @@ TEST_F(EmulatedDevices, ASimulatedDeviceNeedsNoEmulator) {
   const Outcome run = test::run_program(
       "palpate", {"emulate", PALPATE_SOURCE_DIR "/deploy/sessions/default.txtpb"});
   EXPECT_EQ(run.status, 2);
-  EXPECT_THAT(run.err, HasSubstr("emulators are of haply_inverse and hapi"));
+  EXPECT_THAT(run.err, HasSubstr("emulators are of haply_inverse, hapi, falcon and wooden"));
 }
 
 TEST_F(EmulatedDevices, AFileInTheWayOfThePortIsNotReplaced) {

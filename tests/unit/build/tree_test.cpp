@@ -60,6 +60,7 @@ bool ends_with_unit(const std::string& name) {
                            "_kg",
                            "_rad",
                            "_hz",
+                           "_a",
                            "_s",
                            "_ms",
                            "_us",
@@ -100,6 +101,8 @@ TEST(SessionFormat, EveryNumberSaysItsUnitInItsName) {
       "encoder_port",
       "encoder_resolution",
       "torque_gain",
+      "largest_torque",
+      "calibration_count",
   };
   std::string schema;
   for (const char* file : {"session", "session_device", "session_drivers", "session_hand",

@@ -15,6 +15,7 @@
 #include "device_node/emulators/hapi_emulator.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/support/device_conformance.h"
+#include "tests/unit/device_node/hand_set_clock.h"
 
 namespace palpate::device {
 namespace {
@@ -152,23 +153,32 @@ TEST(HapiDriver, ReadsThePlaneAndPushesInIt) {
   EXPECT_LT((emulated.motor_force_newton() - Vector3(0.5, 0, -1.0)).norm(), 1e-5);
 }
 
-TEST(HapiDriver, SaysHowATransferFailed) {
-  const auto first_error = [](WireFault kind) {
+TEST(HapiDriver, SaysHowATransferFailedAndOpensAgain) {
+  const auto error_of = [](WireFault kind) {
     const SteadyClock clock;
-    EmulatedHapi emulated(clock, Vector3::Zero(), {{.kind = kind, .from_s = 0.2, .length_s = 1e3}});
+    HandSetClock time;
+    EmulatedHapi emulated(time, Vector3::Zero(), {{.kind = kind, .from_s = 1.0, .length_s = 1.0}});
     HapiConfig config = emulated.config();
     config.transfer_limit = std::chrono::milliseconds(300);
     const auto device = open_hapi(config, clock, {});
     DeviceSample sample;
+    EXPECT_TRUE(device->read(sample));
+
+    time.set(std::chrono::milliseconds(1500));
+    EXPECT_FALSE(device->read(sample));
+    const DeviceError error = device->last_error();
+
+    time.set(std::chrono::seconds(3));
     const TimePoint until = clock.now() + std::chrono::seconds(20);
-    while (device->read(sample) && clock.now() < until) {
+    while (!device->reopen() && clock.now() < until) {
     }
-    return device->last_error();
+    EXPECT_TRUE(device->read(sample));
+    return error;
   };
-  EXPECT_EQ(first_error(WireFault::kSilent), DeviceError::kTimeout);
-  EXPECT_EQ(first_error(WireFault::kShort), DeviceError::kTimeout);
-  EXPECT_EQ(first_error(WireFault::kGarbage), DeviceError::kCorrupt);
-  EXPECT_EQ(first_error(WireFault::kWrongId), DeviceError::kCorrupt);
+  EXPECT_EQ(error_of(WireFault::kSilent), DeviceError::kTimeout);
+  EXPECT_EQ(error_of(WireFault::kShort), DeviceError::kTimeout);
+  EXPECT_EQ(error_of(WireFault::kGarbage), DeviceError::kCorrupt);
+  EXPECT_EQ(error_of(WireFault::kWrongId), DeviceError::kCorrupt);
 }
 
 TEST(HapiDriver, AFileThatIsNoPortIsRefused) {

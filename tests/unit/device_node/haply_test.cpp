@@ -15,6 +15,7 @@
 #include "device_node/emulators/haply_emulator.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/support/device_conformance.h"
+#include "tests/unit/device_node/hand_set_clock.h"
 
 namespace palpate::device {
 namespace {
@@ -184,40 +185,33 @@ TEST(HaplyDriver, TurnsTheServicesFrameIntoTheDevices) {
   EXPECT_LT((sample.hand_position_m - Vector3(0.02, -0.01, -0.03)).norm(), 1e-3);
 }
 
-TEST(HaplyDriver, SaysHowATransferFailed) {
-  const auto first_error = [](WireFault kind) {
+TEST(HaplyDriver, SaysHowATransferFailedAndOpensAgain) {
+  const auto error_of = [](WireFault kind) {
     const SteadyClock clock;
-    EmulatedHaply emulated(clock, {{.kind = kind, .from_s = 0.2, .length_s = 1000.0}});
+    HandSetClock time;
+    EmulatedHaply emulated(time, {{.kind = kind, .from_s = 1.0, .length_s = 1.0}});
     HaplyConfig config = emulated.config();
     config.transfer_limit = std::chrono::milliseconds(300);
     const auto device = open_haply(config, clock, {});
     DeviceSample sample;
+    EXPECT_TRUE(device->read(sample));
+
+    time.set(std::chrono::milliseconds(1500));
+    EXPECT_FALSE(device->read(sample));
+    const DeviceError error = device->last_error();
+
+    time.set(std::chrono::seconds(3));
     const TimePoint until = clock.now() + std::chrono::seconds(20);
-    while (device->read(sample) && clock.now() < until) {
+    while (!device->reopen() && clock.now() < until) {
     }
-    return device->last_error();
+    EXPECT_TRUE(device->read(sample));
+    return error;
   };
-  EXPECT_EQ(first_error(WireFault::kUnplugged), DeviceError::kUnplugged);
-  EXPECT_EQ(first_error(WireFault::kSilent), DeviceError::kTimeout);
-  EXPECT_EQ(first_error(WireFault::kGarbage), DeviceError::kCorrupt);
-  EXPECT_EQ(first_error(WireFault::kShort), DeviceError::kCorrupt);
-  EXPECT_EQ(first_error(WireFault::kWrongId), DeviceError::kCorrupt);
-}
-
-TEST(HaplyDriver, OpensAgainAfterItWasUnplugged) {
-  const SteadyClock clock;
-  EmulatedHaply emulated(clock, {{.kind = WireFault::kUnplugged, .from_s = 0.2, .length_s = 0.3}});
-  const auto device = open_haply(emulated.config(), clock, {});
-  DeviceSample sample;
-  const TimePoint until = clock.now() + std::chrono::seconds(20);
-  while (device->read(sample) && clock.now() < until) {
-  }
-  ASSERT_EQ(device->last_error(), DeviceError::kUnplugged);
-
-  bool is_open = false;
-  while (!is_open && clock.now() < until) is_open = device->reopen() && device->read(sample);
-
-  EXPECT_TRUE(is_open);
+  EXPECT_EQ(error_of(WireFault::kUnplugged), DeviceError::kUnplugged);
+  EXPECT_EQ(error_of(WireFault::kSilent), DeviceError::kTimeout);
+  EXPECT_EQ(error_of(WireFault::kGarbage), DeviceError::kCorrupt);
+  EXPECT_EQ(error_of(WireFault::kShort), DeviceError::kCorrupt);
+  EXPECT_EQ(error_of(WireFault::kWrongId), DeviceError::kCorrupt);
 }
 
 TEST(HaplyDriver, WithoutAServiceThereIsAnErrorThatSaysSo) {

@@ -3,6 +3,9 @@
 #include <google/protobuf/descriptor.h>
 #include <gtest/gtest.h>
 
+#include <fstream>
+#include <iterator>
+
 #include "palpate/v1/session.pb.h"
 #include "tests/unit/session/session_support.h"
 
@@ -560,6 +563,25 @@ TEST(SessionRules, OnlyThePhysicsOfPalpateTakesChangesOfTissues) {
 
 TEST(SessionRules, NameIsRequired) {
   EXPECT_THAT(complaints("").at(1), StartsWith("x.txtpb:1:1: name: required"));
+}
+
+/// The complaints about a shipped session after one change.
+std::vector<std::string> complaints_of(const std::string& name, const std::string& change) {
+  std::ifstream stream(PALPATE_SOURCE_DIR "/deploy/sessions/" + name + ".txtpb");
+  const std::string text{std::istreambuf_iterator<char>(stream), {}};
+  return complaints(text, {change});
+}
+
+TEST(SessionDrivers, NumbersWithoutASourceAreRequiredAndHaveToMakeSense) {
+  EXPECT_THAT(complaints_of("falcon", "device.falcon.largest_torque=100"), SizeIs(0));
+  EXPECT_THAT(complaints_of("falcon", "device.falcon.torque_gain=0").at(1),
+              HasSubstr("device.falcon.torque_gain = 0: must not be 0; measure it"));
+  EXPECT_THAT(complaints("name: \"x\" device { falcon {} }"),
+              testing::Contains(AllOf(HasSubstr("falcon.torque_gain"), HasSubstr("known weight"))));
+  EXPECT_THAT(complaints_of("wooden", "device.wooden.a.calibration_count=0.5").at(1),
+              HasSubstr("calibration_count = 0.5: must be a whole number"));
+  EXPECT_THAT(complaints("name: \"x\" device { wooden {} }"),
+              testing::Contains(AllOf(HasSubstr("largest_current_a"), HasSubstr("3 or 6 A"))));
 }
 
 }  // namespace
