@@ -1,3 +1,5 @@
+#include <spdlog/fmt/fmt.h>
+
 #include <chrono>
 #include <filesystem>
 #include <thread>
@@ -57,6 +59,7 @@ struct EmulateCommand {
   std::string side;
   std::vector<std::string> faults;
   double seconds = 0.0;
+  bool is_let_go = false;
 
   void add_to(CLI::App& app) {
     session.add_to(app);
@@ -66,6 +69,8 @@ struct EmulateCommand {
            "KIND@SECONDS:MILLISECONDS, a fault of the wire, such as unplugged@2:500; kinds: "
            "unplugged, silent, delayed, garbage, short, wrong_id, stuck")
         ->type_name("FAULT");
+    app.add_flag("--hands-off", is_let_go,
+                 "nobody holds the device, as `palpate identify` requires");
     app.add_option("--seconds", seconds, "end after this time; without it at Ctrl-C")
         ->check(CLI::PositiveNumber);
   }
@@ -76,8 +81,9 @@ struct EmulateCommand {
     std::vector<device::PlannedFault> planned;
     for (const std::string& fault : faults) planned.push_back(device::parse_fault(fault));
     const SteadyClock clock;
-    device::EmulatedDevice device(emulated.simulated, emulated.hand, clock,
-                                  stream_seed(whole, emulated, "hand"), kEmulatedWatchdog, planned);
+    device::EmulatedDevice device(emulated.simulated, is_let_go ? device::nobody() : emulated.hand,
+                                  clock, stream_seed(whole, emulated, "hand"), kEmulatedWatchdog,
+                                  planned);
     if (const auto* haply = std::get_if<HaplyConfig>(&emulated.driver)) {
       device::HaplyEmulator emulator(device, haply->port);
       serve(emulator, device, "127.0.0.1:" + std::to_string(emulator.port()));
@@ -96,8 +102,7 @@ struct EmulateCommand {
 
  private:
   template <class Emulator>
-  void serve(Emulator& emulator, const device::EmulatedDevice& device,
-             const std::string& address) const {
+  void serve(Emulator& emulator, device::EmulatedDevice& device, const std::string& address) const {
     const StopSignal signal;
     say("emulates the device at " + address);
     std::jthread server([&](const std::stop_token& stop) { emulator.run(stop); });
@@ -109,6 +114,11 @@ struct EmulateCommand {
     }
     server.request_stop();
     server.join();
+    const std::vector<device::FaultOutcome> outcomes = device.outcomes();
+    for (std::size_t i = 0; i < outcomes.size(); ++i) {
+      say(fmt::format("fault {}: {:.3f} N as it began, no force after {:.1f} ms", faults[i],
+                      outcomes[i].force_newton, 1e3 * to_seconds(outcomes[i].pushed_for)));
+    }
     say("emulated device: " + std::to_string(device.messages()) + " messages, least true energy " +
         std::to_string(1e6 * device.least_energy_joule()) + " uJ");
   }
