@@ -46,6 +46,8 @@ set(PALPATE_BOUNDARIES
   "device_node/drivers/hapi:common/core,common/session/driver_config.h,device_node/device.h,device_node/drivers,device_node/drivers/transport"
   "device_node/drivers/wooden:common/core,common/session/driver_config.h,device_node/device.h,device_node/drivers,device_node/drivers/transport,@threads"
   "device_node/drivers/plugin:common/core,common/session/driver_config.h,device_node/device.h,device_node/drivers"
+  # installed beside palpate_device.h, and built without the rest
+  "device_node/drivers/plugin/vendors:palpate_device.h"
   # what stands in for a device at the other end of its wire
   "device_node/emulators:common/core,common/session/driver_config.h,common/session/simulation_config.h,device_node/simulation,device_node/drivers/*,@threads"
   "device_node/drivers/simulated:common/core,common/session/simulation_config.h,device_node/device.h,device_node/simulation"

@@ -54,6 +54,14 @@ install(FILES ${package_files} cmake/palpatePhysics.cmake DESTINATION ${package_
 install(DIRECTORY physics_node/sdk/examples DESTINATION ${CMAKE_INSTALL_DATADIR}/palpate
         COMPONENT physics)
 
+# To bring a device of one's own: cmake --install BUILD --component devices --prefix FOLDER
+install(FILES device_node/drivers/plugin/palpate_device.h
+        DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/palpate COMPONENT devices)
+install(FILES device_node/drivers/plugin/example_device.c
+        DESTINATION ${CMAKE_INSTALL_DATADIR}/palpate/examples/devices COMPONENT devices)
+install(DIRECTORY device_node/drivers/plugin/vendors
+        DESTINATION ${CMAKE_INSTALL_DATADIR}/palpate/examples/devices COMPONENT devices)
+
 # With MuJoCo and Bullet: cmake --install BUILD --component engines --prefix FOLDER
 foreach(program mujoco_physics_node bullet_physics_node)
   if(TARGET ${program})
@@ -68,6 +76,7 @@ option(PALPATE_SERVICE "Install the systemd units and /etc/palpate; for a packag
 if(PALPATE_SERVICE)
   install(DIRECTORY deploy/systemd/ DESTINATION lib/systemd/system FILES_MATCHING PATTERN "palpate*")
   install(FILES deploy/sessions/default.txtpb DESTINATION /etc/palpate)
+  install(FILES deploy/udev/70-palpate.rules DESTINATION lib/udev/rules.d)
 endif()
 
 set(CPACK_GENERATOR DEB)

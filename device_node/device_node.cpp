@@ -9,6 +9,9 @@ namespace palpate::device {
 
 namespace {
 
+/// So many switches in a row, each of which took longer than an answer may: the device is slow.
+constexpr int kSlowSwitches = 5;
+
 bool is_finite(const DeviceSample& sample) {
   return sample.hand_position_m.allFinite() && sample.orientation.coeffs().allFinite() &&
          sample.applied_force_newton.allFinite();
@@ -38,6 +41,14 @@ void refuse_unmonitored(const DeviceConfig& config, const DeviceSpecification& s
   throw SetupError("device.monitor: off: device \"" + specification.model_name +
                    "\" is real, and a clamp that fails could move the hand with full force; leave "
                    "the field out, or give --unsafe");
+}
+
+void refuse_missing_button(const DeviceConfig& config, const DeviceSpecification& specification) {
+  if (!config.dead_man_button || *config.dead_man_button < specification.button_count) return;
+  throw SetupError(
+      "device.dead_man_button: " + std::to_string(*config.dead_man_button) + ": device \"" +
+      specification.model_name + "\" has " + std::to_string(specification.button_count) +
+      " buttons, counted from 0, and no force would ever act; give one of them, or leave it out");
 }
 
 DeviceNode::DeviceNode(const DeviceConfig& config, HapticDevice& device, const Clock& clock,
@@ -117,7 +128,9 @@ FaultReason DeviceNode::exchange(TimePoint next_reading, DeviceTick& record) noe
     answer = wait_for_answer(record.sequence, deadline);
   }
   const TimePoint now = clock_.now();
-  record.is_answered = answer != nullptr && now <= deadline;
+  // a slow device or a released dead-man button counts as silence
+  record.is_answered =
+      answer != nullptr && now <= deadline && slow_switches_ < kSlowSwitches && may_push(sample);
   if (record.is_answered) record.reply_time = answer->received_at - sent_at;
 
   // switch: to the command, or to less
@@ -135,6 +148,7 @@ FaultReason DeviceNode::switch_to(const GuardedForce& commanded, TimePoint deadl
                                   DeviceTick& record) noexcept {
   GuardedForce guarded = monitored(commanded, record);
   DeviceSample at_switch;
+  const TimePoint asked_at = clock_.now();
   const bool is_applied = device_.apply(guarded.force_on_hand_newton, guarded.lease, at_switch);
   const FaultReason reason = is_applied
                                  ? judge_with_latched(at_switch)
@@ -144,6 +158,7 @@ FaultReason DeviceNode::switch_to(const GuardedForce& commanded, TimePoint deadl
     record.is_peak_limited = false;
     return reason;
   }
+  slow_switches_ = at_switch.sampled_at - asked_at > config_.reply ? slow_switches_ + 1 : 0;
   if (at_switch.applied_force_newton != guarded.force_on_hand_newton) {
     // limited or quantised by the motors
     guarded.force_on_hand_newton = at_switch.applied_force_newton;
@@ -231,6 +246,14 @@ FaultReason DeviceNode::judge_with_latched(const DeviceSample& sample) noexcept 
     monitor_.ended(latched.hand_position_m);
   }
   return judge(sample);
+}
+
+/// Whether the dead-man button, if there is one, is held.
+bool DeviceNode::may_push(const DeviceSample& sample) noexcept {
+  const auto& button = config_.dead_man_button;
+  if (!button || ((sample.buttons >> *button) & 1U) != 0) return true;
+  ++counters_.dead_man_ticks;
+  return false;
 }
 
 void DeviceNode::count_appointment(const Tick& tick) noexcept {
@@ -358,6 +381,7 @@ DeviceCounters DeviceNode::counters() const noexcept {
   counters.force_command = force_in_.counters();
   counters.non_finite_commands = guard_.non_finite_commands();
   counters.is_monitor_off = !config_.monitor.is_on;
+  counters.has_no_motor_watchdog = !device_.specification().has_motor_watchdog;
   counters.too_fast_readings = watch_.too_fast_readings();
   counters.coarse_readings = watch_.coarse_readings();
   return counters;

@@ -11,13 +11,15 @@
 // never sent is counted besides. If the process is preempted between that check and the switch, the
 // stamp of the switch shows that the answer began to act too late: the motors are released at once,
 // the echo reports what acted, and the switch is counted. So no answer acts that began later than
-// `reply` after the reading it answers, except until the release takes effect. Every force passes
-// the monitor before it is applied: force_monitor.h reduces what the energy that the hand has put
-// in does not cover, whoever commanded it. Fault: no reading; a
-// reading that is not finite, or that only a hand faster than v_fault could have made; motors that
-// refuse a force. A fault is latched: the motors are released and nothing is sent. The node keeps
-// reading and leaves records until reset_fault(). Thread: everything runs on the caller's thread.
-// step() does not allocate, lock, log or throw; it waits up to `reply` for the answer.
+// `reply` after the reading it answers, except until the release takes effect. While the switches
+// of a device take longer than `reply`, five in a row, no answer acts. Every force passes the
+// monitor before it is applied: force_monitor.h reduces what the energy that the hand has put in
+// does not cover, whoever commanded it. Fault: no reading; a reading that is not finite, or that
+// only a hand faster than v_fault could have made; motors that refuse a force. Where the session
+// has a dead-man button, an answer acts only while it is held; a tick without it is one without an
+// answer. A fault is latched: the motors are released and nothing is sent. The node keeps reading
+// and leaves records until reset_fault(). Thread: everything runs on the caller's thread. step()
+// does not allocate, lock, log or throw; it waits up to `reply` for the answer.
 #pragma once
 
 #include <cstdint>
@@ -42,6 +44,9 @@ namespace palpate::device {
 /// @throws SetupError  a real device without the monitor, unless `is_unsafe`
 void refuse_unmonitored(const DeviceConfig& config, const DeviceSpecification& specification,
                         bool is_unsafe);
+
+/// @throws SetupError  the session's dead-man button is none of the device's
+void refuse_missing_button(const DeviceConfig& config, const DeviceSpecification& specification);
 
 class DeviceNode {
  public:
@@ -79,6 +84,7 @@ class DeviceNode {
                                       DeviceTick& record) noexcept;
   [[nodiscard]] GuardedForce monitored(const GuardedForce& guarded, DeviceTick& record) noexcept;
   void withdraw_late_answer(DeviceTick& record) noexcept;
+  [[nodiscard]] bool may_push(const DeviceSample& sample) noexcept;
   void record_without_exchange(DeviceTick& record) noexcept;
   [[nodiscard]] FaultReason judge(const DeviceSample& sample) noexcept;
   [[nodiscard]] FaultReason judge_with_latched(const DeviceSample& sample) noexcept;
@@ -115,6 +121,7 @@ class DeviceNode {
   Vector3 last_position_m_ = Vector3::Zero();  // of the last finite reading
   Quaternion last_orientation_ = Quaternion::Identity();
   TimePoint last_reading_at_{};
+  int slow_switches_ = 0;                           // in a row
   bool has_reading_ = false;                        // since the start or the last reset
   Vector3 counted_force_newton_ = Vector3::Zero();  // of the last tick
   DeviceCounters counters_;

@@ -187,7 +187,7 @@ class Rig {
     }
     switch_.at = at_switch.sampled_at;
     switch_.position_m = at_switch.hand_position_m;
-    force_ = force;
+    force_ = at_switch.applied_force_newton;
 
     // wait and read
     schedule_.finish(clock_.now());
@@ -319,39 +319,94 @@ FrictionFit fit_friction(std::span<const FrictionPoint> points) {
           .coulomb_bound_newton = std::max(0.0, f_co_bound)};
 }
 
+std::vector<Vector3> axes_with_motors(const DeviceSpecification& specification) {
+  constexpr double kAlong = 0.7;  // of a unit force, at least: else the axes beside it have it
+  std::vector<Vector3> axes;
+  for (int i = 0; i < 3; ++i) {
+    const Vector3 given = specification.force_axes * Vector3::Unit(i);
+    if (given.norm() > kAlong) axes.push_back(given.normalized());
+  }
+  PALPATE_REQUIRE(!axes.empty());
+  return axes;
+}
+
 SweepPlan default_sweep_plan(const DeviceSpecification& specification) {
   const Vector3 half_m = specification.workspace_half_extent_m;
+  const std::vector<Vector3> axes = axes_with_motors(specification);
   SweepPlan plan;
   plan.box_half_extent_m = 0.9 * half_m;
-  plan.half_length_m = 0.5 * half_m.minCoeff();
+  plan.half_length_m = half_m.maxCoeff();
+  for (const Vector3& axis : axes) {
+    plan.half_length_m = std::min(plan.half_length_m, 0.5 * half_m.dot(axis.cwiseAbs()));
+  }
   plan.speeds_m_per_s = {0.02, 0.035, 0.05};
   plan.repeats = 3;
   for (const Vector3& corner :
        {Vector3(1, 1, 1), Vector3(-1, -1, 1), Vector3(-1, 1, -1), Vector3(1, -1, -1)}) {
-    for (const Vector3& direction :
-         {Vector3(1, 0, 0), Vector3(0, 1, 0), Vector3(0, 0, 1), corner}) {
+    std::vector<Vector3> directions = axes;
+    if (axes.size() > 1) directions.push_back((specification.force_axes * corner).normalized());
+    for (const Vector3& direction : directions) {
       plan.lines.push_back(
-          {.middle_m = 0.3 * half_m.cwiseProduct(corner), .direction = direction.normalized()});
+          {.middle_m = 0.3 * (specification.force_axes * half_m.cwiseProduct(corner)),
+           .direction = direction});
     }
   }
   return plan;
 }
 
-FrictionReport identify_friction(HapticDevice& device, Clock& clock, const SweepPlan& plan,
-                                 bool may_move_hardware,
-                                 const std::function<void(const LineFriction&)>& on_line) {
-  PALPATE_REQUIRE(!plan.lines.empty());
-  const DeviceSpecification& specification = device.specification();
-  if (!specification.is_simulated && !may_move_hardware) {
+FrictionPerAxis friction_per_axis(const FrictionReport& report) {
+  constexpr double kAlong = 1.0 - 1e-9;
+  FrictionPerAxis found{.viscous_newton_s_per_m = Vector3::Zero(),
+                        .coulomb_newton = Vector3::Zero()};
+  for (int i = 0; i < 3; ++i) {
+    bool has_line = false;
+    for (const auto& [line, fit] : report.lines) {
+      if (std::abs(line.direction[i]) < kAlong) continue;
+      double& viscous = found.viscous_newton_s_per_m[i];
+      double& coulomb = found.coulomb_newton[i];
+      viscous = has_line ? std::min(viscous, fit.viscous_bound_newton_s_per_m)
+                         : fit.viscous_bound_newton_s_per_m;
+      coulomb = has_line ? std::min(coulomb, fit.coulomb_bound_newton) : fit.coulomb_bound_newton;
+      has_line = true;
+    }
+  }
+  // claimed along u: Σ f_d,i u_i² and Σ f_co,i |u_i|
+  double viscous_share = 1.0;
+  double coulomb_share = 1.0;
+  for (const auto& [line, fit] : report.lines) {
+    const double viscous = found.viscous_newton_s_per_m.dot(line.direction.cwiseAbs2());
+    const double coulomb = found.coulomb_newton.dot(line.direction.cwiseAbs());
+    if (viscous > fit.viscous_bound_newton_s_per_m) {
+      viscous_share = std::min(viscous_share, fit.viscous_bound_newton_s_per_m / viscous);
+    }
+    if (coulomb > fit.coulomb_bound_newton) {
+      coulomb_share = std::min(coulomb_share, fit.coulomb_bound_newton / coulomb);
+    }
+  }
+  found.viscous_newton_s_per_m *= viscous_share;
+  found.coulomb_newton *= coulomb_share;
+  return found;
+}
+
+void check_consent(const DeviceSpecification& specification, const SweepConsent& consent) {
+  if (!specification.is_simulated && !consent.may_move) {
     throw SetupError("device \"" + specification.model_name +
                      "\" is real and would move by itself, with up to 1 N; clear its workspace, "
                      "take the hand off and give --i-understand-this-moves-the-device");
   }
-  if (!specification.has_motor_watchdog) {
+  if (!specification.has_motor_watchdog && !consent.may_lack_watchdog) {
     throw SetupError("device \"" + specification.model_name +
-                     "\" has no motor-side watchdog: it would go on pushing if this program "
-                     "stopped; measure its friction by hand");
+                     "\" has no motor-side watchdog: it would go on pushing, with up to 1 N, if "
+                     "this program stopped; with a hand at its power switch, `palpate identify "
+                     "--without-watchdog` measures it");
   }
+}
+
+FrictionReport identify_friction(HapticDevice& device, Clock& clock, const SweepPlan& plan,
+                                 const SweepConsent& consent,
+                                 const std::function<void(const LineFriction&)>& on_line) {
+  PALPATE_REQUIRE(!plan.lines.empty());
+  check_consent(device.specification(), consent);
 
   FrictionReport report;
   Rig rig(device, clock, plan);

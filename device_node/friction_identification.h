@@ -14,6 +14,7 @@
 
 #include "common/core/clock.h"
 #include "common/core/vector.h"
+#include "common/session/device_profile.h"
 #include "device_node/device.h"
 
 namespace palpate::device {
@@ -71,8 +72,11 @@ struct SweepPlan {
   int repeats = 2;                              ///< pairs of sweeps per line and speed; ≥ 2
 };
 
-/// Four poses (the corners of a tetrahedron) with four directions each: the axes of D and a
-/// diagonal. All within 0.9 of the device's workspace.
+/// The axes of D as far as there are motors along them; unit.
+[[nodiscard]] std::vector<Vector3> axes_with_motors(const DeviceSpecification& specification);
+
+/// Four poses (the corners of a tetrahedron) with up to four directions each: the axes of D that
+/// have motors and a diagonal. All within 0.9 of the device's workspace.
 [[nodiscard]] SweepPlan default_sweep_plan(const DeviceSpecification& specification);
 
 struct LineFriction {
@@ -87,16 +91,28 @@ struct FrictionReport {
   double coulomb_bound_newton = 0.0;
 };
 
+/// Lower bounds per axis of D, from the smallest of the lines along each. They are lowered together
+/// until the model with friction per axis claims no more on any other line than was found there: on
+/// a device with isotropic friction, to 1/√3 of what the axes have. 0 for axes without a line.
+[[nodiscard]] FrictionPerAxis friction_per_axis(const FrictionReport& report);
+
+/// What the user agreed to; nothing of it is needed for a simulation.
+struct SweepConsent {
+  bool may_move = false;           ///< the device moves by itself
+  bool may_lack_watchdog = false;  ///< and goes on pushing if this program stops
+};
+
+/// @throws SetupError  the device needs an agreement that the user did not give
+void check_consent(const DeviceSpecification& specification, const SweepConsent& consent);
+
 /// Sweeps every line of the plan; returns with the motors limp. Takes minutes of `clock`'s time,
 /// which must be the clock that the device was opened with; in real time, use a thread with
 /// real-time scheduling. Sweeps in which a lease ran out are repeated, five times at most.
-/// @param may_move_hardware  the user agreed; not needed for a simulation
-/// @param on_line            called after each line, motors limp
-/// @throws SetupError           before anything moved: not agreed, no motor-side watchdog (if this
-///                              program stopped, the device would keep pushing), outside the box
+/// @param on_line  called after each line, motors limp
+/// @throws SetupError           before anything moved: not agreed, outside the box
 /// @throws IdentificationError  motors limp
 [[nodiscard]] FrictionReport identify_friction(
-    HapticDevice& device, Clock& clock, const SweepPlan& plan, bool may_move_hardware,
+    HapticDevice& device, Clock& clock, const SweepPlan& plan, const SweepConsent& consent,
     const std::function<void(const LineFriction&)>& on_line = {});
 
 }  // namespace palpate::device

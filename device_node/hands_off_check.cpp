@@ -16,8 +16,8 @@ constexpr double kViscousContradicted = 0.5;
 SweepPlan hands_off_plan(const DeviceSpecification& specification) {
   SweepPlan plan = default_sweep_plan(specification);
   plan.lines.clear();
-  for (int i = 0; i < 3; ++i) {
-    plan.lines.push_back({.middle_m = Vector3::Zero(), .direction = Vector3::Unit(i)});
+  for (const Vector3& axis : axes_with_motors(specification)) {
+    plan.lines.push_back({.middle_m = Vector3::Zero(), .direction = axis});
   }
   plan.repeats = 2;
   return plan;
@@ -38,11 +38,11 @@ CheckedProfile checked_profile(const DeviceProfile& profile, const FrictionRepor
     checked.ratio = std::min(checked.ratio, std::max(0.01 * claimed, measured) / claimed);
     checked.is_lowered = true;
   };
-  for (std::size_t i = 0; i < report.lines.size(); ++i) {
-    const FrictionFit& fit = report.lines[i].fit;
+  for (const auto& [line, fit] : report.lines) {
     DeviceProfile& lower = checked.profile;
     if (lower.per_axis) {
-      const auto axis = static_cast<int>(i);
+      Eigen::Index axis = 0;
+      line.direction.cwiseAbs().maxCoeff(&axis);
       check(fit, lower.per_axis->viscous_newton_s_per_m[axis],
             lower.per_axis->coulomb_newton[axis]);
       // the fallback relies on |F| ≤ f_co

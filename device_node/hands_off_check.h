@@ -16,7 +16,7 @@ struct CheckedProfile {
   double ratio = 1.0;
 };
 
-/// Three lines through the middle of the workspace, along the axes of D; about a minute.
+/// Lines through the middle of the workspace, along the axes of D that have motors; about a minute.
 [[nodiscard]] SweepPlan hands_off_plan(const DeviceSpecification& specification);
 
 /// Compares a profile with what was measured along the axes of D. It is contradicted where the
@@ -31,7 +31,8 @@ struct CheckedProfile {
 [[nodiscard]] inline CheckedProfile check_hands_off(HapticDevice& device, Clock& clock,
                                                     const DeviceProfile& profile) {
   return checked_profile(
-      profile, identify_friction(device, clock, hands_off_plan(device.specification()), true));
+      profile,
+      identify_friction(device, clock, hands_off_plan(device.specification()), {.may_move = true}));
 }
 
 }  // namespace palpate::device

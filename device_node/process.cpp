@@ -115,6 +115,7 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
   const auto device =
       drivers.at(driver_name(session.side().driver)).open(context.clock, start_up_of(context));
   refuse_unmonitored(config, device->specification(), context.is_unsafe);
+  refuse_missing_button(config, device->specification());
   if (session.viewer.has_control && !device->specification().is_simulated) {
     throw SetupError(session.file +
                      ": viewer.control: only with the simulated device; leave it out");
@@ -125,8 +126,8 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
         "event=monitor_off: nothing checks the energy of the commands");
   }
   if (!device->specification().has_motor_watchdog) {
-    context.log.warn("event=no_motor_watchdog device=\"{}\": the guarantee is not available",
-                     device->specification().model_name);
+    context.log.warn("event=no_motor_watchdog device=\"{}\": {}",
+                     device->specification().model_name, kNoWatchdogText);
   }
 
   Inbox<ForceCommand> force_in(exchange.commands, context.clock, session.faults.force_command,

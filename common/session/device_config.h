@@ -1,6 +1,9 @@
 // device_config.h — the tick of the device and the limits of its force.
 #pragma once
 
+#include <cstdint>
+#include <optional>
+
 #include "common/core/time.h"
 #include "common/core/workspace_map.h"
 #include "common/session/device_profile.h"
@@ -28,6 +31,8 @@ struct DeviceConfig {
   WorkspaceConfig workspace;
   DeviceProfile profile;
   MonitorConfig monitor;
+  /// Force only while this button is held; none: no such button.
+  std::optional<std::uint32_t> dead_man_button = {};
   bool has_hands_off_check = false;  ///< at the start: device_node/hands_off_check.h
 };
 

@@ -60,6 +60,10 @@ struct DeviceTick {
   double minimum_true_energy_joule = kNaN;  ///< over all inner steps so far
 };
 
+/// Of DeviceCounters::has_no_motor_watchdog, for people.
+inline constexpr const char* kNoWatchdogText =
+    "none: the guarantee is not available while the process is stopped";
+
 struct DeviceCounters {
   LoopCounters loop;
   LinkCounters force_command;
@@ -83,6 +87,10 @@ struct DeviceCounters {
   /// Friction found by the hands-off check, as a share of the session's profile: 1 where the
   /// profile holds, less where it was lowered; 0: no check.
   double checked_friction_ratio = 0.0;
+  /// The motors do not end a force by themselves: while this process is stopped the force goes on,
+  /// and the guarantee is not available.
+  bool has_no_motor_watchdog = false;
+  std::uint64_t dead_man_ticks = 0;  ///< without force because the dead-man button was not held
   double max_force_newton = 0.0;
   double largest_jump_newton = 0.0;  ///< change of the force from one tick to the next, its norm
   double minimum_true_energy_joule = kNaN;

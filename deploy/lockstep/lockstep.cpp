@@ -96,6 +96,12 @@ DeviceConfig checked_config(const Side& side, std::uint64_t seed, double& ratio)
   return config;
 }
 
+std::unique_ptr<device::HapticDevice> device_of(const Side& side, const LockstepOptions& options,
+                                                const Clock& clock, std::uint64_t seed) {
+  if (options.make_device) return options.make_device(side, clock, seed);
+  return std::make_unique<device::SimulatedDevice>(side.simulated, side.hand, clock, seed);
+}
+
 /// Hops 2 and 3 between one side and one physics, and that physics' tool.
 class PhysicsTool {
  public:
@@ -186,10 +192,10 @@ class LockstepSide {
         time_(time),
         host_(*hosts.front()),
         links_(make_links(options.links, time_, host_.clock(), link_hooks())),
-        device_(side_.simulated, side_.hand, time_, stream_seed(session, side_, "hand")),
-        preempted_device_(device_, session.faults.device, time_,
+        device_(device_of(side_, options, time_, stream_seed(session, side_, "hand"))),
+        preempted_device_(*device_, session.faults.device, time_,
                           stream_seed(session, side_, "device")),
-        true_state_(device_),
+        true_state_(*device_),
         command_in_(*links_->command_in, time_, session.faults.force_command,
                     stream_seed(session, side_, "force_command")),
         state_in_(*links_->state_in, time_, session.faults.device_state,
@@ -317,7 +323,7 @@ class LockstepSide {
   PhysicsHost& host_;
   std::unique_ptr<Links> links_;
   std::unique_ptr<Links> standby_links_;  // hops 2 and 3 are used
-  device::SimulatedDevice device_;
+  std::unique_ptr<device::HapticDevice> device_;
   PreemptedDevice preempted_device_;
   device::TrueStateRecorder true_state_;
   Inbox<ForceCommand> command_in_;

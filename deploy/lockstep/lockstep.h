@@ -6,12 +6,14 @@
 #include <functional>
 #include <memory>
 
+#include "common/core/clock.h"
 #include "common/core/messages.h"
 #include "common/core/physics_term.h"
 #include "common/session/session.h"
 #include "common/telemetry/telemetry.h"
 #include "common/telemetry/tick_row.h"
 #include "deploy/lockstep/lockstep_links.h"
+#include "device_node/device.h"
 #include "physics_node/engine.h"
 
 namespace palpate {
@@ -29,6 +31,11 @@ struct LockstepOptions {
   bool has_ideal = false;
   /// The tissue instead of the session's scene, which the ideal keeps. Empty: that scene.
   std::function<std::unique_ptr<physics::Engine>(const Session&)> make_engine{};
+  /// The device of a side instead of its simulated one; `seed` is that of its hand. Empty: that
+  /// one.
+  std::function<std::unique_ptr<device::HapticDevice>(const Side&, const Clock&,
+                                                      std::uint64_t seed)>
+      make_device{};
   /// Changes each Interaction as it leaves physics_node, after the session's adversary. Empty:
   /// none.
   std::function<void(Interaction&)> tamper_with_interaction{};

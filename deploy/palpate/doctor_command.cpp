@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -28,9 +29,12 @@
 #include "common/process/tcp_port.h"
 #include "common/process/terminal.h"
 #include "common/session/session_file.h"
+#include "common/telemetry/device_telemetry.h"
 #include "common/telemetry/quantile.h"
 #include "deploy/palpate/commands.h"
+#include "deploy/palpate/devices/permission.h"
 #include "deploy/palpate/options.h"
+#include "device_node/device_node.h"
 #include "device_node/drivers/driver_registry.h"
 #include "device_node/hands_off_check.h"
 
@@ -43,11 +47,13 @@ constexpr double kMostTimerTicks = 500;
 constexpr double kTimerSeconds = 1.0;  ///< at most: slow rates get fewer ticks
 /// Largest acceptable lateness of a wake-up (99th percentile), as a share of the period.
 constexpr double kLateRatio = 0.1;
+constexpr Duration kDeviceLimit = std::chrono::seconds(3);  ///< until a device has opened
 
 struct Finding {
   std::string what;      ///< "timer"
   std::string text;      ///< what was found
   std::string remedy{};  ///< what to do; empty: nothing
+  bool is_note = false;  ///< to be known, and nothing can be done about it
 };
 
 Finding examine_realtime(const RealtimeConfig& realtime) {
@@ -184,31 +190,27 @@ void examine_keys(const Session& session, std::vector<Finding>& findings) {
 
 std::string in_micrometres(double metres) { return fmt::format("{:.0f} µm", 1e6 * metres); }
 
-/// What the guarantee assumes (docs/theory.md §1), as far as it can be examined without a hand. A
-/// simulated device is moved for the friction, on virtual time.
-void examine_assumptions(const Session& session, std::vector<Finding>& findings) {
-  const Side& side = session.side();
-  const DeviceProfile& profile = side.device.profile;
-  findings.push_back(side.device.monitor.is_on
-                         ? Finding{"monitor", "on: checks every command on the device's side"}
-                         : Finding{"monitor", "off: nothing checks what the clamp commands",
-                                   "leave device.monitor out, unless the session shows an "
-                                   "unprotected controller"});
-
-  const device::DriverRegistry drivers =
-      device::all_drivers({.simulated = {.device = side.simulated, .hand = device::nobody()}});
-  const device::Driver& driver = drivers.at(device::kSimulatedDriver);
-  ManualClock clock;
-  const auto device = driver.open(clock, {});
-  const double step_m = device->specification().position_resolution_m;
-  Finding encoder{"encoder", fmt::format("steps of {}, the profile says {}", in_micrometres(step_m),
+Finding examine_encoder(const device::HapticDevice& device, const DeviceProfile& profile) {
+  const double step_m = device.specification().position_resolution_m;
+  Finding finding{"encoder", fmt::format("steps of {}, the profile says {}", in_micrometres(step_m),
                                          in_micrometres(profile.position_resolution_m))};
   if (step_m > profile.position_resolution_m) {
-    encoder.remedy = "give the larger one in device.profile.position_resolution_m";
+    finding.remedy = "give the larger one in device.profile.position_resolution_m";
   }
-  findings.push_back(encoder);
+  return finding;
+}
 
-  const device::CheckedProfile checked = device::check_hands_off(*device, clock, profile);
+/// Moved on virtual time.
+void examine_simulated_device(const Side& side, std::vector<Finding>& findings) {
+  ManualClock clock;
+  const auto device =
+      device::all_drivers({.simulated = {.device = side.simulated, .hand = device::nobody()}})
+          .at(device::kSimulatedDriver)
+          .open(clock, {});
+  findings.push_back(examine_encoder(*device, side.device.profile));
+
+  const device::CheckedProfile checked =
+      device::check_hands_off(*device, clock, side.device.profile);
   Finding friction{"friction", "the device has what the profile claims"};
   if (checked.is_lowered) {
     friction.text = fmt::format("the device has {:.0f} % of what the profile claims at 0.05 m/s",
@@ -217,6 +219,64 @@ void examine_assumptions(const Session& session, std::vector<Finding>& findings)
         "palpate identify SESSION --output FILE, and device { profile_file: \"FILE\" }";
   }
   findings.push_back(friction);
+}
+
+/// Opened for a moment, motors limp; it is not moved.
+void examine_real_device(const Side& side, std::vector<Finding>& findings) {
+  const std::string driver = device::driver_name(side.driver);
+  if (const auto* hapi = std::get_if<HapiConfig>(&side.driver)) {
+    const std::string remedy = permission_remedy(hapi->port);
+    if (!remedy.empty()) {
+      findings.push_back({"device", hapi->port + " may not be opened by this user", remedy});
+      return;
+    }
+  }
+  const SteadyClock clock;
+  std::vector<std::string> prompts;
+  std::unique_ptr<device::HapticDevice> device;
+  try {
+    device = device::all_drivers({.simulated = {}, .driver = side.driver})
+                 .at(driver)
+                 .open(clock, {.prompt = [&](const std::string& text) { prompts.push_back(text); },
+                               .limit = kDeviceLimit});
+  } catch (const SetupError& error) {
+    findings.push_back({"device", driver + " does not open", error.what()});
+    return;
+  }
+  const device::DeviceSpecification& specification = device->specification();
+  findings.push_back({"device", specification.model_name + " opens"});
+  for (const std::string& prompt : prompts) findings.push_back({"device", "asks for help", prompt});
+  try {
+    device::refuse_missing_button(side.device, specification);
+    device::refuse_unmonitored(side.device, specification, false);
+  } catch (const SetupError& error) {
+    findings.push_back({"device", "does not fit the session", error.what()});
+  }
+  if (specification.has_motor_watchdog) {
+    findings.push_back({"motor watchdog", "ends a force by itself"});
+  } else {
+    findings.push_back({.what = "motor watchdog", .text = kNoWatchdogText, .is_note = true});
+  }
+  findings.push_back(examine_encoder(*device, side.device.profile));
+  findings.push_back(
+      {.what = "friction",
+       .text = "not examined: palpate identify SESSION --output FILE moves the device for it",
+       .is_note = true});
+}
+
+/// What the guarantee assumes (docs/theory.md §1), as far as it can be examined without a hand.
+void examine_assumptions(const Session& session, std::vector<Finding>& findings) {
+  const Side& side = session.side();
+  findings.push_back(side.device.monitor.is_on
+                         ? Finding{"monitor", "on: checks every command on the device's side"}
+                         : Finding{"monitor", "off: nothing checks what the clamp commands",
+                                   "leave device.monitor out, unless the session shows an "
+                                   "unprotected controller"});
+  if (is_real(side.driver)) {
+    examine_real_device(side, findings);
+  } else {
+    examine_simulated_device(side, findings);
+  }
 
   // a session without v_max has nothing to exceed
   const double v_max = side.device.monitor.v_max_m_per_s;
@@ -260,8 +320,9 @@ int run_doctor(const SessionOptions& options) {
   for (const Finding& finding : examine_machine(session)) {
     const bool is_well = finding.remedy.empty();
     if (!is_well) status = kExitFailure;
-    const std::string mark =
-        is_well ? coloured("ok   ", Colour::kGood) : coloured("TO DO", Colour::kBad);
+    const std::string mark = finding.is_note ? "note "
+                             : is_well       ? coloured("ok   ", Colour::kGood)
+                                             : coloured("TO DO", Colour::kBad);
     const std::string line = fmt::format("{}  {:<24} {}{}{}\n", mark, finding.what, finding.text,
                                          is_well ? "" : ": ", finding.remedy);
     std::fputs(line.c_str(), stdout);

@@ -1,10 +1,13 @@
 #include "deploy/palpate/identify.h"
 
+#include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <optional>
 #include <stdexcept>
 
+#include "common/core/check.h"
 #include "common/core/clock.h"
 #include "common/core/user/output_file.h"
 #include "common/session/file/profile_file.h"
@@ -47,6 +50,41 @@ std::string text_of(const DeviceProfile& profile, const DeviceSpecification& spe
                 "A session includes it: device { profile_file: \"FILE\" }"});
 }
 
+constexpr Duration kAtRestFor = std::chrono::seconds(2);
+constexpr double kAtRest_m = 1e-3;
+constexpr Duration kPatience = std::chrono::minutes(2);
+
+void print_prompt(const std::string& text) {
+  std::printf("%s\n", text.c_str());
+  std::fflush(stdout);
+}
+
+/// Until nobody moves the device, in the box.
+void wait_until_let_go(HapticDevice& device, Clock& clock, const Vector3& box_half_extent_m) {
+  print_prompt(
+      "Move the device to the middle of its workspace, take the hand off and clear its way: it "
+      "moves by itself once it was at rest for 2 s.");
+  const TimePoint until = clock.now() + kPatience;
+  DeviceSample rest;
+  DeviceSample now;
+  for (bool is_at_rest = false;;) {
+    if (!device.read(now)) throw IdentificationError("the device cannot be read");
+    const bool is_inside = (now.hand_position_m.array().abs() <= box_half_extent_m.array()).all();
+    if (!is_inside || (now.hand_position_m - rest.hand_position_m).norm() > kAtRest_m) {
+      is_at_rest = false;
+    }
+    if (is_inside && !is_at_rest) rest = now;
+    is_at_rest = is_inside;
+    if (is_at_rest && now.sampled_at - rest.sampled_at >= kAtRestFor) return;
+    if (clock.now() >= until) {
+      throw SetupError(
+          "the device did not come to rest in the box in which friction is measured; move it "
+          "inside and let go, balance its weight if it sinks");
+    }
+    clock.sleep_until(clock.now() + std::chrono::milliseconds(5));
+  }
+}
+
 }  // namespace
 
 void run_identify(const Session& session, const IdentifyOptions& options) {
@@ -70,22 +108,34 @@ void run_identify(const Session& session, const IdentifyOptions& options, const 
   ManualClock virtual_time;
   Clock& clock = driver.is_simulated ? virtual_time : steady;
   const TimePoint start = clock.now();
-  const auto device = driver.open(clock, {});
+  const auto device = driver.open(clock, {.prompt = print_prompt});
   const DeviceSpecification& specification = device->specification();
   const SweepPlan plan = default_sweep_plan(specification);
 
   print_heading(specification, plan);
+  check_consent(specification, options.consent);
+  if (!driver.is_simulated) wait_until_let_go(*device, clock, plan.box_half_extent_m);
   const FrictionReport report =
-      identify_friction(*device, clock, plan, options.may_move_hardware, print_line);
+      identify_friction(*device, clock, plan, options.consent, print_line);
   std::printf("overall: f_d ≥ %.4f N·s/m, f_co ≥ %.4f N (%.0f s of the device's time)\n",
               rounded_down(report.viscous_bound_newton_s_per_m),
               rounded_down(report.coulomb_bound_newton), to_seconds(clock.now() - start));
 
+  DeviceProfile found{.viscous_newton_s_per_m = report.viscous_bound_newton_s_per_m,
+                      .coulomb_newton = report.coulomb_bound_newton,
+                      .position_resolution_m = specification.position_resolution_m};
+  if (options.is_per_axis) {
+    found.per_axis = friction_per_axis(report);
+    const Vector3& viscous = found.per_axis->viscous_newton_s_per_m;
+    const Vector3& coulomb = found.per_axis->coulomb_newton;
+    // the fallback relies on |F| ≤ f_co
+    found.coulomb_newton = std::min(found.coulomb_newton, coulomb.minCoeff());
+    std::printf("per axis: f_d ≥ %.4f %.4f %.4f N·s/m, f_co ≥ %.4f %.4f %.4f N\n",
+                rounded_down(viscous.x()), rounded_down(viscous.y()), rounded_down(viscous.z()),
+                rounded_down(coulomb.x()), rounded_down(coulomb.y()), rounded_down(coulomb.z()));
+  }
   if (!profile) return;
-  const std::string text = text_of({.viscous_newton_s_per_m = report.viscous_bound_newton_s_per_m,
-                                    .coulomb_newton = report.coulomb_bound_newton,
-                                    .position_resolution_m = specification.position_resolution_m},
-                                   specification, report.lines.size());
+  const std::string text = text_of(found, specification, report.lines.size());
   if (!profile->write(text) || !profile->close()) throw std::runtime_error(profile->complaint());
   std::printf("wrote %s\n", options.profile_file.c_str());
 }

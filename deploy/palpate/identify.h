@@ -7,18 +7,20 @@
 #include "common/core/clock.h"
 #include "common/session/session.h"
 #include "device_node/drivers/driver_registry.h"
+#include "device_node/friction_identification.h"
 
 namespace palpate {
 
 struct IdentifyOptions {
-  std::string profile_file = {};   ///< empty: none is written
-  bool may_overwrite = false;      ///< the profile
-  bool may_move_hardware = false;  ///< the user agreed that the device moves by itself
+  std::string profile_file = {};  ///< empty: none is written
+  bool may_overwrite = false;     ///< the profile
+  bool is_per_axis = false;       ///< the profile has friction per axis of D
+  device::SweepConsent consent = {};
 };
 
 /// Sweeps the device of the session, without a hand, and prints a row per line as it proceeds. A
 /// simulated device starts in the middle of its workspace and runs on virtual time; hardware runs
-/// on the steady clock, in real time.
+/// on the steady clock, in real time, and begins when it was at rest in its workspace for 2 s.
 /// @throws SetupError                   refused, or the profile cannot be written
 /// @throws device::IdentificationError  a bound was reached or the device failed
 void run_identify(const Session& session, const IdentifyOptions& options);

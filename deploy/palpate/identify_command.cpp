@@ -20,8 +20,14 @@ struct IdentifyCommand {
                    "of a session")
         ->type_name("FILE");
     add_overwrite_flag(app, options.may_overwrite);
-    app.add_flag("--i-understand-this-moves-the-device", options.may_move_hardware,
+    app.add_flag("--per-axis", options.is_per_axis,
+                 "friction per axis, for a device whose axes differ; lowered where motions across "
+                 "the axes meet less");
+    app.add_flag("--i-understand-this-moves-the-device", options.consent.may_move,
                  "required for real hardware: the device moves by itself, with up to 1 N");
+    app.add_flag("--without-watchdog", options.consent.may_lack_watchdog,
+                 "required for motors that end no force by themselves: they go on pushing if this "
+                 "program stops; keep a hand at the power switch");
   }
 
   int run() const {

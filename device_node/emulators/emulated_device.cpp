@@ -1,5 +1,6 @@
 #include "device_node/emulators/emulated_device.h"
 
+#include <algorithm>
 #include <array>
 #include <charconv>
 #include <string_view>
@@ -23,6 +24,12 @@ constexpr std::array<std::pair<std::string_view, WireFault>, 8> kWireFaults{
 bool read_number(std::string_view text, double& value) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   return error == std::errc() && end == text.data() + text.size() && value >= 0.0 && value < 1e6;
+}
+
+std::vector<FaultOutcome> outcomes_of(const std::vector<PlannedFault>& faults) {
+  std::vector<FaultOutcome> outcomes;
+  for (const PlannedFault& fault : faults) outcomes.push_back({.fault = fault});
+  return outcomes;
 }
 
 }  // namespace
@@ -55,16 +62,17 @@ PlannedFault parse_fault(const std::string& text) {
 
 EmulatedDevice::EmulatedDevice(const SimulatedDeviceConfig& device, const HandConfig& hand,
                                const Clock& clock, std::uint64_t seed, Duration watchdog,
-                               std::vector<PlannedFault> faults)
+                               const std::vector<PlannedFault>& faults)
     : clock_(clock),
       start_(clock.now()),
       device_(device, hand, clock, seed),
       watchdog_(watchdog),
-      faults_(std::move(faults)) {}
+      outcomes_(outcomes_of(faults)) {}
 
 WireFault EmulatedDevice::fault() const noexcept {
-  const double now_s = to_seconds(clock_.now() - start_);
-  for (const PlannedFault& fault : faults_) {
+  const std::scoped_lock lock(faults_);
+  const double now_s = this->now_s();
+  for (const auto& [fault, force_newton, pushed_for] : outcomes_) {
     if (now_s >= fault.from_s && now_s < fault.from_s + fault.length_s) return fault.kind;
   }
   return WireFault::kNone;
@@ -73,6 +81,7 @@ WireFault EmulatedDevice::fault() const noexcept {
 DeviceSample EmulatedDevice::switch_to(const Vector3& force_on_hand_newton) noexcept {
   DeviceSample sample;
   static_cast<void>(device_.apply(force_on_hand_newton, watchdog_, sample));
+  note_switch(sample.sampled_at, sample.applied_force_newton.norm());
   ++messages_;
   return seen(sample);
 }
@@ -84,7 +93,46 @@ DeviceSample EmulatedDevice::read() noexcept {
   return seen(sample);
 }
 
-void EmulatedDevice::let_go() noexcept { device_.release(); }
+void EmulatedDevice::let_go() noexcept {
+  device_.release();
+  note_switch(clock_.now(), 0.0);
+}
+
+void EmulatedDevice::plan(const PlannedFault& fault) {
+  const std::scoped_lock lock(faults_);
+  outcomes_.push_back({.fault = fault});
+}
+
+double EmulatedDevice::acting_newton() const noexcept {
+  const std::scoped_lock lock(faults_);
+  return clock_.now() < force_end_ ? force_newton_ : 0.0;
+}
+
+std::vector<FaultOutcome> EmulatedDevice::outcomes() {
+  const std::scoped_lock lock(faults_);
+  note_force_until(clock_.now());
+  return outcomes_;
+}
+
+void EmulatedDevice::note_switch(TimePoint at, double force_newton) noexcept {
+  const std::scoped_lock lock(faults_);
+  note_force_until(at);
+  force_newton_ = force_newton;
+  force_since_ = at;
+  force_end_ = at + watchdog_;
+}
+
+void EmulatedDevice::note_force_until(TimePoint now) noexcept {
+  const TimePoint force_end = std::min(now, force_end_);
+  if (force_newton_ == 0.0) return;
+  for (FaultOutcome& outcome : outcomes_) {
+    const TimePoint begin = start_ + from_seconds(outcome.fault.from_s);
+    const TimePoint end = begin + from_seconds(outcome.fault.length_s);
+    if (force_end <= begin || force_since_ >= end) continue;
+    if (force_since_ <= begin) outcome.force_newton = force_newton_;
+    outcome.pushed_for = std::min(force_end, end) - begin;
+  }
+}
 
 DeviceSample EmulatedDevice::seen(const DeviceSample& sample) noexcept {
   least_energy_joule_ = device_.true_state().minimum_energy_joule;

@@ -4,6 +4,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <mutex>
 #include <string>
 #include <vector>
 
@@ -31,16 +32,23 @@ struct PlannedFault {
   double length_s = 0.0;
 };
 
+/// What the motors did in a planned fault.
+struct FaultOutcome {
+  PlannedFault fault;
+  double force_newton = 0.0;  ///< |F| as it began
+  Duration pushed_for{};      ///< from its begin until the last force within it ended
+};
+
 /// "unplugged@2:500": from 2 s on, for 500 ms.
 /// @throws SetupError  another form; the text lists the kinds
 [[nodiscard]] PlannedFault parse_fault(const std::string& text);
 
-/// One thread, except energy().
+/// One thread, except where another is named.
 class EmulatedDevice {
  public:
   /// @param watchdog  after which the motors end their force if no message comes
   EmulatedDevice(const SimulatedDeviceConfig& device, const HandConfig& hand, const Clock& clock,
-                 std::uint64_t seed, Duration watchdog, std::vector<PlannedFault> faults);
+                 std::uint64_t seed, Duration watchdog, const std::vector<PlannedFault>& faults);
 
   [[nodiscard]] WireFault fault() const noexcept;
 
@@ -58,18 +66,34 @@ class EmulatedDevice {
   [[nodiscard]] Vector3 velocity_m_per_s() const noexcept {
     return device_.true_state().hand_velocity_m_per_s;
   }
+  [[nodiscard]] TrueState true_state() const noexcept { return device_.true_state(); }
   /// Least energy that the hand has put in so far [J]; below zero it has received energy.
   [[nodiscard]] double least_energy_joule() const noexcept { return least_energy_joule_; }
   [[nodiscard]] std::uint64_t messages() const noexcept { return messages_; }
+  /// Adds a fault. Any thread.
+  void plan(const PlannedFault& fault);
+  /// Since the start [s]: what PlannedFault counts from. Any thread.
+  [[nodiscard]] double now_s() const noexcept { return to_seconds(clock_.now() - start_); }
+  /// |F| that acts now [N]. Any thread.
+  [[nodiscard]] double acting_newton() const noexcept;
+  /// Of every planned fault, as of now. Any thread.
+  [[nodiscard]] std::vector<FaultOutcome> outcomes();
 
  private:
   DeviceSample seen(const DeviceSample& sample) noexcept;
+  void note_switch(TimePoint at, double force_newton) noexcept;
+  /// Another force follows now; the lock is held.
+  void note_force_until(TimePoint now) noexcept;
 
   const Clock& clock_;
   TimePoint start_;
   SimulatedDevice device_;
   Duration watchdog_;
-  std::vector<PlannedFault> faults_;
+  mutable std::mutex faults_;  // over the next four
+  std::vector<FaultOutcome> outcomes_;
+  double force_newton_ = 0.0;  // acting in [force_since_, force_end_)
+  TimePoint force_since_{};
+  TimePoint force_end_{};
   DeviceSample last_;
   std::atomic<double> least_energy_joule_ = 0.0;
   std::atomic<std::uint64_t> messages_ = 0;

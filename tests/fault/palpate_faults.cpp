@@ -1126,6 +1126,7 @@ int main(int argc, char** argv) {
   const bool prints_table = argc == 1;
   testing::InitGoogleMock(&argc, argv);
   if (prints_table) {
+    setenv("PALPATE_DEVICE_FAULTS", "1", 0);  // every row
     testing::TestEventListeners& listeners = testing::UnitTest::GetInstance()->listeners();
     delete listeners.Release(listeners.default_result_printer());
     listeners.Append(new palpate::Quiet);

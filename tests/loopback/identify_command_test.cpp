@@ -11,6 +11,7 @@
 #include <filesystem>
 #include <fstream>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -91,6 +92,20 @@ TEST_F(IdentifyCommand, ProfileItWritesIsWhatTheClampCountsOn) {
   EXPECT_EQ(least_f_max_newton, found.coulomb_newton);
 }
 
+// f_co along each axis would be claimed √3 times too high across them.
+TEST_F(IdentifyCommand, PerAxisOfADeviceWithIsotropicFrictionIsLessThanThatOfAnAxis) {
+  const Outcome outcome = identify(session() + " --per-axis --output " + profile());
+
+  ASSERT_EQ(outcome.status, 0) << outcome.out;
+  EXPECT_THAT(outcome.out, HasSubstr("per axis: f_d ≥ 0.1"));
+  const DeviceProfile found = load_session(session()).side().device.profile;
+  ASSERT_TRUE(found.per_axis);
+  EXPECT_LE(found.per_axis->coulomb_newton.norm(), 0.15);
+  EXPECT_GE(found.per_axis->coulomb_newton.norm(), 0.8 * 0.15);
+  EXPECT_LE(found.per_axis->viscous_newton_s_per_m.maxCoeff(), 0.2);
+  EXPECT_EQ(found.coulomb_newton, found.per_axis->coulomb_newton.minCoeff());
+}
+
 TEST_F(IdentifyCommand, DeviceThatCannotBeMeasuredIsAFailure) {
   const Outcome outcome =
       identify(session() + " --set device.simulated.coulomb_newton=2 --output " + profile());
@@ -126,28 +141,38 @@ class WaitedClock final : public Clock {
   ManualClock time_;
 };
 
-/// A simulation that claims to be hardware.
+/// A simulation that claims to be hardware, and that somebody moves for the first 100 readings.
 class SeeminglyReal final : public device::HapticDevice {
  public:
-  explicit SeeminglyReal(std::unique_ptr<device::HapticDevice> inner)
-      : inner_(std::move(inner)), specification_(inner_->specification()) {
+  /// @param first_force_at  receives the time of the first force
+  SeeminglyReal(std::unique_ptr<device::HapticDevice> inner,
+                std::optional<TimePoint>& first_force_at)
+      : inner_(std::move(inner)),
+        specification_(inner_->specification()),
+        first_force_at_(first_force_at) {
     specification_.is_simulated = false;
   }
   [[nodiscard]] const device::DeviceSpecification& specification() const noexcept override {
     return specification_;
   }
   [[nodiscard]] bool read(device::DeviceSample& sample) noexcept override {
-    return inner_->read(sample);
+    const bool is_read = inner_->read(sample);
+    if (++reads_ <= 100) sample.hand_position_m.x() += 1e-3 * (reads_ % 5);
+    return is_read;
   }
   [[nodiscard]] bool apply(const Vector3& force_newton, Duration lease,
                            device::DeviceSample& at_switch) noexcept override {
-    return inner_->apply(force_newton, lease, at_switch);
+    const bool is_applied = inner_->apply(force_newton, lease, at_switch);
+    if (!first_force_at_) first_force_at_ = at_switch.sampled_at;
+    return is_applied;
   }
   void release() noexcept override { inner_->release(); }
 
  private:
   std::unique_ptr<device::HapticDevice> inner_;
   device::DeviceSpecification specification_;
+  std::optional<TimePoint>& first_force_at_;
+  int reads_ = 0;
 };
 
 /// The simulated driver without a hand.
@@ -159,20 +184,24 @@ device::Driver handless_driver() {
   return device::all_drivers({.simulated = {.hand = hand, .seed = 1}}).at(device::kSimulatedDriver);
 }
 
-TEST(Identify, SweepsOfHardwareWaitForTheSteadyClock) {
+TEST(Identify, SweepsOfHardwareWaitForTheHandToLetGoAndForTheSteadyClock) {
   WaitedClock steady;
+  std::optional<TimePoint> first_force_at;
   const Clock* opened_on = nullptr;
-  const device::Driver hardware{
-      .open =
-          [&](const Clock& clock, const device::StartUp&) {
-            opened_on = &clock;
-            return std::make_unique<SeeminglyReal>(handless_driver().open(clock, {}));
-          },
-      .is_simulated = false};
+  const device::Driver hardware{.open =
+                                    [&](const Clock& clock, const device::StartUp&) {
+                                      opened_on = &clock;
+                                      return std::make_unique<SeeminglyReal>(
+                                          handless_driver().open(clock, {}), first_force_at);
+                                    },
+                                .is_simulated = false};
 
-  run_identify(Session{}, {.may_move_hardware = true}, hardware, steady);
+  run_identify(Session{}, {.consent = {.may_move = true}}, hardware, steady);
 
   EXPECT_EQ(opened_on, &steady);
+  // moved for 100 readings, one each 5 ms; then at rest for 2 s
+  ASSERT_TRUE(first_force_at);
+  EXPECT_GE(seconds_of(*first_force_at), 2.49);
   // ticks of 1 ms; 16 lines, swept 18 times each: 35 mm at 50 mm/s or less take more than 0.7 s
   EXPECT_GT(steady.waits, 200'000);
   EXPECT_GT(seconds_of(steady.now()), 200.0);

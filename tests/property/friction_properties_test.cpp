@@ -55,7 +55,7 @@ TEST(FrictionIdentification, NeverMeasuresMoreThanThereIsAndRarelyMuchLess) {
     for (SweepLine& line : plan.lines) {
       line = {.middle_m = in_box(random, 0.35 * half_m), .direction = random.direction()};
     }
-    const FrictionReport report = identify_friction(device, clock, plan, false);
+    const FrictionReport report = identify_friction(device, clock, plan, {});
 
     for (const LineFriction& line : report.lines) {
       EXPECT_LE(line.fit.viscous_bound_newton_s_per_m, config.viscous_newton_s_per_m);

@@ -17,6 +17,7 @@ AdverseResult run_adverse(const AdverseRun& run, std::uint64_t seed) {
       load_session(PALPATE_SOURCE_DIR "/deploy/sessions/hostile.txtpb", run.overrides);
   session.seed = seed;
   LockstepOptions options{.links = run.links, .has_ideal = false};
+  options.make_device = run.make_device;
   if (run.told) {
     // the lies are what the engine tells
     const auto tamperer = std::make_shared<PhysicsTamperer>(

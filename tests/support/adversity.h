@@ -3,6 +3,8 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -20,6 +22,10 @@ struct AdverseRun {
   /// from it. None: physics_node's own.
   std::optional<Told> told{};
   LockstepLinks links = LockstepLinks::kMemory;
+  /// LockstepOptions::make_device
+  std::function<std::unique_ptr<device::HapticDevice>(const Side&, const Clock&,
+                                                      std::uint64_t seed)>
+      make_device{};
   double seconds = 2.0;
 };
 

@@ -82,6 +82,8 @@ class ScriptedDevice final : public device::HapticDevice {
   [[nodiscard]] device::DeviceError last_error() const noexcept override { return error; }
   [[nodiscard]] bool reopen() noexcept override { return reopens; }
 
+  void has_watchdog(bool is_there) { specification_.has_motor_watchdog = is_there; }
+
   /// What the motors did at `t`, from the writes alone.
   [[nodiscard]] Vector3 motor_force_newton(TimePoint t) const {
     const Write* acting = nullptr;

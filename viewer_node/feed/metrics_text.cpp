@@ -156,6 +156,13 @@ void add_device(Page& page, const DeviceCounters& c) {
   page.gauge("device_checked_friction_ratio",
              "Friction found by the hands-off check, as a share of the profile; 0: no check.", "",
              c.checked_friction_ratio);
+  page.gauge(
+      "device_motor_watchdog_up",
+      "1: the motors end a force by themselves if the process stops; 0: they do not, and the "
+      "guarantee is not available while it is stopped.",
+      "", c.has_no_motor_watchdog ? 0.0 : 1.0);
+  page.counter("device_dead_man_ticks", "Ticks in which the dead-man button was not held.",
+               {{"", c.dead_man_ticks}});
   page.gauge("device_max_force_newtons", "Largest force since the start.", "", c.max_force_newton);
   page.gauge("device_largest_jump_newtons",
              "Largest change of the force from one tick to the next since the start.", "",

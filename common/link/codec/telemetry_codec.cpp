@@ -62,6 +62,8 @@ void put(const DeviceCounters& c, v1::DeviceCounters& to) {
   to.set_too_fast_readings(c.too_fast_readings);
   to.set_coarse_readings(c.coarse_readings);
   to.set_checked_friction_ratio(c.checked_friction_ratio);
+  to.set_has_no_motor_watchdog(c.has_no_motor_watchdog);
+  to.set_dead_man_ticks(c.dead_man_ticks);
   to.set_last_fault(static_cast<std::uint32_t>(c.last_fault));
   to.set_non_finite_commands(c.non_finite_commands);
   to.set_max_force_newton(c.max_force_newton);
@@ -97,6 +99,8 @@ DeviceCounters counters(const v1::DeviceCounters& c) {
           .too_fast_readings = c.too_fast_readings(),
           .coarse_readings = c.coarse_readings(),
           .checked_friction_ratio = c.checked_friction_ratio(),
+          .has_no_motor_watchdog = c.has_no_motor_watchdog(),
+          .dead_man_ticks = c.dead_man_ticks(),
           .max_force_newton = c.max_force_newton(),
           .largest_jump_newton = c.largest_jump_newton(),
           .minimum_true_energy_joule = c.minimum_true_energy_joule()};

@@ -154,6 +154,15 @@ DeviceConfig to_device(const Fields& device, double rate_hz, double wait_for_phy
   config.v_fault_m_per_s = device.number("v_fault_m_per_s");
   config.monitor.is_on = device.enumerator("monitor") != v1::Device::off;
   config.has_hands_off_check = device.flag("hands_off_check");
+  if (device.has("dead_man_button")) {
+    config.dead_man_button = static_cast<std::uint32_t>(device.integer("dead_man_button"));
+    if (config.dead_man_button == config.workspace.clutch_button) {
+      device.problem(
+          "dead_man_button",
+          "must be another button than device.workspace.clutch_button, or no force acts; "
+          "leave one of them out");
+    }
+  }
   return config;
 }
 

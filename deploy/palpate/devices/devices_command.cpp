@@ -1,5 +1,3 @@
-#include <unistd.h>
-
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
@@ -9,6 +7,7 @@
 #include <vector>
 
 #include "deploy/palpate/commands.h"
+#include "deploy/palpate/devices/permission.h"
 #include "device_node/drivers/transport/web_socket.h"
 
 namespace palpate {
@@ -31,10 +30,17 @@ std::string first_line(const fs::path& file) {
 }
 
 std::string permission(const fs::path& file) {
-  return access(file.c_str(), R_OK | W_OK) == 0
-             ? ""
-             : " (no permission: add your user to the group of the file, or install the package's "
-               "udev rules)";
+  const std::string remedy = permission_remedy(file);
+  return remedy.empty() ? "" : "\n    no permission: " + remedy;
+}
+
+/// The file of a device on USB, by its folder below /sys/bus/usb/devices.
+fs::path usb_file(const fs::path& device) {
+  const auto padded = [&](const char* name) {
+    const std::string number = first_line(device / name);
+    return std::string(number.size() < 3 ? 3 - number.size() : 0, '0') + number;
+  };
+  return fs::path("/dev/bus/usb") / padded("busnum") / padded("devnum");
 }
 
 void find_inverse_service(std::vector<FoundDevice>& found) {
@@ -76,15 +82,18 @@ void find_usb(std::vector<FoundDevice>& found) {
       {"0403", "cb48", "Novint Falcon", "device { falcon { motors { … } mount { … } … } }"},
       {"16c0", "0486", "WoodenHaptics / Polhem board",
        "device { wooden { motors { … } mount { … } … } } if its firmware is the open one"},
-      {"2988", "0301", "Force Dimension device",
-       "a plug-in for the vendor's library: device { plugin { library: … } }"}};
+      {"1451", "", "Force Dimension device",
+       "device { plugin { library: \"force_dimension.so\" … } }"},
+      {"0301", "2988", "3D Systems Touch", "device { plugin { library: \"open_haptics.so\" … } }"},
+      {"2988", "", "3D Systems Touch", "device { plugin { library: \"open_haptics.so\" … } }"}};
   std::error_code error;
   for (const fs::directory_entry& entry : fs::directory_iterator("/sys/bus/usb/devices", error)) {
     const std::string vendor = first_line(entry.path() / "idVendor");
     const std::string product = first_line(entry.path() / "idProduct");
     for (const Known& known : kKnown) {
-      if (vendor == known.vendor && product == known.product) {
-        found.push_back({std::string(known.name) + " (" + vendor + ":" + product + ")", known.how});
+      if (vendor == known.vendor && (*known.product == '\0' || product == known.product)) {
+        found.push_back({std::string(known.name) + " (" + vendor + ":" + product + ")",
+                         known.how + permission(usb_file(entry.path()))});
       }
     }
   }

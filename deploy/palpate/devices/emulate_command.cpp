@@ -1,3 +1,5 @@
+#include <spdlog/fmt/fmt.h>
+
 #include <chrono>
 #include <filesystem>
 #include <thread>
@@ -59,6 +61,7 @@ struct EmulateCommand {
   std::string side;
   std::vector<std::string> faults;
   double seconds = 0.0;
+  bool is_let_go = false;
 
   void add_to(CLI::App& app) {
     session.add_to(app);
@@ -68,6 +71,8 @@ struct EmulateCommand {
            "KIND@SECONDS:MILLISECONDS, a fault of the wire, such as unplugged@2:500; kinds: "
            "unplugged, silent, delayed, garbage, short, wrong_id, stuck, echo")
         ->type_name("FAULT");
+    app.add_flag("--hands-off", is_let_go,
+                 "nobody holds the device, as `palpate identify` requires");
     app.add_option("--seconds", seconds, "end after this time; without it at Ctrl-C")
         ->check(CLI::PositiveNumber);
   }
@@ -84,34 +89,39 @@ struct EmulateCommand {
  private:
   /// The simulated device behind the wire.
   struct Stand {
-    Stand(const Session& session, const SimulatedDeviceConfig& simulated, Duration watchdog,
-          const std::vector<device::PlannedFault>& faults)
-        : device(simulated, session.side().hand, clock,
-                 stream_seed(session, session.side(), "hand"), watchdog, faults) {}
+    Stand(const Session& session, const HandConfig& hand, const SimulatedDeviceConfig& simulated,
+          Duration watchdog, const std::vector<device::PlannedFault>& faults)
+        : device(simulated, hand, clock, stream_seed(session, session.side(), "hand"), watchdog,
+                 faults) {}
     SteadyClock clock;
     device::EmulatedDevice device;
   };
   using Faults = std::vector<device::PlannedFault>;
 
+  [[nodiscard]] HandConfig hand_of(const Session& session) const {
+    return is_let_go ? device::nobody() : session.side().hand;
+  }
+
   int emulate(const HaplyConfig& haply, const Session& session, const Faults& faults) const {
-    Stand stand(session, session.side().simulated, kEmulatedWatchdog, faults);
+    Stand stand(session, hand_of(session), session.side().simulated, kEmulatedWatchdog, faults);
     device::HaplyEmulator emulator(stand.device, haply.port);
     return serve(emulator, stand.device, "127.0.0.1:" + std::to_string(emulator.port()));
   }
   int emulate(const HapiConfig& hapi, const Session& session, const Faults& faults) const {
-    Stand stand(session, session.side().simulated, kEmulatedWatchdog, faults);
+    Stand stand(session, hand_of(session), session.side().simulated, kEmulatedWatchdog, faults);
     device::HapiEmulator emulator(stand.device, hapi);
     const TerminalLink link(emulator.port(), hapi.port);
     return serve(emulator, stand.device, hapi.port);
   }
   int emulate(const FalconConfig& falcon, const Session& session, const Faults& faults) const {
-    Stand stand(session, exact(session), kEmulatedWatchdog, faults);
+    Stand stand(session, hand_of(session), exact(session), kEmulatedWatchdog, faults);
     device::FalconEmulator emulator(stand.device, falcon,
                                     {.is_loaded = falcon.firmware_file.empty(), .homing = 300ms});
     return serve(emulator, stand.device, falcon.port);
   }
   int emulate(const WoodenConfig& wooden, const Session& session, const Faults& faults) const {
-    Stand stand(session, exact(session), device::WoodenEmulator::kWatchdog, faults);
+    Stand stand(session, hand_of(session), exact(session), device::WoodenEmulator::kWatchdog,
+                faults);
     device::WoodenEmulator emulator(stand.device, wooden);
     return serve(emulator, stand.device, wooden.port);
   }
@@ -130,8 +140,7 @@ struct EmulateCommand {
   }
 
   template <class Emulator>
-  int serve(Emulator& emulator, const device::EmulatedDevice& device,
-            const std::string& address) const {
+  int serve(Emulator& emulator, device::EmulatedDevice& device, const std::string& address) const {
     const StopSignal signal;
     say("emulates the device at " + address);
     std::jthread server([&](const std::stop_token& stop) { emulator.run(stop); });
@@ -143,6 +152,11 @@ struct EmulateCommand {
     }
     server.request_stop();
     server.join();
+    const std::vector<device::FaultOutcome> outcomes = device.outcomes();
+    for (std::size_t i = 0; i < outcomes.size(); ++i) {
+      say(fmt::format("fault {}: {:.3f} N as it began, no force after {:.1f} ms", faults[i],
+                      outcomes[i].force_newton, 1e3 * to_seconds(outcomes[i].pushed_for)));
+    }
     say("emulated device: " + std::to_string(device.messages()) + " messages, least true energy " +
         std::to_string(1e6 * device.least_energy_joule()) + " uJ");
     return 0;

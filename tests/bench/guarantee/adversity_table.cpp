@@ -1,12 +1,16 @@
 #include <spdlog/fmt/fmt.h>
 
+#include <algorithm>
+#include <chrono>
 #include <initializer_list>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "tests/bench/guarantee/adverse_rows.h"
 #include "tests/bench/guarantee/guarantee_tables.h"
+#include "tests/support/wired/wired_device.h"
 
 namespace palpate::bench {
 namespace {
@@ -20,6 +24,8 @@ struct Adversity {
   std::string label;
   AdverseRun run;
   ProfileError profile = {};
+  bool needs_watchdog = false;  ///< the process may not run while a lease ends
+  bool is_outside = false;      ///< breaks an assumption
 };
 
 std::vector<std::string> on_physics_hops(const std::string& field) {
@@ -78,10 +84,13 @@ std::vector<Adversity> adversities() {
   all.back().run.overrides.emplace_back("adversary.tick_jitter_ratio=0.5");
   add("2 % of ticks 1…5 T late", {}, "push_along");
   all.back().run.overrides.emplace_back("adversary.late_tick_ratio=0.02");
+  all.back().needs_watchdog = true;
   add("ticks skipped for 6 ms, 20/s", {"faults.device.skip={until_s: 0.006 every_s: 0.05}"},
       "push_along");
+  all.back().needs_watchdog = true;
   add("2 % of switches 0…2 ms late",
       {"faults.device.late_switch_ratio=0.02", "faults.device.late_switch_us=2000"}, "push_along");
+  all.back().needs_watchdog = true;
 
   // encoder
   for (const char* q_m : {"0", "55e-6", "5e-4"}) {
@@ -91,7 +100,8 @@ std::vector<Adversity> adversities() {
         "push_along");
   }
 
-  // outside the assumptions
+  // outside the assumptions, but for a profile that is right
+  const std::size_t inside = all.size();
   for (const int factor : {1, 2, 5}) {
     add(fmt::format("profile friction {}× the true", factor), {}, "everything");
     all.back().profile.ratio = factor;
@@ -107,6 +117,7 @@ std::vector<Adversity> adversities() {
        "device.profile.position_resolution_m=0", "device.simulated.position_resolution_m=0",
        "mofc.guard_settings.credit_cap_joule=10"},
       "everything");
+  for (std::size_t i = inside + 1; i < all.size(); ++i) all[i].is_outside = true;
   return all;
 }
 
@@ -147,6 +158,79 @@ Table adversity_table(int seeds, const std::vector<std::string>& more_overrides)
                             s.transparency_percent(), s.clamped_percent(),
                             s.top_speed_m_per_s,      static_cast<double>(s.too_fast_ticks),
                             std::string(effect)};
+                  });
+}
+
+namespace {
+
+/// A driver and the specification of its device.
+struct Wired {
+  const char* label;
+  std::optional<test::WiredDriver> driver;  ///< none: the plain simulated device
+  std::vector<std::string> overrides;
+};
+
+std::vector<Wired> wired_devices() {
+  using test::WiredDriver;
+  // the pantograph's encoders count angles: up to 0.1 mm at the handle
+  const std::string profile = "device.profile.position_resolution_m=1e-4";
+  return {{"simulated", {}, {}},
+          {"haply_inverse", WiredDriver::kHaply, {}},
+          {"simulated", {}, {"device.simulated.position_resolution_m=1e-4", profile}},
+          {"hapi", WiredDriver::kHapi, {"device.simulated.position_resolution_m=0", profile}}};
+}
+
+constexpr Duration kEmulatedWatchdog = std::chrono::milliseconds(20);
+
+}  // namespace
+
+Table device_table(int seeds, const std::vector<std::string>& more_overrides, double& least_joule) {
+  // in the plane of the pantograph, and reaching nowhere out of its links
+  std::vector<Adversity> all = adversities();
+  all.insert(
+      all.begin(),
+      {.label = "a hand that palpates",
+       .run = {.overrides = {"adversary.physics=honest",
+                             "scene.tissue[0].kelvin_voigt={ stiffness_newton_per_m: 250 }",
+                             "hand={ sinusoid { center_m { z: -0.002 } amplitude_m { x: 0.01 "
+                             "z: 0.012 } frequency_hz { x: 0.05 z: 0.7 } } }"},
+               .seconds = 4.0}});
+  std::vector<AdverseRow> rows;
+  std::vector<bool> is_claimed;
+  for (const Adversity& adversity : all) {
+    if (adversity.is_outside) continue;
+    for (const Wired& wired : wired_devices()) {
+      AdverseRun run = adversity.run;
+      append(run.overrides, overrides_of(kFrictions[0], adversity.profile));
+      append(run.overrides, {"physics.rate_hz=1000"});
+      append(run.overrides, kGuard.overrides);
+      append(run.overrides, wired.overrides);
+      append(run.overrides, more_overrides);
+      if (wired.driver) {
+        run.make_device = [driver = *wired.driver](const Side& side, const Clock& clock,
+                                                   std::uint64_t seed) {
+          return test::open_wired(driver, side, clock, seed, kEmulatedWatchdog);
+        };
+      }
+      rows.push_back({adversity.label + (adversity.needs_watchdog ? " *" : ""),
+                      &kFrictions[0],
+                      {wired.label},
+                      std::move(run)});
+      is_claimed.push_back(wired.driver && !adversity.needs_watchdog);
+    }
+  }
+  run_rows(rows, seeds);
+  least_joule = 0.0;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    if (is_claimed[i]) least_joule = std::min(least_joule, rows[i].summary.least_joule);
+  }
+  return table_of(rows, "adversity", {{"device", "device", ""}},
+                  {{"transparency_percent", "transp. %", "{:.1f}"},
+                   {"clamped_percent", "clamped %", "{:.1f}"},
+                   {"monitor_reductions", "reduced", "{:.0f}"}},
+                  [](const AdverseRow& row) -> std::vector<Table::Cell> {
+                    return {row.summary.transparency_percent(), row.summary.clamped_percent(),
+                            static_cast<double>(row.summary.monitor_reductions)};
                   });
 }
 

@@ -16,6 +16,13 @@ namespace palpate::bench {
 /// and with a hands-off check at the start. Mode guard, physics at 1 kHz.
 [[nodiscard]] Table monitor_table(int seeds, const std::vector<std::string>& more_overrides);
 
+/// The adversities within the assumptions, in mode guard, with the device behind the wire of each
+/// driver of a real device that has an emulator, and with the plain simulated device of the same
+/// specification.
+/// @param least_joule  receives the least energy of the drivers' rows that need no motor watchdog
+[[nodiscard]] Table device_table(int seeds, const std::vector<std::string>& more_overrides,
+                                 double& least_joule);
+
 /// Time of one tick of the monitor [µs]: a reading, a command, a switch. The best of 20 rounds.
 [[nodiscard]] double monitor_tick_us(bool is_per_axis);
 

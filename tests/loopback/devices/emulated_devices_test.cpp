@@ -92,6 +92,38 @@ TEST_F(EmulatedDevices, AnUnpluggedDeviceIsAFaultThatAResetEnds) {
   EXPECT_GE(least_energy_microjoule(emulator.err()), -1.0);
 }
 
+TEST_F(EmulatedDevices, AClientInAnotherLanguageIsServedAsDocumented) {
+  const std::string setting = haply_port();
+  Program emulator("palpate", {"emulate", kHaplySession, "--set", setting, "--hands-off"});
+  emulator.await_err("emulates the device at");
+
+  const Outcome client = test::run_program(
+      "/usr/bin/python3", {PALPATE_SOURCE_DIR "/tests/loopback/devices/haply_client.py",
+                           setting.substr(setting.find('=') + 1)});
+
+  EXPECT_EQ(client.status, 0) << client.err;
+  EXPECT_THAT(client.out, HasSubstr("as documented"));
+  emulator.send_signal(SIGINT);
+  EXPECT_EQ(emulator.wait(), 0);
+}
+
+TEST_F(EmulatedDevices, TheDoctorOpensTheDeviceAndSaysWhatItLacks) {
+  const std::string setting = haply_port();
+  const Outcome absent = test::run_program("palpate", {"doctor", kHaplySession, "--set", setting});
+  EXPECT_EQ(absent.status, 1);
+  EXPECT_THAT(absent.out, HasSubstr("is the Inverse Service running"));
+
+  Program emulator("palpate", {"emulate", kHaplySession, "--set", setting, "--hands-off"});
+  emulator.await_err("emulates the device at");
+  const Outcome doctor = test::run_program(
+      "palpate", {"doctor", kHaplySession, "--set", setting, "--set", "device.dead_man_button=3"});
+
+  EXPECT_THAT(doctor.out, HasSubstr("Haply Inverse3 049D opens"));
+  EXPECT_THAT(doctor.out, HasSubstr("has 3 buttons, counted from 0"));
+  EXPECT_THAT(doctor.out,
+              HasSubstr("note   motor watchdog           none: the guarantee is not available"));
+}
+
 TEST_F(EmulatedDevices, ASimulatedDeviceNeedsNoEmulator) {
   const Outcome run = test::run_program(
       "palpate", {"emulate", PALPATE_SOURCE_DIR "/deploy/sessions/default.txtpb"});

@@ -221,6 +221,21 @@ TEST(DeviceNode, AMissedTickAfterALateAnswerDoesNotBringItBack) {
   EXPECT_NE(bench.ticks[2].guard, GuardState::kLeased);
 }
 
+TEST(DeviceNode, ASlowDeviceGetsNoForceUntilASwitchIsInTime) {
+  Bench bench(device_config());
+  bench.answer_with(Vector3(1, 0, 0));
+  bench.tick();
+  bench.device.before_switch = [&] { bench.clock.advance(700us); };
+  for (int i = 0; i < 50; ++i) bench.tick();
+  EXPECT_EQ(bench.node.counters().late_switches, 5u);
+  EXPECT_EQ(bench.ticks.back().force_on_hand_newton, Vector3(0, 0, 0));
+  bench.device.before_switch = nullptr;
+  bench.tick();
+  EXPECT_EQ(bench.ticks.back().force_on_hand_newton, Vector3(0, 0, 0));
+  for (int i = 0; i < 200; ++i) bench.tick();
+  EXPECT_EQ(bench.ticks.back().force_on_hand_newton, Vector3(1, 0, 0));
+}
+
 // The fallback is not paid for by the clamp: friction absorbs it whenever it begins.
 TEST(DeviceNode, AFallbackIsNeverLate) {
   Bench bench(device_config());
@@ -752,6 +767,37 @@ TEST(DeviceNode, AfterAFaultTheForceGrowsFromZero) {
   bench.tick();
 
   EXPECT_EQ(bench.ticks.back().force_on_hand_newton.x(), 0.0);
+}
+
+TEST(DeviceNode, AForceNeedsTheDeadManButtonFadesWithoutItAndGrowsAgainFromZero) {
+  DeviceConfig config = device_config();
+  config.start_ramp = 10ms;
+  config.dead_man_button = 1;
+  Bench bench(config);
+  bench.answer_with(Vector3(1, 0, 0));
+  const auto force_after = [&](std::uint32_t buttons, int ticks) {
+    bench.device.buttons = buttons;
+    for (int i = 0; i < ticks; ++i) bench.tick();
+    return bench.ticks.back().force_on_hand_newton.x();
+  };
+  EXPECT_EQ(force_after(1, 20), 0.0);  // another button
+  EXPECT_EQ(force_after(2, 20), 1.0);
+  // lease, f_co, fade
+  EXPECT_EQ(force_after(0, 1), 1.0);
+  EXPECT_EQ(force_after(0, 2), config.profile.coulomb_newton);
+  EXPECT_EQ(force_after(0, 70), 0.0);
+  EXPECT_EQ(bench.ticks.back().guard, GuardState::kLimp);
+  EXPECT_EQ(bench.node.counters().dead_man_ticks, 93U);
+  EXPECT_EQ(bench.node.counters().answered_ticks, 20U);
+  EXPECT_EQ(force_after(2, 1), 0.0);
+  EXPECT_EQ(force_after(2, 20), 1.0);
+}
+
+TEST(DeviceNode, CountsWhetherTheMotorsEndAForceByThemselves) {
+  Bench bench(device_config());
+  EXPECT_FALSE(bench.node.counters().has_no_motor_watchdog);
+  bench.device.has_watchdog(false);
+  EXPECT_TRUE(bench.node.counters().has_no_motor_watchdog);
 }
 
 TEST(DeviceNode, StopAndDestructionReleaseTheMotors) {

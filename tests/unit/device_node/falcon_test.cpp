@@ -19,7 +19,7 @@
 #include "tests/support/alloc_guard.h"
 #include "tests/support/device_conformance.h"
 #include "tests/support/temp_folder.h"
-#include "tests/unit/device_node/hand_set_clock.h"
+#include "tests/support/wired/shared_clock.h"
 
 namespace palpate::device {
 namespace {
@@ -311,7 +311,7 @@ TEST(FalconDriver, AnotherDeviceIsRefused) {
 TEST(FalconDriver, SaysHowATransferFailedAndOpensAgain) {
   const auto error_of = [](WireFault kind) {
     const SteadyClock clock;
-    HandSetClock time;
+    test::SharedClock time;
     EmulatedFalcon emulated(time, Vector3::Zero(),
                             {{.kind = kind, .from_s = 1.0, .length_s = 1.0}});
     FalconConfig config = emulated.config();
@@ -339,7 +339,7 @@ TEST(FalconDriver, SaysHowATransferFailedAndOpensAgain) {
 
 TEST(FalconDriver, ALateAnswerWithinTheLimitIsNoFault) {
   const SteadyClock clock;
-  HandSetClock time;
+  test::SharedClock time;
   EmulatedFalcon emulated(time, Vector3::Zero(),
                           {{.kind = WireFault::kDelayed, .from_s = 1.0, .length_s = 1.0}});
   const auto device = open_falcon(emulated.config(), clock, {});

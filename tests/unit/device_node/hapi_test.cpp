@@ -13,9 +13,10 @@
 #include "common/core/random.h"
 #include "device_node/drivers/hapi/hapi_driver.h"
 #include "device_node/emulators/hapi_emulator.h"
+#include "device_node/hands_off_check.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/support/device_conformance.h"
-#include "tests/unit/device_node/hand_set_clock.h"
+#include "tests/support/wired/shared_clock.h"
 
 namespace palpate::device {
 namespace {
@@ -156,7 +157,7 @@ TEST(HapiDriver, ReadsThePlaneAndPushesInIt) {
 TEST(HapiDriver, SaysHowATransferFailedAndOpensAgain) {
   const auto error_of = [](WireFault kind) {
     const SteadyClock clock;
-    HandSetClock time;
+    test::SharedClock time;
     EmulatedHapi emulated(time, Vector3::Zero(), {{.kind = kind, .from_s = 1.0, .length_s = 1.0}});
     HapiConfig config = emulated.config();
     config.transfer_limit = std::chrono::milliseconds(300);
@@ -179,6 +180,30 @@ TEST(HapiDriver, SaysHowATransferFailedAndOpensAgain) {
   EXPECT_EQ(error_of(WireFault::kShort), DeviceError::kTimeout);
   EXPECT_EQ(error_of(WireFault::kGarbage), DeviceError::kCorrupt);
   EXPECT_EQ(error_of(WireFault::kWrongId), DeviceError::kCorrupt);
+}
+
+TEST(HapiDriver, IdentifiesTheFrictionInItsPlaneFromBelow) {
+  test::SharedClock clock;
+  EmulatedDevice emulated(
+      {.viscous_newton_s_per_m = 0.2, .coulomb_newton = 0.15, .position_resolution_m = 0.0},
+      nobody(), clock, 1, std::chrono::milliseconds(20), {});
+  HapiEmulator emulator(emulated, upright_pantograph());
+  const std::jthread server([&](const std::stop_token& stop) { emulator.run(stop); });
+  HapiConfig config = upright_pantograph();
+  config.port = emulator.port();
+  const auto device = open_hapi(config, clock, {});
+  SweepPlan plan = hands_off_plan(device->specification());
+  ASSERT_EQ(plan.lines.size(), 2U) << "x and z";
+  plan.lines.resize(1);
+  plan.rate_hz = 400.0;
+  plan.speeds_m_per_s = {0.03, 0.045, 0.06};
+
+  const FrictionReport found =
+      identify_friction(*device, clock, plan, {.may_move = true, .may_lack_watchdog = true});
+
+  EXPECT_LE(found.viscous_bound_newton_s_per_m, 0.2);
+  EXPECT_LE(found.coulomb_bound_newton, 0.15);
+  EXPECT_GE(found.coulomb_bound_newton, 0.8 * 0.15);
 }
 
 TEST(HapiDriver, AFileThatIsNoPortIsRefused) {

@@ -13,9 +13,10 @@
 #include "device_node/drivers/haply/haply_wire.h"
 #include "device_node/drivers/haply/json_reader.h"
 #include "device_node/emulators/haply_emulator.h"
+#include "device_node/hands_off_check.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/support/device_conformance.h"
-#include "tests/unit/device_node/hand_set_clock.h"
+#include "tests/support/wired/shared_clock.h"
 
 namespace palpate::device {
 namespace {
@@ -133,6 +134,16 @@ TEST(HaplyWire, OfSeveralDevicesOneHasToBeChosen) {
   EXPECT_THAT(text_of("C"), HasSubstr("there is no Inverse3 \"C\""));
 }
 
+HaplyConfig haply_at(std::uint16_t port) {
+  HaplyConfig config;
+  config.port = port;
+  config.workspace_half_extent_m = Vector3(0.08, 0.06, 0.035);
+  config.limits = {.peak_force_newton = 3.0, .continuous_force_newton = 2.0};
+  config.position_resolution_m = 55e-6;
+  config.transfer_limit = std::chrono::seconds(5);
+  return config;
+}
+
 /// An emulator on a thread of its own.
 class EmulatedHaply {
  public:
@@ -142,15 +153,7 @@ class EmulatedHaply {
         emulator_(device_, 0),
         thread_([this](const std::stop_token& stop) { emulator_.run(stop); }) {}
 
-  [[nodiscard]] HaplyConfig config() const {
-    HaplyConfig config;
-    config.port = emulator_.port();
-    config.workspace_half_extent_m = Vector3(0.08, 0.06, 0.035);
-    config.limits = {.peak_force_newton = 3.0, .continuous_force_newton = 2.0};
-    config.position_resolution_m = 55e-6;
-    config.transfer_limit = std::chrono::seconds(5);
-    return config;
-  }
+  [[nodiscard]] HaplyConfig config() const { return haply_at(emulator_.port()); }
   /// What the motors do, as of the last answer.
   [[nodiscard]] Vector3 motor_force_newton() const { return device_.force_newton(); }
 
@@ -188,7 +191,7 @@ TEST(HaplyDriver, TurnsTheServicesFrameIntoTheDevices) {
 TEST(HaplyDriver, SaysHowATransferFailedAndOpensAgain) {
   const auto error_of = [](WireFault kind) {
     const SteadyClock clock;
-    HandSetClock time;
+    test::SharedClock time;
     EmulatedHaply emulated(time, {{.kind = kind, .from_s = 1.0, .length_s = 1.0}});
     HaplyConfig config = emulated.config();
     config.transfer_limit = std::chrono::milliseconds(300);
@@ -212,6 +215,31 @@ TEST(HaplyDriver, SaysHowATransferFailedAndOpensAgain) {
   EXPECT_EQ(error_of(WireFault::kGarbage), DeviceError::kCorrupt);
   EXPECT_EQ(error_of(WireFault::kShort), DeviceError::kCorrupt);
   EXPECT_EQ(error_of(WireFault::kWrongId), DeviceError::kCorrupt);
+}
+
+TEST(HaplyDriver, IdentifiesTheFrictionOfTheDeviceFromBelow) {
+  test::SharedClock clock;
+  EmulatedDevice emulated({.viscous_newton_s_per_m = 0.2, .coulomb_newton = 0.15}, nobody(), clock,
+                          1, std::chrono::milliseconds(20), {});
+  HaplyEmulator emulator(emulated, 0);
+  const std::jthread server([&](const std::stop_token& stop) { emulator.run(stop); });
+  HaplyConfig config = haply_at(emulator.port());
+  const auto device = open_haply(config, clock, {});
+  SweepPlan plan = hands_off_plan(device->specification());
+  plan.lines.resize(1);
+  plan.rate_hz = 400.0;
+  plan.speeds_m_per_s = {0.03, 0.045, 0.06};
+  plan.half_length_m = 0.01;
+  EXPECT_THROW(static_cast<void>(identify_friction(*device, clock, plan, {.may_move = true})),
+               SetupError);
+
+  const FrictionReport found =
+      identify_friction(*device, clock, plan, {.may_move = true, .may_lack_watchdog = true});
+
+  EXPECT_LE(found.viscous_bound_newton_s_per_m, 0.2);
+  EXPECT_GE(found.viscous_bound_newton_s_per_m, 0.5 * 0.2);
+  EXPECT_LE(found.coulomb_bound_newton, 0.15);
+  EXPECT_GE(found.coulomb_bound_newton, 0.9 * 0.15);
 }
 
 TEST(HaplyDriver, WithoutAServiceThereIsAnErrorThatSaysSo) {

@@ -151,6 +151,16 @@ TEST(Unmonitored, ARealDeviceIsRefusedUnlessUnsafeIsGiven) {
   EXPECT_THROW(refuse_unmonitored(config, real, false), SetupError);
 }
 
+TEST(DeadMan, AButtonThatTheDeviceDoesNotHaveIsRefused) {
+  DeviceConfig config = monitored_config();
+  const DeviceSpecification device{.model_name = "arm", .button_count = 2};
+  EXPECT_NO_THROW(refuse_missing_button(config, device));
+  config.dead_man_button = 1;
+  EXPECT_NO_THROW(refuse_missing_button(config, device));
+  config.dead_man_button = 2;
+  EXPECT_THROW(refuse_missing_button(config, device), SetupError);
+}
+
 // --- assumptions ----------------------------------------------------------------------------
 
 TEST(AssumptionWatch, CountsReadingsThatOnlyATooFastHandCanHaveMade) {

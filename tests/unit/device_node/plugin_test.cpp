@@ -2,6 +2,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
+
 #include "common/core/check.h"
 #include "device_node/drivers/plugin/plugin_driver.h"
 #include "tests/support/alloc_guard.h"
@@ -30,6 +32,77 @@ TEST(Plugin, ALibraryThatIsMissingOrNoDriverIsRefused) {
 TEST(Plugin, WhatItsOpenRefusesIsSaid) {
   EXPECT_THAT(refusal_of(PALPATE_EXAMPLE_DEVICE, "speed=9"),
               HasSubstr("knows no option \"speed=9\""));
+}
+
+// --- plug-ins for vendors' libraries, with a stand-in of these ----------------------------------
+
+const std::string kStub = std::string(" library=") + PALPATE_VENDOR_STUB;
+const std::string kForceDimensionOptions =
+    "peak_newton=12 continuous_newton=8 half_extent_m=0.05 resolution_m=1e-5";
+
+TEST(VendorPlugins, WithoutTheLibraryTheDeviceOrAnOptionTheErrorSaysWhatToDo) {
+  EXPECT_THAT(refusal_of(PALPATE_OPEN_HAPTICS, "resolution_m=55e-6"),
+              HasSubstr("install the vendor's library"));
+  EXPECT_THAT(refusal_of(PALPATE_OPEN_HAPTICS, "resolution_m=55e-6 library=libm.so.6"),
+              HasSubstr("has no function hdInitDevice"));
+  EXPECT_THAT(refusal_of(PALPATE_OPEN_HAPTICS, "resolution_m=-1" + kStub),
+              HasSubstr("give resolution_m"));
+  EXPECT_THAT(refusal_of(PALPATE_OPEN_HAPTICS, "resolution_m=55e-6 device=absent" + kStub),
+              HasSubstr("libHD opens no device"));
+  EXPECT_THAT(refusal_of(PALPATE_FORCE_DIMENSION, "peak_newton=12" + kStub),
+              HasSubstr("give peak_newton, continuous_newton"));
+}
+
+TEST(VendorPlugins, OpenHapticsHasItsOwnFrameAndEndsAForceWithItsLease) {
+  SteadyClock clock;
+  const auto device = open_plugin(
+      {.library = PALPATE_OPEN_HAPTICS, .options = "resolution_m=55e-6" + kStub}, clock, {});
+  const DeviceSpecification& specification = device->specification();
+  EXPECT_LT((specification.workspace_half_extent_m - Vector3(0.08, 0.03, 0.06)).norm(), 1e-12);
+  EXPECT_EQ(specification.peak_force_newton, 3.3);
+  EXPECT_EQ(specification.continuous_force_newton, 0.88);
+  EXPECT_FALSE(specification.has_motor_watchdog);
+  // at (1, 2, 3) mm, the middle of the workspace is at (0, 10, 0) mm
+  const Vector3 rest_m(0.001, -0.003, -0.008);
+  DeviceSample sample;
+  ASSERT_TRUE(device->read(sample));
+  EXPECT_LT((sample.hand_position_m - rest_m).norm(), 1e-12);
+  EXPECT_EQ(sample.buttons, 2U);
+
+  ASSERT_TRUE(device->apply({0.5, 0.25, -1.0}, std::chrono::hours(1), sample));
+  EXPECT_LT((sample.applied_force_newton - Vector3(0.5, 0.25, -1.0)).norm(), 1e-12);
+  const TimePoint until = clock.now() + std::chrono::seconds(20);
+  const auto moves_to = [&](const Vector3& target_m) {
+    while (device->read(sample) && (sample.hand_position_m - target_m).norm() > 1e-9) {
+      if (clock.now() > until) return false;
+    }
+    return (sample.hand_position_m - target_m).norm() <= 1e-9;
+  };
+  // the stand-in moves by 10 mm/N
+  EXPECT_TRUE(moves_to(rest_m + Vector3(0.005, 0.0025, -0.01)));
+  ASSERT_TRUE(device->apply({0, 0, 99.0}, std::chrono::milliseconds(10), sample));
+  EXPECT_NEAR(sample.applied_force_newton.z(), 3.3, 1e-12);
+  EXPECT_TRUE(moves_to(rest_m));
+}
+
+TEST(VendorPlugins, ForceDimensionHasItsOwnFrameAndEndsAForceWithItsLease) {
+  ManualClock clock;
+  const auto device = open_plugin(
+      {.library = PALPATE_FORCE_DIMENSION, .options = kForceDimensionOptions + kStub}, clock, {});
+  EXPECT_EQ(device->specification().workspace_half_extent_m, Vector3::Constant(0.05));
+  EXPECT_FALSE(device->specification().has_motor_watchdog);
+  const Vector3 rest_m(0.002, -0.001, 0.003);
+  DeviceSample sample;
+  ASSERT_TRUE(device->read(sample));
+  EXPECT_LT((sample.hand_position_m - rest_m).norm(), 1e-12);
+
+  ASSERT_TRUE(device->apply({0.5, 0.25, -1.0}, std::chrono::milliseconds(3), sample));
+  EXPECT_LT((sample.hand_position_m - rest_m - Vector3(0.005, 0.0025, -0.01)).norm(), 1e-12);
+  clock.advance(std::chrono::milliseconds(3));
+  ASSERT_TRUE(device->read(sample));
+  EXPECT_LT((sample.hand_position_m - rest_m).norm(), 1e-12);
+  ASSERT_TRUE(device->apply({0, 0, 99}, std::chrono::milliseconds(3), sample));
+  EXPECT_EQ(sample.applied_force_newton, Vector3(0, 0, 12));
 }
 
 struct PluginParts {

@@ -14,7 +14,7 @@
 #include "tests/support/alloc_guard.h"
 #include "tests/support/device_conformance.h"
 #include "tests/support/temp_folder.h"
-#include "tests/unit/device_node/hand_set_clock.h"
+#include "tests/support/wired/shared_clock.h"
 
 namespace palpate::device {
 namespace {
@@ -220,7 +220,7 @@ TEST(WoodenDriver, AnotherDeviceIsRefused) {
 TEST(WoodenDriver, SaysHowATransferFailedAndOpensAgain) {
   const auto error_of = [](WireFault kind) {
     const SteadyClock clock;
-    HandSetClock time;
+    test::SharedClock time;
     EmulatedWooden emulated(time, Vector3::Zero(),
                             {{.kind = kind, .from_s = 1.0, .length_s = 1.0}});
     WoodenConfig config = emulated.config();
@@ -248,7 +248,7 @@ TEST(WoodenDriver, SaysHowATransferFailedAndOpensAgain) {
 
 TEST(WoodenDriver, ALateAnswerWithinTheLimitIsNoFault) {
   const SteadyClock clock;
-  HandSetClock time;
+  test::SharedClock time;
   EmulatedWooden emulated(time, Vector3::Zero(),
                           {{.kind = WireFault::kDelayed, .from_s = 1.0, .length_s = 1.0}});
   const auto device = open_wooden(emulated.config(), clock, {});

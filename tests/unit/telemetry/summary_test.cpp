@@ -203,6 +203,7 @@ TEST(SummaryJson, HasTheKeysThatAreDocumented) {
                           "largest_jump_n",
                           "monitor",
                           "monitor_reductions",
+                          "has_motor_watchdog",
                           "velocity_reversals",
                           "clamp_ratio",
                           "fallbacks",

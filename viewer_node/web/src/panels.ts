@@ -225,6 +225,8 @@ export class Counters {
       ["transparency", "transparency", "rendered against requested force, over the session so far"],
       ["clamped", "clamped", "ticks in which the clamp reduced the force"],
       ["monitor", "monitor", "the device’s own check of the energy: commands that it reduced"],
+      ["watchdog", "motor watchdog", "whether the motors end a force by themselves; without it the guarantee is not available while the process is stopped"],
+      ["dead_man", "button released", "ticks without force because the dead-man button was not held"],
       ["peak", "peak-limited", "ticks reduced by the device’s own limit"],
       ["max_force", "largest", "largest force on the hand"],
       ["min_energy", "least energy", "minimum of the true energy, simulated devices only; never below −1 µJ"],
@@ -257,6 +259,8 @@ export class Counters {
       this.set("lateness", time_words(1e-9 * Number(device.loop.worstLatenessNs)));
       this.set("monitor", device.isMonitorOff ? "off" : `${count_words(device.monitorReductions)} reduced`,
         device.isMonitorOff || device.monitorReductions > 0n);
+      this.set("watchdog", device.hasNoMotorWatchdog ? "none" : "yes", device.hasNoMotorWatchdog);
+      this.set("dead_man", count_words(device.deadManTicks));
       this.set("peak", count_words(device.peakLimitedTicks));
       this.set("max_force", `${device.maxForceNewton.toFixed(2)} N`);
       const least_uj = 1e6 * device.minimumTrueEnergyJoule;

@@ -47,6 +47,8 @@ export interface DeviceTelemetry {
     nonFiniteCommands: bigint;
     isMonitorOff: boolean;
     monitorReductions: bigint;
+    hasNoMotorWatchdog: boolean;
+    deadManTicks: bigint;
   };
   recordsLost: bigint;
   sampledAtNs: bigint[];

@@ -1,0 +1,144 @@
+// Rows of palpate_faults for real devices: how long the motors go on pushing when the wire fails
+// while the hand presses (docs/devices.md#faults). The driver runs in device_node under `palpate
+// launch`; the emulator, which knows what its motors do, in this process.
+#include <gtest/gtest.h>
+
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <functional>
+#include <memory>
+#include <string>
+#include <thread>
+#include <variant>
+#include <vector>
+
+#include "common/session/session_file.h"
+#include "device_node/emulators/hapi_emulator.h"
+#include "device_node/emulators/haply_emulator.h"
+#include "tests/support/program.h"
+#include "tests/support/run_folder.h"
+
+namespace palpate::test {
+namespace {
+
+using namespace std::chrono_literals;
+using device::WireFault;
+
+constexpr double kPressedNewton = 0.3;
+constexpr double kLostJoule = 1e-6;
+/// After which the emulated motors end a force if no message comes: so long a force goes on that
+/// nothing else ends.
+constexpr Duration kMotorWatchdog = 20ms;
+
+struct WireFaultRow {
+  const char* name;
+  WireFault kind;
+  double length_s;
+  /// Documented: the motors push at most so long after the begin of the fault.
+  Duration limit;
+  bool is_fault;  ///< of the device, which a reset ends
+};
+
+// At most one message with a force follows the begin, within the watchdog's time of the last one.
+// Slow: five ticks of four transfers, each of them 5 ms late; doubled for a busy machine.
+constexpr WireFaultRow kWireFaultRows[] = {
+    {"unplugged", WireFault::kUnplugged, 0.3, 2 * kMotorWatchdog, true},
+    {"corrupt", WireFault::kGarbage, 0.3, 2 * kMotorWatchdog, true},
+    {"silent", WireFault::kSilent, 0.3, 2 * kMotorWatchdog, true},
+    {"slow", WireFault::kDelayed, 0.6, 200ms, false}};
+
+/// Always in the tissue, to and fro.
+HandConfig pressing_to_and_fro() {
+  HandConfig hand;
+  hand.path = SinusoidPath{.center_m = Vector3(0, 0, -0.012),
+                           .amplitude_m = Vector3(0, 0, 0.006),
+                           .frequency_hz = Vector3(0, 0, 0.7)};
+  return hand;
+}
+
+class DeviceFaults : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (std::getenv("PALPATE_DEVICE_FAULTS") == nullptr) {
+      GTEST_SKIP() << "takes some seconds a row: PALPATE_DEVICE_FAULTS=1";
+    }
+  }
+  /// All rows of one device.
+  /// @param setting  connects the session with the emulator
+  void run_rows(const std::string& device, device::EmulatedDevice& emulated,
+                const std::string& setting) {
+    Program launch(
+        "palpate",
+        {"launch", std::string(PALPATE_SOURCE_DIR "/deploy/sessions/") + device + ".txtpb", "--set",
+         setting, "--no-viewer"});
+    const pid_t node = std::stoi(launch.await_err("event=node_started node=device pid="));
+    int resets = 0;
+    for (const WireFaultRow& row : kWireFaultRows) {
+      SCOPED_TRACE(device + " " + row.name);
+      // a moment without force at the begin is that of a busy machine
+      device::FaultOutcome outcome;
+      constexpr int kMostAttempts = 5;
+      for (int attempt = 1; attempt <= kMostAttempts; ++attempt) {
+        ASSERT_TRUE(await([&] { return emulated.acting_newton() > kPressedNewton; }))
+            << launch.err();
+        const double begin_s = emulated.now_s();
+        emulated.plan({.kind = row.kind, .from_s = begin_s, .length_s = row.length_s});
+        ASSERT_TRUE(await([&] { return emulated.now_s() > begin_s + row.length_s; }));
+        if (row.is_fault) {
+          ++resets;
+          ASSERT_TRUE(await([&] {
+            kill(node, SIGUSR2);
+            std::this_thread::sleep_for(20ms);
+            return times_in(launch.err(), "event=device_fault_reset") >= resets;
+          })) << launch.err();
+        }
+        outcome = emulated.outcomes().back();
+        if (outcome.force_newton > kPressedNewton && outcome.pushed_for <= row.limit) break;
+      }
+      std::printf("| %s %s | %.2f N | pushed for %.1f ms (%.0f ms) | least true energy %.1f µJ |\n",
+                  device.c_str(), row.name, outcome.force_newton,
+                  1e3 * to_seconds(outcome.pushed_for), 1e3 * to_seconds(row.limit),
+                  1e6 * emulated.least_energy_joule());
+      EXPECT_GT(outcome.force_newton, kPressedNewton);
+      EXPECT_LE(outcome.pushed_for, row.limit);
+      EXPECT_GE(emulated.least_energy_joule(), -kLostJoule);
+    }
+    EXPECT_TRUE(await([&] { return emulated.acting_newton() > kPressedNewton; }))
+        << "the force does not return";
+    launch.send_signal(SIGINT);
+    EXPECT_EQ(launch.wait(), 0) << launch.err();
+  }
+
+  static int times_in(const std::string& text, const std::string& what) {
+    int times = 0;
+    for (std::size_t at = text.find(what); at != std::string::npos; at = text.find(what, at + 1)) {
+      ++times;
+    }
+    return times;
+  }
+
+  RunFolder run_folder_;
+  TempFolder folder_;
+  SteadyClock clock_;
+};
+
+TEST_F(DeviceFaults, TheForceOfAHaplyIsGoneInTime) {
+  device::EmulatedDevice emulated({}, pressing_to_and_fro(), clock_, 1, kMotorWatchdog, {});
+  device::HaplyEmulator emulator(emulated, 0);
+  const std::jthread server([&](const std::stop_token& stop) { emulator.run(stop); });
+
+  run_rows("haply", emulated, "device.haply_inverse.port=" + std::to_string(emulator.port()));
+}
+
+TEST_F(DeviceFaults, TheForceOfAHapiBoardIsGoneInTime) {
+  device::EmulatedDevice emulated({}, pressing_to_and_fro(), clock_, 1, kMotorWatchdog, {});
+  const Session session = load_session(PALPATE_SOURCE_DIR "/deploy/sessions/hapi.txtpb");
+  device::HapiEmulator emulator(emulated, std::get<HapiConfig>(session.side().driver));
+  const std::jthread server([&](const std::stop_token& stop) { emulator.run(stop); });
+
+  run_rows("hapi", emulated, "device.hapi.port=" + emulator.port());
+}
+
+}  // namespace
+}  // namespace palpate::test
