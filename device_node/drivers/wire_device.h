@@ -2,12 +2,14 @@
 // limits of the motors, the lease, release, reopening and the errors.
 #pragma once
 
+#include <algorithm>
 #include <chrono>
 #include <exception>
 #include <memory>
 #include <stdexcept>
 #include <string>
 #include <thread>
+#include <utility>
 
 #include "common/core/check.h"
 #include "common/core/clock.h"
@@ -95,8 +97,9 @@ class WireDevice : public HapticDevice {
   }
   /// The fields that every driver of a session has.
   template <class Config>
-  [[nodiscard]] static DeviceSpecification specified(std::string model_name, const Config& config) {
-    return {.model_name = std::move(model_name),
+  [[nodiscard]] static DeviceSpecification specified(const std::string& model_name,
+                                                     const Config& config) {
+    return {.model_name = model_name,
             .workspace_half_extent_m = config.workspace_half_extent_m,
             .peak_force_newton = config.limits.peak_force_newton,
             .continuous_force_newton = config.limits.continuous_force_newton,
