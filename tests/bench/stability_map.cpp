@@ -130,6 +130,7 @@ struct Grid {
 struct MapOptions {
   BenchOptions bench;
   bool has_rivals = false;
+  Shard shard;
 };
 
 Grid grid_of(const MapOptions& options) {
@@ -216,6 +217,7 @@ void run(const MapOptions& map) {
   std::optional<Steps> steps(std::in_place, ways.size() * grid.delays_ms.size() *
                                                 grid.periods_ms.size() * grid.masses_kg.size() *
                                                 grid.stiffnesses.size() * grid.dampings.size());
+  std::size_t index = 0;
   for (const Way& way : ways) {
     for (const double delay_ms : grid.delays_ms) {
       double count[3] = {0, 0, 0};
@@ -228,9 +230,10 @@ void run(const MapOptions& map) {
         for (const double mass_kg : grid.masses_kg) {
           for (const double k : grid.stiffnesses) {
             for (const double b : grid.dampings) {
+              steps->next();
+              if (!map.shard.has(index++)) continue;
               const Point point{period_ms, mass_kg, k, b, delay_ms};
               const Outcome outcome = press(point, way);
-              steps->next();
               const auto verdict = static_cast<std::size_t>(outcome.verdict);
               ++count[verdict];
               largest_m = std::max(largest_m, outcome.swing_m);
@@ -284,6 +287,7 @@ int main(int argc, char** argv) {
   palpate::bench::MapOptions options;
   app.add_flag("--rivals", options.has_rivals,
                "every controller of controllers_bench, at 1 kHz and 0.3 kg");
+  palpate::bench::add_shard_option(app, options.shard);
   return palpate::bench::run_bench(app, options.bench, argc, argv,
                                    [&] { palpate::bench::run(options); });
 }

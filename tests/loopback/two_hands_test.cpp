@@ -210,6 +210,24 @@ TEST_F(TwoHands, AViewerSeesBoth) {
                                   HasSubstr("both, left: none"), HasSubstr("both, right: none")));
 }
 
+// Stations of one session on two workstations: each physics serves its side, and is missed there
+// only.
+TEST_F(TwoHands, EachSideHasAPhysicsOfItsOwn) {
+  Program left("physics_node", {"--session", file_, "--no-realtime", "--side", "left"});
+  Program right("physics_node", {"--session", file_, "--no-realtime", "--side", "right", "--set",
+                                 "links.physics_telemetry=ipc://" + file("physics_telemetry")});
+  Program launch("palpate", {"launch", file_, "--nodes", "device,mofc"});
+  ASSERT_TRUE(watcher_->until([&] { return both_press(); })) << launch.err() << right.err();
+
+  right.send_signal(SIGKILL);
+  EXPECT_TRUE(watcher_->until([&] {
+    const auto& rows = watcher_->rows(kRight);
+    return rows.back().mofc && rows.back().mofc->state == MofcState::kNoPhysics && presses(kLeft);
+  }));
+  launch.send_signal(SIGTERM);
+  EXPECT_EQ(launch.wait(), 0);
+}
+
 TEST_F(TwoHands, ANodeNeedsItsSide) {
   const Outcome unnamed = run_program("device_node", {"--session", file_});
   EXPECT_EQ(unnamed.status, 2);
@@ -217,6 +235,9 @@ TEST_F(TwoHands, ANodeNeedsItsSide) {
   const Outcome unknown = run_program("mofc_node", {"--session", file_, "--side", "up"});
   EXPECT_EQ(unknown.status, 2);
   EXPECT_THAT(unknown.err, AllOf(HasSubstr("--side up"), HasSubstr("left, right")));
+  const Outcome elsewhere = run_program("physics_node", {"--session", file_, "--side", "up"});
+  EXPECT_EQ(elsewhere.status, 2);
+  EXPECT_THAT(elsewhere.err, AllOf(HasSubstr("--side up"), HasSubstr("left, right")));
   const Outcome recorded = run_program("palpate", {"loopback", file_, "--record", file("x.mcap")});
   EXPECT_EQ(recorded.status, 2);
   EXPECT_THAT(recorded.err, HasSubstr("give --side NAME"));

@@ -78,7 +78,9 @@ double Summary::transparency_percent() const {
 
 double Summary::clamped_percent() const { return mean_percent(clamped_sum, clamped_runs); }
 
-void run_rows(std::vector<AdverseRow>& rows, int seeds) {
+void run_rows(std::vector<AdverseRow>& rows, int seeds, const Shard& shard) {
+  std::size_t row = 0;
+  std::erase_if(rows, [&](const AdverseRow&) { return !shard.has(row++); });
   in_parallel(rows.size(), [&](std::size_t i) {
     for (int seed = 1; seed <= seeds; ++seed) {
       rows[i].summary.add(test::run_adverse(rows[i].run, static_cast<std::uint64_t>(seed)));

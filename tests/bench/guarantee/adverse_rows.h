@@ -73,8 +73,8 @@ struct AdverseRow {
   Summary summary = {};
 };
 
-/// Runs seeds 1 … `seeds` of every row.
-void run_rows(std::vector<AdverseRow>& rows, int seeds);
+/// Keeps the rows of `shard` and runs seeds 1 … `seeds` of each.
+void run_rows(std::vector<AdverseRow>& rows, int seeds, const Shard& shard);
 
 /// Label, friction, the variant's cells; then seeds, negative runs, least energy and peak; then
 /// `more_cells`. A gap before each other label.

@@ -123,7 +123,8 @@ std::vector<Adversity> adversities() {
 
 }  // namespace
 
-Table adversity_table(int seeds, const std::vector<std::string>& more_overrides) {
+Table adversity_table(int seeds, const std::vector<std::string>& more_overrides,
+                      const Shard& shard) {
   std::vector<AdverseRow> rows;
   for (const Adversity& adversity : adversities()) {
     for (const Friction& friction : kFrictions) {
@@ -141,7 +142,7 @@ Table adversity_table(int seeds, const std::vector<std::string>& more_overrides)
       }
     }
   }
-  run_rows(rows, seeds);
+  run_rows(rows, seeds, shard);
   return table_of(rows, "adversity", {{"physics_hz", "physics Hz", ""}, {"mode", "mode", ""}},
                   {{"largest_jump_n", "jump N", "{:.2f}"},
                    {"longest_fallback_ms", "fallback ms", "{:.1f}"},

@@ -15,6 +15,7 @@ struct GuaranteeOptions {
   BenchOptions bench;
   std::vector<std::string> overrides;  // of every session
   std::string only;  // adversity, monitor, history, devices or the first three ("")
+  Shard shard;
 };
 
 void run(const GuaranteeOptions& options) {
@@ -24,7 +25,8 @@ void run(const GuaranteeOptions& options) {
     return options.only.empty() || options.only == table;
   };
   if (is_wanted("adversity")) {
-    const Table adversity = adversity_table(bench.is_quick ? 3 : 50, options.overrides);
+    const Table adversity =
+        adversity_table(bench.is_quick ? 3 : 50, options.overrides, options.shard);
     std::printf(
         "%s\nEach run: 2 s, device at 1 kHz, a hand that tries to extract energy, 0.3 m/s at most "
         "unless stated."
@@ -43,7 +45,7 @@ void run(const GuaranteeOptions& options) {
     json["adversity"] = adversity.json();
   }
   if (is_wanted("monitor")) {
-    const Table monitor = monitor_table(bench.is_quick ? 5 : 50, options.overrides);
+    const Table monitor = monitor_table(bench.is_quick ? 5 : 50, options.overrides, options.shard);
     std::printf(
         "\n%s\nMode guard, physics that pushes along the motion or changes its law; else as "
         "above."
@@ -71,7 +73,7 @@ void run(const GuaranteeOptions& options) {
     json["devices"] = devices.json();
   }
   if (is_wanted("history")) {
-    const Table history = history_table(bench.is_quick, options.overrides);
+    const Table history = history_table(bench.is_quick, options.overrides, options.shard);
     std::printf(
         "\n%s\nThe paper's tissues after t_free of free motion; means over the phases of the "
         "physics "
@@ -98,6 +100,7 @@ int main(int argc, char** argv) {
                  "one of the tables; devices is computed only if named here")
       ->check(CLI::IsMember({"adversity", "monitor", "history", "devices"}));
   app.add_option("--set", options.overrides, "path=value: overrides a field of every session");
+  palpate::bench::add_shard_option(app, options.shard);
   return palpate::bench::run_bench(app, options.bench, argc, argv,
                                    [&] { palpate::bench::run(options); });
 }

@@ -10,11 +10,14 @@ namespace palpate::bench {
 
 /// Every controller mode against every adversity, friction and rate of physics.
 /// @param more_overrides  of every session
-[[nodiscard]] Table adversity_table(int seeds, const std::vector<std::string>& more_overrides);
+/// @param shard  of the rows
+[[nodiscard]] Table adversity_table(int seeds, const std::vector<std::string>& more_overrides,
+                                    const Shard& shard);
 
 /// Clamps that lie, without and with the monitor; friction that the profile overestimates, without
 /// and with a hands-off check at the start. Mode guard, physics at 1 kHz.
-[[nodiscard]] Table monitor_table(int seeds, const std::vector<std::string>& more_overrides);
+[[nodiscard]] Table monitor_table(int seeds, const std::vector<std::string>& more_overrides,
+                                  const Shard& shard);
 
 /// The adversities within the assumptions, in mode guard, with the device behind the wire of each
 /// driver of a real device that has an emulator, and with the plain simulated device of the same
@@ -30,6 +33,8 @@ namespace palpate::bench {
 /// clamp at 1 kHz, physics at 50 Hz, with its contact model or its held force; and all at 50 Hz.
 /// The V begins at many phases of the physics, because one tick earlier or later already changes
 /// the chatter: the remaining difference between the means is the influence of the past.
-[[nodiscard]] Table history_table(bool is_quick, const std::vector<std::string>& more_overrides);
+/// @param shard  of the groups of rows that share their t_free = 0
+[[nodiscard]] Table history_table(bool is_quick, const std::vector<std::string>& more_overrides,
+                                  const Shard& shard);
 
 }  // namespace palpate::bench

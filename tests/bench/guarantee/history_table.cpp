@@ -20,7 +20,8 @@ constexpr double kVSeconds = 3.0;
 
 }  // namespace
 
-Table history_table(bool is_quick, const std::vector<std::string>& more_overrides) {
+Table history_table(bool is_quick, const std::vector<std::string>& more_overrides,
+                    const Shard& shard) {
   constexpr std::size_t kLongPhases = 4;  // after 600 s
   constexpr std::size_t kPhases = 20;
   constexpr double kPhysicsPeriodSeconds = 0.02;
@@ -50,9 +51,11 @@ Table history_table(bool is_quick, const std::vector<std::string>& more_override
     std::vector<RunStatistics> runs;
   };
   std::vector<Row> rows;
+  std::size_t group = 0;
   for (const Rates& rates : kRates) {
     for (const Tissue& tissue : kTissues) {
       for (const Mode* mode : {&kPaper, &kGuard}) {
+        if (!shard.has(group++)) continue;
         for (const double free_s : {0.0, 14.0, 40.0, 600.0}) {
           const bool is_long = free_s > 100.0;
           const std::size_t phases = (is_long ? kLongPhases : kPhases) / rates.fewer;

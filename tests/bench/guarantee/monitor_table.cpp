@@ -15,7 +15,7 @@ namespace palpate::bench {
 
 using test::AdverseRun;
 
-Table monitor_table(int seeds, const std::vector<std::string>& more_overrides) {
+Table monitor_table(int seeds, const std::vector<std::string>& more_overrides, const Shard& shard) {
   struct Lie {
     const char* label;
     const char* clamp;
@@ -60,7 +60,7 @@ Table monitor_table(int seeds, const std::vector<std::string>& more_overrides) {
       add(label, friction, factor, "monitor, hands-off check", checked);
     }
   }
-  run_rows(rows, seeds);
+  run_rows(rows, seeds, shard);
   return table_of(rows, "case", {{"protection", "beside the clamp", ""}},
                   {{"transparency_percent", "transp. %", "{:.2f}"},
                    {"monitor_reductions", "reduced", "{:.0f}"}},

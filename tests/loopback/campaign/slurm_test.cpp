@@ -1,5 +1,5 @@
 // `palpate sweep --slurm` with a Slurm of one node, started and stopped by the test: the table is
-// that of a local run, also if a task, slurmd and slurmctld are killed in the middle.
+// that of a local run, also if a task and slurmctld are killed in the middle and the node is lost.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -34,6 +34,14 @@ std::string own_host() {
   return host.substr(0, host.find('.'));
 }
 
+pid_t parent_of(pid_t process) {
+  std::ifstream in("/proc/" + std::to_string(process) + "/stat");
+  std::string field;
+  pid_t parent = 0;
+  in >> field >> field >> field >> parent;  // number (name) state parent
+  return parent;
+}
+
 std::pair<std::string, std::string> free_ports() {
   const test::HeldPort first;
   const test::HeldPort second;
@@ -49,7 +57,7 @@ class Slurm {
   /// Why Slurm cannot run here; empty: it can.
   static std::string obstacle() {
     for (const char* program : {"/usr/sbin/munged", "/usr/sbin/slurmctld", "/usr/sbin/slurmd",
-                                "/usr/bin/sbatch", "/usr/bin/squeue"}) {
+                                "/usr/bin/sbatch", "/usr/bin/squeue", "/usr/bin/scontrol"}) {
       if (!fs::exists(program)) return std::string(program) + " is not installed (slurm-wlm)";
     }
     if (::geteuid() != 0) return "slurmd needs root";
@@ -69,6 +77,7 @@ class Slurm {
     std::ofstream(folder_ / "slurm.conf")
         << "ClusterName=t\nSlurmctldHost=" << host << "(127.0.0.1)\nSlurmUser=root\n"
         << "AuthType=auth/munge\nCredType=cred/munge\nAuthInfo=socket=" << file("munge.socket")
+        << ",cred_expire=5"  // how long a requeued task waits
         << "\nStateSaveLocation=" << file("state") << "\nSlurmdSpoolDir=" << file("spool")
         << "\nSlurmctldPidFile=" << file("ctld.pid") << "\nSlurmdPidFile=" << file("d.pid")
         << "\nSlurmctldPort=" << first_port << "\nSlurmdPort=" << second_port
@@ -98,9 +107,19 @@ class Slurm {
     controller_->send_signal(SIGKILL);
     controller_->wait();
   }
-  void kill_node() {
+  /// The node with all that runs on it, as its controller finds out.
+  void lose_node(const std::vector<pid_t>& tasks) {
     node_->send_signal(SIGKILL);
     node_->wait();
+    for (const pid_t task : tasks) {
+      ::kill(parent_of(task), SIGKILL);  // slurmstepd
+      ::kill(task, SIGKILL);
+    }
+    EXPECT_TRUE(test::await([] {
+      return run_program("/usr/bin/scontrol",
+                         {"update", "NodeName=" + own_host(), "State=DOWN", "Reason=lost"})
+                 .status == 0;
+    }));
   }
   void start_controller() {
     controller_.emplace("/usr/sbin/slurmctld",
@@ -130,7 +149,9 @@ std::vector<pid_t> tasks_of(const std::string& folder) {
   for (const auto& entry : fs::directory_iterator("/proc")) {
     const std::string name = entry.path().filename();
     if (name.find_first_not_of("0123456789") != std::string::npos) continue;
-    const std::string command = text_of(entry.path() / "cmdline");
+    std::string command;
+    std::ifstream in(entry.path() / "cmdline");
+    std::getline(in, command, '\n');  // a process may end meanwhile: nothing is read
     if (command.find(folder) != std::string::npos && command.find("--share") != std::string::npos &&
         command.find("sweep.sbatch") == std::string::npos) {
       tasks.push_back(std::stoi(name));
@@ -150,21 +171,26 @@ TEST_F(SlurmSweep, GivesTheTableOfALocalRunWhateverIsKilledInTheMiddle) {
   ASSERT_TRUE(slurm.is_ready()) << slurm.messages();
 
   Program collector("palpate", arguments_of("cluster", {"--slurm", "--workers", "2"}));
-  const auto lines_reach = [&](int lines) {
-    return test::await([&] { return logged_lines(path("cluster")) >= lines; });
-  };
-  ASSERT_TRUE(lines_reach(10)) << collector.err() << slurm.messages();
-  const std::vector<pid_t> tasks = tasks_of(path("cluster"));
-  for (const pid_t task : tasks) ::kill(task, SIGSTOP);
-  slurm.kill_controller();
-  if (!tasks.empty()) ::kill(tasks.front(), SIGKILL);
-  for (const pid_t task : tasks) ::kill(task, SIGCONT);
-  slurm.start_controller();
-  slurm.kill_node();
+  std::vector<pid_t> tasks;
+  ASSERT_TRUE(test::await([&] {
+    tasks = tasks_of(path("cluster"));
+    for (const pid_t task : tasks) ::kill(task, SIGSTOP);
+    return tasks.size() == 2;
+  })) << collector.err()
+      << slurm.messages();
+  ::kill(tasks[0], SIGCONT);
+  ASSERT_TRUE(test::await([&] { return logged_lines(path("cluster")) >= 10; }));
+  ::kill(tasks[0], SIGKILL);
+  slurm.lose_node({tasks[1]});
+  EXPECT_TRUE(test::await([] {  // requeued
+    return run_program("/usr/bin/scontrol", {"show", "jobs"}).out.find("Restarts=1") !=
+           std::string::npos;
+  }));
   slurm.start_node();
+  slurm.kill_controller();
+  slurm.start_controller();
 
   EXPECT_EQ(collector.wait(std::chrono::seconds(100)), 0) << collector.err() << slurm.messages();
-  EXPECT_FALSE(tasks.empty());
   EXPECT_THAT(collector.err(), HasSubstr("submitted Slurm job"));
   EXPECT_EQ(text_of(path("cluster.csv")), undisturbed());
 }

@@ -179,10 +179,11 @@ TEST_F(MetricsOfTwoHands, EveryLineIsWellFormedAndBelongsToTheHeadAboveIt) {
   expect_well_formed();
 }
 
+constexpr const char* kNoPromtool = "promtool is not installed (Debian's prometheus)";
+bool has_promtool() { return std::system("command -v promtool >/dev/null") == 0; }
+
 void MetricsTextTest::expect_promtool_accepts() const {
-  if (std::system("command -v promtool >/dev/null") != 0) {
-    GTEST_SKIP() << "promtool is not installed (Debian's prometheus)";
-  }
+  if (!has_promtool()) GTEST_SKIP() << kNoPromtool;
   const test::TempFolder folder;
   const std::string file = folder.write("metrics", text());
   EXPECT_EQ(std::system(("promtool check metrics < " + file).c_str()), 0);
@@ -197,6 +198,13 @@ TEST_F(MetricsOfTwoHands, PromtoolAcceptsIt) {
   take_all(0);
   take_all(1);
   expect_promtool_accepts();
+}
+
+TEST(PrometheusFiles, PromtoolAcceptsConfigurationAndAlertRules) {
+  if (!has_promtool()) GTEST_SKIP() << kNoPromtool;
+  EXPECT_EQ(
+      std::system("promtool check config " PALPATE_SOURCE_DIR "/deploy/prometheus/prometheus.yml"),
+      0);
 }
 
 }  // namespace
