@@ -202,6 +202,13 @@ page_test("displacement colours the dent by its depth", {}, async (page) => {
   await until_text(page, "ramp-high", /^10$/);
   await page.getByRole("radio", { name: "Stiffness" }).click();
   await until(page, (t) => t.scale.low === 250 && t.scale.high === 1500, "the scale of both tissues");
+
+  // offered once an elastic body reports it; 0.7 at the deepest place
+  assert.equal(await page.getByRole("radio", { name: "Strain" }).count(), 0);
+  server.world.has_strain = true;
+  await page.getByRole("radio", { name: "Strain" }).click();
+  await until(page, (t) => t.mode === "strain" && t.scale.high === 1, "a scale of 100 %");
+  await until_text(page, "ramp-high", /^100$/);
 });
 
 page_test("a drag on the tool moves the hand, the wheel in depth, and the force is displayed", {}, async (page) => {

@@ -108,6 +108,7 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
     is_still: false, // the tool rests where it is
     dent: null, // where the tissue is deformed, if not at the tool
     offset: null, // of the block as a whole
+    has_strain: false, // the block is an elastic body
     orientation: null, // w, x, y, z of the tool, if it is turned
     targets: [], // every HandTarget received
     changes: [], // every TissueChange received
@@ -166,6 +167,8 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
     return encode("palpate.v1.MeshFrame", {
       header: { protocolMajor: 1, sessionId: kSessions.physics, sequence: 0n, sampledAtNs: 0n },
       sceneRevision: world.revision, tissue: 0, firstVertex: 0, verticesM: bytes_of(v.subarray(0, 3 * block.top)), deviceSequence: tick,
+      // of an elastic body: a tenth per millimetre of the dent
+      ...(world.has_strain ? { vertexStrain: bytes_of(Float32Array.from({ length: block.top }, (_, i) => 100 * (block.vertices[3 * i + 2] - v[3 * i + 2]))) } : {}),
       ...(world.offset ? { displacementWorldM: world.offset } : {}),
     });
   }

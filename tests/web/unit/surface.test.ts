@@ -25,7 +25,7 @@ function square(more: Partial<TissueSurface> = {}): TissueSurface {
 function frame(firstVertex: number, vertices: number[]): MeshFrame {
   return {
     header: { sessionId: 1n, sequence: 0n, sampledAtNs: 0n }, sceneRevision: 1n, tissue: 0, firstVertex,
-    verticesM: misaligned(Float32Array.from(vertices)), deviceSequence: 0n,
+    verticesM: misaligned(Float32Array.from(vertices)), vertexStrain: new Uint8Array(), deviceSequence: 0n,
   };
 }
 
@@ -70,6 +70,23 @@ test("a frame beyond the surface is refused and changes nothing", () => {
   assert.equal(surface.take({ ...frame(3, [0, 0, 9, 0, 0, 9]), displacementWorldM: { x: 1, y: 0, z: 0 } }), false);
   assert.deepEqual(surface.offset_m, { x: 0, y: 0, z: 0 });
   assert.deepEqual([...surface.position], [...surface.rest]);
+});
+
+test("the strain of an elastic body is that of its frames", () => {
+  const surface = new Surface(square());
+  assert.equal(surface.strain, null);
+  assert.equal(surface.max_strain, 0);
+
+  const strained = { ...frame(1, [1, 0, -0.3, 1, 1, -0.4]), vertexStrain: misaligned(Float32Array.of(0.125, 0.5)) };
+  assert.ok(surface.take(strained));
+  assert.deepEqual([...surface.strain!], [0, 0.125, 0.5, 0]);
+  assert.equal(surface.max_strain, 0.5);
+  assert.ok(surface.take(frame(0, [0, 0, 0]))); // without: as before
+  assert.equal(surface.max_strain, 0.5);
+
+  // one value for two vertices
+  assert.equal(surface.take({ ...strained, vertexStrain: misaligned(Float32Array.of(0.25)) }), false);
+  assert.equal(surface.max_strain, 0.5);
 });
 
 test("broken arrays are refused with the tissue’s name", () => {

@@ -10,6 +10,7 @@ export function tissue_colour(index: number): string {
 const kScales = {
   stiffness: ["#e4e9df", "#a9cdbf", "#62a5ac", "#2f7596", "#24437a", "#1d1c4b"],
   displacement: ["#ece2d6", "#f3c689", "#ea8f5a", "#cc5350", "#8e2a5b", "#471457"],
+  strain: ["#e6e4ee", "#c3b9e0", "#a184cf", "#8550b0", "#63287f", "#3a0f4c"],
 };
 export type ScaleName = keyof typeof kScales;
 

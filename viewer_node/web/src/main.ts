@@ -169,6 +169,7 @@ function take_mesh(frame: MeshFrame): void {
   }
   const begin = performance.now();
   if (!surfaces[frame.tissue]?.take(frame)) throw new Error(`mesh frame does not fit tissue ${frame.tissue}`);
+  if (surfaces[frame.tissue].strain) strain_choice.hidden = false;
   if (!is_paused) view.update(frame.tissue, frame.verticesM.length > 0);
   mesh_frames += 1;
   mesh_cost_s = 1e-3 * (performance.now() - begin);
@@ -184,12 +185,14 @@ segments<ForceAxis>(force_axis, [["norm", "|F|"], ["x", "x"], ["y", "y"], ["z", 
   plots.set_force_axis(axis);
   plots_due_s = 0;
 });
-segments<ColourMode>(by_id("colours"), [["material", "Material"], ["stiffness", "Stiffness"], ["displacement", "Displacement"]], mode, (value) => {
+segments<ColourMode>(by_id("colours"), [["material", "Material"], ["stiffness", "Stiffness"], ["displacement", "Displacement"], ["strain", "Strain"]], mode, (value) => {
   mode = value;
   view.colour(mode);
   write_tissues(surfaces, mode);
   write_scale(view, mode);
 });
+const strain_choice = by_id("colours").querySelector<HTMLButtonElement>("[data-value=strain]")!;
+strain_choice.hidden = true; // until an elastic body reports it
 
 function set_tools(): void {
   [...sides.values()].forEach((one, index) => {
@@ -330,7 +333,7 @@ function say(now_s: number): void {
   write(by_id("announcement"), is_waiting ? "" : announcement(telemetry, is_connected(), hand.status, now_s));
   write_hand(hand.status, hand.is_touching);
   counters.write(telemetry);
-  if (mode === "displacement") write_scale(view, mode);
+  if (mode === "displacement" || mode === "strain") write_scale(view, mode);
 }
 
 /** Failures of every side, whichever is on display. */

@@ -33,11 +33,12 @@ export function segments<T extends string | number>(
   };
   element.addEventListener("keydown", (event) => {
     const step = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 }[event.key];
-    const at = buttons.indexOf(document.activeElement as HTMLButtonElement);
+    const shown = buttons.filter((button) => !button.hidden);
+    const at = shown.indexOf(document.activeElement as HTMLButtonElement);
     if (!step || at < 0) return;
     event.preventDefault();
     event.stopPropagation();
-    const next = buttons[(at + step + buttons.length) % buttons.length];
+    const next = shown[(at + step + shown.length) % shown.length];
     next.focus();
     next.click();
   });
@@ -139,18 +140,25 @@ export function write_tissues(surfaces: Surface[], mode: ColourMode): void {
   list.hidden = mode !== "material";
 }
 
+const kRamps = {
+  stiffness: { title: "Local stiffness, N/m", per_unit: 1 },
+  displacement: { title: "Displacement, mm", per_unit: 1e3 },
+  strain: { title: "Equivalent strain, %", per_unit: 100 },
+};
+
 export function write_scale(view: SceneView, mode: ColourMode): void {
   const ramp = by_id("ramp");
   ramp.hidden = mode === "material";
   if (mode === "material") return;
-  write(by_id("ramp-title"), mode === "stiffness" ? "Local stiffness, N/m" : "Displacement, mm");
+  const { title, per_unit } = kRamps[mode];
+  write(by_id("ramp-title"), title);
   const gradient = css_gradient(mode);
   const bar = ramp.querySelector("i")!;
   if (bar.dataset.mode !== mode) {
     bar.style.background = gradient;
     bar.dataset.mode = mode;
   }
-  const figure = (value: number) => Number(((mode === "stiffness" ? 1 : 1e3) * value).toPrecision(3)).toString();
+  const figure = (value: number) => Number((per_unit * value).toPrecision(3)).toString();
   write(by_id("ramp-low"), figure(view.scale_low));
   write(by_id("ramp-high"), figure(view.scale_high));
 }

@@ -32,7 +32,7 @@ export class SceneView {
   frame_cost_s = 0;
   /** Length of an arrow of 1 N. */
   arrow_m_per_newton = 0.01;
-  /** Limits of the colour scale: metres or N/m; 0 without a scale. */
+  /** Limits of the colour scale: metres, N/m or strain; 0 without a scale. */
   scale_low = 0;
   scale_high = 0;
   on_camera: () => void = () => {};
@@ -55,7 +55,7 @@ export class SceneView {
   private theme: Theme | null = null;
 
   private readonly tables = {
-    stiffness: linear_table("stiffness"), displacement: linear_table("displacement"),
+    stiffness: linear_table("stiffness"), displacement: linear_table("displacement"), strain: linear_table("strain"),
   };
   private readonly bounds = new Box3();
   private readonly centre = new V3();
@@ -65,7 +65,7 @@ export class SceneView {
   private is_urgent = true; // draw at once: the user moves the view or the hand
   private drawn_ms = -Infinity;
   private is_framed = false;
-  private recent_displacement_m = 0;
+  private recent_largest = 0; // displacement or strain
   private recent_ms = 0;
   // scratch
   private readonly a = new V3();
@@ -134,17 +134,18 @@ export class SceneView {
     if (!has_vertices) return;
     one.geometry.attributes.position.needsUpdate = true;
     if (!one.surface.is_points) one.geometry.attributes.normal.needsUpdate = true;
-    if (this.mode === "displacement") {
-      if (this.displacement_scale() !== this.scale_high) this.colour(this.mode);
+    if (this.mode === "displacement" || this.mode === "strain") {
+      if (this.moving_scale(this.mode) !== this.scale_high) this.colour(this.mode);
       else this.colour_one(one, index);
     }
   }
 
   colour(mode: ColourMode): void {
+    if (mode !== this.mode) this.recent_largest = 0;
     this.mode = mode;
     this.scale_low = this.scale_high = 0;
-    if (mode === "displacement") {
-      this.scale_high = this.displacement_scale();
+    if (mode === "displacement" || mode === "strain") {
+      this.scale_high = this.moving_scale(mode);
     } else if (mode === "stiffness") {
       this.scale_low = Infinity;
       for (const { surface } of this.drawn) {
@@ -331,17 +332,19 @@ export class SceneView {
   }
 
   // Grows at once and shrinks slowly; never finer than 1 mm, so that rest looks like rest.
-  private displacement_scale(): number {
+  private moving_scale(mode: "displacement" | "strain"): number {
     const now_ms = performance.now();
-    this.recent_displacement_m *= Math.exp((this.recent_ms - now_ms) / kScaleMemory_ms);
+    this.recent_largest *= Math.exp((this.recent_ms - now_ms) / kScaleMemory_ms);
     this.recent_ms = now_ms;
-    for (const { surface } of this.drawn) this.recent_displacement_m = Math.max(this.recent_displacement_m, surface.max_displacement_m);
-    return round_up(Math.max(1e-3, this.recent_displacement_m));
+    for (const { surface } of this.drawn) {
+      this.recent_largest = Math.max(this.recent_largest, mode === "strain" ? surface.max_strain : surface.max_displacement_m);
+    }
+    return round_up(Math.max(mode === "strain" ? 0.01 : 1e-3, this.recent_largest));
   }
 
   private colour_one(one: Drawn, index: number): void {
     const { surface, colour, geometry } = one;
-    if (this.mode === "material") {
+    if (this.mode === "material" || (this.mode === "strain" && !surface.strain)) {
       const { r, g, b } = new Color(tissue_colour(index));
       for (let i = 0; i < colour.length; i += 3) {
         colour[i] = r;
@@ -351,7 +354,7 @@ export class SceneView {
     } else {
       const is_stiffness = this.mode === "stiffness";
       const table = this.tables[this.mode];
-      const values = is_stiffness ? surface.stiffness : surface.displacement_m;
+      const values = is_stiffness ? surface.stiffness : this.mode === "strain" ? surface.strain! : surface.displacement_m;
       // stiffness of tissues spans decades
       const low = is_stiffness ? Math.log(Math.max(this.scale_low, 1e-3)) : 0;
       const high = is_stiffness ? Math.log(Math.max(this.scale_high, 1e-3)) : this.scale_high;

@@ -2,7 +2,7 @@
 // arrays, filled in place: a mesh frame of 20 000 vertices allocates nothing. No three.js.
 import type { MeshFrame, TissueSurface, Vector3 } from "./wire";
 
-export type ColourMode = "material" | "stiffness" | "displacement";
+export type ColourMode = "material" | "stiffness" | "displacement" | "strain";
 
 export class Surface {
   readonly name: string;
@@ -20,6 +20,8 @@ export class Surface {
   /** Of the current shape. */
   max_displacement_m = 0;
   readonly displacement_m: Float32Array;
+  /** Equivalent strain per vertex of an elastic body, ≥ 0; null until a frame has one. */
+  strain: Float32Array | null = null;
 
   constructor(tissue: TissueSurface) {
     this.name = tissue.name;
@@ -42,6 +44,12 @@ export class Surface {
     this.compute_normals();
   }
 
+  get max_strain(): number {
+    let largest = 0;
+    for (const strain of this.strain ?? []) if (strain > largest) largest = strain;
+    return largest;
+  }
+
   get is_points(): boolean {
     return this.triangles.length === 0;
   }
@@ -51,12 +59,17 @@ export class Surface {
     const bytes = frame.verticesM;
     const first = 12 * frame.firstVertex;
     if (bytes.length % 12 !== 0 || first + bytes.length > this.position.byteLength) return false;
+    if (frame.vertexStrain.length !== 0 && 3 * frame.vertexStrain.length !== bytes.length) return false;
     this.offset_m = frame.displacementWorldM ?? { x: 0, y: 0, z: 0 };
     if (bytes.length === 0) return true;
     // the payload is not aligned: copy the bytes, then view them as floats
     new Uint8Array(this.position.buffer).set(bytes, first);
     this.measure_displacement(frame.firstVertex, frame.firstVertex + bytes.length / 12);
     this.compute_normals();
+    if (frame.vertexStrain.length !== 0) {
+      this.strain ??= new Float32Array(this.vertex_count);
+      new Uint8Array(this.strain.buffer).set(frame.vertexStrain, 4 * frame.firstVertex);
+    }
     return true;
   }
 

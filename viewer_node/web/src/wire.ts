@@ -151,6 +151,7 @@ export interface MeshFrame {
   tissue: number;
   firstVertex: number;
   verticesM: Uint8Array;
+  vertexStrain: Uint8Array; // empty: none
   deviceSequence: bigint;
   displacementWorldM?: Vector3;
 }
