@@ -7,6 +7,7 @@ install(TARGETS palpate device_node mofc_node device_mofc_node physics_node view
 install(DIRECTORY deploy/campaigns deploy/sessions proto DESTINATION ${CMAKE_INSTALL_DATADIR}/palpate
         FILES_MATCHING PATTERN "*.txtpb" PATTERN "*.proto" PATTERN "organ.*"
         PATTERN "engines" EXCLUDE)
+install(DIRECTORY deploy/audience DESTINATION ${CMAKE_INSTALL_DATADIR}/palpate USE_SOURCE_PERMISSIONS)
 install(FILES README.md CHANGELOG.md DESTINATION ${CMAKE_INSTALL_DOCDIR})
 install(DIRECTORY docs/ DESTINATION ${CMAKE_INSTALL_DOCDIR}/docs)
 install(FILES deploy/README.md DESTINATION ${CMAKE_INSTALL_DOCDIR}/deploy)

@@ -4,6 +4,7 @@
 #include "common/link/plot_sender.h"
 #include "common/process/options.h"
 #include "viewer_node/process.h"
+#include "viewer_node/server/web_limits.h"
 
 int main(int argc, char** argv) {
   palpate::viewer::ViewerOptions options;
@@ -53,12 +54,33 @@ int main(int argc, char** argv) {
                             "numeric address of a reverse proxy: no limit on its connections")
                  ->type_name("ADDRESS")
                  ->allow_extra_args(false);
+             app.add_option("--audience", web.audience,
+                            "serve at most N clients that only watch, each as fast as it reads: "
+                            "the newest state, positions in steps of 0.05 mm")
+                 ->type_name("N")
+                 ->check(CLI::Range(std::size_t{1}, palpate::viewer::kMaxAudience));
+             app.add_option("--audience-rate", web.audience_rate_hz,
+                            "updates of each client of the audience, at most (default: 10)")
+                 ->type_name("HZ")
+                 ->check(CLI::Range(0.1, 30.0));
+             app.add_option("--publish", options.publish,
+                            "be a relay: pass all telemetry on at this endpoint, e.g. "
+                            "tcp://0.0.0.0:5570, to any number of viewers with --follow")
+                 ->type_name("ENDPOINT");
+             app.add_option(
+                    "--follow", options.follow,
+                    "take the telemetry from the relay at this endpoint instead of the nodes")
+                 ->type_name("ENDPOINT");
            }},
       [&](palpate::NodeContext& context) {
+        using palpate::KeyRole;
+        const auto& security = context.session.security;
+        const KeyRole own = options.follow.empty() ? KeyRole::kViewer : KeyRole::kAudience;
         palpate::ProcessLinks links(
             {.priority = 0, .cpu = -1},
-            palpate::tcp_rules(context.session.security, {palpate::KeyRole::kViewer},
-                               {palpate::KeyRole::kPointer}));
+            options.publish.empty()
+                ? palpate::tcp_rules(security, {own}, {KeyRole::kPointer})
+                : palpate::tcp_rules(security, {own, KeyRole::kRelay}, {KeyRole::kPointer}));
         palpate::viewer::run_process(context, links, options);
       });
 }

@@ -15,6 +15,7 @@
 #include "common/process/terminal.h"
 #include "common/session/session_file.h"
 #include "common/telemetry/csv_writer.h"
+#include "viewer_node/audience/relay.h"
 #include "viewer_node/feed/status_line.h"
 
 namespace palpate::viewer {
@@ -47,7 +48,8 @@ bool print_status(const Session& session, std::span<const TelemetryMirror> mirro
   return std::fflush(stdout) == 0;
 }
 
-std::vector<Attachment> telemetry_of(const Session& session) {
+std::vector<Attachment> telemetry_of(const Session& session, const std::string& relay) {
+  if (!relay.empty()) return {connect_to(relay, std::string(kRelayLink))};
   std::vector<Attachment> attachments;
   for (const Side& side : session.sides) {
     attachments.push_back(connect_to(side.links.device_telemetry, "links.device_telemetry"));
@@ -103,8 +105,9 @@ class Plot {
 
 }  // namespace
 
-TelemetryFeed::TelemetryFeed(const Session& session, const Clock& clock, ProcessLinks& links)
-    : subscriber_(links.side, clock, telemetry_of(session)) {
+TelemetryFeed::TelemetryFeed(const Session& session, const Clock& clock, ProcessLinks& links,
+                             const std::string& relay)
+    : subscriber_(links.side, clock, telemetry_of(session, relay)) {
   for (const Side& side : session.sides) sides_.push_back(side.name);
 }
 
@@ -156,7 +159,12 @@ void run_process(NodeContext& context, ProcessLinks& links, const ViewerOptions&
     }
   };
 
-  TelemetryFeed feed(context.session, context.clock, links);
+  TelemetryFeed feed(context.session, context.clock, links, options.follow);
+  std::optional<Relay> relay;
+  if (!options.publish.empty()) {
+    relay.emplace(links.side, options.publish, feed.subscriber());
+    context.log.info("event=relay endpoint={}", relay->endpoint());
+  }
   bool has_lost_recording = false;
   std::optional<Recording> recording;
   if (!options.record.file.empty()) {
@@ -174,6 +182,7 @@ void run_process(NodeContext& context, ProcessLinks& links, const ViewerOptions&
     web.emplace(context, links, options.web, feed.subscriber(), mirrors);
   }
   feed.on_message = [&](const TelemetryMessage& message, std::span<const std::byte> payload) {
+    if (relay) relay->take(message, payload);
     if (recording) recording->take(message, payload);
     if (web) web->take(message, payload);
   };
@@ -182,9 +191,10 @@ void run_process(NodeContext& context, ProcessLinks& links, const ViewerOptions&
   bool is_quiet = options.is_quiet;
   TimePoint next_status = context.clock.now() + context.session.viewer.status_interval;
   while (!context.stop.stop_requested()) {
-    const Duration interval = web ? kWebPumpInterval : kPumpInterval;
+    const Duration interval = web || relay ? kWebPumpInterval : kPumpInterval;
     feed.pump(mirrors, std::min(context.clock.now() + interval, next_status));
     const TimePoint now = context.clock.now();
+    if (relay) relay->pump();
     if (web) web->pump(now);
     refused_peers.note(now);
     heap.note(now);

@@ -23,12 +23,16 @@ struct ViewerOptions {
   std::string plotjuggler{};  ///< endpoint; empty: none. Shows the first side only
   bool is_quiet = false;      ///< no status line
   WebOptions web{};
+  std::string follow{};   ///< endpoint of a relay; empty: the nodes themselves
+  std::string publish{};  ///< endpoint at which this viewer is a relay; empty: it is none
 };
 
-/// Subscribes to the nodes of the session, of all its sides.
+/// Subscribes to the nodes of the session, of all its sides, or to a relay.
 class TelemetryFeed {
  public:
-  TelemetryFeed(const Session& session, const Clock& clock, ProcessLinks& links);
+  /// @param relay  its endpoint; empty: none
+  TelemetryFeed(const Session& session, const Clock& clock, ProcessLinks& links,
+                const std::string& relay = {});
   /// Called for every message, with its protobuf bytes as received; optional.
   std::function<void(const TelemetryMessage&, std::span<const std::byte> payload)> on_message;
 

@@ -28,6 +28,7 @@ constexpr Definition kDefinitions[] = {
     {"/log", "foxglove.Log"},
 };
 constexpr std::size_t kCount = std::size(kDefinitions);
+constexpr Definition kAudienceMesh{"/mesh_steps", "palpate.v1.MeshSteps"};
 
 /// Of the first `end` definitions, those that every side has.
 std::size_t per_side(std::size_t end) {
@@ -38,15 +39,20 @@ std::size_t per_side(std::size_t end) {
 
 }  // namespace
 
-std::vector<Channel> web_channels(const Session& session) {
+std::vector<Channel> web_channels(const Session& session, bool is_audience) {
   std::vector<Channel> channels;
   bool is_first = true;
   for (const Side& side : session.sides) {
     const std::string prefix = side.name.empty() ? "" : "/" + side.name;
-    for (const Definition& definition : kDefinitions) {
+    for (std::size_t i = 0; i < kCount; ++i) {
+      const bool is_mesh = i == static_cast<std::size_t>(WebChannel::kMesh);
+      const Definition& definition = is_mesh && is_audience ? kAudienceMesh : kDefinitions[i];
       if (!is_first && !definition.is_per_side) continue;
-      channels.push_back({(definition.is_per_side ? prefix : "") + definition.topic,
-                          definition.schema, schema_of(definition.schema)});
+      channels.push_back({.topic = (definition.is_per_side ? prefix : "") + definition.topic,
+                          .schema_name = definition.schema,
+                          .schema = schema_of(definition.schema),
+                          .is_state = i != static_cast<std::size_t>(WebChannel::kLog),
+                          .is_held = i == static_cast<std::size_t>(WebChannel::kScene)});
     }
     is_first = false;
   }

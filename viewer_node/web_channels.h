@@ -27,7 +27,8 @@ enum class WebChannel : std::uint8_t {
 };
 
 /// The channels of a session with all its sides: "/left/device".
-[[nodiscard]] std::vector<Channel> web_channels(const Session& session);
+/// @param is_audience  kMesh is /mesh_steps instead of /mesh
+[[nodiscard]] std::vector<Channel> web_channels(const Session& session, bool is_audience = false);
 /// Index of a channel in web_channels(). @param side  index in session.sides; ignored by
 /// channels that all sides share
 [[nodiscard]] std::size_t index_of(WebChannel channel, std::size_t side = 0);

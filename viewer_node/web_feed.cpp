@@ -9,14 +9,16 @@
 namespace palpate::viewer {
 namespace {
 
-ServerDescription description_of(const NodeContext& context, const ProcessLinks& links) {
+/// An audience only watches.
+ServerDescription description_of(const NodeContext& context, const ProcessLinks& links,
+                                 bool is_audience) {
   return {.name = std::string("viewer_node ") + version(),
           .session_id = fmt::format("{:x}", context.session_id),
           .session_name = context.session.name,
-          .channels = web_channels(context.session),
-          .accepts_hand_targets = may_lead_hand(context.session, links),
-          .accepts_requests = true,
-          .accepts_changes = context.session.viewer.has_control};
+          .channels = web_channels(context.session, is_audience),
+          .accepts_hand_targets = !is_audience && may_lead_hand(context.session, links),
+          .accepts_requests = !is_audience,
+          .accepts_changes = !is_audience && context.session.viewer.has_control};
 }
 
 /// The log's lines for the tissues whose constants differ; empty if the scenes differ otherwise.
@@ -49,14 +51,15 @@ WebFeed::WebFeed(NodeContext& context, ProcessLinks& links, const WebOptions& op
     : context_(context),
       server_((check_control(context.session, options),
                web_config(options, context.session.viewer.web)),
-              description_of(context, links)),
+              description_of(context, links, options.audience > 0)),
       log_(context.session, server_),
-      scene_(subscriber, server_),
+      scene_(subscriber, server_, options.audience_interval()),
       hand_(context, links, server_),
       tissue_(context, links, server_),
       run_(context, links, subscriber, page_record_folder(options), scene_.mirror(), server_, log_),
       health_(context.session, mirrors, subscriber, server_, log_),
-      foxglove_(context.session, mirrors, scene_, server_) {
+      foxglove_(context.session, mirrors, scene_, server_, options.audience_interval()) {
+  if (options.audience > 0) thinned_.emplace(context.session, server_, options.audience_interval());
   const WebConfig& configured = context.session.viewer.web;
   if (options.listen.empty() && configured.port != 0 && server_.port() != configured.port) {
     context.log.warn("event=port_in_use port={} instead={}", configured.port, server_.port());
@@ -94,6 +97,10 @@ void WebFeed::take_batch(const Batch& batch, WebChannel kind, std::span<const st
   const auto index = static_cast<std::size_t>(side - sides.begin());
   health_.note(index, batch);
   log_.note(index, batch, context_.clock.now());
+  if (thinned_) {
+    thinned_->take(index, batch);
+    return;
+  }
   const std::size_t channel = index_of(kind, index);
   if (!server_.has_subscriber(channel)) return;
   server_.publish(channel, wall_clock_ns(),
@@ -101,7 +108,8 @@ void WebFeed::take_batch(const Batch& batch, WebChannel kind, std::span<const st
 }
 
 void WebFeed::pump(TimePoint now) {
-  scene_.pump();
+  scene_.pump(now);
+  if (thinned_) thinned_->pump(now);
   for (const WebServer::Event& event : server_.take_events()) handle(event, now);
   hand_.pump(now);
   run_.pump(now);

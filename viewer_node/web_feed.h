@@ -10,12 +10,14 @@
 #pragma once
 
 #include <cstddef>
+#include <optional>
 #include <span>
 #include <string>
 
 #include "common/link/telemetry_subscriber.h"
 #include "common/process/process_links.h"
 #include "common/process/run_node.h"
+#include "viewer_node/audience/thinned_telemetry.h"
 #include "viewer_node/feed/telemetry_mirror.h"
 #include "viewer_node/server/web_server.h"
 #include "viewer_node/web_channels.h"
@@ -56,6 +58,7 @@ class WebFeed {
   WebRun run_;
   WebHealth health_;
   WebFoxglove foxglove_;
+  std::optional<ThinnedTelemetry> thinned_;  // of an audience
 };
 
 }  // namespace palpate::viewer

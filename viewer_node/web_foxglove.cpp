@@ -35,11 +35,11 @@ Newest newest_of(const TelemetryMirror& mirror) {
 void WebFoxglove::pump(TimePoint now) {
   const std::uint64_t at_ns = wall_clock_ns();
   if (now >= next_telemetry_) {
-    next_telemetry_ = now + kTelemetryInterval;
+    next_telemetry_ = now + std::max(kTelemetryInterval, least_interval_);
     for (std::size_t side = 0; side < mirrors_.size(); ++side) publish_telemetry(side, at_ns);
   }
   if (now >= next_tool_) {
-    next_tool_ = now + kToolInterval;
+    next_tool_ = now + std::max(kToolInterval, least_interval_);
     for (std::size_t side = 0; side < mirrors_.size(); ++side) publish_tool(side, at_ns);
     publish_points(at_ns);
   }

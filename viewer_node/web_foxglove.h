@@ -16,11 +16,17 @@ namespace palpate::viewer {
 class WebFoxglove {
  public:
   /// References must outlive it. @param mirrors  of each of session.sides
+  /// @param least_interval  between two messages of a channel
   WebFoxglove(const Session& session, std::span<const TelemetryMirror> mirrors,
-              const WebScene& scene, WebServer& server)
-      : session_(session), mirrors_(mirrors), scene_(scene), server_(server) {}
+              const WebScene& scene, WebServer& server, Duration least_interval)
+      : session_(session),
+        mirrors_(mirrors),
+        scene_(scene),
+        server_(server),
+        least_interval_(least_interval) {}
 
-  /// Publishes what is due: /telemetry at 50 Hz, the others at 30 Hz.
+  /// Publishes what is due: /telemetry at 50 Hz, the others at 30 Hz, unless the interval is
+  /// longer.
   void pump(TimePoint now);
   /// A client subscribed to /tissue/points and needs the vertices even if they do not move.
   void repeat_points() { are_points_due_ = true; }
@@ -34,6 +40,7 @@ class WebFoxglove {
   std::span<const TelemetryMirror> mirrors_;
   const WebScene& scene_;
   WebServer& server_;
+  Duration least_interval_;
   TimePoint next_telemetry_{};
   TimePoint next_tool_{};
   bool are_points_due_ = false;

@@ -42,6 +42,7 @@ void WebHealth::pump(TimePoint now, ViewerHealth own) {
   server_.set_metrics(metrics_.text(mirrors_,
                                     {.clients = counters.clients,
                                      .messages_dropped = counters.dropped,
+                                     .messages_thinned = counters.thinned,
                                      .requests_refused = counters.refused,
                                      .frames_rejected = subscriber_.rejected()},
                                     now));

@@ -75,6 +75,7 @@ WebServerConfig web_config(const WebOptions& options, const WebConfig& session) 
   config.rules.origins = options.origins;
   config.rules.hosts = options.hosts;
   config.proxies = options.proxies;
+  config.audience = options.audience;
   if (!options.token_file.empty()) config.rules.token = read_token(options.token_file);
   if (!is_loopback(config.address) && config.rules.token.empty()) {
     throw SetupError("--listen " + options.listen +
@@ -85,6 +86,7 @@ WebServerConfig web_config(const WebOptions& options, const WebConfig& session) 
 }
 
 std::string page_record_folder(const WebOptions& options) {
+  if (options.audience > 0) return "";
   if (options.record_folder) return *options.record_folder;
   WebServerConfig config;
   if (!options.listen.empty()) read_listen(options.listen, config);

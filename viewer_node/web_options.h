@@ -2,10 +2,12 @@
 // session.
 #pragma once
 
+#include <cstddef>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "common/core/time.h"
 #include "common/session/session.h"
 #include "viewer_node/server/web_server.h"
 
@@ -20,7 +22,13 @@ struct WebOptions {
   std::vector<std::string> proxies{};
   std::optional<std::string> record_folder{};  ///< of recordings that pages begin
   bool is_off = false;
+  std::size_t audience = 0;        ///< clients that only watch, at most; 0: no audience
+  double audience_rate_hz = 10.0;  ///< updates of each client, at most
 
+  /// Between two updates; 0 without an audience.
+  [[nodiscard]] Duration audience_interval() const {
+    return audience > 0 ? from_seconds(1.0 / audience_rate_hz) : Duration::zero();
+  }
   /// Whether to serve the page in this session.
   [[nodiscard]] bool is_enabled(const WebConfig& session) const {
     return !is_off && (session.is_on || !listen.empty());

@@ -1,8 +1,12 @@
 #include "viewer_node/web_scene.h"
 
+#include <algorithm>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "common/link/codec/viewer_codec.h"
+#include "viewer_node/audience/mesh_steps.h"
 #include "viewer_node/web_channels.h"
 
 namespace palpate::viewer {
@@ -14,8 +18,8 @@ Payload copy_of(std::span<const std::byte> bytes) {
 
 }  // namespace
 
-WebScene::WebScene(TelemetrySubscriber& subscriber, WebServer& server)
-    : subscriber_(subscriber), server_(server) {
+WebScene::WebScene(TelemetrySubscriber& subscriber, WebServer& server, Duration audience_interval)
+    : subscriber_(subscriber), server_(server), audience_interval_(audience_interval) {
   subscriber_.subscribe<SceneState>();
 }
 
@@ -31,7 +35,7 @@ void WebScene::take(const MeshFrame& frame, std::span<const std::byte> payload) 
   if (!mirror_.take(frame)) return;
   ++frame_count_;
   const std::size_t channel = index_of(WebChannel::kMesh);
-  if (server_.has_subscriber(channel)) {
+  if (audience_interval_ == Duration::zero() && server_.has_subscriber(channel)) {
     server_.publish(channel, wall_clock_ns(), copy_of(payload));
   }
 }
@@ -42,13 +46,38 @@ void WebScene::send_scene_to(std::uint64_t client) {
 }
 
 void WebScene::send_meshes_to(std::uint64_t client) {
+  if (audience_interval_ > Duration::zero()) {
+    if (!mirror_.scene()) return;
+    const MeshSteps steps =
+        mesh_steps(*mirror_.scene(), mirror_.whole_frames(), kDetailSteps_m.front());
+    server_.send_to(client, index_of(WebChannel::kMesh), wall_clock_ns(),
+                    make_payload(encode_mesh_steps(steps)));
+    return;
+  }
   for (const MeshFrame& frame : mirror_.whole_frames()) {
     server_.send_to(client, index_of(WebChannel::kMesh), wall_clock_ns(),
                     make_payload(payload_of(mesh_codec_, frame)));
   }
 }
 
-void WebScene::pump() {
+/// If a tissue has moved since the last time.
+void WebScene::publish_steps(TimePoint now) {
+  if (now < next_steps_ || frames_published_ == frame_count_ || !mirror_.scene()) return;
+  next_steps_ = std::max(next_steps_ + audience_interval_, now);
+  frames_published_ = frame_count_;
+  const std::size_t channel = index_of(WebChannel::kMesh);
+  if (!server_.has_subscriber(channel)) return;
+  const std::vector<MeshFrame> frames = mirror_.whole_frames();
+  std::vector<Payload> details;
+  for (const double step_m : kDetailSteps_m) {
+    details.push_back(
+        make_payload(encode_mesh_steps(mesh_steps(*mirror_.scene(), frames, step_m))));
+  }
+  server_.publish(channel, wall_clock_ns(), std::move(details));
+}
+
+void WebScene::pump(TimePoint now) {
+  if (audience_interval_ > Duration::zero()) publish_steps(now);
   const bool is_needed = server_.has_subscriber(index_of(WebChannel::kMesh)) ||
                          server_.has_subscriber(index_of(WebChannel::kPoints));
   if (is_needed == is_subscribed_) return;

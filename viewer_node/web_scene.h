@@ -3,7 +3,7 @@
 //   in   hop 5  SceneState, MeshFrame
 //
 // physics_node sends the scene again whenever a viewer subscribes to it. Web clients get each scene
-// once: when it is new, or when they subscribe.
+// once: when it is new, or when they subscribe. An audience gets MeshSteps instead of MeshFrame.
 #pragma once
 
 #include <cstddef>
@@ -19,7 +19,8 @@ namespace palpate::viewer {
 class WebScene {
  public:
   /// Subscribes to SceneState. References must outlive it.
-  WebScene(TelemetrySubscriber& subscriber, WebServer& server);
+  /// @param audience_interval  0: every frame is published as it comes; else MeshSteps, so often
+  WebScene(TelemetrySubscriber& subscriber, WebServer& server, Duration audience_interval);
 
   /// Publishes a scene, unless it is known already. True if it replaces an earlier scene.
   /// @param payload  the message as received
@@ -32,15 +33,20 @@ class WebScene {
   /// Sends a new subscriber of /mesh all tissues that have moved.
   void send_meshes_to(std::uint64_t client);
   /// Subscribes to MeshFrame while a client needs it: physics_node computes vertices on demand.
-  void pump();
+  void pump(TimePoint now);
 
   [[nodiscard]] const SceneMirror& mirror() const { return mirror_; }
   /// Accepted frames so far.
   [[nodiscard]] std::uint64_t frame_count() const { return frame_count_; }
 
  private:
+  void publish_steps(TimePoint now);
+
   TelemetrySubscriber& subscriber_;
   WebServer& server_;
+  Duration audience_interval_;
+  TimePoint next_steps_{};
+  std::uint64_t frames_published_ = 0;  // of frame_count_, as MeshSteps
   SceneMirror mirror_;
   Payload scene_payload_;  // null before the first scene
   Codec<MeshFrame> mesh_codec_;

@@ -6,7 +6,8 @@
 namespace palpate::viewer {
 
 void check_control(const Session& session, const WebOptions& options) {
-  if (!session.viewer.has_control || !options.is_enabled(session.viewer.web)) return;
+  if (!session.viewer.has_control || options.audience > 0) return;
+  if (!options.is_enabled(session.viewer.web)) return;
   const auto refuse = [](const std::string& option) {
     throw SetupError(option +
                      ": viewer.control lets pages change the tissue, from 127.0.0.1 only; leave "

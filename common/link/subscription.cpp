@@ -6,7 +6,19 @@
 
 namespace palpate {
 
+void Subscription::set_topics() noexcept {
+  for (std::size_t kind = 0; kind < kMessageKinds; ++kind) {
+    const std::uint32_t changed = (kinds_ ^ topics_) & bit(static_cast<MessageKind>(kind));
+    if (changed != 0) socket_.set_topic(static_cast<char>(kind), (kinds_ & changed) != 0);
+  }
+  topics_ = kinds_;
+}
+
 void Subscription::send_if_due() noexcept {
+  if (socket_.has_topics()) {
+    set_topics();
+    return;
+  }
   const std::uint32_t established = socket_.established();
   const bool is_connected = socket_.is_connected();
   bool is_due = is_changed_ || established != established_;

@@ -15,12 +15,13 @@ namespace palpate {
 /// sender forgets a receiver that is silent for Subscribers::kSilence. A socket whose queues
 /// outlast a connection sends it ahead of the next one. The frame consists of the byte
 /// MessageKind::kSubscription and one byte for each kind. Over inproc it is sent only when it
-/// changes, so that lockstep does not depend on real time.
+/// changes, so that lockstep does not depend on real time. A SUB socket, of a relay's follower, has
+/// the kind bytes as topics instead.
 class Subscription {
  public:
   static constexpr Duration kInterval = std::chrono::milliseconds(100);
 
-  /// @param socket  a DEALER that connects; outlives this
+  /// @param socket  a DEALER or SUB that connects; outlives this
   explicit Subscription(LinkSocket& socket) : socket_(socket) {}
 
   void add(MessageKind kind) noexcept { change(kinds_ | bit(kind)); }
@@ -38,8 +39,11 @@ class Subscription {
     kinds_ = kinds;
   }
 
+  void set_topics() noexcept;
+
   LinkSocket& socket_;
-  std::uint32_t kinds_ = 0;  // one bit each
+  std::uint32_t kinds_ = 0;   // one bit each
+  std::uint32_t topics_ = 0;  // of a SUB, as libzmq has them
   bool is_changed_ = true;
   bool is_waiting_ = false;        // one waits for the next connection
   std::uint32_t established_ = 0;  // connections of the socket when it was sent last

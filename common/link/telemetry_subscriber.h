@@ -21,7 +21,8 @@
 
 namespace palpate {
 
-/// Receives the messages of all nodes, each through a socket of its own: the batches of every node
+/// Receives the messages of all nodes, each through a socket of its own, or of a relay
+/// (kRelayLink): the batches of every node
 /// and RunState, SceneState and MeshFrame after subscribe().
 class TelemetrySubscriber final : public Source<TelemetryMessage> {
  public:
@@ -56,7 +57,8 @@ class TelemetrySubscriber final : public Source<TelemetryMessage> {
  private:
   struct Node {
     Node(ZmqContext& context, const Attachment& attachment)
-        : socket(context, kTelemetryReceiver, attachment) {}
+        : socket(context, attachment.setting == kRelayLink ? kRelayReceiver : kTelemetryReceiver,
+                 attachment) {}
     LinkSocket socket;
     Subscription subscription{socket};
   };

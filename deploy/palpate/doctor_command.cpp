@@ -171,8 +171,7 @@ void examine_keys(const Session& session, std::vector<Finding>& findings) {
   std::string here;
   try {
     static_cast<void>(load_link_keys(folder, {}));
-    for (const KeyRole role : {KeyRole::kDevice, KeyRole::kPhysics, KeyRole::kViewer,
-                               KeyRole::kPointer, KeyRole::kStandby}) {
+    for (const KeyRole role : kAllKeyRoles) {
       const LinkKeys keys = load_link_keys(folder, {}, std::array{role});
       if (keys.of(role)) here += std::string(here.empty() ? "" : ", ") + name_of(role);
     }

@@ -428,6 +428,71 @@ TEST(WebServerNetwork, OneAddressGets24ConnectionsAndAProxyAsManyAsThereAre) {
   if (!is_permitted) GTEST_SKIP() << "no network namespace permitted here";
 }
 
+// --- audience ------------------------------------------------------------------------------------
+
+class Audience : public WebServerTest {
+ protected:
+  Audience() {
+    ServerDescription description{
+        .name = "viewer_node 1", .session_id = "s", .session_name = "probe"};
+    description.channels = {{"/a", "p.A", "", true}, {"/b", "p.B", ""}};
+    server_ = std::make_unique<WebServer>(WebServerConfig{.port = 0, .audience = 18}, description);
+  }
+};
+
+TEST_F(Audience, MayBeLargerThanSixteenAndIsLimited) {
+  std::vector<std::unique_ptr<WebClient>> clients;
+  for (int i = 0; i < 18; ++i) clients.push_back(viewer());
+  EXPECT_FALSE(connect()->open_web_socket());
+  EXPECT_EQ(server_->counters().clients, 18u);
+}
+
+// What a client reads follows its own pace: one that stalls gets the newest state, in a coarser
+// detail, and nothing of what happened meanwhile; of a channel that is no state it gets all.
+TEST_F(Audience, AClientThatStallsGetsTheNewestAndLessDetail) {
+  const auto slow = viewer();
+  slow->read_slowly();
+  subscribe(*slow, 1, 1);
+  subscribe(*slow, 2, 2);
+  ASSERT_TRUE(eventually([&] { return server_->has_subscriber(1); }));
+  const auto fine = [](int i) { return "fine " + std::to_string(i) + std::string(200'000, ' '); };
+  const auto coarse = [](int i) { return "coarse " + std::to_string(i) + " "; };
+  constexpr int kMessages = 60;
+  for (int i = 0; i < kMessages; ++i) {
+    server_->publish(0, 0, {payload(fine(i)), payload(coarse(i))});
+    server_->publish(1, 0, payload("line " + std::to_string(i) + " "));
+  }
+  // no status is sent: nothing is lost that a newer message does not replace
+  ASSERT_TRUE(eventually([&] { return server_->counters().thinned > 40; }));
+  EXPECT_EQ(server_->counters().dropped, 0u);
+
+  std::vector<std::string> states;
+  int lines = 0;
+  while (lines < kMessages || states.empty() || !states.back().starts_with(coarse(59))) {
+    const auto message = slow->next();
+    ASSERT_TRUE(message.has_value()) << lines << " lines, " << states.size() << " states";
+    if (message->opcode != 2 || message->payload.size() < 13) continue;
+    std::string text = message->payload.substr(13);
+    if (message->payload[1] == 2) {
+      EXPECT_TRUE(text.starts_with("line " + std::to_string(lines++) + " "));
+    } else {
+      states.push_back(std::move(text));
+    }
+  }
+  EXPECT_TRUE(states.front().starts_with("fine 0"));
+  EXPECT_LT(states.size(), 20u);
+
+  // it reads again: after a while the fine detail is back
+  bool is_fine = false;
+  for (int i = 60; i < 200 && !is_fine; ++i) {
+    server_->publish(0, 0, {payload("fine"), payload("coarse")});
+    const auto next = slow->await_data(1);
+    ASSERT_TRUE(next.has_value());
+    is_fine = *next == "fine";
+  }
+  EXPECT_TRUE(is_fine);
+}
+
 // --- listening -----------------------------------------------------------------------------------
 
 TEST_F(WebServerTest, APortInUseIsTheUsersProblemOrReplaced) {

@@ -304,6 +304,9 @@ std::string MetricsText::text(std::span<const TelemetryMirror> mirrors, const Vi
   page.gauge("viewer_clients", "Connected WebSocket clients.", "", viewer.clients);
   page.counter("viewer_messages_dropped", "Messages dropped because a client read too slowly.",
                {{"", viewer.messages_dropped}});
+  page.counter("viewer_messages_thinned",
+               "Messages of an audience that a newer one replaced before the client read them.",
+               {{"", viewer.messages_thinned}});
   page.counter("viewer_requests_refused", "Requests and connections refused.",
                {{"", viewer.requests_refused}});
   page.counter("viewer_frames_rejected", "Telemetry messages rejected by the codec.",

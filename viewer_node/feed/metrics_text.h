@@ -29,6 +29,7 @@ struct TimeHistogram {
 struct ViewerCounts {
   std::uint32_t clients = 0;
   std::uint64_t messages_dropped = 0;
+  std::uint64_t messages_thinned = 0;  ///< of an audience
   std::uint64_t requests_refused = 0;
   std::uint64_t frames_rejected = 0;
 };

@@ -21,6 +21,8 @@ struct Channel {
   std::string topic;
   std::string schema_name;  ///< fully qualified protobuf message
   std::string schema;       ///< FileDescriptorSet, binary
+  bool is_state = false;    ///< each message replaces the one before
+  bool is_held = false;     ///< who publishes it keeps the newest payload
 };
 
 /// What a client may publish.

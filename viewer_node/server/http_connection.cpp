@@ -101,7 +101,7 @@ WebDecision HttpConnection::too_long() const {
 }
 
 void HttpConnection::become_client(std::string_view subprotocol) {
-  if (server_.sockets >= kMaxClients) {
+  if (server_.sockets >= server_.most_clients) {
     answer({.status = 503,
             .text = "the maximum number of viewers is connected already\n",
             .closes = true},

@@ -5,10 +5,28 @@
 
 namespace palpate::viewer {
 
-std::uint64_t SendQueue::push(OutgoingMessage message) {
-  bytes_ += message.payload->size();
+SendQueue::Pushed SendQueue::push(OutgoingMessage message) {
+  Pushed pushed;
+  if (message.subject) {
+    const auto older = std::find_if(waiting_.begin(), waiting_.end(), [&](const auto& waiting) {
+      return waiting.subject == message.subject;
+    });
+    if (older != waiting_.end()) {
+      bytes_ -= older->bytes();
+      waiting_.erase(older);
+      pushed.replaced = 1;
+    }
+  }
+  bytes_ += message.bytes();
   waiting_.push_back(std::move(message));
-  return bytes_ > kMaxWaitingBytes ? drop_until(kMaxWaitingBytes / 2) : 0;
+  if (bytes_ > kMaxWaitingBytes) pushed.dropped = drop_until(kMaxWaitingBytes / 2);
+  return pushed;
+}
+
+bool SendQueue::has(std::size_t subject) const {
+  return (in_flight_ && in_flight_->subject == subject) ||
+         std::any_of(waiting_.begin(), waiting_.end(),
+                     [&](const auto& waiting) { return waiting.subject == subject; });
 }
 
 bool SendQueue::is_overfull() const {
@@ -23,14 +41,14 @@ const OutgoingMessage* SendQueue::start() {
 }
 
 void SendQueue::finish() {
-  bytes_ -= in_flight_->payload->size();
+  bytes_ -= in_flight_->bytes();
   in_flight_.reset();
 }
 
 std::uint64_t SendQueue::drop_until(std::size_t bytes) {
   const auto rest = std::remove_if(waiting_.begin(), waiting_.end(), [&](const auto& message) {
     if (!message.may_drop || bytes_ <= bytes) return false;
-    bytes_ -= message.payload->size();
+    bytes_ -= message.bytes();
     return true;
   });
   const auto count = static_cast<std::uint64_t>(std::distance(rest, waiting_.end()));

@@ -25,6 +25,12 @@ struct OutgoingMessage {
   Payload payload;
   bool is_binary = false;
   bool may_drop = false;
+  /// Only the newest message of this subject waits; it replaces an older one.
+  std::optional<std::size_t> subject{};
+  /// The server holds the payload anyway: it counts as no bytes.
+  bool is_held = false;
+
+  [[nodiscard]] std::size_t bytes() const { return is_held ? 0 : payload->size(); }
 };
 
 /// First in, first out. One message at a time is in flight; the others wait.
@@ -38,9 +44,15 @@ class SendQueue {
   static constexpr std::size_t kMaxWaitingMessages = 4096;
   static constexpr std::size_t kMaxUnreadBytes = std::size_t{32} << 20;
 
-  /// Appends a message. Returns the number of older messages dropped for it; never the one in
-  /// flight.
-  std::uint64_t push(OutgoingMessage message);
+  /// What one message did to older ones; never to the one in flight.
+  struct Pushed {
+    std::uint64_t dropped = 0;   ///< for lack of space
+    std::uint64_t replaced = 0;  ///< by a newer one of the same subject
+  };
+  /// Appends a message.
+  Pushed push(OutgoingMessage message);
+  /// Whether a message of the subject waits or is in flight.
+  [[nodiscard]] bool has(std::size_t subject) const;
   /// Drops every message that may be dropped; returns their number.
   std::uint64_t drop_all() { return drop_until(0); }
   /// Waiting and in flight.

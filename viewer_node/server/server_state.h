@@ -15,6 +15,7 @@
 
 #include "viewer_node/server/client_events.h"
 #include "viewer_node/server/foxglove_client.h"
+#include "viewer_node/server/web_limits.h"
 #include "viewer_node/server/web_rules.h"
 
 namespace palpate::viewer {
@@ -23,13 +24,17 @@ class HttpConnection;
 class SocketClient;
 
 struct ServerState {
-  ServerState(WebRules allowed, ServerDescription described)
+  ServerState(WebRules allowed, ServerDescription described, std::size_t audience)
       : rules(std::move(allowed)),
         description(std::move(described)),
+        most_clients(audience > 0 ? audience : kMaxClients),
+        is_audience(audience > 0),
         subscribers(description.channels.size()) {}
 
   const WebRules rules;
   const ServerDescription description;
+  const std::size_t most_clients;  ///< WebSockets
+  const bool is_audience;          ///< each client gets the newest, as fast as it reads
 
   std::size_t connections = 0;                                       ///< HTTP and WebSocket
   std::map<boost::asio::ip::address, std::size_t> connections_of{};  ///< by the peer's address
@@ -41,7 +46,9 @@ struct ServerState {
 
   std::vector<std::atomic<std::uint32_t>> subscribers;  ///< by channel
   std::atomic<std::uint32_t> client_count{0};
+  std::size_t unread_bytes = 0;           ///< that wait for all clients
   std::atomic<std::uint64_t> dropped{0};  ///< messages
+  std::atomic<std::uint64_t> thinned{0};  ///< messages replaced by newer ones
   std::atomic<std::uint64_t> refused{0};  ///< requests and connections
   ClientEvents events{};
 };

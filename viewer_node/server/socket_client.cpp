@@ -19,7 +19,11 @@ constexpr std::size_t kMaxMessageBytes = 64 << 10;
 constexpr auto kIdleTimeout = std::chrono::seconds(30);
 /// Bounds the kernel's share of a slow client's delay.
 constexpr int kSendBufferBytes = 256 << 10;
+/// Of an audience: what waits in the kernel is not replaced by newer messages.
+constexpr int kAudienceSendBufferBytes = 32 << 10;
 constexpr auto kDropNoticeInterval = std::chrono::seconds(1);
+/// So many messages in time, and a client gets a finer detail: 3 s at 10 Hz.
+constexpr unsigned kFinerAfter = 30;
 
 ClientEvent::Kind event_of(ClientTopic topic) {
   switch (topic) {
@@ -51,7 +55,9 @@ void SocketClient::run(const Request& request, std::string_view subprotocol) {
   socket_.auto_fragment(false);
   error_code ignored;
   auto& tcp = beast::get_lowest_layer(socket_).socket();
-  tcp.set_option(asio::socket_base::send_buffer_size(kSendBufferBytes), ignored);
+  tcp.set_option(asio::socket_base::send_buffer_size(server_.is_audience ? kAudienceSendBufferBytes
+                                                                         : kSendBufferBytes),
+                 ignored);
   tcp.set_option(asio::ip::tcp::no_delay(true), ignored);
   socket_.async_accept(request, [self = shared_from_this()](const error_code& error) {
     if (!error) self->begin();
@@ -108,10 +114,27 @@ void SocketClient::publish(std::size_t channel, std::uint64_t log_time_ns, const
                            bool may_drop) {
   const auto subscription = protocol_->subscription(channel);
   if (!subscription) return;
+  const Channel& described = server_.description.channels[channel];
+  const bool has_subject = server_.is_audience && described.is_state;
   queue({.header = data_header(*subscription, log_time_ns),
          .payload = payload,
          .is_binary = true,
-         .may_drop = may_drop});
+         .may_drop = may_drop,
+         .subject = has_subject ? std::optional(channel) : std::nullopt,
+         .is_held = has_subject && described.is_held});
+}
+
+void SocketClient::publish(std::size_t channel, std::uint64_t log_time_ns,
+                           std::span<const Payload> details) {
+  if (!protocol_->subscription(channel)) return;
+  if (queue_.has(channel)) {
+    in_time_ = 0;
+    if (detail_ + 1 < details.size()) ++detail_;
+  } else if (++in_time_ >= kFinerAfter) {
+    in_time_ = 0;
+    if (detail_ > 0) --detail_;
+  }
+  publish(channel, log_time_ns, details[detail_], true);
 }
 
 void SocketClient::send_text(std::string text) {
@@ -119,8 +142,9 @@ void SocketClient::send_text(std::string text) {
 }
 
 void SocketClient::queue(OutgoingMessage message) {
-  const std::uint64_t dropped = queue_.push(std::move(message));
+  const auto [dropped, replaced] = queue_.push(std::move(message));
   server_.dropped += dropped;
+  server_.thinned += replaced;
   const auto now = std::chrono::steady_clock::now();
   if (dropped > 0 && now >= next_notice_) {
     next_notice_ = now + kDropNoticeInterval;
@@ -132,19 +156,25 @@ void SocketClient::queue(OutgoingMessage message) {
     return;
   }
   write();
+  count_unread();
   bound_unread_of_all();
+}
+
+void SocketClient::count_unread() {
+  server_.unread_bytes += queue_.bytes();
+  server_.unread_bytes -= counted_bytes_;
+  counted_bytes_ = queue_.bytes();
 }
 
 /// So many readers that read nothing hold no more memory than a few.
 void SocketClient::bound_unread_of_all() {
-  std::size_t unread_bytes = 0;
+  if (server_.unread_bytes <= kMaxUnreadBytesOfAll) return;
   SocketClient* most = this;
   for (const auto& [id, client] : server_.clients) {
-    unread_bytes += client->queue_.bytes();
     if (client->queue_.bytes() > most->queue_.bytes()) most = client.get();
   }
-  if (unread_bytes <= kMaxUnreadBytesOfAll) return;
   const std::uint64_t dropped = most->queue_.drop_all();
+  most->count_unread();
   server_.dropped += dropped;
   if (dropped == 0) most->disconnect();
 }
@@ -159,6 +189,7 @@ void SocketClient::write() {
   socket_.async_write(buffers, [self = shared_from_this()](const error_code& error, std::size_t) {
     if (error) return;  // the pending read fails too and ends the client
     self->queue_.finish();
+    self->count_unread();
     self->write();
   });
 }

@@ -8,6 +8,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 
@@ -25,7 +26,10 @@ class SocketClient : public std::enable_shared_from_this<SocketClient> {
       : server_(server), counted_(std::move(counted)), socket_(std::move(stream)) {
     ++server_.sockets;
   }
-  ~SocketClient() { --server_.sockets; }
+  ~SocketClient() {
+    --server_.sockets;
+    server_.unread_bytes -= counted_bytes_;
+  }
   SocketClient(const SocketClient&) = delete;
   SocketClient& operator=(const SocketClient&) = delete;
 
@@ -35,6 +39,8 @@ class SocketClient : public std::enable_shared_from_this<SocketClient> {
   /// Sends to the client if it subscribes to the channel.
   void publish(std::size_t channel, std::uint64_t log_time_ns, const Payload& payload,
                bool may_drop);
+  /// The same of several details, the finest first: sends the one that the client's pace allows.
+  void publish(std::size_t channel, std::uint64_t log_time_ns, std::span<const Payload> details);
   /// Sends a text message of the protocol.
   void send_text(std::string text);
 
@@ -47,6 +53,7 @@ class SocketClient : public std::enable_shared_from_this<SocketClient> {
   void write();
   void disconnect();
   void bound_unread_of_all();
+  void count_unread();
   [[nodiscard]] std::uint64_t id() const { return protocol_->id(); }
 
   ServerState& server_;
@@ -55,6 +62,9 @@ class SocketClient : public std::enable_shared_from_this<SocketClient> {
   boost::beast::flat_buffer buffer_;
   std::optional<FoxgloveClient> protocol_;  // from begin() on
   SendQueue queue_;
+  std::size_t counted_bytes_ = 0;  // of the queue, in server_.unread_bytes
+  std::size_t detail_ = 0;         // 0: the finest
+  unsigned in_time_ = 0;  // messages with details that the client has read in time, in a row
   std::chrono::steady_clock::time_point next_notice_{};
 };
 

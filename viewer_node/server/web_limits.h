@@ -6,11 +6,13 @@
 
 namespace palpate::viewer {
 
-/// Beyond it a newcomer replaces the connection that has waited longest without a request.
+/// Beyond it, and the clients that an audience may have more than kMaxClients, a newcomer replaces
+/// the connection that has waited longest without a request.
 inline constexpr std::size_t kMaxConnections = 64;
 /// From one address other than loopback and the configured proxies.
 inline constexpr std::size_t kMaxConnectionsPerAddress = 24;
-inline constexpr std::size_t kMaxClients = 16;  ///< of the connections, WebSockets
+inline constexpr std::size_t kMaxClients = 16;       ///< of the connections, WebSockets
+inline constexpr std::size_t kMaxAudience = 10'000;  ///< WebSockets of an audience, at most
 /// What may wait for all clients together; beyond it, the client with most loses its data.
 inline constexpr std::size_t kMaxUnreadBytesOfAll = std::size_t{64} << 20;
 /// For the header of a request.

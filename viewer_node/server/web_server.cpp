@@ -1,5 +1,7 @@
 #include "viewer_node/server/web_server.h"
 
+#include <sys/resource.h>
+
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/post.hpp>
@@ -33,6 +35,22 @@ error_code listen_at(tcp::acceptor& acceptor, const tcp::endpoint& endpoint) {
   return error;
 }
 
+/// Each client needs a file descriptor.
+void allow_descriptors(std::size_t clients) {
+  constexpr std::size_t kOthers = 256;
+  rlimit limit{};
+  if (getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
+  const rlim_t needed = clients + kOthers;
+  if (limit.rlim_cur >= needed) return;
+  if (limit.rlim_max < needed) {
+    throw SetupError("viewer: --audience " + std::to_string(clients) + " needs " +
+                     std::to_string(needed) + " open files, " + std::to_string(limit.rlim_max) +
+                     " are allowed; raise LimitNOFILE= of the service, or `ulimit -Hn`");
+  }
+  limit.rlim_cur = needed;
+  setrlimit(RLIMIT_NOFILE, &limit);
+}
+
 }  // namespace
 
 class WebServer::Impl {
@@ -63,7 +81,8 @@ class WebServer::Impl {
 };
 
 WebServer::Impl::Impl(const WebServerConfig& config, ServerDescription description)
-    : state(config.rules, std::move(description)) {
+    : state(config.rules, std::move(description), config.audience) {
+  if (config.audience > 0) allow_descriptors(config.audience);
   error_code error;
   const asio::ip::address address = asio::ip::make_address(config.address, error);
   const bool is_v6 = config.address.find(':') != std::string::npos;
@@ -124,7 +143,7 @@ void WebServer::Impl::welcome(tcp::socket socket) {
     ++state.refused;  // the destructor closes the socket
     return;
   }
-  if (state.connections >= kMaxConnections) {
+  if (state.connections >= kMaxConnections - kMaxClients + state.most_clients) {
     ++state.refused;
     if (state.waiting.empty()) return;
     state.waiting.front()->give_way();
@@ -161,6 +180,16 @@ void WebServer::publish(std::size_t channel, std::uint64_t log_time_ns, Payload 
   });
 }
 
+void WebServer::publish(std::size_t channel, std::uint64_t log_time_ns,
+                        std::vector<Payload> details) {
+  if (!has_subscriber(channel)) return;
+  asio::post(impl_->io, [impl = impl_.get(), channel, log_time_ns, details = std::move(details)] {
+    for (const auto& [id, client] : impl->state.clients) {
+      client->publish(channel, log_time_ns, details);
+    }
+  });
+}
+
 void WebServer::send_to(std::uint64_t client, std::size_t channel, std::uint64_t log_time_ns,
                         Payload payload) {
   impl_->with_client(client,
@@ -185,7 +214,10 @@ void WebServer::set_metrics(std::string text) {
 
 WebServer::Counters WebServer::counters() const {
   const ServerState& state = impl_->state;
-  return {.clients = state.client_count, .dropped = state.dropped, .refused = state.refused};
+  return {.clients = state.client_count,
+          .dropped = state.dropped,
+          .thinned = state.thinned,
+          .refused = state.refused};
 }
 
 }  // namespace palpate::viewer

@@ -1,11 +1,11 @@
 // web_server.h — the page and the Foxglove WebSocket on one TCP port, for any number of clients.
 // Boost.Beast behind a private implementation, on a thread of its own, of ordinary priority.
 //
-// Limits: 16 WebSockets; 64 connections, of which a newcomer replaces one that waits for a request;
-// 24 from one address; 8 KiB of request header, in 3 s; 64 KiB per message from a client; 30 s of
-// silence; 32 MiB unread by one client, 64 MiB by all. No request bodies, no message compression,
-// no TLS. A client that reads too slowly loses its oldest data, gets a status message and is
-// counted; it delays no other client.
+// Limits: 16 WebSockets, or those of an audience; 48 connections more, of which a newcomer replaces
+// one that waits for a request; 24 from one address; 8 KiB of request header, in 3 s; 64 KiB per
+// message from a client; 30 s of silence; 32 MiB unread by one client, 64 MiB by all. No request
+// bodies, no message compression, no TLS. A client that reads too slowly loses its oldest data,
+// gets a status message and is counted; it delays no other client.
 #pragma once
 
 #include <cstdint>
@@ -25,6 +25,10 @@ struct WebServerConfig {
   std::uint16_t port = 8765;          ///< 0: any free port
   /// If the port is in use: take a free one instead of failing.
   bool may_move = false;
+  /// 0: at most 16 WebSockets. Else an audience of at most so many, each of which gets the newest
+  /// message of a channel, as fast as it reads, and is sent no message that a newer one has
+  /// replaced.
+  std::size_t audience = 0;
   /// Numeric addresses of reverse proxies: no limit on the connections of one of them.
   std::vector<std::string> proxies{};
   WebRules rules{};
@@ -48,6 +52,9 @@ class WebServer {
   [[nodiscard]] bool has_subscriber(std::size_t channel) const;
   /// Sends to all subscribers. @param log_time_ns  since 1970
   void publish(std::size_t channel, std::uint64_t log_time_ns, Payload payload);
+  /// Sends to all subscribers one of several details, the finest first: a client that has not read
+  /// the message before gets a coarser one, later a finer one again.
+  void publish(std::size_t channel, std::uint64_t log_time_ns, std::vector<Payload> details);
   /// Sends to one client if it subscribes; never dropped, even if the client is slow.
   void send_to(std::uint64_t client, std::size_t channel, std::uint64_t log_time_ns,
                Payload payload);
@@ -64,6 +71,7 @@ class WebServer {
   struct Counters {
     std::uint32_t clients = 0;  ///< WebSockets, now
     std::uint64_t dropped = 0;  ///< messages not sent to clients that were too slow
+    std::uint64_t thinned = 0;  ///< messages of an audience replaced by newer ones
     std::uint64_t refused = 0;  ///< requests and connections
   };
   [[nodiscard]] Counters counters() const;

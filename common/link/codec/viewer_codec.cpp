@@ -99,6 +99,7 @@ std::string schema_of(std::string_view message) {
                              v1::SceneState::descriptor(),
                              v1::MeshFrame::descriptor(),
                              v1::Health::descriptor(),
+                             v1::MeshSteps::descriptor(),
                              v1::Marker::descriptor(),
                              v1::IdealForces::descriptor(),
                              v1::Telemetry::descriptor(),
@@ -114,6 +115,24 @@ std::string schema_of(std::string_view message) {
   std::set<std::string> seen;
   add_file((*found)->file(), seen, set);
   return set.SerializeAsString();
+}
+
+std::string encode_mesh_steps(const MeshSteps& steps) {
+  v1::MeshSteps wire;
+  wire.set_session_id(steps.session_id);
+  wire.set_scene_revision(steps.scene_revision);
+  wire.set_step_m(steps.step_m);
+  for (const MeshSteps::Tissue& tissue : steps.tissues) {
+    v1::MeshSteps::Tissue& to = *wire.add_tissues();
+    to.set_tissue(tissue.tissue);
+    to.mutable_runs()->Add(tissue.runs.begin(), tissue.runs.end());
+    to.mutable_displacement_steps()->Add(tissue.displacement_steps.begin(),
+                                         tissue.displacement_steps.end());
+    if (tissue.offset_steps != std::array<std::int32_t, 3>{}) {
+      to.mutable_offset_steps()->Add(tissue.offset_steps.begin(), tissue.offset_steps.end());
+    }
+  }
+  return wire.SerializeAsString();
 }
 
 std::string encode_health(const ViewerHealth& health) {

@@ -2,6 +2,7 @@
 // that it receives from them. They are payloads of the Foxglove protocol, without the kind byte.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -60,6 +61,21 @@ struct ViewerHealth {
 [[nodiscard]] std::string encode_telemetry(std::uint64_t at_ns, const DeviceTick& device,
                                            const std::optional<MofcTick>& mofc,
                                            double transparency);
+
+/// palpate.v1.MeshSteps.
+struct MeshSteps {
+  struct Tissue {
+    std::uint32_t tissue = 0;
+    std::vector<std::uint32_t> runs{};
+    std::vector<std::int32_t> displacement_steps{};
+    std::array<std::int32_t, 3> offset_steps{};
+  };
+  std::uint64_t session_id = 0;
+  std::uint64_t scene_revision = 0;
+  double step_m = 0.0;
+  std::vector<Tissue> tissues{};
+};
+[[nodiscard]] std::string encode_mesh_steps(const MeshSteps& steps);
 
 // Foxglove's own schemas, all in frame "world".
 

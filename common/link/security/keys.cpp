@@ -18,8 +18,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::array<KeyRole, kKeyRoles> kAllRoles{
-    KeyRole::kDevice, KeyRole::kPhysics, KeyRole::kViewer, KeyRole::kPointer, KeyRole::kStandby};
 constexpr const char* kAllowedFile = "allowed.keys";
 constexpr std::size_t kKeyBytes = 32;
 constexpr std::size_t kKeyText = 40;
@@ -99,6 +97,10 @@ const char* name_of(KeyRole role) {
       return "viewer";
     case KeyRole::kStandby:
       return "standby";
+    case KeyRole::kRelay:
+      return "relay";
+    case KeyRole::kAudience:
+      return "audience";
     case KeyRole::kPointer:
       break;
   }
@@ -141,11 +143,12 @@ AllowedKeys parse_allowed_keys(std::string_view text, const std::string& file) {
   AllowedKeys allowed;
   std::array<int, kKeyRoles> count{};
   for_each_line(text, [&](int line, const std::vector<std::string_view>& words) {
-    const auto* role = std::find_if(kAllRoles.begin(), kAllRoles.end(),
+    const auto* role = std::find_if(kAllKeyRoles.begin(), kAllKeyRoles.end(),
                                     [&](KeyRole r) { return words.front() == name_of(r); });
-    if (role == kAllRoles.end()) {
+    if (role == kAllKeyRoles.end()) {
       problems.add({.line = line, .column = 0},
-                   "must begin with device, physics, viewer, pointer or standby; correct the role");
+                   "must begin with device, physics, viewer, pointer, standby, relay or audience; "
+                   "correct the role");
     } else if (words.size() != 2) {
       problems.add({.line = line, .column = 0},
                    "must be a role and a key; put comments on separate lines that begin with #");
@@ -167,8 +170,11 @@ AllowedKeys parse_allowed_keys(std::string_view text, const std::string& file) {
                        ": only one program may write forces; copy the file of `palpate keygen`");
     }
   }
-  if (count[static_cast<std::size_t>(KeyRole::kStandby)] > 1) {
-    problems.add(kWholeFile, "must list at most one key of standby; remove the others");
+  for (const KeyRole role : {KeyRole::kStandby, KeyRole::kRelay}) {
+    if (count[static_cast<std::size_t>(role)] > 1) {
+      problems.add(kWholeFile, std::string("must list at most one key of ") + name_of(role) +
+                                   "; remove the others");
+    }
   }
   problems.throw_if_any();
   return allowed;
@@ -251,7 +257,7 @@ std::vector<fs::path> make_key_folder(const fs::path& folder) {
       "each:\n"
       "# ROLE KEY. To revoke a key, remove its line and restart the nodes.\n";
   std::vector<std::pair<fs::path, std::string>> secrets;
-  for (const KeyRole role : kAllRoles) {
+  for (const KeyRole role : kAllKeyRoles) {
     const KeyPair pair = new_key_pair();
     list += std::string(name_of(role)) + " " + pair.public_key + "\n";
     secrets.emplace_back(folder / secret_file(role), key_pair_text(role, pair));

@@ -21,18 +21,31 @@
 namespace palpate {
 
 /// The role of a key determines which links it may use. device_node and mofc_node share one.
-enum class KeyRole : std::uint8_t { kDevice, kPhysics, kViewer, kPointer, kStandby };
-inline constexpr std::size_t kKeyRoles = 5;
-/// "device", "physics", "viewer", "pointer", "standby".
+enum class KeyRole : std::uint8_t {
+  kDevice,
+  kPhysics,
+  kViewer,
+  kPointer,
+  kStandby,
+  kRelay,
+  kAudience,
+};
+inline constexpr std::array<KeyRole, 7> kAllKeyRoles{
+    KeyRole::kDevice,  KeyRole::kPhysics, KeyRole::kViewer,  KeyRole::kPointer,
+    KeyRole::kStandby, KeyRole::kRelay,   KeyRole::kAudience};
+inline constexpr std::size_t kKeyRoles = kAllKeyRoles.size();
+/// "device", "physics", "viewer", "pointer", "standby", "relay", "audience".
 [[nodiscard]] const char* name_of(KeyRole role);
 
 /// The roles of the end that binds a link and of those that may connect to it.
 struct LinkRoles {
-  std::string_view link;  ///< the session's field
+  std::string_view link;  ///< the session's field; of the relay, kRelayLink
   KeyRole server;
   KeyRole client;
 };
-inline constexpr std::array<LinkRoles, 10> kLinkRoles{{
+/// From viewer_node --publish to viewer_node --follow; no session field.
+inline constexpr std::string_view kRelayLink = "relay";
+inline constexpr std::array<LinkRoles, 11> kLinkRoles{{
     {"links.exchange", KeyRole::kDevice, KeyRole::kDevice},
     {"links.tool_motion", KeyRole::kPhysics, KeyRole::kDevice},
     {"links.interaction", KeyRole::kPhysics, KeyRole::kDevice},
@@ -43,6 +56,7 @@ inline constexpr std::array<LinkRoles, 10> kLinkRoles{{
     {"links.standby_tool_motion", KeyRole::kStandby, KeyRole::kDevice},
     {"links.standby_interaction", KeyRole::kStandby, KeyRole::kDevice},
     {"links.standby_telemetry", KeyRole::kStandby, KeyRole::kViewer},
+    {kRelayLink, KeyRole::kRelay, KeyRole::kAudience},
 }};
 /// nullptr if a session has no such link.
 [[nodiscard]] const LinkRoles* roles_of(std::string_view link);
@@ -56,12 +70,14 @@ struct KeyPair {
 [[nodiscard]] KeyPair new_key_pair();
 
 /// Public keys by role: exactly one device key and one physics key, which connecting ends require
-/// of the binding end, at most one standby key, and any number of viewer and pointer keys.
+/// of the binding end, at most one standby key and one relay key, and any number of viewer, pointer
+/// and audience keys.
 class AllowedKeys {
  public:
   /// nullopt: the key is not listed.
   [[nodiscard]] std::optional<KeyRole> role_of(std::string_view public_key) const;
-  /// @param role  kDevice, kPhysics or kStandby. Throws SetupError if no key of it is listed.
+  /// @param role  kDevice, kPhysics, kStandby or kRelay. Throws SetupError if no key of it is
+  /// listed.
   [[nodiscard]] const std::string& server_key(KeyRole role) const;
 
  private:

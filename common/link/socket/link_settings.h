@@ -100,6 +100,21 @@ inline constexpr LinkSettings kTelemetryReceiver{.type = zmq::socket_type::deale
                                                  .keeps_queues = true,
                                                  .largest_frame_bytes = kLargestFrameOfHop5Bytes};
 
+/// The relay of hop 5: libzmq's XPUB for the viewers that follow it. The queue holds 1 s of one
+/// session. A follower may send kMostIncompleteBytes of topics.
+inline constexpr LinkSettings kRelaySender{.type = zmq::socket_type::xpub,
+                                           .send_queue = 256,
+                                           .receive_queue = 64,
+                                           .buffer_bytes = 64 << 10,
+                                           .linger_ms = 200,
+                                           .largest_frame_bytes = kLargestSubscriptionBytes};
+inline constexpr LinkSettings kRelayReceiver{.type = zmq::socket_type::sub,
+                                             .send_queue = 4,
+                                             .receive_queue = 256,
+                                             .buffer_bytes = 64 << 10,
+                                             .keeps_queues = true,
+                                             .largest_frame_bytes = kLargestFrameOfHop5Bytes};
+
 /// PlotJuggler's port: the ticks of four seconds at 1 kHz. A subscriber may send
 /// kMostIncompleteBytes of topics.
 inline constexpr LinkSettings kPlotSender{.type = zmq::socket_type::pub,

@@ -27,6 +27,7 @@ LinkSocket::LinkSocket(ZmqContext& context, const LinkSettings& settings,
       socket_(context.get(), settings.type),
       spins_(context.wait() == WaitStrategy::kSpin),
       keeps_queues_(settings.keeps_queues),
+      has_topics_(settings.type == zmq::socket_type::sub),
       must_be_connected_(attachment.role == Attachment::Role::kConnect && !settings.keeps_queues &&
                          settings.type != zmq::socket_type::push) {
   const Scheme scheme = scheme_of(attachment_);
@@ -53,6 +54,10 @@ LinkSocket::LinkSocket(ZmqContext& context, const LinkSettings& settings,
     }
   }
   if (settings.type == zmq::socket_type::router) socket_.set(zmq::sockopt::router_mandatory, true);
+  // subscriptions count too, and libzmq drops those beyond the limit without notice
+  if (has_topics_) socket_.set(zmq::sockopt::sndhwm, 0);
+  // every subscription is reported, so that the relay notices each new follower
+  if (settings.type == zmq::socket_type::xpub) socket_.set(zmq::sockopt::xpub_verboser, 1);
   // A connecting socket with this option discards its queue in the moment in which a connection
   // ends; if it has read a part of a message, libzmq then aborts. So only for those that never
   // read.
@@ -70,8 +75,9 @@ LinkSocket::LinkSocket(ZmqContext& context, const LinkSettings& settings,
          .most_unread_bytes = settings.largest_frame_bytes + kMostIncompleteBytes,
          .most_queued_bytes =
              settings.largest_frame_bytes * (settings.receive_queue + 1) + kMostIncompleteBytes,
-         .is_never_read =
-             settings.type == zmq::socket_type::pub || settings.type == zmq::socket_type::push},
+         .is_never_read = settings.type == zmq::socket_type::pub ||
+                          settings.type == zmq::socket_type::xpub ||
+                          settings.type == zmq::socket_type::push},
         connections_);
   }
   protect(context);
@@ -194,6 +200,10 @@ SendResult LinkSocket::send(zmq::message_t& part, int flags) noexcept {
     if (zmq_errno() != EINTR) return SendResult::kDropped;
   }
   return SendResult::kSent;
+}
+
+void LinkSocket::set_topic(char topic, bool is_wanted) noexcept {
+  zmq_setsockopt(handle(), is_wanted ? ZMQ_SUBSCRIBE : ZMQ_UNSUBSCRIBE, &topic, sizeof(topic));
 }
 
 bool LinkSocket::is_ready(int events) noexcept {

@@ -61,6 +61,10 @@ class LinkSocket {
   /// See LinkSettings.
   [[nodiscard]] bool keeps_queues() const noexcept { return keeps_queues_; }
 
+  /// SUB only: libzmq itself subscribes again when the socket reconnects.
+  [[nodiscard]] bool has_topics() const noexcept { return has_topics_; }
+  void set_topic(char topic, bool is_wanted) noexcept;
+
   [[nodiscard]] void* handle() noexcept { return socket_.handle(); }
   /// Signals that the state may have changed; see is_ready().
   [[nodiscard]] int descriptor() const noexcept { return descriptor_; }
@@ -99,6 +103,7 @@ class LinkSocket {
   Alarm alarm_;
   bool spins_;
   bool keeps_queues_;
+  bool has_topics_;
   bool must_be_connected_;  // to send; libzmq would queue
   bool is_tcp_ = false;
   bool has_rest_ = false;  // of a message of several parts, still to be dropped

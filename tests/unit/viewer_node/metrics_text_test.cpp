@@ -44,7 +44,8 @@ class MetricsTextTest : public testing::Test {
     take(physics);
   }
   [[nodiscard]] std::string text() const {
-    return metrics_.text(mirrors_, {.clients = 3, .messages_dropped = 4}, TimePoint{});
+    return metrics_.text(mirrors_, {.clients = 3, .messages_dropped = 4, .messages_thinned = 5},
+                         TimePoint{});
   }
   /// The rules of the text format that promtool checks too.
   void expect_well_formed() const;
@@ -85,6 +86,7 @@ TEST_F(MetricsTextTest, CountersAreThoseOfTheNodes) {
   EXPECT_THAT(text(), HasSubstr("palpate_physics_meshes_skipped_total 12\n"));
   EXPECT_THAT(text(), HasSubstr("palpate_device_minimum_true_energy_joules NaN\n"));
   EXPECT_THAT(text(), HasSubstr("palpate_viewer_messages_dropped_total 4\n"));
+  EXPECT_THAT(text(), HasSubstr("palpate_viewer_messages_thinned_total 5\n"));
 }
 
 // Lateness: 20 µs belongs to its bucket, 21 µs to the next, 2 s to none but the last, seven are 0.

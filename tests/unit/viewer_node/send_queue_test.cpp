@@ -31,7 +31,7 @@ std::string sent(SendQueue& queue) {
 TEST(SendQueue, SendsOneMessageAtATimeInOrder) {
   SendQueue queue;
   EXPECT_EQ(queue.start(), nullptr);
-  for (const char name : {'a', 'b', 'c'}) EXPECT_EQ(queue.push(message(name, 1)), 0u);
+  for (const char name : {'a', 'b', 'c'}) EXPECT_EQ(queue.push(message(name, 1)).dropped, 0u);
   ASSERT_NE(queue.start(), nullptr);
   EXPECT_EQ(queue.start(), nullptr);  // one is in flight
   queue.finish();
@@ -48,7 +48,7 @@ TEST(SendQueue, KeepsTheMessageInFlightInPlaceWhileOlderOnesAreDropped) {
   const std::string* const payload = in_flight->payload.get();
 
   std::uint64_t dropped = 0;
-  for (int i = 0; i < 100; ++i) dropped += queue.push(message('b', kMegabyte));
+  for (int i = 0; i < 100; ++i) dropped += queue.push(message('b', kMegabyte)).dropped;
 
   EXPECT_GT(dropped, 90u);
   EXPECT_EQ(header, in_flight->header.data());
@@ -62,8 +62,9 @@ TEST(SendQueue, KeepsTheMessageInFlightInPlaceWhileOlderOnesAreDropped) {
 // 8 MiB may wait: the ninth of 1 MiB leaves the newest four.
 TEST(SendQueue, DropsTheOldestDownToHalf) {
   SendQueue queue;
-  for (char name = 'a'; name < 'i'; ++name) EXPECT_EQ(queue.push(message(name, kMegabyte)), 0u);
-  EXPECT_EQ(queue.push(message('i', kMegabyte)), 5u);
+  for (char name = 'a'; name < 'i'; ++name)
+    EXPECT_EQ(queue.push(message(name, kMegabyte)).dropped, 0u);
+  EXPECT_EQ(queue.push(message('i', kMegabyte)).dropped, 5u);
   EXPECT_FALSE(queue.is_overfull());
   EXPECT_EQ(sent(queue), "fghi");
 }
@@ -72,7 +73,7 @@ TEST(SendQueue, NeverDropsWhatWasRequested) {
   SendQueue queue;
   queue.push(message('r', 6 * kMegabyte, false));
   queue.push(message('a', kMegabyte));
-  EXPECT_EQ(queue.push(message('b', 2 * kMegabyte)), 2u);
+  EXPECT_EQ(queue.push(message('b', 2 * kMegabyte)).dropped, 2u);
   EXPECT_EQ(sent(queue), "r");
 }
 
@@ -91,6 +92,28 @@ TEST(SendQueue, IsOverfullByBytesOrByMessagesThatMayNotBeDropped) {
   EXPECT_FALSE(messages.is_overfull());  // one in flight counts too
   messages.push(message('r', 1, false));
   EXPECT_TRUE(messages.is_overfull());
+}
+
+// An audience: however slowly a client reads, what it gets next is the newest, and it holds two
+// messages of a subject at most.
+TEST(SendQueue, KeepsTheNewestOfASubjectOnly) {
+  SendQueue queue;
+  const auto push = [&](char name, std::size_t subject) {
+    OutgoingMessage next = message(name, 10);
+    next.subject = subject;
+    return queue.push(std::move(next));
+  };
+  push('a', 1);
+  EXPECT_TRUE(queue.has(1));
+  ASSERT_NE(queue.start(), nullptr);  // in flight: stays
+  EXPECT_EQ(push('b', 1).replaced, 0u);
+  EXPECT_EQ(push('m', 2).replaced, 0u);
+  queue.push(message('l', 10));          // of no subject: a line of the log
+  EXPECT_EQ(push('c', 1).replaced, 1u);  // in place of b
+  EXPECT_EQ(queue.bytes(), 40u);
+  queue.finish();
+  EXPECT_EQ(sent(queue), "mlc");
+  EXPECT_FALSE(queue.has(1));
 }
 
 }  // namespace

@@ -115,3 +115,22 @@ test("scales end on 1, 2 or 5 times a power of ten", () => {
   assert.equal(table_row(9, 0, 1), 255);
   assert.equal(table_row(3, 3, 3), 128); // one stiffness everywhere
 });
+
+test("mesh steps are the complete state: what they do not name is at rest", () => {
+  const surface = new Surface(square());
+  const steps = { tissue: 0, runs: [1, 2], displacementSteps: [0, 0, -6000, 2, 0, -8000], offsetSteps: [0, 0, 5000] };
+
+  assert.ok(surface.take_steps(steps, 0.00005));
+  assert.ok(Math.abs(surface.position[3 + 2] + 0.3) < 1e-6);
+  assert.ok(Math.abs(surface.position[6] - 1.0001) < 1e-6);
+  assert.ok(Math.abs(surface.max_displacement_m - 0.4) < 1e-6);
+  assert.equal(surface.offset_m.z, 0.25);
+
+  assert.equal(surface.take_steps({ ...steps, runs: [1, 4] }, 0.00005), false); // beyond the surface
+  assert.equal(surface.take_steps({ ...steps, runs: [1, 1] }, 0.00005), false); // fewer than it gives
+  assert.equal(surface.offset_m.z, 0.25);
+
+  assert.ok(surface.take_steps(undefined, 0.00005));
+  assert.deepEqual([...surface.position], [...surface.rest]);
+  assert.equal(surface.max_displacement_m, 0);
+});

@@ -17,7 +17,7 @@ import { forces_of, kNoForce, state_words } from "./state";
 import { scene_signature, Surface, type ColourMode } from "./surface";
 import { kNodes, norm, Telemetry } from "./telemetry";
 import { TimelineCard } from "./timeline";
-import type { DeviceTelemetry, Health, Log, MeshFrame, MofcTelemetry, PhysicsTelemetry, SceneState } from "./wire";
+import type { DeviceTelemetry, Health, Log, MeshFrame, MeshSteps, MofcTelemetry, PhysicsTelemetry, SceneState } from "./wire";
 
 // About the time in which a curve moves by a pixel.
 const kPlotPeriod_s = (window_s: number) => Math.min(Math.max(window_s / 300, 1 / 15), 1 / 5);
@@ -55,6 +55,7 @@ let scene_builds = 0;
 let surfaces: Surface[] = [];
 let signature = "";
 let early: MeshFrame[] = []; // the newest frames whose scene has not arrived yet
+let early_steps: MeshSteps | null = null; // likewise; each is complete
 let mode: ColourMode = "material";
 let window_s = 10;
 let is_paused = false;
@@ -73,6 +74,7 @@ let plot_draws = 0;
 const handlers: Record<string, (message: never) => void> = {
   "/scene_state": (message: SceneState) => take_scene(message),
   "/mesh": (message: MeshFrame) => take_mesh(message),
+  "/mesh_steps": (message: MeshSteps) => take_mesh_steps(message),
   "/log": (message: Log) => timeline.take(message),
   "/health": (message: Health) => {
     sides.forEach((one, side) => one.take_health(message, seconds(), side));
@@ -160,6 +162,25 @@ function take_scene(message: SceneState): void {
   const waiting = early;
   early = [];
   for (const frame of waiting) take_mesh(frame);
+  const steps = early_steps;
+  early_steps = null;
+  if (steps) take_mesh_steps(steps);
+}
+
+function take_mesh_steps(message: MeshSteps): void {
+  if (!scene || message.sceneRevision !== scene.revision || message.sessionId !== scene.header.sessionId) {
+    early_steps = message;
+    return;
+  }
+  const begin = performance.now();
+  surfaces.forEach((surface, index) => {
+    const steps = message.tissues.find(({ tissue }) => tissue === index);
+    const was_deformed = surface.max_displacement_m > 0;
+    if (!surface.take_steps(steps, message.stepM)) throw new Error(`mesh steps do not fit tissue ${index}`);
+    if (!is_paused) view.update(index, was_deformed || surface.max_displacement_m > 0);
+  });
+  mesh_frames += 1;
+  mesh_cost_s = 1e-3 * (performance.now() - begin);
 }
 
 function take_mesh(frame: MeshFrame): void {

@@ -1,6 +1,6 @@
 // surface.ts: one tissue's surface: rest shape, current shape, normals, colour data. Plain
 // arrays, filled in place: a mesh frame of 20 000 vertices allocates nothing. No three.js.
-import type { MeshFrame, TissueSurface, Vector3 } from "./wire";
+import type { MeshFrame, TissueSteps, TissueSurface, Vector3 } from "./wire";
 
 export type ColourMode = "material" | "stiffness" | "displacement" | "strain";
 
@@ -70,6 +70,29 @@ export class Surface {
       this.strain ??= new Float32Array(this.vertex_count);
       new Uint8Array(this.strain.buffer).set(frame.vertexStrain, 4 * frame.firstVertex);
     }
+    return true;
+  }
+
+  /** Applies the complete state of MeshSteps, undefined: at rest; false, and nothing changes, if it does not fit. */
+  take_steps(steps: TissueSteps | undefined, step_m: number): boolean {
+    const runs = steps?.runs ?? [], moved = steps?.displacementSteps ?? [];
+    let count = 0, vertices = 0;
+    runs.forEach((length, run) => {
+      vertices += length;
+      if (run % 2 === 1) count += length;
+    });
+    if (vertices > this.vertex_count || moved.length !== 3 * count) return false;
+    const [x = 0, y = 0, z = 0] = steps?.offsetSteps ?? [];
+    this.offset_m = { x: step_m * x, y: step_m * y, z: step_m * z };
+    if (count === 0 && this.max_displacement_m === 0) return true;
+    this.position.set(this.rest);
+    let at = 0, next = 0;
+    runs.forEach((length, run) => {
+      if (run % 2 === 0) at += 3 * length;
+      else for (const end = at + 3 * length; at < end; ++at) this.position[at] += step_m * moved[next++];
+    });
+    this.measure_displacement(0, this.vertex_count);
+    this.compute_normals();
     return true;
   }
 

@@ -156,6 +156,20 @@ export interface MeshFrame {
   displacementWorldM?: Vector3;
 }
 
+/** For an audience, instead of MeshFrame. */
+export interface MeshSteps {
+  sessionId: bigint;
+  sceneRevision: bigint;
+  stepM: number;
+  tissues: TissueSteps[];
+}
+export interface TissueSteps {
+  tissue: number;
+  runs: number[];
+  displacementSteps: number[];
+  offsetSteps: number[];
+}
+
 export interface Health {
   nodes: {
     name: string;
