@@ -118,8 +118,9 @@ TEST_F(KeygenCommand, DoctorReportsTheRolesOfThisMachine) {
   ASSERT_EQ(run_program("palpate", {"keygen", keys()}).status, 0);
   std::filesystem::remove(keys() + "/physics.key_secret");
   const std::string with_keys = far + "security { key_folder: \"keys\" }";
-  EXPECT_THAT(doctor(with_keys).out,
-              HasSubstr("this machine has the roles device, viewer, pointer, standby, relay, audience"));
+  EXPECT_THAT(
+      doctor(with_keys).out,
+      HasSubstr("this machine has the roles device, viewer, pointer, standby, relay, audience"));
 
   chmod((keys() + "/device.key_secret").c_str(), 0640);
   EXPECT_THAT(doctor(with_keys).out, ContainsRegex("TO DO  keys .*others may read"));
