@@ -65,7 +65,7 @@ class WaveReceiver {
     const double needed_joule = pending_.squaredNorm() / (2.0 * T);
     const double share =
         needed_joule > energy_joule_ ? std::sqrt(energy_joule_ / needed_joule) : 1.0;
-    const Eigen::Vector3d part = share * pending_;
+    Eigen::Vector3d part = share * pending_;
     pending_ -= part;
     energy_joule_ = std::max(0.0, energy_joule_ - share * share * needed_joule);
     return part;
