@@ -212,7 +212,7 @@ Hand::Hand(const HandConfig& config, const SimulatedDeviceConfig& device, std::u
 
 Target Hand::target_without_sense(double t_s) noexcept {
   if (led_) return led_->target(t_s);
-  const Target target = std::visit(
+  Target target = std::visit(
       [&](const auto& path) -> Target {
         if constexpr (std::is_same_v<std::decay_t<decltype(path)>, HostilePath>) {
           return {path.center_m, Vector3::Zero()};  // not called for it

@@ -179,7 +179,7 @@ plot '{0}_local.csv' using 't_s':'fi_z' with lines lw 4 lc rgb '#c8d6e5' title '
   }
 }
 
-void run(const BenchOptions& options) {
+void run(const BenchOptions& options, const Shard& shard) {
   const int seeds = options.is_quick ? 1 : 5;
   const std::vector<double> rates_hz =
       options.is_quick ? std::vector<double>{50} : std::vector<double>{50, 200, 1000};
@@ -189,10 +189,12 @@ void run(const BenchOptions& options) {
   Table table = make_table();
   Table against_delay = make_table();
   std::optional<Steps> steps(std::in_place, tissue_scenes().size() * rates_hz.size() *
-                                                delays_ms.size() * 2 * std::size(kWays));
+                                                delays_ms.size() * 2 * std::size(kWays) / shard.of);
+  std::size_t row = 0;
   for (const TissueScene& scene : tissue_scenes()) {
     const auto add = [&](const Link& link) {
       for (const Way& way : kWays) {
+        if (!shard.has(row++)) continue;
         const Figures figures = run(scene, link, way, seeds);
         steps->next();
         add_row(table, scene, link, way, figures);
@@ -253,6 +255,9 @@ int main(int argc, char** argv) {
   app.add_flag("--black-box", is_black_box,
                "instead: physics of which only the force is known, 100 Hz, 20 ms each way")
       ->excludes("--disturbed");
+  palpate::bench::Shard shard;
+  palpate::bench::add_shard_option(app, shard);
+  app.get_option("--shard")->excludes("--disturbed")->excludes("--black-box");
   return palpate::bench::run_bench(app, options, argc, argv, [&] {
     if (is_black_box) {
       palpate::bench::run_black_box(options);
@@ -261,7 +266,7 @@ int main(int argc, char** argv) {
     } else if (disturbed == "surfaces") {
       palpate::bench::run_disturbed(options, meshes, rows);
     } else {
-      palpate::bench::run(options);
+      palpate::bench::run(options, shard);
     }
   });
 }
