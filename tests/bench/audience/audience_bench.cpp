@@ -296,7 +296,8 @@ void measure_audience(const BenchOptions& options, std::size_t clients, double s
   bench.measure(0, 0, relay, table);
   table.publish(options);
   std::printf(
-      "%.0f s each row; %s. The nodes run on processor 0, relay, viewer_node and clients on the\n"
+      "%.0f s each row; load average %s. The nodes run on processor 0, relay, viewer_node and "
+      "clients on the\n"
       "others. The clients read what a page reads, at %.0f Hz; the two rows without show the "
       "scatter.\n",
       seconds, machine_load().c_str(), kAudienceHz);
