@@ -195,8 +195,6 @@ TEST(HapiDriver, IdentifiesTheFrictionInItsPlaneFromBelow) {
   SweepPlan plan = hands_off_plan(device->specification());
   ASSERT_EQ(plan.lines.size(), 2U) << "x and z";
   plan.lines.resize(1);
-  plan.rate_hz = 400.0;
-  plan.speeds_m_per_s = {0.03, 0.045, 0.06};
 
   const FrictionReport found =
       identify_friction(*device, clock, plan, {.may_move = true, .may_lack_watchdog = true});

@@ -227,8 +227,6 @@ TEST(HaplyDriver, IdentifiesTheFrictionOfTheDeviceFromBelow) {
   const auto device = open_haply(config, clock, {});
   SweepPlan plan = hands_off_plan(device->specification());
   plan.lines.resize(1);
-  plan.rate_hz = 400.0;
-  plan.speeds_m_per_s = {0.03, 0.045, 0.06};
   plan.half_length_m = 0.01;
   EXPECT_THROW(static_cast<void>(identify_friction(*device, clock, plan, {.may_move = true})),
                SetupError);
