@@ -30,16 +30,21 @@ template <class Move>
 Transfer transfer_all(int terminal, short events, std::size_t size, Duration within,
                       const Move& move) noexcept {
   const WireClock::time_point deadline = wire_deadline(within);
+  bool is_ready = false;
   for (std::size_t done = 0; done < size;) {
     const ssize_t moved = move(done, size - done);
     if (moved > 0) {
       done += static_cast<std::size_t>(moved);
+      is_ready = false;
       continue;
     }
     if (moved < 0 && errno == EINTR) continue;
+    // a terminal that hung up is always ready to be read, and has nothing
+    if (moved == 0 && is_ready) return Transfer::kClosed;
     if (moved < 0 && errno != EAGAIN && errno != EWOULDBLOCK) return Transfer::kClosed;
     const Transfer ready = wait_for(terminal, events, deadline);
     if (ready != Transfer::kDone) return ready;
+    is_ready = true;
   }
   return Transfer::kDone;
 }

@@ -1,8 +1,12 @@
 // Pantographs on hAPI boards: the messages byte by byte, the links, and the driver through the
 // emulator.
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
+#include <array>
+#include <cstdlib>
 #include <cstring>
 #include <numbers>
 #include <string>
@@ -12,6 +16,7 @@
 #include "common/core/check.h"
 #include "common/core/random.h"
 #include "device_node/drivers/hapi/hapi_driver.h"
+#include "device_node/drivers/transport/serial_port.h"
 #include "device_node/emulators/hapi_emulator.h"
 #include "device_node/hands_off_check.h"
 #include "tests/support/alloc_guard.h"
@@ -31,6 +36,23 @@ std::string hex(const Bytes& bytes) {
     text += "0123456789abcdef"[std::to_integer<unsigned>(b) & 15U];
   }
   return text;
+}
+
+// As a board that is unplugged: its terminal is ready to be read for ever, and has nothing.
+TEST(SerialPort, ATerminalThatHungUpIsClosed) {
+  const int board = ::posix_openpt(O_RDWR | O_NOCTTY | O_CLOEXEC);
+  ASSERT_EQ(::grantpt(board), 0);
+  ASSERT_EQ(::unlockpt(board), 0);
+  SerialPort port(::ptsname(board));
+  std::array<std::byte, 2> bytes{};
+  ASSERT_EQ(::write(board, "ab", 2), 2);
+  EXPECT_EQ(port.read(bytes, std::chrono::seconds(5)), Transfer::kDone);
+  EXPECT_EQ(port.read(bytes, std::chrono::milliseconds(1)), Transfer::kTimeout);
+
+  ::close(board);
+
+  EXPECT_EQ(port.read(bytes, std::chrono::seconds(5)), Transfer::kClosed);
+  EXPECT_EQ(port.write(bytes, std::chrono::seconds(5)), Transfer::kClosed);
 }
 
 // [1][id 5], ports 1 and 2: mask 3 and their directions, twice; no sensors, no PWM; 180 and 13824,
