@@ -185,7 +185,8 @@ constexpr Duration kEmulatedWatchdog = std::chrono::milliseconds(20);
 
 }  // namespace
 
-Table device_table(int seeds, const std::vector<std::string>& more_overrides, double& least_joule) {
+Table device_table(int seeds, const std::vector<std::string>& more_overrides, const Shard& shard,
+                   double& least_joule) {
   // in the plane of the pantograph, and reaching nowhere out of its links
   std::vector<Adversity> all = adversities();
   all.insert(
@@ -197,7 +198,6 @@ Table device_table(int seeds, const std::vector<std::string>& more_overrides, do
                              "z: 0.012 } frequency_hz { x: 0.05 z: 0.7 } } }"},
                .seconds = 4.0}});
   std::vector<AdverseRow> rows;
-  std::vector<bool> is_claimed;
   for (const Adversity& adversity : all) {
     if (adversity.is_outside) continue;
     for (const Wired& wired : wired_devices()) {
@@ -217,13 +217,14 @@ Table device_table(int seeds, const std::vector<std::string>& more_overrides, do
                       &kFrictions[0],
                       {wired.label},
                       std::move(run)});
-      is_claimed.push_back(wired.driver && !adversity.needs_watchdog);
     }
   }
-  run_rows(rows, seeds);
+  run_rows(rows, seeds, shard);
   least_joule = 0.0;
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    if (is_claimed[i]) least_joule = std::min(least_joule, rows[i].summary.least_joule);
+  for (const AdverseRow& row : rows) {
+    if (row.run.make_device && !row.label.ends_with('*')) {
+      least_joule = std::min(least_joule, row.summary.least_joule);
+    }
   }
   return table_of(rows, "adversity", {{"device", "device", ""}},
                   {{"transparency_percent", "transp. %", "{:.1f}"},

@@ -57,7 +57,8 @@ void run(const GuaranteeOptions& options) {
   }
   if (options.only == "devices") {  // through sockets and terminals: slow
     double least_joule = 0.0;
-    const Table devices = device_table(bench.is_quick ? 1 : 5, options.overrides, least_joule);
+    const Table devices =
+        device_table(bench.is_quick ? 1 : 5, options.overrides, options.shard, least_joule);
     std::printf(
         "%s\nMode guard, physics at 1 kHz; the driver, its wire and the emulator behind it, in "
         "lockstep."

@@ -24,7 +24,7 @@ namespace palpate::bench {
 /// specification.
 /// @param least_joule  receives the least energy of the drivers' rows that need no motor watchdog
 [[nodiscard]] Table device_table(int seeds, const std::vector<std::string>& more_overrides,
-                                 double& least_joule);
+                                 const Shard& shard, double& least_joule);
 
 /// Time of one tick of the monitor [µs]: a reading, a command, a switch. The best of 20 rounds.
 [[nodiscard]] double monitor_tick_us(bool is_per_axis);
