@@ -26,7 +26,7 @@ ROLES = {
     "mofc_telemetry": ("device", "viewer"),
     "physics_telemetry": ("physics", "viewer"),
 }
-_ROLES = ("device", "physics", "standby", "viewer", "pointer")
+_ROLES = ("device", "physics", "standby", "viewer", "pointer", "relay", "audience")
 _ZAP_ENFORCE_DOMAIN = 93
 _SUBSCRIPTION_BYTES = 1 << 10
 _Z85 = re.compile(r"[0-9a-zA-Z.\-:+=^!/*?&<>()\[\]{}@%$#]{40}")

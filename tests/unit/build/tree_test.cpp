@@ -85,6 +85,7 @@ TEST(SessionFormat, EveryNumberSaysItsUnitInItsName) {
       "cpu",
       "button",
       "clutch_button",
+      "dead_man_button",
       "burst_length",
       "late_periods",
       "port",

@@ -131,9 +131,10 @@ TEST(KeyFolder, KeygenCreatesAPairForEachRoleAndOverwritesNothing) {
   const fs::path keys = folder.path() / "keys";
   const auto files = make_key_folder(keys);
 
-  EXPECT_EQ(files.size(), 6u);
+  EXPECT_EQ(files.size(), 8u);
   EXPECT_EQ(mode_of(keys), 0700u);
-  for (const char* role : {"device", "physics", "standby", "viewer", "pointer"}) {
+  for (const char* role :
+       {"device", "physics", "standby", "viewer", "pointer", "relay", "audience"}) {
     EXPECT_EQ(mode_of(keys / (std::string(role) + ".key_secret")), 0600u);
   }
   const std::string before = text_of(keys / "viewer.key_secret");

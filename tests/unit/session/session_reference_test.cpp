@@ -71,7 +71,9 @@ TEST(SessionReference, NeedsADescriptorSetOfTheSchema) {
 
 // The unit is in the name and in the rule: they must agree.
 TEST(SessionSchema, UnitsAreThoseOfTheNames) {
-  const std::pair<const char*, const char*> units[] = {{"_newton_s_per_m", "N·s/m"},
+  const std::pair<const char*, const char*> units[] = {{"_newton_m_per_a", "N·m/A"},
+                                                       {"_current_a", "A"},
+                                                       {"_newton_s_per_m", "N·s/m"},
                                                        {"_newton_per_s", "N/s"},
                                                        {"_newton_per_m3", "N/m³"},
                                                        {"_newton_per_m", "N/m"},
