@@ -7,24 +7,14 @@ namespace palpate::controllers {
 
 double OnePoolClamp::drain_watt(const Vector3& force_newton) const noexcept {
   if (!per_axis_) return controllers::drain_watt(p_, force_newton.norm(), v_max_m_per_s_);
-  return std::min(drain_of_axes_watt(force_newton), drain_of_all_watt(force_newton));
-}
-
-/// The first bound of friction per axis.
-double OnePoolClamp::drain_of_axes_watt(const Vector3& force_newton) const noexcept {
   double sum = 0.0;
   for (int i = 0; i < 3; ++i) {
     sum += controllers::drain_watt(per_axis_->on_axis(i, p_.T), std::abs(force_newton[i]),
                                    v_max_m_per_s_);
   }
-  return sum;
-}
-
-/// The second.
-double OnePoolClamp::drain_of_all_watt(const Vector3& force_newton) const noexcept {
   const Vector3 excess = (force_newton.cwiseAbs() - per_axis_->f_co).cwiseMax(0.0);
   const MofcParameters least{.f_d = per_axis_->f_d.minCoeff(), .f_co = 0.0, .T = p_.T};
-  return controllers::drain_watt(least, excess.norm(), v_max_m_per_s_);
+  return std::min(sum, controllers::drain_watt(least, excess.norm(), v_max_m_per_s_));
 }
 
 ControlOutput OnePoolClamp::clamp(const Vector3& asked, double energy_joule,
@@ -60,11 +50,8 @@ double OnePoolClamp::absorbed_scale(const Vector3& force_newton) const noexcept 
 }
 
 double OnePoolClamp::paid_scale(const Vector3& force_newton, double energy_joule) const noexcept {
-  const double pool_joule = std::max(0.0, energy_joule);
   const auto is_paid = [&](double scale) {
-    const Vector3 scaled = scale * force_newton;
-    return p_.T * drain_of_axes_watt(scaled) <= pool_joule ||
-           p_.T * drain_of_all_watt(scaled) <= pool_joule;
+    return p_.T * drain_watt(scale * force_newton) <= std::max(0.0, energy_joule);
   };
   if (is_paid(1.0)) return 1.0;
   double paid = absorbed_scale(force_newton);

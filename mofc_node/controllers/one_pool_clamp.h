@@ -40,8 +40,6 @@ class OnePoolClamp {
                                     double gate = 1.0) const noexcept;
 
  private:
-  [[nodiscard]] double drain_of_axes_watt(const Vector3& force_newton) const noexcept;
-  [[nodiscard]] double drain_of_all_watt(const Vector3& force_newton) const noexcept;
   [[nodiscard]] double absorbed_scale(const Vector3& force_newton) const noexcept;
   [[nodiscard]] double paid_scale(const Vector3& force_newton, double energy_joule) const noexcept;
 
