@@ -173,12 +173,17 @@ struct Wired {
 
 std::vector<Wired> wired_devices() {
   using test::WiredDriver;
-  // the pantograph's encoders count angles: up to 0.1 mm at the handle
-  const std::string profile = "device.profile.position_resolution_m=1e-4";
+  const std::string exact = "device.simulated.position_resolution_m=0";
+  // the encoders count angles: up to 0.1 mm at the handle, and a little more
+  const std::string fine = "position_resolution_m=1e-4";
+  const std::string coarse = "position_resolution_m=1.1e-4";
   return {{"simulated", {}, {}},
           {"haply_inverse", WiredDriver::kHaply, {}},
-          {"simulated", {}, {"device.simulated.position_resolution_m=1e-4", profile}},
-          {"hapi", WiredDriver::kHapi, {"device.simulated.position_resolution_m=0", profile}}};
+          {"simulated", {}, {"device.simulated." + fine, "device.profile." + fine}},
+          {"hapi", WiredDriver::kHapi, {exact, "device.profile." + fine}},
+          {"simulated", {}, {"device.simulated." + coarse, "device.profile." + coarse}},
+          {"falcon", WiredDriver::kFalcon, {exact, "device.profile." + coarse}},
+          {"wooden", WiredDriver::kWooden, {exact, "device.profile." + coarse}}};
 }
 
 constexpr Duration kEmulatedWatchdog = std::chrono::milliseconds(20);

@@ -3,12 +3,17 @@
 #include <chrono>
 #include <numbers>
 #include <thread>
-#include <variant>
+#include <utility>
 
+#include "common/core/user/temp_folder.h"
+#include "device_node/drivers/falcon/falcon_driver.h"
 #include "device_node/drivers/hapi/hapi_driver.h"
 #include "device_node/drivers/haply/haply_driver.h"
+#include "device_node/drivers/wooden/wooden_driver.h"
+#include "device_node/emulators/falcon_emulator.h"
 #include "device_node/emulators/hapi_emulator.h"
 #include "device_node/emulators/haply_emulator.h"
+#include "device_node/emulators/wooden_emulator.h"
 #include "device_node/simulation/true_state.h"
 
 namespace palpate::test {
@@ -45,15 +50,70 @@ HapiConfig hapi_config(const Side& side) {
   return config;
 }
 
+/// Its x is to the right, y up and z towards the person.
+FalconConfig falcon_config(const Side& side) {
+  FalconConfig config;
+  config.torque_gain = -10000.0;
+  config.origin_m = Vector3(0.0, 0.0, 0.12);
+  config.rotation = Quaternion(Eigen::AngleAxisd(std::numbers::pi / 2, Vector3::UnitX()));
+  config.workspace_half_extent_m = Vector3(0.03, 0.03, 0.03);
+  config.limits = limits_of(side);
+  config.position_resolution_m = side.device.profile.position_resolution_m;
+  config.transfer_limit = kTransferLimit;
+  return config;
+}
+
+/// The published design. Its x is towards the person, z up.
+WoodenConfig wooden_config(const Side& side) {
+  WoodenConfig config;
+  config.torque_constants_newton_m_per_a = {0.321, 0.0603, 0.0603};
+  config.calibration_counts = {0, 0, 6000};
+  config.largest_current_a = 3.0;
+  config.origin_m = Vector3(0.22, 0.0, 0.08);
+  config.rotation = Quaternion(Eigen::AngleAxisd(-std::numbers::pi / 2, Vector3::UnitZ()));
+  config.workspace_half_extent_m = Vector3(0.06, 0.05, 0.05);
+  config.limits = limits_of(side);
+  config.position_resolution_m = side.device.profile.position_resolution_m;
+  config.transfer_limit = kTransferLimit;
+  return config;
+}
+
+std::unique_ptr<device::HaplyEmulator> connect(device::EmulatedDevice& device, HaplyConfig& config,
+                                               const TempFolder& /*folder*/) {
+  auto emulator = std::make_unique<device::HaplyEmulator>(device, 0);
+  config.port = emulator->port();
+  return emulator;
+}
+
+std::unique_ptr<device::HapiEmulator> connect(device::EmulatedDevice& device, HapiConfig& config,
+                                              const TempFolder& /*folder*/) {
+  auto emulator = std::make_unique<device::HapiEmulator>(device, config);
+  config.port = emulator->port();
+  return emulator;
+}
+
+std::unique_ptr<device::FalconEmulator> connect(device::EmulatedDevice& device,
+                                                FalconConfig& config, const TempFolder& folder) {
+  config.port = (folder.path() / "falcon").string();
+  return std::make_unique<device::FalconEmulator>(device, config, device::FalconEmulatorState{});
+}
+
+std::unique_ptr<device::WoodenEmulator> connect(device::EmulatedDevice& device,
+                                                WoodenConfig& config, const TempFolder& folder) {
+  config.port = (folder.path() / "wooden").string();
+  return std::make_unique<device::WoodenEmulator>(device, config);
+}
+
 /// Emulator and thread outlive the driver.
-template <class Emulator, class Config>
+template <class Config>
 class WiredDevice final : public device::HapticDevice, public device::TrueStateSource {
  public:
-  template <class Connect, class Open>
+  using Open = std::unique_ptr<device::HapticDevice>(const Config&, const Clock&,
+                                                     const device::StartUp&);
   WiredDevice(const Side& side, const Clock& clock, std::uint64_t seed, Duration watchdog,
-              Config config, Connect connect, Open open)
+              Config config, Open& open)
       : emulated_(side.simulated, side.hand, clock, seed, watchdog, {}),
-        emulator_(connect(emulated_, config)),
+        emulator_(connect(emulated_, config, folder_)),
         server_([this](const std::stop_token& stop) { emulator_->run(stop); }),
         driver_(open(config, clock, device::StartUp{})) {}
 
@@ -75,8 +135,10 @@ class WiredDevice final : public device::HapticDevice, public device::TrueStateS
   }
 
  private:
+  TempFolder folder_;
   device::EmulatedDevice emulated_;
-  std::unique_ptr<Emulator> emulator_;
+  decltype(connect(std::declval<device::EmulatedDevice&>(), std::declval<Config&>(),
+                   std::declval<const TempFolder&>())) emulator_;
   std::jthread server_;
   std::unique_ptr<device::HapticDevice> driver_;
 };
@@ -86,27 +148,21 @@ class WiredDevice final : public device::HapticDevice, public device::TrueStateS
 std::unique_ptr<device::HapticDevice> open_wired(WiredDriver driver, const Side& side,
                                                  const Clock& clock, std::uint64_t seed,
                                                  Duration watchdog) {
-  using device::EmulatedDevice;
-  if (driver == WiredDriver::kHaply) {
-    using Emulator = device::HaplyEmulator;
-    return std::make_unique<WiredDevice<Emulator, HaplyConfig>>(
-        side, clock, seed, watchdog, haply_config(side),
-        [](EmulatedDevice& emulated, HaplyConfig& config) {
-          auto emulator = std::make_unique<Emulator>(emulated, 0);
-          config.port = emulator->port();
-          return emulator;
-        },
-        device::open_haply);
+  const auto wire = [&]<class Config>(const Config& config,
+                                      typename WiredDevice<Config>::Open& open) {
+    return std::make_unique<WiredDevice<Config>>(side, clock, seed, watchdog, config, open);
+  };
+  switch (driver) {
+    case WiredDriver::kHaply:
+      return wire(haply_config(side), device::open_haply);
+    case WiredDriver::kHapi:
+      return wire(hapi_config(side), device::open_hapi);
+    case WiredDriver::kFalcon:
+      return wire(falcon_config(side), device::open_falcon);
+    case WiredDriver::kWooden:
+      return wire(wooden_config(side), device::open_wooden);
   }
-  using Emulator = device::HapiEmulator;
-  return std::make_unique<WiredDevice<Emulator, HapiConfig>>(
-      side, clock, seed, watchdog, hapi_config(side),
-      [](EmulatedDevice& emulated, HapiConfig& config) {
-        auto emulator = std::make_unique<Emulator>(emulated, config);
-        config.port = emulator->port();
-        return emulator;
-      },
-      device::open_hapi);
+  return nullptr;
 }
 
 }  // namespace palpate::test

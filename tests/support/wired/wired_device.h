@@ -11,7 +11,7 @@
 
 namespace palpate::test {
 
-enum class WiredDriver { kHaply, kHapi };
+enum class WiredDriver { kHaply, kHapi, kFalcon, kWooden };
 
 /// The simulated device of the side behind the emulator; its hand moves it.
 /// @param watchdog  after which the emulated motors end a force if no message comes
