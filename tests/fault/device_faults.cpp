@@ -44,7 +44,7 @@ struct WireFaultRow {
 
 constexpr WireFaultRow kWireFaultRows[] = {{"unplugged", WireFault::kUnplugged, 0.3, true},
                                            {"corrupt", WireFault::kGarbage, 0.3, true},
-                                           {"silent", WireFault::kSilent, 0.3, true},
+                                           {"silent", WireFault::kSilent, 0.7, true},
                                            {"slow", WireFault::kDelayed, 0.6, false}};
 
 /// Documented: the motors push at most so long after the begin of the fault.
