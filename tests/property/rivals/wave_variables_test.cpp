@@ -271,6 +271,7 @@ TEST(WaveVariables, WithoutAChannelThereIsNoForceAndAfterwardsTheSumsBeginAnew) 
       EXPECT_NEAR(sent.sum.z(), 2.0 * k * 1e-4, 1e-12) << "the first opens the channel";
     }
     input.returned_wave = nullptr;
+    input.applied = {};
     EXPECT_FALSE(controller.step(input).sent_wave.is_present());
   }
 }
