@@ -291,7 +291,7 @@ TEST(WaveEnd, ANewStreamBeginsAtTheToolAndMotionWithoutWavesIsLeftAlone) {
   TimePoint now{};
   const auto stepped = [&] {
     now += from_seconds(kPeriod_s);
-    const Vector3 at_m = end.advance(motion, answer, now).tool_position_world_m;
+    Vector3 at_m = end.advance(motion, answer, now).tool_position_world_m;
     end.answer(answer);
     return at_m;
   };
