@@ -23,18 +23,20 @@ using device::DeviceSample;
 
 constexpr Duration kTransferLimit = std::chrono::seconds(20);  // of real time: the machine is busy
 
-MotorLimits limits_of(const Side& side) {
+/// What does not depend on the driver.
+template <class Config>
+Config of_side(Config config, const Side& side) {
   const double peak = side.simulated.peak_force_newton;
-  return {.peak_force_newton = peak, .continuous_force_newton = peak};
+  config.limits = {.peak_force_newton = peak, .continuous_force_newton = peak};
+  config.position_resolution_m = side.device.profile.position_resolution_m;
+  config.transfer_limit = kTransferLimit;
+  return config;
 }
 
 HaplyConfig haply_config(const Side& side) {
   HaplyConfig config;
   config.workspace_half_extent_m = Vector3(0.08, 0.06, 0.035);
-  config.limits = limits_of(side);
-  config.position_resolution_m = side.device.profile.position_resolution_m;
-  config.transfer_limit = kTransferLimit;
-  return config;
+  return of_side(config, side);
 }
 
 /// Upright: x to the right, z up.
@@ -44,10 +46,7 @@ HapiConfig hapi_config(const Side& side) {
   config.origin_m = Vector3(0.01, 0.07, 0.0);
   config.rotation = Quaternion(Eigen::AngleAxisd(std::numbers::pi / 2, Vector3::UnitX()));
   config.workspace_half_extent_m = Vector3(0.03, 1e-3, 0.02);
-  config.limits = limits_of(side);
-  config.position_resolution_m = side.device.profile.position_resolution_m;
-  config.transfer_limit = kTransferLimit;
-  return config;
+  return of_side(config, side);
 }
 
 /// Its x is to the right, y up and z towards the person.
@@ -57,10 +56,7 @@ FalconConfig falcon_config(const Side& side) {
   config.origin_m = Vector3(0.0, 0.0, 0.12);
   config.rotation = Quaternion(Eigen::AngleAxisd(std::numbers::pi / 2, Vector3::UnitX()));
   config.workspace_half_extent_m = Vector3(0.03, 0.03, 0.03);
-  config.limits = limits_of(side);
-  config.position_resolution_m = side.device.profile.position_resolution_m;
-  config.transfer_limit = kTransferLimit;
-  return config;
+  return of_side(config, side);
 }
 
 /// The published design. Its x is towards the person, z up.
@@ -72,10 +68,7 @@ WoodenConfig wooden_config(const Side& side) {
   config.origin_m = Vector3(0.22, 0.0, 0.08);
   config.rotation = Quaternion(Eigen::AngleAxisd(-std::numbers::pi / 2, Vector3::UnitZ()));
   config.workspace_half_extent_m = Vector3(0.06, 0.05, 0.05);
-  config.limits = limits_of(side);
-  config.position_resolution_m = side.device.profile.position_resolution_m;
-  config.transfer_limit = kTransferLimit;
-  return config;
+  return of_side(config, side);
 }
 
 std::unique_ptr<device::HaplyEmulator> connect(device::EmulatedDevice& device, HaplyConfig& config,
