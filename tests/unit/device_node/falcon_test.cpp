@@ -20,6 +20,7 @@
 #include "tests/support/device_conformance.h"
 #include "tests/support/temp_folder.h"
 #include "tests/support/wired/shared_clock.h"
+#include "tests/unit/device_node/wired_driver.h"
 
 namespace palpate::device {
 namespace {
@@ -310,26 +311,10 @@ TEST(FalconDriver, AnotherDeviceIsRefused) {
 
 TEST(FalconDriver, SaysHowATransferFailedAndOpensAgain) {
   const auto error_of = [](WireFault kind) {
-    const SteadyClock clock;
     test::SharedClock time;
     EmulatedFalcon emulated(time, Vector3::Zero(),
                             {{.kind = kind, .from_s = 1.0, .length_s = 1.0}});
-    FalconConfig config = emulated.config();
-    config.transfer_limit = 300ms;
-    const auto device = open_falcon(config, clock, {});
-    DeviceSample sample;
-    EXPECT_TRUE(device->read(sample));
-
-    time.set(1500ms);
-    EXPECT_FALSE(device->read(sample));
-    const DeviceError error = device->last_error();
-
-    time.set(3s);
-    const TimePoint until = clock.now() + 20s;
-    while (!device->reopen() && clock.now() < until) {
-    }
-    EXPECT_TRUE(device->read(sample));
-    return error;
+    return error_in_fault(emulated.config(), time, open_falcon);
   };
   EXPECT_EQ(error_of(WireFault::kSilent), DeviceError::kTimeout);
   EXPECT_EQ(error_of(WireFault::kShort), DeviceError::kTimeout);
@@ -348,27 +333,9 @@ TEST(FalconDriver, ALateAnswerWithinTheLimitIsNoFault) {
   EXPECT_TRUE(device->read(sample));
 }
 
-/// What the driver under test is made of. Time stands between the messages.
-struct FalconParts {
-  ManualClock time;
-  EmulatedFalcon emulated{time};
-  std::unique_ptr<HapticDevice> falcon = open_falcon(emulated.config(), time, {});
-};
-
-class FalconUnderTest : private FalconParts, public OpenedDevice {
- public:
-  // the emulator is a thread of a busy machine: its pace is not that of the driver
-  FalconUnderTest() : OpenedDevice(*falcon, time, 1s, {}) {}
-  [[nodiscard]] std::optional<Vector3> motor_force_newton() override {
-    DeviceSample sample;
-    EXPECT_TRUE(falcon->read(sample));
-    return emulated.motor_force_newton();
-  }
-  [[nodiscard]] std::optional<std::uint64_t> allocations() const override {
-    return test::allocations_of_this_thread();
-  }
-};
-std::unique_ptr<DeviceBench> open_emulated_falcon() { return std::make_unique<FalconUnderTest>(); }
+std::unique_ptr<DeviceBench> open_emulated_falcon() {
+  return std::make_unique<DriverUnderTest<EmulatedFalcon, open_falcon>>();
+}
 
 }  // namespace
 }  // namespace palpate::device

@@ -22,6 +22,7 @@
 #include "tests/support/alloc_guard.h"
 #include "tests/support/device_conformance.h"
 #include "tests/support/wired/shared_clock.h"
+#include "tests/unit/device_node/wired_driver.h"
 
 namespace palpate::device {
 namespace {
@@ -178,25 +179,9 @@ TEST(HapiDriver, ReadsThePlaneAndPushesInIt) {
 
 TEST(HapiDriver, SaysHowATransferFailedAndOpensAgain) {
   const auto error_of = [](WireFault kind) {
-    const SteadyClock clock;
     test::SharedClock time;
     EmulatedHapi emulated(time, Vector3::Zero(), {{.kind = kind, .from_s = 1.0, .length_s = 1.0}});
-    HapiConfig config = emulated.config();
-    config.transfer_limit = std::chrono::milliseconds(300);
-    const auto device = open_hapi(config, clock, {});
-    DeviceSample sample;
-    EXPECT_TRUE(device->read(sample));
-
-    time.set(std::chrono::milliseconds(1500));
-    EXPECT_FALSE(device->read(sample));
-    const DeviceError error = device->last_error();
-
-    time.set(std::chrono::seconds(3));
-    const TimePoint until = clock.now() + std::chrono::seconds(20);
-    while (!device->reopen() && clock.now() < until) {
-    }
-    EXPECT_TRUE(device->read(sample));
-    return error;
+    return error_in_fault(emulated.config(), time, open_hapi);
   };
   EXPECT_EQ(error_of(WireFault::kSilent), DeviceError::kTimeout);
   EXPECT_EQ(error_of(WireFault::kShort), DeviceError::kTimeout);
@@ -238,27 +223,9 @@ TEST(HapiDriver, AFileThatIsNoPortIsRefused) {
   }
 }
 
-/// What the driver under test is made of. Time stands between the messages.
-struct HapiParts {
-  ManualClock time;
-  EmulatedHapi emulated{time};
-  std::unique_ptr<HapticDevice> hapi = open_hapi(emulated.config(), time, {});
-};
-
-class HapiUnderTest : private HapiParts, public OpenedDevice {
- public:
-  // the emulator is a thread of a busy machine: its pace is not that of the driver
-  HapiUnderTest() : OpenedDevice(*hapi, time, std::chrono::seconds(1), {}) {}
-  [[nodiscard]] std::optional<Vector3> motor_force_newton() override {
-    DeviceSample sample;
-    EXPECT_TRUE(hapi->read(sample));
-    return emulated.motor_force_newton();
-  }
-  [[nodiscard]] std::optional<std::uint64_t> allocations() const override {
-    return test::allocations_of_this_thread();
-  }
-};
-std::unique_ptr<DeviceBench> open_emulated_hapi() { return std::make_unique<HapiUnderTest>(); }
+std::unique_ptr<DeviceBench> open_emulated_hapi() {
+  return std::make_unique<DriverUnderTest<EmulatedHapi, open_hapi>>();
+}
 
 }  // namespace
 }  // namespace palpate::device

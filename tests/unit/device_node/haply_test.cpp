@@ -17,6 +17,7 @@
 #include "tests/support/alloc_guard.h"
 #include "tests/support/device_conformance.h"
 #include "tests/support/wired/shared_clock.h"
+#include "tests/unit/device_node/wired_driver.h"
 
 namespace palpate::device {
 namespace {
@@ -190,25 +191,9 @@ TEST(HaplyDriver, TurnsTheServicesFrameIntoTheDevices) {
 
 TEST(HaplyDriver, SaysHowATransferFailedAndOpensAgain) {
   const auto error_of = [](WireFault kind) {
-    const SteadyClock clock;
     test::SharedClock time;
     EmulatedHaply emulated(time, {{.kind = kind, .from_s = 1.0, .length_s = 1.0}});
-    HaplyConfig config = emulated.config();
-    config.transfer_limit = std::chrono::milliseconds(300);
-    const auto device = open_haply(config, clock, {});
-    DeviceSample sample;
-    EXPECT_TRUE(device->read(sample));
-
-    time.set(std::chrono::milliseconds(1500));
-    EXPECT_FALSE(device->read(sample));
-    const DeviceError error = device->last_error();
-
-    time.set(std::chrono::seconds(3));
-    const TimePoint until = clock.now() + std::chrono::seconds(20);
-    while (!device->reopen() && clock.now() < until) {
-    }
-    EXPECT_TRUE(device->read(sample));
-    return error;
+    return error_in_fault(emulated.config(), time, open_haply);
   };
   EXPECT_EQ(error_of(WireFault::kUnplugged), DeviceError::kUnplugged);
   EXPECT_EQ(error_of(WireFault::kSilent), DeviceError::kTimeout);
@@ -264,27 +249,9 @@ TEST(EmulatedFaults, AreReadFromTheCommandLine) {
   }
 }
 
-/// What the driver under test is made of. Time stands between the messages.
-struct HaplyParts {
-  ManualClock time;
-  EmulatedHaply emulated{time};
-  std::unique_ptr<HapticDevice> haply = open_haply(emulated.config(), time, {});
-};
-
-class HaplyUnderTest : private HaplyParts, public OpenedDevice {
- public:
-  // the emulator is a thread of a busy machine: its pace is not that of the driver
-  HaplyUnderTest() : OpenedDevice(*haply, time, std::chrono::seconds(1), {}) {}
-  [[nodiscard]] std::optional<Vector3> motor_force_newton() override {
-    DeviceSample sample;
-    EXPECT_TRUE(haply->read(sample));
-    return emulated.motor_force_newton();
-  }
-  [[nodiscard]] std::optional<std::uint64_t> allocations() const override {
-    return test::allocations_of_this_thread();
-  }
-};
-std::unique_ptr<DeviceBench> open_emulated_haply() { return std::make_unique<HaplyUnderTest>(); }
+std::unique_ptr<DeviceBench> open_emulated_haply() {
+  return std::make_unique<DriverUnderTest<EmulatedHaply, open_haply>>();
+}
 
 }  // namespace
 }  // namespace palpate::device

@@ -15,6 +15,7 @@
 #include "tests/support/device_conformance.h"
 #include "tests/support/temp_folder.h"
 #include "tests/support/wired/shared_clock.h"
+#include "tests/unit/device_node/wired_driver.h"
 
 namespace palpate::device {
 namespace {
@@ -219,26 +220,10 @@ TEST(WoodenDriver, AnotherDeviceIsRefused) {
 
 TEST(WoodenDriver, SaysHowATransferFailedAndOpensAgain) {
   const auto error_of = [](WireFault kind) {
-    const SteadyClock clock;
     test::SharedClock time;
     EmulatedWooden emulated(time, Vector3::Zero(),
                             {{.kind = kind, .from_s = 1.0, .length_s = 1.0}});
-    WoodenConfig config = emulated.config();
-    config.transfer_limit = 300ms;
-    const auto device = open_wooden(config, clock, {});
-    DeviceSample sample;
-    EXPECT_TRUE(device->read(sample));
-
-    time.set(1500ms);
-    EXPECT_FALSE(device->read(sample));
-    const DeviceError error = device->last_error();
-
-    time.set(3s);
-    const TimePoint until = clock.now() + 20s;
-    while (!device->reopen() && clock.now() < until) {
-    }
-    EXPECT_TRUE(device->read(sample));
-    return error;
+    return error_in_fault(emulated.config(), time, open_wooden);
   };
   EXPECT_EQ(error_of(WireFault::kSilent), DeviceError::kTimeout);
   EXPECT_EQ(error_of(WireFault::kShort), DeviceError::kCorrupt);
@@ -257,27 +242,9 @@ TEST(WoodenDriver, ALateAnswerWithinTheLimitIsNoFault) {
   EXPECT_TRUE(device->read(sample));
 }
 
-/// What the driver under test is made of. Time stands between the messages.
-struct WoodenParts {
-  ManualClock time;
-  EmulatedWooden emulated{time};
-  std::unique_ptr<HapticDevice> wooden = open_wooden(emulated.config(), time, {});
-};
-
-class WoodenUnderTest : private WoodenParts, public OpenedDevice {
- public:
-  // the emulator is a thread of a busy machine: its pace is not that of the driver
-  WoodenUnderTest() : OpenedDevice(*wooden, time, 1s, {}) {}
-  [[nodiscard]] std::optional<Vector3> motor_force_newton() override {
-    DeviceSample sample;
-    EXPECT_TRUE(wooden->read(sample));
-    return emulated.motor_force_newton();
-  }
-  [[nodiscard]] std::optional<std::uint64_t> allocations() const override {
-    return test::allocations_of_this_thread();
-  }
-};
-std::unique_ptr<DeviceBench> open_emulated_wooden() { return std::make_unique<WoodenUnderTest>(); }
+std::unique_ptr<DeviceBench> open_emulated_wooden() {
+  return std::make_unique<DriverUnderTest<EmulatedWooden, open_wooden>>();
+}
 
 }  // namespace
 }  // namespace palpate::device

@@ -1,0 +1,67 @@
+// wired_driver.h — what the tests of every driver with an emulator do: how a failed transfer ends,
+// and the driver as the conformance suite wants it.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <optional>
+
+#include "common/core/clock.h"
+#include "device_node/device.h"
+#include "device_node/drivers/start_up.h"
+#include "tests/support/alloc_guard.h"
+#include "tests/support/device_conformance.h"
+#include "tests/support/wired/shared_clock.h"
+
+namespace palpate::device {
+
+/// The error of a transfer in a fault from 1 s to 2 s of `time`; after it the device opens again.
+/// @param config  connects with the emulator
+template <class Config, class Open>
+DeviceError error_in_fault(Config config, test::SharedClock& time, const Open& open) {
+  using namespace std::chrono_literals;
+  const SteadyClock clock;
+  config.transfer_limit = 300ms;
+  const auto device = open(config, clock, StartUp{});
+  DeviceSample sample;
+  EXPECT_TRUE(device->read(sample));
+
+  time.set(1500ms);
+  EXPECT_FALSE(device->read(sample));
+  const DeviceError error = device->last_error();
+
+  time.set(3s);
+  const TimePoint until = clock.now() + 20s;
+  while (!device->reopen() && clock.now() < until) {
+  }
+  EXPECT_TRUE(device->read(sample));
+  return error;
+}
+
+/// What the driver under test is made of. Time stands between the messages.
+template <class Emulated, auto open>
+struct DriverParts {
+  ManualClock time;
+  Emulated emulated{time};
+  std::unique_ptr<HapticDevice> driver = open(emulated.config(), time, {});
+};
+
+template <class Emulated, auto open>
+class DriverUnderTest : private DriverParts<Emulated, open>, public OpenedDevice {
+ public:
+  // the emulator is a thread of a busy machine: its pace is not that of the driver
+  DriverUnderTest() : OpenedDevice(*this->driver, this->time, std::chrono::seconds(1), {}) {}
+  [[nodiscard]] std::optional<Vector3> motor_force_newton() override {
+    DeviceSample sample;
+    EXPECT_TRUE(this->driver->read(sample));
+    return this->emulated.motor_force_newton();
+  }
+  [[nodiscard]] std::optional<std::uint64_t> allocations() const override {
+    return test::allocations_of_this_thread();
+  }
+};
+
+}  // namespace palpate::device
