@@ -59,9 +59,7 @@ TEST(FalconWire, RefusesWhatIsNoMessage) {
   FalconReading reading;
   EXPECT_TRUE(read_falcon_answer(as_message("<AAAAAAAAAAAAAA>"), reading));
   for (const char* text : {"xAAAAAAAAAAAAAA>", "<AAAAAAAAAAAAAAx", "<@AAAAAAAAAAAAA>",
-                           "<AAAQAAAAAAAAAA>", "<AAAAAAAAAAAA@A>",
-                           "<AAAAAAAAAAAA\xC1"
-                           "A>"}) {
+                           "<AAAQAAAAAAAAAA>", "<AAAAAAAAAAAA@A>", "<AAAAAAAAAAAA\301A>"}) {
     EXPECT_FALSE(read_falcon_answer(as_message(text), reading)) << text;
   }
 }
@@ -161,7 +159,7 @@ FalconConfig falcon_on_desk() {
 class EmulatedFalcon {
  public:
   explicit EmulatedFalcon(const Clock& clock, const Vector3& hand_m = Vector3::Zero(),
-                          std::vector<PlannedFault> faults = {},
+                          const std::vector<PlannedFault>& faults = {},
                           const FalconEmulator::State& state = {})
       : config_([&] {
           FalconConfig config = falcon_on_desk();
@@ -169,7 +167,7 @@ class EmulatedFalcon {
           return config;
         }()),
         device_({.position_resolution_m = 0.0}, {.path = HoldPath{.position_m = hand_m}}, clock, 1,
-                20ms, std::move(faults)),
+                20ms, faults),
         emulator_(device_, config_, state),
         thread_([this](const std::stop_token& stop) { emulator_.run(stop); }) {}
 
@@ -279,7 +277,7 @@ TEST_F(FalconFirmware, WithoutAnImageTheStartSaysWhatIsNeeded) {
               AllOf(HasSubstr("device.falcon: no firmware answers"), HasSubstr("firmware_file")));
   EXPECT_THAT(falcon_refusal(with_file(emulated, folder_.path() / "missing"), clock_),
               HasSubstr("missing: No such file"));
-  std::ofstream(file_, std::ios::trunc);
+  const std::ofstream emptied(file_, std::ios::trunc);
   EXPECT_THAT(falcon_refusal(with_file(emulated, file_), clock_),
               HasSubstr("is no firmware of a Falcon: it has 0 bytes"));
 }

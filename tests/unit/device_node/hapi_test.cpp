@@ -144,9 +144,9 @@ HapiConfig upright_pantograph() {
 class EmulatedHapi {
  public:
   explicit EmulatedHapi(const Clock& clock, const Vector3& hand_m = Vector3::Zero(),
-                        std::vector<PlannedFault> faults = {})
+                        const std::vector<PlannedFault>& faults = {})
       : device_({}, {.path = HoldPath{.position_m = hand_m}}, clock, 1,
-                std::chrono::milliseconds(20), std::move(faults)),
+                std::chrono::milliseconds(20), faults),
         emulator_(device_, upright_pantograph()),
         thread_([this](const std::stop_token& stop) { emulator_.run(stop); }) {}
 

@@ -148,9 +148,8 @@ HaplyConfig haply_at(std::uint16_t port) {
 /// An emulator on a thread of its own.
 class EmulatedHaply {
  public:
-  explicit EmulatedHaply(const Clock& clock, std::vector<PlannedFault> faults = {})
-      : device_({}, {.path = HoldPath{}}, clock, 1, std::chrono::milliseconds(20),
-                std::move(faults)),
+  explicit EmulatedHaply(const Clock& clock, const std::vector<PlannedFault>& faults = {})
+      : device_({}, {.path = HoldPath{}}, clock, 1, std::chrono::milliseconds(20), faults),
         emulator_(device_, 0),
         thread_([this](const std::stop_token& stop) { emulator_.run(stop); }) {}
 

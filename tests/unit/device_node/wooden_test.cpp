@@ -123,7 +123,7 @@ WoodenConfig wooden_on_desk() {
 class EmulatedWooden {
  public:
   explicit EmulatedWooden(const Clock& clock, const Vector3& hand_m = Vector3::Zero(),
-                          std::vector<PlannedFault> faults = {}, bool is_calibrated = false)
+                          const std::vector<PlannedFault>& faults = {}, bool is_calibrated = false)
       : config_([&] {
           WoodenConfig config = wooden_on_desk();
           config.port = (folder_.path() / "hidraw").string();
@@ -131,7 +131,7 @@ class EmulatedWooden {
           return config;
         }()),
         device_({.position_resolution_m = 0.0}, {.path = HoldPath{.position_m = hand_m}}, clock, 1,
-                WoodenEmulator::kWatchdog, std::move(faults)),
+                WoodenEmulator::kWatchdog, faults),
         emulator_(device_, config_),
         thread_([this](const std::stop_token& stop) { emulator_.run(stop); }) {}
 
