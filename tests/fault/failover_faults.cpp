@@ -6,7 +6,7 @@
 #include <csignal>
 #include <cstdio>
 #include <functional>
-#include <optional>
+#include <ostream>
 #include <string>
 #include <vector>
 
@@ -22,8 +22,17 @@ constexpr double kUnfeltTransparency = 0.9;
 /// From the fault on: longer than silence and fade together.
 constexpr Duration kOverTheFault = 600ms;
 
-struct TakeoverRow {
-  std::string fault;
+struct FaultOfPhysics {
+  const char* name;
+  std::vector<std::string> settings;
+  /// Returns the time of the fault.
+  std::function<TimePoint(PressingSession&)> happen;
+};
+std::ostream& operator<<(std::ostream& out, const FaultOfPhysics& fault) {
+  return out << fault.name;
+}
+
+struct Felt {
   double transparency = 0.0;  ///< rendered over ideal force, projected and capped
   double least_energy_joule = 0.0;
   std::uint64_t term = 0;
@@ -44,125 +53,105 @@ double transparency_over(const std::vector<TickRow>& rows, TimePoint from) {
   return count > 0 ? sum / count : 0.0;
 }
 
-class Takeover : public testing::Test {
+class Takeover : public testing::TestWithParam<FaultOfPhysics> {
  protected:
-  /// Presses, does the fault and judges. A busy machine may itself interrupt the force: then again.
-  /// @param do_fault  gets the session; returns the time of the fault
-  TakeoverRow run(const std::string& fault, const std::vector<std::string>& settings,
-                  const std::function<TimePoint(PressingSession&)>& do_fault) {
+  /// Presses, lets the fault happen and judges. A busy machine may itself interrupt the force: then
+  /// again, until `is_settled`.
+  static Felt run(const std::vector<std::string>& more_settings,
+                  const std::function<bool(const Felt&)>& is_settled) {
     constexpr int kMostAttempts = 4;
-    TakeoverRow row;
+    Felt felt;
     for (int attempt = 1; attempt <= kMostAttempts; ++attempt) {
       std::vector<std::string> arguments{"--no-viewer"};
-      for (const std::string& setting : settings) {
-        arguments.insert(arguments.end(), {"--set", setting});
+      for (const auto* settings : {&GetParam().settings, &more_settings}) {
+        for (const std::string& setting : *settings) {
+          arguments.insert(arguments.end(), {"--set", setting});
+        }
       }
       PressingSession session("takeover", arguments);
       if (!session.until_pressing()) continue;
-      const TimePoint at = do_fault(session);
+      const TimePoint at = GetParam().happen(session);
       const auto is_over = [&] {
         return !session.rows().empty() &&
                session.rows().back().device.sampled_at >= at + kOverTheFault;
       };
       if (!session.watcher().until(is_over)) continue;
-      row = {.fault = fault,
-             .transparency = transparency_over(session.rows(), at),
-             .term = session.watcher().mirror().mofc_counters().physics_term};
+      felt = {.transparency = transparency_over(session.rows(), at),
+              .term = session.watcher().mirror().mofc_counters().physics_term};
       for (const TickRow& one : session.rows()) {
-        row.least_energy_joule =
-            std::min(row.least_energy_joule, one.device.minimum_true_energy_joule);
+        felt.least_energy_joule =
+            std::min(felt.least_energy_joule, one.device.minimum_true_energy_joule);
       }
-      EXPECT_GE(row.least_energy_joule, -kRoundingJoule) << fault;
+      EXPECT_GE(felt.least_energy_joule, -kRoundingJoule);
       static_cast<void>(session.stop_and_count_restarts());
-      if (row.transparency >= kUnfeltTransparency) break;
+      if (is_settled(felt)) break;
     }
-    std::printf("| %s | T %.3f | least true energy %.1f µJ | term %llu |\n", row.fault.c_str(),
-                row.transparency, 1e6 * row.least_energy_joule,
-                static_cast<unsigned long long>(row.term));
-    return row;
+    return felt;
   }
 
-  static constexpr const char* kStandby = "physics.standby={}";
+ private:
   RunFolder run_folder_;
 };
 
-TEST_F(Takeover, AKilledPhysicsIsNotFelt) {
-  const TakeoverRow row = run("physics_node killed, with a standby", {kStandby}, [](auto& session) {
-    const TimePoint at = session.now();
-    kill(session.node("physics"), SIGKILL);
-    return at;
-  });
-  EXPECT_GE(row.transparency, kUnfeltTransparency);
-  EXPECT_EQ(row.term, 1u);
+TEST_P(Takeover, IsNotFeltWithAStandbyAndIsWithout) {
+  const Felt with = run({"physics.standby={}"},
+                        [](const Felt& felt) { return felt.transparency >= kUnfeltTransparency; });
+  const Felt without =
+      run({}, [](const Felt& felt) { return felt.transparency < kUnfeltTransparency; });
+
+  std::printf("| %s | %.3f | %.3f | %.1f µJ |\n", GetParam().name, with.transparency,
+              without.transparency,
+              1e6 * std::min(with.least_energy_joule, without.least_energy_joule));
+  EXPECT_GE(with.transparency, kUnfeltTransparency);
+  EXPECT_EQ(with.term, 1u);
+  EXPECT_LT(without.transparency, kUnfeltTransparency) << "the bound above could not fail";
 }
 
-TEST_F(Takeover, ASuspendedPhysicsIsNotFelt) {
-  const TakeoverRow row =
-      run("physics_node suspended, with a standby", {kStandby}, [](auto& session) {
-        const TimePoint at = session.now();
-        kill(session.node("physics"), SIGSTOP);
-        return at;
-      });
-  EXPECT_GE(row.transparency, kUnfeltTransparency);
-  EXPECT_EQ(row.term, 1u);
+TimePoint stop_physics(PressingSession& session, int signal) {
+  const TimePoint at = session.now();
+  kill(session.node("physics"), signal);
+  return at;
 }
 
-TEST_F(Takeover, ASlowPhysicsIsNotFelt) {
-  const TakeoverRow row =
-      run("physics_node runs 3 ms in 200 ms, with a standby", {kStandby}, [](auto& session) {
-        const TimePoint at = session.now();
-        const pid_t physics = session.node("physics");
-        for (int i = 0; i < 3; ++i) {
-          kill(physics, SIGSTOP);
-          session.watcher().until([&] { return session.now() >= at + (i + 1) * 200ms; });
-          kill(physics, SIGCONT);
-          session.watcher().until([&] { return session.now() >= at + (i + 1) * 200ms + 3ms; });
-        }
-        return at;
-      });
-  EXPECT_GE(row.transparency, kUnfeltTransparency);
-  EXPECT_EQ(row.term, 1u);
-}
-
-// The links of the first physics lose everything from 3 s after their start, when the hand presses
-// for the second time. The fault began at least 70 ms before the standby spoke.
-TEST_F(Takeover, APhysicsThatIsCutFromTheNetworkIsNotFelt) {
-  const std::string cut = "{outage { from_s: 3 until_s: 600 }}";
-  const TakeoverRow row =
-      run("physics_node cut from the network, with a standby",
-          {kStandby, "faults.tool_motion=" + cut, "faults.interaction=" + cut}, [](auto& session) {
-            const auto is_taken_over = [](const TickRow& one) {
-              return one.mofc && one.mofc->is_from_standby;
-            };
-            const auto find = [&] {
-              return std::find_if(session.rows().begin(), session.rows().end(), is_taken_over);
-            };
-            EXPECT_TRUE(session.watcher().until([&] { return find() != session.rows().end(); }));
-            return find() != session.rows().end() ? find()->device.sampled_at - 80ms : TimePoint{};
-          });
-  EXPECT_GE(row.transparency, kUnfeltTransparency);
-  EXPECT_EQ(row.term, 1u);
-}
-
-// The same fault without a standby is felt: the bound above can fail.
-TEST_F(Takeover, WithoutAStandbyAKilledPhysicsIsFelt) {
-  std::optional<TakeoverRow> felt;
-  {
-    PressingSession session("takeover");
-    ASSERT_TRUE(session.until_pressing()) << session.launch().err();
-    const TimePoint at = session.now();
-    kill(session.node("physics"), SIGKILL);
-    ASSERT_TRUE(session.watcher().until([&] {
-      return !session.rows().empty() &&
-             session.rows().back().device.sampled_at >= at + kOverTheFault;
-    }));
-    felt = {.fault = "physics_node killed, without",
-            .transparency = transparency_over(session.rows(), at)};
-    static_cast<void>(session.stop_and_count_restarts());
+/// Runs 3 ms in 200 ms.
+TimePoint slow_physics_down(PressingSession& session) {
+  const TimePoint at = session.now();
+  const pid_t physics = session.node("physics");
+  for (int i = 0; i < 3; ++i) {
+    kill(physics, SIGSTOP);
+    session.watcher().until([&] { return session.now() >= at + (i + 1) * 200ms; });
+    kill(physics, SIGCONT);
+    session.watcher().until([&] { return session.now() >= at + (i + 1) * 200ms + 3ms; });
   }
-  std::printf("| %s | T %.3f |\n", felt->fault.c_str(), felt->transparency);
-  EXPECT_LT(felt->transparency, kUnfeltTransparency);
+  return at;
 }
+
+/// The links of the first physics lose everything from 3 s after their start, when the hand presses
+/// for the second time.
+const std::string kOutage = "{outage { from_s: 3 until_s: 600 }}";
+
+/// The outage began at least 70 ms before the standby spoke or the force began to fade.
+TimePoint until_cut(PressingSession& session) {
+  const auto is_noticed = [](const TickRow& row) {
+    return row.mofc && (row.mofc->is_from_standby || row.mofc->state == MofcState::kFading);
+  };
+  const auto find = [&] {
+    return std::find_if(session.rows().begin(), session.rows().end(), is_noticed);
+  };
+  EXPECT_TRUE(session.watcher().until([&] { return find() != session.rows().end(); }));
+  return find() != session.rows().end() ? find()->device.sampled_at - 80ms : TimePoint{};
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Faults, Takeover,
+    testing::Values(
+        FaultOfPhysics{"killed", {}, [](auto& session) { return stop_physics(session, SIGKILL); }},
+        FaultOfPhysics{
+            "suspended", {}, [](auto& session) { return stop_physics(session, SIGSTOP); }},
+        FaultOfPhysics{"slow: runs 3 ms in 200 ms", {}, slow_physics_down},
+        FaultOfPhysics{"cut from the network",
+                       {"faults.tool_motion=" + kOutage, "faults.interaction=" + kOutage},
+                       until_cut}));
 
 }  // namespace
 }  // namespace palpate::test
