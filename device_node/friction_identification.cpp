@@ -24,7 +24,7 @@ constexpr double kPeakForceRatio = 2.0;  // of the force that last set the devic
 constexpr double kTopSpeed_m_per_s = 0.1;
 constexpr std::size_t kSpeedTicks = 10;  // over which the speed is measured
 constexpr double kLeasePeriods = 3.0;
-constexpr int kTries = 5;  // of a pair of sweeps that a late tick disturbs
+constexpr int kTries = 5;  // of a sweep that a late tick disturbs
 
 // from rest: the force grows until the device moves
 constexpr double kForceRate_newton_per_s = 0.5;
@@ -87,8 +87,8 @@ class Rig {
   Rig& operator=(const Rig&) = delete;
   ~Rig() { device_.release(); }
 
-  /// From rest to rest at `target`. Mean speed and force over the window around `window_middle_m`,
-  /// along the motion; no meaning if the motion does not cross the window.
+  /// From rest to rest at `target`; sets is_disturbed_. Mean speed and force over the window around
+  /// `window_middle_m`, along the motion; no meaning if the motion does not cross the window.
   FrictionPoint sweep_to(const Vector3& target_m, double speed_m_per_s,
                          const Vector3& window_middle_m) {
     const Vector3 start_m = position_m();
@@ -96,6 +96,8 @@ class Rig {
     const Vector3 along = (target_m - start_m) / length_m;
 
     const double moving_newton = set_moving(along);
+    leases_run_out_ = 0;
+    is_disturbed_ = false;
     limit_newton_ = std::min(peak_newton_, kPeakForceRatio * moving_newton);
 
     // to speed, and on; the brake takes up the rest of the way
@@ -113,7 +115,10 @@ class Rig {
            kProportional_newton_s_per_m * (reference_speed * along - velocity_));
       const double in_window_m = along.dot(switch_.position_m - window_middle_m);
       if (!entry && in_window_m >= -half_window_m) entry = switch_;
-      if (!exit && in_window_m >= half_window_m) exit = switch_;
+      if (!exit && in_window_m >= half_window_m) {
+        exit = switch_;
+        is_disturbed_ = leases_run_out_ > 0;
+      }
     };
     while (along.dot(position_m() - start_m) < length_m - brake_m) {
       follow(kAcceleration_m_per_s2);
@@ -137,21 +142,26 @@ class Rig {
             .force_newton = along.dot(exit->impulse - entry->impulse) / window_s};
   }
 
-  /// There and back between the line's ends, from the near one; repeated if a tick came so late
-  /// that a lease ran out.
+  /// There and back between the line's ends, from the near one; repeated until each way was swept
+  /// without a tick so late that a lease ran out.
   FrictionPoint pair_of_sweeps(const SweepLine& line, double speed_m_per_s) {
     const Vector3 reach_m = plan_.half_length_m * line.direction;
+    std::optional<FrictionPoint> there;
+    std::optional<FrictionPoint> back;
+    const auto sweep = [&](const Vector3& target_m, std::optional<FrictionPoint>& found) {
+      const FrictionPoint point = sweep_to(target_m, speed_m_per_s, line.middle_m);
+      if (!is_disturbed_) found = point;
+    };
     for (int i = 0; i < kTries; ++i) {
-      is_disturbed_ = false;
-      const FrictionPoint there = sweep_to(line.middle_m + reach_m, speed_m_per_s, line.middle_m);
-      const FrictionPoint back = sweep_to(line.middle_m - reach_m, speed_m_per_s, line.middle_m);
-      if (is_disturbed_) continue;
-      return {.speed_m_per_s = 0.5 * (there.speed_m_per_s + back.speed_m_per_s),
-              .force_newton = 0.5 * (there.force_newton + back.force_newton)};
+      sweep(line.middle_m + reach_m, there);
+      sweep(line.middle_m - reach_m, back);
+      if (!there || !back) continue;
+      return {.speed_m_per_s = 0.5 * (there->speed_m_per_s + back->speed_m_per_s),
+              .force_newton = 0.5 * (there->force_newton + back->force_newton)};
     }
     fail(
-        "cannot be held at a speed: this computer's ticks come too late too often; end what else "
-        "runs on it");
+        "cannot be held at a speed: this computer's ticks come too late too often; permit "
+        "real-time scheduling, and end what else runs on it");
   }
 
  private:
@@ -182,7 +192,7 @@ class Rig {
     // the impulse of the previous force; if its lease ran out, it ended early
     if (force_) {
       const Duration acted = std::min(at_switch.sampled_at - switch_.at, lease_);
-      if (at_switch.sampled_at - switch_.at > lease_) is_disturbed_ = true;
+      if (at_switch.sampled_at - switch_.at > lease_) ++leases_run_out_;
       switch_.impulse += to_seconds(acted) * *force_;
     }
     switch_.at = at_switch.sampled_at;
@@ -257,7 +267,8 @@ class Rig {
   std::array<DeviceSample, kSpeedTicks + 1> readings_{};  ///< ring
   std::size_t newest_ = 0;
   Vector3 velocity_ = Vector3::Zero();  ///< filtered [m/s]
-  bool is_disturbed_ = false;           ///< a lease ran out
+  int leases_run_out_ = 0;              ///< since the motion began
+  bool is_disturbed_ = false;           ///< the last sweep, until it left its window
 };
 
 struct Line {

@@ -107,7 +107,8 @@ void check_consent(const DeviceSpecification& specification, const SweepConsent&
 
 /// Sweeps every line of the plan; returns with the motors limp. Takes minutes of `clock`'s time,
 /// which must be the clock that the device was opened with; in real time, use a thread with
-/// real-time scheduling. Sweeps in which a lease ran out are repeated, five times at most.
+/// real-time scheduling. A sweep in which a lease ran out before the force was averaged is
+/// repeated; each is tried five times at most.
 /// @param on_line  called after each line, motors limp
 /// @throws SetupError           before anything moved: not agreed, outside the box
 /// @throws IdentificationError  motors limp

@@ -99,6 +99,7 @@ void add_emulators(const LaunchOptions& options, const Session& session, const f
       child.arguments.insert(child.arguments.end(), {"--set", assignment});
     }
     if (!side.name.empty()) child.arguments.insert(child.arguments.end(), {"--side", side.name});
+    if (!options.is_realtime) child.arguments.emplace_back("--no-realtime");
   }
   if (children.empty()) {
     throw SetupError(session.file +

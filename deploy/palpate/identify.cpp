@@ -10,6 +10,7 @@
 #include "common/core/check.h"
 #include "common/core/clock.h"
 #include "common/core/user/output_file.h"
+#include "common/process/realtime.h"
 #include "common/session/file/profile_file.h"
 #include "common/session/session_file.h"
 #include "device_node/drivers/driver_registry.h"
@@ -114,7 +115,11 @@ void run_identify(const Session& session, const IdentifyOptions& options, const 
 
   print_heading(specification, plan);
   check_consent(specification, options.consent);
-  if (!driver.is_simulated) wait_until_let_go(*device, clock, plan.box_half_extent_m);
+  if (!driver.is_simulated) {
+    // a sweep is lost if its ticks have to wait for other programs until a lease runs out
+    print_prompt("event=realtime " + enter_realtime(session.side().realtime).text);
+    wait_until_let_go(*device, clock, plan.box_half_extent_m);
+  }
   const FrictionReport report =
       identify_friction(*device, clock, plan, options.consent, print_line);
   std::printf("overall: f_d ≥ %.4f N·s/m, f_co ≥ %.4f N (%.0f s of the device's time)\n",

@@ -20,7 +20,8 @@ struct IdentifyOptions {
 
 /// Sweeps the device of the session, without a hand, and prints a row per line as it proceeds. A
 /// simulated device starts in the middle of its workspace and runs on virtual time; hardware runs
-/// on the steady clock, in real time, and begins when it was at rest in its workspace for 2 s.
+/// on the steady clock, in real time and with the session's real-time scheduling, and begins when
+/// it was at rest in its workspace for 2 s.
 /// @throws SetupError                   refused, or the profile cannot be written
 /// @throws device::IdentificationError  a bound was reached or the device failed
 void run_identify(const Session& session, const IdentifyOptions& options);

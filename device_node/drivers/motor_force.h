@@ -1,5 +1,5 @@
 // motor_force.h — the force that a driver's motors may do now: within peak and continuous force,
-// for no longer than its lease.
+// for no longer than its lease, and in the motors' whole numbers.
 #pragma once
 
 #include <algorithm>
@@ -21,8 +21,8 @@ class MotorForce {
   /// @param lease  ≤ 0: none
   const Vector3& set(const Vector3& asked_newton, Duration lease, TimePoint now) noexcept {
     pass_until(now);
-    force_newton_ = lease > Duration::zero() ? limited_to_norm(asked_newton, limit_newton(lease))
-                                             : Vector3(Vector3::Zero());
+    allowed_newton_ = lease > Duration::zero() ? limit_newton(lease) : 0.0;
+    force_newton_ = limited_to_norm(asked_newton, allowed_newton_);
     lease_end_ = now + std::max(lease, Duration::zero());
     return force_newton_;
   }
@@ -33,6 +33,8 @@ class MotorForce {
     return force_newton_;
   }
 
+  /// The limit of the last set() [N]: rounding must not exceed it.
+  [[nodiscard]] double allowed_newton() const noexcept { return allowed_newton_; }
   /// The largest |F| that may act for `time` from now on [N]; never below the continuous force.
   [[nodiscard]] double limit_newton(Duration time) const noexcept {
     const double share = risen(time);
@@ -63,9 +65,26 @@ class MotorForce {
 
   MotorLimits limits_;
   Vector3 force_newton_ = Vector3::Zero();
+  double allowed_newton_ = 0.0;
   TimePoint since_{};
   TimePoint lease_end_{};
   double heat_ = 0.0;
 };
+
+/// Rounds the counts of three motors to whole numbers: to the nearest, or, where these would make
+/// more force than `limit_newton`, after scaling by so much that no rounding can exceed it.
+/// @param newton_per_count  columns: the force of one count of each motor
+/// @return                  the force of the rounded counts [N]
+inline Vector3 round_counts(Vector3& counts, const Matrix3& newton_per_count,
+                            double limit_newton) noexcept {
+  const Vector3 wanted = counts;
+  counts = wanted.array().round();
+  const Vector3 nearest_newton = newton_per_count * counts;
+  if (nearest_newton.norm() <= limit_newton) return nearest_newton;
+  const double rounding_newton = 0.5 * newton_per_count.colwise().norm().sum();
+  const double scaled_newton = std::max(limit_newton - rounding_newton, 0.0);
+  counts = (scaled_newton / (newton_per_count * wanted).norm() * wanted).array().round();
+  return newton_per_count * counts;
+}
 
 }  // namespace palpate::device

@@ -92,6 +92,8 @@ class WireDevice : public HapticDevice {
   }
 
   [[nodiscard]] const Clock& clock() const noexcept { return clock_; }
+  /// What the force of the motors may be at most after rounding [N].
+  [[nodiscard]] double allowed_newton() const noexcept { return motors_.allowed_newton(); }
   void set_specification(DeviceSpecification specification) {
     specification_ = std::move(specification);
   }

@@ -195,8 +195,10 @@ TEST(Identify, SweepsOfHardwareWaitForTheHandToLetGoAndForTheSteadyClock) {
                                           handless_driver().open(clock, {}), first_force_at);
                                     },
                                 .is_simulated = false};
+  Session session;
+  session.sides.front().realtime = {.priority = 0, .cpu = -1};
 
-  run_identify(Session{}, {.consent = {.may_move = true}}, hardware, steady);
+  run_identify(session, {.consent = {.may_move = true}}, hardware, steady);
 
   EXPECT_EQ(opened_on, &steady);
   // moved for 100 readings, one each 5 ms; then at rest for 2 s

@@ -6,6 +6,8 @@
 
 #include "common/core/check.h"
 #include "common/core/clock.h"
+#include "common/process/options.h"
+#include "common/process/realtime.h"
 #include "common/process/terminal.h"
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/options.h"
@@ -62,6 +64,7 @@ struct EmulateCommand {
   std::vector<std::string> faults;
   double seconds = 0.0;
   bool is_let_go = false;
+  bool has_no_realtime = false;
 
   void add_to(CLI::App& app) {
     session.add_to(app);
@@ -73,6 +76,7 @@ struct EmulateCommand {
         ->type_name("FAULT");
     app.add_flag("--hands-off", is_let_go,
                  "nobody holds the device, as `palpate identify` requires");
+    add_no_realtime_flag(app, has_no_realtime);
     app.add_option("--seconds", seconds, "end after this time; without it at Ctrl-C")
         ->check(CLI::PositiveNumber);
   }
@@ -89,61 +93,72 @@ struct EmulateCommand {
  private:
   /// The simulated device behind the wire.
   struct Stand {
-    Stand(const Session& session, const HandConfig& hand, const SimulatedDeviceConfig& simulated,
-          Duration watchdog, const std::vector<device::PlannedFault>& faults)
-        : device(simulated, hand, clock, stream_seed(session, session.side(), "hand"), watchdog,
-                 faults) {}
+    Stand(const Session& whole, const HandConfig& hand, const SimulatedDeviceConfig& simulated,
+          Duration watchdog, const std::vector<device::PlannedFault>& planned)
+        : device(simulated, hand, clock, stream_seed(whole, whole.side(), "hand"), watchdog,
+                 planned) {}
     SteadyClock clock;
     device::EmulatedDevice device;
   };
   using Faults = std::vector<device::PlannedFault>;
 
-  [[nodiscard]] HandConfig hand_of(const Session& session) const {
-    return is_let_go ? device::nobody() : session.side().hand;
+  [[nodiscard]] HandConfig hand_of(const Session& whole) const {
+    return is_let_go ? device::nobody() : whole.side().hand;
   }
 
-  int emulate(const HaplyConfig& haply, const Session& session, const Faults& faults) const {
-    Stand stand(session, hand_of(session), session.side().simulated, kEmulatedWatchdog, faults);
+  int emulate(const HaplyConfig& haply, const Session& whole, const Faults& planned) const {
+    Stand stand(whole, hand_of(whole), whole.side().simulated, kEmulatedWatchdog, planned);
     device::HaplyEmulator emulator(stand.device, haply.port);
-    return serve(emulator, stand.device, "127.0.0.1:" + std::to_string(emulator.port()));
+    return serve(emulator, whole, stand.device, "127.0.0.1:" + std::to_string(emulator.port()));
   }
-  int emulate(const HapiConfig& hapi, const Session& session, const Faults& faults) const {
-    Stand stand(session, hand_of(session), session.side().simulated, kEmulatedWatchdog, faults);
+  int emulate(const HapiConfig& hapi, const Session& whole, const Faults& planned) const {
+    Stand stand(whole, hand_of(whole), whole.side().simulated, kEmulatedWatchdog, planned);
     device::HapiEmulator emulator(stand.device, hapi);
     const TerminalLink link(emulator.port(), hapi.port);
-    return serve(emulator, stand.device, hapi.port);
+    return serve(emulator, whole, stand.device, hapi.port);
   }
-  int emulate(const FalconConfig& falcon, const Session& session, const Faults& faults) const {
-    Stand stand(session, hand_of(session), exact(session), kEmulatedWatchdog, faults);
+  int emulate(const FalconConfig& falcon, const Session& whole, const Faults& planned) const {
+    Stand stand(whole, hand_of(whole), exact(whole), kEmulatedWatchdog, planned);
     device::FalconEmulator emulator(stand.device, falcon,
                                     {.is_loaded = falcon.firmware_file.empty(), .homing = 300ms});
-    return serve(emulator, stand.device, falcon.port);
+    return serve(emulator, whole, stand.device, falcon.port);
   }
-  int emulate(const WoodenConfig& wooden, const Session& session, const Faults& faults) const {
-    Stand stand(session, hand_of(session), exact(session), device::WoodenEmulator::kWatchdog,
-                faults);
+  int emulate(const WoodenConfig& wooden, const Session& whole, const Faults& planned) const {
+    Stand stand(whole, hand_of(whole), exact(whole), device::WoodenEmulator::kWatchdog, planned);
     device::WoodenEmulator emulator(stand.device, wooden);
-    return serve(emulator, stand.device, wooden.port);
+    return serve(emulator, whole, stand.device, wooden.port);
   }
   template <class Config>
-  int emulate(const Config& /*config*/, const Session& session, const Faults& /*faults*/) const {
-    throw SetupError(session.file + ": device: there is no emulator of driver \"" +
-                     device::driver_name(session.side().driver) +
+  int emulate(const Config& /*config*/, const Session& whole, const Faults& /*planned*/) const {
+    throw SetupError(whole.file + ": device: there is no emulator of driver \"" +
+                     device::driver_name(whole.side().driver) +
                      "\"; emulators are of haply_inverse, hapi, falcon and wooden");
   }
 
   /// The encoders of the emulated legs or motors round, not the simulated device.
-  static SimulatedDeviceConfig exact(const Session& session) {
-    SimulatedDeviceConfig simulated = session.side().simulated;
+  static SimulatedDeviceConfig exact(const Session& whole) {
+    SimulatedDeviceConfig simulated = whole.side().simulated;
     simulated.position_resolution_m = 0.0;
     return simulated;
   }
 
+  /// A device has a processor of its own, which no other program delays: the priority of the tick
+  /// threads comes closest. On any of this computer's processors.
+  [[nodiscard]] RealtimeConfig realtime_of(const Session& whole) const {
+    return {.priority = has_no_realtime ? 0 : whole.side().realtime.priority,
+            .cpu = -1,
+            .wait = WaitStrategy::kBlock};
+  }
+
   template <class Emulator>
-  int serve(Emulator& emulator, device::EmulatedDevice& device, const std::string& address) const {
+  int serve(Emulator& emulator, const Session& whole, device::EmulatedDevice& device,
+            const std::string& address) const {
     const StopSignal signal;
     say("emulates the device at " + address);
-    std::jthread server([&](const std::stop_token& stop) { emulator.run(stop); });
+    std::jthread server([&](const std::stop_token& stop) {
+      say("event=realtime " + enter_realtime(realtime_of(whole)).text);
+      emulator.run(stop);
+    });
     const auto begin = std::chrono::steady_clock::now();
     while (!StopSignal::is_requested() &&
            (seconds == 0.0 ||

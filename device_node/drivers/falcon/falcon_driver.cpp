@@ -157,12 +157,12 @@ class FalconDevice final : public WireDevice {
     const double largest = counts.cwiseAbs().maxCoeff();
     const auto limit = static_cast<double>(config_.largest_torque);
     if (largest > limit) counts *= limit / largest;
+    const Matrix3 newton_per_count = jacobian->transpose().inverse() / config_.torque_gain;
+    const Vector3 made_newton = round_counts(counts, newton_per_count, allowed_newton());
     for (std::size_t leg = 0; leg < kFalconLegs; ++leg) {
-      double& count = counts[static_cast<Eigen::Index>(leg)];
-      count = std::round(count);
-      motors[leg] = static_cast<std::int16_t>(count);
+      motors[leg] = static_cast<std::int16_t>(counts[static_cast<Eigen::Index>(leg)]);
     }
-    return config_.rotation * (jacobian->transpose().inverse() * counts / config_.torque_gain);
+    return config_.rotation * made_newton;
   }
 
   FalconConfig config_;

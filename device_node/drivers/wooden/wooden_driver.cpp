@@ -159,13 +159,13 @@ class WoodenDevice final : public WireDevice {
         Vector3(jacobian->transpose() * (config_.rotation.conjugate() * force_newton)));
     const double largest = ma.cwiseAbs().maxCoeff();
     if (largest > drive_.largest_ma) ma *= drive_.largest_ma / largest;
+    const Matrix3 newton_per_ma =
+        jacobian->transpose().inverse() * drive_.ma_per_newton_m.cwiseInverse().asDiagonal();
+    const Vector3 made_newton = round_counts(ma, newton_per_ma, allowed_newton());
     for (std::size_t axis = 0; axis < kWoodenAxes; ++axis) {
-      double& current = ma[static_cast<Eigen::Index>(axis)];
-      current = std::round(current);
-      currents_ma[axis] = static_cast<std::int16_t>(current);
+      currents_ma[axis] = static_cast<std::int16_t>(ma[static_cast<Eigen::Index>(axis)]);
     }
-    return config_.rotation *
-           (jacobian->transpose().inverse() * ma.cwiseQuotient(drive_.ma_per_newton_m));
+    return config_.rotation * made_newton;
   }
 
   WoodenConfig config_;

@@ -26,6 +26,7 @@ struct Adversity {
   ProfileError profile = {};
   bool needs_watchdog = false;  ///< the process may not run while a lease ends
   bool is_outside = false;      ///< breaks an assumption
+  bool sets_encoder = false;    ///< of the simulated device
 };
 
 std::vector<std::string> on_physics_hops(const std::string& field) {
@@ -98,6 +99,7 @@ std::vector<Adversity> adversities() {
         {fmt::format("device.simulated.position_resolution_m={}", q_m),
          fmt::format("device.profile.position_resolution_m={}", q_m)},
         "push_along");
+    all.back().sets_encoder = true;
   }
 
   // outside the assumptions, but for a profile that is right
@@ -206,6 +208,7 @@ Table device_table(int seeds, const std::vector<std::string>& more_overrides, co
   for (const Adversity& adversity : all) {
     if (adversity.is_outside) continue;
     for (const Wired& wired : wired_devices()) {
+      if (adversity.sets_encoder && !wired.overrides.empty()) continue;  // has one of its own
       AdverseRun run = adversity.run;
       append(run.overrides, overrides_of(kFrictions[0], adversity.profile));
       append(run.overrides, {"physics.rate_hz=1000"});

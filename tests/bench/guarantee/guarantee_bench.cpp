@@ -69,6 +69,7 @@ void run(const GuaranteeOptions& options) {
         "need "
         "motors that end a force by themselves: the guarantee is not available to these drivers "
         "there."
+        "\nRows of encoders are left out for devices that have one of their own."
         "\nLeast of the drivers' rows without *: %.3f µJ.\n",
         devices.text().c_str(), 1e6 * least_joule);
     json["devices"] = devices.json();

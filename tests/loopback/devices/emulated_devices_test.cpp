@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <sched.h>
 #include <unistd.h>
 
 #include <csignal>
@@ -60,6 +61,7 @@ TEST_F(EmulatedDevices, AreFeltThroughTheirWiresAndStayPassive) {
     EXPECT_EQ(run.status, 0) << run.err;
     EXPECT_GE(least_energy_microjoule(run.err), -1.0) << run.err;
     EXPECT_THAT(run.err, HasSubstr("event=no_motor_watchdog"));
+    EXPECT_THAT(run.err, HasSubstr("palpate: event=realtime scheduling=ordinary cpu=any"));
     const json summary = json::parse(run.out, nullptr, false);
     ASSERT_FALSE(summary.is_discarded()) << run.out;
     EXPECT_GT(summary.at("max_force_n").get<double>(), 0.3) << summary;
@@ -122,6 +124,25 @@ TEST_F(EmulatedDevices, TheDoctorOpensTheDeviceAndSaysWhatItLacks) {
   EXPECT_THAT(doctor.out, HasSubstr("has 3 buttons, counted from 0"));
   EXPECT_THAT(doctor.out,
               HasSubstr("note   motor watchdog           none: the guarantee is not available"));
+}
+
+// Where it is permitted: otherwise other programs delay the emulator's answers, and identify's
+// ticks by more than a lease.
+TEST_F(EmulatedDevices, EmulatorAndIdentifyUseTheSessionsRealTimeScheduling) {
+  const std::string setting = haply_port();
+  Program emulator("palpate", {"emulate", kHaplySession, "--set", setting, "--hands-off"});
+  const std::string emulated = emulator.await_err("event=realtime ");
+  Program identify("palpate", {"identify", kHaplySession, "--set", setting, "--without-watchdog",
+                               "--i-understand-this-moves-the-device"});
+  ASSERT_TRUE(test::await([&] {
+    return identify.out().find("take the hand off") != std::string::npos;
+  })) << identify.out()
+      << identify.err();
+
+  const int policy = sched_getscheduler(identify.pid()) & ~SCHED_RESET_ON_FORK;
+  const bool is_permitted = emulated.starts_with("scheduling=fifo priority=80 cpu=any");
+  EXPECT_TRUE(is_permitted || emulated.find("fifo_refused=") != std::string::npos) << emulated;
+  EXPECT_EQ(policy, is_permitted ? SCHED_FIFO : SCHED_OTHER) << identify.out();
 }
 
 TEST_F(EmulatedDevices, ASimulatedDeviceNeedsNoEmulator) {

@@ -202,6 +202,14 @@ TEST(FalconDriver, ReadsThePositionAndPushes) {
   EXPECT_LT((emulated.motor_force_newton() - sample.applied_force_newton).norm(), 1e-9);
 }
 
+TEST(FalconDriver, WholeTorquesKeepTheForceLimit) {
+  Random random(1);
+  for (int pose = 0; pose < 10; ++pose) {
+    expect_force_limit_kept<EmulatedFalcon, open_falcon>(
+        random.uniform(0.0, 0.03) * random.direction(), random);
+  }
+}
+
 TEST(FalconDriver, ALargerTorqueThanTheMotorsTakeIsScaledAndReported) {
   const ManualClock clock;
   EmulatedFalcon emulated(clock);

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include "common/core/random.h"
+
 namespace palpate::device {
 namespace {
 
@@ -66,6 +68,40 @@ TEST(MotorForce, ALeaseOfNothingIsNoForce) {
   MotorForce motors(kLimits);
   EXPECT_EQ(motors.set({0, 0, 1}, 0ms, TimePoint{}), Vector3(0, 0, 0));
   EXPECT_EQ(motors.at(TimePoint{}), Vector3(0, 0, 0));
+}
+
+// At the limit every second rounding to the nearest would exceed it. Two roundings by half a count
+// of each motor lose no more than one count of each.
+TEST(RoundCounts, NeverMakesMoreForceThanTheLimitAndLosesLittle) {
+  Random random(1);
+  int scaled = 0;
+  for (int i = 0; i < 2'000; ++i) {
+    // independent enough that the counts are finite
+    Matrix3 newton_per_count = 0.01 * Matrix3::Identity();
+    for (Eigen::Index column = 0; column < 3; ++column) {
+      newton_per_count.col(column) += 0.005 * random.uniform() * random.direction();
+    }
+    const Vector3 wanted_newton = 3.3 * random.direction();
+    const Vector3 wanted = newton_per_count.inverse() * wanted_newton;
+    Vector3 counts = wanted;
+
+    const Vector3 made_newton = round_counts(counts, newton_per_count, 3.3);
+
+    EXPECT_LE(made_newton.norm(), 3.3 + 1e-12);
+    EXPECT_LE((made_newton - wanted_newton).norm(), newton_per_count.colwise().norm().sum());
+    EXPECT_EQ(counts, Vector3(counts.array().round()));
+    EXPECT_EQ(made_newton, newton_per_count * counts);
+    if (counts != Vector3(wanted.array().round())) ++scaled;
+  }
+  EXPECT_GT(scaled, 500);
+  EXPECT_LT(scaled, 1'500);
+}
+
+TEST(RoundCounts, WithinTheLimitTakesTheNearestAndWithoutForceNone) {
+  Vector3 counts(1.4, -2.6, 0.2);
+  EXPECT_EQ(round_counts(counts, Matrix3::Identity(), 10.0), Vector3(1, -3, 0));
+  counts = {0.6, 0.0, 0.0};
+  EXPECT_EQ(round_counts(counts, Matrix3::Identity(), 0.6), Vector3::Zero());
 }
 
 }  // namespace

@@ -10,6 +10,7 @@
 #include <optional>
 
 #include "common/core/clock.h"
+#include "common/core/random.h"
 #include "device_node/device.h"
 #include "device_node/drivers/start_up.h"
 #include "tests/support/alloc_guard.h"
@@ -39,6 +40,26 @@ DeviceError error_in_fault(Config config, test::SharedClock& time, const Open& o
   }
   EXPECT_TRUE(device->read(sample));
   return error;
+}
+
+/// Pushes with more than the limit in random directions: the motors make no more than the limit,
+/// and what they make is reported.
+template <class Emulated, auto open>
+void expect_force_limit_kept(const Vector3& hand_m, Random& random) {
+  constexpr double kLimitNewton = 1.7;
+  const ManualClock clock;
+  Emulated emulated(clock, hand_m);
+  auto config = emulated.config();
+  config.limits = {.peak_force_newton = kLimitNewton, .continuous_force_newton = kLimitNewton};
+  const auto device = open(config, clock, StartUp{});
+  for (int i = 0; i < 100; ++i) {
+    DeviceSample sample;
+    ASSERT_TRUE(device->apply(random.uniform(1.7, 3.0) * random.direction(),
+                              std::chrono::seconds(1), sample));
+    EXPECT_LE(sample.applied_force_newton.norm(), kLimitNewton + 1e-12);
+    EXPECT_GT(sample.applied_force_newton.norm(), 0.95 * kLimitNewton);
+    EXPECT_LT((emulated.motor_force_newton() - sample.applied_force_newton).norm(), 1e-9);
+  }
 }
 
 /// What the driver under test is made of. Time stands between the messages.

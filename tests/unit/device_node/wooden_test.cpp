@@ -178,6 +178,14 @@ TEST(WoodenDriver, ALargerCurrentThanAllowedIsScaledAndReported) {
   EXPECT_LT((emulated.motor_force_newton() - applied).norm(), 1e-9);
 }
 
+TEST(WoodenDriver, WholeMilliamperesKeepTheForceLimit) {
+  Random random(1);
+  for (int pose = 0; pose < 10; ++pose) {
+    expect_force_limit_kept<EmulatedWooden, open_wooden>(
+        random.uniform(0.0, 0.05) * random.direction(), random);
+  }
+}
+
 /// What a start without success says.
 std::string wooden_refusal(const WoodenConfig& config, const Clock& clock) {
   try {

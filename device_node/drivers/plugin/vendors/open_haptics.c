@@ -33,18 +33,15 @@ struct palpate_device {
   /* the library */
   unsigned int (*init_device)(const char* name);
   void (*disable_device)(unsigned int id);
-  void (*begin_frame)(unsigned int id);
-  void (*end_frame)(unsigned int id);
+  void (*begin_frame)(unsigned int id), (*end_frame)(unsigned int id);
   void (*get_doubles)(unsigned int name, double* values);
   void (*get_integers)(unsigned int name, int* values);
   void (*set_doubles)(unsigned int name, const double* values);
   void (*enable)(unsigned int name);
   hd_error (*get_error)(void);
-  unsigned long (*schedule)(unsigned int (*function)(void*), void* context,
-                            unsigned short priority);
+  unsigned long (*schedule)(unsigned int (*run)(void*), void* context, unsigned short priority);
   void (*unschedule)(unsigned long task);
-  void (*start_scheduler)(void);
-  void (*stop_scheduler)(void);
+  void (*start_scheduler)(void), (*stop_scheduler)(void);
   unsigned long task;
 };
 
@@ -55,8 +52,7 @@ static unsigned int on_frame(void* context) {
   palpate_device* d = context;
   palpate_device_reading frame = {0};
   double at_mm[3];
-  int buttons = 0;
-  int has_lease = 0;
+  int buttons = 0, has_lease = 0;
   d->begin_frame(d->id);
   d->get_doubles(kPosition, at_mm);
   d->get_integers(kButtons, &buttons);
