@@ -17,7 +17,7 @@ packages=(
 # npm builds the page of the viewer; a Node.js from elsewhere may contain it
 command -v npm >/dev/null || packages+=(nodejs npm)
 if [[ "${1:-}" == "--tests" ]]; then
-  packages+=(chromium clang-format clang-tidy fonts-liberation gnuplot-nox iproute2 libbullet-dev libgmock-dev
+  packages+=(chromium clang-format clang-tidy fonts-liberation gmsh gnuplot-nox iproute2 libbullet-dev libgmock-dev
     libgtest-dev libmujoco-dev libnanoflann-dev nginx cvc5 z3 python3-clang python3-numpy python3-pip python3-protobuf python3-zmq)
 fi
 if [[ "${1:-}" == "--package" ]]; then packages+=(dpkg-dev); fi
