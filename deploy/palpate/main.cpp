@@ -24,14 +24,14 @@ int run(int argc, char** argv) {
                "print only warnings, errors and requested output: no summary, status or progress");
   app.add_flag("-v,--verbose", verbosity.is_verbose, "list the files that are read, too");
   const Command commands[] = {
-      add_launch_command(app),    add_loopback_command(app),    add_info_command(app),
-      add_export_command(app),    add_replay_command(app),      add_report_command(app),
-      add_cut_command(app),       add_merge_command(app),       add_recover_command(app),
-      add_identify_command(app),  add_scene_check_command(app), add_conform_command(app),
-      add_doctor_command(app),    add_keygen_command(app),      add_make_organ_command(app),
-      add_sweep_command(app),     add_devices_command(app),     add_emulate_command(app),
-      add_explain_command(app),   add_help_command(app),        add_man_command(app),
-      add_completion_command(app)};
+      add_launch_command(app),   add_loopback_command(app),    add_info_command(app),
+      add_export_command(app),   add_replay_command(app),      add_report_command(app),
+      add_cut_command(app),      add_merge_command(app),       add_recover_command(app),
+      add_identify_command(app), add_scene_check_command(app), add_conform_command(app),
+      add_doctor_command(app),   add_keygen_command(app),      add_make_organ_command(app),
+      add_mesh_command(app),     add_sweep_command(app),       add_devices_command(app),
+      add_emulate_command(app),  add_explain_command(app),     add_help_command(app),
+      add_man_command(app),      add_completion_command(app)};
   // set last: subcommands that exist later would inherit it
   app.footer(
       "Try:  palpate launch deploy/sessions/default.txtpb --seconds 10\n"

@@ -20,7 +20,6 @@ constexpr double kRestTolerance_m = 1e-7;
 constexpr int kMostPointsPerEdge = 16;
 // Of the surface that a point stands for, over the square of the tip's radius.
 constexpr double kPointArea = 0.09;
-constexpr std::size_t kMostElements = 200'000;
 
 bool is_within(const RegionGeometry& region, const Vector3& point_m) {
   struct Inside {
@@ -130,9 +129,9 @@ std::shared_ptr<const ElasticBody> make_elastic_body(const TissueConfig& tissue,
   if (description.fixed_nodes.size() == description.mesh.nodes_m.size()) {
     throw SetupError(name + "all nodes are fixed; make elastic.fixed smaller");
   }
-  if (description.mesh.element_count() > kMostElements) {
+  if (description.mesh.element_count() > kMostElasticElements) {
     throw SetupError(name + std::to_string(description.mesh.element_count()) +
-                     " tetrahedra; must be at most " + std::to_string(kMostElements) +
+                     " tetrahedra; must be at most " + std::to_string(kMostElasticElements) +
                      "; coarsen the mesh");
   }
 

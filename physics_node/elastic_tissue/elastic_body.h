@@ -16,6 +16,9 @@
 
 namespace palpate::physics {
 
+/// More tetrahedra than these are refused.
+inline constexpr std::size_t kMostElasticElements = 200'000;
+
 /// What does not change while the tool deforms the body; shared by all its simulations. Positions
 /// are in W.
 struct ElasticBody {

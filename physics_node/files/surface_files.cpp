@@ -45,7 +45,7 @@ void scale(std::vector<Vector3>& points, double unit_m, const std::string& file_
   const double farthest_m =
       unit_m * bounds.lowest_m.cwiseAbs().cwiseMax(bounds.highest_m.cwiseAbs()).maxCoeff();
   const auto complain = [&](const std::string& what) {
-    throw SetupError(file_name + ": " + what + "; give the tissue's unit_m, e.g. 0.001 for mm");
+    throw SetupError(file_name + ": " + what + "; give its unit_m, e.g. 0.001 for mm");
   };
   if (!(size_m >= kSmallest_m && size_m <= kLargest_m)) {
     complain("is " + std::to_string(size_m) + " m large: must be 0.0001 … 5 m");
@@ -75,6 +75,20 @@ TetrahedralMesh parse_tetrahedra(std::string_view bytes, const std::string& file
   return mesh;
 }
 
+TriangleMesh parse_triangles(std::string_view bytes, const std::string& file_name, double unit_m) {
+  const std::string extension = extension_of(file_name);
+  TriangleMesh mesh;
+  if (extension == ".obj") {
+    mesh = parse_obj(bytes, file_name);
+  } else if (extension == ".stl") {
+    mesh = parse_stl(bytes, file_name);
+  } else {
+    refuse_extension(file_name, ".obj or .stl to be a triangle_surface");
+  }
+  scale(mesh.vertices_m, unit_m, file_name);
+  return mesh;
+}
+
 std::string read_file(const std::string& file) {
   FileContent content = read_regular_file(file, kMaxFileBytes);
   if (!content.complaint.empty()) throw SetupError(file + ": " + content.complaint);
@@ -86,9 +100,8 @@ std::string read_file(const std::string& file) {
 std::shared_ptr<const FileSurface> parse_surface(std::string_view bytes,
                                                  const std::string& file_name,
                                                  const FileGeometry& geometry) {
-  const std::string extension = extension_of(file_name);
   if (geometry.kind == Kind::kPointCloud) {
-    if (extension != ".ply") refuse_extension(file_name, ".ply to be a point_cloud");
+    if (extension_of(file_name) != ".ply") refuse_extension(file_name, ".ply to be a point_cloud");
     PointCloud cloud = parse_ply(bytes, file_name, geometry.stiffness_property);
     scale(cloud.points_m, geometry.unit_m, file_name);
     return std::make_shared<CloudSurface>(cloud);
@@ -99,16 +112,7 @@ std::shared_ptr<const FileSurface> parse_surface(std::string_view bytes,
     if (!complaint.empty()) throw SetupError(file_name + ": its surface: " + complaint);
     return std::make_shared<TriangleSurface>(std::move(surface));
   }
-  TriangleMesh mesh;
-  if (extension == ".obj") {
-    mesh = parse_obj(bytes, file_name);
-  } else if (extension == ".stl") {
-    mesh = parse_stl(bytes, file_name);
-  } else {
-    refuse_extension(file_name, ".obj or .stl to be a triangle_surface");
-  }
-  scale(mesh.vertices_m, geometry.unit_m, file_name);
-  return std::make_shared<TriangleSurface>(std::move(mesh));
+  return std::make_shared<TriangleSurface>(parse_triangles(bytes, file_name, geometry.unit_m));
 }
 
 std::shared_ptr<const FileSurface> load_surface(const FileGeometry& geometry) {
@@ -134,6 +138,10 @@ std::shared_ptr<const FileSurface> load_surface(const FileGeometry& geometry) {
 
 TetrahedralMesh load_tetrahedral_mesh(const FileGeometry& geometry) {
   return parse_tetrahedra(read_file(geometry.file), geometry.file, geometry.unit_m);
+}
+
+TriangleMesh load_triangle_mesh(const FileGeometry& geometry) {
+  return parse_triangles(read_file(geometry.file), geometry.file, geometry.unit_m);
 }
 
 Shape to_shape(const Geometry& geometry) {

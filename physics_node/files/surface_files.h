@@ -33,4 +33,8 @@ namespace palpate::physics {
 /// @throws SetupError
 [[nodiscard]] TetrahedralMesh load_tetrahedral_mesh(const FileGeometry& geometry);
 
+/// The complete mesh of a kTriangleSurface, in metres; not shared.
+/// @throws SetupError
+[[nodiscard]] TriangleMesh load_triangle_mesh(const FileGeometry& geometry);
+
 }  // namespace palpate::physics

@@ -9,6 +9,7 @@
 
 #include <atomic>
 #include <csignal>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <string>
@@ -155,6 +156,16 @@ class Outputs : public testing::Test {
          .success = 1},
         {"viewer_node", viewer, "--csv", session_, false},
         {"viewer_node", viewer, "--record", path("omni.txtpb"), false}};
+    if (std::system("command -v gmsh >/dev/null") == 0) {  // NOLINT: a fixed text
+      files_.write("corner.obj",
+                   "v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nv 0 0 0.1\n"
+                   "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n");
+      lockstep_.push_back({"palpate",
+                           {"mesh", path("corner.obj"), "--edge-m", "0.05", "--given-surface"},
+                           "--output",
+                           path("corner.obj"),
+                           true});
+    }
     const Arguments launch{"launch", session_, "--no-realtime", "--seconds", "0.3", "--no-viewer"};
     launch_ = {{"palpate", launch, "--json", session_, true},
                {"palpate", launch, "--csv", path("organ.msh"), false},

@@ -160,7 +160,7 @@ TEST(SurfaceFiles, ReportWhatTheyCannotUse) {
   EXPECT_THAT(complaint({.kind = Kind::kPointCloud, .file = folder.path() / "none.ply"}),
               HasSubstr("none.ply: no such file"));
   EXPECT_THAT(complaint({.kind = Kind::kTetrahedralMesh, .file = file("far.msh", 10000)}),
-              HasSubstr("is 10000.000000 m large: must be 0.0001 … 5 m; give the tissue's unit_m"));
+              HasSubstr("is 10000.000000 m large: must be 0.0001 … 5 m; give its unit_m"));
   EXPECT_THAT(complaint({.kind = Kind::kTetrahedralMesh, .file = file("cube.ply", 0.1)}),
               HasSubstr("must end with .msh"));
   EXPECT_THAT(complaint({.kind = Kind::kPointCloud, .file = file("cube.msh", 0.1)}),

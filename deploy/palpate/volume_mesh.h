@@ -1,0 +1,35 @@
+// volume_mesh.h — tetrahedra within a closed surface, made by the program gmsh, and what a user
+// should know of the result.
+#pragma once
+
+#include <string>
+
+#include "physics_node/surfaces/tetrahedral_mesh.h"
+#include "physics_node/surfaces/triangle_surface.h"
+
+namespace palpate {
+
+struct VolumeMeshing {
+  double edge_m = 0.0;  ///< length of edges to aim at, > 0
+  /// The triangles stay as they are, and edge_m holds inside only.
+  bool has_given_surface = false;
+};
+
+/// Where no length is given: a 25th of the diagonal of the bounding box.
+[[nodiscard]] double usual_edge_m(const physics::TriangleMesh& surface);
+
+/// Runs gmsh, which must be in $PATH, on one processor. Interrupted by Ctrl-C.
+/// @param surface    in metres; complaint_about(surface) is empty
+/// @param file_name  of the surface, for messages
+/// @throws SetupError  if the surface is open, edge_m is so short that more than a million
+///     tetrahedra would come, gmsh is not installed or does not mesh the surface
+[[nodiscard]] physics::TetrahedralMesh volume_mesh_of(const physics::TriangleMesh& surface,
+                                                      const VolumeMeshing& meshing,
+                                                      const std::string& file_name);
+
+/// Number, scale, shape and volume in lines of text, each ending with a line end; what a session
+/// would refuse, or would run badly with, as lines that begin with "WARNING: ".
+[[nodiscard]] std::string quality_report(const physics::TetrahedralMesh& mesh,
+                                         double surface_volume_m3);
+
+}  // namespace palpate

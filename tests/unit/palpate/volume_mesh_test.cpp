@@ -1,0 +1,135 @@
+// Volume meshes made by gmsh; where it is not installed, the tests that run it are skipped.
+#include "deploy/palpate/volume_mesh.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <numbers>
+#include <string>
+
+#include "common/core/check.h"
+#include "deploy/palpate/organ.h"
+
+namespace palpate {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+
+void skip_without_gmsh() {
+  if (std::system("command -v gmsh >/dev/null") != 0) {  // NOLINT: a fixed text
+    GTEST_SKIP() << "gmsh is not installed: apt-get install gmsh";
+  }
+}
+
+/// The surface of a cube with corners at ±half_m.
+physics::TriangleMesh cube(double half_m) {
+  physics::TriangleMesh mesh;
+  for (int i = 0; i < 8; ++i) {
+    mesh.vertices_m.emplace_back((i & 1) != 0 ? half_m : -half_m, (i & 2) != 0 ? half_m : -half_m,
+                                 (i & 4) != 0 ? half_m : -half_m);
+  }
+  mesh.triangles = {{0, 2, 3}, {0, 3, 1}, {4, 5, 7}, {4, 7, 6}, {0, 1, 5}, {0, 5, 4},
+                    {2, 6, 7}, {2, 7, 3}, {0, 4, 6}, {0, 6, 2}, {1, 3, 7}, {1, 7, 5}};
+  return mesh;
+}
+
+double volume_m3(const physics::TetrahedralMesh& mesh) {
+  double sum = 0.0;
+  for (const auto& corners : mesh.tetrahedra) {
+    sum += physics::six_volumes_m3(mesh.nodes_m, corners) / 6.0;
+  }
+  return sum;
+}
+
+std::string complaint(const physics::TriangleMesh& surface, double edge_m) {
+  try {
+    static_cast<void>(volume_mesh_of(surface, {.edge_m = edge_m}, "cube.stl"));
+  } catch (const SetupError& error) {
+    return error.what();
+  }
+  return {};
+}
+
+// Faces are flat and edges sharper than 40 degrees stay, so the volume is exact: 0.1³ m³.
+TEST(VolumeMesh, FillsACubeWithEdgesOfTheGivenLength) {
+  skip_without_gmsh();
+  if (IsSkipped()) return;
+  const physics::TetrahedralMesh coarse = volume_mesh_of(cube(0.05), {.edge_m = 0.02}, "cube.stl");
+  const physics::TetrahedralMesh fine = volume_mesh_of(cube(0.05), {.edge_m = 0.01}, "cube.stl");
+
+  EXPECT_NEAR(volume_m3(coarse), 1e-3, 1e-9);
+  EXPECT_NEAR(volume_m3(fine), 1e-3, 1e-9);
+  // half the edge: eight times as many, more or less for the layers at the surface
+  EXPECT_GT(fine.tetrahedra.size(), 5 * coarse.tetrahedra.size());
+  EXPECT_LT(fine.tetrahedra.size(), 12 * coarse.tetrahedra.size());
+  const physics::TriangleMesh surface = physics::surface_of(fine);
+  EXPECT_EQ(physics::complaint_about(surface), "");
+  EXPECT_TRUE(physics::TriangleSurface(surface).is_closed());
+}
+
+TEST(VolumeMesh, KeepsTheGivenTriangles) {
+  skip_without_gmsh();
+  if (IsSkipped()) return;
+  const physics::TriangleMesh given = physics::surface_of(organ_mesh(2));
+  const physics::TetrahedralMesh mesh =
+      volume_mesh_of(given, {.edge_m = 0.01, .has_given_surface = true}, "organ.stl");
+  const physics::TriangleMesh surface = physics::surface_of(mesh);
+
+  EXPECT_EQ(surface.triangles.size(), given.triangles.size());
+  EXPECT_NEAR(volume_m3(mesh), physics::enclosed_volume_m3(given), 1e-10);
+}
+
+TEST(VolumeMesh, RefusesAnOpenSurface) {
+  physics::TriangleMesh open = cube(0.05);
+  open.triangles.pop_back();
+  EXPECT_THAT(complaint(open, 0.02), HasSubstr("cube.stl: the surface is open"));
+}
+
+// A regular tetrahedron of edge l has l³/(6√2): 0.1³ m³ hold a million of edge (6√2·1e-9)^⅓ m.
+TEST(VolumeMesh, RefusesEdgesThatMakeTooManyTetrahedra) {
+  const double least_m = std::cbrt(6.0 * std::numbers::sqrt2 * 1e-9);
+  EXPECT_THAT(complaint(cube(0.05), 0.99 * least_m),
+              HasSubstr("makes more than a million tetrahedra; give at least 0.00204"));
+}
+
+TEST(VolumeMesh, SaysHowToGetGmsh) {
+  const std::string path = std::getenv("PATH");  // NOLINT: no other thread
+  setenv("PATH", "/nowhere", 1);                 // NOLINT: no other thread
+  const std::string said = complaint(cube(0.05), 0.02);
+  setenv("PATH", path.c_str(), 1);  // NOLINT: no other thread
+  EXPECT_THAT(said, HasSubstr("gmsh is not installed"));
+  EXPECT_THAT(said, HasSubstr("apt-get install gmsh"));
+}
+
+// One corner of a cube of 0.1 m: three right angles, and between the slanted face and the others
+// arccos(1/√3) = 54.7 degrees. Edges 0.1 and 0.1·√2 m, volume 0.1³/6 m³ = 166.7 ml.
+TEST(VolumeMesh, ReportsNumberScaleShapeAndVolume) {
+  physics::TetrahedralMesh mesh;
+  mesh.nodes_m = {{0, 0, 0}, {0.1, 0, 0}, {0, 0.1, 0}, {0, 0, 0.1}};
+  mesh.tetrahedra = {{0, 1, 2, 3}};
+  const std::string report = quality_report(mesh, 1e-3 / 6.0);
+
+  EXPECT_THAT(report, HasSubstr("1 tetrahedra, 4 nodes"));
+  EXPECT_THAT(report, HasSubstr("diagonal 173 mm, edges 100 to 141 mm"));
+  EXPECT_THAT(report, HasSubstr("0 inverted, 0 slivers"));
+  EXPECT_THAT(report, HasSubstr("angles between faces 54.7 to 90.0 degrees"));
+  EXPECT_THAT(report, HasSubstr("166.7 ml, the surface encloses 166.7 ml"));
+  EXPECT_THAT(report, Not(HasSubstr("WARNING")));
+}
+
+TEST(VolumeMesh, WarnsOfSliversAndOfAnotherVolume) {
+  physics::TetrahedralMesh mesh;
+  mesh.nodes_m = {{0, 0, 0}, {0.1, 0, 0}, {0, 0.1, 0}, {0.05, 0.05, 0.001}};
+  mesh.tetrahedra = {{0, 1, 2, 3}};
+  const std::string report = quality_report(mesh, 2.0 * volume_m3(mesh));
+
+  EXPECT_THAT(report, HasSubstr("1 slivers"));
+  EXPECT_THAT(report, HasSubstr("WARNING: slivers"));
+  EXPECT_THAT(report, HasSubstr("WARNING: the volume differs"));
+}
+
+}  // namespace
+}  // namespace palpate
