@@ -91,7 +91,7 @@ void add_side(const SessionText& text, const std::string& name,
   session.physics_telemetry = link_rules.shared("physics_telemetry");
   if (has_standby) session.standby_telemetry = link_rules.shared("standby_telemetry");
   session.tissue_change = link_rules.tissue_change();
-  side.realtime = to_realtime(fields.message("realtime"));
+  side.realtime = to_realtime(fields.message("realtime"), session.sides.size());
   side.hand = to_hand(fields.message("hand"), base_dir, problems);
 
   // the wait depends on both rates, the deadline of the device depends on the wait

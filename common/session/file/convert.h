@@ -3,6 +3,7 @@
 // between fields are here.
 #pragma once
 
+#include <cstddef>
 #include <filesystem>
 #include <map>
 #include <string>
@@ -56,7 +57,8 @@ class LinkRules {
   Endpoints& owner_of_;
 };
 
-[[nodiscard]] RealtimeConfig to_realtime(const Fields& realtime);
+/// @param place  of the side among those of the session: 0 for the first
+[[nodiscard]] RealtimeConfig to_realtime(const Fields& realtime, std::size_t place);
 [[nodiscard]] SecurityConfig to_security(const Fields& security,
                                          const std::filesystem::path& base_dir);
 [[nodiscard]] FaultsConfig to_faults(const Fields& faults);

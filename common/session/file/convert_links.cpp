@@ -1,5 +1,7 @@
 #include <algorithm>
 #include <charconv>
+#include <cstdint>
+#include <thread>
 
 #include "common/session/file/convert.h"
 #include "common/session/session_file.h"
@@ -157,10 +159,14 @@ LinkRules::Endpoint LinkRules::read(const char* name, const std::string& default
 
 // --- real time, security, faults, adversary ---------------------------------------------------
 
-RealtimeConfig to_realtime(const Fields& realtime) {
+RealtimeConfig to_realtime(const Fields& realtime, std::size_t place) {
   RealtimeConfig config;
   config.priority = static_cast<int>(realtime.integer("priority"));
-  config.cpu = static_cast<int>(realtime.integer("cpu"));
+  // tick threads of many sides that poll on one processor would leave each other no time
+  const std::size_t processors = std::max(1U, std::thread::hardware_concurrency());
+  config.cpu =
+      static_cast<int>(realtime.has("cpu") ? realtime.integer("cpu")
+                                           : static_cast<std::int64_t>(place % processors));
   const int wait = realtime.enumerator("wait");
   if (wait == v1::Realtime::spin) config.wait = WaitStrategy::kSpin;
   if (wait == v1::Realtime::block) config.wait = WaitStrategy::kBlock;

@@ -2,7 +2,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <set>
+#include <string>
+#include <thread>
 
 #include "tests/unit/session/session_support.h"
 
@@ -55,6 +58,19 @@ TEST(SessionSides, ASideHasItsOwnFieldsAndSharesTheRest) {
   EXPECT_EQ(right.mofc.controller, ControllerKind::kNone);
   EXPECT_EQ(right.mofc.mode, MofcMode::kVector);
   EXPECT_EQ(right.realtime.cpu, 1);
+}
+
+TEST(SessionSides, TickThreadsOfManySidesSpreadOverTheProcessors) {
+  std::string text = "name: 'many' device { simulated {} } scene {}\n";
+  for (int i = 0; i < 64; ++i) text += "side { name: 's" + std::to_string(i) + "' }\n";
+  const int processors = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+
+  const Session session = parse_session(text, "x.txtpb");
+
+  for (int i = 0; i < 64; ++i) {
+    EXPECT_EQ(session.sides[static_cast<std::size_t>(i)].realtime.cpu, i % processors) << i;
+  }
+  EXPECT_EQ(parse_session(text, "x.txtpb", {"realtime.cpu=0"}).sides[5].realtime.cpu, 0);
 }
 
 // Half a period of 500 Hz and of 2 kHz.
