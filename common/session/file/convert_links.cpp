@@ -1,7 +1,8 @@
+#include <unistd.h>
+
 #include <algorithm>
 #include <charconv>
 #include <cstdint>
-#include <thread>
 
 #include "common/session/file/convert.h"
 #include "common/session/session_file.h"
@@ -163,7 +164,7 @@ RealtimeConfig to_realtime(const Fields& realtime, std::size_t place) {
   RealtimeConfig config;
   config.priority = static_cast<int>(realtime.integer("priority"));
   // tick threads of many sides that poll on one processor would leave each other no time
-  const std::size_t processors = std::max(1U, std::thread::hardware_concurrency());
+  const auto processors = static_cast<std::size_t>(std::max(1L, ::sysconf(_SC_NPROCESSORS_ONLN)));
   config.cpu =
       static_cast<int>(realtime.has("cpu") ? realtime.integer("cpu")
                                            : static_cast<std::int64_t>(place % processors));

@@ -1,11 +1,11 @@
 // Several devices in one session: own fields of a side, shared fields, and problems.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <set>
 #include <string>
-#include <thread>
 
 #include "tests/unit/session/session_support.h"
 
@@ -63,7 +63,7 @@ TEST(SessionSides, ASideHasItsOwnFieldsAndSharesTheRest) {
 TEST(SessionSides, TickThreadsOfManySidesSpreadOverTheProcessors) {
   std::string text = "name: 'many' device { simulated {} } scene {}\n";
   for (int i = 0; i < 64; ++i) text += "side { name: 's" + std::to_string(i) + "' }\n";
-  const int processors = static_cast<int>(std::max(1U, std::thread::hardware_concurrency()));
+  const int processors = static_cast<int>(std::max(1L, ::sysconf(_SC_NPROCESSORS_ONLN)));
 
   const Session session = parse_session(text, "x.txtpb");
 
