@@ -4,6 +4,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <stdexcept>
 #include <string>
 
 #include "common/core/check.h"
@@ -30,12 +31,16 @@ class TempFolder {
 
   [[nodiscard]] const std::filesystem::path& path() const { return path_; }
 
-  /// Writes a file and creates the folders of `name`.
+  /// Writes a file and creates the folders of `name`. Throws std::runtime_error.
   /// @return path of the new file
   std::string write(const std::string& name, const std::string& text) const {
     std::filesystem::create_directories((path_ / name).parent_path());
-    std::ofstream(path_ / name, std::ios::binary) << text;
-    return (path_ / name).string();
+    const std::string file = (path_ / name).string();
+    std::ofstream out(file, std::ios::binary);
+    out << text;
+    out.close();
+    if (!out) throw std::runtime_error(file + ": cannot be written; is the disk full?");
+    return file;
   }
 
  private:

@@ -156,22 +156,22 @@ class Outputs : public testing::Test {
          .success = 1},
         {"viewer_node", viewer, "--csv", session_, false},
         {"viewer_node", viewer, "--record", path("omni.txtpb"), false}};
+    const Arguments launch{"launch", session_, "--no-realtime", "--seconds", "0.3", "--no-viewer"};
+    with_files_ = {{"palpate", launch, "--json", session_, true},
+                   {"palpate", launch, "--csv", path("organ.msh"), false},
+                   {"palpate", launch, "--record", path("omni.txtpb"), false}};
     if (std::system("command -v gmsh >/dev/null") == 0) {  // NOLINT: a fixed text
       files_.write("corner.obj",
                    "v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nv 0 0 0.1\n"
                    "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n");
-      lockstep_.push_back({"palpate",
-                           {"mesh", path("corner.obj"), "--edge-m", "0.05", "--given-surface"},
-                           "--output",
-                           path("corner.obj"),
-                           true});
+      with_files_.push_back({"palpate",
+                             {"mesh", path("corner.obj"), "--edge-m", "0.05", "--given-surface"},
+                             "--output",
+                             path("corner.obj"),
+                             true});
     }
-    const Arguments launch{"launch", session_, "--no-realtime", "--seconds", "0.3", "--no-viewer"};
-    launch_ = {{"palpate", launch, "--json", session_, true},
-               {"palpate", launch, "--csv", path("organ.msh"), false},
-               {"palpate", launch, "--record", path("omni.txtpb"), false}};
     all_ = lockstep_;
-    all_.insert(all_.end(), launch_.begin(), launch_.end());
+    all_.insert(all_.end(), with_files_.begin(), with_files_.end());
   }
 
   [[nodiscard]] std::string path(const std::string& name) const {
@@ -190,8 +190,8 @@ class Outputs : public testing::Test {
   test::RunFolder run_folder_;
   test::TempFolder files_;
   std::string session_;
-  std::vector<OutputCase> lockstep_;  ///< without nodes, so fast
-  std::vector<OutputCase> launch_;
+  std::vector<OutputCase> lockstep_;    ///< without nodes, so fast
+  std::vector<OutputCase> with_files_;  ///< which write others on the way
   std::vector<OutputCase> all_;
 };
 
@@ -274,8 +274,8 @@ TEST_F(Outputs, AFullDiskIsAnErrorWithAReason) {
   }
 }
 
-// The nodes of a launch need files of their own, so here the disk is really full.
-TEST_F(Outputs, AFullDiskIsAnErrorOfALaunchWithAReason) {
+// The nodes of a launch and gmsh need files of their own, so here the disk is really full.
+TEST_F(Outputs, AFullDiskIsAnErrorOfProgramsWithOtherFilesToo) {
   const std::string disk = path("disk");
   fs::create_directory(disk);
   if (mount("tmpfs", disk.c_str(), "tmpfs", 0, "size=16k") != 0) {
@@ -287,7 +287,7 @@ TEST_F(Outputs, AFullDiskIsAnErrorOfALaunchWithAReason) {
     while (filler << 'x' << std::flush) {
     }
   }
-  for (const OutputCase& output : launch_) {
+  for (const OutputCase& output : with_files_) {
     SCOPED_TRACE(output.name());
     const Outcome outcome = run(output, file, {"--overwrite"});
     EXPECT_EQ(outcome.status, 1);
