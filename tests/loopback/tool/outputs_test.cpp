@@ -164,11 +164,12 @@ class Outputs : public testing::Test {
       files_.write("corner.obj",
                    "v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nv 0 0 0.1\n"
                    "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n");
-      with_files_.push_back({"palpate",
-                             {"mesh", path("corner.obj"), "--edge-m", "0.05", "--given-surface"},
-                             "--output",
-                             path("corner.obj"),
-                             true});
+      with_files_.insert(with_files_.begin(),
+                         {"palpate",
+                          {"mesh", path("corner.obj"), "--edge-m", "0.05", "--given-surface"},
+                          "--output",
+                          path("corner.obj"),
+                          true});
     }
     all_ = lockstep_;
     all_.insert(all_.end(), with_files_.begin(), with_files_.end());
