@@ -134,7 +134,6 @@ FaultReason DeviceNode::exchange(TimePoint next_reading, DeviceTick& record) noe
   if (record.is_answered) record.reply_time = answer->received_at - sent_at;
 
   // switch: to the command, or to less
-  if (record.is_answered) monitor_.count_since(answer->value.counts_since);
   const GuardedForce guarded =
       record.is_answered ? guard_.answered(answer->value, now) : guard_.missed(now, next_reading);
   record.switched_at = now;
@@ -284,6 +283,7 @@ const DeviceState& DeviceNode::make_state(const DeviceSample& sample,
   }
   applied_.report_in(state);
   monitor_.read(sample.sampled_at, sample.hand_position_m);
+  if (config_.monitor.is_on) state.monitor_energy_joule = monitor_.joule();
   return state;
 }
 

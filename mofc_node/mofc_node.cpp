@@ -44,16 +44,12 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
   const DeviceState& state = received.value;
   if (state.header.session_id != device_session_) {
     begin_device_session();
-    ledger_since_ = state.header.sampled_at;
   }
   device_session_ = state.header.session_id;
 
   // what acted since the previous state
   const DeviceEcho::Report echo = echo_.take(state);
-  if (echo.has_gap) {
-    ++counters_.ledger_resets;
-    ledger_since_ = state.header.sampled_at;
-  }
+  if (echo.has_gap) ++counters_.ledger_resets;
 
   // what the tissue requests, perhaps computed for this very tick
   relay_.update(state, echo.mean_force_newton);
@@ -80,6 +76,7 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
        .has_gap = echo.has_gap,
        .acting_force_on_hand_newton = state.acting_force_on_hand_newton,
        .acting_lease_s = to_seconds(state.acting_until - state.header.sampled_at),
+       .energy_limit_joule = state.monitor_energy_joule,
        .asked_force_on_hand_newton = requested,
        .is_asked_fresh = is_fresh(physics.interaction),
        .stored_energy_joule =
@@ -225,8 +222,7 @@ ForceCommand MofcNode::make_command(const DeviceState& state, const Vector3& for
           .answers_sequence = state.header.sequence,
           .answers_sampled_at = state.header.sampled_at,
           .force_on_hand_newton = force_newton,
-          .valid_for = lease,
-          .counts_since = ledger_since_};
+          .valid_for = lease};
 }
 
 void MofcNode::count(const MofcTick& turn, const PhysicsAnswer& physics,

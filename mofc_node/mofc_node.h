@@ -105,7 +105,6 @@ class MofcNode {
   SilenceFade fade_;
 
   std::optional<std::uint64_t> device_session_;
-  TimePoint ledger_since_{};  // reading at which the controller's ledger began
   std::uint64_t next_command_ = 1;
   std::optional<std::uint64_t> used_interaction_;  // sequence of the last one that was evaluated
   std::uint64_t wave_stream_ = 0;                  // a new one after every clutch

@@ -14,6 +14,7 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
+#include <limits>
 #include <optional>
 
 #include "common/core/time.h"
@@ -60,6 +61,8 @@ struct DeviceState {
 
   Vector3 acting_force_on_hand_newton = Vector3::Zero();  ///< D, at t_k
   TimePoint acting_until{};  ///< its lease ends then, unless another force replaces it before
+  /// M(k) of the monitor, which reduces what this does not cover; infinite: there is none.
+  double monitor_energy_joule = std::numeric_limits<double>::infinity();
 };
 
 /// Hop 4, mofc → device: the answer to one DeviceState.
@@ -71,8 +74,7 @@ struct ForceCommand {
   TimePoint answers_sampled_at{};  ///< its t_k, device's clock: what ended by then is booked
 
   Vector3 force_on_hand_newton = Vector3::Zero();  ///< D, after controller and fade
-  Duration valid_for{};      ///< the lease: the longest time for which this force may be applied
-  TimePoint counts_since{};  ///< t of the reading, device's clock, at which the ledger began
+  Duration valid_for{};  ///< the lease: the longest time for which this force may be applied
 };
 
 /// Hop 2, mofc → physics.
@@ -198,6 +200,7 @@ inline void copy_message(const DeviceState& from, DeviceState& to) noexcept {
   to.applied_count = from.applied_count;
   to.acting_force_on_hand_newton = from.acting_force_on_hand_newton;
   to.acting_until = from.acting_until;
+  to.monitor_energy_joule = from.monitor_energy_joule;
 }
 
 inline void copy_message(const SurfaceNews& from, SurfaceNews& to) noexcept {

@@ -65,11 +65,7 @@ double WorstHand::largest_scale(const Vector3& force_newton, double watt) const 
 
 void ForceMonitor::read(TimePoint at, const Vector3& position_m) noexcept {
   settle(at, position_m);
-  begin_credit(at);
-}
-
-/// What is left of M once the acting force has drawn all it can until it is replaced.
-void ForceMonitor::begin_credit(TimePoint at) noexcept {
+  // less all that the acting force can draw until it is replaced
   credit_joule_ = account_.joule();
   const double rest_s = to_seconds(std::min(reply_, lease_end_ - at));
   if (rest_s > 0.0) credit_joule_ -= rest_s * worst_hand_.drain_watt(acting_newton_);
@@ -85,29 +81,6 @@ void ForceMonitor::switched(TimePoint at, const Vector3& position_m,
 }
 
 void ForceMonitor::released(TimePoint at) noexcept { lease_end_ = std::min(lease_end_, at); }
-
-void ForceMonitor::count_since(TimePoint reading) noexcept {
-  if (reading == claimed_) return;
-  claimed_ = reading;
-  const auto at = [&](std::size_t i) -> const Stretch& {
-    return harmless_[(harmless_next_ + kHarmless - harmless_count_ + i) % kHarmless];
-  };
-  std::size_t i = 0;
-  while (i < harmless_count_ && at(i).until != reading) ++i;
-  if (i == harmless_count_) return;
-  account_.restart(at(i).position_m, 0.0);
-  for (++i; i < harmless_count_; ++i) {
-    account_.book(to_seconds(at(i).until - at(i - 1).until), at(i).force_on_hand_newton,
-                  at(i).position_m);
-  }
-  begin_credit(since_);
-}
-
-void ForceMonitor::remember(const Stretch& stretch) noexcept {
-  harmless_[harmless_next_] = stretch;
-  harmless_next_ = (harmless_next_ + 1) % kHarmless;
-  harmless_count_ = std::min(kHarmless, harmless_count_ + 1);
-}
 
 ForceMonitor::Covered ForceMonitor::cover(const Vector3& force_on_hand_newton,
                                           Duration lease) noexcept {
@@ -134,8 +107,6 @@ void ForceMonitor::settle(TimePoint at, const Vector3& position_m) noexcept {
     account_.restart(position_m, std::min(0.0, account_.joule()));
     acting_newton_.setZero();
     since_ = at;
-    harmless_count_ = 0;
-    remember({.until = at, .position_m = position_m});
     return;
   }
   if (at <= since_) return;
@@ -149,12 +120,9 @@ void ForceMonitor::settle(TimePoint at, const Vector3& position_m) noexcept {
                            .position_at_end_m = position_m,
                            .v_max_m_per_s = worst_hand_.v_max_m_per_s(),
                            .most_drawn_joule = acted_s * worst_hand_.drain_watt(acting_newton_)});
-    harmless_count_ = 0;
   } else {
     account_.book(duration_s, acting_newton_, position_m);
-    if (worst_hand_.drain_watt(acting_newton_) > 0.0) harmless_count_ = 0;
   }
-  remember({.until = at, .position_m = position_m, .force_on_hand_newton = acting_newton_});
   since_ = at;
 }
 

@@ -2,9 +2,6 @@
 // hand has put in covers each command for its whole lease (docs/theory.md §3.1).
 #pragma once
 
-#include <array>
-#include <cstddef>
-
 #include "common/core/time.h"
 #include "common/core/vector.h"
 #include "common/session/device_config.h"
@@ -63,12 +60,6 @@ class ForceMonitor {
                 Duration lease) noexcept;
   /// The motors were released without a reading.
   void released(TimePoint at) noexcept;
-  /// The clamp has counted since the reading of that time, from 0. Because E ≥ 0 was kept, counting
-  /// from 0 at any past reading gives a lower bound, whatever the clamp claims. It is the sharper
-  /// one where the clamp started later than this monitor, so an honest clamp is never reduced. Done
-  /// once for a claim, and only if no force has acted since that needs credit, so that nothing
-  /// drawn outside the assumptions is forgiven; else without effect. Takes up to 20 µs.
-  void count_since(TimePoint reading) noexcept;
   /// What happens from now until the next read() is not known: no credit is left, a debt stays.
   void lost() noexcept { is_lost_ = true; }
 
@@ -84,17 +75,7 @@ class ForceMonitor {
   [[nodiscard]] double joule() const noexcept { return account_.joule(); }
 
  private:
-  /// A reading, and what acted before it.
-  struct Stretch {
-    TimePoint until{};
-    Vector3 position_m = Vector3::Zero();
-    Vector3 force_on_hand_newton = Vector3::Zero();
-  };
-  static constexpr std::size_t kHarmless = 512;
-
   void settle(TimePoint at, const Vector3& position_m) noexcept;
-  void remember(const Stretch& stretch) noexcept;
-  void begin_credit(TimePoint at) noexcept;
 
   EnergyAccount account_;
   WorstHand worst_hand_;
@@ -105,10 +86,6 @@ class ForceMonitor {
   TimePoint since_{};                          ///< of the last reading
   Vector3 acting_newton_ = Vector3::Zero();    ///< since then,
   TimePoint lease_end_{};                      ///< until then
-  std::array<Stretch, kHarmless> harmless_{};  ///< ring: the newest, in all of which D(F) = 0
-  std::size_t harmless_count_ = 0;             ///< ≤ kHarmless; the first counts as reading only
-  std::size_t harmless_next_ = 0;
-  TimePoint claimed_{TimePoint::min()};  ///< last claim of count_since()
   double credit_joule_ = 0.0;            ///< left in this tick
 };
 

@@ -50,6 +50,8 @@ struct ControlInput {
   Vector3 acting_force_on_hand_newton = Vector3::Zero();  ///< acts at t_k, until it is replaced
   /// ≥ 0: it ends by itself after this time at the latest; infinite where that is not known.
   double acting_lease_s = std::numeric_limits<double>::infinity();
+  /// The device itself covers commands by no more than this energy at t_k; infinite: by any.
+  double energy_limit_joule = std::numeric_limits<double>::infinity();
   Vector3 asked_force_on_hand_newton = Vector3::Zero();  ///< F_e(k)
   /// F_e(k) was evaluated since the previous step; false: it is held.
   bool is_asked_fresh = true;

@@ -64,7 +64,7 @@ std::size_t LeasedPool::book_unread(const ControlInput& input, std::size_t first
 
 ControlOutput LeasedPool::grant(const ControlInput& input, double gate) const noexcept {
   // what the force that acts now can still drain before this answer replaces it
-  const double energy = ledger_.energy_joule();
+  const double energy = std::min(ledger_.energy_joule(), input.energy_limit_joule);
   const double left_s = std::clamp(input.acting_lease_s, 0.0, p_.delta_max_s);
   const double spent =
       left_s > 0.0 ? left_s * clamp_.drain_watt(input.acting_force_on_hand_newton) : 0.0;

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <limits>
 
 #include "common/core/messages.h"
 #include "common/core/physics_term.h"
@@ -73,6 +74,8 @@ inline void randomise(DeviceState& m, Random& random) {
   m.acting_force_on_hand_newton = random_vector(random, 1000.0);
   m.acting_until =
       m.header.sampled_at + Duration(static_cast<std::int64_t>(random.below(1'000'000'001)));
+  m.monitor_energy_joule =
+      random.chance(0.5) ? random.uniform(-1.0, 1.0) : std::numeric_limits<double>::infinity();
 }
 
 inline void randomise(ForceCommand& m, Random& random) {
@@ -82,7 +85,6 @@ inline void randomise(ForceCommand& m, Random& random) {
   m.answers_sampled_at = random_time(random);
   m.force_on_hand_newton = random_vector(random, 1000.0);
   m.valid_for = random_duration(random);
-  m.counts_since = random_time(random);
 }
 
 inline Wave random_wave(Random& random) {
@@ -459,15 +461,14 @@ inline bool same(const DeviceState& a, const DeviceState& b) {
          same(a.tool_orientation_world, b.tool_orientation_world) && a.buttons == b.buttons &&
          a.is_clutched == b.is_clutched && a.applied_count == b.applied_count &&
          same(a.acting_force_on_hand_newton, b.acting_force_on_hand_newton) &&
-         a.acting_until == b.acting_until &&
+         a.acting_until == b.acting_until && a.monitor_energy_joule == b.monitor_energy_joule &&
          std::equal(a.applied.begin(), a.applied.begin() + a.applied_count, b.applied.begin(),
                     [](const auto& x, const auto& y) { return same(x, y); });
 }
 inline bool same(const ForceCommand& a, const ForceCommand& b) {
   return same(a.header, b.header) && a.answers_session_id == b.answers_session_id &&
          a.answers_sequence == b.answers_sequence && a.answers_sampled_at == b.answers_sampled_at &&
-         same(a.force_on_hand_newton, b.force_on_hand_newton) && a.valid_for == b.valid_for &&
-         a.counts_since == b.counts_since;
+         same(a.force_on_hand_newton, b.force_on_hand_newton) && a.valid_for == b.valid_for;
 }
 inline bool same(const Wave& a, const Wave& b) {
   return a.stream == b.stream && same(a.sum, b.sum) && a.energy_joule == b.energy_joule &&

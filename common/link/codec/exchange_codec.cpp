@@ -1,5 +1,7 @@
 // exchange_codec.cpp — hops 1 and 4: DeviceState and ForceCommand.
 #include <algorithm>
+#include <cmath>
+#include <limits>
 
 #include "common/link/codec/wire_format.h"
 #include "palpate/v1/exchange.pb.h"
@@ -44,6 +46,9 @@ struct WireFormat<DeviceState> {
     put(m.acting_force_on_hand_newton, *wire.mutable_acting_force_on_hand_newton());
     // a lease that ended before the reading is over
     wire.set_acting_until_ns(ns(std::max(m.acting_until, m.header.sampled_at)));
+    if (std::isfinite(m.monitor_energy_joule)) {
+      wire.set_monitor_energy_joule(m.monitor_energy_joule);
+    }
   }
 
   static void check(const v1::DeviceState& wire, Verdict& verdict) {
@@ -67,6 +72,7 @@ struct WireFormat<DeviceState> {
     verdict.vector(wire.has_acting_force_on_hand_newton(), wire.acting_force_on_hand_newton(),
                    kMaxForceOnHandNewton);
     verdict.time(wire.acting_until_ns());
+    verdict.expect(std::isfinite(wire.monitor_energy_joule()));
     if (verdict.error() == DecodeError::kNone) {
       verdict.expect(is_within(wire.header().sampled_at_ns(), wire.acting_until_ns(), kMaxLeaseNs));
     }
@@ -94,6 +100,9 @@ struct WireFormat<DeviceState> {
     }
     m.acting_force_on_hand_newton = vector(wire.acting_force_on_hand_newton());
     m.acting_until = time(wire.acting_until_ns());
+    m.monitor_energy_joule = wire.has_monitor_energy_joule()
+                                 ? wire.monitor_energy_joule()
+                                 : std::numeric_limits<double>::infinity();
   }
 };
 template class Codec<DeviceState>;
@@ -107,7 +116,6 @@ struct WireFormat<ForceCommand> {
               *wire.mutable_answers());
     put(m.force_on_hand_newton, *wire.mutable_force_on_hand_newton());
     wire.set_valid_for_ns(m.valid_for.count());
-    wire.set_counts_since_ns(ns(m.counts_since));
   }
 
   static void check(const v1::ForceCommand& wire, Verdict& verdict) {
@@ -115,7 +123,6 @@ struct WireFormat<ForceCommand> {
     verdict.vector(wire.has_force_on_hand_newton(), wire.force_on_hand_newton(),
                    kMaxForceOnHandNewton);
     verdict.expect(wire.valid_for_ns() >= 0 && wire.valid_for_ns() <= kMaxLeaseNs);
-    verdict.time(wire.counts_since_ns());
   }
 
   static void read(const v1::ForceCommand& wire, ForceCommand& m) {
@@ -124,7 +131,6 @@ struct WireFormat<ForceCommand> {
     m.answers_sampled_at = time(wire.answers().sampled_at_ns());
     m.force_on_hand_newton = vector(wire.force_on_hand_newton());
     m.valid_for = Duration(wire.valid_for_ns());
-    m.counts_since = time(wire.counts_since_ns());
   }
 };
 template class Codec<ForceCommand>;

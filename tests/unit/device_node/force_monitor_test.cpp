@@ -96,32 +96,6 @@ TEST_F(MonitorWith1100MicroJoule, ForgetsItsCreditButNoDebtWhenItDoesNotKnowWhat
   EXPECT_NEAR(monitor_.joule(), debt, 1e-15);
 }
 
-TEST_F(MonitorWith1100MicroJoule, CountsFromWhereTheClampDoes) {
-  monitor_.count_since(now_ - 50ms);
-  EXPECT_NEAR(monitor_.joule(), 0.55e-3, 1e-12);
-  // once for each claim
-  move(10);
-  monitor_.count_since(now_ - 60ms);
-  EXPECT_NEAR(monitor_.joule(), 0.66e-3, 1e-12);
-}
-
-// A clamp that hears nothing for 0.3 s counts from a reading that is older still.
-TEST_F(MonitorWith1100MicroJoule, CountsFromALongPastReading) {
-  move(400);
-  monitor_.count_since(now_ - 450ms);
-  EXPECT_NEAR(monitor_.joule(), 4.95e-3, 1e-11);
-}
-
-TEST_F(MonitorWith1100MicroJoule, KeepsItsCountThroughAForceThatNeedsCredit) {
-  monitor_.switched(now_, hand_m_, {1, 0, 0}, 1h);
-  move(100);
-  const double debt = monitor_.joule();
-  monitor_.count_since(now_ - 150ms);
-  EXPECT_EQ(monitor_.joule(), debt);
-  monitor_.count_since(now_ - 50ms);
-  EXPECT_EQ(monitor_.joule(), debt);
-}
-
 TEST(Monitor, LetsTheFrictionsOwnForcePassWithoutCredit) {
   ForceMonitor monitor{exact_config()};
   monitor.read(TimePoint(1ms), Vector3::Zero());
@@ -227,73 +201,6 @@ TEST(Monitor, BeginsAtItsFirstReadingWithoutCredit) {
   EXPECT_NEAR(monitor.cover({0, 1, 0}, 2ms).force_on_hand_newton.norm(), 0.1, 1e-3);
   monitor.read(TimePoint(1s), Vector3(0.1, 0, 0));
   EXPECT_EQ(monitor.joule(), 0.0);
-}
-
-// --- the reading from which the clamp counts ------------------------------------------------
-
-TEST_F(MonitorWith1100MicroJoule, PaysNothingTwiceAfterTheSameClaim) {
-  monitor_.count_since(now_ - 50ms);  // 0.55 mJ
-  EXPECT_FALSE(monitor_.cover({0, 1, 0}, 1ms).is_reduced);
-  monitor_.count_since(now_ - 50ms);
-  EXPECT_TRUE(monitor_.cover({0, 1, 0}, 1ms).is_reduced);
-}
-
-TEST_F(MonitorWith1100MicroJoule, PaysFromWhatItCountsSince) {
-  monitor_.count_since(now_ - 50ms);
-  EXPECT_TRUE(monitor_.cover({0, 1, 0}, 2ms).is_reduced);  // 0.85 mJ
-}
-
-TEST_F(MonitorWith1100MicroJoule, Remembers512Readings) {
-  move(600);
-  const double before = monitor_.joule();
-  monitor_.count_since(now_ - 512ms);
-  EXPECT_EQ(monitor_.joule(), before);
-  monitor_.count_since(now_ - 511ms);
-  EXPECT_NEAR(monitor_.joule(), 511 * friction_joule(1e-4, 1e-3), 1e-11);
-  monitor_.count_since(now_);
-  EXPECT_EQ(monitor_.joule(), 0.0);
-}
-
-TEST(Monitor, NoReadingIsNoPlaceToCountFrom) {
-  ForceMonitor monitor(exact_config());
-  for (int i = 0; i < 3; ++i) monitor.read(TimePoint(1s + i * 1ms), Vector3(0.1 + 1e-4 * i, 0, 0));
-  const double before = monitor.joule();
-  monitor.count_since(TimePoint{});
-  EXPECT_EQ(monitor.joule(), before);
-}
-
-// A clamp that begins anew with the monitor owes nothing. What was before is not known.
-TEST_F(MonitorWith1100MicroJoule, CountsFromTheFirstReadingAfterItLostTrackAndFromNoneBefore) {
-  monitor_.switched(now_, hand_m_, {1, 0, 0}, 2ms);
-  move(1);
-  monitor_.switched(now_, hand_m_, Vector3::Zero(), 2ms);
-  move(20);
-  monitor_.switched(now_, hand_m_, {1, 0, 0}, 100ms);
-  move(30);
-  monitor_.switched(now_, hand_m_, Vector3::Zero(), 2ms);
-  move(2);
-  const TimePoint before = now_;
-  const double debt = monitor_.joule();
-  EXPECT_LT(debt, 0.0);
-  monitor_.lost();
-  now_ += 1ms;
-  move(0);
-  monitor_.count_since(before);
-  EXPECT_NEAR(monitor_.joule(), debt, 1e-15);
-  monitor_.count_since(now_);
-  EXPECT_EQ(monitor_.joule(), 0.0);
-}
-
-TEST_F(MonitorWith1100MicroJoule, CountsFromNoReadingBeforeAForceThatNeedsCredit) {
-  ForceMonitor unread = monitor_;
-  monitor_.switched(now_, hand_m_, {1, 0, 0}, 2ms);
-  unread.switched(now_, hand_m_, {1, 0, 0}, 500us);
-  for (ForceMonitor* monitor : {&monitor_, &unread}) {
-    monitor->read(now_ + 1ms, hand_m_);
-    const double before = monitor->joule();
-    monitor->count_since(now_);
-    EXPECT_EQ(monitor->joule(), before);
-  }
 }
 
 // --- rounding -------------------------------------------------------------------------------

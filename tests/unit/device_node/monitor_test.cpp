@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <chrono>
+#include <limits>
 
 #include "common/core/check.h"
 #include "device_node/hands_off_check.h"
@@ -46,6 +47,24 @@ TEST(MonitoredTick, ACommandWithoutEnergyIsReducedAndCounted) {
   EXPECT_NEAR(bench.ticks.back().force_on_hand_newton.norm(), 0.1, 1e-3);
   // and reported to the clamp as it acted
   EXPECT_NEAR(bench.states.back().acting_force_on_hand_newton.norm(), 0.1, 1e-3);
+}
+
+/// As it is told to the clamp, after 1 mm in 1 ms against 0.1 N·s/m and 0.1 N.
+double told_joule(const DeviceConfig& config) {
+  DeviceNodeBench<ScriptedDevice> bench(config);
+  bench.answer_with(Vector3::Zero());
+  bench.device.position_m = Vector3::Zero();
+  bench.tick();
+  bench.device.position_m = Vector3(1e-3, 0, 0);
+  bench.tick();
+  return bench.states.back().monitor_energy_joule;
+}
+
+TEST(MonitoredTick, AStateSaysWhatTheMonitorCounts) {
+  DeviceConfig config = monitored_config();
+  EXPECT_NEAR(told_joule(config), 0.2e-3, 1e-12);
+  config.monitor.is_on = false;
+  EXPECT_EQ(told_joule(config), std::numeric_limits<double>::infinity());
 }
 
 TEST(MonitoredTick, WithoutTheMonitorTheSameCommandPasses) {
@@ -138,7 +157,6 @@ static_assert(noexcept(std::declval<ForceMonitor&>().read(std::declval<TimePoint
                                                           std::declval<const Vector3&>())));
 static_assert(noexcept(std::declval<ForceMonitor&>().cover(std::declval<const Vector3&>(),
                                                            Duration{})));
-static_assert(noexcept(std::declval<ForceMonitor&>().count_since(std::declval<TimePoint>())));
 
 TEST(Unmonitored, ARealDeviceIsRefusedUnlessUnsafeIsGiven) {
   DeviceConfig config = monitored_config();

@@ -59,9 +59,11 @@ class PoolByTheEquations {
   ControlOutput grant(const ControlInput& input, double gate) const {
     const double reserved_s = std::min(input.acting_lease_s, p_.delta_max_s);
     const double drain = clamp_.drain_watt(input.acting_force_on_hand_newton);
-    const double free = ledger_.energy_joule() - (reserved_s > 0.0 ? reserved_s * drain : 0.0);
+    double energy = ledger_.energy_joule();
+    if (input.energy_limit_joule < energy) energy = input.energy_limit_joule;
+    const double free = energy - (reserved_s > 0.0 ? reserved_s * drain : 0.0);
     ControlOutput output = clamp_.clamp(input.asked_force_on_hand_newton, free, gate);
-    output.ledger_energy_joule = ledger_.energy_joule();
+    output.ledger_energy_joule = energy;
     output.lease_s = std::max(p_.mofc.T, p_.longest_lease_s);
     if (const double power = clamp_.drain_watt(output.force_on_hand_newton); power > 0.0) {
       output.lease_s = std::min(output.lease_s, std::max(p_.mofc.T, std::max(0.0, free) / power));
@@ -212,6 +214,7 @@ class RandomSteps {
             .has_gap = random_.chance(0.02),
             .acting_force_on_hand_newton = random_.chance(0.2) ? Vector3(Vector3::Zero()) : acting_,
             .acting_lease_s = random_.chance(0.5) ? kUnbounded : random_.uniform(0.0, 3e-3),
+            .energy_limit_joule = random_.chance(0.7) ? kUnbounded : random_.uniform(-1e-3, 1e-3),
             .asked_force_on_hand_newton = asked_,
             .is_asked_fresh = random_.chance(0.7),
             .stored_energy_joule = random_.chance(0.3) ? random_.uniform(0.0, 3e-3) : 0.0};

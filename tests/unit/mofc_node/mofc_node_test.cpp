@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -53,6 +54,7 @@ class MofcNodeTest : public testing::Test {
     state.value.hand_position_m = position_m_;
     state.value.tool_position_world_m = position_m_;
     state.value.is_clutched = is_clutched_;
+    state.value.monitor_energy_joule = monitor_energy_joule_;
     if (sequence_ > 0) {
       state.value.applied[0] = {echoed_newton_, clock_.now() - 1ms, clock_.now(), position_m_,
                                 true};
@@ -98,6 +100,7 @@ class MofcNodeTest : public testing::Test {
   Vector3 position_m_ = Vector3::Zero();
   Vector3 echoed_newton_ = Vector3::Zero();
   bool is_clutched_ = false;
+  double monitor_energy_joule_ = std::numeric_limits<double>::infinity();
 };
 
 TEST_F(MofcNodeTest, RequestsNoForceBeforeThePhysicsSpeaks) {
@@ -423,6 +426,20 @@ TEST_F(MofcNodeGuards, AnEchoFromTheFutureIsAGap) {
   ASSERT_NO_FATAL_FAILURE(echo_after_motion(0ms, 2ms));
   EXPECT_EQ(records_.ticks.back().ledger_energy_joule, 0.0);
   EXPECT_EQ(node_.counters().ledger_resets, 2u) << "and the first state of the session";
+}
+
+// What the monitor would reduce is not commanded at all.
+TEST_F(MofcNodeGuards, CountsOnNoMoreThanTheMonitorDoes) {
+  tick();
+  clock_.advance(1ms);
+  position_m_ = {0.05, 0, 0};
+  monitor_energy_joule_ = 0.2e-3;
+  tick();
+  EXPECT_EQ(records_.ticks.back().ledger_energy_joule, 0.2e-3);
+  clock_.advance(1ms);
+  monitor_energy_joule_ = std::numeric_limits<double>::infinity();
+  tick();
+  EXPECT_GT(records_.ticks.back().ledger_energy_joule, 1e-3) << "its own count goes on";
 }
 
 // Two readings with equal stamps: no time has passed, so nothing is unknown.
