@@ -72,7 +72,7 @@ struct WireFormat<DeviceState> {
     verdict.vector(wire.has_acting_force_on_hand_newton(), wire.acting_force_on_hand_newton(),
                    kMaxForceOnHandNewton);
     verdict.time(wire.acting_until_ns());
-    verdict.expect(std::isfinite(wire.monitor_energy_joule()));
+    verdict.finite(wire.monitor_energy_joule());
     if (verdict.error() == DecodeError::kNone) {
       verdict.expect(is_within(wire.header().sampled_at_ns(), wire.acting_until_ns(), kMaxLeaseNs));
     }

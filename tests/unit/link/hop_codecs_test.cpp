@@ -121,15 +121,6 @@ TEST(DeviceStateCodec, RefusesAnActingForceOfMoreThanAKilonewton) {
   expect_range<DeviceState>(force(1000.001), false);
 }
 
-TEST(DeviceStateCodec, RefusesAnEnergyOfTheMonitorThatIsNotFinite) {
-  auto energy = [](double joule) {
-    return [=](v1::DeviceState& m) { m.set_monitor_energy_joule(joule); };
-  };
-  expect_range<DeviceState>(energy(-2.0), true);
-  expect_range<DeviceState>(energy(std::numeric_limits<double>::infinity()), false);
-  expect_range<DeviceState>(energy(std::numeric_limits<double>::quiet_NaN()), false);
-}
-
 TEST(ForceCommandCodec, RefusesAReadingOutsideTheRangeOfTimes) {
   auto at = [](std::int64_t ns) {
     return [=](v1::ForceCommand& m) { m.mutable_answers()->set_sampled_at_ns(ns); };
