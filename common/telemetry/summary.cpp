@@ -18,7 +18,7 @@ void RunStatistics::add(const TickRow& row, const IdealState& ideal) {
     const Vector3& fe = row.mofc->asked_force_on_hand_newton;
     transparency_.add(fe, fs);
     rendered_.add(fe, fs);
-    if (fe.squaredNorm() > 0.0) ++asked_ticks_;
+    if (!fe.isZero(0.0)) ++asked_ticks_;
     if (row.mofc->is_clamped) ++clamped_ticks_;
   }
   const bool is_in_contact =

@@ -79,13 +79,12 @@ inline Vector3 round_counts(Vector3& counts, const Matrix3& newton_per_count,
                             double limit_newton) noexcept {
   const Vector3 wanted = counts;
   counts = wanted.array().round();
-  Vector3 made_newton = newton_per_count * counts;
+  const Vector3 made_newton = newton_per_count * counts;
   if (made_newton.norm() <= limit_newton) return made_newton;
   const double rounding_newton = 0.5 * newton_per_count.colwise().norm().sum();
   const double scaled_newton = std::max(limit_newton - rounding_newton, 0.0);
   counts = (scaled_newton / (newton_per_count * wanted).norm() * wanted).array().round();
-  made_newton = newton_per_count * counts;
-  return made_newton;
+  return newton_per_count * counts;
 }
 
 }  // namespace palpate::device
