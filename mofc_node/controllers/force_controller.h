@@ -74,7 +74,8 @@ struct ControlOutput {
   /// Bound per axis: |F_i| ≤ f_max,i. All equal if one bound serves all axes; with one pool and
   /// friction per axis, the bound of a force along that axis alone.
   Vector3 f_max_newton = Vector3::Zero();
-  double ledger_energy_joule = 0.0;  ///< E′, sum of all pools
+  /// E′, the sum of all pools; not more than the input's energy_limit_joule.
+  double ledger_energy_joule = 0.0;
   /// Longest time for which F may act; 0: the controller leaves it to the caller.
   double lease_s = 0.0;
   bool is_clamped = false;   ///< F differs from F_e
