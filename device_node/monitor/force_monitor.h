@@ -83,10 +83,10 @@ class ForceMonitor {
   Duration hold_;
 
   bool is_lost_ = true;
-  TimePoint since_{};                          ///< of the last reading
-  Vector3 acting_newton_ = Vector3::Zero();    ///< since then,
-  TimePoint lease_end_{};                      ///< until then
-  double credit_joule_ = 0.0;            ///< left in this tick
+  TimePoint since_{};                        ///< of the last reading
+  Vector3 acting_newton_ = Vector3::Zero();  ///< since then,
+  TimePoint lease_end_{};                    ///< until then
+  double credit_joule_ = 0.0;                ///< left in this tick
 };
 
 }  // namespace palpate::device
