@@ -29,7 +29,7 @@ btVector3 bullet(const elastic::Vector3d& v) {
 }
 
 /// Bullet's element of the same law. Its neo-Hookean one takes Lamé values with which it agrees
-/// with Hooke's law at small strain only after the conversion of [Smith18] §3.4.
+/// with Hooke's law at small strain only after the conversion of [Smith18].
 std::unique_ptr<btDeformableLagrangianForce> elasticity(const Body& body) {
   const elastic::Material& material = body.description().materials[0];
   const double nu = material.poisson_ratio;
@@ -84,7 +84,7 @@ class BulletBody {
     world_.setGravity({0, 0, 0});  // of rigid bodies
     world_.setImplicit(true);
     world_.setLineSearch(false);
-    // conjugate gradients; the other solver ends at an absolute residual, at once at this scale
+    // conjugate gradients; with the default, conjugate residuals, nothing moves at this scale
     world_.setUseProjection(true);
     solver_.setDeformableSolver(&deformable_solver_);
     gravity_.m_gravity = bullet(body.description().gravity_m_per_s2);
