@@ -2,10 +2,15 @@
 // beam of elastic_bench gets its weight at once and must come to rest, within 1 % of the static
 // answer of the same mesh. Then single cases: nearly incompressible, flat elements, started inside
 // out or scrambled, a sphere that appears within the body or hits it at 1 m/s.
+#include <spdlog/fmt/fmt.h>
+
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <cstdio>
+#include <filesystem>
+#include <iterator>
 #include <random>
 #include <string>
 #include <vector>
@@ -22,6 +27,8 @@ using bench::BenchOptions;
 using bench::Table;
 
 constexpr Law kLaws[] = {Law::kCorotational, Law::kStVenantKirchhoff, Law::kStableNeoHookean};
+
+constexpr const char* kElements[] = {"160 linear", "160 quadratic"};
 
 const char* name_of(Law law) {
   if (law == Law::kCorotational) return "corotational";
@@ -70,41 +77,102 @@ Outcome come_to_rest(const Body& body, const VectorXd& start_m, double dt_s, dou
   return outcome;
 }
 
+bool is_right(const Outcome& outcome) {
+  return outcome.is_finite && std::abs(outcome.error_ratio) < 0.01;
+}
+
 void add_row(Table& table, const std::string& what, const char* law, double young_modulus_pa,
              double dt_s, const Outcome& outcome, int& right, int& runs) {
   ++runs;
-  const bool is_right = outcome.is_finite && std::abs(outcome.error_ratio) < 0.01;
-  right += is_right ? 1 : 0;
+  right += is_right(outcome) ? 1 : 0;
   table.add({what, law, young_modulus_pa, 1e3 * dt_s,
-             is_right            ? "right"
+             is_right(outcome)   ? "right"
              : outcome.is_finite ? "off"
                                  : "NOT FINITE",
              outcome.error_ratio, outcome.worst_residual_ratio, outcome.unconverged_ratio});
 }
 
+constexpr double kYoung_pa[] = {1e3, 1e4, 1e5, 1e6, 1e7};
+constexpr double kSteps_s[] = {1e-3, 5e-3, 10e-3, 20e-3};
+
+// A panel per element and law, a cell per stiffness and step, in it the error.
+void draw_map(const std::filesystem::path& folder, const Table& map) {
+  std::filesystem::create_directories(folder);
+  bench::write_file(folder / "elastic_map.csv", map.csv());
+  std::string script = R"(set datafile separator ','
+set terminal svg size 1000,600 dynamic background rgb 'white' font 'sans,11'
+set output 'elastic_map.svg'
+set multiplot layout 2,3 title 'Error at rest, %; good (green): finite and within 1 % of the static answer'
+unset key
+set style fill solid
+set xrange [-0.5:3.5]
+set yrange [-0.5:4.5]
+set xlabel 'step, ms'
+set ylabel 'E, Pa'
+set xtics ()";
+  const char* comma = "";
+  for (std::size_t i = 0; i < std::size(kSteps_s); ++i) {
+    script += fmt::format("{}'{:g}' {}", comma, 1e3 * kSteps_s[i], i);
+    comma = ", ";
+  }
+  script += ")\nset ytics (";
+  comma = "";
+  for (std::size_t i = 0; i < std::size(kYoung_pa); ++i) {
+    script += fmt::format("{}'{:.0e}' {}", comma, kYoung_pa[i], i);
+    comma = ", ";
+  }
+  script += ")\n";
+  for (const char* const element : kElements) {
+    for (const Law law : kLaws) {
+      script += fmt::format(
+          "set title '{0}, {1}'\nplot 'elastic_map.csv' using (strcol('case') eq '{0}' && "
+          "strcol('law') eq '{1}' ? column('step') : NaN):'stiffness':(0.48):(0.46):"
+          "(column('good') > 0 ? 0xa9dfbf : 0xe74c3c) with boxxyerror lc rgb variable, '' using "
+          "(strcol('case') eq '{0}' && strcol('law') eq '{1}' ? column('step') : NaN):"
+          "'stiffness':'label' with labels font 'sans,9'\n",
+          element, name_of(law));
+    }
+  }
+  bench::draw_figure(folder, "elastic_map", script + "unset multiplot\n");
+}
+
 void map_grid(const BenchOptions& options, Table& table) {
-  for (const bool is_quadratic : {false, true}) {
+  Table map({{"case", "", ""},
+             {"law", "", ""},
+             {"step", "", "{:g}"},
+             {"stiffness", "", "{:g}"},
+             {"good", "", "{:g}"},
+             {"label", "", ""}});
+  for (const char* const element : kElements) {
     const Mesh coarse = beam_mesh(8, 2);
-    const Mesh mesh = is_quadratic ? quadratic(coarse) : coarse;
+    const Mesh mesh = element == kElements[1] ? quadratic(coarse) : coarse;
     for (const Law law : kLaws) {
       int right = 0;
       int runs = 0;
-      for (const double E : {1e3, 1e4, 1e5, 1e6, 1e7}) {
+      for (std::size_t stiffness = 0; stiffness < std::size(kYoung_pa); ++stiffness) {
+        const double E = kYoung_pa[stiffness];
         BodyDescription beam = bench::hanging_beam(mesh, law, E, 0.45);
         beam.materials[0].mass_damping_per_s = critical_damping_per_s(E);
         const Body body(beam);
         const double wanted_m = static_way_m(body);
-        for (const double dt_s : {1e-3, 5e-3, 10e-3, 20e-3}) {
+        for (std::size_t step = 0; step < std::size(kSteps_s); ++step) {
+          const double dt_s = kSteps_s[step];
           if (options.is_quick && dt_s != 20e-3 && dt_s != 5e-3) continue;
           const double end_s = std::max(24.0 / critical_damping_per_s(E), 40.0 * dt_s);
-          add_row(table, is_quadratic ? "160 quadratic" : "160 linear", name_of(law), E, dt_s,
-                  come_to_rest(body, body.rest_m(), dt_s, end_s, wanted_m), right, runs);
+          const Outcome outcome = come_to_rest(body, body.rest_m(), dt_s, end_s, wanted_m);
+          add_row(table, element, name_of(law), E, dt_s, outcome, right, runs);
+          const double percent = 100.0 * std::abs(outcome.error_ratio);
+          map.add({element, name_of(law), static_cast<double>(step), static_cast<double>(stiffness),
+                   is_right(outcome) ? 1.0 : 0.0,
+                   !outcome.is_finite ? "not finite"
+                   : percent < 0.01   ? "< 0.01"
+                                      : fmt::format("{:.2g}", percent)});
         }
       }
-      std::printf("%s, %s: %d of %d right\n", is_quadratic ? "quadratic" : "linear", name_of(law),
-                  right, runs);
+      std::printf("%s, %s: %d of %d right\n", element, name_of(law), right, runs);
     }
   }
+  if (!options.plot_folder.empty()) draw_map(options.plot_folder, map);
 }
 
 void single_cases(Table& table) {
