@@ -22,6 +22,7 @@ namespace fs = std::filesystem;
 constexpr auto kPollInterval = std::chrono::milliseconds(500);
 constexpr int kQueuePolls = 4;     // the queue is asked every so many polls
 constexpr int kFruitlessJobs = 3;  // that ended without a new result
+constexpr int kTaskAttempts = 5;   // of a task whose command a signal kills
 constexpr std::size_t kShownBytes = 2000;
 
 struct Output {
@@ -97,13 +98,15 @@ std::string submit(const Campaign& campaign, const Folder& folder, const Results
   std::string script = fmt::format(
       "#!/bin/sh\n#SBATCH --job-name=palpate-{}\n#SBATCH --array={}\n#SBATCH --ntasks=1\n"
       "#SBATCH --cpus-per-task=1\n#SBATCH --requeue\n#SBATCH --open-mode=append\n"
-      "#SBATCH --output={}/slurm-%a.out\nexec {} sweep",
-      campaign.name, array_of(results, shares), home.string(),
+      "#SBATCH --output={}/slurm-%a.out\nfor attempt in $(seq {}); do\n  {} sweep",
+      campaign.name, array_of(results, shares), home.string(), kTaskAttempts,
       shell_word(fs::read_symlink("/proc/self/exe").string()));
   for (const std::string& argument : options.arguments)
     script += fmt::format(" {}", shell_word(argument));
-  script += fmt::format(" --quiet --folder {} --share \"$SLURM_ARRAY_TASK_ID/{}\"\n",
-                        shell_word(home.string()), shares);
+  script += fmt::format(
+      " --quiet --folder {} --share \"$SLURM_ARRAY_TASK_ID/{}\"\n"
+      "  status=$?\n  [ $status -gt 128 ] || exit $status\ndone\nexit $status\n",
+      shell_word(home.string()), shares);
   write_file("job script", script_file, script, true);
   std::string command = "sbatch --parsable";
   for (const std::string& argument : options.sbatch)

@@ -23,7 +23,8 @@ struct SlurmOptions {
 };
 
 /// Submits the job, or finds the one that an earlier call submitted; waits, collects, and submits
-/// again what tasks that died have left. Throws SetupError if sbatch refuses or is missing,
+/// again what tasks that died have left. A task whose command a signal kills begins it again at
+/// once. Throws SetupError if sbatch refuses or is missing,
 /// std::runtime_error if the tasks compute nothing.
 /// @return false if it was left to itself
 bool compute_with_slurm(const Campaign& campaign, const Folder& folder, Results& results,

@@ -45,6 +45,8 @@ class EnergyAccount {
   void book_release(const Release& release) noexcept;
 
   [[nodiscard]] double joule() const noexcept;
+  /// A force was booked since restart(), with the error that its work carries on.
+  [[nodiscard]] bool has_worked() const noexcept { return force_change_newton_ > 0.0; }
   /// Last reading.
   [[nodiscard]] const Vector3& position_m() const noexcept { return position_m_; }
 

@@ -8,8 +8,9 @@ namespace palpate::device {
 namespace {
 
 constexpr double kRoundingJoule = 1e-9;
+constexpr double kUlps = 4.0 * std::numeric_limits<double>::epsilon();
 /// Less than the rounding of a force that was scaled to f_co.
-constexpr double kExact = 1.0 - 4.0 * std::numeric_limits<double>::epsilon();
+constexpr double kExact = 1.0 - kUlps;
 constexpr double kLeaseRoundingS = 1e-9;  // leases travel in whole nanoseconds
 
 }  // namespace
@@ -66,7 +67,7 @@ double WorstHand::largest_scale(const Vector3& force_newton, double watt) const 
 void ForceMonitor::read(TimePoint at, const Vector3& position_m) noexcept {
   settle(at, position_m);
   // less all that the acting force can draw until it is replaced
-  credit_joule_ = account_.joule();
+  credit_joule_ = joule();
   const double rest_s = to_seconds(std::min(reply_, lease_end_ - at));
   if (rest_s > 0.0) credit_joule_ -= rest_s * worst_hand_.drain_watt(acting_newton_);
 }
@@ -104,24 +105,41 @@ ForceMonitor::Covered ForceMonitor::cover(const Vector3& force_on_hand_newton,
 void ForceMonitor::settle(TimePoint at, const Vector3& position_m) noexcept {
   if (is_lost_) {
     is_lost_ = false;
-    account_.restart(position_m, std::min(0.0, account_.joule()));
+    floor_joule_ = std::min(0.0, joule());
+    lasting_.restart(position_m, floor_joule_);
+    recent_.restart(position_m, floor_joule_);
     acting_newton_.setZero();
     since_ = at;
     return;
   }
   if (at <= since_) return;
   if (lease_end_ <= since_) acting_newton_.setZero();
+  const bool is_idle = acting_newton_.isZero(0.0);
   const double duration_s = to_seconds(at - since_);
-  if (lease_end_ < at && !acting_newton_.isZero(0.0)) {
-    const double acted_s = to_seconds(lease_end_ - since_);
-    account_.book_release({.force_on_hand_newton = acting_newton_,
-                           .acted_s = acted_s,
-                           .duration_s = duration_s,
-                           .position_at_end_m = position_m,
-                           .v_max_m_per_s = worst_hand_.v_max_m_per_s(),
-                           .most_drawn_joule = acted_s * worst_hand_.drain_watt(acting_newton_)});
-  } else {
-    account_.book(duration_s, acting_newton_, position_m);
+  const double acted_s = to_seconds(std::min(at, lease_end_) - since_);
+  const double most_drawn_joule = is_idle ? 0.0 : acted_s * worst_hand_.drain_watt(acting_newton_);
+  floor_joule_ = joule();
+  if (most_drawn_joule > 0.0) {
+    floor_joule_ -= most_drawn_joule + kUlps * (std::abs(floor_joule_) + most_drawn_joule);
+  }
+  const double surely_moved_m = (position_m - lasting_.position_m()).norm() - reading_m_;
+  if (surely_moved_m > duration_s * worst_hand_.v_max_m_per_s()) {
+    floor_joule_ = -std::numeric_limits<double>::infinity();
+  }
+  for (EnergyAccount* const account : {&lasting_, &recent_}) {
+    if (lease_end_ < at && !is_idle) {
+      account->book_release({.force_on_hand_newton = acting_newton_,
+                             .acted_s = acted_s,
+                             .duration_s = duration_s,
+                             .position_at_end_m = position_m,
+                             .v_max_m_per_s = worst_hand_.v_max_m_per_s(),
+                             .most_drawn_joule = most_drawn_joule});
+    } else {
+      account->book(duration_s, acting_newton_, position_m);
+    }
+  }
+  if (is_idle && recent_.has_worked() && recent_.joule() < joule()) {
+    recent_.restart(position_m, joule());
   }
   since_ = at;
 }

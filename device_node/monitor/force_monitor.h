@@ -2,6 +2,9 @@
 // hand has put in covers each command for its whole lease (docs/theory.md §3.1).
 #pragma once
 
+#include <algorithm>
+#include <cmath>
+
 #include "common/core/time.h"
 #include "common/core/vector.h"
 #include "common/session/device_config.h"
@@ -41,12 +44,19 @@ class WorstHand {
 /// δ is the deadline of the answer, r the rest of the lease of the force that acts. Otherwise the
 /// lease becomes shorter, not below T_hold, and if that is not enough the force smaller, direction
 /// kept. So E(t) ≥ 0 whatever commands arrive, as in §2.5. Lemmas: hold_and_delay, residual_lease.
-/// Up to 1 nJ and the drain of 1 ns, in which leases are counted, pass as rounding. One thread, no
-/// allocation, no throw.
+/// Up to 1 nJ and the drain of 1 ns, in which leases are counted, pass as rounding.
+///
+/// M is the largest of a floor and of two accounts. A force that acts for t costs at most t D(F),
+/// so M falls by no more, whatever the readings' resolution adds to an account (lemma:
+/// late_switch); a reading that only a hand faster than v_max can have made has no floor. One
+/// account lasts; the other one, while no force acts, begins anew at M if it has fallen below. One
+/// thread, no allocation, no throw.
 class ForceMonitor {
  public:
   explicit ForceMonitor(const DeviceConfig& config) noexcept
-      : account_(config.profile),
+      : lasting_(config.profile),
+        recent_(config.profile),
+        reading_m_(std::sqrt(3.0) * config.profile.position_resolution_m),
         worst_hand_(config.profile, config.monitor.v_max_m_per_s),
         reply_(config.reply),
         hold_(config.lease) {}
@@ -72,12 +82,17 @@ class ForceMonitor {
   [[nodiscard]] Covered cover(const Vector3& force_on_hand_newton, Duration lease) noexcept;
 
   /// M at the last reading [J].
-  [[nodiscard]] double joule() const noexcept { return account_.joule(); }
+  [[nodiscard]] double joule() const noexcept {
+    return std::max({lasting_.joule(), recent_.joule(), floor_joule_});
+  }
 
  private:
   void settle(TimePoint at, const Vector3& position_m) noexcept;
 
-  EnergyAccount account_;
+  EnergyAccount lasting_;
+  EnergyAccount recent_;
+  double floor_joule_ = 0.0;
+  double reading_m_;  ///< two readings tell a distance to within this
   WorstHand worst_hand_;
   Duration reply_;
   Duration hold_;

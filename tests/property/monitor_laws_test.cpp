@@ -149,5 +149,66 @@ TEST(MonitorLaws, WhatIsLeftOfACommandIsCoveredAndNoSmallerThanItMust) {
   EXPECT_GT(reduced, 10000);
 }
 
+/// Power that the hand puts in.
+double watt(const DeviceProfile& profile, const Vector3& force_on_hand, const Vector3& velocity) {
+  const double friction =
+      profile.per_axis ? profile.per_axis->coulomb_newton.dot(velocity.cwiseAbs()) +
+                             profile.per_axis->viscous_newton_s_per_m.dot(velocity.cwiseAbs2())
+                       : profile.coulomb_newton * velocity.norm() +
+                             profile.viscous_newton_s_per_m * velocity.squaredNorm();
+  return friction - force_on_hand.dot(velocity);
+}
+
+// Hands that follow each force at the velocity that drains most, or move on; most encoders coarse.
+TEST(MonitorLaws, WhatItCountsIsNeverMoreThanTheEnergyAndNeverLessThanTheLedger) {
+  int floors = 0;
+  for (std::uint64_t seed = 1; seed <= 300; ++seed) {
+    SCOPED_TRACE(testing::Message() << "seed=" << seed);
+    Random random(seed);
+    DeviceConfig config;
+    config.profile = random_profile(random);
+    config.reply = std::chrono::microseconds(500);
+    config.lease = std::chrono::milliseconds(2);
+    const double v_max = random.chance(0.7) ? 0.5 : std::numeric_limits<double>::infinity();
+    config.monitor.v_max_m_per_s = v_max;
+    ForceMonitor monitor(config);
+    const double q = config.profile.position_resolution_m;
+    controllers::EnergyLedger ledger(parameters_of(config.profile), axes_of(config.profile), q);
+    ledger.restart(Vector3::Zero());
+    TimePoint now{};
+    Vector3 hand = Vector3::Zero();
+    Vector3 velocity = Vector3::Zero();
+    Vector3 F = Vector3::Zero();
+    double energy = 0.0;
+    double largest = 1e-3;
+    monitor.read(now, hand);
+    for (int k = 0; k < 1000; ++k) {
+      now += std::chrono::milliseconds(1);
+      if (random.chance(0.05)) velocity = random.uniform(0.0, 0.45) * random.direction();
+      if (!F.isZero(0.0) && random.chance(0.5)) {
+        const double speed = std::min(0.5, random.uniform(0.0, F.norm() / 0.1));
+        velocity = speed * F.normalized();
+      }
+      hand += 1e-3 * velocity;
+      energy += 1e-3 * watt(config.profile, F, velocity);
+      largest = std::max(largest, std::abs(energy));
+      monitor.read(now, quantised(hand, q));
+      ledger.book(1e-3, F, quantised(hand, q));
+      ASSERT_LE(monitor.joule(), energy + 1e-11 * largest) << "step " << k;
+      ASSERT_GE(monitor.joule(), ledger.energy_joule() - 1e-11 * largest) << "step " << k;
+      ASSERT_GE(energy, -2e-8) << "step " << k;
+      floors += monitor.joule() > ledger.energy_joule() + 1e-9 ? 1 : 0;
+      // a command in every tick: no lease runs out
+      Vector3 asked = F;
+      if (random.chance(0.2)) asked = random.uniform(0.0, 5.0) * random.direction();
+      if (random.chance(0.2)) asked.setZero();
+      const ForceMonitor::Covered covered = monitor.cover(asked, config.lease);
+      F = covered.force_on_hand_newton;
+      monitor.switched(now, quantised(hand, q), F, covered.lease);
+    }
+  }
+  EXPECT_GT(floors, 10000);
+}
+
 }  // namespace
 }  // namespace palpate::device

@@ -113,7 +113,9 @@ class Slurm {
     node_->send_signal(SIGKILL);
     node_->wait();
     for (const pid_t task : tasks) {
-      ::kill(parent_of(task), SIGKILL);  // slurmstepd
+      const pid_t script = parent_of(task);
+      ::kill(parent_of(script), SIGKILL);  // slurmstepd
+      ::kill(script, SIGKILL);
       ::kill(task, SIGKILL);
     }
     EXPECT_TRUE(test::await([] {
@@ -184,7 +186,10 @@ TEST_F(SlurmSweep, GivesTheTableOfALocalRunWhateverIsKilledInTheMiddle) {
   SCOPED_TRACE("killed after " + std::to_string(moment) + " runs");
   ASSERT_TRUE(test::await([&] { return logged_lines(path("cluster")) >= moment; }));
   ::kill(tasks[0], SIGKILL);
-  slurm.lose_node({tasks[1]});
+  const int at_kill = logged_lines(path("cluster"));
+  ASSERT_TRUE(test::await([&] { return logged_lines(path("cluster")) > at_kill; }))
+      << "the task has not begun again: " << slurm.messages();
+  slurm.lose_node(tasks_of(path("cluster")));
   EXPECT_TRUE(test::await([] {  // requeued
     return run_program("/usr/bin/scontrol", {"show", "jobs"}).out.find("Restarts=1") !=
            std::string::npos;
