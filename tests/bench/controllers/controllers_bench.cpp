@@ -9,9 +9,11 @@
 #include <cstdio>
 #include <exception>
 #include <filesystem>
+#include <fstream>
 #include <functional>
 #include <map>
 #include <mutex>
+#include <stdexcept>
 #include <string>
 #include <thread>
 #include <tuple>
@@ -111,6 +113,12 @@ const Choice kHostile[] = {hostile("hostile", 2000, 0.02, 0.3),
                            hostile("hostile, fast", 2000, 0.02, 0.5),
                            hostile("hostile, loose grip", 500, 0.05, 0.5)};
 
+/// What the tables need of a run.
+struct Outcome {
+  double least_joule = 0.0;
+  double transparency = 0.0, error = 0.0, path_m = 0.0, reversals = 0.0, clamped = 0.0;
+};
+
 struct Run {
   const Contender* contender = nullptr;
   std::string tissue, way, hand;
@@ -118,11 +126,9 @@ struct Run {
   std::uint64_t seed = 1;
   bool has_net = false;
   Overrides overrides;
-  RunStatistics statistics{};
+  Outcome outcome{};
 
-  [[nodiscard]] bool is_negative() const {
-    return statistics.minimum_true_energy_joule() < kNegativeJoule;
-  }
+  [[nodiscard]] bool is_negative() const { return outcome.least_joule < kNegativeJoule; }
   /// Everything but controller, hand and seed.
   [[nodiscard]] auto condition() const {
     return std::tuple(tissue, way, delay_ms, loss, resolution_m);
@@ -191,7 +197,13 @@ void compute(std::vector<Run>& runs) {
         LoopbackOptions options;
         // the hostile hand has no ideal path
         options.lockstep.has_ideal = run.hand == kCalm.label;
-        run.statistics = run_loopback(session, options).statistics;
+        const RunStatistics s = run_loopback(session, options).statistics;
+        run.outcome = {.least_joule = s.minimum_true_energy_joule(),
+                       .transparency = s.ideal_transparency(),
+                       .error = s.force_error_rms_ratio(),
+                       .path_m = s.path_deviation_rms_m(),
+                       .reversals = static_cast<double>(s.excess_reversals()),
+                       .clamped = s.clamp_ratio()};
         steps.next();
       }
     } catch (...) {
@@ -217,7 +229,7 @@ struct Safety {
   void add(const Run& run) {
     ++runs;
     if (run.is_negative()) ++negative;
-    least_joule = std::min(least_joule, run.statistics.minimum_true_energy_joule());
+    least_joule = std::min(least_joule, run.outcome.least_joule);
   }
   [[nodiscard]] std::string text() const { return fmt::format("{} of {}", negative, runs); }
 };
@@ -247,14 +259,14 @@ Table safety_table(const std::vector<Contender>& contenders, const std::vector<R
 struct Truth {
   int runs = 0;
   double transparency = 0.0, error = 0.0, path_m = 0.0, reversals = 0.0, clamped = 0.0;
-  void add(const RunStatistics& s) {
+  void add(const Outcome& outcome) {
     ++runs;
     const auto number = [](double value) { return std::isfinite(value) ? value : 0.0; };
-    transparency += number(s.ideal_transparency());
-    error += number(s.force_error_rms_ratio());
-    path_m += number(s.path_deviation_rms_m());
-    reversals += static_cast<double>(s.excess_reversals());
-    clamped += number(s.clamp_ratio());
+    transparency += number(outcome.transparency);
+    error += number(outcome.error);
+    path_m += number(outcome.path_m);
+    reversals += outcome.reversals;
+    clamped += number(outcome.clamped);
   }
   [[nodiscard]] double mean(double sum) const { return runs > 0 ? sum / runs : kNaN; }
 };
@@ -274,7 +286,7 @@ Table truth_table(const std::vector<Contender>& contenders, const std::vector<Ru
       Truth truth;
       for (const Run& run : runs) {
         const bool counts = run.contender == &contender && run.way == way.label;
-        if (counts && run.hand == kCalm.label) truth.add(run.statistics);
+        if (counts && run.hand == kCalm.label) truth.add(run.outcome);
       }
       if (truth.runs == 0) continue;
       table.add({way.label, contender.label, 100.0 * truth.mean(truth.transparency),
@@ -303,8 +315,8 @@ Table front_table(const std::vector<Contender>& contenders, const std::vector<Ru
     Point& point = points[run.condition()][run.contender];
     point.is_safe = point.is_safe && !run.is_negative();
     if (run.hand != kCalm.label) continue;
-    point.transparency += run.statistics.ideal_transparency();
-    point.error += run.statistics.force_error_rms_ratio();
+    point.transparency += run.outcome.transparency;
+    point.error += run.outcome.error;
     ++point.seeds;
   }
   struct Count {
@@ -371,18 +383,57 @@ Table row_table(const std::vector<Run>& runs) {
                {"changed", "", "{:g}"},
                {"command", "", ""}});
   for (const Run& run : runs) {
-    const RunStatistics& s = run.statistics;
+    const Outcome& o = run.outcome;
     std::string command = std::string("palpate loopback ") + kSession;
     for (const std::string& override : run.overrides) {
       command += fmt::format(" --set \"{}\"", override);
     }
     table.add({run.contender->label, run.has_net ? 1.0 : 0.0, run.tissue, run.way, run.delay_ms,
-               run.loss, run.resolution_m, run.hand, static_cast<double>(run.seed),
-               s.minimum_true_energy_joule(), s.ideal_transparency(), s.force_error_rms_ratio(),
-               s.path_deviation_rms_m(), static_cast<double>(s.excess_reversals()), s.clamp_ratio(),
-               command});
+               run.loss, run.resolution_m, run.hand, static_cast<double>(run.seed), o.least_joule,
+               o.transparency, o.error, o.path_m, o.reversals, o.clamped, command});
   }
   return table;
+}
+
+/// The rows that --json of earlier calls wrote, of parts of the conditions or all.
+std::vector<Run> read_runs(const std::vector<std::string>& files,
+                           const std::vector<Contender>& contenders) {
+  std::vector<Run> runs;
+  for (const std::string& file : files) {
+    try {
+      std::ifstream in(file);
+      const nlohmann::json written = nlohmann::json::parse(in);
+      for (const auto& row : written.at("rows").at("rows")) {
+        const auto label = row.at("controller").get<std::string>();
+        const auto contender = std::find_if(contenders.begin(), contenders.end(),
+                                            [&](const Contender& c) { return c.label == label; });
+        if (contender == contenders.end()) throw std::runtime_error("no controller " + label);
+        const auto number = [&](const char* key) {  // null: not finite
+          return row.at(key).is_null() ? kNaN : row.at(key).get<double>();
+        };
+        runs.push_back({.contender = &*contender,
+                        .tissue = row.at("tissue"),
+                        .way = row.at("physics"),
+                        .hand = row.at("hand"),
+                        .delay_ms = number("delay_ms"),
+                        .loss = number("loss"),
+                        .resolution_m = number("resolution_m"),
+                        .seed = row.at("seed").get<std::uint64_t>(),
+                        .has_net = number("safety_net") != 0.0,
+                        .overrides = {},
+                        .outcome = {.least_joule = number("least_true_energy_joule"),
+                                    .transparency = number("transparency"),
+                                    .error = number("force_error"),
+                                    .path_m = number("path_deviation_m"),
+                                    .reversals = number("excess_reversals"),
+                                    .clamped = number("changed")}});
+      }
+    } catch (const std::exception& error) {
+      throw SetupError(file + ": " + error.what() +
+                       "; give files that --json of this program wrote");
+    }
+  }
+  return runs;
 }
 
 /// Whether the claims hold; each that does not is printed.
@@ -408,6 +459,7 @@ struct ControllersOptions {
   BenchOptions bench;
   Shard shard;
   std::uint64_t seeds = 0;  ///< of each hostile hand; 0: as many as the conditions say
+  std::vector<std::string> merged_files;  ///< not empty: no runs, but the rows of these
 };
 
 /// Whole conditions, so that a part has its own front.
@@ -437,7 +489,7 @@ void draw_pareto(const std::filesystem::path& folder, const std::vector<Contende
       for (const Run& run : runs) {
         if (run.contender != &contender || run.way != way.label || run.has_net) continue;
         safety.add(run);
-        if (run.hand == kCalm.label) truth.add(run.statistics);
+        if (run.hand == kCalm.label) truth.add(run.outcome);
       }
       if (truth.runs == 0) continue;
       // on a logarithmic axis; what counts as safe is drawn at its limit
@@ -473,8 +525,10 @@ bool run(const ControllersOptions& options) {
   const std::vector<Contender> all = contenders();
   Conditions c = conditions(options.bench.is_quick);
   if (options.seeds > 0) c.seeds = options.seeds;
-  std::vector<Run> runs = shard_of(all_runs(all, c), options.shard);
-  compute(runs);
+  const bool is_merge = !options.merged_files.empty();
+  std::vector<Run> runs =
+      is_merge ? read_runs(options.merged_files, all) : shard_of(all_runs(all, c), options.shard);
+  if (!is_merge) compute(runs);
   nlohmann::ordered_json json;
   const auto show = [&](const char* key, const char* title, const Table& table) {
     std::printf("%s\n%s\n", title, table.text().c_str());
@@ -488,9 +542,11 @@ bool run(const ControllersOptions& options) {
        "Both? Conditions in which it is safe with every hand, and none of the safe is truer.",
        front_table(all, runs));
   show("step", "What does a step cost? Processor time of one step.", step_time_table());
-  const Table rows = row_table(runs);
-  write_table(options.bench, rows.csv());
-  json["rows"] = rows.json();
+  if (!is_merge) {
+    const Table rows = row_table(runs);
+    write_table(options.bench, rows.csv());
+    json["rows"] = rows.json();
+  }
   write_json(options.bench, json);
   if (!options.bench.plot_folder.empty()) draw_pareto(options.bench.plot_folder, all, runs, c);
   return holds(runs);
@@ -504,6 +560,11 @@ int main(int argc, char** argv) {
   palpate::bench::ControllersOptions options;
   palpate::bench::add_shard_option(app, options.shard);
   app.add_option("--seeds", options.seeds, "runs of each hostile hand under each condition");
+  app.add_option(
+         "--merge", options.merged_files,
+         "make no runs: the tables and the picture of all rows in these files, which --json "
+         "wrote")
+      ->type_name("FILE ...");
   bool is_good = true;
   const int status = palpate::bench::run_bench(app, options.bench, argc, argv,
                                                [&] { is_good = palpate::bench::run(options); });
