@@ -76,7 +76,7 @@ set(PALPATE_BOUNDARIES
   "physics_node/elastic/linear:physics_node/elastic/mesh.h"
   "physics_node/files:common/core,common/core/user,common/contact,common/session/scene_config.h,physics_node/surfaces,@threads"
   "physics_node/scene:common/core,common/contact,common/session/scene_config.h,physics_node/surfaces,physics_node/files"
-  "physics_node/elastic_tissue:common/core,common/contact,common/session/scene_config.h,common/telemetry/physics_telemetry.h,physics_node/surfaces,physics_node/files,physics_node/scene,physics_node/elastic,@threads"
+  "physics_node/elastic_tissue:common/core,common/contact,common/session/scene_config.h,common/telemetry/physics_telemetry.h,physics_node/surfaces,physics_node/files,physics_node/scene,physics_node/elastic,physics_node/elastic/condensed,@threads"
   "physics_node/display:common/core,common/contact,common/session,common/telemetry,physics_node/surfaces,physics_node/files,physics_node/scene,physics_node/elastic_tissue"
 
   # feed ← recording, server ← process (the files of viewer_node itself)

@@ -8,6 +8,7 @@
 #include "common/core/check.h"
 #include "common/link/zmq_source.h"
 #include "common/process/rejection_log.h"
+#include "common/session/session_file.h"
 #include "physics_node/display/scene_display.h"
 #include "physics_node/scene_engine.h"
 #include "physics_node/sdk/process.h"
@@ -79,7 +80,7 @@ void run_process(NodeContext& context, ProcessLinks& links, PhysicsRole role) {
   const double reach_m = is_any_local ? session.physics.reach_m : 0.0;
   const auto scene = std::make_shared<Scene>(session.scene, reach_m);
   const std::shared_ptr<ElasticTissues> elastic =
-      ElasticTissues::of(session.scene, session.sides.size(), ElasticPace::kThread);
+      ElasticTissues::of(session.scene, session.sides.size(), ElasticPace::kThread, cache_folder());
   std::vector<SceneEngine*> engines;
   SceneDisplay* display = nullptr;
   PhysicsProgram program{.make_engine =

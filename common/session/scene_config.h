@@ -54,6 +54,7 @@ struct ElasticMaterial {
   std::vector<Part> parts{};            ///< the last one that contains an element's centroid counts
   double solve_rate_hz = 50.0;
   bool is_linear = false;  ///< elements as in the file; else made quadratic
+  double friction_coefficient = 0.0;
 };
 
 using Material = std::variant<KelvinVoigtMaterial, ElasticMaterial>;

@@ -37,4 +37,9 @@ namespace palpate {
 /// else in `$XDG_RUNTIME_DIR/palpate`, else in `/tmp/palpate-<uid>`. Not created here.
 [[nodiscard]] std::filesystem::path run_folder(const std::string& session_name);
 
+/// Where programs keep what they can compute again: `$PALPATE_CACHE_DIR`, else `$CACHE_DIRECTORY`
+/// (of systemd), else `$XDG_CACHE_HOME/palpate`, else `$HOME/.cache/palpate`; empty: nowhere. Not
+/// created here.
+[[nodiscard]] std::filesystem::path cache_folder();
+
 }  // namespace palpate

@@ -264,17 +264,22 @@ CondensedReport CondensedContact::step(const Vector3d& centre_m, double radius_m
   centre_m_ = centre_m;
   has_centre_ = true;
   start_between(sum_of_forces_newton());
+  // fixed for the sweeps: normals that turn with the points would keep them from converging
+  for (std::size_t i = 0; i < static_cast<std::size_t>(count_); ++i) {
+    const Vector3d moved =
+        Eigen::Map<const Eigen::Vector3f>(displacements_m_.data() + 3 * i).cast<double>();
+    const Vector3d away = positions_m_[i] + moved - centre_m;
+    normals_[i] = away / std::max(away.norm(), 1e-9);
+  }
   for (; report.sweeps < most_sweeps; ++report.sweeps) {
     double largest_m = 0.0;
     for (std::size_t i = 0; i < static_cast<std::size_t>(count_); ++i) {
       const Vector3d moved =
           Eigen::Map<const Eigen::Vector3f>(displacements_m_.data() + 3 * i).cast<double>();
-      const Vector3d away = positions_m_[i] + moved - centre_m;
-      const double distance = away.norm();
-      const double gap = distance - radius_m;
+      const Vector3d& normal = normals_[i];
+      const double gap = normal.dot(positions_m_[i] + moved - centre_m) - radius_m;
       Vector3d& force = forces_newton_[i];
       if (gap > 0.0 && force.isZero(0.0)) continue;
-      const Vector3d normal = away / std::max(distance, 1e-9);
       Eigen::Matrix3d own;
       for (Eigen::Index k = 0; k < 3; ++k) {
         own.col(k) = Eigen::Map<const Eigen::Vector3f>(

@@ -1,6 +1,7 @@
 // condensed_contact.h — contact forces at the device's rate, whatever the size of the mesh.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <map>
 #include <utility>
@@ -154,6 +155,7 @@ class CondensedContact {
   std::vector<float> among_;             // column-major 3n × 3n
   std::vector<float> onto_surface_;      // column-major, 3 rows per surface node
   std::size_t surface_stride_ = 0;
+  std::array<Vector3d, kMostPoints> normals_;  // of the sphere at the points, in a step
   Vector3d centre_m_ = Vector3d::Zero();
   bool has_centre_ = false;
   double checked_ratio_ = 0.0;    // of bound_by(); 0: nothing was checked

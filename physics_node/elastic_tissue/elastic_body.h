@@ -33,6 +33,9 @@ struct ElasticBody {
   double sag_m = 0.0;              ///< largest displacement under gravity
   double contact_stiffness_pa_per_m = 0.0;
   double hertz_newton = 0.0;  ///< of the tip 1 mm deep in much of the material [Hertz]
+  double friction_coefficient = 0.0;
+  /// Of a tip stuck to a half-space of much of the material, 1 mm deep: 8 a G/(2 − ν) [Mindlin49].
+  double shear_newton_per_m = 0.0;
   double solve_rate_hz = 50.0;
 };
 

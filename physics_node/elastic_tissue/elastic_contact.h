@@ -26,6 +26,23 @@ inline constexpr double kLeastDepth_m = 0.5e-3;
                                       double penetration_m, const Vector3& normal,
                                       double stiffness_newton_per_m, double tip_radius_m) noexcept;
 
+/// Coulomb friction of one tip on an elastic body: a spring along the surface that slips.
+class Rubbing {
+ public:
+  /// Adds friction to the contact of the tip, which has come here since the last call. No
+  /// allocation.
+  void settle(const Vector3& tip_m, double friction_coefficient, double shear_newton_per_m,
+              Contact& contact) noexcept;
+  /// In the last contact.
+  [[nodiscard]] const Vector3& force_on_tool_newton() const noexcept { return newton_; }
+
+ private:
+  bool is_rubbed_ = false;
+  Vector3 tip_m_ = Vector3::Zero();
+  Vector3 stretch_m_ = Vector3::Zero();
+  Vector3 newton_ = Vector3::Zero();
+};
+
 /// The force's direction, or the surface's normal where the force is small or against it.
 [[nodiscard]] Vector3 contact_normal(const Vector3& force_on_tool_newton,
                                      const Vector3& surface_normal) noexcept;

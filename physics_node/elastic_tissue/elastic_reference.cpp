@@ -46,7 +46,8 @@ void ElasticReference::advance(double time_s, const Vector3& tip_m, SceneForce& 
 }
 
 void ElasticReference::step(One& one, const Vector3& tip_m) const {
-  const std::array<std::optional<Vector3>, 1> tips{tip_m};
+  const std::array<std::optional<TipState>, 1> tips{
+      TipState{.tip_m = tip_m, .friction_on_tool_newton = one.rubbing.force_on_tool_newton()}};
   one.simulation->step(tips);
   one.full_newton = one.simulation->touch(0).force_on_tool_newton;
   const SurfaceView view = one.body->shape.view(tip_m, one.hint);
@@ -58,6 +59,9 @@ void ElasticReference::step(One& one, const Vector3& tip_m) const {
   }
   one.contact = elastic_contact(one.body->tissue, view, penetration_m, normal,
                                 one.stiffness_newton_per_m, tip_radius_m_);
+  one.rubbing.settle(tip_m, one.body->friction_coefficient, one.body->shear_newton_per_m,
+                     one.contact);
+  one.full_newton += one.rubbing.force_on_tool_newton();
 }
 
 Vector3 ElasticReference::force_at(const Vector3& tip_m) const noexcept {

@@ -6,6 +6,7 @@
 #include <optional>
 #include <vector>
 
+#include "physics_node/elastic_tissue/elastic_contact.h"
 #include "physics_node/elastic_tissue/elastic_simulation.h"
 #include "physics_node/scene/scene_force.h"
 
@@ -35,6 +36,7 @@ class ElasticReference {
     SurfaceHint hint{};
     double stiffness_newton_per_m = 0.0;
     Contact contact{};
+    Rubbing rubbing{};
     Vector3 full_newton = Vector3::Zero();  // on the tool
   };
   void step(One& one, const Vector3& tip_m) const;

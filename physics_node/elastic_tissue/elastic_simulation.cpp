@@ -26,6 +26,13 @@ double ElasticSimulation::Tips::add_gradient(const double* x_m, double* gradient
   for (std::size_t i = 0; i < contacts.size(); ++i) {
     if (is_near[i] != 0) sum += contacts[i].add_gradient(x_m, gradient);
   }
+  for (const auto& [node, newton] : rubbed_newton) {
+    for (std::size_t i = 0; i < 3; ++i) {
+      const std::size_t at = 3 * std::size_t{node} + i;
+      sum -= newton[static_cast<int>(i)] * x_m[at];
+      gradient[at] -= newton[static_cast<int>(i)];
+    }
+  }
   return sum;
 }
 
@@ -73,17 +80,35 @@ Vector3 ElasticSimulation::follow(std::size_t tool, const Vector3& tip_m) {
   return touch.centre_m + share * way;
 }
 
-bool ElasticSimulation::step(std::span<const std::optional<Vector3>> tips_m) {
+/// Spreads the reaction over the pressed points.
+void ElasticSimulation::rub(const Touch& touch, const Vector3& friction_on_tool_newton) {
+  double pressed_newton = 0.0;
+  for (const auto& force : touch.forces_on_body_newton) pressed_newton += force.norm();
+  if (!(pressed_newton > 0.0) || friction_on_tool_newton.isZero(0.0)) return;
+  for (std::size_t p = 0; p < touch.forces_on_body_newton.size(); ++p) {
+    const double share = touch.forces_on_body_newton[p].norm() / pressed_newton;
+    if (!(share > 0.0)) continue;
+    const elastic::SurfacePoint& point = body_.points[p];
+    for (std::size_t i = 0; i < static_cast<std::size_t>(point.count); ++i) {
+      tips_.rubbed_newton.emplace_back(point.nodes[i],
+                                       -share * point.weights[i] * friction_on_tool_newton);
+    }
+  }
+}
+
+bool ElasticSimulation::step(std::span<const std::optional<TipState>> tips) {
   const elastic::VectorXd& x = dynamics_.x_m();
   bool is_any_near = false;
+  tips_.rubbed_newton.clear();
   for (std::size_t i = 0; i < touches_.size(); ++i) {
     Touch& touch = touches_[i];
     const double near_m = tip_radius_m_ + kNear_m;
-    const bool is_there = i < tips_m.size() && tips_m[i] && tips_m[i]->allFinite() &&
-                          body_.bounds.squared_distance(*tips_m[i]) < near_m * near_m;
+    const bool is_there = i < tips.size() && tips[i] && tips[i]->tip_m.allFinite() &&
+                          body_.bounds.squared_distance(tips[i]->tip_m) < near_m * near_m;
     elastic::SphereContact& contact = tips_.contacts[i];
     if (is_there) {
-      const Vector3 centre_m = follow(i, *tips_m[i]);
+      const Vector3 centre_m = follow(i, tips[i]->tip_m);
+      rub(touch, tips[i]->friction_on_tool_newton);
       touch.centre_m = centre_m;
       contact.set_sphere(centre_m, tip_radius_m_);
       contact.choose_near(x.data(), tip_radius_m_);

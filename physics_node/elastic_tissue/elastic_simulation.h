@@ -3,8 +3,10 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <optional>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "common/contact/surface_view.h"
@@ -12,6 +14,12 @@
 #include "physics_node/elastic_tissue/elastic_body.h"
 
 namespace palpate::physics {
+
+/// Where a tip is, and the friction that acts on it.
+struct TipState {
+  Vector3 tip_m = Vector3::Zero();
+  Vector3 friction_on_tool_newton = Vector3::Zero();
+};
 
 /// One simulation of a body; deterministic. One thread calls it; allocates.
 class ElasticSimulation {
@@ -21,9 +29,10 @@ class ElasticSimulation {
 
   /// One step of backward Euler with the tips at these places; none: the tool is not there. The
   /// sphere that the body meets follows its tip by at most half a radius of depth and a radius of
-  /// way a step, so that a tool that appears inside is pushed out the way it came.
-  /// False: skipped, at rest and untouched.
-  bool step(std::span<const std::optional<Vector3>> tips_m);
+  /// way a step, so that a tool that appears inside is pushed out the way it came. The friction
+  /// acts on the points that were pressed in the last step, in proportion. False: skipped, at rest
+  /// and untouched.
+  bool step(std::span<const std::optional<TipState>> tips);
 
   struct Touch {
     bool is_near = false;                ///< the tip may touch within the next steps
@@ -47,11 +56,13 @@ class ElasticSimulation {
    public:
     std::vector<elastic::SphereContact> contacts;
     std::vector<char> is_near;
+    std::vector<std::pair<std::uint32_t, Vector3>> rubbed_newton;  // by node of the body
     double add_gradient(const double* x_m, double* gradient) const override;
     void add_stiffness(const double* x_m, const elastic::BlockPattern& pattern,
                        elastic::BlockValues& values) const override;
   };
 
+  void rub(const Touch& touch, const Vector3& friction_on_tool_newton);
   [[nodiscard]] Vector3 follow(std::size_t tool, const Vector3& tip_m);
 
   const ElasticBody& body_;

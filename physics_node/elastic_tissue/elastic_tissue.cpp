@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <exception>
 #include <utility>
 
+#include "physics_node/elastic/condensed/compliance_file.h"
 #include "physics_node/elastic_tissue/elastic_contact.h"
 
 namespace palpate::physics {
@@ -20,38 +22,77 @@ constexpr double kErrorMemory = 0.95;
 constexpr double kPoorShare = 0.15;
 constexpr double kPoorNewton = 0.01;
 constexpr int kPoorSolves = 5;
+// Nodes that have moved less are where the body rests untouched.
+constexpr double kAtRest_m = 1e-6;
+constexpr std::size_t kMostKeptFloats = 64UL << 20U;  // of the columns of a body: 256 MiB
 
 }  // namespace
 
 ElasticTissue::ElasticTissue(std::shared_ptr<const ElasticBody> body, std::size_t tools,
-                             double tip_radius_m)
+                             double tip_radius_m, const std::filesystem::path& columns_folder)
     : body_(std::move(body)),
       tip_radius_m_(tip_radius_m),
       simulation_(*body_, tools, tip_radius_m, 1.0 / body_->solve_rate_hz),
       factor_(*body_->body, elastic::Precision::kFloat),
-      tips_m_(tools) {
+      tips_(tools) {
   for (std::size_t i = 0; i < tools; ++i) {
     tools_.push_back(std::make_unique<Tool>());
     tools_.back()->stiffness_newton_per_m = elastic_stiffness(body_->hertz_newton, 1e-3);
   }
+  if (columns_folder.empty()) return;
+  compliance_.emplace(*body_->body, factor_, body_->surface_nodes);
+  columns_file_ = elastic::compliance_file(columns_folder, *compliance_);
+  static_cast<void>(elastic::load_columns(columns_file_, *compliance_));
+}
+
+ElasticTissue::~ElasticTissue() { keep_columns(); }
+
+void ElasticTissue::keep_columns() const noexcept {
+  if (columns_file_.empty() || !is_of_start_ || compliance_->columns_made() == 0) return;
+  if (compliance_->all_columns().size() > kMostKeptFloats / (9 * body_->surface_nodes.size())) {
+    return;
+  }
+  try {
+    std::filesystem::create_directories(columns_file_.parent_path());
+    elastic::save_columns(*compliance_, columns_file_);
+  } catch (const std::exception&) {  // NOLINT(bugprone-empty-catch): the next run makes them anew
+  }
+}
+
+ElasticTissue::Columns ElasticTissue::columns() const noexcept {
+  if (!compliance_) return {};
+  return {.all = compliance_->all_columns().size(), .computed = compliance_->columns_made()};
 }
 
 // --- the steps of a tool -------------------------------------------------------------------------
 
 void ElasticTissue::note(std::size_t tool, const Vector3& tip_m) noexcept {
-  tools_[tool]->tip.store({.x_m = tip_m.x(), .y_m = tip_m.y(), .z_m = tip_m.z(), .is_known = true});
+  const Vector3& friction = tools_[tool]->rubbing.force_on_tool_newton();
+  tools_[tool]->tip.store({.x_m = tip_m.x(),
+                           .y_m = tip_m.y(),
+                           .z_m = tip_m.z(),
+                           .friction_x_newton = friction.x(),
+                           .friction_y_newton = friction.y(),
+                           .friction_z_newton = friction.z(),
+                           .is_known = true});
 }
 
 bool ElasticTissue::touch(std::size_t tool, const Vector3& tip_m, double reach_m,
                           Contact& contact) noexcept {
   Tool& own = *tools_[tool];
   const double near_m = tip_radius_m_ + reach_m;
-  if (!(body_->bounds.squared_distance(tip_m) <= near_m * near_m)) return false;
+  if (!(body_->bounds.squared_distance(tip_m) <= near_m * near_m)) {
+    own.rubbing = {};
+    return false;
+  }
   Prepared* const prepared = own.prepared.newest();
   const SurfaceView view = body_->shape.view(tip_m, own.hint);
   const double penetration_m =
       tip_radius_m_ - view.distance_m + (prepared != nullptr ? prepared->raised_m : 0.0);
-  if (!(penetration_m > -reach_m)) return false;
+  if (!(penetration_m > -reach_m)) {
+    own.rubbing = {};
+    return false;
+  }
 
   const double way_m =
       prepared != nullptr ? (tip_m - prepared->centre_m).norm() : 2.0 * tip_radius_m_;
@@ -74,6 +115,7 @@ bool ElasticTissue::touch(std::size_t tool, const Vector3& tip_m, double reach_m
   }
   contact = elastic_contact(body_->tissue, view, penetration_m, own.normal,
                             own.stiffness_newton_per_m, tip_radius_m_);
+  own.rubbing.settle(tip_m, body_->friction_coefficient, body_->shear_newton_per_m, contact);
   return contact.force_on_tool_newton.allFinite();
 }
 
@@ -84,9 +126,13 @@ void ElasticTissue::note_late() { ++figures_.late; }
 void ElasticTissue::solve() {
   for (std::size_t i = 0; i < tools_.size(); ++i) {
     const Tip tip = tools_[i]->tip.load();
-    tips_m_[i] = tip.is_known ? std::optional(Vector3(tip.x_m, tip.y_m, tip.z_m)) : std::nullopt;
+    tips_[i].reset();
+    if (!tip.is_known) continue;
+    tips_[i] = {.tip_m = {tip.x_m, tip.y_m, tip.z_m},
+                .friction_on_tool_newton = {tip.friction_x_newton, tip.friction_y_newton,
+                                            tip.friction_z_newton}};
   }
-  const bool has_stepped = simulation_.step(tips_m_);
+  const bool has_stepped = simulation_.step(tips_);
   has_moved_ = has_moved_ || has_stepped;
   if (has_stepped) {
     ++figures_.solves;
@@ -129,6 +175,8 @@ void ElasticTissue::measure(Tool& tool, const ElasticSimulation::Touch& touch) {
 void ElasticTissue::renew_compliance() {
   poor_solves_ = 0;
   if (!compliance_) return;
+  keep_columns();
+  is_of_start_ = false;
   compliance_->clear();
   is_factored_ = false;
 }
@@ -139,6 +187,9 @@ void ElasticTissue::prepare(std::size_t index) {
   if (!is_factored_) {
     is_factored_ = factor_.factor(simulation_.x_m(), simulation_.search().rotations(), {}, nullptr);
     if (!is_factored_) return;
+    const double moved_m = (simulation_.x_m() - body_->start_m).lpNorm<Eigen::Infinity>();
+    is_of_start_ = is_of_start_ && moved_m < kAtRest_m;
+    if (!is_of_start_ && compliance_) compliance_->clear();
   }
   if (!compliance_) compliance_.emplace(*body_->body, factor_, body_->surface_nodes);
   factor_.turn_to(simulation_.search().rotations());

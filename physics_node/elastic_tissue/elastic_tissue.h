@@ -8,6 +8,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <filesystem>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -17,6 +18,7 @@
 #include "common/core/messages.h"
 #include "common/core/snapshot.h"
 #include "physics_node/elastic/condensed_contact.h"
+#include "physics_node/elastic_tissue/elastic_contact.h"
 #include "physics_node/elastic_tissue/elastic_simulation.h"
 
 namespace palpate::physics {
@@ -32,7 +34,14 @@ struct ElasticFigures {
 
 class ElasticTissue {
  public:
-  ElasticTissue(std::shared_ptr<const ElasticBody> body, std::size_t tools, double tip_radius_m);
+  /// @param columns_folder  where the columns of the compliance are kept between runs, in a file
+  /// for
+  ///     each body; empty: nowhere. What cannot be read or written is made anew
+  ElasticTissue(std::shared_ptr<const ElasticBody> body, std::size_t tools, double tip_radius_m,
+                const std::filesystem::path& columns_folder = {});
+  ~ElasticTissue();
+  ElasticTissue(const ElasticTissue&) = delete;
+  ElasticTissue& operator=(const ElasticTissue&) = delete;
 
   // --- the thread of the steps of a tool: no allocation, lock or throw ---
 
@@ -58,6 +67,14 @@ class ElasticTissue {
   [[nodiscard]] const ElasticBody& body() const noexcept { return *body_; }
   [[nodiscard]] ElasticFigures figures() const noexcept { return figures_out_.load(); }
 
+  /// Columns of the compliance, and those of them that were computed here. Only while nothing
+  /// solves.
+  struct Columns {
+    std::size_t all = 0;
+    std::size_t computed = 0;
+  };
+  [[nodiscard]] Columns columns() const noexcept;
+
   /// Exchanges these for the newest displaced surface nodes and their strain, and asks for the
   /// next; false if there is none since the last call.
   bool take_surface(std::vector<float>& vertices_m, std::vector<float>& strain);
@@ -67,6 +84,9 @@ class ElasticTissue {
     double x_m = 0.0;
     double y_m = 0.0;
     double z_m = 0.0;
+    double friction_x_newton = 0.0;  // on the tool
+    double friction_y_newton = 0.0;
+    double friction_z_newton = 0.0;
     bool is_known = false;
   };
   /// What a full solution leaves to the steps of a tool.
@@ -86,6 +106,7 @@ class ElasticTissue {
     double stiffness_newton_per_m = 0.0;
     Vector3 normal = Vector3::UnitZ();
     double bound_newton = 0.0;
+    Rubbing rubbing{};
     // of the slow thread
     SurfaceHint slow_hint{};
     bool is_prepared = false;  // a draft waits to be published
@@ -99,6 +120,7 @@ class ElasticTissue {
   void measure(Tool& tool, const ElasticSimulation::Touch& touch);
   void prepare(std::size_t tool);
   void renew_compliance();
+  void keep_columns() const noexcept;
   [[nodiscard]] double raised_m(std::size_t tool, std::size_t nearest_point, const Vector3& normal);
   void show();
 
@@ -107,10 +129,12 @@ class ElasticTissue {
   ElasticSimulation simulation_;
   elastic::WarpedFactor factor_;  // of the static stiffness
   bool is_factored_ = false;
+  bool is_of_start_ = true;             // so are the columns
+  std::filesystem::path columns_file_;  // empty: not kept
   std::optional<elastic::SurfaceCompliance> compliance_;
   int poor_solves_ = 0;
   std::vector<std::unique_ptr<Tool>> tools_;
-  std::vector<std::optional<Vector3>> tips_m_;
+  std::vector<std::optional<TipState>> tips_;
   ElasticFigures figures_;
   Snapshot<ElasticFigures> figures_out_;
 

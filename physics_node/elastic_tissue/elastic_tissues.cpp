@@ -37,19 +37,23 @@ void solve_in_real_time(const std::stop_token& stop, ElasticTissue& tissue) {
 }  // namespace
 
 std::shared_ptr<ElasticTissues> ElasticTissues::of(const SceneConfig& scene, std::size_t tools,
-                                                   ElasticPace pace) {
+                                                   ElasticPace pace,
+                                                   const std::filesystem::path& columns_folder) {
   std::vector<std::shared_ptr<const ElasticBody>> bodies = elastic_bodies_of(scene);
   if (bodies.empty()) return nullptr;
-  return std::make_shared<ElasticTissues>(std::move(bodies), tools, scene.tip_radius_m, pace);
+  return std::make_shared<ElasticTissues>(std::move(bodies), tools, scene.tip_radius_m, pace,
+                                          columns_folder);
 }
 
 ElasticTissues::ElasticTissues(std::vector<std::shared_ptr<const ElasticBody>> bodies,
-                               std::size_t tools, double tip_radius_m, ElasticPace pace)
+                               std::size_t tools, double tip_radius_m, ElasticPace pace,
+                               const std::filesystem::path& columns_folder)
     : pace_(pace),
       counts_(tools),
       next_solve_s_(bodies.size(), -std::numeric_limits<double>::infinity()) {
   for (auto& body : bodies) {
-    tissues_.push_back(std::make_unique<ElasticTissue>(std::move(body), tools, tip_radius_m));
+    tissues_.push_back(
+        std::make_unique<ElasticTissue>(std::move(body), tools, tip_radius_m, columns_folder));
   }
   if (pace_ == ElasticPace::kVirtual) return;
   for (auto& tissue : tissues_) {

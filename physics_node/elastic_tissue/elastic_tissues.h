@@ -4,6 +4,7 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
+#include <filesystem>
 #include <memory>
 #include <thread>
 #include <vector>
@@ -27,11 +28,14 @@ enum class ElasticPace : std::uint8_t {
 class ElasticTissues {
  public:
   /// nullptr if the scene has no elastic tissue: then nothing of all this is made.
+  /// @param columns_folder  @see ElasticTissue; may be empty
   /// @throws SetupError  @see make_elastic_body
-  [[nodiscard]] static std::shared_ptr<ElasticTissues> of(const SceneConfig& scene,
-                                                          std::size_t tools, ElasticPace pace);
+  [[nodiscard]] static std::shared_ptr<ElasticTissues> of(
+      const SceneConfig& scene, std::size_t tools, ElasticPace pace,
+      const std::filesystem::path& columns_folder = {});
   ElasticTissues(std::vector<std::shared_ptr<const ElasticBody>> bodies, std::size_t tools,
-                 double tip_radius_m, ElasticPace pace);
+                 double tip_radius_m, ElasticPace pace,
+                 const std::filesystem::path& columns_folder = {});
   ~ElasticTissues();
   ElasticTissues(const ElasticTissues&) = delete;
   ElasticTissues& operator=(const ElasticTissues&) = delete;

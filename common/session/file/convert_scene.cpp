@@ -102,7 +102,8 @@ ElasticMaterial to_elastic(const Fields& tissue, double tip_radius_m) {
                            .mass_damping_per_s = fields.number("mass_damping_per_s"),
                            .gravity_m_per_s2 = fields.vector("gravity_m_per_s2"),
                            .solve_rate_hz = fields.number("solve_rate_hz"),
-                           .is_linear = fields.flag("linear_elements")};
+                           .is_linear = fields.flag("linear_elements"),
+                           .friction_coefficient = fields.number("friction_coefficient")};
   switch (fields.enumerator("law")) {
     case v1::Scene::Elastic::corotational:
       material.law = ElasticMaterial::Law::kCorotational;

@@ -41,6 +41,12 @@ void collect_files(const google::protobuf::Message& message, const std::filesyst
   }
 }
 
+/// Of the environment; empty if it is not set.
+std::string variable(const char* name) {
+  const char* value = std::getenv(name);  // NOLINT(concurrency-mt-unsafe): nothing sets it
+  return value == nullptr ? "" : value;
+}
+
 }  // namespace
 
 Session load_session(const std::filesystem::path& file, const std::vector<std::string>& overrides) {
@@ -80,10 +86,6 @@ std::vector<std::string> files_of(const Session& session) {
 }
 
 std::filesystem::path run_folder(const std::string& session_name) {
-  const auto variable = [](const char* name) -> std::string {
-    const char* value = std::getenv(name);  // NOLINT(concurrency-mt-unsafe): nothing sets it
-    return value == nullptr ? "" : value;
-  };
   if (const std::string folder = variable("PALPATE_RUN_DIR"); !folder.empty()) {
     return std::filesystem::path(folder) / session_name;
   }
@@ -91,6 +93,19 @@ std::filesystem::path run_folder(const std::string& session_name) {
     return std::filesystem::path(folder) / "palpate" / session_name;
   }
   return std::filesystem::path("/tmp/palpate-" + std::to_string(::getuid())) / session_name;
+}
+
+std::filesystem::path cache_folder() {
+  for (const char* name : {"PALPATE_CACHE_DIR", "CACHE_DIRECTORY"}) {
+    if (const std::string folder = variable(name); !folder.empty()) return folder;
+  }
+  if (const std::string folder = variable("XDG_CACHE_HOME"); !folder.empty()) {
+    return std::filesystem::path(folder) / "palpate";
+  }
+  if (const std::string folder = variable("HOME"); !folder.empty()) {
+    return std::filesystem::path(folder) / ".cache" / "palpate";
+  }
+  return {};
 }
 
 }  // namespace palpate

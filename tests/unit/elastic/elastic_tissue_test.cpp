@@ -15,6 +15,7 @@
 #include "physics_node/scene_engine.h"
 #include "tests/property/seeds.h"
 #include "tests/support/alloc_guard.h"
+#include "tests/support/temp_folder.h"
 
 namespace palpate::physics {
 namespace {
@@ -176,6 +177,56 @@ TEST_F(ElasticScene, TwoHandsFeelEachOtherThroughTheBody) {
   EXPECT_LT(together, 0.8 * alone);  // the other has pressed the surface away from it
 }
 
+// 3 mm deep, then 8 mm along the surface: it sticks, slips, and the surface is dragged along.
+TEST_F(ElasticScene, FrictionSticksThenSlipsAndDragsTheSurface) {
+  constexpr double kMu = 0.1;
+  const auto place = [](int tick) {
+    return tip_at(0.003, tick < 200 ? 0.0 : 1e-3 * 0.04 * (tick - 200));
+  };
+  /// Mean displacement of the nodes within 15 mm of the tip along the way, in the end.
+  const auto dragged_m = [&](double mu) {
+    ElasticMaterial material;
+    material.friction_coefficient = mu;
+    const auto elastic =
+        ElasticTissues::of(elastic_scene(file_, material), 1, ElasticPace::kVirtual);
+    ElasticTissue& tissue = *elastic->tissues().front();
+    const ElasticBody& body = tissue.body();
+    std::vector<float> vertices_m;
+    std::vector<float> strain;
+    for (int tick = 0; tick < 400; ++tick) {
+      SceneForce force;
+      elastic->step(0, place(tick), kTick_s * tick, kReach_m, force);
+      static_cast<void>(tissue.take_surface(vertices_m, strain));
+      const Contact& contact = force.contacts[0];
+      const double friction_newton = -body.shear_newton_per_m * contact.stretch_m.x();
+      if (tick == 199) {
+        EXPECT_NEAR(friction_newton, 0.0, 1e-12);
+      }
+      if (mu == 0.0) continue;
+      if (tick == 205) {
+        EXPECT_NEAR(contact.stretch_m.x(), 0.2e-3, 0.02e-3);
+      }
+      if (tick != 399) continue;
+      const double normal_newton = contact.normal_world.dot(contact.elastic_force_on_tool_newton);
+      EXPECT_GT(normal_newton, 0.2);
+      EXPECT_NEAR(-friction_newton, mu * normal_newton, 0.05 * mu * normal_newton);
+      const Vector3 whole =
+          contact.elastic_force_on_tool_newton - body.shear_newton_per_m * contact.stretch_m;
+      EXPECT_NEAR((contact.force_on_tool_newton - whole).norm(), 0.0, 1e-12);
+    }
+    double sum_m = 0.0;
+    int count = 0;
+    for (std::size_t i = 0; i < body.surface_nodes.size(); ++i) {
+      const auto start = body.start_m.segment<3>(3 * Eigen::Index{body.surface_nodes[i]});
+      if ((start - place(399)).norm() > 0.02) continue;
+      sum_m += vertices_m[3 * i] - start.x();
+      ++count;
+    }
+    return sum_m / count;
+  };
+  EXPECT_GT(dragged_m(kMu), dragged_m(0.0) + 0.1e-3);
+}
+
 TEST_F(ElasticScene, AHardPartIsFelt) {
   const auto force_with = [&](double part_pa) {
     ElasticMaterial material;
@@ -252,6 +303,49 @@ TEST_F(ElasticScene, InRealTimeAThreadSolvesAndTheToolFeelsIt) {
     elastic->count_into(counters);
     std::this_thread::yield();
   }
+}
+
+TEST_F(ElasticScene, TheNextRunFindsTheColumnsOfTheLast) {
+  const test::TempFolder home;
+  const std::filesystem::path folder = home.path() / "made" / "here";
+  struct Run {
+    ElasticTissue::Columns before;
+    ElasticTissue::Columns after;
+    double newton = 0.0;
+  };
+  const auto run = [&](const SceneConfig& scene) {
+    ElasticTissue tissue(elastic_bodies_of(scene).front(), 1, kTip_m, folder);
+    Run run{.before = tissue.columns()};
+    Contact contact;
+    for (int i = 0; i < 20; ++i) {
+      tissue.note(0, tip_at(0.0002 * i - 0.002));
+      tissue.solve();
+      tissue.publish();
+      EXPECT_TRUE(tissue.touch(0, tip_at(0.0002 * i - 0.002), kReach_m, contact));
+    }
+    run.newton = contact.force_on_tool_newton.z();
+    run.after = tissue.columns();
+    return run;
+  };
+  const Run first = run(scene_);
+  EXPECT_EQ(first.before.all, 0U);
+  EXPECT_GT(first.after.computed, 0U);
+  EXPECT_GT(first.newton, 0.01);
+  const Run second = run(scene_);
+  EXPECT_EQ(second.before.all, first.after.all);
+  EXPECT_EQ(second.after.computed, 0U);
+  EXPECT_EQ(second.newton, first.newton);
+
+  SceneConfig sagging = scene_;  // another state at rest
+  std::get<ElasticMaterial>(sagging.tissues[0].material).gravity_m_per_s2 = {0, 0, -9.81};
+  EXPECT_EQ(run(sagging).before.all, 0U);
+  EXPECT_EQ(run(sagging).after.computed, 0U);
+
+  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
+    std::filesystem::resize_file(entry.path(), 1000);
+  }
+  EXPECT_EQ(run(scene_).after.computed, first.after.computed);
+  EXPECT_EQ(run(scene_).after.computed, 0U);
 }
 
 TEST_F(ElasticScene, ABodyThatIsNotHeldIsRefused) {
