@@ -340,8 +340,8 @@ TEST_F(ElasticScene, TheNextRunFindsTheColumnsOfTheLast) {
   const test::TempFolder home;
   const std::filesystem::path folder = home.path() / "made" / "here";
   struct Run {
-    ElasticTissue::Columns before;
-    ElasticTissue::Columns after;
+    ElasticTissue::Columns before{};
+    ElasticTissue::Columns after{};
     double newton = 0.0;
   };
   const auto run = [&](const SceneConfig& scene) {
