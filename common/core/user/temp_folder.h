@@ -35,7 +35,7 @@ class TempFolder {
   /// @return path of the new file
   std::string write(const std::string& name, const std::string& text) const {
     std::filesystem::create_directories((path_ / name).parent_path());
-    const std::string file = (path_ / name).string();
+    std::string file = (path_ / name).string();
     std::ofstream out(file, std::ios::binary);
     out << text;
     out.close();

@@ -36,7 +36,7 @@ std::string elastic_block_file() {
     const auto corners = block.element(e);
     mesh.tetrahedra.push_back({corners[0], corners[1], corners[2], corners[3]});
   }
-  const std::string file = testing::TempDir() + "elastic_block_" +
+  std::string file = testing::TempDir() + "elastic_block_" +
                            testing::UnitTest::GetInstance()->current_test_info()->name() + ".msh";
   std::ofstream(file) << msh_text(mesh);
   return file;
