@@ -34,8 +34,7 @@ struct ElasticFigures {
 
 class ElasticTissue {
  public:
-  /// @param columns_folder  where the columns of the compliance are kept between runs, in a file
-  /// for
+  /// @param columns_folder  where the columns of the compliance are kept between runs, a file for
   ///     each body; empty: nowhere. What cannot be read or written is made anew
   ElasticTissue(std::shared_ptr<const ElasticBody> body, std::size_t tools, double tip_radius_m,
                 const std::filesystem::path& columns_folder = {});

@@ -37,7 +37,7 @@ std::string elastic_block_file() {
     mesh.tetrahedra.push_back({corners[0], corners[1], corners[2], corners[3]});
   }
   std::string file = testing::TempDir() + "elastic_block_" +
-                           testing::UnitTest::GetInstance()->current_test_info()->name() + ".msh";
+                     testing::UnitTest::GetInstance()->current_test_info()->name() + ".msh";
   std::ofstream(file) << msh_text(mesh);
   return file;
 }
