@@ -55,6 +55,22 @@ Vector3 friction_stretch(const Vector3& wanted_m, double friction_coefficient,
   return std::isfinite(length_m) ? Vector3(most_m / length_m * wanted_m) : Vector3::Zero();
 }
 
+Vector3 rubbed_stretch(const Vector3& stretch_m, const Vector3& moved_m, const Vector3& normal,
+                       double friction_coefficient, double friction_stiffness_newton_per_m,
+                       double normal_newton) noexcept {
+  const Vector3 stretched_m = stretch_m + moved_m;
+  return friction_stretch(stretched_m - normal.dot(stretched_m) * normal, friction_coefficient,
+                          friction_stiffness_newton_per_m, normal_newton);
+}
+
+void add_friction(double friction_coefficient, double friction_stiffness_newton_per_m,
+                  const Vector3& stretch_m, Contact& contact) noexcept {
+  contact.friction_coefficient = friction_coefficient;
+  contact.friction_stiffness_newton_per_m = friction_stiffness_newton_per_m;
+  contact.stretch_m = stretch_m;
+  contact.stored_energy_joule += 0.5 * friction_stiffness_newton_per_m * stretch_m.squaredNorm();
+}
+
 HuntCrossleyForce hunt_crossley(const Contact& contact, double penetration_m) noexcept {
   if (!(penetration_m > 0.0)) return {};
   const double n = contact.hunt_crossley_exponent;

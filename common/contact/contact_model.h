@@ -55,6 +55,16 @@ struct ModelForce {
                                        double friction_stiffness_newton_per_m,
                                        double normal_newton) noexcept;
 
+/// The stretch after the sphere has moved: it turns with the surface and slips.
+[[nodiscard]] Vector3 rubbed_stretch(const Vector3& stretch_m, const Vector3& moved_m,
+                                     const Vector3& normal, double friction_coefficient,
+                                     double friction_stiffness_newton_per_m,
+                                     double normal_newton) noexcept;
+
+/// Gives a contact friction with this stretch, and the energy in it.
+void add_friction(double friction_coefficient, double friction_stiffness_newton_per_m,
+                  const Vector3& stretch_m, Contact& contact) noexcept;
+
 /// The law of Hunt and Crossley [Hunt75] along the normal, for the penetration p.
 struct HuntCrossleyForce {
   double elastic_newton = 0.0;          ///< k p (p/p₁)ⁿ⁻¹

@@ -61,14 +61,11 @@ void settle(Touch& touch, const Vector3& moved_m, const KelvinVoigtMaterial& mat
     touch.proxy.place_m = touch.proxy.point_m;
     return;
   }
-  Vector3 stretch_m = Vector3::Zero();
-  if (touch.is_rubbed) {
-    stretch_m = touch.stretch_m + moved_m;
-    stretch_m -= n.dot(stretch_m) * n;
-  }
+  touch.stretch_m = touch.is_rubbed
+                        ? rubbed_stretch(touch.stretch_m, moved_m, n, material.friction_coefficient,
+                                         material.friction_stiffness_newton_per_m, normal_newton)
+                        : Vector3::Zero();
   touch.is_rubbed = true;
-  touch.stretch_m = friction_stretch(stretch_m, material.friction_coefficient,
-                                     material.friction_stiffness_newton_per_m, normal_newton);
 }
 
 Contact contact_of(const Touch& touch, const KelvinVoigtMaterial& material,
@@ -77,12 +74,9 @@ Contact contact_of(const Touch& touch, const KelvinVoigtMaterial& material,
   Contact contact = describe(material, touch.proxy.surface, touch.penetration_m(), relaxed_m,
                              touch.proxy.point_m);
   if (material.friction_coefficient > 0.0) {
-    contact.friction_coefficient = material.friction_coefficient;
-    contact.friction_stiffness_newton_per_m = material.friction_stiffness_newton_per_m;
-    contact.stretch_m =
-        touch.stretch_m - contact.normal_world.dot(touch.stretch_m) * contact.normal_world;
-    contact.stored_energy_joule +=
-        0.5 * contact.friction_stiffness_newton_per_m * contact.stretch_m.squaredNorm();
+    add_friction(material.friction_coefficient, material.friction_stiffness_newton_per_m,
+                 touch.stretch_m - contact.normal_world.dot(touch.stretch_m) * contact.normal_world,
+                 contact);
   }
   return contact;
 }

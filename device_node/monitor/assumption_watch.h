@@ -13,7 +13,13 @@
 
 namespace palpate::device {
 
-/// A6: two readings that only a hand faster than v_max can have made, whatever the encoder rounded.
+/// Whether only a hand faster than v_max can have moved so, whatever the encoder rounded.
+[[nodiscard]] inline bool is_too_fast(const Vector3& moved_m, double duration_s,
+                                      double v_max_m_per_s, double resolution_m) noexcept {
+  return moved_m.norm() - std::sqrt(3.0) * resolution_m > v_max_m_per_s * duration_s;
+}
+
+/// A6: two readings that are too far apart.
 ///
 /// A2: steps of an encoder that is coarser than the profile's q. An encoder of step g reads
 /// multiples of g, so the smallest change of an axis that ever occurs is g, and it recurs; the
@@ -27,8 +33,7 @@ class AssumptionWatch {
 
   /// From one reading to the next.
   void moved(const Vector3& moved_m, Duration elapsed) noexcept {
-    const double surely_m = moved_m.norm() - std::sqrt(3.0) * resolution_m_;
-    if (surely_m > v_max_m_per_s_ * to_seconds(elapsed)) ++too_fast_;
+    if (is_too_fast(moved_m, to_seconds(elapsed), v_max_m_per_s_, resolution_m_)) ++too_fast_;
     for (int i = 0; i < 3; ++i) step(axes_[static_cast<std::size_t>(i)], std::abs(moved_m[i]));
   }
 

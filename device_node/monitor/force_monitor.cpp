@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "device_node/monitor/assumption_watch.h"
+
 namespace palpate::device {
 namespace {
 
@@ -122,8 +124,8 @@ void ForceMonitor::settle(TimePoint at, const Vector3& position_m) noexcept {
   if (most_drawn_joule > 0.0) {
     floor_joule_ -= most_drawn_joule + kUlps * (std::abs(floor_joule_) + most_drawn_joule);
   }
-  const double surely_moved_m = (position_m - lasting_.position_m()).norm() - reading_m_;
-  if (surely_moved_m > duration_s * worst_hand_.v_max_m_per_s()) {
+  if (is_too_fast(position_m - lasting_.position_m(), duration_s, worst_hand_.v_max_m_per_s(),
+                  resolution_m_)) {
     floor_joule_ = -std::numeric_limits<double>::infinity();
   }
   for (EnergyAccount* const account : {&lasting_, &recent_}) {

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <algorithm>
-#include <cmath>
 
 #include "common/core/time.h"
 #include "common/core/vector.h"
@@ -56,7 +55,7 @@ class ForceMonitor {
   explicit ForceMonitor(const DeviceConfig& config) noexcept
       : lasting_(config.profile),
         recent_(config.profile),
-        reading_m_(std::sqrt(3.0) * config.profile.position_resolution_m),
+        resolution_m_(config.profile.position_resolution_m),
         worst_hand_(config.profile, config.monitor.v_max_m_per_s),
         reply_(config.reply),
         hold_(config.lease) {}
@@ -92,7 +91,7 @@ class ForceMonitor {
   EnergyAccount lasting_;
   EnergyAccount recent_;
   double floor_joule_ = 0.0;
-  double reading_m_;  ///< two readings tell a distance to within this
+  double resolution_m_;
   WorstHand worst_hand_;
   Duration reply_;
   Duration hold_;

@@ -10,6 +10,7 @@
 
 #include "common/core/check.h"
 #include "physics_node/elastic/equilibrium.h"
+#include "physics_node/elastic_tissue/elastic_contact.h"
 #include "physics_node/files/surface_files.h"
 #include "physics_node/surfaces/triangle_surface.h"
 
@@ -20,7 +21,6 @@ constexpr double kRestTolerance_m = 1e-7;
 constexpr int kMostPointsPerEdge = 16;
 // Of the surface that a point stands for, over the square of the tip's radius.
 constexpr double kPointArea = 0.09;
-constexpr double kShallow_m = 1e-3;
 
 bool is_within(const RegionGeometry& region, const Vector3& point_m) {
   struct Inside {
@@ -151,9 +151,9 @@ std::shared_ptr<const ElasticBody> make_elastic_body(const TissueConfig& tissue,
   made->contact_stiffness_pa_per_m = 10.0 * material.young_pa / tip_radius_m;
   made->hertz_newton = 4.0 / 3.0 * material.young_pa /
                        (1.0 - material.poisson_ratio * material.poisson_ratio) *
-                       std::sqrt(tip_radius_m) * std::pow(kShallow_m, 1.5);
+                       std::sqrt(tip_radius_m) * std::pow(kHertzDepth_m, 1.5);
   made->friction_coefficient = material.friction_coefficient;
-  made->shear_newton_per_m = 4.0 * material.young_pa * std::sqrt(tip_radius_m * kShallow_m) /
+  made->shear_newton_per_m = 4.0 * material.young_pa * std::sqrt(tip_radius_m * kHertzDepth_m) /
                              ((1.0 + material.poisson_ratio) * (2.0 - material.poisson_ratio));
   made->solve_rate_hz = material.solve_rate_hz;
   try {

@@ -9,7 +9,6 @@ namespace palpate::physics {
 namespace {
 
 constexpr double kHertzExponent = 1.5;
-constexpr double kHertzDepth_m = 1e-3;
 constexpr double kLeastForce_newton = 1e-3;
 constexpr double kLeastCosine = 0.7;
 
@@ -49,23 +48,16 @@ Contact elastic_contact(std::uint32_t tissue, const SurfaceView& view, double pe
 void Rubbing::settle(const Vector3& tip_m, double friction_coefficient, double shear_newton_per_m,
                      Contact& contact) noexcept {
   if (!(friction_coefficient > 0.0)) return;
-  contact.friction_coefficient = friction_coefficient;
-  contact.friction_stiffness_newton_per_m = shear_newton_per_m;
   const Vector3& n = contact.normal_world;
-  Vector3 stretch_m = Vector3::Zero();
-  if (is_rubbed_) {
-    stretch_m = stretch_m_ + tip_m - tip_m_;
-    stretch_m -= n.dot(stretch_m) * n;
-  }
+  // nothing holds without normal force
+  stretch_m_ = is_rubbed_ ? rubbed_stretch(stretch_m_, tip_m - tip_m_, n, friction_coefficient,
+                                           shear_newton_per_m, n.dot(contact.force_on_tool_newton))
+                          : Vector3::Zero();
   tip_m_ = tip_m;
   is_rubbed_ = contact.penetration_m > 0.0;
-  // nothing holds without normal force
-  stretch_m_ = friction_stretch(stretch_m, friction_coefficient, shear_newton_per_m,
-                                n.dot(contact.force_on_tool_newton));
   newton_ = -shear_newton_per_m * stretch_m_;
-  contact.stretch_m = stretch_m_;
+  add_friction(friction_coefficient, shear_newton_per_m, stretch_m_, contact);
   contact.force_on_tool_newton += newton_;
-  contact.stored_energy_joule += 0.5 * shear_newton_per_m * stretch_m_.squaredNorm();
 }
 
 Vector3 contact_normal(const Vector3& force_on_tool_newton,

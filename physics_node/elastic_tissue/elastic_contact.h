@@ -12,6 +12,10 @@ namespace palpate::physics {
 /// sent, with the k of the present depth. A depth of at least this is used to find k.
 inline constexpr double kLeastDepth_m = 0.5e-3;
 
+/// Where that law has the stiffness k; ElasticBody's hertz_newton and shear are those of this
+/// depth.
+inline constexpr double kHertzDepth_m = 1e-3;
+
 /// k from a force at a depth [N/m].
 /// @param penetration_m > 0
 [[nodiscard]] double elastic_stiffness(double newton, double penetration_m) noexcept;

@@ -17,7 +17,7 @@ ElasticReference::ElasticReference(std::vector<std::shared_ptr<const ElasticBody
     One& one = bodies_.emplace_back();
     one.body = std::move(body);
     one.simulation = std::make_unique<ElasticSimulation>(*one.body, 1, tip_radius_m, step_s);
-    one.stiffness_newton_per_m = elastic_stiffness(one.body->hertz_newton, 1e-3);
+    one.stiffness_newton_per_m = elastic_stiffness(one.body->hertz_newton, kHertzDepth_m);
   }
 }
 

@@ -37,7 +37,7 @@ ElasticTissue::ElasticTissue(std::shared_ptr<const ElasticBody> body, std::size_
       tips_(tools) {
   for (std::size_t i = 0; i < tools; ++i) {
     tools_.push_back(std::make_unique<Tool>());
-    tools_.back()->stiffness_newton_per_m = elastic_stiffness(body_->hertz_newton, 1e-3);
+    tools_.back()->stiffness_newton_per_m = elastic_stiffness(body_->hertz_newton, kHertzDepth_m);
   }
   if (columns_folder.empty()) return;
   compliance_.emplace(*body_->body, factor_, body_->surface_nodes);
@@ -81,18 +81,13 @@ bool ElasticTissue::touch(std::size_t tool, const Vector3& tip_m, double reach_m
                           Contact& contact) noexcept {
   Tool& own = *tools_[tool];
   const double near_m = tip_radius_m_ + reach_m;
-  if (!(body_->bounds.squared_distance(tip_m) <= near_m * near_m)) {
-    own.rubbing = {};
-    return false;
-  }
+  Rubbing rubbing = std::exchange(own.rubbing, {});  // none out of reach
+  if (!(body_->bounds.squared_distance(tip_m) <= near_m * near_m)) return false;
   Prepared* const prepared = own.prepared.newest();
   const SurfaceView view = body_->shape.view(tip_m, own.hint);
   const double penetration_m =
       tip_radius_m_ - view.distance_m + (prepared != nullptr ? prepared->raised_m : 0.0);
-  if (!(penetration_m > -reach_m)) {
-    own.rubbing = {};
-    return false;
-  }
+  if (!(penetration_m > -reach_m)) return false;
 
   const double way_m =
       prepared != nullptr ? (tip_m - prepared->centre_m).norm() : 2.0 * tip_radius_m_;
@@ -115,7 +110,8 @@ bool ElasticTissue::touch(std::size_t tool, const Vector3& tip_m, double reach_m
   }
   contact = elastic_contact(body_->tissue, view, penetration_m, own.normal,
                             own.stiffness_newton_per_m, tip_radius_m_);
-  own.rubbing.settle(tip_m, body_->friction_coefficient, body_->shear_newton_per_m, contact);
+  rubbing.settle(tip_m, body_->friction_coefficient, body_->shear_newton_per_m, contact);
+  own.rubbing = rubbing;
   return contact.force_on_tool_newton.allFinite();
 }
 

@@ -28,6 +28,17 @@ DeviceProfile random_profile(Random& random) {
   return profile;
 }
 
+/// With such a profile, T_hold 2 ms, answers within 0.5 ms, and v_max 0.5 m/s or none.
+DeviceConfig random_config(Random& random, double v_max_chance) {
+  DeviceConfig config;
+  config.profile = random_profile(random);
+  config.reply = std::chrono::microseconds(500);
+  config.lease = std::chrono::milliseconds(2);
+  config.monitor.v_max_m_per_s =
+      random.chance(v_max_chance) ? 0.5 : std::numeric_limits<double>::infinity();
+  return config;
+}
+
 std::optional<controllers::AxisFriction> axes_of(const DeviceProfile& profile) {
   if (!profile.per_axis) return {};
   return controllers::AxisFriction{.f_d = profile.per_axis->viscous_newton_s_per_m,
@@ -108,12 +119,7 @@ TEST(MonitorLaws, WhatIsLeftOfACommandIsCoveredAndNoSmallerThanItMust) {
   for (std::uint64_t seed = 1; seed <= 300; ++seed) {
     SCOPED_TRACE(testing::Message() << "seed=" << seed);
     Random random(seed);
-    DeviceConfig config;
-    config.profile = random_profile(random);
-    config.reply = std::chrono::microseconds(500);
-    config.lease = std::chrono::milliseconds(2);
-    config.monitor.v_max_m_per_s =
-        random.chance(0.5) ? 0.5 : std::numeric_limits<double>::infinity();
+    const DeviceConfig config = random_config(random, 0.5);
     ForceMonitor monitor(config);
     const WorstHand worst_hand(config.profile, config.monitor.v_max_m_per_s);
     const double q = config.profile.position_resolution_m;
@@ -165,12 +171,7 @@ TEST(MonitorLaws, WhatItCountsIsNeverMoreThanTheEnergyAndNeverLessThanTheLedger)
   for (std::uint64_t seed = 1; seed <= 300; ++seed) {
     SCOPED_TRACE(testing::Message() << "seed=" << seed);
     Random random(seed);
-    DeviceConfig config;
-    config.profile = random_profile(random);
-    config.reply = std::chrono::microseconds(500);
-    config.lease = std::chrono::milliseconds(2);
-    const double v_max = random.chance(0.7) ? 0.5 : std::numeric_limits<double>::infinity();
-    config.monitor.v_max_m_per_s = v_max;
+    const DeviceConfig config = random_config(random, 0.7);
     ForceMonitor monitor(config);
     const double q = config.profile.position_resolution_m;
     controllers::EnergyLedger ledger(parameters_of(config.profile), axes_of(config.profile), q);

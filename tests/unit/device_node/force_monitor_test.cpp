@@ -5,7 +5,6 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
-#include <utility>
 
 #include "common/core/random.h"
 #include "device_node/monitor/force_monitor.h"
@@ -109,34 +108,32 @@ TEST(Monitor, LetsTheFrictionsOwnForcePassWithoutCredit) {
 /// With 5.9 mJ earned on 100 mm at 0.1 m/s.
 class MonitorOfACoarseEncoder : public testing::Test {
  protected:
-  MonitorOfACoarseEncoder() { earn(monitor_); }
+  MonitorOfACoarseEncoder() {
+    for (int i = 0; i <= 100; ++i) {
+      if (i > 0) now_ += 10ms;
+      monitor_.read(now_, Vector3(1e-3 * i, 0, 0));
+    }
+  }
   static DeviceConfig config() {
     DeviceConfig config = exact_config();
     config.profile.position_resolution_m = 1e-3;
     return config;
   }
-  void earn(ForceMonitor& monitor) {
-    for (int i = 0; i <= 100; ++i) {
-      if (i > 0) now_ += 10ms;
-      monitor.read(now_, Vector3(1e-3 * i, 0, 0));
-    }
-  }
   /// 1 N acts for 1 ms: the account takes (q/2)(1 N + 1 N) = 1 mJ for the readings' error, while no
   /// hand draws more than 0.425 mJ.
-  void act(double moved_m) {
-    monitor_.switched(now_, hand_m_, {0, 1, 0}, 10ms);
-    hand_m_.x() += moved_m;
-    monitor_.read(now_ + 1ms, hand_m_);
+  void act(ForceMonitor& monitor, double moved_m = 0.0) const {
+    monitor.switched(now_, hand_m_, {0, 1, 0}, 10ms);
+    monitor.read(now_ + 1ms, hand_m_ + Vector3(moved_m, 0, 0));
   }
   ForceMonitor monitor_{config()};
   TimePoint now_{};
-  Vector3 hand_m_{0.1, 0, 0};
+  const Vector3 hand_m_{0.1, 0, 0};
 };
 
 TEST_F(MonitorOfACoarseEncoder, FallsByNoMoreThanTheForceCanDraw) {
   const double before = monitor_.joule();
   ASSERT_GT(before, 5e-3);
-  act(0.0);
+  act(monitor_);
   EXPECT_NEAR(monitor_.joule(), before - 0.425e-3, 1e-15);
 }
 
@@ -144,18 +141,15 @@ TEST_F(MonitorOfACoarseEncoder, TrustsTheReadingsAloneIfTheHandWasTooFast) {
   const double before = monitor_.joule();
   const double as_fast_as_may_be = 0.5e-3 + std::sqrt(3.0) * 1e-3;
   ForceMonitor slower = monitor_;
-  std::swap(slower, monitor_);
-  act(as_fast_as_may_be - 1e-9);
-  EXPECT_GT(monitor_.joule(), before - 0.426e-3);
-  std::swap(slower, monitor_);
-  hand_m_ = Vector3(0.1, 0, 0);
-  act(as_fast_as_may_be + 1e-9);
+  act(slower, as_fast_as_may_be - 1e-9);
+  EXPECT_GT(slower.joule(), before - 0.426e-3);
+  act(monitor_, as_fast_as_may_be + 1e-9);
   EXPECT_LT(monitor_.joule(), before - 0.7e-3);
 }
 
 // 0.575 mJ below what it counts on, the account would have to earn them once more.
 TEST_F(MonitorOfACoarseEncoder, EarnsAfterAForceWhatOneThatBeginsEarns) {
-  act(0.0);
+  act(monitor_);
   monitor_.switched(now_ + 1ms, hand_m_, Vector3::Zero(), 10ms);
   monitor_.read(now_ + 2ms, hand_m_);
   const double before = monitor_.joule();
