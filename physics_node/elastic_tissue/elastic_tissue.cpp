@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <exception>
+#include <stdexcept>
 #include <utility>
 
 #include "physics_node/elastic/condensed/compliance_file.h"
@@ -18,12 +19,6 @@ constexpr double kSweepTolerance_m = 1e-7;
 constexpr double kShortWay_m = 2e-5;
 // The measured error is forgotten by this factor per solution in contact.
 constexpr double kErrorMemory = 0.95;
-// An error of this share of the force in so many solutions makes the compliance anew.
-constexpr double kPoorShare = 0.15;
-constexpr double kPoorNewton = 0.01;
-constexpr int kPoorSolves = 5;
-// Nodes that have moved less are where the body rests untouched.
-constexpr double kAtRest_m = 1e-6;
 constexpr std::size_t kMostKeptFloats = 64UL << 20U;  // of the columns of a body: 256 MiB
 
 }  // namespace
@@ -34,34 +29,29 @@ ElasticTissue::ElasticTissue(std::shared_ptr<const ElasticBody> body, std::size_
       tip_radius_m_(tip_radius_m),
       simulation_(*body_, tools, tip_radius_m, 1.0 / body_->solve_rate_hz),
       factor_(*body_->body, elastic::Precision::kFloat),
+      compliance_(*body_->body, factor_, body_->surface_nodes),
       tips_(tools) {
   for (std::size_t i = 0; i < tools; ++i) {
     tools_.push_back(std::make_unique<Tool>());
     tools_.back()->stiffness_newton_per_m = elastic_stiffness(body_->hertz_newton, kHertzDepth_m);
   }
   if (columns_folder.empty()) return;
-  compliance_.emplace(*body_->body, factor_, body_->surface_nodes);
-  columns_file_ = elastic::compliance_file(columns_folder, *compliance_);
-  static_cast<void>(elastic::load_columns(columns_file_, *compliance_));
+  columns_file_ = elastic::compliance_file(columns_folder, compliance_);
+  static_cast<void>(elastic::load_columns(columns_file_, compliance_));
 }
 
-ElasticTissue::~ElasticTissue() { keep_columns(); }
-
-void ElasticTissue::keep_columns() const noexcept {
-  if (columns_file_.empty() || !is_of_start_ || compliance_->columns_made() == 0) return;
-  if (compliance_->all_columns().size() > kMostKeptFloats / (9 * body_->surface_nodes.size())) {
-    return;
-  }
+ElasticTissue::~ElasticTissue() {
+  const std::size_t floats = compliance_.all_columns().size() * 9 * body_->surface_nodes.size();
+  if (columns_file_.empty() || compliance_.columns_made() == 0 || floats > kMostKeptFloats) return;
   try {
     std::filesystem::create_directories(columns_file_.parent_path());
-    elastic::save_columns(*compliance_, columns_file_);
+    elastic::save_columns(compliance_, columns_file_);
   } catch (const std::exception&) {  // NOLINT(bugprone-empty-catch): the next run makes them anew
   }
 }
 
 ElasticTissue::Columns ElasticTissue::columns() const noexcept {
-  if (!compliance_) return {};
-  return {.all = compliance_->all_columns().size(), .computed = compliance_->columns_made()};
+  return {.all = compliance_.all_columns().size(), .computed = compliance_.columns_made()};
 }
 
 // --- the steps of a tool -------------------------------------------------------------------------
@@ -139,9 +129,13 @@ void ElasticTissue::solve() {
   } else {
     ++figures_.skipped;
   }
-  for (std::size_t i = 0; i < tools_.size(); ++i) {
-    // an untouched body at rest is prepared once
-    if (simulation_.touch(i).is_near && (has_stepped || !tools_[i]->last)) prepare(i);
+  try {
+    for (std::size_t i = 0; i < tools_.size(); ++i) {
+      // an untouched body at rest is prepared once
+      if (simulation_.touch(i).is_near && (has_stepped || !tools_[i]->last)) prepare(i);
+    }
+  } catch (const std::runtime_error&) {  // NOLINT(bugprone-empty-catch)
+    // a part of the mesh is not held: there is no compliance, and the steps keep what they have
   }
   figures_out_.store(figures_);
   show();
@@ -163,36 +157,19 @@ void ElasticTissue::measure(Tool& tool, const ElasticSimulation::Touch& touch) {
   if (way_m > kShortWay_m) {
     tool.error_newton_per_m = std::max(tool.error_newton_per_m, error_newton / way_m);
   }
-  const bool is_poor = error_newton > kPoorShare * newton + kPoorNewton;
-  poor_solves_ = is_poor ? poor_solves_ + 1 : 0;
-  if (poor_solves_ >= kPoorSolves) renew_compliance();
-}
-
-void ElasticTissue::renew_compliance() {
-  poor_solves_ = 0;
-  if (!compliance_) return;
-  keep_columns();
-  is_of_start_ = false;
-  compliance_->clear();
-  is_factored_ = false;
 }
 
 void ElasticTissue::prepare(std::size_t index) {
   Tool& tool = *tools_[index];
   const ElasticSimulation::Touch& touch = simulation_.touch(index);
-  if (!is_factored_) {
-    is_factored_ = factor_.factor(simulation_.x_m(), simulation_.search().rotations(), {}, nullptr);
-    if (!is_factored_) return;
-    const double moved_m = (simulation_.x_m() - body_->start_m).lpNorm<Eigen::Infinity>();
-    is_of_start_ = is_of_start_ && moved_m < kAtRest_m;
-    if (!is_of_start_ && compliance_) compliance_->clear();
-  }
-  if (!compliance_) compliance_.emplace(*body_->body, factor_, body_->surface_nodes);
-  factor_.turn_to(simulation_.search().rotations());
   Prepared& draft = tool.prepared.draft();
-  draft.contact.emplace(*compliance_, 0.0);
+  draft.contact.emplace(compliance_, 0.0);
   draft.contact->prepare(body_->points, simulation_.x_m(), touch.forces_on_body_newton,
                          touch.centre_m, kMostPoints);
+  if (is_alone(index) && !touch.force_on_tool_newton.isZero(0.0)) {
+    // the compliance shall do the work from the untouched body to this solution
+    draft.contact->add_equilibrium(body_->points, body_->start_m, {});
+  }
   const Vector3 normal = body_->shape.view(touch.centre_m, tool.slow_hint).normal;
   draft.raised_m = raised_m(index, draft.contact->chosen().front(), normal);
   draft.other_newton = touch.force_on_tool_newton;
@@ -210,6 +187,13 @@ void ElasticTissue::prepare(std::size_t index) {
   tool.is_prepared = true;
 }
 
+bool ElasticTissue::is_alone(std::size_t tool) const {
+  for (std::size_t other = 0; other < tools_.size(); ++other) {
+    if (other != tool && !simulation_.touch(other).force_on_tool_newton.isZero(0.0)) return false;
+  }
+  return true;
+}
+
 /// How far the forces of the other tools raise a point along the normal.
 double ElasticTissue::raised_m(std::size_t tool, std::size_t nearest_point, const Vector3& normal) {
   const elastic::SurfacePoint& at = body_->points[nearest_point];
@@ -221,10 +205,10 @@ double ElasticTissue::raised_m(std::size_t tool, std::size_t nearest_point, cons
       if (forces[p].isZero(0.0)) continue;
       const elastic::SurfacePoint& from = body_->points[p];
       for (std::size_t b = 0; b < static_cast<std::size_t>(from.count); ++b) {
-        compliance_->require(from.nodes[b]);
-        const float* columns = compliance_->columns(from.nodes[b]);
+        compliance_.require(from.nodes[b]);
+        const float* columns = compliance_.columns(from.nodes[b]);
         for (std::size_t a = 0; a < static_cast<std::size_t>(at.count); ++a) {
-          const auto row = static_cast<std::size_t>(compliance_->row_of(at.nodes[a]));
+          const auto row = static_cast<std::size_t>(compliance_.row_of(at.nodes[a]));
           const Eigen::Map<const Eigen::Matrix<float, 3, 3, Eigen::RowMajor>> give(columns +
                                                                                    9 * row);
           raised += at.weights[a] * from.weights[b] * normal.dot(give.cast<double>() * forces[p]);

@@ -118,20 +118,16 @@ class ElasticTissue {
 
   void measure(Tool& tool, const ElasticSimulation::Touch& touch);
   void prepare(std::size_t tool);
-  void renew_compliance();
-  void keep_columns() const noexcept;
+  [[nodiscard]] bool is_alone(std::size_t tool) const;
   [[nodiscard]] double raised_m(std::size_t tool, std::size_t nearest_point, const Vector3& normal);
   void show();
 
   std::shared_ptr<const ElasticBody> body_;
   double tip_radius_m_;
   ElasticSimulation simulation_;
-  elastic::WarpedFactor factor_;  // of the static stiffness
-  bool is_factored_ = false;
-  bool is_of_start_ = true;             // so are the columns
+  elastic::WarpedFactor factor_;  // of the undeformed body, made when a column is needed
+  elastic::SurfaceCompliance compliance_;
   std::filesystem::path columns_file_;  // empty: not kept
-  std::optional<elastic::SurfaceCompliance> compliance_;
-  int poor_solves_ = 0;
   std::vector<std::unique_ptr<Tool>> tools_;
   std::vector<std::optional<TipState>> tips_;
   ElasticFigures figures_;

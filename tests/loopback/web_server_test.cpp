@@ -483,12 +483,16 @@ TEST_F(Audience, AClientThatStallsGetsTheNewestAndLessDetail) {
   EXPECT_LT(states.size(), 20u);
 
   // it reads again: after a while the fine detail is back
+  const auto other = connect();
   bool is_fine = false;
   for (int i = 60; i < 200 && !is_fine; ++i) {
     server_->publish(0, 0, {payload("fine"), payload("coarse")});
     const auto next = slow->await_data(1);
     ASSERT_TRUE(next.has_value());
     is_fine = *next == "fine";
+    // once the server has answered this, it knows that the message before is sent
+    ASSERT_TRUE(other->send_raw("HEAD /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n"));
+    ASSERT_THAT(other->read_head(), HasSubstr("200 OK"));
   }
   EXPECT_TRUE(is_fine);
 }

@@ -18,7 +18,7 @@ namespace palpate::elastic {
 namespace {
 
 constexpr std::uint64_t kMagic = 0x31504d4f43504c50;  // "PLPCOMP1" in the byte order of the writer
-constexpr std::uint64_t kVersion = 2;  // of the format and of how columns are computed
+constexpr std::uint64_t kVersion = 3;  // of the format and of how columns are computed
 
 // FNV-1a over words of eight bytes, with a shift so that high bits reach low ones.
 class Hash {
@@ -115,7 +115,6 @@ std::uint64_t fingerprint_of(const SurfaceCompliance& compliance) {
     hash.add(material.density_kg_per_m3);
   }
   hash.add(std::uint64_t{body.materials.size()});
-  for (const double coordinate : body.gravity_m_per_s2) hash.add(coordinate);
   for (const std::uint32_t node : body.fixed_nodes) hash.add(std::uint64_t{node});
   hash.add(std::uint64_t{body.fixed_nodes.size()});
   for (const std::uint32_t node : compliance.surface_nodes()) hash.add(std::uint64_t{node});

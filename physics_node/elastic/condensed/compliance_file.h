@@ -9,8 +9,8 @@
 
 namespace palpate::elastic {
 
-/// Hash of everything that the columns of the body, undeformed or at rest under gravity, depend on:
-/// mesh, materials, law, gravity, fixed nodes, the nodes of the surface, the version of the format.
+/// Hash of everything that the columns of the undeformed body depend on: mesh, materials, law, fixed
+/// nodes, the nodes of the surface, the version of the format.
 [[nodiscard]] std::uint64_t fingerprint_of(const SurfaceCompliance& compliance);
 
 /// Where to keep the columns: FOLDER/<fingerprint>.compliance.
@@ -18,8 +18,7 @@ namespace palpate::elastic {
                                                     const SurfaceCompliance& compliance);
 
 /// Writes the columns made so far: to a file beside it, which then takes its place, so that a
-/// reader sees all or nothing. @pre the columns are those of the undeformed body, or of it at rest
-/// under gravity
+/// reader sees all or nothing. @pre the columns are those of the undeformed body
 /// @throws std::runtime_error  with the file and the reason
 void save_columns(const SurfaceCompliance& compliance, const std::filesystem::path& file);
 
