@@ -19,6 +19,7 @@ struct MeshCommand {
   double unit_m = 1.0;
   std::optional<double> edge_m;
   bool has_given_surface = false;
+  double limit_s = VolumeMeshing{}.limit_s;
   bool may_overwrite = false;
 
   void add_to(CLI::App& app) {
@@ -40,6 +41,9 @@ struct MeshCommand {
         ->check(CLI::Range(1e-6, 1.0));
     app.add_flag("--given-surface", has_given_surface,
                  "keep the triangles of the surface; otherwise they are made anew with --edge-m");
+    app.add_option("--limit-s", limit_s, "end gmsh after this time in s (default 600)")
+        ->type_name("S")
+        ->check(CLI::Range(1.0, 1e6));
     add_overwrite_flag(app, may_overwrite);
   }
 
@@ -52,7 +56,8 @@ struct MeshCommand {
     {
       const BusyLine busy("mesh", verbosity.is_quiet);
       text = physics::msh_text(volume_mesh_of(
-          read, {.edge_m = aim_m, .has_given_surface = has_given_surface}, surface_file));
+          read, {.edge_m = aim_m, .has_given_surface = has_given_surface, .limit_s = limit_s},
+          surface_file));
     }
     // of what a session will read
     const std::string report =

@@ -81,13 +81,35 @@ std::string script(const VolumeMeshing& meshing) {
   return text + "Mesh.Optimize = 1;\n";
 }
 
-/// Runs gmsh in the folder; its output is in kLogName. @return exit status
-int run_gmsh(const TempFolder& folder) {
+// Exit status of timeout(1), part of every Debian.
+constexpr int kIsTooLong = 124;
+constexpr int kIsNotThere = 127;
+
+[[noreturn]] void refuse_without_gmsh() {
+  throw SetupError("gmsh is not installed: the volume mesh is made by it; apt-get install gmsh");
+}
+
+/// Runs gmsh in the folder; its output is in kLogName. @return exit status, kIsTooLong at the limit
+int run_gmsh(const TempFolder& folder, double limit_s) {
   const std::string script = (folder.path() / kScriptName).string();
   const std::string result = (folder.path() / kResultName).string();
   const std::string log = (folder.path() / kLogName).string();
-  std::vector<std::string> words{"gmsh", script, "-3", "-format", "msh22", "-nt",
-                                 "1",    "-v",   "3",  "-o",      result};
+  // in the foreground: Ctrl-C reaches gmsh, too, and this process stays to remove the folder
+  std::vector<std::string> words{"timeout",
+                                 "--foreground",
+                                 "--kill-after=5",
+                                 std::to_string(limit_s),
+                                 "gmsh",
+                                 script,
+                                 "-3",
+                                 "-format",
+                                 "msh22",
+                                 "-nt",
+                                 "1",
+                                 "-v",
+                                 "3",
+                                 "-o",
+                                 result};
   std::vector<char*> arguments;
   arguments.reserve(words.size() + 1);
   for (std::string& word : words) arguments.push_back(word.data());
@@ -99,22 +121,21 @@ int run_gmsh(const TempFolder& folder) {
   posix_spawn_file_actions_addopen(&files, STDOUT_FILENO, log.c_str(), O_WRONLY | O_CREAT | O_TRUNC,
                                    0600);
   posix_spawn_file_actions_adddup2(&files, STDOUT_FILENO, STDERR_FILENO);
-  // Ctrl-C reaches gmsh, too; this process stays to remove the folder
   const StopSignal stop;
   pid_t pid = 0;
   const int error =
       posix_spawnp(&pid, words.front().c_str(), &files, nullptr, arguments.data(), environ);
   posix_spawn_file_actions_destroy(&files);
-  if (error == ENOENT) {
-    throw SetupError("gmsh is not installed: the volume mesh is made by it; apt-get install gmsh");
-  }
-  if (error != 0) throw SetupError("gmsh: " + std::generic_category().message(error));
+  if (error == ENOENT) refuse_without_gmsh();
+  if (error != 0) throw SetupError("timeout: " + std::generic_category().message(error));
   int status = 0;
   while (waitpid(pid, &status, 0) < 0) {
     if (errno != EINTR) throw std::system_error(errno, std::generic_category(), "gmsh");
   }
   if (StopSignal::is_requested()) throw std::runtime_error("gmsh was interrupted");
-  return WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+  const int exit_status = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+  if (exit_status == kIsNotThere) refuse_without_gmsh();
+  return exit_status;
 }
 
 /// The first error that gmsh reports, "" if there is none.
@@ -191,16 +212,22 @@ physics::TetrahedralMesh volume_mesh_of(const physics::TriangleMesh& surface,
   const TempFolder folder;
   folder.write(kSurfaceName, surface_text(surface));
   folder.write(kScriptName, script(meshing));
-  const int status = run_gmsh(folder);
+  const std::string other_ways =
+      std::string("try ") +
+      (meshing.has_given_surface ? "without --given-surface, " : "--given-surface, ") +
+      "another --edge-m, or mend the surface, for instance with MeshLab";
+  const int status = run_gmsh(folder, meshing.limit_s);
+  if (status == kIsTooLong) {
+    throw SetupError(file_name + ": gmsh does not end within " +
+                     std::to_string(std::lround(meshing.limit_s)) + " s (--limit-s); " +
+                     other_ways);
+  }
   const std::string error =
       first_error(read_regular_file(folder.path() / kLogName, kMostBytes).bytes);
   const FileContent result = read_regular_file(folder.path() / kResultName, kMostBytes);
   if (status != 0 || !error.empty() || !result.complaint.empty()) {
-    throw SetupError(
-        file_name + ": gmsh does not mesh it (exit status " + std::to_string(status) +
-        (error.empty() ? "" : ": " + error) + "); try " +
-        (meshing.has_given_surface ? "without --given-surface, " : "--given-surface, ") +
-        "another --edge-m, or mend the surface, for instance with MeshLab");
+    throw SetupError(file_name + ": gmsh does not mesh it (exit status " + std::to_string(status) +
+                     (error.empty() ? "" : ": " + error) + "); " + other_ways);
   }
   return physics::parse_msh(result.bytes, "the result of gmsh");
 }

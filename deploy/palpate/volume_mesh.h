@@ -13,6 +13,7 @@ struct VolumeMeshing {
   double edge_m = 0.0;  ///< length of edges to aim at, > 0
   /// The triangles stay as they are, and edge_m holds inside only.
   bool has_given_surface = false;
+  double limit_s = 600.0;  ///< that gmsh may take, > 0
 };
 
 /// Where no length is given: a 25th of the diagonal of the bounding box.
@@ -22,7 +23,7 @@ struct VolumeMeshing {
 /// @param surface    in metres; complaint_about(surface) is empty
 /// @param file_name  of the surface, for messages
 /// @throws SetupError  if the surface is open, edge_m is so short that more than a million
-///     tetrahedra would come, gmsh is not installed or does not mesh the surface
+///     tetrahedra would come, gmsh is not installed, does not mesh the surface or takes longer
 [[nodiscard]] physics::TetrahedralMesh volume_mesh_of(const physics::TriangleMesh& surface,
                                                       const VolumeMeshing& meshing,
                                                       const std::string& file_name);

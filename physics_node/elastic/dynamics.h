@@ -78,7 +78,6 @@ class Dynamics {
   [[nodiscard]] bool is_asleep() const noexcept { return is_asleep_; }
   [[nodiscard]] const DynamicsCounters& counters() const noexcept { return counters_; }
   [[nodiscard]] const Body& body() const noexcept { return body_; }
-  [[nodiscard]] WarpedFactor& factor() noexcept { return *factor_; }
   [[nodiscard]] EquilibriumSearch& search() noexcept { return search_; }
 
  private:

@@ -108,8 +108,4 @@ void WarpedFactor::solve(const double* gradient, double* direction) {
   }
 }
 
-std::size_t WarpedFactor::stored_bytes() const {
-  return std::visit([](const auto& cholesky) { return cholesky.stored_bytes(); }, cholesky_);
-}
-
 }  // namespace palpate::elastic

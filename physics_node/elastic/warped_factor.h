@@ -40,7 +40,6 @@ class WarpedFactor {
   /// The last factor is that of the exact stiffness.
   [[nodiscard]] bool is_exact() const noexcept { return is_exact_; }
   [[nodiscard]] const Body::Shift& shift() const noexcept { return shift_; }
-  [[nodiscard]] std::size_t stored_bytes() const;
 
  private:
   const Body* body_;

@@ -193,7 +193,7 @@ int run_bench(CLI::App& app, BenchOptions& options, int argc, char** argv,
     run();
     return status_with_output(0, app.get_name());
   } catch (const CLI::ParseError& error) {
-    return status_with_output(app.exit(error), app.get_name());
+    return status_with_output(app.exit(error) == 0 ? 0 : 2, app.get_name());
   } catch (const SetupError& error) {
     std::fprintf(stderr, "%s\n", error.what());
     return 2;

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <filesystem>
 #include <memory>
 #include <vector>
 
@@ -165,6 +166,42 @@ TEST_F(ViewerProcesses, ADragMovesTheHandDeformsTheTissueAndIsFelt) {
     return watcher.rows().back().device.measured_hand_position_m.z() > 0.04;
   }));
   stop();
+}
+
+// The simulated hand presses on the block of the repository: the full solution and the steps
+// between two are at work, pages see the computed surface and its strain, and the compliance is
+// kept.
+TEST_F(ViewerProcesses, AnElasticBodyIsFeltAndDeformsAsComputed) {
+  file_ = std::string(PALPATE_SOURCE_DIR) + "/deploy/sessions/block_with_tumour.txtpb";
+  launch({"--set", "viewer.web.port=0", "--set", "scene.tissue[0].elastic.linear_elements=true"});
+  ProcessLinks links({.priority = 0, .cpu = -1});
+  Watcher watcher(load_session(file_), links);
+  WebClient page(port_);
+  ASSERT_TRUE(page.open_web_socket());
+  subscribe(page, kMesh);
+  ASSERT_TRUE(watcher.until([&] {
+    return !watcher.rows().empty() && watcher.rows().back().device.force_on_hand_newton.z() > 0.3;
+  })) << launch_->err();
+  const PhysicsCounters& physics = watcher.mirror().physics_counters();
+  EXPECT_GT(physics.elastic_solves, 0u);
+  EXPECT_LT(physics.elastic_residual_ratio, 1e-2);
+  EXPECT_TRUE(watcher.until([&] { return physics.elastic_bound_newton > 0.0; }));
+
+  float lowest_m = 0.0F;  // of the top, which is at 0
+  float most_strain = 0.0F;
+  while (lowest_m > -0.002F || most_strain < 0.05F) {
+    const auto payload = page.await_data(kMesh);
+    ASSERT_TRUE(payload.has_value()) << lowest_m << " m, strain " << most_strain;
+    const auto frame = decoded<MeshFrame>(*payload);
+    ASSERT_EQ(frame.vertex_strain.size(), frame.vertices_m.size() / 3);
+    for (std::size_t i = 0; i < frame.vertex_strain.size(); ++i) {
+      most_strain = std::max(most_strain, frame.vertex_strain[i]);
+      const float z_m = frame.vertices_m[3 * i + 2];
+      if (z_m > -0.01F) lowest_m = std::min(lowest_m, z_m);
+    }
+  }
+  stop();
+  EXPECT_FALSE(std::filesystem::is_empty(run_folder_.cache()));
 }
 
 // 10 mm to and fro twice a second: the whole path is seen within half a second.

@@ -1,6 +1,7 @@
-// run_folder.h — a run folder of its own for one test.
+// run_folder.h — run and cache folders of its own for one test.
 #pragma once
 
+#include <array>
 #include <cstdlib>
 #include <filesystem>
 #include <optional>
@@ -10,34 +11,42 @@
 
 namespace palpate::test {
 
-/// During its life $PALPATE_RUN_DIR names an empty folder, for this process and for programs that
-/// it starts. Of several the last one counts.
+/// During its life $PALPATE_RUN_DIR names an empty folder and $PALPATE_CACHE_DIR one in it that is
+/// not there yet, for this process and for programs that it starts. Of several the last one counts.
 class RunFolder {
  public:
   RunFolder() {
-    if (const char* before = std::getenv(kVariable); before != nullptr) before_ = before;
+    for (std::size_t i = 0; i < kVariables.size(); ++i) {
+      if (const char* before = std::getenv(kVariables[i]); before != nullptr) before_[i] = before;
+    }
     use();
   }
   ~RunFolder() {
-    if (before_) {
-      setenv(kVariable, before_->c_str(), 1);
-    } else {
-      unsetenv(kVariable);
+    for (std::size_t i = 0; i < kVariables.size(); ++i) {
+      if (before_[i]) {
+        setenv(kVariables[i], before_[i]->c_str(), 1);
+      } else {
+        unsetenv(kVariables[i]);
+      }
     }
   }
   RunFolder(const RunFolder&) = delete;
   RunFolder& operator=(const RunFolder&) = delete;
 
-  /// Makes $PALPATE_RUN_DIR name this folder again, after another RunFolder.
-  void use() const { setenv(kVariable, folder_.path().c_str(), 1); }
+  /// Makes the variables name these folders again, after another RunFolder.
+  void use() const {
+    setenv(kVariables[0], path().c_str(), 1);
+    setenv(kVariables[1], cache().c_str(), 1);
+  }
 
   [[nodiscard]] const std::filesystem::path& path() const { return folder_.path(); }
+  [[nodiscard]] std::filesystem::path cache() const { return path() / "cache"; }
 
  private:
-  static constexpr const char* kVariable = "PALPATE_RUN_DIR";
+  static constexpr std::array kVariables = {"PALPATE_RUN_DIR", "PALPATE_CACHE_DIR"};
 
   TempFolder folder_;
-  std::optional<std::string> before_;
+  std::array<std::optional<std::string>, kVariables.size()> before_;
 };
 
 }  // namespace palpate::test

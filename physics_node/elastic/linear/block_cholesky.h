@@ -27,10 +27,6 @@ class BlockCholesky {
   /// x = A⁻¹ b, both 3 per row of the pattern. b and x may be the same. No allocation.
   void solve(const double* b, double* x);
 
-  [[nodiscard]] std::size_t stored_bytes() const noexcept {
-    return panels_.size() * sizeof(Scalar);
-  }
-
  private:
   [[nodiscard]] Scalar* panel(std::size_t s) { return panels_.data() + panel_starts_[s]; }
 

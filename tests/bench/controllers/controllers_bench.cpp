@@ -526,6 +526,9 @@ bool run(const ControllersOptions& options) {
   Conditions c = conditions(options.bench.is_quick);
   if (options.seeds > 0) c.seeds = options.seeds;
   const bool is_merge = !options.merged_files.empty();
+  if (is_merge && (options.bench.is_quick || !options.bench.csv_file.empty())) {
+    throw SetupError("--merge: makes no runs and no rows of them: leave out --quick and --csv");
+  }
   std::vector<Run> runs =
       is_merge ? read_runs(options.merged_files, all) : shard_of(all_runs(all, c), options.shard);
   if (!is_merge) compute(runs);
@@ -564,7 +567,9 @@ int main(int argc, char** argv) {
          "--merge", options.merged_files,
          "make no runs: the tables and the picture of all rows in these files, which --json "
          "wrote")
-      ->type_name("FILE ...");
+      ->type_name("FILE ...")
+      ->excludes("--shard")
+      ->excludes("--seeds");
   bool is_good = true;
   const int status = palpate::bench::run_bench(app, options.bench, argc, argv,
                                                [&] { is_good = palpate::bench::run(options); });

@@ -125,6 +125,7 @@ void measured_step(BulletBody& bullet, double dt_s, Samples& wall, Samples& cpu)
 }  // namespace
 
 Row bullet_step_row(const BeamSize& size, const Body& body, std::span<const double> converged_m) {
+  const PeakMemory memory;
   BulletBody bullet(body);
   const double start_m = bullet.tip_z_m();
   Samples wall;
@@ -143,13 +144,15 @@ Row bullet_step_row(const BeamSize& size, const Body& body, std::span<const doub
                       .p99_us = wall.at(0.99),
                       .error_ratio = error_m / way_m},
           .cpu_median_us = cpu.at(0.5),
-          .cpu_p99_us = cpu.at(0.99)};
+          .cpu_p99_us = cpu.at(0.99),
+          .peak_mb = memory.megabytes()};
 }
 
 Row bullet_static_row(const BeamSize& size, const Body& body, double reference_m) {
   constexpr double kStep_s = 20e-3;
   constexpr std::size_t kMost = 200;
   constexpr std::size_t kStill = 10;  // steps in which the tip moves by less than 0.01 %
+  const PeakMemory memory;
   BulletBody bullet(body);
   const double start_m = bullet.tip_z_m();
   Samples wall;
@@ -176,7 +179,8 @@ Row bullet_static_row(const BeamSize& size, const Body& body, double reference_m
                       .total_s = total_s,
                       .error_ratio = still == kStill ? end_m / reference_m - 1.0 : NAN},
           .cpu_median_us = cpu.at(0.5),
-          .cpu_p99_us = cpu.at(0.99)};
+          .cpu_p99_us = cpu.at(0.99),
+          .peak_mb = memory.megabytes()};
 }
 
 }  // namespace palpate::bench

@@ -36,6 +36,7 @@ using namespace palpate::elastic;
 using bench::BeamSize;
 using bench::BenchOptions;
 using bench::cpu_s;
+using bench::PeakMemory;
 using bench::PeerRow;
 using bench::Row;
 using bench::Samples;
@@ -48,6 +49,7 @@ const char* source_of(const Row& row) { return row.is_recorded ? "recorded" : "m
 // every step. One after the other, as Bullet by itself: two runs in turn would take the caches from
 // each other.
 void step_rows(const BeamSize& size, int steps, std::vector<Row>& rows) {
+  const PeakMemory memory;
   const Body body(
       bench::hanging_beam(beam_mesh(size.along, size.across), Law::kCorotational, 100e3, 0.45));
   const Eigen::Index tip = bench::tip_of(body.mesh());
@@ -63,6 +65,7 @@ void step_rows(const BeamSize& size, int steps, std::vector<Row>& rows) {
     wall.values.push_back(1e6 * (wall_s() - from_wall));
     fast_m.push_back(fast.x_m()[tip]);
   }
+  const double peak_mb = memory.megabytes();
   Dynamics converged(body, {.theta = 1.0, .tolerance_m = 1e-9});
   std::vector<double> converged_m;
   double error_m = 0.0;
@@ -81,7 +84,7 @@ void step_rows(const BeamSize& size, int steps, std::vector<Row>& rows) {
                               .error_ratio = error_m / way_m},
                   .cpu_median_us = cpu.at(0.5),
                   .cpu_p99_us = cpu.at(0.99),
-                  .megabytes = 1e-6 * static_cast<double>(fast.factor().stored_bytes())});
+                  .peak_mb = peak_mb});
 #ifdef PALPATE_HAS_BULLET
   // fewer: a fifth of a second each at 54,880 elements
   converged_m.resize(std::min<std::size_t>(converged_m.size(), size.along > 32 ? 100 : 300));
@@ -95,7 +98,7 @@ double reference_m(Law law) { return law == Law::kCorotational ? 23.19e-3 : 23.2
 Row static_row(const char* name, const char* solver, const Mesh& mesh, Law law) {
   Samples total;
   double error_ratio = NAN;
-  double megabytes = NAN;
+  const PeakMemory memory;
   // short ones again for the median
   for (double spent_s = 0.0; spent_s < 0.5 && total.values.size() < 5;) {
     const double from_s = cpu_s();
@@ -109,14 +112,13 @@ Row static_row(const char* name, const char* solver, const Mesh& mesh, Law law) 
     const Eigen::Index tip = bench::tip_of(mesh);
     error_ratio =
         report.is_converged ? (body.rest_m()[tip] - x[tip]) / reference_m(law) - 1.0 : NAN;
-    megabytes = 1e-6 * static_cast<double>(factor.stored_bytes());
   }
   return {.figures = {.problem = "static",
                       .mesh = name,
                       .solver = solver,
                       .total_s = total.at(0.5),
                       .error_ratio = error_ratio},
-          .megabytes = megabytes};
+          .peak_mb = memory.megabytes()};
 }
 
 void static_rows(const BenchOptions& options, std::vector<Row>& rows) {
@@ -193,6 +195,7 @@ void released_rows(std::vector<Row>& rows) {
 
 // A sphere pressed into a block: the force where the body rests, at three depths.
 void press_rows(const BenchOptions& options, std::vector<Row>& rows) {
+  const PeakMemory memory;
   const Body body(
       bench::standing_block(quadratic(bench::nested_block(2, 0.003, 6)), Law::kStableNeoHookean));
   SphereContact contact(bench::top_points(body.mesh(), 0.015, 6), 4e8);
@@ -220,7 +223,8 @@ void press_rows(const BenchOptions& options, std::vector<Row>& rows) {
                                   .mesh = "2,593 nodes",
                                   .solver = "palpate NH, quadratic",
                                   .total_s = cpu_s() - from_cpu,
-                                  .error_ratio = force / newton - 1.0}});
+                                  .error_ratio = force / newton - 1.0},
+                      .peak_mb = memory.megabytes()});
     }
   }
 }
@@ -267,6 +271,7 @@ void condensed_rows(const BenchOptions& options, std::vector<Row>& rows) {
     }
   }
   for (const bool is_checked : {true, false}) {
+    const PeakMemory memory;
     const double from_s = cpu_s();
     WarpedFactor factor(body, Precision::kFloat);
     SurfaceCompliance compliance(body, factor, surface);
@@ -342,7 +347,7 @@ void condensed_rows(const BenchOptions& options, std::vector<Row>& rows) {
                                 .error_ratio = worst_ratio},
                     .cpu_median_us = cpu.at(0.5),
                     .cpu_p99_us = cpu.at(0.99),
-                    .megabytes = 1e-6 * static_cast<double>(factor.stored_bytes())});
+                    .peak_mb = memory.megabytes()});
   }
 }
 
@@ -424,15 +429,14 @@ void run(const BenchOptions& options) {
                {"total_s", "total CPU [s]", "{:.3g}"},
                {"error_ratio", "error", "{:+.4f}"},
                {"kept_ratio", "kept", "{:.3f}"},
-               {"factor_mb", "factor [MB]", "{:.1f}"}});
+               {"peak_mb", "peak [MB]", "{:.1f}"}});
   const char* last = "";
   for (const Row& row : rows) {
     if (std::string_view(last) != row.figures.problem && *last != 0) table.add_gap();
     last = row.figures.problem;
     table.add({row.figures.problem, row.figures.mesh, row.figures.solver, source_of(row),
                row.figures.median_us, row.figures.p99_us, row.cpu_median_us, row.cpu_p99_us,
-               row.figures.total_s, row.figures.error_ratio, row.figures.kept_ratio,
-               row.megabytes});
+               row.figures.total_s, row.figures.error_ratio, row.figures.kept_ratio, row.peak_mb});
   }
   table.publish(options);
   std::printf("%s\n", bench::machine_load().c_str());

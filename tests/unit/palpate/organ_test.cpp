@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <fstream>
 #include <iterator>
 
@@ -43,6 +44,37 @@ TEST(Organ, ShippedMeshIsTheGeneratedOne) {
   ASSERT_EQ(shipped.nodes_m.size(), made.nodes_m.size());
   ASSERT_EQ(shipped.tetrahedra.size(), 2240U);
   EXPECT_EQ(shipped.tetrahedra, made.tetrahedra);
+}
+
+TEST(Organ, ShippedBlockIsTheGeneratedOne) {
+  EXPECT_EQ(bytes_of(kFolder + "block.msh"), physics::msh_text(block_mesh(4)));
+}
+
+TEST(Organ, ABlockFillsItsPlaceAndIsFinestAroundTheMiddleOfItsTop) {
+  for (const std::uint32_t cells : {2U, 4U, 7U}) {
+    const physics::TetrahedralMesh block = block_mesh(cells);
+    ASSERT_EQ(block.tetrahedra.size(), 20U * cells * cells * cells);
+    double volume_m3 = 0.0;
+    for (const auto& corners : block.tetrahedra) {
+      const double six_m3 = physics::six_volumes_m3(block.nodes_m, corners);
+      ASSERT_GT(six_m3, 0.0);
+      volume_m3 += six_m3 / 6.0;
+    }
+    EXPECT_NEAR(volume_m3, 0.1 * 0.1 * 0.05, 1e-12);
+    const auto edge_m = [&](const Vector3& there) {
+      double least_m = 1.0;
+      double edge = 0.0;
+      for (const auto& corners : block.tetrahedra) {
+        const Vector3 middle = 0.25 * (block.nodes_m[corners[0]] + block.nodes_m[corners[1]] +
+                                       block.nodes_m[corners[2]] + block.nodes_m[corners[3]]);
+        if ((middle - there).norm() > least_m) continue;
+        least_m = (middle - there).norm();
+        edge = std::cbrt(physics::six_volumes_m3(block.nodes_m, corners));
+      }
+      return edge;
+    };
+    EXPECT_LT(edge_m({0, 0, 0}), edge_m({0.05, 0.05, -0.05}));
+  }
 }
 
 TEST(Organ, CloudAndMeshAreTheSameBody) {

@@ -6,23 +6,29 @@
 
 #include <cmath>
 #include <cstdlib>
+#include <filesystem>
 #include <numbers>
 #include <string>
 
 #include "common/core/check.h"
 #include "deploy/palpate/organ.h"
+#include "tests/support/temp_folder.h"
 
 namespace palpate {
 namespace {
 
+using testing::AllOf;
 using testing::HasSubstr;
 using testing::Not;
 
-void skip_without_gmsh() {
-  if (std::system("command -v gmsh >/dev/null") != 0) {  // NOLINT: a fixed text
-    GTEST_SKIP() << "gmsh is not installed: apt-get install gmsh";
+class VolumeMeshByGmsh : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (std::system("command -v gmsh >/dev/null") != 0) {  // NOLINT: a fixed text
+      GTEST_SKIP() << "gmsh is not installed: apt-get install gmsh";
+    }
   }
-}
+};
 
 /// The surface of a cube with corners at ±half_m.
 physics::TriangleMesh cube(double half_m) {
@@ -44,9 +50,9 @@ double volume_m3(const physics::TetrahedralMesh& mesh) {
   return sum;
 }
 
-std::string complaint(const physics::TriangleMesh& surface, double edge_m) {
+std::string complaint(const physics::TriangleMesh& surface, double edge_m, double limit_s = 600.0) {
   try {
-    static_cast<void>(volume_mesh_of(surface, {.edge_m = edge_m}, "cube.stl"));
+    static_cast<void>(volume_mesh_of(surface, {.edge_m = edge_m, .limit_s = limit_s}, "cube.stl"));
   } catch (const SetupError& error) {
     return error.what();
   }
@@ -54,8 +60,7 @@ std::string complaint(const physics::TriangleMesh& surface, double edge_m) {
 }
 
 // Faces are flat and edges sharper than 40 degrees stay, so the volume is exact: 0.1³ m³.
-TEST(VolumeMesh, FillsACubeWithEdgesOfTheGivenLength) {
-  skip_without_gmsh();
+TEST_F(VolumeMeshByGmsh, FillsACubeWithEdgesOfTheGivenLength) {
   if (IsSkipped()) return;
   const physics::TetrahedralMesh coarse = volume_mesh_of(cube(0.05), {.edge_m = 0.02}, "cube.stl");
   const physics::TetrahedralMesh fine = volume_mesh_of(cube(0.05), {.edge_m = 0.01}, "cube.stl");
@@ -70,8 +75,7 @@ TEST(VolumeMesh, FillsACubeWithEdgesOfTheGivenLength) {
   EXPECT_TRUE(physics::TriangleSurface(surface).is_closed());
 }
 
-TEST(VolumeMesh, KeepsTheGivenTriangles) {
-  skip_without_gmsh();
+TEST_F(VolumeMeshByGmsh, KeepsTheGivenTriangles) {
   if (IsSkipped()) return;
   const physics::TriangleMesh given = physics::surface_of(organ_mesh(2));
   const physics::TetrahedralMesh mesh =
@@ -95,13 +99,32 @@ TEST(VolumeMesh, RefusesEdgesThatMakeTooManyTetrahedra) {
               HasSubstr("makes more than a million tetrahedra; give at least 0.00204"));
 }
 
-TEST(VolumeMesh, SaysHowToGetGmsh) {
+/// What is said where $PATH has timeout(1) and, if it is not empty, this script as gmsh.
+std::string complaint_with(const std::string& script,
+                           const std::string& timeout = "/usr/bin/timeout") {
+  const test::TempFolder folder;
+  std::filesystem::create_symlink(timeout, folder.path() / "timeout");
+  if (!script.empty()) {
+    std::filesystem::permissions(folder.write("gmsh", script), std::filesystem::perms::owner_all);
+  }
   const std::string path = std::getenv("PATH");  // NOLINT: no other thread
-  setenv("PATH", "/nowhere", 1);                 // NOLINT: no other thread
-  const std::string said = complaint(cube(0.05), 0.02);
+  setenv("PATH", folder.path().c_str(), 1);      // NOLINT: no other thread
+  const std::string said = complaint(cube(0.05), 0.02, 0.2);
   setenv("PATH", path.c_str(), 1);  // NOLINT: no other thread
-  EXPECT_THAT(said, HasSubstr("gmsh is not installed"));
-  EXPECT_THAT(said, HasSubstr("apt-get install gmsh"));
+  return said;
+}
+
+TEST(VolumeMesh, SaysHowToGetGmsh) {
+  for (const char* timeout : {"/usr/bin/timeout", "/nowhere"}) {
+    const std::string said = complaint_with("", timeout);
+    EXPECT_THAT(said, HasSubstr("gmsh is not installed"));
+    EXPECT_THAT(said, HasSubstr("apt-get install gmsh"));
+  }
+}
+
+TEST(VolumeMesh, EndsAGmshThatDoesNotEnd) {
+  EXPECT_THAT(complaint_with("#!/bin/sh\nexec /bin/sleep 100\n"),
+              AllOf(HasSubstr("gmsh does not end within"), HasSubstr("try --given-surface")));
 }
 
 // One corner of a cube of 0.1 m: three right angles, and between the slanted face and the others
