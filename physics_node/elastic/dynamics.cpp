@@ -127,7 +127,8 @@ SearchReport Dynamics::balance(double h_s, const Obstacle* obstacle) {
   SearchLimits limits{.tolerance_m = settings_.tolerance_m,
                       .most_iterations = settings_.is_exact ? settings_.most_exact_iterations
                                                             : settings_.most_iterations,
-                      .slow_ratio = settings_.slow_ratio};
+                      .slow_ratio = settings_.slow_ratio,
+                      .slow_iterations = settings_.slow_iterations};
   int factors = 0;
   const auto refactor = [&](const VectorXd& at_m) {
     if (!settings_.is_exact || ++factors > settings_.most_factors) return false;

@@ -25,6 +25,7 @@ struct DynamicsSettings {
   int most_exact_iterations = 300;  ///< of an exact step
   int most_factors = 300;           ///< made within an exact step
   double slow_ratio = 0.3;          ///< see SearchLimits
+  int slow_iterations = 0;          ///< see SearchLimits
   /// Step control: a step is divided, at most into most_substeps, so that the estimated error of a
   /// part, h²|Δa|/12 (root mean square over the mass), stays below this. 0: steps are never
   /// divided.

@@ -118,13 +118,21 @@ SearchReport EquilibriumSearch::search(const Goal& goal, const SearchLimits& lim
   double value = evaluate(goal, x_m);
   ++report.evaluations;
   bool is_factor_new = false;
-  if (!factor.is_ready()) {
-    is_factor_new = refactor(x_m);
-    report.factorisations += is_factor_new ? 1 : 0;
-    if (!is_factor_new) {
-      report.is_finite = std::isfinite(value);
-      return report;
-    }
+  int slow = 0;               // iterations with this factor
+  double ratio_before = 0.0;  // of the residuals, one and two iterations before; 0: another factor
+  double ratio_before_that = 0.0;
+  const auto renew_factor = [&] {
+    if (!refactor(x_m)) return false;
+    ++report.factorisations;
+    is_factor_new = true;
+    slow = 0;
+    ratio_before = ratio_before_that = 0.0;
+    remembered_ = 0;
+    return true;
+  };
+  if (!factor.is_ready() && !renew_factor()) {
+    report.is_finite = std::isfinite(value);
+    return report;
   }
   const auto finish = [&] {
     report.value_joule = value;
@@ -183,10 +191,7 @@ SearchReport EquilibriumSearch::search(const Goal& goal, const SearchLimits& lim
       value = evaluate(goal, x_m);
       report.is_converged = correction <= limits.tolerance_m;
       report.remaining_m = correction;
-      if (is_factor_new || report.is_converged || !refactor(x_m)) break;
-      ++report.factorisations;
-      is_factor_new = true;
-      remembered_ = 0;
+      if (is_factor_new || report.is_converged || !renew_factor()) break;
       continue;
     }
     const double new_norm = gradient_.norm();
@@ -194,22 +199,21 @@ SearchReport EquilibriumSearch::search(const Goal& goal, const SearchLimits& lim
     norm = new_norm;
     x_m = trial_;
     const double moved = fraction * correction;
+    // the residual does not shrink evenly: the slowest of three iterations tells how fast
+    const double slowest = std::max({ratio, ratio_before, ratio_before_that});
+    ratio_before_that = ratio_before;
+    ratio_before = ratio;
     // at rest the residual of stiff modes may vanish while a soft one has a way to go
-    const double counted = goal.step_s > 0.0 ? ratio : std::max(ratio, kLeastRatioAtRest);
+    const double counted = goal.step_s > 0.0 ? slowest : std::max(slowest, kLeastRatioAtRest);
     report.remaining_m =
-        ratio < 0.99 && fraction == 1.0 ? moved * counted / (1.0 - ratio) : 100.0 * moved;
+        slowest < 0.99 && fraction == 1.0 ? moved * counted / (1.0 - slowest) : 100.0 * moved;
     if (report.remaining_m <= limits.tolerance_m) {
       report.is_converged = true;
       break;
     }
     if (ratio > limits.slow_ratio || fraction < 1.0) {
       report.is_factor_stale = true;
-      if (refactor(x_m)) {
-        ++report.factorisations;
-        is_factor_new = true;
-        remembered_ = 0;
-        continue;
-      }
+      if (slow++ >= limits.slow_iterations && renew_factor()) continue;
     }
     is_factor_new = false;
     // remember what this step told of the curvature

@@ -30,8 +30,10 @@ struct Goal {
 struct SearchLimits {
   double tolerance_m = 1e-7;  ///< of the estimated remaining correction of any node
   int most_iterations = 100;
-  /// A step that leaves more than this share of the residual asks for a new factor.
+  /// An iteration that leaves more than this share of the residual is slow: so many of them are
+  /// borne, then the next asks for a new factor. One costs as much as 5 to 70 iterations.
   double slow_ratio = 0.3;
+  int slow_iterations = 0;
   double longest_correction_m = 0.1;  ///< of a node in one iteration
 };
 

@@ -16,7 +16,9 @@ elastic::DynamicsSettings settings() {
           .tolerance_m = 2e-6,
           .is_exact = true,
           .most_exact_iterations = 100,
-          .most_factors = 4};
+          .most_factors = 4,
+          .slow_ratio = 0.9,
+          .slow_iterations = 4};
 }
 
 }  // namespace
