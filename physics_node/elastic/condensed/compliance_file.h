@@ -9,8 +9,8 @@
 
 namespace palpate::elastic {
 
-/// Hash of everything that the columns of the undeformed body depend on: mesh, materials, law, fixed
-/// nodes, the nodes of the surface, the version of the format.
+/// Hash of everything that the columns of the undeformed body depend on: mesh, materials, law,
+/// fixed nodes, the nodes of the surface, the version of the format.
 [[nodiscard]] std::uint64_t fingerprint_of(const SurfaceCompliance& compliance);
 
 /// Where to keep the columns: FOLDER/<fingerprint>.compliance.
