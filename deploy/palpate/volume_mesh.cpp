@@ -81,12 +81,14 @@ std::string script(const VolumeMeshing& meshing) {
   return text + "Mesh.Optimize = 1;\n";
 }
 
-// Exit status of timeout(1), part of every Debian.
+// Exit status of timeout(1), part of every Debian: ended at the limit; killed 5 s later, because
+// that did not end it; the program is not there.
 constexpr int kIsTooLong = 124;
+constexpr int kIsKilled = 137;
 constexpr int kIsNotThere = 127;
 
-[[noreturn]] void refuse_without_gmsh() {
-  throw SetupError("gmsh is not installed: the volume mesh is made by it; apt-get install gmsh");
+std::string log_of(const TempFolder& folder) {
+  return read_regular_file(folder.path() / kLogName, kMostBytes).bytes;
 }
 
 /// Runs gmsh in the folder; its output is in kLogName. @return exit status, kIsTooLong at the limit
@@ -126,16 +128,21 @@ int run_gmsh(const TempFolder& folder, double limit_s) {
   const int error =
       posix_spawnp(&pid, words.front().c_str(), &files, nullptr, arguments.data(), environ);
   posix_spawn_file_actions_destroy(&files);
-  if (error == ENOENT) refuse_without_gmsh();
-  if (error != 0) throw SetupError("timeout: " + std::generic_category().message(error));
+  if (error != 0)
+    throw SetupError("timeout, of coreutils: " + std::generic_category().message(error));
   int status = 0;
   while (waitpid(pid, &status, 0) < 0) {
     if (errno != EINTR) throw std::system_error(errno, std::generic_category(), "gmsh");
   }
   if (StopSignal::is_requested()) throw std::runtime_error("gmsh was interrupted");
   const int exit_status = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
-  if (exit_status == kIsNotThere) refuse_without_gmsh();
-  return exit_status;
+  if (exit_status == kIsNotThere) {
+    throw SetupError(
+        "gmsh is not installed or does not start; the volume mesh is made by it: apt-get install "
+        "gmsh\n" +
+        log_of(folder));
+  }
+  return exit_status == kIsKilled && WIFEXITED(status) ? kIsTooLong : exit_status;
 }
 
 /// The first error that gmsh reports, "" if there is none.
@@ -218,12 +225,12 @@ physics::TetrahedralMesh volume_mesh_of(const physics::TriangleMesh& surface,
       "another --edge-m, or mend the surface, for instance with MeshLab";
   const int status = run_gmsh(folder, meshing.limit_s);
   if (status == kIsTooLong) {
-    throw SetupError(file_name + ": gmsh does not end within " +
-                     std::to_string(std::lround(meshing.limit_s)) + " s (--limit-s); " +
+    std::array<char, 32> limit{};
+    std::snprintf(limit.data(), limit.size(), "%g", meshing.limit_s);
+    throw SetupError(file_name + ": gmsh does not end within " + limit.data() + " s (--limit-s); " +
                      other_ways);
   }
-  const std::string error =
-      first_error(read_regular_file(folder.path() / kLogName, kMostBytes).bytes);
+  const std::string error = first_error(log_of(folder));
   const FileContent result = read_regular_file(folder.path() / kResultName, kMostBytes);
   if (status != 0 || !error.empty() || !result.complaint.empty()) {
     throw SetupError(file_name + ": gmsh does not mesh it (exit status " + std::to_string(status) +

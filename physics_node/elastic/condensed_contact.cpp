@@ -13,7 +13,7 @@
 namespace palpate::elastic {
 namespace {
 
-// Of the compliance: beyond, another factor is due.
+// Of the compliance: an equilibrium that asks for more is none, the body moves.
 constexpr double kMostScale = 2.0;
 // Error of the compliance beyond the last equilibrium, where new points begin to touch.
 constexpr double kLeastBeyondRatio = 0.2;
@@ -198,13 +198,17 @@ void CondensedContact::add_equilibrium(const std::vector<SurfacePoint>& points, 
       more.surface_m[3 * row + k] = static_cast<float>(x_m[from] - first_m_[from]);
     }
   }
-  equilibria_.insert(place, std::move(more));
-  scale_compliance();
+  const auto added = equilibria_.insert(place, std::move(more));
+  if (!scale_compliance()) {
+    equilibria_.erase(added);
+    return;
+  }
   start_between(sum_of_forces_newton());
 }
 
-// Between the last two equilibria C shall do the work that the forces did.
-void CondensedContact::scale_compliance() {
+// Between the last two equilibria C shall do the work that the forces did: if it did less than half
+// of it, the force would alternate from step to step.
+bool CondensedContact::scale_compliance() {
   const Equilibrium& last = equilibria_.back();
   const Equilibrium& other = equilibria_[equilibria_.size() - 2];
   const Eigen::Index size = 3 * Eigen::Index{count_};
@@ -219,13 +223,14 @@ void CondensedContact::scale_compliance() {
       among_.data(), size, size, Eigen::OuterStride<>(static_cast<Eigen::Index>(stride_)));
   const double expected = force.dot(among.cast<double>() * force);
   const double found = force.dot(way);
-  if (!(expected > 0.0 && found > 0.0)) return;
-  const double scale = std::clamp(scale_ * found / expected, 1.0 / kMostScale, kMostScale);
+  const double scale = scale_ * found / expected;
+  if (!(scale >= 1.0 / kMostScale && scale <= kMostScale)) return false;
   const auto change = static_cast<float>(scale / scale_);
   for (float& value : among_) value *= change;
   for (float& value : onto_surface_) value *= change;
   scale_ = scale;
   last_way_newton_ = last.sum_newton - other.sum_newton;
+  return true;
 }
 
 void CondensedContact::start_between(double sum_newton) noexcept {

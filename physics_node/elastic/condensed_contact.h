@@ -96,7 +96,8 @@ class CondensedContact {
   /// One more equilibrium, with its forces, beside that of prepare(): a step starts from between
   /// the two whose sums of forces are the nearest, and the compliance is scaled so that it gives
   /// the work between the last two. On the slow thread, after prepare(). Allocates. Left out if it
-  /// has a force on a point that was not chosen, or as much force as one that is there.
+  /// has a force on a point that was not chosen, as much force as one that is there, or if the
+  /// compliance would have to change by more than a factor of two: then the body moves.
   void add_equilibrium(const std::vector<SurfacePoint>& points, const VectorXd& x_m,
                        const std::vector<Vector3d>& forces_on_body_newton);
 
@@ -138,7 +139,7 @@ class CondensedContact {
   [[nodiscard]] bool is_usable(const std::vector<Vector3d>& forces_on_body_newton) const;
   [[nodiscard]] double sum_of_forces_newton() const noexcept;
   void start_between(double sum_newton) noexcept;
-  void scale_compliance();
+  [[nodiscard]] bool scale_compliance();
 
   int count_ = 0;
   std::size_t stride_ = 0;  // floats per column of among_

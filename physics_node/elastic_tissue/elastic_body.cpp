@@ -166,9 +166,10 @@ std::shared_ptr<const ElasticBody> make_elastic_body(const TissueConfig& tissue,
   if (!material.gravity_m_per_s2.isZero(0.0)) {
     elastic::EquilibriumSearch search(*made->body);
     elastic::WarpedFactor factor(*made->body, elastic::Precision::kDouble);
-    const elastic::SearchReport report =
-        elastic::find_rest(search, factor, nullptr,
-                           {.tolerance_m = kRestTolerance_m, .slow_iterations = 8}, made->start_m);
+    const elastic::SearchReport report = elastic::find_rest(
+        search, factor, nullptr,
+        {.tolerance_m = kRestTolerance_m, .most_iterations = 1000, .slow_iterations = 8},
+        made->start_m);
     if (!report.is_converged || !report.is_finite) {
       throw SetupError(name +
                        "finds no rest position under gravity; is the mesh in metres "

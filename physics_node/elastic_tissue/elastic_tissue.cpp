@@ -15,6 +15,8 @@ namespace {
 constexpr int kMostPoints = elastic::CondensedContact::kMostPoints;
 constexpr int kMostSweeps = 40;
 constexpr double kSweepTolerance_m = 1e-7;
+// So many, before the first step with a new full solution, which is behind the tip.
+constexpr int kCatchUpSteps = 2;
 // A motion since the last full solution that is too short to tell an error per metre.
 constexpr double kShortWay_m = 2e-5;
 // The measured error is forgotten by this factor per solution in contact.
@@ -86,6 +88,10 @@ bool ElasticTissue::touch(std::size_t tool, const Vector3& tip_m, double reach_m
     // as deep as the law needs to be known, if the tip is not
     const double depth_m = std::max(penetration_m, kLeastDepth_m);
     const Vector3 centre_m = tip_m - (depth_m - penetration_m) * view.normal;
+    const bool is_new = std::exchange(own.stepped, prepared) != prepared;
+    for (int i = is_new ? kCatchUpSteps : 0; i > 0; --i) {
+      prepared->contact->step(centre_m, tip_radius_m_, kMostSweeps, kSweepTolerance_m);
+    }
     const Vector3 force =
         prepared->contact->step(centre_m, tip_radius_m_, kMostSweeps, kSweepTolerance_m)
             .force_on_sphere_newton +
@@ -129,13 +135,14 @@ void ElasticTissue::solve() {
   } else {
     ++figures_.skipped;
   }
-  try {
-    for (std::size_t i = 0; i < tools_.size(); ++i) {
-      // an untouched body at rest is prepared once
-      if (simulation_.touch(i).is_near && (has_stepped || !tools_[i]->last)) prepare(i);
+  for (std::size_t i = 0; i < tools_.size(); ++i) {
+    // an untouched body at rest is prepared once
+    if (!simulation_.touch(i).is_near || (!has_stepped && tools_[i]->last)) continue;
+    try {
+      prepare(i);
+    } catch (const std::runtime_error&) {  // NOLINT(bugprone-empty-catch)
+      // a part of the mesh is not held: there is no compliance, and the steps keep what they have
     }
-  } catch (const std::runtime_error&) {  // NOLINT(bugprone-empty-catch)
-    // a part of the mesh is not held: there is no compliance, and the steps keep what they have
   }
   figures_out_.store(figures_);
   show();

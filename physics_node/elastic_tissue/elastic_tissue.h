@@ -101,6 +101,7 @@ class ElasticTissue {
     Snapshot<Tip> tip;
     Handover<Prepared> prepared;
     // of the steps
+    const Prepared* stepped = nullptr;  // the last one
     SurfaceHint hint{};
     double stiffness_newton_per_m = 0.0;
     Vector3 normal = Vector3::UnitZ();

@@ -7,6 +7,7 @@
 #include <sched.h>
 #include <sys/ioctl.h>
 
+#include <array>
 #include <cstring>
 #include <functional>
 #include <memory>
@@ -349,7 +350,7 @@ TEST_F(WebServerTest, SilentReadersTogetherHoldNoMoreThanTheirLimit) {
   const std::size_t all_bytes = kReaders * 5 * scene->size();
   ASSERT_GT(all_bytes, 4 * kLimitBytes);
   EXPECT_TRUE(eventually([&] {
-    return server_->counters().clients * 5 * scene->size() <= kLimitBytes + 5 * scene->size();
+    return 5 * scene->size() * server_->counters().clients <= kLimitBytes + 5 * scene->size();
   })) << server_->counters().clients
       << " clients";
   EXPECT_GT(server_->counters().clients, 0u);
@@ -441,8 +442,8 @@ class Audience : public WebServerTest {
 };
 
 TEST_F(Audience, MayBeLargerThanSixteenAndIsLimited) {
-  std::vector<std::unique_ptr<WebClient>> clients;
-  for (int i = 0; i < 18; ++i) clients.push_back(viewer());
+  std::array<std::unique_ptr<WebClient>, 18> clients;
+  for (auto& client : clients) client = viewer();
   EXPECT_FALSE(connect()->open_web_socket());
   EXPECT_EQ(server_->counters().clients, 18u);
 }

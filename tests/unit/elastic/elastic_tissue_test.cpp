@@ -135,6 +135,34 @@ TEST_F(ElasticScene, SoItIsInADeepPress) {
   EXPECT_LT(std::sqrt(error2 / force2), 0.08);  // 0.16 without the untouched body
 }
 
+// A viscous body has not followed a tip that leaves fast: the force falls and does not alternate.
+TEST_F(ElasticScene, NoForceAlternatesBehindATipThatLeaves) {
+  for (const double viscosity_s : {0.005, 0.05, 0.1}) {
+    const SceneConfig scene = elastic_scene(file_, {.viscosity_s = viscosity_s});
+    const auto elastic = ElasticTissues::of(scene, 1, ElasticPace::kVirtual);
+    double before = 0.0;
+    double change_before = 0.0;
+    double largest = 0.0;
+    int turns = 0;  // of the change's sign, one after the other
+    int most_turns = 0;
+    for (int tick = 0; tick < 600; ++tick) {
+      const double time_s = kTick_s * tick;
+      SceneForce force;
+      elastic->step(0, tip_at(0.005 * std::sin(2.0 * std::numbers::pi * 1.5 * time_s)), time_s,
+                    kReach_m, force);
+      const double newton = force.force_on_tool_newton.z();
+      const double change = newton - before;
+      turns = change * change_before < 0.0 && std::abs(change) > 0.005 ? turns + 1 : 0;
+      most_turns = std::max(most_turns, turns);
+      largest = std::max(largest, newton);
+      before = newton;
+      change_before = change;
+    }
+    EXPECT_GT(largest, 0.3);
+    EXPECT_LE(most_turns, 2) << viscosity_s;  // when a full solution arrives
+  }
+}
+
 TEST_F(ElasticScene, OutOfReachAndAtRestNothingIsComputed) {
   const auto elastic = tissues();
   const Vector3 far(0.0, 0.0, 0.3);
