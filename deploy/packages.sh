@@ -4,6 +4,7 @@
 #
 #   deploy/packages.sh            to build and run
 #   deploy/packages.sh --tests    to build and run the tests too
+#   deploy/packages.sh --load     to run the tests on a busy machine too
 #   deploy/packages.sh --package  to make a Debian package too
 set -euo pipefail
 
@@ -16,11 +17,12 @@ packages=(
 )
 # npm builds the page of the viewer; a Node.js from elsewhere may contain it
 command -v npm >/dev/null || packages+=(nodejs npm)
-if [[ "${1:-}" == "--tests" ]]; then
+if [[ "${1:-}" == "--tests" || "${1:-}" == "--load" ]]; then
   packages+=(calculix-ccx chromium clang-format clang-tidy cvc5 fonts-liberation gnuplot-nox iproute2
     libbullet-dev libgmock-dev libgtest-dev libmujoco-dev libnanoflann-dev munge nginx python3-clang python3-numpy
     python3-pip python3-protobuf python3-zmq slurm-wlm z3)
 fi
+if [[ "${1:-}" == "--load" ]]; then packages+=(stress-ng); fi
 if [[ "${1:-}" == "--package" ]]; then packages+=(dpkg-dev); fi
 
 # On other systems CMake names what is missing.

@@ -91,7 +91,7 @@ void FalconEmulator::control(std::uint8_t request, std::uint16_t value) {
         image_.erase(image_.begin());
         state_.is_loaded = true;
         is_booting_ = false;
-        homing_since_ = {};
+        homing_since_s_.reset();
       }
       break;
     case FtdiRequest::kEventCharacter:
@@ -137,11 +137,9 @@ void FalconEmulator::answer(const FalconMessage& command) {
   std::uint8_t flags = 0;
   const WireFault fault = device_.fault();
   if (fault == WireFault::kSilent || !read_falcon_command(command, motors, flags)) return;
-  if ((flags & kFalconHoming) != 0 && homing_since_ == Steady::time_point{}) {
-    homing_since_ = Steady::now();
-  }
-  const bool is_homed =
-      homing_since_ != Steady::time_point{} && Steady::now() - homing_since_ >= state_.homing;
+  const double now_s = device_.now_s();
+  if ((flags & kFalconHoming) != 0 && !homing_since_s_) homing_since_s_ = now_s;
+  const bool is_homed = homing_since_s_ && now_s - *homing_since_s_ >= to_seconds(state_.homing);
   const DeviceSample sample = device_.switch_to(force_newton(motors));
   place(sample);
   FalconMessage message = falcon_answer({.encoders = encoders_,

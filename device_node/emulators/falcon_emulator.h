@@ -5,6 +5,7 @@
 #include <array>
 #include <chrono>
 #include <cstdint>
+#include <optional>
 #include <stop_token>
 #include <string>
 #include <vector>
@@ -72,7 +73,7 @@ class FalconEmulator {
 
   // the firmware
   std::vector<std::byte> command_;
-  Steady::time_point homing_since_{};
+  std::optional<double> homing_since_s_;  // of the device's clock, like State::homing
   FalconCounts encoders_{};
   Vector3 grip_m_;  // as the encoders say, frame of the device
 };

@@ -67,7 +67,7 @@ class Viewer {
   Viewer& operator=(const Viewer&) = delete;
 
   void await_data() const {
-    const auto deadline = std::chrono::steady_clock::now() + Program::kDeadline;
+    const auto deadline = std::chrono::steady_clock::now() + test::patience(Program::kAmple);
     while (messages == 0) {
       if (std::chrono::steady_clock::now() > deadline) throw SetupError("a page gets no data");
       std::this_thread::sleep_for(std::chrono::milliseconds(1));

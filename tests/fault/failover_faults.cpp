@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "tests/fault/pressing_session.h"
+#include "tests/support/machine/machine.h"
 #include "tests/support/run_folder.h"
 
 namespace palpate::test {
@@ -94,6 +95,7 @@ class Takeover : public testing::TestWithParam<FaultOfPhysics> {
 };
 
 TEST_P(Takeover, IsNotFeltWithAStandbyAndIsWithout) {
+  const QuietMachine machine;
   const Felt with = run({"physics.standby={}"},
                         [](const Felt& felt) { return felt.transparency >= kUnfeltTransparency; });
   const Felt without =
@@ -102,6 +104,7 @@ TEST_P(Takeover, IsNotFeltWithAStandbyAndIsWithout) {
   std::printf("| %s | %.3f | %.3f | %.1f µJ |\n", GetParam().name, with.transparency,
               without.transparency,
               1e6 * std::min(with.least_energy_joule, without.least_energy_joule));
+  if (!machine.may_check("what is felt of a takeover")) return;
   EXPECT_GE(with.transparency, kUnfeltTransparency);
   EXPECT_EQ(with.term, 1u);
   EXPECT_LT(without.transparency, kUnfeltTransparency) << "the bound above could not fail";

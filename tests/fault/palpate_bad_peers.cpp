@@ -22,6 +22,7 @@
 #include "common/link/telemetry_subscriber.h"
 #include "common/link/zmq_sender.h"
 #include "common/link/zmq_source.h"
+#include "tests/support/machine/machine.h"
 #include "tests/support/port.h"
 #include "tests/support/random_messages.h"
 #include "tests/support/raw_zmtp.h"
@@ -32,7 +33,7 @@ namespace {
 using namespace std::chrono_literals;
 using namespace test;
 
-constexpr Duration kLimit = 2s;
+constexpr auto kLimit = 2s;
 /// Each bad peer listens for this long at least.
 constexpr Duration kPresent = 400ms;
 constexpr RealtimeConfig kOrdinary{.priority = 0, .cpu = -1};
@@ -372,6 +373,7 @@ INSTANTIATE_TEST_SUITE_P(Links, BadPeers, testing::ValuesIn(bad_peers()), name_o
 
 TEST_P(BadPeers, AreReplacedByTheNode) {
   const BadPeer& bad = GetParam();
+  const QuietMachine machine;
   const LinkKeys keys = new_keys();
   const TcpRules good_rules = bad.with_keys ? rules(keys) : TcpRules{};
   const TcpRules other_rules = bad.kind == BadPeer::Kind::kKeys ? rules(new_keys()) : TcpRules{};
@@ -414,7 +416,7 @@ TEST_P(BadPeers, AreReplacedByTheNode) {
     while (clock.now() < deadline && !is_done()) std::this_thread::sleep_for(500us);
   };
   const TimePoint present_until = clock.now() + kPresent;
-  run_until(present_until + 5s, [&] {
+  run_until(present_until + patience(5s), [&] {
     bool is_done = clock.now() >= present_until;
     for (Tested& t : tested) {
       static_cast<void>(t.link->passes());
@@ -430,9 +432,10 @@ TEST_P(BadPeers, AreReplacedByTheNode) {
     t.other_node.reset();
   }
   const TimePoint begin = clock.now();
+  const TimePoint deadline = begin + patience(kLimit);
   for (std::size_t i = 0; i < tested.size(); ++i) {
     // libzmq releases a port shortly after closing
-    run_until(begin + kLimit, [&] {
+    run_until(deadline, [&] {
       try {
         tested[i].link->bind(nodes, tested[i].endpoint);
         return true;
@@ -441,7 +444,7 @@ TEST_P(BadPeers, AreReplacedByTheNode) {
       }
     });
   }
-  run_until(begin + kLimit, [&] {
+  run_until(deadline, [&] {
     bool is_done = true;
     for (std::size_t i = 0; i < tested.size(); ++i) {
       if (!row.back[i] && tested[i].link->passes()) row.back[i] = clock.now() - begin;
@@ -451,7 +454,10 @@ TEST_P(BadPeers, AreReplacedByTheNode) {
   });
 
   for (std::size_t i = 0; i < tested.size(); ++i) {
-    EXPECT_TRUE(row.back[i]) << kLinkNames[i] << " does not come back";
+    ASSERT_TRUE(row.back[i]) << kLinkNames[i] << " does not come back";
+    if (*row.back[i] < kLimit || machine.may_check("back within 2 s")) {
+      EXPECT_LT(*row.back[i], kLimit) << kLinkNames[i];
+    }
   }
   table().push_back(row);
 }

@@ -105,10 +105,33 @@ class Processes : public testing::Test {
     const std::string pid = launch.await_err("event=node_started node=" + node + " pid=", count);
     return pid.empty() ? 0 : std::stoi(pid);
   }
+  /// Waits until the program has printed the text to stdout.
+  static bool shows(const Program& program, const std::string& text) {
+    return test::await([&] { return program.out().find(text) != std::string::npos; });
+  }
   static void kill_node(Program& launch, const std::string& node) {
     const pid_t pid = node_of(launch, node);
     ASSERT_GT(pid, 1);
     kill(pid, SIGKILL);
+  }
+
+  /// Waits until the median force in the newest `rows` rows of a viewer's table is the expected one
+  /// and as many came before them: a busy machine may interrupt a press. @return the last median
+  static double rendered_newton(const std::string& csv, std::size_t rows, double expected_newton,
+                                double tolerance_newton) {
+    double newton = kNaN;
+    std::uintmax_t bytes = 0;
+    test::await([&] {
+      std::error_code error;
+      const std::uintmax_t now_bytes = fs::file_size(csv, error);
+      if (error || now_bytes == bytes) return false;
+      bytes = now_bytes;
+      const std::vector<double> fs_z = column(text_of(csv), "fs_z");
+      if (fs_z.size() <= 2 * rows) return false;
+      newton = median({fs_z.end() - static_cast<std::ptrdiff_t>(rows), fs_z.end()});
+      return std::abs(newton - expected_newton) <= tolerance_newton;
+    });
+    return newton;
   }
 
   test::RunFolder run_folder_;
@@ -120,74 +143,89 @@ class Processes : public testing::Test {
 
 // The default session with an inclusion so viscous that the clamp has to act.
 TEST_F(Processes, TheDefaultSessionIsRenderedClampedAndSummarised) {
-  const Outcome launch = run_program(
-      "palpate", {"launch", kDefault, "--seconds", "3", "--json", file("run.json"), "--no-viewer",
-                  "--set", "scene.tissue[1].kelvin_voigt.damping_newton_s_per_m=300"});
+  const test::QuietMachine machine;
+  Program launch("palpate", {"launch", kDefault, "--json", file("run.json"), "--no-viewer", "--set",
+                             "scene.tissue[1].kelvin_voigt.damping_newton_s_per_m=300"});
+  ProcessLinks links({.priority = 0, .cpu = -1});
+  Watcher watcher(load_session(kDefault), links);
+  EXPECT_TRUE(watcher.until([&] {
+    return watcher.mirror().mofc_counters().contact_ticks > 0 &&
+           watcher.mirror().mofc_counters().clamped_ticks > 0 &&
+           watcher.mirror().device_counters().max_force_newton > 0.1 &&
+           watcher.mirror().physics_counters().meshes_skipped > 30;
+  })) << launch.err();
+  launch.send_signal(SIGTERM);
 
-  EXPECT_EQ(launch.status, 0) << launch.err;
+  EXPECT_EQ(launch.wait(), 0) << launch.err();
   const json run = json::parse(text_of(file("run.json")));
   EXPECT_GT(run["in_contact_ticks"], 0);
   EXPECT_GT(run["clamped_ticks"], 0);
-  EXPECT_GT(run["answered_ratio"], 0.5);  // also on a busy machine
+  EXPECT_GT(run["answered_ratio"], 0.0);
+  if (machine.may_check("most ticks answered")) {
+    EXPECT_GT(run["answered_ratio"], 0.5);
+  }
   EXPECT_GE(run["min_true_energy_j"], -1e-6);
   EXPECT_GT(run["max_force_n"], 0.1);
   EXPECT_GT(run["meshes_skipped"], 30);  // no viewer is connected: 30 per second
   EXPECT_EQ(run["mesh_frames"], 0);
   for (const char* node : {"physics", "mofc", "device"}) EXPECT_EQ(run["restarts"][node], 0);
-  EXPECT_THAT(launch.out, AllOf(HasSubstr("answered in time"), HasSubstr("clamped")));
-  EXPECT_THAT(launch.err, Not(HasSubstr("rejected")));
+  EXPECT_THAT(launch.out(), AllOf(HasSubstr("answered in time"), HasSubstr("clamped")));
+  EXPECT_THAT(launch.err(), Not(HasSubstr("rejected")));
   expect_nothing_left_of_a_launch();
 }
 
 TEST_F(Processes, LaunchWritesOneRowPerDeviceTick) {
-  const Outcome launch =
-      run_program("palpate", {"launch", press_, "--seconds", "1.5", "--json", file("run.json"),
-                              "--csv", file("run.csv"), "--no-viewer"});
-  ASSERT_EQ(launch.status, 0) << launch.err;
+  // at 1 kHz: launch writes a thousand rows at a time
+  Program launch("palpate",
+                 {"launch", press_, "--json", file("run.json"), "--csv", file("run.csv"),
+                  "--no-viewer", "--set", "device.rate_hz=1000", "--set", "device.lease_us=2000"});
+  ProcessLinks links({.priority = 0, .cpu = -1});
+  Watcher watcher(load_session(press_), links);
+  std::size_t rows = 0;
+  EXPECT_TRUE(watcher.until([&] {
+    const std::string csv = text_of(file("run.csv"));
+    rows = static_cast<std::size_t>(std::count(csv.begin(), csv.end(), '\n'));
+    // a subscriber misses the beginning
+    return rows > 0 && 2 * rows >= watcher.mirror().device_counters().loop.ticks + 100;
+  })) << rows
+      << " rows of " << watcher.mirror().device_counters().loop.ticks << " ticks";
+  launch.send_signal(SIGTERM);
+  ASSERT_EQ(launch.wait(), 0) << launch.err();
 
   const std::vector<double> t_s = column(text_of(file("run.csv")), "t_s");
 
   EXPECT_TRUE(std::is_sorted(t_s.begin(), t_s.end()));
   const json run = json::parse(text_of(file("run.json")));
   EXPECT_LE(t_s.size(), run["ticks"].get<std::size_t>());
-  EXPECT_GE(t_s.size(), run["ticks"].get<std::size_t>() / 2);  // a subscriber misses the beginning
+  EXPECT_GE(t_s.size() + 1, rows);  // with the header
 }
 
 // Two springs in series, hand 400 N/m and tissue k: 5 mm · 400·k / (400 + k). 800 N/m gives
 // 1.333 N, and the stiction's 0.1 N moves that by 0.1 N · 800 / 1200 at most.
 TEST_F(Processes, TheStiffnessInTheSessionOfPhysicsAloneChangesTheRenderedForce) {
-  const auto rendered_newton = [&](const Arguments& physics_settings) {
-    const std::string csv = file("rendered.csv");
+  const auto expect_rendered = [&](const std::string& name, double newton, double tolerance_newton,
+                                   const Arguments& physics_settings) {
+    const std::string csv = file(name);
     Arguments physics_arguments{"--session", press_};
     physics_arguments.insert(physics_arguments.end(), physics_settings.begin(),
                              physics_settings.end());
     Program physics("physics_node", physics_arguments);
     Program mofc("mofc_node", {"--session", press_});
     Program device("device_node", {"--session", press_});
-    Program viewer("viewer_node", {"--session", press_, "--csv", csv, "--overwrite", "--quiet"});
+    Program viewer("viewer_node", {"--session", press_, "--csv", csv, "--quiet"});
 
-    // at rest: oscillations have decayed after 1 s (2 m / b = 0.06 s)
-    const Session session = load_session(press_);
-    ProcessLinks links({.priority = 0, .cpu = -1});
-    Watcher watcher(session, links);
-    EXPECT_TRUE(watcher.until([&] {
-      return !watcher.rows().empty() && watcher.rows().back().mofc &&
-             watcher.rows().back().mofc->is_in_contact;
-    }));
-    EXPECT_TRUE(watcher.until_rows(400));
+    // at rest: oscillations have decayed after 1 s, 200 rows (2 m / b = 0.06 s)
+    EXPECT_NEAR(rendered_newton(csv, 200, newton, tolerance_newton), newton, tolerance_newton);
 
     for (Program* node : {&viewer, &device, &mofc, &physics}) {
       node->send_signal(SIGTERM);
       EXPECT_EQ(node->wait(), 0) << node->err();
     }
-    const std::vector<double> fs_z = column(text_of(csv), "fs_z");
-    EXPECT_GE(fs_z.size(), 300u);
-    return median({fs_z.end() - std::min<std::ptrdiff_t>(200, std::ssize(fs_z)), fs_z.end()});
   };
 
-  EXPECT_NEAR(rendered_newton({}), test::kRestingNewton, test::kStictionNewton + 0.01);
-  EXPECT_NEAR(rendered_newton({"--set", "scene.tissue[0].kelvin_voigt.stiffness_newton_per_m=800"}),
-              4.0 / 3.0, 0.1 * 800.0 / 1200.0 + 0.01);
+  expect_rendered("soft.csv", test::kRestingNewton, test::kStictionNewton + 0.01, {});
+  expect_rendered("stiff.csv", 4.0 / 3.0, 0.1 * 800.0 / 1200.0 + 0.01,
+                  {"--set", "scene.tissue[0].kelvin_voigt.stiffness_newton_per_m=800"});
   expect_nothing_left();
 }
 
@@ -233,42 +271,58 @@ TEST_F(NodeUnderLaunch, KilledPhysicsIsReportedAndRestartedAndTheForceReturns) {
 }
 
 TEST_F(NodeUnderLaunch, AKilledDeviceComesBackLimp) {
-  const std::uint64_t first_session = watcher_.rows().back().device_session_id;
-  kill_node(launch_, "device");
-
-  launch_.await_err("event=node_died node=device");
-  ASSERT_TRUE(watcher_.until([&] {
-    return watcher_.rows().back().device_session_id != first_session && rests_in_tissue(watcher_);
-  }));
-
-  const auto begin =
-      std::find_if(watcher_.rows().begin(), watcher_.rows().end(),
-                   [&](const auto& row) { return row.device_session_id != first_session; });
-  EXPECT_LT(begin->device.sequence, 60u) << "the beginning, when it is limp, was not seen";
-  // the start ramp of the session: 0 at first, at most the elapsed share of the ramp later
-  const double ramp_s = to_seconds(load_session(press_).side().device.start_ramp);
+  const test::QuietMachine machine;
+  const DeviceConfig device = load_session(press_).side().device;
+  const double ramp_s = to_seconds(device.start_ramp);
   ASSERT_GT(ramp_s, 0.0);
   const double peak_newton = 3.3;
+
+  // again if its beginning, when it is limp, was not seen
+  int kills = 0;
   int in_ramp = 0;
-  TimePoint ramp_from = begin->device.sampled_at;
-  bool is_answered = false;
-  for (auto row = begin; row != watcher_.rows().end(); ++row) {
-    if (!row->device.is_answered && !is_answered) {
-      EXPECT_EQ(row->device.force_on_hand_newton, Vector3::Zero().eval());
-      ramp_from = row->device.sampled_at;  // an answer withdrawn for a late switch begins the ramp
+  while (in_ramp == 0 && kills < 10) {
+    const std::uint64_t killed_session = watcher_.rows().back().device_session_id;
+    const auto is_new = [&](const TickRow& row) { return row.device_session_id != killed_session; };
+    const auto before = static_cast<std::ptrdiff_t>(watcher_.rows().size());
+    const pid_t pid = node_of(launch_, "device", ++kills);
+    ASSERT_GT(pid, 1);
+    kill(pid, SIGKILL);
+    launch_.await_err("event=node_died node=device", kills);
+    ASSERT_TRUE(watcher_.until(
+        [&] { return is_new(watcher_.rows().back()) && rests_in_tissue(watcher_); }));
+
+    const auto end = watcher_.rows().end();
+    auto row = std::find_if(watcher_.rows().begin() + before, end, is_new);
+    // an answer withdrawn for a late switch is limp, too, but continues its ramp
+    if (row->device.guard != GuardState::kLimp ||
+        watcher_.mirror().device_counters().late_switches > 0) {
       continue;
     }
-    is_answered = true;
-    const double share = to_seconds(row->device.switched_at - ramp_from) / ramp_s;
-    if (share >= 1.0) break;
-    EXPECT_LE(row->device.force_on_hand_newton.norm(), peak_newton * share + 1e-9);
-    ++in_ramp;
+    // the start ramp of the session: 0 at first, at most the elapsed share of the ramp later
+    TimePoint ramp_from = row->device.sampled_at;
+    TimePoint answered_at = ramp_from;
+    for (; row != end; ++row) {
+      const DeviceTick& tick = row->device;
+      if (tick.guard == GuardState::kLimp && in_ramp == 0) {
+        EXPECT_EQ(tick.force_on_hand_newton, Vector3::Zero().eval());
+        ramp_from = answered_at = tick.sampled_at;
+        continue;
+      }
+      // an answer after the lease has ended begins a shorter ramp
+      if (tick.switched_at - answered_at > device.lease) break;
+      const double share = to_seconds(tick.switched_at - ramp_from) / ramp_s;
+      if (share >= 1.0) break;
+      EXPECT_LE(tick.force_on_hand_newton.norm(), peak_newton * share + 1e-9);
+      ++in_ramp;
+      if (tick.is_answered) answered_at = tick.switched_at;
+    }
   }
-  EXPECT_GT(in_ramp, 0);
-  EXPECT_EQ(summary()["restarts"], json({{"physics", 0}, {"mofc", 0}, {"device", 1}}));
+  EXPECT_TRUE(in_ramp > 0 || !machine.may_check("a restarted device begins limp"));
+  EXPECT_EQ(summary()["restarts"], json({{"physics", 0}, {"mofc", 0}, {"device", kills}}));
 }
 
 TEST_F(NodeUnderLaunch, WhenMofcIsKilledTheDeviceFallsBackAndThenRecovers) {
+  const test::QuietMachine machine;
   const DeviceCounters before = watcher_.mirror().device_counters();
   kill_node(launch_, "mofc");
 
@@ -276,7 +330,10 @@ TEST_F(NodeUnderLaunch, WhenMofcIsKilledTheDeviceFallsBackAndThenRecovers) {
   EXPECT_TRUE(watcher_.until(
       [&] { return watcher_.mirror().mofc_link().sessions == 2 && rests_in_tissue(watcher_); }));
   const DeviceCounters& after = watcher_.mirror().device_counters();
-  EXPECT_GT(after.fallback_ticks, before.fallback_ticks);
+  EXPECT_GT(after.fallback_ticks + after.limp_ticks, before.fallback_ticks + before.limp_ticks);
+  if (machine.may_check("a tick between the lease and limp")) {
+    EXPECT_GT(after.fallback_ticks, before.fallback_ticks);
+  }
   const double coulomb_newton = load_session(press_).side().device.profile.coulomb_newton;
   for (const TickRow& row : watcher_.rows()) {
     const double force_newton = row.device.force_on_hand_newton.norm();
@@ -307,10 +364,12 @@ TEST_F(NodeUnderLaunch, ANodeThatWasSuspendedContinuesWithoutARestart) {
 // --- the end --------------------------------------------------------------------------------
 
 TEST_F(Processes, CtrlCStopsAllInOrderAndTheSummaryIsPrinted) {
+  const test::QuietMachine machine;
   Program launch("palpate", {"launch", kDefault, "--csv", file("run.csv")});
   for (const char* peer : {"force_command", "device_state", "interaction", "tool_motion"}) {
     launch.await_err(std::string("event=peer_up link=") + peer);
   }
+  launch.await_err("event=web url=");
   // launch itself has received telemetry
   ASSERT_TRUE(test::await([&] { return lines_of(text_of(file("run.csv"))).size() > 1; }));
 
@@ -319,9 +378,14 @@ TEST_F(Processes, CtrlCStopsAllInOrderAndTheSummaryIsPrinted) {
   EXPECT_EQ(launch.wait(), 0) << launch.err();
   const std::string log = launch.err();
   std::vector<std::size_t> ends;
-  for (const char* node : {"device", "mofc", "physics", "viewer"}) {
-    ends.push_back(
-        log.find(std::string("event=node_stopped node=") + node + " how=\"exit status 0\""));
+  for (const std::string node : {"device", "mofc", "physics", "viewer"}) {
+    // launch gives each 2 s
+    const std::size_t killed_at = log.find("event=node_killed node=" + node);
+    const bool may_be_killed =
+        killed_at != std::string::npos && !machine.may_check(node + " ends in time");
+    ends.push_back(may_be_killed
+                       ? killed_at
+                       : log.find("event=node_stopped node=" + node + " how=\"exit status 0\""));
     EXPECT_NE(ends.back(), std::string::npos) << log;
   }
   EXPECT_TRUE(std::is_sorted(ends.begin(), ends.end())) << log;
@@ -348,14 +412,16 @@ TEST_F(Processes, ALaunchAfterAKilledOneStartsAsUsual) {
     ASSERT_TRUE(test::all_children_end(5s));
   }
 
-  const Outcome again =
-      run_program("palpate", {"launch", kDefault, "--no-viewer", "--seconds", "0.5"});
+  Program again("palpate", {"launch", kDefault, "--no-viewer"});
+  again.await_err("event=peer_up link=interaction");
+  again.send_signal(SIGTERM);
 
-  EXPECT_EQ(again.status, 0) << again.err;
+  EXPECT_EQ(again.wait(), 0) << again.err();
   expect_nothing_left_of_a_launch();
 }
 
 TEST_F(Processes, ANormalRunLogsNoWarning) {
+  const test::QuietMachine machine;
   const Outcome launch =
       run_program("palpate", {"launch", kDefault, "--seconds", "1", "--no-viewer", "--set",
                               "realtime={ priority: 0 cpu: -1 }"});
@@ -367,7 +433,10 @@ TEST_F(Processes, ANormalRunLogsNoWarning) {
                          line.find("event=fallback_") != std::string::npos ||
                          line.find("event=interaction_stale_") != std::string::npos ||
                          line.find("event=motions_dropped") != std::string::npos;
-    EXPECT_TRUE(is_load || line.find(" info ") != std::string::npos) << line;
+    if (is_load || line.find(" info ") != std::string::npos) continue;
+    const bool may_be_load = line.find("event=switch_late") != std::string::npos ||
+                             line.find("event=node_killed") != std::string::npos;
+    EXPECT_TRUE(may_be_load && !machine.may_check(line)) << line;
   }
 }
 
@@ -387,29 +456,19 @@ TEST_F(Processes, ViewersMayComeLateAndLeaveEarly) {
   };
   EXPECT_TRUE(sees("leaves.csv"));
   EXPECT_TRUE(sees("dies.csv"));
+  EXPECT_TRUE(shows(leaves, " Hz  "));
   leaves.send_signal(SIGINT);
   EXPECT_EQ(leaves.wait(), 0) << leaves.err();
-  EXPECT_THAT(leaves.out(), HasSubstr(" Hz  "));
   dies.send_signal(SIGKILL);
   dies.wait();
-  // again as long as a busy machine interrupts the press meanwhile
-  Outcome last;
-  for (int attempt = 0; attempt < 5; ++attempt) {
-    ASSERT_TRUE(watcher.until([&] { return rests_in_tissue(watcher); }));
-    const std::size_t begin = watcher.rows().size();
-    last = run_program("viewer_node",
-                       {"--session", press_, "--csv", file("last.csv"), "--seconds", "1"});
-    ASSERT_EQ(last.status, 0) << last.err;
-    ASSERT_TRUE(watcher.until_rows(1));
-    const auto rested = std::count_if(watcher.rows().begin() + static_cast<std::ptrdiff_t>(begin),
-                                      watcher.rows().end(),
-                                      [](const TickRow& row) { return rests_in_tissue(row); });
-    if (4 * rested > 3 * static_cast<std::ptrdiff_t>(watcher.rows().size() - begin)) break;
-  }
+  Program last("viewer_node", {"--session", press_, "--csv", file("last.csv")});
+  const double tolerance_newton = test::kStictionNewton + 0.01;
+  EXPECT_NEAR(rendered_newton(file("last.csv"), 100, test::kRestingNewton, tolerance_newton),
+              test::kRestingNewton, tolerance_newton);
+  EXPECT_TRUE(shows(last, "contact"));
+  last.send_signal(SIGINT);
+  EXPECT_EQ(last.wait(), 0) << last.err();
 
-  EXPECT_NEAR(median(column(text_of(file("last.csv")), "fs_z")), test::kRestingNewton,
-              test::kStictionNewton + 0.01);
-  EXPECT_THAT(last.out, HasSubstr("contact"));
   ASSERT_TRUE(watcher.until_rows(100));
   EXPECT_TRUE(watcher.until([&] { return rests_in_tissue(watcher); }));
   launch.send_signal(SIGTERM);
@@ -419,10 +478,13 @@ TEST_F(Processes, ViewersMayComeLateAndLeaveEarly) {
 }
 
 TEST_F(Processes, AViewerWithoutNodesReportsThatAndEndsInTime) {
-  const Outcome viewer = run_program("viewer_node", {"--session", press_, "--seconds", "0.3"});
-
-  EXPECT_EQ(viewer.status, 0) << viewer.err;
-  EXPECT_THAT(viewer.out, HasSubstr("device: not heard yet"));
+  Program viewer("viewer_node", {"--session", press_});
+  EXPECT_TRUE(shows(viewer, "device: not heard yet"));
+  viewer.send_signal(SIGTERM);
+  EXPECT_EQ(viewer.wait(), 0) << viewer.err();
+  // its time may be over before its first status
+  const Outcome timed = run_program("viewer_node", {"--session", press_, "--seconds", "0.3"});
+  EXPECT_EQ(timed.status, 0) << timed.err;
   expect_nothing_left();
 }
 
@@ -646,9 +708,13 @@ TEST_F(Processes, ASummaryOnStandardOutputIsTheOnlyOutput) {
       run_program("palpate", {"loopback", kDefault, "--seconds", "0.1", "--json", "-"});
   EXPECT_EQ(json::parse(loopback.out)["ticks"], 100);
 
-  const Outcome launch =
-      run_program("palpate", {"launch", press_, "--seconds", "2", "--json", "-"});
-  EXPECT_GT(json::parse(launch.out)["ticks"], 20);
+  Program launch("palpate", {"launch", press_, "--json", "-"});
+  ProcessLinks links({.priority = 0, .cpu = -1});
+  Watcher watcher(load_session(press_), links);
+  EXPECT_TRUE(watcher.until_rows(200)) << launch.err();
+  launch.send_signal(SIGTERM);
+  EXPECT_EQ(launch.wait(), 0) << launch.err();
+  EXPECT_GT(json::parse(launch.out())["ticks"], 20);
 }
 
 TEST_F(Processes, LoopbackGivesTheSameBytesForTheSameSeed) {

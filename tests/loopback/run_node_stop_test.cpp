@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "common/process/run_node.h"
+#include "tests/support/machine/machine.h"
 #include "tests/support/temp_folder.h"
 
 namespace palpate {
@@ -23,20 +24,21 @@ class RunNodeStop : public testing::Test {
     arguments.insert(arguments.end(), extra.begin(), extra.end());
     std::vector<char*> argv;
     for (std::string& argument : arguments) argv.push_back(argument.data());
-    return run_node(
-        static_cast<int>(argv.size()), argv.data(),
-        {.name = "fake", .description = "A node of this test"}, [&](NodeContext& context) {
-          when_running();
-          std::mutex mutex;
-          std::unique_lock lock(mutex);
-          std::condition_variable_any stopped;
-          stopped.wait_for(lock, context.stop, std::chrono::seconds(20), [] { return false; });
-          was_stopped_ = context.stop.stop_requested();
-        });
+    return run_node(static_cast<int>(argv.size()), argv.data(),
+                    {.name = "fake", .description = "A node of this test"},
+                    [&](NodeContext& context) {
+                      when_running();
+                      std::mutex mutex;
+                      std::unique_lock lock(mutex);
+                      std::condition_variable_any stopped;
+                      stopped.wait_for(lock, context.stop, test::patience(std::chrono::seconds(20)),
+                                       [] { return false; });
+                      was_stopped_ = context.stop.stop_requested();
+                    });
   }
 
   void wait_for(const std::atomic<std::uint32_t>& requests, std::uint32_t count) {
-    const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+    const auto end = std::chrono::steady_clock::now() + test::patience(std::chrono::seconds(20));
     while (requests < count && std::chrono::steady_clock::now() < end) std::this_thread::yield();
     EXPECT_EQ(requests, count);
   }

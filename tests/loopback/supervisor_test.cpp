@@ -27,6 +27,7 @@
 #include "common/core/check.h"
 #include "common/session/session_file.h"
 #include "deploy/launch/launch.h"
+#include "tests/support/machine/machine.h"
 #include "tests/support/run_folder.h"
 #include "tests/support/temp_folder.h"
 
@@ -41,7 +42,7 @@ using testing::HasSubstr;
 using testing::Not;
 using testing::StartsWith;
 
-constexpr auto kDeadline = seconds(20);
+const auto kDeadline = test::patience(seconds(20));
 
 class Launch : public testing::Test {
  protected:
@@ -247,7 +248,7 @@ TEST_F(Launch, ANodeThatNeverCameUpMeansFailure) {
   let("physics_node", "fails");
   LaunchOptions options = this->options();
   options.timing.first_back_off = milliseconds(3'600'000);  // dead when the time is up
-  options.seconds = 1.0;
+  options.seconds = std::chrono::duration<double>(test::patience(milliseconds(250))).count();
   start_launcher(options);
   started_nodes(2);
 
@@ -260,7 +261,7 @@ TEST_F(Launch, ANodeThatNeverCameUpMeansFailure) {
 TEST_F(Launch, ANodeThatDoesNotStopIsKilledAfterTheGrace) {
   let("mofc_node", "does_not_stop");
   LaunchOptions options = this->options();
-  options.timing.stop_grace = milliseconds(50);
+  options.timing.stop_grace = test::patience(milliseconds(125));  // the good ones end in time
   start_launcher(options);
   started_nodes(3);
 

@@ -51,7 +51,7 @@ class WebServerTest : public testing::Test {
                      R"(,"channelId":)" + std::to_string(channel) + "}]}");
   }
   [[nodiscard]] bool eventually(const std::function<bool()>& event) const {
-    const auto deadline = std::chrono::steady_clock::now() + 10s;
+    const auto deadline = std::chrono::steady_clock::now() + test::patience(10s);
     while (!event()) {
       if (std::chrono::steady_clock::now() > deadline) return false;
       std::this_thread::sleep_for(1ms);
@@ -146,7 +146,7 @@ TEST_F(WebServerTest, TellsWhoSubscribedAndWhoLeft) {
   EXPECT_EQ(events[0].kind, WebServer::Event::Kind::kLeft);
   EXPECT_EQ(events[0].client, id);
   EXPECT_FALSE(server_->has_subscriber(1));
-  EXPECT_EQ(server_->counters().clients, 0u);
+  EXPECT_TRUE(eventually([&] { return server_->counters().clients == 0; }));
 }
 
 TEST_F(WebServerTest, HandsOnOnlyTheNewestHandTargetOfAClient) {
@@ -319,10 +319,14 @@ TEST_F(WebServerTest, SlowRequestsDoNotKeepThePageAway) {
     slow.push_back(connect());
     slow.back()->send_raw("GET / HTTP/1.1\r\nHost: loc");
   }
+  const test::QuietMachine machine;
   for (int i = 0; i < 5; ++i) {
     const auto begin = std::chrono::steady_clock::now();
     expect_alive();
-    EXPECT_LT(std::chrono::steady_clock::now() - begin, 2s) << "it waits for others' deadline";
+    const auto took = std::chrono::steady_clock::now() - begin;
+    if (machine.may_check("others' deadlines are not waited for")) {
+      EXPECT_LT(took, 2s);
+    }
   }
 }
 
@@ -422,9 +426,17 @@ TEST(WebServerNetwork, OneAddressGets24ConnectionsAndAProxyAsManyAsThereAre) {
   std::thread([&] {
     is_permitted = enter_network_of_its_own();
     if (!is_permitted) return;
-    EXPECT_EQ(served_of_40({}), 24u);
     EXPECT_EQ(served_of_40({kOtherText}), 40u);
-    EXPECT_EQ(served_of_40({"10.77.0.4"}), 24u);
+    using Proxies = std::vector<std::string>;
+    for (const Proxies& proxies : {Proxies{}, Proxies{"10.77.0.4"}}) {
+      const test::QuietMachine machine;
+      const std::size_t served = served_of_40(proxies);
+      EXPECT_GE(served, 24u);
+      // 3 s after its request a connection leaves its place to another
+      if (served == 24 || machine.may_check("24 connections of one address")) {
+        EXPECT_EQ(served, 24u);
+      }
+    }
   }).join();
   if (!is_permitted) GTEST_SKIP() << "no network namespace permitted here";
 }
@@ -527,9 +539,13 @@ TEST_F(WebServerTest, EndsWithClientsConnectedAndDataOnItsWay) {
   ASSERT_TRUE(eventually([&] { return server_->has_subscriber(0); }));
   for (int i = 0; i < 50; ++i) server_->publish(0, 0, payload(std::string(100'000, 'x')));
 
+  const test::QuietMachine machine;
   const auto begin = std::chrono::steady_clock::now();
   server_.reset();
-  EXPECT_LT(std::chrono::steady_clock::now() - begin, 5s) << "it waits for its client";
+  const auto took = std::chrono::steady_clock::now() - begin;
+  if (machine.may_check("its clients are not waited for")) {
+    EXPECT_LT(took, 5s);
+  }
 
   std::size_t received = 0;
   while (client->next()) ++received;  // the rest was still on its way

@@ -10,6 +10,8 @@
 #include <csignal>
 #include <thread>
 
+#include "tests/support/machine/machine.h"
+
 namespace palpate::test {
 namespace {
 
@@ -66,11 +68,13 @@ bool Program::has_ended(int wait_options) {
   return true;
 }
 
-int Program::wait(std::chrono::milliseconds deadline) {
-  const auto end = steady_clock::now() + deadline;
+int Program::wait(std::chrono::milliseconds ample) {
+  const auto begin = steady_clock::now();
+  const auto end = begin + patience(ample);
   while (!has_ended(WNOHANG)) {
     if (steady_clock::now() > end) {
-      ADD_FAILURE() << name_ << " still runs after " << deadline.count() << " ms\n" << err();
+      const std::chrono::duration<double> waited = steady_clock::now() - begin;
+      ADD_FAILURE() << name_ << " still runs after " << waited.count() << " s\n" << err();
       kill(pid_, SIGKILL);
       has_ended(0);
       break;
@@ -84,7 +88,7 @@ std::string Program::out() const { return text_of(folder_.path() / "out"); }
 std::string Program::err() const { return text_of(folder_.path() / "err"); }
 
 std::string Program::await_err(const std::string& text, int count) {
-  const auto end = steady_clock::now() + kDeadline;
+  const auto end = steady_clock::now() + patience(kAmple);
   for (;;) {
     const bool is_last_try = has_ended(WNOHANG) || steady_clock::now() > end;
     const std::string printed = err();
@@ -103,8 +107,8 @@ std::string Program::await_err(const std::string& text, int count) {
   }
 }
 
-bool await(const std::function<bool()>& is_so, std::chrono::milliseconds deadline) {
-  const auto end = steady_clock::now() + deadline;
+bool await(const std::function<bool()>& is_so, std::chrono::milliseconds ample) {
+  const auto end = steady_clock::now() + patience(ample);
   while (!is_so()) {
     if (steady_clock::now() > end) return false;
     std::this_thread::sleep_for(kPollInterval);
@@ -123,8 +127,8 @@ Outcome run_program(const std::string& name, const std::vector<std::string>& arg
 
 void adopt_orphans() { prctl(PR_SET_CHILD_SUBREAPER, 1); }
 
-bool all_children_end(std::chrono::milliseconds deadline) {
-  const auto end = steady_clock::now() + deadline;
+bool all_children_end(std::chrono::milliseconds ample) {
+  const auto end = steady_clock::now() + patience(ample);
   for (;;) {
     const pid_t ended = waitpid(-1, nullptr, WNOHANG);
     if (ended == -1) return errno == ECHILD;

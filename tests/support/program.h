@@ -17,7 +17,8 @@ namespace palpate::test {
 /// reader. The destructor kills it if it still runs; so does the kernel if the test dies.
 class Program {
  public:
-  static constexpr auto kDeadline = std::chrono::seconds(30);
+  /// More than an idle machine needs for anything; every wait here has test::patience() for it.
+  static constexpr auto kAmple = std::chrono::seconds(30);
 
   /// @param name     of the program in the build's bin folder, or a path
   /// @param network  descriptor of its network namespace; −1: that of the test
@@ -29,16 +30,16 @@ class Program {
   [[nodiscard]] pid_t pid() const { return pid_; }
   void send_signal(int signal) const;
 
-  /// Waits for its end. At the deadline it is killed and the test fails.
+  /// Waits for its end. After test::patience(ample) it is killed and the test fails.
   /// @return exit status, or 128 + the signal that killed it
-  int wait(std::chrono::milliseconds deadline = kDeadline);
+  int wait(std::chrono::milliseconds ample = kAmple);
 
   /// What it has printed so far.
   [[nodiscard]] std::string out() const;
   [[nodiscard]] std::string err() const;
 
-  /// Waits until stderr contains `text` for the `count`-th time. The test fails if the deadline
-  /// passes or the program ends before.
+  /// Waits until stderr contains `text` for the `count`-th time. The test fails if that does not
+  /// happen or the program ends before.
   /// @return the rest of that line; "" on failure
   std::string await_err(const std::string& text, int count = 1);
 
@@ -52,9 +53,8 @@ class Program {
   bool has_ended_ = false;
 };
 
-/// Waits until `is_so()`; false at the deadline.
-bool await(const std::function<bool()>& is_so,
-           std::chrono::milliseconds deadline = Program::kDeadline);
+/// Waits until `is_so()`; false after test::patience(ample).
+bool await(const std::function<bool()>& is_so, std::chrono::milliseconds ample = Program::kAmple);
 
 struct Outcome {
   int status = -1;
@@ -67,7 +67,8 @@ Outcome run_program(const std::string& name, const std::vector<std::string>& arg
 /// From now on, processes whose parent ends become children of this process instead of init's, so
 /// that a test sees orphans that a program leaves behind.
 void adopt_orphans();
-/// Waits until no child of this process is left, including orphans; false at the deadline.
-bool all_children_end(std::chrono::milliseconds deadline = Program::kDeadline);
+/// Waits until no child of this process is left, including orphans; false after
+/// test::patience(ample).
+bool all_children_end(std::chrono::milliseconds ample = Program::kAmple);
 
 }  // namespace palpate::test

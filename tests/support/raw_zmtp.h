@@ -9,9 +9,12 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <chrono>
 #include <cstdint>
 #include <string>
 #include <string_view>
+
+#include "tests/support/machine/machine.h"
 
 namespace palpate::test {
 
@@ -77,7 +80,7 @@ class RawStream {
   /// The other end has closed the connection.
   [[nodiscard]] bool was_closed() const { return was_closed_; }
   /// Blocks until everything is written; false if the other end closed the connection or has read
-  /// nothing for kPatienceSeconds.
+  /// nothing for test::patience(kAmple).
   bool write(std::string_view bytes) {
     while (is_open_ && !bytes.empty()) {
       const ssize_t n = ::send(descriptor_, bytes.data(), bytes.size(), MSG_NOSIGNAL);
@@ -100,9 +103,10 @@ class RawStream {
   void open(int family, const sockaddr* address, socklen_t size) {
     descriptor_ = socket(family, SOCK_STREAM | SOCK_CLOEXEC, 0);
     is_open_ = connect(descriptor_, address, size) == 0;
-    const timeval patience{.tv_sec = kPatienceSeconds, .tv_usec = 0};
-    setsockopt(descriptor_, SOL_SOCKET, SO_SNDTIMEO, &patience, sizeof(patience));
-    setsockopt(descriptor_, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof(patience));
+    const auto limit = std::chrono::ceil<std::chrono::seconds>(patience(kAmple));
+    const timeval silence{.tv_sec = limit.count(), .tv_usec = 0};
+    setsockopt(descriptor_, SOL_SOCKET, SO_SNDTIMEO, &silence, sizeof(silence));
+    setsockopt(descriptor_, SOL_SOCKET, SO_RCVTIMEO, &silence, sizeof(silence));
   }
   std::string read(std::size_t size) {
     std::string bytes(size, '\0');
@@ -111,7 +115,7 @@ class RawStream {
     return bytes;
   }
 
-  static constexpr int kPatienceSeconds = 5;
+  static constexpr auto kAmple = std::chrono::seconds(5);
 
   int descriptor_ = -1;
   bool is_open_ = false;

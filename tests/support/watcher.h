@@ -9,6 +9,7 @@
 #include "common/core/clock.h"
 #include "common/process/process_links.h"
 #include "common/session/session.h"
+#include "tests/support/machine/machine.h"
 #include "viewer_node/feed/telemetry_mirror.h"
 #include "viewer_node/process.h"
 
@@ -16,7 +17,7 @@ namespace palpate::test {
 
 class Watcher {
  public:
-  static constexpr auto kDeadline = std::chrono::seconds(30);
+  static constexpr auto kAmple = std::chrono::seconds(30);  ///< on an idle machine, for any event
 
   Watcher(const Session& session, ProcessLinks& links)
       : feed_(session, clock_, links), mirrors_(session.sides.size()), rows_(mirrors_.size()) {
@@ -25,9 +26,10 @@ class Watcher {
     }
   }
 
-  /// Receives until `is_seen()` or the deadline; true if it was seen.
-  bool until(const std::function<bool()>& is_seen, Duration deadline = kDeadline) {
-    const TimePoint end = clock_.now() + deadline;
+  /// Receives until `is_seen()`; false if that has not happened after test::patience(ample).
+  bool until(const std::function<bool()>& is_seen, Duration ample = kAmple) {
+    const TimePoint end =
+        clock_.now() + patience(std::chrono::ceil<std::chrono::milliseconds>(ample));
     while (!is_seen()) {
       const TimePoint now = clock_.now();
       if (now >= end) return false;

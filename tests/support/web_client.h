@@ -14,11 +14,13 @@
 #include <string>
 #include <utility>
 
+#include "tests/support/machine/machine.h"
+
 namespace palpate::test {
 
 class WebClient {
  public:
-  static constexpr auto kDeadline = std::chrono::seconds(10);
+  static constexpr auto kAmple = std::chrono::seconds(10);  ///< on an idle machine, for any answer
 
   explicit WebClient(std::uint16_t port, std::uint32_t host = INADDR_LOOPBACK)
       : socket_(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
@@ -84,7 +86,7 @@ class WebClient {
     return send_raw(upgrade(extra)) && read_head().starts_with("HTTP/1.1 101");
   }
 
-  /// One masked frame. @param opcode  1 text, 2 binary, 8 close, 9 ping
+  /// One masked frame. @param opcode  1 text, 2 binary, 8 close, 9 ping, 10 pong
   static std::string frame(int opcode, const std::string& payload, bool is_masked = true) {
     std::string bytes(1, static_cast<char>(0x80 | opcode));
     const int mask_bit = is_masked ? 0x80 : 0;
@@ -110,7 +112,8 @@ class WebClient {
     int opcode = 0;
     std::string payload;
   };
-  /// The next frame of the server; none if the connection ends or at the deadline.
+  /// The next frame of the server but pings, which are answered, and pongs; none if the connection
+  /// ends or at the deadline.
   std::optional<Message> next() {
     for (;;) {
       std::size_t head = 2;
@@ -125,6 +128,8 @@ class WebClient {
           if (received_.size() >= head + size) {
             Message message{byte(0) & 0x0f, received_.substr(head, size)};
             received_.erase(0, head + size);
+            if (message.opcode == 9) send_raw(frame(10, message.payload));
+            if (message.opcode == 9 || message.opcode == 10) continue;
             return message;
           }
         }
@@ -155,8 +160,7 @@ class WebClient {
  private:
   bool read_more() {
     pollfd descriptor{.fd = socket_, .events = POLLIN, .revents = 0};
-    const auto ms = std::chrono::duration_cast<std::chrono::milliseconds>(kDeadline).count();
-    if (poll(&descriptor, 1, static_cast<int>(ms)) <= 0) return false;
+    if (poll(&descriptor, 1, static_cast<int>(patience(kAmple).count())) <= 0) return false;
     char buffer[65536];
     const ssize_t n = recv(socket_, buffer, sizeof(buffer), 0);
     if (n <= 0) return false;

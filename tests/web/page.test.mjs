@@ -1,12 +1,12 @@
 // page.test.mjs: the page in a real Chromium, over the simulated session of support/mock_server.mjs.
 import assert from "node:assert/strict";
-import { cpus, loadavg } from "node:os";
 import { after, before, test } from "node:test";
 import { at_most, drawn, late_pages, launch, open, picture, status, until, until_pixels_change, until_text } from "./support/browser.mjs";
+import { patience } from "./support/machine.mjs";
 import { start_mock_server } from "./support/mock_server.mjs";
 import { changed_pixels } from "./support/png.mjs";
 
-const kLimit = { timeout: 90000 };
+const kLimit = { timeout: patience(90000) };
 const kReplay = { file: "/tmp/runs/a_recording_with_a_long_name_of_its_own.mcap", positionS: 12, lengthS: 63, speedRatio: 1, isPaused: false, beginNs: 1000000000n };
 const kLong = "left_lobe_of_the_liver_with_a_stiff_metastasis_near_the_falciform_ligament";
 const kPicture = { scale: 1 }; // for tests that compare pictures
@@ -302,7 +302,7 @@ for (const [name, state, task] of [["device", "no_device", "the motors"], ["mofc
   page_test(`a killed ${name}_node is reported within 2 s`, {}, async (page) => {
     await until(page, (t) => t.nodes[name].is_alive, "a living node");
 
-    await at_most(2000, async () => {
+    await at_most("the report of a killed node, ms", 2000, async () => {
       server.world.alive[name] = false;
       const killed_ms = performance.now();
       await until(page, (t) => t.state.id === state && !t.nodes[name].is_alive, "the state in words");
@@ -318,7 +318,7 @@ for (const [name, state, task] of [["device", "no_device", "the motors"], ["mofc
 }
 
 page_test("a stalled server is reported as gone, though its connection stays open", {}, async (page) => {
-  await at_most(2500, async () => {
+  await at_most("the report of a stalled server, ms", 2500, async () => {
     server.world.is_silent = true;
     const silent_ms = performance.now();
     await until(page, (t) => t.state.id === "disconnected", "the loss");
@@ -332,7 +332,7 @@ page_test("a stalled server is reported as gone, though its connection stays ope
 
 page_test("a lost connection is reported and made again", {}, async (page) => {
   const port = Number(new URL(server.url).port);
-  await at_most(2000, async () => {
+  await at_most("the report of a lost connection, ms", 2000, async () => {
     await server.close();
     const closed_ms = performance.now();
     await until(page, (t) => t.state.id === "disconnected", "the loss");
@@ -415,7 +415,7 @@ page_test("depth, speed, local stiffness, and the loop of force and depth", {}, 
 });
 async function until_shown(page, selector, pattern) {
   let text = "";
-  for (let i = 0; i < 500; ++i) {
+  for (const end = performance.now() + patience(10000); performance.now() < end;) {
     text = await page.locator(selector).innerText();
     if (pattern.test(text)) return;
     await page.waitForTimeout(20);
@@ -707,7 +707,7 @@ page_test("without WebGL the figures still run, and the page says so", { page: {
 
 page_test("20 000 deforming vertices at 30 Hz are taken as fast as they come", { world: { vertices: 20000 }, page: { ...kSmall, max_hz: 60 } }, async (page) => {
   await until(page, (t) => t.mesh_frames > 5, "mesh frames");
-  await at_most(0.010, async () => { // a third of the period
+  await at_most("20 000 vertices are taken, s", 0.010, async () => { // a third of the period
     const begin = await status(page);
     const sent = server.world.mesh_frames;
     const costs_s = [];
@@ -723,8 +723,6 @@ page_test("20 000 deforming vertices at 30 Hz are taken as fast as they come", {
     console.log(`20 000 vertices: ${taken} of ${sent_since} frames in ${(end.now_s - begin.now_s).toFixed(1)} s, ` +
       `${(1e3 * median_s).toFixed(2)} ms each (median; take, normals, colours), picture ${(1e3 * end.frame_cost_s).toFixed(1)} ms`);
     assert.ok(end.scene.tissues[0].vertices >= 20000);
-    // a page that gets no processor takes no frames, whatever they cost
-    const is_busy = loadavg()[0] > 2 * cpus().length;
-    return is_busy || taken >= 0.9 * sent_since - 2 ? median_s : Infinity;
+    return taken >= 0.9 * sent_since - 2 ? median_s : Infinity;
   });
 });

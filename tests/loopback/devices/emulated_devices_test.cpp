@@ -10,10 +10,13 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "common/process/process_links.h"
+#include "common/session/session_file.h"
 #include "tests/support/port.h"
 #include "tests/support/program.h"
 #include "tests/support/run_folder.h"
 #include "tests/support/temp_folder.h"
+#include "tests/support/watcher.h"
 
 namespace palpate {
 namespace {
@@ -39,42 +42,62 @@ class EmulatedDevices : public testing::Test {
   }
   static std::string haply_port() {
     const std::string endpoint = test::HeldPort().endpoint();
-    return "device.haply_inverse.port=" + endpoint.substr(endpoint.rfind(':') + 1);
+    return endpoint.substr(endpoint.rfind(':') + 1);
   }
+  static std::string haply_setting() { return "device.haply_inverse.port=" + haply_port(); }
 
   TempFolder folder_;
   test::RunFolder run_folder_;
 };
 
 TEST_F(EmulatedDevices, AreFeltThroughTheirWiresAndStayPassive) {
-  const std::vector<std::pair<std::string, std::string>> runs{
-      {kHaplySession, haply_port()},
-      {kHapiSession, "device.hapi.port=" + (folder_.path() / "board").string()},
-      {kFalconSession, "device.falcon.port=" + (folder_.path() / "usb").string()},
-      {kWoodenSession, "device.wooden.port=" + (folder_.path() / "hidraw").string()}};
-  for (const auto& [session, setting] : runs) {
+  struct Wire {
+    std::string session;
+    std::string driver;
+    std::string port;
+  };
+  const std::vector<Wire> wires{{kHaplySession, "haply_inverse", haply_port()},
+                                {kHapiSession, "hapi", (folder_.path() / "board").string()},
+                                {kFalconSession, "falcon", (folder_.path() / "usb").string()},
+                                {kWoodenSession, "wooden", (folder_.path() / "hidraw").string()}};
+  for (const auto& [session, driver, port] : wires) {
     SCOPED_TRACE(session);
-    const Outcome run = test::run_program(
-        "palpate", {"launch", session, "--emulate", "--set", setting, "--no-viewer",
-                    "--no-realtime", "--seconds", "2", "--json", "-"});
+    ProcessLinks links({.priority = 0, .cpu = -1});
+    test::Watcher watcher(load_session(session), links);
+    // long periods, leases and limits outlast the pauses of a busy machine
+    Program launch("palpate",
+                   {"launch", session, "--emulate", "--set", "device." + driver + ".port=" + port,
+                    "--set", "device." + driver + ".transfer_limit_ms=1000", "--set",
+                    "device.rate_hz=200", "--set", "device.lease_us=12500", "--set",
+                    "mofc.stale_after_ms=200", "--no-viewer", "--no-realtime", "--json", "-"});
+    EXPECT_TRUE(watcher.until([&] {
+      return !watcher.rows().empty() &&
+             watcher.rows().back().device.force_on_hand_newton.norm() > 0.3;
+    })) << launch.err();
+    EXPECT_TRUE(watcher.until_rows(100));  // so that launch has seen it too
+    launch.send_signal(SIGINT);
 
-    EXPECT_EQ(run.status, 0) << run.err;
-    EXPECT_GE(least_energy_microjoule(run.err), -1.0) << run.err;
-    EXPECT_THAT(run.err, HasSubstr("event=no_motor_watchdog"));
-    EXPECT_THAT(run.err, HasSubstr("palpate: event=realtime scheduling=ordinary cpu=any"));
-    const json summary = json::parse(run.out, nullptr, false);
-    ASSERT_FALSE(summary.is_discarded()) << run.out;
+    EXPECT_EQ(launch.wait(), 0) << launch.err();
+    const std::string err = launch.err();
+    EXPECT_GE(least_energy_microjoule(err), -1.0) << err;
+    EXPECT_THAT(err, HasSubstr("event=no_motor_watchdog"));
+    EXPECT_THAT(err, HasSubstr("palpate: event=realtime scheduling=ordinary cpu=any"));
+    const json summary = json::parse(launch.out(), nullptr, false);
+    ASSERT_FALSE(summary.is_discarded()) << launch.out();
     EXPECT_GT(summary.at("max_force_n").get<double>(), 0.3) << summary;
   }
 }
 
 TEST_F(EmulatedDevices, AnUnpluggedDeviceIsAFaultThatAResetEnds) {
-  const std::string port = haply_port();
-  Program emulator("palpate",
-                   {"emulate", kHaplySession, "--set", port, "--fault", "unplugged@4:300"});
+  const std::string port = haply_setting();
+  Program emulator(
+      "palpate", {"emulate", kHaplySession, "--set", port, "--fault", "unplugged@4:300", "--fault",
+                  "unplugged@16:300", "--fault", "unplugged@64:300"});
   emulator.await_err("emulates the device at");
+  // a busy machine makes transfers late, too, but not by so much
   Program launch("palpate",
-                 {"launch", kHaplySession, "--set", port, "--no-viewer", "--no-realtime"});
+                 {"launch", kHaplySession, "--set", port, "--set",
+                  "device.haply_inverse.transfer_limit_ms=1000", "--no-viewer", "--no-realtime"});
   const std::string started = launch.await_err("event=node_started node=device pid=");
   const pid_t device = std::stoi(started);
 
@@ -95,7 +118,7 @@ TEST_F(EmulatedDevices, AnUnpluggedDeviceIsAFaultThatAResetEnds) {
 }
 
 TEST_F(EmulatedDevices, AClientInAnotherLanguageIsServedAsDocumented) {
-  const std::string setting = haply_port();
+  const std::string setting = haply_setting();
   Program emulator("palpate", {"emulate", kHaplySession, "--set", setting, "--hands-off"});
   emulator.await_err("emulates the device at");
 
@@ -110,7 +133,7 @@ TEST_F(EmulatedDevices, AClientInAnotherLanguageIsServedAsDocumented) {
 }
 
 TEST_F(EmulatedDevices, TheDoctorOpensTheDeviceAndSaysWhatItLacks) {
-  const std::string setting = haply_port();
+  const std::string setting = haply_setting();
   const Outcome absent = test::run_program("palpate", {"doctor", kHaplySession, "--set", setting});
   EXPECT_EQ(absent.status, 1);
   EXPECT_THAT(absent.out, HasSubstr("is the Inverse Service running"));
@@ -129,7 +152,7 @@ TEST_F(EmulatedDevices, TheDoctorOpensTheDeviceAndSaysWhatItLacks) {
 // Where it is permitted: otherwise other programs delay the emulator's answers, and identify's
 // ticks by more than a lease.
 TEST_F(EmulatedDevices, EmulatorAndIdentifyUseTheSessionsRealTimeScheduling) {
-  const std::string setting = haply_port();
+  const std::string setting = haply_setting();
   Program emulator("palpate", {"emulate", kHaplySession, "--set", setting, "--hands-off"});
   const std::string emulated = emulator.await_err("event=realtime ");
   Program identify("palpate", {"identify", kHaplySession, "--set", setting, "--without-watchdog",

@@ -18,7 +18,7 @@ class WebSocket:
     """RFC 6455, as far as one unfragmented message at a time needs it."""
 
     def __init__(self, port):
-        self.socket = socket.create_connection(("127.0.0.1", port), timeout=20)
+        self.socket = socket.create_connection(("127.0.0.1", port), timeout=120)
         key = base64.b64encode(os.urandom(16)).decode()
         self.socket.sendall(
             f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
@@ -91,7 +91,7 @@ def main():
 
     # a force moves the device its own way, and holds for one message only
     begin = state(exchange(force(0, 0, 0)))["cursor_position"]["z"]
-    until = time.monotonic() + 20
+    until = time.monotonic() + 120
     moved = 0.0
     while moved < 1e-3 and time.monotonic() < until:
         moved = state(exchange(force(0, 0, 0.3)))["cursor_position"]["z"] - begin

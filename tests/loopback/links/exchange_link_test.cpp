@@ -132,6 +132,7 @@ TEST_P(ExchangeLinkTransport, EveryMessageWakesTheOtherThread) {
     }
   });
 
+  const test::QuietMachine machine;
   const TimePoint start = clock_.now();
   const auto answer = random_message<ForceCommand>(random_);
   for (int i = 0; i < 2000; ++i) {
@@ -142,8 +143,10 @@ TEST_P(ExchangeLinkTransport, EveryMessageWakesTheOtherThread) {
   other.join();
 
   EXPECT_EQ(answered, 2000);
-  // a missed wake-up would cost a whole deadline of 5 s
-  EXPECT_LT(clock_.now() - start, kPatience);
+  // a missed wake-up would cost a whole deadline of 20 s
+  if (machine.may_check("4000 messages within 5 s")) {
+    EXPECT_LT(clock_.now() - start, 5s);
+  }
 }
 
 TEST_P(ExchangeLinkTransport, InvalidFramesAreCountedByReasonAndValidOnesPass) {
@@ -265,6 +268,7 @@ TEST_F(SecondDevice, IsAcceptedAtOnceWhenTheFirstHasDisconnected) {
   leaves.reset();
   const TimePoint last_state = manual_clock_.now();
   EXPECT_TRUE(eventually([&] {  // libzmq closes connections in its own thread
+    clock_.sleep_until(clock_.now() + patience(2ms));
     if (manual_clock_.now() - last_state < 900ms) manual_clock_.advance(10ms);
     return second_.send(state(2, sequence++)) == SendResult::kSent && is_accepted(2);
   }));

@@ -12,13 +12,14 @@
 #include "common/core/ports.h"
 #include "common/link/zmq_sender.h"
 #include "common/link/zmq_source.h"
+#include "tests/support/machine/machine.h"
 #include "tests/support/random_messages.h"
 #include "tests/support/temp_folder.h"
 
 namespace palpate::test {
 
-/// Deadline of events that must happen; a failing test waits this long.
-inline constexpr Duration kPatience = std::chrono::seconds(5);
+/// For events that must happen.
+inline const Duration kPatience = patience(std::chrono::seconds(5));
 
 enum class Transport { kInproc, kIpc, kTcp };
 

@@ -18,6 +18,7 @@
 #include "device_node/emulators/falcon_emulator.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/support/device_conformance.h"
+#include "tests/support/machine/machine.h"
 #include "tests/support/temp_folder.h"
 #include "tests/support/wired/shared_clock.h"
 #include "tests/unit/device_node/wired_driver.h"
@@ -152,7 +153,7 @@ FalconConfig falcon_on_desk() {
   config.workspace_half_extent_m = Vector3::Constant(0.03);
   config.limits = {.peak_force_newton = 3.0, .continuous_force_newton = 2.0};
   config.position_resolution_m = 110e-6;
-  config.transfer_limit = 5s;
+  config.transfer_limit = test::patience(5s);
   return config;
 }
 
@@ -241,7 +242,7 @@ class FalconFirmware : public testing::Test {
   static FalconConfig with_file(const EmulatedFalcon& emulated, const std::filesystem::path& file) {
     FalconConfig config = emulated.config();
     config.firmware_file = file.string();
-    config.transfer_limit = 300ms;
+    config.transfer_limit = kPassingLimit;  // passes twice before it is loaded
     return config;
   }
 
@@ -254,12 +255,16 @@ class FalconFirmware : public testing::Test {
 };
 
 TEST_F(FalconFirmware, IsLoadedByteByByteAndThenRuns) {
+  const test::QuietMachine machine;
   EmulatedFalcon emulated(clock_, Vector3::Zero(), {}, kUnloaded);
   std::vector<std::string> prompts;
   const auto device =
       open_falcon(with_file(emulated, file_), clock_,
                   {.prompt = [&](const std::string& text) { prompts.push_back(text); }});
-  EXPECT_THAT(prompts, testing::IsEmpty());
+  // the boot loader has a second for each answer
+  if (machine.may_check("firmware loaded at the first attempt")) {
+    EXPECT_THAT(prompts, testing::IsEmpty());
+  }
   const std::vector<std::byte>& loaded = emulated.image();
   EXPECT_EQ(std::string(reinterpret_cast<const char*>(loaded.data()), loaded.size()), image_);
   DeviceSample sample;
@@ -292,15 +297,20 @@ TEST_F(FalconFirmware, WithoutAnImageTheStartSaysWhatIsNeeded) {
 
 TEST(FalconDriver, WaitsForHomingAndSaysHow) {
   const SteadyClock clock;
-  EmulatedFalcon emulated(clock, Vector3::Zero(), {}, {.homing = 50ms});
+  test::SharedClock time;
+  EmulatedFalcon emulated(time, Vector3::Zero(), {}, {.homing = 50ms});
   std::string prompt;
-  const auto device = open_falcon(emulated.config(), clock,
-                                  {.prompt = [&](const std::string& text) { prompt = text; }});
+  const auto home = [&](const std::string& text) {
+    prompt = text;
+    time.sleep_until(time.now() + 51ms);
+  };
+  const auto device =
+      open_falcon(emulated.config(), clock, {.prompt = home, .limit = test::patience(20s)});
   EXPECT_THAT(prompt, HasSubstr("pull the Falcon's grip out"));
   DeviceSample sample;
   EXPECT_TRUE(device->read(sample));
 
-  EmulatedFalcon never(clock, Vector3::Zero(), {}, {.homing = 1h});
+  EmulatedFalcon never(time, Vector3::Zero(), {}, {.homing = 1h});
   EXPECT_THAT(falcon_refusal(never.config(), clock), HasSubstr("not homed in time"));
 }
 
@@ -316,16 +326,16 @@ TEST(FalconDriver, AnotherDeviceIsRefused) {
 }
 
 TEST(FalconDriver, SaysHowATransferFailedAndOpensAgain) {
-  const auto error_of = [](WireFault kind) {
+  const auto error_of = [](WireFault kind, Duration limit) {
     test::SharedClock time;
     EmulatedFalcon emulated(time, Vector3::Zero(),
                             {{.kind = kind, .from_s = 1.0, .length_s = 1.0}});
-    return error_in_fault(emulated.config(), time, open_falcon);
+    return error_in_fault(emulated.config(), time, open_falcon, limit);
   };
-  EXPECT_EQ(error_of(WireFault::kSilent), DeviceError::kTimeout);
-  EXPECT_EQ(error_of(WireFault::kShort), DeviceError::kTimeout);
-  EXPECT_EQ(error_of(WireFault::kGarbage), DeviceError::kCorrupt);
-  EXPECT_EQ(error_of(WireFault::kUnplugged), DeviceError::kUnplugged);
+  EXPECT_EQ(error_of(WireFault::kSilent, kPassingLimit), DeviceError::kTimeout);
+  EXPECT_EQ(error_of(WireFault::kShort, kPassingLimit), DeviceError::kTimeout);
+  EXPECT_EQ(error_of(WireFault::kGarbage, kAmpleLimit), DeviceError::kCorrupt);
+  EXPECT_EQ(error_of(WireFault::kUnplugged, kAmpleLimit), DeviceError::kUnplugged);
 }
 
 TEST(FalconDriver, ALateAnswerWithinTheLimitIsNoFault) {

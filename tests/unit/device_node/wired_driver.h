@@ -15,18 +15,25 @@
 #include "device_node/drivers/start_up.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/support/device_conformance.h"
+#include "tests/support/machine/machine.h"
 #include "tests/support/wired/shared_clock.h"
 
 namespace palpate::device {
 
+/// Limits of a transfer: one that a fault lets pass, and one that only a failing test waits for.
+inline const Duration kPassingLimit = test::patience(std::chrono::milliseconds(100));
+inline const Duration kAmpleLimit = test::patience(std::chrono::seconds(5));
+
 /// The error of a transfer in a fault from 1 s to 2 s of `time`; after it the device opens again.
 /// @param config  connects with the emulator
+/// @param limit   of every transfer, good ones too
 template <class Config, class Open>
-DeviceError error_in_fault(Config config, test::SharedClock& time, const Open& open) {
+DeviceError error_in_fault(Config config, test::SharedClock& time, const Open& open,
+                           Duration limit = kPassingLimit) {
   using namespace std::chrono_literals;
   const SteadyClock clock;
-  config.transfer_limit = 300ms;
-  const auto device = open(config, clock, StartUp{});
+  config.transfer_limit = limit;
+  const auto device = open(config, clock, StartUp{.limit = test::patience(20s)});
   DeviceSample sample;
   EXPECT_TRUE(device->read(sample));
 
@@ -35,7 +42,7 @@ DeviceError error_in_fault(Config config, test::SharedClock& time, const Open& o
   const DeviceError error = device->last_error();
 
   time.set(3s);
-  const TimePoint until = clock.now() + 20s;
+  const TimePoint until = clock.now() + test::patience(20s);
   while (!device->reopen() && clock.now() < until) {
   }
   EXPECT_TRUE(device->read(sample));

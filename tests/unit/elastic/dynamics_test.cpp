@@ -9,6 +9,7 @@
 #include "tests/bench/elastic/elastic_problems.h"
 #include "tests/property/seeds.h"
 #include "tests/support/alloc_guard.h"
+#include "tests/support/machine/machine.h"
 #include "tests/unit/elastic/random_shape.h"
 
 namespace palpate::elastic {
@@ -106,7 +107,7 @@ TEST(ElasticDynamics, TheWarpedFactorNoticesWhenItIsNoLongerValid) {
   EXPECT_GT(worst_m, 1e-9);
 
   // the other thread delivers
-  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+  const auto deadline = std::chrono::steady_clock::now() + test::patience(std::chrono::seconds(60));
   const auto before = dynamics.counters().factorisations;
   while (dynamics.counters().factorisations == before &&
          std::chrono::steady_clock::now() < deadline) {

@@ -16,6 +16,7 @@
 #include "physics_node/scene_engine.h"
 #include "tests/property/seeds.h"
 #include "tests/support/alloc_guard.h"
+#include "tests/support/machine/machine.h"
 #include "tests/support/temp_folder.h"
 
 namespace palpate::physics {
@@ -173,14 +174,9 @@ TEST_F(ElasticScene, OutOfReachAndAtRestNothingIsComputed) {
   }
   PhysicsCounters before;
   elastic->count_into(before);
-  std::vector<double> micros;
   for (int tick = 3000; tick < 4000; ++tick) {
     SceneForce force;
-    const auto start = std::chrono::steady_clock::now();
     elastic->step(0, far, kTick_s * tick, kReach_m, force);
-    micros.push_back(
-        std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - start)
-            .count());
   }
   PhysicsCounters after;
   elastic->count_into(after);
@@ -188,8 +184,6 @@ TEST_F(ElasticScene, OutOfReachAndAtRestNothingIsComputed) {
   EXPECT_EQ(after.elastic_solves, before.elastic_solves);
   EXPECT_EQ(after.elastic_solves_skipped, before.elastic_solves_skipped + 50);
   EXPECT_EQ(after.elastic_steps_skipped, 4000U);
-  std::nth_element(micros.begin(), micros.begin() + 500, micros.end());
-  EXPECT_LT(micros[500], 5.0);  // the median: the machine may be busy
 }
 
 TEST_F(ElasticScene, AStepOfTheToolAllocatesNothing) {
@@ -352,7 +346,7 @@ TEST_F(ElasticScene, TheSurfaceForViewersIsTheComputedOne) {
 
 TEST_F(ElasticScene, InRealTimeAThreadSolvesAndTheToolFeelsIt) {
   const auto elastic = ElasticTissues::of(scene_, 1, ElasticPace::kThread);
-  const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+  const auto deadline = std::chrono::steady_clock::now() + test::patience(std::chrono::seconds(60));
   PhysicsCounters counters;
   SceneForce force;
   while (counters.elastic_solves < 5 || !(force.force_on_tool_newton.z() > 0.05)) {

@@ -7,6 +7,8 @@
 #include <mutex>
 #include <vector>
 
+#include "tests/support/machine/machine.h"
+
 namespace palpate {
 namespace {
 
@@ -21,7 +23,8 @@ class Kept final : public Sender<PhysicsBatch> {
   }
   bool wait_for_batches(std::size_t count) {
     std::unique_lock lock(mutex_);
-    return sent_.wait_for(lock, std::chrono::seconds(20), [&] { return batches_.size() >= count; });
+    return sent_.wait_for(lock, test::patience(std::chrono::seconds(20)),
+                          [&] { return batches_.size() >= count; });
   }
   std::vector<PhysicsBatch> batches() {
     const std::lock_guard lock(mutex_);

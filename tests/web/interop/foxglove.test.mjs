@@ -13,11 +13,12 @@ import ws_protocol from "@foxglove/ws-protocol";
 import protobuf from "protobufjs";
 import "protobufjs/ext/descriptor.js";
 import WebSocket from "ws";
+import { patience } from "../support/machine.mjs";
 
 const root = fileURLToPath(new URL("../../..", import.meta.url));
 const bin = process.env.PALPATE_BIN ?? join(root, "build/release/bin");
 const session = join(root, "deploy/sessions/default.txtpb");
-const kLimit = { timeout: 60000, skip: existsSync(join(bin, "palpate")) ? false : `no programs in ${bin}: set PALPATE_BIN` };
+const kLimit = { timeout: patience(60000), skip: existsSync(join(bin, "palpate")) ? false : `no programs in ${bin}: set PALPATE_BIN` };
 
 // ---- schemas
 
@@ -140,7 +141,7 @@ for (const subprotocol of ["foxglove.sdk.v1", "foxglove.websocket.v1"]) {
     await once(socket, "message");
     process.kill(await pid_of("mofc_node"), "SIGKILL");
 
-    const late = setTimeout(() => { throw new Error(`never right: ${[...wanted].map((topic) => `${topic}: ${JSON.stringify(last_seen.get(topic))?.slice(0, 500)}`)}`); }, 40000);
+    const late = setTimeout(() => { throw new Error(`never right: ${[...wanted].map((topic) => `${topic}: ${JSON.stringify(last_seen.get(topic))?.slice(0, 500)}`)}`); }, patience(40000));
     await all_read;
     clearTimeout(late);
     client.close();

@@ -11,11 +11,12 @@ import schemas from "@foxglove/schemas/internal.js";
 import { McapIndexedReader } from "@mcap/core";
 import protobuf from "protobufjs";
 import "protobufjs/ext/descriptor.js";
+import { patience } from "../support/machine.mjs";
 
 const root = fileURLToPath(new URL("../../..", import.meta.url));
 const bin = process.env.PALPATE_BIN ?? join(root, "build/release/bin");
 const session = join(root, "deploy/sessions/default.txtpb");
-const kLimit = { timeout: 60000, skip: existsSync(join(bin, "palpate")) ? false : `no programs in ${bin}: set PALPATE_BIN` };
+const kLimit = { timeout: patience(60000), skip: existsSync(join(bin, "palpate")) ? false : `no programs in ${bin}: set PALPATE_BIN` };
 
 let folder;
 before(() => { folder = mkdtempSync(join(tmpdir(), "palpate-export-")); });

@@ -8,10 +8,11 @@ import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { fileURLToPath } from "node:url";
 import { test } from "node:test";
+import { patience } from "../support/machine.mjs";
 
 const root = fileURLToPath(new URL("../../..", import.meta.url));
 const bin = process.env.PALPATE_BIN ?? join(root, "build/release/bin");
-const kLimit = { timeout: 60000, skip: existsSync(join(bin, "palpate")) ? false : `no programs in ${bin}: set PALPATE_BIN` };
+const kLimit = { timeout: patience(60000), skip: existsSync(join(bin, "palpate")) ? false : `no programs in ${bin}: set PALPATE_BIN` };
 
 // Two springs in series, hand and tissue 400 N/m each, 5 mm apart: 1 N, and 0.05 N of stiction.
 const kSession = `name: "node"

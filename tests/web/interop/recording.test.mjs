@@ -12,11 +12,12 @@ import { McapIndexedReader, McapStreamReader } from "@mcap/core";
 import protobuf from "protobufjs";
 import "protobufjs/ext/descriptor.js";
 import * as zmq from "zeromq";
+import { patience } from "../support/machine.mjs";
 
 const root = fileURLToPath(new URL("../../..", import.meta.url));
 const bin = process.env.PALPATE_BIN ?? join(root, "build/release/bin");
 const session = join(root, "deploy/sessions/default.txtpb");
-const kLimit = { timeout: 60000, skip: existsSync(join(bin, "palpate")) ? false : `no programs in ${bin}: set PALPATE_BIN` };
+const kLimit = { timeout: patience(60000), skip: existsSync(join(bin, "palpate")) ? false : `no programs in ${bin}: set PALPATE_BIN` };
 const kSeconds = 3;
 
 let folder;
@@ -144,7 +145,7 @@ test("PlotJuggler's port gives every tick as plot.proto says", kLimit, async () 
   const run = { env: { ...process.env, PALPATE_RUN_DIR: join(folder, "run") } };
   const viewer = spawn(join(bin, "viewer_node"), ["--session", session, "--quiet", "--no-web", "--plotjuggler", "tcp://127.0.0.1:*"], { ...run, stdio: ["ignore", "ignore", "pipe"] });
   let replay;
-  const socket = new zmq.Subscriber({ receiveTimeout: 20000 });
+  const socket = new zmq.Subscriber({ receiveTimeout: patience(20000) });
   try {
     const endpoint = await new Promise((resolve, reject) => {
       let text = "";

@@ -10,10 +10,11 @@ import { after, before, test } from "node:test";
 import { parse } from "@foxglove/rosmsg";
 import { MessageReader } from "@foxglove/rosmsg2-serialization";
 import { McapIndexedReader } from "@mcap/core";
+import { patience } from "../support/machine.mjs";
 
 const root = fileURLToPath(new URL("../../..", import.meta.url));
 const bin = process.env.PALPATE_BIN ?? join(root, "build/release/bin");
-const kLimit = { timeout: 60000, skip: existsSync(join(bin, "palpate")) ? false : `no programs in ${bin}: set PALPATE_BIN` };
+const kLimit = { timeout: patience(60000), skip: existsSync(join(bin, "palpate")) ? false : `no programs in ${bin}: set PALPATE_BIN` };
 
 let folder;
 before(() => { folder = mkdtempSync(join(tmpdir(), "palpate-ros-")); });
