@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 import palpate
-from support import DEADLINE_S, RESTING, ROOT, TestCase, force_z_until, rests
+from support import DEADLINE_S, RESTING, ROOT, TestCase, force_z_until, recorded, rests, until
 
 PROGRAM = ROOT / "physics_node/engines/sofa/sofa_physics.py"
 # In millimetres; the coupling is the tissue of RESTING.
@@ -42,8 +42,9 @@ class Sofa(TestCase):
             "palpate", "launch", session, "--no-realtime", "--no-viewer", "--record", record
         ) as launch:
             self.assertIsNotNone(force_z_until(telemetry, rests), launch.err)
+            self.assertTrue(until(lambda: bool(recorded(record, "mesh"))), launch.err)
             self.assertEqual(launch.stop(), 0, launch.err)
-        frames = [message for _, message in palpate.Recording(record).messages("mesh")]
+        frames = recorded(record, "mesh")
         np.testing.assert_allclose(np.frombuffer(frames[-1].vertices_m, "<f4")[2], -1e-3)
 
     def test_a_scene_that_lacks_something_is_refused(self) -> None:

@@ -168,6 +168,7 @@ TEST_P(TelemetryLinkTransport, EachNewSubscriberOfASceneIsCounted) {
   first.subscribe<SceneState>();
   const auto count_becomes = [&](TelemetrySubscriber& viewer, std::uint64_t count) {
     return eventually([&] {
+      first.wait_until(clock_.now());  // or it is forgotten
       viewer.wait_until(clock_.now());
       return physics.subscriptions<SceneState>() == count;
     });
