@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Installs the missing Debian packages of Palpate's build without asking; prints nothing if there are
-# none.
+# none. While another program installs packages it waits, and says so. Services that come with the
+# packages (nginx, munge, Slurm, for the tests) are neither started nor enabled.
 #
 #   deploy/packages.sh            to build and run
 #   deploy/packages.sh --tests    to build and run the tests too
@@ -45,7 +46,52 @@ if [[ "$(id -u)" -ne 0 ]]; then
   fi
   as_root=(sudo)
 fi
+
+# apt-get with these arguments. Waits while another program holds a lock of dpkg or apt.
+apt_get() {
+  local errors has_said=false
+  errors="$(mktemp)"
+  until "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -qq "$@" > /dev/null 2> "$errors"; do
+    if ! grep -qE 'Could not get lock|Unable to (acquire|lock)' "$errors"; then
+      cat "$errors" >&2
+      rm "$errors"
+      return 1
+    fi
+    if ! $has_said; then
+      echo "Waiting: another program is installing packages ($(grep -oE 'process [0-9]+ \([^)]*\)' "$errors" || echo "a lock is held"))"
+      has_said=true
+    fi
+    sleep 2
+  done
+  rm "$errors"
+}
+
+# Debian starts a service as it is installed unless this program forbids it, and at each boot unless
+# it is disabled.
+policy=/usr/sbin/policy-rc.d
+services=()
+for service in nginx munge slurmctld slurmd; do
+  [[ -e "/lib/systemd/system/$service.service" ]] || services+=("$service")
+done
+has_policy=false
+allow_services() {
+  if $has_policy; then "${as_root[@]}" rm -f "$policy"; fi
+}
+trap allow_services EXIT
+
 echo "Installing ${missing[*]}"
-"${as_root[@]}" apt-get update -qq
-"${as_root[@]}" env DEBIAN_FRONTEND=noninteractive \
-  apt-get install -y -qq --no-install-recommends "${missing[@]}" >/dev/null
+apt_get update
+if [[ ! -e "$policy" ]]; then
+  printf '#!/bin/sh\nexit 101\n' | "${as_root[@]}" tee "$policy" > /dev/null
+  has_policy=true
+  "${as_root[@]}" chmod 755 "$policy"
+fi
+apt_get install -y --no-install-recommends "${missing[@]}"
+left_off=()
+for service in "${services[@]}"; do
+  [[ ! -e "/lib/systemd/system/$service.service" ]] || left_off+=("$service")
+done
+if [[ ${#left_off[@]} -gt 0 ]]; then
+  if command -v systemctl > /dev/null; then "${as_root[@]}" systemctl disable --quiet "${left_off[@]}"; fi
+  echo "Not started, and not at boot: ${left_off[*]} (the tests start their own)"
+fi

@@ -85,6 +85,7 @@ class QuietMachine:
 
     MOST_SLOWNESS = 1.5
     MOST_OTHERS_RATIO = 0.1
+    MOST_OTHERS_S = 0.05  # five ticks of the kernel's accounts
     LONGEST_PAUSE_S = 0.02
 
     def __init__(self) -> None:
@@ -118,10 +119,11 @@ class QuietMachine:
 
     def _disturbance(self) -> str:
         all_s, busy_s, own_s = (now - begin for now, begin in zip((*_processor_times_s(), _own_s()), self._begin))
-        others_ratio = (busy_s - own_s) / max(0.01, all_s)
+        others_s = busy_s - own_s
+        others_ratio = others_s / max(0.01, all_s)
         if self._slowness > self.MOST_SLOWNESS:
             return f"the processor takes {self._slowness:.1f} times as long as the reference"
-        if others_ratio > self.MOST_OTHERS_RATIO:
+        if others_s > self.MOST_OTHERS_S and others_ratio > self.MOST_OTHERS_RATIO:
             return f"other programs used {100 * others_ratio:.0f} % of the processors"
         if _throttled_times() > self._throttled:
             return "a quota withheld processor time"

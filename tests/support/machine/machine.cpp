@@ -24,6 +24,7 @@ using std::chrono::steady_clock;
 constexpr double kReferenceWorkS = 0.008;  // on the processor that the limits of the tests are from
 constexpr double kMostSlowness = 1.5;
 constexpr double kMostOthersRatio = 0.1;
+constexpr double kMostOthersS = 0.05;  // five ticks of the kernel's accounts
 constexpr auto kLongestPause = std::chrono::milliseconds(20);
 constexpr auto kLook = std::chrono::milliseconds(5);
 
@@ -172,7 +173,7 @@ std::string QuietMachine::disturbance() const {
   if (begin.slowness.of_processor > kMostSlowness) {
     std::snprintf(words, sizeof(words), "the processor takes %.1f times as long as the reference",
                   begin.slowness.of_processor);
-  } else if (others_ratio > kMostOthersRatio) {
+  } else if (others_s > kMostOthersS && others_ratio > kMostOthersRatio) {
     std::snprintf(words, sizeof(words), "other programs used %.0f %% of the processors",
                   100.0 * others_ratio);
   } else if (throttled_times() > begin.throttled_times) {

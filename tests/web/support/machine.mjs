@@ -5,6 +5,7 @@ import { performance } from "node:perf_hooks";
 const kReferenceWork_ms = 23; // on the processor that the limits of the tests are from
 const kMostSlowness = 1.5;
 const kMostOthersRatio = 0.1;
+const kMostOthers_ms = 50; // five ticks of the kernel's accounts
 const kLongestPause_ms = 100; // of this event loop, which decodes pictures too
 const kTick_ms = 10; // USER_HZ of /proc
 
@@ -87,9 +88,10 @@ export class QuietMachine {
   disturbance() {
     clearInterval(this.#timer);
     const now = processor_times_ms();
-    const others = (now.busy_ms - this.#processors.busy_ms - (own_ms() - this.#own_ms)) / Math.max(10, now.all_ms - this.#processors.all_ms);
+    const others_ms = now.busy_ms - this.#processors.busy_ms - (own_ms() - this.#own_ms);
+    const others = others_ms / Math.max(10, now.all_ms - this.#processors.all_ms);
     if (slowness.of_processor > kMostSlowness) return `the processor takes ${slowness.of_processor.toFixed(1)} times as long as the reference`;
-    if (others > kMostOthersRatio) return `other programs used ${(100 * others).toFixed(0)} % of the processors`;
+    if (others_ms > kMostOthers_ms && others > kMostOthersRatio) return `other programs used ${(100 * others).toFixed(0)} % of the processors`;
     if (throttled_times() > this.#throttled) return "a quota withheld processor time";
     if (this.#longest_pause_ms > kLongestPause_ms) return `the test itself was kept waiting for ${this.#longest_pause_ms.toFixed(0)} ms`;
     return "";
