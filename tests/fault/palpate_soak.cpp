@@ -219,7 +219,7 @@ TEST_F(Soak, MemoryDoesNotGrowAndTheHandNeverReceivesEnergy) {
   const auto lost = [](const char* node, const viewer::NodeLink& link) {
     std::printf("  telemetry of %-8s %llu of %llu batches lost, %llu sessions\n", node,
                 static_cast<unsigned long long>(link.batches_lost),
-                static_cast<unsigned long long>(link.batches_received + link.batches_lost),
+                static_cast<unsigned long long>(link.batches_received) + link.batches_lost,
                 static_cast<unsigned long long>(link.sessions));
   };
   std::printf("soak: %.1f minutes, seed %u: %d killed, %d ended, %d suspended\n", asked_minutes,

@@ -270,11 +270,11 @@ TEST_F(Together, OtherNodesCannotShareAProcess) {
 
 TEST_F(Together, FourKilohertzAreAnswered) {
   const test::QuietMachine machine;
+  const std::string session = PALPATE_SOURCE_DIR "/deploy/sessions/default.txtpb";
 
-  const Outcome launch =
-      run_program("palpate", {"launch", PALPATE_SOURCE_DIR "/deploy/sessions/default.txtpb",
-                              "--together", "device,mofc", "--no-viewer", "--seconds", "4", "--set",
-                              "device.rate_hz=4000", "--json", json_file()});
+  const Outcome launch = run_program(
+      "palpate", {"launch", session, "--together", "device,mofc", "--no-viewer", "--seconds", "4",
+                  "--set", "device.rate_hz=4000", "--json", json_file()});
 
   ASSERT_EQ(launch.status, 0) << launch.err;
   const double answered = summary()["answered_ratio"];

@@ -23,6 +23,7 @@ class RunNodeStop : public testing::Test {
     std::vector<std::string> arguments = {"fake_node", "--session", session_};
     arguments.insert(arguments.end(), extra.begin(), extra.end());
     std::vector<char*> argv;
+    argv.reserve(arguments.size());
     for (std::string& argument : arguments) argv.push_back(argument.data());
     return run_node(static_cast<int>(argv.size()), argv.data(),
                     {.name = "fake", .description = "A node of this test"},

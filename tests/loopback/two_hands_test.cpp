@@ -198,8 +198,8 @@ TEST_F(TwoHands, AViewerSeesBoth) {
     const std::string topic = channel["topic"];
     if (topic.starts_with("/left/") || topic.starts_with("/right/")) {
       const std::string id = channel["id"].dump();
-      client.send_text(R"({"op":"subscribe","subscriptions":[{"id":)" + id + R"(,"channelId":)" +
-                       id + "}]}");
+      std::string subscription = R"({"op":"subscribe","subscriptions":[{"id":)";
+      client.send_text(subscription.append(id).append(R"(,"channelId":)").append(id).append("}]}"));
       EXPECT_TRUE(client.await_data(static_cast<std::uint8_t>(channel["id"]))) << topic;
     }
   }

@@ -40,11 +40,10 @@ class EmulatedDevices : public testing::Test {
     const std::size_t at = err.find(kBefore);
     return at == std::string::npos ? -1e9 : std::stod(err.substr(at + kBefore.size()));
   }
-  static std::string haply_port() {
+  static std::string haply_setting() {
     const std::string endpoint = test::HeldPort().endpoint();
-    return endpoint.substr(endpoint.rfind(':') + 1);
+    return "device.haply_inverse.port=" + endpoint.substr(endpoint.rfind(':') + 1);
   }
-  static std::string haply_setting() { return "device.haply_inverse.port=" + haply_port(); }
 
   TempFolder folder_;
   test::RunFolder run_folder_;
@@ -53,21 +52,24 @@ class EmulatedDevices : public testing::Test {
 TEST_F(EmulatedDevices, AreFeltThroughTheirWiresAndStayPassive) {
   struct Wire {
     std::string session;
-    std::string driver;
-    std::string port;
+    std::string port;   // a setting
+    std::string limit;  // a setting
   };
-  const std::vector<Wire> wires{{kHaplySession, "haply_inverse", haply_port()},
-                                {kHapiSession, "hapi", (folder_.path() / "board").string()},
-                                {kFalconSession, "falcon", (folder_.path() / "usb").string()},
-                                {kWoodenSession, "wooden", (folder_.path() / "hidraw").string()}};
-  for (const auto& [session, driver, port] : wires) {
+  const std::vector<Wire> wires{
+      {kHaplySession, haply_setting(), "device.haply_inverse.transfer_limit_ms=1000"},
+      {kHapiSession, "device.hapi.port=" + (folder_.path() / "board").string(),
+       "device.hapi.transfer_limit_ms=1000"},
+      {kFalconSession, "device.falcon.port=" + (folder_.path() / "usb").string(),
+       "device.falcon.transfer_limit_ms=1000"},
+      {kWoodenSession, "device.wooden.port=" + (folder_.path() / "hidraw").string(),
+       "device.wooden.transfer_limit_ms=1000"}};
+  for (const auto& [session, port, limit] : wires) {
     SCOPED_TRACE(session);
     ProcessLinks links({.priority = 0, .cpu = -1});
     test::Watcher watcher(load_session(session), links);
     // long periods, leases and limits outlast the pauses of a busy machine
     Program launch("palpate",
-                   {"launch", session, "--emulate", "--set", "device." + driver + ".port=" + port,
-                    "--set", "device." + driver + ".transfer_limit_ms=1000", "--set",
+                   {"launch", session, "--emulate", "--set", port, "--set", limit, "--set",
                     "device.rate_hz=200", "--set", "device.lease_us=12500", "--set",
                     "mofc.stale_after_ms=200", "--no-viewer", "--no-realtime", "--json", "-"});
     EXPECT_TRUE(watcher.until([&] {

@@ -176,10 +176,10 @@ TEST_F(Screen, OfARunSaysWhatIsGoodAndWhatIsBad) {
   EXPECT_THAT(good.out,
               AllOf(HasSubstr("good  the hand extracted no energy"), Not(HasSubstr("  bad "))));
 
-  const Outcome bad =
-      run_program("palpate", {"loopback", PALPATE_SOURCE_DIR "/deploy/sessions/paper_rigid.txtpb",
-                              "--set", "mofc.controller=none", "--set", "physics.rate_hz=50",
-                              "--set", "hand.v.free_motion_s=0", "--seconds", "3"});
+  const std::string rigid = PALPATE_SOURCE_DIR "/deploy/sessions/paper_rigid.txtpb";
+  const Outcome bad = run_program(
+      "palpate", {"loopback", rigid, "--set", "mofc.controller=none", "--set", "physics.rate_hz=50",
+                  "--set", "hand.v.free_motion_s=0", "--seconds", "3"});
   EXPECT_THAT(bad.out, HasSubstr("bad   the hand extracted"));
 }
 
