@@ -1,9 +1,11 @@
 // raw_zmtp.h — ZMTP 3.0 byte by byte, for peers that violate it: greeting, handshake without keys,
-// frames, and a stream to an endpoint.
+// frames, and streams to and from an endpoint. A peer of libzmq would itself abort where its socket
+// is closed and its connection ends within a message of several parts.
 #pragma once
 
 #include <arpa/inet.h>
 #include <netinet/in.h>
+#include <poll.h>
 #include <sys/socket.h>
 #include <sys/un.h>
 #include <unistd.h>
@@ -54,24 +56,48 @@ inline std::string zmtp_ready(std::string_view type) {
   return zmtp_frame(kCommand, body);
 }
 
-/// A stream of bytes to "ipc://…" or "tcp://127.0.0.1:…"; closed at its destruction.
+/// The address of "ipc://…" or "tcp://127.0.0.1:…".
+class RawAddress {
+ public:
+  explicit RawAddress(const std::string& endpoint) {
+    if (endpoint.starts_with("ipc://")) {
+      family_ = AF_UNIX;
+      local_.sun_family = AF_UNIX;
+      endpoint.copy(local_.sun_path, sizeof(local_.sun_path) - 1, 6);
+    } else {
+      inet_.sin_family = AF_INET;
+      inet_.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+      inet_.sin_port =
+          htons(static_cast<std::uint16_t>(std::stoi(endpoint.substr(endpoint.rfind(':') + 1))));
+    }
+  }
+  [[nodiscard]] int family() const { return family_; }
+  [[nodiscard]] const char* path() const { return local_.sun_path; }
+  [[nodiscard]] const sockaddr* get() const {
+    return family_ == AF_UNIX ? reinterpret_cast<const sockaddr*>(&local_)
+                              : reinterpret_cast<const sockaddr*>(&inet_);
+  }
+  [[nodiscard]] socklen_t size() const {
+    return family_ == AF_UNIX ? sizeof(local_) : sizeof(inet_);
+  }
+
+ private:
+  int family_ = AF_INET;
+  sockaddr_un local_{};
+  sockaddr_in inet_{};
+};
+
+/// A stream of bytes to or from an endpoint; closed at its destruction.
 class RawStream {
  public:
   explicit RawStream(const std::string& endpoint) {
-    if (endpoint.starts_with("ipc://")) {
-      sockaddr_un address{};
-      address.sun_family = AF_UNIX;
-      endpoint.copy(address.sun_path, sizeof(address.sun_path) - 1, 6);
-      open(AF_UNIX, reinterpret_cast<sockaddr*>(&address), sizeof(address));
-    } else {
-      sockaddr_in address{};
-      address.sin_family = AF_INET;
-      address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-      address.sin_port =
-          htons(static_cast<std::uint16_t>(std::stoi(endpoint.substr(endpoint.rfind(':') + 1))));
-      open(AF_INET, reinterpret_cast<sockaddr*>(&address), sizeof(address));
-    }
+    const RawAddress address(endpoint);
+    descriptor_ = socket(address.family(), SOCK_STREAM | SOCK_CLOEXEC, 0);
+    is_open_ = connect(descriptor_, address.get(), address.size()) == 0;
+    limit_silence();
   }
+  /// @param accepted  descriptor of a connection, which the stream closes
+  explicit RawStream(int accepted) : descriptor_(accepted), is_open_(true) { limit_silence(); }
   ~RawStream() { close(descriptor_); }
   RawStream(const RawStream&) = delete;
   RawStream& operator=(const RawStream&) = delete;
@@ -79,6 +105,8 @@ class RawStream {
   [[nodiscard]] bool is_open() const { return is_open_; }
   /// The other end has closed the connection.
   [[nodiscard]] bool was_closed() const { return was_closed_; }
+  /// Ends both directions; from any thread.
+  void hang_up() { shutdown(descriptor_, SHUT_RDWR); }
   /// Blocks until everything is written; false if the other end closed the connection or has read
   /// nothing for test::patience(kAmple).
   bool write(std::string_view bytes) {
@@ -100,9 +128,7 @@ class RawStream {
   }
 
  private:
-  void open(int family, const sockaddr* address, socklen_t size) {
-    descriptor_ = socket(family, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    is_open_ = connect(descriptor_, address, size) == 0;
+  void limit_silence() {
     const auto limit = std::chrono::ceil<std::chrono::seconds>(patience(kAmple));
     const timeval silence{.tv_sec = limit.count(), .tv_usec = 0};
     setsockopt(descriptor_, SOL_SOCKET, SO_SNDTIMEO, &silence, sizeof(silence));
@@ -120,6 +146,39 @@ class RawStream {
   int descriptor_ = -1;
   bool is_open_ = false;
   bool was_closed_ = false;
+};
+
+/// Listens at an endpoint until its destruction.
+class RawListener {
+ public:
+  explicit RawListener(const std::string& endpoint) : address_(endpoint) {
+    descriptor_ = socket(address_.family(), SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+    const int reuse = 1;
+    setsockopt(descriptor_, SOL_SOCKET, SO_REUSEADDR, &reuse, sizeof(reuse));
+    if (address_.family() == AF_UNIX) unlink(address_.path());
+    is_open_ = bind(descriptor_, address_.get(), address_.size()) == 0 &&
+               listen(descriptor_, SOMAXCONN) == 0;
+  }
+  ~RawListener() {
+    close(descriptor_);
+    if (address_.family() == AF_UNIX) unlink(address_.path());
+  }
+  RawListener(const RawListener&) = delete;
+  RawListener& operator=(const RawListener&) = delete;
+
+  [[nodiscard]] bool is_open() const { return is_open_; }
+  /// The next connection; -1 if there is none for 10 ms.
+  [[nodiscard]] int accept() const {
+    pollfd ready{.fd = descriptor_, .events = POLLIN, .revents = 0};
+    constexpr int kWaitMs = 10;
+    if (poll(&ready, 1, kWaitMs) != 1) return -1;
+    return accept4(descriptor_, nullptr, nullptr, SOCK_CLOEXEC);
+  }
+
+ private:
+  RawAddress address_;
+  int descriptor_ = -1;
+  bool is_open_ = false;
 };
 
 }  // namespace palpate::test

@@ -4,10 +4,13 @@
 #include <malloc.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cstdio>
+#include <list>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <thread>
@@ -36,6 +39,72 @@ constexpr double kMostGrowthMib = 512.0;  // freed memory is kept for a while
 constexpr double kMostGrowthMib = 32.0;
 #endif
 
+/// Sends malformed messages in a thread, over a new connection whenever one has ended, until its
+/// destruction.
+class Attacker {
+ public:
+  /// @param listens  at the endpoint; otherwise connects to it
+  /// @param type     of the socket that it pretends to be: "DEALER"
+  Attacker(const std::string& endpoint, bool listens, const char* type, std::string frames)
+      : type_(type), frames_(std::move(frames)) {
+    if (listens) {
+      listener_.emplace(endpoint);
+      EXPECT_TRUE(listener_->is_open()) << endpoint;
+    }
+    thread_ = std::jthread([this, endpoint](const std::stop_token& stop) {
+      while (!stop.stop_requested()) {
+        if (const auto stream = meet(endpoint)) attack(*stream, stop);
+      }
+    });
+  }
+  ~Attacker() {
+    thread_.request_stop();
+    const std::lock_guard lock(mutex_);
+    if (stream_ != nullptr) stream_->hang_up();
+  }
+  Attacker(const Attacker&) = delete;
+  Attacker& operator=(const Attacker&) = delete;
+
+  [[nodiscard]] int rounds() const { return rounds_; }
+
+ private:
+  std::unique_ptr<RawStream> meet(const std::string& endpoint) {
+    if (!listener_) return std::make_unique<RawStream>(endpoint);
+    const int accepted = listener_->accept();
+    return accepted < 0 ? nullptr : std::make_unique<RawStream>(accepted);
+  }
+  void attack(RawStream& stream, const std::stop_token& stop) {
+    hold(&stream);
+    if (stream.shake_hands(type_)) {
+      while (!stop.stop_requested() && stream.write(frames_)) ++rounds_;
+    }
+    hold(nullptr);
+  }
+  void hold(RawStream* stream) {
+    const std::lock_guard lock(mutex_);
+    stream_ = stream;
+  }
+
+  const char* type_;
+  std::string frames_;
+  std::optional<RawListener> listener_;
+  std::atomic<int> rounds_{0};
+  std::mutex mutex_;
+  RawStream* stream_ = nullptr;
+  std::jthread thread_;  // last: ends first
+};
+
+/// Messages of two parts and of a hundred, a long frame of no kind, and an empty one.
+/// @param largest  [bytes] that the attacked end accepts
+std::string malformed(const std::string& valid, std::int64_t largest) {
+  const auto size = static_cast<std::size_t>(largest) - 10;
+  std::string frames =
+      zmtp_frame(kMoreParts, valid) + zmtp_frame(kLastPart, std::string(size, 'x'));
+  for (int i = 0; i < 100; ++i) frames += zmtp_frame(kMoreParts, valid);
+  frames += zmtp_frame(kLastPart, "");
+  return frames + zmtp_frame(kLastPart, std::string(size, '\1')) + zmtp_frame(kLastPart, "");
+}
+
 class HostilePeer : public EveryTransport {
  protected:
   /// The endpoint where the attacked end connects, which this test binds.
@@ -43,38 +112,8 @@ class HostilePeer : public EveryTransport {
     if (GetParam() != Transport::kTcp) return fresh_endpoint(GetParam());
     return ports_.emplace_back(std::make_unique<HeldPort>())->endpoint();
   }
-  /// Two parts, a hundred, a long frame of no kind, and an empty one.
-  void send_malformed(zmq::socket_t& socket, const std::string& valid, const zmq::message_t* to) {
-    const auto part = [&](const std::string& bytes, bool is_last) {
-      static_cast<void>(socket.send(zmq::buffer(bytes),
-                                    (is_last ? zmq::send_flags::none : zmq::send_flags::sndmore) |
-                                        zmq::send_flags::dontwait));
-    };
-    const auto begin = [&] {
-      if (to == nullptr) return true;
-      zmq::message_t id;
-      id.copy(*const_cast<zmq::message_t*>(to));
-      try {
-        return socket.send(id, zmq::send_flags::sndmore | zmq::send_flags::dontwait).has_value();
-      } catch (const zmq::error_t&) {  // the other end has disconnected
-        return false;
-      }
-    };
-    if (begin()) {
-      part(valid, false);
-      part(std::string(static_cast<std::size_t>(largest_) - 10, 'x'), true);
-    }
-    if (begin()) {
-      for (int i = 0; i < 100; ++i) part(valid, false);
-      part("", true);
-    }
-    if (begin()) part(std::string(static_cast<std::size_t>(largest_) - 10, '\1'), true);
-    if (begin()) part("", true);
-  }
 
   std::vector<std::unique_ptr<HeldPort>> ports_;  // held, so that each endpoint is another one
-  std::int64_t largest_ = kLargestFrameBytes;
-  zmq::context_t foreign_;
   TimePoint at_;
 };
 INSTANTIATE_TEST_SUITE_P(Links, HostilePeer, kEverySocket, transport_name);
@@ -94,50 +133,35 @@ TEST_P(HostilePeer, DoesNotDisturbTheEndsThatBind) {
   const auto state_message = state(4, 0);
   const auto motion = random_message<ToolMotion>(random_);
   const auto target = random_message<HandTarget>(random_);
-  struct Attack {
-    zmq::socket_type type;
-    std::string endpoint;
-    std::string valid;
-    std::int64_t largest = kLargestFrameBytes;
-  };
   const std::string subscription("\x0b\4\7", 3);
-  std::vector<zmq::socket_t> attackers;
-  const std::vector<Attack> attacks{
-      {zmq::socket_type::dealer, exchange.endpoint(), test::frame_of(state_message)},
-      {zmq::socket_type::push, motions.endpoint(), test::frame_of(motion)},
-      {zmq::socket_type::push, targets.endpoint(), test::frame_of(target)},
-      {zmq::socket_type::dealer, interactions.endpoint(), subscription, kLargestSubscriptionBytes},
-      {zmq::socket_type::dealer, scene.endpoint(), subscription, kLargestSubscriptionBytes},
-      {zmq::socket_type::xsub, plot.endpoint(), subscription, kLargestSubscriptionBytes}};
-  for (const Attack& attack : attacks) {
-    zmq::socket_t& socket = attackers.emplace_back(foreign_, attack.type);
-    socket.set(zmq::sockopt::linger, 0);
-    socket.connect(attack.endpoint);
-  }
+  const std::string of_state = malformed(test::frame_of(state_message), kLargestFrameBytes);
+  const std::string of_motion = malformed(test::frame_of(motion), kLargestFrameBytes);
+  const std::string of_target = malformed(test::frame_of(target), kLargestFrameBytes);
+  const std::string of_subscription = malformed(subscription, kLargestSubscriptionBytes);
   DeviceState received_state;
   ToolMotion received_motion;
   HandTarget received_target;
-  for (int i = 0; i < 200; ++i) {
-    for (std::size_t a = 0; a < attacks.size(); ++a) {
-      largest_ = attacks[a].largest;
-      send_malformed(attackers[a], attacks[a].valid, nullptr);
-    }
-    while (exchange.receive(received_state, at_)) {
-    }
-    while (motions.receive(received_motion, at_)) {
-    }
-    while (targets.receive(received_target, at_)) {
-    }
-    static_cast<void>(interactions.has_subscriber());
-    static_cast<void>(scene.has_subscriber<SceneState>());
-    plot.send(0, {}, {}, 1.0);
+  {
+    std::list<Attacker> attackers;
+    attackers.emplace_back(exchange.endpoint(), false, "DEALER", of_state);
+    attackers.emplace_back(motions.endpoint(), false, "PUSH", of_motion);
+    attackers.emplace_back(targets.endpoint(), false, "PUSH", of_target);
+    attackers.emplace_back(interactions.endpoint(), false, "DEALER", of_subscription);
+    attackers.emplace_back(scene.endpoint(), false, "DEALER", of_subscription);
+    attackers.emplace_back(plot.endpoint(), false, "XSUB", of_subscription);
+    EXPECT_TRUE(eventually([&] {
+      static_cast<void>(exchange.receive(received_state, at_));
+      static_cast<void>(motions.receive(received_motion, at_));
+      static_cast<void>(targets.receive(received_target, at_));
+      static_cast<void>(interactions.has_subscriber());
+      static_cast<void>(scene.has_subscriber<SceneState>());
+      plot.send(0, {}, {}, 1.0);
+      return exchange.rejected() > 100 && motions.rejected() > 100 && targets.rejected() > 100 &&
+             std::all_of(attackers.begin(), attackers.end(),
+                         [](const Attacker& attacker) { return attacker.rounds() >= 20; });
+    })) << exchange.rejected()
+        << " " << motions.rejected() << " " << targets.rejected();
   }
-  EXPECT_TRUE(eventually([&] {
-    static_cast<void>(exchange.receive(received_state, at_));
-    static_cast<void>(motions.receive(received_motion, at_));
-    static_cast<void>(targets.receive(received_target, at_));
-    return exchange.rejected() > 10 && motions.rejected() > 10 && targets.rejected() > 10;
-  }));
 
   // the ends still serve their peers
   ExchangeClient device(context_, clock_, connect_to(exchange.endpoint(), "links.exchange"));
@@ -164,13 +188,6 @@ TEST_P(HostilePeer, DoesNotDisturbTheEndsThatConnect) {
   const std::array<std::string, 3> endpoints{unused_endpoint(), unused_endpoint(),
                                              unused_endpoint()};
   ports_.clear();
-  std::vector<zmq::socket_t> attackers;
-  for (const std::string& endpoint : endpoints) {
-    zmq::socket_t& socket = attackers.emplace_back(foreign_, zmq::socket_type::router);
-    socket.set(zmq::sockopt::linger, 0);
-    socket.set(zmq::sockopt::router_mandatory, true);
-    socket.bind(endpoint);
-  }
   ExchangeClient device(context_, clock_, connect_to(endpoints[0], "links.exchange"));
   ZmqSource<Interaction> interactions(context_, clock_,
                                       connect_to(endpoints[1], "links.interaction"));
@@ -178,31 +195,26 @@ TEST_P(HostilePeer, DoesNotDisturbTheEndsThatConnect) {
   const std::array<std::string, 3> valid{test::frame_of(random_message<ForceCommand>(random_)),
                                          test::frame_of(random_message<Interaction>(random_)),
                                          test::frame_of(random_message<PhysicsBatch>(random_))};
-  std::array<zmq::message_t, 3> peers;
   ForceCommand command;
   Interaction interaction;
   TelemetryMessage telemetry;
   std::uint64_t sequence = 0;
-  EXPECT_TRUE(eventually([&] {
-    static_cast<void>(device.send(state(1, ++sequence)));
-    for (std::size_t i = 0; i < attackers.size(); ++i) {
-      zmq::message_t from;
-      zmq::message_t frame;
-      while (attackers[i].recv(from, zmq::recv_flags::dontwait)) {
-        static_cast<void>(attackers[i].recv(frame));
-        peers[i] = std::move(from);
-      }
-      if (peers[i].size() > 0) send_malformed(attackers[i], valid[i], &peers[i]);
+  {
+    std::list<Attacker> attackers;
+    for (std::size_t i = 0; i < endpoints.size(); ++i) {
+      attackers.emplace_back(endpoints[i], true, "ROUTER", malformed(valid[i], kLargestFrameBytes));
     }
-    static_cast<void>(device.receive(command, at_));
-    static_cast<void>(interactions.receive(interaction, at_));
-    static_cast<void>(viewer.receive(telemetry, at_));
-    return device.rejected() > 100 && interactions.rejected() > 100 && viewer.rejected() > 100;
-  })) << device.rejected()
-      << " " << interactions.rejected() << " " << viewer.rejected();
+    EXPECT_TRUE(eventually([&] {
+      static_cast<void>(device.send(state(1, ++sequence)));
+      static_cast<void>(device.receive(command, at_));
+      static_cast<void>(interactions.receive(interaction, at_));
+      static_cast<void>(viewer.receive(telemetry, at_));
+      return device.rejected() > 100 && interactions.rejected() > 100 && viewer.rejected() > 100;
+    })) << device.rejected()
+        << " " << interactions.rejected() << " " << viewer.rejected();
+  }
 
   // true peers take over
-  attackers.clear();
   std::optional<ExchangeServer> exchange;
   std::optional<ZmqSender<Interaction>> interaction_out;
   std::optional<ZmqSender<PhysicsBatch>> batch_out;
@@ -241,43 +253,25 @@ TEST_P(HostilePeer, MayHangUpWithinAMessageOfManyParts) {
     const std::string endpoint = unused_endpoint();
     ports_.clear();
     LinkSocket end(context_, settings, connect_to(endpoint, "links.interaction"));
-    std::optional<zmq::socket_t> peer;
-    zmq::message_t id;
-    const auto find_end = [&] {
-      return eventually([&] {
-        try {
-          if (!peer) {
-            peer.emplace(foreign_, zmq::socket_type::router);
-            peer->set(zmq::sockopt::linger, 0);
-            peer->bind(endpoint);
-          }
-        } catch (const zmq::error_t&) {  // libzmq releases a port shortly after closing
-          peer.reset();
-          return false;
-        }
-        zmq::message_t hello("?", 1);
-        static_cast<void>(end.send(hello, 0));
-        return peer->recv(id, zmq::recv_flags::dontwait).has_value();
-      });
-    };
-    const auto send = [&](int parts) {
-      zmq::message_t to;
-      to.copy(id);
-      peer->send(to, zmq::send_flags::sndmore);
-      for (int i = 1; i < parts; ++i) peer->send(zmq::str_buffer("x"), zmq::send_flags::sndmore);
-      peer->send(zmq::str_buffer("x"), zmq::send_flags::none);
-    };
-    ASSERT_TRUE(find_end());
-    send(5000);
     zmq::message_t frame;
-    ASSERT_TRUE(eventually([&] { return end.receive(frame) == Reception::kMalformed; }));
-    peer.reset();
+    const auto send = [&](int parts) {
+      const RawListener listener(endpoint);
+      ASSERT_TRUE(listener.is_open());
+      int accepted = -1;
+      ASSERT_TRUE(eventually([&] { return (accepted = listener.accept()) >= 0; }));
+      RawStream peer(accepted);
+      ASSERT_TRUE(peer.shake_hands("ROUTER"));
+      std::string frames;
+      for (int i = 1; i < parts; ++i) frames += zmtp_frame(kMoreParts, "x");
+      frames += zmtp_frame(kLastPart, "x");
+      ASSERT_TRUE(peer.write(frames));
+      const Reception expected = parts == 1 ? Reception::kMessage : Reception::kMalformed;
+      EXPECT_TRUE(eventually([&] { return end.receive(frame) == expected; }));
+    };
+    send(5000);
     ASSERT_TRUE(eventually([&] { return end.has_lost_peer(); }));
     for (int i = 0; i < 100; ++i) EXPECT_EQ(end.receive(frame), Reception::kNothing);
-
-    ASSERT_TRUE(find_end());
     send(1);
-    EXPECT_TRUE(eventually([&] { return end.receive(frame) == Reception::kMessage; }));
   }
 }
 
