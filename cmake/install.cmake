@@ -3,7 +3,7 @@ include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
 # launch starts the nodes that lie beside it
-install(TARGETS palpate device_node mofc_node device_mofc_node physics_node viewer_node)
+install(TARGETS palpate palpate_tools device_node mofc_node device_mofc_node physics_node viewer_node)
 install(DIRECTORY deploy/campaigns deploy/sessions proto DESTINATION ${CMAKE_INSTALL_DATADIR}/palpate
         FILES_MATCHING PATTERN "*.txtpb" PATTERN "*.proto" PATTERN "organ.*"
         PATTERN "engines" EXCLUDE)

@@ -56,7 +56,7 @@ function(palpate_add_test name)
     set_tests_properties(${name} PROPERTIES ${properties})
     return()
   endif()
-  gtest_discover_tests(${name} PROPERTIES ${properties} DISCOVERY_TIMEOUT 60)
+  gtest_discover_tests(${name} NO_PRETTY_VALUES PROPERTIES ${properties} DISCOVERY_TIMEOUT 60)
   list(LENGTH arg_LABELS label_count)
   if(label_count GREATER 1)
     # gtest_discover_tests would take the second label for the name of a property

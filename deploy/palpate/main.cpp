@@ -1,68 +1,50 @@
-// palpate: runs and checks deployments. This file registers the subcommands (commands.h).
-#include <csignal>
-#include <cstdio>
-#include <exception>
-#include <string>
+// palpate: launches sessions; every other command is in palpate_tools, which lies beside it and
+// which it becomes. So a first launch waits for the compilation of the nodes and the launcher
+// alone.
+#include <unistd.h>
 
-#include "common/core/check.h"
-#include "common/core/user/output_file.h"
-#include "common/core/version.h"
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <string>
+#include <string_view>
+
 #include "common/process/run_node.h"
-#include "deploy/palpate/commands.h"
-#include "deploy/palpate/screen/help.h"
+#include "deploy/palpate/launcher.h"
 
 namespace palpate {
 namespace {
 
-int run(int argc, char** argv) {
-  CLI::App app("Runs and checks Palpate deployments.", "palpate");
-  app.set_version_flag("--version", std::string("palpate ") + version());
-  app.require_subcommand(1);
-  app.fallthrough();  // --quiet and --verbose may follow the command
-  Verbosity verbosity;
-  app.add_flag("-q,--quiet", verbosity.is_quiet,
-               "print only warnings, errors and requested output: no summary, status or progress");
-  app.add_flag("-v,--verbose", verbosity.is_verbose, "list the files that are read, too");
-  const Command commands[] = {
-      add_launch_command(app),   add_loopback_command(app),    add_info_command(app),
-      add_export_command(app),   add_replay_command(app),      add_report_command(app),
-      add_cut_command(app),      add_merge_command(app),       add_recover_command(app),
-      add_identify_command(app), add_scene_check_command(app), add_conform_command(app),
-      add_doctor_command(app),   add_keygen_command(app),      add_make_organ_command(app),
-      add_mesh_command(app),     add_sweep_command(app),       add_devices_command(app),
-      add_emulate_command(app),  add_explain_command(app),     add_help_command(app),
-      add_man_command(app),      add_completion_command(app)};
-  // set last: subcommands that exist later would inherit it
-  app.footer(
-      "Try:  palpate launch deploy/sessions/default.txtpb --seconds 10\n"
-      "Each command has its own --help, or: palpate help launch. Terms: palpate explain clamp");
+/// The command is launch, or only the version is asked for.
+bool is_for_the_launcher(int argc, char** argv) {
+  bool asks_for_version = false;
+  for (int i = 1; i < argc; ++i) {
+    const std::string_view word = argv[i];
+    if (!word.starts_with('-')) return word == "launch";
+    asks_for_version |= word == "--version";
+  }
+  return asks_for_version;
+}
 
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& error) {
-    const int status = app.exit(error);
-    if (status == 0) return 0;
-    std::fputs(did_you_mean(app).c_str(), stderr);
-    return kExitSetupError;
-  }
-  try {
-    for (const Command& command : commands) {
-      if (command.parser->parsed()) return command.run(verbosity);
-    }
-    return 0;
-  } catch (const SetupError& error) {
-    std::fprintf(stderr, "%s\n", error.what());
-    return kExitSetupError;
-  } catch (const std::exception& error) {
-    std::fprintf(stderr, "palpate: %s\n", error.what());
-    return kExitFailure;
-  }
+/// Returns only if it fails: the exit status.
+int become_tools(char** argv) {
+  const std::filesystem::path folder =
+      std::filesystem::read_symlink("/proc/self/exe").parent_path();
+  execv((folder / "palpate_tools").c_str(), argv);
+  const std::string remedy =
+      errno == ENOENT ? "build it (cmake --build build/release --target palpate_tools), or copy it "
+                        "there if you have moved palpate"
+                      : std::string("it does not start: ") + std::strerror(errno);
+  std::fprintf(stderr, "palpate: commands other than launch need palpate_tools in %s; %s\n",
+               folder.c_str(), remedy.c_str());
+  return kExitSetupError;
 }
 
 }  // namespace
 }  // namespace palpate
 
 int main(int argc, char** argv) {
-  palpate::ignore_output_signals();
-  return palpate::status_with_output(palpate::run(argc, argv), "palpate");
+  if (!palpate::is_for_the_launcher(argc, argv)) return palpate::become_tools(argv);
+  return palpate::run_launcher(argc, argv);
 }

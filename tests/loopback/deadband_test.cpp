@@ -8,6 +8,7 @@
 
 #include "common/session/session_file.h"
 #include "deploy/lockstep/lockstep.h"
+#include "tests/support/parameter_words.h"
 
 namespace palpate {
 namespace {
@@ -168,7 +169,8 @@ INSTANTIATE_TEST_SUITE_P(Faults, DeadbandDeath,
                          testing::Values("faults.interaction.outage={from_s: 1 until_s: 9}",
                                          "faults.interaction.freeze={from_s: 1 until_s: 9}",
                                          "faults.tool_motion.outage={from_s: 1 until_s: 9}",
-                                         "faults.tool_motion.freeze={from_s: 1 until_s: 9}"));
+                                         "faults.tool_motion.freeze={from_s: 1 until_s: 9}"),
+                         test::parameter_words<const char*>);
 
 TEST_P(DeadbandDeath, RealSilenceIsDetectedWhetherTheHandRestsOrMoves) {
   for (const char* hand : {kResting, kMoving}) {

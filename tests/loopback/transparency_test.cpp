@@ -7,6 +7,7 @@
 
 #include "deploy/lockstep/loopback.h"
 #include "tests/bench/tissue_scenes.h"
+#include "tests/support/parameter_words.h"
 
 namespace palpate {
 namespace {
@@ -39,6 +40,9 @@ struct Bound {
   double path_rms_m;
   std::uint64_t excess_reversals;
 };
+void PrintTo(const Bound& bound, std::ostream* out) {
+  *out << bound.tissue << ", " << bound.delay_ms << " ms";
+}
 const Bound kBounds[] = {
     // nearly a pure damper, seen through a quantised encoder
     {"paper soft", 50, 0.95, 0.15, 0.125, 1e-4, 0},
@@ -67,7 +71,8 @@ TEST_P(TruthUnderLatency, TheRenderedForceFollowsTheTissueNotTheNetwork) {
   EXPECT_LT(held.ideal_transparency(), 0.5);
   EXPECT_GE(held.minimum_true_energy_joule(), -1e-6);
 }
-INSTANTIATE_TEST_SUITE_P(Tissues, TruthUnderLatency, testing::ValuesIn(kBounds));
+INSTANTIATE_TEST_SUITE_P(Tissues, TruthUnderLatency, testing::ValuesIn(kBounds),
+                         test::parameter_words<Bound>);
 
 // Frozen physics makes it worse: the model becomes too old.
 TEST(TruthUnderLatency, FrozenPhysicsLowersTransparency) {

@@ -1,5 +1,5 @@
-// help.h — help that is made from the definitions of the commands and from docs/glossary.md:
-// suggestions, man pages, completion for shells, explanations of terms.
+// help.h — help that is made from the definitions of the commands and from docs/glossary.md: man
+// pages, completion for shells, explanations of terms.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -8,10 +8,6 @@
 #include <vector>
 
 namespace palpate {
-
-/// For words of the command line that no command takes: "lunch: did you mean launch?"; "" if
-/// nothing is like them. Call it after app.parse() threw.
-[[nodiscard]] std::string did_you_mean(const CLI::App& app);
 
 /// The page of one command, or of all of it, in the format of man(1).
 /// @param app      palpate itself

@@ -60,34 +60,6 @@ std::string options_of(const CLI::App& command, bool is_positional) {
 
 }  // namespace
 
-std::string did_you_mean(const CLI::App& app) {
-  // options of the command that was reached and of those around it, and its own commands
-  std::vector<std::string> options;
-  std::vector<std::string> commands;
-  const CLI::App* reached = &app;
-  while (reached != nullptr) {
-    for (const CLI::Option* option : reached->get_options(kAll)) {
-      for (const std::string& name : option->get_lnames()) options.push_back("--" + name);
-    }
-    commands.clear();
-    const CLI::App* next = nullptr;
-    for (const CLI::App* sub : reached->get_subcommands(kAll)) {
-      commands.push_back(sub->get_name());
-      if (sub->parsed()) next = sub;
-    }
-    reached = next;
-  }
-
-  std::string text;
-  for (const std::string& word : app.remaining(true)) {
-    const std::string name = word.substr(0, word.find('='));
-    const std::string meant = nearest(name, name.starts_with('-') ? options : commands);
-    if (meant.empty() || meant == name || name == "--") continue;
-    text.append(name).append(": did you mean ").append(meant).append("?\n");
-  }
-  return text;
-}
-
 std::string man_page(const CLI::App& app, const CLI::App& command) {
   std::string text = ".TH " + upper(page_name(command)) + " 1 \"\" \"palpate " +
                      std::string(version()) + "\" \"Palpate\"\n.SH NAME\n" +

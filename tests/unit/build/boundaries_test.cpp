@@ -5,6 +5,7 @@
 
 #include <string>
 
+#include "tests/support/parameter_words.h"
 #include "tests/support/temp_folder.h"
 #include "tests/unit/build/run_command.h"
 
@@ -58,6 +59,10 @@ struct Forbidden {
   const char* header;
   const char* rule;
 };
+
+void PrintTo(const Forbidden& include, std::ostream* out) {
+  *out << include.file << " " << include.header;
+}
 
 class ForbiddenInclude : public testing::TestWithParam<Forbidden> {};
 
@@ -124,7 +129,8 @@ INSTANTIATE_TEST_SUITE_P(
                   "deploy/lockstep may include"},
         Forbidden{"deploy/lockstep/loopback.h", "CLI/CLI.hpp", "deploy/lockstep may include"},
         Forbidden{"deploy/palpate/options.h", "viewer_node/server/web_server.h",
-                  "deploy/palpate may include"}));
+                  "deploy/palpate may include"}),
+    test::parameter_words<Forbidden>);
 
 // surfaces ← files ← scene ← display
 INSTANTIATE_TEST_SUITE_P(
@@ -146,7 +152,8 @@ INSTANTIATE_TEST_SUITE_P(
         Forbidden{"physics_node/physics_node.cpp", "physics_node/display/scene_display.h",
                   "physics_node may include"},
         Forbidden{"physics_node/physics_node.cpp", "common/session/session.h",
-                  "physics_node may include"}));
+                  "physics_node may include"}),
+    test::parameter_words<Forbidden>);
 
 // What only a simulation knows, and what only the simulated device is told.
 INSTANTIATE_TEST_SUITE_P(
@@ -174,7 +181,8 @@ INSTANTIATE_TEST_SUITE_P(
         Forbidden{"device_node/device_node.cpp", "common/session/simulation_config.h",
                   "device_node may include"},
         Forbidden{"device_node/device_node.cpp", "device_node/drivers/driver_registry.h",
-                  "device_node may include"}));
+                  "device_node may include"}),
+    test::parameter_words<Forbidden>);
 
 TEST(IncludeBoundaries, AreNotEvadedByAngleBrackets) {
   for (const char* header : {"physics_node/scene/scene.h", "palpate/v1/messages.pb.h", "zmq.hpp",

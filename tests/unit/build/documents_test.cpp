@@ -185,6 +185,9 @@ std::vector<std::string> broken_links(const std::string& document, const fs::pat
 TEST(Documents, LinksLeadSomewhere) {
   std::vector<fs::path> files{"README.md",
                               "CHANGELOG.md",
+                              "CODE_OF_CONDUCT.md",
+                              "CONTRIBUTING.md",
+                              "SECURITY.md",
                               "deploy/README.md",
                               "tests/bench/README.md",
                               "deploy/systemd/README.md",

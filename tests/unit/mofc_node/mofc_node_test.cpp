@@ -827,7 +827,10 @@ TEST_P(MofcNodeInMode, AnswerAndFinishTurnDoNotAllocate) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Modes, MofcNodeInMode,
-                         testing::Values(MofcMode::kPaper, MofcMode::kVector, MofcMode::kGuard));
+                         testing::Values(MofcMode::kPaper, MofcMode::kVector, MofcMode::kGuard),
+                         [](const testing::TestParamInfo<MofcMode>& info) {
+                           return std::vector{"Paper", "Vector", "Guard"}[info.index];
+                         });
 
 TEST(MofcNodeWithStandby, TheStandbySpeaksBeforeTheForceFadesWithoutAllocation) {
   ManualClock clock;

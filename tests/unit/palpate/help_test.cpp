@@ -1,5 +1,6 @@
 // Help that is made from the definitions of commands and from the glossary.
 #include "deploy/palpate/screen/help.h"
+#include "deploy/palpate/command_line.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -7,6 +7,7 @@
 #include <iterator>
 
 #include "palpate/v1/session.pb.h"
+#include "tests/support/parameter_words.h"
 #include "tests/unit/session/session_support.h"
 
 namespace palpate {
@@ -518,7 +519,8 @@ const Rule kRules[] = {
     {"faults.interaction.freeze[0].every_s", {"0.9"}, {"1"}, "must be ≥ until_s, 1"},
 };
 
-INSTANTIATE_TEST_SUITE_P(Schema, SessionRule, ::testing::ValuesIn(kRules));
+INSTANTIATE_TEST_SUITE_P(Schema, SessionRule, ::testing::ValuesIn(kRules),
+                         test::parameter_words<Rule>);
 
 TEST(SessionRules, SceneWithoutTissueIsAllowed) {
   EXPECT_THAT(complaints("name: \"x\" scene {}"), SizeIs(0));
