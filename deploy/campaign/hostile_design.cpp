@@ -172,8 +172,9 @@ std::vector<std::string> hostile_overrides(std::uint64_t seed) {
 }
 
 std::string lying_clamp_override(std::uint64_t seed) {
-  const char* laws[] = {"full_force", "wrong_lease", "ahead", "replay", "full_force_not_a_number",
-                        "drift",      "mostly_right"};
+  const char* laws[] = {
+      "full_force", "wrong_lease",  "ahead",   "replay", "full_force_not_a_number",
+      "drift",      "mostly_right", "rounding"};
   Random random(stream_seed(seed, "lying clamp"));
   return fmt::format("adversary.clamp={}", laws[random.below(std::size(laws))]);
 }

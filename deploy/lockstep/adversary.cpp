@@ -1,10 +1,13 @@
 #include "deploy/lockstep/adversary.h"
 
+#include <algorithm>
 #include <cmath>
 #include <iterator>
 #include <limits>
+#include <optional>
 
 #include "deploy/lockstep/random_surface.h"
+#include "mofc_node/controllers/one_pool_clamp.h"
 
 namespace palpate {
 namespace {
@@ -17,6 +20,7 @@ constexpr double kRestartPeriod_s = 0.9;
 
 constexpr Duration kForever = std::chrono::hours(1);
 constexpr std::size_t kReplayedTicks = 100;
+constexpr double kRoundingJoule = 0.97e-9;  // of the nanojoule that the monitor lets pass
 
 Contact force_everywhere(const Vector3& force_newton) {
   return {.penetration_m = 1.0,
@@ -132,12 +136,39 @@ void ClampTamperer::tamper(const DeviceState& state, ForceCommand& command) {
     case LyingClamp::kMostlyRight:
       if (std::fmod(t_s, 0.5) < 0.2) push(command);
       return;
+    case LyingClamp::kRounding:
+      return spend_all(state, command);
   }
 }
 
 void ClampTamperer::push(ForceCommand& command) const {
   command.force_on_hand_newton = kHostileNewton * along_;
   command.valid_for = kForever;
+}
+
+/// As an honest clamp without cap and gate, but for the rounding.
+void ClampTamperer::spend_all(const DeviceState& state, ForceCommand& command) const {
+  const DeviceProfile& profile = device_.profile;
+  std::optional<controllers::AxisFriction> per_axis;
+  if (profile.per_axis) {
+    per_axis = {.f_d = profile.per_axis->viscous_newton_s_per_m,
+                .f_co = profile.per_axis->coulomb_newton};
+  }
+  const controllers::OnePoolClamp clamp({.f_d = profile.viscous_newton_s_per_m,
+                                         .f_co = profile.coulomb_newton,
+                                         .T = to_seconds(device_.lease)},
+                                        per_axis, device_.monitor.v_max_m_per_s);
+  double joule = kRoundingJoule;
+  if (std::isfinite(state.monitor_energy_joule)) {
+    const double acts_s = to_seconds(
+        std::clamp(state.acting_until - state.header.sampled_at, Duration{}, device_.reply));
+    joule += std::max(
+        0.0,
+        state.monitor_energy_joule -
+            (acts_s > 0.0 ? acts_s * clamp.drain_watt(state.acting_force_on_hand_newton) : 0.0));
+  }
+  command.force_on_hand_newton = clamp.clamp(kHostileNewton * along_, joule).force_on_hand_newton;
+  command.valid_for = device_.lease;
 }
 
 // --- scheduler ----------------------------------------------------------------------------------

@@ -7,6 +7,7 @@
 #include "common/core/messages.h"
 #include "common/core/random.h"
 #include "common/session/adversary_config.h"
+#include "common/session/device_config.h"
 
 namespace palpate {
 
@@ -38,14 +39,16 @@ class PhysicsTamperer {
 /// A clamp that lies: changes what mofc_node answers.
 class ClampTamperer {
  public:
-  explicit ClampTamperer(LyingClamp law) : law_(law) {}
+  ClampTamperer(LyingClamp law, const DeviceConfig& device) : law_(law), device_(device) {}
 
   void tamper(const DeviceState& state, ForceCommand& command);
 
  private:
   void push(ForceCommand& command) const;
+  void spend_all(const DeviceState& state, ForceCommand& command) const;
 
   LyingClamp law_;
+  DeviceConfig device_;
   Vector3 position_m_ = Vector3::Zero();
   Vector3 along_ = Vector3::UnitZ();
   std::deque<ForceCommand> history_;

@@ -188,7 +188,7 @@ class LockstepSide {
         device_lateness_(options.device_lateness),
         late_ticks_(session.adversary, side_.device.rate_hz,
                     stream_seed(session, side_, "tick jitter")),
-        clamp_tamperer_(session.adversary.clamp),
+        clamp_tamperer_(session.adversary.clamp, side_.device),
         time_(time),
         host_(*hosts.front()),
         links_(make_links(options.links, time_, host_.clock(), link_hooks())),

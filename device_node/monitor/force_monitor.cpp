@@ -9,7 +9,7 @@
 namespace palpate::device {
 namespace {
 
-constexpr double kRoundingJoule = 1e-9;
+constexpr double kRoundingJoule = 1e-9;  // below 0, in all
 constexpr double kUlps = 4.0 * std::numeric_limits<double>::epsilon();
 /// Less than the rounding of a force that was scaled to f_co.
 constexpr double kExact = 1.0 - kUlps;
@@ -89,17 +89,18 @@ ForceMonitor::Covered ForceMonitor::cover(const Vector3& force_on_hand_newton,
                                           Duration lease) noexcept {
   Covered covered{.force_on_hand_newton = force_on_hand_newton, .lease = lease};
   const double drain = worst_hand_.drain_watt(force_on_hand_newton);
-  const double left = std::max(0.0, credit_joule_);
-  if ((to_seconds(lease) - kLeaseRoundingS) * drain <= left + kRoundingJoule) {
+  const double counted_joule = (to_seconds(lease) - kLeaseRoundingS) * drain;
+  if (drain == 0.0 || counted_joule <= credit_joule_ + kRoundingJoule) {
     credit_joule_ -= to_seconds(lease) * drain;
     return covered;
   }
+  const double left = std::max(0.0, credit_joule_);
   covered.is_reduced = true;
   covered.lease =
       std::max(std::min(lease, hold_), Duration(static_cast<std::int64_t>(1e9 * (left / drain))));
   covered.force_on_hand_newton *=
       worst_hand_.largest_scale(force_on_hand_newton, left / to_seconds(covered.lease));
-  credit_joule_ = 0.0;  // all of it is spent
+  credit_joule_ -= left;  // all of it is spent; a debt stays
   return covered;
 }
 
@@ -107,7 +108,7 @@ ForceMonitor::Covered ForceMonitor::cover(const Vector3& force_on_hand_newton,
 void ForceMonitor::settle(TimePoint at, const Vector3& position_m) noexcept {
   if (is_lost_) {
     is_lost_ = false;
-    floor_joule_ = std::min(0.0, joule());
+    floor_joule_ = std::min(0.0, std::isfinite(credit_joule_) ? credit_joule_ : joule());
     lasting_.restart(position_m, floor_joule_);
     recent_.restart(position_m, floor_joule_);
     acting_newton_.setZero();

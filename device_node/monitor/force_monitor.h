@@ -43,7 +43,8 @@ class WorstHand {
 /// δ is the deadline of the answer, r the rest of the lease of the force that acts. Otherwise the
 /// lease becomes shorter, not below T_hold, and if that is not enough the force smaller, direction
 /// kept. So E(t) ≥ 0 whatever commands arrive, as in §2.5. Lemmas: hold_and_delay, residual_lease.
-/// Up to 1 nJ and the drain of 1 ns, in which leases are counted, pass as rounding.
+/// Up to 1 nJ and the drain of 1 ns, in which leases are counted, pass as rounding: once, since M
+/// falls below 0 by what it cost. Lemma: rounding.
 ///
 /// M is the largest of a floor and of two accounts. A force that acts for t costs at most t D(F),
 /// so M falls by no more, whatever the readings' resolution adds to an account (lemma:
@@ -69,7 +70,8 @@ class ForceMonitor {
                 Duration lease) noexcept;
   /// The motors were released without a reading.
   void released(TimePoint at) noexcept;
-  /// What happens from now until the next read() is not known: no credit is left, a debt stays.
+  /// What happens from now until the next read() is not known: no credit is left, a debt stays,
+  /// with what the commands since the last read() can still draw beyond M.
   void lost() noexcept { is_lost_ = true; }
 
   struct Covered {
@@ -100,7 +102,7 @@ class ForceMonitor {
   TimePoint since_{};                        ///< of the last reading
   Vector3 acting_newton_ = Vector3::Zero();  ///< since then,
   TimePoint lease_end_{};                    ///< until then
-  double credit_joule_ = 0.0;                ///< left in this tick
+  double credit_joule_ = 0.0;                ///< left in this tick; below 0 a debt
 };
 
 }  // namespace palpate::device

@@ -15,6 +15,7 @@
 #include <string>
 
 #include "common/session/session_file.h"
+#include "deploy/lockstep/loopback.h"
 #include "tests/property/seeds.h"
 #include "tests/support/adversity.h"
 
@@ -236,6 +237,24 @@ TEST(GuaranteeOnTheWire, AForceThatIsNotANumberIsRefusedByTheCodecAndNoEnergyIsD
   const AdverseResult result = run_adverse(run, 1);
   EXPECT_NEAR(static_cast<double>(result.mofc.interaction.rejected), 2000.0 / 3.0, 5.0);
   EXPECT_GE(result.statistics.minimum_true_energy_joule(), -kRoundingJoule);
+}
+
+// A hand that goes where the force goes at 2.2 mm/s, which draws most from a nanojoule a command,
+// and an exact encoder. Were the rounding granted to every command, a minute would give it 29 µJ.
+TEST(GuaranteeOfTheMonitor, ItsRoundingIsSpentOnce) {
+  const std::filesystem::path folder = testing::TempDir();
+  std::ofstream(folder / "slow.csv") << "t,x,y,z\n0,0,0,0.05\n60,0.132,0,0.05\n";
+  const Session session = parse_session(R"(
+name: "rounding"
+device { profile { position_resolution_m: 0 } simulated { position_resolution_m: 0 } }
+hand { stiffness_newton_per_m: 2000 damping_newton_s_per_m: 40 recorded { file: "slow.csv" } }
+scene { tissue { half_space {} kelvin_voigt { stiffness_newton_per_m: 500 } } }
+adversary { clamp: rounding }
+)",
+                                        "rounding", {}, folder);
+  const RunReport report = run_loopback(session, {.seconds = 60.0, .lockstep = {}});
+  EXPECT_GE(report.statistics.minimum_true_energy_joule(), -1e-8);
+  EXPECT_GT(report.device.monitor_reductions, 10000U);
 }
 
 // A hand goes 8 mm below the surface of a 500 N/m wall in 2 s and stays there: 6 mm deep its spring

@@ -211,5 +211,70 @@ TEST(MonitorLaws, WhatItCountsIsNeverMoreThanTheEnergyAndNeverLessThanTheLedger)
   EXPECT_GT(floors, 10000);
 }
 
+/// A clamp that asks in every tick for what passes as rounding, beyond the friction's own force and
+/// whatever else is left, and a hand that follows it at the velocity that draws most. Judged by the
+/// exact integral of the hand's power, without encoder.
+/// @return least energy [J] that the hand has put in
+double least_joule_of_roundings(double rate_hz, int ticks, bool asks_for_energy,
+                                bool asks_for_lease, int lost_every) {
+  constexpr double kAlmost = 0.97;
+  constexpr double kCoulombNewton = 0.1;
+  constexpr double kViscous = 0.1;
+  DeviceConfig config;
+  config.profile = {.viscous_newton_s_per_m = kViscous,
+                    .coulomb_newton = kCoulombNewton,
+                    .position_resolution_m = 0.0};
+  const Duration period = from_seconds(1.0 / rate_hz);
+  config.reply = period / 2;
+  config.lease = 2 * period;
+  config.monitor.v_max_m_per_s = 0.5;
+  ForceMonitor monitor(config);
+  const Duration lease = asks_for_lease ? Duration(1) : config.lease;
+
+  TimePoint now{};
+  Vector3 hand = Vector3::Zero();
+  double energy = 0.0;
+  double least = 0.0;
+  Vector3 along = Vector3::UnitX();
+  monitor.read(now, hand);
+  for (int k = 0; k < ticks; ++k) {
+    if (k % 50 == 0) along = -along;
+    double excess = 0.0;
+    if (asks_for_energy) excess = std::sqrt(4.0 * kViscous * kAlmost * 1e-9 / to_seconds(lease));
+    if (asks_for_lease) excess = 400.0;
+    const auto covered = monitor.cover((kCoulombNewton + excess) * along, lease);
+    monitor.switched(now, hand, covered.force_on_hand_newton, covered.lease);
+    if (lost_every > 0 && k % lost_every == lost_every - 1) monitor.lost();
+
+    const Vector3 force = covered.force_on_hand_newton;
+    const double beyond = std::max(0.0, force.norm() - kCoulombNewton);
+    const double speed = std::min(0.5, beyond / (2.0 * kViscous));
+    const double acts_s = to_seconds(std::min(covered.lease, period));
+    energy += acts_s * (kViscous * speed - beyond) * speed;
+    hand += acts_s * speed * along;
+    least = std::min(least, energy);
+    now += period;
+    if (covered.lease < period) monitor.ended(hand);
+    monitor.read(now, hand);
+  }
+  return least;
+}
+
+// 1 nJ and 1 ns · D(400 N) of the lease: once, however long and however often.
+TEST(MonitorLaws, ItsRoundingsAreSpentOnce) {
+  for (const double rate_hz : {50.0, 1000.0, 10000.0}) {
+    const int minute = static_cast<int>(60.0 * rate_hz);
+    EXPECT_GE(least_joule_of_roundings(rate_hz, minute, true, false, 0), -1.01e-9) << rate_hz;
+    EXPECT_GE(least_joule_of_roundings(rate_hz, minute, true, false, 10), -1.01e-9) << rate_hz;
+    EXPECT_GE(least_joule_of_roundings(rate_hz, minute, false, true, 0), -1e-9 - 1e-9 * 200.0)
+        << rate_hz;
+  }
+}
+
+// The roundings are there: an honest clamp, which computes in its own way, needs them.
+TEST(MonitorLaws, TheRoundingsPassAtFirst) {
+  EXPECT_LT(least_joule_of_roundings(1000.0, 3, true, false, 0), -0.4e-9);
+}
+
 }  // namespace
 }  // namespace palpate::device

@@ -30,7 +30,8 @@ Table monitor_table(int seeds, const std::vector<std::string>& more_overrides, c
                        {"commands of 100 ms ago", "replay"},
                        {"full force, a third NaN", "full_force_not_a_number"},
                        {"ledger that drifts", "drift"},
-                       {"full force 0.2 s of every 0.5 s", "mostly_right"}};
+                       {"full force 0.2 s of every 0.5 s", "mostly_right"},
+                       {"all that is covered, and the rounding", "rounding"}};
   std::vector<AdverseRow> rows;
   const auto add = [&](const std::string& label, const Friction& friction, double profile_ratio,
                        const char* protection, AdverseRun run) {
