@@ -82,5 +82,27 @@ TEST(LowRates, GuardRendersAQuarterOfTheRigidForceWhateverWasBefore) {
   EXPECT_LE(*most - *least, 0.02);
 }
 
+/// Of a device at this rate with ticks that come up to 1 ms late, and with none that does.
+class SlowDevices : public testing::TestWithParam<std::pair<int, double>> {};
+
+TEST_P(SlowDevices, KeepTheForceThatTheCreditPaysForAlsoWithLateTicks) {
+  const auto& [rate_hz, least] = GetParam();
+  const std::string rate = "device.rate_hz=" + std::to_string(rate_hz);
+  for (const double late_s : {0.0, 1e-3}) {
+    const RunStatistics statistics = run(
+        "default",
+        {rate, "adversary.tick_jitter_ratio=" + std::to_string(std::min(0.5, late_s * rate_hz))},
+        10.0);
+    EXPECT_GE(statistics.ideal_transparency(), least) << late_s;
+    EXPECT_GE(statistics.minimum_true_energy_joule(), -1e-6) << late_s;
+    EXPECT_LE(statistics.excess_reversals(), 2U) << late_s;
+  }
+}
+INSTANTIATE_TEST_SUITE_P(Rates, SlowDevices,
+                         testing::Values(std::pair{4000, 0.99}, std::pair{1000, 0.99},
+                                         std::pair{250, 0.99}, std::pair{100, 0.85},
+                                         std::pair{50, 0.53}),
+                         [](const auto& row) { return std::to_string(row.param.first) + "Hz"; });
+
 }  // namespace
 }  // namespace palpate

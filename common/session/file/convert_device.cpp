@@ -10,6 +10,9 @@ namespace {
 
 /// A killed process leaves the last force for so long; longer leases render little better.
 constexpr double kDefaultLongestLeaseUs = 10e3;
+/// A tick that begins so late still finds its force acting. It is a delay of the machine, whatever
+/// the rate; a longer lease of every command takes from the force that the credit pays for.
+constexpr double kLateTickUs = 1e3;
 /// From no force to the peak by default. Longer takes the edge off the contact with viscous tissue;
 /// shorter bounds little at 1 kHz.
 constexpr double kDefaultRiseS = 2e-3;
@@ -67,13 +70,13 @@ double to_reply_us(const Fields& device, double period_us, double wait_us) {
 }
 
 double to_lease_us(const Fields& device, double period_us, double reply_us) {
-  const double lease_us = device.number("lease_us", 2.0 * period_us);
+  const double lease_us = device.number("lease_us", period_us + std::min(period_us, kLateTickUs));
   const double longest_us = 3.0 * period_us - std::min(reply_us, period_us);
   if (lease_us < (1.0 - kPeriodTolerance) * period_us ||
       lease_us > longest_us + kPeriodTolerance * period_us) {
     device.problem("lease_us", "must be 1 … 3 periods of device.rate_hz less device.reply_us, " +
                                    shown(period_us) + " … " + shown(longest_us) +
-                                   " us; leave it out for 2 periods");
+                                   " us; leave it out");
   }
   return lease_us;
 }
@@ -82,8 +85,9 @@ double to_longest_lease_us(const Fields& device, double period_us, double lease_
                            double limp_after_us) {
   const char* const name = "longest_lease_us";
   const double longest_us = device.number(
-      name,
-      std::max(lease_us, std::min({10.0 * period_us, kDefaultLongestLeaseUs, limp_after_us})));
+      name, std::max(lease_us,
+                     std::min({10.0 * period_us, std::max(2.0 * period_us, kDefaultLongestLeaseUs),
+                               limp_after_us})));
   if (longest_us < lease_us - kPeriodTolerance * period_us ||
       longest_us > limp_after_us + kPeriodTolerance * period_us) {
     if (device.has(name)) {
