@@ -8,6 +8,7 @@
 
 #include "common/core/time.h"
 #include "common/core/vector.h"
+#include "common/telemetry/device_telemetry.h"
 
 namespace palpate::device {
 
@@ -21,6 +22,8 @@ struct DeviceSpecification {
   Matrix3 force_axes = Matrix3::Identity();
   std::uint32_t button_count = 0;  ///< bits used of DeviceSample::buttons
   bool is_simulated = false;
+  /// What a person does before calibrate(); empty where the device calibrates itself.
+  std::string calibration = {};
   /// False: the motors keep pushing when this process stops. The passivity guarantee is then not
   /// available, which is reported.
   bool has_motor_watchdog = false;
@@ -46,6 +49,7 @@ enum class DeviceError : std::uint8_t {
   kTimeout = 2,    ///< no answer in time
   kUnplugged = 3,  ///< the device, or the program that owns it, is gone
   kCorrupt = 4,    ///< the answer breaks the rules of the wire
+  kNotReady = 5,   ///< it has no supply or no calibration
 };
 
 /// One thread. read(), apply() and release() do not allocate, lock, log or throw; they may block
@@ -76,15 +80,27 @@ class HapticDevice {
     return false;
   }
 
-  /// Motors limp, at once. A later apply() applies a force again.
-  virtual void release() noexcept = 0;
+  /// Motors limp, at once. A later apply() applies a force again. True: the device confirmed that
+  /// no force acts. False: the motors may still push; call it again until it is true.
+  [[nodiscard]] virtual bool release() noexcept = 0;
+
+  /// kClosed, kConnected or kCalibrated: what the device and its connection are good for. Positions
+  /// and forces need kCalibrated.
+  [[nodiscard]] virtual DevicePhase phase() const noexcept { return DevicePhase::kCalibrated; }
+  /// A person has done what specification().calibration asks for: kCalibrated if the device takes
+  /// it. Motors limp, nothing moves. May allocate, and take as long as some messages.
+  [[nodiscard]] virtual bool calibrate() noexcept { return phase() == DevicePhase::kCalibrated; }
 
   /// Why the last read() or apply() returned false.
   [[nodiscard]] virtual DeviceError last_error() const noexcept { return DeviceError::kFailed; }
 
   /// After a fault, before the next reading: opens the device once more if it has to be. Motors
-  /// limp. May take up to a second; false: not yet, the fault stays.
-  [[nodiscard]] virtual bool reopen() noexcept { return true; }
+  /// limp. Its calibration counts again only if the device itself says that it has one: see
+  /// phase(). May allocate, and take `within` for the connection. False: not yet, the fault stays.
+  [[nodiscard]] virtual bool reopen(Duration within) noexcept {
+    static_cast<void>(within);
+    return true;
+  }
 };
 
 /// A device that knows what its motors do: by current sensors, or as a simulation.

@@ -1,6 +1,7 @@
 #include "device_node/device_node.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 
 #include "common/core/check.h"
@@ -11,6 +12,12 @@ namespace {
 
 /// So many switches in a row, each of which took longer than an answer may: the device is slow.
 constexpr int kSlowSwitches = 5;
+
+/// A lost connection, while the motors may still push: an attempt may take so long, each so often.
+constexpr Duration kReopenWithin = std::chrono::milliseconds(100);
+constexpr Duration kReopenEvery = std::chrono::milliseconds(500);
+/// After a person asked for it.
+constexpr Duration kResetWithin = std::chrono::milliseconds(500);
 
 bool is_finite(const DeviceSample& sample) {
   return sample.hand_position_m.allFinite() && sample.orientation.coeffs().allFinite() &&
@@ -26,6 +33,8 @@ FaultReason reason_of(DeviceError error, FaultReason otherwise) {
       return FaultReason::kDeviceGone;
     case DeviceError::kCorrupt:
       return FaultReason::kDeviceCorrupt;
+    case DeviceError::kNotReady:
+      return FaultReason::kDeviceNotReady;
     case DeviceError::kNone:
     case DeviceError::kFailed:
       break;
@@ -68,7 +77,8 @@ DeviceNode::DeviceNode(const DeviceConfig& config, HapticDevice& device, const C
       monitor_(config),
       watch_(config),
       rounding_m_(std::sqrt(3.0) * std::max(config.profile.position_resolution_m,
-                                            device.specification().position_resolution_m)) {}
+                                            device.specification().position_resolution_m)),
+      is_acknowledged_(device.specification().is_simulated) {}
 
 void DeviceNode::step(const Tick& tick) noexcept {
   count_appointment(tick);
@@ -78,7 +88,7 @@ void DeviceNode::step(const Tick& tick) noexcept {
                     .lateness = tick.now - tick.scheduled_at};
 
   const TimePoint next_reading = tick.scheduled_at + from_seconds(1.0 / config_.rate_hz);
-  if (has_fault()) {
+  if (has_fault() || device_.phase() == DevicePhase::kConnected) {
     record_without_exchange(record);
   } else if (const FaultReason reason = exchange(next_reading, record);
              reason != FaultReason::kNone) {
@@ -95,6 +105,7 @@ void DeviceNode::step(const Tick& tick) noexcept {
 
 /// The exchange of a tick; returns the reason if it failed.
 FaultReason DeviceNode::exchange(TimePoint next_reading, DeviceTick& record) noexcept {
+  if (!is_released_) return FaultReason::kWriteFailed;  // of an earlier stop()
   // read: t_k
   DeviceSample sample;
   if (!device_.read(sample)) return reason_of(device_.last_error(), FaultReason::kReadFailed);
@@ -116,6 +127,13 @@ FaultReason DeviceNode::exchange(TimePoint next_reading, DeviceTick& record) noe
 
   // wait: hop 4
   const TimePoint deadline = sample.sampled_at + config_.reply;
+  const bool has_consent = may_push(sample);
+  if (!has_consent && applied_.lease_end() != TimePoint::max()) {
+    // whatever acts ends now, and what follows starts limp
+    guard_.reset();
+    const FaultReason reason = switch_to({.lease = config_.lease}, deadline, record);
+    if (reason != FaultReason::kNone) return reason;
+  }
   const Received<ForceCommand>* answer =
       wait_for_answer(record.sequence, std::min(deadline, applied_.lease_end()));
   if (answer == nullptr && clock_.now() < deadline) {
@@ -128,9 +146,9 @@ FaultReason DeviceNode::exchange(TimePoint next_reading, DeviceTick& record) noe
     answer = wait_for_answer(record.sequence, deadline);
   }
   const TimePoint now = clock_.now();
-  // a slow device or a released dead-man button counts as silence
+  // a slow device counts as silence
   record.is_answered =
-      answer != nullptr && now <= deadline && slow_switches_ < kSlowSwitches && may_push(sample);
+      answer != nullptr && now <= deadline && slow_switches_ < kSlowSwitches && has_consent;
   if (record.is_answered) record.reply_time = answer->received_at - sent_at;
 
   // switch: to the command, or to less
@@ -169,8 +187,8 @@ FaultReason DeviceNode::switch_to(const GuardedForce& commanded, TimePoint deadl
   monitor_.switched(at_switch.sampled_at, at_switch.hand_position_m, guarded.force_on_hand_newton,
                     guarded.lease);
   record.switched_at = at_switch.sampled_at;
-  if (record.is_answered && at_switch.sampled_at > deadline) withdraw_late_answer(record);
-  return FaultReason::kNone;
+  return record.is_answered && at_switch.sampled_at > deadline ? withdraw_late_answer(record)
+                                                               : FaultReason::kNone;
 }
 
 /// What the monitor lets through of a force.
@@ -190,8 +208,8 @@ GuardedForce DeviceNode::monitored(const GuardedForce& guarded, DeviceTick& reco
 
 /// The clamp paid in advance for the whole lease of the force that acted before the switch, and for
 /// an answer that begins to act by the deadline. A later answer is not paid for.
-void DeviceNode::withdraw_late_answer(DeviceTick& record) noexcept {
-  device_.release();
+FaultReason DeviceNode::withdraw_late_answer(DeviceTick& record) noexcept {
+  const bool is_released = device_.release();
   const TimePoint released_at = clock_.now();
   applied_.released(released_at);
   monitor_.released(released_at);
@@ -203,13 +221,18 @@ void DeviceNode::withdraw_late_answer(DeviceTick& record) noexcept {
   record.guard = GuardState::kLimp;
   record.is_answered = false;
   record.is_peak_limited = false;
+  return is_released ? FaultReason::kNone : FaultReason::kWriteFailed;
 }
 
-/// A tick of a latched fault: only a reading, if there is one, for the record.
+/// A tick of a latched fault or without a calibration: only a reading, if there is one, for the
+/// record.
 void DeviceNode::record_without_exchange(DeviceTick& record) noexcept {
+  if (!is_released_) release_again();
   DeviceSample sample;
-  if (device_.read(sample)) static_cast<void>(judge(sample));
-  record.guard = GuardState::kFault;
+  if (is_released_ && device_.phase() == DevicePhase::kCalibrated && device_.read(sample)) {
+    static_cast<void>(judge(sample));
+  }
+  record.guard = has_fault() ? GuardState::kFault : GuardState::kLimp;
   record_last_reading(record);
   record.is_clutched = workspace_.is_clutched();
   notify_observer(record);
@@ -247,10 +270,16 @@ FaultReason DeviceNode::judge_with_latched(const DeviceSample& sample) noexcept 
   return judge(sample);
 }
 
-/// Whether the dead-man button, if there is one, is held.
+/// Whether a person has acknowledged the device, and holds the dead-man button, if there is one. A
+/// press of it acknowledges: one that began while no force could act.
 bool DeviceNode::may_push(const DeviceSample& sample) noexcept {
   const auto& button = config_.dead_man_button;
-  if (!button || ((sample.buttons >> *button) & 1U) != 0) return true;
+  if (!button) return is_acknowledged_;
+  if (((sample.buttons >> *button) & 1U) != 0) {
+    is_acknowledged_ = is_acknowledged_ || was_let_go_;
+    return is_acknowledged_;
+  }
+  was_let_go_ = true;
   ++counters_.dead_man_ticks;
   return false;
 }
@@ -347,6 +376,8 @@ void DeviceNode::count_force(const Vector3& force_newton) noexcept {
 /// The record shows the last finite reading, even one that was judged impossible.
 void DeviceNode::latch(FaultReason reason, DeviceTick& record) noexcept {
   fault_ = reason;
+  is_acknowledged_ = false;
+  was_let_go_ = false;
   counters_.last_fault = reason;
   ++counters_.device_faults;
   release_motors();
@@ -356,8 +387,26 @@ void DeviceNode::latch(FaultReason reason, DeviceTick& record) noexcept {
   notify_observer(record);
 }
 
-void DeviceNode::reset_fault() noexcept {
-  if (!has_fault() || !device_.reopen()) return;
+DevicePhase DeviceNode::phase() const noexcept {
+  if (has_fault()) return DevicePhase::kFaulted;
+  const DevicePhase reached = device_.phase();
+  return reached == DevicePhase::kCalibrated && is_acknowledged_ ? DevicePhase::kEnabled : reached;
+}
+
+void DeviceNode::acknowledge() noexcept {
+  // a device that waits for its calibration takes it, and needs one more
+  if (device_.phase() == DevicePhase::kConnected) {
+    static_cast<void>(device_.calibrate());
+    if (has_fault()) static_cast<void>(clear_fault());
+    return;
+  }
+  if (has_fault() && !(device_.reopen(kResetWithin) && clear_fault())) return;
+  is_acknowledged_ = device_.phase() == DevicePhase::kCalibrated;
+}
+
+bool DeviceNode::clear_fault() noexcept {
+  is_released_ = device_.release();
+  if (!is_released_) return false;
   fault_ = FaultReason::kNone;
   has_reading_ = false;
   // what the encoder did meanwhile is not known: the echo begins anew, which mofc_node takes as a
@@ -365,10 +414,11 @@ void DeviceNode::reset_fault() noexcept {
   applied_ = {};
   monitor_.lost();
   ++counters_.fault_resets;
+  return true;
 }
 
 void DeviceNode::release_motors() noexcept {
-  device_.release();
+  is_released_ = device_.release();
   guard_.reset();
   if (!applied_.has_begun()) return;
   const TimePoint now = clock_.now();
@@ -376,11 +426,23 @@ void DeviceNode::release_motors() noexcept {
   monitor_.released(now);
 }
 
+/// In a latched fault, until the device confirms it.
+void DeviceNode::release_again() noexcept {
+  const TimePoint now = clock_.now();
+  if (device_.phase() == DevicePhase::kClosed && now >= reopens_at_) {
+    reopens_at_ = now + kReopenEvery;
+    static_cast<void>(device_.reopen(kReopenWithin));
+  }
+  is_released_ = device_.release();
+}
+
 DeviceCounters DeviceNode::counters() const noexcept {
   DeviceCounters counters = counters_;
   counters.force_command = force_in_.counters();
   counters.non_finite_commands = guard_.non_finite_commands();
   counters.is_monitor_off = !config_.monitor.is_on;
+  counters.phase = phase();
+  counters.is_release_unconfirmed = !is_released_;
   counters.has_no_motor_watchdog = !device_.specification().has_motor_watchdog;
   counters.too_fast_readings = watch_.too_fast_readings();
   counters.coarse_readings = watch_.coarse_readings();

@@ -16,10 +16,14 @@
 // monitor before it is applied: force_monitor.h reduces what the energy that the hand has put in
 // does not cover, whoever commanded it. Fault: no reading; a reading that is not finite, or that
 // only a hand faster than v_fault could have made; motors that refuse a force. Where the session
-// has a dead-man button, an answer acts only while it is held; a tick without it is one without an
-// answer. A fault is latched: the motors are released and nothing is sent. The node keeps reading
-// and leaves records until reset_fault(). Thread: everything runs on the caller's thread. step()
-// does not allocate, lock, log or throw; it waits up to `reply` for the answer.
+// has a dead-man button, an answer acts only while it is held; the tick that reads it released ends
+// the force at once. A fault is latched: the motors are released, in every tick until the device
+// confirms it, and nothing is sent. The node keeps reading and leaves records until acknowledge().
+// A real device gives no force before a person has acknowledged it, after the start and after each
+// fault; while it is not calibrated, nothing is sent either. Thread: everything runs on the
+// caller's thread. step() does not allocate, lock, log or throw; it waits up to `reply` for the
+// answer. Only where a fault has cost the connection to motors that have not confirmed their
+// release, step() opens it again, twice a second, which may allocate.
 #pragma once
 
 #include <cstdint>
@@ -57,7 +61,7 @@ class DeviceNode {
              Sender<DeviceState>& state_out, Inbox<ForceCommand>& force_in,
              TickSink<DeviceTick>& ticks_out, std::uint64_t session_id,
              ReadingObserver* observer = nullptr);
-  ~DeviceNode() { stop(); }
+  ~DeviceNode() { static_cast<void>(stop()); }
   DeviceNode(const DeviceNode&) = delete;
   DeviceNode& operator=(const DeviceNode&) = delete;
 
@@ -65,12 +69,20 @@ class DeviceNode {
   void step(const Tick& tick) noexcept;
 
   /// Motors limp, at once. A later step() starts limp.
-  void stop() noexcept { release_motors(); }
+  /// @return  whether the device confirmed it; call it again otherwise
+  [[nodiscard]] bool stop() noexcept {
+    release_motors();
+    return is_released_;
+  }
 
   [[nodiscard]] bool has_fault() const noexcept { return fault_ != FaultReason::kNone; }
-  /// Clears a latched fault: the next step() takes the device from where it is, with a limp start.
-  /// Does nothing without a fault.
-  void reset_fault() noexcept;
+  [[nodiscard]] DevicePhase phase() const noexcept;
+  /// A person says that the device may go on, one step at a time: a latched fault is cleared, if
+  /// the motors confirm their release; a device that is not calibrated takes its calibration, which
+  /// the person has made possible (DeviceSpecification::calibration); a calibrated one is enabled.
+  /// The next step() takes the device from where it is, with a limp start. Where a fault leaves the
+  /// device calibrated, and where it is simulated, the same call enables it.
+  void acknowledge() noexcept;
 
   /// The result of a hands-off check, for the counters.
   void report_checked_friction(double ratio) noexcept { counters_.checked_friction_ratio = ratio; }
@@ -83,8 +95,9 @@ class DeviceNode {
   [[nodiscard]] FaultReason switch_to(const GuardedForce& commanded, TimePoint deadline,
                                       DeviceTick& record) noexcept;
   [[nodiscard]] GuardedForce monitored(const GuardedForce& guarded, DeviceTick& record) noexcept;
-  void withdraw_late_answer(DeviceTick& record) noexcept;
+  [[nodiscard]] FaultReason withdraw_late_answer(DeviceTick& record) noexcept;
   [[nodiscard]] bool may_push(const DeviceSample& sample) noexcept;
+  [[nodiscard]] bool clear_fault() noexcept;
   void record_without_exchange(DeviceTick& record) noexcept;
   [[nodiscard]] FaultReason judge(const DeviceSample& sample) noexcept;
   [[nodiscard]] FaultReason judge_with_latched(const DeviceSample& sample) noexcept;
@@ -98,6 +111,7 @@ class DeviceNode {
   void count_force(const Vector3& force_newton) noexcept;
   void latch(FaultReason reason, DeviceTick& record) noexcept;
   void release_motors() noexcept;
+  void release_again() noexcept;
 
   DeviceConfig config_;
   HapticDevice& device_;
@@ -121,8 +135,12 @@ class DeviceNode {
   Vector3 last_position_m_ = Vector3::Zero();  // of the last finite reading
   Quaternion last_orientation_ = Quaternion::Identity();
   TimePoint last_reading_at_{};
-  int slow_switches_ = 0;                           // in a row
-  bool has_reading_ = false;                        // since the start or the last reset
+  int slow_switches_ = 0;     // in a row
+  bool has_reading_ = false;  // since the start or the last reset
+  bool is_acknowledged_;      // by a person, since the start or the last fault
+  bool was_let_go_ = false;   // the dead-man button, since then
+  bool is_released_ = true;   // the device confirmed the last release
+  TimePoint reopens_at_{};    // next attempt to reach a lost device
   Vector3 counted_force_newton_ = Vector3::Zero();  // of the last tick
   DeviceCounters counters_;
 };

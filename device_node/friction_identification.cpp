@@ -25,6 +25,7 @@ constexpr double kTopSpeed_m_per_s = 0.1;
 constexpr std::size_t kSpeedTicks = 10;  // over which the speed is measured
 constexpr double kLeasePeriods = 3.0;
 constexpr int kTries = 5;  // of a sweep that a late tick disturbs
+constexpr int kReleaseAttempts = 100;
 
 // from rest: the force grows until the device moves
 constexpr double kForceRate_newton_per_s = 0.5;
@@ -85,7 +86,7 @@ class Rig {
   }
   Rig(const Rig&) = delete;
   Rig& operator=(const Rig&) = delete;
-  ~Rig() { device_.release(); }
+  ~Rig() { release(); }
 
   /// From rest to rest at `target`; sets is_disturbed_. Mean speed and force over the window around
   /// `window_middle_m`, along the motion; no meaning if the motion does not cross the window.
@@ -177,8 +178,14 @@ class Rig {
     return (p.array().abs() <= plan_.box_half_extent_m.array()).all();
   }
 
+  /// Nobody else calls release() again before the device is closed.
+  void release() {
+    for (int attempt = 0; attempt < kReleaseAttempts && !device_.release(); ++attempt) {
+    }
+  }
+
   [[noreturn]] void fail(const std::string& what) {
-    device_.release();
+    release();
     throw IdentificationError("at " + in_mm(position_m()) + " the device " + what +
                               "; its motors were released");
   }

@@ -8,7 +8,8 @@ int main(int argc, char** argv) {
       {.name = "device",
        .description = "Owns the haptic device and its motors.",
        .signals = "SIGUSR1 writes the last ticks to a file (the log names it).\n"
-                  "SIGUSR2 resets a latched fault; the force then grows from zero.",
+                  "SIGUSR2 acknowledges: resets a latched fault, takes the calibration that the "
+                  "device asked for, lets a real device give force, which grows from zero.",
        .is_of_one_side = true,
        .moves_device = true},
       [](palpate::NodeContext& context) {

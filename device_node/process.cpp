@@ -1,6 +1,7 @@
 #include "device_node/process.h"
 
 #include <optional>
+#include <utility>
 
 #include "common/core/check.h"
 #include "common/core/inbox.h"
@@ -62,24 +63,46 @@ class PointerInput {
 StartUp start_up_of(NodeContext& context) {
   return {.prompt = [&log = context.log](
                         const std::string& text) { log.warn("event=device_prompt: {}", text); },
-          .stop = context.stop};
+          .stop = context.stop,
+          .is_acknowledged =
+              [&requests = context.requests.fault_resets,
+               seen = context.requests.fault_resets.load()]() mutable {
+                const std::uint32_t now = requests;
+                return std::exchange(seen, now) != now;
+              }};
+}
+
+/// What the friction of the session's device is worth. A real one moves only after a prompt that a
+/// person acknowledged to this process: a restart by a supervisor waits for that again.
+CheckedProfile checked_hands_off(const Session& session, NodeContext& context,
+                                 HapticDevice& device) {
+  const DeviceProfile& profile = session.side().device.profile;
+  if (device.specification().is_simulated) {
+    ManualClock virtual_time;
+    const auto let_go =
+        open_simulated_device({.device = session.side().simulated, .hand = nobody()}, virtual_time);
+    return check_hands_off(*let_go, virtual_time, profile);
+  }
+  const StartUp start_up = start_up_of(context);
+  await_calibration(device, start_up);
+  await_acknowledgement(
+      start_up,
+      "the hands-off check moves the device by itself, with up to 1 N: move it to the middle of "
+      "its "
+      "workspace, take the hand off, clear its way, then send SIGUSR2 to device_node");
+  context.log.info("event=hands_off_check_acknowledged");
+  return check_hands_off(device, context.clock, profile);
 }
 
 /// The session's configuration, its profile lowered where the device has less friction.
 /// @param ratio  receives CheckedProfile::ratio; 0 without a check
-DeviceConfig checked_config(const Session& session, NodeContext& context, double& ratio) {
+DeviceConfig checked_config(const Session& session, NodeContext& context, HapticDevice& device,
+                            double& ratio) {
   DeviceConfig config = session.side().device;
   ratio = 0.0;
   if (!config.has_hands_off_check) return config;
-  const Driver driver =
-      all_drivers({.simulated = {.device = session.side().simulated, .hand = nobody()},
-                   .driver = session.side().driver})
-          .at(driver_name(session.side().driver));
-  ManualClock virtual_time;
-  Clock& clock = driver.is_simulated ? static_cast<Clock&>(virtual_time) : context.clock;
   context.log.info("event=hands_off_check_began: nobody may hold the device");
-  const CheckedProfile checked =
-      check_hands_off(*driver.open(clock, start_up_of(context)), clock, config.profile);
+  const CheckedProfile checked = checked_hands_off(session, context, device);
   ratio = checked.ratio;
   config.profile = checked.profile;
   if (checked.is_lowered) {
@@ -91,6 +114,17 @@ DeviceConfig checked_config(const Session& session, NodeContext& context, double
     context.log.info("event=hands_off_check_ended: the profile holds");
   }
   return config;
+}
+
+/// At the end: repeated until the device confirms it.
+bool released_in_time(DeviceNode& node, Clock& clock) {
+  using namespace std::chrono_literals;
+  const TimePoint until = clock.now() + 500ms;
+  while (!node.stop()) {
+    if (clock.now() >= until) return false;
+    clock.sleep_until(clock.now() + 1ms);
+  }
+  return true;
 }
 
 }  // namespace
@@ -110,16 +144,16 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
                                  .seed = stream_seed(session, session.side(), "hand"),
                                  .goals = &goals},
                    .driver = session.side().driver});
-  double friction_ratio = 0.0;
-  const DeviceConfig config = checked_config(session, context, friction_ratio);
   const auto device =
       drivers.at(driver_name(session.side().driver)).open(context.clock, start_up_of(context));
-  refuse_unmonitored(config, device->specification(), context.is_unsafe);
-  refuse_missing_button(config, device->specification());
+  refuse_unmonitored(session.side().device, device->specification(), context.is_unsafe);
+  refuse_missing_button(session.side().device, device->specification());
   if (session.viewer.has_control && !device->specification().is_simulated) {
     throw SetupError(session.file +
                      ": viewer.control: only with the simulated device; leave it out");
   }
+  double friction_ratio = 0.0;
+  const DeviceConfig config = checked_config(session, context, *device, friction_ratio);
   if (!config.monitor.is_on) {
     context.log.log(
         device->specification().is_simulated ? spdlog::level::info : spdlog::level::warn,
@@ -150,7 +184,12 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
                                context.log, session.side().name);
   publisher.record_to(recorder);
   publisher.peers_refused = [&] { return side.refused().total(); };
+  DevicePhase phase = DevicePhase::kUnknown;
   publisher.on_pump = [&](TimePoint now) {
+    const DevicePhase phase_before = std::exchange(phase, counters.load().phase);
+    if (phase != phase_before && phase == DevicePhase::kConnected) {
+      context.log.warn("event=device_prompt: {}", device->specification().calibration);
+    }
     refused_peers.note(now);
     refused.note(now);
     if (pointer) pointer->pump(now);
@@ -165,16 +204,19 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
   context.log.info("event=realtime {}", enter_realtime(session.side().realtime).text);
   SteadyClock appointments(session.side().realtime.wait);
   RateLoop loop(appointments, session.side().device.rate_hz);
-  std::uint32_t resets = 0;
+  // a signal before this counts for nothing: nobody was asked yet
+  std::uint32_t resets = context.requests.fault_resets;
   loop.run(context.stop, [&](const Tick& tick) {
     const std::uint32_t resets_asked = context.requests.fault_resets;
-    if (resets_asked != resets) node.reset_fault();
+    if (resets_asked != resets) node.acknowledge();
     resets = resets_asked;
     node.step(tick);
     if (exchange.after_switch) exchange.after_switch();
     counters.store(node.counters());
   });
-  node.stop();
+  if (!released_in_time(node, context.clock)) {
+    context.log.error("event=release_unconfirmed remedy=\"{}\"", kReleaseUnconfirmedText);
+  }
 }
 
 }  // namespace palpate::device

@@ -23,6 +23,17 @@ enum class GuardState : std::uint8_t {
 };
 [[nodiscard]] const char* name(GuardState state);
 
+/// How far a device is on its way to a force.
+enum class DevicePhase : std::uint8_t {
+  kUnknown = 0,     ///< of a recording that does not tell
+  kClosed = 1,      ///< no connection
+  kConnected = 2,   ///< it answers, but its positions cannot be relied on: no force
+  kCalibrated = 3,  ///< its positions are true; a person has not acknowledged that: no force
+  kEnabled = 4,     ///< forces act
+  kFaulted = 5,     ///< a fault is latched: motors released
+};
+[[nodiscard]] const char* name(DevicePhase phase);
+
 /// Why device_node latched a fault.
 enum class FaultReason : std::uint8_t {
   kNone = 0,
@@ -33,6 +44,7 @@ enum class FaultReason : std::uint8_t {
   kDeviceSilent = 5,      ///< no answer of the device in time
   kDeviceGone = 6,        ///< unplugged, or the program that owns it ended
   kDeviceCorrupt = 7,     ///< the answer broke the rules of the device's wire
+  kDeviceNotReady = 8,    ///< it lost its supply or its calibration
 };
 [[nodiscard]] const char* name(FaultReason reason);
 
@@ -64,6 +76,10 @@ struct DeviceTick {
 inline constexpr const char* kNoWatchdogText =
     "none: the guarantee is not available while the process is stopped";
 
+/// Of DeviceCounters::is_release_unconfirmed, for people.
+inline constexpr const char* kReleaseUnconfirmedText =
+    "the motors may still push: take the hand off, switch off their supply";
+
 struct DeviceCounters {
   LoopCounters loop;
   LinkCounters force_command;
@@ -91,6 +107,9 @@ struct DeviceCounters {
   /// and the guarantee is not available.
   bool has_no_motor_watchdog = false;
   std::uint64_t dead_man_ticks = 0;  ///< without force because the dead-man button was not held
+  DevicePhase phase = DevicePhase::kUnknown;
+  /// The device has not confirmed the last release: its motors may still push.
+  bool is_release_unconfirmed = false;
   double max_force_newton = 0.0;
   double largest_jump_newton = 0.0;  ///< change of the force from one tick to the next, its norm
   double minimum_true_energy_joule = kNaN;

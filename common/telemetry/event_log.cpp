@@ -66,10 +66,19 @@ void EventLog<DeviceCounters>::note(const DeviceCounters& counters, TimePoint no
         name(counters.last_fault), counters.device_faults - faults_);
     faults_ = counters.device_faults;
   }
+  if (counters.is_release_unconfirmed != is_release_unconfirmed_) {
+    is_release_unconfirmed_ = counters.is_release_unconfirmed;
+    if (is_release_unconfirmed_) {
+      log_.error("event=release_unconfirmed remedy=\"{}\"", kReleaseUnconfirmedText);
+    } else {
+      log_.info("event=release_confirmed");
+    }
+  }
   if (counters.fault_resets != fault_resets_) {
     log_.info("event=device_fault_reset");
     fault_resets_ = counters.fault_resets;
   }
+  if (counters.phase != phase_) note_phase(counters.phase);
   non_finite_commands_.note(counters.non_finite_commands, now);
   late_switches_.note(counters.late_switches, now);
   monitor_reductions_.note(counters.monitor_reductions, now);
@@ -81,6 +90,24 @@ void EventLog<DeviceCounters>::note(const DeviceCounters& counters, TimePoint no
   if (!was_answered_) limp_ticks_at_start_ = counters.limp_ticks;
   was_answered_ = was_answered_ || counters.answered_ticks > 0;
   fallback_.note(counters.fallback_ticks + counters.limp_ticks - limp_ticks_at_start_, now);
+}
+
+/// A simulated device is enabled from its start, and a fault has its own line.
+void EventLog<DeviceCounters>::note_phase(DevicePhase phase) {
+  const bool is_first = phase_ == DevicePhase::kUnknown;
+  phase_ = phase;
+  if (phase == DevicePhase::kConnected) {
+    log_.warn(
+        "event=device_phase phase=connected remedy=\"calibrate the device as it asks for, then "
+        "send "
+        "SIGUSR2 to device_node\"");
+  } else if (phase == DevicePhase::kCalibrated) {
+    log_.warn(
+        "event=device_phase phase=calibrated remedy=\"no force yet: make sure that the handle is "
+        "free, then send SIGUSR2 to device_node, or press the session's dead-man button\"");
+  } else if (phase == DevicePhase::kEnabled && !is_first) {
+    log_.info("event=device_phase phase=enabled");
+  }
 }
 
 EventLog<MofcCounters>::EventLog(spdlog::logger& log)

@@ -65,10 +65,14 @@ class EventLog<DeviceCounters> {
   void note(const DeviceCounters& counters, TimePoint now);
 
  private:
+  void note_phase(DevicePhase phase);
+
   LinkEvents force_command_;
   spdlog::logger& log_;
   std::uint64_t faults_ = 0;
   std::uint64_t fault_resets_ = 0;
+  bool is_release_unconfirmed_ = false;
+  DevicePhase phase_ = DevicePhase::kUnknown;
   GrowthEvent non_finite_commands_;
   GrowthEvent late_switches_;
   GrowthEvent monitor_reductions_;

@@ -20,6 +20,24 @@ const char* name(GuardState state) {
   return "?";
 }
 
+const char* name(DevicePhase phase) {
+  switch (phase) {
+    case DevicePhase::kUnknown:
+      return "unknown";
+    case DevicePhase::kClosed:
+      return "closed";
+    case DevicePhase::kConnected:
+      return "connected";
+    case DevicePhase::kCalibrated:
+      return "calibrated";
+    case DevicePhase::kEnabled:
+      return "enabled";
+    case DevicePhase::kFaulted:
+      return "faulted";
+  }
+  return "?";
+}
+
 const char* name(FaultReason reason) {
   switch (reason) {
     case FaultReason::kNone:
@@ -38,6 +56,8 @@ const char* name(FaultReason reason) {
       return "device gone";
     case FaultReason::kDeviceCorrupt:
       return "device corrupt";
+    case FaultReason::kDeviceNotReady:
+      return "device not ready";
   }
   return "?";
 }

@@ -22,13 +22,20 @@ std::vector<ConformFinding> conform_device(const Driver& driver, Duration period
                                            const ConformDeviceOptions& options) {
   ManualClock virtual_time;
   Clock& clock = driver.is_simulated ? virtual_time : steady;
-  const auto device = driver.open(clock, {});
+  const auto device = driver.open(clock, options.start_up);
   const DeviceSpecification& specification = device->specification();
   if (!specification.is_simulated && !options.may_move_hardware) {
     throw SetupError("device \"" + specification.model_name +
                      "\" is real and would move by itself, with up to a third of its continuous "
                      "force; clear its workspace, take the hand off and give "
                      "--i-understand-this-moves-the-device");
+  }
+
+  if (!specification.is_simulated) {
+    await_calibration(*device, options.start_up);
+    await_acknowledgement(options.start_up,
+                          "Take the hand off the device and clear its way; then press Enter, or "
+                          "send SIGUSR2: it moves by itself.");
   }
 
   OpenedDevice bench(*device, clock, period, driver.is_simulated ? Duration{} : period);

@@ -7,16 +7,21 @@
 #include "common/session/session.h"
 #include "deploy/conform/finding.h"
 #include "device_node/drivers/driver_registry.h"
+#include "device_node/drivers/start_up.h"
 
 namespace palpate {
 
 struct ConformDeviceOptions {
   bool may_move_hardware = false;  ///< the device is clear, and nobody holds it
   OnFinding on_finding = {};
+  /// Of hardware: prompts the person at the device and tells whether the last prompt was
+  /// acknowledged.
+  device::StartUp start_up = {};
 };
 
 /// Opens the device of the session's first side, as device_node does, and runs device_checks(): a
 /// simulation on virtual time and held by nobody, hardware on this host's clock in about 20 s.
+/// Hardware moves only after a person has acknowledged the prompt.
 /// @throws SetupError  the device is absent, or real and may not be moved
 [[nodiscard]] std::vector<ConformFinding> conform_device(const Session& session,
                                                          const ConformDeviceOptions& options);

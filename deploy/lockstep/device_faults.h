@@ -49,11 +49,13 @@ class PreemptedDevice final : public device::HapticDevice {
   [[nodiscard]] bool take_latched(device::DeviceSample& at_end) noexcept override {
     return device_.take_latched(at_end);
   }
-  void release() noexcept override { device_.release(); }
+  [[nodiscard]] bool release() noexcept override { return device_.release(); }
+  [[nodiscard]] DevicePhase phase() const noexcept override { return device_.phase(); }
+  [[nodiscard]] bool calibrate() noexcept override { return device_.calibrate(); }
   [[nodiscard]] device::DeviceError last_error() const noexcept override {
     return device_.last_error();
   }
-  [[nodiscard]] bool reopen() noexcept override { return device_.reopen(); }
+  [[nodiscard]] bool reopen(Duration within) noexcept override { return device_.reopen(within); }
 
  private:
   device::HapticDevice& device_;

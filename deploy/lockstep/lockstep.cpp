@@ -223,6 +223,8 @@ class LockstepSide {
                                                                    standby_->interaction_in()})
                                 : std::nullopt);
     device_node_.report_checked_friction(friction_ratio_);
+    // nobody stands at a device on virtual time: who builds one that is not simulated agrees
+    if (!device_->specification().is_simulated) device_node_.acknowledge();
     if (options.has_ideal) ideal_.emplace(session_, side_);
     schedule_device();
   }

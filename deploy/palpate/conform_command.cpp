@@ -1,10 +1,12 @@
 #include <array>
 #include <cstdio>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "common/core/user/output_file.h"
+#include "common/process/acknowledgement.h"
 #include "common/process/options.h"
 #include "common/process/run_node.h"
 #include "common/session/session_file.h"
@@ -123,6 +125,12 @@ struct ConformDevice {
     output.check(loaded, {});
     Findings findings(output);
     options.on_finding = [&](const ConformFinding& found) { findings.add(found); };
+    std::optional<TerminalAcknowledgement> terminal;
+    if (is_real(loaded.side().driver)) {
+      terminal.emplace();
+      options.start_up.prompt = [](const std::string& text) { say(text); };
+      options.start_up.is_acknowledged = [&] { return terminal->take(); };
+    }
     static_cast<void>(conform_device(loaded, options));
     return findings.write();
   }

@@ -245,6 +245,15 @@ void examine_real_device(const Side& side, std::vector<Finding>& findings) {
   const device::DeviceSpecification& specification = device->specification();
   findings.push_back({"device", specification.model_name + " opens"});
   for (const std::string& prompt : prompts) findings.push_back({"device", "asks for help", prompt});
+  if (device->phase() != DevicePhase::kCalibrated) {
+    findings.push_back({.what = "calibration",
+                        .text = "none yet: " + specification.calibration + ", as device_node asks",
+                        .is_note = true});
+  }
+  findings.push_back({.what = "acknowledgement",
+                      .text = "no force before a person acknowledges each start and each fault: "
+                              "SIGUSR2 to device_node, or a press of device.dead_man_button",
+                      .is_note = true});
   try {
     device::refuse_missing_button(side.device, specification);
     device::refuse_unmonitored(side.device, specification, false);

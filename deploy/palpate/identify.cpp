@@ -10,6 +10,7 @@
 #include "common/core/check.h"
 #include "common/core/clock.h"
 #include "common/core/user/output_file.h"
+#include "common/process/acknowledgement.h"
 #include "common/process/realtime.h"
 #include "common/session/file/profile_file.h"
 #include "common/session/session_file.h"
@@ -60,11 +61,13 @@ void print_prompt(const std::string& text) {
   std::fflush(stdout);
 }
 
-/// Until nobody moves the device, in the box.
-void wait_until_let_go(HapticDevice& device, Clock& clock, const Vector3& box_half_extent_m) {
-  print_prompt(
-      "Move the device to the middle of its workspace, take the hand off and clear its way: it "
-      "moves by itself once it was at rest for 2 s.");
+/// Until a person has acknowledged, and nobody moves the device, in the box.
+void wait_until_let_go(HapticDevice& device, Clock& clock, const StartUp& start_up,
+                       const Vector3& box_half_extent_m) {
+  await_acknowledgement(
+      start_up,
+      "Move the device to the middle of its workspace, take the hand off and clear its way; then "
+      "press Enter, or send SIGUSR2: it moves by itself once it was at rest for 2 s.");
   const TimePoint until = clock.now() + kPatience;
   DeviceSample rest;
   DeviceSample now;
@@ -109,7 +112,13 @@ void run_identify(const Session& session, const IdentifyOptions& options, const 
   ManualClock virtual_time;
   Clock& clock = driver.is_simulated ? virtual_time : steady;
   const TimePoint start = clock.now();
-  const auto device = driver.open(clock, {.prompt = print_prompt});
+  std::optional<TerminalAcknowledgement> terminal;
+  StartUp start_up{.prompt = print_prompt, .is_acknowledged = options.is_acknowledged};
+  if (!driver.is_simulated && !start_up.is_acknowledged) {
+    terminal.emplace();
+    start_up.is_acknowledged = [&] { return terminal->take(); };
+  }
+  const auto device = driver.open(clock, start_up);
   const DeviceSpecification& specification = device->specification();
   const SweepPlan plan = default_sweep_plan(specification);
 
@@ -118,7 +127,8 @@ void run_identify(const Session& session, const IdentifyOptions& options, const 
   if (!driver.is_simulated) {
     // a sweep is lost if its ticks have to wait for other programs until a lease runs out
     print_prompt("event=realtime " + enter_realtime(session.side().realtime).text);
-    wait_until_let_go(*device, clock, plan.box_half_extent_m);
+    await_calibration(*device, start_up);
+    wait_until_let_go(*device, clock, start_up, plan.box_half_extent_m);
   }
   const FrictionReport report =
       identify_friction(*device, clock, plan, options.consent, print_line);

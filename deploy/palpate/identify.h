@@ -2,6 +2,7 @@
 // friction_identification.h), as a table and as a device profile.
 #pragma once
 
+#include <functional>
 #include <string>
 
 #include "common/core/clock.h"
@@ -16,12 +17,15 @@ struct IdentifyOptions {
   bool may_overwrite = false;     ///< the profile
   bool is_per_axis = false;       ///< the profile has friction per axis of D
   device::SweepConsent consent = {};
+  /// Whether the person at the device has acknowledged the last prompt; empty: Enter in the
+  /// terminal, or SIGUSR2.
+  std::function<bool()> is_acknowledged = {};
 };
 
 /// Sweeps the device of the session, without a hand, and prints a row per line as it proceeds. A
 /// simulated device starts in the middle of its workspace and runs on virtual time; hardware runs
-/// on the steady clock, in real time and with the session's real-time scheduling, and begins when
-/// it was at rest in its workspace for 2 s.
+/// on the steady clock, in real time and with the session's real-time scheduling. It begins when a
+/// person has acknowledged the prompt and it was then at rest in its workspace for 2 s.
 /// @throws SetupError                   refused, or the profile cannot be written
 /// @throws device::IdentificationError  a bound was reached or the device failed
 void run_identify(const Session& session, const IdentifyOptions& options);

@@ -42,12 +42,14 @@ void run_together(NodeContext& context) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  return run_node(argc, argv,
-                  {.name = "device_mofc",
-                   .description = "Owns the haptic device, its motors and the clamp before them.",
-                   .signals = "SIGUSR1 writes the last ticks to files (the log names them).\n"
-                              "SIGUSR2 resets a latched fault; the force then grows from zero.",
-                   .is_of_one_side = true,
-                   .moves_device = true},
-                  run_together);
+  return run_node(
+      argc, argv,
+      {.name = "device_mofc",
+       .description = "Owns the haptic device, its motors and the clamp before them.",
+       .signals = "SIGUSR1 writes the last ticks to files (the log names them).\n"
+                  "SIGUSR2 acknowledges: resets a latched fault, takes the calibration that the "
+                  "device asked for, lets a real device give force, which grows from zero.",
+       .is_of_one_side = true,
+       .moves_device = true},
+      run_together);
 }

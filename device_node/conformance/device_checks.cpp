@@ -47,7 +47,7 @@ class Limp {
   explicit Limp(HapticDevice& device) : device_(device) {}
   Limp(const Limp&) = delete;
   Limp& operator=(const Limp&) = delete;
-  ~Limp() { device_.release(); }
+  ~Limp() { static_cast<void>(device_.release()); }
 
  private:
   HapticDevice& device_;
@@ -328,7 +328,7 @@ CheckOutcome check_peak(DeviceBench& bench) {
 CheckOutcome check_release(DeviceBench& bench) {
   const Limp at_the_end(bench.device());
   if (!apply(bench, gentle_force_newton(bench), 20ms)) return failed(kRefused);
-  bench.device().release();
+  if (!bench.device().release()) return failed("release() says that the motors did not confirm it");
   CheckOutcome after = expect_motors(bench, Vector3::Zero(), "after release()");
   if (after.verdict == CheckVerdict::kFailed) return after;
   if (!apply(bench, gentle_force_newton(bench), 20ms)) {
@@ -372,7 +372,7 @@ CheckOutcome check_direction(DeviceBench& bench) {
       moved_m = now.hand_position_m - from.hand_position_m -
                 to_seconds(now.sampled_at - from.sampled_at) * *coasting_m_per_s;
     }
-    bench.device().release();
+    static_cast<void>(bench.device().release());
     if (moved_m.norm() < seen_m) continue;
     ++seen;
     if (moved_m.dot(along) < kLeastAlong * moved_m.norm()) {
@@ -397,9 +397,9 @@ CheckOutcome check_allocation(DeviceBench& bench) {
     static_cast<void>(bench.device().take_latched(sample));
     bench.pass(1ms);
   }
-  bench.device().release();
+  is_ok = bench.device().release() && is_ok;
   const std::uint64_t count = *bench.allocations() - before;
-  if (!is_ok) return failed("read() or apply() failed");
+  if (!is_ok) return failed("read(), apply() or release() failed");
   return count == 0 ? good("none in 10 ticks") : failed(fmt::format("{} in 10 ticks", count));
 }
 
@@ -455,7 +455,10 @@ constexpr std::array kChecks{
     DeviceCheck{"latch", "see take_latched() in device_node/device.h", check_latch},
     DeviceCheck{"no lease", "a lease of 0 or less is no force", check_no_lease},
     DeviceCheck{"peak", "limit the force to peak_force_newton along its direction", check_peak},
-    DeviceCheck{"release", "release() is zero force at once, until the next apply()",
+    DeviceCheck{"release",
+                "release() is zero force at once, until the next apply(), and true once the device "
+                "confirmed "
+                "it",
                 check_release},
     DeviceCheck{"not finite", "return false for a force that is not finite, motors limp",
                 check_not_finite},

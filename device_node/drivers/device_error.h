@@ -16,6 +16,8 @@ namespace palpate::device {
       return DeviceError::kUnplugged;
     case Transfer::kCorrupt:
       return DeviceError::kCorrupt;
+    case Transfer::kNotReady:
+      return DeviceError::kNotReady;
   }
   return DeviceError::kFailed;
 }

@@ -29,32 +29,58 @@ class WireDevice : public HapticDevice {
   }
 
   [[nodiscard]] bool read(DeviceSample& sample) noexcept final {
+    if (!may_be_relied_on()) return false;
     return transfer(motors_.at(clock_.now()), sample);
   }
 
   [[nodiscard]] bool apply(const Vector3& force_on_hand_newton, Duration lease,
                            DeviceSample& at_switch) noexcept final {
     if (!force_on_hand_newton.allFinite()) {
-      release();
+      static_cast<void>(release());
       error_ = DeviceError::kFailed;
       return false;
     }
+    if (!may_be_relied_on()) return false;
     return transfer(motors_.set(force_on_hand_newton, lease, clock_.now()), at_switch);
   }
 
-  void release() noexcept final {
+  [[nodiscard]] bool release() noexcept final {
     motors_.set(Vector3::Zero(), Duration::zero(), clock_.now());
-    DeviceSample passed;
-    if (is_connected()) static_cast<void>(transfer(Vector3::Zero(), passed));
+    if (!is_connected()) return false;
+    // after a failed transfer the first answer may be that of an earlier message
+    for (int messages = is_in_step_ ? 1 : 2; messages > 0; --messages) {
+      if (noted(release_once()) != Transfer::kDone) return false;
+    }
+    is_in_step_ = true;
+    return true;
+  }
+
+  [[nodiscard]] DevicePhase phase() const noexcept final {
+    if (!is_connected()) return DevicePhase::kClosed;
+    return is_calibrated_ ? DevicePhase::kCalibrated : DevicePhase::kConnected;
+  }
+
+  [[nodiscard]] bool calibrate() noexcept final {
+    try {
+      if (is_connected() && !is_calibrated_) is_calibrated_ = take_calibration();
+    } catch (const std::exception&) {
+      is_calibrated_ = false;
+    }
+    return phase() == DevicePhase::kCalibrated;
   }
 
   [[nodiscard]] DeviceError last_error() const noexcept final { return error_; }
 
-  [[nodiscard]] bool reopen() noexcept final {
+  [[nodiscard]] bool reopen(Duration within) noexcept final {
+    is_calibrated_ = false;
     try {
-      connect(std::chrono::milliseconds(500));
-      DeviceSample passed;
-      return transfer(Vector3::Zero(), passed);
+      if (!release()) {
+        disconnect();
+        connect(within);
+        if (!release()) return false;
+      }
+      is_calibrated_ = knows_its_calibration();
+      return is_connected();
     } catch (const std::exception&) {
       disconnect();
       return false;
@@ -64,7 +90,7 @@ class WireDevice : public HapticDevice {
  protected:
   WireDevice(const MotorLimits& limits, const Clock& clock) : clock_(clock), motors_(limits) {}
 
-  /// Opens the connection if it has to be opened.
+  /// Opens the connection; there is none.
   /// @throws std::runtime_error  no device that answers; says why
   virtual void connect(Duration within) = 0;
   [[nodiscard]] virtual bool is_connected() const noexcept = 0;
@@ -73,6 +99,25 @@ class WireDevice : public HapticDevice {
   /// without a connection, too: kClosed.
   [[nodiscard]] virtual Transfer exchange(const Vector3& force_newton,
                                           DeviceSample& sample) noexcept = 0;
+
+  /// Whether the device itself says that it is calibrated, and answers with a position.
+  /// @throws std::runtime_error  the connection failed
+  [[nodiscard]] virtual bool knows_its_calibration() { return false; }
+  /// A person did what specification().calibration asks for.
+  /// @return  whether the device is calibrated now, and answers with a position
+  /// @throws std::runtime_error  the connection failed
+  [[nodiscard]] virtual bool take_calibration() { return knows_its_calibration(); }
+  /// Of constructors: the device was calibrated as it was opened.
+  void set_calibrated() noexcept { is_calibrated_ = true; }
+
+  /// One message without force and its answer, whatever that says of the position.
+  [[nodiscard]] virtual Transfer release_once() noexcept = 0;
+  /// For destructors: nobody calls release() again.
+  void release_finally() noexcept {
+    for (int attempts = 0; attempts < kLastAttempts && is_connected(); ++attempts) {
+      if (release()) return;
+    }
+  }
 
   /// Connects while the device or the program that owns it may still be starting.
   /// @param awaited  "the service"
@@ -109,19 +154,35 @@ class WireDevice : public HapticDevice {
   }
 
  private:
+  /// Without a calibration there are neither positions nor forces.
+  bool may_be_relied_on() noexcept {
+    if (!is_connected() || is_calibrated_) return true;
+    error_ = DeviceError::kNotReady;
+    return false;
+  }
+
   bool transfer(const Vector3& force_newton, DeviceSample& sample) noexcept {
     sample = {};
-    const Transfer outcome = exchange(force_newton, sample);
+    const Transfer outcome = noted(exchange(force_newton, sample));
     sample.sampled_at = clock_.now();
     error_ = device_error(outcome);
-    if (outcome == Transfer::kClosed) disconnect();
     return outcome == Transfer::kDone;
   }
+  Transfer noted(Transfer outcome) noexcept {
+    if (outcome != Transfer::kDone) is_in_step_ = false;
+    if (outcome == Transfer::kNotReady || outcome == Transfer::kClosed) is_calibrated_ = false;
+    if (outcome == Transfer::kClosed) disconnect();
+    return outcome;
+  }
+
+  static constexpr int kLastAttempts = 5;
 
   const Clock& clock_;
   MotorForce motors_;
   DeviceSpecification specification_;
   DeviceError error_ = DeviceError::kNone;
+  bool is_calibrated_ = false;
+  bool is_in_step_ = true;  // the next answer is that of the next message
 };
 
 /// @param field   "device.hapi"

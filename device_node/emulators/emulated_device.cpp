@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <chrono>
 #include <string_view>
 #include <utility>
 
@@ -11,7 +12,7 @@
 namespace palpate::device {
 namespace {
 
-constexpr std::array<std::pair<std::string_view, WireFault>, 8> kWireFaults{
+constexpr std::array<std::pair<std::string_view, WireFault>, 17> kWireFaults{
     {{"unplugged", WireFault::kUnplugged},
      {"silent", WireFault::kSilent},
      {"delayed", WireFault::kDelayed},
@@ -19,11 +20,26 @@ constexpr std::array<std::pair<std::string_view, WireFault>, 8> kWireFaults{
      {"short", WireFault::kShort},
      {"wrong_id", WireFault::kWrongId},
      {"stuck", WireFault::kStuck},
-     {"echo", WireFault::kEcho}}};
+     {"echo", WireFault::kEcho},
+     {"no_watchdog", WireFault::kNoWatchdog},
+     {"no_supply", WireFault::kNoSupply},
+     {"uncalibrated", WireFault::kUncalibrated},
+     {"power_cycle", WireFault::kPowerCycle},
+     {"encoder_zero", WireFault::kEncoderZero},
+     {"set_up_anywhere", WireFault::kSetUpAnywhere},
+     {"grip_gone", WireFault::kGripGone},
+     {"grip_off", WireFault::kGripOff},
+     {"grip_frozen", WireFault::kGripFrozen}}};
+
+constexpr Duration kForever = std::chrono::hours(24);
 
 bool read_number(std::string_view text, double& value) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   return error == std::errc() && end == text.data() + text.size() && value >= 0.0 && value < 1e6;
+}
+
+bool is_in(const PlannedFault& fault, double now_s) {
+  return now_s >= fault.from_s && now_s < fault.from_s + fault.length_s;
 }
 
 std::vector<FaultOutcome> outcomes_of(const std::vector<PlannedFault>& faults) {
@@ -72,15 +88,39 @@ EmulatedDevice::EmulatedDevice(const SimulatedDeviceConfig& device, const HandCo
 WireFault EmulatedDevice::fault() const noexcept {
   const std::scoped_lock lock(faults_);
   const double now_s = this->now_s();
-  for (const auto& [fault, force_newton, pushed_for] : outcomes_) {
-    if (now_s >= fault.from_s && now_s < fault.from_s + fault.length_s) return fault.kind;
+  for (const FaultOutcome& outcome : outcomes_) {
+    const PlannedFault& fault = outcome.fault;
+    if (fault.kind <= WireFault::kEcho && is_in(fault, now_s)) return fault.kind;
   }
   return WireFault::kNone;
 }
 
+bool EmulatedDevice::has(WireFault kind) const noexcept {
+  const std::scoped_lock lock(faults_);
+  return std::any_of(outcomes_.begin(), outcomes_.end(), [&](const FaultOutcome& outcome) {
+    return outcome.fault.kind == kind && is_in(outcome.fault, now_s());
+  });
+}
+
+bool EmulatedDevice::takes_begin_of(WireFault kind) noexcept {
+  const std::scoped_lock lock(faults_);
+  bool has_begun = false;
+  for (FaultOutcome& outcome : outcomes_) {
+    if (outcome.fault.kind != kind || outcome.has_begun || now_s() < outcome.fault.from_s) continue;
+    outcome.has_begun = has_begun = true;
+  }
+  return has_begun;
+}
+
+Duration EmulatedDevice::watchdog() const noexcept {
+  return has(WireFault::kNoWatchdog) ? kForever : watchdog_;
+}
+
 DeviceSample EmulatedDevice::switch_to(const Vector3& force_on_hand_newton) noexcept {
   DeviceSample sample;
-  static_cast<void>(device_.apply(force_on_hand_newton, watchdog_, sample));
+  const Vector3 made_newton =
+      has(WireFault::kNoSupply) ? Vector3(Vector3::Zero()) : force_on_hand_newton;
+  static_cast<void>(device_.apply(made_newton, watchdog(), sample));
   note_switch(sample.sampled_at, sample.applied_force_newton.norm());
   ++messages_;
   return seen(sample);
@@ -94,7 +134,8 @@ DeviceSample EmulatedDevice::read() noexcept {
 }
 
 void EmulatedDevice::let_go() noexcept {
-  device_.release();
+  if (has(WireFault::kNoWatchdog)) return;
+  static_cast<void>(device_.release());
   note_switch(clock_.now(), 0.0);
 }
 
@@ -115,11 +156,12 @@ std::vector<FaultOutcome> EmulatedDevice::outcomes() {
 }
 
 void EmulatedDevice::note_switch(TimePoint at, double force_newton) noexcept {
+  const Duration watchdog = this->watchdog();
   const std::scoped_lock lock(faults_);
   note_force_until(at);
   force_newton_ = force_newton;
   force_since_ = at;
-  force_end_ = at + watchdog_;
+  force_end_ = at + watchdog;
 }
 
 void EmulatedDevice::note_force_until(TimePoint now) noexcept {

@@ -24,6 +24,16 @@ enum class WireFault : std::uint8_t {
   kWrongId,    ///< answers are those of another device
   kStuck,      ///< the encoders stand still
   kEcho,       ///< wrong echoes while firmware is loaded
+  // beside those above, which are one at a time
+  kNoWatchdog,     ///< the motors end no force by themselves, not even when the connection ends
+  kNoSupply,       ///< the motors have no supply and make no force; a service says so
+  kUncalibrated,   ///< a service says that the device has lost its calibration
+  kPowerCycle,     ///< as it begins: the connection breaks, and the counters begin at 0 where it is
+  kEncoderZero,    ///< as it begins: the counters begin at 0 where it is, without a word
+  kSetUpAnywhere,  ///< nobody holds the handle at its home as the board is set up
+  kGripGone,       ///< no grip in the answers
+  kGripOff,        ///< the grip is not connected; its last state is repeated
+  kGripFrozen,     ///< the last state of the grip is repeated
 };
 
 struct PlannedFault {
@@ -37,6 +47,7 @@ struct FaultOutcome {
   PlannedFault fault;
   double force_newton = 0.0;  ///< |F| as it began
   Duration pushed_for{};      ///< from its begin until the last force within it ended
+  bool has_begun = false;     ///< EmulatedDevice::takes_begin_of() was told
 };
 
 /// "unplugged@2:500": from 2 s on, for 500 ms.
@@ -51,13 +62,15 @@ class EmulatedDevice {
                  std::uint64_t seed, Duration watchdog, const std::vector<PlannedFault>& faults);
 
   [[nodiscard]] WireFault fault() const noexcept;
+  /// Whether this fault is under way, whatever else is.
+  [[nodiscard]] bool has(WireFault kind) const noexcept;
 
   /// The force that a message asks for, from now on.
   /// @return  the reading at the switch; frozen while the encoders stand still
   DeviceSample switch_to(const Vector3& force_on_hand_newton) noexcept;
   /// A reading; the force goes on within the watchdog's time.
   DeviceSample read() noexcept;
-  /// The client is gone: the force ends.
+  /// The client is gone: the force ends, unless the motors have no watchdog.
   void let_go() noexcept;
 
   [[nodiscard]] Vector3 force_newton() const noexcept {
@@ -70,6 +83,8 @@ class EmulatedDevice {
   /// Least energy that the hand has put in so far [J]; below zero it has received energy.
   [[nodiscard]] double least_energy_joule() const noexcept { return least_energy_joule_; }
   [[nodiscard]] std::uint64_t messages() const noexcept { return messages_; }
+  /// Once for each fault of that kind that has begun.
+  [[nodiscard]] bool takes_begin_of(WireFault kind) noexcept;
   /// Adds a fault. Any thread.
   void plan(const PlannedFault& fault);
   /// Since the start [s]: what PlannedFault counts from. Any thread.
@@ -82,6 +97,8 @@ class EmulatedDevice {
  private:
   DeviceSample seen(const DeviceSample& sample) noexcept;
   void note_switch(TimePoint at, double force_newton) noexcept;
+  /// After which the motors end a force now.
+  [[nodiscard]] Duration watchdog() const noexcept;
   /// Another force follows now; the lock is held.
   void note_force_until(TimePoint now) noexcept;
 

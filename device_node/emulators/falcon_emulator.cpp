@@ -138,6 +138,10 @@ void FalconEmulator::answer(const FalconMessage& command) {
   const WireFault fault = device_.fault();
   if (fault == WireFault::kSilent || !read_falcon_command(command, motors, flags)) return;
   const double now_s = device_.now_s();
+  if (device_.takes_begin_of(WireFault::kEncoderZero)) {  // a moment without power
+    homing_since_s_.reset();
+    state_.homing = 1h;
+  }
   if ((flags & kFalconHoming) != 0 && !homing_since_s_) homing_since_s_ = now_s;
   const bool is_homed = homing_since_s_ && now_s - *homing_since_s_ >= to_seconds(state_.homing);
   const DeviceSample sample = device_.switch_to(force_newton(motors));

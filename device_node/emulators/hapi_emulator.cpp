@@ -59,7 +59,36 @@ void HapiEmulator::run(const std::stop_token& stop) {
     const std::size_t size = type == 1 ? kHapiSetUpBytes : type == 2 ? kHapiTorqueBytes : 1;
     // without frame or check sum: what does not come in time is forgotten
     if (line_.read(std::span(message).subspan(1, size - 1), 50ms) != Transfer::kDone) continue;
-    if (type == 2) answer(message.data());
+    if (device_.takes_begin_of(WireFault::kPowerCycle)) {
+      is_set_up_ = false;
+      device_.let_go();
+    }
+    if (type == 1) set_up();
+    if (type == 2 && is_set_up_) answer(message.data());
+  }
+}
+
+/// The counters are set to the home position's, wherever the handle is. The emulated person holds
+/// it there; who does not is off by the rest of the way.
+void HapiEmulator::set_up() {
+  ++set_ups_;
+  is_set_up_ = true;
+  zero_rad_.setZero();
+  if (!device_.has(WireFault::kSetUpAnywhere)) return;
+  place(device_.read());
+  for (std::size_t i = 0; i < kHapiMotors; ++i) {
+    const auto axis = static_cast<Eigen::Index>(i);
+    zero_rad_[axis] = angles_rad_[axis] - config_.encoder_offsets_deg[i] * std::numbers::pi / 180.0;
+  }
+}
+
+void HapiEmulator::place(const DeviceSample& sample) {
+  const Vector3 handle_m = config_.rotation.conjugate() * sample.hand_position_m + config_.origin_m;
+  if (const std::optional<Vector2> angles = links_.angles_rad(handle_m.head<2>())) {
+    const double count_rad = 2.0 * std::numbers::pi / config_.encoder_resolution;
+    for (Eigen::Index i = 0; i < 2; ++i) {
+      angles_rad_[i] = count_rad * std::round((*angles)[i] / count_rad);
+    }
   }
 }
 
@@ -78,19 +107,12 @@ void HapiEmulator::answer(const std::byte* message) {
     const Vector2 force = jacobian->transpose().inverse() * torque_newton_m;
     force_newton = config_.rotation * Vector3(force.x(), force.y(), 0.0);
   }
-  const DeviceSample sample = device_.switch_to(force_newton);
-
-  const Vector3 handle_m = config_.rotation.conjugate() * sample.hand_position_m + config_.origin_m;
-  if (const std::optional<Vector2> angles = links_.angles_rad(handle_m.head<2>())) {
-    const double count_rad = 2.0 * std::numbers::pi / config_.encoder_resolution;
-    for (Eigen::Index i = 0; i < 2; ++i) {
-      angles_rad_[i] = count_rad * std::round((*angles)[i] / count_rad);
-    }
-  }
+  place(device_.switch_to(force_newton));
   std::array<float, kHapiMotors> angles_deg{};
   for (std::size_t i = 0; i < kHapiMotors; ++i) {
+    const auto axis = static_cast<Eigen::Index>(i);
     angles_deg[i] =
-        static_cast<float>(angles_rad_[static_cast<Eigen::Index>(i)] * 180.0 / std::numbers::pi);
+        static_cast<float>((angles_rad_[axis] - zero_rad_[axis]) * 180.0 / std::numbers::pi);
   }
   std::array<std::byte, kHapiReadingBytes> reading{};
   const std::array<std::byte, kHapiTorqueBytes> numbers = hapi_torques(id, angles_deg);

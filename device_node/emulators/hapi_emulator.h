@@ -1,6 +1,8 @@
-// hapi_emulator.h — stands in for a pantograph on a hAPI board, behind a pseudo-terminal.
+// hapi_emulator.h — stands in for a pantograph on a hAPI board, behind a pseudo-terminal. Its
+// counters begin anew with each set-up, as in the public firmware.
 #pragma once
 
+#include <atomic>
 #include <stop_token>
 #include <string>
 
@@ -22,10 +24,14 @@ class HapiEmulator {
 
   /// What a driver opens.
   [[nodiscard]] const std::string& port() const noexcept { return port_; }
+  /// Set-ups so far.
+  [[nodiscard]] int set_ups() const noexcept { return set_ups_; }
   /// Serves until the stop.
   void run(const std::stop_token& stop);
 
  private:
+  void set_up();
+  void place(const DeviceSample& sample);
   void answer(const std::byte* message);
 
   EmulatedDevice& device_;
@@ -34,7 +40,10 @@ class HapiEmulator {
   int client_end_ = -1;  // kept open, so that the line does not hang up between two clients
   std::string port_;
   SerialPort line_;
-  Vector2 angles_rad_;  // as last sent
+  Vector2 angles_rad_;          // true ones
+  Vector2 zero_rad_{0.0, 0.0};  // what the board's angles are off by
+  bool is_set_up_ = false;
+  std::atomic<int> set_ups_ = 0;
 };
 
 }  // namespace palpate::device

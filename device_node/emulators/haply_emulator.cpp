@@ -8,10 +8,13 @@
 
 #include <cerrno>
 #include <chrono>
+#include <cmath>
 #include <cstring>
 #include <nlohmann/json.hpp>
+#include <numbers>
 #include <optional>
 #include <thread>
+#include <utility>
 
 #include "common/core/check.h"
 #include "device_node/drivers/transport/web_socket.h"
@@ -64,6 +67,15 @@ std::optional<HaplyRequest> read_request(std::string_view text, const std::strin
   return request;
 }
 
+/// In full frames, and in every answer while something of it is lacking.
+json status_of(const EmulatedDevice& device) {
+  return {{"calibrated", !device.has(WireFault::kUncalibrated)},
+          {"in_use", true},
+          {"power_supply", !device.has(WireFault::kNoSupply)},
+          {"ready", true},
+          {"started", true}};
+}
+
 json device_entry(const EmulatedDevice& device, const DeviceSample& sample, const char* id) {
   return {{"device_id", id},
           {"state",
@@ -79,8 +91,14 @@ json device_entry(const EmulatedDevice& device, const DeviceSample& sample, cons
             {"transform", json::object()}}}};
 }
 
-json grip_entry(const DeviceSample& sample) {
-  const Quaternion& q = sample.orientation;
+/// As a hand holds it: it trembles, at 9 Hz by 1 mrad.
+Quaternion trembling(const Quaternion& orientation, double time_s) {
+  const double angle_rad = 1e-3 * std::sin(2.0 * std::numbers::pi * 9.0 * time_s);
+  return orientation * Quaternion(Eigen::AngleAxisd(angle_rad, Vector3::UnitX()));
+}
+
+json grip_entry(const DeviceSample& sample, double time_s) {
+  const Quaternion q = trembling(sample.orientation, time_s);
   return {{"device_id", HaplyEmulator::kGripId},
           {"state",
            {{"orientation", {{"w", q.w()}, {"x", q.x()}, {"y", q.y()}, {"z", q.z()}}},
@@ -91,8 +109,12 @@ json grip_entry(const DeviceSample& sample) {
 }
 
 json update(const EmulatedDevice& device, const DeviceSample& sample, const char* id) {
-  return {{"inverse3", json::array({device_entry(device, sample, id)})},
-          {"wireless_verse_grip", json::array({grip_entry(sample)})}};
+  json entry = device_entry(device, sample, id);
+  if (device.has(WireFault::kUncalibrated) || device.has(WireFault::kNoSupply)) {
+    entry["status"] = status_of(device);
+  }
+  return {{"inverse3", json::array({std::move(entry)})},
+          {"wireless_verse_grip", json::array({grip_entry(sample, device.now_s())})}};
 }
 
 json full_frame(const EmulatedDevice& device, const DeviceSample& sample, const char* id) {
@@ -112,14 +134,23 @@ json full_frame(const EmulatedDevice& device, const DeviceSample& sample, const 
       {"preset", "defaults"},
       {"basis", {{"permutation", "XYZ"}}},
       {"filters", {{"force_gate", {{"gain", 0.0}}}, {"damping", {{"scalar", 0.0}}}}}};
-  inverse["status"] = {{"calibrated", true},
-                       {"in_use", true},
-                       {"power_supply", true},
-                       {"ready", true},
-                       {"started", true}};
+  inverse["status"] = status_of(device);
   frame["wireless_verse_grip"][0]["config"] = json::object();
   frame["wireless_verse_grip"][0]["status"] = {{"connected", true}};
   return frame;
+}
+
+/// @param last  as it was before it was lost
+void spoil_grip(const EmulatedDevice& device, json& grips, json& last) {
+  const bool is_off = device.has(WireFault::kGripOff);
+  if (device.has(WireFault::kGripGone)) {
+    grips = json::array();
+  } else if (is_off || device.has(WireFault::kGripFrozen)) {
+    grips[0]["state"] = last["state"];
+    if (is_off) grips[0]["status"] = {{"connected", false}};
+  } else {
+    last = grips[0];
+  }
 }
 
 }  // namespace
@@ -169,6 +200,7 @@ void HaplyEmulator::serve(int socket, const std::stop_token& stop) {
     return;  // no WebSocket: nothing to serve
   }
   const std::stop_callback interrupts(stop, [&] { client->interrupt(); });
+  json last_grip = grip_entry(device_.read(), device_.now_s());
   std::string answer = full_frame(device_, device_.read(), kDeviceId).dump();
   while (client->send(answer, kSend) == Transfer::kDone) {
     std::string_view text;
@@ -189,8 +221,9 @@ void HaplyEmulator::serve(int socket, const std::stop_token& stop) {
       }
     }
     const char* const id = fault == WireFault::kWrongId ? "FFFF" : kDeviceId;
-    answer =
-        (request->is_full ? full_frame(device_, sample, id) : update(device_, sample, id)).dump();
+    json frame = request->is_full ? full_frame(device_, sample, id) : update(device_, sample, id);
+    spoil_grip(device_, frame["wireless_verse_grip"], last_grip);
+    answer = frame.dump();
     if (fault == WireFault::kShort) answer.resize(answer.size() / 2);
     if (fault == WireFault::kGarbage) answer = "\x01not JSON";
   }

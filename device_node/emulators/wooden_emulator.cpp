@@ -28,7 +28,7 @@ void WoodenEmulator::run(const std::stop_token& stop) {
 }
 
 void WoodenEmulator::serve(PacketPort& client, const std::stop_token& stop) {
-  was_button_pressed_ = !config_.is_calibrated;
+  was_button_pressed_ = is_person_there();
   std::array<std::byte, 2 * kWoodenReportBytes> packet{};
   while (!stop.stop_requested()) {
     std::size_t size = 0;
@@ -39,6 +39,12 @@ void WoodenEmulator::serve(PacketPort& client, const std::stop_token& stop) {
     if (!read_wooden_command(std::span(packet).first(size), command)) continue;
     const WireFault fault = device_.fault();
     if (fault == WireFault::kUnplugged) return;
+    if (device_.takes_begin_of(WireFault::kEncoderZero)) zero_ = raw_;
+    if (device_.takes_begin_of(WireFault::kPowerCycle)) {
+      zero_ = raw_;
+      has_lost_power_ = true;
+      return;  // the board leaves the bus and comes back
+    }
     if (fault == WireFault::kSilent) continue;
     take(command);
     WoodenReportBytes report = wooden_report(reading());
@@ -52,7 +58,7 @@ void WoodenEmulator::serve(PacketPort& client, const std::stop_token& stop) {
 void WoodenEmulator::take(const WoodenCommand& command) {
   Vector3 force_newton = Vector3::Zero();
   if (command.command == kWoodenSetCounters) {
-    was_button_pressed_ = false;
+    was_button_pressed_ = is_person_there();  // who presses it once more
     // as if the hand held the handle where the session says
     for (std::size_t axis = 0; axis < kWoodenAxes; ++axis) {
       zero_[axis] = config_.calibration_counts[axis] - command.attributes[axis];

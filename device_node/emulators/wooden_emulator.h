@@ -3,6 +3,7 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <cstdint>
 #include <stop_token>
 
@@ -22,6 +23,8 @@ class WoodenEmulator {
   /// @throws SetupError  no socket can be made there
   WoodenEmulator(EmulatedDevice& device, const WoodenConfig& config);
 
+  /// The person presses the board's button. Any thread.
+  void press() noexcept { was_button_pressed_ = true; }
   /// Serves until the stop.
   void run(const std::stop_token& stop);
 
@@ -31,6 +34,8 @@ class WoodenEmulator {
   /// What calibrated counters show.
   [[nodiscard]] std::array<std::int32_t, kWoodenAxes> raw_counts(const Vector3& hand_m) const;
   [[nodiscard]] WoodenReading reading() const;
+  /// Who holds the handle at the calibration position and presses the board's button.
+  [[nodiscard]] bool is_person_there() const { return !config_.is_calibrated && !has_lost_power_; }
 
   EmulatedDevice& device_;
   WoodenConfig config_;
@@ -39,7 +44,8 @@ class WoodenEmulator {
   DeviceSample sample_;
   std::array<std::int32_t, kWoodenAxes> raw_{};
   std::array<std::int32_t, kWoodenAxes> zero_{};  // raw counts where the counters are 0
-  bool was_button_pressed_ = false;
+  std::atomic<bool> was_button_pressed_ = false;
+  bool has_lost_power_ = false;  // nobody presses the button since then
 };
 
 }  // namespace palpate::device

@@ -52,9 +52,10 @@ bool SimulatedDevice::take_latched(DeviceSample& at_end) noexcept {
   return true;
 }
 
-void SimulatedDevice::release() noexcept {
+bool SimulatedDevice::release() noexcept {
   catch_up();
   force_on_hand_newton_.setZero();
+  return true;
 }
 
 void SimulatedDevice::catch_up() noexcept {

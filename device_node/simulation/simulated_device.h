@@ -41,7 +41,7 @@ class SimulatedDevice final : public HapticDevice, public MotorForceSource, publ
   [[nodiscard]] bool apply(const Vector3& force_on_hand_newton, Duration lease,
                            DeviceSample& at_switch) noexcept override;
   [[nodiscard]] bool take_latched(DeviceSample& at_end) noexcept override;
-  void release() noexcept override;
+  [[nodiscard]] bool release() noexcept override;
   [[nodiscard]] TrueState true_state() const noexcept override { return plant_.state(); }
 
   [[nodiscard]] Vector3 motor_force_on_hand_newton() const noexcept override {

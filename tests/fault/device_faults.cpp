@@ -20,6 +20,7 @@
 #include "device_node/emulators/wooden_emulator.h"
 #include "tests/support/program.h"
 #include "tests/support/run_folder.h"
+#include "tests/support/wired/acknowledge.h"
 
 namespace palpate::test {
 namespace {
@@ -79,6 +80,7 @@ class DeviceFaults : public testing::Test {
          setting, "--no-viewer"});
     const pid_t node = std::stoi(launch.await_err("event=node_started node=device pid="));
     int resets = 0;
+    ASSERT_TRUE(is_enabled(launch)) << launch.err();
     for (const WireFaultRow& row : kWireFaultRows) {
       SCOPED_TRACE(device + " " + row.name);
       const Duration limit = limit_of(row, watchdog);
@@ -98,6 +100,7 @@ class DeviceFaults : public testing::Test {
             std::this_thread::sleep_for(20ms);
             return times_in(launch.err(), "event=device_fault_reset") >= resets;
           })) << launch.err();
+          ASSERT_TRUE(is_enabled(launch, 1 + resets)) << launch.err();
         }
         outcome = emulated.outcomes().back();
         if (outcome.force_newton > kPressedNewton && outcome.pushed_for <= limit) break;
@@ -121,14 +124,6 @@ class DeviceFaults : public testing::Test {
   static Config config_of(const std::string& device) {
     return std::get<Config>(
         load_session(PALPATE_SOURCE_DIR "/deploy/sessions/" + device + ".txtpb").side().driver);
-  }
-
-  static int times_in(const std::string& text, const std::string& what) {
-    int times = 0;
-    for (std::size_t at = text.find(what); at != std::string::npos; at = text.find(what, at + 1)) {
-      ++times;
-    }
-    return times;
   }
 
   RunFolder run_folder_;

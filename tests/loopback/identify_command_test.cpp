@@ -166,7 +166,7 @@ class SeeminglyReal final : public device::HapticDevice {
     if (!first_force_at_) first_force_at_ = at_switch.sampled_at;
     return is_applied;
   }
-  void release() noexcept override { inner_->release(); }
+  [[nodiscard]] bool release() noexcept override { return inner_->release(); }
 
  private:
   std::unique_ptr<device::HapticDevice> inner_;
@@ -198,8 +198,16 @@ TEST(Identify, SweepsOfHardwareWaitForTheHandToLetGoAndForTheSteadyClock) {
   Session session;
   session.sides.front().realtime = {.priority = 0, .cpu = -1};
 
-  run_identify(session, {.consent = {.may_move = true}}, hardware, steady);
+  // nothing moves before the prompt was acknowledged, however often that has to be asked for
+  int asked = 0;
+  const auto acknowledged = [&] {
+    EXPECT_FALSE(first_force_at);
+    return ++asked > 20;
+  };
+  run_identify(session, {.consent = {.may_move = true}, .is_acknowledged = acknowledged}, hardware,
+               steady);
 
+  EXPECT_EQ(asked, 21);
   EXPECT_EQ(opened_on, &steady);
   // moved for 100 readings, one each 5 ms; then at rest for 2 s
   ASSERT_TRUE(first_force_at);

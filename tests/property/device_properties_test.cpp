@@ -146,8 +146,8 @@ TEST(EchoLaws, TheEchoHasNoGapAndEqualsTheForceOfTheMotors) {
       bench.device.fails_to_read = random.chance(0.01);
       bench.device.fails_to_apply = random.chance(0.01);
       random_tick(bench, random);
-      if (bench.node.has_fault() && random.chance(0.3)) bench.node.reset_fault();
-      if (random.chance(0.01)) bench.node.stop();
+      if (bench.node.has_fault() && random.chance(0.3)) bench.node.acknowledge();
+      if (random.chance(0.01)) static_cast<void>(bench.node.stop());
     }
 
     ASSERT_GT(bench.states.size(), 300u);

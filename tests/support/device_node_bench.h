@@ -37,13 +37,18 @@ struct TickVector final : TickSink<DeviceTick> {
 };
 
 /// Time passes only between ticks, inside waits and in a stalled switch. Device is constructed as
-/// Device(arguments…, clock, seed) or Device(clock).
+/// Device(arguments…, clock, seed), Device(clock) or Device(clock, is_simulated).
 template <class Device>
 class DeviceNodeBench {
  public:
   static constexpr std::uint64_t kSession = 42;
 
   explicit DeviceNodeBench(const DeviceConfig& config) : device(clock), node(make(config)) {
+    wire();
+  }
+  /// @param is_simulated  false: a device that needs an acknowledgement
+  DeviceNodeBench(const DeviceConfig& config, bool is_simulated)
+      : device(clock, is_simulated), node(make(config)) {
     wire();
   }
   DeviceNodeBench(const DeviceConfig& config, const SimulatedDeviceConfig& simulated,

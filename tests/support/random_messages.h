@@ -248,6 +248,8 @@ inline void randomise(DeviceCounters& c, Random& random) {
   c.checked_friction_ratio = random.uniform(0.0, 1.0);
   c.has_no_motor_watchdog = random.chance(0.5);
   c.dead_man_ticks = random.bits();
+  c.phase = static_cast<DevicePhase>(random.below(6));
+  c.is_release_unconfirmed = random.chance(0.5);
   c.max_force_newton = random.uniform(0.0, 10.0);
   c.largest_jump_newton = random.uniform(0.0, 10.0);
   c.minimum_true_energy_joule = random.chance(0.5) ? random.uniform(-1.0, 1.0) : kNaN;
@@ -648,7 +650,9 @@ inline bool same(const DeviceCounters& a, const DeviceCounters& b) {
          a.too_fast_readings == b.too_fast_readings && a.coarse_readings == b.coarse_readings &&
          same(a.checked_friction_ratio, b.checked_friction_ratio) &&
          a.has_no_motor_watchdog == b.has_no_motor_watchdog &&
-         a.dead_man_ticks == b.dead_man_ticks && same(a.max_force_newton, b.max_force_newton) &&
+         a.dead_man_ticks == b.dead_man_ticks && a.phase == b.phase &&
+         a.is_release_unconfirmed == b.is_release_unconfirmed &&
+         same(a.max_force_newton, b.max_force_newton) &&
          same(a.largest_jump_newton, b.largest_jump_newton) &&
          same(a.minimum_true_energy_joule, b.minimum_true_energy_joule);
 }

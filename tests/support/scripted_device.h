@@ -42,6 +42,11 @@ class ScriptedDevice final : public device::HapticDevice {
   bool fails_to_read = false;
   device::DeviceError error = device::DeviceError::kFailed;  ///< why it fails
   bool reopens = true;
+  bool confirms_release = true;  ///< false: the motors go on as if they had not been told
+  DevicePhase phase_now = DevicePhase::kCalibrated;
+  int reopenings = 0;
+  bool takes_calibration = true;
+  int calibrations = 0;
   /// What becomes of a force, limited or quantised.
   std::function<Vector3(const Vector3&)> motors = [](const Vector3& force) { return force; };
   bool fails_to_apply = false;
@@ -73,14 +78,26 @@ class ScriptedDevice final : public device::HapticDevice {
     at_end = *std::exchange(latched, std::nullopt);
     return true;
   }
-  void release() noexcept override {
+  [[nodiscard]] bool release() noexcept override {
     if (before_release) before_release();
     ++releases;
+    if (!confirms_release) return false;
     writes.push_back({clock_.now(), Vector3::Zero(), clock_.now()});
+    return true;
   }
+  [[nodiscard]] DevicePhase phase() const noexcept override { return phase_now; }
 
   [[nodiscard]] device::DeviceError last_error() const noexcept override { return error; }
-  [[nodiscard]] bool reopen() noexcept override { return reopens; }
+  [[nodiscard]] bool reopen(Duration /*within*/) noexcept override {
+    ++reopenings;
+    return reopens;
+  }
+
+  [[nodiscard]] bool calibrate() noexcept override {
+    ++calibrations;
+    if (takes_calibration) phase_now = DevicePhase::kCalibrated;
+    return takes_calibration;
+  }
 
   void has_watchdog(bool is_there) { specification_.has_motor_watchdog = is_there; }
 

@@ -161,6 +161,12 @@ void add_device(Page& page, const DeviceCounters& c) {
       "1: the motors end a force by themselves if the process stops; 0: they do not, and the "
       "guarantee is not available while it is stopped.",
       "", c.has_no_motor_watchdog ? 0.0 : 1.0);
+  page.gauge("device_phase",
+             "1 closed, 2 connected, 3 calibrated, 4 enabled (forces act), 5 faulted; 0 unknown.",
+             "", static_cast<double>(c.phase));
+  page.gauge("device_release_unconfirmed",
+             "1: the device has not confirmed its last release, and may still push.", "",
+             c.is_release_unconfirmed ? 1.0 : 0.0);
   page.counter("device_dead_man_ticks", "Ticks in which the dead-man button was not held.",
                {{"", c.dead_man_ticks}});
   page.gauge("device_max_force_newtons", "Largest force since the start.", "", c.max_force_newton);

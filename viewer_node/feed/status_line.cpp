@@ -65,8 +65,14 @@ std::string status_line(const TelemetryMirror& mirror, TimePoint now, std::size_
   add("jitter p99 " + duration(figures.lateness_p99));
   add("reply p99 " + duration(figures.reply_time_p99));
   add("answered " + percent(figures.answered_ratio_since_start, 2));
+  if (mirror.device_counters().is_release_unconfirmed) add("MOTORS MAY PUSH");
   if (figures.guard == GuardState::kFault) {
     add(std::string("FAULT: ") + name(mirror.device_counters().last_fault));
+  } else if (const DevicePhase phase = mirror.device_counters().phase;
+             phase == DevicePhase::kConnected) {
+    add("NO FORCE: calibrate, then SIGUSR2");
+  } else if (phase == DevicePhase::kCalibrated) {
+    add("NO FORCE: acknowledge by SIGUSR2");
   } else {
     add(is_answered && has_mofc ? name(figures.mofc_state) : name(figures.guard));
   }

@@ -64,6 +64,8 @@ void put(const DeviceCounters& c, v1::DeviceCounters& to) {
   to.set_checked_friction_ratio(c.checked_friction_ratio);
   to.set_has_no_motor_watchdog(c.has_no_motor_watchdog);
   to.set_dead_man_ticks(c.dead_man_ticks);
+  to.set_phase(static_cast<std::uint32_t>(c.phase));
+  to.set_is_release_unconfirmed(c.is_release_unconfirmed);
   to.set_last_fault(static_cast<std::uint32_t>(c.last_fault));
   to.set_non_finite_commands(c.non_finite_commands);
   to.set_max_force_newton(c.max_force_newton);
@@ -74,7 +76,8 @@ void check_counters(const v1::DeviceCounters& c, Verdict& verdict) {
   verdict.require(c.has_loop());
   verdict.require(c.has_force_command());
   verdict.time(c.loop().worst_lateness_ns());
-  verdict.expect(c.last_fault() <= static_cast<std::uint32_t>(FaultReason::kDeviceCorrupt));
+  verdict.expect(c.phase() <= static_cast<std::uint32_t>(DevicePhase::kFaulted));
+  verdict.expect(c.last_fault() <= static_cast<std::uint32_t>(FaultReason::kDeviceNotReady));
   verdict.finite(c.max_force_newton());
   verdict.finite(c.largest_jump_newton());
   verdict.finite(c.checked_friction_ratio());
@@ -101,6 +104,8 @@ DeviceCounters counters(const v1::DeviceCounters& c) {
           .checked_friction_ratio = c.checked_friction_ratio(),
           .has_no_motor_watchdog = c.has_no_motor_watchdog(),
           .dead_man_ticks = c.dead_man_ticks(),
+          .phase = static_cast<DevicePhase>(c.phase()),
+          .is_release_unconfirmed = c.is_release_unconfirmed(),
           .max_force_newton = c.max_force_newton(),
           .largest_jump_newton = c.largest_jump_newton(),
           .minimum_true_energy_joule = c.minimum_true_energy_joule()};

@@ -20,6 +20,7 @@ using namespace std::chrono_literals;
 
 constexpr int kLoadAttempts = 3;  // loading is known to fail now and then
 constexpr int kQuestionsAfterLoading = 100;
+constexpr const char* kHoming = "pull the Falcon's grip out and push it in again to home it";
 
 class FalconDevice final : public WireDevice {
  public:
@@ -28,6 +29,7 @@ class FalconDevice final : public WireDevice {
     const TimePoint until = clock.now() + start_up.limit;
     DeviceSpecification specification = specified("Novint Falcon", config);
     specification.button_count = 4;
+    specification.calibration = kHoming;
     set_specification(std::move(specification));
     if (!config.firmware_file.empty()) image_ = read_falcon_image(config.firmware_file);
     connect_within(start_up, "the Falcon");
@@ -38,20 +40,25 @@ class FalconDevice final : public WireDevice {
     if (exchange(Vector3::Zero(), passed) != Transfer::kDone) {
       throw std::runtime_error("the Falcon's encoders are at no position of its legs");
     }
+    set_calibrated();
   }
-  ~FalconDevice() override { release(); }
+  ~FalconDevice() override { release_finally(); }
   FalconDevice(const FalconDevice&) = delete;
   FalconDevice& operator=(const FalconDevice&) = delete;
 
  private:
   void connect(Duration /*within*/) override {
-    disconnect();
     line_.emplace(
         open_usb(config_.port.empty() ? find_usb_device(kFalconIds) : config_.port, kFalconIds));
     set_falcon_running(*line_);
   }
   [[nodiscard]] bool is_connected() const noexcept override { return line_.has_value(); }
   void disconnect() noexcept override { line_.reset(); }
+  [[nodiscard]] bool knows_its_calibration() override {
+    grip_m_.reset();
+    DeviceSample passed;
+    return exchange(Vector3::Zero(), passed) == Transfer::kDone;
+  }
 
   void load_firmware(const StartUp& start_up) {
     if (image_.empty()) {
@@ -93,10 +100,9 @@ class FalconDevice final : public WireDevice {
         throw std::runtime_error("the Falcon stopped answering while it was homed");
       }
       if (reading.homed == kFalconAllHomed) return;
-      const char* const what = "pull the Falcon's grip out and push it in again to home it";
-      if (!was_prompted) start_up.prompt(what);
+      if (!was_prompted) start_up.prompt(kHoming);
       if (clock().now() >= until || start_up.stop.stop_requested()) {
-        throw std::runtime_error(std::string("not homed in time: ") + what);
+        throw std::runtime_error(std::string("not homed in time: ") + kHoming);
       }
       std::this_thread::sleep_for(10ms);
     }
@@ -116,26 +122,21 @@ class FalconDevice final : public WireDevice {
     return Transfer::kDone;
   }
 
-  /// After a message without its answer nobody knows which answer belongs to which message: the
-  /// motors are sent 0 and the line is closed.
-  Transfer exchange(const Vector3& force_newton, DeviceSample& sample) noexcept override {
-    const Transfer outcome = ask_and_place(force_newton, sample);
-    if (outcome != Transfer::kDone && line_) {
-      grip_m_.reset();
-      static_cast<void>(
-          line_->write(falcon_command({}, kFalconHoming | kFalconRed), config_.transfer_limit));
-      disconnect();
-    }
-    return outcome;
+  /// What an earlier transfer left on the line is forgotten, then the motors are sent 0.
+  Transfer release_once() noexcept override {
+    if (!line_) return Transfer::kClosed;
+    const Transfer purged = line_->purge();
+    FalconReading passed;
+    return purged == Transfer::kDone ? ask({}, passed) : purged;
   }
 
-  Transfer ask_and_place(const Vector3& force_newton, DeviceSample& sample) noexcept {
+  Transfer exchange(const Vector3& force_newton, DeviceSample& sample) noexcept {
     FalconCounts motors{};
     sample.applied_force_newton = motor_counts(force_newton, motors);
     FalconReading reading;
     const Transfer transfer = ask(motors, reading);
     if (transfer != Transfer::kDone) return transfer;
-    if (!is_homed_) return Transfer::kCorrupt;  // it lost its power in between
+    if (!is_homed_) return Transfer::kNotReady;  // it lost its power in between
     angles_rad_ = falcon_angles_rad(config_, reading.encoders);
     const std::optional<Vector3> grip_m =
         FalconDelta::grip_m(angles_rad_, grip_m_.value_or(FalconDelta::middle_m()));

@@ -1,8 +1,9 @@
 #include "device_node/drivers/hapi/hapi_driver.h"
 
+#include <array>
+#include <cstdio>
 #include <numbers>
 #include <optional>
-#include <stdexcept>
 #include <utility>
 
 #include "device_node/drivers/transport/serial_port.h"
@@ -23,24 +24,32 @@ class HapiDevice final : public WireDevice {
     DeviceSpecification specification = specified("hAPI pantograph", config);
     const Matrix3 rotation = config.rotation.toRotationMatrix();
     specification.force_axes = rotation * Vector3(1, 1, 0).asDiagonal() * rotation.transpose();
+    std::array<char, 160> text{};
+    std::snprintf(
+        text.data(), text.size(),
+        "hold the handle at its home position, the left arm at %g and the right arm at %g "
+        "degrees: the board takes the place where it is for that",
+        config.encoder_offsets_deg[0], config.encoder_offsets_deg[1]);
+    specification.calibration = text.data();
     set_specification(std::move(specification));
     connect_within(start_up, "the board");
   }
-  ~HapiDevice() override { release(); }
+  ~HapiDevice() override { release_finally(); }
   HapiDevice(const HapiDevice&) = delete;
   HapiDevice& operator=(const HapiDevice&) = delete;
 
  private:
-  void connect(Duration within) override {
+  void connect(Duration /*within*/) override {
     port_.emplace(config_.port);
     angles_rad_.reset();
-    if (port_->write(hapi_set_up(board_), within) != Transfer::kDone) {
-      throw std::runtime_error(config_.port + ": cannot be written to");
-    }
+  }
+  /// The set-up makes the present angles those of the home position, so it is sent here only.
+  [[nodiscard]] bool take_calibration() override {
+    angles_rad_.reset();
     DeviceSample passed;
-    if (exchange(Vector3::Zero(), passed) != Transfer::kDone) {
-      throw std::runtime_error(config_.port + ": the board does not answer");
-    }
+    return port_->write(hapi_set_up(board_), config_.transfer_limit) == Transfer::kDone &&
+           release_once() == Transfer::kDone &&
+           exchange(Vector3::Zero(), passed) == Transfer::kDone;
   }
   [[nodiscard]] bool is_connected() const noexcept override { return port_.has_value(); }
   void disconnect() noexcept override { port_.reset(); }
@@ -66,15 +75,9 @@ class HapiDevice final : public WireDevice {
       }
       applied_newton = force_newton;
     }
-    port_->discard_input();
-    Transfer transfer =
-        port_->write(hapi_torques(board_.device_id, torques), config_.transfer_limit);
-    if (transfer != Transfer::kDone) return transfer;
-    std::array<std::byte, kHapiReadingBytes> answer{};
-    transfer = port_->read(answer, config_.transfer_limit);
-    if (transfer != Transfer::kDone) return transfer;
     std::array<float, kHapiMotors> angles_deg{};
-    if (!read_hapi_angles(answer, board_.device_id, angles_deg)) return Transfer::kCorrupt;
+    const Transfer transfer = ask(torques, angles_deg);
+    if (transfer != Transfer::kDone) return transfer;
     const Vector2 angles_rad(kRadPerDeg * angles_deg[0], kRadPerDeg * angles_deg[1]);
     const std::optional<Vector2> handle_m = links_.handle_m(angles_rad);
     if (!handle_m) return Transfer::kCorrupt;  // rods that cannot meet
@@ -85,6 +88,25 @@ class HapiDevice final : public WireDevice {
     sample.applied_force_newton =
         config_.rotation * Vector3(applied_newton.x(), applied_newton.y(), 0.0);
     return Transfer::kDone;
+  }
+
+  Transfer release_once() noexcept override {
+    std::array<float, kHapiMotors> passed{};
+    return ask({}, passed);
+  }
+
+  Transfer ask(const std::array<float, kHapiMotors>& torques,
+               std::array<float, kHapiMotors>& angles_deg) noexcept {
+    if (!port_) return Transfer::kClosed;
+    port_->discard_input();
+    Transfer transfer =
+        port_->write(hapi_torques(board_.device_id, torques), config_.transfer_limit);
+    if (transfer != Transfer::kDone) return transfer;
+    std::array<std::byte, kHapiReadingBytes> answer{};
+    transfer = port_->read(answer, config_.transfer_limit);
+    if (transfer != Transfer::kDone) return transfer;
+    return read_hapi_angles(answer, board_.device_id, angles_deg) ? Transfer::kDone
+                                                                  : Transfer::kCorrupt;
   }
 
   HapiConfig config_;

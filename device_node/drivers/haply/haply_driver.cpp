@@ -15,6 +15,10 @@ namespace {
 
 using namespace std::chrono_literals;
 
+/// A hand trembles: a grip whose orientation is the same to the last digit for so long is lost, and
+/// the service repeats its last state.
+constexpr Duration kGripStale = 250ms;
+
 constexpr std::string_view kFullFrame = R"({"session":{"force_render_full_state":{}}})";
 
 class HaplyDevice final : public WireDevice {
@@ -39,14 +43,14 @@ class HaplyDevice final : public WireDevice {
     DeviceSpecification specification = specified("Haply Inverse3 " + config_.device_id, config);
     if (!config_.grip_id.empty()) specification.button_count = snapshot_.is_wireless_grip ? 3 : 1;
     set_specification(std::move(specification));
+    set_calibrated();
   }
-  ~HaplyDevice() override { release(); }
+  ~HaplyDevice() override { release_finally(); }
   HaplyDevice(const HaplyDevice&) = delete;
   HaplyDevice& operator=(const HaplyDevice&) = delete;
 
  private:
   void connect(Duration within) override {
-    if (socket_) return;
     const TimePoint until = clock().now() + within;
     socket_ = WebSocket::connect(config_.host, config_.port, within);
     snapshot_ = snapshot(until);
@@ -63,15 +67,28 @@ class HaplyDevice final : public WireDevice {
     return read_haply_snapshot(std::string(text), config_.device_id, config_.grip_id);
   }
 
+  [[nodiscard]] bool knows_its_calibration() override {
+    if (socket_->send(kFullFrame, config_.transfer_limit) != Transfer::kDone) {
+      throw std::runtime_error("the service closed the connection");
+    }
+    snapshot_ = snapshot(clock().now() + 1s);
+    DeviceSample passed;
+    return lack(snapshot_) == nullptr && exchange(Vector3::Zero(), passed) == Transfer::kDone;
+  }
+
+  /// What the device needs before it can be used; null: nothing.
+  static const char* lack(const HaplySnapshot& state) {
+    if (!state.is_powered.value_or(true)) return "connect its power supply";
+    if (!state.is_calibrated.value_or(true)) return "calibrate it, as its light asks for";
+    if (!state.is_ready.value_or(true)) return "it is not ready; look at the Inverse Service";
+    return nullptr;
+  }
+
   void wait_until_ready(HaplySnapshot& state, TimePoint until, const StartUp& start_up) {
     bool was_prompted = false;
     for (;;) {
-      const bool is_powered = state.is_powered.value_or(true);
-      const bool is_calibrated = state.is_calibrated.value_or(true);
-      if (is_powered && is_calibrated && state.is_ready.value_or(true)) return;
-      const char* const what = !is_powered      ? "connect its power supply"
-                               : !is_calibrated ? "calibrate it, as its light asks for"
-                                                : "it is not ready; look at the Inverse Service";
+      const char* const what = lack(state);
+      if (what == nullptr) return;
       if (!was_prompted) start_up.prompt("Inverse3 " + state.device_id + ": " + what);
       was_prompted = true;
       if (clock().now() >= until || start_up.stop.stop_requested()) {
@@ -98,12 +115,47 @@ class HaplyDevice final : public WireDevice {
   /// A message without its answer: which answer belongs to which message is lost, and so is the
   /// connection.
   Transfer exchange(const Vector3& force_newton, DeviceSample& sample) noexcept override {
-    const Transfer outcome = ask(force_newton, sample);
+    HaplyState state;
+    const Transfer outcome = ask(force_newton, state);
+    if (outcome != Transfer::kDone) {
+      socket_.reset();
+      return outcome;
+    }
+    if (!is_ready(state)) return Transfer::kNotReady;
+    sample.hand_position_m = config_.rotation * (*state.cursor_position_m - config_.origin_m);
+    if (state.orientation) orientation_ = config_.rotation * *state.orientation;
+    sample.orientation = orientation_;
+    sample.buttons = held_buttons(state);
+    sample.applied_force_newton = force_newton;
+    return Transfer::kDone;
+  }
+
+  /// A grip that is not in the answer, is not connected or stands perfectly still holds no button,
+  /// until all of them were seen released.
+  std::uint32_t held_buttons(const HaplyState& state) noexcept {
+    const TimePoint now = clock().now();
+    if (state.orientation && state.orientation->coeffs() != grip_orientation_.coeffs()) {
+      grip_orientation_ = *state.orientation;
+      grip_moved_at_ = now;
+    }
+    const bool is_alive = state.buttons && state.is_grip_connected.value_or(true) &&
+                          now - grip_moved_at_ <= kGripStale;
+    if (!is_alive) {
+      must_let_go_ = true;
+    } else if (*state.buttons == 0) {
+      must_let_go_ = false;
+    }
+    return must_let_go_ ? 0 : *state.buttons;
+  }
+
+  Transfer release_once() noexcept override {
+    HaplyState state;
+    const Transfer outcome = ask(Vector3::Zero(), state);
     if (outcome != Transfer::kDone) socket_.reset();
     return outcome;
   }
 
-  Transfer ask(const Vector3& force_newton, DeviceSample& sample) noexcept {
+  Transfer ask(const Vector3& force_newton, HaplyState& state) noexcept {
     if (!socket_) return Transfer::kClosed;
     const std::size_t size = write_haply_force(
         config_.device_id, dialect_, config_.rotation.conjugate() * force_newton, command_);
@@ -113,17 +165,15 @@ class HaplyDevice final : public WireDevice {
     std::string_view text;
     transfer = socket_->receive(text, config_.transfer_limit);
     if (transfer != Transfer::kDone) return transfer;
-    HaplyState state;
     if (!read_haply_state(text, config_.device_id, config_.grip_id, state)) {
       return Transfer::kCorrupt;
     }
-    sample.hand_position_m = config_.rotation * (*state.cursor_position_m - config_.origin_m);
-    if (state.orientation) orientation_ = config_.rotation * *state.orientation;
-    if (state.buttons) buttons_ = *state.buttons;
-    sample.orientation = orientation_;
-    sample.buttons = buttons_;
-    sample.applied_force_newton = force_newton;
     return Transfer::kDone;
+  }
+
+  static bool is_ready(const HaplyState& state) noexcept {
+    return state.is_powered.value_or(true) && state.is_calibrated.value_or(true) &&
+           state.is_ready.value_or(true) && !state.is_scaled;
   }
 
   HaplyConfig config_;
@@ -132,7 +182,9 @@ class HaplyDevice final : public WireDevice {
   std::unique_ptr<WebSocket> socket_;
   std::array<char, kHaplyCommandBytes> command_{};
   Quaternion orientation_ = Quaternion::Identity();
-  std::uint32_t buttons_ = 0;
+  Quaternion grip_orientation_ = Quaternion::Identity();  // as the service gives it
+  TimePoint grip_moved_at_{};
+  bool must_let_go_ = true;
 };
 
 }  // namespace

@@ -12,6 +12,8 @@
 namespace palpate::device {
 namespace {
 
+bool is_unit_scale(double scale) noexcept { return std::abs(scale - 1.0) <= 1e-6; }
+
 using nlohmann::json;
 
 /// {"x": …, "y": …, "z": …}
@@ -60,11 +62,45 @@ bool read_buttons(JsonReader& reader, std::string_view key,
   return is_read;
 }
 
+/// A scale, one number or {"x": …, "y": …, "z": …}.
+bool read_scale(JsonReader& reader, bool& is_scaled) noexcept {
+  const auto judge = [&](double scale) { is_scaled = is_scaled || !is_unit_scale(scale); };
+  JsonReader number = reader;
+  double scale = 1.0;
+  if (number.number(scale)) {
+    judge(scale);
+    reader = number;
+    return true;
+  }
+  return reader.object([&](std::string_view, JsonReader& member) noexcept {
+    if (!member.number(scale)) return false;
+    judge(scale);
+    return true;
+  });
+}
+
+/// {"calibrated": …, "power_supply": …, "ready": …} or, of a grip, {"connected": …}
+bool read_status(JsonReader& reader, HaplyState& state) noexcept {
+  return reader.object([&](std::string_view key, JsonReader& value) noexcept {
+    std::optional<bool>* const flag = key == "calibrated"     ? &state.is_calibrated
+                                      : key == "power_supply" ? &state.is_powered
+                                      : key == "ready"        ? &state.is_ready
+                                      : key == "connected"    ? &state.is_grip_connected
+                                                              : nullptr;
+    return flag != nullptr ? value.boolean(flag->emplace()) : value.skip();
+  });
+}
+
 bool read_device(JsonReader& reader, HaplyState& state) noexcept {
   return reader.object([&](std::string_view key, JsonReader& value) noexcept {
     if (key == "cursor_position") return read_vector(value, state.cursor_position_m);
     if (key == "cursor_velocity") return read_vector(value, state.cursor_velocity_m_per_s);
     if (key == "current_cursor_force") return read_vector(value, state.cursor_force_newton);
+    if (key == "transform") {
+      return value.object([&](std::string_view part, JsonReader& member) noexcept {
+        return part == "scale" ? read_scale(member, state.is_scaled) : member.skip();
+      });
+    }
     return value.skip();
   });
 }
@@ -77,8 +113,8 @@ bool read_grip(JsonReader& reader, HaplyState& state) noexcept {
   });
 }
 
-/// An array of {"device_id": …, "state": {…}, …}: the state of the one with that id, whichever of
-/// the two members comes first.
+/// An array of {"device_id": …, "state": {…}, "status": {…}, …}: those of the one with that id,
+/// whichever member comes first.
 template <class ReadState>
 bool read_entry(JsonReader& reader, std::string_view id, HaplyState& state,
                 const ReadState& read_state) noexcept {
@@ -87,6 +123,7 @@ bool read_entry(JsonReader& reader, std::string_view id, HaplyState& state,
     bool is_it = false;
     const bool is_read = entry.object([&](std::string_view key, JsonReader& value) noexcept {
       if (key == "state") return read_state(value, read);
+      if (key == "status") return read_status(value, read);
       if (key != "device_id") return value.skip();
       std::string_view found;
       if (!value.string(found)) return false;
@@ -121,6 +158,17 @@ double number_at(const json& object, const json::json_pointer& path) {
   return object.contains(path) && object.at(path).is_number() ? object.at(path).get<double>() : 0.0;
 }
 
+/// Of {"scale": 1.5} or {"scale": {"x": 1.5, …}}.
+bool is_scaled(const json& transform) {
+  if (!transform.is_object() || !transform.contains("scale")) return false;
+  const json& scale = transform.at("scale");
+  if (scale.is_number()) return !is_unit_scale(scale.get<double>());
+  if (!scale.is_object()) return false;
+  return std::any_of(scale.begin(), scale.end(), [](const json& part) {
+    return part.is_number() && !is_unit_scale(part.get<double>());
+  });
+}
+
 }  // namespace
 
 bool read_haply_state(std::string_view text, std::string_view device_id, std::string_view grip_id,
@@ -149,6 +197,13 @@ HaplySnapshot read_haply_snapshot(const std::string& text, const std::string& de
     snapshot.device_id = device->at("device_id").get<std::string>();
     const json config = device->value("config", json::object());
     const json status = device->value("status", json::object());
+    if (is_scaled(config.value("mount", json::object())) ||
+        is_scaled(device->value("state", json::object()).value("transform", json::object()))) {
+      throw std::runtime_error(
+          "the Inverse Service scales the positions of Inverse3 " + snapshot.device_id +
+          " (mount or transform): the work of the hand would be counted wrongly; set the scale to "
+          "1 there");
+    }
     snapshot.is_calibrated = flag(status, "calibrated");
     snapshot.is_powered = flag(status, "power_supply");
     snapshot.is_ready = flag(status, "ready");

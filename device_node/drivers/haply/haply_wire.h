@@ -23,6 +23,11 @@ struct HaplyState {
   std::optional<Vector3> cursor_force_newton;  ///< what the service applies now
   std::optional<Quaternion> orientation;       ///< of the grip
   std::optional<std::uint32_t> buttons;        ///< a: bit 0, b: bit 1, c: bit 2; wired: bit 0
+  std::optional<bool> is_calibrated;
+  std::optional<bool> is_powered;
+  std::optional<bool> is_ready;
+  bool is_scaled = false;  ///< the service scales positions: counted work would be wrong
+  std::optional<bool> is_grip_connected;
 };
 
 /// What the first message, a full snapshot, says besides.
@@ -50,8 +55,9 @@ struct HaplySnapshot {
 /// Reads the first message.
 /// @param device_id  "" takes the only Inverse3
 /// @param grip_id    "" takes the only grip, if there is one
-/// @throws std::runtime_error  not JSON, no such device, or several without an id to choose one;
-///                             the text says what there is
+/// @throws std::runtime_error  not JSON, no such device, several without an id to choose one, or a
+///                             device whose positions the service scales; the text says what there
+///                             is
 [[nodiscard]] HaplySnapshot read_haply_snapshot(const std::string& text,
                                                 const std::string& device_id,
                                                 const std::string& grip_id);

@@ -32,7 +32,8 @@ enum palpate_device_error {
   PALPATE_DEVICE_FAILED = 1,    /* no more is known */
   PALPATE_DEVICE_TIMEOUT = 2,   /* no answer in time */
   PALPATE_DEVICE_UNPLUGGED = 3, /* the device, or the program that owns it, is gone */
-  PALPATE_DEVICE_CORRUPT = 4    /* the answer breaks the rules of the wire */
+  PALPATE_DEVICE_CORRUPT = 4,   /* the answer breaks the rules of the wire */
+  PALPATE_DEVICE_NOT_READY = 5  /* it has no supply or no calibration */
 };
 
 enum palpate_device_flags {
@@ -92,7 +93,8 @@ typedef struct palpate_device_driver {
   int (*apply)(palpate_device* device, const double force_newton[3], int64_t lease_ns,
                palpate_device_reading* at_switch);
 
-  /* Motors limp, at once. */
+  /* Motors limp, at once. An apply with a lease of 0 follows: PALPATE_DEVICE_OK confirms that no
+   * force acts; after anything else both are called again. */
   void (*release)(palpate_device* device);
   /* 1: the reading that the watchdog stored when a force ended by itself, once; 0: there is none.
    * May be NULL. */

@@ -106,7 +106,7 @@ class PluginDevice final : public HapticDevice {
   [[nodiscard]] bool apply(const Vector3& force_on_hand_newton, Duration lease,
                            DeviceSample& at_switch) noexcept override {
     if (!force_on_hand_newton.allFinite()) {
-      release();
+      static_cast<void>(release());
       error_ = DeviceError::kFailed;
       return false;
     }
@@ -120,9 +120,15 @@ class PluginDevice final : public HapticDevice {
     return driver_->take_latched != nullptr && driver_->take_latched(device_, &reading) == 1 &&
            convert(reading, at_end);
   }
-  void release() noexcept override { driver_->release(device_); }
+  /// Confirmed by a switch to no force, which the library answers with an error if it failed.
+  [[nodiscard]] bool release() noexcept override {
+    driver_->release(device_);
+    palpate_device_reading passed = blank();
+    return driver_->apply(device_, Vector3(Vector3::Zero()).data(), 0, &passed) ==
+           PALPATE_DEVICE_OK;
+  }
   [[nodiscard]] DeviceError last_error() const noexcept override { return error_; }
-  [[nodiscard]] bool reopen() noexcept override {
+  [[nodiscard]] bool reopen(Duration /*within*/) noexcept override {
     return driver_->reopen == nullptr || driver_->reopen(device_) == 1;
   }
 
@@ -161,8 +167,8 @@ class PluginDevice final : public HapticDevice {
   }
 
   bool is_ok(int error) noexcept {
-    error_ = error >= 0 && error <= PALPATE_DEVICE_CORRUPT ? static_cast<DeviceError>(error)
-                                                           : DeviceError::kFailed;
+    error_ = error >= 0 && error <= PALPATE_DEVICE_NOT_READY ? static_cast<DeviceError>(error)
+                                                             : DeviceError::kFailed;
     return error_ == DeviceError::kNone;
   }
 

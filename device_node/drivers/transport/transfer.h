@@ -7,9 +7,10 @@ namespace palpate::device {
 
 enum class Transfer : std::uint8_t {
   kDone,
-  kTimeout,  ///< nothing, or not all of it, within the time allowed
-  kClosed,   ///< the other end is gone: unplugged, or its program ended
-  kCorrupt,  ///< what came breaks the rules of the wire
+  kTimeout,   ///< nothing, or not all of it, within the time allowed
+  kClosed,    ///< the other end is gone: unplugged, or its program ended
+  kCorrupt,   ///< what came breaks the rules of the wire
+  kNotReady,  ///< the device says that it has no supply or no calibration
 };
 
 }  // namespace palpate::device

@@ -25,6 +25,10 @@ namespace {
 using namespace std::chrono_literals;
 namespace fs = std::filesystem;
 
+constexpr const char* kCalibration =
+    "hold the handle at the calibration position and press the button of the board";
+/// So near the calibration position the counters are taken to be those of the arm.
+constexpr double kHeldAt_m = 5e-3;
 constexpr int kFirstQuestions = 5;  // the first report may have been on its way for long
 
 /// The only hidraw file of such a board.
@@ -62,22 +66,22 @@ class WoodenDevice final : public WireDevice {
     const TimePoint until = clock.now() + start_up.limit;
     DeviceSpecification specification = specified("WoodenHaptics", config);
     specification.button_count = 1;
+    specification.calibration = kCalibration;
     set_specification(std::move(specification));
     connect_within(start_up, "the board");
-    if (!config.is_calibrated) calibrate(until, start_up);
-    // the angles, for the first force
-    DeviceSample passed;
-    if (exchange(Vector3::Zero(), passed) != Transfer::kDone) {
+    if (config.is_calibrated) return;  // calibrate() looks whether it is
+    await_button(until, start_up);
+    if (!set_counters()) {
       throw std::runtime_error("the board's counters are those of no position of the arm");
     }
+    set_calibrated();
   }
-  ~WoodenDevice() override { release(); }
+  ~WoodenDevice() override { release_finally(); }
   WoodenDevice(const WoodenDevice&) = delete;
   WoodenDevice& operator=(const WoodenDevice&) = delete;
 
  private:
   void connect(Duration /*within*/) override {
-    disconnect();
     const std::string path = config_.port.empty() ? find_wooden() : config_.port;
     port_.emplace(path);
     const UsbIds ids = is_emulated(path) ? port_->emulated_ids(1s) : hid_ids(*port_, path);
@@ -97,25 +101,50 @@ class WoodenDevice final : public WireDevice {
   }
 
   /// A person holds the handle at the calibration position and presses the button of the board.
-  void calibrate(TimePoint until, const StartUp& start_up) {
+  void await_button(TimePoint until, const StartUp& start_up) {
     WoodenReading reading;
     for (bool was_prompted = false;; was_prompted = true) {
       if (ask({}, reading) != Transfer::kDone) {
         throw std::runtime_error("the board stopped answering while it was calibrated");
       }
-      if (reading.info == 1) break;
-      const char* const what =
-          "hold the handle at the calibration position and press the button of the board";
-      if (!was_prompted) start_up.prompt(what);
+      if (reading.info == 1) return;
+      if (!was_prompted) start_up.prompt(kCalibration);
       if (clock().now() >= until || start_up.stop.stop_requested()) {
-        throw std::runtime_error(std::string("not calibrated in time: ") + what);
+        throw std::runtime_error(std::string("not calibrated in time: ") + kCalibration);
       }
       std::this_thread::sleep_for(10ms);
     }
-    if (ask({.command = kWoodenSetCounters, .attributes = config_.calibration_counts}, reading) !=
-        Transfer::kDone) {
-      throw std::runtime_error("the board did not answer to its calibration");
-    }
+  }
+
+  /// @return  whether the board took them, and they are those of a position of the arm
+  bool set_counters() noexcept {
+    WoodenReading reading;
+    DeviceSample passed;
+    return ask({.command = kWoodenSetCounters, .attributes = config_.calibration_counts},
+               reading) == Transfer::kDone &&
+           exchange(Vector3::Zero(), passed) == Transfer::kDone;
+  }
+
+  /// The handle is held at the calibration position: by the board's button, or because the counters
+  /// say so. After a power cycle they do not.
+  [[nodiscard]] bool take_calibration() override {
+    WoodenReading reading;
+    if (ask({}, reading) != Transfer::kDone) return false;
+    if (reading.info == 1) return set_counters();
+    DeviceSample passed;
+    return (handle_m(reading) -
+            handle_m({.encoders = {config_.calibration_counts[0], config_.calibration_counts[1],
+                                   config_.calibration_counts[2]}}))
+                   .norm() <= kHeldAt_m &&
+           exchange(Vector3::Zero(), passed) == Transfer::kDone;
+  }
+
+  [[nodiscard]] Vector3 angles_rad(const WoodenReading& reading) const noexcept {
+    return drive_.rad_per_count.cwiseProduct(
+        Vector3(reading.encoders[0], reading.encoders[1], reading.encoders[2]));
+  }
+  [[nodiscard]] Vector3 handle_m(const WoodenReading& reading) const noexcept {
+    return drive_.arm.handle_m(angles_rad(reading));
   }
 
   /// The board sends one report after each command that it takes.
@@ -133,18 +162,21 @@ class WoodenDevice final : public WireDevice {
                                                                       : Transfer::kCorrupt;
   }
 
+  Transfer release_once() noexcept override {
+    WoodenReading passed;
+    return ask({}, passed);
+  }
+
   Transfer exchange(const Vector3& force_newton, DeviceSample& sample) noexcept override {
     WoodenCommand command;
     sample.applied_force_newton = currents(force_newton, command.currents_ma);
     WoodenReading reading;
     const Transfer transfer = ask(command, reading);
     if (transfer != Transfer::kDone) return transfer;
-    const Vector3 angles_rad = drive_.rad_per_count.cwiseProduct(
-        Vector3(reading.encoders[0], reading.encoders[1], reading.encoders[2]));
-    if (!drive_.arm.jacobian(angles_rad)) return Transfer::kCorrupt;  // no place of the workspace
-    angles_rad_ = angles_rad;
-    sample.hand_position_m =
-        config_.rotation * (drive_.arm.handle_m(angles_rad) - config_.origin_m);
+    const Vector3 angles = angles_rad(reading);
+    if (!drive_.arm.jacobian(angles)) return Transfer::kCorrupt;  // no place of the workspace
+    angles_rad_ = angles;
+    sample.hand_position_m = config_.rotation * (drive_.arm.handle_m(angles) - config_.origin_m);
     sample.buttons = is_wooden_button_held(reading) ? 1 : 0;
     return Transfer::kDone;
   }

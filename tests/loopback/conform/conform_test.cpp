@@ -188,8 +188,18 @@ TEST(ConformDevice, MovesHardwareOnlyIfToldTo) {
   } catch (const SetupError& error) {
     EXPECT_THAT(error.what(), HasSubstr("--i-understand-this-moves-the-device"));
   }
-  const auto found =
-      conform_device(driver, std::chrono::milliseconds(1), clock, {.may_move_hardware = true});
+  try {
+    static_cast<void>(
+        conform_device(driver, std::chrono::milliseconds(1), clock, {.may_move_hardware = true}));
+    FAIL() << "it moved";
+  } catch (const SetupError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("nobody can acknowledge: Take the hand off the device"));
+  }
+  int asked = 0;
+  const auto found = conform_device(
+      driver, std::chrono::milliseconds(1), clock,
+      {.may_move_hardware = true, .start_up = {.is_acknowledged = [&] { return ++asked > 10; }}});
+  EXPECT_EQ(asked, 11);
   EXPECT_EQ(found.size(), device::device_checks().size());
 }
 

@@ -17,6 +17,7 @@
 #include "tests/support/run_folder.h"
 #include "tests/support/temp_folder.h"
 #include "tests/support/watcher.h"
+#include "tests/support/wired/acknowledge.h"
 
 namespace palpate {
 namespace {
@@ -72,6 +73,12 @@ TEST_F(EmulatedDevices, AreFeltThroughTheirWiresAndStayPassive) {
                    {"launch", session, "--emulate", "--set", port, "--set", limit, "--set",
                     "device.rate_hz=200", "--set", "device.lease_us=12500", "--set",
                     "mofc.stale_after_ms=200", "--no-viewer", "--no-realtime", "--json", "-"});
+    launch.await_err("event=device_phase phase=");
+    EXPECT_TRUE(watcher.until_rows(100));
+    for (const TickRow& row : watcher.rows()) {
+      EXPECT_EQ(row.device.force_on_hand_newton, Vector3(0, 0, 0)) << "nobody has acknowledged";
+    }
+    EXPECT_TRUE(test::is_enabled(launch)) << launch.err();
     EXPECT_TRUE(watcher.until([&] {
       return !watcher.rows().empty() &&
              watcher.rows().back().device.force_on_hand_newton.norm() > 0.3;
@@ -103,6 +110,7 @@ TEST_F(EmulatedDevices, AnUnpluggedDeviceIsAFaultThatAResetEnds) {
   const std::string started = launch.await_err("event=node_started node=device pid=");
   const pid_t device = std::stoi(started);
 
+  EXPECT_TRUE(test::is_enabled(launch)) << launch.err();
   launch.await_err("event=device_fault reason=\"device gone\"");
   // until the emulator accepts connections again
   const bool is_reset = test::await([&] {
@@ -168,6 +176,31 @@ TEST_F(EmulatedDevices, EmulatorAndIdentifyUseTheSessionsRealTimeScheduling) {
   const bool is_permitted = emulated.starts_with("scheduling=fifo priority=80 cpu=any");
   EXPECT_TRUE(is_permitted || emulated.find("fifo_refused=") != std::string::npos) << emulated;
   EXPECT_EQ(policy, is_permitted ? SCHED_FIFO : SCHED_OTHER) << identify.out();
+}
+
+// A supervisor starts device_node again with the same arguments, with the user's hand on the
+// device.
+TEST_F(EmulatedDevices, TheHandsOffCheckMovesARealDeviceOnlyAfterAPromptOfThatStart) {
+  const std::string prompt = "event=device_prompt: the hands-off check moves the device by itself";
+  const std::string moves = "event=hands_off_check_acknowledged";
+  Program launch("palpate",
+                 {"launch", PALPATE_SOURCE_DIR "/deploy/sessions/default.txtpb", "--set",
+                  std::string("device.plugin={ library: \"") + PALPATE_EXAMPLE_DEVICE + "\" }",
+                  "--set", "device.hands_off_check=true", "--no-viewer", "--no-realtime"});
+  const pid_t first = std::stoi(launch.await_err("event=node_started node=device pid="));
+  launch.await_err(prompt);
+  EXPECT_EQ(test::times_in(launch.err(), moves), 0);
+  kill(first, SIGUSR2);
+  launch.await_err(moves);
+  kill(first, SIGKILL);
+
+  const pid_t second = std::stoi(launch.await_err("event=node_started node=device pid=", 2));
+  launch.await_err(prompt, 2);
+  EXPECT_EQ(test::times_in(launch.err(), moves), 1) << "the restart waits for a person again";
+  kill(second, SIGUSR2);
+  launch.await_err(moves, 2);
+  launch.send_signal(SIGINT);
+  launch.wait();
 }
 
 TEST_F(EmulatedDevices, ASimulatedDeviceNeedsNoEmulator) {

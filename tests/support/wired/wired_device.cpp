@@ -5,6 +5,7 @@
 #include <thread>
 #include <utility>
 
+#include "common/core/check.h"
 #include "common/core/user/temp_folder.h"
 #include "device_node/drivers/falcon/falcon_driver.h"
 #include "device_node/drivers/hapi/hapi_driver.h"
@@ -108,7 +109,9 @@ class WiredDevice final : public device::HapticDevice, public device::TrueStateS
       : emulated_(side.simulated, side.hand, clock, seed, watchdog, {}),
         emulator_(connect(emulated_, config, folder_)),
         server_([this](const std::stop_token& stop) { emulator_->run(stop); }),
-        driver_(open(config, clock, device::StartUp{})) {}
+        driver_(open(config, clock, device::StartUp{})) {
+    PALPATE_REQUIRE(driver_->calibrate());  // the emulated hand is where the device asks for
+  }
 
   [[nodiscard]] const device::DeviceSpecification& specification() const noexcept override {
     return driver_->specification();
@@ -118,11 +121,13 @@ class WiredDevice final : public device::HapticDevice, public device::TrueStateS
                            DeviceSample& at_switch) noexcept override {
     return driver_->apply(force_on_hand_newton, lease, at_switch);
   }
-  void release() noexcept override { driver_->release(); }
+  [[nodiscard]] bool release() noexcept override { return driver_->release(); }
+  [[nodiscard]] DevicePhase phase() const noexcept override { return driver_->phase(); }
+  [[nodiscard]] bool calibrate() noexcept override { return driver_->calibrate(); }
   [[nodiscard]] device::DeviceError last_error() const noexcept override {
     return driver_->last_error();
   }
-  [[nodiscard]] bool reopen() noexcept override { return driver_->reopen(); }
+  [[nodiscard]] bool reopen(Duration within) noexcept override { return driver_->reopen(within); }
   [[nodiscard]] device::TrueState true_state() const noexcept override {
     return emulated_.true_state();
   }

@@ -79,9 +79,10 @@ class WrongDevice final : public HapticDevice, public MotorForceSource {
   [[nodiscard]] bool take_latched(DeviceSample& at_end) noexcept override {
     return is("a latch that is not named") ? device_.read(at_end) : device_.take_latched(at_end);
   }
-  void release() noexcept override {
-    if (!is("does not release")) device_.release();
+  [[nodiscard]] bool release() noexcept override {
+    if (!is("does not release") && !device_.release()) return false;
     is_on_ = false;
+    return !is("never confirms a release");
   }
   [[nodiscard]] Vector3 motor_force_on_hand_newton() const noexcept override {
     return over_ * motors_.motor_force_on_hand_newton();
@@ -179,6 +180,7 @@ TEST(DeviceChecks, NameEachFault) {
                                                     {"lease below zero", "no lease"},
                                                     {"no limit at the peak", "peak"},
                                                     {"does not release", "release"},
+                                                    {"never confirms a release", "release"},
                                                     {"NaN as the force before", "not finite"},
                                                     {"NaN accepted", "not finite"},
                                                     {"allocates", "allocation"},

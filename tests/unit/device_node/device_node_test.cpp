@@ -540,7 +540,7 @@ TEST(DeviceNode, AReadFailureIsLatchedAndLimpUntilReset) {
 
   EXPECT_EQ(bench.node.counters().last_fault, FaultReason::kReadFailed);
 
-  bench.node.reset_fault();
+  bench.node.acknowledge();
   bench.tick();  // at 3 ms
 
   EXPECT_FALSE(bench.node.has_fault());
@@ -636,7 +636,7 @@ TEST(DeviceNode, AfterAResetTheDeviceContinuesFromWhereItIs) {
   bench.device.position_m = Vector3(1, 0, 0);
   bench.tick();
   bench.device.position_m = Vector3(2, 0, 0);
-  bench.node.reset_fault();
+  bench.node.acknowledge();
   bench.tick();
 
   EXPECT_FALSE(bench.node.has_fault());
@@ -654,7 +654,7 @@ TEST(DeviceNode, TheRecordOfATickSaysWhenItsReadingWasTaken) {
 TEST(DeviceNode, AResetWithoutAFaultDoesNothing) {
   Bench bench(device_config());
   bench.tick();
-  bench.node.reset_fault();
+  bench.node.acknowledge();
   bench.device.position_m = Vector3(1, 0, 0);
   bench.tick();
 
@@ -724,6 +724,57 @@ TEST(DeviceNode, AFaultTellsWhatTheDriverKnowsOfIt) {
   }
 }
 
+TEST(DeviceNode, AReleaseIsRepeatedEveryTickUntilTheDeviceConfirmsIt) {
+  Bench bench(device_config());
+  bench.answer_with(Vector3(1, 0, 0));
+  bench.tick();
+  bench.device.fails_to_read = true;
+  bench.device.confirms_release = false;
+  for (int i = 0; i < 10; ++i) bench.tick();
+
+  EXPECT_EQ(bench.device.releases, 10) << "as the fault was latched, and in each tick after it";
+  EXPECT_TRUE(bench.node.counters().is_release_unconfirmed);
+  EXPECT_EQ(bench.device.reopenings, 0) << "the connection is there";
+  bench.node.acknowledge();
+  EXPECT_TRUE(bench.node.has_fault()) << "no reset while the motors may push";
+
+  bench.device.confirms_release = true;
+  for (int i = 0; i < 10; ++i) bench.tick();
+  EXPECT_FALSE(bench.node.counters().is_release_unconfirmed);
+  EXPECT_EQ(bench.device.releases, 12);
+  EXPECT_EQ(bench.device.motor_force_newton(bench.clock.now()), Vector3(0, 0, 0));
+}
+
+TEST(DeviceNode, ALostConnectionIsOpenedAgainWhileTheMotorsMayPush) {
+  Bench bench(device_config());
+  bench.tick();
+  bench.device.fails_to_read = true;
+  bench.device.confirms_release = false;
+  bench.device.phase_now = DevicePhase::kClosed;
+  for (int i = 0; i < 1200; ++i) bench.tick();
+  EXPECT_EQ(bench.device.reopenings, 3) << "twice a second";
+
+  bench.device.confirms_release = true;
+  bench.device.reopenings = 0;
+  for (int i = 0; i < 1200; ++i) bench.tick();
+  EXPECT_EQ(bench.device.reopenings, 0) << "not once it was confirmed";
+  EXPECT_TRUE(bench.node.has_fault()) << "that needs a person";
+}
+
+TEST(DeviceNode, AnAnswerThatCameTooLateAndIsNotReleasedIsAFault) {
+  Bench bench(device_config());
+  bench.answer_with(Vector3(1, 0, 0));
+  bench.device.before_switch = [&] { bench.clock.advance(600us); };
+  bench.device.confirms_release = false;
+
+  bench.tick();
+
+  EXPECT_EQ(bench.node.counters().last_fault, FaultReason::kWriteFailed);
+  EXPECT_FALSE(bench.node.stop());
+  bench.device.confirms_release = true;
+  EXPECT_TRUE(bench.node.stop());
+}
+
 TEST(DeviceNode, AFaultStaysUntilTheDeviceOpensAgain) {
   Bench bench(device_config());
   bench.tick();
@@ -731,11 +782,11 @@ TEST(DeviceNode, AFaultStaysUntilTheDeviceOpensAgain) {
   bench.tick();
   bench.device.fails_to_read = false;
   bench.device.reopens = false;
-  bench.node.reset_fault();
+  bench.node.acknowledge();
   EXPECT_TRUE(bench.node.has_fault());
 
   bench.device.reopens = true;
-  bench.node.reset_fault();
+  bench.node.acknowledge();
   EXPECT_FALSE(bench.node.has_fault());
 }
 
@@ -763,13 +814,13 @@ TEST(DeviceNode, AfterAFaultTheForceGrowsFromZero) {
   bench.device.fails_to_read = true;
   bench.tick();
   bench.device.fails_to_read = false;
-  bench.node.reset_fault();
+  bench.node.acknowledge();
   bench.tick();
 
   EXPECT_EQ(bench.ticks.back().force_on_hand_newton.x(), 0.0);
 }
 
-TEST(DeviceNode, AForceNeedsTheDeadManButtonFadesWithoutItAndGrowsAgainFromZero) {
+TEST(DeviceNode, AForceNeedsTheDeadManButtonEndsWithItAndGrowsAgainFromZero) {
   DeviceConfig config = device_config();
   config.start_ramp = 10ms;
   config.dead_man_button = 1;
@@ -782,15 +833,138 @@ TEST(DeviceNode, AForceNeedsTheDeadManButtonFadesWithoutItAndGrowsAgainFromZero)
   };
   EXPECT_EQ(force_after(1, 20), 0.0);  // another button
   EXPECT_EQ(force_after(2, 20), 1.0);
-  // lease, f_co, fade
-  EXPECT_EQ(force_after(0, 1), 1.0);
-  EXPECT_EQ(force_after(0, 2), config.profile.coulomb_newton);
-  EXPECT_EQ(force_after(0, 70), 0.0);
+  EXPECT_EQ(force_after(0, 1), 0.0);
+  EXPECT_EQ(bench.device.motor_force_newton(bench.clock.now()), Vector3(0, 0, 0))
+      << "in the tick that reads it, whatever lease the force had";
+  EXPECT_EQ(force_after(0, 72), 0.0);
   EXPECT_EQ(bench.ticks.back().guard, GuardState::kLimp);
   EXPECT_EQ(bench.node.counters().dead_man_ticks, 93U);
   EXPECT_EQ(bench.node.counters().answered_ticks, 20U);
   EXPECT_EQ(force_after(2, 1), 0.0);
   EXPECT_EQ(force_after(2, 20), 1.0);
+}
+
+// The echo ends the force where the motors ended it.
+TEST(DeviceNode, TheEchoTellsWhereTheDeadManButtonEndedAForce) {
+  DeviceConfig config = device_config();
+  config.longest_lease = 1h;
+  config.dead_man_button = 0;
+  Bench bench(config);
+  bench.answer_with(Vector3(1, 0, 0));
+  bench.device.buttons = 1;
+  for (int i = 0; i < 3; ++i) bench.tick();
+  bench.device.buttons = 0;
+  bench.tick();  // at 3 ms
+  bench.tick();
+
+  const DeviceState& state = bench.states.back();
+  EXPECT_EQ(state.acting_force_on_hand_newton, Vector3(0, 0, 0));
+  double force_s = 0.0;
+  for (std::size_t i = 0; i < state.applied_count; ++i) {
+    const AppliedForce& segment = state.applied[i];
+    if (segment.force_on_hand_newton.norm() > 0.0)
+      force_s = to_seconds(segment.until - TimePoint());
+  }
+  EXPECT_LE(force_s, 3e-3);
+}
+
+// --- the way to a force -------------------------------------------------------------------------
+
+TEST(DeviceNode, ARealDeviceGivesNoForceBeforeAPersonHasAcknowledgedIt) {
+  Bench bench(device_config(), false);
+  bench.answer_with(Vector3(1, 0, 0));
+  for (int i = 0; i < 5000; ++i) bench.tick();  // time does nothing
+  EXPECT_EQ(bench.node.phase(), DevicePhase::kCalibrated);
+  EXPECT_EQ(bench.node.counters().max_force_newton, 0.0);
+  EXPECT_EQ(bench.states.size(), 5000U) << "the hand is followed";
+
+  bench.node.acknowledge();
+  bench.tick();
+  EXPECT_EQ(bench.node.phase(), DevicePhase::kEnabled);
+  EXPECT_EQ(bench.ticks.back().force_on_hand_newton.x(), 1.0);
+}
+
+TEST(DeviceNode, ASimulatedDeviceNeedsNoAcknowledgement) {
+  Bench bench(device_config());
+  bench.answer_with(Vector3(1, 0, 0));
+  EXPECT_EQ(bench.node.phase(), DevicePhase::kEnabled);
+  bench.tick();
+  EXPECT_EQ(bench.ticks.back().force_on_hand_newton.x(), 1.0);
+}
+
+TEST(DeviceNode, APressOfTheDeadManButtonAcknowledgesButNotOneThatWasHeldBefore) {
+  DeviceConfig config = device_config();
+  config.dead_man_button = 0;
+  Bench bench(config, false);
+  bench.answer_with(Vector3(1, 0, 0));
+  const auto force_after = [&](std::uint32_t buttons, int ticks) {
+    bench.device.buttons = buttons;
+    for (int i = 0; i < ticks; ++i) bench.tick();
+    return bench.ticks.back().force_on_hand_newton.x();
+  };
+  EXPECT_EQ(force_after(1, 100), 0.0) << "a button that is stuck acknowledges nothing";
+  EXPECT_EQ(force_after(0, 1), 0.0);
+  EXPECT_EQ(force_after(1, 1), 1.0);
+
+  // a fault: the hand goes on holding the button
+  bench.device.fails_to_read = true;
+  EXPECT_EQ(force_after(1, 1), 0.0);
+  bench.device.fails_to_read = false;
+  EXPECT_EQ(force_after(0, 5), 0.0);
+  EXPECT_EQ(force_after(1, 5), 0.0) << "a press clears no fault";
+  EXPECT_EQ(bench.node.phase(), DevicePhase::kFaulted);
+}
+
+TEST(DeviceNode, AfterAFaultARealDeviceNeedsAnAcknowledgementAgain) {
+  Bench bench(device_config(), false);
+  bench.answer_with(Vector3(1, 0, 0));
+  bench.node.acknowledge();
+  bench.tick();
+  bench.device.fails_to_read = true;
+  bench.tick();
+  bench.device.fails_to_read = false;
+  for (int i = 0; i < 100; ++i) bench.tick();
+  EXPECT_EQ(bench.node.phase(), DevicePhase::kFaulted);
+
+  bench.node.acknowledge();
+  EXPECT_EQ(bench.node.phase(), DevicePhase::kEnabled) << "the device says that it is calibrated";
+  bench.tick();
+  EXPECT_EQ(bench.ticks.back().force_on_hand_newton.x(), 1.0);
+}
+
+TEST(DeviceNode, ADeviceThatLostItsCalibrationTakesItAndThenNeedsAnAcknowledgement) {
+  Bench bench(device_config(), false);
+  bench.answer_with(Vector3(1, 0, 0));
+  bench.node.acknowledge();
+  bench.tick();
+  bench.device.fails_to_read = true;
+  bench.device.error = DeviceError::kNotReady;
+  bench.tick();
+  EXPECT_EQ(bench.node.counters().last_fault, FaultReason::kDeviceNotReady);
+  bench.device.fails_to_read = false;
+  bench.device.phase_now = DevicePhase::kConnected;
+  bench.device.takes_calibration = false;
+  const std::size_t sent = bench.states.size();
+  const auto ticks = [&] {
+    for (int i = 0; i < 10; ++i) bench.tick();
+    return bench.node.phase();
+  };
+
+  bench.node.acknowledge();  // clears the fault; the device refuses its calibration
+  EXPECT_EQ(ticks(), DevicePhase::kConnected);
+  bench.node.acknowledge();
+  EXPECT_EQ(ticks(), DevicePhase::kConnected);
+  EXPECT_EQ(bench.ticks.back().guard, GuardState::kLimp);
+  EXPECT_EQ(bench.states.size(), sent) << "positions that cannot be relied on are not sent";
+  EXPECT_EQ(bench.device.calibrations, 2);
+
+  bench.device.takes_calibration = true;
+  bench.node.acknowledge();
+  EXPECT_EQ(ticks(), DevicePhase::kCalibrated);
+  EXPECT_EQ(bench.ticks.back().force_on_hand_newton.x(), 0.0) << "that was for the calibration";
+  bench.node.acknowledge();
+  EXPECT_EQ(ticks(), DevicePhase::kEnabled);
+  EXPECT_EQ(bench.ticks.back().force_on_hand_newton.x(), 1.0);
 }
 
 TEST(DeviceNode, CountsWhetherTheMotorsEndAForceByThemselves) {
@@ -809,7 +983,7 @@ TEST(DeviceNode, StopAndDestructionReleaseTheMotors) {
   test::TickVector sink;
   {
     DeviceNode node(device_config(), device, clock, states, inbox, sink, 1);
-    node.stop();
+    static_cast<void>(node.stop());
     EXPECT_EQ(device.releases, 1);
   }
   EXPECT_EQ(device.releases, 2);
@@ -915,7 +1089,7 @@ TEST(DeviceNode, AStopIsEchoedByALaterStep) {
   bench.answer_with(Vector3(1, 0, 0));
   bench.tick();
   bench.clock.advance(200us);
-  bench.node.stop();
+  EXPECT_TRUE(bench.node.stop());
   bench.tick();
   const DeviceState& state = bench.states[1];
   ASSERT_EQ(state.applied_count, 2u);

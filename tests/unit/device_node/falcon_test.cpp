@@ -314,6 +314,27 @@ TEST(FalconDriver, WaitsForHomingAndSaysHow) {
   EXPECT_THAT(falcon_refusal(never.config(), clock), HasSubstr("not homed in time"));
 }
 
+TEST(FalconDriver, WithoutItsHomingThereIsNoPositionUntilItIsHomedAgain) {
+  const SteadyClock clock;
+  test::SharedClock time;
+  EmulatedFalcon emulated(time, Vector3::Zero(),
+                          {{.kind = WireFault::kEncoderZero, .from_s = 1.0, .length_s = 1.0}});
+  const auto device = open_falcon(emulated.config(), clock, {.limit = test::patience(20s)});
+  DeviceSample sample;
+  ASSERT_TRUE(device->read(sample));
+  time.set(1500ms);
+
+  EXPECT_FALSE(device->read(sample));
+  EXPECT_EQ(device->last_error(), DeviceError::kNotReady);
+  EXPECT_TRUE(device->release()) << "the motors are reached";
+  EXPECT_TRUE(device->reopen(kReopenLimit));
+  EXPECT_EQ(device->phase(), DevicePhase::kConnected);
+  EXPECT_FALSE(device->calibrate()) << "nobody has homed it";
+  time.set(2h);
+  EXPECT_TRUE(device->calibrate());
+  EXPECT_TRUE(device->read(sample));
+}
+
 TEST(FalconDriver, AnotherDeviceIsRefused) {
   const SteadyClock clock;
   EmulatedFalcon emulated(clock, Vector3::Zero(),
@@ -323,6 +344,11 @@ TEST(FalconDriver, AnotherDeviceIsRefused) {
   FalconConfig config = emulated.config();
   config.port = "/dev/null";
   EXPECT_THAT(falcon_refusal(config, clock), HasSubstr("/dev/null is no USB device"));
+}
+
+TEST(FalconDriver, IsReleasedOnceTheDeviceConfirmsIt) {
+  expect_release_confirmed_after<EmulatedFalcon>({WireFault::kSilent, WireFault::kUnplugged},
+                                                 open_falcon);
 }
 
 TEST(FalconDriver, SaysHowATransferFailedAndOpensAgain) {

@@ -121,9 +121,9 @@ class OddDevice final : public HapticDevice {
     at_switch.applied_force_newton = force;  // its driver does not know of the defect
     return is_applied;
   }
-  void release() noexcept override {
+  [[nodiscard]] bool release() noexcept override {
     is_limp = true;
-    inner_.release();
+    return inner_.release();
   }
 
  private:

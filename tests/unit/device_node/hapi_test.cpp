@@ -156,6 +156,7 @@ class EmulatedHapi {
     return config;
   }
   [[nodiscard]] Vector3 motor_force_newton() const { return device_.force_newton(); }
+  [[nodiscard]] int set_ups() const { return emulator_.set_ups(); }
 
  private:
   EmulatedDevice device_;
@@ -167,6 +168,7 @@ TEST(HapiDriver, ReadsThePlaneAndPushesInIt) {
   const ManualClock clock;
   EmulatedHapi emulated(clock, Vector3(0.01, 0.02, -0.005));
   const auto device = open_hapi(emulated.config(), clock, {});
+  ASSERT_TRUE(device->calibrate());
   DeviceSample sample;
   ASSERT_TRUE(device->read(sample));
   EXPECT_LT((sample.hand_position_m - Vector3(0.01, 0, -0.005)).norm(), 50e-6);
@@ -175,6 +177,61 @@ TEST(HapiDriver, ReadsThePlaneAndPushesInIt) {
 
   EXPECT_LT((sample.applied_force_newton - Vector3(0.5, 0, -1.0)).norm(), 1e-12);
   EXPECT_LT((emulated.motor_force_newton() - Vector3(0.5, 0, -1.0)).norm(), 1e-5);
+}
+
+TEST(HapiDriver, IsReleasedOnceTheDeviceConfirmsIt) {
+  expect_release_confirmed_after<EmulatedHapi>({WireFault::kSilent}, open_hapi);
+}
+
+// The board takes the place where the handle is as its home: only a person knows that it is there.
+TEST(HapiDriver, IsSetUpOnlyWhenAPersonSaysThatTheHandleIsAtHome) {
+  const SteadyClock clock;
+  test::SharedClock time;
+  EmulatedHapi emulated(time, Vector3(0.01, 0, -0.005),
+                        {{.kind = WireFault::kSetUpAnywhere, .from_s = 1.0, .length_s = 1e3},
+                         {.kind = WireFault::kSilent, .from_s = 2.0, .length_s = 1.0}});
+  HapiConfig config = emulated.config();
+  config.transfer_limit = kPassingLimit;
+  const auto device = open_hapi(config, clock, {.limit = test::patience(std::chrono::seconds(20))});
+  DeviceSample sample;
+  EXPECT_EQ(emulated.set_ups(), 0) << "opening is none";
+  EXPECT_EQ(device->phase(), DevicePhase::kConnected);
+  EXPECT_FALSE(device->read(sample));
+  EXPECT_FALSE(device->apply(Vector3(0, 0, 1), std::chrono::seconds(1), sample));
+  EXPECT_EQ(device->last_error(), DeviceError::kNotReady);
+  EXPECT_THAT(device->specification().calibration, HasSubstr("left arm at 180"));
+
+  ASSERT_TRUE(device->calibrate());
+  ASSERT_TRUE(device->read(sample));
+  EXPECT_LT((sample.hand_position_m - Vector3(0.01, 0, -0.005)).norm(), 50e-6);
+  time.set(std::chrono::milliseconds(2500));
+  EXPECT_FALSE(device->read(sample));
+  time.set(std::chrono::seconds(4));
+  const TimePoint until = clock.now() + test::patience(std::chrono::seconds(20));
+  while (!device->reopen(kReopenLimit) && clock.now() < until) {
+  }
+
+  EXPECT_EQ(emulated.set_ups(), 1) << "opening it again is none either";
+  EXPECT_EQ(device->phase(), DevicePhase::kConnected);
+  EXPECT_FALSE(device->read(sample)) << "no position without a calibration";
+}
+
+TEST(HapiDriver, APowerCycleNeedsACalibration) {
+  const SteadyClock clock;
+  test::SharedClock time;
+  EmulatedHapi emulated(time, Vector3::Zero(),
+                        {{.kind = WireFault::kPowerCycle, .from_s = 1.0, .length_s = 1.0}});
+  HapiConfig config = emulated.config();
+  config.transfer_limit = kPassingLimit;
+  const auto device = open_hapi(config, clock, {.limit = test::patience(std::chrono::seconds(20))});
+  ASSERT_TRUE(device->calibrate());
+  time.set(std::chrono::seconds(3));
+  DeviceSample sample;
+  EXPECT_FALSE(device->read(sample));
+  EXPECT_FALSE(device->reopen(kReopenLimit)) << "a board without a set-up confirms nothing";
+  EXPECT_EQ(device->phase(), DevicePhase::kConnected);
+  EXPECT_TRUE(device->calibrate());
+  EXPECT_TRUE(device->release());
 }
 
 TEST(HapiDriver, SaysHowATransferFailedAndOpensAgain) {
@@ -199,6 +256,7 @@ TEST(HapiDriver, IdentifiesTheFrictionInItsPlaneFromBelow) {
   HapiConfig config = upright_pantograph();
   config.port = emulator.port();
   const auto device = open_hapi(config, clock, {});
+  ASSERT_TRUE(device->calibrate());
   SweepPlan plan = hands_off_plan(device->specification());
   ASSERT_EQ(plan.lines.size(), 2U) << "x and z";
   plan.lines.resize(1);

@@ -148,8 +148,11 @@ HaplyConfig haply_at(std::uint16_t port) {
 /// An emulator on a thread of its own.
 class EmulatedHaply {
  public:
-  explicit EmulatedHaply(const Clock& clock, const std::vector<PlannedFault>& faults = {})
-      : device_({}, {.path = HoldPath{}}, clock, 1, std::chrono::milliseconds(20), faults),
+  explicit EmulatedHaply(const Clock& clock, const Vector3& hand_m = Vector3::Zero(),
+                         const std::vector<PlannedFault>& faults = {},
+                         const std::vector<ButtonPress>& presses = {})
+      : device_({}, {.path = HoldPath{.position_m = hand_m}, .presses = presses}, clock, 1,
+                std::chrono::milliseconds(20), faults),
         emulator_(device_, 0),
         thread_([this](const std::stop_token& stop) { emulator_.run(stop); }) {}
 
@@ -188,10 +191,93 @@ TEST(HaplyDriver, TurnsTheServicesFrameIntoTheDevices) {
   EXPECT_LT((sample.hand_position_m - Vector3(0.02, -0.01, -0.03)).norm(), 1e-3);
 }
 
+TEST(HaplyDriver, IsReleasedOnceTheDeviceConfirmsIt) {
+  expect_release_confirmed_after<EmulatedHaply>(
+      {WireFault::kSilent, WireFault::kUnplugged, WireFault::kGarbage}, open_haply);
+}
+
+TEST(HaplyDriver, WithoutSupplyOrCalibrationThereIsNoForceUntilTheServiceHasThem) {
+  using namespace std::chrono_literals;
+  for (const WireFault kind : {WireFault::kNoSupply, WireFault::kUncalibrated}) {
+    const SteadyClock clock;
+    test::SharedClock time;
+    EmulatedHaply emulated(time, Vector3::Zero(), {{.kind = kind, .from_s = 1.0, .length_s = 1.0}});
+    const auto device = open_haply(emulated.config(), clock, {.limit = test::patience(20s)});
+    DeviceSample sample;
+    ASSERT_TRUE(device->apply(Vector3(0, 0, 1), 1h, sample));
+    time.set(1500ms);
+
+    EXPECT_FALSE(device->read(sample));
+    EXPECT_EQ(device->last_error(), DeviceError::kNotReady);
+    EXPECT_TRUE(device->reopen(kReopenLimit));
+    EXPECT_EQ(device->phase(), DevicePhase::kConnected);
+    EXPECT_FALSE(device->apply(Vector3(0, 0, 1), 1h, sample));
+    EXPECT_EQ(emulated.motor_force_newton(), Vector3(0, 0, 0));
+    time.set(3s);
+    EXPECT_TRUE(device->calibrate());
+    EXPECT_TRUE(device->apply(Vector3(0, 0, 1), 1h, sample));
+  }
+}
+
+TEST(HaplyDriver, AGripThatVanishesEndsOrRepeatsItselfHoldsNoButton) {
+  using namespace std::chrono_literals;
+  for (const WireFault kind : {WireFault::kGripGone, WireFault::kGripOff, WireFault::kGripFrozen}) {
+    SCOPED_TRACE(static_cast<int>(kind));
+    test::SharedClock time;
+    EmulatedHaply emulated(time, Vector3::Zero(), {{.kind = kind, .from_s = 1.0, .length_s = 1.0}},
+                           {{.button = 1, .from_s = 0.01, .until_s = 4.0},
+                            {.button = 1, .from_s = 5.0, .until_s = 6.0}});
+    const auto device = open_haply(emulated.config(), time, {});
+    const auto held_at = [&](Duration at) {
+      for (Duration t = time.now().time_since_epoch(); t < at; t += 10ms) {
+        time.set(t);
+        DeviceSample passed;
+        EXPECT_TRUE(device->read(passed));
+      }
+      time.set(at);
+      DeviceSample sample;
+      EXPECT_TRUE(device->read(sample));
+      return sample.buttons == 2U;
+    };
+    EXPECT_TRUE(held_at(900ms));
+    EXPECT_EQ(held_at(1100ms), kind == WireFault::kGripFrozen) << "a moment is no loss";
+    EXPECT_FALSE(held_at(1400ms));
+    EXPECT_FALSE(held_at(3s)) << "it is back, and held: it has to be let go first";
+    EXPECT_TRUE(held_at(5500ms));
+  }
+}
+
+TEST(HaplyDriver, AServiceThatScalesPositionsIsRefused) {
+  const auto refused = [](const std::string& config, const std::string& state) {
+    try {
+      static_cast<void>(read_haply_snapshot(
+          R"({"inverse3":[{"device_id":"A","config":)" + config + R"(,"state":)" + state + "}]}",
+          "", ""));
+    } catch (const std::runtime_error& error) {
+      return std::string(error.what());
+    }
+    return std::string();
+  };
+  EXPECT_EQ(refused(R"({"mount":{"scale":1.0}})", R"({"transform":{}})"), "");
+  EXPECT_THAT(refused(R"({"mount":{"scale":2}})", "{}"), HasSubstr("scales the positions"));
+  EXPECT_THAT(refused("{}", R"({"transform":{"scale":{"x":1,"y":1,"z":0.5}}})"),
+              HasSubstr("scales the positions"));
+  for (const char* scale : {"1.5", R"({"x":1,"y":1.5,"z":1})"}) {
+    HaplyState state;
+    ASSERT_TRUE(read_haply_state(
+        std::string(
+            R"({"inverse3":[{"device_id":"A","state":{"cursor_position":{"x":0,"y":0,"z":0},)"
+            R"("transform":{"scale":)") +
+            scale + "}}}]}",
+        "A", "", state));
+    EXPECT_TRUE(state.is_scaled) << "in the run, too";
+  }
+}
+
 TEST(HaplyDriver, SaysHowATransferFailedAndOpensAgain) {
   const auto error_of = [](WireFault kind) {
     test::SharedClock time;
-    EmulatedHaply emulated(time, {{.kind = kind, .from_s = 1.0, .length_s = 1.0}});
+    EmulatedHaply emulated(time, Vector3::Zero(), {{.kind = kind, .from_s = 1.0, .length_s = 1.0}});
     return error_in_fault(emulated.config(), time, open_haply);
   };
   EXPECT_EQ(error_of(WireFault::kUnplugged), DeviceError::kUnplugged);

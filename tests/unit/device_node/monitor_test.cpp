@@ -109,7 +109,7 @@ TEST(MonitoredTick, AFaultTakesTheCredit) {
     bench.device.fails_to_read = has_fault;
     bench.tick();
     bench.device.fails_to_read = false;
-    bench.node.reset_fault();
+    bench.node.acknowledge();
     bench.answer_with(Vector3(0, 0.3, 0));
     bench.tick();
     EXPECT_EQ(bench.node.counters().monitor_reductions, has_fault ? 1u : 0u);

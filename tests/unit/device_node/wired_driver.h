@@ -8,11 +8,13 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <vector>
 
 #include "common/core/clock.h"
 #include "common/core/random.h"
 #include "device_node/device.h"
 #include "device_node/drivers/start_up.h"
+#include "device_node/emulators/emulated_device.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/support/device_conformance.h"
 #include "tests/support/machine/machine.h"
@@ -23,6 +25,7 @@ namespace palpate::device {
 /// Limits of a transfer: one that a fault lets pass, and one that only a failing test waits for.
 inline const Duration kPassingLimit = test::patience(std::chrono::milliseconds(100));
 inline const Duration kAmpleLimit = test::patience(std::chrono::seconds(5));
+inline const Duration kReopenLimit = test::patience(std::chrono::milliseconds(500));
 
 /// The error of a transfer in a fault from 1 s to 2 s of `time`; after it the device opens again.
 /// @param config  connects with the emulator
@@ -34,6 +37,7 @@ DeviceError error_in_fault(Config config, test::SharedClock& time, const Open& o
   const SteadyClock clock;
   config.transfer_limit = limit;
   const auto device = open(config, clock, StartUp{.limit = test::patience(20s)});
+  EXPECT_TRUE(device->calibrate());
   DeviceSample sample;
   EXPECT_TRUE(device->read(sample));
 
@@ -43,10 +47,47 @@ DeviceError error_in_fault(Config config, test::SharedClock& time, const Open& o
 
   time.set(3s);
   const TimePoint until = clock.now() + test::patience(20s);
-  while (!device->reopen() && clock.now() < until) {
+  while (!device->reopen(kReopenLimit) && clock.now() < until) {
   }
+  EXPECT_TRUE(device->calibrate());
   EXPECT_TRUE(device->read(sample));
   return error;
+}
+
+/// A force under which the messages fail for a second, while the motors end nothing by themselves:
+/// no release is confirmed in it, and afterwards one is, with the motors limp.
+template <class Emulated, class Open>
+void expect_release_confirmed_after(const std::vector<WireFault>& kinds, const Open& open) {
+  using namespace std::chrono_literals;
+  const SteadyClock clock;
+  for (const WireFault kind : kinds) {
+    SCOPED_TRACE(static_cast<int>(kind));
+    test::SharedClock time;
+    Emulated emulated(time, Vector3::Zero(),
+                      {{.kind = WireFault::kNoWatchdog, .from_s = 0.0, .length_s = 1e6},
+                       {.kind = kind, .from_s = 1.0, .length_s = 1.0}});
+    auto config = emulated.config();
+    config.transfer_limit = kPassingLimit;
+    const auto device = open(config, clock, StartUp{.limit = test::patience(20s)});
+    ASSERT_TRUE(device->calibrate());
+    DeviceSample sample;
+    ASSERT_TRUE(device->apply(device->specification().force_axes * Vector3(1, 0, 1), 1h, sample));
+    ASSERT_GT(emulated.motor_force_newton().norm(), 0.9);
+
+    time.set(1500ms);
+    EXPECT_FALSE(device->read(sample));
+    EXPECT_FALSE(device->release()) << "nothing confirmed it";
+
+    time.set(3s);
+    const TimePoint until = clock.now() + test::patience(20s);
+    while (!device->release() && clock.now() < until) {
+      if (device->phase() == DevicePhase::kClosed) {
+        static_cast<void>(device->reopen(kReopenLimit));
+      }
+    }
+    EXPECT_TRUE(device->release());
+    EXPECT_EQ(emulated.motor_force_newton(), Vector3(0, 0, 0));
+  }
 }
 
 /// Pushes with more than the limit in random directions: the motors make no more than the limit,
@@ -59,6 +100,7 @@ void expect_force_limit_kept(const Vector3& hand_m, Random& random) {
   auto config = emulated.config();
   config.limits = {.peak_force_newton = kLimitNewton, .continuous_force_newton = kLimitNewton};
   const auto device = open(config, clock, StartUp{});
+  ASSERT_TRUE(device->calibrate());
   for (int i = 0; i < 100; ++i) {
     DeviceSample sample;
     ASSERT_TRUE(device->apply(random.uniform(1.7, 3.0) * random.direction(),
@@ -81,7 +123,9 @@ template <class Emulated, auto open>
 class DriverUnderTest : private DriverParts<Emulated, open>, public OpenedDevice {
  public:
   // the emulator is a thread of a busy machine: its pace is not that of the driver
-  DriverUnderTest() : OpenedDevice(*this->driver, this->time, std::chrono::seconds(1), {}) {}
+  DriverUnderTest() : OpenedDevice(*this->driver, this->time, std::chrono::seconds(1), {}) {
+    EXPECT_TRUE(this->driver->calibrate());
+  }
   [[nodiscard]] std::optional<Vector3> motor_force_newton() override {
     DeviceSample sample;
     EXPECT_TRUE(this->driver->read(sample));

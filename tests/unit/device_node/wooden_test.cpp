@@ -137,6 +137,7 @@ class EmulatedWooden {
 
   [[nodiscard]] const WoodenConfig& config() const { return config_; }
   [[nodiscard]] Vector3 motor_force_newton() const { return device_.force_newton(); }
+  void press() { emulator_.press(); }
 
  private:
   test::TempFolder folder_;
@@ -198,9 +199,21 @@ std::string wooden_refusal(const WoodenConfig& config, const Clock& clock) {
 
 TEST(WoodenDriver, WaitsForItsCalibration) {
   const SteadyClock clock;
+  const WoodenDrive drive(wooden_on_desk());
+  const Vector3 held_at_m =
+      wooden_on_desk().rotation *
+      (drive.arm.handle_m(drive.rad_per_count.cwiseProduct(Vector3(0, -500, 6000))) -
+       wooden_on_desk().origin_m);
+  // counters that are set already are shown to be: the handle is held at the calibration position
+  for (const auto& [hand_m, is_there] :
+       {std::pair{held_at_m, true}, {Vector3(0.01, 0, 0), false}}) {
+    EmulatedWooden held(clock, hand_m, {}, true);
+    const auto device = open_wooden(held.config(), clock, {});
+    EXPECT_EQ(device->phase(), DevicePhase::kConnected);
+    EXPECT_EQ(device->calibrate(), is_there);
+  }
   EmulatedWooden calibrated(clock, Vector3::Zero(), {}, true);
   WoodenConfig config = calibrated.config();
-  EXPECT_EQ(wooden_refusal(config, clock), "opened");
   config.is_calibrated = false;  // nobody presses the button
   EXPECT_THAT(wooden_refusal(config, clock), HasSubstr("not calibrated in time: hold the handle"));
 
@@ -215,6 +228,33 @@ TEST(WoodenDriver, WaitsForItsCalibration) {
   EXPECT_NEAR(sample.hand_position_m.norm(), 0.22 * 2 * std::numbers::pi * 100 / 32000, 1e-4);
 }
 
+// The counters count from 0 after it: the calibration is gone, and nothing of the wire says so.
+TEST(WoodenDriver, APowerCycleNeedsACalibration) {
+  const SteadyClock clock;
+  test::SharedClock time;
+  const Vector3 hand_m(0.02, -0.01, 0.01);
+  EmulatedWooden emulated(time, hand_m,
+                          {{.kind = WireFault::kPowerCycle, .from_s = 1.0, .length_s = 1.0}});
+  const auto device = open_wooden(emulated.config(), clock, {.limit = test::patience(20s)});
+  DeviceSample sample;
+  ASSERT_TRUE(device->read(sample));
+  time.set(1500ms);
+  EXPECT_FALSE(device->read(sample));
+  time.set(3s);
+  const TimePoint until = clock.now() + test::patience(20s);
+  while (!device->reopen(kReopenLimit) && clock.now() < until) {
+  }
+
+  EXPECT_EQ(device->phase(), DevicePhase::kConnected);
+  EXPECT_FALSE(device->read(sample)) << "no position without a calibration";
+  EXPECT_FALSE(device->apply(Vector3(0, 0, 1), 1s, sample));
+  EXPECT_FALSE(device->calibrate()) << "counters of another place";
+  emulated.press();
+  EXPECT_TRUE(device->calibrate());
+  ASSERT_TRUE(device->read(sample));
+  EXPECT_LT((sample.hand_position_m - hand_m).norm(), 200e-6);
+}
+
 TEST(WoodenDriver, AnotherDeviceIsRefused) {
   const SteadyClock clock;
   EmulatedWooden emulated(clock, Vector3::Zero(),
@@ -224,6 +264,11 @@ TEST(WoodenDriver, AnotherDeviceIsRefused) {
   WoodenConfig config = emulated.config();
   config.port = "/dev/null";
   EXPECT_THAT(wooden_refusal(config, clock), HasSubstr("is no hidraw file"));
+}
+
+TEST(WoodenDriver, IsReleasedOnceTheDeviceConfirmsIt) {
+  expect_release_confirmed_after<EmulatedWooden>({WireFault::kSilent, WireFault::kUnplugged},
+                                                 open_wooden);
 }
 
 TEST(WoodenDriver, SaysHowATransferFailedAndOpensAgain) {

@@ -86,6 +86,42 @@ TEST_F(EventLogTest, ADeviceFaultIsAnErrorWithItsReasonAndItsRemedyAndIsToldOnce
   EXPECT_EQ(lines(), "info event=device_fault_reset\n");
 }
 
+TEST_F(EventLogTest, MotorsThatMayStillPushAreAnErrorUntilTheyConfirmTheirRelease) {
+  EventLog<DeviceCounters> events(logger_);
+  DeviceCounters counters;
+  counters.is_release_unconfirmed = true;
+  for (int ms = 0; ms < 3; ++ms) events.note(counters, at(milliseconds(ms)));
+  EXPECT_EQ(
+      lines(),
+      "error event=release_unconfirmed remedy=\"the motors may still push: take the hand off, "
+      "switch off their supply\"\n");
+  counters.is_release_unconfirmed = false;
+  events.note(counters, at(milliseconds(4)));
+  EXPECT_EQ(lines(), "info event=release_confirmed\n");
+}
+
+TEST_F(EventLogTest, ADeviceThatWaitsForAPersonSaysForWhat) {
+  EventLog<DeviceCounters> events(logger_);
+  DeviceCounters counters;
+  const auto lines_in = [&](DevicePhase phase) {
+    counters.phase = phase;
+    events.note(counters, at(milliseconds(0)));
+    events.note(counters, at(milliseconds(1)));
+    return lines();
+  };
+  EXPECT_THAT(lines_in(DevicePhase::kConnected),
+              testing::MatchesRegex("warning event=device_phase phase=connected remedy=\"calibrate "
+                                    ".* then send SIGUSR2 to device_node\"\n"));
+  EXPECT_THAT(lines_in(DevicePhase::kCalibrated),
+              testing::MatchesRegex("warning event=device_phase phase=calibrated remedy=\"no force "
+                                    "yet.* SIGUSR2 .*\"\n"));
+  EXPECT_EQ(lines_in(DevicePhase::kEnabled), "info event=device_phase phase=enabled\n");
+
+  EventLog<DeviceCounters> simulated(logger_);
+  simulated.note(counters, at(milliseconds(0)));
+  EXPECT_EQ(lines(), "") << "enabled from its start";
+}
+
 TEST_F(EventLogTest, ACommandThatIsNotFiniteIsAnError) {
   EventLog<DeviceCounters> events(logger_);
   DeviceCounters counters;

@@ -1,0 +1,49 @@
+// acknowledgement.h — a person at a terminal acknowledges a prompt: by Enter, or by SIGUSR2 from
+// elsewhere.
+#pragma once
+
+#include <poll.h>
+#include <unistd.h>
+
+#include <csignal>
+
+namespace palpate {
+
+/// At most one at a time. While it exists, SIGUSR2 acknowledges. Standard input at its end
+/// acknowledges nothing.
+class TerminalAcknowledgement {
+ public:
+  TerminalAcknowledgement() {
+    signals_ = 0;
+    struct sigaction action {};
+    action.sa_handler = [](int) { signals_ = signals_ + 1; };
+    action.sa_flags = SA_RESTART;
+    sigaction(SIGUSR2, &action, &before_);
+  }
+  ~TerminalAcknowledgement() { sigaction(SIGUSR2, &before_, nullptr); }
+  TerminalAcknowledgement(const TerminalAcknowledgement&) = delete;
+  TerminalAcknowledgement& operator=(const TerminalAcknowledgement&) = delete;
+
+  /// Whether the person has acknowledged since the last call.
+  [[nodiscard]] bool take() {
+    bool is_there = signals_ != 0;
+    signals_ = 0;
+    pollfd input{.fd = STDIN_FILENO, .events = POLLIN, .revents = 0};
+    while (!is_at_end_ && ::poll(&input, 1, 0) > 0) {
+      char letter = 0;
+      if (::read(STDIN_FILENO, &letter, 1) != 1) {
+        is_at_end_ = true;
+      } else if (letter == '\n') {
+        is_there = true;
+      }
+    }
+    return is_there;
+  }
+
+ private:
+  static inline volatile std::sig_atomic_t signals_ = 0;
+  struct sigaction before_ {};
+  bool is_at_end_ = false;
+};
+
+}  // namespace palpate
