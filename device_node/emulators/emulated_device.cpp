@@ -12,7 +12,7 @@
 namespace palpate::device {
 namespace {
 
-constexpr std::array<std::pair<std::string_view, WireFault>, 17> kWireFaults{
+constexpr std::array<std::pair<std::string_view, WireFault>, 18> kWireFaults{
     {{"unplugged", WireFault::kUnplugged},
      {"silent", WireFault::kSilent},
      {"delayed", WireFault::kDelayed},
@@ -27,6 +27,7 @@ constexpr std::array<std::pair<std::string_view, WireFault>, 17> kWireFaults{
      {"power_cycle", WireFault::kPowerCycle},
      {"encoder_zero", WireFault::kEncoderZero},
      {"set_up_anywhere", WireFault::kSetUpAnywhere},
+     {"doubled", WireFault::kDoubled},
      {"grip_gone", WireFault::kGripGone},
      {"grip_off", WireFault::kGripOff},
      {"grip_frozen", WireFault::kGripFrozen}}};

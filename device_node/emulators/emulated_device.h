@@ -31,6 +31,7 @@ enum class WireFault : std::uint8_t {
   kPowerCycle,     ///< as it begins: the connection breaks, and the counters begin at 0 where it is
   kEncoderZero,    ///< as it begins: the counters begin at 0 where it is, without a word
   kSetUpAnywhere,  ///< nobody holds the handle at its home as the board is set up
+  kDoubled,        ///< each answer comes twice
   kGripGone,       ///< no grip in the answers
   kGripOff,        ///< the grip is not connected; its last state is repeated
   kGripFrozen,     ///< the last state of the grip is repeated

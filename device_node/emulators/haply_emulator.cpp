@@ -203,6 +203,7 @@ void HaplyEmulator::serve(int socket, const std::stop_token& stop) {
   json last_grip = grip_entry(device_.read(), device_.now_s());
   std::string answer = full_frame(device_, device_.read(), kDeviceId).dump();
   while (client->send(answer, kSend) == Transfer::kDone) {
+    if (device_.has(WireFault::kDoubled) && client->send(answer, kSend) != Transfer::kDone) return;
     std::string_view text;
     std::optional<HaplyRequest> request;
     do {  // every message has one answer, except one that is not understood

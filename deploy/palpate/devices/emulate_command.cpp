@@ -73,7 +73,8 @@ struct EmulateCommand {
            "--fault", faults,
            "KIND@SECONDS:MILLISECONDS, a fault of the wire, such as unplugged@2:500; kinds: "
            "unplugged, silent, delayed, garbage, short, wrong_id, stuck, echo, no_watchdog, "
-           "no_supply, uncalibrated, power_cycle, encoder_zero, set_up_anywhere, grip_gone, "
+           "no_supply, uncalibrated, power_cycle, encoder_zero, set_up_anywhere, doubled, "
+           "grip_gone, "
            "grip_off, grip_frozen")
         ->type_name("FAULT");
     app.add_flag("--hands-off", is_let_go,

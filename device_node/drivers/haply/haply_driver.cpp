@@ -160,6 +160,8 @@ class HaplyDevice final : public WireDevice {
     const std::size_t size = write_haply_force(
         config_.device_id, dialect_, config_.rotation.conjugate() * force_newton, command_);
     if (size == 0) return Transfer::kCorrupt;
+    // an answer too many: from now on each would be that of an earlier message
+    if (socket_->has_message()) return Transfer::kCorrupt;
     Transfer transfer = socket_->send({command_.data(), size}, config_.transfer_limit);
     if (transfer != Transfer::kDone) return transfer;
     std::string_view text;

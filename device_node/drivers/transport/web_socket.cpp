@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <boost/asio/buffer.hpp>
 #include <boost/asio/error.hpp>
 #include <boost/asio/io_context.hpp>
@@ -16,7 +17,10 @@
 #include <boost/beast/websocket.hpp>
 #include <cerrno>
 #include <chrono>
+#include <cstdint>
+#include <optional>
 #include <stdexcept>
+#include <utility>
 
 namespace palpate::device {
 namespace {
@@ -26,7 +30,48 @@ namespace beast = boost::beast;
 using boost::system::error_code;
 using Steady = std::chrono::steady_clock;
 
-/// A connected socket as Beast's lowest layer, whose reads and writes end at a deadline.
+/// How far the bytes of one direction are within a frame (RFC 6455 §5.2).
+class FrameBounds {
+ public:
+  /// Bytes until a header is complete or a frame ends: no frame is read beyond its end.
+  [[nodiscard]] std::size_t left() const noexcept {
+    return payload_ > 0 ? static_cast<std::size_t>(payload_) : header_size() - header_bytes_;
+  }
+  /// The next bytes, at most left().
+  void pass(const unsigned char* bytes, std::size_t size) noexcept {
+    if (payload_ > 0) {
+      payload_ -= size;
+      return;
+    }
+    std::copy_n(bytes, size, header_.begin() + static_cast<std::ptrdiff_t>(header_bytes_));
+    header_bytes_ += size;
+    if (header_bytes_ < header_size()) return;
+    payload_ = header_[1] & 0x7FU;
+    if (payload_ >= 126) {
+      const std::size_t length_bytes = payload_ == 126 ? 2 : 8;
+      payload_ = 0;
+      for (std::size_t i = 0; i < length_bytes; ++i) payload_ = payload_ << 8U | header_[2 + i];
+    }
+    header_bytes_ = 0;
+  }
+
+ private:
+  /// As far as it is known: the second byte says the rest.
+  [[nodiscard]] std::size_t header_size() const noexcept {
+    if (header_bytes_ < 2) return 2;
+    const unsigned length = header_[1] & 0x7FU;
+    const std::size_t mask_bytes = (header_[1] & 0x80U) != 0 ? 4 : 0;
+    return 2 + (length == 126 ? 2 : length == 127 ? 8 : 0) + mask_bytes;
+  }
+
+  std::array<unsigned char, 14> header_{};
+  std::size_t header_bytes_ = 0;
+  std::uint64_t payload_ = 0;  // of the frame under way, not yet passed
+};
+
+/// A connected socket as Beast's lowest layer, whose reads and writes end at a deadline. It is
+/// never read beyond the end of a frame, so that what waits in it is a message that nobody asked
+/// for.
 class TimedSocket {
  public:
   using executor_type = asio::io_context::executor_type;
@@ -34,7 +79,9 @@ class TimedSocket {
   TimedSocket(executor_type executor, int socket) : executor_(executor), socket_(socket) {}
   ~TimedSocket() { close(); }
   TimedSocket(TimedSocket&& other) noexcept
-      : executor_(other.executor_), socket_(std::exchange(other.socket_, -1)) {}
+      : executor_(other.executor_),
+        socket_(std::exchange(other.socket_, -1)),
+        frames_(other.frames_) {}
   TimedSocket& operator=(TimedSocket&&) = delete;
 
   executor_type get_executor() const noexcept { return executor_; }
@@ -43,12 +90,23 @@ class TimedSocket {
     if (socket_ >= 0) ::close(std::exchange(socket_, -1));
   }
   void shut_down() noexcept { ::shutdown(socket_, SHUT_RDWR); }
+  /// The handshake is over: frames follow.
+  void begin_frames() noexcept { frames_.emplace(); }
+  /// Whether a data frame waits, between two frames.
+  [[nodiscard]] bool has_message() const noexcept {
+    unsigned char first_byte = 0;
+    if (::recv(socket_, &first_byte, 1, MSG_PEEK | MSG_DONTWAIT) != 1) return false;
+    return (first_byte & 0x0FU) < 8;  // pings and the end of the connection are more
+  }
 
   template <class Buffers>
   std::size_t read_some(const Buffers& buffers, error_code& error) {
     const asio::mutable_buffer into = first<asio::mutable_buffer>(buffers);
-    return transfer(POLLIN, error,
-                    [&] { return ::recv(socket_, into.data(), into.size(), MSG_DONTWAIT); });
+    const std::size_t most = std::min(into.size(), frames_ ? frames_->left() : 1);
+    const std::size_t size =
+        transfer(POLLIN, error, [&] { return ::recv(socket_, into.data(), most, MSG_DONTWAIT); });
+    if (frames_ && size > 0) frames_->pass(static_cast<const unsigned char*>(into.data()), size);
+    return size;
   }
   template <class Buffers>
   std::size_t write_some(const Buffers& buffers, error_code& error) {
@@ -126,6 +184,7 @@ class TimedSocket {
 
   executor_type executor_;
   int socket_;
+  std::optional<FrameBounds> frames_;  // none during the handshake, which is read byte by byte
   Steady::time_point deadline_ = Steady::now();
 };
 
@@ -234,6 +293,7 @@ std::unique_ptr<WebSocket> WebSocket::connect(const std::string& host, std::uint
   error_code error;
   impl->stream().handshake(name_of(host, port), "/", error);
   if (error) throw std::runtime_error(name_of(host, port) + ": no WebSocket: " + error.message());
+  impl->stream().next_layer().begin_frames();
   return std::unique_ptr<WebSocket>(new WebSocket(std::move(impl)));
 }
 
@@ -243,6 +303,7 @@ std::unique_ptr<WebSocket> WebSocket::accept(int socket, Duration within) {
   error_code error;
   impl->stream().accept(error);
   if (error) throw std::runtime_error("no WebSocket: " + error.message());
+  impl->stream().next_layer().begin_frames();
   return std::unique_ptr<WebSocket>(new WebSocket(std::move(impl)));
 }
 
@@ -252,6 +313,7 @@ Transfer WebSocket::send(std::string_view text, Duration within) noexcept {
 Transfer WebSocket::receive(std::string_view& text, Duration within) noexcept {
   return impl_->receive(text, within);
 }
+bool WebSocket::has_message() const noexcept { return impl_->stream().next_layer().has_message(); }
 void WebSocket::interrupt() noexcept { impl_->stream().next_layer().shut_down(); }
 
 }  // namespace palpate::device

@@ -37,6 +37,9 @@ class WebSocket {
   /// connection is of no further use.
   [[nodiscard]] Transfer receive(std::string_view& text, Duration within) noexcept;
 
+  /// Whether a message waits that no receive() has asked for; between two receive() only.
+  [[nodiscard]] bool has_message() const noexcept;
+
   /// Ends a transfer under way, and the connection. Any thread.
   void interrupt() noexcept;
 

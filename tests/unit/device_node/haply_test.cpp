@@ -247,6 +247,26 @@ TEST(HaplyDriver, AGripThatVanishesEndsOrRepeatsItselfHoldsNoButton) {
   }
 }
 
+// The position of an answer too many would be taken for that of the next message, and so on.
+TEST(HaplyDriver, AnswersThatComeTwiceAreAFault) {
+  using namespace std::chrono_literals;
+  const SteadyClock clock;
+  test::SharedClock time;
+  EmulatedHaply emulated(time, Vector3::Zero(),
+                         {{.kind = WireFault::kDoubled, .from_s = 1.0, .length_s = 1.0}});
+  const auto device = open_haply(emulated.config(), clock, {.limit = test::patience(20s)});
+  DeviceSample sample;
+  for (int i = 0; i < 100; ++i) ASSERT_TRUE(device->read(sample));
+  time.set(1500ms);
+
+  int readings = 0;
+  while (device->read(sample)) ASSERT_LT(++readings, 5);
+  EXPECT_EQ(device->last_error(), DeviceError::kCorrupt);
+  time.set(3s);
+  EXPECT_TRUE(device->reopen(kReopenLimit));
+  for (int i = 0; i < 100; ++i) ASSERT_TRUE(device->read(sample));
+}
+
 TEST(HaplyDriver, AServiceThatScalesPositionsIsRefused) {
   const auto refused = [](const std::string& config, const std::string& state) {
     try {
