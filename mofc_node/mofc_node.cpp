@@ -30,13 +30,14 @@ MofcNode::MofcNode(const MofcConfig& mofc, const ClampedDevice& device, const Cl
       ticks_(ticks),
       session_id_(session_id),
       relay_(mofc, device, clock, motion_out, session_id),
-      physics_(interaction_in, clock, mofc.wait_for_physics),
+      physics_(interaction_in, clock, mofc.wait_for_physics, mofc.stale_after),
       choice_(mofc.standby_after.value_or(Duration::max())),
       tissue_(mofc.interaction, standby.has_value(), mofc.handover_newton_per_s, session_id),
       controller_(make_controller(mofc, device)),
+      still_after_(mofc.still_after),
       fade_(mofc.stale_after, mofc.fade) {
   if (!standby) return;
-  standby_.emplace(standby->interaction_in, clock, Duration::zero());
+  standby_.emplace(standby->interaction_in, clock, Duration::zero(), mofc.stale_after);
   relay_.relay_to_standby(standby->motion_out);
 }
 
@@ -94,7 +95,10 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
   const Vector3 punctual =
       physics.is_late ? limited_to_norm(output.force_on_hand_newton, device_.profile.coulomb_newton)
                       : output.force_on_hand_newton;
-  const SilenceFade::Output faded = fade_.step(punctual, physics.silence, physics.lost_for, now);
+  const bool needs_no_news =
+      tissue_.is_still() && physics.is_stepping && physics.silence <= still_after_;
+  const SilenceFade::Output faded =
+      fade_.step(punctual, physics.silence, needs_no_news, physics.lost_for, now);
   echo_.answered(requested);
 
   // the record of this turn

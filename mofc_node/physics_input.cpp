@@ -21,7 +21,18 @@ PhysicsAnswer PhysicsInput::answer(const Received<Interaction>* newest, const De
   has_interaction_ = true;
   answer.interaction = &newest->value;
   answer.silence = now - received_at_;
+  answer.is_stepping = is_stepping(*newest);
   return answer;
+}
+
+bool PhysicsInput::is_stepping(const Received<Interaction>& newest) noexcept {
+  const Interaction& interaction = newest.value;
+  if (interaction.header.session_id != physics_session_ || interaction.steps > steps_) {
+    physics_session_ = interaction.header.session_id;
+    steps_ = interaction.steps;
+    stepped_at_ = newest.received_at;
+  }
+  return steps_ > 0 && newest.received_at - stepped_at_ <= stale_after_;
 }
 
 /// A connection that is back counts once something has come over it.

@@ -17,6 +17,8 @@ struct PhysicsAnswer {
   const Interaction* interaction = nullptr;
   /// Time since the physics last answered a newer motion; 0 without an Interaction.
   Duration silence{};
+  /// It reports its steps, and has not sent for longer than stale_after without a new one.
+  bool is_stepping = false;
   /// Time since the connection to physics_node was lost, if nothing has come since; else 0.
   Duration lost_for{};
   /// The wait for the answer to this very DeviceState ran out.
@@ -28,8 +30,10 @@ struct PhysicsAnswer {
 class PhysicsInput {
  public:
   /// @param longest_wait  for the answer to the DeviceState of the tick; 0: never wait
-  PhysicsInput(Inbox<Interaction>& in, const Clock& clock, Duration longest_wait)
-      : in_(in), clock_(clock), longest_wait_(longest_wait) {}
+  /// @param stale_after   so long may it send without a new step
+  PhysicsInput(Inbox<Interaction>& in, const Clock& clock, Duration longest_wait,
+               Duration stale_after)
+      : in_(in), clock_(clock), longest_wait_(longest_wait), stale_after_(stale_after) {}
 
   /// @param now   the silence is measured up to this time
   /// @param note  called with every Interaction that has arrived, in order
@@ -65,14 +69,19 @@ class PhysicsInput {
                                     const DeviceState& state) noexcept;
   [[nodiscard]] PhysicsAnswer answer(const Received<Interaction>* newest, const DeviceState& state,
                                      TimePoint now, bool is_late) noexcept;
+  [[nodiscard]] bool is_stepping(const Received<Interaction>& newest) noexcept;
   [[nodiscard]] Duration lost_for(const Received<Interaction>* newest, TimePoint now) noexcept;
 
   Inbox<Interaction>& in_;
   const Clock& clock_;
   Duration longest_wait_;
+  Duration stale_after_;
   bool has_interaction_ = false;
   std::uint64_t answered_sequence_ = 0;  // DeviceState that the newest Interaction answers
   TimePoint received_at_{};              // the first Interaction that answered it
+  std::uint64_t physics_session_ = 0;    // that reported
+  std::uint64_t steps_ = 0;              // so many steps
+  TimePoint stepped_at_{};               // the first Interaction that reported them
   bool is_lost_ = false;                 // the connection
   TimePoint lost_at_{};
   std::uint64_t accepted_when_lost_ = 0;

@@ -5,9 +5,14 @@
 namespace palpate::mofc {
 
 SilenceFade::Output SilenceFade::step(const Vector3& force_newton, Duration silence,
-                                      Duration lost_for, TimePoint now) noexcept {
+                                      bool needs_no_news, Duration lost_for,
+                                      TimePoint now) noexcept {
   Output output;
-  const Duration fading_for = std::max(silence - stale_after_, lost_for);
+  const bool is_present = silence <= stale_after_ || needs_no_news;
+  if (is_present) present_at_ = now;
+  const Duration silent_for =
+      is_present ? Duration::zero() : std::min(silence - stale_after_, now - present_at_);
+  const Duration fading_for = std::max(silent_for, lost_for);
   if (fading_for <= Duration::zero()) {
     if (is_stale_) {
       is_stale_ = false;

@@ -28,15 +28,17 @@ class SilenceFade {
 
   /// Once per answer.
   /// @param silence   0: the physics has just answered, or never has
+  /// @param needs_no_news  the force stays however long the silence
   /// @param lost_for  since the connection was lost; 0: it is not
-  [[nodiscard]] Output step(const Vector3& force_newton, Duration silence, Duration lost_for,
-                            TimePoint now) noexcept;
+  [[nodiscard]] Output step(const Vector3& force_newton, Duration silence, bool needs_no_news,
+                            Duration lost_for, TimePoint now) noexcept;
 
  private:
   [[nodiscard]] Vector3 recovering(const Vector3& force_newton, TimePoint now) noexcept;
 
   Duration stale_after_;
   Duration fade_;
+  TimePoint present_at_{};  // last time that no fade was due
   bool is_stale_ = false;
   double newton_when_stale_ = 0.0;
   bool is_recovering_ = false;

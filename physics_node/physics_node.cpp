@@ -64,6 +64,7 @@ void PhysicsNode::step(const Tick& tick) noexcept {
   // send: hop 3. A message that the link drops shows as skipped at the receiver.
   Interaction& interaction = interaction_;
   interaction.header = {.session_id = session_id_, .sampled_at = tick.now};
+  interaction.steps = ++steps_;
   interaction.device_session_id = motion.device_session_id;
   interaction.device_sequence = motion.device_sequence;
   interaction.device_sampled_at = motion.device_sampled_at;

@@ -70,6 +70,7 @@ class PhysicsNode {
   Interaction sent_;                      // the last one that was sent; with a deadband only
   std::uint64_t sent_to_session_id_ = 0;  // session of the mofc_node it was for; 0: none yet
   std::uint64_t next_interaction_sequence_ = 0;
+  std::uint64_t steps_ = 0;
   std::uint64_t next_step_ = 0;         // sequence of the next record
   std::uint64_t motions_answered_ = 0;  // motions accepted up to the last step
   std::uint64_t next_index_ = 0;        // tick expected next

@@ -161,6 +161,7 @@ struct Interaction {
 
   std::uint64_t physics_term = 0;  ///< highest heard of on hop 2
   Duration scene_ahead{};          ///< time of moving tissue less header.sampled_at
+  std::uint64_t steps = 0;         ///< of this physics so far; 0: it does not report them
 
   Wave wave{};  ///< with wave variables: back to the hand, W; of the stream that it answers
 };
@@ -231,6 +232,7 @@ inline void copy_message(const Interaction& from, Interaction& to) noexcept {
   copy_message(from.surface, to.surface);
   to.physics_term = from.physics_term;
   to.scene_ahead = from.scene_ahead;
+  to.steps = from.steps;
   to.wave = from.wave;
 }
 

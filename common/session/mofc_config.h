@@ -91,6 +91,8 @@ struct MofcConfig {
   double handover_newton_per_s =
       100.0;               ///< fastest change of force caused by a new contact model alone
   Duration stale_after{};  ///< silence on hop 3 before the force fades
+  /// The same for described tissue that does not move by itself; no effect below stale_after.
+  Duration still_after{};
   Duration fade{};
   VelocityEstimatorConfig velocity_estimator = KalmanVelocity{};
   std::optional<MotionDeadband> motion_deadband{};  ///< none: every motion is sent

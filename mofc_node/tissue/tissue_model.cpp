@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/contact/tissue_motion.h"
+
 namespace palpate::mofc {
 
 TissueModel::TissueModel(bool has_store, double handover_newton_per_s, std::uint64_t session_id)
@@ -25,6 +27,7 @@ void TissueModel::reset() noexcept {
   local_.reset();
   clock_.reset();
   shares_ = {};
+  is_still_ = false;
 }
 
 ModelForce TissueModel::step(const Interaction& newest, const DeviceState& state,
@@ -34,6 +37,7 @@ ModelForce TissueModel::step(const Interaction& newest, const DeviceState& state
   std::array<TissueShare, kMaxDescribed> shares;
   std::size_t share_count = 0;
   ModelForce sum;
+  is_still_ = store_ != nullptr;
   if (store_) {
     const ToolPose pose{.tip_m = tool_position_world_m,
                         .shaft = state.tool_orientation_world * Vector3::UnitZ(),
@@ -47,6 +51,9 @@ ModelForce TissueModel::step(const Interaction& newest, const DeviceState& state
       sum.force_on_tool_newton += shares_[i] * local.force.force_on_tool_newton;
       sum.stored_energy_joule += shares_[i] * local.force.stored_energy_joule;
       sum.is_touching = sum.is_touching || local.force.is_touching;
+      if (!local.force.is_touching) continue;
+      const bool is_known = local.is_valid && shares_[i] == 1.0;
+      is_still_ = is_still_ && is_known && !is_moving(store_->tissues()[i].motion());
     }
   }
   const ModelForce rest = handover_.step(newest, tool_position_world_m, tool_velocity_world_m_per_s,
@@ -54,6 +61,7 @@ ModelForce TissueModel::step(const Interaction& newest, const DeviceState& state
   sum.force_on_tool_newton += rest.force_on_tool_newton;
   sum.stored_energy_joule += rest.stored_energy_joule;
   sum.is_touching = sum.is_touching || rest.is_touching;
+  is_still_ = is_still_ && !rest.is_touching;
   return sum;
 }
 

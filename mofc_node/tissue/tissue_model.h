@@ -41,6 +41,10 @@ class TissueModel {
   /// The force starts again from zero, and no tissue remembers the tool.
   void reset() noexcept;
 
+  /// Whether the force of the last step came from described tissue alone that does not move by
+  /// itself: it needs no news.
+  [[nodiscard]] bool is_still() const noexcept { return is_still_; }
+
   /// @param newest  answers this device session
   /// @param dt_s    ≥ 0, since the step before
   /// @param tool_position_world_m  estimated at that state, as is the velocity
@@ -58,6 +62,7 @@ class TissueModel {
   LocalTissues local_;
   PhysicsClock clock_;
   std::array<double, kMaxDescribed> shares_{};  // of local_'s results
+  bool is_still_ = false;
 };
 
 }  // namespace palpate::mofc

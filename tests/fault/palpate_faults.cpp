@@ -294,10 +294,12 @@ struct NodeFault {
   int signal;
 };
 /// As in the table.
+bool is_physics(const NodeFault& fault) { return std::string(fault.node) == "physics"; }
 std::string in_words(const NodeFault& fault) {
-  const char* how = fault.signal == SIGKILL   ? "killed"
-                    : fault.signal == SIGSTOP ? "suspended for 0.3 s"
-                                              : "ended, restarted";
+  const char* how = fault.signal == SIGKILL ? "killed"
+                    : fault.signal == SIGSTOP
+                        ? is_physics(fault) ? "suspended for 0.8 s" : "suspended for 0.3 s"
+                        : "ended, restarted";
   return std::string(fault.node) + "_node " + how;
 }
 void PrintTo(const NodeFault& fault, std::ostream* out) { *out << in_words(fault); }
@@ -368,7 +370,9 @@ class Node : public Faults, public testing::WithParamInterface<NodeFault> {
   /// A suspended node continues; a dead one is restarted by launch.
   void heal() {
     if (GetParam().signal != SIGSTOP) return;
-    session_->watcher().until([&] { return session_->now() >= faulted_at_ + 300ms; });
+    // longer than still_after, which the tissue of this session has
+    const Duration suspended = is_physics(GetParam()) ? 800ms : 300ms;
+    session_->watcher().until([&] { return session_->now() >= faulted_at_ + suspended; });
     healed_at_ = session_->now();
     kill(victim_, SIGCONT);
   }
@@ -426,24 +430,24 @@ TEST_P(PhysicsOrMofc, TheForceEndsInTimeAndReturns) {
                                  [&](const TickRow& row) { return newton(row) > safe_newton; })
                         .base();
   ASSERT_NE(safe, end);
-  const bool is_physics = std::string(GetParam().node) == "physics";
+  const bool is_physics_fault = is_physics(GetParam());
   TimePoint safe_at = safe->device.switched_at;
   // a node that ends in order runs for a while after the signal and reports its last tick
   if (GetParam().signal == SIGTERM) {
-    faulted_at_ = is_physics ? last_step_at_ : last.device.switched_at;
+    faulted_at_ = is_physics_fault ? last_step_at_ : last.device.switched_at;
   }
-  if (is_physics) {
+  if (is_physics_fault) {
     // only a stopped node keeps its connection
     figures.safe_limit =
         session.side().mofc.fade +
-        (GetParam().signal == SIGSTOP ? session.side().mofc.stale_after : test::kLossNoticed);
+        (GetParam().signal == SIGSTOP ? session.side().mofc.still_after : test::kLossNoticed);
   } else {
     figures.safe_limit = session.side().device.lease;  // then the motors switch off by themselves
     safe_at = std::min(safe_at, last.device.switched_at + session.side().device.lease);
   }
   figures.safe_after = std::max(safe_at - faulted_at_, Duration::zero());
   // duration of the tick in which the clamp took the last message, and lateness of the safe tick
-  const Duration turn = is_physics
+  const Duration turn = is_physics_fault
                             ? rows()[noticed].device.switched_at -
                                   rows()[noticed].device.sampled_at + 2ms + safe->device.lateness
                             : Duration::zero();

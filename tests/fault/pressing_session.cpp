@@ -11,11 +11,12 @@
 namespace palpate::test {
 namespace {
 
-/// Leases of one length, so that the motion of the hand after a fault can be predicted.
+/// Leases of one length, so that the motion of the hand after a fault can be predicted; a force of
+/// silent physics that ends before the press does.
 std::string session_text(const std::string& name) {
   return std::string(kPressingHand) + "name: \"" + name + R"("
 device { longest_lease_us: 2000 }
-mofc { mode: guard }
+mofc { mode: guard still_after_ms: 500 }
 viewer { web { port: 0 } }
 )";
 }

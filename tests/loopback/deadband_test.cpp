@@ -161,26 +161,39 @@ TEST(Deadband, TheAgeOfTheForceCountsTheSilence) {
   EXPECT_LE(oldest, Duration(42ms));
 }
 
-// stale_after is 150 + 3 · (20 + 20) = 270 ms, the fade 50 ms. The last new answer came at
-// most 41 ms before the fault, and at most 41 ms after its beginning: messages under way and the
+/// A fault from 1 s on, and the silence after which the force fades.
+struct Death {
+  const char* fault;
+  int silence_ms;
+};
+void PrintTo(const Death& death, std::ostream* out) { *out << death.fault; }
+
+// stale_after is 150 + 3 · (20 + 20) = 270 ms, the fade 50 ms; the tissue is described and at rest,
+// so that it stays for still_after, unless physics sends without stepping. The last new answer came
+// at most 41 ms before the fault, and at most 41 ms after its beginning: messages under way and the
 // first message of a freeze still count as new.
-class DeadbandDeath : public testing::TestWithParam<const char*> {};
-INSTANTIATE_TEST_SUITE_P(Faults, DeadbandDeath,
-                         testing::Values("faults.interaction.outage={from_s: 1 until_s: 9}",
-                                         "faults.interaction.freeze={from_s: 1 until_s: 9}",
-                                         "faults.tool_motion.outage={from_s: 1 until_s: 9}",
-                                         "faults.tool_motion.freeze={from_s: 1 until_s: 9}"),
-                         test::parameter_words<const char*>);
+class DeadbandDeath : public testing::TestWithParam<Death> {};
+INSTANTIATE_TEST_SUITE_P(
+    Faults, DeadbandDeath,
+    testing::Values(Death{"faults.interaction.outage={from_s: 1 until_s: 9}", 600},
+                    Death{"faults.interaction.freeze={from_s: 1 until_s: 9}", 270},
+                    Death{"faults.tool_motion.outage={from_s: 1 until_s: 9}", 600},
+                    Death{"faults.tool_motion.freeze={from_s: 1 until_s: 9}", 600}),
+    test::parameter_words<Death>);
 
 TEST_P(DeadbandDeath, RealSilenceIsDetectedWhetherTheHandRestsOrMoves) {
+  const auto& [fault, silence_ms] = GetParam();
+  const auto silence = static_cast<std::size_t>(silence_ms);
   for (const char* hand : {kResting, kMoving}) {
-    const Recording dead = record({hand, kThinMotion, kThinInteraction, GetParam()}, 1500ms);
+    const Recording dead =
+        record({hand, kThinMotion, kThinInteraction, fault, "mofc.still_after_ms=600"}, 2000ms);
 
     const auto state_at = [&](std::size_t k) { return dead.rows[k].mofc->state; };
-    EXPECT_NE(state_at(1000 - 41 + 270), MofcState::kFading) << hand << ": silence of the deadband";
-    const MofcState declared = state_at(1000 + 41 + 271);
+    EXPECT_NE(state_at(1000 - 41 + silence), MofcState::kFading)
+        << hand << ": silence of the deadband";
+    const MofcState declared = state_at(1000 + 41 + silence + 1);
     EXPECT_TRUE(declared == MofcState::kFading || declared == MofcState::kNoPhysics) << hand;
-    for (std::size_t k = 1000 + 41 + 271 + 50; k < dead.rows.size(); ++k) {
+    for (std::size_t k = 1000 + 41 + silence + 51; k < dead.rows.size(); ++k) {
       ASSERT_EQ(state_at(k), MofcState::kNoPhysics) << hand << " tick " << k;
       ASSERT_EQ(dead.rows[k].device.force_on_hand_newton.norm(), 0.0) << hand << " tick " << k;
     }

@@ -4,10 +4,13 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <fstream>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/session/session_file.h"
+#include "deploy/lockstep/lockstep.h"
 #include "deploy/lockstep/loopback.h"
 
 namespace palpate {
@@ -80,6 +83,56 @@ TEST(LowRates, GuardRendersAQuarterOfTheRigidForceWhateverWasBefore) {
   const auto [least, most] = std::minmax_element(rendered.begin(), rendered.end());
   EXPECT_GE(*least, 0.23);
   EXPECT_LE(*most - *least, 0.02);
+}
+
+// Physics is silent for 200 ms a second, or hangs: sends, but with the same step.
+TEST(Silence, CostsDescribedTissueAtRestNoForceUnlessPhysicsHangs) {
+  const std::string window = "={from_s: 0.5 until_s: 0.7 every_s: 1}";
+  for (const char* session : {"default", "liver"}) {
+    const RunStatistics silent = run(session, {"faults.interaction.stall" + window}, 10.0);
+    EXPECT_GE(silent.ideal_transparency(), 0.99) << session;
+    EXPECT_EQ(silent.excess_reversals(), 0U) << session;
+    const RunStatistics hung = run(session, {"faults.interaction.freeze" + window}, 10.0);
+    EXPECT_LT(hung.ideal_transparency(), 0.95) << session;
+    const RunStatistics news =
+        run(session, {"faults.interaction.stall" + window, "mofc.still_after_ms=0"}, 10.0);
+    EXPECT_LT(news.ideal_transparency(), 0.95) << session;
+  }
+}
+
+struct Death {
+  const char* tissue;
+  Duration last_force;  // after the beginning of the silence
+  Duration first_limp;
+};
+
+// A hand presses 6 mm deep from 1 s on; from 2 s on nothing comes from physics.
+TEST(Silence, EndsTheForceOfTissueAtRestAfterStillAfterAndOfMovingTissueAsBefore) {
+  using namespace std::chrono_literals;
+  for (const Death& death :
+       {Death{"", 1500ms, 1560ms},
+        Death{"motion { amplitude_m { z: 0.001 } frequency_hz: 0.3 }", 140ms, 210ms}}) {
+    const std::filesystem::path folder = testing::TempDir();
+    std::ofstream(folder / "press.csv") << "t,x,y,z\n0,0,0,0.01\n1,0,0,-0.006\n";
+    const Session session = parse_session(std::string(R"(
+name: "press"
+device { simulated {} }
+hand { stiffness_newton_per_m: 1500 damping_newton_s_per_m: 20 recorded { file: "press.csv" } }
+scene { tissue { half_space {} )") + death.tissue +
+                                              R"( kelvin_voigt { stiffness_newton_per_m: 500 } } }
+faults { interaction { outage { from_s: 2 until_s: 9 } } }
+)",
+                                          "press", {}, folder);
+    Duration last_force{};
+    Lockstep lockstep(session, {}, [&](const TickRow& row, const IdealState&) {
+      if (row.device.force_on_hand_newton.norm() > 0.1) {
+        last_force = row.device.sampled_at - TimePoint(2s);
+      }
+    });
+    lockstep.run_until(4s);
+    EXPECT_GE(last_force, death.last_force) << death.tissue;
+    EXPECT_LE(last_force, death.first_limp) << death.tissue;
+  }
 }
 
 /// Of a device at this rate with ticks that come up to 1 ms late, and with none that does.

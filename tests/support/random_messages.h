@@ -171,6 +171,7 @@ inline void randomise(Interaction& m, Random& random) {
   randomise(m.surface, random);
   m.physics_term = random.below(kMaxPhysicsTerm + 1);
   m.scene_ahead = random_time(random).time_since_epoch();
+  m.steps = random.bits();
   m.wave = random_wave(random);
 }
 
@@ -599,7 +600,7 @@ inline bool same(const Interaction& a, const Interaction& b) {
          same(a.force_on_tool_newton, b.force_on_tool_newton) &&
          same(a.stored_energy_joule, b.stored_energy_joule) && a.contact_count == b.contact_count &&
          a.listed_count == b.listed_count && same(a.surface, b.surface) &&
-         a.physics_term == b.physics_term && a.scene_ahead == b.scene_ahead &&
+         a.physics_term == b.physics_term && a.scene_ahead == b.scene_ahead && a.steps == b.steps &&
          same(a.wave, b.wave) &&
          std::equal(a.contacts.begin(), a.contacts.begin() + listed, b.contacts.begin(),
                     [](const auto& x, const auto& y) { return same(x, y); });

@@ -144,6 +144,7 @@ struct WireFormat<Interaction> {
     wire.set_contact_count(m.contact_count);
     wire.set_physics_term(m.physics_term);
     wire.set_scene_ahead_ns(m.scene_ahead.count());
+    wire.set_steps(m.steps);
     if (m.wave.is_present()) put(m.wave, *wire.mutable_wave());
     const std::size_t count = std::min<std::size_t>(m.listed_count, kMaxContacts);
     for (std::size_t i = 0; i < count; ++i) put_contact(m.contacts[i], *wire.add_contacts());
@@ -186,6 +187,7 @@ struct WireFormat<Interaction> {
     }
     m.physics_term = wire.physics_term();
     m.scene_ahead = Duration(wire.scene_ahead_ns());
+    m.steps = wire.steps();
     m.wave = wire.has_wave() ? wave(wire.wave()) : Wave{};
     m.surface.store_id = 0;
     if (wire.has_surface()) read_surface(wire.surface(), m.surface);

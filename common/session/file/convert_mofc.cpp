@@ -222,6 +222,7 @@ MofcConfig to_mofc(const Fields& mofc, double wait_for_physics_ms, const Physics
   if (mofc.enumerator("interaction") == v1::Mofc::held) config.interaction = InteractionUse::kHeld;
   refuse_contradictions(mofc, config);
   config.stale_after = to_stale_after(mofc, physics, config.interaction, config.motion_deadband);
+  config.still_after = mofc.milliseconds("still_after_ms");
   config.standby_after = to_standby_after(mofc, physics, config.stale_after, wait_for_physics_ms);
   config.fade = mofc.milliseconds("fade_ms");
   config.handover_newton_per_s = mofc.number("handover_newton_per_s");

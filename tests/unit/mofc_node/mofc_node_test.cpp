@@ -1,6 +1,7 @@
 // mofc_node's own rules: relay, staleness, sessions, the same-tick wait. Manual clock, memory
 // links.
 #include "mofc_node/mofc_node.h"
+#include "mofc_node/silence_fade.h"
 
 #include <gtest/gtest.h>
 
@@ -336,6 +337,29 @@ TEST_F(MofcNodeThins, AMotionThatTheLinkDidNotTakeDoesNotCountAsSent) {
   motions();
   ticks_at(Vector3::Zero(), 2);
   EXPECT_EQ(motions().size(), 1u);
+}
+
+// The force left what needs no news after 500 ms of silence: it fades from there, not from 6 ms on.
+TEST(SilenceFade, BeginsWhereTheForceNeedsNews) {
+  SilenceFade fade(6ms, 50ms);
+  const Vector3 force(0, 0, 2);
+  TimePoint now(1s);
+  const auto step = [&](Duration silence, bool needs_no_news) {
+    now += 1ms;
+    return fade.step(force, silence, needs_no_news, Duration::zero(), now);
+  };
+  for (int i = 0; i < 500; ++i) {
+    const auto output = step(i * 1ms, true);
+    ASSERT_EQ(output.phase, SilenceFade::Phase::kPresent) << i;
+    ASSERT_EQ(output.force_newton, force) << i;
+  }
+  EXPECT_NEAR(step(500ms, false).force_newton.z(), 2.0 * 49 / 50, 1e-12);
+  EXPECT_NEAR(step(501ms, false).force_newton.z(), 2.0 * 48 / 50, 1e-12);
+  for (int i = 2; i < 50; ++i) static_cast<void>(step(500ms + i * 1ms, false));
+  EXPECT_EQ(step(550ms, false).phase, SilenceFade::Phase::kFadedOut);
+  // back, but no faster than it came
+  EXPECT_NEAR(step(551ms, true).force_newton.norm(), 0.0, 1e-12);
+  EXPECT_NEAR(step(552ms, true).force_newton.z(), 2.0 / 50, 1e-12);
 }
 
 class MofcNodeScaled : public MofcNodeTest {

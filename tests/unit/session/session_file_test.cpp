@@ -133,6 +133,7 @@ TEST(SessionFile, AlmostEmptySessionHasEveryDefault) {
   EXPECT_EQ(session.side().mofc.mode, MofcMode::kGuard);
   EXPECT_EQ(session.side().mofc.wait_for_physics, 0ms);
   EXPECT_EQ(session.side().mofc.stale_after, 150ms);
+  EXPECT_EQ(session.side().mofc.still_after, 1500ms);
   EXPECT_EQ(session.side().mofc.fade, 50ms);
   const auto& velocity = std::get<KalmanVelocity>(session.side().mofc.velocity_estimator);
   EXPECT_EQ(velocity.model, KalmanVelocity::Model::kConstantAcceleration);

@@ -347,6 +347,7 @@ const Rule kRules[] = {
      "needs physics.rate_hz ≥ device.rate_hz, here 49 < 50",
      {"device.rate_hz=50", "physics.rate_hz=49"}},
     {"mofc.stale_after_ms", {"0"}, {}, "must be > 0"},
+    {"mofc.still_after_ms", {"-1", "10001"}, {"0", "10000"}, "must be 0 … 10000"},
     {"mofc.stale_after_ms", {"0.9"}, {"1"}, "must be ≥ 1 period of physics.rate_hz, 1 ms"},
     {"mofc.fade_ms", {"0"}, {"0.1"}, "must be > 0"},
     {"mofc.velocity_estimator.difference.time_constant_ms", {"-1"}, {"0"}, "must be ≥ 0"},
