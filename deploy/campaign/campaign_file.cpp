@@ -246,11 +246,11 @@ std::uint64_t hash_of_file(const fs::path& file) {
   return hash;
 }
 
-std::uint64_t fingerprint_of(const v1::Campaign& written, const Campaign& campaign,
-                             const Session& session) {
+/// Not of the number of runs: a campaign may go on with more.
+std::uint64_t fingerprint_of(v1::Campaign written, const std::set<std::string>& files) {
+  written.clear_runs();
   std::string text = written.DebugString();
-  text += fmt::format("\n{}\n", campaign.runs_per_cell);
-  for (const std::string& file : files_of(session)) {
+  for (const std::string& file : files) {
     std::error_code error;
     if (fs::is_regular_file(file, error)) text += fmt::format("{:x}\n", hash_of_file(file));
   }
@@ -288,13 +288,29 @@ Campaign load_campaign(const fs::path& file, std::optional<std::uint64_t> runs) 
   }
   const Session first = load_session(campaign.session_file, plan_of(campaign, 0).overrides);
   campaign.seconds = written.has_seconds() ? written.seconds() : first.duration_s;
+  std::set<std::string> files;
+  const auto add_files_of = [&](const Session& session) {
+    for (std::string& name : files_of(session)) files.insert(std::move(name));
+  };
+  add_files_of(first);
   for (std::uint64_t cell = 1; cell < std::min(campaign.cells(), kMaxCellsChecked); ++cell) {
     const Plan plan = plan_of(campaign, cell * campaign.runs_per_cell);
-    static_cast<void>(load_session(campaign.session_file, plan.overrides));
+    add_files_of(load_session(campaign.session_file, plan.overrides));
   }
-  campaign.files = files_of(first);
+  for (const Dimension& dimension : campaign.dimensions) {
+    for (const Value& value : dimension.values) {
+      std::vector<std::string> overrides = plan_of(campaign, 0).overrides;
+      overrides.insert(overrides.end(), value.overrides.begin(), value.overrides.end());
+      try {
+        add_files_of(load_session(campaign.session_file, overrides));
+      } catch (const SetupError&) {
+        // a value that needs those of other dimensions; its runs are refused, or in a cell above
+      }
+    }
+  }
+  campaign.fingerprint = fingerprint_of(written, files);
+  campaign.files.assign(files.begin(), files.end());
   campaign.files.push_back(file.string());
-  campaign.fingerprint = fingerprint_of(written, campaign, first);
   return campaign;
 }
 

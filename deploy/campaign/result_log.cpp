@@ -30,13 +30,18 @@ std::string check_sum(std::uint64_t fingerprint, std::string_view line) {
   return fmt::format("{:016x}", fnv1a(fmt::format("{:x} {}", fingerprint, line)));
 }
 
+/// As the logs have it: the same whatever the number of runs of a cell.
+std::uint64_t number_in_log(const Campaign& campaign, std::uint64_t run) {
+  return run % campaign.runs_per_cell * campaign.cells() + run / campaign.runs_per_cell;
+}
+
 }  // namespace
 
 // --- writing ------------------------------------------------------------------------------------
 
 ResultLog::ResultLog(std::filesystem::path file, const Campaign& campaign)
     : file_(std::move(file)),
-      fingerprint_(campaign.fingerprint),
+      campaign_(campaign),
       descriptor_(::open(file_.c_str(), O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC, 0644)),
       flushed_at_(clock_.now()) {
   if (descriptor_ < 0) fail(file_);
@@ -60,9 +65,9 @@ ResultLog::~ResultLog() {
 }
 
 void ResultLog::add(std::uint64_t run, std::span<const double> figures) {
-  std::string line = std::to_string(run);
+  std::string line = std::to_string(number_in_log(campaign_, run));
   for (const double figure : figures) line += fmt::format(" {}", figure);
-  line += fmt::format(" {}\n", check_sum(fingerprint_, line));
+  line += fmt::format(" {}\n", check_sum(campaign_.fingerprint, line));
   if (::write(descriptor_, line.data(), line.size()) != static_cast<ssize_t>(line.size())) {
     fail(file_);
   }
@@ -106,9 +111,9 @@ void Results::take(std::string_view line) {
   }
   const char* at = line.data();
   const char* const last = line.data() + end;
-  std::uint64_t run = 0;
-  auto result = std::from_chars(at, last, run);
-  if (result.ec != std::errc() || run >= is_known_.size()) return refuse();
+  std::uint64_t number = 0;
+  auto result = std::from_chars(at, last, number);
+  if (result.ec != std::errc()) return refuse();
   std::vector<double> figures(width_);
   for (double& figure : figures) {
     at = result.ptr + 1;
@@ -117,6 +122,10 @@ void Results::take(std::string_view line) {
     if (result.ec != std::errc()) return refuse();
   }
   if (result.ptr != last) return refuse();
+  const std::uint64_t cells = campaign_.cells();
+  const std::uint64_t of_cell = number / cells;
+  if (of_cell >= campaign_.runs_per_cell) return;  // of a call for more runs
+  const std::uint64_t run = number % cells * campaign_.runs_per_cell + of_cell;
   if (is_known_[run]) {
     ++repeated_;
     return;

@@ -32,7 +32,7 @@ class ResultLog {
   void flush();
 
   std::filesystem::path file_;
-  std::uint64_t fingerprint_;
+  const Campaign& campaign_;
   int descriptor_;
   SteadyClock clock_;
   TimePoint flushed_at_;

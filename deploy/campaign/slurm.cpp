@@ -1,14 +1,19 @@
 #include "deploy/campaign/slurm.h"
 
+#include <fcntl.h>
+#include <spawn.h>
 #include <spdlog/fmt/fmt.h>
+#include <sys/mman.h>
 #include <sys/wait.h>
+#include <unistd.h>
 
 #include <algorithm>
-#include <cstdio>
+#include <cerrno>
 #include <fstream>
-#include <memory>
 #include <stdexcept>
+#include <system_error>
 #include <thread>
+#include <utility>
 
 #include "common/core/check.h"
 #include "common/core/user/output_file.h"
@@ -24,36 +29,78 @@ constexpr int kQueuePolls = 4;     // the queue is asked every so many polls
 constexpr int kFruitlessJobs = 3;  // that ended without a new result
 constexpr int kTaskAttempts = 5;   // of a task whose command a signal kills
 constexpr std::size_t kShownBytes = 2000;
+constexpr int kIsNotThere = 127;
+constexpr std::size_t kMostDigits = 10;  // of a job's number, 32 bits
+constexpr std::uint64_t kMostShares = 1'000'000;
 
 struct Output {
   int status = -1;
-  std::string text;  ///< standard output and error
+  std::string out;
+  std::string err;
 };
 
-Output run(const std::string& command) {
-  Output output;
-  const std::unique_ptr<FILE, int (*)(FILE*)> pipe(::popen((command + " 2>&1").c_str(), "re"),
-                                                   [](FILE*) { return 0; });
-  if (pipe == nullptr) return output;
-  char block[4096];
-  while (const std::size_t size = std::fread(block, 1, sizeof block, pipe.get())) {
-    output.text.append(block, size);
+/// A file in memory that a program writes.
+class Capture {
+ public:
+  Capture() : descriptor_(::memfd_create("palpate", MFD_CLOEXEC)) {
+    if (descriptor_ < 0) throw std::system_error(errno, std::generic_category(), "memfd_create");
   }
-  const int status = ::pclose(pipe.get());
-  output.status = WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-  return output;
+  ~Capture() { ::close(descriptor_); }
+  Capture(const Capture&) = delete;
+  Capture& operator=(const Capture&) = delete;
+
+  [[nodiscard]] int descriptor() const { return descriptor_; }
+  [[nodiscard]] std::string text() const {
+    std::string text;
+    char block[4096];
+    for (off_t at = 0;;) {
+      const ssize_t size = ::pread(descriptor_, block, sizeof block, at);
+      if (size <= 0) return text;
+      text.append(block, static_cast<std::size_t>(size));
+      at += size;
+    }
+  }
+
+ private:
+  int descriptor_;
+};
+
+/// A program with its arguments, without a shell. Status 127: it is not there.
+Output run(std::vector<std::string> words) {
+  std::vector<char*> arguments;
+  arguments.reserve(words.size() + 1);
+  for (std::string& word : words) arguments.push_back(word.data());
+  arguments.push_back(nullptr);
+  const Capture out;
+  const Capture err;
+  posix_spawn_file_actions_t files;
+  posix_spawn_file_actions_init(&files);
+  posix_spawn_file_actions_addopen(&files, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
+  posix_spawn_file_actions_adddup2(&files, out.descriptor(), STDOUT_FILENO);
+  posix_spawn_file_actions_adddup2(&files, err.descriptor(), STDERR_FILENO);
+  pid_t pid = 0;
+  const int error =
+      ::posix_spawnp(&pid, words.front().c_str(), &files, nullptr, arguments.data(), environ);
+  posix_spawn_file_actions_destroy(&files);
+  if (error != 0) return {kIsNotThere, {}, std::generic_category().message(error)};
+  int status = 0;
+  while (::waitpid(pid, &status, 0) < 0) {
+    if (errno != EINTR) throw std::system_error(errno, std::generic_category(), words.front());
+  }
+  return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, out.text(), err.text()};
 }
 
 enum class JobState : std::uint8_t { kThere, kGone, kUnknown };
 
 /// Unknown while slurmctld does not answer: it may be starting again.
 JobState state_of(const std::string& job) {
-  const Output queue = run("squeue --noheader --states=all --format=%T --jobs=" + job);
-  if (queue.text.find("Invalid job id") != std::string::npos) return JobState::kGone;
+  const Output queue =
+      run({"squeue", "--noheader", "--states=all", "--format=%T", "--jobs=" + job});
+  if (queue.err.find("Invalid job id") != std::string::npos) return JobState::kGone;
   if (queue.status != 0) return JobState::kUnknown;
   for (const char* alive : {"PENDING", "RUNNING", "COMPLETING", "CONFIGURING", "SUSPENDED",
                             "REQUEUED", "RESIZING", "STAGE_OUT", "SIGNALING"}) {
-    if (queue.text.find(alive) != std::string::npos) return JobState::kThere;
+    if (queue.out.find(alive) != std::string::npos) return JobState::kThere;
   }
   return JobState::kGone;
 }
@@ -68,8 +115,17 @@ class JobFile {
  public:
   explicit JobFile(const Folder& folder) : file_(folder.path() / "slurm.job") {}
   [[nodiscard]] Job read() const {
+    std::ifstream in(file_);
+    if (!in) return {};
     Job job;
-    std::ifstream(file_) >> job.id >> job.shares;
+    const bool is_read = static_cast<bool>(in >> job.id >> job.shares);
+    const bool is_number = !job.id.empty() && job.id.size() <= kMostDigits &&
+                           job.id.find_first_not_of("0123456789") == std::string::npos;
+    if (!is_read || !is_number || job.shares < 1 || job.shares > kMostShares) {
+      throw SetupError(file_.string() +
+                       ": must be the number of a Slurm job and that of its tasks, as this command "
+                       "writes it; remove the file to submit a new job");
+    }
     return job;
   }
   void write(const Job& job) const {
@@ -95,12 +151,9 @@ std::string submit(const Campaign& campaign, const Folder& folder, const Results
                    std::uint64_t shares, const SlurmOptions& options) {
   const fs::path home = fs::absolute(folder.path());
   const std::string script_file = (home / "sweep.sbatch").string();
-  std::string script = fmt::format(
-      "#!/bin/sh\n#SBATCH --job-name=palpate-{}\n#SBATCH --array={}\n#SBATCH --ntasks=1\n"
-      "#SBATCH --cpus-per-task=1\n#SBATCH --requeue\n#SBATCH --open-mode=append\n"
-      "#SBATCH --output={}/slurm-%a.out\nfor attempt in $(seq {}); do\n  {} sweep",
-      campaign.name, array_of(results, shares), home.string(), kTaskAttempts,
-      shell_word(fs::read_symlink("/proc/self/exe").string()));
+  std::string script =
+      fmt::format("#!/bin/sh\nfor attempt in $(seq {}); do\n  {} sweep", kTaskAttempts,
+                  shell_word(fs::read_symlink("/proc/self/exe").string()));
   for (const std::string& argument : options.arguments)
     script += fmt::format(" {}", shell_word(argument));
   script += fmt::format(
@@ -108,17 +161,30 @@ std::string submit(const Campaign& campaign, const Folder& folder, const Results
       "  status=$?\n  [ $status -gt 128 ] || exit $status\ndone\nexit $status\n",
       shell_word(home.string()), shares);
   write_file("job script", script_file, script, true);
-  std::string command = "sbatch --parsable";
-  for (const std::string& argument : options.sbatch)
-    command += fmt::format(" {}", shell_word(argument));
-  const Output answer = run(fmt::format("{} {}", command, shell_word(script_file)));
-  std::string id = answer.text.substr(0, answer.text.find_first_not_of("0123456789"));
+
+  // relative to --chdir, which takes any name of a folder as it is
+  std::vector<std::string> command{"sbatch",
+                                   "--parsable",
+                                   "--job-name=palpate-" + campaign.name,
+                                   "--array=" + array_of(results, shares),
+                                   "--ntasks=1",
+                                   "--cpus-per-task=1",
+                                   "--requeue",
+                                   "--open-mode=append",
+                                   "--chdir=" + home.string(),
+                                   "--output=slurm-%a.out"};
+  command.insert(command.end(), options.sbatch.begin(), options.sbatch.end());
+  command.push_back(script_file);
+  const Output answer = run(command);
+  // "12", or "12;cluster"; warnings are on standard error
+  std::string id = answer.out.substr(0, answer.out.find_first_not_of("0123456789"));
   if (answer.status != 0 || id.empty()) {
-    throw SetupError("sbatch: " + answer.text.substr(0, kShownBytes) +
-                     (answer.status == 127 ? "install Slurm's client (Debian: slurm-client), or "
-                                             "leave --slurm out"
-                                           : ""));
+    throw SetupError("sbatch: " + answer.err.substr(0, kShownBytes) +
+                     (answer.status == kIsNotThere
+                          ? "; install Slurm's client (Debian: slurm-client), or leave --slurm out"
+                          : ""));
   }
+  if (!answer.err.empty()) options.say("sbatch: " + answer.err.substr(0, kShownBytes));
   return id;
 }
 
@@ -187,7 +253,7 @@ bool compute_with_slurm(const Campaign& campaign, const Folder& folder, Results&
   }
   // tasks that compute what stop_at_violation does not need
   if (!job.id.empty() && results.needed() < campaign.run_count()) {
-    static_cast<void>(run("scancel " + job.id));
+    static_cast<void>(run({"scancel", job.id}));
   }
   return true;
 }

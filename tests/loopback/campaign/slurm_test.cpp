@@ -203,5 +203,66 @@ TEST_F(SlurmSweep, GivesTheTableOfALocalRunWhateverIsKilledInTheMiddle) {
   EXPECT_EQ(text_of(path("cluster.csv")), undisturbed());
 }
 
+/// Programs of this folder stand in for those of Slurm: sbatch warns on standard error, notes its
+/// arguments and computes the only task; squeue notes its arguments and knows no job.
+class StandIns {
+ public:
+  explicit StandIns(const test::TempFolder& folder)
+      : path_(std::getenv("PATH") != nullptr ? std::getenv("PATH") : "") {
+    write(folder, "sbatch",
+          "#!/bin/sh\ncd \"$(dirname \"$0\")\"\nprintf '%s\\0' \"$@\" > sbatch.words\n"
+          "for script; do :; done\necho 'sbatch: warning: 12 nodes are down' >&2\n"
+          "SLURM_ARRAY_TASK_ID=0 sh \"$script\" || exit\necho '7;cluster'\n");
+    write(folder, "squeue", "#!/bin/sh\necho \"$@\" >> \"$(dirname \"$0\")/squeue.words\"\n");
+    ::setenv("PATH", (folder.path().string() + ":" + path_).c_str(), 1);
+  }
+  ~StandIns() { ::setenv("PATH", path_.c_str(), 1); }
+  StandIns(const StandIns&) = delete;
+  StandIns& operator=(const StandIns&) = delete;
+
+ private:
+  static void write(const test::TempFolder& folder, const std::string& name,
+                    const std::string& text) {
+    fs::permissions(folder.write(name, text), fs::perms::owner_all);
+  }
+  std::string path_;
+};
+
+TEST_F(SlurmSweep, TakesAnyNameOfAFolderAndAWarningOfSbatch) {
+  const test::TempFolder programs;
+  const StandIns stand_ins(programs);
+  const std::string folder = "a b%j\n'c;touch d";
+  const auto outcome = run_program("palpate", arguments_of(folder, {"--slurm", "--workers", "1"}));
+  EXPECT_EQ(outcome.status, 0) << outcome.err;
+  EXPECT_THAT(outcome.err, HasSubstr("submitted Slurm job 7 "));
+  EXPECT_THAT(outcome.err, HasSubstr("12 nodes are down"));
+  EXPECT_EQ(text_of(path(folder + ".csv")), undisturbed());
+  const std::string words = text_of(programs.path() / "sbatch.words");
+  EXPECT_THAT(words, HasSubstr("--chdir=" + path(folder)));
+  EXPECT_THAT(words, HasSubstr("--job-name=palpate-small"));
+}
+
+// As found in the folder of somebody else.
+TEST_F(SlurmSweep, RefusesAJobThatIsNoNumber) {
+  const test::TempFolder programs;
+  const StandIns stand_ins(programs);
+  const std::string mark = path("executed");
+  ASSERT_EQ(run_program("palpate", arguments_of("theirs", {"--workers", "1"})).status, 0);
+  for (const auto& entry : fs::directory_iterator(path("theirs"))) {
+    if (entry.path().extension() == ".log") fs::remove(entry.path());
+  }
+  for (const std::string& job :
+       {";touch${IFS}" + mark + " 2", std::string("7 0"), std::string("7"), std::string("-7 1"),
+        std::string("77777777777777 1"), std::string("7 99999999999")}) {
+    std::ofstream(path("theirs") + "/slurm.job") << job << '\n';
+    const auto outcome = run_program(
+        "palpate", arguments_of("theirs", {"--slurm", "--workers", "1", "--overwrite"}));
+    EXPECT_EQ(outcome.status, 2) << job;
+    EXPECT_THAT(outcome.err, HasSubstr("slurm.job")) << job;
+    EXPECT_FALSE(fs::exists(mark)) << job;
+    EXPECT_FALSE(fs::exists(programs.path() / "squeue.words")) << job;
+  }
+}
+
 }  // namespace
 }  // namespace palpate

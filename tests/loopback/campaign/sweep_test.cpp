@@ -259,5 +259,65 @@ TEST_F(Sweep, AdversaryIsForLockstepOnlyUnlessItIsLeftOut) {
             nlohmann::json::parse(honest.out).at("transparency"));
 }
 
+/// Two hands, each recorded in a file of its own.
+class SweepOfFiles : public Sweep {
+ protected:
+  SweepOfFiles() {
+    write_hand("first.csv", "0.005");
+    write_hand("second.csv", "0.004");
+    files_.write("files.txtpb", R"(
+name: "files"
+session: "press.txtpb"
+seconds: 0.2
+runs: 2
+vary { field: "hand.recorded.file" values { value: "first.csv" value: "second.csv" } }
+report: "max_force_n"
+)");
+    files_.write("press.txtpb", R"(
+name: "press"
+device { simulated {} }
+hand { recorded { file: "first.csv" } }
+scene { tissue { half_space {} kelvin_voigt { stiffness_newton_per_m: 500 } } }
+)");
+  }
+  void write_hand(const std::string& name, const std::string& depth_m) {
+    files_.write(name, "t,x,y,z\n0,0,0,0.01\n0.1,0,0,-" + depth_m + "\n");
+  }
+  [[nodiscard]] Outcome sweep(const std::string& folder,
+                              const std::vector<std::string>& more = {}) {
+    std::vector<std::string> arguments{"sweep", path("files.txtpb"),   "--folder",    path(folder),
+                                       "--csv", path(folder + ".csv"), "--overwrite", "--workers",
+                                       "1"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return run_program("palpate", arguments);
+  }
+};
+
+TEST_F(SweepOfFiles, AFolderIsRefusedOnceAFileOfAnyCellHasChanged) {
+  ASSERT_EQ(sweep("results").status, 0);
+  write_hand("second.csv", "0.006");
+  const Outcome changed = sweep("results");
+  EXPECT_EQ(changed.status, 2);
+  EXPECT_THAT(changed.err, HasSubstr("file of its session"));
+  write_hand("second.csv", "0.004");
+  EXPECT_EQ(sweep("results").status, 0);
+}
+
+TEST_F(SweepOfFiles, GoesOnWithMoreRunsAndWithFewer) {
+  const Outcome few = sweep("results", {"--runs", "3"});
+  ASSERT_EQ(few.status, 0) << few.err;
+  EXPECT_EQ(logged_lines(path("results")), 6);
+  const Outcome more = sweep("results", {"--runs", "5"});
+  ASSERT_EQ(more.status, 0) << more.err;
+  EXPECT_EQ(logged_lines(path("results")), 10);
+  ASSERT_EQ(sweep("at_once", {"--runs", "5"}).status, 0);
+  EXPECT_EQ(text_of(path("results.csv")), text_of(path("at_once.csv")));
+  const std::string five = text_of(path("results.csv"));
+  ASSERT_EQ(sweep("results").status, 0);
+  ASSERT_EQ(sweep("two").status, 0);
+  EXPECT_EQ(text_of(path("results.csv")), text_of(path("two.csv")));
+  EXPECT_EQ(logged_lines(path("results")), 10);
+}
+
 }  // namespace
 }  // namespace palpate
