@@ -178,6 +178,39 @@ TEST_F(EmulatedDevices, EmulatorAndIdentifyUseTheSessionsRealTimeScheduling) {
   EXPECT_EQ(policy, is_permitted ? SCHED_FIFO : SCHED_OTHER) << identify.out();
 }
 
+TEST_F(EmulatedDevices, ARestartGivesNoForceBeforeAPersonHasAcknowledgedItAgain) {
+  ProcessLinks links({.priority = 0, .cpu = -1});
+  test::Watcher watcher(load_session(kHaplySession), links);
+  Program launch("palpate",
+                 {"launch", kHaplySession, "--emulate", "--set", haply_setting(), "--set",
+                  "device.haply_inverse.transfer_limit_ms=1000", "--no-viewer", "--no-realtime"});
+  EXPECT_TRUE(test::is_enabled(launch)) << launch.err();
+  const auto pushes = [&] {
+    return !watcher.rows().empty() &&
+           watcher.rows().back().device.force_on_hand_newton.norm() > 0.3;
+  };
+  EXPECT_TRUE(watcher.until(pushes)) << launch.err();
+  const std::uint64_t first_session = watcher.rows().back().device_session_id;
+
+  kill(std::stoi(launch.await_err("event=node_started node=device pid=")), SIGKILL);
+  const pid_t second = std::stoi(launch.await_err("event=node_started node=device pid=", 2));
+  launch.await_err("event=device_phase phase=calibrated", 2);
+  EXPECT_TRUE(watcher.until_rows(300)) << launch.err();
+  int rows = 0;
+  for (const TickRow& row : watcher.rows()) {
+    if (row.device_session_id == first_session) continue;
+    ++rows;
+    EXPECT_EQ(row.device.force_on_hand_newton, Vector3(0, 0, 0));
+  }
+  EXPECT_GT(rows, 100);
+
+  kill(second, SIGUSR2);
+  EXPECT_TRUE(watcher.until(pushes)) << launch.err();
+  launch.send_signal(SIGINT);
+  EXPECT_EQ(launch.wait(), 0) << launch.err();
+  EXPECT_GE(least_energy_microjoule(launch.err()), -1.0) << launch.err();
+}
+
 // A supervisor starts device_node again with the same arguments, with the user's hand on the
 // device.
 TEST_F(EmulatedDevices, TheHandsOffCheckMovesARealDeviceOnlyAfterAPromptOfThatStart) {
