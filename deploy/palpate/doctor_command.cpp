@@ -232,12 +232,14 @@ void examine_real_device(const Side& side, std::vector<Finding>& findings) {
   }
   const SteadyClock clock;
   std::vector<std::string> prompts;
+  device::DriverOptions options;
+  options.driver = side.driver;
+  const device::DriverRegistry drivers = device::all_drivers(options);
   std::unique_ptr<device::HapticDevice> device;
   try {
-    device = device::all_drivers({.simulated = {}, .driver = side.driver})
-                 .at(driver)
-                 .open(clock, {.prompt = [&](const std::string& text) { prompts.push_back(text); },
-                               .limit = kDeviceLimit});
+    device = drivers.at(driver).open(
+        clock, {.prompt = [&](const std::string& text) { prompts.push_back(text); },
+                .limit = kDeviceLimit});
   } catch (const SetupError& error) {
     findings.push_back({"device", driver + " does not open", error.what()});
     return;
