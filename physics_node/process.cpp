@@ -1,11 +1,15 @@
 #include "physics_node/process.h"
 
 #include <algorithm>
+#include <filesystem>
 #include <memory>
 #include <optional>
+#include <string>
+#include <variant>
 #include <vector>
 
 #include "common/core/check.h"
+#include "common/core/user/files.h"
 #include "common/link/zmq_source.h"
 #include "common/process/rejection_log.h"
 #include "common/session/session_file.h"
@@ -59,6 +63,20 @@ class Control {
   const std::vector<TissueConfig>& tissues_;
 };
 
+/// Where no other user can put anything; empty: nowhere, so that nothing is kept.
+std::filesystem::path own_cache_folder(const SceneConfig& scene, spdlog::logger& log) {
+  const bool is_any_elastic =
+      std::any_of(scene.tissues.begin(), scene.tissues.end(), [](const TissueConfig& tissue) {
+        return std::holds_alternative<ElasticMaterial>(tissue.material);
+      });
+  std::filesystem::path folder = cache_folder();
+  if (!is_any_elastic || folder.empty()) return {};
+  const std::string why = make_private_folder(folder);
+  if (why.empty()) return folder;
+  log.warn("event=cache_not_used reason=\"{}\"", why);
+  return {};
+}
+
 }  // namespace
 
 void run_process(NodeContext& context, ProcessLinks& links, PhysicsRole role) {
@@ -80,7 +98,8 @@ void run_process(NodeContext& context, ProcessLinks& links, PhysicsRole role) {
   const double reach_m = is_any_local ? session.physics.reach_m : 0.0;
   const auto scene = std::make_shared<Scene>(session.scene, reach_m);
   const std::shared_ptr<ElasticTissues> elastic =
-      ElasticTissues::of(session.scene, session.sides.size(), ElasticPace::kThread, cache_folder());
+      ElasticTissues::of(session.scene, session.sides.size(), ElasticPace::kThread,
+                         own_cache_folder(session.scene, context.log));
   std::vector<SceneEngine*> engines;
   SceneDisplay* display = nullptr;
   PhysicsProgram program{.make_engine =

@@ -1,6 +1,7 @@
 #include "physics_node/elastic/condensed/compliance_file.h"
 
 #include <fcntl.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <array>
@@ -8,10 +9,10 @@
 #include <cmath>
 #include <cstdio>
 #include <cstring>
-#include <fstream>
 #include <span>
 #include <stdexcept>
 #include <system_error>
+#include <utility>
 #include <vector>
 
 namespace palpate::elastic {
@@ -61,18 +62,52 @@ struct Header {
                            std::system_category().message(reason));
 }
 
+/// Never through a link, and never a pipe, which would wait for its other end.
 class OpenFile {
  public:
-  explicit OpenFile(const std::filesystem::path& file)
-      : descriptor_(::open(file.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644)) {
-    if (descriptor_ < 0) fail(file, "cannot be created");
+  /// A file that is not there yet. One that a program with the same number has left is removed.
+  static OpenFile created(const std::filesystem::path& file) {
+    constexpr int kFlags = O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC;
+    int descriptor = ::open(file.c_str(), kFlags, 0600);
+    if (descriptor < 0 && errno == EEXIST && ::unlink(file.c_str()) == 0) {
+      descriptor = ::open(file.c_str(), kFlags, 0600);
+    }
+    if (descriptor < 0) fail(file, "cannot be created");
+    return OpenFile(descriptor);
+  }
+  /// A file of this user that nobody else may write.
+  /// @param why  set if there is none
+  static OpenFile kept(const std::filesystem::path& file, std::string& why) {
+    OpenFile opened(::open(file.c_str(), O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC));
+    if (opened.descriptor_ < 0 || ::fstat(opened.descriptor_, &opened.status_) != 0) {
+      why = "there is no such file, or it is a link, or it cannot be read";
+    } else if (!S_ISREG(opened.status_.st_mode)) {
+      why = "it is not a regular file";
+    } else if (opened.status_.st_uid != ::geteuid() ||
+               (opened.status_.st_mode & (S_IWGRP | S_IWOTH)) != 0) {
+      why = "another user may have written it";
+    }
+    return opened;
   }
   ~OpenFile() {
     if (descriptor_ >= 0) ::close(descriptor_);
   }
+  OpenFile(OpenFile&& other) noexcept
+      : descriptor_(std::exchange(other.descriptor_, -1)), status_(other.status_) {}
   OpenFile(const OpenFile&) = delete;
   OpenFile& operator=(const OpenFile&) = delete;
 
+  [[nodiscard]] std::uint64_t size() const { return static_cast<std::uint64_t>(status_.st_size); }
+  /// All of it, or false.
+  [[nodiscard]] bool read(std::span<char> bytes) const {
+    while (!bytes.empty()) {
+      const ssize_t count = ::read(descriptor_, bytes.data(), bytes.size());
+      if (count < 0 && errno == EINTR) continue;
+      if (count <= 0) return false;
+      bytes = bytes.subspan(static_cast<std::size_t>(count));
+    }
+    return true;
+  }
   [[nodiscard]] bool write(std::span<const char> bytes) const {
     while (!bytes.empty()) {
       const ssize_t written = ::write(descriptor_, bytes.data(), bytes.size());
@@ -90,7 +125,10 @@ class OpenFile {
   }
 
  private:
+  explicit OpenFile(int descriptor) : descriptor_(descriptor) {}
+
   int descriptor_;
+  struct stat status_ {};
 };
 
 }  // namespace
@@ -152,7 +190,7 @@ void save_columns(const SurfaceCompliance& compliance, const std::filesystem::pa
   part += std::to_string(::getpid());
   part += ".part";
   try {
-    OpenFile out(part);
+    OpenFile out = OpenFile::created(part);
     const bool is_written =
         out.write(std::span(reinterpret_cast<const char*>(&header), sizeof header)) &&
         out.write(bytes);
@@ -165,10 +203,13 @@ void save_columns(const SurfaceCompliance& compliance, const std::filesystem::pa
 }
 
 std::string load_columns(const std::filesystem::path& file, SurfaceCompliance& compliance) {
-  std::ifstream in(file, std::ios::binary);
-  if (!in) return "there is no such file, or it cannot be read";
+  std::string why;
+  const OpenFile in = OpenFile::kept(file, why);
+  if (!why.empty()) return why;
   Header header;
-  if (!in.read(reinterpret_cast<char*>(&header), sizeof header)) return "it is cut short";
+  if (!in.read(std::span(reinterpret_cast<char*>(&header), sizeof header))) {
+    return "it is cut short";
+  }
   if (header.magic != kMagic) return "it is not a compliance of this program and processor";
   if (header.version != kVersion) return "it has version " + std::to_string(header.version);
   if (header.fingerprint != fingerprint_of(compliance)) return "it belongs to another body";
@@ -178,13 +219,11 @@ std::string load_columns(const std::filesystem::path& file, SurfaceCompliance& c
   }
   const std::size_t column_bytes = sizeof(std::uint64_t) + 9 * rows * sizeof(float);
   // before anything of this size is allocated
-  std::error_code error;
-  if (std::filesystem::file_size(file, error) != sizeof header + header.columns * column_bytes ||
-      error) {
+  if (in.size() != sizeof header + header.columns * column_bytes) {
     return "it is cut short or too long";
   }
   std::vector<char> bytes(header.columns * column_bytes);
-  if (!in.read(bytes.data(), static_cast<std::streamsize>(bytes.size()))) return "it is cut short";
+  if (!in.read(bytes)) return "it is cut short";
   Hash hash;
   hash.add_bytes(bytes);
   if (hash.value() != header.hash) return "it is damaged";

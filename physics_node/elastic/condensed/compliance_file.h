@@ -18,12 +18,13 @@ namespace palpate::elastic {
                                                     const SurfaceCompliance& compliance);
 
 /// Writes the columns made so far: to a file beside it, which then takes its place, so that a
-/// reader sees all or nothing. @pre the columns are those of the undeformed body
+/// reader sees all or nothing. Follows no link. @pre the columns are those of the undeformed body
 /// @throws std::runtime_error  with the file and the reason
 void save_columns(const SurfaceCompliance& compliance, const std::filesystem::path& file);
 
 /// Takes the columns of a file. Returns an empty text, or why it took none: no such file, another
-/// version, another body, cut short or damaged. Those that are there already are kept then.
+/// version, another body, cut short or damaged, no regular file, or one that another user may have
+/// written. Those that are there already are kept then.
 [[nodiscard]] std::string load_columns(const std::filesystem::path& file,
                                        SurfaceCompliance& compliance);
 

@@ -1,4 +1,5 @@
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cmath>
@@ -362,6 +363,36 @@ TEST_F(ComplianceFile, DamagedFilesAreRefusedAndWhatIsThereIsKept) {
   refused("cut short");
   std::filesystem::remove(file_);
   refused("no such file");
+}
+
+// A link that another user prepared leads nowhere, and a pipe does not make the program wait.
+TEST_F(ComplianceFile, FollowsNoLinkAndWaitsForNoPipe) {
+  const std::filesystem::path victim = folder_ / "victim";
+  std::ofstream(victim) << "precious";
+  const auto victim_text = [&] {
+    std::ifstream in(victim);
+    return std::string(std::istreambuf_iterator<char>(in), {});
+  };
+  const std::filesystem::path part = file_.string() + "." + std::to_string(::getpid()) + ".part";
+  std::filesystem::create_symlink(victim, part);
+  save_columns(compliance_, file_);
+  EXPECT_EQ(victim_text(), "precious");
+  EXPECT_FALSE(std::filesystem::is_symlink(file_));
+
+  SurfaceCompliance other(body_, factor_, all_nodes(body_));
+  std::filesystem::rename(file_, victim);
+  std::filesystem::create_symlink(victim, file_);
+  EXPECT_NE(load_columns(file_, other).find("link"), std::string::npos);
+  std::filesystem::remove(file_);
+  ASSERT_EQ(::mkfifo(file_.c_str(), 0600), 0);
+  EXPECT_NE(load_columns(file_, other), "");
+  std::filesystem::remove(file_);
+  std::filesystem::rename(victim, file_);
+  std::filesystem::permissions(file_, std::filesystem::perms::group_write,
+                               std::filesystem::perm_options::add);
+  EXPECT_NE(load_columns(file_, other).find("another user"), std::string::npos);
+  std::filesystem::permissions(file_, std::filesystem::perms::owner_all);
+  EXPECT_EQ(load_columns(file_, other), "");
 }
 
 TEST_F(ComplianceFile, AFolderThatCannotBeWrittenIsAnErrorWithItsName) {
