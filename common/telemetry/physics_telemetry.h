@@ -44,7 +44,9 @@ struct PhysicsCounters {
   std::uint64_t elastic_solves = 0;          ///< full solutions
   std::uint64_t elastic_solves_skipped = 0;  ///< not needed: at rest and untouched
   std::uint64_t elastic_solves_late = 0;     ///< took longer than their period
-  std::uint64_t elastic_steps_skipped = 0;   ///< steps out of reach of an elastic body
+  /// Had a tip on the wrong side of the surface and were undone, or gave no compliance.
+  std::uint64_t elastic_solves_failed = 0;
+  std::uint64_t elastic_steps_skipped = 0;  ///< steps out of reach of an elastic body
   /// Unbalanced force of the last full solution over all its forces.
   double elastic_residual_ratio = 0.0;
   /// Of the condensed model, measured at the last full solution in contact [N].

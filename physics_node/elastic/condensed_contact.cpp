@@ -18,6 +18,8 @@ constexpr double kMostScale = 2.0;
 // Error of the compliance beyond the last equilibrium, where new points begin to touch.
 constexpr double kLeastBeyondRatio = 0.2;
 
+constexpr double kLeastArea_m2 = 1e-12;
+
 using RowMajor3f = Eigen::Matrix<float, 3, 3, Eigen::RowMajor>;
 
 }  // namespace
@@ -37,6 +39,7 @@ SurfaceCompliance::SurfaceCompliance(const Body& body, WarpedFactor& factor,
 
 void SurfaceCompliance::clear() {
   columns_.clear();
+  has_no_factor_ = false;
   turn_to(no_rotations(body_.node_count()));
 }
 
@@ -50,8 +53,10 @@ void SurfaceCompliance::turn_to(const std::vector<double>& rotations) {
 
 void SurfaceCompliance::require(std::uint32_t node) {
   if (columns_.contains(node)) return;
-  if (!factor_.is_ready() &&
-      !factor_.factor(body_.rest_m(), no_rotations(body_.node_count()), {}, nullptr)) {
+  if (!factor_.is_ready() && !has_no_factor_) {
+    has_no_factor_ = !factor_.factor(body_.rest_m(), no_rotations(body_.node_count()), {}, nullptr);
+  }
+  if (has_no_factor_) {
     throw std::runtime_error("elastic body: the stiffness at rest is not positive definite");
   }
   std::vector<float>& values = columns_[node];
@@ -72,8 +77,11 @@ void SurfaceCompliance::require(std::uint32_t node) {
   }
 }
 
-CondensedContact::CondensedContact(SurfaceCompliance& compliance, double friction_coefficient)
-    : compliance_(compliance), friction_coefficient_(friction_coefficient) {}
+CondensedContact::CondensedContact(SurfaceCompliance& compliance, double friction_coefficient,
+                                   double stiffness_pa_per_m)
+    : compliance_(compliance),
+      friction_coefficient_(friction_coefficient),
+      stiffness_pa_per_m_(stiffness_pa_per_m) {}
 
 void CondensedContact::prepare(const std::vector<SurfacePoint>& points, const VectorXd& x_m,
                                const std::vector<Vector3d>& forces_on_body_newton,
@@ -101,10 +109,12 @@ void CondensedContact::prepare(const std::vector<SurfacePoint>& points, const Ve
   onto_surface_.assign(surface_stride_ * 3 * count, 0.0F);
   displacements_m_.assign(stride_, 0.0F);
   positions_m_.clear();
+  rigid_give_.clear();
   forces_newton_.clear();
   for (std::size_t j = 0; j < count; ++j) {
     const SurfacePoint& at = points[chosen_[j]];
     positions_m_.push_back(at.position_m(x_m.data()));
+    rigid_give_.push_back(1.0 / (stiffness_pa_per_m_ * std::max(at.area_m2, kLeastArea_m2)));
     forces_newton_.push_back(forces_on_body_newton.empty() ? Vector3d::Zero()
                                                            : forces_on_body_newton[chosen_[j]]);
     for (std::size_t b = 0; b < static_cast<std::size_t>(at.count); ++b) {
@@ -292,7 +302,10 @@ CondensedReport CondensedContact::step(const Vector3d& centre_m, double radius_m
                          .cast<double>();
       }
       const double give = normal.dot(own * normal);
-      const double press = std::max(0.0, force.dot(normal) - gap / give);
+      const double along = force.dot(normal);
+      const double least = rigid_give_[i];
+      const double press =
+          std::max(0.0, give < least ? (give * along - gap) / (give + least) : along - gap / give);
       Vector3d wanted = press * normal;
       if (has_friction && press > 0.0) {
         // since the end of the last step

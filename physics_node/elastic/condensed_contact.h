@@ -24,7 +24,8 @@ class SurfaceCompliance {
                     std::vector<std::uint32_t> surface_nodes);
 
   /// Makes the columns of a node unless they are there: three solutions. Allocates.
-  /// @throws std::runtime_error  the stiffness could not be factorised
+  /// @throws std::runtime_error  the stiffness could not be factorised; it is tried once until
+  ///     clear()
   void require(std::uint32_t node);
   /// Forgets all columns: the factor is another one. What turned since is nothing.
   void clear();
@@ -63,6 +64,7 @@ class SurfaceCompliance {
   VectorXd load_;
   VectorXd answer_;
   std::size_t made_ = 0;
+  bool has_no_factor_ = false;
 };
 
 struct CondensedReport {
@@ -83,8 +85,12 @@ class CondensedContact {
  public:
   static constexpr int kMostPoints = 64;
   static constexpr double kLeastErrorRatio = 0.01;
+  static constexpr double kStiffness_pa_per_m = 1e10;
 
-  CondensedContact(SurfaceCompliance& compliance, double friction_coefficient);
+  /// @param stiffness_pa_per_m  > 0: a point that gives way less than this penalty, because it is
+  ///     fixed or nearly so, is pressed by it @see SphereContact
+  CondensedContact(SurfaceCompliance& compliance, double friction_coefficient,
+                   double stiffness_pa_per_m = kStiffness_pa_per_m);
 
   /// The points that carry a force and those nearest to the sphere, their compliance among one
   /// another and onto the surface; the full solution x_m with the forces of `points` in it. On the
@@ -129,6 +135,7 @@ class CondensedContact {
  private:
   SurfaceCompliance& compliance_;
   double friction_coefficient_;
+  double stiffness_pa_per_m_;
   // A full solution: the points and the surface in it.
   struct Equilibrium {
     double sum_newton = 0.0;  // of the forces' sizes
@@ -149,6 +156,7 @@ class CondensedContact {
   std::size_t lower_ = 0;                // the step is between this one and the next,
   double share_ = 0.0;                   // so far from it to the next
   std::vector<Vector3d> positions_m_;    // there, without what the compliance adds
+  std::vector<double> rigid_give_;       // of the penalty at each point [m/N]
   std::vector<Vector3d> base_forces_newton_;
   std::vector<Vector3d> forces_newton_;  // on the body
   std::vector<Vector3d> reached_m_;      // the points at the end of the last step

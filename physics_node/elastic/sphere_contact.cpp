@@ -3,10 +3,33 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <numeric>
+#include <span>
 #include <utility>
 
 namespace palpate::elastic {
+namespace {
+
+// Half the angle of the cone of a point's normals in a step: 60°.
+constexpr double kConeCosine = 0.5;
+constexpr double kConeSine = 0.8660254037844386;
+
+struct FaceCorners {
+  Vector3d a;
+  Vector3d b;
+  Vector3d c;
+  [[nodiscard]] Vector3d outward() const { return (b - a).cross(c - a).normalized(); }
+};
+
+FaceCorners corners_of(const SurfacePoint& point, const double* x_m) {
+  const auto corner = [&](std::size_t k) {
+    return Vector3d(Eigen::Map<const Vector3d>(x_m + 3 * std::size_t{point.nodes[k]}));
+  };
+  return {corner(0), corner(1), corner(2)};
+}
+
+}  // namespace
 
 std::vector<SurfacePoint> surface_points(const Mesh& mesh, const std::vector<Face>& faces,
                                          int per_edge) {
@@ -39,43 +62,96 @@ std::vector<SurfacePoint> surface_points(const Mesh& mesh, const std::vector<Fac
 }
 
 SphereContact::SphereContact(std::vector<SurfacePoint> points, double stiffness_pa_per_m)
-    : points_(std::move(points)),
-      multipliers_pa_(points_.size(), 0.0),
-      near_(points_.size()),
+    : points_(std::make_shared<const std::vector<SurfacePoint>>(std::move(points))),
+      multipliers_pa_(points_->size(), 0.0),
+      near_(points_->size()),
+      sides_(points_->size(), Side::kUnknown),
+      cones_(points_->size(), Vector3d::Zero()),
       stiffness_pa_per_m_(stiffness_pa_per_m) {
   std::iota(near_.begin(), near_.end(), 0U);
+}
+
+void SphereContact::forget() noexcept {
+  std::fill(multipliers_pa_.begin(), multipliers_pa_.end(), 0.0);
+  std::fill(sides_.begin(), sides_.end(), Side::kUnknown);
+  seen_from_m_.reset();
+  near_.clear();
+  settled_.clear();
 }
 
 void SphereContact::choose_near(const double* x_m, double margin_m) {
   near_.clear();
   const double reach_m = radius_m_ + margin_m;
-  const auto corner = [&](std::uint32_t i, std::size_t k) {
-    return Eigen::Map<const Vector3d>(x_m + 3 * std::size_t{points_[i].nodes[k]});
-  };
+  nearest_m_ = std::numeric_limits<double>::infinity();
   bool is_face_near = false;
-  for (std::uint32_t i = 0; i < points_.size(); ++i) {
-    if (i == 0 || points_[i].nodes != points_[i - 1].nodes) {  // a face's points are together
+  Vector3d face_normal;
+  for (std::uint32_t i = 0; i < points_->size(); ++i) {
+    if (i == 0 || (*points_)[i].nodes != (*points_)[i - 1].nodes) {  // a face's points are together
+      const FaceCorners corners = corners_of((*points_)[i], x_m);
       const double longest_m =
-          std::max({(corner(i, 1) - corner(i, 0)).norm(), (corner(i, 2) - corner(i, 1)).norm(),
-                    (corner(i, 0) - corner(i, 2)).norm()});
-      is_face_near = (corner(i, 0) - centre_m_).norm() < reach_m + 1.5 * longest_m;
+          std::max({(corners.b - corners.a).norm(), (corners.c - corners.b).norm(),
+                    (corners.a - corners.c).norm()});
+      const double from_m = (corners.a - centre_m_).norm();
+      is_face_near = from_m < reach_m + 1.5 * longest_m;
+      if (is_face_near) {
+        face_normal = corners.outward();
+      } else {
+        nearest_m_ = std::min(nearest_m_, from_m - longest_m);
+      }
     }
-    if (is_face_near &&
-        (points_[i].position_m(x_m) - centre_m_).squaredNorm() < reach_m * reach_m) {
-      near_.push_back(i);
+    const Vector3d at_m = is_face_near ? (*points_)[i].position_m(x_m) : Vector3d::Zero();
+    const double distance_m = is_face_near ? (at_m - centre_m_).norm() : reach_m;
+    if (is_face_near) nearest_m_ = std::min(nearest_m_, distance_m);
+    if (distance_m < reach_m) {
+      if (look_at(i, at_m, face_normal)) {
+        near_.push_back(i);
+      } else {
+        multipliers_pa_[i] = 0.0;
+      }
     } else {
+      sides_[i] = Side::kUnknown;
       multipliers_pa_[i] = 0.0;
     }
   }
+  seen_from_m_ = centre_m_;
+}
+
+// Whether the point may touch the sphere, and the axis of its cone.
+bool SphereContact::look_at(std::size_t point, const Vector3d& at_m,
+                            const Vector3d& face_normal) noexcept {
+  const Vector3d away = at_m - centre_m_;
+  const double distance_m = away.norm();
+  if (sides_[point] == Side::kUnknown) {
+    // from where the sphere was before
+    cones_[point] = (at_m - seen_from_m_.value_or(centre_m_)).normalized();
+    sides_[point] = cones_[point].dot(face_normal) < 0.0 ? Side::kFacing : Side::kHidden;
+  }
+  // what is outside may be seen from another side than before
+  if (distance_m > radius_m_) {
+    cones_[point] = away / distance_m;
+    sides_[point] = cones_[point].dot(face_normal) < 0.0 ? Side::kFacing : Side::kHidden;
+  } else if (distance_m > 0.5 * radius_m_ && cones_[point].dot(away) > 0.0) {
+    cones_[point] = away / distance_m;
+  }
+  return sides_[point] == Side::kFacing;
 }
 
 SphereContact::Touch SphereContact::touch(std::size_t point, const double* x_m) const noexcept {
-  const Vector3d away = points_[point].position_m(x_m) - centre_m_;
+  const Vector3d away = (*points_)[point].position_m(x_m) - centre_m_;
+  const Vector3d& axis = cones_[point];
   const double distance = away.norm();
   Touch touch{.normal = distance > 0.0 ? Vector3d(away / distance) : Vector3d(Vector3d::UnitZ()),
               .gap_m = distance - radius_m_,
               .distance_m = distance,
               .pressure_pa = 0.0};
+  const double along = axis.dot(away);
+  if (sides_[point] == Side::kFacing && along <= kConeCosine * distance) {
+    const Vector3d sideways = away - along * axis;
+    const double width = sideways.norm();
+    touch.normal = width > 0.0 ? Vector3d(kConeCosine * axis + kConeSine / width * sideways) : axis;
+    touch.gap_m = touch.normal.dot(away) - radius_m_;
+    touch.distance_m = 0.0;
+  }
   touch.pressure_pa = std::max(0.0, multipliers_pa_[point] - stiffness_pa_per_m_ * touch.gap_m);
   return touch;
 }
@@ -84,7 +160,7 @@ double SphereContact::add_gradient(const double* x_m, double* gradient) const {
   double energy = 0.0;
   for (const std::uint32_t i : near_) {
     const Touch at = touch(i, x_m);
-    const SurfacePoint& point = points_[i];
+    const SurfacePoint& point = (*points_)[i];
     const double multiplier = multipliers_pa_[i];
     energy += point.area_m2 * (at.pressure_pa * at.pressure_pa - multiplier * multiplier) /
               (2.0 * stiffness_pa_per_m_);
@@ -112,7 +188,7 @@ void SphereContact::add_blocks(const double* x_m, const BlockPattern& pattern, b
   for (const std::uint32_t i : near_) {
     const Touch at = touch(i, x_m);
     if (at.pressure_pa == 0.0) continue;
-    const SurfacePoint& point = points_[i];
+    const SurfacePoint& point = (*points_)[i];
     Eigen::Matrix3d stiffness =
         point.area_m2 * stiffness_pa_per_m_ * at.normal * at.normal.transpose();
     // the normal turns when the point slides: that part is negative
@@ -135,39 +211,49 @@ void SphereContact::add_blocks(const double* x_m, const BlockPattern& pattern, b
   }
 }
 
-double SphereContact::update_multipliers(const double* x_m) {
+double SphereContact::update_multipliers(const double* x_m, const BlockPattern& pattern) {
   double deepest_m = 0.0;
+  settled_.clear();
   for (const std::uint32_t i : near_) {
     const Touch at = touch(i, x_m);
+    const SurfacePoint& point = (*points_)[i];
     deepest_m = std::max(deepest_m, -at.gap_m);
-    multipliers_pa_[i] = at.pressure_pa;
+    const auto nodes = std::span(point.nodes).first(static_cast<std::size_t>(point.count));
+    const bool is_fixed = std::all_of(nodes.begin(), nodes.end(),
+                                      [&](std::uint32_t node) { return pattern.row_of[node] < 0; });
+    multipliers_pa_[i] =
+        is_fixed ? 0.0 : std::min(at.pressure_pa, 2.0 * radius_m_ * stiffness_pa_per_m_);
+    if (at.pressure_pa == 0.0) continue;
+    settled_.push_back({.point = i,
+                        .force_on_body_newton = point.area_m2 * at.pressure_pa * at.normal,
+                        .facing = -at.normal.dot(corners_of(point, x_m).outward())});
   }
   return deepest_m;
 }
 
-Vector3d SphereContact::force_on_sphere_newton(const double* x_m) const {
+Vector3d SphereContact::force_on_sphere_newton() const {
   Vector3d force = Vector3d::Zero();
-  for (const std::uint32_t i : near_) {
-    const Touch at = touch(i, x_m);
-    force -= points_[i].area_m2 * at.pressure_pa * at.normal;
-  }
+  for (const Settled& one : settled_) force -= one.force_on_body_newton;
   return force;
 }
 
-std::vector<Vector3d> SphereContact::forces_on_body_newton(const double* x_m) const {
-  std::vector<Vector3d> forces(points_.size(), Vector3d::Zero());
-  for (const std::uint32_t i : near_) {
-    const Touch at = touch(i, x_m);
-    forces[i] = points_[i].area_m2 * at.pressure_pa * at.normal;
-  }
+std::vector<Vector3d> SphereContact::forces_on_body_newton() const {
+  std::vector<Vector3d> forces(points_->size(), Vector3d::Zero());
+  for (const Settled& one : settled_) forces[one.point] = one.force_on_body_newton;
   return forces;
 }
 
-std::size_t SphereContact::touching(const double* x_m) const {
-  std::size_t count = 0;
-  for (const std::uint32_t i : near_)
-    count += static_cast<std::size_t>(touch(i, x_m).pressure_pa > 0.0);
-  return count;
+std::size_t SphereContact::touching() const { return settled_.size(); }
+
+double SphereContact::facing() const {
+  double sum = 0.0;
+  double weight = 0.0;
+  for (const Settled& one : settled_) {
+    const double newton = one.force_on_body_newton.norm();
+    sum += newton * one.facing;
+    weight += newton;
+  }
+  return weight > 0.0 ? sum / weight : 1.0;
 }
 
 }  // namespace palpate::elastic

@@ -3,6 +3,9 @@
 
 #include <array>
 #include <cstdint>
+#include <limits>
+#include <memory>
+#include <optional>
 #include <vector>
 
 #include "physics_node/elastic/body.h"
@@ -34,6 +37,11 @@ struct SurfacePoint {
 /// Frictionless and unilateral: every point may press on the sphere, none may pull. Augmented
 /// Lagrangian: pressure = max(0, multiplier − stiffness × gap), and after update_multipliers() the
 /// multiplier is that pressure, so that the penetration goes to zero at a finite stiffness.
+///
+/// From choose_near() on each point remembers from which side the sphere came: only points whose
+/// face looks at the sphere may touch it, and the normal at a point turns by at most 60° in a step.
+/// gap = max u·(point − centre) − radius over the unit u of that cone, which is the distance from
+/// the sphere while the point is where it belongs, and leads back to its side from everywhere else.
 class SphereContact : public Obstacle {
  public:
   /// @param stiffness_pa_per_m  > 0
@@ -43,9 +51,14 @@ class SphereContact : public Obstacle {
     centre_m_ = centre_m;
     radius_m_ = radius_m;
   }
-  /// From now on only points this near to the sphere may touch it; others lose their multipliers.
-  /// At first all may.
+  [[nodiscard]] double radius_m() const noexcept { return radius_m_; }
+  /// Before a step: from now on only points this near to the sphere that face it may touch it;
+  /// others lose their multipliers. At first all may.
+  /// @param margin_m  at least the way of the sphere to the next call, so that every point is seen
+  ///     before it is inside
   void choose_near(const double* x_m, double margin_m);
+  /// The tool is elsewhere: as if new.
+  void forget() noexcept;
   double add_gradient(const double* x_m, double* gradient) const override;
   void add_stiffness(const double* x_m, const BlockPattern& pattern,
                      BlockValues& values) const override;
@@ -54,28 +67,57 @@ class SphereContact : public Obstacle {
   [[nodiscard]] double longest_correction_m() const override { return 0.2 * radius_m_; }
 
   [[nodiscard]] std::size_t near_count() const noexcept { return near_.size(); }
-  /// Returns the deepest penetration [m].
-  double update_multipliers(const double* x_m);
-  [[nodiscard]] Vector3d force_on_sphere_newton(const double* x_m) const;
+  /// From the centre to the nearest point, at the last choose_near(); a lower bound where none is
+  /// within its reach.
+  [[nodiscard]] double nearest_m() const noexcept { return nearest_m_; }
+
+  /// Ends a round with the body there: the pressures become the multipliers, except at points
+  /// without a node in `pattern`, which are fixed and keep the penalty alone; none exceeds
+  /// stiffness × diameter. What follows is said of this state.
+  /// @return  the deepest penetration [m]
+  double update_multipliers(const double* x_m, const BlockPattern& pattern);
+
+  // --- of the last update_multipliers(); nothing before it ---
+
+  [[nodiscard]] Vector3d force_on_sphere_newton() const;
   /// Of every point, on the body.
-  [[nodiscard]] std::vector<Vector3d> forces_on_body_newton(const double* x_m) const;
-  [[nodiscard]] std::size_t touching(const double* x_m) const;
-  [[nodiscard]] const std::vector<SurfacePoint>& points() const noexcept { return points_; }
+  [[nodiscard]] std::vector<Vector3d> forces_on_body_newton() const;
+  [[nodiscard]] std::size_t touching() const;
+  /// Mean of −(direction of the force on the body)·(…on the face's outward normal), weighted by
+  /// force: 1 where the surface lies on the sphere, below 0 where the sphere has passed through it.
+  /// 1 without force.
+  [[nodiscard]] double facing() const;
+  [[nodiscard]] const std::vector<SurfacePoint>& points() const noexcept { return *points_; }
 
  private:
   struct Touch {
     Vector3d normal;  // out of the sphere
     double gap_m;
-    double distance_m;  // from the centre
+    double distance_m;  // from the centre; 0: the normal is at the border of the cone
     double pressure_pa;
   };
+  enum class Side : std::uint8_t { kUnknown, kFacing, kHidden };
   void add_blocks(const double* x_m, const BlockPattern& pattern, bool is_exact,
                   BlockValues& values) const;
   [[nodiscard]] Touch touch(std::size_t point, const double* x_m) const noexcept;
+  [[nodiscard]] bool look_at(std::size_t point, const Vector3d& at_m,
+                             const Vector3d& face_normal) noexcept;
 
-  std::vector<SurfacePoint> points_;
+  std::shared_ptr<const std::vector<SurfacePoint>> points_;  // of all copies
   std::vector<double> multipliers_pa_;
   std::vector<std::uint32_t> near_;  // points that may touch
+  // since the first choose_near()
+  std::vector<Side> sides_;
+  std::vector<Vector3d> cones_;  // axis, out of the sphere; zero: any direction
+  std::optional<Vector3d> seen_from_m_;
+  double nearest_m_ = std::numeric_limits<double>::infinity();
+  // of the last update_multipliers(), of the points in near_ then
+  struct Settled {
+    std::uint32_t point = 0;
+    Vector3d force_on_body_newton;
+    double facing = 1.0;
+  };
+  std::vector<Settled> settled_;
   double stiffness_pa_per_m_;
   Vector3d centre_m_ = Vector3d::Zero();
   double radius_m_ = 0.0;

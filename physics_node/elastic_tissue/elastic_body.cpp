@@ -10,6 +10,7 @@
 
 #include "common/core/check.h"
 #include "physics_node/elastic/equilibrium.h"
+#include "physics_node/elastic/support.h"
 #include "physics_node/elastic_tissue/elastic_contact.h"
 #include "physics_node/files/surface_files.h"
 #include "physics_node/surfaces/triangle_surface.h"
@@ -21,6 +22,10 @@ constexpr double kRestTolerance_m = 1e-7;
 constexpr int kMostPointsPerEdge = 16;
 // Of the surface that a point stands for, over the square of the tip's radius.
 constexpr double kPointArea = 0.09;
+
+// Of the contact's penalty, in Young's moduli over the radius. With 10 a pressure of several moduli
+// outweighs it as the points slide round the sphere: the body folds, and the sphere falls through.
+constexpr double kContactStiffness = 100.0;
 
 bool is_within(const RegionGeometry& region, const Vector3& point_m) {
   struct Inside {
@@ -130,6 +135,11 @@ std::shared_ptr<const ElasticBody> make_elastic_body(const TissueConfig& tissue,
   if (description.fixed_nodes.size() == description.mesh.nodes_m.size()) {
     throw SetupError(name + "all nodes are fixed; make elastic.fixed smaller");
   }
+  if (const std::string complaint =
+          elastic::complaint_about_support(description.mesh, description.fixed_nodes);
+      !complaint.empty()) {
+    throw SetupError(name + complaint);
+  }
   if (description.mesh.element_count() > kMostElasticElements) {
     throw SetupError(name + std::to_string(description.mesh.element_count()) +
                      " tetrahedra; must be at most " + std::to_string(kMostElasticElements) +
@@ -148,7 +158,7 @@ std::shared_ptr<const ElasticBody> make_elastic_body(const TissueConfig& tissue,
   for (std::uint32_t i = 0; i < is_surface.size(); ++i) {
     if (is_surface[i] != 0) made->surface_nodes.push_back(i);
   }
-  made->contact_stiffness_pa_per_m = 10.0 * material.young_pa / tip_radius_m;
+  made->contact_stiffness_pa_per_m = kContactStiffness * material.young_pa / tip_radius_m;
   made->hertz_newton = 4.0 / 3.0 * material.young_pa /
                        (1.0 - material.poisson_ratio * material.poisson_ratio) *
                        std::sqrt(tip_radius_m) * std::pow(kHertzDepth_m, 1.5);

@@ -45,6 +45,20 @@ Contact elastic_contact(std::uint32_t tissue, const SurfaceView& view, double pe
   return contact;
 }
 
+bool TipSide::follow(const Surface& surface, const Bounds& bounds, double tip_radius_m,
+                     double reach_m, const Vector3& tip_m, double time_s) noexcept {
+  const double near_m = tip_radius_m + reach_m;
+  const bool was_known = is_known_;
+  is_known_ = bounds.squared_distance(tip_m) <= near_m * near_m;
+  if (is_known_ && was_known) {
+    move(surface, tip_radius_m, tip_m, std::max(0.0, time_s - time_s_), proxy_);
+  } else if (is_known_) {
+    proxy_ = begun_at(surface, tip_radius_m, tip_m, proxy_.hint);
+  }
+  time_s_ = time_s;
+  return is_known_;
+}
+
 void Rubbing::settle(const Vector3& tip_m, double friction_coefficient, double shear_newton_per_m,
                      Contact& contact) noexcept {
   if (!(friction_coefficient > 0.0)) return;

@@ -1,6 +1,9 @@
 // elastic_contact.h — the contact model of an elastic body on hop 3.
 #pragma once
 
+#include "common/contact/bounds.h"
+#include "common/contact/proxy.h"
+#include "common/contact/surface.h"
 #include "common/contact/surface_view.h"
 #include "common/core/messages.h"
 #include "common/core/vector.h"
@@ -29,6 +32,27 @@ inline constexpr double kHertzDepth_m = 1e-3;
 [[nodiscard]] Contact elastic_contact(std::uint32_t tissue, const SurfaceView& view,
                                       double penetration_m, const Vector3& normal,
                                       double stiffness_newton_per_m, double tip_radius_m) noexcept;
+
+/// The side of the untouched body on which a tip is, by a proxy that does not pass through its
+/// surface (common/contact/proxy.h): a tip that has gone through a thin part is deep below the side
+/// from which it came, and one that appears inside is below the nearest.
+class TipSide {
+ public:
+  /// The tip is there. No allocation. False: out of reach, and forgotten.
+  /// @param reach_m  from the tip's surface   @param time_s  not before that of the last call
+  bool follow(const Surface& surface, const Bounds& bounds, double tip_radius_m, double reach_m,
+              const Vector3& tip_m, double time_s) noexcept;
+  /// From the centre of the tip. @pre  follow() was true
+  [[nodiscard]] const SurfaceView& view() const noexcept { return proxy_.surface; }
+  /// Of the sphere, outside. @pre  follow() was true
+  [[nodiscard]] const Vector3& place_m() const noexcept { return proxy_.place_m; }
+  [[nodiscard]] bool is_known() const noexcept { return is_known_; }
+
+ private:
+  Proxy proxy_;
+  bool is_known_ = false;
+  double time_s_ = 0.0;
+};
 
 /// Coulomb friction of one tip on an elastic body: a spring along the surface that slips.
 class Rubbing {

@@ -9,6 +9,12 @@
 #include "physics_node/scene/scene.h"
 
 namespace palpate::physics {
+namespace {
+
+// From a tip farther away the body is not described.
+constexpr double kReach_m = 0.05;
+
+}  // namespace
 
 ElasticReference::ElasticReference(std::vector<std::shared_ptr<const ElasticBody>> bodies,
                                    double tip_radius_m, double step_s)
@@ -30,7 +36,7 @@ std::vector<std::shared_ptr<const ElasticBody>> ElasticReference::bodies() const
 void ElasticReference::advance(double time_s, const Vector3& tip_m, SceneForce& sum) {
   const bool is_due = !next_s_ || time_s > *next_s_ - 1e-6 * step_s_;
   if (is_due) {
-    for (One& one : bodies_) step(one, tip_m);
+    for (One& one : bodies_) step(one, tip_m, time_s);
     tip_m_ = tip_m;
     next_s_ = std::max(next_s_.value_or(time_s) + step_s_, time_s);
   }
@@ -45,22 +51,31 @@ void ElasticReference::advance(double time_s, const Vector3& tip_m, SceneForce& 
   }
 }
 
-void ElasticReference::step(One& one, const Vector3& tip_m) const {
-  const std::array<std::optional<TipState>, 1> tips{
-      TipState{.tip_m = tip_m, .friction_on_tool_newton = one.rubbing.force_on_tool_newton()}};
+void ElasticReference::step(One& one, const Vector3& tip_m, double time_s) const {
+  std::array<std::optional<TipState>, 1> tips;
+  const ElasticBody& body = *one.body;
+  if (one.side.follow(body.shape, body.bounds, tip_radius_m_, kReach_m, tip_m, time_s)) {
+    tips[0] = {.tip_m = tip_m,
+               .place_m = one.side.place_m(),
+               .friction_on_tool_newton = one.rubbing.force_on_tool_newton()};
+  }
   one.simulation->step(tips);
   one.full_newton = one.simulation->touch(0).force_on_tool_newton;
-  const SurfaceView view = one.body->shape.view(tip_m, one.hint);
+  one.contact = {};
+  if (!one.side.is_known()) {
+    one.rubbing = {};
+    return;
+  }
+  const SurfaceView& view = one.side.view();
   const double penetration_m = tip_radius_m_ - view.distance_m;
   const Vector3 normal = contact_normal(one.full_newton, view.normal);
   if (penetration_m > kLeastDepth_m) {
     one.stiffness_newton_per_m =
         elastic_stiffness(std::max(0.0, one.full_newton.dot(normal)), penetration_m);
   }
-  one.contact = elastic_contact(one.body->tissue, view, penetration_m, normal,
+  one.contact = elastic_contact(body.tissue, view, penetration_m, normal,
                                 one.stiffness_newton_per_m, tip_radius_m_);
-  one.rubbing.settle(tip_m, one.body->friction_coefficient, one.body->shear_newton_per_m,
-                     one.contact);
+  one.rubbing.settle(tip_m, body.friction_coefficient, body.shear_newton_per_m, one.contact);
   one.full_newton += one.rubbing.force_on_tool_newton();
 }
 

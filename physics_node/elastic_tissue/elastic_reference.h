@@ -33,13 +33,13 @@ class ElasticReference {
   struct One {
     std::shared_ptr<const ElasticBody> body;
     std::unique_ptr<ElasticSimulation> simulation;
-    SurfaceHint hint{};
+    TipSide side{};
     double stiffness_newton_per_m = 0.0;
     Contact contact{};
     Rubbing rubbing{};
     Vector3 full_newton = Vector3::Zero();  // on the tool
   };
-  void step(One& one, const Vector3& tip_m) const;
+  void step(One& one, const Vector3& tip_m, double time_s) const;
 
   double tip_radius_m_;
   double step_s_;

@@ -3,12 +3,23 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <numbers>
+#include <utility>
 
 namespace palpate::physics {
 namespace {
 
 // A tip this far from the body may touch it within two steps of the full solution.
 constexpr double kNear_m = 0.02;
+// The surface must lie on the sphere within about 70°, in the mean over the force.
+constexpr double kLeastFacing = 0.35;
+// A sphere that could not go on tries again after so many steps, or when its tip has come nearer
+// by this factor.
+constexpr int kBlockedSteps = 10;
+constexpr double kNearer = 0.9;
+// Then the body begins again.
+constexpr int kMostFailedInARow = 3;
 
 elastic::DynamicsSettings settings() {
   // backward Euler: one factor serves steps with and without contact
@@ -45,6 +56,22 @@ void ElasticSimulation::Tips::add_stiffness(const double* x_m, const elastic::Bl
   }
 }
 
+void ElasticSimulation::Tips::add_exact_stiffness(const double* x_m,
+                                                  const elastic::BlockPattern& pattern,
+                                                  elastic::BlockValues& values) const {
+  for (std::size_t i = 0; i < contacts.size(); ++i) {
+    if (is_near[i] != 0) contacts[i].add_exact_stiffness(x_m, pattern, values);
+  }
+}
+
+double ElasticSimulation::Tips::longest_correction_m() const {
+  double longest_m = std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < contacts.size(); ++i) {
+    if (is_near[i] != 0) longest_m = std::min(longest_m, contacts[i].longest_correction_m());
+  }
+  return longest_m;
+}
+
 ElasticSimulation::ElasticSimulation(const ElasticBody& body, std::size_t tools,
                                      double tip_radius_m, double step_s)
     : body_(body),
@@ -52,7 +79,7 @@ ElasticSimulation::ElasticSimulation(const ElasticBody& body, std::size_t tools,
       step_s_(step_s),
       dynamics_(*body.body, settings()),
       touches_(tools),
-      hints_(tools) {
+      triangles_(triangles_of(body)) {
   for (std::size_t i = 0; i < tools; ++i) {
     tips_.contacts.emplace_back(body.points, body.contact_stiffness_pa_per_m);
     tips_.is_near.push_back(0);
@@ -60,26 +87,57 @@ ElasticSimulation::ElasticSimulation(const ElasticBody& body, std::size_t tools,
   dynamics_.set_state(body.start_m, elastic::VectorXd::Zero(body.start_m.size()));
 }
 
-/// Where the sphere goes in this step.
-Vector3 ElasticSimulation::follow(std::size_t tool, const Vector3& tip_m) {
-  const double r = tip_radius_m_;
-  const SurfaceView there = body_.shape.view(tip_m, hints_[tool]);
-  const Touch& touch = touches_[tool];
+/// Moves the sphere towards its tip, and looks at the surface on the way, so that each point is
+/// seen before it is inside. False: it is not there yet.
+bool ElasticSimulation::follow(std::size_t tool, const TipState& tip) {
+  Touch& touch = touches_[tool];
+  elastic::SphereContact& contact = tips_.contacts[tool];
+  const double* x = dynamics_.x_m().data();
   if (!touch.is_near) {
-    // a tool that appears inside comes from the nearest place of the surface
-    const double least_m = 0.5 * r;
-    return there.distance_m >= least_m
-               ? tip_m
-               : Vector3(tip_m + (least_m - there.distance_m) * there.normal);
+    contact.forget();
+    touch.blocked_steps = 0;
+    touch.centre_m = tip.place_m;
+    contact.set_sphere(touch.centre_m, tip_radius_m_);
+    contact.choose_near(x, tip_radius_m_);
   }
-  const double before_m = body_.shape.view(touch.centre_m, hints_[tool]).distance_m;
-  const double least_m = std::min(before_m, r) - 0.5 * r;
-  double share = 1.0;
-  if (there.distance_m < least_m) share = (before_m - least_m) / (before_m - there.distance_m);
-  const Vector3 way = tip_m - touch.centre_m;
-  if (std::min(before_m, there.distance_m) < r)
-    share = std::min(share, r / std::max(r, way.norm()));
-  return touch.centre_m + share * way;
+  touch.is_near = true;
+  if (touch.blocked_steps > 0) {
+    const bool is_nearer = (tip.tip_m - touch.centre_m).norm() < kNearer * touch.blocked_m;
+    touch.blocked_steps = is_nearer ? 0 : touch.blocked_steps - 1;
+    contact.choose_near(x, tip_radius_m_);
+    if (touch.blocked_steps > 0) return true;
+  }
+  double left_m = tip_radius_m_;
+  while (left_m > 0.0) {
+    const Vector3 way = tip.tip_m - touch.centre_m;
+    const double free_m = contact.nearest_m() - 1.5 * tip_radius_m_;
+    const double most_m = std::max(std::min(0.5 * tip_radius_m_, left_m), free_m);
+    const double length_m = way.norm();
+    touch.centre_m += std::min(1.0, most_m / std::max(length_m, 1e-12)) * way;
+    contact.set_sphere(touch.centre_m, tip_radius_m_);
+    contact.choose_near(x, tip_radius_m_);
+    if (length_m <= most_m) return true;
+    if (!(free_m >= most_m)) left_m -= most_m;
+  }
+  return false;
+}
+
+/// Solid angle of the surface as seen from there: 4π inside, 0 outside [vanOosterom83].
+bool ElasticSimulation::is_inside(const Vector3& place_m) const {
+  const elastic::VectorXd& x = dynamics_.x_m();
+  double half_angle = 0.0;
+  for (const auto& [a, b, c] : triangles_) {
+    const Vector3 to_a = x.segment<3>(3 * Eigen::Index{a}) - place_m;
+    const Vector3 to_b = x.segment<3>(3 * Eigen::Index{b}) - place_m;
+    const Vector3 to_c = x.segment<3>(3 * Eigen::Index{c}) - place_m;
+    const double l_a = to_a.norm();
+    const double l_b = to_b.norm();
+    const double l_c = to_c.norm();
+    half_angle +=
+        std::atan2(to_a.dot(to_b.cross(to_c)), l_a * l_b * l_c + to_a.dot(to_b) * l_c +
+                                                   to_b.dot(to_c) * l_a + to_c.dot(to_a) * l_b);
+  }
+  return half_angle > std::numbers::pi;
 }
 
 /// Spreads the reaction over the pressed points.
@@ -99,24 +157,22 @@ void ElasticSimulation::rub(const Touch& touch, const Vector3& friction_on_tool_
 }
 
 bool ElasticSimulation::step(std::span<const std::optional<TipState>> tips) {
-  const elastic::VectorXd& x = dynamics_.x_m();
+  const double near_m = tip_radius_m_ + kNear_m;
+  const std::vector<Touch> touches_before = touches_;
+  const std::vector<elastic::SphereContact> contacts_before = tips_.contacts;
   bool is_any_near = false;
   tips_.rubbed_newton.clear();
   for (std::size_t i = 0; i < touches_.size(); ++i) {
     Touch& touch = touches_[i];
-    const double near_m = tip_radius_m_ + kNear_m;
     const bool is_there = i < tips.size() && tips[i] && tips[i]->tip_m.allFinite() &&
+                          tips[i]->place_m.allFinite() &&
                           body_.bounds.squared_distance(tips[i]->tip_m) < near_m * near_m;
-    elastic::SphereContact& contact = tips_.contacts[i];
     if (is_there) {
-      const Vector3 centre_m = follow(i, tips[i]->tip_m);
       rub(touch, tips[i]->friction_on_tool_newton);
-      touch.centre_m = centre_m;
-      contact.set_sphere(centre_m, tip_radius_m_);
-      contact.choose_near(x.data(), tip_radius_m_);
+      follow(i, *tips[i]);
     }
     touch.is_near = is_there;
-    tips_.is_near[i] = is_there && contact.near_count() > 0 ? 1 : 0;
+    tips_.is_near[i] = is_there && tips_.contacts[i].near_count() > 0 ? 1 : 0;
     is_any_near = is_any_near || tips_.is_near[i] != 0;
     touch.force_on_tool_newton.setZero();
     touch.forces_on_body_newton.clear();
@@ -125,15 +181,119 @@ bool ElasticSimulation::step(std::span<const std::optional<TipState>> tips) {
     static_cast<void>(dynamics_.step(step_s_));
     return false;
   }
-  report_ = dynamics_.step(step_s_, is_any_near ? &tips_ : nullptr);
-  for (std::size_t i = 0; i < touches_.size(); ++i) {
-    if (tips_.is_near[i] == 0) continue;
-    elastic::SphereContact& contact = tips_.contacts[i];
-    touches_[i].force_on_tool_newton = contact.force_on_sphere_newton(x.data());
-    touches_[i].forces_on_body_newton = contact.forces_on_body_newton(x.data());
-    contact.update_multipliers(x.data());
+  before_m_ = dynamics_.x_m();
+  if (step_once()) {
+    failed_in_a_row_ = 0;
+    return true;
   }
+  ++failed_steps_;
+  repair(tips, touches_before, contacts_before);
   return true;
+}
+
+/// After a step that failed: the spheres wait where they were, and if that fails too, the body with
+/// them. One that appeared in a wrong place, or waited in vain, begins again.
+void ElasticSimulation::repair(std::span<const std::optional<TipState>> tips,
+                               const std::vector<Touch>& touches_before,
+                               const std::vector<elastic::SphereContact>& contacts_before) {
+  const elastic::StepReport failed = report_;
+  bool can_wait = failed_in_a_row_ < kMostFailedInARow;
+  std::vector<std::size_t> there;
+  for (std::size_t i = 0; i < touches_.size(); ++i) {
+    if (!touches_[i].is_near) continue;
+    there.push_back(i);
+    can_wait = can_wait && touches_before[i].is_near && !touches_before[i].has_failed;
+  }
+  tips_.rubbed_newton.clear();
+  if (can_wait) {
+    ++failed_in_a_row_;
+    set_body(before_m_);
+    tips_.contacts = contacts_before;
+    for (const std::size_t i : there) {
+      Touch& touch = touches_[i];
+      touch.centre_m = touches_before[i].centre_m;
+      touch.blocked_steps = kBlockedSteps;
+      touch.blocked_m = (tips[i]->tip_m - touch.centre_m).norm();
+      tips_.contacts[i].choose_near(before_m_.data(), tip_radius_m_);
+      tips_.is_near[i] = tips_.contacts[i].near_count() > 0 ? 1 : 0;
+    }
+    if (!step_once()) {
+      // as it was, with the forces of then
+      set_body(before_m_);
+      tips_.contacts = contacts_before;
+      for (const std::size_t i : there) {
+        touches_[i].has_failed = false;
+        touches_[i].force_on_tool_newton = touches_before[i].force_on_tool_newton;
+        touches_[i].forces_on_body_newton = touches_before[i].forces_on_body_newton;
+      }
+    }
+  } else {
+    failed_in_a_row_ = 0;
+    begin_again(tips, there);
+  }
+  report_.search = failed.search;  // it has not converged
+}
+
+/// The body from its untouched state, the spheres from their proxies, as far as that goes right.
+void ElasticSimulation::begin_again(std::span<const std::optional<TipState>> tips,
+                                    const std::vector<std::size_t>& there) {
+  set_body(body_.start_m);
+  for (const std::size_t i : there) touches_[i].is_near = false;
+  bool are_there = false;
+  for (int step = 0; step < kMostRepairSteps && !are_there; ++step) {
+    before_m_ = dynamics_.x_m();
+    const std::vector<Touch> touches_before = touches_;
+    const std::vector<elastic::SphereContact> contacts_before = tips_.contacts;
+    are_there = true;
+    for (const std::size_t i : there) {
+      are_there = follow(i, *tips[i]) && are_there;
+      tips_.is_near[i] = tips_.contacts[i].near_count() > 0 ? 1 : 0;
+    }
+    if (step_once()) continue;
+    set_body(before_m_);
+    tips_.contacts = contacts_before;
+    touches_ = touches_before;
+    for (const std::size_t i : there) {
+      touches_[i].blocked_steps = kBlockedSteps;
+      touches_[i].blocked_m = (tips[i]->tip_m - touches_[i].centre_m).norm();
+      touches_[i].has_failed = step == 0;
+    }
+    return;
+  }
+}
+
+void ElasticSimulation::set_body(const elastic::VectorXd& x_m) {
+  dynamics_.set_state(x_m, elastic::VectorXd::Zero(x_m.size()));
+  dynamics_.search().update_rotations(x_m);
+}
+
+/// A step with the spheres where they are. False: it has failed.
+bool ElasticSimulation::step_once() {
+  const bool is_any_near =
+      std::any_of(tips_.is_near.begin(), tips_.is_near.end(), [](char near) { return near != 0; });
+  report_ = dynamics_.step(step_s_, is_any_near ? &tips_ : nullptr);
+  bool has_failed = false;
+  for (std::size_t i = 0; i < touches_.size(); ++i) {
+    Touch& touch = touches_[i];
+    touch.has_failed = false;
+    touch.force_on_tool_newton.setZero();
+    touch.forces_on_body_newton.clear();
+    if (!touch.is_near) continue;
+    elastic::SphereContact& contact = tips_.contacts[i];
+    contact.update_multipliers(dynamics_.x_m().data(), body_.body->pattern());
+    touch.has_failed = is_wrong(i);
+    has_failed = has_failed || touch.has_failed;
+    if (touch.has_failed || tips_.is_near[i] == 0) continue;
+    touch.force_on_tool_newton = contact.force_on_sphere_newton();
+    touch.forces_on_body_newton = contact.forces_on_body_newton();
+  }
+  report_.search.is_converged = report_.search.is_converged && !has_failed;
+  return !has_failed;
+}
+
+/// The surface holds the sphere on the wrong side.
+bool ElasticSimulation::is_wrong(std::size_t tool) const {
+  return tips_.contacts[tool].facing() < kLeastFacing || is_inside(touches_[tool].centre_m);
 }
 
 void ElasticSimulation::surface_strain(std::vector<float>& strain) const {

@@ -2,6 +2,7 @@
 // solution.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -9,7 +10,6 @@
 #include <utility>
 #include <vector>
 
-#include "common/contact/surface_view.h"
 #include "physics_node/elastic/dynamics.h"
 #include "physics_node/elastic_tissue/elastic_body.h"
 
@@ -18,6 +18,8 @@ namespace palpate::physics {
 /// Where a tip is, and the friction that acts on it.
 struct TipState {
   Vector3 tip_m = Vector3::Zero();
+  /// Of its proxy on the untouched surface: outside of the body, on the side from which it came.
+  Vector3 place_m = Vector3::Zero();
   Vector3 friction_on_tool_newton = Vector3::Zero();
 };
 
@@ -28,14 +30,22 @@ class ElasticSimulation {
   ElasticSimulation(const ElasticBody& body, std::size_t tools, double tip_radius_m, double step_s);
 
   /// One step of backward Euler with the tips at these places; none: the tool is not there. The
-  /// sphere that the body meets follows its tip by at most half a radius of depth and a radius of
-  /// way a step, so that a tool that appears inside is pushed out the way it came. The friction
-  /// acts on the points that were pressed in the last step, in proportion. False: skipped, at rest
-  /// and untouched.
+  /// sphere that the body meets comes from the tip's proxy and follows the tip, in contact by at
+  /// most a radius a step. The friction acts on the points that were pressed in the last step, in
+  /// proportion. False: skipped, at rest and untouched.
+  ///
+  /// A step after which the surface presses on a sphere from behind, or the centre of a sphere is
+  /// inside the body, has failed and is not converged: the body goes back to where it was before,
+  /// and the spheres wait there; if that fails too, the body stays there with its forces. After
+  /// some such steps in a row, or a sphere's first step, it begins again from its untouched state,
+  /// the spheres from their proxies, and goes as far as it can in up to kMostRepairSteps steps.
   bool step(std::span<const std::optional<TipState>> tips);
 
   struct Touch {
     bool is_near = false;                ///< the tip may touch within the next steps
+    bool has_failed = false;             ///< in the last step: there is no force
+    int blocked_steps = 0;               ///< that the sphere will wait: the body cannot give way
+    double blocked_m = 0.0;              ///< from the tip when it began to wait
     Vector3 centre_m = Vector3::Zero();  ///< of the sphere in the last step
     Vector3 force_on_tool_newton = Vector3::Zero();
     std::vector<elastic::Vector3d> forces_on_body_newton;  ///< of body.points; empty: none
@@ -46,6 +56,10 @@ class ElasticSimulation {
   [[nodiscard]] const elastic::StepReport& report() const noexcept { return report_; }
   [[nodiscard]] const ElasticBody& body() const noexcept { return body_; }
   [[nodiscard]] double step_s() const noexcept { return step_s_; }
+  /// Steps that failed, since construction.
+  [[nodiscard]] std::uint64_t failed_steps() const noexcept { return failed_steps_; }
+
+  static constexpr int kMostRepairSteps = 12;
 
   /// Equivalent strain √(⅔ dev E : dev E) at the body's surface nodes, mean of their elements.
   void surface_strain(std::vector<float>& strain) const;
@@ -60,10 +74,22 @@ class ElasticSimulation {
     double add_gradient(const double* x_m, double* gradient) const override;
     void add_stiffness(const double* x_m, const elastic::BlockPattern& pattern,
                        elastic::BlockValues& values) const override;
+    void add_exact_stiffness(const double* x_m, const elastic::BlockPattern& pattern,
+                             elastic::BlockValues& values) const override;
+    [[nodiscard]] double longest_correction_m() const override;
   };
 
   void rub(const Touch& touch, const Vector3& friction_on_tool_newton);
-  [[nodiscard]] Vector3 follow(std::size_t tool, const Vector3& tip_m);
+  bool follow(std::size_t tool, const TipState& tip);
+  [[nodiscard]] bool step_once();
+  [[nodiscard]] bool is_wrong(std::size_t tool) const;
+  void repair(std::span<const std::optional<TipState>> tips,
+              const std::vector<Touch>& touches_before,
+              const std::vector<elastic::SphereContact>& contacts_before);
+  void begin_again(std::span<const std::optional<TipState>> tips,
+                   const std::vector<std::size_t>& there);
+  void set_body(const elastic::VectorXd& x_m);
+  [[nodiscard]] bool is_inside(const Vector3& place_m) const;
 
   const ElasticBody& body_;
   double tip_radius_m_;
@@ -71,8 +97,11 @@ class ElasticSimulation {
   elastic::Dynamics dynamics_;
   Tips tips_;
   std::vector<Touch> touches_;
-  std::vector<SurfaceHint> hints_;
+  std::vector<std::array<std::uint32_t, 3>> triangles_;
+  elastic::VectorXd before_m_;  // the last step
   elastic::StepReport report_;
+  std::uint64_t failed_steps_ = 0;
+  int failed_in_a_row_ = 0;
 };
 
 }  // namespace palpate::physics

@@ -58,28 +58,43 @@ ElasticTissue::Columns ElasticTissue::columns() const noexcept {
 
 // --- the steps of a tool -------------------------------------------------------------------------
 
-void ElasticTissue::note(std::size_t tool, const Vector3& tip_m) noexcept {
-  const Vector3& friction = tools_[tool]->rubbing.force_on_tool_newton();
-  tools_[tool]->tip.store({.x_m = tip_m.x(),
-                           .y_m = tip_m.y(),
-                           .z_m = tip_m.z(),
-                           .friction_x_newton = friction.x(),
-                           .friction_y_newton = friction.y(),
-                           .friction_z_newton = friction.z(),
-                           .is_known = true});
+void ElasticTissue::note(std::size_t tool, const Vector3& tip_m, double reach_m,
+                         double time_s) noexcept {
+  Tool& own = *tools_[tool];
+  own.tip_m = tip_m;
+  own.reach_m = reach_m;
+  if (!own.side.follow(body_->shape, body_->bounds, tip_radius_m_, reach_m, tip_m, time_s)) {
+    own.rubbing = {};
+    own.tip.store({});
+    return;
+  }
+  const Vector3& friction = own.rubbing.force_on_tool_newton();
+  const Vector3& place_m = own.side.place_m();
+  own.tip.store({.x_m = tip_m.x(),
+                 .y_m = tip_m.y(),
+                 .z_m = tip_m.z(),
+                 .place_x_m = place_m.x(),
+                 .place_y_m = place_m.y(),
+                 .place_z_m = place_m.z(),
+                 .normal_x = own.side.view().normal.x(),
+                 .normal_y = own.side.view().normal.y(),
+                 .normal_z = own.side.view().normal.z(),
+                 .friction_x_newton = friction.x(),
+                 .friction_y_newton = friction.y(),
+                 .friction_z_newton = friction.z(),
+                 .is_known = true});
 }
 
-bool ElasticTissue::touch(std::size_t tool, const Vector3& tip_m, double reach_m,
-                          Contact& contact) noexcept {
+bool ElasticTissue::touch(std::size_t tool, Contact& contact) noexcept {
   Tool& own = *tools_[tool];
-  const double near_m = tip_radius_m_ + reach_m;
   Rubbing rubbing = std::exchange(own.rubbing, {});  // none out of reach
-  if (!(body_->bounds.squared_distance(tip_m) <= near_m * near_m)) return false;
+  if (!own.side.is_known()) return false;
+  const Vector3& tip_m = own.tip_m;
   Prepared* const prepared = own.prepared.newest();
-  const SurfaceView view = body_->shape.view(tip_m, own.hint);
+  const SurfaceView& view = own.side.view();
   const double penetration_m =
       tip_radius_m_ - view.distance_m + (prepared != nullptr ? prepared->raised_m : 0.0);
-  if (!(penetration_m > -reach_m)) return false;
+  if (!(penetration_m > -own.reach_m)) return false;
 
   const double way_m =
       prepared != nullptr ? (tip_m - prepared->centre_m).norm() : 2.0 * tip_radius_m_;
@@ -96,6 +111,8 @@ bool ElasticTissue::touch(std::size_t tool, const Vector3& tip_m, double reach_m
         prepared->contact->step(centre_m, tip_radius_m_, kMostSweeps, kSweepTolerance_m)
             .force_on_sphere_newton +
         prepared->other_newton;
+    // in doubt there is no force
+    own.stiffness_newton_per_m = 0.0;
     if (force.allFinite()) {
       own.normal = contact_normal(force, view.normal);
       own.stiffness_newton_per_m = elastic_stiffness(std::max(0.0, force.dot(own.normal)), depth_m);
@@ -120,7 +137,9 @@ void ElasticTissue::solve() {
     const Tip tip = tools_[i]->tip.load();
     tips_[i].reset();
     if (!tip.is_known) continue;
+    tools_[i]->slow_normal = {tip.normal_x, tip.normal_y, tip.normal_z};
     tips_[i] = {.tip_m = {tip.x_m, tip.y_m, tip.z_m},
+                .place_m = {tip.place_x_m, tip.place_y_m, tip.place_z_m},
                 .friction_on_tool_newton = {tip.friction_x_newton, tip.friction_y_newton,
                                             tip.friction_z_newton}};
   }
@@ -135,13 +154,16 @@ void ElasticTissue::solve() {
   } else {
     ++figures_.skipped;
   }
+  figures_.failed = simulation_.failed_steps() + without_compliance_;
   for (std::size_t i = 0; i < tools_.size(); ++i) {
-    // an untouched body at rest is prepared once
+    // an untouched body at rest is prepared once; what has failed, never
     if (!simulation_.touch(i).is_near || (!has_stepped && tools_[i]->last)) continue;
     try {
       prepare(i);
-    } catch (const std::runtime_error&) {  // NOLINT(bugprone-empty-catch)
-      // a part of the mesh is not held: there is no compliance, and the steps keep what they have
+    } catch (const std::runtime_error&) {
+      // the steps keep what they have
+      ++without_compliance_;
+      ++figures_.failed;
     }
   }
   figures_out_.store(figures_);
@@ -170,15 +192,14 @@ void ElasticTissue::prepare(std::size_t index) {
   Tool& tool = *tools_[index];
   const ElasticSimulation::Touch& touch = simulation_.touch(index);
   Prepared& draft = tool.prepared.draft();
-  draft.contact.emplace(compliance_, 0.0);
+  draft.contact.emplace(compliance_, 0.0, body_->contact_stiffness_pa_per_m);
   draft.contact->prepare(body_->points, simulation_.x_m(), touch.forces_on_body_newton,
                          touch.centre_m, kMostPoints);
   if (is_alone(index) && !touch.force_on_tool_newton.isZero(0.0)) {
     // the compliance shall do the work from the untouched body to this solution
     draft.contact->add_equilibrium(body_->points, body_->start_m, {});
   }
-  const Vector3 normal = body_->shape.view(touch.centre_m, tool.slow_hint).normal;
-  draft.raised_m = raised_m(index, draft.contact->chosen().front(), normal);
+  draft.raised_m = raised_m(index, draft.contact->chosen().front(), tool.slow_normal);
   draft.other_newton = touch.force_on_tool_newton;
   for (const std::size_t point : draft.contact->chosen()) {
     if (!touch.forces_on_body_newton.empty()) {

@@ -28,6 +28,7 @@ struct ElasticFigures {
   std::uint64_t solves = 0;
   std::uint64_t skipped = 0;
   std::uint64_t late = 0;
+  std::uint64_t failed = 0;
   double residual_ratio = 0.0;
   double error_newton = 0.0;
 };
@@ -44,10 +45,12 @@ class ElasticTissue {
 
   // --- the thread of the steps of a tool: no allocation, lock or throw ---
 
-  /// Where the tip is, for the next full solution.
-  void note(std::size_t tool, const Vector3& tip_m) noexcept;
-  /// The contact of the tip; false if the surface is not within reach.
-  bool touch(std::size_t tool, const Vector3& tip_m, double reach_m, Contact& contact) noexcept;
+  /// Where the tip is, for the next full solution and touch().
+  /// @param reach_m  bodies this near are described before they are touched
+  /// @param time_s   not before that of the last call
+  void note(std::size_t tool, const Vector3& tip_m, double reach_m, double time_s) noexcept;
+  /// The contact of the tip where note() put it; false if the surface is not within reach.
+  bool touch(std::size_t tool, Contact& contact) noexcept;
   /// Stated bound of the error of the last contact's force, from the errors measured so far [N].
   [[nodiscard]] double bound_newton(std::size_t tool) const noexcept {
     return tools_[tool]->bound_newton;
@@ -83,6 +86,12 @@ class ElasticTissue {
     double x_m = 0.0;
     double y_m = 0.0;
     double z_m = 0.0;
+    double place_x_m = 0.0;  // of its proxy
+    double place_y_m = 0.0;
+    double place_z_m = 0.0;
+    double normal_x = 0.0;  // of the surface there
+    double normal_y = 0.0;
+    double normal_z = 1.0;
     double friction_x_newton = 0.0;  // on the tool
     double friction_y_newton = 0.0;
     double friction_z_newton = 0.0;
@@ -102,14 +111,16 @@ class ElasticTissue {
     Handover<Prepared> prepared;
     // of the steps
     const Prepared* stepped = nullptr;  // the last one
-    SurfaceHint hint{};
+    Vector3 tip_m = Vector3::Zero();
+    double reach_m = 0.0;
+    TipSide side{};
     double stiffness_newton_per_m = 0.0;
     Vector3 normal = Vector3::UnitZ();
     double bound_newton = 0.0;
     Rubbing rubbing{};
     // of the slow thread
-    SurfaceHint slow_hint{};
-    bool is_prepared = false;  // a draft waits to be published
+    Vector3 slow_normal = Vector3::UnitZ();  // of the untouched surface, on the tip's side
+    bool is_prepared = false;                // a draft waits to be published
     std::optional<elastic::CondensedContact> last;
     Vector3 last_centre_m = Vector3::Zero();
     Vector3 last_other_newton = Vector3::Zero();
@@ -132,6 +143,7 @@ class ElasticTissue {
   std::vector<std::unique_ptr<Tool>> tools_;
   std::vector<std::optional<TipState>> tips_;
   ElasticFigures figures_;
+  std::uint64_t without_compliance_ = 0;  // contacts that could not be prepared
   Snapshot<ElasticFigures> figures_out_;
 
   std::mutex shown_mutex_;

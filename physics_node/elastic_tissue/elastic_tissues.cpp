@@ -66,13 +66,13 @@ ElasticTissues::~ElasticTissues() = default;
 
 void ElasticTissues::step(std::size_t tool, const Vector3& tip_m, double time_s, double reach_m,
                           SceneForce& sum) noexcept {
-  for (auto& tissue : tissues_) tissue->note(tool, tip_m);
+  for (auto& tissue : tissues_) tissue->note(tool, tip_m, reach_m, time_s);
   if (pace_ == ElasticPace::kVirtual) solve_until(time_s);
   Counts& counts = counts_[tool];
   double bound_newton = 0.0;
   for (auto& tissue : tissues_) {
     Contact contact;
-    if (!tissue->touch(tool, tip_m, reach_m, contact)) {
+    if (!tissue->touch(tool, contact)) {
       ++counts.skipped;
       continue;
     }
@@ -95,12 +95,14 @@ void ElasticTissues::solve_until(double time_s) {
 
 void ElasticTissues::count_into(PhysicsCounters& counters) const noexcept {
   counters.elastic_solves = counters.elastic_solves_skipped = counters.elastic_solves_late = 0;
+  counters.elastic_solves_failed = 0;
   counters.elastic_residual_ratio = counters.elastic_error_newton = 0.0;
   for (const auto& tissue : tissues_) {
     const ElasticFigures figures = tissue->figures();
     counters.elastic_solves += figures.solves;
     counters.elastic_solves_skipped += figures.skipped;
     counters.elastic_solves_late += figures.late;
+    counters.elastic_solves_failed += figures.failed;
     counters.elastic_residual_ratio =
         std::max(counters.elastic_residual_ratio, figures.residual_ratio);
     counters.elastic_error_newton = std::max(counters.elastic_error_newton, figures.error_newton);

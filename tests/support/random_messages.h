@@ -294,6 +294,7 @@ inline void randomise(PhysicsCounters& c, Random& random) {
   c.elastic_solves = random.bits();
   c.elastic_solves_skipped = random.bits();
   c.elastic_solves_late = random.bits();
+  c.elastic_solves_failed = random.bits();
   c.elastic_steps_skipped = random.bits();
   c.elastic_residual_ratio = random.uniform(0.0, 1.0);
   c.elastic_error_newton = random.uniform(0.0, 10.0);
@@ -682,6 +683,7 @@ inline bool same(const PhysicsCounters& a, const PhysicsCounters& b) {
          a.elastic_solves == b.elastic_solves &&
          a.elastic_solves_skipped == b.elastic_solves_skipped &&
          a.elastic_solves_late == b.elastic_solves_late &&
+         a.elastic_solves_failed == b.elastic_solves_failed &&
          a.elastic_steps_skipped == b.elastic_steps_skipped &&
          same(a.elastic_residual_ratio, b.elastic_residual_ratio) &&
          same(a.elastic_error_newton, b.elastic_error_newton) &&

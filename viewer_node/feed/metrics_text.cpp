@@ -237,7 +237,8 @@ void add_physics(Page& page, const PhysicsCounters& c) {
   page.counter("physics_elastic_solves", "Full solutions of elastic bodies.",
                {{label("result", "made"), c.elastic_solves},
                 {label("result", "skipped"), c.elastic_solves_skipped},
-                {label("result", "late"), c.elastic_solves_late}});
+                {label("result", "late"), c.elastic_solves_late},
+                {label("result", "failed"), c.elastic_solves_failed}});
   page.counter("physics_elastic_steps_skipped", "Steps out of reach of an elastic body.",
                {{"", c.elastic_steps_skipped}});
   page.gauge("physics_elastic_residual_ratio",

@@ -173,6 +173,7 @@ void put(const PhysicsCounters& c, v1::PhysicsCounters& to) {
   to.set_elastic_solves(c.elastic_solves);
   to.set_elastic_solves_skipped(c.elastic_solves_skipped);
   to.set_elastic_solves_late(c.elastic_solves_late);
+  to.set_elastic_solves_failed(c.elastic_solves_failed);
   to.set_elastic_steps_skipped(c.elastic_steps_skipped);
   to.set_elastic_residual_ratio(c.elastic_residual_ratio);
   to.set_elastic_error_newton(c.elastic_error_newton);
@@ -206,6 +207,7 @@ PhysicsCounters counters(const v1::PhysicsCounters& c) {
           .elastic_solves = c.elastic_solves(),
           .elastic_solves_skipped = c.elastic_solves_skipped(),
           .elastic_solves_late = c.elastic_solves_late(),
+          .elastic_solves_failed = c.elastic_solves_failed(),
           .elastic_steps_skipped = c.elastic_steps_skipped(),
           .elastic_residual_ratio = c.elastic_residual_ratio(),
           .elastic_error_newton = c.elastic_error_newton(),

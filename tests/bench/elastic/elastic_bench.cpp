@@ -211,15 +211,15 @@ void press_rows(const BenchOptions& options, std::vector<Row>& rows) {
     for (int round = 0; round < 3; ++round) {
       static_cast<void>(
           find_rest(search, factor, &contact, {.tolerance_m = 1e-6, .most_iterations = 60}, x));
-      contact.update_multipliers(x.data());
+      contact.update_multipliers(x.data(), body.pattern());
     }
-    const double force = contact.force_on_sphere_newton(x.data()).z();
+    const double force = contact.force_on_sphere_newton().z();
     for (const auto& [at, newton, name] : {std::tuple{2, 37.7e-3, "press 1 mm"},
                                            {6, 189.4e-3, "press 3 mm"},
                                            {20, 859e-3, "press 10 mm"}}) {
       if (i != at) continue;
       std::printf("%s: %.1f mN on %zu points, %zu nodes, %.1f s of CPU time so far\n", name,
-                  1e3 * force, contact.touching(x.data()), body.node_count(), cpu_s() - from_cpu);
+                  1e3 * force, contact.touching(), body.node_count(), cpu_s() - from_cpu);
       rows.push_back({.figures = {.problem = name,
                                   .mesh = "2,593 nodes",
                                   .solver = "palpate NH, quadratic",
@@ -266,9 +266,9 @@ void condensed_rows(const BenchOptions& options, std::vector<Row>& rows) {
       contact.set_sphere(sphere_at(1e-5 * i), 0.005);
       for (int round = 0; round < 4; ++round) {
         static_cast<void>(find_rest(search, factor, &contact, {.tolerance_m = 1e-7}, x));
-        contact.update_multipliers(x.data());
+        contact.update_multipliers(x.data(), body.pattern());
       }
-      full_newton.push_back(contact.force_on_sphere_newton(x.data()).z());
+      full_newton.push_back(contact.force_on_sphere_newton().z());
     }
   }
   for (const bool is_checked : {true, false}) {

@@ -188,19 +188,19 @@ TEST_F(ElasticScene, OutOfReachAndAtRestNothingIsComputed) {
 
 TEST_F(ElasticScene, AStepOfTheToolAllocatesNothing) {
   ElasticTissue tissue(elastic_bodies_of(scene_).front(), 1, kTip_m);
-  tissue.note(0, tip_at(0.002));
+  tissue.note(0, tip_at(0.002), kReach_m, 0.0);
   for (int i = 0; i < 5; ++i) {
     tissue.solve();
     tissue.publish();
   }
   Contact contact;
-  ASSERT_TRUE(tissue.touch(0, tip_at(0.002), kReach_m, contact));
+  ASSERT_TRUE(tissue.touch(0, contact));
   tissue.solve();
   tissue.publish();
   const test::AllocGuard guard;
   for (int i = 0; i < 20; ++i) {
-    tissue.note(0, tip_at(0.002 + 1e-5 * i));
-    ASSERT_TRUE(tissue.touch(0, tip_at(0.002 + 1e-5 * i), kReach_m, contact));
+    tissue.note(0, tip_at(0.002 + 1e-5 * i), kReach_m, kTick_s * i);
+    ASSERT_TRUE(tissue.touch(0, contact));
   }
   EXPECT_EQ(guard.count(), 0U);
   EXPECT_GT(contact.force_on_tool_newton.z(), 0.05);
@@ -371,10 +371,10 @@ TEST_F(ElasticScene, TheNextRunFindsTheColumnsOfTheLast) {
     Run run{.before = tissue.columns()};
     Contact contact;
     for (int i = 0; i < 20; ++i) {
-      tissue.note(0, tip_at(0.0002 * i - 0.002));
+      tissue.note(0, tip_at(0.0002 * i - 0.002), kReach_m, kTick_s * i);
       tissue.solve();
       tissue.publish();
-      EXPECT_TRUE(tissue.touch(0, tip_at(0.0002 * i - 0.002), kReach_m, contact));
+      EXPECT_TRUE(tissue.touch(0, contact));
     }
     run.newton = contact.force_on_tool_newton.z();
     run.after = tissue.columns();

@@ -1,0 +1,20 @@
+// support.h — whether a mesh is one body that is held: before anything is computed with it.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "physics_node/elastic/mesh.h"
+
+namespace palpate::elastic {
+
+/// Why the body has no definite rest position, with the element and what to do, or "": an element
+/// given twice; a face of more than two elements; a part that is not held. Parts are elements that
+/// are joined by faces. A part is held by three nodes, not on a line, that are fixed or belong to
+/// parts that are held: by fewer it is loose, or turns about a point or a hinge.
+/// @param mesh  linear or quadratic; corners alone count
+[[nodiscard]] std::string complaint_about_support(const Mesh& mesh,
+                                                  const std::vector<std::uint32_t>& fixed_nodes);
+
+}  // namespace palpate::elastic

@@ -1,0 +1,305 @@
+// A tip stays on its side of an elastic body: pressed hard, fast, into thin bodies and from inside.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/core/check.h"
+#include "physics_node/elastic/support.h"
+#include "physics_node/elastic_tissue/elastic_reference.h"
+#include "physics_node/elastic_tissue/elastic_tissues.h"
+#include "physics_node/files/tetrahedral_files.h"
+#include "tests/support/temp_folder.h"
+
+namespace palpate::physics {
+namespace {
+
+constexpr double kBall_m = 0.006;
+constexpr double kNear_m = 0.05;
+
+/// The shipped block with its tumour.
+SceneConfig block_scene() {
+  ElasticMaterial material{.young_pa = 15e3, .viscosity_s = 0.005};
+  material.fixed = {HalfSpaceGeometry{.point_m = {0, 0, -0.0499}}};
+  material.parts = {{.where = SphereGeometry{.center_m = {0, 0, -0.016}, .radius_m = 0.0095},
+                     .young_pa = 150e3,
+                     .poisson_ratio = 0.45,
+                     .density_kg_per_m3 = 1000.0}};
+  return {.tip_radius_m = kBall_m,
+          .tissues = {{.name = "block",
+                       .geometry = FileGeometry{.kind = FileGeometry::Kind::kTetrahedralMesh,
+                                                .file = std::string(PALPATE_SOURCE_DIR) +
+                                                        "/deploy/sessions/block.msh"},
+                       .material = material}}};
+}
+
+/// A plate of 60 × 60 mm in the middle of z = 0, held at two edges.
+class ElasticPlate : public testing::Test {
+ protected:
+  test::TempFolder folder_;
+
+  [[nodiscard]] SceneConfig scene(double thickness_m, double viscosity_s = 0.005) const {
+    const std::vector<double> along = elastic::equal_planes(-0.03, 0.03, 8);
+    const elastic::Mesh plate = elastic::box_mesh(
+        along, along, elastic::equal_planes(-0.5 * thickness_m, 0.5 * thickness_m, 2));
+    TetrahedralMesh mesh;
+    for (const Vector3& node_m : plate.nodes_m) mesh.nodes_m.emplace_back(node_m);
+    for (std::size_t e = 0; e < plate.element_count(); ++e) {
+      const auto corners = plate.element(e);
+      mesh.tetrahedra.push_back({corners[0], corners[1], corners[2], corners[3]});
+    }
+    const std::string file = (folder_.path() / "plate.msh").string();
+    std::ofstream(file) << msh_text(mesh);
+    ElasticMaterial material{.young_pa = 15e3, .viscosity_s = viscosity_s};
+    material.fixed = {HalfSpaceGeometry{.point_m = {-0.0299, 0, 0}, .normal = {1, 0, 0}},
+                      HalfSpaceGeometry{.point_m = {0.0299, 0, 0}, .normal = {-1, 0, 0}}};
+    return {.tip_radius_m = kBall_m,
+            .tissues = {{.name = "plate",
+                         .geometry = FileGeometry{.kind = FileGeometry::Kind::kTetrahedralMesh,
+                                                  .file = file},
+                         .material = material}}};
+  }
+};
+
+/// Full solutions under one tip.
+struct FullPress {
+  std::shared_ptr<const ElasticBody> body;
+  ElasticSimulation simulation;
+  TipSide side;
+  double time_s = 0.0;
+
+  FullPress(const SceneConfig& scene, double step_s)
+      : body(elastic_bodies_of(scene).front()), simulation(*body, 1, kBall_m, step_s) {}
+
+  Vector3 step(const Vector3& tip_m) {
+    std::array<std::optional<TipState>, 1> tips;
+    if (side.follow(body->shape, body->bounds, kBall_m, kNear_m, tip_m, time_s)) {
+      tips[0] = {.tip_m = tip_m, .place_m = side.place_m()};
+    }
+    time_s += simulation.step_s();
+    simulation.step(tips);
+    return simulation.touch(0).force_on_tool_newton;
+  }
+};
+
+// 20 mm/s, full solutions at 50 Hz: pressing deeper never pushes less by more than 5 %, nor pulls.
+TEST(ElasticSide, ATipPressedHardOntoTheTumourDoesNotFallThrough) {
+  FullPress press(block_scene(), 0.02);
+  double before = 0.0;
+  for (int i = 0; i < 50; ++i) {
+    const double depth_m = 0.02 * 0.02 * i - 0.002;
+    const double newton = press.step({0.0, 0.001, kBall_m - depth_m}).z();
+    ASSERT_GE(newton, 0.95 * before) << depth_m;
+    ASSERT_TRUE(press.simulation.report().search.is_converged) << depth_m;
+    before = newton;
+  }
+  EXPECT_GT(before, 4.0);  // 18 mm deep
+  EXPECT_EQ(press.simulation.failed_steps(), 0U);
+}
+
+// Half again as deep as the block: no solution there, and it is counted. It pushes, never pulls,
+// and is right again when the tip is back.
+TEST(ElasticSide, WhereTheBodyCannotGiveWayItIsCountedAndPushesStill) {
+  FullPress press(block_scene(), 0.02);
+  const auto tip_at = [](double depth_m) { return Vector3(0.0, 0.001, kBall_m - depth_m); };
+  double at_4_mm = 0.0;
+  for (int i = 0; i <= 20; ++i) at_4_mm = press.step(tip_at(0.0002 * i)).z();
+  for (int i = 20; i <= 150; ++i) {
+    ASSERT_GT(press.step(tip_at(0.0002 * i)).z(), 0.9 * at_4_mm) << i;
+  }
+  EXPECT_GT(press.simulation.failed_steps(), 0U);
+  const std::uint64_t failed = press.simulation.failed_steps();
+  for (int i = 0; i < 10; ++i) press.step(tip_at(0.012 - 0.0008 * i));
+  double again = 0.0;
+  for (int i = 0; i < 20; ++i) again = press.step(tip_at(0.004)).z();
+  EXPECT_NEAR(again, at_4_mm, 0.05 * at_4_mm);
+  EXPECT_LE(press.simulation.failed_steps(), failed + 2);
+}
+
+// The shipped session's solve rate, −8 mm in 40 ms: the force stays.
+TEST(ElasticSide, AFastPressKeepsItsForce) {
+  const SceneConfig scene = block_scene();
+  const auto elastic = ElasticTissues::of(scene, 1, ElasticPace::kVirtual);
+  FullPress full(scene, 0.005);
+  double settled = 0.0;
+  for (int tick = 0; tick < 400; ++tick) {
+    const double depth_m = std::min(0.008, 0.2e-3 * tick - 0.002);
+    SceneForce force;
+    elastic->step(0, {0.0, 0.001, kBall_m - depth_m}, 1e-3 * tick, kNear_m, force);
+    if (depth_m > 0.001) {
+      ASSERT_GT(force.force_on_tool_newton.z(), 0.05) << tick;
+    }
+    if (tick % 5 == 0) {
+      settled = full.step({0.0, 0.001, kBall_m - depth_m}).z();
+    }
+    if (tick == 399) {
+      EXPECT_NEAR(force.force_on_tool_newton.z(), settled, 0.05 * settled);
+    }
+  }
+  PhysicsCounters counters;
+  elastic->count_into(counters);
+  EXPECT_EQ(counters.elastic_solves_failed, 0U);
+}
+
+// Nearly through an 8 mm plate from either side: the same force, mirrored, in session and ideal.
+TEST_F(ElasticPlate, IsFeltFromBothSidesPastItsThickness) {
+  const SceneConfig plate = scene(0.008);
+  const auto press = [&](double side) {
+    const auto elastic = ElasticTissues::of(plate, 1, ElasticPace::kVirtual);
+    ElasticReference ideal(elastic_bodies_of(plate), kBall_m, 0.005);
+    std::vector<double> newton;
+    double error2 = 0.0;
+    double ideal2 = 0.0;
+    for (int tick = 0; tick < 650; ++tick) {
+      const double depth_m = std::min(0.010, 0.02e-3 * tick - 0.001);
+      const Vector3 tip_m(0.0, 0.0, side * (0.004 + kBall_m - depth_m));
+      SceneForce force;
+      elastic->step(0, tip_m, 1e-3 * tick, kNear_m, force);
+      SceneForce wanted;
+      ideal.advance(1e-3 * tick, tip_m, wanted);
+      newton.push_back(side * force.force_on_tool_newton.z());
+      error2 += (force.force_on_tool_newton - wanted.force_on_tool_newton).squaredNorm();
+      ideal2 += wanted.force_on_tool_newton.squaredNorm();
+      EXPECT_GE(newton.back(), 0.0) << tick;
+    }
+    EXPECT_GT(newton.back(), 0.1);
+    EXPECT_LT(std::sqrt(error2 / ideal2), 0.1);
+    return newton;
+  };
+  const std::vector<double> above = press(1.0);
+  const std::vector<double> below = press(-1.0);
+  // the cut of the mesh into tetrahedra is not symmetric
+  for (const std::size_t tick : {200U, 400U, 600U}) {
+    EXPECT_NEAR(above[tick], below[tick], 0.1 * above[tick]) << tick;
+  }
+}
+
+// So slowly that no motion is left, the work of the tip is what the body stores.
+TEST_F(ElasticPlate, TheWorkOfASlowPressIsTheStoredEnergy) {
+  FullPress press(scene(0.008, 0.0), 0.02);
+  double work_joule = 0.0;
+  double before_newton = 0.0;
+  double before_m = 0.0;
+  for (int i = 0; i <= 300; ++i) {
+    const double depth_m = 2e-5 * i;
+    const double newton = press.step({0.0, 0.0, 0.004 + kBall_m - depth_m}).z();
+    work_joule += 0.5 * (newton + before_newton) * (depth_m - before_m);
+    before_newton = newton;
+    before_m = depth_m;
+  }
+  const double stored_joule = press.simulation.report().elastic_joule;
+  EXPECT_GT(stored_joule, 1e-4);
+  EXPECT_NEAR(work_joule, stored_joule, 0.03 * stored_joule);
+}
+
+TEST_F(ElasticPlate, ATipThatAppearsInsideComesOutWhereItIsShallow) {
+  const SceneConfig plate = scene(0.008);
+  for (const double side : {1.0, -1.0}) {
+    const auto elastic = ElasticTissues::of(plate, 1, ElasticPace::kVirtual);
+    double largest = 0.0;
+    for (int tick = 0; tick < 400; ++tick) {
+      SceneForce force;
+      elastic->step(0, {0.003, 0.002, side * 0.0015}, 1e-3 * tick, kNear_m, force);
+      ASSERT_GE(side * force.force_on_tool_newton.z(), 0.0) << tick;
+      largest = std::max(largest, side * force.force_on_tool_newton.z());
+    }
+    EXPECT_GT(largest, 0.1);
+  }
+}
+
+// The held edge of the plate is rigid: a finite force that does not grow while the tip rests.
+TEST_F(ElasticPlate, AFixedEdgeIsRigidAndItsForceDoesNotGrow) {
+  const SceneConfig plate = scene(0.008);
+  FullPress press(plate, 0.02);
+  const auto elastic = ElasticTissues::of(plate, 1, ElasticPace::kVirtual);
+  const auto tip_at = [](double depth_m) {
+    return Vector3(0.0295, 0.0, 0.004 + kBall_m - depth_m);
+  };
+  for (int i = 0; i <= 50; ++i) press.step(tip_at(2e-5 * i));
+  const double newton = press.step(tip_at(1e-3)).z();
+  double later = 0.0;
+  for (int i = 0; i < 200; ++i) later = press.step(tip_at(1e-3)).z();
+  EXPECT_GT(newton, 0.2);
+  EXPECT_LT(later, 1.15 * newton);
+  SceneForce force;
+  for (int tick = 0; tick < 300; ++tick) {
+    force = {};
+    elastic->step(0, tip_at(std::min(1e-3, 1e-5 * tick)), 1e-3 * tick, kNear_m, force);
+    ASSERT_TRUE(force.force_on_tool_newton.allFinite());
+  }
+  EXPECT_GT(force.force_on_tool_newton.z(), 0.5 * later);
+  EXPECT_LT(force.force_on_tool_newton.z(), 2.0 * later);
+}
+
+class ElasticSupport : public testing::Test {
+ protected:
+  /// Two cubes of 10 mm beside one another; `shared` nodes of the face between them are common.
+  static elastic::Mesh two_cubes(std::size_t shared) {
+    const std::vector<double> edge = {0.0, 0.01};
+    const elastic::Mesh one = elastic::box_mesh(edge, edge, edge);
+    elastic::Mesh both = one;
+    for (const std::uint32_t node : one.elements) {
+      both.elements.push_back(node + static_cast<std::uint32_t>(one.nodes_m.size()));
+    }
+    for (const Vector3& node_m : one.nodes_m)
+      both.nodes_m.emplace_back(node_m + Vector3(0.01, 0, 0));
+    std::size_t joined = 0;
+    for (std::uint32_t a = 0; a < one.nodes_m.size() && joined < shared; ++a) {
+      for (std::uint32_t b = 0; b < one.nodes_m.size(); ++b) {
+        const auto other = static_cast<std::uint32_t>(one.nodes_m.size()) + b;
+        if ((both.nodes_m[a] - both.nodes_m[other]).norm() > 1e-9) continue;
+        std::replace(both.elements.begin(), both.elements.end(), other, a);
+        ++joined;
+      }
+    }
+    EXPECT_EQ(joined, shared);
+    return both;
+  }
+  static std::string complaint(const elastic::Mesh& mesh) {
+    return elastic::complaint_about_support(
+        mesh, elastic::nodes_where(mesh, [](const Vector3& at) { return at.x() < 1e-9; }));
+  }
+};
+
+TEST_F(ElasticSupport, PartsThatNothingHoldsAreNamed) {
+  EXPECT_NE(complaint(two_cubes(0)).find("is not held anywhere"), std::string::npos);
+  EXPECT_NE(complaint(two_cubes(1)).find("held at one point only"), std::string::npos);
+  EXPECT_NE(complaint(two_cubes(2)).find("along a line only"), std::string::npos);
+  EXPECT_EQ(complaint(two_cubes(4)), "");
+  elastic::Mesh cube =
+      elastic::box_mesh(std::vector{0.0, 0.01}, std::vector{0.0, 0.01}, std::vector{0.0, 0.01});
+  EXPECT_EQ(elastic::complaint_about_support(cube, {0, 1, 2}), "");
+  EXPECT_NE(elastic::complaint_about_support(cube, {0, 1}).find("along a line"), std::string::npos);
+}
+
+TEST_F(ElasticSupport, ElementsGivenTwiceAreNamed) {
+  elastic::Mesh cube =
+      elastic::box_mesh(std::vector{0.0, 0.01}, std::vector{0.0, 0.01}, std::vector{0.0, 0.01});
+  cube.elements.insert(cube.elements.end(), cube.elements.begin(), cube.elements.begin() + 4);
+  EXPECT_NE(complaint(cube).find("elements 1 and 6 are the same"), std::string::npos);
+}
+
+TEST_F(ElasticPlate, ABodyHeldAlongALineIsRefusedWithTheRemedy) {
+  SceneConfig hinged = scene(0.008);
+  std::get<ElasticMaterial>(hinged.tissues[0].material).fixed = {
+      BoxGeometry{.center_m = {-0.03, 0, 0.004}, .size_m = {0.001, 0.1, 0.001}}};
+  try {
+    static_cast<void>(elastic_bodies_of(hinged));
+    FAIL();
+  } catch (const SetupError& error) {
+    const std::string what = error.what();
+    SCOPED_TRACE(what);
+    EXPECT_NE(what.find("plate.msh"), std::string::npos);
+    EXPECT_NE(what.find("turns about it"), std::string::npos);
+    EXPECT_NE(what.find("elastic.fixed"), std::string::npos);
+  }
+}
+
+}  // namespace
+}  // namespace palpate::physics
