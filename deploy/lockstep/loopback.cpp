@@ -39,9 +39,22 @@ void refuse_other_programs(const Session& session) {
                    "launch`, or take the field out to simulate the tissue of the session");
 }
 
-void close(CsvWriter& csv) {
-  csv.close();
-  if (const auto error = csv.take_error()) throw std::runtime_error(*error);
+/// Ends one output; what is lost of it costs no other one.
+template <class End>
+void end_output(const LoopbackOptions& options, const End& end) {
+  try {
+    end();
+  } catch (const std::runtime_error& error) {
+    if (options.lost_outputs == nullptr) throw;
+    options.lost_outputs->emplace_back(error.what());
+  }
+}
+
+void close(CsvWriter& csv, const LoopbackOptions& options) {
+  end_output(options, [&] {
+    csv.close();
+    if (const auto error = csv.take_error()) throw std::runtime_error(*error);
+  });
 }
 
 }  // namespace
@@ -69,9 +82,11 @@ RunReport run_loopback(const Session& session, const LoopbackOptions& options) {
   });
   running = &lockstep;
   std::tie(report.simulated_s, report.wall_s) = run_slices(lockstep, session, options);
-  if (recorder) recorder->finish(lockstep, TimePoint(from_seconds(report.simulated_s)));
-
-  if (csv) close(*csv);
+  if (recorder) {
+    end_output(options,
+               [&] { recorder->finish(lockstep, TimePoint(from_seconds(report.simulated_s))); });
+  }
+  if (csv) close(*csv, options);
   report.device = lockstep.device_counters();
   report.mofc = lockstep.mofc_counters();
   report.physics = lockstep.physics_counters();
@@ -95,7 +110,7 @@ std::vector<RunReport> run_all_sides(const Session& session, const LoopbackOptio
   };
   Lockstep lockstep(session, lockstep_options, {});
   const auto [simulated_s, wall_s] = run_slices(lockstep, session, options);
-  for (const auto& table : tables) close(*table);
+  for (const auto& table : tables) close(*table, options);
   for (std::size_t i = 0; i < reports.size(); ++i) {
     reports[i].simulated_s = simulated_s;
     reports[i].wall_s = wall_s;

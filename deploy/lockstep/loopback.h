@@ -19,6 +19,9 @@ struct LoopbackOptions {
   bool may_overwrite = false;          ///< the table
   viewer::RecordOptions record{};
   std::string recorded_by = "palpate loopback";
+  /// Takes what went wrong with an output that could not be written to its end, while the others
+  /// are; null: it is thrown.
+  std::vector<std::string>* lost_outputs = nullptr;
   LockstepOptions lockstep{.has_ideal = true};
   /// Called every 10 ms of simulated time with the share of the run that is done, 0 … 1; false ends
   /// the run, whose figures and files then cover the time so far. May be empty.

@@ -22,6 +22,10 @@ struct Command {
   std::function<int(const Verbosity&)> run;
 };
 
+/// An option that names a file, and is given without a name, is a mistake: as with a variable of a
+/// script that is not set.
+void refuse_empty_files(CLI::App& parser);
+
 /// Adds a subcommand to `app`.
 /// @tparam Work  has add_to(CLI::App&) for its options and int run() or int run(const Verbosity&)
 template <class Work>
@@ -30,6 +34,7 @@ template <class Work>
   CLI::App& parser = *app.add_subcommand(name, description);
   auto work = std::make_shared<Work>();
   work->add_to(parser);
+  refuse_empty_files(parser);
   return {&parser, [work](const Verbosity& verbosity) {
             if constexpr (requires { work->run(verbosity); }) {
               return work->run(verbosity);

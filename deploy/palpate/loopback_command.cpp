@@ -3,6 +3,8 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <stdexcept>
+#include <string>
 #include <type_traits>
 #include <utility>
 #include <vector>
@@ -70,6 +72,8 @@ struct LoopbackCommand {
     options.record = output.record();
     options.recorded_by = "palpate loopback" + (hand_file.empty() ? "" : " --hand " + hand_file);
     options.lockstep.on_physics_tick = warn_of_start;
+    std::vector<std::string> lost;
+    options.lost_outputs = &lost;
     const RunReport report =
         watched(options, verbosity, [&] { return run_loopback(loaded, options); });
     say_if_stopped(report, length_s.value_or(loaded.duration_s));
@@ -78,7 +82,7 @@ struct LoopbackCommand {
           verdict_text(verdicts_of(loaded.side(), report.device, report.mofc, false));
       std::fputs((summary_text(loaded, report) + verdict).c_str(), stdout);
     }
-    json.write(summary_json(loaded, report));
+    write_json(json, summary_json(loaded, report), lost);
     return 0;
   }
 
@@ -96,6 +100,8 @@ struct LoopbackCommand {
     output.check(loaded, tables);
     JsonOutput json(output);
     LoopbackOptions options = loopback_options(seconds);
+    std::vector<std::string> lost;
+    options.lost_outputs = &lost;
     const std::vector<RunReport> reports =
         watched(options, verbosity, [&] { return run_all_sides(loaded, options); });
     say_if_stopped(reports.front(), seconds.value_or(loaded.duration_s));
@@ -112,8 +118,19 @@ struct LoopbackCommand {
           verdict_text(verdicts_of(one.side(), reports[i].device, reports[i].mofc, false));
       std::fputs((summary_text(one, reports[i]) + verdict).c_str(), stdout);
     }
-    json.write(all);
+    write_json(json, all, lost);
     return 0;
+  }
+
+  /// The last output. Throws std::runtime_error with all that was lost.
+  static void write_json(JsonOutput& json, const nlohmann::ordered_json& all,
+                         std::vector<std::string>& lost) {
+    try {
+      json.write(all);
+    } catch (const std::runtime_error& error) {
+      lost.emplace_back(error.what());
+    }
+    if (!lost.empty()) throw std::runtime_error(fmt::format("{}", fmt::join(lost, "\n")));
   }
 
   [[nodiscard]] LoopbackOptions loopback_options(std::optional<double> length_s) const {

@@ -30,6 +30,16 @@ Session SessionOptions::load(const Verbosity& verbosity) const {
   return session;
 }
 
+void refuse_empty_files(CLI::App& parser) {
+  for (CLI::Option* option : parser.get_options()) {
+    if (option->get_type_name().rfind("FILE", 0) != 0) continue;
+    option->check([](const std::string& file) {
+      return file.empty() ? std::string("is empty; give the name of a file, or leave it out")
+                          : std::string();
+    });
+  }
+}
+
 void add_recording_argument(CLI::App& app, std::string& file) {
   app.add_option("FILE", file, "recording (*.mcap)")->required()->type_name("");
 }

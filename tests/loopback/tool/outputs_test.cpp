@@ -309,6 +309,34 @@ TEST_F(Outputs, AFullDeviceIsAnErrorWithAReason) {
   }
 }
 
+TEST_F(Outputs, OneThatFailsCostsNoOther) {
+  const std::string session = PALPATE_SOURCE_DIR "/deploy/sessions/default.txtpb";
+  for (const char* lost : {"--record", "--csv"}) {
+    SCOPED_TRACE(lost);
+    const std::string json = path(std::string(lost) + ".json");
+    const std::string other = path(std::string(lost) + ".other");
+    const Outcome outcome = run_program(
+        "palpate", {"loopback", session, "--seconds", "0.2", lost, "/dev/full", "--overwrite",
+                    std::string(lost) == "--csv" ? "--record" : "--csv", other, "--json", json});
+    EXPECT_EQ(outcome.status, 1);
+    EXPECT_THAT(outcome.err, HasSubstr("/dev/full: No space left on device"));
+    EXPECT_THAT(outcome.out, HasSubstr("least true energy"));
+    EXPECT_THAT(text_of(json), HasSubstr("min_true_energy_j"));
+    EXPECT_GT(fs::file_size(other), 1000U);
+  }
+}
+
+TEST_F(Outputs, AnEmptyNameIsRefused) {
+  const std::string session = PALPATE_SOURCE_DIR "/deploy/sessions/default.txtpb";
+  for (const char* option : {"--csv", "--json", "--record"}) {
+    const Outcome outcome =
+        run_program("palpate", {"loopback", session, "--seconds", "0.2", option, ""});
+    EXPECT_EQ(outcome.status, 2) << option;
+    EXPECT_THAT(outcome.err, HasSubstr(option)) << option;
+    EXPECT_THAT(outcome.err, HasSubstr("is empty")) << option;
+  }
+}
+
 TEST_F(Outputs, APipeIsWrittenAndKeepsItsName) {
   const std::string pipe = path("pipe");
   ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
