@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -67,12 +68,14 @@ TEST_P(FirstPage, ItsCommandsWork) {
   }
   EXPECT_GT(run, 0);
 }
+std::string name_of_page(const testing::TestParamInfo<const char*>& info) {
+  constexpr std::array kNames{"Lesson", "Workstation", "Device"};
+  return kNames.at(info.index);
+}
 INSTANTIATE_TEST_SUITE_P(Documents, FirstPage,
                          testing::Values("first_lesson.md", "first_workstation.md",
                                          "first_device.md"),
-                         [](const auto& info) {
-                           return std::vector{"Lesson", "Workstation", "Device"}[info.index];
-                         });
+                         name_of_page);
 
 }  // namespace
 }  // namespace palpate

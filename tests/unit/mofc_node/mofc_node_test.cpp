@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -850,11 +851,13 @@ TEST_P(MofcNodeInMode, AnswerAndFinishTurnDoNotAllocate) {
   EXPECT_GT(counters.motions_dropped, 0u);
 }
 
+std::string name_of_mode(const testing::TestParamInfo<MofcMode>& info) {
+  constexpr std::array kNames{"Paper", "Vector", "Guard"};
+  return kNames.at(info.index);
+}
 INSTANTIATE_TEST_SUITE_P(Modes, MofcNodeInMode,
                          testing::Values(MofcMode::kPaper, MofcMode::kVector, MofcMode::kGuard),
-                         [](const testing::TestParamInfo<MofcMode>& info) {
-                           return std::vector{"Paper", "Vector", "Guard"}[info.index];
-                         });
+                         name_of_mode);
 
 TEST(MofcNodeWithStandby, TheStandbySpeaksBeforeTheForceFadesWithoutAllocation) {
   ManualClock clock;
