@@ -9,7 +9,7 @@
 #include "common/core/user/output_file.h"
 #include "common/core/version.h"
 #include "common/process/run_node.h"
-#include "deploy/palpate/launcher.h"
+#include "deploy/palpate/launch/launcher.h"
 
 namespace palpate {
 namespace {

@@ -11,7 +11,7 @@
 #include <string_view>
 
 #include "common/process/run_node.h"
-#include "deploy/palpate/launcher.h"
+#include "deploy/palpate/launch/launcher.h"
 
 namespace palpate {
 namespace {

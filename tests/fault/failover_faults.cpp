@@ -98,8 +98,10 @@ TEST_P(Takeover, IsNotFeltWithAStandbyAndIsWithout) {
   const QuietMachine machine;
   const Felt with = run({"physics.standby={}"},
                         [](const Felt& felt) { return felt.transparency >= kUnfeltTransparency; });
-  const Felt without =
-      run({}, [](const Felt& felt) { return felt.transparency < kUnfeltTransparency; });
+  // the tissue is described and rests: it would outlast most of these faults by itself
+  const Felt without = run({"mofc.still_after_ms=0"}, [](const Felt& felt) {
+    return felt.transparency < kUnfeltTransparency;
+  });
 
   std::printf("| %s | %.3f | %.3f | %.1f µJ |\n", GetParam().name, with.transparency,
               without.transparency,

@@ -432,14 +432,15 @@ TEST_F(Processes, ANormalRunLogsNoWarning) {
 
   ASSERT_EQ(launch.status, 0) << launch.err;
   for (const std::string& line : lines_of(launch.err)) {
-    // a busy machine really skips ticks: warnings about that, and its consequences, are correct
-    const bool is_load = line.find("event=ticks_skipped") != std::string::npos ||
+    // a busy machine really skips ticks, and a virtual one may be stopped within a switch however
+    // quiet it is: warnings about that, and its consequences, are correct
+    const bool is_load = line.find("event=switch_late") != std::string::npos ||
+                         line.find("event=ticks_skipped") != std::string::npos ||
                          line.find("event=fallback_") != std::string::npos ||
                          line.find("event=interaction_stale_") != std::string::npos ||
                          line.find("event=motions_dropped") != std::string::npos;
     if (is_load || line.find(" info ") != std::string::npos) continue;
-    const bool may_be_load = line.find("event=switch_late") != std::string::npos ||
-                             line.find("event=node_killed") != std::string::npos;
+    const bool may_be_load = line.find("event=node_killed") != std::string::npos;
     EXPECT_TRUE(may_be_load && !machine.may_check(line)) << line;
   }
 }

@@ -1,4 +1,4 @@
-#include "deploy/palpate/launch_figures.h"
+#include "deploy/palpate/launch/launch_figures.h"
 
 #include <spdlog/fmt/fmt.h>
 

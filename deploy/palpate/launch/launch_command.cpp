@@ -19,7 +19,7 @@
 #include "common/telemetry/csv_writer.h"
 #include "deploy/launch/launch.h"
 #include "deploy/palpate/commands.h"
-#include "deploy/palpate/launch_figures.h"
+#include "deploy/palpate/launch/launch_figures.h"
 #include "deploy/palpate/options.h"
 #include "deploy/palpate/screen/verdict.h"
 #include "viewer_node/process.h"
