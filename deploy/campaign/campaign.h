@@ -69,8 +69,8 @@ struct Campaign {
   std::size_t reported = 0;                 ///< of `quantities`
   std::vector<Limit> limits;
   bool stops_at_violation = false;
-  /// Of everything that determines the figures of a run: the campaign but for the number of its runs,
-  /// the session, the files that any of its runs names, and this program.
+  /// Of everything that determines the figures of a run: the campaign but for the number of its
+  /// runs, the session, the files that any of its runs names, and this program.
   std::uint64_t fingerprint = 0;
 
   [[nodiscard]] std::uint64_t cells() const;

@@ -346,9 +346,8 @@ TEST(Lockstep, ATissueTwiceAsStiffGivesTheComputedForce) {
 }
 
 TEST(Lockstep, SilenceFromPhysicsLeavesTheDeviceLimp) {
-  const Session session =
-      parsed(kPressing, {"faults.interaction.outage={from_s: 0.3 until_s: 10}", "mofc.fade_ms=50",
-                         "mofc.still_after_ms=0"});
+  const Session session = parsed(kPressing, {"faults.interaction.outage={from_s: 0.3 until_s: 10}",
+                                             "mofc.fade_ms=50", "mofc.still_after_ms=0"});
   const Recording touch = run(session, 600ms);
 
   // silent from 300 ms, stale 150 ms after the last arrival, faded 50 ms later
