@@ -140,7 +140,7 @@ void FalconEmulator::answer(const FalconMessage& command) {
   const double now_s = device_.now_s();
   if (device_.takes_begin_of(WireFault::kEncoderZero)) {  // a moment without power
     homing_since_s_.reset();
-    state_.homing = 1h;
+    state_.homing = 1min;
   }
   if ((flags & kFalconHoming) != 0 && !homing_since_s_) homing_since_s_ = now_s;
   const bool is_homed = homing_since_s_ && now_s - *homing_since_s_ >= to_seconds(state_.homing);

@@ -89,7 +89,8 @@ double own_s() {
   std::map<long, Process> processes;
   for (const auto& entry : std::filesystem::directory_iterator("/proc")) {
     char* end = nullptr;
-    const long pid = std::strtol(entry.path().filename().c_str(), &end, 10);
+    const std::string name = entry.path().filename();
+    const long pid = std::strtol(name.c_str(), &end, 10);
     if (*end != '\0') continue;
     std::ifstream stat(entry.path() / "stat");
     std::string text;
