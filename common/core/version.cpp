@@ -1,7 +1,9 @@
 #include "common/core/version.h"
 
+#include "commit.h"
+
 namespace palpate {
 
-const char* version() { return PALPATE_VERSION; }
+const char* version() { return PALPATE_VERSION PALPATE_COMMIT; }
 
 }  // namespace palpate
