@@ -1,9 +1,12 @@
 // refresh_figures — rewrites the tables of figures in README.md and docs/ from the output of the
 // programs that make them, or checks that they still agree.
 //
-// A table stands between two markers:
+// A table stands between two markers, below a line that says where it is from:
 //
-//   <!-- figures: NAME: command; date; machine -->
+//   <!-- figures: NAME -->
+//   *`command`; date; machine*
+//
+//   | the table |
 //   <!-- end -->
 #include <unistd.h>
 #include <CLI/CLI.hpp>
@@ -107,7 +110,7 @@ std::vector<fs::path> documents(const fs::path& root) {
 /// One marked table of a document.
 struct Block {
   std::string name;
-  std::size_t marker_begin = 0;
+  std::size_t caption_begin = 0;
   std::size_t table_begin = 0;
   std::size_t table_end = 0;  // where the end marker begins
 };
@@ -115,20 +118,25 @@ struct Block {
 std::vector<Block> blocks_of(const std::string& text, const fs::path& file) {
   std::vector<Block> blocks;
   const auto refuse = [&](const std::string& why) {
-    throw SetupError(file.string() + ": " + why + ": write " + kBegin + "NAME: … -->, the table, " +
+    throw SetupError(file.string() + ": " + why + ": write " + kBegin +
+                     "NAME -->, a line *command; date; machine*, an empty line, the table, " +
                      kEnd);
   };
   const std::string begin = kBegin;
   for (std::size_t at = text.find(begin); at != std::string::npos; at = text.find(begin, at + 1)) {
-    const std::size_t colon = text.find(':', at + begin.size());
-    const std::size_t line_end = text.find('\n', at);
+    const std::size_t name_end = text.find(" -->\n", at);
     const std::size_t end = text.find(kEnd, at);
-    if (colon == std::string::npos || line_end == std::string::npos || colon > line_end) {
+    if (name_end == std::string::npos || name_end > end) {
       refuse("a marker of figures without a name");
     }
     if (end == std::string::npos) refuse("a marker of figures without its end");
-    blocks.push_back(
-        {text.substr(at + begin.size(), colon - at - begin.size()), at, line_end + 1, end});
+    const std::size_t caption = text.find('\n', at) + 1;
+    const std::size_t caption_end = text.find("*\n\n", caption);
+    if (caption_end == std::string::npos || caption_end > end) {
+      refuse("figures that do not say where they are from");
+    }
+    blocks.push_back({text.substr(at + begin.size(), name_end - at - begin.size()), caption,
+                      caption_end + 3, end});
   }
   return blocks;
 }
@@ -191,11 +199,10 @@ int refresh(const Options& options) {
                     first_difference(documented, table).c_str());
         continue;
       }
-      std::string marker = kBegin + block.name + ": " + figures->shown_commands() + "; " + today() +
-                           "; " + machine();
-      if (figures->is_of_real_time) marker += ", load average " + machine_load();
-      marker += " -->\n";
-      text.replace(block.marker_begin, block.table_end - block.marker_begin, marker + table);
+      std::string caption = "*`" + figures->shown_commands() + "`; " + today() + "; " + machine();
+      if (figures->is_of_real_time) caption += ", load average " + machine_load();
+      caption += "*\n\n";
+      text.replace(block.caption_begin, block.table_end - block.caption_begin, caption + table);
     }
     if (text != before) {
       write_file(file, text);
