@@ -1,4 +1,4 @@
-# Debian 12 packages only; nothing is downloaded. The README's table says what each is for.
+# Debian 12 packages only; nothing is downloaded. The table in docs/developing.md says what each is for.
 
 find_package(Threads REQUIRED)
 find_package(Eigen3 3.4 REQUIRED NO_MODULE)   # Eigen3::Eigen
