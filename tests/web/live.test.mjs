@@ -325,6 +325,18 @@ test_alone("screenshots of a session", { skip: kLimit.skip || kSkipScreenshots }
   }
 });
 
+test_alone("screenshots of an organ", { skip: kLimit.skip || kSkipScreenshots }, async () => {
+  nodes = await Nodes.start([], "liver");
+  for (const [name, dark] of [["organ_light", false], ["organ_dark", true]]) {
+    const page = await open(browser, nodes.url, { scale: 1, width: 1000, height: 480, dark });
+    await until(page, (t) => t.now_s > 4, "the first presses");
+    await hold_when(page, 0.002, 0.5);
+    await page.waitForTimeout(400);
+    await screenshot(page, name);
+    await page.context().close();
+  }
+});
+
 test_alone("screenshot of a replay", { skip: kLimit.skip || kSkipScreenshots }, async () => {
   nodes = await Nodes.replay("liver", 12);
   const page = await open(browser, nodes.url, { scale: 1, width: 1000, height: 640, dark: true });
