@@ -11,6 +11,8 @@ install(DIRECTORY deploy/campaigns deploy/sessions proto DESTINATION ${CMAKE_INS
         PATTERN "engines" EXCLUDE)
 install(DIRECTORY deploy/audience DESTINATION ${CMAKE_INSTALL_DATADIR}/palpate USE_SOURCE_PERMISSIONS)
 install(FILES README.md CHANGELOG.md THIRD_PARTY.md DESTINATION ${CMAKE_INSTALL_DOCDIR})
+# made by deploy/package.sh
+install(FILES ${PROJECT_BINARY_DIR}/palpate.spdx.json DESTINATION ${CMAKE_INSTALL_DOCDIR} OPTIONAL)
 install(DIRECTORY docs/ DESTINATION ${CMAKE_INSTALL_DOCDIR}/docs)
 install(FILES deploy/README.md DESTINATION ${CMAKE_INSTALL_DOCDIR}/deploy)
 install(FILES deploy/systemd/README.md DESTINATION ${CMAKE_INSTALL_DOCDIR}/deploy/systemd)
