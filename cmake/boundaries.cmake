@@ -16,7 +16,7 @@ set(PALPATE_BOUNDARIES
   # core ← contact, session ← telemetry ← link ← process
   # coupling: Eigen only, installed with the controllers
   "common/coupling:"
-  "common/core:common/coupling"
+  "common/core:common/coupling,commit.h"
   "common/core/user:common/core"
   "common/contact:common/core,common/contact/cloud"
   "common/contact/cloud:common/core,common/contact"
