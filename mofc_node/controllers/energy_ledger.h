@@ -15,7 +15,7 @@ namespace palpate::controllers {
 
 using Vector3 = Eigen::Vector3d;
 
-/// A force that acted for `acted_s` and then ended where nobody read the position; no force acted
+/// A force that acted for `acted_s` and then ended at a position that was not read; no force acted
 /// for the rest of `duration_s`, at whose end the position was read.
 struct Release {
   Vector3 force_on_hand_newton = Vector3::Zero();    ///< F, that acted

@@ -23,7 +23,7 @@ struct AppliedStretch {
   Vector3 force_on_hand_newton = Vector3::Zero();  ///< that really acted, as the motors realised it
   /// Measured position of the hand at the end. Meaningless unless `has_position_at_end`.
   Vector3 hand_position_at_end_m = Vector3::Zero();
-  bool has_position_at_end = true;  ///< false: nobody read it
+  bool has_position_at_end = true;  ///< false: it was not read
 };
 
 /// The tissue near the tool as the contact model of hop 3 describes it, at places where the tool is
@@ -61,7 +61,7 @@ struct ControlInput {
   /// Elastic energy in the environment that it may give back to the hand; 0 where unknown.
   double stored_energy_joule = 0.0;
 
-  // From here on: used by published methods of others alone.
+  // used by the published methods only
   Vector3 hand_velocity_m_per_s = Vector3::Zero();  ///< v(k), estimated
   Vector3 evaluated_at_m = Vector3::Zero();  ///< where the hand was for the physics at F_e(k)
   /// Unit, of the deepest contact, out of the tissue; or 0.
@@ -74,7 +74,7 @@ struct ControlInput {
 
 /// What a controller answers.
 struct ControlOutput {
-  /// F(k). Never larger than requested, but for controllers of others that inject damping.
+  /// F(k). Not larger than requested, except by published methods that inject damping.
   Vector3 force_on_hand_newton = Vector3::Zero();
   /// Bound per axis: |F_i| ≤ f_max,i. All equal if one bound serves all axes; with one pool and
   /// friction per axis, the bound of a force along that axis alone.
@@ -94,15 +94,15 @@ struct ControlOutput {
 [[nodiscard]] ControlOutput output_within(const Vector3& asked_force_on_hand_newton,
                                           double f_max_newton) noexcept;
 
-/// A controller limits the force so that the hand cannot draw energy (or, `PassThrough`, does not).
-/// step() once per DeviceState: no allocation, no lock, no throw. One thread.
+/// Limits the requested force so that the hand cannot extract energy; `PassThrough` does not limit
+/// it. step() once per reading of the device: no allocation, no lock, no throw. One thread.
 class ForceController {
  public:
   virtual ~ForceController() = default;
   /// Returns to the initial state, for a new device session.
   virtual void reset() noexcept = 0;
-  /// The force from t_k on. Numbers of the input are finite, but for the limits that may be
-  /// infinite.
+  /// The force from t_k on. Every number of the input must be finite, except acting_lease_s and
+  /// energy_limit_joule, which may be infinite.
   [[nodiscard]] virtual ControlOutput step(const ControlInput& input) noexcept = 0;
 };
 

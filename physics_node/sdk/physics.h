@@ -100,7 +100,7 @@ class Engine {
     return std::nullopt;
   }
 
-  /// What viewers draw; asked once, of the engine of the first side. The default: nothing.
+  /// What viewers draw; called once, for the engine of the first side. The default: nothing.
   virtual std::vector<Surface> surfaces() { return {}; }
   /// The vertices of one of these as they are now. Asked after a step, at most 30 times a second,
   /// while a viewer is connected.
