@@ -16,7 +16,7 @@ set(PALPATE_BOUNDARIES
   # core ← contact, session ← telemetry ← link ← process
   # coupling: Eigen only, installed with the controllers
   "common/coupling:"
-  "common/core:common/coupling"
+  "common/core:common/coupling,commit.h"
   "common/core/user:common/core"
   "common/contact:common/core,common/contact/cloud"
   "common/contact/cloud:common/core,common/contact"
@@ -152,7 +152,7 @@ function(palpate_check_boundaries)
 
   list(JOIN PALPATE_BOUNDARIES ";" rules)
   add_custom_target(include_boundaries ALL
-    COMMAND ${CMAKE_COMMAND} "-DROOT=${CMAKE_SOURCE_DIR}" "-DRULES=${rules}"
-            -P ${CMAKE_SOURCE_DIR}/cmake/check_includes.cmake
+    COMMAND ${CMAKE_COMMAND} "-DROOT=${PROJECT_SOURCE_DIR}" "-DRULES=${rules}"
+            -P ${PROJECT_SOURCE_DIR}/cmake/check_includes.cmake
     COMMENT "Checking who includes whom" VERBATIM)
 endfunction()

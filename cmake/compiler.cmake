@@ -1,9 +1,15 @@
 # Warnings, sanitizers, ccache.
 
 add_library(palpate_warnings INTERFACE)
-target_compile_options(palpate_warnings INTERFACE
-  -Wall -Wextra -Wpedantic -Wconversion -Wsign-conversion -Wshadow -Wold-style-cast
-  -Wnon-virtual-dtor -Woverloaded-virtual -Wcast-qual -Wformat=2 -Wimplicit-fallthrough)
+if(PROJECT_IS_TOP_LEVEL)
+  target_compile_options(palpate_warnings INTERFACE
+    -Wall -Wextra -Wpedantic -Wconversion -Wsign-conversion -Wshadow -Wold-style-cast
+    -Wnon-virtual-dtor -Woverloaded-virtual -Wcast-qual -Wformat=2 -Wimplicit-fallthrough)
+else()
+  # none of these sources, nor of their headers, in the build of another project
+  target_compile_options(palpate_warnings INTERFACE -w)
+  set_property(DIRECTORY PROPERTY SYSTEM ON)
+endif()
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
   # GCC 12 sees overlaps and overflows in std::string concatenation that are not there (GCC bugs
   # 105329, 105651).

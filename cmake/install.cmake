@@ -1,4 +1,6 @@
-# What `cmake --install` puts where, and the Debian package: `cpack -G DEB` in the build folder.
+# What `cmake --install` puts where, and the Debian package: `cpack -G DEB` in the build folder. Without
+# --component all; the component `programs` is what no other one is.
+set(CMAKE_INSTALL_DEFAULT_COMPONENT_NAME programs)
 include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
@@ -8,13 +10,15 @@ install(DIRECTORY deploy/campaigns deploy/sessions proto DESTINATION ${CMAKE_INS
         FILES_MATCHING PATTERN "*.txtpb" PATTERN "*.proto" PATTERN "organ.*"
         PATTERN "engines" EXCLUDE)
 install(DIRECTORY deploy/audience DESTINATION ${CMAKE_INSTALL_DATADIR}/palpate USE_SOURCE_PERMISSIONS)
-install(FILES README.md CHANGELOG.md DESTINATION ${CMAKE_INSTALL_DOCDIR})
+install(FILES README.md CHANGELOG.md THIRD_PARTY.md DESTINATION ${CMAKE_INSTALL_DOCDIR})
+# made by deploy/package.sh
+install(FILES ${PROJECT_BINARY_DIR}/palpate.spdx.json DESTINATION ${CMAKE_INSTALL_DOCDIR} OPTIONAL)
 install(DIRECTORY docs/ DESTINATION ${CMAKE_INSTALL_DOCDIR}/docs)
 install(FILES deploy/README.md DESTINATION ${CMAKE_INSTALL_DOCDIR}/deploy)
 install(FILES deploy/systemd/README.md DESTINATION ${CMAKE_INSTALL_DOCDIR}/deploy/systemd)
 install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} RENAME copyright)
 # printed by the build of deploy/palpate
-set(pages ${CMAKE_BINARY_DIR}/deploy/palpate/pages)
+set(pages ${PROJECT_BINARY_DIR}/deploy/palpate/pages)
 install(DIRECTORY ${pages}/ DESTINATION ${CMAKE_INSTALL_MANDIR}/man1 FILES_MATCHING PATTERN "*.1")
 install(FILES ${pages}/palpate.bash RENAME palpate
         DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions)
@@ -33,22 +37,22 @@ install(TARGETS palpate_controllers_c EXPORT palpateTargets
         INCLUDES DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
 # in share/, from where the prefix is two folders up whatever the library's folder is called
 configure_file(mofc_node/controllers/palpate_controllers.pc.in palpate_controllers.pc @ONLY)
-install(FILES ${CMAKE_BINARY_DIR}/palpate_controllers.pc
+install(FILES ${PROJECT_BINARY_DIR}/palpate_controllers.pc
         DESTINATION ${CMAKE_INSTALL_DATADIR}/pkgconfig COMPONENT controllers)
 install(DIRECTORY mofc_node/controllers/examples/ COMPONENT controllers
         DESTINATION ${CMAKE_INSTALL_DATADIR}/palpate/examples/controllers)
 set(package_folder ${CMAKE_INSTALL_LIBDIR}/cmake/palpate)
 install(EXPORT palpateTargets NAMESPACE palpate:: DESTINATION ${package_folder}
         COMPONENT controllers)
-write_basic_package_version_file(${CMAKE_BINARY_DIR}/palpateConfigVersion.cmake
+write_basic_package_version_file(${PROJECT_BINARY_DIR}/palpateConfigVersion.cmake
                                  COMPATIBILITY SameMinorVersion)
-set(package_files cmake/palpateConfig.cmake ${CMAKE_BINARY_DIR}/palpateConfigVersion.cmake)
+set(package_files cmake/palpateConfig.cmake ${PROJECT_BINARY_DIR}/palpateConfigVersion.cmake)
 install(FILES ${package_files} DESTINATION ${package_folder} COMPONENT controllers)
 
 # To bring a physics of one's own: cmake --install BUILD --component physics --prefix FOLDER
 install(FILES physics_node/sdk/physics.h DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/palpate
         COMPONENT physics)
-install(FILES ${CMAKE_BINARY_DIR}/physics_node/libpalpate_physics.a
+install(FILES ${PROJECT_BINARY_DIR}/physics_node/libpalpate_physics.a
         DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT physics)
 install(FILES ${package_files} cmake/palpatePhysics.cmake DESTINATION ${package_folder}
         COMPONENT physics)
@@ -93,7 +97,7 @@ set(CPACK_DEBIAN_PACKAGE_DEPENDS adduser)
 set(CPACK_DEBIAN_PACKAGE_SUGGESTS
     "cmake, libeigen3-dev, libprotobuf-dev, libzmq3-dev, cppzmq-dev, libspdlog-dev")
 foreach(script conffiles postinst prerm postrm)
-  list(APPEND CPACK_DEBIAN_PACKAGE_CONTROL_EXTRA ${CMAKE_SOURCE_DIR}/deploy/debian/${script})
+  list(APPEND CPACK_DEBIAN_PACKAGE_CONTROL_EXTRA ${PROJECT_SOURCE_DIR}/deploy/debian/${script})
 endforeach()
 set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 include(CPack)

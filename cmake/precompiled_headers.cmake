@@ -17,8 +17,8 @@ set(PALPATE_COMMON_HEADERS
 # A target that only holds a precompiled header for others.
 function(palpate_add_header_set name)
   cmake_parse_arguments(arg "" "" "HEADERS;LIBRARIES;OPTIONS" ${ARGN})
-  file(WRITE ${CMAKE_BINARY_DIR}/${name}.cpp "")
-  add_library(${name} STATIC ${CMAKE_BINARY_DIR}/${name}.cpp)
+  file(WRITE ${PROJECT_BINARY_DIR}/${name}.cpp "")
+  add_library(${name} STATIC ${PROJECT_BINARY_DIR}/${name}.cpp)
   # with the warnings: -Wpedantic changes which macros are predefined
   target_link_libraries(${name} PRIVATE ${arg_LIBRARIES} palpate_warnings)
   target_compile_options(${name} PRIVATE ${arg_OPTIONS})
@@ -41,7 +41,7 @@ function(palpate_precompile_headers)
   if(NOT PALPATE_PRECOMPILE)
     return()
   endif()
-  palpate_targets_of(${CMAKE_SOURCE_DIR} targets)
+  palpate_targets_of(${PROJECT_SOURCE_DIR} targets)
   # tests have a set of their own: a precompiled header fits one level of optimisation only
   palpate_add_header_set(node_headers LIBRARIES Eigen3::Eigen)
   palpate_add_header_set(process_headers

@@ -19,7 +19,7 @@ packages=(
 # npm builds the page of the viewer; a Node.js from elsewhere may contain it
 command -v npm >/dev/null || packages+=(nodejs npm)
 if [[ "${1:-}" == "--tests" || "${1:-}" == "--load" ]]; then
-  packages+=(calculix-ccx chromium clang-format clang-tidy cvc5 fonts-liberation gnuplot-nox iproute2
+  packages+=(calculix-ccx chromium clang-format clang-tidy cvc5 doxygen fonts-liberation gnuplot-nox iproute2
     libbullet-dev libgmock-dev libgtest-dev libmujoco-dev libnanoflann-dev munge nginx python3-clang python3-numpy
     python3-pip python3-protobuf python3-zmq slurm-wlm z3)
 fi

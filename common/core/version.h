@@ -3,8 +3,8 @@
 
 namespace palpate {
 
-/// "MAJOR.MINOR.PATCH+COMMIT", the commit with ".changed" if the sources were changed since; without it
-/// outside a repository.
+/// "MAJOR.MINOR.PATCH+COMMIT", the commit with ".changed" if the sources were changed since;
+/// without it outside a repository.
 [[nodiscard]] const char* version();
 
 }  // namespace palpate

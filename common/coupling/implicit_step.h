@@ -1,5 +1,6 @@
-// implicit_step.h — where a proxy goes within a period, so that the forces on it balance at the
-// end.
+/// @file
+/// implicit_step.h — where a proxy goes within a period, so that the forces on it balance at the
+/// end.
 #pragma once
 
 #include <Eigen/Core>
@@ -9,9 +10,12 @@
 namespace palpate {
 
 /// Newton's method for the root of `residual`, the force on the proxy by its place. The steps are
-/// halved until they help, because the force has a kink at the surface. No allocation, no throw.
-/// @param start  the root without tissue
+/// halved until they help, because the force has a kink at the surface. At most 6 steps, or until
+/// 0.1 µN are left; where no step helps, the best place so far. No allocation, no throw.
+/// @param residual  Eigen::Vector3d(const Eigen::Vector3d&): place [m] → force [N], noexcept
+/// @param start  the root without tissue [m]
 /// @param slope  −∂ residual/∂p without tissue, > 0 [N/m]
+/// @return the place at the end of the period [m], in the frame of `start`
 template <class Residual>
 [[nodiscard]] Eigen::Vector3d implicit_step(const Residual& residual, const Eigen::Vector3d& start,
                                             double slope) noexcept {

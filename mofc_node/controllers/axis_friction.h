@@ -1,4 +1,5 @@
-// axis_friction.h — friction that acts on each axis independently.
+/// @file
+/// axis_friction.h — friction that acts on each axis independently.
 #pragma once
 
 #include <Eigen/Core>
@@ -13,6 +14,8 @@ struct AxisFriction {
   Eigen::Vector3d f_d = Eigen::Vector3d::Zero();   ///< each ≥ 0 [N·s/m]
   Eigen::Vector3d f_co = Eigen::Vector3d::Zero();  ///< each ≥ 0 [N]
 
+  /// The parameters of one axis.
+  /// @param i  0 … 2   @param T  > 0 [s]
   [[nodiscard]] MofcParameters on_axis(int i, double T) const noexcept {
     return {.f_d = f_d[i], .f_co = f_co[i], .T = T};
   }

@@ -1,4 +1,6 @@
-// energy_ledger.h — a lower bound of the energy that the hand has put in, from quantised positions.
+/// @file
+/// energy_ledger.h — a lower bound of the energy that the hand has put in, from quantised
+/// positions.
 #pragma once
 
 #include <Eigen/Core>
@@ -13,15 +15,15 @@ namespace palpate::controllers {
 
 using Vector3 = Eigen::Vector3d;
 
-/// A force that acted for `acted_s` and then ended where nobody read the position; no force acted
+/// A force that acted for `acted_s` and then ended at a position that was not read; no force acted
 /// for the rest of `duration_s`, at whose end the position was read.
 struct Release {
-  Vector3 force_on_hand_newton = Vector3::Zero();
-  double acted_s = 0.0;     ///< s
-  double duration_s = 0.0;  ///< T ≥ s
-  Vector3 hand_position_at_end_m = Vector3::Zero();
-  double v_max_m_per_s = 0.0;     ///< the hand was no faster
-  double most_drawn_joule = 0.0;  ///< ≥ 0, upper bound of what the hand drew
+  Vector3 force_on_hand_newton = Vector3::Zero();    ///< F, that acted
+  double acted_s = 0.0;                              ///< s ≥ 0
+  double duration_s = 0.0;                           ///< T ≥ s
+  Vector3 hand_position_at_end_m = Vector3::Zero();  ///< measured, at the end of T
+  double v_max_m_per_s = 0.0;                        ///< ≥ 0, finite: the hand was no faster
+  double most_drawn_joule = 0.0;                     ///< ≥ 0, upper bound of what the hand drew
 };
 
 /// Lower bound E′ of E(t) = ∫ (friction + rendered force resisting the hand)·v dt, with each
@@ -29,15 +31,15 @@ struct Release {
 /// count in 3-D, with w = √3 q; for friction per axis one count on each axis, with w = q, and their
 /// sum. A count is:
 ///
-///   work      Σ f·dh, less (q/2)(|f(k−1)|₁ + |f(0)|₁ + Σ|Δf|₁), |·|₁ the sum over the axes: the
-///             error of the sum telescopes
-///   Coulomb   f_co Σ max(L, √(Σᵢ (Pᵢ − q/2)₊²)) over spans of path, both at most the true path of
-///             the span: L = Σ (|Δh| − w)₊ over windows; Pᵢ the path of the play operator of
-///             half-width q/2 on axis i, which detects motion to and fro inside a window. The
-///             maximum is taken per span; otherwise an old lead of one estimate would mask new
-///             motion seen only by the other
-///   viscous   f_d (|Δh| − w)₊² / Δt over the same windows: a window closes when the hand
-///             has moved 16 q, so that slow motion at a high rate is not lost in the quantisation
+///     work      Σ f·dh, less (q/2)(|f(k−1)|₁ + |f(0)|₁ + Σ|Δf|₁), |·|₁ the sum over the axes: the
+///               error of the sum telescopes
+///     Coulomb   f_co Σ max(L, √(Σᵢ (Pᵢ − q/2)₊²)) over spans of path, both at most the true path
+///               of the span: L = Σ (|Δh| − w)₊ over windows; Pᵢ the path of the play operator of
+///               half-width q/2 on axis i, which detects motion to and fro inside a window. The
+///               maximum is taken per span; otherwise an old lead of one estimate would mask new
+///               motion seen only by the other
+///     viscous   f_d (|Δh| − w)₊² / Δt over the same windows: a window closes when the hand
+///               has moved 16 q, so that slow motion at a high rate is not lost in the quantisation
 ///
 /// f is the force the user exerts on the environment, f = −F. With q = 0 this is [MOFC] eq. (8) in
 /// vector form, or summed over the axes. E′ may dip below zero where the true energy does not.
@@ -81,6 +83,7 @@ class EnergyLedger {
   /// E′ ← min(E′, joule). Lemma: cap.
   void limit(double joule) noexcept;
 
+  /// E′ of all that is booked.
   [[nodiscard]] double energy_joule() const noexcept;
   /// Measured, where the last booked interval ended.
   [[nodiscard]] const Vector3& hand_position_m() const noexcept { return position_m_; }

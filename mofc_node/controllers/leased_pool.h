@@ -1,5 +1,6 @@
-// leased_pool.h — one pool of energy: books what acted, grants forces with the time for which the
-// pool covers them.
+/// @file
+/// leased_pool.h — one pool of energy: books what acted, grants forces with the time for which the
+/// pool covers them.
 #pragma once
 
 #include <limits>
@@ -11,10 +12,11 @@
 
 namespace palpate::controllers {
 
+/// Friction, resolution and times that a pool relies on.
 struct LeasedPoolParameters {
   MofcParameters mofc;  ///< T: the time for which every command may act, T_hold
   std::optional<AxisFriction> per_axis = {};  ///< the friction, instead of mofc.f_d and mofc.f_co
-  double resolution_m = 0.0;                  ///< q ≥ 0
+  double resolution_m = 0.0;                  ///< q ≥ 0, of the position, per axis
   double delta_max_s = 0.0;      ///< δ_max ≥ 0: longest time from the reading to the switch
   double longest_lease_s = 0.0;  ///< T_lease,max: no command acts longer; below T it counts as T
   double v_max_m_per_s = std::numeric_limits<double>::infinity();  ///< > 0, of the hand
@@ -24,12 +26,13 @@ struct LeasedPoolParameters {
 /// force that acts at t_k can still act before the answer replaces it, at most δ_max and at most
 /// the rest of its lease:
 ///
-///   F          the largest force along F_e with T drain(F) + δ drain(F_acting) ≤ E′
-///   valid_for  (E′ − δ drain(F_acting)) / drain(F), within T … T_lease,max
+///     F          the largest force along F_e with T drain(F) + δ drain(F_acting) ≤ E′
+///     valid_for  (E′ − δ drain(F_acting)) / drain(F), within T … T_lease,max
 ///
 /// Lemmas: hold_and_delay, residual_lease. No allocation, no throw.
 class LeasedPool {
  public:
+  /// Without credit. Does not check the parameters.
   explicit LeasedPool(const LeasedPoolParameters& parameters)
       : p_(parameters),
         clamp_(parameters.mofc, parameters.per_axis, parameters.v_max_m_per_s),
@@ -38,6 +41,7 @@ class LeasedPool {
   /// Forgets everything; the next book() begins a ledger.
   void reset() noexcept { has_started_ = false; }
 
+  /// What one step has booked.
   struct Booked {
     double elapsed_s = 0.0;   ///< 0 where it is not known what acted
     double work_joule = 0.0;  ///< −Σ F·Δx: done by the hand against F, where the ends were read
@@ -47,8 +51,11 @@ class LeasedPool {
 
   /// E′ ← min(E′, joule).
   void limit(double joule) noexcept { ledger_.limit(joule); }
+  /// EnergyLedger::dissipated_joule.
   [[nodiscard]] double dissipated_joule() const noexcept { return ledger_.dissipated_joule(); }
 
+  /// The force that the pool covers, with its lease; see above.
+  /// @param input  the step that was booked last
   /// @param gate  0 … 1: granted share of the force beyond what friction alone absorbs
   [[nodiscard]] ControlOutput grant(const ControlInput& input, double gate = 1.0) const noexcept;
 

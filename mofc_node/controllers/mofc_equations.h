@@ -1,18 +1,20 @@
-// mofc_equations.h — the equations of the maximum output force controller, one function each, for
-// comparison with the paper. [MOFC]: docs/theory.md §8.
-//
-// Symbols as in [MOFC]:
-//   T      sampling period: the time for which one force is held          [s]
-//   v      v_s(k+1) = (x(k+1) − x(k)) / T, mean velocity of the interval  [m/s]
-//   f_s    force the user exerts on the virtual environment               [N]
-//   f_d    viscous friction of the device, a lower bound                  [N·s/m]
-//   f_co   Coulomb friction of the device, a lower bound                  [N]
-//   E′     lower bound of the energy the hand has put in                  [J]
-//   f_max  largest force that keeps the next interval passive             [N]
-//
-// Differs from the print: in (6) and (7) the index under the sum is n, not k; (10) is a lower
-// bound; in (11) f_so reads f_co; (12) has lost the bracket round its numerator:
-// docs/theory.md §2.1.
+/// @file
+/// mofc_equations.h — the equations of the maximum output force controller, one function each, for
+/// comparison with the paper. [MOFC]: docs/theory.md §8.
+///
+/// Symbols as in [MOFC]:
+///
+///     T      sampling period: the time for which one force is held          [s]
+///     v      v_s(k+1) = (x(k+1) − x(k)) / T, mean velocity of the interval  [m/s]
+///     f_s    force the user exerts on the virtual environment               [N]
+///     f_d    viscous friction of the device, a lower bound                  [N·s/m]
+///     f_co   Coulomb friction of the device, a lower bound                  [N]
+///     E′     lower bound of the energy the hand has put in                  [J]
+///     f_max  largest force that keeps the next interval passive             [N]
+///
+/// Differs from the print: in (6) and (7) the index under the sum is n, not k; (10) is a lower
+/// bound; in (11) f_so reads f_co; (12) has lost the bracket round its numerator:
+/// docs/theory.md §2.1.
 #pragma once
 
 #include <algorithm>
@@ -22,9 +24,9 @@ namespace palpate::controllers {
 
 /// Friction that the ledger may rely on, and the time for which one force is held.
 struct MofcParameters {
-  double f_d = 0.0;   ///< ≥ 0
-  double f_co = 0.0;  ///< ≥ 0
-  double T = 0.001;   ///< > 0
+  double f_d = 0.0;   ///< ≥ 0, viscous [N·s/m]
+  double f_co = 0.0;  ///< ≥ 0, Coulomb [N]
+  double T = 0.001;   ///< > 0 [s]
 };
 
 /// Lower bound of the energy of one interval of length T with displacement d and held force f_s:

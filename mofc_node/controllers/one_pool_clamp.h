@@ -1,4 +1,5 @@
-// one_pool_clamp.h — the largest force that one pool of energy covers.
+/// @file
+/// one_pool_clamp.h — the largest force that one pool of energy covers.
 #pragma once
 
 #include <optional>
@@ -17,7 +18,8 @@ namespace palpate::controllers {
 ///
 /// Friction per axis, with e_i = (|F_i| − f_co,i)₊:
 ///
-///   drain(F) = min( Σ max_{v ≤ v_max} (e_i v − f_d,i v²) , max_{v ≤ v_max} (|e| v − f_d,min v²) )
+///     drain(F) = min( Σ max_{v ≤ v_max} (e_i v − f_d,i v²),
+///                     max_{v ≤ v_max} (|e| v − f_d,min v²) )
 ///
 /// The power is Σ (F_i v_i − f_co,i|v_i| − f_d,i v_i²) ≤ Σ (e_i|v_i| − f_d,i v_i²). |v| ≤ v_max has
 /// |v_i| ≤ v_max on every axis, which gives the first bound: exact while no axis gets to v_max, but
@@ -27,13 +29,18 @@ namespace palpate::controllers {
 class OnePoolClamp {
  public:
   /// @param parameters  f_d and f_co are unused where there is `per_axis`
+  /// @param per_axis  the friction of each axis; none: isotropic
   /// @param v_max_m_per_s  > 0, may be infinite
   OnePoolClamp(const MofcParameters& parameters, const std::optional<AxisFriction>& per_axis,
                double v_max_m_per_s)
       : p_(parameters), per_axis_(per_axis), v_max_m_per_s_(v_max_m_per_s) {}
 
+  /// drain(F), ≥ 0; infinite where the friction is not viscous, F exceeds Coulomb friction and
+  /// v_max is infinite.
   [[nodiscard]] double drain_watt(const Vector3& force_newton) const noexcept;
 
+  /// The largest F along the requested force. The caller sets the ledger's energy and the lease.
+  /// @param asked_force_on_hand_newton  F_e
   /// @param energy_joule  E′; below 0 counts as 0
   /// @param gate  0 … 1: granted share of the force beyond what friction alone absorbs
   [[nodiscard]] ControlOutput clamp(const Vector3& asked_force_on_hand_newton, double energy_joule,

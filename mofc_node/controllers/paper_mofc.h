@@ -1,4 +1,5 @@
-// paper_mofc.h — the controller as published: one axis, one pool, three times.
+/// @file
+/// paper_mofc.h — the controller as published: one axis, one pool, three times.
 #pragma once
 
 #include <numbers>
@@ -18,6 +19,7 @@ namespace palpate::controllers {
 /// keep the direction of the force. Mode `vector` does.
 class PaperMofc final : public ForceController {
  public:
+  /// @param friction  of each axis   @param T  > 0, period [s]
   explicit PaperMofc(const AxisFriction& friction, double T) : friction_(friction), T_(T) {}
   /// As published: f_d and f_co on every axis.
   explicit PaperMofc(const MofcParameters& p)
@@ -28,6 +30,8 @@ class PaperMofc final : public ForceController {
     return PaperMofc({.f_d = p.f_d, .f_co = p.f_co / std::numbers::sqrt3, .T = p.T});
   }
   void reset() noexcept override;
+  /// Equations (8) to (14), axis by axis. Energy of intervals whose ends were not read is not
+  /// counted: what credit there was is forfeited.
   [[nodiscard]] ControlOutput step(const ControlInput& input) noexcept override;
 
  private:

@@ -1,4 +1,5 @@
-// vector_mofc.h — the controller with one pool for all directions.
+/// @file
+/// vector_mofc.h — the controller with one pool for all directions.
 #pragma once
 
 #include <optional>
@@ -10,12 +11,12 @@ namespace palpate::controllers {
 
 /// Mode `vector`. One pool for all directions; the force is scaled, its direction kept:
 ///
-///   f_max = f_co + 2 √( f_d / T · max(0, E′ − δ (|F_acting| − f_co)₊² / (4 f_d)) )
-///   F     = F_e min(1, f_max / |F_e|)
+///     f_max = f_co + 2 √( f_d / T · max(0, E′ − δ (|F_acting| − f_co)₊² / (4 f_d)) )
+///     F     = F_e min(1, f_max / |F_e|)
 ///
 /// [MOFC] eqs. (8)–(14) with Euclidean norms. Differs: E′ accounts for the encoder's resolution
-/// (EnergyLedger); T is the longest time one command may act, its lease; δ is the longest time from
-/// the reading to the switch, during which the force that acts now goes on (LeasedPool). With
+/// (EnergyLedger); T is the time for which every command may act; δ is the longest time from the
+/// reading to the switch, during which the force that acts now goes on (LeasedPool). With
 /// friction per axis: T drain(F) + δ drain(F_acting) ≤ E′, which for one axis is the same.
 ///
 /// Guarantee: E(t) ≥ 0 for all t, any hand, any environment, if the true friction is at least
@@ -23,6 +24,7 @@ namespace palpate::controllers {
 /// or begins later than δ_max.
 class VectorMofc final : public ForceController {
  public:
+  /// @param parameters  T: the time for which every command may act, T_hold
   /// @param resolution_m  q ≥ 0    @param delta_max_s  δ ≥ 0
   /// @param per_axis  the friction, instead of the parameters' f_d and f_co
   /// @param longest_lease_s  no command acts longer; below T it counts as T
@@ -34,6 +36,7 @@ class VectorMofc final : public ForceController {
                .delta_max_s = delta_max_s,
                .longest_lease_s = longest_lease_s}) {}
   void reset() noexcept override { pool_.reset(); }
+  /// Books what acted and grants a force with its lease.
   [[nodiscard]] ControlOutput step(const ControlInput& input) noexcept override {
     static_cast<void>(pool_.book(input));
     return pool_.grant(input);

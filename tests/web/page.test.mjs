@@ -705,6 +705,14 @@ page_test("without WebGL the figures still run, and the page says so", { page: {
   assert.match(page.problems.join(), /^THREE\S+ THREE\S+ Error creating WebGL context\.$/);
 });
 
+page_test("the licences of bundled code can be read", { page: { wait: false } }, async (page) => {
+  const licences = page.locator(".licences pre");
+  assert.equal(await licences.isVisible(), false);
+  await page.locator(".licences summary").click();
+  await licences.waitFor({ state: "visible" });
+  for (const text of [/three\.js authors/, /Leon Sorokin/, /Buf Technologies/, /Google Inc/]) assert.match(await licences.textContent(), text);
+});
+
 page_test("20 000 deforming vertices at 30 Hz are taken as fast as they come", { world: { vertices: 20000 }, page: { ...kSmall, max_hz: 60 } }, async (page) => {
   await until(page, (t) => t.mesh_frames > 5, "mesh frames");
   await at_most("20 000 vertices are taken, s", 0.010, async () => { // a third of the period

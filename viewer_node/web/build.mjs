@@ -1,7 +1,7 @@
 // build.mjs: src/ → dist/index.html, dist/app.js, dist/app.css: all that the page consists of; and
 // dist/report.js, dist/report.css for `palpate report`.
 import { build } from "esbuild";
-import { copyFile, mkdir, readFile, rm, writeFile } from "node:fs/promises";
+import { mkdir, readFile, rm, writeFile } from "node:fs/promises";
 import { gzipSync } from "node:zlib";
 import { fileURLToPath } from "node:url";
 
@@ -12,12 +12,12 @@ const out = process.argv[2] ?? "dist";
 const licence_of = async (name) => `${name}\n\n${(await readFile(`node_modules/${name}/LICENSE`, "utf8")).trim()}`;
 const varint = await readFile("node_modules/@bufbuild/protobuf/dist/esm/wire/varint.js", "utf8");
 const bsd = varint.match(/^(\/\/.*\n)+/)[0].replaceAll(/^\/\/ ?/gm, "").trim();
-const licences = "/*! Bundled code and its licences:\n\n" + [
+const licences = [
   await licence_of("three"),
   await licence_of("uplot"),
   "@bufbuild/protobuf\n\nCopyright 2021-2026 Buf Technologies, Inc. Apache License 2.0, https://www.apache.org/licenses/LICENSE-2.0; in it:",
   bsd,
-].join("\n\n") + "\n*/";
+].join("\n\n");
 
 await rm(out, { recursive: true, force: true });
 await mkdir(out, { recursive: true });
@@ -28,7 +28,7 @@ await build({
   target: "es2022",
   minify: true,
   legalComments: "none",
-  footer: { js: licences },
+  footer: { js: "/*! The licences of bundled code are in index.html. */" },
   outdir: out,
   logLevel: "warning",
 });
@@ -47,7 +47,10 @@ await build({
 const [day, night] = [...(await readFile("src/style.css", "utf8")).matchAll(/^:root[^{]*(\{[^}]*\})/gm)].map(([, body]) => body);
 const colours = `:root${day}@media (prefers-color-scheme: dark){:root${night}}`.replaceAll(/\s+/g, " ");
 await writeFile(`${out}/report.css`, `${colours}\n${await readFile(`${out}/report.css`, "utf8")}`);
-await copyFile("src/index.html", `${out}/index.html`);
+const escaped = licences.replaceAll("&", "&amp;").replaceAll("<", "&lt;");
+const page = await readFile("src/index.html", "utf8");
+if (!page.includes("{{licences}}")) throw new Error("src/index.html has no place for {{licences}}");
+await writeFile(`${out}/index.html`, page.replace("{{licences}}", () => escaped));
 
 for (const file of ["index.html", "app.css", "app.js", "report.css", "report.js"]) {
   const bytes = await readFile(`${out}/${file}`);

@@ -1,15 +1,18 @@
-/* palpate_device.h — the C interface of a driver in a shared library, for vendors and labs that add
+/** @file
+ * palpate_device.h — the C interface of a driver in a shared library, for vendors and labs that add
  * a device without building Palpate. The library exports one function,
  *
  *     const palpate_device_driver* palpate_device_driver_of(uint32_t abi);
  *
  * which returns a driver for PALPATE_DEVICE_ABI, or NULL for an `abi` that it does not know.
  *
- * Frame D, SI units, right-handed: x to the right, y away from the person, z up, origin in the
- * middle of the workspace. The driver converts its own axes, units and origin.
+ * Frame D, the device's: right-handed, x to the right, y away from the person, z up, origin in the
+ * middle of the workspace. SI units. The driver converts its own axes, units and origin. Forces are
+ * forces on the hand.
  *
  * All functions are called by one thread. read, apply, take_latched and release are called in every
- * tick: they do not allocate, lock, log or wait longer than a transfer takes.
+ * tick: they do not allocate, lock, log or wait longer than a transfer takes. No function lets a
+ * C++ exception out.
  */
 #ifndef PALPATE_DEVICE_H
 #define PALPATE_DEVICE_H
@@ -21,90 +24,114 @@
 extern "C" {
 #endif
 
-/* Grows when a function or a member changes its meaning. New members are appended to the structs,
- * whose first member is their size as the one who fills them in knows it. */
+/** Version of this interface. Grows when a function or a member changes its meaning. New members
+ * are appended to the structs, whose first member is their size as the one who fills them in knows
+ * it. */
 #define PALPATE_DEVICE_ABI 1u
 
-typedef struct palpate_device palpate_device; /* the driver's own */
+/** One open device. Its contents are the driver's own. */
+typedef struct palpate_device palpate_device;
 
+/** What read and apply return. Any other value counts as PALPATE_DEVICE_FAILED. */
 enum palpate_device_error {
-  PALPATE_DEVICE_OK = 0,
-  PALPATE_DEVICE_FAILED = 1,    /* no more is known */
-  PALPATE_DEVICE_TIMEOUT = 2,   /* no answer in time */
-  PALPATE_DEVICE_UNPLUGGED = 3, /* the device, or the program that owns it, is gone */
-  PALPATE_DEVICE_CORRUPT = 4,   /* the answer breaks the rules of the wire */
-  PALPATE_DEVICE_NOT_READY = 5  /* it has no supply or no calibration */
+  PALPATE_DEVICE_OK = 0,        /**< done */
+  PALPATE_DEVICE_FAILED = 1,    /**< no more is known */
+  PALPATE_DEVICE_TIMEOUT = 2,   /**< no answer in time */
+  PALPATE_DEVICE_UNPLUGGED = 3, /**< the device, or the program that owns it, is gone */
+  PALPATE_DEVICE_CORRUPT = 4,   /**< the answer breaks the rules of the wire */
+  PALPATE_DEVICE_NOT_READY = 5  /**< it has no supply or no calibration */
 };
 
+/** Bits of palpate_device_specification::flags. */
 enum palpate_device_flags {
-  /* The motors end each force by themselves when its lease runs out, even if this process stops. */
+  /** The motors end each force by themselves when its lease runs out, even if this process stops.
+   * Without it the passivity guarantee is reported as not available. */
   PALPATE_DEVICE_HAS_WATCHDOG = 1u << 0,
-  /* The watchdog stores the position at that moment: take_latched gives it. */
+  /** The watchdog stores the position at that moment: take_latched gives it. */
   PALPATE_DEVICE_HAS_LATCH = 1u << 1
 };
 
+/** What the device is. Asked once, after open; constant until close. Refused, with the rule, unless
+ * every extent is > 0, 0 < continuous force ≤ peak force, the resolution is in 0 … 0.01 m and there
+ * are at most 32 buttons; all finite. */
 typedef struct palpate_device_specification {
-  uint32_t size; /* sizeof(palpate_device_specification), set by the caller */
-  uint32_t flags;
-  char model_name[64];               /* ends with 0 */
-  double workspace_half_extent_m[3]; /* box around the origin */
-  double peak_force_newton;          /* |F| for moments */
-  double continuous_force_newton;    /* |F| without a time limit */
-  double position_resolution_m;      /* per axis; 0: exact */
-  uint32_t button_count;             /* 0 … 32 */
-  uint32_t reserved;
+  uint32_t size;                     /**< sizeof(palpate_device_specification), set by the caller */
+  uint32_t flags;                    /**< bits of palpate_device_flags */
+  char model_name[64];               /**< UTF-8, ends with 0; empty: "plug-in" */
+  double workspace_half_extent_m[3]; /**< box around the origin, D */
+  double peak_force_newton;          /**< |F| for moments */
+  double continuous_force_newton;    /**< |F| without a time limit */
+  double position_resolution_m;      /**< per axis; 0: exact */
+  uint32_t button_count;             /**< 0 … 32 */
+  uint32_t reserved;                 /**< 0 */
 } palpate_device_specification;
 
+/** One reading. The caller sets size, buttons 0, an identity orientation and zeros elsewhere. A
+ * stamp in the future, an orientation of a norm outside 0.5 … 2 or a force that is not finite
+ * releases the motors and counts as PALPATE_DEVICE_CORRUPT. */
 typedef struct palpate_device_reading {
-  uint32_t size;                  /* sizeof(palpate_device_reading), set by the caller */
-  uint32_t buttons;               /* bit i: button i is held */
-  double position_m[3];           /* of the hand */
-  double orientation_wxyz[4];     /* D from tool, unit */
-  int64_t sampled_at_ns;          /* by the clock given to open */
-  double applied_force_newton[3]; /* of a switch: what acts from now on, limited and quantised */
+  uint32_t size;              /**< sizeof(palpate_device_reading), set by the caller */
+  uint32_t buttons;           /**< bit i: button i is held */
+  double position_m[3];       /**< of the hand, D */
+  double orientation_wxyz[4]; /**< rotation into D from the tool's frame; is normalised */
+  int64_t sampled_at_ns;      /**< of the position, by palpate_device_host::clock_ns */
+  /** Of a switch: what acts on the hand from now on [N], D, limited and quantised as the motors
+   * realise it. The energy is counted with it. */
+  double applied_force_newton[3];
 } palpate_device_reading;
 
+/** What the library may use of the program that loads it. Valid until close has returned. */
 typedef struct palpate_device_host {
-  uint32_t size;
-  uint32_t reserved;
-  void* context;
-  int64_t (*clock_ns)(void* context);              /* never goes back */
-  void (*prompt)(void* context, const char* text); /* what the person should do; open only */
-  int (*is_stopped)(void* context);                /* open should give up */
-  double start_limit_s;                            /* open gives up after this time */
+  uint32_t size;     /**< sizeof(palpate_device_host) */
+  uint32_t reserved; /**< 0 */
+  void* context;     /**< first argument of the functions below */
+  /** Monotonic time [ns], from an arbitrary origin; may be called at any time. */
+  int64_t (*clock_ns)(void* context);
+  /** Shows what the person should do, UTF-8; in open only. */
+  void (*prompt)(void* context, const char* text);
+  /** Not 0: open should give up, the program ends; in open only. */
+  int (*is_stopped)(void* context);
+  double start_limit_s; /**< open gives up after this time */
 } palpate_device_host;
 
+/** A driver. Every function must be there but take_latched and reopen, which may be NULL. Constant,
+ * and valid as long as the library is loaded. */
 typedef struct palpate_device_driver {
-  uint32_t size; /* sizeof(palpate_device_driver) */
-  uint32_t abi;  /* PALPATE_DEVICE_ABI */
+  uint32_t size; /**< sizeof(palpate_device_driver) */
+  uint32_t abi;  /**< PALPATE_DEVICE_ABI */
 
-  /* Opens the device: ready to be read, motors limp. `options` is the session's text. NULL on
-   * failure, with the reason in `error`. `host` outlives the device. */
+  /** Opens the device: ready to be read, motors limp. `options` is the session's text. `host`
+   * outlives the device. NULL on failure, with the reason in `error`: at most `error_size` bytes,
+   * UTF-8, ended with 0. May wait for a person, up to start_limit_s. */
   palpate_device* (*open)(const char* options, const palpate_device_host* host, char* error,
                           size_t error_size);
-  /* Motors limp, closed. */
+  /** Motors limp, closed; `device` is not used again. */
   void (*close)(palpate_device* device);
+  /** Fills in `out`, whose size is set. */
   void (*specification)(const palpate_device* device, palpate_device_specification* out);
 
-  /* Each returns a palpate_device_error. After an error the motors are limp. */
+  /** Takes one reading. A palpate_device_error; after an error the motors are limp. */
   int (*read)(palpate_device* device, palpate_device_reading* out);
-  /* The force on the hand from now on, for at most `lease_ns`; ≤ 0: no force. Larger forces are
-   * limited to the peak with their direction kept. */
+  /** Applies a force on the hand [N], D, from now on, for at most `lease_ns`; ≤ 0: no force. Larger
+   * forces are limited to the peak with their direction kept. `at_switch` is the reading at which
+   * the force changed. A palpate_device_error; after an error the motors are limp. */
   int (*apply)(palpate_device* device, const double force_newton[3], int64_t lease_ns,
                palpate_device_reading* at_switch);
 
-  /* Motors limp, at once. An apply with a lease of 0 follows: PALPATE_DEVICE_OK confirms that no
+  /** Motors limp, at once. An apply with a lease of 0 follows: PALPATE_DEVICE_OK confirms that no
    * force acts; after anything else both are called again. */
   void (*release)(palpate_device* device);
-  /* 1: the reading that the watchdog stored when a force ended by itself, once; 0: there is none.
+  /** 1: the reading that the watchdog stored when a force ended by itself, once; 0: there is none.
    * May be NULL. */
   int (*take_latched)(palpate_device* device, palpate_device_reading* at_end);
-  /* After a fault: opens the device once more if it has to be, within a second. 1: ready. May be
-   * NULL. */
+  /** After a fault: opens the device once more if it has to be, within a second. 1: ready; anything
+   * else: the fault stays. May be NULL, for a device that needs no opening again. */
   int (*reopen)(palpate_device* device);
 } palpate_device_driver;
 
+/** Type of the function that the library exports under the name PALPATE_DEVICE_ENTRY. */
 typedef const palpate_device_driver* (*palpate_device_driver_of_function)(uint32_t abi);
+/** Name of the function that the library exports. */
 #define PALPATE_DEVICE_ENTRY "palpate_device_driver_of"
 
 #ifdef __cplusplus

@@ -1,16 +1,18 @@
-/* palpate_controllers.h - the force controllers of Palpate for C and whatever can call C (Unity,
+/** @file
+ * palpate_controllers.h - the force controllers of Palpate for C and whatever can call C (Unity,
  * Unreal, Rust, Python's ctypes). Link libpalpate_controllers_c; flags: pkg-config
  * palpate_controllers.
  *
- * SI units, one right-handed frame (the device's). Forces are on the hand. Structs filled with
- * zeros are valid. No function throws, none but create, set and destroy allocates; a handle is used
- * by one thread at a time. The layout of the structs changes only with the minor version while the
- * major one is 0, then only with the major one. */
+ * SI units, one right-handed frame (the device's). Forces are on the hand. Arrays of three are x,
+ * y, z. Structs filled with zeros are valid. No function throws, none but create, set and destroy
+ * allocates; a handle is used by one thread at a time. The layout of the structs changes only with
+ * the minor version while the major one is 0, then only with the major one. */
 #ifndef PALPATE_CONTROLLERS_H
 #define PALPATE_CONTROLLERS_H
 
 #include <stddef.h>
 
+/** Marks what the shared library exports. */
 #if defined(_WIN32)
 #define PALPATE_API
 #else
@@ -21,90 +23,110 @@
 extern "C" {
 #endif
 
-typedef struct palpate_controller palpate_controller; /* one controller and its settings */
+/** One controller and its settings; made by palpate_controller_create. */
+typedef struct palpate_controller palpate_controller;
 
+/** What a call has come to. After anything but PALPATE_OK the call has changed no setting. */
 typedef enum palpate_status {
-  PALPATE_OK = 0,
-  PALPATE_NULL_POINTER = 1,
-  PALPATE_UNKNOWN_NAME = 2,
-  PALPATE_OUT_OF_RANGE = 3, /* of a setting; palpate_controller_error says the rule */
-  PALPATE_NOT_FINITE = 4,   /* in an input: the answer is no force */
-  PALPATE_NO_MEMORY = 5
+  PALPATE_OK = 0,           /**< done */
+  PALPATE_NULL_POINTER = 1, /**< an argument is NULL that must not be */
+  PALPATE_UNKNOWN_NAME = 2, /**< no setting of that name */
+  PALPATE_OUT_OF_RANGE = 3, /**< of a setting; palpate_controller_error says the rule */
+  PALPATE_NOT_FINITE = 4,   /**< a number of an input is not finite, or a duration is below 0 */
+  PALPATE_NO_MEMORY = 5     /**< memory is exhausted */
 } palpate_status;
 
-/* One force and what the hand did while it acted. */
+/** One force and what the hand did while it acted. */
 typedef struct palpate_stretch {
-  double duration_s; /* >= 0, measured */
-  double force_on_hand_newton[3];
-  double hand_position_at_end_m[3]; /* measured */
-  int is_end_unknown;               /* not 0: the position at the end was not read */
+  double duration_s;                /**< >= 0, measured */
+  double force_on_hand_newton[3];   /**< that really acted, as the motors realised it */
+  double hand_position_at_end_m[3]; /**< measured */
+  int is_end_unknown;               /**< not 0: the position at the end was not read */
 } palpate_stretch;
 
-/* The tissue where the tool is not; for virtual coupling and Lyapunov. No allocation, no blocking.
+/** The tissue where the tool is not; for virtual coupling and Lyapunov. Called within step, for a
+ * hand at this position, moving at this velocity, now. Allocates nothing, does not block. An answer
+ * that is not finite counts as no tissue.
+ * @param user  palpate_input::tissue_user
+ * @param hand_position_m  3 numbers
+ * @param hand_velocity_m_per_s  3 numbers
+ * @param force_on_hand_newton  3 numbers to set; 0 before
+ * @param stored_energy_joule  to set, >= 0: elastic energy that the hand would get back; 0 before
  */
 typedef void (*palpate_tissue)(void* user, const double hand_position_m[3],
                                const double hand_velocity_m_per_s[3],
                                double force_on_hand_newton[3], double* stored_energy_joule);
 
-/* One control step. */
+/** One control step. Every number must be finite. */
 typedef struct palpate_input {
-  double hand_position_m[3]; /* measured now */
-  double hand_velocity_m_per_s[3];
-  const palpate_stretch* applied;        /* what acted since the previous step, in time order */
-  size_t applied_count;                  /* 0 in the first step */
-  int has_gap;                           /* not 0: it is not known what acted */
-  double acting_force_on_hand_newton[3]; /* acts now, until it is replaced */
-  double acting_lease_s;                 /* ends by itself after this time; 0: not known */
-  double requested_force_on_hand_newton[3];
-  int is_request_held;        /* not 0: the same evaluation of the tissue as in the last step */
-  double stored_energy_joule; /* elastic energy that the tissue may give back; 0: not known */
-  double evaluated_at_m[3];   /* where the hand was for the tissue at the request; two_port,
-                                 passivity_control_reference */
-  double surface_normal[3];   /* of the contact, out of the tissue, or zeros; memory_based */
-  palpate_tissue tissue;      /* or NULL */
-  void* tissue_user;
+  double hand_position_m[3];       /**< measured now */
+  double hand_velocity_m_per_s[3]; /**< estimated; for the published methods that use it */
+  /** What acted since the previous step, in time order, without gaps, up to hand_position_m; NULL
+   * where there is none. */
+  const palpate_stretch* applied;
+  size_t applied_count; /**< 0 in the first step; more than 64 count as has_gap */
+  int has_gap;          /**< not 0: it is not known what acted; credit is forfeited */
+  double acting_force_on_hand_newton[3]; /**< acts now, until it is replaced */
+  double acting_lease_s;                 /**< it ends by itself after this time; <= 0: not known */
+  double requested_force_on_hand_newton[3]; /**< what the tissue, or the program, wants rendered */
+  int is_request_held;        /**< not 0: the same evaluation of the tissue as in the last step */
+  double stored_energy_joule; /**< elastic energy that the tissue may give back; 0: not known */
+  double evaluated_at_m[3];   /**< where the hand was for the tissue at the request; for two_port
+                                   and passivity_control_reference */
+  double surface_normal[3];   /**< of the contact, unit, out of the tissue, or zeros; for
+                                   memory_based */
+  palpate_tissue tissue;      /**< NULL: virtual coupling and Lyapunov give the request */
+  void* tissue_user;          /**< first argument of tissue */
 } palpate_input;
 
+/** What a controller answers. */
 typedef struct palpate_output {
-  double force_on_hand_newton[3];
-  double f_max_newton[3];     /* bound per axis; NaN where the method has none */
-  double ledger_energy_joule; /* credit of the hand; NaN where the method has none */
-  double lease_s;             /* longest time for which the force may act; 0: the setting lease_s */
-  int is_clamped;             /* the force differs from the request */
-  int is_too_fast;            /* the hand moved faster than the controller assumes */
+  double force_on_hand_newton[3]; /**< to apply from now on */
+  double f_max_newton[3];         /**< bound per axis; NaN where the method has none */
+  double ledger_energy_joule;     /**< credit of the hand; NaN where the method has none */
+  double lease_s;  /**< longest time for which the force may act; 0: the setting lease_s */
+  int is_clamped;  /**< 1: the force differs from the request */
+  int is_too_fast; /**< 1: the hand moved faster than the controller assumes */
 } palpate_output;
 
-/* "0.1.0" */
+/** The version of the library, "0.1.0". */
 PALPATE_API const char* palpate_controllers_version(void);
 
-/* The names of the controllers, 0 .. count - 1; NULL beyond. */
+/** How many controllers there are. */
 PALPATE_API size_t palpate_controller_count(void);
+/** The name of a controller, index 0 .. count - 1; NULL beyond. */
 PALPATE_API const char* palpate_controller_name(size_t index);
-/* The names of the settings and their units. A controller ignores those of others. */
+/** How many settings there are. */
 PALPATE_API size_t palpate_setting_count(void);
+/** The name of a setting, index 0 .. count - 1; NULL beyond. A controller ignores settings of
+ * others. */
 PALPATE_API const char* palpate_setting_name(size_t index);
+/** The unit of a setting, UTF-8, "1" for a plain number; NULL beyond. */
 PALPATE_API const char* palpate_setting_unit(size_t index);
 
-/* With default settings; NULL if there is no controller of that name, or no memory. */
+/** Makes a controller with default settings; NULL if there is none of that name, or no memory. */
 PALPATE_API palpate_controller* palpate_controller_create(const char* name);
-PALPATE_API void palpate_controller_destroy(palpate_controller* controller); /* NULL is allowed */
+/** Frees a controller. NULL is allowed. */
+PALPATE_API void palpate_controller_destroy(palpate_controller* controller);
 
-/* Changes a setting and begins anew: before the first step, not between steps. A refused value
+/** Changes a setting and begins anew: before the first step, not between steps. A refused value
  * changes nothing. Of two settings that must be in order, set the larger first. */
 PALPATE_API palpate_status palpate_controller_set(palpate_controller* controller,
                                                   const char* setting, double value);
+/** Reads a setting into `value`, which is left alone where the status is not PALPATE_OK. */
 PALPATE_API palpate_status palpate_controller_get(const palpate_controller* controller,
                                                   const char* setting, double* value);
 
-/* Back to the initial state, for a new session of the device. Allocates nothing. */
+/** Back to the initial state, for a new session of the device. Allocates nothing. */
 PALPATE_API palpate_status palpate_controller_reset(palpate_controller* controller);
-/* The force for this step. If the status is not PALPATE_OK the force is zero, and what acts until
- * the next step counts as not known. Allocates nothing, does not block. */
+/** The force for this step. If the status is not PALPATE_OK the output is all zeros, and what acts
+ * until the next step counts as not known. Allocates nothing, does not block. */
 PALPATE_API palpate_status palpate_controller_step(palpate_controller* controller,
                                                    const palpate_input* input,
                                                    palpate_output* output);
 
-/* What the last refused set() complains about: setting, value, rule. "" if nothing. */
+/** What the last set() complained about: setting, value, rule. "" if nothing. Valid until the next
+ * set() or destroy(). */
 PALPATE_API const char* palpate_controller_error(const palpate_controller* controller);
 
 #ifdef __cplusplus

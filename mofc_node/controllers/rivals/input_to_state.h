@@ -1,4 +1,5 @@
-// input_to_state.h — input-to-state stability: the requested force and a share of its change.
+/// @file
+/// input_to_state.h — input-to-state stability: the requested force and a share of its change.
 #pragma once
 
 #include "interval.h"
@@ -7,7 +8,7 @@ namespace palpate::controllers {
 
 /// ISS. With T_e the time between two evaluations of F_e:
 ///
-///   F(k) = F_e(k) + τ (F_e(k) − F_e(k−1)) / T_e
+///     F(k) = F_e(k) + τ (F_e(k) − F_e(k−1)) / T_e
 ///
 /// On a spring K it acts as a damper K τ that leads: with τ ≥ T/2 + delay it cancels the lag of the
 /// hold. It allows the counter-clockwise loops of force over position that a hold makes, bounded in
@@ -18,9 +19,10 @@ namespace palpate::controllers {
 /// Source: [Jafari15].
 class InputToState final : public ForceController {
  public:
-  /// @param time_constant_s  τ > 0
+  /// @param time_constant_s  τ > 0, not checked
   explicit InputToState(double time_constant_s) : tau_s_(time_constant_s) {}
   void reset() noexcept override { *this = InputToState(tau_s_); }
+  /// The requested force where there is none, or only one, evaluation to compare.
   [[nodiscard]] ControlOutput step(const ControlInput& input) noexcept override;
 
  private:

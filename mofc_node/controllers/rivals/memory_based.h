@@ -1,4 +1,5 @@
-// memory_based.h — memory-based passivation: releasing gives back what pressing has stored.
+/// @file
+/// memory_based.h — memory-based passivation: releasing gives back what pressing has stored.
 #pragma once
 
 #include <array>
@@ -12,11 +13,11 @@ namespace palpate::controllers {
 /// area A, and the work E_m that it has cost. Along the surface's normal, with f the pressing part
 /// of F_e and l = max(1.5|Δp|, q):
 ///
-///   Δp > 0   push (p(k−1), p(k)] with F(k−1);   F = f
-///   Δp = 0   F = min(f, F(k−1))
-///   Δp < 0   take off what lies above p(k);   F = min(f, max(0, M − (A − E_m)₊ / l)),
-///            M the mean of the memory over (p(k) − l, p(k)]
-///   p ≤ 0    forget everything
+///     Δp > 0   push (p(k−1), p(k)] with F(k−1);   F = f
+///     Δp = 0   F = min(f, F(k−1))
+///     Δp < 0   take off what lies above p(k);   F = min(f, max(0, M − (A − E_m)₊ / l)),
+///              M the mean of the memory over (p(k) − l, p(k)]
+///     p ≤ 0    forget everything
 ///
 /// The tangential part is scaled with the normal one. Pulling forces pass.
 ///
@@ -28,11 +29,14 @@ namespace palpate::controllers {
 /// the loss of a contact is judged by them alone.
 class MemoryBased final : public ForceController {
  public:
-  /// @param resolution_m  q ≥ 0
+  /// @param resolution_m  q ≥ 0, of the position, per axis
   explicit MemoryBased(double resolution_m) : resolution_m_(resolution_m) {}
   void reset() noexcept override;
+  /// The first step of a contact gives the requested force and its normal: that of the surface, or
+  /// of the force where no normal is known.
   [[nodiscard]] ControlOutput step(const ControlInput& input) noexcept override;
 
+  /// p of the last step, measured from where the contact began.
   [[nodiscard]] double penetration_m() const noexcept { return penetration_m_; }
 
  private:

@@ -1,4 +1,5 @@
-// safety_net.h — any controller with mode guard behind it.
+/// @file
+/// safety_net.h — any controller with mode guard behind it.
 #pragma once
 
 #include <memory>
@@ -8,16 +9,18 @@
 
 namespace palpate::controllers {
 
-/// What the inner controller answers is what `guard` is asked for: its guarantee holds whatever the
-/// inner one does, NaN included.
+/// What the inner controller answers is the force that `guard` limits. The guarantee of `guard`
+/// holds whatever the inner controller does; a force that is not finite counts as none.
 class SafetyNet final : public ForceController {
  public:
+  /// @param inner  not nullptr   @param parameters  of guard
   SafetyNet(std::unique_ptr<ForceController> inner, const GuardParameters& parameters)
       : inner_(std::move(inner)), guard_(parameters) {}
   void reset() noexcept override {
     inner_->reset();
     guard_.reset();
   }
+  /// Bound, credit and lease are those of guard; the wave is that of the inner controller.
   [[nodiscard]] ControlOutput step(const ControlInput& input) noexcept override {
     const ControlOutput inner = inner_->step(input);
     ControlInput asked = input;

@@ -1,4 +1,5 @@
-// two_port.h — time-domain passivity of the two ports of a delayed channel, hand and physics.
+/// @file
+/// two_port.h — time-domain passivity of the two ports of a delayed channel, hand and physics.
 #pragma once
 
 #include "passivity_control.h"
@@ -7,11 +8,11 @@ namespace palpate::controllers {
 
 /// The energy of each port, separated by its direction; M: at the hand, S: at the physics.
 ///
-///   M:  w = −F(k−1)·Δx(k)                              w > 0: E_in^M += w    else E_out^M −= w
-///   S:  w = −½(F_e(k) + F_e(k−1))·Δx_S, per answer     w > 0: E_out^S += w   else E_in^S −= w
+///     M:  w = −F(k−1)·Δx(k)                              w > 0: E_in^M += w    else E_out^M −= w
+///     S:  w = −½(F_e(k) + F_e(k−1))·Δx_S, per answer     w > 0: E_out^S += w   else E_in^S −= w
 ///
-///   missing = E_in^S − (E_out^S − E_in^M)₊ − E_out^M
-///   F       = F_e − α v,   α as in PassivityControl where missing < 0
+///     missing = E_in^S − (E_out^S − E_in^M)₊ − E_out^M
+///     F       = F_e − α v,   α as in PassivityControl where missing < 0
 ///
 /// What leaves at the hand must have entered at the physics, less what the physics received and the
 /// hand did not give. Each sum only grows, so a port that dissipates now cannot hide what the other
@@ -26,6 +27,7 @@ class TwoPort final : public ForceController {
   /// @param parameters  observer is not used
   explicit TwoPort(const PassivityControlParameters& parameters) : p_(parameters) {}
   void reset() noexcept override { *this = TwoPort(p_); }
+  /// Needs ControlInput::evaluated_at_m of every fresh force.
   [[nodiscard]] ControlOutput step(const ControlInput& input) noexcept override;
 
  private:

@@ -184,6 +184,7 @@ std::vector<std::string> broken_links(const std::string& document, const fs::pat
 
 TEST(Documents, LinksLeadSomewhere) {
   std::vector<fs::path> files{"README.md",
+                              "THIRD_PARTY.md",
                               "CHANGELOG.md",
                               "CODE_OF_CONDUCT.md",
                               "CONTRIBUTING.md",
@@ -251,6 +252,46 @@ TEST(Documents, TheTreeExplainsEveryFolder) {
     }
   }
   EXPECT_EQ(missing, std::set<std::string>{});
+}
+
+TEST(Documents, NameOneVersion) {
+  const auto version_in = [](const char* file, const char* pattern) {
+    const auto found = matches(text_of(kRoot / file), pattern);
+    return found.empty() ? std::string("none") : found.front();
+  };
+  const std::string version = version_in("CMakeLists.txt", "project\\(palpate VERSION ([0-9.]+)");
+  EXPECT_EQ(version_in("CITATION.cff", "\nversion: ([0-9.]+)"), version);
+  EXPECT_EQ(version_in("physics_node/python/pyproject.toml", "\nversion = \"([0-9.]+)\""), version);
+  EXPECT_EQ(version_in("CHANGELOG.md", "\n## ([0-9.]+)"), version);
+}
+
+// The versions of what the page bundles are those of its lock file.
+TEST(Documents, NameTheBundledPackages) {
+  const std::string lock = text_of(kRoot / "viewer_node/web/package-lock.json");
+  const std::string bundled = section(text_of(kRoot / "THIRD_PARTY.md"), "## Bundled in the page");
+  for (const char* package : {"three", "uplot", "@bufbuild/protobuf"}) {
+    const std::size_t entry = lock.find("\"node_modules/" + std::string(package) + "\"");
+    ASSERT_NE(entry, std::string::npos) << package;
+    const std::string version = matches(lock.substr(entry), "\"version\": \"([^\"]+)\"").front();
+    EXPECT_NE(bundled.find("| " + std::string(package) + " | " + version + " |"), std::string::npos)
+        << package << " " << version;
+  }
+}
+
+// The bounds are those of the Journal of Open Source Software.
+TEST(Documents, ThePaperHasItsLengthAndItsReferences) {
+  const std::string paper = text_of(kRoot / "docs/joss/paper.md");
+  const std::size_t body = paper.find("\n---\n") + 5;
+  std::istringstream words(paper.substr(body));
+  const auto count = std::distance(std::istream_iterator<std::string>(words), {});
+  EXPECT_GE(count, 250);
+  EXPECT_LE(count, 1000);
+
+  const auto cited = matches(paper.substr(body), "@([a-z0-9]+)");
+  const auto listed = matches(text_of(kRoot / "docs/joss/paper.bib"), "\n?@[a-z]+\\{([a-z0-9]+),");
+  EXPECT_GT(listed.size(), 5u);
+  EXPECT_EQ(std::set<std::string>(cited.begin(), cited.end()),
+            std::set<std::string>(listed.begin(), listed.end()));
 }
 
 /// Sections of docs/theory.md that sources refer to exist.

@@ -1,7 +1,8 @@
 // What is installed serves others.
 #include <gtest/gtest.h>
 
-#include <fstream>
+#include <filesystem>
+#include <string>
 
 #include "tests/support/machine/machine.h"
 #include "tests/support/temp_folder.h"
@@ -56,6 +57,42 @@ TEST(Install, APhysicsOfOnesOwnIsBuiltAndConforms) {
 
   if (conforms.status == 1 && !machine.may_check("checks of real time")) return;
   EXPECT_EQ(conforms.status, 0) << conforms.output;
+}
+
+// With the warnings of that project as errors, none of which may come from here.
+TEST(Install, IsNotNeededByAProjectThatAddsThisOneAsAFolder) {
+  const test::TempFolder files;
+  files.write("CMakeLists.txt",
+              "cmake_minimum_required(VERSION 3.25)\n"
+              "project(consumer LANGUAGES CXX)\n"
+              "set(CMAKE_CXX_FLAGS \"-Wall -Wextra -Weffc++ -Wpadded -Werror\")\n"
+              "add_subdirectory(" PALPATE_SOURCE_DIR
+              " palpate)\n"
+              "add_executable(consumer main.cpp)\n"
+              "target_compile_features(consumer PRIVATE cxx_std_20)\n"
+              "target_link_libraries(consumer PRIVATE palpate::controllers)\n"
+              "if(TARGET core_test)\n"
+              "  message(FATAL_ERROR \"tests of the folder\")\n"
+              "endif()\n");
+  files.write("main.cpp",
+              "#include <palpate/controllers/catalogue.h>\n"
+              "int main() { return palpate::controllers::make_named(\"guard\", {}) ? 0 : 1; }\n");
+  const std::string build = (files.path() / "build").string();
+
+  const CommandResult configured =
+      run_cmake("-G Ninja -S '" + files.path().string() + "' -B '" + build + "'");
+  ASSERT_EQ(configured.status, 0) << configured.output;
+  const CommandResult built = run_cmake("--build '" + build + "' --target consumer");
+  ASSERT_EQ(built.status, 0) << built.output;
+
+  EXPECT_EQ(test::run_command("'" + build + "/consumer'").status, 0);
+  EXPECT_FALSE(std::filesystem::exists(build + "/palpate/palpateConfigVersion.cmake"));
+}
+
+TEST(Install, PutsTheProgramsIntoAComponent) {
+  const std::string rules = test::text_of(PALPATE_BUILD_DIR "/cmake_install.cmake");
+  EXPECT_NE(rules.find("\"programs\""), std::string::npos);
+  EXPECT_EQ(rules.find("\"Unspecified\""), std::string::npos);
 }
 
 TEST(Install, SaysWhichComponentIsNotThere) {

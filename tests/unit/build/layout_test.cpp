@@ -7,9 +7,11 @@
 #include <functional>
 #include <map>
 #include <set>
+#include <sstream>
 #include <string>
 #include <vector>
 
+#include "tests/support/temp_folder.h"
 #include "tests/unit/build/source_tree.h"
 
 namespace palpate {
@@ -91,6 +93,49 @@ TEST(Tree, HasNoProductFileOfMoreThanFiveHundredLines) {
     const auto lines = std::count(std::istreambuf_iterator<char>(in), {}, '\n');
     EXPECT_LE(lines, kMostLines) << file;
   }
+}
+
+/// Whether a file is a source by its name, or without a suffix by its first line.
+bool is_source(const std::string& file, const std::string& text) {
+  static const std::set<std::string> suffixes{".h",     ".cpp", ".c",   ".S",  ".proto",
+                                              ".ts",    ".mjs", ".js",  ".py", ".sh",
+                                              ".cmake", ".css", ".html"};
+  if (file.starts_with("tests/fuzz/corpus/")) return false;  // data
+  const fs::path path(file);
+  if (path.filename() == "CMakeLists.txt") return true;
+  return path.has_extension() ? suffixes.contains(path.extension().string())
+                              : text.starts_with("#!");
+}
+
+/// Whether the licence stands in the first line, or in the second below a #! or <!doctype line.
+bool names_its_licence(const std::string& text) {
+  std::istringstream lines(text);
+  std::string line;
+  std::getline(lines, line);
+  if (line.starts_with("#!") || line.starts_with("<!doctype")) std::getline(lines, line);
+  return line.find("SPDX-License-Identifier: Apache-2.0") != std::string::npos;
+}
+
+TEST(Tree, NamesTheLicenceInEverySource) {
+  std::size_t sources = 0;
+  for (const std::string& file : test::tracked_files()) {
+    const std::string text = test::text_of(fs::path(PALPATE_SOURCE_DIR) / file);
+    if (!is_source(file, text)) continue;
+    ++sources;
+    EXPECT_TRUE(names_its_licence(text))
+        << file << ": begin it with a comment: SPDX-License-Identifier: Apache-2.0";
+  }
+  EXPECT_GT(sources, 1000u);
+}
+
+TEST(Tree, TheScanForLicencesFindsASourceWithout) {
+  EXPECT_TRUE(is_source("deploy/x", "#!/bin/sh\n"));
+  EXPECT_FALSE(is_source("deploy/x", "text\n"));
+  EXPECT_FALSE(is_source("docs/x.md", "text\n"));
+  EXPECT_TRUE(names_its_licence("#!/bin/sh\n# SPDX-License-Identifier: Apache-2.0\n"));
+  EXPECT_TRUE(names_its_licence("/* SPDX-License-Identifier: Apache-2.0 */\n"));
+  EXPECT_FALSE(names_its_licence("#!/bin/sh\n"));
+  EXPECT_FALSE(names_its_licence("// a.h\n// SPDX-License-Identifier: Apache-2.0\n"));
 }
 
 }  // namespace
