@@ -23,6 +23,7 @@ namespace {
 
 // Longest delay until a stop is noticed and rows are flushed.
 constexpr Duration kPumpInterval = std::chrono::milliseconds(50);
+constexpr Duration kFarewell = std::chrono::milliseconds(50);  // for clients to receive the last
 constexpr Duration kWebPumpInterval =
     std::chrono::milliseconds(20);  // longest delay of a client's request
 
@@ -204,6 +205,10 @@ void run_process(NodeContext& context, ProcessLinks& links, const ViewerOptions&
     for (const auto& csv : csvs) csv->flush();
     check_csv();
     check_recording();
+  }
+  if (web) {
+    web->end();
+    feed.pump(mirrors, context.clock.now() + kFarewell);
   }
   for (TelemetryMirror& mirror : mirrors) mirror.flush_rows();
   for (const auto& csv : csvs) csv->close();

@@ -119,6 +119,10 @@ void WebFeed::pump(TimePoint now) {
   foxglove_.pump(now);
 }
 
+void WebFeed::end() {
+  if (!run_.state().replay) health_.tell_verdicts();
+}
+
 void WebFeed::handle(const WebServer::Event& event, TimePoint now) {
   switch (event.kind) {
     case WebServer::Event::Kind::kSubscribed:

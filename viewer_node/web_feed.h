@@ -43,6 +43,8 @@ class WebFeed {
   void take(const TelemetryMessage& message, std::span<const std::byte> payload);
   /// Handles what clients sent and publishes what is due. Call at least every 20 ms.
   void pump(TimePoint now);
+  /// Tells clients the verdict on the run. Call it last, and leave them a moment to receive it.
+  void end();
 
  private:
   template <class Batch>

@@ -1,9 +1,12 @@
 #include "viewer_node/web_health.h"
 
+#include <algorithm>
 #include <chrono>
+#include <nlohmann/json.hpp>
 #include <utility>
 
 #include "common/core/version.h"
+#include "common/telemetry/verdict.h"
 #include "viewer_node/web_channels.h"
 
 namespace palpate::viewer {
@@ -21,7 +24,8 @@ WebHealth::WebHealth(const Session& session, std::span<const TelemetryMirror> mi
       subscriber_(subscriber),
       server_(server),
       log_(log),
-      metrics_(session) {}
+      metrics_(session),
+      figures_(session.sides.size()) {}
 
 void WebHealth::pump(TimePoint now, ViewerHealth own) {
   if (now < next_) return;
@@ -46,9 +50,47 @@ void WebHealth::pump(TimePoint now, ViewerHealth own) {
                                      .requests_refused = counters.refused,
                                      .frames_rejected = subscriber_.rejected()},
                                     now));
+  server_.set_verdict(verdicts(health.run.replay.has_value()));
   const std::size_t channel = index_of(WebChannel::kHealth);
   if (server_.has_subscriber(channel)) {
     server_.publish(channel, wall_clock_ns(), make_payload(encode_health(health)));
+  }
+}
+
+std::vector<RunFinding> WebHealth::verdict_of(std::size_t side, bool is_replay) const {
+  RunFacts facts =
+      facts_of(facts_of(session_, session_.sides[side]), mirrors_[side], figures_[side]);
+  facts.ticks_received = 0;  // rows are not counted here
+  if (is_replay) {           // which begins anew as viewers like
+    facts.device_node.restarts = facts.mofc_node.restarts = facts.physics_node.restarts = 0;
+  }
+  return judge(facts);
+}
+
+std::string WebHealth::verdicts(bool is_replay) const {
+  nlohmann::ordered_json json;
+  json["session"] = session_.name;
+  for (std::size_t i = 0; i < figures_.size(); ++i) {
+    json["sides"][session_.sides[i].name] = verdict_json(verdict_of(i, is_replay));
+  }
+  return json.dump() + "\n";
+}
+
+void WebHealth::tell_verdicts() {
+  for (std::size_t i = 0; i < figures_.size(); ++i) {
+    if (!mirrors_[i].device_link().is_heard()) continue;
+    const std::vector<RunFinding> findings = verdict_of(i, false);
+    const Grade grade = grade_of(findings);
+    std::string text;
+    for (const RunFinding& finding : findings) {
+      if (finding.grade != grade || grade == Grade::kGood) continue;
+      text += (text.empty() ? "" : "; ") + finding.text;
+    }
+    std::replace(text.begin(), text.end(), '"', '\'');
+    const std::string& side = session_.sides[i].name;
+    log_.write(grade == Grade::kGood ? LogLevel::kInfo : LogLevel::kWarning, "viewer_node",
+               std::string("event=verdict ") + (side.empty() ? "" : "side=" + side + " ") +
+                   "grade=" + name(grade) + " text=\"" + text + "\"");
   }
 }
 

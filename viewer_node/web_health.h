@@ -1,4 +1,4 @@
-// web_health.h — /health and /metrics: the state of the nodes and of this viewer.
+// web_health.h — /health, /metrics and /verdict: the state of the nodes and of this viewer.
 #pragma once
 
 #include <cstddef>
@@ -6,12 +6,15 @@
 #include <map>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "common/link/codec/viewer_codec.h"
 #include "common/link/telemetry_subscriber.h"
 #include "common/session/session.h"
+#include "common/telemetry/verdict.h"
 #include "viewer_node/feed/metrics_text.h"
 #include "viewer_node/feed/telemetry_mirror.h"
+#include "viewer_node/recording/run_figures.h"
 #include "viewer_node/server/web_server.h"
 #include "viewer_node/web_log.h"
 
@@ -23,17 +26,23 @@ class WebHealth {
   WebHealth(const Session& session, std::span<const TelemetryMirror> mirrors,
             const TelemetrySubscriber& subscriber, WebServer& server, WebLog& log);
 
-  /// Counts a batch for /metrics. @param side  index in session.sides
+  /// Counts a batch for /metrics and /verdict. @param side  index in session.sides
   template <class Batch>
   void note(std::size_t side, const Batch& batch) {
     metrics_.note(side, batch);
+    figures_[side].add(batch);
   }
   /// Five times a second: publishes /health, updates /metrics, and logs nodes that start or stop
   /// sending. @param own  what this viewer knows: hand_holder, recorder, run
   void pump(TimePoint now, ViewerHealth own);
+  /// Logs the verdict on each side: the last word of this viewer.
+  void tell_verdicts();
 
  private:
   void add_node(ViewerHealth& health, const std::string& name, const NodeLink& link, TimePoint now);
+  /// {"session", "sides": {NAME: verdict}}; one device has the name "".
+  [[nodiscard]] std::string verdicts(bool is_replay) const;
+  [[nodiscard]] std::vector<RunFinding> verdict_of(std::size_t side, bool is_replay) const;
   void note_node(const std::string& name, bool is_heard, std::uint64_t sessions);
 
   const Session& session_;
@@ -42,6 +51,7 @@ class WebHealth {
   WebServer& server_;
   WebLog& log_;
   MetricsText metrics_;
+  std::vector<RunFigures> figures_;  // by side
   struct Seen {
     bool is_heard = false;
     std::uint64_t sessions = 0;

@@ -20,6 +20,7 @@
 #include "common/process/endpoints.h"
 #include "common/process/options.h"
 #include "common/process/realtime.h"
+#include "common/process/terminal.h"
 #include "common/session/session_file.h"
 
 namespace palpate {
@@ -219,16 +220,23 @@ int run_node(int argc, char** argv, const NodeInfo& info,
                         .is_unsafe = is_unsafe};
     context.log.info("event=start session={} session_id={:x} version={}", session.name,
                      context.session_id, version());
-    body(context);
+    try {
+      body(context);
+    } catch (const SetupError& error) {
+      throw SetupError(with_place(session, error.what()));
+    }
     context.log.info("event=stop");
     return status_with_output(0, program);
   } catch (const SetupError& e) {
-    std::fprintf(stderr, "%s: %s\n", program.c_str(), e.what());
+    std::fprintf(stderr, "%s%s: %s\n", line_start(STDERR_FILENO).c_str(), program.c_str(),
+                 e.what());
     return kExitSetupError;
   } catch (const std::exception& e) {
-    std::fprintf(stderr, "%s: failed: %s\n", program.c_str(), e.what());
+    std::fprintf(stderr, "%s%s: failed: %s\n", line_start(STDERR_FILENO).c_str(), program.c_str(),
+                 e.what());
   } catch (...) {
-    std::fprintf(stderr, "%s: failed: unknown exception\n", program.c_str());
+    std::fprintf(stderr, "%s%s: failed: unknown exception\n", line_start(STDERR_FILENO).c_str(),
+                 program.c_str());
   }
   return kExitFailure;
 }

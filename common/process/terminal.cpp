@@ -31,19 +31,25 @@ std::string time_text(double seconds) {
 
 }  // namespace
 
+bool is_terminal(int descriptor) {
+  // NOLINTNEXTLINE(concurrency-mt-unsafe): nothing sets the environment
+  const char* kind = std::getenv("TERM");
+  return isatty(descriptor) == 1 && (kind == nullptr || std::string(kind) != "dumb");
+}
+
 std::size_t terminal_columns(int descriptor) {
-  if (isatty(descriptor) != 1) return 0;
+  if (!is_terminal(descriptor)) return 0;
   winsize size{};
   if (ioctl(descriptor, TIOCGWINSZ, &size) != 0 || size.ws_col == 0) return kUsualColumns;
   return size.ws_col;
 }
 
-std::string line_start(int descriptor) { return isatty(descriptor) == 1 ? "\r\033[K" : ""; }
+std::string line_start(int descriptor) { return is_terminal(descriptor) ? "\r\033[K" : ""; }
 
 std::string coloured(const std::string& text, Colour colour, int descriptor) {
   // NOLINTNEXTLINE(concurrency-mt-unsafe): nothing sets the environment
   const char* refusal = std::getenv("NO_COLOR");
-  if (isatty(descriptor) != 1 || (refusal != nullptr && *refusal != '\0')) return text;
+  if (!is_terminal(descriptor) || (refusal != nullptr && *refusal != '\0')) return text;
   return (colour == Colour::kGood ? "\033[32m" : "\033[31m") + text + "\033[0m";
 }
 
@@ -62,6 +68,53 @@ std::string fitted(const std::string& text, std::size_t columns) {
   return text.substr(0, bytes) + "…";
 }
 
+namespace {
+
+/// Where the text of a line begins: behind two spaces or more that follow its first word, else
+/// behind its indentation.
+std::size_t text_column(const std::string& line) {
+  const std::size_t first = std::min(line.find_first_not_of(' '), line.size());
+  const std::size_t gap = line.find("  ", first);
+  const std::size_t second = gap == std::string::npos ? gap : line.find_first_not_of(' ', gap);
+  return second == std::string::npos ? first : columns_of(line.substr(0, second));
+}
+
+void append_wrapped(const std::string& line, std::size_t columns, std::string& text) {
+  const std::size_t indent = text_column(line);
+  if (columns_of(line) <= columns || 2 * indent > columns) {
+    text += line;
+    return;
+  }
+  std::string rest = line;
+  while (columns_of(rest) > columns) {
+    // the last space at which what is before it fits
+    std::size_t cut = std::string::npos;
+    for (std::size_t at = rest.find(' ', indent); at != std::string::npos;
+         at = rest.find(' ', at + 1)) {
+      if (columns_of(rest.substr(0, at)) > columns && cut != std::string::npos) break;
+      if (rest.find_first_not_of(' ') < at) cut = at;
+    }
+    if (cut == std::string::npos) break;
+    text += rest.substr(0, cut) + "\n";
+    rest = std::string(indent, ' ') + rest.substr(cut + 1);
+  }
+  text += rest;
+}
+
+}  // namespace
+
+std::string wrapped(const std::string& text, std::size_t columns) {
+  if (columns == 0) return text;
+  std::string result;
+  for (std::size_t at = 0; at <= text.size();) {
+    const std::size_t end = std::min(text.find('\n', at), text.size());
+    append_wrapped(text.substr(at, end - at), columns, result);
+    if (end < text.size()) result += '\n';
+    at = end + 1;
+  }
+  return result;
+}
+
 const Clock& Progress::steady_clock() {
   static const SteadyClock clock;
   return clock;
@@ -70,7 +123,7 @@ const Clock& Progress::steady_clock() {
 Progress::Progress(std::string what, bool is_quiet, int descriptor, const Clock& clock)
     : what_(std::move(what)),
       descriptor_(descriptor),
-      is_shown_(!is_quiet && isatty(descriptor) == 1),
+      is_shown_(!is_quiet && is_terminal(descriptor)),
       clock_(clock),
       begin_(clock.now()),
       next_(begin_ + kPatience) {}
@@ -100,7 +153,7 @@ void Progress::show(double ratio) {
 }
 
 BusyLine::BusyLine(std::string what, bool is_quiet) {
-  if (is_quiet || isatty(STDERR_FILENO) != 1) return;
+  if (is_quiet || !is_terminal(STDERR_FILENO)) return;
   thread_ = std::jthread([what = std::move(what)](const std::stop_token& stop) {
     Progress progress(what);
     std::mutex mutex;

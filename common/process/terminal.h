@@ -14,6 +14,9 @@
 
 namespace palpate {
 
+/// A terminal that can rewrite a line and has colours: one with TERM=dumb counts as a file.
+[[nodiscard]] bool is_terminal(int descriptor);
+
 /// Columns of the terminal at this descriptor; 0: not a terminal.
 [[nodiscard]] std::size_t terminal_columns(int descriptor);
 
@@ -30,6 +33,11 @@ enum class Colour { kGood, kBad };
 [[nodiscard]] std::size_t columns_of(const std::string& text);
 /// The text without the characters that do not fit, the last one kept is "…".
 [[nodiscard]] std::string fitted(const std::string& text, std::size_t columns);
+
+/// The lines of a text broken between words so that none is longer than `columns`, where words
+/// allow it; continued below the beginning of a line's text, or of its second column of text. 0
+/// columns: as it is.
+[[nodiscard]] std::string wrapped(const std::string& text, std::size_t columns);
 
 /// The progress of long work in one line, rewritten in place: "loopback: 34 %, 12 s left". Nothing
 /// is written before 2 s, without a terminal or if it is quiet; the destructor removes the line.

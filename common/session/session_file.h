@@ -33,6 +33,10 @@ namespace palpate {
 /// reads them.
 [[nodiscard]] std::vector<std::string> files_of(const Session& session);
 
+/// A complaint about a file that the session names, "organ.ply: no such file", with the place where
+/// it does so: "x.txtpb:12:7: scene.tissue[0].point_cloud.file = …". Any other one as it is.
+[[nodiscard]] std::string with_place(const Session& session, const std::string& complaint);
+
 /// Folder of the session's ipc files: a folder with the name of the session in `$PALPATE_RUN_DIR`,
 /// else in `$XDG_RUNTIME_DIR/palpate`, else in `/tmp/palpate-<uid>`. Not created here.
 [[nodiscard]] std::filesystem::path run_folder(const std::string& session_name);
@@ -41,5 +45,10 @@ namespace palpate {
 /// (of systemd), else `$XDG_CACHE_HOME/palpate`, else `$HOME/.cache/palpate`; empty: nowhere. Not
 /// created here.
 [[nodiscard]] std::filesystem::path cache_folder();
+
+/// Where programs keep what the user has decided: `$PALPATE_STATE_DIR`, else `$STATE_DIRECTORY` (of
+/// systemd), else `$XDG_STATE_HOME/palpate`, else `$HOME/.local/state/palpate`; empty: nowhere. Not
+/// created here.
+[[nodiscard]] std::filesystem::path state_folder();
 
 }  // namespace palpate

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <numeric>
 
+#include "common/telemetry/verdict.h"
+
 namespace palpate {
 
 void RunStatistics::add(const TickRow& row, const IdealState& ideal) {
@@ -153,10 +155,14 @@ nlohmann::ordered_json summary_json(const Session& session, const RunReport& rep
   json["standby_ticks"] = report.mofc.standby_ticks;
   json["physics_switches"] = report.mofc.physics_switches;
   json["interactions_suppressed"] = report.physics.interactions_suppressed;
+  json["device_faults"] = report.device.device_faults;
+  json["last_fault"] = name(report.device.last_fault);
+  json["fault_ticks"] = report.device.fault_ticks;
   json["fallbacks"] = report.device.fallback_ticks + report.device.limp_ticks;
   json["wall_s"] = number_or_null(report.wall_s);
   json["ticks_per_wall_s"] =
       number_or_null(static_cast<double>(s.ticks()) / std::max(report.wall_s, 1e-9));
+  json["verdict"] = verdict_json(judge(facts_of(session, report)));
   return json;
 }
 
@@ -178,6 +184,13 @@ std::string speaker_text(const MofcCounters& mofc) {
 
 std::string figure(double value, const char* format) {
   return std::isfinite(value) ? fmt::format(fmt::runtime(format), value) : std::string("–");
+}
+
+std::string energy_text(double joule) {
+  const double size = std::abs(joule);
+  if (size >= 1.0) return fmt::format("{:.3g} J", joule);
+  if (size >= 1e-3) return fmt::format("{:.3g} mJ", 1e3 * joule);
+  return fmt::format("{:.3g} µJ", 1e6 * joule);
 }
 
 std::string summary_text(const Session& session, const RunReport& report) {
@@ -220,9 +233,10 @@ std::string summary_text(const Session& session, const RunReport& report) {
            fmt::format(" of {} scheduled ticks",
                        report.device.loop.ticks + report.device.loop.skipped_ticks));
   if (session.physics.standby) line("physics", speaker_text(report.mofc));
-  line("speed", fmt::format("{:.0f} ticks/s, {:.0f} times real time",
+  const double times = report.simulated_s / std::max(report.wall_s, 1e-9);
+  line("speed", fmt::format("{:.0f} ticks/s, {} times real time",
                             static_cast<double>(s.ticks()) / std::max(report.wall_s, 1e-9),
-                            report.simulated_s / std::max(report.wall_s, 1e-9)));
+                            figure(times, times < 10.0 ? "{:.2g}" : "{:.0f}")));
   return text;
 }
 

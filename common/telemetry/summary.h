@@ -100,6 +100,8 @@ struct RunReport {
 
 /// A number in an fmt format, such as "{:.3f} N"; – where it is not finite.
 [[nodiscard]] std::string figure(double value, const char* format);
+/// "3.2 µJ", "1.34 J": a unit in which the number has one to three digits before the point.
+[[nodiscard]] std::string energy_text(double joule);
 /// null for NaN and infinity, which JSON does not have.
 [[nodiscard]] nlohmann::ordered_json number_or_null(double value);
 

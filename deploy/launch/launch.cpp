@@ -116,7 +116,9 @@ std::vector<ChildSpec> nodes_of(const LaunchOptions& options, const Session& ses
   if (!options.is_realtime) arguments.emplace_back("--no-realtime");
   if (options.is_insecure) arguments.emplace_back("--insecure");
   if (options.has_no_adversary) arguments.emplace_back("--no-adversary");
-  if (options.is_quiet) arguments.insert(arguments.end(), {"--log-level", "warn"});
+  if (options.is_quiet || options.has_short_log) {
+    arguments.insert(arguments.end(), {"--log-level", "warn"});
+  }
 
   const auto is_here = [&](const char* node) { return options.nodes.contains(node); };
   if (options.is_together && !(is_here("device") && is_here("mofc"))) {
@@ -317,7 +319,7 @@ LaunchResult launch(const LaunchOptions& options, const std::stop_token& stop) {
   const Session session = load_session(options.session_file, options.overrides);
   const RunFolder run_folder(session.name);
   const Log log("palpate");
-  if (options.is_quiet) log.logger().set_level(spdlog::level::warn);
+  if (options.is_quiet || options.has_short_log) log.logger().set_level(spdlog::level::warn);
   return Run(options, nodes_of(options, session), stop_order(session), log.logger()).run(stop);
 }
 

@@ -24,7 +24,8 @@ struct LaunchOptions {
   bool is_unsafe = false;                   ///< device nodes are started with --unsafe
   bool is_emulated = false;                 ///< real devices are emulated: `palpate emulate`
   bool has_no_adversary = false;            ///< nodes are started with --no-adversary
-  bool is_quiet = false;                    ///< nodes print warnings and errors only
+  bool is_quiet = false;                    ///< no status line; warnings and errors only
+  bool has_short_log = false;               ///< warnings and errors only
   /// Called before the first node starts, if the viewer is among them. Returns --listen of the
   /// viewer; empty: the session's port.
   std::function<std::string()> on_page = {};

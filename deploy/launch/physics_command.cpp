@@ -62,10 +62,8 @@ std::string environment_of(const Session& session, const fs::path& session_file,
 
 }  // namespace
 
-ChildSpec physics_from_elsewhere(const Session& session, const fs::path& session_file,
-                                 const std::vector<std::string>& overrides, bool is_insecure) {
-  const std::vector<std::string>& command = session.physics_command;
-  const std::string& name = command.front();
+std::string program_of(const Session& session) {
+  const std::string& name = session.physics_command.front();
   std::error_code error;
   const fs::path folder = fs::read_symlink("/proc/self/exe", error).parent_path();
   std::string program = name;
@@ -81,8 +79,14 @@ ChildSpec physics_from_elsewhere(const Session& session, const fs::path& session
                           : program + ": is not a program that you may run") +
                      "; install it, or give the path of its file");
   }
+  return program;
+}
+
+ChildSpec physics_from_elsewhere(const Session& session, const fs::path& session_file,
+                                 const std::vector<std::string>& overrides, bool is_insecure) {
+  const std::vector<std::string>& command = session.physics_command;
   return {.name = "physics",
-          .program = program,
+          .program = program_of(session),
           .arguments = {command.begin() + 1, command.end()},
           .environment = {{"PALPATE_PHYSICS",
                            environment_of(session, session_file, overrides, is_insecure)}},

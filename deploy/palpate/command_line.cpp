@@ -1,28 +1,45 @@
 #include "deploy/palpate/command_line.h"
 
+#include <unistd.h>
+
 #include <cstdio>
 #include <exception>
+#include <memory>
 #include <string>
+#include <utility>
 
 #include "common/core/check.h"
 #include "common/core/user/nearest.h"
 #include "common/core/user/output_file.h"
 #include "common/core/version.h"
 #include "common/process/run_node.h"
+#include "common/process/terminal.h"
 #include "deploy/palpate/launch/launcher.h"
 
 namespace palpate {
 namespace {
 
+/// Help no wider than the terminal.
+class HelpOnTerminal : public CLI::Formatter {
+ public:
+  std::string make_help(const CLI::App* app, std::string name,
+                        CLI::AppFormatMode mode) const override {
+    return wrapped(CLI::Formatter::make_help(app, std::move(name), mode),
+                   terminal_columns(STDOUT_FILENO));
+  }
+};
+
 int run(int argc, char** argv, const std::function<std::vector<Command>(CLI::App&)>& add) {
   CLI::App app("Runs and checks Palpate deployments.", "palpate");
+  app.formatter(std::make_shared<HelpOnTerminal>());
   app.set_version_flag("--version", std::string("palpate ") + version());
   app.require_subcommand(1);
   app.fallthrough();  // --quiet and --verbose may follow the command
   Verbosity verbosity;
   app.add_flag("-q,--quiet", verbosity.is_quiet,
                "print only warnings, errors and requested output: no summary, status or progress");
-  app.add_flag("-v,--verbose", verbosity.is_verbose, "list the files that are read, too");
+  app.add_flag("-v,--verbose", verbosity.is_verbose,
+               "list the files that are read and, on a terminal, every event of the log, too");
   const std::vector<Command> commands = add(app);
   // set last: subcommands that exist later would inherit it
   app.footer(

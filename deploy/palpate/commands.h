@@ -12,7 +12,7 @@ namespace palpate {
 /// How much a command tells on standard error and in its summary.
 struct Verbosity {
   bool is_quiet = false;    ///< warnings, errors and what the command is asked to print
-  bool is_verbose = false;  ///< the files that are read, too
+  bool is_verbose = false;  ///< the files that are read and every event, too
 };
 
 struct Command {

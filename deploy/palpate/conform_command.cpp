@@ -12,6 +12,7 @@
 #include "common/session/session_file.h"
 #include "deploy/conform/conform_device.h"
 #include "deploy/conform/conform_physics.h"
+#include "deploy/launch/trust.h"
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/options.h"
 #include "deploy/palpate/screen/verdict.h"
@@ -29,7 +30,7 @@ class Findings {
     std::string text = found.check + ": " + found.text;
     if (!found.remedy.empty()) text += "; " + found.remedy;
     if (found.is_checked) {
-      text = verdict_text({{.is_good = found.is_good, .text = text}});
+      text = graded_line(found.is_good ? Grade::kGood : Grade::kBad, text);
       is_good_ = is_good_ && found.is_good;
     } else {
       text = "  -     " + text + "\n";
@@ -69,6 +70,7 @@ struct ConformPhysics {
   std::array<double, 3> clear_m{0.0, 0.0, 0.005};
   std::array<double, 3> press_m{0.0, 0.0, -0.005};
   OutputOptions output;
+  bool is_trusted = false;
 
   void add_to(CLI::App& app) {
     app.add_option("COMMAND", options.command,
@@ -86,6 +88,7 @@ struct ConformPhysics {
     app.add_option("--press", press_m,
                    "a place in W, straight below, where the tool presses (default: 0 0 -0.005)")
         ->type_name("X Y Z");
+    add_trust_flag(app, is_trusted);
     add_output_options(app, output);
   }
 
@@ -94,7 +97,11 @@ struct ConformPhysics {
     options.press_m = Vector3(press_m[0], press_m[1], press_m[2]);
     std::vector<std::string> inputs = options.command;
     if (!options.session_file.empty()) {
-      const auto read = files_of(load_session(options.session_file, options.overrides));
+      const Session session = load_session(options.session_file, options.overrides);
+      if (options.command.empty()) {
+        require_trust(session, foreign_code_of(session, true, false), is_trusted);
+      }
+      const auto read = files_of(session);
       inputs.insert(inputs.end(), read.begin(), read.end());
     }
     check_outputs({{"--json", output.json_file}}, inputs, output.may_overwrite);
@@ -110,6 +117,7 @@ struct ConformDevice {
   std::string side;
   ConformDeviceOptions options;
   OutputOptions output;
+  bool is_trusted = false;
 
   void add_to(CLI::App& app) {
     session.add_to(app);
@@ -117,11 +125,13 @@ struct ConformDevice {
     app.add_flag("--i-understand-this-moves-the-device", options.may_move_hardware,
                  "required for real hardware: the device moves by itself, with up to a third of "
                  "its continuous force");
+    add_trust_flag(app, is_trusted);
     add_output_options(app, output);
   }
 
   int run(const Verbosity& verbosity) {
     const Session loaded = with_only_side(session.load(verbosity), side);
+    require_trust(loaded, foreign_code_of(loaded, false, true), is_trusted);
     output.check(loaded, {});
     Findings findings(output);
     options.on_finding = [&](const ConformFinding& found) { findings.add(found); };

@@ -34,6 +34,7 @@
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/devices/permission.h"
 #include "deploy/palpate/options.h"
+#include "deploy/palpate/session_warnings.h"
 #include "device_node/device_node.h"
 #include "device_node/drivers/driver_registry.h"
 #include "device_node/hands_off_check.h"
@@ -230,6 +231,21 @@ void examine_real_device(const Side& side, std::vector<Finding>& findings) {
       return;
     }
   }
+  if (const auto* plugin = std::get_if<PluginConfig>(&side.driver)) {
+    // to open it would run what the session names
+    std::error_code error;
+    const bool is_file = plugin->library.find('/') != std::string::npos;
+    if (is_file && !fs::is_regular_file(plugin->library, error)) {
+      findings.push_back({"device", plugin->library + ": no such library",
+                          "give its path, relative to the folder of the session, or absolute"});
+      return;
+    }
+    findings.push_back({.what = "device",
+                        .text = "library " + plugin->library +
+                                " is not loaded here; `palpate conform device` loads and checks it",
+                        .is_note = true});
+    return;
+  }
   const SteadyClock clock;
   std::vector<std::string> prompts;
   device::DriverOptions options;
@@ -317,6 +333,9 @@ std::vector<Finding> examine_machine(const std::optional<Session>& session) {
     findings.push_back(examine_page(session->viewer.web));
     examine_keys(*session, findings);
     examine_assumptions(*session, findings);
+    for (const std::string& warning : session_warnings(*session)) {
+      findings.push_back({.what = "session", .text = warning, .is_note = true});
+    }
   }
   return findings;
 }

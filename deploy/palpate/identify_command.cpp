@@ -1,5 +1,6 @@
 #include "common/process/options.h"
 #include "common/session/session_file.h"
+#include "deploy/launch/trust.h"
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/identify.h"
 #include "deploy/palpate/options.h"
@@ -11,6 +12,7 @@ struct IdentifyCommand {
   SessionOptions session;
   std::string side;
   IdentifyOptions options;
+  bool is_trusted = false;
 
   void add_to(CLI::App& app) {
     session.add_to(app);
@@ -20,6 +22,7 @@ struct IdentifyCommand {
                    "of a session")
         ->type_name("FILE");
     add_overwrite_flag(app, options.may_overwrite);
+    add_trust_flag(app, is_trusted);
     app.add_flag("--per-axis", options.is_per_axis,
                  "friction per axis, for a device whose axes differ; lowered where motions across "
                  "the axes meet less");
@@ -34,7 +37,9 @@ struct IdentifyCommand {
     // the session may include the profile that this command is about to write
     std::vector<std::string> overrides = session.overrides;
     overrides.emplace_back("device.profile_file=");
-    run_identify(with_only_side(load_session(session.file, overrides), side), options);
+    const Session loaded = with_only_side(load_session(session.file, overrides), side);
+    require_trust(loaded, foreign_code_of(loaded, false, true), is_trusted);
+    run_identify(loaded, options);
     return 0;
   }
 };

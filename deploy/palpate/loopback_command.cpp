@@ -12,6 +12,7 @@
 #include "common/core/check.h"
 #include "common/process/options.h"
 #include "common/process/terminal.h"
+#include "common/session/session_file.h"
 #include "common/telemetry/csv_writer.h"
 #include "common/telemetry/summary.h"
 #include "deploy/lockstep/loopback.h"
@@ -75,11 +76,10 @@ struct LoopbackCommand {
     std::vector<std::string> lost;
     options.lost_outputs = &lost;
     const RunReport report =
-        watched(options, verbosity, [&] { return run_loopback(loaded, options); });
+        watched(loaded, options, verbosity, [&] { return run_loopback(loaded, options); });
     say_if_stopped(report, length_s.value_or(loaded.duration_s));
     if (!verbosity.is_quiet) {
-      const std::string verdict =
-          verdict_text(verdicts_of(loaded.side(), report.device, report.mofc, false));
+      const std::string verdict = verdict_text(judge(facts_of(loaded, report)));
       std::fputs((summary_text(loaded, report) + verdict).c_str(), stdout);
     }
     write_json(json, summary_json(loaded, report), lost);
@@ -103,7 +103,7 @@ struct LoopbackCommand {
     std::vector<std::string> lost;
     options.lost_outputs = &lost;
     const std::vector<RunReport> reports =
-        watched(options, verbosity, [&] { return run_all_sides(loaded, options); });
+        watched(loaded, options, verbosity, [&] { return run_all_sides(loaded, options); });
     say_if_stopped(reports.front(), seconds.value_or(loaded.duration_s));
     nlohmann::ordered_json all;
     all["schema_version"] = 1;
@@ -114,8 +114,7 @@ struct LoopbackCommand {
       all["sides"][name] = summary_json(one, reports[i]);
       if (verbosity.is_quiet) continue;
       one.name += ", " + name;
-      const std::string verdict =
-          verdict_text(verdicts_of(one.side(), reports[i].device, reports[i].mofc, false));
+      const std::string verdict = verdict_text(judge(facts_of(one, reports[i])));
       std::fputs((summary_text(one, reports[i]) + verdict).c_str(), stdout);
     }
     write_json(json, all, lost);
@@ -143,8 +142,8 @@ struct LoopbackCommand {
 
   /// Runs with a progress line until the end or a signal.
   template <class Run>
-  static std::invoke_result_t<Run> watched(LoopbackOptions& options, const Verbosity& verbosity,
-                                           const Run& run) {
+  static std::invoke_result_t<Run> watched(const Session& session, LoopbackOptions& options,
+                                           const Verbosity& verbosity, const Run& run) {
     const StopSignal stop;
     std::optional<BusyLine> loading(std::in_place, "loading the session", verbosity.is_quiet);
     std::optional<Progress> progress;
@@ -154,9 +153,13 @@ struct LoopbackCommand {
       progress->show(done);
       return !StopSignal::is_requested();
     };
-    std::invoke_result_t<Run> result = run();
-    progress.reset();
-    return result;
+    try {
+      std::invoke_result_t<Run> result = run();
+      progress.reset();
+      return result;
+    } catch (const SetupError& error) {
+      throw SetupError(with_place(session, error.what()));
+    }
   }
 
   static void say_if_stopped(const RunReport& report, double whole_s) {

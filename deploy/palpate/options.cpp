@@ -57,6 +57,13 @@ void add_side_option(CLI::App& app, std::string& side) {
       ->type_name("NAME");
 }
 
+void add_trust_flag(CLI::App& app, bool& is_trusted) {
+  app.add_flag(
+      "--trust", is_trusted,
+      "run the program and load the libraries that the session names although another user "
+      "may have written them; remembered until one of the files changes");
+}
+
 void OutputOptions::add_to(CLI::App& app, const std::string& more_on_csv) {
   add_csv_option(app, csv_file, more_on_csv);
   app.add_option("--json", json_file, "write the summary to this file; - for standard output")

@@ -36,6 +36,9 @@ void add_recording_argument(CLI::App& app, std::string& file);
 /// --side, of a session or a recording with several devices.
 void add_side_option(CLI::App& app, std::string& side);
 
+/// --trust, of commands that run or load what a session names.
+void add_trust_flag(CLI::App& app, bool& is_trusted);
+
 /// --csv, --json, --record and --overwrite.
 struct OutputOptions {
   std::string csv_file;   ///< empty: none

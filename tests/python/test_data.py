@@ -1,11 +1,14 @@
 """Loopback runs, recordings and live telemetry as Python data."""
 
 import importlib.util
+import json
+import subprocess
 import unittest
 
 import numpy as np
 
 import palpate
+import support
 from support import RESTING, TestCase, force_z_until, rests
 
 TISSUE = "scene { tissue { half_space {} kelvin_voigt { stiffness_newton_per_m: 400 } } }\n"
@@ -53,7 +56,8 @@ class Data(TestCase):
 
         cut = self.folder / "cut.mcap"
         cut.write_bytes(whole[: len(whole) // 2])
-        recording = palpate.Recording(cut)
+        with self.assertWarnsRegex(UserWarning, "its end"):
+            recording = palpate.Recording(cut)
         self.assertFalse(recording.is_complete)
         ticks = recording.columns("device")["sequence"].size
         self.assertGreater(ticks, 0)
@@ -61,11 +65,49 @@ class Data(TestCase):
 
         at = len(whole) // 3
         cut.write_bytes(whole[:at] + bytes([whole[at] ^ 0xFF]) + whole[at + 1 :])
-        with self.assertRaisesRegex(palpate.SetupError, "damaged"):
-            palpate.Recording(cut)
+        with self.assertWarnsRegex(UserWarning, "1 damaged chunks.*palpate recover"):
+            recording = palpate.Recording(cut)
+        self.assertEqual(recording.damage, "1 damaged chunks")
+        self.assertIn("damaged: 1 damaged chunks", repr(recording))
+        rest = recording.columns("device")["sequence"].size
+        self.assertGreater(rest, 0)
+        self.assertLess(rest, 1200)
+        # the command line reads the same
+        program = support.BIN / "palpate"
+        info = subprocess.run([program, "info", cut, "--json"], capture_output=True, text=True, check=False)
+        self.assertEqual(json.loads(info.stdout)["ticks"]["device"], rest)
+        self.assertIn("1 damaged chunks", info.stderr)
         cut.write_bytes(b"no recording")
         with self.assertRaisesRegex(palpate.SetupError, "is not an MCAP file"):
             palpate.Recording(cut)
+
+    def test_what_is_printed_is_short(self) -> None:
+        self.assertRegex(palpate.__version__, r"^\d+\.\d+\.\d+$")
+        contact = palpate.Contact(normal=[0, 0, 1], penetration=0.001, stiffness=400.0)
+        self.assertEqual(repr(contact), "Contact(normal=[0, 0, 1], penetration=0.001, stiffness=400.0)")
+        surface = palpate.Surface("liver", np.zeros((5000, 3)), np.zeros((0, 3), int))
+        self.assertEqual(repr(surface), "<Surface 'liver': 5000 vertices, 0 triangles>")
+        record = self.folder / "run.mcap"
+        palpate.loopback(self.file, seconds=1, record=record)
+        self.assertRegex(repr(palpate.Recording(record)), r"^<Recording '.*run.mcap': \w+, [01]\.\d+ s>$")
+
+    def test_a_contact_is_checked_when_it_is_made(self) -> None:
+        with self.assertRaisesRegex(ValueError, "contact.normal.*length 1"):
+            palpate.Contact(normal=[0, 0.6, 0.6], penetration=0.001)
+        with self.assertRaisesRegex(ValueError, "contact.stiffness = -1"):
+            palpate.Contact(normal=[0, 0, 1], penetration=0.001, stiffness=-1)
+
+    def test_booleans_stand_for_on_and_off(self) -> None:
+        on = palpate.loopback(self.file, {"device.monitor": True}, seconds=0.1)
+        self.assertEqual(on["monitor"], "on")
+        self.assertEqual(palpate.loopback(self.file, {"device.monitor": False}, seconds=0.1)["monitor"], "off")
+
+    def test_silence_has_a_hint(self) -> None:
+        with palpate.Telemetry(self.file, timeout_s=0.2) as telemetry:
+            with self.assertRaisesRegex(TimeoutError, "is `palpate launch .* running"):
+                next(iter(telemetry))
+        with self.assertRaisesRegex(TimeoutError, "less `seconds`"):
+            palpate.loopback(self.file, seconds=10_000, timeout_s=0.2)
 
     def test_a_refused_loopback_says_why(self) -> None:
         with self.assertRaisesRegex(palpate.SetupError, "must be > 0"):

@@ -11,7 +11,7 @@ import subprocess
 import sys
 import threading
 import time
-from typing import Iterator, Optional
+from typing import Any, Iterator, Optional
 
 import numpy as np
 import zmq
@@ -201,18 +201,25 @@ class Replies(PhysicsCase):
         mofc, errors = self.mofc(), []
         flat = palpate.Contact((0, 0, 1), 0.001, stiffness=0)
 
+        def wrong(**values: Any) -> palpate.Contact:
+            """Right when it is made, changed afterwards."""
+            contact = palpate.Contact((0, 0, 1), 0.001)
+            for name, value in values.items():
+                setattr(contact, name, value)
+            return contact
+
         def answer(physics: palpate.Physics, motion: palpate.Motion) -> None:
             for arguments in (
                 {"force": (0, 0, float("nan"))}, {"force": (0, 0, 2e4)}, {"force": (0, 1)},
                 {"force": (0, 0, 1), "stored_energy": -1.0}, {"contacts": 9 * [flat]},
-                {"contacts": [palpate.Contact((0, 0, 2), 0.001)]},
-                {"contacts": [palpate.Contact((0, 0, 1), float("inf"))]},
-                {"contacts": [palpate.Contact((0, 0, 1), 0.001, stiffness=2e6)]},
-                {"contacts": [palpate.Contact((0, 0, 1), 0.001, curvature=np.ones((2, 2)))]},
+                {"contacts": [wrong(normal=(0, 0, 2))]},
+                {"contacts": [wrong(penetration=float("inf"))]},
+                {"contacts": [wrong(stiffness=2e6)]},
+                {"contacts": [wrong(curvature=np.ones((2, 2)))]},
                 {"contacts": [palpate.Contact((0, 0, 1), 0.001)]},  # neither stiffness nor force
                 {"force": (0, 0, 1), "contacts": [flat, palpate.Contact((0, 0, 1), 0.001)]},
-                {"contacts": [palpate.Contact((0, 0, 1), 0.001, force_on_tool=(0, 0, 2e4))]},
-                {"contacts": [palpate.Contact((0, 0, 1), 0.001, stiffness=1, force_on_tool=(0, 0, 1))]},
+                {"contacts": [wrong(force_on_tool=(0, 0, 2e4))]},
+                {"contacts": [wrong(stiffness=1, force_on_tool=(0, 0, 1))]},
             ):
                 try:
                     physics.reply(**arguments)

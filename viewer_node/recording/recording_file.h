@@ -58,6 +58,8 @@ class RecordingFile {
   [[nodiscard]] std::string about(const std::string& key) const;
   /// Names of the recorded sides; "" for one device.
   [[nodiscard]] std::vector<std::string> sides() const;
+  /// The chosen one; "" where there is one device or none is chosen.
+  [[nodiscard]] std::string side() const { return side_.value_or(""); }
   /// Names of the session and of the chosen side: "two_hands, left".
   [[nodiscard]] std::string name() const;
   [[nodiscard]] double length_s() const;

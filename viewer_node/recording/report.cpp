@@ -7,6 +7,7 @@
 #include <string_view>
 
 #include "common/telemetry/summary.h"
+#include "common/telemetry/verdict.h"
 #include "viewer_node/recording/report_data.h"
 
 // the files of report_assets.S
@@ -79,6 +80,19 @@ std::string table(const Run& run) {
   return html + "</table>\n";
 }
 
+std::string verdict_of(const Run& run) {
+  std::string html = "<table>\n";
+  for (const RunFinding& finding : judge(facts_of(run.recording, run.report.run))) {
+    html += fmt::format("<tr class=\"{}\"><th>{}</th><td>{}{}</td></tr>\n",
+                        finding.grade == Grade::kBad    ? "error"
+                        : finding.grade == Grade::kFair ? "warn"
+                                                        : "info",
+                        name(finding.grade), escaped(finding.text),
+                        finding.remedy.empty() ? "" : ": " + escaped(finding.remedy));
+  }
+  return html + "</table>\n";
+}
+
 std::string events_of(const Run& run) {
   if (run.report.events.empty()) return "<p>None.</p>\n";
   std::string html = "<div class=\"scroll\"><table>\n";
@@ -146,6 +160,8 @@ std::string report_html(const std::vector<std::unique_ptr<RecordingFile>>& recor
             " is damaged; missing: " + escaped(damage) + "</p>\n";
   }
   row(table);
+  html += "<h2>Verdict</h2>\n";
+  row(verdict_of);
   html += "<h2>Events</h2>\n";
   row(events_of);
   if (kScript.empty()) {

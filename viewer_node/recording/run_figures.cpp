@@ -2,9 +2,15 @@
 
 #include <spdlog/fmt/fmt.h>
 
+#include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <variant>
+
+#include "common/core/check.h"
+#include "common/session/session_file.h"
+#include "viewer_node/recording/recording_copy.h"
 
 namespace palpate {
 namespace {
@@ -32,6 +38,85 @@ std::string percentiles_text(const DurationHistogram& histogram) {
                      micro(0.999));
 }
 
+/// Calls visit(fields of a, b and c) for what counts since the start of device_node.
+template <class Visit>
+void for_each_count(DeviceCounters& a, const DeviceCounters& b, const DeviceCounters& c,
+                    const Visit& visit) {
+  visit(a.loop.ticks, b.loop.ticks, c.loop.ticks);
+  visit(a.loop.skipped_ticks, b.loop.skipped_ticks, c.loop.skipped_ticks);
+  for (std::uint64_t DeviceCounters::*const field :
+       {&DeviceCounters::answered_ticks, &DeviceCounters::leased_ticks,
+        &DeviceCounters::fallback_ticks, &DeviceCounters::limp_ticks,
+        &DeviceCounters::peak_limited_ticks, &DeviceCounters::fault_ticks,
+        &DeviceCounters::device_faults, &DeviceCounters::fault_resets,
+        &DeviceCounters::non_finite_commands, &DeviceCounters::late_switches,
+        &DeviceCounters::monitor_reductions, &DeviceCounters::too_fast_readings,
+        &DeviceCounters::coarse_readings, &DeviceCounters::dead_man_ticks}) {
+    visit(a.*field, b.*field, c.*field);
+  }
+}
+template <class Visit>
+void for_each_count(MofcCounters& a, const MofcCounters& b, const MofcCounters& c,
+                    const Visit& visit) {
+  for (std::uint64_t MofcCounters::*const field :
+       {&MofcCounters::ticks, &MofcCounters::contact_ticks, &MofcCounters::clamped_ticks,
+        &MofcCounters::too_fast_ticks, &MofcCounters::stale_ticks,
+        &MofcCounters::late_physics_ticks, &MofcCounters::ledger_resets,
+        &MofcCounters::motions_dropped, &MofcCounters::motions_suppressed,
+        &MofcCounters::transparency_samples, &MofcCounters::standby_ticks,
+        &MofcCounters::physics_switches}) {
+    visit(a.*field, b.*field, c.*field);
+  }
+  visit(a.transparency_sum, b.transparency_sum, c.transparency_sum);
+}
+
+/// The counts before the first batch that was received: what its own ticks have not made. Of a
+/// batch from the start of a node nothing.
+DeviceCounters counts_before(const DeviceBatch& batch) {
+  const std::uint64_t ticks = batch.records.size();
+  if (batch.counters.loop.ticks <= ticks) return {};
+  DeviceCounters before = batch.counters;
+  before.loop.ticks -= ticks;
+  const auto take = [](std::uint64_t& count) { count -= std::min<std::uint64_t>(count, 1); };
+  for (const DeviceTick& tick : batch.records) {
+    if (tick.is_answered) take(before.answered_ticks);
+    if (tick.guard == GuardState::kLeased) take(before.leased_ticks);
+    if (tick.guard == GuardState::kLimp) take(before.limp_ticks);
+    if (tick.guard == GuardState::kFault) take(before.fault_ticks);
+    if (tick.guard == GuardState::kFallback || tick.guard == GuardState::kFading) {
+      take(before.fallback_ticks);
+    }
+  }
+  return before;
+}
+MofcCounters counts_before(const MofcBatch& batch) {
+  const std::uint64_t ticks = batch.records.size();
+  if (batch.counters.ticks <= ticks) return {};
+  MofcCounters before = batch.counters;
+  before.ticks -= ticks;
+  const auto take = [](std::uint64_t& count) { count -= std::min<std::uint64_t>(count, 1); };
+  for (const MofcTick& tick : batch.records) {
+    if (tick.is_in_contact) take(before.contact_ticks);
+    if (tick.is_clamped) take(before.clamped_ticks);
+  }
+  return before;
+}
+
+/// Adds what the batch counts beyond the one before it.
+template <class Batch, class Counters, class Known>
+void add_counts(const Batch& batch, Counters& total, Known& session) {
+  const bool is_same = batch.header.session_id == session.id;
+  if (is_same && batch.header.sequence <= session.batch) return;  // late or twice
+  const Counters before = is_same ? session.newest : counts_before(batch);
+  session = {
+      .id = batch.header.session_id, .batch = batch.header.sequence, .newest = batch.counters};
+  Counters sum = batch.counters;
+  for_each_count(sum, total, before, [](auto& count, const auto& earlier, const auto& known) {
+    count = earlier + (count - known);
+  });
+  total = sum;
+}
+
 }  // namespace
 
 void RunFigures::add(const TickRow& row) {
@@ -40,18 +125,107 @@ void RunFigures::add(const TickRow& row) {
   statistics.add(row, {});
 }
 
-void RunFigures::add(const DeviceCounters& device) {
+void RunFigures::add(const DeviceBatch& batch) {
+  const DeviceCounters& newest = batch.counters;
   minimum_true_energy_joule =
-      std::fmin(minimum_true_energy_joule, device.minimum_true_energy_joule);
-  max_force_newton = std::fmax(max_force_newton, device.max_force_newton);
-  largest_jump_newton = std::fmax(largest_jump_newton, device.largest_jump_newton);
+      std::fmin(minimum_true_energy_joule, newest.minimum_true_energy_joule);
+  max_force_newton = std::fmax(max_force_newton, newest.max_force_newton);
+  largest_jump_newton = std::fmax(largest_jump_newton, newest.largest_jump_newton);
+  add_counts(batch, device, device_session_);
+}
+
+void RunFigures::add(const MofcBatch& batch) { add_counts(batch, mofc, mofc_session_); }
+
+/// Time and steps between the first and the newest step of each session.
+void RunFigures::add(const PhysicsBatch& batch) {
+  for (const PhysicsTick& tick : batch.records) {
+    const bool is_same = batch.header.session_id == physics_session_;
+    if (is_same && tick.sequence <= physics_sequence_) continue;  // late or twice
+    if (is_same) {
+      physics_steps += tick.sequence - physics_sequence_;
+      physics_time += tick.stepped_at - physics_stepped_at_;
+    }
+    physics_session_ = batch.header.session_id;
+    physics_sequence_ = tick.sequence;
+    physics_stepped_at_ = tick.stepped_at;
+  }
+}
+
+double RunFigures::physics_hz() const {
+  return physics_time.count() > 0 ? static_cast<double>(physics_steps) / to_seconds(physics_time)
+                                  : kNaN;
+}
+
+RunFacts facts_of(RunFacts about, const viewer::TelemetryMirror& mirror,
+                  const RunFigures& figures) {
+  const auto node = [](const viewer::NodeLink& link) {
+    return RunFacts::Node{.is_heard = link.is_heard(),
+                          .restarts = link.sessions > 0 ? link.sessions - 1 : 0,
+                          .peers_refused = link.peers_refused};
+  };
+  about.device_node = node(mirror.device_link());
+  about.mofc_node = node(mirror.mofc_link());
+  about.physics_node = node(mirror.physics_link());
+  about.device = figures.device;
+  about.mofc = figures.mofc;
+  about.physics = mirror.physics_counters();
+  if (about.mofc.standby_interaction.sessions > 0) {  // both speak on one link
+    const std::uint64_t sessions = about.mofc.interaction.sessions;
+    about.physics_node.restarts = sessions > 0 ? sessions - 1 : 0;
+  } else {
+    about.physics_hz = figures.physics_hz();
+  }
+  const RunStatistics& received = figures.statistics;
+  about.ticks_received = received.ticks();
+  about.minimum_true_energy_joule = figures.minimum_true_energy_joule;
+  about.maximum_force_newton = figures.max_force_newton;
+  about.force_error_rms_ratio = received.force_error_rms_ratio();
+  about.beyond_jnd_ratio = received.beyond_jnd_ratio();
+  return about;
+}
+
+RunFacts facts_of(const RecordingFile& recording, const RecordedRun& run) {
+  const std::string side = recording.side();
+  RunFacts about;
+  about.controller = controller_of(recording, side);
+  about.is_limited =
+      about.controller.starts_with("mofc") || about.controller.ends_with("behind guard");
+  const std::string file = recording.about("session_file");
+  try {
+    const Session session =
+        with_only_side(parse_session(recording.about("session"), file, {},
+                                     std::filesystem::absolute(file).parent_path()),
+                       side);
+    about = facts_of(session, session.side());
+  } catch (const SetupError&) {  // of another version, or its files are not here
+  }
+  about.is_in_real_time = !recording.about("recorded_by").starts_with("palpate loopback");
+  RunFacts facts = facts_of(std::move(about), run.mirror, run.figures);
+  const auto copy = recording.mcap().metadata(viewer::kCopyMetadata);
+  if (const auto command = copy.find("command");
+      command != copy.end() && command->second == "merge") {  // of runs that follow each other
+    facts.device_node.restarts = facts.mofc_node.restarts = facts.physics_node.restarts = 0;
+  }
+  return facts;
+}
+
+std::string controller_of(const RecordingFile& recording, const std::string& side) {
+  std::string all = recording.about("controller");
+  const std::size_t begin = side.empty() ? 0 : all.find(side + ": ");
+  if (side.empty() || begin == std::string::npos) return all;
+  const std::size_t text = begin + side.size() + 2;
+  std::size_t end = all.size();
+  for (const std::string& other : recording.sides()) {
+    end = std::min(end, all.find(", " + other + ": ", text));
+  }
+  return all.substr(text, end - text);
 }
 
 nlohmann::ordered_json figures_json(const std::string& controller,
                                     const viewer::TelemetryMirror& mirror,
                                     const RunFigures& figures) {
-  const DeviceCounters& device = mirror.device_counters();
-  const MofcCounters& mofc = mirror.mofc_counters();
+  const DeviceCounters& device = figures.device;
+  const MofcCounters& mofc = figures.mofc;
   const PhysicsCounters& physics = mirror.physics_counters();
   nlohmann::ordered_json json;
   json["controller"] = controller;
@@ -75,6 +249,10 @@ nlohmann::ordered_json figures_json(const std::string& controller,
   json["interactions_suppressed"] = physics.interactions_suppressed;
   json["mesh_frames"] = physics.mesh_frames;
   json["meshes_skipped"] = physics.meshes_skipped;
+  json["physics_hz"] = number_or_null(figures.physics_hz());
+  json["device_faults"] = device.device_faults;
+  json["last_fault"] = name(device.last_fault);
+  json["fault_ticks"] = device.fault_ticks;
   json["fallbacks"] = device.fallback_ticks + device.limp_ticks;
   json["reply_time"] = percentiles_json(figures.reply_time);
   json["lateness"] = percentiles_json(figures.lateness);
@@ -88,8 +266,8 @@ nlohmann::ordered_json figures_json(const std::string& controller,
 std::vector<std::pair<std::string, std::string>> figure_lines(const std::string& controller,
                                                               const viewer::TelemetryMirror& mirror,
                                                               const RunFigures& figures) {
-  const DeviceCounters& device = mirror.device_counters();
-  const MofcCounters& mofc = mirror.mofc_counters();
+  const DeviceCounters& device = figures.device;
+  const MofcCounters& mofc = figures.mofc;
   std::vector<std::pair<std::string, std::string>> lines;
   const auto line = [&](const char* label, std::string value) {
     lines.emplace_back(label, std::move(value));
@@ -111,6 +289,10 @@ std::vector<std::pair<std::string, std::string>> figure_lines(const std::string&
          fmt::format("{:.3f} µJ (0 or more: passive)", 1e6 * figures.minimum_true_energy_joule));
   }
   if (mofc.standby_interaction.sessions > 0) line("physics", speaker_text(mofc));
+  if (device.device_faults > 0) {
+    line("device fault",
+         fmt::format("{}, {} ticks without force", name(device.last_fault), device.fault_ticks));
+  }
   line("answered in time",
        figure(100.0 * answered_ratio(device), "{:.3f} %") +
            fmt::format(" of {} scheduled ticks ({} skipped)",
@@ -141,9 +323,11 @@ void read_run(RecordingFile& recording, RecordedRun& run,
           if constexpr (requires { run.mirror.take(message, at); }) run.mirror.take(message, at);
         },
         item->message);
-    if (const auto* device = std::get_if<DeviceBatch>(&item->message)) {
-      run.figures.add(device->counters);
-    }
+    std::visit(
+        [&](const auto& message) {
+          if constexpr (requires { message.counters; }) run.figures.add(message);
+        },
+        item->message);
     if (on_item) on_item(*item);
   }
   run.mirror.flush_rows();

@@ -1,7 +1,7 @@
 // run_figures.h — the figures of a run as a viewer sees it: of `palpate launch` while it runs, and
 // of its recording afterwards. Both come from here, so they agree.
 //
-// Two populations: counters of the nodes, over all of their ticks since their last start; and the
+// Two populations: counters of the nodes, over all of their ticks while they were observed; and the
 // ticks whose telemetry was received, which are fewer if telemetry was lost.
 #pragma once
 
@@ -14,6 +14,7 @@
 #include "common/telemetry/metrics.h"
 #include "common/telemetry/summary.h"
 #include "common/telemetry/telemetry.h"
+#include "common/telemetry/verdict.h"
 #include "viewer_node/feed/telemetry_mirror.h"
 #include "viewer_node/recording/recording_file.h"
 
@@ -28,12 +29,44 @@ struct RunFigures {
   double minimum_true_energy_joule = kNaN;  ///< NaN: not reported, as with real hardware
   double max_force_newton = 0.0;
   double largest_jump_newton = 0.0;
+  /// The newest counters, with sums over all sessions in place of what counts since the last start,
+  /// from the first batch that was received on.
+  DeviceCounters device;
+  MofcCounters mofc;
+  // of the physics, over all its sessions, without the time between them
+  std::uint64_t physics_steps = 0;
+  Duration physics_time{};
 
   /// Call it for every row.
   void add(const TickRow& row);
   /// Call it for every batch.
-  void add(const DeviceCounters& device);
+  void add(const DeviceBatch& batch);
+  void add(const MofcBatch& batch);
+  void add(const PhysicsBatch& batch);
+
+  /// Steps per second while it ran; NaN: unknown.
+  [[nodiscard]] double physics_hz() const;
+
+ private:
+  /// What is known of the session that a node is in.
+  template <class Counters>
+  struct Observed {
+    std::uint64_t id = 0;
+    std::uint64_t batch = 0;  // newest
+    Counters newest;
+  };
+  Observed<DeviceCounters> device_session_;
+  Observed<MofcCounters> mofc_session_;
+  std::uint64_t physics_session_ = 0;
+  std::uint64_t physics_sequence_ = 0;  // newest step
+  TimePoint physics_stepped_at_{};
 };
+
+/// What is judged of an observed run. @param about  what is known of the session
+[[nodiscard]] RunFacts facts_of(RunFacts about, const viewer::TelemetryMirror& mirror,
+                                const RunFigures& figures);
+/// Controller of one side of a recording: "left: mofc guard, right: none" names those of all.
+[[nodiscard]] std::string controller_of(const RecordingFile& recording, const std::string& side);
 
 /// Keys: docs/glossary.md. @param controller  as controller_text() gives it
 [[nodiscard]] nlohmann::ordered_json figures_json(const std::string& controller,
@@ -49,6 +82,8 @@ struct RecordedRun {
   viewer::TelemetryMirror mirror;
   RunFigures figures;
 };
+/// The same of a recording that read_run() has read; with less, if its session cannot be read here.
+[[nodiscard]] RunFacts facts_of(const RecordingFile& recording, const RecordedRun& run);
 /// Reads the chosen side of the recording into `run`.
 /// @param on_row   called for every device tick, in order; may be empty
 /// @param on_item  called for every message; may be empty

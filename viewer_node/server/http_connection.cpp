@@ -133,6 +133,11 @@ void HttpConnection::answer(const WebDecision& decision, bool is_malformed) {
     body = metrics_;
     response_.set(http::field::content_type, "text/plain; version=0.0.4; charset=utf-8");
   }
+  if (decision.is_verdict) {
+    metrics_ = server_.verdict;
+    body = metrics_;
+    response_.set(http::field::content_type, "application/json");
+  }
   if (decision.asset != nullptr) {
     body = decision.asset->bytes;
     response_.set(http::field::content_type, as_beast(decision.asset->content_type));

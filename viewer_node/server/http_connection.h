@@ -49,7 +49,7 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   boost::beast::flat_buffer buffer_{2 * kMaxHeaderBytes};
   std::optional<boost::beast::http::request_parser<boost::beast::http::empty_body>> parser_;
   boost::beast::http::response<boost::beast::http::buffer_body> response_;
-  std::string metrics_;  // the body of response_, if it is /metrics
+  std::string metrics_;  // the body of response_, if it is /metrics or /verdict
   std::optional<boost::beast::http::response_serializer<boost::beast::http::buffer_body>>
       serializer_;
 };

@@ -43,6 +43,7 @@ struct ServerState {
   std::map<std::uint64_t, std::shared_ptr<SocketClient>> clients{};
   std::uint64_t next_client = 1;
   std::string metrics{};  ///< the body of /metrics
+  std::string verdict{};  ///< the body of /verdict
 
   std::vector<std::atomic<std::uint32_t>> subscribers;  ///< by channel
   std::atomic<std::uint32_t> client_count{0};

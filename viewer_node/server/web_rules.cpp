@@ -123,11 +123,11 @@ WebDecision decide(const WebRequest& request, const WebRules& rules) {
   }
 
   if (path == "/healthz") return {.status = 200, .text = "ok\n"};
-  if (path == "/metrics") {
+  if (path == "/metrics" || path == "/verdict") {
     if (!is_known_origin(request, rules))
       return refusal(403, "pages of this origin may not read the metrics\n");
     if (!has_token(request, query, rules)) return refusal(401, "a token is needed: ?token=…\n");
-    return {.status = 200, .is_metrics = true};
+    return {.status = 200, .is_metrics = path == "/metrics", .is_verdict = path == "/verdict"};
   }
   for (const WebAsset& asset : web_assets()) {
     if (path != asset.path) continue;

@@ -39,6 +39,7 @@ struct WebDecision {
   std::string_view text{};  ///< the body without an asset
   const WebAsset* asset = nullptr;
   bool is_metrics = false;         ///< the body is that of WebServer::set_metrics()
+  bool is_verdict = false;         ///< the body is that of WebServer::set_verdict()
   std::string_view subprotocol{};  ///< of the WebSocket
   bool closes = false;             ///< the connection, after the answer
 };

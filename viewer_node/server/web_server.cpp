@@ -212,6 +212,12 @@ void WebServer::set_metrics(std::string text) {
   });
 }
 
+void WebServer::set_verdict(std::string json) {
+  asio::post(impl_->io, [impl = impl_.get(), json = std::move(json)]() mutable {
+    impl->state.verdict = std::move(json);
+  });
+}
+
 WebServer::Counters WebServer::counters() const {
   const ServerState& state = impl_->state;
   return {.clients = state.client_count,

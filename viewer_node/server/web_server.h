@@ -63,6 +63,8 @@ class WebServer {
 
   /// Sets the body of /metrics.
   void set_metrics(std::string text);
+  /// Sets the body of /verdict: JSON.
+  void set_verdict(std::string json);
 
   using Event = ClientEvent;
   /// What clients did since the last call, in order.

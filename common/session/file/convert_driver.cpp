@@ -129,7 +129,8 @@ PluginConfig to_plugin(const Fields& plugin, const std::filesystem::path& base_d
   if (plugin.has_required("library")) {
     config.library = plugin.text("library");
     if (config.library.find('/') != std::string::npos) {
-      config.library = (base_dir / config.library).lexically_normal().string();
+      config.library =
+          std::filesystem::absolute(base_dir / config.library).lexically_normal().string();
     }
   }
   config.options = plugin.text("options");

@@ -85,15 +85,15 @@ ElasticMaterial to_elastic(const Fields& tissue, double tip_radius_m) {
   constexpr std::size_t kMostParts = 64;
   const Fields fields = tissue.message("elastic");
   if (tissue.given_member("geometry") != "tetrahedral_mesh") {
-    tissue.problem("elastic",
-                   "needs the inside of the body; give tetrahedral_mesh { … } as its geometry");
+    fields.problem("needs the inside of the body; give tetrahedral_mesh { … } as its geometry");
   }
   if (tissue.has("motion")) {
     tissue.problem("motion", "an elastic body is held by its fixed places; leave it out");
   }
   if (tip_radius_m < kSmallestTip_m) {
-    tissue.problem("elastic",
-                   "is touched by a sphere of at least 1 mm; set scene.tool.tip_radius_m");
+    fields.problem(
+        "is touched by a sphere of at least 1 mm; set scene.tool.tip_radius_m, which is " +
+        shown(1e3 * tip_radius_m) + " mm");
   }
   ElasticMaterial material{.young_pa = fields.number("young_pa"),
                            .poisson_ratio = fields.number("poisson_ratio"),

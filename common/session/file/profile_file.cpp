@@ -82,7 +82,7 @@ DeviceProfile load_profile(const std::filesystem::path& file, const Place& place
                            Problems& problems) {
   const FileContent content = read_text_file(file, kMaxProfileFileBytes);
   if (!content.complaint.empty()) {
-    problems.add_elsewhere(place, file.string(), content.complaint);
+    problems.add(place, one_line(file.string()) + ": " + content.complaint);
     return {};
   }
   return parse_profile(content.bytes, file.string(), place, problems);

@@ -97,7 +97,7 @@ std::vector<RecordedPath::Sample> load_recorded_path(const std::filesystem::path
                                                      const Place& place, Problems& problems) {
   const FileContent content = read_text_file(file, kMaxPathFileBytes);
   if (!content.complaint.empty()) {
-    problems.add_elsewhere(place, file.string(), content.complaint);
+    problems.add(place, one_line(file.string()) + ": " + content.complaint);
     return {};
   }
   return parse_recorded_path(content.bytes, file.string(), place, problems);

@@ -194,7 +194,9 @@ void Fields::problem(const char* name, const std::string& rule) const {
     printer.SetSingleLineMode(true);
     printer.PrintFieldValueToString(*message_, field(name), -1, &value);
     if (field(name)->cpp_type() == pb::FieldDescriptor::CPPTYPE_MESSAGE) {
-      value = "{ " + value + "}";
+      // a vector is quoted, a block is not
+      constexpr std::size_t kLongestBlock = 60;
+      value = value.size() > kLongestBlock ? "{ … }" : "{ " + value + "}";
     }
     value = " = " + one_line(value);
   }

@@ -18,25 +18,28 @@ namespace {
 
 constexpr std::uintmax_t kMaxSessionFileBytes = 16'000'000;  // 10,000 tissues take 2 MB
 
-/// Appends the fields that name a file: those are called …file or …folder.
-void collect_files(const google::protobuf::Message& message, const std::filesystem::path& folder,
-                   std::vector<std::string>& files) {
+/// Calls visit(path, file) for the fields that name a file: those are called …file or …folder.
+template <class Visit>
+void for_each_file(const google::protobuf::Message& message, const std::string& path,
+                   const Visit& visit) {
   using google::protobuf::FieldDescriptor;
   const auto& reflection = *message.GetReflection();
   std::vector<const FieldDescriptor*> fields;
   reflection.ListFields(message, &fields);
   for (const FieldDescriptor* field : fields) {
+    const std::string child = child_path(path, field->name(), -1);
     if (field->type() == FieldDescriptor::TYPE_MESSAGE) {
       if (!field->is_repeated()) {
-        collect_files(reflection.GetMessage(message, field), folder, files);
+        for_each_file(reflection.GetMessage(message, field), child, visit);
         continue;
       }
       for (int i = 0; i < reflection.FieldSize(message, field); ++i) {
-        collect_files(reflection.GetRepeatedMessage(message, field, i), folder, files);
+        for_each_file(reflection.GetRepeatedMessage(message, field, i),
+                      child_path(path, field->name(), i), visit);
       }
     } else if (field->name().ends_with("file") || field->name().ends_with("folder")) {
       const std::string file = reflection.GetString(message, field);
-      if (!file.empty()) files.push_back((folder / file).string());
+      if (!file.empty()) visit(child, file);
     }
   }
 }
@@ -81,8 +84,33 @@ std::vector<std::string> files_of(const Session& session) {
   std::vector<std::string> files{session.file};
   v1::Session message;
   google::protobuf::TextFormat::ParseFromString(session.text, &message);
-  collect_files(message, std::filesystem::path(session.file).parent_path(), files);
+  const std::filesystem::path folder = std::filesystem::path(session.file).parent_path();
+  for_each_file(message, "", [&](const std::string& /*path*/, const std::string& file) {
+    files.push_back((folder / file).string());
+  });
   return files;
+}
+
+std::string with_place(const Session& session, const std::string& complaint) {
+  const FileContent content = read_text_file(session.file, kMaxSessionFileBytes);
+  Problems ignored(session.file);
+  SessionText written(ignored);
+  if (!content.complaint.empty() || !written.read(content.bytes)) return complaint;
+  const std::filesystem::path folder = std::filesystem::path(session.file).parent_path();
+  std::string found;
+  for_each_file(written.message(), "", [&](const std::string& path, const std::string& file) {
+    // as the structs of the session have it
+    for (const std::filesystem::path& base : {folder, std::filesystem::path(".")}) {
+      if (!found.empty() || !complaint.starts_with((base / file).string() + ":")) continue;
+      const Place place = written.place(path);
+      found = session.file + ":" + std::to_string(place.line) + ":" + std::to_string(place.column) +
+              ": " + path + " = \"" + one_line(file) + "\": " + complaint;
+      if (std::filesystem::path(file).is_relative()) {
+        found += " (relative to the folder of the session)";
+      }
+    }
+  });
+  return found.empty() ? complaint : found;
 }
 
 std::filesystem::path run_folder(const std::string& session_name) {
@@ -95,17 +123,31 @@ std::filesystem::path run_folder(const std::string& session_name) {
   return std::filesystem::path("/tmp/palpate-" + std::to_string(::getuid())) / session_name;
 }
 
-std::filesystem::path cache_folder() {
-  for (const char* name : {"PALPATE_CACHE_DIR", "CACHE_DIRECTORY"}) {
+namespace {
+
+/// The folder of the project, of systemd, of the desktop or in the user's home; empty: none.
+std::filesystem::path user_folder(const char* own, const char* systemd, const char* desktop,
+                                  const char* in_home) {
+  for (const char* name : {own, systemd}) {
     if (const std::string folder = variable(name); !folder.empty()) return folder;
   }
-  if (const std::string folder = variable("XDG_CACHE_HOME"); !folder.empty()) {
+  if (const std::string folder = variable(desktop); !folder.empty()) {
     return std::filesystem::path(folder) / "palpate";
   }
   if (const std::string folder = variable("HOME"); !folder.empty()) {
-    return std::filesystem::path(folder) / ".cache" / "palpate";
+    return std::filesystem::path(folder) / in_home / "palpate";
   }
   return {};
+}
+
+}  // namespace
+
+std::filesystem::path cache_folder() {
+  return user_folder("PALPATE_CACHE_DIR", "CACHE_DIRECTORY", "XDG_CACHE_HOME", ".cache");
+}
+
+std::filesystem::path state_folder() {
+  return user_folder("PALPATE_STATE_DIR", "STATE_DIRECTORY", "XDG_STATE_HOME", ".local/state");
 }
 
 }  // namespace palpate

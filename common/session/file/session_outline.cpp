@@ -55,7 +55,9 @@ void SessionOutline::read(std::string_view text) {
         return;
       }
       scopes_.push_back(opened(token.text == "["));
+      scopes_.back().opening = tokens_.size();
     }
+    if (is_close && depth == 0 && !surplus_brace_) surplus_brace_ = position;
     tokens_.push_back({position, token.type, token.text, scope_});
     if (is_open) scope_ = scopes_.size() - 1;
     if (is_close && depth > 0) {
@@ -130,7 +132,112 @@ std::optional<SessionOutline::WrongEnumerator> SessionOutline::wrong_enumerator_
       field->enum_type()->FindValueByName(value.text) != nullptr) {
     return std::nullopt;
   }
-  return WrongEnumerator{.field = field, .value = value.text};
+  return WrongEnumerator{.field = field,
+                         .value = value.text,
+                         .path = child_path(scopes_[value.scope].path, field->name(), -1)};
+}
+
+/// A name of a field: before a colon or a brace, and not a value.
+bool SessionOutline::is_name(std::size_t index) const {
+  const Token& token = tokens_[index];
+  if (token.type != Tokenizer::TYPE_IDENTIFIER || scopes_[token.scope].type == nullptr ||
+      index + 1 == tokens_.size() || (index > 0 && tokens_[index - 1].text == ":")) {
+    return false;
+  }
+  const std::string& next = tokens_[index + 1].text;
+  return next == ":" || next == "{" || next == "<";
+}
+
+/// Of the first field that belongs to a message further out; else of the message that is open at
+/// the end of the text.
+std::optional<SessionOutline::Mistake> SessionOutline::missing_brace() const {
+  if (scope_ == 0 || value_of_ != nullptr) return std::nullopt;
+  const auto opening_of = [&](std::size_t scope) {
+    const std::string& path = scopes_[scope].path;
+    return "the brace of " + (path.empty() ? "this message" : path) + " (line " +
+           std::to_string(tokens_[scopes_[scope].opening].position.line + 1) + ") ";
+  };
+  for (std::size_t i = 0; i < tokens_.size(); ++i) {
+    if (!is_name(i)) continue;
+    const Token& token = tokens_[i];
+    if (scopes_[token.scope].type->FindFieldByName(token.text) != nullptr) continue;
+    for (std::size_t outer = token.scope; outer != 0;) {
+      outer = scopes_[outer].parent;
+      const pb::Descriptor* type = scopes_[outer].type;
+      if (type == nullptr || type->FindFieldByName(token.text) == nullptr) continue;
+      return Mistake{token.position, "cannot be read: " + opening_of(token.scope) +
+                                         "is still open; close it before '" + token.text + "'"};
+    }
+  }
+  return Mistake{tokens_.back().position,
+                 "cannot be read: " + opening_of(scope_) + "is never closed; add the missing one"};
+}
+
+std::optional<TokenPosition> SessionOutline::lost_at() const {
+  const auto missing = missing_brace();
+  if (!missing) return std::nullopt;
+  return missing->position;
+}
+
+/// "0,003": to the parser two values.
+std::optional<SessionOutline::Mistake> SessionOutline::decimal_comma(std::size_t index) const {
+  const auto is_number = [](const Token& token) {
+    return token.type == Tokenizer::TYPE_INTEGER || token.type == Tokenizer::TYPE_FLOAT;
+  };
+  if (index + 2 >= tokens_.size()) return std::nullopt;
+  const Token& whole = tokens_[index];
+  const Token& comma = tokens_[index + 1];
+  const Token& part = tokens_[index + 2];
+  const auto ends_at = [](const Token& token, const Token& next) {
+    return token.position.line == next.position.line &&
+           token.position.column + static_cast<int>(token.text.size()) == next.position.column;
+  };
+  const bool is_in_list = scopes_[whole.scope].list != nullptr;
+  if (is_in_list || !is_number(whole) || comma.text != "," || !is_number(part) ||
+      !ends_at(whole, comma) || !ends_at(comma, part)) {
+    return std::nullopt;
+  }
+  return Mistake{whole.position, "cannot be read: " + whole.text + "," + part.text +
+                                     ": decimals have a point; write " + whole.text + "." +
+                                     part.text};
+}
+
+std::vector<SessionOutline::Mistake> SessionOutline::mistakes() const {
+  std::vector<Mistake> mistakes;
+  const auto missing = missing_brace();
+  std::map<std::pair<std::size_t, const void*>, std::size_t> seen;  // token, by field or oneof
+  for (std::size_t i = 0; i < tokens_.size(); ++i) {
+    const Token& token = tokens_[i];
+    if (missing && token.position >= missing->position) break;
+    if (auto comma = decimal_comma(i)) mistakes.push_back(std::move(*comma));
+    if (!is_name(i)) continue;
+    const Scope& scope = scopes_[token.scope];
+    const pb::FieldDescriptor* field = scope.type->FindFieldByName(token.text);
+    if (field == nullptr || field->is_repeated()) continue;
+    const std::string path = child_path(scope.path, token.text, -1);
+    const auto line_of = [&](std::size_t first) {
+      return "in line " + std::to_string(tokens_[first].position.line + 1);
+    };
+    const auto [same, is_first] = seen.try_emplace({token.scope, field}, i);
+    if (!is_first) {
+      mistakes.push_back({token.position, path + ": is given twice, first " +
+                                              line_of(same->second) + "; leave one out"});
+      continue;
+    }
+    const pb::OneofDescriptor* oneof = field->real_containing_oneof();
+    if (oneof == nullptr) continue;
+    const auto [other, is_only] = seen.try_emplace({token.scope, oneof}, i);
+    if (is_only) continue;
+    mistakes.push_back({token.position, path + ": excludes " + tokens_[other->second].text + " " +
+                                            line_of(other->second) + "; leave one out"});
+  }
+  if (missing) mistakes.push_back(*missing);
+  if (surplus_brace_ && !missing) {
+    mistakes.push_back({*surplus_brace_,
+                        "cannot be read: a brace too many: nothing is open here; remove it, or one "
+                        "before it"});
+  }
+  return mistakes;
 }
 
 }  // namespace palpate

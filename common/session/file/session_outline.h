@@ -48,10 +48,22 @@ class SessionOutline {
   struct WrongEnumerator {
     const google::protobuf::FieldDescriptor* field = nullptr;
     std::string value;
+    std::string path;  ///< of the field: "mofc.mode"
   };
   /// The one that ends before `position`, where the parser reports it.
   [[nodiscard]] std::optional<WrongEnumerator> wrong_enumerator_before(
       TokenPosition position) const;
+
+  /// A mistake that the parser describes badly, or where it goes unnoticed.
+  struct Mistake {
+    TokenPosition position;
+    std::string text;  ///< with what to do
+  };
+  /// Fields given twice, two members of a oneof, numbers with a decimal comma, braces that are
+  /// missing or too many; in order.
+  [[nodiscard]] std::vector<Mistake> mistakes() const;
+  /// Where a brace is missing: from there on names are taken for those of another message.
+  [[nodiscard]] std::optional<TokenPosition> lost_at() const;
 
  private:
   struct Token {
@@ -66,6 +78,7 @@ class SessionOutline {
     const google::protobuf::Descriptor* type = nullptr;       // null in a list, or if unknown
     const google::protobuf::FieldDescriptor* list = nullptr;  // whose elements it holds
     std::size_t parent = 0;
+    std::size_t opening = 0;              // token
     std::map<std::string, int> counts{};  // elements of repeated fields so far
   };
 
@@ -73,12 +86,16 @@ class SessionOutline {
   [[nodiscard]] Scope opened(bool is_list);
   [[nodiscard]] const google::protobuf::FieldDescriptor* field_named_last() const;
   [[nodiscard]] std::optional<std::size_t> index_at(TokenPosition position) const;
+  [[nodiscard]] bool is_name(std::size_t index) const;
+  [[nodiscard]] std::optional<Mistake> missing_brace() const;
+  [[nodiscard]] std::optional<Mistake> decimal_comma(std::size_t index) const;
 
   const google::protobuf::FieldDescriptor* value_of_ = nullptr;
   std::vector<Scope> scopes_;
   std::size_t scope_ = 0;  // of the next token
   std::vector<Token> tokens_;
   std::optional<TokenPosition> too_deep_;
+  std::optional<TokenPosition> surplus_brace_;
 };
 
 }  // namespace palpate

@@ -66,23 +66,19 @@ std::string suggestion(const pb::Descriptor& message, std::string_view name) {
   return meant.empty() ? "it has " + all : "did you mean '" + meant + "'?";
 }
 
-/// "none, mofc", and the one that the user may have meant.
+/// "none or mofc", and the one that the user may have meant.
 std::string names_of(const pb::EnumDescriptor& type, const std::string& written) {
-  std::string all;
   std::vector<std::string> names;
-  for (int i = 0; i < type.value_count(); ++i) {
-    names.push_back(type.value(i)->name());
-    all += (all.empty() ? "" : ", ") + names.back();
-  }
+  for (int i = 1; i < type.value_count(); ++i) names.push_back(type.value(i)->name());
   const std::string meant = nearest(written, names);
-  return meant.empty() ? all : all + "; did you mean '" + meant + "'?";
+  return choices_text(type) + (meant.empty() ? "" : "; did you mean '" + meant + "'?");
 }
 
 /// An error of the parser, which ends the reading, with what can be done about it.
 std::string error_text(const ParserMessages::Message& error, const SessionOutline& outline,
                        const char* remedy) {
   if (const auto wrong = outline.wrong_enumerator_before(error.position)) {
-    return wrong->field->name() + " = " + one_line(wrong->value) + ": must be one of " +
+    return one_line(wrong->path) + " = " + one_line(wrong->value) + ": must be " +
            names_of(*wrong->field->enum_type(), wrong->value);
   }
   return "cannot be read: " + one_line(error.text) + "; " + remedy;
@@ -122,21 +118,30 @@ bool SessionText::read(std::string_view text) {
   const bool is_read = parser.Parse(&input, &message_) && messages.errors.empty();
 
   record(message_, tree, "");
+  const std::vector<SessionOutline::Mistake> mistakes = outline.mistakes();
+  const std::optional<TokenPosition> lost_at = outline.lost_at();
   for (const auto& [position, warning] : messages.warnings) {
+    if (lost_at && position > *lost_at) continue;  // of a name that stands in the wrong message
     const auto name = outline.unknown_name_before(position);
     if (name) {
       problems_.add(place_of(offset_of(name->position)),
                     one_line(child_path(name->message_path, name->text, -1)) + ": no such field; " +
                         suggestion(*name->message_type, name->text));
-    } else {
+    } else if (mistakes.empty() || position < mistakes.front().position) {
       problems_.add(place_of(offset_of(position)), one_line(warning));
     }
   }
+  for (const SessionOutline::Mistake& mistake : mistakes) {
+    problems_.add(place_of(offset_of(mistake.position)), one_line(mistake.text));
+  }
   for (const auto& error : messages.errors) {
+    const bool is_explained = !mistakes.empty() && error.position >= mistakes.front().position &&
+                              !outline.wrong_enumerator_before(error.position);
+    if (is_explained) continue;
     problems_.add(place_of(offset_of(error.position)),
                   error_text(error, outline, "write 'name: value' or 'name { … }'"));
   }
-  return is_read;
+  return is_read && mistakes.empty();
 }
 
 /// Finds the beginnings of lines and the ends of tabs, from which places are computed.
@@ -255,6 +260,7 @@ std::string read_value(const pb::FieldDescriptor& field, const std::string& valu
   if (outline.too_deep()) return kTooDeep;
   ParserMessages messages;
   const bool is_read = make_parser(messages).ParseFieldValueFromString(value, &field, &message);
+  if (const auto mistakes = outline.mistakes(); !mistakes.empty()) return mistakes.front().text;
   if (!messages.errors.empty()) {
     return error_text(messages.errors.front(), outline,
                       "write path=value, or path={ … } for a message");

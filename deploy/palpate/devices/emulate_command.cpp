@@ -176,7 +176,7 @@ struct EmulateCommand {
                       outcomes[i].force_newton, 1e3 * to_seconds(outcomes[i].pushed_for)));
     }
     say("emulated device: " + std::to_string(device.messages()) + " messages, least true energy " +
-        std::to_string(1e6 * device.least_energy_joule()) + " uJ");
+        energy_text(device.least_energy_joule()));
     return 0;
   }
 };

@@ -18,6 +18,7 @@
 #include "common/process/terminal.h"
 #include "common/telemetry/csv_writer.h"
 #include "deploy/launch/launch.h"
+#include "deploy/launch/trust.h"
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/launch/launch_figures.h"
 #include "deploy/palpate/options.h"
@@ -35,6 +36,7 @@ struct LaunchCommand {
   bool is_insecure = false;
   bool is_unsafe = false;
   bool has_no_adversary = false;
+  bool is_trusted = false;
   /// Run on this machine.
   std::set<std::string> nodes = {"device", "mofc", "physics", "standby", "viewer"};
   bool are_chosen = false;  ///< by --nodes
@@ -58,6 +60,7 @@ void LaunchCommand::add_to(CLI::App& app) {
   add_insecure_flag(app, is_insecure);
   add_unsafe_flag(app, is_unsafe);
   add_no_adversary_flag(app, has_no_adversary);
+  add_trust_flag(app, is_trusted);
   const auto take_together = [this](const std::vector<std::string>& given) {
     const std::set<std::string> names(given.begin(), given.end());
     is_together = names == std::set<std::string>{"device", "mofc"} && given.size() == 2;
@@ -102,6 +105,11 @@ std::string announce_page(const WebConfig& web) {
   return address;
 }
 
+/// A person at a terminal wants figures; files, services and -v get every event.
+bool has_short_log(const Verbosity& verbosity) {
+  return verbosity.is_quiet || (!verbosity.is_verbose && is_terminal(STDERR_FILENO));
+}
+
 /// One for each side, or none.
 std::vector<std::string> tables_of(const Session& session, const OutputOptions& output) {
   std::vector<std::string> tables;
@@ -132,7 +140,7 @@ class RunObserver {
     feed_->on_message = [this](const TelemetryMessage& message,
                                std::span<const std::byte> payload) {
       if (const auto* physics = std::get_if<PhysicsBatch>(&message)) warn_of_start(*physics);
-      if (const auto* device = std::get_if<DeviceBatch>(&message)) add_counters(*device);
+      std::visit([this](const auto& batch) { add(batch); }, message);
       if (recording_) recording_->take(message, payload);
     };
     for (std::size_t i = 0; i < mirrors_.size(); ++i) {
@@ -179,9 +187,12 @@ class RunObserver {
   [[nodiscard]] const std::vector<ObservedDevice>& devices() const { return devices_; }
 
  private:
-  void add_counters(const DeviceBatch& batch) {
-    for (std::size_t i = 0; i < devices_.size(); ++i) {
-      if (devices_[i].side.name == batch.side) figures_[i].add(batch.counters);
+  template <class Message>
+  void add(const Message& message) {
+    if constexpr (requires { message.counters; }) {
+      for (std::size_t i = 0; i < devices_.size(); ++i) {
+        if (devices_[i].side.name == message.side) figures_[i].add(message);
+      }
     }
   }
   /// Tissue deforms for each tool separately: each side has its own first step.
@@ -259,6 +270,11 @@ int LaunchCommand::run(const Verbosity& verbosity) const {
   Session loaded = session.load(verbosity);
   if (is_insecure) allow_plain_tcp(loaded);
   leave_adversary_out(loaded, has_no_adversary);
+  const auto code = foreign_code_of(loaded, nodes.contains("physics"), nodes.contains("device"));
+  require_trust(loaded, code, is_trusted);
+  if (!verbosity.is_quiet) {
+    for (const std::string& line : foreign_code_lines(loaded, code)) say(line);
+  }
   output.check(loaded, tables_of(loaded, output));
   JsonOutput json(output);
   std::set<std::string> here = nodes;
@@ -271,8 +287,7 @@ int LaunchCommand::run(const Verbosity& verbosity) const {
                                     : tcp_rules(loaded.security, {}, {KeyRole::kViewer});
   const bool may_observe = tcp.keys == nullptr || tcp.keys->of(KeyRole::kViewer).has_value();
   if (!may_observe) {
-    std::fprintf(stderr, "palpate: no figures of this run: %s has no viewer.key_secret\n",
-                 loaded.security.key_folder.c_str());
+    say("no figures of this run: " + loaded.security.key_folder + " has no viewer.key_secret");
   }
   RunObserver observer(loaded, output, tcp, may_observe, verbosity.is_quiet);
 
@@ -287,6 +302,7 @@ int LaunchCommand::run(const Verbosity& verbosity) const {
                                       .is_emulated = is_emulated,
                                       .has_no_adversary = has_no_adversary,
                                       .is_quiet = verbosity.is_quiet,
+                                      .has_short_log = has_short_log(verbosity),
                                       .on_page = [&] { return has_page ? announce_page(web) : ""; },
                                       .nodes = here,
                                       .is_together = is_together,
@@ -296,15 +312,14 @@ int LaunchCommand::run(const Verbosity& verbosity) const {
   if (result.end == LaunchEnd::kRefused) return result.exit_status();
   for (const auto& node : result.restarts) {
     if (node.came_up) continue;
-    std::fprintf(stderr, "palpate: %s_node never came up; its messages are above\n",
-                 node.name.c_str());
+    say(node.name + "_node never came up; its messages are above");
   }
 
   if (!verbosity.is_quiet)
-    std::fputs(launch_text(loaded.name, observer.devices(), result).c_str(), stdout);
-  json.write(launch_json(loaded.name, observer.devices(), result));
+    std::fputs(launch_text(loaded, observer.devices(), result).c_str(), stdout);
+  json.write(launch_json(loaded, observer.devices(), result));
   observer.close_files();
-  return result.exit_status();
+  return exit_status(observer.devices(), result);
 }
 
 }  // namespace

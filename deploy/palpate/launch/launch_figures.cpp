@@ -2,38 +2,71 @@
 
 #include <spdlog/fmt/fmt.h>
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "common/process/run_node.h"
 #include "common/telemetry/summary.h"
+#include "common/telemetry/verdict.h"
 #include "deploy/palpate/screen/verdict.h"
 
 namespace palpate {
 namespace {
 
-nlohmann::ordered_json device_json(const ObservedDevice& observed, const LaunchResult& result) {
+nlohmann::ordered_json device_json(const Session& session, const ObservedDevice& observed,
+                                   const LaunchResult& result) {
   nlohmann::ordered_json json =
       figures_json(controller_text(observed.side.mofc), observed.mirror, observed.figures);
-  json["ticks_per_wall_s"] = number_or_null(
-      static_cast<double>(observed.mirror.device_counters().loop.ticks) / result.wall.count());
+  json["ticks_per_wall_s"] =
+      number_or_null(static_cast<double>(observed.figures.device.loop.ticks) / result.wall.count());
+  json["verdict"] = verdict_json(judge(facts_of(session, observed, result)));
   return json;
 }
 
 }  // namespace
 
-nlohmann::ordered_json launch_json(const std::string& name,
+RunFacts facts_of(const Session& session, const ObservedDevice& device,
+                  const LaunchResult& result) {
+  RunFacts facts = facts_of(facts_of(session, device.side), device.mirror, device.figures);
+  const auto add = [&](RunFacts::Node& node, const std::string& name) {
+    for (const auto& restarts : result.restarts) {
+      if (restarts.name == name) node.restarts = std::max(node.restarts, restarts.count);
+    }
+  };
+  const std::string& side = device.side.name;
+  for (const char* process : {"device", "device_mofc"}) {
+    add(facts.device_node, with_side(side, process));
+  }
+  for (const char* process : {"mofc", "device_mofc"}) {
+    add(facts.mofc_node, with_side(side, process));
+  }
+  add(facts.physics_node, "physics");
+  return facts;
+}
+
+int exit_status(const std::vector<ObservedDevice>& devices, const LaunchResult& result) {
+  const int status = result.exit_status();
+  const bool has_fault = std::any_of(devices.begin(), devices.end(), [](const auto& device) {
+    const DeviceCounters& counters = device.mirror.device_counters();
+    return counters.device_faults > counters.fault_resets;
+  });
+  return status == 0 && has_fault ? kExitFailure : status;
+}
+
+nlohmann::ordered_json launch_json(const Session& session,
                                    const std::vector<ObservedDevice>& devices,
                                    const LaunchResult& result) {
   nlohmann::ordered_json restarts = nlohmann::ordered_json::object();
   for (const auto& node : result.restarts) restarts[node.name] = node.count;
   nlohmann::ordered_json json;
   json["schema_version"] = 1;
-  json["session"] = name;
+  json["session"] = session.name;
   for (const ObservedDevice& device : devices) {
     const std::string& side = device.side.name;
     if (side.empty()) {
-      json.update(device_json(device, result));
+      json.update(device_json(session, device, result));
     } else {
-      json["sides"][side] = device_json(device, result);
+      json["sides"][side] = device_json(session, device, result);
     }
   }
   json["restarts"] = restarts;
@@ -41,35 +74,30 @@ nlohmann::ordered_json launch_json(const std::string& name,
   return json;
 }
 
-std::string launch_text(const std::string& name, const std::vector<ObservedDevice>& devices,
+std::string launch_text(const Session& session, const std::vector<ObservedDevice>& devices,
                         const LaunchResult& result) {
   std::string text;
   const auto line = [&](const char* label, const std::string& value) {
     text += fmt::format("  {:<20}{}\n", label, value);
   };
   if (devices.empty()) {
-    text += fmt::format("{}: {:.1f} s in real time, no figures without the viewer's key\n", name,
-                        result.wall.count());
+    text += fmt::format("{}: {:.1f} s in real time, no figures without the viewer's key\n",
+                        session.name, result.wall.count());
   }
-  for (const auto& [side, mirror, figures] : devices) {
-    const DeviceCounters& device = mirror.device_counters();
-    const MofcCounters& mofc = mirror.mofc_counters();
+  for (const ObservedDevice& device : devices) {
+    const auto& [side, mirror, figures] = device;
     text += fmt::format("{}: {}, {:.1f} s in real time\n",
-                        name + (side.name.empty() ? "" : ", " + side.name),
+                        session.name + (side.name.empty() ? "" : ", " + side.name),
                         controller_text(side.mofc), result.wall.count());
-    if (!mirror.device_link().is_heard()) {
-      line("device", "no telemetry received");
-      continue;
-    }
-    for (const auto& [label, value] : figure_lines(controller_text(side.mofc), mirror, figures)) {
-      line(label.c_str(), value);
-    }
-    text += verdict_text(verdicts_of(side, device, mofc, true));
+    if (mirror.device_link().is_heard())
+      for (const auto& [label, value] : figure_lines(controller_text(side.mofc), mirror, figures)) {
+        line(label.c_str(), value);
+      }
+    text += verdict_text(judge(facts_of(session, device, result)));
   }
   for (const auto& node : result.restarts) {
     if (node.count == 0) continue;
-    line("restarted", fmt::format("{}, {} times; its counters cover the time since the last start",
-                                  node.name, node.count));
+    line("restarted", fmt::format("{}, {} times", node.name, node.count));
   }
   return text;
 }

@@ -26,8 +26,14 @@ viewer::CopyResult copy(const std::vector<std::string>& inputs, const viewer::Co
   for (const std::string& input : inputs) {
     sources.push_back(std::make_unique<viewer::McapReader>(input));
   }
-  Progress progress(options.command, verbosity.is_quiet);
-  return copy_recordings(sources, options, [&](double ratio) { progress.show(ratio); });
+  std::optional<Progress> progress(std::in_place, options.command, verbosity.is_quiet);
+  const viewer::CopyResult result =
+      copy_recordings(sources, options, [&](double ratio) { progress->show(ratio); });
+  progress.reset();
+  if (!verbosity.is_quiet && options.file != "-") {
+    say(fmt::format("{}: {} messages written", options.file, result.messages));
+  }
+  return result;
 }
 
 void add_output_argument(CLI::App& app, std::string& file) {

@@ -45,19 +45,6 @@ Content content_of(RecordingFile& recording) {
   return content;
 }
 
-/// Controller of one side: "left: mofc guard, right: none" names those of all.
-std::string controller_of(const RecordingFile& recording, const std::string& side) {
-  std::string all = recording.about("controller");
-  const std::size_t begin = side.empty() ? 0 : all.find(side + ": ");
-  if (side.empty() || begin == std::string::npos) return all;
-  const std::size_t text = begin + side.size() + 2;
-  std::size_t end = all.size();
-  for (const std::string& other : recording.sides()) {
-    end = std::min(end, all.find(", " + other + ": ", text));
-  }
-  return all.substr(text, end - text);
-}
-
 double seconds_of(const RecordingFile& recording, const Marker& marker) {
   return (static_cast<double>(marker.at_ns) - static_cast<double>(recording.mcap().begin_ns())) *
          1e-9;
@@ -94,6 +81,7 @@ nlohmann::ordered_json info_json(RecordingFile& recording) {
     read_run(recording, run);
     nlohmann::ordered_json figures =
         figures_json(controller_of(recording, side), run.mirror, run.figures);
+    figures["verdict"] = verdict_json(judge(facts_of(recording, run)));
     if (side.empty()) {
       json["figures"] = std::move(figures);
     } else {

@@ -43,6 +43,7 @@ struct ReportCommand {
     Progress progress("report", verbosity.is_quiet);
     const std::string html = report_html(recordings, [&](double ratio) { progress.show(ratio); });
     write_file("report", output, html, may_overwrite);
+    if (!verbosity.is_quiet && output != "-") say(output + ": written");
     int status = 0;
     for (const auto& recording : recordings) {
       status = std::max(status, status_of_damage(*recording));

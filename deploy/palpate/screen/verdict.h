@@ -1,28 +1,17 @@
-// verdict.h — what is good or bad about a run, and what to do about it.
+// verdict.h — the verdict on a run (common/telemetry/verdict.h) on a terminal.
 #pragma once
 
-#include <cstdint>
 #include <string>
 #include <vector>
 
-#include "common/session/session.h"
-#include "common/telemetry/telemetry.h"
+#include "common/telemetry/verdict.h"
 
 namespace palpate {
 
-struct Verdict {
-  bool is_good = false;
-  std::string text;  ///< "1.7 % of the ticks were skipped: run `palpate doctor`"
-};
-
-/// Of one device's run. Limits: 0.1 % of the ticks skipped or not answered in time, a true energy
-/// of −1 µJ, 5 % of the ticks in contact clamped.
-/// @param in_real_time  false: in lockstep, where lateness is a simulated fault
-[[nodiscard]] std::vector<Verdict> verdicts_of(const Side& side, const DeviceCounters& device,
-                                               const MofcCounters& mofc, bool in_real_time);
-
-/// A line for each, "  good  …", in colour on a terminal.
-[[nodiscard]] std::string verdict_text(const std::vector<Verdict>& verdicts);
+/// "  good  …", in colour on a terminal.
+[[nodiscard]] std::string graded_line(Grade grade, const std::string& text);
+/// A line for each, "  good  …: remedy", in colour on a terminal.
+[[nodiscard]] std::string verdict_text(const std::vector<RunFinding>& findings);
 
 /// The tool was in tissue at the first step of the physics: why the force may be wrong there, and
 /// what to do; empty if it was not.

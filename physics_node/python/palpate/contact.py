@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, Optional
 
 import numpy as np
@@ -23,6 +23,8 @@ class Contact:
     Without a stiffness it is a contact point of an engine: give its `force_on_tool`, or the force of
     all points of one tissue to `reply(force=…)`. The model is then estimated, one for all points of a
     `tissue`; of a point only normal, penetration and force count.
+
+    :raises ValueError: a value is not finite or out of range, here or when it is sent
     """
 
     normal: ArrayLike  # unit, out of the tissue, W
@@ -37,6 +39,18 @@ class Contact:
     trust_radius: float = 1.0  # m, how far from the pose the model holds; > 0, ≤ 1000
     tissue: int = 0  # index in the session's scene
     force_on_tool: Optional[ArrayLike] = None  # N, W, ±1e4, of this point; without a stiffness only
+
+    def __post_init__(self) -> None:
+        self.check()
+
+    def __repr__(self) -> str:
+        """The values that are not the default."""
+        given = [
+            f"{field.name}={value.tolist() if isinstance(value, np.ndarray) else value}"
+            for field in fields(self)
+            if (value := getattr(self, field.name)) is not None and str(value) != str(field.default)
+        ]
+        return f"Contact({', '.join(given)})"
 
     def force(self, velocity: ArrayLike) -> NDArray[Any]:
         """N on the tool at the pose of the motion, moving at `velocity` m/s, W; 0 without touch."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import mmap
 import struct
+import warnings
 import zlib
 from pathlib import Path
 from typing import Any, Iterator, Union
@@ -27,18 +28,21 @@ class Recording:
         recording = palpate.Recording("run.mcap")
         force = recording.columns("device")["force_on_hand_newton"]  # (ticks, 3)
 
-    A file whose writer was killed is read up to its last complete chunk.
+    What is damaged is left out with a warning, as `palpate info` leaves it out: a file whose writer
+    was killed is read up to its last complete chunk.
 
     :ivar metadata: by name; "palpate" has the session and its overrides
     :ivar sides: names of the sides; [""] with one device
     :ivar is_complete: the writer closed it
-    :raises SetupError: not a recording, damaged, or compressed by another writer
+    :ivar damage: what is missing of it, "2 damaged chunks, its end"; "": nothing
+    :raises SetupError: not a recording, or compressed by another writer
     """
 
     def __init__(self, file: Union[str, Path]) -> None:
         self.file = Path(file)
         self.metadata: dict[str, dict[str, str]] = {}
         self.is_complete = False
+        self._damaged_chunks = 0
         self._topics: dict[int, str] = {}
         self._messages: dict[str, list[tuple[int, memoryview]]] = {}
         try:
@@ -50,11 +54,26 @@ class Recording:
             raise SetupError(f"recording {file}: is not an MCAP file; give one of --record")
         try:
             self._read(memoryview(content)[len(_MAGIC) :])
-        except (struct.error, UnicodeDecodeError, IndexError) as error:
-            raise SetupError(f"recording {file}: is damaged ({error})") from None
+        except (struct.error, UnicodeDecodeError, IndexError):
+            self.is_complete = False  # what follows cannot be found
+        parts = [f"{self._damaged_chunks} damaged chunks"] if self._damaged_chunks else []
+        self.damage = ", ".join(parts + ([] if self.is_complete else ["its end: the file was not closed"]))
+        if self.damage:
+            warnings.warn(
+                f"recording {file} is damaged; missing: {self.damage}; `palpate recover` writes the rest as a "
+                "whole recording",
+                stacklevel=2,
+            )
         run = self.metadata.get("palpate", {})
         self.session: str = run.get("session", "")
         self.sides: list[str] = run.get("sides", "").split(",")
+
+    def __repr__(self) -> str:
+        name = self.metadata.get("palpate", {}).get("session_name", "")
+        times = [time_ns for messages in self._messages.values() for time_ns, _ in (messages[0], messages[-1])]
+        length_s = 1e-9 * (max(times) - min(times)) if times else 0.0
+        damaged = f", damaged: {self.damage}" if self.damage else ""
+        return f"<Recording {str(self.file)!r}: {name}, {length_s:.3f} s{damaged}>"
 
     def _read(self, bytes_: memoryview) -> None:
         for opcode, content in _records(bytes_):
@@ -83,7 +102,8 @@ class Recording:
         (length,) = struct.unpack_from("<Q", content, at)
         records = content[at + 8 : at + 8 + length]
         if len(records) < length or (crc and zlib.crc32(records) != crc):
-            raise SetupError(f"recording {self.file}: a chunk is damaged; take another copy of the file")
+            self._damaged_chunks += 1
+            return
         for opcode, message in _records(records):
             if opcode == _MESSAGE:
                 self._keep(message)

@@ -25,6 +25,10 @@ class Surface:
     vertices: ArrayLike  # (n, 3) m
     triangles: ArrayLike  # (m, 3) indices, counter-clockwise seen from outside; none: points
 
+    def __repr__(self) -> str:
+        vertices, triangles = len(np.asarray(self.vertices)), len(np.asarray(self.triangles))
+        return f"<Surface {self.name!r}: {vertices} vertices, {triangles} triangles>"
+
     def fill(self, wire: scene_pb2.TissueSurface) -> None:
         """Writes itself into a message. SetupError if it cannot be drawn."""
         wire.name = self.name

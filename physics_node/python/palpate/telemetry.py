@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Iterator, Optional, Union
@@ -67,6 +68,11 @@ class Batch:
     session_id: int  # another one: the node was restarted
     message: Message  # as received
 
+    def __repr__(self) -> str:
+        ticks = len(next(iter(self.columns.values()), ()))
+        side = f", side {self.side}" if self.side else ""
+        return f"<Batch of {self.node}{side}: {ticks} ticks, session {self.session_id:x}>"
+
 
 def batch_of(node: str, message: Message) -> Batch:
     return Batch(
@@ -90,8 +96,11 @@ class Telemetry:
 
     :param session: session file
     :param nodes: some of device, mofc, physics
+    :param timeout_s: longest silence of all nodes while iterating, s; None: without end, with one warning
     :raises SetupError: wrong session or keys
     """
+
+    _WARN_AFTER_S = 5.0
 
     def __init__(
         self,
@@ -99,7 +108,10 @@ class Telemetry:
         nodes: tuple[str, ...] = ("device", "mofc", "physics"),
         *,
         insecure: bool = False,
+        timeout_s: Optional[float] = None,
     ) -> None:
+        self._session = str(session)
+        self._timeout_s = timeout_s
         if not nodes or not set(nodes) <= set(NODES):
             raise ValueError(f"nodes = {nodes}: must be some of {', '.join(NODES)}")
         config = session_links(session, insecure)
@@ -156,10 +168,28 @@ class Telemetry:
         return None
 
     def __iter__(self) -> Iterator[Batch]:
-        """All batches, until close()."""
+        """All batches, until close(). TimeoutError after `timeout_s` of silence."""
+        heard_at = time.monotonic()
+        is_warned = False
         while not self._is_closed:
-            if batch := self.receive(1.0):
+            left_s = 1.0 if self._timeout_s is None else heard_at + self._timeout_s - time.monotonic()
+            if batch := self.receive(min(1.0, max(0.0, left_s))):
+                heard_at, is_warned = time.monotonic(), True
                 yield batch
+                continue
+            silent_s = time.monotonic() - heard_at
+            if self._timeout_s is not None and silent_s >= self._timeout_s:
+                raise TimeoutError(self._hint(silent_s))
+            if not is_warned and silent_s > self._WARN_AFTER_S:
+                warnings.warn(self._hint(silent_s), stacklevel=2)
+                is_warned = True
+
+    def _hint(self, silent_s: float) -> str:
+        refused = f", {self.refused} messages were refused" if self.refused else ""
+        return (
+            f"no telemetry for {silent_s:.1f} s{refused}: is `palpate launch {self._session}` running, with the "
+            "same --set name and $PALPATE_RUN_DIR, by the same user, and with the same keys?"
+        )
 
     def close(self) -> None:
         self._is_closed = True

@@ -79,6 +79,11 @@ TEST_F(RecordingTools, APartBeginsWithTheSceneAsItWas) {
   EXPECT_EQ(part["messages"]["/scene_state"], 1);
   EXPECT_NEAR(part["ticks"]["device"], 1000, 25);
   EXPECT_EQ(part["copy"]["command"], "cut");
+  // counts are those of the part, which are judged alone
+  EXPECT_EQ(part["figures"]["ticks"], part["ticks"]["device"]);
+  EXPECT_EQ(part["figures"]["received"]["ticks"], part["ticks"]["device"]);
+  EXPECT_LE(part["figures"]["in_contact_ticks"], part["figures"]["ticks"]);
+  EXPECT_LE(part["figures"]["answered_ratio"], 1.0);
   EXPECT_EQ(part["begin_ns"], 1'000'000'000);
   // its rows are rows of the whole
   const std::string rows = table("part.mcap");
@@ -127,6 +132,10 @@ TEST_F(RecordingTools, TwoRunsInARowAreARestart) {
       0);
   const std::string again = text_of(path("again.csv"));
   EXPECT_EQ(table("row.mcap"), text_of(path("run.csv")) + again.substr(again.find('\n') + 1));
+  const json row = info("row.mcap");
+  EXPECT_EQ(row["figures"]["ticks"], 4000);
+  EXPECT_EQ(row["figures"]["received"]["ticks"], 4000);
+  EXPECT_THAT(row["figures"]["verdict"]["cause"], testing::Not("device_restarted"));
   // the times of the second run follow those of the first
   ASSERT_EQ(palpate({"export", path("row.mcap"), "--ros", path("row_ros.mcap")}).status, 0);
   viewer::McapReader ros(path("row_ros.mcap"));

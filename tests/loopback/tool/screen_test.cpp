@@ -57,6 +57,7 @@ std::string on_terminal(const Arguments& arguments, unsigned short columns,
   int terminal = -1;
   const pid_t child = forkpty(&terminal, nullptr, nullptr, &size);
   if (child == 0) {
+    setenv("TERM", "xterm", 1);
     execv(argv[0], argv.data());
     _exit(127);
   }
@@ -130,6 +131,11 @@ TEST_F(Screen, OfALaunchBeginsWithThePageAndItsStatusFits) {
     EXPECT_LT(columns_of(part), 60u) << part;
   }
   EXPECT_TRUE(has_status) << text;
+  // the address, the key for markers, then figures
+  const auto first_figure = std::find_if(lines.begin(), lines.end(), [](const std::string& line) {
+    return line.find(" Hz") != std::string::npos;
+  });
+  EXPECT_LE(first_figure - lines.begin(), 3) << text;
   // no log line is glued to a status line
   for (const std::string& line : lines) {
     if (line.find("event=") == std::string::npos) continue;
@@ -141,7 +147,7 @@ TEST_F(Screen, OfALaunchTakesMarkers) {
   const test::TempFolder folder;
   const std::string file = (folder.path() / "run.mcap").string();
   const std::string text =
-      on_terminal({"launch", kDefault, "--no-realtime", "--no-viewer", "--record", file}, 80,
+      on_terminal({"launch", kDefault, "-v", "--no-realtime", "--no-viewer", "--record", file}, 80,
                   {{"event=peer_up link=interaction", kNoKey},
                    {"press m to set a marker in the run", 'm'},
                    {"marker set", kCtrlC}});
@@ -246,6 +252,21 @@ TEST(Help, SuggestsCommandsOptionsAndValues) {
               HasSubstr("did you mean 'guard'?"));
   EXPECT_THAT(run_program("palpate", {"conform", "physics", "--"}).err,
               Not(HasSubstr("did you mean")));
+}
+
+TEST(Help, IsQuietWhenItsReaderHasEnough) {
+  const Outcome head =
+      run_program("/bin/bash", {"-c", std::string("set -o pipefail; ") + PALPATE_BINARY_DIR +
+                                          "/palpate explain | head -n 1"});
+  EXPECT_EQ(head.status, 0) << head.err;
+  EXPECT_EQ(head.err, "");
+}
+
+TEST(Help, ExplainsTheVerdictWithItsLimits) {
+  const Outcome verdict = run_program("palpate", {"explain", "verdict"});
+  EXPECT_EQ(verdict.status, 0);
+  EXPECT_THAT(verdict.out, AllOf(HasSubstr("fair from 10 %"), HasSubstr("bad from 30 %"),
+                                 HasSubstr("bad from 3")));
 }
 
 TEST(Help, ExplainsTerms) {

@@ -22,6 +22,7 @@ class TestTerminal {
     winsize size{.ws_row = 24, .ws_col = columns, .ws_xpixel = 0, .ws_ypixel = 0};
     EXPECT_EQ(openpty(&reader_, &screen, nullptr, nullptr, &size), 0);
     fcntl(reader_, F_SETFL, O_NONBLOCK);
+    setenv("TERM", "xterm", 1);
   }
   ~TestTerminal() {
     close(reader_);
@@ -118,6 +119,39 @@ TEST(Terminal, ColourIsForTerminalsWithoutNoColor) {
   setenv("NO_COLOR", "1", 1);
   EXPECT_EQ(coloured("ok", Colour::kGood, terminal.screen), "ok");
   unsetenv("NO_COLOR");
+}
+
+// such as the shell of an editor: no colour, nothing rewritten
+TEST(Terminal, ThatIsDumbCountsAsAFile) {
+  const TestTerminal terminal(132);
+  unsetenv("NO_COLOR");
+  const char* const before = std::getenv("TERM");
+  const std::string kind = before == nullptr ? "" : before;
+  setenv("TERM", "dumb", 1);
+  EXPECT_FALSE(is_terminal(terminal.screen));
+  EXPECT_EQ(terminal_columns(terminal.screen), 0u);
+  EXPECT_EQ(line_start(terminal.screen), "");
+  EXPECT_EQ(coloured("ok", Colour::kGood, terminal.screen), "ok");
+  setenv("TERM", "xterm", 1);
+  EXPECT_TRUE(is_terminal(terminal.screen));
+  EXPECT_EQ(terminal_columns(terminal.screen), 132u);
+  EXPECT_EQ(line_start(terminal.screen), "\r\033[K");
+  if (before == nullptr) {
+    unsetenv("TERM");
+  } else {
+    setenv("TERM", kind.c_str(), 1);
+  }
+}
+
+TEST(Terminal, TextIsWrappedBelowItsBeginning) {
+  EXPECT_EQ(wrapped("a long line of words", 12), "a long line\nof words");
+  EXPECT_EQ(wrapped("  --option FILE   what it is for, in words\n", 28),
+            "  --option FILE   what it is\n                  for, in\n                  words\n");
+  EXPECT_EQ(wrapped("short\nlines\n", 12), "short\nlines\n");
+  EXPECT_EQ(wrapped("a_word_that_is_longer_than_the_line", 12),
+            "a_word_that_is_longer_than_the_line");
+  EXPECT_EQ(wrapped("µµµµ µµµµ", 9), "µµµµ µµµµ") << "columns, not bytes";
+  EXPECT_EQ(wrapped("as it is", 0), "as it is");
 }
 
 TEST(StopSignal, NotesTheFirstAndLeavesTheSecondItsEffect) {

@@ -13,6 +13,7 @@
 namespace palpate {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
@@ -93,7 +94,8 @@ TEST_F(RecordedPathFile, EmptyPathIsRefused) {
 }
 
 TEST_F(RecordedPathFile, MissingFileAndFolderAreRefused) {
-  EXPECT_THAT(complaints(kWithPath, {}, folder_).at(1), HasSubstr("path.csv: no such file"));
+  EXPECT_THAT(complaints(kWithPath, {}, folder_).at(1),
+              AllOf(StartsWith("x.txtpb:"), HasSubstr("path.csv: no such file")));
   EXPECT_THAT(complaints(kWithPath, {"hand.recorded.file=."}, folder_).at(1),
               HasSubstr("is a folder"));
   EXPECT_THAT(complaints(kWithPath, {"hand.recorded.file=/dev/zero"}, folder_).at(1),

@@ -618,11 +618,12 @@ TEST(SessionFile, WrongEnumeratorIsReportedWithTheRightOnes) {
   const std::vector<std::string> lines = complaints("name: \"x\"\nmofc { mode: fast }\n");
 
   ASSERT_THAT(lines, SizeIs(2));
-  EXPECT_THAT(lines[1],
-              AllOf(StartsWith("x.txtpb:2:"),
-                    EndsWith("mode = fast: must be one of mode_default, paper, vector, guard")));
-  EXPECT_THAT(complaints("name: 'x' side { realtime { wait: never").at(1),
-              HasSubstr("wait = never: must be one of wait_default, hybrid, spin, block"));
+  EXPECT_THAT(lines[1], AllOf(StartsWith("x.txtpb:2:"),
+                              EndsWith("mofc.mode = fast: must be paper, vector or guard")));
+  EXPECT_THAT(complaints("name: 'x'\nmofc { mode: gaurd }").at(1),
+              EndsWith("mofc.mode = gaurd: must be paper, vector or guard; did you mean 'guard'?"));
+  EXPECT_THAT(complaints("name: 'x' side { realtime { wait: never } }").at(1),
+              HasSubstr("side[0].realtime.wait = never: must be hybrid, spin or block"));
 }
 
 TEST(SessionFile, AllUnknownFieldsAreReportedBeforeASyntaxError) {
@@ -631,7 +632,9 @@ TEST(SessionFile, AllUnknownFieldsAreReportedBeforeASyntaxError) {
   ASSERT_THAT(lines, SizeIs(4));
   EXPECT_THAT(lines[1], StartsWith("x.txtpb:1:1: nam: no such field; did you mean 'name'?"));
   EXPECT_THAT(lines[2], StartsWith("x.txtpb:2:1: seeed: no such field; did you mean 'seed'?"));
-  EXPECT_THAT(lines[3], StartsWith("x.txtpb:3:7: cannot be read"));
+  EXPECT_EQ(lines[3],
+            "x.txtpb:3:7: cannot be read: the brace of mofc (line 3) is never closed; add the "
+            "missing one");
 }
 
 TEST(SessionFile, UnknownFieldUnlikeAnyOtherIsAnsweredWithAllFields) {
@@ -663,7 +666,78 @@ TEST(SessionFile, UnknownFieldsAreFoundInAnyText) {
 
 TEST(SessionFile, FieldGivenTwiceIsRefused) {
   EXPECT_THAT(complaints("name: \"x\"\nname: \"y\"").at(1),
-              AllOf(StartsWith("x.txtpb:2:"), HasSubstr("specified multiple times")));
+              EndsWith("x.txtpb:2:1: name: is given twice, first in line 1; leave one out"));
+  EXPECT_THAT(complaints("name: \"x\"\ndevice {\n  rate_hz: 1000\n}\ndevice { rate_hz: 50 }"),
+              ElementsAre("x.txtpb: 1 problem",
+                          "x.txtpb:5:1: device: is given twice, first in line 2; leave one out"));
+  // lists and the messages in them repeat
+  EXPECT_THAT(complaints("name: 'x' scene { tissue { half_space {} kelvin_voigt { "
+                         "stiffness_newton_per_m: 500 } } tissue { half_space {} kelvin_voigt { "
+                         "stiffness_newton_per_m: 500 } } }"),
+              SizeIs(0));
+}
+
+TEST(SessionFile, TwoMembersOfAOneofAreRefusedByName) {
+  EXPECT_THAT(complaints("name: \"x\"\nhand {\n  hold { position_m { z: 0.1 } }\n  v { }\n}"),
+              ElementsAre("x.txtpb: 1 problem",
+                          "x.txtpb:4:3: hand.v: excludes hold in line 3; leave one out"));
+}
+
+TEST(SessionFile, AMissingBraceIsOneProblemWhereItIsMissing) {
+  EXPECT_THAT(
+      complaints("name: \"x\"\ndevice {\n  rate_hz: 1000\nmofc { mode: guard }\nphysics { "
+                 "rate_hz: 500 }\nhand { hold { } }\nscene { tissue { half_space {} } }\n"),
+      ElementsAre("x.txtpb: 1 problem",
+                  "x.txtpb:4:1: cannot be read: the brace of device (line 2) is still open; close "
+                  "it before 'mofc'"));
+  EXPECT_THAT(complaints("name: 'x' scene {\n tissue {\n  sphere { radius_m: 0.1\n"
+                         "  kelvin_voigt { stiffness_newton_per_m: 5 } }\n}\n"),
+              ElementsAre("x.txtpb: 1 problem",
+                          "x.txtpb:4:3: cannot be read: the brace of scene.tissue[0].sphere (line "
+                          "3) is still open; close it before 'kelvin_voigt'"));
+  EXPECT_THAT(complaints("name: \"x\"\ndevice {\n rate_hz: 1000 } }\nmofc { mode: guard }\n"),
+              ElementsAre("x.txtpb: 1 problem",
+                          "x.txtpb:3:18: cannot be read: a brace too many: nothing is open here; "
+                          "remove it, or one before it"));
+}
+
+TEST(SessionFile, ADecimalCommaIsNamed) {
+  EXPECT_THAT(complaints("name: \"x\"\nscene { tool { tip_radius_m: 0,003 } }"),
+              ElementsAre("x.txtpb: 1 problem",
+                          "x.txtpb:2:30: cannot be read: 0,003: decimals have a point; write "
+                          "0.003"));
+  EXPECT_THAT(complaints("name: 'x'", {"scene.tool.tip_radius_m=0,003"}).at(1),
+              HasSubstr("decimals have a point; write 0.003"));
+  // a comma between fields is not one
+  EXPECT_THAT(complaints("name: 'x', seed: 3, duration_s: 5"), SizeIs(0));
+}
+
+TEST(SessionFile, AProblemOfABlockDoesNotQuoteIt) {
+  const std::string text =
+      complaints(
+          "name: 'x'\nscene { tissue { sphere { radius_m: 0.1 center_m { x: 0.1 y: 0.2 z: 0.3 } }\n"
+          "elastic { young_pa: 3000 poisson_ratio: 0.45 density_kg_per_m3: 1000 viscosity_ms: 20 "
+          "fixed { box { size_m { x: 1 y: 1 z: 1 } } } } } }")
+          .at(1);
+  EXPECT_EQ(text.substr(0, 80),
+            std::string("x.txtpb:3:1: scene.tissue[0].elastic: needs the inside "
+                        "of the body; give tetrahedral_mesh")
+                .substr(0, 80));
+}
+
+// what a node says of a file that it cannot use
+TEST(SessionFile, AComplaintAboutAFileGetsThePlaceThatNamesIt) {
+  const test::TempFolder folder;
+  const std::string file =
+      folder.write("s.txtpb",
+                   "name: 'x'\nscene { tissue {\n  point_cloud { file: 'missing.ply' }\n"
+                   "  kelvin_voigt { stiffness_newton_per_m: 500 } } }\n");
+  const Session session = load_session(file);
+  const std::string missing = (folder.path() / "missing.ply").string();
+  EXPECT_EQ(with_place(session, missing + ": no such file"),
+            file + ":3:17: scene.tissue[0].point_cloud.file = \"missing.ply\": " + missing +
+                ": no such file (relative to the folder of the session)");
+  EXPECT_EQ(with_place(session, "another.ply: no such file"), "another.ply: no such file");
 }
 
 TEST(SessionFile, OtherSchemaVersionIsRefused) {

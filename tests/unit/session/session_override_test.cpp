@@ -123,7 +123,7 @@ TEST(SessionOverride, ReportsWhyItCannotBeApplied) {
       {"device.rate_hz.x=1", "device.rate_hz: is a single value"},
       {"device[0].rate_hz=1", "device[0]: there is only one"},
       {"device=3", "device: cannot be read"},
-      {"mofc.mode=fast", "mode = fast: must be one of mode_default, paper, vector"},
+      {"mofc.mode=fast", "mode = fast: must be paper, vector or guard"},
       {"mofc.mode=7", "mofc.mode = 7: must be paper, vector or guard"},
       {"mofc.controller=99",
        "mofc.controller = 99: must be none, mofc, virtual_coupling, energy_bounding, "
@@ -143,7 +143,7 @@ TEST(SessionOverride, ReportsWhyItCannotBeApplied) {
        "hand.hold: no field 'positin_m' in Hold; did you mean "
        "'position_m'?"},
       {"hand.hold={", "hand.hold: cannot be read"},
-      {"mofc={ mode: fast }", "mode = fast: must be one of mode_default, paper, vector"},
+      {"mofc={ mode: fast }", "mode = fast: must be paper, vector or guard"},
       {"scene={ tissue [ {}, { spere {} } ] }",
        "no field 'spere' in Tissue; did you mean 'sphere'"},
       {"realtime.wait=7", "realtime.wait = 7: must be hybrid, spin or block"},

@@ -46,6 +46,9 @@ TEST(WebRules, MetricsAreForWhoeverMayLookOn) {
   WebRequest request = page();
   request.target = "/metrics";
   EXPECT_TRUE(decide(request, {}).is_metrics);
+  request.target = "/verdict";
+  EXPECT_TRUE(decide(request, {}).is_verdict);
+  request.target = "/metrics";
   EXPECT_EQ(decide(request, {.token = "secret"}).status, 401u);
   EXPECT_EQ(status(request, [](auto& r) { r.origin = "https://elsewhere.example"; }), 403u);
   request.authorization = "Bearer secret";

@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import test from "node:test";
-import { forces_of, state_words, duration_words, time_words } from "../../../viewer_node/web/src/state";
+import { duration_words, forces_of, node_state, state_words, time_words } from "../../../viewer_node/web/src/state";
 import {
   bin_of, kAskedNorm, kBoundNorm, kForceAge, kForceNorm, kLatenessBins, kReplyTime, kTissueForce, kTransparency, Telemetry,
 } from "../../../viewer_node/web/src/telemetry";
@@ -310,4 +310,32 @@ test("the nodes of a paused replay are not gone", () => {
   assert.ok(telemetry.nodes.device.is_alive(20));
   telemetry.take_health(health(false), 30);
   assert.ok(!telemetry.nodes.device.is_alive(30));
+});
+
+test("a force is withdrawn within 0.1 s of a node's end, not between batches of a slow audience", () => {
+  const telemetry = running(1);
+  for (let batch = 1; batch < 50; ++batch) {
+    telemetry.take_device(device(batch, 20 * batch, 20), 1 + 0.02 * batch);
+    telemetry.take_mofc(mofc(batch, 20 * batch, 20), 1 + 0.02 * batch);
+  }
+  assert.ok(forces_of(telemetry, true, 2.07).applied);
+  assert.equal(forces_of(telemetry, true, 2.09).applied, null);
+  assert.equal(forces_of(telemetry, true, 2.09).asked, null);
+
+  const thinned = running(1);
+  for (let batch = 1; batch < 80; ++batch) thinned.take_device(device(batch, 100 * batch, 100), 1 + 0.1 * batch);
+  assert.ok(forces_of(thinned, true, 9.1).applied);
+  assert.equal(forces_of(thinned, true, 9.5).applied, null);
+});
+
+test("the dot of a node is amber below 95 % of its rate", () => {
+  const telemetry = running();
+  const { physics: node } = telemetry.nodes;
+  node.rate_hz = 940;
+  assert.equal(node_state(node, 1000, true, 1), "slow");
+  node.rate_hz = 960;
+  assert.equal(node_state(node, 1000, true, 1), "alive");
+  assert.equal(node_state(node, NaN, true, 1), "alive");
+  assert.equal(node_state(node, 1000, true, 9), "gone");
+  assert.equal(node_state(node, 1000, false, 1), "unknown");
 });

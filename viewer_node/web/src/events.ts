@@ -51,6 +51,7 @@ const kWords: Record<string, [Lane, EventTone, string]> = {
   ledger_reset: ["clamp", "calm", "energy ledger reset"],
   tissue_changed: ["changes", "calm", "$tissue: $stiffness_newton_per_m N/m, $damping_newton_s_per_m N·s/m"],
   tissue_change_refused: ["changes", "notice", "change of a tissue refused"],
+  verdict: ["changes", "calm", "verdict: $grade"],
   marker: ["changes", "marker", "$text"],
   scene_sent_anew: ["changes", "calm", "scene changed"],
 };

@@ -13,7 +13,7 @@ import {
 import { Plots, type ForceAxis } from "./plots";
 import { RunControl } from "./run";
 import { SceneView } from "./scene_view";
-import { forces_of, kNoForce, state_words } from "./state";
+import { forces_of, kNoForce, state_words, verdict_of } from "./state";
 import { scene_signature, Surface, type ColourMode } from "./surface";
 import { kNodes, norm, Telemetry } from "./telemetry";
 import { TimelineCard } from "./timeline";
@@ -24,10 +24,14 @@ const kPlotPeriod_s = (window_s: number) => Math.min(Math.max(window_s / 300, 1 
 const kWordsPeriod_s = 1 / 8;
 const kTimelinePeriod_s = 1;
 const kStatusShown_s = 6;
+const kMarkerShown_s = 2;
 const kMostEarly = 256; // frames
 const kServerSilence_s = 1.5; // /health comes five times a second
 
 const seconds = () => 1e-3 * performance.now();
+
+/** By side: the last word on a run, shown when its server has gone. */
+const verdicts = new Map<string, string>();
 
 const sides = new Map<string, Telemetry>(); // of each device by its name; "" where there is one
 const led = new Telemetry(); // of the first, whose hand a page can lead
@@ -75,10 +79,15 @@ const handlers: Record<string, (message: never) => void> = {
   "/scene_state": (message: SceneState) => take_scene(message),
   "/mesh": (message: MeshFrame) => take_mesh(message),
   "/mesh_steps": (message: MeshSteps) => take_mesh_steps(message),
-  "/log": (message: Log) => timeline.take(message),
+  "/log": (message: Log) => {
+    timeline.take(message);
+    const verdict = verdict_of(message.message);
+    if (verdict) verdicts.set(verdict.side, verdict.words);
+  },
   "/health": (message: Health) => {
     sides.forEach((one, side) => one.take_health(message, seconds(), side));
-    run.take(message);
+    const marker = run.take(message);
+    if (marker) status = { text: `Marked: ${marker}`, until_s: seconds() + kMarkerShown_s };
   },
 };
 
@@ -115,6 +124,7 @@ const client = new FoxgloveClient(
   {
     opened() {
       is_open = has_been_connected = true;
+      verdicts.clear();
       is_scene_current = false;
     },
     closed() {
@@ -348,7 +358,7 @@ function say(now_s: number): void {
   const is_waiting = !has_been_connected && now_s < 2;
   if (!is_waiting && !is_paused) write_state(telemetry, is_connected(), now_s);
   if (!is_paused) plots.loop.tell(telemetry, is_connected() && telemetry.nodes.physics.is_alive(now_s));
-  chips.write(telemetry, is_connected(), now_s);
+  chips.write(telemetry, scene, is_connected(), now_s);
   const status_text = now_s < status.until_s ? status.text : "";
   write_banners(by_id("banners"), is_waiting ? [] : banners(status_text, now_s));
   write(by_id("announcement"), is_waiting ? "" : announcement(telemetry, is_connected(), hand.status, now_s));
@@ -359,7 +369,9 @@ function say(now_s: number): void {
 
 /** Failures of every side, whichever is on display. */
 function banners(status_text: string, now_s: number): string[] {
-  if (!is_connected()) return banner_lines(telemetry, false, server_silence_s(), status_text, now_s);
+  if (!is_connected()) {
+    return [...banner_lines(telemetry, false, server_silence_s(), status_text, now_s), ...verdicts.values()];
+  }
   const lines = [...sides].flatMap(([side, one]) =>
     banner_lines(one, true, server_silence_s(), "", now_s).map((line) => (side ? `${side}: ${line}` : line)));
   return status_text ? [...lines, status_text] : lines;

@@ -3,7 +3,7 @@ import { make, write } from "./card";
 import { css_gradient, tissue_colour } from "./colours";
 import type { HandStatus } from "./hand";
 import type { SceneView } from "./scene_view";
-import { count_words, duration_words, forces_of, kNodeTasks, state_words, time_words } from "./state";
+import { count_words, duration_words, forces_of, kNodeTasks, node_state, state_words, time_words } from "./state";
 import { kNodes, norm, type NodeName, type Telemetry } from "./telemetry";
 import type { ColourMode, Surface } from "./surface";
 import type { SceneState } from "./wire";
@@ -61,13 +61,18 @@ export class NodeChips {
     this.chips = { device: chip("device"), mofc: chip("mofc"), physics: chip("physics") };
   }
 
-  write(telemetry: Telemetry, is_connected: boolean, now_s: number): void {
+  /** @param scene  has the rates of the session; null: not known */
+  write(telemetry: Telemetry, scene: SceneState | null, is_connected: boolean, now_s: number): void {
+    const tick_hz = scene?.deviceRateHz ?? NaN;
+    const nominal_hz = { device: tick_hz, mofc: tick_hz, physics: scene?.physicsRateHz ?? NaN };
     for (const name of kNodes) {
       const node = telemetry.nodes[name];
       const { item, detail } = this.chips[name];
-      const state = !is_connected || Number.isNaN(node.heard_s) ? "unknown" : node.is_alive(now_s) ? "alive" : "gone";
+      const state = node_state(node, nominal_hz[name], is_connected, now_s);
       if (item.dataset.state !== state) item.dataset.state = state;
-      write(detail, state === "alive" ? (Number.isFinite(node.rate_hz) ? `${count_words(Math.round(node.rate_hz))} Hz` : "")
+      const is_slow = state === "slow";
+      item.title = `${name}_node: ${kNodeTasks[name]}${is_slow ? `; slower than its ${count_words(nominal_hz[name])} Hz` : ""}`;
+      write(detail, state === "alive" || is_slow ? (Number.isFinite(node.rate_hz) ? `${count_words(Math.round(node.rate_hz))} Hz` : "")
         : state === "gone" ? `gone for ${duration_words(node.silence_s(now_s))}` : "no telemetry");
     }
   }

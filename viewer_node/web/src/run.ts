@@ -27,6 +27,7 @@ export class RunControl {
   private readonly file = make("span", "name");
   private is_dragged = false;
   private shown_markers = "";
+  private marked_ns = 0n;
 
   constructor(tools: HTMLElement, private readonly bar: HTMLElement, private readonly publish: (request: RunRequest) => boolean) {
     const button = (label: string, title: string) => {
@@ -88,7 +89,11 @@ export class RunControl {
     return true;
   }
 
-  take(health: Health): void {
+  /** @return the text of a marker that was set since the last message; "" if none was */
+  take(health: Health): string {
+    const newest = health.markers.at(-1);
+    const is_new = this.health !== null && !health.replay && newest !== undefined && newest.atNs > this.marked_ns;
+    if (newest) this.marked_ns = newest.atNs;
     this.health = health;
     const { recorder, replay } = health;
     this.record.hidden = !this.can_publish || !recorder?.isPossible || replay !== undefined;
@@ -100,6 +105,7 @@ export class RunControl {
       : recorder?.file ? `Begin a recording; the last one is ${recorder.file}` : "Begin a recording";
     this.bar.hidden = replay === undefined;
     if (replay) this.tell(replay, health);
+    return is_new ? newest!.text : "";
   }
 
   private tell(replay: ReplayState, { markers }: Health): void {

@@ -1,5 +1,5 @@
 // state.ts: the state of the whole system as text.
-import { kNodes, norm, type Telemetry } from "./telemetry";
+import { kNodes, norm, type NodeLink, type Telemetry } from "./telemetry";
 import { Guard, kFaultReasons, Mofc, type Vector3 } from "./wire";
 
 export type Tone = "calm" | "active" | "notice" | "alarm" | "absent";
@@ -15,14 +15,29 @@ const kShown_newton = 0.005;
 
 export const kNodeTasks = { device: "the motors", mofc: "the clamp", physics: "the tissue" };
 
+/** A node slower than this share of its rate. */
+const kSlow = 0.95;
+/** Of the dot of a node. @param nominal_hz  of the session; NaN: not known */
+export function node_state(node: NodeLink, nominal_hz: number, is_connected: boolean, now_s: number): "unknown" | "alive" | "slow" | "gone" {
+  if (!is_connected || Number.isNaN(node.heard_s)) return "unknown";
+  if (!node.is_alive(now_s)) return "gone";
+  return node.rate_hz < kSlow * nominal_hz ? "slow" : "alive";
+}
+
 export const kNoForce: Vector3 = { x: 0, y: 0, z: 0 };
+
+/** The last word of a viewer's server, from a line of /log: "left: bad. device fault"; null: another line. */
+export function verdict_of(message: string): { side: string; words: string } | null {
+  const [, side = "", grade, text] = /^event=verdict (?:side=(\S+) )?grade=(\w+) text="(.*)"$/.exec(message) ?? [];
+  if (grade === undefined) return null;
+  return { side, words: `${side ? `${side}: ` : ""}verdict on the run: ${grade}${text ? `. ${text}` : ""}.` };
+}
 
 /** Requested and rendered force; null where the node that tells it is gone. */
 export function forces_of(telemetry: Telemetry, is_connected: boolean, now_s: number): { asked: Vector3 | null; applied: Vector3 | null } {
-  const { device, mofc } = telemetry.nodes;
-  const is_known = is_connected && device.is_alive(now_s);
+  const is_known = is_connected && telemetry.is_fresh("device", now_s);
   return {
-    asked: is_known && mofc.is_alive(now_s) ? telemetry.asked_newton : null,
+    asked: is_known && telemetry.is_fresh("mofc", now_s) ? telemetry.asked_newton : null,
     applied: is_known ? telemetry.applied_newton : null,
   };
 }

@@ -15,6 +15,9 @@ const kPhysicsCapacity = 1 << 16;
 const kBatchCapacity = 4096;
 /** Nodes send a batch every 20 ms, with or without ticks. */
 export const kGoneAfter_s = 1.2;
+/** Values of a node are withdrawn after that silence, or after a few of its usual gaps between batches. */
+export const kStaleAfter_s = 0.1;
+const kStaleGaps = 4;
 /** Slower replays may send a batch less than every second. */
 const kSlowReplay = 0.1;
 const kTransparencyWindow_s = 1;
@@ -54,6 +57,7 @@ export class NodeLink {
   records_lost = 0;
   /** Of its loop, by its own count and clock. */
   rate_hz = NaN;
+  private gap_s = 0; // between batches, smoothed
   private session = 0n;
   private sequence = 0n;
   private rate_ticks = 0n;
@@ -76,12 +80,18 @@ export class NodeLink {
     this.session = header.sessionId;
     this.sequence = header.sequence;
     this.records_lost = Number(records_lost);
+    const gap_s = now_s - this.heard_s;
+    if (gap_s < kGoneAfter_s) this.gap_s += 0.1 * (gap_s - this.gap_s);
     this.heard_s = now_s;
     return is_restart;
   }
 
   silence_s(now_s: number): number {
     return now_s - this.heard_s;
+  }
+  /** Its newest values still hold. */
+  is_fresh(now_s: number): boolean {
+    return now_s - this.heard_s < Math.max(kStaleAfter_s, kStaleGaps * this.gap_s);
   }
   is_alive(now_s: number): boolean {
     return now_s - this.heard_s < kGoneAfter_s;
@@ -233,6 +243,11 @@ export class Telemetry {
       this.physics.set(kDepth, depth[i]);
       this.physics.set(kTissueForce, Math.hypot(...batch.forceOnToolNewton.slice(3 * i, 3 * i + 3)));
     }
+  }
+
+  /** The node's newest values still hold; those of a replay hold while it stands still. */
+  is_fresh(name: NodeName, now_s: number): boolean {
+    return this.health?.replay ? this.nodes[name].is_alive(now_s) : this.nodes[name].is_fresh(now_s);
   }
 
   /** Includes what the server received before this page connected. @param side  "" where there is one device */

@@ -1,0 +1,612 @@
+#include "common/telemetry/verdict.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <utility>
+#include <variant>
+
+#include "common/session/path_speed.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kBadSilence_ratio = 0.10;  // of the ticks without physics
+constexpr double kBadTooFast_ratio = 0.01;  // of the ticks with a hand beyond v_max
+constexpr double kLostTelemetry_ratio = 0.01;
+
+double ratio(std::uint64_t part, std::uint64_t whole) {
+  return whole > 0 ? static_cast<double>(part) / static_cast<double>(whole) : 0.0;
+}
+
+std::string percent(double share) {
+  return share < 0.1 ? fmt::format("{:.2g} %", 100.0 * share)
+                     : fmt::format("{:.0f} %", 100.0 * share);
+}
+
+/// "1,000"
+std::string thousands(double value) {
+  std::string digits = fmt::format("{:.0f}", value);
+  for (int at = static_cast<int>(digits.size()) - 3; at > 0; at -= 3) {
+    digits.insert(static_cast<std::size_t>(at), ",");
+  }
+  return digits;
+}
+
+Grade grade_above(double value, double fair, double bad) {
+  return value >= bad ? Grade::kBad : value >= fair ? Grade::kFair : Grade::kGood;
+}
+
+void append(std::string& list, const char* field) {
+  list += (list.empty() ? "" : ", ") + std::string(field);
+}
+
+const char* remedy_of(FaultReason reason) {
+  switch (reason) {
+    case FaultReason::kPositionJumped:
+      return "check the encoders and their cables; no hand is faster than device.v_fault_m_per_s";
+    case FaultReason::kReadFailed:
+    case FaultReason::kWriteFailed:
+    case FaultReason::kDeviceSilent:
+    case FaultReason::kDeviceGone:
+    case FaultReason::kDeviceNotReady:
+      return "check cable, supply and calibration of the device, then reset the fault (SIGUSR2 to "
+             "device_node)";
+    case FaultReason::kReadingNotFinite:
+    case FaultReason::kDeviceCorrupt:
+      return "check the driver and its connection: `palpate conform device`";
+    case FaultReason::kNone:
+      break;
+  }
+  return "see the log of device_node";
+}
+
+/// Builds the findings in order; a later one may refer to an earlier one as its cause.
+class Judge {
+ public:
+  explicit Judge(const RunFacts& facts) : f_(facts) {}
+
+  std::vector<RunFinding> findings() {
+    if (!f_.device_node.is_heard) {
+      add({Grade::kBad, "device_silent", "no telemetry of device_node was received",
+           keys_remedy("see its messages; `palpate doctor SESSION` checks the machine")});
+      return std::move(findings_);
+    }
+    judge_device();
+    judge_nodes();
+    judge_physics();
+    judge_hand();
+    judge_monitor();
+    judge_ticks();
+    judge_energy();
+    judge_contact();
+    judge_force();
+    judge_telemetry();
+    return std::move(findings_);
+  }
+
+ private:
+  struct Event {
+    Grade grade;
+    const char* what;
+    std::string text;
+    std::string remedy = {};
+  };
+  /// Explains itself.
+  void add(Event&& event) {
+    findings_.push_back(
+        {event.grade, event.what, event.what, std::move(event.text), std::move(event.remedy)});
+  }
+  void good(const char* what, std::string text) {
+    findings_.push_back({Grade::kGood, what, "", std::move(text), ""});
+  }
+  /// A consequence: of what was found before, or of something else that it names itself.
+  struct Cause {
+    std::string what;
+    std::string remedy;
+  };
+  void add(Grade grade, const char* what, const std::string& text, Cause&& cause) {
+    findings_.push_back({grade, what, std::move(cause.what), text, std::move(cause.remedy)});
+  }
+
+  /// The first of these that was found.
+  [[nodiscard]] std::optional<Cause> found(std::initializer_list<const char*> events) const {
+    for (const char* event : events) {
+      const auto it = std::find_if(findings_.begin(), findings_.end(), [&](const RunFinding& one) {
+        return one.grade != Grade::kGood && one.what == event;
+      });
+      if (it != findings_.end()) return Cause{event, "because of the above: " + it->text};
+    }
+    return std::nullopt;
+  }
+  [[nodiscard]] static Cause simulated(const char* what, const std::string& fields) {
+    return {what, "simulated by `" + fields + "` of the session"};
+  }
+
+  [[nodiscard]] std::uint64_t ticks() const {
+    return f_.device.loop.ticks + f_.device.loop.skipped_ticks;
+  }
+  [[nodiscard]] std::string keys_remedy(const char* otherwise) const {
+    const std::uint64_t refused =
+        f_.device_node.peers_refused + f_.mofc_node.peers_refused + f_.physics_node.peers_refused;
+    if (refused == 0) return otherwise;
+    return fmt::format(
+        "{} connections were refused: the key folders of the machines must belong "
+        "together (`palpate keygen`)",
+        refused);
+  }
+
+  void judge_device() {
+    const DeviceCounters& device = f_.device;
+    const bool has_fault = device.device_faults > 0 || device.phase == DevicePhase::kFaulted;
+    if (has_fault) {
+      const bool is_latched =
+          device.phase == DevicePhase::kFaulted || device.fault_resets < device.device_faults;
+      std::string text = fmt::format("device fault: {}", name(device.last_fault));
+      if (device.device_faults > 1) text += fmt::format(", {} faults", device.device_faults);
+      text += fmt::format("; no force in {} of the ticks{}",
+                          percent(ratio(device.fault_ticks, ticks())),
+                          is_latched ? ", latched at the end" : ", reset since");
+      const bool is_jump = device.last_fault == FaultReason::kPositionJumped && is_path_too_fast();
+      add({Grade::kBad, "device_fault", text,
+           is_jump ? path_remedy() : remedy_of(device.last_fault)});
+    }
+    if (device.is_release_unconfirmed) {
+      add({Grade::kBad, "release_unconfirmed", "the device did not confirm its release",
+           kReleaseUnconfirmedText});
+    }
+    if (!has_fault && device.loop.ticks > 0 && device.max_force_newton == 0.0 &&
+        (device.phase == DevicePhase::kClosed || device.phase == DevicePhase::kConnected ||
+         device.phase == DevicePhase::kCalibrated)) {
+      add({Grade::kBad, "device_not_enabled",
+           fmt::format("the device gave no force: it is only {}", name(device.phase)),
+           device.phase == DevicePhase::kCalibrated
+               ? "acknowledge it: SIGUSR2 to device_node, or press device.dead_man_button"
+               : "connect and calibrate it as device_node asks"});
+    }
+    const double without_hand = ratio(device.dead_man_ticks, ticks());
+    if (without_hand >= kFairRatio) {
+      add({Grade::kFair, "dead_man_button",
+           "no force in " + percent(without_hand) +
+               " of the ticks: the dead-man button was not held",
+           "hold device.dead_man_button, or leave it out of the session"});
+    }
+    if (device.coarse_readings > 0) {
+      add({Grade::kBad, "encoder_coarse",
+           fmt::format("{} readings had steps coarser than the profile says",
+                       device.coarse_readings),
+           "give the true one in device.profile.position_resolution_m"});
+    }
+  }
+
+  void judge_nodes() {
+    const auto restarted = [&](const char* what, const char* node, const RunFacts::Node& facts) {
+      if (facts.restarts == 0) return;
+      add({Grade::kBad, what,
+           fmt::format("{} was restarted {}", node,
+                       facts.restarts == 1 ? "once" : fmt::format("{} times", facts.restarts)),
+           "its log says why it ended"});
+    };
+    restarted("device_restarted", "device_node", f_.device_node);
+    restarted("mofc_restarted", "mofc_node", f_.mofc_node);
+    restarted("physics_restarted", "physics_node", f_.physics_node);
+    if (f_.device.loop.ticks > 0 && f_.device.answered_ticks == 0 && f_.device.device_faults == 0) {
+      add({Grade::kBad, "mofc_silent", "mofc_node never answered device_node in time",
+           keys_remedy(f_.mofc_node.is_heard
+                           ? "both run: check links.exchange, device.rate_hz and device.reply_us"
+                           : "it was not heard: see its messages")});
+    }
+    if (f_.device.non_finite_commands > 0) {
+      add({Grade::kBad, "command_not_finite",
+           fmt::format("mofc_node sent {} commands that are not numbers",
+                       f_.device.non_finite_commands),
+           f_.clamp_faults.empty() ? "a controller of your own? check it with `palpate loopback`"
+                                   : simulated("", f_.clamp_faults).remedy});
+    }
+  }
+
+  void judge_physics() {
+    const MofcCounters& mofc = f_.mofc;
+    const bool has_answered = mofc.interaction.accepted + mofc.standby_interaction.accepted > 0;
+    if (mofc.ticks > 0 && !has_answered) {
+      add({Grade::kBad, "physics_silent", "mofc_node never heard the physics: no force of tissue",
+           keys_remedy(f_.physics_node.is_heard
+                           ? "it runs, but its answers do not arrive: check links.interaction"
+                           : "it was not heard: see its messages; a large scene may still load")});
+    } else if (const double silent = ratio(mofc.stale_ticks, mofc.ticks); silent > kFewTicks) {
+      Event event{
+          silent >= kBadSilence_ratio ? Grade::kBad : Grade::kFair, "physics_silent",
+          "physics was silent, and the force faded, in " + percent(silent) + " of the ticks",
+          "see the log of physics_node: it was restarted, stopped, or its steps take long"};
+      if (!f_.physics_faults.empty()) event.remedy = simulated("", f_.physics_faults).remedy;
+      add(std::move(event));
+    }
+    const double rate = f_.physics_hz / f_.physics_rate_hz;
+    if (rate < kFairPhysicsRate_ratio) {
+      add({rate < kBadPhysicsRate_ratio ? Grade::kBad : Grade::kFair, "physics_slow",
+           fmt::format("physics made {} of {} steps a second", thousands(f_.physics_hz),
+                       thousands(f_.physics_rate_hz)),
+           fmt::format("its steps took up to {:.1f} ms: simplify the scene, lower "
+                       "physics.rate_hz, or give it a processor of its own",
+                       1e3 * to_seconds(f_.physics.worst_compute_time))});
+    }
+    const PhysicsCounters& physics = f_.physics;
+    if (ratio(physics.elastic_solves_late, physics.elastic_solves) >= kFairRatio) {
+      add({Grade::kFair, "elastic_late",
+           fmt::format("{} of {} solutions of elastic tissue took longer than their period",
+                       physics.elastic_solves_late, physics.elastic_solves),
+           "use a coarser mesh, or a lower elastic.solve_rate_hz"});
+    }
+    if (physics.elastic_solves_failed > 0) {
+      add({ratio(physics.elastic_solves_failed, physics.elastic_solves) >= kFairRatio
+               ? Grade::kBad
+               : Grade::kFair,
+           "elastic_failed",
+           fmt::format("{} of {} solutions of elastic tissue failed and were undone",
+                       physics.elastic_solves_failed, physics.elastic_solves),
+           "press less deep, give a finer mesh, or a larger tip"});
+    }
+  }
+
+  [[nodiscard]] bool is_path_too_fast() const { return f_.path_m_per_s > f_.v_max_m_per_s; }
+  [[nodiscard]] std::string path_remedy() const {
+    return fmt::format("the recorded path {} at {:.3f} s: smooth it there",
+                       std::isfinite(f_.path_m_per_s)
+                           ? fmt::format("moves at {:.3g} m/s", f_.path_m_per_s)
+                           : std::string("jumps from its end to its beginning"),
+                       f_.path_at_s);
+  }
+
+  void judge_hand() {
+    const std::uint64_t too_fast = std::max(f_.mofc.too_fast_ticks, f_.device.too_fast_readings);
+    if (too_fast == 0) return;
+    const double share = ratio(too_fast, ticks());
+    if (is_path_too_fast()) {
+      add({share >= kBadTooFast_ratio ? Grade::kBad : Grade::kFair, "path_jumps",
+           fmt::format("the recorded hand was faster than v_max, {:g} m/s, in {} ticks",
+                       f_.v_max_m_per_s, too_fast),
+           path_remedy()});
+      return;
+    }
+    add({share >= kBadTooFast_ratio ? Grade::kBad : Grade::kFair, "hand_too_fast",
+         fmt::format("the hand was faster than v_max, {:g} m/s, in {} ticks: there the guarantee "
+                     "does not hold",
+                     f_.v_max_m_per_s, too_fast),
+         "move more slowly, or raise mofc.guard_settings.v_max_m_per_s"});
+  }
+
+  void judge_monitor() {
+    const DeviceCounters& device = f_.device;
+    if (device.monitor_reductions == 0) return;
+    const double share = ratio(device.monitor_reductions, ticks());
+    std::string remedy =
+        "the clamp and the device disagree: check device.profile (`palpate identify`)";
+    if (!f_.clamp_faults.empty()) {
+      remedy = simulated("", f_.clamp_faults).remedy;
+    } else if (!f_.is_limited) {
+      remedy = "the controller `" + f_.controller +
+               "` does not limit itself; use mofc, or mofc.safety_net=true";
+    } else if (device.checked_friction_ratio > 0.0 && device.checked_friction_ratio < 1.0) {
+      remedy = fmt::format("the device has {} of the friction of its profile: `palpate identify`",
+                           percent(device.checked_friction_ratio));
+    }
+    add({share >= kFairRatio ? Grade::kBad : Grade::kFair, "monitor_reduced",
+         fmt::format("the monitor on the device reduced {} commands", device.monitor_reductions),
+         std::move(remedy)});
+  }
+
+  [[nodiscard]] Cause cause_of_late_ticks() const {
+    if (const auto cause = found({"device_restarted"})) return *cause;
+    if (!f_.device_faults.empty()) return simulated("simulated_device", f_.device_faults);
+    if (!f_.is_in_real_time) return {"unknown", "in lockstep no tick is late by itself: report it"};
+    return {"machine_late", "run `palpate doctor`, stop other programs"};
+  }
+  [[nodiscard]] Cause cause_of_no_answer() const {
+    if (const auto cause = found({"device_fault", "device_not_enabled", "mofc_silent",
+                                  "mofc_restarted", "device_restarted", "command_not_finite"})) {
+      return *cause;
+    }
+    if (!f_.exchange_faults.empty()) return simulated("simulated_exchange", f_.exchange_faults);
+    if (!f_.clamp_faults.empty()) return simulated("simulated_clamp", f_.clamp_faults);
+    if (!f_.device_faults.empty()) return simulated("simulated_device", f_.device_faults);
+    if (f_.device.late_switches > 0) {
+      return {"late_switch",
+              fmt::format("{} forces began after their deadline; run `palpate doctor`",
+                          f_.device.late_switches)};
+    }
+    if (!f_.is_in_real_time) {
+      return {"unknown",
+              "device.reply_us or mofc.wait_for_physics_us leaves no time for an answer"};
+    }
+    return {"machine_late",
+            "run `palpate doctor`, stop other programs, or use --together device,mofc"};
+  }
+
+  void judge_ticks() {
+    if (ticks() == 0) return;
+    const double skipped = ratio(f_.device.loop.skipped_ticks, ticks());
+    const double unanswered = 1.0 - answered_ratio(f_.device) - skipped;
+    if (skipped > kFewTicks) {
+      add(skipped >= kFairRatio ? Grade::kBad : Grade::kFair, "ticks_skipped",
+          percent(skipped) + " of the ticks were skipped", cause_of_late_ticks());
+    }
+    if (unanswered > kFewTicks) {
+      add(unanswered >= kFairRatio ? Grade::kBad : Grade::kFair, "ticks_unanswered",
+          percent(unanswered) + " of the ticks were not answered in time", cause_of_no_answer());
+    }
+    if (skipped <= kFewTicks && unanswered <= kFewTicks) {
+      good("ticks_answered", fmt::format("{:.2f} % of the ticks answered in time",
+                                         100.0 * answered_ratio(f_.device)));
+    }
+  }
+
+  void judge_energy() {
+    const double energy_joule = f_.minimum_true_energy_joule;
+    if (std::isnan(energy_joule)) return;  // a real device does not tell
+    if (energy_joule >= kLeastEnergy_joule) {
+      good("energy", "the hand extracted no energy");
+      return;
+    }
+    Cause cause{"profile_wrong",
+                "use mode guard, and a device profile that is a lower bound "
+                "(`palpate identify`)"};
+    if (!f_.clamp_faults.empty()) {
+      cause = simulated("simulated_clamp", f_.clamp_faults);
+    } else if (!f_.is_limited && f_.controller == "none") {
+      cause = {"no_controller", "no controller limits the force; try --set mofc.controller=mofc"};
+    } else if (!f_.is_limited) {
+      cause = {"controller", "the controller `" + f_.controller +
+                                 "` does not prevent it here; try --set mofc.safety_net=true"};
+    } else if (const auto found_cause = found({"path_jumps", "hand_too_fast", "encoder_coarse"})) {
+      cause = *found_cause;
+    } else if (f_.controller == "mofc paper") {
+      cause = {"mode_paper", "mode paper assumes undelayed forces; try --set mofc.mode=guard"};
+    }
+    add(Grade::kBad, "energy_extracted", "the hand extracted " + energy_text(-energy_joule),
+        std::move(cause));
+  }
+
+  [[nodiscard]] Cause cause_of_no_contact() const {
+    if (const auto cause =
+            found({"device_fault", "device_not_enabled", "mofc_silent", "physics_silent",
+                   "device_restarted", "mofc_restarted", "physics_restarted", "dead_man_button"})) {
+      return *cause;
+    }
+    if (!f_.exchange_faults.empty()) return simulated("simulated_exchange", f_.exchange_faults);
+    if (!f_.physics_faults.empty()) return simulated("simulated_physics", f_.physics_faults);
+    if (!f_.is_simulated) return {"no_contact", "move the device to the tissue"};
+    return {"path", "check the hand's path and the places of the tissues: `palpate scene check`"};
+  }
+
+  /// Why a force that physics asks for is not passive, or not true.
+  [[nodiscard]] Cause cause_of_loss() const {
+    if (const auto cause =
+            found({"device_fault", "device_restarted", "mofc_restarted", "physics_restarted",
+                   "physics_silent", "physics_slow", "elastic_failed", "elastic_late", "path_jumps",
+                   "hand_too_fast", "monitor_reduced", "dead_man_button", "ticks_unanswered",
+                   "ticks_skipped"})) {
+      return *cause;
+    }
+    if (!f_.physics_faults.empty()) return simulated("simulated_physics", f_.physics_faults);
+    if (!f_.exchange_faults.empty()) return simulated("simulated_exchange", f_.exchange_faults);
+    if (!f_.device_faults.empty()) return simulated("simulated_device", f_.device_faults);
+    if (!f_.clamp_faults.empty()) return simulated("simulated_clamp", f_.clamp_faults);
+    if (!f_.is_limited) {
+      return {f_.controller == "none" ? "no_controller" : "controller",
+              "the controller `" + f_.controller + "`; compare --set mofc.controller=mofc"};
+    }
+    if (ratio(f_.device.peak_limited_ticks, f_.mofc.contact_ticks) >= kFairRatio) {
+      return {"peak_force",
+              "the device's peak force or slew limit cuts the force: softer tissue, "
+              "less depth, or a stronger device"};
+    }
+    const bool is_coarse = f_.physics_rate_hz < f_.device_rate_hz;
+    if (is_coarse && !f_.is_local) {
+      return {"physics_rate",
+              fmt::format("physics computes {} forces a second for {} ticks: raise "
+                          "physics.rate_hz, or set mofc.interaction=local",
+                          thousands(f_.physics_rate_hz), thousands(f_.device_rate_hz))};
+    }
+    if (std::isfinite(f_.solve_rate_hz)) {
+      return {"solve_rate", fmt::format("elastic tissue is solved only {:g} times a second: raise "
+                                        "elastic.solve_rate_hz",
+                                        f_.solve_rate_hz)};
+    }
+    if (is_coarse) {
+      return {"physics_rate",
+              fmt::format("contact models are {} times a second old, for {} ticks: "
+                          "raise physics.rate_hz",
+                          thousands(f_.physics_rate_hz), thousands(f_.device_rate_hz))};
+    }
+    if (!f_.is_session_known)
+      return {"unknown", "the session cannot be read here, only its figures"};
+    if (!f_.is_local) {
+      return {"interaction_held", "forces arrive a round trip late: set mofc.interaction=local"};
+    }
+    return {"tissue_stiff",
+            "the requested force creates energy that the device's friction cannot "
+            "absorb: softer or more damped tissue, or a higher device.rate_hz"};
+  }
+
+  void judge_contact() {
+    const MofcCounters& mofc = f_.mofc;
+    if (ticks() > 0 && mofc.contact_ticks == 0) {
+      add(Grade::kBad, "no_contact", "the tool never touched tissue", cause_of_no_contact());
+      return;
+    }
+    if (!f_.controller.starts_with("mofc")) return;  // other controllers change every force
+    const double clamped = ratio(mofc.clamped_ticks, mofc.contact_ticks);
+    const Grade grade = grade_above(clamped, kFairRatio, kBadRatio);
+    if (grade == Grade::kGood) {
+      good("clamped", "the clamp left " + percent(1.0 - clamped) + " of the contact as it is");
+    } else {
+      add(grade, "clamped", percent(clamped) + " of the contact was clamped", cause_of_loss());
+    }
+  }
+
+  void judge_force() {
+    if (f_.mofc.contact_ticks == 0) return;
+    const auto graded = [&](const char* what, double value, const std::string& text) {
+      if (std::isnan(value)) return;
+      const Grade grade = grade_above(value, kFairRatio, kBadRatio);
+      if (grade == Grade::kGood) {
+        good(what, text);
+      } else {
+        add(grade, what, text, cause_of_loss());
+      }
+    };
+    graded("force_error", f_.force_error_rms_ratio,
+           "the force is " + percent(f_.force_error_rms_ratio) + " rms off the ideal one");
+    graded("beyond_jnd", f_.beyond_jnd_ratio,
+           "the difference can be felt in " + percent(f_.beyond_jnd_ratio) + " of the samples");
+    if (f_.physics.elastic_bound_newton > 0.0 && f_.maximum_force_newton > 0.0) {
+      const double bound = f_.physics.elastic_bound_newton / f_.maximum_force_newton;
+      graded(
+          "elastic_bound", bound,
+          fmt::format("the force of elastic tissue is within {:.2g} N of its solution, {} of the "
+                      "largest force",
+                      f_.physics.elastic_bound_newton, percent(bound)));
+    }
+    if (f_.excess_reversals) {
+      const std::uint64_t excess = *f_.excess_reversals;
+      const std::string text =
+          fmt::format("{} reversals more than the ideal run{}",
+                      excess == 0 ? "no" : thousands(static_cast<double>(excess)),
+                      excess >= kBadReversals ? ": the hand chatters" : "");
+      if (excess >= kBadReversals) {
+        add(Grade::kBad, "reversals", text, cause_of_loss());
+      } else {
+        good("reversals", text);
+      }
+    }
+  }
+
+  void judge_telemetry() {
+    if (f_.ticks_received == 0 || f_.device.loop.ticks <= f_.ticks_received) return;
+    const double lost = 1.0 - ratio(f_.ticks_received, f_.device.loop.ticks);
+    if (lost < kLostTelemetry_ratio) return;
+    add({Grade::kFair, "telemetry_lost",
+         percent(lost) + " of the ticks did not reach this program: figures of the ticks received "
+                         "are incomplete",
+         "it began late, or the machine or the network is too busy"});
+  }
+
+  const RunFacts& f_;
+  std::vector<RunFinding> findings_;
+};
+
+}  // namespace
+
+const char* name(Grade grade) {
+  switch (grade) {
+    case Grade::kGood:
+      return "good";
+    case Grade::kFair:
+      return "fair";
+    case Grade::kBad:
+      return "bad";
+  }
+  return "?";
+}
+
+RunFacts facts_of(const Session& session, const Side& side) {
+  RunFacts facts;
+  facts.is_session_known = true;
+  facts.controller = controller_text(side.mofc);
+  facts.is_limited = side.mofc.controller == ControllerKind::kMofc || side.mofc.has_safety_net;
+  facts.is_local = side.mofc.interaction == InteractionUse::kLocal;
+  facts.is_simulated = !is_real(side.driver);
+  facts.device_rate_hz = side.device.rate_hz;
+  facts.physics_rate_hz = session.physics.rate_hz;
+  facts.v_max_m_per_s = side.device.monitor.v_max_m_per_s;
+  for (const TissueConfig& tissue : session.scene.tissues) {
+    if (const auto* elastic = std::get_if<ElasticMaterial>(&tissue.material)) {
+      facts.solve_rate_hz = std::fmin(facts.solve_rate_hz, elastic->solve_rate_hz);
+    }
+  }
+  if (facts.is_simulated && std::holds_alternative<RecordedPath>(side.hand.path)) {
+    const PathSpeed fastest = top_speed_of(side.hand.path);
+    facts.path_m_per_s = fastest.m_per_s;
+    facts.path_at_s = fastest.at_s;
+  }
+  const FaultsConfig& faults = session.faults;
+  if (faults.device_state.any()) append(facts.exchange_faults, "faults.device_state");
+  if (faults.force_command.any()) append(facts.exchange_faults, "faults.force_command");
+  if (faults.tool_motion.any()) append(facts.physics_faults, "faults.tool_motion");
+  if (faults.interaction.any()) append(facts.physics_faults, "faults.interaction");
+  const DeviceFaults& device = faults.device;
+  if (!device.skips.empty() || device.late_ratio > 0.0 || device.late_switch_ratio > 0.0) {
+    append(facts.device_faults, "faults.device");
+  }
+  const AdversaryConfig& adversary = session.adversary;
+  if (adversary.tick_jitter_ratio > 0.0) {
+    append(facts.device_faults, "adversary.tick_jitter_ratio");
+  }
+  if (adversary.late_tick_ratio > 0.0) append(facts.device_faults, "adversary.late_tick_ratio");
+  if (adversary.physics != HostilePhysics::kHonest) {
+    append(facts.physics_faults, "adversary.physics");
+  }
+  if (adversary.clamp != LyingClamp::kTruthful) append(facts.clamp_faults, "adversary.clamp");
+  return facts;
+}
+
+RunFacts facts_of(const Session& session, const RunReport& report) {
+  RunFacts facts = facts_of(session, session.side());
+  const RunStatistics& s = report.statistics;
+  facts.is_in_real_time = false;
+  facts.device = report.device;
+  facts.mofc = report.mofc;
+  facts.physics = report.physics;
+  const auto restarts = [](const LinkCounters& link) {
+    return link.sessions > 0 ? link.sessions - 1 : 0;
+  };
+  facts.physics_node.restarts = restarts(report.mofc.interaction);
+  facts.device_node.restarts = restarts(report.mofc.device_state);
+  facts.mofc_node.restarts = restarts(report.device.force_command);
+  if (report.simulated_s > 0.0) {
+    facts.physics_hz = static_cast<double>(report.physics.loop.ticks) / report.simulated_s;
+  }
+  facts.minimum_true_energy_joule = s.minimum_true_energy_joule();
+  facts.maximum_force_newton = s.maximum_force_newton();
+  facts.force_error_rms_ratio = s.force_error_rms_ratio();
+  facts.beyond_jnd_ratio = s.beyond_jnd_ratio();
+  if (std::isfinite(s.path_deviation_rms_m())) facts.excess_reversals = s.excess_reversals();
+  return facts;
+}
+
+std::vector<RunFinding> judge(const RunFacts& facts) { return Judge(facts).findings(); }
+
+Grade grade_of(const std::vector<RunFinding>& findings) {
+  Grade worst = Grade::kGood;
+  for (const RunFinding& finding : findings) worst = std::max(worst, finding.grade);
+  return worst;
+}
+
+std::string cause_of(const std::vector<RunFinding>& findings) {
+  const Grade worst = grade_of(findings);
+  if (worst == Grade::kGood) return {};
+  return std::find_if(findings.begin(), findings.end(),
+                      [&](const RunFinding& one) { return one.grade == worst; })
+      ->cause;
+}
+
+nlohmann::ordered_json verdict_json(const std::vector<RunFinding>& findings) {
+  nlohmann::ordered_json json;
+  json["grade"] = name(grade_of(findings));
+  json["cause"] = cause_of(findings);
+  json["findings"] = nlohmann::ordered_json::array();
+  for (const RunFinding& finding : findings) {
+    nlohmann::ordered_json one;
+    one["grade"] = name(finding.grade);
+    one["what"] = finding.what;
+    one["cause"] = finding.cause;
+    one["text"] = finding.text;
+    one["remedy"] = finding.remedy;
+    json["findings"].push_back(std::move(one));
+  }
+  return json;
+}
+
+}  // namespace palpate

@@ -1,0 +1,97 @@
+// verdict.h — judges a run: what went wrong with it, why, and what to do. The only place that does:
+// the summaries, the reports, the page and the JSON show what it finds.
+#pragma once
+
+#include <cstdint>
+#include <limits>
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/session/session.h"
+#include "common/telemetry/summary.h"
+#include "common/telemetry/telemetry.h"
+
+namespace palpate {
+
+enum class Grade : std::uint8_t { kGood, kFair, kBad };
+[[nodiscard]] const char* name(Grade grade);
+
+// Thresholds; `palpate explain verdict` states them.
+inline constexpr double kFairRatio = 0.10;  ///< force error, clamped contact, samples beyond JND, …
+inline constexpr double kBadRatio = 0.30;
+inline constexpr std::uint64_t kBadReversals = 3;       ///< beyond those of the ideal run
+inline constexpr double kFewTicks = 1e-3;               ///< of the ticks: skipped, not answered
+inline constexpr double kLeastEnergy_joule = -1e-6;     ///< the guarantee of mode guard
+inline constexpr double kFairPhysicsRate_ratio = 0.95;  ///< of physics.rate_hz
+inline constexpr double kBadPhysicsRate_ratio = 0.70;
+
+/// What is judged of one device's run. NaN, nullopt or empty where it is not known.
+struct RunFacts {
+  // the session
+  bool is_session_known = false;  ///< false: only its controller is, at most
+  std::string controller{};       ///< as controller_text() gives it
+  bool is_limited = true;         ///< by MOFC or behind the safety net
+  bool is_local = false;          ///< mofc.interaction: local
+  bool is_simulated = true;       ///< the device
+  double device_rate_hz = kNaN;
+  double physics_rate_hz = kNaN;
+  double solve_rate_hz = kNaN;  ///< lowest of the elastic tissues; NaN: there is none
+  double v_max_m_per_s = std::numeric_limits<double>::infinity();
+  double path_m_per_s = 0.0;  ///< fastest place of a recorded path; 0: the path is another one
+  double path_at_s = 0.0;
+  // its simulated disturbances, by their fields: "faults.interaction"; empty: none
+  std::string exchange_faults{};  ///< of hops 1 and 4
+  std::string physics_faults{};   ///< of hops 2 and 3, and a hostile physics
+  std::string device_faults{};    ///< of the device's process
+  std::string clamp_faults{};     ///< a clamp that lies
+
+  // the nodes
+  struct Node {
+    bool is_heard = true;
+    std::uint64_t restarts = 0;
+    std::uint64_t peers_refused = 0;
+  };
+  bool is_in_real_time = true;  ///< false: in lockstep
+  Node device_node{};
+  Node mofc_node{};
+  Node physics_node{};
+  DeviceCounters device{};
+  MofcCounters mofc{};
+  PhysicsCounters physics{};
+  double physics_hz = kNaN;          ///< steps per second, as measured
+  std::uint64_t ticks_received = 0;  ///< telemetry of the device; 0: not known
+
+  // what the hand received
+  double minimum_true_energy_joule = kNaN;
+  double maximum_force_newton = kNaN;
+  double force_error_rms_ratio = kNaN;  ///< against the ideal
+  double beyond_jnd_ratio = kNaN;
+  std::optional<std::uint64_t> excess_reversals{};
+};
+
+/// What the session says about the run of one of its sides.
+[[nodiscard]] RunFacts facts_of(const Session& session, const Side& side);
+/// Of a run in lockstep. @param session  has that side only
+[[nodiscard]] RunFacts facts_of(const Session& session, const RunReport& report);
+
+struct RunFinding {
+  Grade grade = Grade::kGood;
+  std::string what{};    ///< "clamped"; a key for programs
+  std::string cause{};   ///< "physics_slow": the finding that explains this one, or itself
+  std::string text{};    ///< "physics computed 628 of 1,000 steps a second"
+  std::string remedy{};  ///< what to do; empty: nothing
+};
+
+/// Never empty. What happened to nodes and device comes first, then what that did to the force.
+[[nodiscard]] std::vector<RunFinding> judge(const RunFacts& facts);
+/// The worst of the findings.
+[[nodiscard]] Grade grade_of(const std::vector<RunFinding>& findings);
+/// Why the run has that grade: of the first of the worst findings; empty if it is good.
+[[nodiscard]] std::string cause_of(const std::vector<RunFinding>& findings);
+
+/// Keys: docs/glossary.md.
+[[nodiscard]] nlohmann::ordered_json verdict_json(const std::vector<RunFinding>& findings);
+
+}  // namespace palpate

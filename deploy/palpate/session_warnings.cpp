@@ -1,0 +1,168 @@
+#include "deploy/palpate/session_warnings.h"
+
+#include <spdlog/fmt/fmt.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <type_traits>
+#include <variant>
+
+#include "common/core/check.h"
+#include "common/core/workspace_map.h"
+#include "common/session/path_speed.h"
+#include "deploy/launch/physics_command.h"
+#include "device_node/simulation/hand.h"
+#include "physics_node/scene/scene.h"
+
+namespace palpate {
+namespace {
+
+constexpr double kLargestTip_m = 0.03;
+constexpr double kSoftestTissue_pa = 200.0;  // brain: 500 to 3,000
+constexpr double kSoftestSpring_newton_per_m = 5.0;
+constexpr double kLikeliestFriction_ratio = 1.5;  // profile over simulated device
+constexpr double kFrictionSpeed_m_per_s = 0.05;
+constexpr double kPathStep_s = 2e-3;
+constexpr double kLongestPath_s = 60.0;
+
+/// The scene with springs in place of elastic bodies: what touches them is the same.
+SceneConfig rigid(SceneConfig scene) {
+  for (TissueConfig& tissue : scene.tissues) {
+    if (std::holds_alternative<ElasticMaterial>(tissue.material)) {
+      tissue.material = KelvinVoigtMaterial{};
+    }
+  }
+  return scene;
+}
+
+/// True also for paths that depend on the force or on a person.
+bool may_touch(const physics::Scene& scene, const Side& side, double length_s) {
+  return std::visit(
+      [&](const auto& path) {
+        if constexpr (std::is_same_v<std::decay_t<decltype(path)>, HostilePath>) {
+          return true;
+        } else {
+          if (side.hand.pointer) return true;
+          const WorkspaceMap map(side.device.workspace);
+          const physics::TissueMemory memory = scene.new_memory();
+          for (double t_s = 0.0; t_s < std::min(length_s, kLongestPath_s); t_s += kPathStep_s) {
+            const Vector3 tool_m =
+                map.tool_position_world_m(device::target_on(path, t_s).position_m);
+            if (scene.evaluate(tool_m, Vector3::Zero(), t_s, memory).contact_count > 0) return true;
+          }
+          return length_s > kLongestPath_s;
+        }
+      },
+      side.hand.path);
+}
+
+double friction_newton(double viscous, double coulomb) {
+  return coulomb + viscous * kFrictionSpeed_m_per_s;
+}
+
+void examine_side(const Session& session, const Side& side, const physics::Scene& scene,
+                  std::vector<std::string>& warnings) {
+  const auto warn = [&](const std::string& text) {
+    warnings.push_back(side.name.empty() ? text : side.name + ": " + text);
+  };
+  const RealtimeConfig& realtime = side.realtime;
+  if (realtime.wait == WaitStrategy::kSpin && realtime.priority > 0 && realtime.cpu >= 0) {
+    warn(
+        fmt::format("realtime.wait = spin: device_node and mofc_node share processor {} at "
+                    "priority {} and keep it from each other; use hybrid, or --together "
+                    "device,mofc",
+                    realtime.cpu, realtime.priority));
+  }
+  if (is_real(side.driver)) return;
+
+  const double claimed = friction_newton(side.device.profile.viscous_newton_s_per_m,
+                                         side.device.profile.coulomb_newton);
+  const double has =
+      friction_newton(side.simulated.viscous_newton_s_per_m, side.simulated.coulomb_newton);
+  if (!side.simulated.per_axis && claimed > kLikeliestFriction_ratio * has) {
+    warn(
+        fmt::format("device.profile: claims {:.3g} N of friction at {:g} m/s, the simulated "
+                    "device has {:.3g} N: there is no guarantee; lower the profile, or let "
+                    "`palpate identify` measure it",
+                    claimed, kFrictionSpeed_m_per_s, has));
+  }
+  const double v_max = side.device.monitor.v_max_m_per_s;
+  const PathSpeed fastest = top_speed_of(side.hand.path);
+  if (fastest.m_per_s > v_max) {
+    const std::string how =
+        std::isfinite(fastest.m_per_s)
+            ? fmt::format("moves at up to {:.3g} m/s, at {:.3g} s", fastest.m_per_s, fastest.at_s)
+            : fmt::format("jumps from its end, at {:.3g} s, to its beginning", fastest.at_s);
+    warn(
+        fmt::format("hand: its path {}; v_max is {:g} m/s: slow it down, or raise "
+                    "mofc.guard_settings.v_max_m_per_s",
+                    how, v_max));
+  }
+  if (!session.scene.tissues.empty() && session.physics_command.empty() &&
+      !may_touch(scene, side, session.duration_s)) {
+    warn(
+        fmt::format("hand: its path touches no tissue within {:g} s; check the path, the places "
+                    "of the tissues, and device.workspace",
+                    session.duration_s));
+  }
+}
+
+void examine_tissue(const TissueConfig& tissue, std::vector<std::string>& warnings) {
+  const auto soft = [&](const char* field, double value, const char* unit, const char* remedy) {
+    warnings.push_back(fmt::format("tissue \"{}\": {} = {:g} {} is softer than any tissue; {}",
+                                   tissue.name, field, value, unit, remedy));
+  };
+  if (const auto* elastic = std::get_if<ElasticMaterial>(&tissue.material)) {
+    const char* const remedy = "give it in Pa: 15 kPa is 15000";
+    if (elastic->young_pa < kSoftestTissue_pa) {
+      soft("elastic.young_pa", elastic->young_pa, "Pa", remedy);
+    }
+    for (const ElasticMaterial::Part& part : elastic->parts) {
+      if (part.young_pa < kSoftestTissue_pa) {
+        soft("elastic.part.young_pa", part.young_pa, "Pa", remedy);
+      }
+    }
+    return;
+  }
+  const auto& spring = std::get<KelvinVoigtMaterial>(tissue.material);
+  if (spring.stiffness_newton_per_m < kSoftestSpring_newton_per_m) {
+    soft("stiffness_newton_per_m", spring.stiffness_newton_per_m, "N/m",
+         "give it in N/m: 0.5 N/mm is 500");
+  }
+}
+
+}  // namespace
+
+std::vector<std::string> session_warnings(const Session& session) {
+  std::vector<std::string> warnings;
+  const auto too_large = [&](const char* field, double value) {
+    if (value <= kLargestTip_m) return;
+    warnings.push_back(fmt::format("{} = {:g}: is {:g} m; give it in metres: 3 mm are 0.003", field,
+                                   value, value));
+  };
+  too_large("scene.tool.tip_radius_m", session.scene.tip_radius_m);
+  too_large("scene.tool.shaft_radius_m", session.scene.shaft_radius_m);
+  for (const TissueConfig& tissue : session.scene.tissues) examine_tissue(tissue, warnings);
+
+  if (!session.physics_command.empty()) {
+    try {
+      static_cast<void>(program_of(session));
+    } catch (const SetupError& error) {
+      const std::string text = error.what();
+      warnings.push_back(text.substr(session.file.size() + 2));
+    }
+  }
+  const std::string& keys = session.security.key_folder;
+  std::error_code error;
+  if (!keys.empty() && !std::filesystem::is_directory(keys, error)) {
+    warnings.push_back("security.key_folder = \"" + keys +
+                       "\": there is no such folder; palpate keygen makes one");
+  }
+
+  const physics::Scene scene(rigid(session.scene));
+  for (const Side& side : session.sides) examine_side(session, side, scene, warnings);
+  return warnings;
+}
+
+}  // namespace palpate

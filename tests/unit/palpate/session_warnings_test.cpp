@@ -1,0 +1,98 @@
+// Likely mistakes of a valid session; the sessions that ship have none.
+#include "deploy/palpate/session_warnings.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "common/session/session_file.h"
+#include "tests/support/temp_folder.h"
+
+namespace palpate {
+namespace {
+
+using testing::AllOf;
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+namespace fs = std::filesystem;
+
+/// Of a session without a pointer, whose hand touches.
+std::vector<std::string> warnings_with(const std::vector<std::string>& overrides) {
+  return session_warnings(
+      load_session(PALPATE_SOURCE_DIR "/deploy/sessions/paper_soft.txtpb", overrides));
+}
+
+TEST(SessionWarnings, ThereAreNoneOfTheSessionsThatShip) {
+  std::size_t sessions = 0;
+  for (const auto& entry : fs::directory_iterator(PALPATE_SOURCE_DIR "/deploy/sessions")) {
+    if (entry.path().extension() != ".txtpb") continue;
+    std::vector<std::string> overrides;
+    if (entry.path().stem() == "two_machines") overrides = {"security.key_folder=."};  // to be made
+    EXPECT_THAT(session_warnings(load_session(entry.path(), overrides)), IsEmpty()) << entry.path();
+    ++sessions;
+  }
+  EXPECT_GE(sessions, 10u);
+}
+
+TEST(SessionWarnings, NameWhatIsProbablyNotMeant) {
+  struct Case {
+    const char* description;
+    std::vector<std::string> overrides;
+    const char* words;
+  };
+  for (const Case& one : std::vector<Case>{
+           {"a path beside the tissue",
+            {"hand.hold={ position_m { z: 0.05 } }"},
+            "touches no tissue"},
+           {"a tissue far away", {"device.workspace={ offset_m { z: 0.3 } }"}, "touches no tissue"},
+           {"a hand that is too fast",
+            {"hand.sinusoid={ amplitude_m { z: 0.05 } frequency_hz { z: 5 } }"},
+            "1.57 m/s"},
+           {"a tip of 50 mm", {"scene.tool.tip_radius_m=0.05"}, "3 mm are 0.003"},
+           {"a spring in N/mm",
+            {"scene.tissue[0].kelvin_voigt.stiffness_newton_per_m=0.5"},
+            "softer than any tissue"},
+           {"a friction that the device does not have",
+            {"device.profile={ coulomb_newton: 0.5 viscous_newton_s_per_m: 0.1 }"},
+            "device.profile: claims"},
+           {"no such keys", {"security.key_folder=no_such_folder"}, "palpate keygen"},
+           {"spinning on a shared processor", {"realtime.wait=spin"}, "realtime.wait = spin"},
+       }) {
+    EXPECT_THAT(warnings_with(one.overrides), ElementsAre(HasSubstr(one.words))) << one.description;
+  }
+}
+
+TEST(SessionWarnings, OfAnElasticBodyInKilopascal) {
+  const Session session = load_session(PALPATE_SOURCE_DIR "/deploy/sessions/liver_elastic.txtpb",
+                                       {"scene.tissue[0].elastic.young_pa=15"});
+  EXPECT_THAT(session_warnings(session),
+              ElementsAre(AllOf(HasSubstr("young_pa = 15 Pa"), HasSubstr("15 kPa is 15000"))));
+}
+
+TEST(SessionWarnings, OfAProgramThatIsNotThere) {
+  const test::TempFolder folder;
+  const std::string file =
+      folder.write("s.txtpb",
+                   "name: \"x\" physics { command: [\"no_such_program\"] } scene { tissue { "
+                   "half_space { } kelvin_voigt { stiffness_newton_per_m: 500 } } }");
+  EXPECT_THAT(session_warnings(load_session(file)),
+              ElementsAre(HasSubstr("no program of that name")));
+}
+
+TEST(SessionWarnings, OfARecordedPathThatJumps) {
+  const test::TempFolder folder;
+  folder.write("path.csv", "t,x,y,z\n0,0,0,0\n1,0,0,-0.01\n1.01,0,0,0.03\n2,0,0,0\n");
+  const std::string file =
+      folder.write("s.txtpb",
+                   "name: \"x\" hand { recorded { file: \"path.csv\" } } scene { tissue "
+                   "{ half_space { } kelvin_voigt { stiffness_newton_per_m: 500 } } }");
+  EXPECT_THAT(session_warnings(load_session(file)),
+              ElementsAre(AllOf(HasSubstr("4 m/s"), HasSubstr("at 1 s"))));
+}
+
+}  // namespace
+}  // namespace palpate

@@ -1,0 +1,259 @@
+// verdict_cases.h — runs in which one thing went wrong, and the cause that every verdict on them
+// has to name.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "common/session/session.h"
+#include "common/telemetry/summary.h"
+
+namespace palpate {
+
+/// A run of 10 s as every source of facts sees it.
+struct TroubledRun {
+  Session session;
+  DeviceCounters device;
+  MofcCounters mofc;
+  PhysicsCounters physics;
+  std::uint64_t physics_steps = 10'000;
+  bool is_device_restarted = false;
+  bool is_mofc_restarted = false;
+  bool is_physics_restarted = false;
+  bool is_physics_heard = true;
+  bool is_mofc_heard = true;
+
+  /// 10,000 ticks at 1 kHz, all answered, 5,000 in contact; the physics at 1 kHz.
+  TroubledRun() {
+    device.loop.ticks = device.answered_ticks = 10'000;
+    device.force_command.accepted = 10'000;
+    device.phase = DevicePhase::kEnabled;
+    device.max_force_newton = 1.0;
+    device.minimum_true_energy_joule = 0.0;
+    mofc.ticks = 10'000;
+    mofc.contact_ticks = 5'000;
+    mofc.device_state = {.accepted = 10'000, .sessions = 1};
+    mofc.interaction = {.accepted = 10'000, .sessions = 1};
+    device.force_command.sessions = 1;
+    physics.contact_steps = 5'000;
+  }
+};
+
+struct VerdictCase {
+  std::string name;
+  std::string cause;   ///< empty: the run is good
+  std::string remedy;  ///< words that the finding must have
+  std::string grade;
+  std::function<void(TroubledRun&)> trouble;
+  bool is_of_lockstep = true;   ///< can happen there
+  bool is_of_real_time = true;  ///< can happen there
+};
+
+inline void unanswered(TroubledRun& run, std::uint64_t ticks) {
+  run.device.answered_ticks -= ticks;
+  run.device.fallback_ticks += ticks;
+}
+
+inline std::vector<VerdictCase> verdict_cases() {
+  const auto recorded_jump = [](TroubledRun& run) {
+    run.session.side().hand.path =
+        RecordedPath{.samples = {{0.0, {0, 0, 0}}, {1.0, {0, 0, 0}}, {1.01, {0, 0, -0.03}}}};
+  };
+  return {
+      {"nothing", "", "", "good", [](TroubledRun&) {}},
+      {"a latched fault", "device_fault", "reset the fault", "bad",
+       [](TroubledRun& run) {
+         run.device.device_faults = 1;
+         run.device.last_fault = FaultReason::kDeviceGone;
+         run.device.phase = DevicePhase::kFaulted;
+         run.device.fault_ticks = 5'000;
+         unanswered(run, 5'000);
+         run.mofc.contact_ticks = 0;
+       }},
+      {"a fault that was reset", "device_fault", "encoders", "bad",
+       [](TroubledRun& run) {
+         run.device.device_faults = run.device.fault_resets = 1;
+         run.device.last_fault = FaultReason::kPositionJumped;
+         run.device.fault_ticks = 10;
+       }},
+      {"a fault because the recorded hand jumps", "device_fault", "1.000 s: smooth it", "bad",
+       [=](TroubledRun& run) {
+         recorded_jump(run);
+         run.device.device_faults = 1;
+         run.device.last_fault = FaultReason::kPositionJumped;
+       }},
+      {"motors that may still push", "release_unconfirmed", "switch off", "bad",
+       [](TroubledRun& run) { run.device.is_release_unconfirmed = true; }},
+      {"a device that nobody acknowledged", "device_not_enabled", "acknowledge", "bad",
+       [](TroubledRun& run) {
+         run.device.phase = DevicePhase::kCalibrated;
+         run.device.max_force_newton = 0.0;
+         run.mofc.contact_ticks = 0;
+       }},
+      {"a dead-man button that was not held", "dead_man_button", "hold", "bad",
+       [](TroubledRun& run) {
+         run.device.dead_man_ticks = 9'000;
+         run.mofc.contact_ticks = 0;
+       }},
+      {"a coarser encoder than the profile's", "encoder_coarse", "position_resolution_m", "bad",
+       [](TroubledRun& run) { run.device.coarse_readings = 5; }},
+      {"a restarted device", "device_restarted", "log", "bad",
+       [](TroubledRun& run) {
+         run.is_device_restarted = true;
+         unanswered(run, 100);
+       }},
+      {"a restarted clamp", "mofc_restarted", "log", "bad",
+       [](TroubledRun& run) {
+         run.is_mofc_restarted = true;
+         unanswered(run, 100);
+       }},
+      {"a restarted physics", "physics_restarted", "log", "bad",
+       [](TroubledRun& run) {
+         run.is_physics_restarted = true;
+         run.mofc.stale_ticks = 300;
+       }},
+      {"a clamp that never answered", "mofc_silent", "not heard", "bad",
+       [](TroubledRun& run) {
+         unanswered(run, 10'000);
+         run.is_mofc_heard = false;
+         run.mofc = {};
+       },
+       false},
+      {"a clamp that sends no numbers", "command_not_finite", "", "bad",
+       [](TroubledRun& run) {
+         run.device.non_finite_commands = 3'000;
+         unanswered(run, 3'000);
+       }},
+      {"a physics that was never heard", "physics_silent", "not heard", "bad",
+       [](TroubledRun& run) {
+         run.is_physics_heard = false;
+         run.mofc.interaction = {};
+         run.mofc.contact_ticks = 0;
+       },
+       false},
+      {"a physics that falls silent", "physics_silent", "physics_node", "bad",
+       [](TroubledRun& run) { run.mofc.stale_ticks = 4'000; }},
+      {"a physics silenced by a fault of the session", "physics_silent", "faults.interaction",
+       "bad",
+       [](TroubledRun& run) {
+         run.session.faults.interaction.windows.push_back({});
+         run.mofc.stale_ticks = 4'000;
+       }},
+      {"a physics of 628 Hz", "physics_slow", "628 of 1,000", "bad",
+       [](TroubledRun& run) { run.physics_steps = 6'280; }},
+      {"a physics of 900 Hz", "physics_slow", "900 of 1,000", "fair",
+       [](TroubledRun& run) { run.physics_steps = 9'000; }},
+      {"late solutions", "elastic_late", "solve_rate_hz", "bad",
+       [](TroubledRun& run) {
+         run.physics.elastic_solves = 500;
+         run.physics.elastic_solves_late = 300;
+         run.mofc.clamped_ticks = 2'000;
+       }},
+      {"failed solutions", "elastic_failed", "press less deep", "bad",
+       [](TroubledRun& run) {
+         run.physics.elastic_solves = 500;
+         run.physics.elastic_solves_failed = 300;
+       }},
+      {"a hand faster than v_max", "hand_too_fast", "v_max", "bad",
+       [](TroubledRun& run) { run.mofc.too_fast_ticks = 500; }},
+      {"a recorded hand that jumps", "path_jumps", "1.000 s", "bad",
+       [=](TroubledRun& run) {
+         recorded_jump(run);
+         run.device.too_fast_readings = 200;
+       }},
+      {"an unlimited controller behind the monitor", "monitor_reduced", "does not limit", "bad",
+       [](TroubledRun& run) {
+         run.session.side().mofc.controller = ControllerKind::kNone;
+         run.device.monitor_reductions = 3'000;
+       }},
+      {"a clamp that lies", "monitor_reduced", "adversary.clamp", "bad",
+       [](TroubledRun& run) {
+         run.session.adversary.clamp = LyingClamp::kFullForce;
+         run.device.monitor_reductions = 3'000;
+       }},
+      {"less friction than the profile claims", "monitor_reduced", "40 %", "fair",
+       [](TroubledRun& run) {
+         run.device.checked_friction_ratio = 0.4;
+         run.device.monitor_reductions = 20;
+       }},
+      {"a busy machine", "machine_late", "doctor", "bad",
+       [](TroubledRun& run) {
+         run.device.loop.ticks -= 2'000;
+         run.device.answered_ticks -= 2'000;
+         run.device.loop.skipped_ticks = 2'000;
+       },
+       false},
+      {"answers that are late on a busy machine", "machine_late", "--together", "fair",
+       [](TroubledRun& run) { unanswered(run, 200); }, false},
+      {"simulated late ticks", "simulated_device", "faults.device", "bad",
+       [](TroubledRun& run) {
+         run.session.faults.device.late_ratio = 0.5;
+         run.device.loop.ticks -= 2'000;
+         run.device.answered_ticks -= 2'000;
+         run.device.loop.skipped_ticks = 2'000;
+       }},
+      {"simulated loss between device and clamp", "simulated_exchange", "faults.force_command",
+       "bad",
+       [](TroubledRun& run) {
+         run.session.faults.force_command.loss_ratio = 0.3;
+         unanswered(run, 3'000);
+       }},
+      {"no answers in lockstep without any fault", "unknown", "", "fair",
+       [](TroubledRun& run) { unanswered(run, 200); }, true, false},
+      {"no controller", "no_controller", "mofc.controller=mofc", "bad",
+       [](TroubledRun& run) {
+         run.session.side().mofc.controller = ControllerKind::kNone;
+         run.device.minimum_true_energy_joule = -2e-3;
+       }},
+      {"another controller", "controller", "safety_net", "bad",
+       [](TroubledRun& run) {
+         run.session.side().mofc.controller = ControllerKind::kEnergyTank;
+         run.device.minimum_true_energy_joule = -2e-3;
+       }},
+      {"a profile above the device", "profile_wrong", "lower bound", "bad",
+       [](TroubledRun& run) { run.device.minimum_true_energy_joule = -2e-3; }},
+      {"a path beside the tissue", "path", "hand's path", "bad",
+       [](TroubledRun& run) { run.mofc.contact_ticks = 0; }},
+      {"held forces of a slow physics", "physics_rate", "mofc.interaction=local", "bad",
+       [](TroubledRun& run) {
+         run.session.side().mofc.interaction = InteractionUse::kHeld;
+         run.session.physics.rate_hz = 100.0;
+         run.physics_steps = 1'000;
+         run.mofc.clamped_ticks = 3'000;
+       }},
+      {"held forces", "interaction_held", "mofc.interaction=local", "fair",
+       [](TroubledRun& run) {
+         run.session.side().mofc.interaction = InteractionUse::kHeld;
+         run.mofc.clamped_ticks = 1'000;
+       }},
+      {"a slow physics with local models", "physics_rate", "raise physics.rate_hz", "bad",
+       [](TroubledRun& run) {
+         run.session.physics.rate_hz = 100.0;
+         run.physics_steps = 1'000;
+         run.mofc.clamped_ticks = 3'000;
+       }},
+      {"coarse solutions", "solve_rate", "only 10 times", "bad",
+       [](TroubledRun& run) {
+         run.session.scene.tissues.push_back(
+             {.name = "liver", .geometry = {}, .material = ElasticMaterial{.solve_rate_hz = 10.0}});
+         run.mofc.clamped_ticks = 3'000;
+       }},
+      {"a simulated delay", "simulated_physics", "faults.tool_motion", "bad",
+       [](TroubledRun& run) {
+         run.session.faults.tool_motion.delay = std::chrono::milliseconds(40);
+         run.mofc.clamped_ticks = 3'000;
+       }},
+      {"tissue too stiff for the device", "tissue_stiff", "softer", "bad",
+       [](TroubledRun& run) { run.mofc.clamped_ticks = 3'000; }},
+      {"a device that is too weak", "peak_force", "peak force", "fair",
+       [](TroubledRun& run) {
+         run.device.peak_limited_ticks = 2'000;
+         run.mofc.clamped_ticks = 1'000;
+       }},
+      {"a bound as large as the force", "tissue_stiff", "of its solution", "bad",
+       [](TroubledRun& run) { run.physics.elastic_bound_newton = 0.5; }},
+  };
+}
+
+}  // namespace palpate

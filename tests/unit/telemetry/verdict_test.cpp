@@ -1,0 +1,172 @@
+// The verdict on a run: the right cause for each trouble, and grades by the stated limits.
+#include "common/telemetry/verdict.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "tests/unit/telemetry/verdict_cases.h"
+
+namespace palpate {
+namespace {
+
+using testing::Contains;
+using testing::Each;
+using testing::Field;
+using testing::HasSubstr;
+using testing::Not;
+
+/// All texts and remedies.
+std::string words_of(const std::vector<RunFinding>& findings) {
+  std::string words;
+  for (const RunFinding& finding : findings) words += finding.text + ": " + finding.remedy + "\n";
+  return words;
+}
+
+RunReport report_of(const TroubledRun& run) {
+  RunReport report;
+  report.device = run.device;
+  report.mofc = run.mofc;
+  report.physics = run.physics;
+  report.physics.loop.ticks = run.physics_steps;
+  report.simulated_s = 10.0;
+  // lockstep has no supervisor: restarts are new sessions on the links
+  if (run.is_device_restarted) report.mofc.device_state.sessions = 2;
+  if (run.is_mofc_restarted) report.device.force_command.sessions = 2;
+  if (run.is_physics_restarted) report.mofc.interaction.sessions = 2;
+  return report;
+}
+
+RunFacts lockstep_facts(const TroubledRun& run) {
+  RunFacts facts = facts_of(run.session, report_of(run));
+  // no row was added: what the statistics would have
+  facts.minimum_true_energy_joule = run.device.minimum_true_energy_joule;
+  facts.maximum_force_newton = run.device.max_force_newton;
+  return facts;
+}
+
+TEST(Verdict, NamesTheCauseOfEveryTrouble) {
+  std::size_t checked = 0;
+  for (const VerdictCase& one : verdict_cases()) {
+    if (!one.is_of_lockstep) continue;
+    SCOPED_TRACE(one.name);
+    TroubledRun run;
+    one.trouble(run);
+    const std::vector<RunFinding> findings = judge(lockstep_facts(run));
+    EXPECT_EQ(cause_of(findings), one.cause) << words_of(findings);
+    EXPECT_EQ(name(grade_of(findings)), one.grade) << words_of(findings);
+    EXPECT_THAT(words_of(findings), HasSubstr(one.remedy));
+    ++checked;
+  }
+  EXPECT_GE(checked, 20u);
+}
+
+TEST(Verdict, BlamesNoSimulatedFaultWhereThereIsNone) {
+  for (const VerdictCase& one : verdict_cases()) {
+    TroubledRun run;
+    one.trouble(run);
+    const RunFacts facts = lockstep_facts(run);
+    if (!(facts.exchange_faults + facts.physics_faults + facts.device_faults + facts.clamp_faults)
+             .empty()) {
+      continue;
+    }
+    EXPECT_THAT(words_of(judge(facts)), Not(HasSubstr("simulated"))) << one.name;
+  }
+}
+
+TEST(Verdict, BlamesThePathOnlyIfNothingElseKeptTheToolAway) {
+  for (const VerdictCase& one : verdict_cases()) {
+    TroubledRun run;
+    one.trouble(run);
+    const std::vector<RunFinding> findings = judge(lockstep_facts(run));
+    const bool is_blamed = words_of(findings).find("check the hand's path") != std::string::npos;
+    EXPECT_EQ(is_blamed, one.cause == "path") << one.name << "\n" << words_of(findings);
+  }
+}
+
+TEST(Verdict, SaysLocalOnlyWhereItIsNotSet) {
+  for (const VerdictCase& one : verdict_cases()) {
+    TroubledRun run;
+    one.trouble(run);
+    if (run.session.side().mofc.interaction != InteractionUse::kLocal) continue;
+    EXPECT_THAT(words_of(judge(lockstep_facts(run))), Not(HasSubstr("interaction=local")))
+        << one.name;
+  }
+}
+
+/// Of a run in which only this is known.
+Grade grade_with(const std::function<void(RunFacts&)>& change) {
+  RunFacts facts = lockstep_facts(TroubledRun{});
+  change(facts);
+  return grade_of(judge(facts));
+}
+
+// good below 10 %, fair below 30 %
+TEST(Verdict, GradesAWrongForceByTheStatedLimits) {
+  for (double RunFacts::*figure : {&RunFacts::force_error_rms_ratio, &RunFacts::beyond_jnd_ratio}) {
+    const auto grade = [&](double value) {
+      return grade_with([&](RunFacts& facts) { facts.*figure = value; });
+    };
+    EXPECT_EQ(grade(kNaN), Grade::kGood);
+    EXPECT_EQ(grade(0.099), Grade::kGood);
+    EXPECT_EQ(grade(0.101), Grade::kFair);
+    EXPECT_EQ(grade(0.299), Grade::kFair);
+    EXPECT_EQ(grade(0.301), Grade::kBad);
+  }
+  const auto clamped = [&](std::uint64_t ticks) {
+    return grade_with([&](RunFacts& facts) { facts.mofc.clamped_ticks = ticks; });
+  };
+  EXPECT_EQ(clamped(490), Grade::kGood);  // of 5,000 in contact
+  EXPECT_EQ(clamped(510), Grade::kFair);
+  EXPECT_EQ(clamped(1510), Grade::kBad);
+  const auto bound = [&](double newton) {  // of a force of 1 N
+    return grade_with([&](RunFacts& facts) { facts.physics.elastic_bound_newton = newton; });
+  };
+  EXPECT_EQ(bound(0.09), Grade::kGood);
+  EXPECT_EQ(bound(0.11), Grade::kFair);
+  EXPECT_EQ(bound(0.31), Grade::kBad);
+  const auto reversals = [&](std::uint64_t excess) {
+    return grade_with([&](RunFacts& facts) { facts.excess_reversals = excess; });
+  };
+  EXPECT_EQ(reversals(2), Grade::kGood);
+  EXPECT_EQ(reversals(3), Grade::kBad);
+}
+
+// 97 % of the samples beyond the JND and 30 reversals too many
+TEST(Verdict, IsNotGoodBecauseNoEnergyWasExtracted) {
+  RunFacts facts = lockstep_facts(TroubledRun{});
+  facts.beyond_jnd_ratio = 0.97;
+  facts.excess_reversals = 30;
+  const std::vector<RunFinding> findings = judge(facts);
+  EXPECT_THAT(findings, Contains(Field(&RunFinding::what, "energy")));
+  EXPECT_EQ(grade_of(findings), Grade::kBad);
+  EXPECT_THAT(words_of(findings), HasSubstr("97 % of the samples"));
+  EXPECT_THAT(words_of(findings), HasSubstr("the hand chatters"));
+}
+
+TEST(Verdict, OfAnUnreadableSessionClaimsNothingAboutIt) {
+  RunFacts facts = lockstep_facts(TroubledRun{});
+  RunFacts bare;
+  bare.controller = "mofc guard";
+  bare.device = facts.device;
+  bare.mofc = facts.mofc;
+  bare.mofc.clamped_ticks = 4'000;
+  EXPECT_EQ(cause_of(judge(bare)), "unknown");
+}
+
+TEST(Verdict, AsJsonHasGradeCauseAndFindings) {
+  RunFacts facts = lockstep_facts(TroubledRun{});
+  EXPECT_EQ(verdict_json(judge(facts))["grade"], "good");
+  facts.device.device_faults = 1;
+  facts.device.last_fault = FaultReason::kDeviceSilent;
+  const auto json = verdict_json(judge(facts));
+  EXPECT_EQ(json["grade"], "bad");
+  EXPECT_EQ(json["cause"], "device_fault");
+  EXPECT_THAT(json["findings"][0]["text"].get<std::string>(), HasSubstr("device silent"));
+  EXPECT_FALSE(json["findings"][0]["remedy"].get<std::string>().empty());
+}
+
+}  // namespace
+}  // namespace palpate

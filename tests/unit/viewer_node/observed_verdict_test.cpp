@@ -1,0 +1,138 @@
+// The same troubles as launch, a report and the page see them: through telemetry.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "common/telemetry/verdict.h"
+#include "tests/unit/telemetry/verdict_cases.h"
+#include "tests/unit/viewer_node/batches.h"
+#include "viewer_node/recording/run_figures.h"
+
+namespace palpate::viewer {
+namespace {
+
+using testing::HasSubstr;
+
+/// The last second of the run as batches; the nodes that were restarted spoke before it, too.
+struct Observed {
+  explicit Observed(const TroubledRun& run) {
+    const TimePoint now = time_of_tick(10'000);
+    if (run.is_device_restarted) take(device_batch(0, 0, 9, kDeviceSession - 1), time_of_tick(10));
+    if (run.is_mofc_restarted) {
+      take(mofc_batch(0, 0, 9, kDeviceSession, kMofcSession - 1), time_of_tick(10));
+    }
+    if (run.is_physics_restarted) {
+      take(physics_batch(0, 0, 9, kPhysicsSession - 1), time_of_tick(10));
+    }
+    take(device_batch(0, 0, 0), now);
+    DeviceBatch device = device_batch(1, 9'000, 9'999);
+    device.counters = run.device;
+    take(device, now);
+    if (run.is_mofc_heard) {
+      take(mofc_batch(0, 0, 0), now);
+      MofcBatch mofc = mofc_batch(1, 9'000, 9'999);
+      mofc.counters = run.mofc;
+      take(mofc, now);
+    }
+    if (run.is_physics_heard) {
+      PhysicsBatch physics = physics_batch(0, 0, 1);
+      physics.counters = run.physics;
+      physics.records.front().stepped_at = {};
+      physics.records.back().sequence = run.physics_steps;
+      physics.records.back().stepped_at = TimePoint(std::chrono::seconds(10));
+      take(physics, now);
+    }
+  }
+  template <class Batch>
+  void take(const Batch& batch, TimePoint now) {
+    mirror.take(batch, now);
+    figures.add(batch);
+  }
+
+  TelemetryMirror mirror;
+  RunFigures figures;
+};
+
+TEST(ObservedVerdict, NamesTheCauseOfEveryTrouble) {
+  std::size_t checked = 0;
+  for (const VerdictCase& one : verdict_cases()) {
+    if (!one.is_of_real_time) continue;
+    SCOPED_TRACE(one.name);
+    TroubledRun run;
+    one.trouble(run);
+    const Observed observed(run);
+    const auto findings = judge(
+        facts_of(facts_of(run.session, run.session.side()), observed.mirror, observed.figures));
+    std::string words;
+    for (const RunFinding& finding : findings) words += finding.text + ": " + finding.remedy + "\n";
+    EXPECT_EQ(cause_of(findings), one.cause) << words;
+    EXPECT_EQ(name(grade_of(findings)), one.grade) << words;
+    EXPECT_THAT(words, HasSubstr(one.remedy));
+    ++checked;
+  }
+  EXPECT_GE(checked, 20u);
+}
+
+TEST(ObservedVerdict, OfADeviceThatWasNeverHeardNamesTheKeysThatWereRefused) {
+  const Session session;
+  TelemetryMirror mirror;
+  EXPECT_EQ(cause_of(judge(facts_of(facts_of(session, session.side()), mirror, {}))),
+            "device_silent");
+  MofcBatch mofc = mofc_batch(0, 0, 9);
+  mofc.peers_refused = 7;
+  mirror.take(mofc, time_of_tick(10));
+  const auto findings = judge(facts_of(facts_of(session, session.side()), mirror, {}));
+  ASSERT_EQ(findings.size(), 1u);
+  EXPECT_THAT(findings.front().remedy, HasSubstr("7 connections were refused"));
+}
+
+// as in a merged recording, or after a restart
+TEST(RunFigures, CountOverAllSessions) {
+  RunFigures figures;
+  figures.add(device_batch(0, 0, 99));
+  figures.add(device_batch(1, 100, 199));
+  figures.add(device_batch(1, 100, 199));  // twice
+  figures.add(mofc_batch(0, 0, 199));
+  figures.add(device_batch(0, 0, 49, kDeviceSession + 1));
+  figures.add(mofc_batch(1, 200, 249));
+  EXPECT_EQ(figures.device.loop.ticks, 250u);
+  EXPECT_EQ(figures.device.answered_ticks, 250u);
+  EXPECT_EQ(figures.mofc.ticks, 250u);
+}
+
+// as in a part that was cut out: what came before it is not counted
+TEST(RunFigures, CountFromTheFirstBatch) {
+  RunFigures figures;
+  figures.add(device_batch(40, 4000, 4099));
+  figures.add(device_batch(41, 4100, 4199));
+  MofcBatch mofc = mofc_batch(40, 4000, 4099);
+  mofc.counters.contact_ticks = 3000;
+  figures.add(mofc);
+  mofc = mofc_batch(41, 4100, 4199);
+  mofc.counters.contact_ticks = 3100;
+  figures.add(mofc);
+  EXPECT_EQ(figures.device.loop.ticks, 200u);
+  EXPECT_EQ(figures.device.answered_ticks, 200u);
+  EXPECT_EQ(figures.mofc.ticks, 200u);
+  EXPECT_EQ(figures.mofc.contact_ticks, 200u);
+}
+
+// 3 s of loading do not make a physics slow; a stop of 3 s does
+TEST(RunFigures, MeasureTheRateOfThePhysicsWhileItRuns) {
+  RunFigures figures;
+  EXPECT_TRUE(std::isnan(figures.physics_hz()));
+  figures.add(physics_batch(0, 0, 1000));
+  EXPECT_DOUBLE_EQ(figures.physics_hz(), 1000.0);
+  PhysicsBatch again = physics_batch(0, 0, 1000, kPhysicsSession + 1);
+  for (PhysicsTick& tick : again.records) tick.stepped_at += std::chrono::seconds(4);
+  figures.add(again);
+  EXPECT_DOUBLE_EQ(figures.physics_hz(), 1000.0);
+  PhysicsBatch later = physics_batch(1, 1001, 1001, kPhysicsSession + 1);
+  later.records.front().stepped_at += std::chrono::seconds(7);
+  figures.add(later);
+  EXPECT_NEAR(figures.physics_hz(), 2001.0 / 5.001, 1e-9);
+  figures.add(physics_batch(0, 0, 3, kPhysicsSession + 1));  // late: counted already
+  EXPECT_NEAR(figures.physics_hz(), 2001.0 / 5.001, 1e-9);
+}
+
+}  // namespace
+}  // namespace palpate::viewer
