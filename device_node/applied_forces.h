@@ -8,6 +8,7 @@
 #include "common/core/messages.h"
 #include "common/core/time.h"
 #include "common/core/vector.h"
+#include "common/telemetry/device_telemetry.h"
 
 namespace palpate::device {
 
@@ -76,6 +77,19 @@ class AppliedForces {
     state.applied_count = count_;
     state.acting_force_on_hand_newton = force_;
     state.acting_until = std::max(state.header.sampled_at, lease_end_);
+  }
+
+  /// What acted in (since, until], for telemetry: the newest kMaxActedForces of it. `until` is the
+  /// last reading, or a later instant, at which no position was read.
+  void report_in(DeviceTick& tick, TimePoint since, TimePoint until) noexcept {
+    run_out(until);
+    end_segment(until);
+    const auto end = segments_.begin() + count_;
+    auto first = std::find_if(segments_.begin(), end,
+                              [&](const AppliedForce& s) { return s.until > since; });
+    first = std::max(first, end - std::min(end - first, std::ptrdiff_t{kMaxActedForces}));
+    tick.acted_count =
+        static_cast<std::uint32_t>(std::copy(first, end, tick.acted.begin()) - tick.acted.begin());
   }
 
   /// When the acting force ends by itself; TimePoint::max() while none acts.

@@ -117,6 +117,7 @@ FaultReason DeviceNode::exchange(TimePoint next_reading, DeviceTick& record) noe
   record.measured_tool_position_world_m = state.tool_position_world_m;
   record.measured_tool_orientation_world = state.tool_orientation_world;
   record.is_clutched = state.is_clutched;
+  record_acted(record);
   notify_observer(record);
 
   // send: hop 1. What has arrived by now cannot be an answer to it
@@ -235,6 +236,7 @@ void DeviceNode::record_without_exchange(DeviceTick& record) noexcept {
   record.guard = has_fault() ? GuardState::kFault : GuardState::kLimp;
   record_last_reading(record);
   record.is_clutched = workspace_.is_clutched();
+  record_acted(record);
   notify_observer(record);
 }
 
@@ -338,6 +340,18 @@ void DeviceNode::record_last_reading(DeviceTick& record) const noexcept {
   record.measured_tool_orientation_world = last_orientation_;
 }
 
+/// What acted since the previous record. The motors are released before the echo begins.
+void DeviceNode::record_acted(DeviceTick& record) noexcept {
+  if (recorded_until_ && record.sampled_at > *recorded_until_) {
+    if (applied_.has_begun()) applied_.report_in(record, *recorded_until_, record.sampled_at);
+    if (record.acted_count == 0) {
+      record.acted[record.acted_count++] = {
+          .from = *recorded_until_, .until = record.sampled_at, .has_position_at_end = false};
+    }
+  }
+  recorded_until_ = record.sampled_at;
+}
+
 void DeviceNode::notify_observer(DeviceTick& record) noexcept {
   if (observer_ != nullptr) observer_->on_reading(workspace_, record);
 }
@@ -380,6 +394,7 @@ void DeviceNode::latch(FaultReason reason, DeviceTick& record) noexcept {
   was_let_go_ = false;
   counters_.last_fault = reason;
   ++counters_.device_faults;
+  record_acted(record);
   release_motors();
   record.switched_at = clock_.now();
   record.guard = GuardState::kFault;

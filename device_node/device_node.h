@@ -27,6 +27,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 
 #include "common/core/clock.h"
 #include "common/core/inbox.h"
@@ -106,6 +107,7 @@ class DeviceNode {
   [[nodiscard]] const Received<ForceCommand>* wait_for_answer(std::uint64_t sequence,
                                                               TimePoint until) noexcept;
   void record_last_reading(DeviceTick& record) const noexcept;
+  void record_acted(DeviceTick& record) noexcept;
   void notify_observer(DeviceTick& record) noexcept;
   void count(const DeviceTick& record) noexcept;
   void count_force(const Vector3& force_newton) noexcept;
@@ -135,12 +137,13 @@ class DeviceNode {
   Vector3 last_position_m_ = Vector3::Zero();  // of the last finite reading
   Quaternion last_orientation_ = Quaternion::Identity();
   TimePoint last_reading_at_{};
-  int slow_switches_ = 0;     // in a row
-  bool has_reading_ = false;  // since the start or the last reset
-  bool is_acknowledged_;      // by a person, since the start or the last fault
-  bool was_let_go_ = false;   // the dead-man button, since then
-  bool is_released_ = true;   // the device confirmed the last release
-  TimePoint reopens_at_{};    // next attempt to reach a lost device
+  std::optional<TimePoint> recorded_until_;  // what acted, by the records
+  int slow_switches_ = 0;                    // in a row
+  bool has_reading_ = false;                 // since the start or the last reset
+  bool is_acknowledged_;                     // by a person, since the start or the last fault
+  bool was_let_go_ = false;                  // the dead-man button, since then
+  bool is_released_ = true;                  // the device confirmed the last release
+  TimePoint reopens_at_{};                   // next attempt to reach a lost device
   Vector3 counted_force_newton_ = Vector3::Zero();  // of the last tick
   DeviceCounters counters_;
 };

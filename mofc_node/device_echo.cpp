@@ -5,6 +5,7 @@ namespace palpate::mofc {
 void DeviceEcho::reset() noexcept {
   previous_.reset();
   requested_newton_.reset();
+  requested_before_newton_.reset();
   known_until_ = TimePoint::min();
 }
 
@@ -19,6 +20,7 @@ DeviceEcho::Report DeviceEcho::take(const DeviceState& state) noexcept {
   std::size_t count = 0;
   Vector3 impulse = Vector3::Zero();
   double duration_s = 0.0;
+  bool is_before_answer = true;  // what acted at the previous reading still acts
   for (std::uint32_t i = 0; i < state.applied_count; ++i) {
     const AppliedForce& applied = state.applied[i];
     if (applied.until <= known_until_) continue;
@@ -31,6 +33,10 @@ DeviceEcho::Report DeviceEcho::take(const DeviceState& state) noexcept {
                           .has_position_at_end = applied.has_position_at_end};
     impulse += stretch_s * applied.force_on_hand_newton;
     duration_s += stretch_s;
+    is_before_answer = is_before_answer && applied.force_on_hand_newton == acting_newton_ &&
+                       applied.until < reading;
+    const auto& requested = is_before_answer ? requested_before_newton_ : requested_newton_;
+    if (requested) rendered_.add(stretch_s, *requested, applied.force_on_hand_newton);
   }
   report.applied = {segments_.data(), count};
   if (duration_s > 0.0) report.mean_force_newton = impulse / duration_s;
@@ -40,11 +46,7 @@ DeviceEcho::Report DeviceEcho::take(const DeviceState& state) noexcept {
   const bool is_current = reached == reading || (!previous_ && count == 0);
   report.has_gap = previous_.has_value() && !(is_continued && is_current);
   known_until_ = is_current ? reading : TimePoint::min();
-
-  // the force that acts at t_k is the answer to the previous state, as the device applied it
-  if (requested_newton_ && count > 0) {
-    transparency_.add(*requested_newton_, segments_[count - 1].force_on_hand_newton);
-  }
+  acting_newton_ = state.acting_force_on_hand_newton;
   previous_ = reading;
   return report;
 }

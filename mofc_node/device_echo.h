@@ -14,7 +14,8 @@
 namespace palpate::mofc {
 
 /// Skips what earlier states have reported, checks that the rest continues it, converts it for the
-/// controller, and compares what acted with what was requested. No allocation, no throw.
+/// controller, and compares what acted with what was requested: a request stands from the instant
+/// at which the force changes after the reading that it answers. No allocation, no throw.
 class DeviceEcho {
  public:
   /// What one DeviceState reports.
@@ -31,17 +32,23 @@ class DeviceEcho {
   /// Once per DeviceState, in order; any may be missing.
   [[nodiscard]] Report take(const DeviceState& state) noexcept;
   /// The answer to the last state: what the tissue requested.
-  void answered(const Vector3& requested_newton) noexcept { requested_newton_ = requested_newton; }
+  void answered(const Vector3& requested_newton) noexcept {
+    requested_before_newton_ = requested_newton_;
+    requested_newton_ = requested_newton;
+  }
 
-  [[nodiscard]] const ProjectedTransparency& transparency() const noexcept { return transparency_; }
+  /// Rendered against requested force, of all device sessions.
+  [[nodiscard]] const ForceComparison& rendered() const noexcept { return rendered_; }
 
  private:
   std::array<controllers::AppliedStretch, kMaxAppliedForces> segments_;
   std::optional<TimePoint> previous_;  // reading of the previous state of this session
   /// Reading up to which it is known what acted; TimePoint::min(): nothing may continue it.
   TimePoint known_until_ = TimePoint::min();
-  std::optional<Vector3> requested_newton_;
-  ProjectedTransparency transparency_;
+  std::optional<Vector3> requested_newton_;         // for the previous reading
+  std::optional<Vector3> requested_before_newton_;  // for the one before that
+  Vector3 acting_newton_ = Vector3::Zero();         // at the previous reading
+  ForceComparison rendered_;
 };
 
 }  // namespace palpate::mofc

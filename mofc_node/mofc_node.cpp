@@ -141,8 +141,9 @@ MofcCounters MofcNode::counters() const noexcept {
     counters.physics_term = choice_.term();
     counters.physics_switches = choice_.switches();
   }
-  counters.transparency_sum = echo_.transparency().sum();
-  counters.transparency_samples = echo_.transparency().samples();
+  const ForceComparison::Integrals& rendered = echo_.rendered().integrals();
+  counters.transparency_integral_ns = 1e9 * rendered.transparency_s;
+  counters.transparency_time_ns = static_cast<std::uint64_t>(std::llround(1e9 * rendered.judged_s));
   return counters;
 }
 

@@ -91,9 +91,7 @@ class Plot {
     }
     const MofcCounters& mofc = mirror_.mofc_counters();
     sender_.send(static_cast<std::uint64_t>(sampled_ns + offset_ns_), row.device, row.mofc,
-                 mofc.transparency_samples > 0
-                     ? mofc.transparency_sum / static_cast<double>(mofc.transparency_samples)
-                     : kNaN);
+                 mofc.transparency());
   }
   [[nodiscard]] const std::string& endpoint() const { return sender_.endpoint(); }
 

@@ -52,12 +52,9 @@ void WebFoxglove::publish_telemetry(std::size_t side, std::uint64_t at_ns) {
   if (newest.device == nullptr) return;
   const auto& tick = newest.joined != nullptr ? *newest.joined : *newest.device;
   const MofcCounters& mofc = mirrors_[side].mofc_counters();
-  const double transparency =
-      mofc.transparency_samples > 0
-          ? mofc.transparency_sum / static_cast<double>(mofc.transparency_samples)
-          : kNaN;
-  server_.publish(channel, at_ns,
-                  make_payload(encode_telemetry(at_ns, *tick.device, tick.mofc, transparency)));
+  server_.publish(
+      channel, at_ns,
+      make_payload(encode_telemetry(at_ns, *tick.device, tick.mofc, mofc.transparency())));
 }
 
 void WebFoxglove::publish_tool(std::size_t side, std::uint64_t at_ns) {

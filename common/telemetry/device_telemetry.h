@@ -2,6 +2,7 @@
 // simulated device's true state is in the record: only device_node fills it, only viewers read it.
 #pragma once
 
+#include <array>
 #include <cstdint>
 
 #include "common/core/messages.h"
@@ -48,6 +49,10 @@ enum class FaultReason : std::uint8_t {
 };
 [[nodiscard]] const char* name(FaultReason reason);
 
+/// Forces in one tick: the earlier one to the end of its lease, nothing, and what device_node
+/// switches to, up to three times.
+inline constexpr std::size_t kMaxActedForces = 8;
+
 /// One device tick, the device's part of row k of the CSV.
 struct DeviceTick {
   std::uint64_t sequence = 0;  ///< of the DeviceState; in kFault none is sent
@@ -59,6 +64,11 @@ struct DeviceTick {
   Vector3 measured_tool_position_world_m = Vector3::Zero();
   Quaternion measured_tool_orientation_world = Quaternion::Identity();  ///< W from T; likewise
   Vector3 force_on_hand_newton = Vector3::Zero();  ///< D, acting from switched_at on
+  /// What acted from the instant of the previous record until t_k, in order of time, without gaps:
+  /// each lease that ended is the end of one of them. None in the first record, and in recordings
+  /// of versions that did not keep them.
+  std::array<AppliedForce, kMaxActedForces> acted{};
+  std::uint32_t acted_count = 0;
   GuardState guard = GuardState::kLimp;
   bool is_answered = false;         ///< within this tick's deadline
   bool is_peak_limited = false;     ///< reduced by the device's peak or slew limit

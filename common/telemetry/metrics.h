@@ -1,15 +1,18 @@
 // metrics.h — figures of a run, computed the same way live, in lockstep and in benches.
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdint>
+#include <deque>
 
 #include "common/core/time.h"
 #include "common/core/vector.h"
 
 namespace palpate {
 
-/// Samples below this force are excluded from transparency [N] (docs/theory.md §7.2).
+/// Time in which forces are below this is excluded from transparency [N] (docs/theory.md §7.2).
 inline constexpr double kForceFloorNewton = 0.05;
 
 /// Whether a person can tell the force from the reference: they differ by more than 7 % of it and
@@ -22,14 +25,15 @@ inline constexpr double kForceFloorNewton = 0.05;
 }
 
 /// The paper's transparency, [MOFC] eqs. (15)–(18): with v_o = v_e the ratio of impedances is the
-/// ratio of forces, averaged per axis over samples in contact with |f_e| > 0.05 N.
+/// ratio of forces, per axis its mean over the time with |f_e| > 0.05 N.
 class PaperTransparency {
  public:
-  void add(const Vector3& asked_newton, const Vector3& applied_newton) noexcept {
+  /// The applied force acted for so long.
+  void add(double duration_s, const Vector3& asked_newton, const Vector3& applied_newton) noexcept {
     for (int axis = 0; axis < 3; ++axis) {
       if (std::abs(asked_newton[axis]) > kForceFloorNewton) {
-        sum_[axis] += applied_newton[axis] / asked_newton[axis];
-        ++samples_[static_cast<std::size_t>(axis)];
+        integral_s_[axis] += duration_s * applied_newton[axis] / asked_newton[axis];
+        judged_s_[axis] += duration_s;
       }
     }
   }
@@ -37,45 +41,129 @@ class PaperTransparency {
   [[nodiscard]] Vector3 mean() const noexcept {
     Vector3 mean = Vector3::Constant(kNaN);
     for (int axis = 0; axis < 3; ++axis) {
-      const auto n = samples_[static_cast<std::size_t>(axis)];
-      if (n > 0) mean[axis] = sum_[axis] / static_cast<double>(n);
+      if (judged_s_[axis] > 0.0) mean[axis] = integral_s_[axis] / judged_s_[axis];
     }
     return mean;
   }
 
  private:
-  Vector3 sum_ = Vector3::Zero();
-  std::array<std::uint64_t, 3> samples_{};
+  Vector3 integral_s_ = Vector3::Zero();
+  Vector3 judged_s_ = Vector3::Zero();
 };
 
-/// Projected capped transparency, docs/theory.md §7.2: mean of min(1, max(0, fs·fi/|fi|²)) over
-/// samples with |fi| or |fs| > 0.05 N. Also the rms force error relative to |fi|.
-class ProjectedTransparency {
+/// What a rendered force F was against a reference R over time, docs/theory.md §7.2. All figures
+/// are integrals over the time with |F| or |R| > 0.05 N, so a force counts for as long as it acted
+/// and a hole for as long as it lasted. Sums of comparisons are comparisons of longer times.
+/// No allocation, no throw.
+class ForceComparison {
  public:
-  void add(const Vector3& reference_newton, const Vector3& applied_newton) noexcept {
+  /// The integrals, for the wire and for files: [s], [N²·s], [N·s].
+  struct Integrals {
+    double judged_s = 0.0;        ///< the time that counts
+    double transparency_s = 0.0;  ///< ∫ min(1, max(0, F·R/|R|²)) dt
+    double along_n2s = 0.0;       ///< ∫ F·R dt
+    double reference_n2s = 0.0;   ///< ∫ |R|² dt
+    double error_n2s = 0.0;       ///< ∫ |F − R|² dt
+    double error_ns = 0.0;        ///< ∫ |F − R| dt
+    double beyond_jnd_s = 0.0;    ///< time in which F and R differ by more than the force JND
+  };
+
+  ForceComparison() = default;
+  explicit ForceComparison(const Integrals& integrals) : i_(integrals) {}
+
+  /// Both forces were constant for so long.
+  void add(double duration_s, const Vector3& reference_newton,
+           const Vector3& applied_newton) noexcept {
     const double reference2 = reference_newton.squaredNorm();
     const double floor2 = kForceFloorNewton * kForceFloorNewton;
     if (!(reference2 > floor2 || applied_newton.squaredNorm() > floor2)) return;
-    const double ratio = reference2 > 0 ? applied_newton.dot(reference_newton) / reference2 : 0.0;
-    sum_ += std::min(1.0, std::max(0.0, ratio));
-    error2_ += (applied_newton - reference_newton).squaredNorm();
-    reference2_ += reference2;
-    ++samples_;
+    const double along = applied_newton.dot(reference_newton);
+    const double ratio = reference2 > 0.0 ? along / reference2 : 0.0;
+    const double error2 = (applied_newton - reference_newton).squaredNorm();
+    i_.judged_s += duration_s;
+    i_.transparency_s += duration_s * std::min(1.0, std::max(0.0, ratio));
+    i_.along_n2s += duration_s * along;
+    i_.reference_n2s += duration_s * reference2;
+    i_.error_n2s += duration_s * error2;
+    i_.error_ns += duration_s * std::sqrt(error2);
+    if (is_beyond_force_jnd(reference_newton, applied_newton)) i_.beyond_jnd_s += duration_s;
   }
-  [[nodiscard]] double mean() const noexcept {
-    return samples_ > 0 ? sum_ / static_cast<double>(samples_) : kNaN;
+
+  /// The applied force was constant while the reference went from one value to the other. In equal
+  /// pieces of at most 0.25 ms, each judged at the reference of its middle.
+  void add(double duration_s, const Vector3& reference_at_begin_newton,
+           const Vector3& reference_at_end_newton, const Vector3& applied_newton) noexcept {
+    if (!(duration_s > 0.0)) return;
+    const Vector3 change = reference_at_end_newton - reference_at_begin_newton;
+    const double pieces = change.isZero(0.0) ? 1.0 : std::ceil(duration_s / kLongestPiece_s - 1e-9);
+    for (double piece = 0.5; piece < pieces; piece += 1.0) {
+      add(duration_s / pieces, reference_at_begin_newton + piece / pieces * change, applied_newton);
+    }
   }
+
+  void add(const ForceComparison& other) noexcept {
+    i_.judged_s += other.i_.judged_s;
+    i_.transparency_s += other.i_.transparency_s;
+    i_.along_n2s += other.i_.along_n2s;
+    i_.reference_n2s += other.i_.reference_n2s;
+    i_.error_n2s += other.i_.error_n2s;
+    i_.error_ns += other.i_.error_ns;
+    i_.beyond_jnd_s += other.i_.beyond_jnd_s;
+  }
+
+  /// Projected and capped: mean of min(1, max(0, F·R/|R|²)). Like the others NaN before any time
+  /// counts.
+  [[nodiscard]] double transparency() const noexcept {
+    return quotient(i_.transparency_s, i_.judged_s);
+  }
+  /// ∫ F·R dt / ∫ |R|² dt, not capped: 1 where the force is right, above 1 where it overshoots.
+  [[nodiscard]] double gain() const noexcept { return quotient(i_.along_n2s, i_.reference_n2s); }
+  /// rms of F − R over that of R.
   [[nodiscard]] double rms_error_ratio() const noexcept {
-    return reference2_ > 0 ? std::sqrt(error2_ / reference2_) : kNaN;
+    return std::sqrt(quotient(i_.error_n2s, i_.reference_n2s));
   }
-  [[nodiscard]] double sum() const noexcept { return sum_; }
-  [[nodiscard]] std::uint64_t samples() const noexcept { return samples_; }
+  /// Share of the time in which the two differ by more than the force JND.
+  [[nodiscard]] double beyond_jnd_ratio() const noexcept {
+    return quotient(i_.beyond_jnd_s, i_.judged_s);
+  }
+  [[nodiscard]] const Integrals& integrals() const noexcept { return i_; }
 
  private:
-  double sum_ = 0.0;
-  double error2_ = 0.0;
-  double reference2_ = 0.0;
-  std::uint64_t samples_ = 0;
+  static constexpr double kLongestPiece_s = 0.25e-3;
+  static double quotient(double part, double whole) noexcept {
+    return whole > 0.0 ? part / whole : kNaN;
+  }
+  Integrals i_;
+};
+
+/// The largest mean over a window of at least 20 ms that is made of whole pieces.
+class LargestMean {
+ public:
+  /// @param integral  of the quantity, ≥ 0, over a piece of `duration_s` that follows the last one
+  void add(double duration_s, double integral) {
+    pieces_.push_back({duration_s, integral});
+    duration_s_ += duration_s;
+    integral_ += integral;
+    while (duration_s_ - pieces_.front().duration_s >= kWindow_s) {
+      duration_s_ -= pieces_.front().duration_s;
+      integral_ -= pieces_.front().integral;
+      pieces_.pop_front();
+    }
+    if (duration_s_ >= kWindow_s) largest_ = std::fmax(largest_, integral_ / duration_s_);
+  }
+  /// NaN before the first window is full.
+  [[nodiscard]] double value() const noexcept { return largest_; }
+
+ private:
+  static constexpr double kWindow_s = 20e-3 - 1e-9;
+  struct Piece {
+    double duration_s;
+    double integral;
+  };
+  std::deque<Piece> pieces_;
+  double duration_s_ = 0.0;
+  double integral_ = 0.0;
+  double largest_ = kNaN;
 };
 
 /// Direction changes of a motion, per axis, that are larger than 0.5 mm (docs/theory.md §7.4): a

@@ -49,15 +49,23 @@ struct MofcCounters {
   std::uint64_t ledger_resets = 0;       ///< new device session, or a gap in the echo
   std::uint64_t motions_dropped = 0;     ///< tool_motion refused by the link
   std::uint64_t motions_suppressed = 0;  ///< not sent: within mofc.motion_deadband
-  /// Running sums for the transparency of the session so far, over samples requested > 0.05 N:
-  /// projected and capped (docs/theory.md §7.2), from the force that the device applied.
-  double transparency_sum = 0.0;
-  std::uint64_t transparency_samples = 0;
+  /// For the transparency of the session so far, projected and capped (docs/theory.md §7.2): its
+  /// integral over the time in which a force was requested or acted, and that time. Transparency is
+  /// their quotient.
+  double transparency_integral_ns = 0.0;
+  std::uint64_t transparency_time_ns = 0;
   // with physics.standby; else 0
   LinkCounters standby_interaction = {};
   std::uint64_t physics_term = 0;      ///< odd: the standby speaks
   std::uint64_t standby_ticks = 0;     ///< answered from the standby
   std::uint64_t physics_switches = 0;  ///< of this side, between the two
+
+  /// Of the session so far; NaN while there was no force.
+  [[nodiscard]] double transparency() const noexcept {
+    return transparency_time_ns > 0
+               ? transparency_integral_ns / static_cast<double>(transparency_time_ns)
+               : kNaN;
+  }
 };
 
 }  // namespace palpate

@@ -9,32 +9,60 @@
 #include "common/telemetry/verdict.h"
 
 namespace palpate {
+namespace {
+
+/// Not finite where one of the two is unknown.
+Vector3 deviation_m(const TickRow& row, const IdealState& ideal) {
+  return row.device.true_tool_position_world_m - ideal.tool_position_world_m;
+}
+
+/// A force that is linear between two ticks.
+struct Line {
+  TimePoint from;
+  TimePoint until;
+  const Vector3& from_newton;
+  const Vector3& until_newton;
+
+  [[nodiscard]] Vector3 at(TimePoint time) const {
+    const double share = to_seconds(time - from) / to_seconds(until - from);
+    return from_newton + share * (until_newton - from_newton);
+  }
+};
+
+/// What acted before a tick against that reference; nothing where it is unknown.
+ForceComparison against(const Line& reference, const LastSwitch& before, const DeviceTick& tick) {
+  ForceComparison comparison;
+  if (!reference.from_newton.allFinite() || !reference.until_newton.allFinite()) return comparison;
+  for_each_acted(before, tick, [&](TimePoint from, TimePoint until, const Vector3& acted) {
+    comparison.add(to_seconds(until - from), reference.at(from), reference.at(until), acted);
+  });
+  return comparison;
+}
+
+}  // namespace
 
 void RunStatistics::add(const TickRow& row, const IdealState& ideal) {
   const DeviceTick& device = row.device;
   const Vector3& fs = device.force_on_hand_newton;
   ++ticks_;
 
-  // requested and rendered force
+  // over the time since the previous row
+  if (previous_ && previous_->device_session_id != row.device_session_id) requests_.interrupt();
+  if (previous_ && (previous_->device_session_id != row.device_session_id ||
+                    previous_->sequence + 1 != device.sequence)) {
+    previous_.reset();
+  }
+  requests_.add(device, row.mofc);
+  compare(row, ideal);
+
+  // this tick
   if (row.mofc) {
-    const Vector3& fe = row.mofc->asked_force_on_hand_newton;
-    transparency_.add(fe, fs);
-    rendered_.add(fe, fs);
-    if (!fe.isZero(0.0)) ++asked_ticks_;
+    if (!row.mofc->asked_force_on_hand_newton.isZero(0.0)) ++asked_ticks_;
     if (row.mofc->is_clamped) ++clamped_ticks_;
   }
   const bool is_in_contact =
       row.is_truly_in_contact.value_or(row.mofc.has_value() && row.mofc->is_in_contact);
   if (is_in_contact) ++contact_ticks_;
-
-  // ideal and rendered force
-  if (row.ideal_force_on_hand_newton.allFinite()) {
-    const Vector3& fi = row.ideal_force_on_hand_newton;
-    true_to_ideal_.add(fi, fs);
-    if (is_beyond_force_jnd(fi, fs)) ++beyond_jnd_;
-  }
-  if (ideal.force_on_hand_newton.allFinite())
-    true_to_ideal_run_.add(ideal.force_on_hand_newton, fs);
 
   // safety
   maximum_force_newton_ = std::max(maximum_force_newton_, fs.norm());
@@ -49,14 +77,49 @@ void RunStatistics::add(const TickRow& row, const IdealState& ideal) {
         std::max(top_tool_speed_m_per_s_, device.true_tool_velocity_world_m_per_s.norm());
     reversals_.add(device.true_tool_position_world_m);
     if (ideal.tool_position_world_m.allFinite()) {
-      ++deviation_samples_;
       ideal_reversals_.add(ideal.tool_position_world_m);
-      const double deviation2 =
-          (device.true_tool_position_world_m - ideal.tool_position_world_m).squaredNorm();
-      deviation2_m2_ += deviation2;
-      deviation_peak_m_ = std::max(deviation_peak_m_, std::sqrt(deviation2));
+      deviation_peak_m_ = std::fmax(deviation_peak_m_, deviation_m(row, ideal).norm());
     }
   }
+  previous_ = {.device_session_id = row.device_session_id,
+               .sequence = device.sequence,
+               .sampled_at = device.sampled_at,
+               .last_switch = {.at = device.switched_at, .force_newton = fs},
+               .ideal_newton = row.ideal_force_on_hand_newton,
+               .ideal_run_newton = ideal.force_on_hand_newton,
+               .deviation_m = deviation_m(row, ideal)};
+}
+
+/// What acted since the previous row, and the path.
+void RunStatistics::compare(const TickRow& row, const IdealState& ideal) {
+  const DeviceTick& tick = row.device;
+  const double elapsed_s = previous_ ? to_seconds(tick.sampled_at - previous_->sampled_at) : 0.0;
+  const auto against_line = [&](const Vector3& before_newton, const Vector3& newton) {
+    return against({previous_->sampled_at, tick.sampled_at, before_newton, newton},
+                   previous_->last_switch, tick);
+  };
+
+  // against the ideal force: as the run compared them, or linear between both rows
+  if (row.to_ideal) {
+    add_to_ideal(*row.to_ideal, elapsed_s);
+  } else if (elapsed_s > 0.0) {
+    add_to_ideal(against_line(previous_->ideal_newton, row.ideal_force_on_hand_newton), elapsed_s);
+  }
+  if (!(elapsed_s > 0.0)) return;
+  to_ideal_run_.add(against_line(previous_->ideal_run_newton, ideal.force_on_hand_newton));
+
+  // ∫ |d|² dt of a deviation that is linear in time
+  const Vector3& d0 = previous_->deviation_m;
+  const Vector3 d1 = deviation_m(row, ideal);
+  if (d0.allFinite() && d1.allFinite()) {
+    deviation_s_ += elapsed_s;
+    deviation2_m2s_ += elapsed_s * (d0.squaredNorm() + d0.dot(d1) + d1.squaredNorm()) / 3.0;
+  }
+}
+
+void RunStatistics::add_to_ideal(const ForceComparison& comparison, double elapsed_s) {
+  to_ideal_.add(comparison);
+  if (elapsed_s > 0.0) largest_error_.add(elapsed_s, comparison.integrals().error_ns);
 }
 
 void RunStatistics::add_fallback(const DeviceTick& tick) {
@@ -77,21 +140,11 @@ std::uint64_t RunStatistics::excess_reversals() const {
   return own > ideal ? own - ideal : 0;
 }
 
-double RunStatistics::beyond_jnd_ratio() const {
-  return true_to_ideal_.samples() > 0
-             ? static_cast<double>(beyond_jnd_) / static_cast<double>(true_to_ideal_.samples())
-             : kNaN;
-}
-
 double RunStatistics::path_deviation_rms_m() const {
-  return deviation_samples_ > 0
-             ? std::sqrt(deviation2_m2_ / static_cast<double>(deviation_samples_))
-             : kNaN;
+  return deviation_s_ > 0.0 ? std::sqrt(deviation2_m2s_ / deviation_s_) : kNaN;
 }
 
-double RunStatistics::path_deviation_peak_m() const {
-  return deviation_samples_ > 0 ? deviation_peak_m_ : kNaN;
-}
+double RunStatistics::path_deviation_peak_m() const { return deviation_peak_m_; }
 
 double RunStatistics::clamp_ratio() const {
   return asked_ticks_ > 0 ? static_cast<double>(clamped_ticks_) / static_cast<double>(asked_ticks_)
@@ -112,12 +165,12 @@ nlohmann::ordered_json number_or_null(double value) {
 
 nlohmann::ordered_json summary_json(const Session& session, const RunReport& report) {
   const RunStatistics& s = report.statistics;
-  const bool has_ideal = std::isfinite(s.path_deviation_rms_m());
+  const bool has_ideal = std::isfinite(s.path_deviation_peak_m());
   const auto reversals = s.reversals();
   const auto ideal = s.ideal_reversals();
   const Vector3 transparency = s.transparency();
   nlohmann::ordered_json json;
-  json["schema_version"] = 1;
+  json["schema_version"] = kSummarySchemaVersion;
   json["session"] = session.name;
   json["controller"] = controller_text(session.side().mofc);
   json["seed"] = session.seed;
@@ -129,7 +182,9 @@ nlohmann::ordered_json summary_json(const Session& session, const RunReport& rep
                           {"z", number_or_null(transparency.z())},
                           {"vector", number_or_null(s.vector_transparency())},
                           {"ideal", number_or_null(s.ideal_transparency())}};
+  json["gain"] = number_or_null(s.gain());
   json["force_error_rms_ratio"] = number_or_null(s.force_error_rms_ratio());
+  json["largest_force_error_20ms_n"] = number_or_null(s.largest_force_error_newton());
   json["ideal_run_force_error_rms_ratio"] = number_or_null(s.ideal_run_force_error_rms_ratio());
   json["beyond_jnd_ratio"] = number_or_null(s.beyond_jnd_ratio());
   json["min_true_energy_j"] = number_or_null(s.minimum_true_energy_joule());
@@ -198,7 +253,7 @@ std::string summary_text(const Session& session, const RunReport& report) {
   const Vector3 transparency = s.transparency();
   const auto reversals = s.reversals();
   const auto total = reversals[0] + reversals[1] + reversals[2];
-  const bool has_ideal = std::isfinite(s.path_deviation_rms_m());
+  const bool has_ideal = std::isfinite(s.path_deviation_peak_m());
   std::string text;
   const auto line = [&](const char* label, const std::string& value) {
     text += fmt::format("  {:<24}{}\n", label, value);
@@ -213,9 +268,12 @@ std::string summary_text(const Session& session, const RunReport& report) {
   line("transparency, vector",
        figure(s.vector_transparency(), "{:.3f}") + " (rendered / requested), " +
            figure(s.ideal_transparency(), "{:.3f}") + " (rendered / ideal)");
+  line("gain", figure(s.gain(), "{:.3f}") + " (rendered / ideal, projected, not capped)");
   line("force error, rms", figure(s.force_error_rms_ratio(), "{:.3f}") + " of the ideal force; " +
                                figure(100.0 * s.beyond_jnd_ratio(), "{:.1f} %") +
-                               " of the samples beyond the force JND");
+                               " of the time beyond the force JND");
+  line("force error, 20 ms",
+       figure(s.largest_force_error_newton(), "{:.3f} N") + ", the largest mean over 20 ms");
   line("clamped", figure(100.0 * s.clamp_ratio(), "{:.1f} %") + " of the ticks with a force");
   line("largest force",
        figure(s.maximum_force_newton(), "{:.3f} N") +

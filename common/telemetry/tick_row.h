@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "common/core/vector.h"
+#include "common/telemetry/metrics.h"
 #include "common/telemetry/telemetry.h"
 
 namespace palpate {
@@ -16,6 +17,10 @@ struct TickRow {
   std::optional<MofcTick> mofc{};  ///< the answer to it; none: never sent, or lost
   /// Force of the continuous tissue at the true position and velocity (lockstep only), D; else NaN.
   Vector3 ideal_force_on_hand_newton = Vector3::Constant(kNaN);
+  /// Of what acted since the previous row with that force, at the inner steps of the device
+  /// (lockstep only). Otherwise what acted is compared with the ideal force of both rows, linear
+  /// between them.
+  std::optional<ForceComparison> to_ideal{};
   /// From the true geometry, where known; otherwise the contact flag of `mofc` applies.
   std::optional<bool> is_truly_in_contact{};
 };

@@ -1,10 +1,14 @@
 // ideal.h — the ideal force and the ideal run that a lockstep run is compared with.
 #pragma once
 
+#include <optional>
+#include <vector>
+
 #include "common/core/workspace_map.h"
 #include "common/session/session.h"
 #include "common/telemetry/tick_row.h"
 #include "device_node/simulation/ideal_run.h"
+#include "device_node/simulation/simulated_device.h"
 #include "physics_node/elastic_tissue/elastic_reference.h"
 #include "physics_node/scene/scene.h"
 
@@ -19,12 +23,25 @@ class Ideal {
   Ideal(const Ideal&) = delete;  // its run refers to it
   Ideal& operator=(const Ideal&) = delete;
 
-  /// Sets the ideal force and the true contact of a row.
-  void judge(TickRow& row);
+  /// Sets the ideal force and the true contact of a row, and what acted since the previous one
+  /// against the ideal force at each inner step: the mean of both ends of the step.
+  /// @param steps  of the device of this run since its start; those until the reading of the row
+  /// are
+  ///               taken out. May be empty: without them the row has no comparison
+  void judge(TickRow& row, std::vector<device::InnerStep>& steps);
   /// State of the ideal run at the time of this tick.
   [[nodiscard]] IdealState advance(const DeviceTick& tick);
 
  private:
+  struct At {
+    double time_s;
+    Vector3 tool_m;
+    Vector3 tool_m_per_s;
+    bool is_clutched;
+    bool is_row = false;
+  };
+  /// Force on the hand of the tissue under the run's own tool, limited to the peak.
+  [[nodiscard]] Vector3 own_newton(const At& at, bool& is_in_contact);
   /// 0 while clutched.
   [[nodiscard]] Vector3 force_on_hand(bool is_clutched, const Vector3& force_on_tool) const;
   void step_run(double time_s, const Vector3& hand_m);
@@ -33,8 +50,11 @@ class Ideal {
   physics::ElasticReference elastic_;      // under the run's own tool
   physics::ElasticReference run_elastic_;  // under that of the ideal run
   DeviceConfig device_;
-  double peak_force_newton_;      // the smaller of the session's and the device's own
-  physics::TissueMemory memory_;  // of the run's own tool
+  double peak_force_newton_;             // the smaller of the session's and the device's own
+  physics::TissueMemory memory_;         // of the run's own tool
+  WorkspaceMap map_;                     // as of its last row
+  std::optional<Vector3> ideal_newton_;  // at the last inner step
+  std::optional<double> stepped_s_;      // when the memory was brought up to date
   WorkspaceMap run_map_;
   physics::TissueMemory run_memory_;
   device::IdealRun run_;

@@ -225,7 +225,11 @@ class LockstepSide {
     device_node_.report_checked_friction(friction_ratio_);
     // nobody stands at a device on virtual time: who builds one that is not simulated agrees
     if (!device_->specification().is_simulated) device_node_.acknowledge();
-    if (options.has_ideal) ideal_.emplace(session_, side_);
+    if (options.has_ideal) {
+      ideal_.emplace(session_, side_);
+      auto* const simulated = dynamic_cast<device::SimulatedDevice*>(device_.get());
+      if (simulated != nullptr) simulated->record_steps(&steps_);
+    }
     schedule_device();
   }
 
@@ -306,7 +310,7 @@ class LockstepSide {
     }
     IdealState ideal;
     if (ideal_) {
-      ideal_->judge(row);
+      ideal_->judge(row, steps_);
       ideal = ideal_->advance(row.device);
     }
     device_tick_.last.reset();
@@ -325,6 +329,7 @@ class LockstepSide {
   PhysicsHost& host_;
   std::unique_ptr<Links> links_;
   std::unique_ptr<Links> standby_links_;  // hops 2 and 3 are used
+  std::vector<device::InnerStep> steps_;  // not yet judged
   std::unique_ptr<device::HapticDevice> device_;
   PreemptedDevice preempted_device_;
   device::TrueStateRecorder true_state_;

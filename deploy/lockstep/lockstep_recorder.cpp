@@ -53,7 +53,8 @@ class LockstepRecorder::Impl final : public Sender<SceneState>, public Sender<Me
     if (row.ideal_force_on_hand_newton.allFinite()) {
       ideal_.records.push_back({.sampled_at = now,
                                 .force_on_hand_newton = row.ideal_force_on_hand_newton,
-                                .is_in_contact = row.is_truly_in_contact.value_or(false)});
+                                .is_in_contact = row.is_truly_in_contact.value_or(false),
+                                .comparison = row.to_ideal});
     }
     if (now < next_at_) return;
     next_at_ = now + kPublishInterval;

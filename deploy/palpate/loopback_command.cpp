@@ -106,7 +106,7 @@ struct LoopbackCommand {
         watched(loaded, options, verbosity, [&] { return run_all_sides(loaded, options); });
     say_if_stopped(reports.front(), seconds.value_or(loaded.duration_s));
     nlohmann::ordered_json all;
-    all["schema_version"] = 1;
+    all["schema_version"] = kSummarySchemaVersion;
     all["session"] = loaded.name;
     for (std::size_t i = 0; i < reports.size(); ++i) {
       const std::string& name = loaded.sides[i].name;

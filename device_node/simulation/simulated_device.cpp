@@ -64,10 +64,9 @@ void SimulatedDevice::catch_up() noexcept {
   while (goals_ != nullptr && goals_->pop(goal_m)) hand_.lead_to(goal_m);
 
   // the motor-side watchdog: the force ends with its lease, whenever this code next runs
-  if (lease_end_ <= now) {
+  if (lease_end_ <= now && !force_on_hand_newton_.isZero(0.0)) {
     integrate_until(lease_end_);
-    const bool has_force = !force_on_hand_newton_.isZero(0.0);
-    if (has_force && specification_.has_position_latch) latched_ = sample();
+    if (specification_.has_position_latch) latched_ = sample();
     force_on_hand_newton_.setZero();
   }
   integrate_until(now);
@@ -77,10 +76,22 @@ void SimulatedDevice::integrate_until(TimePoint until) noexcept {
   if (until <= integrated_until_) return;
   // copies, so that their values stay in registers
   Plant plant = plant_;
-  const auto follow = [&, force = force_on_hand_newton_](auto target_at) {
-    in_equal_steps(
-        start_, integrated_until_, until, config_.inner_step,
-        [&](double middle_s, double h_s) { plant.step(h_s, target_at(middle_s), force); });
+  const auto integrate = [&, force = force_on_hand_newton_](auto target_at, auto done) {
+    in_equal_steps(start_, integrated_until_, until, config_.inner_step,
+                   [&](double middle_s, double h_s) {
+                     plant.step(h_s, target_at(middle_s), force);
+                     done(middle_s, h_s);
+                   });
+  };
+  const auto follow = [&](auto target_at) {
+    if (steps_ == nullptr) return integrate(target_at, [](double, double) {});
+    integrate(target_at, [&](double middle_s, double h_s) {
+      steps_->push_back({.until_s = middle_s + 0.5 * h_s,
+                         .duration_s = h_s,
+                         .hand_position_m = plant.state().hand_position_m,
+                         .hand_velocity_m_per_s = plant.state().hand_velocity_m_per_s,
+                         .force_on_hand_newton = force_on_hand_newton_});
+    });
   };
   if (HostileHand* const hostile = hand_.hostile(force_on_hand_newton_); hostile != nullptr) {
     follow([hostile](double t_s) { return hostile->target(t_s); });

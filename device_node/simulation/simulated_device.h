@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <vector>
 
 #include "common/core/clock.h"
 #include "common/core/spsc_ring.h"
@@ -17,6 +18,15 @@ namespace palpate::device {
 
 /// From the thread that receives a pointer's targets to the tick thread.
 using HandGoals = SpscRing<Vector3>;
+
+/// One inner step of the integration, as it ended.
+struct InnerStep {
+  double until_s = 0.0;  ///< since the start
+  double duration_s = 0.0;
+  Vector3 hand_position_m = Vector3::Zero();        ///< D
+  Vector3 hand_velocity_m_per_s = Vector3::Zero();  ///< D
+  Vector3 force_on_hand_newton = Vector3::Zero();   ///< D, acted in this step
+};
 
 /// Integrates up to clock.now() whenever it is read, written or released, in equal inner steps of
 /// at most `inner_step`; so it runs on virtual time and in real time. After the process was
@@ -44,6 +54,11 @@ class SimulatedDevice final : public HapticDevice, public MotorForceSource, publ
   [[nodiscard]] bool release() noexcept override;
   [[nodiscard]] TrueState true_state() const noexcept override { return plant_.state(); }
 
+  /// From now on appends every inner step to `steps`, which allocates: for lockstep and
+  /// recomputing.
+  /// @param steps  null: no longer; must outlive the device otherwise
+  void record_steps(std::vector<InnerStep>* steps) noexcept { steps_ = steps; }
+
   [[nodiscard]] Vector3 motor_force_on_hand_newton() const noexcept override {
     return force_on_hand_newton_;
   }
@@ -64,6 +79,7 @@ class SimulatedDevice final : public HapticDevice, public MotorForceSource, publ
   Vector3 force_on_hand_newton_ = Vector3::Zero();
   TimePoint lease_end_;
   std::optional<DeviceSample> latched_;  // as the watchdog ended the last force
+  std::vector<InnerStep>* steps_ = nullptr;
 };
 
 }  // namespace palpate::device

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <csignal>
 #include <cstdio>
 #include <functional>
@@ -10,6 +11,7 @@
 #include <string>
 #include <vector>
 
+#include "common/telemetry/summary.h"
 #include "tests/fault/pressing_session.h"
 #include "tests/support/machine/machine.h"
 #include "tests/support/run_folder.h"
@@ -41,17 +43,16 @@ struct Felt {
 
 /// T over the rows from a time on, against the law of the tissue at the true position.
 double transparency_over(const std::vector<TickRow>& rows, TimePoint from) {
-  double sum = 0.0;
-  int count = 0;
-  for (const TickRow& row : rows) {
+  RunStatistics statistics;
+  for (TickRow row : rows) {
     if (row.device.sampled_at < from || row.device.sampled_at >= from + kOverTheFault) continue;
-    const double ideal_newton =
-        kPressedTissueNewtonPerM * std::max(0.0, -row.device.true_tool_position_world_m.z());
-    if (ideal_newton <= 0.05) continue;
-    sum += std::clamp(row.device.force_on_hand_newton.z() / ideal_newton, 0.0, 1.0);
-    ++count;
+    row.ideal_force_on_hand_newton =
+        kPressedTissueNewtonPerM *
+        Vector3(0.0, 0.0, std::max(0.0, -row.device.true_tool_position_world_m.z()));
+    statistics.add(row, {});
   }
-  return count > 0 ? sum / count : 0.0;
+  const double transparency = statistics.ideal_transparency();
+  return std::isfinite(transparency) ? transparency : 0.0;
 }
 
 class Takeover : public testing::TestWithParam<FaultOfPhysics> {

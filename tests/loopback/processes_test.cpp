@@ -679,9 +679,10 @@ TEST_F(Processes, LoopbackWritesTheDocumentedTable) {
   EXPECT_EQ(lines.front(),
             "t_s,x_m,y_m,z_m,xm_m,ym_m,zm_m,fe_x,fe_y,fe_z,fs_x,fs_y,fs_z,fi_x,fi_y,fi_z,"
             "f_max_x,f_max_y,f_max_z,energy_j,true_energy_j,force_age_s,"
-            "in_contact,clamped,fallback,peak_limited");
+            "in_contact,clamped,fallback,peak_limited,"
+            "judged_s,transparency_s,along_n2s,ideal_n2s,error_n2s,error_ns,beyond_jnd_s");
   for (const std::string& line : lines) {
-    EXPECT_EQ(std::count(line.begin(), line.end(), ','), 25);
+    EXPECT_EQ(std::count(line.begin(), line.end(), ','), 32);
   }
 }
 
@@ -692,9 +693,9 @@ TEST_F(Processes, LoopbackWritesTheDocumentedFigures) {
   ASSERT_EQ(loopback.status, 0) << loopback.err;
   const json run = json::parse(text_of(file("run.json")));
   for (const char* key :
-       {"schema_version", "ticks", "in_contact_ticks", "transparency", "force_error_rms_ratio",
-        "min_true_energy_j", "max_force_n", "velocity_reversals", "clamp_ratio", "fallbacks",
-        "wall_s", "ticks_per_wall_s"}) {
+       {"schema_version", "ticks", "in_contact_ticks", "transparency", "gain",
+        "force_error_rms_ratio", "min_true_energy_j", "max_force_n", "velocity_reversals",
+        "clamp_ratio", "fallbacks", "wall_s", "ticks_per_wall_s"}) {
     EXPECT_TRUE(run.contains(key)) << key;
   }
   for (const char* key : {"x", "y", "z", "vector"}) {

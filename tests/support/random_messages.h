@@ -185,6 +185,19 @@ inline void randomise(DeviceTick& r, Random& random) {
   r.measured_tool_position_world_m = random_vector(random, 1.0);
   r.measured_tool_orientation_world = random_orientation(random);
   r.force_on_hand_newton = random_vector(random, 10.0);
+  r.acted_count = static_cast<std::uint32_t>(random.below(kMaxActedForces + 1));
+  TimePoint from = random_time(random);
+  for (std::uint32_t i = 0; i < r.acted_count; ++i) {
+    r.acted[i] = {.force_on_hand_newton = random_vector(random, 10.0),
+                  .from = from,
+                  .until = random_time(random),
+                  .has_position_at_end = random.chance(0.5)};
+    if (r.acted[i].has_position_at_end) {
+      r.acted[i].hand_position_at_end_m =
+          random.chance(0.5) ? r.measured_hand_position_m : random_vector(random, 1.0);
+    }
+    from = r.acted[i].until;
+  }
   r.guard = static_cast<GuardState>(random.below(6));
   r.is_answered = random.chance(0.5);
   r.is_peak_limited = random.chance(0.5);
@@ -268,8 +281,8 @@ inline void randomise(MofcCounters& c, Random& random) {
   c.ledger_resets = random.bits();
   c.motions_dropped = random.bits();
   c.motions_suppressed = random.bits();
-  c.transparency_sum = random.uniform(0.0, 1e6);
-  c.transparency_samples = random.bits();
+  c.transparency_integral_ns = random.uniform(0.0, 1e6);
+  c.transparency_time_ns = random.bits();
   c.standby_interaction = random_link_counters(random);
   c.physics_term = random.bits();
   c.standby_ticks = random.bits();
@@ -607,7 +620,11 @@ inline bool same(const Interaction& a, const Interaction& b) {
                     [](const auto& x, const auto& y) { return same(x, y); });
 }
 inline bool same(const DeviceTick& a, const DeviceTick& b) {
-  return a.sequence == b.sequence && a.sampled_at == b.sampled_at &&
+  const bool has_same_acted =
+      a.acted_count == b.acted_count &&
+      std::equal(a.acted.begin(), a.acted.begin() + a.acted_count, b.acted.begin(),
+                 [](const AppliedForce& x, const AppliedForce& y) { return same(x, y); });
+  return has_same_acted && a.sequence == b.sequence && a.sampled_at == b.sampled_at &&
          a.switched_at == b.switched_at && a.lateness == b.lateness &&
          a.reply_time == b.reply_time &&
          same(a.measured_hand_position_m, b.measured_hand_position_m) &&
@@ -665,8 +682,8 @@ inline bool same(const MofcCounters& a, const MofcCounters& b) {
          a.stale_ticks == b.stale_ticks && a.late_physics_ticks == b.late_physics_ticks &&
          a.ledger_resets == b.ledger_resets && a.motions_dropped == b.motions_dropped &&
          a.motions_suppressed == b.motions_suppressed &&
-         same(a.transparency_sum, b.transparency_sum) &&
-         a.transparency_samples == b.transparency_samples &&
+         same(a.transparency_integral_ns, b.transparency_integral_ns) &&
+         a.transparency_time_ns == b.transparency_time_ns &&
          same(a.standby_interaction, b.standby_interaction) && a.physics_term == b.physics_term &&
          a.standby_ticks == b.standby_ticks && a.physics_switches == b.physics_switches;
 }

@@ -200,10 +200,8 @@ void add_mofc(Page& page, const MofcCounters& c) {
   page.counter("mofc_motions_suppressed", "Motions within the deadband, not sent.",
                {{"", c.motions_suppressed}});
   page.gauge("mofc_transparency_ratio",
-             "Mean ratio of rendered to requested force, projected and capped.", "",
-             c.transparency_samples > 0
-                 ? c.transparency_sum / static_cast<double>(c.transparency_samples)
-                 : kNaN);
+             "Mean over time of the ratio of rendered to requested force, projected and capped.",
+             "", c.transparency());
 }
 
 void add_physics(Page& page, const PhysicsCounters& c) {

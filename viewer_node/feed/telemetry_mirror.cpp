@@ -4,8 +4,8 @@
 #include <cmath>
 #include <vector>
 
-#include "common/telemetry/metrics.h"
 #include "common/telemetry/quantile.h"
+#include "common/telemetry/request_comparison.h"
 
 namespace palpate::viewer {
 namespace {
@@ -178,7 +178,7 @@ TelemetryFigures TelemetryMirror::figures() const {
   std::vector<Duration> reply_time;
   std::vector<Duration> force_age;
   std::uint64_t clamped = 0;
-  ProjectedTransparency transparency;
+  RequestComparison requests;
 
   // one pass over the window, oldest first, so that the newest value is what stays
   for (const auto& [sequence, tick] : ticks_) {
@@ -208,12 +208,12 @@ TelemetryFigures TelemetryMirror::figures() const {
       figures.mofc_state = mofc.state;
       figures.is_in_contact = mofc.is_in_contact;
     }
+    if (tick.device) requests.add(*tick.device, tick.mofc);
     if (tick.device && tick.mofc) {
       const Vector3& asked_newton = tick.mofc->asked_force_on_hand_newton;
       const Vector3& applied_newton = tick.device->force_on_hand_newton;
       figures.asked_newton = asked_newton.norm();
       figures.applied_newton = applied_newton.norm();
-      transparency.add(asked_newton, applied_newton);
     }
   }
 
@@ -227,8 +227,8 @@ TelemetryFigures TelemetryMirror::figures() const {
   figures.reply_time_p50 = quantile(reply_time, 0.5);
   figures.reply_time_p99 = quantile(reply_time, 0.99);
   figures.clamped_ratio = ratio(clamped, figures.mofc_ticks);
-  figures.transparency = transparency.mean();
-  figures.force_error_rms_ratio = transparency.rms_error_ratio();
+  figures.transparency = requests.rendered().transparency();
+  figures.force_error_rms_ratio = requests.rendered().rms_error_ratio();
   figures.force_age_p50 = quantile(force_age, 0.5);
   figures.force_age_max = maximum(force_age);
 

@@ -128,12 +128,8 @@ class FoxgloveExport {
     if (!log_time_ns) return;
     const std::uint64_t at_ns = *log_time_ns;
     const MofcCounters& mofc = side.mirror.mofc_counters();
-    const double transparency =
-        mofc.transparency_samples > 0
-            ? mofc.transparency_sum / static_cast<double>(mofc.transparency_samples)
-            : kNaN;
     put(side.first_channel + kTelemetry, at_ns,
-        encode_telemetry(at_ns, row.device, row.mofc, transparency));
+        encode_telemetry(at_ns, row.device, row.mofc, mofc.transparency()));
     if (at_ns < side.next_tool_ns) return;
     side.next_tool_ns = at_ns + kToolInterval_ns;
     static const SceneState kUnknownScene;

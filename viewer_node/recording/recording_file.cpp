@@ -3,12 +3,14 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <cmath>
+#include <filesystem>
 #include <optional>
 #include <string_view>
 #include <utility>
 #include <vector>
 
 #include "common/core/check.h"
+#include "common/session/session_file.h"
 #include "viewer_node/feed/telemetry_mirror.h"
 #include "viewer_node/recording/recording.h"
 
@@ -146,6 +148,7 @@ void RecordingFile::complete(TickRow& row) const {
   if (ideal == ideal_.end()) return;
   row.ideal_force_on_hand_newton = ideal->second.force_on_hand_newton;
   row.is_truly_in_contact = ideal->second.is_in_contact;
+  row.to_ideal = ideal->second.comparison;
 }
 
 std::optional<std::uint64_t> RecordingFile::log_time_of(std::uint64_t device_session_id,
@@ -214,6 +217,12 @@ void for_each_row(RecordingFile& recording, const std::function<void(const TickR
         item->message);
   }
   mirror.flush_rows();
+}
+
+Session recorded_session(const RecordingFile& recording,
+                         const std::vector<std::string>& overrides) {
+  return parse_session(recording.about("session"), recording.mcap().path(), overrides,
+                       std::filesystem::absolute(recording.about("session_file")).parent_path());
 }
 
 namespace {

@@ -91,6 +91,11 @@ class RecordingFile {
 /// Calls `on_row` for every device tick of a recording, in order, with mofc's half if recorded.
 void for_each_row(RecordingFile& recording, const std::function<void(const TickRow&)>& on_row);
 
+/// The session that was recorded, with its overrides and these. Throws SetupError: a file that it
+/// names is not where it was.
+[[nodiscard]] Session recorded_session(const RecordingFile& recording,
+                                       const std::vector<std::string>& overrides = {});
+
 /// The intended path of the recorded hand, D, every 10 ms from its first tick on. `hand` is a mass
 /// m with a spring k and a damper b to the intended point xᵢ; the path is the one that makes it
 /// move along the measured x under the device's force F:

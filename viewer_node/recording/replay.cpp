@@ -57,10 +57,8 @@ Session session_of(const ReplayOptions& options, const RecordingFile& recording)
   if (!options.session_file.empty()) {
     return load_session(options.session_file, options.overrides);
   }
-  const std::string file = recording.about("session_file");
   try {
-    return parse_session(recording.about("session"), options.file, options.overrides,
-                         std::filesystem::absolute(file).parent_path());
+    return recorded_session(recording, options.overrides);
   } catch (const SetupError& error) {
     throw SetupError(std::string(error.what()) +
                      "\nthe recorded session cannot be loaded here; give one with --session");

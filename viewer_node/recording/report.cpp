@@ -72,8 +72,12 @@ std::string table(const Run& run) {
        figure(s.vector_transparency(), "{:.3f}") + " (rendered / requested, projected)");
   line("ideal force",
        std::isfinite(s.ideal_transparency())
-           ? figure(s.ideal_transparency(), "{:.3f}") + " (rendered / ideal, projected), error " +
-                 figure(100.0 * s.force_error_rms_ratio(), "{:.1f} %") + " rms"
+           ? figure(s.ideal_transparency(), "{:.3f}") +
+                 " (rendered / ideal, projected, capped), gain " + figure(s.gain(), "{:.3f}") +
+                 ", error " + figure(100.0 * s.force_error_rms_ratio(), "{:.1f} %") + " rms, " +
+                 figure(s.largest_force_error_newton(), "{:.3f} N") + " over 20 ms; " +
+                 figure(100.0 * s.beyond_jnd_ratio(), "{:.1f} %") +
+                 " of the time beyond the force JND"
            : "not recorded; palpate loopback SESSION --hand RECORDING --record NEW records one");
   line("velocity reversals",
        fmt::format("{}, {}, {} (x, y, z)", reversals[0], reversals[1], reversals[2]));

@@ -33,7 +33,8 @@ struct Columns {
   std::vector<double> asked_norm_newton, applied_norm_newton, ideal_norm_newton, f_max_newton;
   std::vector<double> ledger_millijoule, true_millijoule, transparency;
   std::vector<double> reply_us, lateness_us, force_age_us;
-  ProjectedTransparency so_far;
+  RequestComparison so_far;
+  std::optional<std::uint64_t> session_id;
   std::optional<TimePoint> begin;
 
   void add(const TickRow& row);
@@ -58,8 +59,10 @@ void Columns::add(const TickRow& row) {
   f_max_newton.push_back(row.mofc ? row.mofc->f_max_newton.minCoeff() : kNaN);
   ledger_millijoule.push_back(row.mofc ? 1e3 * row.mofc->ledger_energy_joule : kNaN);
   true_millijoule.push_back(1e3 * device.true_energy_joule);
-  if (row.mofc) so_far.add(asked, device.force_on_hand_newton);
-  transparency.push_back(so_far.mean());
+  if (session_id && session_id != row.device_session_id) so_far.interrupt();
+  session_id = row.device_session_id;
+  so_far.add(device, row.mofc);
+  transparency.push_back(so_far.rendered().transparency());
   const auto micro = [](Duration d) { return static_cast<double>(d.count()) * kMicro; };
   lateness_us.push_back(micro(device.lateness));
   if (device.is_answered) reply_us.push_back(micro(device.reply_time));

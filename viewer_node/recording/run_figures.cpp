@@ -15,12 +15,6 @@
 namespace palpate {
 namespace {
 
-double mean_transparency(const MofcCounters& mofc) {
-  return mofc.transparency_samples > 0
-             ? mofc.transparency_sum / static_cast<double>(mofc.transparency_samples)
-             : kNaN;
-}
-
 double ratio(std::uint64_t part, std::uint64_t whole) {
   return whole > 0 ? static_cast<double>(part) / static_cast<double>(whole) : kNaN;
 }
@@ -227,12 +221,15 @@ nlohmann::ordered_json figures_json(const std::string& controller,
   const DeviceCounters& device = figures.device;
   const MofcCounters& mofc = figures.mofc;
   const PhysicsCounters& physics = mirror.physics_counters();
+  const RunStatistics& received = figures.statistics;
   nlohmann::ordered_json json;
   json["controller"] = controller;
   json["ticks"] = device.loop.ticks;
   json["skipped_ticks"] = device.loop.skipped_ticks;
   json["in_contact_ticks"] = mofc.contact_ticks;
-  json["transparency"] = {{"vector", number_or_null(mean_transparency(mofc))}};
+  json["transparency"] = {{"vector", number_or_null(mofc.transparency())},
+                          {"ideal", number_or_null(received.ideal_transparency())}};
+  json["gain"] = number_or_null(received.gain());
   json["min_true_energy_j"] = number_or_null(figures.minimum_true_energy_joule);
   json["max_force_n"] = figures.max_force_newton;
   json["largest_jump_n"] = figures.largest_jump_newton;
@@ -256,7 +253,6 @@ nlohmann::ordered_json figures_json(const std::string& controller,
   json["fallbacks"] = device.fallback_ticks + device.limp_ticks;
   json["reply_time"] = percentiles_json(figures.reply_time);
   json["lateness"] = percentiles_json(figures.lateness);
-  const RunStatistics& received = figures.statistics;
   json["received"] = {{"ticks", received.ticks()},
                       {"transparency", number_or_null(received.vector_transparency())},
                       {"clamp_ratio", number_or_null(received.clamp_ratio())}};
@@ -276,7 +272,7 @@ std::vector<std::pair<std::string, std::string>> figure_lines(const std::string&
   if (!controller.starts_with("none")) {
     line("clamped by MOFC", fmt::format("{} ticks", mofc.clamped_ticks));
   }
-  line("transparency", figure(mean_transparency(mofc), "{:.3f}") + " (rendered / requested force)");
+  line("transparency", figure(mofc.transparency(), "{:.3f}") + " (rendered / requested force)");
   line("largest force", fmt::format("{:.3f} N, largest jump from tick to tick {:.3f} N",
                                     figures.max_force_newton, figures.largest_jump_newton));
   line("monitor", monitor_text(device));

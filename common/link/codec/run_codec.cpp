@@ -98,6 +98,12 @@ std::string encode_ideal(const IdealForces& ideal) {
     to.set_sampled_at_ns(ns(force.sampled_at));
     wire::put(force.force_on_hand_newton, *to.mutable_force_on_hand_newton());
     to.set_is_in_contact(force.is_in_contact);
+    if (!force.comparison) continue;
+    const ForceComparison::Integrals& i = force.comparison->integrals();
+    for (const double integral : {i.judged_s, i.transparency_s, i.along_n2s, i.reference_n2s,
+                                  i.error_n2s, i.error_ns, i.beyond_jnd_s}) {
+      to.add_integrals(integral);
+    }
   }
   return wire.SerializeAsString();
 }
@@ -115,9 +121,22 @@ std::optional<IdealForces> decode_ideal(std::string_view payload) {
     verdict.require(force.has_force_on_hand_newton());
     const Vector3 newton = vector(force.force_on_hand_newton());
     for (const double component : newton) verdict.finite(component);
-    ideal.records.push_back({.sampled_at = time(force.sampled_at_ns()),
-                             .force_on_hand_newton = newton,
-                             .is_in_contact = force.is_in_contact()});
+    const auto& i = force.integrals();
+    verdict.expect(i.empty() || i.size() == 7);
+    for (const double integral : i) verdict.finite(integral);
+    IdealForce& read = ideal.records.emplace_back();
+    read = {.sampled_at = time(force.sampled_at_ns()),
+            .force_on_hand_newton = newton,
+            .is_in_contact = force.is_in_contact()};
+    if (i.size() == 7) {
+      read.comparison.emplace(ForceComparison::Integrals{.judged_s = i[0],
+                                                         .transparency_s = i[1],
+                                                         .along_n2s = i[2],
+                                                         .reference_n2s = i[3],
+                                                         .error_n2s = i[4],
+                                                         .error_ns = i[5],
+                                                         .beyond_jnd_s = i[6]});
+    }
   }
   if (verdict.error() != DecodeError::kNone) return std::nullopt;
   return ideal;

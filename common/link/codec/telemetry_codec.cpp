@@ -1,5 +1,7 @@
 // telemetry_codec.cpp — hop 5: the telemetry batches of the three nodes.
 #include <algorithm>
+#include <type_traits>
+#include <vector>
 
 #include "common/link/codec/wire_format.h"
 #include "palpate/v1/telemetry.pb.h"
@@ -122,8 +124,8 @@ void put(const MofcCounters& c, v1::MofcCounters& to) {
   to.set_ledger_resets(c.ledger_resets);
   to.set_motions_dropped(c.motions_dropped);
   to.set_motions_suppressed(c.motions_suppressed);
-  to.set_transparency_sum(c.transparency_sum);
-  to.set_transparency_samples(c.transparency_samples);
+  to.set_transparency_integral_ns(c.transparency_integral_ns);
+  to.set_transparency_time_ns(c.transparency_time_ns);
   to.set_too_fast_ticks(c.too_fast_ticks);
   put(c.standby_interaction, *to.mutable_standby_interaction());
   to.set_physics_term(c.physics_term);
@@ -133,7 +135,7 @@ void put(const MofcCounters& c, v1::MofcCounters& to) {
 void check_counters(const v1::MofcCounters& c, Verdict& verdict) {
   verdict.require(c.has_device_state());
   verdict.require(c.has_interaction());
-  verdict.finite(c.transparency_sum());
+  verdict.finite(c.transparency_integral_ns());
 }
 MofcCounters counters(const v1::MofcCounters& c) {
   return {.device_state = link(c.device_state()),
@@ -147,8 +149,8 @@ MofcCounters counters(const v1::MofcCounters& c) {
           .ledger_resets = c.ledger_resets(),
           .motions_dropped = c.motions_dropped(),
           .motions_suppressed = c.motions_suppressed(),
-          .transparency_sum = c.transparency_sum(),
-          .transparency_samples = c.transparency_samples(),
+          .transparency_integral_ns = c.transparency_integral_ns(),
+          .transparency_time_ns = c.transparency_time_ns(),
           .standby_interaction = link(c.standby_interaction()),
           .physics_term = c.physics_term(),
           .standby_ticks = c.standby_ticks(),
@@ -265,6 +267,70 @@ bool is_turned(const DeviceTick& r) {
   return r.measured_tool_orientation_world.coeffs() != Quaternion::Identity().coeffs();
 }
 
+/// Of ActedForces::position_at_end.
+enum PositionAtEnd : std::uint32_t { kNotRead = 0, kGiven = 1, kOfTheTick = 2 };
+
+void fill_acted(const DeviceTick& r, v1::ActedForces& wire) {
+  wire.add_count(r.acted_count);
+  wire.add_from_ns(r.acted_count > 0 ? ns(r.acted[0].from) : 0);
+  for (std::uint32_t i = 0; i < r.acted_count; ++i) {
+    const AppliedForce& acted = r.acted[i];
+    wire.add_until_ns(ns(acted.until));
+    append(acted.force_on_hand_newton, *wire.mutable_force_on_hand_newton());
+    if (!acted.has_position_at_end) {
+      wire.add_position_at_end(kNotRead);
+    } else if (acted.hand_position_at_end_m == r.measured_hand_position_m) {
+      wire.add_position_at_end(kOfTheTick);
+    } else {
+      wire.add_position_at_end(kGiven);
+      append(acted.hand_position_at_end_m, *wire.mutable_hand_position_at_end_m());
+    }
+  }
+}
+void check_acted(const v1::ActedForces& wire, int rows, Verdict& verdict) {
+  check_length(wire.count(), rows, 1, verdict);
+  check_times(wire.from_ns(), rows, verdict);
+  std::int64_t intervals = 0;
+  for (const std::uint32_t count : wire.count()) {
+    verdict.expect(count <= kMaxActedForces);
+    intervals += count;
+  }
+  std::int64_t positions = 0;
+  for (const std::uint32_t position : wire.position_at_end()) {
+    verdict.expect(position <= kOfTheTick);
+    if (position == kGiven) ++positions;
+  }
+  verdict.expect(intervals == wire.until_ns_size() && intervals == wire.position_at_end_size());
+  check_times(wire.until_ns(), wire.until_ns_size(), verdict);
+  check_finite(wire.force_on_hand_newton(), wire.until_ns_size(), 3, verdict);
+  verdict.expect(3 * positions == wire.hand_position_at_end_m_size());
+  for (const double x : wire.hand_position_at_end_m()) verdict.finite(x);
+}
+void read_acted(const v1::DeviceTelemetry& batch, std::vector<DeviceTick>& records) {
+  const v1::ActedForces& wire = batch.acted();
+  int interval = 0;
+  int given = 0;
+  for (std::size_t tick = 0; tick < records.size(); ++tick) {
+    DeviceTick& r = records[tick];
+    r.acted_count = batch.has_acted() ? wire.count(static_cast<int>(tick)) : 0;
+    TimePoint from = r.acted_count > 0 ? time(wire.from_ns(static_cast<int>(tick))) : TimePoint{};
+    for (std::uint32_t i = 0; i < r.acted_count; ++i, ++interval) {
+      AppliedForce& acted = r.acted[i];
+      const std::uint32_t position = wire.position_at_end(interval);
+      acted = {.force_on_hand_newton = vector(wire.force_on_hand_newton(), interval),
+               .from = from,
+               .until = time(wire.until_ns(interval)),
+               .has_position_at_end = position != kNotRead};
+      if (position == kGiven) {
+        acted.hand_position_at_end_m = vector(wire.hand_position_at_end_m(), given++);
+      } else if (position == kOfTheTick) {
+        acted.hand_position_at_end_m = r.measured_hand_position_m;
+      }
+      from = acted.until;
+    }
+  }
+}
+
 void fill_records(const std::vector<DeviceTick>& records, v1::DeviceTelemetry& wire) {
   const bool has_orientations = std::any_of(records.begin(), records.end(), is_turned);
   for (const DeviceTick& r : records) {
@@ -287,6 +353,7 @@ void fill_records(const std::vector<DeviceTick>& records, v1::DeviceTelemetry& w
     if (has_orientations) {
       append(r.measured_tool_orientation_world, *wire.mutable_measured_tool_orientation_world());
     }
+    fill_acted(r, *wire.mutable_acted());
   }
 }
 void check_records(const v1::DeviceTelemetry& wire, Verdict& verdict) {
@@ -309,6 +376,7 @@ void check_records(const v1::DeviceTelemetry& wire, Verdict& verdict) {
   check_finite_or_nan(wire.minimum_true_energy_joule(), rows, 1, verdict);
   const Doubles& orientations = wire.measured_tool_orientation_world();
   check_finite(orientations, orientations.empty() ? 0 : rows, 4, verdict);
+  if (wire.has_acted()) check_acted(wire.acted(), rows, verdict);
 }
 void read_record(const v1::DeviceTelemetry& wire, int i, DeviceTick& r) {
   r.sequence = wire.sequence(i);
@@ -459,6 +527,7 @@ struct BatchFormat {
     for (int i = 0; i < rows(wire); ++i) {
       read_record(wire, i, m.records[static_cast<std::size_t>(i)]);
     }
+    if constexpr (std::is_same_v<Record, DeviceTick>) read_acted(wire, m.records);
   }
 };
 

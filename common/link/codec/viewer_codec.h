@@ -11,6 +11,7 @@
 
 #include "common/core/scene_messages.h"
 #include "common/link/codec/codec.h"
+#include "common/telemetry/metrics.h"
 #include "common/telemetry/telemetry.h"
 
 namespace palpate {
@@ -111,6 +112,7 @@ struct IdealForce {
   TimePoint sampled_at{};  ///< of the tick, device's clock
   Vector3 force_on_hand_newton = Vector3::Zero();
   bool is_in_contact = false;
+  std::optional<ForceComparison> comparison{};  ///< TickRow::to_ideal
 };
 /// Of consecutive ticks of one device.
 struct IdealForces {

@@ -59,7 +59,7 @@ nlohmann::ordered_json launch_json(const Session& session,
   nlohmann::ordered_json restarts = nlohmann::ordered_json::object();
   for (const auto& node : result.restarts) restarts[node.name] = node.count;
   nlohmann::ordered_json json;
-  json["schema_version"] = 1;
+  json["schema_version"] = kSummarySchemaVersion;
   json["session"] = session.name;
   for (const ObservedDevice& device : devices) {
     const std::string& side = device.side.name;

@@ -56,7 +56,7 @@ nlohmann::ordered_json info_json(RecordingFile& recording) {
   const Content content = content_of(recording);
   const viewer::McapReader& mcap = recording.mcap();
   nlohmann::ordered_json json;
-  json["schema_version"] = 1;
+  json["schema_version"] = kSummarySchemaVersion;
   json["file"] = mcap.path();
   json["bytes"] = mcap.file_bytes();
   json["is_whole"] = mcap.is_whole();

@@ -136,6 +136,39 @@ TEST(AppliedForces, AreReportedUntilTheyAreAcknowledged) {
   EXPECT_EQ(reported(applied, at_ms(3)).applied_count, 0u);
 }
 
+// For a record that follows one at 2 ms: the lease that ended by itself at 4 ms is an end of its own.
+TEST(AppliedForces, TellARecordWhatActedSinceTheOneBefore) {
+  AppliedForces applied;
+  applied.begin(at_ms(0));
+  applied.switched(at_ms(1), kHere, kHalfNewton, 3ms);
+  applied.read(at_ms(2), kHere);
+  applied.read(at_ms(7), kThere);
+
+  DeviceTick tick;
+  applied.report_in(tick, at_ms(2), at_ms(7));
+  ASSERT_EQ(tick.acted_count, 2u);
+  expect_stretch(tick.acted[0], kHalfNewton, 2, 4, false);
+  expect_stretch(tick.acted[1], Vector3::Zero(), 4, 7, true);
+  EXPECT_EQ(tick.acted[1].hand_position_at_end_m, kThere);
+
+  // without a reading, as of a fault
+  DeviceTick later;
+  applied.report_in(later, at_ms(7), at_ms(9));
+  ASSERT_EQ(later.acted_count, 1u);
+  expect_stretch(later.acted[0], Vector3::Zero(), 7, 9, false);
+}
+
+TEST(AppliedForces, TellARecordTheNewestEight) {
+  AppliedForces applied;
+  applied.begin(at_ms(0));
+  for (int ms = 1; ms <= 10; ++ms) applied.switched(at_ms(ms), kHere, ms * kHalfNewton, 5ms);
+  DeviceTick tick;
+  applied.report_in(tick, at_ms(0), at_ms(10));
+  ASSERT_EQ(tick.acted_count, kMaxActedForces);
+  expect_stretch(tick.acted[0], 2.0 * kHalfNewton, 2, 3, true);
+  expect_stretch(tick.acted[7], 9.0 * kHalfNewton, 9, 10, true);
+}
+
 TEST(AppliedForces, KeepTheNewest64) {
   AppliedForces applied;
   applied.begin(at_ms(0));

@@ -550,6 +550,31 @@ TEST(DeviceNode, AReadFailureIsLatchedAndLimpUntilReset) {
   EXPECT_EQ(bench.states[1].applied_count, 0u);
 }
 
+// 1 N at 0 ms with a lease of 2 ms; the next tick comes at 10 ms and fails; then one at 11 ms.
+TEST(DeviceNode, EveryRecordTellsWhatActedSinceTheOneBefore) {
+  Bench bench(device_config());
+  bench.answer_with(Vector3(1, 0, 0), 2ms);
+  bench.tick();
+  bench.on_state = {};
+  bench.clock.advance(10ms);
+  bench.device.position_m = Vector3(0, 0, kNaN);
+  bench.tick();
+  bench.clock.advance(1ms);
+  bench.tick();
+
+  EXPECT_EQ(bench.ticks.at(0).acted_count, 0u);
+  const DeviceTick& after_hole = bench.ticks.at(1);
+  ASSERT_EQ(after_hole.guard, GuardState::kFault);
+  ASSERT_EQ(after_hole.acted_count, 2u);
+  expect_segment(after_hole.acted[0], Vector3(1, 0, 0), 0ms, 2ms);
+  EXPECT_FALSE(after_hole.acted[0].has_position_at_end);
+  expect_segment(after_hole.acted[1], Vector3::Zero(), 2ms, 10ms);
+  // motors released
+  const DeviceTick& in_fault = bench.ticks.at(2);
+  ASSERT_EQ(in_fault.acted_count, 1u);
+  expect_segment(in_fault.acted[0], Vector3::Zero(), 10ms, 11ms);
+}
+
 TEST(DeviceNode, ANonFiniteReadingIsAFault) {
   Bench bench(device_config());
   bench.device.position_m = Vector3(0, kNaN, 0);

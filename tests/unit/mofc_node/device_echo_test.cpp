@@ -116,22 +116,38 @@ TEST(DeviceEcho, AnotherSessionContinuesNothing) {
   EXPECT_FALSE(report.has_gap);
   EXPECT_EQ(report.since_previous, Duration::zero());
   EXPECT_EQ(report.applied.size(), 1u) << "on another clock";
-  EXPECT_EQ(echo.transparency().samples(), 0u);
+  EXPECT_EQ(echo.rendered().integrals().judged_s, 0.0);
 }
 
-TEST(DeviceEcho, ComparesTheForceThatActsWithWhatWasRequested) {
+// 2 N requested for the reading at 6 ms: 1 N for 2 ms of it, then 2 N for 1 ms.
+TEST(DeviceEcho, ComparesTheForceThatActsWithWhatWasRequestedForAsLongAsItActs) {
   DeviceEcho echo;
   static_cast<void>(echo.take(echo_at(5, {})));
   static_cast<void>(echo.take(echo_at(6, {{5, 6, 3.0}})));
-  EXPECT_EQ(echo.transparency().samples(), 0u) << "nothing was requested";
+  EXPECT_EQ(echo.rendered().integrals().judged_s, 0.0) << "nothing was requested";
   echo.answered({2, 0, 0});
   static_cast<void>(echo.take(echo_at(6, {})));
-  EXPECT_EQ(echo.transparency().samples(), 0u) << "nothing has acted";
+  EXPECT_EQ(echo.rendered().integrals().judged_s, 0.0) << "nothing has acted";
   static_cast<void>(echo.take(echo_at(8, {{6, 8, 1.0}})));
-  EXPECT_EQ(echo.transparency().samples(), 1u);
-  EXPECT_DOUBLE_EQ(echo.transparency().mean(), 0.5);
+  EXPECT_DOUBLE_EQ(echo.rendered().integrals().judged_s, 2e-3);
+  EXPECT_DOUBLE_EQ(echo.rendered().transparency(), 0.5);
   static_cast<void>(echo.take(echo_at(9, {{8, 8, 9.0}, {8, 9, 2.0}})));
-  EXPECT_DOUBLE_EQ(echo.transparency().mean(), 0.75) << "the newest of them";
+  EXPECT_DOUBLE_EQ(echo.rendered().transparency(), 2.0 / 3.0);
+}
+
+// 1 N acts at the reading at 6 ms; the 3 N that were requested for it act from 7 ms on.
+TEST(DeviceEcho, ARequestStandsFromTheChangeOfTheForce) {
+  DeviceEcho echo;
+  DeviceState state = echo_at(5, {});
+  static_cast<void>(echo.take(state));
+  echo.answered({1, 0, 0});
+  state = echo_at(6, {{5, 6, 1.0}});
+  state.acting_force_on_hand_newton = {1, 0, 0};
+  static_cast<void>(echo.take(state));
+  echo.answered({3, 0, 0});
+  static_cast<void>(echo.take(echo_at(8, {{6, 7, 1.0}, {7, 8, 3.0}})));
+  EXPECT_DOUBLE_EQ(echo.rendered().integrals().judged_s, 3e-3);
+  EXPECT_DOUBLE_EQ(echo.rendered().transparency(), 1.0);
 }
 
 }  // namespace

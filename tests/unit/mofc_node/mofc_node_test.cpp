@@ -242,8 +242,9 @@ TEST_F(MofcNodeTest, TransparencyComparesTheEchoWithTheRequest) {
   tick();
 
   const MofcCounters counters = node_.counters();
-  ASSERT_EQ(counters.transparency_samples, 1u);
-  EXPECT_NEAR(counters.transparency_sum, 0.5, 1e-12);
+  ASSERT_EQ(counters.transparency_time_ns, 1'000'000u);
+  EXPECT_NEAR(counters.transparency_integral_ns, 0.5e6, 1e-6);
+  EXPECT_NEAR(counters.transparency(), 0.5, 1e-12);
 }
 
 class MofcNodeThins : public MofcNodeTest {

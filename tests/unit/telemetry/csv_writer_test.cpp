@@ -22,7 +22,8 @@ using namespace std::chrono_literals;
 const char* const kHeader =
     "t_s,x_m,y_m,z_m,xm_m,ym_m,zm_m,fe_x,fe_y,fe_z,fs_x,fs_y,fs_z,fi_x,fi_y,fi_z,"
     "f_max_x,f_max_y,f_max_z,energy_j,true_energy_j,force_age_s,"
-    "in_contact,clamped,fallback,peak_limited";
+    "in_contact,clamped,fallback,peak_limited,"
+    "judged_s,transparency_s,along_n2s,ideal_n2s,error_n2s,error_ns,beyond_jnd_s";
 
 std::string test_file() {
   const auto* test = testing::UnitTest::GetInstance()->current_test_info();
@@ -87,13 +88,20 @@ TickRow full_row() {
   row.mofc->is_in_contact = true;
   row.mofc->is_clamped = true;
   row.ideal_force_on_hand_newton = {7, 8, 9};
+  row.to_ideal.emplace(ForceComparison::Integrals{.judged_s = 1,
+                                                  .transparency_s = 2,
+                                                  .along_n2s = 3,
+                                                  .reference_n2s = 4,
+                                                  .error_n2s = 5,
+                                                  .error_ns = 6,
+                                                  .beyond_jnd_s = 7});
   return row;
 }
 
 TEST(CsvWriter, WritesEveryColumnInItsPlace) {
   EXPECT_EQ(written({full_row()}).at(0),
             "0.001,0.1,0.2,0.3,0.11,0.22,0.33,1,2,3,4,5,6,7,8,9,1.5,1.5,1.5,0.003,0.004,0.002,"
-            "1,1,0,1");
+            "1,1,0,1,1,2,3,4,5,6,7");
 }
 
 TEST(CsvWriter, WritesNanForWhatIsNotKnown) {
@@ -103,7 +111,7 @@ TEST(CsvWriter, WritesNanForWhatIsNotKnown) {
 
   EXPECT_EQ(written({row}).at(0),
             "2,nan,nan,nan,1,2,3,nan,nan,nan,0,0,0,nan,nan,nan,nan,nan,nan,nan,nan,nan,"
-            "nan,nan,0,0");
+            "nan,nan,0,0,nan,nan,nan,nan,nan,nan,nan");
 }
 
 TEST(CsvWriter, WritesNegativeNanLikeAnyOther) {
@@ -201,7 +209,7 @@ TEST(CsvWriter, HoldsARowOfTheLongestNumbers) {
 
   const std::string line = written({row}).at(0);
 
-  EXPECT_EQ(cells_of(line).size(), 26U);
+  EXPECT_EQ(cells_of(line).size(), 33U);
   EXPECT_EQ(cells_of(line).at(18), "-2.2250738585072014e-308");
 }
 
@@ -216,7 +224,7 @@ TEST(CsvWriter, KeepsEveryRowOfALongRun) {
   ASSERT_EQ(lines.size(), rows.size());
   for (std::size_t i = 0; i < lines.size(); ++i) {
     ASSERT_EQ(cells_of(lines[i]).at(0), std::to_string(i));
-    ASSERT_EQ(cells_of(lines[i]).size(), 26U);
+    ASSERT_EQ(cells_of(lines[i]).size(), 33U);
   }
 }
 

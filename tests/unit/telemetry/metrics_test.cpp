@@ -21,34 +21,82 @@ TEST(LimitedToNorm, ShortensAndKeepsTheDirection) {
   EXPECT_EQ(limited_to_norm({0, 0, 0}, 0.0), Vector3(0, 0, 0));
 }
 
-// Per axis, only where |asked| > 0.05 N: x has 1/1 and 1/2, y has 0.2/0.4, z never.
-TEST(PaperTransparency, IsTheMeanRatioPerAxisAboveTheFloor) {
+// Per axis, only where |asked| > 0.05 N: x has 1/1 for 1 ms and 1/2 for 3 ms, y has 0.2/0.4, z
+// never.
+TEST(PaperTransparency, IsTheMeanRatioPerAxisOverTheTimeAboveTheFloor) {
   PaperTransparency t;
-  t.add({1.0, 0.4, 0.05}, {1.0, 0.2, 0.05});
-  t.add({-2.0, 0.01, 0.0}, {-1.0, 0.01, 3.0});
-  EXPECT_DOUBLE_EQ(t.mean().x(), 0.75);
+  t.add(1e-3, {1.0, 0.4, 0.05}, {1.0, 0.2, 0.05});
+  t.add(3e-3, {-2.0, 0.01, 0.0}, {-1.0, 0.01, 3.0});
+  EXPECT_DOUBLE_EQ(t.mean().x(), (1.0 + 3.0 * 0.5) / 4.0);
   EXPECT_DOUBLE_EQ(t.mean().y(), 0.5);
   EXPECT_TRUE(std::isnan(t.mean().z()));
 }
 
-// fs·fi/|fi|²: 2/4 = 0.5; 8/4 capped to 1; −4/4 raised to 0; felt without cause 0. Mean 1.5/4.
-// Errors squared: 1 + 4 + 16 + 1 = 22 over |fi|² 4 + 4 + 4 = 12.
-TEST(ProjectedTransparency, IsProjectedAndCapped) {
-  ProjectedTransparency t;
-  t.add({0, 0, 2}, {0, 0, 1});
-  t.add({0, 0, 2}, {0, 0, 4});
-  t.add({0, 0, 2}, {0, 0, -2});
-  t.add({0, 0, 0}, {0, 1, 0});
-  t.add({0, 0, 0.04}, {0, 0.04, 0});  // below the floor: says nothing
-  EXPECT_EQ(t.samples(), 4u);
-  EXPECT_DOUBLE_EQ(t.sum(), 1.5);
-  EXPECT_DOUBLE_EQ(t.mean(), 0.375);
-  EXPECT_DOUBLE_EQ(t.rms_error_ratio(), std::sqrt(22.0 / 12.0));
+// F·R/|R|²: 2/4 = 0.5 for 4 s; 8/4 capped to 1 for 1 s; −4/4 raised to 0 for 2 s; without a
+// reference 0 for 1 s. T = (2 + 1)/8. ∫F·R = 8 + 8 − 8 = 8 and ∫|R|² = 28; errors² 4·1 + 4 + 2·16 +
+// 1 = 41; |errors| 4 + 2 + 8 + 1 = 15, all of them beyond the JND.
+TEST(ForceComparison, WeighsEachForceWithTheTimeForWhichItActed) {
+  ForceComparison c;
+  c.add(4.0, {0, 0, 2}, {0, 0, 1});
+  c.add(1.0, {0, 0, 2}, {0, 0, 4});
+  c.add(2.0, {0, 0, 2}, {0, 0, -2});
+  c.add(1.0, {0, 0, 0}, {0, 1, 0});
+  c.add(9.0, {0, 0, 0.04}, {0, 0.04, 0});  // below the floor: does not count
+  EXPECT_DOUBLE_EQ(c.integrals().judged_s, 8.0);
+  EXPECT_DOUBLE_EQ(c.transparency(), 3.0 / 8.0);
+  EXPECT_DOUBLE_EQ(c.gain(), 8.0 / 28.0);
+  EXPECT_DOUBLE_EQ(c.rms_error_ratio(), std::sqrt(41.0 / 28.0));
+  EXPECT_DOUBLE_EQ(c.integrals().error_ns, 15.0);
+  EXPECT_DOUBLE_EQ(c.beyond_jnd_ratio(), 1.0);
 }
 
-TEST(ProjectedTransparency, IsUnknownWithoutSamples) {
-  EXPECT_TRUE(std::isnan(ProjectedTransparency().mean()));
-  EXPECT_TRUE(std::isnan(ProjectedTransparency().rms_error_ratio()));
+TEST(ForceComparison, ShowsAnOvershootInTheGainAlone) {
+  ForceComparison c;
+  c.add(1.0, {0, 0, 1}, {0, 0, 2});
+  EXPECT_DOUBLE_EQ(c.transparency(), 1.0);
+  EXPECT_DOUBLE_EQ(c.gain(), 2.0);
+  EXPECT_DOUBLE_EQ(c.rms_error_ratio(), 1.0);
+}
+
+// 1 N held for 10 ms while the reference grows from 1 N to 2 N, with s = t/10 ms:
+// T = ∫ 1/(1 + s) ds = ln 2, gain ∫ (1 + s) / ∫ (1 + s)² = (3/2)/(7/3), rms² = (1/3)/(7/3).
+// At the beginning alone all would be right. Pieces of 0.25 ms: their middles are within 1e-4.
+TEST(ForceComparison, ComparesAHeldForceWithTheReferenceThatGoesOn) {
+  ForceComparison c;
+  c.add(10e-3, {0, 0, 1}, {0, 0, 2}, {0, 0, 1});
+  EXPECT_NEAR(c.integrals().judged_s, 10e-3, 1e-15);
+  EXPECT_NEAR(c.transparency(), std::log(2.0), 1e-4);
+  EXPECT_NEAR(c.gain(), 1.5 / (7.0 / 3.0), 1e-4);
+  EXPECT_NEAR(c.rms_error_ratio(), std::sqrt(1.0 / 7.0), 1e-4);
+}
+
+TEST(ForceComparison, OfTwoTimesIsTheirSum) {
+  ForceComparison first;
+  first.add(1.0, {0, 0, 2}, {0, 0, 1});
+  ForceComparison second;
+  second.add(3.0, {0, 0, 2}, {0, 0, 2});
+  ForceComparison sum(first.integrals());
+  sum.add(second);
+  EXPECT_DOUBLE_EQ(sum.transparency(), 0.875);
+  EXPECT_DOUBLE_EQ(sum.gain(), 14.0 / 16.0);
+}
+
+TEST(ForceComparison, IsUnknownBeforeAnyTimeCounts) {
+  const ForceComparison none;
+  EXPECT_TRUE(std::isnan(none.transparency()));
+  EXPECT_TRUE(std::isnan(none.gain()));
+  EXPECT_TRUE(std::isnan(none.rms_error_ratio()));
+  EXPECT_TRUE(std::isnan(none.beyond_jnd_ratio()));
+}
+
+// 1 N off for 10 ms within 60 ms: half of the best placed 20 ms.
+TEST(LargestMean, IsOverTwentyMilliseconds) {
+  LargestMean mean;
+  for (int ms = 0; ms < 60; ++ms) {
+    mean.add(1e-3, ms >= 30 && ms < 40 ? 1e-3 : 0.0);
+    EXPECT_EQ(std::isnan(mean.value()), ms < 19);
+  }
+  EXPECT_NEAR(mean.value(), 0.5, 1e-9);
 }
 
 TEST(ReversalCounter, CountsTurnsLargerThanHalfAMillimetre) {

@@ -27,6 +27,7 @@ inline DeviceBatch device_batch(std::uint64_t batch, std::uint64_t first, std::u
     DeviceTick tick;
     tick.sequence = n;
     tick.sampled_at = time_of_tick(n);
+    tick.switched_at = tick.sampled_at;
     tick.force_on_hand_newton = {0, 0, 1};
     tick.guard = GuardState::kAnswered;
     tick.is_answered = true;

@@ -384,12 +384,15 @@ TEST(TelemetryFigures, CountAnsweredTicksOfOneDeviceSessionOnly) {
   EXPECT_DOUBLE_EQ(mirror.figures().answered_ratio, 0.5);
 }
 
-// Two ticks: 2 N asked along z and 1 N applied; then 4 N asked and 4 N applied, clamped.
+// Three ticks: 2 N asked along z and 1 N applied, clamped, until the second one, in which 4 N are
+// asked and 4 N applied, until the third.
 TEST(TelemetryFigures, CompareTheForceAskedWithTheForceApplied) {
-  DeviceBatch device = device_batch(0, 0, 1);
+  DeviceBatch device = device_batch(0, 0, 2);
   device.records[1].force_on_hand_newton = {0, 0, 4};
-  MofcBatch mofc = mofc_batch(0, 0, 1);
+  device.records[2].force_on_hand_newton = {0, 0, 4};
+  MofcBatch mofc = mofc_batch(0, 0, 2);
   mofc.records[1].asked_force_on_hand_newton = {0, 0, 4};
+  mofc.records[2].asked_force_on_hand_newton = {0, 0, 4};
   mofc.records[0].is_clamped = true;
   TelemetryMirror mirror;
   mirror.take(device, kArrival);
@@ -400,7 +403,7 @@ TEST(TelemetryFigures, CompareTheForceAskedWithTheForceApplied) {
   EXPECT_DOUBLE_EQ(figures.applied_newton, 4.0);
   EXPECT_DOUBLE_EQ(figures.max_asked_newton, 4.0);
   EXPECT_DOUBLE_EQ(figures.max_applied_newton, 4.0);
-  EXPECT_DOUBLE_EQ(figures.clamped_ratio, 0.5);
+  EXPECT_DOUBLE_EQ(figures.clamped_ratio, 1.0 / 3.0);
   EXPECT_DOUBLE_EQ(figures.transparency, 0.75);                            // (½ + 1)/2
   EXPECT_DOUBLE_EQ(figures.force_error_rms_ratio, std::sqrt(1.0 / 20.0));  // 1 N² of 4 + 16 N²
 }

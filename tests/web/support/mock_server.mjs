@@ -130,8 +130,8 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
   let tick = 0n;
   let last_z = 1;
   let energy = 0;
-  let transparency_sum = 0;
-  let transparency_samples = 0n;
+  let transparency_integral_ns = 0;
+  let transparency_time_ns = 0n;
   let clamped_ticks = 0n;
   let contact_ticks = 0n;
 
@@ -205,8 +205,8 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
       const is_clamped = asked > bound;
       energy = 0.9999 * energy + 1e-6 * applied;
       if (asked > 0.05) {
-        transparency_sum += applied / asked;
-        transparency_samples += 1n;
+        transparency_integral_ns += applied / asked;
+        transparency_time_ns += 1n;
       }
       if (is_clamped) clamped_ticks += 1n;
       if (asked > 0) contact_ticks += 1n;
@@ -243,7 +243,7 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
       header: header("mofc"),
       counters: {
         deviceState: counters(), interaction: counters(), ticks: tick, contactTicks: contact_ticks, clampedTicks: clamped_ticks,
-        transparencySum: transparency_sum, transparencySamples: transparency_samples,
+        transparencyIntegralNs: transparency_integral_ns, transparencyTimeNs: transparency_time_ns,
       },
       deviceSessionId: mofc.session, deviceSequence: mofc.seq, deviceSampledAtNs: mofc.at, askedForceOnHandNewton: mofc.asked,
       commandedForceOnHandNewton: mofc.commanded, fMaxNewton: mofc.bound, ledgerEnergyJoule: mofc.ledger, forceAgeNs: mofc.age, state: mofc.state, flags: mofc.flags,

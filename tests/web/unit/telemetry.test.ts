@@ -34,7 +34,7 @@ function mofc(sequence: number, first: number, rows: number, more: Partial<MofcT
     header: { sessionId: 22n, sequence: BigInt(sequence), sampledAtNs: 0n },
     counters: {
       deviceState: link, interaction: link, ticks: BigInt(first + rows), clampedTicks: 0n, staleTicks: 0n,
-      latePhysicsTicks: 0n, ledgerResets: 0n, motionsDropped: 0n, transparencySum: 0, transparencySamples: 0n, tooFastTicks: 0n,
+      latePhysicsTicks: 0n, ledgerResets: 0n, motionsDropped: 0n, transparencyIntegralNs: 0, transparencyTimeNs: 0n, tooFastTicks: 0n,
     },
     recordsLost: 0n,
     deviceSessionId: repeat(rows, kDevice),
@@ -130,8 +130,8 @@ test("transparency runs over the last second", () => {
   telemetry.take_device(device(0, 0, 1), 1);
   const at = (sequence: number, tick: number, sum: number, samples: bigint) => {
     const batch = mofc(sequence, tick, 1);
-    batch.counters.transparencySum = sum;
-    batch.counters.transparencySamples = samples;
+    batch.counters.transparencyIntegralNs = sum;
+    batch.counters.transparencyTimeNs = samples;
     telemetry.take_mofc(batch, 1);
   };
   at(0, 0, 100, 100n); // all of the force so far
@@ -150,8 +150,8 @@ test("transparency of the last second is exact after months of contact", () => {
   const months = 5e9; // ticks at 1 kHz, far beyond 24 bits
   const at = (sequence: number, tick: number, sum: number, samples: bigint) => {
     const batch = mofc(sequence, tick, 1);
-    batch.counters.transparencySum = sum;
-    batch.counters.transparencySamples = samples;
+    batch.counters.transparencyIntegralNs = sum;
+    batch.counters.transparencyTimeNs = samples;
     telemetry.take_mofc(batch, 1);
   };
   at(0, 0, months, BigInt(months));

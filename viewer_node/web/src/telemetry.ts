@@ -39,7 +39,7 @@ const kDeviceColumns = 7;
 export const kAskedX = 0, kAskedNorm = 3, kBoundX = 4, kBoundNorm = 7, kLedger = 8, kForceAge = 9;
 const kMofcColumns = 10;
 // of the batches: running sums, and their ratio over the last second
-const kTransparencySum = 0, kTransparencySamples = 1;
+const kTransparencyIntegral = 0, kTransparencyTime = 1;
 export const kTransparency = 2;
 const kBatchColumns = 3;
 // of physics': the deepest contact, and the force of the tissue
@@ -155,7 +155,7 @@ export class Telemetry {
   /** Of the session so far, 0 … 1; NaN before the first requested force. */
   get transparency(): number {
     const counters = this.mofc_batch?.counters;
-    return counters ? counters.transparencySum / Number(counters.transparencySamples) : NaN;
+    return counters ? counters.transparencyIntegralNs / Number(counters.transparencyTimeNs) : NaN;
   }
 
   take_device(batch: DeviceTelemetry, now_s: number): void {
@@ -302,14 +302,14 @@ export class Telemetry {
   private keep_transparency(batch: MofcTelemetry): void {
     const ring = this.batches;
     if (!ring.append(this.mofc.newest_s)) return;
-    const sum = batch.counters.transparencySum;
-    const samples = Number(batch.counters.transparencySamples);
-    ring.set(kTransparencySum, sum);
-    ring.set(kTransparencySamples, samples);
+    const sum = batch.counters.transparencyIntegralNs;
+    const samples = Number(batch.counters.transparencyTimeNs);
+    ring.set(kTransparencyIntegral, sum);
+    ring.set(kTransparencyTime, samples);
     const before = ring.first_at(ring.newest_s - kTransparencyWindow_s);
-    const new_samples = samples - ring.value(kTransparencySamples, before);
+    const new_samples = samples - ring.value(kTransparencyTime, before);
     if (new_samples > 0) {
-      ring.set(kTransparency, (sum - ring.value(kTransparencySum, before)) / new_samples);
+      ring.set(kTransparency, (sum - ring.value(kTransparencyIntegral, before)) / new_samples);
     }
   }
 }

@@ -74,8 +74,8 @@ export interface MofcTelemetry {
     latePhysicsTicks: bigint;
     ledgerResets: bigint;
     motionsDropped: bigint;
-    transparencySum: number;
-    transparencySamples: bigint;
+    transparencyIntegralNs: number;
+    transparencyTimeNs: bigint;
     tooFastTicks: bigint;
   };
   recordsLost: bigint;
