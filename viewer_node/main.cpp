@@ -33,6 +33,9 @@ int main(int argc, char** argv) {
                     "serve the page at this address, e.g. 127.0.0.1:8765; other addresses than "
                     "loopback need --token-file (default: 127.0.0.1, port of the session)")
                  ->type_name("ADDRESS:PORT");
+             app.add_option("--listen-descriptor", web.descriptor)
+                 ->check(CLI::NonNegativeNumber)
+                 ->group("");  // of `palpate launch`: a socket that it has opened for the page
              app.add_flag("--no-web", web.is_off, "serve no page");
              app.add_option("--record-folder", web.record_folder,
                             "folder of recordings that a page begins (default: the current one on "

@@ -61,7 +61,8 @@ WebFeed::WebFeed(NodeContext& context, ProcessLinks& links, const WebOptions& op
       foxglove_(context.session, mirrors, scene_, server_, options.audience_interval()) {
   if (options.audience > 0) thinned_.emplace(context.session, server_, options.audience_interval());
   const WebConfig& configured = context.session.viewer.web;
-  if (options.listen.empty() && configured.port != 0 && server_.port() != configured.port) {
+  if (options.listen.empty() && options.descriptor < 0 && configured.port != 0 &&
+      server_.port() != configured.port) {
     context.log.warn("event=port_in_use port={} instead={}", configured.port, server_.port());
   }
   context.log.info("event=web url={}", server_.url());
@@ -142,6 +143,9 @@ void WebFeed::handle(const WebServer::Event& event, TimePoint now) {
       return;
     case WebServer::Event::Kind::kLeft:
       hand_.client_left(event.client, now);
+      return;
+    case WebServer::Event::Kind::kFailed:
+      context_.log.error("event=web_failed error=\"{}\"", event.payload);
       return;
   }
 }

@@ -63,7 +63,9 @@ std::string read_token(const std::string& file) {
 bool is_loopback(const std::string& address) {
   in_addr v4{};
   if (inet_pton(AF_INET, address.c_str(), &v4) == 1) return (ntohl(v4.s_addr) >> 24) == 127;
-  return address == "::1";
+  in6_addr v6{};
+  if (inet_pton(AF_INET6, address.c_str(), &v6) != 1) return false;
+  return IN6_IS_ADDR_LOOPBACK(&v6) || (IN6_IS_ADDR_V4MAPPED(&v6) && v6.s6_addr[12] == 127);
 }
 
 WebServerConfig web_config(const WebOptions& options, const WebConfig& session) {
@@ -72,6 +74,7 @@ WebServerConfig web_config(const WebOptions& options, const WebConfig& session) 
     read_listen(options.listen, config);
     config.may_move = false;
   }
+  config.descriptor = options.descriptor;
   config.rules.origins = options.origins;
   config.rules.hosts = options.hosts;
   config.proxies = options.proxies;

@@ -16,6 +16,7 @@ namespace palpate::viewer {
 /// As given on the command line.
 struct WebOptions {
   std::string listen{};      ///< ADDRESS:PORT; empty: 127.0.0.1 and the session's port
+  int descriptor = -1;       ///< of an inherited socket that listens on loopback; −1: none
   std::string token_file{};  ///< empty: no token
   std::vector<std::string> origins{};
   std::vector<std::string> hosts{};

@@ -102,6 +102,8 @@ void WebRun::take(const TelemetryMessage& message, std::span<const std::byte> pa
   const auto* run = std::get_if<RunState>(&message);
   if (run == nullptr) return;
   heard_at_ = now;
+  // another run begins its markers anew, and the wall clock may have been set back since the last
+  if (run->header.session_id != state_.header.session_id) newest_marker_ns_ = 0;
   note_markers(*run);
   state_ = *run;
 }

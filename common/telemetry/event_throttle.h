@@ -14,10 +14,13 @@ class EventThrottle {
  public:
   explicit EventThrottle(Duration interval = std::chrono::seconds(1)) : interval_(interval) {}
 
-  /// Adds `occurrences`, possibly 0. Returns the number to report now; 0: no report is due.
+  /// Adds `occurrences`, possibly 0. Returns the number to report now; 0: no report is due. A clock
+  /// that steps back, as that of a recording may, begins a new interval.
   [[nodiscard]] std::uint64_t note(TimePoint now, std::uint64_t occurrences) noexcept {
     pending_ += occurrences;
-    if (pending_ == 0 || (has_reported_ && now < reported_at_ + interval_)) return 0;
+    if (pending_ == 0 || (has_reported_ && now >= reported_at_ && now < reported_at_ + interval_)) {
+      return 0;
+    }
     has_reported_ = true;
     reported_at_ = now;
     return std::exchange(pending_, 0);

@@ -1,5 +1,6 @@
 // palpate_bad_peers — a program that is no node, or has other keys, listens where a node connects,
-// and is then replaced by that node: how long until the link works.
+// and is then replaced by that node; or one byte is damaged on the way between two nodes: how long
+// until the link works.
 //
 //   palpate_bad_peers                        runs all and prints the table
 //   palpate_bad_peers --gtest_filter='*Keys*'  runs some
@@ -341,6 +342,7 @@ struct Row {
   std::string peer;
   bool with_keys;
   std::array<std::optional<Duration>, kLinkNames.size()> back{};
+  std::array<bool, kLinkNames.size()> is_left_out{};
 };
 std::vector<Row>& table() {
   static std::vector<Row> rows;
@@ -352,9 +354,12 @@ void print_table() {
   std::printf("\n|---|---|---|---|---|---|---|\n");
   for (const Row& row : table()) {
     std::printf("| %s | %s |", row.peer.c_str(), row.with_keys ? "yes" : "no");
-    for (const auto& back : row.back) {
-      if (back) std::printf(" %.0f ms |", 1e3 * to_seconds(*back));
-      if (!back) std::printf(" NEVER |");
+    for (std::size_t i = 0; i < row.back.size(); ++i) {
+      if (row.back[i]) {
+        std::printf(" %.0f ms |", 1e3 * to_seconds(*row.back[i]));
+      } else {
+        std::printf(" %s |", row.is_left_out[i] ? "–" : "NEVER");
+      }
     }
     std::printf("\n");
   }
@@ -461,6 +466,178 @@ TEST_P(BadPeers, AreReplacedByTheNode) {
   }
   table().push_back(row);
 }
+
+// --- one damaged byte -------------------------------------------------------------------------
+
+/// What happens to one byte of a chunk.
+struct Damage {
+  const char* name;
+  enum class Kind { kFlip, kDrop, kRepeat } kind;
+  std::size_t at;  ///< of the chunk; its middle if it is beyond its end
+};
+void PrintTo(const Damage& damage, std::ostream* out) { *out << damage.name; }
+
+/// Passes a tcp connection on to a node, and damages one byte when it is told to.
+class DamagingRelay {
+ public:
+  explicit DamagingRelay(std::string node) : node_(std::move(node)) {
+    thread_ = std::jthread([this](const std::stop_token& stop) { run(stop); });
+  }
+
+  [[nodiscard]] const std::string& endpoint() const { return endpoint_; }
+  /// In the next chunk in this direction. Call it once.
+  void damage(const Damage& damage, bool towards_node) {
+    damage_ = damage;
+    towards_node_ = towards_node;
+    is_due_ = true;
+  }
+  [[nodiscard]] bool has_damaged() const { return has_damaged_; }
+  [[nodiscard]] int connections() const { return connections_; }
+
+ private:
+  struct Connection {
+    int near = -1;
+    int far = -1;
+  };
+
+  void run(const std::stop_token& stop) {
+    std::vector<Connection> open;
+    while (!stop.stop_requested()) {
+      std::vector<pollfd> items;
+      for (const Connection& c : open) {
+        items.push_back({.fd = c.near, .events = POLLIN, .revents = 0});
+        items.push_back({.fd = c.far, .events = POLLIN, .revents = 0});
+      }
+      if (!items.empty()) poll(items.data(), items.size(), 2);
+      pollfd ready{.fd = listener_.descriptor(), .events = POLLIN, .revents = 0};
+      if (poll(&ready, 1, open.empty() ? 5 : 0) == 1) {
+        const RawAddress address(node_);
+        const Connection c{.near = listener_.accept(),
+                           .far = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)};
+        if (::connect(c.far, address.get(), address.size()) == 0) ++connections_;
+        open.push_back(c);
+      }
+      std::erase_if(open, [&](const Connection& c) {
+        if (pass(c.near, c.far, true) && pass(c.far, c.near, false)) return false;
+        close_both(c);
+        return true;
+      });
+    }
+    for (const Connection& c : open) close_both(c);
+  }
+  static void close_both(const Connection& c) {
+    close(c.near);
+    close(c.far);
+  }
+  /// False once `from` is closed.
+  bool pass(int from, int to, bool towards_node) {
+    char buffer[4096];
+    const ssize_t n = recv(from, buffer, sizeof(buffer), MSG_DONTWAIT);
+    if (n <= 0) return n < 0 && errno == EAGAIN;
+    std::string bytes(buffer, static_cast<std::size_t>(n));
+    if (is_due_ && !has_damaged_ && towards_node == towards_node_) {
+      const std::size_t at = std::min(damage_.at, bytes.size() / 2);
+      constexpr int kBits = 0x42;  // of the flags: one that is unused, and "long frame"
+      if (damage_.kind == Damage::Kind::kFlip) bytes[at] = static_cast<char>(bytes[at] ^ kBits);
+      if (damage_.kind == Damage::Kind::kDrop) bytes.erase(at, 1);
+      if (damage_.kind == Damage::Kind::kRepeat) bytes.insert(at, 1, bytes[at]);
+      has_damaged_ = true;
+    }
+    return send(to, bytes.data(), bytes.size(), MSG_NOSIGNAL) > 0;
+  }
+
+  std::string node_;
+  RawListener listener_{"tcp://127.0.0.1:0"};
+  std::string endpoint_ = listener_.tcp_endpoint();
+  Damage damage_{};
+  bool towards_node_ = false;
+  std::atomic<bool> is_due_{false};
+  std::atomic<bool> has_damaged_{false};
+  std::atomic<int> connections_{0};
+  std::jthread thread_;
+};
+
+class DamagedByte : public testing::TestWithParam<Damage> {
+ protected:
+  /// One byte on its way to the binding ends, or from them, of all links that send that way.
+  void expect_back(bool towards_node);
+};
+
+constexpr std::size_t kMiddle = 1 << 20;
+INSTANTIATE_TEST_SUITE_P(Links, DamagedByte,
+                         testing::Values(Damage{"Flipped", Damage::Kind::kFlip, kMiddle},
+                                         Damage{"FlagsFlipped", Damage::Kind::kFlip, 0},
+                                         Damage{"LengthFlipped", Damage::Kind::kFlip, 1},
+                                         Damage{"Dropped", Damage::Kind::kDrop, kMiddle},
+                                         Damage{"Repeated", Damage::Kind::kRepeat, kMiddle}),
+                         [](const auto& test) { return std::string(test.param.name); });
+
+void DamagedByte::expect_back(bool towards_node) {
+  const QuietMachine machine;
+  const LinkKeys keys = new_keys();
+  ZmqContext clients(kOrdinary, rules(keys));
+  ZmqContext nodes(kOrdinary, rules(keys));
+  const SteadyClock clock;
+  struct Tested {
+    std::unique_ptr<Link> link;
+    std::unique_ptr<DamagingRelay> relay;
+    std::optional<TimePoint> damaged_at{};
+    std::optional<Duration> back{};
+  };
+  std::array<std::optional<Tested>, kLinkNames.size()> tested;
+  for (std::size_t i = 0; i < tested.size(); ++i) {
+    // a binding end that only receives sends nothing to damage
+    if (!towards_node && kBindingTypes[i] == zmq::socket_type::pull) continue;
+    tested[i].emplace(Tested{.link = make_link(i), .relay = nullptr});
+    tested[i]->relay =
+        std::make_unique<DamagingRelay>(tested[i]->link->bind(nodes, "tcp://127.0.0.1:*"));
+    tested[i]->link->connect(clients, tested[i]->relay->endpoint());
+  }
+
+  // each works, is damaged, and comes back over another connection
+  const auto run_until = [&](Duration limit, const std::function<bool(Tested&, bool)>& is_done) {
+    const TimePoint deadline = clock.now() + limit;
+    bool are_done = false;
+    while (!are_done && clock.now() < deadline) {
+      are_done = true;
+      for (auto& t : tested) {
+        if (t && !is_done(*t, t->link->passes())) are_done = false;
+      }
+      std::this_thread::sleep_for(500us);
+    }
+    return are_done;
+  };
+  std::size_t working = 0;
+  ASSERT_TRUE(run_until(patience(5s), [&](Tested& t, bool passes) {
+    if (passes && !t.damaged_at) {
+      t.relay->damage(GetParam(), towards_node);
+      t.damaged_at = clock.now();
+      ++working;
+    }
+    if (!t.relay->has_damaged()) t.damaged_at = t.damaged_at ? clock.now() : t.damaged_at;
+    return t.damaged_at && t.relay->has_damaged();
+  })) << working;
+  static_cast<void>(run_until(patience(kLimit) + 1s, [&](Tested& t, bool passes) {
+    if (passes && !t.back && t.relay->connections() > 1) t.back = clock.now() - *t.damaged_at;
+    return t.back.has_value();
+  }));
+
+  Row row{.peer = std::string(GetParam().name) + (towards_node ? " to" : " from") + " the node",
+          .with_keys = true};
+  for (std::size_t i = 0; i < tested.size(); ++i) {
+    row.is_left_out[i] = !tested[i];
+    if (!tested[i]) continue;
+    row.back[i] = tested[i]->back;
+    EXPECT_TRUE(tested[i]->back) << kLinkNames[i] << " does not come back";
+    if (tested[i]->back && (*tested[i]->back < kLimit || machine.may_check("back within 2 s"))) {
+      EXPECT_LT(*tested[i]->back, kLimit) << kLinkNames[i];
+    }
+  }
+  table().push_back(row);
+}
+
+TEST_P(DamagedByte, OnItsWayToTheNode) { expect_back(true); }
+TEST_P(DamagedByte, OnItsWayFromTheNode) { expect_back(false); }
 
 }  // namespace
 }  // namespace palpate

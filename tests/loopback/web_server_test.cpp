@@ -149,6 +149,35 @@ TEST_F(WebServerTest, TellsWhoSubscribedAndWhoLeft) {
   EXPECT_TRUE(eventually([&] { return server_->counters().clients == 0; }));
 }
 
+// Clients of 127.0.0.1 arrive there as ::ffff:127.0.0.1. Of another address 24 may connect.
+TEST_F(WebServerTest, LoopbackHasNoLimitOfConnectionsOnADualStackServer) {
+  const WebServer dual({.address = "::", .port = 0, .rules = {.token = "0123456789abcdef"}}, {});
+  std::vector<std::unique_ptr<WebClient>> clients;
+  for (int i = 0; i < 30; ++i) clients.push_back(std::make_unique<WebClient>(dual.port()));
+  for (const auto& client : clients) {
+    client->send_raw("GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n");
+    EXPECT_THAT(client->read_head(), HasSubstr("HTTP/1.1 200 OK"));
+  }
+}
+
+// No exception of the server's thread may end the viewer and its recording.
+TEST_F(WebServerTest, AFailureOfTheServerIsReportedAndEndsNothing) {
+  const auto client = viewer();
+  subscribe(*client, 1, 1);
+  std::vector<WebServer::Event> events;
+  ASSERT_TRUE(eventually([&] { return !(events = server_->take_events()).empty(); }));
+
+  constexpr std::size_t kNoSuchChannel = 99;
+  server_->send_to(events[0].client, kNoSuchChannel, 0, payload("x"));
+
+  ASSERT_TRUE(eventually([&] { return !(events = server_->take_events()).empty(); }));
+  EXPECT_EQ(events[0].kind, WebServer::Event::Kind::kFailed);
+  EXPECT_FALSE(events[0].payload.empty());
+  expect_alive();
+  server_->publish(0, 0, payload("still"));
+  EXPECT_EQ(client->await_data(1), "still");
+}
+
 TEST_F(WebServerTest, HandsOnOnlyTheNewestHandTargetOfAClient) {
   const auto client = viewer();
   client->send_text(R"({"op":"advertise","channels":[{"id":1,"topic":"/hand_target",)"

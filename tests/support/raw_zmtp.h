@@ -167,6 +167,14 @@ class RawListener {
   RawListener& operator=(const RawListener&) = delete;
 
   [[nodiscard]] bool is_open() const { return is_open_; }
+  [[nodiscard]] int descriptor() const { return descriptor_; }
+  /// Of a listener on tcp, with its actual port.
+  [[nodiscard]] std::string tcp_endpoint() const {
+    sockaddr_in address{};
+    socklen_t size = sizeof(address);
+    getsockname(descriptor_, reinterpret_cast<sockaddr*>(&address), &size);
+    return "tcp://127.0.0.1:" + std::to_string(ntohs(address.sin_port));
+  }
   /// The next connection; -1 if there is none for 10 ms.
   [[nodiscard]] int accept() const {
     pollfd ready{.fd = descriptor_, .events = POLLIN, .revents = 0};

@@ -66,6 +66,9 @@ class FoxgloveExport {
       if (on_progress) on_progress(recording_.passed_ratio());
     }
     for (Side& side : sides_) side.mirror.flush_rows();
+    // of a wall clock that was set back, or of the last moment
+    now_ns_ = ~std::uint64_t{0};
+    write_markers();
     writer_.close();
     if (const auto error = writer_.take_error()) throw std::runtime_error(*error);
   }
@@ -130,7 +133,8 @@ class FoxgloveExport {
     const MofcCounters& mofc = side.mirror.mofc_counters();
     put(side.first_channel + kTelemetry, at_ns,
         encode_telemetry(at_ns, row.device, row.mofc, mofc.transparency()));
-    if (at_ns < side.next_tool_ns) return;
+    const bool is_early = at_ns < side.next_tool_ns;
+    if (is_early && side.next_tool_ns - at_ns <= kToolInterval_ns) return;  // else: was set back
     side.next_tool_ns = at_ns + kToolInterval_ns;
     static const SceneState kUnknownScene;
     const SceneState& scene = scene_.scene() ? *scene_.scene() : kUnknownScene;
@@ -144,7 +148,9 @@ class FoxgloveExport {
   }
 
   void write_points(std::uint64_t at_ns) {
-    if (!are_points_due_ || !scene_.scene() || at_ns < next_points_ns_) return;
+    const bool is_early = at_ns < next_points_ns_;
+    if (!are_points_due_ || !scene_.scene()) return;
+    if (is_early && next_points_ns_ - at_ns <= kPointsInterval_ns) return;  // else: was set back
     are_points_due_ = false;
     next_points_ns_ = at_ns + kPointsInterval_ns;
     std::vector<std::vector<float>> parts;

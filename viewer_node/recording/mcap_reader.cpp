@@ -35,8 +35,8 @@ McapReader::McapReader(std::string path)
   if (!read(0, mcap::kMagic.size(), magic) || magic != mcap::kMagic) {
     refuse("not an MCAP file; give a file written by --record");
   }
-  is_whole_ = read_summary();
-  if (!is_whole_) search();
+  const Summary summary = read_summary();
+  is_whole_ = summary == Summary::kRead || (search() && summary == Summary::kUnusable);
 }
 
 void McapReader::refuse(const std::string& why) const {
@@ -52,10 +52,13 @@ bool McapReader::read(std::uint64_t offset, std::uint64_t length, std::string& b
          std::fread(bytes.data(), 1, bytes.size(), file_.get()) == bytes.size();
 }
 
-bool McapReader::read_summary() {
+/// kUnusable: the file was closed, but its summary does not tell what is in it.
+McapReader::Summary McapReader::read_summary() {
   const std::uint64_t end_bytes = mcap::kFooterBytes + mcap::kMagic.size();
   std::string end;
-  if (file_bytes_ < end_bytes || !read(file_bytes_ - end_bytes, end_bytes, end)) return false;
+  if (file_bytes_ < end_bytes || !read(file_bytes_ - end_bytes, end_bytes, end)) {
+    return Summary::kDamaged;
+  }
   Fields footer(end);
   const auto opcode = footer.number<std::uint8_t>();
   const auto length = footer.number<std::uint64_t>();
@@ -63,15 +66,27 @@ bool McapReader::read_summary() {
   footer.number<std::uint64_t>();
   const auto crc = footer.number<std::uint32_t>();
   if (static_cast<Opcode>(opcode) != Opcode::kFooter || length != 20 ||
-      footer.rest() != mcap::kMagic || start == 0 || start > file_bytes_ - end_bytes) {
-    return false;
+      footer.rest() != mcap::kMagic || start > file_bytes_ - end_bytes) {
+    return Summary::kDamaged;
   }
+  const std::uint64_t summary_bytes = file_bytes_ - mcap::kMagic.size() - 4 - start;
+  if (start == 0 || summary_bytes > kMaxRecordBytes) return Summary::kUnusable;
 
   std::string summary;
-  if (!read(start, file_bytes_ - mcap::kMagic.size() - 4 - start, summary) ||
-      (crc != 0 && mcap::crc_of(summary) != crc)) {
-    return false;
+  if (!read(start, summary_bytes, summary) || (crc != 0 && mcap::crc_of(summary) != crc)) {
+    return Summary::kDamaged;
   }
+  const bool is_good = take_all(summary);
+  if (is_good && !chunks_.empty() && !topics_.empty()) return Summary::kRead;
+  schemas_.clear();
+  topics_.clear();
+  chunks_.clear();
+  metadata_.clear();
+  indexed_bytes_ = 0;
+  return is_good ? Summary::kUnusable : Summary::kDamaged;
+}
+
+bool McapReader::take_all(std::string_view summary) {
   bool is_good = true;
   for (Fields records(summary); is_good && !records.rest().empty();) {
     const auto group = static_cast<Opcode>(records.number<std::uint8_t>());
@@ -80,12 +95,7 @@ bool McapReader::read_summary() {
     const std::string_view content = records.take(size);
     is_good = records.is_good() && take(group, content);
   }
-  if (is_good) return true;
-  schemas_.clear();
-  topics_.clear();
-  chunks_.clear();
-  metadata_.clear();
-  return false;
+  return is_good;
 }
 
 /// Records do not overlap, so an index cannot cover more bytes than the file has.
@@ -95,29 +105,47 @@ bool McapReader::count_indexed(std::uint64_t length) {
   return true;
 }
 
-/// Scans the records from the beginning up to the first incomplete one.
-void McapReader::search() {
+/// Scans the records from the beginning up to the first incomplete one. True if it comes to the end
+/// of the data.
+bool McapReader::search() {
   std::uint64_t offset = mcap::kMagic.size();
+  bool has_definitions = false;  // before the first chunk
   std::string bytes;
   while (read(offset, kRecordHead, bytes)) {
     Fields head(bytes);
     const auto opcode = static_cast<Opcode>(head.number<std::uint8_t>());
     const auto length = head.number<std::uint64_t>();
-    if (length > file_bytes_ - offset - kRecordHead || opcode == Opcode::kDataEnd) return;
+    if (opcode == Opcode::kDataEnd) return true;
+    if (length > file_bytes_ - offset - kRecordHead) return false;
     const std::uint64_t next = offset + kRecordHead + length;
     if (opcode == Opcode::kChunk) {
-      if (!read(offset + kRecordHead, 2 * sizeof(std::uint64_t), bytes)) return;
+      if (!read(offset + kRecordHead, 2 * sizeof(std::uint64_t), bytes)) return false;
+      if (chunks_.empty()) has_definitions = !topics_.empty();
       Fields fields(bytes);
       const auto begin_ns = fields.number<std::uint64_t>();
       const auto end_ns = fields.number<std::uint64_t>();
       chunks_.push_back({begin_ns, end_ns, offset, next - offset});
+      if (!has_definitions) take_definitions(chunks_.back());
     } else if (opcode == Opcode::kMetadata) {
-      if (!take_metadata(offset, next - offset)) return;
+      if (!take_metadata(offset, next - offset)) return false;
     } else if (opcode == Opcode::kSchema || opcode == Opcode::kChannel) {
-      if (!read(offset + kRecordHead, length, bytes) || !take(opcode, bytes)) return;
+      if (!read(offset + kRecordHead, length, bytes) || !take(opcode, bytes)) return false;
     }
     offset = next;
   }
+  return false;
+}
+
+/// Other writers put schemas and channels into the chunk that first needs them.
+void McapReader::take_definitions(const Chunk& chunk) {
+  if (!load(chunk)) return;
+  for (Fields records(rest_); !records.rest().empty();) {
+    const auto opcode = static_cast<Opcode>(records.number<std::uint8_t>());
+    const std::string_view content = records.take(records.number<std::uint64_t>());
+    if (opcode != Opcode::kSchema && opcode != Opcode::kChannel) continue;
+    if (!records.is_good() || !take(opcode, content)) break;
+  }
+  rest_ = {};
 }
 
 /// Reads one record of the summary, or a definition; false if it is malformed.
@@ -207,8 +235,9 @@ mcap::Strings McapReader::metadata(const std::string& name) const {
   return all;
 }
 
-void McapReader::seek(std::uint64_t log_time_ns) {
+void McapReader::seek(std::uint64_t log_time_ns, std::uint64_t to_ns) {
   from_ns_ = log_time_ns;
+  to_ns_ = to_ns;
   next_chunk_ = 0;
   rest_ = {};
 }
@@ -241,7 +270,7 @@ std::optional<McapReader::Message> McapReader::next() {
     while (rest_.empty()) {
       if (next_chunk_ == chunks_.size()) return std::nullopt;
       Chunk& chunk = chunks_[next_chunk_++];
-      if (chunk.end_ns < from_ns_) continue;
+      if (chunk.end_ns < from_ns_ || chunk.begin_ns > to_ns_) continue;
       // counted once, however often the file is read
       if (!load(chunk) && !std::exchange(chunk.is_damaged, true)) ++damaged_chunks_;
     }

@@ -1,4 +1,4 @@
-// mcap_reader.h — reads the files of McapWriter, even if their end is missing.
+// mcap_reader.h — reads the files of McapWriter, even if their end is missing, and those of others.
 #pragma once
 
 #include <cstdint>
@@ -14,8 +14,9 @@
 namespace palpate::viewer {
 
 /// Checks everything it reads. Refuses compressed chunks, chunks over 64 MiB, and an index that
-/// covers more bytes than the file has. Without a complete summary it scans the file from the
-/// beginning; truncated or damaged chunks are skipped and counted.
+/// covers more bytes than the file has. Without a complete summary, or if it is over 64 MiB or
+/// lists no chunks or no topics, it scans the file from the beginning; truncated or damaged chunks
+/// are skipped and counted. Messages outside chunks are not read.
 class McapReader {
  public:
   struct Message {
@@ -50,8 +51,8 @@ class McapReader {
 
   /// The next message in the order of the file; nullopt at the end.
   [[nodiscard]] std::optional<Message> next();
-  /// Back to the first message at or after this time.
-  void seek(std::uint64_t log_time_ns);
+  /// Back to the first message at or after this time. Chunks that begin after `to_ns` are left out.
+  void seek(std::uint64_t log_time_ns, std::uint64_t to_ns = ~std::uint64_t{0});
 
  private:
   struct Chunk {
@@ -63,8 +64,11 @@ class McapReader {
   };
 
   [[nodiscard]] bool read(std::uint64_t offset, std::uint64_t length, std::string& bytes) const;
-  [[nodiscard]] bool read_summary();
-  void search();
+  enum class Summary : std::uint8_t { kRead, kUnusable, kDamaged };
+  [[nodiscard]] Summary read_summary();
+  [[nodiscard]] bool take_all(std::string_view summary);
+  [[nodiscard]] bool search();
+  void take_definitions(const Chunk& chunk);
   [[nodiscard]] bool take(mcap::Opcode opcode, std::string_view content);
   [[nodiscard]] bool count_indexed(std::uint64_t length);
   [[nodiscard]] bool take_metadata(std::uint64_t offset, std::uint64_t length);
@@ -88,6 +92,7 @@ class McapReader {
   std::string chunk_;          // records of the current chunk
   std::string_view rest_;      // unread part of chunk_
   std::uint64_t from_ns_ = 0;  // seek()
+  std::uint64_t to_ns_ = ~std::uint64_t{0};
   std::uint64_t damaged_chunks_ = 0;
 };
 

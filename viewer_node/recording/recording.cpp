@@ -98,17 +98,28 @@ Recording::Recording(const RecordOptions& options, const Session& session,
 Recording::~Recording() { close(); }
 
 void Recording::take(const TelemetryMessage& message, std::span<const std::byte> payload) {
-  if (is_known_scene(message)) return;
   if (const auto* run = std::get_if<RunState>(&message)) return take_markers(*run);
-  push({.channel = message.index(),
-        .log_time_ns = wall_clock_ns(),
-        .payload = {reinterpret_cast<const char*>(payload.data()), payload.size()}});
+  // physics_node sends its scene again whenever another viewer subscribes to it
+  const auto* scene = std::get_if<SceneState>(&message);
+  std::optional<std::pair<std::uint64_t, std::uint64_t>> key;
+  if (scene != nullptr) key.emplace(scene->header.session_id, scene->revision);
+  if (key && scene_ == key) return;
+  const bool is_queued =
+      push({.channel = message.index(),
+            .log_time_ns = wall_clock_ns(),
+            .payload = {reinterpret_cast<const char*>(payload.data()), payload.size()}});
+  if (key && is_queued) scene_ = key;
   if (versions_.note(message)) push({.nodes = versions_.metadata()});
 }
 
 /// Those that are new since the recording began; the markers of a replay belong to its recording.
+/// The time decides only for the first state that is taken: later the wall clock may have been set
+/// back, but the markers of a run are in order.
 void Recording::take_markers(const RunState& run) {
   if (run.replay) return;
+  const bool is_first = !run_;
+  if (run_ && *run_ != run.header.session_id) newest_marker_ns_ = 0;
+  run_ = run.header.session_id;
   for (const Marker& marker : run.markers) {
     if (marker.at_ns <= newest_marker_ns_) continue;
     newest_marker_ns_ = marker.at_ns;
@@ -116,24 +127,18 @@ void Recording::take_markers(const RunState& run) {
           .log_time_ns = marker.at_ns,
           .payload = encode_marker(marker)});
   }
+  if (is_first) newest_marker_ns_ = run.markers.empty() ? 0 : run.markers.back().at_ns;
 }
 
-/// physics_node sends its scene again whenever another viewer subscribes to it.
-bool Recording::is_known_scene(const TelemetryMessage& message) {
-  const auto* scene = std::get_if<SceneState>(&message);
-  if (scene == nullptr) return false;
-  const std::pair key(scene->header.session_id, std::uint64_t{scene->revision});
-  return std::exchange(scene_, key) == key;
-}
-
-void Recording::push(Item&& item) {
+bool Recording::push(Item&& item) {
   const std::scoped_lock lock(mutex_);
   if (queued_bytes_ + item.payload.size() > kMaxQueuedBytes) {
     ++dropped_;
-    return;
+    return false;
   }
   queued_bytes_ += item.payload.size();
   queue_.push_back(std::move(item));
+  return true;
 }
 
 void Recording::write_until(const std::stop_token& stop) {

@@ -95,9 +95,9 @@ class Recording {
     mcap::Strings nodes{};  // not empty: metadata instead of a message
   };
 
-  [[nodiscard]] bool is_known_scene(const TelemetryMessage& message);
   void take_markers(const RunState& run);
-  void push(Item&& item);
+  /// False if the queue is full: the item is dropped and counted.
+  bool push(Item&& item);
   void write_until(const std::stop_token& stop);
   void write(std::vector<Item>& items);
 
@@ -106,6 +106,7 @@ class Recording {
   NodeVersions versions_;
   std::optional<std::pair<std::uint64_t, std::uint64_t>> scene_;  // newest: session id, revision
   std::uint64_t newest_marker_ns_;
+  std::optional<std::uint64_t> run_;  // session id of the markers' host
 
   std::mutex mutex_;
   std::condition_variable_any filled_;

@@ -101,13 +101,13 @@ class Copy {
   CopyResult run(const std::function<void(double)>& on_progress) {
     McapWriter writer(options_.file, options_.may_overwrite, channels_, OutputFile::Kind::kWhole);
     for (Source& source : sources_) {
-      source.reader.seek(0);
+      source.reader.seek(0, to_ns_ - source.shift_ns);
       source.advance();
     }
     while (Source* const source = earliest()) {
       const std::uint64_t at_ns = source->time_ns();
-      if (at_ns > to_ns_) {
-        source->head.reset();
+      if (at_ns > to_ns_) {  // an earlier one may follow: ticks are older than their message
+        source->advance();
         continue;
       }
       if (on_progress && end_ns_ > begin_ns_) {

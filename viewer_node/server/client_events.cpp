@@ -1,26 +1,21 @@
 #include "viewer_node/server/client_events.h"
 
-#include <algorithm>
 #include <utility>
 
 namespace palpate::viewer {
 
 void ClientEvents::add(ClientEvent event) {
+  using Kind = ClientEvent::Kind;
   const std::lock_guard lock(mutex_);
-  if (event.kind == ClientEvent::Kind::kRunRequest ||
-      event.kind == ClientEvent::Kind::kTissueChange) {
-    const auto waiting =
-        std::count_if(waiting_.begin(), waiting_.end(), [&](const ClientEvent& other) {
-          return other.kind == event.kind && other.client == event.client;
-        });
+  if (event.kind == Kind::kRunRequest || event.kind == Kind::kTissueChange) {
+    int& waiting = requests_[{event.kind, event.client, 0}];
     if (waiting >= kMostRequests) return;
-  } else if (event.kind != ClientEvent::Kind::kLeft) {
-    const auto same = std::find_if(waiting_.begin(), waiting_.end(), [&](const ClientEvent& other) {
-      return other.kind == event.kind && other.client == event.client &&
-             other.channel == event.channel;
-    });
-    if (same != waiting_.end()) {
-      same->payload = std::move(event.payload);
+    ++waiting;
+  } else if (event.kind != Kind::kLeft) {
+    const auto [place, is_new] =
+        places_.try_emplace({event.kind, event.client, event.channel}, waiting_.size());
+    if (!is_new) {
+      waiting_[place->second].payload = std::move(event.payload);
       return;
     }
   }
@@ -29,6 +24,8 @@ void ClientEvents::add(ClientEvent event) {
 
 std::vector<ClientEvent> ClientEvents::take() {
   const std::lock_guard lock(mutex_);
+  places_.clear();
+  requests_.clear();
   return std::exchange(waiting_, {});
 }
 

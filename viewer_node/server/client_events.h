@@ -3,18 +3,28 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <map>
 #include <mutex>
 #include <string>
+#include <tuple>
 #include <vector>
 
 namespace palpate::viewer {
 
 struct ClientEvent {
-  enum class Kind : std::uint8_t { kSubscribed, kHandTarget, kRunRequest, kTissueChange, kLeft };
+  enum class Kind : std::uint8_t {
+    kSubscribed,
+    kHandTarget,
+    kRunRequest,
+    kTissueChange,
+    kLeft,
+    kFailed,  ///< of no client: the server could not do something
+  };
   Kind kind = Kind::kLeft;
   std::uint64_t client = 0;
   std::size_t channel = 0;  ///< kSubscribed
-  std::string payload{};    ///< kHandTarget, kRunRequest, kTissueChange: a protobuf message
+  /// kHandTarget, kRunRequest, kTissueChange: a protobuf message; kFailed: why
+  std::string payload{};
 };
 
 /// Bounded by the number of clients and channels, whatever the clients send. Any thread.
@@ -29,8 +39,12 @@ class ClientEvents {
   [[nodiscard]] std::vector<ClientEvent> take();
 
  private:
+  using Key = std::tuple<ClientEvent::Kind, std::uint64_t, std::size_t>;  // client, channel
+
   std::mutex mutex_;
   std::vector<ClientEvent> waiting_;
+  std::map<Key, std::size_t> places_;  // in waiting_, of what is replaced
+  std::map<Key, int> requests_;        // that wait; without a channel
 };
 
 }  // namespace palpate::viewer

@@ -142,7 +142,7 @@ DataHeader data_header(std::uint32_t subscription, std::uint64_t log_time_ns) {
   return header;
 }
 
-std::vector<std::string> FoxgloveClient::greeting() const {
+std::string FoxgloveClient::server_info() const {
   Json info = {
       {"op", "serverInfo"},
       {"name", server_.name},
@@ -159,9 +159,13 @@ std::vector<std::string> FoxgloveClient::greeting() const {
     }
     info["metadata"]["client_topics"] = topics;
   }
+  return written(info);
+}
+
+std::string advertisement(const ServerDescription& server) {
   Json channels = Json::array();
-  for (std::size_t i = 0; i < server_.channels.size(); ++i) {
-    const Channel& channel = server_.channels[i];
+  for (std::size_t i = 0; i < server.channels.size(); ++i) {
+    const Channel& channel = server.channels[i];
     channels.push_back({{"id", i + 1},
                         {"topic", channel.topic},
                         {"encoding", "protobuf"},
@@ -169,13 +173,7 @@ std::vector<std::string> FoxgloveClient::greeting() const {
                         {"schemaEncoding", "protobuf"},
                         {"schema", base64(channel.schema)}});
   }
-  return {written(info), written({{"op", "advertise"}, {"channels", std::move(channels)}})};
-}
-
-std::optional<std::uint32_t> FoxgloveClient::subscription(std::size_t channel) const {
-  const auto it = std::find_if(channel_of_.begin(), channel_of_.end(),
-                               [&](const auto& entry) { return entry.second == channel; });
-  return it != channel_of_.end() ? std::optional(it->first) : std::nullopt;
+  return written({{"op", "advertise"}, {"channels", std::move(channels)}});
 }
 
 FoxgloveClient::Outcome FoxgloveClient::take_text(std::string_view text) {
@@ -201,6 +199,7 @@ FoxgloveClient::Outcome FoxgloveClient::take_text(std::string_view text) {
                        " is already subscribed to");
       } else {
         channel_of_[*id] = *channel - 1;
+        subscription_of_[*channel - 1] = *id;
         outcome.subscribed.push_back(*channel - 1);
       }
     }
@@ -214,6 +213,7 @@ FoxgloveClient::Outcome FoxgloveClient::take_text(std::string_view text) {
         continue;
       }
       outcome.unsubscribed.push_back(it->second);
+      subscription_of_[it->second].reset();
       channel_of_.erase(it);
     }
   } else if (op == "advertise" && accepts_any(server_)) {

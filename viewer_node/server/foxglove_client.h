@@ -40,6 +40,9 @@ struct ServerDescription {
   bool accepts_changes = false;       ///< topic /tissue_change
 };
 
+/// All channels, with their schemas: the same text for every client.
+[[nodiscard]] std::string advertisement(const ServerDescription& server);
+
 enum class StatusLevel : std::uint8_t { kInfo = 0, kWarning = 1, kError = 2 };
 /// @param id  for removeStatus; may be empty
 [[nodiscard]] std::string status_text(StatusLevel level, std::string_view message,
@@ -55,11 +58,12 @@ using DataHeader = std::array<char, 13>;
 class FoxgloveClient {
  public:
   /// `server` must outlive it. @param id  of this client, from 1
-  FoxgloveClient(const ServerDescription& server, std::uint64_t id) : server_(server), id_(id) {}
+  FoxgloveClient(const ServerDescription& server, std::uint64_t id)
+      : server_(server), id_(id), subscription_of_(server.channels.size()) {}
 
   [[nodiscard]] std::uint64_t id() const { return id_; }
-  /// The server's first messages: serverInfo and advertise.
-  [[nodiscard]] std::vector<std::string> greeting() const;
+  /// The server's first message; advertisement() is the second.
+  [[nodiscard]] std::string server_info() const;
 
   /// Effects of one message.
   struct Outcome {
@@ -73,13 +77,16 @@ class FoxgloveClient {
   [[nodiscard]] Outcome take_binary(std::string_view bytes);
 
   /// The client's id of its subscription to the channel, if it subscribes.
-  [[nodiscard]] std::optional<std::uint32_t> subscription(std::size_t channel) const;
+  [[nodiscard]] std::optional<std::uint32_t> subscription(std::size_t channel) const {
+    return subscription_of_.at(channel);
+  }
 
  private:
   const ServerDescription& server_;
   std::uint64_t id_;
-  std::map<std::uint32_t, std::size_t> channel_of_;  // by subscription
-  std::map<std::uint32_t, ClientTopic> topic_of_;    // by the client's id of its channel
+  std::map<std::uint32_t, std::size_t> channel_of_;            // by subscription
+  std::vector<std::optional<std::uint32_t>> subscription_of_;  // by channel
+  std::map<std::uint32_t, ClientTopic> topic_of_;              // by the client's id of its channel
 };
 
 }  // namespace palpate::viewer

@@ -1,5 +1,6 @@
 #include "viewer_node/server/http_connection.h"
 
+#include <algorithm>
 #include <boost/beast/websocket.hpp>
 #include <utility>
 
@@ -155,15 +156,29 @@ void HttpConnection::answer(const WebDecision& decision, bool is_malformed) {
   response_.body().more = false;
 
   serializer_.emplace(response_);
-  stream_.expires_after(kAnswerTimeout);
-  auto on_written = [self = shared_from_this()](const error_code& error, std::size_t) {
-    self->on_written(error);
-  };
+  answer_due_ = std::chrono::steady_clock::now() + kWholeAnswerTimeout;
   if (is_head || decision.status == 304) {
-    http::async_write_header(stream_, *serializer_, std::move(on_written));
+    stream_.expires_after(kAnswerTimeout);
+    http::async_write_header(stream_, *serializer_,
+                             [self = shared_from_this()](const error_code& error, std::size_t) {
+                               self->on_written(error);
+                             });
   } else {
-    http::async_write(stream_, *serializer_, std::move(on_written));
+    write_part();
   }
+}
+
+/// A slow link gets its answer as long as it takes some of it in time.
+void HttpConnection::write_part() {
+  stream_.expires_at(std::min(answer_due_, std::chrono::steady_clock::now() + kAnswerTimeout));
+  http::async_write_some(stream_, *serializer_,
+                         [self = shared_from_this()](const error_code& error, std::size_t) {
+                           if (error || self->serializer_->is_done()) {
+                             self->on_written(error);
+                           } else {
+                             self->write_part();
+                           }
+                         });
 }
 
 void HttpConnection::on_written(const error_code& error) {

@@ -5,6 +5,7 @@
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/beast/core.hpp>
 #include <boost/beast/http.hpp>
+#include <chrono>
 #include <list>
 #include <memory>
 #include <optional>
@@ -36,6 +37,7 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   [[nodiscard]] WebDecision too_long() const;
   void become_client(std::string_view subprotocol);
   void answer(const WebDecision& decision, bool is_malformed);
+  void write_part();
   void on_written(const boost::system::error_code& error);
   void end();
   void stop_waiting();
@@ -52,6 +54,7 @@ class HttpConnection : public std::enable_shared_from_this<HttpConnection> {
   std::string metrics_;  // the body of response_, if it is /metrics or /verdict
   std::optional<boost::beast::http::response_serializer<boost::beast::http::buffer_body>>
       serializer_;
+  std::chrono::steady_clock::time_point answer_due_{};
 };
 
 }  // namespace palpate::viewer

@@ -1,6 +1,6 @@
 #include "viewer_node/server/send_queue.h"
 
-#include <algorithm>
+#include <iterator>
 #include <utility>
 
 namespace palpate::viewer {
@@ -8,25 +8,22 @@ namespace palpate::viewer {
 SendQueue::Pushed SendQueue::push(OutgoingMessage message) {
   Pushed pushed;
   if (message.subject) {
-    const auto older = std::find_if(waiting_.begin(), waiting_.end(), [&](const auto& waiting) {
-      return waiting.subject == message.subject;
-    });
-    if (older != waiting_.end()) {
-      bytes_ -= older->bytes();
-      waiting_.erase(older);
+    const auto older = newest_.find(*message.subject);
+    if (older != newest_.end()) {
+      bytes_ -= older->second->bytes();
+      waiting_.erase(older->second);
       pushed.replaced = 1;
     }
   }
   bytes_ += message.bytes();
   waiting_.push_back(std::move(message));
+  if (waiting_.back().subject) newest_[*waiting_.back().subject] = std::prev(waiting_.end());
   if (bytes_ > kMaxWaitingBytes) pushed.dropped = drop_until(kMaxWaitingBytes / 2);
   return pushed;
 }
 
 bool SendQueue::has(std::size_t subject) const {
-  return (in_flight_ && in_flight_->subject == subject) ||
-         std::any_of(waiting_.begin(), waiting_.end(),
-                     [&](const auto& waiting) { return waiting.subject == subject; });
+  return (in_flight_ && in_flight_->subject == subject) || newest_.contains(subject);
 }
 
 bool SendQueue::is_overfull() const {
@@ -35,6 +32,7 @@ bool SendQueue::is_overfull() const {
 
 const OutgoingMessage* SendQueue::start() {
   if (in_flight_ || waiting_.empty()) return nullptr;
+  if (waiting_.front().subject) newest_.erase(*waiting_.front().subject);
   in_flight_ = std::move(waiting_.front());
   waiting_.pop_front();
   return &*in_flight_;
@@ -46,14 +44,12 @@ void SendQueue::finish() {
 }
 
 std::uint64_t SendQueue::drop_until(std::size_t bytes) {
-  const auto rest = std::remove_if(waiting_.begin(), waiting_.end(), [&](const auto& message) {
+  return std::erase_if(waiting_, [&](const OutgoingMessage& message) {
     if (!message.may_drop || bytes_ <= bytes) return false;
     bytes_ -= message.bytes();
+    if (message.subject) newest_.erase(*message.subject);
     return true;
   });
-  const auto count = static_cast<std::uint64_t>(std::distance(rest, waiting_.end()));
-  waiting_.erase(rest, waiting_.end());
-  return count;
 }
 
 }  // namespace palpate::viewer

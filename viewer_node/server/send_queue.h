@@ -4,7 +4,8 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <deque>
+#include <list>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -70,7 +71,8 @@ class SendQueue {
   /// Drops the oldest until `bytes` are left.
   std::uint64_t drop_until(std::size_t bytes);
 
-  std::deque<OutgoingMessage> waiting_;
+  std::list<OutgoingMessage> waiting_;
+  std::map<std::size_t, std::list<OutgoingMessage>::iterator> newest_;  // waiting, by subject
   std::optional<OutgoingMessage> in_flight_;
   std::size_t bytes_ = 0;
 };

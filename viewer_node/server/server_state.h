@@ -15,6 +15,7 @@
 
 #include "viewer_node/server/client_events.h"
 #include "viewer_node/server/foxglove_client.h"
+#include "viewer_node/server/send_queue.h"
 #include "viewer_node/server/web_limits.h"
 #include "viewer_node/server/web_rules.h"
 
@@ -27,12 +28,14 @@ struct ServerState {
   ServerState(WebRules allowed, ServerDescription described, std::size_t audience)
       : rules(std::move(allowed)),
         description(std::move(described)),
+        advertised(make_payload(advertisement(description))),
         most_clients(audience > 0 ? audience : kMaxClients),
         is_audience(audience > 0),
         subscribers(description.channels.size()) {}
 
   const WebRules rules;
   const ServerDescription description;
+  const Payload advertised;        ///< the same for every client
   const std::size_t most_clients;  ///< WebSockets
   const bool is_audience;          ///< each client gets the newest, as fast as it reads
 

@@ -68,7 +68,8 @@ void SocketClient::begin() {
   protocol_.emplace(server_.description, server_.next_client++);
   server_.clients.emplace(id(), shared_from_this());
   server_.client_count = static_cast<std::uint32_t>(server_.clients.size());
-  for (std::string& text : protocol_->greeting()) send_text(std::move(text));
+  send_text(protocol_->server_info());
+  queue({.payload = server_.advertised, .is_held = true});
   read();
 }
 

@@ -37,15 +37,17 @@ bool is_address(std::string_view name) {
 bool is_known_host(std::string_view host, const WebRules& rules) {
   const std::string name = lower(name_of(host));
   return name == "localhost" || is_address(name) ||
-         std::find(rules.hosts.begin(), rules.hosts.end(), name) != rules.hosts.end();
+         std::any_of(rules.hosts.begin(), rules.hosts.end(),
+                     [&](const std::string& known) { return lower(known) == name; });
 }
 
 /// Only browsers send an origin. Behind a TLS proxy it starts with https.
 bool is_known_origin(const WebRequest& request, const WebRules& rules) {
-  const std::string& origin = request.origin;
-  return origin.empty() || lower(origin) == lower("http://" + request.host) ||
-         lower(origin) == lower("https://" + request.host) ||
-         std::find(rules.origins.begin(), rules.origins.end(), origin) != rules.origins.end();
+  const std::string origin = lower(request.origin);
+  return origin.empty() || origin == lower("http://" + request.host) ||
+         origin == lower("https://" + request.host) ||
+         std::any_of(rules.origins.begin(), rules.origins.end(),
+                     [&](const std::string& known) { return lower(known) == origin; });
 }
 
 bool has_token(const WebRequest& request, std::string_view query, const WebRules& rules) {

@@ -7,11 +7,13 @@
 #include <boost/asio/post.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <chrono>
+#include <exception>
 #include <set>
 #include <thread>
 #include <utility>
 
 #include "common/core/check.h"
+#include "common/core/missing_address.h"
 #include "viewer_node/server/http_connection.h"
 #include "viewer_node/server/server_state.h"
 #include "viewer_node/server/socket_client.h"
@@ -33,6 +35,12 @@ error_code listen_at(tcp::acceptor& acceptor, const tcp::endpoint& endpoint) {
   if (!error) acceptor.bind(endpoint, error);
   if (!error) acceptor.listen(asio::socket_base::max_listen_connections, error);
   return error;
+}
+
+/// A mapped IPv4 address, ::ffff:10.0.0.1, as IPv4: so it arrives at a server that listens on [::].
+asio::ip::address unmapped(const asio::ip::address& address) {
+  if (!address.is_v6() || !address.to_v6().is_v4_mapped()) return address;
+  return asio::ip::make_address_v4(asio::ip::v4_mapped, address.to_v6());
 }
 
 /// Each client needs a file descriptor.
@@ -72,6 +80,7 @@ class WebServer::Impl {
   asio::io_context io{1};
 
  private:
+  void run();
   void welcome(tcp::socket socket);
 
   tcp::acceptor acceptor_{io};
@@ -92,11 +101,20 @@ WebServer::Impl::Impl(const WebServerConfig& config, ServerDescription descripti
   };
   if (error) refuse("give a numeric address, such as 127.0.0.1:8765");
   for (const std::string& proxy : config.proxies) {
-    proxies_.insert(asio::ip::make_address(proxy, error));
+    proxies_.insert(unmapped(asio::ip::make_address(proxy, error)));
     if (error) throw SetupError("viewer: --proxy " + proxy + ": give a numeric address");
   }
 
-  error = listen_at(acceptor_, {address, config.port});
+  if (config.descriptor >= 0) {
+    acceptor_.assign(tcp::v4(), config.descriptor, error);
+    if (!error) static_cast<void>(acceptor_.local_endpoint(error));
+    if (error) {
+      throw SetupError("viewer: --listen-descriptor " + std::to_string(config.descriptor) + ": " +
+                       error.message());
+    }
+  } else {
+    error = listen_at(acceptor_, {address, config.port});
+  }
   if (error == asio::error::address_in_use && config.may_move) {
     acceptor_.close();
     error = listen_at(acceptor_, {address, 0});
@@ -104,18 +122,34 @@ WebServer::Impl::Impl(const WebServerConfig& config, ServerDescription descripti
   if (error == asio::error::address_in_use) {
     refuse("in use by another program; stop it, or give another port (0: any free port)");
   }
+  if (error == boost::system::errc::address_not_available) {
+    throw MissingAddress("viewer: " + host + std::to_string(config.port) +
+                         ": this machine does not have that address; give one of its own");
+  }
   if (error) refuse("cannot listen on this address: " + error.message());
   port = acceptor_.local_endpoint().port();
   url = "http://" + host + std::to_string(port) + '/';
 
   accept();
-  thread_ = std::thread([this] { io.run(); });
+  thread_ = std::thread([this] { run(); });
 }
 
 WebServer::Impl::~Impl() {
   io.stop();
   thread_.join();
   state.clients.clear();
+}
+
+/// A failure, such as exhausted memory, costs what one client asked for, not the viewer.
+void WebServer::Impl::run() {
+  for (;;) {
+    try {
+      io.run();
+      return;
+    } catch (const std::exception& failure) {
+      state.events.add({.kind = ClientEvent::Kind::kFailed, .payload = failure.what()});
+    }
+  }
 }
 
 void WebServer::Impl::accept() {
@@ -135,7 +169,7 @@ void WebServer::Impl::accept() {
 
 void WebServer::Impl::welcome(tcp::socket socket) {
   error_code gone;
-  const asio::ip::address peer = socket.remote_endpoint(gone).address();
+  const asio::ip::address peer = unmapped(socket.remote_endpoint(gone).address());
   const auto of_peer = state.connections_of.find(peer);
   const bool is_limited = !peer.is_loopback() && !proxies_.contains(peer);
   if (gone || (is_limited && of_peer != state.connections_of.end() &&

@@ -23,6 +23,8 @@ namespace palpate::viewer {
 struct WebServerConfig {
   std::string address = "127.0.0.1";  ///< numeric
   std::uint16_t port = 8765;          ///< 0: any free port
+  /// Of an inherited socket that listens on 127.0.0.1, in place of address and port; −1: none.
+  int descriptor = -1;
   /// If the port is in use: take a free one instead of failing.
   bool may_move = false;
   /// 0: at most 16 WebSockets. Else an audience of at most so many, each of which gets the newest

@@ -9,16 +9,13 @@ const char* explain(Refusal refusal) {
              "and restart";
     case Refusal::kWrongRole:
       return "a key of another role: allowed.keys lists it, but not for this link";
-    case Refusal::kNoKey:
-      return "no key: the peer sends plain text; give its session the same security { }";
-    case Refusal::kNoZmtp:
-      return "not a ZeroMQ 4 peer: it sends plain text or uses another protocol";
     case Refusal::kLeft:
       return "closed during the handshake: the peer sends plain text (give its session the same "
              "security { }) or was stopped";
     case Refusal::kBadHandshake:
-      return "the peer expects another key of this end or violated the protocol; compare "
-             "allowed.keys";
+      return "no valid handshake: the peer sends plain text (give its session the same security { "
+             "}), expects another key of this end (compare allowed.keys), or is not a ZeroMQ 4 "
+             "peer";
     case Refusal::kRefusedByOther:
       return "the other end refuses this program's key; compare allowed.keys";
     case Refusal::kOtherBroken:

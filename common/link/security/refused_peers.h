@@ -15,10 +15,8 @@ namespace palpate {
 enum class Refusal : std::uint8_t {
   kUnknownKey,    ///< the key is not in allowed.keys
   kWrongRole,     ///< the key is listed, but for a role that may not use this link
-  kNoKey,         ///< the peer uses ZeroMQ without encryption
-  kNoZmtp,        ///< the peer uses another protocol or an old version of ZeroMQ
   kLeft,          ///< the peer closed the connection during the handshake, as unencrypted ones may
-  kBadHandshake,  ///< the peer expects another server key or violates the protocol
+  kBadHandshake,  ///< the peer has no keys, expects another server key or is no ZeroMQ 4
   kRefusedByOther,  ///< the binding end refused the key of this program
   kOtherUnknown,    ///< the binding end does not have the key expected of it
   kOtherBroken,     ///< the binding end violated the protocol; this end connects again

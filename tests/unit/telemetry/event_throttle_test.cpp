@@ -25,6 +25,16 @@ TEST(EventThrottle, ThenReportsAtMostOnceASecondWithWhatItSwallowed) {
   EXPECT_EQ(throttle.note(since_start(milliseconds(1000)), 1), 7u);
 }
 
+// As the times of a recording, when the wall clock was set back an hour.
+TEST(EventThrottle, LosesNothingWhenTheClockStepsBack) {
+  EventThrottle throttle;
+  ASSERT_EQ(throttle.note(since_start(std::chrono::hours(1)), 1), 1u);
+
+  EXPECT_EQ(throttle.note(since_start(milliseconds(0)), 2), 2u);
+  EXPECT_EQ(throttle.note(since_start(milliseconds(500)), 4), 0u);
+  EXPECT_EQ(throttle.note(since_start(milliseconds(1000)), 0), 4u);
+}
+
 TEST(EventThrottle, ReportsSwallowedOccurrencesAlsoWhenNoMoreCome) {
   EventThrottle throttle;
   ASSERT_EQ(throttle.note(since_start(milliseconds(0)), 1), 1u);

@@ -46,10 +46,7 @@ class FoxgloveClientTest : public testing::Test {
 };
 
 TEST_F(FoxgloveClientTest, IsGreetedWithServerInfoAndAllChannels) {
-  const auto greeting = client_.greeting();
-
-  ASSERT_THAT(greeting, SizeIs(2));
-  const json info = json::parse(greeting[0]);
+  const json info = json::parse(client_.server_info());
   EXPECT_EQ(info["op"], "serverInfo");
   EXPECT_EQ(info["name"], "viewer_node 1");
   EXPECT_EQ(info["sessionId"], "abc");
@@ -57,7 +54,7 @@ TEST_F(FoxgloveClientTest, IsGreetedWithServerInfoAndAllChannels) {
   EXPECT_EQ(info["supportedEncodings"], json::array({"protobuf"}));
   EXPECT_EQ(info["metadata"]["client_id"], "7");
   EXPECT_EQ(info["metadata"]["session"], "default");
-  const json advertise = json::parse(greeting[1]);
+  const json advertise = json::parse(advertisement(server_));
   EXPECT_EQ(advertise["op"], "advertise");
   ASSERT_EQ(advertise["channels"].size(), 2u);
   const json& channel = advertise["channels"][1];
@@ -73,7 +70,7 @@ TEST_F(FoxgloveClientTest, IsGreetedWithServerInfoAndAllChannels) {
 
 TEST_F(FoxgloveClientTest, IsToldOfNoCapabilityWhereItMayOnlyLook) {
   const ServerDescription server = description(false);
-  const json info = json::parse(FoxgloveClient(server, 1).greeting()[0]);
+  const json info = json::parse(FoxgloveClient(server, 1).server_info());
   EXPECT_EQ(info["capabilities"], json::array());
   EXPECT_FALSE(info.contains("supportedEncodings"));
 }
@@ -151,7 +148,7 @@ TEST_F(FoxgloveClientTest, SendsRequestsBesideHandTargets) {
   ServerDescription server = description(true);
   server.accepts_requests = true;
   FoxgloveClient client(server, 7);
-  EXPECT_EQ(json::parse(client.greeting()[0])["metadata"]["client_topics"],
+  EXPECT_EQ(json::parse(client.server_info())["metadata"]["client_topics"],
             "/hand_target /run_request");
   const auto advertise = [&](const char* id, const char* topic, const char* schema) {
     return client

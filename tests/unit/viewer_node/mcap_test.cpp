@@ -9,6 +9,7 @@
 
 #include "common/core/check.h"
 #include "tests/support/temp_folder.h"
+#include "viewer_node/recording/mcap_format.h"
 #include "viewer_node/recording/mcap_reader.h"
 #include "viewer_node/recording/mcap_writer.h"
 
@@ -84,6 +85,90 @@ TEST_F(Mcap, SeekFindsTheFirstMessageOfATime) {
   EXPECT_EQ(message->payload, "message 1234");
   reader.seek(0);
   EXPECT_EQ(reader.next()->payload, "message 0");
+}
+
+TEST_F(Mcap, SeekLeavesOutTheChunksAfterAnEnd) {
+  write_file(3000);
+  McapReader reader(path);
+  reader.seek(0, 1200 * kMillisecond_ns);
+  // chunks of 0.5 s: the one of 1200 ms ends at 1499
+  EXPECT_EQ(read_messages(reader).size(), 1500u);
+}
+
+/// A record of another writer.
+std::string record_of(mcap::Opcode opcode, const std::string& content) {
+  std::string bytes;
+  mcap::Bytes(bytes).head(opcode, content.size());
+  return bytes + content;
+}
+std::string footer_of(std::uint64_t summary_start) {
+  std::string content;
+  mcap::Bytes(content).number(summary_start).number(std::uint64_t{0}).number(std::uint32_t{0});
+  return record_of(mcap::Opcode::kFooter, content) + std::string(mcap::kMagic);
+}
+/// A valid file whose schema and channel are in its only chunk, with one message.
+std::string with_definitions_in_the_chunk() {
+  std::string schema;
+  mcap::Bytes(schema).number(std::uint16_t{1}).text("test.C").text("protobuf").text("descriptor");
+  std::string channel;
+  mcap::Bytes(channel)
+      .number(std::uint16_t{5})
+      .number(std::uint16_t{1})
+      .text("/c")
+      .text("protobuf");
+  mcap::Bytes(channel).strings({});
+  std::string message;
+  mcap::Bytes(message).number(std::uint16_t{5}).number(std::uint32_t{0}).number(std::uint64_t{7});
+  mcap::Bytes(message).number(std::uint64_t{7});
+  const std::string records = record_of(mcap::Opcode::kSchema, schema) +
+                              record_of(mcap::Opcode::kChannel, channel) +
+                              record_of(mcap::Opcode::kMessage, message + "payload");
+  std::string chunk;
+  mcap::Bytes(chunk).number(std::uint64_t{7}).number(std::uint64_t{7});
+  mcap::Bytes(chunk).number(std::uint64_t{records.size()}).number(std::uint32_t{0}).text("");
+  mcap::Bytes(chunk).number(std::uint64_t{records.size()});
+  std::string header;
+  mcap::Bytes(header).text("").text("other");
+  return std::string(mcap::kMagic) + record_of(mcap::Opcode::kHeader, header) +
+         record_of(mcap::Opcode::kChunk, chunk + records) +
+         record_of(mcap::Opcode::kDataEnd, std::string(4, '\0'));
+}
+
+// The summary is optional, and so is the repetition of schemas and channels in it.
+TEST_F(Mcap, AFileOfAnotherWriterWithoutSummaryIsWhole) {
+  put_file(with_definitions_in_the_chunk() + footer_of(0));
+
+  McapReader reader(path);
+  EXPECT_TRUE(reader.is_whole());
+  ASSERT_EQ(reader.topics().size(), 1u);
+  EXPECT_EQ(reader.topics()[0].topic, "/c");
+  EXPECT_EQ(reader.topics()[0].schema_name, "test.C");
+  EXPECT_EQ(reader.topics()[0].schema, "descriptor");
+  EXPECT_EQ(read_messages(reader), std::vector<std::string>{"payload"});
+}
+
+TEST_F(Mcap, ASummaryThatListsNoChunksIsNotTheWholeTruth) {
+  const std::string data = with_definitions_in_the_chunk();
+  std::string statistics;
+  mcap::Bytes(statistics).number(std::uint64_t{1}).number(std::uint16_t{1});
+  statistics += std::string(4 + 4 + 4 + 4 + 8 + 8 + 4, '\0');
+  put_file(data + record_of(mcap::Opcode::kStatistics, statistics) + footer_of(data.size()));
+
+  McapReader reader(path);
+  EXPECT_TRUE(reader.is_whole());
+  EXPECT_EQ(reader.topics().size(), 1u);
+  EXPECT_EQ(read_messages(reader), std::vector<std::string>{"payload"});
+}
+
+TEST_F(Mcap, ASummaryOverSixtyFourMebibytesIsNotNeeded) {
+  const std::string data = with_definitions_in_the_chunk();
+  const std::string filling =
+      record_of(mcap::Opcode::kSummaryOffset, std::string((std::size_t{64} << 20) + 1, 'x'));
+  put_file(data + filling + footer_of(data.size()));
+
+  McapReader reader(path);
+  EXPECT_TRUE(reader.is_whole());
+  EXPECT_EQ(read_messages(reader), std::vector<std::string>{"payload"});
 }
 
 TEST_F(Mcap, TheSameCallsGiveTheSameFile) {

@@ -93,6 +93,7 @@ TEST(WebRules, AnswerToNamesOfThisMachineOnly) {
     EXPECT_EQ(status(socket(), [&](auto& r) { r.host = bad; }), 403u) << bad;
   }
   EXPECT_EQ(status(page(), [](auto& r) { r.host = "Bench:80"; }, {.hosts = {"bench"}}), 200u);
+  EXPECT_EQ(status(page(), [](auto& r) { r.host = "bench:80"; }, {.hosts = {"Bench"}}), 200u);
 }
 
 TEST(WebRules, LetNoPageOfAnotherOriginConnect) {
@@ -110,6 +111,9 @@ TEST(WebRules, LetNoPageOfAnotherOriginConnect) {
   const WebRules rules{.origins = {"https://app.example.org"}};
   EXPECT_EQ(status(socket(), from("https://app.example.org"), rules), 101u);
   EXPECT_EQ(status(socket(), from("https://app.example.org.evil.example"), rules), 403u);
+  EXPECT_EQ(
+      status(socket(), from("https://app.example.org"), {.origins = {"https://App.Example.org"}}),
+      101u);
 }
 
 TEST(WebRules, AskForTheTokenOfWhoConnects) {

@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import test from "node:test";
 import { create, toBinary } from "@bufbuild/protobuf";
 import { DurationSchema, FileDescriptorSetSchema, TimestampSchema } from "@bufbuild/protobuf/wkt";
-import { FoxgloveClient } from "../../../viewer_node/web/src/foxglove";
+import { FoxgloveClient, with_jitter } from "../../../viewer_node/web/src/foxglove";
 
 // The schemas of protobuf itself serve as well as ours.
 const schema = (...descs: { file: { proto: unknown } }[]) => Buffer.from(
@@ -148,4 +148,12 @@ test("a lost connection is made again, with the new channels", async () => {
 
   assert.deepEqual(taken, [{ topic: "/a", seconds: 4n }]);
   assert.deepEqual(events, ["opened", "closed", "opened"]);
+});
+
+test("pages that lost their server together come back spread over as long as they wait", () => {
+  assert.equal(with_jitter(1000, 0), 500);
+  assert.equal(with_jitter(1000, 0.5), 1000);
+  assert.ok(with_jitter(1000, 0.999) < 1500);
+  const delays = Array.from({ length: 100 }, () => with_jitter(1000));
+  assert.ok(Math.max(...delays) - Math.min(...delays) > 500, "all at once");
 });

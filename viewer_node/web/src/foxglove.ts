@@ -39,6 +39,11 @@ export interface Events {
   status(status: ServerStatus): void;
 }
 
+/** Pages that lost their server together do not come back together: half to one and a half. */
+export function with_jitter(delay_ms: number, random = Math.random()): number {
+  return delay_ms * (0.5 + random);
+}
+
 export class FoxgloveClient {
   /** Unreadable frames: not of this protocol, or of another schema. */
   unreadable_count = 0;
@@ -110,7 +115,7 @@ export class FoxgloveClient {
       this.subscription_of_channel.clear();
       this.published.clear();
       this.events.closed();
-      setTimeout(() => this.connect(), this.retry_ms);
+      setTimeout(() => this.connect(), with_jitter(this.retry_ms));
       this.retry_ms = Math.min(2 * this.retry_ms, kLastRetry_ms);
     };
     this.socket = socket;
