@@ -35,6 +35,8 @@ set(PALPATE_BOUNDARIES
   "device_node:common/core,common/session/device_config.h,common/session/device_profile.h,common/telemetry/device_telemetry.h,device_node/monitor"
   # the monitor of the energy shares nothing with the clamp that it watches
   "device_node/monitor:common/core,common/session/device_config.h,common/session/device_profile.h"
+  # the friction of a device, measured without a hand
+  "device_node/identification:common/core,common/session/device_profile.h,device_node/device.h"
   # what drivers are checked for: the interface of a device and nothing else
   "device_node/conformance:common/core,device_node/device.h,@log"
   "device_node/simulation:common/core,common/session/simulation_config.h,device_node/device.h,device_node/reading_observer.h"
@@ -64,15 +66,18 @@ set(PALPATE_BOUNDARIES
   "mofc_node/controllers/examples:"
 
   # surfaces ← files ← scene ← display; the step sees the scene only, and no lock
-  # foreign: an engine from elsewhere, of which the scene knows nothing ← sdk: its process
+  # foreign: an engine from elsewhere, of which the scene knows nothing ← engine_process
   "physics_node/foreign:common/core,common/contact,common/session,physics_node,physics_node/display/display.h,physics_node/sdk/physics.h,@threads"
-  "physics_node/sdk:common/*,physics_node,physics_node/display/display.h,physics_node/foreign,@log,@cli"
+  "physics_node/sdk:"
+  "physics_node/engine_process:common/*,physics_node,physics_node/answer,physics_node/display/display.h,physics_node/foreign,physics_node/sdk/physics.h,@log,@cli"
   "physics_node/engines/bullet:physics_node/sdk/physics.h"
   "physics_node/engines/mujoco:physics_node/sdk/physics.h"
-  "physics_node:common/core,common/coupling,common/contact,common/session/scene_config.h,common/telemetry/physics_telemetry.h,physics_node/scene,physics_node/elastic_tissue"
+  "physics_node:common/core,common/coupling,common/contact,common/session/scene_config.h,common/telemetry/physics_telemetry.h,physics_node/answer,physics_node/scene,physics_node/elastic_tissue"
+  # what hop 3 carries of a step: models, descriptions, waves, and when
+  "physics_node/answer:common/core,common/coupling,common/contact,common/session/scene_config.h,physics_node/scene"
   "physics_node/surfaces:common/core,common/contact,common/contact/cloud,common/session/scene_config.h,@threads"
   # elastic bodies by themselves: linear ← elastic; no session, no wire
-  "physics_node/elastic:physics_node/elastic/linear,physics_node/elastic/condensed,@threads"
+  "physics_node/elastic:physics_node/elastic/*,@threads"
   "physics_node/elastic/linear:physics_node/elastic/mesh.h"
   "physics_node/files:common/core,common/core/user,common/contact,common/session/scene_config.h,physics_node/surfaces,@threads"
   "physics_node/scene:common/core,common/contact,common/session/scene_config.h,physics_node/surfaces,physics_node/files"
@@ -80,8 +85,9 @@ set(PALPATE_BOUNDARIES
   "physics_node/display:common/core,common/contact,common/session,common/telemetry,physics_node/surfaces,physics_node/files,physics_node/scene,physics_node/elastic_tissue"
 
   # feed ← recording, server ← process (the files of viewer_node itself)
-  "viewer_node:common/*,viewer_node/audience,viewer_node/feed,viewer_node/recording,viewer_node/server,@log"
-  "viewer_node/audience:common/*,viewer_node/web_channels.h,viewer_node/feed,viewer_node/server,@zmq,@threads"
+  "viewer_node:common/*,viewer_node/audience,viewer_node/feed,viewer_node/live,viewer_node/recording,viewer_node/server,@log"
+  "viewer_node/live:common/*,viewer_node/audience,viewer_node/feed,viewer_node/recording,viewer_node/server,@log"
+  "viewer_node/audience:common/*,viewer_node/live/channels.h,viewer_node/feed,viewer_node/server,@zmq,@threads"
   "viewer_node/feed:common/core,common/session,common/telemetry"
   "viewer_node/recording:common/*,viewer_node/feed,@log,@threads"
   "viewer_node/server:common/core,@threads"

@@ -16,7 +16,7 @@
 #include "common/telemetry/telemetry_publisher.h"
 #include "device_node/device_node.h"
 #include "device_node/drivers/driver_registry.h"
-#include "device_node/hands_off_check.h"
+#include "device_node/identification/hands_off_check.h"
 #include "device_node/simulation/pointer_hold.h"
 #include "device_node/simulation/true_state_recorder.h"
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "common/core/messages.h"
-#include "physics_node/interaction_deadband.h"
+#include "physics_node/answer/interaction_deadband.h"
 
 namespace palpate::physics {
 namespace {

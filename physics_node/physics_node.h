@@ -25,9 +25,9 @@
 #include "common/core/tick_schedule.h"
 #include "common/session/scene_config.h"
 #include "common/telemetry/physics_telemetry.h"
+#include "physics_node/answer/speaker.h"
+#include "physics_node/answer/wave_end.h"
 #include "physics_node/engine.h"
-#include "physics_node/speaker.h"
-#include "physics_node/wave_end.h"
 
 namespace palpate::physics {
 

@@ -14,8 +14,8 @@
 #include "common/process/rejection_log.h"
 #include "common/session/session_file.h"
 #include "physics_node/display/scene_display.h"
+#include "physics_node/engine_process/process.h"
 #include "physics_node/scene_engine.h"
-#include "physics_node/sdk/process.h"
 #include "physics_node/tissue_changes.h"
 
 namespace palpate::physics {

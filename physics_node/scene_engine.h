@@ -4,10 +4,10 @@
 #include <memory>
 
 #include "common/session/scene_config.h"
+#include "physics_node/answer/surface_sender.h"
 #include "physics_node/elastic_tissue/elastic_tissues.h"
 #include "physics_node/engine.h"
 #include "physics_node/scene/scene.h"
-#include "physics_node/surface_sender.h"
 
 namespace palpate::physics {
 

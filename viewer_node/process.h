@@ -12,8 +12,8 @@
 #include "common/process/process_links.h"
 #include "common/process/run_node.h"
 #include "viewer_node/feed/telemetry_mirror.h"
+#include "viewer_node/live/feed.h"
 #include "viewer_node/recording/recording.h"
-#include "viewer_node/web_feed.h"
 
 namespace palpate::viewer {
 

@@ -33,7 +33,7 @@ struct DeviceConfig {
   MonitorConfig monitor;
   /// Force only while this button is held; none: no such button.
   std::optional<std::uint32_t> dead_man_button = {};
-  bool has_hands_off_check = false;  ///< at the start: device_node/hands_off_check.h
+  bool has_hands_off_check = false;  ///< at the start: device_node/identification/hands_off_check.h
 };
 
 }  // namespace palpate

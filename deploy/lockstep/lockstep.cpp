@@ -17,7 +17,7 @@
 #include "deploy/lockstep/physics_host.h"
 #include "deploy/lockstep/virtual_time.h"
 #include "device_node/device_node.h"
-#include "device_node/hands_off_check.h"
+#include "device_node/identification/hands_off_check.h"
 #include "device_node/simulation/simulated_device.h"
 #include "device_node/simulation/true_state_recorder.h"
 #include "mofc_node/mofc_node.h"

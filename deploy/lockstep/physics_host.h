@@ -12,9 +12,9 @@
 #include "common/core/tick_schedule.h"
 #include "common/session/session.h"
 #include "deploy/lockstep/virtual_time.h"
+#include "physics_node/answer/speaker.h"
 #include "physics_node/elastic_tissue/elastic_tissues.h"
 #include "physics_node/physics_node.h"
-#include "physics_node/speaker.h"
 
 namespace palpate {
 

@@ -37,7 +37,7 @@
 #include "deploy/palpate/session_warnings.h"
 #include "device_node/device_node.h"
 #include "device_node/drivers/driver_registry.h"
-#include "device_node/hands_off_check.h"
+#include "device_node/identification/hands_off_check.h"
 
 namespace palpate {
 namespace {

@@ -15,7 +15,7 @@
 #include "common/session/file/profile_file.h"
 #include "common/session/session_file.h"
 #include "device_node/drivers/driver_registry.h"
-#include "device_node/friction_identification.h"
+#include "device_node/identification/friction_identification.h"
 
 namespace palpate {
 

@@ -8,7 +8,7 @@
 #include "common/core/clock.h"
 #include "common/session/session.h"
 #include "device_node/drivers/driver_registry.h"
-#include "device_node/friction_identification.h"
+#include "device_node/identification/friction_identification.h"
 
 namespace palpate {
 

@@ -17,7 +17,7 @@
 #include "common/core/handover.h"
 #include "common/core/messages.h"
 #include "common/core/snapshot.h"
-#include "physics_node/elastic/condensed_contact.h"
+#include "physics_node/elastic/condensed/condensed_contact.h"
 #include "physics_node/elastic_tissue/elastic_contact.h"
 #include "physics_node/elastic_tissue/elastic_simulation.h"
 

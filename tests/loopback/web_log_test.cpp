@@ -1,5 +1,5 @@
 // The log of the viewer: what a page gets that connects late, and the episodes of the clamp.
-#include "viewer_node/web_log.h"
+#include "viewer_node/live/log.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -10,7 +10,7 @@
 
 #include "tests/support/program.h"
 #include "tests/support/web_client.h"
-#include "viewer_node/web_channels.h"
+#include "viewer_node/live/channels.h"
 
 namespace palpate::viewer {
 namespace {

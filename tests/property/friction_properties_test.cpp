@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "common/core/random.h"
-#include "device_node/friction_identification.h"
+#include "device_node/identification/friction_identification.h"
 #include "device_node/simulation/simulated_device.h"
 #include "tests/property/seeds.h"
 

@@ -9,8 +9,8 @@
 
 #include "common/link/codec/codec.h"
 #include "common/session/session.h"
+#include "viewer_node/live/channels.h"
 #include "viewer_node/server/web_server.h"
-#include "viewer_node/web_channels.h"
 
 namespace palpate::viewer {
 

@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <string>
 
-#include "physics_node/elastic/condensed_contact.h"
+#include "physics_node/elastic/condensed/condensed_contact.h"
 
 namespace palpate::elastic {
 

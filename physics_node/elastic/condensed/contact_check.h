@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "physics_node/elastic/condensed_contact.h"
+#include "physics_node/elastic/condensed/condensed_contact.h"
 #include "physics_node/elastic/equilibrium.h"
 
 namespace palpate::elastic {

@@ -18,8 +18,8 @@
 #include <utility>
 #include <vector>
 
+#include "physics_node/elastic/condensed/condensed_contact.h"
 #include "physics_node/elastic/condensed/contact_check.h"
-#include "physics_node/elastic/condensed_contact.h"
 #include "physics_node/elastic/dynamics.h"
 #include "tests/bench/bench_output.h"
 #ifdef PALPATE_HAS_BULLET

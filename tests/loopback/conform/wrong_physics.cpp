@@ -13,7 +13,7 @@
 #include "common/core/check.h"
 #include "physics_node/display/display.h"
 #include "physics_node/engine.h"
-#include "physics_node/sdk/process.h"
+#include "physics_node/engine_process/process.h"
 
 namespace palpate {
 namespace {

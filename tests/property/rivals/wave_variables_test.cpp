@@ -16,8 +16,8 @@
 #include "common/core/time.h"
 #include "mofc_node/controllers/rivals/wave_variables.h"
 #include "mofc_node/mofc_node.h"
+#include "physics_node/answer/wave_end.h"
 #include "physics_node/physics_node.h"
-#include "physics_node/wave_end.h"
 
 namespace palpate::controllers {
 namespace {

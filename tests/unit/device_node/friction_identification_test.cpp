@@ -1,6 +1,6 @@
 // Friction identification: the arithmetic of the fit, and what aborts the sweeps. What they
 // measure: tests/property/friction_properties_test.cpp.
-#include "device_node/friction_identification.h"
+#include "device_node/identification/friction_identification.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

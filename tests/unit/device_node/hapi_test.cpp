@@ -18,7 +18,7 @@
 #include "device_node/drivers/hapi/hapi_driver.h"
 #include "device_node/drivers/transport/serial_port.h"
 #include "device_node/emulators/hapi_emulator.h"
-#include "device_node/hands_off_check.h"
+#include "device_node/identification/hands_off_check.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/support/device_conformance.h"
 #include "tests/support/wired/shared_clock.h"

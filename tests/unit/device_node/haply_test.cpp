@@ -13,7 +13,7 @@
 #include "device_node/drivers/haply/haply_wire.h"
 #include "device_node/drivers/haply/json_reader.h"
 #include "device_node/emulators/haply_emulator.h"
-#include "device_node/hands_off_check.h"
+#include "device_node/identification/hands_off_check.h"
 #include "tests/support/alloc_guard.h"
 #include "tests/support/device_conformance.h"
 #include "tests/support/wired/shared_clock.h"

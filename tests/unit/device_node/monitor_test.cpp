@@ -7,7 +7,7 @@
 #include <limits>
 
 #include "common/core/check.h"
-#include "device_node/hands_off_check.h"
+#include "device_node/identification/hands_off_check.h"
 #include "device_node/monitor/assumption_watch.h"
 #include "device_node/monitor/force_monitor.h"
 #include "device_node/simulation/simulated_device.h"

@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "physics_node/elastic/condensed/compliance_file.h"
+#include "physics_node/elastic/condensed/condensed_contact.h"
 #include "physics_node/elastic/condensed/contact_check.h"
-#include "physics_node/elastic/condensed_contact.h"
 #include "physics_node/elastic/equilibrium.h"
 #include "physics_node/elastic/sphere_contact.h"
 #include "tests/bench/elastic/elastic_problems.h"

@@ -1,4 +1,4 @@
-#include "device_node/friction_identification.h"
+#include "device_node/identification/friction_identification.h"
 
 #include <algorithm>
 #include <array>

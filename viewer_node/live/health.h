@@ -14,9 +14,9 @@
 #include "common/telemetry/verdict.h"
 #include "viewer_node/feed/metrics_text.h"
 #include "viewer_node/feed/telemetry_mirror.h"
+#include "viewer_node/live/log.h"
 #include "viewer_node/recording/run_figures.h"
 #include "viewer_node/server/web_server.h"
-#include "viewer_node/web_log.h"
 
 namespace palpate::viewer {
 

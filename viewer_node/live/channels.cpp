@@ -1,4 +1,4 @@
-#include "viewer_node/web_channels.h"
+#include "viewer_node/live/channels.h"
 
 #include <algorithm>
 #include <iterator>

@@ -1,4 +1,4 @@
-#include "viewer_node/web_health.h"
+#include "viewer_node/live/health.h"
 
 #include <algorithm>
 #include <chrono>
@@ -7,7 +7,7 @@
 
 #include "common/core/version.h"
 #include "common/telemetry/verdict.h"
-#include "viewer_node/web_channels.h"
+#include "viewer_node/live/channels.h"
 
 namespace palpate::viewer {
 namespace {

@@ -1,4 +1,4 @@
-#include "physics_node/sdk/process.h"
+#include "physics_node/engine_process/process.h"
 
 #include <algorithm>
 #include <chrono>
@@ -20,8 +20,8 @@
 #include "common/process/rejection_log.h"
 #include "common/telemetry/flight_recorder.h"
 #include "common/telemetry/telemetry_publisher.h"
+#include "physics_node/answer/speaker.h"
 #include "physics_node/physics_node.h"
-#include "physics_node/speaker.h"
 
 namespace palpate::physics {
 namespace {

@@ -21,9 +21,9 @@
 #include "common/process/run_host.h"
 #include "common/process/run_node.h"
 #include "viewer_node/feed/scene_mirror.h"
+#include "viewer_node/live/log.h"
 #include "viewer_node/recording/recording.h"
 #include "viewer_node/server/web_server.h"
-#include "viewer_node/web_log.h"
 
 namespace palpate::viewer {
 

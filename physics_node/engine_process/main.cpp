@@ -6,10 +6,10 @@
 
 #include "common/core/check.h"
 #include "common/process/run_node.h"
+#include "physics_node/engine_process/process.h"
 #include "physics_node/foreign/foreign_display.h"
 #include "physics_node/foreign/foreign_engine.h"
 #include "physics_node/sdk/physics.h"
-#include "physics_node/sdk/process.h"
 
 namespace palpate::sdk {
 namespace {

@@ -1,4 +1,4 @@
-#include "physics_node/elastic/condensed_contact.h"
+#include "physics_node/elastic/condensed/condensed_contact.h"
 
 #include <Eigen/Geometry>
 #include <algorithm>

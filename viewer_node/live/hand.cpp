@@ -1,4 +1,4 @@
-#include "viewer_node/web_hand.h"
+#include "viewer_node/live/hand.h"
 
 #include <chrono>
 

@@ -1,4 +1,4 @@
-#include "device_node/hands_off_check.h"
+#include "device_node/identification/hands_off_check.h"
 
 #include <algorithm>
 

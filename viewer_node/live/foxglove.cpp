@@ -1,4 +1,4 @@
-#include "viewer_node/web_foxglove.h"
+#include "viewer_node/live/foxglove.h"
 
 #include <algorithm>
 #include <chrono>
@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "common/link/codec/viewer_codec.h"
-#include "viewer_node/web_channels.h"
+#include "viewer_node/live/channels.h"
 
 namespace palpate::viewer {
 namespace {

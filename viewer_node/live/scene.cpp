@@ -1,4 +1,4 @@
-#include "viewer_node/web_scene.h"
+#include "viewer_node/live/scene.h"
 
 #include <algorithm>
 #include <string>
@@ -7,7 +7,7 @@
 
 #include "common/link/codec/viewer_codec.h"
 #include "viewer_node/audience/mesh_steps.h"
-#include "viewer_node/web_channels.h"
+#include "viewer_node/live/channels.h"
 
 namespace palpate::viewer {
 namespace {

@@ -1,4 +1,4 @@
-#include "viewer_node/web_feed.h"
+#include "viewer_node/live/feed.h"
 
 #include <spdlog/fmt/fmt.h>
 

@@ -1,4 +1,4 @@
-#include "physics_node/surface_sender.h"
+#include "physics_node/answer/surface_sender.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "viewer_node/web_tissue.h"
+#include "viewer_node/live/tissue.h"
 
 #include "common/core/check.h"
 #include "common/link/codec/viewer_codec.h"

@@ -1,10 +1,10 @@
-#include "viewer_node/web_log.h"
+#include "viewer_node/live/log.h"
 
 #include <chrono>
 #include <iterator>
 #include <string>
 
-#include "viewer_node/web_channels.h"
+#include "viewer_node/live/channels.h"
 
 namespace palpate::viewer {
 namespace {

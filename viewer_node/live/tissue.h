@@ -12,8 +12,8 @@
 #include "common/link/zmq_sender.h"
 #include "common/process/process_links.h"
 #include "common/process/run_node.h"
+#include "viewer_node/live/options.h"
 #include "viewer_node/server/web_server.h"
-#include "viewer_node/web_options.h"
 
 namespace palpate::viewer {
 

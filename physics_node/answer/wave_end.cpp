@@ -1,4 +1,4 @@
-#include "physics_node/wave_end.h"
+#include "physics_node/answer/wave_end.h"
 
 #include <cmath>
 

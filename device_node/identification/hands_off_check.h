@@ -5,7 +5,7 @@
 #include "common/core/clock.h"
 #include "common/session/device_profile.h"
 #include "device_node/device.h"
-#include "device_node/friction_identification.h"
+#include "device_node/identification/friction_identification.h"
 
 namespace palpate::device {
 

@@ -1,4 +1,4 @@
-#include "viewer_node/web_run.h"
+#include "viewer_node/live/run.h"
 
 #include <spdlog/fmt/fmt.h>
 
@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "common/core/check.h"
-#include "viewer_node/web_channels.h"
+#include "viewer_node/live/channels.h"
 
 namespace palpate::viewer {
 namespace {

@@ -8,8 +8,8 @@
 
 #include "common/session/session.h"
 #include "viewer_node/feed/telemetry_mirror.h"
+#include "viewer_node/live/scene.h"
 #include "viewer_node/server/web_server.h"
-#include "viewer_node/web_scene.h"
 
 namespace palpate::viewer {
 

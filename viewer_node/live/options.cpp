@@ -1,4 +1,4 @@
-#include "viewer_node/web_options.h"
+#include "viewer_node/live/options.h"
 
 #include <arpa/inet.h>
 
