@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # Which folder may include from which. The clamp must not see the physics, the simulated device or
 # the true state, and no node library sees a socket. Checked on every build (includes) and at
 # configure time (links); a violation stops the build.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # cmake -DROOT=<source tree> -DRULES="folder:allowed,allowed;…" -P check_includes.cmake
 # Fails if a source includes a header of the project, of the wire, of the log, or of locks and
 # threads that the rule of its folder does not allow. Rules: cmake/boundaries.cmake.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # cmake -DROOT=<source tree> -DOUTPUT=<header> -P commit.cmake
 # Defines PALPATE_COMMIT as "+COMMIT", with ".changed" if files differ from it, or as "" outside a
 # repository of git. The header is left alone if it says so already.

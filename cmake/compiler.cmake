@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # Warnings, sanitizers, ccache.
 
 add_library(palpate_warnings INTERFACE)

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # Debian 12 packages only; nothing is downloaded. The table in docs/developing.md says what each is for.
 
 find_package(Threads REQUIRED)

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # palpate_add_fuzz(NAME SOURCES a.cpp … LIBRARIES palpate::core … CORPUS folder)
 #
 # The sources define LLVMFuzzerTestOneInput(). With PALPATE_FUZZ (clang) the target is a libFuzzer

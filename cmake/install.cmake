@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # What `cmake --install` puts where, and the Debian package: `cpack -G DEB` in the build folder. Without
 # --component all; the component `programs` is what no other one is.
 set(CMAKE_INSTALL_DEFAULT_COMPONENT_NAME programs)

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # find_package(palpate)                       palpate::controllers
 # find_package(palpate COMPONENTS physics)    palpate::physics; both may be named
 include(CMakeFindDependencyMacro)

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # palpate::physics: <palpate/physics.h> and one archive. Its libraries are Debian packages.
 if(TARGET palpate::physics)
   return()

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # Precompiled headers for every target of the project: without, much of the compile time goes into
 # parsing Eigen, spdlog and GoogleTest again and again. Each target takes the set that fits
 # what it links. CLI11 is in none of them: its header defines objects, which every source that sees

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # palpate_web_page(OUT_FOLDER FILES_VARIABLE): index.html, app.js.gz and app.css.gz of the page in
 # viewer_node/web, built by npm, or of a notice; report.js and report.css, empty without npm. viewer_node/server/build_page.cmake does the work.
 

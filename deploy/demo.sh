@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # From a bare Debian 12 to a running session: installs missing packages, builds, launches.
 # Arguments are passed to `palpate launch`:
 #

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # Builds the Debian package with the systemd units: build/package/palpate_VERSION_ARCH.deb. In it is its
 # software bill of materials, palpate.spdx.json.
 # Arguments are passed to the configuration by cmake.

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # Installs the missing Debian packages of Palpate's build without asking; prints nothing if there are
 # none. While another program installs packages it waits, and says so. Services that come with the
 # packages (nginx, munge, Slurm, for the tests) are neither started nor enabled.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // applied_forces.h — the echo: which force acted from when to when, as DeviceState reports it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // device.h — what a haptic device is to device_node: a position that can be read and motors that
 // can be written. Every driver passes device_node/conformance/device_checks.h. Frame D throughout;
 // a driver converts its own axes and units once, here.

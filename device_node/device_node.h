@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // device_node.h — the tick that owns the motors.
 //
 //   out  hop 1  DeviceState   device → mofc     every tick

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // force_guard.h — limits a command, or its absence, to what the motors may do. It is given the
 // time, has no side effects, and only ever reduces the force.
 #pragma once

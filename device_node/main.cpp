@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // device_node: reads the haptic device, sends its state to mofc_node, applies the force it
 // receives. All logic is in the library; this file only connects it to the outside.
 #include "device_node/process.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // process.h — device_node connected to the world: sockets, real-time loop, telemetry.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // reading_observer.h — adds to the record of a tick what device_node itself does not know.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // device_echo.h — the device's report of the forces that acted, as mofc_node follows it from one
 // DeviceState to the next.
 #pragma once

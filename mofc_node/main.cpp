@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // mofc_node: answers every DeviceState with a force that gives the hand no energy.
 // All logic is in the library; this file only connects it to the outside.
 #include "mofc_node/process.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "mofc_node/make_controller.h"
 
 #include "common/core/check.h"

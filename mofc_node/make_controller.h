@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // make_controller.h — from the session's settings to a controller.
 #pragma once
 

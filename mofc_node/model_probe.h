@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // model_probe.h — the contact models of an Interaction, asked where the tool is not.
 #pragma once
 

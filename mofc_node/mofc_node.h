@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // mofc_node.h — stands between the device and the physics, on the device's side.
 //
 //   in   hop 1  DeviceState   device  → mofc     every device tick

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // motion_deadband.h — when the tool's motion must be sent to physics_node (hop 2).
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // motion_relay.h — hop 2: the tool's motion, from the device to the physics.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // physics_input.h — hop 3: the newest Interaction that counts, and how long the physics has been
 // silent.
 #pragma once

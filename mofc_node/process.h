@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // process.h — mofc_node connected to the world: sockets, the answering loop, telemetry.
 #pragma once
 

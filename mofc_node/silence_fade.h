@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // silence_fade.h — fades the force out when the physics is silent, and back in when it returns.
 #pragma once
 

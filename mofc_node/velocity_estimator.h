@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // velocity_estimator.h — the tool's velocity from its quantised positions, and its position within
 // the count. For the tissue's force only: the energy ledger never sees them.
 //

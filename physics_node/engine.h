@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // engine.h — what computes the tissue: the scene of the session, or a program from elsewhere
 // (sdk/).
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // physics_node: simulates the tissue and computes the force on the tool for its motion. All logic
 // is in the library; this file starts it as a process.
 #include <CLI/CLI.hpp>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // physics_node.h — answers the motion of the tool with the force that an engine computes for it.
 //
 //   in   hop 2  ToolMotion   mofc → physics   the newest counts

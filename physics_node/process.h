@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // process.h — physics_node connected to the world: sockets, the step loop, telemetry.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // scene_engine.h — the tissue of the session: the scene, and what it remembers of one tool.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // tissue_changes.h — hop 8: changes of tissues that viewers ask for, checked and handed to the
 // step.
 //

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Writes the generated parts of docs/wire.md: the fields of every message, and two frames byte by byte.
 
   proto/wire_reference.py            refreshes the page

@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # The format of every C++ file, and clang-tidy on those that changed. Ends with status 1 if there is
 # anything to mend; needs build/release configured.
 #

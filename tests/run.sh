@@ -1,4 +1,5 @@
 #!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
 # From a bare Debian 12 to every test: installs what is missing, builds, runs. Ends with ctest's
 # summary, of the first build that fails or of the last.
 #

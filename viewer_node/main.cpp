@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // viewer_node: displays and records what the nodes of a session publish.
 // All logic is in the library; this file only reads the command line.
 #include <CLI/CLI.hpp>

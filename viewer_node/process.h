@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // process.h — viewer_node connected to the world: telemetry in, text and files out.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "common/contact/analytic_surfaces.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // analytic_surfaces.h — half-space, sphere, box and capsule seen from one point, by formula.
 #pragma once
 

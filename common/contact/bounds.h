@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // bounds.h — axis-aligned boxes.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // contact_model.h — the tissue near the tool, small enough to send: physics_node describes it in an
 // Interaction, mofc_node evaluates it at the device's rate, between two messages.
 //

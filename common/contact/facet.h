@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // facet.h — a triangle of a surface seen from one point.
 #pragma once
 

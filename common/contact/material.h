@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // material.h — the contact law of a tissue: force and stiffness for a given surface and
 // penetration.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // proxy.h — the proxy of a sphere of the tool: the place nearest to the tool that the sphere can
 // reach without passing through the surface (a god-object, [Zilles95]).
 //

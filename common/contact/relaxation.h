@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // relaxation.h — how far relaxing tissues have relaxed under one tool.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // shaft.h — where a straight shaft is deepest in a tissue.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // surface.h — the interface through which the contact sees a surface.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // surface_view.h — a surface seen from one point: distance, direction, curvature.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "common/contact/tile_surface.h"
 
 #include <algorithm>

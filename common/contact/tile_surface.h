@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // tile_surface.h — a surface of triangles, or a cloud, of which only some tiles are known.
 //
 // Of triangles distance, normal and curvature are those of TriangleSurface with the same facets

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // tissue_motion.h — where tissue with a motion of its own is.
 #pragma once
 

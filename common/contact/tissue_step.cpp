@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "common/contact/tissue_step.h"
 
 #include <algorithm>

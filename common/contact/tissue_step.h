@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // tissue_step.h — one step of the tool in one tissue: where its proxy goes, and which contact
 // results. physics_node evaluates it with the whole surface; mofc_node with the part of it that
 // physics_node has sent.

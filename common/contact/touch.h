@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // touch.h — one sphere of the tool and one tissue: friction, puncture and the resulting contact.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // check.h — assertions for programming errors. Errors of external input are reported by other
 // means: an enum (network), a latched fault (device) or a SetupError (user).
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // clock.h — the clock interface that every component receives: steady in real time, manual in
 // tests, virtual in lockstep (deploy/lockstep/virtual_time.h).
 #pragma once

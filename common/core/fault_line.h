@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // fault_line.h — simulated network faults: delay, jitter, loss, bursts, duplication, reordering,
 // outages, stalls and frozen content. It is part of the receiver's Inbox, so that one
 // implementation serves memory and ZeroMQ links, experiments and tests.

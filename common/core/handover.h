@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // handover.h — hands the newest of large objects from one thread to another, without locks.
 #pragma once
 

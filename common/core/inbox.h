@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // inbox.h — the receiving side of a link in a node: messages pass the fault line and are delivered
 // in order, once each; losses, duplicates and restarts are counted.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // memory_link.h — a link within one thread, for lockstep runs and unit tests.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // messages.h — the messages between the nodes, as plain structs. Their wire form is
 // proto/palpate/v1; common/link/codec converts between the two.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // missing_address.h — the one set-up error that may pass by itself.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // physics_term.h — which of two physics_nodes speaks.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // pointer_config.h — limits of a simulated hand that follows a viewer's pointer.
 #pragma once
 

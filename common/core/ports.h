@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // ports.h — the interface between a node and the network.
 //
 //   Sender<T>    outgoing end of a link; never blocks

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // problems.h — the problems of a file of the user: collected, sorted by place, reported together.
 #pragma once
 

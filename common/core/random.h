@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // random.h — seeded random numbers that are identical on every machine. The standard specifies the
 // output of its engines but not of its distributions, so the distributions are implemented here.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // scene_messages.h — the scene that physics_node publishes to viewers (hop 5), and the hand target
 // (hop 6) and the change of a tissue (hop 8) that a viewer sends, as plain structs in SI units.
 // Wire form: scene.proto, hand_target.proto and tissue_change.proto in proto/palpate/v1. Not for

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // snapshot.h — publishes the latest value of a small struct from one writer thread to readers.
 #pragma once
 

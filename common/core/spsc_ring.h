@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // spsc_ring.h — a wait-free bounded queue from the periodic thread to a slower one.
 #pragma once
 

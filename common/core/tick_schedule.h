@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // tick_schedule.h — the schedule of a periodic loop, in real and in virtual time.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // time.h — points in time and durations. Every node reads only its own monotonic clock.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // tissue.h — what a tissue is made of: simple shapes, material, motion. Both sides of hop 3 know
 // it; and the part of hop 3 with which mofc_node evaluates tissue itself, and its acknowledgement
 // on hop 2.

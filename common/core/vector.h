@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // vector.h — the vector types of the project.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // workspace_map.h — maps the hand (D) to the tool (W): scale, offset, clutch.
 #pragma once
 

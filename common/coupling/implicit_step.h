@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /// @file
 /// implicit_step.h — where a proxy goes within a period, so that the forces on it balance at the
 /// end.

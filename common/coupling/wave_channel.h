@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /// @file
 /// wave_channel.h — the shared half of wave variables: what both ends of a delayed channel do with
 /// the waves they send and receive. Eigen only; installed with the controllers.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "common/link/exchange_client.h"
 
 #include "common/link/frame_io.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // exchange_server.h — mofc_node's end of hops 1 and 4.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // frame_io.h — internal header of the links: sends and receives the frames of a codec.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // one_writer.h — limits a link with several possible senders to one at a time.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // plot_sender.h — publishes palpate.v1.Telemetry for PlotJuggler's "ZMQ Subscriber": one message
 // per device tick with two parts, topic and protobuf. PlotJuggler loads
 // proto/palpate/v1/plot.proto.

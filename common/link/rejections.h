@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // rejections.h — counters of the frames that one end of a link refused.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // scene_sender.h — physics_node's end of hop 5.
 #pragma once
 

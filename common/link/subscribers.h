@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // subscribers.h — the sender's part of hops 3 and 5, where the sender binds: the receivers and the
 // kinds of message that each of them wants.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // subscription.h — the receiver's part of hops 3 and 5, where the sender binds: tells the sender
 // which kinds of message it wants.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // telemetry_subscriber.h — a viewer's end of hop 5.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // zmq_sender.h — outgoing end of a one-way link: hops 2, 3, 5 and 6.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // zmq_source.h — incoming end of a one-way link: hops 2, 3, 6 and 7.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // acknowledgement.h — a person at a terminal acknowledges a prompt: by Enter, or by SIGUSR2 from
 // elsewhere.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // endpoints.h — the endpoints of a session with the names of their fields.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // heap_trim.h — returns unused heap to the system after bursts of memory use.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // log.h — the log of a process, for its slow threads. Lines have the form `event=… key=value`. A
 // tick thread does not log: it increments counters, and event_log.h turns their changes into lines.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // options.h — command line options that several programs share, each worded once.
 #pragma once
 

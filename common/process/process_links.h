@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // process_links.h — the ZeroMQ contexts of one process.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // rate_loop.h — the periodic thread: begins each turn at an absolute time and measures its
 // lateness.
 #pragma once

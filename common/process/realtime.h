@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // realtime.h — real-time scheduling: used when permitted, reported, never required.
 #pragma once
 

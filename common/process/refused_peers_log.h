@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // refused_peers_log.h — logs peers that were refused because of their keys.
 #pragma once
 

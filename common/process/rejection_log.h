@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // rejection_log.h — logs why frames were refused, with the remedy.
 #pragma once
 

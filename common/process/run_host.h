@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // run_host.h — the link between the program that runs a session, `palpate launch` or `palpate
 // replay`, and the viewers of its machine: RunState to them (hop 5), RunRequest from them (hop 7).
 // It needs no key: both ends are files in the session's run folder, which only this user can open.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // run_node.h — start and stop of a node: command line, session, log, signals, exit status.
 #pragma once
 

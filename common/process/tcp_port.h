@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // tcp_port.h — whether a port of this machine is in use.
 #pragma once
 

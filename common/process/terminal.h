@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // terminal.h — what is shown to a person at a terminal, and only there: progress, colour, width.
 #pragma once
 

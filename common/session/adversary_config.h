@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // adversary_config.h — what lockstep runs simulate to attack the clamp: a physics that lies, a
 // clamp that lies, a scheduler that is late. proto/palpate/v1/session.proto, message Adversary.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // clamped_device.h — what mofc_node knows of the device whose force it limits.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // device_config.h — the tick of the device and the limits of its force.
 #pragma once
 

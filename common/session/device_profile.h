@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // device_profile.h — what the controller may assume about the device. The controller never sees the
 // true values of a simulated device (simulation_config.h).
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // driver_config.h — which device a device_node opens, and how.
 #pragma once
 

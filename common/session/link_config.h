@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // link_config.h — endpoints, real-time settings, simulated network faults, tcp security.
 #pragma once
 

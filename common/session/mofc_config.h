@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // mofc_config.h — the controller, and how mofc_node uses the interactions.
 #pragma once
 

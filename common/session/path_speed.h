@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // path_speed.h — how fast the intended path of a simulated hand moves.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // rivals_config.h — settings of the published controllers other than MOFC (docs/controllers.md).
 #pragma once
 

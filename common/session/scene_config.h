@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // scene_config.h — tissues, tool and the settings of the physics.
 #pragma once
 

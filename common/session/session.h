@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // session.h — one deployment as plain structs, validated, with every default filled in.
 // Fields with units, ranges and defaults: docs/session.md. Loading: common/session/session_file.h.
 // A node receives only its own part.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // session_file.h — reads a session: protobuf text format (proto/palpate/v1/session.proto) into the
 // structs of common/session/session.h, checked, with every default filled in.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // simulation_config.h — the simulated device and the simulated hand that holds it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // viewer_config.h — the status line and the web server of viewer_node.
 #pragma once
 

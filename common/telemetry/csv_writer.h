@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // csv_writer.h — a run as a table, one row per device tick: the file of --csv.
 // Used by lockstep runs and by the viewer.
 #pragma once

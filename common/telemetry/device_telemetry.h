@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // device_telemetry.h — one record per tick of device_node, and its counters since the start. A
 // simulated device's true state is in the record: only device_node fills it, only viewers read it.
 #pragma once

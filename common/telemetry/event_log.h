@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // event_log.h — turns changes of a node's counters into log lines.
 // The tick thread counts, the telemetry thread compares and writes.
 #pragma once

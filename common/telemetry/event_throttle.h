@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // event_throttle.h — limits how often a repeated event is logged.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // flight_recorder.h — keeps the last ticks of a node and writes them to a file after a fault or
 // on SIGUSR1. Runs on the telemetry thread; the tick thread pushes its records to a RingSink and is
 // not affected.

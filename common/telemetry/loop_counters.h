@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // loop_counters.h — counters of a periodic thread, and the sink for its records.
 #pragma once
 

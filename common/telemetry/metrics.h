@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // metrics.h — figures of a run, computed the same way live, in lockstep and in benches.
 #pragma once
 

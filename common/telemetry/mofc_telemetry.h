@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // mofc_telemetry.h — one record per answer of mofc_node, and its counters since the start.
 #pragma once
 

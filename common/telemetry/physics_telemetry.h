@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // physics_telemetry.h — one record per physics step, and the counters since the start.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // quantile.h — the one definition of a quantile: nearest rank.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // remote_events.h — the events of another node: the log lines that event_log.h writes there,
 // derived here from the counters in its telemetry.
 #pragma once

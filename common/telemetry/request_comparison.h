@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // request_comparison.h — what acted over time, from the records of a device's ticks, and what it
 // was against the requested force: the same for a run, a recording and the window of a viewer.
 #pragma once

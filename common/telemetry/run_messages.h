@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // run_messages.h — what the program that runs a session tells the viewers of its machine (hop 5),
 // and what they ask of it (hop 7), as plain structs. Wire form: run.proto in proto/palpate/v1. Not
 // for the haptic loop: these structs allocate.

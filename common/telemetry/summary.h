@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // summary.h — the figures of a run, as text and as JSON.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // telemetry.h — hop 5 as plain structs: what each node publishes. Periodic threads only fill
 // records and push them to a sink; other threads batch, encode and publish them.
 #pragma once

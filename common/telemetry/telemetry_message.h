@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // telemetry_message.h — any message of hop 5.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // telemetry_publisher.h — hop 5, sending side: a thread of ordinary priority batches and publishes
 // the records of the periodic thread and logs its events.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // tick_row.h — one device tick as recorded by the nodes and the ideal run.
 #pragma once
 

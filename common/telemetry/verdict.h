@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // verdict.h — judges a run: what went wrong with it, why, and what to do. The only place that does:
 // the summaries, the reports, the page and the JSON show what it finds.
 #pragma once

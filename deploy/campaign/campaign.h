@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // campaign.h — many runs of one session, as plain structs, checked; read from a file
 // (proto/palpate/v1/campaign.proto). And each of its runs: what it overrides, whether it is within
 // the limits. A run is determined by its number alone.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // folder.h — the folder in which a campaign keeps its results until they are collected.
 #pragma once
 

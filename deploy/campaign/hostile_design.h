@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // hostile_design.h — the random design `hostile {}`: runs of deploy/sessions/hostile.txtpb in which
 // everything that mode guard tolerates is against it.
 #pragma once

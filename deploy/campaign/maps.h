@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // maps.h — maps of a campaign: a quantity over two of its dimensions, as text and as SVG.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // pool.h — computes a campaign with worker processes on this machine. Any of them, or all, may be
 // killed at any moment: what they have written is kept, the rest is computed.
 #pragma once

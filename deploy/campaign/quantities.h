@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // quantities.h — the numbers of a run that a campaign can report and limit.
 #pragma once
 

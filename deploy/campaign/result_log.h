@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // result_log.h — the results of a campaign, on disk as they come: one append-only file for each
 // worker, one line for each run, each with a check sum. A line that a kill or a full disk has cut
 // is no result; its run is computed again.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // shell_word.h — a text as one word of a POSIX shell.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // slurm.h — computes a campaign as an array job of Slurm: one task for each share, on any machines
 // that see the folder. Whatever dies, what is written is kept; the same call goes on.
 #pragma once

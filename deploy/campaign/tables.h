@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // tables.h — what came out of a campaign: rows for other programs, a summary and maps for people.
 #pragma once
 

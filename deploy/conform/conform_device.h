@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // conform_device.h — does a device keep what device_node and the hand rely on?
 #pragma once
 

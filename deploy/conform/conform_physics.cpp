@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "deploy/conform/conform_physics.h"
 
 #include <spdlog/fmt/fmt.h>

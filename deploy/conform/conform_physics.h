@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // conform_physics.h — does a physics from elsewhere keep what mofc_node and the hand rely on?
 #pragma once
 

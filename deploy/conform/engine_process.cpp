@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "deploy/conform/engine_process.h"
 
 #include <sys/prctl.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // engine_process.h — a physics from elsewhere as a child process that a test starts and ends.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // finding.h — what a conformance suite has found.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "deploy/conform/mofc_side.h"
 
 #include <spdlog/fmt/fmt.h>

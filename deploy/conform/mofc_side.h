@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // mofc_side.h — mofc_node's end of hops 2 and 3, for a test of a physics: sends motions along a
 // path and judges what answers.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // launch.h — runs a deployment in real time, as processes, from start to a clean end.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "deploy/launch/physics_command.h"
 
 #include <unistd.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // physics_command.h — how a physics from elsewhere is started (physics.command of a session).
 #pragma once
 

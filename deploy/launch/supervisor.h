@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // supervisor.h — starts child processes, restarts those that die and ends all of them in order.
 #pragma once
 

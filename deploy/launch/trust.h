@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // trust.h — sessions from strangers: a session can name a program (physics.command) and libraries
 // (device.plugin), which run with the rights of the user. Whoever could have written the session or
 // what it names decides what runs.

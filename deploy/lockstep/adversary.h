@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // adversary.h — the attacks of `adversary { … }` in a session, simulated in lockstep.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // device_faults.h — the process of a device that the operating system does not run in time: ticks
 // begin late, and switches come after the check of their deadline.
 #pragma once

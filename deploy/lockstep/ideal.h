@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // ideal.h — the ideal force and the ideal run that a lockstep run is compared with.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // lockstep.h — the whole system in one thread on virtual time: the node classes of the processes,
 // bit-identical for a seed, as fast as the machine allows.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // lockstep_links.h — the four links between the nodes of a lockstep run.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "deploy/lockstep/lockstep_recorder.h"
 
 #include <stdexcept>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // lockstep_recorder.h — records a lockstep run: the batches that the nodes would publish, on
 // virtual time. The same session gives the same file, bit for bit.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // loopback.h — a whole run of a session in lockstep, with its figures and files.
 #pragma once
 

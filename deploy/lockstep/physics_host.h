@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // physics_host.h — one physics_node of a lockstep run, which all sides share.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // random_surface.h — random news of a surface that satisfy every rule of hop 3: what a physics
 // sends that describes tissue which does not exist.
 #pragma once

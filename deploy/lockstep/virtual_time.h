@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // virtual_time.h — the scheduler of lockstep runs: one thread executes events in order of virtual
 // time. While a node waits, further events run, so that a wait within a tick behaves as in real
 // time.

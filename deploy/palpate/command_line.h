@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // command_line.h — what palpate and palpate_tools do alike with their arguments.
 #pragma once
 

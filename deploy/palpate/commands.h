@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // commands.h — the subcommands of palpate. Each has a file of its own, with its options beside what
 // it does.
 #pragma once

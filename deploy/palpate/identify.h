@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // identify.h — `palpate identify`: the friction of a session's device, measured (device_node/
 // friction_identification.h), as a table and as a device profile.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "common/process/options.h"
 #include "common/session/session_file.h"
 #include "deploy/launch/trust.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // palpate: launches sessions; every other command is in palpate_tools, which lies beside it and
 // which it becomes. So a first launch waits for the compilation of the nodes and the launcher
 // alone.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // options.h — options that several subcommands share, and where their output goes.
 #pragma once
 

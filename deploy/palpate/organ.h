@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // organ.h — a synthetic organ: a smooth lobed body with a dent at the place of the vessels and a
 // stiff lump below its upper side, as a point cloud and as a tetrahedral mesh.
 #pragma once

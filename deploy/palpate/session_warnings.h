@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // session_warnings.h — likely mistakes in a session that is valid.
 #pragma once
 

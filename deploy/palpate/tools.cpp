@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // palpate_tools: every command of palpate, which starts it for all but launch. This file registers
 // them (commands.h).
 #include "deploy/palpate/command_line.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // volume_mesh.h — tetrahedra within a closed surface, made by the program gmsh, and what a user
 // should know of the result.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // device_mofc_node: device_node and mofc_node in one thread. The tick calls the clamp where two
 // processes would exchange messages; every other link is the same. `palpate launch --together
 // device,mofc` starts it.

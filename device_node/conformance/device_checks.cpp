@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "device_node/conformance/device_checks.h"
 
 #include <spdlog/fmt/fmt.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // device_checks.h — what every driver must do, as checks that a test and `palpate conform device`
 // run. The device moves by up to a third of its continuous force; nobody needs to hold it.
 #pragma once

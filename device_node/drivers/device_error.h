@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // device_error.h — a transfer's outcome as the device's error.
 #pragma once
 

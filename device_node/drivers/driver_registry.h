@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // driver_registry.h — the drivers by name. Each has a folder of its own below this one.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // motor_force.h — the force that a driver's motors may do now: within peak and continuous force,
 // for no longer than its lease, and in the motors' whole numbers.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // start_up.h — what a driver may ask of the person at the device while it opens it.
 #pragma once
 

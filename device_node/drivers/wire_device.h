@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // wire_device.h — what the drivers share whose device answers each message with one reading: the
 // limits of the motors, the lease, release, reopening and the errors.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // emulated_device.h — what stands behind every emulator: the simulated device with its hand, and
 // faults of the wire on request.
 #pragma once

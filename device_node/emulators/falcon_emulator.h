@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // falcon_emulator.h — stands in for a Novint Falcon on USB: its FTDI chip, its boot loader and its
 // firmware.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "device_node/emulators/hapi_emulator.h"
 
 #include <fcntl.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // hapi_emulator.h — stands in for a pantograph on a hAPI board, behind a pseudo-terminal. Its
 // counters begin anew with each set-up, as in the public firmware.
 #pragma once

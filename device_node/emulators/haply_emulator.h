@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // haply_emulator.h — stands in for Haply's Inverse Service and an Inverse3 with a wireless grip:
 // the same WebSocket messages (service 3.5; forces of 3.1's dialect are taken too).
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // packet_listener.h — the socket that a driver finds where it would find a device's file.
 #pragma once
 

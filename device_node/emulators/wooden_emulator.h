@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // wooden_emulator.h — stands in for a WoodenHaptics board and its open firmware, as HID reports
 // over a socket.
 #pragma once

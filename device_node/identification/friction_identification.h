@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // friction_identification.h — f_d and f_co of a device, measured with its own motors: slow sweeps
 // at constant speed, there and back, on lines at several poses and in several directions. It uses
 // only the device's interface, so simulated and real devices are measured alike.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // hands_off_check.h — a short look at the friction before a session starts: does the device have
 // what its profile claims? Nobody may hold it.
 #pragma once

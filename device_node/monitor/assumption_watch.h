@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // assumption_watch.h — readings that contradict what the guarantee assumes of hand and encoder. It
 // only counts.
 #pragma once

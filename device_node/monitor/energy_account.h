@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // energy_account.h — the monitor's own lower bound of the energy that the hand has put in
 // (docs/theory.md §2.3, §2.5). Written from the equations; shares no code with the controllers.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // force_monitor.h — the last gate before the motors: an independent check that the energy which the
 // hand has put in covers each command for its whole lease (docs/theory.md §3.1).
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // hand.h — hands that hold a simulated device: their intended position, and the buttons they press.
 #pragma once
 

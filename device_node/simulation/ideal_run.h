@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // ideal_run.h — the ideal run of docs/theory.md §7.1: the same hand and the same device in direct
 // contact with the continuous tissue. No network, no sampling, no encoder, no controller. For
 // comparison only.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // plant.h — the mechanics that the simulated device and the ideal run share: device and hand are
 // one rigid mass with set-valued friction, which the hand's spring and damper pull.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // pointer_hold.h — decides which page leads the simulated hand; one at a time (hop 6).
 #pragma once
 

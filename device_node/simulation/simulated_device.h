@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // simulated_device.h — a haptic device and the hand that holds it, as one mass with friction
 // (plant.h). Has a motor-side watchdog and knows its true energy.
 #pragma once

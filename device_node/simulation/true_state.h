@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // true_state.h — the exact state of a simulated device. The tick and the clamp never see it.
 #pragma once
 

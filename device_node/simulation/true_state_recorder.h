@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // true_state_recorder.h — the true state of a simulated device, for telemetry.
 #pragma once
 

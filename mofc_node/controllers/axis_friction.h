@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /// @file
 /// axis_friction.h — friction that acts on each axis independently.
 #pragma once

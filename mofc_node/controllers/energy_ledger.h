@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /// @file
 /// energy_ledger.h — a lower bound of the energy that the hand has put in, from quantised
 /// positions.

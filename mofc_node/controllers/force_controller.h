@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /// @file
 /// force_controller.h — input and output of every force controller (hop 4, inside mofc_node).
 ///

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /// @file
 /// guard_mofc.h — the controller for real use: one pool, a hand of bounded speed, bounded credit.
 #pragma once

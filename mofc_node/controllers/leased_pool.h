@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /// @file
 /// leased_pool.h — one pool of energy: books what acted, grants forces with the time for which the
 /// pool covers them.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /// @file
 /// mofc_equations.h — the equations of the maximum output force controller, one function each, for
 /// comparison with the paper. [MOFC]: docs/theory.md §8.

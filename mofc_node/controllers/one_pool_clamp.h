@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /// @file
 /// one_pool_clamp.h — the largest force that one pool of energy covers.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /// @file
 /// paper_mofc.h — the controller as published: one axis, one pool, three times.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /// @file
 /// vector_mofc.h — the controller with one pool for all directions.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "mofc_node/failover/physics_choice.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // physics_choice.h — which of two physics a side uses: the rule of theory.md §5.1.
 #pragma once
 

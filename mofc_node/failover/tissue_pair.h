@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // tissue_pair.h — the tissue of one or two physics: what the one in use requests, and the
 // transition from one to the other.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // local_tissues.h — the tissues that physics_node has described, stepped at the device's rate.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // model_handover.h — the transition from one contact model to the next without a jump of the force.
 #pragma once
 

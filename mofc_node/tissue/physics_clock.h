@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // physics_clock.h — the time of moving tissue in physics, estimated on the device's side.
 #pragma once
 

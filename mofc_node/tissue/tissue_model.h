@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // tissue_model.h — the force of the tissue on the tool between two answers of physics_node.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // tissue_store.h — what physics_node has sent of the tissue: descriptions and tiles, in slots that
 // physics_node manages.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // interaction_deadband.h — decides when an Interaction must be sent to mofc_node (hop 3).
 #pragma once
 

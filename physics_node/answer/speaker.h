@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // speaker.h — whether this physics speaks, and the time of its moving tissue: shared by all tools
 // of one physics_node.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // surface_sender.h — hop 3: which part of the tissue mofc_node gets to know, and when.
 #pragma once
 

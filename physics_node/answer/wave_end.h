@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // wave_end.h — the physics' end of wave variables: the tool is not where hop 2 says but where the
 // waves move it.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // dented_surface.h — the drawn dent of a tissue without a deformation model while the tool presses
 // on it. It does not affect the force.
 #pragma once

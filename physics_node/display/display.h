@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // display.h — what a physics sends to viewers beside its telemetry, and when.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // display_mesh.h — the meshes that viewers draw. They do not affect the force.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // file_surface_mesh.h — the meshes that viewers draw of surfaces from files. They do not affect the
 // force.
 #pragma once

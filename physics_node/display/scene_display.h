@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // scene_display.h — sends the scene to viewers: the complete scene once, then what moves.
 //
 //   out  hop 5  SceneState  physics → viewers  on every subscription with the same revision:

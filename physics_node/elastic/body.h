@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // body.h — an elastic body: mesh, materials, support; its masses, loads and stiffness.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // dynamics.h — the motion of an elastic body over time, one implicit step after the other.
 #pragma once
 

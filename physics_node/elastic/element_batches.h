@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // element_batches.h — the elements of a body in groups of eight, one in each lane of a vector.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // equilibrium.h — finds where the forces on a body balance: at rest, or over one implicit step.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // material.h — what an elastic body is made of.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // mesh.h — tetrahedral meshes of elastic bodies: linear and quadratic, their faces, their quality.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // obstacle.h — what pushes on an elastic body from outside.
 #pragma once
 

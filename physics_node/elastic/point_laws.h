@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // point_laws.h — stress and energy density at one point, or at several in the lanes of a vector.
 //
 // T is double or a vector of doubles. Matrices are row-major arrays of 9. No branch depends on the

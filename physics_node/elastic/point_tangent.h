@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // point_tangent.h — derivative of the stress at one point.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // sphere_contact.h — a rigid sphere against points spread over the surface of an elastic body.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // support.h — whether a mesh is one body that is held: before anything is computed with it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // warped_factor.h — a factorised stiffness that turns with the body.
 #pragma once
 

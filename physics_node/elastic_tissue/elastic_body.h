@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // elastic_body.h — the elastic body of a tissue: its mesh, material and support from the session.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // elastic_contact.h — the contact model of an elastic body on hop 3.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // elastic_reference.h — what an elastic body does to one tool without condensed model and delay: a
 // full solution at every step, for comparison.
 #pragma once

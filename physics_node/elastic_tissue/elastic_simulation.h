@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // elastic_simulation.h — an elastic body in motion, touched by the tips of the tools: the full
 // solution.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // elastic_tissue.h — one elastic body for all tools: full solutions on a slow thread, and between
 // them the force on each tool at the physics rate from a condensed model.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // elastic_tissues.h — the elastic bodies of a scene, shared by its tools, and when they are solved.
 #pragma once
 

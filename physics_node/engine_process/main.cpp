@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // palpate::sdk::run: an engine from elsewhere as a process.
 #include <CLI/CLI.hpp>
 #include <cstdlib>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // process.h — a physics connected to the world: sockets, the step loop, telemetry, viewers.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // file_text.h — reads words, numbers and bytes of a geometry file; errors name the position.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // ply.h — point clouds from PLY files: ASCII, binary of either byte order.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // surface_files.h — surfaces from files: each is read and checked once and shared by all tissues
 // that name it.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // tetrahedral_files.h — volume meshes from Gmsh and VTK files, lengths in the unit of the file.
 #pragma once
 

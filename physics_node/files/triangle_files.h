@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // triangle_files.h — triangle meshes from OBJ and STL files, lengths in the unit of the file.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // contact_estimator.h — a contact model from what any engine can tell: where the tool is and what
 // force acts on it.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // foreign_display.h — the surfaces of an engine from elsewhere, for viewers.
 #pragma once
 

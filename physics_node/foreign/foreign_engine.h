@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // foreign_engine.h — an engine from elsewhere (physics.h) as PhysicsNode calls it: conversion,
 // checks, contact models for what it only tells as a force, and its surfaces for the viewers.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // look_ahead.h — what an engine that can tell its force anywhere (sdk::Engine::force_at) says of
 // tissue that the tool has not touched yet, and of the law where it touches.
 #pragma once

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Generates the protobuf modules from proto/ of the source tree with the protoc of this machine, so
 that they fit the installed runtime."""
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // scene.h — all tissues and the tool: the force on the tool at one place and velocity.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // scene_description.h — the tissues of a scene as they are sent to mofc_node: descriptions, and
 // surfaces cut into tiles.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // scene_force.h — the result of a scene for one pose of the tool.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // tissue_memory.h — the state that the tissues of a scene keep about one tool between two steps.
 #pragma once
 

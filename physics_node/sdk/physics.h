@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /// @file
 /// physics.h — a physics of your own: a program that computes the force on the tool, in any engine.
 ///

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // box_tree.h — a bounding volume hierarchy: which items are near a box, or nearest to a point,
 // without a look at each.
 #pragma once

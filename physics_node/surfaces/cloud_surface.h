@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // cloud_surface.h — a smooth surface through a cloud of points.
 //
 // Each point carries a quadric, the weighted least-squares fit to its 48 nearest neighbours, and a

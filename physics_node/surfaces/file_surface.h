@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // file_surface.h — a surface loaded from a file.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // octree.h — nearest points of a cloud; near points are near in memory.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // shape.h — the surface of one tissue at its place in the scene: a formula, or loaded from a file.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // subdivision.h — finer triangles on the unit sphere.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // tetrahedral_mesh.h — volume meshes, and their surface.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // triangle_surface.h — the exact signed distance to a mesh of triangles.
 //
 // The sign is that of the angle-weighted normal of the nearest face, edge or corner, which is exact

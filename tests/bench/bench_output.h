@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // bench_output.h — what every bench program offers: a table for people, --csv, --json, --plot,
 // --quick.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // contact_bench: run time against error of contact with point clouds, beside the k-d trees of
 // nanoflann and CGAL where they are installed.
 //

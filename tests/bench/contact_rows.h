@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // contact_rows.h — the table of contact_bench: timing of single calls, and rows.
 #pragma once
 

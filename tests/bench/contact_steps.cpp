@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Whole steps of a scene, for contact_bench.
 #include <chrono>
 #include <cmath>

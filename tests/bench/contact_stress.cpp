@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // contact_stress: contact under stiffness, damping, friction and motion far beyond tissue.
 //
 // First the law, for every geometry: random closed paths of the tool at up to 1 m/s with a physics

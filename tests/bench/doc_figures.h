@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // doc_figures.h — the tables of figures in README.md and docs/, each made from the output of a
 // bench or of `palpate loopback`.
 #pragma once

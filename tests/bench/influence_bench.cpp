@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // influence_bench — the cost of viewers: timing of the haptic loop with 0, 1 and 8 viewers in real
 // processes, and viewer_node's share of a core while a page sees a deforming tissue.
 #include <spdlog/fmt/fmt.h>

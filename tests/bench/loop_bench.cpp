@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // loop_bench — run time against error of the loop itself: inner step, device rate, physics rate,
 // velocity estimator and order of the contact model, one changed at a time.
 #include <spdlog/fmt/fmt.h>

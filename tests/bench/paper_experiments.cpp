@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // paper_experiments — the experiments of the paper in lockstep: soft, rigid and mixed tissue, with
 // and without the controller, after different lengths of free motion, beside the figures that the
 // paper prints. The sessions are those of deploy/sessions, so that `palpate loopback` repeats each

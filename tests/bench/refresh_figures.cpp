@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // refresh_figures — rewrites the tables of figures in README.md and docs/ from the output of the
 // programs that make them, or checks that they still agree.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // stability_map — which walls can be pressed and held: period, mass, stiffness, damping and delay,
 // per controller and use of the interaction. Stable, chattering or unstable, as a table and as a
 // figure.

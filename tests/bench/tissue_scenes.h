@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // tissue_scenes.h — the tissues of the benches, each with a path of the hand that shows its
 // difficulty. Device 1 kHz with the default profile (0.055 mm, 3.3 N), hand as in the paper.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rows of palpate_faults for real devices: how long the motors go on pushing when the wire fails
 // while the hand presses (docs/devices.md#faults). The driver runs in device_node under `palpate
 // launch`; the emulator, which knows what its motors do, in this process.

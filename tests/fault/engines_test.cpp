@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // MuJoCo and Bullet as the physics of `palpate launch`, in the sessions that the documents name:
 // the force and the picture are there, and killed, suspended or attacked they end as physics_node
 // does.

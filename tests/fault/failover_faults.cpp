@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rows of palpate_faults with a second physics: what the hand feels when the one that speaks is
 // killed, suspended, slow or cut from the network (docs/theory.md §5.1). Real processes.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // palpate_bad_peers — a program that is no node, or has other keys, listens where a node connects,
 // and is then replaced by that node; or one byte is damaged on the way between two nodes: how long
 // until the link works.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // palpate_faults — the fault matrix: the force on a pressing hand when a process of the running
 // session is killed, suspended or restarted, or when something around it fails.
 //

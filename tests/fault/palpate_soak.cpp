@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // palpate_soak — a long session whose nodes are killed, ended and suspended at random.
 //
 //   palpate_soak [MINUTES [SEED]]     0.4 minutes and seed 1 by default

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // pressing_session.h — a session under `palpate launch` whose hands press into tissue repeatedly,
 // with a viewer: the subject of the fault matrix.
 #pragma once

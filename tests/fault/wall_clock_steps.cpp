@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // wall_clock_steps — a library to preload: the wall clock of the process jumps forth and back by an
 // hour every 200 ms, so that waiting for a time of the wall clock takes an hour or no time.
 #include <sys/syscall.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Arbitrary bytes for every decoder. An accepted message can be encoded again, and a second round
 // trip does not change it.
 #include <cstddef>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // geometry_fuzz.cpp — any bytes as a geometry file: a surface that can be viewed from anywhere,
 // or a SetupError; never a crash, a hang or another exception. The first byte selects the format.
 #include <cmath>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // hops_fuzz.cpp — any frame that a codec accepts, given to the node that receives it. What the node
 // then sends is finite, is accepted by the codec of its receiver, and a force never exceeds the
 // device's limit.

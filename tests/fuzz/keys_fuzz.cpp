@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Arbitrary bytes as list of allowed keys, key pair and request of libzmq. An accepted list has the
 // keys of both servers; no arbitrary request is admitted.
 #include <cstddef>

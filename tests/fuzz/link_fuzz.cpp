@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Arbitrary messages for every end of a link: of several parts, too long, interleaved among peers,
 // and arbitrary bytes in the stream of a binding end. No end aborts, and each still works after it.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // mcap_fuzz.cpp — any bytes as a recording: what can be read of it, or a SetupError; never a crash,
 // a hang or another exception.
 #include <sys/mman.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // replay.cpp — runs a fuzz target on its corpus as an ordinary test, without the fuzzer.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // session_fuzz.cpp — reads any bytes as a session, as its overrides, as a recorded path and as a
 // device profile. The result is a session or a SetupError, never a crash, a hang or another
 // exception.

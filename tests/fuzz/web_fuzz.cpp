@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // web_fuzz.cpp — any bytes as an HTTP request, as messages of the Foxglove protocol and as a
 // HandTarget: an answer, never a crash; and nothing is let in that the rules keep out.
 #include <algorithm>

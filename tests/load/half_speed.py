@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Takes half of every processor's time from all programs, real-time ones too, until it is ended: 0.2 ms in
 0.4 ms on each, at the highest real-time priority. Needs permission for that (root)."""
 

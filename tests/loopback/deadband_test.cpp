@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Hops 2 and 3 thinned by their deadbands, in lockstep: the messages saved, the error added, and
 // that the silence of a deadband is distinguished from that of dead physics.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The exchange in real time: wait strategies, allocations, device and mofc in one process.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

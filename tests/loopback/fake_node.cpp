@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // fake_node: replaces a node in the tests of the supervisor. It writes one line when it has started
 // and one for each SIGTERM or SIGINT into the named pipe `events` of its folder. A file NAME.does
 // in that folder with one of the words below makes it misbehave.

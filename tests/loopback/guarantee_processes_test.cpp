@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The guarantee in real processes, in mode guard: nodes are killed or suspended while the hand
 // presses, a device fails, and flight recordings are written.
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The guarantee of mode guard over whole runs in lockstep: no physics, network or scheduler gives
 // the hand net energy. Measured by the simulated device's true energy, which no controller sees.
 // PALPATE_SEEDS=10 in the environment makes ten times as many runs; PALPATE_SEED_OFFSET=N skips N

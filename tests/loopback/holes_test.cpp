@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Ticks that are skipped or late, states and answers that are lost: while the credit pays for it
 // they cost no force and no energy (docs/theory.md §2.5).
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `palpate identify` as a user runs it: exit status, figures, and a profile that a session
 // includes.
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The whole system on virtual time: device, clamp and physics, hop by hop.
 #include "deploy/lockstep/lockstep.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The programs as a user starts them: a touch over four processes, killed nodes, viewers that come
 // and go, wrong sessions and flags.
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // No session makes a node send what the next node refuses: every shipped session, and every number
 // of the schema at the limits of its own range, through the codecs.
 #include <google/protobuf/descriptor.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The whole system on the real clock in one process: run_process of each node on a thread of its
 // own, observed by viewers, over every transport.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Recording and replaying with the real programs.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Recordings of lockstep runs: the same bits for the same session, and everything that is read from
 // them.
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // rogue_mofc_node: takes mofc_node's place and lies. It commands 20 N along the last motion of the
 // hand, for as long as the wire allows, whatever the energy. For guarantee_processes_test.
 #include <chrono>

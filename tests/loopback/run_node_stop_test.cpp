@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How a node is stopped: signals and --seconds.
 #include <gtest/gtest.h>
 #include <unistd.h>

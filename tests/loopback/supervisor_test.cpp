@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The supervisor with real processes: fake_node under the names of the nodes. Each process reports
 // its start and its signals through a named pipe. The pipe reaches its end when the last process is
 // gone.

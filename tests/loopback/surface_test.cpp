@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Tissue that mofc_node steps itself: the rendered force beside that of the same run without any
 // disturbance of the network, and the guarantee with hostile tiles.
 #include <gtest/gtest.h>

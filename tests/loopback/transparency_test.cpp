@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The rendered force of tissue whose physics runs at 50 Hz, 50 ms away each way, with 20 % of the
 // messages lost, behind the clamp: bounds for the figures that transparency_bench prints.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Two devices, each with its own clamp, one physics_node and one viewer: real programs.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Device and clamp on one machine, physics on another: two network namespaces connected by a veth
 // pair, isolated from the network. Skipped where namespaces are not permitted.
 #include <arpa/inet.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // viewer_node as a user starts it: its clients see the scene, the scene follows a drag, and nothing
 // else that a client says has any effect.
 #include <gmock/gmock.h>

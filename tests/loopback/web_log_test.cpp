@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The log of the viewer: what a page gets that connects late, and the episodes of the clamp.
 #include "viewer_node/live/log.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The web server on real sockets, with well-behaved and misbehaving clients.
 #include "viewer_node/server/web_server.h"
 

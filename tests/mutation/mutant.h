@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // mutant.h — included by the mutated copies of sources that tests/mutation/run writes. All mutants
 // are compiled in; the environment variable PALPATE_MUTANT chooses one, by its number, when the
 // program starts. 0 or nothing: the original.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Runs the tests against the mutants: which test reaches which mutant, then which mutant no test
 kills."""
 

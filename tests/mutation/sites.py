@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Finds what can be mutated in a C++ source, with libclang, and writes the source anew with every
 mutant in it (mutant.h).
 

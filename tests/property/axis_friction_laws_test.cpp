@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Friction per axis: no hand and no environment draw energy in the modes with one pool.
 #include <gtest/gtest.h>
 

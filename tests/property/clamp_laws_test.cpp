@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The bound of the force: what the worst hand can draw in the next interval.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // controller_cases.h — random and hostile hands, environments, encoders and timing round a force
 // controller. PALPATE_SEEDS=10 in the environment tries ten times as many seeds.
 #pragma once

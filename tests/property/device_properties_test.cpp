@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Laws of the device's side over seeded random misses, stalls, leases, failures and hands.
 // PALPATE_SEEDS=10 in the environment tries ten times as many seeds.
 #include <gtest/gtest.h>

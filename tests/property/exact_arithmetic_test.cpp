@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The equations, the ledger, what is granted, and the monitor's own count in doubles beside the
 // same in rational numbers or 100 digits: rounding never makes credit.
 #include <gtest/gtest.h>

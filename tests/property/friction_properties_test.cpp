@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `palpate identify` never measures more friction than there is, and rarely much less.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Mode guard: no hand within v_max and no environment draw energy.
 #include <gtest/gtest.h>
 

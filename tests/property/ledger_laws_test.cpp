@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The ledger never exceeds the true energy, for any hand and any encoder.
 #include <gtest/gtest.h>
 

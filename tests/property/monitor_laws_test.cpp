@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The monitor's account against the clamp's ledger, which shares no code with it, and the monitor
 // against every hand: what it passes is covered.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What any controller may put out: never more than requested, always finite, without allocating.
 #include <gtest/gtest.h>
 

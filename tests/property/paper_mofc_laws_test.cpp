@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Mode paper: where it keeps the energy and where it does not; and what turning the frame changes.
 #include <gtest/gtest.h>
 

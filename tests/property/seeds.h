@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // seeds.h — how many random runs a test makes.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Mode vector: no hand and no environment draw energy. Each protection taken away, they do.
 #include <gtest/gtest.h>
 

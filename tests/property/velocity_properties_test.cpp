@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The stated bounds of adaptive windowing, over seeded random smooth motions measured with an
 // encoder. PALPATE_SEEDS=10 in the environment tries ten times as many seeds.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Programs and sessions for the tests of the Python package. $PALPATE_BIN: folder of the programs."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Loopback runs, recordings and live telemetry as Python data."""
 
 import importlib.util

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The estimator of contact models: the same as the one in C++ on the same data, and on the wire."""
 
 import csv

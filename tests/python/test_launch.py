@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A Python program as the physics of `palpate launch`: it renders, dies, stops and refuses like
 physics_node."""
 

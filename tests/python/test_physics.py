@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """palpate.Physics alone, against a mofc_node of this test: echoes, refusals, restarts, keys, signals,
 rate."""
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """deploy/sbom on a small input: a program of Debian and a lock file of three packages."""
 
 import base64

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """sofa_physics.py as the physics of `palpate launch`, with a stub in place of SOFA."""
 
 import os

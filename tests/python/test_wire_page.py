@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """docs/wire.md says what the protos say, and its frames are those of the package."""
 
 import re

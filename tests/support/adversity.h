@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // adversity.h — runs of the whole system in lockstep against a hand, a physics, a network and a
 // scheduler that try to give the hand energy.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // alloc_guard.h — "does not allocate" as a test. Link palpate::alloc_guard: it replaces operator
 // new of the whole executable by a counting one.
 #pragma once

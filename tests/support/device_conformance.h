@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // device_conformance.h — device_checks.h as tests. To run a driver through them:
 //
 //   std::unique_ptr<device::DeviceBench> open_mine();

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // device_node_bench.h — a DeviceNode between memory links, with a scripted answerer in mofc's
 // place.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // encoded_frame.h — the bytes that a link would send of a message.
 #pragma once
 

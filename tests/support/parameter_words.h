@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // parameter_words.h — the parameter of a test, as printed, in the test's name.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // peak_memory.h — the largest resident memory of a process, also between two looks at it.
 #pragma once
 

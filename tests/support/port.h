@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // port.h — TCP ports of this machine, for tests.
 #pragma once
 

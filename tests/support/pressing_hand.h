@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // pressing_hand.h — a hand that presses repeatedly, and predicates on its ticks.
 #pragma once
 

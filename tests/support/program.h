@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // program.h — runs a program of the project as a process.
 #pragma once
 

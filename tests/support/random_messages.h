@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // random_messages.h — random messages that satisfy every rule of proto/palpate/v1, and their
 // equality, which is bitwise and includes NaN.
 #pragma once

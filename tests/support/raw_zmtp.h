@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // raw_zmtp.h — ZMTP 3.0 byte by byte, for peers that violate it: greeting, handshake without keys,
 // frames, and streams to and from an endpoint. A peer of libzmq would itself abort where its socket
 // is closed and its connection ends within a message of several parts.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // resting_press.h — a hand at rest in tissue as stiff as its own spring.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // run_folder.h — run and cache folders of its own for one test.
 #pragma once
 

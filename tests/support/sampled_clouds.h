@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // sampled_clouds.h — clouds sampled from shapes whose distance has a closed form.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // scripted_device.h — a device for tests of the tick: it follows its script and records what its
 // motors did.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // temp_folder.h — a folder for one test, and the content of files.
 #pragma once
 

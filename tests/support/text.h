@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // text.h — changing a text for a test.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // tool_motion.h — a tool led through a scene, and how its force changes from step to step: against
 // thin tissue, and over edges. Shared by the tests and the benches of the proxy.
 #pragma once

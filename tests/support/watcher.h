@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // watcher.h — a viewer that waits for the events that a test expects.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // web_client.h — a plain TCP client with just enough HTTP and WebSocket to test a server, valid or
 // not. Shares no code with the server.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // live.test.mjs: the page over the real programs, on loopback ports, in the sessions that are shipped.
 // $PALPATE_BIN names the folder of the programs.
 import assert from "node:assert/strict";

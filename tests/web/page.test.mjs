@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // page.test.mjs: the page in a real Chromium, over the simulated session of support/mock_server.mjs.
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";

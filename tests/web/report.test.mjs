@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // report.test.mjs: the file that `palpate report` writes, in a real browser without a network.
 import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";

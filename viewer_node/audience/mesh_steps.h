@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // mesh_steps.h — what an audience sees of the deformed tissue: displacements in whole steps, of the
 // displaced vertices only.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // relay.h — passes hop 5 on to any number of viewer_nodes: the nodes of the session serve one
 // receiver, however many follow.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // thinned_telemetry.h — /device, /mofc and /physics for an audience: a few batches a second with
 // some of the ticks.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // metrics_text.h — the counters and times of all nodes in Prometheus' text format 0.0.4. Thread:
 // the viewer's.
 #pragma once

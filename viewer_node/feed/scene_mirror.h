@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // scene_mirror.h — the newest scene of physics_node and its motion, kept for viewers that connect
 // later.
 #pragma once

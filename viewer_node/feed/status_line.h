@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // status_line.h — the state of the whole system in one line of text.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // telemetry_mirror.h — the state of the running nodes, assembled from their telemetry
 // (hop 5). Batches may arrive in any order, be lost or duplicated; the viewer may connect late and
 // nodes may restart. Used by the viewer's thread only.

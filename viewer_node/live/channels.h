@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // web_channels.h — the channels that the web server advertises: topics, schemas, and their order.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // web_feed.h — serves a running session to web clients, and passes on what they may send: hand
 // targets, changes of tissues, and requests to the run.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // web_foxglove.h — /telemetry, /scene, /tf and /tissue/points: the newest state in general schemas,
 // for clients that do not know Palpate's.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // web_hand.h — lets one web client at a time lead the hand.
 //
 //   out  hop 6  HandTarget  viewer → device   if the session enables hand.pointer; with several

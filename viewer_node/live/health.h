@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // web_health.h — /health, /metrics and /verdict: the state of the nodes and of this viewer.
 #pragma once
 

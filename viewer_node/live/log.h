@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // web_log.h — /log: the events of the nodes, for web clients, also for those that connect later.
 #pragma once
 

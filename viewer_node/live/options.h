@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // web_options.h — the web server's command line options, and the configuration they make with the
 // session.
 #pragma once

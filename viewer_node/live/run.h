@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // web_run.h — markers, the control of a replay and the page's recordings: what web clients may ask
 // of the run.
 //

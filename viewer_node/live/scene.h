@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // web_scene.h — /scene_state and /mesh: the scene and its motion, for web clients.
 //
 //   in   hop 5  SceneState, MeshFrame

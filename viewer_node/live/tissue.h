@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // web_tissue.h — lets web clients of this machine change stiffness and damping of tissues.
 //
 //   out  hop 8  TissueChange  viewer → physics   only with viewer.control

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // foxglove_export.h — a recording for Foxglove, Lichtblick and Rerun: the channels of the live
 // WebSocket that need no knowledge of Palpate's messages.
 #pragma once

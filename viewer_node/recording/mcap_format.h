@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // mcap_format.h — the MCAP container, version 0 (mcap.dev/spec): records of one byte opcode, a
 // 64-bit length and the content; little-endian; strings and maps with a 32-bit length in bytes.
 #pragma once

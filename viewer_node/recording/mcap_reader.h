@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // mcap_reader.h — reads the files of McapWriter, even if their end is missing, and those of others.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // mcap_writer.h — writes a run to an MCAP file: indexed chunks with checksums, in the order
 // written. Blocks on the disk; do not use it on a tick thread.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // recording.h — records hop 5 in an MCAP file: every batch as received, the scene, the session,
 // the versions of the nodes.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // recording_copy.h — a part of one recording, or several together, as a new recording:
 // `palpate cut`, `recover` and `merge`. The messages stay as they are, byte by byte.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // recording_file.h — reads a recording as messages of hop 5.
 #pragma once
 

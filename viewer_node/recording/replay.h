@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // replay.h — `palpate replay`: publishes a recording as a live session, for any number of viewers.
 #pragma once
 

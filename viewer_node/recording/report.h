@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // report.h — `palpate report`: the figures of one recording, or of two side by side, as one HTML
 // file. It contains its script and its data, and loads nothing.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // report_data.h — what a report draws: the columns of a recording, reduced, and its events.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // ros_export.h — a recording for tools of ROS 2 (rosbag2's MCAP plug-in, PlotJuggler, Foxglove):
 // poses and wrenches in CDR (little-endian XCDR1, as rosbag2 stores it) with their message
 // definitions, on topics named as in CRTK. Needs nothing of ROS.

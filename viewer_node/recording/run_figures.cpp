@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "viewer_node/recording/run_figures.h"
 
 #include <spdlog/fmt/fmt.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // run_figures.h — the figures of a run as a viewer sees it: of `palpate launch` while it runs, and
 // of its recording afterwards. Both come from here, so they agree.
 //

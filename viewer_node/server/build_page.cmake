@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # cmake -DSOURCE=<web folder> -DWORK=<folder> -DOUT=<folder> -DNPM=<npm> -DGZIP=<gzip>
 #       -DREQUIRED=<ON|OFF> -DNOTICE=<html> -P build_page.cmake
 # Builds the page in WORK and leaves index.html, app.js.gz, app.css.gz, report.js and report.css in

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // client_events.h — what web clients did, handed from the server's thread to the viewer's.
 #pragma once
 

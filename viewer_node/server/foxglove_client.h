@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // foxglove_client.h — the server's side of the Foxglove WebSocket protocol v1 for one client:
 // greeting, requests, subscriptions. No socket: texts and bytes in and
 // out. https://github.com/foxglove/ws-protocol/blob/main/docs/spec.md

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // http_connection.h — one TCP connection of the web server: HTTP requests, until it ends or becomes
 // a WebSocket client. On the server's thread.
 #pragma once

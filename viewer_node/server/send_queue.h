@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // send_queue.h — the messages that wait for one WebSocket client, and the limits for a client that
 // reads too slowly. No socket.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // server_state.h — what the connections and clients of one web server share. On the server's
 // thread, except for the atomics and `events`.
 #pragma once

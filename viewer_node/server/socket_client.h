@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // socket_client.h — one WebSocket client of the web server. On the server's thread.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The page's files, found on the include path by the assembler.
   .section .rodata
 

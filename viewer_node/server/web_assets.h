@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // web_assets.h — the page, embedded in the program. CMake option PALPATE_WEB.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // web_limits.h — limits that HTTP connections and WebSocket clients have in common.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // web_rules.h — decides on one HTTP request; no socket.
 //
 // On loopback any program of this machine may connect, but no foreign web page: browsers send the

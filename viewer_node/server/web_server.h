@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // web_server.h — the page and the Foxglove WebSocket on one TCP port, for any number of clients.
 // Boost.Beast behind a private implementation, on a thread of its own, of ordinary priority.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // build.mjs: src/ → dist/index.html, dist/app.js, dist/app.css: all that the page consists of; and
 // dist/report.js, dist/report.css for `palpate report`.
 import { build } from "esbuild";

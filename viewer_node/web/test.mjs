@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // test.mjs: bundles the unit tests of tests/web/unit for Node and runs them.
 import { build } from "esbuild";
 import { spawnSync } from "node:child_process";

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "common/contact/cloud/cloud_blend.h"
 
 namespace palpate {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // cloud_blend.h — a smooth surface blended from the quadrics of points.
 //
 // Point i has a quadric and a reach ρᵢ:

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // files.h — reading files that the user names, and folders that no other user can replace.
 #pragma once
 

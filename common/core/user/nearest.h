@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // nearest.h — the word that somebody meant who wrote another one.
 #pragma once
 

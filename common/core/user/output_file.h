@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // output_file.h — the files that a command writes. Nothing is replaced by accident: an existing
 // file only with --overwrite, a file that the command reads never.
 #pragma once

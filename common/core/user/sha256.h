@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // sha256.h — SHA-256, by which a file is recognised that nobody can have exchanged.
 #pragma once
 

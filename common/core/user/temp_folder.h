@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // temp_folder.h — a folder for one piece of work, removed with it.
 #pragma once
 

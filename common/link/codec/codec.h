@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // codec.h — conversion between messages and bytes. After decode() every required value is present,
 // finite and in range; no other code repeats these checks.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // exchange_codec.cpp — hops 1 and 4: DeviceState and ForceCommand.
 #include <algorithm>
 #include <cmath>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // hand_target_codec.cpp — hop 6: HandTarget.
 #include "common/link/codec/wire_format.h"
 #include "palpate/v1/hand_target.pb.h"

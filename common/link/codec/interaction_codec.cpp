@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // interaction_codec.cpp — hop 3: Interaction and its contacts.
 #include <algorithm>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // run_codec.cpp — RunState of hop 5, hop 7: RunRequest; markers and ideal forces as recorded.
 #include <algorithm>
 #include <string>

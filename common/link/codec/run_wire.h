@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // run_wire.h — internal header of the codecs: the run in Health.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // scene_codec.cpp — hop 5: SceneState and MeshFrame.
 #include <bit>
 #include <cstring>

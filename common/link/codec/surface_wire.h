@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // surface_wire.h — internal header of the codecs: the part of hop 3 with which mofc_node evaluates
 // tissue itself.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // telemetry_codec.cpp — hop 5: the telemetry batches of the three nodes.
 #include <algorithm>
 #include <type_traits>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // tissue_change_codec.cpp — hop 8: TissueChange.
 #include "common/link/codec/wire_format.h"
 #include "palpate/v1/tissue_change.pb.h"

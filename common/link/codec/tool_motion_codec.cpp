@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // tool_motion_codec.cpp — hop 2: ToolMotion.
 #include "common/core/physics_term.h"
 #include "common/link/codec/wire_format.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "common/link/codec/viewer_codec.h"
 
 #include <google/protobuf/descriptor.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // viewer_codec.h — the protobuf messages that viewer_node sends to its web clients, and the one
 // that it receives from them. They are payloads of the Foxglove protocol, without the kind byte.
 #pragma once

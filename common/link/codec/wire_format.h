@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // wire_format.h — internal header of the codecs: conversion and checks of single values, and the
 // members of Codec<T>. The file of each hop specialises WireFormat for its messages and
 // instantiates their codecs.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // keys.h — access to links over tcp: key pairs (CURVE), the list of allowed keys, and the folder
 // that contains them.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // refused_peers.h — counters of the peers that links refused.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // zap_handler.h — access control of one ZeroMQ context: answers libzmq's requests whether a peer's
 // key may use a socket (ZAP, RFC 27), and counts the peers that it refuses.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "common/link/socket/alarm.h"
 
 #include <sys/timerfd.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // alarm.h — a timer that is set ahead of the wait that needs it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // connection_monitor.h — follows the connections of the sockets of one ZeroMQ context, in a thread
 // of its own, which also answers ZAP requests.
 //

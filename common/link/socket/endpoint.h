@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // endpoint.h — the endpoint of a socket, and the exclusive use of an ipc path.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // frame_bytes.h — the bytes of a ZeroMQ message.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // link_settings.h — socket options of every link, as listed in docs/wire.md.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // link_socket.h — a ZeroMQ socket that is configured and attached to its endpoints.
 #pragma once
 

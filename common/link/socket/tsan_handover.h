@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // tsan_handover.h — internal header of the links: tells ThreadSanitizer what libzmq guarantees.
 // Debian's libzmq is not instrumented. Over inproc the receiver reads the very bytes that the
 // sender wrote, and ThreadSanitizer does not see the atomics of the queue between them. Without

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // zmq_context.h — libzmq's I/O thread and the rules for links over tcp.
 #pragma once
 

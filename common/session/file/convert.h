@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // convert.h — from the written session to the plain structs of common/session/session.h, part by
 // part. Ranges, constant defaults and remedies are those of the schema; computed defaults and rules
 // between fields are here.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "common/session/file/convert.h"
 #include "palpate/v1/session.pb.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // profile_file.h — the friction of a device in a file of its own: `device { profile { … } }` as in
 // a session, complete and nothing else.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // recorded_path.h — the path of a hand from a CSV file: header t,x,y,z, seconds and metres.
 #pragma once
 

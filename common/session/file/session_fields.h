@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // session_fields.h — reads one message of a session field by field, each checked against its rule.
 #pragma once
 

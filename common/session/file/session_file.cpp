@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "common/session/session_file.h"
 
 #include <google/protobuf/text_format.h>

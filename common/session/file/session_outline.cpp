@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "common/session/file/session_outline.h"
 
 #include <google/protobuf/io/zero_copy_stream_impl_lite.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // session_outline.h — the tokens of a text in protobuf text format, each with the message around
 // it. Gives messages of protobuf's parser, which have a line and a column, the field that they are
 // about.

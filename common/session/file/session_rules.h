@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // session_rules.h — the rule of each field as the schema states it
 // (proto/palpate/v1/session_options.proto).
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "common/session/file/session_text.h"
 
 #include <google/protobuf/descriptor.h>

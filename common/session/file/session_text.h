@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // session_text.h — a session as it was written: the protobuf message, the place of every field, and
 // the overrides of the command line applied to it. Values are checked by session_fields.h.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // session_reference_writer SET FILE: writes docs/session.md from a descriptor set of the schema.
 #include <cstdio>
 #include <exception>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "common/session/reference/session_reference.h"
 
 #include <google/protobuf/descriptor.h>

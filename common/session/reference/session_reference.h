@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // session_reference.h — docs/session.md from the schema: comments, units, ranges and defaults of
 // all fields.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // permission.h — whether this user may open the file of a device.
 #pragma once
 

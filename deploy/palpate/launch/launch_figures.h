@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // launch_figures.h — the figures of a `palpate launch`, as JSON and as text.
 #pragma once
 

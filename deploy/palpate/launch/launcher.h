@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // launcher.h — the command line of palpate itself.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // cut, recover and merge: recordings made of recordings.
 #include <spdlog/fmt/fmt.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // recording_info.h — what a recording contains, and its ticks as a table.
 #pragma once
 

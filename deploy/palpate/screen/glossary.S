@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // docs/glossary.md, found on the include path by the assembler.
   .section .rodata
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // help.h — help that is made from the definitions of the commands and from docs/glossary.md: man
 // pages, completion for shells, explanations of terms.
 #pragma once

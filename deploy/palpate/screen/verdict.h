@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // verdict.h — the verdict on a run (common/telemetry/verdict.h) on a terminal.
 #pragma once
 

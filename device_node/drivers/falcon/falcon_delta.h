@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // falcon_delta.h — the Falcon's kinematics: three legs of an arm and a parallelogram each, as R. E.
 // Stamper, "A Three Degree of Freedom Parallel Manipulator with Only Translational Degrees of
 // Freedom", PhD thesis 97-4, University of Maryland, 1997. Dimensions as libnifalcon measured them.

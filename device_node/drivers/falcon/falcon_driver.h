@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // falcon_driver.h — Novint Falcon, by USB. Never run on hardware: tested against the emulator of
 // device_node/emulators.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // falcon_firmware.h — the Falcon's boot loader: it takes the firmware's image byte by byte and
 // echoes each.
 #pragma once

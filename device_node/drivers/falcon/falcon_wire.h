@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // falcon_wire.h — the messages of the Falcon's running firmware: 16 characters each way. Numbers
 // are 4 nibbles, the least significant first, each + 0x41.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // ftdi_line.h — the serial line behind an FTDI chip on USB: requests of the chip, and the bytes
 // without the two status bytes that begin each packet from it.
 #pragma once

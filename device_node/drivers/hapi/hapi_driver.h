@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // hapi_driver.h — a pantograph on one of Haply's hAPI boards, by its serial port. Two axes with
 // force; the third gets none. Never run on hardware: tested against the emulator of
 // device_node/emulators.

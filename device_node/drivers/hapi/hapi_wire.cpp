@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "device_node/drivers/hapi/hapi_wire.h"
 
 #include <bit>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // hapi_wire.h — the messages of Haply's hAPI boards (serial): bytes and little-endian float32,
 // without frame or check sum.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // pantograph.h — the planar five-bar linkage of the hAPI boards: two motors on a base line, an arm
 // on each, two rods that meet at the handle.
 #pragma once

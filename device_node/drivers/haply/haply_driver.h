@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // haply_driver.h — Haply Inverse3 and its grips, by the Inverse Service's WebSocket. Never run on
 // hardware: tested against the emulator of device_node/emulators.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // haply_wire.h — the messages of Haply's Inverse Service (WebSocket, JSON; service 3.1 to 3.5) as
 // far as the driver needs them.
 #pragma once

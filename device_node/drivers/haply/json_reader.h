@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // json_reader.h — reads one JSON text in place: no tree, no allocation, no exception. For the tick;
 // everything else uses nlohmann/json.
 #pragma once

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: Apache-2.0 */
 /* A driver in a shared library, in C: a device that is pushed about by its own force only. Build it
  * with `cc -shared -fPIC -o example_device.so example_device.c`, name it in the session:
  * device { plugin { library: "example_device.so" } }. See palpate_device.h. */

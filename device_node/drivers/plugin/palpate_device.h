@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: Apache-2.0 */
 /** @file
  * palpate_device.h — the C interface of a driver in a shared library, for vendors and labs that add
  * a device without building Palpate. The library exports one function,

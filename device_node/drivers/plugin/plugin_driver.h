@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // plugin_driver.h — a driver in a shared library, by the C interface of palpate_device.h.
 #pragma once
 

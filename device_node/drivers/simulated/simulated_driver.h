@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // simulated_driver.h — the driver of the simulated device.
 #pragma once
 

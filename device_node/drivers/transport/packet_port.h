@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // packet_port.h — a file whose transfers are whole packets: a hidraw device, or the socket of an
 // emulator that stands in for one.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // serial_port.h — a serial line or a pseudo-terminal whose transfers end within a given time.
 #pragma once
 

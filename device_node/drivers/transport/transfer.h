@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // transfer.h — how a transfer over a wire went.
 #pragma once
 

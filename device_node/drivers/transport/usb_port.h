@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // usb_port.h — a USB device with one bulk endpoint in each direction, by Linux's own interface to
 // USB (/dev/bus/usb): a library in between would allocate memory for every transfer.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // wait_for.h — waits for a file with a deadline.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // web_socket.h — one end of a WebSocket connection whose transfers end within a given time.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // wooden_arm.h — the kinematics of WoodenHaptics: body a turns about the upright axis, arms b and c
 // about axes across it, each held at its own angle against the upright.
 #pragma once

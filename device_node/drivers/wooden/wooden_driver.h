@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // wooden_driver.h — WoodenHaptics and Polhem boards, by hidraw. Never run on hardware: tested
 // against the emulator of device_node/emulators.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "device_node/drivers/wooden/wooden_wire.h"
 
 namespace palpate::device {

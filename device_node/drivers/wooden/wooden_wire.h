@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // wooden_wire.h — the HID reports of the open firmware of WoodenHaptics and Polhem boards:
 // little-endian int16.
 #pragma once

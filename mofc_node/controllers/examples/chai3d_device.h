@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // chai3d_device.h — a CHAI3D device that limits the force on its way to another one:
 // tool->setHapticDevice(std::make_shared<PassiveDevice>(device, "guard")).
 // Compiled here against stubs/chai3d.h, not against CHAI3D.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // openhaptics_callback.h — the servo callback of OpenHaptics, as the drivers of SOFA schedule it,
 // with the force limited on its way: hdScheduleAsynchronous(servo, &loop,
 // HD_MAX_SCHEDULER_PRIORITY). Compiled here against stubs/HD/hd.h, not against OpenHaptics.

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: Apache-2.0 */
 /* plain_loop - a loop of one's own in C: a wall of 3000 N/m below z = 0 and a hand that shakes.
  *   plain_loop_c [CONTROLLER]    prints the work of the hand; status 1 if it extracts energy */
 #include <math.h>

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A loop of one's own in Python: a wall of 3000 N/m below z = 0 and a hand that shakes.
 
     plain_loop.py LIBRARY [CONTROLLER]    prints the work of the hand; status 1 if it extracts energy

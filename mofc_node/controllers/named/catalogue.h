@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /// @file
 /// catalogue.h — every controller by name, from one flat set of settings: for programs that choose
 /// at run time, and for the C interface.

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: Apache-2.0 */
 /** @file
  * palpate_controllers.h - the force controllers of Palpate for C and whatever can call C (Unity,
  * Unreal, Rust, Python's ctypes). Link libpalpate_controllers_c; flags: pkg-config

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /// @file
 /// bounding.h — energy bounding and force bounding: the viscous friction of the device bounds the
 /// next force.

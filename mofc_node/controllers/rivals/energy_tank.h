@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /// @file
 /// energy_tank.h — an energy tank with a valve: force that gives energy to the hand takes it out.
 #pragma once

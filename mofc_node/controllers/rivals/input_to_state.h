@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /// @file
 /// input_to_state.h — input-to-state stability: the requested force and a share of its change.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /// @file
 /// interval.h — what controllers that know samples only see of the time since the previous step.
 #pragma once

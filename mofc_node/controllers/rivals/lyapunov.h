@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /// @file
 /// lyapunov.h — a limiter that predicts the next period with a model of hand and tissue.
 #pragma once

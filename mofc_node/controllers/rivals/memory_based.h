@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /// @file
 /// memory_based.h — memory-based passivation: releasing gives back what pressing has stored.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /// @file
 /// passivity_control.h — passivity observer and passivity controller: damping takes back what the
 /// observer finds missing, one sample late.

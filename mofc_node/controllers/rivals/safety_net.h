@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /// @file
 /// safety_net.h — any controller with mode guard behind it.
 #pragma once

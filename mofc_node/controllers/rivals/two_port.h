@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /// @file
 /// two_port.h — time-domain passivity of the two ports of a delayed channel, hand and physics.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /// @file
 /// virtual_coupling.h — a spring and a damper between the hand and a proxy that touches the tissue.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 /// @file
 /// wave_variables.h — the hand's end of a channel that stays passive at any delay.
 #pragma once

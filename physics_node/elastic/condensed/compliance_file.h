@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // compliance_file.h — columns of a surface compliance kept on disk between runs.
 #pragma once
 

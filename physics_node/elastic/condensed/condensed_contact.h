@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // condensed_contact.h — contact forces at the device's rate, whatever the size of the mesh.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // contact_check.h — compares condensed contacts with the whole body while they are in use, on a
 // slow thread.
 #pragma once

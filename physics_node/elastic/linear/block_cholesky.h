@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // block_cholesky.h — direct solution of the linear systems of an elastic body.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // block_matrix.h — symmetric sparse matrices of 3 × 3 blocks, one row of blocks per free node.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // clones.h — one function compiled for several instruction sets, chosen when the program starts.
 #pragma once
 

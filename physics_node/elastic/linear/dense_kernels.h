@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // dense_kernels.h — dense pieces of the sparse factorisation, for any vector width. No allocation.
 #pragma once
 

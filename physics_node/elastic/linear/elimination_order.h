@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // elimination_order.h — in which order a sparse factorisation takes the nodes, and what fills in.
 #pragma once
 

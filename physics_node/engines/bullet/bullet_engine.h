@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // bullet_engine.h — Bullet as the physics: a soft block and a sphere that the tool pulls.
 #pragma once
 

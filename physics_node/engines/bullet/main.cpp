@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // bullet_physics_node — a soft block in Bullet as the physics of a session: physics { command:
 // ["bullet_physics_node"] }. deploy/sessions/engines/bullet_block.txtpb runs it.
 #include <charconv>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // soft_block.h — a box of tetrahedra as a deformable body of Bullet.
 #pragma once
 

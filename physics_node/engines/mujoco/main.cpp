@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // mujoco_physics_node — the physics of a session in MuJoCo: physics { command:
 // ["mujoco_physics_node", "scene.xml"] }. deploy/sessions/engines/ has two scenes.
 #include <cstdio>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // mujoco_engine.h — MuJoCo as the physics: an MJCF scene with the tool as a mocap body.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // mujoco_surfaces.h — the skins and geoms of a MuJoCo scene as viewers draw them.
 #pragma once
 

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Physics in SOFA (SofaPython3) for `palpate launch`: physics { command: ["./sofa_physics.py", "scene.py"] }.
 
 NOT RUN WITH SOFA HERE: Debian 12 has no SOFA. Tested against a stub of the calls that it makes.

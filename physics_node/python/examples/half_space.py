@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """A soft half-space below z = 0: 400 N/m, 1 N·s/m. `palpate launch half_space.txtpb` renders it."""
 import sys
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Palpate from Python: physics for its haptic loop, live telemetry, recordings and loopback runs.
 
 SI units throughout; frame W (world) unless a name says otherwise; a force is named by what it

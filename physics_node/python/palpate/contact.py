@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The local contact model of one tissue. Equations: common/contact/contact_model.h."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Errors that the user can mend, and how a program ends with them."""
 
 from __future__ import annotations

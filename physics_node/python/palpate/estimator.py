@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A contact model from forces alone: the algorithm of physics_node/foreign/contact_estimator.h, which
 explains it, in numpy. A test compares the two."""
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Sockets of the links: options, exclusive ipc paths, keys, subscriptions. What docs/wire.md says
 under Hops and Keys."""
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What an engine that can tell its force anywhere says of tissue that the tool has not touched yet, and
 of the law where it touches: physics_node/foreign/look_ahead.h in numpy."""
 

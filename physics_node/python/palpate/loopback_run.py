@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`palpate loopback` for notebooks and the CI of other projects."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The physics side of the loop: hop 2 in, hop 3 out, hop 5 for viewers."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Contact models of the tissues whose stiffness the engine does not tell: what physics_node/foreign/
 foreign_engine.h does in C++."""
 

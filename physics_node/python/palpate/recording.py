@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Recordings of Palpate (MCAP) as numpy columns."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What viewers draw: the surfaces of a physics from elsewhere."""
 
 from __future__ import annotations

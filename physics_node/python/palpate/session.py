@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which endpoints and keys a program uses: from `palpate launch`, or from a session file."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Hop 5: what the nodes report, live, as numpy columns."""
 
 from __future__ import annotations

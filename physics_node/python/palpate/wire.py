@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Frames: one kind byte, then one protobuf message. What docs/wire.md says under Frames."""
 
 from __future__ import annotations

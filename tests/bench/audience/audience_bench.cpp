@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // audience_bench — the cost of an audience: many WebSocket clients of one viewer_node that follows
 // a relay, beside the haptic loop, which has a processor of its own; the row without audience is
 // the comparison.

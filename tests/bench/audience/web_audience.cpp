@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/bench/audience/web_audience.h"
 
 #include <pthread.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // web_audience.h — many WebSocket clients in one thread, as pages behind a network: each subscribes
 // to what a page shows and reads as fast as it can.
 #pragma once

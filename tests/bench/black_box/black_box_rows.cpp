@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/bench/black_box/black_box_rows.h"
 
 #include <cstdio>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // black_box_rows.h — transparency_bench --black-box: tissue of which only the force is known.
 #pragma once
 

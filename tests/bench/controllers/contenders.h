@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // contenders.h — the controllers that the benches compare.
 #pragma once
 

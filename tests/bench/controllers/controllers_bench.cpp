@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // controllers_bench — every controller on the same hand and tissue, in lockstep: is it safe, is the
 // force true, what does a step cost. Exit status 1 if mode guard or a controller behind the safety
 // net gives energy to the hand, or if nothing does so without a controller.

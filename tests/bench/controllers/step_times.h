@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // step_times.h — processor time of one step of every controller.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // disturbed.h — rows of transparency_bench: real and rough surfaces and each property of tissue,
 // disturbed links, disturbed ticks.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // disturbed_scenes.h — the tissues that transparency_bench --disturbed palpates.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rows of transparency_bench: the shipped sessions with holes in their ticks and disturbed links,
 // each beside its own undisturbed run and a goal.
 #include <spdlog/fmt/fmt.h>

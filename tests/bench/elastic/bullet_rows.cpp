@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/bench/elastic/bullet_rows.h"
 
 #include <BulletSoftBody/btDeformableBodySolver.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // bullet_rows.h — the beam of elastic_bench computed by Bullet, where libbullet-dev is installed:
 // the same mesh, masses and material, float, no damping but that of backward Euler.
 #pragma once

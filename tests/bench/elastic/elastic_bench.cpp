@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // elastic_bench: elastic bodies, run time against error. A beam of 0.1 × 0.025 × 0.025 m clamped at
 // one end (E 100 kPa, ν 0.45, 1,000 kg/m³), and a block of 0.1 × 0.1 × 0.05 m (E 10 kPa, ν 0.45)
 // into which a sphere of 5 mm radius is pressed. Ours, and Bullet's where it is installed, are

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // elastic_problems.h — the bodies that elastic_bench, elastic_stress and elastic_test share.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // elastic_rows.h — a row of elastic_bench, the beams it measures, clocks and memory.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // elastic_stress: elastic bodies far from comfort. A map over stiffness, step, law and mesh: the
 // beam of elastic_bench gets its weight at once and must come to rest, within 1 % of the static
 // answer of the same mesh. Then single cases: nearly incompressible, flat elements, started inside

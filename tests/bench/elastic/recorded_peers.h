@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // recorded_peers.h — what other programs reached on the same problems: measured earlier on a 2-core
 // AMD EPYC (Zen 5), one thread, and recorded here; elastic_bench does not run them.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // echo_links.h — minimal ways to send bytes to another process and back, to compare the exchange
 // with.
 #pragma once

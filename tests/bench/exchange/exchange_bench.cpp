@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // exchange_bench — the round trip device → mofc → device of the real programs, compared with plain
 // echoes of the same bytes, and the cost of its parts.
 #include <fcntl.h>

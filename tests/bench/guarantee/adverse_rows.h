@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // adverse_rows.h — rows of guarantee_bench: adverse runs over several seeds, and the columns that
 // tables of them share.
 #pragma once

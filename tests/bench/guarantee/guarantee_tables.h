@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // guarantee_tables.h — the questions of guarantee_bench, one table each.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // paper_fit.h — parameters that the paper does not state, chosen so that all its statements hold at
 // once, and what each of them matters.
 #pragma once

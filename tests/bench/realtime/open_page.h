@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // open_page.h — the page of a viewer_node, open in a headless Chromium.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // realtime_bench — sessions in real time on an ordinary machine (no SCHED_FIFO, the page open, busy
 // processors), or with the physics on another machine behind a disturbed network.
 #include <spdlog/fmt/fmt.h>

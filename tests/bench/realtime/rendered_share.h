@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // rendered_share.h — how much of the requested force acted, weighted by time.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // stations_bench — how many hands one physics_node serves: a real physics_node, and as many ends of
 // hops 2 and 3 as there are hands, in this process.
 //

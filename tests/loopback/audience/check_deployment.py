@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Starts deploy/audience/start before a running session: nginx serves the page and WebSockets over
 TLS from two viewer_nodes, and hides their metrics. Exit status 77: skipped, with the reason.
 

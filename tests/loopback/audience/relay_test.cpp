@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A relay between the nodes and viewers: CURVE on both sides, one receiver at each node.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

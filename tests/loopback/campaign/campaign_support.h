@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // campaign_support.h — a small campaign of hostile runs in a folder of its own, and the processes
 // of a sweep.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `palpate sweep --slurm` with a Slurm of one node, started and stopped by the test: the table is
 // that of a local run, also if a task and slurmctld are killed in the middle and the node is lost.
 #include <gmock/gmock.h>

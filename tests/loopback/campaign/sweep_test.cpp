@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `palpate sweep` as a user runs it: what is killed loses nothing and repeats nothing, the table is
 // the same whoever computes it, and a violation comes with the line that repeats it.
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // palpate conform: what keeps the rules passes, each fault of wrong_physics is named, and so are
 // those of a driver (device_checks_test.cpp has each).
 #include <gmock/gmock.h>

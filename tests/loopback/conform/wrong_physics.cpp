@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // wrong_physics — a physics with one fault, for `palpate conform physics`. Its argument names it.
 #include <chrono>
 #include <cmath>

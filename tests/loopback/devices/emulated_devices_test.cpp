@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The whole loop through the wire of a real device: hand → emulator → driver → clamp → tissue.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

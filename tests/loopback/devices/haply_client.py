@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A client of Haply's Inverse Service in plain Python, written from the documentation of its messages: no
 code in common with the driver. Usage: haply_client.py PORT. Exit status 0: the service behaved as
 documented. The device has to be one that nobody holds.

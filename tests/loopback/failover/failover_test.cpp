@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A second physics takes over (docs/theory.md §5.1): all sides together, no clock shared, whatever
 // part of the network is cut. In lockstep.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Endpoints: exclusive use, cleaning up, error messages; the context.
 #include <fcntl.h>
 #include <gmock/gmock.h>

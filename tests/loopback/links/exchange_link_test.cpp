@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The exchange between device_node and mofc_node (hops 1 and 4) over real sockets.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

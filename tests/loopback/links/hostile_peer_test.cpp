@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Peers that violate the protocol: whatever they send, no end of a link aborts, stops working or
 // grows without limit.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Links over inproc in one thread, as lockstep uses them, and their equivalence to memory links.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

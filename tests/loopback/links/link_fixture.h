@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // link_fixture.h — fixture of the link tests: endpoints of every transport, waiting with a
 // deadline, random messages.
 #pragma once

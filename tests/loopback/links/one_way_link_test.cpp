@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One-way links (hops 2, 3 and 6) over real sockets.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Links with keys over tcp on loopback: which role may use which link, and which peers are counted
 // as refused.
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Telemetry and scene (hop 5) over real sockets.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

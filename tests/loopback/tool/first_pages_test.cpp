@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The first pages of the documents, followed word by word: every command of theirs that needs
 // neither a second machine nor a device ends well, in an empty folder beside the shipped sessions.
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Every command × every file that it writes × what may be in the way: nothing is replaced by
 // accident, and nothing is lost without an error.
 #include <fcntl.h>

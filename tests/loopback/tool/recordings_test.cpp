@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Recordings made of recordings, and what a damaged one is said to be.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

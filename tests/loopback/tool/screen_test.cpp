@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a person sees: the first screen of a launch, its status line, verdicts, warnings and help.
 #include <fcntl.h>
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The controllers through their C interface, by name.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // rival_rig.h — a controller between a hand and a tissue on one axis, sampled as the published
 // methods assume: each force acts for exactly one period.
 #pragma once

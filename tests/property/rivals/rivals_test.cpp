@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Each controller of others: the property that it is published for, and the failure it is known
 // for.
 #include <gtest/gtest.h>

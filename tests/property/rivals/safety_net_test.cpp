@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // All controllers of others: behind the safety net no hand draws energy whatever they do; alone
 // some do. None allocates.
 #include <gtest/gtest.h>

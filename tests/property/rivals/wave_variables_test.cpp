@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Wave variables: what the channel generates, and what the two ends make of it.
 #include <gtest/gtest.h>
 

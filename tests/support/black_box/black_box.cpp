@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/support/black_box/black_box.h"
 
 #include <utility>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // black_box.h — the tissue of a session seen only through what another engine would tell of it.
 #pragma once
 

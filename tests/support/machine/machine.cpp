@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/support/machine/machine.h"
 
 #include <sys/resource.h>

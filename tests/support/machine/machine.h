@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // machine.h — how fast the machine is on which the tests run, and whether it is quiet.
 #pragma once
 

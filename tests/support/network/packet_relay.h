@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // packet_relay.h — two TUN devices in two networks and a process that copies packets between them
 // with delay, jitter and loss: what `tc netem` does, for kernels that are built without it.
 #pragma once

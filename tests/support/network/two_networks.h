@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // two_networks.h — two machines on one: network namespaces that only see each other.
 #pragma once
 

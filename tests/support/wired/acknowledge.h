@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // acknowledge.h — the person at a real device that `palpate launch` runs.
 #pragma once
 

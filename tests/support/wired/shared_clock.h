@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // shared_clock.h — virtual time for two threads: one waits or sets it, the other reads it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // wired_device.h — the driver of a real device, its wire and the emulator behind it, as one device
 // of a lockstep run on virtual time: what the clamp and the node see came through the wire, and the
 // truth is known.

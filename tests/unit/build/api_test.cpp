@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The reference of the installed headers, docs/api: nothing public is left without documentation.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Who may know whom: the checks of cmake/boundaries.cmake hold on this tree and find what they are
 // for in trees that break the rules.
 #include <gmock/gmock.h>

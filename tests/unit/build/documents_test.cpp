@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The documents name what the code has: functions of the equation map, columns and keys of outputs,
 // sections and files that others refer to.
 #include <gtest/gtest.h>

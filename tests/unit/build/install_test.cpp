@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What is installed serves others.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The shape of the tree: includes without cycles, folders and files of a size that can be read.
 #include <gtest/gtest.h>
 

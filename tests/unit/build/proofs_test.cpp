@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The lemmas of docs/proofs, by two solvers, and the functions that rely on them.
 #include <gtest/gtest.h>
 

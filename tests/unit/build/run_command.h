@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // run_command.h — commands run to their end: cmake on small trees, systemd-analyze on units.
 #pragma once
 

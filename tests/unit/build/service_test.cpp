@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What systemd itself says of the units in deploy/systemd.
 #include <gtest/gtest.h>
 

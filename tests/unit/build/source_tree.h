@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // source_tree.h — the files of the source tree, without what tools and builds leave beside them.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What holds for the text of the tree as a whole.
 #include <gtest/gtest.h>
 

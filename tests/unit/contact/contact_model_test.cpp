@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The equations of contact_model.h, one by one. That the model agrees with the tissue is tested
 // in tests/unit/physics_node/scene_property_test.cpp.
 #include "common/contact/contact_model.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where a straight shaft is deepest, and what a search for it remembers.
 #include "common/contact/shaft.h"
 

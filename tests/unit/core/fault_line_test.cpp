@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The fault line produces exactly the configured faults.
 #include "common/core/fault_line.h"
 

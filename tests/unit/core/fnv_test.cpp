@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The FNV-1a hash.
 #include "common/core/random.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The inbox and the memory link in front of it.
 #include "common/core/inbox.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The hash by which a trusted session is recognised.
 #include "common/core/user/sha256.h"
 

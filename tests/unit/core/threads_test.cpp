@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Data exchange between threads: ring and snapshot.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Time conversions, clocks, the schedule of a loop, seeded random numbers.
 #include "common/core/time.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What acted from when to when, on any clock.
 #include "device_node/applied_forces.h"
 

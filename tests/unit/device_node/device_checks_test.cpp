@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What every driver must do: the simulated device does it, and each fault of a wrong one is named.
 #include "device_node/conformance/device_checks.h"
 

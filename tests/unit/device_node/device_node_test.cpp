@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The tick on a manual clock, which only the test and waits advance.
 #include "device_node/device_node.h"
 

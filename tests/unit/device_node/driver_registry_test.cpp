@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The drivers by name.
 #include "device_node/drivers/driver_registry.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The monitor's account: every rounding goes down, and by little more than it must. Exact energies
 // are closed forms. A margin is 4 ε of its terms, and the rounding that it covers at most 1 ε.
 #include <gtest/gtest.h>

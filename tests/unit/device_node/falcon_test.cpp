@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Novint Falcon: the messages byte by byte, the legs, the boot loader, and the driver through the
 // emulator.
 #include <gmock/gmock.h>

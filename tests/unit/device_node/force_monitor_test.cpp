@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The monitor of the energy on its own. Friction 0.1 N·s/m and 0.1 N, exact encoder, v_max 0.5 m/s:
 // D(F) = (F − 0.15 N) 0.5 m/s for F ≥ 0.2 N.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Friction identification: the arithmetic of the fit, and what aborts the sweeps. What they
 // measure: tests/property/friction_properties_test.cpp.
 #include "device_node/identification/friction_identification.h"

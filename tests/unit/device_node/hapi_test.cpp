@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Pantographs on hAPI boards: the messages byte by byte, the links, and the driver through the
 // emulator.
 #include <fcntl.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Haply Inverse3: the messages byte by byte, and the driver through the emulator.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

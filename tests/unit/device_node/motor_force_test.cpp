@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The limits of real motors: peak, continuous force, lease.
 #include "device_node/drivers/motor_force.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The shared mechanics against closed forms.
 #include "device_node/simulation/plant.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Drivers in shared libraries: the example, and libraries that are none.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A hand that a pointer leads: which page may lead it, and its limits for any goal.
 #include <gtest/gtest.h>
 

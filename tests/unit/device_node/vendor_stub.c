@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: Apache-2.0 */
 /* Stands in for libHD and libdhd: a device that its own force displaces, in the frames and units of
  * these libraries. */
 #include <pthread.h>

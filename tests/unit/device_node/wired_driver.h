@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // wired_driver.h — what the tests of every driver with an emulator do: how a failed transfer ends,
 // and the driver as the conformance suite wants it.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // WoodenHaptics: the reports byte by byte, the arm, and the driver through the emulator.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

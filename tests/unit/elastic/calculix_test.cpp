@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The same meshes in another program, CalculiX: its laws, elements and search are not ours. Skipped
 // where `ccx` is not installed.
 #include <gtest/gtest.h>

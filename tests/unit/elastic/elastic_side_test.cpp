@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A tip stays on its side of an elastic body: pressed hard, fast, into thin bodies and from inside.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // random_shape.h — deformed bodies for tests.
 #pragma once
 

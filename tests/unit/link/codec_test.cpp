@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rules that hold for every message: round trips, damaged frames, and each field, found by
 // reflection.
 #include <google/protobuf/message.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // codec_test_support.h — frames to alter, and expectations on how a codec reads them.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The rules of each hop's messages.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Valid and invalid key files; access control.
 #include "common/link/security/keys.h"
 

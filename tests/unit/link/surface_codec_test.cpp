@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Tiles and descriptions on hop 3: a hostile one is refused with its whole message.
 #include <gtest/gtest.h>
 

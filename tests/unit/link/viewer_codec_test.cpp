@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The tool as drawn by general-purpose viewers, from Foxglove messages.
 #include "common/link/codec/viewer_codec.h"
 

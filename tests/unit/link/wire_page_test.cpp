@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The numbers in the tables of docs/wire.md are those of the code, and its example frames are
 // frames.
 #include <gtest/gtest.h>

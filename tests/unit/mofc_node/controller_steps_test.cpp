@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The controllers step by step beside their equations (docs/theory.md §2.4, §2.5), written once
 // more from the ledger and the clamp; and what a reset, a gap and the defaults do.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The equations of the controllers against numbers computed by hand.
 #include <gtest/gtest.h>
 

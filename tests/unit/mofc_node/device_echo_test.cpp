@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The echo as mofc_node follows it: what is booked, what is skipped, and what is a gap.
 #include "mofc_node/device_echo.h"
 

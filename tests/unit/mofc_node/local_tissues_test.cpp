@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Tissue that mofc_node steps itself, of which only a part is known.
 #include "mofc_node/tissue/local_tissues.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // mofc_node's own rules: relay, staleness, sessions, the same-tick wait. Manual clock, memory
 // links.
 #include "mofc_node/mofc_node.h"

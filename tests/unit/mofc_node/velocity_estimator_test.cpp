@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The properties of each velocity estimator: bias, lag, noise, rest, gaps.
 #include "mofc_node/velocity_estimator.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Help that is made from the definitions of commands and from the glossary.
 #include "deploy/palpate/screen/help.h"
 #include "deploy/palpate/command_line.h"

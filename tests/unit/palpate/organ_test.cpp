@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The example organ of the shipped sessions.
 #include "deploy/palpate/organ.h"
 

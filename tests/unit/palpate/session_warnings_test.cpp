@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Likely mistakes of a valid session; the sessions that ship have none.
 #include "deploy/palpate/session_warnings.h"
 

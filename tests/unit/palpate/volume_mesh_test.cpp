@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Volume meshes made by gmsh; where it is not installed, the tests that run it are skipped.
 #include "deploy/palpate/volume_mesh.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The surface of a cloud against the shapes it was sampled from.
 #include "physics_node/surfaces/cloud_surface.h"
 

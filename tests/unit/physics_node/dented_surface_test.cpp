@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A dent: as deep as the tip, not through it, local, and gone as the material relaxes.
 #include "physics_node/display/dented_surface.h"
 

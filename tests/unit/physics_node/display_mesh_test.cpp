@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Surfaces as they are drawn: on the true surface, closed, seen from outside, not too many
 // vertices.
 #include "physics_node/display/display_mesh.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The octree against brute force.
 #include "physics_node/surfaces/octree.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The proxy: it passes through nothing thin and slides over edges and grooves without a step of the
 // force. The shaft. Puncture.
 #include "common/contact/proxy.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // random_scene.h — scenes for tests: of one tissue, and seeded ones for property tests with tissues
 // of every kind, a few cm in size, within 10 cm of the origin.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What viewers receive of the scene; without viewers nothing is sent or computed.
 #include "physics_node/display/scene_display.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The state of tissue between two steps: relaxation and friction.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Laws of the scene, for random tissues and motions.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Surfaces from files: sharing, units, placing, and two real livers where available.
 #include "physics_node/files/surface_files.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // test_meshes.h — small closed meshes.
 #pragma once
 

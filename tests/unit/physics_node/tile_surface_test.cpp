@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A surface or a cloud that is sent in tiles and evaluated from them, beside the surface itself.
 #include "common/contact/tile_surface.h"
 

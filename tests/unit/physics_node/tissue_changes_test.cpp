@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A viewer changes the material of a tissue: what is accepted, and that force, description and
 // displayed scene follow.
 #include "physics_node/tissue_changes.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "physics_node/files/triangle_files.h"
 
 #include <gmock/gmock.h>

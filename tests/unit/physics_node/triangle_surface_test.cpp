@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "physics_node/surfaces/triangle_surface.h"
 
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How far the described contact is still the surface, where that is not exact: clouds and meshes.
 #include <gtest/gtest.h>
 

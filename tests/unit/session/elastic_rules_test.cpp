@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The rules of elastic { … } in a session: each violated, and kept.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

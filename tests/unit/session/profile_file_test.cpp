@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The profile file of a device.
 #include "common/session/file/profile_file.h"
 #include "tests/support/temp_folder.h"

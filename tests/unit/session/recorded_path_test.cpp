@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The recorded path of a hand: a CSV file.
 #include "common/session/file/recorded_path.h"
 #include "tests/support/temp_folder.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The session file: defaults, places of problems, files that cannot be read, the shipped sessions.
 #include "common/session/session_file.h"
 #include "tests/support/temp_folder.h"

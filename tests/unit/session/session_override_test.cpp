@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Overrides of the command line: --set path=value.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

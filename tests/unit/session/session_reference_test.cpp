@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The schema of the session and its reference, docs/session.md.
 #include "common/session/reference/session_reference.h"
 

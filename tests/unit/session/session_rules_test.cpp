@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The rules of the session schema, each violated and each kept at its limit.
 #include <gmock/gmock.h>
 #include <google/protobuf/descriptor.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Several devices in one session: own fields of a side, shared fields, and problems.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

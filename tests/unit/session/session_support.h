@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // session_support.h — loading a session in a test, and what is wrong with it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "common/telemetry/telemetry_publisher.h"
 
 #include <gtest/gtest.h>

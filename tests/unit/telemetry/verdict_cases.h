@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // verdict_cases.h — runs in which one thing went wrong, and the cause that every verdict on them
 // has to name.
 #pragma once

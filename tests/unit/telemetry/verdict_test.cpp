@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The verdict on a run: the right cause for each trouble, and grades by the stated limits.
 #include "common/telemetry/verdict.h"
 

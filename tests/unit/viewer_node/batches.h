@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // batches.h — made-up telemetry for the tests of this folder: a 1 kHz device and its mofc, whose
 // tick n is sampled at n ms.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The Foxglove protocol v1 as a client sees it: greeting, subscriptions, complaints, hand targets.
 #include "viewer_node/server/foxglove_client.h"
 

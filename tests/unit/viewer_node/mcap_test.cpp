@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The recording as a file: what was written is read, whole or cut off.
 #include <gtest/gtest.h>
 

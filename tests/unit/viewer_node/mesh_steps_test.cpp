@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Deformed meshes in whole steps, as an audience gets them.
 #include "viewer_node/audience/mesh_steps.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The same troubles as launch, a report and the page see them: through telemetry.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a recording keeps of the scene and of markers, whatever the disk and the wall clock do.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

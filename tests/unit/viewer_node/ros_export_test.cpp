@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "viewer_node/recording/ros_export.h"
 
 #include <gtest/gtest.h>

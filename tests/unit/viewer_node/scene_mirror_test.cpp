@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The scene kept for viewers that come later.
 #include "viewer_node/feed/scene_mirror.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Messages for a client that reads too slowly.
 #include "viewer_node/server/send_queue.h"
 

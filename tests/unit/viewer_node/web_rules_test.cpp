@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the web server lets in, request by request.
 #include "viewer_node/server/web_rules.h"
 

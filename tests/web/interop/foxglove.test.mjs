@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // foxglove.test.mjs: Foxglove's own schemas against proto/foxglove, and Foxglove's own client on every
 // channel of the four real programs. $PALPATE_BIN names the folder of the programs.
 import assert from "node:assert/strict";

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // foxglove_recording.test.mjs: recordings of `launch` and of `loopback`, exported for Foxglove, in
 // the hands of Foxglove's reader and schemas. $PALPATE_BIN names the folder of the programs.
 import assert from "node:assert/strict";

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // physics.test.mjs: support/physics_node.mjs, which knows nothing but docs/wire.md and the protos, as the
 // physics of a launch. $PALPATE_BIN names the folder of the programs.
 import assert from "node:assert/strict";

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // recording.test.mjs: independent readers of what Palpate writes: @mcap/core for recordings, zeromq
 // and protobufjs for PlotJuggler's port. $PALPATE_BIN names the folder of the programs.
 import assert from "node:assert/strict";

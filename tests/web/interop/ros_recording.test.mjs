@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // ros_recording.test.mjs: a recording exported for ROS 2, read by its message definitions with the
 // parser and the CDR reader of another project. $PALPATE_BIN names the folder of the programs.
 import assert from "node:assert/strict";

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // browser.mjs: Debian's Chromium without a display or a GPU; waits for events with a deadline.
 import assert from "node:assert/strict";
 import { mkdirSync, writeFileSync } from "node:fs";

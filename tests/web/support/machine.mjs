@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // machine.mjs: how fast the machine is on which the tests run, and whether it is quiet. As tests/support/machine/machine.h.
 import { readdirSync, readFileSync } from "node:fs";
 import { performance } from "node:perf_hooks";

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // mock_server.mjs: viewer_node's web server as the page sees it, over a simulated session: a tool that
 // presses into a block with a ball in it, 1 kHz, one bound on the force. A test can kill nodes, stop
 // the tissue and read what the page sent.

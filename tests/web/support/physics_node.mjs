@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // physics_node.mjs: a half-space of 400 N/m below z = 0 as the physics of `palpate launch`, written from
 // docs/wire.md alone. The first argument is the folder of the protos.
 import { randomBytes } from "node:crypto";

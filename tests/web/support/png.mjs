@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // png.mjs: the pixels of Chromium's screenshots (8 bits, RGB or RGBA, not interlaced).
 import { inflateSync } from "node:zlib";
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 import assert from "node:assert/strict";
 import test from "node:test";
 import { duration_words, forces_of, node_state, state_words, time_words } from "../../../viewer_node/web/src/state";

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The last verdict of a run, shown when its server has gone.
 import assert from "node:assert/strict";
 import test from "node:test";

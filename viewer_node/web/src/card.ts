@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // card.ts: the frame of a plot: title, legend, figures; and small helpers for the DOM.
 import type { Telemetry } from "./telemetry";
 

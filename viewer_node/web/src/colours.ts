@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // colours.ts: colours of tissues and colour scales; all others are in the style sheet.
 
 /** By index in the scene: outer tissue first. */

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // control.ts: stiffness and damping of the tissues, changed while the session runs. The page only
 // proposes; physics_node checks, and the scene shows what it applied.
 import { make, write } from "./card";

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // events.ts: the events of the session, from the lines of /log: restarts, faults, clamps, silences,
 // changes, markers. No DOM.
 import type { Log } from "./wire";

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // foxglove.ts: a client of the Foxglove WebSocket protocol, version 1, for protobuf channels. The
 // schemas come with the channels, so nothing is generated. Reconnects automatically.
 import {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // hand.ts: touch with the pointer. Dragging the tool moves the target of a simulated hand in the
 // plane of the picture; the wheel, Shift or a second finger moves it in depth. The only
 // message from the page to the nodes; the server and the hand limit it again.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // loop.ts: the contact in figures, and the force of the tissue over the depth: what the loop
 // encloses is lost in the tissue (hysteresis).
 import { Card, fixed, make, write, type Palette, type View } from "./card";

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // main.ts: connects the stream to the 3-D view, the plots and the texts.
 import "uplot/dist/uPlot.min.css";
 import "./style.css";

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // panels.ts: texts and numbers beside the 3-D view and the plots.
 import { make, write } from "./card";
 import { css_gradient, tissue_colour } from "./colours";

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // plots.ts: the plots. Each plot reduces the rings to its resolution and draws them; its legend
 // shows the newest value, or the value under the cursor.
 import uPlot from "uplot";

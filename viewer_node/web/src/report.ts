@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // report.ts: the figures of `palpate report`, drawn from the data in the file itself: zoom by
 // dragging, values under the cursor, the same time in all figures of a run, events as lines.
 import uPlot from "uplot";

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // ring.ts: the newest samples of a few signals, column by column, and their reduction to pixels.
 // Memory is allocated once; appending and reducing allocate nothing.
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // run.ts: what a page may ask of the run: markers, a recording, and control of a replay.
 import { make, write } from "./card";
 import type { Health, ReplayState, RunRequest } from "./wire";

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // scene_view.ts: the 3-D view: tissue, tool, forces. Draws only when something has changed.
 import {
   BufferAttribute, BufferGeometry, Box3, Color, DirectionalLight, DynamicDrawUsage, Fog, FrontSide, GridHelper, Group,

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // state.ts: the state of the whole system as text.
 import { kNodes, norm, type NodeLink, type Telemetry } from "./telemetry";
 import { Guard, kFaultReasons, Mofc, type Vector3 } from "./wire";

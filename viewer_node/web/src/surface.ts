@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // surface.ts: one tissue's surface: rest shape, current shape, normals, colour data. Plain
 // arrays, filled in place: a mesh frame of 20 000 vertices allocates nothing. No three.js.
 import type { MeshFrame, TissueSteps, TissueSurface, Vector3 } from "./wire";

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // telemetry.ts: the state of the running nodes: every tick of the last minute, the newest figures,
 // which nodes are alive. No DOM; callers pass the time.
 import { Ring } from "./ring";

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // timeline.ts: the events of the session as a strip of lanes over time, and as a list.
 import { make, write } from "./card";
 import { kLanes, type Lane, type SessionEvent, type Timeline } from "./events";

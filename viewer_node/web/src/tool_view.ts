@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // tool_view.ts: the tool in the 3-D view: tip, shaft, the forces at it.
 import {
   BufferAttribute, BufferGeometry, CapsuleGeometry, ConeGeometry, CylinderGeometry, Group, Line, LineBasicMaterial,

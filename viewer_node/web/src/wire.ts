@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // wire.ts: the messages of proto/palpate/v1 as TypeScript types. The schemas come with the
 // channels; units, frames and ranges are documented in the .proto files. Names are
 // those of the .proto in camel case; 64-bit integers are bigint.

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: Apache-2.0 */
 /* Force Dimension devices (omega, delta, sigma; Novint Falcon) by the vendor's library libdhd,
  * which is loaded as the device is opened. NEVER RUN ON HARDWARE: tested against a stand-in of the
  * library.

@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: Apache-2.0 */
 /* 3D Systems Touch and PHANToM devices by the vendor's library libHD (OpenHaptics), which is loaded
  * as the device is opened. NEVER RUN ON HARDWARE: tested against a stand-in of the library.
  *

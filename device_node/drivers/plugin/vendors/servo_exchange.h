@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: Apache-2.0 */
 /* servo_exchange.h — between the tick and the thread in which a vendor's library reads the device
  * and switches its force. Neither waits for a lock: each writes the slot that the other does not
  * read. */

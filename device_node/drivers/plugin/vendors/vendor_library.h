@@ -1,3 +1,4 @@
+/* SPDX-License-Identifier: Apache-2.0 */
 /* vendor_library.h — what the plug-ins of this folder share: options and functions of a library
  * that is loaded as the device is opened. */
 #ifndef PALPATE_VENDOR_LIBRARY_H

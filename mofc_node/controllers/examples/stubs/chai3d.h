@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // chai3d.h — STUB of the few types of CHAI3D 3.2 that chai3d_device.h uses. Not CHAI3D.
 #pragma once
 

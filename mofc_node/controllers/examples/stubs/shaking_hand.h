@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // shaking_hand.h — a device in the grip of a hand that shakes, at 1 kHz; a wall of 3000 N/m.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // try_chai3d_device [CONTROLLER] — the wrapper on a shaking hand; status 1 if it extracts energy.
 #include <chai3d_device.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // try_openhaptics_callback [CONTROLLER] — the callback on a shaking hand; status 1 if it extracts
 // energy.
 #include <openhaptics_callback.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // half_space — a soft half-space below z = 0: `palpate launch half_space.txtpb` renders it.
 #include <palpate/physics.h>
 

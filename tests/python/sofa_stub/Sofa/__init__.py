@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A stub of what sofa_physics.py uses of SofaPython3: a node, data as arrays, and the animation of one
 tool above a stiff floor, coupled to its goal."""
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // hd.h — STUB of the few functions of OpenHaptics that openhaptics_callback.h uses. Not
 // OpenHaptics.
 #pragma once
