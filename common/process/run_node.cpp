@@ -19,7 +19,7 @@
 #include <vector>
 
 #include "common/core/check.h"
-#include "common/core/missing_address.h"
+#include "common/core/user/missing_address.h"
 #include "common/core/user/output_file.h"
 #include "common/core/version.h"
 #include "common/process/endpoints.h"

@@ -6,7 +6,7 @@
 #include <cerrno>
 
 #include "common/core/check.h"
-#include "common/core/missing_address.h"
+#include "common/core/user/missing_address.h"
 #include "common/link/socket/tsan_handover.h"
 
 namespace palpate {
