@@ -51,7 +51,7 @@ TEST(SessionOverride, ReplacesAListHoweverItIsWritten) {
                 ElementsAre("python3", "a b.py", "{session}"))
         << list;
   }
-  EXPECT_THAT(overridden({"physics.command=./mine"}).physics_command, ElementsAre("./mine"));
+  EXPECT_THAT(overridden({"physics.command=mine"}).physics_command, ElementsAre("mine"));
   EXPECT_THAT(overridden({R"(physics.command=["a, b", "c\"d"])"}).physics_command,
               ElementsAre("a, b", "c\"d"));
   EXPECT_THAT(overridden({"physics.command=[old]", "physics.command=[]"}).physics_command,
