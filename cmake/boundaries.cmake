@@ -91,7 +91,7 @@ set(PALPATE_BOUNDARIES
   "viewer_node/audience:common/*,viewer_node/live/channels.h,viewer_node/feed,viewer_node/server,@zmq,@threads"
   "viewer_node/feed:common/core,common/session,common/telemetry"
   "viewer_node/recording:common/*,viewer_node/feed,@log,@threads"
-  "viewer_node/server:common/core,@threads"
+  "viewer_node/server:common/core,common/core/user,@threads"
 
   # lockstep ← campaign; launch ← conform; campaign, conform ← palpate
   "deploy/lockstep:common/*,device_node/*,mofc_node/*,physics_node/*,viewer_node/recording,@zmq,@log,@threads"

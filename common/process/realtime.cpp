@@ -8,6 +8,7 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdint>
 #include <system_error>
@@ -89,6 +90,24 @@ RealtimeReport enter_realtime(const RealtimeConfig& config) {
                                                   "; permit it with ulimit -l unlimited\"";
   }
   return report;
+}
+
+void run_ahead_of(int priority) {
+  if (priority <= 0) return;
+  if (take_fifo(std::min(priority + 1, sched_get_priority_max(SCHED_FIFO))) != 0) {
+    static_cast<void>(take_fifo(priority));
+  }
+}
+
+std::string too_many_ticks(std::size_t ticks) {
+  cpu_set_t allowed;
+  if (sched_getaffinity(0, sizeof(allowed), &allowed) != 0) return "";
+  const auto processors = static_cast<std::size_t>(CPU_COUNT(&allowed));
+  if (ticks <= processors) return "";
+  return std::to_string(ticks) + " sides on " + std::to_string(processors) +
+         (processors == 1 ? " processor" : " processors") +
+         ": their ticks may delay each other and all other programs; use fewer sides, a lower "
+         "device.rate_hz, or a larger machine";
 }
 
 void request_short_slices() {

@@ -2,6 +2,7 @@
 // realtime.h — real-time scheduling: used when permitted, reported, never required.
 #pragma once
 
+#include <cstddef>
 #include <string>
 
 #include "common/session/session.h"
@@ -21,6 +22,14 @@ struct RealtimeReport {
 /// Call it on the tick thread after all other threads have started: later threads get ordinary
 /// scheduling but inherit the processor.
 RealtimeReport enter_realtime(const RealtimeConfig& config);
+
+/// Lets the calling thread run ahead of tick threads with this priority, or beside them, if
+/// permitted; 0 changes nothing. For threads that sleep nearly always and must be able to end
+/// those. The threads and processes that it starts get ordinary scheduling. Never fails.
+void run_ahead_of(int priority);
+
+/// A warning if so many ticks are more than this process may use processors; "" otherwise.
+[[nodiscard]] std::string too_many_ticks(std::size_t ticks);
 
 /// Asks for short time slices for the calling thread and those that it starts from now on: under
 /// ordinary scheduling a thread that wakes then runs ahead of threads with longer slices. Needs no

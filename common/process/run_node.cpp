@@ -1,14 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "common/process/run_node.h"
 
+#include <algorithm>
 #include <boost/asio/io_context.hpp>
 #include <boost/asio/signal_set.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <chrono>
+#include <condition_variable>
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <exception>
 #include <filesystem>
+#include <mutex>
 #include <optional>
 #include <random>
 #include <thread>
@@ -16,6 +20,7 @@
 #include <vector>
 
 #include "common/core/check.h"
+#include "common/core/user/missing_address.h"
 #include "common/core/user/output_file.h"
 #include "common/core/version.h"
 #include "common/process/endpoints.h"
@@ -29,10 +34,15 @@ namespace {
 
 namespace asio = boost::asio;
 
+/// Between two attempts to bind an address that this machine does not have yet.
+constexpr auto kAddressRetry = std::chrono::seconds(1);
+
 /// Turns signals and the end of --seconds into requests, on a thread of its own.
 class Signals {
  public:
-  explicit Signals(std::optional<double> seconds)
+  /// @param priority  of the tick: the thread runs ahead of it, so that a tick that saturates the
+  ///     processor cannot delay the stop
+  Signals(std::optional<double> seconds, int priority)
       : signals_(io_, SIGINT, SIGTERM, SIGHUP),
         user_signals_(io_, SIGUSR1, SIGUSR2),
         timer_(io_),
@@ -49,7 +59,10 @@ class Signals {
         if (!error) source_.request_stop();
       });
     }
-    thread_ = std::thread([this] { io_.run(); });
+    thread_ = std::thread([this, priority] {
+      run_ahead_of(priority);
+      io_.run();
+    });
   }
   /// Calls `what` now and then every minute on the thread of the signals. Call it at most once.
   void each_minute(std::function<void()> what) {
@@ -87,6 +100,21 @@ class Signals {
   std::stop_source source_;
   std::thread thread_;
 };
+
+/// Runs the node. While this machine does not have an address that the node binds, tries again.
+void run_once_addressed(const std::function<void(NodeContext&)>& body, NodeContext& context) {
+  std::mutex mutex;
+  std::condition_variable_any stopped;
+  for (bool has_said = false; !context.stop.stop_requested(); has_said = true) {
+    try {
+      return body(context);
+    } catch (const MissingAddress& e) {
+      if (!has_said) context.log.warn("event=waiting_for_address what=\"{}\"", e.what());
+    }
+    std::unique_lock lock(mutex);
+    stopped.wait_for(lock, context.stop, kAddressRetry, [] { return false; });
+  }
+}
 
 /// inproc endpoints exist inside one process only.
 void refuse_inproc(const Session& session, const Side& side) {
@@ -131,7 +159,11 @@ std::uint64_t random_session_id() {
 }
 
 FlightFiles flight_files(const NodeContext& context, const std::string& node) {
-  return {.folder = run_folder(context.session.name).parent_path(),
+  // a service's folder outlives a reboot, the run folder does not
+  const char* const state = std::getenv("STATE_DIRECTORY");  // NOLINT(concurrency-mt-unsafe)
+  return {.folder = state != nullptr && *state != '\0'
+                        ? std::filesystem::path(state)
+                        : run_folder(context.session.name).parent_path(),
           .node = node,
           .session = context.session.name,
           .requests = context.requests,
@@ -164,6 +196,10 @@ int run_node(int argc, char** argv, const NodeInfo& info,
   bool has_no_adversary = false;
   add_no_adversary_flag(app, has_no_adversary);
   if (info.moves_device) add_unsafe_flag(app, is_unsafe);
+  bool waits_for_address = false;
+  app.add_flag("--wait-for-address", waits_for_address,
+               "while this machine does not have an address to bind, try again every second "
+               "instead of ending: for services that start before the network");
   std::string log_level = "info";
   app.add_option("--log-level", log_level, "least severe lines of the log (default: info)")
       ->type_name("LEVEL")
@@ -206,7 +242,11 @@ int run_node(int argc, char** argv, const NodeInfo& info,
     request_short_slices();  // before the first thread starts
     const Log log(with_side(side, info.name_in_log ? info.name_in_log() : info.name));
     log.logger().set_level(spdlog::level::from_str(log_level));
-    Signals signals(seconds);
+    int priority = 0;
+    for (const Side& each : session.sides) {
+      priority = std::max(priority, each.realtime.priority);
+    }
+    Signals signals(seconds, priority);
     if (is_insecure) {
       signals.each_minute(
           [&log] { log.logger().warn("event=insecure what=\"tcp without keys\""); });
@@ -222,7 +262,7 @@ int run_node(int argc, char** argv, const NodeInfo& info,
     context.log.info("event=start session={} session_id={:x} version={}", session.name,
                      context.session_id, version());
     try {
-      body(context);
+      waits_for_address ? run_once_addressed(body, context) : body(context);
     } catch (const SetupError& error) {
       throw SetupError(with_place(session, error.what()));
     }

@@ -73,7 +73,8 @@ void ignore_output_signals();
 /// Random, never 0.
 [[nodiscard]] std::uint64_t random_session_id();
 
-/// Where a node writes its flight recordings: the parent of the run folder.
+/// Where a node writes its flight recordings: `$STATE_DIRECTORY`, which systemd sets, else the
+/// parent of the run folder.
 /// @param node  for the names of the files: "device", of a side "left.device"
 [[nodiscard]] FlightFiles flight_files(const NodeContext& context, const std::string& node);
 

@@ -23,6 +23,7 @@
 #include "common/session/session_file.h"
 #include "deploy/conform/engine_process.h"
 #include "deploy/conform/mofc_side.h"
+#include "deploy/conform/trace.h"
 #include "deploy/launch/physics_command.h"
 
 namespace palpate {
@@ -53,7 +54,9 @@ constexpr double kRestRatio = 0.05;
 constexpr int kRests = 5;            // of 0.4 s, the longest time to come to rest
 constexpr double kJumpNewton = 0.5;  // and the steepest tissue that is rendered well
 constexpr double kJumpNewtonPerM = 1e4;
-constexpr double kEnergyRatio = 0.05;  // of the work done by and on the tissue
+constexpr double kModelNewton = 0.2;      // root of the sum of squares, below which it is not
+constexpr double kModelLeastRatio = 0.2;  // of the actual change of the force to the predicted one
+constexpr double kEnergyRatio = 0.05;     // of the work done by and on the tissue
 constexpr double kEnergyJoule = 20e-6;
 constexpr std::uint64_t kHopeless = 50;  // refused frames
 constexpr auto kStop = std::chrono::milliseconds(3000);
@@ -222,8 +225,34 @@ class Suite {
       for (const AnsweredPlace& now : *trace) {
         if (before) note_jump(*before, now);
         before = now;
+        if (now.against_newton > kRestNewton + kRestRatio * now.force_newton.norm()) {
+          worst_against_newton_ = std::max(worst_against_newton_, now.against_newton);
+        }
       }
+      models_.add(*trace);
     }
+  }
+
+  void contact_findings() {
+    find("contacts",
+         worst_against_newton_ == 0.0
+             ? ""
+             : fmt::format("the force pulls against every contact, by {:.3g} N",
+                           worst_against_newton_),
+         "the force is on the side of the contacts",
+         "normal_world points out of the tissue, force_on_tool_newton is that on the tool; only "
+         "contacts with is_adhesive pull");
+    const double ratio = models_.ratio();
+    const bool is_compared = models_.predicted_newton() > kModelNewton;
+    find("model",
+         !is_compared || ratio >= kModelLeastRatio
+             ? ""
+             : fmt::format("the force changes by {:.2g} of what the contacts predict", ratio),
+         is_compared
+             ? fmt::format("the force changes by {:.2g} of what the contacts predict", ratio)
+             : "no linear contacts to compare",
+         "d_force_d_position_newton_per_m is the derivative of the force on the tool: negative "
+         "along the normal for tissue that resists");
   }
 
   void note_jump(const AnsweredPlace& before, const AnsweredPlace& now) {
@@ -232,37 +261,6 @@ class Suite {
     if (jump <= kJumpNewton + kJumpNewtonPerM * moved || jump <= worst_jump_newton_) return;
     worst_jump_newton_ = jump;
     worst_jump_m_ = moved;
-  }
-
-  /// Work of the tissue on the tool along the trace, and of both signs together.
-  static std::pair<double, double> work_joule(const std::vector<AnsweredPlace>& trace) {
-    double sum = 0.0;
-    double size = 0.0;
-    for (std::size_t i = 1; i < trace.size(); ++i) {
-      const double work = 0.5 * (trace[i].force_newton + trace[i - 1].force_newton)
-                                    .dot(trace[i].position_m - trace[i - 1].position_m);
-      sum += work;
-      size += std::abs(work);
-    }
-    return {sum, size};
-  }
-
-  struct Variation {
-    double range_newton = 0.0;
-    double most_newton = 0.0;
-  };
-  /// Of the last two thirds.
-  static Variation variation_of(const std::vector<AnsweredPlace>& trace) {
-    Vector3 least = Vector3::Constant(1e9);
-    Vector3 most = -least;
-    Variation variation;
-    for (std::size_t i = trace.size() / 3; i < trace.size(); ++i) {
-      least = least.cwiseMin(trace[i].force_newton);
-      most = most.cwiseMax(trace[i].force_newton);
-      variation.range_newton = (most - least).norm();
-      variation.most_newton = std::max(variation.most_newton, trace[i].force_newton.norm());
-    }
-    return variation;
   }
 
   void rest() {
@@ -278,6 +276,8 @@ class Suite {
     mofc_->follow([this](double) { return options_.clear_m; }, 0.2);
     const std::vector<AnsweredPlace> free = mofc_->take_trace();
 
+    const Vector3 out = (options_.clear_m - options_.press_m).normalized();
+    const double outward = pressed.mean_newton.dot(out);
     const double force = pressed.most_newton;
     const double range = pressed.range_newton;
     double in_the_air = 0.0;
@@ -288,12 +288,17 @@ class Suite {
       problem = fmt::format("{:.3g} N on a tool that touches nothing", in_the_air);
     } else if (force <= kFreeNewton) {
       problem = "no force where the tool should press, so the other checks say little";
+    } else if (outward < -kFreeNewton) {
+      problem =
+          fmt::format("the tissue pulls the pressed tool further in, with {:.3g} N", -outward);
     } else if (range > kRestNewton + kRestRatio * force) {
       problem = fmt::format(
           "the force varies by {:.3g} N on a tool at rest, pressing with {:.3g} N", range, force);
     }
     find("rest", problem, fmt::format("{:.3g} N pressed, 0 N free, steady", force),
-         in_the_air > kFreeNewton || force <= kFreeNewton
+         outward < -kFreeNewton && in_the_air <= kFreeNewton
+             ? "force_on_tool_newton acts on the tool, not on the tissue: reverse its sign"
+         : in_the_air > kFreeNewton || force <= kFreeNewton
              ? "send the force of the tissue alone; say where it is: --clear X Y Z --press X Y Z"
              : "let the engine come to rest: more iterations or damping, no random forces");
   }
@@ -339,6 +344,7 @@ class Suite {
          "the force follows the motion without a jump",
          "look for contacts that come and go, a solver that does not converge, or stiffness beyond "
          "10 kN/m");
+    contact_findings();
     std::string problem;
     for (const auto& [name, trace] : {std::pair{"pressing and leaving", &press_},
                                       std::pair{"circling in the tissue", &circle_}}) {
@@ -460,6 +466,8 @@ class Suite {
   std::vector<AnsweredPlace> circle_;
   double worst_jump_newton_ = 0.0;
   double worst_jump_m_ = 0.0;
+  double worst_against_newton_ = 0.0;
+  ModelComparison models_;
   std::vector<ConformFinding> findings_;
 };
 

@@ -4,6 +4,7 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
+#include <limits>
 #include <utility>
 
 namespace palpate {
@@ -17,6 +18,31 @@ Vector3 velocity_at(const MofcSide::Path& path, double t_s) {
   constexpr double kStep_s = 1e-4;
   return (path(t_s + kStep_s) - path(std::max(0.0, t_s - kStep_s))) /
          (kStep_s + std::min(t_s, kStep_s));
+}
+
+AnsweredPlace place_of(const Interaction& answer, TimePoint received_at) {
+  AnsweredPlace place{.received_at = received_at,
+                      .device_sequence = answer.device_sequence,
+                      .position_m = answer.tool_position_world_m,
+                      .force_newton = answer.force_on_tool_newton};
+  Matrix3 slope = Matrix3::Zero();
+  double most_outward_newton = -std::numeric_limits<double>::infinity();
+  bool touches = false;
+  bool is_linear = true;
+  bool is_adhesive = false;
+  for (std::uint32_t i = 0; i < answer.listed_count; ++i) {
+    const Contact& contact = answer.contacts[i];
+    if (contact.penetration_m <= 0.0) continue;
+    touches = true;
+    slope += contact.d_force_d_position;
+    is_linear = is_linear && contact.hunt_crossley_exponent == 0.0;
+    is_adhesive = is_adhesive || contact.is_adhesive;
+    most_outward_newton =
+        std::max(most_outward_newton, place.force_newton.dot(contact.normal_world));
+  }
+  if (touches && is_linear) place.slope_newton_per_m = slope;
+  if (touches && !is_adhesive) place.against_newton = std::max(0.0, -most_outward_newton);
+  return place;
 }
 
 }  // namespace
@@ -73,10 +99,7 @@ void MofcSide::judge(const Interaction& answer, TimePoint received_at) {
   last_answered_ = answer.device_sequence;
   if (std::exchange(sent->is_answered, true)) return;
   delays_s_.push_back(to_seconds(received_at - sent->sampled_at));
-  trace_.push_back({.received_at = received_at,
-                    .device_sequence = answer.device_sequence,
-                    .position_m = sent->position_m,
-                    .force_newton = answer.force_on_tool_newton});
+  trace_.push_back(place_of(answer, received_at));
 }
 
 std::size_t MofcSide::take() {

@@ -23,6 +23,11 @@ struct AnsweredPlace {
   std::uint64_t device_sequence = 0;
   Vector3 position_m = Vector3::Zero();
   Vector3 force_newton = Vector3::Zero();
+  /// ∂f/∂x [N/m] by the contacts that touch; nothing: none touches, or their law is not linear.
+  std::optional<Matrix3> slope_newton_per_m{};
+  /// How much the force pulls against the outward normal of every contact that touches; 0 with
+  /// adhesive ones [N].
+  double against_newton = 0.0;
 };
 
 class MofcSide {

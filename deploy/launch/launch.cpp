@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "deploy/launch/launch.h"
 
-#include <fcntl.h>
-#include <sys/file.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -10,18 +8,22 @@
 #include <boost/asio/post.hpp>
 #include <boost/asio/signal_set.hpp>
 #include <boost/asio/steady_timer.hpp>
+#include <condition_variable>
 #include <csignal>
-#include <span>
+#include <exception>
+#include <mutex>
 #include <system_error>
+#include <thread>
 
 #include "common/core/check.h"
 #include "common/core/time.h"
-#include "common/core/user/files.h"
 #include "common/process/log.h"
+#include "common/process/realtime.h"
 #include "common/process/run_node.h"
 #include "common/session/session.h"
 #include "common/session/session_file.h"
 #include "deploy/launch/physics_command.h"
+#include "deploy/launch/run_folder.h"
 
 namespace palpate {
 namespace {
@@ -31,61 +33,6 @@ namespace fs = std::filesystem;
 
 /// Start ramp of a restarted device if its session has none.
 constexpr int kRestartRampMilliseconds = 500;
-
-/// The folder of the session's ipc files. One launch at a time holds it; it is removed at the end.
-class RunFolder {
- public:
-  explicit RunFolder(const std::string& session_name) : path_(run_folder(session_name)) {
-    if (const std::string why = make_private_folder(path_); !why.empty()) {
-      refuse(why + ", with PALPATE_RUN_DIR");
-    }
-    folder_ = open(path_.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
-    if (folder_ < 0) refuse("cannot be opened: " + std::generic_category().message(errno));
-    if (flock(folder_, LOCK_EX | LOCK_NB) != 0) {
-      refuse("is in use: session \"" + session_name +
-             "\" is already launched; stop that launch, or rename this one with "
-             "--set name=OTHER");
-    }
-  }
-  ~RunFolder() {
-    remove_left_files();
-    std::error_code not_empty;
-    fs::remove(path_, not_empty);
-    close(folder_);
-  }
-  RunFolder(const RunFolder&) = delete;
-  RunFolder& operator=(const RunFolder&) = delete;
-
- private:
-  [[noreturn]] void refuse(const std::string& why) {
-    if (folder_ >= 0) close(folder_);
-    throw SetupError(path_.string() + ": " + why);
-  }
-
-  /// Removes sockets and their lock files, except those that a node started by hand still holds.
-  void remove_left_files() const {
-    std::error_code error;
-    std::vector<fs::path> left;
-    for (const fs::directory_entry& entry : fs::directory_iterator(path_, error)) {
-      const bool is_lock = entry.path().extension() == ".lock";
-      fs::path lock = entry.path();
-      if (!is_lock) lock += ".lock";
-      if ((is_lock || entry.is_socket(error)) && !is_held(lock)) left.push_back(entry.path());
-    }
-    for (const fs::path& file : left) fs::remove(file, error);
-  }
-
-  static bool is_held(const fs::path& lock) {
-    const int file = open(lock.c_str(), O_RDONLY | O_CLOEXEC);
-    if (file < 0) return false;
-    const bool is_held = flock(file, LOCK_EX | LOCK_NB) != 0;
-    close(file);
-    return is_held;
-  }
-
-  fs::path path_;
-  int folder_ = -1;
-};
 
 /// A stand-in for each real device; the device_nodes wait for it.
 void add_emulators(const LaunchOptions& options, const Session& session, const fs::path& program,
@@ -173,21 +120,31 @@ std::vector<ChildSpec> nodes_of(const LaunchOptions& options, const Session& ses
   if (is_here("viewer")) {
     ChildSpec& viewer = add("viewer");
     if (options.is_quiet) viewer.arguments.emplace_back("--quiet");
-    const std::string address = options.on_page ? options.on_page() : "";
-    if (!address.empty()) {
-      viewer.arguments.insert(viewer.arguments.end(), {"--listen", address});
+    viewer.descriptor = options.on_page ? options.on_page() : -1;
+    if (viewer.descriptor >= 0) {
+      viewer.arguments.insert(viewer.arguments.end(),
+                              {"--listen-descriptor", std::to_string(viewer.descriptor)});
     }
   }
   return children;
 }
 
-std::vector<std::string> stop_order(const Session& session) {
-  std::vector<std::string> names;
+/// The nodes of a kind at once.
+std::vector<std::vector<std::string>> stop_order(const Session& session) {
+  std::vector<std::vector<std::string>> stages;
   for (const char* node : {"device_mofc", "device", "mofc"}) {
+    std::vector<std::string>& names = stages.emplace_back();
     for (const Side& side : session.sides) names.push_back(with_side(side.name, node));
   }
-  names.insert(names.end(), {"physics", "standby", "viewer"});
-  return names;
+  for (const char* node : {"physics", "standby", "viewer"}) stages.push_back({node});
+  return stages;
+}
+
+/// The highest of the ticks; 0: none.
+int tick_priority(const LaunchOptions& options, const Session& session) {
+  int priority = 0;
+  for (const Side& side : session.sides) priority = std::max(priority, side.realtime.priority);
+  return options.is_realtime ? priority : 0;
 }
 
 void write(const ChildEvent& event, spdlog::logger& log) {
@@ -212,46 +169,77 @@ void write(const ChildEvent& event, spdlog::logger& log) {
   }
 }
 
-/// One run of the nodes, on one io_context.
+/// One run of the nodes. They are supervised in a thread of its own, ahead of their ticks: these
+/// may saturate the processors, and must still be ended.
 class Run {
  public:
-  Run(const LaunchOptions& options, std::vector<ChildSpec> nodes,
-      const std::vector<std::string>& stop_order, spdlog::logger& log)
+  Run(const LaunchOptions& options, std::vector<ChildSpec> nodes, const Session& session,
+      spdlog::logger& log)
       : options_(options),
         log_(log),
+        priority_(tick_priority(options, session)),
         signals_(io_, SIGINT, SIGTERM, SIGHUP),
         time_up_(io_),
-        poll_(io_),
         supervisor_(
-            io_, std::move(nodes), stop_order, options.timing,
+            io_, std::move(nodes), stop_order(session), options.timing,
             [this](const ChildEvent& event) { write(event, log_); }, [this] { on_end(); }) {}
 
   LaunchResult run(const std::stop_token& stop) {
     const auto begin = std::chrono::steady_clock::now();
     const std::stop_callback on_stop(
         stop, [this] { asio::post(io_, [this] { end(LaunchEnd::kRequested); }); });
+    std::thread supervising([this] {
+      run_ahead_of(priority_);
+      supervise();
+    });
+    std::exception_ptr failure;
     try {
-      await_signal();
-      supervisor_.start();
-      if (options_.seconds) await_time_up(*options_.seconds);
-      if (options_.on_poll) poll();
-      io_.run();
+      poll();
     } catch (...) {
-      // end all nodes before the caller sees the exception
-      supervisor_.kill();
-      io_.restart();
-      io_.run();
-      if (options_.on_end) options_.on_end();
-      throw;
+      failure = std::current_exception();
+      asio::post(io_, [this] { supervisor_.kill(); });
     }
-    if (options_.on_poll) options_.on_poll();
+    supervising.join();
+    if (!failure) failure = failure_;
+    if (!failure && options_.on_poll) options_.on_poll();
     if (options_.on_end) options_.on_end();
+    if (failure) std::rethrow_exception(failure);
     return {.end = supervisor_.was_refused() ? LaunchEnd::kRefused : end_,
             .restarts = supervisor_.restarts(),
             .wall = std::chrono::steady_clock::now() - begin};
   }
 
  private:
+  /// Returns when no node is left.
+  void supervise() {
+    try {
+      await_signal();
+      supervisor_.start();
+      if (options_.seconds) await_time_up(*options_.seconds);
+      io_.run();
+    } catch (...) {
+      // end all nodes before the caller sees the exception
+      failure_ = std::current_exception();
+      supervisor_.kill();
+      io_.restart();
+      io_.run();
+    }
+    const std::lock_guard lock(mutex_);
+    has_ended_ = true;
+    ended_.notify_all();
+  }
+
+  /// Returns when the nodes have ended. Throws what on_poll() throws.
+  void poll() {
+    std::unique_lock lock(mutex_);
+    while (!has_ended_) {
+      lock.unlock();
+      if (options_.on_poll) options_.on_poll();
+      lock.lock();
+      ended_.wait_for(lock, options_.poll_interval, [this] { return has_ended_; });
+    }
+  }
+
   void await_signal() {
     signals_.async_wait([this](const boost::system::error_code& error, int signal) {
       if (error) return;
@@ -272,14 +260,6 @@ class Run {
     });
   }
 
-  void poll() {
-    options_.on_poll();
-    poll_.expires_after(options_.poll_interval);
-    poll_.async_wait([this](const boost::system::error_code& error) {
-      if (!error && !has_ended_) poll();
-    });
-  }
-
   void end(LaunchEnd why) {
     if (is_ending_) return;
     is_ending_ = true;
@@ -289,22 +269,23 @@ class Run {
 
   /// Called when no node is left.
   void on_end() {
-    has_ended_ = true;
     signals_.cancel();
     time_up_.cancel();
-    poll_.cancel();
   }
 
   const LaunchOptions& options_;
   spdlog::logger& log_;
+  int priority_;
   asio::io_context io_;
   asio::signal_set signals_;
   asio::steady_timer time_up_;
-  asio::steady_timer poll_;
   Supervisor supervisor_;
   bool is_ending_ = false;
-  bool has_ended_ = false;
   LaunchEnd end_ = LaunchEnd::kRequested;
+  std::exception_ptr failure_;  // of the supervising thread, once it has ended
+  std::mutex mutex_;
+  std::condition_variable ended_;
+  bool has_ended_ = false;  // protected by the mutex
 };
 
 }  // namespace
@@ -321,7 +302,7 @@ LaunchResult launch(const LaunchOptions& options, const std::stop_token& stop) {
   const RunFolder run_folder(session.name);
   const Log log("palpate");
   if (options.is_quiet || options.has_short_log) log.logger().set_level(spdlog::level::warn);
-  return Run(options, nodes_of(options, session), stop_order(session), log.logger()).run(stop);
+  return Run(options, nodes_of(options, session), session, log.logger()).run(stop);
 }
 
 }  // namespace palpate

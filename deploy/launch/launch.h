@@ -27,9 +27,9 @@ struct LaunchOptions {
   bool has_no_adversary = false;            ///< nodes are started with --no-adversary
   bool is_quiet = false;                    ///< no status line; warnings and errors only
   bool has_short_log = false;               ///< warnings and errors only
-  /// Called before the first node starts, if the viewer is among them. Returns --listen of the
-  /// viewer; empty: the session's port.
-  std::function<std::string()> on_page = {};
+  /// Called before the first node starts, if the viewer is among them. Returns the descriptor of a
+  /// socket that listens for the page; −1: the viewer opens its own.
+  std::function<int()> on_page = {};
   /// Nodes to run on this machine: some of device, mofc, physics, standby and viewer. The standby
   /// runs only if the session has one.
   std::set<std::string> nodes = {"device", "mofc", "physics", "standby"};

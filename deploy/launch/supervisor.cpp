@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "deploy/launch/supervisor.h"
 
+#include <fcntl.h>
 #include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -34,10 +35,12 @@ std::string in_words(int status) {
 }  // namespace
 
 Supervisor::Supervisor(boost::asio::io_context& io, std::vector<ChildSpec> children,
-                       const std::vector<std::string>& stop_order, const SupervisorTiming& timing,
+                       const std::vector<std::vector<std::string>>& stop_order,
+                       const SupervisorTiming& timing,
                        std::function<void(const ChildEvent&)> on_event,
                        std::function<void()> on_end)
     : io_(io),
+      stages_(stop_order.size() + 1),
       timing_(timing),
       on_event_(std::move(on_event)),
       on_end_(std::move(on_end)),
@@ -45,13 +48,11 @@ Supervisor::Supervisor(boost::asio::io_context& io, std::vector<ChildSpec> child
   for (ChildSpec& spec : children) {
     Child& child = children_.emplace_back(io_, std::move(spec));
     child.back_off = timing_.first_back_off;
-    stop_order_.push_back(&child);
+    const auto stage = std::find_if(stop_order.begin(), stop_order.end(), [&](const auto& names) {
+      return std::find(names.begin(), names.end(), child.spec.name) != names.end();
+    });
+    stages_[static_cast<std::size_t>(stage - stop_order.begin())].push_back(&child);
   }
-  const auto place = [&](const Child* child) {
-    return std::find(stop_order.begin(), stop_order.end(), child->spec.name);
-  };
-  std::stable_sort(stop_order_.begin(), stop_order_.end(),
-                   [&](const Child* a, const Child* b) { return place(a) < place(b); });
 }
 
 void Supervisor::start() {
@@ -68,8 +69,9 @@ void Supervisor::spawn(Child& child) {
 
   // runs between fork and exec: system calls only
   const pid_t supervisor = getpid();
-  const auto in_child = [supervisor](auto&) {
+  const auto in_child = [supervisor, descriptor = child.spec.descriptor](auto&) {
     setpgid(0, 0);
+    if (descriptor >= 0) fcntl(descriptor, F_SETFD, 0);
     prctl(PR_SET_PDEATHSIG, SIGKILL);
     if (getppid() != supervisor) _exit(kExitFailure);  // it had ended before prctl
   };
@@ -101,10 +103,16 @@ void Supervisor::await_deaths() {
 void Supervisor::reap() {
   // signals are merged: one SIGCHLD may stand for several deaths
   for (Child& child : children_) {
-    int status = 0;
-    if (child.pid != 0 && waitpid(child.pid, &status, WNOHANG) == child.pid) {
-      on_death(child, status);
+    if (child.pid == 0) continue;
+    siginfo_t death{};
+    constexpr int kLook = WEXITED | WNOHANG | WNOWAIT;
+    if (waitid(P_PID, static_cast<id_t>(child.pid), &death, kLook) != 0 || death.si_pid == 0) {
+      continue;
     }
+    // a program that it started would hold its endpoints; not yet reaped, it keeps the group's id
+    ::kill(-child.pid, SIGKILL);
+    int status = 0;
+    if (waitpid(child.pid, &status, WNOHANG) == child.pid) on_death(child, status);
   }
   if (is_stopping_) stop_next();
 }
@@ -162,9 +170,11 @@ void Supervisor::stop() {
 }
 
 void Supervisor::stop_next() {
-  const auto running = std::find_if(stop_order_.begin(), stop_order_.end(),
-                                    [](const Child* child) { return child->pid != 0; });
-  if (running == stop_order_.end()) {
+  const auto runs = [](const Child* child) { return child->pid != 0; };
+  const auto running = std::find_if(stages_.begin(), stages_.end(), [&](const auto& stage) {
+    return std::any_of(stage.begin(), stage.end(), runs);
+  });
+  if (running == stages_.end()) {
     if (has_ended_) return;
     has_ended_ = true;
     deaths_.cancel();
@@ -172,14 +182,15 @@ void Supervisor::stop_next() {
     return;
   }
 
-  Child& child = **running;
-  if (child.was_terminated) return;
-  child.was_terminated = true;
-  ::kill(child.pid, SIGTERM);
-  child.timer.expires_after(timing_.stop_grace);
-  child.timer.async_wait([&child](const boost::system::error_code& error) {
-    if (!error) kill(child);
-  });
+  for (Child* child : *running) {
+    if (!runs(child) || child->was_terminated) continue;
+    child->was_terminated = true;
+    ::kill(child->pid, SIGTERM);
+    child->timer.expires_after(timing_.stop_grace);
+    child->timer.async_wait([child](const boost::system::error_code& error) {
+      if (!error) kill(*child);
+    });
+  }
 }
 
 void Supervisor::kill() {

@@ -26,6 +26,7 @@ struct ChildSpec {
   std::vector<std::string> restart_arguments = {};      ///< appended from the second start on
   std::map<std::string, std::string> environment = {};  ///< added to that of the supervisor
   std::filesystem::path folder = {};  ///< its working directory; empty: that of the supervisor
+  int descriptor = -1;                ///< a file of the supervisor that it inherits; −1: none
 };
 
 struct SupervisorTiming {
@@ -50,20 +51,22 @@ struct ChildEvent {
   std::chrono::milliseconds restart_in{};
 };
 
-/// Starts the children in the given order and restarts those that die. stop() ends them one after
-/// the other in the order of `stop_order`: SIGTERM, the grace, SIGKILL.
+/// Starts the children in the given order and restarts those that die. stop() ends them in the
+/// stages of `stop_order`, the children of one stage together: SIGTERM, the grace, SIGKILL.
 ///
 /// Every child has a process group of its own, so Ctrl-C in a terminal reaches the supervisor only.
+/// What a dead child has left in its group is killed before it is started again.
 /// The kernel kills the children when the thread that runs the io_context ends for any reason, so
 /// no child outlives its supervisor. All functions and callbacks run on that thread.
 class Supervisor {
  public:
-  /// @param stop_order  names of children; children that are missing here are stopped last
+  /// @param stop_order  stages of names of children; children that are missing here are the last
   /// @param on_event    called for every event
   /// @param on_end      called once, when no child is left after stop() or kill()
   Supervisor(boost::asio::io_context& io, std::vector<ChildSpec> children,
-             const std::vector<std::string>& stop_order, const SupervisorTiming& timing,
-             std::function<void(const ChildEvent&)> on_event, std::function<void()> on_end);
+             const std::vector<std::vector<std::string>>& stop_order,
+             const SupervisorTiming& timing, std::function<void(const ChildEvent&)> on_event,
+             std::function<void()> on_end);
 
   /// Starts all. Throws SetupError if a program cannot be started.
   void start();
@@ -108,7 +111,7 @@ class Supervisor {
 
   boost::asio::io_context& io_;
   std::list<Child> children_;
-  std::vector<Child*> stop_order_;
+  std::vector<std::vector<Child*>> stages_;  // of the stop
   SupervisorTiming timing_;
   std::function<void(const ChildEvent&)> on_event_;
   std::function<void()> on_end_;

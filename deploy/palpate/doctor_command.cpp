@@ -69,6 +69,13 @@ Finding examine_realtime(const RealtimeConfig& realtime) {
                       realtime.priority)};
 }
 
+Finding examine_processors(std::size_t sides) {
+  const std::string warning = too_many_ticks(sides);
+  if (warning.empty()) return {"processors", "one or more for each side"};
+  const std::size_t colon = warning.find(": ");
+  return {"processors", warning.substr(0, colon), warning.substr(colon + 2)};
+}
+
 Finding examine_memory() {
   rlimit limit{};
   getrlimit(RLIMIT_MEMLOCK, &limit);
@@ -152,7 +159,7 @@ Finding examine_page(const WebConfig& web) {
   if (!web.is_on) return {"page", "the session has none"};
   if (web.port == 0) return {"page", "any free port"};
   const std::string address = "127.0.0.1:" + std::to_string(web.port);
-  if (free_port(web.port)) return {"page", address + " is free"};
+  if (is_port_free(web.port)) return {"page", address + " is free"};
   return {"page", address + " is in use",
           "end the program there (ss -ltnp), or choose another port: --set viewer.web.port=8766"};
 }
@@ -326,8 +333,8 @@ void examine_assumptions(const Session& session, std::vector<Finding>& findings)
 std::vector<Finding> examine_machine(const std::optional<Session>& session) {
   const Session& examined = session ? *session : Session();
   std::vector<Finding> findings{
-      examine_realtime(examined.side().realtime), examine_memory(),
-      examine_timer(examined.side().realtime, examined.side().device.rate_hz),
+      examine_realtime(examined.side().realtime), examine_processors(examined.sides.size()),
+      examine_memory(), examine_timer(examined.side().realtime, examined.side().device.rate_hz),
       examine_clock_source()};
   if (session) {
     examine_links(*session, findings);

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // fake_node: replaces a node in the tests of the supervisor. It writes one line when it has started
 // and one for each SIGTERM or SIGINT into the named pipe `events` of its folder. A file NAME.does
-// in that folder with one of the words below makes it misbehave.
+// in that folder with one of the words below makes it misbehave. What it leaves behind holds the
+// pipe open.
 #include <fcntl.h>
 #include <unistd.h>
 
@@ -32,6 +33,11 @@ int main(int argc, char** argv) {
   std::string started = "started " + std::to_string(getpid());
   for (int i = 1; i < argc; ++i) started += std::string(" ") + argv[i];
   if (!report(started)) return 1;
+  if (does == "leaves_a_process" && fork() == 0) {
+    constexpr unsigned kLongest_s = 600;  // if nobody ends it
+    sleep(kLongest_s);
+    _exit(0);
+  }
 
   int signal = 0;
   do {

@@ -1,15 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 // How a node is stopped: signals and --seconds.
 #include <gtest/gtest.h>
+#include <sched.h>
 #include <unistd.h>
 
 #include <array>
 #include <chrono>
 #include <condition_variable>
 #include <csignal>
+#include <filesystem>
 #include <mutex>
 #include <thread>
 
+#include "common/process/realtime.h"
 #include "common/process/run_node.h"
 #include "tests/support/machine/machine.h"
 #include "tests/support/temp_folder.h"
@@ -78,6 +81,46 @@ TEST_F(RunNodeStop, UserSignalsAreRequestsEachTimeAndDoNotEndTheNode) {
                });
 
   EXPECT_EQ(status, 0);
+}
+
+// A tick that saturates its processor must not delay the stop.
+TEST_F(RunNodeStop, TheThreadOfTheSignalsRunsAheadOfTheTick) {
+  constexpr int kPriority = 5;
+  if (!may_use_fifo(kPriority + 1)) GTEST_SKIP() << "SCHED_FIFO is not permitted";
+  const auto ahead = [] {
+    int count = 0;
+    for (const auto& thread : std::filesystem::directory_iterator("/proc/self/task")) {
+      sched_param parameters{};
+      sched_getparam(std::stoi(thread.path().filename()), &parameters);
+      if (parameters.sched_priority == kPriority + 1) ++count;
+    }
+    return count;
+  };
+  const auto end = std::chrono::steady_clock::now() + test::patience(std::chrono::seconds(20));
+  EXPECT_EQ(run({"--set", "realtime.priority=" + std::to_string(kPriority)},
+                [&] {
+                  while (ahead() != 1 && std::chrono::steady_clock::now() < end) {
+                    std::this_thread::yield();
+                  }
+                  EXPECT_EQ(ahead(), 1);
+                  kill(getpid(), SIGTERM);
+                }),
+            0);
+}
+
+// systemd sets it; it outlives a reboot.
+TEST_F(RunNodeStop, FlightRecordingsGoToTheFolderOfTheService) {
+  const std::string folder = files_.path() / "state";
+  setenv("STATE_DIRECTORY", folder.c_str(), 1);
+  std::string program = "fake_node";
+  std::string option = "--session";
+  std::array<char*, 3> argv{program.data(), option.data(), session_.data()};
+  EXPECT_EQ(run_node(3, argv.data(), {.name = "fake", .description = "A node of this test"},
+                     [&](NodeContext& context) {
+                       EXPECT_EQ(flight_files(context, "fake").folder, folder);
+                     }),
+            0);
+  unsetenv("STATE_DIRECTORY");
 }
 
 TEST_F(RunNodeStop, TheNodeEndsWhenItsTimeIsUp) {

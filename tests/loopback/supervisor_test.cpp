@@ -8,6 +8,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <poll.h>
+#include <sched.h>
 #include <sys/file.h>
 #include <sys/prctl.h>
 #include <sys/socket.h>
@@ -16,18 +17,24 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <boost/asio/post.hpp>
 #include <csignal>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <map>
+#include <optional>
 #include <sstream>
 #include <stdexcept>
+#include <thread>
 
 #include "common/core/check.h"
+#include "common/process/realtime.h"
+#include "common/process/tcp_port.h"
 #include "common/session/session_file.h"
 #include "deploy/launch/launch.h"
+#include "deploy/launch/run_folder.h"
 #include "tests/support/machine/machine.h"
 #include "tests/support/run_folder.h"
 #include "tests/support/temp_folder.h"
@@ -193,6 +200,31 @@ TEST_F(Launch, EveryNodeGetsTheSessionAndItsOverrides) {
   }
 }
 
+// So nobody else can take the port of the page once it is announced.
+TEST_F(Launch, TheViewerAloneInheritsTheSocketOfThePage) {
+  LaunchOptions options = this->options();
+  options.nodes.insert("viewer");
+  std::optional<ListeningPort> page = ListeningPort::open(0);
+  ASSERT_TRUE(page);
+  const std::string descriptor = std::to_string(page->descriptor());
+  options.on_page = [&] { return page->descriptor(); };
+  start_launcher(options);
+
+  for (int i = 0; i < 4; ++i) {
+    const std::string event = next_event();
+    const bool is_viewer = event.starts_with("viewer_node");
+    std::istringstream words(event);
+    std::string name;
+    std::string verb;
+    std::string pid;
+    words >> name >> verb >> pid;
+    std::error_code error;
+    const std::string held = fs::read_symlink("/proc/" + pid + "/fd/" + descriptor, error);
+    EXPECT_EQ(held == fs::read_symlink("/proc/self/fd/" + descriptor), is_viewer) << event;
+    EXPECT_EQ(event.find("--listen-descriptor " + descriptor) != std::string::npos, is_viewer);
+  }
+}
+
 TEST_F(Launch, ANodeThatDiesIsStartedAgain) {
   start_launcher(options());
   auto nodes = started_nodes(3);
@@ -205,6 +237,43 @@ TEST_F(Launch, ANodeThatDiesIsStartedAgain) {
   EXPECT_EQ(next_event(), "mofc_node signal 15");
   EXPECT_EQ(next_event(), "physics_node signal 15");
   EXPECT_EQ(next_event(), "launcher end=1 physics=1 mofc=0 device=0");
+}
+
+// It would hold the endpoints of the node that is started again.
+TEST_F(Launch, WhatADeadNodeHasStartedDiesWithIt) {
+  let("physics_node", "leaves_a_process");
+  start_launcher(options());
+  auto nodes = started_nodes(3);
+  let("physics_node", "nothing");
+
+  kill(nodes.at("physics_node"), SIGKILL);
+  EXPECT_THAT(next_event(), StartsWith("physics_node started "));
+  kill(launcher_, SIGTERM);
+
+  EXPECT_TRUE(all_nodes_end());
+}
+
+// Two ticks at SCHED_FIFO may leave no processor to ordinary threads.
+TEST_F(Launch, TheSupervisorRunsAheadOfTheTicks) {
+  constexpr int kPriority = 5;
+  if (!may_use_fifo(kPriority + 1)) GTEST_SKIP() << "SCHED_FIFO is not permitted";
+  LaunchOptions options = this->options();
+  options.overrides = {"realtime.priority=" + std::to_string(kPriority)};
+  start_launcher(options);
+  const auto nodes = started_nodes(3);
+
+  int ahead = 0;
+  for (const auto& thread :
+       fs::directory_iterator("/proc/" + std::to_string(launcher_) + "/task")) {
+    const pid_t id = std::stoi(thread.path().filename());
+    sched_param parameters{};
+    if ((sched_getscheduler(id) & ~SCHED_RESET_ON_FORK) == SCHED_FIFO &&
+        sched_getparam(id, &parameters) == 0 && parameters.sched_priority == kPriority + 1) {
+      ++ahead;
+    }
+  }
+  EXPECT_EQ(ahead, 1);
+  for (const auto& [name, pid] : nodes) EXPECT_EQ(sched_getscheduler(pid), SCHED_OTHER) << name;
 }
 
 TEST_F(Launch, ADeviceStartedAgainRampsItsForceUpAlsoIfItsSessionHasNoRamp) {
@@ -386,6 +455,26 @@ TEST_F(Launch, ASessionIsLaunchedOnceAtATime) {
   } catch (const SetupError& e) {
     EXPECT_THAT(e.what(), HasSubstr("already launched"));
   }
+}
+
+// The launch that held the folder may remove it after this one has opened it.
+TEST_F(Launch, ARunFolderThatIsHeldIsThere) {
+  std::atomic<int> missing{0};
+  const auto hold_often = [&] {
+    constexpr int kTimes = 2000;
+    for (int i = 0; i < kTimes; ++i) {
+      try {
+        const RunFolder folder(session_name_);
+        if (!folder.is_present()) ++missing;
+      } catch (const SetupError&) {  // the other thread holds it
+      }
+    }
+  };
+  std::thread other(hold_often);
+  hold_often();
+  other.join();
+
+  EXPECT_EQ(missing, 0);
 }
 
 TEST_F(Launch, ARunFolderThatCannotBeCreatedIsASetupErrorWithItsPath) {

@@ -103,7 +103,8 @@ class TwoMachines : public testing::Test {
     file_ = files_.write("protected.txtpb", std::string(kSession) + kSecurity);
   }
 
-  void start(bool is_protected) {
+  /// Starts the nodes. @param of_physics  more arguments
+  void start_nodes(bool is_protected, const std::vector<std::string>& of_physics = {}) {
     const Session session = load_session(is_protected ? file_ : plain_file_);
     std::vector<std::string> arguments{"--session", session.file};
     if (!is_protected) arguments.emplace_back("--insecure");
@@ -112,9 +113,13 @@ class TwoMachines : public testing::Test {
     links_.emplace(RealtimeConfig{.priority = 0, .cpu = -1}, rules);
     watcher_.emplace(session, *links_);
     watcher_->subscriber().subscribe<SceneState>();
-    physics_.emplace("physics_node", arguments, networks_.workstation());
     mofc_.emplace("mofc_node", arguments);
     device_.emplace("device_node", arguments);
+    arguments.insert(arguments.end(), of_physics.begin(), of_physics.end());
+    physics_.emplace("physics_node", arguments, networks_.workstation());
+  }
+  void start(bool is_protected) {
+    start_nodes(is_protected);
     ASSERT_TRUE(watcher_->until([&] { return watcher_->sees_all_nodes() && is_pressing(); }))
         << physics_->err() << mofc_->err() << device_->err();
   }
@@ -182,6 +187,36 @@ TEST_F(TwoMachines, ACutCableEndsTheForceAndAMendedOneBringsItBack) {
   EXPECT_EQ(writers(), 1u);  // the same processes
   EXPECT_EQ(watcher_->mirror().mofc_counters().interaction.sessions, 1u);
   EXPECT_EQ(refused_by_physics(), 0u);
+}
+
+// As after a reboot: the services start before the network gives the machine its address.
+TEST_F(TwoMachines, ANodeThatStartsBeforeItsAddressExistsWaitsForIt) {
+  ASSERT_TRUE(networks_.remove_address());
+  start_nodes(true, {"--wait-for-address"});
+  EXPECT_THAT(physics_->await_err("event=waiting_for_address"), HasSubstr("tcp://10.77.0.2:555"));
+  EXPECT_TRUE(watcher_->until([&] { return is_without_physics(); }));
+
+  ASSERT_TRUE(networks_.add_address());
+
+  EXPECT_TRUE(watcher_->until([&] { return is_pressing(); })) << physics_->err();
+}
+
+TEST_F(TwoMachines, ANodeThatWaitsForItsAddressCanBeStopped) {
+  ASSERT_TRUE(networks_.remove_address());
+  start_nodes(true, {"--wait-for-address"});
+  physics_->await_err("event=waiting_for_address");
+
+  physics_->send_signal(SIGTERM);
+
+  EXPECT_EQ(physics_->wait(), 0);
+}
+
+TEST_F(TwoMachines, WithoutTheOptionAMissingAddressIsASetupError) {
+  ASSERT_TRUE(networks_.remove_address());
+  start_nodes(true);
+
+  EXPECT_EQ(physics_->wait(), 2);
+  EXPECT_THAT(physics_->err(), HasSubstr("does not have that address"));
 }
 
 // A port where nobody listens refuses after one round trip.

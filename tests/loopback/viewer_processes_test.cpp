@@ -97,6 +97,23 @@ class ViewerProcesses : public testing::Test {
   std::uint16_t port_ = 0;
 };
 
+// Its port is taken before its address is printed, so a browser may open it before viewer_node
+// runs.
+TEST_F(ViewerProcesses, APageThatIsAnnouncedCanBeOpenedAtOnce) {
+  Program launch("palpate", {"launch", file_, "--no-realtime"});
+  std::string out;
+  ASSERT_TRUE(test::await([&] { return (out = launch.out()).find("/\n") != std::string::npos; }));
+  const std::string address = "http://127.0.0.1:";
+  ASSERT_TRUE(out.starts_with(address)) << out;
+  const WebClient early(static_cast<std::uint16_t>(std::stoi(out.substr(address.size()))));
+  EXPECT_TRUE(early.is_connected());
+  WebClient client(static_cast<std::uint16_t>(std::stoi(out.substr(address.size()))));
+  client.send_raw("GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n");
+  EXPECT_THAT(client.read_head(), HasSubstr("200 OK"));
+  launch.send_signal(SIGTERM);
+  EXPECT_EQ(launch.wait(), 0) << launch.err();
+}
+
 TEST_F(ViewerProcesses, ALateViewerHasTheWholeSceneWithinASecond) {
   launch();
   const test::QuietMachine machine;

@@ -14,7 +14,7 @@
 #include <utility>
 
 #include "common/core/check.h"
-#include "common/core/missing_address.h"
+#include "common/core/user/missing_address.h"
 #include "viewer_node/server/http_connection.h"
 #include "viewer_node/server/server_state.h"
 #include "viewer_node/server/socket_client.h"

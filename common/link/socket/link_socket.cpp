@@ -7,6 +7,7 @@
 #include <cerrno>
 
 #include "common/core/check.h"
+#include "common/core/user/missing_address.h"
 #include "common/link/socket/tsan_handover.h"
 
 namespace palpate {
@@ -139,7 +140,8 @@ void LinkSocket::attach() {
     if (error.num() == EADDRINUSE) {
       why = "in use by another process; stop it or give " + a.setting + " another endpoint";
     } else if (error.num() == EADDRNOTAVAIL || error.num() == ENODEV) {
-      why = "this machine does not have that address; give one of its own";
+      throw MissingAddress(a.setting + " = " + a.endpoint +
+                           ": this machine does not have that address; give one of its own");
     } else if (error.num() == EACCES) {
       why = "no permission to bind there; give a port above 1023, or a path that you may write";
     }

@@ -275,6 +275,54 @@ std::string read_value(const pb::FieldDescriptor& field, const std::string& valu
          suggestion(*name->message_type, name->text);
 }
 
+/// Of "[a, \"b, c\"]", without the blanks around; of anything else, that.
+std::vector<std::string> elements_of(const std::string& value) {
+  if (!value.starts_with('[') || !value.ends_with(']')) return {value};
+  std::vector<std::string> elements(1);
+  char quote = '\0';
+  for (std::size_t i = 1; i + 1 < value.size(); ++i) {
+    const char c = value[i];
+    if (quote != '\0' && c == '\\' && i + 2 < value.size()) {
+      elements.back() += c;
+      elements.back() += value[++i];
+      continue;
+    }
+    if (quote == '\0' && c == ',') {
+      elements.emplace_back();
+      continue;
+    }
+    if (c == quote) {
+      quote = '\0';
+    } else if (quote == '\0' && (c == '"' || c == '\'')) {
+      quote = c;
+    }
+    elements.back() += c;
+  }
+  for (std::string& element : elements) {
+    element.erase(0, std::min(element.find_first_not_of(' '), element.size()));
+    element.erase(element.find_last_not_of(' ') + 1);
+  }
+  if (elements.size() == 1 && elements.front().empty()) elements.clear();
+  return elements;
+}
+
+/// Reads a list, or its one element, into `field` of `message`. Texts need no quotes. Returns what
+/// is wrong; empty if nothing.
+std::string read_list(const pb::FieldDescriptor& field, const std::string& value,
+                      pb::Message& message) {
+  for (const std::string& element : elements_of(value)) {
+    if (field.cpp_type() == pb::FieldDescriptor::CPPTYPE_STRING && !element.starts_with('"') &&
+        !element.starts_with('\'')) {
+      message.GetReflection()->AddString(&message, &field, element);
+      continue;
+    }
+    if (std::string complaint = read_value(field, element, message); !complaint.empty()) {
+      return complaint;
+    }
+  }
+  return {};
+}
+
 }  // namespace
 
 /// Returns what is wrong; empty if nothing.
@@ -348,8 +396,15 @@ std::string SessionText::assign(const std::string& path, const std::string& valu
 
   // read the value into an empty message of the same type, then put it in its place
   const std::unique_ptr<pb::Message> scratch(message->New());
-  if (field->cpp_type() == pb::FieldDescriptor::CPPTYPE_STRING && !value.starts_with('"') &&
-      !value.starts_with('\'')) {
+  const bool is_list =
+      field->is_repeated() && field->cpp_type() != pb::FieldDescriptor::CPPTYPE_MESSAGE;
+  if (is_list) {
+    if (index >= 0)
+      return walked + ": give the whole list, " + child_path(parent, field->name(), -1) + "=[…]";
+    const std::string complaint = read_list(*field, value, *scratch);
+    if (!complaint.empty()) return walked + ": " + complaint;
+  } else if (field->cpp_type() == pb::FieldDescriptor::CPPTYPE_STRING && !value.starts_with('"') &&
+             !value.starts_with('\'')) {
     scratch->GetReflection()->SetString(scratch.get(), field, value);
   } else {
     const std::string complaint = read_value(*field, value, *scratch);
@@ -360,7 +415,7 @@ std::string SessionText::assign(const std::string& path, const std::string& valu
     reflection.MutableRepeatedMessage(message, field, index)
         ->CopyFrom(scratch->GetReflection()->GetRepeatedMessage(*scratch, field, 0));
   } else {
-    if (field->is_repeated()) {
+    if (field->is_repeated() && !is_list) {
       walked = child_path(parent, field->name(), reflection.FieldSize(*message, field));
     } else {
       reflection.ClearField(message, field);

@@ -13,6 +13,7 @@
 #include "common/link/socket/endpoint.h"
 #include "common/process/heap_trim.h"
 #include "common/process/options.h"
+#include "common/process/realtime.h"
 #include "common/process/run_host.h"
 #include "common/process/run_node.h"
 #include "common/process/tcp_port.h"
@@ -90,20 +91,21 @@ void LaunchCommand::add_to(CLI::App& app) {
       ->excludes(chosen);
 }
 
-/// Prints the address of the page, alone on its line, before anything else is printed. If another
-/// program uses the session's port, the page gets a free one, and keeps it when the viewer
-/// restarts.
-/// @return --listen of the viewer; empty: the session's own port
-std::string announce_page(const WebConfig& web) {
-  const auto own = web.port != 0 ? free_port(web.port) : std::nullopt;
-  const auto port = own ? own : free_port(0);
-  if (!port) return {};  // viewer_node reports it
-  const std::string address = "127.0.0.1:" + std::to_string(*port);
-  std::printf("http://%s/\n", address.c_str());
+/// Takes the port of the page and prints its address, alone on its line, before anything else is
+/// printed. If another program uses the session's port, the page gets a free one. It keeps its port
+/// when the viewer restarts.
+/// @return what the viewer inherits; nothing: viewer_node opens the port, or reports why not
+std::optional<ListeningPort> announce_page(const WebConfig& web) {
+  auto port = web.port != 0 ? ListeningPort::open(web.port) : std::nullopt;
+  const bool is_own = port.has_value();
+  if (!port) port = ListeningPort::open(0);
+  if (!port) return port;
+  std::printf("http://127.0.0.1:%d/\n", port->port());
   std::fflush(stdout);
-  if (own) return {};
-  if (web.port != 0) say("port " + std::to_string(web.port) + " is in use; the page has another");
-  return address;
+  if (!is_own && web.port != 0) {
+    say("port " + std::to_string(web.port) + " is in use; the page has another");
+  }
+  return port;
 }
 
 /// A person at a terminal wants figures; files, services and -v get every event.
@@ -137,6 +139,7 @@ class RunObserver {
     feed_.emplace(session, clock_, links_);
     if (!output.record_file.empty()) {
       recording_.emplace(output.record(), session, "palpate launch", feed_->subscriber());
+      recording_->take(TelemetryMessage(run_), {});  // no marker yet
     }
     feed_->on_message = [this](const TelemetryMessage& message,
                                std::span<const std::byte> payload) {
@@ -291,9 +294,17 @@ int LaunchCommand::run(const Verbosity& verbosity) const {
     say("no figures of this run: " + loaded.security.key_folder + " has no viewer.key_secret");
   }
   RunObserver observer(loaded, output, tcp, may_observe, verbosity.is_quiet);
+  if (here.contains("device")) {
+    if (const auto warning = too_many_ticks(loaded.sides.size()); !warning.empty()) say(warning);
+  }
 
   const WebConfig& web = loaded.viewer.web;
   const bool has_page = nodes.contains("viewer") && web.is_on && !verbosity.is_quiet;
+  std::optional<ListeningPort> page;
+  const auto take_page = [&] {
+    if (has_page) page = announce_page(web);
+    return page ? page->descriptor() : -1;
+  };
   const LaunchResult result = launch({.session_file = session.file,
                                       .overrides = session.overrides,
                                       .seconds = seconds,
@@ -304,7 +315,7 @@ int LaunchCommand::run(const Verbosity& verbosity) const {
                                       .has_no_adversary = has_no_adversary,
                                       .is_quiet = verbosity.is_quiet,
                                       .has_short_log = has_short_log(verbosity),
-                                      .on_page = [&] { return has_page ? announce_page(web) : ""; },
+                                      .on_page = take_page,
                                       .nodes = here,
                                       .is_together = is_together,
                                       .on_poll = [&] { observer.pump(); },

@@ -35,10 +35,10 @@ def connect(port):
     return context.wrap_socket(socket.create_connection(("127.0.0.1", port), kDeadline_s))
 
 
-def request(port, path, headers=()):
+def request(port, path, headers=(), host="localhost"):
     """The connection, and the head of the answer."""
     stream = connect(port)
-    lines = [f"GET {path} HTTP/1.1", f"Host: localhost:{port}", *headers, "", ""]
+    lines = [f"GET {path} HTTP/1.1", f"Host: {host}:{port}", *headers, "", ""]
     stream.sendall("\r\n".join(lines).encode())
     head = b""
     while b"\r\n\r\n" not in head:
@@ -115,8 +115,8 @@ def check(environment, folder):
         nodes = start("palpate", "launch", str(session), "--no-realtime", "--no-viewer")
         await_line(nodes, "event=node_started node=physics")
         audience = start(str(kSource / "deploy/audience/start"), str(session), "--viewers", "2",
-                         "--audience", "4", "--port", str(port))
-        await_line(audience, "audience at https://localhost:")
+                         "--audience", "4", "--port", str(port), "--host", "Class.Example")
+        await_line(audience, "audience at https://Class.Example:")
         viewers = [await_line(audience, "http://").split("/")[0] for _ in range(2)]
 
         deadline = time.monotonic() + kDeadline_s
@@ -128,6 +128,11 @@ def check(environment, folder):
             time.sleep(0.05)
         assert head.startswith("HTTP/1.1 200") and "text/html" in head, head
         assert request(port, "/metrics")[1].startswith("HTTP/1.1 404")
+        # by its public name, and by no other
+        head = request(port, "/", host="class.example")[1]
+        assert head.startswith("HTTP/1.1 200"), head
+        head = request(port, "/", host="other.example")[1]
+        assert head.startswith("HTTP/1.1 403"), head
 
         streams = [open_websocket(port) for _ in range(6)]
         for stream in streams:

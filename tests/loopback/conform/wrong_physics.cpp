@@ -43,6 +43,15 @@ class WrongEngine final : public physics::Engine {
     if (fault_ == "jumps" && depth_m > 0.003) force.z() += 3.0;
     // round the circle it pushes ahead; up and down it presses harder on the way up
     if (fault_ == "energy" && depth_m > 0.0) force += 20.0 * motion.tool_velocity_world_m_per_s;
+    if (fault_ == "pull") force = -force;
+    answer.listed_count = answer.contact_count = depth_m > 0.0 ? 1 : 0;
+    answer.contacts[0] = {.penetration_m = std::max(0.0, depth_m),
+                          .elastic_force_on_tool_newton = force,
+                          .d_force_d_position = Vector3(0.0, 0.0, -kStiffness).asDiagonal(),
+                          .trust_radius_m = 0.001,
+                          .force_on_tool_newton = force};
+    if (fault_ == "model") answer.contacts[0].d_force_d_position *= -10.0;
+    if (fault_ == "against" && depth_m > 0.0) answer.contacts[0].normal_world = -Vector3::UnitZ();
     if (fault_ == "stamps") answer.device_sequence += 1;
     if (fault_ == "pose") answer.tool_position_world_m.x() += 0.001;
     if (fault_ == "frames" && depth_m > 0.002) answer.stored_energy_joule = -1.0;

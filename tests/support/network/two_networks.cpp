@@ -36,6 +36,11 @@ bool run(const char* program, int network, const std::string& text) {
   return Program(program, arguments, network).wait() == 0;
 }
 
+/// `ip addr add …` of the workstation.
+std::string address(const std::string& what) {
+  return "addr " + what + " " + TwoNetworks::kWorkstation + "/24 dev work";
+}
+
 }  // namespace
 
 std::string TwoNetworks::make() {
@@ -99,11 +104,10 @@ std::string TwoNetworks::connect(const std::optional<PacketDisturbance>& disturb
     cable_ = "TUN relay";
   }
   const std::string near = TwoNetworks::kBedside;
-  const std::string far = TwoNetworks::kWorkstation;
   for (const auto& [network, arguments] :
        std::vector<std::pair<int, std::string>>{{-1, "addr add " + near + "/24 dev bedside"},
                                                 {-1, "link set bedside up"},
-                                                {workstation_, "addr add " + far + "/24 dev work"},
+                                                {workstation_, address("add")},
                                                 {workstation_, "link set work up"}}) {
     if (!run(kIp, network, arguments)) return "ip " + arguments + " failed";
   }
@@ -125,6 +129,9 @@ bool TwoNetworks::add_netem(const PacketDisturbance& disturbance) const {
 
 bool TwoNetworks::cut() const { return run(kIp, workstation_, "link set work down"); }
 bool TwoNetworks::mend() const { return run(kIp, workstation_, "link set work up"); }
+
+bool TwoNetworks::remove_address() const { return run(kIp, workstation_, address("del")); }
+bool TwoNetworks::add_address() const { return run(kIp, workstation_, address("add")); }
 
 TwoNetworks::~TwoNetworks() {
   relay_.reset();

@@ -35,6 +35,9 @@ class TwoNetworks {
   [[nodiscard]] const std::string& cable() const { return cable_; }
   [[nodiscard]] bool cut() const;
   [[nodiscard]] bool mend() const;
+  /// Of the workstation: as before its network is up, and after.
+  [[nodiscard]] bool remove_address() const;
+  [[nodiscard]] bool add_address() const;
 
  private:
   [[nodiscard]] bool add_netem(const PacketDisturbance& disturbance) const;

@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <fstream>
 #include <string>
+#include <vector>
 
 #include "tests/support/temp_folder.h"
 #include "tests/unit/build/run_command.h"
@@ -93,11 +94,101 @@ TEST_F(Service, ANodeThatEndsAtEveryStartIsLeftAlone) {
   }
 }
 
+// After a reboot an address may come later than the services.
+TEST_F(Service, ANodeWaitsForItsNetwork) {
+  for (const char* node : {"device", "mofc", "physics", "standby", "viewer"}) {
+    EXPECT_TRUE(says(node, "After=network-online.target")) << node;
+    EXPECT_TRUE(says(node, "Wants=network-online.target")) << node;
+    const std::string unit =
+        test::text_of(files_.path() / ("palpate-" + std::string(node) + "@.service"));
+    EXPECT_NE(unit.find(" --wait-for-address"), std::string::npos) << node;
+  }
+}
+
+// ProtectSystem=strict leaves a node no other folder that outlives a reboot.
+TEST_F(Service, RecordingsHaveAFolder) {
+  for (const char* node : {"device", "mofc", "physics", "standby", "viewer"}) {
+    EXPECT_TRUE(says(node, "StateDirectory=palpate")) << node;
+    EXPECT_TRUE(says(node, "StateDirectoryMode=0700")) << node;
+  }
+  EXPECT_NE(test::text_of(files_.path() / "palpate-viewer@.service")
+                .find(" --record-folder /var/lib/palpate"),
+            std::string::npos);
+}
+
 // libzmq ends the process if it may not list the interfaces when it binds tcp.
 TEST_F(Service, ANodeMayBindTcp) {
   for (const char* node : {"device", "mofc", "physics", "standby", "viewer"}) {
     EXPECT_TRUE(says(node, "RestrictAddressFamilies=AF_UNIX AF_INET AF_INET6 AF_NETLINK")) << node;
   }
+}
+
+/// The scripts of the package below a folder in place of /, with commands that only report.
+class MaintainerScripts : public testing::Test {
+ protected:
+  MaintainerScripts() {
+    for (const char* folder :
+         {"bin", "root/run/systemd/system", "root/run/palpate/default", "root/var/lib/palpate",
+          "root/var/cache/palpate", "root/etc/palpate/keys",
+          "root/etc/systemd/system/multi-user.target.wants",
+          "root/etc/systemd/system/palpate@a.target.wants",
+          "root/etc/systemd/system/palpate-device@.service.d"}) {
+      fs::create_directories(files_.path() / folder);
+    }
+    for (const char* file : {"root/etc/palpate/default.txtpb", "root/var/lib/palpate/run.mcap",
+                             "root/etc/systemd/system/multi-user.target.wants/palpate@a.target",
+                             "root/etc/systemd/system/palpate-viewer@a.service",
+                             "root/etc/systemd/system/other.service"}) {
+      std::ofstream(files_.path() / file) << "x";
+    }
+    for (const char* command : {"systemctl", "adduser", "deluser", "udevadm"}) {
+      const fs::path file = files_.path() / "bin" / command;
+      std::ofstream(file) << "#!/bin/sh\necho $(basename $0) $*\n";
+      fs::permissions(file, fs::perms::owner_all);
+    }
+  }
+  [[nodiscard]] CommandResult run(const std::string& script_and_arguments) const {
+    return run_command("DPKG_ROOT='" + (files_.path() / "root").string() + "' PATH='" +
+                       (files_.path() / "bin").string() +
+                       "':$PATH sh " PALPATE_SOURCE_DIR "/deploy/debian/" + script_and_arguments);
+  }
+  test::TempFolder files_;
+};
+
+TEST_F(MaintainerScripts, OnlyARemovalStopsTheSessions) {
+  const CommandResult upgrade = run("prerm upgrade 2.0");
+  EXPECT_EQ(upgrade.status, 0);
+  EXPECT_EQ(upgrade.output, "");
+
+  EXPECT_EQ(run("prerm remove").output, "systemctl stop palpate@*.target palpate-*@*.service ");
+}
+
+TEST_F(MaintainerScripts, AnUpgradeSaysThatSessionsKeepTheOldVersion) {
+  const CommandResult upgrade = run("postinst configure 1.0");
+  EXPECT_EQ(upgrade.status, 0);
+  EXPECT_NE(upgrade.output.find("running sessions keep version 1.0"), std::string::npos);
+
+  EXPECT_EQ(run("postinst configure").output.find("running sessions"), std::string::npos);
+}
+
+TEST_F(MaintainerScripts, APurgeLeavesNothing) {
+  EXPECT_EQ(run("postrm remove").status, 0);
+  EXPECT_TRUE(fs::exists(files_.path() / "root/var/lib/palpate/run.mcap"));
+
+  EXPECT_EQ(run("postrm purge").status, 0);
+
+  std::vector<std::string> left;
+  for (const auto& entry : fs::recursive_directory_iterator(files_.path() / "root")) {
+    if (entry.path().filename().string().starts_with("palpate")) left.push_back(entry.path());
+  }
+  EXPECT_EQ(left, std::vector<std::string>{});
+  EXPECT_TRUE(fs::exists(files_.path() / "root/etc/systemd/system/other.service"));
+}
+
+TEST(Prometheus, NoticesThatNobodyAnswers) {
+  const std::string rules =
+      test::text_of(PALPATE_SOURCE_DIR "/deploy/prometheus/palpate_rules.yml");
+  EXPECT_NE(rules.find("expr: up{job=\"palpate\"} == 0"), std::string::npos);
 }
 
 TEST(Prometheus, AcceptsTheRulesAndTheConfiguration) {

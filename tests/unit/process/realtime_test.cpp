@@ -45,6 +45,11 @@ TEST(Realtime, PriorityZeroAndNoProcessorLeaveTheThreadAsItIs) {
   });
 }
 
+TEST(Realtime, MoreTicksThanProcessorsAreAWarning) {
+  EXPECT_EQ(too_many_ticks(1), "");
+  EXPECT_THAT(too_many_ticks(CPU_SETSIZE + 1), HasSubstr("1025 sides on "));
+}
+
 TEST(Realtime, TakesFifoExactlyWhenPermittedAndReportsIt) {
   const bool may = may_use_fifo(10);
   on_a_thread([may] {

@@ -43,6 +43,22 @@ TEST(SessionOverride, TextNeedsNoQuotes) {
   EXPECT_EQ(overridden({"scene.tissue[0].name=a=b"}).scene.tissues[0].name, "a=b");
 }
 
+TEST(SessionOverride, ReplacesAListHoweverItIsWritten) {
+  for (const char* list :
+       {R"(["python3", "a b.py", "{session}"])", R"([python3, a b.py, {session}])",
+        R"(['python3','a b.py',{session}])", R"([ "python3" , a b.py , '{session}' ])"}) {
+    EXPECT_THAT(overridden({"physics.command=[old]", std::string("physics.command=") + list})
+                    .physics_command,
+                ElementsAre("python3", "a b.py", "{session}"))
+        << list;
+  }
+  EXPECT_THAT(overridden({"physics.command=mine"}).physics_command, ElementsAre("mine"));
+  EXPECT_THAT(overridden({R"(physics.command=["a, b", "c\"d"])"}).physics_command,
+              ElementsAre("a, b", "c\"d"));
+  EXPECT_THAT(overridden({"physics.command=[old]", "physics.command=[]"}).physics_command,
+              ::testing::IsEmpty());
+}
+
 TEST(SessionOverride, KeepsTheRestOfTheMessage) {
   const auto v = std::get<VPath>(overridden({"hand.v.free_motion_s=14"}).side().hand.path);
 
@@ -134,6 +150,8 @@ TEST(SessionOverride, ReportsWhyItCannotBeApplied) {
       {"scene.tissue[1].name=a",
        "scene.tissue[1]: there are only 1, counted from [0]; "
        "scene.tissue={ … } adds one"},
+      {"physics.command[0]=a", "physics.command[0]: there are only 0"},
+      {"physics.command=[\"a]", "physics.command: cannot be read"},
       {"scene.tissue[-1].name=a", "an index is written [0]"},
       {"scene.tissue[x].name=a", "an index is written [0]"},
       {"scene.tissue[0.name=a", "an index is written [0]"},

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -13,6 +14,7 @@
 #include "viewer_node/recording/mcap_format.h"
 #include "viewer_node/recording/mcap_reader.h"
 #include "viewer_node/recording/mcap_writer.h"
+#include "viewer_node/recording/recording_copy.h"
 
 namespace palpate::viewer {
 namespace {
@@ -170,6 +172,26 @@ TEST_F(Mcap, ASummaryOverSixtyFourMebibytesIsNotNeeded) {
   McapReader reader(path);
   EXPECT_TRUE(reader.is_whole());
   EXPECT_EQ(read_messages(reader), std::vector<std::string>{"payload"});
+}
+
+// As ticks that are older than the message that brought them, and after the wall clock was set
+// back.
+TEST_F(Mcap, APartHasTheMessagesOfItsTimeThatFollowALaterOne) {
+  {
+    McapWriter writer(path, true, kChannels);
+    for (const std::uint64_t at_ms : {0, 10, 30, 15, 40}) {
+      writer.write(0, at_ms * kMillisecond_ns, std::to_string(at_ms));
+    }
+    writer.close();
+  }
+  std::vector<std::unique_ptr<McapReader>> sources;
+  sources.push_back(std::make_unique<McapReader>(path));
+  const std::string part = (folder.path() / "part.mcap").string();
+
+  copy_recordings(sources, {.command = "cut", .file = part, .to_s = 0.020});
+
+  McapReader reader(part);
+  EXPECT_EQ(read_messages(reader), (std::vector<std::string>{"0", "10", "15"}));
 }
 
 TEST_F(Mcap, TheSameCallsGiveTheSameFile) {
