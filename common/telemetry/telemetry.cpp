@@ -58,6 +58,8 @@ const char* name(FaultReason reason) {
       return "device corrupt";
     case FaultReason::kDeviceNotReady:
       return "device not ready";
+    case FaultReason::kSuspended:
+      return "machine suspended";
   }
   return "?";
 }

@@ -48,6 +48,7 @@ export interface DeviceTelemetry {
     isMonitorOff: boolean;
     monitorReductions: bigint;
     hasNoMotorWatchdog: boolean;
+    acceptsNoMotorWatchdog: boolean;
     deadManTicks: bigint;
   };
   recordsLost: bigint;
