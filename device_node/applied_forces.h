@@ -21,6 +21,9 @@ namespace palpate::device {
 /// Keeps the newest kMaxAppliedForces: who missed older ones finds a gap.
 class AppliedForces {
  public:
+  /// @param ends_by_itself  whether a force ends with its lease, whatever this process does
+  explicit AppliedForces(bool ends_by_itself = true) noexcept : ends_by_itself_(ends_by_itself) {}
+
   /// The first reading of a session: the echo begins here.
   void begin(TimePoint at) noexcept {
     has_begun_ = true;
@@ -38,7 +41,7 @@ class AppliedForces {
 
   /// Whether the force ended by itself before `at`, and that is not yet recorded.
   [[nodiscard]] bool has_run_out(TimePoint at) const noexcept {
-    return lease_end_ < at && !force_.isZero(0.0);
+    return ends_by_itself_ && lease_end_ < at && !force_.isZero(0.0);
   }
   /// The force ended by itself, and the device latched the position.
   void ran_out(const Vector3& position_m) noexcept {
@@ -49,6 +52,7 @@ class AppliedForces {
   /// A position was read at `at`: the segment that ends there is finished.
   void read(TimePoint at, const Vector3& position_m) noexcept {
     run_out(at);
+    if (has_outlived_its_lease(at)) return lose(at);
     end_segment(at);
     if (count_ == 0) return;
     AppliedForce& last = segments_[count_ - 1];
@@ -58,10 +62,18 @@ class AppliedForces {
     }
   }
 
-  /// Motors released at `at`, no position read.
+  /// Of motors without a watchdog: what acts from the position just read on.
+  void acts_on(const Vector3& force) noexcept { force_ = force; }
+
+  /// The device confirmed that it released the motors by `at`; no position read.
   void released(TimePoint at) noexcept {
     run_out(at);
-    if (!force_.isZero(0.0)) end_force(at);
+    if (has_outlived_its_lease(at)) {
+      lose(at);
+      force_.setZero();
+    } else if (!force_.isZero(0.0)) {
+      end_force(at);
+    }
   }
 
   /// mofc_node knows what acted until `at`.
@@ -103,6 +115,14 @@ class AppliedForces {
   void run_out(TimePoint at) noexcept {
     if (has_run_out(at)) end_force(lease_end_);
   }
+  [[nodiscard]] bool has_outlived_its_lease(TimePoint at) const noexcept {
+    return !ends_by_itself_ && lease_end_ < at && since_ < at && !force_.isZero(0.0);
+  }
+  /// It is not known what acted until `at`.
+  void lose(TimePoint at) noexcept {
+    count_ = 0;
+    since_ = at;
+  }
   void end_force(TimePoint at) noexcept {
     end_segment(at);
     force_.setZero();
@@ -116,6 +136,7 @@ class AppliedForces {
   }
 
   std::array<AppliedForce, kMaxAppliedForces> segments_{};
+  bool ends_by_itself_;
   std::uint32_t count_ = 0;
   bool has_begun_ = false;
   TimePoint since_{};

@@ -25,8 +25,9 @@ struct DeviceSpecification {
   bool is_simulated = false;
   /// What a person does before calibrate(); empty where the device calibrates itself.
   std::string calibration = {};
-  /// False: the motors keep pushing when this process stops. The passivity guarantee is then not
-  /// available, which is reported.
+  /// True: the motors end each force with its lease, whatever this process does. False: a force
+  /// goes on until the next read(), apply() or release(), however late, and may end by itself at
+  /// any time after its lease. Forces above f_co then need an acceptance in the session.
   bool has_motor_watchdog = false;
   /// The watchdog stores the position as it ends a force: take_latched() returns it.
   bool has_position_latch = false;
@@ -38,9 +39,16 @@ struct DeviceSample {
   Quaternion orientation = Quaternion::Identity();  ///< D from T, unit
   std::uint32_t buttons = 0;                        ///< bit i set while button i is held
   TimePoint sampled_at{};                           ///< this host's clock
-  /// Of a switch: the force that acts from this reading on [N], D, as the motors realise it,
-  /// limited and quantised; the energy is counted with it.
+  /// The force that acts from this reading on [N], D, as the motors realise it, limited and
+  /// quantised; the energy is counted with it. Of a switch, and of a reading of a device without a
+  /// motor watchdog: there it is zero where the lease was over.
   Vector3 applied_force_newton = Vector3::Zero();
+  /// Position and switch may be older than sampled_at by so much: the time of the transfer. 0: they
+  /// are one instant.
+  Duration skew{};
+  /// What the motors did since the last message beyond F·Δx: held currents make another force while
+  /// the arm turns [J]. 0: the device holds the force.
+  double turning_joule = 0.0;
 };
 
 /// Why a transfer failed.

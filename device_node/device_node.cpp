@@ -45,6 +45,15 @@ FaultReason reason_of(DeviceError error, FaultReason otherwise) {
 
 }  // namespace
 
+double largest_force_newton(const DeviceConfig& config,
+                            const DeviceSpecification& specification) noexcept {
+  const bool may_exceed_friction =
+      specification.has_motor_watchdog || config.accepts_no_motor_watchdog;
+  return may_exceed_friction
+             ? specification.peak_force_newton
+             : std::min(specification.peak_force_newton, config.profile.coulomb_newton);
+}
+
 void refuse_unmonitored(const DeviceConfig& config, const DeviceSpecification& specification,
                         bool is_unsafe) {
   if (config.monitor.is_on || specification.is_simulated || is_unsafe) return;
@@ -74,9 +83,11 @@ DeviceNode::DeviceNode(const DeviceConfig& config, HapticDevice& device, const C
       session_id_(session_id),
       observer_(observer),
       workspace_(config.workspace),
-      guard_(config, device.specification().peak_force_newton),
-      monitor_(config),
+      guard_(config, largest_force_newton(config, device.specification())),
+      monitor_(config, {.are_by_themselves = device.specification().has_motor_watchdog,
+                        .reach_m = 2.0 * device.specification().workspace_half_extent_m.norm()}),
       watch_(config),
+      applied_(device.specification().has_motor_watchdog),
       rounding_m_(std::sqrt(3.0) * std::max(config.profile.position_resolution_m,
                                             device.specification().position_resolution_m)),
       is_acknowledged_(device.specification().is_simulated) {}
@@ -96,6 +107,8 @@ void DeviceNode::step(const Tick& tick) noexcept {
     latch(reason, record);
   }
 
+  slept_ = Duration::zero();
+
   // record: hop 5
   count(record);
   ticks_out_.keep(record);
@@ -107,6 +120,10 @@ void DeviceNode::step(const Tick& tick) noexcept {
 /// The exchange of a tick; returns the reason if it failed.
 FaultReason DeviceNode::exchange(TimePoint next_reading, DeviceTick& record) noexcept {
   if (!is_released_) return FaultReason::kWriteFailed;  // of an earlier stop()
+  if (slept_ > Duration::zero()) {
+    monitor_.slept(slept_);
+    return FaultReason::kSuspended;
+  }
   // read: t_k
   DeviceSample sample;
   if (!device_.read(sample)) return reason_of(device_.last_error(), FaultReason::kReadFailed);
@@ -173,6 +190,7 @@ FaultReason DeviceNode::switch_to(const GuardedForce& commanded, TimePoint deadl
                                  ? judge_with_latched(at_switch)
                                  : reason_of(device_.last_error(), FaultReason::kWriteFailed);
   if (reason != FaultReason::kNone) {
+    if (!is_applied) monitor_.failed(guarded.force_on_hand_newton);
     record.force_on_hand_newton.setZero();
     record.is_peak_limited = false;
     return reason;
@@ -187,7 +205,7 @@ FaultReason DeviceNode::switch_to(const GuardedForce& commanded, TimePoint deadl
   applied_.switched(at_switch.sampled_at, at_switch.hand_position_m, guarded.force_on_hand_newton,
                     guarded.lease);
   monitor_.switched(at_switch.sampled_at, at_switch.hand_position_m, guarded.force_on_hand_newton,
-                    guarded.lease);
+                    guarded.lease, details_of(at_switch));
   record.switched_at = at_switch.sampled_at;
   return record.is_answered && at_switch.sampled_at > deadline ? withdraw_late_answer(record)
                                                                : FaultReason::kNone;
@@ -211,10 +229,8 @@ GuardedForce DeviceNode::monitored(const GuardedForce& guarded, DeviceTick& reco
 /// The clamp paid in advance for the whole lease of the force that acted before the switch, and for
 /// an answer that begins to act by the deadline. A later answer is not paid for.
 FaultReason DeviceNode::withdraw_late_answer(DeviceTick& record) noexcept {
-  const bool is_released = device_.release();
+  const bool is_released = release_once();
   const TimePoint released_at = clock_.now();
-  applied_.released(released_at);
-  monitor_.released(released_at);
   guard_.withdraw_answer();
   ++counters_.late_switches;
   count_force(record.force_on_hand_newton);
@@ -246,11 +262,12 @@ void DeviceNode::record_without_exchange(DeviceTick& record) noexcept {
 FaultReason DeviceNode::judge(const DeviceSample& sample) noexcept {
   if (!is_finite(sample)) return FaultReason::kReadingNotFinite;
   const double moved_m = (sample.hand_position_m - last_position_m_).norm();
-  const double possible_m =
-      config_.v_fault_m_per_s * to_seconds(sample.sampled_at - last_reading_at_) + rounding_m_;
+  const Duration elapsed =
+      sample.sampled_at - last_reading_at_ + sample.skew + config_.latency;  // at most
+  const double possible_m = config_.v_fault_m_per_s * to_seconds(elapsed) + rounding_m_;
   const bool is_jump = has_reading_ && moved_m > possible_m;
   if (has_reading_) {
-    watch_.moved(sample.hand_position_m - last_position_m_, sample.sampled_at - last_reading_at_);
+    watch_.moved(sample.hand_position_m - last_position_m_, elapsed);
   }
   last_position_m_ = sample.hand_position_m;
   last_orientation_ = sample.orientation;
@@ -313,10 +330,21 @@ const DeviceState& DeviceNode::make_state(const DeviceSample& sample,
   } else {
     applied_.begin(sample.sampled_at);
   }
+  const ReadingDetails details = details_of(sample);
+  if (details.acting_newton) applied_.acts_on(*details.acting_newton);
   applied_.report_in(state);
-  monitor_.read(sample.sampled_at, sample.hand_position_m);
-  if (config_.monitor.is_on) state.monitor_energy_joule = monitor_.joule();
+  monitor_.read(sample.sampled_at, sample.hand_position_m, details);
+  if (config_.monitor.is_on) state.monitor_energy_joule = monitor_.coverable_joule();
   return state;
+}
+
+ReadingDetails DeviceNode::details_of(const DeviceSample& sample) const noexcept {
+  ReadingDetails details{.skew = sample.skew + config_.latency,
+                         .turning_joule = sample.turning_joule};
+  if (!device_.specification().has_motor_watchdog) {
+    details.acting_newton = sample.applied_force_newton;
+  }
+  return details;
 }
 
 /// Every answer acknowledges what its state reported, even one that comes too late to act.
@@ -421,25 +449,31 @@ void DeviceNode::acknowledge() noexcept {
 }
 
 bool DeviceNode::clear_fault() noexcept {
-  is_released_ = device_.release();
-  if (!is_released_) return false;
+  if (!release_once()) return false;
   fault_ = FaultReason::kNone;
   has_reading_ = false;
   // what the encoder did meanwhile is not known: the echo begins anew, which mofc_node takes as a
   // gap
-  applied_ = {};
+  applied_ = AppliedForces(device_.specification().has_motor_watchdog);
   monitor_.lost();
   ++counters_.fault_resets;
   return true;
 }
 
 void DeviceNode::release_motors() noexcept {
-  is_released_ = device_.release();
+  static_cast<void>(release_once());
   guard_.reset();
-  if (!applied_.has_begun()) return;
-  const TimePoint now = clock_.now();
-  applied_.released(now);
-  monitor_.released(now);
+}
+
+/// A force that the device did not confirm as ended goes on, in the accounts too.
+bool DeviceNode::release_once() noexcept {
+  is_released_ = device_.release();
+  if (is_released_ && applied_.has_begun()) {
+    const TimePoint now = clock_.now();
+    applied_.released(now);
+    monitor_.released(now);
+  }
+  return is_released_;
 }
 
 /// In a latched fault, until the device confirms it.
@@ -449,7 +483,7 @@ void DeviceNode::release_again() noexcept {
     reopens_at_ = now + kReopenEvery;
     static_cast<void>(device_.reopen(kReopenWithin));
   }
-  is_released_ = device_.release();
+  static_cast<void>(release_once());
 }
 
 DeviceCounters DeviceNode::counters() const noexcept {
@@ -460,6 +494,7 @@ DeviceCounters DeviceNode::counters() const noexcept {
   counters.phase = phase();
   counters.is_release_unconfirmed = !is_released_;
   counters.has_no_motor_watchdog = !device_.specification().has_motor_watchdog;
+  counters.accepts_no_motor_watchdog = config_.accepts_no_motor_watchdog;
   counters.too_fast_readings = watch_.too_fast_readings();
   counters.coarse_readings = watch_.coarse_readings();
   return counters;

@@ -47,6 +47,11 @@
 
 namespace palpate::device {
 
+/// The largest force that the session and the device allow [N]: f_co where the motors end no force
+/// by themselves, unless the session accepts that.
+[[nodiscard]] double largest_force_newton(const DeviceConfig& config,
+                                          const DeviceSpecification& specification) noexcept;
+
 /// @throws SetupError  a real device without the monitor, unless `is_unsafe`
 void refuse_unmonitored(const DeviceConfig& config, const DeviceSpecification& specification,
                         bool is_unsafe);
@@ -86,10 +91,15 @@ class DeviceNode {
   /// device calibrated, and where it is simulated, the same call enables it.
   void acknowledge() noexcept;
 
+  /// The machine slept for so long, which the clock did not count: a fault of the next step().
+  void suspended(Duration slept) noexcept { slept_ += slept; }
+
   /// The result of a hands-off check, for the counters.
   void report_checked_friction(double ratio) noexcept { counters_.checked_friction_ratio = ratio; }
 
   [[nodiscard]] DeviceCounters counters() const noexcept;
+  /// M of the monitor at the last reading [J].
+  [[nodiscard]] double monitor_joule() const noexcept { return monitor_.joule(); }
 
  private:
   void count_appointment(const Tick& tick) noexcept;
@@ -109,11 +119,13 @@ class DeviceNode {
                                                               TimePoint until) noexcept;
   void record_last_reading(DeviceTick& record) const noexcept;
   void record_acted(DeviceTick& record) noexcept;
+  [[nodiscard]] ReadingDetails details_of(const DeviceSample& sample) const noexcept;
   void notify_observer(DeviceTick& record) noexcept;
   void count(const DeviceTick& record) noexcept;
   void count_force(const Vector3& force_newton) noexcept;
   void latch(FaultReason reason, DeviceTick& record) noexcept;
   void release_motors() noexcept;
+  bool release_once() noexcept;
   void release_again() noexcept;
 
   DeviceConfig config_;
@@ -144,6 +156,7 @@ class DeviceNode {
   bool is_acknowledged_;                     // by a person, since the start or the last fault
   bool was_let_go_ = false;                  // the dead-man button, since then
   bool is_released_ = true;                  // the device confirmed the last release
+  Duration slept_{};                         // since the last step
   TimePoint reopens_at_{};                   // next attempt to reach a lost device
   Vector3 counted_force_newton_ = Vector3::Zero();  // of the last tick
   DeviceCounters counters_;

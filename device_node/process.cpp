@@ -20,6 +20,7 @@
 #include "device_node/identification/hands_off_check.h"
 #include "device_node/simulation/pointer_hold.h"
 #include "device_node/simulation/true_state_recorder.h"
+#include "device_node/suspend_watch.h"
 
 namespace palpate::device {
 namespace {
@@ -162,7 +163,8 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
   }
   if (!device->specification().has_motor_watchdog) {
     context.log.warn("event=no_motor_watchdog device=\"{}\": {}",
-                     device->specification().model_name, kNoWatchdogText);
+                     device->specification().model_name,
+                     no_watchdog_text(config.accepts_no_motor_watchdog));
   }
 
   Inbox<ForceCommand> force_in(exchange.commands, context.clock, session.faults.force_command,
@@ -204,6 +206,7 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
   node.report_checked_friction(friction_ratio);
   context.log.info("event=realtime {}", enter_realtime(session.side().realtime).text);
   SteadyClock appointments(session.side().realtime.wait);
+  SuspendWatch suspend;
   RateLoop loop(appointments, session.side().device.rate_hz);
   // a signal before this counts for nothing: nobody was asked yet
   std::uint32_t resets = context.requests.fault_resets;
@@ -211,6 +214,7 @@ void run_with(const Exchange& exchange, NodeContext& context, ZmqContext& side) 
     const std::uint32_t resets_asked = context.requests.fault_resets;
     if (resets_asked != resets) node.acknowledge();
     resets = resets_asked;
+    node.suspended(suspend.slept());
     node.step(tick);
     if (exchange.after_switch) exchange.after_switch();
     counters.store(node.counters());

@@ -34,6 +34,10 @@ struct DeviceConfig {
   MonitorConfig monitor;
   /// Force only while this button is held; none: no such button.
   std::optional<std::uint32_t> dead_man_button = {};
+  /// Forces above f_co although the motors do not end a force by themselves.
+  bool accepts_no_motor_watchdog = false;
+  /// Positions may be older, and forces begin later, than the device's stamps by so much.
+  Duration latency{};
   bool has_hands_off_check = false;  ///< at the start: device_node/identification/hands_off_check.h
 };
 

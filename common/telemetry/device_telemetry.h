@@ -47,6 +47,7 @@ enum class FaultReason : std::uint8_t {
   kDeviceGone = 6,        ///< unplugged, or the program that owns it ended
   kDeviceCorrupt = 7,     ///< the answer broke the rules of the device's wire
   kDeviceNotReady = 8,    ///< it lost its supply or its calibration
+  kSuspended = 9,         ///< the machine slept: what acted meanwhile is not known
 };
 [[nodiscard]] const char* name(FaultReason reason);
 
@@ -84,8 +85,11 @@ struct DeviceTick {
 };
 
 /// Of DeviceCounters::has_no_motor_watchdog, for people.
-inline constexpr const char* kNoWatchdogText =
-    "none: the guarantee is not available while the process is stopped";
+[[nodiscard]] constexpr const char* no_watchdog_text(bool is_accepted) {
+  return is_accepted ? "none, accepted: the guarantee is not available while the process is stopped"
+                     : "none: forces stay at or below f_co; device { accept: NO_MOTOR_WATCHDOG } "
+                       "allows more";
+}
 
 /// Of DeviceCounters::is_release_unconfirmed, for people.
 inline constexpr const char* kReleaseUnconfirmedText =
@@ -117,6 +121,7 @@ struct DeviceCounters {
   /// The motors do not end a force by themselves: while this process is stopped the force goes on,
   /// and the guarantee is not available.
   bool has_no_motor_watchdog = false;
+  bool accepts_no_motor_watchdog = false;  ///< by the session: forces above f_co all the same
   std::uint64_t dead_man_ticks = 0;  ///< without force because the dead-man button was not held
   DevicePhase phase = DevicePhase::kUnknown;
   /// The device has not confirmed the last release: its motors may still push.

@@ -194,6 +194,7 @@ nlohmann::ordered_json summary_json(const Session& session, const RunReport& rep
   json["monitor"] = report.device.is_monitor_off ? "off" : "on";
   json["monitor_reductions"] = report.device.monitor_reductions;
   json["has_motor_watchdog"] = !report.device.has_no_motor_watchdog;
+  json["accepts_no_motor_watchdog"] = report.device.accepts_no_motor_watchdog;
   json["velocity_reversals"] = {{"x", reversals[0]}, {"y", reversals[1]}, {"z", reversals[2]}};
   if (has_ideal) {
     json["velocity_reversals"]["ideal"] = {{"x", ideal[0]}, {"y", ideal[1]}, {"z", ideal[2]}};
@@ -280,7 +281,8 @@ std::string summary_text(const Session& session, const RunReport& report) {
        figure(s.maximum_force_newton(), "{:.3f} N") +
            figure(report.device.largest_jump_newton, ", largest jump from tick to tick {:.3f} N"));
   line("monitor", monitor_text(report.device));
-  if (report.device.has_no_motor_watchdog) line("motor watchdog", kNoWatchdogText);
+  if (report.device.has_no_motor_watchdog)
+    line("motor watchdog", no_watchdog_text(report.device.accepts_no_motor_watchdog));
   line("least true energy", figure(1e6 * s.minimum_true_energy_joule(), "{:.3f} µJ"));
   line("velocity reversals",
        has_ideal ? fmt::format("{}, {} more than the ideal run", total, s.excess_reversals())

@@ -59,6 +59,8 @@ const char* name(FaultReason reason) {
       return "device corrupt";
     case FaultReason::kDeviceNotReady:
       return "device not ready";
+    case FaultReason::kSuspended:
+      return "machine suspended";
   }
   return "?";
 }

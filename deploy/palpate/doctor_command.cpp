@@ -289,7 +289,9 @@ void examine_real_device(const Side& side, std::vector<Finding>& findings) {
   if (specification.has_motor_watchdog) {
     findings.push_back({"motor watchdog", "ends a force by itself"});
   } else {
-    findings.push_back({.what = "motor watchdog", .text = kNoWatchdogText, .is_note = true});
+    findings.push_back({.what = "motor watchdog",
+                        .text = no_watchdog_text(side.device.accepts_no_motor_watchdog),
+                        .is_note = true});
   }
   findings.push_back(examine_encoder(*device, side.device.profile));
   findings.push_back(

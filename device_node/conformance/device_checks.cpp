@@ -267,6 +267,30 @@ CheckOutcome check_lease(DeviceBench& bench) {
                           1e3 * moved->early_m_per_s, 1e3 * moved->late_m_per_s));
 }
 
+/// Without a watchdog the reading says what acts: the force within its lease, none after it.
+CheckOutcome check_reported_force(DeviceBench& bench) {
+  if (bench.device().specification().has_motor_watchdog) return good("not needed: a watchdog");
+  const Limp at_the_end(bench.device());
+  HapticDevice& device = bench.device();
+  DeviceSample at_switch;
+  constexpr Duration kLease = 20ms;
+  if (!device.apply(gentle_force_newton(bench), kLease, at_switch)) return failed(kRefused);
+  DeviceSample within;
+  if (!device.read(within)) return failed(kNoReading);
+  const double made_newton = at_switch.applied_force_newton.norm();
+  if (within.sampled_at < at_switch.sampled_at + kLease / 2 &&
+      within.applied_force_newton.norm() < 0.5 * made_newton) {
+    return failed("a reading within the lease says that no force acts");
+  }
+  bench.pass(kLease + bench.stamp_tolerance() + 1ms);
+  DeviceSample after;
+  if (!device.read(after)) return failed(kNoReading);
+  if (!after.applied_force_newton.isZero(0.0)) {
+    return failed("a reading after the lease says that a force goes on: end it there");
+  }
+  return good("the force within the lease, none after it");
+}
+
 CheckOutcome check_latch(DeviceBench& bench) {
   const Limp at_the_end(bench.device());
   HapticDevice& device = bench.device();
@@ -453,6 +477,10 @@ constexpr std::array kChecks{
                 "hand the lease to the amplifier; without a watchdog there, has_motor_watchdog = "
                 "false",
                 check_lease},
+    DeviceCheck{"reported",
+                "without a watchdog end a force with the first read() after its lease, and say in "
+                "applied_force_newton of each reading what acts from it on",
+                check_reported_force},
     DeviceCheck{"latch", "see take_latched() in device_node/device.h", check_latch},
     DeviceCheck{"no lease", "a lease of 0 or less is no force", check_no_lease},
     DeviceCheck{"peak", "limit the force to peak_force_newton along its direction", check_peak},

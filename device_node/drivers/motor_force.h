@@ -73,7 +73,8 @@ class MotorForce {
 };
 
 /// Rounds the counts of three motors to whole numbers: to the nearest, or, where these would make
-/// more force than `limit_newton`, after scaling by so much that no rounding can exceed it.
+/// more force than `limit_newton` or than the counts asked for, after scaling by so much that no
+/// rounding can exceed it. What is asked for is covered, and what is more would not be.
 /// @param newton_per_count  columns: the force of one count of each motor
 /// @return                  the force of the rounded counts [N]
 inline Vector3 round_counts(Vector3& counts, const Matrix3& newton_per_count,
@@ -81,10 +82,13 @@ inline Vector3 round_counts(Vector3& counts, const Matrix3& newton_per_count,
   const Vector3 wanted = counts;
   counts = wanted.array().round();
   const Vector3 made_newton = newton_per_count * counts;
-  if (made_newton.norm() <= limit_newton) return made_newton;
+  const double wanted_newton = (newton_per_count * wanted).norm();
+  constexpr double kExact = 1.0 + 1e-12;  // rounding of the two norms
+  limit_newton = std::min(limit_newton, wanted_newton);
+  if (made_newton.norm() <= kExact * limit_newton) return made_newton;
   const double rounding_newton = 0.5 * newton_per_count.colwise().norm().sum();
   const double scaled_newton = std::max(limit_newton - rounding_newton, 0.0);
-  counts = (scaled_newton / (newton_per_count * wanted).norm() * wanted).array().round();
+  counts = (scaled_newton / wanted_newton * wanted).array().round();
   return newton_per_count * counts;
 }
 

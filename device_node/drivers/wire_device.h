@@ -96,8 +96,8 @@ class WireDevice : public HapticDevice {
   virtual void connect(Duration within) = 0;
   [[nodiscard]] virtual bool is_connected() const noexcept = 0;
   virtual void disconnect() noexcept = 0;
-  /// One message with a force [N], D, and its answer: position, force applied, buttons. Called
-  /// without a connection, too: kClosed.
+  /// One message with a force [N], D, and its answer: position, force applied, buttons, and what
+  /// the motors did meanwhile by turning. Called without a connection, too: kClosed.
   [[nodiscard]] virtual Transfer exchange(const Vector3& force_newton,
                                           DeviceSample& sample) noexcept = 0;
 
@@ -164,8 +164,11 @@ class WireDevice : public HapticDevice {
 
   bool transfer(const Vector3& force_newton, DeviceSample& sample) noexcept {
     sample = {};
+    const TimePoint began_at = clock_.now();
     const Transfer outcome = noted(exchange(force_newton, sample));
     sample.sampled_at = clock_.now();
+    // the device read and switched at some time in between
+    sample.skew = sample.sampled_at - began_at;
     error_ = device_error(outcome);
     return outcome == Transfer::kDone;
   }

@@ -13,7 +13,7 @@
 namespace palpate::device {
 namespace {
 
-constexpr std::array<std::pair<std::string_view, WireFault>, 18> kWireFaults{
+constexpr std::array<std::pair<std::string_view, WireFault>, 26> kWireFaults{
     {{"unplugged", WireFault::kUnplugged},
      {"silent", WireFault::kSilent},
      {"delayed", WireFault::kDelayed},
@@ -31,9 +31,15 @@ constexpr std::array<std::pair<std::string_view, WireFault>, 18> kWireFaults{
      {"doubled", WireFault::kDoubled},
      {"grip_gone", WireFault::kGripGone},
      {"grip_off", WireFault::kGripOff},
-     {"grip_frozen", WireFault::kGripFrozen}}};
-
-constexpr Duration kForever = std::chrono::hours(24);
+     {"grip_frozen", WireFault::kGripFrozen},
+     {"watchdog_20", WireFault::kWatchdog20},
+     {"watchdog_100", WireFault::kWatchdog100},
+     {"watchdog_500", WireFault::kWatchdog500},
+     {"late", WireFault::kLate},
+     {"one_tick", WireFault::kOneTick},
+     {"turning", WireFault::kTurning},
+     {"reversed", WireFault::kReversed},
+     {"strong", WireFault::kStrong}}};
 
 bool read_number(std::string_view text, double& value) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
@@ -115,29 +121,57 @@ bool EmulatedDevice::takes_begin_of(WireFault kind) noexcept {
 }
 
 Duration EmulatedDevice::watchdog() const noexcept {
-  return has(WireFault::kNoWatchdog) ? kForever : watchdog_;
+  constexpr std::pair<WireFault, Duration> kWatchdogs[] = {
+      {WireFault::kNoWatchdog, HardwareVices::kNever},
+      {WireFault::kWatchdog20, std::chrono::milliseconds(20)},
+      {WireFault::kWatchdog100, std::chrono::milliseconds(100)},
+      {WireFault::kWatchdog500, std::chrono::milliseconds(500)}};
+  for (const auto& [kind, watchdog] : kWatchdogs) {
+    if (has(kind)) return watchdog;
+  }
+  return watchdog_;
+}
+
+void EmulatedDevice::set_vices() noexcept {
+  HardwareVices vices{.watchdog = watchdog()};
+  if (has(WireFault::kLate)) {
+    vices.sensing = vices.actuation = std::chrono::milliseconds(1);
+    vices.has_jitter = true;
+  }
+  if (has(WireFault::kOneTick)) vices.acts_for = std::chrono::microseconds(500);
+  if (has(WireFault::kReversed)) vices.gain = -1.0;
+  if (has(WireFault::kStrong)) vices.gain = 2.0;
+  device_.set(vices);
 }
 
 DeviceSample EmulatedDevice::switch_to(const Vector3& force_on_hand_newton) noexcept {
-  DeviceSample sample;
-  const Vector3 made_newton =
-      has(WireFault::kNoSupply) ? Vector3(Vector3::Zero()) : force_on_hand_newton;
-  static_cast<void>(device_.apply(made_newton, watchdog(), sample));
-  note_switch(sample.sampled_at, sample.applied_force_newton.norm());
+  set_vices();
+  return switched(device_.switch_to(has(WireFault::kNoSupply) ? Vector3(Vector3::Zero())
+                                                              : force_on_hand_newton));
+}
+
+DeviceSample EmulatedDevice::switch_to(Hardware::HeldForce force_on_hand_newton) noexcept {
+  if (has(WireFault::kNoSupply)) return switch_to(Vector3(Vector3::Zero()));
+  set_vices();
+  return switched(device_.switch_to(std::move(force_on_hand_newton)));
+}
+
+DeviceSample EmulatedDevice::switched(DeviceSample sample) noexcept {
+  note_switch(sample.sampled_at, force_newton().norm());
   ++messages_;
   return seen(sample);
 }
 
 DeviceSample EmulatedDevice::read() noexcept {
-  DeviceSample sample;
-  static_cast<void>(device_.read(sample));
+  set_vices();
+  const DeviceSample sample = device_.read();
   ++messages_;
   return seen(sample);
 }
 
 void EmulatedDevice::let_go() noexcept {
   if (has(WireFault::kNoWatchdog)) return;
-  static_cast<void>(device_.release());
+  device_.let_go();
   note_switch(clock_.now(), 0.0);
 }
 

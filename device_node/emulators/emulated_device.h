@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "common/core/clock.h"
-#include "device_node/simulation/simulated_device.h"
+#include "device_node/emulators/hardware.h"
 
 namespace palpate::device {
 
@@ -36,6 +36,14 @@ enum class WireFault : std::uint8_t {
   kGripGone,       ///< no grip in the answers
   kGripOff,        ///< the grip is not connected; its last state is repeated
   kGripFrozen,     ///< the last state of the grip is repeated
+  kWatchdog20,     ///< the motors end a force 20 ms after the last message
+  kWatchdog100,
+  kWatchdog500,
+  kLate,      ///< positions are up to 1 ms old, forces begin up to 1 ms late
+  kOneTick,   ///< a force ends by itself after 0.5 ms
+  kTurning,   ///< currents are held while the arm turns, and with them not the force
+  kReversed,  ///< the motors push the other way
+  kStrong,    ///< the motors push twice as hard
 };
 
 struct PlannedFault {
@@ -70,14 +78,14 @@ class EmulatedDevice {
   /// The force that a message asks for, from now on.
   /// @return  the reading at the switch; frozen while the encoders stand still
   DeviceSample switch_to(const Vector3& force_on_hand_newton) noexcept;
+  /// The same with currents that are held: a force for each position.
+  DeviceSample switch_to(Hardware::HeldForce force_on_hand_newton) noexcept;
   /// A reading; the force goes on within the watchdog's time.
   DeviceSample read() noexcept;
   /// The client is gone: the force ends, unless the motors have no watchdog.
   void let_go() noexcept;
 
-  [[nodiscard]] Vector3 force_newton() const noexcept {
-    return device_.motor_force_on_hand_newton();
-  }
+  [[nodiscard]] Vector3 force_newton() const noexcept { return device_.force_newton(); }
   [[nodiscard]] Vector3 velocity_m_per_s() const noexcept {
     return device_.true_state().hand_velocity_m_per_s;
   }
@@ -101,12 +109,15 @@ class EmulatedDevice {
   void note_switch(TimePoint at, double force_newton) noexcept;
   /// After which the motors end a force now.
   [[nodiscard]] Duration watchdog() const noexcept;
+  /// What the faults under way make of the hardware.
+  void set_vices() noexcept;
+  DeviceSample switched(DeviceSample sample) noexcept;
   /// Another force follows now; the lock is held.
   void note_force_until(TimePoint now) noexcept;
 
   const Clock& clock_;
   TimePoint start_;
-  SimulatedDevice device_;
+  Hardware device_;
   Duration watchdog_;
   mutable std::mutex faults_;  // over the next four
   std::vector<FaultOutcome> outcomes_;

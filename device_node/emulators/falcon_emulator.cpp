@@ -145,7 +145,7 @@ void FalconEmulator::answer(const FalconMessage& command) {
   }
   if ((flags & kFalconHoming) != 0 && !homing_since_s_) homing_since_s_ = now_s;
   const bool is_homed = homing_since_s_ && now_s - *homing_since_s_ >= to_seconds(state_.homing);
-  const DeviceSample sample = device_.switch_to(force_newton(motors));
+  const DeviceSample sample = move(motors);
   place(sample);
   FalconMessage message = falcon_answer({.encoders = encoders_,
                                          .buttons = static_cast<std::uint8_t>(sample.buttons & 15U),
@@ -192,9 +192,20 @@ void FalconEmulator::place(const DeviceSample& sample) {
   grip_m_ = FalconDelta::grip_m(falcon_angles_rad(config_, encoders_), grip_m).value_or(grip_m);
 }
 
-Vector3 FalconEmulator::force_newton(const FalconCounts& motors) const {
-  const std::optional<Matrix3> jacobian =
-      FalconDelta::jacobian(grip_m_, falcon_angles_rad(config_, encoders_));
+DeviceSample FalconEmulator::move(const FalconCounts& motors) {
+  if (!device_.has(WireFault::kTurning)) {
+    return device_.switch_to(force_newton(motors, grip_m_, falcon_angles_rad(config_, encoders_)));
+  }
+  return device_.switch_to([this, motors](const Vector3& hand_m) {
+    const Vector3 grip_m = config_.rotation.conjugate() * hand_m + config_.origin_m;
+    const std::optional<Vector3> angles = FalconDelta::angles_rad(grip_m);
+    return angles ? force_newton(motors, grip_m, *angles) : Vector3(Vector3::Zero());
+  });
+}
+
+Vector3 FalconEmulator::force_newton(const FalconCounts& motors, const Vector3& grip_m,
+                                     const Vector3& angles_rad) const {
+  const std::optional<Matrix3> jacobian = FalconDelta::jacobian(grip_m, angles_rad);
   if (!jacobian) return Vector3::Zero();
   const Vector3 torque_newton_m = Vector3(motors[0], motors[1], motors[2]) / config_.torque_gain;
   return config_.rotation * (jacobian->transpose().inverse() * torque_newton_m);

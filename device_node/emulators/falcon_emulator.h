@@ -49,7 +49,10 @@ class FalconEmulator {
   /// What the chip passes on now, if the host asks for it.
   void flush(PacketPort& client);
   void place(const DeviceSample& sample);
-  [[nodiscard]] Vector3 force_newton(const FalconCounts& motors) const;
+  /// Of motors while the grip is there.
+  [[nodiscard]] Vector3 force_newton(const FalconCounts& motors, const Vector3& grip_m,
+                                     const Vector3& angles_rad) const;
+  DeviceSample move(const FalconCounts& motors);
 
   EmulatedDevice& device_;
   FalconConfig config_;

@@ -57,7 +57,7 @@ void WoodenEmulator::serve(PacketPort& client, const std::stop_token& stop) {
 }
 
 void WoodenEmulator::take(const WoodenCommand& command) {
-  Vector3 force_newton = Vector3::Zero();
+  Vector3 ma = Vector3::Zero();
   if (command.command == kWoodenSetCounters) {
     was_button_pressed_ = is_person_there();  // who presses it once more
     // as if the hand held the handle where the session says
@@ -65,22 +65,29 @@ void WoodenEmulator::take(const WoodenCommand& command) {
       zero_[axis] = config_.calibration_counts[axis] - command.attributes[axis];
     }
   } else {
-    Vector3 counts;
-    Vector3 ma;
     for (std::size_t axis = 0; axis < kWoodenAxes; ++axis) {
-      const auto i = static_cast<Eigen::Index>(axis);
-      counts[i] = raw_[axis];
-      ma[i] = std::clamp<double>(command.currents_ma[axis], -drive_.largest_ma, drive_.largest_ma);
-    }
-    const std::optional<Matrix3> jacobian =
-        drive_.arm.jacobian(drive_.rad_per_count.cwiseProduct(counts));
-    if (jacobian) {
-      force_newton = config_.rotation *
-                     (jacobian->transpose().inverse() * ma.cwiseQuotient(drive_.ma_per_newton_m));
+      ma[static_cast<Eigen::Index>(axis)] =
+          std::clamp<double>(command.currents_ma[axis], -drive_.largest_ma, drive_.largest_ma);
     }
   }
-  sample_ = device_.switch_to(force_newton);
+  if (device_.has(WireFault::kTurning)) {
+    sample_ = device_.switch_to([this, ma](const Vector3& hand_m) {
+      const Vector3 handle_m = config_.rotation.conjugate() * hand_m + config_.origin_m;
+      const std::optional<Vector3> angles = drive_.arm.angles_rad(handle_m);
+      return angles ? force_newton(ma, *angles) : Vector3(Vector3::Zero());
+    });
+  } else {
+    const Vector3 counts(raw_[0], raw_[1], raw_[2]);
+    sample_ = device_.switch_to(force_newton(ma, drive_.rad_per_count.cwiseProduct(counts)));
+  }
   raw_ = raw_counts(sample_.hand_position_m);
+}
+
+Vector3 WoodenEmulator::force_newton(const Vector3& ma, const Vector3& angles_rad) const {
+  const std::optional<Matrix3> jacobian = drive_.arm.jacobian(angles_rad);
+  if (!jacobian) return Vector3::Zero();
+  return config_.rotation *
+         (jacobian->transpose().inverse() * ma.cwiseQuotient(drive_.ma_per_newton_m));
 }
 
 std::array<std::int32_t, kWoodenAxes> WoodenEmulator::raw_counts(const Vector3& hand_m) const {

@@ -32,6 +32,8 @@ class WoodenEmulator {
  private:
   void serve(PacketPort& client, const std::stop_token& stop);
   void take(const WoodenCommand& command);
+  /// Of currents while the arm is there.
+  [[nodiscard]] Vector3 force_newton(const Vector3& ma, const Vector3& angles_rad) const;
   /// What calibrated counters show.
   [[nodiscard]] std::array<std::int32_t, kWoodenAxes> raw_counts(const Vector3& hand_m) const;
   [[nodiscard]] WoodenReading reading() const;

@@ -20,8 +20,9 @@ double below(double a, double b) { return a + b - kUlps * (std::abs(a) + std::ab
 
 }  // namespace
 
-EnergyAccount::EnergyAccount(const DeviceProfile& profile) noexcept
+EnergyAccount::EnergyAccount(const DeviceProfile& profile, double v_skew_m_per_s) noexcept
     : resolution_m_(profile.position_resolution_m),
+      v_skew_m_per_s_(v_skew_m_per_s),
       isotropic_coulomb_newton_(profile.per_axis ? 0.0 : profile.coulomb_newton),
       used_(profile.per_axis ? 3 : 1) {
   if (!profile.per_axis) {
@@ -45,6 +46,9 @@ void EnergyAccount::restart(const Vector3& position_m, double joule) noexcept {
   work_joule_ = 0.0;
   last_force_newton_.setZero();
   force_change_newton_ = 0.0;
+  skewed_joule_ = 0.0;
+  next_skew_s_ = std::max(skew_s_, next_skew_s_);
+  finish_reading();
   position_m_ = position_m;
   for (std::size_t i = 0; i < used_; ++i) {
     Path& path = paths_[i];
@@ -52,6 +56,17 @@ void EnergyAccount::restart(const Vector3& position_m, double joule) noexcept {
     begin_span(path);
     begin_window(path);
   }
+}
+
+void EnergyAccount::next_reading(double skew_s, double turning_joule) noexcept {
+  next_skew_s_ = skew_s;
+  turning_joule_ = turning_joule;
+}
+
+/// The next reading is the last one now.
+void EnergyAccount::finish_reading() noexcept {
+  skew_s_ = next_skew_s_;
+  next_skew_s_ = turning_joule_ = 0.0;
 }
 
 void EnergyAccount::book(double duration_s, const Vector3& force_on_hand_newton,
@@ -62,6 +77,8 @@ void EnergyAccount::book(double duration_s, const Vector3& force_on_hand_newton,
   work_joule_ -=
       kUlps * (std::abs(work_joule_) + force_on_hand_newton.cwiseAbs().dot(moved.cwiseAbs()));
   follow(position_at_end_m, duration_s);
+  if (turning_joule_ > 0.0) work_joule_ = below(work_joule_, -turning_joule_);
+  finish_reading();
 }
 
 void EnergyAccount::book_release(const Release& release) noexcept {
@@ -73,7 +90,7 @@ void EnergyAccount::book_release(const Release& release) noexcept {
     last_force_newton_.setZero();  // no position was read where it ended
     follow(release.position_at_end_m, release.duration_s);
     carried_joule_ = below(carried_joule_, released);
-    if (joule() >= least) return;
+    if (joule() >= least) return finish_reading();
   }
   restart(release.position_at_end_m, std::isfinite(least) ? least : std::min(before, 0.0));
 }
@@ -84,17 +101,24 @@ double EnergyAccount::least_release_joule(const Release& release) const noexcept
   const double newton = F.norm();
   const Vector3 moved = release.position_at_end_m - position_m_;
   const double along = F.dot(moved) / newton;
-  const double reach = release.v_max_m_per_s * release.acted_s;
-  const double way_back = release.v_max_m_per_s * (release.duration_s - release.acted_s);
+  // the end that costs most: further than v_max t the hand cannot have gone, nor have come back
+  const double v_max = release.v_max_m_per_s;
+  const double acted_s = std::clamp(0.5 * (along / v_max + release.duration_s), release.acted_s,
+                                    std::max(release.acted_s, release.acted_at_most_s));
+  const double reach = v_max * acted_s;
+  const double way_back = v_max * (release.duration_s - acted_s);
   const double b = std::min(reach, along + way_back);
-  const double c = 0.5 * resolution_m_ * F.lpNorm<1>() / newton;
+  // twice: of the readings, and of the time for which the force acted
+  const double c = 0.5 * resolution_m_ * F.lpNorm<1>() / newton +
+                   2.0 * v_skew_m_per_s_ * std::max(skew_s_, next_skew_s_);
   double joule = -newton * (b + c);
   if (newton >= 2.0 * isotropic_coulomb_newton_) {
     // there and back again
     const double hidden = 2.0 * b - along - moved.norm() - std::sqrt(3.0) * resolution_m_;
     joule += isotropic_coulomb_newton_ * std::max(0.0, hidden);
   }
-  return joule - kUlps * newton * (c + moved.norm() + reach + way_back);
+  return joule - std::max(0.0, turning_joule_) -
+         kUlps * newton * (c + moved.norm() + reach + way_back);
 }
 
 double EnergyAccount::joule() const noexcept {
@@ -106,6 +130,7 @@ double EnergyAccount::joule() const noexcept {
   };
   add(work_joule_);
   add(-0.5 * resolution_m_ * (last_force_newton_.lpNorm<1>() + force_change_newton_));
+  add(-(skewed_joule_ + v_skew_m_per_s_ * skew_s_ * last_force_newton_.norm()));
   for (std::size_t i = 0; i < used_; ++i) {
     const Path& path = paths_[i];
     add(path.coulomb_newton * (path.closed_spans_m + span_m(path)));
@@ -118,6 +143,8 @@ void EnergyAccount::change_force(const Vector3& force_newton) noexcept {
   if (force_newton == last_force_newton_) return;
   force_change_newton_ += (force_newton - last_force_newton_).lpNorm<1>();
   force_change_newton_ *= 1.0 + kUlps;
+  skewed_joule_ += v_skew_m_per_s_ * skew_s_ * (force_newton - last_force_newton_).norm();
+  skewed_joule_ *= 1.0 + kUlps;
   last_force_newton_ = force_newton;
 }
 
@@ -161,7 +188,7 @@ void EnergyAccount::begin_span(const Path& path) noexcept {
 
 void EnergyAccount::begin_window(Path& path) noexcept {
   for (int i = path.first; i < path.first + path.count; ++i) window_start_m_[i] = position_m_[i];
-  path.window_s = 0.0;
+  path.window_s = std::max(skew_s_, next_skew_s_);  // its first reading may be so much older
 }
 
 double EnergyAccount::span_m(const Path& path) const noexcept {

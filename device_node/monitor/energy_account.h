@@ -15,19 +15,27 @@ namespace palpate::device {
 /// ±q/2 per axis and from the forces that acted between them. F is the force on the hand.
 ///
 ///   M = carried − Σ F·Δx̂ − (q/2) (|F(k−1)|₁ + |F(0)|₁ + Σ |ΔF|₁)
+///       − v (s(k)|F(k−1)| + s(0)|F(0)| + Σ s|ΔF|) − Σ turning₊
 ///       + Σ over paths (f_co · length + f_d Σ (|Δx̂| − w)₊²/Δt)
 ///
 /// One path in space with w = √3 q for isotropic friction, or one on each axis with w = q. The
 /// length is the sum over spans of the larger of Σ (|Δx̂| − w)₊ over windows and
-/// √(Σᵢ (Pᵢ − q/2)₊²), Pᵢ the path of the play operator of half-width q/2 on axis i. All sums are
-/// rounded down. Lemmas: telescoping, quantised_path, play_operator, play_axes. No allocation, no
-/// throw.
+/// √(Σᵢ (Pᵢ − q/2)₊²), Pᵢ the path of the play operator of half-width q/2 on axis i. A reading
+/// and a switch that are s apart differ by up to v s, v the fastest hand, and Δt is s longer. All
+/// sums are rounded down. Lemmas: telescoping, skew, quantised_path, play_operator, play_axes. No
+/// allocation, no throw.
 class EnergyAccount {
  public:
-  explicit EnergyAccount(const DeviceProfile& profile) noexcept;
+  /// @param v_skew_m_per_s  v: finite
+  explicit EnergyAccount(const DeviceProfile& profile, double v_skew_m_per_s = 0.0) noexcept;
 
   /// M = joule at this reading; what was before no longer counts.
   void restart(const Vector3& position_m, double joule) noexcept;
+
+  /// Of the readings that follow.
+  /// @param skew_s         s
+  /// @param turning_joule  of the stretch that ends at the next one
+  void next_reading(double skew_s, double turning_joule) noexcept;
 
   /// One force acted for `duration_s` > 0 and the position at the end was read.
   void book(double duration_s, const Vector3& force_on_hand_newton,
@@ -36,13 +44,15 @@ class EnergyAccount {
   /// A force that ended by itself, and no force until the reading.
   struct Release {
     Vector3 force_on_hand_newton = Vector3::Zero();  ///< not zero
-    double acted_s = 0.0;
+    double acted_s = 0.0;                            ///< at least
+    /// and at most; less than acted_s: as long as that
+    double acted_at_most_s = 0.0;
     double duration_s = 0.0;                      ///< ≥ acted_s: until the reading
     Vector3 position_at_end_m = Vector3::Zero();  ///< the reading
     double v_max_m_per_s = 0.0;                   ///< may be infinite: unknown
     double most_drawn_joule = 0.0;                ///< upper bound of the loss; may be infinite
   };
-  /// Lemmas: release_reach, release_energy.
+  /// Lemmas: release_reach, release_between, release_energy.
   void book_release(const Release& release) noexcept;
 
   [[nodiscard]] double joule() const noexcept;
@@ -70,6 +80,7 @@ class EnergyAccount {
     [[nodiscard]] double viscous_joule(const Vector3& window_moved_m) const noexcept;
   };
 
+  void finish_reading() noexcept;
   void change_force(const Vector3& force_newton) noexcept;
   void follow(const Vector3& position_m, double duration_s) noexcept;
   void begin_span(const Path& path) noexcept;
@@ -79,6 +90,7 @@ class EnergyAccount {
   [[nodiscard]] double least_release_joule(const Release& release) const noexcept;
 
   double resolution_m_;
+  double v_skew_m_per_s_;
   double isotropic_coulomb_newton_;  // 0 with friction per axis
   std::array<Path, 3> paths_;
   std::size_t used_;
@@ -87,6 +99,10 @@ class EnergyAccount {
   double work_joule_ = 0.0;  // −Σ F·Δx̂
   Vector3 last_force_newton_ = Vector3::Zero();
   double force_change_newton_ = 0.0;  // |F(0)|₁ + Σ |ΔF|₁
+  double skewed_joule_ = 0.0;         // v (s(0)|F(0)| + Σ s|ΔF|)
+  double skew_s_ = 0.0;               // of the last reading
+  double next_skew_s_ = 0.0;          // of the next one
+  double turning_joule_ = 0.0;        // of the stretch up to it
   Vector3 position_m_ = Vector3::Zero();
   Vector3 window_start_m_ = Vector3::Zero();  // of each axis
   Vector3 play_m_ = Vector3::Zero();          // outputs of the play operators

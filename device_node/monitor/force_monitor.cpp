@@ -67,73 +67,130 @@ double WorstHand::largest_scale(const Vector3& force_newton, double watt) const 
 
 // --- the monitor ----------------------------------------------------------------------------
 
-void ForceMonitor::read(TimePoint at, const Vector3& position_m) noexcept {
-  settle(at, position_m);
+void ForceMonitor::read(TimePoint at, const Vector3& position_m,
+                        const ReadingDetails& details) noexcept {
+  settle(at, position_m, details);
+  if (details.acting_newton) acts(*details.acting_newton);
+  covered_watt_ = kUncovered;
   // less all that the acting force can draw until it is replaced
   credit_joule_ = joule();
-  const double rest_s = to_seconds(std::min(reply_, lease_end_ - at));
+  const double rest_s = to_seconds(std::min(reply_, first_end_ - at)) + skew_s_;
   if (rest_s > 0.0) credit_joule_ -= rest_s * worst_hand_.drain_watt(acting_newton_);
 }
 
-void ForceMonitor::ended(const Vector3& position_m) noexcept { settle(lease_end_, position_m); }
+void ForceMonitor::ended(const Vector3& position_m) noexcept { settle(first_end_, position_m, {}); }
 
 void ForceMonitor::switched(TimePoint at, const Vector3& position_m,
-                            const Vector3& force_on_hand_newton, Duration lease) noexcept {
-  settle(at, position_m);
-  acting_newton_ = force_on_hand_newton;
-  lease_end_ = at + lease;
+                            const Vector3& force_on_hand_newton, Duration lease,
+                            const ReadingDetails& details) noexcept {
+  const double expected_skew_s = skew_s_;
+  settle(at, position_m, details);
+  // more than was covered: motors that round up, a transfer that took longer than the one before
+  const double drain = worst_hand_.drain_watt(force_on_hand_newton);
+  if (drain > covered_watt_) credit_joule_ -= to_seconds(lease) * (drain - covered_watt_);
+  if (skew_s_ > expected_skew_s) credit_joule_ -= (skew_s_ - expected_skew_s) * drain;
+  acts(force_on_hand_newton);
+  first_end_ = at + lease;
+  last_end_ = ends_.are_by_themselves ? first_end_ : TimePoint::max();
 }
 
-void ForceMonitor::released(TimePoint at) noexcept { lease_end_ = std::min(lease_end_, at); }
+/// Until the switch is complete, both forces may act within the skew: no floor without them.
+void ForceMonitor::acts(const Vector3& force_on_hand_newton) noexcept {
+  if (skew_s_ > 0.0 && force_on_hand_newton != acting_newton_) {
+    floor_joule_ -= skew_s_ * (worst_hand_.drain_watt(acting_newton_) +
+                               worst_hand_.drain_watt(force_on_hand_newton));
+  }
+  acting_newton_ = force_on_hand_newton;
+}
+
+void ForceMonitor::failed(const Vector3& force_on_hand_newton) noexcept {
+  failed_newton_ = force_on_hand_newton;
+}
+
+void ForceMonitor::released(TimePoint at) noexcept {
+  first_end_ = std::min(first_end_, at);
+  last_end_ = std::min(last_end_, at);
+}
+
+void ForceMonitor::lost() noexcept {
+  is_lost_ = true;
+  if (ends_.are_by_themselves || last_end_ <= since_) return;
+  // the lease of each command is paid; beyond that the force went on until its release
+  for (const Vector3& force : {acting_newton_, failed_newton_.value_or(Vector3::Zero())}) {
+    const double drain = worst_hand_.drain_watt(force);
+    if (drain == 0.0) continue;
+    credit_joule_ -= std::min(to_seconds(last_end_ - since_) * drain, force.norm() * ends_.reach_m);
+  }
+}
+
+double ForceMonitor::coverable_joule() const noexcept {
+  const double now_joule = joule();
+  if (skew_s_ == 0.0) return now_joule;
+  return now_joule - skew_s_ * (worst_hand_.drain_watt(acting_newton_) +
+                                worst_hand_.drain_watt(Vector3(most_newton_, 0.0, 0.0)));
+}
 
 ForceMonitor::Covered ForceMonitor::cover(const Vector3& force_on_hand_newton,
                                           Duration lease) noexcept {
   Covered covered{.force_on_hand_newton = force_on_hand_newton, .lease = lease};
-  const double drain = worst_hand_.drain_watt(force_on_hand_newton);
-  const double counted_joule = (to_seconds(lease) - kLeaseRoundingS) * drain;
+  const double drain = covered_watt_ = worst_hand_.drain_watt(force_on_hand_newton);
+  const double counted_joule = (to_seconds(lease) + skew_s_ - kLeaseRoundingS) * drain;
   if (drain == 0.0 || counted_joule <= credit_joule_ + kRoundingJoule) {
-    credit_joule_ -= to_seconds(lease) * drain;
+    credit_joule_ -= (to_seconds(lease) + skew_s_) * drain;
     return covered;
   }
   const double left = std::max(0.0, credit_joule_);
   covered.is_reduced = true;
   covered.lease =
-      std::max(std::min(lease, hold_), Duration(static_cast<std::int64_t>(1e9 * (left / drain))));
+      std::max(std::min(lease, hold_),
+               Duration(static_cast<std::int64_t>(1e9 * std::max(0.0, left / drain - skew_s_))));
   covered.force_on_hand_newton *=
-      worst_hand_.largest_scale(force_on_hand_newton, left / to_seconds(covered.lease));
+      worst_hand_.largest_scale(force_on_hand_newton, left / (to_seconds(covered.lease) + skew_s_));
+  covered_watt_ = worst_hand_.drain_watt(covered.force_on_hand_newton);
   credit_joule_ -= left;  // all of it is spent; a debt stays
   return covered;
 }
 
 /// Books what acted up to this reading.
-void ForceMonitor::settle(TimePoint at, const Vector3& position_m) noexcept {
+void ForceMonitor::settle(TimePoint at, const Vector3& position_m,
+                          const ReadingDetails& details) noexcept {
+  const double skew_s = to_seconds(details.skew);
+  for (EnergyAccount* const account : {&lasting_, &recent_}) {
+    account->next_reading(skew_s, details.turning_joule);
+  }
   if (is_lost_) {
     is_lost_ = false;
     floor_joule_ = std::min(0.0, std::isfinite(credit_joule_) ? credit_joule_ : joule());
     lasting_.restart(position_m, floor_joule_);
     recent_.restart(position_m, floor_joule_);
     acting_newton_.setZero();
+    failed_newton_.reset();
     since_ = at;
+    skew_s_ = skew_s;
     return;
   }
   if (at <= since_) return;
-  if (lease_end_ <= since_) acting_newton_.setZero();
+  if (last_end_ <= since_) acting_newton_.setZero();
   const bool is_idle = acting_newton_.isZero(0.0);
   const double duration_s = to_seconds(at - since_);
-  const double acted_s = to_seconds(std::min(at, lease_end_) - since_);
-  const double most_drawn_joule = is_idle ? 0.0 : acted_s * worst_hand_.drain_watt(acting_newton_);
+  const double acted_s = std::max(0.0, to_seconds(std::min(at, first_end_) - since_));
+  const double acted_at_most_s = to_seconds(std::min(at, last_end_) - since_);
+  const double worst_skew_s = std::max(skew_s_, skew_s);
+  const double most_drawn_joule =
+      is_idle ? 0.0 : (acted_at_most_s + worst_skew_s) * worst_hand_.drain_watt(acting_newton_);
   floor_joule_ = joule();
   if (most_drawn_joule > 0.0) {
     floor_joule_ -= most_drawn_joule + kUlps * (std::abs(floor_joule_) + most_drawn_joule);
   }
-  if (is_too_fast(position_m - lasting_.position_m(), duration_s, worst_hand_.v_max_m_per_s(),
-                  resolution_m_)) {
+  if (is_too_fast(position_m - lasting_.position_m(), duration_s + worst_skew_s,
+                  worst_hand_.v_max_m_per_s(), resolution_m_)) {
     floor_joule_ = -std::numeric_limits<double>::infinity();
   }
   for (EnergyAccount* const account : {&lasting_, &recent_}) {
-    if (lease_end_ < at && !is_idle) {
+    if (first_end_ < at && !is_idle) {
       account->book_release({.force_on_hand_newton = acting_newton_,
                              .acted_s = acted_s,
+                             .acted_at_most_s = acted_at_most_s,
                              .duration_s = duration_s,
                              .position_at_end_m = position_m,
                              .v_max_m_per_s = worst_hand_.v_max_m_per_s(),
@@ -146,6 +203,7 @@ void ForceMonitor::settle(TimePoint at, const Vector3& position_m) noexcept {
     recent_.restart(position_m, joule());
   }
   since_ = at;
+  skew_s_ = skew_s;
 }
 
 }  // namespace palpate::device

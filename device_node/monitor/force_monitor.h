@@ -4,6 +4,8 @@
 #pragma once
 
 #include <algorithm>
+#include <limits>
+#include <optional>
 
 #include "common/core/time.h"
 #include "common/core/vector.h"
@@ -36,16 +38,35 @@ class WorstHand {
   double v_max_m_per_s_;
 };
 
+/// What the motors do when nobody tells them anything.
+struct MotorEnds {
+  /// A force ends with its lease. False: it goes on until the next reading, switch or release, and
+  /// may end at any time after its lease.
+  bool are_by_themselves = true;
+  /// No two places of the hand are further apart [m]: what a force that nobody ends can draw.
+  double reach_m = std::numeric_limits<double>::infinity();
+};
+
+/// What a reading says beside the position.
+struct ReadingDetails {
+  Duration skew{};             ///< reading and switch may be apart by so much
+  double turning_joule = 0.0;  ///< DeviceSample::turning_joule
+  /// Of a reading, where forces do not end by themselves: what acts from it on.
+  std::optional<Vector3> acting_newton = {};
+};
+
 /// Follows what acted and what was read on this device, and nothing else: neither the echo nor any
 /// message of mofc_node. A command F with lease τ passes if
 ///
-///   τ D(F) + min(δ, r) D(F_acting) ≤ M     at the reading of its tick
+///   (τ + s) D(F) + (min(δ, r) + s) D(F_acting) ≤ M     at the reading of its tick
 ///
-/// δ is the deadline of the answer, r the rest of the lease of the force that acts. Otherwise the
-/// lease becomes shorter, not below T_hold, and if that is not enough the force smaller, direction
-/// kept. So E(t) ≥ 0 whatever commands arrive, as in §2.5. Lemmas: hold_and_delay, residual_lease.
-/// Up to 1 nJ and the drain of 1 ns, in which leases are counted, pass as rounding: once, since M
-/// falls below 0 by what it cost. Lemma: rounding.
+/// δ is the deadline of the answer, r the rest of the lease of the force that acts, s the skew of
+/// reading and switch. Otherwise the lease becomes shorter, not below T_hold, and if that is not
+/// enough the force smaller, direction kept. So E(t) ≥ 0 whatever commands arrive, as in §2.5,
+/// while no force outlives its lease; a force that did is booked for as long as it can have acted.
+/// Lemmas: hold_and_delay, residual_lease, release_between, skew. Up to 1 nJ and the drain of 1 ns,
+/// in which leases are counted, pass as rounding: once, since M falls below 0 by what it cost.
+/// Lemma: rounding.
 ///
 /// M is the largest of a floor and of two accounts. A force that acts for t costs at most t D(F),
 /// so M falls by no more, whatever the readings' resolution adds to an account (lemma:
@@ -54,26 +75,32 @@ class WorstHand {
 /// thread, no allocation, no throw.
 class ForceMonitor {
  public:
-  explicit ForceMonitor(const DeviceConfig& config) noexcept
-      : lasting_(config.profile),
-        recent_(config.profile),
+  explicit ForceMonitor(const DeviceConfig& config, const MotorEnds& ends = {}) noexcept
+      : lasting_(config.profile, v_skew(config)),
+        recent_(config.profile, v_skew(config)),
         resolution_m_(config.profile.position_resolution_m),
         worst_hand_(config.profile, config.monitor.v_max_m_per_s),
+        most_newton_(config.peak_force_newton),
         reply_(config.reply),
-        hold_(config.lease) {}
+        hold_(config.lease),
+        ends_(ends) {}
 
   /// The reading of a tick. What follows in the tick is paid from the credit at this reading.
-  void read(TimePoint at, const Vector3& position_m) noexcept;
+  void read(TimePoint at, const Vector3& position_m, const ReadingDetails& details = {}) noexcept;
   /// The force that acted ended by itself and the device latched this position.
   void ended(const Vector3& position_m) noexcept;
   /// A force begins to act, with the reading at that instant.
   void switched(TimePoint at, const Vector3& position_m, const Vector3& force_on_hand_newton,
-                Duration lease) noexcept;
-  /// The motors were released without a reading.
+                Duration lease, const ReadingDetails& details = {}) noexcept;
+  /// A switch to this force failed: it may act, or the one before.
+  void failed(const Vector3& force_on_hand_newton) noexcept;
+  /// The motors were released by `at`, as the device confirmed, without a reading.
   void released(TimePoint at) noexcept;
-  /// What happens from now until the next read() is not known: no credit is left, a debt stays,
-  /// with what the commands since the last read() can still draw beyond M.
-  void lost() noexcept { is_lost_ = true; }
+  /// The last reading was so much longer ago than the clock says.
+  void slept(Duration duration) noexcept { since_ -= duration; }
+  /// After released(): what happens from now until the next read() is not known: no credit is left,
+  /// a debt stays, with what the commands since the last read() can have drawn beyond M.
+  void lost() noexcept;
 
   struct Covered {
     Vector3 force_on_hand_newton = Vector3::Zero();
@@ -87,23 +114,39 @@ class ForceMonitor {
   [[nodiscard]] double joule() const noexcept {
     return std::max({lasting_.joule(), recent_.joule(), floor_joule_});
   }
+  /// What of it covers leases: all but what the skew may cost [J].
+  [[nodiscard]] double coverable_joule() const noexcept;
 
  private:
-  void settle(TimePoint at, const Vector3& position_m) noexcept;
+  static constexpr double kUncovered = std::numeric_limits<double>::infinity();
+
+  /// Of a mode without v_max a hand that device_node takes for a fault.
+  [[nodiscard]] static double v_skew(const DeviceConfig& config) noexcept {
+    const double v_max = config.monitor.v_max_m_per_s;
+    return v_max < config.v_fault_m_per_s ? v_max : config.v_fault_m_per_s;
+  }
+  void settle(TimePoint at, const Vector3& position_m, const ReadingDetails& details) noexcept;
+  void acts(const Vector3& force_on_hand_newton) noexcept;
 
   EnergyAccount lasting_;
   EnergyAccount recent_;
   double floor_joule_ = 0.0;
   double resolution_m_;
   WorstHand worst_hand_;
+  double most_newton_;
   Duration reply_;
   Duration hold_;
+  MotorEnds ends_;
 
   bool is_lost_ = true;
   TimePoint since_{};                        ///< of the last reading
   Vector3 acting_newton_ = Vector3::Zero();  ///< since then,
-  TimePoint lease_end_{};                    ///< until then
+  TimePoint first_end_{};                    ///< until then at least
+  TimePoint last_end_{};                     ///< and then at most
+  double skew_s_ = 0.0;                      ///< of the last reading
+  double covered_watt_ = kUncovered;         ///< D of what cover() let pass last in this tick
   double credit_joule_ = 0.0;                ///< left in this tick; below 0 a debt
+  std::optional<Vector3> failed_newton_;     ///< may act
 };
 
 }  // namespace palpate::device

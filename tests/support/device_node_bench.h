@@ -38,7 +38,7 @@ struct TickVector final : TickSink<DeviceTick> {
 };
 
 /// Time passes only between ticks, inside waits and in a stalled switch. Device is constructed as
-/// Device(arguments…, clock, seed), Device(clock) or Device(clock, is_simulated).
+/// Device(arguments…, clock, seed), Device(clock) or Device(clock, of_device).
 template <class Device>
 class DeviceNodeBench {
  public:
@@ -47,9 +47,10 @@ class DeviceNodeBench {
   explicit DeviceNodeBench(const DeviceConfig& config) : device(clock), node(make(config)) {
     wire();
   }
-  /// @param is_simulated  false: a device that needs an acknowledgement
-  DeviceNodeBench(const DeviceConfig& config, bool is_simulated)
-      : device(clock, is_simulated), node(make(config)) {
+  /// @param of_device  of a ScriptedDevice: false for one that needs an acknowledgement
+  template <class Argument>
+  DeviceNodeBench(const DeviceConfig& config, const Argument& of_device)
+      : device(clock, of_device), node(make(config)) {
     wire();
   }
   DeviceNodeBench(const DeviceConfig& config, const SimulatedDeviceConfig& simulated,

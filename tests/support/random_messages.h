@@ -262,6 +262,7 @@ inline void randomise(DeviceCounters& c, Random& random) {
   c.coarse_readings = random.bits();
   c.checked_friction_ratio = random.uniform(0.0, 1.0);
   c.has_no_motor_watchdog = random.chance(0.5);
+  c.accepts_no_motor_watchdog = random.chance(0.5);
   c.dead_man_ticks = random.bits();
   c.phase = static_cast<DevicePhase>(random.below(6));
   c.is_release_unconfirmed = random.chance(0.5);
@@ -670,6 +671,7 @@ inline bool same(const DeviceCounters& a, const DeviceCounters& b) {
          a.too_fast_readings == b.too_fast_readings && a.coarse_readings == b.coarse_readings &&
          same(a.checked_friction_ratio, b.checked_friction_ratio) &&
          a.has_no_motor_watchdog == b.has_no_motor_watchdog &&
+         a.accepts_no_motor_watchdog == b.accepts_no_motor_watchdog &&
          a.dead_man_ticks == b.dead_man_ticks && a.phase == b.phase &&
          a.is_release_unconfirmed == b.is_release_unconfirmed &&
          same(a.max_force_newton, b.max_force_newton) &&

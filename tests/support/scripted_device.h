@@ -14,7 +14,7 @@
 namespace palpate::test {
 
 /// The hand moves along x at 1 m/s from 0 at the clock's origin, so each position tells its time.
-class ScriptedDevice final : public device::HapticDevice {
+class ScriptedDevice : public device::HapticDevice {
  public:
   /// A force that began to act; it acts until the next one, its own end, or a release.
   struct Write {
@@ -64,6 +64,11 @@ class ScriptedDevice final : public device::HapticDevice {
               .orientation = orientation,
               .buttons = buttons,
               .sampled_at = now};
+    if (!specification_.has_motor_watchdog && !writes.empty()) {
+      // the driver ends a force with the first message after its lease
+      if (now >= writes.back().until) writes.push_back({now, Vector3::Zero(), now});
+      sample.applied_force_newton = writes.back().force_on_hand_newton;
+    }
     return !fails_to_read;
   }
   [[nodiscard]] bool apply(const Vector3& force_on_hand_newton, Duration lease,
@@ -108,8 +113,9 @@ class ScriptedDevice final : public device::HapticDevice {
     for (const Write& write : writes) {
       if (write.at <= t) acting = &write;
     }
-    return acting != nullptr && t < acting->until ? acting->force_on_hand_newton
-                                                  : Vector3(Vector3::Zero());
+    const bool goes_on = !specification_.has_motor_watchdog;
+    return acting != nullptr && (goes_on || t < acting->until) ? acting->force_on_hand_newton
+                                                               : Vector3(Vector3::Zero());
   }
 
  private:

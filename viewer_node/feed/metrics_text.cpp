@@ -162,6 +162,9 @@ void add_device(Page& page, const DeviceCounters& c) {
       "1: the motors end a force by themselves if the process stops; 0: they do not, and the "
       "guarantee is not available while it is stopped.",
       "", c.has_no_motor_watchdog ? 0.0 : 1.0);
+  page.gauge("device_accepts_no_motor_watchdog",
+             "1: the session accepts forces above f_co from motors that end none by themselves.",
+             "", c.accepts_no_motor_watchdog ? 1.0 : 0.0);
   page.gauge("device_phase",
              "1 closed, 2 connected, 3 calibrated, 4 enabled (forces act), 5 faulted; 0 unknown.",
              "", static_cast<double>(c.phase));

@@ -237,6 +237,7 @@ nlohmann::ordered_json figures_json(const std::string& controller,
   json["monitor"] = device.is_monitor_off ? "off" : "on";
   json["monitor_reductions"] = device.monitor_reductions;
   json["has_motor_watchdog"] = !device.has_no_motor_watchdog;
+  json["accepts_no_motor_watchdog"] = device.accepts_no_motor_watchdog;
   json["clamped_ticks"] = mofc.clamped_ticks;
   json["clamp_ratio"] = number_or_null(ratio(mofc.clamped_ticks, mofc.contact_ticks));
   json["answered_ratio"] = number_or_null(answered_ratio(device));
@@ -277,7 +278,8 @@ std::vector<std::pair<std::string, std::string>> figure_lines(const std::string&
   line("largest force", fmt::format("{:.3f} N, largest jump from tick to tick {:.3f} N",
                                     figures.max_force_newton, figures.largest_jump_newton));
   line("monitor", monitor_text(device));
-  if (device.has_no_motor_watchdog) line("motor watchdog", kNoWatchdogText);
+  if (device.has_no_motor_watchdog)
+    line("motor watchdog", no_watchdog_text(device.accepts_no_motor_watchdog));
   if (device.dead_man_ticks > 0) {
     line("dead-man button", fmt::format("not held in {} ticks", device.dead_man_ticks));
   }

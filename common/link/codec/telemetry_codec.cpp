@@ -66,6 +66,7 @@ void put(const DeviceCounters& c, v1::DeviceCounters& to) {
   to.set_coarse_readings(c.coarse_readings);
   to.set_checked_friction_ratio(c.checked_friction_ratio);
   to.set_has_no_motor_watchdog(c.has_no_motor_watchdog);
+  to.set_accepts_no_motor_watchdog(c.accepts_no_motor_watchdog);
   to.set_dead_man_ticks(c.dead_man_ticks);
   to.set_phase(static_cast<std::uint32_t>(c.phase));
   to.set_is_release_unconfirmed(c.is_release_unconfirmed);
@@ -80,7 +81,7 @@ void check_counters(const v1::DeviceCounters& c, Verdict& verdict) {
   verdict.require(c.has_force_command());
   verdict.time(c.loop().worst_lateness_ns());
   verdict.expect(c.phase() <= static_cast<std::uint32_t>(DevicePhase::kFaulted));
-  verdict.expect(c.last_fault() <= static_cast<std::uint32_t>(FaultReason::kDeviceNotReady));
+  verdict.expect(c.last_fault() <= static_cast<std::uint32_t>(FaultReason::kSuspended));
   verdict.finite(c.max_force_newton());
   verdict.finite(c.largest_jump_newton());
   verdict.finite(c.checked_friction_ratio());
@@ -106,6 +107,7 @@ DeviceCounters counters(const v1::DeviceCounters& c) {
           .coarse_readings = c.coarse_readings(),
           .checked_friction_ratio = c.checked_friction_ratio(),
           .has_no_motor_watchdog = c.has_no_motor_watchdog(),
+          .accepts_no_motor_watchdog = c.accepts_no_motor_watchdog(),
           .dead_man_ticks = c.dead_man_ticks(),
           .phase = static_cast<DevicePhase>(c.phase()),
           .is_release_unconfirmed = c.is_release_unconfirmed(),

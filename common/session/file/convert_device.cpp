@@ -158,6 +158,8 @@ DeviceConfig to_device(const Fields& device, double rate_hz, double wait_for_phy
                     std::min(config.peak_force_newton, device_peak_force_newton) / kDefaultRiseS);
   config.v_fault_m_per_s = device.number("v_fault_m_per_s");
   config.monitor.is_on = device.enumerator("monitor") != v1::Device::off;
+  config.accepts_no_motor_watchdog = device.enumerator("accept") == v1::Device::NO_MOTOR_WATCHDOG;
+  config.latency = device.microseconds("latency_us");
   config.has_hands_off_check = device.flag("hands_off_check");
   if (device.has("dead_man_button")) {
     config.dead_man_button = static_cast<std::uint32_t>(device.integer("dead_man_button"));

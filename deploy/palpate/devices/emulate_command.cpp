@@ -76,7 +76,9 @@ struct EmulateCommand {
            "unplugged, silent, delayed, garbage, short, wrong_id, stuck, echo, no_watchdog, "
            "no_supply, uncalibrated, power_cycle, encoder_zero, set_up_anywhere, doubled, "
            "grip_gone, "
-           "grip_off, grip_frozen")
+           "grip_off, grip_frozen, watchdog_20, watchdog_100, watchdog_500, late, one_tick, "
+           "turning, reversed, "
+           "strong")
         ->type_name("FAULT");
     app.add_flag("--hands-off", is_let_go,
                  "nobody holds the device, as `palpate identify` requires");

@@ -12,6 +12,7 @@
 
 #include "device_node/drivers/falcon/falcon_delta.h"
 #include "device_node/drivers/falcon/falcon_firmware.h"
+#include "device_node/drivers/held_torque.h"
 #include "device_node/drivers/wire_device.h"
 
 namespace palpate::device {
@@ -127,6 +128,7 @@ class FalconDevice final : public WireDevice {
   Transfer release_once() noexcept override {
     if (!line_) return Transfer::kClosed;
     const Transfer purged = line_->purge();
+    held_.forget();
     FalconReading passed;
     return purged == Transfer::kDone ? ask({}, passed) : purged;
   }
@@ -145,6 +147,8 @@ class FalconDevice final : public WireDevice {
     grip_m_ = grip_m;
     sample.hand_position_m = config_.rotation * (*grip_m - config_.origin_m);
     sample.buttons = reading.buttons;
+    held_.answered(Vector3(motors[0], motors[1], motors[2]) / config_.torque_gain, angles_rad_,
+                   sample);
     return Transfer::kDone;
   }
 
@@ -173,6 +177,7 @@ class FalconDevice final : public WireDevice {
   std::optional<Vector3> grip_m_;  // of the last answer, frame of the device
   Vector3 angles_rad_ = Vector3::Zero();
   bool is_homed_ = false;
+  HeldTorque held_;
 };
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include <optional>
 #include <utility>
 
+#include "device_node/drivers/held_torque.h"
 #include "device_node/drivers/transport/serial_port.h"
 #include "device_node/drivers/wire_device.h"
 
@@ -88,10 +89,13 @@ class HapiDevice final : public WireDevice {
         config_.rotation * (Vector3(handle_m->x(), handle_m->y(), 0.0) - config_.origin_m);
     sample.applied_force_newton =
         config_.rotation * Vector3(applied_newton.x(), applied_newton.y(), 0.0);
+    held_.answered(Vector3(torques[0], torques[1], 0.0) / config_.torque_gain,
+                   Vector3(angles_rad.x(), angles_rad.y(), 0.0), sample);
     return Transfer::kDone;
   }
 
   Transfer release_once() noexcept override {
+    held_.forget();
     std::array<float, kHapiMotors> passed{};
     return ask({}, passed);
   }
@@ -115,6 +119,7 @@ class HapiDevice final : public WireDevice {
   Pantograph links_;
   std::optional<SerialPort> port_;
   std::optional<Vector2> angles_rad_;
+  HeldTorque held_;
 };
 
 }  // namespace

@@ -46,7 +46,8 @@ enum palpate_device_error {
 /** Bits of palpate_device_specification::flags. */
 enum palpate_device_flags {
   /** The motors end each force by themselves when its lease runs out, even if this process stops.
-   * Without it the passivity guarantee is reported as not available. */
+   * Without it a force above the device's friction needs an acceptance in the session; it must not
+   * end before its lease, and ends with the first call after it. */
   PALPATE_DEVICE_HAS_WATCHDOG = 1u << 0,
   /** The watchdog stores the position at that moment: take_latched gives it. */
   PALPATE_DEVICE_HAS_LATCH = 1u << 1

@@ -102,7 +102,11 @@ class PluginDevice final : public HapticDevice {
   }
   [[nodiscard]] bool read(DeviceSample& sample) noexcept override {
     palpate_device_reading reading = blank();
-    return is_ok(driver_->read(device_, &reading)) && convert(reading, sample);
+    if (!is_ok(driver_->read(device_, &reading)) || !convert(reading, sample)) return false;
+    // the library ends a force at the first call after its lease, at the latest
+    if (sample.sampled_at >= lease_end_) acting_newton_.setZero();
+    sample.applied_force_newton = acting_newton_;
+    return true;
   }
   [[nodiscard]] bool apply(const Vector3& force_on_hand_newton, Duration lease,
                            DeviceSample& at_switch) noexcept override {
@@ -113,8 +117,13 @@ class PluginDevice final : public HapticDevice {
     }
     const Vector3 limited = limited_to_norm(force_on_hand_newton, specification_.peak_force_newton);
     palpate_device_reading reading = blank();
-    return is_ok(driver_->apply(device_, limited.data(), lease.count(), &reading)) &&
-           convert(reading, at_switch);
+    if (!is_ok(driver_->apply(device_, limited.data(), lease.count(), &reading)) ||
+        !convert(reading, at_switch)) {
+      return false;
+    }
+    acting_newton_ = at_switch.applied_force_newton;
+    lease_end_ = at_switch.sampled_at + lease;
+    return true;
   }
   [[nodiscard]] bool take_latched(DeviceSample& at_end) noexcept override {
     palpate_device_reading reading = blank();
@@ -123,6 +132,7 @@ class PluginDevice final : public HapticDevice {
   }
   /// Confirmed by a switch to no force, which the library answers with an error if it failed.
   [[nodiscard]] bool release() noexcept override {
+    acting_newton_.setZero();
     driver_->release(device_);
     palpate_device_reading passed = blank();
     return driver_->apply(device_, Vector3(Vector3::Zero()).data(), 0, &passed) ==
@@ -200,6 +210,8 @@ class PluginDevice final : public HapticDevice {
   palpate_device* device_ = nullptr;
   DeviceSpecification specification_;
   DeviceError error_ = DeviceError::kNone;
+  Vector3 acting_newton_ = Vector3::Zero();  // until lease_end_
+  TimePoint lease_end_{};
 };
 
 }  // namespace

@@ -16,6 +16,7 @@
 #include <thread>
 #include <utility>
 
+#include "device_node/drivers/held_torque.h"
 #include "device_node/drivers/transport/packet_port.h"
 #include "device_node/drivers/wire_device.h"
 #include "device_node/drivers/wooden/wooden_wire.h"
@@ -164,6 +165,7 @@ class WoodenDevice final : public WireDevice {
   }
 
   Transfer release_once() noexcept override {
+    held_.forget();
     WoodenReading passed;
     return ask({}, passed);
   }
@@ -179,6 +181,9 @@ class WoodenDevice final : public WireDevice {
     angles_rad_ = angles;
     sample.hand_position_m = config_.rotation * (drive_.arm.handle_m(angles) - config_.origin_m);
     sample.buttons = is_wooden_button_held(reading) ? 1 : 0;
+    held_.answered(Vector3(command.currents_ma[0], command.currents_ma[1], command.currents_ma[2])
+                       .cwiseQuotient(drive_.ma_per_newton_m),
+                   angles, sample);
     return Transfer::kDone;
   }
 
@@ -205,6 +210,7 @@ class WoodenDevice final : public WireDevice {
   WoodenDrive drive_;
   std::optional<PacketPort> port_;
   std::optional<Vector3> angles_rad_;  // of the last answer
+  HeldTorque held_;
 };
 
 }  // namespace

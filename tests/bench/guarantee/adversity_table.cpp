@@ -217,6 +217,7 @@ Table device_table(int seeds, const std::vector<std::string>& more_overrides, co
       append(run.overrides, wired.overrides);
       append(run.overrides, more_overrides);
       if (wired.driver) {
+        run.overrides.emplace_back("device.accept=NO_MOTOR_WATCHDOG");
         run.make_device = [driver = *wired.driver](const Side& side, const Clock& clock,
                                                    std::uint64_t seed) {
           return test::open_wired(driver, side, clock, seed, kEmulatedWatchdog);

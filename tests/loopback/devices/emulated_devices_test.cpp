@@ -34,6 +34,9 @@ const std::string kHapiSession = PALPATE_SOURCE_DIR "/deploy/sessions/hapi.txtpb
 const std::string kFalconSession = PALPATE_SOURCE_DIR "/deploy/sessions/falcon.txtpb";
 const std::string kWoodenSession = PALPATE_SOURCE_DIR "/deploy/sessions/wooden.txtpb";
 
+/// Forces that a hand feels: the emulated motors end none by themselves.
+const std::string kAccepted = "device.accept=NO_MOTOR_WATCHDOG";
+
 class EmulatedDevices : public testing::Test {
  protected:
   /// Of the line that the emulator ends with.
@@ -70,10 +73,10 @@ TEST_F(EmulatedDevices, AreFeltThroughTheirWiresAndStayPassive) {
     ProcessLinks links({.priority = 0, .cpu = -1});
     test::Watcher watcher(load_session(session), links);
     // long periods, leases and limits outlast the pauses of a busy machine
-    Program launch("palpate",
-                   {"launch", session, "--emulate", "--set", port, "--set", limit, "--set",
-                    "device.rate_hz=200", "--set", "device.lease_us=12500", "--set",
-                    "mofc.stale_after_ms=200", "--no-viewer", "--no-realtime", "--json", "-"});
+    Program launch("palpate", {"launch", session, "--emulate", "--set", port, "--set", limit,
+                               "--set", kAccepted, "--set", "device.rate_hz=200", "--set",
+                               "device.lease_us=12500", "--set", "mofc.stale_after_ms=200",
+                               "--no-viewer", "--no-realtime", "--json", "-"});
     launch.await_err("event=device_phase phase=");
     EXPECT_TRUE(watcher.until_rows(100));
     for (const TickRow& row : watcher.rows()) {
@@ -91,11 +94,25 @@ TEST_F(EmulatedDevices, AreFeltThroughTheirWiresAndStayPassive) {
     const std::string err = launch.err();
     EXPECT_GE(least_energy_microjoule(err), -1.0) << err;
     EXPECT_THAT(err, HasSubstr("event=no_motor_watchdog"));
+    EXPECT_THAT(err, HasSubstr("none, accepted: the guarantee is not available while"));
     EXPECT_THAT(err, HasSubstr("palpate: event=realtime scheduling=ordinary cpu=any"));
     const json summary = json::parse(launch.out(), nullptr, false);
     ASSERT_FALSE(summary.is_discarded()) << launch.out();
     EXPECT_GT(summary.at("max_force_n").get<double>(), 0.3) << summary;
   }
+}
+
+TEST_F(EmulatedDevices, WithoutAcceptanceTheirForceStaysAtTheFriction) {
+  Program launch("palpate", {"launch", kHaplySession, "--emulate", "--set", haply_setting(),
+                             "--set", "device.haply_inverse.transfer_limit_ms=1000", "--no-viewer",
+                             "--no-realtime", "--json", "-", "--seconds", "5"});
+  EXPECT_TRUE(test::is_enabled(launch)) << launch.err();
+  EXPECT_EQ(launch.wait(), 0) << launch.err();
+  const json summary = json::parse(launch.out(), nullptr, false);
+  ASSERT_FALSE(summary.is_discarded()) << launch.out();
+  EXPECT_FALSE(summary.at("accepts_no_motor_watchdog").get<bool>());
+  EXPECT_LE(summary.at("max_force_n").get<double>(), 0.1 + 1e-9) << "f_co";
+  EXPECT_THAT(launch.err(), HasSubstr("none: forces stay at or below f_co"));
 }
 
 TEST_F(EmulatedDevices, AnUnpluggedDeviceIsAFaultThatAResetEnds) {
@@ -106,7 +123,7 @@ TEST_F(EmulatedDevices, AnUnpluggedDeviceIsAFaultThatAResetEnds) {
   emulator.await_err("emulates the device at");
   // a busy machine makes transfers late, too, but not by so much
   Program launch("palpate",
-                 {"launch", kHaplySession, "--set", port, "--set",
+                 {"launch", kHaplySession, "--set", port, "--set", kAccepted, "--set",
                   "device.haply_inverse.transfer_limit_ms=1000", "--no-viewer", "--no-realtime"});
   const std::string started = launch.await_err("event=node_started node=device pid=");
   const pid_t device = std::stoi(started);
@@ -157,7 +174,7 @@ TEST_F(EmulatedDevices, TheDoctorOpensTheDeviceAndSaysWhatItLacks) {
   EXPECT_THAT(doctor.out, HasSubstr("Haply Inverse3 049D opens"));
   EXPECT_THAT(doctor.out, HasSubstr("has 3 buttons, counted from 0"));
   EXPECT_THAT(doctor.out,
-              HasSubstr("note   motor watchdog           none: the guarantee is not available"));
+              HasSubstr("note   motor watchdog           none: forces stay at or below f_co"));
 }
 
 // Where it is permitted: otherwise other programs delay the emulator's answers, and identify's
@@ -182,9 +199,10 @@ TEST_F(EmulatedDevices, EmulatorAndIdentifyUseTheSessionsRealTimeScheduling) {
 TEST_F(EmulatedDevices, ARestartGivesNoForceBeforeAPersonHasAcknowledgedItAgain) {
   ProcessLinks links({.priority = 0, .cpu = -1});
   test::Watcher watcher(load_session(kHaplySession), links);
-  Program launch("palpate",
-                 {"launch", kHaplySession, "--emulate", "--set", haply_setting(), "--set",
-                  "device.haply_inverse.transfer_limit_ms=1000", "--no-viewer", "--no-realtime"});
+  Program launch(
+      "palpate",
+      {"launch", kHaplySession, "--emulate", "--set", haply_setting(), "--set", kAccepted, "--set",
+       "device.haply_inverse.transfer_limit_ms=1000", "--no-viewer", "--no-realtime"});
   EXPECT_TRUE(test::is_enabled(launch)) << launch.err();
   const auto pushes = [&] {
     return !watcher.rows().empty() &&

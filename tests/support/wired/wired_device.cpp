@@ -23,15 +23,12 @@ namespace {
 
 using device::DeviceSample;
 
-constexpr Duration kTransferLimit = std::chrono::seconds(20);  // of real time: the machine is busy
-
 /// What does not depend on the driver.
 template <class Config>
 Config of_side(Config config, const Side& side) {
   const double peak = side.simulated.peak_force_newton;
   config.limits = {.peak_force_newton = peak, .continuous_force_newton = peak};
   config.position_resolution_m = side.device.profile.position_resolution_m;
-  config.transfer_limit = kTransferLimit;
   return config;
 }
 
@@ -101,13 +98,15 @@ std::unique_ptr<device::WoodenEmulator> connect(device::EmulatedDevice& device,
 
 /// Emulator and thread outlive the driver.
 template <class Config>
-class WiredDevice final : public device::HapticDevice, public device::TrueStateSource {
+class WiredDevice final : public device::HapticDevice,
+                          public device::TrueStateSource,
+                          public FaultOutcomeSource {
  public:
   using Open = std::unique_ptr<device::HapticDevice>(const Config&, const Clock&,
                                                      const device::StartUp&);
   WiredDevice(const Side& side, const Clock& clock, std::uint64_t seed, Duration watchdog,
-              Config config, Open& open)
-      : emulated_(side.simulated, side.hand, clock, seed, watchdog, {}),
+              const std::vector<device::PlannedFault>& faults, Config config, Open& open)
+      : emulated_(side.simulated, side.hand, clock, seed, watchdog, faults),
         emulator_(connect(emulated_, config, folder_)),
         server_([this](const std::stop_token& stop) { emulator_->run(stop); }),
         driver_(open(config, clock, device::StartUp{})) {
@@ -132,6 +131,9 @@ class WiredDevice final : public device::HapticDevice, public device::TrueStateS
   [[nodiscard]] device::TrueState true_state() const noexcept override {
     return emulated_.true_state();
   }
+  [[nodiscard]] std::vector<device::FaultOutcome> outcomes() override {
+    return emulated_.outcomes();
+  }
 
  private:
   TempFolder folder_;
@@ -146,10 +148,12 @@ class WiredDevice final : public device::HapticDevice, public device::TrueStateS
 
 std::unique_ptr<device::HapticDevice> open_wired(WiredDriver driver, const Side& side,
                                                  const Clock& clock, std::uint64_t seed,
-                                                 Duration watchdog) {
-  const auto wire = [&]<class Config>(const Config& config,
-                                      typename WiredDevice<Config>::Open& open) {
-    return std::make_unique<WiredDevice<Config>>(side, clock, seed, watchdog, config, open);
+                                                 Duration watchdog,
+                                                 const std::vector<device::PlannedFault>& faults,
+                                                 Duration limit) {
+  const auto wire = [&]<class Config>(Config config, typename WiredDevice<Config>::Open& open) {
+    config.transfer_limit = limit;
+    return std::make_unique<WiredDevice<Config>>(side, clock, seed, watchdog, faults, config, open);
   };
   switch (driver) {
     case WiredDriver::kHaply:

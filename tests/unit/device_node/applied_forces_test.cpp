@@ -33,6 +33,52 @@ void expect_stretch(const AppliedForce& stretch, const Vector3& force_newton, in
   EXPECT_EQ(stretch.has_position_at_end, has_position);
 }
 
+// The lease ends at 3 ms, the next reading is at 9 ms: nobody knows what acted until then.
+TEST(AppliedForces, WithoutAWatchdogAForceThatOutlivedItsLeaseBeginsTheEchoAnew) {
+  AppliedForces applied(false);
+  applied.begin(at_ms(0));
+  applied.switched(at_ms(1), kHere, kHalfNewton, 2ms);
+  EXPECT_FALSE(applied.has_run_out(at_ms(9)));
+  applied.read(at_ms(9), kThere);
+  applied.acts_on(Vector3::Zero());
+  EXPECT_EQ(reported(applied, at_ms(9)).applied_count, 0u);
+  EXPECT_EQ(reported(applied, at_ms(9)).acting_force_on_hand_newton, Vector3(0, 0, 0));
+  applied.read(at_ms(10), kThere);
+  const DeviceState state = reported(applied, at_ms(10));
+  ASSERT_EQ(state.applied_count, 1u);
+  expect_stretch(state.applied[0], Vector3::Zero(), 9, 10, true);
+}
+
+TEST(AppliedForces, WithoutAWatchdogAForceIsWhatTheReadingSaysOfIt) {
+  AppliedForces applied(false);
+  applied.begin(at_ms(0));
+  applied.switched(at_ms(1), kHere, kHalfNewton, 5ms);
+  applied.read(at_ms(2), kHere);
+  applied.acts_on(kHalfNewton);
+  applied.read(at_ms(6), kThere);  // within the lease
+  const DeviceState state = reported(applied, at_ms(6));
+  ASSERT_EQ(state.applied_count, 3u);
+  expect_stretch(state.applied[2], kHalfNewton, 2, 6, true);
+
+  applied.read(at_ms(7), kThere);  // after it
+  EXPECT_EQ(reported(applied, at_ms(7)).applied_count, 0u);
+}
+
+TEST(AppliedForces, WithoutAWatchdogAReleaseWithinTheLeaseEndsTheForceAndALaterOneBeginsAnew) {
+  AppliedForces applied(false);
+  applied.begin(at_ms(0));
+  applied.switched(at_ms(1), kHere, kHalfNewton, 5ms);
+  AppliedForces late = applied;
+  applied.released(at_ms(4));
+  const DeviceState state = reported(applied, at_ms(4));
+  ASSERT_EQ(state.applied_count, 2u);
+  expect_stretch(state.applied[1], kHalfNewton, 1, 4, false);
+
+  late.released(at_ms(20));
+  EXPECT_EQ(reported(late, at_ms(20)).applied_count, 0u);
+  EXPECT_EQ(reported(late, at_ms(20)).acting_force_on_hand_newton, Vector3(0, 0, 0));
+}
+
 TEST(AppliedForces, BeginWithTheFirstReading) {
   AppliedForces applied;
   EXPECT_FALSE(applied.has_begun());

@@ -46,6 +46,7 @@ class WrongDevice final : public HapticDevice, public MotorForceSource {
     specification_.button_count = 2;
     if (is("no name")) specification_.model_name.clear();
     if (is("peak in millinewtons")) specification_.peak_force_newton = 3.3e-3;
+    if (is("a reading that names no force")) specification_.has_motor_watchdog = false;
     if (is("a latch that is not there")) specification_.has_position_latch = true;
   }
 
@@ -176,6 +177,7 @@ TEST(DeviceChecks, NameEachFault) {
                                                     {"millinewtons", "force"},
                                                     {"first lease only", "renewal"},
                                                     {"no watchdog", "lease"},
+                                                    {"a reading that names no force", "reported"},
                                                     {"a latch that is not there", "latch"},
                                                     {"a latch that is not named", "latch"},
                                                     {"lease below zero", "no lease"},

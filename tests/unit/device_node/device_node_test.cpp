@@ -12,6 +12,7 @@
 #include "common/core/clock.h"
 #include "common/core/memory_link.h"
 #include "device_node/simulation/simulated_device.h"
+#include "device_node/suspend_watch.h"
 #include "tests/support/device_node_bench.h"
 #include "tests/support/scripted_device.h"
 
@@ -991,6 +992,106 @@ TEST(DeviceNode, ADeviceThatLostItsCalibrationTakesItAndThenNeedsAnAcknowledgeme
   bench.node.acknowledge();
   EXPECT_EQ(ticks(), DevicePhase::kEnabled);
   EXPECT_EQ(bench.ticks.back().force_on_hand_newton.x(), 1.0);
+}
+
+// --- motors without a watchdog ------------------------------------------------------------------
+
+struct EndlessDevice : ScriptedDevice {
+  explicit EndlessDevice(const Clock& clock, bool is_simulated = true)
+      : ScriptedDevice(clock, is_simulated) {
+    has_watchdog(false);
+  }
+};
+using EndlessBench = DeviceNodeBench<EndlessDevice>;
+
+TEST(DeviceNode, MotorsThatEndNoForceGetNoneAboveTheFrictionUnlessTheSessionAcceptsThat) {
+  DeviceConfig config = device_config();
+  EndlessBench bench(config);
+  bench.answer_with(Vector3(2, 0, 0));
+  bench.tick();
+  EXPECT_EQ(bench.device.motor_force_newton(bench.clock.now()), Vector3(0.1, 0, 0));
+  EXPECT_FALSE(bench.node.counters().accepts_no_motor_watchdog);
+
+  config.accepts_no_motor_watchdog = true;
+  EndlessBench accepted(config);
+  accepted.answer_with(Vector3(2, 0, 0));
+  accepted.tick();
+  EXPECT_EQ(accepted.device.motor_force_newton(accepted.clock.now()), Vector3(2, 0, 0));
+  EXPECT_TRUE(accepted.node.counters().accepts_no_motor_watchdog);
+}
+
+// The lease ended at 2 ms, the next reading is at 7 ms: mofc_node finds a gap, and the force ends.
+TEST(DeviceNode, AfterAStallTheEchoOfAnEndlessForceBeginsAnew) {
+  DeviceConfig config = device_config();
+  config.accepts_no_motor_watchdog = true;
+  EndlessBench bench(config);
+  bench.answer_with(Vector3(1, 0, 0));
+  bench.tick();
+  bench.on_state = nullptr;
+  bench.clock.advance(7ms);
+  bench.tick();
+
+  EXPECT_EQ(bench.states[1].applied_count, 0u);
+  EXPECT_EQ(bench.states[1].acting_force_on_hand_newton, Vector3(0, 0, 0));
+  bench.tick();
+  ASSERT_GE(bench.states[2].applied_count, 1u);
+  EXPECT_EQ(bench.states[2].applied[0].from, TimePoint(7ms));
+}
+
+// The hand stays where it is; its friction earned 1 mJ before. 1 N acted for 20 ms and may have
+// ended at any time: v_max/2 · 20 ms · 1 N, less the way there and back.
+TEST(DeviceNode, WhatAnEndlessForceMayHaveDrawnInAStallIsADebt) {
+  DeviceConfig config = device_config();
+  config.accepts_no_motor_watchdog = true;
+  config.monitor = {.is_on = true, .v_max_m_per_s = 0.5};
+  config.profile.position_resolution_m = 0.0;
+  EndlessBench bench(config);
+  for (int i = 0; i < 100; ++i) {
+    bench.device.position_m = Vector3(1e-4 * i, 0, 0);
+    bench.tick();
+  }
+  const double before_joule = bench.node.monitor_joule();
+  ASSERT_GT(before_joule, 1e-3);
+  bench.answer_with(Vector3(1, 0, 0));
+  bench.tick();
+  ASSERT_EQ(bench.device.motor_force_newton(bench.clock.now()), Vector3(1, 0, 0));
+  bench.clock.advance(20ms);
+  bench.tick();
+
+  EXPECT_NEAR(bench.node.monitor_joule(), before_joule - 5e-3 + 0.1 * 10e-3, 1e-4);
+  EXPECT_LT(bench.node.monitor_joule(), 0.0);
+  EXPECT_LE(bench.device.motor_force_newton(bench.clock.now()).norm(), 0.1 + 1e-12);
+}
+
+// The clock of everything here stands still while the machine sleeps.
+TEST(DeviceNode, ASleepOfTheMachineIsAFaultThatReleasesTheMotors) {
+  Bench bench(device_config());
+  bench.answer_with(Vector3(1, 0, 0));
+  bench.tick();
+  bench.node.suspended(0ms);
+  bench.tick();
+  EXPECT_FALSE(bench.node.has_fault());
+
+  bench.node.suspended(3s);
+  bench.tick();
+  EXPECT_EQ(bench.node.counters().last_fault, FaultReason::kSuspended);
+  EXPECT_EQ(bench.device.motor_force_newton(bench.clock.now()), Vector3(0, 0, 0));
+  EXPECT_EQ(bench.node.phase(), DevicePhase::kFaulted);
+
+  bench.node.acknowledge();
+  bench.tick();
+  EXPECT_TRUE(bench.ticks.back().is_answered);
+}
+
+TEST(SuspendWatch, TellsASleepFromAThreadThatWaited) {
+  SuspendWatch watch({.at_least = 10s, .at_most = 10s + 5us});
+  EXPECT_EQ(watch.slept({.at_least = 10s, .at_most = 10s + 2us}), 0ms);
+  // preempted between the two clocks
+  EXPECT_EQ(watch.slept({.at_least = 10s - 400ms, .at_most = 10s + 1us}), 0ms);
+  EXPECT_EQ(watch.slept({.at_least = 10s, .at_most = 10s + 400ms}), 0ms);
+  EXPECT_NEAR(to_seconds(watch.slept({.at_least = 13s, .at_most = 13s})), 3.0, 1e-3);
+  EXPECT_EQ(watch.slept({.at_least = 13s, .at_most = 13s + 2us}), 0ms);
+  EXPECT_EQ(SuspendWatch().slept(), 0ms) << "of this machine, awake";
 }
 
 TEST(DeviceNode, CountsWhetherTheMotorsEndAForceByThemselves) {

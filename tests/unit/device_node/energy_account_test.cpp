@@ -202,5 +202,67 @@ TEST(EnergyAccount, AReleaseCostsAtMostWhatTheForceCanHaveDrawn) {
   EXPECT_NEAR(rounded_down_by(in_debt, -1.5L), 4.0 + 6.0 + 6.0, 3.0);
 }
 
+// 1 N for at least 1 ms and at most 9 of 10 ms, v_max 1 m/s, the hand back where it was: it can
+// have been 5 mm further on at 5 ms. 2 mm further on at the end: 6 mm at 6 ms.
+TEST(EnergyAccount, AForceThatEndedAtAnUnknownTimeIsBookedAtTheWorstOne) {
+  const auto booked = [](double least_s, double most_s, double end_m) {
+    EnergyAccount account = account_at_0(0.0, 0.0, 0.0);
+    account.book_release({.force_on_hand_newton = Vector3(1, 0, 0),
+                          .acted_s = least_s,
+                          .acted_at_most_s = most_s,
+                          .duration_s = 10e-3,
+                          .position_at_end_m = Vector3(end_m, 0, 0),
+                          .v_max_m_per_s = 1.0,
+                          .most_drawn_joule = kInfinite});
+    return account.joule();
+  };
+  EXPECT_NEAR(booked(1e-3, 9e-3, 0.0), -5e-3, 1e-12);
+  EXPECT_NEAR(booked(1e-3, 9e-3, 2e-3), -6e-3, 1e-12);
+  // the bounds of the time hold
+  EXPECT_NEAR(booked(1e-3, 4e-3, 0.0), -4e-3, 1e-12);
+  EXPECT_NEAR(booked(8e-3, 9e-3, 0.0), -2e-3, 1e-12);
+  EXPECT_NEAR(booked(1e-3, 1e-3, 0.0), -1e-3, 1e-12);
+}
+
+// v 0.5 m/s, 1 ms: 0.5 mm. 2 N, then 1 N, then none: 2 N + 1 N + 1 N.
+TEST(EnergyAccount, AReadingThatIsNotOfTheSwitchCostsWhatAHandMovesMeanwhile) {
+  EnergyAccount account(
+      {.viscous_newton_s_per_m = 0.0, .coulomb_newton = 0.0, .position_resolution_m = 0.0}, 0.5);
+  const auto book = [&](double newton) {
+    account.next_reading(1e-3, 0.0);
+    account.book(1e-3, Vector3(newton, 0, 0), Vector3::Zero());
+  };
+  account.next_reading(1e-3, 0.0);
+  account.restart(Vector3::Zero(), 0.0);
+  book(2.0);
+  EXPECT_NEAR(account.joule(), -2.0 * 2.0 * 5e-4, 1e-12) << "its begin, and its end now";
+  book(2.0);
+  EXPECT_NEAR(account.joule(), -2.0 * 2.0 * 5e-4, 1e-12) << "a steady force costs nothing";
+  book(1.0);
+  book(0.0);
+  EXPECT_NEAR(account.joule(), -(2.0 + 1.0 + 1.0) * 5e-4, 1e-12);
+}
+
+// 1 m in 1 s, the first reading up to 1 s older: 2 s. 0.1 N·s/m · 1 m² / 2 s.
+TEST(EnergyAccount, AReadingThatMayBeOlderCountsLessViscousLoss) {
+  EnergyAccount account(
+      {.viscous_newton_s_per_m = 0.1, .coulomb_newton = 0.0, .position_resolution_m = 0.0}, 0.5);
+  account.next_reading(1.0, 0.0);
+  account.restart(Vector3::Zero(), 0.0);
+  account.next_reading(1.0, 0.0);
+  account.book(1.0, Vector3::Zero(), Vector3(1, 0, 0));
+  EXPECT_NEAR(account.joule(), 0.05, 1e-12);
+}
+
+TEST(EnergyAccount, WhatHeldCurrentsGaveBeyondTheForceIsSubtractedAndNoneAdded) {
+  EnergyAccount account = account_at_0(0.0, 0.0, 0.0);
+  account.next_reading(0.0, 0.25);
+  account.book(1e-3, Vector3(1, 0, 0), Vector3(1, 0, 0));
+  EXPECT_NEAR(account.joule(), -1.25, 1e-12);
+  account.next_reading(0.0, -0.25);
+  account.book(1e-3, Vector3(1, 0, 0), Vector3(1, 0, 0));
+  EXPECT_NEAR(account.joule(), -1.25, 1e-12);
+}
+
 }  // namespace
 }  // namespace palpate::device

@@ -204,6 +204,18 @@ TEST(FalconDriver, ReadsThePositionAndPushes) {
   EXPECT_LT((emulated.motor_force_newton() - sample.applied_force_newton).norm(), 1e-9);
 }
 
+TEST(FalconDriver, SaysWhatHeldCurrentsDoWhileTheArmTurns) {
+  const test::TempFolder folder;
+  FalconConfig config = falcon_on_desk();
+  config.port = (folder.path() / "usb").string();
+  expect_turning_reported(
+      config, 0.02,
+      [&](EmulatedDevice& device) {
+        return std::make_unique<FalconEmulator>(device, config, FalconEmulatorState{});
+      },
+      open_falcon);
+}
+
 TEST(FalconDriver, WholeTorquesKeepTheForceLimit) {
   Random random(1);
   for (int pose = 0; pose < 10; ++pose) {

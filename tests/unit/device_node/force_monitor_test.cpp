@@ -221,6 +221,96 @@ TEST_F(MonitorWith1100MicroJoule, AnUnreadEndCostsAtMostTheDrain) {
 }
 
 // Which a reading beyond the reach of any hand shows.
+/// The same where forces go on until the next message.
+class MonitorWithoutWatchdog : public MonitorWith1100MicroJoule {
+ protected:
+  MonitorWithoutWatchdog() {
+    monitor_ = ForceMonitor(exact_config(), {.are_by_themselves = false, .reach_m = 0.1});
+    now_ = {};
+    move(100);
+    before_joule_ = monitor_.joule();
+    monitor_.switched(now_, hand_m_, {1, 0, 0}, 2ms);
+  }
+  double before_joule_;
+};
+
+// The hand goes along 1 N for 20 ms at 0.5 m/s: 10 mJ, less its friction of 1 mJ + 0.5 mJ.
+TEST_F(MonitorWithoutWatchdog, BooksAForceThatOutlivedItsLeaseForAsLongAsItActed) {
+  const double way_m = 0.5 * 20e-3;
+  monitor_.read(now_ + 20ms, hand_m_ + Vector3(way_m, 0, 0), {.acting_newton = Vector3::Zero()});
+  const double friction = 0.1 * way_m + 0.1 * 0.5 * way_m;
+  EXPECT_NEAR(monitor_.joule(), before_joule_ - way_m + friction, 1e-9);
+
+  // nothing beyond f_co until that is paid
+  const auto covered = monitor_.cover({0, 1, 0}, 2ms);
+  EXPECT_TRUE(covered.is_reduced);
+  EXPECT_NEAR(covered.force_on_hand_newton.norm(), 0.1, 1e-9);
+}
+
+// Back where it was after 20 ms: it can have gone 5 mm along the force, which then ended.
+TEST_F(MonitorWithoutWatchdog, BooksTheWorstTimeAtWhichItCanHaveEnded) {
+  monitor_.read(now_ + 20ms, hand_m_, {.acting_newton = Vector3::Zero()});
+  const double hidden_path_m = 2.0 * 5e-3;
+  EXPECT_NEAR(monitor_.joule(), before_joule_ - 5e-3 + 0.1 * hidden_path_m, 1e-9);
+}
+
+TEST_F(MonitorWithoutWatchdog, AReadingWithinTheLeaseIsExact) {
+  monitor_.read(now_ + 1ms, hand_m_ + Vector3(1e-4, 0, 0), {.acting_newton = Vector3(1, 0, 0)});
+  EXPECT_NEAR(monitor_.joule(), before_joule_ - 1e-4 + 0.1 * 1e-4 + 0.1 * 0.1 * 1e-4, 1e-9);
+}
+
+// D(1 N) = 0.425 W. Released 30 ms after the last reading: 12.75 mJ, or 1 N · 100 mm if that is
+// less.
+TEST_F(MonitorWithoutWatchdog, AReleaseThatFailedIsPaidUntilItIsConfirmed) {
+  monitor_.read(now_, hand_m_, {.acting_newton = Vector3(1, 0, 0)});  // keeps 0.5 ms of it
+  const double kept_joule = 0.5e-3 * 0.425;
+  ForceMonitor late = monitor_;
+  ForceMonitor failed = monitor_;
+  monitor_.released(now_ + 30ms);
+  monitor_.lost();
+  monitor_.read(now_ + 1s, hand_m_);
+  EXPECT_NEAR(monitor_.joule(), before_joule_ - kept_joule - 12.75e-3, 1e-9);
+
+  late.released(now_ + 10s);
+  late.lost();
+  late.read(now_ + 11s, hand_m_);
+  EXPECT_NEAR(late.joule(), before_joule_ - kept_joule - 0.1, 1e-9);
+
+  // and so is a force whose switch failed: D(2 N) = 0.925 W
+  failed.failed({0, 2, 0});
+  failed.released(now_ + 30ms);
+  failed.lost();
+  failed.read(now_ + 1s, hand_m_);
+  EXPECT_NEAR(failed.joule(), before_joule_ - kept_joule - 12.75e-3 - 30e-3 * 0.925, 1e-9);
+}
+
+TEST_F(MonitorWithoutWatchdog, ASleepOfTheMachineCountsAsTime) {
+  monitor_.read(now_, hand_m_, {.acting_newton = Vector3(1, 0, 0)});
+  monitor_.slept(20ms);
+  monitor_.released(now_ + 1ms);
+  monitor_.lost();
+  monitor_.read(now_ + 1s, hand_m_);
+  EXPECT_NEAR(monitor_.joule(), before_joule_ - 21.5e-3 * 0.425, 1e-9);
+}
+
+// What the motors made beyond the 1 N that was covered is charged with its lease.
+TEST_F(MonitorWith1100MicroJoule, ChargesWhatTheMotorsRoundUp) {
+  static_cast<void>(monitor_.cover({0, 1, 0}, 1ms));
+  monitor_.switched(now_, hand_m_, {0, 1.2, 0}, 1ms);
+  // 1.1 mJ − 0.425 mJ − 0.1 mJ
+  const auto covered = monitor_.cover({0, 20, 0}, 2ms);
+  EXPECT_NEAR(covered.force_on_hand_newton.norm(), 0.15 + 0.575e-3 / 2e-3 / 0.5, 1e-9);
+}
+
+// A reading 1 ms old: every command costs its drain 1 ms longer, so does the one that acts.
+TEST_F(MonitorWith1100MicroJoule, KeepsWhatTheSkewMayCost) {
+  monitor_.read(now_ + 1ms, hand_m_ + Vector3(1e-4, 0, 0), {.skew = 1ms});
+  const double joule = monitor_.joule();
+  EXPECT_LT(monitor_.coverable_joule(), joule);
+  const auto covered = monitor_.cover({0, 20, 0}, 2ms);
+  EXPECT_NEAR(covered.force_on_hand_newton.norm(), 0.15 + joule / 3e-3 / 0.5, 1e-9);
+}
+
 TEST_F(MonitorWith1100MicroJoule, AForceThatEndsAtAReadingIsBookedAsRead) {
   monitor_.switched(now_, hand_m_, {1, 0, 0}, 1ms);
   monitor_.read(now_ + 1ms, hand_m_ + Vector3(6e-4, 0, 0));

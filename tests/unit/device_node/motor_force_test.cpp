@@ -99,10 +99,22 @@ TEST(RoundCounts, NeverMakesMoreForceThanTheLimitAndLosesLittle) {
 }
 
 TEST(RoundCounts, WithinTheLimitTakesTheNearestAndWithoutForceNone) {
-  Vector3 counts(1.4, -2.6, 0.2);
-  EXPECT_EQ(round_counts(counts, Matrix3::Identity(), 10.0), Vector3(1, -3, 0));
+  Vector3 counts(1.4, -2.4, 0.2);
+  EXPECT_EQ(round_counts(counts, Matrix3::Identity(), 10.0), Vector3(1, -2, 0));
   counts = {0.6, 0.0, 0.0};
   EXPECT_EQ(round_counts(counts, Matrix3::Identity(), 0.6), Vector3::Zero());
+}
+
+// A fallback of f_co needs no credit: one that is rounded up would.
+TEST(RoundCounts, NeverMakesMoreForceThanItIsAsked) {
+  Vector3 counts(1.6, 0.0, 0.0);
+  EXPECT_EQ(round_counts(counts, Matrix3::Identity(), 10.0), Vector3::Zero());
+  Random random(2);
+  for (int i = 0; i < 2'000; ++i) {
+    counts = random.uniform(0.0, 40.0) * random.direction();
+    const double wanted_newton = counts.norm();
+    EXPECT_LE(round_counts(counts, Matrix3::Identity(), 100.0).norm(), wanted_newton + 1e-9);
+  }
 }
 
 }  // namespace

@@ -5,10 +5,14 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <stop_token>
+#include <thread>
 #include <vector>
 
 #include "common/core/clock.h"
@@ -110,6 +114,50 @@ void expect_force_limit_kept(const Vector3& hand_m, Random& random) {
     EXPECT_GT(sample.applied_force_newton.norm(), 0.95 * kLimitNewton);
     EXPECT_LT((emulated.motor_force_newton() - sample.applied_force_newton).norm(), 1e-9);
   }
+}
+
+/// Steps of 60 ms of a hand that moves on: the force of held currents times the way is wrong by
+/// much more than with what the driver says of their turning. The work itself is the energy of an
+/// emulated device without friction.
+/// @param make_emulator  of an EmulatedDevice, serves until destroyed
+template <class Config, class MakeEmulator, class Open>
+void expect_turning_reported(const Config& config, double amplitude_m,
+                             const MakeEmulator& make_emulator, const Open& open) {
+  using namespace std::chrono_literals;
+  test::SharedClock time;
+  const HandConfig hand{.stiffness_newton_per_m = 2000.0,
+                        .damping_newton_s_per_m = 40.0,
+                        .path = SinusoidPath{.amplitude_m = Vector3::Constant(amplitude_m),
+                                             .frequency_hz = Vector3(1.0, 1.3, 0.7)}};
+  EmulatedDevice emulated(
+      {.viscous_newton_s_per_m = 0.0, .coulomb_newton = 0.0, .position_resolution_m = 0.0}, hand,
+      time, 1, 10s, {{.kind = WireFault::kTurning, .from_s = 0.0, .length_s = 1e6}});
+  const auto emulator = make_emulator(emulated);
+  const std::jthread server([&](const std::stop_token& stop) { emulator->run(stop); });
+  const auto device = open(config, time, StartUp{.limit = test::patience(20s)});
+  ASSERT_TRUE(device->calibrate());
+  double worst_joule = 0.0;
+  double worst_of_held_joule = 0.0;
+  DeviceSample last;
+  double last_joule = 0.0;
+  for (int step = 1; step <= 40; ++step) {
+    time.set(step * 60ms);
+    DeviceSample sample;
+    ASSERT_TRUE(device->apply(Vector3(1.0, 0.5, -1.0), 100ms, sample));
+    const double joule = emulated.true_state().energy_joule;
+    if (step > 1) {
+      const double held_joule =
+          last.applied_force_newton.dot(sample.hand_position_m - last.hand_position_m);
+      const double work_joule = last_joule - joule;
+      worst_of_held_joule = std::max(worst_of_held_joule, std::abs(held_joule - work_joule));
+      worst_joule = std::max(worst_joule, std::abs(held_joule + sample.turning_joule - work_joule));
+    }
+    last = sample;
+    last_joule = joule;
+  }
+  // the encoders' steps: 1.5 N · 0.1 mm
+  EXPECT_LT(worst_joule, 3e-4);
+  EXPECT_GT(worst_of_held_joule, 6e-4);
 }
 
 /// What the driver under test is made of. Time stands between the messages.

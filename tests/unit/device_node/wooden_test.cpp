@@ -166,6 +166,16 @@ TEST(WoodenDriver, ReadsThePositionAndPushes) {
   EXPECT_LT((emulated.motor_force_newton() - sample.applied_force_newton).norm(), 1e-9);
 }
 
+TEST(WoodenDriver, SaysWhatHeldCurrentsDoWhileTheArmTurns) {
+  const test::TempFolder folder;
+  WoodenConfig config = wooden_on_desk();
+  config.port = (folder.path() / "hidraw").string();
+  expect_turning_reported(
+      config, 0.04,
+      [&](EmulatedDevice& device) { return std::make_unique<WoodenEmulator>(device, config); },
+      open_wooden);
+}
+
 TEST(WoodenDriver, ALargerCurrentThanAllowedIsScaledAndReported) {
   const ManualClock clock;
   EmulatedWooden emulated(clock);

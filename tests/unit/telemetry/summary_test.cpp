@@ -326,6 +326,7 @@ TEST(SummaryJson, HasTheKeysThatAreDocumented) {
                           "monitor",
                           "monitor_reductions",
                           "has_motor_watchdog",
+                          "accepts_no_motor_watchdog",
                           "velocity_reversals",
                           "clamp_ratio",
                           "fallbacks",

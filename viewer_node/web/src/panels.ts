@@ -273,7 +273,7 @@ export class Counters {
       this.set("lateness", time_words(1e-9 * Number(device.loop.worstLatenessNs)));
       this.set("monitor", device.isMonitorOff ? "off" : `${count_words(device.monitorReductions)} reduced`,
         device.isMonitorOff || device.monitorReductions > 0n);
-      this.set("watchdog", device.hasNoMotorWatchdog ? "none" : "yes", device.hasNoMotorWatchdog);
+      this.set("watchdog", !device.hasNoMotorWatchdog ? "yes" : device.acceptsNoMotorWatchdog ? "none, accepted" : "none, at most f_co", device.hasNoMotorWatchdog);
       this.set("dead_man", count_words(device.deadManTicks));
       this.set("peak", count_words(device.peakLimitedTicks));
       this.set("max_force", `${device.maxForceNewton.toFixed(2)} N`);

@@ -49,6 +49,7 @@ export interface DeviceTelemetry {
     isMonitorOff: boolean;
     monitorReductions: bigint;
     hasNoMotorWatchdog: boolean;
+    acceptsNoMotorWatchdog: boolean;
     deadManTicks: bigint;
   };
   recordsLost: bigint;

@@ -1,0 +1,109 @@
+// Hardware with vices behind a driver, on virtual time: what device_node books is never more than
+// the true energy, and where the promise holds the hand receives none. PALPATE_SEEDS=N makes N
+// times as many runs.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <cstdio>
+
+#include "tests/property/seeds.h"
+#include "tests/support/wired/viced_runs.h"
+
+namespace palpate::test {
+namespace {
+
+// Rounding of the inner steps.
+constexpr double kRoundingJoule = 1e-6;
+constexpr double kVMax_m_per_s = 0.5;
+
+struct Worst {
+  double least_joule = 0.0;
+  double unbooked_joule = 0.0;
+  double largest_newton = 0.0;
+  std::uint64_t runs = 0;
+  std::uint64_t pushed = 0;
+
+  void add(const VicedResult& result) {
+    ++runs;
+    least_joule = std::min(least_joule, result.least_true_joule);
+    unbooked_joule = std::max(unbooked_joule, result.most_unbooked_joule);
+    largest_newton = std::max(largest_newton, result.largest_force_newton);
+    pushed += result.ticks_beyond_friction;
+  }
+  void print(const char* what) const {
+    std::printf(
+        "%s: %llu runs, least true energy %.3g µJ, most above it in the books %.3g µJ, %llu "
+        "ticks above f_co\n",
+        what, static_cast<unsigned long long>(runs), 1e6 * least_joule, 1e6 * unbooked_joule,
+        static_cast<unsigned long long>(pushed));
+  }
+};
+
+template <class MakeRun, class Judge>
+Worst all_runs(const char* what, std::uint64_t runs, Books books, const MakeRun& make_run,
+               const Judge& judge) {
+  Worst worst;
+  for (std::uint64_t seed = 1; seed <= seed_count(runs); ++seed) {
+    const VicedResult result = run_with_vices(make_run(seed), books, seed);
+    EXPECT_LE(result.top_speed_m_per_s, kVMax_m_per_s) << "seed=" << seed;
+    judge(result, seed);
+    worst.add(result);
+  }
+  worst.print(what);
+  return worst;
+}
+
+constexpr auto kAny = [](const VicedResult&, std::uint64_t) {};
+
+TEST(Vices, NoHandReceivesEnergyWithinTheClaim) {
+  const Worst worst =
+      all_runs("within the claim", 200, Books::kTrue, random_run_within_the_claim,
+               [](const VicedResult& result, std::uint64_t seed) {
+                 EXPECT_GE(result.least_true_joule, -kRoundingJoule) << "seed=" << seed;
+                 EXPECT_LE(result.most_unbooked_joule, kRoundingJoule) << "seed=" << seed;
+                 EXPECT_EQ(result.faults, 0U) << "seed=" << seed;
+               });
+  EXPECT_GT(worst.pushed, 1000U) << "forces act at all";
+}
+
+TEST(VicesTwin, BooksThatIgnoreThemLeakWithinTheClaim) {
+  EXPECT_LT(
+      all_runs("the same, simple books", 100, Books::kSimple, random_run_within_the_claim, kAny)
+          .least_joule,
+      -1e3 * kRoundingJoule);
+}
+
+// Beyond the claim: what a force drew that outlived its lease is a debt.
+TEST(Vices, WhatAStallCostsIsBooked) {
+  all_runs("stalls", 200, Books::kTrue, random_run_with_stalls,
+           [](const VicedResult& result, std::uint64_t seed) {
+             EXPECT_LE(result.most_unbooked_joule, kRoundingJoule) << "seed=" << seed;
+           });
+}
+
+TEST(VicesTwin, SimpleBooksAreFarAboveTheTruthAfterStalls) {
+  EXPECT_GT(all_runs("stalls, simple books", 100, Books::kSimple, random_run_with_stalls, kAny)
+                .unbooked_joule,
+            5e-3);
+}
+
+// Without the acceptance of the session the force stays at f_co: whatever the process does.
+TEST(Vices, WithoutAcceptanceNoStallGivesTheHandEnergy) {
+  const Worst worst = all_runs(
+      "stalls, not accepted", 100, Books::kTrue,
+      [](std::uint64_t seed) {
+        VicedRun run = random_run_with_stalls(seed);
+        run.is_accepted = false;
+        run.turning_per_m = 0.0;  // a held current of f_co is more elsewhere
+        return run;
+      },
+      [](const VicedResult& result, std::uint64_t seed) {
+        EXPECT_GE(result.least_true_joule, -kRoundingJoule) << "seed=" << seed;
+      });
+  EXPECT_EQ(worst.pushed, 0U);
+  EXPECT_GT(worst.largest_newton, 0.1);
+}
+
+}  // namespace
+}  // namespace palpate::test

@@ -1,0 +1,189 @@
+#include "tests/support/wired/viced_runs.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "common/core/random.h"
+#include "device_node/drivers/held_torque.h"
+#include "device_node/drivers/wire_device.h"
+#include "tests/support/device_node_bench.h"
+#include "tests/support/wired/hostile_commands.h"
+
+namespace palpate::test {
+namespace {
+
+using device::DeviceSample;
+using device::Transfer;
+
+constexpr double kPeakNewton = 3.3;
+constexpr Duration kPastStep = 100us;  // of Hardware: how much older than its latency a position is
+
+/// Each axis is a motor whose angle is θ = x + κx²/2: its force is τ (1 + κx).
+template <Books books>
+class VicedArm final : public device::WireDevice, public device::TrueStateSource {
+ public:
+  VicedArm(const SimulatedDeviceConfig& simulated, const HandConfig& hand, const Clock& clock,
+           std::uint64_t seed)
+      : WireDevice({.peak_force_newton = kPeakNewton, .continuous_force_newton = kPeakNewton},
+                   clock),
+        hardware_(simulated, hand, clock, seed) {
+    set_specification({.model_name = "arm with vices",
+                       .workspace_half_extent_m = Vector3::Constant(0.05),
+                       .peak_force_newton = kPeakNewton,
+                       .continuous_force_newton = kPeakNewton,
+                       .position_resolution_m = simulated.position_resolution_m,
+                       .has_motor_watchdog = books == Books::kSimple});
+    set_calibrated();
+  }
+
+  void set(const VicedRun& run) {
+    hardware_.set(run.vices);
+    turning_per_m_ = run.turning_per_m;
+    count_newton_ = run.count_newton;
+  }
+  [[nodiscard]] device::TrueState true_state() const noexcept override {
+    return hardware_.true_state();
+  }
+  [[nodiscard]] Vector3 motor_newton() const { return hardware_.force_newton(); }
+
+ private:
+  void connect(Duration /*within*/) override {}
+  [[nodiscard]] bool is_connected() const noexcept override { return true; }
+  void disconnect() noexcept override {}
+  [[nodiscard]] bool knows_its_calibration() override { return true; }
+
+  [[nodiscard]] Vector3 gain(const Vector3& hand_m) const {
+    return Vector3::Ones() + turning_per_m_ * hand_m;
+  }
+  Transfer exchange(const Vector3& force_newton, DeviceSample& sample) noexcept override {
+    const Vector3 gain_now = gain(angles_of_m_);
+    Vector3 torque = force_newton.cwiseQuotient(gain_now);
+    Vector3 made_newton = force_newton;
+    if (count_newton_ > 0.0) {
+      Vector3 counts = torque / count_newton_;
+      made_newton = device::round_counts(counts, Matrix3(count_newton_ * gain_now.asDiagonal()),
+                                         allowed_newton());
+      torque = count_newton_ * counts;
+    }
+    const DeviceSample answer = turning_per_m_ == 0.0
+                                    ? hardware_.switch_to(made_newton)
+                                    : hardware_.switch_to([this, torque](const Vector3& hand_m) {
+                                        return Vector3(torque.cwiseProduct(gain(hand_m)));
+                                      });
+    sample.hand_position_m = angles_of_m_ = answer.hand_position_m;
+    sample.applied_force_newton = made_newton;
+    if (books == Books::kTrue && turning_per_m_ != 0.0) {
+      const Vector3 angles =
+          angles_of_m_ + 0.5 * turning_per_m_ * angles_of_m_.cwiseProduct(angles_of_m_);
+      held_.answered(torque, angles, sample);
+    }
+    return Transfer::kDone;
+  }
+  Transfer release_once() noexcept override {
+    static_cast<void>(hardware_.switch_to(Vector3(Vector3::Zero())));
+    held_.forget();
+    return Transfer::kDone;
+  }
+
+  device::Hardware hardware_;
+  double turning_per_m_ = 0.0;
+  double count_newton_ = 0.0;
+  Vector3 angles_of_m_ = Vector3::Zero();
+  device::HeldTorque held_;
+};
+
+template <Books books>
+VicedResult run_books(const VicedRun& run, std::uint64_t seed) {
+  Random random(seed);
+  DeviceConfig config = device_config();
+  config.longest_lease = 10ms;
+  config.peak_force_newton = kPeakNewton;
+  config.profile = {.viscous_newton_s_per_m = run.viscous_newton_s_per_m,
+                    .coulomb_newton = run.coulomb_newton,
+                    .position_resolution_m = run.resolution_m};
+  config.monitor = {.is_on = true, .v_max_m_per_s = 0.5};
+  config.accepts_no_motor_watchdog = run.is_accepted;
+  if (books == Books::kTrue && run.vices.sensing + run.vices.actuation > Duration::zero()) {
+    config.latency = run.vices.sensing + run.vices.actuation + kPastStep;
+  }
+  const SimulatedDeviceConfig simulated{.viscous_newton_s_per_m = run.viscous_newton_s_per_m,
+                                        .coulomb_newton = run.coulomb_newton,
+                                        .position_resolution_m = run.resolution_m,
+                                        .peak_force_newton = 10.0 * kPeakNewton};
+  // firm, so that it stays below v_max whatever pushes it
+  HandConfig hand{.mass_kg = random.uniform(0.02, 0.3),
+                  .stiffness_newton_per_m = random.uniform(800.0, 4000.0),
+                  .damping_newton_s_per_m = random.uniform(30.0, 80.0)};
+  hand.path = HostilePath{.radius_m = random.uniform(0.005, 0.04),
+                          .v_max_m_per_s = random.uniform(0.05, 0.3)};
+  DeviceNodeBench<VicedArm<books>> bench(config, simulated, hand, seed);
+  bench.device.set(run);
+  bench.reply_delay = from_seconds(random.uniform(0.0, 5e-4));
+  bench.node.acknowledge();
+  bench.node.acknowledge();
+
+  VicedResult result{.most_unbooked_joule = -std::numeric_limits<double>::infinity()};
+  HostileCommands commands(seed + 1, kPeakNewton);
+  bench.on_state = [&](const DeviceState& state) {
+    const device::TrueState truth = bench.device.true_state();
+    result.most_unbooked_joule =
+        std::max(result.most_unbooked_joule, bench.node.monitor_joule() - truth.energy_joule);
+    result.top_speed_m_per_s =
+        std::max(result.top_speed_m_per_s, truth.hand_velocity_m_per_s.norm());
+    const Vector3 command = commands.next(state.hand_position_m);
+    if (random.chance(0.98)) {
+      bench.send_answer(state.header.session_id, state.header.sequence, command);
+    }
+  };
+  const TimePoint end = TimePoint(from_seconds(run.seconds));
+  while (bench.clock.now() < end) {
+    if (run.stalls_per_tick > 0.0 && random.chance(run.stalls_per_tick)) {
+      bench.clock.advance(from_seconds(random.uniform() * to_seconds(run.longest_stall)));
+    }
+    bench.tick();
+    const double newton = bench.device.motor_newton().norm();
+    result.largest_force_newton = std::max(result.largest_force_newton, newton);
+    if (newton > 1.01 * run.coulomb_newton) ++result.ticks_beyond_friction;
+  }
+  result.least_true_joule = bench.device.true_state().minimum_energy_joule;
+  result.faults = bench.node.counters().device_faults;
+  return result;
+}
+
+}  // namespace
+
+VicedResult run_with_vices(const VicedRun& run, Books books, std::uint64_t seed) {
+  return books == Books::kTrue ? run_books<Books::kTrue>(run, seed)
+                               : run_books<Books::kSimple>(run, seed);
+}
+
+VicedRun random_run_within_the_claim(std::uint64_t seed) {
+  Random random(seed);
+  VicedRun run;
+  constexpr Duration kWatchdogs[] = {20ms, 100ms, 500ms, 24h};
+  run.vices.watchdog = kWatchdogs[random.below(4)];
+  if (random.chance(0.6)) {
+    run.vices.sensing = from_seconds(random.uniform(0.0, 2e-3));
+    run.vices.actuation = from_seconds(random.uniform(0.0, 2e-3));
+    run.vices.has_jitter = random.chance(0.5);
+  }
+  if (random.chance(0.5)) run.turning_per_m = random.uniform(-6.0, 6.0);
+  if (random.chance(0.5)) run.count_newton = random.uniform(1e-3, 0.1);
+  run.coulomb_newton = random.chance(0.1) ? 0.0 : random.uniform(0.02, 0.26);
+  run.viscous_newton_s_per_m = random.chance(0.1) ? 0.0 : random.uniform(0.02, 0.3);
+  run.resolution_m = random.chance(0.2) ? 0.0 : random.uniform(5e-6, 2e-4);
+  return run;
+}
+
+VicedRun random_run_with_stalls(std::uint64_t seed) {
+  VicedRun run = random_run_within_the_claim(seed);
+  Random random(seed + 7);
+  run.stalls_per_tick = random.uniform(0.001, 0.05);
+  run.longest_stall = from_seconds(random.uniform(1e-3, 60e-3));
+  return run;
+}
+
+}  // namespace palpate::test

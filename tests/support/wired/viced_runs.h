@@ -1,0 +1,59 @@
+// viced_runs.h — a driver and the hardware behind it in memory, on virtual time: cheap runs of the
+// tick against hardware with vices, a hostile hand and commands that nobody has clamped, judged by
+// the true energy.
+#pragma once
+
+#include <cstdint>
+
+#include "common/core/time.h"
+#include "device_node/emulators/hardware.h"
+
+namespace palpate::test {
+
+/// One run.
+struct VicedRun {
+  device::HardwareVices vices;
+  /// The arm turns: the force of held currents grows by this share per metre.
+  double turning_per_m = 0.0;
+  /// The motors take whole multiples of this force on each axis [N]; 0: any.
+  double count_newton = 0.0;
+  /// The process is stopped this often per tick, and for at most so long. Beyond the lease of a
+  /// command no device without a watchdog keeps the promise; what it costs is booked.
+  double stalls_per_tick = 0.0;
+  Duration longest_stall{};
+  /// `device { accept: NO_MOTOR_WATCHDOG }`
+  bool is_accepted = true;
+  double coulomb_newton = 0.1;
+  double viscous_newton_s_per_m = 0.1;
+  double resolution_m = 55e-6;
+  double seconds = 2.0;
+};
+
+/// How device_node keeps its books of it.
+enum class Books : std::uint8_t {
+  kTrue,
+  /// As if each force ended with its lease, reading and switch were one instant and held currents a
+  /// held force.
+  kSimple,
+};
+
+struct VicedResult {
+  double least_true_joule = 0.0;
+  /// Most by which M was above the true energy at a reading; ≤ 0: never above [J].
+  double most_unbooked_joule = 0.0;
+  double largest_force_newton = 0.0;
+  double top_speed_m_per_s = 0.0;
+  std::uint64_t ticks_beyond_friction = 0;  ///< with a force above f_co
+  std::uint64_t faults = 0;
+};
+
+/// Same run and seed: same result, to the bit.
+[[nodiscard]] VicedResult run_with_vices(const VicedRun& run, Books books, std::uint64_t seed);
+
+/// Everything that the promise covers at random: no stall outlives a lease, latencies are those of
+/// the session.
+[[nodiscard]] VicedRun random_run_within_the_claim(std::uint64_t seed);
+/// The same with stalls of any length up to 60 ms.
+[[nodiscard]] VicedRun random_run_with_stalls(std::uint64_t seed);
+
+}  // namespace palpate::test
