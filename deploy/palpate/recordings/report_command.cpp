@@ -2,13 +2,16 @@
 #include "viewer_node/recording/report.h"
 
 #include <algorithm>
+#include <cstdio>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "common/core/check.h"
 #include "common/core/user/output_file.h"
 #include "common/process/options.h"
 #include "common/process/terminal.h"
+#include "deploy/lockstep/recompute.h"
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/options.h"
 #include "viewer_node/recording/recording_file.h"
@@ -21,6 +24,7 @@ struct ReportCommand {
   std::string side;
   std::string output;
   bool may_overwrite = false;
+  bool is_recomputed = false;
 
   void add_to(CLI::App& app) {
     app.add_option("FILE", files, "recording (*.mcap); two are shown side by side")
@@ -30,26 +34,49 @@ struct ReportCommand {
     add_side_option(app, side);
     app.add_option("-o,--output", output,
                    "write one self-contained HTML file; - for standard output")
-        ->required()
         ->type_name("FILE");
+    app.add_flag("--recompute", is_recomputed,
+                 "compute energies and figures again from what acted, and print whether they are "
+                 "as recorded; status 1 if not");
     add_overwrite_flag(app, may_overwrite);
   }
   int run(const Verbosity& verbosity) const {
-    check_outputs({{"--output", output}}, files, may_overwrite);
+    if (output.empty() && !is_recomputed) {
+      throw SetupError("report: give --output FILE, --recompute, or both");
+    }
+    if (!output.empty()) check_outputs({{"--output", output}}, files, may_overwrite);
     std::vector<std::unique_ptr<RecordingFile>> recordings;
     for (const std::string& file : files) {
       recordings.push_back(std::make_unique<RecordingFile>(file));
       recordings.back()->choose_side(side);
     }
-    Progress progress("report", verbosity.is_quiet);
-    const std::string html = report_html(recordings, [&](double ratio) { progress.show(ratio); });
-    write_file("report", output, html, may_overwrite);
-    if (!verbosity.is_quiet && output != "-") say(output + ": written");
     int status = 0;
+    for (const auto& recording : recordings) {
+      if (is_recomputed) status = std::max(status, recompute_one(*recording, verbosity));
+    }
+    if (!output.empty()) {
+      Progress progress("report", verbosity.is_quiet);
+      const std::string html = report_html(recordings, [&](double ratio) { progress.show(ratio); });
+      write_file("report", output, html, may_overwrite);
+      if (!verbosity.is_quiet && output != "-") say(output + ": written");
+    }
     for (const auto& recording : recordings) {
       status = std::max(status, status_of_damage(*recording));
     }
     return status;
+  }
+
+ private:
+  [[nodiscard]] int recompute_one(RecordingFile& recording, const Verbosity& verbosity) const {
+    Progress progress("recomputing", verbosity.is_quiet);
+    const Recomputed recomputed =
+        recompute(recording, with_only_side(recorded_session(recording), side),
+                  [&](double ratio) { progress.show(ratio); });
+    // beside a page on standard output there is no room for text
+    const bool is_page = output == "-";
+    std::fputs((recording.mcap().path() + "\n" + recomputed_text(recomputed)).c_str(),
+               is_page ? stderr : stdout);
+    return recomputed.is_same() ? 0 : 1;
   }
 };
 

@@ -162,6 +162,37 @@ TEST_F(RecordingTools, TheIdealForceIsRecordedByLoopback) {
                                                 Not(HasSubstr(R"("name":"ideal")"))));
 }
 
+// Holes of 9 ms, so leases end by themselves; answers that come 0.3 ms after the reading.
+TEST_F(RecordingTools, EnergyAndFiguresOfARecordingAreComputedAgain) {
+  ASSERT_EQ(palpate({"loopback", session_, "--seconds", "1", "--record", path("holes.mcap"),
+                     "--json", path("holes.json"), "--set", "faults.force_command.delay_ms=0.3",
+                     "--set", "faults.device.skip={from_s: 0.0201 until_s: 0.029 every_s: 0.05}"})
+                .status,
+            0);
+  const Outcome again = palpate({"report", path("holes.mcap"), "--recompute"});
+  EXPECT_EQ(again.status, 0) << again.err;
+  const json run = json::parse(text_of(path("holes.json")));
+  char transparency[64];
+  const double ideal = run["transparency"]["ideal"].get<double>();
+  std::snprintf(transparency, sizeof(transparency), "%.6f, recorded %.6f", ideal, ideal);
+  char gain[64];
+  std::snprintf(gain, sizeof(gain), "%.6f, recorded %.6f", run["gain"].get<double>(),
+                run["gain"].get<double>());
+  EXPECT_THAT(again.out, AllOf(HasSubstr("true tool position      the same in every tick"),
+                               HasSubstr("true energy             the same in every tick"),
+                               HasSubstr(transparency), HasSubstr(gain),
+                               HasSubstr("recorded nowhere above what acted allows"),
+                               HasSubstr("the same as recorded"), Not(HasSubstr("NOT"))));
+
+  // a part of it does not begin with the hand
+  ASSERT_EQ(palpate({"cut", path("holes.mcap"), path("end.mcap"), "--from", "0.5"}).status, 0);
+  const Outcome part = palpate({"report", path("end.mcap"), "--recompute"});
+  EXPECT_THAT(part.out, AllOf(HasSubstr("not moved again: from tick 0 on: ticks are missing"),
+                              HasSubstr("what was compared agrees")));
+  // and one of the two outputs is needed
+  EXPECT_THAT(palpate({"report", path("holes.mcap")}).err, HasSubstr("--recompute"));
+}
+
 TEST_F(RecordingTools, WhatCannotBeCopiedIsSaid) {
   std::ofstream(path("begin.mcap"), std::ios::binary) << text_of(path("run.mcap")).substr(0, 100);
   const Outcome recovered = palpate({"recover", path("begin.mcap"), path("x.mcap")});
