@@ -94,7 +94,7 @@ set(PALPATE_BOUNDARIES
   "viewer_node/server:common/core,common/core/user,@threads"
 
   # lockstep ← campaign; launch ← conform; campaign, conform ← palpate
-  "deploy/lockstep:common/*,device_node/*,mofc_node/*,physics_node/*,viewer_node/recording,@zmq,@log,@threads"
+  "deploy/lockstep:common/*,device_node/*,mofc_node/*,physics_node/*,viewer_node/feed,viewer_node/recording,@zmq,@log,@threads"
   "deploy/campaign:common/*,deploy/lockstep,@wire,@log,@threads"
   "deploy/launch:common/*,@log,@threads"
   "deploy/conform:common/*,deploy/launch,device_node/device.h,device_node/conformance,device_node/drivers,device_node/simulation/hand.h,@log,@zmq,@threads"

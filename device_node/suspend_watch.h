@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // suspend_watch.h — notices that the machine slept: CLOCK_MONOTONIC, by which everything here is
 // timed, stands still meanwhile, and a motor need not.
 #pragma once

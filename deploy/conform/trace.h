@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // trace.h — what a series of answers says about a physics.
 #pragma once
 

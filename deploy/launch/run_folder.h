@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // run_folder.h — the folder of the ipc files of one launch.
 #pragma once
 

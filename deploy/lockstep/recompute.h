@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // recompute.h — `palpate report --recompute`: the energies and the figures of a recorded run,
 // computed again from what acted.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // held_torque.h — what motors with held currents do while the arm turns: between two messages the
 // torques stay, and with them not the force.
 #pragma once

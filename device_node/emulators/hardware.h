@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // hardware.h — the simulated device as hardware has it: motors that do what they want when nobody
 // tells them anything, forces and positions that come late, currents that are held while the arm
 // turns.

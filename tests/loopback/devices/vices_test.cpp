@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Hardware with vices behind a driver, on virtual time: what device_node books is never more than
 // the true energy, and where the promise holds the hand receives none. PALPATE_SEEDS=N makes N
 // times as many runs.

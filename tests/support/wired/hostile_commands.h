@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // hostile_commands.h — commands of nobody who would clamp them.
 #pragma once
 

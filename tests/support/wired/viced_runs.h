@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // viced_runs.h — a driver and the hardware behind it in memory, on virtual time: cheap runs of the
 // tick against hardware with vices, a hostile hand and commands that nobody has clamped, judged by
 // the true energy.
