@@ -168,7 +168,8 @@ std::set<std::string> anchors_in(const std::string& document) {
 std::vector<std::string> broken_links(const std::string& document, const fs::path& file) {
   std::vector<std::string> broken;
   std::vector<std::string> links = matches(document, R"(\]\(([^)\s]+)\))");
-  for (const std::string& image : matches(document, "src(?:set)?=\"([^\"]+)\"")) links.push_back(image);
+  for (const std::string& image : matches(document, "src(?:set)?=\"([^\"]+)\""))
+    links.push_back(image);
   for (const std::string& link : links) {
     if (link.find("://") != std::string::npos) continue;
     const std::size_t hash = link.find('#');

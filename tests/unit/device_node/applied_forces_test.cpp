@@ -183,7 +183,8 @@ TEST(AppliedForces, AreReportedUntilTheyAreAcknowledged) {
   EXPECT_EQ(reported(applied, at_ms(3)).applied_count, 0u);
 }
 
-// For a record that follows one at 2 ms: the lease that ended by itself at 4 ms is an end of its own.
+// For a record that follows one at 2 ms: the lease that ended by itself at 4 ms is an end of its
+// own.
 TEST(AppliedForces, TellARecordWhatActedSinceTheOneBefore) {
   AppliedForces applied;
   applied.begin(at_ms(0));
