@@ -1,10 +1,10 @@
-// verdict.h — the verdict on a run (common/telemetry/verdict.h) on a terminal.
+// verdict.h — the verdict on a run (common/telemetry/verdict/verdict.h) on a terminal.
 #pragma once
 
 #include <string>
 #include <vector>
 
-#include "common/telemetry/verdict.h"
+#include "common/telemetry/verdict/verdict.h"
 
 namespace palpate {
 
