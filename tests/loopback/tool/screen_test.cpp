@@ -136,7 +136,10 @@ TEST_F(Screen, OfALaunchBeginsWithThePageAndItsStatusFits) {
   const auto first_figure = std::find_if(lines.begin(), lines.end(), [](const std::string& line) {
     return line.find(" Hz") != std::string::npos;
   });
-  EXPECT_LE(first_figure - lines.begin(), 3) << text;
+  const auto warnings = std::count_if(lines.begin(), first_figure, [](const std::string& line) {
+    return line.find(" warning ") != std::string::npos;  // of a busy machine
+  });
+  EXPECT_LE(first_figure - lines.begin() - warnings, 3) << text;
   // no log line is glued to a status line
   for (const std::string& line : lines) {
     if (line.find("event=") == std::string::npos) continue;
