@@ -81,11 +81,13 @@ std::size_t text_column(const std::string& line) {
 }
 
 void append_wrapped(const std::string& line, std::size_t columns, std::string& text) {
-  const std::size_t indent = text_column(line);
-  if (columns_of(line) <= columns || 2 * indent > columns) {
+  if (columns_of(line) <= columns) {
     text += line;
     return;
   }
+  constexpr std::size_t kNarrowIndent = 4;
+  std::size_t indent = text_column(line);
+  if (3 * indent > 2 * columns) indent = kNarrowIndent;  // no room for words beside it
   std::string rest = line;
   while (columns_of(rest) > columns) {
     // the last space at which what is before it fits

@@ -7,7 +7,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "common/telemetry/verdict.h"
+#include "common/telemetry/verdict/verdict.h"
 
 namespace palpate {
 namespace {

@@ -33,7 +33,10 @@ int check_scene(const SessionOptions& options, const Verbosity& verbosity) {
   for (const Side& side : session.sides) {
     std::printf("%s: ok (%s%s%zu tissues, device %g Hz, physics %g Hz, controller %s)\n",
                 options.file.c_str(),
-                warnings.empty() ? "" : (std::to_string(warnings.size()) + " warnings, ").c_str(),
+                warnings.empty() ? ""
+                                 : (std::to_string(warnings.size()) +
+                                    (warnings.size() == 1 ? " warning, " : " warnings, "))
+                                       .c_str(),
                 side.name.empty() ? "" : (side.name + ", ").c_str(), session.scene.tissues.size(),
                 side.device.rate_hz, session.physics.rate_hz, controller_text(side.mofc).c_str());
   }

@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "common/core/version.h"
-#include "common/telemetry/verdict.h"
+#include "common/telemetry/verdict/verdict.h"
 #include "viewer_node/live/channels.h"
 
 namespace palpate::viewer {

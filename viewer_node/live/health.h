@@ -12,7 +12,7 @@
 #include "common/link/codec/viewer_codec.h"
 #include "common/link/telemetry_subscriber.h"
 #include "common/session/session.h"
-#include "common/telemetry/verdict.h"
+#include "common/telemetry/verdict/verdict.h"
 #include "viewer_node/feed/metrics_text.h"
 #include "viewer_node/feed/telemetry_mirror.h"
 #include "viewer_node/live/log.h"

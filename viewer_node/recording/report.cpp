@@ -8,7 +8,7 @@
 #include <string_view>
 
 #include "common/telemetry/summary.h"
-#include "common/telemetry/verdict.h"
+#include "common/telemetry/verdict/verdict.h"
 #include "viewer_node/recording/report_data.h"
 
 // the files of report_assets.S

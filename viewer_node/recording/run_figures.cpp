@@ -99,10 +99,10 @@ MofcCounters counts_before(const MofcBatch& batch) {
 
 /// Adds what the batch counts beyond the one before it.
 template <class Batch, class Counters, class Known>
-void add_counts(const Batch& batch, Counters& total, Known& session) {
+void add_counts(const Batch& batch, bool is_part, Counters& total, Known& session) {
   const bool is_same = batch.header.session_id == session.id;
   if (is_same && batch.header.sequence <= session.batch) return;  // late or twice
-  const Counters before = is_same ? session.newest : counts_before(batch);
+  const Counters before = is_same ? session.newest : is_part ? counts_before(batch) : Counters{};
   session = {
       .id = batch.header.session_id, .batch = batch.header.sequence, .newest = batch.counters};
   Counters sum = batch.counters;
@@ -126,10 +126,10 @@ void RunFigures::add(const DeviceBatch& batch) {
       std::fmin(minimum_true_energy_joule, newest.minimum_true_energy_joule);
   max_force_newton = std::fmax(max_force_newton, newest.max_force_newton);
   largest_jump_newton = std::fmax(largest_jump_newton, newest.largest_jump_newton);
-  add_counts(batch, device, device_session_);
+  add_counts(batch, is_part, device, device_session_);
 }
 
-void RunFigures::add(const MofcBatch& batch) { add_counts(batch, mofc, mofc_session_); }
+void RunFigures::add(const MofcBatch& batch) { add_counts(batch, is_part, mofc, mofc_session_); }
 
 /// Time and steps between the first and the newest step of each session.
 void RunFigures::add(const PhysicsBatch& batch) {
@@ -314,6 +314,7 @@ void read_run(RecordingFile& recording, RecordedRun& run,
     run.figures.add(row);
     if (on_row) on_row(row);
   };
+  run.figures.is_part = !recording.mcap().metadata(viewer::kCopyMetadata).empty();
   recording.seek(0);
   while (const RecordingFile::Item* item = recording.next()) {
     const TimePoint at{Duration(static_cast<std::int64_t>(item->log_time_ns))};

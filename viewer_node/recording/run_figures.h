@@ -15,7 +15,7 @@
 #include "common/telemetry/metrics.h"
 #include "common/telemetry/summary.h"
 #include "common/telemetry/telemetry.h"
-#include "common/telemetry/verdict.h"
+#include "common/telemetry/verdict/verdict.h"
 #include "viewer_node/feed/telemetry_mirror.h"
 #include "viewer_node/recording/recording_file.h"
 
@@ -24,14 +24,15 @@ namespace palpate {
 /// Figures of one device over the whole run: unlike the counters of a node, they do not start again
 /// at 0 when the node is restarted.
 struct RunFigures {
+  /// Of a part of a run: what the nodes counted before its first batch is left out.
+  bool is_part = false;
   DurationHistogram reply_time;
   DurationHistogram lateness;
   RunStatistics statistics;                 ///< of the ticks received
   double minimum_true_energy_joule = kNaN;  ///< NaN: not reported, as with real hardware
   double max_force_newton = 0.0;
   double largest_jump_newton = 0.0;
-  /// The newest counters, with sums over all sessions in place of what counts since the last start,
-  /// from the first batch that was received on.
+  /// The newest counters, with sums over all sessions in place of what counts since the last start.
   DeviceCounters device;
   MofcCounters mofc;
   // of the physics, over all its sessions, without the time between them

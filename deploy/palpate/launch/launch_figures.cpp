@@ -8,7 +8,7 @@
 
 #include "common/process/run_node.h"
 #include "common/telemetry/summary.h"
-#include "common/telemetry/verdict.h"
+#include "common/telemetry/verdict/verdict.h"
 #include "deploy/palpate/screen/verdict.h"
 
 namespace palpate {

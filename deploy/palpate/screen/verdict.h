@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// verdict.h — the verdict on a run (common/telemetry/verdict.h) on a terminal.
+// verdict.h — the verdict on a run (common/telemetry/verdict/verdict.h) on a terminal.
 #pragma once
 
 #include <string>
 #include <vector>
 
-#include "common/telemetry/verdict.h"
+#include "common/telemetry/verdict/verdict.h"
 
 namespace palpate {
 

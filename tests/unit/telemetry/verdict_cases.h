@@ -72,6 +72,16 @@ inline std::vector<VerdictCase> verdict_cases() {
          unanswered(run, 5'000);
          run.mofc.contact_ticks = 0;
        }},
+      {"a fault before the first answer", "device_fault", "reset the fault", "bad",
+       [](TroubledRun& run) {
+         run.device.device_faults = 1;
+         run.device.last_fault = FaultReason::kReadFailed;
+         run.device.phase = DevicePhase::kFaulted;
+         run.device.fault_ticks = 10'000;
+         unanswered(run, 10'000);
+         run.mofc.contact_ticks = 0;
+         run.mofc.interaction = {};
+       }},
       {"a fault that was reset", "device_fault", "encoders", "bad",
        [](TroubledRun& run) {
          run.device.device_faults = run.device.fault_resets = 1;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The verdict on a run: the right cause for each trouble, and grades by the stated limits.
-#include "common/telemetry/verdict.h"
+#include "common/telemetry/verdict/verdict.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -84,6 +84,19 @@ TEST(Verdict, BlamesThePathOnlyIfNothingElseKeptTheToolAway) {
     const std::vector<RunFinding> findings = judge(lockstep_facts(run));
     const bool is_blamed = words_of(findings).find("check the hand's path") != std::string::npos;
     EXPECT_EQ(is_blamed, one.cause == "path") << one.name << "\n" << words_of(findings);
+  }
+}
+
+// its consequences are not told as causes of their own
+TEST(Verdict, OfAFaultBlamesNoOtherNode) {
+  for (const VerdictCase& one : verdict_cases()) {
+    if (one.cause != "device_fault") continue;
+    TroubledRun run;
+    one.trouble(run);
+    for (const RunFinding& finding : judge(lockstep_facts(run))) {
+      EXPECT_TRUE(finding.grade == Grade::kGood || finding.cause == "device_fault")
+          << one.name << ": " << finding.text;
+    }
   }
 }
 

@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "common/telemetry/verdict.h"
+#include "common/telemetry/verdict/verdict.h"
 #include "tests/unit/telemetry/verdict_cases.h"
 #include "tests/unit/viewer_node/batches.h"
 #include "viewer_node/recording/run_figures.h"
@@ -103,6 +103,7 @@ TEST(RunFigures, CountOverAllSessions) {
 // as in a part that was cut out: what came before it is not counted
 TEST(RunFigures, CountFromTheFirstBatch) {
   RunFigures figures;
+  figures.is_part = true;
   figures.add(device_batch(40, 4000, 4099));
   figures.add(device_batch(41, 4100, 4199));
   MofcBatch mofc = mofc_batch(40, 4000, 4099);
@@ -115,6 +116,14 @@ TEST(RunFigures, CountFromTheFirstBatch) {
   EXPECT_EQ(figures.device.answered_ticks, 200u);
   EXPECT_EQ(figures.mofc.ticks, 200u);
   EXPECT_EQ(figures.mofc.contact_ticks, 200u);
+
+  // who begins to observe late still hears what was counted, as a fault that was latched before
+  RunFigures late;
+  DeviceBatch faulted = device_batch(40, 4000, 4099);
+  faulted.counters.device_faults = 1;
+  late.add(faulted);
+  EXPECT_EQ(late.device.loop.ticks, 4100u);
+  EXPECT_EQ(late.device.device_faults, 1u);
 }
 
 // 3 s of loading do not make a physics slow; a stop of 3 s does

@@ -1,15 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "common/telemetry/verdict.h"
+#include "common/telemetry/verdict/verdict.h"
 
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
 #include <cmath>
-#include <nlohmann/json.hpp>
 #include <utility>
-#include <variant>
-
-#include "common/session/path_speed.h"
 
 namespace palpate {
 namespace {
@@ -38,10 +34,6 @@ std::string thousands(double value) {
 
 Grade grade_above(double value, double fair, double bad) {
   return value >= bad ? Grade::kBad : value >= fair ? Grade::kFair : Grade::kGood;
-}
-
-void append(std::string& list, const char* field) {
-  list += (list.empty() ? "" : ", ") + std::string(field);
 }
 
 const char* remedy_of(FaultReason reason) {
@@ -139,10 +131,13 @@ class Judge {
         refused);
   }
 
+  [[nodiscard]] bool has_fault() const {
+    return f_.device.device_faults > 0 || f_.device.phase == DevicePhase::kFaulted;
+  }
+
   void judge_device() {
     const DeviceCounters& device = f_.device;
-    const bool has_fault = device.device_faults > 0 || device.phase == DevicePhase::kFaulted;
-    if (has_fault) {
+    if (has_fault()) {
       const bool is_latched =
           device.phase == DevicePhase::kFaulted || device.fault_resets < device.device_faults;
       std::string text = fmt::format("device fault: {}", name(device.last_fault));
@@ -158,7 +153,7 @@ class Judge {
       add({Grade::kBad, "release_unconfirmed", "the device did not confirm its release",
            kReleaseUnconfirmedText});
     }
-    if (!has_fault && device.loop.ticks > 0 && device.max_force_newton == 0.0 &&
+    if (!has_fault() && device.loop.ticks > 0 && device.max_force_newton == 0.0 &&
         (device.phase == DevicePhase::kClosed || device.phase == DevicePhase::kConnected ||
          device.phase == DevicePhase::kCalibrated)) {
       add({Grade::kBad, "device_not_enabled",
@@ -193,7 +188,7 @@ class Judge {
     restarted("device_restarted", "device_node", f_.device_node);
     restarted("mofc_restarted", "mofc_node", f_.mofc_node);
     restarted("physics_restarted", "physics_node", f_.physics_node);
-    if (f_.device.loop.ticks > 0 && f_.device.answered_ticks == 0 && f_.device.device_faults == 0) {
+    if (f_.device.loop.ticks > 0 && f_.device.answered_ticks == 0 && !has_fault()) {
       add({Grade::kBad, "mofc_silent", "mofc_node never answered device_node in time",
            keys_remedy(f_.mofc_node.is_heard
                            ? "both run: check links.exchange, device.rate_hz and device.reply_us"
@@ -211,7 +206,7 @@ class Judge {
   void judge_physics() {
     const MofcCounters& mofc = f_.mofc;
     const bool has_answered = mofc.interaction.accepted + mofc.standby_interaction.accepted > 0;
-    if (mofc.ticks > 0 && !has_answered) {
+    if (mofc.ticks > 0 && !has_answered && !(has_fault() && f_.physics_node.is_heard)) {
       add({Grade::kBad, "physics_silent", "mofc_node never heard the physics: no force of tissue",
            keys_remedy(f_.physics_node.is_heard
                            ? "it runs, but its answers do not arrive: check links.interaction"
@@ -500,114 +495,6 @@ class Judge {
 
 }  // namespace
 
-const char* name(Grade grade) {
-  switch (grade) {
-    case Grade::kGood:
-      return "good";
-    case Grade::kFair:
-      return "fair";
-    case Grade::kBad:
-      return "bad";
-  }
-  return "?";
-}
-
-RunFacts facts_of(const Session& session, const Side& side) {
-  RunFacts facts;
-  facts.is_session_known = true;
-  facts.controller = controller_text(side.mofc);
-  facts.is_limited = side.mofc.controller == ControllerKind::kMofc || side.mofc.has_safety_net;
-  facts.is_local = side.mofc.interaction == InteractionUse::kLocal;
-  facts.is_simulated = !is_real(side.driver);
-  facts.device_rate_hz = side.device.rate_hz;
-  facts.physics_rate_hz = session.physics.rate_hz;
-  facts.v_max_m_per_s = side.device.monitor.v_max_m_per_s;
-  for (const TissueConfig& tissue : session.scene.tissues) {
-    if (const auto* elastic = std::get_if<ElasticMaterial>(&tissue.material)) {
-      facts.solve_rate_hz = std::fmin(facts.solve_rate_hz, elastic->solve_rate_hz);
-    }
-  }
-  if (facts.is_simulated && std::holds_alternative<RecordedPath>(side.hand.path)) {
-    const PathSpeed fastest = top_speed_of(side.hand.path);
-    facts.path_m_per_s = fastest.m_per_s;
-    facts.path_at_s = fastest.at_s;
-  }
-  const FaultsConfig& faults = session.faults;
-  if (faults.device_state.any()) append(facts.exchange_faults, "faults.device_state");
-  if (faults.force_command.any()) append(facts.exchange_faults, "faults.force_command");
-  if (faults.tool_motion.any()) append(facts.physics_faults, "faults.tool_motion");
-  if (faults.interaction.any()) append(facts.physics_faults, "faults.interaction");
-  const DeviceFaults& device = faults.device;
-  if (!device.skips.empty() || device.late_ratio > 0.0 || device.late_switch_ratio > 0.0) {
-    append(facts.device_faults, "faults.device");
-  }
-  const AdversaryConfig& adversary = session.adversary;
-  if (adversary.tick_jitter_ratio > 0.0) {
-    append(facts.device_faults, "adversary.tick_jitter_ratio");
-  }
-  if (adversary.late_tick_ratio > 0.0) append(facts.device_faults, "adversary.late_tick_ratio");
-  if (adversary.physics != HostilePhysics::kHonest) {
-    append(facts.physics_faults, "adversary.physics");
-  }
-  if (adversary.clamp != LyingClamp::kTruthful) append(facts.clamp_faults, "adversary.clamp");
-  return facts;
-}
-
-RunFacts facts_of(const Session& session, const RunReport& report) {
-  RunFacts facts = facts_of(session, session.side());
-  const RunStatistics& s = report.statistics;
-  facts.is_in_real_time = false;
-  facts.device = report.device;
-  facts.mofc = report.mofc;
-  facts.physics = report.physics;
-  const auto restarts = [](const LinkCounters& link) {
-    return link.sessions > 0 ? link.sessions - 1 : 0;
-  };
-  facts.physics_node.restarts = restarts(report.mofc.interaction);
-  facts.device_node.restarts = restarts(report.mofc.device_state);
-  facts.mofc_node.restarts = restarts(report.device.force_command);
-  if (report.simulated_s > 0.0) {
-    facts.physics_hz = static_cast<double>(report.physics.loop.ticks) / report.simulated_s;
-  }
-  facts.minimum_true_energy_joule = s.minimum_true_energy_joule();
-  facts.maximum_force_newton = s.maximum_force_newton();
-  facts.force_error_rms_ratio = s.force_error_rms_ratio();
-  facts.beyond_jnd_ratio = s.beyond_jnd_ratio();
-  if (std::isfinite(s.path_deviation_rms_m())) facts.excess_reversals = s.excess_reversals();
-  return facts;
-}
-
 std::vector<RunFinding> judge(const RunFacts& facts) { return Judge(facts).findings(); }
-
-Grade grade_of(const std::vector<RunFinding>& findings) {
-  Grade worst = Grade::kGood;
-  for (const RunFinding& finding : findings) worst = std::max(worst, finding.grade);
-  return worst;
-}
-
-std::string cause_of(const std::vector<RunFinding>& findings) {
-  const Grade worst = grade_of(findings);
-  if (worst == Grade::kGood) return {};
-  return std::find_if(findings.begin(), findings.end(),
-                      [&](const RunFinding& one) { return one.grade == worst; })
-      ->cause;
-}
-
-nlohmann::ordered_json verdict_json(const std::vector<RunFinding>& findings) {
-  nlohmann::ordered_json json;
-  json["grade"] = name(grade_of(findings));
-  json["cause"] = cause_of(findings);
-  json["findings"] = nlohmann::ordered_json::array();
-  for (const RunFinding& finding : findings) {
-    nlohmann::ordered_json one;
-    one["grade"] = name(finding.grade);
-    one["what"] = finding.what;
-    one["cause"] = finding.cause;
-    one["text"] = finding.text;
-    one["remedy"] = finding.remedy;
-    json["findings"].push_back(std::move(one));
-  }
-  return json;
-}
 
 }  // namespace palpate
