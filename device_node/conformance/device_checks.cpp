@@ -151,6 +151,7 @@ CheckOutcome check_buttons(DeviceBench& bench) {
 
 CheckOutcome check_stamps(DeviceBench& bench) {
   TimePoint previous = bench.clock().now() - bench.stamp_tolerance();
+  std::optional<TimePoint> first;
   for (int i = 0; i < 20; ++i) {
     DeviceSample reading;
     DeviceSample at_switch;
@@ -160,8 +161,10 @@ CheckOutcome check_stamps(DeviceBench& bench) {
       return failed("a stamp is older than the one before it");
     }
     previous = at_switch.sampled_at;
+    if (!first) first = previous;
     bench.pass(100us);
   }
+  if (previous == *first) return failed("20 readings and switches have the same stamp");
   return good("in order over 20 readings and switches");
 }
 
@@ -191,6 +194,13 @@ CheckOutcome check_applied(DeviceBench& bench) {
       return failed("apply() names " + text_of(at_switch.applied_force_newton, 1.0, "N") +
                     " as the force that acts, of " + text_of(wanted_newton, 1.0, "N"));
     }
+  }
+  const double most_newton =
+      s.peak_force_newton + kForceTolerance * (s.peak_force_newton + kForceFloorNewton);
+  if (bench.device().apply(5.0 * strongest_newton, 20ms, at_switch) &&
+      at_switch.applied_force_newton.norm() > most_newton) {
+    return failed("apply() names " + text_of(at_switch.applied_force_newton, 1.0, "N") +
+                  ", more than its peak force");
   }
   if (!bench.device().apply(strongest_newton, Duration(-1), at_switch)) return failed(kRefused);
   if (!at_switch.applied_force_newton.isZero(0.0)) {

@@ -75,6 +75,7 @@ class WrongDevice final : public HapticDevice, public MotorForceSource {
     is_on_ = sent.norm() > 0.0 && lease > Duration::zero();
     const bool is_applied = device_.apply(sent, lease, at_switch) &&
                             (!is("a switch without a reading") || falsify(at_switch));
+    if (is("more than its peak") && force.norm() > 3.4) at_switch.applied_force_newton = force;
     if (is("a force that is not named")) at_switch.applied_force_newton.setZero();
     return is_applied;
   }
@@ -98,6 +99,10 @@ class WrongDevice final : public HapticDevice, public MotorForceSource {
     if (is("millimetres")) sample.hand_position_m = 1e3 * Vector3(0.02, 0.0, 0.0);
     if (is("no unit quaternion")) sample.orientation.coeffs() *= 2.0;
     if (is("a clock of its own")) sample.sampled_at -= 5s;
+    if (is("stamps repeat")) {
+      if (frozen_at_ == TimePoint{}) frozen_at_ = sample.sampled_at;
+      sample.sampled_at = frozen_at_;
+    }
     if (is("stamps go back")) sample.sampled_at -= std::chrono::microseconds(200 * ++reads_);
     return true;
   }
@@ -111,6 +116,7 @@ class WrongDevice final : public HapticDevice, public MotorForceSource {
   double over_ = 1.0;
   bool is_on_ = false;
   int reads_ = 0;
+  TimePoint frozen_at_{};
 };
 
 /// A free device with a fault; with motors that can be seen, or not.
@@ -119,7 +125,7 @@ class WrongUnderTest : public DeviceBench {
   WrongUnderTest(const std::string& fault, bool shows_motors)
       : parts_(free_hand()),
         wrong_(parts_.simulated, parts_.simulated, fault),
-        opened_(wrong_, parts_.time, 1ms, fault == "stamps go back" ? Duration(1s) : Duration{}),
+        opened_(wrong_, parts_.time, 1ms, fault.starts_with("stamps") ? Duration(1s) : Duration{}),
         shows_motors_(shows_motors) {
     if (fault != "force at the start") return;
     DeviceSample sample;
@@ -169,6 +175,7 @@ TEST(DeviceChecks, NameEachFault) {
                                                     {"no unit quaternion", "reading"},
                                                     {"a clock of its own", "reading"},
                                                     {"stamps go back", "stamps"},
+                                                    {"stamps repeat", "stamps"},
                                                     {"buttons", "buttons"},
                                                     {"slow transfers", "pace"},
                                                     {"a switch without a reading", "switch"},
@@ -187,7 +194,8 @@ TEST(DeviceChecks, NameEachFault) {
                                                     {"NaN as the force before", "not finite"},
                                                     {"NaN accepted", "not finite"},
                                                     {"allocates", "allocation"},
-                                                    {"a force that is not named", "applied"}};
+                                                    {"a force that is not named", "applied"},
+                                                    {"more than its peak", "applied"}};
   for (const auto& [fault, check] : check_of) {
     const CheckOutcome found = outcomes_of(fault, true)[check];
     EXPECT_EQ(found.verdict, CheckVerdict::kFailed) << fault << ": " << found.text;
