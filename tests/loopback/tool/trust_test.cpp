@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sessions from strangers: what they run is shown, and refused where somebody else may have put it.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
