@@ -25,7 +25,7 @@ set(PALPATE_BOUNDARIES
   "common/session/file:common/core,common/core/user,common/session,@wire"
   "common/session/reference:common/session/file,@wire"
   "common/telemetry:common/core,common/core/user,common/session,common/telemetry/verdict,@log,@threads"
-  "common/telemetry/verdict:common/core,common/session,common/telemetry"
+  "common/telemetry/verdict:common/core,common/session,common/telemetry,@log"
   # in link: codec, security ← socket ← the ends
   "common/link/codec:common/core,common/coupling,common/telemetry,@wire"
   "common/link/security:common/core,common/core/user,@zmq,@threads"

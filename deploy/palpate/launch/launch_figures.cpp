@@ -4,6 +4,7 @@
 #include <spdlog/fmt/fmt.h>
 
 #include <algorithm>
+#include <array>
 #include <nlohmann/json.hpp>
 
 #include "common/process/run_node.h"
@@ -35,11 +36,10 @@ RunFacts facts_of(const Session& session, const ObservedDevice& device,
     }
   };
   const std::string& side = device.side.name;
-  for (const char* process : {"device", "device_mofc"}) {
-    add(facts.device_node, with_side(side, process));
-  }
-  for (const char* process : {"mofc", "device_mofc"}) {
-    add(facts.mofc_node, with_side(side, process));
+  add(facts.device_node, with_side(side, "device"));
+  add(facts.mofc_node, with_side(side, "mofc"));
+  for (RunFacts::Node* node : std::array{&facts.device_node, &facts.mofc_node}) {
+    add(*node, with_side(side, "device_mofc"));
   }
   add(facts.physics_node, "physics");
   return facts;
