@@ -289,8 +289,8 @@ TEST(InteractionCodec, FitsItsFrameWithEveryContactFull) {
 TEST(TelemetryCodec, RefusesUnknownStates) {
   expect_range<DeviceBatch>([](auto& m) { m.set_guard(0, 5); }, true);
   expect_range<DeviceBatch>([](auto& m) { m.set_guard(0, 6); }, false);
-  expect_range<DeviceBatch>([](auto& m) { m.mutable_counters()->set_last_fault(8); }, true);
-  expect_range<DeviceBatch>([](auto& m) { m.mutable_counters()->set_last_fault(9); }, false);
+  expect_range<DeviceBatch>([](auto& m) { m.mutable_counters()->set_last_fault(9); }, true);
+  expect_range<DeviceBatch>([](auto& m) { m.mutable_counters()->set_last_fault(10); }, false);
   expect_range<DeviceBatch>([](auto& m) { m.mutable_counters()->set_phase(5); }, true);
   expect_range<DeviceBatch>([](auto& m) { m.mutable_counters()->set_phase(6); }, false);
   expect_range<MofcBatch>([](auto& m) { m.set_state(1, 4); }, true);

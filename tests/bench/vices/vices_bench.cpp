@@ -1,0 +1,232 @@
+// The drivers of real devices and the vices of hardware: the table of docs/devices.md, and many
+// random runs of hardware with vices in memory.
+//   vices_bench            the table, as Markdown
+//   vices_bench RUNS       so many random runs within the claim, and with stalls
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "common/core/random.h"
+#include "tests/support/device_node_bench.h"
+#include "tests/support/wired/hostile_commands.h"
+#include "tests/support/wired/viced_runs.h"
+#include "tests/support/wired/wired_device.h"
+
+namespace palpate::bench {
+namespace {
+
+using namespace std::chrono_literals;
+using device::WireFault;
+using test::WiredDriver;
+
+constexpr double kFrom_s = 0.5;
+constexpr double kLength_s = 0.5;
+
+struct Vice {
+  const char* name;
+  std::vector<WireFault> kinds;
+  Duration stall{};     ///< of the process, every 50 ms
+  Duration watchdog{};  ///< 0: that of the emulator
+  Duration latency{};   ///< that the session names
+};
+
+const std::vector<Vice>& vices() {
+  static const std::vector<Vice> all{
+      {"none", {}},
+      {"no watchdog", {WireFault::kNoWatchdog}},
+      {"the same, stalls of 20 ms", {WireFault::kNoWatchdog}, 20ms},
+      {"watchdog of 20 ms, stalls of 60 ms", {WireFault::kWatchdog20}, 60ms},
+      {"watchdog of 100 ms, stalls of 60 ms", {WireFault::kWatchdog100}, 60ms},
+      {"watchdog of 500 ms, stalls of 60 ms", {WireFault::kWatchdog500}, 60ms},
+      {"positions and forces up to 1 ms late, named", {WireFault::kLate}, {}, {}, 2100us},
+      {"the same, not named", {WireFault::kLate}},
+      {"currents held while the arm turns", {WireFault::kTurning}},
+      {"a force ends after 0.5 ms", {WireFault::kOneTick}},
+      {"motors of the wrong sign", {WireFault::kReversed}},
+      {"motors twice as strong", {WireFault::kStrong}},
+      {"positions stand still", {WireFault::kStuck}},
+      {"counters at 0", {WireFault::kEncoderZero}},
+      {"power cycle", {WireFault::kPowerCycle}},
+      {"no supply", {WireFault::kNoSupply}},
+      {"calibration lost", {WireFault::kUncalibrated}},
+      {"answers doubled", {WireFault::kDoubled}},
+      {"unplugged", {WireFault::kUnplugged}},
+      {"garbage", {WireFault::kGarbage}},
+      {"short answers", {WireFault::kShort}}};
+  return all;
+}
+
+struct Wired {
+  const char* name;
+  WiredDriver driver;
+  double resolution_m;
+  bool is_exact;  ///< the hand's position reaches the driver's own encoders unrounded
+};
+constexpr Wired kWired[] = {{"haply_inverse", WiredDriver::kHaply, 55e-6, false},
+                            {"hapi", WiredDriver::kHapi, 1e-4, true},
+                            {"falcon", WiredDriver::kFalcon, 1.1e-4, true},
+                            {"wooden", WiredDriver::kWooden, 1.1e-4, true}};
+
+/// Whether its emulator has such a fault.
+bool has(WiredDriver driver, WireFault kind) {
+  const bool is_haply = driver == WiredDriver::kHaply;
+  const bool is_hapi = driver == WiredDriver::kHapi;
+  const bool is_wooden = driver == WiredDriver::kWooden;
+  switch (kind) {
+    case WireFault::kTurning:
+    case WireFault::kEncoderZero:
+      return !is_haply && !is_hapi;
+    case WireFault::kPowerCycle:
+      return is_hapi || is_wooden;
+    case WireFault::kUncalibrated:
+    case WireFault::kDoubled:
+      return is_haply;
+    default:
+      return true;
+  }
+}
+
+struct Spec {
+  Side side;
+  WiredDriver driver;
+  std::vector<device::PlannedFault> faults;
+};
+
+/// A wired device as DeviceNodeBench makes one.
+class Opened final : public device::HapticDevice, public device::TrueStateSource {
+ public:
+  Opened(const Clock& clock, const Spec& spec)
+      : device_(test::open_wired(spec.driver, spec.side, clock, 1, 20ms, spec.faults, 1s)) {}
+
+  [[nodiscard]] const device::DeviceSpecification& specification() const noexcept override {
+    return device_->specification();
+  }
+  [[nodiscard]] bool read(device::DeviceSample& sample) noexcept override {
+    return device_->read(sample);
+  }
+  [[nodiscard]] bool apply(const Vector3& force_newton, Duration lease,
+                           device::DeviceSample& at_switch) noexcept override {
+    return device_->apply(force_newton, lease, at_switch);
+  }
+  [[nodiscard]] bool release() noexcept override { return device_->release(); }
+  [[nodiscard]] DevicePhase phase() const noexcept override { return device_->phase(); }
+  [[nodiscard]] bool calibrate() noexcept override { return device_->calibrate(); }
+  [[nodiscard]] device::DeviceError last_error() const noexcept override {
+    return device_->last_error();
+  }
+  [[nodiscard]] bool reopen(Duration within) noexcept override { return device_->reopen(within); }
+  [[nodiscard]] device::TrueState true_state() const noexcept override {
+    return dynamic_cast<device::TrueStateSource&>(*device_).true_state();
+  }
+  [[nodiscard]] std::vector<device::FaultOutcome> outcomes() {
+    return dynamic_cast<test::FaultOutcomeSource&>(*device_).outcomes();
+  }
+
+ private:
+  std::unique_ptr<device::HapticDevice> device_;
+};
+
+void print_row(const Wired& wired, const Vice& vice) {
+  Spec spec{.side = {}, .driver = wired.driver, .faults = {}};
+  DeviceConfig& config = spec.side.device;
+  config = test::device_config();
+  config.longest_lease = 10ms;
+  config.profile.position_resolution_m = wired.resolution_m;
+  config.monitor = {.is_on = true, .v_max_m_per_s = 0.5};
+  config.accepts_no_motor_watchdog = true;
+  config.latency = vice.latency;
+  spec.side.simulated.position_resolution_m = wired.is_exact ? 0.0 : wired.resolution_m;
+  spec.side.hand = {.mass_kg = 0.1,
+                    .stiffness_newton_per_m = 2000.0,
+                    .damping_newton_s_per_m = 40.0,
+                    .path = HostilePath{.radius_m = 0.012, .v_max_m_per_s = 0.25}};
+  for (const WireFault kind : vice.kinds) {
+    spec.faults.push_back({.kind = kind, .from_s = kFrom_s, .length_s = kLength_s});
+  }
+  test::DeviceNodeBench<Opened> bench(config, spec);
+  bench.node.acknowledge();
+  test::HostileCommands commands(2, 3.3);
+  double most_unbooked = 0.0;
+  bench.on_state = [&](const DeviceState& state) {
+    most_unbooked = std::max(most_unbooked,
+                             bench.node.monitor_joule() - bench.device.true_state().energy_joule);
+    bench.send_answer(state.header.session_id, state.header.sequence,
+                      commands.next(state.hand_position_m));
+  };
+  int fault_ticks = 0;
+  for (int tick = 0; bench.clock.now() < TimePoint(1500ms); ++tick) {
+    if (vice.stall > 0ms && tick % 50 == 49) bench.clock.advance(vice.stall);
+    // each release of a silent device takes a second of real time
+    if (bench.node.has_fault() && ++fault_ticks > 10) bench.clock.advance(100ms);
+    bench.tick();
+  }
+  Duration pushed{};
+  for (const device::FaultOutcome& outcome : bench.device.outcomes()) {
+    pushed = std::max(pushed, outcome.pushed_for);
+  }
+  const DeviceCounters counters = bench.node.counters();
+  const bool is_fault = counters.device_faults > 0;
+  std::string until = "–";
+  if (is_fault) {
+    char text[32];
+    std::snprintf(text, sizeof(text), "%.1f ms", 1e3 * to_seconds(pushed));
+    until = text;
+  }
+  std::printf("| %s | %s | %.0f | %.0f | %s | %s |\n", wired.name, vice.name,
+              std::round(1e6 * bench.device.true_state().minimum_energy_joule) + 0.0,
+              1e6 * most_unbooked, until.c_str(), is_fault ? name(counters.last_fault) : "–");
+  std::fflush(stdout);
+}
+
+void print_table() {
+  std::printf(
+      "| driver | vice | least true energy, µJ | books above it, µJ | zero force after | told |\n"
+      "|---|---|---|---|---|---|\n");
+  for (const Wired& wired : kWired) {
+    for (const Vice& vice : vices()) {
+      if (std::all_of(vice.kinds.begin(), vice.kinds.end(),
+                      [&](WireFault kind) { return has(wired.driver, kind); })) {
+        print_row(wired, vice);
+      }
+    }
+  }
+}
+
+void print_runs(const char* what, std::uint64_t runs,
+                test::VicedRun (*make_run)(std::uint64_t seed)) {
+  double least = 0.0;
+  double unbooked = 0.0;
+  for (std::uint64_t seed = 1; seed <= runs; ++seed) {
+    const test::VicedResult result = test::run_with_vices(make_run(seed), test::Books::kTrue, seed);
+    least = std::min(least, result.least_true_joule);
+    unbooked = std::max(unbooked, result.most_unbooked_joule);
+  }
+  std::printf("%s: %llu runs, least true energy %.3g µJ, books above it by at most %.3g µJ\n", what,
+              static_cast<unsigned long long>(runs), 1e6 * least, 1e6 * unbooked);
+}
+
+}  // namespace
+}  // namespace palpate::bench
+
+int main(int argc, char** argv) {
+  if (argc < 2) {
+    palpate::bench::print_table();
+    return 0;
+  }
+  char* end = nullptr;
+  const std::uint64_t runs = std::strtoull(argv[1], &end, 10);
+  if (argc > 2 || *end != '\0' || runs == 0) {
+    std::fprintf(stderr, "vices_bench: \"%s\": give a number of runs above 0, or nothing\n",
+                 argv[1]);
+    return 2;
+  }
+  palpate::bench::print_runs("within the claim", runs, palpate::test::random_run_within_the_claim);
+  palpate::bench::print_runs("with stalls", runs, palpate::test::random_run_with_stalls);
+  return 0;
+}
