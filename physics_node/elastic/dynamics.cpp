@@ -23,6 +23,11 @@ bool is_same(const Body::Shift& a, const Body::Shift& b) {
   return std::abs(a.per_mass - b.per_mass) <= 1e-9 * std::abs(b.per_mass);
 }
 
+bool is_similar(const Body::Shift& a, const Body::Shift& b, double step_ratio) {
+  const double ratio2 = step_ratio * step_ratio * (1.0 + 1e-9);
+  return a.per_mass <= ratio2 * b.per_mass && b.per_mass <= ratio2 * a.per_mass;
+}
+
 }  // namespace
 
 Dynamics::Dynamics(const Body& body, const DynamicsSettings& settings)
@@ -119,7 +124,8 @@ SearchReport Dynamics::balance(double h_s, const Obstacle* obstacle) {
                   .inertial_m = inertial_.data(),
                   .before_m = start_.data(),
                   .obstacle = obstacle};
-  const bool is_other_step = !is_same(goal.shift(), factor_->shift());
+  const bool is_other_step =
+      !is_similar(goal.shift(), factor_->shift(), settings_.other_step_ratio);
   if (!factor_->is_ready() || (is_other_step && settings_.is_exact)) {
     search_.update_rotations(start_);
     static_cast<void>(make_factor(start_, goal.shift(), obstacle));

@@ -27,6 +27,9 @@ struct DynamicsSettings {
   int most_factors = 300;           ///< made within an exact step
   double slow_ratio = 0.3;          ///< see SearchLimits
   int slow_iterations = 0;          ///< see SearchLimits
+  /// An exact step of another length keeps the factor if it is at most so many times longer or
+  /// shorter than that for which the factor was made; then slow_ratio tells whether it is good.
+  double other_step_ratio = 1.0;
   /// Step control: a step is divided, at most into most_substeps, so that the estimated error of a
   /// part, h²|Δa|/12 (root mean square over the mass), stays below this. 0: steps are never
   /// divided.

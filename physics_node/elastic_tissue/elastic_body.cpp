@@ -167,6 +167,7 @@ std::shared_ptr<const ElasticBody> make_elastic_body(const TissueConfig& tissue,
   made->shear_newton_per_m = 4.0 * material.young_pa * std::sqrt(tip_radius_m * kHertzDepth_m) /
                              ((1.0 + material.poisson_ratio) * (2.0 - material.poisson_ratio));
   made->solve_rate_hz = material.solve_rate_hz;
+  made->viscosity_s = material.viscosity_s;
   try {
     made->body = std::make_unique<const elastic::Body>(std::move(description));
   } catch (const std::invalid_argument& error) {

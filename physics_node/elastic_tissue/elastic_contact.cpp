@@ -11,7 +11,6 @@ namespace {
 
 constexpr double kHertzExponent = 1.5;
 constexpr double kLeastForce_newton = 1e-3;
-constexpr double kLeastCosine = 0.7;
 
 }  // namespace
 
@@ -20,11 +19,23 @@ double elastic_stiffness(double newton, double penetration_m) noexcept {
   return std::isfinite(k) ? std::clamp(k, 0.0, kMaxStiffnessNewtonPerM) : 0.0;
 }
 
+double elastic_depth_m(double newton, double stiffness_newton_per_m) noexcept {
+  const double depth_m =
+      std::cbrt(kHertzDepth_m * newton / stiffness_newton_per_m * newton / stiffness_newton_per_m);
+  return std::isfinite(depth_m) ? std::clamp(depth_m, 0.0, 1.0) : 0.0;
+}
+
 Contact elastic_contact(std::uint32_t tissue, const SurfaceView& view, double penetration_m,
                         const Vector3& normal, double stiffness_newton_per_m,
                         double tip_radius_m) noexcept {
   const Matrix3 along_surface = Matrix3::Identity() - normal * normal.transpose();
-  const Matrix3 curvature = along_surface * view.curvature_per_m * along_surface;
+  // A sphere does not feel sharper edges, and none of those behind the surface.
+  const double sharpness_per_m = view.curvature_per_m.norm();
+  const double felt = view.distance_m < 0.0 ? 0.0
+                      : sharpness_per_m * tip_radius_m > 1.0
+                          ? 1.0 / (sharpness_per_m * tip_radius_m)
+                          : 1.0;
+  const Matrix3 curvature = felt * along_surface * view.curvature_per_m * along_surface;
   Contact contact{
       .tissue = tissue,
       .penetration_m = penetration_m,
@@ -78,8 +89,7 @@ void Rubbing::settle(const Vector3& tip_m, double friction_coefficient, double s
 Vector3 contact_normal(const Vector3& force_on_tool_newton,
                        const Vector3& surface_normal) noexcept {
   const double newton = force_on_tool_newton.norm();
-  if (!(newton > kLeastForce_newton) ||
-      force_on_tool_newton.dot(surface_normal) < kLeastCosine * newton) {
+  if (!(newton > kLeastForce_newton) || !(force_on_tool_newton.dot(surface_normal) > 0.0)) {
     return surface_normal;
   }
   return force_on_tool_newton / newton;

@@ -24,6 +24,9 @@ inline constexpr double kHertzDepth_m = 1e-3;
 /// @param penetration_m > 0
 [[nodiscard]] double elastic_stiffness(double newton, double penetration_m) noexcept;
 
+/// The depth at which the law with this k has this force; at most 1 m.
+[[nodiscard]] double elastic_depth_m(double newton, double stiffness_newton_per_m) noexcept;
+
 /// The contact along `normal` with Hertz's law; no allocation. It is trusted farther than the view
 /// is, by the radius of the tip, over which soft tissue evens out its facets, and, before the tip
 /// touches, by its distance from the surface: the way there changes nothing of the surface.
@@ -72,7 +75,8 @@ class Rubbing {
   Vector3 newton_ = Vector3::Zero();
 };
 
-/// The force's direction, or the surface's normal where the force is small or against it.
+/// The force's direction, or the surface's normal where the force is small or against it. The two
+/// differ where the surface is deformed: at a rim, beside an edge, in a deep press.
 [[nodiscard]] Vector3 contact_normal(const Vector3& force_on_tool_newton,
                                      const Vector3& surface_normal) noexcept;
 

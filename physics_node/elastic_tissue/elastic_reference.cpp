@@ -34,6 +34,12 @@ std::vector<std::shared_ptr<const ElasticBody>> ElasticReference::bodies() const
   return bodies;
 }
 
+std::uint64_t ElasticReference::failed_steps() const noexcept {
+  std::uint64_t failed = 0;
+  for (const One& one : bodies_) failed += one.simulation->failed_steps();
+  return failed;
+}
+
 void ElasticReference::advance(double time_s, const Vector3& tip_m, SceneForce& sum) {
   const bool is_due = !next_s_ || time_s > *next_s_ - 1e-6 * step_s_;
   if (is_due) {

@@ -3,6 +3,7 @@
 // full solution at every step, for comparison.
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -29,6 +30,9 @@ class ElasticReference {
   [[nodiscard]] Vector3 force_at(const Vector3& tip_m) const noexcept;
 
   [[nodiscard]] std::vector<std::shared_ptr<const ElasticBody>> bodies() const;
+
+  /// Full solutions that failed (elastic_simulation.h).
+  [[nodiscard]] std::uint64_t failed_steps() const noexcept;
 
  private:
   struct One {

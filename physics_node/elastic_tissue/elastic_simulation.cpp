@@ -14,6 +14,7 @@ namespace {
 // A tip this far from the body may touch it within two steps of the full solution.
 constexpr double kNear_m = 0.02;
 // The surface must lie on the sphere within about 70°, in the mean over the force.
+constexpr double kPartRadii = 0.5;  // see step()
 constexpr double kLeastFacing = 0.35;
 // A sphere that could not go on tries again after so many steps, or when its tip has come nearer
 // by this factor.
@@ -30,7 +31,8 @@ elastic::DynamicsSettings settings() {
           .most_exact_iterations = 100,
           .most_factors = 4,
           .slow_ratio = 0.9,
-          .slow_iterations = 4};
+          .slow_iterations = 4,
+          .other_step_ratio = 16.01};
 }
 
 }  // namespace
@@ -78,8 +80,10 @@ ElasticSimulation::ElasticSimulation(const ElasticBody& body, std::size_t tools,
     : body_(body),
       tip_radius_m_(tip_radius_m),
       step_s_(step_s),
+      this_step_s_(step_s),
       dynamics_(*body.body, settings()),
       touches_(tools),
+      last_tips_(tools),
       triangles_(triangles_of(body)) {
   for (std::size_t i = 0; i < tools; ++i) {
     tips_.contacts.emplace_back(body.points, body.contact_stiffness_pa_per_m);
@@ -157,7 +161,37 @@ void ElasticSimulation::rub(const Touch& touch, const Vector3& friction_on_tool_
   }
 }
 
-bool ElasticSimulation::step(std::span<const std::optional<TipState>> tips) {
+bool ElasticSimulation::step(std::span<const std::optional<TipState>> tips,
+                             std::optional<double> step_s) {
+  const int parts = parts_of(tips);
+  this_step_s_ = step_s.value_or(step_s_) / parts;
+  bool has_stepped = false;
+  for (int part = 1; part <= parts; ++part) {
+    part_tips_.assign(tips.begin(), tips.end());
+    const double share = static_cast<double>(part) / parts;
+    for (std::size_t i = 0; i < tips.size() && part < parts; ++i) {
+      if (!tips[i] || !last_tips_[i]) continue;
+      part_tips_[i]->tip_m = last_tips_[i]->tip_m + share * (tips[i]->tip_m - last_tips_[i]->tip_m);
+    }
+    has_stepped = step_part(part_tips_) || has_stepped;
+  }
+  last_tips_.assign(touches_.size(), std::nullopt);
+  std::copy(tips.begin(), tips.end(), last_tips_.begin());
+  return has_stepped;
+}
+
+int ElasticSimulation::parts_of(std::span<const std::optional<TipState>> tips) const {
+  double parts = 1.0;
+  for (std::size_t i = 0; i < tips.size(); ++i) {
+    if (!tips[i] || !last_tips_[i] || !touches_[i].is_near) continue;
+    const double way_m = (tips[i]->tip_m - last_tips_[i]->tip_m).norm();
+    const double free_m = tips_.contacts[i].nearest_m() - 2.0 * tip_radius_m_;
+    if (way_m > free_m) parts = std::max(parts, std::ceil(way_m / (kPartRadii * tip_radius_m_)));
+  }
+  return parts < kMostParts ? static_cast<int>(parts) : kMostParts;
+}
+
+bool ElasticSimulation::step_part(std::span<const std::optional<TipState>> tips) {
   const double near_m = tip_radius_m_ + kNear_m;
   const std::vector<Touch> touches_before = touches_;
   const std::vector<elastic::SphereContact> contacts_before = tips_.contacts;
@@ -179,7 +213,7 @@ bool ElasticSimulation::step(std::span<const std::optional<TipState>> tips) {
     touch.forces_on_body_newton.clear();
   }
   if (!is_any_near && dynamics_.is_asleep()) {
-    static_cast<void>(dynamics_.step(step_s_));
+    static_cast<void>(dynamics_.step(this_step_s_));
     return false;
   }
   before_m_ = dynamics_.x_m();
@@ -272,7 +306,7 @@ void ElasticSimulation::set_body(const elastic::VectorXd& x_m) {
 bool ElasticSimulation::step_once() {
   const bool is_any_near =
       std::any_of(tips_.is_near.begin(), tips_.is_near.end(), [](char near) { return near != 0; });
-  report_ = dynamics_.step(step_s_, is_any_near ? &tips_ : nullptr);
+  report_ = dynamics_.step(this_step_s_, is_any_near ? &tips_ : nullptr);
   bool has_failed = false;
   for (std::size_t i = 0; i < touches_.size(); ++i) {
     Touch& touch = touches_[i];

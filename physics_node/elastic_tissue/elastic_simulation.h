@@ -27,20 +27,22 @@ struct TipState {
 /// One simulation of a body; deterministic. One thread calls it; allocates.
 class ElasticSimulation {
  public:
-  /// @param body  must outlive it   @param step_s  > 0
+  /// @param body  must outlive it   @param step_s  > 0: of a step, unless it says otherwise
   ElasticSimulation(const ElasticBody& body, std::size_t tools, double tip_radius_m, double step_s);
 
-  /// One step of backward Euler with the tips at these places; none: the tool is not there. The
-  /// sphere that the body meets comes from the tip's proxy and follows the tip, in contact by at
-  /// most a radius a step. The friction acts on the points that were pressed in the last step, in
-  /// proportion. False: skipped, at rest and untouched.
+  /// One step of backward Euler with the tips at these places; none: the tool is not there. Where a
+  /// tip near the body has moved by more than half its radius, the step is made in up to kMostParts
+  /// parts, on the straight way there. The sphere that the body meets comes from the tip's proxy
+  /// and follows the tip, in contact by at most a radius a part. The friction acts on the points
+  /// that were pressed in the last step, in proportion. False: skipped, at rest and untouched.
   ///
   /// A step after which the surface presses on a sphere from behind, or the centre of a sphere is
   /// inside the body, has failed and is not converged: the body goes back to where it was before,
   /// and the spheres wait there; if that fails too, the body stays there with its forces. After
   /// some such steps in a row, or a sphere's first step, it begins again from its untouched state,
   /// the spheres from their proxies, and goes as far as it can in up to kMostRepairSteps steps.
-  bool step(std::span<const std::optional<TipState>> tips);
+  /// @param step_s  in [¼, 1] × that of the constructor; none: that
+  bool step(std::span<const std::optional<TipState>> tips, std::optional<double> step_s = {});
 
   struct Touch {
     bool is_near = false;                ///< the tip may touch within the next steps
@@ -53,14 +55,18 @@ class ElasticSimulation {
   };
   [[nodiscard]] const Touch& touch(std::size_t tool) const { return touches_[tool]; }
   [[nodiscard]] const elastic::VectorXd& x_m() const noexcept { return dynamics_.x_m(); }
+  [[nodiscard]] const elastic::VectorXd& v_m_per_s() const noexcept {
+    return dynamics_.v_m_per_s();
+  }
   [[nodiscard]] elastic::EquilibriumSearch& search() noexcept { return dynamics_.search(); }
   [[nodiscard]] const elastic::StepReport& report() const noexcept { return report_; }
   [[nodiscard]] const ElasticBody& body() const noexcept { return body_; }
-  [[nodiscard]] double step_s() const noexcept { return step_s_; }
+  [[nodiscard]] double step_s() const noexcept { return step_s_; }  ///< of the constructor
   /// Steps that failed, since construction.
   [[nodiscard]] std::uint64_t failed_steps() const noexcept { return failed_steps_; }
 
   static constexpr int kMostRepairSteps = 12;
+  static constexpr int kMostParts = 4;
 
   /// Equivalent strain √(⅔ dev E : dev E) at the body's surface nodes, mean of their elements.
   void surface_strain(std::vector<float>& strain) const;
@@ -80,6 +86,8 @@ class ElasticSimulation {
     [[nodiscard]] double longest_correction_m() const override;
   };
 
+  [[nodiscard]] int parts_of(std::span<const std::optional<TipState>> tips) const;
+  bool step_part(std::span<const std::optional<TipState>> tips);
   void rub(const Touch& touch, const Vector3& friction_on_tool_newton);
   bool follow(std::size_t tool, const TipState& tip);
   [[nodiscard]] bool step_once();
@@ -95,9 +103,12 @@ class ElasticSimulation {
   const ElasticBody& body_;
   double tip_radius_m_;
   double step_s_;
+  double this_step_s_;
   elastic::Dynamics dynamics_;
   Tips tips_;
   std::vector<Touch> touches_;
+  std::vector<std::optional<TipState>> last_tips_;  // of the last step
+  std::vector<std::optional<TipState>> part_tips_;
   std::vector<std::array<std::uint32_t, 3>> triangles_;
   elastic::VectorXd before_m_;  // the last step
   elastic::StepReport report_;

@@ -16,13 +16,33 @@ namespace {
 constexpr int kMostPoints = elastic::CondensedContact::kMostPoints;
 constexpr int kMostSweeps = 40;
 constexpr double kSweepTolerance_m = 1e-7;
-// So many, before the first step with a new full solution, which is behind the tip.
-constexpr int kCatchUpSteps = 2;
+// A new full solution is behind the tip, and a fast tip is ahead of its last place: it is followed
+// in this many steps, each of at most this share of the radius while that is enough. A new one then
+// makes so many steps of the tool's length.
+constexpr std::size_t kSettlingSteps = 3;
+constexpr int kLeastCatchUpSteps = 2;
+constexpr int kMostCatchUpSteps = 8;
+constexpr double kStepRadii = 0.25;
+// The points of a condensed contact cover about so much to each side of the place where they were
+// chosen, in radii of the tip.
+constexpr double kPatchRadii = 1.0;
+// They are chosen where the tip will be while they are used, after so many steps of the solution.
+constexpr double kAhead = 1.5;
+// Another one is due before the period is over when a tip has moved so far.
+constexpr double kFastRadii = 1.0 / 12.0;
+// So many follow as fast as they can after a tip was so fast that it moved as far in the shortest
+// step: what it left dies down.
+constexpr int kHastySolves = 4;
+// The compliance is that between the last two solutions if their forces differ by more than this
+// and most of the way between them was along the normal.
+constexpr double kOtherForce = 0.05;
+constexpr double kAlongNormal = 0.7;
 // A motion since the last full solution that is too short to tell an error per metre.
 constexpr double kShortWay_m = 2e-5;
 // The measured error is forgotten by this factor per solution in contact.
 constexpr double kErrorMemory = 0.95;
-constexpr std::size_t kMostKeptFloats = 64UL << 20U;  // of the columns of a body: 256 MiB
+// A step of the tool of no length counts as one of this length.
+constexpr double kLeastStep_s = 1e-4;
 
 }  // namespace
 
@@ -44,8 +64,7 @@ ElasticTissue::ElasticTissue(std::shared_ptr<const ElasticBody> body, std::size_
 }
 
 ElasticTissue::~ElasticTissue() {
-  const std::size_t floats = compliance_.all_columns().size() * 9 * body_->surface_nodes.size();
-  if (columns_file_.empty() || compliance_.columns_made() == 0 || floats > kMostKeptFloats) return;
+  if (columns_file_.empty() || compliance_.columns_made() == 0) return;
   try {
     std::filesystem::create_directories(columns_file_.parent_path());
     elastic::save_columns(compliance_, columns_file_);
@@ -63,6 +82,9 @@ void ElasticTissue::note(std::size_t tool, const Vector3& tip_m, double reach_m,
                          double time_s) noexcept {
   Tool& own = *tools_[tool];
   own.tip_m = tip_m;
+  own.time_s = time_s;
+  own.last_passed = (own.last_passed + 1) % own.passed.size();
+  own.passed[own.last_passed] = {.tip_m = tip_m, .time_s = time_s};
   own.reach_m = reach_m;
   if (!own.side.follow(body_->shape, body_->bounds, tip_radius_m_, reach_m, tip_m, time_s)) {
     own.rubbing = {};
@@ -83,7 +105,76 @@ void ElasticTissue::note(std::size_t tool, const Vector3& tip_m, double reach_m,
                  .friction_x_newton = friction.x(),
                  .friction_y_newton = friction.y(),
                  .friction_z_newton = friction.z(),
-                 .is_known = true});
+                 .time_s = time_s,
+                 .is_known = true,
+                 .is_close = own.side.view().distance_m < 2.0 * tip_radius_m_});
+}
+
+/// The force of the condensed contact on the tip, which follows its way since the last call, or
+/// since the full solution that is new.
+Vector3 ElasticTissue::press(Tool& own, Prepared& prepared) const noexcept {
+  const bool is_new = std::exchange(own.stepped, &prepared) != &prepared;
+  const Vector3 from_m = is_new ? prepared.centre_m : own.stepped_m;
+  const double from_s = is_new ? prepared.time_s : own.stepped_s;
+  const double parts = (own.tip_m - from_m).norm() / (kStepRadii * tip_radius_m_);
+  const int least = is_new ? kLeastCatchUpSteps : 1;
+  const int steps = parts < kMostCatchUpSteps ? std::max(least, static_cast<int>(std::ceil(parts)))
+                                              : kMostCatchUpSteps;
+  // the first of the last places that is later, or the present one
+  std::size_t later = own.last_passed;
+  const auto before = [&](std::size_t i) {
+    return (i + own.passed.size() - 1) % own.passed.size();
+  };
+  for (std::size_t i = 1; i < own.passed.size() && own.passed[before(later)].time_s > from_s &&
+                          own.passed[before(later)].time_s < own.passed[later].time_s;
+       ++i) {
+    later = before(later);
+  }
+  Vector3 force = Vector3::Zero();
+  Vector3 earlier_m = from_m;
+  double earlier_s = from_s;
+  double here_s = from_s;
+  const auto go = [&](double to_s, int in_steps) {
+    const double step_s = std::max(kLeastStep_s, (to_s - here_s) / in_steps);
+    for (int i = 1; i <= in_steps; ++i) {
+      const double at_s = i == in_steps ? to_s : here_s + i * step_s;
+      while (own.passed[later].time_s < at_s && later != own.last_passed) {
+        earlier_m = own.passed[later].tip_m;
+        earlier_s = own.passed[later].time_s;
+        later = (later + 1) % own.passed.size();
+      }
+      const double gap_s = own.passed[later].time_s - earlier_s;
+      const double share = gap_s > 0.0 ? std::clamp((at_s - earlier_s) / gap_s, 0.0, 1.0) : 1.0;
+      force = prepared.contact
+                  ->step(earlier_m + share * (own.passed[later].tip_m - earlier_m), tip_radius_m_,
+                         kMostSweeps, kSweepTolerance_m, step_s)
+                  .force_on_sphere_newton;
+    }
+    here_s = to_s;
+  };
+  if (is_new) {
+    // the force settles in the last ones, before it is used
+    std::array<double, kSettlingSteps> last_s{};
+    std::size_t place = own.last_passed;
+    for (std::size_t i = kSettlingSteps; i > 0; --i, place = before(place)) {
+      last_s[i - 1] = own.passed[place].time_s;
+    }
+    if (own.passed[place].time_s > from_s) go(own.passed[place].time_s, steps);
+    for (const double at_s : last_s) {
+      if (at_s > here_s) go(at_s, 1);
+    }
+  }
+  if (!is_new || here_s == from_s) go(own.time_s, steps);
+  own.stepped_m = own.tip_m;
+  own.stepped_s = own.time_s;
+  return force + prepared.other_newton;
+}
+
+/// The contact of a tip there is within the points of the condensed model.
+bool ElasticTissue::is_among(const Prepared& prepared, const Vector3& tip_m,
+                             const Vector3& normal) const noexcept {
+  const Vector3 way = tip_m - prepared.patch_m;
+  return (way - way.dot(normal) * normal).norm() < kPatchRadii * tip_radius_m_;
 }
 
 bool ElasticTissue::touch(std::size_t tool, Contact& contact) noexcept {
@@ -97,33 +188,42 @@ bool ElasticTissue::touch(std::size_t tool, Contact& contact) noexcept {
       tip_radius_m_ - view.distance_m + (prepared != nullptr ? prepared->raised_m : 0.0);
   if (!(penetration_m > -own.reach_m)) return false;
 
-  const double way_m =
-      prepared != nullptr ? (tip_m - prepared->centre_m).norm() : 2.0 * tip_radius_m_;
   own.normal = view.normal;
-  if (way_m < tip_radius_m_ && penetration_m > -tip_radius_m_) {
-    // as deep as the law needs to be known, if the tip is not
-    const double depth_m = std::max(penetration_m, kLeastDepth_m);
-    const Vector3 centre_m = tip_m - (depth_m - penetration_m) * view.normal;
-    const bool is_new = std::exchange(own.stepped, prepared) != prepared;
-    for (int i = is_new ? kCatchUpSteps : 0; i > 0; --i) {
-      prepared->contact->step(centre_m, tip_radius_m_, kMostSweeps, kSweepTolerance_m);
-    }
-    const Vector3 force =
-        prepared->contact->step(centre_m, tip_radius_m_, kMostSweeps, kSweepTolerance_m)
-            .force_on_sphere_newton +
-        prepared->other_newton;
+  double depth_m = penetration_m;  // of the law
+  if (prepared == nullptr || !is_among(*prepared, tip_m, view.normal)) {
+    // nothing is known of this place but its material
+    own.stiffness_newton_per_m = elastic_stiffness(body_->hertz_newton, kHertzDepth_m);
+  } else if (penetration_m > -tip_radius_m_) {
+    const Vector3 force = press(own, *prepared);
     // in doubt there is no force
     own.stiffness_newton_per_m = 0.0;
     if (force.allFinite()) {
       own.normal = contact_normal(force, view.normal);
-      own.stiffness_newton_per_m = elastic_stiffness(std::max(0.0, force.dot(own.normal)), depth_m);
+      const double newton = std::max(0.0, force.dot(own.normal));
+      if (penetration_m < kLeastDepth_m) {
+        // the law is that of a depth at which it can be known, and the tip as deep as the surface
+        // now presses on it
+        const Vector3 deeper_m = tip_m - (kLeastDepth_m - penetration_m) * view.normal;
+        const Vector3 probed =
+            prepared->probe->step(deeper_m, tip_radius_m_, kMostSweeps, kSweepTolerance_m)
+                .force_on_sphere_newton +
+            prepared->other_newton;
+        const double probed_newton = probed.allFinite() ? probed.norm() : 0.0;
+        own.stiffness_newton_per_m =
+            elastic_stiffness(std::max(newton, probed_newton), kLeastDepth_m);
+        depth_m = newton > 0.0 ? elastic_depth_m(newton, own.stiffness_newton_per_m)
+                               : std::min(0.0, penetration_m);
+      } else {
+        own.stiffness_newton_per_m = elastic_stiffness(newton, penetration_m);
+      }
     }
   }
   if (prepared != nullptr) {
-    own.bound_newton = prepared->error_newton + prepared->error_newton_per_m * way_m;
+    own.bound_newton =
+        prepared->error_newton + prepared->error_newton_per_m * (tip_m - prepared->centre_m).norm();
   }
-  contact = elastic_contact(body_->tissue, view, penetration_m, own.normal,
-                            own.stiffness_newton_per_m, tip_radius_m_);
+  contact = elastic_contact(body_->tissue, view, depth_m, own.normal, own.stiffness_newton_per_m,
+                            tip_radius_m_);
   rubbing.settle(tip_m, body_->friction_coefficient, body_->shear_newton_per_m, contact);
   own.rubbing = rubbing;
   return contact.force_on_tool_newton.allFinite();
@@ -133,24 +233,51 @@ bool ElasticTissue::touch(std::size_t tool, Contact& contact) noexcept {
 
 void ElasticTissue::note_late() { ++figures_.late; }
 
-void ElasticTissue::solve() {
+bool ElasticTissue::is_fast(const Tool& tool) const {
+  const Tip tip = tool.tip.load();
+  const Vector3 tip_m(tip.x_m, tip.y_m, tip.z_m);
+  return tip.is_known && tip.is_close &&
+         (tip_m - tool.slow_tip_m).norm() > kFastRadii * tip_radius_m_;
+}
+
+bool ElasticTissue::is_hasty(const Tool& tool) const {
+  return tool.velocity_m_per_s.norm() * least_step_s() > kFastRadii * tip_radius_m_;
+}
+
+bool ElasticTissue::is_fast() const {
+  return hasty_solves_ > 0 || std::any_of(tools_.begin(), tools_.end(),
+                                          [&](const auto& tool) { return is_fast(*tool); });
+}
+
+void ElasticTissue::solve(double step_s) {
+  hasty_solves_ = std::max(0, hasty_solves_ - 1);
   for (std::size_t i = 0; i < tools_.size(); ++i) {
     const Tip tip = tools_[i]->tip.load();
+    const bool was_there = tips_[i].has_value();
     tips_[i].reset();
     if (!tip.is_known) continue;
-    tools_[i]->slow_normal = {tip.normal_x, tip.normal_y, tip.normal_z};
-    tips_[i] = {.tip_m = {tip.x_m, tip.y_m, tip.z_m},
+    Tool& tool = *tools_[i];
+    tool.slow_normal = {tip.normal_x, tip.normal_y, tip.normal_z};
+    const Vector3 tip_m(tip.x_m, tip.y_m, tip.z_m);
+    tool.velocity_m_per_s =
+        was_there && tip.time_s > tool.slow_time_s
+            ? Vector3((tip_m - tool.slow_tip_m) / (tip.time_s - tool.slow_time_s))
+            : Vector3::Zero();
+    tool.slow_tip_m = tip_m;
+    tool.slow_time_s = tip.time_s;
+    if (tip.is_close && is_hasty(tool)) hasty_solves_ = kHastySolves;
+    tips_[i] = {.tip_m = tip_m,
                 .place_m = {tip.place_x_m, tip.place_y_m, tip.place_z_m},
                 .friction_on_tool_newton = {tip.friction_x_newton, tip.friction_y_newton,
                                             tip.friction_z_newton}};
   }
-  const bool has_stepped = simulation_.step(tips_);
+  const bool has_stepped = simulation_.step(tips_, step_s);
   has_moved_ = has_moved_ || has_stepped;
   if (has_stepped) {
     ++figures_.solves;
     figures_.residual_ratio = simulation_.report().search.residual_ratio;
     for (auto& tool : tools_) {
-      measure(*tool, simulation_.touch(static_cast<std::size_t>(&tool - tools_.data())));
+      measure(*tool, simulation_.touch(static_cast<std::size_t>(&tool - tools_.data())), step_s);
     }
   } else {
     ++figures_.skipped;
@@ -160,7 +287,7 @@ void ElasticTissue::solve() {
     // an untouched body at rest is prepared once; what has failed, never
     if (!simulation_.touch(i).is_near || (!has_stepped && tools_[i]->last)) continue;
     try {
-      prepare(i);
+      prepare(i, step_s);
     } catch (const std::runtime_error&) {
       // the steps keep what they have
       ++without_compliance_;
@@ -172,12 +299,12 @@ void ElasticTissue::solve() {
 }
 
 /// Compares the full solution with what the model prepared before it says for the same place.
-void ElasticTissue::measure(Tool& tool, const ElasticSimulation::Touch& touch) {
+void ElasticTissue::measure(Tool& tool, const ElasticSimulation::Touch& touch, double step_s) {
   const double newton = touch.force_on_tool_newton.norm();
   const double way_m = (touch.centre_m - tool.last_centre_m).norm();
   if (!touch.is_near || !tool.last || !(newton > 0.0) || way_m > tip_radius_m_) return;
   const Vector3 expected =
-      tool.last->step(touch.centre_m, tip_radius_m_, kMostSweeps, kSweepTolerance_m)
+      tool.last->step(touch.centre_m, tip_radius_m_, kMostSweeps, kSweepTolerance_m, step_s)
           .force_on_sphere_newton +
       tool.last_other_newton;
   const double error_newton = (expected - touch.force_on_tool_newton).norm();
@@ -189,17 +316,22 @@ void ElasticTissue::measure(Tool& tool, const ElasticSimulation::Touch& touch) {
   }
 }
 
-void ElasticTissue::prepare(std::size_t index) {
+void ElasticTissue::prepare(std::size_t index, double step_s) {
   Tool& tool = *tools_[index];
   const ElasticSimulation::Touch& touch = simulation_.touch(index);
   Prepared& draft = tool.prepared.draft();
   draft.contact.emplace(compliance_, 0.0, body_->contact_stiffness_pa_per_m);
+  draft.patch_m = touch.centre_m + kAhead * step_s * tool.velocity_m_per_s;
   draft.contact->prepare(body_->points, simulation_.x_m(), touch.forces_on_body_newton,
-                         touch.centre_m, kMostPoints);
+                         draft.patch_m, kMostPoints);
+  draft.contact->relax(body_->points, simulation_.v_m_per_s(), body_->viscosity_s);
   if (is_alone(index) && !touch.force_on_tool_newton.isZero(0.0)) {
-    // the compliance shall do the work from the untouched body to this solution
-    draft.contact->add_equilibrium(body_->points, body_->start_m, {});
+    add_equilibria(tool, touch, *draft.contact);
   }
+  tool.last_newton = touch.force_on_tool_newton.norm();
+  tool.last_forces_newton = touch.forces_on_body_newton;
+  tool.last_m = simulation_.x_m();
+  tool.last_m_per_s = simulation_.v_m_per_s();
   draft.raised_m = raised_m(index, draft.contact->chosen().front(), tool.slow_normal);
   draft.other_newton = touch.force_on_tool_newton;
   for (const std::size_t point : draft.contact->chosen()) {
@@ -208,12 +340,32 @@ void ElasticTissue::prepare(std::size_t index) {
     }
   }
   draft.centre_m = touch.centre_m;
+  draft.time_s = tool.slow_time_s;
   draft.error_newton_per_m = tool.error_newton_per_m;
   draft.error_newton = tool.error_newton;
+  draft.probe.emplace(*draft.contact);
   tool.last.emplace(*draft.contact);
   tool.last_other_newton = draft.other_newton;
   tool.last_centre_m = touch.centre_m;
   tool.is_prepared = true;
+}
+
+/// The compliance shall do the work from the untouched body to this solution or, if that was at
+/// another depth, from the last one. Behind a tip that moves fast the body has no time to come back
+/// to the untouched one.
+void ElasticTissue::add_equilibria(Tool& tool, const ElasticSimulation::Touch& touch,
+                                   elastic::CondensedContact& contact) {
+  const double newton = touch.force_on_tool_newton.norm();
+  const Vector3 way = touch.centre_m - tool.last_centre_m;
+  const auto add_last = [&] {
+    return tool.last_newton > 0.0 && std::abs(newton - tool.last_newton) > kOtherForce * newton &&
+           std::abs(way.dot(tool.slow_normal)) > kAlongNormal * way.norm() &&
+           contact.add_equilibrium(body_->points, tool.last_m, tool.last_forces_newton,
+                                   &tool.last_m_per_s);
+  };
+  if (is_hasty(tool) && add_last()) return;
+  contact.add_equilibrium(body_->points, body_->start_m, {});
+  if (!is_hasty(tool)) add_last();
 }
 
 bool ElasticTissue::is_alone(std::size_t tool) const {

@@ -7,6 +7,7 @@
 //   tool's step   touch()   contact of the sphere with these points, whatever the size of the mesh
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <cstdint>
 #include <filesystem>
@@ -61,7 +62,17 @@ class ElasticTissue {
 
   /// One full solution for where the tools are now. What the tools' steps may use of it is kept
   /// until publish().
-  void solve();
+  /// @param step_s  since the last one, in [least_step_s(), longest_step_s()]
+  void solve(double step_s);
+  /// At the body's solve rate.
+  [[nodiscard]] double longest_step_s() const noexcept { return 1.0 / body_->solve_rate_hz; }
+  /// Where a tip moves fast.
+  [[nodiscard]] double least_step_s() const noexcept {
+    return longest_step_s() / kMostSolvesPerPeriod;
+  }
+  /// A tip near the surface has moved so far since the last solution, or did so a moment ago, that
+  /// another one is due before the period is over.
+  [[nodiscard]] bool is_fast() const;
   void publish();
   void note_late();
 
@@ -82,6 +93,8 @@ class ElasticTissue {
   /// next; false if there is none since the last call.
   bool take_surface(std::vector<float>& vertices_m, std::vector<float>& strain);
 
+  static constexpr int kMostSolvesPerPeriod = 4;
+
  private:
   struct Tip {
     double x_m = 0.0;
@@ -96,12 +109,17 @@ class ElasticTissue {
     double friction_x_newton = 0.0;  // on the tool
     double friction_y_newton = 0.0;
     double friction_z_newton = 0.0;
+    double time_s = 0.0;
     bool is_known = false;
+    bool is_close = false;  // to the untouched surface
   };
   /// What a full solution leaves to the steps of a tool.
   struct Prepared {
     std::optional<elastic::CondensedContact> contact;
-    Vector3 centre_m = Vector3::Zero();      // of the sphere in the full solution
+    std::optional<elastic::CondensedContact> probe;  // at rest, as deep as the law must be known
+    Vector3 centre_m = Vector3::Zero();              // of the sphere in the full solution
+    Vector3 patch_m = Vector3::Zero();               // the points are the nearest to this place
+    double time_s = 0.0;                             // of the tip there
     Vector3 other_newton = Vector3::Zero();  // on the tool, from points that are not among these
     double raised_m = 0.0;                   // of the surface by other tools, along its normal
     double error_newton_per_m = 0.0;         // of the force, by the way from that centre
@@ -111,8 +129,18 @@ class ElasticTissue {
     Snapshot<Tip> tip;
     Handover<Prepared> prepared;
     // of the steps
-    const Prepared* stepped = nullptr;  // the last one
+    const Prepared* stepped = nullptr;  // the last one,
+    double stepped_s = 0.0;             // then
+    Vector3 stepped_m = Vector3::Zero();
     Vector3 tip_m = Vector3::Zero();
+    double time_s = 0.0;
+    // the last places of the tip, a ring
+    struct Passed {
+      Vector3 tip_m = Vector3::Zero();
+      double time_s = 0.0;
+    };
+    std::array<Passed, 64> passed{};
+    std::size_t last_passed = 0;
     double reach_m = 0.0;
     TipSide side{};
     double stiffness_newton_per_m = 0.0;
@@ -121,7 +149,14 @@ class ElasticTissue {
     Rubbing rubbing{};
     // of the slow thread
     Vector3 slow_normal = Vector3::UnitZ();  // of the untouched surface, on the tip's side
-    bool is_prepared = false;                // a draft waits to be published
+    Vector3 slow_tip_m = Vector3::Zero();
+    double slow_time_s = 0.0;
+    Vector3 velocity_m_per_s = Vector3::Zero();  // of the tip between the last two solutions
+    elastic::VectorXd last_m;                    // the last solution
+    elastic::VectorXd last_m_per_s;
+    std::vector<elastic::Vector3d> last_forces_newton;  // on the body
+    double last_newton = 0.0;
+    bool is_prepared = false;  // a draft waits to be published
     std::optional<elastic::CondensedContact> last;
     Vector3 last_centre_m = Vector3::Zero();
     Vector3 last_other_newton = Vector3::Zero();
@@ -129,8 +164,15 @@ class ElasticTissue {
     double error_newton = 0.0;
   };
 
-  void measure(Tool& tool, const ElasticSimulation::Touch& touch);
-  void prepare(std::size_t tool);
+  [[nodiscard]] bool is_among(const Prepared& prepared, const Vector3& tip_m,
+                              const Vector3& normal) const noexcept;
+  Vector3 press(Tool& own, Prepared& prepared) const noexcept;
+  [[nodiscard]] bool is_fast(const Tool& tool) const;
+  [[nodiscard]] bool is_hasty(const Tool& tool) const;
+  void add_equilibria(Tool& tool, const ElasticSimulation::Touch& touch,
+                      elastic::CondensedContact& contact);
+  void measure(Tool& tool, const ElasticSimulation::Touch& touch, double step_s);
+  void prepare(std::size_t tool, double step_s);
   [[nodiscard]] bool is_alone(std::size_t tool) const;
   [[nodiscard]] double raised_m(std::size_t tool, std::size_t nearest_point, const Vector3& normal);
   void show();
@@ -145,6 +187,7 @@ class ElasticTissue {
   std::vector<std::optional<TipState>> tips_;
   ElasticFigures figures_;
   std::uint64_t without_compliance_ = 0;  // contacts that could not be prepared
+  int hasty_solves_ = 0;                  // that follow a fast motion, still to be made
   Snapshot<ElasticFigures> figures_out_;
 
   std::mutex shown_mutex_;

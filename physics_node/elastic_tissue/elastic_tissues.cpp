@@ -13,25 +13,29 @@
 namespace palpate::physics {
 namespace {
 
-/// Solves at the body's rate until stopped. A solution that takes longer than its period delays the
-/// next one: the body's time then runs slower.
+/// Solves at the body's rate until stopped, and more often while a tip is fast. A solution that
+/// takes longer than its period delays the next one: the body's time then runs slower.
 void solve_in_real_time(const std::stop_token& stop, ElasticTissue& tissue) {
   using Clock = std::chrono::steady_clock;
-  const auto period = std::chrono::duration_cast<Clock::duration>(
-      std::chrono::duration<double>(1.0 / tissue.body().solve_rate_hz));
+  const auto ticks = [](double seconds) {
+    return std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(seconds));
+  };
   std::mutex mutex;
   std::condition_variable_any stopped;
   std::unique_lock lock(mutex);
-  Clock::time_point next = Clock::now();
+  Clock::time_point last = Clock::now() - ticks(tissue.longest_step_s());
   while (!stop.stop_requested()) {
-    tissue.solve();
+    const Clock::time_point begin = Clock::now();
+    tissue.solve(std::clamp(std::chrono::duration<double>(begin - last).count(),
+                            tissue.least_step_s(), tissue.longest_step_s()));
+    last = begin;
     tissue.publish();
-    next += period;
-    if (const Clock::time_point now = Clock::now(); now > next) {
-      tissue.note_late();
-      next = now;
+    if (Clock::now() > begin + ticks(tissue.longest_step_s())) tissue.note_late();
+    for (int part = 1; part <= ElasticTissue::kMostSolvesPerPeriod; ++part) {
+      stopped.wait_until(lock, stop, begin + ticks(part * tissue.least_step_s()),
+                         [] { return false; });
+      if (stop.stop_requested() || tissue.is_fast()) break;
     }
-    stopped.wait_until(lock, stop, next, [] { return false; });
   }
 }
 
@@ -51,7 +55,8 @@ ElasticTissues::ElasticTissues(std::vector<std::shared_ptr<const ElasticBody>> b
                                const std::filesystem::path& columns_folder)
     : pace_(pace),
       counts_(tools),
-      next_solve_s_(bodies.size(), -std::numeric_limits<double>::infinity()) {
+      last_solve_s_(bodies.size(), -std::numeric_limits<double>::infinity()),
+      ready_s_(last_solve_s_) {
   for (auto& body : bodies) {
     tissues_.push_back(
         std::make_unique<ElasticTissue>(std::move(body), tools, tip_radius_m, columns_folder));
@@ -85,12 +90,17 @@ void ElasticTissues::step(std::size_t tool, const Vector3& tip_m, double time_s,
 
 void ElasticTissues::solve_until(double time_s) {
   for (std::size_t i = 0; i < tissues_.size(); ++i) {
-    double& next_s = next_solve_s_[i];
-    const double period_s = 1.0 / tissues_[i]->body().solve_rate_hz;
-    if (time_s < next_s - 1e-6 * period_s) continue;
-    tissues_[i]->publish();
-    tissues_[i]->solve();
-    next_s = next_s + period_s > time_s ? next_s + period_s : time_s + period_s;
+    ElasticTissue& tissue = *tissues_[i];
+    const double longest_s = tissue.longest_step_s();
+    const double rounding_s = 1e-6 * longest_s;
+    if (time_s < ready_s_[i] - rounding_s) continue;
+    tissue.publish();
+    const double since_s = time_s - last_solve_s_[i];
+    const bool is_fast = tissue.is_fast();
+    if (since_s < longest_s - rounding_s && !is_fast) continue;
+    tissue.solve(std::clamp(since_s, tissue.least_step_s(), longest_s));
+    last_solve_s_[i] = time_s;
+    ready_s_[i] = time_s + (is_fast ? tissue.least_step_s() : longest_s);
   }
 }
 

@@ -20,8 +20,8 @@ namespace palpate::physics {
 /// When full solutions are computed.
 enum class ElasticPace : std::uint8_t {
   kThread,  ///< on a thread of their own, in real time; step() is real-time safe
-  /// Within step(), by its time: a solution of one period is used from the next one on.
-  /// Deterministic
+  /// Within step(), by its time: a solution takes a period, or a quarter of it while a tip is fast,
+  /// and is used from then on. Deterministic
   kVirtual,
 };
 
@@ -64,8 +64,10 @@ class ElasticTissues {
 
   std::vector<std::unique_ptr<ElasticTissue>> tissues_;
   ElasticPace pace_;
-  std::vector<Counts> counts_;        // by tool
-  std::vector<double> next_solve_s_;  // by tissue; virtual
+  std::vector<Counts> counts_;  // by tool
+  // by tissue; virtual
+  std::vector<double> last_solve_s_;
+  std::vector<double> ready_s_;  // then that solution may be used
   std::vector<std::jthread> threads_;
 };
 

@@ -16,6 +16,7 @@ namespace {
 
 // Of the compliance: an equilibrium that asks for more is none, the body moves.
 constexpr double kMostScale = 2.0;
+constexpr double kLeastScale = 1.0 / 3.0;
 // Error of the compliance beyond the last equilibrium, where new points begin to touch.
 constexpr double kLeastBeyondRatio = 0.2;
 
@@ -26,8 +27,9 @@ using RowMajor3f = Eigen::Matrix<float, 3, 3, Eigen::RowMajor>;
 }  // namespace
 
 SurfaceCompliance::SurfaceCompliance(const Body& body, WarpedFactor& factor,
-                                     std::vector<std::uint32_t> surface_nodes)
-    : body_(body), factor_(factor), nodes_(std::move(surface_nodes)) {
+                                     std::vector<std::uint32_t> surface_nodes,
+                                     std::size_t most_floats)
+    : body_(body), factor_(factor), nodes_(std::move(surface_nodes)), most_floats_(most_floats) {
   row_of_.assign(body.node_count(), -1);
   for (std::size_t i = 0; i < nodes_.size(); ++i) {
     row_of_[nodes_[i]] = static_cast<std::int32_t>(i);
@@ -40,6 +42,7 @@ SurfaceCompliance::SurfaceCompliance(const Body& body, WarpedFactor& factor,
 
 void SurfaceCompliance::clear() {
   columns_.clear();
+  required_.clear();
   has_no_factor_ = false;
   turn_to(no_rotations(body_.node_count()));
 }
@@ -53,12 +56,21 @@ void SurfaceCompliance::turn_to(const std::vector<double>& rotations) {
 }
 
 void SurfaceCompliance::require(std::uint32_t node) {
+  required_[node] = ++requires_;
   if (columns_.contains(node)) return;
   if (!factor_.is_ready() && !has_no_factor_) {
     has_no_factor_ = !factor_.factor(body_.rest_m(), no_rotations(body_.node_count()), {}, nullptr);
   }
   if (has_no_factor_) {
     throw std::runtime_error("elastic body: the stiffness at rest is not positive definite");
+  }
+  while (columns_.size() > 1 && (columns_.size() + 1) * 9 * nodes_.size() > most_floats_) {
+    // those of a file that were never required go first
+    const auto oldest = std::min_element(
+        columns_.begin(), columns_.end(),
+        [&](const auto& a, const auto& b) { return required_[a.first] < required_[b.first]; });
+    required_.erase(oldest->first);
+    columns_.erase(oldest);
   }
   std::vector<float>& values = columns_[node];
   values.assign(9 * nodes_.size(), 0.0F);
@@ -154,14 +166,27 @@ void CondensedContact::prepare(const std::vector<SurfacePoint>& points, const Ve
   first_m_ = x_m;
   equilibria_.assign(1, {.sum_newton = sum_of_forces_newton(),
                          .positions_m = positions_m_,
+                         .rates_m = {},
                          .forces_newton = forces_newton_,
                          .surface_m = std::vector<float>(surface_stride_, 0.0F)});
   lower_ = 0;
   share_ = 0.0;
   has_centre_ = false;
+  relaxation_s_ = 0.0;
   checked_ratio_ = 0.0;
   scale_ = 1.0;
   last_way_newton_ = 0.0;
+}
+
+void CondensedContact::relax(const std::vector<SurfacePoint>& points, const VectorXd& v_m_per_s,
+                             double relaxation_s) {
+  relaxation_s_ = relaxation_s;
+  if (!(relaxation_s > 0.0)) return;
+  Equilibrium& own = equilibria_.front();
+  for (std::size_t i = 0; i < chosen_.size(); ++i) {
+    own.rates_m.emplace_back(relaxation_s * points[chosen_[i]].position_m(v_m_per_s.data()));
+    positions_m_[i] = rest_of(own, i);
+  }
 }
 
 double CondensedContact::sum_of_forces_newton() const noexcept {
@@ -180,15 +205,18 @@ bool CondensedContact::is_usable(const std::vector<Vector3d>& forces_on_body_new
          });
 }
 
-void CondensedContact::add_equilibrium(const std::vector<SurfacePoint>& points, const VectorXd& x_m,
-                                       const std::vector<Vector3d>& forces_on_body_newton) {
-  if (!is_usable(forces_on_body_newton)) return;
+bool CondensedContact::add_equilibrium(const std::vector<SurfacePoint>& points, const VectorXd& x_m,
+                                       const std::vector<Vector3d>& forces_on_body_newton,
+                                       const VectorXd* v_m_per_s) {
+  if (!is_usable(forces_on_body_newton)) return false;
   Equilibrium more;
   for (const std::size_t point : chosen_) {
     more.positions_m.push_back(points[point].position_m(x_m.data()));
     more.forces_newton.push_back(forces_on_body_newton.empty() ? Vector3d::Zero()
                                                                : forces_on_body_newton[point]);
     more.sum_newton += more.forces_newton.back().norm();
+    if (v_m_per_s == nullptr || !(relaxation_s_ > 0.0)) continue;
+    more.rates_m.emplace_back(relaxation_s_ * points[point].position_m(v_m_per_s->data()));
   }
   const auto place = std::lower_bound(
       equilibria_.begin(), equilibria_.end(), more.sum_newton,
@@ -199,7 +227,7 @@ void CondensedContact::add_equilibrium(const std::vector<SurfacePoint>& points, 
   };
   if ((place != equilibria_.end() && is_same(*place)) ||
       (place != equilibria_.begin() && is_same(*std::prev(place)))) {
-    return;
+    return false;
   }
   more.surface_m.assign(surface_stride_, 0.0F);
   const auto& nodes = compliance_.surface_nodes();
@@ -212,30 +240,35 @@ void CondensedContact::add_equilibrium(const std::vector<SurfacePoint>& points, 
   const auto added = equilibria_.insert(place, std::move(more));
   if (!scale_compliance()) {
     equilibria_.erase(added);
-    return;
+    return false;
   }
   start_between(sum_of_forces_newton());
+  return true;
 }
 
-// Between the last two equilibria C shall do the work that the forces did: if it did less than half
-// of it, the force would alternate from step to step.
+// Between the last two equilibria C shall do the work that the elastic part of the forces did: if
+// it did less than half of it, the force would alternate from step to step. With C = s C₀, x + s β
+// ẋ = C f: s = Δf·Δx / (Δf·C₀ Δf − β Δf·Δẋ).
 bool CondensedContact::scale_compliance() {
   const Equilibrium& last = equilibria_.back();
   const Equilibrium& other = equilibria_[equilibria_.size() - 2];
   const Eigen::Index size = 3 * Eigen::Index{count_};
   Eigen::VectorXd force(size);
   Eigen::VectorXd way(size);
+  Eigen::VectorXd rate = Eigen::VectorXd::Zero(size);
   for (Eigen::Index i = 0; i < count_; ++i) {
     const auto point = static_cast<std::size_t>(i);
     force.segment<3>(3 * i) = last.forces_newton[point] - other.forces_newton[point];
     way.segment<3>(3 * i) = last.positions_m[point] - other.positions_m[point];
+    if (!last.rates_m.empty()) rate.segment<3>(3 * i) += last.rates_m[point];
+    if (!other.rates_m.empty()) rate.segment<3>(3 * i) -= other.rates_m[point];
   }
   const Eigen::Map<const Eigen::MatrixXf, 0, Eigen::OuterStride<>> among(
       among_.data(), size, size, Eigen::OuterStride<>(static_cast<Eigen::Index>(stride_)));
   const double expected = force.dot(among.cast<double>() * force);
   const double found = force.dot(way);
-  const double scale = scale_ * found / expected;
-  if (!(scale >= 1.0 / kMostScale && scale <= kMostScale)) return false;
+  const double scale = found / (expected / scale_ - force.dot(rate));
+  if (!(scale >= kLeastScale && scale <= kMostScale)) return false;
   const auto change = static_cast<float>(scale / scale_);
   for (float& value : among_) value *= change;
   for (float& value : onto_surface_) value *= change;
@@ -254,7 +287,7 @@ void CondensedContact::start_between(double sum_newton) noexcept {
   share_ = std::clamp((sum_newton - a.sum_newton) / (b.sum_newton - a.sum_newton), 0.0, 1.0);
   std::array<float, std::size_t{3} * kMostPoints> change{};
   for (std::size_t i = 0; i < static_cast<std::size_t>(count_); ++i) {
-    positions_m_[i] = (1.0 - share_) * a.positions_m[i] + share_ * b.positions_m[i];
+    positions_m_[i] = (1.0 - share_) * rest_of(a, i) + share_ * rest_of(b, i);
     base_forces_newton_[i] = (1.0 - share_) * a.forces_newton[i] + share_ * b.forces_newton[i];
     Eigen::Map<Eigen::Vector3f>(change.data() + 3 * i) =
         (forces_newton_[i] - base_forces_newton_[i]).cast<float>();
@@ -273,8 +306,16 @@ void CondensedContact::read(Snapshot& snapshot) const {
 }
 
 CondensedReport CondensedContact::step(const Vector3d& centre_m, double radius_m, int most_sweeps,
-                                       double tolerance_m) noexcept {
+                                       double tolerance_m, double step_s) noexcept {
   CondensedReport report;
+  // x + β (x − x_before)/h = what the compliance gives: x goes so far of the way there
+  const double relaxation_s = scale_ * relaxation_s_;
+  const double pace = step_s > 0.0 ? step_s / (step_s + relaxation_s) : 1.0;
+  const auto place_of = [&](std::size_t i) {
+    const Vector3d moved =
+        Eigen::Map<const Eigen::Vector3f>(displacements_m_.data() + 3 * i).cast<double>();
+    return Vector3d(reached_m_[i] + pace * (positions_m_[i] + moved - reached_m_[i]));
+  };
   const Vector3d way = has_centre_ ? Vector3d(centre_m - centre_m_) : Vector3d(Vector3d::Zero());
   const bool has_friction = friction_coefficient_ > 0.0;
   centre_m_ = centre_m;
@@ -282,18 +323,15 @@ CondensedReport CondensedContact::step(const Vector3d& centre_m, double radius_m
   start_between(sum_of_forces_newton());
   // fixed for the sweeps: normals that turn with the points would keep them from converging
   for (std::size_t i = 0; i < static_cast<std::size_t>(count_); ++i) {
-    const Vector3d moved =
-        Eigen::Map<const Eigen::Vector3f>(displacements_m_.data() + 3 * i).cast<double>();
-    const Vector3d away = positions_m_[i] + moved - centre_m;
+    const Vector3d away = place_of(i) - centre_m;
     normals_[i] = away / std::max(away.norm(), 1e-9);
   }
   for (; report.sweeps < most_sweeps; ++report.sweeps) {
     double largest_m = 0.0;
     for (std::size_t i = 0; i < static_cast<std::size_t>(count_); ++i) {
-      const Vector3d moved =
-          Eigen::Map<const Eigen::Vector3f>(displacements_m_.data() + 3 * i).cast<double>();
+      const Vector3d place_m = place_of(i);
       const Vector3d& normal = normals_[i];
-      const double gap = normal.dot(positions_m_[i] + moved - centre_m) - radius_m;
+      const double gap = normal.dot(place_m - centre_m) - radius_m;
       Vector3d& force = forces_newton_[i];
       if (gap > 0.0 && force.isZero(0.0)) continue;
       Eigen::Matrix3d own;
@@ -302,6 +340,7 @@ CondensedReport CondensedContact::step(const Vector3d& centre_m, double radius_m
                          among_.data() + (3 * i + static_cast<std::size_t>(k)) * stride_ + 3 * i)
                          .cast<double>();
       }
+      own *= pace;
       const double give = normal.dot(own * normal);
       const double along = force.dot(normal);
       const double least = rigid_give_[i];
@@ -310,7 +349,7 @@ CondensedReport CondensedContact::step(const Vector3d& centre_m, double radius_m
       Vector3d wanted = press * normal;
       if (has_friction && press > 0.0) {
         // since the end of the last step
-        const Vector3d slide = positions_m_[i] + moved - reached_m_[i] - way;
+        const Vector3d slide = place_m - reached_m_[i] - way;
         Vector3d tangential = force - force.dot(normal) * normal;
         const Vector3d sliding = slide - slide.dot(normal) * normal;
         tangential -= sliding / std::max(1e-30, own.trace() / 3.0);
@@ -329,9 +368,7 @@ CondensedReport CondensedContact::step(const Vector3d& centre_m, double radius_m
     if (largest_m <= tolerance_m) break;
   }
   for (std::size_t i = 0; i < static_cast<std::size_t>(count_); ++i) {
-    reached_m_[i] =
-        positions_m_[i] +
-        Eigen::Map<const Eigen::Vector3f>(displacements_m_.data() + 3 * i).cast<double>();
+    reached_m_[i] = place_of(i);
     report.deepest_m = std::max(report.deepest_m, radius_m - (reached_m_[i] - centre_m).norm());
     report.touching += forces_newton_[i].isZero(0.0) ? 0 : 1;
     report.force_on_sphere_newton -= forces_newton_[i];

@@ -21,8 +21,12 @@ class SurfaceCompliance {
  public:
   /// @param factor  of the static stiffness; require() uses it, and factorises the undeformed body
   ///     if it is not ready   @param surface_nodes  of C's rows
+  /// @param most_floats  that the columns may take; beyond it those required longest ago go
   SurfaceCompliance(const Body& body, WarpedFactor& factor,
-                    std::vector<std::uint32_t> surface_nodes);
+                    std::vector<std::uint32_t> surface_nodes,
+                    std::size_t most_floats = kMostFloats);
+
+  static constexpr std::size_t kMostFloats = 64UL << 20U;  // 256 MiB
 
   /// Makes the columns of a node unless they are there: three solutions. Allocates.
   /// @throws std::runtime_error  the stiffness could not be factorised; it is tried once until
@@ -37,7 +41,7 @@ class SurfaceCompliance {
 
   /// Displacement of surface node `row` (an index of surface_nodes()) under a unit force at `node`
   /// along each axis, 3 × 3 row-major at the returned place + 9 × row, not turned.
-  /// @pre require(node)
+  /// Until the next require(). @pre require(node)
   [[nodiscard]] const float* columns(std::uint32_t node) const { return columns_.at(node).data(); }
   /// 3 × 3, row-major.
   [[nodiscard]] const float* turn_of(std::uint32_t node) const {
@@ -61,6 +65,9 @@ class SurfaceCompliance {
   std::vector<std::uint32_t> nodes_;
   std::vector<std::int32_t> row_of_;
   Columns columns_;
+  std::map<std::uint32_t, std::uint64_t> required_;  // when each was required last
+  std::uint64_t requires_ = 0;
+  std::size_t most_floats_;
   std::vector<float> turns_;  // 9 per node of the body
   VectorXd load_;
   VectorXd answer_;
@@ -100,13 +107,25 @@ class CondensedContact {
                const std::vector<Vector3d>& forces_on_body_newton, const Vector3d& centre_m,
                int most_points);
 
+  /// After prepare(), before add_equilibrium(): the body is viscous, so that its forces balance
+  /// K x + relaxation_s K₀ ẋ [Rayleigh's β], and in the full solution of prepare() it moved like
+  /// this. In a step of some length the points then follow at the rate of this filter, and the
+  /// viscous part of a force is not taken for a deformation. Where the compliance is scaled, K is
+  /// another than K₀, which the viscosity keeps.
+  /// @param v_m_per_s  of all nodes   @param relaxation_s  ≥ 0
+  void relax(const std::vector<SurfacePoint>& points, const VectorXd& v_m_per_s,
+             double relaxation_s);
+
   /// One more equilibrium, with its forces, beside that of prepare(): a step starts from between
   /// the two whose sums of forces are the nearest, and the compliance is scaled so that it gives
   /// the work between the last two. On the slow thread, after prepare(). Allocates. Left out if it
   /// has a force on a point that was not chosen, as much force as one that is there, or if the
   /// compliance would have to change by more than a factor of two: then the body moves.
-  void add_equilibrium(const std::vector<SurfacePoint>& points, const VectorXd& x_m,
-                       const std::vector<Vector3d>& forces_on_body_newton);
+  /// @param v_m_per_s  of all nodes in it; null: at rest
+  /// @return  whether it is there now
+  bool add_equilibrium(const std::vector<SurfacePoint>& points, const VectorXd& x_m,
+                       const std::vector<Vector3d>& forces_on_body_newton,
+                       const VectorXd* v_m_per_s = nullptr);
 
   /// The relative error of the way of the points that a ContactCheck found: reports bound the error
   /// of the force with it.
@@ -121,8 +140,9 @@ class CondensedContact {
   void read(Snapshot& snapshot) const;
 
   /// Forces for the sphere there; warm start from the last call. No allocation, lock or throw.
+  /// @param step_s  since the last call, for the motion of relax(); 0: at rest
   CondensedReport step(const Vector3d& centre_m, double radius_m, int most_sweeps,
-                       double tolerance_m) noexcept;
+                       double tolerance_m, double step_s = 0.0) noexcept;
 
   /// Displacements of the surface nodes since the full solution, 3 per node, from the forces of the
   /// last step; the place is surface_size() long. No allocation.
@@ -141,6 +161,7 @@ class CondensedContact {
   struct Equilibrium {
     double sum_newton = 0.0;  // of the forces' sizes
     std::vector<Vector3d> positions_m;
+    std::vector<Vector3d> rates_m;        // relaxation_s ẋ; empty: at rest
     std::vector<Vector3d> forces_newton;  // on the body
     std::vector<float> surface_m;         // moved since that of prepare()
   };
@@ -148,6 +169,11 @@ class CondensedContact {
   [[nodiscard]] double sum_of_forces_newton() const noexcept;
   void start_between(double sum_newton) noexcept;
   [[nodiscard]] bool scale_compliance();
+  // Where the body of this equilibrium would come to rest under its forces.
+  [[nodiscard]] Vector3d rest_of(const Equilibrium& one, std::size_t point) const noexcept {
+    return one.rates_m.empty() ? one.positions_m[point]
+                               : Vector3d(one.positions_m[point] + scale_ * one.rates_m[point]);
+  }
 
   int count_ = 0;
   std::size_t stride_ = 0;  // floats per column of among_
@@ -168,6 +194,7 @@ class CondensedContact {
   std::array<Vector3d, kMostPoints> normals_;  // of the sphere at the points, in a step
   Vector3d centre_m_ = Vector3d::Zero();
   bool has_centre_ = false;
+  double relaxation_s_ = 0.0;
   double checked_ratio_ = 0.0;    // of bound_by(); 0: nothing was checked
   double scale_ = 1.0;            // of the compliance
   double last_way_newton_ = 0.0;  // sum of forces between the last two equilibria

@@ -3,9 +3,11 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -88,6 +90,28 @@ class Condensed : public testing::Test {
     ASSERT_TRUE(factor_.factor(body_.rest_m(), no_rotations(body_.node_count()), {}, nullptr));
   }
 };
+
+// What was forgotten is made again, the same to the bit.
+TEST_F(Condensed, ColumnsTakeNoMoreMemoryThanTheyMay) {
+  const std::size_t one = 9 * body_.node_count();
+  SurfaceCompliance compliance(body_, factor_, all_nodes(body_), 4 * one);
+  const std::uint32_t first = points_.front().nodes[0];
+  compliance.require(first);
+  const std::vector<float> before(compliance.columns(first), compliance.columns(first) + one);
+  std::set<std::uint32_t> others;
+  for (const SurfacePoint& point : points_)
+    others.insert(point.nodes.begin(), point.nodes.begin() + 3);
+  others.erase(first);
+  ASSERT_GT(others.size(), 8U);
+  for (const std::uint32_t node : others) {
+    compliance.require(node);
+    ASSERT_LE(compliance.all_columns().size(), 4U);
+    ASSERT_TRUE(compliance.all_columns().contains(node));
+  }
+  EXPECT_FALSE(compliance.all_columns().contains(first));
+  compliance.require(first);
+  EXPECT_TRUE(std::equal(before.begin(), before.end(), compliance.columns(first)));
+}
 
 TEST_F(Condensed, GivesTheForceOfTheFullSolution) {
   SurfaceCompliance compliance(body_, factor_, all_nodes(body_));

@@ -117,6 +117,24 @@ TEST(ElasticDynamics, TheWarpedFactorNoticesWhenItIsNoLongerValid) {
   EXPECT_GT(dynamics.counters().factorisations, before);
 }
 
+// A step of a quarter of the length converges over the factor that is there.
+TEST(ElasticDynamics, AStepOfAnotherLengthKeepsTheFactorIfItMay) {
+  const Body body(bench::hanging_beam(beam_mesh(8, 2), Law::kStableNeoHookean, 100e3, 0.45));
+  const auto factors = [&](double other_step_ratio) {
+    Dynamics dynamics(body, {.theta = 1.0,
+                             .most_exact_iterations = 100,
+                             .slow_ratio = 0.9,
+                             .slow_iterations = 4,
+                             .other_step_ratio = other_step_ratio});
+    dynamics.step(2e-3);
+    const auto before = dynamics.counters().factorisations;
+    for (int i = 0; i < 3; ++i) EXPECT_TRUE(dynamics.step(5e-4).search.is_converged);
+    return dynamics.counters().factorisations - before;
+  };
+  EXPECT_GT(factors(1.0), 0U);
+  EXPECT_EQ(factors(4.0), 0U);
+}
+
 TEST(ElasticDynamics, AStepDoesNotAllocate) {
   const Body body(bench::hanging_beam(beam_mesh(8, 2), Law::kCorotational, 100e3, 0.45));
   Dynamics dynamics(body, {.is_exact = false});

@@ -148,6 +148,52 @@ TEST(ElasticSide, AFastPressKeepsItsForce) {
   EXPECT_EQ(counters.elastic_solves_failed, 0U);
 }
 
+// 10 mm within one full solution: it goes there in parts, and ends as after many short ones.
+TEST_F(ElasticPlate, AFullSolutionFollowsATipThatMovesMoreThanARadius) {
+  const SceneConfig plate = scene(0.02);
+  FullPress coarse(plate, 0.02);
+  FullPress fine(plate, 0.0025);
+  const auto tip_at = [](double depth_m) { return Vector3(0.0, 0.0, 0.01 + kBall_m - depth_m); };
+  coarse.step(tip_at(-0.002));
+  fine.step(tip_at(-0.002));
+  const Vector3 newton = coarse.step(tip_at(0.008));
+  Vector3 wanted = Vector3::Zero();
+  for (int i = 1; i <= 8; ++i) wanted = fine.step(tip_at(-0.002 + 0.00125 * i));
+  EXPECT_EQ(coarse.simulation.touch(0).centre_m, tip_at(0.008));
+  EXPECT_EQ(coarse.simulation.failed_steps(), 0U);
+  EXPECT_NEAR(newton.z(), wanted.z(), 0.15 * wanted.z());
+}
+
+// An edge of the undeformed mesh, passed above or seen from inside, does not bend the contact.
+TEST(ElasticSide, ASharpEdgeOfTheUndeformedSurfaceIsNotFelt) {
+  SurfaceView view{.distance_m = 1e-4, .trust_radius_m = 1e-3};
+  view.curvature_per_m.diagonal() << 1e4, 0.0, 0.0;
+  const auto curvature_per_m = [&] {
+    return elastic_contact(0, view, kBall_m - view.distance_m, Vector3::UnitZ(), 100.0, kBall_m)
+        .curvature_per_m.norm();
+  };
+  EXPECT_NEAR(curvature_per_m(), 1.0 / kBall_m, 1e-6);
+  view.distance_m = -1e-4;
+  EXPECT_EQ(curvature_per_m(), 0.0);
+  view.distance_m = 1e-4;
+  view.curvature_per_m.diagonal() << 20.0, 0.0, 0.0;
+  EXPECT_NEAR(curvature_per_m(), 20.0, 1e-9);
+}
+
+// At a rim the force leans away from the normal of the undeformed surface: all of it is felt.
+TEST(ElasticSide, AForceAsideOfTheUndeformedNormalIsFeltWhole) {
+  const Vector3 normal = Vector3::UnitZ();
+  const Vector3 aside = Vector3(std::sin(1.2), 0.0, std::cos(1.2));
+  EXPECT_TRUE(contact_normal(0.5 * aside, normal).isApprox(aside));
+  EXPECT_EQ(contact_normal(-0.5 * aside, normal), normal);
+}
+
+TEST(ElasticSide, TheDepthOfALawIsThatOfItsForce) {
+  const double k = elastic_stiffness(0.3, 0.0004);
+  EXPECT_NEAR(elastic_depth_m(0.3, k), 0.0004, 1e-9);
+  EXPECT_EQ(elastic_depth_m(0.3, 0.0), 0.0);
+}
+
 // Nearly through an 8 mm plate from either side: the same force, mirrored, in session and ideal.
 TEST_F(ElasticPlate, IsFeltFromBothSidesPastItsThickness) {
   const SceneConfig plate = scene(0.008);

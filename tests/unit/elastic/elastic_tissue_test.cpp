@@ -137,6 +137,61 @@ TEST_F(ElasticScene, SoItIsInADeepPress) {
   EXPECT_LT(std::sqrt(error2 / force2), 0.08);  // 0.16 without the untouched body
 }
 
+/// Root mean square of the error over that of the force, and Σ F·F_ideal / Σ |F_ideal|², of a
+/// session against a full solution every millisecond.
+struct Agreement {
+  double error = 0.0;
+  double gain = 0.0;
+  double least_ratio = 1.0;  // of the force along the ideal one, where that is above 0.1 N
+};
+template <class Tip>
+Agreement agreement(const SceneConfig& scene, int ticks, const Tip& tip_m) {
+  const auto elastic = ElasticTissues::of(scene, 1, ElasticPace::kVirtual);
+  ElasticReference reference(elastic_bodies_of(scene), kTip_m, kTick_s);
+  Agreement agreement;
+  double force2 = 0.0;
+  for (int tick = 0; tick < ticks; ++tick) {
+    const double time_s = kTick_s * tick;
+    SceneForce force;
+    elastic->step(0, tip_m(time_s), time_s, kReach_m, force);
+    SceneForce ideal;
+    reference.advance(time_s, tip_m(time_s), ideal);
+    const Vector3& wanted = ideal.force_on_tool_newton;
+    agreement.error += (force.force_on_tool_newton - wanted).squaredNorm();
+    agreement.gain += force.force_on_tool_newton.dot(wanted);
+    force2 += wanted.squaredNorm();
+    if (wanted.norm() > 0.1) {
+      agreement.least_ratio = std::min(
+          agreement.least_ratio, force.force_on_tool_newton.dot(wanted) / wanted.squaredNorm());
+    }
+  }
+  agreement.error = std::sqrt(agreement.error / force2);
+  agreement.gain /= force2;
+  return agreement;
+}
+
+// The viscous part of a full solution's force is not held, nor taken for stiffness.
+TEST_F(ElasticScene, TheForceOfAViscousBodyIsThatOfTheFullSolution) {
+  const SceneConfig scene = elastic_scene(file_, {.viscosity_s = 0.02});
+  const Agreement at = agreement(scene, test::kIsSanitized ? 120 : 300, [](double time_s) {
+    return tip_at(std::min(0.005, 0.05 * time_s - 0.003));
+  });
+  EXPECT_LT(at.error, 0.10);
+  EXPECT_NEAR(at.gain, 1.0, 0.05);
+}
+
+// Within a period of the full solution this tip goes as deep as a radius.
+TEST_F(ElasticScene, AFastPressIsFeltAtOnceAndKept) {
+  if (test::kIsSanitized) GTEST_SKIP() << "takes too long; the code is that of the other tests";
+  const SceneConfig scene = elastic_scene(file_, {.viscosity_s = 0.005});
+  const Agreement at = agreement(scene, 200, [](double time_s) {
+    return tip_at(std::min(0.008, 0.25 * std::max(0.0, time_s - 0.05) - 0.004));
+  });
+  EXPECT_LT(at.error, 0.15);
+  EXPECT_NEAR(at.gain, 1.0, 0.1);
+  EXPECT_GT(at.least_ratio, 0.5);
+}
+
 // A viscous body has not followed a tip that leaves fast: the force falls and does not alternate.
 TEST_F(ElasticScene, NoForceAlternatesBehindATipThatLeaves) {
   for (const double viscosity_s : {0.005, 0.05, 0.1}) {
@@ -191,12 +246,12 @@ TEST_F(ElasticScene, AStepOfTheToolAllocatesNothing) {
   ElasticTissue tissue(elastic_bodies_of(scene_).front(), 1, kTip_m);
   tissue.note(0, tip_at(0.002), kReach_m, 0.0);
   for (int i = 0; i < 5; ++i) {
-    tissue.solve();
+    tissue.solve(tissue.longest_step_s());
     tissue.publish();
   }
   Contact contact;
   ASSERT_TRUE(tissue.touch(0, contact));
-  tissue.solve();
+  tissue.solve(tissue.longest_step_s());
   tissue.publish();
   const test::AllocGuard guard;
   for (int i = 0; i < 20; ++i) {
@@ -373,7 +428,7 @@ TEST_F(ElasticScene, TheNextRunFindsTheColumnsOfTheLast) {
     Contact contact;
     for (int i = 0; i < 20; ++i) {
       tissue.note(0, tip_at(0.0002 * i - 0.002), kReach_m, kTick_s * i);
-      tissue.solve();
+      tissue.solve(tissue.longest_step_s());
       tissue.publish();
       EXPECT_TRUE(tissue.touch(0, contact));
     }
