@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // elastic_paths: the force of a session's elastic tissue along prescribed paths of the tip, without
 // network or device, against full solutions of the same mesh every 0.5 ms. Open loop, on a virtual
 // clock: the same on every machine. Presses, slides and circles, thin plates, rims, fixed places,

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The drivers of real devices and the vices of hardware: the table of docs/devices.md, and many
 // random runs of hardware with vices in memory.
 //   vices_bench            the table, as Markdown
