@@ -58,11 +58,11 @@ void for_each_count(MofcCounters& a, const MofcCounters& b, const MofcCounters& 
         &MofcCounters::too_fast_ticks, &MofcCounters::stale_ticks,
         &MofcCounters::late_physics_ticks, &MofcCounters::ledger_resets,
         &MofcCounters::motions_dropped, &MofcCounters::motions_suppressed,
-        &MofcCounters::transparency_samples, &MofcCounters::standby_ticks,
+        &MofcCounters::transparency_time_ns, &MofcCounters::standby_ticks,
         &MofcCounters::physics_switches}) {
     visit(a.*field, b.*field, c.*field);
   }
-  visit(a.transparency_sum, b.transparency_sum, c.transparency_sum);
+  visit(a.transparency_integral_ns, b.transparency_integral_ns, c.transparency_integral_ns);
 }
 
 /// The counts before the first batch that was received: what its own ticks have not made. Of a
