@@ -45,7 +45,6 @@ struct WireFormat<ToolMotion> {
     verdict.expect(wire.physics_term() <= kMaxPhysicsTerm);
     verdict.time(wire.scene_time_ns());
     if (wire.has_wave()) check_wave(wire.wave(), verdict);
-    verdict.expect(!wire.has_elastic_receipts() || wire.has_receipts());
     if (!wire.has_receipts()) return;
     const v1::SurfaceReceipts& receipts = wire.receipts();
     verdict.expect(receipts.store_id() != 0);
