@@ -79,8 +79,8 @@ set(PALPATE_BOUNDARIES
   "physics_node/answer:common/core,common/coupling,common/contact,common/session/scene_config.h,physics_node/scene"
   "physics_node/surfaces:common/core,common/contact,common/contact/cloud,common/session/scene_config.h,@threads"
   # elastic bodies by themselves: linear ← elastic; no session, no wire
-  "physics_node/elastic:physics_node/elastic/*,@threads"
-  "physics_node/elastic/linear:physics_node/elastic/mesh.h"
+  "physics_node/elastic:common/core,common/contact,physics_node/elastic/*,@threads"
+  "physics_node/elastic/linear:common/core/clones.h,physics_node/elastic/mesh.h"
   "physics_node/files:common/core,common/core/user,common/contact,common/session/scene_config.h,physics_node/surfaces,@threads"
   "physics_node/scene:common/core,common/contact,common/session/scene_config.h,physics_node/surfaces,physics_node/files"
   "physics_node/elastic_tissue:common/core,common/contact,common/session/scene_config.h,common/telemetry/physics_telemetry.h,physics_node/surfaces,physics_node/files,physics_node/scene,physics_node/elastic,physics_node/elastic/condensed,@threads"

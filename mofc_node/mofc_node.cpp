@@ -177,7 +177,9 @@ PhysicsAnswer MofcNode::take_physics(const DeviceState& state, TimePoint now) no
     });
   };
   std::array<PhysicsAnswer, kPhysicsRoles> answers{take(physics_, PhysicsRole::kFirst), {}};
-  relay_.say(PhysicsRole::kFirst, {.receipts = tissue_.receipts(PhysicsRole::kFirst)});
+  relay_.say(PhysicsRole::kFirst,
+             {.receipts = tissue_.receipts(PhysicsRole::kFirst),
+              .elastic_receipts = tissue_.elastic_receipts(PhysicsRole::kFirst)});
   newest_ = {answers[0].interaction, nullptr};
   if (!standby_) return answers[0];
 
@@ -194,6 +196,7 @@ PhysicsAnswer MofcNode::take_physics(const DeviceState& state, TimePoint now) no
   relay_.use(in_use, choice_.term());
   for (const PhysicsRole role : {PhysicsRole::kFirst, PhysicsRole::kStandby}) {
     relay_.say(role, {.receipts = tissue_.receipts(role),
+                      .elastic_receipts = tissue_.elastic_receipts(role),
                       .scene_time = tissue_.scene_time(role, in_use, state.header.sampled_at)});
   }
   return answers[index_of(in_use)];

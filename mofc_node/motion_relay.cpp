@@ -50,6 +50,7 @@ void MotionRelay::send() noexcept {
 SendResult MotionRelay::send_to(PhysicsRole receiver) noexcept {
   const Said& said = said_[index_of(receiver)];
   motion_.receipts = said.receipts;
+  motion_.elastic_receipts = said.elastic_receipts;
   motion_.scene_time = said.scene_time;
   return (receiver == PhysicsRole::kFirst ? out_ : *standby_out_).send(motion_);
 }

@@ -35,6 +35,7 @@ class MotionRelay {
   /// What the next motions to one physics say, beside the motion.
   struct Said {
     SurfaceReceipts receipts{};
+    std::optional<ElasticReceipts> elastic_receipts{};
     std::optional<TimePoint> scene_time{};
   };
   void say(PhysicsRole receiver, const Said& said) noexcept { said_[index_of(receiver)] = said; }

@@ -22,6 +22,7 @@ void clear(Interaction& answer) noexcept {
   news.store_id = news.number = 0;
   news.has_description = false;
   news.tile_count = news.coverage_count = news.pending_count = 0;
+  answer.elastic.store_id = answer.elastic.number = 0;
 }
 
 }  // namespace
@@ -101,7 +102,7 @@ void PhysicsNode::step(const Tick& tick) noexcept {
 }
 
 void PhysicsNode::send(Interaction& interaction, const ToolMotion& motion) noexcept {
-  if (deadband_ && interaction.surface.number == 0 &&
+  if (deadband_ && interaction.surface.number == 0 && interaction.elastic.number == 0 &&
       interaction.physics_term == sent_.physics_term &&
       motion.header.session_id == sent_to_session_id_ &&
       !is_worth_sending(sent_, interaction, motion.tool_velocity_world_m_per_s, *deadband_, use_)) {

@@ -71,6 +71,10 @@ bool SceneEngine::step(const ToolMotion& motion, bool /*is_new*/, TimePoint now,
   const Vector3 shaft_to_handle = motion.tool_orientation_world * Vector3::UnitZ();
   SceneForce force = scene_->step(memory_, motion.tool_position_world_m,
                                   motion.tool_velocity_world_m_per_s, time_s, shaft_to_handle);
+  if (elastic_ && motion.elastic_receipts) {
+    elastic_->describe_ahead(tool_, motion.tool_velocity_world_m_per_s,
+                             to_seconds(motion.receipts.loop_age));
+  }
   if (elastic_) elastic_->step(tool_, motion.tool_position_world_m, time_s, reach_m_, force);
   answer.force_on_tool_newton = force.force_on_tool_newton;
   answer.stored_energy_joule = force.stored_energy_joule;
@@ -79,6 +83,7 @@ bool SceneEngine::step(const ToolMotion& motion, bool /*is_new*/, TimePoint now,
   answer.contact_count = force.contact_count;
   reduce_to_range(answer);
   surface_.fill(motion, now, answer);
+  if (elastic_) patches_.fill(*elastic_, tool_, motion, now, answer);
 
   counters_.tissues_skipped += force.tissues_skipped;
   counters_.tissues_visited += force.tissues_visited;

@@ -7,6 +7,7 @@
 #include "common/session/scene_config.h"
 #include "physics_node/answer/surface_sender.h"
 #include "physics_node/elastic_tissue/elastic_tissues.h"
+#include "physics_node/elastic_tissue/patch_sender.h"
 #include "physics_node/engine.h"
 #include "physics_node/scene/scene.h"
 
@@ -42,6 +43,7 @@ class SceneEngine final : public Engine {
   std::size_t tool_;
   TissueMemory memory_;
   SurfaceSender surface_;
+  PatchSender patches_;
   PhysicsCounters counters_;  // of these only what count_into() sets
 };
 

@@ -18,6 +18,7 @@
 #include <limits>
 #include <optional>
 
+#include "common/core/elastic_patch.h"
 #include "common/core/time.h"
 #include "common/core/tissue.h"
 #include "common/core/vector.h"
@@ -91,6 +92,8 @@ struct ToolMotion {
   Vector3 tool_velocity_world_m_per_s = Vector3::Zero();  ///< estimated by mofc
   std::uint32_t buttons = 0;
   SurfaceReceipts receipts{};  ///< of what hop 3 has carried
+  /// The sender solves the contact with elastic bodies itself; the store is that of `receipts`.
+  std::optional<ElasticReceipts> elastic_receipts{};
 
   std::uint64_t physics_term = 0;  ///< which physics all sides use: physics_term.h
   /// Time of moving tissue in the physics in use when this arrives, as far as mofc knows.
@@ -159,6 +162,7 @@ struct Interaction {
   std::uint32_t listed_count = 0;   ///< entries of `contacts`
   std::uint32_t contact_count = 0;  ///< tissues touched; may exceed the size of the array
   SurfaceNews surface{};
+  ElasticNews elastic{};
 
   std::uint64_t physics_term = 0;  ///< highest heard of on hop 2
   Duration scene_ahead{};          ///< time of moving tissue less header.sampled_at
@@ -218,6 +222,18 @@ inline void copy_message(const SurfaceNews& from, SurfaceNews& to) noexcept {
   to.pending_count = from.pending_count;
 }
 
+inline void copy_message(const ElasticNews& from, ElasticNews& to) noexcept {
+  to.store_id = from.store_id;
+  to.number = from.number;
+  to.has_point = from.has_point;
+  if (from.store_id == 0) return;
+  if (from.has_point) {
+    to.point = from.point;
+  } else {
+    to.state = from.state;
+  }
+}
+
 inline void copy_message(const Interaction& from, Interaction& to) noexcept {
   to.header = from.header;
   to.device_session_id = from.device_session_id;
@@ -231,6 +247,7 @@ inline void copy_message(const Interaction& from, Interaction& to) noexcept {
   to.listed_count = from.listed_count;
   to.contact_count = from.contact_count;
   copy_message(from.surface, to.surface);
+  copy_message(from.elastic, to.elastic);
   to.physics_term = from.physics_term;
   to.scene_ahead = from.scene_ahead;
   to.steps = from.steps;

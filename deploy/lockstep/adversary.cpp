@@ -7,6 +7,7 @@
 #include <limits>
 #include <optional>
 
+#include "deploy/lockstep/random_elastic.h"
 #include "deploy/lockstep/random_surface.h"
 #include "mofc_node/controllers/one_pool_clamp.h"
 
@@ -70,6 +71,7 @@ void PhysicsTamperer::tamper(Interaction& interaction) {
       law_ == HostilePhysics::kActiveTissue ? active_tissue() : force_everywhere(force);
   interaction.contacts[0].tissue = kHostileTissue;
   lie_about_the_surface(interaction.surface);
+  lie_about_elastic_bodies(interaction);
 }
 
 /// Valid descriptions, tiles and coverage of a tissue that does not exist.
@@ -78,6 +80,45 @@ void PhysicsTamperer::lie_about_the_surface(SurfaceNews& news) {
   const std::uint64_t store_id = news.store_id;
   randomise(news, random_);
   news.store_id = store_id;
+}
+
+/// Valid points and states of an elastic body that does not exist, where the tool is.
+void PhysicsTamperer::lie_about_elastic_bodies(Interaction& interaction) {
+  ElasticNews& news = interaction.elastic;
+  news.store_id = news.number = 0;
+  const SurfaceNews& surface = interaction.surface;
+  if (surface.store_id == 0 || surface.has_description || surface.tile_count > 0) return;
+  randomise(news, elastic_random_);
+  news.store_id = interaction.surface.store_id;
+  news.number = ++elastic_number_;
+  // few slots, so that they soon fill; versions that the states list
+  constexpr std::uint64_t kSlots = 24;
+  if (news.has_point) {
+    ElasticPoint& point = news.point;
+    point.patch = 0;
+    point.slot = static_cast<std::uint32_t>(elastic_random_.below(kSlots));
+    point.has_other.reset(point.slot);
+    point.version = static_cast<std::uint32_t>(elastic_number_);
+    point.rest_m = interaction.tool_position_world_m + random_vector(elastic_random_, 0.02);
+    point.step_m_per_newton = static_cast<float>(random_magnitude(elastic_random_, -6.0, 0.0));
+    elastic_versions_[point.slot] = point.version;
+    return;
+  }
+  ElasticState& state = news.state;
+  state.patch = 0;
+  state.tissue = kHostileTissue;
+  state.number = static_cast<std::uint32_t>(elastic_number_);
+  state.tip_radius_m = elastic_random_.uniform(1e-3, 2e-2);
+  state.center_m = interaction.tool_position_world_m + random_vector(elastic_random_, 0.01);
+  state.other_newton = random_vector(elastic_random_, kHostileNewton);
+  state.from_m = state.to_m = interaction.tool_position_world_m;
+  state.radius_m = 1.0;
+  state.away_step_m = static_cast<float>(elastic_random_.uniform(0.0, 0.05));
+  state.force_step_newton = static_cast<float>(elastic_random_.uniform(0.0, kHostileNewton));
+  for (std::size_t slot = 0; slot < kElasticSlots; ++slot) {
+    state.places[slot].version = elastic_versions_[slot];
+    if (elastic_versions_[slot] == 0) state.places[slot] = {};
+  }
 }
 
 void PhysicsTamperer::change_law(double t_s) {

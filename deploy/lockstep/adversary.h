@@ -16,18 +16,22 @@ namespace palpate {
 class PhysicsTamperer {
  public:
   PhysicsTamperer(HostilePhysics physics, std::uint64_t seed)
-      : physics_(physics), law_(physics), random_(seed) {}
+      : physics_(physics), law_(physics), random_(seed), elastic_random_(seed + 1) {}
 
   void tamper(Interaction& interaction);
 
  private:
   void lie_about_the_surface(SurfaceNews& news);
+  void lie_about_elastic_bodies(Interaction& interaction);
   void change_law(double t_s);
   [[nodiscard]] Vector3 square_wave(double t_s);
 
   HostilePhysics physics_;
   HostilePhysics law_;
   Random random_;
+  Random elastic_random_;
+  std::uint64_t elastic_number_ = 0;
+  std::array<std::uint32_t, kElasticSlots> elastic_versions_{};  // sent last, by slot
   Vector3 position_m_ = Vector3::Zero();
   Vector3 along_ = Vector3::UnitZ();
   Vector3 axis_ = Vector3::UnitZ();

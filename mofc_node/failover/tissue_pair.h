@@ -50,6 +50,9 @@ class TissuePair {
   [[nodiscard]] SurfaceReceipts receipts(PhysicsRole role) const noexcept {
     return models_[index_of(role)]->receipts();
   }
+  [[nodiscard]] std::optional<ElasticReceipts> elastic_receipts(PhysicsRole role) const noexcept {
+    return models_[index_of(role)]->elastic_receipts();
+  }
   [[nodiscard]] std::optional<TimePoint> scene_time(PhysicsRole receiver, PhysicsRole in_use,
                                                     TimePoint now) const noexcept;
 

@@ -11,7 +11,8 @@ namespace palpate::mofc {
 TissueModel::TissueModel(bool has_store, double handover_newton_per_s, std::uint64_t session_id)
     : newton_per_s_(handover_newton_per_s),
       handover_(handover_newton_per_s),
-      store_(has_store ? std::make_unique<TissueStore>(session_id) : nullptr) {}
+      store_(has_store ? std::make_unique<TissueStore>(session_id) : nullptr),
+      elastic_(has_store ? std::make_unique<ElasticPatches>(handover_newton_per_s) : nullptr) {}
 
 void TissueModel::receive(const Interaction& interaction, const DeviceState& state) noexcept {
   const bool is_of_this_session = interaction.device_session_id == state.header.session_id;
@@ -19,6 +20,7 @@ void TissueModel::receive(const Interaction& interaction, const DeviceState& sta
   if (store_) {
     store_->take(interaction,
                  is_of_this_session ? now - interaction.device_sampled_at : Duration::zero());
+    elastic_->take(interaction, store_->receipts().store_id);
   }
   if (is_of_this_session) clock_.note(interaction, now);
 }
@@ -27,7 +29,9 @@ void TissueModel::reset() noexcept {
   handover_.reset();
   local_.reset();
   clock_.reset();
+  if (elastic_) elastic_->reset();
   shares_ = {};
+  elastic_shares_ = {};
   is_still_ = false;
 }
 
@@ -35,26 +39,34 @@ ModelForce TissueModel::step(const Interaction& newest, const DeviceState& state
                              const Vector3& tool_position_world_m,
                              const Vector3& tool_velocity_world_m_per_s, double dt_s) noexcept {
   const TimePoint now = state.header.sampled_at;
-  std::array<TissueShare, kMaxDescribed> shares;
+  std::array<TissueShare, kMaxDescribed + kMaxElasticPatches> shares;
   std::size_t share_count = 0;
   ModelForce sum;
   is_still_ = store_ != nullptr;
+  const auto add = [&](const LocalTissues::Result& local, double share, bool moves_itself) {
+    if (!(share > 0.0)) return;
+    shares[share_count++] = {.tissue = local.tissue, .share = share};
+    sum.force_on_tool_newton += share * local.force.force_on_tool_newton;
+    sum.stored_energy_joule += share * local.force.stored_energy_joule;
+    sum.is_touching = sum.is_touching || local.force.is_touching;
+    if (!local.force.is_touching) return;
+    is_still_ = is_still_ && local.is_valid && share == 1.0 && !moves_itself;
+  };
   if (store_) {
     const ToolPose pose{.tip_m = tool_position_world_m,
                         .shaft = state.tool_orientation_world * Vector3::UnitZ(),
                         .time_s = clock_.now_s(now).value_or(0.0)};
     local_.step(store_->tissues(), newest, pose, tool_velocity_world_m_per_s, shares_);
-    share_out(now, tool_position_world_m, tool_velocity_world_m_per_s, dt_s);
+    elastic_->step(newest, tool_position_world_m, dt_s);
     for (std::size_t i = 0; i < kMaxDescribed; ++i) {
-      if (!(shares_[i] > 0.0)) continue;
-      const LocalTissues::Result& local = local_.results()[i];
-      shares[share_count++] = {.tissue = local.tissue, .share = shares_[i]};
-      sum.force_on_tool_newton += shares_[i] * local.force.force_on_tool_newton;
-      sum.stored_energy_joule += shares_[i] * local.force.stored_energy_joule;
-      sum.is_touching = sum.is_touching || local.force.is_touching;
-      if (!local.force.is_touching) continue;
-      const bool is_known = local.is_valid && shares_[i] == 1.0;
-      is_still_ = is_still_ && is_known && !is_moving(store_->tissues()[i].motion());
+      share_out(local_.results()[i], now, tool_position_world_m, tool_velocity_world_m_per_s, dt_s,
+                shares_[i]);
+      add(local_.results()[i], shares_[i], is_moving(store_->tissues()[i].motion()));
+    }
+    for (std::size_t i = 0; i < kMaxElasticPatches; ++i) {
+      share_out(elastic_->results()[i], now, tool_position_world_m, tool_velocity_world_m_per_s,
+                dt_s, elastic_shares_[i]);
+      add(elastic_->results()[i], elastic_shares_[i], true);
     }
   }
   const ModelForce rest = handover_.step(newest, tool_position_world_m, tool_velocity_world_m_per_s,
@@ -67,20 +79,17 @@ ModelForce TissueModel::step(const Interaction& newest, const DeviceState& state
 }
 
 /// A step of the transition between a tissue's contact model and its local result.
-void TissueModel::share_out(TimePoint now, const Vector3& position, const Vector3& velocity,
-                            double dt_s) noexcept {
+void TissueModel::share_out(const LocalTissues::Result& local, TimePoint now,
+                            const Vector3& position, const Vector3& velocity, double dt_s,
+                            double& share) noexcept {
   const double bound_newton = newton_per_s_ * dt_s;
-  for (std::size_t i = 0; i < kMaxDescribed; ++i) {
-    const LocalTissues::Result& local = local_.results()[i];
-    const double aim = local.is_valid ? 1.0 : 0.0;
-    double& share = shares_[i];
-    if (!local.is_stepped) share = 0.0;
-    if (share == aim) continue;
-    const ModelForce model = handover_.of_tissue(local.tissue, position, velocity, now);
-    const double newton = (local.force.force_on_tool_newton - model.force_on_tool_newton).norm();
-    const double most = newton > bound_newton ? bound_newton / newton : 1.0;
-    share += std::clamp(aim - share, -most, most);
-  }
+  const double aim = local.is_valid ? 1.0 : 0.0;
+  if (!local.is_stepped) share = 0.0;
+  if (share == aim) return;
+  const ModelForce model = handover_.of_tissue(local.tissue, position, velocity, now);
+  const double newton = (local.force.force_on_tool_newton - model.force_on_tool_newton).norm();
+  const double most = newton > bound_newton ? bound_newton / newton : 1.0;
+  share += std::clamp(aim - share, -most, most);
 }
 
 }  // namespace palpate::mofc

@@ -9,6 +9,7 @@
 #include "common/contact/contact_model.h"
 #include "common/core/messages.h"
 #include "common/core/time.h"
+#include "mofc_node/tissue/elastic_patches.h"
 #include "mofc_node/tissue/local_tissues.h"
 #include "mofc_node/tissue/model_handover.h"
 #include "mofc_node/tissue/physics_clock.h"
@@ -16,10 +17,11 @@
 
 namespace palpate::mofc {
 
-/// Tissue that physics_node has described is stepped here (LocalTissues). Elsewhere, and beyond the
-/// part of a surface that is known, the contact models of the newest Interaction count
-/// (ModelHandover). Where the two differ for a tissue by Δ, the share of the one that is to count
-/// grows by bound / |Δ| per step, as between two contact models. No allocation, no throw.
+/// Tissue that physics_node has described is stepped here (LocalTissues), and the contact with
+/// elastic bodies solved (ElasticPatches). Elsewhere, and beyond the part that is known, the
+/// contact models of the newest Interaction count (ModelHandover). Where the two differ for a
+/// tissue by Δ, the share of the one that is to count grows by bound / |Δ| per step, as between two
+/// contact models. No allocation, no throw.
 class TissueModel {
  public:
   /// @param has_store   false: contact models only
@@ -32,6 +34,10 @@ class TissueModel {
   /// What to acknowledge on hop 2.
   [[nodiscard]] SurfaceReceipts receipts() const noexcept {
     return store_ ? store_->receipts() : SurfaceReceipts{};
+  }
+  [[nodiscard]] std::optional<ElasticReceipts> elastic_receipts() const noexcept {
+    if (!elastic_) return std::nullopt;
+    return elastic_->receipts();
   }
 
   /// Time of moving tissue in this physics, as far as its answers tell; none before the first.
@@ -54,15 +60,17 @@ class TissueModel {
                                 const Vector3& tool_velocity_world_m_per_s, double dt_s) noexcept;
 
  private:
-  void share_out(TimePoint now, const Vector3& position, const Vector3& velocity,
-                 double dt_s) noexcept;
+  void share_out(const LocalTissues::Result& local, TimePoint now, const Vector3& position,
+                 const Vector3& velocity, double dt_s, double& share) noexcept;
 
   double newton_per_s_;
   ModelHandover handover_;
   std::unique_ptr<TissueStore> store_;
   LocalTissues local_;
+  std::unique_ptr<ElasticPatches> elastic_;
   PhysicsClock clock_;
-  std::array<double, kMaxDescribed> shares_{};  // of local_'s results
+  std::array<double, kMaxDescribed> shares_{};               // of local_'s results
+  std::array<double, kMaxElasticPatches> elastic_shares_{};  // of elastic_'s
   bool is_still_ = false;
 };
 

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "mofc_node/tissue/receipts.h"
+
 namespace palpate::mofc {
 namespace {
 
@@ -71,7 +73,7 @@ void TissueStore::take(const Interaction& interaction, Duration loop_age) noexce
   }
   const SurfaceNews& news = interaction.surface;
   if (news.store_id != receipts_.store_id) return;
-  if (news.number > 0) note_receipt(news.number);
+  if (news.number > 0) note_receipt(news.number, receipts_.newest, receipts_.received);
   if (news.has_description) take(news.description);
   for (std::uint32_t i = 0; i < news.tile_count; ++i) take(news.tiles[i]);
   cover(news);
@@ -84,16 +86,6 @@ void TissueStore::take(const TissueDescription& description) noexcept {
     tile.is_held = tile.is_held && tile.described_slot != description.slot;
   }
   tissue.take(description);
-}
-
-void TissueStore::note_receipt(std::uint64_t number) noexcept {
-  if (number > receipts_.newest) {
-    const std::uint64_t ahead = number - receipts_.newest;
-    receipts_.received = ahead < kReceiptBits ? receipts_.received << ahead : 0;
-    receipts_.newest = number;
-  }
-  const std::uint64_t back = receipts_.newest - number;
-  if (back < kReceiptBits) receipts_.received |= std::uint64_t{1} << back;
 }
 
 void TissueStore::take(const SurfaceTile& tile) noexcept {

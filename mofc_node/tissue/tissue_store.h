@@ -70,7 +70,6 @@ class TissueStore {
 
  private:
   void empty() noexcept;
-  void note_receipt(std::uint64_t number) noexcept;
   void take(const TissueDescription& description) noexcept;
   void take(const SurfaceTile& tile) noexcept;
   void cover(const SurfaceNews& news) noexcept;

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cstring>
 
-#include "physics_node/elastic/linear/clones.h"
+#include "common/core/clones.h"
 #include "physics_node/elastic/point_laws.h"
 
 namespace palpate::elastic {

@@ -43,6 +43,12 @@ constexpr double kShortWay_m = 2e-5;
 constexpr double kErrorMemory = 0.95;
 // A step of the tool of no length counts as one of this length.
 constexpr double kLeastStep_s = 1e-4;
+// A solution is used from the next one on until the one after.
+constexpr double kPeriodsAhead = 2.0;
+// mofc_node may press on a point for so long after that was pressed here.
+constexpr double kHeldAges = 1.25;
+constexpr std::uint32_t kHeldPeriods = 3;
+constexpr double kSamePlace_m = 2e-4;
 
 }  // namespace
 
@@ -102,12 +108,12 @@ void ElasticTissue::note(std::size_t tool, const Vector3& tip_m, double reach_m,
                  .normal_x = own.side.view().normal.x(),
                  .normal_y = own.side.view().normal.y(),
                  .normal_z = own.side.view().normal.z(),
+                 .distance_m = own.side.view().distance_m,
                  .friction_x_newton = friction.x(),
                  .friction_y_newton = friction.y(),
                  .friction_z_newton = friction.z(),
                  .time_s = time_s,
-                 .is_known = true,
-                 .is_close = own.side.view().distance_m < 2.0 * tip_radius_m_});
+                 .is_known = true});
 }
 
 /// The force of the condensed contact on the tip, which follows its way since the last call, or
@@ -177,6 +183,15 @@ bool ElasticTissue::is_among(const Prepared& prepared, const Vector3& tip_m,
   return (way - way.dot(normal) * normal).norm() < kPatchRadii * tip_radius_m_;
 }
 
+void ElasticTissue::describe_ahead(std::size_t tool, const Vector3& velocity_m_per_s,
+                                   double age_s) noexcept {
+  tools_[tool]->ahead.store({.x_m_per_s = velocity_m_per_s.x(),
+                             .y_m_per_s = velocity_m_per_s.y(),
+                             .z_m_per_s = velocity_m_per_s.z(),
+                             .age_s = age_s,
+                             .is_wanted = true});
+}
+
 bool ElasticTissue::touch(std::size_t tool, Contact& contact) noexcept {
   Tool& own = *tools_[tool];
   Rubbing rubbing = std::exchange(own.rubbing, {});  // none out of reach
@@ -233,10 +248,12 @@ bool ElasticTissue::touch(std::size_t tool, Contact& contact) noexcept {
 
 void ElasticTissue::note_late() { ++figures_.late; }
 
+bool ElasticTissue::is_close(const Tip& tip) const { return tip.distance_m < 2.0 * tip_radius_m_; }
+
 bool ElasticTissue::is_fast(const Tool& tool) const {
   const Tip tip = tool.tip.load();
   const Vector3 tip_m(tip.x_m, tip.y_m, tip.z_m);
-  return tip.is_known && tip.is_close &&
+  return tip.is_known && is_close(tip) &&
          (tip_m - tool.slow_tip_m).norm() > kFastRadii * tip_radius_m_;
 }
 
@@ -265,7 +282,8 @@ void ElasticTissue::solve(double step_s) {
             : Vector3::Zero();
     tool.slow_tip_m = tip_m;
     tool.slow_time_s = tip.time_s;
-    if (tip.is_close && is_hasty(tool)) hasty_solves_ = kHastySolves;
+    if (is_close(tip) && is_hasty(tool)) hasty_solves_ = kHastySolves;
+    tool.slow_distance_m = tip.distance_m;
     tips_[i] = {.tip_m = tip_m,
                 .place_m = {tip.place_x_m, tip.place_y_m, tip.place_z_m},
                 .friction_on_tool_newton = {tip.friction_x_newton, tip.friction_y_newton,
@@ -285,9 +303,10 @@ void ElasticTissue::solve(double step_s) {
   figures_.failed = simulation_.failed_steps() + without_compliance_;
   for (std::size_t i = 0; i < tools_.size(); ++i) {
     // an untouched body at rest is prepared once; what has failed, never
-    if (!simulation_.touch(i).is_near || (!has_stepped && tools_[i]->last)) continue;
+    if (!simulation_.touch(i).is_near) continue;
     try {
-      prepare(i, step_s);
+      if (has_stepped || !tools_[i]->last) prepare(i, step_s);
+      describe_patch(i, has_stepped);
     } catch (const std::runtime_error&) {
       // the steps keep what they have
       ++without_compliance_;
@@ -368,6 +387,31 @@ void ElasticTissue::add_equilibria(Tool& tool, const ElasticSimulation::Touch& t
   if (!is_hasty(tool)) add_last();
 }
 
+/// What mofc_node needs to go on from this solution itself.
+void ElasticTissue::describe_patch(std::size_t index, bool has_stepped) {
+  Tool& tool = *tools_[index];
+  const Ahead ahead = tool.ahead.load();
+  const ElasticSimulation::Touch& touch = simulation_.touch(index);
+  if (!ahead.is_wanted || !tips_[index] || touch.has_failed) return;
+  const Vector3& tip_m = tips_[index]->tip_m;
+  const bool is_elsewhere = (tip_m - tool.patch_tip_m).norm() > kSamePlace_m;
+  if (!has_stepped && !is_elsewhere && tool.maker && tool.maker->is_complete()) return;
+  if (!tool.maker) tool.maker.emplace(*body_, compliance_, tip_radius_m_);
+  const double ahead_s = ahead.age_s + kPeriodsAhead / body_->solve_rate_hz;
+  tool.maker->update(
+      {.tip_m = tip_m,
+       .ahead_m = ahead_s * Vector3(ahead.x_m_per_s, ahead.y_m_per_s, ahead.z_m_per_s),
+       .normal = tool.slow_normal,
+       .held_solutions =
+           static_cast<std::uint32_t>(kHeldAges * ahead.age_s * body_->solve_rate_hz) +
+           kHeldPeriods,
+       .gap_m = tool.slow_distance_m},
+      touch, simulation_.x_m(), is_alone(index));
+  tool.patch_tip_m = tip_m;
+  tool.patch.draft() = tool.maker->patch();
+  tool.is_patched = true;
+}
+
 bool ElasticTissue::is_alone(std::size_t tool) const {
   for (std::size_t other = 0; other < tools_.size(); ++other) {
     if (other != tool && !simulation_.touch(other).force_on_tool_newton.isZero(0.0)) return false;
@@ -403,6 +447,7 @@ double ElasticTissue::raised_m(std::size_t tool, std::size_t nearest_point, cons
 void ElasticTissue::publish() {
   for (auto& tool : tools_) {
     if (std::exchange(tool->is_prepared, false)) tool->prepared.publish();
+    if (std::exchange(tool->is_patched, false)) tool->patch.publish();
   }
 }
 

@@ -22,6 +22,7 @@
 #include "physics_node/elastic/condensed/condensed_contact.h"
 #include "physics_node/elastic_tissue/elastic_contact.h"
 #include "physics_node/elastic_tissue/elastic_simulation.h"
+#include "physics_node/elastic_tissue/patch_maker.h"
 
 namespace palpate::physics {
 
@@ -53,6 +54,13 @@ class ElasticTissue {
   void note(std::size_t tool, const Vector3& tip_m, double reach_m, double time_s) noexcept;
   /// The contact of the tip where note() put it; false if the surface is not within reach.
   bool touch(std::size_t tool, Contact& contact) noexcept;
+  /// mofc_node solves the contact itself: from now on solutions come with a patch of the surface.
+  /// @param age_s  of the loop, from a DeviceState to the first use of its answer
+  void describe_ahead(std::size_t tool, const Vector3& velocity_m_per_s, double age_s) noexcept;
+  /// The newest, until the next call; null: none.
+  [[nodiscard]] const ElasticPatch* patch(std::size_t tool) noexcept {
+    return tools_[tool]->patch.newest();
+  }
   /// Stated bound of the error of the last contact's force, from the errors measured so far [N].
   [[nodiscard]] double bound_newton(std::size_t tool) const noexcept {
     return tools_[tool]->bound_newton;
@@ -106,12 +114,20 @@ class ElasticTissue {
     double normal_x = 0.0;  // of the surface there
     double normal_y = 0.0;
     double normal_z = 1.0;
+    double distance_m = 0.0;         // of it, from the tip
     double friction_x_newton = 0.0;  // on the tool
     double friction_y_newton = 0.0;
     double friction_z_newton = 0.0;
     double time_s = 0.0;
     bool is_known = false;
-    bool is_close = false;  // to the untouched surface
+  };
+  /// Where mofc_node will use the next solution.
+  struct Ahead {
+    double x_m_per_s = 0.0;
+    double y_m_per_s = 0.0;
+    double z_m_per_s = 0.0;
+    double age_s = 0.0;
+    bool is_wanted = false;
   };
   /// What a full solution leaves to the steps of a tool.
   struct Prepared {
@@ -128,6 +144,8 @@ class ElasticTissue {
   struct Tool {
     Snapshot<Tip> tip;
     Handover<Prepared> prepared;
+    Snapshot<Ahead> ahead;
+    Handover<ElasticPatch> patch;
     // of the steps
     const Prepared* stepped = nullptr;  // the last one,
     double stepped_s = 0.0;             // then
@@ -156,7 +174,11 @@ class ElasticTissue {
     elastic::VectorXd last_m_per_s;
     std::vector<elastic::Vector3d> last_forces_newton;  // on the body
     double last_newton = 0.0;
-    bool is_prepared = false;  // a draft waits to be published
+    bool is_prepared = false;      // a draft waits to be published
+    double slow_distance_m = 0.0;  // from the tip to it
+    std::optional<PatchMaker> maker;
+    Vector3 patch_tip_m = Vector3::Constant(1e9);  // of the last patch
+    bool is_patched = false;                       // a draft waits to be published
     std::optional<elastic::CondensedContact> last;
     Vector3 last_centre_m = Vector3::Zero();
     Vector3 last_other_newton = Vector3::Zero();
@@ -167,12 +189,14 @@ class ElasticTissue {
   [[nodiscard]] bool is_among(const Prepared& prepared, const Vector3& tip_m,
                               const Vector3& normal) const noexcept;
   Vector3 press(Tool& own, Prepared& prepared) const noexcept;
+  [[nodiscard]] bool is_close(const Tip& tip) const;
   [[nodiscard]] bool is_fast(const Tool& tool) const;
   [[nodiscard]] bool is_hasty(const Tool& tool) const;
   void add_equilibria(Tool& tool, const ElasticSimulation::Touch& touch,
                       elastic::CondensedContact& contact);
   void measure(Tool& tool, const ElasticSimulation::Touch& touch, double step_s);
   void prepare(std::size_t tool, double step_s);
+  void describe_patch(std::size_t tool, bool has_stepped);
   [[nodiscard]] bool is_alone(std::size_t tool) const;
   [[nodiscard]] double raised_m(std::size_t tool, std::size_t nearest_point, const Vector3& normal);
   void show();

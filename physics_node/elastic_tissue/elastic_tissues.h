@@ -46,6 +46,11 @@ class ElasticTissues {
   void step(std::size_t tool, const Vector3& tip_m, double time_s, double reach_m,
             SceneForce& sum) noexcept;
 
+  /// @see ElasticTissue::describe_ahead. Before step()
+  void describe_ahead(std::size_t tool, const Vector3& velocity_m_per_s, double age_s) noexcept {
+    for (auto& tissue : tissues_) tissue->describe_ahead(tool, velocity_m_per_s, age_s);
+  }
+
   /// All but the steps skipped and the bound, which are the tool's. Any thread.
   void count_into(PhysicsCounters& counters) const noexcept;
   /// Of one tool, on its thread.

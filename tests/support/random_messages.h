@@ -13,6 +13,7 @@
 #include "common/core/scene_messages.h"
 #include "common/telemetry/run_messages.h"
 #include "common/telemetry/telemetry.h"
+#include "deploy/lockstep/random_elastic.h"
 #include "deploy/lockstep/random_surface.h"
 
 namespace palpate::test {
@@ -109,6 +110,8 @@ inline void randomise(ToolMotion& m, Random& random) {
                 .newest = random.bits(),
                 .received = random.bits(),
                 .loop_age = random_duration(random)};
+  m.elastic_receipts.reset();
+  if (random.chance(0.5)) m.elastic_receipts = {.newest = random.bits(), .received = random.bits()};
   m.physics_term = random.below(kMaxPhysicsTerm + 1);
   m.scene_time.reset();
   if (random.chance(0.5)) m.scene_time = random_time(random);
@@ -170,6 +173,12 @@ inline void randomise(Interaction& m, Random& random) {
     if (i >= touching) m.contacts[i].penetration_m *= -1.0;
   }
   randomise(m.surface, random);
+  // with few contacts and without tiles there is room for an elastic body
+  if (m.listed_count <= kMaxContactsWithElastic && m.contact_count <= kMaxContactsWithElastic) {
+    m.surface.has_description = false;
+    m.surface.number = m.surface.tile_count = 0;
+    randomise(m.elastic, random);
+  }
   m.physics_term = random.below(kMaxPhysicsTerm + 1);
   m.scene_ahead = random_time(random).time_since_epoch();
   m.steps = random.bits();
@@ -607,6 +616,32 @@ inline bool same(const Contact& a, const Contact& b) {
          a.is_punctured == b.is_punctured && same(a.held_m, b.held_m) &&
          same(a.relaxed_m, b.relaxed_m);
 }
+inline bool same(const ElasticNews& a, const ElasticNews& b) {
+  if (a.store_id != b.store_id || a.number != b.number) return false;
+  if (a.store_id == 0) return true;
+  if (a.has_point != b.has_point) return false;
+  if (a.has_point) {
+    const ElasticPoint& p = a.point;
+    const ElasticPoint& q = b.point;
+    if (p.has_other != q.has_other) return false;
+    for (std::size_t i = 0; i < kElasticSlots; ++i) {
+      if (p.has_other[i] && p.others[i] != q.others[i]) return false;
+    }
+    return p.patch == q.patch && p.slot == q.slot && p.version == q.version &&
+           same(p.rest_m, q.rest_m) && p.rigid_give_m_per_newton == q.rigid_give_m_per_newton &&
+           p.step_m_per_newton == q.step_m_per_newton && p.own == q.own;
+  }
+  const ElasticState& s = a.state;
+  const ElasticState& t = b.state;
+  return s.patch == t.patch && s.tissue == t.tissue && s.number == t.number &&
+         s.tip_radius_m == t.tip_radius_m && same(s.center_m, t.center_m) &&
+         same(s.other_newton, t.other_newton) && s.friction_coefficient == t.friction_coefficient &&
+         s.friction_stiffness_newton_per_m == t.friction_stiffness_newton_per_m &&
+         s.has_rest == t.has_rest && s.compliance_ratio == t.compliance_ratio &&
+         same(s.normal, t.normal) && same(s.from_m, t.from_m) && same(s.to_m, t.to_m) &&
+         s.radius_m == t.radius_m && s.away_step_m == t.away_step_m &&
+         s.force_step_newton == t.force_step_newton && s.places == t.places;
+}
 inline bool same(const Interaction& a, const Interaction& b) {
   const auto listed = static_cast<std::ptrdiff_t>(a.listed_count);
   return same(a.header, b.header) && a.device_session_id == b.device_session_id &&
@@ -616,8 +651,8 @@ inline bool same(const Interaction& a, const Interaction& b) {
          same(a.force_on_tool_newton, b.force_on_tool_newton) &&
          same(a.stored_energy_joule, b.stored_energy_joule) && a.contact_count == b.contact_count &&
          a.listed_count == b.listed_count && same(a.surface, b.surface) &&
-         a.physics_term == b.physics_term && a.scene_ahead == b.scene_ahead && a.steps == b.steps &&
-         same(a.wave, b.wave) &&
+         same(a.elastic, b.elastic) && a.physics_term == b.physics_term &&
+         a.scene_ahead == b.scene_ahead && a.steps == b.steps && same(a.wave, b.wave) &&
          std::equal(a.contacts.begin(), a.contacts.begin() + listed, b.contacts.begin(),
                     [](const auto& x, const auto& y) { return same(x, y); });
 }

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "common/core/physics_term.h"
+#include "common/link/codec/elastic_wire.h"
 #include "common/link/codec/surface_wire.h"
 #include "common/link/codec/wire_format.h"
 #include "palpate/v1/interaction.pb.h"
@@ -150,6 +151,7 @@ struct WireFormat<Interaction> {
     const std::size_t count = std::min<std::size_t>(m.listed_count, kMaxContacts);
     for (std::size_t i = 0; i < count; ++i) put_contact(m.contacts[i], *wire.add_contacts());
     if (m.surface.store_id != 0) put(m.surface, *wire.mutable_surface());
+    if (m.elastic.store_id != 0) put(m.elastic, *wire.mutable_elastic());
   }
 
   static void check(const v1::Interaction& wire, Verdict& verdict) {
@@ -171,6 +173,11 @@ struct WireFormat<Interaction> {
     verdict.expect(touching == std::min<std::uint32_t>(wire.contact_count(), kMaxContacts));
     for (const v1::Contact& one : wire.contacts()) check_contact(one, verdict);
     if (wire.has_surface()) check_surface(wire.surface(), verdict);
+    if (wire.has_elastic()) {
+      check_elastic(wire.elastic(), verdict);
+      verdict.expect(listed <= kMaxContactsWithElastic && !wire.surface().has_description() &&
+                     wire.surface().tiles_size() == 0);
+    }
   }
 
   static void read(const v1::Interaction& wire, Interaction& m) {
@@ -192,6 +199,8 @@ struct WireFormat<Interaction> {
     m.wave = wire.has_wave() ? wave(wire.wave()) : Wave{};
     m.surface.store_id = 0;
     if (wire.has_surface()) read_surface(wire.surface(), m.surface);
+    m.elastic.store_id = m.elastic.number = 0;
+    if (wire.has_elastic()) read_elastic(wire.elastic(), m.elastic);
   }
 };
 template class Codec<Interaction>;

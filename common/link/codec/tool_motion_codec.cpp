@@ -31,6 +31,10 @@ struct WireFormat<ToolMotion> {
     receipts.set_newest(m.receipts.newest);
     receipts.set_received(m.receipts.received);
     receipts.set_loop_age_ns(m.receipts.loop_age.count());
+    if (!m.elastic_receipts) return;
+    v1::ElasticReceipts& elastic = *wire.mutable_elastic_receipts();
+    elastic.set_newest(m.elastic_receipts->newest);
+    elastic.set_received(m.elastic_receipts->received);
   }
 
   static void check(const v1::ToolMotion& wire, Verdict& verdict) {
@@ -60,6 +64,11 @@ struct WireFormat<ToolMotion> {
                   .newest = wire.receipts().newest(),
                   .received = wire.receipts().received(),
                   .loop_age = Duration(wire.receipts().loop_age_ns())};
+    m.elastic_receipts.reset();
+    if (wire.has_elastic_receipts()) {
+      m.elastic_receipts = {.newest = wire.elastic_receipts().newest(),
+                            .received = wire.elastic_receipts().received()};
+    }
     m.physics_term = wire.physics_term();
     m.scene_time.reset();
     if (wire.has_scene_time_ns()) m.scene_time = time(wire.scene_time_ns());

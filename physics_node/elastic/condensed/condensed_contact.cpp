@@ -9,6 +9,7 @@
 #include <stdexcept>
 #include <utility>
 
+#include "common/contact/sphere_sweep.h"
 #include "physics_node/elastic/linear/dense_kernels.h"
 
 namespace palpate::elastic {
@@ -317,56 +318,24 @@ CondensedReport CondensedContact::step(const Vector3d& centre_m, double radius_m
     return Vector3d(reached_m_[i] + pace * (positions_m_[i] + moved - reached_m_[i]));
   };
   const Vector3d way = has_centre_ ? Vector3d(centre_m - centre_m_) : Vector3d(Vector3d::Zero());
-  const bool has_friction = friction_coefficient_ > 0.0;
   centre_m_ = centre_m;
   has_centre_ = true;
   start_between(sum_of_forces_newton());
-  // fixed for the sweeps: normals that turn with the points would keep them from converging
-  for (std::size_t i = 0; i < static_cast<std::size_t>(count_); ++i) {
-    const Vector3d away = place_of(i) - centre_m;
-    normals_[i] = away / std::max(away.norm(), 1e-9);
-  }
-  for (; report.sweeps < most_sweeps; ++report.sweeps) {
-    double largest_m = 0.0;
-    for (std::size_t i = 0; i < static_cast<std::size_t>(count_); ++i) {
-      const Vector3d place_m = place_of(i);
-      const Vector3d& normal = normals_[i];
-      const double gap = normal.dot(place_m - centre_m) - radius_m;
-      Vector3d& force = forces_newton_[i];
-      if (gap > 0.0 && force.isZero(0.0)) continue;
-      Eigen::Matrix3d own;
-      for (Eigen::Index k = 0; k < 3; ++k) {
-        own.col(k) = Eigen::Map<const Eigen::Vector3f>(
-                         among_.data() + (3 * i + static_cast<std::size_t>(k)) * stride_ + 3 * i)
-                         .cast<double>();
-      }
-      own *= pace;
-      const double give = normal.dot(own * normal);
-      const double along = force.dot(normal);
-      const double least = rigid_give_[i];
-      const double press =
-          std::max(0.0, give < least ? (give * along - gap) / (give + least) : along - gap / give);
-      Vector3d wanted = press * normal;
-      if (has_friction && press > 0.0) {
-        // since the end of the last step
-        const Vector3d slide = place_m - reached_m_[i] - way;
-        Vector3d tangential = force - force.dot(normal) * normal;
-        const Vector3d sliding = slide - slide.dot(normal) * normal;
-        tangential -= sliding / std::max(1e-30, own.trace() / 3.0);
-        const double limit = friction_coefficient_ * press;
-        const double size = tangential.norm();
-        wanted += size > limit ? Vector3d(tangential * (limit / size)) : tangential;
-      }
-      const Vector3d change = wanted - force;
-      if (change.isZero(0.0)) continue;
-      force = wanted;
-      largest_m = std::max(largest_m, give * change.norm());
-      const Eigen::Vector3f amount = change.cast<float>();
-      add_three(among_.data() + 3 * i * stride_, 3 * count_, amount.data(),
-                displacements_m_.data());
-    }
-    if (largest_m <= tolerance_m) break;
-  }
+  report.sweeps = sweep({.count = static_cast<std::size_t>(count_),
+                         .compliance_m_per_newton = among_.data(),
+                         .stride = stride_,
+                         .base_m = positions_m_.data(),
+                         .rigid_give_m_per_newton = rigid_give_.data(),
+                         .normals = normals_.data(),
+                         .forces_newton = forces_newton_.data(),
+                         .moved_m = displacements_m_.data(),
+                         .center_m = centre_m,
+                         .radius_m = radius_m,
+                         .friction_coefficient = friction_coefficient_,
+                         .way_m = way,
+                         .reached_m = reached_m_.data(),
+                         .pace = pace},
+                        most_sweeps, std::numeric_limits<int>::max(), tolerance_m);
   for (std::size_t i = 0; i < static_cast<std::size_t>(count_); ++i) {
     reached_m_[i] = place_of(i);
     report.deepest_m = std::max(report.deepest_m, radius_m - (reached_m_[i] - centre_m).norm());

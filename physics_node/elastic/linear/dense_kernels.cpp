@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <cstring>
 
-#include "physics_node/elastic/linear/clones.h"
+#include "common/core/clones.h"
 
 namespace palpate::elastic {
 namespace {

@@ -135,7 +135,7 @@ inline Interaction full_message() {
   Random random(7);
   Interaction m;
   do m = random_message<Interaction>(random);
-  while (m.contact_count < 2);
+  while (m.contact_count < 2 || m.surface.tile_count == 0);
   return m;
 }
 template <class Batch>

@@ -1,0 +1,85 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/contact/sphere_sweep.h"
+
+#include <algorithm>
+
+#include "common/core/clones.h"
+
+namespace palpate {
+namespace {
+
+PALPATE_CLONES void add_three(const float* m, std::size_t stride, const float* x, float* y) {
+  const float* const m1 = m + stride;
+  const float* const m2 = m1 + stride;
+  for (std::size_t i = 0; i < stride; ++i) y[i] = y[i] + m[i] * x[0] + m1[i] * x[1] + m2[i] * x[2];
+}
+
+Vector3 place_of(const SphereSweep& sphere, std::size_t point) noexcept {
+  const Vector3 at_m = sphere.base_m[point] +
+                       Eigen::Map<const Eigen::Vector3f>(sphere.moved_m + 3 * point).cast<double>();
+  if (sphere.pace == 1.0) return at_m;
+  const Vector3& from_m = sphere.reached_m[point];
+  return from_m + sphere.pace * (at_m - from_m);
+}
+
+}  // namespace
+
+void add_columns(const SphereSweep& sphere, std::size_t point, const Vector3& x,
+                 float* y) noexcept {
+  const Eigen::Vector3f amount = (sphere.compliance_ratio * x).cast<float>();
+  add_three(sphere.compliance_m_per_newton + 3 * point * sphere.stride, sphere.stride,
+            amount.data(), y);
+}
+
+int sweep(const SphereSweep& sphere, int most_sweeps, int most_changes,
+          double tolerance_m) noexcept {
+  const bool has_friction = sphere.friction_coefficient > 0.0;
+  for (std::size_t i = 0; i < sphere.count; ++i) {
+    const Vector3 away = place_of(sphere, i) - sphere.center_m;
+    sphere.normals[i] = away / std::max(away.norm(), 1e-9);
+  }
+  for (int sweeps = 0; sweeps < most_sweeps; ++sweeps) {
+    double largest_m = 0.0;
+    for (std::size_t i = 0; i < sphere.count; ++i) {
+      const Vector3 at_m = place_of(sphere, i);
+      const Vector3& normal = sphere.normals[i];
+      const double gap = normal.dot(at_m - sphere.center_m) - sphere.radius_m;
+      Vector3& force = sphere.forces_newton[i];
+      if (gap > 0.0 && force.isZero(0.0)) continue;
+      Matrix3 own;
+      for (Eigen::Index k = 0; k < 3; ++k) {
+        const std::size_t column = 3 * i + static_cast<std::size_t>(k);
+        own.col(k) = sphere.pace * sphere.compliance_ratio *
+                     Eigen::Map<const Eigen::Vector3f>(sphere.compliance_m_per_newton +
+                                                       column * sphere.stride + 3 * i)
+                         .cast<double>();
+      }
+      const double give = std::max(0.0, normal.dot(own * normal));
+      const double along = force.dot(normal);
+      const double least = sphere.rigid_give_m_per_newton[i];
+      const double press =
+          std::max(0.0, give < least ? (give * along - gap) / (give + least) : along - gap / give);
+      Vector3 wanted = press * normal;
+      if (has_friction && press > 0.0) {
+        // since the end of the last sweep
+        const Vector3 slide = at_m - sphere.reached_m[i] - sphere.way_m;
+        Vector3 tangential = force - force.dot(normal) * normal;
+        const Vector3 sliding = slide - slide.dot(normal) * normal;
+        tangential -= sliding / std::max(1e-30, own.trace() / 3.0);
+        const double limit = sphere.friction_coefficient * press;
+        const double size = tangential.norm();
+        wanted += size > limit ? Vector3(tangential * (limit / size)) : tangential;
+      }
+      const Vector3 change = wanted - force;
+      if (change.isZero(0.0)) continue;
+      force = wanted;
+      largest_m = std::max(largest_m, give * change.norm());
+      add_columns(sphere, i, change, sphere.moved_m);
+      if (--most_changes <= 0) return sweeps + 1;
+    }
+    if (largest_m <= tolerance_m) return sweeps;
+  }
+  return most_sweeps;
+}
+
+}  // namespace palpate

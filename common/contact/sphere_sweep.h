@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+// sphere_sweep.h — contact of a rigid sphere with points of the surface of an elastic body, whose
+// compliance is known: physics_node solves it between two full solutions of the body, mofc_node
+// between two messages.
+#pragma once
+
+#include <cstddef>
+
+#include "common/core/vector.h"
+
+namespace palpate {
+
+/// Rows of a compliance are padded to a multiple of this with zeros.
+inline constexpr std::size_t kCompliancePadding = 16;
+
+/// The points that may touch, in a state of the body with forces on it, and the sphere. Arrays are
+/// `count` long; what has three numbers a point is 3 · count.
+struct SphereSweep {
+  std::size_t count = 0;
+  /// 3 count × 3 count, symmetric, column-major; each column is `stride` long.
+  const float* compliance_m_per_newton = nullptr;
+  std::size_t stride = 0;           ///< a multiple of kCompliancePadding, ≥ 3 count
+  double compliance_ratio = 1.0;    ///< times the matrix
+  const Vector3* base_m = nullptr;  ///< without what the compliance adds
+  const double* rigid_give_m_per_newton = nullptr;  ///< of the penalty of a point that is held fast
+  Vector3* normals = nullptr;                       ///< scratch
+  Vector3* forces_newton = nullptr;                 ///< on the body; warm start, and result
+  float* moved_m = nullptr;  ///< that the compliance adds under these forces, `stride` long
+
+  Vector3 center_m = Vector3::Zero();
+  double radius_m = 0.0;
+
+  double friction_coefficient = 0.0;   ///< 0: way_m is unused
+  Vector3 way_m = Vector3::Zero();     ///< of the sphere since the last sweep
+  const Vector3* reached_m = nullptr;  ///< the points at its end
+
+  /// A viscous body goes this share of the way from reached_m to where the forces want it; 1: all
+  /// of it, and reached_m is used by friction alone.
+  double pace = 1.0;
+};
+
+/// Gauss–Seidel: unilateral, Coulomb friction. At most so many sweeps, and changes of a force.
+/// Normals are those at the beginning: if they turned with the points, sweeps would not converge. A
+/// point that gives way less than its penalty, because it is held fast or nearly so, is pressed by
+/// that. No allocation, no throw. Time: count · sweeps + 9 count · changes.
+/// @return  the sweeps made
+int sweep(const SphereSweep& sphere, int most_sweeps, int most_changes,
+          double tolerance_m) noexcept;
+
+/// y += ratio · M x for the three columns M of the point; y is `stride` long.
+void add_columns(const SphereSweep& sphere, std::size_t point, const Vector3& x, float* y) noexcept;
+
+}  // namespace palpate

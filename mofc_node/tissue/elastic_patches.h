@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+// elastic_patches.h — the contact with elastic bodies, solved at the device's rate.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "common/core/elastic_patch.h"
+#include "common/core/messages.h"
+#include "mofc_node/tissue/local_tissues.h"
+
+namespace palpate::mofc {
+
+/// Keeps what physics_node has sent of elastic bodies (ElasticPoint, ElasticState), and solves the
+/// contact of the tip with them as physics_node does between two solutions of the body (sweep()).
+///
+/// A step is valid if the tip touches listed points only, and all of these have arrived that the
+/// tip may touch or that carry a force. The first model of a contact begins where the tip was in
+/// its state, and goes from there to where the tip is in steps of at most a quarter of its radius;
+/// a later one begins with the forces of the model before it. Between two models the force changes
+/// as in ModelHandover. Until a model is there, and beyond its points, the contact model of the
+/// Interaction counts.
+///
+/// 1.5 MB, allocated by the constructor. The other functions neither allocate nor throw. A step
+/// takes at most kMostSteps sweeps of a sphere for each patch; a sweep changes kMostChanges forces
+/// at most.
+class ElasticPatches {
+ public:
+  using Result = LocalTissues::Result;
+  static constexpr int kMostSteps = 3;
+  static constexpr int kMostSweeps = 16;
+  static constexpr int kMostChanges = 256;
+
+  explicit ElasticPatches(double newton_per_s);
+  ~ElasticPatches();
+  ElasticPatches(const ElasticPatches&) = delete;
+  ElasticPatches& operator=(const ElasticPatches&) = delete;
+
+  /// Takes what one Interaction carries.
+  /// @param store_id  of the store now; a new one empties it
+  void take(const Interaction& interaction, std::uint64_t store_id) noexcept;
+  [[nodiscard]] const ElasticReceipts& receipts() const noexcept { return receipts_; }
+
+  /// The tool is elsewhere: what follows does not continue what was.
+  void reset() noexcept;
+
+  /// @param newest  where friction begins   @param dt_s  ≥ 0, since the step before
+  void step(const Interaction& newest, const Vector3& tip_m, double dt_s) noexcept;
+  [[nodiscard]] const std::array<Result, kMaxElasticPatches>& results() const noexcept {
+    return results_;
+  }
+
+ private:
+  struct Model;
+  class Patch;
+  double newton_per_s_;
+  std::uint64_t store_id_ = 0;
+  ElasticReceipts receipts_;
+  std::vector<Patch> patches_;
+  std::array<Result, kMaxElasticPatches> results_{};
+};
+
+}  // namespace palpate::mofc

@@ -1,0 +1,276 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "physics_node/elastic_tissue/patch_maker.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "common/core/tissue.h"
+
+namespace palpate::physics {
+namespace {
+
+// Faces turned farther away from the tip's side than this do not touch it: cos 84°.
+constexpr double kLeastTowardsTip = 0.1;
+// The longest way ahead for which there are points enough beside it.
+constexpr double kLongestWayRadii = 3.0;
+constexpr double kFarthestRadii = 8.0;
+// A point that is there is given up for one that is nearer by this share.
+constexpr double kKeepShare = 0.85;
+// New columns of the compliance in a solution, three solutions of the factor each.
+constexpr int kMostColumns = 24;
+// So much more than rounding takes off the diagonal.
+constexpr int kRounding = 2;
+constexpr double kMostRatio = 2.0;  // of the compliance, as in CondensedContact
+
+using RowMajor3f = Eigen::Matrix<float, 3, 3, Eigen::RowMajor>;
+
+std::int16_t integer_of(double value) {
+  return static_cast<std::int16_t>(std::lround(std::clamp(value, -kElasticScale, kElasticScale)));
+}
+
+}  // namespace
+
+PatchMaker::PatchMaker(const ElasticBody& body, elastic::SurfaceCompliance& compliance,
+                       double tip_radius_m)
+    : body_(body), compliance_(compliance), tip_radius_m_(tip_radius_m) {
+  slot_of_.assign(body.points.size(), -1);
+  patch_.state.tissue = body.tissue;
+  patch_.state.tip_radius_m = tip_radius_m;
+  patch_.state.friction_coefficient = body.friction_coefficient;
+  patch_.state.friction_stiffness_newton_per_m = body.shear_newton_per_m;
+}
+
+/// The points that the tip may touch, in order.
+void PatchMaker::gather(const ElasticSimulation::Touch& touch, const elastic::VectorXd& x_m) {
+  const ElasticState& state = patch_.state;
+  candidates_.clear();
+  double facing = 1.0;
+  const double farthest_m = kFarthestRadii * tip_radius_m_;
+  for (std::uint32_t p = 0; p < body_.points.size(); ++p) {
+    const elastic::SurfacePoint& point = body_.points[p];
+    const bool is_pressed =
+        !touch.forces_on_body_newton.empty() && !touch.forces_on_body_newton[p].isZero(0.0);
+    if (p == 0 || point.nodes != body_.points[p - 1].nodes) {  // a face's points are together
+      const auto corner = [&](std::size_t k) -> Vector3 {
+        return x_m.segment<3>(3 * Eigen::Index{point.nodes[k]});
+      };
+      const Vector3 face = (corner(1) - corner(0)).cross(corner(2) - corner(0));
+      facing = face.dot(state.normal) / std::max(face.norm(), 1e-30);
+    }
+    if (facing < kLeastTowardsTip && !is_pressed) continue;
+    const Vector3 at_m = point.position_m(x_m.data());
+    const double distance_m = elastic_distance_m(state.normal, state.from_m, state.to_m, at_m);
+    if (distance_m > farthest_m && !is_pressed) continue;
+    const double order_m = is_pressed ? -1.0 : (slot_of_[p] >= 0 ? kKeepShare : 1.0) * distance_m;
+    candidates_.push_back({.order_m = order_m, .distance_m = distance_m, .point = p});
+  }
+  std::sort(candidates_.begin(), candidates_.end(), [](const Candidate& a, const Candidate& b) {
+    return a.order_m < b.order_m || (a.order_m == b.order_m && a.point < b.point);
+  });
+}
+
+/// Its columns are there.
+bool PatchMaker::is_ready(std::uint32_t point, int& most_columns) {
+  const elastic::SurfacePoint& at = body_.points[point];
+  for (std::size_t a = 0; a < static_cast<std::size_t>(at.count); ++a) {
+    if (compliance_.all_columns().contains(at.nodes[a])) continue;
+    if (most_columns <= 0) return false;
+    --most_columns;
+    compliance_.require(at.nodes[a]);
+  }
+  return true;
+}
+
+/// Displacement of a point under a force at another one, at rest.
+Eigen::Matrix3d PatchMaker::give(std::uint32_t at, std::uint32_t under) const {
+  const elastic::SurfacePoint& moved = body_.points[at];
+  const elastic::SurfacePoint& pressed = body_.points[under];
+  Eigen::Matrix3d sum = Eigen::Matrix3d::Zero();
+  for (std::size_t b = 0; b < static_cast<std::size_t>(pressed.count); ++b) {
+    const float* columns = compliance_.columns(pressed.nodes[b]);
+    for (std::size_t a = 0; a < static_cast<std::size_t>(moved.count); ++a) {
+      const auto row = static_cast<std::size_t>(compliance_.row_of(moved.nodes[a]));
+      sum += moved.weights[a] * pressed.weights[b] *
+             Eigen::Map<const RowMajor3f>(columns + 9 * row).cast<double>();
+    }
+  }
+  return sum;
+}
+
+void PatchMaker::assign(std::uint32_t slot, std::uint32_t index) {
+  if (point_in_[slot]) slot_of_[*point_in_[slot]] = -1;
+  point_in_[slot] = index;
+  slot_of_[index] = static_cast<std::int16_t>(slot);
+  pressed_at_[slot] = 0;
+  ElasticPoint& point = patch_.slots[slot].point;
+  point = {.slot = slot, .version = next_version_++};
+  const elastic::SurfacePoint& at = body_.points[index];
+  point.rest_m = at.position_m(body_.start_m.data());
+  constexpr double kLeastArea_m2 = 1e-12;
+  point.rigid_give_m_per_newton = static_cast<float>(
+      std::clamp(1.0 / (body_.contact_stiffness_pa_per_m * std::max(at.area_m2, kLeastArea_m2)),
+                 kMinComplianceMPerNewton, kMaxComplianceMPerNewton));
+  // the blocks, then their step
+  std::array<Eigen::Matrix3d, kElasticSlots> blocks;
+  const Eigen::Matrix3d computed = give(index, index);
+  const Eigen::Matrix3d own = 0.5 * (computed + computed.transpose());
+  double largest = own.cwiseAbs().maxCoeff();
+  for (std::size_t other = 0; other < kElasticSlots; ++other) {
+    if (other == slot || !point_in_[other]) continue;
+    point.has_other.set(other);
+    blocks[other] = give(*point_in_[other], index);
+    largest = std::max(largest, blocks[other].cwiseAbs().maxCoeff());
+  }
+  const double step =
+      std::clamp(largest, 2.0 * kMinComplianceMPerNewton, kMaxComplianceMPerNewton) *
+      kElasticScale / (kElasticScale - kRounding);
+  point.step_m_per_newton = static_cast<float>(std::min(step, kMaxComplianceMPerNewton));
+  const double scale = kElasticScale / static_cast<double>(point.step_m_per_newton);
+  constexpr std::array<std::array<Eigen::Index, 2>, 6> kPlaces{
+      {{0, 0}, {0, 1}, {0, 2}, {1, 1}, {1, 2}, {2, 2}}};
+  for (std::size_t k = 0; k < kPlaces.size(); ++k) {
+    const auto [row, column] = kPlaces[k];
+    point.own[k] = integer_of(scale * own(row, column) + (row == column ? kRounding : 0));
+  }
+  for (std::size_t other = 0; other < kElasticSlots; ++other) {
+    if (!point.has_other[other]) continue;
+    for (std::size_t k = 0; k < 9; ++k) {
+      point.others[other][k] = integer_of(scale * blocks[other](static_cast<Eigen::Index>(k / 3),
+                                                                static_cast<Eigen::Index>(k % 3)));
+    }
+  }
+}
+
+void PatchMaker::update(const Tip& tip, const ElasticSimulation::Touch& touch,
+                        const elastic::VectorXd& x_m, bool is_alone) {
+  ElasticState& state = patch_.state;
+  state.normal = tip.normal.normalized();
+  // the end of the way ahead, from the feet of the tip
+  Vector3 along_m = tip.ahead_m - state.normal * state.normal.dot(tip.ahead_m);
+  state.from_m = tip.tip_m - std::max(tip.gap_m, tip_radius_m_) * state.normal;
+  state.to_m = state.from_m + along_m;
+  along_m = limited_to_norm(along_m, kLongestWayRadii * tip_radius_m_);
+  state.from_m = state.to_m - along_m;
+  gather(touch, x_m);
+
+  // the wanted ones, and how far all are there
+  int most_columns = kMostColumns;
+  is_complete_ = true;
+  std::vector<std::uint32_t> missing;
+  std::bitset<kElasticSlots> is_wanted;
+  state.radius_m = kFarthestRadii * tip_radius_m_;
+  // mofc_node may still press on a point that was pressed a loop ago
+  const auto is_held = [&](std::uint32_t one) {
+    return pressed_at_[one] > 0 && state.number < pressed_at_[one] + tip.held_solutions;
+  };
+  std::size_t room = 0;
+  for (std::uint32_t slot = 0; slot < kElasticSlots; ++slot) room += is_held(slot) ? 0U : 1U;
+  std::size_t count = 0;
+  for (const Candidate& one : candidates_) {
+    const std::int16_t slot = slot_of_[one.point];
+    if (slot >= 0 && is_held(static_cast<std::uint32_t>(slot))) continue;
+    // no point is nearer than its place in the order
+    if (count == room && one.order_m >= state.radius_m) break;
+    if (count == room || (slot < 0 && !is_ready(one.point, most_columns))) {
+      state.radius_m = std::min(state.radius_m, one.distance_m);
+      is_complete_ = is_complete_ && count == room;
+      continue;
+    }
+    ++count;
+    if (slot >= 0) {
+      is_wanted.set(static_cast<std::size_t>(slot));
+    } else {
+      missing.push_back(one.point);
+    }
+  }
+  // first the slots that were never used
+  std::uint32_t slot = 0;
+  const auto next_slot = [&](bool is_used) {
+    while (slot < kElasticSlots &&
+           (is_wanted[slot] || is_held(slot) || (point_in_[slot].has_value() && !is_used))) {
+      ++slot;
+    }
+    return slot < kElasticSlots;
+  };
+  bool is_used = false;
+  for (const std::uint32_t point : missing) {
+    if (!next_slot(is_used)) {
+      is_used = true;
+      slot = 0;
+      if (!next_slot(is_used)) break;
+    }
+    is_wanted.set(slot);
+    assign(slot, point);
+  }
+  describe(touch, x_m, is_alone);
+}
+
+/// The state at the points, and what the others press.
+void PatchMaker::describe(const ElasticSimulation::Touch& touch, const elastic::VectorXd& x_m,
+                          bool is_alone) {
+  ElasticState& state = patch_.state;
+  ++state.number;
+  state.center_m = touch.centre_m;
+  state.other_newton = touch.force_on_tool_newton;
+  state.places.fill({});
+  const bool has_forces = !touch.forces_on_body_newton.empty();
+  std::array<Vector3, kElasticSlots> away;
+  std::array<Vector3, kElasticSlots> forces;
+  double farthest_m = 1e-9;
+  double largest_newton = 1e-12;
+  for (std::size_t slot = 0; slot < kElasticSlots; ++slot) {
+    if (!point_in_[slot]) continue;
+    const Vector3 at_m = body_.points[*point_in_[slot]].position_m(x_m.data());
+    patch_.slots[slot].distance_m =
+        elastic_distance_m(state.normal, state.from_m, state.to_m, at_m);
+    away[slot] = at_m - state.from_m;
+    forces[slot] =
+        has_forces ? touch.forces_on_body_newton[*point_in_[slot]] : Vector3(Vector3::Zero());
+    if (!forces[slot].isZero(0.0)) {
+      patch_.slots[slot].distance_m = -1.0;
+      pressed_at_[slot] = state.number;
+    }
+    state.other_newton += forces[slot];
+    farthest_m = std::max(farthest_m, away[slot].cwiseAbs().maxCoeff());
+    largest_newton = std::max(largest_newton, forces[slot].cwiseAbs().maxCoeff());
+  }
+  if (state.other_newton.norm() < 1e-9) state.other_newton.setZero();
+  // rounding up, so that no integer exceeds the scale
+  constexpr double kUp = 1.000001;
+  state.away_step_m = static_cast<float>(farthest_m * kUp);
+  state.force_step_newton =
+      static_cast<float>(std::min(largest_newton * kUp, kMaxTissueForceNewton));
+  Eigen::VectorXd force = Eigen::VectorXd::Zero(3 * Eigen::Index{kElasticSlots});
+  double found = 0.0;
+  for (std::size_t slot = 0; slot < kElasticSlots; ++slot) {
+    if (!point_in_[slot]) continue;
+    ElasticPlace& place = state.places[slot];
+    place.version = patch_.slots[slot].point.version;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const auto axis = static_cast<Eigen::Index>(k);
+      place.away[k] =
+          integer_of(away[slot][axis] * kElasticScale / static_cast<double>(state.away_step_m));
+      place.force[k] = integer_of(forces[slot][axis] * kElasticScale /
+                                  static_cast<double>(state.force_step_newton));
+    }
+    found += forces[slot].dot(state.from_m + away[slot] - patch_.slots[slot].point.rest_m);
+  }
+  // between the untouched body and this state the compliance shall do the work that the forces did
+  state.has_rest = false;
+  state.compliance_ratio = 1.0;
+  if (!is_alone || touch.force_on_tool_newton.isZero(0.0)) return;
+  double expected = 0.0;
+  for (std::size_t j = 0; j < kElasticSlots; ++j) {
+    if (!point_in_[j] || forces[j].isZero(0.0)) continue;
+    for (std::size_t i = 0; i < kElasticSlots; ++i) {
+      if (!point_in_[i] || forces[i].isZero(0.0)) continue;
+      expected += forces[i].dot(give(*point_in_[i], *point_in_[j]) * forces[j]);
+    }
+  }
+  const double ratio = found / expected;
+  if (!(ratio >= 1.0 / kMostRatio && ratio <= kMostRatio)) return;
+  state.has_rest = true;
+  state.compliance_ratio = ratio;
+}
+
+}  // namespace palpate::physics

@@ -1,0 +1,325 @@
+// SPDX-License-Identifier: Apache-2.0
+// The contact with an elastic body that mofc_node solves itself. The body is a half-space, whose
+// compliance [Boussinesq, Cerruti] and whose force [Hertz] are known in closed form.
+#include "mofc_node/tissue/elastic_patches.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <vector>
+
+#include "deploy/lockstep/random_elastic.h"
+#include "tests/support/alloc_guard.h"
+
+namespace palpate::mofc {
+namespace {
+
+constexpr double kRadius_m = 0.006;
+constexpr double kSpacing_m = 1.2e-3;
+constexpr int kSide = 11;  // points along each side of the patch
+constexpr double kYoung_pa = 15e3;
+constexpr double kTick_s = 1e-3;
+constexpr double kNewtonPerS = 100.0;
+
+/// Of an incompressible half-space z < 0: displacement at `to` under a force at `from`.
+Matrix3 half_space(const Vector3& from, const Vector3& to) {
+  const double shear_pa = kYoung_pa / 3.0;
+  const double unit = 1.0 / (4.0 * std::numbers::pi * shear_pa);  // (1 − ν)/(2πG), ν = ½
+  const Vector3 way = to - from;
+  const double r = way.norm();
+  Matrix3 give = Matrix3::Zero();
+  if (r == 0.0) {
+    // mean of 1/r over the square that the point stands for
+    const double mean = 4.0 * std::log(1.0 + std::numbers::sqrt2) / kSpacing_m;
+    give.diagonal() = unit * mean * Vector3(1.5, 1.5, 1.0);
+    return give;
+  }
+  give.diagonal().setConstant(unit / r);
+  give += unit / (r * r * r) * way * way.transpose();
+  give(2, 2) = unit / r;
+  return give;
+}
+
+double hertz_newton(double depth_m) {
+  return 4.0 / 3.0 * (kYoung_pa / 0.75) * std::sqrt(kRadius_m) * std::pow(depth_m, 1.5);
+}
+
+class HalfSpacePatch : public testing::Test {
+ protected:
+  HalfSpacePatch() {
+    interaction_.elastic.store_id = kStore;
+    for (int i = 0; i < kSide; ++i) {
+      for (int k = 0; k < kSide; ++k) {
+        places_m_.emplace_back(kSpacing_m * (i - kSide / 2), kSpacing_m * (k - kSide / 2), 0.0);
+      }
+    }
+    for (std::size_t slot = 0; slot < places_m_.size(); ++slot) points_.push_back(point(slot));
+    state_.number = 1;
+    state_.tip_radius_m = kRadius_m;
+    state_.center_m = {0.0, 0.0, 0.02};
+    state_.radius_m = 0.02;
+    state_.away_step_m = 0.02F;
+    for (std::size_t slot = 0; slot < places_m_.size(); ++slot) {
+      state_.places[slot].version = points_[slot].version;
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        state_.places[slot].away[axis] = static_cast<std::int16_t>(
+            std::lround(places_m_[slot][static_cast<Eigen::Index>(axis)] / 0.02 * kElasticScale));
+      }
+    }
+  }
+
+  ElasticPoint point(std::size_t slot) const {
+    ElasticPoint point{.slot = static_cast<std::uint32_t>(slot),
+                       .version = static_cast<std::uint32_t>(slot) + 1,
+                       .rest_m = places_m_[slot],
+                       .rigid_give_m_per_newton = 1e-6F};
+    const Vector3& from = places_m_[slot];
+    const double step = 2.0 * half_space(from, from)(0, 0);
+    point.step_m_per_newton = static_cast<float>(step);
+    const auto rounded = [&](double x) {
+      return static_cast<std::int16_t>(std::lround(x / step * kElasticScale));
+    };
+    const Matrix3 own = half_space(from, from);
+    point.own = {rounded(own(0, 0)), 0, 0, rounded(own(1, 1)), 0, rounded(own(2, 2))};
+    for (std::size_t other = 0; other < slot; ++other) {
+      point.has_other.set(other);
+      const Matrix3 block = half_space(from, places_m_[other]);
+      for (std::size_t i = 0; i < 9; ++i) {
+        point.others[other][i] =
+            rounded(block(static_cast<Eigen::Index>(i / 3), static_cast<Eigen::Index>(i % 3)));
+      }
+    }
+    return point;
+  }
+  void send(const ElasticPoint& point) {
+    interaction_.elastic.number = ++number_;
+    interaction_.elastic.has_point = true;
+    interaction_.elastic.point = point;
+    patches_.take(interaction_, kStore);
+  }
+  void send(const ElasticState& state) {
+    interaction_.elastic.number = ++number_;
+    interaction_.elastic.has_point = false;
+    interaction_.elastic.state = state;
+    patches_.take(interaction_, kStore);
+  }
+  void send_all() {
+    send(state_);
+    for (const ElasticPoint& point : points_) send(point);
+  }
+  const ElasticPatches::Result& step_to(const Vector3& tip_m) {
+    patches_.step(interaction_, tip_m, kTick_s);
+    return patches_.results()[0];
+  }
+  /// Straight down, at 100 mm/s.
+  const ElasticPatches::Result& press(double depth_m, double x_m = 0.0) {
+    for (double z_m = kRadius_m + 1e-3; z_m > kRadius_m - depth_m; z_m -= 1e-4) {
+      step_to({x_m, 0.0, z_m});
+    }
+    return step_to({x_m, 0.0, kRadius_m - depth_m});
+  }
+
+  static constexpr std::uint64_t kStore = 5;
+  std::vector<Vector3> places_m_;
+  std::vector<ElasticPoint> points_;
+  ElasticState state_;
+  Interaction interaction_;
+  ElasticPatches patches_{kNewtonPerS};
+  std::uint64_t number_ = 0;
+};
+
+TEST_F(HalfSpacePatch, PressesAsHertzSays) {
+  send_all();
+  for (const double depth_m : {0.5e-3, 1e-3, 1.5e-3}) {
+    const auto& result = press(depth_m);
+    ASSERT_TRUE(result.is_valid);
+    const Vector3& force = result.force.force_on_tool_newton;
+    EXPECT_NEAR(force.z(), hertz_newton(depth_m), 0.08 * hertz_newton(depth_m)) << depth_m;
+    EXPECT_LT(force.head<2>().norm(), 1e-2 * force.z());
+    // V = ⅖ F d
+    EXPECT_NEAR(result.force.stored_energy_joule, 0.4 * force.z() * depth_m,
+                0.1 * 0.4 * force.z() * depth_m);
+  }
+}
+
+TEST_F(HalfSpacePatch, IsFreeAboveTheSurface) {
+  send_all();
+  for (int i = 0; i < 40; ++i) step_to({0.0, 0.0, kRadius_m + 1e-4});
+  EXPECT_TRUE(patches_.results()[0].is_valid);
+  EXPECT_FALSE(patches_.results()[0].force.is_touching);
+  EXPECT_EQ(patches_.results()[0].force.force_on_tool_newton.norm(), 0.0);
+}
+
+TEST_F(HalfSpacePatch, IsTheSameInAnyOrderOfArrival) {
+  send_all();
+  const double newton = press(1e-3).force.force_on_tool_newton.z();
+  Random random(4);
+  for (int i = 0; i < 3; ++i) {
+    for (std::size_t k = points_.size() - 1; k > 0; --k) {
+      std::swap(points_[k], points_[random.below(k + 1)]);
+    }
+    interaction_.elastic.store_id = kStore;
+    patches_.take(interaction_, kStore + 1);  // empties it
+    send_all();
+    EXPECT_EQ(press(1e-3).force.force_on_tool_newton.z(), newton);
+  }
+}
+
+TEST_F(HalfSpacePatch, DoesNotCountWhereAPointIsMissing) {
+  send(state_);
+  for (std::size_t slot = 0; slot + kSide < points_.size(); ++slot) send(points_[slot]);
+  // the last row, at x = 6 mm, is missing
+  EXPECT_FALSE(press(1e-3, 1e-3).is_valid);
+  EXPECT_TRUE(press(1e-3, -1e-3).is_valid);
+  for (std::size_t slot = points_.size() - kSide; slot < points_.size(); ++slot) {
+    send(points_[slot]);
+  }
+  EXPECT_TRUE(press(1e-3, 1e-3).is_valid);
+}
+
+TEST_F(HalfSpacePatch, DoesNotCountBeyondWhatIsListed) {
+  send_all();
+  ASSERT_TRUE(press(0.5e-3).is_valid);
+  const double reach_m = state_.radius_m - kRadius_m;
+  EXPECT_TRUE(press(0.5e-3, reach_m - 1e-4).is_valid);
+  EXPECT_FALSE(press(0.5e-3, reach_m + 1e-4).is_valid);
+  // on the other side of the body
+  step_to({0.0, 0.0, -0.05});
+  for (int i = 0; i < 40; ++i) step_to({0.0, 0.0, -0.05});
+  EXPECT_FALSE(patches_.results()[0].is_valid);
+}
+
+TEST_F(HalfSpacePatch, KeepsTheNewerPointOfASlot) {
+  send_all();
+  const double newton = press(1e-3).force.force_on_tool_newton.z();
+  ElasticPoint older = points_[60];
+  older.version = 1;
+  older.own = {30000, 0, 0, 30000, 0, 30000};
+  send(older);
+  EXPECT_EQ(press(1e-3).force.force_on_tool_newton.z(), newton);
+}
+
+// a new place never uses the stiffness of an old one
+TEST_F(HalfSpacePatch, DoesNotCountWithAPointThatIsNotTheOneListed) {
+  send_all();
+  ASSERT_TRUE(press(1e-3).is_valid);
+  ElasticPoint newer = points_[60];
+  newer.version = 1000;
+  send(newer);
+  EXPECT_FALSE(press(1e-3).is_valid);
+}
+
+TEST_F(HalfSpacePatch, DoesNotCountUntilEveryPressedPointHasArrived) {
+  state_.force_step_newton = 0.1F;
+  state_.places[60].force = {0, 0, -32767};
+  send(state_);
+  for (std::size_t slot = 0; slot < points_.size(); ++slot) {
+    if (slot != 60) send(points_[slot]);
+  }
+  EXPECT_FALSE(step_to({0.0, 0.0, kRadius_m}).is_stepped);
+  send(points_[60]);
+  EXPECT_TRUE(step_to({0.0, 0.0, kRadius_m}).is_stepped);
+}
+
+// walking there from where the tip was in the state takes ticks, jumping would turn the normals
+TEST_F(HalfSpacePatch, GoesToTheTipInSteps) {
+  send_all();
+  int ticks = 0;
+  while (!step_to({0.0, 0.0, kRadius_m - 1e-3}).is_valid) ASSERT_LT(++ticks, 10);
+  EXPECT_GT(ticks, 0);
+  EXPECT_NEAR(patches_.results()[0].force.force_on_tool_newton.z(), hertz_newton(1e-3),
+              0.08 * hertz_newton(1e-3));
+}
+
+TEST_F(HalfSpacePatch, ChangesTheForceOfANewStateNoFasterThanTheBound) {
+  send_all();
+  double before = press(1e-3).force.force_on_tool_newton.z();
+  ElasticState other = state_;
+  other.number = 2;
+  other.compliance_ratio = 0.5;
+  other.other_newton = {0.0, 0.0, 1.0};
+  send(other);
+  const Vector3 tip_m(0.0, 0.0, kRadius_m - 1e-3);
+  const double aim = 2.0 * before + 1.0;
+  int ticks = 0;
+  for (; before < 0.99 * aim && ticks < 100; ++ticks) {
+    const auto& result = step_to(tip_m);
+    ASSERT_TRUE(result.is_valid);
+    const double newton = result.force.force_on_tool_newton.z();
+    EXPECT_LE(std::abs(newton - before), kNewtonPerS * kTick_s + 0.02);
+    before = newton;
+  }
+  EXPECT_GE(ticks, 9);
+  EXPECT_NEAR(before, aim, 0.02 * aim);
+}
+
+TEST_F(HalfSpacePatch, HasFrictionUpToItsCoefficient) {
+  state_.friction_coefficient = 0.3;
+  state_.friction_stiffness_newton_per_m = 500.0;
+  send_all();
+  press(1e-3);
+  for (double x_m = 0.0; x_m < 4e-3; x_m += 5e-5) step_to({x_m, 0.0, kRadius_m - 1e-3});
+  const Vector3 force = patches_.results()[0].force.force_on_tool_newton;
+  EXPECT_NEAR(force.x(), -0.3 * force.z(), 0.06 * force.z());
+}
+
+TEST_F(HalfSpacePatch, AcknowledgesWhatArrived) {
+  send(state_);
+  send(points_[0]);
+  ++number_;  // one is lost
+  send(points_[1]);
+  EXPECT_EQ(patches_.receipts().newest, 4u);
+  EXPECT_EQ(patches_.receipts().received, 0b1101u);
+  patches_.take(interaction_, kStore + 1);
+  EXPECT_EQ(patches_.receipts().newest, 0u);
+}
+
+TEST(ElasticPatches, AreFiniteAndBoundedWhateverArrives) {
+  Random random(1);
+  for (int run = 0; run < 40; ++run) {
+    ElasticPatches patches(kNewtonPerS);
+    Interaction interaction;
+    std::array<std::uint32_t, kElasticSlots> versions{};
+    Vector3 tip_m = Vector3::Zero();
+    for (std::uint32_t i = 1; i < 400; ++i) {
+      randomise(interaction.elastic, random);
+      interaction.elastic.store_id = 1;
+      interaction.elastic.number = i;
+      ElasticPoint& point = interaction.elastic.point;
+      ElasticState& state = interaction.elastic.state;
+      if (interaction.elastic.has_point) {
+        point.patch = 0;
+        point.slot = static_cast<std::uint32_t>(random.below(16));
+        point.has_other.reset(point.slot);
+        point.version = versions[point.slot] = i;
+        point.rest_m = random_vector(random, 0.02);
+      } else {
+        state.patch = 0;
+        state.number = i;
+        state.from_m = state.to_m = Vector3::Zero();
+        state.radius_m = 100.0;
+        for (std::size_t slot = 0; slot < kElasticSlots; ++slot) {
+          state.places[slot].version = versions[slot];
+        }
+      }
+      const test::AllocGuard guard;
+      patches.take(interaction, 1);
+      tip_m += random_vector(random, 1e-3);
+      patches.step(interaction, tip_m, kTick_s);
+      for (const ElasticPatches::Result& result : patches.results()) {
+        EXPECT_TRUE(result.force.force_on_tool_newton.allFinite());
+        // the points' and the rest of the state's; friction adds its share
+        EXPECT_LE(result.force.force_on_tool_newton.cwiseAbs().maxCoeff(),
+                  30.0 * kMaxTissueForceNewton);
+        EXPECT_GE(result.force.stored_energy_joule, 0.0);
+        EXPECT_TRUE(std::isfinite(result.force.stored_energy_joule));
+      }
+      ASSERT_EQ(guard.count(), 0u);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace palpate::mofc
