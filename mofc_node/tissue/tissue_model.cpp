@@ -6,6 +6,14 @@
 #include "common/contact/tissue_motion.h"
 
 namespace palpate::mofc {
+namespace {
+
+// A physics costs too much after this many steps in a row that need too much, or if more than a
+// ninth of its steps do.
+constexpr int kCostlySteps = 64;
+constexpr int kCostPerStep = 8;
+
+}  // namespace
 
 TissueModel::TissueModel(bool has_store, double handover_newton_per_s, std::uint64_t session_id)
     : newton_per_s_(handover_newton_per_s),
@@ -15,7 +23,8 @@ TissueModel::TissueModel(bool has_store, double handover_newton_per_s, std::uint
 void TissueModel::receive(const Interaction& interaction, const DeviceState& state) noexcept {
   const bool is_of_this_session = interaction.device_session_id == state.header.session_id;
   const TimePoint now = state.header.sampled_at;
-  if (store_) {
+  if (interaction.header.session_id != costly_session_id_) costly_session_id_ = 0;
+  if (store_ && !costs_too_much()) {
     store_->take(interaction,
                  is_of_this_session ? now - interaction.device_sampled_at : Duration::zero());
   }
@@ -28,6 +37,19 @@ void TissueModel::reset() noexcept {
   clock_.reset();
   shares_ = {};
   is_still_ = false;
+}
+
+void TissueModel::drop() noexcept {
+  reset();
+  if (store_) store_->drop();
+}
+
+void TissueModel::note_cost(std::uint64_t physics_session_id) noexcept {
+  if (costs_too_much()) return;
+  cost_ = local_.is_exhausted() ? cost_ + kCostPerStep : std::max(0, cost_ - 1);
+  if (cost_ < kCostPerStep * kCostlySteps) return;
+  cost_ = 0;
+  costly_session_id_ = physics_session_id;
 }
 
 ModelForce TissueModel::step(const Interaction& newest, const DeviceState& state,
@@ -43,7 +65,11 @@ ModelForce TissueModel::step(const Interaction& newest, const DeviceState& state
                         .shaft = state.tool_orientation_world * Vector3::UnitZ(),
                         .time_s = clock_.now_s(now).value_or(0.0)};
     local_.step(store_->tissues(), newest, pose, tool_velocity_world_m_per_s, shares_);
+    note_cost(newest.header.session_id);
     share_out(now, tool_position_world_m, tool_velocity_world_m_per_s, dt_s);
+    const bool has_share =
+        std::any_of(shares_.begin(), shares_.end(), [](double share) { return share > 0.0; });
+    if (costs_too_much() && !has_share) store_->drop();
     for (std::size_t i = 0; i < kMaxDescribed; ++i) {
       if (!(shares_[i] > 0.0)) continue;
       const LocalTissues::Result& local = local_.results()[i];
@@ -71,7 +97,7 @@ void TissueModel::share_out(TimePoint now, const Vector3& position, const Vector
   const double bound_newton = newton_per_s_ * dt_s;
   for (std::size_t i = 0; i < kMaxDescribed; ++i) {
     const LocalTissues::Result& local = local_.results()[i];
-    const double aim = local.is_valid ? 1.0 : 0.0;
+    const double aim = local.is_valid && !costs_too_much() ? 1.0 : 0.0;
     double& share = shares_[i];
     if (!local.is_stepped) share = 0.0;
     if (share == aim) continue;

@@ -18,7 +18,11 @@ namespace palpate::mofc {
 /// Tissue that physics_node has described is stepped here (LocalTissues). Elsewhere, and beyond the
 /// part of a surface that is known, the contact models of the newest Interaction count
 /// (ModelHandover). Where the two differ for a tissue by Δ, the share of the one that is to count
-/// grows by bound / |Δ| per step, as between two contact models. No allocation, no throw.
+/// grows by bound / |Δ| per step, as between two contact models.
+///
+/// A physics whose descriptions need more than LocalTissues::kWorkPerStep in a row of about 64
+/// steps costs too much: the contact models take over, then its store is dropped, and none is
+/// offered to it until it is restarted. No allocation, no throw.
 class TissueModel {
  public:
   /// @param has_store   false: contact models only
@@ -30,8 +34,9 @@ class TissueModel {
   void receive(const Interaction& interaction, const DeviceState& state) noexcept;
   /// What to acknowledge on hop 2.
   [[nodiscard]] SurfaceReceipts receipts() const noexcept {
-    return store_ ? store_->receipts() : SurfaceReceipts{};
+    return store_ && !costs_too_much() ? store_->receipts() : SurfaceReceipts{};
   }
+  [[nodiscard]] bool costs_too_much() const noexcept { return costly_session_id_ != 0; }
 
   /// Time of moving tissue in this physics, as far as its answers tell; none before the first.
   [[nodiscard]] std::optional<TimePoint> scene_time(TimePoint now) const noexcept {
@@ -40,6 +45,8 @@ class TissueModel {
 
   /// The force starts again from zero, and no tissue remembers the tool.
   void reset() noexcept;
+  /// The physics is gone: the same, and nothing that it has described is known any more.
+  void drop() noexcept;
 
   /// Whether the force of the last step came from described tissue alone that does not move by
   /// itself: it needs no news.
@@ -53,6 +60,7 @@ class TissueModel {
                                 const Vector3& tool_velocity_world_m_per_s, double dt_s) noexcept;
 
  private:
+  void note_cost(std::uint64_t physics_session_id) noexcept;
   void share_out(TimePoint now, const Vector3& position, const Vector3& velocity,
                  double dt_s) noexcept;
 
@@ -63,6 +71,8 @@ class TissueModel {
   PhysicsClock clock_;
   std::array<double, kMaxDescribed> shares_{};  // of local_'s results
   bool is_still_ = false;
+  int cost_ = 0;                         // grows with every step that needs too much
+  std::uint64_t costly_session_id_ = 0;  // of the physics; 0: none
 };
 
 }  // namespace palpate::mofc

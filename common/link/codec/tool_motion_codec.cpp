@@ -1,4 +1,6 @@
 // tool_motion_codec.cpp — hop 2: ToolMotion.
+#include <algorithm>
+
 #include "common/core/physics_term.h"
 #include "common/link/codec/wire_format.h"
 #include "palpate/v1/tool_motion.pb.h"
@@ -30,6 +32,8 @@ struct WireFormat<ToolMotion> {
     receipts.set_newest(m.receipts.newest);
     receipts.set_received(m.receipts.received);
     receipts.set_loop_age_ns(m.receipts.loop_age.count());
+    receipts.set_tile_slots(m.receipts.tile_slots);
+    receipts.set_tiles_per_message(m.receipts.tiles_per_message);
   }
 
   static void check(const v1::ToolMotion& wire, Verdict& verdict) {
@@ -59,6 +63,13 @@ struct WireFormat<ToolMotion> {
                   .newest = wire.receipts().newest(),
                   .received = wire.receipts().received(),
                   .loop_age = Duration(wire.receipts().loop_age_ns())};
+    // older receivers do not report them; a larger store is used as far as this program's own goes
+    const auto limit = [](std::uint32_t given, std::size_t least, std::size_t most) {
+      return static_cast<std::uint32_t>(given == 0 ? least : std::min<std::size_t>(given, most));
+    };
+    m.receipts.tile_slots = limit(wire.receipts().tile_slots(), kLeastTileSlots, kTileSlots);
+    m.receipts.tiles_per_message =
+        limit(wire.receipts().tiles_per_message(), kLeastTilesPerMessage, kMaxTilesPerMessage);
     m.physics_term = wire.physics_term();
     m.scene_time.reset();
     if (wire.has_scene_time_ns()) m.scene_time = time(wire.scene_time_ns());
