@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mofc_node/mofc_node.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "mofc_node/make_controller.h"
@@ -36,6 +37,8 @@ MofcNode::MofcNode(const MofcConfig& mofc, const ClampedDevice& device, const Cl
       tissue_(mofc.interaction, standby.has_value(), mofc.handover_newton_per_s, session_id),
       controller_(make_controller(mofc, device)),
       still_after_(mofc.still_after),
+      gone_after_(std::max(mofc.stale_after, mofc.still_after) + mofc.fade),
+      fade_time_(mofc.fade),
       fade_(mofc.stale_after, mofc.fade) {
   if (!standby) return;
   standby_.emplace(standby->interaction_in, clock, Duration::zero(), mofc.stale_after);
@@ -176,7 +179,11 @@ PhysicsAnswer MofcNode::take_physics(const DeviceState& state, TimePoint now) no
       tissue_.receive(role, interaction, state);
     });
   };
+  const auto is_gone = [&](const PhysicsAnswer& answer) {
+    return answer.lost_for > fade_time_ || answer.silence > gone_after_;
+  };
   std::array<PhysicsAnswer, kPhysicsRoles> answers{take(physics_, PhysicsRole::kFirst), {}};
+  if (is_gone(answers[0])) tissue_.drop(PhysicsRole::kFirst, choice_.in_use());
   relay_.say(PhysicsRole::kFirst,
              {.receipts = tissue_.receipts(PhysicsRole::kFirst),
               .elastic_receipts = tissue_.elastic_receipts(PhysicsRole::kFirst)});
@@ -185,10 +192,12 @@ PhysicsAnswer MofcNode::take_physics(const DeviceState& state, TimePoint now) no
 
   answers[1] = take(*standby_, PhysicsRole::kStandby);
   newest_[1] = answers[1].interaction;
+  if (is_gone(answers[1])) tissue_.drop(PhysicsRole::kStandby, choice_.in_use());
   std::array<HeardPhysics, kPhysicsRoles> heard{};
   for (std::size_t i = 0; i < kPhysicsRoles; ++i) {
     heard[i] = {.has_answered = newest_[i] != nullptr,
-                .is_lost = answers[i].lost_for > Duration::zero(),
+                .is_lost = answers[i].lost_for > Duration::zero() ||
+                           tissue_.costs_too_much(static_cast<PhysicsRole>(i)),
                 .silence = answers[i].silence,
                 .term = newest_[i] != nullptr ? newest_[i]->physics_term : 0};
   }

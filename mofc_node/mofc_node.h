@@ -20,6 +20,9 @@
 // New device session: ledger 0. An echo that does not continue the last one answered: no credit is
 //   left. New physics session: its first Interaction replaces the model as any next one does,
 //   without a jump; the ledger stays.
+// Physics that is gone for longer than its force takes to fade: what it has described is dropped,
+// as
+//   is what needs more than a tick can spend (LocalTissues::kWorkPerStep); a standby then speaks.
 // With `standby_after` there are two physics: both get every motion, both are heard, one is used
 //   (PhysicsChoice); the force passes from one to the other as between two contact models.
 // `wait_for_physics` > 0: answers from the Interaction that answers this very DeviceState; if that
@@ -106,6 +109,8 @@ class MofcNode {
   TissuePair tissue_;
   std::unique_ptr<controllers::ForceController> controller_;
   Duration still_after_;
+  Duration gone_after_;  // of silence: the force has faded
+  Duration fade_time_;
   SilenceFade fade_;
 
   std::optional<std::uint64_t> device_session_;

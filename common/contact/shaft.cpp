@@ -70,7 +70,7 @@ double nearest_along(const Surface& surface, const ShaftSegment& segment, SheetS
         i < kShaftSteps ? segment.first_m + static_cast<double>(i) * step_m : segment.last_m;
     const Vector3 point_m = segment.at_m(along_m);
     const double unknown_m = surface.unknown_m(point_m);
-    at_least_m = std::min(surface.known_at_least_m(point_m), unknown_m);
+    at_least_m = std::min(surface.known_at_least_m(point_m, hint), unknown_m);
     if (at_least_m >= enough_m) continue;
 
     const std::uint32_t uncovered_views = hint.uncovered_views;

@@ -31,7 +31,9 @@ class Surface {
   }
   /// What it knows is nowhere nearer than this, m ≥ 0: a lower bound of the distance that costs
   /// less than a view.
-  [[nodiscard]] virtual double known_at_least_m(const Vector3& /*point_m*/) const noexcept {
+  /// @param hint  of the view that it saves: its work is counted there
+  [[nodiscard]] virtual double known_at_least_m(const Vector3& /*point_m*/,
+                                                SurfaceHint& /*hint*/) const noexcept {
     return 0.0;
   }
 

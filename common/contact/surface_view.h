@@ -43,6 +43,11 @@ struct SurfaceHint {
   std::uint32_t last_cell_hits = 0;        ///< views whose nearest point was in the last one's cell
   std::uint32_t views = 0;                 ///< by the proxy and along the shaft, since then
   std::uint32_t uncovered_views = 0;       ///< views that another, unknown part may have changed
+  std::uint32_t work = 0;                  ///< what the views looked at, since then; only of tiles
+  std::uint32_t most_work = 0;  ///< a view that would need more ends, uncovered; 0: no limit
+
+  /// Some view ended because of most_work.
+  [[nodiscard]] bool is_exhausted() const noexcept { return most_work > 0 && work > most_work; }
 };
 
 }  // namespace palpate

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "common/contact/analytic_surfaces.h"
 #include "common/contact/facet.h"
@@ -18,12 +19,17 @@ constexpr double kSameDistance = 1e-9;
 constexpr double kNearMargin_m = 12e-3;
 constexpr double kNearStep_m = 6e-3;
 
+// Work, in units of a test of bounds or of a facet's sphere.
+constexpr std::uint32_t kViewWork = 64;  // all that does not depend on the tiles
+constexpr std::uint32_t kFootWork = 24;  // the foot on a facet, and the normal there
+constexpr std::uint32_t kBlendWork = 12;
+constexpr std::uint32_t kKeepWork = 8;  // a tile becomes one of the near ones
+// After so many better ones collecting the near tiles is given up.
+constexpr std::uint32_t kMostKept = 512;
+
 }  // namespace
 
 void HeldTile::take(const SurfaceTile& tile) noexcept {
-  version = tile.version;
-  described_slot = tile.described_slot;
-  is_held = true;
   for (std::size_t i = 0; i < tile.vertex_count; ++i) {
     const auto& [x, y, z] = tile.vertices[i];
     vertices_m[i] = tile.origin_m + tile.step_m * Vector3(x, y, z);
@@ -72,9 +78,18 @@ void HeldTile::take(const SurfaceTile& tile) noexcept {
   }
 }
 
+TileSurface::TileSurface(std::span<const HeldTile> held)
+    : held_(held), positions_(held.size(), kNowhere) {
+  slots_.reserve(held.size());
+  bounds_.reserve(held.size());
+  blocks_.reserve((held.size() + kBlock - 1) / kBlock);
+}
+
 void TileSurface::reset(const TiledGeometry& geometry) noexcept {
+  for (const std::uint32_t slot : slots_) positions_[slot] = kNowhere;
   slots_.clear();
   bounds_.clear();
+  blocks_.clear();
   geometry_ = geometry;
   covered_ = {.radius_m = 0.0};
   gap_count_ = 0;
@@ -86,19 +101,39 @@ void TileSurface::reset(const TiledGeometry& geometry) noexcept {
 
 void TileSurface::add(std::uint32_t slot) noexcept {
   remove(slot);
+  positions_[slot] = static_cast<std::uint32_t>(slots_.size());
+  if (slots_.size() % kBlock == 0) {
+    blocks_.push_back(held_[slot].bounds);
+  } else {
+    blocks_.back().include(held_[slot].bounds);
+  }
   slots_.push_back(slot);
   bounds_.push_back(held_[slot].bounds);
   for (Near& near : near_) near.offer(slot, held_[slot].bounds);
 }
 
 void TileSurface::remove(std::uint32_t slot) noexcept {
-  const auto found = std::find(slots_.begin(), slots_.end(), slot);
-  if (found == slots_.end()) return;
-  bounds_[static_cast<std::size_t>(found - slots_.begin())] = bounds_.back();
-  *found = slots_.back();
+  const std::uint32_t position = positions_[slot];
+  if (position == kNowhere) return;
+  // the last one takes its place
+  bounds_[position] = bounds_.back();
+  slots_[position] = slots_.back();
+  positions_[slots_[position]] = position;
+  positions_[slot] = kNowhere;
   slots_.pop_back();
   bounds_.pop_back();
+  if (slots_.size() % kBlock == 0) blocks_.pop_back();
+  if (position < slots_.size()) bound_block_of(position);
   for (Near& near : near_) near.remove(slot);
+}
+
+void TileSurface::bound_block_of(std::size_t position) noexcept {
+  const std::size_t first = position / kBlock * kBlock;
+  Bounds& block = blocks_[position / kBlock];
+  block = bounds_[first];
+  for (std::size_t i = first + 1; i < std::min(first + kBlock, bounds_.size()); ++i) {
+    block.include(bounds_[i]);
+  }
 }
 
 void TileSurface::except(const Vector3& center_m, double radius_m) noexcept {
@@ -120,6 +155,7 @@ double TileSurface::unknown_m(const Vector3& point_m) const noexcept {
 /// The nearest foot so far, and the sum of the normals of the facets that meet there.
 struct TileSurface::Search {
   Vector3 point_m;
+  std::uint32_t work = 0;
   FacetFoot best;
   double best_m = std::numeric_limits<double>::max();
   std::uint32_t cell = 0;
@@ -133,6 +169,7 @@ struct TileSurface::Search {
   }
 
   void offer(const HeldTile& tile, std::uint32_t slot, std::size_t index) noexcept {
+    work += kFootWork;
     const auto& corners = tile.facets[index];
     const auto vertex = [&](std::size_t i) -> const Vector3& {
       return tile.vertices_m[corners[i % 3]];
@@ -174,6 +211,7 @@ struct TileSurface::Search {
   }
 
   bool offer_all(const HeldTile& tile, std::uint32_t slot) noexcept {
+    work += tile.facet_count;
     for (std::size_t i = 0; i < tile.facet_count; ++i) {
       // nearer than neither its sphere nor its plane
       const double most_m = best_m * (1.0 + kSameDistance);
@@ -193,11 +231,13 @@ struct TileSurface::Search {
 /// The nearest point of a cloud.
 struct TileSurface::PointSearch {
   Vector3 point_m;
+  std::uint32_t work = 0;
   double best_squared = std::numeric_limits<double>::max();
   const HeldTile::Point* best = nullptr;
 
   bool offer_all(const HeldTile& tile, std::uint32_t /*slot*/) noexcept {
     if (!(tile.core.squared_distance(point_m) <= best_squared)) return false;
+    work += tile.point_count;
     for (const HeldTile::Point& one : std::span(tile.points).first(tile.point_count)) {
       const double squared = (point_m - one.place_m).squaredNorm();
       if (!(squared < best_squared)) continue;
@@ -244,22 +284,83 @@ void TileSurface::Near::remove(std::uint32_t slot) noexcept {
   }
 }
 
-void TileSurface::gather(const Vector3& point_m, std::size_t place) noexcept {
+template <class Limit, class Look>
+bool TileSurface::look_near(const Tiles& tiles, const Vector3& point_m, SurfaceHint& hint,
+                            const Limit& limit, const Look& look) noexcept {
+  for (std::size_t i = 0; i < tiles.slots.size(); ++i) {
+    if (i % kBlock == 0 && !tiles.blocks.empty()) {
+      ++hint.work;
+      if (!(tiles.blocks[i / kBlock].squared_distance(point_m) <= limit())) {
+        i += kBlock - 1;
+        continue;
+      }
+    }
+    ++hint.work;
+    if (tiles.bounds[i].squared_distance(point_m) <= limit() && !look(i)) return false;
+    if (hint.is_exhausted()) return false;
+  }
+  return true;
+}
+
+std::uint32_t TileSurface::gather(const Vector3& point_m, std::size_t place) noexcept {
   Near& near = near_[place];
-  if (near.radius_m > 0.0 && (point_m - near.center_m).norm() < kNearStep_m) return;
+  if (near.radius_m > 0.0 && (point_m - near.center_m).norm() < kNearStep_m) return 0;
   near.count = 0;
   near.radius_m = 0.0;
   near.center_m = point_m;
-  if (slots_.empty() || !point_m.allFinite()) return;
-  near.radius_m = nearest_at_most_m(point_m) + kNearMargin_m;
-  for (std::size_t i = 0; i < slots_.size(); ++i) near.offer(slots_[i], bounds_[i]);
+  if (slots_.empty() || !point_m.allFinite()) return 0;
+
+  // a heap of the nearest, the farthest of them on top; of too many the radius is smaller
+  struct Kept {
+    double distance_m = 0.0;
+    std::uint32_t position = 0;
+    [[nodiscard]] bool operator<(const Kept& other) const noexcept {
+      return distance_m < other.distance_m;
+    }
+  };
+  std::array<Kept, kMaxNear> heap;
+  std::size_t count = 0;
+  std::uint32_t kept = 0;
+  SurfaceHint hint;
+  double radius_m = nearest_at_most_m(point_m, hint) + kNearMargin_m;
+  const bool is_complete = look_near(
+      all(), point_m, hint, [&] { return radius_m * radius_m; },
+      [&](std::size_t i) {
+        const double distance_m = std::sqrt(bounds_[i].squared_distance(point_m));
+        const auto begin = heap.begin();
+        if (count == kMaxNear) {
+          if (distance_m >= heap[0].distance_m) {
+            radius_m = std::min(radius_m, distance_m);
+            return true;
+          }
+          radius_m = std::min(radius_m, heap[0].distance_m);
+          std::pop_heap(begin, begin + static_cast<std::ptrdiff_t>(count--));
+        }
+        heap[count++] = {distance_m, static_cast<std::uint32_t>(i)};
+        std::push_heap(begin, begin + static_cast<std::ptrdiff_t>(count));
+        hint.work += kKeepWork;
+        return ++kept <= kMostKept;
+      });
+  if (!is_complete) return hint.work;
+  std::sort_heap(heap.begin(), heap.begin() + static_cast<std::ptrdiff_t>(count));
+  near.radius_m = radius_m;
+  for (; near.count < count; ++near.count) {
+    const Kept& one = heap[near.count];
+    near.slots[near.count] = slots_[one.position];
+    near.bounds[near.count] = bounds_[one.position];
+    near.distances_m[near.count] = one.distance_m;
+  }
+  return hint.work;
 }
 
-double TileSurface::nearest_at_most_m(const Vector3& point_m) const noexcept {
+double TileSurface::nearest_at_most_m(const Vector3& point_m, SurfaceHint& hint) const noexcept {
   double most_squared = std::numeric_limits<double>::max();
-  for (const Bounds& bounds : bounds_) {
-    most_squared = std::min(most_squared, bounds.farthest_squared(point_m));
-  }
+  look_near(
+      all(), point_m, hint, [&] { return most_squared; },
+      [&](std::size_t i) {
+        most_squared = std::min(most_squared, bounds_[i].farthest_squared(point_m));
+        return true;
+      });
   return std::sqrt(most_squared);
 }
 
@@ -278,35 +379,39 @@ bool TileSurface::has_all(const Near& near, const Vector3& point_m, double dista
   return (point_m - near.center_m).norm() + distance_m < near.radius_m;
 }
 
-double TileSurface::known_at_least_m(const Vector3& point_m) const noexcept {
+double TileSurface::known_at_least_m(const Vector3& point_m, SurfaceHint& hint) const noexcept {
+  hint.work += kViewWork;
   if (geometry_.is_cloud) return 0.0;
   const Near& near = near_to(point_m);
   const double to_others_m = near.radius_m - (point_m - near.center_m).norm();
   double least_squared = std::numeric_limits<double>::max();
-  const auto take = [&](const Tiles& tiles) {
-    for (const Bounds& bounds : tiles.bounds) {
-      least_squared = std::min(least_squared, bounds.squared_distance(point_m));
-    }
+  const auto look = [&](const Tiles& tiles) {
+    return look_near(
+        tiles, point_m, hint, [&] { return least_squared; },
+        [&](std::size_t i) {
+          least_squared = std::min(least_squared, tiles.bounds[i].squared_distance(point_m));
+          return true;
+        });
   };
-  take(near.tiles());
+  if (!look(near.tiles())) return 0.0;
   if (const double near_m = std::sqrt(least_squared); near_m <= to_others_m) return near_m;
-  take(all());
-  return std::sqrt(least_squared);
+  return look(all()) ? std::sqrt(least_squared) : 0.0;
 }
 
 template <class Limit, class Examine>
-bool TileSurface::visit(const Tiles& tiles, const Vector3& point_m, const Limit& limit,
-                        const Examine& examine) const noexcept {
+bool TileSurface::visit(const Tiles& tiles, const Vector3& point_m, SurfaceHint& hint,
+                        const Limit& limit, const Examine& examine) const noexcept {
   int examined = 0;
-  for (std::size_t i = 0; i < tiles.slots.size(); ++i) {
-    if (!(tiles.bounds[i].squared_distance(point_m) <= limit())) continue;
+  const bool is_complete = look_near(tiles, point_m, hint, limit, [&](std::size_t i) {
     const std::uint32_t slot = tiles.slots[i];
-    if (examine(held_[slot], slot) && ++examined > kMostExamined) return false;
-  }
-  return true;
+    return !examine(held_[slot], slot) || ++examined <= kMostExamined;
+  });
+  if (!is_complete) hint.work = std::max(hint.work, hint.most_work + 1);
+  return is_complete;
 }
 
 SurfaceView TileSurface::view(const Vector3& point_m, SurfaceHint& hint) const noexcept {
+  hint.work += kViewWork;
   return geometry_.is_cloud ? view_of_points(point_m, hint) : view_of_facets(point_m, hint);
 }
 
@@ -316,25 +421,26 @@ SurfaceView TileSurface::view_of_facets(const Vector3& point_m, SurfaceHint& hin
   const auto hinted = static_cast<std::uint32_t>(hint.cell / kMaxTileFacets);
   const std::size_t hinted_facet = hint.cell % kMaxTileFacets;
   const std::span<const std::uint32_t> near_slots = near.tiles().slots;
-  if (hinted < held_.size() && held_[hinted].is_held &&
-      std::find(near_slots.begin(), near_slots.end(), hinted) != near_slots.end() &&
+  if (std::find(near_slots.begin(), near_slots.end(), hinted) != near_slots.end() &&
       hinted_facet < held_[hinted].facet_count) {
     search.offer(held_[hinted], hinted, hinted_facet);
   }
   const auto limit = [&] { return search.limit(); };
   const auto offer = [&](const HeldTile& tile, std::uint32_t slot) {
-    return search.offer_all(tile, slot);
+    const bool is_worth_it = search.offer_all(tile, slot);
+    hint.work += std::exchange(search.work, 0);
+    return is_worth_it;
   };
-  bool is_complete = visit(near.tiles(), point_m, limit, offer);
-  if (!has_all(near, point_m, search.best_m)) {
+  bool is_complete = visit(near.tiles(), point_m, hint, limit, offer);
+  if (is_complete && !has_all(near, point_m, search.best_m)) {
     // a tile that is not near may be nearer: once more, over all, within the distance found
     Search all_of_them(point_m);
     const bool is_found = search.best_m < std::numeric_limits<double>::max();
     all_of_them.best_m =
-        (1.0 + kSameDistance) * (is_found ? search.best_m : nearest_at_most_m(point_m));
+        (1.0 + kSameDistance) * (is_found ? search.best_m : nearest_at_most_m(point_m, hint));
     all_of_them.best.squared_distance = all_of_them.best_m * all_of_them.best_m;
     search = all_of_them;
-    is_complete = visit(all(), point_m, limit, offer);
+    is_complete = visit(all(), point_m, hint, limit, offer);
   }
 
   if (!is_complete || !(search.best_m <= unknown_m(point_m))) ++hint.uncovered_views;
@@ -352,13 +458,15 @@ SurfaceView TileSurface::view_of_points(const Vector3& point_m, SurfaceHint& hin
   const Near& near = near_to(point_m);
   const auto limit = [&] { return search.limit(); };
   const auto offer = [&](const HeldTile& tile, std::uint32_t slot) {
-    return search.offer_all(tile, slot);
+    const bool is_worth_it = search.offer_all(tile, slot);
+    hint.work += std::exchange(search.work, 0);
+    return is_worth_it;
   };
-  bool is_complete = visit(near.tiles(), point_m, limit, offer);
-  if (!has_all(near, point_m, std::sqrt(search.best_squared))) {
-    const double most_m = (1.0 + kSameDistance) * nearest_at_most_m(point_m);
+  bool is_complete = visit(near.tiles(), point_m, hint, limit, offer);
+  if (is_complete && !has_all(near, point_m, std::sqrt(search.best_squared))) {
+    const double most_m = (1.0 + kSameDistance) * nearest_at_most_m(point_m, hint);
     search.best_squared = std::min(search.best_squared, most_m * most_m);
-    is_complete = visit(all(), point_m, limit, offer);
+    is_complete = visit(all(), point_m, hint, limit, offer);
   }
   if (!is_complete || search.best == nullptr) {
     ++hint.uncovered_views;
@@ -371,16 +479,19 @@ SurfaceView TileSurface::view_of_points(const Vector3& point_m, SurfaceHint& hin
       [&](const Vector3& place_m, CloudBlender& blender) {
         farthest_m = std::max(farthest_m, (place_m - point_m).norm());
         const auto add = [&](const HeldTile& tile, std::uint32_t /*slot*/) {
+          hint.work += tile.point_count;
           for (const HeldTile::Point& one : std::span(tile.points).first(tile.point_count)) {
+            if (!((place_m - one.place_m).squaredNorm() < one.reach_m * one.reach_m)) continue;
+            hint.work += kBlendWork;
             blender.add(one.place_m, one.reach_m, one.quadric, one.stiffness_ratio);
           }
           return true;
         };
+        if (!is_complete) return;
         const Near& there = near_to(place_m);
         const Tiles tiles = has_all(there, place_m, 0.0) ? there.tiles() : all();
         is_complete = visit(
-                          tiles, place_m, [] { return 0.0; }, add) &&
-                      is_complete;
+            tiles, place_m, hint, [] { return 0.0; }, add);
       });
   if (!is_complete || !(farthest_m <= unknown_m(point_m))) ++hint.uncovered_views;
   return view;

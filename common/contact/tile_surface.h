@@ -24,9 +24,6 @@ namespace palpate {
 
 /// A SurfaceTile as it is evaluated. Only the entries in use have values: a store has a thousand.
 struct HeldTile {
-  std::uint32_t version;
-  std::uint32_t described_slot;
-  bool is_held;
   std::uint32_t facet_count;
   std::array<Vector3, kMaxTileVertices> vertices_m;
   std::array<std::uint64_t, kMaxTileVertices> keys;  ///< equal for vertices that coincide
@@ -45,8 +42,7 @@ struct HeldTile {
   Bounds bounds;  ///< of the facets, or of what the points reach
   Bounds core;    ///< of the facets, or of the points
 
-  HeldTile() noexcept
-      : version(0), described_slot(0), is_held(false), facet_count(0), point_count(0) {}
+  HeldTile() noexcept : facet_count(0), point_count(0) {}
   /// Takes a tile that the codec has checked. No allocation, no throw.
   void take(const SurfaceTile& tile) noexcept;
 };
@@ -54,10 +50,7 @@ struct HeldTile {
 class TileSurface final : public Surface {
  public:
   /// @param held  the slots of the store, which must outlive the surface
-  explicit TileSurface(std::span<const HeldTile> held) : held_(held) {
-    slots_.reserve(held.size());
-    bounds_.reserve(held.size());
-  }
+  explicit TileSurface(std::span<const HeldTile> held);
 
   /// Nothing is known of the surface. The other functions do not allocate.
   void reset(const TiledGeometry& geometry) noexcept;
@@ -72,14 +65,19 @@ class TileSurface final : public Surface {
   /// At most kMaxPendingTiles of them.
   void except(const Vector3& center_m, double radius_m) noexcept;
   [[nodiscard]] double unknown_m(const Vector3& point_m) const noexcept override;
-  [[nodiscard]] double known_at_least_m(const Vector3& point_m) const noexcept override;
-  /// Collects the tiles near the point; views near it are then fast. Once per tick.
+  [[nodiscard]] double known_at_least_m(const Vector3& point_m,
+                                        SurfaceHint& hint) const noexcept override;
+  /// Collects the tiles near the point; views near it are then fast. Once per tick. Returns its
+  /// work.
   /// @param place  < kPlaces, at which the tool touches: of each the last point counts
-  void gather(const Vector3& point_m, std::size_t place = 0) noexcept;
+  std::uint32_t gather(const Vector3& point_m, std::size_t place = 0) noexcept;
   static constexpr std::size_t kPlaces = 2;
+  /// The slots that hold a tile of this surface, in no particular order.
+  [[nodiscard]] std::span<const std::uint32_t> slots() const noexcept { return slots_; }
 
   /// Counts hint.uncovered_views, among them those that would have to examine more than
-  /// kMostExamined tiles. Without tiles the distance is infinite. The trust radius is the
+  /// kMostExamined tiles, or would need more than hint.most_work, which is then exhausted. A unit
+  /// of work takes about 3 ns. Without tiles the distance is infinite. The trust radius is the
   /// least.
   [[nodiscard]] SurfaceView view(const Vector3& point_m, SurfaceHint& hint) const noexcept override;
   using Surface::view;
@@ -96,13 +94,17 @@ class TileSurface final : public Surface {
                                            SurfaceHint& hint) const noexcept;
   [[nodiscard]] SurfaceView view_of_points(const Vector3& point_m,
                                            SurfaceHint& hint) const noexcept;
-  /// Some of the slots, each with the bounds of its tile: memory that a search reads in order.
+  /// Some of the slots, each with the bounds of its tile, and perhaps with those of each kBlock of
+  /// them: memory that a search reads in order.
   struct Tiles {
     std::span<const std::uint32_t> slots;
     std::span<const Bounds> bounds;
+    std::span<const Bounds> blocks;
   };
+  static constexpr std::size_t kBlock = 16;
   static constexpr int kMostExamined = 128;
   static constexpr std::size_t kMaxNear = 48;
+  static constexpr std::uint32_t kNowhere = ~std::uint32_t{0};
   /// All tiles within a distance of a point, nearest first.
   struct Near {
     Vector3 center_m = Vector3::Zero();
@@ -113,29 +115,37 @@ class TileSurface final : public Surface {
     std::array<double, kMaxNear> distances_m{};
 
     [[nodiscard]] Tiles tiles() const noexcept {
-      return {std::span(slots).first(count), std::span(bounds).first(count)};
+      return {std::span(slots).first(count), std::span(bounds).first(count), {}};
     }
     void offer(std::uint32_t slot, const Bounds& tile) noexcept;
     void remove(std::uint32_t slot) noexcept;
   };
 
-  [[nodiscard]] Tiles all() const noexcept { return {slots_, bounds_}; }
+  [[nodiscard]] Tiles all() const noexcept { return {slots_, bounds_, blocks_}; }
+  void bound_block_of(std::size_t position) noexcept;
   /// The nearest facet or point is no farther than this; the largest double without tiles.
-  [[nodiscard]] double nearest_at_most_m(const Vector3& point_m) const noexcept;
+  [[nodiscard]] double nearest_at_most_m(const Vector3& point_m, SurfaceHint& hint) const noexcept;
   /// The collected tiles whose middle is nearest.
   [[nodiscard]] const Near& near_to(const Vector3& point_m) const noexcept;
   /// All held tiles within this distance of the point are among the collected ones.
   [[nodiscard]] static bool has_all(const Near& near, const Vector3& point_m,
                                     double distance_m) noexcept;
+  /// Calls look(position), which returns whether to go on, for each whose bounds are within limit()
+  /// (squared) of the point. False if some look ended it, or the work.
+  template <class Limit, class Look>
+  static bool look_near(const Tiles& tiles, const Vector3& point_m, SurfaceHint& hint,
+                        const Limit& limit, const Look& look) noexcept;
   /// Calls examine(tile, slot), which returns whether the tile was worth it, for each whose bounds
   /// are within limit() (squared) of the point. False if there are too many of these.
   template <class Limit, class Examine>
-  bool visit(const Tiles& tiles, const Vector3& point_m, const Limit& limit,
+  bool visit(const Tiles& tiles, const Vector3& point_m, SurfaceHint& hint, const Limit& limit,
              const Examine& examine) const noexcept;
 
   std::span<const HeldTile> held_;
   std::vector<std::uint32_t> slots_;
-  std::vector<Bounds> bounds_;  // of the same tiles
+  std::vector<Bounds> bounds_;            // of the same tiles
+  std::vector<Bounds> blocks_;            // of each kBlock of them
+  std::vector<std::uint32_t> positions_;  // of a slot in slots_, or kNowhere
   TiledGeometry geometry_;
   CapsuleGeometry covered_{.radius_m = 0.0};
   std::array<Gap, kMaxPendingTiles> gaps_;

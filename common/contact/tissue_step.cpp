@@ -15,12 +15,14 @@ namespace {
 constexpr double kSlack_m = 1e-5;
 
 /// The known touch, or a new one.
-Touch known_or(const Touch* known, const Touch& fresh) noexcept {
+Touch known_or(const Touch* known, const Touch& fresh, std::uint32_t most_work) noexcept {
   Touch touch = known != nullptr ? *known : fresh;
   touch.proxy.hint.octree_cells_visited = 0;
   touch.proxy.hint.last_cell_hits = 0;
   touch.proxy.hint.views = 0;
   touch.proxy.hint.uncovered_views = 0;
+  touch.proxy.hint.work = 0;
+  touch.proxy.hint.most_work = most_work;
   return touch;
 }
 
@@ -28,7 +30,8 @@ Touch known_or(const Touch* known, const Touch& fresh) noexcept {
 
 TissueStep::TissueStep(const Surface& surface, const TissueMotionConfig& motion,
                        const ToolShape& tool, const ToolPose& now,
-                       const std::optional<ToolPose>& last, std::uint32_t most_views) noexcept
+                       const std::optional<ToolPose>& last, std::uint32_t most_views,
+                       std::uint32_t most_work) noexcept
     : surface_(surface),
       tool_(tool),
       shaft_(now.shaft),
@@ -38,11 +41,12 @@ TissueStep::TissueStep(const Surface& surface, const TissueMotionConfig& motion,
                        : tip_m_),
       dt_s_(last ? std::max(0.0, now.time_s - last->time_s) : 0.0),
       is_start_(!last),
-      most_views_(most_views) {}
+      most_views_(most_views),
+      most_work_(most_work) {}
 
 Touch TissueStep::follow_tip(std::uint32_t tissue, const Touch* known) const noexcept {
   const double radius_m = tool_.tip_radius_m;
-  Touch tip = known_or(known, {.tissue = tissue, .radius_m = radius_m});
+  Touch tip = known_or(known, {.tissue = tissue, .radius_m = radius_m}, most_work_);
   if (!tip.is_punctured) {
     if (is_start_) {
       tip.proxy = begun_at(surface_, radius_m, tip_m_, tip.proxy.hint);
@@ -72,7 +76,7 @@ Touch TissueStep::follow_tip(std::uint32_t tissue, const Touch* known) const noe
 
 Touch TissueStep::free_tip(std::uint32_t tissue, const Touch* known,
                            double radius_m) const noexcept {
-  Touch tip = known_or(known, {.tissue = tissue, .radius_m = tool_.tip_radius_m});
+  Touch tip = known_or(known, {.tissue = tissue, .radius_m = tool_.tip_radius_m}, most_work_);
   tip.proxy.point_m = tip.proxy.place_m = tip_m_;
   tip.proxy.surface = {.distance_m = radius_m};
   return tip;
@@ -80,7 +84,8 @@ Touch TissueStep::free_tip(std::uint32_t tissue, const Touch* known,
 
 bool TissueStep::follow_shaft(std::uint32_t tissue, const Touch* known, double reach_m,
                               ShaftSearch& search, Touch& shaft, Vector3& moved_m) const noexcept {
-  shaft = known_or(known, {.tissue = tissue, .is_shaft = true, .radius_m = tool_.shaft_radius_m});
+  shaft = known_or(known, {.tissue = tissue, .is_shaft = true, .radius_m = tool_.shaft_radius_m},
+                   most_work_);
   Proxy& proxy = shaft.proxy;
   const Vector3 held_m = proxy.place_m - proxy.point_m;
   const Vector3 tip_moved_m = this->moved_m();

@@ -34,9 +34,13 @@ class TissueStep {
   /// @param surface  in the tissue's rest frame
   /// @param last     none: the tool starts here
   /// @param most_views  of each proxy (@see move)
+  /// @param most_work   of the views of each touch (@see SurfaceHint)
   TissueStep(const Surface& surface, const TissueMotionConfig& motion, const ToolShape& tool,
              const ToolPose& now, const std::optional<ToolPose>& last,
-             std::uint32_t most_views = kMostProxyViews) noexcept;
+             std::uint32_t most_views = kMostProxyViews, std::uint32_t most_work = 0) noexcept;
+
+  /// Of the touches that follow.
+  void limit_work(std::uint32_t most_work) noexcept { most_work_ = most_work; }
 
   /// The tip after the step, before settle(). Punctured tissue heals once the tool has left it.
   /// @param known  the touch at the last pose; nullptr: none
@@ -68,6 +72,7 @@ class TissueStep {
   double dt_s_;
   bool is_start_;
   std::uint32_t most_views_;
+  std::uint32_t most_work_;
 };
 
 /// The contact of a settled touch with its total force.

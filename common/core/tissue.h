@@ -104,11 +104,14 @@ struct ToolShape {
 // --- what is sent of it ------------------------------------------------------------------------
 
 inline constexpr std::size_t kMaxDescribed = 8;
-inline constexpr std::size_t kTileSlots = 1024;
+inline constexpr std::size_t kTileSlots = 4096;
 inline constexpr std::size_t kMaxTileFacets = 32;
 inline constexpr std::size_t kMaxTileVertices = 32;
 inline constexpr std::size_t kMaxTilePoints = 12;
-inline constexpr std::size_t kMaxTilesPerMessage = 4;
+inline constexpr std::size_t kMaxTilesPerMessage = 16;
+/// The same of receivers that do not report theirs.
+inline constexpr std::size_t kLeastTileSlots = 1024;
+inline constexpr std::size_t kLeastTilesPerMessage = 4;
 inline constexpr std::size_t kMaxPendingTiles = 32;
 inline constexpr std::size_t kMaxDescribedInclusions = 8;
 
@@ -206,6 +209,8 @@ struct SurfaceReceipts {
   std::uint64_t newest = 0;    ///< highest number received; 0: none
   std::uint64_t received = 0;  ///< bit i: number `newest` − i was received
   Duration loop_age{};         ///< from a DeviceState to the first use of its answer
+  std::uint32_t tile_slots = kLeastTileSlots;
+  std::uint32_t tiles_per_message = kLeastTilesPerMessage;  ///< at most
 };
 
 }  // namespace palpate

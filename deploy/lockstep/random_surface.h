@@ -112,7 +112,7 @@ inline void randomise(SurfaceTile& tile, Random& random) {
 inline void randomise(SurfaceNews& news, Random& random) {
   news = {.store_id = random.bits() | 1, .number = random.bits() | 1, .has_description = true};
   randomise(news.description, random);
-  news.tile_count = 1 + static_cast<std::uint32_t>(random.below(kMaxTilesPerMessage));
+  news.tile_count = 1 + static_cast<std::uint32_t>(random.below(kLeastTilesPerMessage));
   for (std::uint32_t i = 0; i < news.tile_count; ++i) randomise(news.tiles[i], random);
   news.coverage_count = 1 + static_cast<std::uint32_t>(random.below(kMaxDescribed));
   for (std::uint32_t i = 0; i < news.coverage_count; ++i) {

@@ -14,7 +14,7 @@ namespace palpate::mofc {
 /// What is heard of one physics at one answer.
 struct HeardPhysics {
   bool has_answered = false;  ///< the present device session
-  bool is_lost = false;       ///< its connection has ended
+  bool is_lost = false;       ///< its connection has ended, or it costs too much
   Duration silence{};         ///< since it last answered a newer motion; 0 before the first
   std::uint64_t term = 0;     ///< the highest it has reported
 };

@@ -21,6 +21,11 @@ void TissuePair::reset() noexcept {
   }
 }
 
+void TissuePair::drop(PhysicsRole role, PhysicsRole in_use) noexcept {
+  const double share = role == PhysicsRole::kStandby ? standby_share_ : 1.0 - standby_share_;
+  if (role == in_use || share == 0.0) models_[index_of(role)]->drop();
+}
+
 ModelForce TissuePair::step(const std::array<const Interaction*, kPhysicsRoles>& newest,
                             PhysicsRole in_use, const DeviceState& state,
                             const Vector3& tool_position_world_m,

@@ -32,6 +32,13 @@ class TissuePair {
   }
   /// The force starts again from zero, and no tissue remembers the tool.
   void reset() noexcept;
+  /// That physics is gone, and its force has faded or passed to the other: what it has described is
+  /// dropped. Not while it has a share in the force of the other.
+  void drop(PhysicsRole role, PhysicsRole in_use) noexcept;
+  /// Its descriptions need more than a tick can spend on them.
+  [[nodiscard]] bool costs_too_much(PhysicsRole role) const noexcept {
+    return models_[index_of(role)]->costs_too_much();
+  }
 
   /// @param newest  of each physics; null: it has not answered this device session
   /// @param dt_s    ≥ 0, since the step before

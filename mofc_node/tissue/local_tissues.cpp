@@ -18,36 +18,70 @@ constexpr std::uint32_t kLeastViewsPerProxy = 8;
 void LocalTissues::reset() noexcept {
   for (Memory& memory : memories_) memory = {};
   for (Result& result : results_) result = {};
+  work_ = 0;
+  is_exhausted_ = false;
 }
 
 void LocalTissues::step(std::array<DescribedTissue, kMaxDescribed>& tissues,
                         const Interaction& newest, const ToolPose& now,
                         const Vector3& tool_velocity_world_m_per_s,
                         const std::array<double, kMaxDescribed>& shares) noexcept {
-  std::uint32_t views_left = kViewsPerStep;
-  for (std::size_t i = 0; i < kMaxDescribed; ++i) {
-    DescribedTissue& tissue = tissues[i];
-    Memory& memory = memories_[i];
-    results_[i] = {};
-    if (!tissue.is_known()) {
-      if (memory.is_used) memory = {};
-      continue;
+  Budget left{.views = kViewsPerStep, .work = kWorkPerStep};
+  const auto step_if = [&](const auto& is_wanted) {
+    for (std::size_t i = 0; i < kMaxDescribed; ++i) {
+      if (!is_wanted(i)) continue;
+      Memory& memory = memories_[i];
+      results_[i] = {};
+      if (tissues[i].is_known()) {
+        results_[i] = step_one(tissues[i], newest, now, tool_velocity_world_m_per_s,
+                               shares[i] > 0.0, memory, left);
+      } else if (memory.is_used) {
+        memory = {};
+      }
     }
-    memory.is_used = true;
-    if (memory.version != tissue.version()) memory = {.is_used = true, .version = tissue.version()};
-    tissue.prepare(now.tip_m - displacement(tissue.motion(), now.time_s).position_m, false);
-    if (memory.shaft) tissue.prepare(memory.shaft->proxy.point_m, true);
-    if (!memory.is_begun) begin(tissue, newest, now, memory);
-    const bool has_share = shares[i] > 0.0;
-    results_[i] = advance(tissue, now, tool_velocity_world_m_per_s, has_share, memory, views_left);
-    memory.is_begun = results_[i].is_valid || has_share;
+  };
+  std::array<bool, kMaxDescribed> is_pushing{};
+  for (std::size_t i = 0; i < kMaxDescribed; ++i) is_pushing[i] = results_[i].force.is_touching;
+  step_if([&](std::size_t i) { return is_pushing[i]; });
+  step_if([&](std::size_t i) { return !is_pushing[i]; });
+  work_ = left.used;
+  is_exhausted_ = left.is_exhausted;
+}
+
+LocalTissues::Result LocalTissues::step_one(DescribedTissue& tissue, const Interaction& newest,
+                                            const ToolPose& now, const Vector3& velocity,
+                                            bool has_share, Memory& memory, Budget& left) noexcept {
+  memory.is_used = true;
+  if (memory.version != tissue.version()) {
+    memory = {.is_used = true, .version = tissue.version(), .force = memory.force};
   }
+  bool has_work = left.take(
+      tissue.prepare(now.tip_m - displacement(tissue.motion(), now.time_s).position_m, false));
+  if (memory.shaft && has_work) {
+    has_work = left.take(tissue.prepare(memory.shaft->proxy.point_m, true));
+  }
+  const bool is_anew = !memory.is_begun;
+  if (is_anew) begin(tissue, newest, now, memory);
+  std::optional<Result> result;
+  if (has_work) result = advance(tissue, now, velocity, has_share, memory, left);
+  left.is_exhausted = left.is_exhausted || !has_work;
+  // the force of a tissue that has a share does not end in one step
+  const bool is_held = has_share && (!result || (is_anew && !result->is_valid));
+  if (is_held) {
+    result = Result{.is_stepped = true, .tissue = tissue.tissue(), .force = memory.force};
+  } else if (!result) {
+    memory = {.is_used = true, .version = memory.version};
+    result = Result{.is_stepped = true, .tissue = tissue.tissue()};
+  }
+  memory.is_begun = result->is_valid || (has_share && !(is_held && is_anew));
+  memory.force = result->force;
+  return *result;
 }
 
 /// Continues from what the tissue remembered when physics_node looked, or begins anew.
 void LocalTissues::begin(const DescribedTissue& tissue, const Interaction& newest,
                          const ToolPose& now, Memory& memory) noexcept {
-  memory = {.is_used = true, .version = tissue.version()};
+  memory = {.is_used = true, .version = tissue.version(), .force = memory.force};
   const double then_s =
       to_seconds((newest.header.sampled_at + newest.scene_ahead).time_since_epoch());
   const Vector3 moved_m = displacement(tissue.motion(), std::min(then_s, now.time_s)).position_m;
@@ -80,9 +114,10 @@ void LocalTissues::begin(const DescribedTissue& tissue, const Interaction& newes
   }
 }
 
-LocalTissues::Result LocalTissues::advance(DescribedTissue& tissue, const ToolPose& now,
-                                           const Vector3& velocity, bool has_share, Memory& memory,
-                                           std::uint32_t& views_left) noexcept {
+std::optional<LocalTissues::Result> LocalTissues::advance(DescribedTissue& tissue,
+                                                          const ToolPose& now,
+                                                          const Vector3& velocity, bool has_share,
+                                                          Memory& memory, Budget& left) noexcept {
   const KelvinVoigtMaterial& material = tissue.material();
   Result result{.is_stepped = true, .is_valid = true, .tissue = tissue.tissue()};
   const double dt_s = memory.pose ? std::max(0.0, now.time_s - memory.pose->time_s) : 0.0;
@@ -96,10 +131,11 @@ LocalTissues::Result LocalTissues::advance(DescribedTissue& tissue, const ToolPo
     result.force.is_touching = true;
   };
 
-  const TissueStep step(tissue.surface(), tissue.motion(), tissue.tool(), now, memory.pose,
-                        std::clamp(views_left, kLeastViewsPerProxy, kMostViewsPerProxy));
+  TissueStep step(tissue.surface(), tissue.motion(), tissue.tool(), now, memory.pose,
+                  std::clamp(left.views, kLeastViewsPerProxy, kMostViewsPerProxy), left.work);
   const auto count = [&](const Touch& touch) {
-    views_left -= std::min(views_left, touch.proxy.hint.views);
+    left.views -= std::min(left.views, touch.proxy.hint.views);
+    left.take(touch.proxy.hint.work);
   };
   const Touch* const known = memory.tip ? &*memory.tip : nullptr;
   // physics_node lists the tip of a tool whose shaft is near only if the tip is near too
@@ -122,11 +158,16 @@ LocalTissues::Result LocalTissues::advance(DescribedTissue& tissue, const ToolPo
     }
   }
   count(tip);
+  if (tip.proxy.hint.is_exhausted()) return std::nullopt;
   // nobody uses the rest of an invalid step, and the next one begins anew
   if (!result.is_valid && !has_share) {
     memory = {.is_used = true, .version = memory.version};
     return result;
   }
+  // nothing is remembered of a step that ends for want of work
+  const bool may_touch_shaft = !tip.is_punctured && tissue.tool().shaft_length_m > 0.0;
+  std::optional<Memory> before;
+  if (may_touch_shaft) before = memory;
   if (material.relaxing_stiffness_newton_per_m > 0.0) {
     memory.relaxation.press(material.relaxation_time_s,
                             tip.is_punctured ? 0.0 : tip.penetration_m(), dt_s);
@@ -136,12 +177,17 @@ LocalTissues::Result LocalTissues::advance(DescribedTissue& tissue, const ToolPo
 
   // in punctured tissue the shaft is in the hole
   bool has_shaft = false;
-  if (!tip.is_punctured && tissue.tool().shaft_length_m > 0.0) {
+  if (may_touch_shaft) {
+    step.limit_work(std::max(1U, left.work));
     Touch shaft;
     Vector3 moved_m = Vector3::Zero();
     has_shaft = step.follow_shaft(tissue.tissue(), memory.shaft ? &*memory.shaft : nullptr, 0.0,
                                   memory.shaft_search, shaft, moved_m);
     count(shaft);
+    if (shaft.proxy.hint.is_exhausted()) {
+      memory = *before;
+      return std::nullopt;
+    }
     result.is_valid = result.is_valid && shaft.proxy.hint.uncovered_views == 0;
     if (has_shaft) {
       add(shaft, moved_m, shaft.penetration_m());
@@ -153,7 +199,7 @@ LocalTissues::Result LocalTissues::advance(DescribedTissue& tissue, const ToolPo
   if (!result.force.force_on_tool_newton.allFinite() ||
       !std::isfinite(result.force.stored_energy_joule)) {
     memory = {.is_used = true, .version = memory.version};
-    return {.is_stepped = true, .tissue = tissue.tissue()};
+    return Result{.is_stepped = true, .tissue = tissue.tissue()};
   }
   return result;
 }

@@ -7,6 +7,14 @@
 #include "common/contact/tissue_motion.h"
 
 namespace palpate::mofc {
+namespace {
+
+// A physics costs too much after this many steps in a row that need too much, or if more than a
+// ninth of its steps do.
+constexpr int kCostlySteps = 64;
+constexpr int kCostPerStep = 8;
+
+}  // namespace
 
 TissueModel::TissueModel(bool has_store, double handover_newton_per_s, std::uint64_t session_id)
     : newton_per_s_(handover_newton_per_s),
@@ -17,7 +25,8 @@ TissueModel::TissueModel(bool has_store, double handover_newton_per_s, std::uint
 void TissueModel::receive(const Interaction& interaction, const DeviceState& state) noexcept {
   const bool is_of_this_session = interaction.device_session_id == state.header.session_id;
   const TimePoint now = state.header.sampled_at;
-  if (store_) {
+  if (interaction.header.session_id != costly_session_id_) costly_session_id_ = 0;
+  if (store_ && !costs_too_much()) {
     store_->take(interaction,
                  is_of_this_session ? now - interaction.device_sampled_at : Duration::zero());
     elastic_->take(interaction, store_->receipts().store_id);
@@ -33,6 +42,19 @@ void TissueModel::reset() noexcept {
   shares_ = {};
   elastic_shares_ = {};
   is_still_ = false;
+}
+
+void TissueModel::drop() noexcept {
+  reset();
+  if (store_) store_->drop();
+}
+
+void TissueModel::note_cost(std::uint64_t physics_session_id) noexcept {
+  if (costs_too_much()) return;
+  cost_ = local_.is_exhausted() ? cost_ + kCostPerStep : std::max(0, cost_ - 1);
+  if (cost_ < kCostPerStep * kCostlySteps) return;
+  cost_ = 0;
+  costly_session_id_ = physics_session_id;
 }
 
 ModelForce TissueModel::step(const Interaction& newest, const DeviceState& state,
@@ -57,6 +79,7 @@ ModelForce TissueModel::step(const Interaction& newest, const DeviceState& state
                         .shaft = state.tool_orientation_world * Vector3::UnitZ(),
                         .time_s = clock_.now_s(now).value_or(0.0)};
     local_.step(store_->tissues(), newest, pose, tool_velocity_world_m_per_s, shares_);
+    note_cost(newest.header.session_id);
     elastic_->step(newest, tool_position_world_m, dt_s);
     for (std::size_t i = 0; i < kMaxDescribed; ++i) {
       share_out(local_.results()[i], now, tool_position_world_m, tool_velocity_world_m_per_s, dt_s,
@@ -68,6 +91,7 @@ ModelForce TissueModel::step(const Interaction& newest, const DeviceState& state
                 dt_s, elastic_shares_[i]);
       add(elastic_->results()[i], elastic_shares_[i], true);
     }
+    if (costs_too_much() && share_count == 0) store_->drop();
   }
   const ModelForce rest = handover_.step(newest, tool_position_world_m, tool_velocity_world_m_per_s,
                                          dt_s, now, std::span(shares).first(share_count));
@@ -83,7 +107,7 @@ void TissueModel::share_out(const LocalTissues::Result& local, TimePoint now,
                             const Vector3& position, const Vector3& velocity, double dt_s,
                             double& share) noexcept {
   const double bound_newton = newton_per_s_ * dt_s;
-  const double aim = local.is_valid ? 1.0 : 0.0;
+  const double aim = local.is_valid && !costs_too_much() ? 1.0 : 0.0;
   if (!local.is_stepped) share = 0.0;
   if (share == aim) return;
   const ModelForce model = handover_.of_tissue(local.tissue, position, velocity, now);

@@ -21,7 +21,11 @@ namespace palpate::mofc {
 /// elastic bodies solved (ElasticPatches). Elsewhere, and beyond the part that is known, the
 /// contact models of the newest Interaction count (ModelHandover). Where the two differ for a
 /// tissue by Δ, the share of the one that is to count grows by bound / |Δ| per step, as between two
-/// contact models. No allocation, no throw.
+/// contact models.
+///
+/// A physics whose descriptions need more than LocalTissues::kWorkPerStep in a row of about 64
+/// steps costs too much: the contact models take over, then its store is dropped, and none is
+/// offered to it until it is restarted. No allocation, no throw.
 class TissueModel {
  public:
   /// @param has_store   false: contact models only
@@ -33,12 +37,13 @@ class TissueModel {
   void receive(const Interaction& interaction, const DeviceState& state) noexcept;
   /// What to acknowledge on hop 2.
   [[nodiscard]] SurfaceReceipts receipts() const noexcept {
-    return store_ ? store_->receipts() : SurfaceReceipts{};
+    return store_ && !costs_too_much() ? store_->receipts() : SurfaceReceipts{};
   }
   [[nodiscard]] std::optional<ElasticReceipts> elastic_receipts() const noexcept {
-    if (!elastic_) return std::nullopt;
+    if (!elastic_ || costs_too_much()) return std::nullopt;
     return elastic_->receipts();
   }
+  [[nodiscard]] bool costs_too_much() const noexcept { return costly_session_id_ != 0; }
 
   /// Time of moving tissue in this physics, as far as its answers tell; none before the first.
   [[nodiscard]] std::optional<TimePoint> scene_time(TimePoint now) const noexcept {
@@ -47,6 +52,8 @@ class TissueModel {
 
   /// The force starts again from zero, and no tissue remembers the tool.
   void reset() noexcept;
+  /// The physics is gone: the same, and nothing that it has described is known any more.
+  void drop() noexcept;
 
   /// Whether the force of the last step came from described tissue alone that does not move by
   /// itself: it needs no news.
@@ -60,6 +67,7 @@ class TissueModel {
                                 const Vector3& tool_velocity_world_m_per_s, double dt_s) noexcept;
 
  private:
+  void note_cost(std::uint64_t physics_session_id) noexcept;
   void share_out(const LocalTissues::Result& local, TimePoint now, const Vector3& position,
                  const Vector3& velocity, double dt_s, double& share) noexcept;
 
@@ -72,6 +80,8 @@ class TissueModel {
   std::array<double, kMaxDescribed> shares_{};               // of local_'s results
   std::array<double, kMaxElasticPatches> elastic_shares_{};  // of elastic_'s
   bool is_still_ = false;
+  int cost_ = 0;                         // grows with every step that needs too much
+  std::uint64_t costly_session_id_ = 0;  // of the physics; 0: none
 };
 
 }  // namespace palpate::mofc

@@ -49,11 +49,18 @@ void DescribedTissue::take(const TissueDescription& description) noexcept {
 
 TissueStore::TissueStore(std::uint64_t session_id)
     : held_(kTileSlots),
+      tags_(kTileSlots),
       tissues_(tissues_of(held_, std::make_index_sequence<kMaxDescribed>{})),
-      receipts_{.store_id = session_id} {}
+      receipts_{.store_id = session_id,
+                .tile_slots = kTileSlots,
+                .tiles_per_message = kMaxTilesPerMessage} {}
+
+void TissueStore::drop() noexcept {
+  if (receipts_.newest > 0) empty();
+}
 
 void TissueStore::empty() noexcept {
-  for (HeldTile& tile : held_) tile.is_held = false;
+  for (Tag& tag : tags_) tag.is_held = false;
   for (DescribedTissue& tissue : tissues_) {
     tissue.is_known_ = false;
     tissue.tiled_.reset({});
@@ -82,23 +89,22 @@ void TissueStore::take(const Interaction& interaction, Duration loop_age) noexce
 void TissueStore::take(const TissueDescription& description) noexcept {
   DescribedTissue& tissue = tissues_[description.slot];
   if (tissue.is_known_ && tissue.version_ == description.version) return;  // a repetition
-  for (HeldTile& tile : held_) {
-    tile.is_held = tile.is_held && tile.described_slot != description.slot;
-  }
+  for (const std::uint32_t slot : tissue.tiled_.slots()) tags_[slot].is_held = false;
   tissue.take(description);
 }
 
 void TissueStore::take(const SurfaceTile& tile) noexcept {
-  HeldTile& held = held_[tile.slot];
-  if (held.is_held && held.version == tile.version && held.described_slot == tile.described_slot) {
+  Tag& tag = tags_[tile.slot];
+  if (tag.is_held && tag.version == tile.version && tag.described_slot == tile.described_slot) {
     return;  // a repetition
   }
-  if (held.is_held) {
-    TileSurface& before = tissues_[held.described_slot].tiled_;
+  if (tag.is_held) {
+    TileSurface& before = tissues_[tag.described_slot].tiled_;
     before.remove(tile.slot);
     before.cover({.radius_m = 0.0});
   }
-  held.take(tile);
+  tag = {.version = tile.version, .described_slot = tile.described_slot, .is_held = true};
+  held_[tile.slot].take(tile);
   tissues_[tile.described_slot].tiled_.add(tile.slot);
 }
 
@@ -111,9 +117,9 @@ void TissueStore::cover(const SurfaceNews& news) noexcept {
     for (std::uint32_t k = 0; k < news.pending_count; ++k) {
       const PendingTile& pending = news.pending[k];
       if (pending.described_slot != coverage.described_slot) continue;
-      const HeldTile& held = held_[pending.slot];
-      const bool has_arrived = held.is_held && held.version == pending.version &&
-                               held.described_slot == pending.described_slot;
+      const Tag& tag = tags_[pending.slot];
+      const bool has_arrived = tag.is_held && tag.version == pending.version &&
+                               tag.described_slot == pending.described_slot;
       if (has_arrived) continue;
       const auto& [x, y, z] = pending.center_m;
       tissue.tiled_.except(Vector3(x, y, z), pending.radius_m);

@@ -32,9 +32,10 @@ class DescribedTissue {
   [[nodiscard]] const ToolShape& tool() const noexcept { return tool_; }
   [[nodiscard]] std::uint32_t version() const noexcept { return version_; }
 
-  /// The tip, or the shaft, is about to touch near this point of the tissue's rest frame.
-  void prepare(const Vector3& point_m, bool is_shaft) noexcept {
-    if (is_tiled_) tiled_.gather(point_m, is_shaft ? 1 : 0);
+  /// The tip, or the shaft, is about to touch near this point of the tissue's rest frame. Returns
+  /// the work of looking there (@see SurfaceHint).
+  std::uint32_t prepare(const Vector3& point_m, bool is_shaft) noexcept {
+    return is_tiled_ ? tiled_.gather(point_m, is_shaft ? 1 : 0) : 0;
   }
 
  private:
@@ -52,7 +53,7 @@ class DescribedTissue {
   ToolShape tool_;
 };
 
-/// About 6 MB, allocated by the constructor. The other functions neither allocate nor throw.
+/// About 20 MB, allocated by the constructor. The other functions neither allocate nor throw.
 class TissueStore {
  public:
   /// @param session_id  mofc's; the first id of the store
@@ -65,16 +66,26 @@ class TissueStore {
   /// @param loop_age  from the DeviceState that it answers to now
   void take(const Interaction& interaction, Duration loop_age) noexcept;
 
+  /// Nothing is known any more, and physics_node is to begin anew.
+  void drop() noexcept;
+
   [[nodiscard]] const SurfaceReceipts& receipts() const noexcept { return receipts_; }
   [[nodiscard]] std::array<DescribedTissue, kMaxDescribed>& tissues() noexcept { return tissues_; }
 
  private:
+  /// What a slot holds; apart from the tiles, which are far apart in memory.
+  struct Tag {
+    std::uint32_t version = 0;
+    std::uint32_t described_slot = 0;
+    bool is_held = false;
+  };
   void empty() noexcept;
   void take(const TissueDescription& description) noexcept;
   void take(const SurfaceTile& tile) noexcept;
   void cover(const SurfaceNews& news) noexcept;
 
   std::vector<HeldTile> held_;
+  std::vector<Tag> tags_;
   std::array<DescribedTissue, kMaxDescribed> tissues_;
   SurfaceReceipts receipts_;
   std::uint64_t physics_session_id_ = 0;  // 0: none yet

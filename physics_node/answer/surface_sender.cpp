@@ -2,6 +2,7 @@
 #include "physics_node/answer/surface_sender.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 #include "common/contact/analytic_surfaces.h"
@@ -17,7 +18,24 @@ constexpr double kLeastReach_m = 10e-3;
 constexpr double kMostReach_m = 40e-3;
 constexpr double kFloatMargin_m = 1e-4;  // more than a float of a kilometre rounds
 constexpr double kBackPerSending_m = 6e-3;
-constexpr double kRestTilesPerS = 64.0;
+constexpr double kTileBytesPerS = 600e3;
+constexpr double kRestBytesPerS = 200e3;
+// Upper bounds of what the parts of a message take; descriptions and tiles together at most
+// kMostBytes.
+constexpr double kMostBytes = 5000.0;
+constexpr double kFrameBytes = 7900.0;
+constexpr double kHeadBytes = 250.0 + 35.0 * kMaxPendingTiles;
+constexpr double kContactBytes = 500.0;
+constexpr double kCoverageBytes = 85.0;
+constexpr double kDescriptionBytes = 420.0;
+constexpr double kInclusionBytes = 75.0;
+constexpr double kTileBytes = 75.0;
+constexpr double kVertexBytes = 6.0;
+constexpr double kFacetBytes = 3.0;
+constexpr double kPointBytes = 32.0;
+// Of the last 64 messages lost at which repeating early is worth it.
+constexpr double kLossy = 0.05;
+constexpr Duration kReceiptMargin = std::chrono::milliseconds(5);
 constexpr double kWhole_m = 1000.0;  // radius of the coverage of a surface that is known as a whole
 constexpr Duration kSpeedBin = std::chrono::milliseconds(50);
 constexpr Duration kLeastRepeat = std::chrono::milliseconds(5);
@@ -31,17 +49,37 @@ double at_least_m(const DescribedTissue& tissue, std::uint32_t tile,
   return std::max(0.0, distance_to_axis_m(region, bounds.center_m()) - tissue.radii_m[tile]);
 }
 
+double bytes_of(const SurfaceTile& tile) noexcept {
+  return kTileBytes + kVertexBytes * tile.vertex_count + kFacetBytes * tile.facet_count +
+         kPointBytes * tile.point_count;
+}
+
 }  // namespace
+
+template <std::size_t kMost>
+void SurfaceSender::First<kMost>::offer(const Missing& one, std::size_t most) noexcept {
+  if (most == 0 || (count == most && one.key_m >= entries[count - 1].key_m)) return;
+  std::size_t place = count == most ? count - 1 : count++;
+  for (; place > 0 && one.key_m < entries[place - 1].key_m; --place) {
+    entries[place] = entries[place - 1];
+  }
+  entries[place] = one;
+}
 
 SurfaceSender::SurfaceSender(std::span<const DescribedTissue> tissues, double rate_hz)
     : tissues_(tissues), period_s_(1.0 / rate_hz) {
   if (tissues_.empty()) return;
   slots_.resize(kTileSlots);
   free_.reserve(kTileSlots);
+  ranked_.reserve(kTileSlots);
+  std::size_t described = 0;
   for (const DescribedTissue& tissue : tissues_) {
     slot_of_tile_.emplace_back(tissue.tiles.size(), kNoSlot);
-    if (tissue.description) shaft_length_m_ = tissue.description->tool.shaft_length_m;
+    if (!tissue.description) continue;
+    shaft_length_m_ = tissue.description->tool.shaft_length_m;
+    ++described;
   }
+  all_fit_ = described <= kMaxDescribed && tissues_.size() <= 4 * kMaxDescribed;
 }
 
 void SurfaceSender::fill(const ToolMotion& motion, TimePoint now,
@@ -49,7 +87,9 @@ void SurfaceSender::fill(const ToolMotion& motion, TimePoint now,
   SurfaceNews& news = interaction.surface;
   news.store_id = tissues_.empty() ? 0 : motion.receipts.store_id;
   if (news.store_id == 0) return;
-  if (news.store_id != store_id_) empty(news.store_id);
+  if (news.store_id != store_id_) empty(motion.receipts);
+  tiles_per_message_ = motion.receipts.tiles_per_message;
+  ranked_.clear();
   acknowledge(motion.receipts);
   note_speed(motion, now);
   loop_age_ = motion.receipts.loop_age;
@@ -84,7 +124,28 @@ void SurfaceSender::fill(const ToolMotion& motion, TimePoint now,
       known->region.radius_m = std::max(known->region.radius_m, region.radius_m);
     }
   }
+  // then the others, before the tool is near
+  for (std::uint32_t tissue = 0; all_fit_ && tissue < tissues_.size(); ++tissue) {
+    if (!tissues_[tissue].description) continue;
+    const std::uint32_t slot = slot_for(tissue, now);
+    const auto end = wanted.begin() + static_cast<std::ptrdiff_t>(wanted_count);
+    const auto is_it = [&](const Wanted& one) { return one.slot == slot; };
+    if (slot == kMaxDescribed || std::any_of(wanted.begin(), end, is_it)) continue;
+    CapsuleGeometry region;
+    region.from_m = motion.tool_position_world_m + ahead_m -
+                    displacement(tissues_[tissue].description->motion, time_s).position_m;
+    region.to_m = region.from_m;
+    region.radius_m = kMostReach_m;
+    wanted[wanted_count++] = {.slot = slot, .region = region};
+  }
   const auto all = std::span(wanted).first(wanted_count);
+  const double dt_s = std::max(0.0, to_seconds(now - filled_at_));
+  filled_at_ = now;
+  tile_bytes_ = std::min(kMostBytes, tile_bytes_ + kTileBytesPerS * dt_s);
+  rest_bytes_ = std::min(kMostBytes, rest_bytes_ + kRestBytesPerS * dt_s);
+  room_bytes_ =
+      std::min(kMostBytes, kFrameBytes - kHeadBytes - kContactBytes * interaction.listed_count -
+                               kCoverageBytes * static_cast<double>(wanted_count));
   // the description that has waited longest
   std::uint32_t next = kMaxDescribed;
   for (const Wanted& one : all) {
@@ -98,10 +159,8 @@ void SurfaceSender::fill(const ToolMotion& motion, TimePoint now,
   if (next != kMaxDescribed) describe(next, now, news);
   for (const Wanted& one : all) {
     if (tissues_[*described_[one.slot].tissue].tiles.empty()) continue;
-    cover(one.slot, one.region, now, news);
+    cover(one.slot, one.region, ahead_m, now, news);
   }
-  rest_ = std::min(1.0, rest_ + kRestTilesPerS * to_seconds(now - rest_at_));
-  rest_at_ = now;
   for (const Wanted& one : all) send_rest(one.slot, one.region, now, news);
 
   if (!news.has_description && news.tile_count == 0) return;
@@ -147,18 +206,21 @@ CapsuleGeometry SurfaceSender::region_of(const Contact& contact, const ToolMotio
 
 // --- what mofc_node has -------------------------------------------------------------------------
 
-void SurfaceSender::empty(std::uint64_t store_id) noexcept {
-  store_id_ = store_id;
+void SurfaceSender::empty(const SurfaceReceipts& receipts) noexcept {
+  store_id_ = receipts.store_id;
   next_number_ = 1;
   described_ = {};
   carries_ = {};
   std::fill(slots_.begin(), slots_.end(), Slot{});
   free_.clear();
-  for (std::size_t i = kTileSlots; i > 0; --i) free_.push_back(static_cast<std::uint16_t>(i - 1));
+  const std::size_t slots = std::min<std::size_t>(receipts.tile_slots, kTileSlots);
+  for (std::size_t i = slots; i > 0; --i) free_.push_back(static_cast<std::uint16_t>(i - 1));
   for (auto& slots : slot_of_tile_) std::fill(slots.begin(), slots.end(), kNoSlot);
 }
 
 void SurfaceSender::acknowledge(const SurfaceReceipts& receipts) noexcept {
+  const auto window = static_cast<double>(std::min(kReceiptBits, receipts.newest));
+  is_lossy_ = std::popcount(receipts.received) < (1.0 - kLossy) * window;
   for (std::uint64_t i = 0; i < kReceiptBits && i < receipts.newest; ++i) {
     if ((receipts.received >> i & 1U) == 0) continue;
     const std::uint64_t number = receipts.newest - i;
@@ -257,11 +319,22 @@ void SurfaceSender::release(std::uint16_t index) noexcept {
 // --- what this message carries ------------------------------------------------------------------
 
 Duration SurfaceSender::repeat_after() const noexcept {
-  return loop_age_ > Duration::zero() ? std::max(kLeastRepeat, loop_age_ / 3) : kFirstRepeat;
+  if (loop_age_ <= Duration::zero()) return kFirstRepeat;
+  if (is_lossy_) return std::max(kLeastRepeat, loop_age_ / 3);
+  return loop_age_ + kReceiptMargin + from_seconds(period_s_);
 }
 
-bool SurfaceSender::has_room(const SurfaceNews& news) const noexcept {
-  return news.tile_count < kMaxTilesPerMessage - (news.has_description ? 1 : 0);
+/// Not sent yet, or long enough ago.
+bool SurfaceSender::is_due(std::uint16_t index, TimePoint now) const noexcept {
+  return index == kNoSlot || (!slots_[index].is_acknowledged && slots_[index].sent_at != now &&
+                              now - slots_[index].sent_at >= repeat_after());
+}
+
+bool SurfaceSender::has_room(std::uint32_t slot, std::uint32_t tile,
+                             const SurfaceNews& news) const noexcept {
+  const std::uint32_t most = tiles_per_message_ - (news.has_description ? 1 : 0);
+  return news.tile_count < most &&
+         bytes_of(tissues_[*described_[slot].tissue].tiles[tile]) <= room_bytes_;
 }
 
 /// Tiles travel with their description until it is acknowledged.
@@ -279,22 +352,17 @@ void SurfaceSender::describe(std::uint32_t slot, TimePoint now, SurfaceNews& new
   news.description.version = described.version;
   described.is_sent = true;
   described.sent_at = now;
+  room_bytes_ -= kDescriptionBytes + kInclusionBytes * news.description.inclusion_count;
 }
 
 /// A slot that is free, or whose tile is farther away than this one.
 std::uint16_t SurfaceSender::take_slot(const CapsuleGeometry& region, double wanted_m,
                                        SurfaceNews& news) noexcept {
   if (free_.empty()) {
-    std::uint16_t farthest = kNoSlot;
-    double farthest_m = wanted_m;
-    for (std::size_t i = 0; i < slots_.size(); ++i) {
-      const DescribedTissue& tissue = tissues_[*described_[slots_[i].described].tissue];
-      const double away_m = at_least_m(tissue, slots_[i].tile, region);
-      if (away_m <= farthest_m) continue;
-      farthest_m = away_m;
-      farthest = static_cast<std::uint16_t>(i);
-    }
-    if (farthest == kNoSlot) return kNoSlot;
+    if (ranked_.empty()) rank(region);
+    if (ranked_.empty() || ranked_.back().away_m <= wanted_m) return kNoSlot;
+    const std::uint16_t farthest = ranked_.back().slot;
+    ranked_.pop_back();
     // what has been said in this message must stay true
     const auto is_said = [&](const auto& one) { return one.slot == farthest; };
     if (std::any_of(news.tiles.begin(), news.tiles.begin() + news.tile_count, is_said) ||
@@ -306,6 +374,21 @@ std::uint16_t SurfaceSender::take_slot(const CapsuleGeometry& region, double wan
   const std::uint16_t slot = free_.back();
   free_.pop_back();
   return slot;
+}
+
+/// The slots in use whose tiles are farthest away: as many as a message can need.
+void SurfaceSender::rank(const CapsuleGeometry& region) noexcept {
+  for (std::size_t i = 0; i < slots_.size(); ++i) {
+    if (slots_[i].described == kMaxDescribed) continue;
+    const DescribedTissue& tissue = tissues_[*described_[slots_[i].described].tissue];
+    ranked_.push_back({at_least_m(tissue, slots_[i].tile, region), static_cast<std::uint16_t>(i)});
+  }
+  const auto is_farther = [](const Ranked& a, const Ranked& b) { return a.away_m > b.away_m; };
+  const std::size_t count = std::min(ranked_.size(), kMaxTilesPerMessage + kMaxPendingTiles);
+  std::partial_sort(ranked_.begin(), ranked_.begin() + static_cast<std::ptrdiff_t>(count),
+                    ranked_.end(), is_farther);
+  ranked_.resize(count);
+  std::reverse(ranked_.begin(), ranked_.end());
 }
 
 /// False if there is no slot for it.
@@ -327,11 +410,13 @@ bool SurfaceSender::carry(std::uint32_t described, std::uint32_t tile,
   to.slot = index;
   to.described_slot = described;
   to.version = slot.version;
+  room_bytes_ -= bytes_of(to);
+  tile_bytes_ -= bytes_of(to);
   return true;
 }
 
-void SurfaceSender::cover(std::uint32_t slot, const CapsuleGeometry& region, TimePoint now,
-                          SurfaceNews& news) noexcept {
+void SurfaceSender::cover(std::uint32_t slot, const CapsuleGeometry& region, const Vector3& ahead_m,
+                          TimePoint now, SurfaceNews& news) noexcept {
   Described& described = described_[slot];
   const DescribedTissue& tissue = tissues_[*described.tissue];
   SurfaceCoverage coverage{
@@ -340,47 +425,47 @@ void SurfaceSender::cover(std::uint32_t slot, const CapsuleGeometry& region, Tim
       .region = {.from_m = region.from_m, .to_m = region.to_m, .radius_m = kWhole_m}};
   double& covered_m = coverage.region.radius_m;
   if (described.tiles_known < tissue.tiles.size()) {
-    // the nearest tiles that are not known
-    std::array<Missing, kMaxMissing> missing;
-    std::size_t count = 0;
+    // of the tiles that are not known: the nearest, and those to be sent first
+    CapsuleGeometry way = region;
+    if (region.from_m == region.to_m) way.from_m -= ahead_m;
+    constexpr std::size_t kNone = 1;  // the first that is not listed as pending
+    First<kMaxPendingTiles + kNone> nearest;
+    First<kMaxTilesPerMessage> first;
     covered_m = region.radius_m;
+    const std::size_t most =
+        may_carry_tiles(slot, news) && tile_bytes_ > 0.0
+            ? tiles_per_message_ - std::min(tiles_per_message_, news.tile_count)
+            : 0;
     tissue.tree.visit_near(bounds_of(region), [&](std::uint32_t tile) {
       const std::uint16_t index = slot_of(described, tile);
       if (index != kNoSlot && slots_[index].is_acknowledged) return;
-      const Missing one{.distance_m = at_least_m(tissue, tile, region), .tile = tile};
-      if (one.distance_m > covered_m) return;
-      if (count == kMaxMissing) covered_m = missing[--count].distance_m;
-      std::size_t place = count++;
-      for (; place > 0 && one.distance_m < missing[place - 1].distance_m; --place) {
-        missing[place] = missing[place - 1];
-      }
-      missing[place] = one;
+      const double distance_m = at_least_m(tissue, tile, region);
+      if (distance_m > region.radius_m) return;
+      nearest.offer({.key_m = distance_m, .distance_m = distance_m, .tile = tile});
+      if (!is_due(index, now)) return;
+      // nearest middle first; each time that a tile has been sent puts it back
+      const double sendings = index == kNoSlot ? 0.0 : slots_[index].sendings;
+      first.offer({.key_m = distance_to_axis_m(way, tissue.bounds[tile].center_m()) +
+                            kBackPerSending_m * sendings,
+                   .distance_m = distance_m,
+                   .tile = tile},
+                  most);
     });
-
-    // nearest middle first; each time that a tile has been sent puts it back
-    const auto nearest = std::span(missing).first(count);
-    const auto key_m = [&](const Missing& one) {
-      const std::uint16_t index = slot_of(described, one.tile);
-      const double middle_m = distance_to_axis_m(region, tissue.bounds[one.tile].center_m());
-      if (index == kNoSlot) return middle_m;
-      const Slot& sent = slots_[index];
-      const bool is_due = now - sent.sent_at >= repeat_after();
-      return is_due ? middle_m + kBackPerSending_m * sent.sendings : kWhole_m;
-    };
-    while (has_room(news) && may_carry_tiles(slot, news)) {
-      const Missing* next = nullptr;
-      for (const Missing& one : nearest) {
-        if (key_m(one) < (next != nullptr ? key_m(*next) : kWhole_m)) next = &one;
-      }
-      if (next == nullptr || !carry(slot, next->tile, region, next->distance_m, now, news)) break;
+    for (std::size_t i = 0; i < first.count && tile_bytes_ > 0.0; ++i) {
+      const Missing& one = first.entries[i];
+      if (!has_room(slot, one.tile, news)) break;
+      if (!carry(slot, one.tile, region, one.distance_m, now, news)) break;
     }
-    for (const Missing& one : nearest) {
+    for (std::size_t i = 0; i < nearest.count; ++i) {
+      const Missing& one = nearest.entries[i];
       const std::uint16_t index = slot_of(described, one.tile);
-      if (news.pending_count == kMaxPendingTiles) {
+      const bool is_sent = index != kNoSlot;
+      const bool is_carried = is_sent && slots_[index].sent_at == now;  // by this very message
+      if (i == kMaxPendingTiles || (!is_carried && news.pending_count == kMaxPendingTiles)) {
         covered_m = std::min(covered_m, one.distance_m);
         break;
       }
-      const bool is_sent = index != kNoSlot;
+      if (is_carried) continue;
       const Vector3 middle_m = tissue.bounds[one.tile].center_m();
       news.pending[news.pending_count++] = {
           .slot = is_sent ? std::uint32_t{index} : 0,
@@ -394,25 +479,23 @@ void SurfaceSender::cover(std::uint32_t slot, const CapsuleGeometry& region, Tim
   news.coverages[news.coverage_count++] = coverage;
 }
 
-/// One tile that the tool will not reach soon, in spare room.
+/// Tiles that the tool will not reach soon, in spare room.
 void SurfaceSender::send_rest(std::uint32_t slot, const CapsuleGeometry& region, TimePoint now,
                               SurfaceNews& news) noexcept {
   Described& described = described_[slot];
   const DescribedTissue& tissue = tissues_[*described.tissue];
-  if (described.tiles_known == tissue.tiles.size()) return;
-  if (rest_ < 1.0 || !has_room(news) || !may_carry_tiles(slot, news)) return;
-  constexpr std::size_t kMostLooks = 32;
-  for (std::size_t i = 0; i < kMostLooks; ++i) {
+  if (described.tiles_known == tissue.tiles.size() || !may_carry_tiles(slot, news)) return;
+  constexpr std::size_t kMostLooks = 256;
+  const std::size_t looks = std::min(kMostLooks, tissue.tiles.size());
+  for (std::size_t i = 0; i < looks && rest_bytes_ > 0.0 && tile_bytes_ > 0.0; ++i) {
     const auto tile = static_cast<std::uint32_t>(described.next_tile);
-    described.next_tile = (described.next_tile + 1) % tissue.tiles.size();
     const std::uint16_t index = slot_of(described, tile);
-    if (index == kNoSlot ? free_.empty()
-                         : slots_[index].is_acknowledged ||
-                               now - slots_[index].sent_at < 2 * loop_age_ + kLeastRepeat) {
-      continue;
+    if (is_due(index, now) && (index != kNoSlot || !free_.empty())) {
+      if (!has_room(slot, tile, news)) return;
+      if (carry(slot, tile, region, kWhole_m, now, news))
+        rest_bytes_ -= bytes_of(tissue.tiles[tile]);
     }
-    if (carry(slot, tile, region, kWhole_m, now, news)) rest_ -= 1.0;
-    return;
+    described.next_tile = (described.next_tile + 1) % tissue.tiles.size();
   }
 }
 

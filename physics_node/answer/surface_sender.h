@@ -15,8 +15,8 @@
 
 namespace palpate::physics {
 
-/// Sends the descriptions of the listed tissues, and of tiled ones the part that the tool can reach
-/// until the next news arrives: within
+/// Sends the descriptions of the listed tissues, or of all if the store has room for them, and of
+/// tiled ones the part that the tool can reach until the next news arrives: within
 ///
 ///   ρ = v̂ (A + 2/f) + d + 3 mm, at least 10 mm, at most 40 mm
 ///
@@ -24,13 +24,16 @@ namespace palpate::physics {
 /// the last half second, A the age of the loop that mofc_node reports (ρ is 40 mm until it does), f
 /// the rate of the physics and d the distance of the tip's centre from the surface. Of a tool with
 /// a shaft within ρ of the whole shaft, with v̂ that of its faster end and d that of the nearest
-/// part; then at least 3 mm more than a search along the shaft needs. Nearest first;
-/// what is not acknowledged is repeated after A/3, behind tiles up to 6 mm farther away for each
-/// time that it was sent; what is known is not sent again. The rest of the surface follows at 64
-/// tiles a second while there are free slots. A full store gives up the tiles farthest away.
+/// part; then at least 3 mm more than a search along the shaft needs. First what is nearest to the
+/// way from the tool to the predicted place. What is known is not sent again. What is not
+/// acknowledged is repeated once a receipt can have come, after A and some ms, or after A/3 if more
+/// than a twentieth of the messages is lost; it is put behind tiles up to 6 mm farther away for
+/// each time that it was sent. The rest of the surface follows in the background while there are
+/// free slots. A full store gives up the tiles farthest away.
 ///
-/// At most 2.2 kB of descriptions and tiles per message, and 1 kB about what is still missing. Only
-/// the constructor allocates; no lock, no throw.
+/// A message carries as many tiles as the receiver accepts and the frame has room for, up to 5 kB
+/// with the description, and 1 kB about what is still missing. Tiles take up to 600 kB/s, those of
+/// the background 200 kB/s. Only the constructor allocates; no lock, no throw.
 class SurfaceSender {
  public:
   /// @param tissues  of the scene, which must outlive this; empty: nothing is sent
@@ -45,9 +48,8 @@ class SurfaceSender {
 
  private:
   static constexpr std::uint16_t kNoSlot = 0xffff;
-  static constexpr std::size_t kCarries = 256;
+  static constexpr std::size_t kCarries = 2048;  // of 1 kHz for two seconds
   static constexpr std::size_t kSpeedBins = 10;
-  static constexpr std::size_t kMaxMissing = 64;
 
   struct Described {
     std::optional<std::uint32_t> tissue;
@@ -78,11 +80,24 @@ class SurfaceSender {
     std::uint32_t tile_count = 0;
   };
   struct Missing {
+    double key_m = 0.0;  // by which it is sorted
     double distance_m = 0.0;
     std::uint32_t tile = 0;
   };
+  /// The first few of what is offered, in ascending order.
+  template <std::size_t kMost>
+  struct First {
+    std::array<Missing, kMost> entries;
+    std::size_t count = 0;
+    void offer(const Missing& one, std::size_t most = kMost) noexcept;
+  };
+  /// A slot, and how far its tile is from the tool.
+  struct Ranked {
+    double away_m = 0.0;
+    std::uint16_t slot = 0;
+  };
 
-  void empty(std::uint64_t store_id) noexcept;
+  void empty(const SurfaceReceipts& receipts) noexcept;
   void acknowledge(const SurfaceReceipts& receipts) noexcept;
   void note_speed(const ToolMotion& motion, TimePoint now) noexcept;
   [[nodiscard]] CapsuleGeometry region_of(const Contact& contact, const ToolMotion& motion,
@@ -92,38 +107,48 @@ class SurfaceSender {
   [[nodiscard]] std::uint32_t slot_for(std::uint32_t tissue, TimePoint now) noexcept;
   void begin(std::uint32_t slot, std::uint32_t tissue, TimePoint now) noexcept;
   void describe(std::uint32_t slot, TimePoint now, SurfaceNews& news) noexcept;
-  void cover(std::uint32_t slot, const CapsuleGeometry& region, TimePoint now,
-             SurfaceNews& news) noexcept;
+  void cover(std::uint32_t slot, const CapsuleGeometry& region, const Vector3& ahead_m,
+             TimePoint now, SurfaceNews& news) noexcept;
   void send_rest(std::uint32_t slot, const CapsuleGeometry& region, TimePoint now,
                  SurfaceNews& news) noexcept;
-  [[nodiscard]] bool has_room(const SurfaceNews& news) const noexcept;
+  [[nodiscard]] bool has_room(std::uint32_t slot, std::uint32_t tile,
+                              const SurfaceNews& news) const noexcept;
+  [[nodiscard]] bool is_due(std::uint16_t index, TimePoint now) const noexcept;
   [[nodiscard]] bool may_carry_tiles(std::uint32_t slot, const SurfaceNews& news) const noexcept;
   [[nodiscard]] std::uint16_t& slot_of(const Described& described, std::uint32_t tile) noexcept;
   bool carry(std::uint32_t described, std::uint32_t tile, const CapsuleGeometry& region,
              double distance_m, TimePoint now, SurfaceNews& news) noexcept;
   [[nodiscard]] std::uint16_t take_slot(const CapsuleGeometry& region, double distance_m,
                                         SurfaceNews& news) noexcept;
+  void rank(const CapsuleGeometry& region) noexcept;
   void release(std::uint16_t slot) noexcept;
   [[nodiscard]] Duration repeat_after() const noexcept;
 
   std::span<const DescribedTissue> tissues_;
   double period_s_;
   double shaft_length_m_ = 0.0;
+  bool all_fit_ = true;  // as many tissues are described as the store has room for
   std::uint64_t store_id_ = 0;
+  std::uint32_t tiles_per_message_ = kLeastTilesPerMessage;
+  bool is_lossy_ = false;
   std::uint64_t next_number_ = 1;
   std::uint32_t next_version_ = 1;
   Duration loop_age_{};
   std::array<Described, kMaxDescribed> described_{};
   std::vector<Slot> slots_;
   std::vector<std::uint16_t> free_;
+  std::vector<Ranked> ranked_;  // of this message, the farthest last; empty: not ranked yet
   std::vector<std::vector<std::uint16_t>> slot_of_tile_;  // by tissue
   std::array<Carry, kCarries> carries_{};
   std::array<double, kSpeedBins> speeds_{};  // highest of each 50 ms
   std::int64_t speed_bin_ = 0;
   Vector3 shaft_m_ = Vector3::Zero();  // from the tip to the handle, at the last DeviceState
   TimePoint shaft_at_{};
-  double rest_ = 0.0;  // tiles of the rest that may be sent
-  TimePoint rest_at_{};
+  // bytes that may be sent: in this message, of tiles, of the rest
+  double room_bytes_ = 0.0;
+  double tile_bytes_ = 0.0;
+  double rest_bytes_ = 0.0;
+  TimePoint filled_at_{};
 };
 
 }  // namespace palpate::physics

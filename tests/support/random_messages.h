@@ -106,10 +106,13 @@ inline void randomise(ToolMotion& m, Random& random) {
   m.tool_orientation_world = random_orientation(random);
   m.tool_velocity_world_m_per_s = random_vector(random, 1000.0);
   m.buttons = static_cast<std::uint32_t>(random.bits());
-  m.receipts = {.store_id = random.bits() | 1,
-                .newest = random.bits(),
-                .received = random.bits(),
-                .loop_age = random_duration(random)};
+  m.receipts = {
+      .store_id = random.bits() | 1,
+      .newest = random.bits(),
+      .received = random.bits(),
+      .loop_age = random_duration(random),
+      .tile_slots = 1 + static_cast<std::uint32_t>(random.below(kTileSlots)),
+      .tiles_per_message = 1 + static_cast<std::uint32_t>(random.below(kMaxTilesPerMessage))};
   m.elastic_receipts.reset();
   if (random.chance(0.5)) m.elastic_receipts = {.newest = random.bits(), .received = random.bits()};
   m.physics_term = random.below(kMaxPhysicsTerm + 1);
@@ -510,8 +513,10 @@ inline bool same(const ToolMotion& a, const ToolMotion& b) {
          same(a.tool_velocity_world_m_per_s, b.tool_velocity_world_m_per_s) &&
          a.buttons == b.buttons && a.receipts.store_id == b.receipts.store_id &&
          a.receipts.newest == b.receipts.newest && a.receipts.received == b.receipts.received &&
-         a.receipts.loop_age == b.receipts.loop_age && a.physics_term == b.physics_term &&
-         a.scene_time == b.scene_time && same(a.wave, b.wave);
+         a.receipts.loop_age == b.receipts.loop_age &&
+         a.receipts.tile_slots == b.receipts.tile_slots &&
+         a.receipts.tiles_per_message == b.receipts.tiles_per_message &&
+         a.physics_term == b.physics_term && a.scene_time == b.scene_time && same(a.wave, b.wave);
 }
 inline bool same(const HalfSpaceGeometry& a, const HalfSpaceGeometry& b) {
   return same(a.point_m, b.point_m) && same(a.normal, b.normal);

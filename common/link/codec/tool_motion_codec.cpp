@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // tool_motion_codec.cpp — hop 2: ToolMotion.
+#include <algorithm>
+
 #include "common/core/physics_term.h"
 #include "common/link/codec/wire_format.h"
 #include "palpate/v1/tool_motion.pb.h"
@@ -31,6 +33,8 @@ struct WireFormat<ToolMotion> {
     receipts.set_newest(m.receipts.newest);
     receipts.set_received(m.receipts.received);
     receipts.set_loop_age_ns(m.receipts.loop_age.count());
+    receipts.set_tile_slots(m.receipts.tile_slots);
+    receipts.set_tiles_per_message(m.receipts.tiles_per_message);
     if (!m.elastic_receipts) return;
     v1::ElasticReceipts& elastic = *wire.mutable_elastic_receipts();
     elastic.set_newest(m.elastic_receipts->newest);
@@ -69,6 +73,13 @@ struct WireFormat<ToolMotion> {
       m.elastic_receipts = {.newest = wire.elastic_receipts().newest(),
                             .received = wire.elastic_receipts().received()};
     }
+    // older receivers do not report them; a larger store is used as far as this program's own goes
+    const auto limit = [](std::uint32_t given, std::size_t least, std::size_t most) {
+      return static_cast<std::uint32_t>(given == 0 ? least : std::min<std::size_t>(given, most));
+    };
+    m.receipts.tile_slots = limit(wire.receipts().tile_slots(), kLeastTileSlots, kTileSlots);
+    m.receipts.tiles_per_message =
+        limit(wire.receipts().tiles_per_message(), kLeastTilesPerMessage, kMaxTilesPerMessage);
     m.physics_term = wire.physics_term();
     m.scene_time.reset();
     if (wire.has_scene_time_ns()) m.scene_time = time(wire.scene_time_ns());

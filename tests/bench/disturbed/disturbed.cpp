@@ -206,8 +206,13 @@ void run_disturbed(const BenchOptions& options, const std::vector<std::string>& 
     if (rows.is_excerpt && !scene.is_in_excerpt) continue;
     const double seconds = std::min(most_seconds, scene.seconds);
     std::optional<RunStatistics> undisturbed;
-    for (const Disturbance& disturbance : scene.has_all_disturbances ? all : few) {
-      if (!is_wanted(disturbance)) continue;
+    std::vector<Disturbance> own{{"none"}};
+    for (const OwnDisturbance& one : scene.own_disturbances) {
+      own.push_back({one.name, one.overrides});
+    }
+    const bool has_own = !scene.own_disturbances.empty();
+    for (const Disturbance& disturbance : has_own ? own : scene.has_all_disturbances ? all : few) {
+      if (!has_own && !is_wanted(disturbance)) continue;
       Cost cost;
       const bool is_first = !undisturbed;
       const RunStatistics s = run(scene, disturbance, seconds, is_first ? &cost : nullptr);

@@ -8,6 +8,9 @@
 #include <array>
 #include <cmath>
 #include <filesystem>
+#include <map>
+#include <numbers>
+#include <utility>
 
 #include "common/core/random.h"
 #include "common/session/session_file.h"
@@ -167,11 +170,51 @@ Surface of_tetrahedra(const std::string& file, const std::string& name, bool is_
 }
 
 /// 20 480 facets, about 100 mm long and 70 mm high.
-TriangleMesh fine_organ() {
-  return star_body(5, [](const Vector3& d) {
-    return 0.05 * (1.0 + 0.15 * d.x() * d.x() - 0.3 * d.z() * d.z() +
-                   0.06 * std::sin(5.0 * d.x()) * std::cos(4.0 * d.y()));
-  });
+double organ_radius_m(const Vector3& d) {
+  return 0.05 * (1.0 + 0.15 * d.x() * d.x() - 0.3 * d.z() * d.z() +
+                 0.06 * std::sin(5.0 * d.x()) * std::cos(4.0 * d.y()));
+}
+TriangleMesh fine_organ() { return star_body(5, organ_radius_m); }
+
+/// The same organ in 97,200 facets: a cube of 90 × 90 cells a side, each of two, blown up.
+TriangleMesh dense_organ() {
+  constexpr std::uint32_t kCells = 90;
+  TriangleMesh mesh;
+  std::map<std::array<std::uint32_t, 3>, std::uint32_t> vertices;
+  const auto vertex = [&](const std::array<std::uint32_t, 3>& place) {
+    const auto [found, is_new] =
+        vertices.try_emplace(place, static_cast<std::uint32_t>(mesh.vertices_m.size()));
+    if (is_new) {
+      const Vector3 cell(place[0], place[1], place[2]);
+      const Vector3 angle = std::numbers::pi / 4.0 * (2.0 / kCells * cell - Vector3::Ones());
+      const Vector3 direction = angle.array().tan().matrix().normalized();
+      mesh.vertices_m.emplace_back(organ_radius_m(direction) * direction);
+    }
+    return found->second;
+  };
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    for (const std::uint32_t side : {0U, kCells}) {
+      const auto corner = [&](std::uint32_t a, std::uint32_t b) {
+        std::array<std::uint32_t, 3> place{};
+        place[axis] = side;
+        place[(axis + 1) % 3] = a;
+        place[(axis + 2) % 3] = b;
+        return vertex(place);
+      };
+      for (std::uint32_t i = 0; i < kCells; ++i) {
+        for (std::uint32_t k = 0; k < kCells; ++k) {
+          const std::uint32_t a = corner(i, k);
+          std::uint32_t b = corner(i + 1, k);
+          const std::uint32_t c = corner(i + 1, k + 1);
+          std::uint32_t d = corner(i, k + 1);
+          if (side == 0) std::swap(b, d);
+          mesh.triangles.push_back({a, b, c});
+          mesh.triangles.push_back({a, c, d});
+        }
+      }
+    }
+  }
+  return mesh;
 }
 
 // --- scenes ---------------------------------------------------------------------------------
@@ -281,6 +324,36 @@ std::vector<DisturbedScene> disturbed_scenes(const test::TempFolder& folder,
   add("shaft on the organ (liver)", tissue(organ.geometry), lean(organ.right_m), with_shaft);
   add("shaft on the fine organ", tissue(fine.geometry), lean(fine.right_m), with_shaft);
   scenes.back().is_in_excerpt = false;  // takes as long as all others
+
+  // fast, and far away: descriptions that have to keep up
+  const Surface dense = of_triangles(folder, "dense organ", dense_organ(), 0.0);
+  const auto far = [](double delay_ms, double rate_hz) {
+    return OwnDisturbance{fmt::format("{:g} ms each way, {:g} Hz", delay_ms, rate_hz),
+                          {fmt::format("faults.tool_motion.delay_ms={}", delay_ms),
+                           fmt::format("faults.interaction.delay_ms={}", delay_ms),
+                           fmt::format("physics.rate_hz={}", rate_hz)}};
+  };
+  const auto add_far = [&](const std::string& name, const std::string& tissues, const Hand& hand,
+                           const std::vector<OwnDisturbance>& rows,
+                           const std::string& tool = kTip) {
+    add(name, tissues, hand, tool);
+    scenes.back().is_in_excerpt = false;
+    scenes.back().own_disturbances = rows;
+  };
+  add_far("slide at 150 mm/s, " + dense.name, tissue(dense.geometry),
+          {.center_m = dense.top_m - Vector3(dense.top_m.x(), dense.top_m.y(), 0.010),
+           .amplitude_m = {0.03, 0.02, 0.001},
+           .hz = {0.8, 0.11, 0.3},
+           .phase_rad = {0.0, 0.0, 0.0}},
+          {far(55.0, 90.0), far(55.0, 250.0), far(55.0, 1000.0)});
+  add_far("shaft on the " + dense.name, tissue(dense.geometry), lean(dense.right_m),
+          {far(55.0, 90.0)}, with_shaft);
+  add_far("scrub at 4 Hz, organ (cloud)", tissue(kOrganCloud),
+          {.center_m = cloud_top_m - Vector3(0.0, 0.0, 0.004),
+           .amplitude_m = {0.015, 0.004, 0.001},
+           .hz = {4.0, 0.1, 0.3},
+           .phase_rad = {0.0, 0.0, 0.0}},
+          {far(40.0, 60.0)});
 
   add("several tissues",
       tissue(kBlock) + tissue("sphere { center_m { x: -0.012 z: -0.004 } radius_m: 0.01 }") +

@@ -11,13 +11,20 @@
 
 namespace palpate::bench {
 
+/// Rows of a scene: what is set in its session.
+struct OwnDisturbance {
+  std::string name;
+  std::vector<std::string> overrides{};
+};
+
 struct DisturbedScene {
   std::string name;
   /// Throws SetupError.
   std::function<Session(const std::vector<std::string>& overrides)> session;
   bool has_all_disturbances = true;  ///< else only delays
   bool is_in_excerpt = true;
-  double seconds = 10.0;  ///< at most
+  double seconds = 10.0;                           ///< at most
+  std::vector<OwnDisturbance> own_disturbances{};  ///< if any, after the undisturbed run only these
 };
 
 /// Real and rough surfaces, then one scene for each property of tissue.

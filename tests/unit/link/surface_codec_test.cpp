@@ -132,11 +132,35 @@ TEST(SurfaceCodec, RefusesSlotsThatDoNotExist) {
   refuse([](v1::SurfaceNews& m) { m.mutable_pending(0)->set_described_slot(kMaxDescribed); });
 }
 
+// a program without these fields has 1024 slots and takes 4 tiles in a message
+TEST(SurfaceCodec, ReceiptsOfAnOlderReceiverStandForItsLimits) {
+  Codec<ToolMotion> codec;
+  ToolMotion motion;
+  motion.device_session_id = motion.header.session_id = 1;
+  motion.receipts.store_id = 5;
+  const auto arrives = [&](std::uint32_t slots, std::uint32_t tiles) {
+    motion.receipts.tile_slots = slots;
+    motion.receipts.tiles_per_message = tiles;
+    std::vector<std::byte> frame(codec.encode(motion));
+    codec.write(frame.data());
+    ToolMotion read;
+    EXPECT_EQ(codec.decode(frame, read), DecodeError::kNone);
+    return std::pair(read.receipts.tile_slots, read.receipts.tiles_per_message);
+  };
+  EXPECT_EQ(arrives(0, 0), std::pair(1024U, 4U));
+  EXPECT_EQ(arrives(2000, 7), std::pair(2000U, 7U));
+  // more than this program has
+  EXPECT_EQ(arrives(1000000, 1000), std::pair(static_cast<std::uint32_t>(kTileSlots),
+                                              static_cast<std::uint32_t>(kMaxTilesPerMessage)));
+}
+
 TEST(SurfaceCodec, RefusesMoreThanAMessageHolds) {
   const auto refuse = [](const auto& alter) {
     expect_range<Interaction>([&](v1::Interaction& m) { alter(*m.mutable_surface()); }, false);
   };
   refuse([](v1::SurfaceNews& m) {
+    *m.mutable_tiles(0) = tile_of(kCorners, {{0, 1, 2}});
+    m.mutable_tiles()->DeleteSubrange(1, m.tiles_size() - 1);
     while (m.tiles_size() <= static_cast<int>(kMaxTilesPerMessage)) *m.add_tiles() = m.tiles(0);
   });
   refuse([](v1::SurfaceNews& m) {

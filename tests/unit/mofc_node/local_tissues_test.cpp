@@ -4,7 +4,10 @@
 
 #include <gtest/gtest.h>
 
+#include "common/core/random.h"
+#include "mofc_node/tissue/tissue_model.h"
 #include "tests/support/alloc_guard.h"
+#include "tests/support/costly_descriptions.h"
 
 namespace palpate::mofc {
 namespace {
@@ -126,6 +129,182 @@ TEST_F(PartOfAFloor, StepsDoNotAllocate) {
   const test::AllocGuard guard;
   for (double z_m = 0.03; z_m > 0.001; z_m -= 1e-3) step_to({0.0, 0.0, z_m});
   EXPECT_EQ(guard.count(), 0u);
+}
+
+// --- a tick with a budget -----------------------------------------------------------------------
+
+using test::CostlyGenes;
+using test::CostlyPhysics;
+
+// of a view that ends: the tile that it was at; of a place that is looked at anew: all tiles
+constexpr std::uint32_t kOvershoot = 2 * kTileSlots + 2 * (2 * kTileSlots + 8 * 512);
+
+class LocalTissuesOfAny : public testing::TestWithParam<CostlyGenes> {};
+
+TEST_P(LocalTissuesOfAny, LookAtNoMoreThanTheirBudget) {
+  Random random(3);
+  TissueStore store(1);
+  const CostlyPhysics physics = test::costly_physics(GetParam(), 1, random);
+  for (const Interaction& message : physics.messages) store.take(message, {});
+  store.take(physics.last, {});
+  LocalTissues local;
+  std::array<double, kMaxDescribed> shares{};
+  std::uint32_t most = 0;
+  bool is_exhausted = false;
+  for (int i = 1; i <= 200; ++i) {
+    const double angle = 0.1 * i;
+    const Vector3 tip_m = 2e-3 * Vector3(std::cos(angle), std::sin(angle), std::sin(0.3 * angle));
+    local.step(store.tissues(), physics.last, {.tip_m = tip_m, .time_s = 1e-3 * i}, Vector3::Zero(),
+               shares);
+    most = std::max(most, local.work());
+    is_exhausted = is_exhausted || local.is_exhausted();
+    for (std::size_t k = 0; k < kMaxDescribed; ++k) {
+      shares[k] = local.results()[k].is_valid ? 1.0 : 0.5;
+    }
+  }
+  EXPECT_LE(most, LocalTissues::kWorkPerStep + kOvershoot);
+  EXPECT_TRUE(is_exhausted) << most;
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Kind, LocalTissuesOfAny,
+    testing::Values(CostlyGenes{.tissues = 8, .tiles = kTileSlots / 8},
+                    CostlyGenes{.tissues = 1, .tiles = kTileSlots, .spread_m = 5e-3},
+                    CostlyGenes{.tiles = kTileSlots / 8, .is_moving = true, .spread_m = 0.05},
+                    CostlyGenes{.tiles = kTileSlots / 8, .is_cloud = true, .is_moving = true}));
+
+/// Tissue under a tool at rest in it, evaluated with what physics sends.
+class BudgetOfAModel : public testing::Test {
+ protected:
+  /// @returns the force on the tool
+  Vector3 step(const Interaction& newest) {
+    state_.header.session_id = 1;
+    state_.header.sequence += 1;
+    state_.header.sampled_at += std::chrono::milliseconds(1);
+    return model_.step(newest, state_, tip_m_, Vector3::Zero(), 1e-3).force_on_tool_newton;
+  }
+  /// A floor at z = 0 that is known as a whole, and the answer of its physics.
+  Interaction floor() {
+    Interaction message;
+    message.header.session_id = 9;
+    message.device_session_id = 1;
+    SurfaceNews& news = message.surface;
+    news.store_id = model_.receipts().store_id;
+    news.number = 1;
+    news.has_description = true;
+    news.description.material.stiffness_newton_per_m = kStiffness;
+    news.description.geometry = TiledGeometry{};
+    news.description.tool.tip_radius_m = kTip_m;
+    news.description.version = 1;
+    SurfaceTile& tile = news.tiles[0];
+    tile.origin_m = {-0.01, -0.01, 0.0};
+    tile.step_m = 0.02;
+    tile.vertices = {{{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}}};
+    tile.vertex_count = 4;
+    tile.facets = {{{0, 1, 2}, {0, 2, 3}}};
+    tile.facet_count = 2;
+    news.tile_count = 1;
+    news.coverages[0] = {.description_version = 1, .region = {.radius_m = 1000.0}};
+    news.coverage_count = 1;
+    message.tool_position_world_m = tip_m_;
+    return message;
+  }
+
+  static constexpr double kRate_newton_per_s = 50.0;
+  TissueModel model_{true, kRate_newton_per_s, 1};
+  DeviceState state_;
+  Vector3 tip_m_{0.0, 0.0, 0.5 * kTip_m};
+};
+
+// tissue that pushes has its turn first: what else is described does not cost it its force
+TEST_F(BudgetOfAModel, IsSpentOnTheTissueThatPushesFirst) {
+  Interaction newest = floor();
+  newest.surface.description.slot = 7;
+  newest.surface.tiles[0].described_slot = 7;
+  newest.surface.tiles[0].slot = kTileSlots - 1;
+  newest.surface.coverages[0].described_slot = 7;
+  model_.receive(newest, state_);
+  for (int i = 0; i < 100; ++i) step(newest);
+  ASSERT_NEAR(step(newest).z(), 0.5 * kTip_m * kStiffness, 1e-9);
+
+  Random random(3);
+  const CostlyGenes genes{.tissues = 7, .tiles = (kTileSlots - 1) / 7, .tip_radius_m = 1e-4};
+  for (const Interaction& message :
+       test::costly_physics(genes, model_.receipts().store_id, random).messages) {
+    model_.receive(message, state_);
+  }
+  // until the store is dropped
+  for (int i = 0; i < 50; ++i) ASSERT_NEAR(step(newest).z(), 0.5 * kTip_m * kStiffness, 1e-9);
+}
+
+// facet upon facet where the tool presses: what cannot be stepped any more gives way to the contact
+// model no faster than any hand-over
+TEST_F(BudgetOfAModel, EndsTheForceOfATissueContinuously) {
+  Interaction newest = floor();
+  model_.receive(newest, state_);
+  Vector3 last = Vector3::Zero();
+  for (int i = 0; i < 100; ++i) last = step(newest);
+  ASSERT_GT(last.z(), 0.4);
+
+  Random random(3);
+  const CostlyGenes genes{.tissues = 1, .tiles = kTileSlots - 1, .spread_m = 1e-5};
+  std::uint64_t number = 2;
+  for (Interaction message :
+       test::costly_physics(genes, model_.receipts().store_id, random).messages) {
+    if (message.surface.has_description) continue;
+    message.surface.number = number++;
+    for (std::uint32_t i = 0; i < message.surface.tile_count; ++i) {
+      message.surface.tiles[i].slot += 1;
+    }
+    model_.receive(message, state_);
+  }
+  newest.surface.number = 0;  // repeats that all is known
+  newest.surface.has_description = false;
+  newest.surface.tile_count = 0;
+  model_.receive(newest, state_);
+  for (int i = 0; i < 200; ++i) {
+    const Vector3 now = step(newest);
+    ASSERT_LE((now - last).norm(), 1e-3 * kRate_newton_per_s * (1.0 + 1e-9)) << i;
+    last = now;
+  }
+  EXPECT_EQ(last, Vector3::Zero());  // that of the contact model: there is none
+  EXPECT_TRUE(model_.costs_too_much());
+}
+
+TEST_F(BudgetOfAModel, IsOfferedAnewToARestartedPhysics) {
+  Random random(3);
+  const std::uint64_t store_id = model_.receipts().store_id;
+  const CostlyPhysics physics = test::costly_physics({.tiles = kTileSlots / 8}, store_id, random);
+  for (const Interaction& message : physics.messages) model_.receive(message, state_);
+  model_.receive(physics.last, state_);
+  for (int i = 0; i < 200; ++i) step(physics.last);
+  EXPECT_TRUE(model_.costs_too_much());
+  EXPECT_EQ(model_.receipts().store_id, 0u);  // nothing more is to be described
+
+  Interaction restarted = floor();
+  restarted.header.session_id = 10;
+  model_.receive(restarted, state_);
+  EXPECT_FALSE(model_.costs_too_much());
+  EXPECT_NE(model_.receipts().store_id, 0u);
+  EXPECT_NE(model_.receipts().store_id, store_id);
+  restarted.surface.store_id = model_.receipts().store_id;
+  model_.receive(restarted, state_);
+  for (int i = 0; i < 100; ++i) step(restarted);
+  EXPECT_NEAR(step(restarted).z(), 0.5 * kTip_m * kStiffness, 1e-9);
+}
+
+TEST_F(BudgetOfAModel, OfAPhysicsThatIsGoneIsFree) {
+  const Interaction newest = floor();
+  model_.receive(newest, state_);
+  for (int i = 0; i < 100; ++i) step(newest);
+  const std::uint64_t store_id = model_.receipts().store_id;
+  model_.drop();
+  EXPECT_EQ(step(newest), Vector3::Zero());
+  EXPECT_EQ(model_.receipts().newest, 0u);
+  EXPECT_NE(model_.receipts().store_id, store_id);  // physics begins anew
+  const std::uint64_t dropped_id = model_.receipts().store_id;
+  model_.drop();
+  EXPECT_EQ(model_.receipts().store_id, dropped_id);
 }
 
 }  // namespace

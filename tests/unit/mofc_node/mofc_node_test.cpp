@@ -19,6 +19,7 @@
 #include "mofc_node/model_probe.h"
 #include "mofc_node/motion_deadband.h"
 #include "tests/support/alloc_guard.h"
+#include "tests/support/costly_descriptions.h"
 
 namespace palpate::mofc {
 namespace {
@@ -910,6 +911,100 @@ TEST(MofcNodeWithStandby, TheStandbySpeaksBeforeTheForceFadesWithoutAllocation) 
   while (standby_motions.receive(motion, at)) {
   }
   EXPECT_EQ(motion.header.session_id, 77u);
+}
+
+// what a rogue describes costs each tick no more than its budget; the honest standby speaks
+TEST(MofcNodeWithStandby, TheStandbySpeaksForAPhysicsThatCostsTooMuch) {
+  ManualClock clock;
+  MemoryLink<ToolMotion> motions(clock, 512);
+  MemoryLink<ToolMotion> standby_motions(clock, 8);
+  MemoryLink<Interaction> interactions(clock, 2048);
+  MemoryLink<Interaction> standby_interactions(clock);
+  Inbox<Interaction> first_in(interactions, clock);
+  Inbox<Interaction> standby_in(standby_interactions, clock);
+  KeepAll records;
+  MofcConfig config;
+  config.stale_after = 150ms;
+  config.standby_after = 75ms;
+  config.fade = 50ms;
+  const ClampedDevice device{.lease = 2ms};
+  MofcNode node(config, device, clock, motions, first_in, records, 77,
+                StandbyLinks{standby_motions, standby_in});
+  Random random(3);
+  const test::CostlyPhysics rogue =
+      test::costly_physics({.tiles = kTileSlots / kMaxDescribed}, 77, random);
+  Received<DeviceState> state;
+  std::uint64_t sent = 0;
+  for (std::uint64_t k = 0; k < 300; ++k) {
+    clock.advance(1ms);
+    const auto send = [&](Interaction answer, std::uint64_t session, auto& to) {
+      answer.device_session_id = 1;
+      answer.device_sequence = k - 1;
+      answer.device_sampled_at = clock.now() - 1ms;
+      answer.header = {session, sent++, clock.now()};
+      ASSERT_EQ(to.send(answer), SendResult::kSent);
+    };
+    if (k == 20) {
+      for (const Interaction& message : rogue.messages) send(message, 9, interactions);
+    }
+    if (k > 0) {
+      send(rogue.last, 9, interactions);
+      send({}, 10, standby_interactions);
+    }
+    state.value.header = {1, k, clock.now()};
+    state.received_at = clock.now();
+    static_cast<void>(node.answer(state));
+    node.finish_turn();
+  }
+  EXPECT_FALSE(records.ticks[20].is_from_standby);
+  EXPECT_FALSE(records.ticks[60].is_from_standby);
+  EXPECT_TRUE(records.ticks[100].is_from_standby);
+  EXPECT_TRUE(records.ticks[299].is_from_standby);
+  EXPECT_EQ(node.counters().physics_switches, 1u);
+  // it is not offered a store any more
+  ToolMotion motion;
+  TimePoint at;
+  while (motions.receive(motion, at)) {
+  }
+  EXPECT_EQ(motion.receipts.store_id, 0u);
+}
+
+// silent for longer than its force takes to fade: what it has described is forgotten
+TEST_F(MofcNodeTest, DropsWhatAPhysicsThatIsGoneHasDescribed) {
+  MofcConfig config = mofc_config();
+  config.interaction = InteractionUse::kLocal;
+  config.still_after = 20ms;
+  MofcNode node(config, clamped_device(), clock_, motion_link_, interaction_in_, records_, 77);
+  const auto run = [&](int ticks, bool has_physics) {
+    for (int i = 0; i < ticks; ++i) {
+      clock_.advance(1ms);
+      if (has_physics && sequence_ > 0) {
+        Interaction answer;
+        answer.header = {9, physics_sequence_++, clock_.now()};
+        answer.device_session_id = 1;
+        answer.device_sequence = sequence_ - 1;
+        answer.device_sampled_at = clock_.now() - 1ms;
+        answer.surface.store_id = 77;
+        answer.surface.number = physics_sequence_;
+        answer.surface.has_description = true;
+        answer.surface.description.version = 1;
+        interaction_link_.send(answer);
+      }
+      Received<DeviceState> state;
+      state.value.header = {1, sequence_++, clock_.now()};
+      state.received_at = clock_.now();
+      static_cast<void>(node.answer(state));
+      node.finish_turn();
+    }
+  };
+  run(20, true);
+  EXPECT_EQ(last_motion().receipts.store_id, 77u);
+  run(60, false);  // 20 ms and the fade
+  EXPECT_EQ(last_motion().receipts.store_id, 77u);
+  run(20, false);
+  const ToolMotion motion = last_motion();
+  EXPECT_EQ(motion.receipts.store_id, 78u);
+  EXPECT_EQ(motion.receipts.newest, 0u);
 }
 
 /// The bound of a controller without any energy, per axis.

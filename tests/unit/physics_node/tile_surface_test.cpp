@@ -169,10 +169,11 @@ TEST(TileSurface, SeesTilesThatArriveAfterGathering) {
     surface.add(i);
   }
   const double error_m = 2.0 * lattice_error_m(ball.tissue());
+  SurfaceHint hint;
   for (int i = 0; i < 500; ++i) {
     const Vector3 point_m = place(random.below(2)) + random.uniform(0.0, 0.01) * random.direction();
     ASSERT_NEAR(surface.view(point_m).distance_m, ball.shape().view(point_m).distance_m, error_m);
-    ASSERT_LE(surface.known_at_least_m(point_m), std::abs(surface.view(point_m).distance_m));
+    ASSERT_LE(surface.known_at_least_m(point_m, hint), std::abs(surface.view(point_m).distance_m));
   }
 }
 
@@ -203,6 +204,29 @@ TEST(TileSurface, ManyTilesInOnePlaceAreNotAllExamined) {
   SurfaceHint hint;
   EXPECT_TRUE(std::isinf(surface.view(center_m, hint).distance_m));
   EXPECT_EQ(hint.uncovered_views, 1u);
+}
+
+// what a view looks at is counted; a limit ends it, and it is then uncovered
+TEST(TileSurface, AViewEndsWhenItsWorkIsUsedUp) {
+  TiledMesh ball(ball_mesh(0.03, 20));
+  const Vector3 center_m = ball.shape().bounds()->center_m();
+  for (const bool has_gather : {false, true}) {
+    if (has_gather) ball.surface().gather(center_m + Vector3(0.0, 0.0, 0.03));
+    SurfaceHint free;
+    const SurfaceView whole = ball.surface().view(center_m + Vector3(0.0, 0.0, 0.031), free);
+    ASSERT_GT(free.work, 0u);
+    SurfaceHint enough{.most_work = free.work};
+    const SurfaceView same = ball.surface().view(center_m + Vector3(0.0, 0.0, 0.031), enough);
+    EXPECT_EQ(same.distance_m, whole.distance_m);
+    EXPECT_FALSE(enough.is_exhausted());
+    EXPECT_EQ(enough.uncovered_views, 0u);
+    SurfaceHint less{.most_work = free.work / 2};
+    (void)ball.surface().view(center_m + Vector3(0.0, 0.0, 0.031), less);
+    EXPECT_TRUE(less.is_exhausted());
+    EXPECT_EQ(less.uncovered_views, 1u);
+    // not more than one tile later
+    EXPECT_LE(less.work, less.most_work + 32 * kMaxTileFacets);
+  }
 }
 
 // --- clouds -------------------------------------------------------------------------------------
