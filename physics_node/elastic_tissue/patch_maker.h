@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "common/core/elastic_patch.h"
-#include "physics_node/elastic/condensed_contact.h"
+#include "physics_node/elastic/condensed/condensed_contact.h"
 #include "physics_node/elastic_tissue/elastic_body.h"
 #include "physics_node/elastic_tissue/elastic_simulation.h"
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What physics_node sends of a surface, to a receiver that takes everything and answers late.
-#include "physics_node/surface_sender.h"
+#include "physics_node/answer/surface_sender.h"
 
 #include <gtest/gtest.h>
 
