@@ -20,8 +20,8 @@
 namespace palpate::physics {
 namespace {
 
-constexpr double kBall_m = 0.006;
-constexpr double kTick_s = 1e-3;
+constexpr double kPatchBall_m = 0.006;
+constexpr double kPatchTick_s = 1e-3;
 
 /// 100 × 100 × 50 mm, its top at z = 0, of 540 linear tetrahedra.
 SceneConfig block_scene(const std::string& file) {
@@ -39,7 +39,7 @@ SceneConfig block_scene(const std::string& file) {
   material.young_pa = 15e3;
   material.is_linear = true;
   material.fixed = {HalfSpaceGeometry{.point_m = {0, 0, -0.0499}}};
-  return {.tip_radius_m = kBall_m,
+  return {.tip_radius_m = kPatchBall_m,
           .tissues = {
               {.name = "block",
                .geometry = FileGeometry{.kind = FileGeometry::Kind::kTetrahedralMesh, .file = file},
@@ -49,7 +49,7 @@ SceneConfig block_scene(const std::string& file) {
 class SentPatch : public testing::Test {
  protected:
   SentPatch() : bodies_(elastic_bodies_of(block_scene(file_))) {
-    tissues_.emplace(bodies_, 1, kBall_m, ElasticPace::kVirtual);
+    tissues_.emplace(bodies_, 1, kPatchBall_m, ElasticPace::kVirtual);
   }
   void TearDown() override { std::filesystem::remove(file_); }
 
@@ -69,12 +69,12 @@ class SentPatch : public testing::Test {
                                to_seconds(motion.receipts.loop_age));
     }
     SceneForce force;
-    tissues_->step(0, motion.tool_position_world_m, tick * kTick_s, 0.05, force);
+    tissues_->step(0, motion.tool_position_world_m, tick * kPatchTick_s, 0.05, force);
     answer.force_on_tool_newton = force.force_on_tool_newton;
     std::copy_n(force.contacts.begin(), force.listed_count, answer.contacts.begin());
     answer.listed_count = force.listed_count;
     answer.contact_count = force.contact_count;
-    const TimePoint now = TimePoint{} + from_seconds(tick * kTick_s);
+    const TimePoint now = TimePoint{} + from_seconds(tick * kPatchTick_s);
     sender_.fill(*tissues_, 0, motion, now, answer);
     return answer;
   }
@@ -88,7 +88,7 @@ class SentPatch : public testing::Test {
 
 TEST_F(SentPatch, IsOnlyForAReceiverThatTakesIt) {
   ToolMotion motion;
-  motion.tool_position_world_m = {0.0, 0.0, kBall_m};
+  motion.tool_position_world_m = {0.0, 0.0, kPatchBall_m};
   motion.receipts.store_id = 3;
   for (int tick = 0; tick < 100; ++tick) {
     EXPECT_EQ(answer(motion, tick).elastic.store_id, 0u);
@@ -101,7 +101,7 @@ TEST_F(SentPatch, IsOnlyForAReceiverThatTakesIt) {
 
 TEST_F(SentPatch, HasEachTwoPointsInOneMessage) {
   ToolMotion motion;
-  motion.tool_position_world_m = {0.0, 0.0, kBall_m - 0.002};
+  motion.tool_position_world_m = {0.0, 0.0, kPatchBall_m - 0.002};
   motion.receipts.store_id = 3;
   motion.elastic_receipts = ElasticReceipts{};
   std::array<ElasticPoint, kElasticSlots> points{};
@@ -130,7 +130,7 @@ TEST_F(SentPatch, HasEachTwoPointsInOneMessage) {
     }
   }
   EXPECT_EQ(listed, static_cast<int>(kElasticSlots));
-  EXPECT_GT(state.radius_m, kBall_m);
+  EXPECT_GT(state.radius_m, kPatchBall_m);
 }
 
 /// A press at 150 mm/s, 6 mm deep, 50 ms each way, one message in ten lost: the error of the force
@@ -143,9 +143,9 @@ struct Errors {
 TEST_F(SentPatch, MakesADelayedPressRight) {
   constexpr int kDelay = 50;
   const auto errors_of = [&](bool takes_patches) {
-    tissues_.emplace(bodies_, 1, kBall_m, ElasticPace::kVirtual);
+    tissues_.emplace(bodies_, 1, kPatchBall_m, ElasticPace::kVirtual);
     sender_ = {};
-    ElasticReference reference(bodies_, kBall_m, 2e-3);
+    ElasticReference reference(bodies_, kPatchBall_m, 2e-3);
     mofc::TissueModel model(true, 100.0, 77);
     Random random(5);
     std::deque<std::pair<int, ToolMotion>> up;
@@ -158,16 +158,17 @@ TEST_F(SentPatch, MakesADelayedPressRight) {
     double first_ideal_newton = 0.0;
     int touched = 0;
     for (int tick = 0; tick < 900; ++tick) {
-      const double t_s = tick * kTick_s;
+      const double t_s = tick * kPatchTick_s;
       const auto tip = [](double s) {
-        return Vector3(0.0, 0.0, kBall_m + std::clamp(0.012 - 0.15 * (s - 0.4), -0.006, 0.012));
+        return Vector3(0.0, 0.0,
+                       kPatchBall_m + std::clamp(0.012 - 0.15 * (s - 0.4), -0.006, 0.012));
       };
       const TimePoint now = TimePoint{} + from_seconds(1.0 + t_s);
       ToolMotion motion;
       motion.header.sampled_at = motion.device_sampled_at = now;
       motion.device_session_id = 5;
       motion.tool_position_world_m = tip(t_s);
-      motion.tool_velocity_world_m_per_s = (tip(t_s) - tip(t_s - kTick_s)) / kTick_s;
+      motion.tool_velocity_world_m_per_s = (tip(t_s) - tip(t_s - kPatchTick_s)) / kPatchTick_s;
       motion.receipts = model.receipts();
       if (takes_patches) motion.elastic_receipts = model.elastic_receipts();
       if (!random.chance(0.1)) up.emplace_back(tick + kDelay, motion);
@@ -185,8 +186,9 @@ TEST_F(SentPatch, MakesADelayedPressRight) {
       }
       Vector3 force = Vector3::Zero();
       if (newest) {
-        force = model.step(*newest, state, tip(t_s), motion.tool_velocity_world_m_per_s, kTick_s)
-                    .force_on_tool_newton;
+        force =
+            model.step(*newest, state, tip(t_s), motion.tool_velocity_world_m_per_s, kPatchTick_s)
+                .force_on_tool_newton;
       }
       SceneForce ideal;
       reference.advance(t_s, tip(t_s), ideal);
