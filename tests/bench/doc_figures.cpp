@@ -238,9 +238,9 @@ std::string velocity_cases_table(const std::vector<json>& outputs) {
                      fixed(row, "beyond_jnd_percent", 1), fixed(row, "transparency_percent", 1),
                      fixed(row, "path_deviation_mm", 2)});
   }
-  return markdown({"case", "force error rms %", "samples beyond the JND %", "transparency %",
-                   "path deviation rms, mm"},
-                  table);
+  return markdown(
+      {"case", "force error rms %", "beyond the JND %", "transparency %", "path deviation rms, mm"},
+      table);
 }
 
 // --- deadbands ------------------------------------------------------------------------------
@@ -307,11 +307,12 @@ DocFigures truth() {
       const json& run = outputs[i];
       const auto percent = [&](const json& value) { return fixed(100.0 * number(value), 1); };
       rows.push_back({kTruthRows[i].label, percent(run.at("transparency").at("ideal")),
-                      percent(run.at("force_error_rms_ratio")), percent(run.at("beyond_jnd_ratio")),
+                      fixed(number(run.at("gain")), 3), percent(run.at("force_error_rms_ratio")),
+                      percent(run.at("beyond_jnd_ratio")),
                       fixed(1e3 * number(run.at("path_deviation_rms_m")), 3),
                       percent(run.at("clamp_ratio"))});
     }
-    return markdown({"session", "transparency %", "force error rms %", "beyond the JND %",
+    return markdown({"session", "transparency %", "gain", "force error rms %", "beyond the JND %",
                      "path deviation rms, mm", "clamped %"},
                     rows);
   };

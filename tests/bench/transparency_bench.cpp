@@ -61,6 +61,7 @@ Session session_of(const TissueScene& scene, const Link& link, const Way& way, i
 struct Figures {
   int runs = 0;
   double transparency = 0.0;
+  double gain = 0.0;
   double force_error = 0.0;
   double ideal_run_force_error = 0.0;
   double beyond_jnd = 0.0;
@@ -74,6 +75,7 @@ struct Figures {
   void add(const RunReport& report) {
     const RunStatistics& s = report.statistics;
     transparency += s.ideal_transparency();
+    gain += s.gain();
     force_error += s.force_error_rms_ratio();
     ideal_run_force_error += s.ideal_run_force_error_rms_ratio();
     beyond_jnd += s.beyond_jnd_ratio();
@@ -97,6 +99,7 @@ Table make_table() {
                 {"interaction", "force", ""},
                 {"controller", "MOFC", ""},
                 {"capped_transparency", "transp.", "{:.3f}"},
+                {"gain", "gain", "{:.3f}"},
                 {"force_error_percent", "error %", "{:.1f}"},
                 {"ideal_run_force_error_percent", "err. run %", "{:.1f}"},
                 {"beyond_jnd_percent", "> JND %", "{:.1f}"},
@@ -122,10 +125,11 @@ void add_row(Table& table, const TissueScene& scene, const Link& link, const Way
              const Figures& f) {
   table.add({std::string(scene.name) + (link.is_frozen ? ", frozen" : ""), link.physics_hz,
              link.delay_ms, 100.0 * link.loss_ratio, std::string(way.interaction),
-             std::string(way.controller), f.mean(f.transparency), 100.0 * f.mean(f.force_error),
-             100.0 * f.mean(f.ideal_run_force_error), 100.0 * f.mean(f.beyond_jnd),
-             1e3 * f.mean(f.path_rms_m), 1e3 * f.path_peak_m, f.most_excess_reversals,
-             100.0 * f.mean(f.clamped), 1e6 * f.least_energy_joule, f.mean(f.us_per_tick)});
+             std::string(way.controller), f.mean(f.transparency), f.mean(f.gain),
+             100.0 * f.mean(f.force_error), 100.0 * f.mean(f.ideal_run_force_error),
+             100.0 * f.mean(f.beyond_jnd), 1e3 * f.mean(f.path_rms_m), 1e3 * f.path_peak_m,
+             f.most_excess_reversals, 100.0 * f.mean(f.clamped), 1e6 * f.least_energy_joule,
+             f.mean(f.us_per_tick)});
 }
 
 void draw_against_delay(const std::filesystem::path& folder) {

@@ -100,6 +100,7 @@ void run_black_box(const BenchOptions& options) {
   Table table({{"tissue", "tissue", ""},
                {"known", "known of it", ""},
                {"capped_transparency", "transp.", "{:.3f}"},
+               {"gain", "gain", "{:.3f}"},
                {"force_error_percent", "error %", "{:.1f}"},
                {"beyond_jnd_percent", "> JND %", "{:.1f}"},
                {"path_rms_mm", "path mm", "{:.3f}"},
@@ -109,7 +110,7 @@ void run_black_box(const BenchOptions& options) {
   for (const Scene& scene : scenes()) {
     for (const Way& way : kWays) {
       const RunStatistics s = run(scene, way).statistics;
-      table.add({scene.name, std::string(way.name), s.ideal_transparency(),
+      table.add({scene.name, std::string(way.name), s.ideal_transparency(), s.gain(),
                  100.0 * s.force_error_rms_ratio(), 100.0 * s.beyond_jnd_ratio(),
                  1e3 * s.path_deviation_rms_m(), static_cast<double>(s.excess_reversals()),
                  100.0 * s.clamp_ratio(), 1e6 * s.minimum_true_energy_joule()});

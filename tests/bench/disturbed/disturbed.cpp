@@ -180,6 +180,7 @@ void run_disturbed(const BenchOptions& options, const std::vector<std::string>& 
                {"disturbance", "disturbance", ""},
                {"capped_transparency", "transp.", "{:.3f}"},
                {"transparency_change", "change", "{:+.3f}"},
+               {"gain", "gain", "{:.3f}"},
                {"force_error_percent", "error %", "{:.1f}"},
                {"force_error_change_percent", "change", "{:+.1f}"},
                {"path_rms_mm", "path mm", "{:.3f}"},
@@ -217,7 +218,7 @@ void run_disturbed(const BenchOptions& options, const std::vector<std::string>& 
       const std::vector<double>& bytes = cost.tile_bytes_per_s;
       const double later_s = static_cast<double>(bytes.size()) - 1.0;
       table.add({scene.name, disturbance.name, s.ideal_transparency(),
-                 s.ideal_transparency() - undisturbed->ideal_transparency(),
+                 s.ideal_transparency() - undisturbed->ideal_transparency(), s.gain(),
                  100.0 * s.force_error_rms_ratio(),
                  100.0 * (s.force_error_rms_ratio() - undisturbed->force_error_rms_ratio()),
                  1e3 * s.path_deviation_rms_m(),

@@ -129,6 +129,7 @@ void run_disturbed_sessions(const BenchOptions& options) {
                {"disturbance", "disturbance", ""},
                {"capped_transparency", "T", "{:.3f}"},
                {"transparency_change", "change", "{:+.3f}"},
+               {"gain", "gain", "{:.3f}"},
                {"force_error_percent", "error %", "{:.1f}"},
                {"path_rms_mm", "path mm", "{:.3f}"},
                {"path_rms_change_mm", "change", "{:+.3f}"},
@@ -151,7 +152,7 @@ void run_disturbed_sessions(const BenchOptions& options) {
       const RunStatistics s = run_loopback(session, {.seconds = seconds}).statistics;
       if (!undisturbed) undisturbed = s;
       table.add({std::string(name), disturbance.name, s.ideal_transparency(),
-                 s.ideal_transparency() - undisturbed->ideal_transparency(),
+                 s.ideal_transparency() - undisturbed->ideal_transparency(), s.gain(),
                  100.0 * s.force_error_rms_ratio(), 1e3 * s.path_deviation_rms_m(),
                  1e3 * (s.path_deviation_rms_m() - undisturbed->path_deviation_rms_m()),
                  static_cast<double>(s.excess_reversals()), 1e6 * s.minimum_true_energy_joule(),
