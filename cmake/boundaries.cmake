@@ -17,17 +17,19 @@ set(PALPATE_BOUNDARIES
   # core ← contact, session ← telemetry ← link ← process
   # coupling: Eigen only, installed with the controllers
   "common/coupling:"
-  "common/core:common/coupling,commit.h"
+  "common/core:common/coupling,common/core/elastic,commit.h"
+  "common/core/elastic:common/core"
   "common/core/user:common/core"
   "common/contact:common/core,common/contact/cloud"
   "common/contact/cloud:common/core,common/contact"
+  "common/contact/elastic:common/core"
   "common/session:common/core"
   "common/session/file:common/core,common/core/user,common/session,@wire"
   "common/session/reference:common/session/file,@wire"
   "common/telemetry:common/core,common/core/user,common/session,common/telemetry/verdict,@log,@threads"
   "common/telemetry/verdict:common/core,common/session,common/telemetry,@log"
   # in link: codec, security ← socket ← the ends
-  "common/link/codec:common/core,common/coupling,common/telemetry,@wire"
+  "common/link/codec:common/core,common/core/elastic,common/coupling,common/telemetry,@wire"
   "common/link/security:common/core,common/core/user,@zmq,@threads"
   "common/link/socket:common/core,common/core/user,common/session,common/link/codec,common/link/security,@zmq,@threads"
   "common/link:common/core,common/telemetry,common/link/*,@zmq"
@@ -59,7 +61,7 @@ set(PALPATE_BOUNDARIES
   # the clamp knows its own part of the session and no true state
   "mofc_node:common/core,common/coupling,common/contact,common/session/clamped_device.h,common/session/device_profile.h,common/session/mofc_config.h,common/session/rivals_config.h,common/telemetry/mofc_telemetry.h,common/telemetry/metrics.h,mofc_node/controllers,mofc_node/controllers/named,mofc_node/failover,mofc_node/tissue"
   "mofc_node/failover:common/core,common/contact,mofc_node/tissue"
-  "mofc_node/tissue:common/core,common/contact"
+  "mofc_node/tissue:common/core,common/core/elastic,common/contact,common/contact/elastic"
   "mofc_node/controllers:wave_channel.h"
   # installed into one folder with the headers of controllers/, which it names without theirs
   "mofc_node/controllers/rivals:mofc_node/controllers,force_controller.h,guard_mofc.h,implicit_step.h,wave_channel.h"
@@ -79,11 +81,11 @@ set(PALPATE_BOUNDARIES
   "physics_node/answer:common/core,common/coupling,common/contact,common/session/scene_config.h,physics_node/scene"
   "physics_node/surfaces:common/core,common/contact,common/contact/cloud,common/session/scene_config.h,@threads"
   # elastic bodies by themselves: linear ← elastic; no session, no wire
-  "physics_node/elastic:common/core,common/contact,physics_node/elastic/*,@threads"
-  "physics_node/elastic/linear:common/core/clones.h,physics_node/elastic/mesh.h"
+  "physics_node/elastic:common/core,common/contact/elastic,physics_node/elastic/*,@threads"
+  "physics_node/elastic/linear:common/contact/elastic/clones.h,physics_node/elastic/mesh.h"
   "physics_node/files:common/core,common/core/user,common/contact,common/session/scene_config.h,physics_node/surfaces,@threads"
   "physics_node/scene:common/core,common/contact,common/session/scene_config.h,physics_node/surfaces,physics_node/files"
-  "physics_node/elastic_tissue:common/core,common/contact,common/session/scene_config.h,common/telemetry/physics_telemetry.h,physics_node/surfaces,physics_node/files,physics_node/scene,physics_node/elastic,physics_node/elastic/condensed,@threads"
+  "physics_node/elastic_tissue:common/core,common/core/elastic,common/contact,common/session/scene_config.h,common/telemetry/physics_telemetry.h,physics_node/surfaces,physics_node/files,physics_node/scene,physics_node/elastic,physics_node/elastic/condensed,@threads"
   "physics_node/display:common/core,common/contact,common/session,common/telemetry,physics_node/surfaces,physics_node/files,physics_node/scene,physics_node/elastic_tissue"
 
   # feed ← recording, server ← process (the files of viewer_node itself)

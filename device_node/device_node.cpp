@@ -106,9 +106,7 @@ void DeviceNode::step(const Tick& tick) noexcept {
              reason != FaultReason::kNone) {
     latch(reason, record);
   }
-
   slept_ = Duration::zero();
-
   // record: hop 5
   count(record);
   ticks_out_.keep(record);

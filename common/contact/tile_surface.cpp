@@ -22,7 +22,8 @@ constexpr double kNearStep_m = 6e-3;
 // Work, in units of a test of bounds or of a facet's sphere.
 constexpr std::uint32_t kViewWork = 64;  // all that does not depend on the tiles
 constexpr std::uint32_t kFootWork = 24;  // the foot on a facet, and the normal there
-constexpr std::uint32_t kBlendWork = 12;
+constexpr std::uint32_t kBlendWork = 24;
+constexpr std::uint32_t kPointWork = 2;
 constexpr std::uint32_t kKeepWork = 8;  // a tile becomes one of the near ones
 // After so many better ones collecting the near tiles is given up.
 constexpr std::uint32_t kMostKept = 512;
@@ -237,7 +238,7 @@ struct TileSurface::PointSearch {
 
   bool offer_all(const HeldTile& tile, std::uint32_t /*slot*/) noexcept {
     if (!(tile.core.squared_distance(point_m) <= best_squared)) return false;
-    work += tile.point_count;
+    work += kPointWork * tile.point_count;
     for (const HeldTile::Point& one : std::span(tile.points).first(tile.point_count)) {
       const double squared = (point_m - one.place_m).squaredNorm();
       if (!(squared < best_squared)) continue;
@@ -479,7 +480,7 @@ SurfaceView TileSurface::view_of_points(const Vector3& point_m, SurfaceHint& hin
       [&](const Vector3& place_m, CloudBlender& blender) {
         farthest_m = std::max(farthest_m, (place_m - point_m).norm());
         const auto add = [&](const HeldTile& tile, std::uint32_t /*slot*/) {
-          hint.work += tile.point_count;
+          hint.work += kPointWork * tile.point_count;
           for (const HeldTile::Point& one : std::span(tile.points).first(tile.point_count)) {
             if (!((place_m - one.place_m).squaredNorm() < one.reach_m * one.reach_m)) continue;
             hint.work += kBlendWork;

@@ -18,7 +18,7 @@
 #include <limits>
 #include <optional>
 
-#include "common/core/elastic_patch.h"
+#include "common/core/elastic/elastic_patch.h"
 #include "common/core/time.h"
 #include "common/core/tissue.h"
 #include "common/core/vector.h"

@@ -5,7 +5,7 @@
 
 #include <cmath>
 
-#include "common/core/elastic_patch.h"
+#include "common/core/elastic/elastic_patch.h"
 #include "deploy/lockstep/random_surface.h"
 
 namespace palpate {

@@ -1,14 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "device_node/conformance/device_checks.h"
 
-#include <spdlog/fmt/fmt.h>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
 #include <utility>
 #include <vector>
+
+#include "device_node/conformance/check_outcome.h"
 
 namespace palpate::device {
 namespace {
@@ -30,29 +30,6 @@ constexpr double kSeenToMove_m = 0.2e-3;  // and four steps of the encoder
 constexpr double kLeastAlong = 0.5;       // cosine of motion and force
 constexpr double kSpedUp = 1.5;           // the ratio of speeds after a lease that did not end
 constexpr double kSpedUp_m_per_s = 0.01;
-
-CheckOutcome good(std::string text) { return {CheckVerdict::kGood, std::move(text)}; }
-CheckOutcome failed(std::string text) { return {CheckVerdict::kFailed, std::move(text)}; }
-CheckOutcome not_observable(std::string text) {
-  return {CheckVerdict::kNotObservable, std::move(text)};
-}
-
-std::string text_of(const Vector3& v, double scale, const char* unit) {
-  return fmt::format("({:.3g}, {:.3g}, {:.3g}) {}", scale * v.x(), scale * v.y(), scale * v.z(),
-                     unit);
-}
-
-/// Motors limp at the end of a check, however it ends.
-class Limp {
- public:
-  explicit Limp(HapticDevice& device) : device_(device) {}
-  Limp(const Limp&) = delete;
-  Limp& operator=(const Limp&) = delete;
-  ~Limp() { static_cast<void>(device_.release()); }
-
- private:
-  HapticDevice& device_;
-};
 
 /// A third of the continuous force: no driver has a reason to limit it.
 double gentle_newton(DeviceBench& bench) {

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "common/contact/contact_model.h"
-#include "common/contact/sphere_sweep.h"
+#include "common/contact/elastic/sphere_sweep.h"
 #include "mofc_node/tissue/receipts.h"
 
 namespace palpate::mofc {

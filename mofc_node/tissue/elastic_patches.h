@@ -7,7 +7,7 @@
 #include <memory>
 #include <vector>
 
-#include "common/core/elastic_patch.h"
+#include "common/core/elastic/elastic_patch.h"
 #include "common/core/messages.h"
 #include "mofc_node/tissue/local_tissues.h"
 

@@ -20,8 +20,7 @@ constexpr double kFloatMargin_m = 1e-4;  // more than a float of a kilometre rou
 constexpr double kBackPerSending_m = 6e-3;
 constexpr double kTileBytesPerS = 600e3;
 constexpr double kRestBytesPerS = 200e3;
-// Upper bounds of what the parts of a message take; descriptions and tiles together at most
-// kMostBytes.
+// Bounds of what the parts of a message take; descriptions and tiles together: kMostBytes.
 constexpr double kMostBytes = 5000.0;
 constexpr double kFrameBytes = 7900.0;
 constexpr double kHeadBytes = 250.0 + 35.0 * kMaxPendingTiles;
@@ -215,7 +214,7 @@ void SurfaceSender::empty(const SurfaceReceipts& receipts) noexcept {
   free_.clear();
   const std::size_t slots = std::min<std::size_t>(receipts.tile_slots, kTileSlots);
   for (std::size_t i = slots; i > 0; --i) free_.push_back(static_cast<std::uint16_t>(i - 1));
-  for (auto& slots : slot_of_tile_) std::fill(slots.begin(), slots.end(), kNoSlot);
+  for (auto& tiles : slot_of_tile_) std::fill(tiles.begin(), tiles.end(), kNoSlot);
 }
 
 void SurfaceSender::acknowledge(const SurfaceReceipts& receipts) noexcept {

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cstring>
 
-#include "common/core/clones.h"
+#include "common/contact/elastic/clones.h"
 #include "physics_node/elastic/point_laws.h"
 
 namespace palpate::elastic {

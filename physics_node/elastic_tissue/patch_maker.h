@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // patch_maker.h — the points of an elastic body near one tip, and the compliance between them, for
-// mofc_node, which solves the contact itself (common/core/elastic_patch.h).
+// mofc_node, which solves the contact itself (common/core/elastic/elastic_patch.h).
 #pragma once
 
 #include <array>
@@ -8,7 +8,7 @@
 #include <optional>
 #include <vector>
 
-#include "common/core/elastic_patch.h"
+#include "common/core/elastic/elastic_patch.h"
 #include "physics_node/elastic/condensed/condensed_contact.h"
 #include "physics_node/elastic_tissue/elastic_body.h"
 #include "physics_node/elastic_tissue/elastic_simulation.h"

@@ -18,7 +18,7 @@
 #include "common/telemetry/quantile.h"
 #include "mofc_node/tissue/tissue_model.h"
 #include "tests/bench/bench_output.h"
-#include "tests/support/costly_descriptions.h"
+#include "tests/support/hostile/costly_descriptions.h"
 
 namespace palpate::bench {
 namespace {

@@ -11,10 +11,10 @@
 #include <regex>
 
 #include "common/session/session_file.h"
+#include "tests/support/hostile/raw_zmtp.h"
 #include "tests/support/machine/machine.h"
 #include "tests/support/pressing_hand.h"
 #include "tests/support/program.h"
-#include "tests/support/raw_zmtp.h"
 #include "tests/support/run_folder.h"
 #include "tests/support/temp_folder.h"
 #include "tests/support/text.h"

@@ -24,10 +24,10 @@
 #include "common/link/telemetry_subscriber.h"
 #include "common/link/zmq_sender.h"
 #include "common/link/zmq_source.h"
+#include "tests/support/hostile/raw_zmtp.h"
 #include "tests/support/machine/machine.h"
 #include "tests/support/port.h"
 #include "tests/support/random_messages.h"
-#include "tests/support/raw_zmtp.h"
 
 namespace palpate {
 namespace {

@@ -35,10 +35,10 @@
 #include "device_node/simulation/plant.h"
 #include "tests/fault/pressing_session.h"
 #include "tests/support/encoded_frame.h"
+#include "tests/support/hostile/raw_zmtp.h"
 #include "tests/support/machine/machine.h"
 #include "tests/support/peak_memory.h"
 #include "tests/support/port.h"
-#include "tests/support/raw_zmtp.h"
 #include "tests/support/run_folder.h"
 #include "tests/support/web_client.h"
 

@@ -222,8 +222,11 @@ void for_each_row(RecordingFile& recording, const std::function<void(const TickR
 
 Session recorded_session(const RecordingFile& recording,
                          const std::vector<std::string>& overrides) {
+  std::error_code ignored;  // a recording may not tell its session's file
+  const std::filesystem::path file =
+      std::filesystem::absolute(recording.about("session_file"), ignored);
   return parse_session(recording.about("session"), recording.mcap().path(), overrides,
-                       std::filesystem::absolute(recording.about("session_file")).parent_path());
+                       file.parent_path());
 }
 
 namespace {

@@ -83,7 +83,7 @@ inline constexpr bool kIsTelemetry = kKindOf<T> == MessageKind::kRunState ||
 /// messages of the loop take at most 1 kB. A telemetry record takes at most 250 bytes, so that a
 /// batch can hold 4000 ticks. A vertex takes 12 bytes, a triangle 12.
 template <class T>
-inline constexpr std::size_t kMaxFrameBytes = kIsTelemetry<T> ? std::size_t{1} << 20 : 4096;
+inline constexpr std::size_t kMaxFrameBytes = kIsTelemetry<T> ? std::size_t{2} << 20 : 4096;
 template <>
 inline constexpr std::size_t kMaxFrameBytes<DeviceState> = 8192;
 template <>

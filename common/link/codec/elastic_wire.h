@@ -3,7 +3,7 @@
 // contact with elastic bodies itself.
 #pragma once
 
-#include "common/core/elastic_patch.h"
+#include "common/core/elastic/elastic_patch.h"
 #include "common/link/codec/wire_format.h"
 #include "palpate/v1/interaction.pb.h"
 

@@ -50,6 +50,9 @@ const char* remedy_of(FaultReason reason) {
     case FaultReason::kReadingNotFinite:
     case FaultReason::kDeviceCorrupt:
       return "check the driver and its connection: `palpate conform device`";
+    case FaultReason::kSuspended:
+      return "keep the machine from sleeping while a session runs, then reset the fault (SIGUSR2 "
+             "to device_node)";
     case FaultReason::kNone:
       break;
   }

@@ -9,7 +9,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "common/contact/sphere_sweep.h"
+#include "common/contact/elastic/sphere_sweep.h"
 #include "physics_node/elastic/linear/dense_kernels.h"
 
 namespace palpate::elastic {

@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <cstring>
 
-#include "common/core/clones.h"
+#include "common/contact/elastic/clones.h"
 
 namespace palpate::elastic {
 namespace {

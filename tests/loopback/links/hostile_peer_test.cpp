@@ -25,9 +25,9 @@
 #include "common/link/telemetry_subscriber.h"
 #include "tests/loopback/links/link_fixture.h"
 #include "tests/support/encoded_frame.h"
+#include "tests/support/hostile/raw_zmtp.h"
 #include "tests/support/peak_memory.h"
 #include "tests/support/port.h"
-#include "tests/support/raw_zmtp.h"
 
 namespace palpate::test {
 namespace {

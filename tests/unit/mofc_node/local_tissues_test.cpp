@@ -7,7 +7,7 @@
 #include "common/core/random.h"
 #include "mofc_node/tissue/tissue_model.h"
 #include "tests/support/alloc_guard.h"
-#include "tests/support/costly_descriptions.h"
+#include "tests/support/hostile/costly_descriptions.h"
 
 namespace palpate::mofc {
 namespace {

@@ -19,7 +19,7 @@
 #include "mofc_node/model_probe.h"
 #include "mofc_node/motion_deadband.h"
 #include "tests/support/alloc_guard.h"
-#include "tests/support/costly_descriptions.h"
+#include "tests/support/hostile/costly_descriptions.h"
 
 namespace palpate::mofc {
 namespace {

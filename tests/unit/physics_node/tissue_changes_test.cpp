@@ -106,7 +106,10 @@ TEST(TissueChanges, AChangedTissueIsDescribedAnewAndRecorded) {
       node.step({.scheduled_at = clock.now(), .now = clock.now()});
       TimePoint at;
       EXPECT_TRUE(interactions.receive(interaction, at));
-      if (interaction.surface.has_description) all.push_back(interaction.surface.description);
+      const auto& surface = interaction.surface;
+      if (surface.has_description && surface.description.tissue == 0) {
+        all.push_back(surface.description);  // of the floor
+      }
       if (interaction.surface.number > 0) {
         motion.receipts.newest = interaction.surface.number;
         motion.receipts.received = ~std::uint64_t{0};

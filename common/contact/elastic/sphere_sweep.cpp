@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "common/contact/sphere_sweep.h"
+#include "common/contact/elastic/sphere_sweep.h"
 
 #include <algorithm>
 
-#include "common/core/clones.h"
+#include "common/contact/elastic/clones.h"
 
 namespace palpate {
 namespace {

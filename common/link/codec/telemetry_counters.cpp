@@ -1,0 +1,211 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "common/link/codec/telemetry_counters.h"
+
+namespace palpate::wire {
+namespace {
+
+void put(const LinkCounters& c, v1::LinkCounters& to) {
+  to.set_accepted(c.accepted);
+  to.set_skipped(c.skipped);
+  to.set_duplicates(c.duplicates);
+  to.set_out_of_order(c.out_of_order);
+  to.set_rejected(c.rejected);
+  to.set_sessions(c.sessions);
+  to.set_ahead(c.ahead);
+}
+LinkCounters link(const v1::LinkCounters& c) {
+  return {.accepted = c.accepted(),
+          .skipped = c.skipped(),
+          .duplicates = c.duplicates(),
+          .out_of_order = c.out_of_order(),
+          .rejected = c.rejected(),
+          .ahead = c.ahead(),
+          .sessions = c.sessions()};
+}
+
+void put(const LoopCounters& c, v1::LoopCounters& to) {
+  to.set_ticks(c.ticks);
+  to.set_skipped_ticks(c.skipped_ticks);
+  to.set_worst_lateness_ns(c.worst_lateness.count());
+}
+LoopCounters loop(const v1::LoopCounters& c) {
+  return {.ticks = c.ticks(),
+          .skipped_ticks = c.skipped_ticks(),
+          .worst_lateness = Duration(c.worst_lateness_ns())};
+}
+
+}  // namespace
+
+void put(const DeviceCounters& c, v1::DeviceCounters& to) {
+  put(c.loop, *to.mutable_loop());
+  put(c.force_command, *to.mutable_force_command());
+  to.set_answered_ticks(c.answered_ticks);
+  to.set_leased_ticks(c.leased_ticks);
+  to.set_fallback_ticks(c.fallback_ticks);
+  to.set_limp_ticks(c.limp_ticks);
+  to.set_peak_limited_ticks(c.peak_limited_ticks);
+  to.set_fault_ticks(c.fault_ticks);
+  to.set_device_faults(c.device_faults);
+  to.set_fault_resets(c.fault_resets);
+  to.set_late_switches(c.late_switches);
+  to.set_is_monitor_off(c.is_monitor_off);
+  to.set_monitor_reductions(c.monitor_reductions);
+  to.set_too_fast_readings(c.too_fast_readings);
+  to.set_coarse_readings(c.coarse_readings);
+  to.set_checked_friction_ratio(c.checked_friction_ratio);
+  to.set_has_no_motor_watchdog(c.has_no_motor_watchdog);
+  to.set_accepts_no_motor_watchdog(c.accepts_no_motor_watchdog);
+  to.set_dead_man_ticks(c.dead_man_ticks);
+  to.set_phase(static_cast<std::uint32_t>(c.phase));
+  to.set_is_release_unconfirmed(c.is_release_unconfirmed);
+  to.set_last_fault(static_cast<std::uint32_t>(c.last_fault));
+  to.set_non_finite_commands(c.non_finite_commands);
+  to.set_max_force_newton(c.max_force_newton);
+  to.set_largest_jump_newton(c.largest_jump_newton);
+  to.set_minimum_true_energy_joule(c.minimum_true_energy_joule);
+}
+void check_counters(const v1::DeviceCounters& c, Verdict& verdict) {
+  verdict.require(c.has_loop());
+  verdict.require(c.has_force_command());
+  verdict.time(c.loop().worst_lateness_ns());
+  verdict.expect(c.phase() <= static_cast<std::uint32_t>(DevicePhase::kFaulted));
+  verdict.expect(c.last_fault() <= static_cast<std::uint32_t>(FaultReason::kSuspended));
+  verdict.finite(c.max_force_newton());
+  verdict.finite(c.largest_jump_newton());
+  verdict.finite(c.checked_friction_ratio());
+  verdict.finite_or_nan(c.minimum_true_energy_joule());
+}
+DeviceCounters counters(const v1::DeviceCounters& c) {
+  return {.loop = loop(c.loop()),
+          .force_command = link(c.force_command()),
+          .answered_ticks = c.answered_ticks(),
+          .leased_ticks = c.leased_ticks(),
+          .fallback_ticks = c.fallback_ticks(),
+          .limp_ticks = c.limp_ticks(),
+          .peak_limited_ticks = c.peak_limited_ticks(),
+          .fault_ticks = c.fault_ticks(),
+          .device_faults = c.device_faults(),
+          .fault_resets = c.fault_resets(),
+          .last_fault = static_cast<FaultReason>(c.last_fault()),
+          .non_finite_commands = c.non_finite_commands(),
+          .late_switches = c.late_switches(),
+          .is_monitor_off = c.is_monitor_off(),
+          .monitor_reductions = c.monitor_reductions(),
+          .too_fast_readings = c.too_fast_readings(),
+          .coarse_readings = c.coarse_readings(),
+          .checked_friction_ratio = c.checked_friction_ratio(),
+          .has_no_motor_watchdog = c.has_no_motor_watchdog(),
+          .accepts_no_motor_watchdog = c.accepts_no_motor_watchdog(),
+          .dead_man_ticks = c.dead_man_ticks(),
+          .phase = static_cast<DevicePhase>(c.phase()),
+          .is_release_unconfirmed = c.is_release_unconfirmed(),
+          .max_force_newton = c.max_force_newton(),
+          .largest_jump_newton = c.largest_jump_newton(),
+          .minimum_true_energy_joule = c.minimum_true_energy_joule()};
+}
+
+void put(const MofcCounters& c, v1::MofcCounters& to) {
+  put(c.device_state, *to.mutable_device_state());
+  put(c.interaction, *to.mutable_interaction());
+  to.set_ticks(c.ticks);
+  to.set_contact_ticks(c.contact_ticks);
+  to.set_clamped_ticks(c.clamped_ticks);
+  to.set_stale_ticks(c.stale_ticks);
+  to.set_late_physics_ticks(c.late_physics_ticks);
+  to.set_ledger_resets(c.ledger_resets);
+  to.set_motions_dropped(c.motions_dropped);
+  to.set_motions_suppressed(c.motions_suppressed);
+  to.set_transparency_integral_ns(c.transparency_integral_ns);
+  to.set_transparency_time_ns(c.transparency_time_ns);
+  to.set_too_fast_ticks(c.too_fast_ticks);
+  put(c.standby_interaction, *to.mutable_standby_interaction());
+  to.set_physics_term(c.physics_term);
+  to.set_standby_ticks(c.standby_ticks);
+  to.set_physics_switches(c.physics_switches);
+}
+void check_counters(const v1::MofcCounters& c, Verdict& verdict) {
+  verdict.require(c.has_device_state());
+  verdict.require(c.has_interaction());
+  verdict.finite(c.transparency_integral_ns());
+}
+MofcCounters counters(const v1::MofcCounters& c) {
+  return {.device_state = link(c.device_state()),
+          .interaction = link(c.interaction()),
+          .ticks = c.ticks(),
+          .contact_ticks = c.contact_ticks(),
+          .clamped_ticks = c.clamped_ticks(),
+          .too_fast_ticks = c.too_fast_ticks(),
+          .stale_ticks = c.stale_ticks(),
+          .late_physics_ticks = c.late_physics_ticks(),
+          .ledger_resets = c.ledger_resets(),
+          .motions_dropped = c.motions_dropped(),
+          .motions_suppressed = c.motions_suppressed(),
+          .transparency_integral_ns = c.transparency_integral_ns(),
+          .transparency_time_ns = c.transparency_time_ns(),
+          .standby_interaction = link(c.standby_interaction()),
+          .physics_term = c.physics_term(),
+          .standby_ticks = c.standby_ticks(),
+          .physics_switches = c.physics_switches()};
+}
+
+void put(const PhysicsCounters& c, v1::PhysicsCounters& to) {
+  put(c.loop, *to.mutable_loop());
+  put(c.tool_motion, *to.mutable_tool_motion());
+  to.set_contact_steps(c.contact_steps);
+  to.set_tissues_skipped(c.tissues_skipped);
+  to.set_tissues_visited(c.tissues_visited);
+  to.set_octree_cells_visited(c.octree_cells_visited);
+  to.set_octree_last_cell_hits(c.octree_last_cell_hits);
+  to.set_tissues_asleep(c.tissues_asleep);
+  to.set_surfaces_shared(c.surfaces_shared);
+  to.set_interactions_suppressed(c.interactions_suppressed);
+  to.set_mesh_frames(c.mesh_frames);
+  to.set_meshes_skipped(c.meshes_skipped);
+  to.set_tissue_changes(c.tissue_changes);
+  to.set_tissue_changes_refused(c.tissue_changes_refused);
+  to.set_elastic_solves(c.elastic_solves);
+  to.set_elastic_solves_skipped(c.elastic_solves_skipped);
+  to.set_elastic_solves_late(c.elastic_solves_late);
+  to.set_elastic_solves_failed(c.elastic_solves_failed);
+  to.set_elastic_steps_skipped(c.elastic_steps_skipped);
+  to.set_elastic_residual_ratio(c.elastic_residual_ratio);
+  to.set_elastic_error_newton(c.elastic_error_newton);
+  to.set_elastic_bound_newton(c.elastic_bound_newton);
+  to.set_worst_compute_time_ns(c.worst_compute_time.count());
+}
+void check_counters(const v1::PhysicsCounters& c, Verdict& verdict) {
+  verdict.require(c.has_loop());
+  verdict.require(c.has_tool_motion());
+  verdict.time(c.loop().worst_lateness_ns());
+  verdict.time(c.worst_compute_time_ns());
+  verdict.finite(c.elastic_residual_ratio());
+  verdict.finite(c.elastic_error_newton());
+  verdict.finite(c.elastic_bound_newton());
+}
+PhysicsCounters counters(const v1::PhysicsCounters& c) {
+  return {.loop = loop(c.loop()),
+          .tool_motion = link(c.tool_motion()),
+          .contact_steps = c.contact_steps(),
+          .tissues_skipped = c.tissues_skipped(),
+          .tissues_visited = c.tissues_visited(),
+          .octree_cells_visited = c.octree_cells_visited(),
+          .octree_last_cell_hits = c.octree_last_cell_hits(),
+          .tissues_asleep = c.tissues_asleep(),
+          .surfaces_shared = c.surfaces_shared(),
+          .interactions_suppressed = c.interactions_suppressed(),
+          .mesh_frames = c.mesh_frames(),
+          .meshes_skipped = c.meshes_skipped(),
+          .tissue_changes = c.tissue_changes(),
+          .tissue_changes_refused = c.tissue_changes_refused(),
+          .elastic_solves = c.elastic_solves(),
+          .elastic_solves_skipped = c.elastic_solves_skipped(),
+          .elastic_solves_late = c.elastic_solves_late(),
+          .elastic_solves_failed = c.elastic_solves_failed(),
+          .elastic_steps_skipped = c.elastic_steps_skipped(),
+          .elastic_residual_ratio = c.elastic_residual_ratio(),
+          .elastic_error_newton = c.elastic_error_newton(),
+          .elastic_bound_newton = c.elastic_bound_newton(),
+          .worst_compute_time = Duration(c.worst_compute_time_ns())};
+}
+
+}  // namespace palpate::wire
