@@ -220,13 +220,15 @@ void for_each_row(RecordingFile& recording, const std::function<void(const TickR
   mirror.flush_rows();
 }
 
+std::filesystem::path folder_of_session(const RecordingFile& recording) {
+  std::error_code ignored;  // a recording may not tell
+  return std::filesystem::absolute(recording.about("session_file"), ignored).parent_path();
+}
+
 Session recorded_session(const RecordingFile& recording,
                          const std::vector<std::string>& overrides) {
-  std::error_code ignored;  // a recording may not tell its session's file
-  const std::filesystem::path file =
-      std::filesystem::absolute(recording.about("session_file"), ignored);
   return parse_session(recording.about("session"), recording.mcap().path(), overrides,
-                       file.parent_path());
+                       folder_of_session(recording));
 }
 
 namespace {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <functional>
 #include <map>
 #include <optional>
@@ -91,6 +92,9 @@ class RecordingFile {
 
 /// Calls `on_row` for every device tick of a recording, in order, with mofc's half if recorded.
 void for_each_row(RecordingFile& recording, const std::function<void(const TickRow&)>& on_row);
+
+/// Of the session that was recorded, on the machine that recorded it; empty if it is not told.
+[[nodiscard]] std::filesystem::path folder_of_session(const RecordingFile& recording);
 
 /// The session that was recorded, with its overrides and these. Throws SetupError: a file that it
 /// names is not where it was.

@@ -187,10 +187,8 @@ RunFacts facts_of(const RecordingFile& recording, const RecordedRun& run) {
       about.controller.starts_with("mofc") || about.controller.ends_with("behind guard");
   const std::string file = recording.about("session_file");
   try {
-    const Session session =
-        with_only_side(parse_session(recording.about("session"), file, {},
-                                     std::filesystem::absolute(file).parent_path()),
-                       side);
+    const Session session = with_only_side(
+        parse_session(recording.about("session"), file, {}, folder_of_session(recording)), side);
     about = facts_of(session, session.side());
   } catch (const SetupError&) {  // of another version, or its files are not here
   }

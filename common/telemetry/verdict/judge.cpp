@@ -51,8 +51,7 @@ const char* remedy_of(FaultReason reason) {
     case FaultReason::kDeviceCorrupt:
       return "check the driver and its connection: `palpate conform device`";
     case FaultReason::kSuspended:
-      return "keep the machine from sleeping while a session runs, then reset the fault (SIGUSR2 "
-             "to device_node)";
+      return "keep the machine awake while a session runs, then reset the fault (SIGUSR2)";
     case FaultReason::kNone:
       break;
   }
@@ -63,7 +62,6 @@ const char* remedy_of(FaultReason reason) {
 class Judge {
  public:
   explicit Judge(const RunFacts& facts) : f_(facts) {}
-
   std::vector<RunFinding> findings() {
     if (!f_.device_node.is_heard) {
       add({Grade::kBad, "device_silent", "no telemetry of device_node was received",

@@ -165,8 +165,9 @@ TEST_F(RecordingTools, TheIdealForceIsRecordedByLoopback) {
 // Holes of 9 ms, so leases end by themselves; answers that come 0.3 ms after the reading.
 TEST_F(RecordingTools, EnergyAndFiguresOfARecordingAreComputedAgain) {
   ASSERT_EQ(palpate({"loopback", session_, "--seconds", "1", "--record", path("holes.mcap"),
-                     "--json", path("holes.json"), "--set", "faults.force_command.delay_ms=0.3",
-                     "--set", "faults.device.skip={from_s: 0.0201 until_s: 0.029 every_s: 0.05}"})
+                     "--json", path("holes.json"), "--set", "mofc.controller=mofc", "--set",
+                     "faults.force_command.delay_ms=0.3", "--set",
+                     "faults.device.skip={from_s: 0.0201 until_s: 0.029 every_s: 0.05}"})
                 .status,
             0);
   const Outcome again = palpate({"report", path("holes.mcap"), "--recompute"});
