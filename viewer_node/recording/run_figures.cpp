@@ -260,7 +260,6 @@ nlohmann::ordered_json figures_json(const std::string& controller,
 }
 
 std::vector<std::pair<std::string, std::string>> figure_lines(const std::string& controller,
-                                                              const viewer::TelemetryMirror& mirror,
                                                               const RunFigures& figures) {
   const DeviceCounters& device = figures.device;
   const MofcCounters& mofc = figures.mofc;

@@ -179,7 +179,7 @@ TEST_F(Mcap, ASummaryOverSixtyFourMebibytesIsNotNeeded) {
 TEST_F(Mcap, APartHasTheMessagesOfItsTimeThatFollowALaterOne) {
   {
     McapWriter writer(path, true, kChannels);
-    for (const std::uint64_t at_ms : {0, 10, 30, 15, 40}) {
+    for (const std::uint64_t at_ms : {0U, 10U, 30U, 15U, 40U}) {
       writer.write(0, at_ms * kMillisecond_ns, std::to_string(at_ms));
     }
     writer.close();

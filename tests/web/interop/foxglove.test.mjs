@@ -4,7 +4,7 @@
 import assert from "node:assert/strict";
 import { spawn } from "node:child_process";
 import { once } from "node:events";
-import { existsSync, mkdtempSync, readFileSync, rmSync } from "node:fs";
+import { existsSync, mkdtempSync, readFileSync, readdirSync, rmSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { fileURLToPath } from "node:url";
@@ -153,7 +153,8 @@ for (const subprotocol of ["foxglove.sdk.v1", "foxglove.websocket.v1"]) {
 /** The child of palpate launch with that name; one that is being restarted is waited for. */
 async function pid_of(name) {
   for (;;) {
-    const children = readFileSync(`/proc/${launch.pid}/task/${launch.pid}/children`, "utf8").trim().split(" ");
+    const tasks = readdirSync(`/proc/${launch.pid}/task`);  // any thread may have started it
+    const children = tasks.flatMap((task) => readFileSync(`/proc/${launch.pid}/task/${task}/children`, "utf8").trim().split(" "));
     const found = children.find((pid) => existsSync(`/proc/${pid}/comm`) && readFileSync(`/proc/${pid}/comm`, "utf8").trim() === name);
     if (found) return Number(found);
     await new Promise((resolve) => setTimeout(resolve, 10));
