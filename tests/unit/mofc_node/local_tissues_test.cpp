@@ -274,7 +274,8 @@ TEST_F(BudgetOfAModel, EndsTheForceOfATissueContinuously) {
 TEST_F(BudgetOfAModel, IsOfferedAnewToARestartedPhysics) {
   Random random(3);
   const std::uint64_t store_id = model_.receipts().store_id;
-  const CostlyPhysics physics = test::costly_physics({.tiles = kTileSlots / 8}, store_id, random);
+  const CostlyGenes genes{.tissues = 1, .tiles = kTileSlots - 1, .spread_m = 1e-5};
+  const CostlyPhysics physics = test::costly_physics(genes, store_id, random);
   for (const Interaction& message : physics.messages) model_.receive(message, state_);
   model_.receive(physics.last, state_);
   for (int i = 0; i < 200; ++i) step(physics.last);
