@@ -173,9 +173,8 @@ Agreement agreement(const SceneConfig& scene, int ticks, const Tip& tip_m) {
 // The viscous part of a full solution's force is not held, nor taken for stiffness.
 TEST_F(ElasticScene, TheForceOfAViscousBodyIsThatOfTheFullSolution) {
   const SceneConfig scene = elastic_scene(file_, {.viscosity_s = 0.02});
-  const Agreement at = agreement(scene, test::kIsSanitized ? 120 : 300, [](double time_s) {
-    return tip_at(std::min(0.005, 0.05 * time_s - 0.003));
-  });
+  const Agreement at = agreement(
+      scene, 300, [](double time_s) { return tip_at(std::min(0.005, 0.05 * time_s - 0.003)); });
   EXPECT_LT(at.error, 0.10);
   EXPECT_NEAR(at.gain, 1.0, 0.05);
 }

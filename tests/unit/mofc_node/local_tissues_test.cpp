@@ -137,7 +137,7 @@ using test::CostlyGenes;
 using test::CostlyPhysics;
 
 // of a view that ends: the tile that it was at; of a place that is looked at anew: all tiles
-constexpr std::uint32_t kOvershoot = 2 * kTileSlots + 2 * (2 * kTileSlots + 8 * 512);
+constexpr std::uint32_t kOvershoot = 2 * kTileSlots + 2 * (2 * kTileSlots + 8UL * 512UL);
 
 class LocalTissuesOfAny : public testing::TestWithParam<CostlyGenes> {};
 
