@@ -65,7 +65,7 @@ set(PALPATE_BOUNDARIES
   "mofc_node/controllers:wave_channel.h"
   # installed into one folder with the headers of controllers/, which it names without theirs
   "mofc_node/controllers/rivals:mofc_node/controllers,force_controller.h,guard_mofc.h,implicit_step.h,wave_channel.h"
-  "mofc_node/controllers/named:mofc_node/controllers/rivals,axis_friction.h,force_controller.h,guard_mofc.h,paper_mofc.h,vector_mofc.h"
+  "mofc_node/controllers/named:mofc_node/controllers/rivals,axis_friction.h,force_controller.h,guard_mofc.h,own_controllers.h,paper_mofc.h,safety_net.h,vector_mofc.h"
   # a project of its own, against stubs
   "mofc_node/controllers/examples:"
 
@@ -148,16 +148,18 @@ function(palpate_check_boundaries)
   set(viewers viewer_feed viewer_recording viewer_server)
   palpate_forbid_links(palpate_controllers palpate_core palpate_contact palpate_session
                        palpate_telemetry device_node_lib physics_node_lib ${truth} ${viewers} ${sockets})
-  palpate_forbid_links(mofc_node_lib physics_node_lib device_node_lib ${truth} ${viewers} ${sockets})
-  palpate_forbid_links(physics_node_lib mofc_node_lib palpate_controllers device_node_lib ${truth}
+  palpate_forbid_links(mofc_node_lib palpate_controllers physics_node_lib device_node_lib ${truth} ${viewers} ${sockets})
+  palpate_forbid_links(mofc_node palpate_controllers)  # those of others are loaded
+  palpate_forbid_links(device_mofc_node palpate_controllers)
+  palpate_forbid_links(physics_node_lib mofc_node_lib palpate_clamp device_node_lib ${truth}
                        ${viewers} ${sockets})
-  palpate_forbid_links(device_node_lib mofc_node_lib palpate_controllers physics_node_lib ${truth}
+  palpate_forbid_links(device_node_lib mofc_node_lib palpate_clamp physics_node_lib ${truth}
                        ${viewers} ${sockets})
-  palpate_forbid_links(device_simulation device_node_lib mofc_node_lib palpate_controllers
+  palpate_forbid_links(device_simulation device_node_lib mofc_node_lib palpate_clamp
                        physics_node_lib ${viewers} ${sockets})
-  palpate_forbid_links(viewer_feed mofc_node_lib palpate_controllers device_node_lib physics_node_lib
+  palpate_forbid_links(viewer_feed mofc_node_lib palpate_clamp device_node_lib physics_node_lib
                        ${truth} ${sockets})
-  palpate_forbid_links(viewer_server mofc_node_lib palpate_controllers device_node_lib
+  palpate_forbid_links(viewer_server mofc_node_lib palpate_clamp device_node_lib
                        physics_node_lib ${truth} ${sockets})
 
   list(JOIN PALPATE_BOUNDARIES ";" rules)

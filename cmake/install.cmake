@@ -7,6 +7,7 @@ include(CMakePackageConfigHelpers)
 
 # launch starts the nodes that lie beside it
 install(TARGETS palpate palpate_tools device_node mofc_node device_mofc_node physics_node viewer_node)
+install(TARGETS palpate_rivals LIBRARY DESTINATION lib/palpate)
 install(DIRECTORY deploy/campaigns deploy/sessions proto DESTINATION ${CMAKE_INSTALL_DATADIR}/palpate
         FILES_MATCHING PATTERN "*.txtpb" PATTERN "*.proto" PATTERN "organ.*"
         PATTERN "engines" EXCLUDE)
@@ -27,7 +28,7 @@ install(FILES ${pages}/_palpate DESTINATION ${CMAKE_INSTALL_DATADIR}/zsh/vendor-
 install(FILES ${pages}/palpate.fish DESTINATION ${CMAKE_INSTALL_DATADIR}/fish/vendor_completions.d)
 
 # The controllers by themselves: cmake --install BUILD --component controllers --prefix FOLDER
-install(TARGETS palpate_controllers EXPORT palpateTargets
+install(TARGETS palpate_clamp palpate_controllers EXPORT palpateTargets
         ARCHIVE COMPONENT controllers
         PUBLIC_HEADER DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/palpate/controllers
                       COMPONENT controllers

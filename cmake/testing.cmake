@@ -40,6 +40,7 @@ function(palpate_add_test name)
     list(APPEND properties RUN_SERIAL ON)
   endif()
   add_executable(${name} ${arg_SOURCES})
+  add_dependencies(${name} palpate_rivals)
   set_target_properties(${name} PROPERTIES UNITY_BUILD ${PALPATE_UNITY} UNITY_BUILD_BATCH_SIZE 8)
   target_link_libraries(${name} PRIVATE ${arg_LIBRARIES} GTest::gtest GTest::gmock GTest::gtest_main
                                         palpate::machine palpate_warnings palpate_test_warnings)

@@ -16,5 +16,5 @@ page=()  # of which the package has a part only if npm could build it
 if [[ -s viewer_node/page/app.js.gz ]]; then page=(--lock "$root/viewer_node/web/package-lock.json"); fi
 "$root/deploy/sbom" --version "$version" --build . "${page[@]}" \
   bin/palpate bin/palpate_tools bin/device_node bin/mofc_node bin/device_mofc_node bin/physics_node \
-  bin/viewer_node > palpate.spdx.json
+  bin/viewer_node lib/palpate/palpate_rivals.so > palpate.spdx.json
 cpack

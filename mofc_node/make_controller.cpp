@@ -1,14 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mofc_node/make_controller.h"
 
+#include <dlfcn.h>
+
+#include <filesystem>
+#include <string>
+
 #include "common/core/check.h"
-#include "mofc_node/controllers/named/catalogue.h"
+#include "common/core/version.h"
+#include "mofc_node/controllers/named/own_controllers.h"
 
 namespace palpate::mofc {
 
 namespace {
 
+namespace fs = std::filesystem;
 using controllers::ControllerSettings;
+using controllers::ForceController;
 
 ControllerSettings settings_of(const MofcConfig& mofc, const ClampedDevice& device) {
   const DeviceProfile& profile = device.profile;
@@ -80,9 +88,6 @@ const char* catalogue_name(const MofcConfig& mofc) {
       break;
     case ControllerKind::kMofc:
       return mofc_name(mofc);
-    case ControllerKind::kOutputLimiter:
-      return mofc.paper_friction == PaperFriction::kIsotropic ? "paper_isotropic"
-                                                              : "output_limiter";
     case ControllerKind::kVirtualCoupling:
       return rivals.virtual_coupling.criterion == VirtualCouplingConfig::Criterion::kSampledData
                  ? "virtual_coupling_sampled_data"
@@ -110,11 +115,35 @@ const char* catalogue_name(const MofcConfig& mofc) {
   return "none";
 }
 
+/// From rivals_library.cpp, which is loaded now and stays.
+std::unique_ptr<ForceController> make_rival(const char* name, const ControllerSettings& settings) {
+  const fs::path prefix = fs::read_symlink("/proc/self/exe").parent_path().parent_path();
+  const std::string file = prefix / "lib/palpate/palpate_rivals.so";
+  const auto refuse = [&](const std::string& why) {
+    throw SetupError("mofc.controller = " + std::string(name) + " is in a library: " + why +
+                     "; install the package again, or in a build folder build the target "
+                     "palpate_rivals");
+  };
+  void* const library = dlopen(file.c_str(), RTLD_NOW | RTLD_LOCAL);
+  if (library == nullptr) refuse(dlerror());
+  const auto version_of =
+      reinterpret_cast<decltype(&version)>(dlsym(library, "palpate_rivals_version"));
+  const auto make = reinterpret_cast<ForceController* (*)(const char*, const ControllerSettings&)>(
+      dlsym(library, "palpate_make_rival"));
+  if (version_of == nullptr || make == nullptr || std::string(version_of()) != version()) {
+    refuse(file + " is of another build");
+  }
+  return std::unique_ptr<ForceController>(make(name, settings));
+}
+
 }  // namespace
 
-std::unique_ptr<controllers::ForceController> make_controller(const MofcConfig& mofc,
-                                                              const ClampedDevice& device) {
-  auto controller = controllers::make_named(catalogue_name(mofc), settings_of(mofc, device));
+std::unique_ptr<ForceController> make_controller(const MofcConfig& mofc,
+                                                 const ClampedDevice& device) {
+  const char* const name = catalogue_name(mofc);
+  const ControllerSettings settings = settings_of(mofc, device);
+  std::unique_ptr<ForceController> controller = controllers::make_own(name, settings);
+  if (controller == nullptr) controller = make_rival(name, settings);
   PALPATE_REQUIRE(controller != nullptr);
   return controller;
 }

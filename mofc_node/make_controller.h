@@ -10,7 +10,8 @@
 
 namespace palpate::mofc {
 
-/// The controller that the session selects, with the device's profile.
+/// The controller that the session selects, with the device's profile. One published by others is
+/// loaded from lib/palpate/ beside the folder of the program. Throws SetupError if that fails.
 [[nodiscard]] std::unique_ptr<controllers::ForceController> make_controller(
     const MofcConfig& mofc, const ClampedDevice& device);
 

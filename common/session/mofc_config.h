@@ -23,7 +23,6 @@ enum class ControllerKind : std::uint8_t {
   kForceBounding,
   kPassivityControl,
   kMemoryBased,
-  kOutputLimiter,
   kInputToState,
   kTwoPort,
   kEnergyTank,
@@ -85,6 +84,7 @@ struct MofcConfig {
   PaperFriction paper_friction = PaperFriction::kAsPublished;
   RivalsConfig rivals{};
   bool has_safety_net = false;  ///< mode guard limits what the controller requests
+  bool accepts_rival = false;   ///< on a real device too
   Duration
       wait_for_physics{};  ///< 0: never wait; else answer from the Interaction of the same tick
   Duration delta_max{};    ///< longest time from reading to switch; not in mode paper

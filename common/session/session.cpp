@@ -69,8 +69,6 @@ const char* controller_name(const MofcConfig& config) {
       return "passivity_control";
     case ControllerKind::kMemoryBased:
       return "memory_based";
-    case ControllerKind::kOutputLimiter:
-      return "output_limiter";
     case ControllerKind::kInputToState:
       return "input_to_state";
     case ControllerKind::kTwoPort:

@@ -114,6 +114,12 @@ void add_side(const SessionText& text, const std::string& name,
     side.simulated = with_friction_of(side.device.profile, side.simulated);
   }
   side.mofc = to_mofc(mofc, wait_ms, session.physics, side.device);
+  if (is_real(side.driver) && side.mofc.controller != ControllerKind::kMofc &&
+      !side.mofc.has_safety_net && !side.mofc.accepts_rival) {
+    mofc.problem("controller",
+                 "nothing but device.monitor would keep the hand from drawing energy, and the "
+                 "device is a real one; give safety_net: true, or accept: RIVAL_CONTROLLER");
+  }
   // the monitor assumes of the hand what the controller does
   side.device.monitor.v_max_m_per_s = side.mofc.mode == MofcMode::kVector
                                           ? std::numeric_limits<double>::infinity()

@@ -145,8 +145,6 @@ ControllerKind to_controller(const Fields& mofc) {
       return ControllerKind::kPassivityControl;
     case v1::Mofc::memory_based:
       return ControllerKind::kMemoryBased;
-    case v1::Mofc::output_limiter:
-      return ControllerKind::kOutputLimiter;
     case v1::Mofc::input_to_state:
       return ControllerKind::kInputToState;
     case v1::Mofc::two_port:
@@ -213,6 +211,7 @@ MofcConfig to_mofc(const Fields& mofc, double wait_for_physics_ms, const Physics
   config.controller = to_controller(mofc);
   config.rivals = to_rivals(mofc);
   config.has_safety_net = mofc.flag("safety_net");
+  config.accepts_rival = mofc.enumerator("accept") == v1::Mofc::RIVAL_CONTROLLER;
   const int mode = mofc.enumerator("mode");
   if (mode == v1::Mofc::paper) config.mode = MofcMode::kPaper;
   if (mode == v1::Mofc::vector) config.mode = MofcMode::kVector;

@@ -5,19 +5,15 @@
 #include <array>
 #include <utility>
 
-#include "guard_mofc.h"
 #include "mofc_node/controllers/rivals/bounding.h"
 #include "mofc_node/controllers/rivals/energy_tank.h"
 #include "mofc_node/controllers/rivals/input_to_state.h"
 #include "mofc_node/controllers/rivals/lyapunov.h"
 #include "mofc_node/controllers/rivals/memory_based.h"
 #include "mofc_node/controllers/rivals/passivity_control.h"
-#include "mofc_node/controllers/rivals/safety_net.h"
 #include "mofc_node/controllers/rivals/two_port.h"
 #include "mofc_node/controllers/rivals/virtual_coupling.h"
 #include "mofc_node/controllers/rivals/wave_variables.h"
-#include "paper_mofc.h"
-#include "vector_mofc.h"
 
 namespace palpate::controllers {
 
@@ -27,50 +23,9 @@ using Settings = ControllerSettings;
 using Made = std::unique_ptr<ForceController>;
 using Observer = PassivityControlParameters::Observer;
 
-MofcParameters leased(const Settings& s) {
-  return {.f_d = s.viscous_newton_s_per_m, .f_co = s.coulomb_newton, .T = s.lease_s};
-}
-
-double period_s(const Settings& s) { return 1.0 / s.rate_hz; }
-
 /// The published methods know one friction: the least of the axes.
 double viscous(const Settings& s) {
   return s.per_axis ? s.per_axis->f_d.minCoeff() : s.viscous_newton_s_per_m;
-}
-
-Made paper(const Settings& s) {
-  const MofcParameters p{
-      .f_d = s.viscous_newton_s_per_m, .f_co = s.coulomb_newton, .T = period_s(s)};
-  if (s.per_axis) return std::make_unique<PaperMofc>(*s.per_axis, p.T);
-  return std::make_unique<PaperMofc>(p);
-}
-
-Made paper_isotropic(const Settings& s) {
-  if (s.per_axis) return paper(s);
-  return std::make_unique<PaperMofc>(PaperMofc::isotropic(
-      {.f_d = s.viscous_newton_s_per_m, .f_co = s.coulomb_newton, .T = period_s(s)}));
-}
-
-Made vector(const Settings& s) {
-  return std::make_unique<VectorMofc>(leased(s), s.position_resolution_m, s.delta_max_s, s.per_axis,
-                                      s.longest_lease_s);
-}
-
-GuardParameters guard_parameters(const Settings& s) {
-  const MofcParameters p = leased(s);
-  // what one hold of the largest force can leak: at low rates more than the gate's and the cap's
-  // own
-  const double hold_joule = p.T * drain_watt(p, s.peak_force_newton, s.v_max_m_per_s);
-  return {.mofc = p,
-          .per_axis = s.per_axis,
-          .resolution_m = s.position_resolution_m,
-          .delta_max_s = s.delta_max_s,
-          .longest_lease_s = s.longest_lease_s,
-          .v_max_m_per_s = s.v_max_m_per_s,
-          .credit_cap_joule = s.credit_cap_joule,
-          .contact_credit_joule = hold_joule > s.credit_cap_joule ? hold_joule : 0.0,
-          .gate_joule = std::max(s.gate_joule, hold_joule),
-          .gate_recovery_s = s.gate_recovery_s};
 }
 
 template <VirtualCouplingParameters (*Design)(double, double)>
@@ -102,15 +57,7 @@ Made passivity_control(const Settings& s) {
   return std::make_unique<PassivityControl>(passivity(s, observer));
 }
 
-// PaperMofc's equations are what [MOFC] takes from the output limiter
-constexpr std::array<ControllerEntry, 19> kControllers{{
-    {"none", [](const Settings&) -> Made { return std::make_unique<PassThrough>(); }},
-    {"guard",
-     [](const Settings& s) -> Made { return std::make_unique<GuardMofc>(guard_parameters(s)); }},
-    {"vector", vector},
-    {"paper", paper},
-    {"paper_isotropic", paper_isotropic},
-    {"output_limiter", paper},
+constexpr std::array<ControllerEntry, 13> kRivals{{
     {"virtual_coupling", virtual_coupling<llewellyn_coupling>},
     {"virtual_coupling_sampled_data", virtual_coupling<sampled_data_coupling>},
     {"energy_bounding", bounding<EnergyBounding>},
@@ -232,20 +179,27 @@ constexpr std::array<SettingEntry, 32> kSettings{{
 }  // namespace
 
 std::span<const SettingEntry> setting_catalogue() noexcept { return kSettings; }
-std::span<const ControllerEntry> controller_catalogue() noexcept { return kControllers; }
+std::span<const ControllerEntry> controller_catalogue() noexcept {
+  static const auto all = [] {
+    std::array<ControllerEntry, kOwnControllers + kRivals.size()> both{};
+    const auto rest = std::copy(own_controllers().begin(), own_controllers().end(), both.begin());
+    std::copy(kRivals.begin(), kRivals.end(), rest);
+    return both;
+  }();
+  return all;
+}
 
 std::unique_ptr<ForceController> make_named(std::string_view name, const Settings& settings) {
-  const auto entry = std::find_if(kControllers.begin(), kControllers.end(),
+  if (Made own = make_own(name, settings)) return own;
+  const auto rival = std::find_if(kRivals.begin(), kRivals.end(),
                                   [&](const ControllerEntry& e) { return e.name == name; });
   Made made;
-  if (entry != kControllers.end()) made = entry->make(settings);
+  if (rival != kRivals.end()) made = rival->make(settings);
   if (name == "wave_variables") {
     made = std::make_unique<WaveVariables>(WaveVariablesParameters{
         .b = settings.wave_impedance_newton_s_per_m, .T = period_s(settings)});
   }
-  if (made == nullptr) return nullptr;
-  if (settings.safety_net == 0.0) return made;
-  return std::make_unique<SafetyNet>(std::move(made), guard_parameters(settings));
+  return with_safety_net(std::move(made), settings);
 }
 
 }  // namespace palpate::controllers

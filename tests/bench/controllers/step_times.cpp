@@ -70,8 +70,8 @@ Table step_time_table() {
   using Kind = ControllerKind;
   for (const Kind kind : {Kind::kNone, Kind::kMofc, Kind::kVirtualCoupling, Kind::kEnergyBounding,
                           Kind::kForceBounding, Kind::kPassivityControl, Kind::kMemoryBased,
-                          Kind::kOutputLimiter, Kind::kInputToState, Kind::kTwoPort,
-                          Kind::kEnergyTank, Kind::kLyapunov, Kind::kWaveVariables}) {
+                          Kind::kInputToState, Kind::kTwoPort, Kind::kEnergyTank,
+                          Kind::kLyapunov, Kind::kWaveVariables}) {
     MofcConfig config;
     config.controller = kind;
     for (const bool has_net : {false, true}) {

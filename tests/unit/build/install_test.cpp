@@ -90,6 +90,20 @@ TEST(Install, IsNotNeededByAProjectThatAddsThisOneAsAFolder) {
   EXPECT_FALSE(std::filesystem::exists(build + "/palpate/palpateConfigVersion.cmake"));
 }
 
+TEST(Install, AProgramWithoutItsLibraryOfRivalsSaysSo) {
+  const test::TempFolder files;
+  std::filesystem::create_directory(files.path() / "bin");
+  const std::filesystem::path program = files.path() / "bin/mofc_node";
+  std::filesystem::copy_file(PALPATE_BINARY_DIR "/mofc_node", program);
+  const CommandResult result =
+      test::run_command("'" + program.string() +
+                        "' --session '" PALPATE_SOURCE_DIR
+                        "/deploy/sessions/default.txtpb' --set mofc.controller=energy_tank");
+  EXPECT_EQ(result.status, 2);
+  EXPECT_NE(result.output.find("lib/palpate/palpate_rivals.so: cannot open"), std::string::npos)
+      << result.output;
+}
+
 TEST(Install, PutsTheProgramsIntoAComponent) {
   const std::string rules = test::text_of(PALPATE_BUILD_DIR "/cmake_install.cmake");
   EXPECT_NE(rules.find("\"programs\""), std::string::npos);

@@ -9,6 +9,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdlib>
+#include <fstream>
+#include <iterator>
 #include <limits>
 #include <optional>
 #include <utility>
@@ -1100,7 +1103,6 @@ TEST(MakeController, EveryControllerOfOthersIsMadeWithItsSettings) {
   // no friction is credited yet
   EXPECT_EQ(first(plain, ControllerKind::kEnergyBounding).force_on_hand_newton.z(), 0.0);
   EXPECT_EQ(first(plain, ControllerKind::kForceBounding).force_on_hand_newton.z(), 0.0);
-  EXPECT_EQ(first(plain, ControllerKind::kOutputLimiter).force_on_hand_newton.z(), 0.1);
   // there is no channel
   EXPECT_EQ(first(plain, ControllerKind::kWaveVariables).force_on_hand_newton.z(), 0.0);
   // these have nothing against a first force
@@ -1115,6 +1117,31 @@ TEST(MakeController, EveryControllerOfOthersIsMadeWithItsSettings) {
   MofcConfig less;
   less.rivals.force_bounding.is_more_conservative = false;
   EXPECT_EQ(first(less, ControllerKind::kForceBounding).ledger_energy_joule, 0.0);
+}
+
+TEST(MakeController, ControllersOfOthersAreLoadedOnlyWhereASessionNamesOne) {
+  GTEST_FLAG_SET(death_test_style, "threadsafe");  // a process that has loaded nothing yet
+  const auto has_loaded_them = [] {
+    std::ifstream maps("/proc/self/maps");
+    const std::string all{std::istreambuf_iterator<char>(maps), {}};
+    return all.find("palpate_rivals.so") != std::string::npos;
+  };
+  EXPECT_EXIT(
+      {
+        const ClampedDevice device{.lease = 2ms};
+        MofcConfig config;
+        for (const MofcMode mode : {MofcMode::kPaper, MofcMode::kVector, MofcMode::kGuard}) {
+          config.mode = mode;
+          static_cast<void>(make_controller(config, device));
+        }
+        config.controller = ControllerKind::kNone;
+        static_cast<void>(make_controller(config, device));
+        const bool has_before = has_loaded_them();
+        config.controller = ControllerKind::kTwoPort;
+        static_cast<void>(make_controller(config, device));
+        std::_Exit(!has_before && has_loaded_them() ? 0 : 1);
+      },
+      testing::ExitedWithCode(0), "");
 }
 
 static_assert(

@@ -418,7 +418,6 @@ TEST(SessionFile, ControllersOfOthersHaveTheirSettings) {
       {"force_bounding", ControllerKind::kForceBounding},
       {"passivity_control", ControllerKind::kPassivityControl},
       {"memory_based", ControllerKind::kMemoryBased},
-      {"output_limiter", ControllerKind::kOutputLimiter},
       {"input_to_state", ControllerKind::kInputToState},
       {"two_port", ControllerKind::kTwoPort},
       {"energy_tank", ControllerKind::kEnergyTank},

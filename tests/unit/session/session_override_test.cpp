@@ -144,8 +144,8 @@ TEST(SessionOverride, ReportsWhyItCannotBeApplied) {
       {"mofc.mode=7", "mofc.mode = 7: must be paper, vector or guard"},
       {"mofc.controller=99",
        "mofc.controller = 99: must be none, mofc, virtual_coupling, energy_bounding, "
-       "force_bounding, passivity_control, memory_based, output_limiter, input_to_state, two_port, "
-       "energy_tank, lyapunov or wave_variables"},
+       "force_bounding, passivity_control, memory_based, input_to_state, two_port, energy_tank, "
+       "lyapunov or wave_variables"},
       {"seed=-1", "seed: cannot be read"},
       {"scene.tissue[1].name=a",
        "scene.tissue[1]: there are only 1, counted from [0]; "

@@ -582,6 +582,18 @@ std::vector<std::string> complaints_of(const std::string& name, const std::strin
   return complaints(text, {change});
 }
 
+TEST(SessionDrivers, AControllerOfOthersMovesARealDeviceOnlyByNameOrBehindGuard) {
+  for (const char* const others : {"none", "energy_tank", "two_port"}) {
+    const std::string mofc = std::string("mofc={ controller: ") + others;
+    EXPECT_THAT(complaints_of("haply", mofc + " }").at(1),
+                AllOf(HasSubstr("controller = " + std::string(others)),
+                      HasSubstr("give safety_net: true, or accept: RIVAL_CONTROLLER")));
+    EXPECT_THAT(complaints_of("haply", mofc + " accept: RIVAL_CONTROLLER }"), SizeIs(0));
+    EXPECT_THAT(complaints_of("haply", mofc + " safety_net: true }"), SizeIs(0));
+    EXPECT_THAT(complaints_of("default", mofc + " }"), SizeIs(0)) << "nobody holds it";
+  }
+}
+
 TEST(SessionDrivers, NumbersWithoutASourceAreRequiredAndHaveToMakeSense) {
   EXPECT_THAT(complaints_of("falcon", "device.falcon.largest_torque=100"), SizeIs(0));
   EXPECT_THAT(complaints_of("falcon", "device.falcon.torque_gain=0").at(1),
