@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
-# Builds the Debian package with the systemd units: build/package/palpate_VERSION_ARCH.deb. In it is its
+# Builds two Debian packages in build/package: palpate_VERSION_ARCH.deb, the programs with the systemd units,
+# and palpate-dev_VERSION_ARCH.deb, the libraries and headers to build against. In the first is its
 # software bill of materials, palpate.spdx.json.
 # Arguments are passed to the configuration by cmake.
 set -euo pipefail

@@ -8,6 +8,7 @@
 #   deploy/packages.sh --tests    to build and run the tests too
 #   deploy/packages.sh --load     to run the tests on a busy machine too
 #   deploy/packages.sh --package  to make a Debian package too
+#   deploy/packages.sh --container to make the root of a container too
 set -euo pipefail
 
 packages=(
@@ -26,6 +27,7 @@ if [[ "${1:-}" == "--tests" || "${1:-}" == "--load" ]]; then
 fi
 if [[ "${1:-}" == "--load" ]]; then packages+=(stress-ng); fi
 if [[ "${1:-}" == "--package" ]]; then packages+=(dpkg-dev); fi
+if [[ "${1:-}" == "--container" ]]; then packages+=(mmdebstrap); fi
 
 # On other systems CMake names what is missing.
 command -v dpkg-query >/dev/null || exit 0
