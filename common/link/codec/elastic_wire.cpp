@@ -15,19 +15,6 @@ constexpr std::size_t kOwnBytes = 12;
 constexpr std::size_t kOtherBytes = 19;
 constexpr std::size_t kPlaceBytes = 17;
 
-void put_integer(std::uint32_t value, std::size_t bytes, std::string& to) {
-  for (std::size_t i = 0; i < bytes; ++i) {
-    to.push_back(static_cast<char>(static_cast<std::uint8_t>(value >> (8U * i))));
-  }
-}
-std::uint32_t integer(const std::string& from, std::size_t at, std::size_t bytes) {
-  std::uint32_t value = 0;
-  for (std::size_t i = 0; i < bytes; ++i) {
-    value |= std::uint32_t{static_cast<std::uint8_t>(from[at + i])} << (8U * i);
-  }
-  return value;
-}
-
 void put_all(std::span<const std::int16_t> values, std::string& to) {
   for (const std::int16_t x : values) put_integer(static_cast<std::uint16_t>(x), 2, to);
 }

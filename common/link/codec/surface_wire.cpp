@@ -210,19 +210,6 @@ void read(const v1::TissueDescription& wire, TissueDescription& d) {
 
 // --- tiles ------------------------------------------------------------------------------------
 
-void put_integer(std::uint32_t value, std::size_t bytes, std::string& to) {
-  for (std::size_t i = 0; i < bytes; ++i) {
-    to.push_back(static_cast<char>(static_cast<std::uint8_t>(value >> (8U * i))));
-  }
-}
-std::uint32_t integer(const std::string& from, std::size_t at, std::size_t bytes) {
-  std::uint32_t value = 0;
-  for (std::size_t i = 0; i < bytes; ++i) {
-    value |= std::uint32_t{static_cast<std::uint8_t>(from[at + i])} << (8U * i);
-  }
-  return value;
-}
-
 void put_points(const SurfaceTile& tile, std::string& to) {
   const std::size_t count = std::min<std::size_t>(tile.point_count, kMaxTilePoints);
   const auto put_signed = [&](std::int16_t x) {

@@ -5,7 +5,9 @@
 #pragma once
 
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
+#include <string>
 
 #include "common/coupling/wave_channel.h"
 #include "common/link/codec/codec.h"
@@ -71,6 +73,20 @@ inline void put_stamp(std::uint64_t session_id, std::uint64_t sequence, TimePoin
   to.set_session_id(session_id);
   to.set_sequence(sequence);
   to.set_sampled_at_ns(ns(sampled_at));
+}
+
+// Packed integers: little-endian, `bytes` of a string each.
+inline void put_integer(std::uint32_t value, std::size_t bytes, std::string& to) {
+  for (std::size_t i = 0; i < bytes; ++i) {
+    to.push_back(static_cast<char>(static_cast<std::uint8_t>(value >> (8U * i))));
+  }
+}
+inline std::uint32_t integer(const std::string& from, std::size_t at, std::size_t bytes) {
+  std::uint32_t value = 0;
+  for (std::size_t i = 0; i < bytes; ++i) {
+    value |= std::uint32_t{static_cast<std::uint8_t>(from[at + i])} << (8U * i);
+  }
+  return value;
 }
 
 /// Collects the errors of a message. Every field is checked; error() reports a missing field before
