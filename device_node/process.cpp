@@ -43,10 +43,11 @@ class PointerInput {
     TimePoint received_at;
     while (targets_.receive(target, received_at)) {
       if (!hold_.accept(target, received_at)) continue;
-      goals_.push(target.hand_position_m);
+      goals_.push(target.is_released ? std::nullopt : std::optional(target.hand_position_m));
     }
     if (hold_.is_held(now) != was_held_) {
       was_held_ = !was_held_;
+      if (!was_held_) goals_.push(std::nullopt);  // also after the time-out
       log_.info(was_held_ ? "event=hand_taken" : "event=hand_left");
     }
     refused_.note(now);

@@ -14,6 +14,7 @@ namespace {
 constexpr double kTwoPi = 2.0 * std::numbers::pi;
 /// Of a led hand: longer than the 16 ms between a pointer's steps, short enough to follow promptly.
 constexpr double kLeadTimeConstant_s = 0.05;
+constexpr double kBackOnPath_m = 1e-7;    // the step from there to the path: 15 µN at 150 N/m
 constexpr double kTimeRounding_s = 1e-9;  // of hours
 
 /// The path if it is a hostile one; else the defaults, which are not used.
@@ -201,6 +202,23 @@ Target LedHand::target(double t_s) noexcept {
   return {position_m_, velocity};
 }
 
+Target LedHand::target_towards(const Target& path, double t_s) noexcept {
+  const double dt_s = t_s - t_s_;
+  if (!(dt_s > 0.0)) return {position_m_, Vector3::Zero()};
+  t_s_ = t_s;
+  // with the path's own velocity, so that it does not lag behind
+  lead_to(path.position_m);
+  const Vector3 step_m = (1.0 - std::exp(-dt_s / kLeadTimeConstant_s)) *
+                             (goal_m_ - dt_s * path.velocity_m_per_s - position_m_) +
+                         dt_s * path.velocity_m_per_s;
+  const Vector3 wanted_m =
+      position_m_ + limited_to_norm(step_m, dt_s * config_.speed_m_per_s) - config_.center_m;
+  const Vector3 next_m = config_.center_m + limited_to_norm(wanted_m, config_.reach_m);
+  const Vector3 velocity = (next_m - position_m_) / dt_s;
+  position_m_ = next_m;
+  return {next_m, velocity};
+}
+
 // --- hand -----------------------------------------------------------------------------------
 
 Hand::Hand(const HandConfig& config, const SimulatedDeviceConfig& device, std::uint64_t seed)
@@ -212,7 +230,7 @@ Hand::Hand(const HandConfig& config, const SimulatedDeviceConfig& device, std::u
 }
 
 Target Hand::target_without_sense(double t_s) noexcept {
-  if (led_) return led_->target(t_s);
+  if (led_ && !is_returning_) return led_->target(t_s);
   Target target = std::visit(
       [&](const auto& path) -> Target {
         if constexpr (std::is_same_v<std::decay_t<decltype(path)>, HostilePath>) {
@@ -222,13 +240,22 @@ Target Hand::target_without_sense(double t_s) noexcept {
         }
       },
       config_.path);
-  intended_m_ = target.position_m;
   t_s_ = t_s;
+  if (led_) {
+    const Target back = led_->target_towards(target, t_s);
+    if ((back.position_m - target.position_m).norm() > kBackOnPath_m) return back;
+    led_.reset();
+    is_returning_ = false;
+  }
+  intended_m_ = target.position_m;
   return target;
 }
 
+void Hand::let_go() noexcept { is_returning_ = led_.has_value() && !is_hostile_; }
+
 void Hand::lead_to(const Vector3& goal_m) noexcept {
   if (!config_.pointer) return;
+  is_returning_ = false;
   if (!led_) {
     led_.emplace(*config_.pointer, is_hostile_ ? hostile_.position_m() : intended_m_,
                  is_hostile_ ? hostile_.t_s() : t_s_);

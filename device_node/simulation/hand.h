@@ -118,6 +118,9 @@ class LedHand {
   void lead_to(const Vector3& goal_m) noexcept;
   /// Call with growing `t_s`.
   [[nodiscard]] Target target(double t_s) noexcept;
+  /// The same on the way back to a path, within the same limits; call instead of target().
+  /// @param path  where it is at `t_s`
+  [[nodiscard]] Target target_towards(const Target& path, double t_s) noexcept;
 
  private:
   PointerConfig config_;
@@ -151,9 +154,12 @@ class Hand {
   }
   /// The same for a hand that is no hostile one.
   [[nodiscard]] Target target_without_sense(double t_s) noexcept;
-  /// From now on the hand moves to this goal (D) and stays there; it leaves its path for good. Does
-  /// nothing without hand.pointer in the session.
+  /// From now on the hand moves to this goal (D) and stays there, until it is let go. Does nothing
+  /// without hand.pointer in the session.
   void lead_to(const Vector3& goal_m) noexcept;
+  /// The hand returns to where its path is by then, and follows it. A hostile hand stays where it
+  /// was led.
+  void let_go() noexcept;
   /// Bit i set while button i is pressed: from ≤ t < until.
   [[nodiscard]] std::uint32_t buttons(double t_s) const noexcept;
 
@@ -165,6 +171,7 @@ class Hand {
   Vector3 intended_m_;  ///< by the path, at t_s_; a hostile hand has its own
   double t_s_ = 0.0;
   std::optional<LedHand> led_;
+  bool is_returning_ = false;  ///< to its path
 };
 
 /// Device and hand as one mass.

@@ -61,8 +61,14 @@ bool SimulatedDevice::release() noexcept {
 
 void SimulatedDevice::catch_up() noexcept {
   const TimePoint now = clock_.now();
-  Vector3 goal_m;
-  while (goals_ != nullptr && goals_->pop(goal_m)) hand_.lead_to(goal_m);
+  std::optional<Vector3> goal_m;
+  while (goals_ != nullptr && goals_->pop(goal_m)) {
+    if (goal_m) {
+      hand_.lead_to(*goal_m);
+    } else {
+      hand_.let_go();
+    }
+  }
 
   // the motor-side watchdog: the force ends with its lease, whenever this code next runs
   if (lease_end_ <= now && !force_on_hand_newton_.isZero(0.0)) {

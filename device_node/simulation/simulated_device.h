@@ -17,8 +17,9 @@
 
 namespace palpate::device {
 
-/// From the thread that receives a pointer's targets to the tick thread.
-using HandGoals = SpscRing<Vector3>;
+/// From the thread that receives a pointer's targets to the tick thread: where it leads the hand,
+/// D; none: it lets go.
+using HandGoals = SpscRing<std::optional<Vector3>>;
 
 /// One inner step of the integration, as it ended.
 struct InnerStep {

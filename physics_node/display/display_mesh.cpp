@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <span>
 #include <variant>
 #include <vector>
 
@@ -184,19 +185,53 @@ SurfaceMesh display_mesh(const Shape& shape, const DisplayArea& area) {
   return std::visit([&](const auto& form) { return display_mesh(form, area); }, shape.form());
 }
 
-SurfaceMesh display_mesh(const ElasticBody& body) {
+namespace {
+
+SurfaceMesh mesh_of(const ElasticBody& body, std::span<const std::uint32_t> nodes,
+                    const std::vector<elastic::Face>& faces) {
   SurfaceMesh mesh;
   std::vector<std::uint32_t> vertex_of(body.body->node_count(), 0);
-  for (const std::uint32_t node : body.surface_nodes) {
+  for (const std::uint32_t node : nodes) {
     vertex_of[node] = static_cast<std::uint32_t>(mesh.vertex_count());
     for (Eigen::Index i = 0; i < 3; ++i) {
       mesh.vertices_m.push_back(static_cast<float>(body.start_m[3 * Eigen::Index{node} + i]));
     }
   }
-  for (const auto& corners : triangles_of(body)) {
+  for (const auto& corners : triangles_of(body.body->mesh(), faces)) {
     for (const std::uint32_t node : corners) mesh.triangles.push_back(vertex_of[node]);
   }
   return mesh;
+}
+
+}  // namespace
+
+SurfaceMesh display_mesh(const ElasticBody& body) {
+  return mesh_of(body, body.surface_nodes, body.faces);
+}
+
+SurfaceMesh display_mesh(const ElasticBody& body, const BodyPart& part) {
+  return mesh_of(body, std::span(body.shown_nodes).subspan(part.first_node, part.node_count),
+                 part.faces);
+}
+
+std::vector<float> display_stiffness_newton_per_m(const ElasticBody& body) {
+  const elastic::BodyDescription& description = body.body->description();
+  std::vector<double> sum(body.body->node_count(), 0.0);
+  std::vector<double> faces(sum.size(), 0.0);
+  const auto per_face = static_cast<std::size_t>(description.mesh.nodes_per_element == 4 ? 3 : 6);
+  for (const elastic::Face& face : body.faces) {
+    const double slope = hertz_slope_newton_per_m(
+        description.materials[description.mesh.regions[face.element]], body.tip_radius_m);
+    for (std::size_t i = 0; i < per_face; ++i) {
+      sum[face.nodes[i]] += slope;
+      faces[face.nodes[i]] += 1.0;
+    }
+  }
+  std::vector<float> stiffness;
+  for (const std::uint32_t node : body.surface_nodes) {
+    stiffness.push_back(static_cast<float>(sum[node] / faces[node]));
+  }
+  return stiffness;
 }
 
 TissueShape shape_of(const Geometry& geometry) {

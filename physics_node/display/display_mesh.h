@@ -37,6 +37,10 @@ struct DisplayArea {
 
 /// The surface of an elastic body where it rests; vertices are its surface nodes.
 [[nodiscard]] SurfaceMesh display_mesh(const ElasticBody& body);
+/// The surface of its part where it rests; vertices are the part's nodes.
+[[nodiscard]] SurfaceMesh display_mesh(const ElasticBody& body, const BodyPart& part);
+/// Stiffness of each vertex of the surface: hertz_slope_newton_per_m() of the material beneath it.
+[[nodiscard]] std::vector<float> display_stiffness_newton_per_m(const ElasticBody& body);
 
 [[nodiscard]] TissueShape shape_of(const Geometry& geometry);
 

@@ -96,8 +96,31 @@ void SceneDisplay::build() {
     dent.emplace(surface.mesh, view_of, session_.scene.tip_radius_m,
                  relaxation_s(surface.stiffness_newton_per_m, surface.damping_newton_s_per_m));
   }
+  add_elastic_surfaces();
   frame_.scene_revision = scene_.revision;
   for (const auto& [tissue, constants] : changed_) update_material(tissue);
+}
+
+/// Parts come after all tissues, so that the indices of these are those of the session.
+void SceneDisplay::add_elastic_surfaces() {
+  for (std::size_t i = 0; i < shapes_.size(); ++i) {
+    const ElasticTissue* const tissue = elastic(i);
+    if (tissue == nullptr) continue;
+    const ElasticBody& body = tissue->body();
+    scene_.tissues[i].vertex_stiffness_newton_per_m = display_stiffness_newton_per_m(body);
+    elastic_surfaces_.push_back({i, i, 0, body.surface_nodes.size()});
+    for (const BodyPart& part : body.parts) {
+      elastic_surfaces_.push_back({scene_.tissues.size(), i, part.first_node, part.node_count});
+      TissueSurface& surface = scene_.tissues.emplace_back();
+      surface.name = scene_.tissues[i].name + ", part " + std::to_string(part.region);
+      surface.shape = TissueShape::kTetrahedra;
+      surface.mesh = display_mesh(body, part);
+      const elastic::Material& material = body.body->description().materials[part.region];
+      surface.vertex_stiffness_newton_per_m.assign(
+          part.node_count,
+          static_cast<float>(hertz_slope_newton_per_m(material, body.tip_radius_m)));
+    }
+  }
 }
 
 void SceneDisplay::set_material(std::size_t tissue, double stiffness_newton_per_m,
@@ -201,7 +224,10 @@ void SceneDisplay::send_elastic(bool is_new_watcher, const PhysicsTick& tick, Ti
     Deformed& newest = deformed_[body.body().tissue];
     const bool is_new = body.take_surface(newest.vertices_m, newest.strain);
     if (newest.vertices_m.empty() || !(is_new || is_new_watcher)) continue;
-    send(body.body().tissue, {0, newest.strain.size()}, tick, now);
+    for (const ElasticSurface& surface : elastic_surfaces_) {
+      if (surface.of_body != body.body().tissue) continue;
+      send(surface.tissue, {0, surface.node_count}, tick, now, &surface);
+    }
   }
 }
 
@@ -215,21 +241,21 @@ void SceneDisplay::forget() {
 }
 
 void SceneDisplay::send(std::size_t tissue, const VertexRange& range, const PhysicsTick& tick,
-                        TimePoint now) {
+                        TimePoint now, const ElasticSurface* elastic) {
   frame_.tissue = static_cast<std::uint32_t>(tissue);
   frame_.device_sequence = tick.device_sequence;
-  frame_.displacement_world_m = displacement_m(session_.scene.tissues[tissue], tick);
+  frame_.displacement_world_m =
+      displacement_m(session_.scene.tissues[elastic != nullptr ? elastic->of_body : tissue], tick);
   frame_.header.sampled_at = now;
   std::size_t left = range.count;
   do {
     const VertexRange part{range.first + range.count - left, std::min(kVerticesPerFrame, left)};
     frame_.first_vertex = static_cast<std::uint32_t>(part.first);
-    const auto deformed = deformed_.find(tissue);
     frame_.vertex_strain.clear();
-    if (deformed != deformed_.end()) {
-      const auto first = static_cast<std::ptrdiff_t>(part.first);
+    if (elastic != nullptr) {
+      const auto first = static_cast<std::ptrdiff_t>(elastic->first_node + part.first);
       const auto end = first + static_cast<std::ptrdiff_t>(part.count);
-      const Deformed& newest = deformed->second;
+      const Deformed& newest = deformed_.at(elastic->of_body);
       frame_.vertices_m.assign(newest.vertices_m.begin() + 3 * first,
                                newest.vertices_m.begin() + 3 * end);
       frame_.vertex_strain.assign(newest.strain.begin() + first, newest.strain.begin() + end);

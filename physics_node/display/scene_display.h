@@ -49,6 +49,13 @@ class SceneDisplay final : public Display {
                     double damping_newton_s_per_m);
 
  private:
+  /// Surfaces of an elastic body in the scene: its own, and those of its parts, after all tissues.
+  struct ElasticSurface {
+    std::size_t tissue;   // in the scene
+    std::size_t of_body;  // tissue of the session
+    std::size_t first_node;
+    std::size_t node_count;
+  };
   struct Constants {
     double stiffness_newton_per_m;
     double damping_newton_s_per_m;
@@ -59,8 +66,10 @@ class SceneDisplay final : public Display {
   void update_material(std::size_t tissue);
   void map_stiffness(std::size_t tissue);
   void forget();
-  void send(std::size_t tissue, const VertexRange& range, const PhysicsTick& tick, TimePoint now);
+  void send(std::size_t tissue, const VertexRange& range, const PhysicsTick& tick, TimePoint now,
+            const ElasticSurface* elastic = nullptr);
   [[nodiscard]] ElasticTissue* elastic(std::size_t tissue) const;
+  void add_elastic_surfaces();
   void send_elastic(bool is_new_watcher, const PhysicsTick& tick, TimePoint now);
 
   const Session& session_;
@@ -69,8 +78,10 @@ class SceneDisplay final : public Display {
     std::vector<float> vertices_m;
     std::vector<float> strain;
   };
-  std::map<std::size_t, Deformed> deformed_;  // by tissue: the newest of elastic ones
-  std::vector<Shape> shapes_;                 // one per tissue
+  std::vector<ElasticSurface> elastic_surfaces_;
+  std::map<std::size_t, Deformed>
+      deformed_;               // by tissue of the session: the newest of elastic ones
+  std::vector<Shape> shapes_;  // one per tissue
   Sender<SceneState>& scene_out_;
   Sender<MeshFrame>& mesh_out_;
   SceneState scene_;                          // revision 0: not built yet; then from 1

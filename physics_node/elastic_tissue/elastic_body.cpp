@@ -104,7 +104,56 @@ std::vector<elastic::SurfacePoint> contact_points(const elastic::Mesh& mesh,
   return points;
 }
 
+/// Ascending.
+std::vector<std::uint32_t> nodes_of(const elastic::Mesh& mesh,
+                                    const std::vector<elastic::Face>& faces) {
+  const auto per_face = static_cast<std::size_t>(mesh.nodes_per_element == 4 ? 3 : 6);
+  std::vector<char> is_on(mesh.nodes_m.size(), 0);
+  for (const elastic::Face& face : faces) {
+    for (std::size_t i = 0; i < per_face; ++i) is_on[face.nodes[i]] = 1;
+  }
+  std::vector<std::uint32_t> nodes;
+  for (std::uint32_t i = 0; i < is_on.size(); ++i) {
+    if (is_on[i] != 0) nodes.push_back(i);
+  }
+  return nodes;
+}
+
+/// The surface of the elements of one region.
+std::vector<elastic::Face> faces_of_region(const elastic::Mesh& mesh, std::uint8_t region) {
+  elastic::Mesh part{.nodes_m = mesh.nodes_m,
+                     .nodes_per_element = mesh.nodes_per_element,
+                     .elements = {},
+                     .regions = {}};
+  for (std::size_t e = 0; e < mesh.element_count(); ++e) {
+    const auto nodes = mesh.element(e);
+    if (mesh.regions[e] == region) {
+      part.elements.insert(part.elements.end(), nodes.begin(), nodes.end());
+    }
+  }
+  return elastic::surface_of(part);
+}
+
+void add_parts(const elastic::Mesh& mesh, std::size_t parts, ElasticBody& body) {
+  body.shown_nodes = body.surface_nodes;
+  for (std::size_t region = 1; region <= parts; ++region) {
+    BodyPart part{.region = static_cast<std::uint8_t>(region)};
+    part.faces = faces_of_region(mesh, part.region);
+    if (part.faces.empty()) continue;
+    const std::vector<std::uint32_t> nodes = nodes_of(mesh, part.faces);
+    part.first_node = body.shown_nodes.size();
+    part.node_count = nodes.size();
+    body.shown_nodes.insert(body.shown_nodes.end(), nodes.begin(), nodes.end());
+    body.parts.push_back(std::move(part));
+  }
+}
+
 }  // namespace
+
+double hertz_slope_newton_per_m(const elastic::Material& material, double tip_radius_m) {
+  return 2.0 * material.young_modulus_pa / (1.0 - material.poisson_ratio * material.poisson_ratio) *
+         std::sqrt(tip_radius_m * kHertzDepth_m);
+}
 
 std::shared_ptr<const ElasticBody> make_elastic_body(const TissueConfig& tissue,
                                                      std::uint32_t index, double tip_radius_m) {
@@ -151,14 +200,9 @@ std::shared_ptr<const ElasticBody> make_elastic_body(const TissueConfig& tissue,
       .tissue = index, .shape = Shape(SphereGeometry{}), .bounds = {}, .body = nullptr});
   made->faces = elastic::surface_of(description.mesh);
   made->points = contact_points(description.mesh, made->faces, tip_radius_m);
-  std::vector<char> is_surface(description.mesh.nodes_m.size(), 0);
-  const auto per_face = static_cast<std::size_t>(material.is_linear ? 3 : 6);
-  for (const elastic::Face& face : made->faces) {
-    for (std::size_t i = 0; i < per_face; ++i) is_surface[face.nodes[i]] = 1;
-  }
-  for (std::uint32_t i = 0; i < is_surface.size(); ++i) {
-    if (is_surface[i] != 0) made->surface_nodes.push_back(i);
-  }
+  made->surface_nodes = nodes_of(description.mesh, made->faces);
+  add_parts(description.mesh, material.parts.size(), *made);
+  made->tip_radius_m = tip_radius_m;
   made->contact_stiffness_pa_per_m = kContactStiffness * material.young_pa / tip_radius_m;
   made->hertz_newton = 4.0 / 3.0 * material.young_pa /
                        (1.0 - material.poisson_ratio * material.poisson_ratio) *
@@ -218,11 +262,12 @@ std::vector<std::shared_ptr<const ElasticBody>> elastic_bodies_of(const SceneCon
   return bodies;
 }
 
-std::vector<std::array<std::uint32_t, 3>> triangles_of(const ElasticBody& body) {
+std::vector<std::array<std::uint32_t, 3>> triangles_of(const elastic::Mesh& mesh,
+                                                       const std::vector<elastic::Face>& faces) {
   std::vector<std::array<std::uint32_t, 3>> triangles;
-  for (const elastic::Face& face : body.faces) {
+  for (const elastic::Face& face : faces) {
     const auto& [a, b, c, ab, bc, ca] = face.nodes;
-    if (body.body->mesh().nodes_per_element == 4) {
+    if (mesh.nodes_per_element == 4) {
       triangles.push_back({a, b, c});
     } else {
       triangles.insert(triangles.end(), {{a, ab, ca}, {ab, b, bc}, {ca, bc, c}, {ab, bc, ca}});

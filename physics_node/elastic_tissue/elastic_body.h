@@ -20,6 +20,14 @@ namespace palpate::physics {
 /// More tetrahedra than these are refused.
 inline constexpr std::size_t kMostElasticElements = 200'000;
 
+/// The surface of a part of a body: drawn inside it.
+struct BodyPart {
+  std::uint8_t region = 0;  ///< of the mesh
+  std::vector<elastic::Face> faces = {};
+  std::size_t first_node = 0;  ///< its nodes in ElasticBody::shown_nodes
+  std::size_t node_count = 0;
+};
+
 /// What does not change while the tool deforms the body; shared by all its simulations. Positions
 /// are in W.
 struct ElasticBody {
@@ -30,9 +38,12 @@ struct ElasticBody {
   std::vector<elastic::Face> faces = {};
   std::vector<elastic::SurfacePoint> points = {};  ///< of the contact
   std::vector<std::uint32_t> surface_nodes = {};
-  elastic::VectorXd start_m = {};  ///< at rest under gravity, untouched
-  double sag_m = 0.0;              ///< largest displacement under gravity
+  std::vector<BodyPart> parts = {};             ///< those that have elements
+  std::vector<std::uint32_t> shown_nodes = {};  ///< of the surface, then of each part's
+  elastic::VectorXd start_m = {};               ///< at rest under gravity, untouched
+  double sag_m = 0.0;                           ///< largest displacement under gravity
   double contact_stiffness_pa_per_m = 0.0;
+  double tip_radius_m = 0.0;
   double hertz_newton = 0.0;  ///< of the tip 1 mm deep in much of the material [Hertz]
   double friction_coefficient = 0.0;
   /// Of a tip stuck to a half-space of much of the material, 1 mm deep: 8 a G/(2 − ν) [Mindlin49].
@@ -42,7 +53,16 @@ struct ElasticBody {
 };
 
 /// The faces as triangles between nodes of the mesh; quadratic ones as four.
-[[nodiscard]] std::vector<std::array<std::uint32_t, 3>> triangles_of(const ElasticBody& body);
+[[nodiscard]] std::vector<std::array<std::uint32_t, 3>> triangles_of(
+    const elastic::Mesh& mesh, const std::vector<elastic::Face>& faces);
+[[nodiscard]] inline std::vector<std::array<std::uint32_t, 3>> triangles_of(
+    const ElasticBody& body) {
+  return triangles_of(body.body->mesh(), body.faces);
+}
+
+/// Slope of the force on a tip that presses 1 mm into a half-space of this material [Hertz], N/m.
+[[nodiscard]] double hertz_slope_newton_per_m(const elastic::Material& material,
+                                              double tip_radius_m);
 
 /// Reads the mesh and finds the rest position under gravity. Takes up to seconds.
 /// @param tip_radius_m  > 0

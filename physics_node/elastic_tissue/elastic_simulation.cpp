@@ -331,7 +331,7 @@ bool ElasticSimulation::is_wrong(std::size_t tool) const {
   return tips_.contacts[tool].facing() < kLeastFacing || is_inside(touches_[tool].centre_m);
 }
 
-void ElasticSimulation::surface_strain(std::vector<float>& strain) const {
+void ElasticSimulation::shown_strain(std::vector<float>& strain) const {
   const elastic::Mesh& mesh = body_.body->mesh();
   const elastic::VectorXd& x = dynamics_.x_m();
   std::vector<double> sum(mesh.nodes_m.size(), 0.0);
@@ -357,7 +357,7 @@ void ElasticSimulation::surface_strain(std::vector<float>& strain) const {
     }
   }
   strain.clear();
-  for (const std::uint32_t node : body_.surface_nodes) {
+  for (const std::uint32_t node : body_.shown_nodes) {
     const double mean = sum[node] / weight[node];
     strain.push_back(std::isfinite(mean) ? static_cast<float>(std::min(mean, 1e6)) : 0.0F);
   }

@@ -69,7 +69,7 @@ class ElasticSimulation {
   static constexpr int kMostParts = 4;
 
   /// Equivalent strain √(⅔ dev E : dev E) at the body's surface nodes, mean of their elements.
-  void surface_strain(std::vector<float>& strain) const;
+  void shown_strain(std::vector<float>& strain) const;
 
  private:
   /// The potential of all spheres that are near.

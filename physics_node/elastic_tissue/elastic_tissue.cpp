@@ -457,12 +457,12 @@ void ElasticTissue::show() {
   is_wanted_ = has_moved_ = false;
   const elastic::VectorXd& x = simulation_.x_m();
   vertices_m_.clear();
-  for (const std::uint32_t node : body_->surface_nodes) {
+  for (const std::uint32_t node : body_->shown_nodes) {
     for (Eigen::Index i = 0; i < 3; ++i) {
       vertices_m_.push_back(static_cast<float>(x[3 * Eigen::Index{node} + i]));
     }
   }
-  simulation_.surface_strain(strain_);
+  simulation_.shown_strain(strain_);
   is_new_ = true;
 }
 

@@ -97,7 +97,7 @@ class ElasticTissue {
   };
   [[nodiscard]] Columns columns() const noexcept;
 
-  /// Exchanges these for the newest displaced surface nodes and their strain, and asks for the
+  /// Replaces these by the newest places of the shown nodes and their strain, and asks for the
   /// next; false if there is none since the last call.
   bool take_surface(std::vector<float>& vertices_m, std::vector<float>& strain);
 

@@ -227,7 +227,6 @@ test_on_default("the viewer, killed, is reported as gone and found again", async
   assert.equal((await status(page)).unreadable, 0);
 });
 
-// last: after a drag the hand stays where it was released
 test_on_default("a drag takes the hand from its script, presses, and releases it", async (page) => {
   await until(page, (t) => t.hand.is_allowed && t.state.id === "free" && t.tool_m.z > 0.006, "the tool above the tissue");
   const box = await page.locator("#canvas").boundingBox();
@@ -254,6 +253,7 @@ test_on_default("a drag takes the hand from its script, presses, and releases it
   await until(page, (t) => t.state.id === "free" && t.applied_newton < 0.2, "free motion");
   await page.mouse.up();
   await until(page, (t) => !t.hand.is_mine && !t.hand.is_others, "a free hand");
+  await until(page, (t) => t.state.id !== "free" && t.applied_newton > 0.3, "the next press of the script");
 });
 
 test_alone("a page changes the stiffness of the tissue that is pressed", {}, async () => {

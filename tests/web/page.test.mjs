@@ -449,12 +449,103 @@ page_test("a tissue’s stiffness and damping are changed live, and the scene sh
   await until(page, (t) => t.scene.tissues[0].stiffness_newton_per_m === 250, "the session’s stiffness");
 });
 
+page_test("a slider held down sends a few changes a second, and silence is no refusal", { world: { has_control: true } }, async (page) => {
+  const slider = page.getByRole("slider", { name: "Stiffness of block" });
+  await slider.focus();
+  const begin_ms = performance.now();
+  for (let i = 0; i < 40; ++i) await page.keyboard.down("ArrowRight"); // as a held key repeats
+  await page.keyboard.up("ArrowRight");
+  const wanted = Number(await page.getByRole("spinbutton", { name: "Stiffness, N/m, of block" }).inputValue());
+  assert.ok(wanted > 500, `${wanted} N/m after 40 steps of 0.01 decades`);
+  await until(page, (t) => t.scene.tissues[0].stiffness_newton_per_m === wanted, "the last value");
+  const most = 2 + (performance.now() - begin_ms) / 200;
+  assert.ok(server.world.changes.length <= most, `${server.world.changes.length} changes, at most ${most}`);
+
+  server.world.ignores_changes = true;
+  await page.keyboard.press("ArrowRight");
+  await until_shown(page, "#control", /no answer yet/);
+  assert.doesNotMatch(await page.locator("#control").innerText(), /refused/);
+  server.world.ignores_changes = false;
+  await page.keyboard.press("ArrowRight");
+  await until(page, (t) => t.scene.tissues[0].stiffness_newton_per_m > wanted, "the value after the silence");
+  assert.doesNotMatch(await page.locator("#control").innerText(), /no answer/);
+});
+
+page_test("elastic bodies and their parts have a stiffness", {}, async (page) => {
+  server.world.is_elastic = true;
+  server.change_scene();
+  await until(page, (t) => t.scene.tissues[0].stiffness_newton_per_m === 0, "the elastic scene");
+  await until_shown(page, "#tissues", /block\s*250 N\/m\s*inclusion\s*1.500 N\/m/);
+  await page.locator("#colours [data-value=stiffness]").click();
+  await until(page, (t) => t.scale.low === 250 && t.scale.high === 1500, "the scale of both");
+  server.world.is_elastic = false;
+  server.change_scene();
+  await until(page, (t) => t.scene.tissues[0].stiffness_newton_per_m === 250, "the scene as before");
+});
+
+const reddish = ({ pixels, channels }) => {
+  let count = 0;
+  for (let i = 0; i < pixels.length; i += channels) if (pixels[i] > 130 && pixels[i] > 1.6 * pixels[i + 1] && pixels[i] > 1.6 * pixels[i + 2]) count += 1;
+  return count;
+};
+page_test("markers and events are lines in the plots, where they happened", { page: { scale: 1 } }, async (page) => {
+  await until(page, (t) => t.now_s > 1, "some ticks");
+  const before = reddish(await picture(page, "#plot-energy .plot"));
+  const begin_s = (await status(page)).now_s;
+  server.write_log("device_node", 'event=device_fault reason="the position jumped" count=1', 4);
+  await until(page, (t) => t.now_s > begin_s + 0.8, "a moment, so that the lines are apart");
+  await page.keyboard.press("m");
+  const shown = await until(page, (t) => t.instants.some(({ tone }) => tone === "marker"), "the marker in the plots");
+  const fault = shown.instants.find(({ tone }) => tone === "alarm");
+  assert.equal(fault.text, "fault: the position jumped");
+  const happened_s = shown.now_s + fault.at_s;
+  assert.ok(Math.abs(happened_s - begin_s) < 1, `${happened_s} s, not about ${begin_s} s`);
+  // it moves with the curve
+  const later = await until(page, (t) => t.now_s > shown.now_s + 1, "another second");
+  const moved = later.instants.find(({ tone }) => tone === "alarm");
+  assert.ok(Math.abs(later.now_s + moved.at_s - happened_s) < 0.2);
+  const red = reddish(await picture(page, "#plot-energy .plot")) - before;
+  assert.ok(red > 20, `${red} red pixels more`);
+});
+
+page_test("card and legend show the same force, and withdraw it when its node dies", { page: { ...kSmall, max_hz: 60 } }, async (page) => {
+  const differences = await page.evaluate(() => new Promise((resolve) => {
+    const found = [];
+    const text = (selector) => document.querySelector(selector).textContent;
+    const look = (left) => {
+      const card = text("#force-applied"), legend = document.querySelectorAll("#plot-force dd")[1].textContent;
+      if (Math.abs(Number(card) - parseFloat(legend)) > 0.011) found.push(`${card} and ${legend}`);
+      if (left > 0) requestAnimationFrame(() => look(left - 1));
+      else resolve(found);
+    };
+    look(90);
+  }));
+  assert.deepEqual(differences, []);
+
+  await at_most("silence until the force is withdrawn, ms", 200, async () => {
+    const withdrawn = page.evaluate(() => new Promise((resolve) => {
+      const look = () => {
+        const legend = document.querySelectorAll("#plot-force dd")[1].textContent;
+        if (document.querySelector("#force-applied").textContent === "–" && legend === "–") resolve(1000 * window.__test.nodes.device.silence_s);
+        else requestAnimationFrame(look);
+      };
+      look();
+    }));
+    server.world.alive.device = false;
+    const silence_ms = await withdrawn;
+    server.world.alive.device = true;
+    await until(page, (t) => t.nodes.device.is_alive, "its return");
+    return silence_ms;
+  });
+});
+
 page_test("without viewer.control no tissue can be changed; markers and recordings are asked for", {}, async (page) => {
   await page.locator("#control").waitFor({ state: "hidden" });
   await page.getByRole("button", { name: "Marker" }).click();
   await until(page, (t) => t.events.some(({ text }) => text === "marker 1"), "the marker");
   await page.keyboard.press("m");
   await until(page, () => server.world.requests.length === 2, "the marker of the key");
+  await until_text(page, "banners", /Marked: marker 1/);
 
   await page.getByRole("button", { name: "Record" }).click();
   await until(page, (t) => t.recorder.isRecording, "a recording");

@@ -131,6 +131,7 @@ void WebFeed::handle(const WebServer::Event& event, TimePoint now) {
       if (event.channel == index_of(WebChannel::kScene)) scene_.send_scene_to(event.client);
       if (event.channel == index_of(WebChannel::kMesh)) scene_.send_meshes_to(event.client);
       if (event.channel == index_of(WebChannel::kPoints)) foxglove_.repeat_points();
+      if (event.channel == index_of(WebChannel::kTool, 0)) foxglove_.repeat_surfaces();
       if (event.channel == index_of(WebChannel::kLog)) log_.send_history_to(event.client);
       return;
     case WebServer::Event::Kind::kHandTarget:

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <chrono>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "common/link/codec/viewer_codec.h"
@@ -13,6 +14,7 @@ namespace palpate::viewer {
 namespace {
 
 constexpr Duration kTelemetryInterval = std::chrono::milliseconds(20);  // tools warn above 60 Hz
+constexpr Duration kSurfacesInterval = std::chrono::milliseconds(500);  // they are large
 constexpr Duration kToolInterval = std::chrono::milliseconds(33);
 
 /// The newest tick of the device, and the newest one that has mofc's half as well.
@@ -43,6 +45,7 @@ void WebFoxglove::pump(TimePoint now) {
     next_tool_ = now + std::max(kToolInterval, least_interval_);
     for (std::size_t side = 0; side < mirrors_.size(); ++side) publish_tool(side, at_ns);
     publish_points(at_ns);
+    publish_surfaces(at_ns, now);
   }
 }
 
@@ -82,11 +85,29 @@ void WebFoxglove::publish_points(std::uint64_t at_ns) {
   if (!is_due || !scene || !server_.has_subscriber(channel)) return;
   are_points_due_ = false;
   frames_published_ = scene_.frame_count();
+  server_.publish(channel, at_ns, make_payload(encode_point_cloud(at_ns, vertices_m())));
+}
+
+void WebFoxglove::publish_surfaces(std::uint64_t at_ns, TimePoint now) {
+  const std::size_t channel = index_of(WebChannel::kTool, 0);
+  const std::optional<SceneState>& scene = scene_.mirror().scene();
+  if (now < next_surfaces_ || !scene || !server_.has_subscriber(channel)) return;
+  are_surfaces_due_ |=
+      scene_.frame_count() != surface_frames_ || scene->revision != surface_revision_;
+  if (!std::exchange(are_surfaces_due_, false)) return;
+  next_surfaces_ = now + std::max(kSurfacesInterval, least_interval_);
+  surface_frames_ = scene_.frame_count();
+  surface_revision_ = scene->revision;
+  server_.publish(channel, at_ns, make_payload(encode_tissues(at_ns, *scene, vertices_m())));
+}
+
+/// Of each tissue. @pre there is a scene
+std::vector<std::vector<float>> WebFoxglove::vertices_m() const {
   std::vector<std::vector<float>> parts;
-  for (std::size_t tissue = 0; tissue < scene->tissues.size(); ++tissue) {
+  for (std::size_t tissue = 0; tissue < scene_.mirror().scene()->tissues.size(); ++tissue) {
     parts.push_back(scene_.mirror().vertices_m(tissue));
   }
-  server_.publish(channel, at_ns, make_payload(encode_point_cloud(at_ns, parts)));
+  return parts;
 }
 
 }  // namespace palpate::viewer

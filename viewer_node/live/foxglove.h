@@ -31,11 +31,15 @@ class WebFoxglove {
   void pump(TimePoint now);
   /// A client subscribed to /tissue/points and needs the vertices even if they do not move.
   void repeat_points() { are_points_due_ = true; }
+  /// The same for /scene, of the first side, which holds the surfaces of the tissues.
+  void repeat_surfaces() { are_surfaces_due_ = true; }
 
  private:
   void publish_telemetry(std::size_t side, std::uint64_t at_ns);
   void publish_tool(std::size_t side, std::uint64_t at_ns);
   void publish_points(std::uint64_t at_ns);
+  void publish_surfaces(std::uint64_t at_ns, TimePoint now);
+  [[nodiscard]] std::vector<std::vector<float>> vertices_m() const;
 
   const Session& session_;
   std::span<const TelemetryMirror> mirrors_;
@@ -46,6 +50,10 @@ class WebFoxglove {
   TimePoint next_tool_{};
   bool are_points_due_ = false;
   std::uint64_t frames_published_ = 0;  // of scene_.frame_count(), as points
+  bool are_surfaces_due_ = false;
+  TimePoint next_surfaces_{};
+  std::uint64_t surface_frames_ = 0;  // of scene_.frame_count(), as surfaces
+  std::uint64_t surface_revision_ = 0;
 };
 
 }  // namespace palpate::viewer

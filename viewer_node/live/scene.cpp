@@ -80,7 +80,8 @@ void WebScene::publish_steps(TimePoint now) {
 void WebScene::pump(TimePoint now) {
   if (audience_interval_ > Duration::zero()) publish_steps(now);
   const bool is_needed = server_.has_subscriber(index_of(WebChannel::kMesh)) ||
-                         server_.has_subscriber(index_of(WebChannel::kPoints));
+                         server_.has_subscriber(index_of(WebChannel::kPoints)) ||
+                         server_.has_subscriber(index_of(WebChannel::kTool, 0));
   if (is_needed == is_subscribed_) return;
   is_subscribed_ = is_needed;
   if (is_needed) {

@@ -19,6 +19,7 @@ namespace {
 
 constexpr std::uint64_t kToolInterval_ns = 33'333'333;
 constexpr std::uint64_t kPointsInterval_ns = 100'000'000;
+constexpr std::uint64_t kSurfacesInterval_ns = 500'000'000;  // they are large
 
 // Channels of all sides; those of a side follow.
 constexpr std::size_t kPoints = 0;
@@ -134,8 +135,7 @@ class FoxgloveExport {
     const MofcCounters& mofc = side.mirror.mofc_counters();
     put(side.first_channel + kTelemetry, at_ns,
         encode_telemetry(at_ns, row.device, row.mofc, mofc.transparency()));
-    const bool is_early = at_ns < side.next_tool_ns;
-    if (is_early && side.next_tool_ns - at_ns <= kToolInterval_ns) return;  // else: was set back
+    if (is_early(at_ns, side.next_tool_ns, kToolInterval_ns)) return;
     side.next_tool_ns = at_ns + kToolInterval_ns;
     static const SceneState kUnknownScene;
     const SceneState& scene = scene_.scene() ? *scene_.scene() : kUnknownScene;
@@ -145,20 +145,36 @@ class FoxgloveExport {
     const std::size_t index = (side.first_channel - kShared) / kPerSide;
     put(side.first_channel + kTransforms, at_ns,
         encode_transforms(at_ns, with_side(names_[index], "tool"), row.device));
-    write_points(at_ns);
+    write_tissue(at_ns);
   }
 
-  void write_points(std::uint64_t at_ns) {
-    const bool is_early = at_ns < next_points_ns_;
-    if (!are_points_due_ || !scene_.scene()) return;
-    if (is_early && next_points_ns_ - at_ns <= kPointsInterval_ns) return;  // else: was set back
-    are_points_due_ = false;
-    next_points_ns_ = at_ns + kPointsInterval_ns;
+  /// False as well if the clock was set back.
+  static bool is_early(std::uint64_t at_ns, std::uint64_t next_ns, std::uint64_t interval_ns) {
+    return at_ns < next_ns && next_ns - at_ns <= interval_ns;
+  }
+
+  void write_tissue(std::uint64_t at_ns) {
+    if (!scene_.scene()) return;
+    const bool has_points =
+        are_points_due_ && !is_early(at_ns, next_points_ns_, kPointsInterval_ns);
+    are_surfaces_due_ |= has_points;
+    const bool has_surfaces =
+        are_surfaces_due_ && !is_early(at_ns, next_surfaces_ns_, kSurfacesInterval_ns);
+    if (!has_points && !has_surfaces) return;
     std::vector<std::vector<float>> parts;
     for (std::size_t tissue = 0; tissue < scene_.scene()->tissues.size(); ++tissue) {
       parts.push_back(scene_.vertices_m(tissue));
     }
-    put(kPoints, at_ns, encode_point_cloud(at_ns, parts));
+    if (has_points) {
+      are_points_due_ = false;
+      next_points_ns_ = at_ns + kPointsInterval_ns;
+      put(kPoints, at_ns, encode_point_cloud(at_ns, parts));
+    }
+    if (has_surfaces) {
+      are_surfaces_due_ = false;
+      next_surfaces_ns_ = at_ns + kSurfacesInterval_ns;
+      put(kShared + kTool, at_ns, encode_tissues(at_ns, *scene_.scene(), parts));
+    }
   }
 
   void write_markers() {
@@ -193,7 +209,9 @@ class FoxgloveExport {
   std::list<Side> sides_;
   viewer::SceneMirror scene_;
   bool are_points_due_ = false;
+  bool are_surfaces_due_ = false;
   std::uint64_t next_points_ns_ = 0;
+  std::uint64_t next_surfaces_ns_ = 0;
   std::uint64_t now_ns_ = 0;
 };
 

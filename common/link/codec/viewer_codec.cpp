@@ -4,6 +4,7 @@
 #include <google/protobuf/descriptor.h>
 #include <google/protobuf/descriptor.pb.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -62,6 +63,25 @@ void put(const Rgba& colour, foxglove::Color& to) {
   to.set_g(colour.g);
   to.set_b(colour.b);
   to.set_a(colour.a);
+}
+
+/// By index in the scene, as on the page (viewer_node/web/src/colours.ts).
+constexpr std::array kTissueColours{0xd8968a, 0x7d3f4a, 0xe2c58f, 0xa86a7c, 0xb9a6a0, 0x8f5a3c};
+constexpr double kClear = 0.66;  // opacity of a tissue around another
+
+Rgba tissue_colour(std::size_t tissue, double opacity) {
+  const int rgb = kTissueColours[tissue % kTissueColours.size()];
+  const auto part = [rgb](int shift) { return static_cast<double>((rgb >> shift) & 0xff) / 255.0; };
+  return {part(16), part(8), part(0), opacity};
+}
+
+using Box = Eigen::AlignedBox3f;
+Box box_of(const std::vector<float>& vertices_m) {
+  Box box;
+  for (std::size_t i = 0; i + 2 < vertices_m.size(); i += 3) {
+    box.extend(Eigen::Vector3f(vertices_m[i], vertices_m[i + 1], vertices_m[i + 2]));
+  }
+  return box;
 }
 
 void add_ball(const Vector3& center_m, double radius_m, const Rgba& colour,
@@ -207,6 +227,37 @@ std::string encode_point_cloud(std::uint64_t at_ns, const std::vector<std::vecto
   for (const std::vector<float>& part : parts) {
     wire.mutable_data()->append(reinterpret_cast<const char*>(part.data()),
                                 part.size() * sizeof(float));
+  }
+  return wire.SerializeAsString();
+}
+
+std::string encode_tissues(std::uint64_t at_ns, const SceneState& scene,
+                           const std::vector<std::vector<float>>& vertices_m) {
+  foxglove::SceneUpdate wire;
+  std::vector<Box> boxes;
+  for (const TissueSurface& tissue : scene.tissues) boxes.push_back(box_of(tissue.mesh.vertices_m));
+  for (std::size_t i = 0; i < scene.tissues.size() && i < vertices_m.size(); ++i) {
+    const TissueSurface& tissue = scene.tissues[i];
+    if (tissue.mesh.triangles.empty()) continue;
+    foxglove::SceneEntity& entity = *wire.add_entities();
+    put(at_ns, *entity.mutable_timestamp());
+    entity.set_frame_id(kWorld);
+    entity.set_id("tissue " + tissue.name);  // names differ within a session
+    foxglove::TriangleListPrimitive& surface = *entity.add_triangles();
+    surface.mutable_pose()->mutable_position();
+    put(Quaternion::Identity(), *surface.mutable_pose()->mutable_orientation());
+    const bool is_around = std::any_of(boxes.begin(), boxes.end(), [&](const Box& other) {
+      return &other != &boxes[i] && !other.isEmpty() && boxes[i].contains(other);
+    });
+    put(tissue_colour(i, is_around ? kClear : 1.0), *surface.mutable_color());
+    const std::vector<float>& at_m = vertices_m[i];
+    for (std::size_t v = 0; v + 2 < at_m.size(); v += 3) {
+      foxglove::Point3& point = *surface.add_points();
+      point.set_x(static_cast<double>(at_m[v]));
+      point.set_y(static_cast<double>(at_m[v + 1]));
+      point.set_z(static_cast<double>(at_m[v + 2]));
+    }
+    surface.mutable_indices()->Add(tissue.mesh.triangles.begin(), tissue.mesh.triangles.end());
   }
   return wire.SerializeAsString();
 }

@@ -85,6 +85,13 @@ struct MeshSteps {
 [[nodiscard]] std::string encode_point_cloud(std::uint64_t at_ns,
                                              const std::vector<std::vector<float>>& parts);
 
+/// foxglove.SceneUpdate: the surfaces of the tissues where they are now, in the page's colours;
+/// those around others are transparent. Entities are named "tissue NAME"; tissues of points are
+/// left out.
+/// @param vertices_m  x,y,z,x,y,z,… of each tissue of the scene
+[[nodiscard]] std::string encode_tissues(std::uint64_t at_ns, const SceneState& scene,
+                                         const std::vector<std::vector<float>>& vertices_m);
+
 /// foxglove.SceneUpdate: the tool's tip and shaft, and the requested and rendered force on the hand
 /// as arrows. @param scene  for the size of the tool
 [[nodiscard]] std::string encode_tool(std::uint64_t at_ns, const DeviceTick& device,

@@ -58,7 +58,9 @@ std::string words_of(const CLI::App& app, const CLI::App& command) {
   return words;
 }
 
-std::string bash(const CLI::App& app) {
+std::string bash(const CLI::App& app, const std::vector<std::string>& given) {
+  std::string settings;
+  for (const std::string& setting : given) settings += (settings.empty() ? "" : " ") + setting;
   std::string commands;
   std::string cases = "    '') words='" + words_of(app, app) + "' ;;\n";
   std::string files;
@@ -86,6 +88,32 @@ std::string bash(const CLI::App& app) {
          "  local current=${COMP_WORDS[COMP_CWORD]} previous=${COMP_WORDS[COMP_CWORD-1]}\n"
          "  local command='' words='' word\n"
          "  COMPREPLY=()\n"
+         "  # --set FIELD=VALUE; bash takes the = as a word\n"
+         "  local at=$COMP_CWORD key='' settings='" +
+         settings +
+         "'\n"
+         "  if [[ $at -ge 3 && $current == '=' && ${COMP_WORDS[at-2]} == --set ]]; then\n"
+         "    key=$previous current=''\n"
+         "  elif [[ $at -ge 4 && $previous == '=' && ${COMP_WORDS[at-3]} == --set ]]; then\n"
+         "    key=${COMP_WORDS[at-2]}\n"
+         "  fi\n"
+         "  if [[ -n $key ]]; then\n"
+         "    for word in $settings; do\n"
+         "      [[ $word == \"$key=$current\"?* || ( -n $current && $word == \"$key=$current\" ) "
+         "]] && "
+         "COMPREPLY+=(\"${word#*=}\")\n"
+         "    done\n"
+         "    return\n"
+         "  fi\n"
+         "  if [[ $previous == --set ]]; then\n"
+         "    compopt +o filenames -o nospace 2>/dev/null\n"
+         "    for word in $settings; do\n"
+         "      # the values once the field is given\n"
+         "      [[ $word == \"$current\"* && ( $word == *= || $current == *=* ) ]] && "
+         "COMPREPLY+=(\"$word\")\n"
+         "    done\n"
+         "    return\n"
+         "  fi\n"
          "  for word in \"${COMP_WORDS[@]:1:COMP_CWORD-1}\"; do\n"
          "    case $word in " +
          commands +
@@ -191,8 +219,9 @@ std::string fish(const CLI::App& app) {
 
 }  // namespace
 
-std::string completion(const CLI::App& app, const std::string& shell) {
-  if (shell == "bash") return bash(app);
+std::string completion(const CLI::App& app, const std::string& shell,
+                       const std::vector<std::string>& settings) {
+  if (shell == "bash") return bash(app, settings);
   if (shell == "zsh") return zsh(app);
   if (shell == "fish") return fish(app);
   throw SetupError("completion: \"" + shell + "\": must be one of bash, zsh, fish");

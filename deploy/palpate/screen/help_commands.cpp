@@ -5,6 +5,7 @@
 #include "common/core/check.h"
 #include "common/core/user/nearest.h"
 #include "common/process/terminal.h"
+#include "common/session/file/session_paths.h"
 #include "deploy/palpate/commands.h"
 #include "deploy/palpate/screen/help.h"
 
@@ -128,7 +129,7 @@ Command add_completion_command(CLI::App& app) {
   auto shell = std::make_shared<std::string>();
   command.add_option("SHELL", *shell, "bash, zsh or fish")->required()->type_name("");
   return {&command, [&app, shell](const Verbosity&) {
-            print(completion(app, *shell));
+            print(completion(app, *shell, session_paths()));
             return 0;
           }};
 }

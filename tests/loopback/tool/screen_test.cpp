@@ -345,6 +345,13 @@ TEST(Help, CompletesInBash) {
   EXPECT_EQ(completed("launch x --sec"), "--seconds ");
   EXPECT_EQ(completed("export --csv /etc/hostn"), "/etc/hostname ");
   EXPECT_EQ(completed("scene ch"), "check ");
+  // bash takes the = as a word of its own, unless COMP_WORDBREAKS leaves it out
+  EXPECT_EQ(completed("launch x --set mofc.mod"), "mofc.mode= ");
+  EXPECT_EQ(completed("launch x --set device.rate_h"), "device.rate_hz= ");
+  EXPECT_EQ(completed("launch x --set mofc.mode = g"), "guard ");
+  EXPECT_EQ(completed("launch x --set mofc.mode ="), "paper vector guard ");
+  EXPECT_EQ(completed("launch x --set mofc.mode=v"), "mofc.mode=vector ");
+  EXPECT_EQ(completed("launch x --set viewer.control ="), "false true ");
 }
 
 }  // namespace

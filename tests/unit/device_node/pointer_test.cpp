@@ -158,6 +158,51 @@ TEST(LedHand, IsNeverFasterNorFartherThanItsLimitsForAnyGoal) {
   }
 }
 
+// From 6 cm away, within the limits of a pointer, to where the path is by then.
+TEST(LedHand, ReturnsToItsPathWhenItIsLetGo) {
+  const HandConfig config = led_config();
+  Hand hand(config, {}, 1);
+  HandConfig without = config;
+  without.pointer.reset();
+  Hand plain(without, {}, 1);
+  double t = 0.0;
+  Vector3 previous_m = hand.target(t, Vector3::Zero()).position_m;
+  const auto step = [&] {
+    t += kUpdate_s;
+    const Target target = hand.target(t, Vector3::Zero());
+    EXPECT_LE((target.position_m - previous_m).norm() / kUpdate_s, 0.2 + 2e-7 / kUpdate_s);
+    EXPECT_LE((target.position_m - config.pointer->center_m).norm(), 0.05 + 1e-12);
+    previous_m = target.position_m;
+    return target;
+  };
+  hand.lead_to(Vector3(-0.03, 0.02, -0.02));
+  while (t < 1.0) step();
+  hand.let_go();
+  while (t < 1.5) step();
+  hand.lead_to(Vector3(0.02, 0, 0));  // taken again on its way
+  while (t < 2.5) step();
+  EXPECT_LT((previous_m - Vector3(0.02, 0, 0)).norm(), 1e-6);
+  hand.let_go();
+  while (t < 4.0) step();
+
+  for (int i = 0; i < 1000; ++i) {
+    const Target target = step();
+    const Target wanted = plain.target(t, Vector3::Zero());
+    ASSERT_EQ(target.position_m, wanted.position_m);
+    ASSERT_EQ(target.velocity_m_per_s, wanted.velocity_m_per_s);
+  }
+}
+
+TEST(LedHand, StaysOnItsPathIfItIsLetGoWithoutHavingBeenLed) {
+  Hand hand(led_config(), {}, 1);
+  Hand plain(led_config(), {}, 1);
+  hand.let_go();
+  for (double t = 0.0; t < 0.1; t += kUpdate_s) {
+    ASSERT_EQ(hand.target(t, Vector3::Zero()).position_m,
+              plain.target(t, Vector3::Zero()).position_m);
+  }
+}
+
 TEST(LedHand, MovesASimulatedDeviceOnTheThreadThatReadsIt) {
   ManualClock clock;
   HandGoals goals(8);

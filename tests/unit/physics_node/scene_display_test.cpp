@@ -5,8 +5,11 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <map>
 #include <set>
+#include <string>
 
 #include "physics_node/files/ply.h"
 #include "tests/support/sampled_clouds.h"
@@ -434,6 +437,77 @@ TEST_F(SceneDisplayTest, LeavesTissueWithoutForceFlat) {
   watch_mesh();
   publish(2e-3);
   EXPECT_THAT(meshes_.messages, IsEmpty());
+}
+
+// 100 × 100 × 50 mm of 15 kPa with a ball of 150 kPa in it.
+TEST_F(SceneDisplayTest, ShowsTheStiffnessOfAnElasticBodyAndItsParts) {
+  ElasticMaterial material{.young_pa = 15e3, .poisson_ratio = 0.45};
+  material.is_linear = true;
+  material.fixed = {HalfSpaceGeometry{.point_m = {0, 0, -0.0499}}};
+  const Vector3 ball_m(0, 0, -0.016);
+  material.parts = {{.where = SphereGeometry{.center_m = ball_m, .radius_m = 0.0095},
+                     .young_pa = 150e3,
+                     .poisson_ratio = 0.45,
+                     .density_kg_per_m3 = 1000.0}};
+  session_.scene.tissues[0] = {
+      .name = "body",
+      .geometry =
+          FileGeometry{.kind = FileGeometry::Kind::kTetrahedralMesh,
+                       .file = std::string(PALPATE_SOURCE_DIR) + "/deploy/sessions/block.msh"},
+      .material = material};
+  const auto elastic = ElasticTissues::of(session_.scene, 1, ElasticPace::kVirtual);
+  display_.emplace(session_, 77, scenes_, meshes_, elastic);
+  ++watchers_.scene_subscriptions;
+  watch_mesh();
+  publish(-0.01);
+
+  // the other tissue keeps its index
+  ASSERT_THAT(scenes_.messages, SizeIs(1));
+  const auto& tissues = scenes_.messages[0].tissues;
+  ASSERT_THAT(tissues, SizeIs(3));
+  EXPECT_EQ(tissues[1].name, "block at 1");
+  EXPECT_EQ(tissues[2].name, "body, part 1");
+  // dF/dδ of Hertz's F = 4/3 E/(1 − ν²) √R δ^1.5 at 1 mm
+  const double soft = 2.0 * 15e3 / (1.0 - 0.45 * 0.45) * std::sqrt(0.003 * 0.001);
+  const auto& ball = tissues[2];
+  ASSERT_THAT(tissues[0].vertex_stiffness_newton_per_m, SizeIs(tissues[0].mesh.vertex_count()));
+  ASSERT_THAT(ball.vertex_stiffness_newton_per_m, SizeIs(ball.mesh.vertex_count()));
+  for (const float k : tissues[0].vertex_stiffness_newton_per_m) EXPECT_NEAR(k, soft, 1e-3);
+  for (const float k : ball.vertex_stiffness_newton_per_m) EXPECT_NEAR(k, 10.0 * soft, 1e-2);
+
+  // a closed surface about the ball: its divergence is its volume
+  double volume_m3 = 0.0;
+  const auto corner_m = [&](std::size_t i) {
+    const float* at = &ball.mesh.vertices_m[3 * ball.mesh.triangles[i]];
+    return Vector3(at[0], at[1], at[2]);
+  };
+  for (std::size_t t = 0; t < ball.mesh.triangles.size(); t += 3) {
+    volume_m3 += corner_m(t).dot(corner_m(t + 1).cross(corner_m(t + 2))) / 6.0;
+    EXPECT_LT((corner_m(t) - ball_m).norm(), 0.02);
+  }
+  EXPECT_NEAR(volume_m3, 4.0 / 3.0 * 3.14159 * std::pow(0.0095, 3), 0.3 * volume_m3);
+
+  // pressed 8 mm deep above the ball, both move
+  for (int tick = 0; tick < 400; ++tick) {
+    SceneForce force;
+    elastic->step(0, Vector3(0, 0, 0.003 - 2e-5 * tick), 1e-3 * tick, 0.05, force);
+    if (tick % 33 == 0) publish(-0.01, 33ms);
+  }
+  std::map<std::uint32_t, const MeshFrame*> newest;
+  for (const MeshFrame& frame : meshes_.messages) newest[frame.tissue] = &frame;
+  for (const std::uint32_t tissue : {0U, 2U}) {
+    ASSERT_TRUE(newest.contains(tissue));
+    const auto& rest_m = tissues[tissue].mesh.vertices_m;
+    const auto& now_m = newest[tissue]->vertices_m;
+    ASSERT_THAT(now_m, SizeIs(rest_m.size()));
+    EXPECT_THAT(newest[tissue]->vertex_strain, SizeIs(rest_m.size() / 3));
+    float lowered_m = 0.0F;
+    for (std::size_t i = 2; i < rest_m.size(); i += 3) {
+      lowered_m = std::max(lowered_m, rest_m[i] - now_m[i]);
+    }
+    EXPECT_GT(lowered_m, 1e-3F) << tissue;
+    EXPECT_LT(lowered_m, 0.012F) << tissue;
+  }
 }
 
 }  // namespace

@@ -74,11 +74,23 @@ function check(topics, rows) {
     if (i > 0) assert.ok(tick.at_s > telemetry[i - 1].at_s);
   });
   const length_s = telemetry.at(-1).at_s - telemetry[0].at_s;
-  for (const topic of ["/scene", "/tf"]) {
-    const rate_hz = topics.get(topic).length / length_s;
+  const of = (id) => topics.get("/scene").filter(({ entities }) => entities[0].id.startsWith(id));
+  const tools = of("tool"), surfaces = of("tissue");
+  for (const [topic, messages] of [["/scene", tools], ["/tf", topics.get("/tf")]]) {
+    const rate_hz = messages.length / length_s;
     assert.ok(rate_hz > 20 && rate_hz < 32, `${topic}: ${rate_hz} Hz`);
   }
-  const { entities } = topics.get("/scene").at(-1);
+  // the surfaces of the tissues by name, at most twice a second
+  assert.ok(surfaces.length > 0 && surfaces.length <= 2 * length_s + 2, `${surfaces.length} in ${length_s} s`);
+  for (const { entities: tissues } of surfaces) {
+    assert.deepEqual(tissues.map(({ id }) => id), ["tissue block", "tissue inclusion"].slice(0, tissues.length));
+    for (const { triangles: [surface] } of tissues) {
+      assert.ok(surface.points.length > 100 && surface.indices.length % 3 === 0);
+      assert.ok(Math.max(...surface.indices) < surface.points.length);
+      assert.ok(surface.color.r > 0 && surface.color.a > 0.5);
+    }
+  }
+  const { entities } = tools.at(-1);
   assert.equal(entities[0].frame_id, "world");
   assert.ok(entities.some(({ spheres }) => spheres.length > 0), "the tip of the tool");
   assert.equal(topics.get("/tf").at(-1).transforms[0].parent_frame_id, "world");

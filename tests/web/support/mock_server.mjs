@@ -109,6 +109,8 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
     is_still: false, // the tool rests where it is
     dent: null, // where the tissue is deformed, if not at the tool
     offset: null, // of the block as a whole
+    is_elastic: false, // both tissues are elastic: without k, with a stiffness per vertex
+    ignores_changes: false, // no answer to them
     has_strain: false, // the block is an elastic body
     orientation: null, // w, x, y, z of the tool, if it is turned
     targets: [], // every HandTarget received
@@ -141,6 +143,11 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
     sampledAtNs: BigInt(Math.round(1e6 * performance.now())),
   });
 
+  function material(index, vertices) {
+    if (!world.is_elastic) return { stiffnessNewtonPerM: world.stiffness[index], dampingNewtonSPerM: world.damping[index] };
+    return { vertexStiffnessNewtonPerM: bytes_of(new Float32Array(vertices.length / 3).fill(world.stiffness[index])) };
+  }
+
   function scene_state() {
     return encode("palpate.v1.SceneState", {
       header: { protocolMajor: 1, sessionId: kSessions.physics, sequence: 0n, sampledAtNs: 0n },
@@ -148,8 +155,8 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
       deviceRateHz: 1000, physicsRateHz: 1000, peakForceNewton: 3.3, tipRadiusM: kTip_m, shaftLengthM: shaft_m, shaftRadiusM: 0.002,
       workspaceScaleRatio: 1,
       tissues: [
-        { name: names[0], shape: 3, verticesM: bytes_of(block.vertices), triangles: bytes_of(block.triangles), stiffnessNewtonPerM: world.stiffness[0], dampingNewtonSPerM: world.damping[0] },
-        { name: names[1], shape: 2, verticesM: bytes_of(ball.vertices), triangles: bytes_of(ball.triangles), stiffnessNewtonPerM: world.stiffness[1], dampingNewtonSPerM: world.damping[1] },
+        { name: names[0], shape: 3, verticesM: bytes_of(block.vertices), triangles: bytes_of(block.triangles), ...material(0, block.vertices) },
+        { name: names[1], shape: 2, verticesM: bytes_of(ball.vertices), triangles: bytes_of(ball.triangles), ...material(1, ball.vertices) },
       ],
       acceptsChanges: has_control,
       ...(has_pointer ? { pointer: { centerM: { x: 0, y: 0, z: 0 }, reachM: 0.09, speedMPerS: 0.25, holderTimeoutNs: BigInt(kHolderTimeout_ms) * 1000000n } } : {}),
@@ -305,6 +312,7 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
 
   function take_change({ tissue, stiffnessNewtonPerM, dampingNewtonSPerM }) {
     world.changes.push({ tissue, stiffness: stiffnessNewtonPerM, damping: dampingNewtonSPerM });
+    if (world.ignores_changes) return;
     if (world.refuses_changes) {
       write_log("physics_node", "event=tissue_change_refused count=1", 3);
       return;
@@ -319,7 +327,11 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
   function take_request({ marker, seekS, isPaused, speedRatio, isRecording }) {
     world.requests.push({ marker, seekS, isPaused, speedRatio, isRecording });
     if (isRecording !== undefined) world.recorder = { ...world.recorder, isRecording, file: "mock.mcap", lengthS: 0 };
-    if (marker !== undefined) write_log("run", `event=marker origin=page text="${marker || "marker 1"}"`);
+    if (marker !== undefined) {
+      const text = marker || "marker 1";
+      write_log("run", `event=marker origin=page text="${text}"`);
+      world.markers = [...world.markers, { atNs: BigInt(Date.now()) * 1000000n, text, origin: "page" }];
+    }
     if (!world.replay) return;
     if (seekS !== undefined) world.replay.positionS = seekS;
     if (isPaused !== undefined) world.replay.isPaused = isPaused;
@@ -401,6 +413,10 @@ export async function start_mock_server({ port = 0, vertices = 2600, has_pointer
     world,
     url: `http://127.0.0.1:${http.address().port}/`,
     write_log,
+    change_scene: () => {
+      world.revision += 1n;
+      send_all("/scene_state", scene_state());
+    },
     send_scene: () => send_all("/scene_state", scene_state()),
     /** The world as at the start; pages, clock and revision stay. */
     reset: () => {

@@ -8,7 +8,7 @@ const line = (at_s: number, name: string, message: string, level = 2) =>
 
 test("a line becomes words with its values", () => {
   const fault = event_of(line(5.5, "device_node", 'event=device_fault reason="the position jumped" count=1 remedy="…"', 4));
-  assert.deepEqual(fault, { at_s: 5.5, lane: "faults", tone: "alarm", node: "device_node", text: "fault: the position jumped" });
+  assert.deepEqual(fault, { at_s: 5.5, lane: "faults", tone: "alarm", node: "device_node", name: "device_fault", text: "fault: the position jumped" });
   assert.equal(event_of(line(1, "viewer_node", "event=node_restarted node=mofc_node"))?.text, "mofc_node: restarted");
   assert.equal(event_of(line(1, "run", 'event=marker origin=page text="first cut"'))?.text, "first cut");
   assert.equal(event_of(line(1, "physics_node", "event=peer_up link=tool_motion")), null);

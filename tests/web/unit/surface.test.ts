@@ -135,3 +135,49 @@ test("mesh steps are the complete state: what they do not name is at rest", () =
   assert.deepEqual([...surface.position], [...surface.rest]);
   assert.equal(surface.max_displacement_m, 0);
 });
+
+// a closed cube whose faces share their 8 vertices
+function cube(): TissueSurface {
+  const vertices = Array.from({ length: 8 }, (_, i) => [i & 1, (i >> 1) & 1, i >> 2]).flat();
+  const quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+  const triangles = quads.flatMap(([a, b, c, d]) => [a, b, c, a, c, d]);
+  return square({ verticesM: bytes_of(Float32Array.from(vertices)), triangles: bytes_of(Uint32Array.from(triangles)) });
+}
+
+test("edges above 40° are sharp: each face of a cube has its own normal", () => {
+  const surface = new Surface(cube());
+  assert.equal(surface.vertex_count, 8);
+  for (let t = 0; t < surface.triangles.length; t += 3) {
+    const normals = [...surface.triangles.slice(t, t + 3)].map((v) => [...surface.normal.slice(3 * v, 3 * v + 3)]);
+    assert.deepEqual(normals[1], normals[0]);
+    assert.deepEqual(normals[2], normals[0]);
+    assert.equal(normals[0].filter((x) => Math.abs(x) === 1).length, 1);
+  }
+
+  // a corner moves on all faces, and so do its colours
+  assert.ok(surface.take({ ...frame(7, [1.5, 1, 1]), vertexStrain: bytes_of(Float32Array.of(0.25)) }));
+  const moved = [...surface.displacement_m].filter((x) => x === 0.5).length;
+  assert.equal(moved, 3);
+  assert.equal([...surface.strain!].filter((x) => x === 0.25).length, 3);
+  assert.equal(surface.position.filter((x) => x === 1.5).length, 3);
+  assert.equal(surface.take(frame(8, [0, 0, 0])), false); // the wire has 8 vertices
+});
+
+for (const [degrees, copies] of [[30, 0], [50, 2]]) {
+  test(`a bend of ${degrees}° has ${copies} vertices more`, () => {
+    const angle = (degrees * Math.PI) / 180;
+    // two squares with a common edge from (0, 0, 0) to (0, 1, 0)
+    const vertices = [-1, 0, 0, -1, 1, 0, 0, 0, 0, 0, 1, 0, Math.cos(angle), 0, -Math.sin(angle), Math.cos(angle), 1, -Math.sin(angle)];
+    const surface = new Surface(square({
+      verticesM: bytes_of(Float32Array.from(vertices)), triangles: bytes_of(Uint32Array.of(0, 2, 1, 1, 2, 3, 2, 4, 3, 3, 4, 5)),
+    }));
+    assert.equal(surface.rest.length / 3 - surface.vertex_count, copies);
+  });
+}
+
+test("an elastic body has the stiffness of its vertices, though its material has no k", () => {
+  const surface = new Surface(square({ stiffnessNewtonPerM: 0, vertexStiffnessNewtonPerM: misaligned(Float32Array.of(90, 90, 90, 130)) }));
+  assert.deepEqual([...surface.stiffness], [90, 90, 90, 130]);
+  assert.equal(surface.stiffness_newton_per_m, 0);
+  assert.equal(surface.shown_stiffness_newton_per_m, 100);
+});

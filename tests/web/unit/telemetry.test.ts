@@ -340,3 +340,25 @@ test("the dot of a node is amber below 95 % of its rate", () => {
   assert.equal(node_state(node, 1000, true, 9), "gone");
   assert.equal(node_state(node, 1000, false, 1), "unknown");
 });
+
+test("an event is shown at the tick that was sampled when it happened", () => {
+  const telemetry = new Telemetry();
+  const near = (one: number, other: number) => assert.ok(Math.abs(one - other) < 1e-6, `${one}, not ${other}`);
+  telemetry.mark(1000.005, "notice", "before the first tick");
+  // the newest tick, 0.019 s after the first one, is sent 3 ms later; the next batch is delayed
+  telemetry.take_device(device(0, 0, 20), 1, 1000.022);
+  telemetry.take_device(device(1, 20, 20), 1, 1000.052);
+  telemetry.mark(1000.033, "marker", "marker 1");
+  assert.deepEqual(telemetry.instants.map(({ text }) => text), ["before the first tick", "marker 1"]);
+  near(telemetry.instants[0].at_s, 1000.005 - 1000.003);
+  assert.ok(Math.abs(telemetry.instants[1].at_s - (1000.033 - 1000.003)) < 0.0015);
+
+  // the server's clock is set back by an hour
+  telemetry.take_device(device(2, 40, 20), 1, 1000.062 - 3600);
+  telemetry.mark(1000.062 - 3600, "alarm", "fault");
+  near(telemetry.instants[2].at_s, telemetry.now_s);
+
+  // another start of the device has another clock
+  telemetry.take_device(device(0, 0, 20, {}, 12n), 2, 1000.3);
+  assert.deepEqual(telemetry.instants, []);
+});

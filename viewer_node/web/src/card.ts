@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // card.ts: the frame of a plot: title, legend, figures; and small helpers for the DOM.
-import type { Telemetry } from "./telemetry";
+import type { NodeName, Telemetry } from "./telemetry";
 
 export interface Palette {
   ink: string;
@@ -15,6 +15,8 @@ export interface View {
   end_s: number; // device's clock
   physics_end_s: number; // physics' clock
   window_s: number;
+  /** Nodes whose newest values still hold. */
+  is_fresh: Record<NodeName, boolean>;
 }
 
 export class Card {

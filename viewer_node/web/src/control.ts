@@ -2,12 +2,14 @@
 // control.ts: stiffness and damping of the tissues, changed while the session runs. The page only
 // proposes; physics_node checks, and the scene shows what it applied.
 import { make, write } from "./card";
+import type { SessionEvent } from "./events";
 import type { SceneState } from "./wire";
 
 const kMostStiffness_newton_per_m = 1e6; // common/core/tissue.h
 const kMostDamping_newton_s_per_m = 1e4;
 const kSliderDecades = 1; // to each side of the session's stiffness
 const kAnswer_ms = 3000;
+const kLeastPeriod_ms = 200; // physics_node sends its scene as often; a held key repeats thirty times a second
 
 export interface TissueChange {
   tissue: number;
@@ -21,6 +23,8 @@ interface Row {
   slider: HTMLInputElement;
   note: HTMLElement;
   sent: TissueChange | null;
+  due: ReturnType<typeof setTimeout> | undefined; // of a change that waits
+  sent_ms: number;
 }
 
 export class TissueControl {
@@ -62,7 +66,18 @@ export class TissueControl {
     }
   }
 
+  /** physics_node says that it refused a change. */
+  take({ name }: SessionEvent): void {
+    if (name !== "tissue_change_refused") return;
+    for (const row of this.rows.values()) {
+      if (!row.sent) continue;
+      row.sent = null;
+      write(row.note, "refused: see Events");
+    }
+  }
+
   private build(scene: SceneState): void {
+    for (const row of this.rows.values()) clearTimeout(row.due);
     this.rows = new Map();
     this.initial = new Map();
     this.body.replaceChildren();
@@ -81,7 +96,7 @@ export class TissueControl {
         stiffness: input("number", "Stiffness, N/m,", kMostStiffness_newton_per_m),
         damping: input("number", "Damping, N·s/m,", kMostDamping_newton_s_per_m),
         slider: input("range", "Stiffness", 0),
-        note: make("small"), sent: null,
+        note: make("small"), sent: null, due: undefined, sent_ms: -Infinity,
       };
       const middle = Math.log10(Math.max(stiffnessNewtonPerM, 1e-3));
       Object.assign(row.slider, { min: String(middle - kSliderDecades), max: String(middle + kSliderDecades), step: "0.01" });
@@ -119,12 +134,21 @@ export class TissueControl {
     this.send({ tissue, stiffnessNewtonPerM: row.stiffness.valueAsNumber, dampingNewtonSPerM: row.damping.valueAsNumber });
   }
 
+  /** At once, or when the last one is old enough; the newest counts. */
   private send(change: TissueChange): void {
     const row = this.rows.get(change.tissue)!;
+    row.sent = null; // an earlier one no longer matters
+    clearTimeout(row.due);
+    const wait_ms = row.sent_ms + kLeastPeriod_ms - performance.now();
+    if (wait_ms > 0) {
+      row.due = setTimeout(() => this.send(change), wait_ms);
+      return;
+    }
     row.sent = change;
+    row.sent_ms = performance.now();
     write(row.note, this.publish(change) ? "sent" : "not connected");
-    setTimeout(() => {
-      if (row.sent === change) write(row.note, "refused: see Events");
+    row.due = setTimeout(() => {
+      if (row.sent === change) write(row.note, "no answer yet");
     }, kAnswer_ms);
   }
 }

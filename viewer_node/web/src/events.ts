@@ -13,6 +13,8 @@ export interface SessionEvent {
   lane: Lane;
   tone: EventTone;
   node: string;
+  /** As in the log. */
+  name: string;
   text: string;
   /** Key of an episode that this event begins or ends. */
   begins?: string;
@@ -68,7 +70,7 @@ export function event_of({ timestamp, level, message, name: node }: Log): Sessio
   if (kSilent.has(name)) return null;
   const [lane, tone, words] = kWords[name] ?? ["faults", level >= 4 ? "alarm" : level === 3 ? "notice" : "calm", message.replace(/^event=/, "")];
   const text = words.replace(/\$(\w+)/g, (_, key) => values[key] ?? key);
-  const event: SessionEvent = { at_s, lane, tone, node, text };
+  const event: SessionEvent = { at_s, lane, tone, node, name, text };
   const episode = /^(\w+)_(began|ended)$/.exec(name);
   if (episode) event[episode[2] === "began" ? "begins" : "ends"] = `${node} ${episode[1]}`;
   if (name === "node_silent") event.begins = `silent ${values.node}`;
@@ -84,17 +86,19 @@ export class Timeline {
   private readonly known = new Set<string>();
 
   /** The server repeats its history to every new subscriber: known lines are ignored. */
-  take(line: Log): void {
+  /** @return the event, if the line is one and new */
+  take(line: Log): SessionEvent | null {
     const key = `${line.timestamp?.seconds}.${line.timestamp?.nanos} ${line.name} ${line.message}`;
-    if (this.known.has(key)) return;
+    if (this.known.has(key)) return null;
     this.known.add(key);
     const event = event_of(line);
-    if (!event) return;
+    if (!event) return null;
     let place = this.events.length;
     while (place > 0 && this.events[place - 1].at_s > event.at_s) place -= 1;
     this.events.splice(place, 0, event);
     if (this.events.length > kMostEvents) this.events.shift();
     this.count += 1;
+    return event;
   }
 
   /** Instants, and episodes with their end. */

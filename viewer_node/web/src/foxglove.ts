@@ -22,10 +22,13 @@ interface Channel {
   schema: string;
   schemaEncoding?: string;
 }
+/** @param at_s  when the server sent the message, seconds since 1970 by its clock */
+export type Handler = (message: never, at_s: number) => void;
+
 interface Subscription {
   topic: string;
   schema: DescMessage;
-  handler: (message: never) => void;
+  handler: Handler;
 }
 export interface ServerStatus {
   id?: string;
@@ -64,7 +67,7 @@ export class FoxgloveClient {
   /** @param handler_of  a topic; topics without one are not subscribed to */
   constructor(
     private readonly url: string,
-    private readonly handler_of: (topic: string) => ((message: never) => void) | undefined,
+    private readonly handler_of: (topic: string) => Handler | undefined,
     private readonly events: Events) {
     this.connect();
   }
@@ -153,7 +156,7 @@ export class FoxgloveClient {
     if (!subscription) return;
     this.frame_count += 1;
     const message = fromBinary(subscription.schema, new Uint8Array(data, kDataHeaderBytes));
-    subscription.handler(message as Message as never);
+    subscription.handler(message as Message as never, 1e-9 * Number(view.getBigUint64(5, true)));
   }
 
   private subscribe(channels: Channel[]): void {

@@ -2,7 +2,7 @@
 // loop.ts: the contact in figures, and the force of the tissue over the depth: what the loop
 // encloses is lost in the tissue (hysteresis).
 import { Card, fixed, make, write, type Palette, type View } from "./card";
-import { kDepth, kTissueForce, type Telemetry } from "./telemetry";
+import { kDepth, kTissueForce } from "./telemetry";
 
 const kMostPoints = 4000;
 const kLeft_px = 38, kBottom_px = 20, kTop_px = 6, kRight_px = 10;
@@ -36,9 +36,9 @@ export class Loop {
   }
 
   /** The figures beside the loop. */
-  tell({ depth_m, speed_m_per_s, stiffness_newton_per_m }: Telemetry, is_alive: boolean): void {
+  tell({ telemetry: { depth_m, speed_m_per_s, stiffness_newton_per_m }, is_fresh }: View): void {
     const figure = (value: number, scale: number, unit: string, digits: number) =>
-      is_alive && Number.isFinite(value) ? `${(scale * value).toFixed(digits)} ${unit}` : "–";
+      is_fresh.physics && Number.isFinite(value) ? `${(scale * value).toFixed(digits)} ${unit}` : "–";
     const [depth, speed, stiffness] = this.card.values;
     write(depth, figure(depth_m, 1e3, "mm", 2));
     write(speed, figure(speed_m_per_s, 1e3, "mm/s", 0));

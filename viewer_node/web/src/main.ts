@@ -2,10 +2,10 @@
 // main.ts: connects the stream to the 3-D view, the plots and the texts.
 import "uplot/dist/uPlot.min.css";
 import "./style.css";
-import { make, write, type Palette } from "./card";
+import { make, write, type Palette, type View } from "./card";
 import { TissueControl } from "./control";
 import { Timeline } from "./events";
-import { FoxgloveClient } from "./foxglove";
+import { FoxgloveClient, type Handler } from "./foxglove";
 import { HandControl } from "./hand";
 import {
   announcement, banner_lines, by_id, Counters, Measure, NodeChips, segments, telemetry_lost, write_banners, write_hand, write_scale,
@@ -16,7 +16,7 @@ import { RunControl } from "./run";
 import { SceneView } from "./scene_view";
 import { forces_of, kNoForce, state_words, verdict_of } from "./state";
 import { scene_signature, Surface, type ColourMode } from "./surface";
-import { kNodes, norm, Telemetry } from "./telemetry";
+import { kNodes, norm, Telemetry, type NodeName } from "./telemetry";
 import { TimelineCard } from "./timeline";
 import type { DeviceTelemetry, Health, Log, MeshFrame, MeshSteps, MofcTelemetry, PhysicsTelemetry, SceneState } from "./wire";
 
@@ -76,12 +76,18 @@ let plot_draws = 0;
 
 // ---- the stream
 
-const handlers: Record<string, (message: never) => void> = {
+const handlers: Record<string, Handler> = {
   "/scene_state": (message: SceneState) => take_scene(message),
   "/mesh": (message: MeshFrame) => take_mesh(message),
   "/mesh_steps": (message: MeshSteps) => take_mesh_steps(message),
   "/log": (message: Log) => {
-    timeline.take(message);
+    const event = timeline.take(message);
+    if (event) {
+      control.take(event);
+      // what ended or returned needs no line
+      const is_drawn = event.tone !== "calm" || event.lane === "changes";
+      if (is_drawn) for (const one of new Set([led, ...sides.values()])) one.mark(event.at_s, event.tone, event.text);
+    }
     const verdict = verdict_of(message.message);
     if (verdict) verdicts.set(verdict.side, verdict.words);
   },
@@ -93,11 +99,11 @@ const handlers: Record<string, (message: never) => void> = {
 };
 
 /** "/device", or "/left/device" of a side. */
-function handler_of(topic: string): ((message: never) => void) | undefined {
+function handler_of(topic: string): Handler | undefined {
   const [, side = "", kind] = /^(?:\/([\w-]+))?\/(device|mofc|physics)$/.exec(topic) ?? [];
   if (kind === undefined) return handlers[topic];
   const one = sides.get(side) ?? add_side(side);
-  if (kind === "device") return (message: DeviceTelemetry) => one.take_device(message, seconds());
+  if (kind === "device") return (message: DeviceTelemetry, wall_s: number) => one.take_device(message, seconds(), wall_s);
   if (kind === "mofc") return (message: MofcTelemetry) => one.take_mofc(message, seconds());
   return (message: PhysicsTelemetry) => one.take_physics(message, seconds());
 }
@@ -325,6 +331,18 @@ new ResizeObserver(() => {
   plots_due_s = 0;
 }).observe(by_id("plots"));
 
+/** What the displays show. */
+function shown(now_s: number): View {
+  const is_fresh = (name: NodeName) => is_paused || (is_connected() && telemetry.is_fresh(name, now_s));
+  return {
+    telemetry, window_s,
+    end_s: is_paused ? paused_s : telemetry.now_s,
+    physics_end_s: is_paused ? paused_physics_s : telemetry.physics.newest_s,
+    is_fresh: { device: is_fresh("device"), mofc: is_fresh("mofc"), physics: is_fresh("physics") },
+  };
+}
+
+let was_fresh = "";
 let plots_due_s = 0;
 let words_due_s = 0;
 let timeline_due_s = 0;
@@ -337,16 +355,18 @@ function picture(): void {
   picture_s = now_s;
   if (!is_paused) set_tools();
   view.draw();
+  const display = shown(now_s);
+  const fresh = kNodes.filter((name) => display.is_fresh[name]).join();
+  if (fresh !== was_fresh) words_due_s = 0; // withdrawn at once
+  was_fresh = fresh;
   if (now_s >= plots_due_s) {
     plots_due_s = now_s + (is_paused ? Infinity : Math.max(kPlotPeriod_s(window_s), 3 * frame_s)); // on a slow machine the 3-D view has priority
-    const end_s = is_paused ? paused_s : telemetry.now_s;
-    const physics_end_s = is_paused ? paused_physics_s : telemetry.physics.newest_s;
-    for (const plot of plots.all) plot.draw({ telemetry, end_s, physics_end_s, window_s });
+    for (const plot of plots.all) plot.draw(display);
     plot_draws += 1;
   }
   if (now_s >= words_due_s) {
     words_due_s = now_s + kWordsPeriod_s;
-    say(now_s);
+    say(now_s, display);
   }
   if (now_s >= timeline_due_s) {
     timeline_due_s = now_s + kTimelinePeriod_s;
@@ -354,11 +374,12 @@ function picture(): void {
   }
 }
 
-function say(now_s: number): void {
+function say(now_s: number, display: View): void {
   // before the first connection, nothing is reported as lost
   const is_waiting = !has_been_connected && now_s < 2;
   if (!is_waiting && !is_paused) write_state(telemetry, is_connected(), now_s);
-  if (!is_paused) plots.loop.tell(telemetry, is_connected() && telemetry.nodes.physics.is_alive(now_s));
+  for (const plot of plots.timed) plot.tell(display); // of the same tick as the state
+  if (!is_paused) plots.loop.tell(display);
   chips.write(telemetry, scene, is_connected(), now_s);
   const status_text = now_s < status.until_s ? status.text : "";
   write_banners(by_id("banners"), is_waiting ? [] : banners(status_text, now_s));
@@ -398,7 +419,7 @@ Object.defineProperty(window, "__test", {
       scene: scene && {
         revision: Number(scene.revision), name: scene.sessionName, signature,
         tissues: surfaces.map((s) => ({
-          name: s.name, vertices: s.vertex_count, stiffness_newton_per_m: s.stiffness_newton_per_m, displacement_m: s.max_displacement_m, offset_m: { ...s.offset_m },
+          name: s.name, vertices: s.vertex_count, stiffness_newton_per_m: s.stiffness_newton_per_m, shown_stiffness_newton_per_m: s.shown_stiffness_newton_per_m, displacement_m: s.max_displacement_m, offset_m: { ...s.offset_m },
         })),
         has_pointer: scene.pointer !== undefined,
       },
@@ -413,6 +434,7 @@ Object.defineProperty(window, "__test", {
         timing: plots.timing.status, lateness_total: plots.lateness.total,
         loop: { points: plots.loop.points, ...plots.loop.most },
       },
+      instants: plots.force.instants.map(({ at_s, tone, text }) => ({ at_s, tone, text })),
       contact: { depth_m: telemetry.depth_m, speed_m_per_s: telemetry.speed_m_per_s, stiffness_newton_per_m: telemetry.stiffness_newton_per_m },
       events: timeline.events.map(({ at_s, lane, node, text }) => ({ at_s, lane, node, text })),
       tool_m: { ...telemetry.tool_m }, tool_px: view.project(telemetry.tool_m), target_m: { ...hand.target },

@@ -140,7 +140,12 @@ export function write_tissues(surfaces: Surface[], mode: ColourMode): void {
     const name = make("span", "name", surface.name);
     name.title = surface.name;
     item.append(swatch, name);
-    if (surface.stiffness_newton_per_m > 0) item.append(make("small", "", `${count_words(surface.stiffness_newton_per_m)} N/m`));
+    const stiffness = surface.shown_stiffness_newton_per_m;
+    if (stiffness > 0) {
+      const text = make("small", "", `${count_words(Number(stiffness.toPrecision(3)))} N/m`);
+      if (surface.stiffness_newton_per_m === 0) text.title = "of an elastic body: slope of the force on the tip, 1 mm deep";
+      item.append(text);
+    }
     return item;
   }));
   list.hidden = mode !== "material";

@@ -8,13 +8,16 @@ import { cell_times, cells_of, reduce } from "./ring";
 import { time_words } from "./state";
 import {
   kAskedNorm, kAskedX, kBoundNorm, kBoundX, kForceAge, kForceNorm, kForceX, kLatenessBins, kLedger, kReplyTime,
-  kTransparency, kTrueEnergy, upper_border_s,
+  kTransparency, kTrueEnergy, upper_border_s, type Instant,
 } from "./telemetry";
 
 /** Curves between samples further apart than this have a gap. */
 const kBridge_s = 0.15;
 const kPointsPerPixel = 0.5; // cells; each has two points
 const kMostCells = 500;
+/** Rows before the newest in which a figure is looked for: not every tick has all. */
+const kRowsBack = 64;
+const kMostLabel = 18; // characters of a marker
 
 type Column = (number | null)[];
 
@@ -45,6 +48,8 @@ export class TimePlot {
   private data: Column[] = [];
   private spec: PlotSpec;
   private limits: [number, number];
+  private view: View | null = null;
+  private palette: Palette | null = null;
 
   constructor(parent: HTMLElement, spec: PlotSpec, extra?: HTMLElement) {
     this.spec = spec;
@@ -61,6 +66,7 @@ export class TimePlot {
   build(palette: Palette): void {
     const { body } = this.card;
     this.plot?.destroy();
+    this.palette = palette;
     const { spec } = this;
     this.plot = new uPlot({
       width: Math.max(body.clientWidth, 100),
@@ -84,15 +90,16 @@ export class TimePlot {
         label, stroke: palette.of(colour), width: dash ? 1.25 : 1.5, dash: dash ? [4, 4] : undefined,
         points: { show: false }, spanGaps: false,
       }))],
-      hooks: { setCursor: [() => this.tell()] },
+      hooks: { setCursor: [() => this.tell()], drawClear: [(plot) => this.draw_instants(plot)] },
     }, this.data as uPlot.AlignedData, body);
   }
 
   private window_start = -10;
 
-  draw({ telemetry, end_s, window_s }: View): void {
+  draw(view: View): void {
     const { plot, spec, data } = this;
     if (!plot) return;
+    const { telemetry, end_s, window_s } = this.view = view;
     const cells = cells_of(end_s, window_s, Math.min(kMostCells, Math.ceil(kPointsPerPixel * plot.width)));
     this.window_start = -window_s;
     let low = Infinity;
@@ -119,7 +126,6 @@ export class TimePlot {
     }
     this.limits = spec.range(low, high);
     plot.setData(data as uPlot.AlignedData, true);
-    this.tell();
   }
 
   resize(): void {
@@ -129,6 +135,41 @@ export class TimePlot {
     }
   }
 
+  /** In the window, by seconds before its end. */
+  get instants(): Instant[] {
+    const { view } = this;
+    if (!view) return [];
+    const begin_s = view.end_s - view.window_s;
+    return view.telemetry.instants.filter(({ at_s }) => at_s >= begin_s && at_s <= view.end_s)
+      .map((one) => ({ ...one, at_s: one.at_s - view.end_s }));
+  }
+
+  // Lines behind the curves, with the words of a marker.
+  private draw_instants(plot: uPlot): void {
+    const { ctx, bbox } = plot;
+    if (!this.palette) return;
+    ctx.save();
+    const width = ctx.lineWidth = Math.max(1, Math.round(devicePixelRatio));
+    ctx.font = `${10 * devicePixelRatio}px Inter, system-ui, sans-serif`;
+    ctx.textBaseline = "top";
+    for (const { at_s, tone, text } of this.instants) {
+      const x = Math.round(plot.valToPos(at_s, "x", true)) + (width % 2) / 2; // on whole pixels
+      ctx.strokeStyle = ctx.fillStyle = tone === "calm" ? this.palette.faint : this.palette.of(`--${tone === "marker" ? "accent" : tone}`);
+      ctx.globalAlpha = tone === "marker" || tone === "alarm" ? 0.9 : 0.5;
+      ctx.setLineDash(tone === "marker" ? [] : [3 * devicePixelRatio, 3 * devicePixelRatio]);
+      ctx.beginPath();
+      ctx.moveTo(x, bbox.top);
+      ctx.lineTo(x, bbox.top + bbox.height);
+      ctx.stroke();
+      if (tone !== "marker") continue;
+      const label = text.length > kMostLabel ? `${text.slice(0, kMostLabel - 1)}…` : text;
+      const is_right = x + 4 * devicePixelRatio + ctx.measureText(label).width > bbox.left + bbox.width;
+      ctx.textAlign = is_right ? "right" : "left";
+      ctx.fillText(label, x + (is_right ? -3 : 3) * devicePixelRatio, bbox.top + devicePixelRatio);
+    }
+    ctx.restore();
+  }
+
   /** Points drawn and their newest value, by series; for tests. */
   get status(): { points: number; newest: number | null }[] {
     return this.data.slice(1).map((column) => ({
@@ -136,14 +177,28 @@ export class TimePlot {
     }));
   }
 
-  private tell(): void {
+  /** The legend: the values under the cursor, or the newest ones while they hold. */
+  tell(view = this.view): void {
+    if (!view) return;
+    this.view = view;
     const at = this.plot?.cursor.idx;
     const is_under_cursor = at != null && (this.plot?.cursor.left ?? -1) >= 0;
     this.card.values.forEach((element, index) => {
-      const column = this.data[index + 1];
-      const value = is_under_cursor ? column[at] ?? null : last_of(column);
+      const value = is_under_cursor ? this.data[index + 1][at] ?? null : this.newest(view, index);
       write(element, value === null ? "–" : this.spec.show(value));
     });
+  }
+
+  // That of the tick, not of the curve, which has the extremes of each pixel.
+  private newest({ telemetry, end_s, is_fresh }: View, index: number): number | null {
+    const { ring, column, scale } = this.spec.series[index];
+    if (!is_fresh.device || (ring !== "device" && !is_fresh.mofc)) return null;
+    const rows = telemetry[ring];
+    const newest = rows.first_at(end_s + 1e-9) - 1;
+    for (let row = newest; row >= Math.max(0, newest - kRowsBack); --row) {
+      if (Number.isFinite(rows.value(column, row))) return scale * rows.value(column, row);
+    }
+    return null;
   }
 }
 
@@ -277,6 +332,9 @@ export class Plots {
     this.lateness = new Histogram(parent);
   }
 
+  get timed(): TimePlot[] {
+    return [this.force, this.energy, this.transparency, this.timing];
+  }
   get all(): (TimePlot | Histogram | Loop)[] {
     return [this.force, this.loop, this.energy, this.transparency, this.timing, this.lateness];
   }

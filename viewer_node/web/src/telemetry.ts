@@ -47,6 +47,17 @@ const kBatchColumns = 3;
 export const kDepth = 0, kTissueForce = 1;
 const kPhysicsColumns = 2;
 
+/** An event in the plots. */
+export interface Instant {
+  at_s: number; // device's clock
+  tone: "calm" | "notice" | "alarm" | "marker";
+  text: string;
+}
+const kMostInstants = 512;
+/** The delay of a message varies; the clocks agree to this, per batch. */
+const kClockDrift_s = 0.001;
+const kClockJump_s = 0.5;
+
 /** One node, as received through the server. */
 export class NodeLink {
   /** Page's clock; NaN before the first. */
@@ -136,6 +147,11 @@ export class Telemetry {
 
   private physics_session = 0n;
   private physics_base_ns = 0n;
+  /** Oldest first. */
+  readonly instants: Instant[] = [];
+  private early: { wall_s: number; tone: Instant["tone"]; text: string }[] = []; // before the first tick
+  private wall_less_device_s = NaN; // server's clock less the device's, with the least delay seen
+
   private device_session = 0n;
   private base_ns = 0n; // of the device's clock: where the page's seconds begin
 
@@ -159,7 +175,8 @@ export class Telemetry {
     return counters ? counters.transparencyIntegralNs / Number(counters.transparencyTimeNs) : NaN;
   }
 
-  take_device(batch: DeviceTelemetry, now_s: number): void {
+  /** @param wall_s  when the server sent it, by its clock; NaN: not known */
+  take_device(batch: DeviceTelemetry, now_s: number, wall_s = NaN): void {
     const rows = batch.sampledAtNs.length;
     require_columns(columns_agree(rows,
       [batch.latenessNs, batch.replyTimeNs, batch.guard, batch.flags, batch.trueEnergyJoule],
@@ -184,6 +201,7 @@ export class Telemetry {
       if (this.guard === Guard.fallback || this.guard === Guard.fading) this.fallback_s = t_s;
     }
     if (rows === 0) return;
+    this.compare_clocks(wall_s);
     copy_vector(batch.measuredHandPositionM, rows - 1, this.hand_m);
     copy_vector(batch.measuredToolPositionWorldM, rows - 1, this.tool_m);
     copy_vector(batch.forceOnHandNewton, rows - 1, this.applied_newton);
@@ -276,6 +294,26 @@ export class Telemetry {
     }
   }
 
+  /** Shows an event of this time by the server's clock in the plots. */
+  mark(wall_s: number, tone: Instant["tone"], text: string): void {
+    if (!Number.isFinite(this.wall_less_device_s)) {
+      this.early = [...this.early.slice(1 - kMostInstants), { wall_s, tone, text }];
+      return;
+    }
+    this.instants.push({ at_s: wall_s - this.wall_less_device_s, tone, text });
+    if (this.instants.length > kMostInstants) this.instants.shift();
+  }
+
+  private compare_clocks(wall_s: number): void {
+    if (!Number.isFinite(wall_s)) return;
+    const offset_s = wall_s - this.device.newest_s;
+    const expected_s = this.wall_less_device_s + kClockDrift_s;
+    this.wall_less_device_s = Math.abs(offset_s - expected_s) < kClockJump_s ? Math.min(offset_s, expected_s) : offset_s;
+    const { early } = this;
+    this.early = [];
+    for (const { wall_s: at_s, tone, text } of early) this.mark(at_s, tone, text);
+  }
+
   private measure_speed(now_s: number): void {
     const { places, tool_m } = this;
     places.push({ at_s: now_s, tool_m: { ...tool_m } });
@@ -294,6 +332,8 @@ export class Telemetry {
     this.batches.clear();
     this.clamped_s = this.fallback_s = this.rendered_s = -Infinity;
     this.places = [];
+    this.instants.length = 0;
+    this.wall_less_device_s = NaN;
   }
 
   private seconds(device_ns: bigint): number {
