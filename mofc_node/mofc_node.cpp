@@ -100,7 +100,7 @@ ForceCommand MofcNode::answer(const Received<DeviceState>& received) noexcept {
       physics.is_late ? limited_to_norm(output.force_on_hand_newton, device_.profile.coulomb_newton)
                       : output.force_on_hand_newton;
   const bool needs_no_news =
-      tissue_.is_still() && physics.is_stepping && physics.silence <= still_after_;
+      physics.is_stepping && physics.silence <= std::min(still_after_, tissue_.holds_for());
   const SilenceFade::Output faded =
       fade_.step(punctual, physics.silence, needs_no_news, physics.lost_for, now);
   echo_.answered(requested);

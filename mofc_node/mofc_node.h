@@ -14,9 +14,9 @@
 // No Interaction that answers a newer motion for `stale_after`: |F| never exceeds what it was then
 //   and fades to zero over `fade`; then MofcState::kNoPhysics. `stale_after` is longer than the
 //   silence that the deadbands of hops 2 and 3 allow, so that frozen physics is distinguished from
-//   a resting hand. While the force comes from described tissue alone that does not move by itself,
-//   it stays for `still_after`, unless the physics sends without having stepped. When the physics
-//   speaks again, |F| rises from where it is over `fade`.
+//   a resting hand. While the force comes from described tissue alone, it stays for
+//   `still_after`, or for one period of the motion of tissue that moves, unless the physics sends
+//   without having stepped. When the physics speaks again, |F| rises from where it is over `fade`.
 // New device session: ledger 0. An echo that does not continue the last one answered: no credit is
 //   left. New physics session: its first Interaction replaces the model as any next one does,
 //   without a jump; the ledger stays.

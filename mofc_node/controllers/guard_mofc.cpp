@@ -14,7 +14,8 @@ GuardMofc::GuardMofc(const GuardParameters& parameters)
              .resolution_m = parameters.resolution_m,
              .delta_max_s = parameters.delta_max_s,
              .longest_lease_s = parameters.longest_lease_s,
-             .v_max_m_per_s = parameters.v_max_m_per_s}),
+             .v_max_m_per_s = parameters.v_max_m_per_s,
+             .bridges_holes = true}),
       gate_store_joule_(parameters.gate_joule) {}
 
 void GuardMofc::reset() noexcept {

@@ -5,6 +5,28 @@
 #include <cmath>
 
 namespace palpate::controllers {
+namespace {
+
+constexpr double kSpan_s = 1.0;
+constexpr int kLeastHoles = 3;
+
+}  // namespace
+
+void HoleLengths::note(double duration_s, double hold_s) noexcept {
+  span_s_ += duration_s;
+  if (span_s_ > kSpan_s) {
+    spans_ = {Span{}, span_s_ > 2.0 * kSpan_s ? Span{} : spans_[0]};
+    span_s_ = 0.0;
+  }
+  if (duration_s <= hold_s) return;
+  spans_[0].longest_s = std::max(spans_[0].longest_s, duration_s);
+  ++spans_[0].count;
+}
+
+double HoleLengths::longest_s() const noexcept {
+  if (spans_[0].count + spans_[1].count < kLeastHoles) return 0.0;
+  return std::max(spans_[0].longest_s, spans_[1].longest_s);
+}
 
 LeasedPool::Booked LeasedPool::book(const ControlInput& input) noexcept {
   if (!has_started_) {
@@ -20,12 +42,16 @@ LeasedPool::Booked LeasedPool::book(const ControlInput& input) noexcept {
   for (std::size_t i = 0; i < input.applied.size();) {
     const AppliedStretch& stretch = input.applied[i];
     if (!stretch.has_position_at_end) {
+      double unread_s = 0.0;
       for (const std::size_t end = book_unread(input, i); i < end; ++i) {
         booked.elapsed_s += input.applied[i].duration_s;
+        unread_s += input.applied[i].duration_s;
       }
+      holes_.note(unread_s, p_.mofc.T);
       continue;
     }
     booked.elapsed_s += stretch.duration_s;
+    holes_.note(stretch.duration_s, p_.mofc.T);
     booked.work_joule -= stretch.force_on_hand_newton.dot(stretch.hand_position_at_end_m -
                                                           ledger_.hand_position_m());
     ledger_.book(stretch.duration_s, stretch.force_on_hand_newton, stretch.hand_position_at_end_m);
@@ -42,6 +68,7 @@ std::size_t LeasedPool::book_unread(const ControlInput& input, std::size_t first
                   .acted_s = input.applied[first].duration_s,
                   .hand_position_at_end_m = input.hand_position_m,
                   .v_max_m_per_s = p_.v_max_m_per_s};
+  has_ended_unread_ = has_ended_unread_ || !release.force_on_hand_newton.isZero(0.0);
   bool is_release = true;  // one force, then none
   std::size_t i = first;
   for (bool is_read = false; !is_read && i < input.applied.size(); ++i) {
@@ -70,11 +97,16 @@ ControlOutput LeasedPool::grant(const ControlInput& input, double gate) const no
   const double spent =
       left_s > 0.0 ? left_s * clamp_.drain_watt(input.acting_force_on_hand_newton) : 0.0;
 
-  ControlOutput output = clamp_.clamp(input.asked_force_on_hand_newton, energy - spent, gate);
+  // in holes that keep coming no force is worth more than one that lasts to their end
+  const double longest_s = std::max(p_.mofc.T, p_.longest_lease_s);
+  const double hole_s = p_.bridges_holes && has_ended_unread_ ? holes_.longest_s() : 0.0;
+  const double covered_s = hole_s <= longest_s ? std::max(p_.mofc.T, hole_s) : p_.mofc.T;
+
+  ControlOutput output = clamp_.clamp(input.asked_force_on_hand_newton,
+                                      (energy - spent) * (p_.mofc.T / covered_s), gate);
   output.ledger_energy_joule = energy;
 
   // for as long as it is paid
-  const double longest_s = std::max(p_.mofc.T, p_.longest_lease_s);
   const double drain = clamp_.drain_watt(output.force_on_hand_newton);
   const double paid_s = drain > 0.0 ? std::max(0.0, energy - spent) / drain : longest_s;
   output.lease_s = paid_s > p_.mofc.T ? std::min(paid_s, longest_s) : p_.mofc.T;

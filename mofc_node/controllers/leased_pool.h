@@ -4,6 +4,7 @@
 /// pool covers them.
 #pragma once
 
+#include <array>
 #include <limits>
 #include <optional>
 
@@ -21,6 +22,26 @@ struct LeasedPoolParameters {
   double delta_max_s = 0.0;      ///< δ_max ≥ 0: longest time from the reading to the switch
   double longest_lease_s = 0.0;  ///< T_lease,max: no command acts longer; below T it counts as T
   double v_max_m_per_s = std::numeric_limits<double>::infinity();  ///< > 0, of the hand
+  bool bridges_holes = false;  ///< while holes keep coming: only forces that last through them
+};
+
+/// How long the device goes without a reading, again and again. A hole is a time between two
+/// readings that is longer than T_hold; there are none until three have come within the last 1 … 2
+/// s. No allocation, no throw.
+class HoleLengths {
+ public:
+  /// @param duration_s  ≥ 0, between two readings
+  void note(double duration_s, double hold_s) noexcept;
+  /// The longest of them; 0 where they are too few.
+  [[nodiscard]] double longest_s() const noexcept;
+
+ private:
+  struct Span {
+    double longest_s = 0.0;
+    int count = 0;
+  };
+  std::array<Span, 2> spans_{};  // the present one, the one before
+  double span_s_ = 0.0;          // of the present one
 };
 
 /// The ledger and the rule that keeps E(t) ≥ 0 (docs/theory.md §2.5). With δ the time for which the
@@ -30,6 +51,9 @@ struct LeasedPoolParameters {
 ///     F          the largest force along F_e with T drain(F) + δ drain(F_acting) ≤ E′
 ///     valid_for  (E′ − δ drain(F_acting)) / drain(F), within T … T_lease,max
 ///
+/// A force that ends unread in a hole costs all of its lease. So a pool that bridges holes takes,
+/// once that has happened, the length of recent ones for T in the first line, where T_lease,max
+/// covers it.
 /// Lemmas: hold_and_delay, residual_lease. No allocation, no throw.
 class LeasedPool {
  public:
@@ -40,7 +64,11 @@ class LeasedPool {
         ledger_(parameters.mofc, parameters.per_axis, parameters.resolution_m) {}
 
   /// Forgets everything; the next book() begins a ledger.
-  void reset() noexcept { has_started_ = false; }
+  void reset() noexcept {
+    has_started_ = false;
+    holes_ = {};
+    has_ended_unread_ = false;
+  }
 
   /// What one step has booked.
   struct Booked {
@@ -66,6 +94,8 @@ class LeasedPool {
   LeasedPoolParameters p_;
   OnePoolClamp clamp_;
   EnergyLedger ledger_;
+  HoleLengths holes_{};
+  bool has_ended_unread_ = false;  // a force, in this session: the device has no latch
   bool has_started_ = false;
 };
 

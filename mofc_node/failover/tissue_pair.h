@@ -47,10 +47,12 @@ class TissuePair {
                                 const Vector3& tool_position_world_m,
                                 const Vector3& tool_velocity_world_m_per_s, double dt_s) noexcept;
 
-  /// Whether the force of the last step needs no news: TissueModel::is_still() of all that count.
-  [[nodiscard]] bool is_still() const noexcept {
-    return (standby_share_ == 1.0 || models_[0]->is_still()) &&
-           (standby_share_ == 0.0 || models_[1]->is_still());
+  /// So long the force of the last step needs no news: TissueModel::holds_for(), the shorter of
+  /// all that count.
+  [[nodiscard]] Duration holds_for() const noexcept {
+    if (standby_share_ == 0.0) return models_[0]->holds_for();
+    if (standby_share_ == 1.0) return models_[1]->holds_for();
+    return std::min(models_[0]->holds_for(), models_[1]->holds_for());
   }
 
   /// What motions to that physics acknowledge, and the time of the scene in use when they arrive.

@@ -14,6 +14,15 @@ namespace {
 constexpr int kCostlySteps = 64;
 constexpr int kCostPerStep = 8;
 
+/// What tissue that moves by itself does to a hand that holds against it, until it has moved as far
+/// along the force as it ever does. The hand put as much in while it went the other way.
+double energy_of_motion_joule(const ModelForce& force, const TissueMotionConfig& motion,
+                              double time_s) noexcept {
+  if (!is_moving(motion)) return 0.0;
+  const Vector3& F = force.force_on_tool_newton;
+  return std::abs(F.dot(motion.amplitude_m)) - F.dot(displacement(motion, time_s).position_m);
+}
+
 }  // namespace
 
 TissueModel::TissueModel(bool has_store, double handover_newton_per_s, std::uint64_t session_id)
@@ -41,7 +50,7 @@ void TissueModel::reset() noexcept {
   if (elastic_) elastic_->reset();
   shares_ = {};
   elastic_shares_ = {};
-  is_still_ = false;
+  holds_for_ = {};
 }
 
 void TissueModel::drop() noexcept {
@@ -64,15 +73,16 @@ ModelForce TissueModel::step(const Interaction& newest, const DeviceState& state
   std::array<TissueShare, kMaxDescribed + kMaxElasticPatches> shares;
   std::size_t share_count = 0;
   ModelForce sum;
-  is_still_ = store_ != nullptr;
-  const auto add = [&](const LocalTissues::Result& local, double share, bool moves_itself) {
+  holds_for_ = store_ ? Duration::max() : Duration::zero();
+  const auto add = [&](const LocalTissues::Result& local, double share, Duration law_holds_for) {
     if (!(share > 0.0)) return;
     shares[share_count++] = {.tissue = local.tissue, .share = share};
     sum.force_on_tool_newton += share * local.force.force_on_tool_newton;
     sum.stored_energy_joule += share * local.force.stored_energy_joule;
     sum.is_touching = sum.is_touching || local.force.is_touching;
     if (!local.force.is_touching) return;
-    is_still_ = is_still_ && local.is_valid && share == 1.0 && !moves_itself;
+    const bool is_known = local.is_valid && share == 1.0;
+    holds_for_ = std::min(holds_for_, is_known ? law_holds_for : Duration::zero());
   };
   if (store_) {
     const ToolPose pose{.tip_m = tool_position_world_m,
@@ -84,12 +94,16 @@ ModelForce TissueModel::step(const Interaction& newest, const DeviceState& state
     for (std::size_t i = 0; i < kMaxDescribed; ++i) {
       share_out(local_.results()[i], now, tool_position_world_m, tool_velocity_world_m_per_s, dt_s,
                 shares_[i]);
-      add(local_.results()[i], shares_[i], is_moving(store_->tissues()[i].motion()));
+      const TissueMotionConfig& motion = store_->tissues()[i].motion();
+      add(local_.results()[i], shares_[i],
+          is_moving(motion) ? from_seconds(1.0 / motion.frequency_hz) : Duration::max());
+      sum.stored_energy_joule +=
+          shares_[i] * energy_of_motion_joule(local_.results()[i].force, motion, pose.time_s);
     }
     for (std::size_t i = 0; i < kMaxElasticPatches; ++i) {
       share_out(elastic_->results()[i], now, tool_position_world_m, tool_velocity_world_m_per_s,
                 dt_s, elastic_shares_[i]);
-      add(elastic_->results()[i], elastic_shares_[i], true);
+      add(elastic_->results()[i], elastic_shares_[i], Duration::zero());
     }
     if (costs_too_much() && share_count == 0) store_->drop();
   }
@@ -98,7 +112,7 @@ ModelForce TissueModel::step(const Interaction& newest, const DeviceState& state
   sum.force_on_tool_newton += rest.force_on_tool_newton;
   sum.stored_energy_joule += rest.stored_energy_joule;
   sum.is_touching = sum.is_touching || rest.is_touching;
-  is_still_ = is_still_ && !rest.is_touching;
+  if (rest.is_touching) holds_for_ = {};
   return sum;
 }
 

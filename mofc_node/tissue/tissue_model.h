@@ -55,9 +55,9 @@ class TissueModel {
   /// The physics is gone: the same, and nothing that it has described is known any more.
   void drop() noexcept;
 
-  /// Whether the force of the last step came from described tissue alone that does not move by
-  /// itself: it needs no news.
-  [[nodiscard]] bool is_still() const noexcept { return is_still_; }
+  /// So long the force of the last step needs no news: for ever if it came from described tissue
+  /// alone that does not move by itself, for one period of its motion if it does, else 0.
+  [[nodiscard]] Duration holds_for() const noexcept { return holds_for_; }
 
   /// @param newest  answers this device session
   /// @param dt_s    ≥ 0, since the step before
@@ -79,7 +79,7 @@ class TissueModel {
   PhysicsClock clock_;
   std::array<double, kMaxDescribed> shares_{};               // of local_'s results
   std::array<double, kMaxElasticPatches> elastic_shares_{};  // of elastic_'s
-  bool is_still_ = false;
+  Duration holds_for_{};
   int cost_ = 0;                         // grows with every step that needs too much
   std::uint64_t costly_session_id_ = 0;  // of the physics; 0: none
 };

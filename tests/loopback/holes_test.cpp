@@ -24,6 +24,10 @@ RunStatistics run(const std::string& name, const std::vector<std::string>& overr
   return run_loopback(session, {.seconds = seconds}).statistics;
 }
 
+RunStatistics run_text(const std::string& text) {
+  return run_loopback(parse_session(text, "test"), {.seconds = 10.0}).statistics;
+}
+
 struct Hole {
   const char* label;
   const char* fault;
@@ -37,6 +41,10 @@ constexpr Hole kHoles[] = {
      5e-5},
     {"skips_of_6_ms", "faults.device.skip={from_s: 0.0201 until_s: 0.026 every_s: 0.05}", 0.985,
      5e-5},
+    {"skips_of_7_ms", "faults.device.skip={from_s: 0.0201 until_s: 0.027 every_s: 0.05}", 0.98,
+     1e-4},
+    {"skips_of_8_ms", "faults.device.skip={from_s: 0.0201 until_s: 0.028 every_s: 0.05}", 0.97,
+     2e-4},
     {"outages_of_4_ms", "faults.force_command.outage={from_s: 0.02 until_s: 0.024 every_s: 0.05}",
      0.985, 5e-5},
     {"states_lost", "faults.device_state.loss_ratio=0.2", 0.985, 1e-4},
@@ -60,14 +68,18 @@ TEST_P(Holes, CostNoForce) {
 INSTANTIATE_TEST_SUITE_P(Kinds, Holes, testing::ValuesIn(kHoles),
                          [](const auto& hole) { return std::string(hole.param.label); });
 
-// Longer than the lease: the force drops. A latch makes the drop an ordinary reading.
-TEST(HolesLongerThanTheLease, CostLessWithAPositionLatch) {
+// As long as the longest lease, over the stiff ball. With a latch the drops are ordinary readings.
+// Without one they would cost all credit, again and again: then only a force is rendered that the
+// credit pays for until the hole ends. Without that rule T was 0.36.
+TEST(HolesAsLongAsTheLongestLease, CostLittleWithAndWithoutAPositionLatch) {
   const std::string skip = "faults.device.skip={from_s: 0.0201 until_s: 0.03 every_s: 0.05}";
-  const RunStatistics without = run("default", {skip}, 10.0);
-  const RunStatistics with = run("default", {skip, "device.simulated.position_latch=true"}, 10.0);
-  EXPECT_GE(with.ideal_transparency(), without.ideal_transparency() + 0.2);
-  EXPECT_GE(without.minimum_true_energy_joule(), -1e-6);
-  EXPECT_GE(with.minimum_true_energy_joule(), -1e-6);
+  for (const char* latch : {"false", "true"}) {
+    const RunStatistics one =
+        run("default", {skip, std::string("device.simulated.position_latch=") + latch}, 10.0);
+    EXPECT_GE(one.ideal_transparency(), 0.9) << latch;
+    EXPECT_GE(one.minimum_true_energy_joule(), -1e-6) << latch;
+    EXPECT_EQ(one.excess_reversals(), 0U) << latch;
+  }
 }
 
 // The paper's conditions: everything at 50 Hz, the force held, rigid tissue. Without the credit of
@@ -101,6 +113,33 @@ TEST(Silence, CostsDescribedTissueAtRestNoForceUnlessPhysicsHangs) {
   }
 }
 
+// A liver that breathes 6 mm up and down, physics silent for 0.45 s again and again.
+TEST(Silence, CostsTissueThatMovesByItsLawNoForce) {
+  const RunStatistics silent =
+      run("liver",
+          {"scene.tissue[0].motion={amplitude_m { z: 0.003 } frequency_hz: 0.25}",
+           "faults.interaction.stall={from_s: 0.5 until_s: 0.95 every_s: 1}"},
+          10.0);
+  EXPECT_GE(silent.ideal_transparency(), 0.98);
+  EXPECT_LE(silent.force_error_rms_ratio(), 0.03);
+  EXPECT_GE(silent.minimum_true_energy_joule(), -1e-6);
+}
+
+// The hand presses while the tissue goes down, and gets that back while it comes up: 25 mJ at 500
+// N/m.
+TEST(BreathingTissue, GivesBackWhatTheHandPutInWhileItWentDown) {
+  const RunStatistics breathing = run_text(R"(
+name: "breath"
+device { simulated {} }
+hand { stiffness_newton_per_m: 600 damping_newton_s_per_m: 20
+  sinusoid { center_m { z: 0.004 } amplitude_m { z: 0.010 } frequency_hz { z: 0.1 } phase_rad { z: 1.57 } } }
+scene { tissue { half_space {} kelvin_voigt { stiffness_newton_per_m: 400 damping_newton_s_per_m: 1 }
+  motion { amplitude_m { z: 0.006 } frequency_hz: 0.2 phase_rad: 3.14 } } }
+)");
+  EXPECT_GE(breathing.ideal_transparency(), 0.98);
+  EXPECT_GE(breathing.minimum_true_energy_joule(), -1e-6);
+}
+
 struct Death {
   const char* tissue;
   Duration last_force;  // after the beginning of the silence
@@ -108,11 +147,14 @@ struct Death {
 };
 
 // A hand presses 6 mm deep from 1 s on; from 2 s on nothing comes from physics.
-TEST(Silence, EndsTheForceOfTissueAtRestAfterStillAfterAndOfMovingTissueAsBefore) {
+// Moving tissue follows its law for one period.
+TEST(Silence, EndsTheForceOfDescribedTissueAfterStillAfterOrAPeriodOfItsMotion) {
   using namespace std::chrono_literals;
   for (const Death& death :
        {Death{"", 1500ms, 1560ms},
-        Death{"motion { amplitude_m { z: 0.001 } frequency_hz: 0.3 }", 140ms, 210ms}}) {
+        Death{"motion { amplitude_m { z: 0.001 } frequency_hz: 0.3 }", 1500ms, 1560ms},
+        Death{"motion { amplitude_m { z: 0.001 } frequency_hz: 2 }", 490ms, 560ms},
+        Death{"motion { amplitude_m { z: 0.001 } frequency_hz: 10 }", 140ms, 210ms}}) {
     const std::filesystem::path folder = testing::TempDir();
     std::ofstream(folder / "press.csv") << "t,x,y,z\n0,0,0,0.01\n1,0,0,-0.006\n";
     const Session session = parse_session(std::string(R"(

@@ -14,6 +14,10 @@ constexpr double kDefaultLongestLeaseUs = 10e3;
 /// A tick that begins so late still finds its force acting. It is a delay of the machine, whatever
 /// the rate; a longer lease of every command takes from the force that the credit pays for.
 constexpr double kLateTickUs = 1e3;
+/// From this period on no lease is reserved for a late tick: the reserve would take a share of the
+/// force all the time, a late tick takes a smaller one now and then. Where credit pays for it, the
+/// lease is longer anyhow.
+constexpr double kSlowPeriodUs = 5e3;
 /// From no force to the peak by default. Longer takes the edge off the contact with viscous tissue;
 /// shorter bounds little at 1 kHz.
 constexpr double kDefaultRiseS = 2e-3;
@@ -71,7 +75,8 @@ double to_reply_us(const Fields& device, double period_us, double wait_us) {
 }
 
 double to_lease_us(const Fields& device, double period_us, double reply_us) {
-  const double lease_us = device.number("lease_us", period_us + std::min(period_us, kLateTickUs));
+  const double late_us = period_us < kSlowPeriodUs ? std::min(period_us, kLateTickUs) : 0.0;
+  const double lease_us = device.number("lease_us", period_us + late_us);
   const double longest_us = 3.0 * period_us - std::min(reply_us, period_us);
   if (lease_us < (1.0 - kPeriodTolerance) * period_us ||
       lease_us > longest_us + kPeriodTolerance * period_us) {

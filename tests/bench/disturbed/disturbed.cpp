@@ -211,7 +211,19 @@ void run_disturbed(const BenchOptions& options, const std::vector<std::string>& 
     for (const OwnDisturbance& one : scene.own_disturbances) {
       own.push_back({one.name, one.overrides});
     }
-    const bool has_own = !scene.own_disturbances.empty();
+    // beside each the run without a controller
+    if (scene.has_uncontrolled) {
+      const std::vector<Disturbance> controlled = own;
+      own.clear();
+      for (const Disturbance& one : controlled) {
+        own.push_back(one);
+        own.push_back(one);
+        own.back().name += ", no controller";
+        own.back().overrides.insert(own.back().overrides.end(),
+                                    {"mofc.controller=none", "device.monitor=off"});
+      }
+    }
+    const bool has_own = scene.has_uncontrolled || !scene.own_disturbances.empty();
     for (const Disturbance& disturbance : has_own ? own : scene.has_all_disturbances ? all : few) {
       if (!has_own && !is_wanted(disturbance)) continue;
       Cost cost;

@@ -355,6 +355,85 @@ std::vector<DisturbedScene> disturbed_scenes(const test::TempFolder& folder,
            .phase_rad = {0.0, 0.0, 0.0}},
           {far(40.0, 60.0)});
 
+  // laws and motions that are hard to render, each beside the run without a controller
+  const auto add_hard = [&](const std::string& name, const std::string& tissues, const Hand& hand,
+                            const std::vector<OwnDisturbance>& rows = {}) {
+    add(name, tissues, hand);
+    scenes.back().is_in_excerpt = false;
+    scenes.back().own_disturbances = rows;
+    scenes.back().has_uncontrolled = true;
+  };
+  // 15 mm to each side of the centre while the hand sinks from `high_m` to `low_m` within 5 s
+  const auto circle = [](double high_m, double low_m) {
+    constexpr double kQuarter = 0.5 * std::numbers::pi;
+    return Hand{.center_m = {0.0, 0.0, 0.5 * (high_m + low_m)},
+                .amplitude_m = {0.015, 0.015, 0.5 * (high_m - low_m)},
+                .hz = {0.7, 0.7, 0.1},
+                .phase_rad = {0.0, kQuarter, kQuarter}};
+  };
+  const auto taps = [](double center_m, double amplitude_m, double hz) {
+    return Hand{.center_m = {0.0, 0.0, center_m},
+                .amplitude_m = {0.0, 0.0, amplitude_m},
+                .hz = {0.0, 0.0, hz},
+                .phase_rad = {0.0, 0.0, 0.5 * std::numbers::pi}};
+  };
+  const auto power_law = [](double k, double b, double n) {
+    return fmt::format(
+        "hunt_crossley {{ stiffness_newton_per_m: {} damping_newton_s_per_m: {} exponent: {} }}", k,
+        b, n);
+  };
+  const std::string rubs = with("friction_coefficient: 0.5");
+  add_hard("circle with friction 0.5 (box)", tissue(kBlock, rubs), circle(0.008, -0.016));
+  add_hard("circle with friction 0.5, begun in the tissue", tissue(kBlock, rubs),
+           {.center_m = {0.0, 0.0, -0.01},
+            .amplitude_m = {0.015, 0.015, 0.001},
+            .hz = {0.7, 0.7, 0.3},
+            .phase_rad = {0.0, 0.5 * std::numbers::pi, 0.0}});
+  const std::string ball = "sphere { radius_m: 0.05 }";
+  add_hard("circle on a sphere, Hunt-Crossley n 2.2", tissue(ball, power_law(300, 5, 2.2)),
+           circle(0.059, 0.041));
+  add_hard("taps at 5 Hz, Hunt-Crossley n 1.5", tissue(kBlock, power_law(500, 1, 1.5)),
+           taps(0.002, 0.008, 5.0));
+  add_hard("taps at 5 Hz, Hunt-Crossley n 2.2", tissue(kBlock, power_law(300, 10, 2.2)),
+           taps(0.002, 0.008, 5.0));
+  const std::string viscous =
+      "kelvin_voigt { stiffness_newton_per_m: 300 damping_newton_s_per_m: 80 }";
+  for (const double hz : {1.0, 2.0, 3.0}) {
+    add_hard(fmt::format("taps at {:g} Hz, 80 N s/m", hz), tissue(kBlock, viscous),
+             taps(0.002, 0.012, hz));
+  }
+  add_hard("puncture at 1.5 N", tissue(kBlock, with("puncture_newton: 1.5")), on_plane);
+  add_hard("puncture of the organ (liver)", tissue(organ.geometry, with("puncture_newton: 1.4")),
+           press_on(organ.top_m, 0.07), {far(60.0, 60.0)});
+  const std::string breath = "motion { amplitude_m { z: 0.003 } frequency_hz: 0.25 }";
+  OwnDisturbance bad = far(80.0, 30.0);
+  bad.name = "80 … 110 ms, 10 % lost, bursts, 30 Hz";
+  for (const char* hop : {"tool_motion", "interaction"}) {
+    for (const char* fault :
+         {"jitter_ms=30", "loss_ratio=0.1", "burst_ratio=0.01", "burst_length=10"}) {
+      bad.overrides.push_back(fmt::format("faults.{}.{}", hop, fault));
+    }
+  }
+  const std::vector<OwnDisturbance> unequal{
+      {"80 ms there, 0 ms back", {"faults.tool_motion.delay_ms=80"}},
+      {"0 ms there, 80 ms back", {"faults.interaction.delay_ms=80"}},
+      bad};
+  add_hard("breathing organ (liver)", tissue(organ.geometry, kMaterial, breath),
+           press_on(organ.top_m, 0.07), unequal);
+  add_hard("breathing wall", tissue("half_space {}", kMaterial, breath), on_plane, unequal);
+  Hand slow = press_on(Vector3::Zero(), 0.07);
+  slow.hz.z() = 0.2;  // the first touch comes after the first description
+  const OwnDisturbance farthest{
+      "500 ms each way, 10 % lost, 50 Hz",
+      {"faults.tool_motion.delay_ms=500", "faults.interaction.delay_ms=500",
+       "faults.tool_motion.loss_ratio=0.1", "faults.interaction.loss_ratio=0.1",
+       "physics.rate_hz=50"}};
+  add_hard("block (box), slowly", tissue(kBlock), slow, {farthest});
+  slow.center_m += organ.top_m;
+  add_hard("organ (liver), slowly", tissue(organ.geometry), slow, {farthest});
+  slow.center_m += cloud_top_m - organ.top_m;
+  add_hard("organ (cloud), slowly", tissue(kOrganCloud), slow, {farthest});
+
   add("several tissues",
       tissue(kBlock) + tissue("sphere { center_m { x: -0.012 z: -0.004 } radius_m: 0.01 }") +
           tissue("capsule { from_m { x: 0.01 y: -0.02 z: -0.003 } to_m { x: 0.014 y: 0.02 "

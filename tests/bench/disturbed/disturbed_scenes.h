@@ -25,6 +25,7 @@ struct DisturbedScene {
   bool is_in_excerpt = true;
   double seconds = 10.0;                           ///< at most
   std::vector<OwnDisturbance> own_disturbances{};  ///< if any, after the undisturbed run only these
+  bool has_uncontrolled = false;                   ///< each of those rows also without a controller
 };
 
 /// Real and rough surfaces, then one scene for each property of tissue.

@@ -82,11 +82,13 @@ std::vector<Disturbance> disturbances(double seconds) {
       for (const int ms : {2, 4, 6}) all.push_back(hole(is_skip, ms, per_second, kHole));
     }
   }
-  all.push_back(hole(true, 10, 20, {}));
-  Disturbance latched = hole(true, 10, 20, {.transparency = 0.89});
-  latched.name += ", latch";
-  latched.overrides.emplace_back("device.simulated.position_latch=true");
-  all.push_back(latched);
+  for (const auto& [ms, least] : {std::pair{7, 0.97}, {8, 0.97}, {10, 0.9}}) {
+    all.push_back(hole(true, ms, 20, {.transparency = least}));
+    Disturbance latched = hole(true, ms, 20, {.transparency = least});
+    latched.name += ", latch";
+    latched.overrides.emplace_back("device.simulated.position_latch=true");
+    all.push_back(latched);
+  }
   for (const int percent : {1, 5, 20}) {
     all.push_back({fmt::format("{} % of hop 1 lost", percent),
                    {fmt::format("faults.device_state.loss_ratio={}", 0.01 * percent)},
@@ -119,6 +121,31 @@ std::vector<Disturbance> disturbances(double seconds) {
                  on_both_hops({"delay_ms=23.1", "jitter_ms=0.8",
                                "stall={from_s: 0.7 until_s: 0.8 every_s: 2}"}),
                  kNetwork});
+
+  // silence, and a network that is bad in every respect
+  all.push_back({"stalls of 200 ms, 1/s, both hops",
+                 on_both_hops({"stall={from_s: 0.5 until_s: 0.7 every_s: 1}"}), kNetwork});
+  all.push_back(
+      {"silences of 0.5 s, physics at 30 Hz",
+       {"physics.rate_hz=30", "faults.interaction.outage={from_s: 1 until_s: 1.5 every_s: 2}"},
+       kNetwork});
+  Disturbance bad{"80 … 110 ms, 10 % lost, bursts, physics at 30 Hz",
+                  on_both_hops({"delay_ms=80", "jitter_ms=30", "loss_ratio=0.1", "burst_ratio=0.01",
+                                "burst_length=10"}),
+                  {.transparency = 0.97}};
+  bad.overrides.emplace_back("physics.rate_hz=30");
+  all.push_back(bad);
+
+  // slow devices and a coarse encoder; by default the device has 1 kHz and 0.055 mm
+  for (const auto& [hz, least] : {std::pair{250, 0.97}, {200, 0.97}, {100, 0.95}, {50, 0.6}}) {
+    all.push_back({fmt::format("device at {} Hz", hz),
+                   {fmt::format("device.rate_hz={}", hz)},
+                   {.transparency = least}});
+  }
+  all.push_back(
+      {"encoder of 0.3 mm",
+       {"device.simulated.position_resolution_m=3e-4", "device.profile.position_resolution_m=3e-4"},
+       {.transparency = 0.97}});
   return all;
 }
 

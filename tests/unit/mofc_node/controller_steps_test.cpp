@@ -63,7 +63,13 @@ class PoolByTheEquations {
     double energy = ledger_.energy_joule();
     if (input.energy_limit_joule < energy) energy = input.energy_limit_joule;
     const double free = energy - (reserved_s > 0.0 ? reserved_s * drain : 0.0);
-    ControlOutput output = clamp_.clamp(input.asked_force_on_hand_newton, free, gate);
+    const double longest = std::max(p_.mofc.T, p_.longest_lease_s);
+    double covered = p_.mofc.T;
+    const bool bridges = p_.v_max_m_per_s < kUnbounded;  // guard
+    const double hole = bridges && has_ended_unread_ ? holes_.longest_s() : 0.0;
+    if (hole > covered && hole <= longest) covered = hole;
+    ControlOutput output =
+        clamp_.clamp(input.asked_force_on_hand_newton, free * (p_.mofc.T / covered), gate);
     output.ledger_energy_joule = energy;
     output.lease_s = std::max(p_.mofc.T, p_.longest_lease_s);
     if (const double power = clamp_.drain_watt(output.force_on_hand_newton); power > 0.0) {
@@ -90,6 +96,7 @@ class PoolByTheEquations {
       if (open.size() == 1 && one.has_position_at_end) {
         work_joule -= one.force_on_hand_newton.dot(end - at_);
         ledger_.book(one.duration_s, one.force_on_hand_newton, end);
+        holes_.note(one.duration_s, p_.mofc.T);
       } else {
         book_open(open, end);
       }
@@ -105,6 +112,8 @@ class PoolByTheEquations {
       duration_s += one.duration_s;
       most += one.duration_s * clamp_.drain_watt(one.force_on_hand_newton);
     }
+    holes_.note(duration_s, p_.mofc.T);
+    if (open[0].force_on_hand_newton != Vector3::Zero()) has_ended_unread_ = true;
     const bool is_release = std::all_of(
         open.begin() + 1, open.end(),
         [](const AppliedStretch& one) { return one.force_on_hand_newton == Vector3::Zero(); });
@@ -125,6 +134,8 @@ class PoolByTheEquations {
   GuardParameters p_;
   OnePoolClamp clamp_;
   EnergyLedger ledger_;
+  HoleLengths holes_{};
+  bool has_ended_unread_ = false;
   Vector3 at_ = Vector3::Zero();
   bool has_started_ = false;
 };

@@ -214,6 +214,44 @@ TEST(GuardMofc, ALeaseLastsAsLongAsThePoolPaysForIt) {
   EXPECT_EQ(controller.step(input).lease_s, 10e-3);
 }
 
+TEST(HoleLengths, ThreeWithinTwoSecondsCount) {
+  HoleLengths holes;
+  holes.note(7e-3, 2e-3);
+  holes.note(2e-3, 2e-3);
+  holes.note(6e-3, 2e-3);
+  EXPECT_EQ(holes.longest_s(), 0.0);
+  holes.note(3e-3, 2e-3);
+  EXPECT_EQ(holes.longest_s(), 7e-3);
+  for (int k = 0; k < 1100; ++k) holes.note(1e-3, 2e-3);
+  EXPECT_EQ(holes.longest_s(), 7e-3);
+  for (int k = 0; k < 1000; ++k) holes.note(1e-3, 2e-3);
+  EXPECT_EQ(holes.longest_s(), 0.0);
+}
+
+// After holes of 8 ms, in one of which a force ended unread, a force is granted that lasts for 8
+// ms: (F − 0.15 N) · 0.5 m/s · 8 ms = E′. Before, and with a latch: for 2 ms, 3 N.
+TEST(GuardMofc, WhereHolesKeepComingItGrantsWhatLastsThroughThem) {
+  GuardParameters p = kGuard;
+  p.longest_lease_s = 10e-3;
+  p.mofc.T = 2e-3;
+  GuardMofc controller(p);
+  Vector3 x = Vector3::Zero();
+  (void)controller.step(input_at(x, {}, Vector3::Zero()));
+  for (int k = 0; k < 40; ++k) {  // free motion earns more than the cap
+    x.x() += 2e-3;
+    (void)controller.step(input_at(x, {{8e-3, Vector3::Zero(), x, true}}, Vector3::Zero()));
+  }
+  EXPECT_EQ(controller.step(input_at(x, {}, {3, 0, 0})).force_on_hand_newton.x(), 3.0);
+  (void)controller.step(
+      input_at(x, {{1e-3, {0.2, 0, 0}, Vector3::Zero(), false}, {7e-3, Vector3::Zero(), x, true}},
+               Vector3::Zero()));
+  const ControlOutput output = controller.step(input_at(x, {}, {3, 0, 0}));
+  const double energy = output.ledger_energy_joule;
+  EXPECT_GT(energy, 4e-3);
+  EXPECT_NEAR(output.force_on_hand_newton.x(), 0.15 + energy / (0.5 * 8e-3), 1e-6);
+  EXPECT_NEAR(output.lease_s, 8e-3, 1e-8);
+}
+
 // 20 mm against 1 N are 20 mJ of work, of which S_c = 12 mJ count; S_cap = 5 mJ on top. Where no
 // force is requested the contact is over.
 TEST(GuardMofc, InAContactTheWorkOfTheHandIsCredit) {

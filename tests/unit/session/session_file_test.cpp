@@ -173,7 +173,7 @@ TEST(SessionFile, DefaultsFollowTheRates) {
 
   // device period 20 ms; 6 physics periods of 50 ms
   EXPECT_EQ(session.side().device.reply, 10ms);
-  EXPECT_EQ(session.side().device.lease, 21ms);
+  EXPECT_EQ(session.side().device.lease, 20ms);
   EXPECT_EQ(session.side().device.longest_lease, 40ms);
   EXPECT_EQ(session.side().device.limp_after, 400ms);
   EXPECT_EQ(session.side().device.fade, 50ms);
