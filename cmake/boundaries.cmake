@@ -99,9 +99,11 @@ set(PALPATE_BOUNDARIES
   # lockstep ← campaign; launch ← conform; campaign, conform ← palpate
   "deploy/lockstep:common/*,device_node/*,mofc_node/*,physics_node/*,viewer_node/feed,viewer_node/recording,@zmq,@log,@threads"
   "deploy/campaign:common/*,deploy/lockstep,@wire,@log,@threads"
+  # from a segmentation to a mesh: no session, no wire
+  "deploy/scan:common/core,common/core/user,common/contact,physics_node/surfaces,physics_node/files,physics_node/elastic"
   "deploy/launch:common/*,@log,@threads"
   "deploy/conform:common/*,deploy/launch,device_node/device.h,device_node/conformance,device_node/drivers,device_node/simulation/hand.h,@log,@zmq,@threads"
-  "deploy/palpate:common/*,deploy/palpate/*,deploy/lockstep,deploy/campaign,deploy/launch,deploy/conform,device_node/*,physics_node/*,viewer_node/process.h,viewer_node/feed,viewer_node/recording,@log,@cli,@threads")
+  "deploy/palpate:common/*,deploy/palpate/*,deploy/scan,deploy/lockstep,deploy/campaign,deploy/launch,deploy/conform,device_node/*,physics_node/*,viewer_node/process.h,viewer_node/feed,viewer_node/recording,@log,@cli,@threads")
 
 # Every library a target links to, directly or not.
 function(palpate_links_of target result)

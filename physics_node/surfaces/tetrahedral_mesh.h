@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <string>
 #include <vector>
 
 #include "common/core/vector.h"
@@ -15,6 +16,9 @@ struct TetrahedralMesh {
   std::vector<Vector3> nodes_m;  ///< each used by some tetrahedron
   /// Positive volume: seen from corner 3 the corners 0, 1, 2 are counter-clockwise.
   std::vector<std::array<std::uint32_t, 4>> tetrahedra;
+  /// Of each element an index into region_names; empty: the file has no regions.
+  std::vector<std::uint16_t> regions{};
+  std::vector<std::string> region_names{};  ///< unique, not empty
 };
 
 /// Six times the volume of a tetrahedron with these nodes, m³; below 0 if it is inverted.

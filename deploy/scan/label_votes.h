@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+// label_votes.h — which label a place between voxels has: that of most voxels around it, near ones
+// counting more.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "deploy/scan/label_map.h"
+#include "physics_node/surfaces/tetrahedral_mesh.h"
+
+namespace palpate::scan {
+
+class LabelVotes {
+ public:
+  /// @param map   must outlive this
+  /// @param fine  segments, by index, that is_fine() tells
+  LabelVotes(const LabelMap& map, const std::vector<std::uint32_t>& fine);
+
+  /// Number of LabelMap::voxels with most votes at this index; 0 where no label is near.
+  [[nodiscard]] std::uint16_t winner(const Vector3& index) const;
+  [[nodiscard]] bool is_fine(std::uint16_t number) const { return is_fine_[number]; }
+
+  /// A region for each element, by the votes at its centre, with a handicap for each label such
+  /// that the volumes of the regions are in proportion to `wanted`.
+  /// @param index_of_m  from the frame of the mesh to indices
+  /// @param segments    of the regions
+  /// @param wanted      of each region, > 0 for those that have voxels
+  [[nodiscard]] std::vector<std::uint16_t> shared_out(const physics::TetrahedralMesh& mesh,
+                                                      const Eigen::Affine3d& index_of_m,
+                                                      const std::vector<std::uint32_t>& segments,
+                                                      const std::vector<double>& wanted) const;
+
+ private:
+  struct Vote {
+    std::uint16_t number;
+    double share;
+  };
+  /// Of all labels near this index, shares of the votes that are not for the background.
+  [[nodiscard]] std::vector<Vote> votes(const Vector3& index) const;
+
+  const LabelMap& map_;
+  std::vector<bool> is_fine_;
+  Vector3 widths_;  // in voxels
+};
+
+}  // namespace palpate::scan

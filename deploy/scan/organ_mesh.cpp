@@ -1,0 +1,299 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "deploy/scan/organ_mesh.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+#include "common/core/check.h"
+#include "deploy/scan/label_votes.h"
+#include "deploy/scan/stuffing.h"
+#include "physics_node/elastic/mesh.h"
+
+namespace palpate::scan {
+namespace {
+
+constexpr double kVolumeError = 1e-3;
+constexpr double kLargestLevel = 0.6;  // of a field of −1 … 1
+constexpr int kCoarsest = 2;
+// A field of more voxels for each cell of the lattice than this cubed is averaged first.
+constexpr double kMostVoxelsPerCell = 8.0;
+constexpr double kTetrahedraPerCube = 12.0;  // of a uniform lattice
+
+double volume_m3(const physics::TetrahedralMesh& mesh) {
+  double sixfold = 0.0;
+  for (const auto& corners : mesh.tetrahedra)
+    sixfold += physics::six_volumes_m3(mesh.nodes_m, corners);
+  return sixfold / 6.0;
+}
+
+/// Sets voxels to 0 that are not of the largest part connected by faces, or of other segments.
+void keep_largest_part(LabelMap& map, std::vector<Region>& regions,
+                       const std::vector<std::uint32_t>& region_of) {
+  constexpr auto kOther = static_cast<std::uint32_t>(-1);
+  for (std::uint16_t& voxel : map.voxels) {
+    if (voxel != 0 && region_of[voxel] == kOther) voxel = 0;
+  }
+  const std::array<std::int64_t, 3> size{map.size[0], map.size[1], map.size[2]};
+  const std::array<std::int64_t, 3> stride{1, size[0], size[0] * size[1]};
+  std::vector<char> is_seen(map.voxels.size(), 0);
+  std::vector<std::int64_t> part;
+  std::vector<std::int64_t> largest;
+  for (std::int64_t start = 0; start < static_cast<std::int64_t>(map.voxels.size()); ++start) {
+    if (map.voxels[static_cast<std::size_t>(start)] == 0 ||
+        is_seen[static_cast<std::size_t>(start)] != 0)
+      continue;
+    part.assign(1, start);
+    is_seen[static_cast<std::size_t>(start)] = 1;
+    for (std::size_t next = 0; next < part.size(); ++next) {
+      const std::int64_t at = part[next];
+      for (std::size_t axis = 0; axis < 3; ++axis) {
+        const std::int64_t place = at / stride[axis] % size[axis];
+        for (const int step : {-1, 1}) {
+          if (place + step < 0 || place + step >= size[axis]) continue;
+          const auto beside = static_cast<std::size_t>(at + step * stride[axis]);
+          if (map.voxels[beside] == 0 || is_seen[beside] != 0) continue;
+          is_seen[beside] = 1;
+          part.push_back(static_cast<std::int64_t>(beside));
+        }
+      }
+    }
+    if (part.size() > largest.size()) std::swap(part, largest);
+  }
+  for (const std::int64_t at : largest) is_seen[static_cast<std::size_t>(at)] = 2;
+  for (std::size_t at = 0; at < map.voxels.size(); ++at) {
+    std::uint16_t& voxel = map.voxels[at];
+    if (voxel == 0) continue;
+    Region& region = regions[region_of[voxel]];
+    ++region.voxels;
+    if (is_seen[at] == 2) {
+      region.voxels_m3 += map.voxel_m3();
+    } else {
+      ++region.dropped_voxels;
+      voxel = 0;
+    }
+  }
+}
+
+/// The body, and meshes of it.
+class Mesher {
+ public:
+  Mesher(const LabelMap& map, const SmoothField& field, const LabelVotes& votes,
+         const OrganMeshing& meshing)
+      : map_(map),
+        field_(field),
+        votes_(votes),
+        meshing_(meshing),
+        index_of_m_(map.ras_of_index_m.inverse()) {
+    for (int corner = 0; corner < 8; ++corner) {
+      const Vector3 index((corner & 1 ? field.highest() : field.lowest()).x(),
+                          (corner & 2 ? field.highest() : field.lowest()).y(),
+                          (corner & 4 ? field.highest() : field.lowest()).z());
+      const Vector3 place_m = map.ras_of_index_m * index;
+      bounds_.lowest_m = corner == 0 ? place_m : Vector3(bounds_.lowest_m.cwiseMin(place_m));
+      bounds_.highest_m = corner == 0 ? place_m : Vector3(bounds_.highest_m.cwiseMax(place_m));
+    }
+    // the surface at another level than 0 may lie a voxel further out
+    const Vector3 margin_m = Vector3::Constant(2.0 * map.spacing_m().maxCoeff());
+    bounds_.lowest_m -= margin_m;
+    bounds_.highest_m += margin_m;
+  }
+
+  [[nodiscard]] physics::TetrahedralMesh mesh(double cell_m, double level) const {
+    Stuffing stuffing{.bounds = bounds_, .cell_m = cell_m, .coarsest = kCoarsest};
+    stuffing.inside = [&](const Vector3& place_m) {
+      return field_.at(index_of_m_ * place_m) - level;
+    };
+    if (!meshing_.fine.empty()) {
+      stuffing.coarsest_at = [&, cell_m](const Vector3& place_m) {
+        return is_at_fine_boundary(place_m, cell_m) ? 0 : kCoarsest;
+      };
+    }
+    if (meshing_.site_m) {
+      stuffing.coarsest_at_surface = [&](const Vector3& place_m) {
+        const double distance_m = (place_m - *meshing_.site_m).norm();
+        return distance_m < meshing_.site_radius_m         ? 0
+               : distance_m < 2.0 * meshing_.site_radius_m ? 1
+                                                           : 2;
+      };
+    }
+    return stuffed(stuffing);
+  }
+
+  /// The mesh whose volume is that of the voxels.
+  [[nodiscard]] physics::TetrahedralMesh mesh_of_volume(double cell_m, double wanted_m3,
+                                                        double& level) const {
+    double last_level = level;
+    physics::TetrahedralMesh made = mesh(cell_m, level);
+    double error = volume_m3(made) / wanted_m3 - 1.0;
+    double slope = -1.0;  // of the error over the level, corrected from the second mesh on
+    double last_error = error;
+    for (int i = 0; i < 6 && std::abs(error) > kVolumeError; ++i) {
+      const double next = std::clamp(level - error / slope, level - 0.3, level + 0.3);
+      last_level = level;
+      last_error = error;
+      level = std::clamp(next, -kLargestLevel, kLargestLevel);
+      if (level == last_level) break;
+      made = mesh(cell_m, level);
+      error = volume_m3(made) / wanted_m3 - 1.0;
+      const double measured = (error - last_error) / (level - last_level);
+      if (measured < 0.0) slope = measured;
+    }
+    return made;
+  }
+
+ private:
+  [[nodiscard]] bool is_at_fine_boundary(const Vector3& place_m, double cell_m) const {
+    const std::uint16_t here = votes_.winner(index_of_m_ * place_m);
+    bool is_boundary = false;
+    bool is_fine = votes_.is_fine(here);
+    for (int axis = 0; axis < 3; ++axis) {
+      for (const double side : {-1.0, 1.0}) {
+        Vector3 beside_m = place_m;
+        beside_m[axis] += side * cell_m;
+        const std::uint16_t there = votes_.winner(index_of_m_ * beside_m);
+        is_boundary = is_boundary || there != here;
+        is_fine = is_fine || votes_.is_fine(there);
+      }
+    }
+    return is_boundary && is_fine;
+  }
+
+  const LabelMap& map_;
+  const SmoothField& field_;
+  const LabelVotes& votes_;
+  const OrganMeshing& meshing_;
+  Eigen::Affine3d index_of_m_;
+  Bounds bounds_{};
+};
+
+}  // namespace
+
+FaceAngles face_angles_of(const physics::TetrahedralMesh& mesh) {
+  FaceAngles angles{.least_rad = std::numbers::pi};
+  constexpr double kDegrees = 180.0 / std::numbers::pi;
+  for (const auto& corners : mesh.tetrahedra) {
+    std::array<Vector3, 4> outward;
+    for (std::size_t k = 0; k < 4; ++k) {
+      const auto at = [&](std::size_t i) {
+        return mesh.nodes_m[corners[static_cast<std::size_t>(elastic::kFaces[k][i])]];
+      };
+      outward[k] = (at(1) - at(0)).cross(at(2) - at(0)).normalized();
+    }
+    bool is_sliver = false;
+    for (std::size_t a = 0; a < 4; ++a) {
+      for (std::size_t b = a + 1; b < 4; ++b) {
+        const double angle =
+            std::numbers::pi - std::acos(std::clamp(outward[a].dot(outward[b]), -1.0, 1.0));
+        angles.least_rad = std::min(angles.least_rad, angle);
+        angles.largest_rad = std::max(angles.largest_rad, angle);
+        ++angles.histogram[std::min<std::size_t>(
+            17, static_cast<std::size_t>(kDegrees * angle / 10.0))];
+        is_sliver = is_sliver || kDegrees * angle < kSliverAngle_degrees;
+      }
+    }
+    if (is_sliver) ++angles.slivers;
+  }
+  return angles;
+}
+
+OrganMesh organ_mesh_of(LabelMap& map, const std::vector<std::uint32_t>& segments,
+                        const OrganMeshing& meshing) {
+  OrganMesh organ;
+  std::vector<std::uint32_t> region_of(map.segments.size() + 1, static_cast<std::uint32_t>(-1));
+  for (const std::uint32_t segment : segments) {
+    region_of[segment + 1] = static_cast<std::uint32_t>(organ.regions.size());
+    organ.regions.push_back({.segment = segment});
+  }
+  keep_largest_part(map, organ.regions, region_of);
+  double wanted_m3 = 0.0;
+  for (const Region& region : organ.regions) wanted_m3 += region.voxels_m3;
+  if (!(wanted_m3 > 0.0)) throw SetupError("the labels that were chosen have no voxels");
+
+  // about: a uniform lattice of as many tetrahedra, halved because it is coarse inside
+  double cell_m = meshing.cell_m.value_or(
+      std::cbrt(kTetrahedraPerCube * wanted_m3 / static_cast<double>(meshing.tetrahedra)));
+  Smoothing smoothing = meshing.smoothing;
+  const double spacing_m = std::cbrt(map.voxel_m3());
+  while (cell_m > 2.0 * kMostVoxelsPerCell * spacing_m * std::exp2(smoothing.coarsening))
+    ++smoothing.coarsening;
+  organ.smoothing_m = smoothing.width_m > 0.0
+                          ? smoothing.width_m
+                          : map.spacing_m().maxCoeff() * std::exp2(smoothing.coarsening);
+  smoothing.width_m = organ.smoothing_m;
+  std::vector<bool> is_inside(map.segments.size() + 1, false);
+  for (const std::uint32_t segment : segments) is_inside[segment + 1] = true;
+  const SmoothField field(map, is_inside, smoothing);
+  const LabelVotes votes(map, meshing.fine);
+  const Mesher mesher(map, field, votes, meshing);
+
+  physics::TetrahedralMesh made;
+  for (int i = 0; i < 12; ++i) {
+    made = mesher.mesh_of_volume(cell_m, wanted_m3, organ.level);
+    const double ratio =
+        static_cast<double>(made.tetrahedra.size()) / static_cast<double>(meshing.tetrahedra);
+    const bool is_last = meshing.cell_m || (ratio <= 1.0 && (ratio > 0.75 || i > 8));
+    if (is_last) break;
+    if (made.tetrahedra.empty()) {
+      cell_m *= 0.7;
+    } else {
+      cell_m *= std::clamp(std::pow(ratio / 0.9, 1.0 / 2.6), 0.5, 2.0);
+    }
+  }
+  if (made.tetrahedra.empty()) {
+    throw SetupError(
+        "the cells are larger than the body; give a smaller --cell-mm, or more --tetrahedra");
+  }
+  organ.cell_m = cell_m;
+  std::vector<std::uint32_t> kept;
+  const double before_m3 = volume_m3(made);
+  organ.mesh = one_solid(made, kept);
+  organ.lost_m3 = before_m3 - volume_m3(organ.mesh);
+  organ.angles = face_angles_of(organ.mesh);
+  // elements that overlap, where the surface passes between cubes of different size, add to the one
+  // and not to the other
+  const double mesh_m3 = volume_m3(organ.mesh);
+  if (!(std::abs(physics::enclosed_volume_m3(physics::surface_of(organ.mesh)) - mesh_m3) <=
+        1e-6 * mesh_m3)) {
+    throw SetupError(
+        "the lattice does not fit this body: elements overlap; give another --cell-mm");
+  }
+
+  // a region for each element
+  std::vector<double> wanted;
+  for (const Region& region : organ.regions) wanted.push_back(region.voxels_m3);
+  const std::vector<std::uint16_t> winners =
+      votes.shared_out(organ.mesh, map.ras_of_index_m.inverse(), segments, wanted);
+  for (std::size_t e = 0; e < winners.size(); ++e) {
+    Region& region = organ.regions[winners[e]];
+    region.mesh_m3 += physics::six_volumes_m3(organ.mesh.nodes_m, organ.mesh.tetrahedra[e]) / 6.0;
+    ++region.elements;
+  }
+  organ.mesh.regions = winners;
+  for (const Region& region : organ.regions)
+    organ.mesh.region_names.push_back(map.segments[region.segment].name);
+  return organ;
+}
+
+physics::TriangleMesh surface_of_region(const physics::TetrahedralMesh& mesh,
+                                        std::uint16_t region) {
+  physics::TetrahedralMesh part;
+  std::vector<std::uint32_t> node_of(mesh.nodes_m.size(), 0xffffffff);
+  for (std::size_t e = 0; e < mesh.tetrahedra.size(); ++e) {
+    if (mesh.regions[e] != region) continue;
+    auto corners = mesh.tetrahedra[e];
+    for (std::uint32_t& corner : corners) {
+      std::uint32_t& node = node_of[corner];
+      if (node == 0xffffffff) {
+        node = static_cast<std::uint32_t>(part.nodes_m.size());
+        part.nodes_m.push_back(mesh.nodes_m[corner]);
+      }
+      corner = node;
+    }
+    part.tetrahedra.push_back(corners);
+  }
+  return physics::surface_of(part);
+}
+
+}  // namespace palpate::scan
