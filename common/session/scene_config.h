@@ -32,8 +32,12 @@ struct FileGeometry {
 using Geometry =
     std::variant<HalfSpaceGeometry, SphereGeometry, BoxGeometry, CapsuleGeometry, FileGeometry>;
 
-/// A part of space; W.
-using RegionGeometry = std::variant<HalfSpaceGeometry, SphereGeometry, BoxGeometry>;
+/// A region of a mesh, by the name that its file gives it.
+struct MeshTag {
+  std::string name{};
+};
+/// A part of space, in W, or of the mesh.
+using RegionGeometry = std::variant<HalfSpaceGeometry, SphereGeometry, BoxGeometry, MeshTag>;
 
 /// An elastic solid on the tetrahedra of a mesh (docs/elastic.md).
 struct ElasticMaterial {

@@ -60,6 +60,7 @@ template <class Work>
 [[nodiscard]] Command add_conform_command(CLI::App& app);
 [[nodiscard]] Command add_doctor_command(CLI::App& app);
 [[nodiscard]] Command add_keygen_command(CLI::App& app);
+[[nodiscard]] Command add_import_command(CLI::App& app);
 [[nodiscard]] Command add_make_organ_command(CLI::App& app);
 [[nodiscard]] Command add_mesh_command(CLI::App& app);
 [[nodiscard]] Command add_sweep_command(CLI::App& app);

@@ -30,6 +30,10 @@ std::string lower_end(const std::string& file) {
 void make_names_unique(std::vector<Segment>& segments) {
   std::set<std::string> names;
   for (Segment& segment : segments) {
+    // a name stands between quotation marks in a session and in a mesh
+    for (char& c : segment.name) {
+      if (c < ' ' || c > '~' || c == '"' || c == '\\') c = '?';
+    }
     if (segment.name.empty()) segment.name = "label " + std::to_string(segment.value);
     const std::string given = segment.name;
     for (int i = 2; !names.insert(segment.name).second; ++i) {

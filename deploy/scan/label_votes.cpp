@@ -16,9 +16,7 @@ constexpr int kRounds = 60;
 
 }  // namespace
 
-LabelVotes::LabelVotes(const LabelMap& map, const std::vector<std::uint32_t>& fine)
-    : map_(map), is_fine_(map.segments.size() + 1, false) {
-  for (const std::uint32_t segment : fine) is_fine_[segment + 1] = true;
+LabelVotes::LabelVotes(const LabelMap& map) : map_(map) {
   const Vector3 spacing_m = map.spacing_m();
   widths_ = kWidth * spacing_m.maxCoeff() * spacing_m.cwiseInverse();
 }
@@ -62,14 +60,6 @@ std::vector<LabelVotes::Vote> LabelVotes::votes(const Vector3& index) const {
     break;
   }
   return found;
-}
-
-std::uint16_t LabelVotes::winner(const Vector3& index) const {
-  Vote best{0, 0.0};
-  for (const Vote& vote : votes(index)) {
-    if (vote.share > best.share) best = vote;
-  }
-  return best.number;
 }
 
 std::vector<std::uint16_t> LabelVotes::shared_out(const physics::TetrahedralMesh& mesh,

@@ -13,13 +13,8 @@ namespace palpate::scan {
 
 class LabelVotes {
  public:
-  /// @param map   must outlive this
-  /// @param fine  segments, by index, that is_fine() tells
-  LabelVotes(const LabelMap& map, const std::vector<std::uint32_t>& fine);
-
-  /// Number of LabelMap::voxels with most votes at this index; 0 where no label is near.
-  [[nodiscard]] std::uint16_t winner(const Vector3& index) const;
-  [[nodiscard]] bool is_fine(std::uint16_t number) const { return is_fine_[number]; }
+  /// @param map  must outlive this
+  explicit LabelVotes(const LabelMap& map);
 
   /// A region for each element, by the votes at its centre, with a handicap for each label such
   /// that the volumes of the regions are in proportion to `wanted`.
@@ -40,7 +35,6 @@ class LabelVotes {
   [[nodiscard]] std::vector<Vote> votes(const Vector3& index) const;
 
   const LabelMap& map_;
-  std::vector<bool> is_fine_;
   Vector3 widths_;  // in voxels
 };
 

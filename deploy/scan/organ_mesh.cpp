@@ -79,13 +79,13 @@ void keep_largest_part(LabelMap& map, std::vector<Region>& regions,
 /// The body, and meshes of it.
 class Mesher {
  public:
-  Mesher(const LabelMap& map, const SmoothField& field, const LabelVotes& votes,
-         const OrganMeshing& meshing)
+  Mesher(const LabelMap& map, const SmoothField& field, const OrganMeshing& meshing)
       : map_(map),
         field_(field),
-        votes_(votes),
+        is_fine_(map.segments.size() + 1, false),
         meshing_(meshing),
         index_of_m_(map.ras_of_index_m.inverse()) {
+    for (const std::uint32_t segment : meshing.fine) is_fine_[segment + 1] = true;
     for (int corner = 0; corner < 8; ++corner) {
       const Vector3 index((corner & 1 ? field.highest() : field.lowest()).x(),
                           (corner & 2 ? field.highest() : field.lowest()).y(),
@@ -144,25 +144,35 @@ class Mesher {
   }
 
  private:
+  /// Number of LabelMap::voxels of the nearest voxel.
+  [[nodiscard]] std::uint16_t label_at(const Vector3& place_m) const {
+    const Vector3 index = index_of_m_ * place_m;
+    std::array<std::int64_t, 3> nearest{};
+    for (std::size_t a = 0; a < 3; ++a) {
+      const auto most = static_cast<double>(map_.size[a]) - 1.0;
+      nearest[a] = static_cast<std::int64_t>(
+          std::lround(std::clamp(index[static_cast<Eigen::Index>(a)], 0.0, most)));
+    }
+    return map_.at(nearest[0], nearest[1], nearest[2]);
+  }
+
   [[nodiscard]] bool is_at_fine_boundary(const Vector3& place_m, double cell_m) const {
-    const std::uint16_t here = votes_.winner(index_of_m_ * place_m);
-    bool is_boundary = false;
-    bool is_fine = votes_.is_fine(here);
+    const std::uint16_t here = label_at(place_m);
+    if (here == 0) return false;
     for (int axis = 0; axis < 3; ++axis) {
       for (const double side : {-1.0, 1.0}) {
         Vector3 beside_m = place_m;
         beside_m[axis] += side * cell_m;
-        const std::uint16_t there = votes_.winner(index_of_m_ * beside_m);
-        is_boundary = is_boundary || there != here;
-        is_fine = is_fine || votes_.is_fine(there);
+        const std::uint16_t there = label_at(beside_m);
+        if (there != here && there != 0 && (is_fine_[here] || is_fine_[there])) return true;
       }
     }
-    return is_boundary && is_fine;
+    return false;
   }
 
   const LabelMap& map_;
   const SmoothField& field_;
-  const LabelVotes& votes_;
+  std::vector<bool> is_fine_;  // of the numbers of voxels
   const OrganMeshing& meshing_;
   Eigen::Affine3d index_of_m_;
   Bounds bounds_{};
@@ -225,8 +235,8 @@ OrganMesh organ_mesh_of(LabelMap& map, const std::vector<std::uint32_t>& segment
   std::vector<bool> is_inside(map.segments.size() + 1, false);
   for (const std::uint32_t segment : segments) is_inside[segment + 1] = true;
   const SmoothField field(map, is_inside, smoothing);
-  const LabelVotes votes(map, meshing.fine);
-  const Mesher mesher(map, field, votes, meshing);
+  const LabelVotes votes(map);
+  const Mesher mesher(map, field, meshing);
 
   physics::TetrahedralMesh made;
   for (int i = 0; i < 12; ++i) {

@@ -40,8 +40,28 @@ bool is_within(const RegionGeometry& region, const Vector3& point_m) {
     bool operator()(const BoxGeometry& b) const {
       return ((point_m - b.center_m).cwiseAbs().array() <= 0.5 * b.size_m.array()).all();
     }
+    bool operator()(const MeshTag& /*tag*/) const { return false; }  // see is_tagged
   };
   return std::visit(Inside{point_m}, region);
+}
+
+/// Whether an element is in the region of the mesh that is named.
+bool is_tagged(const RegionGeometry& region, const TetrahedralMesh& mesh, std::size_t element) {
+  const auto* tag = std::get_if<MeshTag>(&region);
+  return tag != nullptr && !mesh.regions.empty() &&
+         mesh.region_names[mesh.regions[element]] == tag->name;
+}
+
+/// Throws SetupError if a tag is not in the mesh.
+void check_tag(const RegionGeometry& region, const TetrahedralMesh& mesh, const std::string& name) {
+  const auto* tag = std::get_if<MeshTag>(&region);
+  if (tag == nullptr) return;
+  const auto& names = mesh.region_names;
+  if (std::find(names.begin(), names.end(), tag->name) != names.end()) return;
+  std::string known;
+  for (const std::string& there : names) known += (known.empty() ? "\"" : ", \"") + there + "\"";
+  throw SetupError(name + "tag: \"" + tag->name + "\": the mesh has " +
+                   (known.empty() ? "no regions" : "only the regions " + known));
 }
 
 elastic::Law law_of(ElasticMaterial::Law law) {
@@ -66,19 +86,23 @@ elastic::Material material_of(const ElasticMaterial& given, double young_pa, dou
 }
 
 /// The mesh in W, its elements in their parts.
-elastic::Mesh mesh_of(const FileGeometry& geometry, const ElasticMaterial& material) {
-  const TetrahedralMesh read = load_tetrahedral_mesh(geometry);
+elastic::Mesh mesh_of(const TetrahedralMesh& read, const FileGeometry& geometry,
+                      const ElasticMaterial& material) {
   elastic::Mesh mesh;
   for (const Vector3& node_m : read.nodes_m) {
     mesh.nodes_m.emplace_back(geometry.position_m + geometry.rotation * node_m);
   }
-  for (const auto& corners : read.tetrahedra) {
+  for (std::size_t e = 0; e < read.tetrahedra.size(); ++e) {
+    const auto& corners = read.tetrahedra[e];
     mesh.elements.insert(mesh.elements.end(), corners.begin(), corners.end());
     Vector3 centroid_m = Vector3::Zero();
     for (const std::uint32_t corner : corners) centroid_m += 0.25 * mesh.nodes_m[corner];
     std::uint8_t region = 0;
     for (std::size_t i = 0; i < material.parts.size(); ++i) {
-      if (is_within(material.parts[i].where, centroid_m)) region = static_cast<std::uint8_t>(i + 1);
+      const RegionGeometry& where = material.parts[i].where;
+      if (is_within(where, centroid_m) || is_tagged(where, read, e)) {
+        region = static_cast<std::uint8_t>(i + 1);
+      }
     }
     mesh.regions.push_back(region);
   }
@@ -161,8 +185,11 @@ std::shared_ptr<const ElasticBody> make_elastic_body(const TissueConfig& tissue,
   const auto& material = std::get<ElasticMaterial>(tissue.material);
   const std::string name = geometry.file + ": as the elastic body \"" + tissue.name + "\": ";
 
+  const TetrahedralMesh read = load_tetrahedral_mesh(geometry);
+  for (const ElasticMaterial::Part& part : material.parts) check_tag(part.where, read, name);
+  for (const RegionGeometry& region : material.fixed) check_tag(region, read, name);
   elastic::BodyDescription description{
-      .mesh = mesh_of(geometry, material),
+      .mesh = mesh_of(read, geometry, material),
       .materials = {material_of(material, material.young_pa, material.poisson_ratio,
                                 material.density_kg_per_m3)},
       .law = law_of(material.law),
@@ -172,11 +199,21 @@ std::shared_ptr<const ElasticBody> make_elastic_body(const TissueConfig& tissue,
     description.materials.push_back(
         material_of(material, part.young_pa, part.poisson_ratio, part.density_kg_per_m3));
   }
-  description.fixed_nodes =
-      elastic::nodes_where(description.mesh, [&](const elastic::Vector3d& node_m) {
-        return std::any_of(material.fixed.begin(), material.fixed.end(),
-                           [&](const RegionGeometry& region) { return is_within(region, node_m); });
-      });
+  std::vector<bool> is_fixed(description.mesh.nodes_m.size(), false);
+  for (const RegionGeometry& region : material.fixed) {
+    for (const std::uint32_t node : elastic::nodes_where(
+             description.mesh,
+             [&](const elastic::Vector3d& node_m) { return is_within(region, node_m); })) {
+      is_fixed[node] = true;
+    }
+    for (std::size_t e = 0; e < read.tetrahedra.size(); ++e) {
+      if (!is_tagged(region, read, e)) continue;
+      for (const std::uint32_t node : description.mesh.element(e)) is_fixed[node] = true;
+    }
+  }
+  for (std::uint32_t node = 0; node < is_fixed.size(); ++node) {
+    if (is_fixed[node]) description.fixed_nodes.push_back(node);
+  }
   if (description.fixed_nodes.empty()) {
     throw SetupError(name +
                      "no node lies in a fixed place; give elastic.fixed where the body is "

@@ -14,6 +14,7 @@ namespace palpate::physics {
 namespace {
 
 constexpr std::int64_t kMostListed = 1'000'000'000;
+constexpr std::size_t kMostRegions = 65'535;
 constexpr std::int64_t kMaxTag = std::numeric_limits<std::int64_t>::max() - 1;
 // Six volumes over the cube of the longest edge; 0.7 for a regular tetrahedron.
 constexpr double kFlattestElement = 1e-9;
@@ -29,7 +30,8 @@ class Builder {
     }
     mesh_.nodes_m.push_back(place);
   }
-  void add_tetrahedron(std::int64_t tag, const std::array<std::int64_t, 4>& nodes) {
+  void add_tetrahedron(std::int64_t tag, const std::array<std::int64_t, 4>& nodes,
+                       std::int64_t physical = 0) {
     std::array<std::uint32_t, 4> corners{};
     for (std::size_t i = 0; i < 4; ++i) {
       const auto node = index_of_.find(nodes[i]);
@@ -41,6 +43,19 @@ class Builder {
     }
     mesh_.tetrahedra.push_back(corners);
     sources_.push_back({tag, text_.line()});
+    const auto [region, is_new] =
+        region_of_.try_emplace(physical, static_cast<std::uint16_t>(region_of_.size()));
+    if (is_new && region_of_.size() > kMostRegions) text_.fail("more than 65535 physical volumes");
+    mesh_.regions.push_back(region->second);
+  }
+  void name_region(std::int64_t physical, const std::string& name) {
+    names_.insert_or_assign(physical, name);
+  }
+  /// Of an entity of dimension 3 of version 4.
+  void set_physical(std::int64_t entity, std::int64_t physical) { physical_of_[entity] = physical; }
+  [[nodiscard]] std::int64_t physical_of(std::int64_t entity) const {
+    const auto found = physical_of_.find(entity);
+    return found == physical_of_.end() ? 0 : found->second;
   }
 
   /// Checks the complete mesh and returns it without unused nodes.
@@ -74,6 +89,15 @@ class Builder {
               std::to_string(mesh_.tetrahedra.size()) + "; order the nodes of all elements alike");
     }
     drop_unused_nodes();
+    if (region_of_.size() == 1 && region_of_.contains(0)) {
+      mesh_.regions.clear();
+      return std::move(mesh_);
+    }
+    mesh_.region_names.resize(region_of_.size());
+    for (const auto& [physical, region] : region_of_) {
+      const auto given = names_.find(physical);
+      mesh_.region_names[region] = given == names_.end() ? std::to_string(physical) : given->second;
+    }
     return std::move(mesh_);
   }
 
@@ -104,6 +128,9 @@ class Builder {
   TetrahedralMesh mesh_;
   std::unordered_map<std::int64_t, std::uint32_t> index_of_;
   std::vector<Source> sources_;
+  std::unordered_map<std::int64_t, std::uint16_t> region_of_;  // of physical volumes
+  std::unordered_map<std::int64_t, std::string> names_;
+  std::unordered_map<std::int64_t, std::int64_t> physical_of_;
 };
 
 // --- Gmsh ---------------------------------------------------------------------------------------
@@ -124,7 +151,8 @@ std::int64_t read_count(FileText& text, const char* what) {
 }
 
 /// Reads the nodes of one element, after its type.
-void read_element(FileText& text, Builder& builder, std::int64_t tag, std::int64_t type) {
+void read_element(FileText& text, Builder& builder, std::int64_t tag, std::int64_t type,
+                  std::int64_t physical) {
   // Gmsh type numbers of volume elements other than tetrahedra of first and second order
   constexpr std::array<std::int64_t, 11> kOtherVolumes{5, 6, 7, 12, 13, 14, 17, 18, 19, 29, 30};
   if (std::find(kOtherVolumes.begin(), kOtherVolumes.end(), type) != kOtherVolumes.end()) {
@@ -134,7 +162,7 @@ void read_element(FileText& text, Builder& builder, std::int64_t tag, std::int64
   if (type == 4 || type == 11) {
     std::array<std::int64_t, 4> nodes{};
     for (std::int64_t& node : nodes) node = text.integer("node", 0, kMaxTag);
-    builder.add_tetrahedron(tag, nodes);
+    builder.add_tetrahedron(tag, nodes, physical);
   }
   text.rest_of_line();
 }
@@ -155,7 +183,7 @@ void read_elements_1(FileText& text, Builder& builder) {
     text.integer("region", -kMaxTag, kMaxTag);
     text.integer("region", -kMaxTag, kMaxTag);
     text.integer("number of nodes", 1, 1000);
-    read_element(text, builder, tag, type);
+    read_element(text, builder, tag, type, 0);
   }
 }
 
@@ -165,8 +193,12 @@ void read_elements_2(FileText& text, Builder& builder) {
     const std::int64_t tag = text.integer("element", 0, kMaxTag);
     const std::int64_t type = text.integer("element type", 1, 1000);
     const std::int64_t tags = text.integer("number of tags", 0, 1000);
-    for (std::int64_t t = 0; t < tags; ++t) text.integer("tag", -kMaxTag, kMaxTag);
-    read_element(text, builder, tag, type);
+    std::int64_t physical = 0;  // the first one
+    for (std::int64_t t = 0; t < tags; ++t) {
+      const std::int64_t number = text.integer("tag", -kMaxTag, kMaxTag);
+      if (t == 0) physical = number;
+    }
+    read_element(text, builder, tag, type, physical);
   }
 }
 
@@ -191,13 +223,54 @@ void read_elements_4(FileText& text, Builder& builder) {
   const std::int64_t blocks = read_count(text, "number of blocks");
   text.rest_of_line();
   for (std::int64_t block = 0; block < blocks; ++block) {
-    text.integer("dimension", 0, 3);
-    text.integer("entity", -kMaxTag, kMaxTag);
+    const std::int64_t dimension = text.integer("dimension", 0, 3);
+    const std::int64_t entity = text.integer("entity", -kMaxTag, kMaxTag);
+    const std::int64_t physical = dimension == 3 ? builder.physical_of(entity) : 0;
     const std::int64_t type = text.integer("element type", 1, 1000);
     const std::int64_t count = read_count(text, "number of elements");
     for (std::int64_t i = 0; i < count; ++i) {
       const std::int64_t tag = text.integer("element", 0, kMaxTag);
-      read_element(text, builder, tag, type);
+      read_element(text, builder, tag, type, physical);
+    }
+  }
+}
+
+/// Lines "dimension number "name"".
+void read_names(FileText& text, Builder& builder) {
+  const std::int64_t count = read_count(text, "number of names");
+  text.rest_of_line();
+  for (std::int64_t i = 0; i < count; ++i) {
+    const std::int64_t dimension = text.integer("dimension", 0, 3);
+    const std::int64_t number = text.integer("physical group", -kMaxTag, kMaxTag);
+    const std::string_view rest = text.rest_of_line();
+    const std::size_t begin = rest.find('"');
+    const std::size_t end = rest.rfind('"');
+    if (begin == std::string_view::npos || end <= begin + 1) {
+      text.fail("the name of a physical group: must be in quotation marks, not empty");
+    }
+    if (dimension == 3)
+      builder.name_region(number, std::string(rest.substr(begin + 1, end - begin - 1)));
+  }
+}
+
+/// Which physical volume each volume of version 4.1 is of; points, curves and surfaces are skipped.
+void read_entities(FileText& text, Builder& builder) {
+  std::array<std::int64_t, 4> counts{};
+  for (std::int64_t& count : counts) count = read_count(text, "number of entities");
+  for (std::size_t dimension = 0; dimension < 4; ++dimension) {
+    for (std::int64_t i = 0; i < counts[dimension]; ++i) {
+      const std::int64_t entity = text.integer("entity", -kMaxTag, kMaxTag);
+      for (int bound = 0; bound < (dimension == 0 ? 3 : 6); ++bound) text.number("bound");
+      const std::int64_t groups = read_count(text, "number of physical groups");
+      for (std::int64_t g = 0; g < groups; ++g) {
+        const std::int64_t physical = text.integer("physical group", -kMaxTag, kMaxTag);
+        if (dimension == 3 && g == 0) builder.set_physical(entity, physical);
+      }
+      if (dimension == 0) continue;
+      const std::int64_t parts = read_count(text, "number of bounding entities");
+      for (std::int64_t part = 0; part < parts; ++part) {
+        text.integer("bounding entity", -kMaxTag, kMaxTag);
+      }
     }
   }
 }
@@ -225,6 +298,10 @@ TetrahedralMesh parse_msh(std::string_view bytes, const std::string& file_name) 
         text.fail("is binary: must be ASCII; save it with Mesh.Binary = 0");
       }
       text.rest_of_line();
+    } else if (section == "$PhysicalNames") {
+      read_names(text, builder);
+    } else if (section == "$Entities" && version == 4) {
+      read_entities(text, builder);
     } else if (section == "$NOD" || section == "$Nodes") {
       if (section == "$NOD") end = "$ENDNOD";
       has_nodes = true;
@@ -399,28 +476,6 @@ TetrahedralMesh parse_vtk(std::string_view bytes, const std::string& file_name) 
     at += static_cast<std::size_t>(nodes) + 1;
   }
   return builder.take();
-}
-
-// --- writing
-// ---------------------------------------------------------------------------------------
-
-std::string msh_text(const TetrahedralMesh& mesh) {
-  std::string text =
-      "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n" + std::to_string(mesh.nodes_m.size()) + "\n";
-  std::array<char, 128> line{};
-  for (std::size_t i = 0; i < mesh.nodes_m.size(); ++i) {
-    const Vector3& node = mesh.nodes_m[i];
-    std::snprintf(line.data(), line.size(), "%zu %.7g %.7g %.7g\n", i + 1, node.x(), node.y(),
-                  node.z());
-    text += line.data();
-  }
-  text += "$EndNodes\n$Elements\n" + std::to_string(mesh.tetrahedra.size()) + "\n";
-  for (std::size_t i = 0; i < mesh.tetrahedra.size(); ++i) {
-    text += std::to_string(i + 1) + " 4 2 1 1";
-    for (const std::uint32_t corner : mesh.tetrahedra[i]) text += " " + std::to_string(corner + 1);
-    text += "\n";
-  }
-  return text + "$EndElements\n";
 }
 
 }  // namespace palpate::physics

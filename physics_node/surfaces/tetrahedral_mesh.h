@@ -18,7 +18,7 @@ struct TetrahedralMesh {
   std::vector<std::array<std::uint32_t, 4>> tetrahedra;
   /// Of each element an index into region_names; empty: the file has no regions.
   std::vector<std::uint16_t> regions{};
-  std::vector<std::string> region_names{};  ///< unique, not empty
+  std::vector<std::string> region_names{};
 };
 
 /// Six times the volume of a tetrahedron with these nodes, m³; below 0 if it is inverted.

@@ -66,6 +66,11 @@ Geometry to_geometry(const Fields& tissue, const std::filesystem::path& base_dir
 
 RegionGeometry to_region(const Fields& place) {
   const std::string kind = place.given_member("place");
+  if (kind == "tag") {
+    const std::string name = place.text("tag");
+    if (name.empty()) place.problem("tag", "must name a region of the mesh");
+    return MeshTag{.name = name};
+  }
   const Fields fields = place.message(kind.empty() ? "half_space" : kind.c_str());
   if (kind == "sphere") {
     return SphereGeometry{.center_m = fields.vector("center_m"),
@@ -75,7 +80,8 @@ RegionGeometry to_region(const Fields& place) {
     return BoxGeometry{.center_m = fields.vector("center_m"), .size_m = fields.vector("size_m")};
   }
   if (kind.empty()) {
-    place.problem("a place is required; give half_space { … }, sphere { … } or box { … }");
+    place.problem(
+        "a place is required; give half_space { … }, sphere { … }, box { … } or tag: \"…\"");
   }
   return HalfSpaceGeometry{.point_m = fields.vector("point_m"),
                            .normal = fields.direction("normal")};

@@ -104,6 +104,31 @@ TEST(Msh, ReadsWhatItWrites) {
   EXPECT_EQ(read.tetrahedra, mesh.tetrahedra);
 }
 
+TEST(Msh, KeepsPhysicalVolumes) {
+  const std::string second =
+      replaced(replaced(replaced(version_2(), "1\n3 1 \"a\"", "2\n2 7 \"wall\"\n3 7 \"a lesion\""),
+                        "2 4 2 0 0", "2 4 2 7 1"),
+               "3 4 0 9", "3 4 2 5 1 9");
+  const std::string fourth = replaced(
+      version_4(), "$Nodes",
+      "$PhysicalNames\n1\n3 7 \"a lesion\"\n$EndPhysicalNames\n$Entities\n1 0 0 1\n1 0 0 0 1 4\n"
+      "1 0 0 0 1 1 1 2 7 8 1 -3\n$EndEntities\n$Nodes");
+
+  for (const std::string& text : {second, fourth}) {
+    const TetrahedralMesh mesh = parse_msh(text, "a.msh");
+    ASSERT_EQ(mesh.regions.size(), 2u);
+    EXPECT_EQ(mesh.region_names[mesh.regions[0]], "a lesion");
+  }
+  const TetrahedralMesh mesh = parse_msh(second, "a.msh");
+  EXPECT_EQ(mesh.region_names[mesh.regions[1]], "5");
+  const TetrahedralMesh read = parse_msh(msh_text(mesh), "b.msh");
+  EXPECT_EQ(read.regions, mesh.regions);
+  EXPECT_EQ(read.region_names, mesh.region_names);
+  EXPECT_TRUE(parse_msh(version_1(), "a.msh").region_names.empty());
+  EXPECT_THAT(mesh_complaint(replaced(second, "\"a lesion\"", "a lesion")),
+              HasSubstr("in quotation marks"));
+}
+
 TEST(Vtk, ReadsAsciiBinaryAndVersion5) {
   expect_two_tetrahedra(parse_vtk(vtk(), "a.vtk"));
   expect_two_tetrahedra(parse_vtk(vtk_5(), "a.vtk"));
@@ -149,7 +174,7 @@ TEST(Msh, ReportsFileLineAndRule) {
   EXPECT_THAT(mesh_complaint(replaced(version_2(), "2.2 0", "3.0 0")),
               HasSubstr("must be 1, 2.2 or 4.1"));
   EXPECT_THAT(mesh_complaint(replaced(version_2(), "$EndPhysicalNames", "$EndNames")),
-              HasSubstr("$PhysicalNames: has no end"));
+              HasSubstr("must be $EndPhysicalNames; does the count fit?"));
   EXPECT_THAT(mesh_complaint("$NOD\n1\n1 0 0 0\n$ENDNOD\n$ELM\n0\n$ENDELM\n"),
               HasSubstr("has no tetrahedra"));
 }

@@ -51,6 +51,14 @@ TEST(ElasticRules, NeedsTetrahedraThatNothingMovesUnderATipOfASize) {
               is_at("elastic", "a sphere of at least 1 mm; set scene.tool.tip_radius_m"));
 }
 
+TEST(ElasticRules, PlacesMayBeRegionsOfTheMesh) {
+  EXPECT_THAT(elastic_complaints("young_pa: 1e4 fixed { tag: 'vena cava' } "
+                                 "part { where { tag: 'lesion' } young_pa: 6e4 }"),
+              IsEmpty());
+  EXPECT_THAT(elastic_complaints("young_pa: 1e4 fixed { tag: '' }"),
+              is_at("elastic.fixed[0].tag", "must name a region of the mesh"));
+}
+
 TEST(ElasticRules, NamesWhatIsMissing) {
   EXPECT_THAT(elastic_complaints("fixed { half_space {} }"), is_at("elastic.young_pa", "required"));
   EXPECT_THAT(elastic_complaints("young_pa: 1e4"), is_at("elastic.fixed", "the body would fall"));

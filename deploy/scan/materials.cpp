@@ -1,0 +1,80 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "deploy/scan/materials.h"
+
+#include <algorithm>
+
+namespace palpate::scan {
+namespace {
+
+constexpr std::string_view kLesionWords =
+    "lesion tumor tumour metasta carcinoma cancer neoplasm nodule mass hcc";
+// SNOMED: mass, neoplasm, primary neoplasm, metastasis.
+constexpr std::string_view kLesionCodes = "SCT:4147007 SCT:108369006 SCT:86049000 SCT:14799000";
+
+/// Calls `visit` with each word of a list; true as soon as it returns true.
+template <class Visit>
+bool any_word(std::string_view list, Visit visit) {
+  while (!list.empty()) {
+    const std::size_t space = std::min(list.find(' '), list.size());
+    if (space > 0 && visit(list.substr(0, space))) return true;
+    list.remove_prefix(std::min(space + 1, list.size()));
+  }
+  return false;
+}
+
+bool has_word(std::string_view name, std::string_view words) {
+  std::string lower(name);
+  std::transform(lower.begin(), lower.end(), lower.begin(), [](char c) {
+    if (c == '_' || c == '-') return ' ';
+    return c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+  });
+  return any_word(words,
+                  [&](std::string_view word) { return lower.find(word) != std::string::npos; });
+}
+
+bool has_code(std::string_view code, std::string_view codes) {
+  return !code.empty() && any_word(codes, [&](std::string_view one) { return one == code; });
+}
+
+}  // namespace
+
+const std::array<TissueMaterial, 6>& tissue_materials() {
+  // Shear moduli G are given as E = 2 (1 + ν) G = 2.9 G for ν = 0.45.
+  static constexpr std::array<TissueMaterial, 6> kTable = {{
+      {"hepatocellular carcinoma", 68e3, 57e3, 68e3,
+       "shear modulus 23.4 kPa (diseased liver 19.8 kPa), times 2.9", "PMC6925591, table 1",
+       "2026-11", "hepatocellular hcc", "", "SCT:25370001"},
+      {"focal lesion", 20.2e3, 10.7e3, 35.9e3,
+       "shear-wave elastography, median of malignant lesions; benign 10.7, cholangiocarcinoma 35.9 "
+       "kPa",
+       "Egyptian Journal of Radiology and Nuclear Medicine 2020", "2026-11",
+       "lesion tumor tumour metasta carcinoma cancer neoplasm nodule mass", "",
+       "SCT:4147007 SCT:108369006 SCT:86049000 SCT:14799000"},
+      {"hepatic artery", 210e3, 163e3, 257e3, "as printed there", "PMC6925591, table 1", "2026-11",
+       "artery arteries", "", "SCT:76015000 SCT:51114001"},
+      {"gallbladder", 85e3, 85e3, 85e3, "as printed there", "PMC6925591, table 1", "2026-11",
+       "gallbladder", "", "SCT:28231008"},
+      {"bile duct", 166e3, 166e3, 166e3, "as printed there", "PMC6925591, table 1", "2026-11",
+       "bile", "", "SCT:28273000"},
+      {"liver", 5.2e3, 4.1e3, 6.4e3, "shear modulus 1.8 ± 0.4 kPa, times 2.9",
+       "PMC6925591, table 1", "2026-11", "liver hepar hepatic", "vessel vein duct", "SCT:10200004"},
+  }};
+  return kTable;
+}
+
+const TissueMaterial* material_for(std::string_view name, std::string_view code) {
+  for (const TissueMaterial& material : tissue_materials()) {
+    if (has_code(code, material.codes)) return &material;
+  }
+  for (const TissueMaterial& material : tissue_materials()) {
+    if (has_word(name, material.words) && !has_word(name, material.not_words)) return &material;
+  }
+  return nullptr;
+}
+
+bool is_lesion(std::string_view name, std::string_view code) {
+  return has_code(code, kLesionCodes) || has_code(code, "SCT:25370001") ||
+         has_word(name, kLesionWords);
+}
+
+}  // namespace palpate::scan

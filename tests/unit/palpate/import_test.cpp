@@ -1,0 +1,157 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "deploy/palpate/import/imported_organ.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+
+#include "common/core/check.h"
+#include "common/session/session_file.h"
+#include "deploy/scan/materials.h"
+#include "physics_node/elastic_tissue/elastic_body.h"
+#include "physics_node/files/tetrahedral_files.h"
+#include "tests/support/temp_folder.h"
+
+namespace palpate {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+/// A body of 80 × 60 × 50 mm, voxels of 1.5 mm in RAS; a lesion in front, to the patient's left and
+/// towards the head; a stalk below.
+scan::LabelMap patient() {
+  scan::LabelMap map;
+  map.size = {60, 40, 48};
+  map.ras_of_index_m.linear() = 1.5e-3 * Matrix3::Identity();
+  map.segments = {
+      {.value = 1, .name = "liver"}, {.value = 2, .name = "tumor"}, {.value = 3, .name = "stalk"}};
+  for (int k = 0; k < 48; ++k) {
+    for (int j = 0; j < 40; ++j) {
+      for (int i = 0; i < 60; ++i) {
+        const Vector3 p = 1.5 * Vector3(i - 30, j - 20.2, k - 24.4);
+        const bool is_in = p.cwiseQuotient(Vector3(40, 25, 30)).norm() < 1.0;
+        const bool is_lesion = (p - Vector3(-12, 10, 8)).norm() < 8.0;
+        map.voxels.push_back(!is_in ? 0 : is_lesion ? 2 : p.y() < -15.0 ? 3 : 1);
+        if (is_in) ++map.segments[map.voxels.back() - 1U].voxels;
+      }
+    }
+  }
+  return map;
+}
+
+std::string complaint_of(const ImportOptions& options) {
+  try {
+    (void)imported_organ(patient(), options, "a.nii.gz");
+  } catch (const SetupError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(Import, NeverMirrorsThePatient) {
+  for (const char* up : {"anterior", "posterior", "right", "left", "superior", "inferior"}) {
+    EXPECT_TRUE(world_of_ras(up).isUnitary(1e-12)) << up;
+    EXPECT_NEAR(world_of_ras(up).determinant(), 1.0, 1e-12) << up;
+  }
+  EXPECT_TRUE((world_of_ras("anterior") * Vector3(1, 2, 3)).isApprox(Vector3(-1, 3, 2)));
+  EXPECT_TRUE((world_of_ras("left") * Vector3(1, 2, 3)).isApprox(Vector3(-2, 3, -1)));
+  EXPECT_THROW((void)world_of_ras("front"), SetupError);
+}
+
+TEST(Import, WritesASessionWithItsLesionWhereThePatientHasIt) {
+  const ImportedOrgan organ =
+      imported_organ(patient(), {.fixed = {"stalk"}, .tetrahedra = 2500}, "a.nii.gz");
+
+  EXPECT_TRUE(organ.files.contains("surface_tumor.stl"));
+  EXPECT_THAT(organ.report, AllOf(HasSubstr("PMC6925591"), HasSubstr("WARNING: assumed"),
+                                  HasSubstr("0 slivers")));
+  const test::TempFolder folder;
+  for (const auto& [name, content] : organ.files) folder.write(name, content);
+  const Session session = load_session(folder.path() / kImportedSession, {});
+  const auto bodies = physics::elastic_bodies_of(session.scene);
+  ASSERT_EQ(bodies.size(), 1u);
+  const elastic::Mesh& mesh = bodies[0]->body->mesh();
+
+  // W: x to the patient's left, y to the head, z to the front; the surface above the lesion at 0.
+  // The front of the body there: 25 mm · √(1 − (12/40)² − (8/30)²) = 22.9 mm
+  Vector3 lesion_m = Vector3::Zero();
+  Vector3 stalk_m = Vector3::Zero();
+  double lesion_nodes = 0.0;
+  double highest_m = -1.0;
+  const physics::TetrahedralMesh read =
+      physics::parse_msh(organ.files.at(kImportedMesh), "organ.msh");
+  for (std::size_t e = 0; e < read.tetrahedra.size(); ++e) {
+    for (const std::uint32_t node : read.tetrahedra[e]) {
+      highest_m = std::max(highest_m, read.nodes_m[node].z());
+      if (read.region_names[read.regions[e]] == "tumor") {
+        lesion_m += read.nodes_m[node];
+        lesion_nodes += 1.0;
+      } else if (read.region_names[read.regions[e]] == "stalk") {
+        stalk_m = read.nodes_m[node];
+      }
+    }
+  }
+  EXPECT_LT((lesion_m / lesion_nodes - Vector3(0, 0, -0.0129)).norm(), 0.002);
+  EXPECT_NEAR(highest_m, 0.0021, 0.001);
+  // the middle of the body is to the right of the lesion and nearer to the feet
+  Vector3 middle_m = Vector3::Zero();
+  for (const Vector3& node_m : read.nodes_m)
+    middle_m += node_m / static_cast<double>(read.nodes_m.size());
+  EXPECT_LT(middle_m.x(), -0.004);
+  EXPECT_LT(middle_m.y(), -0.002);
+  EXPECT_LT(stalk_m.z(), -0.03);
+
+  // the stalk is held, the lesion has a material of its own
+  for (const std::uint32_t node : bodies[0]->body->description().fixed_nodes)
+    EXPECT_LT(mesh.nodes_m[node].z(), -0.03);
+  EXPECT_GT(bodies[0]->body->description().fixed_nodes.size(), 20u);
+  double share = 0.0;
+  for (std::size_t e = 0; e < mesh.element_count(); ++e) share += mesh.regions[e] != 0 ? 1.0 : 0.0;
+  EXPECT_GT(share, 10.0);
+  const auto& material = std::get<ElasticMaterial>(session.scene.tissues[0].material);
+  EXPECT_DOUBLE_EQ(material.young_pa, 5200.0);
+  EXPECT_DOUBLE_EQ(material.parts.at(0).young_pa, 20'200.0);
+}
+
+TEST(Import, ATagThatTheMeshDoesNotHaveIsNamed) {
+  const ImportedOrgan organ = imported_organ(patient(), {.tetrahedra = 1500}, "a.nii.gz");
+  const test::TempFolder folder;
+  for (const auto& [name, content] : organ.files) folder.write(name, content);
+  const Session session = load_session(folder.path() / kImportedSession,
+                                       {"scene.tissue[0].elastic.part[0].where.tag=\"lesion\""});
+  try {
+    (void)physics::elastic_bodies_of(session.scene);
+    FAIL();
+  } catch (const SetupError& error) {
+    EXPECT_THAT(error.what(),
+                HasSubstr("tag: \"lesion\": the mesh has only the regions \"liver\""));
+  }
+}
+
+TEST(Import, NamesALabelThatIsNotThere) {
+  EXPECT_THAT(complaint_of({.labels = {"livre"}}), HasSubstr("did you mean \"liver\"?"));
+  EXPECT_THAT(complaint_of({.labels = {"liver"}, .fixed = {"stalk"}}),
+              HasSubstr("is not one of --label"));
+  EXPECT_THAT(complaint_of({.up = "front"}), HasSubstr("--up front"));
+  EXPECT_THAT(complaint_of({.labels = {"tumor"}, .fixed = {"tumor"}, .tetrahedra = 400}),
+              HasSubstr("all nodes are fixed"));
+}
+
+TEST(Materials, AreFoundByNameAndCode) {
+  EXPECT_STREQ(scan::material_for("Liver", "")->name, "liver");
+  EXPECT_STREQ(scan::material_for("region", "SCT:10200004")->name, "liver");
+  EXPECT_STREQ(scan::material_for("liver_tumor", "")->name, "focal lesion");
+  EXPECT_EQ(scan::material_for("liver_vessels", ""), nullptr);
+  EXPECT_EQ(scan::material_for("spleen", ""), nullptr);
+  EXPECT_TRUE(scan::is_lesion("Segment_1", "SCT:4147007"));
+  EXPECT_FALSE(scan::is_lesion("liver", ""));
+  for (const scan::TissueMaterial& material : scan::tissue_materials()) {
+    EXPECT_LE(material.least_pa, material.young_pa);
+    EXPECT_GE(material.largest_pa, material.young_pa);
+  }
+}
+
+}  // namespace
+}  // namespace palpate
