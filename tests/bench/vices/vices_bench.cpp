@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "common/core/random.h"
+#include "device_node/simulation/hand.h"
 #include "tests/support/device_node_bench.h"
 #include "tests/support/wired/hostile_commands.h"
 #include "tests/support/wired/viced_runs.h"
@@ -28,6 +29,9 @@ using test::WiredDriver;
 
 constexpr double kFrom_s = 0.5;
 constexpr double kLength_s = 0.5;
+// Of what is there as the device is enabled: after it was opened, and until then at most.
+constexpr double kOpened_s = 1e-4;
+constexpr double kEnabled_s = 30.0;
 
 struct Vice {
   const char* name;
@@ -35,6 +39,7 @@ struct Vice {
   Duration stall{};     ///< of the process, every 50 ms
   Duration watchdog{};  ///< 0: that of the emulator
   Duration latency{};   ///< that the session names
+  enum Hold { kHostile, kStill, kNobody } hold = kHostile;
 };
 
 const std::vector<Vice>& vices() {
@@ -54,6 +59,14 @@ const std::vector<Vice>& vices() {
       {"positions stand still", {WireFault::kStuck}},
       {"counters at 0", {WireFault::kEncoderZero}},
       {"power cycle", {WireFault::kPowerCycle}},
+      {"none at the start", {}, {}, {}, {}, Vice::kStill},
+      {"none at the start, nobody holds it", {}, {}, {}, {}, Vice::kNobody},
+      {"wrong sign at the start", {WireFault::kReversed}, {}, {}, {}, Vice::kStill},
+      {"the same, nobody holds it", {WireFault::kReversed}, {}, {}, {}, Vice::kNobody},
+      {"twice as strong at the start", {WireFault::kStrong}, {}, {}, {}, Vice::kStill},
+      {"the same, nobody holds it", {WireFault::kStrong}, {}, {}, {}, Vice::kNobody},
+      {"positions stand still at the start", {WireFault::kStuck}, {}, {}, {}, Vice::kStill},
+      {"no supply at the start", {WireFault::kNoSupply}, {}, {}, {}, Vice::kStill},
       {"no supply", {WireFault::kNoSupply}},
       {"calibration lost", {WireFault::kUncalibrated}},
       {"answers doubled", {WireFault::kDoubled}},
@@ -147,8 +160,14 @@ void print_row(const Wired& wired, const Vice& vice) {
                     .stiffness_newton_per_m = 2000.0,
                     .damping_newton_s_per_m = 40.0,
                     .path = HostilePath{.radius_m = 0.012, .v_max_m_per_s = 0.25}};
+  const bool is_at_start = vice.hold != Vice::kHostile;
+  config.skips_motor_check = !is_at_start;
+  if (vice.hold == Vice::kStill) spec.side.hand.path = HoldPath{};
+  if (vice.hold == Vice::kNobody) spec.side.hand = device::nobody();
   for (const WireFault kind : vice.kinds) {
-    spec.faults.push_back({.kind = kind, .from_s = kFrom_s, .length_s = kLength_s});
+    spec.faults.push_back({.kind = kind,
+                           .from_s = is_at_start ? kOpened_s : kFrom_s,
+                           .length_s = is_at_start ? kEnabled_s : kLength_s});
   }
   test::DeviceNodeBench<Opened> bench(config, spec);
   bench.node.acknowledge();
@@ -161,7 +180,9 @@ void print_row(const Wired& wired, const Vice& vice) {
                       commands.next(state.hand_position_m));
   };
   int fault_ticks = 0;
-  for (int tick = 0; bench.clock.now() < TimePoint(1500ms); ++tick) {
+  const TimePoint end(is_at_start ? from_seconds(kEnabled_s) : Duration(1500ms));
+  for (int tick = 0; bench.clock.now() < end; ++tick) {
+    if (is_at_start && bench.node.phase() != DevicePhase::kChecking) break;
     if (vice.stall > 0ms && tick % 50 == 49) bench.clock.advance(vice.stall);
     // each release of a silent device takes a second of real time
     if (bench.node.has_fault() && ++fault_ticks > 10) bench.clock.advance(100ms);
@@ -174,14 +195,22 @@ void print_row(const Wired& wired, const Vice& vice) {
   const DeviceCounters counters = bench.node.counters();
   const bool is_fault = counters.device_faults > 0;
   std::string until = "–";
-  if (is_fault) {
+  if (is_fault && !is_at_start) {
     char text[32];
     std::snprintf(text, sizeof(text), "%.1f ms", 1e3 * to_seconds(pushed));
     until = text;
   }
+  std::string told = is_fault ? name(counters.last_fault) : "–";
+  if (is_at_start && !is_fault) {
+    char text[64];
+    std::snprintf(text, sizeof(text), "%s, gain ≥ %.2f", name(bench.node.phase()),
+                  counters.checked_motor_gain);
+    told = text;
+  }
+  if (!is_fault && counters.frozen_ticks > 0) told = "position stands still";
   std::printf("| %s | %s | %.0f | %.0f | %s | %s |\n", wired.name, vice.name,
               std::round(1e6 * bench.device.true_state().minimum_energy_joule) + 0.0,
-              1e6 * most_unbooked, until.c_str(), is_fault ? name(counters.last_fault) : "–");
+              1e6 * most_unbooked, until.c_str(), told.c_str());
   std::fflush(stdout);
 }
 
