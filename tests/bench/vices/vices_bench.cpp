@@ -2,7 +2,9 @@
 // The drivers of real devices and the vices of hardware: the table of docs/devices.md, and many
 // random runs of hardware with vices in memory.
 //   vices_bench            the table, as Markdown
-//   vices_bench RUNS       so many random runs within the claim, and with stalls
+//   vices_bench RUNS       so many random runs within the claim; a tenth as many with simple books
+//   (the
+//                          twin) and with stalls
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -229,16 +231,18 @@ void print_table() {
 }
 
 void print_runs(const char* what, std::uint64_t runs,
-                test::VicedRun (*make_run)(std::uint64_t seed)) {
+                test::VicedRun (*make_run)(std::uint64_t seed),
+                test::Books books = test::Books::kTrue) {
   double least = 0.0;
   double unbooked = 0.0;
   for (std::uint64_t seed = 1; seed <= runs; ++seed) {
-    const test::VicedResult result = test::run_with_vices(make_run(seed), test::Books::kTrue, seed);
+    const test::VicedResult result = test::run_with_vices(make_run(seed), books, seed);
     least = std::min(least, result.least_true_joule);
     unbooked = std::max(unbooked, result.most_unbooked_joule);
   }
   std::printf("%s: %llu runs, least true energy %.3g µJ, books above it by at most %.3g µJ\n", what,
               static_cast<unsigned long long>(runs), 1e6 * least, 1e6 * unbooked);
+  std::fflush(stdout);
 }
 
 }  // namespace
@@ -257,6 +261,10 @@ int main(int argc, char** argv) {
     return 2;
   }
   palpate::bench::print_runs("within the claim", runs, palpate::test::random_run_within_the_claim);
-  palpate::bench::print_runs("with stalls", runs, palpate::test::random_run_with_stalls);
+  palpate::bench::print_runs("the same, simple books", std::max<std::uint64_t>(1, runs / 10),
+                             palpate::test::random_run_within_the_claim,
+                             palpate::test::Books::kSimple);
+  palpate::bench::print_runs("with stalls", std::max<std::uint64_t>(1, runs / 10),
+                             palpate::test::random_run_with_stalls);
   return 0;
 }
